@@ -1,0 +1,35 @@
+#pragma once
+// A caller's mistake: stops the program with the place and both values printed. Never used for bytes from disk or wire.
+#include <cstdio>
+#include <cstdlib>
+#include <sstream>
+#include <string>
+
+namespace base {
+
+[[noreturn]] inline void failCheck(const char* file, int line, const char* what, const std::string& values) {
+  std::fprintf(stderr, "%s:%d: check failed: %s%s\n", file, line, what, values.c_str());
+  std::abort();
+}
+
+template <class A, class B>
+std::string describePair(const A& a, const B& b) {
+  std::ostringstream out;
+  out << " (" << a << " against " << b << ")";
+  return out.str();
+}
+
+}  // namespace base
+
+#define LUMIGRID_CHECK(condition)                                            \
+  do {                                                                       \
+    if (!(condition)) ::base::failCheck(__FILE__, __LINE__, #condition, ""); \
+  } while (false)
+
+#define LUMIGRID_CHECK_OP(a, op, b)                                                                               \
+  do {                                                                                                            \
+    if (!((a)op(b))) ::base::failCheck(__FILE__, __LINE__, #a " " #op " " #b, ::base::describePair((a), (b)));    \
+  } while (false)
+#define LUMIGRID_CHECK_EQ(a, b) LUMIGRID_CHECK_OP(a, ==, b)
+#define LUMIGRID_CHECK_LE(a, b) LUMIGRID_CHECK_OP(a, <=, b)
+#define LUMIGRID_CHECK_LT(a, b) LUMIGRID_CHECK_OP(a, <, b)

@@ -1,0 +1,43 @@
+#include "base/crc32c.h"
+
+#include <array>
+#include <cstring>
+
+namespace base {
+namespace {
+
+constexpr std::uint32_t kPolynomial = 0x82F63B78;  // reversed 0x1EDC6F41, RFC 3720
+
+// Eight tables, so that eight bytes are folded a step ("slicing by 8", Kounavis and Berry 2005).
+constexpr auto makeTables() {
+  std::array<std::array<std::uint32_t, 256>, 8> tables{};
+  for (std::uint32_t i = 0; i < 256; ++i) {
+    std::uint32_t crc = i;
+    for (int bit = 0; bit < 8; ++bit) crc = (crc >> 1) ^ ((crc & 1U) != 0 ? kPolynomial : 0U);
+    tables[0][i] = crc;
+  }
+  for (std::size_t t = 1; t < 8; ++t)
+    for (std::size_t i = 0; i < 256; ++i) tables[t][i] = (tables[t - 1][i] >> 8) ^ tables[0][tables[t - 1][i] & 255U];
+  return tables;
+}
+constexpr auto kTables = makeTables();
+
+}  // namespace
+
+std::uint32_t crc32c(ByteView bytes, std::uint32_t seed) {
+  std::uint32_t crc = ~seed;
+  const std::uint8_t* at = bytes.data();
+  std::size_t left = bytes.size();
+  for (; left >= 8; left -= 8, at += 8) {
+    std::uint64_t word = 0;
+    std::memcpy(&word, at, 8);
+    word ^= crc;
+    crc = kTables[7][word & 255U] ^ kTables[6][(word >> 8) & 255U] ^ kTables[5][(word >> 16) & 255U] ^
+          kTables[4][(word >> 24) & 255U] ^ kTables[3][(word >> 32) & 255U] ^ kTables[2][(word >> 40) & 255U] ^
+          kTables[1][(word >> 48) & 255U] ^ kTables[0][word >> 56];
+  }
+  for (; left > 0; --left, ++at) crc = (crc >> 8) ^ kTables[0][(crc ^ *at) & 255U];
+  return ~crc;
+}
+
+}  // namespace base

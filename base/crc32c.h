@@ -1,0 +1,12 @@
+#pragma once
+// CRC-32C (Castagnoli, RFC 3720 appendix B.4): the checksum of every block and value that we store.
+#include <cstdint>
+
+#include "base/bytes.h"
+
+namespace base {
+
+/// CRC-32C of `bytes`; `seed` is the CRC of what came before (0 at the start). crc32c("123456789") is 0xE3069283.
+std::uint32_t crc32c(ByteView bytes, std::uint32_t seed = 0);
+
+}  // namespace base

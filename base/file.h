@@ -1,0 +1,55 @@
+#pragma once
+// Whole files and files that appear only when they are whole.
+#include <cstdint>
+#include <string>
+
+#include "base/bytes.h"
+#include "base/error.h"
+
+namespace base {
+
+Result<Bytes> readFile(const std::string& path);
+/// Writes to a temporary name beside `path`, fsyncs, renames: `path` holds the old bytes or all of the new ones.
+Result<void> writeFileAtomically(const std::string& path, ByteView bytes);
+
+/// A read-only memory map of a whole file.
+class MappedFile {
+ public:
+  static Result<MappedFile> open(const std::string& path);
+  MappedFile() = default;
+  MappedFile(MappedFile&& other) noexcept;
+  MappedFile& operator=(MappedFile&& other) noexcept;
+  ~MappedFile();
+  ByteView bytes() const { return {data_, size_}; }
+
+ private:
+  const std::uint8_t* data_ = nullptr;
+  std::size_t size_ = 0;
+};
+
+/// A file written front to back under a temporary name. commit() fsyncs and renames it to its own; without it the temporary
+/// is removed.
+class AtomicFile {
+ public:
+  static Result<AtomicFile> create(const std::string& path);
+  AtomicFile(AtomicFile&& other) noexcept;
+  AtomicFile& operator=(AtomicFile&&) = delete;
+  ~AtomicFile();
+  Result<void> write(ByteView bytes);
+  /// Overwrites bytes already written.
+  Result<void> writeAt(std::uint64_t offset, ByteView bytes);
+  Result<void> commit();
+  std::uint64_t size() const { return size_; }
+
+ private:
+  AtomicFile() = default;
+  std::string path_;
+  std::string temporary_;
+  int fd_ = -1;
+  std::uint64_t size_ = 0;
+};
+
+/// "No space left on device" and its like as one line for `path`; code kNoSpace for a full disk or quota, else kIo.
+Error systemError(const std::string& path, const std::string& action, int errno_value);
+
+}  // namespace base

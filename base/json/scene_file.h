@@ -1,0 +1,67 @@
+#pragma once
+// scene.json: what a scene is and what it holds (DESIGN section 3; docs/formats/scene.md).
+#include <cstdint>
+#include <glm/glm.hpp>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "base/error.h"
+#include "base/geometry.h"
+
+namespace base {
+
+inline constexpr int kSceneVersion = 1;
+
+/// How surfaces are lit: kUnlit shows the colours as scanned; kSoft is a soft directional light for scenes without colours.
+enum class LightMode { kUnlit, kSoft };
+
+struct Light {
+  LightMode mode = LightMode::kSoft;
+  glm::vec3 direction{0.35F, 0.45F, 0.82F};  ///< unit, from the surface towards the light, scene axes
+  friend bool operator==(const Light&, const Light&) = default;
+};
+
+struct SceneSource {
+  std::string path;
+  std::uint64_t bytes = 0;
+  std::string sha256;
+};
+
+struct ScenePart {
+  std::string file;           ///< relative to the scene directory
+  std::uint64_t bytes = 0;    ///< 0 for a directory
+  std::string sha256;         ///< empty for a directory (its values carry checksums)
+};
+
+struct Scene {
+  int version = kSceneVersion;
+  std::vector<SceneSource> sources;
+  glm::dvec3 box_min{0.0}, box_max{0.0};  ///< world
+  glm::dvec3 origin{0.0};                 ///< world position of scene-local (0, 0, 0)
+  std::string units = "unknown";
+  glm::dvec3 up{0.0, 0.0, 1.0};           ///< world; which way the first view stands up
+  Light light;
+  bool has_colors = false;
+  std::uint64_t triangles = 0;
+  std::map<std::string, std::uint64_t> repairs;
+  std::map<std::string, std::string> parameters;  ///< options the scene was built with, by long option name
+  std::vector<ScenePart> parts;
+
+  base::Aabb localBox() const {
+    base::Aabb box;
+    box.add(glm::vec3(box_min - origin));
+    box.add(glm::vec3(box_max - origin));
+    return box;
+  }
+};
+
+Result<Scene> readScene(const std::string& directory);  ///< directory/scene.json
+Result<Scene> parseScene(const std::string& text, const std::string& name);
+std::string formatScene(const Scene& scene);
+Result<void> writeScene(const Scene& scene, const std::string& directory);
+
+/// SHA-256 of a file as lower-case hex.
+Result<std::string> sha256OfFile(const std::string& path);
+
+}  // namespace base

@@ -1,0 +1,43 @@
+#pragma once
+// A pool of threads for independent pieces of work.
+#include <condition_variable>
+#include <cstddef>
+#include <deque>
+#include <functional>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+namespace base {
+
+/// Cores that this process may use, at least 1.
+unsigned coreCount();
+
+/// Runs body(i) for i in [0, count) on up to `threads` threads (0: all cores); returns when all are done. Pieces are handed
+/// out in order, one at a time. The body must not throw.
+void parallelFor(std::size_t count, unsigned threads, const std::function<void(std::size_t)>& body);
+
+/// Threads that take jobs from a bounded queue. submit() blocks while the queue is full (back-pressure).
+class ThreadPool {
+ public:
+  explicit ThreadPool(unsigned threads, std::size_t queue_limit);
+  ~ThreadPool();  ///< finishes all queued jobs
+  ThreadPool(const ThreadPool&) = delete;
+  ThreadPool& operator=(const ThreadPool&) = delete;
+
+  void submit(std::function<void()> job);
+  /// Returns when every job submitted so far is done.
+  void drain();
+
+ private:
+  void work();
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::deque<std::function<void()>> queue_;
+  std::size_t queue_limit_;
+  std::size_t running_ = 0;
+  bool stopping_ = false;
+  std::vector<std::thread> threads_;
+};
+
+}  // namespace base

@@ -1,0 +1,71 @@
+#pragma once
+// The Grid-Lumigraph renderer (Okamoto 2011, section 3; DESIGN section 7): the proxy drawn once, every fragment blended from the
+// sampling images that see it, by shadow-masked projective texturing in one pass.
+//
+// Every sampling image is a *camera*: a projection (off-axis where need be), pixels, coverage, a depth map of the proxy. A face of
+// the repository, a tile and an exact frame are the same thing here.
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "base/camera.h"
+#include "base/error.h"
+#include "base/gl/gl.h"
+#include "base/image.h"
+#include "lod/draw/triangles.h"
+#include "lod/patch/hierarchy.h"
+
+namespace client {
+
+using SampleId = std::uint64_t;
+
+struct LumigraphOptions {
+  int max_samples = 16;             ///< images blended per frame, 1..32
+  float fade_seconds = 0.25F;       ///< new images and patches come in over this; 0 for pictures that must be final at once
+  bool carve = true;                ///< discard fragments that every image that sees them calls background
+  bool fill_holes = true;           ///< shade what no image sees from colour, normal and light; else leave background
+  float push = 1.0F;                ///< proxy pushed outward along its normals by this many times its error (0: not), then carved
+  bool use_images = true;           ///< false: the same proxy shaded by its vertex colours
+  float background[4] = {0.0F, 0.0F, 0.0F, 0.0F};
+};
+
+struct LumigraphStats {
+  std::uint32_t samples_used = 0;
+  std::uint32_t samples_resident = 0;
+  std::uint32_t patches = 0;
+  std::uint64_t triangles = 0;
+  std::uint32_t depth_maps_drawn = 0;   ///< this frame
+  std::uint64_t gpu_bytes = 0;          ///< textures and buffers of this renderer
+};
+
+class LumigraphRenderer {
+ public:
+  /// `gpu_budget_bytes` bounds textures; layers beyond it are refused by addSample (returns false).
+  static base::Result<std::unique_ptr<LumigraphRenderer>> create(const lod::patch::Lattice& lattice, int face_size, std::uint64_t gpu_budget_bytes);
+  ~LumigraphRenderer();
+
+  lod::draw::PatchMeshes& patches();
+
+  /// A sampling image with its camera; `rgba` may be of any size (resampled to the layers' size where it differs is not done: exact
+  /// frames get a texture of their own). Alpha is coverage: 0 background, 255 model. `now` in seconds starts its fade.
+  bool addSample(SampleId id, const base::Camera& camera, const base::Image& rgba, double now);
+  void removeSample(SampleId id);
+  bool hasSample(SampleId id) const;
+
+  /// Draws into the framebuffer bound now, viewport 0,0 … camera.width × height. `cut` lists uploaded patches; `cut_error_px` is the
+  /// largest projected error among them (for the push and the shadow bias). `candidates`: resident samples to choose from, best first (empty: all).
+  void draw(const base::Camera& camera, std::span<const std::uint32_t> cut, std::span<const SampleId> candidates, float cut_error_px,
+            const lod::draw::Shading& shading, const LumigraphOptions& options, double now);
+
+  /// True when another frame at the same view would look different (fades running, depth maps not all drawn yet).
+  bool settling() const;
+  const LumigraphStats& stats() const;
+
+ private:
+  LumigraphRenderer() = default;
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace client

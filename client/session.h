@@ -1,0 +1,81 @@
+#pragma once
+// The thin client's session: a state machine with bytes in and bytes out; no socket, no GL, no clock of its own (DESIGN section 7).
+//
+// States: kDisconnected → (connected()) kGreeting → (Welcome) kReady; (disconnected()) → kDisconnected, keeping all data; (Refusal)
+// → kRefused. What is cached survives a reconnect: after Welcome the new server is told by simply not listing it as evicted — so
+// on reconnect the session sends what it holds as part of its first messages (see protocol.md, "Have").
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/camera.h"
+#include "base/error.h"
+#include "lod/patch/traverse.h"
+#include "protocol/message.h"
+
+namespace client {
+
+enum class SessionState { kDisconnected, kGreeting, kReady, kRefused };
+
+struct SessionOptions {
+  std::uint64_t cache_bytes = 50'000'000;  ///< compressed faces and patches, LRU (Okamoto 2011, section 6: 50 MB)
+  bool images = true;
+  bool frames = true;
+  float patch_tolerance_px = 4.0F;
+  std::uint32_t max_triangles = 300'000;
+  std::uint16_t max_points = 8;
+};
+
+struct SessionStats {
+  std::uint64_t bytes_received = 0, bytes_faces = 0, bytes_patches = 0, bytes_frames = 0;
+  std::uint64_t messages_received = 0, faces_received = 0, groups_received = 0, frames_received = 0;
+  std::uint64_t cache_bytes = 0;
+};
+
+/// What changed since the last call to takeEvents(): the renderer's cue to decode, upload or drop.
+struct SessionEvents {
+  bool welcomed = false;
+  std::vector<repository::FaceKey> faces_added, faces_evicted;
+  std::vector<std::uint32_t> groups_added, groups_evicted;
+  std::vector<std::uint32_t> frames_added;  ///< view sequences
+};
+
+class Session {
+ public:
+  explicit Session(const SessionOptions& options);
+  ~Session();
+
+  // Transport side.
+  void connected();
+  void disconnected(const std::string& reason);
+  /// An error says what the server did wrong; the caller closes the connection.
+  base::Result<void> receive(base::ByteView message);
+  /// The next message to send, or nullopt.
+  std::optional<base::Bytes> nextToSend();
+
+  // Viewer side.
+  void setView(const base::ViewCamera& camera);
+  SessionState state() const;
+  const std::string& problem() const;           ///< why disconnected or refused; empty when all is well
+  const protocol::Welcome* welcome() const;     ///< null before the first Welcome
+  bool complete() const;                        ///< the server said that everything for the newest view was sent
+  SessionEvents takeEvents();
+
+  /// Cached bytes of a face value or null; touches the LRU.
+  const base::Bytes* face(const repository::FaceKey& key);
+  const base::Bytes* block(std::uint32_t group);
+  const protocol::Frame* frame(std::uint32_t sequence) const;  ///< the few newest are kept
+  const lod::patch::Hierarchy& hierarchy() const;
+  bool hasGroup(std::uint32_t group) const;     ///< its block is cached
+  const SessionStats& stats() const;
+  const SessionOptions& options() const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace client

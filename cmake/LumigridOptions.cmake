@@ -1,0 +1,24 @@
+# Compiler settings that every target shares.
+set(CMAKE_CXX_STANDARD 20)
+set(CMAKE_CXX_STANDARD_REQUIRED ON)
+set(CMAKE_CXX_EXTENSIONS OFF)
+set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
+set(CMAKE_POSITION_INDEPENDENT_CODE ON)
+
+option(LUMIGRID_TESTS "Build the tests" ON)
+option(LUMIGRID_BENCH "Build the benchmarks in tests/bench" ON)
+option(LUMIGRID_WERROR "Treat warnings as errors" ON)
+set(LUMIGRID_SANITIZE "" CACHE STRING "Sanitizers to build with, e.g. address,undefined or thread")
+
+add_library(lumigrid_flags INTERFACE)
+target_compile_options(lumigrid_flags INTERFACE -Wall -Wextra -Wshadow -Wnon-virtual-dtor -Wold-style-cast -Wcast-qual -Wpedantic)
+if(LUMIGRID_WERROR)
+  target_compile_options(lumigrid_flags INTERFACE -Werror)
+endif()
+# glm: one meaning of its functions everywhere (zero-to-one depth is never used: OpenGL's −1..1).
+target_compile_definitions(lumigrid_flags INTERFACE GLM_FORCE_EXPLICIT_CTOR GLM_ENABLE_EXPERIMENTAL)
+target_include_directories(lumigrid_flags INTERFACE ${PROJECT_SOURCE_DIR})
+if(LUMIGRID_SANITIZE)
+  add_compile_options(-fsanitize=${LUMIGRID_SANITIZE} -fno-omit-frame-pointer)
+  add_link_options(-fsanitize=${LUMIGRID_SANITIZE})
+endif()

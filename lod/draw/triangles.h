@@ -1,0 +1,55 @@
+#pragma once
+// Patches on the GPU, and the drawing of cuts. One class serves the server's renderer and the client.
+#include <cstdint>
+#include <functional>
+#include <glm/glm.hpp>
+#include <span>
+#include <string>
+#include <unordered_map>
+
+#include "base/gl/gl.h"
+#include "lod/patch/hierarchy.h"
+
+namespace lod::draw {
+
+/// Vertex attribute locations that every program drawing patches uses.
+enum AttributeLocation : GLuint { kPosition = 0, kNormal = 1, kColor = 2 };
+
+/// Uploaded patches by number. Positions are float32 scene-local (Lattice::position), normals signed bytes, colours unsigned bytes
+/// (white where the scene has none). All patches share few large buffers or one each, as measured.
+class PatchMeshes {
+ public:
+  explicit PatchMeshes(const patch::Lattice& lattice) : lattice_(lattice) {}
+  bool contains(std::uint32_t patch) const { return meshes_.count(patch) != 0; }
+  void upload(std::uint32_t patch, const patch::PatchGeometry& geometry);
+  void remove(std::uint32_t patch);
+  /// Draws these patches with the program in use; all must be uploaded.
+  void draw(std::span<const std::uint32_t> patches) const;
+  std::uint64_t gpuBytes() const { return bytes_; }
+  std::size_t size() const { return meshes_.size(); }
+
+ private:
+  struct Mesh {
+    base::gl::VertexArray array;
+    base::gl::Buffer vertices;
+    base::gl::Buffer indices;
+    GLsizei index_count = 0;
+    std::uint64_t bytes = 0;
+  };
+  patch::Lattice lattice_;
+  std::unordered_map<std::uint32_t, Mesh> meshes_;
+  std::uint64_t bytes_ = 0;
+};
+
+/// How a surface is shaded where no image is used. Matches base::Light without depending on its file.
+struct Shading {
+  bool unlit = false;
+  glm::vec3 light_direction{0.35F, 0.45F, 0.82F};  ///< unit, towards the light
+};
+
+/// GLSL: `vec3 shadeSurface(vec3 color, vec3 normal, vec3 toEye)` and the uniforms it needs (u_unlit, u_light_direction). Two-sided: a
+/// normal that points away from the eye is turned. Soft: half-Lambert, so that nothing is black.
+std::string shadingSource();
+void setShading(const base::gl::Program& program, const Shading& shading);
+
+}  // namespace lod::draw

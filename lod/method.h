@@ -1,0 +1,22 @@
+#pragma once
+// The names of the methods, as programs and files spell them (DESIGN section 1).
+#include <array>
+#include <optional>
+#include <string_view>
+
+#include <utility>
+
+namespace lod {
+
+enum class Method { kLumigraph, kPatches, kFull };
+
+inline constexpr std::array<std::pair<Method, std::string_view>, 3> kMethodNames{{
+    {Method::kLumigraph, "lumigraph"}, {Method::kPatches, "patches"}, {Method::kFull, "full"}}};
+
+inline std::optional<Method> methodFromName(std::string_view name) {
+  for (const auto& [method, text] : kMethodNames)
+    if (text == name) return method;
+  return std::nullopt;
+}
+
+}  // namespace lod

@@ -1,0 +1,107 @@
+#pragma once
+// What server and client say to each other: one struct per message, bytes in and bytes out; how they travel (WebSocket binary
+// frames, one message each) is not known here. docs/formats/protocol.md is the contract; DESIGN section 6.
+#include <cstdint>
+#include <glm/glm.hpp>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "base/bytes.h"
+#include "base/camera.h"
+#include "base/error.h"
+#include "repository/grid.h"
+#include "repository/key.h"
+
+namespace protocol {
+
+inline constexpr std::uint16_t kVersion = 1;
+/// Limits on what is accepted; a longer message is an error and ends the connection.
+inline constexpr std::size_t kMaxClientMessage = 256 * 1024;
+inline constexpr std::size_t kMaxServerMessage = 16 * 1024 * 1024;
+inline constexpr std::size_t kMaxEvictedPerMessage = 8192;
+
+// ---- client to server ----
+
+/// First message. The server answers Welcome, or Refusal when versions do not agree.
+struct Hello {
+  std::uint16_t version = kVersion;
+  std::string client;  ///< name and version, for the server's log
+};
+
+/// "This is what I look at." The newest view wins; work for older ones is dropped.
+struct View {
+  std::uint32_t sequence = 0;          ///< counts up from 1
+  base::ViewCamera camera;             ///< world coordinates
+  float patch_tolerance_px = 4.0F;     ///< refine patches until their projected error is at most this
+  std::uint32_t max_triangles = 300'000;  ///< … or the cut reaches this
+  std::uint16_t max_points = 8;        ///< sampling points wanted, 0 = no images
+  bool want_frame = false;             ///< render the exact view when nothing else is left to send
+  std::uint8_t frame_quality = 85;     ///< JPEG quality of that frame
+};
+
+/// "I no longer have these."
+struct Evicted {
+  std::vector<repository::FaceKey> faces;
+  std::vector<std::uint32_t> groups;
+};
+
+// ---- server to client ----
+
+struct Welcome {
+  std::uint16_t version = kVersion;
+  std::string scene_name;
+  glm::dvec3 origin{0.0};              ///< world position of scene-local (0, 0, 0)
+  glm::vec3 box_min{0.0F}, box_max{0.0F};  ///< scene-local
+  glm::vec3 up{0.0F, 0.0F, 1.0F};
+  bool unlit = false;
+  glm::vec3 light_direction{0.0F, 0.0F, 1.0F};
+  bool has_colors = false;
+  glm::dvec3 lattice_origin{0.0};
+  double lattice_step = 1.0;
+  std::uint32_t group_count = 0, patch_count = 0;  ///< of the whole hierarchy: the limits for Refine
+  std::uint64_t source_triangles = 0;
+  repository::Grid grid;               ///< count 0: no images
+  bool can_render_frames = false;
+};
+
+/// A stored face, as in the repository (repository/face_value.h), empty flag included.
+struct Face {
+  repository::FaceKey key;
+  base::Bytes value;
+};
+
+/// All that is needed to expand one group: its record, its consumed patches' records (lod/patch/format.h encodeGroup) and geometry.
+struct Refine {
+  base::Bytes record;
+  base::Bytes block;
+};
+
+/// The exact picture of a view that the client asked for.
+struct Frame {
+  std::uint32_t sequence = 0;          ///< of the View
+  base::ViewCamera camera;
+  base::Bytes value;                   ///< encoded like a Face's value
+};
+
+/// Everything the server has for this view was sent.
+struct Complete {
+  std::uint32_t sequence = 0;
+};
+
+/// Why the connection is about to end, in plain words.
+struct Refusal {
+  std::uint16_t version = kVersion;    ///< the server's
+  std::string reason;
+};
+
+using ClientMessage = std::variant<Hello, View, Evicted>;
+using ServerMessage = std::variant<Welcome, Face, Refine, Frame, Complete, Refusal>;
+
+base::Bytes encode(const ClientMessage& message);
+base::Bytes encode(const ServerMessage& message);
+/// Hostile input: every length and value is checked (NaN, zero directions, field of view, viewport up to 16384, keys in range).
+base::Result<ClientMessage> decodeClientMessage(base::ByteView bytes);
+base::Result<ServerMessage> decodeServerMessage(base::ByteView bytes);
+
+}  // namespace protocol

@@ -1,0 +1,1 @@
+#include "repository/cache.h"

@@ -1,0 +1,74 @@
+#pragma once
+// Least recently used, by bytes.
+#include <cstdint>
+#include <functional>
+#include <list>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+namespace repository {
+
+/// Keeps values until their bytes exceed the budget; then the least recently used goes first. Pinned values never go.
+/// Not thread-safe.
+template <class Key, class Value>
+class LruCache {
+ public:
+  explicit LruCache(std::uint64_t budget_bytes) : budget_(budget_bytes) {}
+
+  /// The value, or null. Makes it the most recently used.
+  Value* find(const Key& key) {
+    auto it = index_.find(key);
+    if (it == index_.end()) return nullptr;
+    order_.splice(order_.begin(), order_, it->second);
+    return &it->second->value;
+  }
+  bool contains(const Key& key) const { return index_.count(key) != 0; }
+
+  /// Inserts or replaces; nothing is evicted here.
+  void insert(const Key& key, Value value, std::uint64_t bytes) {
+    erase(key);
+    order_.push_front({key, std::move(value), bytes});
+    index_[key] = order_.begin();
+    bytes_ += bytes;
+  }
+  bool erase(const Key& key) {
+    auto it = index_.find(key);
+    if (it == index_.end()) return false;
+    bytes_ -= it->second->bytes;
+    order_.erase(it->second);
+    index_.erase(it);
+    return true;
+  }
+  /// Evicts from the old end until the budget holds; passes over keys for which `pinned` is true. Returns what went.
+  std::vector<Key> evict(const std::function<bool(const Key&)>& pinned) {
+    std::vector<Key> gone;
+    for (auto it = order_.end(); bytes_ > budget_ && it != order_.begin();) {
+      --it;
+      if (pinned(it->key)) continue;
+      gone.push_back(it->key);
+      bytes_ -= it->bytes;
+      index_.erase(it->key);
+      it = order_.erase(it);
+    }
+    return gone;
+  }
+
+  std::uint64_t bytes() const { return bytes_; }
+  std::uint64_t budget() const { return budget_; }
+  void setBudget(std::uint64_t bytes) { budget_ = bytes; }
+  std::size_t size() const { return index_.size(); }
+
+ private:
+  struct Entry {
+    Key key;
+    Value value;
+    std::uint64_t bytes;
+  };
+  std::list<Entry> order_;  // most recently used first
+  std::unordered_map<Key, typename std::list<Entry>::iterator> index_;
+  std::uint64_t bytes_ = 0;
+  std::uint64_t budget_;
+};
+
+}  // namespace repository

@@ -1,0 +1,39 @@
+#pragma once
+// A hash table from face key to bytes behind one small interface (DESIGN section 5). One writer, any number of readers, at the
+// same time and from other processes.
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "base/bytes.h"
+#include "base/error.h"
+#include "repository/key.h"
+
+namespace repository {
+
+class Store {
+ public:
+  virtual ~Store() = default;
+  /// A copy of the value, or nullopt when the key is absent. From any thread.
+  virtual base::Result<std::optional<base::Bytes>> get(const FaceKey& key) const = 0;
+  virtual base::Result<bool> contains(const FaceKey& key) const = 0;
+  /// All or nothing, durable on return. Keys need not be sorted. One thread at a time.
+  virtual base::Result<void> putBatch(const std::vector<std::pair<FaceKey, base::Bytes>>& batch) = 0;
+  virtual base::Result<void> erase(const std::vector<FaceKey>& keys) = 0;
+  /// Every key and value in ascending key order, until `visit` returns false.
+  virtual base::Result<void> forEach(const std::function<bool(const FaceKey&, base::ByteView)>& visit) const = 0;
+  virtual base::Result<std::uint64_t> size() const = 0;
+  /// The parameters that every value was made with (a small JSON text); writing them is durable.
+  virtual base::Result<std::optional<std::string>> readMeta() const = 0;
+  virtual base::Result<void> writeMeta(const std::string& text) = 0;
+};
+
+enum class StoreMode { kRead, kWrite };
+
+/// LMDB in directory `path` (made when absent and mode is kWrite). A second writer is refused with kBusy. Not twice in one process.
+base::Result<std::unique_ptr<Store>> openLmdbStore(const std::string& path, StoreMode mode);
+
+}  // namespace repository

@@ -1,0 +1,54 @@
+#pragma once
+// Pictures of a patch hierarchy on the server: sampling faces, exact frames, ground truth.
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <vector>
+
+#include "base/camera.h"
+#include "base/error.h"
+#include "base/image.h"
+#include "base/json/scene_file.h"
+#include "lod/patch/format.h"
+#include "lod/patch/traverse.h"
+
+namespace server {
+
+struct RenderOptions {
+  float tolerance_px = 1.0F;    ///< 0: leaf geometry (ground truth)
+  int supersampling = 1;        ///< n × n samples a pixel, 1..8; box-filtered
+};
+
+struct Rendered {
+  base::Image rgba;             ///< alpha: 255 where all samples of the pixel saw the model, 0 where none did
+  std::uint64_t triangles = 0;  ///< drawn
+};
+
+/// Draws a scene's patches through its own GPU cache of patches. Needs a current GL context; one thread.
+class SceneRenderer {
+ public:
+  /// `gpu_budget_bytes`: uploaded patches are kept up to this, least recently used first out.
+  static base::Result<std::unique_ptr<SceneRenderer>> create(const base::Scene& scene, const lod::patch::PatchFile& patches,
+                                                             std::uint64_t gpu_budget_bytes = std::uint64_t{2} << 30);
+  ~SceneRenderer();
+
+  /// Any camera (base::Camera::clipFromScene). Background is transparent black. Sizes beyond the GL limit are drawn in tiles.
+  base::Result<Rendered> render(const base::Camera& camera, const RenderOptions& options);
+
+  /// Several cameras with one cut (the six faces of a sampling point): selected once without frustum, at the finest need of them, then
+  /// culled for each. Read back asynchronously through pixel buffers: `take(i, rgba)` is called for each camera in order, while
+  /// later ones are still being drawn; also for those of the previous call. finish() flushes.
+  base::Result<void> renderMany(const std::vector<base::Camera>& cameras, const RenderOptions& options,
+                                const std::function<void(std::size_t camera, Rendered)>& take);
+  base::Result<void> finish();
+
+  float sceneRadius() const;
+  glm::vec3 sceneCenter() const;
+
+ private:
+  SceneRenderer() = default;
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace server
