@@ -19,7 +19,7 @@ inline constexpr std::uint16_t kVersion = 1;
 /// Limits on what is accepted; a longer message is an error and ends the connection.
 inline constexpr std::size_t kMaxClientMessage = 256 * 1024;
 inline constexpr std::size_t kMaxServerMessage = 16 * 1024 * 1024;
-inline constexpr std::size_t kMaxEvictedPerMessage = 8192;
+inline constexpr std::size_t kMaxKeysPerMessage = 8192;
 
 // ---- client to server ----
 
@@ -42,6 +42,12 @@ struct View {
 
 /// "I no longer have these."
 struct Evicted {
+  std::vector<repository::FaceKey> faces;
+  std::vector<std::uint32_t> groups;
+};
+
+/// "I already have these", after Hello on a reconnect: the server need not send them again. Same shape as Evicted.
+struct Have {
   std::vector<repository::FaceKey> faces;
   std::vector<std::uint32_t> groups;
 };
@@ -95,7 +101,7 @@ struct Refusal {
   std::string reason;
 };
 
-using ClientMessage = std::variant<Hello, View, Evicted>;
+using ClientMessage = std::variant<Hello, View, Evicted, Have>;
 using ServerMessage = std::variant<Welcome, Face, Refine, Frame, Complete, Refusal>;
 
 base::Bytes encode(const ClientMessage& message);
