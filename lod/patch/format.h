@@ -36,9 +36,15 @@ class PatchFile {
 base::Result<void> writePatchFile(const std::string& path, Hierarchy hierarchy,
                                   const std::function<base::Result<std::vector<base::Bytes>>(std::uint32_t group)>& blocks);
 
-/// A group's record, its patches' records and its parents as bytes (protocol message Refine), and back into a growing hierarchy:
-/// addGroup grows the tables as needed, checks every bound (indices below `max_groups`, `max_patches`), and sets known.
+/// A group's record, its patches' records and its parents as bytes (protocol message Refine; docs/formats/patch.md, "One group as
+/// bytes"). `group` must be known in `hierarchy`.
 void encodeGroup(const Hierarchy& hierarchy, std::uint32_t group, base::ByteWriter& out);
-base::Result<std::uint32_t> addGroup(base::ByteReader& in, Hierarchy& growing);
+
+/// Reads what encodeGroup wrote into a growing hierarchy and returns the group's number; `in` stands behind it then. Grows the tables
+/// as needed but never beyond `max_groups` and `max_patches` (the scene's totals: a group, parent or producer number at or beyond
+/// max_groups, or a patch at or beyond max_patches, is refused), and sets known. The growing hierarchy starts empty, with its lattice,
+/// has_colors and source_triangles set by the caller. Rows of groups and patches not met yet are default ones (patch: 0 triangles).
+/// Groups may come in any order and twice; the first one counts. On an error the hierarchy is unchanged.
+base::Result<std::uint32_t> addGroup(base::ByteReader& in, Hierarchy& growing, std::uint32_t max_groups, std::uint32_t max_patches);
 
 }  // namespace lod::patch
