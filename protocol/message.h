@@ -19,7 +19,14 @@ inline constexpr std::uint16_t kVersion = 1;
 /// Limits on what is accepted; a longer message is an error and ends the connection.
 inline constexpr std::size_t kMaxClientMessage = 256 * 1024;
 inline constexpr std::size_t kMaxServerMessage = 16 * 1024 * 1024;
-inline constexpr std::size_t kMaxKeysPerMessage = 8192;
+inline constexpr std::size_t kMaxKeysPerMessage = 8192;       ///< of each kind
+inline constexpr std::size_t kMaxText = 512;                  ///< bytes of a name or reason; encode() cuts longer ones
+inline constexpr int kMaxViewport = 16384;                    ///< pixels a side; also of a face
+inline constexpr double kMinFov = 1e-3;                       ///< radians; the largest is π less this
+inline constexpr double kMaxCoordinate = 1e12;                ///< world units, either sign
+inline constexpr float kMaxTolerance = 1e6F;                  ///< pixels
+inline constexpr std::uint32_t kMaxGroups = 1U << 27;         ///< a hierarchy of 10^11 triangles stays below
+inline constexpr std::uint32_t kMaxPatches = 1U << 29;
 
 // ---- client to server ----
 
@@ -104,9 +111,12 @@ struct Refusal {
 using ClientMessage = std::variant<Hello, View, Evicted, Have>;
 using ServerMessage = std::variant<Welcome, Face, Refine, Frame, Complete, Refusal>;
 
+/// Control characters in texts become blanks. Key lists over kMaxKeysPerMessage are a caller's mistake: split them.
 base::Bytes encode(const ClientMessage& message);
 base::Bytes encode(const ServerMessage& message);
 /// Hostile input: every length and value is checked (NaN, zero directions, field of view, viewport up to 16384, keys in range).
+/// Directions and up vectors come out unit. A Hello of another version decodes to its version alone, so that it can be refused; a
+/// Welcome of another version is an error of code kVersion.
 base::Result<ClientMessage> decodeClientMessage(base::ByteView bytes);
 base::Result<ServerMessage> decodeServerMessage(base::ByteView bytes);
 
