@@ -1,0 +1,233 @@
+#include "base/gl/gl.h"
+
+#include <algorithm>
+
+namespace base::gl {
+namespace {
+
+// What GLSL ES 3.00 leaves without a default precision gets one, so that sources need no preamble; "#line 1" makes the
+// line numbers in GL's log those of the source given.
+constexpr const char* kPreamble =
+    "#version 300 es\n"
+    "precision highp float;\n"
+    "precision highp int;\n"
+    "precision highp sampler2D;\n"
+    "precision highp sampler2DArray;\n"
+    "precision highp sampler2DShadow;\n"
+    "precision highp sampler2DArrayShadow;\n"
+    "precision highp usampler2D;\n"
+    "precision highp usampler2DArray;\n"
+    "#line 1\n";
+
+struct ShaderTraits {
+  static void destroy(GLuint name) { glDeleteShader(name); }
+};
+using Shader = Object<ShaderTraits>;
+
+// GL's log as one line: errors are one line each here.
+std::string oneLine(std::string log) {
+  while (!log.empty() && (log.back() == '\0' || log.back() == '\n' || log.back() == ' ')) log.pop_back();
+  std::replace(log.begin(), log.end(), '\n', ' ');
+  return log;
+}
+
+std::string shaderLog(GLuint shader) {
+  GLint length = 0;
+  glGetShaderiv(shader, GL_INFO_LOG_LENGTH, &length);
+  std::string log(static_cast<std::size_t>(std::max(0, length)), '\0');
+  if (length > 0) glGetShaderInfoLog(shader, length, nullptr, log.data());
+  return oneLine(std::move(log));
+}
+
+std::string programLog(GLuint program) {
+  GLint length = 0;
+  glGetProgramiv(program, GL_INFO_LOG_LENGTH, &length);
+  std::string log(static_cast<std::size_t>(std::max(0, length)), '\0');
+  if (length > 0) glGetProgramInfoLog(program, length, nullptr, log.data());
+  return oneLine(std::move(log));
+}
+
+Result<Shader> compile(const std::string& place, GLenum stage, const std::string& source) {
+  Shader shader(glCreateShader(stage));
+  if (!shader)
+    return Error{ErrorCode::kUnsupported, place + ": GL gave no shader object; is a context current on this thread?"};
+  const char* parts[] = {kPreamble, source.c_str()};
+  glShaderSource(shader.name(), 2, parts, nullptr);
+  glCompileShader(shader.name());
+  GLint compiled = GL_FALSE;
+  glGetShaderiv(shader.name(), GL_COMPILE_STATUS, &compiled);
+  if (compiled != GL_TRUE)
+    return Error{ErrorCode::kInvalidInput, place + " does not compile: " + shaderLog(shader.name())};
+  return shader;
+}
+
+}  // namespace
+
+// ---- Objects
+// -------------------------------------------------------------------------------------------------------------
+
+GLuint BufferTraits::create() {
+  GLuint name = 0;
+  glGenBuffers(1, &name);
+  return name;
+}
+void BufferTraits::destroy(GLuint name) {
+  glDeleteBuffers(1, &name);
+}
+
+GLuint TextureTraits::create() {
+  GLuint name = 0;
+  glGenTextures(1, &name);
+  return name;
+}
+void TextureTraits::destroy(GLuint name) {
+  glDeleteTextures(1, &name);
+}
+
+GLuint VertexArrayTraits::create() {
+  GLuint name = 0;
+  glGenVertexArrays(1, &name);
+  return name;
+}
+void VertexArrayTraits::destroy(GLuint name) {
+  glDeleteVertexArrays(1, &name);
+}
+
+GLuint FramebufferTraits::create() {
+  GLuint name = 0;
+  glGenFramebuffers(1, &name);
+  return name;
+}
+void FramebufferTraits::destroy(GLuint name) {
+  glDeleteFramebuffers(1, &name);
+}
+
+GLuint RenderbufferTraits::create() {
+  GLuint name = 0;
+  glGenRenderbuffers(1, &name);
+  return name;
+}
+void RenderbufferTraits::destroy(GLuint name) {
+  glDeleteRenderbuffers(1, &name);
+}
+
+void ProgramTraits::destroy(GLuint name) {
+  glDeleteProgram(name);
+}
+
+// ---- Program
+// -------------------------------------------------------------------------------------------------------------
+
+Result<Program> Program::link(const std::string& name, const std::string& vertex_source,
+                              const std::string& fragment_source) {
+  auto vertex = compile("GL program '" + name + "': vertex shader", GL_VERTEX_SHADER, vertex_source);
+  if (!vertex) return vertex.error();
+  auto fragment = compile("GL program '" + name + "': fragment shader", GL_FRAGMENT_SHADER, fragment_source);
+  if (!fragment) return fragment.error();
+
+  Program program;
+  program.program_ = Object<ProgramTraits>(glCreateProgram());
+  glAttachShader(program.name(), vertex->name());
+  glAttachShader(program.name(), fragment->name());
+  glLinkProgram(program.name());
+  GLint linked = GL_FALSE;
+  glGetProgramiv(program.name(), GL_LINK_STATUS, &linked);
+  if (linked != GL_TRUE)
+    return Error{ErrorCode::kInvalidInput, "GL program '" + name + "' does not link: " + programLog(program.name())};
+  return program;
+}
+
+void Program::use() const {
+  glUseProgram(program_.name());
+}
+
+GLint Program::uniform(const char* name) const {
+  for (const auto& [known, location] : locations_)
+    if (known == name) return location;
+  const GLint location = glGetUniformLocation(program_.name(), name);
+  locations_.emplace_back(name, location);
+  return location;
+}
+
+// ---- RenderTarget
+// --------------------------------------------------------------------------------------------------------
+
+Result<RenderTarget> RenderTarget::create(int width, int height) {
+  GLint limit = 0;
+  glGetIntegerv(GL_MAX_RENDERBUFFER_SIZE, &limit);
+  const std::string size = std::to_string(width) + " x " + std::to_string(height);
+  if (width < 1 || height < 1 || width > limit || height > limit)
+    return Error{ErrorCode::kUnsupported, "render target of " + size + " pixels: each side must be 1 to " +
+                                              std::to_string(limit) + " here; draw the picture in tiles"};
+
+  RenderTarget target;
+  target.width_ = width;
+  target.height_ = height;
+  target.color_ = Renderbuffer::create();
+  glBindRenderbuffer(GL_RENDERBUFFER, target.color_.name());
+  glRenderbufferStorage(GL_RENDERBUFFER, GL_RGBA8, width, height);
+  target.depth_ = Renderbuffer::create();
+  glBindRenderbuffer(GL_RENDERBUFFER, target.depth_.name());
+  glRenderbufferStorage(GL_RENDERBUFFER, GL_DEPTH_COMPONENT24, width, height);
+  glBindRenderbuffer(GL_RENDERBUFFER, 0);
+
+  target.framebuffer_ = Framebuffer::create();
+  glBindFramebuffer(GL_FRAMEBUFFER, target.framebuffer_.name());
+  glFramebufferRenderbuffer(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_RENDERBUFFER, target.color_.name());
+  glFramebufferRenderbuffer(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_RENDERBUFFER, target.depth_.name());
+  if (glCheckFramebufferStatus(GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE)
+    return Error{ErrorCode::kNoSpace, "render target of " + size + " pixels: the GL refuses it (" + takeError() +
+                                          "); use a smaller picture or free GPU memory"};
+  return target;
+}
+
+void RenderTarget::bind() const {
+  glBindFramebuffer(GL_FRAMEBUFFER, framebuffer_.name());
+  glViewport(0, 0, width_, height_);
+}
+
+Image RenderTarget::read() const {
+  Image image(width_, height_, 4);
+  glBindFramebuffer(GL_FRAMEBUFFER, framebuffer_.name());
+  glPixelStorei(GL_PACK_ALIGNMENT, 4);
+  glReadPixels(0, 0, width_, height_, GL_RGBA, GL_UNSIGNED_BYTE, image.pixels.data());
+
+  // GL's first row is the bottom one; ours is the top one.
+  const std::size_t row = static_cast<std::size_t>(width_) * 4;
+  for (int y = 0; y < height_ / 2; ++y)
+    std::swap_ranges(image.at(0, y), image.at(0, y) + row, image.at(0, height_ - 1 - y));
+  return image;
+}
+
+std::string takeError() {
+  std::string text;
+  // A lost context may report for ever: a handful is enough to say.
+  for (int i = 0; i < 8; ++i) {
+    const GLenum code = glGetError();
+    if (code == GL_NO_ERROR) break;
+    if (!text.empty()) text += ", ";
+    switch (code) {
+      case GL_INVALID_ENUM:
+        text += "GL_INVALID_ENUM";
+        break;
+      case GL_INVALID_VALUE:
+        text += "GL_INVALID_VALUE";
+        break;
+      case GL_INVALID_OPERATION:
+        text += "GL_INVALID_OPERATION";
+        break;
+      case GL_INVALID_FRAMEBUFFER_OPERATION:
+        text += "GL_INVALID_FRAMEBUFFER_OPERATION";
+        break;
+      case GL_OUT_OF_MEMORY:
+        text += "GL_OUT_OF_MEMORY";
+        break;
+      default:
+        text += "GL error " + std::to_string(code);
+        break;
+    }
+  }
+  return text;
+}
+
+}  // namespace base::gl

@@ -1,0 +1,120 @@
+#include "lod/draw/triangles.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <vector>
+
+namespace lod::draw {
+namespace {
+
+/// 20 bytes: what the GPU reads per vertex.
+struct Vertex {
+  glm::vec3 position;
+  std::array<std::int8_t, 4> normal;
+  glm::u8vec4 color;
+};
+static_assert(sizeof(Vertex) == 20 && offsetof(Vertex, normal) == 12 && offsetof(Vertex, color) == 16);
+
+std::int8_t snorm8(float v) {
+  return static_cast<std::int8_t>(std::lround(std::clamp(v, -1.0F, 1.0F) * 127.0F));
+}
+
+std::vector<Vertex> verticesOf(const patch::PatchGeometry& geometry, const patch::Lattice& lattice) {
+  std::vector<Vertex> vertices(geometry.positions.size());
+  for (std::size_t i = 0; i < vertices.size(); ++i) {
+    const glm::vec3 n = i < geometry.normals.size() ? geometry.normals[i] : glm::vec3(0.0F);
+    vertices[i].position = lattice.position(geometry.positions[i]);
+    vertices[i].normal = {snorm8(n.x), snorm8(n.y), snorm8(n.z), 0};
+    vertices[i].color = i < geometry.colors.size() ? geometry.colors[i] : glm::u8vec4(255);
+  }
+  return vertices;
+}
+
+const void* bufferOffset(std::size_t offset) {
+  return reinterpret_cast<const void*>(offset);
+}
+
+void describeVertex() {
+  glEnableVertexAttribArray(kPosition);
+  glVertexAttribPointer(kPosition, 3, GL_FLOAT, GL_FALSE, sizeof(Vertex), bufferOffset(offsetof(Vertex, position)));
+  glEnableVertexAttribArray(kNormal);
+  glVertexAttribPointer(kNormal, 4, GL_BYTE, GL_TRUE, sizeof(Vertex), bufferOffset(offsetof(Vertex, normal)));
+  glEnableVertexAttribArray(kColor);
+  glVertexAttribPointer(kColor, 4, GL_UNSIGNED_BYTE, GL_TRUE, sizeof(Vertex), bufferOffset(offsetof(Vertex, color)));
+}
+
+}  // namespace
+
+std::uint64_t PatchMeshes::bytesFor(std::uint64_t vertices, std::uint64_t triangles) {
+  return vertices * sizeof(Vertex) + triangles * 3 * sizeof(std::uint16_t);
+}
+
+void PatchMeshes::upload(std::uint32_t patch, const patch::PatchGeometry& geometry) {
+  remove(patch);
+  const std::vector<Vertex> vertices = verticesOf(geometry, lattice_);
+  Mesh mesh;
+  mesh.array = base::gl::VertexArray::create();
+  mesh.vertices = base::gl::Buffer::create();
+  mesh.indices = base::gl::Buffer::create();
+  mesh.index_count = static_cast<GLsizei>(geometry.indices.size());
+  mesh.bytes = bytesFor(vertices.size(), geometry.indices.size() / 3);
+
+  glBindVertexArray(mesh.array.name());
+  glBindBuffer(GL_ARRAY_BUFFER, mesh.vertices.name());
+  glBufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(vertices.size() * sizeof(Vertex)), vertices.data(),
+               GL_STATIC_DRAW);
+  glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, mesh.indices.name());
+  glBufferData(GL_ELEMENT_ARRAY_BUFFER, static_cast<GLsizeiptr>(geometry.indices.size() * sizeof(std::uint16_t)),
+               geometry.indices.data(), GL_STATIC_DRAW);
+  describeVertex();
+  glBindVertexArray(0);
+
+  bytes_ += mesh.bytes;
+  meshes_.emplace(patch, std::move(mesh));
+}
+
+void PatchMeshes::remove(std::uint32_t patch) {
+  const auto found = meshes_.find(patch);
+  if (found == meshes_.end()) return;
+  bytes_ -= found->second.bytes;
+  meshes_.erase(found);
+}
+
+void PatchMeshes::draw(std::span<const std::uint32_t> patches) const {
+  for (const std::uint32_t patch : patches) {
+    const auto found = meshes_.find(patch);
+    LUMIGRID_CHECK(found != meshes_.end());
+    glBindVertexArray(found->second.array.name());
+    glDrawElements(GL_TRIANGLES, found->second.index_count, GL_UNSIGNED_SHORT, nullptr);
+  }
+  glBindVertexArray(0);
+}
+
+// Soft light: half-Lambert, (n·l / 2 + 1/2)² (Mitchell, McTaggart, Green 2006, "Shading in Valve's Source Engine",
+// section 8.2.2), lifted by a constant so that the darkest surface still shows.
+std::string shadingSource() {
+  return R"(
+uniform bool u_unlit;
+uniform vec3 u_light_direction;
+vec3 shadeSurface(vec3 color, vec3 normal, vec3 toEye) {
+  if (u_unlit) return color;
+  float squared = dot(normal, normal);
+  vec3 n = squared > 1e-12 ? normal * inversesqrt(squared) : normalize(toEye);
+  if (dot(n, toEye) < 0.0) n = -n;
+  float half_lambert = 0.5 * dot(n, u_light_direction) + 0.5;
+  return color * (0.15 + 0.85 * half_lambert * half_lambert);
+}
+)";
+}
+
+void setShading(const base::gl::Program& program, const Shading& shading) {
+  program.use();
+  const float length = glm::length(shading.light_direction);
+  const glm::vec3 direction = length > 0.0F ? shading.light_direction / length : glm::vec3(0.0F, 0.0F, 1.0F);
+  glUniform1i(program.uniform("u_unlit"), shading.unlit ? 1 : 0);
+  glUniform3f(program.uniform("u_light_direction"), direction.x, direction.y, direction.z);
+}
+
+}  // namespace lod::draw

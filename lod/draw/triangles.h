@@ -16,7 +16,7 @@ namespace lod::draw {
 enum AttributeLocation : GLuint { kPosition = 0, kNormal = 1, kColor = 2 };
 
 /// Uploaded patches by number. Positions are float32 scene-local (Lattice::position), normals signed bytes, colours unsigned bytes
-/// (white where the scene has none). All patches share few large buffers or one each, as measured.
+/// (white where the scene has none): 20 bytes a vertex, 6 a triangle. Each patch has its own buffers and vertex array.
 class PatchMeshes {
  public:
   explicit PatchMeshes(const patch::Lattice& lattice) : lattice_(lattice) {}
@@ -26,6 +26,8 @@ class PatchMeshes {
   /// Draws these patches with the program in use; all must be uploaded.
   void draw(std::span<const std::uint32_t> patches) const;
   std::uint64_t gpuBytes() const { return bytes_; }
+  /// Bytes that a patch of this size takes on the GPU once uploaded.
+  static std::uint64_t bytesFor(std::uint64_t vertices, std::uint64_t triangles);
   std::size_t size() const { return meshes_.size(); }
 
  private:
@@ -47,9 +49,12 @@ struct Shading {
   glm::vec3 light_direction{0.35F, 0.45F, 0.82F};  ///< unit, towards the light
 };
 
-/// GLSL: `vec3 shadeSurface(vec3 color, vec3 normal, vec3 toEye)` and the uniforms it needs (u_unlit, u_light_direction). Two-sided: a
-/// normal that points away from the eye is turned. Soft: half-Lambert, so that nothing is black.
+/// GLSL: `vec3 shadeSurface(vec3 color, vec3 normal, vec3 toEye)` and the uniforms it needs: `bool u_unlit` and
+/// `vec3 u_light_direction` (unit, scene axes, towards the light). `color` is 0..1, `normal` need not be unit, `toEye` is eye minus
+/// surface point (any length). Two-sided: a normal that points away from the eye is turned. Soft: half-Lambert, so that nothing is
+/// black. Unlit: `color` as it is.
 std::string shadingSource();
+/// Sets those two uniforms; leaves `program` in use.
 void setShading(const base::gl::Program& program, const Shading& shading);
 
 }  // namespace lod::draw
