@@ -74,8 +74,9 @@ class ByteWriter {
   template <class T>
   void write(const T& value) {
     static_assert(std::is_trivially_copyable_v<T>);
-    const auto* raw = reinterpret_cast<const std::uint8_t*>(&value);
-    bytes_.insert(bytes_.end(), raw, raw + sizeof(T));
+    const std::size_t offset = bytes_.size();
+    bytes_.resize(offset + sizeof(T));
+    std::memcpy(bytes_.data() + offset, &value, sizeof(T));
   }
   void u8(std::uint8_t v) { write(v); }
   void u16(std::uint16_t v) { write(v); }

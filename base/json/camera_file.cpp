@@ -1,0 +1,131 @@
+#include "base/json/camera_file.h"
+
+#include <algorithm>
+#include <cmath>
+#include <glm/gtc/constants.hpp>
+#include <glm/gtc/matrix_transform.hpp>
+#include <nlohmann/json.hpp>
+
+#include "base/file.h"
+
+namespace base {
+namespace {
+
+using nlohmann::json;
+
+constexpr int kMaxSide = 16384;  // pixels; the protocol's limit as well
+
+Error bad(const std::string& name, const std::string& what) { return {ErrorCode::kInvalidInput, name + ": " + what + " (docs/formats/camera.md)"}; }
+
+bool readVector(const json& object, const char* key, glm::dvec3& v) {
+  auto it = object.find(key);
+  if (it == object.end() || !it->is_array() || it->size() != 3) return false;
+  for (int i = 0; i < 3; ++i) {
+    const json& number = (*it)[static_cast<std::size_t>(i)];
+    if (!number.is_number()) return false;
+    v[i] = number.get<double>();
+  }
+  return true;
+}
+
+// Width, height and field of view, where given; they are inherited from the path.
+Result<void> readLens(const json& object, const std::string& name, ViewCamera& camera) {
+  for (auto [key, side] : {std::pair{"width", &camera.width}, std::pair{"height", &camera.height}}) {
+    auto it = object.find(key);
+    if (it == object.end()) continue;
+    if (!it->is_number_integer() || it->get<std::int64_t>() < 1 || it->get<std::int64_t>() > kMaxSide) return bad(name, std::string(key) + " must be 1 to 16384");
+    *side = it->get<int>();
+  }
+  if (auto it = object.find("fov_y_degrees"); it != object.end()) {
+    if (!it->is_number() || !(it->get<double>() > 0.0) || !(it->get<double>() < 180.0)) return bad(name, "fov_y_degrees must lie between 0 and 180");
+    camera.fov_y = glm::radians(it->get<double>());
+  }
+  return {};
+}
+
+Result<ViewCamera> parseCamera(const json& object, const std::string& name, ViewCamera camera) {
+  if (!object.is_object()) return bad(name, "not a camera object");
+  LUMIGRID_TRY(readLens(object, name, camera));
+  if (!readVector(object, "position", camera.position)) return bad(name, "position must be three numbers");
+  glm::dvec3 target(0.0);
+  if (readVector(object, "direction", camera.direction)) {
+  } else if (readVector(object, "target", target)) {
+    camera.direction = target - camera.position;
+  } else {
+    return bad(name, "direction or target must be three numbers");
+  }
+  if (object.contains("up") && !readVector(object, "up", camera.up)) return bad(name, "up must be three numbers");
+  const double length = glm::length(camera.direction);
+  if (!(length > 0.0) || !std::isfinite(length)) return bad(name, "direction is zero");
+  camera.direction /= length;
+  if (!(glm::length(glm::cross(camera.direction, camera.up)) > 1e-9 * glm::length(camera.up))) return bad(name, "up is parallel to direction");
+  return camera;
+}
+
+Result<json> parseFile(const std::string& path) {
+  auto bytes = readFile(path);
+  if (!bytes) return bytes.error();
+  json document = json::parse(bytes->begin(), bytes->end(), nullptr, false);
+  if (document.is_discarded()) return bad(path, "not valid JSON");
+  return document;
+}
+
+}  // namespace
+
+Result<ViewCamera> readCamera(const std::string& path) {
+  auto document = parseFile(path);
+  if (!document) return document.error();
+  return parseCamera(*document, path, {});
+}
+
+Result<std::vector<ViewCamera>> readCameraPath(const std::string& path) {
+  auto document = parseFile(path);
+  if (!document) return document.error();
+  if (!document->is_object() || !document->contains("frames") || !(*document)["frames"].is_array()) return bad(path, "no list of frames");
+  ViewCamera common;
+  LUMIGRID_TRY(readLens(*document, path, common));
+  std::vector<ViewCamera> frames;
+  for (const json& item : (*document)["frames"]) {
+    auto camera = parseCamera(item, path + ": frame " + std::to_string(frames.size()), common);
+    if (!camera) return camera.error();
+    frames.push_back(*camera);
+  }
+  if (frames.empty()) return bad(path, "the list of frames is empty");
+  return frames;
+}
+
+std::string formatCameraPath(const std::vector<ViewCamera>& frames) {
+  json document;
+  document["version"] = 1;
+  document["frames"] = json::array();
+  auto three = [](const glm::dvec3& v) { return json::array({v.x, v.y, v.z}); };
+  for (const ViewCamera& c : frames)
+    document["frames"].push_back({{"position", three(c.position)}, {"direction", three(c.direction)}, {"up", three(c.up)},
+                                  {"fov_y_degrees", glm::degrees(c.fov_y)}, {"width", c.width}, {"height", c.height}});
+  return document.dump(1) + "\n";
+}
+
+std::vector<ViewCamera> orbitPath(const glm::dvec3& box_min, const glm::dvec3& box_max, const glm::dvec3& up, int frames, double turns,
+                                  double elevation, double distance, int width, int height) {
+  const glm::dvec3 center = 0.5 * (box_min + box_max);
+  const glm::dvec3 z = glm::normalize(up);
+  const glm::dvec3 helper = std::abs(z.x) < 0.9 ? glm::dvec3(1, 0, 0) : glm::dvec3(0, 1, 0);
+  const glm::dvec3 x = glm::normalize(helper - z * glm::dot(helper, z));
+  const glm::dvec3 y = glm::cross(z, x);
+  const double radius = distance * glm::length(box_max - box_min);
+  std::vector<ViewCamera> path;
+  for (int i = 0; i < frames; ++i) {
+    const double angle = glm::two_pi<double>() * turns * i / frames;
+    const glm::dvec3 outward = std::cos(elevation) * (std::cos(angle) * x + std::sin(angle) * y) + std::sin(elevation) * z;
+    ViewCamera camera;
+    camera.position = center + radius * outward;
+    camera.direction = -outward;
+    camera.up = z;
+    camera.width = width;
+    camera.height = height;
+    path.push_back(camera);
+  }
+  return path;
+}
+
+}  // namespace base

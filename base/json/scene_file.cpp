@@ -1,0 +1,186 @@
+#include "base/json/scene_file.h"
+
+#include <openssl/evp.h>
+
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "base/file.h"
+
+namespace base {
+namespace {
+
+using nlohmann::json;
+
+json toJson(const glm::dvec3& v) { return json::array({v.x, v.y, v.z}); }
+
+const char* lightName(LightMode mode) { return mode == LightMode::kUnlit ? "unlit" : "soft"; }
+
+// Reads typed members of a JSON object; the first that is missing or of another kind is remembered by its path.
+class Fields {
+ public:
+  Fields(const json& object, std::string place, std::string& problem) : object_(object), place_(std::move(place)), problem_(problem) {
+    if (!object.is_object()) fail("is not an object");
+  }
+  template <class T>
+  T get(const char* key) {
+    const json* member = find(key);
+    if (member == nullptr) return T{};
+    if constexpr (std::is_same_v<T, std::string>) {
+      if (member->is_string()) return member->get<std::string>();
+    } else if constexpr (std::is_same_v<T, bool>) {
+      if (member->is_boolean()) return member->get<bool>();
+    } else if constexpr (std::is_same_v<T, std::uint64_t>) {
+      if (member->is_number_unsigned()) return member->get<std::uint64_t>();
+    }
+    fail(std::string(key) + " has the wrong type");
+    return T{};
+  }
+  glm::dvec3 vector(const char* key) {
+    const json* member = find(key);
+    glm::dvec3 v(0.0);
+    if (member == nullptr) return v;
+    bool good = member->is_array() && member->size() == 3;
+    for (int i = 0; good && i < 3; ++i) {
+      const json& number = (*member)[static_cast<std::size_t>(i)];
+      good = number.is_number();
+      if (good) v[i] = number.get<double>();
+    }
+    if (!good) fail(std::string(key) + " is not three numbers");
+    return v;
+  }
+  const json& child(const char* key) {
+    static const json kEmpty;
+    const json* member = find(key);
+    return member == nullptr ? kEmpty : *member;
+  }
+  void fail(const std::string& what) {
+    if (problem_.empty()) problem_ = place_ + what;
+  }
+
+ private:
+  const json* find(const char* key) {
+    if (!object_.is_object()) return nullptr;
+    auto it = object_.find(key);
+    if (it != object_.end()) return &*it;
+    fail(std::string(key) + " is missing");
+    return nullptr;
+  }
+  const json& object_;
+  std::string place_;
+  std::string& problem_;
+};
+
+template <class Map, class Get>
+Map readMap(const json& object, Get get) {
+  Map map;
+  if (object.is_object())
+    for (const auto& [key, value] : object.items()) get(map, key, value);
+  return map;
+}
+
+void readLists(const json& document, Scene& scene, std::string& problem) {
+  Fields top(document, "", problem);
+  for (const json& item : top.child("sources")) {
+    Fields f(item, "sources: ", problem);
+    scene.sources.push_back({f.get<std::string>("path"), f.get<std::uint64_t>("bytes"), f.get<std::string>("sha256")});
+  }
+  for (const json& item : top.child("parts")) {
+    Fields f(item, "parts: ", problem);
+    scene.parts.push_back({f.get<std::string>("file"), f.get<std::uint64_t>("bytes"), f.get<std::string>("sha256")});
+  }
+  scene.repairs = readMap<decltype(scene.repairs)>(top.child("repairs"), [&](auto& map, const std::string& key, const json& value) {
+    if (value.is_number_unsigned()) map[key] = value.get<std::uint64_t>();
+  });
+  scene.parameters = readMap<decltype(scene.parameters)>(top.child("parameters"), [&](auto& map, const std::string& key, const json& value) {
+    if (value.is_string()) map[key] = value.get<std::string>();
+  });
+}
+
+}  // namespace
+
+Result<Scene> readScene(const std::string& directory) {
+  const std::string path = directory + "/scene.json";
+  auto bytes = readFile(path);
+  if (!bytes) {
+    Error error = bytes.error();
+    if (error.code == ErrorCode::kNotFound) error.message = directory + ": not a scene (no scene.json in it); make one with `lumigrid build MESH -o " + directory + "`";
+    return error;
+  }
+  return parseScene(std::string(bytes->begin(), bytes->end()), path);
+}
+
+Result<Scene> parseScene(const std::string& text, const std::string& name) {
+  const json document = json::parse(text, nullptr, false);
+  if (!document.is_object()) return Error{ErrorCode::kInvalidInput, name + ": not valid JSON; build the scene again"};
+  Scene scene;
+  std::string problem;
+  Fields top(document, "", problem);
+  const auto version = top.get<std::uint64_t>("version");
+  if (problem.empty() && version != kSceneVersion)
+    return Error{ErrorCode::kVersion, name + ": format version " + std::to_string(version) + ", this program reads " + std::to_string(kSceneVersion)};
+  scene.box_min = top.vector("box_min");
+  scene.box_max = top.vector("box_max");
+  scene.origin = top.vector("origin");
+  scene.up = top.vector("up");
+  scene.units = top.get<std::string>("units");
+  scene.has_colors = top.get<bool>("has_colors");
+  scene.triangles = top.get<std::uint64_t>("triangles");
+  Fields light(top.child("light"), "light: ", problem);
+  const auto mode = light.get<std::string>("mode");
+  if (mode != "unlit" && mode != "soft") light.fail("mode is neither unlit nor soft");
+  scene.light.mode = mode == "unlit" ? LightMode::kUnlit : LightMode::kSoft;
+  scene.light.direction = glm::vec3(light.vector("direction"));
+  readLists(document, scene, problem);
+  if (problem.empty() && !glm::all(glm::lessThanEqual(scene.box_min, scene.box_max))) problem = "box_min exceeds box_max";
+  if (problem.empty() && !(glm::length(scene.up) > 0.0)) problem = "up is zero";
+  if (!problem.empty()) return Error{ErrorCode::kInvalidInput, name + ": " + problem + "; build the scene again"};
+  return scene;
+}
+
+std::string formatScene(const Scene& scene) {
+  json document;
+  document["version"] = scene.version;
+  document["sources"] = json::array();
+  for (const SceneSource& s : scene.sources) document["sources"].push_back({{"path", s.path}, {"bytes", s.bytes}, {"sha256", s.sha256}});
+  document["box_min"] = toJson(scene.box_min);
+  document["box_max"] = toJson(scene.box_max);
+  document["origin"] = toJson(scene.origin);
+  document["units"] = scene.units;
+  document["up"] = toJson(scene.up);
+  document["light"] = {{"mode", lightName(scene.light.mode)}, {"direction", toJson(glm::dvec3(scene.light.direction))}};
+  document["has_colors"] = scene.has_colors;
+  document["triangles"] = scene.triangles;
+  document["repairs"] = scene.repairs;
+  document["parameters"] = scene.parameters;
+  document["parts"] = json::array();
+  for (const ScenePart& p : scene.parts) document["parts"].push_back({{"file", p.file}, {"bytes", p.bytes}, {"sha256", p.sha256}});
+  return document.dump(2) + "\n";
+}
+
+Result<void> writeScene(const Scene& scene, const std::string& directory) {
+  const std::string text = formatScene(scene);
+  return writeFileAtomically(directory + "/scene.json", {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
+}
+
+Result<std::string> sha256OfFile(const std::string& path) {
+  auto file = MappedFile::open(path);
+  if (!file) return file.error();
+  const std::unique_ptr<EVP_MD_CTX, decltype(&EVP_MD_CTX_free)> context(EVP_MD_CTX_new(), &EVP_MD_CTX_free);
+  unsigned char digest[EVP_MAX_MD_SIZE];
+  unsigned length = 0;
+  const bool good = context && EVP_DigestInit_ex(context.get(), EVP_sha256(), nullptr) == 1 &&
+                    EVP_DigestUpdate(context.get(), file->bytes().data(), file->bytes().size()) == 1 &&
+                    EVP_DigestFinal_ex(context.get(), digest, &length) == 1;
+  if (!good) return Error{ErrorCode::kIo, path + ": cannot compute its SHA-256"};
+  std::string hex;
+  for (unsigned i = 0; i < length; ++i) {
+    char two[3];
+    std::snprintf(two, sizeof(two), "%02x", digest[i]);
+    hex += two;
+  }
+  return hex;
+}
+
+}  // namespace base

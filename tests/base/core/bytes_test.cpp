@@ -1,0 +1,47 @@
+#include "base/bytes.h"
+
+#include <gtest/gtest.h>
+
+namespace {
+
+TEST(Bytes, whatIsWrittenIsRead) {
+  base::ByteWriter out;
+  out.u8(7);
+  out.u16(0x1234);
+  out.u32(0xdeadbeef);
+  out.u64(0x0123456789abcdefULL);
+  out.f32(1.5F);
+  out.f64(-2.25);
+  out.string16("survey");
+  const base::Bytes bytes = out.take();
+  EXPECT_EQ(bytes[1], 0x34) << "little-endian";
+  base::ByteReader in(bytes);
+  EXPECT_EQ(in.u8(), 7);
+  EXPECT_EQ(in.u16(), 0x1234);
+  EXPECT_EQ(in.u32(), 0xdeadbeef);
+  EXPECT_EQ(in.u64(), 0x0123456789abcdefULL);
+  EXPECT_EQ(in.f32(), 1.5F);
+  EXPECT_EQ(in.f64(), -2.25);
+  EXPECT_EQ(in.string16(), "survey");
+  EXPECT_TRUE(in.atEnd());
+}
+
+TEST(Bytes, aReaderPastItsEndYieldsZerosAndStaysBad) {
+  const base::Bytes bytes{1, 2, 3};
+  base::ByteReader in(bytes);
+  EXPECT_EQ(in.u32(), 0U);
+  EXPECT_FALSE(in.ok());
+  EXPECT_EQ(in.u8(), 0U) << "bytes are left, but the reader is bad";
+  EXPECT_TRUE(in.bytes(1).empty());
+  EXPECT_FALSE(in.atEnd());
+}
+
+TEST(Bytes, aLengthNearTheLimitOfSizeDoesNotWrap) {
+  const base::Bytes bytes{1, 2, 3};
+  base::ByteReader in(bytes);
+  in.u8();
+  EXPECT_TRUE(in.bytes(static_cast<std::size_t>(-1)).empty());
+  EXPECT_FALSE(in.ok());
+}
+
+}  // namespace

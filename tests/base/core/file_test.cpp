@@ -1,0 +1,75 @@
+#include "base/file.h"
+
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <filesystem>
+
+namespace {
+
+class FileTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    directory_ = std::filesystem::temp_directory_path() / ("lumigrid_file_" + std::to_string(::getpid()));
+    std::filesystem::create_directories(directory_);
+  }
+  void TearDown() override { std::filesystem::remove_all(directory_); }
+  std::string path(const std::string& name) const { return (directory_ / name).string(); }
+  std::filesystem::path directory_;
+};
+
+TEST_F(FileTest, atomicWriteReplacesTheWholeFile) {
+  ASSERT_TRUE(base::writeFileAtomically(path("a"), base::Bytes{1, 2, 3}));
+  ASSERT_TRUE(base::writeFileAtomically(path("a"), base::Bytes{9}));
+  auto read = base::readFile(path("a"));
+  ASSERT_TRUE(read);
+  EXPECT_EQ(*read, base::Bytes{9});
+}
+
+TEST_F(FileTest, anUncommittedFileLeavesNothing) {
+  {
+    auto file = base::AtomicFile::create(path("b"));
+    ASSERT_TRUE(file);
+    ASSERT_TRUE(file->write(base::Bytes(100, 7)));
+  }
+  EXPECT_TRUE(std::filesystem::is_empty(directory_));
+}
+
+TEST_F(FileTest, errorsNameTheFileAndTheReason) {
+  auto missing = base::readFile(path("missing"));
+  ASSERT_FALSE(missing);
+  EXPECT_EQ(missing.error().code, base::ErrorCode::kNotFound);
+  EXPECT_NE(missing.error().message.find("missing: cannot open: No such file"), std::string::npos) << missing.error().message;
+  auto directory = base::readFile(directory_.string());
+  ASSERT_FALSE(directory);
+  EXPECT_NE(directory.error().message.find("Is a directory"), std::string::npos) << directory.error().message;
+}
+
+TEST_F(FileTest, aFullDiskIsNamedAndLeavesTheOldFile) {
+  ASSERT_TRUE(base::writeFileAtomically(path("c"), base::Bytes{1}));
+  if (::access("/dev/full", W_OK) != 0) GTEST_SKIP() << "/dev/full is not there";
+  // A link under the temporary's name sends the bytes to a device that is always full.
+  const base::Error error = base::systemError(path("c"), "write", ENOSPC);
+  EXPECT_EQ(error.code, base::ErrorCode::kNoSpace);
+  EXPECT_NE(error.message.find("free some space"), std::string::npos);
+  auto file = base::AtomicFile::create(path("c"));
+  ASSERT_TRUE(file);
+  rlimit old{};
+  ::getrlimit(RLIMIT_FSIZE, &old);
+  auto* previous = std::signal(SIGXFSZ, SIG_IGN);
+  rlimit small = old;
+  small.rlim_cur = 4096;
+  ::setrlimit(RLIMIT_FSIZE, &small);
+  auto result = file->write(base::Bytes(10000, 1));
+  ::setrlimit(RLIMIT_FSIZE, &old);
+  std::signal(SIGXFSZ, previous);
+  EXPECT_FALSE(result);
+  auto read = base::readFile(path("c"));
+  ASSERT_TRUE(read);
+  EXPECT_EQ(*read, base::Bytes{1});
+}
+
+}  // namespace

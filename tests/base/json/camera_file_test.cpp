@@ -1,0 +1,63 @@
+#include "base/json/camera_file.h"
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+
+namespace {
+
+std::string write(const std::string& text) {
+  const std::string path = std::string(::testing::TempDir()) + "lumigrid_camera.json";
+  std::ofstream(path) << text;
+  return path;
+}
+
+TEST(CameraFile, aTargetBecomesAUnitDirection) {
+  auto camera = base::readCamera(write(R"({"position":[0,0,5],"target":[0,0,1],"up":[0,1,0],"fov_y_degrees":60,"width":64,"height":32})"));
+  ASSERT_TRUE(camera) << camera.error().message;
+  EXPECT_EQ(camera->direction, glm::dvec3(0, 0, -1));
+  EXPECT_NEAR(camera->fov_y, 1.0471975512, 1e-9);
+  EXPECT_EQ(camera->width, 64);
+}
+
+TEST(CameraFile, badCamerasAreNamed) {
+  const std::pair<const char*, const char*> cases[] = {
+      {"{", "not valid JSON"},
+      {"[]", "not a camera"},
+      {R"({"position":[0,0]})", "position must be"},
+      {R"({"position":[0,0,0]})", "direction or target"},
+      {R"({"position":[0,0,0],"direction":[0,0,0]})", "direction is zero"},
+      {R"({"position":[0,0,0],"direction":[0,1,0],"up":[0,2,0]})", "parallel"},
+      {R"({"position":[0,0,0],"direction":[0,0,1],"width":0})", "width must be"},
+      {R"({"position":[0,0,0],"direction":[0,0,1],"fov_y_degrees":180})", "fov_y_degrees"},
+  };
+  for (const auto& [text, what] : cases) {
+    auto camera = base::readCamera(write(text));
+    ASSERT_FALSE(camera) << text;
+    EXPECT_NE(camera.error().message.find(what), std::string::npos) << camera.error().message;
+  }
+}
+
+TEST(CameraPath, survivesWritingAndReading) {
+  const auto path = base::orbitPath({0, 0, 0}, {2, 2, 2}, {0, 0, 1}, 12, 1.0, 0.5, 1.2, 320, 200);
+  auto read = base::readCameraPath(write(base::formatCameraPath(path)));
+  ASSERT_TRUE(read) << read.error().message;
+  ASSERT_EQ(read->size(), path.size());
+  for (std::size_t i = 0; i < path.size(); ++i) EXPECT_LT(glm::length((*read)[i].position - path[i].position), 1e-12);
+}
+
+TEST(CameraPath, anOrbitKeepsItsDistanceAndLooksAtTheCentre) {
+  for (const auto& c : base::orbitPath({-1, -1, 0}, {3, 1, 2}, {0, 1, 0}, 16, 1.0, 0.3, 1.5, 100, 100)) {
+    const glm::dvec3 to_center = glm::dvec3(1, 0, 1) - c.position;
+    EXPECT_NEAR(glm::length(to_center), 1.5 * glm::length(glm::dvec3(4, 2, 2)), 1e-9);
+    EXPECT_LT(glm::length(glm::normalize(to_center) - c.direction), 1e-12);
+  }
+}
+
+TEST(CameraPath, aBadFrameIsNamedByNumber) {
+  auto read = base::readCameraPath(write(R"({"frames":[{"position":[0,0,5],"direction":[0,0,-1]},{"position":[0,0,5]}]})"));
+  ASSERT_FALSE(read);
+  EXPECT_NE(read.error().message.find("frame 1"), std::string::npos) << read.error().message;
+}
+
+}  // namespace
