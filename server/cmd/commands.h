@@ -1,0 +1,19 @@
+#pragma once
+// The commands of the program `lumigrid`. Each add… function declares its options; the returned function runs it after parsing
+// and returns the exit status.
+#include <CLI/CLI.hpp>
+#include <functional>
+
+namespace server::cmd {
+
+using Run = std::function<int()>;
+
+Run addBuild(CLI::App& command);
+Run addInfo(CLI::App& command);
+Run addVerify(CLI::App& command);
+Run addRender(CLI::App& command);
+Run addSample(CLI::App& command);
+Run addServe(CLI::App& command);
+Run addTour(CLI::App& command);
+
+}  // namespace server::cmd
