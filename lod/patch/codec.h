@@ -1,6 +1,10 @@
 #pragma once
-// One patch as bytes: libmeshoptimizer's vertex and index codecs over lattice positions, octahedral normals and colours.
-// docs/formats/patch.md
+// One patch as bytes: libmeshoptimizer's vertex and index codecs over lattice positions, octahedral normals and
+// colours. docs/formats/patch.md, "One patch as bytes"
+//
+// Octahedral normals: Cigolle et al. 2014, "A Survey of Efficient Representations for Independent Unit Vectors",
+// section 3.3, with 8 + 8 bits (at most 1 degree off). Both codecs of meshoptimizer are fixed to a version that its
+// JavaScript twin decodes.
 #include "base/bytes.h"
 #include "base/error.h"
 #include "lod/patch/hierarchy.h"
@@ -10,13 +14,30 @@ namespace lod::patch {
 /// Most vertices one patch may have (16-bit indices).
 inline constexpr std::size_t kMaxPatchVertices = 65535;
 inline constexpr std::size_t kMaxPatchTriangles = 65535;
+/// Lattice coordinates stay within ±(2^30 − 1), so that differences of two fit 32 bits.
+inline constexpr std::int32_t kMaxLattice = (1 << 30) - 1;
 
-/// Bytes of a patch, checksum included. Triangles and vertices may be reordered (the surface is the same).
+/// Bytes of a patch, checksum included. Triangles and vertices may be reordered, triangles rotated (a b c as b c a),
+/// and vertices that no triangle uses are left out: the surface is the same. Alpha is stored as given. The same
+/// geometry gives the same bytes. The caller sees to: 1 … kMaxPatchTriangles triangles, at most kMaxPatchVertices
+/// vertices, indices in range, lattice points within ±kMaxLattice, normals (and colours, if any) as many as positions.
+/// Safe to call from several threads.
 base::Bytes encodePatch(const PatchGeometry& geometry);
-/// Checks the checksum and every length and index; never reads past `bytes`.
+
+/// Checks the checksum and every length and index; never reads past `bytes`, never allocates more than the limits above
+/// need (2 MB). Decoding gives back exactly what was encoded, but for the order; normals are as quantizedNormal makes
+/// them.
 base::Result<PatchGeometry> decodePatch(base::ByteView bytes);
 
+/// What a patch's bytes say about its size, read from their header alone (the checksum is not looked at).
+struct PatchCounts {
+  std::uint32_t vertices = 0;
+  std::uint32_t triangles = 0;
+};
+base::Result<PatchCounts> encodedCounts(base::ByteView bytes);
+
 /// What the stored octahedral normal of n decodes to; the builder uses it so that shared vertices agree bit for bit.
+/// Any length but zero; zero or NaN gives +z. quantizedNormal(quantizedNormal(n)) == quantizedNormal(n), bit for bit.
 glm::vec3 quantizedNormal(const glm::vec3& n);
 
 }  // namespace lod::patch
