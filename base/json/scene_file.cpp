@@ -101,13 +101,16 @@ void readLists(const json& document, Scene& scene, std::string& problem) {
 }  // namespace
 
 Result<Scene> readScene(const std::string& directory) {
-  const std::string path = directory + "/scene.json";
+  auto scene = readSceneFile(directory + "/scene.json");
+  if (scene || scene.error().code != ErrorCode::kNotFound) return scene;
+  if (MappedFile::open(directory + "/" + kBuildingFile))
+    return Error{ErrorCode::kNotFound, directory + ": this scene is not finished; run the same `lumigrid build` again to go on"};
+  return Error{ErrorCode::kNotFound, directory + ": not a scene (no scene.json in it); make one with `lumigrid build MESH -o " + directory + "`"};
+}
+
+Result<Scene> readSceneFile(const std::string& path) {
   auto bytes = readFile(path);
-  if (!bytes) {
-    Error error = bytes.error();
-    if (error.code == ErrorCode::kNotFound) error.message = directory + ": not a scene (no scene.json in it); make one with `lumigrid build MESH -o " + directory + "`";
-    return error;
-  }
+  if (!bytes) return bytes.error();
   return parseScene(std::string(bytes->begin(), bytes->end()), path);
 }
 
@@ -159,9 +162,9 @@ std::string formatScene(const Scene& scene) {
   return document.dump(2) + "\n";
 }
 
-Result<void> writeScene(const Scene& scene, const std::string& directory) {
+Result<void> writeSceneFile(const Scene& scene, const std::string& path) {
   const std::string text = formatScene(scene);
-  return writeFileAtomically(directory + "/scene.json", {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
+  return writeFileAtomically(path, {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
 }
 
 Result<std::string> sha256OfFile(const std::string& path) {

@@ -56,10 +56,14 @@ struct Scene {
   }
 };
 
-Result<Scene> readScene(const std::string& directory);  ///< directory/scene.json
+/// directory/scene.json: a finished scene.
+Result<Scene> readScene(const std::string& directory);
+/// A build in progress keeps the same document under this name until everything is there.
+inline constexpr const char* kBuildingFile = "building.json";
+Result<Scene> readSceneFile(const std::string& path);
+Result<void> writeSceneFile(const Scene& scene, const std::string& path);
 Result<Scene> parseScene(const std::string& text, const std::string& name);
 std::string formatScene(const Scene& scene);
-Result<void> writeScene(const Scene& scene, const std::string& directory);
 
 /// SHA-256 of a file as lower-case hex.
 Result<std::string> sha256OfFile(const std::string& path);
