@@ -60,6 +60,7 @@ void PatchMeshes::upload(std::uint32_t patch, const patch::PatchGeometry& geomet
   mesh.indices = base::gl::Buffer::create();
   mesh.index_count = static_cast<GLsizei>(geometry.indices.size());
   mesh.bytes = bytesFor(vertices.size(), geometry.indices.size() / 3);
+  for (const Vertex& vertex : vertices) mesh.box.add(vertex.position);
 
   glBindVertexArray(mesh.array.name());
   glBindBuffer(GL_ARRAY_BUFFER, mesh.vertices.name());
@@ -84,12 +85,17 @@ void PatchMeshes::remove(std::uint32_t patch) {
 
 void PatchMeshes::draw(std::span<const std::uint32_t> patches) const {
   for (const std::uint32_t patch : patches) {
-    const auto found = meshes_.find(patch);
-    LUMIGRID_CHECK(found != meshes_.end());
-    glBindVertexArray(found->second.array.name());
-    glDrawElements(GL_TRIANGLES, found->second.index_count, GL_UNSIGNED_SHORT, nullptr);
+    const Mesh& drawn = mesh(patch);
+    glBindVertexArray(drawn.array.name());
+    glDrawElements(GL_TRIANGLES, drawn.index_count, GL_UNSIGNED_SHORT, nullptr);
   }
   glBindVertexArray(0);
+}
+
+const PatchMeshes::Mesh& PatchMeshes::mesh(std::uint32_t patch) const {
+  const auto found = meshes_.find(patch);
+  LUMIGRID_CHECK(found != meshes_.end());
+  return found->second;
 }
 
 // Soft light: half-Lambert, (n·l / 2 + 1/2)² (Mitchell, McTaggart, Green 2006, "Shading in Valve's Source Engine",

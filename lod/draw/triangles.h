@@ -26,6 +26,9 @@ class PatchMeshes {
   /// Draws these patches with the program in use; all must be uploaded.
   void draw(std::span<const std::uint32_t> patches) const;
   std::uint64_t gpuBytes() const { return bytes_; }
+  /// The box of an uploaded patch, and how many triangles it has.
+  const base::Aabb& box(std::uint32_t patch) const { return mesh(patch).box; }
+  std::uint64_t triangles(std::uint32_t patch) const { return static_cast<std::uint64_t>(mesh(patch).index_count) / 3; }
   /// Bytes that a patch of this size takes on the GPU once uploaded.
   static std::uint64_t bytesFor(std::uint64_t vertices, std::uint64_t triangles);
   std::size_t size() const { return meshes_.size(); }
@@ -37,7 +40,9 @@ class PatchMeshes {
     base::gl::Buffer indices;
     GLsizei index_count = 0;
     std::uint64_t bytes = 0;
+    base::Aabb box;
   };
+  const Mesh& mesh(std::uint32_t patch) const;
   patch::Lattice lattice_;
   std::unordered_map<std::uint32_t, Mesh> meshes_;
   std::uint64_t bytes_ = 0;
