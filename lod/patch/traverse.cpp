@@ -1,0 +1,200 @@
+#include "lod/patch/traverse.h"
+
+#include <algorithm>
+
+namespace lod::patch {
+namespace {
+
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+
+struct GroupState {
+  std::uint32_t expanded_parents = 0;
+  std::uint32_t last_parent = kNoGroup;  ///< so that a parent with several of our patches counts once
+  std::uint32_t visible_triangles = 0;   ///< of the patches it produced, as far as they are in the cut
+  bool expanded = false;
+};
+
+struct Candidate {
+  float error_px = 0.0F;
+  std::uint32_t group = 0;
+};
+
+// Heap order: the largest error on top, then the smallest number, so that the same view gives the same cut.
+bool lessUrgent(const Candidate& a, const Candidate& b) {
+  return a.error_px != b.error_px ? a.error_px < b.error_px : a.group > b.group;
+}
+
+class CutSelection {
+ public:
+  CutSelection(const Hierarchy& hierarchy, const CutRequest& request,
+               const std::function<bool(std::uint32_t)>& available)
+      : hierarchy_(hierarchy),
+        request_(request),
+        available_(available),
+        frustum_(request.camera.clipFromScene()),
+        pixels_per_unit_at_one_(request.camera.pixelsPerUnitAtOne()),
+        states_(hierarchy.groups.size()) {}
+
+  Cut run() {
+    if (states_.empty() || !hierarchy_.isKnown(0)) return {};
+    refine();
+    collectPatches();
+    splitWanted();
+    return std::move(cut_);
+  }
+
+ private:
+  // Top down, always where the picture is most wrong.
+  void refine() {
+    heap_.push_back({kInfinity, 0});
+    while (!heap_.empty()) {
+      const Candidate next = pop();
+      const std::uint64_t finer = measureConsumed(next.group);
+      const std::uint64_t coarser = states_[next.group].visible_triangles;
+      if (next.group != 0 && cut_.triangles - coarser + finer > request_.max_triangles) return;
+      if (available_ && !available_(next.group)) {
+        wanted_.push_back(next);
+      } else {
+        cut_.triangles = cut_.triangles - coarser + finer;
+        expand(next.group);
+      }
+    }
+  }
+
+  Candidate pop() {
+    std::pop_heap(heap_.begin(), heap_.end(), lessUrgent);
+    const Candidate top = heap_.back();
+    heap_.pop_back();
+    return top;
+  }
+
+  // Which of the patches that the group consumes would be seen (into visible_), and their triangles.
+  std::uint64_t measureConsumed(std::uint32_t group) {
+    const Group& g = hierarchy_.groups[group];
+    visible_.assign(g.patch_count, 0);
+    std::uint64_t triangles = 0;
+    for (std::uint32_t i = 0; i < g.patch_count; ++i) {
+      const Patch& patch = hierarchy_.patches[g.first_patch + i];
+      visible_[i] = isVisible(patch) ? 1 : 0;
+      if (visible_[i] != 0) triangles += patch.triangles;
+    }
+    return triangles;
+  }
+
+  bool isVisible(const Patch& patch) const {
+    if (request_.cull && !frustum_.mayOverlap(patch.box)) return false;
+    return !request_.cull_back_faces || !base::facesAway(patch.cone, patch.bounds, request_.camera.eye);
+  }
+
+  // Draws what the group consumes in place of what it produced; a group all of whose parents are expanded now is a
+  // candidate.
+  void expand(std::uint32_t group) {
+    const Group& g = hierarchy_.groups[group];
+    states_[group].expanded = true;
+    cut_.expanded.push_back(group);
+    for (std::uint32_t i = 0; i < g.patch_count; ++i) {
+      const Patch& patch = hierarchy_.patches[g.first_patch + i];
+      if (visible_[i] != 0) drawable_.push_back(g.first_patch + i);
+      if (patch.producer >= states_.size() || !hierarchy_.isKnown(patch.producer)) continue;
+
+      GroupState& producer = states_[patch.producer];
+      if (visible_[i] != 0) producer.visible_triangles += patch.triangles;
+      if (producer.last_parent == group) continue;
+      producer.last_parent = group;
+      ++producer.expanded_parents;
+      if (producer.expanded_parents == hierarchy_.groups[patch.producer].parent_count) consider(patch.producer);
+    }
+  }
+
+  // The count of parents says when to look; the look itself guards against a growing hierarchy whose links don't agree.
+  void consider(std::uint32_t group) {
+    const auto parents = hierarchy_.parentsOf(group);
+    if (!std::all_of(parents.begin(), parents.end(), [&](std::uint32_t parent) { return states_[parent].expanded; }))
+      return;
+    if (request_.cull && !frustum_.mayOverlap(hierarchy_.groups[group].bounds)) return;
+
+    const float error_px = projectedErrorOf(group);
+    if (request_.tolerance_px > 0.0F && !(error_px > request_.tolerance_px)) return;
+    heap_.push_back({error_px, group});
+    std::push_heap(heap_.begin(), heap_.end(), lessUrgent);
+  }
+
+  // Pixels. A camera with NaN in it gives 0, so that the heap's order stays an order.
+  float projectedErrorOf(std::uint32_t group) const {
+    const Group& g = hierarchy_.groups[group];
+    const float error_px = base::projectedError(g.error, g.bounds.center, g.bounds.radius, request_.camera.eye,
+                                                pixels_per_unit_at_one_, request_.near_plane);
+    return error_px > 0.0F ? error_px : 0.0F;
+  }
+
+  // Of all visible patches met on the way down, those whose producer was not expanded.
+  void collectPatches() {
+    cut_.triangles = 0;
+    for (const std::uint32_t index : drawable_) {
+      const Patch& patch = hierarchy_.patches[index];
+      if (patch.producer < states_.size() && states_[patch.producer].expanded) continue;
+      cut_.patches.push_back(index);
+      cut_.triangles += patch.triangles;
+      if (patch.producer == kNoGroup) continue;
+      const bool known = patch.producer < states_.size() && hierarchy_.isKnown(patch.producer);
+      cut_.error_px = std::max(cut_.error_px, projectedErrorOf(known ? patch.producer : patch.consumer));
+    }
+  }
+
+  // Popped largest first, but for groups whose parent's error is a rounding below their own.
+  void splitWanted() {
+    std::stable_sort(wanted_.begin(), wanted_.end(),
+                     [](const Candidate& a, const Candidate& b) { return lessUrgent(b, a); });
+    for (const Candidate& want : wanted_) {
+      cut_.wanted.push_back(want.group);
+      cut_.wanted_error_px.push_back(want.error_px);
+    }
+  }
+
+  const Hierarchy& hierarchy_;
+  const CutRequest& request_;
+  const std::function<bool(std::uint32_t)>& available_;
+  base::Frustum frustum_;
+  float pixels_per_unit_at_one_;
+  std::vector<GroupState> states_;
+  std::vector<Candidate> heap_;
+  std::vector<Candidate> wanted_;
+  std::vector<std::uint8_t> visible_;    ///< of the group measured last, one per consumed patch
+  std::vector<std::uint32_t> drawable_;  ///< visible patches consumed by expanded groups
+  Cut cut_;
+};
+
+}  // namespace
+
+Cut selectCut(const Hierarchy& hierarchy, const CutRequest& request,
+              const std::function<bool(std::uint32_t)>& available) {
+  return CutSelection(hierarchy, request, available).run();
+}
+
+Cut selectUniformCut(const Hierarchy& hierarchy, float world_error) {
+  Cut cut;
+  const std::vector<Group>& groups = hierarchy.groups;
+
+  // Parents have smaller numbers, so one pass decides.
+  std::vector<std::uint8_t> expanded(groups.size(), 0);
+  for (std::uint32_t g = 0; g < groups.size(); ++g) {
+    if (!hierarchy.isKnown(g) || (g != 0 && !(groups[g].error > world_error))) continue;
+    const auto parents = hierarchy.parentsOf(g);
+    expanded[g] =
+        std::all_of(parents.begin(), parents.end(), [&](std::uint32_t parent) { return expanded[parent] != 0; }) ? 1
+                                                                                                                 : 0;
+    if (expanded[g] != 0) cut.expanded.push_back(g);
+  }
+
+  for (const std::uint32_t g : cut.expanded) {
+    for (std::uint32_t i = groups[g].first_patch; i < groups[g].first_patch + groups[g].patch_count; ++i) {
+      const Patch& patch = hierarchy.patches[i];
+      if (patch.producer < groups.size() && expanded[patch.producer] != 0) continue;
+      cut.patches.push_back(i);
+      cut.triangles += patch.triangles;
+    }
+  }
+  return cut;
+}
+
+}  // namespace lod::patch
