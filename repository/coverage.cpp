@@ -6,13 +6,15 @@
 
 #include "base/check.h"
 
-// The mask is cut into blocks of 8 × 8 pixels. A block is all background, all model, or mixed. Classes and the pixels of mixed
-// blocks are coded by an adaptive binary range coder: the coder of LZMA (Pavlov; Martin 1979), the pixels' contexts those of JBIG
-// (ITU-T T.82, figure 13: ten pixels of three lines). We depart from JBIG in coding only pixels of mixed blocks, which makes decoding
-// quick where nothing happens. All arithmetic is on integers, so every machine decodes the same mask.
+// The mask is cut into blocks of 8 × 8 pixels. A block is all background, all model, or mixed. Classes and the pixels
+// of mixed blocks are coded by an adaptive binary range coder: the coder of LZMA (Pavlov; Martin 1979), the pixels'
+// contexts those of JBIG (ITU-T T.82, figure 13: ten pixels of three lines). We depart from JBIG in coding only pixels
+// of mixed blocks, which makes decoding quick where nothing happens. All arithmetic is on integers, so every machine
+// decodes the same mask.
 //
-// Rows of blocks go from top to bottom. A row has first the classes of its blocks, left to right, then its pixel lines, each over the
-// mixed blocks only, so that a pixel's context is complete up to its upper right, as in a mask coded line by line.
+// Rows of blocks go from top to bottom. A row has first the classes of its blocks, left to right, then its pixel lines,
+// each over the mixed blocks only, so that a pixel's context is complete up to its upper right, as in a mask coded line
+// by line.
 
 namespace repository {
 namespace {
@@ -22,14 +24,16 @@ constexpr int kMaxSide = 16384;
 constexpr std::uint8_t kVersion = 1;
 constexpr std::size_t kHeaderBytes = 1;
 
-// --- The range coder ---------------------------------------------------------------------------------------------------------
+// --- The range coder
+// ---------------------------------------------------------------------------------------------------------
 
-constexpr std::uint32_t kTop = 1U << 24;   // range is kept at or above
+constexpr std::uint32_t kTop = 1U << 24;  // range is kept at or above
 constexpr int kProbabilityBits = 16;
-constexpr std::uint32_t kLeast = 48;       // of 65536: least probability of either symbol
-constexpr std::uint8_t kMaxCount = 40;     // symbols after which the rate of learning stays at 1 / 41.5
+constexpr std::uint32_t kLeast = 48;    // of 65536: least probability of either symbol
+constexpr std::uint8_t kMaxCount = 40;  // symbols after which the rate of learning stays at 1 / 41.5
 
-// rates[n] = 65536 / (n + 1.5): after n symbols the next one moves the probability by about its share, so few symbols teach much.
+// rates[n] = 65536 / (n + 1.5): after n symbols the next one moves the probability by about its share, so few symbols
+// teach much.
 constexpr std::array<std::uint32_t, kMaxCount + 1> makeRates() {
   std::array<std::uint32_t, kMaxCount + 1> rates{};
   for (std::uint32_t n = 0; n <= kMaxCount; ++n) rates[n] = 2 * 65536 / (2 * n + 3);
@@ -135,7 +139,8 @@ class RangeDecoder {
   bool overran_ = false;
 };
 
-// --- Contexts ----------------------------------------------------------------------------------------------------------------
+// --- Contexts
+// ----------------------------------------------------------------------------------------------------------------
 
 enum BlockClass : std::uint8_t { kAllBackground = 0, kAllModel = 1, kMixed = 2 };
 
@@ -164,7 +169,9 @@ struct Classes {
   std::vector<std::uint8_t> above;
   std::vector<std::uint8_t> here;
   explicit Classes(int columns) : above(static_cast<std::size_t>(columns) + 2, kAllBackground), here(above) {}
-  std::size_t context(std::size_t column) const { return here[column] * 9U + above[column + 1] * 3U + above[column + 2]; }
+  std::size_t context(std::size_t column) const {
+    return here[column] * 9U + above[column + 1] * 3U + above[column + 2];
+  }
 };
 
 // JBIG's three-line template around the pixel at `x`: two lines up −1..+1, one line up −2..+2, to the left two.
@@ -185,7 +192,8 @@ struct PixelContext {
   void leave(bool bit) { left = (left << 1 | static_cast<std::uint32_t>(bit)) & 3U; }
 };
 
-// --- Encoder -----------------------------------------------------------------------------------------------------------------
+// --- Encoder
+// -----------------------------------------------------------------------------------------------------------------
 
 BlockClass classOf(const base::Image& mask, int column, int row) {
   const int x1 = std::min(mask.width, (column + 1) * kBlock);
@@ -209,7 +217,8 @@ void encodeClasses(const base::Image& mask, int row, Classes& classes, Models& m
   }
 }
 
-void encodeLine(const base::Image& mask, int y, const Classes& classes, Lines& lines, Models& models, RangeEncoder& coder) {
+void encodeLine(const base::Image& mask, int y, const Classes& classes, Lines& lines, Models& models,
+                RangeEncoder& coder) {
   std::uint8_t* line = lines.at(y);
   for (int x = 0; x < mask.width; ++x) line[x] = *mask.at(x, y) != 0 ? 1 : 0;
 
@@ -224,7 +233,8 @@ void encodeLine(const base::Image& mask, int y, const Classes& classes, Lines& l
   }
 }
 
-// --- Decoder -----------------------------------------------------------------------------------------------------------------
+// --- Decoder
+// -----------------------------------------------------------------------------------------------------------------
 
 void decodeClasses(Classes& classes, Models& models, RangeDecoder& coder) {
   for (std::size_t column = 0; column + 2 < classes.here.size(); ++column) {
@@ -255,7 +265,9 @@ void decodeLine(int y, int width, const Classes& classes, Lines& lines, Models& 
   }
 }
 
-base::Error badCoverage(const std::string& what) { return {base::ErrorCode::kInvalidInput, "coverage mask: " + what}; }
+base::Error badCoverage(const std::string& what) {
+  return {base::ErrorCode::kInvalidInput, "coverage mask: " + what};
+}
 
 }  // namespace
 
@@ -288,7 +300,9 @@ base::Result<base::Image> decodeCoverage(base::ByteView bytes, int width, int he
     std::fill(mask.pixels.begin(), mask.pixels.end(), std::uint8_t{255});
     return mask;
   }
-  if (bytes[0] != kVersion) return base::Error{base::ErrorCode::kVersion, "coverage mask: version " + std::to_string(bytes[0]) + ", this program reads " + std::to_string(kVersion)};
+  if (bytes[0] != kVersion)
+    return base::Error{base::ErrorCode::kVersion, "coverage mask: version " + std::to_string(bytes[0]) +
+                                                      ", this program reads " + std::to_string(kVersion)};
 
   RangeDecoder coder(bytes.subspan(kHeaderBytes));
   Models models;
@@ -304,7 +318,8 @@ base::Result<base::Image> decodeCoverage(base::ByteView bytes, int width, int he
     }
     decodeLine(y, width, classes, lines, models, coder);
     const std::uint8_t* line = lines.at(y);
-    std::transform(line, line + width, mask.at(0, y), [](std::uint8_t bit) { return static_cast<std::uint8_t>(bit != 0 ? 255 : 0); });
+    std::transform(line, line + width, mask.at(0, y),
+                   [](std::uint8_t bit) { return static_cast<std::uint8_t>(bit != 0 ? 255 : 0); });
   }
   if (!coder.atEnd()) return badCoverage(coder.overran() ? "cut short" : "bytes left over");
   return mask;

@@ -13,8 +13,8 @@ struct Axes {
   glm::vec3 up;
 };
 
-// d = 0..5: +x −x +y −y +z −z (Okamoto 2011, figure 5). Faces around the horizon stand upright in a scene whose up is +z; the
-// two vertical ones have +y at the top.
+// d = 0..5: +x −x +y −y +z −z (Okamoto 2011, figure 5). Faces around the horizon stand upright in a scene whose up is
+// +z; the two vertical ones have +y at the top.
 const std::array<Axes, 6> kFaces = {{
     {glm::vec3(1.0F, 0.0F, 0.0F), glm::vec3(0.0F, 0.0F, 1.0F)},
     {glm::vec3(-1.0F, 0.0F, 0.0F), glm::vec3(0.0F, 0.0F, 1.0F)},

@@ -54,7 +54,9 @@ base::Result<FaceValue> decodeFaceValue(base::ByteView bytes) {
   const std::uint32_t crc = in.u32();
   if (!in.ok()) return badValue("cut short");
   if (magic != kMagic) return badValue("not one (wrong magic)");
-  if (version != kVersion) return base::Error{base::ErrorCode::kVersion, "face value: version " + std::to_string(version) + ", this program reads " + std::to_string(kVersion)};
+  if (version != kVersion)
+    return base::Error{base::ErrorCode::kVersion, "face value: version " + std::to_string(version) +
+                                                      ", this program reads " + std::to_string(kVersion)};
   if (crc != checksum(bytes)) return badValue("checksum differs");
   if (kind > kImage || reserved != 0) return badValue("unknown kind " + std::to_string(kind));
 

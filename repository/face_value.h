@@ -1,5 +1,6 @@
 #pragma once
-// The value under a FaceKey: an empty flag, or a JPEG with its coverage mask; always with a checksum. docs/formats/repository.md
+// The value under a FaceKey: an empty flag, or a JPEG with its coverage mask; always with a checksum.
+// docs/formats/repository.md
 #include "base/bytes.h"
 #include "base/error.h"
 

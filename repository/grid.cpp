@@ -21,7 +21,8 @@ std::uint32_t cellIndex(float p, float first, float spacing, std::uint32_t count
 }
 
 // Visits the octree of points depth first, children in Morton order: no sorting, no codes.
-void visitInMortonOrder(const glm::uvec3& corner, std::uint32_t side, const glm::uvec3& count, std::vector<glm::uvec3>& out) {
+void visitInMortonOrder(const glm::uvec3& corner, std::uint32_t side, const glm::uvec3& count,
+                        std::vector<glm::uvec3>& out) {
   if (corner.x >= count.x || corner.y >= count.y || corner.z >= count.z) return;
   if (side == 1) {
     out.push_back(corner);
@@ -37,7 +38,9 @@ base::Error badGrid(const std::string& what) {
   return {base::ErrorCode::kInvalidInput, "grid: " + what};
 }
 
-bool finite(const glm::vec3& v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
+bool finite(const glm::vec3& v) {
+  return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
+}
 
 }  // namespace
 
@@ -68,14 +71,18 @@ base::Result<Grid> Grid::decode(base::ByteReader& in) {
   grid.face_size = in.u32();
   if (!in.ok()) return badGrid("cut short");
 
-  if (!finite(grid.first) || !std::isfinite(grid.spacing) || grid.spacing <= 0.0F) return badGrid("a position or the spacing is not a usable number");
+  if (!finite(grid.first) || !std::isfinite(grid.spacing) || grid.spacing <= 0.0F)
+    return badGrid("a position or the spacing is not a usable number");
   if (grid.count == glm::uvec3(0)) return grid;  // no repository
 
   for (int axis = 0; axis < 3; ++axis) {
-    if (grid.count[axis] < 2 || grid.count[axis] > kMaxCount) return badGrid("count " + std::to_string(grid.count[axis]) + " is not within 2.." + std::to_string(kMaxCount));
+    if (grid.count[axis] < 2 || grid.count[axis] > kMaxCount)
+      return badGrid("count " + std::to_string(grid.count[axis]) + " is not within 2.." + std::to_string(kMaxCount));
   }
-  if (!finite(grid.point(grid.count.x - 1, grid.count.y - 1, grid.count.z - 1))) return badGrid("its last point is not finite");
-  if (grid.face_size < 1 || grid.face_size > kMaxFaceSize) return badGrid("face size " + std::to_string(grid.face_size) + " is not within 1.." + std::to_string(kMaxFaceSize));
+  if (!finite(grid.point(grid.count.x - 1, grid.count.y - 1, grid.count.z - 1)))
+    return badGrid("its last point is not finite");
+  if (grid.face_size < 1 || grid.face_size > kMaxFaceSize)
+    return badGrid("face size " + std::to_string(grid.face_size) + " is not within 1.." + std::to_string(kMaxFaceSize));
   return grid;
 }
 

@@ -19,7 +19,9 @@ struct Grid {
   glm::uvec3 count{0};          ///< points along each axis, each ≥ 2 (0: no repository)
   std::uint32_t face_size = 0;  ///< pixels along one side of a face
 
-  glm::vec3 point(std::uint32_t x, std::uint32_t y, std::uint32_t z) const { return first + spacing * glm::vec3(x, y, z); }
+  glm::vec3 point(std::uint32_t x, std::uint32_t y, std::uint32_t z) const {
+    return first + spacing * glm::vec3(x, y, z);
+  }
   std::uint64_t pointCount() const { return std::uint64_t{count.x} * count.y * count.z; }
   std::uint64_t faceCount() const { return 6 * pointCount(); }
   bool contains(const FaceKey& key) const { return key.x < count.x && key.y < count.y && key.z < count.z && key.d < 6; }
@@ -34,8 +36,9 @@ struct Grid {
   friend bool operator==(const Grid&, const Grid&) = default;
 };
 
-/// The viewing box: the model's box grown on every side by `margin` times its longest side (0.5: a box twice as large along the
-/// longest side, the paper's), with `points_per_longest_side` ≥ 2 sampling points along the longest side, and at least as dense along the others.
+/// The viewing box: the model's box grown on every side by `margin` times its longest side (0.5: a box twice as large
+/// along the longest side, the paper's), with `points_per_longest_side` ≥ 2 sampling points along the longest side, and
+/// at least as dense along the others.
 Grid makeGrid(const base::Aabb& model, std::uint32_t points_per_longest_side, float margin, std::uint32_t face_size);
 
 /// Every grid point in Morton order.

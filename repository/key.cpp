@@ -38,7 +38,8 @@ base::Result<FaceKey> FaceKey::fromCode(std::uint64_t code) {
   const std::uint64_t morton = code >> 3;
   const auto d = static_cast<std::uint32_t>(code & 7U);
   if (d > 5 || morton >> 60 != 0) {
-    return base::Error{base::ErrorCode::kInvalidInput, "face key " + std::to_string(code) + " has no valid direction or grid point"};
+    return base::Error{base::ErrorCode::kInvalidInput,
+                       "face key " + std::to_string(code) + " has no valid direction or grid point"};
   }
   return FaceKey{gather(morton), gather(morton >> 1), gather(morton >> 2), d};
 }

@@ -27,5 +27,7 @@ struct FaceKey {
 
 template <>
 struct std::hash<repository::FaceKey> {
-  std::size_t operator()(const repository::FaceKey& key) const noexcept { return std::hash<std::uint64_t>{}(key.code()); }
+  std::size_t operator()(const repository::FaceKey& key) const noexcept {
+    return std::hash<std::uint64_t>{}(key.code());
+  }
 };

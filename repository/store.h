@@ -1,6 +1,6 @@
 #pragma once
-// A hash table from face key to bytes behind one small interface (DESIGN section 5). One writer, any number of readers, at the
-// same time and from other processes.
+// A hash table from face key to bytes behind one small interface (DESIGN section 5). One writer, any number of readers,
+// at the same time and from other processes.
 #include <functional>
 #include <memory>
 #include <optional>
@@ -33,7 +33,8 @@ class Store {
 
 enum class StoreMode { kRead, kWrite };
 
-/// LMDB in directory `path` (made when absent and mode is kWrite). A second writer is refused with kBusy. Not twice in one process.
+/// LMDB in directory `path` (made when absent and mode is kWrite). A second writer is refused with kBusy. Not twice in
+/// one process.
 base::Result<std::unique_ptr<Store>> openLmdbStore(const std::string& path, StoreMode mode);
 
 }  // namespace repository
