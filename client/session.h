@@ -2,8 +2,12 @@
 // The thin client's session: a state machine with bytes in and bytes out; no socket, no GL, no clock of its own (DESIGN section 7).
 //
 // States: kDisconnected → (connected()) kGreeting → (Welcome) kReady; (disconnected()) → kDisconnected, keeping all data; (Refusal)
-// → kRefused. What is cached survives a reconnect: after Welcome the new server is told by simply not listing it as evicted — so
-// on reconnect the session sends what it holds as part of its first messages (see protocol.md, "Have").
+// → kRefused. What is cached survives a reconnect: once the new Welcome shows that the scene is the same one, the session tells what it
+// holds (protocol.md, "Have") before its first View. A Welcome that describes another scene drops everything.
+//
+// What goes out, in order: Hello; after Welcome Have; then, when the view changed, what was evicted since and the newest View. Evictions
+// wait for a View on purpose: a server that hears of one while the view stands still would send the same bytes again, and with a
+// cache smaller than the view's needs the two would go on for ever.
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -37,7 +41,7 @@ struct SessionStats {
 
 /// What changed since the last call to takeEvents(): the renderer's cue to decode, upload or drop.
 struct SessionEvents {
-  bool welcomed = false;
+  bool welcomed = false;  ///< the first Welcome, or one of another scene: forget all that was there before
   std::vector<repository::FaceKey> faces_added, faces_evicted;
   std::vector<std::uint32_t> groups_added, groups_evicted;
   std::vector<std::uint32_t> frames_added;  ///< view sequences
@@ -67,7 +71,9 @@ class Session {
   /// Cached bytes of a face value or null; touches the LRU.
   const base::Bytes* face(const repository::FaceKey& key);
   const base::Bytes* block(std::uint32_t group);
-  const protocol::Frame* frame(std::uint32_t sequence) const;  ///< the few newest are kept
+  const protocol::Frame* frame(std::uint32_t sequence) const;  ///< the 4 newest are kept
+  /// What the current picture is made of: never evicted until the next call says otherwise. Also makes it the most recently used.
+  void setInUse(const std::vector<repository::FaceKey>& faces, const std::vector<std::uint32_t>& groups);
   const lod::patch::Hierarchy& hierarchy() const;
   bool hasGroup(std::uint32_t group) const;     ///< its block is cached
   const SessionStats& stats() const;
