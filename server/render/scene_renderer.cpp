@@ -1,0 +1,264 @@
+#include "server/render/scene_renderer.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <utility>
+
+#include "lod/draw/triangles.h"
+#include "server/render/patch_cache.h"
+#include "server/render/readback.h"
+#include "server/render/sample_target.h"
+#include "server/render/tiling.h"
+
+namespace server {
+namespace {
+
+// Pictures in flight between drawing and reading.
+constexpr std::size_t kReadbackDepth = 4;
+// Longest side of a picture, so that a camera file can't ask for more memory than any machine has.
+constexpr int kMaxPictureSide = 32768;
+
+constexpr const char* kSurfaceVertex = R"(
+uniform mat4 u_clip_from_scene;
+uniform vec3 u_eye;
+layout(location = 0) in vec3 position;
+layout(location = 1) in vec3 normal;
+layout(location = 2) in vec4 color;
+out vec3 v_normal;
+out vec3 v_to_eye;
+out vec3 v_color;
+void main() {
+  v_normal = normal;
+  v_to_eye = u_eye - position;
+  v_color = color.rgb;
+  gl_Position = u_clip_from_scene * vec4(position, 1.0);
+}
+)";
+
+constexpr const char* kSurfaceFragment = R"(
+in vec3 v_normal;
+in vec3 v_to_eye;
+in vec3 v_color;
+layout(location = 0) out vec4 out_color;
+void main() {
+  out_color = vec4(shadeSurface(v_color, v_normal, v_to_eye), 1.0);
+}
+)";
+
+bool isPerspective(const base::Camera& camera) {
+  return camera.clip_from_eye[2][3] != 0.0F;
+}
+
+/// Distance of the near plane, read from a perspective matrix: m22 = (f + n) / (n − f), m32 = 2 f n / (n − f).
+float nearPlaneOf(const base::Camera& camera) {
+  const float near_plane = camera.clip_from_eye[3][2] / (camera.clip_from_eye[2][2] - 1.0F);
+  return std::isfinite(near_plane) && near_plane > 0.0F ? near_plane : lod::patch::CutRequest{}.near_plane;
+}
+
+base::Result<void> check(const base::Camera& camera, const RenderOptions& options) {
+  const auto wrong = [](const std::string& what) {
+    return base::Error{base::ErrorCode::kInvalidInput, "render: " + what};
+  };
+  if (camera.width < 1 || camera.height < 1 || camera.width > kMaxPictureSide || camera.height > kMaxPictureSide)
+    return wrong("a picture of " + std::to_string(camera.width) + " x " + std::to_string(camera.height) +
+                 " pixels; each side must be 1 to " + std::to_string(kMaxPictureSide));
+  if (options.supersampling < 1 || options.supersampling > 8)
+    return wrong("supersampling " + std::to_string(options.supersampling) + "; it must be 1 to 8");
+  if (!(options.tolerance_px >= 0.0F))
+    return wrong("a tolerance of " + std::to_string(options.tolerance_px) + " pixels; it must be 0 or more");
+  return {};
+}
+
+/// The patches to draw for a camera at the tolerance (Okamoto 2011, section 4.2).
+std::vector<std::uint32_t> cutFor(const lod::patch::Hierarchy& hierarchy, const base::Camera& camera,
+                                  const RenderOptions& options, bool cull) {
+  if (!isPerspective(camera)) {
+    // Every point of a parallel view has the same scale: one world error for all.
+    return lod::patch::selectUniformCut(hierarchy, options.tolerance_px / camera.pixelsPerUnitAtOne()).patches;
+  }
+  lod::patch::CutRequest request;
+  request.camera = camera;
+  request.near_plane = nearPlaneOf(camera);
+  request.tolerance_px = options.tolerance_px;
+  request.cull = cull;
+  return lod::patch::selectCut(hierarchy, request).patches;
+}
+
+}  // namespace
+
+struct SceneRenderer::State {
+  State(const lod::patch::PatchFile& patches, std::uint64_t gpu_budget_bytes)
+      : hierarchy(patches.hierarchy()), cache(patches, gpu_budget_bytes), readback(kReadbackDepth) {
+    for (const lod::patch::Patch& patch : hierarchy.patches) box.add(patch.box);
+    max_side = SampleTarget::maxSide();
+  }
+
+  base::Result<void> drawPicture(const base::Camera& camera, std::span<const std::uint32_t> cut,
+                                 const RenderOptions& options, std::function<void(Rendered)> take);
+  base::Result<void> drawTile(const base::Camera& camera, std::span<const std::uint32_t> visible);
+  base::Result<void> prepareTarget(int width, int height, int supersampling);
+  std::vector<std::uint32_t> visibleFrom(const base::Camera& camera, std::span<const std::uint32_t> cut) const;
+  void sortFrontToBack(std::vector<std::uint32_t>& cut, const glm::vec3& eye) const;
+
+  const lod::patch::Hierarchy& hierarchy;
+  base::Aabb box;
+  base::gl::Program surface;
+  ResolvePass resolve;
+  SampleTarget target;
+  PatchCache cache;
+  ReadbackQueue readback;
+  int max_side = 0;
+};
+
+// ---- Drawing
+// -------------------------------------------------------------------------------------------------------------
+
+std::vector<std::uint32_t> SceneRenderer::State::visibleFrom(const base::Camera& camera,
+                                                             std::span<const std::uint32_t> cut) const {
+  const base::Frustum frustum(camera.clipFromScene());
+  std::vector<std::uint32_t> visible;
+  for (const std::uint32_t patch : cut)
+    if (frustum.mayOverlap(hierarchy.patches[patch].box)) visible.push_back(patch);
+  return visible;
+}
+
+// Near patches first hide what lies behind before it is shaded. The order depends on the eye alone, so that where two
+// surfaces coincide every picture from this eye shows the same one.
+void SceneRenderer::State::sortFrontToBack(std::vector<std::uint32_t>& cut, const glm::vec3& eye) const {
+  std::vector<std::pair<float, std::uint32_t>> keyed;
+  keyed.reserve(cut.size());
+  for (const std::uint32_t patch : cut) {
+    const base::Sphere& bounds = hierarchy.patches[patch].bounds;
+    keyed.emplace_back(glm::length(bounds.center - eye) - bounds.radius, patch);
+  }
+  std::sort(keyed.begin(), keyed.end());
+  for (std::size_t i = 0; i < cut.size(); ++i) cut[i] = keyed[i].second;
+}
+
+base::Result<void> SceneRenderer::State::prepareTarget(int width, int height, int supersampling) {
+  if (target.matches(width, height, supersampling)) return {};
+  target = {};
+  auto made = SampleTarget::create(width, height, supersampling);
+  if (!made) return made.error();
+  target = std::move(*made);
+  return {};
+}
+
+base::Result<void> SceneRenderer::State::drawTile(const base::Camera& camera, std::span<const std::uint32_t> visible) {
+  target.begin();
+  glEnable(GL_DEPTH_TEST);
+  glDepthFunc(GL_LESS);
+  glDepthMask(GL_TRUE);
+  glDisable(GL_CULL_FACE);  // scans are seen from behind too
+  glDisable(GL_BLEND);
+  glDisable(GL_SCISSOR_TEST);
+  glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
+
+  surface.use();
+  const glm::mat4 clip_from_scene = camera.clipFromScene();
+  glUniformMatrix4fv(surface.uniform("u_clip_from_scene"), 1, GL_FALSE, &clip_from_scene[0][0]);
+  glUniform3f(surface.uniform("u_eye"), camera.eye.x, camera.eye.y, camera.eye.z);
+  return cache.draw(visible);
+}
+
+base::Result<void> SceneRenderer::State::drawPicture(const base::Camera& camera, std::span<const std::uint32_t> cut,
+                                                     const RenderOptions& options, std::function<void(Rendered)> take) {
+  const std::vector<std::uint32_t> visible = visibleFrom(camera, cut);
+  auto picture = std::make_shared<PendingPicture>();
+  picture->take = std::move(take);
+  picture->rendered.rgba = base::Image(camera.width, camera.height, 4);
+  for (const std::uint32_t patch : visible) picture->rendered.triangles += hierarchy.patches[patch].triangles;
+
+  // A picture of nothing needs no drawing and no transfer.
+  if (visible.empty()) {
+    picture->tiles_left = 1;
+    return readback.skip(picture);
+  }
+
+  const TilePlan plan =
+      planTiles(camera.width, camera.height, options.supersampling, max_side, options.max_target_samples);
+  LUMIGRID_TRY(prepareTarget(plan.tile_width, plan.tile_height, options.supersampling));
+  picture->tiles_left = plan.tiles.size();
+  for (const Tile& tile : plan.tiles) {
+    const base::Camera tile_camera = tileCamera(camera, tile.x, tile.y, plan.tile_width, plan.tile_height);
+    const std::vector<std::uint32_t> in_tile = plan.tiles.size() == 1 ? visible : visibleFrom(tile_camera, visible);
+    if (in_tile.empty()) {
+      LUMIGRID_TRY(readback.skip(picture));
+      continue;
+    }
+    LUMIGRID_TRY(drawTile(tile_camera, in_tile));
+    LUMIGRID_TRY(readback.read(picture, tile, target.resolve(resolve), target.height()));
+  }
+  return {};
+}
+
+// ---- SceneRenderer
+// -------------------------------------------------------------------------------------------------------
+
+SceneRenderer::~SceneRenderer() = default;
+
+base::Result<std::unique_ptr<SceneRenderer>> SceneRenderer::create(const base::Scene& scene,
+                                                                   const lod::patch::PatchFile& patches,
+                                                                   std::uint64_t gpu_budget_bytes) {
+  if (glGetString(GL_VERSION) == nullptr)
+    return base::Error{base::ErrorCode::kUnsupported,
+                       "render: no GL context is current on this thread; make a base::HeadlessContext first"};
+  std::unique_ptr<SceneRenderer> renderer(new SceneRenderer());
+  renderer->state_ = std::make_unique<State>(patches, gpu_budget_bytes);
+  auto surface = base::gl::Program::link("surface", kSurfaceVertex, lod::draw::shadingSource() + kSurfaceFragment);
+  if (!surface) return surface.error();
+  auto resolve = ResolvePass::create();
+  if (!resolve) return resolve.error();
+
+  State& state = *renderer->state_;
+  state.surface = std::move(*surface);
+  state.resolve = std::move(*resolve);
+  lod::draw::setShading(state.surface, {scene.light.mode == base::LightMode::kUnlit, scene.light.direction});
+  return renderer;
+}
+
+base::Result<Rendered> SceneRenderer::render(const base::Camera& camera, const RenderOptions& options) {
+  LUMIGRID_TRY(check(camera, options));
+  LUMIGRID_TRY(finish());
+  std::vector<std::uint32_t> cut = cutFor(state_->hierarchy, camera, options, true);
+  state_->sortFrontToBack(cut, camera.eye);
+  Rendered result;
+  LUMIGRID_TRY(state_->drawPicture(camera, cut, options, [&](Rendered rendered) { result = std::move(rendered); }));
+  LUMIGRID_TRY(finish());
+  return result;
+}
+
+base::Result<void> SceneRenderer::renderMany(const std::vector<base::Camera>& cameras, const RenderOptions& options,
+                                             const std::function<void(std::size_t camera, Rendered)>& take) {
+  if (cameras.empty()) return {};
+  for (const base::Camera& camera : cameras) {
+    LUMIGRID_TRY(check(camera, options));
+    LUMIGRID_CHECK(camera.eye == cameras[0].eye);
+  }
+
+  // One cut for all: that of the camera that sees finest, wherever it looks.
+  const auto finest = std::max_element(
+      cameras.begin(), cameras.end(),
+      [](const base::Camera& a, const base::Camera& b) { return a.pixelsPerUnitAtOne() < b.pixelsPerUnitAtOne(); });
+  std::vector<std::uint32_t> cut = cutFor(state_->hierarchy, *finest, options, false);
+  state_->sortFrontToBack(cut, cameras[0].eye);
+  for (std::size_t i = 0; i < cameras.size(); ++i)
+    LUMIGRID_TRY(
+        state_->drawPicture(cameras[i], cut, options, [take, i](Rendered rendered) { take(i, std::move(rendered)); }));
+  return {};
+}
+
+base::Result<void> SceneRenderer::finish() {
+  return state_->readback.finish();
+}
+
+float SceneRenderer::sceneRadius() const {
+  return state_->box.empty() ? 0.0F : 0.5F * state_->box.diagonal();
+}
+
+glm::vec3 SceneRenderer::sceneCenter() const {
+  return state_->box.empty() ? glm::vec3(0.0F) : state_->box.center();
+}
+
+}  // namespace server

@@ -17,6 +17,8 @@ namespace server {
 struct RenderOptions {
   float tolerance_px = 1.0F;    ///< 0: leaf geometry (ground truth)
   int supersampling = 1;        ///< n × n samples a pixel, 1..8; box-filtered
+  /// Largest render target in samples (8 bytes each); a picture that needs more is drawn in tiles. Default: 4096 × 4096.
+  std::uint64_t max_target_samples = std::uint64_t{1} << 24;
 };
 
 struct Rendered {

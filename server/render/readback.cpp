@@ -1,0 +1,104 @@
+#include "server/render/readback.h"
+
+#include <cstring>
+
+namespace server {
+namespace {
+
+// A picture that takes longer than this is not coming.
+constexpr GLuint64 kWaitNanoseconds = 1'000'000'000;
+constexpr int kMostWaits = 120;
+
+base::Error lost(const char* what) {
+  return {base::ErrorCode::kIo, std::string("reading a picture back: ") + what + " (" + base::gl::takeError() +
+                                    "); restart with a smaller GPU budget"};
+}
+
+}  // namespace
+
+ReadbackQueue::~ReadbackQueue() {
+  for (Entry& entry : entries_)
+    if (entry.fence != nullptr) glDeleteSync(entry.fence);
+}
+
+base::Result<void> ReadbackQueue::read(const std::shared_ptr<PendingPicture>& picture, const Tile& tile,
+                                       GLuint framebuffer, int target_height) {
+  Entry entry{picture, tile, {}, nullptr};
+  if (spare_.empty()) {
+    entry.pixels = base::gl::Buffer::create();
+  } else {
+    entry.pixels = std::move(spare_.back());
+    spare_.pop_back();
+  }
+
+  // The tile's first row is the target's top one: GL's last.
+  glBindFramebuffer(GL_READ_FRAMEBUFFER, framebuffer);
+  glBindBuffer(GL_PIXEL_PACK_BUFFER, entry.pixels.name());
+  glBufferData(GL_PIXEL_PACK_BUFFER, GLsizeiptr{tile.width} * tile.height * 4, nullptr, GL_STREAM_READ);
+  glPixelStorei(GL_PACK_ALIGNMENT, 4);
+  glReadPixels(0, target_height - tile.height, tile.width, tile.height, GL_RGBA, GL_UNSIGNED_BYTE, nullptr);
+  glBindBuffer(GL_PIXEL_PACK_BUFFER, 0);
+  entry.fence = glFenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0);
+  glFlush();
+
+  entries_.push_back(std::move(entry));
+  ++in_flight_;
+  while (in_flight_ >= depth_) LUMIGRID_TRY(deliverOldest());
+  return {};
+}
+
+base::Result<void> ReadbackQueue::skip(const std::shared_ptr<PendingPicture>& picture) {
+  entries_.push_back({picture, {}, {}, nullptr});
+  // With nothing in flight before it there is nothing to wait for.
+  while (in_flight_ == 0 && !entries_.empty()) LUMIGRID_TRY(deliverOldest());
+  return {};
+}
+
+base::Result<void> ReadbackQueue::finish() {
+  while (!entries_.empty()) LUMIGRID_TRY(deliverOldest());
+  return {};
+}
+
+base::Result<void> ReadbackQueue::deliverOldest() {
+  Entry entry = std::move(entries_.front());
+  entries_.pop_front();
+  if (entry.pixels) {
+    --in_flight_;
+    const base::Result<void> copied = copyPixels(entry);
+    glDeleteSync(entry.fence);
+    if (!copied) return copied;
+    spare_.push_back(std::move(entry.pixels));
+  }
+  PendingPicture& picture = *entry.picture;
+  if (--picture.tiles_left == 0) picture.take(std::move(picture.rendered));
+  return {};
+}
+
+base::Result<void> ReadbackQueue::copyPixels(const Entry& entry) {
+  GLenum state = GL_TIMEOUT_EXPIRED;
+  for (int i = 0; i < kMostWaits && state == GL_TIMEOUT_EXPIRED; ++i)
+    state = glClientWaitSync(entry.fence, GL_SYNC_FLUSH_COMMANDS_BIT, kWaitNanoseconds);
+  if (state != GL_ALREADY_SIGNALED && state != GL_CONDITION_SATISFIED) return lost("the GPU does not answer");
+
+  const std::size_t row = static_cast<std::size_t>(entry.tile.width) * 4;
+  const std::size_t bytes = row * static_cast<std::size_t>(entry.tile.height);
+  glBindBuffer(GL_PIXEL_PACK_BUFFER, entry.pixels.name());
+  const auto* pixels = static_cast<const std::uint8_t*>(
+      glMapBufferRange(GL_PIXEL_PACK_BUFFER, 0, static_cast<GLsizeiptr>(bytes), GL_MAP_READ_BIT));
+  if (pixels == nullptr) {
+    glBindBuffer(GL_PIXEL_PACK_BUFFER, 0);
+    return lost("its pixel buffer can't be mapped");
+  }
+
+  // GL's first row is the bottom one; ours is the top one.
+  base::Image& image = entry.picture->rendered.rgba;
+  for (int y = 0; y < entry.tile.height; ++y)
+    std::memcpy(image.at(entry.tile.x, entry.tile.y + y),
+                pixels + row * static_cast<std::size_t>(entry.tile.height - 1 - y), row);
+  const GLboolean intact = glUnmapBuffer(GL_PIXEL_PACK_BUFFER);
+  glBindBuffer(GL_PIXEL_PACK_BUFFER, 0);
+  if (intact != GL_TRUE) return lost("its pixel buffer was lost");
+  return {};
+}
+
+}  // namespace server

@@ -1,0 +1,132 @@
+#include "server/render/sample_target.h"
+
+#include <algorithm>
+#include <array>
+
+namespace server {
+namespace {
+
+// One triangle that covers the viewport, from the vertex number alone.
+constexpr const char* kResolveVertex = R"(
+void main() {
+  vec2 corner = vec2(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0);
+  gl_Position = vec4(corner, 0.0, 1.0);
+}
+)";
+
+constexpr const char* kResolveFragment = R"(
+uniform sampler2D u_samples;
+uniform int u_supersampling;
+layout(location = 0) out vec4 out_color;
+void main() {
+  ivec2 first = ivec2(gl_FragCoord.xy) * u_supersampling;
+  vec3 color = vec3(0.0);
+  float covered = 0.0;
+  for (int y = 0; y < u_supersampling; ++y)
+    for (int x = 0; x < u_supersampling; ++x) {
+      vec4 texel = texelFetch(u_samples, first + ivec2(x, y), 0);
+      color += texel.rgb * texel.a;
+      covered += texel.a;
+    }
+  out_color = vec4(color / max(covered, 1.0), covered / float(u_supersampling * u_supersampling));
+}
+)";
+
+bool complete() {
+  return glCheckFramebufferStatus(GL_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE;
+}
+
+}  // namespace
+
+base::Result<ResolvePass> ResolvePass::create() {
+  auto program = base::gl::Program::link("resolve", kResolveVertex, kResolveFragment);
+  if (!program) return program.error();
+  ResolvePass pass;
+  pass.program_ = std::move(*program);
+  pass.array_ = base::gl::VertexArray::create();
+  return pass;
+}
+
+void ResolvePass::run(GLuint samples, int supersampling) const {
+  glDisable(GL_DEPTH_TEST);
+  glActiveTexture(GL_TEXTURE0);
+  glBindTexture(GL_TEXTURE_2D, samples);
+  program_.use();
+  glUniform1i(program_.uniform("u_samples"), 0);
+  glUniform1i(program_.uniform("u_supersampling"), supersampling);
+  glBindVertexArray(array_.name());
+  glDrawArrays(GL_TRIANGLES, 0, 3);
+  glBindVertexArray(0);
+  glBindTexture(GL_TEXTURE_2D, 0);
+}
+
+int SampleTarget::maxSide() {
+  GLint texture = 0;
+  GLint renderbuffer = 0;
+  std::array<GLint, 2> viewport{};
+  glGetIntegerv(GL_MAX_TEXTURE_SIZE, &texture);
+  glGetIntegerv(GL_MAX_RENDERBUFFER_SIZE, &renderbuffer);
+  glGetIntegerv(GL_MAX_VIEWPORT_DIMS, viewport.data());
+  return std::min({texture, renderbuffer, viewport[0], viewport[1]});
+}
+
+base::Result<SampleTarget> SampleTarget::create(int width, int height, int supersampling) {
+  SampleTarget target;
+  target.width_ = width;
+  target.height_ = height;
+  target.supersampling_ = supersampling;
+  const int sample_width = width * supersampling;
+  const int sample_height = height * supersampling;
+
+  // The samples: a texture, because the resolve pass reads it.
+  target.samples_ = base::gl::Texture::create();
+  glBindTexture(GL_TEXTURE_2D, target.samples_.name());
+  glTexStorage2D(GL_TEXTURE_2D, 1, GL_RGBA8, sample_width, sample_height);
+  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
+  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
+  glBindTexture(GL_TEXTURE_2D, 0);
+  target.depth_ = base::gl::Renderbuffer::create();
+  glBindRenderbuffer(GL_RENDERBUFFER, target.depth_.name());
+  glRenderbufferStorage(GL_RENDERBUFFER, GL_DEPTH_COMPONENT24, sample_width, sample_height);
+  target.framebuffer_ = base::gl::Framebuffer::create();
+  glBindFramebuffer(GL_FRAMEBUFFER, target.framebuffer_.name());
+  glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, target.samples_.name(), 0);
+  glFramebufferRenderbuffer(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_RENDERBUFFER, target.depth_.name());
+  bool good = complete();
+
+  // The averaged pixels.
+  if (supersampling > 1) {
+    target.resolved_ = base::gl::Renderbuffer::create();
+    glBindRenderbuffer(GL_RENDERBUFFER, target.resolved_.name());
+    glRenderbufferStorage(GL_RENDERBUFFER, GL_RGBA8, width, height);
+    target.resolved_framebuffer_ = base::gl::Framebuffer::create();
+    glBindFramebuffer(GL_FRAMEBUFFER, target.resolved_framebuffer_.name());
+    glFramebufferRenderbuffer(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_RENDERBUFFER, target.resolved_.name());
+    good = good && complete();
+  }
+  glBindRenderbuffer(GL_RENDERBUFFER, 0);
+  if (!good)
+    return base::Error{base::ErrorCode::kNoSpace, "the GL refuses a render target of " + std::to_string(sample_width) +
+                                                      " x " + std::to_string(sample_height) + " samples (" +
+                                                      base::gl::takeError() +
+                                                      "); use less supersampling or a smaller picture"};
+  return target;
+}
+
+void SampleTarget::begin() const {
+  glBindFramebuffer(GL_FRAMEBUFFER, framebuffer_.name());
+  glViewport(0, 0, width_ * supersampling_, height_ * supersampling_);
+  glClearColor(0.0F, 0.0F, 0.0F, 0.0F);
+  glClearDepthf(1.0F);
+  glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
+}
+
+GLuint SampleTarget::resolve(const ResolvePass& pass) const {
+  if (supersampling_ == 1) return framebuffer_.name();
+  glBindFramebuffer(GL_FRAMEBUFFER, resolved_framebuffer_.name());
+  glViewport(0, 0, width_, height_);
+  pass.run(samples_.name(), supersampling_);
+  return resolved_framebuffer_.name();
+}
+
+}  // namespace server

@@ -1,0 +1,52 @@
+#include "server/render/tiling.h"
+
+#include <algorithm>
+
+namespace server {
+
+TilePlan planTiles(int width, int height, int supersampling, int max_side, std::uint64_t max_samples) {
+  TilePlan plan{width, height, {}};
+  const auto samples = [&](int pixels) { return std::int64_t{pixels} * supersampling; };
+  const auto fits = [&] {
+    return samples(plan.tile_width) <= max_side && samples(plan.tile_height) <= max_side &&
+           static_cast<std::uint64_t>(samples(plan.tile_width) * samples(plan.tile_height)) <= max_samples;
+  };
+
+  // Cut the longer side into one part more until a part fits.
+  int columns = 1;
+  int rows = 1;
+  while (!fits() && (plan.tile_width > 1 || plan.tile_height > 1)) {
+    (plan.tile_width >= plan.tile_height ? columns : rows) += 1;
+    plan.tile_width = (width + columns - 1) / columns;
+    plan.tile_height = (height + rows - 1) / rows;
+  }
+  for (int y = 0; y < height; y += plan.tile_height)
+    for (int x = 0; x < width; x += plan.tile_width)
+      plan.tiles.push_back({x, y, std::min(plan.tile_width, width - x), std::min(plan.tile_height, height - y)});
+  return plan;
+}
+
+base::Camera tileCamera(const base::Camera& camera, int x, int y, int tile_width, int tile_height) {
+  if (x == 0 && y == 0 && tile_width == camera.width && tile_height == camera.height) return camera;
+
+  // A pixel column at X of W has NDC 2 X / W − 1; seen from the tile it is at X − x of w. So x_tile = x_ndc · W / w +
+  // (W − 2 x − w) / w, which in clip space is a scale and a shift by w_clip. Rows likewise, counted from the bottom.
+  const auto full = glm::dvec2(camera.width, camera.height);
+  const auto part = glm::dvec2(tile_width, tile_height);
+  const auto corner = glm::dvec2(x, camera.height - y - tile_height);
+  const glm::dvec2 scale = full / part;
+  const glm::dvec2 shift = (full - 2.0 * corner - part) / part;
+  glm::dmat4 tile_from_clip(1.0);
+  tile_from_clip[0][0] = scale.x;
+  tile_from_clip[1][1] = scale.y;
+  tile_from_clip[3][0] = shift.x;
+  tile_from_clip[3][1] = shift.y;
+
+  base::Camera tile = camera;
+  tile.clip_from_eye = glm::mat4(tile_from_clip * glm::dmat4(camera.clip_from_eye));
+  tile.width = tile_width;
+  tile.height = tile_height;
+  return tile;
+}
+
+}  // namespace server

@@ -1,0 +1,33 @@
+#pragma once
+// Pictures larger than a render target are drawn in tiles: equal parts of the picture, each through its own off-axis
+// camera.
+#include <cstdint>
+#include <vector>
+
+#include "base/camera.h"
+
+namespace server {
+
+/// A part of a picture in pixels; y counts rows from the top.
+struct Tile {
+  int x = 0;
+  int y = 0;
+  int width = 0;  ///< pixels that lie inside the picture
+  int height = 0;
+};
+
+struct TilePlan {
+  int tile_width = 0;  ///< pixels of every tile's target; the last ones of a row or column hang over the picture's edge
+  int tile_height = 0;
+  std::vector<Tile> tiles;  ///< row by row from the top left
+};
+
+/// As few tiles as keep each side at most `max_side` samples and each tile at most `max_samples` samples, with
+/// `supersampling`² samples a pixel. One tile is at least one pixel.
+TilePlan planTiles(int width, int height, int supersampling, int max_side, std::uint64_t max_samples);
+
+/// The camera that sees exactly the tile_width × tile_height pixels of `camera`'s picture whose top left pixel is (x,
+/// y).
+base::Camera tileCamera(const base::Camera& camera, int x, int y, int tile_width, int tile_height);
+
+}  // namespace server
