@@ -1,0 +1,149 @@
+#include "base/gl/gl.h"
+
+#include <gtest/gtest.h>
+
+#include "base/egl/headless.h"
+
+namespace base::gl {
+namespace {
+
+constexpr const char* kVertex = R"(
+layout(location = 3) in vec2 corner;
+void main() { gl_Position = vec4(corner, 0.0, 1.0); }
+)";
+constexpr const char* kFragment = R"(
+uniform vec4 u_color;
+layout(location = 0) out vec4 out_color;
+void main() { out_color = u_color; }
+)";
+
+class GlTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    auto context = HeadlessContext::create();
+    ASSERT_TRUE(context) << context.error().message;
+    context_ = std::move(*context);
+  }
+  void TearDown() override { EXPECT_EQ(takeError(), ""); }
+
+  std::unique_ptr<HeadlessContext> context_;
+};
+
+TEST_F(GlTest, programTakesAttributeLocationsFromItsSource) {
+  const auto program = Program::link("flat", kVertex, kFragment);
+  ASSERT_TRUE(program) << program.error().message;
+  EXPECT_EQ(glGetAttribLocation(program->name(), "corner"), 3);
+}
+
+TEST_F(GlTest, uniformsAreFoundAgainAndUnknownOnesAreMinusOne) {
+  const auto program = Program::link("flat", kVertex, kFragment);
+  ASSERT_TRUE(program);
+  const GLint location = program->uniform("u_color");
+  EXPECT_GE(location, 0);
+  EXPECT_EQ(program->uniform("u_color"), location);
+  EXPECT_EQ(program->uniform("u_absent"), -1);
+  EXPECT_EQ(program->uniform("u_absent"), -1);
+}
+
+TEST_F(GlTest, samplersOfEveryKindWeUseNeedNoPrecision) {
+  const auto program = Program::link("samplers", kVertex, R"(
+uniform sampler2DArray u_images;
+uniform sampler2DShadow u_shadow;
+uniform sampler2DArrayShadow u_shadows;
+layout(location = 0) out vec4 out_color;
+void main() {
+  out_color = texture(u_images, vec3(0.5)) * texture(u_shadow, vec3(0.5)) * texture(u_shadows, vec4(0.5));
+}
+)");
+  EXPECT_TRUE(program) << program.error().message;
+}
+
+TEST_F(GlTest, compileErrorNamesProgramStageAndWhatIsWrong) {
+  const auto program = Program::link("broken", kVertex, "void main() { undeclared_thing = 1.0; }");
+  ASSERT_FALSE(program);
+  const std::string& message = program.error().message;
+  EXPECT_NE(message.find("'broken'"), std::string::npos) << message;
+  EXPECT_NE(message.find("fragment shader"), std::string::npos) << message;
+  EXPECT_NE(message.find("undeclared_thing"), std::string::npos) << message;
+  EXPECT_EQ(message.find('\n'), std::string::npos) << message;
+}
+
+TEST_F(GlTest, linkErrorNamesProgramAndVarying) {
+  // The fragment shader reads what no vertex shader wrote.
+  const auto program = Program::link("unmatched", kVertex, R"(
+in vec3 v_missing;
+layout(location = 0) out vec4 out_color;
+void main() { out_color = vec4(v_missing, 1.0); }
+)");
+  ASSERT_FALSE(program);
+  const std::string& message = program.error().message;
+  EXPECT_NE(message.find("'unmatched' does not link"), std::string::npos) << message;
+  EXPECT_NE(message.find("v_missing"), std::string::npos) << message;
+}
+
+// A 3 × 2 target: its upper left pixel red, its lower right one blue.
+//   R . .
+//   . . B
+TEST_F(GlTest, readBackStartsWithTheTopRow) {
+  const auto target = RenderTarget::create(3, 2);
+  ASSERT_TRUE(target) << target.error().message;
+  target->bind();
+  glClearColor(0, 0, 0, 0);
+  glClear(GL_COLOR_BUFFER_BIT);
+  glEnable(GL_SCISSOR_TEST);
+  glScissor(0, 1, 1, 1);  // GL counts rows from the bottom
+  glClearColor(1, 0, 0, 1);
+  glClear(GL_COLOR_BUFFER_BIT);
+  glScissor(2, 0, 1, 1);
+  glClearColor(0, 0, 1, 1);
+  glClear(GL_COLOR_BUFFER_BIT);
+  glDisable(GL_SCISSOR_TEST);
+
+  const Image image = target->read();
+  const std::vector<std::uint8_t> expected{255, 0, 0, 255, 0, 0, 0, 0, 0, 0, 0,   0,     // top
+                                           0,   0, 0, 0,   0, 0, 0, 0, 0, 0, 255, 255};  // bottom
+  EXPECT_EQ(image.width, 3);
+  EXPECT_EQ(image.height, 2);
+  EXPECT_EQ(image.channels, 4);
+  EXPECT_EQ(image.pixels, expected);
+}
+
+TEST_F(GlTest, targetHasTwentyFourDepthBits) {
+  const auto target = RenderTarget::create(4, 4);
+  ASSERT_TRUE(target);
+  target->bind();
+  GLint bits = 0;
+  glGetIntegerv(GL_DEPTH_BITS, &bits);
+  EXPECT_GE(bits, 24);
+}
+
+TEST_F(GlTest, targetLargerThanTheLimitIsAnErrorThatSaysTheLimit) {
+  GLint limit = 0;
+  glGetIntegerv(GL_MAX_RENDERBUFFER_SIZE, &limit);
+  const auto wide = RenderTarget::create(limit + 1, 1);
+  ASSERT_FALSE(wide);
+  EXPECT_NE(wide.error().message.find(std::to_string(limit)), std::string::npos) << wide.error().message;
+  EXPECT_FALSE(RenderTarget::create(0, 4));
+}
+
+TEST_F(GlTest, objectsAreFreedOnceWhenMovedAndDestroyed) {
+  GLuint name = 0;
+  {
+    Buffer first = Buffer::create();
+    name = first.name();
+    glBindBuffer(GL_ARRAY_BUFFER, name);  // a name becomes an object when it is bound
+    Buffer second = std::move(first);
+    EXPECT_EQ(second.name(), name);
+    EXPECT_EQ(glIsBuffer(name), GL_TRUE);
+  }
+  EXPECT_EQ(glIsBuffer(name), GL_FALSE);
+}
+
+TEST_F(GlTest, takeErrorNamesTheErrorAndClearsIt) {
+  glEnable(0xFFFF);
+  EXPECT_EQ(takeError(), "GL_INVALID_ENUM");
+  EXPECT_EQ(takeError(), "");
+}
+
+}  // namespace
+}  // namespace base::gl
