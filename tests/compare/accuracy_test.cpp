@@ -1,0 +1,84 @@
+#include "compare/accuracy.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace {
+
+// A picture whose left half is model (a smooth pattern), whose right half is background.
+base::Image halfCovered(int shift) {
+  base::Image image(64, 48, 4);
+  for (int y = 0; y < 48; ++y)
+    for (int x = 0; x < 32; ++x) {
+      auto* p = image.at(x, y);
+      for (int c = 0; c < 3; ++c) p[c] = static_cast<std::uint8_t>(100 + 60 * std::sin(0.3 * x + 0.2 * y + c) + shift);
+      p[3] = 255;
+    }
+  return image;
+}
+
+TEST(Accuracy, anEqualPictureIsPerfect) {
+  auto a = compare::measureAccuracy(halfCovered(0), halfCovered(0));
+  ASSERT_TRUE(a);
+  EXPECT_EQ(a->psnr_db, 99.0);
+  EXPECT_NEAR(a->ssim, 1.0, 1e-6);
+  EXPECT_EQ(a->foreground, 32U * 48U);
+}
+
+TEST(Accuracy, aConstantOffsetHasItsClosedFormPsnr) {
+  auto a = compare::measureAccuracy(halfCovered(0), halfCovered(10));
+  ASSERT_TRUE(a);
+  EXPECT_NEAR(a->psnr_db, 20.0 * std::log10(255.0 / 10.0), 1e-6);
+  EXPECT_NEAR(a->mean_abs, 10.0, 1e-6);
+}
+
+TEST(Accuracy, backgroundFlattersNobody) {
+  // Twice the background around the same error leaves the figure as it is.
+  base::Image truth(128, 48, 4);
+  base::Image picture(128, 48, 4);
+  const base::Image a = halfCovered(0);
+  const base::Image b = halfCovered(10);
+  for (int y = 0; y < 48; ++y)
+    for (int x = 0; x < 64; ++x) {
+      std::copy_n(a.at(x, y), 4, truth.at(x, y));
+      std::copy_n(b.at(x, y), 4, picture.at(x, y));
+    }
+  auto small = compare::measureAccuracy(a, b);
+  auto large = compare::measureAccuracy(truth, picture);
+  ASSERT_TRUE(small && large);
+  EXPECT_NEAR(small->psnr_db, large->psnr_db, 1e-9);
+}
+
+TEST(Accuracy, holesAndExcessAreCounted) {
+  base::Image picture = halfCovered(0);
+  for (int y = 0; y < 48; ++y) {
+    picture.at(0, y)[3] = 0;      // one column of 32 missing
+    picture.at(40, y)[3] = 255;   // one too much
+  }
+  auto a = compare::measureAccuracy(halfCovered(0), picture);
+  ASSERT_TRUE(a);
+  EXPECT_NEAR(a->missing_share, 1.0 / 32.0, 1e-12);
+  EXPECT_NEAR(a->excess_share, 1.0 / 32.0, 1e-12);
+  EXPECT_LT(a->psnr_db, 40.0);
+}
+
+TEST(Accuracy, ssimFallsWhenStructureIsLostAndPsnrIsTheSame) {
+  const base::Image truth = halfCovered(0);
+  base::Image noisy = truth;
+  for (int y = 0; y < 48; ++y)
+    for (int x = 0; x < 32; ++x)
+      for (int c = 0; c < 3; ++c) noisy.at(x, y)[c] = static_cast<std::uint8_t>(noisy.at(x, y)[c] + ((x + y) % 2 == 0 ? 10 : -10));
+  auto shifted = compare::measureAccuracy(truth, halfCovered(10));
+  auto scrambled = compare::measureAccuracy(truth, noisy);
+  ASSERT_TRUE(shifted && scrambled);
+  EXPECT_NEAR(shifted->psnr_db, scrambled->psnr_db, 1e-6);
+  EXPECT_LT(scrambled->ssim, shifted->ssim - 0.05);
+}
+
+TEST(Accuracy, differentSizesAndEmptyPicturesAreErrors) {
+  EXPECT_FALSE(compare::measureAccuracy(base::Image(4, 4, 4), base::Image(4, 5, 4)));
+  EXPECT_FALSE(compare::measureAccuracy(base::Image(4, 4, 4), base::Image(4, 4, 4)));
+}
+
+}  // namespace
