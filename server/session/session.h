@@ -1,5 +1,18 @@
 #pragma once
-// One client as the server sees it: messages in, messages out, no socket, no clock, no GL. DESIGN section 6, steps 1 to 5.
+// One client as the server sees it: messages in, messages out, no socket, no clock, no GL. DESIGN section 6, steps 1
+// to 5.
+//
+// Order of what is sent for a view (docs/formats/protocol.md draws the states):
+//   1. the coarse whole model: group 0 and the next by error, about 50 kB (once; again what the client evicted)
+//   2. groups and faces of the view. Groups alone while the largest projected error that is missing exceeds four times
+//   the tolerance (an
+//      image thrown on a proxy that far off is a blur); then whichever of the two kinds had fewer bytes in this view
+//      goes next
+//   3. Complete; then the exact frame, when the view wants one and somebody renders it
+//   4. at rest: other directions at the same points, then faces along the motion, at most 1 MB beyond Complete
+// A new view drops all that was not sent yet. What a client evicts is sent again for the next view that needs it, not
+// before: a client whose cache is too small for its view would otherwise be sent the same bytes for ever.
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
@@ -25,6 +38,17 @@ struct FrameRequest {
   int quality = 85;
 };
 
+/// What a session did, for the server's log.
+struct SessionCounts {
+  std::uint64_t views = 0, groups = 0, faces = 0, frames = 0;  ///< received; sent; sent; sent
+  std::uint64_t bytes = 0;                                     ///< handed out by nextMessage()
+  std::uint64_t missing = 0;                                   ///< faces wanted that the store lacks (not baked yet)
+  std::uint64_t corrupt = 0;                                   ///< faces and blocks whose checksum failed
+};
+
+/// Most faces that a client may claim to hold; a cache of 50 MB holds some 2 000.
+inline constexpr std::size_t kMaxFacesHeld = 1'000'000;
+
 class Session {
  public:
   explicit Session(const SceneData& scene);
@@ -32,14 +56,18 @@ class Session {
 
   /// Takes one message. An error ends the connection (send the Refusal that nextMessage() then yields first).
   base::Result<void> receive(base::ByteView bytes);
-  /// The next message to send, the most useful first; nullopt when there is nothing to say. Call again once the last was written:
-  /// that is the back-pressure.
+  /// The next message to send, the most useful first; nullopt when there is nothing to say. Call again once the last
+  /// was written: that is the back-pressure.
   std::optional<base::Bytes> nextMessage();
-  /// Non-null when everything else was sent and the client wants the exact picture of its newest view; asked once per view.
+  /// Non-null when everything else was sent and the client wants the exact picture of its newest view; asked once per
+  /// view.
   std::optional<FrameRequest> takeFrameRequest();
-  /// The rendered picture (a face value) for that view; dropped when a newer view came meanwhile and this one is far off.
+  /// The rendered picture (a face value) for that view; dropped when a newer view came meanwhile and this one is far
+  /// off. Empty: could not be rendered.
   void frameRendered(const FrameRequest& request, base::Bytes value);
-  bool finished() const;  ///< a refusal was said; close
+  bool finished() const;                  ///< a refusal was said; close
+  const std::string& clientName() const;  ///< from Hello; empty before
+  const SessionCounts& counts() const;
 
  private:
   struct State;

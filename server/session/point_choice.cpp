@@ -1,0 +1,309 @@
+#include "server/session/point_choice.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <tuple>
+#include <unordered_map>
+#include <utility>
+
+#include "repository/cube_face.h"
+
+namespace server {
+namespace {
+
+constexpr std::size_t kMaxCandidates = 256;  // 256 × 144 uses are computed in under a millisecond
+constexpr std::size_t kCornersKept = 4;
+constexpr float kSecondBest = 0.5F;  // what a second image of the same place counts
+constexpr float kNarrowCone = 0.5F;  // cosine: normals within 60° of their mean make the patch nearly a plane
+constexpr float kGrazing = 0.2F;     // cosine under which "how much less does p face it than the eye" loses its meaning
+
+using Index = std::tuple<std::uint32_t, std::uint32_t, std::uint32_t>;
+Index orderOf(const glm::uvec3& p) {
+  return {p.x, p.y, p.z};
+}
+
+// ---- what the eye sees ----
+
+struct Ray {
+  glm::vec3 origin;
+  glm::vec3 direction;  // unit
+};
+
+Ray rayThrough(const base::Camera& camera, float ndc_x, float ndc_y) {
+  const glm::mat4& p = camera.clip_from_eye;
+  const glm::vec3 eye_direction((ndc_x + p[2][0]) / p[0][0], (ndc_y + p[2][1]) / p[1][1], -1.0F);
+  return {camera.eye, glm::normalize(glm::transpose(glm::mat3(camera.eye_from_scene)) * eye_direction)};
+}
+
+/// Where the ray is inside the box, in front of its origin.
+std::optional<std::pair<float, float>> crossing(const Ray& ray, const base::Aabb& box) {
+  float enter = 0.0F;
+  float leave = std::numeric_limits<float>::max();
+  for (int axis = 0; axis < 3; ++axis) {
+    const float direction = std::abs(ray.direction[axis]) < 1e-12F ? 1e-12F : ray.direction[axis];
+    const float a = (box.min[axis] - ray.origin[axis]) / direction;
+    const float b = (box.max[axis] - ray.origin[axis]) / direction;
+    enter = std::max(enter, std::min(a, b));
+    leave = std::min(leave, std::max(a, b));
+  }
+  if (enter > leave) return std::nullopt;
+  return std::pair{enter, leave};
+}
+
+/// How far along the ray the patch's surface is likely met.
+std::optional<float> meets(const Ray& ray, const lod::patch::Patch& patch) {
+  const auto inside = crossing(ray, patch.box);
+  if (!inside) return std::nullopt;
+  const auto [enter, leave] = *inside;
+  if (patch.cone.cos_angle < kNarrowCone) return 0.5F * (enter + leave);
+
+  const float slope = glm::dot(ray.direction, patch.cone.axis);
+  if (std::abs(slope) < 1e-3F) return 0.5F * (enter + leave);
+  const float distance = glm::dot(patch.box.center() - ray.origin, patch.cone.axis) / slope;
+  const float margin = 0.05F * patch.bounds.radius;
+  if (distance <= 0.0F || distance < enter - margin || distance > leave + margin) return std::nullopt;
+  return distance;
+}
+
+// ---- the worth of a set of points ----
+
+/// Best and second best use of each sample so far.
+struct Covered {
+  float best = 0.0F, second = 0.0F;
+
+  float gain(float use) const {
+    if (use > best) return (use - best) + kSecondBest * (best - second);
+    return use > second ? kSecondBest * (use - second) : 0.0F;
+  }
+  void add(float use) {
+    if (use > best) {
+      second = std::exchange(best, use);
+    } else {
+      second = std::max(second, use);
+    }
+  }
+};
+
+/// uses[i] are the uses of item i for every sample. Moves item indices into the order of largest gain, at most `limit`;
+/// the items up to `forced` are taken whatever they add, but in their own right order too.
+struct Greedy {
+  const std::vector<std::vector<float>>& uses;
+  const std::vector<SurfaceSample>& samples;
+  std::vector<Covered> covered;
+
+  float gainOf(std::size_t item) const {
+    float sum = 0.0F;
+    for (std::size_t s = 0; s < samples.size(); ++s) sum += samples[s].weight * covered[s].gain(uses[item][s]);
+    return sum;
+  }
+  void take(std::size_t item) {
+    for (std::size_t s = 0; s < samples.size(); ++s) covered[s].add(uses[item][s]);
+  }
+  /// The item of `items` that adds most; the earlier one of equals.
+  std::size_t bestOf(const std::vector<std::size_t>& items) const {
+    std::size_t best = 0;
+    float best_gain = -1.0F;
+    for (std::size_t i = 0; i < items.size(); ++i) {
+      const float gain = gainOf(items[i]);
+      if (gain > best_gain) best = i, best_gain = gain;
+    }
+    return best;
+  }
+};
+
+/// All items in greedy order, until `limit` are chosen.
+std::vector<std::size_t> greedyOrder(Greedy& greedy, std::vector<std::size_t> items, std::size_t limit) {
+  std::vector<std::size_t> chosen;
+  while (!items.empty() && chosen.size() < limit) {
+    const std::size_t at = greedy.bestOf(items);
+    chosen.push_back(items[at]);
+    greedy.take(items[at]);
+    items.erase(items.begin() + static_cast<std::ptrdiff_t>(at));
+  }
+  return chosen;
+}
+
+/// Floating sums depend on their order; sorted samples make the answer independent of how they came.
+void sortSamples(std::vector<SurfaceSample>& samples) {
+  auto key = [](const SurfaceSample& s) {
+    return std::tuple(s.position.x, s.position.y, s.position.z, s.normal.x, s.normal.y, s.normal.z, s.weight);
+  };
+  std::sort(samples.begin(), samples.end(), [&](const auto& a, const auto& b) { return key(a) < key(b); });
+}
+
+// ---- candidates ----
+
+/// The corners of the eye's cell, nearest first.
+std::vector<glm::uvec3> cornersByDistance(const PointQuery& query) {
+  const auto corners = query.grid.cellCorners(query.eye);
+  std::vector<glm::uvec3> sorted(corners.begin(), corners.end());
+  auto distance = [&](const glm::uvec3& p) { return glm::length(query.grid.point(p.x, p.y, p.z) - query.eye); };
+  std::sort(sorted.begin(), sorted.end(), [&](const glm::uvec3& a, const glm::uvec3& b) {
+    return std::tuple(distance(a), orderOf(a)) < std::tuple(distance(b), orderOf(b));
+  });
+  return sorted;
+}
+
+/// Grid points in the cells along the lines from the eye to the samples: at the eye, where a face is as fine as the
+/// view, and before and behind that. The score is how often (and how nearly) a point was met.
+std::vector<glm::uvec3> pointsTowardsSurface(const PointQuery& query, const std::vector<SurfaceSample>& samples) {
+  const float focal_face = 0.5F * static_cast<float>(query.grid.face_size);
+  const float even = 1.0F - std::min(1.0F, focal_face / query.pixels_per_unit_at_one);
+  const std::array<float, 4> fractions{0.0F, 0.5F * even, even, 0.5F * (1.0F + even)};
+
+  std::unordered_map<std::uint64_t, std::pair<glm::uvec3, float>> scores;
+  for (const SurfaceSample& sample : samples) {
+    for (float fraction : fractions) {
+      const glm::vec3 place = glm::mix(query.eye, sample.position, fraction);
+      for (const glm::uvec3& p : query.grid.cellCorners(place)) {
+        const float distance = glm::length(query.grid.point(p.x, p.y, p.z) - place) / query.grid.spacing;
+        const std::uint64_t key = repository::FaceKey{p.x, p.y, p.z, 0}.code();
+        auto& entry = scores.try_emplace(key, p, 0.0F).first->second;
+        entry.second += sample.weight / (1.0F + distance * distance);
+      }
+    }
+  }
+
+  std::vector<std::pair<glm::uvec3, float>> ranked;
+  ranked.reserve(scores.size());
+  for (const auto& [key, entry] : scores) ranked.push_back(entry);
+  std::sort(ranked.begin(), ranked.end(), [](const auto& a, const auto& b) {
+    return a.second != b.second ? a.second > b.second : orderOf(a.first) < orderOf(b.first);
+  });
+  std::vector<glm::uvec3> points;
+  for (const auto& [point, score] : ranked) points.push_back(point);
+  return points;
+}
+
+}  // namespace
+
+std::vector<SurfaceSample> sampleVisibleSurface(const lod::patch::Hierarchy& hierarchy,
+                                                std::span<const std::uint32_t> patches, const base::Camera& camera,
+                                                int columns, int rows) {
+  std::vector<SurfaceSample> samples;
+  const float weight = 1.0F / static_cast<float>(columns * rows);
+  for (int tile = 0; tile < columns * rows; ++tile) {
+    const float x = (static_cast<float>(tile % columns) + 0.5F) / static_cast<float>(columns);
+    const float y = (static_cast<float>(tile / columns) + 0.5F) / static_cast<float>(rows);
+    const Ray ray = rayThrough(camera, 2.0F * x - 1.0F, 2.0F * y - 1.0F);
+
+    const lod::patch::Patch* nearest = nullptr;
+    float nearest_distance = std::numeric_limits<float>::max();
+    for (std::uint32_t index : patches) {
+      const auto distance = meets(ray, hierarchy.patches[index]);
+      if (distance && *distance < nearest_distance) nearest = &hierarchy.patches[index], nearest_distance = *distance;
+    }
+    if (nearest == nullptr) continue;
+    const bool narrow = nearest->cone.cos_angle >= kNarrowCone;
+    samples.push_back(
+        {ray.origin + nearest_distance * ray.direction, narrow ? nearest->cone.axis : glm::vec3(0.0F), weight});
+  }
+  return samples;
+}
+
+float useOfPoint(const PointQuery& query, const glm::vec3& point, const SurfaceSample& sample) {
+  const glm::vec3 to_eye = query.eye - sample.position;
+  const glm::vec3 to_point = point - sample.position;
+  const float eye_distance = glm::length(to_eye);
+  const float point_distance = glm::length(to_point);
+  if (!(eye_distance > 0.0F) || !(point_distance > 0.0F)) return 0.0F;
+  const float cosine = glm::dot(to_eye, to_point) / (eye_distance * point_distance);
+  if (!(cosine > 0.0F)) return 0.0F;
+
+  // How blurred the image would be there, in pixels of the view.
+  const float focal_face = 0.5F * static_cast<float>(query.grid.face_size);
+  const float view_resolution = query.pixels_per_unit_at_one / eye_distance;
+  const float face_resolution = focal_face / point_distance;
+  const float covers = std::max(1.0F, view_resolution / face_resolution);
+  const float shift = query.error_px * std::sqrt(std::max(0.0F, 1.0F - cosine * cosine)) / cosine;
+  const float blur = std::sqrt(covers * covers + shift * shift);
+
+  // Whether the surface turns its face to the point. Scans are open: a surface seen from behind is a surface.
+  float facing = cosine;
+  if (glm::dot(sample.normal, sample.normal) > 0.0F) {
+    float towards_eye = glm::dot(sample.normal, to_eye) / eye_distance;
+    float towards_point = glm::dot(sample.normal, to_point) / point_distance;
+    if (towards_eye < 0.0F) towards_eye = -towards_eye, towards_point = -towards_point;
+    facing = std::clamp(towards_point / std::max(towards_eye, kGrazing), 0.0F, 1.0F);
+  }
+  return facing / blur;
+}
+
+std::vector<glm::uvec3> choosePoints(const PointQuery& query, std::vector<SurfaceSample> samples) {
+  if (query.grid.pointCount() == 0 || query.max_points == 0 || samples.empty()) return {};
+  sortSamples(samples);
+
+  // Candidates: the corners of the eye's cell first, then the most promising others.
+  std::vector<glm::uvec3> candidates = cornersByDistance(query);
+  const std::size_t corner_count = candidates.size();
+  for (const glm::uvec3& point : pointsTowardsSurface(query, samples)) {
+    if (candidates.size() >= kMaxCandidates) break;
+    if (std::find(candidates.begin(), candidates.begin() + static_cast<std::ptrdiff_t>(corner_count), point) ==
+        candidates.begin() + static_cast<std::ptrdiff_t>(corner_count))
+      candidates.push_back(point);
+  }
+  std::vector<std::vector<float>> uses(candidates.size(), std::vector<float>(samples.size()));
+  for (std::size_t c = 0; c < candidates.size(); ++c)
+    for (std::size_t s = 0; s < samples.size(); ++s)
+      uses[c][s] = useOfPoint(query, query.grid.point(candidates[c].x, candidates[c].y, candidates[c].z), samples[s]);
+
+  // The nearest corners are in whatever they add; the others are added by gain.
+  const std::size_t kept = std::min({kCornersKept, corner_count, query.max_points});
+  Greedy greedy{uses, samples, std::vector<Covered>(samples.size())};
+  std::vector<std::size_t> set, others;
+  for (std::size_t c = 0; c < candidates.size(); ++c) (c < kept ? set : others).push_back(c);
+  for (std::size_t c : set) greedy.take(c);
+  for (std::size_t c : greedyOrder(greedy, others, query.max_points - kept)) set.push_back(c);
+
+  // Told most useful first, seen on its own.
+  greedy.covered.assign(samples.size(), {});
+  std::vector<glm::uvec3> points;
+  for (std::size_t c : greedyOrder(greedy, set, set.size())) points.push_back(candidates[c]);
+  return points;
+}
+
+std::vector<repository::FaceKey> orderFaces(const PointQuery& query, std::span<const glm::uvec3> points,
+                                            std::vector<SurfaceSample> samples,
+                                            const std::function<bool(const repository::FaceKey&)>& present) {
+  sortSamples(samples);
+
+  // A face's uses are its point's, for the samples that lie in it.
+  std::vector<repository::FaceKey> faces;
+  std::vector<std::vector<float>> uses;
+  for (const glm::uvec3& p : points) {
+    const glm::vec3 point = query.grid.point(p.x, p.y, p.z);
+    std::array<std::vector<float>, 6> of_face;
+    for (std::size_t s = 0; s < samples.size(); ++s) {
+      const glm::vec3 direction = samples[s].position - point;
+      if (!(glm::dot(direction, direction) > 0.0F)) continue;
+      std::vector<float>& row = of_face[repository::faceOfDirection(direction)];
+      row.resize(samples.size(), 0.0F);
+      row[s] = useOfPoint(query, point, samples[s]);
+    }
+    for (std::uint32_t d = 0; d < 6; ++d) {
+      // No sample lies in it, or all turn away from the point.
+      if (std::none_of(of_face[d].begin(), of_face[d].end(), [](float use) { return use > 0.0F; })) continue;
+      faces.push_back({p.x, p.y, p.z, d});
+      uses.push_back(std::move(of_face[d]));
+    }
+  }
+
+  // Those that are there already count, but are not listed.
+  Greedy greedy{uses, samples, std::vector<Covered>(samples.size())};
+  std::vector<std::size_t> missing;
+  for (std::size_t f = 0; f < faces.size(); ++f) {
+    if (present && present(faces[f])) {
+      greedy.take(f);
+    } else {
+      missing.push_back(f);
+    }
+  }
+  std::vector<repository::FaceKey> ordered;
+  for (std::size_t f : greedyOrder(greedy, missing, missing.size())) ordered.push_back(faces[f]);
+  return ordered;
+}
+
+}  // namespace server

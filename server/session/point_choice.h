@@ -1,0 +1,68 @@
+#pragma once
+// Which sampling points and faces serve a view best (Okamoto 2011, section 5.1, step 2: "the set of the nearest
+// sampling points"; DESIGN section 6, steps 2 and 3). Pure functions: the same input gives the same answer, in whatever
+// order samples come.
+//
+// Departure from the paper, which takes the nearest points only. A face spreads 512 pixels over 90°, a view perhaps
+// 1280 over 60°: seen from the corners of the eye's own cell the surface is blurred three times over, while a point
+// that lies between the eye and the surface shows it as finely as the view does. So the use of point p for the piece of
+// surface s that the eye e sees is
+//
+//   use(p, s) = facing(p, s) / sqrt(r² + m²)        1 = as good as the view itself
+//   r = max(1, (f_view / |s − e|) / (f_face / |s − p|))     view pixels that one pixel of the image covers; f in pixels
+//   m = error_px · tan(angle between s − e and s − p)       view pixels by which a proxy that is off by error_px shifts
+//   the image facing = clamp((n · toPoint) / max(n · toEye, 0.2), 0, 1), n the surface normal turned towards the eye;
+//            the cosine of that angle where the normal is not known
+//
+// and a set of points is worth Σ weight(s) · (best use + ½ · second best use): two images a place fill each other's
+// holes, more add little. Points are added greedily by what they add to that sum.
+#include <cstdint>
+#include <functional>
+#include <glm/glm.hpp>
+#include <span>
+#include <vector>
+
+#include "base/camera.h"
+#include "lod/patch/hierarchy.h"
+#include "repository/grid.h"
+
+namespace server {
+
+/// A piece of surface that the view shows.
+struct SurfaceSample {
+  glm::vec3 position{0.0F};  ///< scene-local
+  glm::vec3 normal{0.0F};    ///< unit; zero: not known
+  float weight = 1.0F;       ///< share of the picture
+};
+
+/// What the eye sees, guessed from the boxes and normal cones of the cut's patches: one ray through the middle of each
+/// of columns × rows tiles of the picture. A ray ends at the nearest patch whose box it crosses: where it meets the
+/// plane through the patch's centre when the cone is narrow (and passes the patch when it does not meet it inside the
+/// box), else half-way through the box.
+std::vector<SurfaceSample> sampleVisibleSurface(const lod::patch::Hierarchy& hierarchy,
+                                                std::span<const std::uint32_t> patches, const base::Camera& camera,
+                                                int columns = 16, int rows = 9);
+
+struct PointQuery {
+  repository::Grid grid;
+  glm::vec3 eye{0.0F};                  ///< scene-local
+  float pixels_per_unit_at_one = 1.0F;  ///< base::Camera::pixelsPerUnitAtOne() of the view
+  float error_px = 4.0F;                ///< projected error of the client's proxy
+  std::size_t max_points = 8;
+};
+
+/// use(p, s) of the formula above, 0..1.
+float useOfPoint(const PointQuery& query, const glm::vec3& point, const SurfaceSample& sample);
+
+/// The chosen grid points, the most useful first, at most max_points. The four corners of the eye's cell that are
+/// nearest to the eye are among them (as many as fit): there the client finds every ray when the eye turns. Candidates
+/// are the corners of the cells along the lines from the eye to the samples, the 256 most promising.
+std::vector<glm::uvec3> choosePoints(const PointQuery& query, std::vector<SurfaceSample> samples);
+
+/// The faces of these points that show at least one sample (use above 0), in the order in which each adds most to the
+/// sum above when the faces in `present` are there already. Faces of `present` are not listed.
+std::vector<repository::FaceKey> orderFaces(const PointQuery& query, std::span<const glm::uvec3> points,
+                                            std::vector<SurfaceSample> samples,
+                                            const std::function<bool(const repository::FaceKey&)>& present = nullptr);
+
+}  // namespace server

@@ -1,0 +1,131 @@
+#include "server/session/view_plan.h"
+
+#include <algorithm>
+#include <numeric>
+#include <tuple>
+#include <utility>
+
+#include "lod/patch/traverse.h"
+#include "server/session/point_choice.h"
+
+namespace server {
+namespace {
+
+/// A view in scene-local terms, with the cut that the client is to arrive at.
+struct LocalView {
+  lod::patch::CutRequest request;
+  lod::patch::Cut cut;
+};
+
+LocalView cutForView(const SceneData& scene, const protocol::View& view) {
+  const protocol::Welcome& welcome = scene.welcome;
+  const glm::vec3 center = 0.5F * (welcome.box_min + welcome.box_max);
+  const float radius = 0.5F * glm::length(welcome.box_max - welcome.box_min);
+  const glm::vec3 eye(view.camera.position - welcome.origin);
+  const base::DepthRange depth = base::depthRangeFor(eye, center, radius);
+
+  LocalView local;
+  local.request.camera = base::cameraFromView(view.camera, welcome.origin, depth.near_plane, depth.far_plane);
+  local.request.near_plane = depth.near_plane;
+  local.request.tolerance_px = view.patch_tolerance_px;
+  local.request.max_triangles = view.max_triangles;
+  local.cut = lod::patch::selectCut(scene.patches->hierarchy(), local.request);
+  return local;
+}
+
+PointQuery queryFor(const SceneData& scene, const protocol::View& view, const LocalView& local) {
+  PointQuery query;
+  query.grid = scene.welcome.grid;
+  query.eye = local.request.camera.eye;
+  query.pixels_per_unit_at_one = local.request.camera.pixelsPerUnitAtOne();
+  query.error_px = std::max(1.0F, view.patch_tolerance_px);
+  query.max_points = std::min<std::size_t>(view.max_points, kMaxPointsPerView);
+  return query;
+}
+
+bool wantsImages(const SceneData& scene, const protocol::View& view) {
+  return scene.images != nullptr && scene.welcome.grid.pointCount() != 0 && view.max_points != 0;
+}
+
+/// Sampling points and the faces of them that the view needs.
+std::pair<std::vector<glm::uvec3>, std::vector<repository::FaceKey>> chooseFaces(const SceneData& scene,
+                                                                                 const protocol::View& view,
+                                                                                 const LocalView& local,
+                                                                                 const HasFace& present) {
+  const PointQuery query = queryFor(scene, view, local);
+  const auto samples = sampleVisibleSurface(scene.patches->hierarchy(), local.cut.patches, local.request.camera);
+  auto points = choosePoints(query, samples);
+  auto faces = orderFaces(query, points, samples, present);
+  return {std::move(points), std::move(faces)};
+}
+
+void planGroups(const SceneData& scene, const LocalView& local, ViewPlan& plan) {
+  plan.groups = local.cut.expanded;
+  plan.group_error_px.reserve(plan.groups.size());
+  for (std::uint32_t group : plan.groups) {
+    const lod::patch::Group& g = scene.patches->hierarchy().groups[group];
+    plan.group_error_px.push_back(
+        base::projectedError(g.error, g.bounds.center, g.bounds.radius, local.request.camera.eye,
+                             local.request.camera.pixelsPerUnitAtOne(), local.request.near_plane));
+  }
+}
+
+}  // namespace
+
+ViewPlan planView(const SceneData& scene, const protocol::View& view, const HasFace& present) {
+  const LocalView local = cutForView(scene, view);
+  ViewPlan plan;
+  planGroups(scene, local, plan);
+  if (!wantsImages(scene, view)) return plan;
+
+  std::vector<glm::uvec3> points;
+  std::tie(points, plan.faces) = chooseFaces(scene, view, local, present);
+  for (const glm::uvec3& p : points) {
+    for (std::uint32_t d = 0; d < 6; ++d) {
+      const repository::FaceKey key{p.x, p.y, p.z, d};
+      const bool in_view = std::find(plan.faces.begin(), plan.faces.end(), key) != plan.faces.end();
+      if (!in_view && !present(key)) plan.other_faces.push_back(key);
+    }
+  }
+  return plan;
+}
+
+std::vector<repository::FaceKey> planMotion(const SceneData& scene, const protocol::View& newest,
+                                            const protocol::View& previous, const HasFace& present) {
+  if (!wantsImages(scene, newest)) return {};
+  // The eye goes on by the step it last made, and turns on likewise.
+  const glm::dvec3 step = newest.camera.position - previous.camera.position;
+  const glm::dvec3 turn = newest.camera.direction - previous.camera.direction;
+  if (glm::length(step) == 0.0 && glm::length(turn) == 0.0) return {};
+  protocol::View next = newest;
+  next.camera.position += step;
+  const glm::dvec3 direction = newest.camera.direction + turn;
+  if (glm::length(direction) > 1e-6) next.camera.direction = glm::normalize(direction);
+  if (glm::length(glm::cross(next.camera.direction, next.camera.up)) < 1e-6) return {};
+
+  return chooseFaces(scene, next, cutForView(scene, next), present).second;
+}
+
+std::vector<std::uint32_t> coarseGroups(const lod::patch::Hierarchy& hierarchy, std::uint64_t bytes) {
+  constexpr std::size_t kMost = 4096;
+  std::vector<std::uint32_t> order(hierarchy.groups.size());
+  std::iota(order.begin(), order.end(), 0U);
+  // Errors are monotone and parents have smaller numbers, so this order puts parents first.
+  const auto end = order.begin() + static_cast<std::ptrdiff_t>(std::min(kMost, order.size()));
+  std::partial_sort(order.begin(), end, order.end(), [&](std::uint32_t a, std::uint32_t b) {
+    const float error_a = hierarchy.groups[a].error;
+    const float error_b = hierarchy.groups[b].error;
+    return error_a != error_b ? error_a > error_b : a < b;
+  });
+
+  std::vector<std::uint32_t> coarse;
+  std::uint64_t sum = 0;
+  for (auto group = order.begin(); group != end; ++group) {
+    sum += hierarchy.groups[*group].block_bytes;
+    if (sum > bytes && !coarse.empty()) break;
+    coarse.push_back(*group);
+  }
+  return coarse;
+}
+
+}  // namespace server

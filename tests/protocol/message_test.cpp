@@ -1,0 +1,380 @@
+#include "protocol/message.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <random>
+
+namespace protocol {
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInf = std::numeric_limits<double>::infinity();
+
+// ---- drawn messages ----
+
+class Drawing {
+ public:
+  explicit Drawing(unsigned seed) : random_(seed) {}
+
+  double real(double low, double high) { return std::uniform_real_distribution<double>(low, high)(random_); }
+  float single(double low, double high) { return static_cast<float>(real(low, high)); }
+  std::uint32_t whole(std::uint32_t low, std::uint32_t high) {
+    return std::uniform_int_distribution<std::uint32_t>(low, high)(random_);
+  }
+  bool coin() { return whole(0, 1) == 1; }
+  glm::dvec3 place() { return {real(-1e7, 1e7), real(-1e7, 1e7), real(-1e7, 1e7)}; }
+  glm::dvec3 unit() {
+    glm::dvec3 v;
+    do v = {real(-1, 1), real(-1, 1), real(-1, 1)};
+    while (glm::length(v) < 0.1);
+    return glm::normalize(v);
+  }
+  base::Bytes bytes(std::uint32_t least, std::uint32_t most) {
+    base::Bytes drawn(whole(least, most));
+    for (auto& b : drawn) b = static_cast<std::uint8_t>(whole(0, 255));
+    return drawn;
+  }
+  std::string text() {
+    std::string drawn(whole(0, 60), ' ');
+    for (auto& c : drawn) c = static_cast<char>(whole(0x20, 0x7E));
+    return drawn;
+  }
+  base::ViewCamera camera() {
+    base::ViewCamera camera;
+    camera.position = place();
+    camera.direction = unit();
+    do camera.up = unit();
+    while (glm::length(glm::cross(camera.up, camera.direction)) < 0.1);
+    camera.fov_y = real(0.01, 3.0);
+    camera.width = static_cast<int>(whole(1, 16384));
+    camera.height = static_cast<int>(whole(1, 16384));
+    return camera;
+  }
+  repository::FaceKey key() {
+    return {whole(0, repository::kMaxGridIndex), whole(0, repository::kMaxGridIndex),
+            whole(0, repository::kMaxGridIndex), whole(0, 5)};
+  }
+  template <class Keys>
+  Keys keys() {
+    Keys drawn;
+    for (std::uint32_t i = whole(0, 20); i > 0; --i) drawn.faces.push_back(key());
+    for (std::uint32_t i = whole(0, 20); i > 0; --i) drawn.groups.push_back(whole(0, 0xFFFFFFFF));
+    return drawn;
+  }
+  Hello hello() { return {kVersion, text()}; }
+  View view() {
+    return {whole(1, 0xFFFFFFFF),
+            camera(),
+            single(0, 100),
+            whole(0, 0xFFFFFFFF),
+            static_cast<std::uint16_t>(whole(0, 0xFFFF)),
+            coin(),
+            static_cast<std::uint8_t>(whole(1, 100))};
+  }
+  Welcome welcome() {
+    Welcome drawn;
+    drawn.scene_name = text();
+    drawn.origin = place();
+    drawn.box_min = glm::vec3(place());
+    drawn.box_max = drawn.box_min + glm::abs(glm::vec3(place()));
+    drawn.up = glm::vec3(unit());
+    drawn.unlit = coin();
+    drawn.light_direction = glm::vec3(unit());
+    drawn.has_colors = coin();
+    drawn.lattice_origin = place();
+    drawn.lattice_step = real(1e-9, 10.0);
+    drawn.group_count = whole(1, kMaxGroups);
+    drawn.patch_count = whole(1, kMaxPatches);
+    drawn.source_triangles = std::uint64_t{whole(0, 0xFFFFFFFF)} << 10;
+    drawn.can_render_frames = coin();
+    if (coin())
+      drawn.grid = {glm::vec3(unit()), single(0.1, 3.0), glm::uvec3(whole(2, 40), whole(2, 40), whole(2, 40)),
+                    whole(1, 2048)};
+    return drawn;
+  }
+  std::vector<ClientMessage> clientMessages() { return {hello(), view(), keys<Evicted>(), keys<Have>()}; }
+  std::vector<ServerMessage> serverMessages() {
+    return {welcome(),
+            Face{key(), bytes(1, 300)},
+            Refine{bytes(1, 99), bytes(1, 300)},
+            Frame{whole(1, 0xFFFFFFFF), camera(), bytes(1, 300)},
+            Complete{whole(1, 0xFFFFFFFF)},
+            Refusal{static_cast<std::uint16_t>(whole(0, 0xFFFF)), text()}};
+  }
+
+ private:
+  std::mt19937 random_;
+};
+
+base::Bytes bytesOf(const ClientMessage& message) {
+  return encode(message);
+}
+base::Bytes bytesOf(const ServerMessage& message) {
+  return encode(message);
+}
+
+std::string problemOf(const ClientMessage& message) {
+  auto decoded = decodeClientMessage(encode(message));
+  return decoded ? "" : decoded.error().message;
+}
+std::string problemOf(const ServerMessage& message) {
+  auto decoded = decodeServerMessage(encode(message));
+  return decoded ? "" : decoded.error().message;
+}
+
+// ---- round trips ----
+
+// Equal bytes after decoding and encoding again: with decodeReadsEveryFieldOfAView below that is equality of every
+// field.
+TEST(Message, everyClientMessageComesBack) {
+  for (unsigned seed = 0; seed < 200; ++seed) {
+    for (const ClientMessage& message : Drawing(seed).clientMessages()) {
+      auto decoded = decodeClientMessage(encode(message));
+      ASSERT_TRUE(decoded) << decoded.error().message;
+      EXPECT_EQ(decoded->index(), message.index());
+      EXPECT_EQ(bytesOf(*decoded), bytesOf(message));
+    }
+  }
+}
+
+TEST(Message, everyServerMessageComesBack) {
+  for (unsigned seed = 0; seed < 200; ++seed) {
+    for (const ServerMessage& message : Drawing(seed).serverMessages()) {
+      auto decoded = decodeServerMessage(encode(message));
+      ASSERT_TRUE(decoded) << decoded.error().message;
+      EXPECT_EQ(decoded->index(), message.index());
+      EXPECT_EQ(bytesOf(*decoded), bytesOf(message));
+    }
+  }
+}
+
+TEST(Message, decodeReadsEveryFieldOfAView) {
+  const View sent = Drawing(7).view();
+  const View got = std::get<View>(*decodeClientMessage(encode(ClientMessage(sent))));
+  EXPECT_EQ(got.sequence, sent.sequence);
+  EXPECT_EQ(got.camera.position, sent.camera.position);
+  EXPECT_EQ(got.camera.direction, sent.camera.direction);
+  EXPECT_EQ(got.camera.up, sent.camera.up);
+  EXPECT_EQ(got.camera.fov_y, sent.camera.fov_y);
+  EXPECT_EQ(got.camera.width, sent.camera.width);
+  EXPECT_EQ(got.camera.height, sent.camera.height);
+  EXPECT_EQ(got.patch_tolerance_px, sent.patch_tolerance_px);
+  EXPECT_EQ(got.max_triangles, sent.max_triangles);
+  EXPECT_EQ(got.max_points, sent.max_points);
+  EXPECT_EQ(got.want_frame, sent.want_frame);
+  EXPECT_EQ(got.frame_quality, sent.frame_quality);
+}
+
+TEST(Message, decodeReadsEveryFieldOfAWelcome) {
+  const Welcome sent = Drawing(11).welcome();
+  const Welcome got = std::get<Welcome>(*decodeServerMessage(encode(ServerMessage(sent))));
+  EXPECT_EQ(got.scene_name, sent.scene_name);
+  EXPECT_EQ(got.origin, sent.origin);
+  EXPECT_EQ(got.box_min, sent.box_min);
+  EXPECT_EQ(got.box_max, sent.box_max);
+  EXPECT_EQ(got.up, sent.up);
+  EXPECT_EQ(got.light_direction, sent.light_direction);
+  EXPECT_EQ(got.lattice_origin, sent.lattice_origin);
+  EXPECT_EQ(got.lattice_step, sent.lattice_step);
+  EXPECT_EQ(got.group_count, sent.group_count);
+  EXPECT_EQ(got.patch_count, sent.patch_count);
+  EXPECT_EQ(got.source_triangles, sent.source_triangles);
+  EXPECT_EQ(got.grid, sent.grid);
+  EXPECT_EQ(got.unlit, sent.unlit);
+  EXPECT_EQ(got.has_colors, sent.has_colors);
+  EXPECT_EQ(got.can_render_frames, sent.can_render_frames);
+}
+
+// The bytes of docs/formats/protocol.md, "A worked row": version 1 of the format must never read otherwise.
+TEST(Message, bytesOfVersionOneStay) {
+  EXPECT_EQ(encode(ClientMessage(Hello{1, "ab"})), (base::Bytes{0x01, 1, 0, 2, 0, 'a', 'b'}));
+  EXPECT_EQ(encode(ServerMessage(Complete{258})), (base::Bytes{0x85, 2, 1, 0, 0}));
+  EXPECT_EQ(encode(ClientMessage(Evicted{{{1, 0, 0, 3}}, {7}})),
+            (base::Bytes{0x03, 1, 0, 0, 0, 1, 0, 0, 0, 0x0B, 0, 0, 0, 0, 0, 0, 0, 7, 0, 0, 0}));
+  EXPECT_EQ(encode(ServerMessage(Refusal{1, "no"})), (base::Bytes{0x86, 1, 0, 2, 0, 'n', 'o'}));
+  EXPECT_EQ(encode(ClientMessage(View{})).size(), 101U);
+}
+
+// ---- broken messages ----
+
+TEST(Message, clientMessageCutAnywhereIsRefused) {
+  Drawing drawing(3);
+  for (const ClientMessage& message : drawing.clientMessages()) {
+    const base::Bytes whole = encode(message);
+    for (std::size_t length = 0; length < whole.size(); ++length)
+      EXPECT_FALSE(decodeClientMessage(base::ByteView(whole).first(length)))
+          << "type " << int{whole[0]} << " at " << length;
+  }
+}
+
+// Values that run to the end of the message shorten with it; they carry their own checksums. All before them must be
+// there.
+TEST(Message, serverMessageCutAnywhereIsRefusedOrShorter) {
+  Drawing drawing(4);
+  for (const ServerMessage& message : drawing.serverMessages()) {
+    const base::Bytes whole = encode(message);
+    for (std::size_t length = 0; length < whole.size(); ++length) {
+      auto decoded = decodeServerMessage(base::ByteView(whole).first(length));
+      if (!decoded) continue;
+      const bool open_ended = std::holds_alternative<Face>(*decoded) || std::holds_alternative<Refine>(*decoded) ||
+                              std::holds_alternative<Frame>(*decoded);
+      EXPECT_TRUE(open_ended) << "type " << int{whole[0]} << " at " << length;
+      EXPECT_EQ(encode(*decoded).size(), length);
+    }
+  }
+}
+
+TEST(Message, bytesAfterTheEndAreRefused) {
+  Drawing drawing(5);
+  for (const ClientMessage& message : drawing.clientMessages()) {
+    base::Bytes longer = encode(message);
+    longer.push_back(0);
+    EXPECT_FALSE(decodeClientMessage(longer)) << "type " << int{longer[0]};
+  }
+}
+
+TEST(Message, anyByteFlippedIsReadWithoutHarm) {
+  Drawing drawing(6);
+  for (const ClientMessage& message : drawing.clientMessages()) {
+    const base::Bytes whole = encode(message);
+    for (std::size_t i = 0; i < whole.size(); ++i) {
+      base::Bytes broken = whole;
+      broken[i] ^= static_cast<std::uint8_t>(drawing.whole(1, 255));
+      auto decoded = decodeClientMessage(broken);
+      if (decoded) {
+        EXPECT_FALSE(encode(*decoded).empty());
+      }
+    }
+  }
+}
+
+TEST(Message, unknownTypesAreRefusedOnTheirSide) {
+  EXPECT_FALSE(decodeClientMessage({}));
+  EXPECT_FALSE(decodeServerMessage({}));
+  EXPECT_FALSE(decodeClientMessage(encode(ServerMessage(Complete{1}))));
+  EXPECT_FALSE(decodeServerMessage(encode(ClientMessage(Hello{}))));
+  EXPECT_NE(decodeClientMessage(base::Bytes{0x7F}).error().message.find("127"), std::string::npos);
+}
+
+TEST(Message, viewsThatCannotBeDrawnAreRefused) {
+  auto withView = [](auto change) {
+    View view;
+    view.sequence = 1;
+    change(view);
+    return problemOf(ClientMessage(view));
+  };
+  EXPECT_EQ(withView([](View&) {}), "");
+  EXPECT_NE(withView([](View& v) { v.sequence = 0; }), "");
+  EXPECT_NE(withView([](View& v) { v.camera.position.x = kNan; }), "");
+  EXPECT_NE(withView([](View& v) { v.camera.position.y = kInf; }), "");
+  EXPECT_NE(withView([](View& v) { v.camera.position.z = 1e300; }), "");
+  EXPECT_NE(withView([](View& v) { v.camera.direction = glm::dvec3(0.0); }), "");
+  EXPECT_NE(withView([](View& v) { v.camera.direction.z = kNan; }), "");
+  EXPECT_NE(withView([](View& v) { v.camera.up = glm::dvec3(0.0); }), "");
+  EXPECT_NE(withView([](View& v) { v.camera.up = -3.0 * v.camera.direction; }), "");
+  EXPECT_NE(withView([](View& v) { v.camera.fov_y = 0.0; }), "");
+  EXPECT_NE(withView([](View& v) { v.camera.fov_y = 3.1416; }), "");
+  EXPECT_NE(withView([](View& v) { v.camera.fov_y = kNan; }), "");
+  EXPECT_NE(withView([](View& v) { v.camera.width = 0; }), "");
+  EXPECT_NE(withView([](View& v) { v.camera.height = 16385; }), "");
+  EXPECT_NE(withView([](View& v) { v.patch_tolerance_px = -1.0F; }), "");
+  EXPECT_NE(withView([](View& v) { v.patch_tolerance_px = static_cast<float>(kNan); }), "");
+  EXPECT_NE(withView([](View& v) { v.frame_quality = 0; }), "");
+  EXPECT_NE(withView([](View& v) { v.frame_quality = 101; }), "");
+}
+
+TEST(Message, directionsComeOutUnit) {
+  View view;
+  view.sequence = 1;
+  view.camera.direction = {0.0, 3.0, -4.0};
+  view.camera.up = {0.0, 1e-3, 0.0};
+  const View got = std::get<View>(*decodeClientMessage(encode(ClientMessage(view))));
+  EXPECT_NEAR(glm::length(got.camera.direction), 1.0, 1e-12);
+  EXPECT_NEAR(got.camera.direction.y, 0.6, 1e-12);
+  EXPECT_NEAR(got.camera.up.y, 1.0, 1e-12);
+}
+
+TEST(Message, welcomesThatMakeNoSenseAreRefused) {
+  auto withWelcome = [](auto change) {
+    Welcome welcome;
+    welcome.group_count = welcome.patch_count = 1;
+    change(welcome);
+    return problemOf(ServerMessage(welcome));
+  };
+  EXPECT_EQ(withWelcome([](Welcome&) {}), "");
+  EXPECT_NE(withWelcome([](Welcome& w) { w.origin.x = kNan; }), "");
+  EXPECT_NE(withWelcome([](Welcome& w) { w.box_min.x = 2.0F, w.box_max.x = 1.0F; }), "");
+  EXPECT_NE(withWelcome([](Welcome& w) { w.box_max.x = static_cast<float>(kNan); }), "");
+  EXPECT_NE(withWelcome([](Welcome& w) { w.up = glm::vec3(0.0F); }), "");
+  EXPECT_NE(withWelcome([](Welcome& w) { w.light_direction = glm::vec3(0.0F); }), "");
+  EXPECT_NE(withWelcome([](Welcome& w) { w.lattice_step = 0.0; }), "");
+  EXPECT_NE(withWelcome([](Welcome& w) { w.lattice_step = kNan; }), "");
+  EXPECT_NE(withWelcome([](Welcome& w) { w.group_count = kMaxGroups + 1; }), "");
+  EXPECT_NE(withWelcome([](Welcome& w) { w.patch_count = kMaxPatches + 1; }), "");
+  EXPECT_NE(withWelcome([](Welcome& w) { w.grid = {glm::vec3(0.0F), 0.0F, glm::uvec3(2), 64}; }), "");
+  EXPECT_NE(withWelcome([](Welcome& w) { w.grid = {glm::vec3(0.0F), 1.0F, glm::uvec3(2), 0}; }), "");
+}
+
+TEST(Message, keysOutOfRangeAreRefused) {
+  base::Bytes bytes = encode(ClientMessage(Have{{{1, 2, 3, 5}}, {}}));
+  EXPECT_TRUE(decodeClientMessage(bytes));
+  bytes[9] |= 7;  // direction 7
+  EXPECT_FALSE(decodeClientMessage(bytes));
+}
+
+// A count that promises more than is there must not be believed before it is checked.
+TEST(Message, longListsAreRefused) {
+  EXPECT_TRUE(
+      decodeClientMessage(encode(ClientMessage(Evicted{std::vector<repository::FaceKey>(kMaxKeysPerMessage), {}}))));
+  base::ByteWriter out;
+  out.u8(0x03);
+  out.u32(0);
+  out.u32(static_cast<std::uint32_t>(kMaxKeysPerMessage + 1));
+  for (std::size_t i = 0; i <= kMaxKeysPerMessage; ++i) out.u32(0);
+  EXPECT_FALSE(decodeClientMessage(out.view()));
+
+  EXPECT_FALSE(decodeClientMessage(base::Bytes{0x04, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF}));
+}
+
+TEST(Message, oversizedMessagesAreRefused) {
+  EXPECT_FALSE(decodeClientMessage(base::Bytes(kMaxClientMessage + 1, 1)));
+  base::Bytes face(kMaxServerMessage + 1, 0);
+  face[0] = 0x82;
+  EXPECT_FALSE(decodeServerMessage(face));
+  face.pop_back();
+  EXPECT_TRUE(decodeServerMessage(face));
+}
+
+// ---- versions and texts ----
+
+TEST(Message, helloOfAnotherVersionTellsItsNumberWhateverFollows) {
+  for (const base::Bytes& bytes : {base::Bytes{0x01, 7, 0}, base::Bytes{0x01, 7, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9}}) {
+    auto decoded = decodeClientMessage(bytes);
+    ASSERT_TRUE(decoded);
+    EXPECT_EQ(std::get<Hello>(*decoded).version, 7);
+  }
+}
+
+TEST(Message, welcomeOfAnotherVersionIsAVersionError) {
+  Welcome welcome;
+  welcome.version = 9;
+  auto decoded = decodeServerMessage(encode(ServerMessage(welcome)));
+  ASSERT_FALSE(decoded);
+  EXPECT_EQ(decoded.error().code, base::ErrorCode::kVersion);
+  EXPECT_NE(decoded.error().message.find('9'), std::string::npos);
+}
+
+TEST(Message, textsNeverCarryControlCharacters) {
+  auto decoded = decodeClientMessage(encode(ClientMessage(Hello{kVersion, "evil\nlog\x1B[31m"})));
+  ASSERT_TRUE(decoded);
+  EXPECT_EQ(std::get<Hello>(*decoded).client, "evil log [31m");
+  EXPECT_FALSE(decodeClientMessage(base::Bytes{0x01, 1, 0, 1, 0, '\n'}));
+  EXPECT_EQ(std::get<Hello>(*decodeClientMessage(encode(ClientMessage(Hello{kVersion, std::string(9999, 'x')}))))
+                .client.size(),
+            kMaxText);
+}
+
+}  // namespace
+}  // namespace protocol
