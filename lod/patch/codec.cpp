@@ -42,8 +42,7 @@ struct VertexLayout {
   std::size_t size;
 };
 
-// Octahedral normals
-// ---------------------------------------------------------------------------------------------------------
+// Octahedral normals ------------------------------------------------------------------------------
 
 struct OctahedralCode {
   std::int8_t u = 0;
@@ -85,8 +84,7 @@ glm::vec3 decodeNormal(OctahedralCode code) {
   return {static_cast<float>(x) / length, static_cast<float>(y) / length, static_cast<float>(z) / length};
 }
 
-// Encoding
-// -------------------------------------------------------------------------------------------------------------------
+// Encoding ----------------------------------------------------------------------------------------
 
 // The versions are globals of the library: set once, before the first encoding in any thread.
 void fixCodecVersions() {
@@ -202,8 +200,7 @@ std::uint32_t checksum(base::ByteView bytes) {
   return base::crc32c(bytes.subspan(kHeaderBytes), base::crc32c(bytes.first(kCrcOffset)));
 }
 
-// Decoding
-// -------------------------------------------------------------------------------------------------------------------
+// Decoding ----------------------------------------------------------------------------------------
 
 base::Error broken(const std::string& what) {
   return {base::ErrorCode::kInvalidInput, "patch bytes: " + what};

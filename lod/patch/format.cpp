@@ -1,0 +1,369 @@
+#include "lod/patch/format.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "base/crc32c.h"
+#include "lod/patch/codec.h"
+#include "lod/patch/records.h"
+
+namespace lod::patch {
+namespace {
+
+constexpr std::array<char, 8> kMagic{'L', 'G', 'P', 'A', 'T', 'C', 'H', '\n'};
+constexpr std::uint32_t kVersion = 1;
+constexpr std::uint32_t kHeaderBytes = 96;
+constexpr std::uint32_t kHasColors = 1;
+constexpr std::uint64_t kBlockAlignment = 16;
+constexpr std::size_t kHeaderCrcOffset = 92;
+
+struct FileHeader {
+  std::uint64_t file_bytes = 0;
+  std::uint64_t blocks_offset = 0;
+  Lattice lattice;
+  std::uint64_t source_triangles = 0;
+  std::uint32_t flags = 0;
+  std::uint32_t groups = 0;
+  std::uint32_t patches = 0;
+  std::uint32_t parents = 0;
+  std::uint32_t tables_crc = 0;
+
+  std::uint64_t tablesEnd() const {
+    return kHeaderBytes + std::uint64_t{kGroupRowBytes} * groups + std::uint64_t{kPatchRowBytes} * patches +
+           std::uint64_t{4} * parents;
+  }
+};
+
+std::uint64_t alignedUp(std::uint64_t offset) {
+  return (offset + kBlockAlignment - 1) / kBlockAlignment * kBlockAlignment;
+}
+
+// Header ------------------------------------------------------------------------------------------
+
+base::Bytes headerBytes(const FileHeader& header) {
+  base::ByteWriter out;
+  out.write(kMagic);
+  out.u32(kVersion);
+  out.u32(kHeaderBytes);
+  out.u64(header.file_bytes);
+  out.u64(header.blocks_offset);
+  out.write(header.lattice.origin);
+  out.f64(header.lattice.step);
+  out.u64(header.source_triangles);
+  out.u32(header.flags);
+  out.u32(header.groups);
+  out.u32(header.patches);
+  out.u32(header.parents);
+  out.u32(header.tables_crc);
+  out.u32(base::crc32c(out.view()));
+  return out.take();
+}
+
+base::Result<void> checkHeader(const FileHeader& header) {
+  const glm::dvec3& origin = header.lattice.origin;
+  const double step = header.lattice.step;
+  if (!std::isfinite(origin.x) || !std::isfinite(origin.y) || !std::isfinite(origin.z) || !std::isfinite(step) ||
+      step <= 0.0)
+    return damaged("header: the lattice's origin or step is not a number of use");
+  if ((header.flags & ~kHasColors) != 0) return damaged("header: unknown flags");
+  if (header.groups == 0 || header.patches == 0) return damaged("header: no groups or no patches");
+  if (header.blocks_offset != alignedUp(header.tablesEnd()))
+    return damaged("header: the blocks don't begin behind the tables");
+  if (header.file_bytes < header.blocks_offset) return damaged("header: the file would end within its tables");
+  return {};
+}
+
+base::Result<FileHeader> readHeader(base::ByteView front) {
+  // What is this, and can this program read it?
+  base::ByteReader in(front);
+  if (in.read<std::array<char, 8>>() != kMagic || !in.ok()) return damaged("not a patch.lgp");
+  const std::uint32_t version = in.u32();
+  if (in.ok() && version != kVersion)
+    return base::Error{base::ErrorCode::kVersion, "format version " + std::to_string(version) +
+                                                      ", this program reads " + std::to_string(kVersion) +
+                                                      "; use a newer program or build the scene again"};
+  const std::uint32_t header_bytes = in.u32();
+  if (!in.ok() || front.size() < kHeaderBytes) return damaged("header: cut short");
+  if (header_bytes != kHeaderBytes)
+    return damaged("header: says that it has " + std::to_string(header_bytes) + " bytes instead of 96");
+  std::uint32_t crc = 0;
+  std::memcpy(&crc, front.data() + kHeaderCrcOffset, sizeof(crc));
+  if (crc != base::crc32c(front.first(kHeaderCrcOffset))) return damaged("header: checksum does not match");
+
+  FileHeader header;
+  header.file_bytes = in.u64();
+  header.blocks_offset = in.u64();
+  header.lattice.origin = in.read<glm::dvec3>();
+  header.lattice.step = in.f64();
+  header.source_triangles = in.u64();
+  header.flags = in.u32();
+  header.groups = in.u32();
+  header.patches = in.u32();
+  header.parents = in.u32();
+  header.tables_crc = in.u32();
+  LUMIGRID_TRY(checkHeader(header));
+  return header;
+}
+
+// Tables ------------------------------------------------------------------------------------------
+
+base::Bytes tableBytes(const Hierarchy& hierarchy) {
+  base::ByteWriter out;
+  for (const Group& group : hierarchy.groups) writeGroupRow(out, group);
+  for (const Patch& patch : hierarchy.patches) writePatchRow(out, patch);
+  for (const std::uint32_t parent : hierarchy.parents) out.u32(parent);
+  return out.take();
+}
+
+// Blocks follow one another in the groups' order, patches within a block in theirs: nothing overlaps, nothing is left
+// over.
+base::Result<void> checkBlocks(const Hierarchy& h, const FileHeader& header) {
+  std::uint64_t offset = header.blocks_offset;
+  for (std::size_t g = 0; g < h.groups.size(); ++g) {
+    const Group& group = h.groups[g];
+    if (group.block_offset != alignedUp(offset)) return groupError(g, "its block is not where the one before ends");
+    std::uint64_t within = 0;
+    for (std::uint32_t p = group.first_patch; p < group.first_patch + group.patch_count; ++p) {
+      if (h.patches[p].block_offset != within) return patchError(p, "its bytes are not where the patch before ends");
+      within += h.patches[p].block_bytes;
+    }
+    if (within != group.block_bytes) return groupError(g, "its block has not the length of its patches");
+    offset = group.block_offset + group.block_bytes;
+  }
+  if (offset != header.file_bytes) return damaged("header: the file is not as long as its blocks");
+  return {};
+}
+
+base::Result<Hierarchy> readTablesBehind(const FileHeader& header, base::ByteView front) {
+  if (front.size() < header.blocks_offset)
+    return damaged("cut short within the tables: " + std::to_string(front.size()) + " of " +
+                   std::to_string(header.blocks_offset) + " bytes");
+  const base::ByteView tables = front.subspan(kHeaderBytes, header.blocks_offset - kHeaderBytes);
+  if (base::crc32c(tables) != header.tables_crc) return damaged("tables: checksum does not match");
+
+  // The counts are bounded by the bytes that are here: the reader can't run dry.
+  Hierarchy hierarchy;
+  hierarchy.lattice = header.lattice;
+  hierarchy.has_colors = (header.flags & kHasColors) != 0;
+  hierarchy.source_triangles = header.source_triangles;
+  base::ByteReader in(tables);
+  hierarchy.groups.resize(header.groups);
+  for (Group& group : hierarchy.groups) group = readGroupRow(in);
+  hierarchy.patches.resize(header.patches);
+  for (Patch& patch : hierarchy.patches) patch = readPatchRow(in);
+  hierarchy.parents.resize(header.parents);
+  for (std::uint32_t& parent : hierarchy.parents) parent = in.u32();
+
+  LUMIGRID_TRY(checkHierarchy(hierarchy));
+  LUMIGRID_TRY(checkBlocks(hierarchy, header));
+  return hierarchy;
+}
+
+}  // namespace
+
+base::Result<Hierarchy> readTables(base::ByteView front) {
+  const auto header = readHeader(front);
+  if (!header) return header.error();
+  return readTablesBehind(*header, front);
+}
+
+base::Result<std::uint64_t> headerAndTableBytes(base::ByteView front) {
+  const auto header = readHeader(front);
+  if (!header) return header.error();
+  return header->blocks_offset;
+}
+
+// Reading -----------------------------------------------------------------------------------------
+
+base::Result<PatchFile> PatchFile::open(const std::string& path) {
+  auto mapped = base::MappedFile::open(path);
+  if (!mapped) return mapped.error();
+  const auto header = readHeader(mapped->bytes());
+  if (!header) return base::within(path, header.error());
+  if (header->file_bytes != mapped->bytes().size())
+    return base::within(path, damaged("has " + std::to_string(mapped->bytes().size()) + " bytes, its header says " +
+                                      std::to_string(header->file_bytes)));
+  auto hierarchy = readTablesBehind(*header, mapped->bytes());
+  if (!hierarchy) return base::within(path, hierarchy.error());
+
+  PatchFile file;
+  file.path_ = path;
+  file.file_ = std::move(*mapped);
+  file.hierarchy_ = std::move(*hierarchy);
+  return file;
+}
+
+base::Result<base::ByteView> PatchFile::block(std::uint32_t group) const {
+  if (group >= hierarchy_.groups.size())
+    return base::Error{base::ErrorCode::kNotFound, path_ + ": no group " + std::to_string(group) + " among " +
+                                                       std::to_string(hierarchy_.groups.size())};
+  const Group& row = hierarchy_.groups[group];
+  return file_.bytes().subspan(row.block_offset, row.block_bytes);
+}
+
+base::Result<PatchGeometry> PatchFile::geometry(std::uint32_t patch) const {
+  if (patch >= hierarchy_.patches.size())
+    return base::Error{base::ErrorCode::kNotFound, path_ + ": no patch " + std::to_string(patch) + " among " +
+                                                       std::to_string(hierarchy_.patches.size())};
+  const Patch& row = hierarchy_.patches[patch];
+  const auto bytes =
+      file_.bytes().subspan(hierarchy_.groups[row.consumer].block_offset + row.block_offset, row.block_bytes);
+  auto geometry = decodePatch(bytes);
+  const std::string place = path_ + ": patch " + std::to_string(patch);
+  if (!geometry) return base::within(place, geometry.error());
+  if (geometry->indices.size() != std::size_t{row.triangles} * 3 || geometry->positions.size() != row.vertices)
+    return base::within(place, damaged("its counts are not its record's"));
+  if (geometry->colors.empty() == hierarchy_.has_colors)
+    return base::within(place, damaged("colours where the scene has none, or none where it has"));
+  return geometry;
+}
+
+// Verifying ---------------------------------------------------------------------------------------
+
+namespace {
+
+bool liesIn(const base::Sphere& sphere, const glm::vec3& p) {
+  return contains(sphere, {p, 0.0F});
+}
+
+// Facet normals, wherever the triangle is one.
+bool coneHolds(const base::NormalCone& cone, const std::vector<glm::vec3>& positions,
+               const std::vector<std::uint16_t>& indices) {
+  if (cone.cos_angle <= -1.0F) return true;
+  for (std::size_t t = 0; t + 2 < indices.size(); t += 3) {
+    const glm::dvec3 a(positions[indices[t]]);
+    const glm::dvec3 normal =
+        glm::cross(glm::dvec3(positions[indices[t + 1]]) - a, glm::dvec3(positions[indices[t + 2]]) - a);
+    const double length = glm::length(normal);
+    // A thousandth of a radian's cosine or so: float normals of thin triangles are that rough.
+    if (length > 0.0 && glm::dot(normal, glm::dvec3(cone.axis)) < (cone.cos_angle - 1e-3) * length) return false;
+  }
+  return true;
+}
+
+void verifyGeometry(const Hierarchy& hierarchy, std::uint32_t index, const PatchGeometry& geometry,
+                    std::vector<std::string>& faults) {
+  const Patch& patch = hierarchy.patches[index];
+  const base::Sphere& consumer = hierarchy.groups[patch.consumer].bounds;
+  std::vector<glm::vec3> positions;
+  positions.reserve(geometry.positions.size());
+  for (const glm::ivec3& q : geometry.positions) positions.push_back(hierarchy.lattice.position(q));
+
+  const auto all = [&](auto&& holds) { return std::all_of(positions.begin(), positions.end(), holds); };
+  const auto report = [&](bool well, const char* what) {
+    if (!well) faults.push_back("patch " + std::to_string(index) + ": " + what);
+  };
+  report(all([&](const glm::vec3& p) { return patch.box.contains(p); }), "its box does not hold its positions");
+  report(all([&](const glm::vec3& p) { return liesIn(patch.bounds, p); }), "its sphere does not hold its positions");
+  report(all([&](const glm::vec3& p) { return liesIn(consumer, p); }),
+         "the sphere of the group that consumes it does not hold its positions");
+  report(coneHolds(patch.cone, positions, geometry.indices), "its normal cone does not hold its facets' normals");
+}
+
+}  // namespace
+
+std::vector<std::string> PatchFile::verify() const {
+  std::vector<std::string> faults;
+  for (std::uint32_t p = 0; p < hierarchy_.patches.size(); ++p) {
+    const auto decoded = geometry(p);
+    if (decoded) {
+      verifyGeometry(hierarchy_, p, *decoded, faults);
+    } else {
+      faults.push_back(decoded.error().message);
+    }
+  }
+
+  // Between blocks there are zeros only.
+  std::uint64_t end = 0;
+  for (std::size_t g = 0; g < hierarchy_.groups.size(); ++g) {
+    const Group& group = hierarchy_.groups[g];
+    for (std::uint64_t at = end; g > 0 && at < group.block_offset; ++at)
+      if (file_.bytes()[at] != 0) faults.push_back(path_ + ": bytes between blocks at " + std::to_string(at));
+    end = group.block_offset + group.block_bytes;
+  }
+  return faults;
+}
+
+// Writing -----------------------------------------------------------------------------------------
+
+namespace {
+
+base::Result<void> writeZeros(base::AtomicFile& file, std::uint64_t end) {
+  const base::Bytes zeros(std::size_t{1} << 16, 0);
+  while (file.size() < end)
+    LUMIGRID_TRY(file.write(base::ByteView(zeros).first(std::min<std::uint64_t>(zeros.size(), end - file.size()))));
+  return {};
+}
+
+// Writes the patches of one group and fills in where they are.
+base::Result<void> writeBlock(base::AtomicFile& file, Hierarchy& hierarchy, std::uint32_t g,
+                              const std::vector<base::Bytes>& patches) {
+  Group& group = hierarchy.groups[g];
+  if (patches.size() != group.patch_count)
+    return groupError(g, std::to_string(patches.size()) + " encoded patches for " + std::to_string(group.patch_count));
+  group.block_offset = file.size();
+  std::uint64_t within = 0;
+  for (std::uint32_t i = 0; i < group.patch_count; ++i) {
+    Patch& row = hierarchy.patches[group.first_patch + i];
+    const auto counts = encodedCounts(patches[i]);
+    if (!counts) return base::within("patch " + std::to_string(group.first_patch + i), counts.error());
+    if (counts->triangles != row.triangles || counts->vertices != row.vertices)
+      return patchError(group.first_patch + i, "its bytes hold " + std::to_string(counts->triangles) +
+                                                   " triangles and " + std::to_string(counts->vertices) +
+                                                   " vertices, its record says " + std::to_string(row.triangles) +
+                                                   " and " + std::to_string(row.vertices));
+    row.block_offset = static_cast<std::uint32_t>(within);
+    row.block_bytes = static_cast<std::uint32_t>(patches[i].size());
+    within += patches[i].size();
+    if (within > std::numeric_limits<std::uint32_t>::max()) return groupError(g, "its block is larger than 4 GB");
+    LUMIGRID_TRY(file.write(patches[i]));
+  }
+  group.block_bytes = static_cast<std::uint32_t>(within);
+  return {};
+}
+
+FileHeader headerOf(const Hierarchy& hierarchy) {
+  FileHeader header;
+  header.lattice = hierarchy.lattice;
+  header.source_triangles = hierarchy.source_triangles;
+  header.flags = hierarchy.has_colors ? kHasColors : 0;
+  header.groups = static_cast<std::uint32_t>(hierarchy.groups.size());
+  header.patches = static_cast<std::uint32_t>(hierarchy.patches.size());
+  header.parents = static_cast<std::uint32_t>(hierarchy.parents.size());
+  header.blocks_offset = alignedUp(header.tablesEnd());
+  return header;
+}
+
+}  // namespace
+
+base::Result<void> writePatchFile(
+    const std::string& path, Hierarchy hierarchy,
+    const std::function<base::Result<std::vector<base::Bytes>>(std::uint32_t group)>& blocks) {
+  if (auto sound = checkHierarchy(hierarchy); !sound) return base::within(path, sound.error());
+  FileHeader header = headerOf(hierarchy);
+  header.file_bytes = header.blocks_offset;
+  if (auto sound = checkHeader(header); !sound) return base::within(path, sound.error());
+  auto file = base::AtomicFile::create(path);
+  if (!file) return file.error();
+
+  // Room for header and tables, whose lengths are known; then the blocks as they come.
+  LUMIGRID_TRY(writeZeros(*file, header.blocks_offset));
+  for (std::uint32_t g = 0; g < hierarchy.groups.size(); ++g) {
+    const auto patches = blocks(g);
+    if (!patches) return patches.error();
+    LUMIGRID_TRY(writeZeros(*file, alignedUp(file->size())));
+    if (auto written = writeBlock(*file, hierarchy, g, *patches); !written) return base::within(path, written.error());
+  }
+
+  // Now the tables know where everything is.
+  base::Bytes tables = tableBytes(hierarchy);
+  tables.resize(header.blocks_offset - kHeaderBytes, 0);
+  header.tables_crc = base::crc32c(tables);
+  header.file_bytes = file->size();
+  LUMIGRID_TRY(file->writeAt(kHeaderBytes, tables));
+  LUMIGRID_TRY(file->writeAt(0, headerBytes(header)));
+  return file->commit();
+}
+
+}  // namespace lod::patch

@@ -1,5 +1,8 @@
 #pragma once
 // patch.lgp: header, tables, then one block per group with the patches that the group consumes. docs/formats/patch.md
+//
+// Header and tables stand at the front and their length is in the first 32 bytes, so a client of a static host reads
+// them with two byte ranges and then any block with one.
 #include <functional>
 #include <memory>
 #include <string>
@@ -12,16 +15,22 @@
 
 namespace lod::patch {
 
-/// A patch.lgp on disk, memory-mapped. Opening checks header and tables (checksums, every index and link, monotone errors and
-/// spheres); blocks are checked as they are read. Safe to read from several threads.
+/// A patch.lgp on disk, memory-mapped. Opening checks header and tables (checksums, every index and link, monotone
+/// errors and spheres); blocks are checked as they are read. Safe to read from several threads.
 class PatchFile {
  public:
+  /// Errors name the file and the row. kNotFound, kIo; kVersion for a newer format; kInvalidInput for a damaged or cut
+  /// file.
   static base::Result<PatchFile> open(const std::string& path);
   const Hierarchy& hierarchy() const { return hierarchy_; }
-  /// The block of a group: its consumed patches' bytes, one after the other (what a client is sent).
+  /// The block of a group: its consumed patches' bytes, one after the other (what a client is sent). A number that is
+  /// none is an error; valid as long as this PatchFile lives.
   base::Result<base::ByteView> block(std::uint32_t group) const;
+  /// Decoded, its counts compared with its record.
   base::Result<PatchGeometry> geometry(std::uint32_t patch) const;
-  /// Reads everything: each block's checksum, each patch's geometry against its record (counts, box, sphere, cone). One line a fault.
+  /// Reads everything: each block's checksum, each patch's geometry against its record (counts, box, sphere, cone of
+  /// facet normals), each position against the sphere of the group that consumes it. One line a fault; empty when all
+  /// is well.
   std::vector<std::string> verify() const;
   std::uint64_t fileBytes() const { return file_.bytes().size(); }
 
@@ -31,20 +40,36 @@ class PatchFile {
   Hierarchy hierarchy_;
 };
 
-/// Writes patch.lgp; appears whole or not at all. `blocks(g)` yields the encoded patches of group g in order; called once per
-/// group, ascending. The writer fills in offsets and sizes of groups and patches.
-base::Result<void> writePatchFile(const std::string& path, Hierarchy hierarchy,
-                                  const std::function<base::Result<std::vector<base::Bytes>>(std::uint32_t group)>& blocks);
+/// Whether a hierarchy keeps what hierarchy.h promises: ranges that partition all patches, links that agree in both
+/// directions, parents with smaller numbers, monotone errors and spheres (to 1e-5 of the radius), finite numbers. The
+/// error names the row. Block offsets and sizes are not looked at. Not for growing hierarchies.
+base::Result<void> checkHierarchy(const Hierarchy& hierarchy);
 
-/// A group's record, its patches' records and its parents as bytes (protocol message Refine; docs/formats/patch.md, "One group as
-/// bytes"). `group` must be known in `hierarchy`.
+/// Header and tables of patch.lgp, from its first bytes (all of the file or at least what headerAndTableBytes says).
+/// Checks everything that PatchFile::open does, but for the file's length.
+base::Result<Hierarchy> readTables(base::ByteView front);
+/// Length of header and tables, from the first 96 bytes of the file or more.
+base::Result<std::uint64_t> headerAndTableBytes(base::ByteView front);
+
+/// Writes patch.lgp; appears whole or not at all. `blocks(g)` yields the encoded patches of group g in order; called
+/// once per group, ascending, and forgotten when written. The writer fills in offsets and sizes of groups and patches.
+/// Errors: what checkHierarchy finds, what `blocks` returns, patches whose counts are not their records', kNoSpace,
+/// kIo.
+base::Result<void> writePatchFile(
+    const std::string& path, Hierarchy hierarchy,
+    const std::function<base::Result<std::vector<base::Bytes>>(std::uint32_t group)>& blocks);
+
+/// A group's record, its patches' records and its parents as bytes (protocol message Refine; docs/formats/patch.md,
+/// "One group as bytes"). `group` must be known in `hierarchy`.
 void encodeGroup(const Hierarchy& hierarchy, std::uint32_t group, base::ByteWriter& out);
 
-/// Reads what encodeGroup wrote into a growing hierarchy and returns the group's number; `in` stands behind it then. Grows the tables
-/// as needed but never beyond `max_groups` and `max_patches` (the scene's totals: a group, parent or producer number at or beyond
-/// max_groups, or a patch at or beyond max_patches, is refused), and sets known. The growing hierarchy starts empty, with its lattice,
-/// has_colors and source_triangles set by the caller. Rows of groups and patches not met yet are default ones (patch: 0 triangles).
-/// Groups may come in any order and twice; the first one counts. On an error the hierarchy is unchanged.
-base::Result<std::uint32_t> addGroup(base::ByteReader& in, Hierarchy& growing, std::uint32_t max_groups, std::uint32_t max_patches);
+/// Reads what encodeGroup wrote into a growing hierarchy and returns the group's number; `in` stands behind it then.
+/// Grows the tables as needed but never beyond `max_groups` and `max_patches` (the scene's totals: a group, parent or
+/// producer number at or beyond max_groups, or a patch at or beyond max_patches, is refused), and sets known. The
+/// growing hierarchy starts empty, with its lattice, has_colors and source_triangles set by the caller. Rows of groups
+/// and patches not met yet are default ones (patch: 0 triangles). Groups may come in any order and twice; the first one
+/// counts. On an error the hierarchy is unchanged.
+base::Result<std::uint32_t> addGroup(base::ByteReader& in, Hierarchy& growing, std::uint32_t max_groups,
+                                     std::uint32_t max_patches);
 
 }  // namespace lod::patch
