@@ -1,0 +1,448 @@
+#include "client/render/lumigraph.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <optional>
+#include <unordered_map>
+
+#include "base/check.h"
+#include "client/render/blend_shader.h"
+#include "client/render/choose.h"
+#include "client/render/pyramid.h"
+#include "client/render/sample_array.h"
+
+namespace client {
+namespace {
+
+constexpr int kDepthMapsPerFrame = 3;           ///< redrawn while pictures may still settle; each costs about a plain frame of the proxy
+constexpr GLuint kSamplesBinding = 0;
+
+/// One sample as the uniform block holds it (std140; blend_shader.cpp).
+struct SampleBlock {
+  glm::mat4 clip_from_scene{1.0F};
+  glm::vec4 eye{0.0F};
+  glm::vec4 place{0.0F};
+  glm::vec4 depth{0.0F};
+  glm::vec4 floors{0.0F};
+};
+static_assert(sizeof(SampleBlock) == kSampleVec4s * sizeof(glm::vec4));
+
+struct Sample {
+  base::Camera camera;
+  SampleGeometry geometry;
+  int array = 0;
+  int layer = 0;
+  bool depth_drawn = false;
+  std::uint64_t depth_signature = 0;  ///< of the patches in its depth map
+  // Fade in time: from fade_from towards 1 (wanted) or 0, since fade_since.
+  bool wanted = false;
+  float fade_from = 0.0F;
+  double fade_since = 0.0;
+
+  float fadeAt(double now, float seconds) const {
+    const float goal = wanted ? 1.0F : 0.0F;
+    if (seconds <= 0.0F) return goal;
+    const float gone = static_cast<float>(std::max(0.0, now - fade_since)) / seconds;
+    return wanted ? std::min(1.0F, fade_from + gone) : std::max(0.0F, fade_from - gone);
+  }
+};
+
+/// A well mixed 64-bit number of each patch; their sum stands for a set of them, in any order (Steele, Lea, Flood 2014, SplitMix).
+std::uint64_t mixed(std::uint64_t x) {
+  x += 0x9e3779b97f4a7c15U;
+  x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9U;
+  x = (x ^ (x >> 27)) * 0x94d049bb133111ebU;
+  return x ^ (x >> 31);
+}
+
+}  // namespace
+
+struct LumigraphRenderer::State {
+  State(const lod::patch::Lattice& lattice, int size, std::uint64_t budget) : patches(lattice), face_size(size), budget_bytes(budget) {}
+
+  lod::draw::PatchMeshes patches;
+  int face_size;
+  std::uint64_t budget_bytes;
+  base::gl::Program blend;
+  base::gl::Program depth;
+  base::gl::Buffer block;
+  base::gl::Texture no_color;  ///< bound where there is no array: WebGL wants complete textures
+  base::gl::Texture no_depth;
+  std::array<std::optional<SampleArray>, kMaxArrays> arrays;
+  std::unordered_map<SampleId, Sample> samples;
+  LumigraphStats stats;
+  bool settling = false;
+
+  // One frame.
+  struct Frame {
+    const base::Camera& camera;
+    const LumigraphOptions& options;
+    double now = 0.0;
+    float error_per_distance = 0.0F;
+    float push_per_distance = 0.0F;
+    std::vector<std::uint32_t> patches;    ///< front to back
+    std::vector<base::Aabb> boxes;         ///< of those
+    std::vector<std::uint32_t> occluders;
+    std::vector<Sample*> active;           ///< in the uniform block
+  };
+
+  std::uint64_t textureBytes() const;
+  int arrayFor(int width, int height);
+  void wantSamples(Frame& frame, std::span<const SampleId> candidates);
+  std::vector<Sample*> pool(std::span<const SampleId> candidates);
+  std::uint64_t depthSignature(const Sample& sample, const std::vector<std::uint32_t>& occluders, std::vector<std::uint32_t>* overlapping) const;
+  void drawDepthMaps(Frame& frame, const std::vector<Sample*>& wanted);
+  void drawDepthMap(Sample& sample, const std::vector<std::uint32_t>& overlapping);
+  void activate(Frame& frame);
+  void uploadBlock(const Frame& frame);
+  void setUniforms(const Frame& frame, const lod::draw::Shading& shading);
+  void bindArrays() const;
+  void drawPatches(const Frame& frame);
+};
+
+namespace {
+
+base::gl::Texture emptyArray(GLenum format) {
+  auto texture = base::gl::Texture::create();
+  glBindTexture(GL_TEXTURE_2D_ARRAY, texture.name());
+  glTexStorage3D(GL_TEXTURE_2D_ARRAY, 1, format, 1, 1, 1);
+  glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
+  glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
+  if (format == GL_DEPTH_COMPONENT24) glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_COMPARE_MODE, GL_COMPARE_REF_TO_TEXTURE);
+  return texture;
+}
+
+std::vector<std::uint32_t> frontToBack(std::span<const std::uint32_t> cut, const lod::draw::PatchMeshes& patches, const glm::vec3& eye) {
+  std::vector<std::pair<float, std::uint32_t>> order;
+  order.reserve(cut.size());
+  for (const std::uint32_t patch : cut) {
+    const base::Aabb& box = patches.box(patch);
+    order.emplace_back(glm::length(glm::clamp(eye, box.min, box.max) - eye) + 0.01F * glm::length(box.center() - eye), patch);
+  }
+  std::sort(order.begin(), order.end());
+  std::vector<std::uint32_t> sorted;
+  sorted.reserve(order.size());
+  for (const auto& [distance, patch] : order) sorted.push_back(patch);
+  return sorted;
+}
+
+}  // namespace
+
+base::Result<std::unique_ptr<LumigraphRenderer>> LumigraphRenderer::create(const lod::patch::Lattice& lattice, int face_size,
+                                                                           std::uint64_t gpu_budget_bytes) {
+  auto renderer = std::unique_ptr<LumigraphRenderer>(new LumigraphRenderer);
+  renderer->state_ = std::make_unique<State>(lattice, face_size, gpu_budget_bytes);
+  State& state = *renderer->state_;
+
+  auto blend = base::gl::Program::link("lumigraph blend", blendVertexSource(), blendFragmentSource());
+  if (!blend) return blend.error();
+  auto depth = base::gl::Program::link("lumigraph depth", depthVertexSource(), depthFragmentSource());
+  if (!depth) return depth.error();
+  state.blend = std::move(blend.value());
+  state.depth = std::move(depth.value());
+
+  state.block = base::gl::Buffer::create();
+  state.no_color = emptyArray(GL_RGBA8);
+  state.no_depth = emptyArray(GL_DEPTH_COMPONENT24);
+  const GLuint index = glGetUniformBlockIndex(state.blend.name(), "Samples");
+  if (index != GL_INVALID_INDEX) glUniformBlockBinding(state.blend.name(), index, kSamplesBinding);
+  return renderer;
+}
+
+LumigraphRenderer::~LumigraphRenderer() = default;
+
+lod::draw::PatchMeshes& LumigraphRenderer::patches() { return state_->patches; }
+bool LumigraphRenderer::hasSample(SampleId id) const { return state_->samples.count(id) != 0; }
+bool LumigraphRenderer::settling() const { return state_->settling; }
+const LumigraphStats& LumigraphRenderer::stats() const { return state_->stats; }
+
+std::uint64_t LumigraphRenderer::State::textureBytes() const {
+  std::uint64_t bytes = 0;
+  for (const auto& array : arrays)
+    if (array) bytes += array->bytes();
+  return bytes;
+}
+
+/// The array of this image size; made, or put in the place of one that holds nothing, where there is none. −1: no place.
+int LumigraphRenderer::State::arrayFor(int width, int height) {
+  for (int i = 0; i < kMaxArrays; ++i) {
+    const auto& array = arrays[static_cast<std::size_t>(i)];
+    if (array && array->width() == width && array->height() == height) return i;
+  }
+  for (int i = 0; i < kMaxArrays; ++i) {
+    auto& array = arrays[static_cast<std::size_t>(i)];
+    if (array && array->used() > 0) continue;
+    array.reset();
+    array.emplace(width, height, std::min(width, 512), std::min(height, 512));
+    return i;
+  }
+  return -1;
+}
+
+bool LumigraphRenderer::addSample(SampleId id, const base::Camera& camera, const base::Image& rgba, double now) {
+  State& state = *state_;
+  if (rgba.channels != 4 || rgba.empty()) return false;
+  removeSample(id);
+  const int index = state.arrayFor(rgba.width, rgba.height);
+  if (index < 0) return false;
+  SampleArray& array = *state.arrays[static_cast<std::size_t>(index)];
+  const std::uint64_t others = state.textureBytes() - array.bytes();
+  const int layer = array.add(rgba, state.budget_bytes > others ? state.budget_bytes - others : 0);
+  if (layer < 0) return false;
+  Sample sample{camera, SampleGeometry(camera)};
+  sample.array = index;
+  sample.layer = layer;
+  sample.fade_since = now;
+  state.samples.emplace(id, std::move(sample));
+  return true;
+}
+
+void LumigraphRenderer::removeSample(SampleId id) {
+  const auto found = state_->samples.find(id);
+  if (found == state_->samples.end()) return;
+  state_->arrays[static_cast<std::size_t>(found->second.array)]->release(found->second.layer);
+  state_->samples.erase(found);
+}
+
+std::vector<Sample*> LumigraphRenderer::State::pool(std::span<const SampleId> candidates) {
+  std::vector<Sample*> result;
+  for (const SampleId id : candidates)
+    if (const auto found = samples.find(id); found != samples.end()) result.push_back(&found->second);
+  if (!candidates.empty()) return result;
+
+  // By number, so that equal contributions never change places from frame to frame.
+  std::vector<std::pair<SampleId, Sample*>> all;
+  for (auto& [id, sample] : samples) all.emplace_back(id, &sample);
+  std::sort(all.begin(), all.end());
+  for (const auto& [id, sample] : all) result.push_back(sample);
+  return result;
+}
+
+std::uint64_t LumigraphRenderer::State::depthSignature(const Sample& sample, const std::vector<std::uint32_t>& occluders,
+                                                       std::vector<std::uint32_t>* overlapping) const {
+  std::uint64_t sum = 1;
+  for (const std::uint32_t patch : occluders) {
+    if (!sample.geometry.frustum.mayOverlap(patches.box(patch))) continue;
+    sum += mixed(patch);
+    if (overlapping != nullptr) overlapping->push_back(patch);
+  }
+  return sum;
+}
+
+void LumigraphRenderer::State::drawDepthMap(Sample& sample, const std::vector<std::uint32_t>& overlapping) {
+  arrays[static_cast<std::size_t>(sample.array)]->beginDepth(sample.layer);
+  glUniformMatrix4fv(depth.uniform("u_clip_from_scene"), 1, GL_FALSE, &sample.geometry.clip_from_scene[0][0]);
+  patches.draw(overlapping);
+  ++stats.depth_maps_drawn;
+}
+
+/// Redraws the depth maps whose patches have changed, samples without any first; a few per frame unless the picture must be final.
+void LumigraphRenderer::State::drawDepthMaps(Frame& frame, const std::vector<Sample*>& wanted) {
+  struct Stale {
+    Sample* sample;
+    std::uint64_t signature;
+    std::vector<std::uint32_t> overlapping;
+  };
+  std::vector<Stale> stale;
+  for (Sample* sample : wanted) {
+    Stale entry{sample, 0, {}};
+    entry.signature = depthSignature(*sample, frame.occluders, &entry.overlapping);
+    if (!sample->depth_drawn || sample->depth_signature != entry.signature) stale.push_back(std::move(entry));
+  }
+  if (stale.empty()) return;
+  std::stable_partition(stale.begin(), stale.end(), [](const Stale& s) { return !s.sample->depth_drawn; });
+  const std::size_t limit = frame.options.fade_seconds <= 0.0F ? stale.size() : kDepthMapsPerFrame;
+
+  GLint framebuffer = 0;
+  glGetIntegerv(GL_FRAMEBUFFER_BINDING, &framebuffer);
+  depth.use();
+  glEnable(GL_DEPTH_TEST);
+  glDepthFunc(GL_LESS);
+  glDepthMask(GL_TRUE);
+  glDisable(GL_BLEND);
+  glDisable(GL_CULL_FACE);
+  for (std::size_t i = 0; i < std::min(limit, stale.size()); ++i) {
+    drawDepthMap(*stale[i].sample, stale[i].overlapping);
+    stale[i].sample->depth_drawn = true;
+    stale[i].sample->depth_signature = stale[i].signature;
+  }
+  glBindFramebuffer(GL_FRAMEBUFFER, static_cast<GLuint>(framebuffer));
+  settling = settling || stale.size() > limit;
+}
+
+/// Chooses this frame's samples, brings their depth maps up to date and turns fades.
+void LumigraphRenderer::State::wantSamples(Frame& frame, std::span<const SampleId> candidates) {
+  const std::vector<Sample*> all = frame.options.use_images ? pool(candidates) : std::vector<Sample*>{};
+  std::vector<const SampleGeometry*> geometries;
+  for (const Sample* sample : all) geometries.push_back(&sample->geometry);
+  const auto limit = static_cast<std::size_t>(std::clamp(frame.options.max_samples, 1, kMaxSamples));
+  std::vector<Sample*> wanted;
+  for (const std::size_t i : chooseSamples(geometries, frame.boxes, frame.camera, limit, frame.options.tuning)) wanted.push_back(all[i]);
+  drawDepthMaps(frame, wanted);
+
+  const float seconds = frame.options.fade_seconds;
+  const auto turn = [&](Sample& sample, bool to) {
+    if (sample.wanted == to) return;
+    sample.fade_from = sample.fadeAt(frame.now, seconds);
+    sample.fade_since = frame.now;
+    sample.wanted = to;
+  };
+  std::vector<Sample*> leaving;
+  for (auto& [id, sample] : samples) {
+    if (std::find(wanted.begin(), wanted.end(), &sample) != wanted.end()) continue;
+    turn(sample, false);
+    if (sample.depth_drawn && sample.fadeAt(frame.now, seconds) > 0.0F) leaving.push_back(&sample);
+  }
+  for (Sample* sample : wanted)
+    if (sample->depth_drawn) turn(*sample, true);
+
+  // Those that leave share what places are left, the strongest first.
+  std::sort(leaving.begin(), leaving.end(), [&](const Sample* a, const Sample* b) { return a->fadeAt(frame.now, seconds) > b->fadeAt(frame.now, seconds); });
+  for (Sample* sample : wanted)
+    if (sample->depth_drawn) frame.active.push_back(sample);
+  for (Sample* sample : leaving)
+    if (frame.active.size() < kMaxSamples) frame.active.push_back(sample);
+  for (const Sample* sample : frame.active) {
+    const float fade = sample->fadeAt(frame.now, seconds);
+    settling = settling || (sample->wanted ? fade < 1.0F : fade > 0.0F);
+  }
+}
+
+void LumigraphRenderer::State::uploadBlock(const Frame& frame) {
+  std::vector<const SampleGeometry*> geometries;
+  std::vector<float> fades;
+  for (const Sample* sample : frame.active) {
+    geometries.push_back(&sample->geometry);
+    fades.push_back(sample->fadeAt(frame.now, frame.options.fade_seconds));
+  }
+  const std::vector<glm::vec4> floors = borderFloors(geometries, fades);
+
+  std::array<SampleBlock, kMaxSamples> blocks{};
+  for (std::size_t i = 0; i < frame.active.size(); ++i) {
+    const Sample& sample = *frame.active[i];
+    const SampleArray& array = *arrays[static_cast<std::size_t>(sample.array)];
+    const glm::mat4& projection = sample.camera.clip_from_eye;
+    blocks[i].clip_from_scene = sample.geometry.clip_from_scene;
+    blocks[i].eye = glm::vec4(sample.geometry.eye, fades[i]);
+    blocks[i].place = glm::vec4(sample.array, sample.layer, array.width(), array.height());
+    // Clip z = P22 z + P32 with w = −z: depth = P32 / w − P22.
+    const float texel = std::max(2.0F / (projection[0][0] * static_cast<float>(array.depthWidth())),
+                                 2.0F / (projection[1][1] * static_cast<float>(array.depthHeight())));
+    blocks[i].depth = glm::vec4(projection[2][2], projection[3][2], texel, sample.geometry.pixels_per_unit_at_one);
+    blocks[i].floors = floors[i];
+  }
+  glBindBuffer(GL_UNIFORM_BUFFER, block.name());
+  glBufferData(GL_UNIFORM_BUFFER, sizeof(blocks), blocks.data(), GL_DYNAMIC_DRAW);
+  glBindBufferBase(GL_UNIFORM_BUFFER, kSamplesBinding, block.name());
+}
+
+void LumigraphRenderer::State::bindArrays() const {
+  static constexpr std::array<const char*, kMaxArrays> kColor{"u_color0", "u_color1", "u_color2"};
+  static constexpr std::array<const char*, kMaxArrays> kDepth{"u_depth0", "u_depth1", "u_depth2"};
+  for (std::size_t i = 0; i < kMaxArrays; ++i) {
+    const bool filled = arrays[i] && arrays[i]->color() != 0;
+    const auto unit = static_cast<GLint>(2 * i);
+    glActiveTexture(GL_TEXTURE0 + static_cast<GLenum>(unit));
+    glBindTexture(GL_TEXTURE_2D_ARRAY, filled ? arrays[i]->color() : no_color.name());
+    glActiveTexture(GL_TEXTURE0 + static_cast<GLenum>(unit) + 1);
+    glBindTexture(GL_TEXTURE_2D_ARRAY, filled ? arrays[i]->depth() : no_depth.name());
+    glUniform1i(blend.uniform(kColor[i]), unit);
+    glUniform1i(blend.uniform(kDepth[i]), unit + 1);
+  }
+  glActiveTexture(GL_TEXTURE0);
+}
+
+void LumigraphRenderer::State::setUniforms(const Frame& frame, const lod::draw::Shading& shading) {
+  lod::draw::setShading(blend, shading);
+  const base::Camera& camera = frame.camera;
+  const glm::mat4 clip_from_scene = camera.clipFromScene();
+  const auto set = [&](const char* name, float value) { glUniform1f(blend.uniform(name), value); };
+  glUniformMatrix4fv(blend.uniform("u_clip_from_scene"), 1, GL_FALSE, &clip_from_scene[0][0]);
+  glUniform3f(blend.uniform("u_eye"), camera.eye.x, camera.eye.y, camera.eye.z);
+  glUniform2f(blend.uniform("u_viewport"), static_cast<float>(camera.width), static_cast<float>(camera.height));
+  set("u_pixels_per_unit", camera.pixelsPerUnitAtOne());
+  set("u_push", frame.push_per_distance);
+  set("u_error", frame.error_per_distance);
+  glUniform1i(blend.uniform("u_carve"), frame.options.carve ? 1 : 0);
+  glUniform1i(blend.uniform("u_fill"), frame.options.fill_holes || !frame.options.use_images ? 1 : 0);
+  const float* background = frame.options.background;
+  glUniform4f(blend.uniform("u_background"), background[0], background[1], background[2], background[3]);
+
+  const BlendTuning& tuning = frame.options.tuning;
+  set("u_angle_power", tuning.angle_power);
+  set("u_angle_floor", tuning.angle_floor);
+  set("u_resolution_power", tuning.resolution_power);
+  set("u_border", tuning.border);
+  set("u_side_low", tuning.side_low);
+  set("u_side_high", tuning.side_high);
+  set("u_bias_texels", tuning.bias_texels);
+  set("u_bias_error", tuning.bias_error);
+  set("u_mip_bias", tuning.mip_bias);
+  set("u_parallax", tuning.parallax);
+  set("u_carve_below", tuning.carve_below);
+  set("u_x0", tuning.x0); set("u_x1", tuning.x1); set("u_x2", tuning.x2); set("u_x3", tuning.x3);
+}
+
+/// Patches front to back; runs that the same samples may see share a draw call's list, so that a fragment tries only those.
+void LumigraphRenderer::State::drawPatches(const Frame& frame) {
+  const auto maskOf = [&](std::size_t i) {
+    std::uint32_t mask = 0;
+    for (std::size_t s = 0; s < frame.active.size(); ++s)
+      if (frame.active[s]->geometry.frustum.mayOverlap(frame.boxes[i])) mask |= std::uint32_t{1} << s;
+    return mask;
+  };
+  const GLint list_location = blend.uniform("u_list[0]");
+  const GLint count_location = blend.uniform("u_count");
+  for (std::size_t first = 0; first < frame.patches.size();) {
+    const std::uint32_t mask = maskOf(first);
+    std::size_t last = first + 1;
+    while (last < frame.patches.size() && maskOf(last) == mask) ++last;
+    std::array<GLint, kMaxSamples> list{};
+    GLint count = 0;
+    for (GLint s = 0; s < kMaxSamples; ++s)
+      if ((mask >> s & 1U) != 0) list[static_cast<std::size_t>(count++)] = s;
+    glUniform4iv(list_location, kMaxSamples / 4, list.data());
+    glUniform1i(count_location, count);
+    patches.draw(std::span(frame.patches).subspan(first, last - first));
+    first = last;
+  }
+}
+
+void LumigraphRenderer::draw(const base::Camera& camera, std::span<const std::uint32_t> cut, std::span<const SampleId> candidates,
+                             float cut_error_px, const lod::draw::Shading& shading, const LumigraphOptions& options, double now,
+                             std::span<const std::uint32_t> occluders) {
+  State& state = *state_;
+  state.settling = false;
+  state.stats = {};
+
+  // What this frame is made of.
+  State::Frame frame{camera, options, now, 0.0F, 0.0F, frontToBack(cut, state.patches, camera.eye), {}, {}, {}};
+  frame.error_per_distance = cut_error_px / camera.pixelsPerUnitAtOne();
+  frame.push_per_distance = options.carve && options.use_images ? options.push * frame.error_per_distance : 0.0F;
+  for (const std::uint32_t patch : frame.patches) frame.boxes.push_back(state.patches.box(patch));
+  if (occluders.empty()) occluders = cut;
+  frame.occluders.assign(occluders.begin(), occluders.end());
+  state.wantSamples(frame, candidates);
+  state.uploadBlock(frame);
+
+  glViewport(0, 0, camera.width, camera.height);
+  glEnable(GL_DEPTH_TEST);
+  glDepthFunc(GL_LESS);
+  glDepthMask(GL_TRUE);
+  glDisable(GL_BLEND);
+  glDisable(GL_CULL_FACE);
+  glClearColor(options.background[0], options.background[1], options.background[2], options.background[3]);
+  glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
+  state.setUniforms(frame, shading);
+  state.bindArrays();
+  state.drawPatches(frame);
+
+  state.stats.samples_used = static_cast<std::uint32_t>(frame.active.size());
+  state.stats.samples_resident = static_cast<std::uint32_t>(state.samples.size());
+  state.stats.patches = static_cast<std::uint32_t>(cut.size());
+  for (const std::uint32_t patch : cut) state.stats.triangles += state.patches.triangles(patch);
+  state.stats.gpu_bytes = state.textureBytes() + state.patches.gpuBytes();
+}
+
+}  // namespace client

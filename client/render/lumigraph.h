@@ -20,6 +20,23 @@ namespace client {
 
 using SampleId = std::uint64_t;
 
+/// How samples are weighed against each other. The defaults are what measured best: docs/lumigraph-tuning.md.
+struct BlendTuning {
+  float angle_power = 3.0F;        ///< weight ∝ (angle between the rays to viewer and sample + angle_floor)^−angle_power
+  float angle_floor = 0.02F;       ///< radians
+  float resolution_power = 1.0F;   ///< weight ∝ min(1, sample's pixels per length / view's)^resolution_power
+  float border = 0.06F;            ///< share of a sample's width over which it fades towards a border with no neighbour
+  float side_low = 0.0F;           ///< cosine between normal and ray to the sample where its weight begins,
+  float side_high = 0.2F;          ///< and where it is full
+  float bias_texels = 1.5F;        ///< shadow bias in depth map texels, scaled by the slope
+  float bias_error = 2.0F;         ///< shadow bias in units of the proxy's error
+  float mip_bias = 0.0F;           ///< added to the mip level
+  float parallax = 0.0F;           ///< pushed fragments are looked up this many push lengths further along the view ray, at most
+  float carve_below = 0.5F;        ///< mean coverage under which a fragment is discarded
+  float x0 = 0.0F, x1 = 0.0F, x2 = 0.0F, x3 = 0.0F;
+  int depth_size = 512;
+};
+
 struct LumigraphOptions {
   int max_samples = 16;             ///< images blended per frame, 1..32
   float fade_seconds = 0.25F;       ///< new images and patches come in over this; 0 for pictures that must be final at once
@@ -28,6 +45,7 @@ struct LumigraphOptions {
   float push = 1.0F;                ///< proxy pushed outward along its normals by this many times its error (0: not), then carved
   bool use_images = true;           ///< false: the same proxy shaded by its vertex colours
   float background[4] = {0.0F, 0.0F, 0.0F, 0.0F};
+  BlendTuning tuning;
 };
 
 struct LumigraphStats {
@@ -56,7 +74,8 @@ class LumigraphRenderer {
   /// Draws into the framebuffer bound now, viewport 0,0 … camera.width × height. `cut` lists uploaded patches; `cut_error_px` is the
   /// largest projected error among them (for the push and the shadow bias). `candidates`: resident samples to choose from, best first (empty: all).
   void draw(const base::Camera& camera, std::span<const std::uint32_t> cut, std::span<const SampleId> candidates, float cut_error_px,
-            const lod::draw::Shading& shading, const LumigraphOptions& options, double now);
+            const lod::draw::Shading& shading, const LumigraphOptions& options, double now,
+            std::span<const std::uint32_t> occluders = {});
 
   /// True when another frame at the same view would look different (fades running, depth maps not all drawn yet).
   bool settling() const;

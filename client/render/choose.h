@@ -1,0 +1,41 @@
+#pragma once
+// Which sampling images a frame uses, and how they hang together. No GL.
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "base/camera.h"
+#include "base/geometry.h"
+#include "client/render/lumigraph.h"
+
+namespace client {
+
+/// What choosing needs to know of a resident sample, worked out once.
+struct SampleGeometry {
+  glm::mat4 clip_from_scene{1.0F};
+  glm::vec3 eye{0.0F};
+  float pixels_per_unit_at_one = 1.0F;
+  base::Frustum frustum;
+  std::array<glm::vec3, 4> corners;  ///< unit directions through the image's corners: left-bottom, right-bottom, right-top, left-top
+
+  explicit SampleGeometry(const base::Camera& camera);
+};
+
+/// The weight of a sample at a surface point for a viewer, before visibility: the same formula as the shader's (blend_shader.cpp).
+/// `view_density` and `sample_density`: pixels per unit length there.
+float sampleWeight(const glm::vec3& point, const glm::vec3& view_eye, const glm::vec3& sample_eye, float view_density, float sample_density,
+                   const BlendTuning& tuning);
+
+/// Up to `limit` of `samples`, by index, those first that contribute most to the view: every box hands out one vote, in
+/// proportion to its size on screen, shared among the samples that may see it by their weights (Buehler et al. 2001, section 3,
+/// rank cameras per ray; per patch is enough to choose). Samples that see no box are left out.
+std::vector<std::size_t> chooseSamples(std::span<const SampleGeometry* const> samples, std::span<const base::Aabb> boxes,
+                                       const base::Camera& view, std::size_t limit, const BlendTuning& tuning);
+
+/// For each sample, what its weight keeps at its left, right, bottom and top border (0: fades out). Where another of these samples has the
+/// same centre and the same border (the next face of a cube, the next tile) nothing has to fade: the other goes on where this one
+/// ends. `fades` (0..1) are the samples' fades in time: beside a neighbour that is still coming in, the weight sinks to the neighbour's.
+std::vector<glm::vec4> borderFloors(std::span<const SampleGeometry* const> samples, std::span<const float> fades);
+
+}  // namespace client

@@ -1,0 +1,120 @@
+#include "client/render/sample_array.h"
+
+#include <algorithm>
+
+#include "client/render/pyramid.h"
+
+namespace client {
+namespace {
+
+constexpr int kFirstLayers = 4;  ///< a first allocation; doubled from there
+
+void setFilters(GLint minify, GLint magnify) {
+  glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER, minify);
+  glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAG_FILTER, magnify);
+  glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
+  glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
+}
+
+int maxLayers() {
+  GLint layers = 0;
+  glGetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &layers);
+  return layers;
+}
+
+}  // namespace
+
+SampleArray::SampleArray(int width, int height, int depth_width, int depth_height)
+    : width_(width), height_(height), depth_width_(depth_width), depth_height_(depth_height),
+      framebuffer_(base::gl::Framebuffer::create()) {}
+
+std::uint64_t SampleArray::bytesPerLayer() const {
+  return pyramidBytes(width_, height_) + std::uint64_t{4} * static_cast<std::uint64_t>(depth_width_) * static_cast<std::uint64_t>(depth_height_);
+}
+
+base::gl::Texture SampleArray::makeColor(int layers) const {
+  auto texture = base::gl::Texture::create();
+  glBindTexture(GL_TEXTURE_2D_ARRAY, texture.name());
+  glTexStorage3D(GL_TEXTURE_2D_ARRAY, pyramidLevels(width_, height_), GL_RGBA8, width_, height_, layers);
+  setFilters(GL_LINEAR_MIPMAP_LINEAR, GL_LINEAR);
+  return texture;
+}
+
+base::gl::Texture SampleArray::makeDepth(int layers) const {
+  auto texture = base::gl::Texture::create();
+  glBindTexture(GL_TEXTURE_2D_ARRAY, texture.name());
+  glTexStorage3D(GL_TEXTURE_2D_ARRAY, 1, GL_DEPTH_COMPONENT24, depth_width_, depth_height_, layers);
+  setFilters(GL_LINEAR, GL_LINEAR);
+  glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_COMPARE_MODE, GL_COMPARE_REF_TO_TEXTURE);
+  glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_COMPARE_FUNC, GL_LEQUAL);
+  return texture;
+}
+
+void SampleArray::copyLayersTo(const base::gl::Texture& color, const base::gl::Texture& depth) const {
+  const auto from = base::gl::Framebuffer::create();
+  const auto to = base::gl::Framebuffer::create();
+  glBindFramebuffer(GL_READ_FRAMEBUFFER, from.name());
+  glBindFramebuffer(GL_DRAW_FRAMEBUFFER, to.name());
+
+  // Colour by copies from a framebuffer, level by level.
+  glBindTexture(GL_TEXTURE_2D_ARRAY, color.name());
+  for (int level = 0; level < pyramidLevels(width_, height_); ++level)
+    for (int layer = 0; layer < capacity_; ++layer) {
+      glFramebufferTextureLayer(GL_READ_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, color_.name(), level, layer);
+      glCopyTexSubImage3D(GL_TEXTURE_2D_ARRAY, level, 0, 0, layer, 0, 0, std::max(1, width_ >> level), std::max(1, height_ >> level));
+    }
+
+  // Depth by blits: copying into depth textures is not offered.
+  glFramebufferTextureLayer(GL_READ_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, 0, 0, 0);
+  for (int layer = 0; layer < capacity_; ++layer) {
+    glFramebufferTextureLayer(GL_READ_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, depth_.name(), 0, layer);
+    glFramebufferTextureLayer(GL_DRAW_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, depth.name(), 0, layer);
+    glBlitFramebuffer(0, 0, depth_width_, depth_height_, 0, 0, depth_width_, depth_height_, GL_DEPTH_BUFFER_BIT, GL_NEAREST);
+  }
+}
+
+bool SampleArray::grow(std::uint64_t budget_bytes) {
+  const auto affordable = static_cast<int>(std::min<std::uint64_t>(budget_bytes / bytesPerLayer(), static_cast<std::uint64_t>(maxLayers())));
+  const int layers = std::min(affordable, std::max(kFirstLayers, 2 * capacity_));
+  if (layers <= capacity_) return false;
+
+  GLint draw_framebuffer = 0, read_framebuffer = 0;
+  glGetIntegerv(GL_DRAW_FRAMEBUFFER_BINDING, &draw_framebuffer);
+  glGetIntegerv(GL_READ_FRAMEBUFFER_BINDING, &read_framebuffer);
+  base::gl::Texture color = makeColor(layers);
+  base::gl::Texture depth = makeDepth(layers);
+  if (capacity_ > 0) copyLayersTo(color, depth);
+  glBindFramebuffer(GL_DRAW_FRAMEBUFFER, static_cast<GLuint>(draw_framebuffer));
+  glBindFramebuffer(GL_READ_FRAMEBUFFER, static_cast<GLuint>(read_framebuffer));
+
+  color_ = std::move(color);
+  depth_ = std::move(depth);
+  for (int layer = layers; layer-- > capacity_;) free_.push_back(layer);
+  capacity_ = layers;
+  return true;
+}
+
+int SampleArray::add(const base::Image& rgba, std::uint64_t budget_bytes) {
+  if (free_.empty() && !grow(budget_bytes)) return -1;
+  const int layer = free_.back();
+  free_.pop_back();
+  glBindTexture(GL_TEXTURE_2D_ARRAY, color_.name());
+  glPixelStorei(GL_UNPACK_ALIGNMENT, 4);
+  const std::vector<base::Image> levels = premultipliedPyramid(rgba);
+  for (std::size_t level = 0; level < levels.size(); ++level)
+    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, static_cast<GLint>(level), 0, 0, layer, levels[level].width, levels[level].height, 1, GL_RGBA,
+                    GL_UNSIGNED_BYTE, levels[level].pixels.data());
+  return layer;
+}
+
+void SampleArray::beginDepth(int layer) const {
+  glBindFramebuffer(GL_FRAMEBUFFER, framebuffer_.name());
+  glFramebufferTextureLayer(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, depth_.name(), 0, layer);
+  const GLenum none = GL_NONE;
+  glDrawBuffers(1, &none);
+  glReadBuffer(GL_NONE);
+  glViewport(0, 0, depth_width_, depth_height_);
+  glClear(GL_DEPTH_BUFFER_BIT);
+}
+
+}  // namespace client
