@@ -1,0 +1,149 @@
+// Whole builds: resumed, killed, damaged.
+#include <signal.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <random>
+#include <thread>
+
+#include "base/file.h"
+#include "base/json/scene_file.h"
+#include "repository/store.h"
+#include "tests/programs/run_program.h"
+
+namespace {
+
+using nlohmann::json;
+using programs::run;
+
+class Build : public programs::ProgramTest {
+ protected:
+  static std::map<std::uint64_t, base::Bytes> values(const std::string& scene) {
+    std::map<std::uint64_t, base::Bytes> all;
+    auto store = repository::openLmdbStore(scene + "/images", repository::StoreMode::kRead);
+    EXPECT_TRUE(store);
+    if (!store) return all;
+    auto visited = (*store)->forEach([&](const repository::FaceKey& key, base::ByteView value) {
+      all[key.code()] = base::Bytes(value.begin(), value.end());
+      return true;
+    });
+    EXPECT_TRUE(visited);
+    return all;
+  }
+};
+
+TEST_F(Build, aFinishedSceneIsDescribedAndVerified) {
+  const std::string scene = smallScene();
+  const auto info = run("lumigrid", {"info", scene, "--json"});
+  ASSERT_EQ(info.status, 0) << info.err;
+  const json j = json::parse(info.out);
+  EXPECT_NEAR(j["triangles"].get<double>(), 10000, 200);
+  EXPECT_EQ(j["hierarchy"]["levels"].back()["patches"], 1);
+  EXPECT_LE(j["hierarchy"]["levels"].back()["triangles"].get<int>(), 2000);
+  const std::uint64_t faces = j["images"]["images"].get<std::uint64_t>() + j["images"]["empty"].get<std::uint64_t>();
+  EXPECT_EQ(faces, values(scene).size());
+  EXPECT_EQ(faces, j["images"]["expected"].get<std::uint64_t>());
+  EXPECT_GT(j["images"]["empty"].get<int>(), 0);
+  const auto verified = run("lumigrid", {"verify", scene});
+  EXPECT_EQ(verified.status, 0) << verified.out << verified.err;
+}
+
+TEST_F(Build, killedInTheMiddleItGoesOnAndEndsTheSame) {
+  const std::string mesh = smallMesh();
+  const std::vector<std::string> options{"--grid", "6", "--face", "64", "--batch", "100", "--quiet"};
+  auto command = [&](const std::string& scene) {
+    std::vector<std::string> words{"build", mesh, "-o", scene};
+    words.insert(words.end(), options.begin(), options.end());
+    return words;
+  };
+  ASSERT_EQ(run("lumigrid", command(path("whole"))).status, 0);
+  const auto whole = values(path("whole"));
+
+  // Kill as soon as some, but not all, images are there. Every run gets further; a few kills at different places.
+  int killed = 0;
+  for (int round = 0; round < 3; ++round) {
+    const std::size_t before = std::filesystem::exists(path("killed/images/data.mdb")) ? values(path("killed")).size() : 0;
+    const pid_t pid = programs::start("lumigrid", command(path("killed")), path("log"));
+    for (int i = 0; i < 3000; ++i) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+      if (std::filesystem::exists(path("killed/scene.json"))) break;
+      if (!std::filesystem::exists(path("killed/images/data.mdb"))) continue;
+      auto store = repository::openLmdbStore(path("killed/images"), repository::StoreMode::kRead);
+      if (!store) continue;
+      auto size = (*store)->size();
+      if (size && *size >= before + 100) break;
+    }
+    ::kill(pid, SIGKILL);
+    if (programs::wait(pid) == 128 + SIGKILL) ++killed;
+    if (std::filesystem::exists(path("killed/scene.json"))) break;
+  }
+  ASSERT_GT(killed, 0) << "no run was killed in the middle: this test proved nothing";
+  const std::size_t committed = values(path("killed")).size();
+  ASSERT_GT(committed, 0U);
+  ASSERT_LT(committed, whole.size());
+
+  auto words = command(path("killed"));
+  words.emplace_back("--json");
+  const auto rerun = run("lumigrid", words);
+  ASSERT_EQ(rerun.status, 0) << rerun.err;
+  const json summary = json::parse(rerun.out);
+  EXPECT_EQ(summary["images"]["rendered"].get<std::size_t>(), whole.size() - committed) << "what was committed is not rendered again";
+  EXPECT_EQ(values(path("killed")), whole);
+  EXPECT_EQ(base::readFile(path("killed/patch.lgp")).value(), base::readFile(path("whole/patch.lgp")).value());
+  EXPECT_EQ(run("lumigrid", {"verify", path("killed")}).status, 0);
+}
+
+TEST_F(Build, interruptedItStopsCleanlyAndGoesOn) {
+  const std::string mesh = smallMesh();
+  const std::vector<std::string> build{"build", mesh, "-o", path("scene"), "--grid", "6", "--face", "64", "--batch", "20", "--quiet"};
+  const pid_t pid = programs::start("lumigrid", build, path("log"));
+  for (int i = 0; i < 3000 && !std::filesystem::exists(path("scene/images/data.mdb")); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  ::kill(pid, SIGINT);
+  const int status = programs::wait(pid);
+  if (status == 0) GTEST_SKIP() << "the build was faster than the signal";
+  EXPECT_EQ(status, 1);
+  EXPECT_EQ(run("lumigrid", build).status, 0);
+  EXPECT_EQ(run("lumigrid", {"verify", path("scene")}).status, 0);
+}
+
+TEST_F(Build, verifyNamesWhatIsDamaged) {
+  const std::string scene = smallScene();
+  const std::string patches = programs::readText(scene + "/patch.lgp");
+  std::string damaged = patches;
+  damaged[damaged.size() - 100] = static_cast<char>(damaged[damaged.size() - 100] ^ 0x40);
+  programs::writeText(scene + "/patch.lgp", damaged);
+  auto verified = run("lumigrid", {"verify", scene});
+  EXPECT_EQ(verified.status, 1);
+  EXPECT_NE((verified.out + verified.err).find("patch.lgp"), std::string::npos) << verified.out;
+  programs::writeText(scene + "/patch.lgp", patches);
+  ASSERT_EQ(run("lumigrid", {"verify", scene}).status, 0);
+
+  // One bit of one image, and one image gone.
+  {
+    const auto all = values(scene);
+    auto store = repository::openLmdbStore(scene + "/images", repository::StoreMode::kWrite);
+    ASSERT_TRUE(store);
+    auto largest = std::max_element(all.begin(), all.end(), [](const auto& a, const auto& b) { return a.second.size() < b.second.size(); });
+    base::Bytes value = largest->second;
+    value[value.size() / 2] ^= 1;
+    ASSERT_TRUE((*store)->putBatch({{*repository::FaceKey::fromCode(largest->first), value}}));
+    ASSERT_TRUE((*store)->erase({*repository::FaceKey::fromCode(all.begin()->first)}));
+  }
+  verified = run("lumigrid", {"verify", scene, "--json"});
+  EXPECT_EQ(verified.status, 1);
+  EXPECT_EQ(json::parse(verified.out)["faults"].size(), 2U) << verified.out;
+}
+
+TEST_F(Build, theResultDoesNotDependOnTheThreads) {
+  const std::string mesh = smallMesh();
+  for (const char* threads : {"1", "4"}) {
+    const auto built = run("lumigrid", {"build", mesh, "-o", path(std::string("t") + threads), "--grid", "3", "--face", "64", "--threads", threads, "--quiet"});
+    ASSERT_EQ(built.status, 0) << built.err;
+  }
+  EXPECT_EQ(base::readFile(path("t1/patch.lgp")).value(), base::readFile(path("t4/patch.lgp")).value());
+  EXPECT_EQ(values(path("t1")), values(path("t4")));
+}
+
+}  // namespace

@@ -1,0 +1,78 @@
+// Server and viewer as processes: the tour that ./demo makes.
+#include <signal.h>
+
+#include <chrono>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <thread>
+
+#include "base/png/png.h"
+#include "tests/programs/run_program.h"
+
+namespace {
+
+using nlohmann::json;
+using programs::run;
+
+class Serve : public programs::ProgramTest {
+ protected:
+  pid_t serve(const std::string& scene, std::string& url) {
+    const pid_t pid = programs::start("lumigrid", {"serve", scene, "--port", "0", "--json"}, path("serve"));
+    for (int i = 0; i < 2000 && url.empty(); ++i) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+      const json j = json::parse(programs::readText(path("serve.out")), nullptr, false);
+      if (j.is_object()) url = j["url"];
+    }
+    EXPECT_FALSE(url.empty()) << programs::readText(path("serve.err"));
+    return pid;
+  }
+};
+
+TEST_F(Serve, aTourShowsTheModelAndTheServerStopsOnSigterm) {
+  const std::string scene = smallScene();
+  std::string url;
+  const pid_t server = serve(scene, url);
+  ASSERT_EQ(run("lumigrid", {"tour", scene, "--frames", "3", "--size", "320", "180", "-o", path("tour.json")}).status, 0);
+  const auto viewed = run("lumigrid-view", {url, "--headless", "--path", path("tour.json"), "--out", path("tour")});
+  EXPECT_EQ(viewed.status, 0) << viewed.err;
+
+  for (int frame = 0; frame < 3; ++frame) {
+    char name[32];
+    std::snprintf(name, sizeof(name), "tour/frame_%04d.png", frame);
+    auto image = base::readPng(path(name));
+    ASSERT_TRUE(image) << image.error().message;
+    EXPECT_EQ(image->width, 320);
+    std::size_t covered = 0;
+    for (std::size_t i = 3; i < image->pixels.size(); i += 4) covered += image->pixels[i] >= 128 ? 1U : 0U;
+    EXPECT_GT(covered, 320U * 180U / 20U) << "the model is not in the picture";
+    EXPECT_LT(covered, 320U * 180U) << "there is no background";
+  }
+  std::istringstream lines(programs::readText(path("tour/frames.jsonl")));
+  int count = 0;
+  for (std::string line; std::getline(lines, line); ++count) {
+    const json j = json::parse(line, nullptr, false);
+    ASSERT_TRUE(j.is_object()) << line;
+    EXPECT_TRUE(j["complete"].get<bool>()) << line;
+  }
+  EXPECT_EQ(count, 3);
+
+  ::kill(server, SIGTERM);
+  EXPECT_EQ(programs::wait(server), 0) << programs::readText(path("serve.err"));
+}
+
+TEST_F(Serve, renderWritesTheGroundTruthAtAnySize) {
+  const std::string scene = smallScene();
+  ASSERT_EQ(run("lumigrid", {"tour", scene, "--frames", "1", "-o", path("tour.json")}).status, 0);
+  json camera = json::parse(programs::readText(path("tour.json")))["frames"][0];
+  programs::writeText(path("camera.json"), camera.dump());
+  for (const char* method : {"full", "patches"}) {
+    const auto rendered = run("lumigrid", {"render", scene, "--camera", path("camera.json"), "--method", method, "--size", "333", "211", "--supersampling", "2", "-o", path("x.png")});
+    ASSERT_EQ(rendered.status, 0) << rendered.err;
+    auto image = base::readPng(path("x.png"));
+    ASSERT_TRUE(image);
+    EXPECT_EQ(image->width, 333);
+    EXPECT_EQ(image->height, 211);
+  }
+}
+
+}  // namespace
