@@ -1,0 +1,10 @@
+#pragma once
+// GLB: the binary form of glTF 2.0 (Khronos specification, section numbers below refer to it).
+#include "lod/build/soup.h"
+
+namespace lod::build {
+
+/// Bytes of a whole file -> its vertices and triangles. Errors name the place in the file, not the file.
+base::Result<Soup> readGlb(base::ByteView bytes);
+
+}  // namespace lod::build

@@ -1,0 +1,103 @@
+#pragma once
+// What a mesh reader yields before anything is merged or repaired, and the small tools the readers share. Private to lod/build.
+#include <charconv>
+#include <cstdint>
+#include <glm/glm.hpp>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "base/bytes.h"
+#include "base/error.h"
+
+namespace lod::build {
+
+/// Vertices and triangles exactly as one file gives them, in the file's own (double) coordinates.
+struct Soup {
+  std::vector<glm::dvec3> positions;   ///< world
+  std::vector<glm::vec3> normals;      ///< empty, or as many as positions; any length, zero or NaN where the file has none
+  std::vector<glm::u8vec4> colors;     ///< empty, or as many as positions; sRGB, a = 255
+  std::vector<std::uint32_t> indices;  ///< 3 per triangle, each below positions.size()
+  std::uint64_t short_faces = 0;       ///< faces with fewer than three corners: left out, to be counted as degenerate
+  std::vector<std::string> warnings;   ///< one line each, without the file's name
+};
+
+/// Indices are 32 bits and 2^32 − 1 is kept as "none".
+inline constexpr std::uint64_t kMaxVertices = 0xFFFFFFFEULL;
+/// Corner numbers (3 per triangle) have to fit into 32 bits too.
+inline constexpr std::uint64_t kMaxTriangles = kMaxVertices / 3;
+
+inline base::Error invalidInput(std::string message) { return {base::ErrorCode::kInvalidInput, std::move(message)}; }
+inline base::Error unsupported(std::string message) { return {base::ErrorCode::kUnsupported, std::move(message)}; }
+inline base::Error indexOutOfRange(const std::string& place, std::int64_t index, std::uint64_t vertex_count) {
+  return invalidInput(place + ": index " + std::to_string(index) + " is out of range (" + std::to_string(vertex_count) +
+                      " vertices)");
+}
+inline base::Error truncatedIn(const std::string& place) {
+  return invalidInput("truncated: the file ends in " + place + "; get the whole file again");
+}
+inline base::Error tooManyVertices(std::uint64_t count) {
+  return unsupported(std::to_string(count) + " vertices are more than " + std::to_string(kMaxVertices) +
+                     "; split the mesh into several scenes");
+}
+
+/// Adds the polygon as a fan around its first corner. Corners must be checked already.
+inline void addPolygon(Soup& soup, const std::uint32_t* corners, std::size_t count) {
+  if (count < 3) {
+    ++soup.short_faces;
+    return;
+  }
+  for (std::size_t i = 2; i < count; ++i) {
+    soup.indices.push_back(corners[0]);
+    soup.indices.push_back(corners[i - 1]);
+    soup.indices.push_back(corners[i]);
+  }
+}
+
+/// Colour component in 0..1 (more is cut, NaN is 0) as a byte.
+inline std::uint8_t byteFromUnit(double value) {
+  if (!(value > 0.0)) return 0;
+  return value >= 1.0 ? std::uint8_t{255} : static_cast<std::uint8_t>(value * 255.0 + 0.5);
+}
+
+/// Text formats write colours as 0..1 or as 0..255 without saying which: one component above 1 anywhere means the latter.
+void setColors(Soup& soup, const std::vector<glm::vec3>& colors);
+
+inline std::string_view textOf(base::ByteView bytes) {
+  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
+
+inline bool isSpace(char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\n' || c == '\v' || c == '\f'; }
+
+/// Cuts the next word off the front of `text`; empty when none is left.
+inline std::string_view nextWord(std::string_view& text) {
+  std::size_t begin = 0;
+  while (begin < text.size() && isSpace(text[begin])) ++begin;
+  std::size_t end = begin;
+  while (end < text.size() && !isSpace(text[end])) ++end;
+  std::string_view word = text.substr(begin, end - begin);
+  text.remove_prefix(end);
+  return word;
+}
+
+/// Cuts the next line off the front of `text`, without its "\n" or "\r\n".
+inline std::string_view nextLine(std::string_view& text) {
+  const std::size_t end = text.find('\n');
+  std::string_view line = text.substr(0, end);
+  text.remove_prefix(end == std::string_view::npos ? text.size() : end + 1);
+  if (!line.empty() && line.back() == '\r') line.remove_suffix(1);
+  return line;
+}
+
+/// The whole word as a number; false when it is none.
+template <class T>
+bool parseNumber(std::string_view word, T& value) {
+  if (!word.empty() && word.front() == '+') word.remove_prefix(1);
+  const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
+  return error == std::errc{} && end == word.data() + word.size();
+}
+
+/// A word from a hostile file, cut to a length that an error line can carry, unprintable bytes replaced.
+std::string quoted(std::string_view word);
+
+}  // namespace lod::build
