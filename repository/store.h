@@ -1,6 +1,7 @@
 #pragma once
 // A hash table from face key to bytes behind one small interface (DESIGN section 5). One writer, any number of readers,
 // at the same time and from other processes.
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -33,8 +34,15 @@ class Store {
 
 enum class StoreMode { kRead, kWrite };
 
-/// LMDB in directory `path` (made when absent and mode is kWrite). A second writer is refused with kBusy. Not twice in
-/// one process.
-base::Result<std::unique_ptr<Store>> openLmdbStore(const std::string& path, StoreMode mode);
+struct LmdbOptions {
+  /// Address space for the map; the file takes only what is stored. Grows by itself when full; smaller where the system refuses.
+  std::uint64_t map_bytes = std::uint64_t{64} << 30;
+};
+
+/// LMDB in directory `path` (made when absent and mode is kWrite); a directory without a store is kNotFound for a reader. A second
+/// writer, of any process, is refused with kBusy. Handles of one process share one environment: a reader beside a writer is fine.
+/// forEach takes its values in portions, each of one moment: keys written meanwhile may be seen or not. A handle must not cross
+/// fork(). The first opening in a process reads the whole tree of keys (not the values) and refuses a damaged one.
+base::Result<std::unique_ptr<Store>> openLmdbStore(const std::string& path, StoreMode mode, const LmdbOptions& options = {});
 
 }  // namespace repository
