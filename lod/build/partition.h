@@ -1,0 +1,45 @@
+#pragma once
+// Graph partitioning by METIS (Karypis, Kumar 1998), behind plain graphs.
+//
+// METIS 5.1 draws from the C library's one random state: every call here takes one lock and starts from a fixed seed,
+// so results depend on the graph alone, whatever runs beside it.
+#include <cstdint>
+#include <span>
+#include <vector>
+
+namespace lod::build {
+
+/// Undirected graph with weights, in compressed rows: neighbours of v are neighbors[row[v]] … neighbors[row[v + 1] −
+/// 1].
+struct Graph {
+  std::vector<std::int32_t> row{0};
+  std::vector<std::int32_t> neighbors;
+  std::vector<std::int32_t> edge_weights;    ///< > 0, beside neighbors
+  std::vector<std::int32_t> vertex_weights;  ///< > 0
+
+  std::size_t size() const { return vertex_weights.size(); }
+};
+
+struct WeightedEdge {
+  std::uint32_t a = 0;
+  std::uint32_t b = 0;
+  std::int32_t weight = 0;
+};
+/// Sums the weights of equal pairs (either order); drops loops.
+Graph graphFromEdges(std::vector<std::int32_t> vertex_weights, std::vector<WeightedEdge> edges);
+
+/// Components of the graph: the component number of each vertex, numbered by first vertex.
+std::vector<std::uint32_t> components(std::size_t vertices, std::span<const WeightedEdge> edges);
+/// Edges of weight 1 between neighbours in `order` that lie in different components: what makes a graph connected.
+void tieComponents(std::span<const std::uint32_t> order, std::vector<WeightedEdge>& edges);
+
+/// Bisects recursively (in the ratio of the parts still needed on each side) until no part weighs more than
+/// `max_weight`, unless it is a single vertex. Returns the part of each vertex, numbered 0, 1, … without gaps in order
+/// of the recursion.
+std::vector<std::uint32_t> partitionRecursively(const Graph& graph, std::int64_t max_weight);
+
+/// About `parts` parts of equal weight (parts ≥ 1), numbered without gaps. Parts may come out empty and are then left
+/// out.
+std::vector<std::uint32_t> partitionIntoParts(const Graph& graph, std::uint32_t parts);
+
+}  // namespace lod::build

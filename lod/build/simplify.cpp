@@ -1,0 +1,511 @@
+#include "lod/build/simplify.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+namespace lod::build {
+namespace {
+
+// Perpendicular planes on border edges weigh this much more than a triangle of the same edge length: seams between the
+// tiles of a scan must not erode, or they open as gaps.
+constexpr double kBorderWeight = 10.0;
+// A full change of colour (black to white) counts like a distance of this many mean edges, a normal turned by 60
+// degrees like this many.
+constexpr double kColorLength = 0.25;
+constexpr double kNormalLength = 0.05;
+// Stage 1 refuses a collapse that turns a triangle by more than acos of this.
+constexpr double kMinTurnCosine = 0.25;
+// A vertex placed farther from the edge's middle than this many edge lengths comes from an ill-conditioned system.
+constexpr double kMaxPlacementReach = 2.0;
+
+// Squared distances to planes, weighted by area: x^T A x + 2 b x + c (Garland, Heckbert 1997, section 3.3).
+struct Quadric {
+  double a00 = 0, a01 = 0, a02 = 0, a11 = 0, a12 = 0, a22 = 0;
+  double b0 = 0, b1 = 0, b2 = 0, c = 0;
+  double weight = 0;
+
+  void addPlane(const glm::dvec3& n, double d, double w) {
+    a00 += w * n.x * n.x, a01 += w * n.x * n.y, a02 += w * n.x * n.z;
+    a11 += w * n.y * n.y, a12 += w * n.y * n.z, a22 += w * n.z * n.z;
+    b0 += w * n.x * d, b1 += w * n.y * d, b2 += w * n.z * d, c += w * d * d;
+  }
+  void add(const Quadric& q) {
+    a00 += q.a00, a01 += q.a01, a02 += q.a02, a11 += q.a11, a12 += q.a12, a22 += q.a22;
+    b0 += q.b0, b1 += q.b1, b2 += q.b2, c += q.c, weight += q.weight;
+  }
+  double at(const glm::dvec3& p) const {
+    const double x = a00 * p.x + a01 * p.y + a02 * p.z + 2.0 * b0;
+    const double y = a01 * p.x + a11 * p.y + a12 * p.z + 2.0 * b1;
+    const double z = a02 * p.x + a12 * p.y + a22 * p.z + 2.0 * b2;
+    return std::max(0.0, p.x * x + p.y * y + p.z * z + c);
+  }
+  // The point of least error, unless the planes are too parallel to say.
+  bool minimum(glm::dvec3& p) const {
+    const double m00 = a11 * a22 - a12 * a12;
+    const double m01 = a02 * a12 - a01 * a22;
+    const double m02 = a01 * a12 - a02 * a11;
+    const double determinant = a00 * m00 + a01 * m01 + a02 * m02;
+    const double trace = a00 + a11 + a22;
+    if (!(determinant > 1e-4 * trace * trace * trace / 27.0)) return false;
+    const double m11 = a00 * a22 - a02 * a02;
+    const double m12 = a01 * a02 - a00 * a12;
+    const double m22 = a00 * a11 - a01 * a01;
+    p = -glm::dvec3(m00 * b0 + m01 * b1 + m02 * b2, m01 * b0 + m11 * b1 + m12 * b2, m02 * b0 + m12 * b1 + m22 * b2) /
+        determinant;
+    return true;
+  }
+};
+
+enum class Kind : std::uint8_t { kInterior, kBorder, kLocked };
+
+// Which end of an edge a collapse keeps, by the kinds of a and b. A border edge is one that has other than two
+// triangles.
+enum class Keep : std::uint8_t { kNone, kA, kB, kBest };
+constexpr Keep kKeepOnInnerEdge[3][3] = {
+    // b: interior      border       locked
+    {Keep::kBest, Keep::kB, Keep::kB},     // a: interior
+    {Keep::kA, Keep::kNone, Keep::kNone},  // a: border
+    {Keep::kA, Keep::kNone, Keep::kNone},  // a: locked
+};
+constexpr Keep kKeepOnBorderEdge[3][3] = {
+    {Keep::kBest, Keep::kB, Keep::kB},
+    {Keep::kA, Keep::kBest, Keep::kB},
+    {Keep::kA, Keep::kA, Keep::kNone},
+};
+
+struct Candidate {
+  float cost = 0.0F;
+  std::uint32_t a = 0;
+  std::uint32_t b = 0;
+};
+struct CostsMore {
+  bool operator()(const Candidate& x, const Candidate& y) const {
+    if (x.cost != y.cost) return x.cost > y.cost;
+    return x.a != y.a ? x.a > y.a : x.b > y.b;
+  }
+};
+
+// What a collapse of edge (a, b) would do: a goes, b stays.
+struct Collapse {
+  std::uint32_t gone = 0;
+  std::uint32_t kept = 0;
+  glm::vec3 position{0.0F};
+  float along = 0.0F;  // 0 at kept, 1 at gone: where attributes are taken
+  double cost = 0.0;
+};
+
+glm::dvec3 crossOf(const glm::vec3& a, const glm::vec3& b, const glm::vec3& c) {
+  return glm::cross(glm::dvec3(b) - glm::dvec3(a), glm::dvec3(c) - glm::dvec3(a));
+}
+
+class Simplifier {
+ public:
+  Simplifier(GroupMesh& mesh, std::size_t target) : mesh_(mesh), target_(std::max<std::size_t>(1, target)) {}
+
+  Simplified run() {
+    buildFans();
+    findEdges();
+    addTriangleQuadrics();
+    live_ = mesh_.indices.size() / 3;
+
+    // Stage 1, again while edges refused earlier become possible; then stage 2.
+    bool rough = false;
+    for (;;) {
+      const std::size_t before = live_;
+      collapseAll(rough);
+      if (live_ <= target_) break;
+      const bool stuck = before - live_ < std::max<std::size_t>(1, before / 50);
+      if (stuck && rough && before == live_) break;
+      if (stuck) rough = true;
+      refillQueue();
+    }
+    return result(rough);
+  }
+
+ private:
+  struct Fan {
+    std::uint32_t first = 0;
+    std::uint32_t count = 0;
+  };
+
+  // Triangles around each vertex, as ranges of one pool; a collapse appends the joined fan at its end.
+  void buildFans() {
+    const std::size_t vertices = mesh_.positions.size();
+    fans_.assign(vertices, {});
+    for (const std::uint32_t v : mesh_.indices) ++fans_[v].count;
+    std::uint32_t sum = 0;
+    for (Fan& fan : fans_) fan.first = sum, sum += fan.count, fan.count = 0;
+    pool_.reserve(3 * std::size_t{sum});
+    pool_.resize(sum);
+    for (std::uint32_t i = 0; i < mesh_.indices.size(); ++i) {
+      Fan& fan = fans_[mesh_.indices[i]];
+      pool_[fan.first + fan.count++] = i / 3;
+    }
+    alive_.assign(mesh_.indices.size() / 3, 1);
+    survivor_.resize(vertices);
+    for (std::uint32_t v = 0; v < vertices; ++v) survivor_[v] = v;
+    mark_.assign(vertices, 0);
+    uses_.assign(vertices, 0);
+  }
+
+  // Every edge once, and what its number of triangles says about its ends.
+  void findEdges() {
+    const std::size_t vertices = mesh_.positions.size();
+    kinds_.assign(vertices, Kind::kInterior);
+    quadrics_.assign(vertices, {});
+    std::vector<std::uint32_t> neighbors;
+    double length_sum = 0.0;
+    for (std::uint32_t v = 0; v < vertices; ++v) {
+      if (mesh_.locked[v] != 0) kinds_[v] = Kind::kLocked;
+      neighborsOf(v, neighbors);
+      for (const std::uint32_t w : neighbors) {
+        if (w < v) continue;
+        length_sum += glm::length(mesh_.positions[v] - mesh_.positions[w]);
+        if (mesh_.locked[v] != 0 && mesh_.locked[w] != 0) continue;
+        queue_.push_back({0.0F, v, w});
+        if (uses_[w] != 2) markBorderEdge(v, w);
+      }
+    }
+    const double mean =
+        queue_.empty() ? 1.0 : length_sum / static_cast<double>(std::max<std::size_t>(1, queue_.size()));
+    color_scale_ = kColorLength * mean / 255.0;
+    normal_scale_ = kNormalLength * mean;
+  }
+
+  // The vertices that share a triangle with v, each once; uses_[w] is the number of triangles on edge (v, w).
+  void neighborsOf(std::uint32_t v, std::vector<std::uint32_t>& neighbors) {
+    neighbors.clear();
+    ++stamp_;
+    forEachTriangle(v, [&](std::uint32_t t) {
+      for (int k = 0; k < 3; ++k) {
+        const std::uint32_t w = mesh_.indices[3 * std::size_t{t} + static_cast<std::size_t>(k)];
+        if (w == v) continue;
+        if (mark_[w] != stamp_) mark_[w] = stamp_, uses_[w] = 0, neighbors.push_back(w);
+        ++uses_[w];
+      }
+    });
+  }
+
+  template <class Body>
+  void forEachTriangle(std::uint32_t v, Body&& body) const {
+    const Fan fan = fans_[v];
+    for (std::uint32_t i = fan.first; i < fan.first + fan.count; ++i)
+      if (alive_[pool_[i]] != 0) body(pool_[i]);
+  }
+
+  bool touches(std::uint32_t t, std::uint32_t v) const {
+    const std::uint32_t* c = &mesh_.indices[3 * std::size_t{t}];
+    return c[0] == v || c[1] == v || c[2] == v;
+  }
+
+  void markBorderEdge(std::uint32_t v, std::uint32_t w) {
+    for (const std::uint32_t end : {v, w})
+      if (kinds_[end] == Kind::kInterior) kinds_[end] = Kind::kBorder;
+    forEachTriangle(v, [&](std::uint32_t t) {
+      if (touches(t, w)) addBorderQuadric(v, w, t);
+    });
+  }
+
+  // The plane through the edge, perpendicular to the triangle: what keeps a border where it is.
+  void addBorderQuadric(std::uint32_t v, std::uint32_t w, std::uint32_t t) {
+    const glm::dvec3 from(mesh_.positions[v]);
+    const glm::dvec3 edge = glm::dvec3(mesh_.positions[w]) - from;
+    glm::dvec3 n = glm::cross(edge, triangleNormal(t));
+    const double length = glm::length(n);
+    if (length == 0.0) return;
+    n /= length;
+    const double weight = kBorderWeight * glm::dot(edge, edge);
+    quadrics_[v].addPlane(n, -glm::dot(n, from), weight);
+    quadrics_[w].addPlane(n, -glm::dot(n, from), weight);
+  }
+
+  glm::dvec3 triangleNormal(std::uint32_t t) const {
+    const std::uint32_t* c = &mesh_.indices[3 * std::size_t{t}];
+    return crossOf(mesh_.positions[c[0]], mesh_.positions[c[1]], mesh_.positions[c[2]]);
+  }
+
+  void addTriangleQuadrics() {
+    for (std::uint32_t t = 0; 3 * std::size_t{t} < mesh_.indices.size(); ++t) {
+      const std::uint32_t* c = &mesh_.indices[3 * std::size_t{t}];
+      glm::dvec3 n = triangleNormal(t);
+      const double length = glm::length(n);
+      if (length == 0.0) continue;
+      n /= length;
+      const double area = 0.5 * length;
+      Quadric q;
+      q.addPlane(n, -glm::dot(n, glm::dvec3(mesh_.positions[c[0]])), area);
+      q.weight = area;
+      for (int k = 0; k < 3; ++k) quadrics_[c[k]].add(q);
+    }
+    for (Candidate& e : queue_) e.cost = static_cast<float>(plan(e.a, e.b, false).cost);
+    std::make_heap(queue_.begin(), queue_.end(), CostsMore{});
+  }
+
+  // All edges of the triangles that live.
+  void refillQueue() {
+    queue_.clear();
+    std::vector<std::uint32_t> neighbors;
+    for (std::uint32_t v = 0; v < survivor_.size(); ++v) {
+      if (survivor_[v] != v) continue;
+      neighborsOf(v, neighbors);
+      for (const std::uint32_t w : neighbors)
+        if (w > v && !(kinds_[v] == Kind::kLocked && kinds_[w] == Kind::kLocked))
+          queue_.push_back({static_cast<float>(plan(v, w, false).cost), v, w});
+    }
+    std::make_heap(queue_.begin(), queue_.end(), CostsMore{});
+  }
+
+  // Cheapest first. Quadrics only grow, so a cost computed earlier is a lower bound: it is computed anew when its turn
+  // comes, and the edge waits again if it has become dearer.
+  void collapseAll(bool rough) {
+    while (live_ > target_ && !queue_.empty()) {
+      std::pop_heap(queue_.begin(), queue_.end(), CostsMore{});
+      Candidate edge = queue_.back();
+      queue_.pop_back();
+      edge.a = find(edge.a);
+      edge.b = find(edge.b);
+      if (edge.a == edge.b) continue;
+      const EdgeState state = lookAt(edge.a, edge.b);
+      if (state.triangles == 0) continue;
+      const Keep keep = keepOf(edge.a, edge.b, state.triangles != 2, rough);
+      if (keep == Keep::kNone) continue;
+      const Collapse collapse = plan(edge.a, edge.b, rough);
+      if (const auto cost = static_cast<float>(collapse.cost);
+          !queue_.empty() && cost > edge.cost && cost > queue_.front().cost) {
+        edge.cost = cost;
+        queue_.push_back(edge);
+        std::push_heap(queue_.begin(), queue_.end(), CostsMore{});
+        continue;
+      }
+      if (!rough && state.common != state.triangles) continue;
+      if (flips(collapse, rough)) continue;
+      if (live_ <= state.triangles) continue;
+      apply(collapse);
+    }
+  }
+
+  std::uint32_t find(std::uint32_t v) {
+    while (survivor_[v] != v) v = survivor_[v] = survivor_[survivor_[v]];
+    return v;
+  }
+
+  struct EdgeState {
+    std::uint32_t triangles = 0;  // on the edge
+    std::uint32_t common = 0;     // vertices next to both ends
+  };
+  // Leaves mark_ == stamp_ on the neighbours of a, and stamp_ + 1 on those of them that are next to b too.
+  EdgeState lookAt(std::uint32_t a, std::uint32_t b) {
+    stamp_ += 2;
+    EdgeState state;
+    forEachTriangle(a, [&](std::uint32_t t) {
+      if (touches(t, b)) ++state.triangles;
+      for (int k = 0; k < 3; ++k) mark_[mesh_.indices[3 * std::size_t{t} + static_cast<std::size_t>(k)]] = stamp_ - 1;
+    });
+    forEachTriangle(b, [&](std::uint32_t t) {
+      for (int k = 0; k < 3; ++k) {
+        const std::uint32_t w = mesh_.indices[3 * std::size_t{t} + static_cast<std::size_t>(k)];
+        if (mark_[w] == stamp_ - 1 && w != a && w != b) mark_[w] = stamp_, ++state.common;
+      }
+    });
+    return state;
+  }
+
+  Keep keepOf(std::uint32_t a, std::uint32_t b, bool border_edge, bool rough) const {
+    const auto row = static_cast<std::size_t>(kinds_[a]);
+    const auto column = static_cast<std::size_t>(kinds_[b]);
+    return border_edge || rough ? kKeepOnBorderEdge[row][column] : kKeepOnInnerEdge[row][column];
+  }
+
+  // Which end stays, where, and at what cost. Without knowing the edge's triangles: the kinds decide as on a border
+  // edge, but an interior end always yields.
+  Collapse plan(std::uint32_t a, std::uint32_t b, bool rough) const {
+    Collapse collapse;
+    Keep keep = keepOf(a, b, true, rough);
+    if (kinds_[a] == Kind::kBorder && kinds_[b] == Kind::kInterior) keep = Keep::kA;
+    collapse.kept = keep == Keep::kA ? a : b;
+    collapse.gone = keep == Keep::kA ? b : a;
+    Quadric q = quadrics_[a];
+    q.add(quadrics_[b]);
+    place(q, keep == Keep::kBest, collapse);
+    collapse.cost += attributeCost(collapse);
+    return collapse;
+  }
+
+  void place(const Quadric& q, bool free, Collapse& collapse) const {
+    // The ends; only the kept one when it must not move.
+    const glm::vec3 kept = mesh_.positions[collapse.kept];
+    const glm::vec3 gone = mesh_.positions[collapse.gone];
+    collapse.position = kept;
+    collapse.cost = q.at(glm::dvec3(kept));
+    if (!free) return;
+    auto offer = [&](const glm::vec3& p, float along) {
+      const double cost = q.at(glm::dvec3(p));
+      if (cost < collapse.cost) collapse.cost = cost, collapse.position = p, collapse.along = along;
+    };
+    offer(gone, 1.0F);
+
+    // The point of least error, on the lattice; the middle where there is none.
+    glm::dvec3 best;
+    const glm::dvec3 middle = 0.5 * (glm::dvec3(kept) + glm::dvec3(gone));
+    const glm::dvec3 edge = glm::dvec3(gone) - glm::dvec3(kept);
+    const double length2 = glm::dot(edge, edge);
+    const bool solved =
+        q.minimum(best) && glm::dot(best - middle, best - middle) <= kMaxPlacementReach * kMaxPlacementReach * length2;
+    if (!solved) best = middle;
+    const double along = length2 > 0.0 ? std::clamp(glm::dot(best - glm::dvec3(kept), edge) / length2, 0.0, 1.0) : 0.0;
+    offer(glm::vec3(glm::round(best)), static_cast<float>(along));
+  }
+
+  // Colours and normals that differ make an edge dearer, by the smaller of the areas that would change.
+  double attributeCost(const Collapse& c) const {
+    const double area = std::min(quadrics_[c.gone].weight, quadrics_[c.kept].weight);
+    double length2 = 0.0;
+    if (!mesh_.colors.empty()) {
+      const glm::dvec3 d(mesh_.colors[c.gone] - mesh_.colors[c.kept]);
+      length2 += color_scale_ * color_scale_ * glm::dot(d, d);
+    }
+    const glm::dvec3 d(mesh_.normals[c.gone] - mesh_.normals[c.kept]);
+    length2 += normal_scale_ * normal_scale_ * glm::dot(d, d);
+    return area * length2;
+  }
+
+  // Would a triangle turn over or lose its area? Stage 2 minds only the loss of area, which says nothing about a
+  // triangle that had none.
+  bool flips(const Collapse& c, bool rough) const {
+    return flipsAround(c.gone, c.kept, c.position, rough) || flipsAround(c.kept, c.gone, c.position, rough);
+  }
+  bool flipsAround(std::uint32_t moved, std::uint32_t other, const glm::vec3& to, bool rough) const {
+    const Fan fan = fans_[moved];
+    const glm::vec3 from = mesh_.positions[moved];
+    if (from == to) return false;
+    for (std::uint32_t i = fan.first; i < fan.first + fan.count; ++i) {
+      const std::uint32_t t = pool_[i];
+      if (alive_[t] == 0 || touches(t, other)) continue;
+      const std::uint32_t* c = &mesh_.indices[3 * std::size_t{t}];
+      const std::uint32_t second = c[0] == moved ? c[1] : c[1] == moved ? c[2] : c[0];
+      const std::uint32_t third = c[0] == moved ? c[2] : c[1] == moved ? c[0] : c[1];
+      const glm::dvec3 before = crossOf(from, mesh_.positions[second], mesh_.positions[third]);
+      const glm::dvec3 after = crossOf(to, mesh_.positions[second], mesh_.positions[third]);
+      const double before2 = glm::dot(before, before);
+      const double after2 = glm::dot(after, after);
+      if (after2 == 0.0 && before2 > 0.0) return true;
+      if (rough || before2 == 0.0) continue;
+      const double dot = glm::dot(before, after);
+      if (dot <= 0.0 || dot * dot < kMinTurnCosine * kMinTurnCosine * before2 * after2) return true;
+    }
+    return false;
+  }
+
+  void apply(const Collapse& c) {
+    moveAttributes(c);
+    survivor_[c.gone] = c.kept;
+    quadrics_[c.kept].add(quadrics_[c.gone]);
+    if (kinds_[c.gone] == Kind::kBorder && kinds_[c.kept] == Kind::kInterior) kinds_[c.kept] = Kind::kBorder;
+    joinFans(c.gone, c.kept);
+    removeOpposites(c.kept);
+  }
+
+  void moveAttributes(const Collapse& c) {
+    const bool fixed = kinds_[c.kept] == Kind::kLocked;
+    if (!mesh_.colors.empty()) {
+      glm::vec3& kept = mesh_.colors[c.kept];
+      const glm::vec3 gone = mesh_.colors[c.gone];
+      const glm::vec3 mixed = fixed ? kept : glm::mix(kept, gone, c.along);
+      const float change = std::max(glm::length(mixed - kept), glm::length(mixed - gone)) / 441.673F;
+      color_deviation_ = std::max(color_deviation_, change);
+      kept = mixed;
+    }
+    if (fixed) return;
+    mesh_.normals[c.kept] = glm::mix(mesh_.normals[c.kept], mesh_.normals[c.gone], c.along);
+    mesh_.positions[c.kept] = c.position;
+  }
+
+  // Triangles on the edge vanish, the others of `gone` hang on `kept` from now on.
+  void joinFans(std::uint32_t gone, std::uint32_t kept) {
+    const auto first = static_cast<std::uint32_t>(pool_.size());
+    for (const std::uint32_t v : {kept, gone}) {
+      const Fan fan = fans_[v];
+      for (std::uint32_t i = fan.first; i < fan.first + fan.count; ++i) {
+        const std::uint32_t t = pool_[i];
+        if (alive_[t] == 0) continue;
+        if (touches(t, v == kept ? gone : kept)) {
+          alive_[t] = 0;
+          --live_;
+          continue;
+        }
+        pool_.push_back(t);
+      }
+    }
+    for (auto i = first; i < pool_.size(); ++i)
+      for (std::size_t k = 0; k < 3; ++k)
+        if (std::uint32_t& corner = mesh_.indices[3 * std::size_t{pool_[i]} + k]; corner == gone) corner = kept;
+    fans_[kept] = {first, static_cast<std::uint32_t>(pool_.size()) - first};
+    fans_[gone] = {};
+  }
+
+  // Two triangles on the same corners with opposite sides enclose nothing: both go. Only triangles whose other corners
+  // were next to both ends (marked by lookAt) can have met a partner. At least one triangle of the group stays.
+  void removeOpposites(std::uint32_t v) {
+    const Fan fan = fans_[v];
+    for (std::uint32_t i = fan.first; i < fan.first + fan.count; ++i) {
+      const std::uint32_t t = pool_[i];
+      if (alive_[t] == 0) continue;
+      const auto [t1, t2] = otherCorners(t, v);
+      if (mark_[t1] != stamp_ || mark_[t2] != stamp_) continue;
+      for (std::uint32_t j = i + 1; j < fan.first + fan.count; ++j) {
+        const std::uint32_t s = pool_[j];
+        if (alive_[s] == 0 || live_ <= 2) continue;
+        const auto [s1, s2] = otherCorners(s, v);
+        if (s1 != t2 || s2 != t1) continue;
+        alive_[t] = alive_[s] = 0;
+        live_ -= 2;
+        break;
+      }
+    }
+  }
+  std::pair<std::uint32_t, std::uint32_t> otherCorners(std::uint32_t t, std::uint32_t v) const {
+    const std::uint32_t* c = &mesh_.indices[3 * std::size_t{t}];
+    if (c[0] == v) return {c[1], c[2]};
+    return c[1] == v ? std::pair{c[2], c[0]} : std::pair{c[0], c[1]};
+  }
+
+  Simplified result(bool rough) {
+    Simplified out;
+    out.indices.reserve(3 * live_);
+    for (std::size_t t = 0; t < alive_.size(); ++t)
+      if (alive_[t] != 0) out.indices.insert(out.indices.end(), &mesh_.indices[3 * t], &mesh_.indices[3 * t] + 3);
+    for (std::uint32_t v = 0; v < survivor_.size(); ++v) find(v);
+    out.survivor.resize(survivor_.size());
+    for (std::uint32_t v = 0; v < survivor_.size(); ++v) out.survivor[v] = find(v);
+    out.color_deviation = color_deviation_;
+    out.rough = rough;
+    return out;
+  }
+
+  GroupMesh& mesh_;
+  std::size_t target_;
+  std::size_t live_ = 0;
+  std::vector<Fan> fans_;
+  std::vector<std::uint32_t> pool_;
+  std::vector<std::uint8_t> alive_;
+  std::vector<std::uint32_t> survivor_;
+  std::vector<Kind> kinds_;
+  std::vector<Quadric> quadrics_;
+  std::vector<Candidate> queue_;  // a heap, cheapest first
+  std::vector<std::uint32_t> mark_;
+  std::vector<std::uint32_t> uses_;
+  std::uint32_t stamp_ = 0;
+  double color_scale_ = 0.0;
+  double normal_scale_ = 0.0;
+  float color_deviation_ = 0.0F;
+};
+
+}  // namespace
+
+Simplified simplifyGroup(GroupMesh& mesh, std::size_t target_triangles) {
+  return Simplifier(mesh, target_triangles).run();
+}
+
+}  // namespace lod::build

@@ -1,0 +1,196 @@
+#include "lod/build/voxels.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+namespace lod::build {
+namespace {
+
+// Puts two zero bits before each of the lowest 21 bits.
+std::uint64_t spreadBits(std::uint64_t x) {
+  x &= 0x1fffff;
+  x = (x | x << 32) & 0x1f00000000ffff;
+  x = (x | x << 16) & 0x1f0000ff0000ff;
+  x = (x | x << 8) & 0x100f00f00f00f00f;
+  x = (x | x << 4) & 0x10c30c30c30c30c3;
+  return (x | x << 2) & 0x1249249249249249;
+}
+
+std::uint64_t gatherBits(std::uint64_t x) {
+  x &= 0x1249249249249249;
+  x = (x | x >> 2) & 0x10c30c30c30c30c3;
+  x = (x | x >> 4) & 0x100f00f00f00f00f;
+  x = (x | x >> 8) & 0x1f0000ff0000ff;
+  x = (x | x >> 16) & 0x1f00000000ffff;
+  return (x | x >> 32) & 0x1fffff;
+}
+
+class OctreeWalk {
+ public:
+  OctreeWalk(std::span<const KeyedIndex> sorted, std::uint32_t max_triangles)
+      : sorted_(sorted), max_triangles_(max_triangles) {}
+
+  void visit(std::size_t begin, std::size_t end, std::uint32_t size_bits) {
+    if (begin == end) return;
+    if (end - begin <= max_triangles_ || size_bits == 0) {
+      const std::uint64_t code = sorted_[begin].key >> (3 * size_bits) << (3 * size_bits);
+      voxels_.push_back({code, size_bits, static_cast<std::uint32_t>(begin), static_cast<std::uint32_t>(end - begin)});
+      return;
+    }
+    const std::uint32_t shift = 3 * (size_bits - 1);
+    while (begin < end) {
+      const std::uint64_t child = sorted_[begin].key >> shift;
+      const auto next = std::partition_point(sorted_.begin() + static_cast<std::ptrdiff_t>(begin),
+                                             sorted_.begin() + static_cast<std::ptrdiff_t>(end),
+                                             [&](const KeyedIndex& k) { return k.key >> shift == child; });
+      const auto middle = static_cast<std::size_t>(next - sorted_.begin());
+      visit(begin, middle, size_bits - 1);
+      begin = middle;
+    }
+  }
+  std::vector<Voxel> take() { return std::move(voxels_); }
+
+ private:
+  std::span<const KeyedIndex> sorted_;
+  std::uint32_t max_triangles_;
+  std::vector<Voxel> voxels_;
+};
+
+constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
+
+// The voxel whose cell contains a lattice point, or kNone where no triangle is.
+std::uint32_t voxelAt(std::span<const Voxel> voxels, std::uint64_t code) {
+  const auto after =
+      std::upper_bound(voxels.begin(), voxels.end(), code, [](std::uint64_t c, const Voxel& v) { return c < v.code; });
+  if (after == voxels.begin()) return kNone;
+  const Voxel& voxel = *(after - 1);
+  if (code >> (3 * voxel.size_bits) != voxel.code >> (3 * voxel.size_bits)) return kNone;
+  return static_cast<std::uint32_t>(after - 1 - voxels.begin());
+}
+
+// Every pair of voxels whose cells share a face, once: each voxel asks for neighbours of at least its own size.
+std::vector<WeightedEdge> faceAdjacency(std::span<const Voxel> voxels, std::uint32_t bits) {
+  std::vector<WeightedEdge> edges;
+  const std::int32_t limit = std::int32_t{1} << bits;
+  for (std::uint32_t v = 0; v < voxels.size(); ++v) {
+    const glm::ivec3 corner = mortonPoint(voxels[v].code);
+    const std::int32_t size = std::int32_t{1} << voxels[v].size_bits;
+    for (int direction = 0; direction < 6; ++direction) {
+      glm::ivec3 beyond = corner;
+      beyond[direction / 2] += direction % 2 == 0 ? -size : size;
+      if (beyond[direction / 2] < 0 || beyond[direction / 2] >= limit) continue;
+      const std::uint32_t other = voxelAt(voxels, mortonCode(beyond));
+      if (other == kNone || voxels[other].size_bits < voxels[v].size_bits) continue;
+      if (voxels[other].size_bits > voxels[v].size_bits || v < other) edges.push_back({v, other, 1});
+    }
+  }
+  return edges;
+}
+
+// One edge of weight 1 for each mesh vertex between the voxel that met it first and every other voxel that uses it.
+std::vector<WeightedEdge> meshAdjacency(const TriangleView& triangles, std::span<const KeyedIndex> sorted,
+                                        std::span<const Voxel> voxels) {
+  std::vector<WeightedEdge> edges;
+  std::vector<std::uint32_t> first_voxel(triangles.positions.size(), kNone);
+  for (std::uint32_t v = 0; v < voxels.size(); ++v) {
+    for (std::uint32_t i = voxels[v].first; i < voxels[v].first + voxels[v].count; ++i) {
+      for (std::size_t k = 0; k < 3; ++k) {
+        std::uint32_t& first = first_voxel[triangles.indices[3 * std::size_t{sorted[i].index} + k]];
+        if (first == kNone) first = v;
+        if (first != v && (edges.empty() || edges.back().a != first || edges.back().b != v))
+          edges.push_back({first, v, 1});
+      }
+    }
+  }
+  return edges;
+}
+
+std::vector<glm::vec3> meanNormals(const TriangleView& triangles, std::span<const KeyedIndex> sorted,
+                                   std::span<const Voxel> voxels) {
+  std::vector<glm::vec3> normals(voxels.size());
+  for (std::size_t v = 0; v < voxels.size(); ++v) {
+    glm::dvec3 sum(0.0);
+    for (std::uint32_t i = voxels[v].first; i < voxels[v].first + voxels[v].count; ++i) {
+      const std::uint32_t* corner = &triangles.indices[3 * std::size_t{sorted[i].index}];
+      const glm::dvec3 a(triangles.positions[corner[0]]);
+      sum += glm::cross(glm::dvec3(triangles.positions[corner[1]]) - a, glm::dvec3(triangles.positions[corner[2]]) - a);
+    }
+    const double length = glm::length(sum);
+    normals[v] = length > 0.0 ? glm::vec3(sum / length) : glm::vec3(0.0F);
+  }
+  return normals;
+}
+
+// The paper's weight, inner products −1 … 1 mapped to 1 … 16: METIS wants positive integers, and surfaces that face
+// away from each other are tied no more than by touching.
+std::int32_t normalWeight(const glm::vec3& a, const glm::vec3& b) {
+  return 1 + static_cast<std::int32_t>(std::lround(15.0F * std::max(0.0F, glm::dot(a, b))));
+}
+
+}  // namespace
+
+std::uint64_t mortonCode(const glm::ivec3& q) {
+  return spreadBits(static_cast<std::uint64_t>(q.x)) | spreadBits(static_cast<std::uint64_t>(q.y)) << 1 |
+         spreadBits(static_cast<std::uint64_t>(q.z)) << 2;
+}
+
+glm::ivec3 mortonPoint(std::uint64_t code) {
+  return {static_cast<int>(gatherBits(code)), static_cast<int>(gatherBits(code >> 1)),
+          static_cast<int>(gatherBits(code >> 2))};
+}
+
+std::uint64_t medianCode(std::uint64_t a, std::uint64_t b, std::uint64_t c) {
+  return std::max(std::min(a, b), std::min(std::max(a, b), c));
+}
+
+void radixSort(std::vector<KeyedIndex>& items, std::uint32_t key_bits) {
+  constexpr std::uint32_t kDigitBits = 11;
+  if (items.size() < 256) {
+    std::stable_sort(items.begin(), items.end(),
+                     [](const KeyedIndex& a, const KeyedIndex& b) { return a.key < b.key; });
+    return;
+  }
+  std::vector<KeyedIndex> other(items.size());
+  for (std::uint32_t shift = 0; shift < key_bits; shift += kDigitBits) {
+    std::array<std::size_t, std::size_t{1} << kDigitBits> start{};
+    auto digit = [shift](const KeyedIndex& k) { return (k.key >> shift) & ((1U << kDigitBits) - 1); };
+    for (const KeyedIndex& k : items) ++start[digit(k)];
+    std::size_t sum = 0;
+    for (std::size_t& s : start) sum += std::exchange(s, sum);
+    for (const KeyedIndex& k : items) other[start[digit(k)]++] = k;
+    items.swap(other);
+  }
+}
+
+std::vector<Voxel> makeVoxels(std::span<const KeyedIndex> sorted, std::uint32_t bits, std::uint32_t max_triangles) {
+  OctreeWalk walk(sorted, max_triangles);
+  walk.visit(0, sorted.size(), bits);
+  return walk.take();
+}
+
+Graph voxelGraph(const TriangleView& triangles, std::span<const KeyedIndex> sorted, std::span<const Voxel> voxels,
+                 std::uint32_t bits, TieWeight weight) {
+  // Ties over faces and ties by the mesh; sharing vertices weighs only where the cut's length is what counts.
+  std::vector<WeightedEdge> edges = faceAdjacency(voxels, bits);
+  const std::vector<WeightedEdge> mesh_edges = meshAdjacency(triangles, sorted, voxels);
+  edges.insert(edges.end(), mesh_edges.begin(), mesh_edges.end());
+  std::vector<std::uint32_t> order(voxels.size());
+  for (std::uint32_t v = 0; v < order.size(); ++v) order[v] = v;
+  tieComponents(order, edges);
+
+  std::vector<std::int32_t> counts(voxels.size());
+  for (std::size_t v = 0; v < voxels.size(); ++v) counts[v] = static_cast<std::int32_t>(voxels[v].count);
+  Graph graph = graphFromEdges(std::move(counts), std::move(edges));
+  if (weight == TieWeight::kSharedVertices) return graph;
+
+  const std::vector<glm::vec3> normals = meanNormals(triangles, sorted, voxels);
+  for (std::size_t v = 0; v < voxels.size(); ++v)
+    for (auto e = static_cast<std::size_t>(graph.row[v]); e < static_cast<std::size_t>(graph.row[v + 1]); ++e)
+      graph.edge_weights[e] = normalWeight(normals[v], normals[static_cast<std::size_t>(graph.neighbors[e])]);
+  return graph;
+}
+
+}  // namespace lod::build
