@@ -13,17 +13,22 @@ namespace server {
 
 struct ServerOptions {
   std::string address = "127.0.0.1";
-  std::uint16_t port = 8080;            ///< 0: any free one
+  std::uint16_t port = 8080;  ///< 0: any free one
   std::uint32_t max_connections = 256;
-  std::uint64_t max_unsent_bytes = 1 << 20;  ///< per client
-  double idle_seconds = 300.0;
-  bool render_frames = true;            ///< exact frames, on a thread with its own GL context
+  /// Per client: bytes that wait in the kernel before the connection counts as full; one message at most waits besides.
+  /// Small, so that a new view's data does not queue behind an old one's; large links stay busy, for what is under way
+  /// does not count.
+  std::uint64_t max_unsent_bytes = 128 * 1024;
+  double idle_seconds = 300.0;  ///< a viewer that answers no ping for so long is dropped
+  bool render_frames = true;    ///< exact frames, on a thread with its own GL context
 };
 
 /// Serves until stop() (any thread) or until SIGINT/SIGTERM when `handle_signals`.
 class Server {
  public:
-  /// Opens the scene, binds the port. Errors: not a scene, port in use ("…port 8080 is in use; choose another with --port").
+  /// Opens the scene, binds the port. Errors: not a scene, port in use ("…port 8080 is in use; choose another with
+  /// --port").
+  /// Frames are switched off with a warning in the log when there is no GL context.
   static base::Result<std::unique_ptr<Server>> open(const std::string& scene_directory, const ServerOptions& options);
   ~Server();
   std::uint16_t port() const;

@@ -1,0 +1,41 @@
+#pragma once
+// Exact pictures of viewers' views, rendered on a thread of its own with its own GL context (DESIGN section 6, step 5).
+#include <cstdint>
+#include <functional>
+#include <memory>
+
+#include "base/error.h"
+#include "base/image.h"
+#include "server/net/open_scene.h"
+#include "server/session/session.h"
+
+namespace server {
+
+/// The value of a picture as the repository stores faces: JPEG and coverage, or the empty flag when nothing is covered.
+/// quality 1..100; from 90 on with full colour resolution (4:4:4, else 4:2:0). Background gets the mean colour of
+/// its block, so that edges do not ring.
+base::Result<base::Bytes> encodeFrameValue(const base::Image& rgba, int quality);
+
+class FrameRenderer {
+ public:
+  using Done = std::function<void(base::Bytes value)>;
+
+  /// Starts the thread and waits for its GL context; the error says why there is none. `scene` outlives this.
+  static base::Result<std::unique_ptr<FrameRenderer>> start(const OpenScene& scene);
+  /// Drops what is queued, waits for the picture in hand.
+  ~FrameRenderer();
+
+  /// Queues one picture: tolerance 0.5 px, 2 × 2 samples a pixel. A client's newer request replaces its older one,
+  /// whose `done` is never called; so the queue holds one request per client. `done` is called on the renderer's
+  /// thread, with no bytes when rendering failed.
+  void submit(std::uint64_t client, const FrameRequest& request, Done done);
+  /// Takes the client's request from the queue.
+  void cancel(std::uint64_t client);
+
+ private:
+  FrameRenderer() = default;
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace server

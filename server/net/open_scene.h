@@ -1,0 +1,35 @@
+#pragma once
+// A scene directory opened for serving: everything that sessions share.
+#include <memory>
+#include <string>
+
+#include "base/error.h"
+#include "base/file.h"
+#include "base/json/scene_file.h"
+#include "lod/patch/format.h"
+#include "repository/grid.h"
+#include "repository/store.h"
+#include "server/session/session.h"
+
+namespace server {
+
+/// Owns what `data` points to; stays where it is.
+struct OpenScene {
+  base::Scene scene;
+  lod::patch::PatchFile patches;
+  std::unique_ptr<repository::Store> images;  ///< null: the scene has no repository
+  base::Bytes scene_json;                     ///< the file, as it is
+  base::MappedFile patch_bytes;               ///< the file, for byte ranges
+  SceneData data;  ///< what a Session takes; welcome.can_render_frames is false until somebody renders
+};
+
+/// Reads scene.json, patch.lgp and, when it is there, images/ (DESIGN section 3). Errors name the file; a scene without
+/// patches is kNotFound. The repository is opened for reading: a bake may go on at the same time. Not twice for one
+/// scene in one process (LMDB).
+base::Result<std::unique_ptr<OpenScene>> openScene(const std::string& directory);
+
+/// The grid that a store's meta text records: {"grid": {"first": [x, y, z], "spacing": s, "count": [nx, ny, nz],
+/// "face_size": n}, …}. `name` is the store's, for the error.
+base::Result<repository::Grid> gridFromMeta(const std::string& meta, const std::string& name);
+
+}  // namespace server
