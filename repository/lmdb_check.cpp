@@ -8,15 +8,17 @@
 #include "base/bytes.h"
 #include "base/file.h"
 
-// The file of LMDB 0.9 on a 64-bit little-endian machine, after its source (mdb.c: MDB_meta, MDB_page, MDB_node, MDB_db):
+// The file of LMDB 0.9 on a 64-bit little-endian machine, after its source (mdb.c: MDB_meta, MDB_page, MDB_node,
+// MDB_db):
 //
-//   page   u64 number, u16 pad, u16 flags, u16 lower, u16 upper, then u16 offsets of nodes up to `lower`; nodes from `upper` on
-//   node   u16 low, u16 high, u16 flags, u16 key bytes, key, data      leaf: low + high = data bytes; branch: the three = page number
-//   table  u32 pad, u16 flags, u16 depth, u64 branch pages, u64 leaf pages, u64 overflow pages, u64 entries, u64 root
-//   meta   page header, u32 magic, u32 version, u64 address, u64 map size, table of free pages, main table, u64 last page, u64 txn
+//   page   u64 number, u16 pad, u16 flags, u16 lower, u16 upper, then u16 offsets of nodes up to `lower`; nodes from
+//   `upper` on node   u16 low, u16 high, u16 flags, u16 key bytes, key, data      leaf: low + high = data bytes;
+//   branch: the three = page number table  u32 pad, u16 flags, u16 depth, u64 branch pages, u64 leaf pages, u64
+//   overflow pages, u64 entries, u64 root meta   page header, u32 magic, u32 version, u64 address, u64 map size, table
+//   of free pages, main table, u64 last page, u64 txn
 //
-// The free table's pad is the page size. The main table holds the named tables as nodes of 48 bytes. A value too large for a node lies
-// in overflow pages of its own: a page header, then the value.
+// The free table's pad is the page size. The main table holds the named tables as nodes of 48 bytes. A value too large
+// for a node lies in overflow pages of its own: a page header, then the value.
 
 namespace repository {
 namespace {
@@ -24,8 +26,8 @@ namespace {
 constexpr std::uint32_t kMagic = 0xBEEFC0DE;
 constexpr std::uint32_t kVersion = 1;
 constexpr std::uint16_t kBranch = 0x01, kLeaf = 0x02, kKindMask = 0x7F;  // page flags
-constexpr std::uint16_t kBigData = 0x01, kSubTable = 0x02;              // node flags
-constexpr std::uint16_t kIntegerKeys = 0x08;                            // table flags
+constexpr std::uint16_t kBigData = 0x01, kSubTable = 0x02;               // node flags
+constexpr std::uint16_t kIntegerKeys = 0x08;                             // table flags
 constexpr std::uint64_t kNoPage = ~std::uint64_t{0};
 constexpr std::uint64_t kPageHeader = 16, kNodeHeader = 8, kTableBytes = 48;
 constexpr std::uint64_t kMostBytes = std::uint64_t{1} << 46;  // no file is larger: half of what the system can map
@@ -76,14 +78,18 @@ std::optional<Meta> readMeta(base::ByteView file, std::uint64_t offset) {
 }
 
 base::Error damaged(const std::string& directory, const std::string& what) {
-  return {base::ErrorCode::kInvalidInput, directory + "/data.mdb is damaged (" + what + "); delete the directory and build the images again"};
+  return {base::ErrorCode::kInvalidInput,
+          directory + "/data.mdb is damaged (" + what + "); delete the directory and build the images again"};
 }
 
 // Walks the trees and remembers which pages it met.
 class Walk {
  public:
   Walk(base::ByteView file, const Meta& meta)
-      : file_(file), page_bytes_(meta.free_pages.pad), pages_(std::min<std::uint64_t>(meta.last_page + 1, file.size() / page_bytes_)), met_(pages_) {
+      : file_(file),
+        page_bytes_(meta.free_pages.pad),
+        pages_(std::min<std::uint64_t>(meta.last_page + 1, file.size() / page_bytes_)),
+        met_(pages_) {
     if (pages_ >= 2) met_[0] = met_[1] = true;
   }
 
@@ -141,7 +147,8 @@ class Walk {
     const std::uint16_t flags = in.u16();
     page.lower = in.u16();
     page.upper = in.u16();
-    if (own_number != number || (flags & kKindMask) != kind) return fail("a page of the wrong kind", number), std::nullopt;
+    if (own_number != number || (flags & kKindMask) != kind)
+      return fail("a page of the wrong kind", number), std::nullopt;
     if (page.lower < kPageHeader || page.lower % 2 != 0 || page.lower > page.upper || page.upper > page_bytes_) {
       return fail("a page whose parts overlap", number), std::nullopt;
     }
@@ -163,7 +170,8 @@ class Walk {
     walkData(in, low | high << 16, flags, number, holds_tables);
   }
 
-  void walkData(base::ByteReader& in, std::uint64_t bytes, std::uint16_t flags, std::uint64_t number, bool holds_tables) {
+  void walkData(base::ByteReader& in, std::uint64_t bytes, std::uint16_t flags, std::uint64_t number,
+                bool holds_tables) {
     base::ByteView data;
     if (flags == kBigData) {
       const std::uint64_t first = in.u64();
@@ -174,7 +182,8 @@ class Walk {
       data = in.bytes(bytes);
       if (!in.ok()) return fail("a value out of its page", number);
     }
-    if (holds_tables != ((flags & kSubTable) != 0) || (flags & ~(kBigData | kSubTable)) != 0) return fail("a value of another kind", number);
+    if (holds_tables != ((flags & kSubTable) != 0) || (flags & ~(kBigData | kSubTable)) != 0)
+      return fail("a value of another kind", number);
     if (holds_tables) {
       if (data.size() != kTableBytes) return fail("a table record of the wrong size", number);
       base::ByteReader record(data);
@@ -210,12 +219,14 @@ class Walk {
 
 base::Result<void> checkLmdbHeader(const std::string& directory) {
   const auto file = base::MappedFile::open(directory + "/data.mdb");
-  if (!file) return file.error().code == base::ErrorCode::kNotFound ? base::Result<void>() : base::Result<void>(file.error());
+  if (!file)
+    return file.error().code == base::ErrorCode::kNotFound ? base::Result<void>() : base::Result<void>(file.error());
   if (file->bytes().empty()) return {};
   const auto first = readMeta(file->bytes(), 0);
   if (!first) return damaged(directory, "its first meta page is none");
   const auto second = readMeta(file->bytes(), first->free_pages.pad);
-  if (!second || second->free_pages.pad != first->free_pages.pad) return damaged(directory, "its second meta page is none");
+  if (!second || second->free_pages.pad != first->free_pages.pad)
+    return damaged(directory, "its second meta page is none");
   return {};
 }
 
@@ -226,7 +237,8 @@ base::Result<void> checkLmdbTrees(const std::string& directory, std::uint64_t tx
   const auto second = first ? readMeta(file->bytes(), first->free_pages.pad) : first;
   if (!first || !second) return damaged(directory, "no meta page");
   const Meta& meta = first->txn_id == txn_id ? *first : *second;
-  if (meta.txn_id != txn_id) return base::Error{base::ErrorCode::kBusy, directory + ": its writer is quicker than we can look; try again"};
+  if (meta.txn_id != txn_id)
+    return base::Error{base::ErrorCode::kBusy, directory + ": its writer is quicker than we can look; try again"};
   Walk walk(file->bytes(), meta);
   walk.walk(meta);
   if (!walk.fault().empty()) return damaged(directory, walk.fault());

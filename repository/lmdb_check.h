@@ -7,13 +7,14 @@
 
 namespace repository {
 
-/// Before LMDB opens `directory`/data.mdb: are its two meta pages such that LMDB can work with their numbers? A file that is absent
-/// or of no bytes is fine: it will be made.
+/// Before LMDB opens `directory`/data.mdb: are its two meta pages such that LMDB can work with their numbers? A file
+/// that is absent or of no bytes is fine: it will be made.
 base::Result<void> checkLmdbHeader(const std::string& directory);
 
-/// Walks the trees of the moment `txn_id`, whose read transaction the caller holds: every page that is reached lies in the file, is of
-/// the kind that its place needs, is reached once and is not free; every node lies in its page and every value in the file. Reads the
-/// pages of keys, not the values. kBusy: a writer has overwritten that moment's meta page; begin a new transaction and try again.
+/// Walks the trees of the moment `txn_id`, whose read transaction the caller holds: every page that is reached lies in
+/// the file, is of the kind that its place needs, is reached once and is not free; every node lies in its page and
+/// every value in the file. Reads the pages of keys, not the values. kBusy: a writer has overwritten that moment's meta
+/// page; begin a new transaction and try again.
 base::Result<void> checkLmdbTrees(const std::string& directory, std::uint64_t txn_id);
 
 }  // namespace repository

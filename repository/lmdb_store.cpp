@@ -1,5 +1,6 @@
-// The store on LMDB 0.9. Each of its traps (docs/formats/repository.md) is met once here: the map size and the number of readers are
-// set before opening, MDB_NOTLS, one environment a process, copies out of short transactions, durable commits, one writer.
+// The store on LMDB 0.9. Each of its traps (docs/formats/repository.md) is met once here: the map size and the number
+// of readers are set before opening, MDB_NOTLS, one environment a process, copies out of short transactions, durable
+// commits, one writer.
 #include <fcntl.h>
 #include <lmdb.h>
 #include <sys/file.h>
@@ -29,45 +30,57 @@ namespace {
 
 constexpr unsigned kMaxReaders = 1024;
 constexpr std::uint64_t kSmallestMap = std::uint64_t{1} << 30;
-constexpr std::size_t kPortionValues = 256;            // forEach: values copied in one transaction …
+constexpr std::size_t kPortionValues = 256;                  // forEach: values copied in one transaction …
 constexpr std::size_t kPortionBytes = std::size_t{8} << 20;  // … and their bytes
-constexpr int kCheckAttempts = 50;  // a writer may overtake the check, but not that often
+constexpr int kCheckAttempts = 50;                           // a writer may overtake the check, but not that often
 const std::string kMetaKey = "parameters";
 
-// --- Errors ------------------------------------------------------------------------------------------------------------------
+// --- Errors
+// ------------------------------------------------------------------------------------------------------------------
 
 base::Error storeError(const std::string& path, const std::string& action, int code) {
   using base::ErrorCode;
-  const auto say = [&](ErrorCode kind, const std::string& what) { return base::Error{kind, path + ": cannot " + action + ": " + what}; };
+  const auto say = [&](ErrorCode kind, const std::string& what) {
+    return base::Error{kind, path + ": cannot " + action + ": " + what};
+  };
   switch (code) {
     case MDB_MAP_FULL:
-      return say(ErrorCode::kNoSpace, "the system gives the store no more address space; raise its limit (ulimit -v) and run the same command again");
+      return say(ErrorCode::kNoSpace,
+                 "the system gives the store no more address space; raise its limit (ulimit -v) and run the same "
+                 "command again");
     case MDB_TXN_FULL:
       return say(ErrorCode::kNoSpace, "too much in one batch; write fewer values at once");
     case EFBIG:
-      return say(ErrorCode::kNoSpace, "the file may not grow any more; raise the limit (ulimit -f) or move the scene, and run the same command again");
+      return say(ErrorCode::kNoSpace,
+                 "the file may not grow any more; raise the limit (ulimit -f) or move the scene, and run the same "
+                 "command again");
     case MDB_READERS_FULL:
-      return say(ErrorCode::kBusy, "all " + std::to_string(kMaxReaders) + " readers' places are taken; stop some programs that read it");
+      return say(ErrorCode::kBusy,
+                 "all " + std::to_string(kMaxReaders) + " readers' places are taken; stop some programs that read it");
     case MDB_BAD_RSLOT:
-      return say(ErrorCode::kBusy, "a reader's place was used twice (MDB_BAD_RSLOT); close the store and open it again");
+      return say(ErrorCode::kBusy,
+                 "a reader's place was used twice (MDB_BAD_RSLOT); close the store and open it again");
     case MDB_VERSION_MISMATCH:
       return say(ErrorCode::kVersion, "written by another version of LMDB; build the images again");
     case MDB_INVALID:
-      return say(ErrorCode::kInvalidInput, "data.mdb is not an LMDB file; delete the directory and build the images again");
+      return say(ErrorCode::kInvalidInput,
+                 "data.mdb is not an LMDB file; delete the directory and build the images again");
     case MDB_PANIC:
       return say(ErrorCode::kIo, "an earlier write failed; close the store and open it again");
     default:
       break;
   }
   if (code > 0) return base::systemError(path, action, code);
-  return say(ErrorCode::kInvalidInput, std::string(mdb_strerror(code)) + "; delete the directory and build the images again");
+  return say(ErrorCode::kInvalidInput,
+             std::string(mdb_strerror(code)) + "; delete the directory and build the images again");
 }
 
 base::Error openedForReading(const std::string& path) {
   return {base::ErrorCode::kUnsupported, path + ": opened for reading only"};
 }
 
-// --- Keys --------------------------------------------------------------------------------------------------------------------
+// --- Keys
+// --------------------------------------------------------------------------------------------------------------------
 
 // Big-endian, so that LMDB's byte order is Morton order.
 using KeyBytes = std::array<std::uint8_t, 8>;
@@ -79,7 +92,8 @@ KeyBytes keyBytes(std::uint64_t code) {
 }
 
 base::Result<FaceKey> keyFrom(const MDB_val& value) {
-  if (value.mv_size != 8) return base::Error{base::ErrorCode::kInvalidInput, "a key of " + std::to_string(value.mv_size) + " bytes"};
+  if (value.mv_size != 8)
+    return base::Error{base::ErrorCode::kInvalidInput, "a key of " + std::to_string(value.mv_size) + " bytes"};
   const auto* bytes = static_cast<const std::uint8_t*>(value.mv_data);
   std::uint64_t code = 0;
   for (std::size_t i = 0; i < 8; ++i) code = code << 8 | bytes[i];
@@ -92,9 +106,12 @@ MDB_val valueOf(const Range& range) {
   return {range.size(), const_cast<void*>(static_cast<const void*>(range.data()))};
 }
 
-base::ByteView viewOf(const MDB_val& value) { return {static_cast<const std::uint8_t*>(value.mv_data), value.mv_size}; }
+base::ByteView viewOf(const MDB_val& value) {
+  return {static_cast<const std::uint8_t*>(value.mv_data), value.mv_size};
+}
 
-// --- The environment: one for each directory and process ------------------------------------------------------------------------
+// --- The environment: one for each directory and process
+// ------------------------------------------------------------------------
 
 struct CloseEnv {
   void operator()(MDB_env* env) const { mdb_env_close(env); }
@@ -158,8 +175,8 @@ class Environment {
     if (const int code = body(raw); code != 0) return code;
     return mdb_txn_commit(txn.release());
   }
-  // The map may change only while no transaction of this process runs. LMDB is left without any map when the system refuses the new
-  // one, so we ask the system first.
+  // The map may change only while no transaction of this process runs. LMDB is left without any map when the system
+  // refuses the new one, so we ask the system first.
   int growMap() {
     const std::unique_lock lock(mapping_);
     MDB_envinfo info{};
@@ -190,8 +207,8 @@ class Environment {
   MDB_dbi meta_ = 0;
 };
 
-// LMDB must not open a directory twice in one process (its locks are the process's), so handles share what is open. Opening and
-// closing happen under one mutex.
+// LMDB must not open a directory twice in one process (its locks are the process's), so handles share what is open.
+// Opening and closing happen under one mutex.
 struct Registry {
   std::mutex mutex;
   std::map<std::string, std::pair<std::shared_ptr<Environment>, int>> open;
@@ -217,7 +234,8 @@ base::Result<std::shared_ptr<Environment>> Environment::open(const std::string& 
   const auto attempt = [&](unsigned flags) {
     int code = ENOMEM;
     // Where the system refuses that much address space, a smaller map serves until it must grow.
-    for (std::uint64_t bytes = options.map_bytes; code == ENOMEM && (bytes == options.map_bytes || bytes >= kSmallestMap); bytes /= 4) {
+    for (std::uint64_t bytes = options.map_bytes;
+         code == ENOMEM && (bytes == options.map_bytes || bytes >= kSmallestMap); bytes /= 4) {
       code = openEnv(path, bytes, flags, environment->env_);
     }
     return code;
@@ -236,7 +254,8 @@ base::Result<std::shared_ptr<Environment>> Environment::open(const std::string& 
   return environment;
 }
 
-// A damaged tree would make LMDB follow wild links, so we walk it first; the transaction keeps its pages from being used again.
+// A damaged tree would make LMDB follow wild links, so we walk it first; the transaction keeps its pages from being
+// used again.
 base::Result<void> Environment::checkTrees(const std::string& path) {
   base::Result<void> sound;
   for (int attempt = 0; attempt < kCheckAttempts; ++attempt) {
@@ -272,9 +291,11 @@ int Environment::openTables(bool create) {
   return code;
 }
 
-// --- The writer's lock -----------------------------------------------------------------------------------------------------------
+// --- The writer's lock
+// -----------------------------------------------------------------------------------------------------------
 
-// An flock on writer.lock: the system gives it back when its process dies. The file holds the writer's pid, for the message only.
+// An flock on writer.lock: the system gives it back when its process dies. The file holds the writer's pid, for the
+// message only.
 class WriterLock {
  public:
   static base::Result<WriterLock> take(const std::string& directory) {
@@ -284,10 +305,12 @@ class WriterLock {
     if (lock.fd_ < 0) return base::systemError(path, "open", errno);
     if (::flock(lock.fd_, LOCK_EX | LOCK_NB) != 0) {
       if (errno != EWOULDBLOCK) return base::systemError(path, "lock", errno);
-      return base::Error{base::ErrorCode::kBusy, directory + " is being written by another process" + lock.owner() + "; wait for it or stop it"};
+      return base::Error{base::ErrorCode::kBusy, directory + " is being written by another process" + lock.owner() +
+                                                     "; wait for it or stop it"};
     }
     const std::string pid = std::to_string(::getpid()) + "\n";
-    if (::ftruncate(lock.fd_, 0) == 0 && ::pwrite(lock.fd_, pid.data(), pid.size(), 0) < 0) errno = 0;  // a full disk may not stop us here
+    if (::ftruncate(lock.fd_, 0) == 0 && ::pwrite(lock.fd_, pid.data(), pid.size(), 0) < 0)
+      errno = 0;  // a full disk may not stop us here
     return lock;
   }
   WriterLock() = default;
@@ -312,7 +335,8 @@ class WriterLock {
   int fd_ = -1;
 };
 
-// --- The store -------------------------------------------------------------------------------------------------------------------
+// --- The store
+// -------------------------------------------------------------------------------------------------------------------
 
 class LmdbStore final : public Store {
  public:
@@ -329,7 +353,8 @@ class LmdbStore final : public Store {
   base::Result<std::optional<base::Bytes>> get(const FaceKey& key) const override {
     std::optional<base::Bytes> value;
     const KeyBytes bytes = keyBytes(key.code());
-    const int code = environment_->read([&](MDB_txn* txn) { return copyOut(txn, environment_->faces(), valueOf(bytes), value); });
+    const int code =
+        environment_->read([&](MDB_txn* txn) { return copyOut(txn, environment_->faces(), valueOf(bytes), value); });
     if (code != 0 && code != MDB_NOTFOUND) return storeError(path_, "read", code);
     return value;
   }
@@ -347,7 +372,8 @@ class LmdbStore final : public Store {
 
   base::Result<void> putBatch(const std::vector<std::pair<FaceKey, base::Bytes>>& batch) override {
     if (!lock_.held()) return openedForReading(path_);
-    // Sorted, neighbours fall on the same pages: five times the speed. Stable, so that of two values for a key the last one stays.
+    // Sorted, neighbours fall on the same pages: five times the speed. Stable, so that of two values for a key the last
+    // one stays.
     std::vector<std::pair<std::uint64_t, const base::Bytes*>> sorted;
     sorted.reserve(batch.size());
     for (const auto& [key, value] : batch) sorted.emplace_back(key.code(), &value);
@@ -408,7 +434,8 @@ class LmdbStore final : public Store {
 
   base::Result<std::optional<std::string>> readMeta() const override {
     std::optional<base::Bytes> value;
-    const int code = environment_->read([&](MDB_txn* txn) { return copyOut(txn, environment_->meta(), valueOf(kMetaKey), value); });
+    const int code =
+        environment_->read([&](MDB_txn* txn) { return copyOut(txn, environment_->meta(), valueOf(kMetaKey), value); });
     if (code != 0 && code != MDB_NOTFOUND) return storeError(path_, "read", code);
     if (!value) return std::optional<std::string>();
     return std::optional<std::string>(std::string(value->begin(), value->end()));
@@ -433,8 +460,10 @@ class LmdbStore final : public Store {
     return 0;
   }
 
-  // Values from code `next` on; MDB_NOTFOUND when the end was reached. A key that is none ends the walk and is told in `keys`.
-  int copyPortion(MDB_txn* txn, std::uint64_t next, std::vector<std::pair<FaceKey, base::Bytes>>& out, base::Result<void>& keys) const {
+  // Values from code `next` on; MDB_NOTFOUND when the end was reached. A key that is none ends the walk and is told in
+  // `keys`.
+  int copyPortion(MDB_txn* txn, std::uint64_t next, std::vector<std::pair<FaceKey, base::Bytes>>& out,
+                  base::Result<void>& keys) const {
     MDB_cursor* raw = nullptr;
     if (const int code = mdb_cursor_open(txn, environment_->faces(), &raw); code != 0) return code;
     const std::unique_ptr<MDB_cursor, decltype(&mdb_cursor_close)> cursor(raw, mdb_cursor_close);
@@ -444,7 +473,8 @@ class LmdbStore final : public Store {
     MDB_val value{};
     std::size_t bytes = 0;
     int code = mdb_cursor_get(raw, &name, &value, MDB_SET_RANGE);
-    for (; code == 0 && out.size() < kPortionValues && bytes < kPortionBytes; code = mdb_cursor_get(raw, &name, &value, MDB_NEXT)) {
+    for (; code == 0 && out.size() < kPortionValues && bytes < kPortionBytes;
+         code = mdb_cursor_get(raw, &name, &value, MDB_NEXT)) {
       const auto key = keyFrom(name);
       if (!key) {
         keys = key.error();
@@ -461,11 +491,13 @@ class LmdbStore final : public Store {
   WriterLock lock_;
 };
 
-// LMDB's locks and map need a local disk: on a network file system two machines would ruin the store (lmdb.h, "Caveats").
+// LMDB's locks and map need a local disk: on a network file system two machines would ruin the store (lmdb.h,
+// "Caveats").
 bool onNetwork(const std::string& path) {
   constexpr std::array<std::uint32_t, 3> kNetworks = {0x6969 /* NFS */, 0xFF534D42 /* CIFS */, 0xFE534D42 /* SMB2 */};
   struct statfs info {};
-  return ::statfs(path.c_str(), &info) == 0 && std::find(kNetworks.begin(), kNetworks.end(), static_cast<std::uint32_t>(info.f_type)) != kNetworks.end();
+  return ::statfs(path.c_str(), &info) == 0 &&
+         std::find(kNetworks.begin(), kNetworks.end(), static_cast<std::uint32_t>(info.f_type)) != kNetworks.end();
 }
 
 // The directory by its one true name, made first when it is to be written.
@@ -479,13 +511,16 @@ base::Result<std::string> directoryOf(const std::string& path, StoreMode mode) {
   }
   const std::filesystem::path real = std::filesystem::canonical(path, failed);
   if (failed) return base::systemError(path, "open", failed.value());
-  if (onNetwork(real)) return base::Error{base::ErrorCode::kUnsupported, path + ": on a network file system, which LMDB cannot use; copy the scene to a local disk"};
+  if (onNetwork(real))
+    return base::Error{base::ErrorCode::kUnsupported,
+                       path + ": on a network file system, which LMDB cannot use; copy the scene to a local disk"};
   return real.string();
 }
 
 }  // namespace
 
-base::Result<std::unique_ptr<Store>> openLmdbStore(const std::string& path, StoreMode mode, const LmdbOptions& options) {
+base::Result<std::unique_ptr<Store>> openLmdbStore(const std::string& path, StoreMode mode,
+                                                   const LmdbOptions& options) {
   auto directory = directoryOf(path, mode);
   if (!directory) return directory.error();
   WriterLock lock;
@@ -507,7 +542,9 @@ base::Result<std::unique_ptr<Store>> openLmdbStore(const std::string& path, Stor
   if (mode == StoreMode::kWrite && environment->readOnly()) return storeError(path, "write", EROFS);
 
   const int code = environment->openTables(mode == StoreMode::kWrite);
-  if (code == MDB_NOTFOUND) return base::Error{base::ErrorCode::kNotFound, path + ": the image repository is empty; build it with lumigrid build"};
+  if (code == MDB_NOTFOUND)
+    return base::Error{base::ErrorCode::kNotFound,
+                       path + ": the image repository is empty; build it with lumigrid build"};
   if (code != 0) return storeError(path, "open", code);
   auto& entry = registry().open[*directory];
   entry.first = environment;

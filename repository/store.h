@@ -35,14 +35,17 @@ class Store {
 enum class StoreMode { kRead, kWrite };
 
 struct LmdbOptions {
-  /// Address space for the map; the file takes only what is stored. Grows by itself when full; smaller where the system refuses.
+  /// Address space for the map; the file takes only what is stored. Grows by itself when full; smaller where the system
+  /// refuses.
   std::uint64_t map_bytes = std::uint64_t{64} << 30;
 };
 
-/// LMDB in directory `path` (made when absent and mode is kWrite); a directory without a store is kNotFound for a reader. A second
-/// writer, of any process, is refused with kBusy. Handles of one process share one environment: a reader beside a writer is fine.
-/// forEach takes its values in portions, each of one moment: keys written meanwhile may be seen or not. A handle must not cross
-/// fork(). The first opening in a process reads the whole tree of keys (not the values) and refuses a damaged one.
-base::Result<std::unique_ptr<Store>> openLmdbStore(const std::string& path, StoreMode mode, const LmdbOptions& options = {});
+/// LMDB in directory `path` (made when absent and mode is kWrite); a directory without a store is kNotFound for a
+/// reader. A second writer, of any process, is refused with kBusy. Handles of one process share one environment: a
+/// reader beside a writer is fine. forEach takes its values in portions, each of one moment: keys written meanwhile may
+/// be seen or not. A handle must not cross fork(). The first opening in a process reads the whole tree of keys (not the
+/// values) and refuses a damaged one.
+base::Result<std::unique_ptr<Store>> openLmdbStore(const std::string& path, StoreMode mode,
+                                                   const LmdbOptions& options = {});
 
 }  // namespace repository

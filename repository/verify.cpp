@@ -15,7 +15,8 @@ namespace {
 constexpr std::size_t kPortion = 256;  // values decoded side by side
 
 std::string nameOf(const FaceKey& key) {
-  return "face (" + std::to_string(key.x) + ", " + std::to_string(key.y) + ", " + std::to_string(key.z) + ", " + std::to_string(key.d) + ")";
+  return "face (" + std::to_string(key.x) + ", " + std::to_string(key.y) + ", " + std::to_string(key.z) + ", " +
+         std::to_string(key.d) + ")";
 }
 
 // What is wrong with one value; nothing when it is well.
@@ -28,7 +29,8 @@ std::optional<std::string> faultOf(const FaceKey& key, base::ByteView bytes, std
   const auto image = decodeJpeg(value->jpeg, side);
   if (!image) return nameOf(key) + ": " + image.error().message;
   if (image->width != side || image->height != side) {
-    return nameOf(key) + ": a picture of " + std::to_string(image->width) + " x " + std::to_string(image->height) + " pixels, not " + std::to_string(side);
+    return nameOf(key) + ": a picture of " + std::to_string(image->width) + " x " + std::to_string(image->height) +
+           " pixels, not " + std::to_string(side);
   }
   const auto mask = decodeCoverage(value->coverage, side, side);
   if (!mask) return nameOf(key) + ": " + mask.error().message;
@@ -65,20 +67,26 @@ class Verifier {
   }
   // Keys come in order, so the place is never before the last one.
   std::uint64_t indexOf(const FaceKey& key) const {
-    const auto less = [](const glm::uvec3& a, const FaceKey& b) { return FaceKey{a.x, a.y, a.z, 0} < FaceKey{b.x, b.y, b.z, 0}; };
-    const auto from = points_.begin() + static_cast<std::ptrdiff_t>(std::min<std::uint64_t>(expected_ / 6, points_.size()));
+    const auto less = [](const glm::uvec3& a, const FaceKey& b) {
+      return FaceKey{a.x, a.y, a.z, 0} < FaceKey{b.x, b.y, b.z, 0};
+    };
+    const auto from =
+        points_.begin() + static_cast<std::ptrdiff_t>(std::min<std::uint64_t>(expected_ / 6, points_.size()));
     const auto at = std::lower_bound(from, points_.end(), key, less);
     return 6 * static_cast<std::uint64_t>(at - points_.begin()) + key.d;
   }
   void missUpTo(std::uint64_t index) {
     if (index <= expected_) return;
     const std::uint64_t count = index - expected_;
-    say(nameOf(keyAt(expected_)) + (count == 1 ? ": missing" : " and the " + std::to_string(count - 1) + " after it in Morton order: missing"));
+    say(nameOf(keyAt(expected_)) +
+        (count == 1 ? ": missing" : " and the " + std::to_string(count - 1) + " after it in Morton order: missing"));
     expected_ = index;
   }
   void decodePortion() {
     std::vector<std::optional<std::string>> found(portion_.size());
-    base::parallelFor(portion_.size(), threads_, [&](std::size_t i) { found[i] = faultOf(portion_[i].first, portion_[i].second, grid_.face_size); });
+    base::parallelFor(portion_.size(), threads_, [&](std::size_t i) {
+      found[i] = faultOf(portion_[i].first, portion_[i].second, grid_.face_size);
+    });
     for (auto& fault : found) {
       if (fault) say(std::move(*fault));
     }

@@ -13,17 +13,18 @@ namespace repository {
 /// Faults after which verify() stops looking for more.
 inline constexpr std::size_t kMostFaults = 100;
 
-/// One line for each fault, none when all is well: a face of the grid that is missing, a value whose checksum or lengths are wrong, a
-/// JPEG or mask that cannot be decoded or is of another size than grid.face_size, a key that is no grid point. Ranges of missing faces are
-/// one line. Decodes everything on `threads` threads (0: all cores). An error when the store itself cannot be read.
+/// One line for each fault, none when all is well: a face of the grid that is missing, a value whose checksum or
+/// lengths are wrong, a JPEG or mask that cannot be decoded or is of another size than grid.face_size, a key that is no
+/// grid point. Ranges of missing faces are one line. Decodes everything on `threads` threads (0: all cores). An error
+/// when the store itself cannot be read.
 base::Result<std::vector<std::string>> verify(const Store& store, const Grid& grid, unsigned threads = 0);
 
 struct Contents {
-  std::uint64_t faces = 0;           ///< values, empty flags included
-  std::uint64_t empty = 0;           ///< empty flags
+  std::uint64_t faces = 0;  ///< values, empty flags included
+  std::uint64_t empty = 0;  ///< empty flags
   std::uint64_t jpeg_bytes = 0;
   std::uint64_t coverage_bytes = 0;
-  std::uint64_t unreadable = 0;      ///< values that decodeFaceValue refuses
+  std::uint64_t unreadable = 0;  ///< values that decodeFaceValue refuses
 };
 /// Reads every value once.
 base::Result<Contents> contentsOf(const Store& store);

@@ -1,6 +1,7 @@
 #pragma once
-// Fills the image repository (Okamoto 2011, section 4.3): every face of every grid point that the store lacks is rendered, encoded
-// and committed in batches. A killed bake loses at most the batch in flight; the rerun renders what is missing.
+// Fills the image repository (Okamoto 2011, section 4.3): every face of every grid point that the store lacks is
+// rendered, encoded and committed in batches. A killed bake loses at most the batch in flight; the rerun renders what
+// is missing.
 #include <atomic>
 #include <cstdint>
 #include <functional>
@@ -17,16 +18,16 @@ namespace server {
 
 struct BakeOptions {
   repository::Grid grid;
-  int quality = 85;                                                    ///< JPEG, 1..100
+  int quality = 85;  ///< JPEG, 1..100
   repository::Subsampling subsampling = repository::Subsampling::k420;
-  float tolerance_px = 1.0F;                                           ///< of one face pixel
-  int supersampling = 2;                                               ///< per face pixel side
-  std::uint32_t batch_faces = 300;                                     ///< faces per commit
-  unsigned threads = 0;                                                ///< 0: all cores
+  float tolerance_px = 1.0F;        ///< of one face pixel
+  int supersampling = 2;            ///< per face pixel side
+  std::uint32_t batch_faces = 300;  ///< faces per commit
+  unsigned threads = 0;             ///< 0: all cores
 };
 
 struct BakeProgress {
-  std::uint64_t faces_done = 0, faces_total = 0, faces_skipped = 0;    ///< skipped: already in the store
+  std::uint64_t faces_done = 0, faces_total = 0, faces_skipped = 0;  ///< skipped: already in the store
   double faces_per_second = 0.0, seconds_left = 0.0;
   std::uint64_t stored_bytes = 0;
 };

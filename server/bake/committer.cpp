@@ -1,0 +1,96 @@
+#include "server/bake/committer.h"
+
+#include <iterator>
+
+#include "base/check.h"
+
+namespace server {
+
+Committer::Committer(repository::Store& store, std::uint32_t batch_faces, std::uint64_t window)
+    : store_(store), batch_faces_(batch_faces), window_(window), thread_([this] { work(); }) {
+  LUMIGRID_CHECK_LT(batch_faces, window);
+}
+
+Committer::~Committer() {
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+  }
+  changed_.notify_all();
+  if (thread_.joinable()) thread_.join();
+}
+
+bool Committer::waitForRoom(std::uint64_t sequence) {
+  std::unique_lock lock(mutex_);
+  changed_.wait(lock, [&] { return error_ || sequence < committed_ + window_; });
+  return !error_;
+}
+
+void Committer::deliver(std::uint64_t sequence, const repository::FaceKey& key, base::Bytes value) {
+  {
+    const std::lock_guard lock(mutex_);
+    waiting_.emplace(sequence, std::pair(key, std::move(value)));
+  }
+  changed_.notify_all();
+}
+
+void Committer::fail(base::Error error) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (!error_) error_ = std::move(error);
+  }
+  changed_.notify_all();
+}
+
+bool Committer::failed() const {
+  const std::lock_guard lock(mutex_);
+  return error_.has_value();
+}
+
+base::Result<void> Committer::finish() {
+  {
+    const std::lock_guard lock(mutex_);
+    finishing_ = true;
+  }
+  changed_.notify_all();
+  if (thread_.joinable()) thread_.join();
+  if (error_) return *error_;
+  return {};
+}
+
+// A whole batch without a gap is there. While finishing, anything is a batch.
+bool Committer::batchReady() const {
+  if (waiting_.empty()) return false;
+  if (finishing_) return true;
+  return waiting_.size() >= batch_faces_ &&
+         std::next(waiting_.begin(), batch_faces_ - 1)->first == taken_ + batch_faces_ - 1;
+}
+
+std::vector<std::pair<repository::FaceKey, base::Bytes>> Committer::takeBatch() {
+  std::vector<std::pair<repository::FaceKey, base::Bytes>> batch;
+  while (!waiting_.empty() && batch.size() < batch_faces_) {
+    batch.push_back(std::move(waiting_.begin()->second));
+    waiting_.erase(waiting_.begin());
+  }
+  taken_ += batch.size();
+  return batch;
+}
+
+void Committer::work() {
+  std::unique_lock lock(mutex_);
+  for (;;) {
+    changed_.wait(lock, [&] { return stopping_ || error_ || batchReady() || finishing_; });
+    if (stopping_ || error_ || !batchReady()) return;
+
+    // The store is slow (it waits for the disk): not under the lock.
+    const auto batch = takeBatch();
+    lock.unlock();
+    const base::Result<void> put = store_.putBatch(batch);
+    lock.lock();
+    if (!put && !error_) error_ = put.error();
+    if (put) committed_ += batch.size();
+    changed_.notify_all();
+  }
+}
+
+}  // namespace server

@@ -1,0 +1,57 @@
+#pragma once
+// Takes encoded faces from many threads in any order and commits them in batches, in the order they were rendered, on a
+// thread of its own: so drawing, reading back, encoding and committing overlap, and what is stored is always a
+// beginning of the work.
+#include <condition_variable>
+#include <cstdint>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "base/error.h"
+#include "repository/store.h"
+
+namespace server {
+
+class Committer {
+ public:
+  /// `window`: faces that may be under way between waitForRoom() and the store; more than batch_faces.
+  Committer(repository::Store& store, std::uint32_t batch_faces, std::uint64_t window);
+  ~Committer();  ///< stops without committing what was not asked for by finish()
+  Committer(const Committer&) = delete;
+  Committer& operator=(const Committer&) = delete;
+
+  /// Blocks until face number `sequence` (0, 1, 2 … without a gap) may be started. False when the work has failed:
+  /// stop.
+  bool waitForRoom(std::uint64_t sequence);
+  /// Face `sequence` is encoded. From any thread; never blocks for long.
+  void deliver(std::uint64_t sequence, const repository::FaceKey& key, base::Bytes value);
+  /// The work has failed elsewhere; the first error stays.
+  void fail(base::Error error);
+  bool failed() const;
+  /// Commits what was delivered and returns the first error, if any.
+  base::Result<void> finish();
+
+ private:
+  void work();
+  std::vector<std::pair<repository::FaceKey, base::Bytes>> takeBatch();
+  bool batchReady() const;
+
+  repository::Store& store_;
+  const std::uint32_t batch_faces_;
+  const std::uint64_t window_;
+  mutable std::mutex mutex_;
+  std::condition_variable changed_;
+  std::map<std::uint64_t, std::pair<repository::FaceKey, base::Bytes>> waiting_;  // by sequence number
+  std::uint64_t taken_ = 0;      // sequence numbers below are in a batch
+  std::uint64_t committed_ = 0;  // … and in the store
+  bool finishing_ = false;
+  bool stopping_ = false;
+  std::optional<base::Error> error_;
+  std::thread thread_;
+};
+
+}  // namespace server
