@@ -15,8 +15,10 @@ namespace lod::draw {
 /// Vertex attribute locations that every program drawing patches uses.
 enum AttributeLocation : GLuint { kPosition = 0, kNormal = 1, kColor = 2 };
 
-/// Uploaded patches by number. Positions are float32 scene-local (Lattice::position), normals signed bytes, colours unsigned bytes
-/// (white where the scene has none): 20 bytes a vertex, 6 a triangle. Each patch has its own buffers and vertex array.
+/// Uploaded patches by number. Positions are float32 scene-local (Lattice::position), normals signed bytes, colours
+/// unsigned bytes (white where the scene has none): 20 bytes a vertex, 6 a triangle. Each patch has its own buffers and
+/// vertex array: a draw costs about 8 µs beside the 60 to 80 ns of each triangle (llvmpipe), so that at 2000 triangles
+/// a patch one large shared buffer would save some 5 %.
 class PatchMeshes {
  public:
   explicit PatchMeshes(const patch::Lattice& lattice) : lattice_(lattice) {}
@@ -55,9 +57,9 @@ struct Shading {
 };
 
 /// GLSL: `vec3 shadeSurface(vec3 color, vec3 normal, vec3 toEye)` and the uniforms it needs: `bool u_unlit` and
-/// `vec3 u_light_direction` (unit, scene axes, towards the light). `color` is 0..1, `normal` need not be unit, `toEye` is eye minus
-/// surface point (any length). Two-sided: a normal that points away from the eye is turned. Soft: half-Lambert, so that nothing is
-/// black. Unlit: `color` as it is.
+/// `vec3 u_light_direction` (unit, scene axes, towards the light). `color` is 0..1, `normal` need not be unit, `toEye`
+/// is eye minus surface point (any length). Two-sided: a normal that points away from the eye is turned. Soft:
+/// half-Lambert, so that nothing is black. Unlit: `color` as it is.
 std::string shadingSource();
 /// Sets those two uniforms; leaves `program` in use.
 void setShading(const base::gl::Program& program, const Shading& shading);

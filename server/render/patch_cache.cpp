@@ -39,7 +39,7 @@ base::Result<void> PatchCache::draw(std::span<const std::uint32_t> patches) {
 }
 
 base::Result<void> PatchCache::makeResident(std::span<const std::uint32_t> batch) {
-  // Those already here become the youngest, so that room is made from others only.
+  // Those already here become the youngest, so that the others come before them in age.
   std::vector<std::uint32_t> missing;
   std::uint64_t missing_bytes = 0;
   for (const std::uint32_t patch : batch) {
@@ -52,12 +52,11 @@ base::Result<void> PatchCache::makeResident(std::span<const std::uint32_t> batch
     }
   }
 
-  // The batch fits the budget, so the oldest make room before any of the batch's own would have to.
-  while (!by_age_.empty() && meshes_.gpuBytes() + missing_bytes > budget_bytes_) {
-    const std::uint32_t oldest = by_age_.front();
-    if (std::find(batch.begin(), batch.end(), oldest) != batch.end()) break;
-    meshes_.remove(oldest);
-    place_.erase(oldest);
+  // The oldest make room, but none of the batch does.
+  std::size_t evictable = by_age_.size() - (batch.size() - missing.size());
+  for (; evictable > 0 && meshes_.gpuBytes() + missing_bytes > budget_bytes_; --evictable) {
+    meshes_.remove(by_age_.front());
+    place_.erase(by_age_.front());
     by_age_.pop_front();
   }
   for (std::size_t i = 0; i < missing.size(); i += kDecodeTogether)

@@ -18,8 +18,9 @@ class PatchCache {
   /// `file` must outlive the cache. `budget_bytes`: GPU bytes of uploaded patches; one patch may always be there.
   PatchCache(const lod::patch::PatchFile& file, std::uint64_t budget_bytes);
 
-  /// Draws these patches in this order with the program in use. Those that don't fit the budget together are drawn in
-  /// batches: upload, draw, evict. The order never depends on what was cached, so neither does the picture.
+  /// Draws these patches (each once) in this order with the program in use. Those that don't fit the budget together
+  /// are drawn in batches: upload, draw, evict. The order never depends on what was cached, so neither does the
+  /// picture.
   base::Result<void> draw(std::span<const std::uint32_t> patches);
 
   std::uint64_t gpuBytes() const { return meshes_.gpuBytes(); }

@@ -17,8 +17,14 @@ base::Error lost(const char* what) {
 }  // namespace
 
 ReadbackQueue::~ReadbackQueue() {
+  drop();
+}
+
+void ReadbackQueue::drop() {
   for (Entry& entry : entries_)
     if (entry.fence != nullptr) glDeleteSync(entry.fence);
+  entries_.clear();
+  in_flight_ = 0;
 }
 
 base::Result<void> ReadbackQueue::read(const std::shared_ptr<PendingPicture>& picture, const Tile& tile,

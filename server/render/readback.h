@@ -37,6 +37,8 @@ class ReadbackQueue {
   base::Result<void> skip(const std::shared_ptr<PendingPicture>& picture);
   /// Waits for and delivers all.
   base::Result<void> finish();
+  /// Forgets all that is on its way; nothing of it is delivered.
+  void drop();
 
  private:
   struct Entry {

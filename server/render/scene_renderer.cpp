@@ -98,6 +98,7 @@ struct SceneRenderer::State {
                                  const RenderOptions& options, std::function<void(Rendered)> take);
   base::Result<void> drawTile(const base::Camera& camera, std::span<const std::uint32_t> visible);
   base::Result<void> prepareTarget(int width, int height, int supersampling);
+  base::Result<void> orDrop(base::Result<void> result);
   std::vector<std::uint32_t> visibleFrom(const base::Camera& camera, std::span<const std::uint32_t> cut) const;
   void sortFrontToBack(std::vector<std::uint32_t>& cut, const glm::vec3& eye) const;
 
@@ -218,13 +219,19 @@ base::Result<std::unique_ptr<SceneRenderer>> SceneRenderer::create(const base::S
   return renderer;
 }
 
+base::Result<void> SceneRenderer::State::orDrop(base::Result<void> result) {
+  if (!result) readback.drop();
+  return result;
+}
+
 base::Result<Rendered> SceneRenderer::render(const base::Camera& camera, const RenderOptions& options) {
   LUMIGRID_TRY(check(camera, options));
   LUMIGRID_TRY(finish());
   std::vector<std::uint32_t> cut = cutFor(state_->hierarchy, camera, options, true);
   state_->sortFrontToBack(cut, camera.eye);
   Rendered result;
-  LUMIGRID_TRY(state_->drawPicture(camera, cut, options, [&](Rendered rendered) { result = std::move(rendered); }));
+  LUMIGRID_TRY(state_->orDrop(
+      state_->drawPicture(camera, cut, options, [&](Rendered rendered) { result = std::move(rendered); })));
   LUMIGRID_TRY(finish());
   return result;
 }
@@ -244,13 +251,13 @@ base::Result<void> SceneRenderer::renderMany(const std::vector<base::Camera>& ca
   std::vector<std::uint32_t> cut = cutFor(state_->hierarchy, *finest, options, false);
   state_->sortFrontToBack(cut, cameras[0].eye);
   for (std::size_t i = 0; i < cameras.size(); ++i)
-    LUMIGRID_TRY(
-        state_->drawPicture(cameras[i], cut, options, [take, i](Rendered rendered) { take(i, std::move(rendered)); }));
+    LUMIGRID_TRY(state_->orDrop(
+        state_->drawPicture(cameras[i], cut, options, [take, i](Rendered rendered) { take(i, std::move(rendered)); })));
   return {};
 }
 
 base::Result<void> SceneRenderer::finish() {
-  return state_->readback.finish();
+  return state_->orDrop(state_->readback.finish());
 }
 
 float SceneRenderer::sceneRadius() const {

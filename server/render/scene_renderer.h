@@ -15,9 +15,10 @@
 namespace server {
 
 struct RenderOptions {
-  float tolerance_px = 1.0F;    ///< 0: leaf geometry (ground truth)
-  int supersampling = 1;        ///< n × n samples a pixel, 1..8; box-filtered
-  /// Largest render target in samples (8 bytes each); a picture that needs more is drawn in tiles. Default: 4096 × 4096.
+  float tolerance_px = 1.0F;  ///< 0: leaf geometry (ground truth)
+  int supersampling = 1;      ///< n × n samples a pixel, 1..8; box-filtered
+  /// Largest render target in samples (8 bytes each); a picture that needs more is drawn in tiles. Default:
+  /// 4096 × 4096.
   std::uint64_t max_target_samples = std::uint64_t{1} << 24;
 };
 
@@ -26,20 +27,28 @@ struct Rendered {
   std::uint64_t triangles = 0;  ///< drawn
 };
 
-/// Draws a scene's patches through its own GPU cache of patches. Needs a current GL context; one thread.
+/// Draws a scene's patches through its own GPU cache of patches. Needs a GL context that is current, from create() to
+/// the destructor; one thread. Several renderers on several threads, each with its own context, may share a PatchFile.
+/// An error while drawing or reading back drops all pictures that are still on their way: `take` is not called for them
+/// any more.
 class SceneRenderer {
  public:
-  /// `gpu_budget_bytes`: uploaded patches are kept up to this, least recently used first out.
-  static base::Result<std::unique_ptr<SceneRenderer>> create(const base::Scene& scene, const lod::patch::PatchFile& patches,
+  /// `gpu_budget_bytes`: uploaded patches are kept up to this, least recently used first out; a cut that needs more is
+  /// drawn in batches. `patches` must outlive the renderer.
+  static base::Result<std::unique_ptr<SceneRenderer>> create(const base::Scene& scene,
+                                                             const lod::patch::PatchFile& patches,
                                                              std::uint64_t gpu_budget_bytes = std::uint64_t{2} << 30);
   ~SceneRenderer();
 
-  /// Any camera (base::Camera::clipFromScene). Background is transparent black. Sizes beyond the GL limit are drawn in tiles.
+  /// Any camera (base::Camera::clipFromScene), parallel projections included; each side 1..32768 pixels. Background is
+  /// transparent black. Back faces are drawn. Sizes beyond the GL limit are drawn in tiles. Delivers what renderMany
+  /// left on its way first.
   base::Result<Rendered> render(const base::Camera& camera, const RenderOptions& options);
 
-  /// Several cameras with one cut (the six faces of a sampling point): selected once without frustum, at the finest need of them, then
-  /// culled for each. Read back asynchronously through pixel buffers: `take(i, rgba)` is called for each camera in order, while
-  /// later ones are still being drawn; also for those of the previous call. finish() flushes.
+  /// Several cameras with one cut (the six faces of a sampling point): selected once without frustum, at the finest
+  /// need of them, then culled for each; all have the same `eye`. Read back asynchronously through pixel buffers:
+  /// `take(i, rgba)` is called for each camera in order, while later ones are still being drawn; also for those of the
+  /// previous call. finish() flushes.
   base::Result<void> renderMany(const std::vector<base::Camera>& cameras, const RenderOptions& options,
                                 const std::function<void(std::size_t camera, Rendered)>& take);
   base::Result<void> finish();

@@ -388,19 +388,38 @@ TEST_F(SceneRendererTest, sizeAndSupersamplingOutOfRangeAreErrors) {
   EXPECT_NE(huge.error().message.find("1048576 x 8"), std::string::npos) << huge.error().message;
 }
 
-TEST_F(SceneRendererTest, damagedPatchIsAnErrorAndTheNextPictureStillWorks) {
+// The last byte of the leaf's block, in the file; the renderer's map sees the change.
+void damageLeaf(const TwoLevelScene& scene) {
+  const lod::patch::Group& group = scene.file().hierarchy().groups[1];
+  const auto last = static_cast<std::streamoff>(group.block_offset + group.block_bytes - 1);
+  std::fstream file(scene.path(), std::ios::in | std::ios::out | std::ios::binary);
+  file.seekg(last);
+  const int before = file.get();
+  file.seekp(last);
+  file.put(static_cast<char>(before ^ 0x5A));
+}
+
+TEST_F(SceneRendererTest, damagedPatchIsAnErrorThatNamesTheFileAndTheNextPictureStillWorks) {
   TwoLevelScene scene({kKnown}, {{kKnown}}, 0.5F);
-  // The last byte of the file belongs to the leaf's block. The map sees the change.
-  {
-    std::fstream file(scene.path(), std::ios::in | std::ios::out | std::ios::binary);
-    const lod::patch::Group& group = scene.file().hierarchy().groups[1];
-    file.seekp(static_cast<std::streamoff>(group.block_offset + group.block_bytes - 1));
-    file.put('\x5A');
-  }
+  damageLeaf(scene);
   auto renderer = rendererOf(scene);
-  EXPECT_FALSE(renderer->render(cameraAt(8, 8), {0.0F, 1}));
+  const auto fine = renderer->render(cameraAt(8, 8), {0.0F, 1});
+  ASSERT_FALSE(fine);
+  EXPECT_NE(fine.error().message.find(scene.path()), std::string::npos) << fine.error().message;
   const auto coarse = renderer->render(cameraAt(8, 8), {100.0F, 1});
   EXPECT_TRUE(coarse) << coarse.error().message;
+}
+
+TEST_F(SceneRendererTest, afterAnErrorNothingOfTheCallIsDelivered) {
+  TwoLevelScene scene({kKnown}, {{kKnown}}, 0.5F);
+  auto renderer = rendererOf(scene);
+  int delivered = 0;
+  const auto take = [&](std::size_t, const Rendered&) { ++delivered; };
+  ASSERT_TRUE(renderer->renderMany({cameraAt(8, 8)}, {100.0F, 1}, take));  // the root: on its way
+  damageLeaf(scene);
+  EXPECT_FALSE(renderer->renderMany({cameraAt(8, 8)}, {0.0F, 1}, take));
+  ASSERT_TRUE(renderer->finish());
+  EXPECT_EQ(delivered, 0);
 }
 
 TEST_F(SceneRendererTest, withoutAContextCreateSaysWhatToDo) {
