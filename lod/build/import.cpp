@@ -147,7 +147,8 @@ glm::dvec3 originFor(const DoubleBox& box) {
   if (std::max({reach.x, reach.y, reach.z}) <= longest) return glm::dvec3(0.0);
   const double step = longest > 0.0 ? std::exp2(std::floor(std::log2(longest)) - 2.0) : 1.0;
   const glm::dvec3 center = 0.5 * (box.min + box.max);
-  return {std::round(center.x / step) * step, std::round(center.y / step) * step, std::round(center.z / step) * step};
+  return {std::round(center.x / step) * step + 0.0, std::round(center.y / step) * step + 0.0,
+          std::round(center.z / step) * step + 0.0};
 }
 
 DoubleBox boxOf(const std::vector<Soup>& soups) {
