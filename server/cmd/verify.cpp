@@ -1,0 +1,107 @@
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "repository/verify.h"
+#include "server/cmd/commands.h"
+#include "server/cmd/console.h"
+#include "server/net/open_scene.h"
+
+namespace server::cmd {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct VerifyArguments {
+  std::string scene;
+  bool json = false;
+};
+
+using Faults = std::vector<std::string>;
+
+// Every part that scene.json lists is there, with its size and hash.
+void verifyParts(const std::string& directory, const base::Scene& scene, Faults& faults) {
+  for (const base::ScenePart& part : scene.parts) {
+    const std::string path = directory + "/" + part.file;
+    if (!fs::exists(path)) {
+      faults.push_back(path + ": is missing, but scene.json lists it");
+      continue;
+    }
+    if (fs::is_directory(path)) continue;
+    if (fs::file_size(path) != part.bytes)
+      faults.push_back(path + ": has " + std::to_string(fs::file_size(path)) + " bytes, scene.json says " + std::to_string(part.bytes));
+    auto hash = base::sha256OfFile(path);
+    if (!hash) faults.push_back(hash.error().message);
+    else if (*hash != part.sha256) faults.push_back(path + ": its SHA-256 is " + *hash + ", scene.json says " + part.sha256);
+  }
+}
+
+void verifyPatches(const std::string& path, const base::Scene& scene, Faults& faults) {
+  auto patches = lod::patch::PatchFile::open(path);
+  if (!patches) {
+    faults.push_back(patches.error().message);
+    return;
+  }
+  for (const std::string& fault : patches->verify()) faults.push_back(fault);
+  const lod::patch::Hierarchy& h = patches->hierarchy();
+  if (h.has_colors != scene.has_colors) faults.push_back(path + ": colours do not agree with scene.json");
+  base::Aabb box = scene.localBox();
+  const float slack = static_cast<float>(h.lattice.positionError()) + 1e-6F * box.diagonal();
+  box.min -= slack;
+  box.max += slack;
+  for (std::size_t i = 0; i < h.patches.size(); ++i)
+    if (h.patches[i].level == 0 && !(box.contains(h.patches[i].box.min) && box.contains(h.patches[i].box.max)))
+      faults.push_back(path + ": leaf patch " + std::to_string(i) + " lies outside the scene's box");
+}
+
+void verifyImages(const std::string& path, Faults& faults) {
+  auto store = repository::openLmdbStore(path, repository::StoreMode::kRead);
+  if (!store) {
+    faults.push_back(store.error().message);
+    return;
+  }
+  auto meta = (*store)->readMeta();
+  if (!meta || !meta->has_value()) {
+    faults.push_back(meta ? path + ": does not say which grid it belongs to" : meta.error().message);
+    return;
+  }
+  auto grid = gridFromMeta(**meta, path);
+  if (!grid) {
+    faults.push_back(grid.error().message);
+    return;
+  }
+  auto found = repository::verify(**store, *grid);
+  if (!found) faults.push_back(found.error().message);
+  else
+    for (const std::string& fault : *found) faults.push_back(path + ": " + fault);
+}
+
+int run(const VerifyArguments& a) {
+  auto scene = base::readScene(a.scene);
+  if (!scene) return fail(scene.error());
+  Faults faults;
+  verifyParts(a.scene, *scene, faults);
+  verifyPatches(a.scene + "/patch.lgp", *scene, faults);
+  if (fs::is_directory(a.scene + "/images")) verifyImages(a.scene + "/images", faults);
+
+  if (a.json) {
+    std::printf("%s\n", nlohmann::json{{"scene", a.scene}, {"faults", faults}}.dump(2).c_str());
+  } else {
+    for (const std::string& fault : faults) std::printf("%s\n", fault.c_str());
+    if (faults.empty()) std::printf("%s: all is well\n", a.scene.c_str());
+    else std::printf("%s: %zu faults; `lumigrid build` with the same options renders missing and broken images again, other parts need --force\n", a.scene.c_str(), faults.size());
+  }
+  return faults.empty() ? kDone : kFailed;
+}
+
+}  // namespace
+
+Run addVerify(CLI::App& command) {
+  auto a = std::make_shared<VerifyArguments>();
+  command.add_option("SCENE", a->scene, "scene directory")->required();
+  command.add_flag("--json", a->json, "faults as JSON");
+  return [a] { return run(*a); };
+}
+
+}  // namespace server::cmd
