@@ -1,0 +1,253 @@
+#include "compare/run.h"
+
+#include <algorithm>
+#include <array>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <optional>
+#include <sstream>
+#include <thread>
+
+#include "base/egl/headless.h"
+#include "base/json/scene_file.h"
+#include "base/parallel.h"
+#include "base/png/png.h"
+#include "client/native/headless.h"
+#include "lod/patch/format.h"
+#include "server/net/server.h"
+#include "server/render/scene_renderer.h"
+
+namespace compare {
+namespace {
+
+namespace fs = std::filesystem;
+using base::Result;
+
+std::string frameFile(const std::string& directory, std::size_t frame, const char* suffix = "") {
+  std::array<char, 32> name{};
+  std::snprintf(name.data(), name.size(), "/frame_%04zu%s.png", frame, suffix);
+  return directory + name.data();
+}
+
+/// The truth of a path: leaf geometry, supersampled. Kept as PNG files, and used again when the same views of the same scene are asked for.
+class Truth {
+ public:
+  static Result<Truth> render(const RunOptions& options, const std::function<void(const std::string&)>& say) {
+    Truth truth{options.report + "/truth"};
+    auto scene = base::readScene(options.scene);
+    if (!scene) return scene.error();
+    const std::string stamp = stampOf(*scene, options);
+    if (readText(truth.directory_ + "/views.txt") == stamp) {
+      say("truth: using the pictures in " + truth.directory_);
+      return truth;
+    }
+    std::error_code error;
+    fs::create_directories(truth.directory_, error);
+    if (error) return base::Error{base::ErrorCode::kIo, truth.directory_ + ": cannot make this directory: " + error.message()};
+    LUMIGRID_TRY(truth.renderAll(*scene, options, say));
+    std::ofstream(truth.directory_ + "/views.txt") << stamp;
+    return truth;
+  }
+  Result<base::Image> picture(std::size_t frame) const { return base::readPng(frameFile(directory_, frame)); }
+
+ private:
+  explicit Truth(std::string directory) : directory_(std::move(directory)) {}
+
+  static std::string readText(const std::string& path) {
+    std::ifstream in(path);
+    return {std::istreambuf_iterator<char>(in), {}};
+  }
+
+  // Everything that the pictures depend on.
+  static std::string stampOf(const base::Scene& scene, const RunOptions& options) {
+    std::ostringstream text;
+    text.precision(17);
+    for (const auto& part : scene.parts) text << part.file << " " << part.sha256 << "\n";
+    text << "supersampling " << options.truth_supersampling << "\n";
+    for (const auto& c : options.path)
+      text << c.position.x << " " << c.position.y << " " << c.position.z << " " << c.direction.x << " " << c.direction.y << " " << c.direction.z << " " << c.up.x << " "
+           << c.up.y << " " << c.up.z << " " << c.fov_y << " " << c.width << " " << c.height << "\n";
+    return text.str();
+  }
+
+  Result<void> renderAll(const base::Scene& scene, const RunOptions& options, const std::function<void(const std::string&)>& say) const {
+    auto patches = lod::patch::PatchFile::open(options.scene + "/patch.lgp");
+    if (!patches) return patches.error();
+    auto context = base::HeadlessContext::create();
+    if (!context) return context.error();
+    auto renderer = server::SceneRenderer::create(scene, *patches);
+    if (!renderer) return renderer.error();
+    for (std::size_t i = 0; i < options.path.size(); ++i) {
+      say("truth: frame " + std::to_string(i + 1) + " of " + std::to_string(options.path.size()));
+      const base::ViewCamera& view = options.path[i];
+      const auto range = base::depthRangeFor(glm::vec3(view.position - scene.origin), (*renderer)->sceneCenter(), (*renderer)->sceneRadius());
+      auto picture = (*renderer)->render(base::cameraFromView(view, scene.origin, range.near_plane, range.far_plane), {0.0F, options.truth_supersampling});
+      if (!picture) return picture.error();
+      LUMIGRID_TRY(base::writePng(picture->rgba, frameFile(directory_, i)));
+    }
+    return {};
+  }
+
+  std::string directory_;
+};
+
+/// Our server in this process, on a free port of the loopback, as long as the object lives.
+class LocalServer {
+ public:
+  static Result<std::unique_ptr<LocalServer>> start(const std::string& scene, bool render_frames) {
+    server::ServerOptions options;
+    options.port = 0;
+    options.render_frames = render_frames;
+    auto opened = server::Server::open(scene, options);
+    if (!opened) return opened.error();
+    auto local = std::unique_ptr<LocalServer>(new LocalServer);
+    local->server_ = std::move(*opened);
+    local->thread_ = std::thread([raw = local.get()] { (void)raw->server_->run(false); });
+    return local;
+  }
+  ~LocalServer() {
+    server_->stop();
+    thread_.join();
+  }
+  std::string url() const { return "ws://127.0.0.1:" + std::to_string(server_->port()) + "/"; }
+
+ private:
+  LocalServer() = default;
+  std::unique_ptr<server::Server> server_;
+  std::thread thread_;
+};
+
+struct Setting {
+  std::string method;
+  double tolerance;
+  bool images, frames;
+};
+
+std::vector<Setting> settingsOf(const RunOptions& options) {
+  std::vector<Setting> settings{{"lumigraph", options.proxy_tolerance, true, false}};
+  if (options.frames) settings.push_back({"lumigraph+frames", options.proxy_tolerance, true, true});
+  settings.push_back({"proxy", options.proxy_tolerance, false, false});
+  for (double tolerance : options.patch_tolerances) settings.push_back({"patches", tolerance, false, false});
+  return settings;
+}
+
+client::HeadlessOptions clientOptions(const RunOptions& options, const Setting& setting, const std::string& url) {
+  client::HeadlessOptions client;
+  client.url = url;
+  client.path = options.path;
+  client.settle_seconds = options.settle_seconds;
+  client.realtime_fps = options.realtime_fps;
+  client.link = {options.bytes_per_second, options.latency_seconds};
+  client.viewer.method = setting.images ? lod::Method::kLumigraph : lod::Method::kPatches;
+  client.viewer.session.images = setting.images;
+  client.viewer.session.frames = setting.frames;
+  client.viewer.session.patch_tolerance_px = static_cast<float>(setting.tolerance);
+  client.viewer.session.max_points = static_cast<std::uint16_t>(options.points);
+  client.viewer.session.cache_bytes = options.cache_bytes;
+  // The tolerance decides here, not the budget: the chart's settings must differ as they say.
+  client.viewer.session.max_triangles = 4'000'000;
+  return client;
+}
+
+FrameResult measure(const client::HeadlessFrame& frame, const Accuracy& accuracy) {
+  const client::SessionStats& s = frame.stats.session;
+  FrameResult r;
+  r.frame = static_cast<int>(frame.index);
+  r.seconds = frame.seconds;
+  r.draw_ms = frame.draw_ms;
+  r.bytes = s.bytes_received;
+  r.bytes_images = s.bytes_faces;
+  r.bytes_patches = s.bytes_patches;
+  r.bytes_frames = s.bytes_frames;
+  r.triangles = frame.stats.lumigraph.triangles;
+  r.images = frame.stats.lumigraph.samples_used;
+  r.complete = frame.stats.complete;
+  r.accuracy = accuracy;
+  return r;
+}
+
+Result<void> writePictures(const std::string& directory, std::size_t frame, const base::Image& truth, const base::Image& picture) {
+  std::error_code error;
+  fs::create_directories(directory, error);
+  LUMIGRID_TRY(base::writePng(picture, frameFile(directory, frame)));
+  return base::writePng(differencePicture(truth, picture), frameFile(directory, frame, "_difference"));
+}
+
+Result<RunResult> runOne(const RunOptions& options, const Setting& setting, const Truth& truth) {
+  auto server = LocalServer::start(options.scene, setting.frames);
+  if (!server) return server.error();
+  RunResult run{setting.method, setting.tolerance, {}};
+  std::optional<base::Error> failed;
+  client::HeadlessOptions client = clientOptions(options, setting, (*server)->url());
+  client.on_frame = [&](const client::HeadlessFrame& frame) {
+    if (failed) return;
+    auto reference = truth.picture(frame.index);
+    if (!reference) {
+      failed = reference.error();
+      return;
+    }
+    auto accuracy = measureAccuracy(*reference, frame.image);
+    if (!accuracy) failed = base::within("frame " + std::to_string(frame.index), accuracy.error());
+    else run.frames.push_back(measure(frame, *accuracy));
+    if (failed || !options.pictures) return;
+    auto written = writePictures(options.report + "/" + run.name(), frame.index, *reference, frame.image);
+    if (!written) failed = written.error();
+  };
+  client.cancelled = [&] { return failed.has_value(); };
+  auto done = client::runHeadless(client);
+  if (failed) return *failed;
+  if (!done) return done.error();
+  return run;
+}
+
+Result<ReportContext> describe(const RunOptions& options) {
+  ReportContext context;
+  context.scene = fs::path(options.scene).lexically_normal().filename().string();
+  context.machine = machineName();
+  context.commit = LUMIGRID_COMMIT;
+  auto gl = base::HeadlessContext::create();
+  if (!gl) return gl.error();
+  context.renderer = (*gl)->renderer();
+  context.width = options.path[0].width;
+  context.height = options.path[0].height;
+  context.link = "loopback";
+  if (options.bytes_per_second > 0.0)
+    context.link = std::to_string(static_cast<long>(options.bytes_per_second * 8.0 / 1000.0)) + " kbit/s, " + std::to_string(static_cast<long>(options.latency_seconds * 1000.0)) + " ms";
+  return context;
+}
+
+}  // namespace
+
+std::string machineName() {
+  std::ifstream info("/proc/cpuinfo");
+  std::string name = "unknown processor";
+  for (std::string line; std::getline(info, line);)
+    if (line.rfind("model name", 0) == 0) {
+      name = line.substr(line.find(':') + 2);
+      break;
+    }
+  return name + ", " + std::to_string(base::coreCount()) + " cores";
+}
+
+Result<std::vector<RunResult>> runComparison(const RunOptions& options, const std::function<void(const std::string&)>& say) {
+  if (options.path.empty()) return base::Error{base::ErrorCode::kInvalidInput, "the camera path is empty"};
+  auto truth = Truth::render(options, say);
+  if (!truth) return truth.error();
+  std::vector<RunResult> runs;
+  for (const Setting& setting : settingsOf(options)) {
+    auto run = runOne(options, setting, *truth);
+    if (!run) return base::within(setting.method, run.error());
+    std::array<char, 128> line{};
+    std::snprintf(line.data(), line.size(), "%-28s %8.2f MB  %6.2f dB  SSIM %.4f  %7.1f ms", run->name().c_str(), static_cast<double>(run->totalBytes()) / 1e6, run->meanPsnr(),
+                  run->meanSsim(), run->medianDrawMs());
+    say(line.data());
+    runs.push_back(std::move(*run));
+  }
+  auto context = describe(options);
+  if (!context) return context.error();
+  LUMIGRID_TRY(writeReport(options.report, *context, runs));
+  return runs;
+}
+
+}  // namespace compare
