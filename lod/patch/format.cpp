@@ -296,29 +296,28 @@ base::Result<void> writeZeros(base::AtomicFile& file, std::uint64_t end) {
   return {};
 }
 
-// Writes the patches of one group and fills in where they are.
-base::Result<void> writeBlock(base::AtomicFile& file, Hierarchy& hierarchy, std::uint32_t g,
-                              const std::vector<base::Bytes>& patches) {
+// Fills in where the patches of one group come to lie, its block beginning at `offset`.
+base::Result<void> placeBlock(Hierarchy& hierarchy, std::uint32_t g, const std::vector<base::Bytes>& patches,
+                              std::uint64_t offset) {
   Group& group = hierarchy.groups[g];
   if (patches.size() != group.patch_count)
     return groupError(g, std::to_string(patches.size()) + " encoded patches for " + std::to_string(group.patch_count));
-  group.block_offset = file.size();
   std::uint64_t within = 0;
   for (std::uint32_t i = 0; i < group.patch_count; ++i) {
-    Patch& row = hierarchy.patches[group.first_patch + i];
+    const std::uint32_t index = group.first_patch + i;
+    Patch& row = hierarchy.patches[index];
     const auto counts = encodedCounts(patches[i]);
-    if (!counts) return base::within("patch " + std::to_string(group.first_patch + i), counts.error());
+    if (!counts) return base::within("patch " + std::to_string(index), counts.error());
     if (counts->triangles != row.triangles || counts->vertices != row.vertices)
-      return patchError(group.first_patch + i, "its bytes hold " + std::to_string(counts->triangles) +
-                                                   " triangles and " + std::to_string(counts->vertices) +
-                                                   " vertices, its record says " + std::to_string(row.triangles) +
-                                                   " and " + std::to_string(row.vertices));
+      return patchError(index, "its bytes hold " + std::to_string(counts->triangles) + " triangles and " +
+                                   std::to_string(counts->vertices) + " vertices, its record says " +
+                                   std::to_string(row.triangles) + " and " + std::to_string(row.vertices));
     row.block_offset = static_cast<std::uint32_t>(within);
     row.block_bytes = static_cast<std::uint32_t>(patches[i].size());
     within += patches[i].size();
     if (within > std::numeric_limits<std::uint32_t>::max()) return groupError(g, "its block is larger than 4 GB");
-    LUMIGRID_TRY(file.write(patches[i]));
   }
+  group.block_offset = offset;
   group.block_bytes = static_cast<std::uint32_t>(within);
   return {};
 }
@@ -353,7 +352,9 @@ base::Result<void> writePatchFile(
     const auto patches = blocks(g);
     if (!patches) return patches.error();
     LUMIGRID_TRY(writeZeros(*file, alignedUp(file->size())));
-    if (auto written = writeBlock(*file, hierarchy, g, *patches); !written) return base::within(path, written.error());
+    if (auto placed = placeBlock(hierarchy, g, *patches, file->size()); !placed)
+      return base::within(path, placed.error());
+    for (const base::Bytes& patch : *patches) LUMIGRID_TRY(file->write(patch));
   }
 
   // Now the tables know where everything is.
