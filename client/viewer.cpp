@@ -444,7 +444,8 @@ ViewerStats Viewer::stats() const {
   stats.session = s.session.stats();
   if (s.renderer) stats.lumigraph = s.renderer->stats();
   stats.error_px = s.cut.error_px;
-  stats.complete = s.renderer && s.session.complete() && !s.more_to_do && !s.renderer->settling();
+  stats.busy = s.renderer && (s.more_to_do || s.renderer->settling());
+  stats.complete = s.renderer && s.session.complete() && !stats.busy;
   stats.broken = s.broken;
   stats.last_fault = s.last_fault;
   return stats;

@@ -26,6 +26,7 @@ struct ViewerStats {
   LumigraphStats lumigraph;
   float error_px = 0.0F;
   bool complete = false;                              ///< the server sent all for this view and all of it is decoded, uploaded and faded in
+  bool busy = false;                                  ///< another draw at the same view would look different, with no byte more from the server
   std::uint32_t broken = 0;                           ///< images and groups whose bytes could not be decoded
   std::string last_fault;                             ///< what was wrong with the latest of them
 };

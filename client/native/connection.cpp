@@ -1,0 +1,418 @@
+#include "client/native/connection.h"
+
+#include <algorithm>
+#include <utility>
+
+#include <boost/asio/connect.hpp>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <boost/beast/core.hpp>
+#include <boost/beast/websocket.hpp>
+#include <chrono>
+#include <condition_variable>
+#include <deque>
+#include <mutex>
+#include <optional>
+#include <thread>
+
+namespace client {
+namespace {
+
+namespace asio = boost::asio;
+namespace beast = boost::beast;
+namespace websocket = beast::websocket;
+using asio::ip::tcp;
+using Clock = std::chrono::steady_clock;
+
+constexpr std::chrono::milliseconds kFirstBackoff{250};
+constexpr std::chrono::milliseconds kLongestBackoff{5000};
+constexpr std::chrono::seconds kConnectTimeout{10};
+/// Silence after which the connection counts as lost; half-way a ping goes out.
+constexpr std::chrono::seconds kIdleTimeout{60};
+/// Bytes that may wait for the render loop; reading pauses above this, and TCP makes the server wait.
+constexpr std::size_t kInboxLimit = 8 << 20;
+/// With an emulated link the system must not swallow seconds of it ahead of us.
+constexpr int kLimitedReceiveBuffer = 64 << 10;
+
+enum class EventKind { kConnected, kMessage, kDisconnected };
+
+struct Event {
+  EventKind kind = EventKind::kMessage;
+  std::uint64_t epoch = 0;  ///< which connection
+  base::Bytes bytes;
+  std::string reason;
+  Clock::time_point due;  ///< when the emulated link delivers it
+};
+
+struct Outgoing {
+  std::uint64_t epoch = 0;
+  base::Bytes bytes;
+};
+
+Clock::duration toDuration(double seconds) {
+  return std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
+}
+
+/// The delivery times of a link with a given rate and latency: one message after the other, then the way here.
+class LinkClock {
+ public:
+  void setLimit(const LinkLimit& limit) { limit_ = limit; }
+  bool limited() const { return limit_.bytes_per_second > 0.0 || limit_.latency_seconds > 0.0; }
+  /// When the last byte of a message that is here now would have left the link.
+  Clock::time_point pass(std::size_t bytes, Clock::time_point now) {
+    free_ = std::max(free_, now);
+    if (limit_.bytes_per_second > 0.0) free_ += toDuration(static_cast<double>(bytes) / limit_.bytes_per_second);
+    return free_;
+  }
+  Clock::time_point due() const { return free_ + toDuration(limit_.latency_seconds); }
+
+ private:
+  LinkLimit limit_;
+  Clock::time_point free_{};
+};
+
+}  // namespace
+
+// ---- addresses ----
+
+std::string ServerUrl::authority() const {
+  return (host.find(':') == std::string::npos ? host : "[" + host + "]") + ":" + port;
+}
+
+base::Result<ServerUrl> parseServerUrl(const std::string& text) {
+  const auto bad = [&](const std::string& why) {
+    return base::Error{base::ErrorCode::kInvalidInput,
+                       "'" + text + "': " + why + "; write it like ws://example.org:8080/"};
+  };
+
+  // Scheme.
+  std::string rest = text;
+  if (const std::size_t end = text.find("://"); end != std::string::npos) {
+    const std::string scheme = text.substr(0, end);
+    if (scheme == "wss" || scheme == "https") return bad("encrypted connections are not supported yet");
+    if (scheme != "ws" && scheme != "http") return bad("'" + scheme + "' is not ws or http");
+    rest = text.substr(end + 3);
+  }
+
+  // Path, then host and port.
+  ServerUrl url;
+  if (const std::size_t slash = rest.find('/'); slash != std::string::npos) {
+    url.target = rest.substr(slash);
+    rest.resize(slash);
+  }
+  std::size_t port_colon = rest.rfind(':');
+  if (!rest.empty() && rest.front() == '[') {
+    const std::size_t bracket = rest.find(']');
+    if (bracket == std::string::npos) return bad("a bracket is not closed");
+    url.host = rest.substr(1, bracket - 1);
+    port_colon = bracket + 1 < rest.size() ? bracket + 1 : std::string::npos;
+    if (port_colon != std::string::npos && rest[port_colon] != ':') return bad("something follows the bracket");
+  } else {
+    url.host = rest.substr(0, port_colon);
+  }
+  if (port_colon != std::string::npos) url.port = rest.substr(port_colon + 1);
+
+  // Each for itself.
+  if (url.host.empty()) return bad("it names no host");
+  if (url.host.find_first_of(" \t\r\n@?#") != std::string::npos ||
+      url.target.find_first_of(" \t\r\n") != std::string::npos)
+    return bad("it holds a character that an address cannot have");
+  const bool digits =
+      !url.port.empty() && url.port.size() <= 5 && url.port.find_first_not_of("0123456789") == std::string::npos;
+  if (!digits || std::stoi(url.port) < 1 || std::stoi(url.port) > 65535)
+    return bad("its port '" + url.port + "' is not a number from 1 to 65535");
+  return url;
+}
+
+// ---- the thread ----
+
+struct Connection::State {
+  State(const ServerUrl& to, const LinkLimit& limit) : url(to), resolver(io), retry_timer(io) {
+    link_clock.setLimit(limit);
+    asio::post(io, [this] { connect(); });
+    thread = std::thread([this] { io.run(); });
+  }
+  ~State() {
+    io.stop();
+    thread.join();
+  }
+
+  /// One attempt or connection; handlers of an older one find themselves out of date and stop.
+  struct Link {
+    explicit Link(asio::io_context& io) : socket(io), delay(io) {}
+    std::uint64_t epoch = 0;
+    websocket::stream<beast::tcp_stream> socket;
+    asio::steady_timer delay;
+    beast::flat_buffer buffer;
+    base::Bytes writing;
+    bool open = false;
+    bool reading = false;
+    bool busy_writing = false;
+  };
+  using LinkPointer = std::shared_ptr<Link>;
+
+  // On the thread, in the order in which they run.
+  void connect();
+  void onResolved(const LinkPointer& on, const beast::error_code& error, tcp::resolver::results_type results);
+  void onConnected(const LinkPointer& on, const beast::error_code& error);
+  void onHandshake(const LinkPointer& on, const beast::error_code& error);
+  void read(const LinkPointer& on);
+  void onRead(const LinkPointer& on, const beast::error_code& error);
+  void write(const LinkPointer& on);
+  void onWritten(const LinkPointer& on, const beast::error_code& error);
+  void lose(const LinkPointer& on, const std::string& reason);
+
+  // Shared by both threads, under the mutex.
+  void push(Event event);
+  bool inboxFull();
+  std::vector<Event> takeDue();
+
+  ServerUrl url;
+  asio::io_context io;
+  tcp::resolver resolver;
+  asio::steady_timer retry_timer;
+  LinkPointer link;
+  std::uint64_t epochs = 0;
+  Clock::duration backoff = kFirstBackoff;
+
+  std::mutex mutex;
+  std::condition_variable arrived;
+  LinkClock link_clock;
+  std::deque<Event> inbox;
+  std::size_t inbox_bytes = 0;
+  std::deque<Outgoing> outbox;
+
+  // Only the session's thread.
+  std::uint64_t session_epoch = 0;  // the connection the session talks over; 0: none
+
+  std::thread thread;
+};
+
+void Connection::State::connect() {
+  link = std::make_shared<Link>(io);
+  link->epoch = ++epochs;
+  resolver.async_resolve(url.host, url.port, [this, on = link](const beast::error_code& error, auto results) {
+    onResolved(on, error, std::move(results));
+  });
+}
+
+void Connection::State::onResolved(const LinkPointer& on, const beast::error_code& error,
+                                   tcp::resolver::results_type results) {
+  if (error) return lose(on, "cannot find the host '" + url.host + "' (" + error.message() + "); check the address");
+  beast::tcp_stream& stream = beast::get_lowest_layer(on->socket);
+  stream.expires_after(kConnectTimeout);
+  stream.async_connect(results, [this, on](const beast::error_code& failed, const auto&) { onConnected(on, failed); });
+}
+
+void Connection::State::onConnected(const LinkPointer& on, const beast::error_code& error) {
+  if (error)
+    return lose(on, "cannot reach " + url.authority() + " (" + error.message() + "); is lumigrid serve running there?");
+  beast::tcp_stream& stream = beast::get_lowest_layer(on->socket);
+  stream.expires_never();
+  beast::error_code ignored;
+  stream.socket().set_option(tcp::no_delay(true), ignored);
+  {
+    std::lock_guard lock(mutex);
+    if (link_clock.limited())
+      stream.socket().set_option(asio::socket_base::receive_buffer_size(kLimitedReceiveBuffer), ignored);
+  }
+
+  websocket::stream_base::timeout timeouts{};
+  timeouts.handshake_timeout = kConnectTimeout;
+  timeouts.idle_timeout = kIdleTimeout;
+  timeouts.keep_alive_pings = true;
+  on->socket.set_option(timeouts);
+  on->socket.read_message_max(protocol::kMaxServerMessage);
+  on->socket.binary(true);
+  on->socket.async_handshake(url.authority(), url.target,
+                             [this, on](const beast::error_code& failed) { onHandshake(on, failed); });
+}
+
+void Connection::State::onHandshake(const LinkPointer& on, const beast::error_code& error) {
+  if (error)
+    return lose(on, url.authority() + " does not answer as a lumigrid server (" + error.message() +
+                        "); check address and port");
+  on->open = true;
+  Event event;
+  event.kind = EventKind::kConnected;
+  event.epoch = on->epoch;
+  push(std::move(event));
+  read(on);
+}
+
+void Connection::State::read(const LinkPointer& on) {
+  if (on != link || !on->open || on->reading || inboxFull()) return;
+  on->reading = true;
+  on->socket.async_read(on->buffer, [this, on](const beast::error_code& error, std::size_t) { onRead(on, error); });
+}
+
+void Connection::State::onRead(const LinkPointer& on, const beast::error_code& error) {
+  if (error) return lose(on, "lost the connection to " + url.authority() + " (" + error.message() + ")");
+
+  // A message is proof that the server is there: the next loss starts over with short waits.
+  backoff = kFirstBackoff;
+  Event event;
+  event.epoch = on->epoch;
+  const auto data = beast::buffers_range_ref(on->buffer.cdata());
+  event.bytes.reserve(on->buffer.size());
+  for (const asio::const_buffer& part : data) {
+    const auto* bytes = static_cast<const std::uint8_t*>(part.data());
+    event.bytes.insert(event.bytes.end(), bytes, bytes + part.size());
+  }
+  on->buffer.consume(on->buffer.size());
+
+  // The emulated link is busy with this message until `free`; only then the next one starts.
+  Clock::time_point free;
+  {
+    std::lock_guard lock(mutex);
+    free = link_clock.pass(event.bytes.size(), Clock::now());
+  }
+  push(std::move(event));
+  on->delay.expires_at(free);
+  on->delay.async_wait([this, on](const beast::error_code&) {
+    on->reading = false;
+    read(on);
+  });
+}
+
+void Connection::State::write(const LinkPointer& on) {
+  if (on != link || !on->open || on->busy_writing) return;
+  {
+    std::lock_guard lock(mutex);
+    while (!outbox.empty() && outbox.front().epoch != on->epoch) outbox.pop_front();
+    if (outbox.empty()) return;
+    on->writing = std::move(outbox.front().bytes);
+    outbox.pop_front();
+  }
+  on->busy_writing = true;
+  on->socket.async_write(asio::buffer(on->writing),
+                         [this, on](const beast::error_code& error, std::size_t) { onWritten(on, error); });
+}
+
+void Connection::State::onWritten(const LinkPointer& on, const beast::error_code& error) {
+  on->busy_writing = false;
+  if (error) return lose(on, "lost the connection to " + url.authority() + " (" + error.message() + ")");
+  write(on);
+}
+
+/// Ends this link, tells the session, and tries again after the present wait. Read and write may both fail: the first
+/// counts.
+void Connection::State::lose(const LinkPointer& on, const std::string& reason) {
+  if (on != link) return;
+  link.reset();
+  on->open = false;
+  beast::get_lowest_layer(on->socket).close();
+  on->delay.cancel();
+
+  Event event;
+  event.kind = EventKind::kDisconnected;
+  event.epoch = on->epoch;
+  event.reason = reason;
+  push(std::move(event));
+
+  retry_timer.expires_after(backoff);
+  backoff = std::min<Clock::duration>(2 * backoff, kLongestBackoff);
+  retry_timer.async_wait([this](const beast::error_code& error) {
+    if (!error) connect();
+  });
+}
+
+// ---- between the threads ----
+
+void Connection::State::push(Event event) {
+  {
+    std::lock_guard lock(mutex);
+    event.due = link_clock.due();
+    inbox_bytes += event.bytes.size();
+    inbox.push_back(std::move(event));
+  }
+  arrived.notify_one();
+}
+
+bool Connection::State::inboxFull() {
+  std::lock_guard lock(mutex);
+  return inbox_bytes > kInboxLimit;
+}
+
+std::vector<Event> Connection::State::takeDue() {
+  std::vector<Event> due;
+  std::lock_guard lock(mutex);
+  const Clock::time_point now = Clock::now();
+  while (!inbox.empty() && inbox.front().due <= now) {
+    inbox_bytes -= inbox.front().bytes.size();
+    due.push_back(std::move(inbox.front()));
+    inbox.pop_front();
+  }
+  return due;
+}
+
+// ---- the session's side ----
+
+Connection::Connection(const ServerUrl& url, const LinkLimit& limit) : state_(std::make_unique<State>(url, limit)) {}
+Connection::~Connection() = default;
+
+void Connection::setLimit(const LinkLimit& limit) {
+  std::lock_guard lock(state_->mutex);
+  state_->link_clock.setLimit(limit);
+}
+
+bool Connection::pump(Session& session) {
+  State& s = *state_;
+
+  // In.
+  const std::vector<Event> events = s.takeDue();
+  for (const Event& event : events) {
+    if (event.kind == EventKind::kConnected) {
+      s.session_epoch = event.epoch;
+      session.connected();
+    } else if (event.kind == EventKind::kDisconnected) {
+      session.disconnected(event.reason);
+      s.session_epoch = 0;
+    } else if (event.epoch == s.session_epoch) {
+      auto taken = session.receive(event.bytes);
+      if (taken) continue;
+      session.disconnected(taken.error().message);
+      s.session_epoch = 0;
+      asio::post(s.io, [&s, epoch = event.epoch, reason = taken.error().message] {
+        if (!s.link || s.link->epoch != epoch) return;
+        s.backoff = kLongestBackoff;
+        s.lose(s.link, reason);
+      });
+    }
+  }
+  if (!events.empty())
+    asio::post(s.io, [&s] {
+      if (s.link) s.read(s.link);
+    });
+
+  // Out: one message at a time, so that a view waits in the session, where a newer one replaces it.
+  if (s.session_epoch == 0) return !events.empty();
+  std::lock_guard lock(s.mutex);
+  if (!s.outbox.empty()) return !events.empty();
+  if (auto next = session.nextToSend()) {
+    s.outbox.push_back({s.session_epoch, std::move(*next)});
+    asio::post(s.io, [&s] {
+      if (s.link) s.write(s.link);
+    });
+  }
+  return !events.empty();
+}
+
+void Connection::waitForArrival(double seconds) {
+  State& s = *state_;
+  const Clock::time_point until = Clock::now() + toDuration(seconds);
+  std::unique_lock lock(s.mutex);
+  while (Clock::now() < until) {
+    if (s.inbox.empty()) {
+      s.arrived.wait_until(lock, until);
+      continue;
+    }
+    const Clock::time_point due = s.inbox.front().due;
+    if (due <= Clock::now()) return;
+    s.arrived.wait_until(lock, std::min(due, until));
+  }
+}
+
+}  // namespace client

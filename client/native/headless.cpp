@@ -1,0 +1,248 @@
+#include "client/native/headless.h"
+
+#include <GLES3/gl3.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "base/egl/headless.h"
+#include "base/file.h"
+#include "base/gl/gl.h"
+#include "base/png/png.h"
+#include "client/native/jpeg_decoder.h"
+
+namespace client {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+/// Longest wait between two looks at the connection: settled decoding and fading are noticed no later than this.
+constexpr double kPollSeconds = 0.002;
+
+double secondsSince(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+/// One run: what the steps below share.
+class Run {
+ public:
+  explicit Run(const HeadlessOptions& options) : options_(options), start_(Clock::now()), here_since_(start_) {}
+
+  base::Result<HeadlessSummary> all();
+
+ private:
+  base::Result<void> prepare();
+  base::Result<void> greet();
+  base::Result<void> checkConnection();
+  base::Result<void> settle(const base::ViewCamera& camera);
+  base::Result<void> waitUntil(double seconds, const base::ViewCamera& camera);
+  base::Result<void> draw(const base::ViewCamera& camera);
+  base::Result<void> bindTarget(const base::ViewCamera& camera);
+  base::Result<void> frame(std::size_t index);
+  base::Result<void> save(const HeadlessFrame& frame);
+  bool pump() { return connection_->pump(viewer_->session()); }
+
+  const HeadlessOptions& options_;
+  std::unique_ptr<base::HeadlessContext> context_;
+  std::unique_ptr<Connection> connection_;
+  std::unique_ptr<Viewer> viewer_;
+  std::optional<base::gl::RenderTarget> target_;
+  std::string lines_;
+  HeadlessSummary summary_;
+  double draw_ms_ = 0.0;
+  Clock::time_point start_;       // of the run, then of the Welcome
+  Clock::time_point here_since_;  // when the session was last ready
+};
+
+base::Result<void> Run::prepare() {
+  if (options_.path.empty())
+    return base::Error{base::ErrorCode::kInvalidInput, "the camera path has no frames; give one with at least one"};
+  auto url = parseServerUrl(options_.url);
+  if (!url) return url.error();
+  if (!options_.out_dir.empty()) {
+    std::error_code error;
+    std::filesystem::create_directories(options_.out_dir, error);
+    if (error)
+      return base::Error{base::ErrorCode::kIo, options_.out_dir + ": cannot make the folder: " + error.message()};
+  }
+  auto context = base::HeadlessContext::create();
+  if (!context) return context.error();
+  context_ = std::move(*context);
+  summary_.renderer = context_->renderer();
+
+  // Pictures that wait to be complete come in whole; those at a fixed rate come in as they would on a screen.
+  ViewerOptions viewer = options_.viewer;
+  if (options_.realtime_fps <= 0.0) {
+    viewer.lumigraph.fade_seconds = 0.0F;
+    viewer.upload_milliseconds = 0.0;
+  }
+  viewer_ = std::make_unique<Viewer>(viewer, std::make_unique<JpegDecoder>(std::max(1U, options_.decoder_threads)));
+  connection_ = std::make_unique<Connection>(*url, options_.link);
+  return {};
+}
+
+/// Refused, cancelled, or away for longer than connect_timeout: an error. A shorter loss heals by itself.
+base::Result<void> Run::checkConnection() {
+  if (options_.cancelled && options_.cancelled()) return base::Error{base::ErrorCode::kCancelled, "stopped on request"};
+  Session& session = viewer_->session();
+  if (session.state() == SessionState::kRefused) return base::Error{base::ErrorCode::kNetwork, session.problem()};
+  if (session.state() == SessionState::kReady) {
+    here_since_ = Clock::now();
+    return {};
+  }
+  if (secondsSince(here_since_) <= options_.connect_timeout) return {};
+  return base::Error{base::ErrorCode::kNetwork,
+                     session.problem().empty() ? options_.url + ": no answer in time; is lumigrid serve running there?"
+                                               : session.problem()};
+}
+
+base::Result<void> Run::greet() {
+  while (viewer_->session().state() != SessionState::kReady) {
+    connection_->waitForArrival(0.05);
+    pump();
+    LUMIGRID_TRY(checkConnection());
+  }
+  start_ = Clock::now();
+  return {};
+}
+
+base::Result<void> Run::bindTarget(const base::ViewCamera& camera) {
+  if (!target_ || target_->width() != camera.width || target_->height() != camera.height) {
+    auto target = base::gl::RenderTarget::create(camera.width, camera.height);
+    if (!target) return target.error();
+    target_ = std::move(*target);
+  }
+  target_->bind();
+  return {};
+}
+
+base::Result<void> Run::draw(const base::ViewCamera& camera) {
+  LUMIGRID_TRY(bindTarget(camera));
+  const Clock::time_point begin = Clock::now();
+  LUMIGRID_TRY(viewer_->draw(camera, secondsSince(start_)));
+  glFinish();
+  draw_ms_ = 1e3 * secondsSince(begin);
+  return {};
+}
+
+/// Takes in what comes until the view is complete or time is up. Draws only when nothing more is to be taken in: in
+/// software a picture costs more than all else.
+base::Result<void> Run::settle(const base::ViewCamera& camera) {
+  const Clock::time_point begin = Clock::now();
+  while (secondsSince(begin) < options_.settle_seconds) {
+    pump();
+    LUMIGRID_TRY(checkConnection());
+    auto more = viewer_->update(camera, secondsSince(start_));
+    if (!more) return more.error();
+    if (!*more && viewer_->session().complete()) {
+      LUMIGRID_TRY(draw(camera));
+      if (viewer_->stats().complete) return {};
+      continue;
+    }
+    connection_->waitForArrival(kPollSeconds);
+  }
+  return draw(camera);
+}
+
+/// Passes the time until `seconds` after the Welcome with taking in what comes.
+base::Result<void> Run::waitUntil(double seconds, const base::ViewCamera& camera) {
+  while (true) {
+    pump();
+    LUMIGRID_TRY(checkConnection());
+    const double left = seconds - secondsSince(start_);
+    if (left <= 0.0) return {};
+    auto more = viewer_->update(camera, secondsSince(start_));
+    if (!more) return more.error();
+    connection_->waitForArrival(std::min(left, kPollSeconds));
+  }
+}
+
+base::Result<void> Run::save(const HeadlessFrame& frame) {
+  if (options_.out_dir.empty()) return {};
+  char name[32];
+  std::snprintf(name, sizeof(name), "/frame_%04zu.png", frame.index);
+  LUMIGRID_TRY(base::writePng(frame.image, options_.out_dir + name));
+  lines_ += formatHeadlessFrame(frame) + "\n";
+  return {};
+}
+
+base::Result<void> Run::frame(std::size_t index) {
+  const base::ViewCamera& camera = options_.path[index];
+  const Clock::time_point begin = Clock::now();
+  if (options_.realtime_fps > 0.0) {
+    LUMIGRID_TRY(
+        waitUntil(static_cast<double>(index) / options_.realtime_fps, options_.path[index == 0 ? 0 : index - 1]));
+    LUMIGRID_TRY(draw(camera));
+  } else {
+    LUMIGRID_TRY(settle(camera));
+  }
+
+  HeadlessFrame result;
+  result.index = index;
+  result.camera = camera;
+  result.seconds = secondsSince(start_);
+  result.settle_seconds = options_.realtime_fps > 0.0 ? 0.0 : secondsSince(begin);
+  result.draw_ms = draw_ms_;
+  result.stats = viewer_->stats();
+  result.image = target_->read();
+  ++summary_.frames;
+  summary_.incomplete += result.stats.complete ? 0 : 1;
+  LUMIGRID_TRY(save(result));
+  if (options_.on_frame) options_.on_frame(result);
+  return {};
+}
+
+base::Result<HeadlessSummary> Run::all() {
+  LUMIGRID_TRY(prepare());
+  LUMIGRID_TRY(greet());
+  for (std::size_t i = 0; i < options_.path.size(); ++i) LUMIGRID_TRY(frame(i));
+  if (!options_.out_dir.empty())
+    LUMIGRID_TRY(
+        base::writeFileAtomically(options_.out_dir + "/frames.jsonl",
+                                  base::ByteView(reinterpret_cast<const std::uint8_t*>(lines_.data()), lines_.size())));
+
+  summary_.seconds = secondsSince(start_);
+  const ViewerStats stats = viewer_->stats();
+  summary_.session = stats.session;
+  summary_.broken = stats.broken;
+  summary_.last_fault = stats.last_fault;
+  return summary_;
+}
+
+}  // namespace
+
+base::Result<HeadlessSummary> runHeadless(const HeadlessOptions& options) {
+  return Run(options).all();
+}
+
+std::string formatHeadlessFrame(const HeadlessFrame& frame) {
+  const SessionStats& session = frame.stats.session;
+  const LumigraphStats& drawn = frame.stats.lumigraph;
+  nlohmann::ordered_json line;
+  line["frame"] = frame.index;
+  line["seconds"] = frame.seconds;
+  line["settle_seconds"] = frame.settle_seconds;
+  line["draw_ms"] = frame.draw_ms;
+  line["complete"] = frame.stats.complete;
+  line["error_px"] = frame.stats.error_px;
+  line["triangles"] = drawn.triangles;
+  line["patches"] = drawn.patches;
+  line["samples"] = drawn.samples_used;
+  line["samples_resident"] = drawn.samples_resident;
+  line["gpu_bytes"] = drawn.gpu_bytes;
+  line["cache_bytes"] = session.cache_bytes;
+  line["bytes"] = {{"total", session.bytes_received},
+                   {"faces", session.bytes_faces},
+                   {"patches", session.bytes_patches},
+                   {"frames", session.bytes_frames}};
+  line["messages"] = session.messages_received;
+  line["broken"] = frame.stats.broken;
+  return line.dump();
+}
+
+}  // namespace client

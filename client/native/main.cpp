@@ -1,0 +1,251 @@
+// lumigrid-view: the thin client, in a window or headless along a recorded camera path.
+#include <CLI/CLI.hpp>
+#include <atomic>
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <tuple>
+
+#include "base/json/camera_file.h"
+#include "client/native/headless.h"
+#include "client/native/units.h"
+#include "client/native/window.h"
+
+namespace {
+
+constexpr int kFailed = 1;
+constexpr int kWrongUsage = 2;
+
+/// The command line as typed; values with units are still text.
+struct Arguments {
+  std::string url;
+  bool headless = false;
+  std::string path_file;
+  std::string out_dir;
+  std::string size;
+  std::string method = "lumigraph";
+  bool images = true;
+  bool frames = true;
+  std::string cache = "50M";
+  std::string gpu_memory = "512M";
+  float patch_tolerance = 4.0F;
+  unsigned points = 8;
+  int samples = 16;
+  std::uint32_t max_triangles = 300'000;
+  std::string bandwidth;
+  std::string latency;
+  std::string background = "transparent";
+  double settle_seconds = 10.0;
+  double realtime_fps = 0.0;
+  double connect_timeout = 10.0;
+  unsigned threads = 2;
+  bool figures = false;
+  bool json = false;
+};
+
+/// The same with every value understood.
+struct Settings {
+  client::ViewerOptions viewer;
+  client::LinkLimit link;
+  std::optional<std::pair<int, int>> size;
+};
+
+std::atomic<bool> interrupted{false};
+
+void onSignal(int) {
+  interrupted = true;
+}
+
+int complain(const std::string& message, int status) {
+  std::fprintf(stderr, "lumigrid-view: %s\n", message.c_str());
+  return status;
+}
+
+void describe(CLI::App& app, Arguments& a) {
+  app.description(
+      "Looks at a scene that a lumigrid server shows: in a window, or with --headless along a recorded camera path.\n"
+      "Only the images and coarse patches near the view travel; a small cache keeps them.");
+  app.add_option("URL", a.url,
+                 "The server, as `lumigrid serve` prints it: ws://host:port/ (http:// and host:port mean the same)")
+      ->required();
+  app.option_defaults()->always_capture_default();
+
+  app.add_option("--method", a.method, "lumigraph: patches textured by images; patches: the patches alone")
+      ->check(CLI::IsMember({"lumigraph", "patches"}))
+      ->group("What is shown");
+  app.add_flag("--images,!--no-images", a.images, "Use images of the repository (on unless --no-images)")
+      ->group("What is shown");
+  app.add_flag("--frames,!--no-frames", a.frames,
+               "Ask for the exact picture when all else is sent (on unless --no-frames)")
+      ->group("What is shown");
+  app.add_option("--points", a.points, "Sampling points whose images are asked for, 1 to 64")
+      ->check(CLI::Range(1, 64))
+      ->group("What is shown");
+  app.add_option("--samples", a.samples, "Images blended in a picture, 1 to 32")
+      ->check(CLI::Range(1, 32))
+      ->group("What is shown");
+  app.add_option("--patch-tolerance", a.patch_tolerance,
+                 "Patches are refined until their error is at most this, in pixels")
+      ->check(CLI::Range(0.0, 1000.0))
+      ->group("What is shown");
+  app.add_option("--max-triangles", a.max_triangles, "... or until this many triangles are drawn")
+      ->check(CLI::Range(1'000, 1'000'000'000))
+      ->group("What is shown");
+  app.add_option("--background", a.background, "#rrggbb, #rrggbbaa or transparent")->group("What is shown");
+  app.add_option("--size", a.size,
+                 "Window size (default: 1280x720); headless: size of all pictures, whatever the path says")
+      ->group("What is shown");
+
+  app.add_option("--cache", a.cache, "Images and patches kept as they came, in bytes: 50M, 1G")->group("Limits");
+  app.add_option("--gpu-memory", a.gpu_memory, "Images kept on the GPU, in bytes")->group("Limits");
+  app.add_option("--threads", a.threads, "Threads that decode images")->check(CLI::Range(1, 64))->group("Limits");
+  app.add_option("--bandwidth", a.bandwidth,
+                 "Emulate a link of this rate, such as 20Mbit (default: as fast as it comes)")
+      ->group("Limits");
+  app.add_option("--latency", a.latency, "Emulate a link with this delay on the way here, such as 30ms (default: none)")
+      ->group("Limits");
+  app.add_option("--connect-timeout", a.connect_timeout, "Headless: seconds without the server before giving up")
+      ->check(CLI::Range(0.1, 3600.0))
+      ->group("Limits");
+
+  app.add_flag("--headless", a.headless, "No window: pictures of --path")->group("Headless");
+  app.add_option("--path", a.path_file, "Camera path to follow, a JSON file (docs/formats/camera.md)")
+      ->group("Headless");
+  app.add_option("--out", a.out_dir, "Folder for frame_0000.png ... and frames.jsonl (docs/formats/headless.md)")
+      ->group("Headless");
+  app.add_option("--settle", a.settle_seconds, "Wait for each view to be complete, at most this many seconds")
+      ->check(CLI::Range(0.0, 3600.0))
+      ->group("Headless");
+  app.add_option("--realtime", a.realtime_fps,
+                 "Frames at this rate, not waiting for anything (0: wait as --settle says)")
+      ->check(CLI::Range(0.0, 1000.0))
+      ->group("Headless");
+  app.add_flag("--json", a.json, "Print each frame's figures, and a summary, as a line of JSON")->group("Headless");
+  app.add_flag("--figures", a.figures, "Window: start with the figures that F1 shows")->group("Window");
+}
+
+base::Result<Settings> understand(const Arguments& a) {
+  Settings settings;
+  const auto cache = client::parseByteCount(a.cache);
+  if (!cache) return base::within("--cache", cache.error());
+  const auto gpu_memory = client::parseByteCount(a.gpu_memory);
+  if (!gpu_memory) return base::within("--gpu-memory", gpu_memory.error());
+  const auto background = client::parseColor(a.background);
+  if (!background) return base::within("--background", background.error());
+  if (!a.size.empty()) {
+    const auto size = client::parseViewSize(a.size);
+    if (!size) return base::within("--size", size.error());
+    settings.size = *size;
+  }
+  if (!a.bandwidth.empty()) {
+    const auto rate = client::parseBitRate(a.bandwidth);
+    if (!rate) return base::within("--bandwidth", rate.error());
+    settings.link.bytes_per_second = *rate;
+  }
+  if (!a.latency.empty()) {
+    const auto latency = client::parseDuration(a.latency);
+    if (!latency) return base::within("--latency", latency.error());
+    settings.link.latency_seconds = *latency;
+  }
+
+  client::ViewerOptions& viewer = settings.viewer;
+  viewer.method = *lod::methodFromName(a.method);
+  viewer.gpu_budget_bytes = *gpu_memory;
+  viewer.session.cache_bytes = *cache;
+  viewer.session.images = a.images;
+  viewer.session.frames = a.frames;
+  viewer.session.patch_tolerance_px = a.patch_tolerance;
+  viewer.session.max_triangles = a.max_triangles;
+  viewer.session.max_points = static_cast<std::uint16_t>(a.points);
+  viewer.lumigraph.max_samples = a.samples;
+  viewer.lumigraph.use_images = a.images || a.frames;
+  std::copy(background->begin(), background->end(), viewer.lumigraph.background);
+  return settings;
+}
+
+int runHeadlessMode(const Arguments& a, const Settings& settings) {
+  if (a.path_file.empty()) return complain("--headless needs --path FILE, a recorded camera path", kWrongUsage);
+  auto path = base::readCameraPath(a.path_file);
+  if (!path) return complain(path.error().message, kFailed);
+
+  client::HeadlessOptions options;
+  options.url = a.url;
+  options.path = std::move(*path);
+  if (settings.size)
+    for (base::ViewCamera& camera : options.path) std::tie(camera.width, camera.height) = *settings.size;
+  options.viewer = settings.viewer;
+  options.link = settings.link;
+  options.settle_seconds = a.settle_seconds;
+  options.realtime_fps = a.realtime_fps;
+  options.connect_timeout = a.connect_timeout;
+  options.decoder_threads = a.threads;
+  options.out_dir = a.out_dir;
+  options.cancelled = [] { return interrupted.load(); };
+  const std::size_t count = options.path.size();
+  options.on_frame = [&](const client::HeadlessFrame& frame) {
+    if (a.json)
+      std::printf("%s\n", client::formatHeadlessFrame(frame).c_str());
+    else
+      std::printf("frame %zu of %zu: %.2f s, %.1f ms to draw, %llu triangles, %u images, %.2f MB received%s\n",
+                  frame.index + 1, count, frame.seconds, frame.draw_ms,
+                  static_cast<unsigned long long>(frame.stats.lumigraph.triangles), frame.stats.lumigraph.samples_used,
+                  1e-6 * static_cast<double>(frame.stats.session.bytes_received),
+                  frame.stats.complete ? "" : " (not complete)");
+    std::fflush(stdout);
+  };
+
+  std::signal(SIGINT, onSignal);
+  std::signal(SIGTERM, onSignal);
+  auto done = client::runHeadless(options);
+  if (!done) return complain(done.error().message, kFailed);
+  if (a.json) {
+    const nlohmann::ordered_json summary{
+        {"frames", done->frames},     {"incomplete", done->incomplete},        {"seconds", done->seconds},
+        {"renderer", done->renderer}, {"bytes", done->session.bytes_received}, {"broken", done->broken}};
+    std::printf("%s\n", summary.dump().c_str());
+  }
+  if (done->broken > 0)
+    return complain(std::to_string(done->broken) + " pieces from the server were broken, the last: " +
+                        done->last_fault + "; run lumigrid verify on the scene",
+                    kFailed);
+  return 0;
+}
+
+int runWindowMode(const Arguments& a, const Settings& settings) {
+  if (!a.path_file.empty() || !a.out_dir.empty())
+    return complain("--path and --out belong to --headless; add it", kWrongUsage);
+  if (std::getenv("DISPLAY") == nullptr && std::getenv("WAYLAND_DISPLAY") == nullptr)
+    return complain(
+        "there is no display here (neither DISPLAY nor WAYLAND_DISPLAY is set); use --headless --path FILE "
+        "--out DIR",
+        kFailed);
+  client::WindowOptions options;
+  options.url = a.url;
+  options.viewer = settings.viewer;
+  options.link = settings.link;
+  if (settings.size) std::tie(options.width, options.height) = *settings.size;
+  options.decoder_threads = a.threads;
+  options.show_figures = a.figures;
+  auto done = client::runWindow(options);
+  return done ? 0 : complain(done.error().message, kFailed);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  Arguments arguments;
+  CLI::App app;
+  describe(app, arguments);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : kWrongUsage;
+  }
+  if (auto url = client::parseServerUrl(arguments.url); !url) return complain(url.error().message, kWrongUsage);
+  auto settings = understand(arguments);
+  if (!settings) return complain(settings.error().message, kWrongUsage);
+  return arguments.headless ? runHeadlessMode(arguments, *settings) : runWindowMode(arguments, *settings);
+}

@@ -1,0 +1,129 @@
+#include "client/native/orbit_control.h"
+
+#include <algorithm>
+#include <cmath>
+#include <glm/gtc/constants.hpp>
+#include <glm/gtx/rotate_vector.hpp>
+
+namespace client {
+namespace {
+
+constexpr double kZoomPerStep = 0.8;
+/// How near zooming comes to its target, in box diagonals: far below anything a scan resolves, far above what doubles
+/// do.
+constexpr double kNearest = 1e-7;
+/// And how far away from it.
+constexpr double kFarthest = 100.0;
+/// The view direction stays this far from straight up and down (radians), where "up" would lose its meaning.
+constexpr double kPoleMargin = 0.01;
+/// The first view looks down by this angle (radians).
+constexpr double kFirstElevation = 0.35;
+
+/// Any unit vector at a right angle to a unit vector.
+glm::dvec3 anyPerpendicular(const glm::dvec3& v) {
+  const glm::dvec3 other = std::abs(v.x) < 0.9 ? glm::dvec3(1.0, 0.0, 0.0) : glm::dvec3(0.0, 1.0, 0.0);
+  return glm::normalize(glm::cross(v, other));
+}
+
+}  // namespace
+
+void OrbitControl::frameBox(const glm::dvec3& box_min, const glm::dvec3& box_max, const glm::dvec3& up) {
+  up_ = glm::normalize(up);
+  pivot_ = 0.5 * (box_min + box_max);
+  size_ = std::max(glm::length(box_max - box_min), 1e-12);
+
+  // The box's sphere just fits the smaller of the two angles of view.
+  const double aspect = std::min(1.0, static_cast<double>(camera_.width) / static_cast<double>(camera_.height));
+  const double half_angle = std::atan(std::tan(0.5 * camera_.fov_y) * aspect);
+  const double distance = 0.5 * size_ / std::sin(half_angle);
+  const glm::dvec3 from = glm::rotate(anyPerpendicular(up_), 0.6, up_);
+  camera_.direction = -glm::normalize(std::cos(kFirstElevation) * from + std::sin(kFirstElevation) * up_);
+  camera_.position = pivot_ - distance * camera_.direction;
+  camera_.up = up_;
+  first_camera_ = camera_;
+  first_pivot_ = pivot_;
+}
+
+void OrbitControl::setViewport(int width, int height) {
+  camera_.width = std::max(width, 1);
+  camera_.height = std::max(height, 1);
+}
+
+void OrbitControl::reset() {
+  const int width = camera_.width;
+  const int height = camera_.height;
+  camera_ = first_camera_;
+  pivot_ = first_pivot_;
+  setViewport(width, height);
+}
+
+glm::dvec3 OrbitControl::right() const {
+  return glm::normalize(glm::cross(camera_.direction, up_));
+}
+glm::dvec3 OrbitControl::upInView() const {
+  return glm::cross(right(), camera_.direction);
+}
+
+void OrbitControl::orbit(double dx_px, double dy_px) {
+  const double angle_per_px = glm::pi<double>() / static_cast<double>(camera_.height);
+  const double yaw = -dx_px * angle_per_px;
+
+  // Pitch, as far as the poles allow: the angle between direction and up stays between the margins.
+  const double to_up = std::acos(std::clamp(glm::dot(camera_.direction, up_), -1.0, 1.0));
+  const double wanted = to_up + dy_px * angle_per_px;
+  const double pitch = to_up - std::clamp(wanted, kPoleMargin, glm::pi<double>() - kPoleMargin);
+
+  // The same turn for the arm from the pivot and for the direction.
+  const glm::dvec3 axis = right();
+  const auto turn = [&](const glm::dvec3& v) { return glm::rotate(glm::rotate(v, pitch, axis), yaw, up_); };
+  camera_.position = pivot_ + turn(camera_.position - pivot_);
+  camera_.direction = glm::normalize(turn(camera_.direction));
+}
+
+double OrbitControl::depthOf(const glm::dvec3& world) const {
+  return glm::dot(world - camera_.position, camera_.direction);
+}
+
+glm::dvec3 OrbitControl::pointAt(double x, double y, double depth) const {
+  const double scale = 2.0 * std::tan(0.5 * camera_.fov_y) / static_cast<double>(camera_.height);
+  const double side = (x - 0.5 * camera_.width) * scale;
+  const double height = (0.5 * camera_.height - y) * scale;
+  return camera_.position + depth * (camera_.direction + side * right() + height * upInView());
+}
+
+void OrbitControl::move(const glm::dvec3& offset) {
+  camera_.position += offset;
+  pivot_ += offset;
+}
+
+void OrbitControl::grab(double x, double y, const std::optional<glm::dvec3>& surface) {
+  const double depth = depthOf(surface.value_or(pivot_));
+  grabbed_ = pointAt(x, y, std::max(depth, kNearest * size_));
+}
+
+void OrbitControl::dragTo(double x, double y) {
+  move(grabbed_ - pointAt(x, y, depthOf(grabbed_)));
+}
+
+void OrbitControl::zoom(double steps, double x, double y, const std::optional<glm::dvec3>& surface) {
+  const double pivot_depth = std::max(depthOf(pivot_), kNearest * size_);
+  const glm::dvec3 target = surface.value_or(pointAt(x, y, pivot_depth));
+
+  // Towards the target on a straight line: its place on the screen stays. The pivot keeps its place, too, and comes
+  // nearer alike.
+  const double distance = glm::length(target - camera_.position);
+  if (distance <= 0.0) return;
+  const double wanted = std::clamp(distance * std::pow(kZoomPerStep, steps), std::min(distance, kNearest * size_),
+                                   std::max(distance, kFarthest * size_));
+  const double factor = wanted / distance;
+  const glm::dvec3 arm = pivot_ - camera_.position;
+  camera_.position = target - factor * (target - camera_.position);
+  pivot_ = camera_.position + factor * arm;
+}
+
+void OrbitControl::fly(const glm::dvec3& distance) {
+  const double unit = std::max(glm::length(pivot_ - camera_.position), kNearest * size_);
+  move(unit * (distance.x * right() + distance.y * upInView() + distance.z * camera_.direction));
+}
+
+}  // namespace client
