@@ -1,6 +1,6 @@
 #pragma once
-// A GLES 3.0 context without window, display or surface (shared/WEB recipe: surfaceless Mesa, or an EGL device for a GPU).
-// Shared by server, headless client and tests, hence in base (docs/architecture.md says why it left server/gl).
+// A GLES 3.0 context without window, display or surface (shared/WEB recipe: surfaceless Mesa, or an EGL device for a
+// GPU). Shared by server, headless client and tests, hence in base (docs/architecture.md says why it left server/gl).
 #include <memory>
 #include <string>
 
@@ -10,14 +10,15 @@ namespace base {
 
 class HeadlessContext {
  public:
-  /// Makes a context and leaves it current on the calling thread. Tries EGL devices first (a GPU, when `LUMIGRID_GL=software` is not
-  /// set), then surfaceless Mesa.
+  /// Makes a context and leaves it current on the calling thread. Tries EGL devices first (GPUs; only Mesa's software
+  /// device when the environment has `LUMIGRID_GL=software`), then surfaceless Mesa. Several contexts may live at once,
+  /// each current on one thread at a time. The error says what was tried and what to install.
   static Result<std::unique_ptr<HeadlessContext>> create();
   ~HeadlessContext();
   HeadlessContext(const HeadlessContext&) = delete;
   HeadlessContext& operator=(const HeadlessContext&) = delete;
-  void makeCurrent();   ///< on the calling thread
-  void release();       ///< from the calling thread
+  void makeCurrent();            ///< on the calling thread
+  void release();                ///< from the calling thread
   std::string renderer() const;  ///< GL_RENDERER
 
  private:
