@@ -25,9 +25,9 @@ namespace {
 
 constexpr std::uint32_t kMagic = 0xBEEFC0DE;
 constexpr std::uint32_t kVersion = 1;
-constexpr std::uint16_t kBranch = 0x01, kLeaf = 0x02, kKindMask = 0x7F;  // page flags
-constexpr std::uint16_t kBigData = 0x01, kSubTable = 0x02;               // node flags
-constexpr std::uint16_t kIntegerKeys = 0x08;                             // table flags
+constexpr std::uint16_t kBranch = 0x01, kLeaf = 0x02, kOverflow = 0x04, kKindMask = 0x7F;  // page flags
+constexpr std::uint16_t kBigData = 0x01, kSubTable = 0x02;                                 // node flags
+constexpr std::uint16_t kIntegerKeys = 0x08;                                               // table flags
 constexpr std::uint64_t kNoPage = ~std::uint64_t{0};
 constexpr std::uint64_t kPageHeader = 16, kNodeHeader = 8, kTableBytes = 48;
 constexpr std::uint64_t kMostBytes = std::uint64_t{1} << 46;  // no file is larger: half of what the system can map
@@ -85,8 +85,9 @@ base::Error damaged(const std::string& directory, const std::string& what) {
 // Walks the trees and remembers which pages it met.
 class Walk {
  public:
-  Walk(base::ByteView file, const Meta& meta)
+  Walk(base::ByteView file, const Meta& meta, CheckDepth depth)
       : file_(file),
+        depth_(depth),
         page_bytes_(meta.free_pages.pad),
         pages_(std::min<std::uint64_t>(meta.last_page + 1, file.size() / page_bytes_)),
         met_(pages_) {
@@ -176,7 +177,10 @@ class Walk {
     if (flags == kBigData) {
       const std::uint64_t first = in.u64();
       if (!in.ok()) return fail("a value's link out of its page", number);
-      if (!meet(first, (kPageHeader + bytes + page_bytes_ - 1) / page_bytes_)) return;
+      const std::uint64_t pages = (kPageHeader + bytes + page_bytes_ - 1) / page_bytes_;
+      if (!meet(first, pages)) return;
+      if (depth_ == CheckDepth::kValues && !isOverflow(first, pages))
+        return fail("a value's page of the wrong kind", first);
       data = file_.subspan(first * page_bytes_ + kPageHeader, bytes);
     } else {
       data = in.bytes(bytes);
@@ -190,6 +194,14 @@ class Walk {
       walkTable(readTable(record), false, number);
     }
     if (in_free_table_) walkFreeList(data, number);
+  }
+
+  bool isOverflow(std::uint64_t number, std::uint64_t pages) const {
+    base::ByteReader in(file_.subspan(number * page_bytes_, kPageHeader));
+    const std::uint64_t own_number = in.u64();
+    in.u16();
+    const std::uint16_t flags = in.u16();
+    return own_number == number && (flags & kKindMask) == kOverflow && in.u32() == pages;
   }
 
   // A count, then that many numbers of free pages, falling.
@@ -208,6 +220,7 @@ class Walk {
   }
 
   base::ByteView file_;
+  CheckDepth depth_;
   std::uint64_t page_bytes_;
   std::uint64_t pages_;
   std::vector<bool> met_;
@@ -230,7 +243,7 @@ base::Result<void> checkLmdbHeader(const std::string& directory) {
   return {};
 }
 
-base::Result<void> checkLmdbTrees(const std::string& directory, std::uint64_t txn_id) {
+base::Result<void> checkLmdbTrees(const std::string& directory, std::uint64_t txn_id, CheckDepth depth) {
   const auto file = base::MappedFile::open(directory + "/data.mdb");
   if (!file) return file.error();
   const auto first = readMeta(file->bytes(), 0);
@@ -239,7 +252,7 @@ base::Result<void> checkLmdbTrees(const std::string& directory, std::uint64_t tx
   const Meta& meta = first->txn_id == txn_id ? *first : *second;
   if (meta.txn_id != txn_id)
     return base::Error{base::ErrorCode::kBusy, directory + ": its writer is quicker than we can look; try again"};
-  Walk walk(file->bytes(), meta);
+  Walk walk(file->bytes(), meta, depth);
   walk.walk(meta);
   if (!walk.fault().empty()) return damaged(directory, walk.fault());
   return {};

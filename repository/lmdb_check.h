@@ -11,10 +11,14 @@ namespace repository {
 /// that is absent or of no bytes is fine: it will be made.
 base::Result<void> checkLmdbHeader(const std::string& directory);
 
+/// How far checkLmdbTrees looks. kKeys reads the pages of keys; kValues the first page of each large value too, whose
+/// header LMDB trusts when it frees the value: for writers.
+enum class CheckDepth { kKeys, kValues };
+
 /// Walks the trees of the moment `txn_id`, whose read transaction the caller holds: every page that is reached lies in
 /// the file, is of the kind that its place needs, is reached once and is not free; every node lies in its page and
-/// every value in the file. Reads the pages of keys, not the values. kBusy: a writer has overwritten that moment's meta
-/// page; begin a new transaction and try again.
-base::Result<void> checkLmdbTrees(const std::string& directory, std::uint64_t txn_id);
+/// every value in the file. kBusy: a writer has overwritten that moment's meta page; begin a new transaction and try
+/// again.
+base::Result<void> checkLmdbTrees(const std::string& directory, std::uint64_t txn_id, CheckDepth depth);
 
 }  // namespace repository

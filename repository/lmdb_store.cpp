@@ -5,6 +5,7 @@
 #include <lmdb.h>
 #include <sys/file.h>
 #include <sys/mman.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/vfs.h>
 #include <unistd.h>
@@ -29,10 +30,13 @@ namespace repository {
 namespace {
 
 constexpr unsigned kMaxReaders = 1024;
+constexpr off_t kLockBytes = 64 * (kMaxReaders + 3);  // lock.mdb: a header and 64 bytes a reader
 constexpr std::uint64_t kSmallestMap = std::uint64_t{1} << 30;
 constexpr std::size_t kPortionValues = 256;                  // forEach: values copied in one transaction …
 constexpr std::size_t kPortionBytes = std::size_t{8} << 20;  // … and their bytes
-constexpr int kCheckAttempts = 50;                           // a writer may overtake the check, but not that often
+constexpr std::size_t kRoomBesides = std::size_t{1}
+                                     << 20;  // what a batch writes besides its values: pages of keys, free lists
+constexpr int kCheckAttempts = 50;           // a writer may overtake the check, but not that often
 const std::string kMetaKey = "parameters";
 
 // --- Errors
@@ -73,6 +77,27 @@ base::Error storeError(const std::string& path, const std::string& action, int c
   if (code > 0) return base::systemError(path, action, code);
   return say(ErrorCode::kInvalidInput,
              std::string(mdb_strerror(code)) + "; delete the directory and build the images again");
+}
+
+// LMDB calls a write that was cut short EIO, and so hides a full disk, a quota or a limit. To know, we ask for that
+// room ourselves.
+int reasonOfFailedWrite(const std::string& path, int code, std::size_t bytes) {
+  if (code != EIO) return code;
+  const int fd = ::open((path + "/data.mdb").c_str(), O_RDWR | O_CLOEXEC);
+  if (fd < 0) return code;
+  struct stat info {};
+  rlimit limit{};
+  if (::fstat(fd, &info) == 0 && ::getrlimit(RLIMIT_FSIZE, &limit) == 0) {
+    const auto size = static_cast<std::uint64_t>(info.st_size);
+    const std::size_t room = bytes + kRoomBesides;
+    if (limit.rlim_cur != RLIM_INFINITY && size + room > limit.rlim_cur) {
+      code = EFBIG;
+    } else if (::fallocate(fd, FALLOC_FL_KEEP_SIZE, info.st_size, static_cast<off_t>(room)) != 0) {
+      code = errno == ENOSPC || errno == EDQUOT || errno == EFBIG ? errno : EIO;
+    }
+  }
+  ::close(fd);
+  return code;
 }
 
 base::Error openedForReading(const std::string& path) {
@@ -152,7 +177,7 @@ class Environment {
     }
   }
 
-  base::Result<void> checkTrees(const std::string& path);
+  base::Result<void> checkTrees(const std::string& path, CheckDepth depth);
   // Opens (or makes) the two tables.
   int openTables(bool create);
   // Gives places of readers that died back, so that the pages they held can be used again.
@@ -218,6 +243,18 @@ Registry& registry() {
   return *instance;
 }
 
+// Readers take places in lock.mdb through a map: on a full disk a hole there would be SIGBUS, so its blocks are taken
+// now. Never while it is open in this process: closing a second descriptor would drop LMDB's locks.
+base::Result<void> reserveLockFile(const std::string& directory) {
+  const std::string path = directory + "/lock.mdb";
+  const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+  if (fd < 0) return {};  // a directory that may only be read; LMDB says what it thinks of it
+  const int code = ::posix_fallocate(fd, 0, kLockBytes);
+  ::close(fd);
+  if (code == ENOSPC || code == EDQUOT) return base::systemError(path, "make", code);
+  return {};
+}
+
 int openEnv(const std::string& path, std::uint64_t map_bytes, unsigned flags, std::unique_ptr<MDB_env, CloseEnv>& out) {
   MDB_env* raw = nullptr;
   if (const int code = mdb_env_create(&raw); code != 0) return code;
@@ -230,6 +267,7 @@ int openEnv(const std::string& path, std::uint64_t map_bytes, unsigned flags, st
 
 base::Result<std::shared_ptr<Environment>> Environment::open(const std::string& path, const LmdbOptions& options) {
   LUMIGRID_TRY(checkLmdbHeader(path));
+  LUMIGRID_TRY(reserveLockFile(path));
   auto environment = std::make_shared<Environment>();
   const auto attempt = [&](unsigned flags) {
     int code = ENOMEM;
@@ -250,17 +288,17 @@ base::Result<std::shared_ptr<Environment>> Environment::open(const std::string& 
   if (code != 0) return storeError(path, "open", code);
   environment->dropDeadReaders();
 
-  LUMIGRID_TRY(environment->checkTrees(path));
+  LUMIGRID_TRY(environment->checkTrees(path, CheckDepth::kKeys));
   return environment;
 }
 
 // A damaged tree would make LMDB follow wild links, so we walk it first; the transaction keeps its pages from being
 // used again.
-base::Result<void> Environment::checkTrees(const std::string& path) {
+base::Result<void> Environment::checkTrees(const std::string& path, CheckDepth depth) {
   base::Result<void> sound;
   for (int attempt = 0; attempt < kCheckAttempts; ++attempt) {
     const int code = read([&](MDB_txn* txn) {
-      sound = checkLmdbTrees(path, mdb_txn_id(txn));
+      sound = checkLmdbTrees(path, mdb_txn_id(txn), depth);
       return 0;
     });
     if (code != 0) return storeError(path, "open", code);
@@ -376,7 +414,11 @@ class LmdbStore final : public Store {
     // one stays.
     std::vector<std::pair<std::uint64_t, const base::Bytes*>> sorted;
     sorted.reserve(batch.size());
-    for (const auto& [key, value] : batch) sorted.emplace_back(key.code(), &value);
+    std::size_t bytes_of_batch = 0;
+    for (const auto& [key, value] : batch) {
+      sorted.emplace_back(key.code(), &value);
+      bytes_of_batch += value.size();
+    }
     std::stable_sort(sorted.begin(), sorted.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
 
     environment_->dropDeadReaders();
@@ -389,7 +431,7 @@ class LmdbStore final : public Store {
       }
       return 0;
     });
-    if (code != 0) return storeError(path_, "write", code);
+    if (code != 0) return storeError(path_, "write", reasonOfFailedWrite(path_, code, bytes_of_batch));
     return {};
   }
 
@@ -404,7 +446,7 @@ class LmdbStore final : public Store {
       }
       return 0;
     });
-    if (code != 0) return storeError(path_, "write", code);
+    if (code != 0) return storeError(path_, "write", reasonOfFailedWrite(path_, code, 0));
     return {};
   }
 
@@ -448,7 +490,7 @@ class LmdbStore final : public Store {
       MDB_val data = valueOf(text);
       return mdb_put(txn, environment_->meta(), &name, &data, 0);
     });
-    if (code != 0) return storeError(path_, "write", code);
+    if (code != 0) return storeError(path_, "write", reasonOfFailedWrite(path_, code, 0));
     return {};
   }
 
@@ -539,7 +581,10 @@ base::Result<std::unique_ptr<Store>> openLmdbStore(const std::string& path, Stor
     if (!opened) return opened.error();
     environment = std::move(*opened);
   }
-  if (mode == StoreMode::kWrite && environment->readOnly()) return storeError(path, "write", EROFS);
+  if (mode == StoreMode::kWrite) {
+    if (environment->readOnly()) return storeError(path, "write", EROFS);
+    LUMIGRID_TRY(environment->checkTrees(*directory, CheckDepth::kValues));
+  }
 
   const int code = environment->openTables(mode == StoreMode::kWrite);
   if (code == MDB_NOTFOUND)
