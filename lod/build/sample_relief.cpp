@@ -64,7 +64,7 @@ double Relief::rosette(const glm::dvec2& p) const {
   const double ratio = r > 0.0 ? std::min(x, y) / std::max(x, y) : 0.0;
   const double eighth = ratio * (0.1775 - 0.0525 * ratio);
   const double turn = x > y ? eighth : 0.25 - eighth;
-  h += 0.8 * wave(24.0 * turn) * smooth(0.72, 0.78, r) * smooth(1.0, 0.94, r);
+  h += 0.8 * wave(24.0 * turn + 0.25) * smooth(0.72, 0.78, r) * smooth(1.0, 0.94, r);
   return h + 0.8 * smooth(0.03, 0.01, std::abs(r - 1.01));
 }
 

@@ -56,7 +56,7 @@ double headDistance(const glm::dvec3& p) {
   d = join(d, capsule(m, {0.0, 1.548, 0.268}, {0.042, 1.55, 0.246}, 0.021), 0.015);
   d = join(d, ellipsoid(m, {0.238, 1.70, 0.0}, {0.032, 0.085, 0.055}), 0.02);
   d = join(d, ellipsoid(p, {0.0, 1.83, -0.06}, {0.272, 0.27, 0.285}), 0.025);  // hair
-  d = join(d, ball(p, {0.0, 1.80, -0.36}, 0.12), 0.05);                        // knot of hair
+  d = join(d, ball(p, {0.0, 1.79, -0.30}, 0.125), 0.10);                       // knot of hair
   return d;
 }
 
@@ -64,7 +64,7 @@ double bodyDistance(const glm::dvec3& p) {
   const glm::dvec3 m(std::abs(p.x), p.y, p.z);
   double d = ellipsoid(p, {0.0, 0.78, -0.01}, {0.43, 0.42, 0.27});
   d = join(d, capsule(m, {0.0, 1.02, -0.03}, {0.42, 0.97, -0.03}, 0.155), 0.12);
-  d = join(d, capsule(m, {0.47, 0.94, -0.02}, {0.53, 0.66, 0.02}, 0.135), 0.07);
+  d = join(d, capsule(m, {0.45, 0.93, -0.02}, {0.22, 0.48, 0.0}, 0.14), 0.09);  // cut arms, running into the foot
   d = join(d, ellipsoid(m, {0.17, 0.86, 0.17}, {0.17, 0.14, 0.13}), 0.10);
   d = join(d, capsule(p, {0.0, 0.28, 0.0}, {0.0, 0.55, 0.0}, 0.235), 0.15);
   d = join(d, capsule(p, {0.0, 1.05, -0.03}, {0.0, 1.5, 0.02}, 0.125), 0.11);

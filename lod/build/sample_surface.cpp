@@ -39,6 +39,21 @@ glm::dvec3 turned(const glm::dvec3& p) {
   return {0.8 * p.y + 0.6 * p.z, -0.8 * p.x + 0.36 * p.y - 0.48 * p.z, -0.6 * p.x - 0.48 * p.y + 0.64 * p.z};
 }
 
+// One round pit per cell of a lattice, or none: 1 at its centre, 0 outside. It never reaches over the cell's side.
+double pitIn(const glm::dvec3& p, std::uint32_t seed) {
+  const std::int64_t x = floorToInt(p.x);
+  const std::int64_t y = floorToInt(p.y);
+  const std::int64_t z = floorToInt(p.z);
+  const std::uint32_t h = latticeHash(x, y, z, seed);
+  if ((h & 3U) == 0U) return 0.0;
+  const auto part = [h](std::uint32_t shift) { return static_cast<double>((h >> shift) & 255U) / 255.0; };
+  const double radius = 0.12 + 0.26 * part(2) * part(2);
+  const glm::dvec3 center(radius + (1.0 - 2.0 * radius) * part(8), radius + (1.0 - 2.0 * radius) * part(16),
+                          radius + (1.0 - 2.0 * radius) * part(24));
+  const glm::dvec3 d = p - glm::dvec3(static_cast<double>(x), static_cast<double>(y), static_cast<double>(z)) - center;
+  return smooth(radius, 0.4 * radius, glm::length(d));
+}
+
 }  // namespace
 
 double valueNoise(const glm::dvec3& p, std::uint32_t seed) {
@@ -93,8 +108,11 @@ double Weathering::roughness(const glm::dvec3& p, double& fine) const {
   }
 
   // Pits where rain has stood, in patches.
-  const double pit = smooth(0.42, 0.7, valueNoise(p * 34.0, seed_ + 101U)) * resolved(1.0 / 34.0, edge_);
-  height -= 0.006 * pit;
+  const glm::dvec3 t = turned(p);
+  const double where = smooth(-0.2, 0.4, valueNoise(t * 3.1, seed_ + 103U));
+  const double pit = where * (pitIn(t * 24.0, seed_ + 101U) * resolved(0.02, edge_) +
+                              0.4 * pitIn(t * 67.0, seed_ + 107U) * resolved(0.007, edge_));
+  height -= 0.005 * pit;
   fine = std::clamp(fine - 0.6 * pit, -1.0, 1.0);
   return height;
 }
@@ -111,9 +129,10 @@ glm::u8vec4 Weathering::color(const glm::dvec3& p, double cavity, double fine) c
   c *= 1.0 - 0.35 * streak;
 
   // Lichen: ochre or grey-green patches with ragged rims.
-  const double patch = valueNoise(p * 4.3, seed_ + 227U) + 0.45 * fine;
-  const double lichen = smooth(0.38, 0.52, patch);
-  const double kind = smooth(-0.2, 0.2, valueNoise(p * 2.1, seed_ + 229U));
+  const glm::dvec3 t = turned(p);
+  const double patch = valueNoise(t * 4.3, seed_ + 227U) + 0.4 * valueNoise(turned(t) * 13.0, seed_ + 233U) + 0.35 * fine;
+  const double lichen = smooth(0.42, 0.58, patch);
+  const double kind = smooth(-0.2, 0.2, valueNoise(t * 2.1, seed_ + 229U));
   const glm::dvec3 growth = glm::dvec3(186.0, 142.0, 62.0) * kind + glm::dvec3(128.0, 138.0, 104.0) * (1.0 - kind);
   c = c * (1.0 - 0.75 * lichen) + growth * (0.75 * lichen * (0.9 + 0.2 * fine));
 
