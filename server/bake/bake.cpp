@@ -71,9 +71,9 @@ std::string parametersText(const base::Scene& scene, const BakeOptions& options)
   }
   std::ostringstream text;
   text << "{\n\"version\": 1"
-       << ",\n\"grid first\": " << numbers(grid.first) << ",\n\"grid spacing\": " << number(grid.spacing)
-       << ",\n\"grid count\": [" << grid.count.x << ", " << grid.count.y << ", " << grid.count.z << "]"
-       << ",\n\"face\": " << grid.face_size << ",\n\"quality\": " << options.quality << ",\n\"subsampling\": \""
+       << ",\n\"grid\": {\"first\": " << numbers(grid.first) << ", \"spacing\": " << number(grid.spacing)
+       << ", \"count\": [" << grid.count.x << ", " << grid.count.y << ", " << grid.count.z << "]"
+       << ", \"face_size\": " << grid.face_size << "},\n\"quality\": " << options.quality << ",\n\"subsampling\": \""
        << nameOf(options.subsampling) << "\""
        << ",\n\"tolerance\": " << number(options.tolerance_px) << ",\n\"supersampling\": " << options.supersampling
        << ",\n\"light\": \"" << (scene.light.mode == base::LightMode::kUnlit ? "unlit" : "soft") << "\""

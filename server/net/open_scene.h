@@ -29,7 +29,7 @@ struct OpenScene {
 base::Result<std::unique_ptr<OpenScene>> openScene(const std::string& directory);
 
 /// The grid that a store's meta text records: {"grid": {"first": [x, y, z], "spacing": s, "count": [nx, ny, nz],
-/// "face_size": n}, …}. `name` is the store's, for the error.
+/// "face_size": pixels}, …}. `name` is the store's, for the error.
 base::Result<repository::Grid> gridFromMeta(const std::string& meta, const std::string& name);
 
 }  // namespace server
