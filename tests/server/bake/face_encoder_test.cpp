@@ -1,0 +1,134 @@
+#include "server/bake/face_encoder.h"
+
+#include <gtest/gtest.h>
+
+#include "repository/coverage.h"
+#include "repository/face_value.h"
+
+namespace server {
+namespace {
+
+void paint(base::Image& image, int x, int y, std::uint8_t r, std::uint8_t g, std::uint8_t b, std::uint8_t a) {
+  std::uint8_t* pixel = image.at(x, y);
+  pixel[0] = r, pixel[1] = g, pixel[2] = b, pixel[3] = a;
+}
+
+// A disc of a colour on nothing, half covered on its rim.
+base::Image disc(int side, int radius) {
+  base::Image image(side, side, 4);
+  for (int y = 0; y < side; ++y) {
+    for (int x = 0; x < side; ++x) {
+      const int square = (x - side / 2) * (x - side / 2) + (y - side / 2) * (y - side / 2);
+      if (square < radius * radius) paint(image, x, y, 200, static_cast<std::uint8_t>(100 + x % 20), 40, 255);
+    }
+  }
+  return image;
+}
+
+base::Image maskWith(int width, int height, const std::vector<std::pair<int, int>>& model) {
+  base::Image mask(width, height, 1);
+  for (const auto& [x, y] : model) *mask.at(x, y) = 255;
+  return mask;
+}
+
+TEST(FaceEncoder, aFaceThatSeesNothingIsAnEmptyFlag) {
+  base::Image image(64, 64, 4);
+  paint(image, 3, 3, 255, 255, 255, kCoverageThreshold - 1);  // less than half of a pixel is nothing
+  const auto face = encodeFace(image, 85, repository::Subsampling::k420);
+  ASSERT_TRUE(face);
+  EXPECT_TRUE(face->empty);
+  EXPECT_EQ(face->value.size(), 8U);
+  EXPECT_TRUE(repository::decodeFaceValue(face->value)->empty);
+}
+
+TEST(FaceEncoder, onePixelOfModelIsAnImage) {
+  base::Image image(64, 64, 4);
+  paint(image, 3, 3, 255, 255, 255, kCoverageThreshold);
+  const auto face = encodeFace(image, 85, repository::Subsampling::k420);
+  ASSERT_TRUE(face);
+  EXPECT_FALSE(face->empty);
+  const auto value = repository::decodeFaceValue(face->value);
+  const auto mask = repository::decodeCoverage(value->coverage, 64, 64);
+  ASSERT_TRUE(mask);
+  for (int y = 0; y < 64; ++y) {
+    for (int x = 0; x < 64; ++x) EXPECT_EQ(*mask->at(x, y), x == 3 && y == 3 ? 255 : 0);
+  }
+}
+
+TEST(FaceEncoder, modelPixelsComeBackNearTheirColours) {
+  const base::Image image = disc(128, 40);
+  const auto face = encodeFace(image, 90, repository::Subsampling::k420);
+  const auto value = repository::decodeFaceValue(face->value);
+  const auto picture = repository::decodeJpeg(value->jpeg);
+  const auto mask = repository::decodeCoverage(value->coverage, 128, 128);
+  ASSERT_TRUE(picture && mask);
+  double sum = 0.0;
+  int count = 0;
+  for (int y = 0; y < 128; ++y) {
+    for (int x = 0; x < 128; ++x) {
+      ASSERT_EQ(*mask->at(x, y) != 0, image.at(x, y)[3] != 0);
+      if (*mask->at(x, y) == 0) continue;
+      for (int c = 0; c < 3; ++c) sum += std::abs(int{picture->at(x, y)[c]} - int{image.at(x, y)[c]});
+      count += 3;
+    }
+  }
+  EXPECT_LT(sum / count, 4.0);
+}
+
+TEST(FaceEncoder, aPictureFullOfModelHasNoMask) {
+  base::Image image(32, 32, 4);
+  for (int y = 0; y < 32; ++y) {
+    for (int x = 0; x < 32; ++x) paint(image, x, y, 10, 20, 30, 255);
+  }
+  const auto face = encodeFace(image, 85, repository::Subsampling::k420);
+  ASSERT_TRUE(face);
+  EXPECT_EQ(face->coverage_bytes, 0U);
+  EXPECT_EQ(face->value.size(), 16 + face->jpeg_bytes);
+}
+
+TEST(FaceEncoder, fillerCostsAJpegLessThanBlackBackground) {
+  const base::Image image = disc(256, 80);
+  base::Image black(256, 256, 3);
+  for (int y = 0; y < 256; ++y) {
+    for (int x = 0; x < 256; ++x) std::copy_n(image.at(x, y), 3, black.at(x, y));
+  }
+  const auto filled = encodeFace(image, 85, repository::Subsampling::k420);
+  EXPECT_LT(filled->jpeg_bytes * 10, repository::encodeJpeg(black, 85, repository::Subsampling::k420)->size() * 9);
+}
+
+// Two blocks of 8 with one model pixel each, 10 and 30, and between them two blocks without: each takes its neighbour's
+// colour.
+TEST(FaceEncoder, fillerIsTheBlocksMeanAndSpreadsOutward) {
+  base::Image image(32, 8, 4);
+  paint(image, 0, 0, 10, 0, 0, 255);
+  paint(image, 1, 0, 20, 0, 0, 255);
+  paint(image, 31, 7, 30, 0, 0, 255);
+  paint(image, 12, 4, 250, 250, 250, 100);  // hidden by the mask
+  const base::Image filled = fillBackground(image, maskWith(32, 8, {{0, 0}, {1, 0}, {31, 7}}));
+  EXPECT_EQ(filled.at(0, 0)[0], 10);
+  EXPECT_EQ(filled.at(1, 0)[0], 20);
+  EXPECT_EQ(filled.at(5, 5)[0], 15);
+  EXPECT_EQ(filled.at(12, 4)[0], 15);
+  EXPECT_EQ(filled.at(18, 4)[0], 30);
+  EXPECT_EQ(filled.at(28, 4)[0], 30);
+}
+
+TEST(FaceEncoder, sidesThatAreNoMultipleOfABlockWork) {
+  for (const int side : {1, 7, 9, 33}) {
+    base::Image image(side, side, 4);
+    paint(image, side - 1, side - 1, 1, 2, 3, 255);
+    const auto face = encodeFace(image, 85, repository::Subsampling::k422);
+    ASSERT_TRUE(face);
+    const auto picture = repository::decodeJpeg(repository::decodeFaceValue(face->value)->jpeg);
+    ASSERT_TRUE(picture);
+    EXPECT_EQ(picture->width, side);
+  }
+}
+
+TEST(FaceEncoder, theSamePictureGivesTheSameBytes) {
+  EXPECT_EQ(encodeFace(disc(100, 30), 85, repository::Subsampling::k420)->value,
+            encodeFace(disc(100, 30), 85, repository::Subsampling::k420)->value);
+}
+
+}  // namespace
+}  // namespace server
