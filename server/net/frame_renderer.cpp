@@ -1,7 +1,5 @@
 #include "server/net/frame_renderer.h"
 
-#include <algorithm>
-#include <array>
 #include <condition_variable>
 #include <deque>
 #include <future>
@@ -10,75 +8,18 @@
 #include <utility>
 
 #include "base/egl/headless.h"
-#include "repository/coverage.h"
-#include "repository/face_value.h"
 #include "repository/jpeg.h"
+#include "server/bake/face_encoder.h"
 #include "server/render/scene_renderer.h"
 #include "spdlog/spdlog.h"
 
 namespace server {
 namespace {
 
-constexpr int kBlock = 16;              // pixels of a JPEG block with halved colours
-constexpr std::uint8_t kCovered = 128;  // alpha: at least half of the pixel's samples saw the model
+constexpr int kFullColorQuality = 90;  // from here on colours are not halved: they are what is left to see
 constexpr RenderOptions kExact{.tolerance_px = 0.5F, .supersampling = 2};
 
-struct Colors {
-  std::array<std::uint64_t, 3> sum{};
-  std::uint64_t count = 0;
-  void add(const std::uint8_t* pixel) {
-    for (std::size_t c = 0; c < 3; ++c) sum[c] += pixel[c];
-    ++count;
-  }
-};
-
-/// Background pixels of a block take the mean colour of its model pixels; a block without any, the picture's mean.
-base::Image withoutBackground(const base::Image& rgba) {
-  Colors all;
-  for (std::size_t i = 0; i < rgba.pixels.size(); i += 4)
-    if (rgba.pixels[i + 3] >= kCovered) all.add(&rgba.pixels[i]);
-
-  base::Image rgb(rgba.width, rgba.height, 3);
-  for (int top = 0; top < rgba.height; top += kBlock) {
-    for (int left = 0; left < rgba.width; left += kBlock) {
-      const int bottom = std::min(top + kBlock, rgba.height);
-      const int right = std::min(left + kBlock, rgba.width);
-      Colors block;
-      for (int y = top; y < bottom; ++y)
-        for (int x = left; x < right; ++x)
-          if (rgba.at(x, y)[3] >= kCovered) block.add(rgba.at(x, y));
-      const Colors& mean = block.count != 0 ? block : all;
-      for (int y = top; y < bottom; ++y) {
-        for (int x = left; x < right; ++x) {
-          const std::uint8_t* from = rgba.at(x, y);
-          for (std::size_t c = 0; c < 3; ++c)
-            rgb.at(x, y)[c] = from[3] >= kCovered
-                                  ? from[c]
-                                  : static_cast<std::uint8_t>(mean.sum[c] / std::max<std::uint64_t>(1, mean.count));
-        }
-      }
-    }
-  }
-  return rgb;
-}
-
 }  // namespace
-
-base::Result<base::Bytes> encodeFrameValue(const base::Image& rgba, int quality) {
-  base::Image mask(rgba.width, rgba.height, 1);
-  std::size_t covered = 0;
-  for (std::size_t i = 0; i < mask.pixels.size(); ++i) {
-    mask.pixels[i] = rgba.pixels[4 * i + 3] >= kCovered ? 255 : 0;
-    covered += mask.pixels[i] != 0 ? 1 : 0;
-  }
-  if (covered == 0) return repository::encodeFaceValue({});
-
-  const auto subsampling = quality >= 90 ? repository::Subsampling::k444 : repository::Subsampling::k420;
-  auto jpeg = repository::encodeJpeg(withoutBackground(rgba), quality, subsampling);
-  if (!jpeg) return jpeg.error();
-  const base::Bytes coverage = covered == mask.pixels.size() ? base::Bytes{} : repository::encodeCoverage(mask);
-  return repository::encodeFaceValue({.empty = false, .jpeg = *jpeg, .coverage = coverage});
-}
 
 struct FrameRenderer::State {
   struct Job {
@@ -131,12 +72,14 @@ base::Bytes FrameRenderer::State::render(SceneRenderer& renderer, const FrameReq
     spdlog::warn("frames: {}", picture.error().message);
     return {};
   }
-  auto value = encodeFrameValue(picture->rgba, request.quality);
-  if (!value) {
-    spdlog::warn("frames: {}", value.error().message);
+  const auto subsampling =
+      request.quality >= kFullColorQuality ? repository::Subsampling::k444 : repository::Subsampling::k420;
+  auto encoded = encodeFace(picture->rgba, request.quality, subsampling);
+  if (!encoded) {
+    spdlog::warn("frames: {}", encoded.error().message);
     return {};
   }
-  return std::move(*value);
+  return std::move(encoded->value);
 }
 
 base::Result<std::unique_ptr<FrameRenderer>> FrameRenderer::start(const OpenScene& scene) {

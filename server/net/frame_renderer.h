@@ -5,16 +5,10 @@
 #include <memory>
 
 #include "base/error.h"
-#include "base/image.h"
 #include "server/net/open_scene.h"
 #include "server/session/session.h"
 
 namespace server {
-
-/// The value of a picture as the repository stores faces: JPEG and coverage, or the empty flag when nothing is covered.
-/// quality 1..100; from 90 on with full colour resolution (4:4:4, else 4:2:0). Background gets the mean colour of
-/// its block, so that edges do not ring.
-base::Result<base::Bytes> encodeFrameValue(const base::Image& rgba, int quality);
 
 class FrameRenderer {
  public:
@@ -25,9 +19,9 @@ class FrameRenderer {
   /// Drops what is queued, waits for the picture in hand.
   ~FrameRenderer();
 
-  /// Queues one picture: tolerance 0.5 px, 2 × 2 samples a pixel. A client's newer request replaces its older one,
-  /// whose `done` is never called; so the queue holds one request per client. `done` is called on the renderer's
-  /// thread, with no bytes when rendering failed.
+  /// Queues one picture: tolerance 0.5 px, 2 × 2 samples a pixel, encoded like a baked face (from quality 90 on 4:4:4,
+  /// else 4:2:0). A client's newer request replaces its older one, whose `done` is never called; so the queue holds one
+  /// request per client. `done` is called on the renderer's thread, with no bytes when rendering failed.
   void submit(std::uint64_t client, const FrameRequest& request, Done done);
   /// Takes the client's request from the queue.
   void cancel(std::uint64_t client);

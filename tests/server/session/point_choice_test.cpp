@@ -1,0 +1,255 @@
+#include "server/session/point_choice.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <random>
+#include <set>
+#include <tuple>
+
+#include "repository/cube_face.h"
+
+namespace server {
+namespace {
+
+// A wall z = 0 of 10 × 10 units, seen from above, amid a grid of 16³ points over [−8, 8]³ with z from 0.4 up.
+PointQuery wallQuery(const glm::vec3& eye) {
+  PointQuery query;
+  query.grid.first = glm::vec3(-8.0F, -8.0F, 0.4F);
+  query.grid.spacing = 1.0F;
+  query.grid.count = glm::uvec3(17, 17, 17);
+  query.grid.face_size = 512;
+  query.eye = eye;
+  query.pixels_per_unit_at_one = 900.0F;
+  query.error_px = 2.0F;
+  query.max_points = 8;
+  return query;
+}
+
+std::vector<SurfaceSample> wallSamples(float half = 3.0F) {
+  std::vector<SurfaceSample> samples;
+  for (int i = 0; i < 12; ++i)
+    for (int j = 0; j < 12; ++j)
+      samples.push_back(
+          {glm::vec3(half * (static_cast<float>(i) / 5.5F - 1.0F), half * (static_cast<float>(j) / 5.5F - 1.0F), 0.0F),
+           glm::vec3(0.0F, 0.0F, 1.0F), 1.0F / 144.0F});
+  return samples;
+}
+
+glm::vec3 place(const PointQuery& query, const glm::uvec3& p) {
+  return query.grid.point(p.x, p.y, p.z);
+}
+
+std::set<std::tuple<std::uint32_t, std::uint32_t, std::uint32_t>> asSet(const std::vector<glm::uvec3>& points) {
+  std::set<std::tuple<std::uint32_t, std::uint32_t, std::uint32_t>> set;
+  for (const auto& p : points) set.insert({p.x, p.y, p.z});
+  return set;
+}
+
+// ---- use ----
+
+TEST(PointChoice, useIsOneAtTheEyeWhereAFaceIsAsFine) {
+  PointQuery query = wallQuery({0.0F, 0.0F, 5.0F});
+  query.pixels_per_unit_at_one = 256.0F;  // a face of 512 over 90°
+  EXPECT_NEAR(useOfPoint(query, query.eye, {{0.5F, 0.2F, 0.0F}, {0.0F, 0.0F, 1.0F}, 1.0F}), 1.0F, 1e-5F);
+}
+
+TEST(PointChoice, useByTheFormula) {
+  // Eye 8 above, point 4 above and 3 beside the sample: distance 5, cosine 4/5, tangent 3/4.
+  PointQuery query = wallQuery({0.0F, 0.0F, 8.0F});
+  const SurfaceSample sample{{0.0F, 0.0F, 0.0F}, {0.0F, 0.0F, 1.0F}, 1.0F};
+  const float covers = (900.0F / 8.0F) / (256.0F / 5.0F);
+  const float shift = 2.0F * 0.75F;
+  EXPECT_NEAR(useOfPoint(query, {3.0F, 0.0F, 4.0F}, sample), 0.8F / std::sqrt(covers * covers + shift * shift), 1e-5F);
+}
+
+TEST(PointChoice, useFallsWithAngleAndDistance) {
+  const PointQuery query = wallQuery({0.0F, 0.0F, 8.0F});
+  const SurfaceSample sample{{0.0F, 0.0F, 0.0F}, {0.0F, 0.0F, 1.0F}, 1.0F};
+  EXPECT_GT(useOfPoint(query, {0.0F, 0.0F, 3.0F}, sample), useOfPoint(query, {0.0F, 0.0F, 7.0F}, sample));
+  EXPECT_GT(useOfPoint(query, {0.0F, 0.0F, 7.0F}, sample), useOfPoint(query, {0.0F, 0.0F, 14.0F}, sample));
+  EXPECT_GT(useOfPoint(query, {0.5F, 0.0F, 4.0F}, sample), useOfPoint(query, {2.0F, 0.0F, 4.0F}, sample));
+}
+
+TEST(PointChoice, pointsBehindTheSurfaceAreOfNoUse) {
+  const PointQuery query = wallQuery({0.0F, 0.0F, 8.0F});
+  const glm::vec3 up(0.0F, 0.0F, 1.0F);
+  EXPECT_EQ(useOfPoint(query, {0.0F, 0.0F, -2.0F}, {{0.0F, 0.0F, 0.0F}, up, 1.0F}), 0.0F);
+  EXPECT_EQ(useOfPoint(query, {6.0F, 0.0F, -0.1F}, {{0.0F, 0.0F, 0.0F}, up, 1.0F}), 0.0F);
+  // An open scan seen from behind: it is the eye that says which side counts.
+  EXPECT_GT(useOfPoint(query, {0.0F, 0.0F, 4.0F}, {{0.0F, 0.0F, 0.0F}, -up, 1.0F}), 0.0F);
+  EXPECT_GT(useOfPoint(query, {0.0F, 0.0F, 4.0F}, {{0.0F, 0.0F, 0.0F}, glm::vec3(0.0F), 1.0F}), 0.0F);
+}
+
+TEST(PointChoice, useIsFiniteWhereverPointAndEyeAre) {
+  for (const glm::vec3& eye : {glm::vec3(0.0F), glm::vec3(0.0F, 0.0F, 1e12F), glm::vec3(1e-20F)}) {
+    const PointQuery query = wallQuery(eye);
+    for (const glm::vec3& point : {glm::vec3(0.0F), eye, glm::vec3(3.0F)}) {
+      const float use = useOfPoint(query, point, {{0.0F, 0.0F, 0.0F}, {0.0F, 0.0F, 1.0F}, 1.0F});
+      EXPECT_TRUE(use >= 0.0F && use <= 1.0F) << use;
+    }
+  }
+}
+
+// ---- points ----
+
+TEST(PointChoice, fromAfarPointsNearTheSurfaceAreAmongThem) {
+  const PointQuery query = wallQuery({0.1F, 0.2F, 15.0F});
+  const auto points = choosePoints(query, wallSamples());
+  ASSERT_EQ(points.size(), 8U);
+  // The eye's cell begins at z = 14.4; a face is as fine as the view within 15 · 256 / 900 = 4.3 of the wall.
+  const auto nearer =
+      std::count_if(points.begin(), points.end(), [&](const glm::uvec3& p) { return place(query, p).z < 9.0F; });
+  EXPECT_GE(nearer, 3);
+  EXPECT_LT(place(query, points[0]).z, 12.0F) << "and the most useful one comes first";
+}
+
+TEST(PointChoice, theFourNearestCornersAreAlwaysIn) {
+  std::mt19937 random(5);
+  std::uniform_real_distribution<float> across(-7.5F, 7.5F), above(1.0F, 15.0F);
+  for (int round = 0; round < 20; ++round) {
+    const PointQuery query = wallQuery({across(random), across(random), above(random)});
+    auto corners = query.grid.cellCorners(query.eye);
+    std::sort(corners.begin(), corners.end(), [&](const auto& a, const auto& b) {
+      return glm::length(place(query, a) - query.eye) < glm::length(place(query, b) - query.eye);
+    });
+    const auto chosen = asSet(choosePoints(query, wallSamples()));
+    EXPECT_EQ(chosen.size(), 8U);
+    for (std::size_t i = 0; i < 4; ++i) EXPECT_TRUE(chosen.count({corners[i].x, corners[i].y, corners[i].z})) << round;
+  }
+}
+
+TEST(PointChoice, theOrderOfSamplesDoesNotMatter) {
+  const PointQuery query = wallQuery({1.3F, -2.2F, 9.0F});
+  auto samples = wallSamples();
+  const auto points = choosePoints(query, samples);
+  const auto faces = orderFaces(query, points, samples);
+  std::mt19937 random(1);
+  for (int round = 0; round < 5; ++round) {
+    std::shuffle(samples.begin(), samples.end(), random);
+    EXPECT_EQ(choosePoints(query, samples), points);
+    EXPECT_EQ(orderFaces(query, points, samples), faces);
+  }
+}
+
+TEST(PointChoice, atMostAsManyAsAskedFor) {
+  PointQuery query = wallQuery({0.0F, 0.0F, 5.0F});
+  for (std::size_t most : {0U, 1U, 3U, 8U, 64U}) {
+    query.max_points = most;
+    const auto points = choosePoints(query, wallSamples());
+    EXPECT_LE(points.size(), most);
+    EXPECT_EQ(asSet(points).size(), points.size());
+    EXPECT_EQ(points.empty(), most == 0);
+  }
+}
+
+TEST(PointChoice, withoutSamplesOrGridNothingIsChosen) {
+  PointQuery query = wallQuery({0.0F, 0.0F, 5.0F});
+  EXPECT_TRUE(choosePoints(query, {}).empty());
+  query.grid = {};
+  EXPECT_TRUE(choosePoints(query, wallSamples()).empty());
+}
+
+// The claim of the formula, against the paper's rule: the nearest eight points are worth less to the picture.
+TEST(PointChoice, chosenPointsAreWorthMoreThanTheNearest) {
+  const PointQuery query = wallQuery({0.1F, 0.2F, 15.0F});
+  const auto samples = wallSamples();
+  auto worth = [&](const std::vector<glm::uvec3>& points) {
+    float sum = 0.0F;
+    for (const auto& sample : samples) {
+      std::vector<float> uses;
+      for (const auto& p : points) uses.push_back(useOfPoint(query, place(query, p), sample));
+      std::sort(uses.rbegin(), uses.rend());
+      sum += sample.weight * (uses[0] + 0.5F * uses[1]);
+    }
+    return sum;
+  };
+  const auto corners = query.grid.cellCorners(query.eye);
+  EXPECT_GT(worth(choosePoints(query, samples)), 1.3F * worth({corners.begin(), corners.end()}));
+}
+
+// ---- faces ----
+
+TEST(PointChoice, facesAreThoseThatSeeTheSamples) {
+  const PointQuery query = wallQuery({0.0F, 0.0F, 9.0F});
+  const auto samples = wallSamples();
+  const auto points = choosePoints(query, samples);
+  const auto faces = orderFaces(query, points, samples);
+  ASSERT_FALSE(faces.empty());
+  std::set<std::uint64_t> listed;
+  for (const auto& key : faces) EXPECT_TRUE(listed.insert(key.code()).second);
+  for (const auto& p : points) {
+    for (std::uint32_t d = 0; d < 6; ++d) {
+      const bool sees = std::any_of(samples.begin(), samples.end(), [&](const SurfaceSample& s) {
+        return repository::faceOfDirection(s.position - place(query, p)) == d &&
+               useOfPoint(query, place(query, p), s) > 0.0F;
+      });
+      EXPECT_EQ(listed.count(repository::FaceKey{p.x, p.y, p.z, d}.code()) != 0, sees);
+      if (d == 4) {
+        EXPECT_FALSE(sees) << "nothing is above";
+      }
+    }
+  }
+}
+
+TEST(PointChoice, presentFacesAreLeftOutAndCountAsCovered) {
+  const PointQuery query = wallQuery({0.0F, 0.0F, 9.0F});
+  const auto samples = wallSamples();
+  const auto points = choosePoints(query, samples);
+  const auto all = orderFaces(query, points, samples);
+  ASSERT_GE(all.size(), 4U);
+  const auto rest = orderFaces(query, points, samples, [&](const repository::FaceKey& key) { return key == all[0]; });
+  EXPECT_EQ(rest, std::vector(all.begin() + 1, all.end())) << "greedy: what is left stays in order";
+}
+
+// ---- samples ----
+
+TEST(PointChoice, raysFindTheNearestPatch) {
+  // Two square patches facing up, one above the other; and one beside the view.
+  lod::patch::Hierarchy h;
+  for (const auto& [x, z] : {std::pair(0.0F, 0.0F), std::pair(0.0F, -3.0F), std::pair(50.0F, 0.0F)}) {
+    lod::patch::Patch patch;
+    patch.box.add(glm::vec3(x - 2.0F, -2.0F, z - 0.1F));
+    patch.box.add(glm::vec3(x + 2.0F, 2.0F, z + 0.1F));
+    patch.bounds = {patch.box.center(), 2.9F};
+    patch.cone = {glm::vec3(0.0F, 0.0F, 1.0F), 0.99F};
+    h.patches.push_back(patch);
+  }
+  base::ViewCamera view;
+  view.position = {0.0, 0.0, 10.0};
+  view.width = 160;
+  view.height = 90;
+  const auto camera = base::cameraFromView(view, glm::dvec3(0.0), 0.1F, 100.0F);
+  const auto samples = sampleVisibleSurface(h, std::vector<std::uint32_t>{0, 1, 2}, camera);
+  ASSERT_FALSE(samples.empty());
+  // At distance 10 a tile is 0.92 × 0.92 units: the square of 4 units holds the middles of 4 to 5 tiles a side. It
+  // hides the lower one.
+  EXPECT_GE(samples.size(), 16U);
+  EXPECT_LE(samples.size(), 25U);
+  for (const auto& s : samples) {
+    EXPECT_NEAR(s.position.z, 0.0F, 1e-3F);
+    EXPECT_LE(std::max(std::abs(s.position.x), std::abs(s.position.y)), 2.0F);
+    EXPECT_NEAR(s.weight, 1.0F / 144.0F, 1e-7F);
+    EXPECT_EQ(s.normal, glm::vec3(0.0F, 0.0F, 1.0F));
+  }
+  EXPECT_TRUE(sampleVisibleSurface(h, {}, camera).empty());
+}
+
+TEST(PointChoice, aPatchWithoutMeanNormalIsMetHalfWay) {
+  lod::patch::Hierarchy h;
+  lod::patch::Patch ball;
+  ball.box.add(glm::vec3(-2.0F));
+  ball.box.add(glm::vec3(2.0F));
+  ball.bounds = {glm::vec3(0.0F), 2.0F};
+  h.patches.push_back(ball);
+  base::ViewCamera view;
+  view.position = {0.0, 0.0, 10.0};
+  const auto camera = base::cameraFromView(view, glm::dvec3(0.0), 0.1F, 100.0F);
+  const auto samples = sampleVisibleSurface(h, std::vector<std::uint32_t>{0}, camera, 3, 3);
+  ASSERT_FALSE(samples.empty());
+  EXPECT_NEAR(samples[samples.size() / 2].position.z, 0.0F, 1e-3F);
+  EXPECT_EQ(samples[0].normal, glm::vec3(0.0F));
+}
+
+}  // namespace
+}  // namespace server

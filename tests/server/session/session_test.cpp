@@ -1,0 +1,470 @@
+#include "server/session/session.h"
+
+#include <gtest/gtest.h>
+
+#include <set>
+
+#include "server/session/view_plan.h"
+#include "tests/server/session/memory_store.h"
+
+namespace server {
+namespace {
+
+using protocol::ServerMessage;
+
+/// What a client would hold and see.
+struct Talk {
+  explicit Talk(const SceneData& scene) : session(scene) {}
+
+  base::Result<void> say(const protocol::ClientMessage& message) { return session.receive(protocol::encode(message)); }
+  void greet() {
+    ASSERT_TRUE(say(protocol::Hello{protocol::kVersion, "test 1"}));
+    auto message = next();
+    ASSERT_TRUE(message && std::holds_alternative<protocol::Welcome>(*message));
+  }
+  std::optional<ServerMessage> next() {
+    auto bytes = session.nextMessage();
+    if (!bytes) return std::nullopt;
+    auto decoded = protocol::decodeServerMessage(*bytes);
+    EXPECT_TRUE(decoded) << decoded.error().message;
+    return *decoded;
+  }
+  /// All messages until the session has nothing to say, at most `limit`.
+  std::vector<ServerMessage> drain(std::size_t limit = 10'000) {
+    std::vector<ServerMessage> all;
+    while (all.size() < limit) {
+      auto message = next();
+      if (!message) break;
+      all.push_back(std::move(*message));
+    }
+    return all;
+  }
+
+  Session session;
+};
+
+std::uint32_t groupOf(const SceneData& scene, const protocol::Refine& refine) {
+  lod::patch::Hierarchy growing;
+  base::ByteReader in(refine.record);
+  auto group = lod::patch::addGroup(in, growing, scene.welcome.group_count, scene.welcome.patch_count);
+  EXPECT_TRUE(group) << group.error().message;
+  return *group;
+}
+
+std::vector<std::uint32_t> groupsIn(const SceneData& scene, const std::vector<ServerMessage>& messages) {
+  std::vector<std::uint32_t> groups;
+  for (const auto& message : messages)
+    if (const auto* refine = std::get_if<protocol::Refine>(&message)) groups.push_back(groupOf(scene, *refine));
+  return groups;
+}
+
+std::vector<repository::FaceKey> facesIn(const std::vector<ServerMessage>& messages) {
+  std::vector<repository::FaceKey> faces;
+  for (const auto& message : messages)
+    if (const auto* face = std::get_if<protocol::Face>(&message)) faces.push_back(face->key);
+  return faces;
+}
+
+/// Index of Complete(sequence), or the number of messages.
+std::size_t completeAt(const std::vector<ServerMessage>& messages, std::uint32_t sequence) {
+  for (std::size_t i = 0; i < messages.size(); ++i)
+    if (const auto* complete = std::get_if<protocol::Complete>(&messages[i]);
+        complete && complete->sequence == sequence)
+      return i;
+  return messages.size();
+}
+
+std::vector<ServerMessage> before(const std::vector<ServerMessage>& messages, std::size_t end) {
+  return {messages.begin(), messages.begin() + static_cast<std::ptrdiff_t>(end)};
+}
+
+template <class T>
+bool unique(std::vector<T> keys) {
+  std::sort(keys.begin(), keys.end());
+  return std::adjacent_find(keys.begin(), keys.end()) == keys.end();
+}
+
+const glm::dvec3 kAbove(0.1, 0.05, 0.7);
+
+// ---- greeting ----
+
+TEST(Session, welcomeDescribesTheScene) {
+  const TestScene scene;
+  Talk talk(scene.data);
+  EXPECT_FALSE(talk.next());
+  ASSERT_TRUE(talk.say(protocol::Hello{protocol::kVersion, "test 1"}));
+  const auto welcome = std::get<protocol::Welcome>(*talk.next());
+  EXPECT_EQ(welcome.scene_name, "synthetic");
+  EXPECT_EQ(welcome.grid, scene.data.welcome.grid);
+  EXPECT_EQ(welcome.group_count, scene.data.welcome.group_count);
+  EXPECT_EQ(talk.session.clientName(), "test 1");
+  EXPECT_FALSE(talk.next()) << "nothing is sent before a view, for a Have may come first";
+}
+
+TEST(Session, anotherVersionIsRefusedInPlainWords) {
+  const TestScene scene;
+  Talk talk(scene.data);
+  auto taken = talk.say(protocol::Hello{7, ""});
+  ASSERT_FALSE(taken);
+  EXPECT_EQ(taken.error().code, base::ErrorCode::kVersion);
+  EXPECT_FALSE(talk.session.finished());
+  const auto refusal = std::get<protocol::Refusal>(*talk.next());
+  EXPECT_EQ(refusal.version, protocol::kVersion);
+  EXPECT_EQ(refusal.reason, "this server speaks protocol 1, the client speaks 7; update the server");
+  EXPECT_TRUE(talk.session.finished());
+  EXPECT_FALSE(talk.next());
+
+  Talk old(scene.data);
+  EXPECT_EQ(old.say(protocol::Hello{0, ""}).error().message,
+            "this server speaks protocol 1, the client speaks 0; update the client");
+}
+
+TEST(Session, whatComesBeforeHelloIsRefused) {
+  const TestScene scene;
+  for (const protocol::ClientMessage& early :
+       {protocol::ClientMessage(scene.view(1, kAbove)), protocol::ClientMessage(protocol::Have{})}) {
+    Talk talk(scene.data);
+    EXPECT_FALSE(talk.say(early));
+    EXPECT_TRUE(std::holds_alternative<protocol::Refusal>(*talk.next()));
+    EXPECT_TRUE(talk.session.finished());
+  }
+}
+
+TEST(Session, aSecondHelloIsRefused) {
+  const TestScene scene;
+  Talk talk(scene.data);
+  talk.greet();
+  EXPECT_FALSE(talk.say(protocol::Hello{}));
+  EXPECT_TRUE(std::holds_alternative<protocol::Refusal>(*talk.next()));
+}
+
+TEST(Session, garbageIsRefusedAndNothingFollows) {
+  const TestScene scene;
+  Talk talk(scene.data);
+  talk.greet();
+  ASSERT_TRUE(talk.say(scene.view(1, kAbove)));
+  EXPECT_FALSE(talk.session.receive(base::Bytes{0x55, 1, 2, 3}));
+  EXPECT_TRUE(std::holds_alternative<protocol::Refusal>(*talk.next()));
+  EXPECT_FALSE(talk.next());
+  EXPECT_TRUE(talk.session.finished());
+  EXPECT_FALSE(talk.say(scene.view(2, kAbove)));
+}
+
+// ---- what a view is sent ----
+
+TEST(Session, rootComesFirstAndParentsBeforeChildren) {
+  const TestScene scene;
+  Talk talk(scene.data);
+  talk.greet();
+  ASSERT_TRUE(talk.say(scene.view(1, kAbove)));
+  const auto groups = groupsIn(scene.data, talk.drain());
+  ASSERT_GT(groups.size(), 4U);
+  EXPECT_EQ(groups[0], 0U);
+  std::set<std::uint32_t> sent;
+  for (std::uint32_t group : groups) {
+    for (std::uint32_t parent : scene.patches->hierarchy().parentsOf(group))
+      EXPECT_TRUE(sent.count(parent)) << parent << " before " << group;
+    sent.insert(group);
+  }
+}
+
+TEST(Session, nothingIsSentTwice) {
+  const TestScene scene;
+  Talk talk(scene.data);
+  talk.greet();
+  std::vector<ServerMessage> all;
+  for (std::uint32_t i = 1; i <= 6; ++i) {
+    ASSERT_TRUE(talk.say(scene.view(i, kAbove + glm::dvec3(0.05 * i, 0.02 * i, -0.08 * i))));
+    for (auto& message : talk.drain(i % 2 == 0 ? 7 : 10'000)) all.push_back(std::move(message));
+  }
+  EXPECT_GT(facesIn(all).size(), 20U);
+  EXPECT_TRUE(unique(facesIn(all)));
+  EXPECT_TRUE(unique(groupsIn(scene.data, all)));
+}
+
+TEST(Session, completeComesOnceAndLastOfWhatTheViewNeeds) {
+  const TestScene scene;
+  Talk talk(scene.data);
+  talk.greet();
+  const protocol::View view = scene.view(5, kAbove);
+  ASSERT_TRUE(talk.say(view));
+  const auto messages = talk.drain();
+  const std::size_t at = completeAt(messages, 5);
+  ASSERT_LT(at, messages.size());
+
+  const ViewPlan plan = planView(scene.data, view, [](const repository::FaceKey&) { return false; });
+  const auto faces = facesIn(before(messages, at));
+  const auto groups = groupsIn(scene.data, before(messages, at));
+  ASSERT_FALSE(plan.faces.empty());
+  for (const auto& key : plan.faces) EXPECT_EQ(std::count(faces.begin(), faces.end(), key), 1);
+  for (std::uint32_t group : plan.groups) EXPECT_EQ(std::count(groups.begin(), groups.end(), group), 1);
+  EXPECT_EQ(std::count_if(messages.begin(), messages.end(),
+                          [](const auto& m) { return std::holds_alternative<protocol::Complete>(m); }),
+            1);
+}
+
+TEST(Session, theSameViewAgainIsCompleteAtOnce) {
+  const TestScene scene;
+  Talk talk(scene.data);
+  talk.greet();
+  ASSERT_TRUE(talk.say(scene.view(1, kAbove)));
+  talk.drain();
+  ASSERT_TRUE(talk.say(scene.view(2, kAbove)));
+  EXPECT_EQ(std::get<protocol::Complete>(*talk.next()).sequence, 2U);
+}
+
+TEST(Session, aNewViewDropsTheOldOnesWork) {
+  const TestScene scene(16);
+  Talk talk(scene.data);
+  talk.greet();
+  const protocol::View left = scene.view(1, {-0.45, 0.0, 0.15}, {-0.45, 0.0, 0.0});
+  const protocol::View right = scene.view(2, {0.45, 0.0, 0.15}, {0.45, 0.0, 0.0});
+  ASSERT_TRUE(talk.say(left));
+  talk.drain(3);
+  ASSERT_TRUE(talk.say(right));
+  const auto messages = talk.drain();
+  const auto sent = before(messages, completeAt(messages, 2));
+
+  const auto nothing = [](const repository::FaceKey&) { return false; };
+  const ViewPlan wanted = planView(scene.data, right, nothing);
+  for (const auto& key : facesIn(sent))
+    EXPECT_NE(std::find(wanted.faces.begin(), wanted.faces.end(), key), wanted.faces.end());
+  const auto coarse = coarseGroups(scene.patches->hierarchy(), 50'000);
+  for (std::uint32_t group : groupsIn(scene.data, sent))
+    EXPECT_TRUE(std::count(wanted.groups.begin(), wanted.groups.end(), group) ||
+                std::count(coarse.begin(), coarse.end(), group))
+        << group;
+  EXPECT_EQ(completeAt(messages, 1), messages.size()) << "the old view is never complete";
+}
+
+TEST(Session, ofManyViewsOnlyTheNewestIsServed) {
+  const TestScene scene;
+  Talk talk(scene.data);
+  talk.greet();
+  for (std::uint32_t i = 1; i <= 50; ++i) ASSERT_TRUE(talk.say(scene.view(i, kAbove)));
+  const auto messages = talk.drain();
+  EXPECT_LT(completeAt(messages, 50), messages.size());
+  for (std::uint32_t i = 1; i < 50; ++i) EXPECT_EQ(completeAt(messages, i), messages.size());
+}
+
+TEST(Session, groupsStayWithinTheTriangleBudget) {
+  const TestScene scene(16);
+  protocol::View view = scene.view(1, kAbove);
+  view.patch_tolerance_px = 0.0F;
+  const auto nothing = [](const repository::FaceKey&) { return false; };
+  const std::size_t all = planView(scene.data, view, nothing).groups.size();
+  view.max_triangles = 600;
+  const std::size_t few = planView(scene.data, view, nothing).groups.size();
+  EXPECT_LT(few, all / 2);
+  EXPECT_GE(few, 1U);
+}
+
+TEST(Session, noImagesAreSentToWhoWantsNone) {
+  const TestScene scene;
+  Talk talk(scene.data);
+  talk.greet();
+  protocol::View view = scene.view(1, kAbove);
+  view.max_points = 0;
+  ASSERT_TRUE(talk.say(view));
+  const auto messages = talk.drain();
+  EXPECT_TRUE(facesIn(messages).empty());
+  EXPECT_LT(completeAt(messages, 1), messages.size());
+}
+
+TEST(Session, aSceneWithoutImagesStillCompletes) {
+  TestScene scene;
+  scene.data.images = nullptr;
+  scene.data.welcome.grid = {};
+  Talk talk(scene.data);
+  talk.greet();
+  ASSERT_TRUE(talk.say(scene.view(1, kAbove)));
+  const auto messages = talk.drain();
+  EXPECT_FALSE(groupsIn(scene.data, messages).empty());
+  EXPECT_LT(completeAt(messages, 1), messages.size());
+}
+
+TEST(Session, lookingAwayNeedsNoFaces) {
+  const TestScene scene;
+  Talk talk(scene.data);
+  talk.greet();
+  ASSERT_TRUE(talk.say(scene.view(1, {0.0, 0.0, 0.9}, {0.0, 0.0, 5.0})));
+  const auto messages = talk.drain();
+  EXPECT_TRUE(facesIn(messages).empty());
+  EXPECT_LT(completeAt(messages, 1), messages.size());
+}
+
+TEST(Session, missingAndCorruptFacesArePassedOver) {
+  TestScene scene;
+  const protocol::View view = scene.view(1, kAbove);
+  const ViewPlan plan = planView(scene.data, view, [](const repository::FaceKey&) { return false; });
+  ASSERT_GE(plan.faces.size(), 3U);
+  scene.store.values.erase(plan.faces[0]);
+  scene.store.values[plan.faces[1]][100] ^= 1;
+  Talk talk(scene.data);
+  talk.greet();
+  ASSERT_TRUE(talk.say(view));
+  const auto messages = talk.drain();
+  const auto faces = facesIn(before(messages, completeAt(messages, 1)));
+  EXPECT_EQ(faces.size(), plan.faces.size() - 2);
+  EXPECT_EQ(std::count(faces.begin(), faces.end(), plan.faces[0]), 0);
+  EXPECT_EQ(std::count(faces.begin(), faces.end(), plan.faces[1]), 0);
+  EXPECT_GE(talk.session.counts().missing, 1U);
+  EXPECT_GE(talk.session.counts().corrupt, 1U);
+  EXPECT_LT(completeAt(messages, 1), messages.size());
+}
+
+// ---- what the client holds ----
+
+TEST(Session, evictedThingsComeAgainWithTheNextView) {
+  const TestScene scene;
+  Talk talk(scene.data);
+  talk.greet();
+  ASSERT_TRUE(talk.say(scene.view(1, kAbove)));
+  const auto first = talk.drain();
+  const auto faces = facesIn(before(first, completeAt(first, 1)));
+  ASSERT_FALSE(faces.empty());
+  ASSERT_TRUE(talk.say(protocol::Evicted{{faces[0]}, {0}}));
+  EXPECT_FALSE(talk.next()) << "not before the next view asks for it";
+  ASSERT_TRUE(talk.say(scene.view(2, kAbove)));
+  const auto second = talk.drain();
+  EXPECT_EQ(facesIn(before(second, completeAt(second, 2))), std::vector{faces[0]});
+  EXPECT_EQ(groupsIn(scene.data, second), std::vector<std::uint32_t>{0});
+}
+
+TEST(Session, whatTheClientHasIsNotSent) {
+  const TestScene scene;
+  const protocol::View view = scene.view(1, kAbove);
+  const ViewPlan plan = planView(scene.data, view, [](const repository::FaceKey&) { return false; });
+  Talk talk(scene.data);
+  talk.greet();
+  ASSERT_TRUE(talk.say(protocol::Have{plan.faces, plan.groups}));
+  for (std::uint32_t group : coarseGroups(scene.patches->hierarchy(), 50'000))
+    ASSERT_TRUE(talk.say(protocol::Have{{}, {group}}));
+  ASSERT_TRUE(talk.say(view));
+  EXPECT_EQ(std::get<protocol::Complete>(*talk.next()).sequence, 1U);
+}
+
+TEST(Session, keysOfAnotherSceneArePassedOver) {
+  const TestScene scene;
+  Talk talk(scene.data);
+  talk.greet();
+  EXPECT_TRUE(talk.say(protocol::Have{{{9999, 0, 0, 0}}, {0xFFFFFFFF}}));
+  EXPECT_TRUE(talk.say(protocol::Evicted{{{9999, 0, 0, 0}}, {0xFFFFFFFF}}));
+}
+
+// ---- at rest ----
+
+TEST(Session, prefetchIsOtherDirectionsFirstAndLimited) {
+  const TestScene scene(8, 60'000);
+  Talk talk(scene.data);
+  talk.greet();
+  ASSERT_TRUE(talk.say(scene.view(1, kAbove)));
+  talk.drain();
+  const protocol::View view = scene.view(2, kAbove + glm::dvec3(0.1, 0.0, 0.0));
+  ASSERT_TRUE(talk.say(view));
+  const auto messages = talk.drain();
+  const auto ahead =
+      std::vector(messages.begin() + static_cast<std::ptrdiff_t>(completeAt(messages, 2)) + 1, messages.end());
+  ASSERT_FALSE(ahead.empty());
+  std::size_t bytes = 0;
+  for (const auto& message : ahead) bytes += std::get<protocol::Face>(message).value.size();
+  EXPECT_LE(bytes, 1'000'000U + 60'100U);
+
+  const ViewPlan plan = planView(scene.data, view, [](const repository::FaceKey&) { return false; });
+  const auto first = std::get<protocol::Face>(ahead[0]).key;
+  EXPECT_TRUE(std::any_of(plan.faces.begin(), plan.faces.end(),
+                          [&](const auto& k) { return k.x == first.x && k.y == first.y && k.z == first.z; }));
+}
+
+TEST(Session, facesAlongTheMotionAreThoseOfTheNextView) {
+  const TestScene scene;
+  const auto nothing = [](const repository::FaceKey&) { return false; };
+  const protocol::View a = scene.view(1, {-0.4, 0.0, 0.5}, {-0.4, 0.0, 0.0});
+  const protocol::View b = scene.view(2, {-0.2, 0.0, 0.5}, {-0.2, 0.0, 0.0});
+  const protocol::View c = scene.view(3, {0.0, 0.0, 0.5}, {0.0, 0.0, 0.0});
+  EXPECT_EQ(planMotion(scene.data, b, a, nothing), planView(scene.data, c, nothing).faces);
+  EXPECT_TRUE(planMotion(scene.data, b, b, nothing).empty());
+}
+
+// ---- exact frames ----
+
+TestScene& withFrames(TestScene& scene) {
+  scene.data.welcome.can_render_frames = true;
+  return scene;
+}
+
+TEST(Session, aFrameIsAskedForOnceAfterCompleteAndSent) {
+  TestScene scene;
+  Talk talk(withFrames(scene).data);
+  talk.greet();
+  protocol::View view = scene.view(1, kAbove);
+  view.want_frame = true;
+  view.frame_quality = 70;
+  ASSERT_TRUE(talk.say(view));
+  EXPECT_FALSE(talk.session.takeFrameRequest()) << "not before everything else was sent";
+  const auto messages = talk.drain();
+  EXPECT_EQ(completeAt(messages, 1), messages.size() - 1) << "nothing is sent ahead before the frame";
+
+  const auto request = talk.session.takeFrameRequest();
+  ASSERT_TRUE(request);
+  EXPECT_EQ(request->sequence, 1U);
+  EXPECT_EQ(request->quality, 70);
+  EXPECT_FALSE(talk.session.takeFrameRequest());
+  EXPECT_FALSE(talk.next());
+
+  const base::Bytes value = someFaceValue(500, 3);
+  talk.session.frameRendered(*request, value);
+  const auto frame = std::get<protocol::Frame>(*talk.next());
+  EXPECT_EQ(frame.sequence, 1U);
+  EXPECT_EQ(frame.value, value);
+  EXPECT_EQ(frame.camera.position, view.camera.position);
+  EXPECT_TRUE(std::holds_alternative<protocol::Face>(*talk.next())) << "then what may be needed next";
+}
+
+TEST(Session, framesAreNotAskedForInVain) {
+  TestScene scene;
+  for (int which = 0; which < 3; ++which) {
+    scene.data.welcome.can_render_frames = which != 0;
+    Talk talk(scene.data);
+    talk.greet();
+    protocol::View view = scene.view(1, kAbove);
+    view.want_frame = which != 1;
+    if (which == 2) view.camera.width = view.camera.height = 16384;
+    view.max_points = 0;
+    ASSERT_TRUE(talk.say(view));
+    talk.drain();
+    EXPECT_FALSE(talk.session.takeFrameRequest()) << which;
+  }
+}
+
+TEST(Session, aFrameThatFailedHoldsNothingUp) {
+  TestScene scene;
+  Talk talk(withFrames(scene).data);
+  talk.greet();
+  protocol::View view = scene.view(1, kAbove);
+  view.want_frame = true;
+  ASSERT_TRUE(talk.say(view));
+  talk.drain();
+  talk.session.frameRendered(*talk.session.takeFrameRequest(), {});
+  EXPECT_TRUE(std::holds_alternative<protocol::Face>(*talk.next()));
+}
+
+TEST(Session, aFrameOfAnOlderViewIsSentOnlyFromNearby) {
+  for (const bool near : {true, false}) {
+    TestScene scene;
+    Talk talk(withFrames(scene).data);
+    talk.greet();
+    protocol::View view = scene.view(1, kAbove);
+    view.want_frame = true;
+    ASSERT_TRUE(talk.say(view));
+    talk.drain();
+    const auto request = *talk.session.takeFrameRequest();
+    ASSERT_TRUE(talk.say(scene.view(2, kAbove + glm::dvec3(near ? 0.02 : 0.6, 0.0, 0.0))));
+    talk.session.frameRendered(request, someFaceValue(500, 3));
+    const auto message = *talk.next();
+    EXPECT_EQ(std::holds_alternative<protocol::Frame>(message), near);
+  }
+}
+
+}  // namespace
+}  // namespace server

@@ -1,0 +1,104 @@
+#include "server/session/view_plan.h"
+
+#include <gtest/gtest.h>
+
+#include "lod/patch/traverse.h"
+#include "tests/server/session/memory_store.h"
+
+namespace server {
+namespace {
+
+bool nothing(const repository::FaceKey&) {
+  return false;
+}
+
+TEST(ViewPlan, coarseGroupsAreTheTopWithinTheirBytes) {
+  const TestScene scene(16);
+  const lod::patch::Hierarchy& h = scene.patches->hierarchy();
+  for (const std::uint64_t budget : {0U, 3'000U, 10'000U, 1'000'000'000U}) {
+    const auto coarse = coarseGroups(h, budget);
+    ASSERT_FALSE(coarse.empty());
+    EXPECT_EQ(coarse[0], 0U);
+    std::uint64_t bytes = 0;
+    float largest_left = 0.0F;
+    std::vector<bool> in(h.groups.size(), false);
+    for (std::uint32_t group : coarse) {
+      for (std::uint32_t parent : h.parentsOf(group)) EXPECT_TRUE(in[parent]);
+      in[group] = true;
+      bytes += h.groups[group].block_bytes;
+    }
+    for (std::size_t g = 0; g < h.groups.size(); ++g)
+      if (!in[g]) largest_left = std::max(largest_left, h.groups[g].error);
+    for (std::uint32_t group : coarse) EXPECT_GE(h.groups[group].error, largest_left);
+    EXPECT_TRUE(coarse.size() == 1 || bytes <= budget);
+  }
+  EXPECT_EQ(coarseGroups(h, 1'000'000'000).size(), h.groups.size());
+}
+
+// A client that chooses by the same rule among what it was sent arrives at the cut that the server planned, and at no
+// other.
+TEST(ViewPlan, groupsLeadAClientToTheWholeHierarchysCut) {
+  const TestScene scene(16);
+  const lod::patch::Hierarchy& h = scene.patches->hierarchy();
+  for (const std::uint32_t budget : {500U, 2'000U, 1'000'000U}) {
+    protocol::View view = scene.view(1, {0.1, -0.2, 0.3}, {0.1, 0.1, 0.0});
+    view.max_triangles = budget;
+    const ViewPlan plan = planView(scene.data, view, nothing);
+    std::vector<bool> sent(h.groups.size(), false);
+    for (std::uint32_t group : plan.groups) sent[group] = true;
+
+    const glm::vec3 center = 0.5F * (scene.data.welcome.box_min + scene.data.welcome.box_max);
+    const float radius = 0.5F * glm::length(scene.data.welcome.box_max - scene.data.welcome.box_min);
+    const auto depth = base::depthRangeFor(glm::vec3(view.camera.position), center, radius);
+    lod::patch::CutRequest request;
+    request.camera = base::cameraFromView(view.camera, glm::dvec3(0.0), depth.near_plane, depth.far_plane);
+    request.near_plane = depth.near_plane;
+    request.tolerance_px = view.patch_tolerance_px;
+    request.max_triangles = budget;
+    const auto whole = lod::patch::selectCut(h, request);
+    const auto partial = lod::patch::selectCut(h, request, [&](std::uint32_t group) { return sent[group]; });
+    EXPECT_EQ(partial.patches, whole.patches);
+    EXPECT_EQ(partial.expanded.size(), plan.groups.size()) << "nothing was sent in vain";
+  }
+}
+
+TEST(ViewPlan, errorsFallAlongTheGroups) {
+  const TestScene scene(16);
+  const ViewPlan plan = planView(scene.data, scene.view(1, {0.0, 0.0, 0.3}), nothing);
+  ASSERT_EQ(plan.groups.size(), plan.group_error_px.size());
+  ASSERT_GT(plan.groups.size(), 3U);
+  for (std::size_t i = 1; i < plan.groups.size(); ++i) EXPECT_LE(plan.group_error_px[i], plan.group_error_px[i - 1]);
+}
+
+TEST(ViewPlan, facesOfAPlanAndItsOtherFacesAreAllFacesOfItsPoints) {
+  const TestScene scene;
+  protocol::View view = scene.view(1, {0.3, 0.3, 0.6});
+  view.max_points = 5;
+  const ViewPlan plan = planView(scene.data, view, nothing);
+  std::set<std::tuple<std::uint32_t, std::uint32_t, std::uint32_t>> points;
+  std::set<std::uint64_t> keys;
+  for (const auto* list : {&plan.faces, &plan.other_faces})
+    for (const auto& key : *list) {
+      EXPECT_TRUE(scene.data.welcome.grid.contains(key));
+      points.insert({key.x, key.y, key.z});
+      EXPECT_TRUE(keys.insert(key.code()).second);
+    }
+  EXPECT_EQ(points.size(), 5U);
+  EXPECT_EQ(keys.size(), 30U);
+}
+
+// Viewers that stand inside the model, far away, beside the grid or on one of its points get an answer like all others.
+TEST(ViewPlan, anyEyeIsServed) {
+  const TestScene scene;
+  for (const glm::dvec3& from :
+       {glm::dvec3(0, 0, 0.001), glm::dvec3(0, 0, 1e6), glm::dvec3(-50, 20, 3), glm::dvec3(0, 0, -0.5),
+        glm::dvec3(scene.data.welcome.grid.point(3, 3, 1) - glm::vec3(scene.center())) / 32.0}) {
+    protocol::View view = scene.view(1, from, {0.01, 0.0, 0.0});
+    const ViewPlan plan = planView(scene.data, view, nothing);
+    EXPECT_GE(plan.groups.size(), 1U);
+    for (const auto& key : plan.faces) EXPECT_TRUE(scene.data.welcome.grid.contains(key));
+  }
+}
+
+}  // namespace
+}  // namespace server
