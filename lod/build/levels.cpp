@@ -18,6 +18,7 @@ namespace {
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 // A group's output is split along voxels of about this share of a patch: fine enough for even parts, coarse enough that
 // METIS costs little.
+constexpr float kNegligible = 0.05F;
 constexpr std::uint32_t kVoxelsPerPatch = 32;
 
 // The merged triangles of a group, with the lattice numbers of its vertices and where its coordinates start.
@@ -324,8 +325,6 @@ LevelBuilder::GroupResult LevelBuilder::makeGroup(const std::vector<std::uint32_
   GroupResult result;
   result.group.consumed = consumed;
   result.group.record.level = level;
-  const float h =
-      distanceBound({before, before_indices}, {merged.mesh.positions, simplified.indices}, simplified.survivor);
   std::vector<base::Sphere> spheres;
   for (const std::uint32_t p : consumed) {
     spheres.push_back(patches_[p].record.bounds);
@@ -336,6 +335,10 @@ LevelBuilder::GroupResult LevelBuilder::makeGroup(const std::vector<std::uint32_
       result.group.record.attribute_error = std::max(result.group.record.attribute_error, below.attribute_error);
     }
   }
+  // Below half a lattice step, or a small part of what the levels below cost already, the distance does not matter.
+  const auto below = static_cast<float>(static_cast<double>(result.group.record.error) / mesh_.lattice.step);
+  const float h = distanceBound({before, before_indices}, {merged.mesh.positions, simplified.indices}, simplified,
+                                std::max(0.5F, kNegligible * below));
   result.group.record.error =
       roundedUp(static_cast<double>(result.group.record.error) + static_cast<double>(h) * mesh_.lattice.step);
   result.group.record.attribute_error =

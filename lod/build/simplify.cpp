@@ -474,9 +474,11 @@ class Simplifier {
   Simplified result(bool rough) {
     Simplified out;
     out.indices.reserve(3 * live_);
-    for (std::size_t t = 0; t < alive_.size(); ++t)
-      if (alive_[t] != 0) out.indices.insert(out.indices.end(), &mesh_.indices[3 * t], &mesh_.indices[3 * t] + 3);
-    for (std::uint32_t v = 0; v < survivor_.size(); ++v) find(v);
+    for (std::uint32_t t = 0; t < alive_.size(); ++t) {
+      if (alive_[t] == 0) continue;
+      out.indices.insert(out.indices.end(), &mesh_.indices[3 * std::size_t{t}], &mesh_.indices[3 * std::size_t{t}] + 3);
+      out.origin.push_back(t);
+    }
     out.survivor.resize(survivor_.size());
     for (std::uint32_t v = 0; v < survivor_.size(); ++v) out.survivor[v] = find(v);
     out.color_deviation = color_deviation_;
