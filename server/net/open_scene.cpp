@@ -71,14 +71,14 @@ base::Result<repository::Grid> gridFromMeta(const std::string& meta, const std::
   const base::Error wrong{
       base::ErrorCode::kInvalidInput,
       name + ": the repository's parameters hold no valid grid; build the images again with `lumigrid build`"};
-  const json document = json::parse(meta, nullptr, false);
-  if (!document.is_object() || !document.contains("grid") || !document["grid"].is_object()) return wrong;
-  const json& root = document["grid"];
+  const json root = json::parse(meta, nullptr, false);
+  if (!root.is_object() || !root.contains("grid") || !root["grid"].is_object()) return wrong;
+  const json& object = root["grid"];
   repository::Grid grid;
-  if (!readVector(root, "first", grid.first) || !readVector(root, "count", grid.count)) return wrong;
-  const auto spacing = root.find("spacing");
-  const auto face_size = root.find("face_size");
-  if (spacing == root.end() || !spacing->is_number() || face_size == root.end() || !face_size->is_number_unsigned())
+  if (!readVector(object, "first", grid.first) || !readVector(object, "count", grid.count)) return wrong;
+  const auto spacing = object.find("spacing");
+  const auto face_size = object.find("face_size");
+  if (spacing == object.end() || !spacing->is_number() || face_size == object.end() || !face_size->is_number_unsigned())
     return wrong;
   grid.spacing = spacing->get<float>();
   grid.face_size = face_size->get<std::uint32_t>();

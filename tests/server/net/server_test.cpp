@@ -1,0 +1,290 @@
+#include "server/net/server.h"
+
+#include <gtest/gtest.h>
+
+#include <csignal>
+
+#include "base/file.h"
+#include "tests/server/net/loopback.h"
+#include "tests/server/net/served_scene.h"
+
+namespace server {
+namespace {
+
+/// Says Hello; the Welcome.
+protocol::Welcome greet(LoopbackClient& client) {
+  EXPECT_TRUE(client.send(protocol::Hello{protocol::kVersion, "loopback 1"}));
+  auto message = client.receive();
+  EXPECT_TRUE(message && std::holds_alternative<protocol::Welcome>(*message));
+  return message ? std::get<protocol::Welcome>(*message) : protocol::Welcome{};
+}
+
+struct Received {
+  int groups = 0, faces = 0;
+  bool complete = false;
+};
+
+/// Everything up to Complete(sequence) or the end of the connection.
+Received receiveAll(LoopbackClient& client, std::uint32_t sequence) {
+  Received received;
+  while (auto message = client.receive()) {
+    if (std::holds_alternative<protocol::Refine>(*message)) ++received.groups;
+    if (std::holds_alternative<protocol::Face>(*message)) ++received.faces;
+    if (const auto* complete = std::get_if<protocol::Complete>(&*message); complete && complete->sequence == sequence) {
+      received.complete = true;
+      break;
+    }
+  }
+  return received;
+}
+
+// ---- WebSocket ----
+
+TEST(Server, aViewerIsWelcomedAndServedToCompletion) {
+  const SceneDirectory scene;
+  RunningServer server(scene.path);
+  for (const std::string path : {"/", "/ws", "/ws?from=here"}) {
+    auto client = LoopbackClient::connect(server.port(), path);
+    ASSERT_TRUE(client) << path;
+    const auto welcome = greet(*client);
+    EXPECT_EQ(welcome.origin, glm::dvec3(500'000.0, 4'000'000.0, 100.0));
+    EXPECT_EQ(welcome.grid.face_size, 64U);
+    EXPECT_FALSE(welcome.can_render_frames);
+    ASSERT_TRUE(client->send(viewOf(welcome, 1)));
+    const Received received = receiveAll(*client, 1);
+    EXPECT_TRUE(received.complete);
+    EXPECT_GE(received.groups, 1);
+    EXPECT_GE(received.faces, 4);
+    client->close();
+  }
+}
+
+TEST(Server, aSceneWithoutImagesIsServed) {
+  const SceneDirectory scene(0);
+  RunningServer server(scene.path);
+  auto client = LoopbackClient::connect(server.port());
+  ASSERT_TRUE(client);
+  const auto welcome = greet(*client);
+  EXPECT_EQ(welcome.grid.pointCount(), 0U);
+  ASSERT_TRUE(client->send(viewOf(welcome, 1)));
+  const Received received = receiveAll(*client, 1);
+  EXPECT_TRUE(received.complete);
+  EXPECT_EQ(received.faces, 0);
+}
+
+TEST(Server, anotherVersionIsRefusedAndClosed) {
+  const SceneDirectory scene(0);
+  RunningServer server(scene.path);
+  auto client = LoopbackClient::connect(server.port());
+  ASSERT_TRUE(client);
+  ASSERT_TRUE(client->send(protocol::Hello{7, "future"}));
+  const auto message = client->receive();
+  ASSERT_TRUE(message);
+  EXPECT_NE(std::get<protocol::Refusal>(*message).reason.find("update the server"), std::string::npos);
+  EXPECT_FALSE(client->receive());
+  EXPECT_EQ(client->closeCode(), 1008);  // policy error
+}
+
+TEST(Server, garbageEndsItsConnectionAndNoOther) {
+  const SceneDirectory scene;
+  RunningServer server(scene.path);
+  auto good = LoopbackClient::connect(server.port());
+  ASSERT_TRUE(good);
+  const auto welcome = greet(*good);
+
+  auto bad = LoopbackClient::connect(server.port());
+  ASSERT_TRUE(bad);
+  ASSERT_TRUE(bad->sendBytes({0x42, 0x13, 0x37}));
+  const auto refusal = bad->receive();
+  ASSERT_TRUE(refusal && std::holds_alternative<protocol::Refusal>(*refusal));
+  EXPECT_FALSE(bad->receive());
+  EXPECT_EQ(bad->closeCode(), 1008);
+  EXPECT_NE(bad->closeReason(), "");
+
+  auto text = LoopbackClient::connect(server.port());
+  ASSERT_TRUE(text);
+  ASSERT_TRUE(text->sendBytes({'h', 'i'}, false));
+  EXPECT_FALSE(text->receive());
+  EXPECT_EQ(text->closeCode(), 1003);  // unknown data
+
+  auto large = LoopbackClient::connect(server.port());
+  ASSERT_TRUE(large);
+  large->sendBytes(base::Bytes(protocol::kMaxClientMessage + 1, 1));
+  EXPECT_FALSE(large->receive());
+
+  rawExchange(server.port(), "\x16\x03\x01 this is not HTTP\r\n\r\n");
+
+  ASSERT_TRUE(good->send(viewOf(welcome, 1)));
+  EXPECT_TRUE(receiveAll(*good, 1).complete);
+}
+
+// The slow one's connection fills up: faces of 300 kB, a small receive buffer, and nobody reads.
+TEST(Server, aSlowReaderDelaysNobody) {
+  const SceneDirectory scene(300'000);
+  RunningServer server(scene.path);
+  auto slow = LoopbackClient::connect(server.port(), "/", 4096);
+  ASSERT_TRUE(slow);
+  const auto welcome = greet(*slow);
+  ASSERT_TRUE(slow->send(viewOf(welcome, 1)));
+
+  auto quick = LoopbackClient::connect(server.port());
+  ASSERT_TRUE(quick);
+  ASSERT_TRUE(quick->send(protocol::Hello{}));
+  ASSERT_TRUE(quick->send(viewOf(welcome, 1)));
+  EXPECT_TRUE(receiveAll(*quick, 1).complete);
+
+  // And it gets its own when it reads at last.
+  EXPECT_TRUE(receiveAll(*slow, 1).complete);
+}
+
+// Back-pressure keeps the queue short, so a newer view is soon heard of: of the old one's 30 faces only those come that
+// were under way.
+TEST(Server, aNewViewOvertakesTheOldOnesBytes) {
+  const SceneDirectory scene(300'000);
+  RunningServer server(scene.path);
+  auto client = LoopbackClient::connect(server.port(), "/", 4096);
+  ASSERT_TRUE(client);
+  const auto welcome = greet(*client);
+  ASSERT_TRUE(client->send(viewOf(welcome, 1)));
+  protocol::View away = viewOf(welcome, 2);
+  away.camera.direction = {0.0, 0.0, 1.0};
+  ASSERT_TRUE(client->send(away));
+  const Received received = receiveAll(*client, 2);
+  EXPECT_TRUE(received.complete);
+  EXPECT_LE(received.faces, 4);
+}
+
+// ---- HTTP ----
+
+TEST(Server, httpRoutesAnswer) {
+  const SceneDirectory scene;
+  RunningServer server(scene.path);
+  EXPECT_EQ(httpRequest(server.port(), "/healthz").body, "ok");
+
+  const HttpAnswer json = httpRequest(server.port(), "/scene.json");
+  EXPECT_EQ(json.status, 200);
+  EXPECT_EQ(json.headers.at("content-type"), "application/json");
+  const auto file = base::readFile(scene.path + "/scene.json");
+  EXPECT_EQ(json.body, std::string(file->begin(), file->end()));
+
+  const HttpAnswer home = httpRequest(server.port(), "/");
+  EXPECT_EQ(home.status, 200);
+  EXPECT_NE(home.body.find("lumigrid-view ws://127.0.0.1:" + std::to_string(server.port()) + "/"), std::string::npos);
+  EXPECT_NE(home.body.find("lumigrid_net_test"), std::string::npos);
+
+  for (const std::string target : {"/nothing", "/patch.lgp/", "/images/data.mdb", "/../scene.json", "/%2e%2e/x"})
+    EXPECT_EQ(httpRequest(server.port(), target).status, 404) << target;
+  EXPECT_EQ(httpRequest(server.port(), "/scene.json", {}, "POST").status, 405);
+  EXPECT_EQ(httpRequest(server.port(), "/scene.json", {}, "DELETE").status, 405);
+}
+
+TEST(Server, whatVisitorsSendIsNotEchoedIntoThePage) {
+  const SceneDirectory scene(0);
+  RunningServer server(scene.path);
+  const HttpAnswer home = httpRequest(server.port(), "/", {{"Host", "a<script>alert(1)</script>"}});
+  EXPECT_EQ(home.body.find("<script>"), std::string::npos);
+  EXPECT_NE(home.body.find("ws://127.0.0.1:"), std::string::npos);
+}
+
+TEST(Server, patchFileIsServedByRanges) {
+  const SceneDirectory scene;
+  RunningServer server(scene.path);
+  const auto bytes = base::readFile(scene.path + "/patch.lgp");
+  const std::string file(bytes->begin(), bytes->end());
+  const std::string size = std::to_string(file.size());
+
+  const HttpAnswer whole = httpRequest(server.port(), "/patch.lgp");
+  EXPECT_EQ(whole.status, 200);
+  EXPECT_EQ(whole.headers.at("accept-ranges"), "bytes");
+  EXPECT_TRUE(whole.body == file);
+
+  const HttpAnswer part = httpRequest(server.port(), "/patch.lgp", {{"Range", "bytes=100-299"}});
+  EXPECT_EQ(part.status, 206);
+  EXPECT_EQ(part.headers.at("content-range"), "bytes 100-299/" + size);
+  EXPECT_TRUE(part.body == file.substr(100, 200));
+
+  EXPECT_TRUE(httpRequest(server.port(), "/patch.lgp", {{"Range", "bytes=-7"}}).body == file.substr(file.size() - 7));
+  const HttpAnswer beyond = httpRequest(server.port(), "/patch.lgp", {{"Range", "bytes=" + size + "-"}});
+  EXPECT_EQ(beyond.status, 416);
+  EXPECT_EQ(beyond.headers.at("content-range"), "bytes */" + size);
+  EXPECT_EQ(beyond.body, "");
+
+  const HttpAnswer head = httpRequest(server.port(), "/patch.lgp", {}, "HEAD");
+  EXPECT_EQ(head.status, 200);
+  EXPECT_EQ(head.headers.at("content-length"), size);
+  EXPECT_EQ(head.body, "");
+}
+
+TEST(Server, moreConnectionsThanAllowedAreTurnedAway) {
+  const SceneDirectory scene(0);
+  ServerOptions options = RunningServer::quiet();
+  options.max_connections = 1;
+  RunningServer server(scene.path, options);
+  auto first = LoopbackClient::connect(server.port());
+  ASSERT_TRUE(first);
+  greet(*first);
+  EXPECT_EQ(httpRequest(server.port(), "/healthz").status, 503);
+  EXPECT_FALSE(LoopbackClient::connect(server.port()));
+  first->close();
+  first.reset();
+  // The server hears of it in its own time.
+  int status = 0;
+  for (int attempt = 0; attempt < 500 && status != 200; ++attempt)
+    status = httpRequest(server.port(), "/healthz").status;
+  EXPECT_EQ(status, 200);
+}
+
+// ---- starting and stopping ----
+
+TEST(Server, aTakenPortIsToldWithWhatToDo) {
+  const SceneDirectory scene(0);
+  RunningServer server(scene.path);
+  ServerOptions options = RunningServer::quiet();
+  options.port = server.port();
+  auto second = Server::open(scene.path, options);
+  ASSERT_FALSE(second);
+  EXPECT_EQ(second.error().code, base::ErrorCode::kNetwork);
+  EXPECT_EQ(second.error().message, "127.0.0.1:" + std::to_string(server.port()) +
+                                        " is in use; choose another port with --port (0 picks a free one)");
+}
+
+TEST(Server, wrongAddressesAndFoldersAreErrors) {
+  const SceneDirectory scene(0);
+  ServerOptions options = RunningServer::quiet();
+  options.address = "localhost.nowhere";
+  EXPECT_EQ(Server::open(scene.path, options).error().code, base::ErrorCode::kInvalidInput);
+  EXPECT_FALSE(Server::open(scene.path + "/nothing", RunningServer::quiet()));
+}
+
+TEST(Server, stopSaysGoodbyeAndReturns) {
+  const SceneDirectory scene;
+  RunningServer server(scene.path);
+  auto client = LoopbackClient::connect(server.port());
+  ASSERT_TRUE(client);
+  greet(*client);
+  auto silent = LoopbackClient::connect(server.port());  // never answers the close frame: cut after two seconds
+  ASSERT_TRUE(silent);
+  std::thread stopper([&] { server.stop(); });
+  while (client->receive()) {
+  }
+  EXPECT_EQ(client->closeCode(), 1001);  // going away
+  stopper.join();
+  EXPECT_EQ(httpRequest(server.port(), "/healthz").status, 0);
+}
+
+TEST(Server, aTerminationSignalEndsRun) {
+  const SceneDirectory scene(0);
+  ServerOptions options = RunningServer::quiet();
+  options.port = 0;
+  auto server = Server::open(scene.path, options);
+  ASSERT_TRUE(server);
+  std::thread thread([&] { EXPECT_TRUE((*server)->run(true)); });
+  // Once it answers, its signal handler stands.
+  while (httpRequest((*server)->port(), "/healthz").status != 200) {
+  }
+  std::raise(SIGTERM);
+  thread.join();
+}
+
+}  // namespace
+}  // namespace server
