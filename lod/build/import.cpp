@@ -21,7 +21,8 @@ namespace {
 // Squares of coordinates must stay finite in float32.
 constexpr double kMaxCoordinate = 1e18;
 
-// ---- Which format -------------------------------------------------------------------------------------------------------
+// ---- Which format
+// -------------------------------------------------------------------------------------------------------
 
 std::string extensionOf(const std::string& path) {
   const std::size_t dot = path.rfind('.');
@@ -78,16 +79,22 @@ base::Result<Format> formatOf(const std::string& path, base::ByteView bytes) {
 
 base::Result<Soup> readAs(Format format, base::ByteView bytes) {
   switch (format) {
-    case Format::kPly: return readPly(bytes);
-    case Format::kObj: return readObj(bytes);
-    case Format::kStl: return readStl(bytes);
-    case Format::kOff: return readOff(bytes);
-    case Format::kGlb: return readGlb(bytes);
+    case Format::kPly:
+      return readPly(bytes);
+    case Format::kObj:
+      return readObj(bytes);
+    case Format::kStl:
+      return readStl(bytes);
+    case Format::kOff:
+      return readOff(bytes);
+    case Format::kGlb:
+      return readGlb(bytes);
   }
   return invalidInput("unknown format");
 }
 
-// ---- One file -----------------------------------------------------------------------------------------------------------
+// ---- One file
+// -----------------------------------------------------------------------------------------------------------
 
 /// Runs body(first, last) over [0, count) in blocks on all cores.
 template <class Body>
@@ -131,15 +138,17 @@ base::Result<Soup> readMesh(const std::string& path, std::uint64_t& bytes) {
   return soup;
 }
 
-// ---- All files ----------------------------------------------------------------------------------------------------------
+// ---- All files
+// ----------------------------------------------------------------------------------------------------------
 
 struct DoubleBox {
   glm::dvec3 min{std::numeric_limits<double>::max()};
   glm::dvec3 max{std::numeric_limits<double>::lowest()};
 };
 
-/// Centre of the box, rounded to a power of two of about an eighth of its longest side, so that the number is short and the
-/// subtraction exact; 0 for models that lie around 0 anyway, whose float32 coordinates then stay as they are bit for bit.
+/// Centre of the box, rounded to a power of two of about an eighth of its longest side, so that the number is short and
+/// the subtraction exact; 0 for models that lie around 0 anyway, whose float32 coordinates then stay as they are bit
+/// for bit.
 glm::dvec3 originFor(const DoubleBox& box) {
   const glm::dvec3 size = box.max - box.min;
   const double longest = std::max({size.x, size.y, size.z});
@@ -196,8 +205,9 @@ base::Result<void> checkTotals(const std::vector<Soup>& soups, const std::vector
     triangles += soups[i].indices.size() / 3;
     if (vertices > kMaxVertices) return base::within(paths[i], tooManyVertices(vertices));
     if (triangles > kMaxTriangles)
-      return base::within(paths[i], unsupported(std::to_string(triangles) + " triangles are more than " +
-                                                std::to_string(kMaxTriangles) + "; split the mesh into several scenes"));
+      return base::within(paths[i],
+                          unsupported(std::to_string(triangles) + " triangles are more than " +
+                                      std::to_string(kMaxTriangles) + "; split the mesh into several scenes"));
   }
   return {};
 }

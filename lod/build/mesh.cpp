@@ -3,8 +3,8 @@
 namespace lod::build {
 
 std::vector<glm::vec3> computeVertexNormals(const Mesh& mesh) {
-  // The cross product's length is twice the area, so that plain sums are weighted by area. Sums are double: one vertex may
-  // have large and tiny triangles.
+  // The cross product's length is twice the area, so that plain sums are weighted by area. Sums are double: one vertex
+  // may have large and tiny triangles.
   std::vector<glm::dvec3> sums(mesh.positions.size(), glm::dvec3(0.0));
   for (std::size_t i = 0; i + 2 < mesh.indices.size(); i += 3) {
     const glm::dvec3 a(mesh.positions[mesh.indices[i]]);

@@ -28,7 +28,9 @@ struct Mesh {
 
 /// How often each repair was made while importing; names are stable (they appear in `info --json`).
 struct RepairCounts {
-  std::map<std::string, std::uint64_t> counts;  ///< e.g. "welded_vertices", "degenerate_triangles", "duplicate_triangles", "split_non_manifold_vertices", "unreferenced_vertices"
+  std::map<std::string, std::uint64_t>
+      counts;  ///< e.g. "welded_vertices", "degenerate_triangles", "duplicate_triangles",
+               ///< "split_non_manifold_vertices", "unreferenced_vertices"
   void add(const std::string& what, std::uint64_t n) {
     if (n > 0) counts[what] += n;
   }

@@ -20,7 +20,8 @@ constexpr std::uint32_t kBinChunk = 0x004E4942;   // "BIN\0"
 // Nodes may draw one mesh many times: a small hostile file must not fill the memory.
 constexpr std::uint64_t kMaxInstancedVertices = std::uint64_t{1} << 27;
 
-// ---- JSON that may hold anything ----------------------------------------------------------------------------------------
+// ---- JSON that may hold anything
+// ----------------------------------------------------------------------------------------
 
 const json kNothing;
 
@@ -50,9 +51,12 @@ bool numbers(const json& value, double* out, std::size_t count) {
   return true;
 }
 
-std::string text(const json& value) { return value.is_string() ? value.get<std::string>() : std::string{}; }
+std::string text(const json& value) {
+  return value.is_string() ? value.get<std::string>() : std::string{};
+}
 
-// ---- Accessors (section 3.6.2) ------------------------------------------------------------------------------------------
+// ---- Accessors (section 3.6.2)
+// ------------------------------------------------------------------------------------------
 
 enum ComponentType : std::uint64_t {
   kByte = 5120,
@@ -66,12 +70,16 @@ enum ComponentType : std::uint64_t {
 std::size_t componentBytes(std::uint64_t type) {
   switch (type) {
     case kByte:
-    case kUnsignedByte: return 1;
+    case kUnsignedByte:
+      return 1;
     case kShort:
-    case kUnsignedShort: return 2;
+    case kUnsignedShort:
+      return 2;
     case kUnsignedInt:
-    case kFloat: return 4;
-    default: return 0;
+    case kFloat:
+      return 4;
+    default:
+      return 0;
   }
 }
 
@@ -99,12 +107,18 @@ struct Accessor {
   /// Component as a number; normalised integers as −1..1 or 0..1 (section 3.6.2.2).
   double value(std::uint64_t i, std::size_t c) const {
     switch (component_type) {
-      case kByte: return scaled(load<std::int8_t>(i, c), 127.0);
-      case kUnsignedByte: return scaled(load<std::uint8_t>(i, c), 255.0);
-      case kShort: return scaled(load<std::int16_t>(i, c), 32767.0);
-      case kUnsignedShort: return scaled(load<std::uint16_t>(i, c), 65535.0);
-      case kUnsignedInt: return static_cast<double>(load<std::uint32_t>(i, c));
-      default: return static_cast<double>(load<float>(i, c));
+      case kByte:
+        return scaled(load<std::int8_t>(i, c), 127.0);
+      case kUnsignedByte:
+        return scaled(load<std::uint8_t>(i, c), 255.0);
+      case kShort:
+        return scaled(load<std::int16_t>(i, c), 32767.0);
+      case kUnsignedShort:
+        return scaled(load<std::uint16_t>(i, c), 65535.0);
+      case kUnsignedInt:
+        return static_cast<double>(load<std::uint32_t>(i, c));
+      default:
+        return static_cast<double>(load<float>(i, c));
     }
   }
   std::uint32_t index(std::uint64_t i) const {
@@ -218,7 +232,8 @@ base::Result<Accessor> GlbReader::accessor(std::uint64_t index, const std::strin
   return result;
 }
 
-// ---- Primitives (section 3.7.2) -----------------------------------------------------------------------------------------
+// ---- Primitives (section 3.7.2)
+// -----------------------------------------------------------------------------------------
 
 base::Result<void> GlbReader::readVertices(const json& primitive, const std::string& place,
                                            const glm::dmat4& scene_from_mesh) {
@@ -255,7 +270,9 @@ base::Result<void> GlbReader::readVertices(const json& primitive, const std::str
 }
 
 // sRGB transfer function (IEC 61966-2-1): glTF's vertex colours and factors are linear, ours are sRGB.
-double srgbFromLinear(double v) { return v <= 0.0031308 ? 12.92 * v : 1.055 * std::pow(v, 1.0 / 2.4) - 0.055; }
+double srgbFromLinear(double v) {
+  return v <= 0.0031308 ? 12.92 * v : 1.055 * std::pow(v, 1.0 / 2.4) - 0.055;
+}
 
 glm::dvec4 GlbReader::baseColor(const json& primitive) {
   glm::dvec4 factor(1.0);
@@ -349,7 +366,8 @@ base::Result<void> GlbReader::readMesh(std::uint64_t index, const glm::dmat4& sc
   return {};
 }
 
-// ---- Scene graph (section 3.5) ------------------------------------------------------------------------------------------
+// ---- Scene graph (section 3.5)
+// ------------------------------------------------------------------------------------------
 
 glm::dmat4 nodeMatrix(const json& node) {
   glm::dmat4 matrix(1.0);
@@ -396,8 +414,7 @@ base::Result<void> GlbReader::readScene() {
   // Without nodes nothing says where the meshes stand: they are taken as they are.
   if (node_count == 0) {
     const json& meshes = member(document_, "meshes");
-    for (std::size_t m = 0; meshes.is_array() && m < meshes.size(); ++m)
-      LUMIGRID_TRY(readMesh(m, glm::dmat4(1.0)));
+    for (std::size_t m = 0; meshes.is_array() && m < meshes.size(); ++m) LUMIGRID_TRY(readMesh(m, glm::dmat4(1.0)));
     return {};
   }
 
@@ -441,6 +458,8 @@ base::Result<Soup> GlbReader::read(base::ByteView bytes) {
 
 }  // namespace
 
-base::Result<Soup> readGlb(base::ByteView bytes) { return GlbReader().read(bytes); }
+base::Result<Soup> readGlb(base::ByteView bytes) {
+  return GlbReader().read(bytes);
+}
 
 }  // namespace lod::build

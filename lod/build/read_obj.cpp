@@ -8,10 +8,10 @@ namespace {
 
 struct ObjReader {
   Soup soup;
-  std::vector<glm::vec3> file_normals;      // as the vn lines give them
-  std::vector<glm::vec3> colors;            // per vertex, as given
-  std::vector<std::uint32_t> corners;       // of the face being read
-  std::int64_t highest_index = -1;          // of all faces, checked once every vertex is known
+  std::vector<glm::vec3> file_normals;  // as the vn lines give them
+  std::vector<glm::vec3> colors;        // per vertex, as given
+  std::vector<std::uint32_t> corners;   // of the face being read
+  std::int64_t highest_index = -1;      // of all faces, checked once every vertex is known
   std::uint64_t highest_index_line = 0;
   std::uint64_t line_number = 0;
   bool has_colors = false;

@@ -147,6 +147,8 @@ base::Result<Soup> OffReader::read() {
 
 }  // namespace
 
-base::Result<Soup> readOff(base::ByteView bytes) { return OffReader(textOf(bytes)).read(); }
+base::Result<Soup> readOff(base::ByteView bytes) {
+  return OffReader(textOf(bytes)).read();
+}
 
 }  // namespace lod::build

@@ -64,7 +64,8 @@ std::optional<Scalar> scalarFromName(std::string_view name) {
   return std::nullopt;
 }
 
-// ---- Header -------------------------------------------------------------------------------------------------------------
+// ---- Header
+// -------------------------------------------------------------------------------------------------------------
 
 base::Result<void> parseFormat(std::string_view line, Header& header) {
   const std::string_view name = nextWord(line);
@@ -146,7 +147,8 @@ base::Result<Header> parseHeader(base::ByteView bytes) {
   return invalidInput("truncated: the header has no end_header line; get the whole file again");
 }
 
-// ---- Sources of scalars: binary and text --------------------------------------------------------------------------------
+// ---- Sources of scalars: binary and text
+// --------------------------------------------------------------------------------
 
 template <class T>
 T loadScalar(const std::uint8_t* data, bool swap) {
@@ -159,14 +161,22 @@ T loadScalar(const std::uint8_t* data, bool swap) {
 // Every PLY scalar fits a double exactly.
 double loadAsDouble(const std::uint8_t* data, Scalar type, bool swap) {
   switch (type) {
-    case Scalar::kInt8: return static_cast<double>(loadScalar<std::int8_t>(data, false));
-    case Scalar::kUint8: return static_cast<double>(*data);
-    case Scalar::kInt16: return static_cast<double>(loadScalar<std::int16_t>(data, swap));
-    case Scalar::kUint16: return static_cast<double>(loadScalar<std::uint16_t>(data, swap));
-    case Scalar::kInt32: return static_cast<double>(loadScalar<std::int32_t>(data, swap));
-    case Scalar::kUint32: return static_cast<double>(loadScalar<std::uint32_t>(data, swap));
-    case Scalar::kFloat32: return static_cast<double>(loadScalar<float>(data, swap));
-    case Scalar::kFloat64: return loadScalar<double>(data, swap);
+    case Scalar::kInt8:
+      return static_cast<double>(loadScalar<std::int8_t>(data, false));
+    case Scalar::kUint8:
+      return static_cast<double>(*data);
+    case Scalar::kInt16:
+      return static_cast<double>(loadScalar<std::int16_t>(data, swap));
+    case Scalar::kUint16:
+      return static_cast<double>(loadScalar<std::uint16_t>(data, swap));
+    case Scalar::kInt32:
+      return static_cast<double>(loadScalar<std::int32_t>(data, swap));
+    case Scalar::kUint32:
+      return static_cast<double>(loadScalar<std::uint32_t>(data, swap));
+    case Scalar::kFloat32:
+      return static_cast<double>(loadScalar<float>(data, swap));
+    case Scalar::kFloat64:
+      return loadScalar<double>(data, swap);
   }
   return 0.0;
 }
@@ -227,7 +237,8 @@ class TextSource {
   std::string_view bad_word_;
 };
 
-// ---- Elements -----------------------------------------------------------------------------------------------------------
+// ---- Elements
+// -----------------------------------------------------------------------------------------------------------
 
 // What a vertex property means to us.
 enum Slot { kX, kY, kZ, kNx, kNy, kNz, kRed, kGreen, kBlue, kSlots };
@@ -464,7 +475,8 @@ bool isPlainFace(const Element& element) {
 }
 
 template <class Source>
-base::Result<void> readFaces(Source& source, const Element& element, bool strips, std::uint64_t vertex_count, Soup& soup) {
+base::Result<void> readFaces(Source& source, const Element& element, bool strips, std::uint64_t vertex_count,
+                             Soup& soup) {
   const auto is_corners = [](const Property& p) {
     return p.is_list && (p.name == "vertex_indices" || p.name == "vertex_index");
   };

@@ -20,7 +20,8 @@ std::uint32_t triangleCountOf(base::ByteView bytes) {
 bool isText(base::ByteView bytes) {
   std::string_view head = textOf(bytes);
   if (nextWord(head) != "solid") return false;
-  if (bytes.size() >= kHeaderBytes && bytes.size() == kHeaderBytes + kTriangleBytes * std::size_t{triangleCountOf(bytes)})
+  if (bytes.size() >= kHeaderBytes &&
+      bytes.size() == kHeaderBytes + kTriangleBytes * std::size_t{triangleCountOf(bytes)})
     return false;
   const base::ByteView start = bytes.first(std::min<std::size_t>(bytes.size(), 1024));
   return std::none_of(start.begin(), start.end(), [](std::uint8_t b) { return b == 0; });

@@ -53,7 +53,8 @@ class NumberSet {
   std::vector<std::uint32_t> slots_;
 };
 
-// ---- 1. Welding ---------------------------------------------------------------------------------------------------------
+// ---- 1. Welding
+// ---------------------------------------------------------------------------------------------------------
 
 std::array<std::uint32_t, 3> bitsOf(const glm::vec3& p) {
   const glm::vec3 q = p + 0.0F;  // −0 becomes +0
@@ -90,8 +91,8 @@ std::vector<std::uint32_t> weldWithin(const std::vector<glm::vec3>& positions, d
     };
     std::uint32_t found = kNone;
     for (int n = 0; n < 27 && found == kNone; ++n)
-      found = set.find(hashOf(std::array<std::int64_t, 3>{cell[0] + n % 3 - 1, cell[1] + n / 3 % 3 - 1, cell[2] + n / 9 - 1}),
-                       near);
+      found = set.find(
+          hashOf(std::array<std::int64_t, 3>{cell[0] + n % 3 - 1, cell[1] + n / 3 % 3 - 1, cell[2] + n / 9 - 1}), near);
     first[v] = found == kNone ? v : found;
     if (found == kNone) set.insert(hashOf(cell), v);
   }
@@ -143,7 +144,8 @@ void weld(Mesh& mesh, double distance, RepairCounts& counts) {
   for (std::uint32_t& index : mesh.indices) index = number[index];
 }
 
-// ---- 2 and 3. Triangles that are none, or there already -----------------------------------------------------------------
+// ---- 2 and 3. Triangles that are none, or there already
+// -----------------------------------------------------------------
 
 bool isDegenerate(const Mesh& mesh, const std::uint32_t* t) {
   if (t[0] == t[1] || t[1] == t[2] || t[2] == t[0]) return true;
@@ -188,10 +190,13 @@ void dropTriangles(Mesh& mesh, RepairCounts& counts) {
   counts.add("duplicate_triangles", duplicate);
 }
 
-// ---- Edges --------------------------------------------------------------------------------------------------------------
+// ---- Edges
+// --------------------------------------------------------------------------------------------------------------
 
 // Half-edge h runs from corner h of its triangle h / 3 to the next corner.
-std::uint32_t nextCorner(std::uint32_t h) { return h % 3 == 2 ? h - 2 : h + 1; }
+std::uint32_t nextCorner(std::uint32_t h) {
+  return h % 3 == 2 ? h - 2 : h + 1;
+}
 
 // All half-edges, grouped by the undirected edge they lie on.
 class EdgeTable {
@@ -240,7 +245,8 @@ class EdgeTable {
   std::vector<Entry> entries_;
 };
 
-// ---- 4. Winding ---------------------------------------------------------------------------------------------------------
+// ---- 4. Winding
+// ---------------------------------------------------------------------------------------------------------
 
 /// Per half-edge the one of the neighbour across an edge of exactly two triangles, else kNone.
 std::vector<std::uint32_t> matesOf(const Mesh& mesh, const EdgeTable& edges) {
@@ -254,7 +260,9 @@ std::vector<std::uint32_t> matesOf(const Mesh& mesh, const EdgeTable& edges) {
 }
 
 /// Two triangles wound alike run along their edge in opposite directions.
-bool runAlike(const Mesh& mesh, std::uint32_t a, std::uint32_t b) { return mesh.indices[a] == mesh.indices[b]; }
+bool runAlike(const Mesh& mesh, std::uint32_t a, std::uint32_t b) {
+  return mesh.indices[a] == mesh.indices[b];
+}
 
 enum Side : std::uint8_t { kUnseen, kAsIs, kTurned };
 
@@ -300,15 +308,18 @@ bool alignWinding(Mesh& mesh, const EdgeTable& edges, RepairCounts& counts) {
     const Side minority = 2 * turned > part.size() ? kAsIs : kTurned;
     std::copy_if(part.begin(), part.end(), std::back_inserter(to_turn), [&](auto m) { return side[m] == minority; });
   }
-  for (const std::uint32_t t : to_turn) std::swap(mesh.indices[3 * std::size_t{t} + 1], mesh.indices[3 * std::size_t{t} + 2]);
+  for (const std::uint32_t t : to_turn)
+    std::swap(mesh.indices[3 * std::size_t{t} + 1], mesh.indices[3 * std::size_t{t} + 2]);
   counts.add("flipped_triangles", to_turn.size());
   return !to_turn.empty();
 }
 
-// ---- 5. Non-manifold edges and vertices ---------------------------------------------------------------------------------
+// ---- 5. Non-manifold edges and vertices
+// ---------------------------------------------------------------------------------
 
-// The surface is cut along the edges that no two triangles can share, and triangles around a vertex that are then no longer
-// joined across an edge get a vertex of their own (Guéziec et al. 2001, "Cutting and stitching", the local cutting).
+// The surface is cut along the edges that no two triangles can share, and triangles around a vertex that are then no
+// longer joined across an edge get a vertex of their own (Guéziec et al. 2001, "Cutting and stitching", the local
+// cutting).
 class Splitter {
  public:
   Splitter(Mesh& mesh, const EdgeTable& edges) : mesh_(mesh), edges_(edges), link_(mesh.indices.size(), kNone) {}
@@ -326,10 +337,10 @@ class Splitter {
 
   Mesh& mesh_;
   const EdgeTable& edges_;
-  std::vector<std::uint32_t> link_;                      // per half-edge: the one it is joined to across its edge
-  std::vector<std::uint32_t> parent_;                    // union-find over corners
-  std::vector<std::vector<std::uint32_t>> wide_edges_;   // half-edges of each edge with three and more triangles
-  std::vector<std::uint32_t> copies_of_;                 // the vertices that new ones double
+  std::vector<std::uint32_t> link_;                     // per half-edge: the one it is joined to across its edge
+  std::vector<std::uint32_t> parent_;                   // union-find over corners
+  std::vector<std::vector<std::uint32_t>> wide_edges_;  // half-edges of each edge with three and more triangles
+  std::vector<std::uint32_t> copies_of_;                // the vertices that new ones double
 };
 
 void Splitter::linkEdge(Edge edge) {
@@ -344,9 +355,9 @@ void Splitter::linkEdge(Edge edge) {
   }
 }
 
-// Around an edge of many triangles each wedge of material lies between a triangle that runs along the edge backwards and the
-// next one, counter-clockwise, that runs forwards: these two are joined, as brackets are matched. Two cubes that touch along
-// an edge come apart so. What finds no partner stays cut.
+// Around an edge of many triangles each wedge of material lies between a triangle that runs along the edge backwards
+// and the next one, counter-clockwise, that runs forwards: these two are joined, as brackets are matched. Two cubes
+// that touch along an edge come apart so. What finds no partner stays cut.
 void Splitter::pairByAngle(Edge edge) {
   const std::uint32_t first = edge[0].half_edge;
   const std::uint32_t from = mesh_.indices[first];
@@ -367,7 +378,8 @@ void Splitter::pairByAngle(Edge edge) {
   std::vector<Arm> arms;
   for (const auto& entry : edge) {
     const glm::dvec3 d = armOf(entry.half_edge);
-    arms.push_back({std::atan2(glm::dot(d, y), glm::dot(d, x)), entry.half_edge, mesh_.indices[entry.half_edge] == from});
+    arms.push_back(
+        {std::atan2(glm::dot(d, y), glm::dot(d, x)), entry.half_edge, mesh_.indices[entry.half_edge] == from});
   }
   std::stable_sort(arms.begin(), arms.end(), [](const Arm& p, const Arm& q) { return p.angle < q.angle; });
 
@@ -412,8 +424,8 @@ void Splitter::uniteFans() {
   }
 }
 
-// Two pairs of one wide edge may still meet at both of its ends, by way of other triangles: then the edge would stay wide, and
-// it has to be cut altogether. One more round suffices: a fan that runs out at an edge does so at most twice.
+// Two pairs of one wide edge may still meet at both of its ends, by way of other triangles: then the edge would stay
+// wide, and it has to be cut altogether. One more round suffices: a fan that runs out at an edge does so at most twice.
 bool Splitter::cutSharedEdges() {
   bool cut = false;
   for (const std::vector<std::uint32_t>& halves : wide_edges_) {
@@ -470,7 +482,8 @@ void Splitter::run(RepairCounts& counts) {
   }
 }
 
-// ---- 6. Vertices of no triangle -----------------------------------------------------------------------------------------
+// ---- 6. Vertices of no triangle
+// -----------------------------------------------------------------------------------------
 
 void dropUnreferenced(Mesh& mesh, RepairCounts& counts) {
   std::vector<std::uint32_t> number(mesh.positions.size(), kNone);

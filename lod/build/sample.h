@@ -1,6 +1,6 @@
 #pragma once
-// Generated scan-like meshes, for any machine (`lumigrid sample`). Deterministic by seed; streamed, so that memory does not grow
-// with the triangle count.
+// Generated scan-like meshes, for any machine (`lumigrid sample`). Deterministic by seed; streamed, so that memory does
+// not grow with the triangle count.
 #include <cstdint>
 #include <functional>
 #include <string>
@@ -20,7 +20,7 @@ struct SampleOptions {
   std::uint64_t triangles = 1'000'000;  ///< 10^4 … 10^9; the result has within 2 % of it
   std::uint64_t seed = 1;
   bool colors = true;
-  glm::dvec3 origin{0.0};               ///< added to every position (survey coordinates); written as double then
+  glm::dvec3 origin{0.0};  ///< added to every position (survey coordinates); written as double then
 };
 
 /// Binary little-endian PLY at `path`; appears whole or not at all.

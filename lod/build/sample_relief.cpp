@@ -1,4 +1,5 @@
-// A carved stone panel, 4 × 3 units: a frame, concentric ornament, lines of glyphs, cracks. A height field with an open border.
+// A carved stone panel, 4 × 3 units: a frame, concentric ornament, lines of glyphs, cracks. A height field with an open
+// border.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -19,7 +20,8 @@ double distanceToSegment(const glm::dvec2& p, const glm::dvec2& a, const glm::dv
 
 class Relief : public SampleSurface {
  public:
-  Relief(std::uint64_t triangles, std::uint64_t seed) : seed_(static_cast<std::uint32_t>(seed ^ (seed >> 32U)) * 0x85EBCA77U) {
+  Relief(std::uint64_t triangles, std::uint64_t seed)
+      : seed_(static_cast<std::uint32_t>(seed ^ (seed >> 32U)) * 0x85EBCA77U) {
     const double quads = 0.5 * static_cast<double>(triangles);
     columns_ = std::max<std::uint64_t>(2, static_cast<std::uint64_t>(std::sqrt(quads * kWidth / kHeight) + 0.5));
     rows_ = std::max<std::uint64_t>(2, static_cast<std::uint64_t>(quads / static_cast<double>(columns_) + 0.5));

@@ -1,6 +1,6 @@
-// A weathered stone bust on a plinth: closed, genus 0. A body of smoothly joined solids gives, once, a coarse table of radii
-// around a vertical axis; each vertex interpolates it and adds carving along its own ray. As every vertex stays on its ray, the
-// surface can't fold over, whatever is carved.
+// A weathered stone bust on a plinth: closed, genus 0. A body of smoothly joined solids gives, once, a coarse table of
+// radii around a vertical axis; each vertex interpolates it and adds carving along its own ray. As every vertex stays
+// on its ray, the surface can't fold over, whatever is carved.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -11,10 +11,13 @@
 namespace lod::build {
 namespace {
 
-// ---- The body -----------------------------------------------------------------------------------------------------------
-// Signed distances (negative inside), y up, face towards +z, about 2.1 units tall.
+// ---- The body
+// ----------------------------------------------------------------------------------------------------------- Signed
+// distances (negative inside), y up, face towards +z, about 2.1 units tall.
 
-double ball(const glm::dvec3& p, const glm::dvec3& center, double radius) { return glm::length(p - center) - radius; }
+double ball(const glm::dvec3& p, const glm::dvec3& center, double radius) {
+  return glm::length(p - center) - radius;
+}
 
 double capsule(const glm::dvec3& p, const glm::dvec3& a, const glm::dvec3& b, double radius) {
   const glm::dvec3 ab = b - a;
@@ -39,7 +42,9 @@ double join(double a, double b, double k) {
   const double h = std::max(k - std::abs(a - b), 0.0) / k;
   return std::min(a, b) - 0.25 * h * h * k;
 }
-double carve(double a, double b, double k) { return -join(-a, b, k); }
+double carve(double a, double b, double k) {
+  return -join(-a, b, k);
+}
 
 double headDistance(const glm::dvec3& p) {
   const glm::dvec3 m(std::abs(p.x), p.y, p.z);  // the face is symmetric
@@ -74,8 +79,9 @@ double bodyDistance(const glm::dvec3& p) {
   return d;
 }
 
-// ---- Rays ---------------------------------------------------------------------------------------------------------------
-// From a segment of the axis: horizontal along it, fanning out over its ends like the rays of a capsule.
+// ---- Rays
+// --------------------------------------------------------------------------------------------------------------- From
+// a segment of the axis: horizontal along it, fanning out over its ends like the rays of a capsule.
 
 constexpr double kAxisTop = 1.74;
 constexpr double kAxisBottom = 0.16;
@@ -121,10 +127,11 @@ glm::dvec2 directionFromTurn(double turn) {
   return {g[0] * c + g[1] * s, g[2] * c + g[3] * s};
 }
 
-// ---- The table ----------------------------------------------------------------------------------------------------------
+// ---- The table
+// ----------------------------------------------------------------------------------------------------------
 
-// Radii over (s, turn). s is the share of the mean arc length from the top pole to the bottom one, so that equal steps of s
-// are steps of about equal length on the body.
+// Radii over (s, turn). s is the share of the mean arc length from the top pole to the bottom one, so that equal steps
+// of s are steps of about equal length on the body.
 class RadiusTable {
  public:
   RadiusTable() {
@@ -133,7 +140,8 @@ class RadiusTable {
     base::parallelFor(kRows, 0, [&](std::size_t row) {
       const double q = qAt(static_cast<double>(row) / (kRows - 1));
       for (std::size_t column = 0; column < kColumns; ++column)
-        radius_[row * kColumns + column] = radiusAlong(rayAt(q, directionFromTurn(static_cast<double>(column) / kColumns)));
+        radius_[row * kColumns + column] =
+            radiusAlong(rayAt(q, directionFromTurn(static_cast<double>(column) / kColumns)));
     });
   }
 
@@ -156,7 +164,8 @@ class RadiusTable {
       const double* line = radius_.data() + static_cast<std::size_t>(std::clamp(row + j - 1, 0, kRows - 1)) * kColumns;
       double across = 0.0;
       for (int i = 0; i < 4; ++i)
-        across += wx[static_cast<std::size_t>(i)] * line[static_cast<std::size_t>((column + i - 1 + kColumns) % kColumns)];
+        across +=
+            wx[static_cast<std::size_t>(i)] * line[static_cast<std::size_t>((column + i - 1 + kColumns) % kColumns)];
       sum += wy[static_cast<std::size_t>(j)] * across;
     }
     return sum;
@@ -168,8 +177,8 @@ class RadiusTable {
   static constexpr int kKnots = 513;
 
   static std::array<double, 4> catmullRom(double t) {
-    return {0.5 * t * (t * (2.0 - t) - 1.0), 0.5 * (t * t * (3.0 * t - 5.0) + 2.0), 0.5 * t * (t * (4.0 - 3.0 * t) + 1.0),
-            0.5 * t * t * (t - 1.0)};
+    return {0.5 * t * (t * (2.0 - t) - 1.0), 0.5 * (t * t * (3.0 * t - 5.0) + 2.0),
+            0.5 * t * (t * (4.0 - 3.0 * t) + 1.0), 0.5 * t * t * (t - 1.0)};
   }
 
   void spaceByArcLength() {
@@ -210,7 +219,8 @@ const RadiusTable& radiusTable() {
   return table;
 }
 
-// ---- The mesh -----------------------------------------------------------------------------------------------------------
+// ---- The mesh
+// -----------------------------------------------------------------------------------------------------------
 
 // An octahedron's rings pulled apart by a belt: ring i of the caps has 4 i vertices, the belt's `belt` extra rings 4 n.
 // Triangles: 8 n² in the caps, 8 n belt between.

@@ -27,8 +27,12 @@ std::int64_t floorToInt(double x) {
   return static_cast<double>(i) > x ? i - 1 : i;
 }
 
-double quintic(double t) { return t * t * t * (t * (t * 6.0 - 15.0) + 10.0); }
-double mixed(double a, double b, double t) { return a + (b - a) * t; }
+double quintic(double t) {
+  return t * t * t * (t * (t * 6.0 - 15.0) + 10.0);
+}
+double mixed(double a, double b, double t) {
+  return a + (b - a) * t;
+}
 
 double corner(std::int64_t x, std::int64_t y, std::int64_t z, std::uint32_t seed) {
   return static_cast<double>(latticeHash(x, y, z, seed)) * (2.0 / 4294967295.0) - 1.0;
@@ -74,7 +78,8 @@ double sinQuarter(double x) {
   // Taylor series of sin to the 13th power.
   const double a = x * 1.5707963267948966;
   const double q = a * a;
-  return a * (1.0 - q / 6.0 * (1.0 - q / 20.0 * (1.0 - q / 42.0 * (1.0 - q / 72.0 * (1.0 - q / 110.0 * (1.0 - q / 156.0))))));
+  return a * (1.0 -
+              q / 6.0 * (1.0 - q / 20.0 * (1.0 - q / 42.0 * (1.0 - q / 72.0 * (1.0 - q / 110.0 * (1.0 - q / 156.0))))));
 }
 
 double wave(double x) {
@@ -87,7 +92,9 @@ double smooth(double a, double b, double x) {
   return t * t * (3.0 - 2.0 * t);
 }
 
-double resolved(double wavelength, double edge) { return std::clamp(0.5 * (wavelength / edge - 2.0), 0.0, 1.0); }
+double resolved(double wavelength, double edge) {
+  return std::clamp(0.5 * (wavelength / edge - 2.0), 0.0, 1.0);
+}
 
 double Weathering::roughness(const glm::dvec3& p, double& fine) const {
   // Amplitude falls with wavelength, so that every scale carries a like share of the slope.
@@ -130,7 +137,8 @@ glm::u8vec4 Weathering::color(const glm::dvec3& p, double cavity, double fine) c
 
   // Lichen: ochre or grey-green patches with ragged rims.
   const glm::dvec3 t = turned(p);
-  const double patch = valueNoise(t * 4.3, seed_ + 227U) + 0.4 * valueNoise(turned(t) * 13.0, seed_ + 233U) + 0.35 * fine;
+  const double patch =
+      valueNoise(t * 4.3, seed_ + 227U) + 0.4 * valueNoise(turned(t) * 13.0, seed_ + 233U) + 0.35 * fine;
   const double lichen = smooth(0.42, 0.58, patch);
   const double kind = smooth(-0.2, 0.2, valueNoise(t * 2.1, seed_ + 229U));
   const glm::dvec3 growth = glm::dvec3(186.0, 142.0, 62.0) * kind + glm::dvec3(128.0, 138.0, 104.0) * (1.0 - kind);

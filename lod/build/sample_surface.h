@@ -1,9 +1,9 @@
 #pragma once
-// The generated surfaces behind sample.h: rows of vertices and bands of triangles between them, each computable on its own.
-// Private to lod/build.
+// The generated surfaces behind sample.h: rows of vertices and bands of triangles between them, each computable on its
+// own. Private to lod/build.
 //
-// The same numbers on any machine: only + − × ÷ and sqrt on doubles (IEEE 754 fixes their results; the build forbids fused
-// multiply-add in these files), no libm, no std:: distributions.
+// The same numbers on any machine: only + − × ÷ and sqrt on doubles (IEEE 754 fixes their results; the build forbids
+// fused multiply-add in these files), no libm, no std:: distributions.
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <memory>
@@ -24,8 +24,8 @@ class SampleSurface {
   virtual std::uint64_t rowCount() const = 0;
   virtual std::uint64_t rowSize(std::uint64_t row) const = 0;
   virtual SamplePoint point(std::uint64_t row, std::uint64_t column) const = 0;
-  /// Appends the triangles between `row` and `row + 1`. Corners are (row − first row, column) as numbers: the row's vertices
-  /// from `upper_start`, the next row's from `lower_start`.
+  /// Appends the triangles between `row` and `row + 1`. Corners are (row − first row, column) as numbers: the row's
+  /// vertices from `upper_start`, the next row's from `lower_start`.
   virtual void band(std::uint64_t row, std::uint32_t upper_start, std::uint32_t lower_start,
                     std::vector<std::uint32_t>& corners) const = 0;
   virtual std::uint64_t triangleCount() const = 0;
@@ -35,7 +35,8 @@ class SampleSurface {
 std::unique_ptr<SampleSurface> makeStatue(std::uint64_t triangles, std::uint64_t seed);
 std::unique_ptr<SampleSurface> makeRelief(std::uint64_t triangles, std::uint64_t seed);
 
-// ---- Tools of both ------------------------------------------------------------------------------------------------------
+// ---- Tools of both
+// ------------------------------------------------------------------------------------------------------
 
 std::uint32_t latticeHash(std::int64_t x, std::int64_t y, std::int64_t z, std::uint32_t seed);
 /// Value noise on the integer lattice with quintic blending: in [−1, 1], mean 0, smooth, one bump per unit length.
@@ -53,7 +54,8 @@ double resolved(double wavelength, double edge);
 class Weathering {
  public:
   Weathering(double edge, std::uint32_t seed) : edge_(edge), seed_(seed) {}
-  /// Fractal roughness and pits, in scene units, down to about three edges' wavelength; `fine` gets −1 … 1 from the finest octaves.
+  /// Fractal roughness and pits, in scene units, down to about three edges' wavelength; `fine` gets −1 … 1 from the
+  /// finest octaves.
   double roughness(const glm::dvec3& p, double& fine) const;
   glm::u8vec4 color(const glm::dvec3& p, double cavity, double fine) const;
 

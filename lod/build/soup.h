@@ -1,5 +1,6 @@
 #pragma once
-// What a mesh reader yields before anything is merged or repaired, and the small tools the readers share. Private to lod/build.
+// What a mesh reader yields before anything is merged or repaired, and the small tools the readers share. Private to
+// lod/build.
 #include <charconv>
 #include <cstdint>
 #include <glm/glm.hpp>
@@ -14,9 +15,9 @@ namespace lod::build {
 
 /// Vertices and triangles exactly as one file gives them, in the file's own (double) coordinates.
 struct Soup {
-  std::vector<glm::dvec3> positions;   ///< world
-  std::vector<glm::vec3> normals;      ///< empty, or as many as positions; any length, zero or NaN where the file has none
-  std::vector<glm::u8vec4> colors;     ///< empty, or as many as positions; sRGB, a = 255
+  std::vector<glm::dvec3> positions;  ///< world
+  std::vector<glm::vec3> normals;   ///< empty, or as many as positions; any length, zero or NaN where the file has none
+  std::vector<glm::u8vec4> colors;  ///< empty, or as many as positions; sRGB, a = 255
   std::vector<std::uint32_t> indices;  ///< 3 per triangle, each below positions.size()
   std::uint64_t short_faces = 0;       ///< faces with fewer than three corners: left out, to be counted as degenerate
   std::vector<std::string> warnings;   ///< one line each, without the file's name
@@ -27,8 +28,12 @@ inline constexpr std::uint64_t kMaxVertices = 0xFFFFFFFEULL;
 /// Corner numbers (3 per triangle) have to fit into 32 bits too.
 inline constexpr std::uint64_t kMaxTriangles = kMaxVertices / 3;
 
-inline base::Error invalidInput(std::string message) { return {base::ErrorCode::kInvalidInput, std::move(message)}; }
-inline base::Error unsupported(std::string message) { return {base::ErrorCode::kUnsupported, std::move(message)}; }
+inline base::Error invalidInput(std::string message) {
+  return {base::ErrorCode::kInvalidInput, std::move(message)};
+}
+inline base::Error unsupported(std::string message) {
+  return {base::ErrorCode::kUnsupported, std::move(message)};
+}
 inline base::Error indexOutOfRange(const std::string& place, std::int64_t index, std::uint64_t vertex_count) {
   return invalidInput(place + ": index " + std::to_string(index) + " is out of range (" + std::to_string(vertex_count) +
                       " vertices)");
@@ -60,14 +65,17 @@ inline std::uint8_t byteFromUnit(double value) {
   return value >= 1.0 ? std::uint8_t{255} : static_cast<std::uint8_t>(value * 255.0 + 0.5);
 }
 
-/// Text formats write colours as 0..1 or as 0..255 without saying which: one component above 1 anywhere means the latter.
+/// Text formats write colours as 0..1 or as 0..255 without saying which: one component above 1 anywhere means the
+/// latter.
 void setColors(Soup& soup, const std::vector<glm::vec3>& colors);
 
 inline std::string_view textOf(base::ByteView bytes) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
-inline bool isSpace(char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\n' || c == '\v' || c == '\f'; }
+inline bool isSpace(char c) {
+  return c == ' ' || c == '\t' || c == '\r' || c == '\n' || c == '\v' || c == '\f';
+}
 
 /// Cuts the next word off the front of `text`; empty when none is left.
 inline std::string_view nextWord(std::string_view& text) {

@@ -24,8 +24,7 @@ void expectSquare(const base::Result<Imported>& result) {
   ASSERT_EQ(mesh.positions.size(), 4U);
   const std::vector<std::uint32_t> two_triangles{0, 1, 2, 0, 2, 3};
   EXPECT_EQ(mesh.indices, two_triangles);
-  const std::array<glm::dvec3, 4> corners{
-      {{0.0, 0.0, 0.0}, {1.0, 0.0, 0.0}, {1.0, 1.0, 0.0}, {0.0, 1.0, 0.0}}};
+  const std::array<glm::dvec3, 4> corners{{{0.0, 0.0, 0.0}, {1.0, 0.0, 0.0}, {1.0, 1.0, 0.0}, {0.0, 1.0, 0.0}}};
   for (std::size_t v = 0; v < 4; ++v)
     EXPECT_LT(glm::distance(glm::dvec3(mesh.positions[v]) + mesh.origin, corners[v]), 1e-6) << v;
   ASSERT_EQ(mesh.normals.size(), 4U);
@@ -38,7 +37,8 @@ std::string binarySquare(bool big) {
   b += big ? "binary_big_endian" : "binary_little_endian";
   b += " 1.0\nobj_info x\nelement camera 2\nproperty double fov\nproperty list uchar short tags\n"
        "element vertex 4\nproperty double x\nproperty double y\nproperty double z\nproperty float confidence\n"
-       "property float nx\nproperty float ny\nproperty float nz\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n"
+       "property float nx\nproperty float ny\nproperty float nz\nproperty uchar red\nproperty uchar green\nproperty "
+       "uchar blue\n"
        "property uchar alpha\nelement face 2\nproperty uchar flags\nproperty list uchar uint vertex_index\n"
        "property list uchar float texcoord\nend_header\n";
   for (int camera = 0; camera < 2; ++camera) {
@@ -64,7 +64,9 @@ std::string binarySquare(bool big) {
   return b;
 }
 
-TEST(PlyImport, AsciiPolygonsBecomeFans) { expectSquare(import("square.ply", kAsciiSquare)); }
+TEST(PlyImport, AsciiPolygonsBecomeFans) {
+  expectSquare(import("square.ply", kAsciiSquare));
+}
 
 TEST(PlyImport, WindowsLineEndsAreRead) {
   std::string windows;
@@ -72,7 +74,9 @@ TEST(PlyImport, WindowsLineEndsAreRead) {
   expectSquare(import("square.ply", windows));
 }
 
-TEST(PlyImport, ContentDecidesOverTheName) { expectSquare(import("square.stl", kAsciiSquare)); }
+TEST(PlyImport, ContentDecidesOverTheName) {
+  expectSquare(import("square.stl", kAsciiSquare));
+}
 
 TEST(PlyImport, BothBinaryOrdersGiveTheSameMeshAndSkipWhatIsUnknown) {
   for (const bool big : {false, true}) {
@@ -122,9 +126,10 @@ TEST(ObjImport, PolygonsNegativeIndicesAndContinuedLinesAreRead) {
 }
 
 TEST(ObjImport, ColoursAndNormalsGoToTheirVertices) {
-  auto result = import("c.obj",
-                       "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\nvn 0 0 2\nvn 0 3 0\nvt 0 0\nmtllib a.mtl\nusemtl b\n"
-                       "f 1/1/1 2//1 3/1/2\n");
+  auto result =
+      import("c.obj",
+             "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\nvn 0 0 2\nvn 0 3 0\nvt 0 0\nmtllib a.mtl\nusemtl b\n"
+             "f 1/1/1 2//1 3/1/2\n");
   ASSERT_TRUE(result) << result.error().message;
   EXPECT_EQ(result->mesh.colors[1], glm::u8vec4(0, 255, 0, 255));
   EXPECT_EQ(result->mesh.normals[0], glm::vec3(0.0F, 0.0F, 1.0F));
@@ -174,17 +179,23 @@ TEST(StlImport, BinaryFilesThatBeginWithSolidAreKnownByTheirSize) {
 }
 
 TEST(OffImport, PlainColouredAndNormalFormsAreRead) {
-  expectSquare(import("square.off", "OFF\n# comment\n4 1 0\n\n0 0 0\n1 0 0 # corner\n1 1 0\n0 1 0\n4 0 1 2 3 255 0 0\n"));
-  auto coloured = import("square.off", "COFF 4 1 0\n0 0 0 255 0 0 255\n1 0 0 0 255 0 255\n1 1 0 0 0 255 255\n0 1 0 9 9 9 255\n4 0 1 2 3\n");
+  expectSquare(
+      import("square.off", "OFF\n# comment\n4 1 0\n\n0 0 0\n1 0 0 # corner\n1 1 0\n0 1 0\n4 0 1 2 3 255 0 0\n"));
+  auto coloured =
+      import("square.off",
+             "COFF 4 1 0\n0 0 0 255 0 0 255\n1 0 0 0 255 0 255\n1 1 0 0 0 255 255\n0 1 0 9 9 9 255\n4 0 1 2 3\n");
   expectSquare(coloured);
   EXPECT_EQ(coloured->mesh.colors[2], glm::u8vec4(0, 0, 255, 255));
-  auto both = import("square.off", "CNOFF\n4 1 0\n0 0 0 0 0 5 .5 0 0\n1 0 0 0 0 5 1 0 0 1\n1 1 0 0 0 5 0 1 0 1\n0 1 0 0 0 5 0 0 1\n4 0 1 2 3\n");
+  auto both = import(
+      "square.off",
+      "CNOFF\n4 1 0\n0 0 0 0 0 5 .5 0 0\n1 0 0 0 0 5 1 0 0 1\n1 1 0 0 0 5 0 1 0 1\n0 1 0 0 0 5 0 0 1\n4 0 1 2 3\n");
   expectSquare(both);
   EXPECT_TRUE(both->has_normals);
   EXPECT_EQ(both->mesh.colors[0], glm::u8vec4(128, 0, 0, 255));
 }
 
-// ---- GLB ----------------------------------------------------------------------------------------------------------------
+// ---- GLB
+// ----------------------------------------------------------------------------------------------------------------
 
 using nlohmann::json;
 
@@ -273,7 +284,8 @@ TEST(GlbImport, MaterialColoursStandInAndTexturesWarn) {
   std::string binary;
   json document = squareDocument(binary);
   document["meshes"][0]["primitives"][0]["material"] = 0;
-  document["materials"] = {{{"pbrMetallicRoughness", {{"baseColorFactor", {1, 0, 0, 1}}, {"baseColorTexture", {{"index", 0}}}}}}};
+  document["materials"] = {
+      {{"pbrMetallicRoughness", {{"baseColorFactor", {1, 0, 0, 1}}, {"baseColorTexture", {{"index", 0}}}}}}};
   auto result = import("square.glb", glb(document, binary));
   expectSquare(result);
   EXPECT_EQ(result->mesh.colors[3], glm::u8vec4(255, 0, 0, 255));
@@ -292,7 +304,8 @@ TEST(GlbImport, WhatCannotBeReadIsRefusedWithItsName) {
   EXPECT_NE(refusal(d).find("compressed by EXT_meshopt_compression, which is not read"), std::string::npos);
   d = good;
   d["accessors"][0]["sparse"] = {{"count", 1}};
-  EXPECT_NE(refusal(d).find("mesh 0 primitive 0: POSITION: accessor 0 is sparse, which is not read"), std::string::npos);
+  EXPECT_NE(refusal(d).find("mesh 0 primitive 0: POSITION: accessor 0 is sparse, which is not read"),
+            std::string::npos);
   d = good;
   d["accessors"][0]["count"] = 5;
   EXPECT_NE(refusal(d).find("POSITION: accessor 0 reaches past its buffer"), std::string::npos);
@@ -307,7 +320,8 @@ TEST(GlbImport, WhatCannotBeReadIsRefusedWithItsName) {
   EXPECT_NE(refusal(d).find("indices are not unsigned integers"), std::string::npos);
 }
 
-// ---- All formats --------------------------------------------------------------------------------------------------------
+// ---- All formats
+// --------------------------------------------------------------------------------------------------------
 
 TEST(Import, SeveralFilesBecomeOneScene) {
   const std::string second = write("second.obj", "v 5 0 0\nv 6 0 0\nv 5 1 0\nf 1 2 3\n");
@@ -325,10 +339,13 @@ TEST(Import, SeveralFilesBecomeOneScene) {
 
 TEST(Import, SurveyCoordinatesKeepTheirMillimetresWhenTheFileHasThem) {
   // A 300 m wide field at UTM size, heights in millimetres; the doubles must come back to a tenth of one.
-  std::string b = "ply\nformat binary_little_endian 1.0\nelement vertex 300\nproperty double x\nproperty double y\nproperty double z\n"
-                  "element face 100\nproperty list uchar int vertex_indices\nend_header\n";
+  std::string b =
+      "ply\nformat binary_little_endian 1.0\nelement vertex 300\nproperty double x\nproperty double y\nproperty double "
+      "z\n"
+      "element face 100\nproperty list uchar int vertex_indices\nend_header\n";
   std::vector<glm::dvec3> truth;
-  for (int v = 0; v < 300; ++v) truth.emplace_back(4e5 + v + 0.001 * v, 5e6 + 0.377 * ((v * 7919) % 300), 100.0 + 0.001 * (v % 97));
+  for (int v = 0; v < 300; ++v)
+    truth.emplace_back(4e5 + v + 0.001 * v, 5e6 + 0.377 * ((v * 7919) % 300), 100.0 + 0.001 * (v % 97));
   for (const glm::dvec3& p : truth)
     for (int k = 0; k < 3; ++k) put(b, p[k]);
   for (std::uint32_t t = 0; t < 100; ++t) {

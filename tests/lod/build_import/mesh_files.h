@@ -27,7 +27,8 @@ inline std::string write(const std::string& name, const std::string& bytes) {
   return path;
 }
 
-inline base::Result<Imported> import(const std::string& name, const std::string& bytes, const ImportOptions& options = {}) {
+inline base::Result<Imported> import(const std::string& name, const std::string& bytes,
+                                     const ImportOptions& options = {}) {
   const std::string path = write(name, bytes);
   auto result = lod::build::importMeshes({path}, options);
   std::remove(path.c_str());

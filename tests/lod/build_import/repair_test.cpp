@@ -28,7 +28,8 @@ std::size_t refusedByOpenMesh(const Mesh& mesh) {
   for (const glm::vec3& p : mesh.positions) vertices.push_back(half_edges.add_vertex({p.x, p.y, p.z}));
   std::size_t refused = 0;
   for (std::size_t i = 0; i < mesh.indices.size(); i += 3) {
-    const auto face = half_edges.add_face(vertices[mesh.indices[i]], vertices[mesh.indices[i + 1]], vertices[mesh.indices[i + 2]]);
+    const auto face =
+        half_edges.add_face(vertices[mesh.indices[i]], vertices[mesh.indices[i + 1]], vertices[mesh.indices[i + 2]]);
     refused += face.is_valid() ? 0 : 1;
   }
   for (const auto v : half_edges.vertices()) refused += half_edges.is_manifold(v) ? 0 : 1;
@@ -76,7 +77,8 @@ TEST(Repair, WeldsEqualPositionsAndAveragesColoursAndNormals) {
 
 TEST(Repair, WeldsWithinADistanceAcrossCellBorders) {
   // 0.0999 and 0.1001 lie in different cells of 0.1, yet close; 0.4 lies away.
-  std::vector<glm::vec3> corners{{0.0999F, 0, 0}, {0.4F, 0, 0}, {0.4F, 0.4F, 0}, {0.1001F, 0, 0}, {0.4F, 0.4F, 0}, {0, 0.4F, 0}};
+  std::vector<glm::vec3> corners{{0.0999F, 0, 0}, {0.4F, 0, 0},    {0.4F, 0.4F, 0},
+                                 {0.1001F, 0, 0}, {0.4F, 0.4F, 0}, {0, 0.4F, 0}};
   Mesh mesh = meshOf(corners, {{0, 1, 2}, {3, 4, 5}});
   EXPECT_EQ(of(repaired(mesh, 0.1), "welded_vertices"), 2U);
   mesh = meshOf(corners, {{0, 1, 2}, {3, 4, 5}});
@@ -98,8 +100,9 @@ TEST(Repair, DropsDegenerateAndDuplicateTrianglesAndUnreferencedVertices) {
 
 TEST(Repair, TurnsTheMinorityOfAPartAndCountsIt) {
   // A strip of five triangles, the third wound wrongly; beside it a whole part of its own, wound its own way.
-  Mesh mesh = meshOf({{0, 0, 0}, {0, 1, 0}, {1, 0, 0}, {1, 1, 0}, {2, 0, 0}, {2, 1, 0}, {3, 0, 0}, {9, 0, 0}, {9, 1, 0}, {8, 0, 0}},
-                     {{0, 2, 1}, {1, 2, 3}, {2, 3, 4}, {3, 4, 5}, {4, 6, 5}, {7, 9, 8}});
+  Mesh mesh = meshOf(
+      {{0, 0, 0}, {0, 1, 0}, {1, 0, 0}, {1, 1, 0}, {2, 0, 0}, {2, 1, 0}, {3, 0, 0}, {9, 0, 0}, {9, 1, 0}, {8, 0, 0}},
+      {{0, 2, 1}, {1, 2, 3}, {2, 3, 4}, {3, 4, 5}, {4, 6, 5}, {7, 9, 8}});
   const RepairCounts counts = repaired(mesh);
   EXPECT_EQ(of(counts, "flipped_triangles"), 1U);
   for (const auto& [edge, times] : directedEdges(mesh)) EXPECT_EQ(times, 1) << edge.first << " " << edge.second;

@@ -78,7 +78,8 @@ TEST(Sample, IsDrawnByItsSeedAlone) {
 
 // The bytes of one small sample of each shape: they must be these on every machine and with every compiler.
 TEST(Sample, BytesAreTheSameOnEveryMachine) {
-  const std::array<std::pair<SampleShape, std::uint32_t>, 2> golden{{{SampleShape::kStatue, 0x5EA3C9B6U}, {SampleShape::kRelief, 0xF56DE04BU}}};
+  const std::array<std::pair<SampleShape, std::uint32_t>, 2> golden{
+      {{SampleShape::kStatue, 0x5EA3C9B6U}, {SampleShape::kRelief, 0xF56DE04BU}}};
   for (const auto& [shape, crc] : golden) {
     const std::string path = written(options(shape, 10'000, 42));
     const auto bytes = base::readFile(path);
@@ -89,8 +90,8 @@ TEST(Sample, BytesAreTheSameOnEveryMachine) {
 }
 
 TEST(Sample, DetailGoesOnWhereTrianglesGetFiner) {
-  // Roughness of the relief: mean change of direction between neighbours. Were the finer mesh smooth, it would fall with the
-  // edge length, to a quarter here.
+  // Roughness of the relief: mean change of direction between neighbours. Were the finer mesh smooth, it would fall
+  // with the edge length, to a quarter here.
   const auto roughness = [](std::uint64_t triangles) {
     const Mesh mesh = makeSample(options(SampleShape::kRelief, triangles));
     double sum = 0.0;
@@ -118,7 +119,9 @@ TEST(Sample, SurveyOriginIsWrittenAsDouble) {
   EXPECT_EQ(mesh.origin, o.origin);
   ASSERT_EQ(result->mesh.positions.size(), mesh.positions.size());
   for (std::size_t v = 0; v < mesh.positions.size(); ++v)
-    ASSERT_LT(glm::distance(result->mesh.origin + glm::dvec3(result->mesh.positions[v]), mesh.origin + glm::dvec3(mesh.positions[v])), 1e-5);
+    ASSERT_LT(glm::distance(result->mesh.origin + glm::dvec3(result->mesh.positions[v]),
+                            mesh.origin + glm::dvec3(mesh.positions[v])),
+              1e-5);
   std::remove(path.c_str());
 }
 
