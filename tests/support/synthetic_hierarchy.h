@@ -3,13 +3,13 @@
 // regroup from level to level as the real builder's do, so the hierarchy is a DAG in which a group has several parents.
 //
 //   leaves      n × n patches of 4 × 4 units
-//   level 1     groups of 2 × 2 patches; each makes two patches side by side, 4 wide and 8 tall
+//   level 1     groups of 2 × 2 patches; each makes three: two 4 × 4 on the left, one 4 wide and 8 tall on the right
 //   level 2     columns 0 | 1 2 | 3 4 | … | n−1 of two such rows; each makes two patches, one above the other
 //   level 3     one group of all: the root patch
 //   group 0     consumes the root patch
 //
 // Each patch is a rectangle, triangulated as a fan around its middle. The points along a group's outer border stay as
-// they were; the border between the two patches that it makes keeps every 2nd, 4th … point. So a cut that mixes levels
+// they were; the borders between the patches that it makes keep every 2nd, 4th … point. So a cut that mixes levels
 // wrongly has open edges.
 #include <algorithm>
 #include <array>
@@ -127,7 +127,8 @@ inline Draft drawDraft(int n) {
     }
   for (int y = 0; y < side; y += 8)
     for (int x = 0; x < side; x += 8)
-      addDraftGroup(draft, 1, {x, y, x + 8, y + 8}, {{x, y, x + 4, y + 8}, {x + 4, y, x + 8, y + 8}});
+      addDraftGroup(draft, 1, {x, y, x + 8, y + 8},
+                    {{x, y, x + 4, y + 4}, {x, y + 4, x + 4, y + 8}, {x + 4, y, x + 8, y + 8}});
   for (int y = 0; y < side; y += 16)
     for (int x = -4; x < side; x += 8) {
       const int x0 = std::max(x, 0);

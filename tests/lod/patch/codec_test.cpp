@@ -55,6 +55,18 @@ TEST(PatchCodec, anySurfaceComesBack) {
   }
 }
 
+TEST(PatchCodec, positionsAreNarrowUpTo65535StepsAndWideBeyond) {
+  for (const int extent : {65535, 65536}) {
+    const PatchGeometry source{
+        {{0, 5, 0}, {1, 5 + extent, 0}, {1, 7, 0}}, std::vector<glm::vec3>(3, glm::vec3(0, 0, 1)), {}, {0, 1, 2}};
+    const base::Bytes bytes = encodePatch(source);
+    EXPECT_EQ(bytes[1] & 1, extent > 65535 ? 1 : 0);
+    const auto decoded = decodePatch(bytes);
+    ASSERT_TRUE(decoded);
+    EXPECT_TRUE(surfaceOf(*decoded) == surfaceOf(source));
+  }
+}
+
 TEST(PatchCodec, decodedNormalsAreTheQuantizedOnesBitForBit) {
   std::mt19937 random(2);
   PatchGeometry source = drawPatch({2000, 1, 0}, random);

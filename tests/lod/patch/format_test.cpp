@@ -189,6 +189,10 @@ TEST_F(PatchFormat, eachWrongNumberInTheHeaderIsNamed) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   EXPECT_NE(faultOf(withField<std::uint32_t>(bytes, 12, 97)).find("97 bytes"), std::string::npos);
   EXPECT_NE(faultOf(withField<std::uint64_t>(bytes, 16, bytes.size() + 1)).find("its header says"), std::string::npos);
+  base::Bytes longer = bytes;
+  longer.push_back(0);
+  EXPECT_NE(faultOf(withField<std::uint64_t>(longer, 16, longer.size())).find("not as long as its blocks"),
+            std::string::npos);
   EXPECT_NE(faultOf(withField<std::uint64_t>(bytes, 24, 112)).find("behind the tables"), std::string::npos);
   EXPECT_NE(faultOf(withField(bytes, 32, nan)).find("lattice"), std::string::npos);
   EXPECT_NE(faultOf(withField(bytes, 56, 0.0)).find("lattice"), std::string::npos);

@@ -135,6 +135,27 @@ TEST(GroupMessage, aHalfGrownHierarchyIsCutLikeAWholeOneWithTheRestMissing) {
   }
 }
 
+// Groups that disagree: a patch of group 1 says that group g made it, but g names another parent, which isn't expanded.
+TEST(GroupMessage, aGroupIsNotExpandedBehindAParentThatItDoesNotName) {
+  Hierarchy growing = emptyOne();
+  ASSERT_TRUE(add(message(0), growing));
+  base::Bytes first = message(1);
+  const std::uint32_t child = groupTotal() - 1;
+  std::memcpy(first.data() + kFirstPatchRow + 56, &child, 4);
+  ASSERT_TRUE(add(first, growing));
+  // Of the child's parents only the first, which is not here.
+  ASSERT_GT(scene().hierarchy.parentsOf(child)[0], 1U);
+  base::Bytes orphan = message(child);
+  orphan.resize(orphan.size() - 4 * (scene().hierarchy.groups[child].parent_count - 1));
+  const std::uint32_t one = 1;
+  std::memcpy(orphan.data() + kGroupRow + 40, &one, 4);
+  ASSERT_TRUE(add(orphan, growing));
+  CutRequest everything = request();
+  everything.tolerance_px = 0.0F;
+  everything.cull = false;
+  EXPECT_EQ(selectCut(growing, everything).expanded, (std::vector<std::uint32_t>{0, 1}));
+}
+
 TEST(GroupMessage, everyCutIsRefusedAndChangesNothing) {
   const base::Bytes bytes = message(5);
   Hierarchy growing = emptyOne();

@@ -359,6 +359,15 @@ TEST(SelectCut, aCameraOfNaNStillEnds) {
   }
 }
 
+TEST(SelectCut, aCameraOfNaNWantsNothingWithAnErrorOfNaN) {
+  CutRequest request = cornerRequest();
+  request.camera.eye = glm::vec3(NAN);
+  request.tolerance_px = 0.0F;
+  const Cut cut = selectCut(scene().hierarchy, request, [](std::uint32_t g) { return g < 2; });
+  ASSERT_GT(cut.wanted.size(), 1U);
+  for (const float error_px : cut.wanted_error_px) EXPECT_FALSE(std::isnan(error_px));
+}
+
 TEST(SelectCut, anEmptyHierarchyGivesAnEmptyCut) {
   const Cut cut = selectCut({}, cornerRequest());
   EXPECT_TRUE(cut.patches.empty() && cut.expanded.empty() && cut.wanted.empty());
