@@ -94,6 +94,7 @@ struct Session::State {
   void queueHave();
   base::Bytes evictedMessage();
   base::Bytes viewMessage();
+  bool wantsFrame() const { return options.frames && welcome->can_render_frames; }
 };
 
 // ---- the cache ----
@@ -277,7 +278,7 @@ base::Bytes Session::State::viewMessage() {
   view.patch_tolerance_px = options.patch_tolerance_px;
   view.max_triangles = options.max_triangles;
   view.max_points = options.images ? options.max_points : std::uint16_t{0};
-  view.want_frame = options.frames && welcome->can_render_frames;
+  view.want_frame = wantsFrame();
   return protocol::encode(view);
 }
 
@@ -357,7 +358,9 @@ const protocol::Welcome* Session::welcome() const {
 }
 bool Session::complete() const {
   const State& s = *state_;
-  return s.state == SessionState::kReady && !s.view_unsent && s.sequence != 0 && s.complete_sequence == s.sequence;
+  if (s.state != SessionState::kReady || s.view_unsent || s.sequence == 0) return false;
+  if (s.complete_sequence != s.sequence) return false;
+  return !s.wantsFrame() || (!s.frames.empty() && s.frames.back().sequence == s.sequence);
 }
 SessionEvents Session::takeEvents() {
   return std::exchange(state_->events, {});

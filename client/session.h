@@ -65,7 +65,8 @@ class Session {
   SessionState state() const;
   const std::string& problem() const;           ///< why disconnected or refused; empty when all is well
   const protocol::Welcome* welcome() const;     ///< null before the first Welcome
-  bool complete() const;                        ///< the server said that everything for the newest view was sent
+  /// The server said that everything for the newest view was sent and, where an exact frame was asked for, that came too.
+  bool complete() const;
   SessionEvents takeEvents();
 
   /// Cached bytes of a face value or null; touches the LRU.

@@ -65,7 +65,8 @@ struct Viewer::State {
   bool gpu_full = false;
   std::deque<std::uint32_t> groups_to_upload;
   std::unordered_set<std::uint32_t> groups_ready;  // all consumed patches uploaded
-  lod::patch::Cut cut;
+  lod::patch::Cut cut;                             // what is in view
+  std::vector<std::uint32_t> occluders;            // the same cut with what is outside the view
   base::Camera camera;
   bool more_to_do = false;
   double upload_bytes_left = 0.0;
@@ -105,6 +106,7 @@ base::Result<void> Viewer::State::startScene() {
   groups_to_upload.clear();
   groups_ready.clear();
   cut = {};
+  occluders.clear();
   scene = sceneSphere(welcome);
   shading = {welcome.unlit, welcome.light_direction};
 
@@ -243,10 +245,9 @@ bool Viewer::State::uploadGroup(std::uint32_t group) {
 }
 
 void Viewer::State::selectCut() {
-  if (groups_ready.count(0) == 0) {
-    cut = {};
-    return;
-  }
+  cut = {};
+  occluders.clear();
+  if (groups_ready.count(0) == 0) return;
   lod::patch::CutRequest request;
   request.camera = camera;
   request.near_plane = base::depthRangeFor(camera.eye, scene.center, scene.radius).near_plane;
@@ -254,6 +255,16 @@ void Viewer::State::selectCut() {
   request.max_triangles = options.session.max_triangles;
   cut = lod::patch::selectCut(session.hierarchy(), request,
                               [this](std::uint32_t group) { return groups_ready.count(group) != 0; });
+
+  // What hides a surface from a sampling point may lie outside the view: the same expanded groups again, nothing left
+  // out.
+  if (!options.lumigraph.use_images) return;
+  const std::unordered_set<std::uint32_t> expanded(cut.expanded.begin(), cut.expanded.end());
+  request.cull = false;
+  request.max_triangles = std::numeric_limits<std::uint64_t>::max();
+  occluders = lod::patch::selectCut(session.hierarchy(), request, [&expanded](std::uint32_t group) {
+                return expanded.count(group) != 0;
+              }).patches;
 }
 
 // ---- images ----
@@ -418,7 +429,8 @@ base::Result<void> Viewer::draw(const base::ViewCamera& camera, double now) {
   std::vector<SampleId> candidates;
   for (SampleId id : s.ranked)
     if (s.samples[id].state == SampleState::kResident) candidates.push_back(id);
-  s.renderer->draw(s.camera, s.cut.patches, candidates, s.cut.error_px, s.shading, s.options.lumigraph, now);
+  s.renderer->draw(s.camera, s.cut.patches, candidates, s.cut.error_px, s.shading, s.options.lumigraph, now,
+                   s.occluders);
   return {};
 }
 

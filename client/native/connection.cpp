@@ -255,12 +255,9 @@ void Connection::State::onRead(const LinkPointer& on, const beast::error_code& e
   backoff = kFirstBackoff;
   Event event;
   event.epoch = on->epoch;
-  const auto data = beast::buffers_range_ref(on->buffer.cdata());
-  event.bytes.reserve(on->buffer.size());
-  for (const asio::const_buffer& part : data) {
-    const auto* bytes = static_cast<const std::uint8_t*>(part.data());
-    event.bytes.insert(event.bytes.end(), bytes, bytes + part.size());
-  }
+  const asio::const_buffer data = on->buffer.cdata();
+  const auto* first = static_cast<const std::uint8_t*>(data.data());
+  event.bytes.assign(first, first + data.size());
   on->buffer.consume(on->buffer.size());
 
   // The emulated link is busy with this message until `free`; only then the next one starts.
