@@ -14,8 +14,8 @@ namespace {
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 constexpr std::uint32_t kUnknown = kNone - 1;
 constexpr float kFar = std::numeric_limits<float>::max();
-// Most facets that one walk visits; how often a triangle that no walk covers is quartered, and tried again in parts; and how many
-// walks all its parts may take.
+// Most facets that one walk visits; how often a triangle that no walk covers is quartered, and tried again in parts;
+// and how many walks all its parts may take.
 constexpr int kMaxVisits = 60;
 constexpr int kMaxQuartering = 6;
 constexpr int kMaxWalks = 400;
@@ -54,8 +54,8 @@ struct Facet {
   float beyond(int k, const glm::vec3& p) const { return glm::dot(wall[k], p) - wall_at[k]; }
   float height(const glm::vec3& p) const { return glm::dot(normal, p - corner[0]); }
 
-  // Over the triangle: the distance to its plane. Else: to the nearest of the edges that p lies beyond; one of them holds the
-  // closest point.
+  // Over the triangle: the distance to its plane. Else: to the nearest of the edges that p lies beyond; one of them
+  // holds the closest point.
   float distance2(const glm::vec3& p) const {
     float best = kFar;
     bool inside = !flat;
@@ -85,8 +85,8 @@ struct Facet {
   }
 };
 
-// A surface to measure against: facets, who lies beyond each edge, and the facets around each vertex. Facets are made when first
-// asked for: unchanged parts never are.
+// A surface to measure against: facets, who lies beyond each edge, and the facets around each vertex. Facets are made
+// when first asked for: unchanged parts never are.
 class Target {
  public:
   explicit Target(const SurfaceView& surface) : surface_(surface), facets_(surface.indices.size() / 3) { makeFans(); }
@@ -98,7 +98,8 @@ class Target {
   }
   std::uint32_t neighbor(std::uint32_t t, int k) {
     std::uint32_t& n = facets_[t].neighbor[k];
-    if (n == kUnknown) n = across(t, corner(t, static_cast<std::size_t>(k)), corner(t, static_cast<std::size_t>((k + 1) % 3)));
+    if (n == kUnknown)
+      n = across(t, corner(t, static_cast<std::size_t>(k)), corner(t, static_cast<std::size_t>((k + 1) % 3)));
     return n;
   }
 
@@ -201,8 +202,8 @@ bool covered(Target& target, const Polygon& polygon, std::uint32_t t, std::uint3
   if (facet.within(polygon, limit)) return true;
   if (--visits < 0 || facet.flat) return false;
 
-  // The part beyond each wall walks on; the wall it came over is the last. What is beyond that one alone lies in the wedge over
-  // the shared edge, where no neighbour is nearer than the facet.
+  // The part beyond each wall walks on; the wall it came over is the last. What is beyond that one alone lies in the
+  // wedge over the shared edge, where no neighbour is nearer than the facet.
   int order[3] = {0, 1, 2};
   for (int k = 0; k < 2; ++k)
     if (from != kNone && target.neighbor(t, order[k]) == from) std::swap(order[k], order[2]);
@@ -228,11 +229,12 @@ Polygon triangle(const glm::vec3& a, const glm::vec3& b, const glm::vec3& c) {
   return p;
 }
 
-// Where to look for target facets: near which target vertices a source vertex came to lie, and on which facet a triangle.
+// Where to look for target facets: near which target vertices a source vertex came to lie, and on which facet a
+// triangle.
 struct Hints {
-  std::vector<std::uint32_t> first;   // of vertex v: member[first[v]] … member[first[v + 1] − 1]
+  std::vector<std::uint32_t> first;  // of vertex v: member[first[v]] … member[first[v + 1] − 1]
   std::vector<std::uint32_t> member;
-  std::vector<std::uint32_t> image;   // per source triangle; kNone: it vanished
+  std::vector<std::uint32_t> image;  // per source triangle; kNone: it vanished
 };
 
 // Raises `limit` until it bounds the distance of every source triangle to the target.
@@ -307,8 +309,10 @@ class OneSided {
   bool quartersCovered(const Polygon& whole, const std::uint32_t* c, float limit, int depth) {
     const glm::vec3* p = whole.point;
     const glm::vec3 m[3] = {0.5F * (p[0] + p[1]), 0.5F * (p[1] + p[2]), 0.5F * (p[2] + p[0])};
-    for (const Polygon& part : {triangle(p[0], m[0], m[2]), triangle(m[0], p[1], m[1]), triangle(m[2], m[1], p[2]), triangle(m[0], m[1], m[2])})
-      if (!quarterCovered(part, c, limit) && (depth <= 1 || walks_ < 0 || !quartersCovered(part, c, limit, depth - 1))) return false;
+    for (const Polygon& part : {triangle(p[0], m[0], m[2]), triangle(m[0], p[1], m[1]), triangle(m[2], m[1], p[2]),
+                                triangle(m[0], m[1], m[2])})
+      if (!quarterCovered(part, c, limit) && (depth <= 1 || walks_ < 0 || !quartersCovered(part, c, limit, depth - 1)))
+        return false;
     return true;
   }
   bool quarterCovered(const Polygon& part, const std::uint32_t* c, float limit) {
@@ -374,7 +378,8 @@ float distanceBound(const SurfaceView& before, const SurfaceView& after, const S
   float limit = backward.seed(forward.seed(negligible));
   limit = backward.bound(forward.bound(limit));
   // Rounding of the cuts and distances, in units of the last place of the largest coordinate.
-  const float slack = 16.0F * std::numeric_limits<float>::epsilon() * std::max(largestCoordinate(before), largestCoordinate(after));
+  const float slack =
+      16.0F * std::numeric_limits<float>::epsilon() * std::max(largestCoordinate(before), largestCoordinate(after));
   return (limit + slack) * (1.0F + 1e-5F);
 }
 

@@ -32,7 +32,10 @@ class PointGrid {
     }
 
     // Counting sort.
-    start_.assign(static_cast<std::size_t>(count_.x) * static_cast<std::size_t>(count_.y) * static_cast<std::size_t>(count_.z) + 1, 0);
+    start_.assign(
+        static_cast<std::size_t>(count_.x) * static_cast<std::size_t>(count_.y) * static_cast<std::size_t>(count_.z) +
+            1,
+        0);
     for (const std::uint32_t m : members) ++start_[cellNumber(cellOf(positions[m])) + 1];
     for (std::size_t c = 1; c < start_.size(); ++c) start_[c] += start_[c - 1];
     members_.resize(members.size());
@@ -67,7 +70,8 @@ class PointGrid {
     return glm::clamp(glm::ivec3(glm::clamp((p - low_) / cell_, -1.0F, 1e6F)), glm::ivec3(0), count_ - 1);
   }
   std::size_t cellNumber(const glm::ivec3& c) const {
-    return (static_cast<std::size_t>(c.z) * static_cast<std::size_t>(count_.y) + static_cast<std::size_t>(c.y)) * static_cast<std::size_t>(count_.x) +
+    return (static_cast<std::size_t>(c.z) * static_cast<std::size_t>(count_.y) + static_cast<std::size_t>(c.y)) *
+               static_cast<std::size_t>(count_.x) +
            static_cast<std::size_t>(c.x);
   }
   // Cells at Chebyshev distance `ring` that lie in the grid.

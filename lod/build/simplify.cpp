@@ -4,6 +4,10 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numeric>
+#include <optional>
+
+#include "lod/build/point_grid.h"
 
 namespace lod::build {
 namespace {
@@ -170,6 +174,7 @@ class Simplifier {
     }
     const double mean =
         queue_.empty() ? 1.0 : length_sum / static_cast<double>(std::max<std::size_t>(1, queue_.size()));
+    mean_edge_ = mean;
     color_scale_ = kColorLength * mean / 255.0;
     normal_scale_ = kNormalLength * mean;
   }
@@ -271,7 +276,8 @@ class Simplifier {
       if (state.triangles == 0) continue;
       const Keep keep = keepOf(edge.a, edge.b, state.triangles != 2, rough);
       if (keep == Keep::kNone) continue;
-      const Collapse collapse = plan(edge.a, edge.b, rough);
+      Collapse collapse = plan(edge.a, edge.b, rough);
+      if (state.last) collapse.cost = std::max(collapse.cost, vanishingCost(edge.a, edge.b));
       if (const auto cost = static_cast<float>(collapse.cost);
           !queue_.empty() && cost > edge.cost && cost > queue_.front().cost) {
         edge.cost = cost;
@@ -294,6 +300,7 @@ class Simplifier {
   struct EdgeState {
     std::uint32_t triangles = 0;  // on the edge
     std::uint32_t common = 0;     // vertices next to both ends
+    bool last = false;            // with this edge its whole component vanishes
   };
   // Leaves mark_ == stamp_ on the neighbours of a, and stamp_ + 1 on those of them that are next to b too.
   EdgeState lookAt(std::uint32_t a, std::uint32_t b) {
@@ -303,13 +310,71 @@ class Simplifier {
       if (touches(t, b)) ++state.triangles;
       for (int k = 0; k < 3; ++k) mark_[mesh_.indices[3 * std::size_t{t} + static_cast<std::size_t>(k)]] = stamp_ - 1;
     });
+    std::uint32_t others = fanSize(a) - state.triangles;
     forEachTriangle(b, [&](std::uint32_t t) {
+      if (!touches(t, a)) ++others;
       for (int k = 0; k < 3; ++k) {
         const std::uint32_t w = mesh_.indices[3 * std::size_t{t} + static_cast<std::size_t>(k)];
         if (mark_[w] == stamp_ - 1 && w != a && w != b) mark_[w] = stamp_, ++state.common;
       }
     });
+    // A lone triangle, or two that lie on each other; a tetrahedron.
+    state.last = others == 0 || (others == 2 && state.triangles == 2 && state.common == 2 && isTetrahedron(a, b));
     return state;
+  }
+
+  std::uint32_t fanSize(std::uint32_t v) const {
+    std::uint32_t size = 0;
+    forEachTriangle(v, [&](std::uint32_t) { ++size; });
+    return size;
+  }
+
+  // After lookAt found two triangles off the edge and two common neighbours: do both hang on those?
+  bool isTetrahedron(std::uint32_t a, std::uint32_t b) const {
+    std::uint32_t closing = 0;
+    for (const std::uint32_t v : {a, b})
+      forEachTriangle(v, [&](std::uint32_t t) {
+        const auto [t1, t2] = otherCorners(t, v);
+        if (mark_[t1] == stamp_ && mark_[t2] == stamp_) ++closing;
+      });
+    return closing == 2;
+  }
+
+  // What is lost with a component is its distance to what stays, not its area: the nearest vertex of another component
+  // tells.
+  double vanishingCost(std::uint32_t a, std::uint32_t b) {
+    if (!grid_) findComponents();
+    double distance2 = 0.0;
+    for (const std::uint32_t v : {a, b}) {
+      const std::uint32_t near = grid_->nearest(mesh_.positions[v], [&](std::uint32_t w) {
+        return component_[w] != component_[v] && survivor_[w] == w && fans_[w].count != 0;
+      });
+      if (near == PointGrid::kNone) return std::numeric_limits<float>::max();
+      const glm::dvec3 d(mesh_.positions[near] - mesh_.positions[v]);
+      distance2 = std::max(distance2, glm::dot(d, d));
+    }
+    return distance2 * std::max(mean_edge_ * mean_edge_, quadrics_[a].weight + quadrics_[b].weight);
+  }
+
+  void findComponents() {
+    component_.resize(survivor_.size());
+    std::iota(component_.begin(), component_.end(), 0U);
+    auto root = [&](std::uint32_t v) {
+      while (component_[v] != v) v = component_[v] = component_[component_[v]];
+      return v;
+    };
+    auto join = [&](std::uint32_t v, std::uint32_t w) { component_[root(v)] = root(w); };
+    for (std::uint32_t v = 0; v < survivor_.size(); ++v) join(v, survivor_[v]);
+    for (std::size_t i = 0; i < mesh_.indices.size(); i += 3) {
+      join(mesh_.indices[i], mesh_.indices[i + 1]);
+      join(mesh_.indices[i], mesh_.indices[i + 2]);
+    }
+    std::vector<std::uint32_t> living;
+    for (std::uint32_t v = 0; v < survivor_.size(); ++v) {
+      component_[v] = root(v);
+      if (survivor_[v] == v && fans_[v].count != 0) living.push_back(v);
+    }
+    grid_.emplace(mesh_.positions, living);
   }
 
   Keep keepOf(std::uint32_t a, std::uint32_t b, bool border_edge, bool rough) const {
@@ -499,6 +564,9 @@ class Simplifier {
   std::vector<std::uint32_t> mark_;
   std::vector<std::uint32_t> uses_;
   std::uint32_t stamp_ = 0;
+  std::vector<std::uint32_t> component_;  // per vertex; made when first asked for
+  std::optional<PointGrid> grid_;
+  double mean_edge_ = 1.0;
   double color_scale_ = 0.0;
   double normal_scale_ = 0.0;
   float color_deviation_ = 0.0F;

@@ -1,0 +1,87 @@
+#include "lod/build/partition.h"
+
+#include <gtest/gtest.h>
+
+#include <thread>
+
+namespace {
+
+using namespace lod::build;
+
+// w × h vertices in a grid, each of weight 10.
+Graph gridGraph(std::uint32_t w, std::uint32_t h) {
+  std::vector<WeightedEdge> edges;
+  for (std::uint32_t y = 0; y < h; ++y)
+    for (std::uint32_t x = 0; x < w; ++x) {
+      if (x + 1 < w) edges.push_back({y * w + x, y * w + x + 1, 1});
+      if (y + 1 < h) edges.push_back({y * w + x, (y + 1) * w + x, 1});
+    }
+  return graphFromEdges(std::vector<std::int32_t>(w * h, 10), edges);
+}
+
+std::vector<std::int64_t> weights(const Graph& graph, const std::vector<std::uint32_t>& part) {
+  std::vector<std::int64_t> sums(*std::max_element(part.begin(), part.end()) + 1, 0);
+  for (std::size_t v = 0; v < part.size(); ++v) sums[part[v]] += graph.vertex_weights[v];
+  return sums;
+}
+
+TEST(Partition, GraphSumsEqualEdgesAndDropsLoops) {
+  const Graph graph = graphFromEdges({1, 1, 1}, {{0, 1, 2}, {1, 0, 3}, {2, 2, 9}, {1, 2, 1}});
+  EXPECT_EQ(graph.row, (std::vector<std::int32_t>{0, 1, 3, 4}));
+  EXPECT_EQ(graph.neighbors, (std::vector<std::int32_t>{1, 0, 2, 1}));
+  EXPECT_EQ(graph.edge_weights, (std::vector<std::int32_t>{5, 5, 1, 1}));
+}
+
+TEST(Partition, RecursivePartsStayUnderTheLimitAndAreNotTiny) {
+  const Graph graph = gridGraph(40, 30);
+  const auto part = partitionRecursively(graph, 1000);
+  const auto sums = weights(graph, part);
+  for (const std::int64_t sum : sums) {
+    EXPECT_LE(sum, 1000);
+    EXPECT_GE(sum, 300);
+  }
+  EXPECT_LE(sums.size(), 16U);
+}
+
+TEST(Partition, ASingleHeavyVertexStaysWhole) {
+  const Graph graph = graphFromEdges({5000, 1, 1}, {{0, 1, 1}, {1, 2, 1}});
+  const auto part = partitionRecursively(graph, 100);
+  EXPECT_NE(part[0], part[1]);
+  EXPECT_EQ(weights(graph, part)[part[0]], 5000);
+}
+
+TEST(Partition, GraphWithoutEdgesIsSplitToo) {
+  const Graph graph = graphFromEdges(std::vector<std::int32_t>(100, 1), {});
+  for (const std::int64_t sum : weights(graph, partitionRecursively(graph, 10))) EXPECT_LE(sum, 10);
+}
+
+TEST(Partition, PartsAreNumberedWithoutGaps) {
+  const Graph graph = gridGraph(20, 20);
+  const auto part = partitionIntoParts(graph, 50);
+  for (const std::int64_t sum : weights(graph, part)) EXPECT_GT(sum, 0);
+}
+
+TEST(Partition, TiesMakeOneComponent) {
+  std::vector<WeightedEdge> edges{{0, 1, 4}, {2, 3, 4}};
+  const std::vector<std::uint32_t> order{0, 1, 2, 3, 4};
+  tieComponents(order, edges);
+  for (const std::uint32_t c : components(5, edges)) EXPECT_EQ(c, 0U);
+  EXPECT_EQ(edges.size(), 4U);
+}
+
+// METIS has one random state for the whole process; calls that run at once must not change each other's result.
+TEST(Partition, ResultsDoNotDependOnWhatRunsBesideThem) {
+  const Graph graph = gridGraph(37, 23);
+  const auto alone = partitionIntoParts(graph, 12);
+  std::vector<std::thread> threads;
+  std::vector<std::vector<std::uint32_t>> results(6);
+  for (std::size_t t = 0; t < results.size(); ++t)
+    threads.emplace_back([&, t] {
+      for (int i = 0; i < 5; ++i) (void)partitionRecursively(graph, 300 + static_cast<std::int64_t>(t));
+      results[t] = partitionIntoParts(graph, 12);
+    });
+  for (std::thread& t : threads) t.join();
+  for (const auto& result : results) EXPECT_EQ(result, alone);
+}
+
+}  // namespace

@@ -1,0 +1,116 @@
+#include "lod/build/simplify.h"
+
+#include <gtest/gtest.h>
+
+#include <map>
+
+#include "tests/support/test_meshes.h"
+
+namespace {
+
+using namespace lod::build;
+
+// A generated mesh on the lattice, scale steps to the unit.
+GroupMesh groupOf(const Mesh& mesh, float scale) {
+  GroupMesh group;
+  for (const glm::vec3& p : mesh.positions) group.positions.push_back(glm::round((p + 2.0F) * scale));
+  group.normals.assign(group.positions.size(), glm::vec3(0, 0, 1));
+  for (const auto& c : mesh.colors) group.colors.push_back(glm::vec3(glm::u8vec3(c)));
+  group.locked.assign(group.positions.size(), 0);
+  group.indices = mesh.indices;
+  return group;
+}
+
+int unbalancedEdges(const std::vector<std::uint32_t>& indices) {
+  std::map<std::pair<std::uint32_t, std::uint32_t>, int> balance;
+  for (std::size_t i = 0; i < indices.size(); i += 3)
+    for (std::size_t k = 0; k < 3; ++k)
+      ++balance[{indices[i + k], indices[i + (k + 1) % 3]}], --balance[{indices[i + (k + 1) % 3], indices[i + k]}];
+  int open = 0;
+  for (const auto& [edge, count] : balance) open += count > 0 ? count : 0;
+  return open;
+}
+
+TEST(Simplify, ClosedStaysClosedAndManifoldDownToATenth) {
+  GroupMesh group = groupOf(support::torus(60, 40), 500.0F);
+  const Simplified out = simplifyGroup(group, 480);
+  EXPECT_LE(out.indices.size() / 3, 480U);
+  EXPECT_GE(out.indices.size() / 3, 478U);
+  EXPECT_FALSE(out.rough);
+  EXPECT_EQ(unbalancedEdges(out.indices), 0);
+  std::map<std::pair<std::uint32_t, std::uint32_t>, int> uses;
+  for (std::size_t i = 0; i < out.indices.size(); i += 3)
+    for (std::size_t k = 0; k < 3; ++k) ++uses[std::minmax(out.indices[i + k], out.indices[i + (k + 1) % 3])];
+  for (const auto& [edge, count] : uses) ASSERT_EQ(count, 2);
+}
+
+TEST(Simplify, LockedVerticesStayWhereTheyAre) {
+  GroupMesh group = groupOf(support::openGrid(40), 1000.0F);
+  for (std::uint32_t v = 0; v < group.positions.size(); ++v)
+    group.locked[v] = v % 41 == 0 || v % 41 == 40 || v < 41 || v >= 41 * 40;
+  const GroupMesh before = group;
+  const Simplified out = simplifyGroup(group, 800);
+  EXPECT_LE(out.indices.size() / 3, 800U);
+  std::vector<bool> used(group.positions.size(), false);
+  for (const std::uint32_t v : out.indices) used[v] = true;
+  for (std::uint32_t v = 0; v < group.positions.size(); ++v) {
+    if (before.locked[v] == 0) continue;
+    EXPECT_TRUE(used[v]);
+    EXPECT_EQ(out.survivor[v], v);
+    EXPECT_EQ(group.positions[v], before.positions[v]);
+  }
+}
+
+TEST(Simplify, AFlatOpenBorderKeepsItsOutline) {
+  GroupMesh group = groupOf(support::openGrid(30, 0.0F), 900.0F);
+  const Simplified out = simplifyGroup(group, 40);
+  EXPECT_LE(out.indices.size() / 3, 40U);
+  double area = 0.0;
+  for (std::size_t i = 0; i < out.indices.size(); i += 3) {
+    const glm::vec3 a = group.positions[out.indices[i]];
+    area += 0.5 * glm::cross(group.positions[out.indices[i + 1]] - a, group.positions[out.indices[i + 2]] - a).z;
+  }
+  EXPECT_DOUBLE_EQ(area, 900.0 * 900.0);
+}
+
+TEST(Simplify, StillHalvesSoupWhereNothingIsShared) {
+  GroupMesh group = groupOf(support::triangleSoup(2000), 20000.0F);
+  const Simplified out = simplifyGroup(group, 1000);
+  EXPECT_EQ(out.indices.size() / 3, 1000U);
+}
+
+TEST(Simplify, NeverRemovesTheLastTriangle) {
+  GroupMesh group = groupOf(support::triangleSoup(3), 20000.0F);
+  EXPECT_GE(simplifyGroup(group, 1).indices.size(), 3U);
+  GroupMesh tetrahedron = groupOf(support::tinyComponents(1), 20000.0F);
+  EXPECT_GE(simplifyGroup(tetrahedron, 1).indices.size(), 3U);
+}
+
+// Of two lone triangles the one that lies near others goes first: what is lost with a component is its distance to what
+// stays.
+TEST(Simplify, AFarComponentOutlivesANearOne) {
+  GroupMesh group;
+  auto add = [&](const glm::vec3& at, float size) {
+    for (const glm::vec3& d : {glm::vec3(0), glm::vec3(size, 0, 0), glm::vec3(0, size, 0)}) {
+      group.indices.push_back(static_cast<std::uint32_t>(group.positions.size()));
+      group.positions.push_back(at + d);
+    }
+  };
+  add({0, 0, 0}, 100), add({10, 10, 8}, 40), add({5000, 0, 0}, 10);
+  group.normals.assign(9, glm::vec3(0, 0, 1));
+  group.locked.assign(9, 0);
+  const Simplified out = simplifyGroup(group, 2);
+  EXPECT_EQ(out.origin, (std::vector<std::uint32_t>{0, 2}));
+}
+
+TEST(Simplify, TheWorkIsRecorded) {
+  GroupMesh group = groupOf(support::bumpySphere(20, 30), 700.0F);
+  const Simplified out = simplifyGroup(group, 500);
+  ASSERT_EQ(out.origin.size(), out.indices.size() / 3);
+  const Mesh source = support::bumpySphere(20, 30);
+  for (std::size_t t = 0; t < out.origin.size(); ++t)
+    for (std::size_t k = 0; k < 3; ++k)
+      EXPECT_EQ(out.survivor[source.indices[3 * std::size_t{out.origin[t]} + k]], out.indices[3 * t + k]);
+}
+
+}  // namespace

@@ -1,0 +1,117 @@
+#pragma once
+// Small generated meshes, by property.
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <glm/glm.hpp>
+#include <map>
+#include <random>
+
+#include "lod/build/mesh.h"
+
+namespace support {
+
+using lod::build::Mesh;
+
+inline void addTriangle(Mesh& mesh, std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+  mesh.indices.insert(mesh.indices.end(), {a, b, c});
+}
+
+/// Closed, genus 0: a bumpy sphere of 2 · rings · sectors triangles or so.
+inline Mesh bumpySphere(std::uint32_t rings, std::uint32_t sectors, float bump = 0.05F,
+                        glm::vec3 center = glm::vec3(0.0F), float radius = 1.0F) {
+  Mesh mesh;
+  auto point = [&](float theta, float phi) {
+    const float r = radius * (1.0F + bump * std::sin(7.0F * theta) * std::cos(9.0F * phi));
+    return center + r * glm::vec3(std::sin(theta) * std::cos(phi), std::sin(theta) * std::sin(phi), std::cos(theta));
+  };
+  constexpr float kPi = 3.14159265F;
+  mesh.positions.push_back(point(0.0F, 0.0F));
+  for (std::uint32_t r = 1; r < rings; ++r)
+    for (std::uint32_t s = 0; s < sectors; ++s)
+      mesh.positions.push_back(point(kPi * static_cast<float>(r) / static_cast<float>(rings),
+                                     2.0F * kPi * static_cast<float>(s) / static_cast<float>(sectors)));
+  mesh.positions.push_back(point(kPi, 0.0F));
+  const auto last = static_cast<std::uint32_t>(mesh.positions.size() - 1);
+  auto at = [&](std::uint32_t r, std::uint32_t s) { return 1 + (r - 1) * sectors + s % sectors; };
+  for (std::uint32_t s = 0; s < sectors; ++s) {
+    addTriangle(mesh, 0, at(1, s), at(1, s + 1));
+    for (std::uint32_t r = 1; r + 1 < rings; ++r) {
+      addTriangle(mesh, at(r, s), at(r + 1, s), at(r + 1, s + 1));
+      addTriangle(mesh, at(r, s), at(r + 1, s + 1), at(r, s + 1));
+    }
+    addTriangle(mesh, at(rings - 1, s), last, at(rings - 1, s + 1));
+  }
+  return mesh;
+}
+
+/// Closed, genus 1, 2 · a · b triangles.
+inline Mesh torus(std::uint32_t a, std::uint32_t b) {
+  Mesh mesh;
+  constexpr float kTurn = 6.2831853F;
+  for (std::uint32_t i = 0; i < a; ++i)
+    for (std::uint32_t j = 0; j < b; ++j) {
+      const float u = kTurn * static_cast<float>(i) / static_cast<float>(a);
+      const float v = kTurn * static_cast<float>(j) / static_cast<float>(b);
+      const float r = 1.0F + 0.35F * std::cos(v) + 0.02F * std::sin(11.0F * u) * std::sin(5.0F * v);
+      mesh.positions.push_back({r * std::cos(u), r * std::sin(u), 0.35F * std::sin(v)});
+      mesh.colors.push_back(glm::u8vec4(static_cast<std::uint8_t>(127.0F + 127.0F * std::cos(u)),
+                                        static_cast<std::uint8_t>(127.0F + 127.0F * std::cos(v)), 60, 255));
+    }
+  auto at = [&](std::uint32_t i, std::uint32_t j) { return (i % a) * b + j % b; };
+  for (std::uint32_t i = 0; i < a; ++i)
+    for (std::uint32_t j = 0; j < b; ++j) {
+      addTriangle(mesh, at(i, j), at(i + 1, j), at(i + 1, j + 1));
+      addTriangle(mesh, at(i, j), at(i + 1, j + 1), at(i, j + 1));
+    }
+  return mesh;
+}
+
+/// Open: a height field of 2 · n · n triangles over [0, 1]².
+inline Mesh openGrid(std::uint32_t n, float height = 0.05F) {
+  Mesh mesh;
+  for (std::uint32_t y = 0; y <= n; ++y)
+    for (std::uint32_t x = 0; x <= n; ++x) {
+      const glm::vec2 p = glm::vec2(x, y) / static_cast<float>(n);
+      mesh.positions.push_back({p, height * std::sin(9.0F * p.x) * std::cos(7.0F * p.y)});
+    }
+  for (std::uint32_t y = 0; y < n; ++y)
+    for (std::uint32_t x = 0; x < n; ++x) {
+      const std::uint32_t a = y * (n + 1) + x;
+      addTriangle(mesh, a, a + 1, a + n + 2);
+      addTriangle(mesh, a, a + n + 2, a + n + 1);
+    }
+  return mesh;
+}
+
+/// Nothing shares a vertex: small random triangles in a unit cube.
+inline Mesh triangleSoup(std::uint32_t count, float size = 0.02F) {
+  Mesh mesh;
+  std::mt19937 random(3);
+  std::uniform_real_distribution<float> unit(0.0F, 1.0F);
+  for (std::uint32_t t = 0; t < count; ++t) {
+    const glm::vec3 at(unit(random), unit(random), unit(random));
+    for (int k = 0; k < 3; ++k)
+      mesh.positions.push_back(at + size * glm::vec3(unit(random), unit(random), unit(random)));
+    addTriangle(mesh, 3 * t, 3 * t + 1, 3 * t + 2);
+  }
+  return mesh;
+}
+
+/// `count` separate closed tetrahedra in a unit cube.
+inline Mesh tinyComponents(std::uint32_t count) {
+  Mesh mesh;
+  std::mt19937 random(5);
+  std::uniform_real_distribution<float> unit(0.0F, 1.0F);
+  for (std::uint32_t c = 0; c < count; ++c) {
+    const glm::vec3 at(unit(random), unit(random), unit(random));
+    for (const glm::vec3& d : {glm::vec3(0), glm::vec3(1, 0, 0), glm::vec3(0, 1, 0), glm::vec3(0, 0, 1)})
+      mesh.positions.push_back(at + 0.004F * d);
+    const std::uint32_t v = 4 * c;
+    addTriangle(mesh, v, v + 2, v + 1), addTriangle(mesh, v, v + 1, v + 3), addTriangle(mesh, v, v + 3, v + 2),
+        addTriangle(mesh, v + 1, v + 2, v + 3);
+  }
+  return mesh;
+}
+
+}  // namespace support
