@@ -7,10 +7,11 @@
 
 namespace repository {
 
-/// Compresses a one-channel image (0 = background, anything else = model).
+/// Compresses a one-channel image (0 = background, anything else = model), each side 1 to 16384. No bytes when all of
+/// it is model.
 base::Bytes encodeCoverage(const base::Image& mask);
-/// The mask as 0 or 255, width × height. Hostile input is an error, never more memory than width × height plus a
-/// constant.
+/// The mask as 0 or 255, width × height, each 1 to 16384 (the caller checks; a grid that Grid::decode took has such).
+/// Hostile input is an error, never more memory than width × height plus a constant.
 base::Result<base::Image> decodeCoverage(base::ByteView bytes, int width, int height);
 
 }  // namespace repository

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <glm/glm.hpp>
-#include <utility>
 #include <vector>
 
 #include "base/check.h"
@@ -12,79 +11,58 @@
 namespace server {
 namespace {
 
-constexpr int kBlock = 8;  // a JPEG's DCT block
-
-// Mean colours of the blocks that hold model, later of all.
-struct Blocks {
-  int columns;
-  int rows;
+// One level of a pyramid of colours; a level's pixel stands for 2 × 2 of the level below.
+struct Level {
+  int width;
+  int height;
   std::vector<glm::ivec3> color;
   std::vector<std::uint8_t> known;
 
-  explicit Blocks(const base::Image& image)
-      : columns((image.width + kBlock - 1) / kBlock),
-        rows((image.height + kBlock - 1) / kBlock),
-        color(count()),
-        known(count(), 0) {}
-  std::size_t count() const { return static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows); }
-  std::size_t index(int column, int row) const {
-    return static_cast<std::size_t>(row) * static_cast<std::size_t>(columns) + static_cast<std::size_t>(column);
+  Level(int w, int h)
+      : width(w), height(h), color(static_cast<std::size_t>(w) * static_cast<std::size_t>(h)), known(color.size(), 0) {}
+  std::size_t index(int x, int y) const {
+    return static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x);
   }
 };
 
-template <class Visit>
-void forPixels(const base::Image& image, int column, int row, const Visit& visit) {
-  const int x1 = std::min(image.width, (column + 1) * kBlock);
-  const int y1 = std::min(image.height, (row + 1) * kBlock);
-  for (int y = row * kBlock; y < y1; ++y) {
-    for (int x = column * kBlock; x < x1; ++x) visit(x, y);
+Level modelPixels(const base::Image& rgba, const base::Image& mask) {
+  Level level(rgba.width, rgba.height);
+  for (std::size_t i = 0; i < level.color.size(); ++i) {
+    const std::uint8_t* pixel = &rgba.pixels[4 * i];
+    level.color[i] = glm::ivec3(pixel[0], pixel[1], pixel[2]);
+    level.known[i] = mask.pixels[i] != 0 ? 1 : 0;
   }
+  return level;
 }
 
-Blocks modelMeans(const base::Image& rgba, const base::Image& mask) {
-  Blocks blocks(rgba);
-  for (int row = 0; row < blocks.rows; ++row) {
-    for (int column = 0; column < blocks.columns; ++column) {
+// Means of the known ones among 2 × 2, in integers: the same on every machine.
+Level halved(const Level& fine) {
+  Level coarse((fine.width + 1) / 2, (fine.height + 1) / 2);
+  for (int y = 0; y < coarse.height; ++y) {
+    for (int x = 0; x < coarse.width; ++x) {
       glm::ivec3 sum(0);
       int count = 0;
-      forPixels(rgba, column, row, [&](int x, int y) {
-        if (*mask.at(x, y) == 0) return;
-        const std::uint8_t* pixel = rgba.at(x, y);
-        sum += glm::ivec3(pixel[0], pixel[1], pixel[2]);
-        ++count;
-      });
-      if (count == 0) continue;
-      blocks.color[blocks.index(column, row)] = (sum + glm::ivec3(count / 2)) / count;
-      blocks.known[blocks.index(column, row)] = 1;
-    }
-  }
-  return blocks;
-}
-
-// Gives every block without model the mean of its known neighbours, ring by ring from the model outward. Integers, in a
-// fixed order: the same on every machine.
-void spreadOutward(Blocks& blocks) {
-  std::vector<std::pair<std::size_t, glm::ivec3>> ring;
-  do {
-    ring.clear();
-    for (int row = 0; row < blocks.rows; ++row) {
-      for (int column = 0; column < blocks.columns; ++column) {
-        if (blocks.known[blocks.index(column, row)] != 0) continue;
-        glm::ivec3 sum(0);
-        int count = 0;
-        for (const auto& [dx, dy] : {std::pair{-1, 0}, {1, 0}, {0, -1}, {0, 1}}) {
-          const int x = column + dx;
-          const int y = row + dy;
-          if (x < 0 || y < 0 || x >= blocks.columns || y >= blocks.rows || blocks.known[blocks.index(x, y)] == 0)
-            continue;
-          sum += blocks.color[blocks.index(x, y)];
+      for (int v = 2 * y; v < std::min(fine.height, 2 * y + 2); ++v) {
+        for (int u = 2 * x; u < std::min(fine.width, 2 * x + 2); ++u) {
+          if (fine.known[fine.index(u, v)] == 0) continue;
+          sum += fine.color[fine.index(u, v)];
           ++count;
         }
-        if (count > 0) ring.emplace_back(blocks.index(column, row), (sum + glm::ivec3(count / 2)) / count);
       }
+      if (count == 0) continue;
+      coarse.color[coarse.index(x, y)] = (sum + glm::ivec3(count / 2)) / count;
+      coarse.known[coarse.index(x, y)] = 1;
     }
-    for (const auto& [index, color] : ring) blocks.color[index] = color, blocks.known[index] = 1;
-  } while (!ring.empty());
+  }
+  return coarse;
+}
+
+void fillFrom(const Level& coarse, Level& fine) {
+  for (int y = 0; y < fine.height; ++y) {
+    for (int x = 0; x < fine.width; ++x) {
+      if (fine.known[fine.index(x, y)] == 0) fine.color[fine.index(x, y)] = coarse.color[coarse.index(x / 2, y / 2)];
+    }
+  }
 }
 
 base::Image maskOf(const base::Image& rgba) {
@@ -98,17 +76,14 @@ base::Image maskOf(const base::Image& rgba) {
 
 base::Image fillBackground(const base::Image& rgba, const base::Image& mask) {
   LUMIGRID_CHECK_EQ(rgba.channels, 4);
-  Blocks blocks = modelMeans(rgba, mask);
-  spreadOutward(blocks);
+  std::vector<Level> pyramid = {modelPixels(rgba, mask)};
+  while (pyramid.back().width > 1 || pyramid.back().height > 1) pyramid.push_back(halved(pyramid.back()));
+  for (std::size_t level = pyramid.size() - 1; level > 0; --level) fillFrom(pyramid[level], pyramid[level - 1]);
+
   base::Image rgb(rgba.width, rgba.height, 3);
-  for (int row = 0; row < blocks.rows; ++row) {
-    for (int column = 0; column < blocks.columns; ++column) {
-      const glm::ivec3 filler = blocks.color[blocks.index(column, row)];
-      forPixels(rgba, column, row, [&](int x, int y) {
-        const bool model = *mask.at(x, y) != 0;
-        for (int c = 0; c < 3; ++c) rgb.at(x, y)[c] = model ? rgba.at(x, y)[c] : static_cast<std::uint8_t>(filler[c]);
-      });
-    }
+  for (std::size_t i = 0; i < pyramid[0].color.size(); ++i) {
+    for (int c = 0; c < 3; ++c)
+      rgb.pixels[3 * i + static_cast<std::size_t>(c)] = static_cast<std::uint8_t>(pyramid[0].color[i][c]);
   }
   return rgb;
 }

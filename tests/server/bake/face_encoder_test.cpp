@@ -96,9 +96,8 @@ TEST(FaceEncoder, fillerCostsAJpegLessThanBlackBackground) {
   EXPECT_LT(filled->jpeg_bytes * 10, repository::encodeJpeg(black, 85, repository::Subsampling::k420)->size() * 9);
 }
 
-// Two blocks of 8 with one model pixel each, 10 and 30, and between them two blocks without: each takes its neighbour's
-// colour.
-TEST(FaceEncoder, fillerIsTheBlocksMeanAndSpreadsOutward) {
+// Model at both ends, hidden pixels between: each takes the mean of the smallest aligned square that holds model.
+TEST(FaceEncoder, fillerIsTheMeanOfTheSmallestSquareThatHoldsModel) {
   base::Image image(32, 8, 4);
   paint(image, 0, 0, 10, 0, 0, 255);
   paint(image, 1, 0, 20, 0, 0, 255);
@@ -107,10 +106,12 @@ TEST(FaceEncoder, fillerIsTheBlocksMeanAndSpreadsOutward) {
   const base::Image filled = fillBackground(image, maskWith(32, 8, {{0, 0}, {1, 0}, {31, 7}}));
   EXPECT_EQ(filled.at(0, 0)[0], 10);
   EXPECT_EQ(filled.at(1, 0)[0], 20);
+  EXPECT_EQ(filled.at(0, 1)[0], 15);
   EXPECT_EQ(filled.at(5, 5)[0], 15);
   EXPECT_EQ(filled.at(12, 4)[0], 15);
   EXPECT_EQ(filled.at(18, 4)[0], 30);
   EXPECT_EQ(filled.at(28, 4)[0], 30);
+  EXPECT_EQ(filled.at(31, 7)[0], 30);
 }
 
 TEST(FaceEncoder, sidesThatAreNoMultipleOfABlockWork) {
