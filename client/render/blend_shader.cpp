@@ -50,8 +50,8 @@ std::string blendFragmentSource() {
 struct Sample {
   mat4 clip_from_scene;
   vec4 eye;      // xyz centre of projection, w fade in time
-  vec4 place;    // array, layer, width, height in pixels
-  vec4 depth;    // A, B of w = B / (depth + A); width of a depth texel at distance 1; pixels per unit length at distance 1
+  vec4 place;    // array, layer, one depth texel's width and height in texture coordinates
+  vec4 depth;    // A, B of depth −1..1 = B / w − A; width of a depth texel at distance 1; pixels per unit length at distance 1
   vec4 floors;   // what the weight keeps at the left, right, bottom, top border
 };
 layout(std140) uniform Samples { Sample u_samples[32]; };
@@ -73,9 +73,9 @@ uniform bool u_carve;
 uniform bool u_fill;
 uniform vec4 u_background;
 
-uniform float u_angle_power, u_angle_floor, u_resolution_power, u_border, u_side_low, u_side_high;
-uniform float u_bias_texels, u_bias_error, u_mip_bias, u_parallax, u_carve_below;
-uniform float u_x0, u_x1, u_x2, u_x3;
+// BlendTuning (lumigraph.h says what each is).
+uniform float u_angle_power, u_angle_floor, u_resolution_power, u_shift, u_border, u_side_low, u_side_high;
+uniform float u_bias_texels, u_bias_error, u_parallax, u_carve_below, u_vote_power;
 
 in vec3 v_position;
 in vec3 v_normal;
@@ -94,33 +94,37 @@ float litAt(int array, vec4 place) {
   return texture(u_depth2, place);
 }
 
+// The share of a 3 × 3 neighbourhood of depth texels that lies no nearer than `reference`: four taps, each filtered over 2 × 2.
+float litAround(int array, vec4 place, vec2 texel) {
+  return 0.25 * (litAt(array, place + vec4(texel, 0.0, 0.0)) + litAt(array, place - vec4(texel, 0.0, 0.0)) +
+                 litAt(array, place + vec4(texel.x, -texel.y, 0.0, 0.0)) + litAt(array, place + vec4(-texel.x, texel.y, 0.0, 0.0)));
+}
+
 void main() {
-  // The surface here: seen side, normal, the proxy's error.
-  vec3 dx = dFdx(v_position);
-  vec3 dy = dFdy(v_position);
+  // The surface here: the side that the viewer sees, its normal, the proxy's error.
   vec3 to_eye = u_eye - v_position;
   float view_distance = length(to_eye);
   vec3 view_ray = to_eye / view_distance;
-  vec3 facet = cross(dx, dy);
-  float area = length(facet);
-  facet = area > 0.0 ? facet / area : view_ray;
+  vec3 facet = cross(dFdx(v_position), dFdy(v_position));
   if (dot(facet, view_ray) < 0.0) facet = -facet;
   vec3 normal = dot(v_normal, facet) < 0.0 ? -v_normal : v_normal;
+  float squared = dot(normal, normal);
+  normal = squared > 1e-12 ? normal * inversesqrt(squared) : view_ray;
   float error = u_error * view_distance;
+  float error_px = u_error * u_pixels_per_unit;
 
   // A pushed fragment lies in front of the surface that its view ray meets: look further along the ray.
   float push = u_push * view_distance;
   vec3 p = v_position - view_ray * min(push / max(dot(normal, view_ray), 0.01), u_parallax * push);
-
   vec2 view_ndc = gl_FragCoord.xy / u_viewport * 2.0 - 1.0;
   float view_density = u_pixels_per_unit / view_distance;
 
-  vec3 color_sum = vec3(0.0);          // premultiplied
+  vec3 color_sum = vec3(0.0);      // premultiplied
   float coverage_sum = 0.0;
-  float weight_sum = 0.0;
-  float unseen = 1.0;                  // how far nothing sees this
-  float seen_model = 0.0;
-  float seen_any = 0.0;
+  float votes = 0.0;               // of the images that see this place, whatever way it faces
+  float votes_for_model = 0.0;
+  float voters = 0.0;              // the surest of them, 0..1
+  float unseen = 1.0;              // 1 while no image shows the model here
 
   for (int k = 0; k < u_count; ++k) {
     int i = u_list[k >> 2][k & 3];
@@ -130,59 +134,56 @@ void main() {
     vec4 inside = vec4(1.0 + ndc.x, 1.0 - ndc.x, 1.0 + ndc.y, 1.0 - ndc.y);
     if (min(min(inside.x, inside.y), min(inside.z, inside.w)) <= 0.0) continue;
 
-    // Fading towards borders. A sample whose border is the screen's border as well has nothing to fade to.
+    // Fading towards borders. Where the sample looks as the view does, its border is the screen's: there is nothing to fade to.
     vec2 apart = abs(ndc - view_ndc);
-    float width = clamp(max(apart.x, apart.y), 1e-4, 1.0) ;
-    width = min(2.0 * u_border, width);
+    float width = clamp(max(apart.x, apart.y), 1e-4, 2.0 * u_border);
     vec4 rise = mix(u_samples[i].floors, vec4(1.0), smoothstep(0.0, width, inside));
     float seen = u_samples[i].eye.w * rise.x * rise.y * rise.z * rise.w;
 
-    // The side of the surface that the viewer sees.
-    vec3 to_sample = u_samples[i].eye.xyz - p;
-    vec3 sample_ray = to_sample / length(to_sample);
+    // Visibility: the shadow mask, its bias scaled by the slope.
+    vec3 sample_ray = normalize(u_samples[i].eye.xyz - p);
     float cosine = dot(normal, sample_ray);
-    seen *= smoothstep(u_side_low, u_side_high, cosine);
-
-    // Visibility: shadow mask.
+    float steep = clamp(abs(cosine), 0.2, 1.0);
     vec4 depth = u_samples[i].depth;
-    float cosine_safe = clamp(abs(cosine), 0.2, 1.0);
-    float slope = sqrt(1.0 - cosine_safe * cosine_safe) / cosine_safe;
-    float bias = u_bias_texels * depth.z * clip.w * (1.0 + slope) + u_bias_error * (error + push) / cosine_safe;
-    float biased = max(clip.w - bias, 1e-6 * clip.w);
-    float reference = 0.5 * (depth.y / biased - depth.x) + 0.5;
+    float texel = depth.z * clip.w;
+    float bias = u_bias_texels * texel * (1.0 + sqrt(1.0 - steep * steep) / steep) + u_bias_error * (error + push) / steep;
+    float reference = 0.5 * (depth.y / max(clip.w - bias, 1e-6 * clip.w) - depth.x) + 0.5;
     vec4 place = u_samples[i].place;
     int array = int(place.x);
-    vec2 uv = ndc * 0.5 + 0.5;
-    float lit = litAt(array, vec4(uv, place.y, clamp(reference, 0.0, 1.0)));
-    seen *= lit;
+    vec2 uv = 0.5 * ndc + 0.5;
+    float lit = litAround(array, vec4(uv, place.y, clamp(reference, 0.0, 1.0)), place.zw);
+    seen *= min(1.0, 2.0 * lit);
     if (seen <= 0.0) continue;
 
-    // Weight: by angle and by resolution.
+    // Coverage votes: by angle alone, the closer the ray the better it knows the silhouette.
+    float ratio = depth.w / clip.w / view_density;
+    vec4 color = colorAt(array, vec3(uv, place.y), log2(max(ratio, 1.0)));
     float angle = length(view_ray - sample_ray);
-    float density = depth.w / clip.w;
-    float ratio = min(1.0, density / view_density);
-    float weight = seen * pow(ratio, u_resolution_power) * pow(angle + u_angle_floor, -u_angle_power);
+    float vote = seen * pow(angle + u_angle_floor, -u_vote_power);
+    votes += vote;
+    votes_for_model += vote * color.a;
+    voters = max(voters, seen);
 
-    float level = log2(max(density / view_density, 1.0)) + u_mip_bias;
-    vec4 color = colorAt(array, vec3(uv, place.y), level);
+    // Weight. A texel covers 1 / ratio view pixels, more where the sample sees the surface at a slant; an error of the proxy
+    // shifts the image by error × angle. Both blur, in view pixels; the sharpest images count most. Close to an edge in the depth map the
+    // image may show what lies in front: it counts only where nothing better is there.
+    float blur = 1.0 / clamp(ratio * cosine, 0.05, 1.0);
+    float shift = u_shift * error_px * angle;
+    float weight = seen * smoothstep(u_side_low, u_side_high, cosine) * mix(0.02, 1.0, smoothstep(0.5, 1.0, lit)) *
+                   pow(blur * blur + shift * shift, -0.5 * u_resolution_power) * pow(angle + u_angle_floor, -u_angle_power);
     color_sum += weight * color.rgb;
     coverage_sum += weight * color.a;
-    weight_sum += weight;
-    unseen *= 1.0 - seen * color.a;
-    seen_any = max(seen_any, seen);
+    unseen *= 1.0 - seen * smoothstep(u_side_low, u_side_high, cosine) * color.a;
   }
 
   // Carving: what the images that see this place call background is not there.
-  if (u_carve && seen_any > 0.5 && coverage_sum < u_carve_below * weight_sum) discard;
+  if (u_carve && voters > 0.5 && votes_for_model < u_carve_below * votes) discard;
 
-  // What no image sees is shaded; in between, blended.
+  // What no image sees is shaded; in between, blended, so that nothing pops.
   float images = smoothstep(0.0, 0.25, 1.0 - unseen);
   vec3 color = color_sum / max(coverage_sum, 1e-20);
-  if (images < 1.0) {
-    if (!u_fill && images <= 0.0) discard;
-    vec3 shaded = u_fill ? shadeSurface(v_color, normal, to_eye) : u_background.rgb;
-    color = mix(shaded, color, images);
-  }
+  if (images < 1.0) color = mix(u_fill ? shadeSurface(v_color, normal, to_eye) : u_background.rgb, color, images);
+  if (!u_fill && images <= 0.0) discard;
   o_color = vec4(color, 1.0);
 }
 )";

@@ -7,6 +7,8 @@
 namespace client {
 namespace {
 
+/// What a box's first image adds against its next ones: gain = quality / (kSaturation + quality it has). Measured: docs/lumigraph-tuning.md.
+constexpr float kSaturation = 0.3F;
 constexpr float kSameDirection = 1.0F - 1e-6F;  ///< cosine: corners within 1.4 mrad, under a pixel of a 90° face of 1024
 
 glm::vec3 directionThrough(const glm::mat4& scene_from_clip, const glm::vec3& eye, float x, float y) {
@@ -30,8 +32,6 @@ bool sameCentre(const SampleGeometry& a, const SampleGeometry& b) {
 /// Sides in the order of the corners (bottom, right, top, left) to components of borderFloors.
 constexpr std::array<int, 4> kFloorOfSide{2, 1, 3, 0};
 
-float distanceTo(const base::Aabb& box, const glm::vec3& eye) { return glm::length(box.center() - eye); }
-
 }  // namespace
 
 SampleGeometry::SampleGeometry(const base::Camera& camera)
@@ -41,44 +41,59 @@ SampleGeometry::SampleGeometry(const base::Camera& camera)
              directionThrough(scene_from_clip, eye, 1, 1), directionThrough(scene_from_clip, eye, -1, 1)};
 }
 
-float sampleWeight(const glm::vec3& point, const glm::vec3& view_eye, const glm::vec3& sample_eye, float view_density, float sample_density,
+float sampleWeight(const glm::vec3& point, const glm::vec3& view_eye, const glm::vec3& sample_eye, float ratio, float error_px,
                    const BlendTuning& tuning) {
-  const glm::vec3 to_view = glm::normalize(view_eye - point);
-  const glm::vec3 to_sample = glm::normalize(sample_eye - point);
-  const float angle = glm::length(to_view - to_sample);
-  const float ratio = std::min(1.0F, sample_density / view_density);
-  return std::pow(ratio, tuning.resolution_power) * std::pow(angle + tuning.angle_floor, -tuning.angle_power);
+  const float angle = glm::length(glm::normalize(view_eye - point) - glm::normalize(sample_eye - point));
+  const float blur = 1.0F / std::min(1.0F, ratio);
+  const float shift = tuning.shift * error_px * angle;
+  return std::pow(blur * blur + shift * shift, -0.5F * tuning.resolution_power) * std::pow(angle + tuning.angle_floor, -tuning.angle_power);
 }
 
 std::vector<std::size_t> chooseSamples(std::span<const SampleGeometry* const> samples, std::span<const base::Aabb> boxes,
-                                       const base::Camera& view, std::size_t limit, const BlendTuning& tuning) {
-  std::vector<float> votes(samples.size(), 0.0F);
-  std::vector<float> weights(samples.size());
-  for (const base::Aabb& box : boxes) {
-    const glm::vec3 center = box.center();
-    const float radius = 0.5F * box.diagonal();
-    const float distance = std::max(distanceTo(box, view.eye), radius + 1e-20F);
-    const float view_density = view.pixelsPerUnitAtOne() / distance;
-    float sum = 0.0F;
-    for (std::size_t i = 0; i < samples.size(); ++i) {
-      weights[i] = 0.0F;
-      if (!samples[i]->frustum.mayOverlap(box)) continue;
-      const float sample_density = samples[i]->pixels_per_unit_at_one / std::max(distanceTo(box, samples[i]->eye), radius + 1e-20F);
-      weights[i] = sampleWeight(center, view.eye, samples[i]->eye, view_density, sample_density, tuning);
-      if (!std::isfinite(weights[i])) weights[i] = 0.0F;  // an eye in the box's middle has no direction
-      sum += weights[i];
+                                       const base::Camera& view, std::size_t limit, float error_px, const BlendTuning& tuning) {
+  // quality[s * boxes + b]: the weight of sample s in box b, times the box's size on screen, as a share of the best one's.
+  const std::size_t count = boxes.size();
+  std::vector<float> quality(samples.size() * count, 0.0F);
+  std::vector<float> sizes(count);
+  for (std::size_t b = 0; b < count; ++b) {
+    const glm::vec3 center = boxes[b].center();
+    const float radius = 0.5F * boxes[b].diagonal() + 1e-20F;
+    const float distance = std::max(glm::length(center - view.eye), radius);
+    float best = 0.0F;
+    for (std::size_t s = 0; s < samples.size(); ++s) {
+      if (!samples[s]->frustum.mayOverlap(boxes[b])) continue;
+      const float sample_distance = std::max(glm::length(center - samples[s]->eye), radius);
+      const float ratio = samples[s]->pixels_per_unit_at_one / sample_distance / (view.pixelsPerUnitAtOne() / distance);
+      const float weight = sampleWeight(center, view.eye, samples[s]->eye, ratio, error_px, tuning);
+      if (!std::isfinite(weight)) continue;  // an eye in the box's middle has no direction
+      quality[s * count + b] = weight;
+      best = std::max(best, weight);
     }
     const float size_on_screen = radius / distance * (radius / distance);
-    if (sum > 0.0F)
-      for (std::size_t i = 0; i < samples.size(); ++i) votes[i] += size_on_screen * weights[i] / sum;
+    if (best > 0.0F)
+      for (std::size_t s = 0; s < samples.size(); ++s) quality[s * count + b] /= best;
+    sizes[b] = size_on_screen;
   }
 
-  std::vector<std::size_t> order;
-  for (std::size_t i = 0; i < samples.size(); ++i)
-    if (votes[i] > 0.0F) order.push_back(i);
-  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return votes[a] > votes[b]; });
-  if (order.size() > limit) order.resize(limit);
-  return order;
+  // Greedily the sample that adds most, where what a box has already counts less and less.
+  std::vector<std::size_t> chosen;
+  std::vector<float> had(count, 0.0F);
+  std::vector<char> taken(samples.size(), 0);
+  while (chosen.size() < limit) {
+    float best_gain = 0.0F;
+    std::size_t best = samples.size();
+    for (std::size_t s = 0; s < samples.size(); ++s) {
+      if (taken[s] != 0) continue;
+      float gain = 0.0F;
+      for (std::size_t b = 0; b < count; ++b) gain += sizes[b] * quality[s * count + b] / (kSaturation + had[b]);
+      if (gain > best_gain) best_gain = gain, best = s;
+    }
+    if (best == samples.size()) break;
+    taken[best] = 1;
+    chosen.push_back(best);
+    for (std::size_t b = 0; b < count; ++b) had[b] += quality[best * count + b];
+  }
+  return chosen;
 }
 
 std::vector<glm::vec4> borderFloors(std::span<const SampleGeometry* const> samples, std::span<const float> fades) {

@@ -23,15 +23,14 @@ struct SampleGeometry {
 };
 
 /// The weight of a sample at a surface point for a viewer, before visibility: the same formula as the shader's (blend_shader.cpp).
-/// `view_density` and `sample_density`: pixels per unit length there.
-float sampleWeight(const glm::vec3& point, const glm::vec3& view_eye, const glm::vec3& sample_eye, float view_density, float sample_density,
+/// `ratio`: pixels per unit length of the sample over those of the view. `error_px`: the proxy's error there.
+float sampleWeight(const glm::vec3& point, const glm::vec3& view_eye, const glm::vec3& sample_eye, float ratio, float error_px,
                    const BlendTuning& tuning);
 
-/// Up to `limit` of `samples`, by index, those first that contribute most to the view: every box hands out one vote, in
-/// proportion to its size on screen, shared among the samples that may see it by their weights (Buehler et al. 2001, section 3,
-/// rank cameras per ray; per patch is enough to choose). Samples that see no box are left out.
+/// Up to `limit` of `samples`, by index, in the order of what they add to the view. Buehler et al. 2001, section 3, rank cameras per
+/// ray; to choose, one ray per box of the drawn surface is enough. Samples that see no box are left out.
 std::vector<std::size_t> chooseSamples(std::span<const SampleGeometry* const> samples, std::span<const base::Aabb> boxes,
-                                       const base::Camera& view, std::size_t limit, const BlendTuning& tuning);
+                                       const base::Camera& view, std::size_t limit, float error_px, const BlendTuning& tuning);
 
 /// For each sample, what its weight keeps at its left, right, bottom and top border (0: fades out). Where another of these samples has the
 /// same centre and the same border (the next face of a cube, the next tile) nothing has to fade: the other goes on where this one

@@ -278,7 +278,8 @@ void LumigraphRenderer::State::wantSamples(Frame& frame, std::span<const SampleI
   for (const Sample* sample : all) geometries.push_back(&sample->geometry);
   const auto limit = static_cast<std::size_t>(std::clamp(frame.options.max_samples, 1, kMaxSamples));
   std::vector<Sample*> wanted;
-  for (const std::size_t i : chooseSamples(geometries, frame.boxes, frame.camera, limit, frame.options.tuning)) wanted.push_back(all[i]);
+  for (const std::size_t i : chooseSamples(geometries, frame.boxes, frame.camera, limit,
+                                         frame.error_per_distance * frame.camera.pixelsPerUnitAtOne(), frame.options.tuning)) wanted.push_back(all[i]);
   drawDepthMaps(frame, wanted);
 
   const float seconds = frame.options.fade_seconds;
@@ -325,7 +326,7 @@ void LumigraphRenderer::State::uploadBlock(const Frame& frame) {
     const glm::mat4& projection = sample.camera.clip_from_eye;
     blocks[i].clip_from_scene = sample.geometry.clip_from_scene;
     blocks[i].eye = glm::vec4(sample.geometry.eye, fades[i]);
-    blocks[i].place = glm::vec4(sample.array, sample.layer, array.width(), array.height());
+    blocks[i].place = glm::vec4(sample.array, sample.layer, 1.0F / static_cast<float>(array.depthWidth()), 1.0F / static_cast<float>(array.depthHeight()));
     // Clip z = P22 z + P32 with w = −z: depth = P32 / w − P22.
     const float texel = std::max(2.0F / (projection[0][0] * static_cast<float>(array.depthWidth())),
                                  2.0F / (projection[1][1] * static_cast<float>(array.depthHeight())));
@@ -373,15 +374,15 @@ void LumigraphRenderer::State::setUniforms(const Frame& frame, const lod::draw::
   set("u_angle_power", tuning.angle_power);
   set("u_angle_floor", tuning.angle_floor);
   set("u_resolution_power", tuning.resolution_power);
+  set("u_shift", tuning.shift);
   set("u_border", tuning.border);
   set("u_side_low", tuning.side_low);
   set("u_side_high", tuning.side_high);
   set("u_bias_texels", tuning.bias_texels);
   set("u_bias_error", tuning.bias_error);
-  set("u_mip_bias", tuning.mip_bias);
   set("u_parallax", tuning.parallax);
   set("u_carve_below", tuning.carve_below);
-  set("u_x0", tuning.x0); set("u_x1", tuning.x1); set("u_x2", tuning.x2); set("u_x3", tuning.x3);
+  set("u_vote_power", tuning.vote_power);
 }
 
 /// Patches front to back; runs that the same samples may see share a draw call's list, so that a fragment tries only those.
@@ -442,7 +443,7 @@ void LumigraphRenderer::draw(const base::Camera& camera, std::span<const std::ui
   state.stats.samples_resident = static_cast<std::uint32_t>(state.samples.size());
   state.stats.patches = static_cast<std::uint32_t>(cut.size());
   for (const std::uint32_t patch : cut) state.stats.triangles += state.patches.triangles(patch);
-  state.stats.gpu_bytes = state.textureBytes() + state.patches.gpuBytes();
+  state.stats.gpu_bytes = state.textureBytes() + state.patches.gpuBytes() + sizeof(SampleBlock) * kMaxSamples;
 }
 
 }  // namespace client

@@ -22,19 +22,18 @@ using SampleId = std::uint64_t;
 
 /// How samples are weighed against each other. The defaults are what measured best: docs/lumigraph-tuning.md.
 struct BlendTuning {
-  float angle_power = 3.0F;        ///< weight ∝ (angle between the rays to viewer and sample + angle_floor)^−angle_power
+  float resolution_power = 6.0F;   ///< weight ∝ blur^−resolution_power, blur in view pixels: the sample's texel and the proxy's error seen from aside
+  float shift = 2.0F;              ///< share of the proxy's projected error that counts as blur, times the angle between the rays
+  float angle_power = 1.0F;        ///< and ∝ (angle between the rays to viewer and sample + angle_floor)^−angle_power
   float angle_floor = 0.02F;       ///< radians
-  float resolution_power = 1.0F;   ///< weight ∝ min(1, sample's pixels per length / view's)^resolution_power
+  float vote_power = 3.0F;         ///< votes on coverage ∝ (angle + angle_floor)^−vote_power
+  float carve_below = 0.5F;        ///< mean coverage by votes under which a fragment is discarded
   float border = 0.06F;            ///< share of a sample's width over which it fades towards a border with no neighbour
-  float side_low = 0.0F;           ///< cosine between normal and ray to the sample where its weight begins,
-  float side_high = 0.2F;          ///< and where it is full
-  float bias_texels = 1.5F;        ///< shadow bias in depth map texels, scaled by the slope
-  float bias_error = 2.0F;         ///< shadow bias in units of the proxy's error
-  float mip_bias = 0.0F;           ///< added to the mip level
-  float parallax = 0.0F;           ///< pushed fragments are looked up this many push lengths further along the view ray, at most
-  float carve_below = 0.5F;        ///< mean coverage under which a fragment is discarded
-  float x0 = 0.0F, x1 = 0.0F, x2 = 0.0F, x3 = 0.0F;
-  int depth_size = 512;
+  float side_low = -0.3F;          ///< cosine between normal and ray to the sample where its weight begins,
+  float side_high = 0.0F;          ///< and where it is full
+  float bias_texels = 0.5F;        ///< shadow bias in depth map texels, scaled by the slope
+  float bias_error = 1.0F;         ///< shadow bias in units of the proxy's error and push
+  float parallax = 2.0F;           ///< a pushed fragment is looked up this many push lengths further along the view ray, at most
 };
 
 struct LumigraphOptions {
@@ -42,7 +41,7 @@ struct LumigraphOptions {
   float fade_seconds = 0.25F;       ///< new images and patches come in over this; 0 for pictures that must be final at once
   bool carve = true;                ///< discard fragments that every image that sees them calls background
   bool fill_holes = true;           ///< shade what no image sees from colour, normal and light; else leave background
-  float push = 1.0F;                ///< proxy pushed outward along its normals by this many times its error (0: not), then carved
+  float push = 0.25F;               ///< proxy pushed outward along its normals by this many times its error (0: not), then carved
   bool use_images = true;           ///< false: the same proxy shaded by its vertex colours
   float background[4] = {0.0F, 0.0F, 0.0F, 0.0F};
   BlendTuning tuning;
