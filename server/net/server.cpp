@@ -151,12 +151,17 @@ class Viewer final : public Connection {
 
   void onRead(error_code ec, std::size_t) {
     if (ec) return fail("read", ec);
-    if (closing_) return doRead();  // until the peer's close frame
+    if (closing_ || refused_) {
+      // Until the peer's close frame; what else it says is of no interest.
+      incoming_.clear();
+      return doRead();
+    }
     if (!socket_.got_binary()) return close(websocket::close_code::unknown_data, "messages are binary");
 
     const auto bytes = incoming_.cdata();
     const auto taken = session_.receive({static_cast<const std::uint8_t*>(bytes.data()), bytes.size()});
     if (!taken) {
+      refused_ = true;
       why_ = taken.error().message;
       spdlog::warn("refuse client={} peer={} why=\"{}\"", id_, peer_, why_);
     } else if (!named_ && !session_.clientName().empty()) {
@@ -234,6 +239,7 @@ class Viewer final : public Connection {
   std::optional<base::Bytes> outgoing_;
   bool writing_ = false;
   bool closing_ = false;
+  bool refused_ = false;
   bool named_ = false;
 };
 
@@ -539,6 +545,10 @@ base::Result<void> Server::run(bool handle_signals) {
   }
   state.doAccept();
   state.io.run();
+
+  // Whoever did not close in time goes with `io`; nothing may wait for that.
+  state.hub->goodbye.reset();
+  state.hub->renderer.reset();
   return {};
 }
 

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <random>
 #include <set>
 
 #include "server/session/view_plan.h"
@@ -463,6 +464,79 @@ TEST(Session, aFrameOfAnOlderViewIsSentOnlyFromNearby) {
     talk.session.frameRendered(request, someFaceValue(500, 3));
     const auto message = *talk.next();
     EXPECT_EQ(std::holds_alternative<protocol::Frame>(message), near);
+  }
+}
+
+// ---- anything a client may do, in any order ----
+
+/// A client that keeps a cache at random and checks every message against it.
+struct DrawnClient {
+  DrawnClient(const TestScene& test_scene, unsigned seed) : scene(test_scene), talk(test_scene.data), random(seed) {}
+
+  std::uint32_t whole(std::uint32_t low, std::uint32_t high) {
+    return std::uniform_int_distribution<std::uint32_t>(low, high)(random);
+  }
+  double real() { return std::uniform_real_distribution<double>(-0.9, 0.9)(random); }
+
+  void look() {
+    protocol::View view =
+        scene.view(++sequence, {real(), real(), 0.1 + std::abs(real())}, {0.3 * real(), 0.3 * real(), 0.0});
+    view.max_points = static_cast<std::uint16_t>(whole(0, 10));
+    view.max_triangles = whole(0, 5000);
+    view.want_frame = whole(0, 1) == 1;
+    ASSERT_TRUE(talk.say(view));
+  }
+  void evict() {
+    protocol::Evicted evicted;
+    for (const auto& key : faces)
+      if (whole(0, 2) == 0) evicted.faces.push_back(key);
+    for (std::uint32_t group : groups)
+      if (whole(0, 2) == 0) evicted.groups.push_back(group);
+    for (const auto& key : evicted.faces) faces.erase(key);
+    for (std::uint32_t group : evicted.groups) groups.erase(group);
+    ASSERT_TRUE(talk.say(evicted));
+  }
+  void readSome() {
+    for (std::uint32_t i = whole(0, 40); i > 0; --i) {
+      auto message = talk.next();
+      if (!message) break;
+      if (const auto* face = std::get_if<protocol::Face>(&*message)) {
+        EXPECT_TRUE(faces.insert(face->key).second);
+      }
+      if (const auto* refine = std::get_if<protocol::Refine>(&*message)) {
+        EXPECT_TRUE(groups.insert(groupOf(scene.data, *refine)).second);
+      }
+      if (const auto* complete = std::get_if<protocol::Complete>(&*message)) {
+        EXPECT_EQ(complete->sequence, sequence);
+      }
+    }
+    if (const auto request = talk.session.takeFrameRequest()) {
+      EXPECT_EQ(request->sequence, sequence);
+      talk.session.frameRendered(*request, whole(0, 3) == 0 ? base::Bytes() : someFaceValue(100, 1));
+    }
+  }
+
+  const TestScene& scene;
+  Talk talk;
+  std::mt19937 random;
+  std::uint32_t sequence = 0;
+  std::set<repository::FaceKey> faces;
+  std::set<std::uint32_t> groups;
+};
+
+TEST(Session, whateverAClientDoesNothingItHoldsComesAgain) {
+  const TestScene scene(8, 500);
+  for (unsigned seed = 0; seed < 10; ++seed) {
+    DrawnClient client(scene, seed);
+    client.talk.greet();
+    for (int step = 0; step < 60; ++step) {
+      const std::uint32_t what = client.whole(0, 5);
+      if (what <= 1) client.look();
+      if (what == 2) client.evict();
+      client.readSome();
+    }
+    EXPECT_FALSE(client.faces.empty() && client.groups.empty());
+    EXPECT_FALSE(client.talk.session.finished());
   }
 }
 

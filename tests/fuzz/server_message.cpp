@@ -1,0 +1,32 @@
+// What a server sends a client: decodes or is refused; what decodes says the same again.
+#include <cstdlib>
+
+#include "protocol/message.h"
+#include "tests/fuzz/fuzz.h"
+
+namespace fuzz {
+
+std::vector<base::Bytes> seeds() {
+  using protocol::ServerMessage;
+  protocol::Welcome welcome;
+  welcome.scene_name = "scene";
+  welcome.group_count = welcome.patch_count = 3;
+  welcome.grid = {glm::vec3(-1.0F), 0.5F, glm::uvec3(5, 5, 5), 512};
+  const base::Bytes some(20, 0x5A);
+  return {protocol::encode(ServerMessage(welcome)),
+          protocol::encode(ServerMessage(protocol::Face{{1, 2, 3, 4}, some})),
+          protocol::encode(ServerMessage(protocol::Refine{some, some})),
+          protocol::encode(ServerMessage(protocol::Frame{1, {}, some})),
+          protocol::encode(ServerMessage(protocol::Complete{7})),
+          protocol::encode(ServerMessage(protocol::Refusal{2, "update the client"}))};
+}
+
+void fuzzOne(base::ByteView bytes) {
+  auto message = protocol::decodeServerMessage(bytes);
+  if (!message) return;
+  const base::Bytes once = protocol::encode(*message);
+  auto again = protocol::decodeServerMessage(once);
+  if (!again || protocol::encode(*again) != once) std::abort();
+}
+
+}  // namespace fuzz
