@@ -89,7 +89,9 @@ std::string firstDifference(const std::string& stored, const std::string& wanted
   std::string line_a;
   std::string line_b;
   while (std::getline(a, line_a) && std::getline(b, line_b)) {
-    for (std::string* line : {&line_a, &line_b}) line->erase(std::remove(line->begin(), line->end(), ','), line->end());
+    for (std::string* line : {&line_a, &line_b}) {
+      if (line->ends_with(',')) line->pop_back();
+    }
     if (line_a != line_b) return line_a + ", now " + line_b;
   }
   return "other parameters";
