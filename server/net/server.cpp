@@ -66,6 +66,7 @@ struct Hub {
   std::string place;                        // address:port
   std::set<Connection*> connections;
   std::uint64_t next_client = 1;
+  std::size_t viewers = 0;
   bool stopping = false;
   std::optional<asio::basic_waitable_timer<Clock, asio::wait_traits<Clock>, Executor>> goodbye;
 };
@@ -101,10 +102,12 @@ class Viewer final : public Connection {
       : Connection(std::move(hub)), id_(hub_->next_client++), socket_(std::move(stream)), session_(hub_->scene->data) {
     error_code ignored;
     const auto endpoint = beast::get_lowest_layer(socket_).socket().remote_endpoint(ignored);
+    ++hub_->viewers;
     peer_ = endpoint.address().to_string() + ":" + std::to_string(endpoint.port());
   }
   ~Viewer() override {
     if (hub_->renderer) hub_->renderer->cancel(id_);
+    --hub_->viewers;
     const SessionCounts& counts = session_.counts();
     spdlog::info(
         "disconnect client={} peer={} seconds={:.1f} views={} groups={} faces={} frames={} bytes={} missing={} "
@@ -114,7 +117,7 @@ class Viewer final : public Connection {
   }
 
   void start(const http::request<http::empty_body>& request) {
-    spdlog::info("connect client={} peer={} open={}", id_, peer_, hub_->connections.size());
+    spdlog::info("connect client={} peer={} viewers={}", id_, peer_, hub_->viewers);
     prepareSocket();
     websocket::stream_base::timeout timeout;
     timeout.handshake_timeout = kHandshake;
@@ -509,7 +512,7 @@ base::Result<std::unique_ptr<Server>> Server::open(const std::string& scene_dire
   std::unique_ptr<Server> server(new Server);
   server->state_ = std::make_unique<State>();
   State& state = *server->state_;
-  state.hub = std::shared_ptr<Hub>(new Hub{state.io, options, std::move(*scene), nullptr, {}, {}, 1, false, {}});
+  state.hub = std::shared_ptr<Hub>(new Hub{state.io, options, std::move(*scene), nullptr, {}, {}, 1, 0, false, {}});
   LUMIGRID_TRY(state.listen());
 
   if (options.render_frames) {
