@@ -57,6 +57,7 @@ struct Patch {
   std::uint32_t vertices = 0;
   std::uint32_t block_offset = 0;     ///< within its consumer's block
   std::uint32_t block_bytes = 0;
+  float own_error = 0.0F;             ///< its producer's error (0 for a leaf); travels with the patch, because a client may not have its producer yet
 };
 
 struct Hierarchy {

@@ -120,9 +120,10 @@ class CutSelection {
   }
 
   // Pixels. A camera with NaN in it gives 0, so that the heap's order stays an order.
-  float projectedErrorOf(std::uint32_t group) const {
+  float projectedErrorOf(std::uint32_t group) const { return projectedErrorAt(group, hierarchy_.groups[group].error); }
+  float projectedErrorAt(std::uint32_t group, float error) const {
     const Group& g = hierarchy_.groups[group];
-    const float error_px = base::projectedError(g.error, g.bounds.center, g.bounds.radius, request_.camera.eye,
+    const float error_px = base::projectedError(error, g.bounds.center, g.bounds.radius, request_.camera.eye,
                                                 pixels_per_unit_at_one_, request_.near_plane);
     return error_px > 0.0F ? error_px : 0.0F;
   }
@@ -137,7 +138,9 @@ class CutSelection {
       cut_.triangles += patch.triangles;
       if (patch.producer == kNoGroup) continue;
       const bool known = patch.producer < states_.size() && hierarchy_.isKnown(patch.producer);
-      cut_.error_px = std::max(cut_.error_px, projectedErrorOf(known ? patch.producer : patch.consumer));
+      // A producer that isn't here has a sphere within its consumer's: at that one its error projects to a bound.
+      cut_.error_px = std::max(cut_.error_px, known ? projectedErrorOf(patch.producer)
+                                                    : projectedErrorAt(patch.consumer, patch.own_error));
     }
   }
 

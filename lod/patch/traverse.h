@@ -32,7 +32,7 @@ struct Cut {
   std::vector<float> wanted_error_px;  ///< beside `wanted`; infinite for group 0
   std::uint64_t triangles = 0;         ///< of `patches`
   /// Largest projected error among what is drawn (0: leaves). Where a growing hierarchy doesn't know the group that
-  /// made a drawn patch, the error of the group that consumes it stands in: a bound, and infinite for the root patch.
+  /// made a drawn patch, the error that came with the patch is projected at its consumer's sphere: a bound.
   float error_px = 0.0F;
 };
 
