@@ -353,6 +353,25 @@ TEST(Session, keysOfAnotherSceneArePassedOver) {
   EXPECT_TRUE(talk.say(protocol::Evicted{{{9999, 0, 0, 0}}, {0xFFFFFFFF}}));
 }
 
+TEST(Session, aClientCannotClaimWithoutEnd) {
+  TestScene scene;
+  scene.data.welcome.grid.count = glm::uvec3(64);
+  Talk talk(scene.data);
+  talk.greet();
+  std::size_t claimed = 0;
+  bool refused = false;
+  while (!refused && claimed < 2 * kMaxFacesHeld) {
+    protocol::Have have;
+    for (std::size_t i = 0; i < protocol::kMaxKeysPerMessage; ++i, ++claimed) {
+      const auto n = static_cast<std::uint32_t>(claimed);
+      have.faces.push_back({n / 6 % 64, n / 384 % 64, n / 24576 % 64, n % 6});
+    }
+    refused = !talk.say(have);
+  }
+  EXPECT_TRUE(refused);
+  EXPECT_LE(claimed, kMaxFacesHeld + protocol::kMaxKeysPerMessage);
+}
+
 // ---- at rest ----
 
 TEST(Session, prefetchIsOtherDirectionsFirstAndLimited) {
