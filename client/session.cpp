@@ -286,6 +286,8 @@ base::Bytes Session::State::viewMessage() {
 
 Session::Session(const SessionOptions& options) : state_(std::make_unique<State>(options)) {}
 Session::~Session() = default;
+Session::Session(Session&& other) noexcept = default;
+Session& Session::operator=(Session&& other) noexcept = default;
 
 void Session::connected() {
   State& s = *state_;

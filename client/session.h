@@ -51,6 +51,8 @@ class Session {
  public:
   explicit Session(const SessionOptions& options);
   ~Session();
+  Session(Session&& other) noexcept;
+  Session& operator=(Session&& other) noexcept;
 
   // Transport side.
   void connected();

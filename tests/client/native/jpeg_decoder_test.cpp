@@ -1,0 +1,98 @@
+#include "client/native/jpeg_decoder.h"
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cstdlib>
+#include <map>
+#include <thread>
+
+#include "repository/coverage.h"
+#include "repository/face_value.h"
+#include "repository/jpeg.h"
+
+namespace client {
+namespace {
+
+/// 16 × 16: left half red and covered, right half background.
+base::Bytes halfCovered() {
+  base::Image rgb(16, 16, 3);
+  base::Image mask(16, 16, 1);
+  for (int y = 0; y < 16; ++y)
+    for (int x = 0; x < 16; ++x) {
+      rgb.at(x, y)[0] = 200;
+      mask.at(x, y)[0] = x < 8 ? 255 : 0;
+    }
+  const base::Bytes jpeg = *repository::encodeJpeg(rgb, 90, repository::Subsampling::k444);
+  const base::Bytes coverage = repository::encodeCoverage(mask);
+  return repository::encodeFaceValue({.empty = false, .jpeg = jpeg, .coverage = coverage});
+}
+
+std::map<std::uint64_t, ImageDecoder::Decoded> takeAll(ImageDecoder& decoder) {
+  std::map<std::uint64_t, ImageDecoder::Decoded> all;
+  while (decoder.pending() > 0) {
+    for (auto& decoded : decoder.take()) all[decoded.id] = std::move(decoded);
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  return all;
+}
+
+TEST(JpegDecoder, alphaIsCoverageAndColourIsNotPremultiplied) {
+  const auto decoded = decodeFaceImage(7, halfCovered());
+  EXPECT_EQ(decoded.id, 7U);
+  ASSERT_TRUE(decoded.error.empty()) << decoded.error;
+  ASSERT_EQ(decoded.rgba.channels, 4);
+  EXPECT_EQ(decoded.rgba.at(2, 5)[3], 255);
+  EXPECT_EQ(decoded.rgba.at(12, 5)[3], 0);
+  EXPECT_NEAR(decoded.rgba.at(12, 5)[0], 200, 6);
+}
+
+TEST(JpegDecoder, withoutAMaskEveryPixelIsModel) {
+  base::Image rgb(8, 8, 3);
+  const base::Bytes jpeg = *repository::encodeJpeg(rgb, 90, repository::Subsampling::k420);
+  const auto decoded = decodeFaceImage(1, repository::encodeFaceValue({.empty = false, .jpeg = jpeg, .coverage = {}}));
+  ASSERT_FALSE(decoded.rgba.empty()) << decoded.error;
+  for (int i = 0; i < 64; ++i) EXPECT_EQ(decoded.rgba.pixels[static_cast<std::size_t>(4 * i + 3)], 255);
+}
+
+TEST(JpegDecoder, anEmptyFlagGivesNoImageAndNoError) {
+  const auto decoded = decodeFaceImage(1, repository::encodeFaceValue({}));
+  EXPECT_TRUE(decoded.rgba.empty());
+  EXPECT_TRUE(decoded.error.empty());
+}
+
+TEST(JpegDecoder, everyTruncationIsAnError) {
+  const base::Bytes whole = halfCovered();
+  for (std::size_t length = 0; length < whole.size(); length += 7) {
+    const auto decoded = decodeFaceImage(1, base::ByteView(whole).first(length));
+    EXPECT_TRUE(decoded.rgba.empty());
+    EXPECT_FALSE(decoded.error.empty());
+  }
+}
+
+TEST(JpegDecoder, manyImagesComeBackUnderTheirNumbers) {
+  JpegDecoder decoder(3);
+  const base::Bytes good = halfCovered();
+  const base::Bytes empty = repository::encodeFaceValue({});
+  for (std::uint64_t id = 0; id < 60; ++id)
+    decoder.submit(id, id % 3 == 0 ? good : id % 3 == 1 ? empty : base::Bytes{1, 2});
+  const auto all = takeAll(decoder);
+  ASSERT_EQ(all.size(), 60U);
+  for (const auto& [id, decoded] : all) {
+    EXPECT_EQ(!decoded.rgba.empty(), id % 3 == 0) << id;
+    EXPECT_EQ(!decoded.error.empty(), id % 3 == 2) << id;
+  }
+}
+
+TEST(JpegDecoder, theBytesMayGoOnceTheyAreSubmitted) {
+  JpegDecoder decoder(1);
+  {
+    base::Bytes value = halfCovered();
+    decoder.submit(1, value);
+    std::fill(value.begin(), value.end(), std::uint8_t{0});
+  }
+  EXPECT_TRUE(takeAll(decoder).at(1).error.empty());
+}
+
+}  // namespace
+}  // namespace client
