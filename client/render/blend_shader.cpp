@@ -107,6 +107,7 @@ void main() {
   vec3 view_ray = to_eye / view_distance;
   vec3 facet = cross(dFdx(v_position), dFdy(v_position));
   if (dot(facet, view_ray) < 0.0) facet = -facet;
+  facet *= inversesqrt(max(dot(facet, facet), 1e-30));
   vec3 normal = dot(v_normal, facet) < 0.0 ? -v_normal : v_normal;
   float squared = dot(normal, normal);
   normal = squared > 1e-12 ? normal * inversesqrt(squared) : view_ray;
@@ -136,44 +137,44 @@ void main() {
 
     // Fading towards borders. Where the sample looks as the view does, its border is the screen's: there is nothing to fade to.
     vec2 apart = abs(ndc - view_ndc);
-    float width = clamp(max(apart.x, apart.y), 1e-4, 2.0 * u_border);
+    float width = clamp(8.0 * max(apart.x, apart.y), 1e-4, 2.0 * u_border);
     vec4 rise = mix(u_samples[i].floors, vec4(1.0), smoothstep(0.0, width, inside));
     float seen = u_samples[i].eye.w * rise.x * rise.y * rise.z * rise.w;
 
     // Visibility: the shadow mask, its bias scaled by the slope.
     vec3 sample_ray = normalize(u_samples[i].eye.xyz - p);
     float cosine = dot(normal, sample_ray);
-    float steep = clamp(abs(cosine), 0.2, 1.0);
+    float steep = clamp(min(abs(cosine), abs(dot(facet, sample_ray))), 0.1, 1.0);
     vec4 depth = u_samples[i].depth;
     float texel = depth.z * clip.w;
-    float bias = u_bias_texels * texel * (1.0 + sqrt(1.0 - steep * steep) / steep) + u_bias_error * (error + push) / steep;
+    float bias = u_bias_texels * texel * (1.0 + sqrt(1.0 - steep * steep) / steep) + u_bias_error * (error + push) / max(steep, 0.4);
     float reference = 0.5 * (depth.y / max(clip.w - bias, 1e-6 * clip.w) - depth.x) + 0.5;
     vec4 place = u_samples[i].place;
     int array = int(place.x);
     vec2 uv = 0.5 * ndc + 0.5;
     float lit = litAround(array, vec4(uv, place.y, clamp(reference, 0.0, 1.0)), place.zw);
-    seen *= min(1.0, 2.0 * lit);
-    if (seen <= 0.0) continue;
+    float voter = seen * min(1.0, 2.0 * lit);
+    if (voter <= 0.0) continue;
+    // Close to an edge in the depth map the image may show what lies in front.
+    seen *= smoothstep(0.75, 1.0, lit) * smoothstep(u_side_low, u_side_high, cosine);
 
     // Coverage votes: by angle alone, the closer the ray the better it knows the silhouette.
     float ratio = depth.w / clip.w / view_density;
     vec4 color = colorAt(array, vec3(uv, place.y), log2(max(ratio, 1.0)));
     float angle = length(view_ray - sample_ray);
-    float vote = seen * pow(angle + u_angle_floor, -u_vote_power);
+    float vote = voter * pow(angle + u_angle_floor, -u_vote_power);
     votes += vote;
     votes_for_model += vote * color.a;
-    voters = max(voters, seen);
+    voters = max(voters, voter);
 
     // Weight. A texel covers 1 / ratio view pixels, more where the sample sees the surface at a slant; an error of the proxy
-    // shifts the image by error × angle. Both blur, in view pixels; the sharpest images count most. Close to an edge in the depth map the
-    // image may show what lies in front: it counts only where nothing better is there.
+    // shifts the image by error × angle. Both blur, in view pixels; the sharpest images count most.
     float blur = 1.0 / clamp(ratio * cosine, 0.05, 1.0);
     float shift = u_shift * error_px * angle;
-    float weight = seen * smoothstep(u_side_low, u_side_high, cosine) * mix(0.02, 1.0, smoothstep(0.5, 1.0, lit)) *
-                   pow(blur * blur + shift * shift, -0.5 * u_resolution_power) * pow(angle + u_angle_floor, -u_angle_power);
+    float weight = seen * pow(blur * blur + shift * shift, -0.5 * u_resolution_power) * pow(angle + u_angle_floor, -u_angle_power);
     color_sum += weight * color.rgb;
     coverage_sum += weight * color.a;
-    unseen *= 1.0 - seen * smoothstep(u_side_low, u_side_high, cosine) * color.a;
+    unseen *= 1.0 - seen * color.a;
   }
 
   // Carving: what the images that see this place call background is not there.

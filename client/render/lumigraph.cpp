@@ -94,7 +94,7 @@ struct LumigraphRenderer::State {
   std::uint64_t depthSignature(const Sample& sample, const std::vector<std::uint32_t>& occluders, std::vector<std::uint32_t>* overlapping) const;
   void drawDepthMaps(Frame& frame, const std::vector<Sample*>& wanted);
   void drawDepthMap(Sample& sample, const std::vector<std::uint32_t>& overlapping);
-  void activate(Frame& frame);
+  float strongestFade(const Frame& frame) const;
   void uploadBlock(const Frame& frame);
   void setUniforms(const Frame& frame, const lod::draw::Shading& shading);
   void bindArrays() const;
@@ -310,6 +310,13 @@ void LumigraphRenderer::State::wantSamples(Frame& frame, std::span<const SampleI
   }
 }
 
+/// Without images nothing is carved, so nothing is pushed either; the push comes in with the first image.
+float LumigraphRenderer::State::strongestFade(const Frame& frame) const {
+  float strongest = 0.0F;
+  for (const Sample* sample : frame.active) strongest = std::max(strongest, sample->fadeAt(frame.now, frame.options.fade_seconds));
+  return strongest;
+}
+
 void LumigraphRenderer::State::uploadBlock(const Frame& frame) {
   std::vector<const SampleGeometry*> geometries;
   std::vector<float> fades;
@@ -420,11 +427,11 @@ void LumigraphRenderer::draw(const base::Camera& camera, std::span<const std::ui
   // What this frame is made of.
   State::Frame frame{camera, options, now, 0.0F, 0.0F, frontToBack(cut, state.patches, camera.eye), {}, {}, {}};
   frame.error_per_distance = cut_error_px / camera.pixelsPerUnitAtOne();
-  frame.push_per_distance = options.carve && options.use_images ? options.push * frame.error_per_distance : 0.0F;
   for (const std::uint32_t patch : frame.patches) frame.boxes.push_back(state.patches.box(patch));
   if (occluders.empty()) occluders = cut;
   frame.occluders.assign(occluders.begin(), occluders.end());
   state.wantSamples(frame, candidates);
+  if (options.carve) frame.push_per_distance = options.push * frame.error_per_distance * state.strongestFade(frame);
   state.uploadBlock(frame);
 
   glViewport(0, 0, camera.width, camera.height);

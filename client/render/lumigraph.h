@@ -31,7 +31,7 @@ struct BlendTuning {
   float border = 0.06F;            ///< share of a sample's width over which it fades towards a border with no neighbour
   float side_low = -0.3F;          ///< cosine between normal and ray to the sample where its weight begins,
   float side_high = 0.0F;          ///< and where it is full
-  float bias_texels = 0.5F;        ///< shadow bias in depth map texels, scaled by the slope
+  float bias_texels = 2.0F;        ///< shadow bias in depth map texels, scaled by the slope
   float bias_error = 1.0F;         ///< shadow bias in units of the proxy's error and push
   float parallax = 2.0F;           ///< a pushed fragment is looked up this many push lengths further along the view ray, at most
 };

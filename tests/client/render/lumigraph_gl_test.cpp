@@ -1,0 +1,398 @@
+#include "client/render/lumigraph.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+
+#include "base/egl/headless.h"
+#include "base/gl/gl.h"
+#include "base/png/png.h"
+#include "tests/client/render/ray_scene.h"
+
+namespace {
+
+using namespace testing_scene;  // NOLINT: the scenes of this test alone
+using client::LumigraphOptions;
+using client::LumigraphRenderer;
+using client::SampleId;
+
+constexpr int kFace = 160;
+constexpr std::uint64_t kBudget = std::uint64_t{256} << 20;
+const glm::u8vec4 kWhite{255, 255, 255, 255};
+const glm::vec3 kEye{0.0F, -3.0F, 0.0F};
+
+/// Smooth enough that a face of 160 pixels resolves it.
+glm::vec3 pattern(const glm::vec3& p) {
+  return {0.5F + 0.4F * std::sin(3.0F * p.x + 1.0F), 0.5F + 0.4F * std::sin(4.0F * p.z), 0.5F + 0.3F * std::sin(2.0F * p.y + 3.0F * p.x)};
+}
+Color constant(const glm::vec3& color) {
+  return [color](const glm::vec3&) { return color; };
+}
+const Color kRed = constant({0.9F, 0.05F, 0.05F});
+const Color kGreen = constant({0.05F, 0.8F, 0.05F});
+
+class Lumigraph : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    setenv("LUMIGRID_GL", "software", 1);
+    auto made = base::HeadlessContext::create();
+    ASSERT_TRUE(made) << made.error().message;
+    context_ = std::move(made.value());
+  }
+  static void TearDownTestSuite() { context_.reset(); }
+
+  void SetUp() override {
+    options_.fade_seconds = 0.0F;
+    shading_.unlit = true;
+    renderer_ = make(kBudget);
+  }
+  void TearDown() override {
+    EXPECT_EQ(base::gl::takeError(), "");
+    renderer_.reset();
+  }
+
+  static std::unique_ptr<LumigraphRenderer> make(std::uint64_t budget) {
+    auto made = LumigraphRenderer::create(kLattice, kFace, budget);
+    EXPECT_TRUE(made) << made.error().message;
+    return std::move(made.value());
+  }
+
+  void addPatch(const lod::patch::PatchGeometry& patch) {
+    renderer_->patches().upload(static_cast<std::uint32_t>(cut_.size()), patch);
+    cut_.push_back(static_cast<std::uint32_t>(cut_.size()));
+  }
+  void addCube(const glm::vec3& eye, SampleId first) {
+    for (const base::Camera& camera : cubeCameras(eye, kFace))
+      EXPECT_TRUE(renderer_->addSample(first++, camera, castRays(scene_, camera), 0.0));
+  }
+  void addImage(SampleId id, const base::Camera& camera) { EXPECT_TRUE(renderer_->addSample(id, camera, castRays(scene_, camera), 0.0)); }
+
+  base::Image draw(const base::Camera& camera, double now = 0.0, float cut_error_px = 0.2F) {
+    auto target = base::gl::RenderTarget::create(camera.width, camera.height);
+    EXPECT_TRUE(target);
+    target->bind();
+    renderer_->draw(camera, cut_, {}, cut_error_px, shading_, options_, now, occluders_);
+    base::Image image = target->read();
+    if (const char* folder = std::getenv("LUMIGRID_TEST_PICTURES"); folder != nullptr) {
+      const std::string name = ::testing::UnitTest::GetInstance()->current_test_info()->name();
+      EXPECT_TRUE(base::writePng(image, std::string(folder) + "/" + name + "_" + std::to_string(pictures_++) + ".png"));
+    }
+    return image;
+  }
+
+  /// A ball of radius 1 with the pattern, and its proxy: `proxy_radius` 1 and 60 rings unless said otherwise.
+  void makeBall(float proxy_radius = 1.0F, int rings = 60) {
+    scene_.balls = {{glm::vec3(0.0F), 1.0F, pattern}};
+    addPatch(ballPatch(glm::vec3(0.0F), proxy_radius, rings, kWhite));
+  }
+
+  static std::unique_ptr<base::HeadlessContext> context_;
+  std::unique_ptr<LumigraphRenderer> renderer_;
+  Scene scene_;
+  std::vector<std::uint32_t> cut_, occluders_;
+  LumigraphOptions options_;
+  lod::draw::Shading shading_;
+  int pictures_ = 0;
+};
+std::unique_ptr<base::HeadlessContext> Lumigraph::context_;
+
+TEST_F(Lumigraph, AViewAtASamplingPointShowsItsFace) {
+  makeBall();
+  addCube(kEye, 0);
+  addCube(kEye + glm::vec3(1.0F, 0.3F, 0.0F), 10);
+  const base::Camera camera = cubeCameras(kEye, kFace)[2];
+  const base::Image face = castRays(scene_, camera);
+  const base::Image drawn = draw(camera);
+  EXPECT_GE(psnrOnCovered(face, drawn), 40.0);
+  EXPECT_GE(coverageOverlap(face, drawn), 0.99);
+}
+
+TEST_F(Lumigraph, NoSeamShowsWhereTheFacesOfAPointMeet) {
+  // The edge between the faces +x and +y runs through the middle of the picture.
+  makeBall();
+  const glm::vec3 eye(-1.5F, -1.5F, 0.0F);
+  addCube(eye, 0);
+  const base::Camera camera = lookAt(eye, glm::vec3(0.0F), 200, 200, 60.0F);
+  EXPECT_GE(psnrOnCovered(castRays(scene_, camera), draw(camera)), 38.0);
+}
+
+TEST_F(Lumigraph, ViewsBetweenSamplingPointsAreBlended) {
+  makeBall();
+  addCube({-0.5F, -3.0F, 0.0F}, 0);
+  addCube({0.7F, -2.8F, 0.2F}, 10);
+  const base::Camera camera = lookAt(kEye, glm::vec3(0.0F), 200, 200, 50.0F);
+  const base::Image truth = castRays(scene_, camera);
+  options_.use_images = false;
+  const double shaded = psnrOnCovered(truth, draw(camera));
+  options_.use_images = true;
+  EXPECT_GE(psnrOnCovered(truth, draw(camera)), std::max(32.0, shaded + 3.0));
+}
+
+TEST_F(Lumigraph, AnExactFrameAtItsOwnViewIsReproduced) {
+  makeBall();
+  addCube({-0.5F, -3.0F, 0.0F}, 0);
+  addCube({0.7F, -2.8F, 0.2F}, 10);
+  const base::Camera camera = lookAt(kEye, {0.3F, 0.0F, 0.1F}, 300, 170, 30.0F);
+  addImage(99, camera);
+  EXPECT_GE(psnrOnCovered(castRays(scene_, camera), draw(camera)), 40.0);
+}
+
+class Occluder : public Lumigraph {
+ protected:
+  // A red square before a green wall; the sample sees it from the left, the viewer from the right.
+  void SetUp() override {
+    Lumigraph::SetUp();
+    const Rectangle wall{{0, 1, 0}, {3, 0, 0}, {0, 0, 3}, kGreen, {}};
+    const Rectangle square{{0, 0, 0}, {0.4F, 0, 0}, {0, 0, 0.4F}, kRed, {}};
+    scene_.rectangles = {wall, square};
+    addPatch(rectanglePatch(wall, 30, {10, 200, 10, 255}));
+    addPatch(rectanglePatch(square, 10, {230, 10, 10, 255}));
+    addImage(0, lookAt({-1.5F, -2.0F, 0.0F}, {0, 0, 0}, kFace, kFace, 90.0F));
+    camera_ = lookAt({1.0F, -2.5F, 0.0F}, {0, 0, 0}, 240, 240, 60.0F);
+  }
+  /// Pixels that are red where the truth and all its neighbours are green.
+  int redOnGreen(const base::Image& drawn) const {
+    const base::Image truth = castRays(scene_, camera_);
+    int count = 0;
+    for (int y = 2; y < truth.height - 2; ++y)
+      for (int x = 2; x < truth.width - 2; ++x) {
+        bool green = true;
+        for (int v = -2; v <= 2; ++v)
+          for (int u = -2; u <= 2; ++u) green = green && truth.at(x + u, y + v)[0] < 60;
+        count += green && drawn.at(x, y)[0] > 80;
+      }
+    return count;
+  }
+  base::Camera camera_;
+};
+
+TEST_F(Occluder, ItsColourDoesNotLeakOnWhatLiesBehind) { EXPECT_EQ(redOnGreen(draw(camera_)), 0); }
+
+TEST_F(Occluder, WithoutItInTheDepthMapItsColourWouldLeak) {
+  occluders_ = {0};
+  EXPECT_GT(redOnGreen(draw(camera_)), 300);
+}
+
+TEST_F(Occluder, OutsideTheDrawnCutStillHidesWhenNamedAsOccluder) {
+  occluders_ = {0, 1};
+  cut_ = {0};
+  EXPECT_EQ(redOnGreen(draw(camera_)), 0);
+}
+
+TEST_F(Lumigraph, TheOtherSideOfAThinSheetDoesNotColourThisOne) {
+  const Rectangle sheet{{0, 0, 0}, {1, 0, 0}, {0, 0, 1}, kRed, kGreen};
+  scene_.rectangles = {sheet};
+  addPatch(rectanglePatch(sheet, 20, kWhite));
+  addImage(0, lookAt({-0.4F, 2.0F, 0.5F}, {0, 0, 0}, kFace, kFace, 70.0F));
+  addImage(1, lookAt({1.5F, -2.0F, 0.0F}, {0, 0, 0}, kFace, kFace, 70.0F));
+  const base::Camera camera = lookAt({-0.4F, -2.0F, 0.5F}, {0, 0, 0}, 160, 160, 40.0F);
+  EXPECT_GE(psnrOnCovered(castRays(scene_, camera), draw(camera)), 40.0);
+}
+
+TEST_F(Lumigraph, CarvingGivesACoarseProxyTheSilhouetteOfTheImages) {
+  makeBall(1.12F, 9);
+  for (int i = 0; i < 5; ++i) addCube({-1.0F + 0.5F * static_cast<float>(i), -3.0F, i % 2 == 0 ? 0.4F : -0.4F}, static_cast<SampleId>(10 * i));
+  options_.max_samples = 32;
+  const base::Camera camera = lookAt({0.1F, -3.1F, 0.0F}, glm::vec3(0.0F), 240, 240, 45.0F);
+  const base::Image truth = castRays(scene_, camera);
+  options_.carve = false;
+  const double uncarved = coverageOverlap(truth, draw(camera, 0.0, 4.0F));
+  options_.carve = true;
+  const double carved = coverageOverlap(truth, draw(camera, 0.0, 4.0F));
+  EXPECT_LT(uncarved, 0.9);
+  EXPECT_GE(carved, 0.97);
+}
+
+TEST_F(Lumigraph, PushingWidensAProxyThatIsTooSmall) {
+  makeBall(0.97F, 30);
+  for (int i = 0; i < 3; ++i) addCube({-0.5F + 0.5F * static_cast<float>(i), -3.0F, 0.2F}, static_cast<SampleId>(10 * i));
+  options_.max_samples = 32;
+  const base::Camera camera = lookAt(kEye, glm::vec3(0.0F), 240, 240, 45.0F);
+  const base::Image truth = castRays(scene_, camera);
+  const float error_px = 0.03F * camera.pixelsPerUnitAtOne() / 2.0F;
+  options_.push = 0.0F;
+  const double without = coverageOverlap(truth, draw(camera, 0.0, error_px));
+  options_.push = 1.0F;
+  EXPECT_GT(coverageOverlap(truth, draw(camera, 0.0, error_px)), without + 0.02);
+}
+
+TEST_F(Lumigraph, WhatNoImageSeesIsShadedOrLeftAsBackground) {
+  scene_.balls = {{glm::vec3(0.0F), 1.0F, kRed}};
+  addPatch(ballPatch(glm::vec3(0.0F), 1.0F, 60, {40, 80, 160, 255}));
+  addCube(kEye, 0);
+  const base::Camera behind = lookAt({0, 3, 0}, glm::vec3(0.0F), 64, 64, 50.0F);
+  const base::Image shaded = draw(behind);
+  EXPECT_EQ(shaded.at(32, 32)[0], 40);
+  EXPECT_EQ(shaded.at(32, 32)[2], 160);
+  options_.fill_holes = false;
+  options_.background[1] = 1.0F;
+  EXPECT_EQ(draw(behind).at(32, 32)[1], 255);
+}
+
+TEST_F(Lumigraph, WithoutImagesTheSurfaceIsShadedAsElsewhere) {
+  makeBall();
+  shading_.unlit = false;
+  const base::Camera camera = lookAt(kEye, glm::vec3(0.0F), 120, 120, 50.0F);
+  const base::Image none = draw(camera);
+  addCube(kEye, 0);
+  options_.use_images = false;
+  EXPECT_EQ(draw(camera).pixels, none.pixels);
+  // Half-Lambert at the pixel in the middle: its normal is −y.
+  const glm::vec3 light = glm::normalize(shading_.light_direction);
+  const float half = 0.5F - 0.5F * light.y;
+  EXPECT_NEAR(none.at(60, 60)[0], 255.0F * (0.15F + 0.85F * half * half), 4.0F);
+}
+
+TEST_F(Lumigraph, RemovingASampleEqualsNeverHavingAddedIt) {
+  makeBall();
+  const base::Camera camera = lookAt(kEye, glm::vec3(0.0F), 120, 120, 50.0F);
+  addCube({-0.5F, -3.0F, 0.0F}, 0);
+  const base::Image before = draw(camera);
+  addCube({0.7F, -2.8F, 0.2F}, 10);
+  EXPECT_NE(draw(camera).pixels, before.pixels);
+  for (SampleId id = 10; id < 16; ++id) renderer_->removeSample(id);
+  EXPECT_FALSE(renderer_->hasSample(12));
+  EXPECT_EQ(draw(camera).pixels, before.pixels);
+}
+
+TEST_F(Lumigraph, LayersSurviveTheGrowthOfTheirArray) {
+  // The first allocation has room for four.
+  makeBall();
+  const base::Camera camera = lookAt(kEye, glm::vec3(0.0F), 120, 120, 50.0F);
+  const base::Camera front = cubeCameras(kEye, kFace)[2];
+  addImage(0, front);
+  const base::Image alone = draw(camera);
+  for (SampleId id = 1; id < 12; ++id) addImage(id, lookAt(kEye, {0, -9, 0}, kFace, kFace, 60.0F));
+  EXPECT_EQ(draw(camera).pixels, alone.pixels);
+  EXPECT_EQ(renderer_->stats().depth_maps_drawn, 0U) << "the depth map has moved with its layer";
+}
+
+TEST_F(Lumigraph, LayersBeyondTheBudgetAreRefused) {
+  makeBall();
+  std::uint64_t layer = 4ULL * kFace * kFace;  // depth
+  for (int side = kFace; side >= 1; side /= 2) layer += 4ULL * static_cast<std::uint64_t>(side) * static_cast<std::uint64_t>(side);
+  renderer_ = make(2 * layer + 100);
+  const base::Image image(kFace, kFace, 4);
+  const base::Camera camera = cubeCameras(kEye, kFace)[0];
+  EXPECT_TRUE(renderer_->addSample(0, camera, image, 0.0));
+  EXPECT_TRUE(renderer_->addSample(1, camera, image, 0.0));
+  EXPECT_FALSE(renderer_->addSample(2, camera, image, 0.0));
+  EXPECT_FALSE(renderer_->hasSample(2));
+  renderer_->removeSample(0);
+  EXPECT_TRUE(renderer_->addSample(2, camera, image, 0.0));
+  cut_.clear();
+  draw(lookAt(kEye, glm::vec3(0.0F), 32, 32, 50.0F));
+  EXPECT_EQ(renderer_->stats().gpu_bytes, 2 * layer + 32 * 128);
+}
+
+TEST_F(Lumigraph, ThreeImageSizesFitAndAFourthIsRefusedUntilOneIsEmpty) {
+  const base::Camera camera = cubeCameras(kEye, kFace)[0];
+  EXPECT_TRUE(renderer_->addSample(0, camera, base::Image(kFace, kFace, 4), 0.0));
+  EXPECT_TRUE(renderer_->addSample(1, camera, base::Image(64, 36, 4), 0.0));
+  EXPECT_TRUE(renderer_->addSample(2, camera, base::Image(80, 45, 4), 0.0));
+  EXPECT_FALSE(renderer_->addSample(3, camera, base::Image(96, 54, 4), 0.0));
+  renderer_->removeSample(1);
+  EXPECT_TRUE(renderer_->addSample(3, camera, base::Image(96, 54, 4), 0.0));
+  EXPECT_FALSE(renderer_->addSample(4, camera, base::Image(96, 54, 3), 0.0)) << "coverage is missing";
+}
+
+TEST_F(Lumigraph, DepthMapsAreRedrawnOnlyWhenTheirOwnPatchesChange) {
+  makeBall();
+  addPatch(ballPatch({0, -6, 0}, 0.5F, 20, kWhite));
+  scene_.balls.push_back({{0, -6, 0}, 0.5F, kRed});
+  addImage(0, cubeCameras(kEye, kFace)[2]);  // sees the ball at the origin only
+  const base::Camera camera = lookAt(kEye, glm::vec3(0.0F), 64, 64, 50.0F);
+  occluders_ = {0, 1};
+  draw(camera);
+  EXPECT_EQ(renderer_->stats().depth_maps_drawn, 1U);
+  occluders_ = {0};
+  draw(camera);
+  EXPECT_EQ(renderer_->stats().depth_maps_drawn, 0U);
+  cut_ = occluders_ = {1};
+  draw(camera);
+  cut_ = {0};
+  occluders_ = {0, 1};
+  draw(camera);
+  EXPECT_EQ(renderer_->stats().depth_maps_drawn, 0U);
+}
+
+TEST_F(Lumigraph, PicturesSettleAndThenEqualTheFinalOne) {
+  makeBall();
+  addCube({-0.5F, -3.0F, 0.0F}, 0);
+  addCube({0.7F, -2.8F, 0.2F}, 10);
+  const base::Camera camera = lookAt(kEye, glm::vec3(0.0F), 120, 120, 50.0F);
+  const base::Image final = draw(camera);
+  EXPECT_FALSE(renderer_->settling());
+  for (SampleId id = 0; id < 16; ++id) renderer_->removeSample(id);
+  addCube({-0.5F, -3.0F, 0.0F}, 0);
+  addCube({0.7F, -2.8F, 0.2F}, 10);
+  options_.fade_seconds = 0.25F;
+  base::Image image = draw(camera, 1.0);
+  EXPECT_TRUE(renderer_->settling());
+  EXPECT_NE(image.pixels, final.pixels);
+  double now = 1.0;
+  for (int i = 0; i < 40 && renderer_->settling(); ++i) image = draw(camera, now += 0.05);
+  EXPECT_FALSE(renderer_->settling());
+  EXPECT_EQ(image.pixels, final.pixels);
+}
+
+class Continuity : public Lumigraph {
+ protected:
+  // A wall that fills the picture, seen by four samples whose images differ in colour, so that any jump of a weight shows.
+  void SetUp() override {
+    Lumigraph::SetUp();
+    const Rectangle wall{{0, 0, 0}, {4, 0, 0}, {0, 0, 4}, kGreen, {}};
+    addPatch(rectanglePatch(wall, 40, kWhite));
+    const std::array<Color, 4> colors{kRed, kGreen, constant({0.1F, 0.1F, 0.9F}), constant({0.8F, 0.8F, 0.1F})};
+    for (std::size_t i = 0; i < colors.size(); ++i) {
+      scene_.rectangles = {wall};
+      scene_.rectangles[0].color = colors[i];
+      // Faces of 60° reach 1.15 to either side: borders cross the picture.
+      const glm::vec3 eye(-1.5F + static_cast<float>(i), -2.0F, 0.0F);
+      addImage(i, lookAt(eye, eye + glm::vec3(0, 1, 0), kFace, kFace, 60.0F));
+    }
+  }
+  /// Largest change of a channel from frame to frame, and between the first and the last.
+  std::pair<int, int> walk(float start, int max_samples, float fade_seconds) {
+    options_.max_samples = max_samples;
+    options_.fade_seconds = fade_seconds;
+    const auto frameAt = [&](int i) {
+      const glm::vec3 eye(start + 0.0025F * static_cast<float>(i), -1.5F, 0.0F);
+      return draw(lookAt(eye, eye + glm::vec3(0, 1, 0), 96, 54, 40.0F), 10.0 + i / 60.0);
+    };
+    for (int i = 0; i < 20; ++i) draw(lookAt({start, -1.5F, 0}, {start, 0, 0}, 96, 54, 40.0F), 9.0 + 0.05 * i);
+    const base::Image first = frameAt(0);
+    base::Image previous = first;
+    int largest = 0;
+    for (int i = 1; i < 200; ++i) {
+      base::Image next = frameAt(i);
+      largest = std::max(largest, difference(previous, next));
+      previous = std::move(next);
+    }
+    return {largest, difference(first, previous)};
+  }
+  static int difference(const base::Image& a, const base::Image& b) {
+    int largest = 0;
+    for (std::size_t i = 0; i < a.pixels.size(); ++i) largest = std::max(largest, std::abs(int{a.pixels[i]} - int{b.pixels[i]}));
+    return largest;
+  }
+};
+
+TEST_F(Continuity, SmallStepsAcrossBordersChangePixelsALittle) {
+  const auto [step, total] = walk(-1.2F, 16, 0.0F);
+  EXPECT_GE(total, 100);
+  EXPECT_LE(step, 24);
+}
+
+TEST_F(Continuity, FadesHideThatOtherSamplesAreChosen) {
+  const auto [step, total] = walk(-0.2F, 3, 0.25F);
+  EXPECT_GE(total, 100);
+  const int faded = step;
+  const auto [popped, same] = walk(-0.2F, 3, 0.0F);
+  EXPECT_LE(faded, 24);
+  EXPECT_GT(popped, faded);
+}
+
+}  // namespace

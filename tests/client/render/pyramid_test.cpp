@@ -1,0 +1,49 @@
+#include "client/render/pyramid.h"
+
+#include <gtest/gtest.h>
+
+namespace {
+
+using client::premultipliedPyramid;
+
+TEST(Pyramid, LevelsHalveDownToOnePixelAndTheirBytesAreCounted) {
+  const base::Image image(5, 3, 4);
+  const auto levels = premultipliedPyramid(image);
+  ASSERT_EQ(levels.size(), 3U);
+  EXPECT_EQ(levels[1].width, 2);
+  EXPECT_EQ(levels[1].height, 1);
+  EXPECT_EQ(levels[2].width, 1);
+  EXPECT_EQ(client::pyramidLevels(5, 3), 3);
+  EXPECT_EQ(client::pyramidBytes(5, 3), 4U * (15 + 2 + 1));
+}
+
+// 2 × 2: one covered red pixel, three uncovered green ones. The mean over covered pixels is red.
+TEST(Pyramid, BackgroundDoesNotBleedIntoCoarseLevels) {
+  base::Image image(2, 2, 4);
+  for (int i = 0; i < 4; ++i) image.pixels[static_cast<std::size_t>(4 * i + 1)] = 255;
+  image.at(0, 0)[0] = 200, image.at(0, 0)[1] = 0, image.at(0, 0)[3] = 255;
+  const auto levels = premultipliedPyramid(image);
+  const std::uint8_t* top = levels[1].at(0, 0);
+  EXPECT_EQ(top[3], 64);
+  EXPECT_EQ(top[1], 0);
+  EXPECT_NEAR(255.0 * top[0] / top[3], 200.0, 2.0);
+}
+
+TEST(Pyramid, TheFirstLevelIsTheImageBottomUp) {
+  base::Image image(1, 2, 4);
+  image.at(0, 0)[0] = 10, image.at(0, 0)[3] = 255;
+  image.at(0, 1)[0] = 20, image.at(0, 1)[3] = 255;
+  const auto levels = premultipliedPyramid(image);
+  EXPECT_EQ(levels[0].at(0, 0)[0], 20);
+  EXPECT_EQ(levels[0].at(0, 1)[0], 10);
+}
+
+TEST(Pyramid, AnOddRowIsNotLost) {
+  base::Image image(1, 3, 4);
+  for (int y = 0; y < 3; ++y) image.at(0, y)[3] = 255;
+  image.at(0, 0)[0] = 90;  // the last row in GL's order
+  const auto levels = premultipliedPyramid(image);
+  EXPECT_EQ(levels[1].at(0, 0)[0], 30);
+}
+
+}  // namespace

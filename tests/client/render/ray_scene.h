@@ -1,0 +1,54 @@
+#pragma once
+// Scenes of spheres and rectangles: pictures of them by casting rays, and proxies of them as patches. Two independent ways to the
+// same picture, without files.
+#include <functional>
+#include <glm/glm.hpp>
+#include <vector>
+
+#include "base/camera.h"
+#include "base/image.h"
+#include "lod/patch/hierarchy.h"
+
+namespace testing_scene {
+
+using Color = std::function<glm::vec3(const glm::vec3& point)>;  ///< 0..1
+
+struct Ball {
+  glm::vec3 center;
+  float radius;
+  Color color;
+};
+
+/// Points center + u·a + v·b with −1 ≤ u, v ≤ 1. `back`, where set, colours the side that cross(a, b) points away from.
+struct Rectangle {
+  glm::vec3 center, a, b;
+  Color color;
+  Color back;
+};
+
+struct Scene {
+  std::vector<Ball> balls;
+  std::vector<Rectangle> rectangles;
+};
+
+/// What the camera sees: colour and coverage (0 or 255) by the majority of n × n rays a pixel, colours averaged over covered rays.
+base::Image castRays(const Scene& scene, const base::Camera& camera, int rays = 2);
+
+inline const lod::patch::Lattice kLattice{glm::dvec3(-8.0), 1.0 / 65536.0};
+
+/// A sphere of 2 · rings² triangles (rings ≤ 120), vertices at the given radius, outward normals, one colour.
+lod::patch::PatchGeometry ballPatch(const glm::vec3& center, float radius, int rings, glm::u8vec4 color);
+/// A rectangle of 2 · cells² triangles, normals along cross(a, b).
+lod::patch::PatchGeometry rectanglePatch(const Rectangle& rectangle, int cells, glm::u8vec4 color);
+
+/// Looking from `eye` at `target`, up nearest to +z (or +y where that is the view).
+base::Camera lookAt(const glm::vec3& eye, const glm::vec3& target, int width, int height, float fov_y_degrees);
+/// The six 90° cameras around a point.
+std::vector<base::Camera> cubeCameras(const glm::vec3& eye, int size);
+
+/// Over pixels that both call model: 10 log10(255² / mean squared error); 99 where equal.
+double psnrOnCovered(const base::Image& a, const base::Image& b);
+/// Covered by both over covered by either.
+double coverageOverlap(const base::Image& a, const base::Image& b);
+
+}  // namespace testing_scene
