@@ -41,12 +41,14 @@ struct Polygon {
   void add(const glm::vec3& p) { point[size++] = p; }
 };
 
-// One triangle with its plane and the three walls: planes through an edge, perpendicular to it, positive inside.
+// One triangle with its plane and the three walls: planes through an edge, perpendicular to it, positive inside. What a
+// wall says is as many times the distance to it as the edge is long: only its sign and ratios are used.
 struct Facet {
   glm::vec3 corner[3];
   glm::vec3 normal{0.0F};
   glm::vec3 wall[3];
   float wall_at[3] = {0.0F, 0.0F, 0.0F};
+  float longest2 = 0.0F;                                       // of the edges, squared
   std::uint32_t neighbor[3] = {kUnknown, kUnknown, kUnknown};  // across edge k: corners k, k + 1
   bool made = false;
   bool flat = false;  // has no area: plane and walls mean nothing
@@ -73,7 +75,7 @@ struct Facet {
     const float side[3] = {beyond(0, p), beyond(1, p), beyond(2, p)};
     const float lowest = std::min({side[0], side[1], side[2]});
     if (lowest >= 0.0F) return true;
-    if (lowest < -limit) return false;
+    if (lowest * lowest > limit * limit * longest2) return false;
     for (int k = 0; k < 3; ++k)
       if (side[k] < 0.0F && segmentDistance2(p, corner[k], corner[(k + 1) % 3]) <= limit * limit) return true;
     return false;
@@ -103,9 +105,11 @@ class Target {
     return n;
   }
 
-  // The facet around vertex v that is nearest to p, if nearer than distance2 (which is updated); else `best`.
-  std::uint32_t nearestAround(std::uint32_t v, const glm::vec3& p, float& distance2, std::uint32_t best) {
-    for (std::uint32_t i = fan_[v]; i < fan_[v + 1]; ++i)
+  // The facet around vertex v that is nearest to p (or near enough), if nearer than distance2 (which is updated); else
+  // `best`.
+  std::uint32_t nearestAround(std::uint32_t v, const glm::vec3& p, float& distance2, std::uint32_t best,
+                              float enough2 = 0.0F) {
+    for (std::uint32_t i = fan_[v]; i < fan_[v + 1] && distance2 > enough2; ++i)
       if (const float d2 = facet(around_[i]).distance2(p); d2 < distance2) best = around_[i], distance2 = d2;
     return best;
   }
@@ -140,7 +144,9 @@ class Target {
     if (f.flat) return;
     f.normal = n / length;
     for (int k = 0; k < 3; ++k) {
-      f.wall[k] = glm::normalize(glm::cross(f.normal, f.corner[(k + 1) % 3] - f.corner[k]));
+      const glm::vec3 edge = f.corner[(k + 1) % 3] - f.corner[k];
+      f.longest2 = std::max(f.longest2, glm::dot(edge, edge));
+      f.wall[k] = glm::cross(f.normal, edge);
       f.wall_at[k] = glm::dot(f.wall[k], f.corner[k]);
     }
   }
@@ -177,23 +183,27 @@ class Target {
   std::optional<PointGrid> grid_;
 };
 
-// Cuts a polygon by wall k of a facet; points on the wall go to both sides.
-void cut(const Polygon& polygon, const Facet& facet, int k, Polygon& inside, Polygon& outside) {
+// How far each corner lies inside a wall. False: all do.
+bool crosses(const Polygon& polygon, const Facet& facet, int k, float (&side)[Polygon::kMax]) {
+  bool beyond = false;
+  for (int i = 0; i < polygon.size; ++i) beyond |= (side[i] = facet.beyond(k, polygon.point[i])) < 0.0F;
+  return beyond;
+}
+
+// Cuts a polygon where `side` changes its sign; points on the wall go to both sides.
+void cut(const Polygon& polygon, const float (&side)[Polygon::kMax], Polygon& inside, Polygon& outside) {
   inside.size = outside.size = 0;
-  float side[Polygon::kMax];
-  for (int i = 0; i < polygon.size; ++i) side[i] = facet.beyond(k, polygon.point[i]);
   for (int i = 0; i < polygon.size; ++i) {
     const int j = i + 1 < polygon.size ? i + 1 : 0;
     if (side[i] >= 0.0F) inside.add(polygon.point[i]);
     if (side[i] <= 0.0F) outside.add(polygon.point[i]);
-    if ((side[i] > 0.0F && side[j] < 0.0F) || (side[i] < 0.0F && side[j] > 0.0F)) {
-      const glm::vec3 p = glm::mix(polygon.point[i], polygon.point[j], side[i] / (side[i] - side[j]));
+    if (side[i] * side[j] < 0.0F) {
+      const float share = side[i] / (side[i] - side[j]);
+      const glm::vec3 p = polygon.point[i] + share * (polygon.point[j] - polygon.point[i]);
       inside.add(p);
       outside.add(p);
     }
   }
-  // What only touches the wall is inside.
-  if (*std::min_element(side, side + polygon.size) >= 0.0F) outside.size = 0;
 }
 
 // Lays a polygon on the target from facet t on. True: no point of it is farther from the target than `limit`.
@@ -207,20 +217,24 @@ bool covered(Target& target, const Polygon& polygon, std::uint32_t t, std::uint3
   int order[3] = {0, 1, 2};
   for (int k = 0; k < 2; ++k)
     if (from != kNone && target.neighbor(t, order[k]) == from) std::swap(order[k], order[2]);
-  Polygon rest = polygon;
+  const Polygon* rest = &polygon;
+  Polygon inside[2];
+  Polygon outside;
+  float side[Polygon::kMax];
+  int turn = 0;
   for (const int k : order) {
-    if (2 * rest.size > Polygon::kMax) return false;
-    Polygon inside;
-    Polygon outside;
-    cut(rest, facet, k, inside, outside);
-    if (outside.size > 0 && !facet.within(outside, limit)) {
+    if (!crosses(*rest, facet, k, side)) continue;
+    if (2 * rest->size > Polygon::kMax) return false;
+    cut(*rest, side, inside[turn], outside);
+    if (!facet.within(outside, limit)) {
       const std::uint32_t next = target.neighbor(t, k);
       if (next == kNone || next == from || !covered(target, outside, next, t, limit, visits)) return false;
     }
-    if (inside.size == 0) return true;
-    rest = inside;
+    if (inside[turn].size == 0) return true;
+    rest = &inside[turn];
+    turn = 1 - turn;
   }
-  return facet.within(rest, limit);
+  return facet.within(*rest, limit);
 }
 
 Polygon triangle(const glm::vec3& a, const glm::vec3& b, const glm::vec3& c) {
@@ -297,7 +311,7 @@ class OneSided {
     if (facet_[v] == kNone) {
       float d2 = kFar;
       for (std::uint32_t i = hints_.first[v]; i < hints_.first[v + 1]; ++i)
-        facet_[v] = target_.nearestAround(hints_.member[i], p, d2, facet_[v]);
+        facet_[v] = target_.nearestAround(hints_.member[i], p, d2, facet_[v], 0.1F * enough * enough);
       if (facet_[v] == kNone) facet_[v] = target_.search(p, d2);
       return facet_[v] = target_.descend(facet_[v], p, d2, enough * enough);
     }

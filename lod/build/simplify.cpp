@@ -15,11 +15,15 @@ namespace {
 // Perpendicular planes on border edges weigh this much more than a triangle of the same edge length: seams between the
 // tiles of a scan must not erode, or they open as gaps.
 constexpr double kBorderWeight = 10.0;
+// Thin strips and beams weigh next to nothing by area, so their ends would slide for nothing: a vertex whose triangles
+// cover less than this share of their longest edge's square is tied to its place by this share of a mean edge's square.
+constexpr double kThinFan = 0.7;
+constexpr double kPointWeight = 5e-3;
 // A full change of colour (black to white) counts like a distance of this many mean edges, a normal turned by 60
 // degrees like this many.
 constexpr double kColorLength = 0.25;
 constexpr double kNormalLength = 0.05;
-// Stage 1 refuses a collapse that turns a triangle by more than acos of this.
+// All but the last stage refuse a collapse that turns a triangle by more than acos of this.
 constexpr double kMinTurnCosine = 0.25;
 // A vertex placed farther from the edge's middle than this many edge lengths comes from an ill-conditioned system.
 constexpr double kMaxPlacementReach = 2.0;
@@ -34,6 +38,10 @@ struct Quadric {
     a00 += w * n.x * n.x, a01 += w * n.x * n.y, a02 += w * n.x * n.z;
     a11 += w * n.y * n.y, a12 += w * n.y * n.z, a22 += w * n.z * n.z;
     b0 += w * n.x * d, b1 += w * n.y * d, b2 += w * n.z * d, c += w * d * d;
+  }
+  void addPoint(const glm::dvec3& p, double w) {
+    a00 += w, a11 += w, a22 += w;
+    b0 -= w * p.x, b1 -= w * p.y, b2 -= w * p.z, c += w * glm::dot(p, p);
   }
   void add(const Quadric& q) {
     a00 += q.a00, a01 += q.a01, a02 += q.a02, a11 += q.a11, a12 += q.a12, a22 += q.a22;
@@ -79,6 +87,15 @@ constexpr Keep kKeepOnBorderEdge[3][3] = {
     {Keep::kA, Keep::kA, Keep::kNone},
 };
 
+// What a stage asks of a collapse, and how far it may move the surface (root mean square, in mean edges) before the
+// next stage begins: where the careful way would cost that much, the rough way is the better one.
+struct Stage {
+  bool keep_topology = true;
+  bool keep_orientation = true;
+  double largest_move = 0.0;
+};
+constexpr std::array<Stage, 3> kStages{{{true, true, 0.5}, {false, true, 1.5}, {false, false, 1e30}}};
+
 struct Candidate {
   float cost = 0.0F;
   std::uint32_t a = 0;
@@ -114,18 +131,18 @@ class Simplifier {
     addTriangleQuadrics();
     live_ = mesh_.indices.size() / 3;
 
-    // Stage 1, again while edges refused earlier become possible; then stage 2.
-    bool rough = false;
+    // Each stage again while edges refused earlier become possible; then the next.
+    std::size_t stage = 0;
     for (;;) {
       const std::size_t before = live_;
-      collapseAll(rough);
+      collapseAll(kStages[stage]);
       if (live_ <= target_) break;
-      const bool stuck = before - live_ < std::max<std::size_t>(1, before / 50);
-      if (stuck && rough && before == live_) break;
-      if (stuck) rough = true;
+      const bool last = stage + 1 == kStages.size();
+      if (last && live_ == before) break;
+      if (!last && before - live_ < std::max<std::size_t>(1, before / 50)) ++stage;
       refillQueue();
     }
-    return result(rough);
+    return result(stage > 0);
   }
 
  private:
@@ -244,8 +261,22 @@ class Simplifier {
       q.weight = area;
       for (int k = 0; k < 3; ++k) quadrics_[c[k]].add(q);
     }
-    for (Candidate& e : queue_) e.cost = static_cast<float>(plan(e.a, e.b, false).cost);
+    tieThinFans();
+    for (Candidate& e : queue_) e.cost = static_cast<float>(plan(e.a, e.b).cost);
     std::make_heap(queue_.begin(), queue_.end(), CostsMore{});
+  }
+
+  void tieThinFans() {
+    const std::vector<std::uint32_t>& c = mesh_.indices;
+    std::vector<double> longest2(quadrics_.size(), 0.0);
+    for (std::size_t i = 0; i < c.size(); ++i) {
+      const std::uint32_t next = i % 3 == 2 ? c[i - 2] : c[i + 1];
+      const glm::dvec3 edge(mesh_.positions[next] - mesh_.positions[c[i]]);
+      for (const std::uint32_t v : {c[i], next}) longest2[v] = std::max(longest2[v], glm::dot(edge, edge));
+    }
+    for (std::size_t v = 0; v < quadrics_.size(); ++v)
+      if (quadrics_[v].weight < kThinFan * longest2[v])
+        quadrics_[v].addPoint(glm::dvec3(mesh_.positions[v]), kPointWeight * mean_edge_ * mean_edge_);
   }
 
   // All edges of the triangles that live.
@@ -257,39 +288,46 @@ class Simplifier {
       neighborsOf(v, neighbors);
       for (const std::uint32_t w : neighbors)
         if (w > v && !(kinds_[v] == Kind::kLocked && kinds_[w] == Kind::kLocked))
-          queue_.push_back({static_cast<float>(plan(v, w, false).cost), v, w});
+          queue_.push_back({static_cast<float>(plan(v, w).cost), v, w});
     }
     std::make_heap(queue_.begin(), queue_.end(), CostsMore{});
   }
 
   // Cheapest first. Quadrics only grow, so a cost computed earlier is a lower bound: it is computed anew when its turn
   // comes, and the edge waits again if it has become dearer.
-  void collapseAll(bool rough) {
-    while (live_ > target_ && !queue_.empty()) {
+  void collapseAll(const Stage& stage) {
+    const double most = stage.largest_move * stage.largest_move * mean_edge_ * mean_edge_ * mean_edge_ * mean_edge_;
+    while (live_ > target_ && !queue_.empty() && queue_.front().cost <= most) {
       std::pop_heap(queue_.begin(), queue_.end(), CostsMore{});
       Candidate edge = queue_.back();
       queue_.pop_back();
       edge.a = find(edge.a);
       edge.b = find(edge.b);
       if (edge.a == edge.b) continue;
+      Collapse collapse = plan(edge.a, edge.b);
+      if (waits(edge, collapse)) continue;
       const EdgeState state = lookAt(edge.a, edge.b);
       if (state.triangles == 0) continue;
-      const Keep keep = keepOf(edge.a, edge.b, state.triangles != 2, rough);
-      if (keep == Keep::kNone) continue;
-      Collapse collapse = plan(edge.a, edge.b, rough);
-      if (state.last) collapse.cost = std::max(collapse.cost, vanishingCost(edge.a, edge.b));
-      if (const auto cost = static_cast<float>(collapse.cost);
-          !queue_.empty() && cost > edge.cost && cost > queue_.front().cost) {
-        edge.cost = cost;
-        queue_.push_back(edge);
-        std::push_heap(queue_.begin(), queue_.end(), CostsMore{});
-        continue;
+      if (keepOf(edge.a, edge.b, state.triangles != 2 || !stage.keep_topology) == Keep::kNone) continue;
+      if (state.last) {
+        collapse.cost = std::max(collapse.cost, vanishingCost(edge.a, edge.b));
+        if (waits(edge, collapse)) continue;
       }
-      if (!rough && state.common != state.triangles) continue;
-      if (flips(collapse, rough)) continue;
+      if (stage.keep_topology && state.common != state.triangles) continue;
+      if (flips(collapse, stage.keep_orientation)) continue;
       if (live_ <= state.triangles) continue;
       apply(collapse);
     }
+  }
+
+  // Puts an edge back that has become dearer than it was and than the next.
+  bool waits(Candidate edge, const Collapse& collapse) {
+    const auto cost = static_cast<float>(collapse.cost);
+    if (queue_.empty() || cost <= edge.cost || cost <= queue_.front().cost) return false;
+    edge.cost = cost;
+    queue_.push_back(edge);
+    std::push_heap(queue_.begin(), queue_.end(), CostsMore{});
+    return true;
   }
 
   std::uint32_t find(std::uint32_t v) {
@@ -377,17 +415,17 @@ class Simplifier {
     grid_.emplace(mesh_.positions, living);
   }
 
-  Keep keepOf(std::uint32_t a, std::uint32_t b, bool border_edge, bool rough) const {
+  Keep keepOf(std::uint32_t a, std::uint32_t b, bool border_edge) const {
     const auto row = static_cast<std::size_t>(kinds_[a]);
     const auto column = static_cast<std::size_t>(kinds_[b]);
-    return border_edge || rough ? kKeepOnBorderEdge[row][column] : kKeepOnInnerEdge[row][column];
+    return border_edge ? kKeepOnBorderEdge[row][column] : kKeepOnInnerEdge[row][column];
   }
 
   // Which end stays, where, and at what cost. Without knowing the edge's triangles: the kinds decide as on a border
   // edge, but an interior end always yields.
-  Collapse plan(std::uint32_t a, std::uint32_t b, bool rough) const {
+  Collapse plan(std::uint32_t a, std::uint32_t b) const {
     Collapse collapse;
-    Keep keep = keepOf(a, b, true, rough);
+    Keep keep = keepOf(a, b, true);
     if (kinds_[a] == Kind::kBorder && kinds_[b] == Kind::kInterior) keep = Keep::kA;
     collapse.kept = keep == Keep::kA ? a : b;
     collapse.gone = keep == Keep::kA ? b : a;
@@ -436,12 +474,12 @@ class Simplifier {
     return area * length2;
   }
 
-  // Would a triangle turn over or lose its area? Stage 2 minds only the loss of area, which says nothing about a
+  // Would a triangle turn over or lose its area? The last stage minds only the loss of area, which says nothing about a
   // triangle that had none.
-  bool flips(const Collapse& c, bool rough) const {
-    return flipsAround(c.gone, c.kept, c.position, rough) || flipsAround(c.kept, c.gone, c.position, rough);
+  bool flips(const Collapse& c, bool strict) const {
+    return flipsAround(c.gone, c.kept, c.position, strict) || flipsAround(c.kept, c.gone, c.position, strict);
   }
-  bool flipsAround(std::uint32_t moved, std::uint32_t other, const glm::vec3& to, bool rough) const {
+  bool flipsAround(std::uint32_t moved, std::uint32_t other, const glm::vec3& to, bool strict) const {
     const Fan fan = fans_[moved];
     const glm::vec3 from = mesh_.positions[moved];
     if (from == to) return false;
@@ -456,7 +494,7 @@ class Simplifier {
       const double before2 = glm::dot(before, before);
       const double after2 = glm::dot(after, after);
       if (after2 == 0.0 && before2 > 0.0) return true;
-      if (rough || before2 == 0.0) continue;
+      if (!strict || before2 == 0.0) continue;
       const double dot = glm::dot(before, after);
       if (dot <= 0.0 || dot * dot < kMinTurnCosine * kMinTurnCosine * before2 * after2) return true;
     }

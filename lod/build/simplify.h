@@ -25,7 +25,7 @@ struct Simplified {
   std::vector<std::uint32_t> origin;    ///< per triangle: which of the group's triangles it was
   std::vector<std::uint32_t> survivor;  ///< per vertex: the vertex it was collapsed into (itself when it lives)
   float color_deviation = 0.0F;         ///< largest change of a colour along a collapse, 0 … 1
-  bool rough = false;                   ///< the second stage was needed
+  bool rough = false;                   ///< more than the first stage was needed
 };
 
 /// Collapses edges, cheapest first, until at most `target_triangles` (≥ 1) are left or nothing can be collapsed. Moves
@@ -33,8 +33,9 @@ struct Simplified {
 /// normalised).
 ///
 /// Stage 1 keeps topology (link condition) and orientation, and lets border vertices move along the border only. Stage
-/// 2, where stage 1 does not reach the target, drops those conditions, so that soup and tiny components shrink too;
-/// locked vertices stay in both.
+/// 2, where stage 1 could go on only by moving the surface far, drops the conditions on topology and borders; stage 3
+/// those on orientation too, so that soup and tiny components shrink whatever it costs. A component vanishes only at
+/// the price of its distance to what stays. Locked vertices stay in all stages.
 Simplified simplifyGroup(GroupMesh& mesh, std::size_t target_triangles);
 
 }  // namespace lod::build
