@@ -122,7 +122,7 @@ void main() {
 
   vec3 color_sum = vec3(0.0);      // premultiplied
   float coverage_sum = 0.0;
-  float votes = 0.0;               // of the images that see this place, whatever way it faces
+  float votes = 0.0;               // on coverage, whatever way the surface faces
   float votes_for_model = 0.0;
   float voters = 0.0;              // the surest of them, 0..1
   float unseen = 1.0;              // 1 while no image shows the model here
@@ -153,19 +153,20 @@ void main() {
     int array = int(place.x);
     vec2 uv = 0.5 * ndc + 0.5;
     float lit = litAround(array, vec4(uv, place.y, clamp(reference, 0.0, 1.0)), place.zw);
-    float voter = seen * min(1.0, 2.0 * lit);
-    if (voter <= 0.0) continue;
+    float voter = seen;
     // Close to an edge in the depth map the image may show what lies in front.
     seen *= smoothstep(0.75, 1.0, lit) * smoothstep(u_side_low, u_side_high, cosine);
 
-    // Coverage votes: by angle alone, the closer the ray the better it knows the silhouette.
+    // Coverage votes. Background in an image means that nothing lies along the whole ray, hidden by the proxy or not; model counts
+    // only where the image sees this place. By angle alone: the closer the ray, the better it knows the silhouette.
     float ratio = depth.w / clip.w / view_density;
     vec4 color = colorAt(array, vec3(uv, place.y), log2(max(ratio, 1.0)));
     float angle = length(view_ray - sample_ray);
+    float for_model = color.a * min(1.0, 2.0 * lit);
     float vote = voter * pow(angle + u_angle_floor, -u_vote_power);
-    votes += vote;
-    votes_for_model += vote * color.a;
-    voters = max(voters, voter);
+    votes += vote * (1.0 - color.a + for_model);
+    votes_for_model += vote * for_model;
+    voters = max(voters, voter * (1.0 - color.a + for_model));
 
     // Weight. A texel covers 1 / ratio view pixels, more where the sample sees the surface at a slant; an error of the proxy
     // shifts the image by error × angle. Both blur, in view pixels; the sharpest images count most.
