@@ -162,7 +162,7 @@ struct Connection::State {
   void onRead(const LinkPointer& on, const beast::error_code& error);
   void write(const LinkPointer& on);
   void onWritten(const LinkPointer& on, const beast::error_code& error);
-  void lose(const LinkPointer& on, const std::string& reason);
+  void lose(LinkPointer on, const std::string& reason);
 
   // Shared by both threads, under the mutex.
   void push(Event event);
@@ -296,7 +296,7 @@ void Connection::State::onWritten(const LinkPointer& on, const beast::error_code
 
 /// Ends this link, tells the session, and tries again after the present wait. Read and write may both fail: the first
 /// counts.
-void Connection::State::lose(const LinkPointer& on, const std::string& reason) {
+void Connection::State::lose(LinkPointer on, const std::string& reason) {
   if (on != link) return;
   link.reset();
   on->open = false;

@@ -174,6 +174,8 @@ TEST(Connection, aSessionThatFindsFaultEndsTheConnection) {
   (void)session.nextToSend();
   ASSERT_TRUE(pumpUntil(connection, session, [&] { return session.state() == SessionState::kDisconnected; }));
   EXPECT_NE(session.problem().find("before its Welcome"), std::string::npos) << session.problem();
+  EXPECT_TRUE(pumpUntil(connection, session, [&] { return session.state() == SessionState::kReady; }))
+      << "a new connection is tried after a while";
 }
 
 TEST(Headless, aServerThatNeverAnswersIsGivenUp) {
