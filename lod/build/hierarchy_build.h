@@ -36,7 +36,7 @@ struct HierarchySummary {
   std::uint64_t bytes = 0;
 };
 
-/// Stage name, 0..1 done. Return false to cancel.
+/// Stage name, 0..1 done. Return false to cancel. Called from worker threads too, but never from two at once.
 using Progress = std::function<bool(const std::string& stage, double done)>;
 
 /// Builds and writes `output_path`, which appears whole or not at all. Errors: kInvalidInput (a mesh without triangles,

@@ -90,7 +90,8 @@ std::vector<WeightedEdge> faceAdjacency(std::span<const Voxel> voxels, std::uint
   return edges;
 }
 
-// One edge of weight 1 for each mesh vertex between the voxel that met it first and every other voxel that uses it.
+// Edges of weight 1 between the voxel that met a mesh vertex first and the others that use it, one for each use: about
+// the length of the seam between them.
 std::vector<WeightedEdge> meshAdjacency(const TriangleView& triangles, std::span<const KeyedIndex> sorted,
                                         std::span<const Voxel> voxels) {
   std::vector<WeightedEdge> edges;
