@@ -19,6 +19,7 @@ void declare(CLI::App& app, compare::RunOptions& o, std::string& path, double& m
   app.add_option("--patch-tolerances", o.patch_tolerances, "pixels: settings of patches alone")->delimiter(',')->check(CLI::Range(0.1, 1000.0))->capture_default_str();
   app.add_option("--proxy-tolerance", o.proxy_tolerance, "pixels: of the proxy under the images")->check(CLI::Range(0.1, 1000.0))->capture_default_str();
   app.add_option("--points", o.points, "sampling points per view")->check(CLI::Range(1, 64))->capture_default_str();
+  app.add_option("--samples", o.samples, "images blended per frame at most")->check(CLI::Range(1, 32))->capture_default_str();
   app.add_flag("!--no-frames", o.frames, "leave the run with exact frames out");
   app.add_option("--truth-supersampling", o.truth_supersampling, "n x n samples a pixel of the truth")->check(CLI::Range(1, 8))->capture_default_str();
   app.add_option("--settle", o.settle_seconds, "seconds to wait at most for a view to be complete")->capture_default_str();

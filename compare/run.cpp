@@ -144,6 +144,7 @@ client::HeadlessOptions clientOptions(const RunOptions& options, const Setting& 
   client.viewer.session.frames = setting.frames;
   client.viewer.session.patch_tolerance_px = static_cast<float>(setting.tolerance);
   client.viewer.session.max_points = static_cast<std::uint16_t>(options.points);
+  client.viewer.lumigraph.max_samples = options.samples;
   client.viewer.session.cache_bytes = options.cache_bytes;
   // The tolerance decides here, not the budget: the chart's settings must differ as they say.
   client.viewer.session.max_triangles = 4'000'000;

@@ -17,6 +17,7 @@ struct RunOptions {
   std::vector<double> patch_tolerances{16, 8, 4, 2, 1};  ///< pixels: settings of "patches"
   double proxy_tolerance = 4.0;                 ///< pixels: of the proxy under the images
   int points = 8;                               ///< sampling points per view
+  int samples = 16;                             ///< images blended per frame at most
   bool frames = true;                           ///< also run with exact frames
   int truth_supersampling = 4;                  ///< n × n samples a pixel
   double settle_seconds = 20.0;                 ///< at most, per frame, until all for the view has come

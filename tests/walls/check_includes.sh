@@ -40,7 +40,7 @@ home 'boost/' server/net client/native
 home 'lmdb' repository
 home 'EGL/' base/egl
 home 'turbojpeg|jpeglib' repository
-home 'GLES3/' base/gl base/egl
+home 'GLES3/' base/gl base/egl client/native
 home 'meshoptimizer' lod/patch lod/build
 home 'GLFW|imgui' client/native
 home 'opencv' server/image
