@@ -4,8 +4,8 @@
 
 namespace client {
 
-// Outward by u_push × distance from the eye: a constant number of pixels on the screen, whatever patch a vertex belongs to, so
-// that no border opens.
+// Outward by u_push × distance from the eye: a constant number of pixels on the screen, whatever patch a vertex belongs
+// to, so that no border opens.
 std::string blendVertexSource() {
   return R"(
 layout(location = 0) in vec3 a_position;

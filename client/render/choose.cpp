@@ -7,9 +7,11 @@
 namespace client {
 namespace {
 
-/// What a box's first image adds against its next ones: gain = quality / (kSaturation + quality it has). Measured: docs/lumigraph-tuning.md.
+/// What a box's first image adds against its next ones: gain = quality / (kSaturation + quality it has). Measured:
+/// docs/lumigraph-tuning.md.
 constexpr float kSaturation = 0.3F;
-constexpr float kSameDirection = 1.0F - 1e-6F;  ///< cosine: corners within 1.4 mrad, under a pixel of a 90° face of 1024
+constexpr float kSameDirection =
+    1.0F - 1e-6F;  ///< cosine: corners within 1.4 mrad, under a pixel of a 90° face of 1024
 
 glm::vec3 directionThrough(const glm::mat4& scene_from_clip, const glm::vec3& eye, float x, float y) {
   const glm::vec4 p = scene_from_clip * glm::vec4(x, y, 1.0F, 1.0F);
@@ -35,23 +37,29 @@ constexpr std::array<int, 4> kFloorOfSide{2, 1, 3, 0};
 }  // namespace
 
 SampleGeometry::SampleGeometry(const base::Camera& camera)
-    : clip_from_scene(camera.clipFromScene()), eye(camera.eye), pixels_per_unit_at_one(camera.pixelsPerUnitAtOne()), frustum(clip_from_scene) {
+    : clip_from_scene(camera.clipFromScene()),
+      eye(camera.eye),
+      pixels_per_unit_at_one(camera.pixelsPerUnitAtOne()),
+      frustum(clip_from_scene) {
   const glm::mat4 scene_from_clip = glm::inverse(clip_from_scene);
   corners = {directionThrough(scene_from_clip, eye, -1, -1), directionThrough(scene_from_clip, eye, 1, -1),
              directionThrough(scene_from_clip, eye, 1, 1), directionThrough(scene_from_clip, eye, -1, 1)};
 }
 
-float sampleWeight(const glm::vec3& point, const glm::vec3& view_eye, const glm::vec3& sample_eye, float ratio, float error_px,
-                   const BlendTuning& tuning) {
+float sampleWeight(const glm::vec3& point, const glm::vec3& view_eye, const glm::vec3& sample_eye, float ratio,
+                   float error_px, const BlendTuning& tuning) {
   const float angle = glm::length(glm::normalize(view_eye - point) - glm::normalize(sample_eye - point));
   const float blur = 1.0F / std::min(1.0F, ratio);
   const float shift = tuning.shift * error_px * angle;
-  return std::pow(blur * blur + shift * shift, -0.5F * tuning.resolution_power) * std::pow(angle + tuning.angle_floor, -tuning.angle_power);
+  return std::pow(blur * blur + shift * shift, -0.5F * tuning.resolution_power) *
+         std::pow(angle + tuning.angle_floor, -tuning.angle_power);
 }
 
-std::vector<std::size_t> chooseSamples(std::span<const SampleGeometry* const> samples, std::span<const base::Aabb> boxes,
-                                       const base::Camera& view, std::size_t limit, float error_px, const BlendTuning& tuning) {
-  // quality[s * boxes + b]: the weight of sample s in box b, times the box's size on screen, as a share of the best one's.
+std::vector<std::size_t> chooseSamples(std::span<const SampleGeometry* const> samples,
+                                       std::span<const base::Aabb> boxes, const base::Camera& view, std::size_t limit,
+                                       float error_px, const BlendTuning& tuning) {
+  // quality[s * boxes + b]: the weight of sample s in box b, times the box's size on screen, as a share of the best
+  // one's.
   const std::size_t count = boxes.size();
   std::vector<float> quality(samples.size() * count, 0.0F);
   std::vector<float> sizes(count);

@@ -15,7 +15,8 @@
 namespace client {
 namespace {
 
-constexpr int kDepthMapsPerFrame = 3;           ///< redrawn while pictures may still settle; each costs about a plain frame of the proxy
+constexpr int kDepthMapsPerFrame =
+    3;  ///< redrawn while pictures may still settle; each costs about a plain frame of the proxy
 constexpr GLuint kSamplesBinding = 0;
 
 /// One sample as the uniform block holds it (std140; blend_shader.cpp).
@@ -48,7 +49,8 @@ struct Sample {
   }
 };
 
-/// A well mixed 64-bit number of each patch; their sum stands for a set of them, in any order (Steele, Lea, Flood 2014, SplitMix).
+/// A well mixed 64-bit number of each patch; their sum stands for a set of them, in any order (Steele, Lea, Flood 2014,
+/// SplitMix).
 std::uint64_t mixed(std::uint64_t x) {
   x += 0x9e3779b97f4a7c15U;
   x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9U;
@@ -59,7 +61,8 @@ std::uint64_t mixed(std::uint64_t x) {
 }  // namespace
 
 struct LumigraphRenderer::State {
-  State(const lod::patch::Lattice& lattice, int size, std::uint64_t budget) : patches(lattice), face_size(size), budget_bytes(budget) {}
+  State(const lod::patch::Lattice& lattice, int size, std::uint64_t budget)
+      : patches(lattice), face_size(size), budget_bytes(budget) {}
 
   lod::draw::PatchMeshes patches;
   int face_size;
@@ -81,17 +84,18 @@ struct LumigraphRenderer::State {
     double now = 0.0;
     float error_per_distance = 0.0F;
     float push_per_distance = 0.0F;
-    std::vector<std::uint32_t> patches;    ///< front to back
-    std::vector<base::Aabb> boxes;         ///< of those
+    std::vector<std::uint32_t> patches;  ///< front to back
+    std::vector<base::Aabb> boxes;       ///< of those
     std::vector<std::uint32_t> occluders;
-    std::vector<Sample*> active;           ///< in the uniform block
+    std::vector<Sample*> active;  ///< in the uniform block
   };
 
   std::uint64_t textureBytes() const;
   int arrayFor(int width, int height);
   void wantSamples(Frame& frame, std::span<const SampleId> candidates);
   std::vector<Sample*> pool(std::span<const SampleId> candidates);
-  std::uint64_t depthSignature(const Sample& sample, const std::vector<std::uint32_t>& occluders, std::vector<std::uint32_t>* overlapping) const;
+  std::uint64_t depthSignature(const Sample& sample, const std::vector<std::uint32_t>& occluders,
+                               std::vector<std::uint32_t>* overlapping) const;
   void drawDepthMaps(Frame& frame, const std::vector<Sample*>& wanted);
   void drawDepthMap(Sample& sample, const std::vector<std::uint32_t>& overlapping);
   float strongestFade(const Frame& frame) const;
@@ -109,16 +113,19 @@ base::gl::Texture emptyArray(GLenum format) {
   glTexStorage3D(GL_TEXTURE_2D_ARRAY, 1, format, 1, 1, 1);
   glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
   glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
-  if (format == GL_DEPTH_COMPONENT24) glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_COMPARE_MODE, GL_COMPARE_REF_TO_TEXTURE);
+  if (format == GL_DEPTH_COMPONENT24)
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_COMPARE_MODE, GL_COMPARE_REF_TO_TEXTURE);
   return texture;
 }
 
-std::vector<std::uint32_t> frontToBack(std::span<const std::uint32_t> cut, const lod::draw::PatchMeshes& patches, const glm::vec3& eye) {
+std::vector<std::uint32_t> frontToBack(std::span<const std::uint32_t> cut, const lod::draw::PatchMeshes& patches,
+                                       const glm::vec3& eye) {
   std::vector<std::pair<float, std::uint32_t>> order;
   order.reserve(cut.size());
   for (const std::uint32_t patch : cut) {
     const base::Aabb& box = patches.box(patch);
-    order.emplace_back(glm::length(glm::clamp(eye, box.min, box.max) - eye) + 0.01F * glm::length(box.center() - eye), patch);
+    order.emplace_back(glm::length(glm::clamp(eye, box.min, box.max) - eye) + 0.01F * glm::length(box.center() - eye),
+                       patch);
   }
   std::sort(order.begin(), order.end());
   std::vector<std::uint32_t> sorted;
@@ -129,7 +136,8 @@ std::vector<std::uint32_t> frontToBack(std::span<const std::uint32_t> cut, const
 
 }  // namespace
 
-base::Result<std::unique_ptr<LumigraphRenderer>> LumigraphRenderer::create(const lod::patch::Lattice& lattice, int face_size,
+base::Result<std::unique_ptr<LumigraphRenderer>> LumigraphRenderer::create(const lod::patch::Lattice& lattice,
+                                                                           int face_size,
                                                                            std::uint64_t gpu_budget_bytes) {
   auto renderer = std::unique_ptr<LumigraphRenderer>(new LumigraphRenderer);
   renderer->state_ = std::make_unique<State>(lattice, face_size, gpu_budget_bytes);
@@ -152,10 +160,18 @@ base::Result<std::unique_ptr<LumigraphRenderer>> LumigraphRenderer::create(const
 
 LumigraphRenderer::~LumigraphRenderer() = default;
 
-lod::draw::PatchMeshes& LumigraphRenderer::patches() { return state_->patches; }
-bool LumigraphRenderer::hasSample(SampleId id) const { return state_->samples.count(id) != 0; }
-bool LumigraphRenderer::settling() const { return state_->settling; }
-const LumigraphStats& LumigraphRenderer::stats() const { return state_->stats; }
+lod::draw::PatchMeshes& LumigraphRenderer::patches() {
+  return state_->patches;
+}
+bool LumigraphRenderer::hasSample(SampleId id) const {
+  return state_->samples.count(id) != 0;
+}
+bool LumigraphRenderer::settling() const {
+  return state_->settling;
+}
+const LumigraphStats& LumigraphRenderer::stats() const {
+  return state_->stats;
+}
 
 std::uint64_t LumigraphRenderer::State::textureBytes() const {
   std::uint64_t bytes = 0;
@@ -164,7 +180,8 @@ std::uint64_t LumigraphRenderer::State::textureBytes() const {
   return bytes;
 }
 
-/// The array of this image size; made, or put in the place of one that holds nothing, where there is none. −1: no place.
+/// The array of this image size; made, or put in the place of one that holds nothing, where there is none. −1: no
+/// place.
 int LumigraphRenderer::State::arrayFor(int width, int height) {
   for (int i = 0; i < kMaxArrays; ++i) {
     const auto& array = arrays[static_cast<std::size_t>(i)];
@@ -219,7 +236,8 @@ std::vector<Sample*> LumigraphRenderer::State::pool(std::span<const SampleId> ca
   return result;
 }
 
-std::uint64_t LumigraphRenderer::State::depthSignature(const Sample& sample, const std::vector<std::uint32_t>& occluders,
+std::uint64_t LumigraphRenderer::State::depthSignature(const Sample& sample,
+                                                       const std::vector<std::uint32_t>& occluders,
                                                        std::vector<std::uint32_t>* overlapping) const {
   std::uint64_t sum = 1;
   for (const std::uint32_t patch : occluders) {
@@ -237,7 +255,8 @@ void LumigraphRenderer::State::drawDepthMap(Sample& sample, const std::vector<st
   ++stats.depth_maps_drawn;
 }
 
-/// Redraws the depth maps whose patches have changed, samples without any first; a few per frame unless the picture must be final.
+/// Redraws the depth maps whose patches have changed, samples without any first; a few per frame unless the picture
+/// must be final.
 void LumigraphRenderer::State::drawDepthMaps(Frame& frame, const std::vector<Sample*>& wanted) {
   struct Stale {
     Sample* sample;
@@ -278,8 +297,10 @@ void LumigraphRenderer::State::wantSamples(Frame& frame, std::span<const SampleI
   for (const Sample* sample : all) geometries.push_back(&sample->geometry);
   const auto limit = static_cast<std::size_t>(std::clamp(frame.options.max_samples, 1, kMaxSamples));
   std::vector<Sample*> wanted;
-  for (const std::size_t i : chooseSamples(geometries, frame.boxes, frame.camera, limit,
-                                         frame.error_per_distance * frame.camera.pixelsPerUnitAtOne(), frame.options.tuning)) wanted.push_back(all[i]);
+  for (const std::size_t i :
+       chooseSamples(geometries, frame.boxes, frame.camera, limit,
+                     frame.error_per_distance * frame.camera.pixelsPerUnitAtOne(), frame.options.tuning))
+    wanted.push_back(all[i]);
   drawDepthMaps(frame, wanted);
 
   const float seconds = frame.options.fade_seconds;
@@ -299,7 +320,9 @@ void LumigraphRenderer::State::wantSamples(Frame& frame, std::span<const SampleI
     if (sample->depth_drawn) turn(*sample, true);
 
   // Those that leave share what places are left, the strongest first.
-  std::sort(leaving.begin(), leaving.end(), [&](const Sample* a, const Sample* b) { return a->fadeAt(frame.now, seconds) > b->fadeAt(frame.now, seconds); });
+  std::sort(leaving.begin(), leaving.end(), [&](const Sample* a, const Sample* b) {
+    return a->fadeAt(frame.now, seconds) > b->fadeAt(frame.now, seconds);
+  });
   for (Sample* sample : wanted)
     if (sample->depth_drawn) frame.active.push_back(sample);
   for (Sample* sample : leaving)
@@ -313,7 +336,8 @@ void LumigraphRenderer::State::wantSamples(Frame& frame, std::span<const SampleI
 /// Without images nothing is carved, so nothing is pushed either; the push comes in with the first image.
 float LumigraphRenderer::State::strongestFade(const Frame& frame) const {
   float strongest = 0.0F;
-  for (const Sample* sample : frame.active) strongest = std::max(strongest, sample->fadeAt(frame.now, frame.options.fade_seconds));
+  for (const Sample* sample : frame.active)
+    strongest = std::max(strongest, sample->fadeAt(frame.now, frame.options.fade_seconds));
   return strongest;
 }
 
@@ -333,7 +357,8 @@ void LumigraphRenderer::State::uploadBlock(const Frame& frame) {
     const glm::mat4& projection = sample.camera.clip_from_eye;
     blocks[i].clip_from_scene = sample.geometry.clip_from_scene;
     blocks[i].eye = glm::vec4(sample.geometry.eye, fades[i]);
-    blocks[i].place = glm::vec4(sample.array, sample.layer, 1.0F / static_cast<float>(array.depthWidth()), 1.0F / static_cast<float>(array.depthHeight()));
+    blocks[i].place = glm::vec4(sample.array, sample.layer, 1.0F / static_cast<float>(array.depthWidth()),
+                                1.0F / static_cast<float>(array.depthHeight()));
     // Clip z = P22 z + P32 with w = −z: depth = P32 / w − P22.
     const float texel = std::max(2.0F / (projection[0][0] * static_cast<float>(array.depthWidth())),
                                  2.0F / (projection[1][1] * static_cast<float>(array.depthHeight())));
@@ -392,7 +417,8 @@ void LumigraphRenderer::State::setUniforms(const Frame& frame, const lod::draw::
   set("u_vote_power", tuning.vote_power);
 }
 
-/// Patches front to back; runs that the same samples may see share a draw call's list, so that a fragment tries only those.
+/// Patches front to back; runs that the same samples may see share a draw call's list, so that a fragment tries only
+/// those.
 void LumigraphRenderer::State::drawPatches(const Frame& frame) {
   const auto maskOf = [&](std::size_t i) {
     std::uint32_t mask = 0;
@@ -417,8 +443,9 @@ void LumigraphRenderer::State::drawPatches(const Frame& frame) {
   }
 }
 
-void LumigraphRenderer::draw(const base::Camera& camera, std::span<const std::uint32_t> cut, std::span<const SampleId> candidates,
-                             float cut_error_px, const lod::draw::Shading& shading, const LumigraphOptions& options, double now,
+void LumigraphRenderer::draw(const base::Camera& camera, std::span<const std::uint32_t> cut,
+                             std::span<const SampleId> candidates, float cut_error_px,
+                             const lod::draw::Shading& shading, const LumigraphOptions& options, double now,
                              std::span<const std::uint32_t> occluders) {
   State& state = *state_;
   state.settling = false;

@@ -1,9 +1,9 @@
 #pragma once
-// The Grid-Lumigraph renderer (Okamoto 2011, section 3; DESIGN section 7): the proxy drawn once, every fragment blended from the
-// sampling images that see it, by shadow-masked projective texturing in one pass.
+// The Grid-Lumigraph renderer (Okamoto 2011, section 3; DESIGN section 7): the proxy drawn once, every fragment blended
+// from the sampling images that see it, by shadow-masked projective texturing in one pass.
 //
-// Every sampling image is a *camera*: a projection (off-axis where need be), pixels, coverage, a depth map of the proxy. A face of
-// the repository, a tile and an exact frame are the same thing here.
+// Every sampling image is a *camera*: a projection (off-axis where need be), pixels, coverage, a depth map of the
+// proxy. A face of the repository, a tile and an exact frame are the same thing here.
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -22,27 +22,31 @@ using SampleId = std::uint64_t;
 
 /// How samples are weighed against each other. The defaults are what measured best: docs/lumigraph-tuning.md.
 struct BlendTuning {
-  float resolution_power = 6.0F;   ///< weight ∝ blur^−resolution_power, blur in view pixels: the sample's texel and the proxy's error seen from aside
-  float shift = 2.0F;              ///< share of the proxy's projected error that counts as blur, times the angle between the rays
-  float angle_power = 1.0F;        ///< and ∝ (angle between the rays to viewer and sample + angle_floor)^−angle_power
-  float angle_floor = 0.02F;       ///< radians
-  float vote_power = 3.0F;         ///< votes on coverage ∝ (angle + angle_floor)^−vote_power
-  float carve_below = 0.5F;        ///< mean coverage by votes under which a fragment is discarded
-  float border = 0.06F;            ///< share of a sample's width over which it fades towards a border with no neighbour
-  float side_low = -0.3F;          ///< cosine between normal and ray to the sample where its weight begins,
-  float side_high = 0.0F;          ///< and where it is full
-  float bias_texels = 2.0F;        ///< shadow bias in depth map texels, scaled by the slope
-  float bias_error = 1.0F;         ///< shadow bias in units of the proxy's error and push
-  float parallax = 2.0F;           ///< a pushed fragment is looked up this many push lengths further along the view ray, at most
+  float resolution_power = 6.0F;  ///< weight ∝ blur^−resolution_power, blur in view pixels: the sample's texel and the
+                                  ///< proxy's error seen from aside
+  float shift = 0.3F;  ///< share of the proxy's projected error that counts as blur, times the angle between the rays
+  float angle_power = 1.0F;   ///< and ∝ (angle between the rays to viewer and sample + angle_floor)^−angle_power
+  float angle_floor = 0.02F;  ///< radians
+  float vote_power = 3.0F;    ///< votes on coverage ∝ (angle + angle_floor)^−vote_power
+  float carve_below = 0.45F;  ///< mean coverage by votes under which a fragment is discarded
+  float border = 0.06F;       ///< share of a sample's width over which it fades towards a border with no neighbour
+  float side_low = -0.3F;     ///< cosine between normal and ray to the sample where its weight begins,
+  float side_high = 0.0F;     ///< and where it is full
+  float bias_texels = 2.0F;   ///< shadow bias in depth map texels, scaled by the slope
+  float bias_error = 0.15F;   ///< shadow bias in units of the proxy's error and push
+  float parallax = 2.0F;  ///< a pushed fragment is looked up this many push lengths further along the view ray, at most
 };
 
 struct LumigraphOptions {
-  int max_samples = 16;             ///< images blended per frame, 1..32
-  float fade_seconds = 0.25F;       ///< new images and patches come in over this; 0 for pictures that must be final at once
-  bool carve = true;                ///< discard fragments that every image that sees them calls background
-  bool fill_holes = true;           ///< shade what no image sees from colour, normal and light; else leave background
-  float push = 0.25F;               ///< proxy pushed outward along its normals by this many times its error (0: not), then carved
-  bool use_images = true;           ///< false: the same proxy shaded by its vertex colours
+  int max_samples = 16;        ///< images blended per frame, 1..32
+  float fade_seconds = 0.25F;  ///< images come in and go over this; 0 for pictures that must be final at once
+  bool carve = true;           ///< discard fragments that the images, voting, call background
+  bool fill_holes = true;      ///< shade what no image sees from colour, normal and light; else leave background
+  /// Proxy pushed outward along its normals by this many times its projected error, then carved. 0 measured best on our
+  /// hierarchies, whose stated error is a bound several times the typical one; 0.2 to 0.4 of an exact error helps a
+  /// proxy that lies inside.
+  float push = 0.0F;
+  bool use_images = true;  ///< false: the same proxy shaded by its vertex colours
   float background[4] = {0.0F, 0.0F, 0.0F, 0.0F};
   BlendTuning tuning;
 };
@@ -52,28 +56,33 @@ struct LumigraphStats {
   std::uint32_t samples_resident = 0;
   std::uint32_t patches = 0;
   std::uint64_t triangles = 0;
-  std::uint32_t depth_maps_drawn = 0;   ///< this frame
-  std::uint64_t gpu_bytes = 0;          ///< textures and buffers of this renderer
+  std::uint32_t depth_maps_drawn = 0;  ///< this frame
+  std::uint64_t gpu_bytes = 0;         ///< textures and buffers of this renderer
 };
 
 class LumigraphRenderer {
  public:
   /// `gpu_budget_bytes` bounds textures; layers beyond it are refused by addSample (returns false).
-  static base::Result<std::unique_ptr<LumigraphRenderer>> create(const lod::patch::Lattice& lattice, int face_size, std::uint64_t gpu_budget_bytes);
+  static base::Result<std::unique_ptr<LumigraphRenderer>> create(const lod::patch::Lattice& lattice, int face_size,
+                                                                 std::uint64_t gpu_budget_bytes);
   ~LumigraphRenderer();
 
   lod::draw::PatchMeshes& patches();
 
-  /// A sampling image with its camera; `rgba` may be of any size (resampled to the layers' size where it differs is not done: exact
-  /// frames get a texture of their own). Alpha is coverage: 0 background, 255 model. `now` in seconds starts its fade.
+  /// A sampling image with its camera; `rgba` may be of any size (not resampled: an
+  /// array of layers per size, at most three sizes at a time, of which an empty one is given up). Alpha is coverage: 0
+  /// background, 255 model. `now` in seconds starts its fade.
   bool addSample(SampleId id, const base::Camera& camera, const base::Image& rgba, double now);
   void removeSample(SampleId id);
   bool hasSample(SampleId id) const;
 
-  /// Draws into the framebuffer bound now, viewport 0,0 … camera.width × height. `cut` lists uploaded patches; `cut_error_px` is the
-  /// largest projected error among them (for the push and the shadow bias). `candidates`: resident samples to choose from, best first (empty: all).
-  void draw(const base::Camera& camera, std::span<const std::uint32_t> cut, std::span<const SampleId> candidates, float cut_error_px,
-            const lod::draw::Shading& shading, const LumigraphOptions& options, double now,
+  /// Draws into the framebuffer bound now, viewport 0,0 … camera.width × height. `cut` lists uploaded patches;
+  /// `cut_error_px` is the largest projected error among them (for push, shadow bias and weights). `candidates`:
+  /// resident samples to choose from (empty: all); those that add most are taken, and where two add the same the
+  /// earlier. `occluders`: uploaded patches for the depth maps, best a cut without culling, since what lies outside the
+  /// view hides things from samples too (empty: the cut). Colours are blended as sRGB values.
+  void draw(const base::Camera& camera, std::span<const std::uint32_t> cut, std::span<const SampleId> candidates,
+            float cut_error_px, const lod::draw::Shading& shading, const LumigraphOptions& options, double now,
             std::span<const std::uint32_t> occluders = {});
 
   /// True when another frame at the same view would look different (fades running, depth maps not all drawn yet).

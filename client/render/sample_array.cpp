@@ -25,11 +25,15 @@ int maxLayers() {
 }  // namespace
 
 SampleArray::SampleArray(int width, int height, int depth_width, int depth_height)
-    : width_(width), height_(height), depth_width_(depth_width), depth_height_(depth_height),
+    : width_(width),
+      height_(height),
+      depth_width_(depth_width),
+      depth_height_(depth_height),
       framebuffer_(base::gl::Framebuffer::create()) {}
 
 std::uint64_t SampleArray::bytesPerLayer() const {
-  return pyramidBytes(width_, height_) + std::uint64_t{4} * static_cast<std::uint64_t>(depth_width_) * static_cast<std::uint64_t>(depth_height_);
+  return pyramidBytes(width_, height_) +
+         std::uint64_t{4} * static_cast<std::uint64_t>(depth_width_) * static_cast<std::uint64_t>(depth_height_);
 }
 
 base::gl::Texture SampleArray::makeColor(int layers) const {
@@ -61,7 +65,8 @@ void SampleArray::copyLayersTo(const base::gl::Texture& color, const base::gl::T
   for (int level = 0; level < pyramidLevels(width_, height_); ++level)
     for (int layer = 0; layer < capacity_; ++layer) {
       glFramebufferTextureLayer(GL_READ_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, color_.name(), level, layer);
-      glCopyTexSubImage3D(GL_TEXTURE_2D_ARRAY, level, 0, 0, layer, 0, 0, std::max(1, width_ >> level), std::max(1, height_ >> level));
+      glCopyTexSubImage3D(GL_TEXTURE_2D_ARRAY, level, 0, 0, layer, 0, 0, std::max(1, width_ >> level),
+                          std::max(1, height_ >> level));
     }
 
   // Depth by blits: copying into depth textures is not offered.
@@ -69,12 +74,14 @@ void SampleArray::copyLayersTo(const base::gl::Texture& color, const base::gl::T
   for (int layer = 0; layer < capacity_; ++layer) {
     glFramebufferTextureLayer(GL_READ_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, depth_.name(), 0, layer);
     glFramebufferTextureLayer(GL_DRAW_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, depth.name(), 0, layer);
-    glBlitFramebuffer(0, 0, depth_width_, depth_height_, 0, 0, depth_width_, depth_height_, GL_DEPTH_BUFFER_BIT, GL_NEAREST);
+    glBlitFramebuffer(0, 0, depth_width_, depth_height_, 0, 0, depth_width_, depth_height_, GL_DEPTH_BUFFER_BIT,
+                      GL_NEAREST);
   }
 }
 
 bool SampleArray::grow(std::uint64_t budget_bytes) {
-  const auto affordable = static_cast<int>(std::min<std::uint64_t>(budget_bytes / bytesPerLayer(), static_cast<std::uint64_t>(maxLayers())));
+  const auto affordable = static_cast<int>(
+      std::min<std::uint64_t>(budget_bytes / bytesPerLayer(), static_cast<std::uint64_t>(maxLayers())));
   const int layers = std::min(affordable, std::max(kFirstLayers, 2 * capacity_));
   if (layers <= capacity_) return false;
 
@@ -102,8 +109,8 @@ int SampleArray::add(const base::Image& rgba, std::uint64_t budget_bytes) {
   glPixelStorei(GL_UNPACK_ALIGNMENT, 4);
   const std::vector<base::Image> levels = premultipliedPyramid(rgba);
   for (std::size_t level = 0; level < levels.size(); ++level)
-    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, static_cast<GLint>(level), 0, 0, layer, levels[level].width, levels[level].height, 1, GL_RGBA,
-                    GL_UNSIGNED_BYTE, levels[level].pixels.data());
+    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, static_cast<GLint>(level), 0, 0, layer, levels[level].width,
+                    levels[level].height, 1, GL_RGBA, GL_UNSIGNED_BYTE, levels[level].pixels.data());
   return layer;
 }
 

@@ -8,7 +8,8 @@
 
 namespace client {
 
-/// Layers are handed out and taken back; storage grows by doubling (copied on the GPU) and stays until the array is destroyed.
+/// Layers are handed out and taken back; storage grows by doubling (copied on the GPU) and stays until the array is
+/// destroyed.
 class SampleArray {
  public:
   /// Colour layers of width × height, depth layers of depth_width × depth_height.
@@ -24,8 +25,8 @@ class SampleArray {
   std::uint64_t bytes() const { return bytesPerLayer() * static_cast<std::uint64_t>(capacity_); }
   int used() const { return capacity_ - static_cast<int>(free_.size()); }
 
-  /// A layer for `rgba` (4 channels, of this array's size), −1 when none is free and growing would exceed `budget_bytes` for
-  /// this array or the GL's limit of layers.
+  /// A layer for `rgba` (4 channels, of this array's size), −1 when none is free and growing would exceed
+  /// `budget_bytes` for this array or the GL's limit of layers.
   int add(const base::Image& rgba, std::uint64_t budget_bytes);
   void release(int layer) { free_.push_back(layer); }
 

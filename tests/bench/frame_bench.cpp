@@ -1,5 +1,5 @@
-// Client frames: 4, 8 and 16 images beside plain shaded drawing of the same proxy, in the same run. Medians of several frames.
-// Run by hand: frame_bench [triangles] [frames]
+// Client frames: 4, 8 and 16 images beside plain shaded drawing of the same proxy, in the same run. Medians of several
+// frames. Run by hand: frame_bench [triangles] [frames]
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -38,7 +38,9 @@ std::vector<lod::patch::PatchGeometry> makeProxy(int triangles, const lod::patch
     for (int j = 0; j < count; ++j)
       for (int i = 0; i < columns; ++i) {
         const auto at = [&](int x, int y) { return static_cast<std::uint16_t>(y * (columns + 1) + x); };
-        for (const std::uint16_t v : {at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j), at(i + 1, j + 1), at(i, j + 1)}) patch.indices.push_back(v);
+        for (const std::uint16_t v :
+             {at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j), at(i + 1, j + 1), at(i, j + 1)})
+          patch.indices.push_back(v);
       }
     patches.push_back(std::move(patch));
   }
@@ -58,12 +60,13 @@ base::Camera lookAtCenter(const glm::dvec3& eye, int width, int height, double f
 
 base::Image pictureOfNothingInParticular() {
   base::Image image(kFace, kFace, 4);
-  for (std::size_t i = 0; i < image.pixels.size(); ++i) image.pixels[i] = i % 4 == 3 ? 255 : static_cast<std::uint8_t>(i * 2654435761U >> 13);
+  for (std::size_t i = 0; i < image.pixels.size(); ++i)
+    image.pixels[i] = i % 4 == 3 ? 255 : static_cast<std::uint8_t>(i * 2654435761U >> 13);
   return image;
 }
 
-double medianMilliseconds(client::LumigraphRenderer& renderer, const base::Camera& camera, const std::vector<std::uint32_t>& cut,
-                          const client::LumigraphOptions& options, int frames) {
+double medianMilliseconds(client::LumigraphRenderer& renderer, const base::Camera& camera,
+                          const std::vector<std::uint32_t>& cut, const client::LumigraphOptions& options, int frames) {
   auto target = base::gl::RenderTarget::create(camera.width, camera.height);
   if (!target) return 0.0;
   target->bind();
@@ -72,7 +75,8 @@ double medianMilliseconds(client::LumigraphRenderer& renderer, const base::Camer
     const auto start = std::chrono::steady_clock::now();
     renderer.draw(camera, cut, {}, 1.0F, {}, options, 0.0);
     glFinish();
-    if (i > 0) times.push_back(std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count());
+    if (i > 0)
+      times.push_back(std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count());
   }
   std::sort(times.begin(), times.end());
   return times[times.size() / 2];
@@ -96,9 +100,11 @@ int main(int argc, char** argv) {
   }
   const base::Image picture = pictureOfNothingInParticular();
   for (int i = 0; i < 16; ++i)
-    (*renderer)->addSample(static_cast<client::SampleId>(i), lookAtCenter({-0.75 + 0.1 * i, -3.0, 0.3 - 0.04 * i}, kFace, kFace, 0.9), picture, 0.0);
+    (*renderer)->addSample(static_cast<client::SampleId>(i),
+                           lookAtCenter({-0.75 + 0.1 * i, -3.0, 0.3 - 0.04 * i}, kFace, kFace, 0.9), picture, 0.0);
 
-  std::printf("%s\n%zu patches; milliseconds a frame (median of %d) and ratio to plain shading\n", (*context)->renderer().c_str(), cut.size(), frames);
+  std::printf("%s\n%zu patches; milliseconds a frame (median of %d) and ratio to plain shading\n",
+              (*context)->renderer().c_str(), cut.size(), frames);
   std::printf("%-12s %10s %16s %16s %16s\n", "size", "shaded", "4 images", "8 images", "16 images");
   for (const auto& [width, height] : {std::pair{640, 360}, std::pair{1280, 720}}) {
     const base::Camera camera = lookAtCenter({0.1, -2.6, 0.1}, width, height, 0.8);

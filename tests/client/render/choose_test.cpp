@@ -58,7 +58,8 @@ TEST(ChooseSamples, AtTheSameAngleTheSharperOneComesFirst) {
 TEST(BorderFloors, FacesOfACubeGoOnIntoEachOther) {
   Samples samples;
   const glm::vec3 eye(1, 2, 3);
-  for (const glm::vec3 d : {glm::vec3(1, 0, 0), glm::vec3(-1, 0, 0), glm::vec3(0, 1, 0), glm::vec3(0, -1, 0), glm::vec3(0, 0, 1), glm::vec3(0, 0, -1)})
+  for (const glm::vec3 d : {glm::vec3(1, 0, 0), glm::vec3(-1, 0, 0), glm::vec3(0, 1, 0), glm::vec3(0, -1, 0),
+                            glm::vec3(0, 0, 1), glm::vec3(0, 0, -1)})
     samples.add(cameraAt(eye, eye + d, 128, 90));
   const std::vector<float> fades(6, 1.0F);
   for (const glm::vec4& floor : client::borderFloors(samples.pointers, fades)) EXPECT_EQ(floor, glm::vec4(1.0F));

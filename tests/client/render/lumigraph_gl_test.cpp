@@ -25,7 +25,8 @@ const glm::vec3 kEye{0.0F, -3.0F, 0.0F};
 
 /// Smooth enough that a face of 160 pixels resolves it.
 glm::vec3 pattern(const glm::vec3& p) {
-  return {0.5F + 0.4F * std::sin(3.0F * p.x + 1.0F), 0.5F + 0.4F * std::sin(4.0F * p.z), 0.5F + 0.3F * std::sin(2.0F * p.y + 3.0F * p.x)};
+  return {0.5F + 0.4F * std::sin(3.0F * p.x + 1.0F), 0.5F + 0.4F * std::sin(4.0F * p.z),
+          0.5F + 0.3F * std::sin(2.0F * p.y + 3.0F * p.x)};
 }
 Color constant(const glm::vec3& color) {
   return [color](const glm::vec3&) { return color; };
@@ -67,7 +68,9 @@ class Lumigraph : public ::testing::Test {
     for (const base::Camera& camera : cubeCameras(eye, kFace))
       EXPECT_TRUE(renderer_->addSample(first++, camera, castRays(scene_, camera), 0.0));
   }
-  void addImage(SampleId id, const base::Camera& camera) { EXPECT_TRUE(renderer_->addSample(id, camera, castRays(scene_, camera), 0.0)); }
+  void addImage(SampleId id, const base::Camera& camera) {
+    EXPECT_TRUE(renderer_->addSample(id, camera, castRays(scene_, camera), 0.0));
+  }
 
   base::Image draw(const base::Camera& camera, double now = 0.0, float cut_error_px = 0.2F) {
     auto target = base::gl::RenderTarget::create(camera.width, camera.height);
@@ -168,7 +171,9 @@ class Occluder : public Lumigraph {
   base::Camera camera_;
 };
 
-TEST_F(Occluder, ItsColourDoesNotLeakOnWhatLiesBehind) { EXPECT_EQ(redOnGreen(draw(camera_)), 0); }
+TEST_F(Occluder, ItsColourDoesNotLeakOnWhatLiesBehind) {
+  EXPECT_EQ(redOnGreen(draw(camera_)), 0);
+}
 
 TEST_F(Occluder, WithoutItInTheDepthMapItsColourWouldLeak) {
   occluders_ = {0};
@@ -194,7 +199,8 @@ TEST_F(Lumigraph, TheOtherSideOfAThinSheetDoesNotColourThisOne) {
 TEST_F(Lumigraph, CarvingGivesACoarseProxyTheSilhouetteOfTheImages) {
   makeBall(1.05F, 12);
   for (int i = 0; i < 6; ++i)
-    addImage(static_cast<SampleId>(i), lookAt({-0.75F + 0.3F * static_cast<float>(i), -3.0F, i % 2 == 0 ? 0.3F : -0.3F}, glm::vec3(0.0F), 256, 256, 45.0F));
+    addImage(static_cast<SampleId>(i), lookAt({-0.75F + 0.3F * static_cast<float>(i), -3.0F, i % 2 == 0 ? 0.3F : -0.3F},
+                                              glm::vec3(0.0F), 256, 256, 45.0F));
   options_.max_samples = 32;
   const base::Camera camera = lookAt({0.1F, -3.1F, 0.0F}, glm::vec3(0.0F), 240, 240, 45.0F);
   const base::Image truth = castRays(scene_, camera);
@@ -208,7 +214,8 @@ TEST_F(Lumigraph, CarvingGivesACoarseProxyTheSilhouetteOfTheImages) {
 
 TEST_F(Lumigraph, PushingWidensAProxyThatIsTooSmall) {
   makeBall(0.97F, 30);
-  for (int i = 0; i < 3; ++i) addCube({-0.5F + 0.5F * static_cast<float>(i), -3.0F, 0.2F}, static_cast<SampleId>(10 * i));
+  for (int i = 0; i < 3; ++i)
+    addCube({-0.5F + 0.5F * static_cast<float>(i), -3.0F, 0.2F}, static_cast<SampleId>(10 * i));
   options_.max_samples = 32;
   const base::Camera camera = lookAt(kEye, glm::vec3(0.0F), 240, 240, 45.0F);
   const base::Image truth = castRays(scene_, camera);
@@ -273,7 +280,8 @@ TEST_F(Lumigraph, LayersSurviveTheGrowthOfTheirArray) {
 TEST_F(Lumigraph, LayersBeyondTheBudgetAreRefused) {
   makeBall();
   std::uint64_t layer = 4ULL * kFace * kFace;  // depth
-  for (int side = kFace; side >= 1; side /= 2) layer += 4ULL * static_cast<std::uint64_t>(side) * static_cast<std::uint64_t>(side);
+  for (int side = kFace; side >= 1; side /= 2)
+    layer += 4ULL * static_cast<std::uint64_t>(side) * static_cast<std::uint64_t>(side);
   renderer_ = make(2 * layer + 100);
   const base::Image image(kFace, kFace, 4);
   const base::Camera camera = cubeCameras(kEye, kFace)[0];
@@ -341,7 +349,8 @@ TEST_F(Lumigraph, PicturesSettleAndThenEqualTheFinalOne) {
 
 class Continuity : public Lumigraph {
  protected:
-  // A wall that fills the picture, seen by four samples whose images differ in colour, so that any jump of a weight shows.
+  // A wall that fills the picture, seen by four samples whose images differ in colour, so that any jump of a weight
+  // shows.
   void SetUp() override {
     Lumigraph::SetUp();
     const Rectangle wall{{0, 0, 0}, {4, 0, 0}, {0, 0, 4}, kGreen, {}};
@@ -376,7 +385,8 @@ class Continuity : public Lumigraph {
   }
   static int difference(const base::Image& a, const base::Image& b) {
     int largest = 0;
-    for (std::size_t i = 0; i < a.pixels.size(); ++i) largest = std::max(largest, std::abs(int{a.pixels[i]} - int{b.pixels[i]}));
+    for (std::size_t i = 0; i < a.pixels.size(); ++i)
+      largest = std::max(largest, std::abs(int{a.pixels[i]} - int{b.pixels[i]}));
     return largest;
   }
 };

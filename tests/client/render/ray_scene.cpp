@@ -43,7 +43,9 @@ std::optional<glm::vec3> cast(const Scene& scene, const Ray& ray) {
   return color;
 }
 
-glm::ivec3 quantized(const glm::vec3& p) { return glm::ivec3(glm::round((glm::dvec3(p) - kLattice.origin) / kLattice.step)); }
+glm::ivec3 quantized(const glm::vec3& p) {
+  return glm::ivec3(glm::round((glm::dvec3(p) - kLattice.origin) / kLattice.step));
+}
 
 void addCells(lod::patch::PatchGeometry& patch, int columns, int rows) {
   for (int y = 0; y < rows; ++y)
@@ -64,8 +66,10 @@ base::Image castRays(const Scene& scene, const base::Camera& camera, int rays) {
       glm::vec3 sum(0.0F);
       int hits = 0;
       for (int k = 0; k < rays * rays; ++k) {
-        const float u = (static_cast<float>(x) + (static_cast<float>(k % rays) + 0.5F) / static_cast<float>(rays)) / static_cast<float>(image.width);
-        const float v = (static_cast<float>(y) + (static_cast<float>(k / rays) + 0.5F) / static_cast<float>(rays)) / static_cast<float>(image.height);
+        const float u = (static_cast<float>(x) + (static_cast<float>(k % rays) + 0.5F) / static_cast<float>(rays)) /
+                        static_cast<float>(image.width);
+        const float v = (static_cast<float>(y) + (static_cast<float>(k / rays) + 0.5F) / static_cast<float>(rays)) /
+                        static_cast<float>(image.height);
         const glm::vec4 p = scene_from_clip * glm::vec4(2.0F * u - 1.0F, 1.0F - 2.0F * v, 0.0F, 1.0F);
         const auto color = cast(scene, {camera.eye, glm::normalize(glm::vec3(p) / p.w - camera.eye)});
         if (!color) continue;
@@ -73,7 +77,8 @@ base::Image castRays(const Scene& scene, const base::Camera& camera, int rays) {
         ++hits;
       }
       std::uint8_t* pixel = image.at(x, y);
-      for (int c = 0; c < 3; ++c) pixel[c] = hits == 0 ? 0 : static_cast<std::uint8_t>(std::lround(255.0F * sum[c] / static_cast<float>(hits)));
+      for (int c = 0; c < 3; ++c)
+        pixel[c] = hits == 0 ? 0 : static_cast<std::uint8_t>(std::lround(255.0F * sum[c] / static_cast<float>(hits)));
       pixel[3] = 2 * hits >= rays * rays ? 255 : 0;
     }
   return image;
