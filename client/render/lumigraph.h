@@ -28,7 +28,7 @@ struct BlendTuning {
   float angle_power = 1.0F;   ///< and ∝ (angle between the rays to viewer and sample + angle_floor)^−angle_power
   float angle_floor = 0.02F;  ///< radians
   float vote_power = 3.0F;    ///< votes on coverage ∝ (angle + angle_floor)^−vote_power
-  float carve_below = 0.45F;  ///< mean coverage by votes under which a fragment is discarded
+  float carve_below = 0.2F;   ///< mean coverage by votes under which a fragment is discarded
   float border = 0.06F;       ///< share of a sample's width over which it fades towards a border with no neighbour
   float side_low = -0.3F;     ///< cosine between normal and ray to the sample where its weight begins,
   float side_high = 0.0F;     ///< and where it is full
