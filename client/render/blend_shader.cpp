@@ -154,14 +154,15 @@ void main() {
     vec2 uv = 0.5 * ndc + 0.5;
     float lit = litAround(array, vec4(uv, place.y, clamp(reference, 0.0, 1.0)), place.zw);
     float voter = seen;
-    // Close to an edge in the depth map the image may show what lies in front.
-    seen *= smoothstep(0.75, 1.0, lit) * smoothstep(u_side_low, u_side_high, cosine);
+    // Close to an edge in the depth map the image may show what lies in front; not where both rays are one.
+    float angle = length(view_ray - sample_ray);
+    float apart_rays = smoothstep(0.002, 0.02, angle);
+    seen *= mix(1.0, smoothstep(0.75, 1.0, lit) * smoothstep(u_side_low, u_side_high, cosine), apart_rays);
 
     // Coverage votes. Background in an image means that nothing lies along the whole ray, hidden by the proxy or not; model counts
     // only where the image sees this place. By angle alone: the closer the ray, the better it knows the silhouette.
     float ratio = depth.w / clip.w / view_density;
     vec4 color = colorAt(array, vec3(uv, place.y), log2(max(ratio, 1.0)));
-    float angle = length(view_ray - sample_ray);
     float for_model = color.a * min(1.0, 2.0 * lit);
     float vote = voter * pow(angle + u_angle_floor, -u_vote_power);
     votes += vote * (1.0 - color.a + for_model);

@@ -26,7 +26,7 @@ struct BlendTuning {
                                   ///< proxy's error seen from aside
   float shift = 0.3F;  ///< share of the proxy's projected error that counts as blur, times the angle between the rays
   float angle_power = 1.0F;   ///< and ∝ (angle between the rays to viewer and sample + angle_floor)^−angle_power
-  float angle_floor = 0.02F;  ///< radians
+  float angle_floor = 0.001F;  ///< radians; small, so that at a sampling point its own image is the picture
   float vote_power = 3.0F;    ///< votes on coverage ∝ (angle + angle_floor)^−vote_power
   float carve_below = 0.2F;   ///< mean coverage by votes under which a fragment is discarded
   float border = 0.06F;       ///< share of a sample's width over which it fades towards a border with no neighbour

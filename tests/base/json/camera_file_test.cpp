@@ -1,13 +1,14 @@
 #include "base/json/camera_file.h"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <fstream>
 
 namespace {
 
 std::string write(const std::string& text) {
-  const std::string path = std::string(::testing::TempDir()) + "lumigrid_camera.json";
+  const std::string path = std::string(::testing::TempDir()) + "lumigrid_camera_" + std::to_string(::getpid()) + ".json";
   std::ofstream(path) << text;
   return path;
 }

@@ -1,6 +1,7 @@
 #include "base/json/scene_file.h"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <cstdlib>
 #include <fstream>
@@ -67,7 +68,7 @@ TEST(SceneFile, aDirectoryWithoutSceneSaysHowToMakeOne) {
 }
 
 TEST(Sha256, ofAbcIsThePublishedOne) {
-  const std::string path = std::string(::testing::TempDir()) + "lumigrid_abc";
+  const std::string path = std::string(::testing::TempDir()) + "lumigrid_abc_" + std::to_string(::getpid());
   std::ofstream(path) << "abc";
   auto hash = base::sha256OfFile(path);
   ASSERT_TRUE(hash);
