@@ -18,6 +18,9 @@ constexpr std::size_t kMaxCandidates = 256;  // 256 × 144 uses are computed in 
 constexpr std::size_t kCornersKept = 4;
 constexpr float kSecondBest = 0.5F;  // what a second image of the same place counts
 constexpr float kNarrowCone = 0.5F;  // cosine: normals within 60° of their mean make the patch nearly a plane
+// The stated error is an upper bound; what an image is off by, seen from aside, is a share of it. Measured along an orbit over
+// machangara, cuts of 4 and 8 px: 0, 0.2, 0.4, 0.8, 1.6 give 26.9, 27.6, 27.9, 28.0, 27.9 and 26.3, 27.1, 27.1, 27.1, 27.1 dB.
+constexpr float kTypicalError = 0.5F;
 constexpr float kGrazing = 0.2F;     // cosine under which "how much less does p face it than the eye" loses its meaning
 
 using Index = std::tuple<std::uint32_t, std::uint32_t, std::uint32_t>;
@@ -218,7 +221,7 @@ float useOfPoint(const PointQuery& query, const glm::vec3& point, const SurfaceS
   const float view_resolution = query.pixels_per_unit_at_one / eye_distance;
   const float face_resolution = focal_face / point_distance;
   const float covers = std::max(1.0F, view_resolution / face_resolution);
-  const float shift = query.error_px * std::sqrt(std::max(0.0F, 1.0F - cosine * cosine)) / cosine;
+  const float shift = kTypicalError * query.error_px * std::sqrt(std::max(0.0F, 1.0F - cosine * cosine)) / cosine;
   const float blur = std::sqrt(covers * covers + shift * shift);
 
   // Whether the surface turns its face to the point. Scans are open: a surface seen from behind is a surface.
