@@ -100,6 +100,10 @@ float litAround(int array, vec4 place, vec2 texel) {
                  litAt(array, place + vec4(texel.x, -texel.y, 0.0, 0.0)) + litAt(array, place + vec4(-texel.x, texel.y, 0.0, 0.0)));
 }
 
+// Towards its border (and while it fades in) an image loses the priority that a small angle gives, or the fade would be no wider than its last
+// thousandth. Radians; about the angle between neighbouring images.
+const float kBorderAngle = 0.3;
+
 void main() {
   // The surface here: the side that the viewer sees, its normal, the proxy's error.
   vec3 to_eye = u_eye - v_position;
@@ -139,7 +143,8 @@ void main() {
     vec2 apart = abs(ndc - view_ndc);
     float width = clamp(8.0 * max(apart.x, apart.y), 1e-4, 2.0 * u_border);
     vec4 rise = mix(u_samples[i].floors, vec4(1.0), smoothstep(0.0, width, inside));
-    float seen = u_samples[i].eye.w * rise.x * rise.y * rise.z * rise.w;
+    float middle = u_samples[i].eye.w * rise.x * rise.y * rise.z * rise.w;
+    float seen = middle;
 
     // Visibility: the shadow mask, its bias scaled by the slope.
     vec3 sample_ray = normalize(u_samples[i].eye.xyz - p);
@@ -173,7 +178,7 @@ void main() {
     // shifts the image by error × angle. Both blur, in view pixels; the sharpest images count most.
     float blur = 1.0 / clamp(ratio * cosine, 0.05, 1.0);
     float shift = u_shift * error_px * angle;
-    float weight = seen * pow(blur * blur + shift * shift, -0.5 * u_resolution_power) * pow(angle + u_angle_floor, -u_angle_power);
+    float weight = seen * pow(blur * blur + shift * shift, -0.5 * u_resolution_power) * pow(angle + u_angle_floor + kBorderAngle * (1.0 - middle), -u_angle_power);
     color_sum += weight * color.rgb;
     coverage_sum += weight * color.a;
     unseen *= 1.0 - seen * color.a;

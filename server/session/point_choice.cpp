@@ -18,9 +18,6 @@ constexpr std::size_t kMaxCandidates = 256;  // 256 × 144 uses are computed in 
 constexpr std::size_t kCornersKept = 4;
 constexpr float kSecondBest = 0.5F;  // what a second image of the same place counts
 constexpr float kNarrowCone = 0.5F;  // cosine: normals within 60° of their mean make the patch nearly a plane
-// The stated error is an upper bound; what an image is off by, seen from aside, is a share of it. Measured along an orbit over
-// machangara, cuts of 4 and 8 px: 0, 0.2, 0.4, 0.8, 1.6 give 26.9, 27.6, 27.9, 28.0, 27.9 and 26.3, 27.1, 27.1, 27.1, 27.1 dB.
-constexpr float kTypicalError = 0.5F;
 constexpr float kGrazing = 0.2F;     // cosine under which "how much less does p face it than the eye" loses its meaning
 
 using Index = std::tuple<std::uint32_t, std::uint32_t, std::uint32_t>;

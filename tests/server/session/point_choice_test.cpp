@@ -59,7 +59,7 @@ TEST(PointChoice, useByTheFormula) {
   PointQuery query = wallQuery({0.0F, 0.0F, 8.0F});
   const SurfaceSample sample{{0.0F, 0.0F, 0.0F}, {0.0F, 0.0F, 1.0F}, 1.0F};
   const float covers = (900.0F / 8.0F) / (256.0F / 5.0F);
-  const float shift = 2.0F * 0.75F;
+  const float shift = server::kTypicalError * query.error_px * 0.75F;
   EXPECT_NEAR(useOfPoint(query, {3.0F, 0.0F, 4.0F}, sample), 0.8F / std::sqrt(covers * covers + shift * shift), 1e-5F);
 }
 
