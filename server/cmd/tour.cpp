@@ -16,7 +16,7 @@ struct TourArguments {
   int frames = 24;
   double turns = 1.0;
   double elevation_degrees = 30.0;
-  double distance = 0.75;
+  double distance = 1.2;
   std::vector<int> size{1280, 720};
 };
 
