@@ -20,7 +20,8 @@ struct BakeOptions {
   repository::Grid grid;
   int quality = 85;  ///< JPEG, 1..100
   repository::Subsampling subsampling = repository::Subsampling::k420;
-  float tolerance_px = 1.0F;        ///< of one face pixel
+  /// Face pixels. It bounds the shape alone: at 1 colour detail is lost already, at 0.5 little is (docs/lumigraph-tuning.md).
+  float tolerance_px = 0.5F;
   int supersampling = 2;            ///< per face pixel side
   std::uint32_t batch_faces = 300;  ///< faces per commit
   unsigned threads = 0;             ///< 0: all cores

@@ -17,7 +17,7 @@ namespace server {
 namespace {
 
 constexpr int kFullColorQuality = 90;  // from here on colours are not halved: they are what is left to see
-constexpr RenderOptions kExact{.tolerance_px = 0.5F, .supersampling = 2};
+constexpr RenderOptions kExact{.tolerance_px = 0.25F, .supersampling = 2};
 
 }  // namespace
 

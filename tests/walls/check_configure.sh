@@ -17,7 +17,7 @@ $2
 lumigrid_check_walls()
 END
   rm -rf "$tree/build"
-  out=$(cmake -S "$tree" -B "$tree/build" 2>&1)
+  out=$(cmake -G Ninja -S "$tree" -B "$tree/build" 2>&1)
   status=$?
   if [ "$3" = ok ]; then [ $status -eq 0 ] || { echo "$out"; exit 1; }; return; fi
   [ $status -ne 0 ] && printf '%s' "$out" | tr '\n' ' ' | tr -s ' ' | grep -q "$3" && return
