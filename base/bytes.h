@@ -1,6 +1,6 @@
 #pragma once
-// Bounded little-endian reading and writing. A reader never goes past its end: it turns bad instead and yields zeros, so a
-// decoder may read a whole header and ask ok() once.
+// Bounded little-endian reading and writing. A reader never goes past its end: it turns bad instead and yields zeros,
+// so a decoder may read a whole header and ask ok() once.
 #include <bit>
 #include <cstddef>
 #include <cstdint>

@@ -11,7 +11,8 @@ Camera cameraFromView(const ViewCamera& view, const glm::dvec3& scene_origin, fl
   camera.eye = glm::vec3(eye);
   camera.eye_from_scene = glm::mat4(glm::lookAt(eye, eye + view.direction, view.up));
   camera.clip_from_eye =
-      glm::perspective(static_cast<float>(view.fov_y), static_cast<float>(view.width) / static_cast<float>(view.height), near_plane, far_plane);
+      glm::perspective(static_cast<float>(view.fov_y), static_cast<float>(view.width) / static_cast<float>(view.height),
+                       near_plane, far_plane);
   camera.width = view.width;
   camera.height = view.height;
   return camera;

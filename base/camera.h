@@ -5,8 +5,8 @@
 
 namespace base {
 
-/// A viewer's camera. World coordinates are the mesh's own (double, e.g. UTM metres); what reaches a float is relative to the
-/// scene's origin.
+/// A viewer's camera. World coordinates are the mesh's own (double, e.g. UTM metres); what reaches a float is relative
+/// to the scene's origin.
 struct ViewCamera {
   glm::dvec3 position{0.0, 0.0, 1.0};    ///< world
   glm::dvec3 direction{0.0, 0.0, -1.0};  ///< unit, world
@@ -40,8 +40,8 @@ struct DepthRange {
 };
 DepthRange depthRangeFor(const glm::vec3& eye, const glm::vec3& scene_center, float scene_radius);
 
-/// Screen-space error (DESIGN section 4): pixels = error × height / (2 tan(fov/2) × distance to the sphere's surface). The
-/// distance is never less than `near_plane`, so that the figure stays finite inside the sphere.
+/// Screen-space error (DESIGN section 4): pixels = error × height / (2 tan(fov/2) × distance to the sphere's surface).
+/// The distance is never less than `near_plane`, so that the figure stays finite inside the sphere.
 float projectedError(float error, const glm::vec3& sphere_center, float sphere_radius, const glm::vec3& eye,
                      float pixels_per_unit_at_one, float near_plane);
 

@@ -26,9 +26,9 @@ std::string describePair(const A& a, const B& b) {
     if (!(condition)) ::base::failCheck(__FILE__, __LINE__, #condition, ""); \
   } while (false)
 
-#define LUMIGRID_CHECK_OP(a, op, b)                                                                               \
-  do {                                                                                                            \
-    if (!((a)op(b))) ::base::failCheck(__FILE__, __LINE__, #a " " #op " " #b, ::base::describePair((a), (b)));    \
+#define LUMIGRID_CHECK_OP(a, op, b)                                                                            \
+  do {                                                                                                         \
+    if (!((a)op(b))) ::base::failCheck(__FILE__, __LINE__, #a " " #op " " #b, ::base::describePair((a), (b))); \
   } while (false)
 #define LUMIGRID_CHECK_EQ(a, b) LUMIGRID_CHECK_OP(a, ==, b)
 #define LUMIGRID_CHECK_LE(a, b) LUMIGRID_CHECK_OP(a, <=, b)

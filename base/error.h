@@ -1,6 +1,6 @@
 #pragma once
-// Errors as values. Library code never prints, exits or throws: it returns a Result, whose message is one line that names
-// the file or peer, the place and what to do next.
+// Errors as values. Library code never prints, exits or throws: it returns a Result, whose message is one line that
+// names the file or peer, the place and what to do next.
 #include <optional>
 #include <string>
 #include <utility>
@@ -11,16 +11,16 @@
 namespace base {
 
 enum class ErrorCode {
-  kInvalidInput,   ///< bytes, a file or a value from outside are wrong
-  kNotFound,       ///< a file or key is not there
-  kExists,         ///< output is there already and may not be replaced
-  kNoSpace,        ///< disk, map or memory budget is full
-  kIo,             ///< the system refused a read or write
-  kNetwork,        ///< a peer is gone, or a port is taken
-  kVersion,        ///< another format or protocol version
-  kBusy,           ///< somebody else holds it
-  kUnsupported,    ///< valid, but not something we do
-  kCancelled,      ///< stopped on request
+  kInvalidInput,  ///< bytes, a file or a value from outside are wrong
+  kNotFound,      ///< a file or key is not there
+  kExists,        ///< output is there already and may not be replaced
+  kNoSpace,       ///< disk, map or memory budget is full
+  kIo,            ///< the system refused a read or write
+  kNetwork,       ///< a peer is gone, or a port is taken
+  kVersion,       ///< another format or protocol version
+  kBusy,          ///< somebody else holds it
+  kUnsupported,   ///< valid, but not something we do
+  kCancelled,     ///< stopped on request
 };
 
 struct Error {
@@ -38,8 +38,8 @@ inline Error within(const std::string& place, Error error) {
 template <class T>
 class [[nodiscard]] Result {
  public:
-  Result(T value) : state_(std::in_place_index<0>, std::move(value)) {}       // NOLINT: implicit by design
-  Result(Error error) : state_(std::in_place_index<1>, std::move(error)) {}   // NOLINT: implicit by design
+  Result(T value) : state_(std::in_place_index<0>, std::move(value)) {}      // NOLINT: implicit by design
+  Result(Error error) : state_(std::in_place_index<1>, std::move(error)) {}  // NOLINT: implicit by design
 
   explicit operator bool() const { return state_.index() == 0; }
   T& value() & { return require(0), *std::get_if<0>(&state_); }
@@ -55,7 +55,8 @@ class [[nodiscard]] Result {
  private:
   void require(std::size_t index) const {
     if (state_.index() == index) return;
-    failCheck(__FILE__, __LINE__, "Result read the wrong way", index == 0 ? ": " + std::get_if<1>(&state_)->message : "");
+    failCheck(__FILE__, __LINE__, "Result read the wrong way",
+              index == 0 ? ": " + std::get_if<1>(&state_)->message : "");
   }
   std::variant<T, Error> state_;
 };
@@ -79,7 +80,7 @@ class [[nodiscard]] Result<void> {
 }  // namespace base
 
 /// Returns the error of a Result<...> expression from the enclosing function, if it has one.
-#define LUMIGRID_TRY(expression)                               \
-  do {                                                         \
+#define LUMIGRID_TRY(expression)                                                \
+  do {                                                                          \
     if (auto try_result = (expression); !try_result) return try_result.error(); \
   } while (false)

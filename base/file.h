@@ -27,8 +27,8 @@ class MappedFile {
   std::size_t size_ = 0;
 };
 
-/// A file written front to back under a temporary name. commit() fsyncs and renames it to its own; without it the temporary
-/// is removed.
+/// A file written front to back under a temporary name. commit() fsyncs and renames it to its own; without it the
+/// temporary is removed.
 class AtomicFile {
  public:
   static Result<AtomicFile> create(const std::string& path);

@@ -7,7 +7,9 @@ namespace base {
 namespace {
 
 // float sums may round down by a few units in the last place; a bound must not.
-float roundUp(float radius) { return radius * (1.0F + 4.0e-6F); }
+float roundUp(float radius) {
+  return radius * (1.0F + 4.0e-6F);
+}
 
 void grow(Sphere& sphere, const glm::vec3& p, float r) {
   const float distance = glm::length(p - sphere.center);
@@ -46,7 +48,8 @@ Sphere boundingSphere(std::span<const Sphere> spheres) {
   Sphere sphere = *std::max_element(spheres.begin(), spheres.end(),
                                     [](const Sphere& a, const Sphere& b) { return a.radius < b.radius; });
   for (const Sphere& s : spheres) grow(sphere, s.center, s.radius);
-  for (const Sphere& s : spheres) sphere.radius = std::max(sphere.radius, glm::length(s.center - sphere.center) + s.radius);
+  for (const Sphere& s : spheres)
+    sphere.radius = std::max(sphere.radius, glm::length(s.center - sphere.center) + s.radius);
   sphere.radius = roundUp(sphere.radius);
   return sphere;
 }
@@ -68,11 +71,12 @@ bool facesAway(const NormalCone& cone, const Sphere& bounds, const glm::vec3& ey
   const glm::vec3 to_center = bounds.center - eye;
   const float distance = glm::length(to_center);
   if (distance <= bounds.radius) return false;
-  // A view ray deviates from to_center by at most asin(r/d), a normal from the axis by at most the cone's angle; the surface
-  // faces away where the angle between ray and normal stays under 90 degrees.
+  // A view ray deviates from to_center by at most asin(r/d), a normal from the axis by at most the cone's angle; the
+  // surface faces away where the angle between ray and normal stays under 90 degrees.
   const float cos_between = glm::dot(to_center, cone.axis) / distance;
   const float between = std::acos(std::clamp(cos_between, -1.0F, 1.0F));
-  const float spread = std::asin(std::min(1.0F, bounds.radius / distance)) + std::acos(std::clamp(cone.cos_angle, -1.0F, 1.0F));
+  const float spread =
+      std::asin(std::min(1.0F, bounds.radius / distance)) + std::acos(std::clamp(cone.cos_angle, -1.0F, 1.0F));
   return between + spread < 1.5707F;
 }
 
@@ -87,16 +91,16 @@ Frustum::Frustum(const glm::mat4& m) {
 
 bool Frustum::mayOverlap(const Aabb& box) const {
   for (const glm::vec4& p : planes) {
-    const glm::vec3 corner(p.x >= 0 ? box.max.x : box.min.x, p.y >= 0 ? box.max.y : box.min.y, p.z >= 0 ? box.max.z : box.min.z);
+    const glm::vec3 corner(p.x >= 0 ? box.max.x : box.min.x, p.y >= 0 ? box.max.y : box.min.y,
+                           p.z >= 0 ? box.max.z : box.min.z);
     if (glm::dot(glm::vec3(p), corner) + p.w < 0.0F) return false;
   }
   return true;
 }
 
 bool Frustum::mayOverlap(const Sphere& sphere) const {
-  return std::all_of(planes.begin(), planes.end(), [&](const glm::vec4& p) {
-    return glm::dot(glm::vec3(p), sphere.center) + p.w >= -sphere.radius;
-  });
+  return std::all_of(planes.begin(), planes.end(),
+                     [&](const glm::vec4& p) { return glm::dot(glm::vec3(p), sphere.center) + p.w >= -sphere.radius; });
 }
 
 glm::dvec3 closestPointOnTriangle(const glm::dvec3& p, const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c) {

@@ -1,5 +1,6 @@
 #pragma once
-// Boxes, spheres, cones and frusta. Everything is in scene-local units (float32, relative to the scene's double origin).
+// Boxes, spheres, cones and frusta. Everything is in scene-local units (float32, relative to the scene's double
+// origin).
 #include <array>
 #include <glm/glm.hpp>
 #include <limits>

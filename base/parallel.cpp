@@ -30,7 +30,8 @@ void parallelFor(std::size_t count, unsigned threads, const std::function<void(s
   for (std::thread& t : others) t.join();
 }
 
-ThreadPool::ThreadPool(unsigned threads, std::size_t queue_limit) : queue_limit_(std::max<std::size_t>(1, queue_limit)) {
+ThreadPool::ThreadPool(unsigned threads, std::size_t queue_limit)
+    : queue_limit_(std::max<std::size_t>(1, queue_limit)) {
   for (unsigned t = 0; t < std::max(1U, threads); ++t) threads_.emplace_back([this] { work(); });
 }
 

@@ -1,5 +1,6 @@
 #pragma once
-// Decoding off the render loop: each platform brings its own decoder (libjpeg-turbo on threads; createImageBitmap in a browser).
+// Decoding off the render loop: each platform brings its own decoder (libjpeg-turbo on threads; createImageBitmap in a
+// browser).
 #include <cstdint>
 #include <functional>
 #include <optional>
@@ -17,8 +18,8 @@ class ImageDecoder {
   virtual ~ImageDecoder() = default;
   struct Decoded {
     std::uint64_t id = 0;
-    base::Image rgba;        ///< empty when the value was an empty flag or broken
-    std::string error;       ///< empty when all is well
+    base::Image rgba;   ///< empty when the value was an empty flag or broken
+    std::string error;  ///< empty when all is well
   };
   /// `value`: repository/face_value.h. Copies what it needs.
   virtual void submit(std::uint64_t id, base::ByteView value) = 0;

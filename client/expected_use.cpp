@@ -4,12 +4,10 @@
 #include <array>
 
 #include "base/geometry.h"
+#include "client/render/choose.h"
 
 namespace client {
 namespace {
-
-/// Added to the squared angle, so that an image from the very eye weighs much but not infinitely: (2°)².
-constexpr float kSquaredAngleFloor = 0.0012F;
 
 /// A patch is represented by its centre and six points half-way to its sphere: a patch that fills the screen has more
 /// than one.
@@ -27,19 +25,13 @@ float pixelDensity(const base::Camera& camera, float distance) {
   return camera.pixelsPerUnitAtOne() / std::max(distance, 1e-12F);
 }
 
-/// The blend's weight of one image at one point: nearness of the two rays, times resolution where it falls short of the
-/// view's.
+/// The blend's weight of one image at one point (render/choose.h), the proxy taken as exact: nothing is drawn yet.
 float weightAt(const glm::vec3& point, const base::Camera& view, const base::Camera& sample) {
-  const glm::vec3 to_view = view.eye - point;
-  const glm::vec3 to_sample = sample.eye - point;
-  const float view_distance = glm::length(to_view);
-  const float sample_distance = glm::length(to_sample);
+  const float view_distance = glm::length(view.eye - point);
+  const float sample_distance = glm::length(sample.eye - point);
   if (view_distance <= 0.0F || sample_distance <= 0.0F) return 0.0F;
-
-  const float cosine = glm::dot(to_view, to_sample) / (view_distance * sample_distance);
-  const float squared_angle = 2.0F * (1.0F - std::min(cosine, 1.0F));
-  const float resolution = pixelDensity(sample, sample_distance) / pixelDensity(view, view_distance);
-  return std::min(resolution, 1.0F) / (squared_angle + kSquaredAngleFloor);
+  const float ratio = pixelDensity(sample, sample_distance) / pixelDensity(view, view_distance);
+  return sampleWeight(point, view.eye, sample.eye, ratio, 0.0F, BlendTuning{});
 }
 
 }  // namespace

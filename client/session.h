@@ -1,13 +1,15 @@
 #pragma once
-// The thin client's session: a state machine with bytes in and bytes out; no socket, no GL, no clock of its own (DESIGN section 7).
+// The thin client's session: a state machine with bytes in and bytes out; no socket, no GL, no clock of its own (DESIGN
+// section 7).
 //
-// States: kDisconnected → (connected()) kGreeting → (Welcome) kReady; (disconnected()) → kDisconnected, keeping all data; (Refusal)
-// → kRefused. What is cached survives a reconnect: once the new Welcome shows that the scene is the same one, the session tells what it
-// holds (protocol.md, "Have") before its first View. A Welcome that describes another scene drops everything.
+// States: kDisconnected → (connected()) kGreeting → (Welcome) kReady; (disconnected()) → kDisconnected, keeping all
+// data; (Refusal) → kRefused. What is cached survives a reconnect: once the new Welcome shows that the scene is the
+// same one, the session tells what it holds (protocol.md, "Have") before its first View. A Welcome that describes
+// another scene drops everything.
 //
-// What goes out, in order: Hello; after Welcome Have; then, when the view changed, what was evicted since and the newest View. Evictions
-// wait for a View on purpose: a server that hears of one while the view stands still would send the same bytes again, and with a
-// cache smaller than the view's needs the two would go on for ever.
+// What goes out, in order: Hello; after Welcome Have; then, when the view changed, what was evicted since and the
+// newest View. Evictions wait for a View on purpose: a server that hears of one while the view stands still would send
+// the same bytes again, and with a cache smaller than the view's needs the two would go on for ever.
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -65,9 +67,10 @@ class Session {
   // Viewer side.
   void setView(const base::ViewCamera& camera);
   SessionState state() const;
-  const std::string& problem() const;           ///< why disconnected or refused; empty when all is well
-  const protocol::Welcome* welcome() const;     ///< null before the first Welcome
-  /// The server said that everything for the newest view was sent and, where an exact frame was asked for, that came too.
+  const std::string& problem() const;        ///< why disconnected or refused; empty when all is well
+  const protocol::Welcome* welcome() const;  ///< null before the first Welcome
+  /// The server said that everything for the newest view was sent and, where an exact frame was asked for, that came
+  /// too.
   bool complete() const;
   SessionEvents takeEvents();
 
@@ -75,10 +78,11 @@ class Session {
   const base::Bytes* face(const repository::FaceKey& key);
   const base::Bytes* block(std::uint32_t group);
   const protocol::Frame* frame(std::uint32_t sequence) const;  ///< the 4 newest are kept
-  /// What the current picture is made of: never evicted until the next call says otherwise. Also makes it the most recently used.
+  /// What the current picture is made of: never evicted until the next call says otherwise. Also makes it the most
+  /// recently used.
   void setInUse(const std::vector<repository::FaceKey>& faces, const std::vector<std::uint32_t>& groups);
   const lod::patch::Hierarchy& hierarchy() const;
-  bool hasGroup(std::uint32_t group) const;     ///< its block is cached
+  bool hasGroup(std::uint32_t group) const;  ///< its block is cached
   const SessionStats& stats() const;
   const SessionOptions& options() const;
 

@@ -1,5 +1,6 @@
 #pragma once
-// The viewer without a window: session, decoder and renderer put together; the same for GLFW, headless and (later) the browser.
+// The viewer without a window: session, decoder and renderer put together; the same for GLFW, headless and (later) the
+// browser.
 #include <memory>
 #include <optional>
 #include <string>
@@ -16,19 +17,20 @@ namespace client {
 struct ViewerOptions {
   SessionOptions session;
   LumigraphOptions lumigraph;
-  lod::Method method = lod::Method::kLumigraph;       ///< kLumigraph or kPatches (same client, images off)
+  lod::Method method = lod::Method::kLumigraph;  ///< kLumigraph or kPatches (same client, images off)
   std::uint64_t gpu_budget_bytes = 512'000'000;
-  double upload_milliseconds = 4.0;                   ///< decoded data uploaded per frame at most, at an assumed 2 MB a millisecond (0: no limit)
+  double upload_milliseconds =
+      4.0;  ///< decoded data uploaded per frame at most, at an assumed 2 MB a millisecond (0: no limit)
 };
 
 struct ViewerStats {
   SessionStats session;
   LumigraphStats lumigraph;
   float error_px = 0.0F;
-  bool complete = false;                              ///< the server sent all for this view and all of it is decoded, uploaded and faded in
-  bool busy = false;                                  ///< another draw at the same view would look different, with no byte more from the server
-  std::uint32_t broken = 0;                           ///< images and groups whose bytes could not be decoded
-  std::string last_fault;                             ///< what was wrong with the latest of them
+  bool complete = false;     ///< the server sent all for this view and all of it is decoded, uploaded and faded in
+  bool busy = false;         ///< another draw at the same view would look different, with no byte more from the server
+  std::uint32_t broken = 0;  ///< images and groups whose bytes could not be decoded
+  std::string last_fault;    ///< what was wrong with the latest of them
 };
 
 /// Needs a current GL context from first draw() on.
@@ -37,12 +39,15 @@ class Viewer {
   Viewer(const ViewerOptions& options, std::unique_ptr<ImageDecoder> decoder);
   ~Viewer();
   Session& session();
-  /// Takes in what arrived and uploads what was decoded, within the frame's share; draws nothing. True while there is more of it to do
-  /// (being decoded, or left for the next call). For callers that wait for a picture; draw() does it by itself.
+  /// Takes in what arrived and uploads what was decoded, within the frame's share; draws nothing. True while there is
+  /// more of it to do (being decoded, or left for the next call). For callers that wait for a picture; draw() does it
+  /// by itself.
   base::Result<bool> update(const base::ViewCamera& camera, double now);
-  /// Draws the view into the bound framebuffer with what is here now. Never waits for network or decoder. `now` in seconds.
+  /// Draws the view into the bound framebuffer with what is here now. Never waits for network or decoder. `now` in
+  /// seconds.
   base::Result<void> draw(const base::ViewCamera& camera, double now);
-  /// The world point of the drawn surface at (x, y), pixels from the upper left corner; nullopt over background. Waits for the GPU.
+  /// The world point of the drawn surface at (x, y), pixels from the upper left corner; nullopt over background. Waits
+  /// for the GPU.
   std::optional<glm::dvec3> surfaceAt(const base::ViewCamera& camera, double x, double y);
   ViewerStats stats() const;
 

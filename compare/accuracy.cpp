@@ -7,8 +7,8 @@
 namespace compare {
 namespace {
 
-constexpr float kGrey = 118.0F;         // mid-grey background; also what a hole shows
-constexpr int kRadius = 5;              // 11 × 11 window, Wang et al. 2004, section III-B
+constexpr float kGrey = 118.0F;  // mid-grey background; also what a hole shows
+constexpr int kRadius = 5;       // 11 × 11 window, Wang et al. 2004, section III-B
 constexpr double kSigma = 1.5;
 constexpr double kC1 = 6.5025, kC2 = 58.5225;  // (0.01 · 255)², (0.03 · 255)², ibid. equation 13
 
@@ -29,14 +29,16 @@ std::array<Plane, 3> overGrey(const base::Image& image) {
 
 Plane luma(const std::array<Plane, 3>& rgb) {
   Plane y(rgb[0].size());
-  for (std::size_t i = 0; i < y.size(); ++i) y[i] = 0.299F * rgb[0][i] + 0.587F * rgb[1][i] + 0.114F * rgb[2][i];  // BT.601
+  for (std::size_t i = 0; i < y.size(); ++i)
+    y[i] = 0.299F * rgb[0][i] + 0.587F * rgb[1][i] + 0.114F * rgb[2][i];  // BT.601
   return y;
 }
 
 // Separable Gaussian; the window is cut at the picture's edge and renormalised.
 Plane blur(const Plane& in, int width, int height) {
   std::array<float, 2 * kRadius + 1> kernel{};
-  for (int k = -kRadius; k <= kRadius; ++k) kernel[static_cast<std::size_t>(k + kRadius)] = static_cast<float>(std::exp(-0.5 * k * k / (kSigma * kSigma)));
+  for (int k = -kRadius; k <= kRadius; ++k)
+    kernel[static_cast<std::size_t>(k + kRadius)] = static_cast<float>(std::exp(-0.5 * k * k / (kSigma * kSigma)));
   auto pass = [&](const Plane& source, int across, int along, int stride_across, int stride_along) {
     Plane out(source.size());
     for (int a = 0; a < across; ++a)
@@ -84,8 +86,10 @@ Plane ssimMap(const Plane& x, const Plane& y, int width, int height) {
 
 base::Result<Accuracy> measureAccuracy(const base::Image& truth, const base::Image& picture) {
   if (truth.width != picture.width || truth.height != picture.height || truth.channels != 4 || picture.channels != 4)
-    return base::Error{base::ErrorCode::kInvalidInput, "pictures differ in size: " + std::to_string(truth.width) + " x " + std::to_string(truth.height) + " against " +
-                                                           std::to_string(picture.width) + " x " + std::to_string(picture.height)};
+    return base::Error{base::ErrorCode::kInvalidInput, "pictures differ in size: " + std::to_string(truth.width) +
+                                                           " x " + std::to_string(truth.height) + " against " +
+                                                           std::to_string(picture.width) + " x " +
+                                                           std::to_string(picture.height)};
   const auto a = overGrey(truth);
   const auto b = overGrey(picture);
   const Plane ssim = ssimMap(luma(a), luma(b), truth.width, truth.height);
@@ -112,7 +116,8 @@ base::Result<Accuracy> measureAccuracy(const base::Image& truth, const base::Ima
       absolute += std::abs(d);
     }
   }
-  if (result.foreground == 0) return base::Error{base::ErrorCode::kInvalidInput, "neither picture shows anything; move the camera"};
+  if (result.foreground == 0)
+    return base::Error{base::ErrorCode::kInvalidInput, "neither picture shows anything; move the camera"};
   const double samples = 3.0 * static_cast<double>(result.foreground);
   result.psnr_db = squares == 0.0 ? 99.0 : std::min(99.0, 10.0 * std::log10(255.0 * 255.0 * samples / squares));
   result.mean_abs = absolute / samples;
@@ -127,7 +132,8 @@ base::Image differencePicture(const base::Image& truth, const base::Image& pictu
   const auto b = overGrey(picture);
   base::Image out(truth.width, truth.height, 3);
   for (std::size_t i = 0; i < a[0].size(); ++i)
-    for (std::size_t c = 0; c < 3; ++c) out.pixels[3 * i + c] = static_cast<std::uint8_t>(std::min(255.0F, 4.0F * std::abs(a[c][i] - b[c][i])));
+    for (std::size_t c = 0; c < 3; ++c)
+      out.pixels[3 * i + c] = static_cast<std::uint8_t>(std::min(255.0F, 4.0F * std::abs(a[c][i] - b[c][i])));
   return out;
 }
 

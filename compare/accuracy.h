@@ -1,22 +1,24 @@
 #pragma once
-// How far a picture is from the truth, on foreground pixels only, so that background flatters nobody (DESIGN section 9).
+// How far a picture is from the truth, on foreground pixels only, so that background flatters nobody (DESIGN section
+// 9).
 #include "base/error.h"
 #include "base/image.h"
 
 namespace compare {
 
-/// A foreground pixel is one that the truth or the picture covers at least half: a missing part and a part too much both count. Both are
-/// laid over the same mid-grey before they are compared.
+/// A foreground pixel is one that the truth or the picture covers at least half: a missing part and a part too much
+/// both count. Both are laid over the same mid-grey before they are compared.
 struct Accuracy {
-  double psnr_db = 0.0;           ///< over the foreground's RGB samples; 99 when equal
-  double ssim = 0.0;              ///< mean over foreground pixels; luma, 11 × 11 Gaussian window of σ 1.5 (Wang et al. 2004)
-  double missing_share = 0.0;     ///< pixels of the truth that the picture leaves uncovered, of the truth's
-  double excess_share = 0.0;      ///< pixels that the picture covers and the truth does not, of the truth's
-  double mean_abs = 0.0;          ///< mean absolute difference, 8-bit levels
-  std::uint64_t foreground = 0;   ///< pixels
+  double psnr_db = 0.0;  ///< over the foreground's RGB samples; 99 when equal
+  double ssim = 0.0;     ///< mean over foreground pixels; luma, 11 × 11 Gaussian window of σ 1.5 (Wang et al. 2004)
+  double missing_share = 0.0;    ///< pixels of the truth that the picture leaves uncovered, of the truth's
+  double excess_share = 0.0;     ///< pixels that the picture covers and the truth does not, of the truth's
+  double mean_abs = 0.0;         ///< mean absolute difference, 8-bit levels
+  std::uint64_t foreground = 0;  ///< pixels
 };
 
-/// RGBA against RGBA of the same size, alpha = coverage, colour not premultiplied. An error names the sizes when they differ, or says that there is no foreground.
+/// RGBA against RGBA of the same size, alpha = coverage, colour not premultiplied. An error names the sizes when they
+/// differ, or says that there is no foreground.
 base::Result<Accuracy> measureAccuracy(const base::Image& truth, const base::Image& picture);
 
 /// |truth − picture| × 4 on black, for looking at where a method fails.

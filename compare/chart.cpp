@@ -11,15 +11,20 @@ namespace {
 
 constexpr double kWidth = 860, kHeight = 520, kLeft = 70, kRight = 200, kTop = 44, kBottom = 56;
 // Okabe and Ito's colours: told apart by colour-blind readers too.
-constexpr std::array<const char*, 7> kColors{"#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000"};
+constexpr std::array<const char*, 7> kColors{"#0072B2", "#D55E00", "#009E73", "#CC79A7",
+                                             "#E69F00", "#56B4E9", "#000000"};
 
 std::string escape(const std::string& text) {
   std::string out;
   for (char c : text) {
-    if (c == '&') out += "&amp;";
-    else if (c == '<') out += "&lt;";
-    else if (c == '>') out += "&gt;";
-    else out += c;
+    if (c == '&')
+      out += "&amp;";
+    else if (c == '<')
+      out += "&lt;";
+    else if (c == '>')
+      out += "&gt;";
+    else
+      out += c;
   }
   return out;
 }
@@ -50,8 +55,12 @@ struct Axis {
     }
     const double rough = (high - low) / 6.0;
     const double power = std::pow(10.0, std::floor(std::log10(rough)));
-    const double step = power * (rough / power < 1.5 ? 1.0 : rough / power < 3.5 ? 2.0 : rough / power < 7.5 ? 5.0 : 10.0);
-    for (double t = std::ceil(low / step) * step; t <= high + 1e-9 * step; t += step) out.push_back(std::abs(t) < 1e-9 * step ? 0.0 : t);
+    const double step = power * (rough / power < 1.5   ? 1.0
+                                 : rough / power < 3.5 ? 2.0
+                                 : rough / power < 7.5 ? 5.0
+                                                       : 10.0);
+    for (double t = std::ceil(low / step) * step; t <= high + 1e-9 * step; t += step)
+      out.push_back(std::abs(t) < 1e-9 * step ? 0.0 : t);
     return out;
   }
 };
@@ -83,18 +92,22 @@ struct Frame {
   double py(double v) const { return kHeight - kBottom - y.position(v) * (kHeight - kTop - kBottom); }
 };
 
-std::string text(double x, double y, const std::string& anchor, const std::string& words, const std::string& more = "") {
-  return "<text x=\"" + number(x) + "\" y=\"" + number(y) + "\" text-anchor=\"" + anchor + "\" " + more + ">" + escape(words) + "</text>\n";
+std::string text(double x, double y, const std::string& anchor, const std::string& words,
+                 const std::string& more = "") {
+  return "<text x=\"" + number(x) + "\" y=\"" + number(y) + "\" text-anchor=\"" + anchor + "\" " + more + ">" +
+         escape(words) + "</text>\n";
 }
 
 std::string drawAxes(const Chart& chart, const Frame& f) {
   std::string svg;
   for (double t : f.x.ticks()) {
-    svg += "<line class=\"grid\" x1=\"" + number(f.px(t)) + "\" x2=\"" + number(f.px(t)) + "\" y1=\"" + number(kTop) + "\" y2=\"" + number(kHeight - kBottom) + "\"/>\n";
+    svg += "<line class=\"grid\" x1=\"" + number(f.px(t)) + "\" x2=\"" + number(f.px(t)) + "\" y1=\"" + number(kTop) +
+           "\" y2=\"" + number(kHeight - kBottom) + "\"/>\n";
     svg += text(f.px(t), kHeight - kBottom + 18, "middle", number(t));
   }
   for (double t : f.y.ticks()) {
-    svg += "<line class=\"grid\" y1=\"" + number(f.py(t)) + "\" y2=\"" + number(f.py(t)) + "\" x1=\"" + number(kLeft) + "\" x2=\"" + number(kWidth - kRight) + "\"/>\n";
+    svg += "<line class=\"grid\" y1=\"" + number(f.py(t)) + "\" y2=\"" + number(f.py(t)) + "\" x1=\"" + number(kLeft) +
+           "\" x2=\"" + number(kWidth - kRight) + "\"/>\n";
     svg += text(kLeft - 8, f.py(t) + 4, "end", number(t));
   }
   svg += text(kLeft, 26, "start", chart.title, "font-weight=\"600\" font-size=\"16\"");
@@ -111,19 +124,23 @@ std::string drawSeries(const Series& s, const Frame& f, std::size_t index) {
   for (const auto& [x, y] : s.points) {
     if (!std::isfinite(x) || !std::isfinite(y) || (f.x.logarithmic && x <= 0.0)) continue;
     line += number(f.px(x)) + "," + number(f.py(y)) + " ";
-    markers += "<circle cx=\"" + number(f.px(x)) + "\" cy=\"" + number(f.py(y)) + "\" r=\"3\" fill=\"" + color + "\"/>\n";
+    markers +=
+        "<circle cx=\"" + number(f.px(x)) + "\" cy=\"" + number(f.py(y)) + "\" r=\"3\" fill=\"" + color + "\"/>\n";
   }
   const double y = kTop + 12 + 20 * static_cast<double>(index);
-  return "<polyline points=\"" + line + "\" fill=\"none\" stroke=\"" + color + "\" stroke-width=\"2\"/>\n" + markers + "<circle cx=\"" + number(kWidth - kRight + 18) +
-         "\" cy=\"" + number(y - 4) + "\" r=\"5\" fill=\"" + color + "\"/>\n" + text(kWidth - kRight + 30, y, "start", s.name);
+  return "<polyline points=\"" + line + "\" fill=\"none\" stroke=\"" + color + "\" stroke-width=\"2\"/>\n" + markers +
+         "<circle cx=\"" + number(kWidth - kRight + 18) + "\" cy=\"" + number(y - 4) + "\" r=\"5\" fill=\"" + color +
+         "\"/>\n" + text(kWidth - kRight + 30, y, "start", s.name);
 }
 
 }  // namespace
 
 std::string formatChart(const Chart& chart) {
   const Frame frame{fit(chart, true), fit(chart, false)};
-  std::string svg = "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 " + number(kWidth) + " " + number(kHeight) +
-                    "\" font-family=\"sans-serif\" font-size=\"13\">\n<style>.grid{stroke:#ddd;stroke-width:1}</style>\n<rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n";
+  std::string svg =
+      "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 " + number(kWidth) + " " + number(kHeight) +
+      "\" font-family=\"sans-serif\" font-size=\"13\">\n<style>.grid{stroke:#ddd;stroke-width:1}</style>\n<rect "
+      "width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n";
   svg += drawAxes(chart, frame);
   for (std::size_t i = 0; i < chart.series.size(); ++i) svg += drawSeries(chart.series[i], frame, i);
   return svg + "</svg>\n";

@@ -1,5 +1,6 @@
 #pragma once
-// Charts as SVG text, one per file: lines with markers, axes with round ticks, a legend. No library draws so little so well.
+// Charts as SVG text, one per file: lines with markers, axes with round ticks, a legend. No library draws so little so
+// well.
 #include <string>
 #include <utility>
 #include <vector>
@@ -13,7 +14,7 @@ struct Series {
 
 struct Chart {
   std::string title, x_label, y_label;
-  bool log_x = false;                              ///< points with x ≤ 0 are left out then
+  bool log_x = false;  ///< points with x ≤ 0 are left out then
   std::vector<Series> series;
 };
 

@@ -30,7 +30,8 @@ std::string frameFile(const std::string& directory, std::size_t frame, const cha
   return directory + name.data();
 }
 
-/// The truth of a path: leaf geometry, supersampled. Kept as PNG files, and used again when the same views of the same scene are asked for.
+/// The truth of a path: leaf geometry, supersampled. Kept as PNG files, and used again when the same views of the same
+/// scene are asked for.
 class Truth {
  public:
   static Result<Truth> render(const RunOptions& options, const std::function<void(const std::string&)>& say) {
@@ -44,7 +45,8 @@ class Truth {
     }
     std::error_code error;
     fs::create_directories(truth.directory_, error);
-    if (error) return base::Error{base::ErrorCode::kIo, truth.directory_ + ": cannot make this directory: " + error.message()};
+    if (error)
+      return base::Error{base::ErrorCode::kIo, truth.directory_ + ": cannot make this directory: " + error.message()};
     LUMIGRID_TRY(truth.renderAll(*scene, options, say));
     std::ofstream(truth.directory_ + "/views.txt") << stamp;
     return truth;
@@ -66,12 +68,14 @@ class Truth {
     for (const auto& part : scene.parts) text << part.file << " " << part.sha256 << "\n";
     text << "supersampling " << options.truth_supersampling << "\n";
     for (const auto& c : options.path)
-      text << c.position.x << " " << c.position.y << " " << c.position.z << " " << c.direction.x << " " << c.direction.y << " " << c.direction.z << " " << c.up.x << " "
-           << c.up.y << " " << c.up.z << " " << c.fov_y << " " << c.width << " " << c.height << "\n";
+      text << c.position.x << " " << c.position.y << " " << c.position.z << " " << c.direction.x << " " << c.direction.y
+           << " " << c.direction.z << " " << c.up.x << " " << c.up.y << " " << c.up.z << " " << c.fov_y << " "
+           << c.width << " " << c.height << "\n";
     return text.str();
   }
 
-  Result<void> renderAll(const base::Scene& scene, const RunOptions& options, const std::function<void(const std::string&)>& say) const {
+  Result<void> renderAll(const base::Scene& scene, const RunOptions& options,
+                         const std::function<void(const std::string&)>& say) const {
     auto patches = lod::patch::PatchFile::open(options.scene + "/patch.lgp");
     if (!patches) return patches.error();
     auto context = base::HeadlessContext::create();
@@ -81,8 +85,10 @@ class Truth {
     for (std::size_t i = 0; i < options.path.size(); ++i) {
       say("truth: frame " + std::to_string(i + 1) + " of " + std::to_string(options.path.size()));
       const base::ViewCamera& view = options.path[i];
-      const auto range = base::depthRangeFor(glm::vec3(view.position - scene.origin), (*renderer)->sceneCenter(), (*renderer)->sceneRadius());
-      auto picture = (*renderer)->render(base::cameraFromView(view, scene.origin, range.near_plane, range.far_plane), {0.0F, options.truth_supersampling});
+      const auto range = base::depthRangeFor(glm::vec3(view.position - scene.origin), (*renderer)->sceneCenter(),
+                                             (*renderer)->sceneRadius());
+      auto picture = (*renderer)->render(base::cameraFromView(view, scene.origin, range.near_plane, range.far_plane),
+                                         {0.0F, options.truth_supersampling});
       if (!picture) return picture.error();
       LUMIGRID_TRY(base::writePng(picture->rgba, frameFile(directory_, i)));
     }
@@ -168,7 +174,8 @@ FrameResult measure(const client::HeadlessFrame& frame, const Accuracy& accuracy
   return r;
 }
 
-Result<void> writePictures(const std::string& directory, std::size_t frame, const base::Image& truth, const base::Image& picture) {
+Result<void> writePictures(const std::string& directory, std::size_t frame, const base::Image& truth,
+                           const base::Image& picture) {
   std::error_code error;
   fs::create_directories(directory, error);
   LUMIGRID_TRY(base::writePng(picture, frameFile(directory, frame)));
@@ -189,8 +196,10 @@ Result<RunResult> runOne(const RunOptions& options, const Setting& setting, cons
       return;
     }
     auto accuracy = measureAccuracy(*reference, frame.image);
-    if (!accuracy) failed = base::within("frame " + std::to_string(frame.index), accuracy.error());
-    else run.frames.push_back(measure(frame, *accuracy));
+    if (!accuracy)
+      failed = base::within("frame " + std::to_string(frame.index), accuracy.error());
+    else
+      run.frames.push_back(measure(frame, *accuracy));
     if (failed || !options.pictures) return;
     auto written = writePictures(options.report + "/" + run.name(), frame.index, *reference, frame.image);
     if (!written) failed = written.error();
@@ -214,7 +223,8 @@ Result<ReportContext> describe(const RunOptions& options) {
   context.height = options.path[0].height;
   context.link = "loopback";
   if (options.bytes_per_second > 0.0)
-    context.link = std::to_string(static_cast<long>(options.bytes_per_second * 8.0 / 1000.0)) + " kbit/s, " + std::to_string(static_cast<long>(options.latency_seconds * 1000.0)) + " ms";
+    context.link = std::to_string(static_cast<long>(options.bytes_per_second * 8.0 / 1000.0)) + " kbit/s, " +
+                   std::to_string(static_cast<long>(options.latency_seconds * 1000.0)) + " ms";
   return context;
 }
 
@@ -231,7 +241,8 @@ std::string machineName() {
   return name + ", " + std::to_string(base::coreCount()) + " cores";
 }
 
-Result<std::vector<RunResult>> runComparison(const RunOptions& options, const std::function<void(const std::string&)>& say) {
+Result<std::vector<RunResult>> runComparison(const RunOptions& options,
+                                             const std::function<void(const std::string&)>& say) {
   if (options.path.empty()) return base::Error{base::ErrorCode::kInvalidInput, "the camera path is empty"};
   auto truth = Truth::render(options, say);
   if (!truth) return truth.error();
@@ -240,8 +251,8 @@ Result<std::vector<RunResult>> runComparison(const RunOptions& options, const st
     auto run = runOne(options, setting, *truth);
     if (!run) return base::within(setting.method, run.error());
     std::array<char, 128> line{};
-    std::snprintf(line.data(), line.size(), "%-28s %8.2f MB  %6.2f dB  SSIM %.4f  %7.1f ms", run->name().c_str(), static_cast<double>(run->totalBytes()) / 1e6, run->meanPsnr(),
-                  run->meanSsim(), run->medianDrawMs());
+    std::snprintf(line.data(), line.size(), "%-28s %8.2f MB  %6.2f dB  SSIM %.4f  %7.1f ms", run->name().c_str(),
+                  static_cast<double>(run->totalBytes()) / 1e6, run->meanPsnr(), run->meanSsim(), run->medianDrawMs());
     say(line.data());
     runs.push_back(std::move(*run));
   }

@@ -1,5 +1,6 @@
 #pragma once
-// Runs the methods over real sockets along one camera path and measures every frame against the truth (DESIGN section 9).
+// Runs the methods over real sockets along one camera path and measures every frame against the truth (DESIGN section
+// 9).
 #include <functional>
 #include <string>
 #include <vector>
@@ -11,25 +12,26 @@
 namespace compare {
 
 struct RunOptions {
-  std::string scene;                            ///< directory
+  std::string scene;  ///< directory
   std::vector<base::ViewCamera> path;
-  std::string report;                           ///< directory for the report; truth pictures are kept there and reused
+  std::string report;  ///< directory for the report; truth pictures are kept there and reused
   std::vector<double> patch_tolerances{16, 8, 4, 2, 1};  ///< pixels: settings of "patches"
-  double proxy_tolerance = 4.0;                 ///< pixels: of the proxy under the images
-  int points = 8;                               ///< sampling points per view
-  int samples = 16;                             ///< images blended per frame at most
-  bool frames = true;                           ///< also run with exact frames
-  int truth_supersampling = 4;                  ///< n × n samples a pixel
-  double settle_seconds = 20.0;                 ///< at most, per frame, until all for the view has come
-  double realtime_fps = 0.0;                    ///< over 0: frames at fixed times instead, whatever has come
-  double bytes_per_second = 0.0;                ///< of the link; 0 = loopback as it is
+  double proxy_tolerance = 4.0;                          ///< pixels: of the proxy under the images
+  int points = 8;                                        ///< sampling points per view
+  int samples = 16;                                      ///< images blended per frame at most
+  bool frames = true;                                    ///< also run with exact frames
+  int truth_supersampling = 4;                           ///< n × n samples a pixel
+  double settle_seconds = 20.0;                          ///< at most, per frame, until all for the view has come
+  double realtime_fps = 0.0;                             ///< over 0: frames at fixed times instead, whatever has come
+  double bytes_per_second = 0.0;                         ///< of the link; 0 = loopback as it is
   double latency_seconds = 0.0;
   std::uint64_t cache_bytes = 50'000'000;
-  bool pictures = true;                         ///< write each method's pictures and differences beside the truth
+  bool pictures = true;  ///< write each method's pictures and differences beside the truth
 };
 
 /// `say` gets one line per step.
-base::Result<std::vector<RunResult>> runComparison(const RunOptions& options, const std::function<void(const std::string&)>& say);
+base::Result<std::vector<RunResult>> runComparison(const RunOptions& options,
+                                                   const std::function<void(const std::string&)>& say);
 
 /// "Intel … , 2 cores" from the system.
 std::string machineName();

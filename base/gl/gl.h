@@ -1,5 +1,6 @@
 #pragma once
-// GLES 3.0, the subset that is WebGL2 as well, in owning objects. All need a current context, on the thread that made them.
+// GLES 3.0, the subset that is WebGL2 as well, in owning objects. All need a current context, on the thread that made
+// them.
 #include <GLES3/gl3.h>
 
 #include <glm/glm.hpp>
@@ -67,8 +68,10 @@ using Renderbuffer = Object<RenderbufferTraits>;
 class Program {
  public:
   Program() = default;
-  /// Sources without #version and precision lines, which are added ("#version 300 es", highp). The error holds GL's log.
-  static Result<Program> link(const std::string& name, const std::string& vertex_source, const std::string& fragment_source);
+  /// Sources without #version and precision lines, which are added ("#version 300 es", highp). The error holds GL's
+  /// log.
+  static Result<Program> link(const std::string& name, const std::string& vertex_source,
+                              const std::string& fragment_source);
   void use() const;
   GLint uniform(const char* name) const;  ///< −1 when it was optimised away
   GLuint name() const { return program_.name(); }

@@ -15,7 +15,9 @@ using nlohmann::json;
 
 constexpr int kMaxSide = 16384;  // pixels; the protocol's limit as well
 
-Error bad(const std::string& name, const std::string& what) { return {ErrorCode::kInvalidInput, name + ": " + what + " (docs/formats/camera.md)"}; }
+Error bad(const std::string& name, const std::string& what) {
+  return {ErrorCode::kInvalidInput, name + ": " + what + " (docs/formats/camera.md)"};
+}
 
 bool readVector(const json& object, const char* key, glm::dvec3& v) {
   auto it = object.find(key);
@@ -33,11 +35,13 @@ Result<void> readLens(const json& object, const std::string& name, ViewCamera& c
   for (auto [key, side] : {std::pair{"width", &camera.width}, std::pair{"height", &camera.height}}) {
     auto it = object.find(key);
     if (it == object.end()) continue;
-    if (!it->is_number_integer() || it->get<std::int64_t>() < 1 || it->get<std::int64_t>() > kMaxSide) return bad(name, std::string(key) + " must be 1 to 16384");
+    if (!it->is_number_integer() || it->get<std::int64_t>() < 1 || it->get<std::int64_t>() > kMaxSide)
+      return bad(name, std::string(key) + " must be 1 to 16384");
     *side = it->get<int>();
   }
   if (auto it = object.find("fov_y_degrees"); it != object.end()) {
-    if (!it->is_number() || !(it->get<double>() > 0.0) || !(it->get<double>() < 180.0)) return bad(name, "fov_y_degrees must lie between 0 and 180");
+    if (!it->is_number() || !(it->get<double>() > 0.0) || !(it->get<double>() < 180.0))
+      return bad(name, "fov_y_degrees must lie between 0 and 180");
     camera.fov_y = glm::radians(it->get<double>());
   }
   return {};
@@ -58,7 +62,8 @@ Result<ViewCamera> parseCamera(const json& object, const std::string& name, View
   const double length = glm::length(camera.direction);
   if (!(length > 0.0) || !std::isfinite(length)) return bad(name, "direction is zero");
   camera.direction /= length;
-  if (!(glm::length(glm::cross(camera.direction, camera.up)) > 1e-9 * glm::length(camera.up))) return bad(name, "up is parallel to direction");
+  if (!(glm::length(glm::cross(camera.direction, camera.up)) > 1e-9 * glm::length(camera.up)))
+    return bad(name, "up is parallel to direction");
   return camera;
 }
 
@@ -81,7 +86,8 @@ Result<ViewCamera> readCamera(const std::string& path) {
 Result<std::vector<ViewCamera>> readCameraPath(const std::string& path) {
   auto document = parseFile(path);
   if (!document) return document.error();
-  if (!document->is_object() || !document->contains("frames") || !(*document)["frames"].is_array()) return bad(path, "no list of frames");
+  if (!document->is_object() || !document->contains("frames") || !(*document)["frames"].is_array())
+    return bad(path, "no list of frames");
   ViewCamera common;
   LUMIGRID_TRY(readLens(*document, path, common));
   std::vector<ViewCamera> frames;
@@ -100,13 +106,17 @@ std::string formatCameraPath(const std::vector<ViewCamera>& frames) {
   document["frames"] = json::array();
   auto three = [](const glm::dvec3& v) { return json::array({v.x, v.y, v.z}); };
   for (const ViewCamera& c : frames)
-    document["frames"].push_back({{"position", three(c.position)}, {"direction", three(c.direction)}, {"up", three(c.up)},
-                                  {"fov_y_degrees", glm::degrees(c.fov_y)}, {"width", c.width}, {"height", c.height}});
+    document["frames"].push_back({{"position", three(c.position)},
+                                  {"direction", three(c.direction)},
+                                  {"up", three(c.up)},
+                                  {"fov_y_degrees", glm::degrees(c.fov_y)},
+                                  {"width", c.width},
+                                  {"height", c.height}});
   return document.dump(1) + "\n";
 }
 
-std::vector<ViewCamera> orbitPath(const glm::dvec3& box_min, const glm::dvec3& box_max, const glm::dvec3& up, int frames, double turns,
-                                  double elevation, double distance, int width, int height) {
+std::vector<ViewCamera> orbitPath(const glm::dvec3& box_min, const glm::dvec3& box_max, const glm::dvec3& up,
+                                  int frames, double turns, double elevation, double distance, int width, int height) {
   const glm::dvec3 center = 0.5 * (box_min + box_max);
   const glm::dvec3 z = glm::normalize(up);
   const glm::dvec3 helper = std::abs(z.x) < 0.9 ? glm::dvec3(1, 0, 0) : glm::dvec3(0, 1, 0);
@@ -116,7 +126,8 @@ std::vector<ViewCamera> orbitPath(const glm::dvec3& box_min, const glm::dvec3& b
   std::vector<ViewCamera> path;
   for (int i = 0; i < frames; ++i) {
     const double angle = glm::two_pi<double>() * turns * i / frames;
-    const glm::dvec3 outward = std::cos(elevation) * (std::cos(angle) * x + std::sin(angle) * y) + std::sin(elevation) * z;
+    const glm::dvec3 outward =
+        std::cos(elevation) * (std::cos(angle) * x + std::sin(angle) * y) + std::sin(elevation) * z;
     ViewCamera camera;
     camera.position = center + radius * outward;
     camera.direction = -outward;

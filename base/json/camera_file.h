@@ -1,8 +1,9 @@
 #pragma once
 // Cameras and recorded camera paths as JSON (docs/formats/camera.md).
 //
-// A camera: {"position":[x,y,z], "direction":[x,y,z] or "target":[x,y,z], "up":[x,y,z], "fov_y_degrees":45, "width":1280, "height":720}
-// A path:   {"version":1, "width":…, "height":…, "fov_y_degrees":…, "frames":[camera, …]}; a frame may leave out what the path says.
+// A camera: {"position":[x,y,z], "direction":[x,y,z] or "target":[x,y,z], "up":[x,y,z], "fov_y_degrees":45,
+// "width":1280, "height":720} A path:   {"version":1, "width":…, "height":…, "fov_y_degrees":…, "frames":[camera, …]};
+// a frame may leave out what the path says.
 #include <string>
 #include <vector>
 
@@ -16,9 +17,9 @@ Result<ViewCamera> readCamera(const std::string& path);
 Result<std::vector<ViewCamera>> readCameraPath(const std::string& path);
 std::string formatCameraPath(const std::vector<ViewCamera>& frames);
 
-/// `frames` cameras on a circle around the box's centre, looking at it from `elevation` radians above the horizon, at `distance`
-/// box diagonals. World coordinates.
-std::vector<ViewCamera> orbitPath(const glm::dvec3& box_min, const glm::dvec3& box_max, const glm::dvec3& up, int frames, double turns,
-                                  double elevation, double distance, int width, int height);
+/// `frames` cameras on a circle around the box's centre, looking at it from `elevation` radians above the horizon, at
+/// `distance` box diagonals. World coordinates.
+std::vector<ViewCamera> orbitPath(const glm::dvec3& box_min, const glm::dvec3& box_max, const glm::dvec3& up,
+                                  int frames, double turns, double elevation, double distance, int width, int height);
 
 }  // namespace base

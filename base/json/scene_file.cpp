@@ -13,14 +13,19 @@ namespace {
 
 using nlohmann::json;
 
-json toJson(const glm::dvec3& v) { return json::array({v.x, v.y, v.z}); }
+json toJson(const glm::dvec3& v) {
+  return json::array({v.x, v.y, v.z});
+}
 
-const char* lightName(LightMode mode) { return mode == LightMode::kUnlit ? "unlit" : "soft"; }
+const char* lightName(LightMode mode) {
+  return mode == LightMode::kUnlit ? "unlit" : "soft";
+}
 
 // Reads typed members of a JSON object; the first that is missing or of another kind is remembered by its path.
 class Fields {
  public:
-  Fields(const json& object, std::string place, std::string& problem) : object_(object), place_(std::move(place)), problem_(problem) {
+  Fields(const json& object, std::string place, std::string& problem)
+      : object_(object), place_(std::move(place)), problem_(problem) {
     if (!object.is_object()) fail("is not an object");
   }
   template <class T>
@@ -90,12 +95,14 @@ void readLists(const json& document, Scene& scene, std::string& problem) {
     Fields f(item, "parts: ", problem);
     scene.parts.push_back({f.get<std::string>("file"), f.get<std::uint64_t>("bytes"), f.get<std::string>("sha256")});
   }
-  scene.repairs = readMap<decltype(scene.repairs)>(top.child("repairs"), [&](auto& map, const std::string& key, const json& value) {
-    if (value.is_number_unsigned()) map[key] = value.get<std::uint64_t>();
-  });
-  scene.parameters = readMap<decltype(scene.parameters)>(top.child("parameters"), [&](auto& map, const std::string& key, const json& value) {
-    if (value.is_string()) map[key] = value.get<std::string>();
-  });
+  scene.repairs =
+      readMap<decltype(scene.repairs)>(top.child("repairs"), [&](auto& map, const std::string& key, const json& value) {
+        if (value.is_number_unsigned()) map[key] = value.get<std::uint64_t>();
+      });
+  scene.parameters = readMap<decltype(scene.parameters)>(top.child("parameters"),
+                                                         [&](auto& map, const std::string& key, const json& value) {
+                                                           if (value.is_string()) map[key] = value.get<std::string>();
+                                                         });
 }
 
 }  // namespace
@@ -104,8 +111,11 @@ Result<Scene> readScene(const std::string& directory) {
   auto scene = readSceneFile(directory + "/scene.json");
   if (scene || scene.error().code != ErrorCode::kNotFound) return scene;
   if (MappedFile::open(directory + "/" + kBuildingFile))
-    return Error{ErrorCode::kNotFound, directory + ": this scene is not finished; run the same `lumigrid build` again to go on"};
-  return Error{ErrorCode::kNotFound, directory + ": not a scene (no scene.json in it); make one with `lumigrid build MESH -o " + directory + "`"};
+    return Error{ErrorCode::kNotFound,
+                 directory + ": this scene is not finished; run the same `lumigrid build` again to go on"};
+  return Error{
+      ErrorCode::kNotFound,
+      directory + ": not a scene (no scene.json in it); make one with `lumigrid build MESH -o " + directory + "`"};
 }
 
 Result<Scene> readSceneFile(const std::string& path) {
@@ -122,7 +132,8 @@ Result<Scene> parseScene(const std::string& text, const std::string& name) {
   Fields top(document, "", problem);
   const auto version = top.get<std::uint64_t>("version");
   if (problem.empty() && version != kSceneVersion)
-    return Error{ErrorCode::kVersion, name + ": format version " + std::to_string(version) + ", this program reads " + std::to_string(kSceneVersion)};
+    return Error{ErrorCode::kVersion, name + ": format version " + std::to_string(version) + ", this program reads " +
+                                          std::to_string(kSceneVersion)};
   scene.box_min = top.vector("box_min");
   scene.box_max = top.vector("box_max");
   scene.origin = top.vector("origin");
@@ -136,7 +147,8 @@ Result<Scene> parseScene(const std::string& text, const std::string& name) {
   scene.light.mode = mode == "unlit" ? LightMode::kUnlit : LightMode::kSoft;
   scene.light.direction = glm::vec3(light.vector("direction"));
   readLists(document, scene, problem);
-  if (problem.empty() && !glm::all(glm::lessThanEqual(scene.box_min, scene.box_max))) problem = "box_min exceeds box_max";
+  if (problem.empty() && !glm::all(glm::lessThanEqual(scene.box_min, scene.box_max)))
+    problem = "box_min exceeds box_max";
   if (problem.empty() && !(glm::length(scene.up) > 0.0)) problem = "up is zero";
   if (!problem.empty()) return Error{ErrorCode::kInvalidInput, name + ": " + problem + "; build the scene again"};
   return scene;
@@ -146,7 +158,8 @@ std::string formatScene(const Scene& scene) {
   json document;
   document["version"] = scene.version;
   document["sources"] = json::array();
-  for (const SceneSource& s : scene.sources) document["sources"].push_back({{"path", s.path}, {"bytes", s.bytes}, {"sha256", s.sha256}});
+  for (const SceneSource& s : scene.sources)
+    document["sources"].push_back({{"path", s.path}, {"bytes", s.bytes}, {"sha256", s.sha256}});
   document["box_min"] = toJson(scene.box_min);
   document["box_max"] = toJson(scene.box_max);
   document["origin"] = toJson(scene.origin);
@@ -158,7 +171,8 @@ std::string formatScene(const Scene& scene) {
   document["repairs"] = scene.repairs;
   document["parameters"] = scene.parameters;
   document["parts"] = json::array();
-  for (const ScenePart& p : scene.parts) document["parts"].push_back({{"file", p.file}, {"bytes", p.bytes}, {"sha256", p.sha256}});
+  for (const ScenePart& p : scene.parts)
+    document["parts"].push_back({{"file", p.file}, {"bytes", p.bytes}, {"sha256", p.sha256}});
   return document.dump(2) + "\n";
 }
 

@@ -13,7 +13,8 @@ namespace base {
 
 inline constexpr int kSceneVersion = 1;
 
-/// How surfaces are lit: kUnlit shows the colours as scanned; kSoft is a soft directional light for scenes without colours.
+/// How surfaces are lit: kUnlit shows the colours as scanned; kSoft is a soft directional light for scenes without
+/// colours.
 enum class LightMode { kUnlit, kSoft };
 
 struct Light {
@@ -29,9 +30,9 @@ struct SceneSource {
 };
 
 struct ScenePart {
-  std::string file;           ///< relative to the scene directory
-  std::uint64_t bytes = 0;    ///< 0 for a directory
-  std::string sha256;         ///< empty for a directory (its values carry checksums)
+  std::string file;         ///< relative to the scene directory
+  std::uint64_t bytes = 0;  ///< 0 for a directory
+  std::string sha256;       ///< empty for a directory (its values carry checksums)
 };
 
 struct Scene {
@@ -40,7 +41,7 @@ struct Scene {
   glm::dvec3 box_min{0.0}, box_max{0.0};  ///< world
   glm::dvec3 origin{0.0};                 ///< world position of scene-local (0, 0, 0)
   std::string units = "unknown";
-  glm::dvec3 up{0.0, 0.0, 1.0};           ///< world; which way the first view stands up
+  glm::dvec3 up{0.0, 0.0, 1.0};  ///< world; which way the first view stands up
   Light light;
   bool has_colors = false;
   std::uint64_t triangles = 0;

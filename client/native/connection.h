@@ -1,6 +1,6 @@
 #pragma once
-// The WebSocket to the server, on a thread of its own: messages and news go into a queue that the render loop empties between
-// frames (Okamoto 2011, figure 6: "COM threads"). Nothing here makes the render loop wait.
+// The WebSocket to the server, on a thread of its own: messages and news go into a queue that the render loop empties
+// between frames (Okamoto 2011, figure 6: "COM threads"). Nothing here makes the render loop wait.
 #include <memory>
 #include <string>
 
@@ -10,9 +10,9 @@
 namespace client {
 
 struct ServerUrl {
-  std::string host;           ///< name or address; an IPv6 address without its brackets
+  std::string host;  ///< name or address; an IPv6 address without its brackets
   std::string port = "8080";
-  std::string target = "/";   ///< path and query
+  std::string target = "/";       ///< path and query
   std::string authority() const;  ///< host:port as in a Host header
 };
 
@@ -27,15 +27,16 @@ struct LinkLimit {
 
 class Connection {
  public:
-  /// Starts connecting at once, and again after every loss: first after 0.25 s, then twice as long each time, at most 5 s.
+  /// Starts connecting at once, and again after every loss: first after 0.25 s, then twice as long each time, at most 5
+  /// s.
   explicit Connection(const ServerUrl& url, const LinkLimit& limit = {});
   ~Connection();
   Connection(const Connection&) = delete;
   Connection& operator=(const Connection&) = delete;
 
   void setLimit(const LinkLimit& limit);
-  /// Hands all that arrived to the session and takes what it wants to send. Never waits. True when something arrived. A session that
-  /// finds fault with the server ends this connection. From the thread that owns the session.
+  /// Hands all that arrived to the session and takes what it wants to send. Never waits. True when something arrived. A
+  /// session that finds fault with the server ends this connection. From the thread that owns the session.
   bool pump(Session& session);
   /// Waits until pump() would find something, at most `seconds`. For callers that have nothing to draw.
   void waitForArrival(double seconds);

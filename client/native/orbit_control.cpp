@@ -110,7 +110,8 @@ void OrbitControl::zoom(double steps, double x, double y, const std::optional<gl
   const glm::dvec3 target = surface.value_or(pointAt(x, y, pivot_depth));
 
   // Towards the target on a straight line: its place on the screen stays. The pivot keeps its place, too, and comes
-  // nearer alike.
+  // nearer alike; where the surface is known, to the surface's depth, so that the next turn goes around what is looked
+  // at and not through it.
   const double distance = glm::length(target - camera_.position);
   if (distance <= 0.0) return;
   const double wanted = std::clamp(distance * std::pow(kZoomPerStep, steps), std::min(distance, kNearest * size_),
@@ -118,7 +119,10 @@ void OrbitControl::zoom(double steps, double x, double y, const std::optional<gl
   const double factor = wanted / distance;
   const glm::dvec3 arm = pivot_ - camera_.position;
   camera_.position = target - factor * (target - camera_.position);
-  pivot_ = camera_.position + factor * arm;
+  const double arm_depth = glm::dot(factor * arm, camera_.direction);
+  const double surface_depth = glm::dot(target - camera_.position, camera_.direction);
+  const bool on_surface = surface && arm_depth > 0.0 && surface_depth > 0.0;
+  pivot_ = camera_.position + (on_surface ? surface_depth / arm_depth : 1.0) * factor * arm;
 }
 
 void OrbitControl::fly(const glm::dvec3& distance) {

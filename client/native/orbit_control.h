@@ -1,6 +1,6 @@
 #pragma once
-// How mouse and keys move the camera: orbit around a pivot, grab and pan, zoom to the cursor. World coordinates in double; pixels from
-// the upper left corner of the view. Nothing here knows a window.
+// How mouse and keys move the camera: orbit around a pivot, grab and pan, zoom to the cursor. World coordinates in
+// double; pixels from the upper left corner of the view. Nothing here knows a window.
 #include <glm/glm.hpp>
 #include <optional>
 
@@ -20,8 +20,8 @@ class OrbitControl {
   const glm::dvec3& pivot() const { return pivot_; }
   void setPivot(const glm::dvec3& world) { pivot_ = world; }
 
-  /// Turns around the pivot; the whole height of the view is half a turn. Distance to the pivot and its place on the screen stay. Never
-  /// tips over the poles.
+  /// Turns around the pivot; the whole height of the view is half a turn. Distance to the pivot and its place on the
+  /// screen stay. Never tips over the poles.
   void orbit(double dx_px, double dy_px);
 
   /// Takes hold of the world point shown at (x, y): the surface there, or when unknown a point as far as the pivot.
@@ -29,7 +29,8 @@ class OrbitControl {
   /// Moves so that the grabbed point is shown at (x, y).
   void dragTo(double x, double y);
 
-  /// `steps` > 0 comes nearer, a fifth of the way each, to the surface at (x, y), which stays where it is on the screen.
+  /// `steps` > 0 comes nearer, a fifth of the way each, to the surface at (x, y), which stays where it is on the
+  /// screen.
   void zoom(double steps, double x, double y, const std::optional<glm::dvec3>& surface);
 
   /// Flies by `distance` pivot distances along the camera's own axes: right, up, forward.

@@ -25,15 +25,15 @@ struct BlendTuning {
   float resolution_power = 6.0F;  ///< weight ∝ blur^−resolution_power, blur in view pixels: the sample's texel and the
                                   ///< proxy's error seen from aside
   float shift = 0.3F;  ///< share of the proxy's projected error that counts as blur, times the angle between the rays
-  float angle_power = 1.0F;   ///< and ∝ (angle between the rays to viewer and sample + angle_floor)^−angle_power
+  float angle_power = 1.0F;    ///< and ∝ (angle between the rays to viewer and sample + angle_floor)^−angle_power
   float angle_floor = 0.001F;  ///< radians; small, so that at a sampling point its own image is the picture
-  float vote_power = 3.0F;    ///< votes on coverage ∝ (angle + angle_floor)^−vote_power
-  float carve_below = 0.2F;   ///< mean coverage by votes under which a fragment is discarded
-  float border = 0.06F;       ///< share of a sample's width over which it fades towards a border with no neighbour
-  float side_low = -0.3F;     ///< cosine between normal and ray to the sample where its weight begins,
-  float side_high = 0.0F;     ///< and where it is full
-  float bias_texels = 2.0F;   ///< shadow bias in depth map texels, scaled by the slope
-  float bias_error = 0.15F;   ///< shadow bias in units of the proxy's error and push
+  float vote_power = 3.0F;     ///< votes on coverage ∝ (angle + angle_floor)^−vote_power
+  float carve_below = 0.2F;    ///< mean coverage by votes under which a fragment is discarded
+  float border = 0.06F;        ///< share of a sample's width over which it fades towards a border with no neighbour
+  float side_low = -0.3F;      ///< cosine between normal and ray to the sample where its weight begins,
+  float side_high = 0.0F;      ///< and where it is full
+  float bias_texels = 2.0F;    ///< shadow bias in depth map texels, scaled by the slope
+  float bias_error = 0.15F;    ///< shadow bias in units of the proxy's error and push
   float parallax = 2.0F;  ///< a pushed fragment is looked up this many push lengths further along the view ray, at most
 };
 

@@ -68,7 +68,8 @@ base::Result<void> checkGroupMessage(const GroupMessage& message, std::uint32_t 
     if (patch.consumer != index) return badGroup(index, "a patch names another consumer");
     if (patch.producer != kNoGroup && patch.producer >= max_groups)
       return badGroup(index, "a patch names a producer that the scene hasn't");
-    if (!(patch.own_error >= 0.0F && patch.own_error <= group.error) || (patch.producer == kNoGroup && patch.own_error != 0.0F))
+    if (!(patch.own_error >= 0.0F && patch.own_error <= group.error) ||
+        (patch.producer == kNoGroup && patch.own_error != 0.0F))
       return badGroup(index, "a patch's own error is not between 0 and its consumer's");
     if (patch.block_offset != within) return badGroup(index, "a patch's bytes are not where the patch before ends");
     within += patch.block_bytes;

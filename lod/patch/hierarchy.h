@@ -1,16 +1,18 @@
 #pragma once
-// The patch hierarchy in memory: a DAG of groups and patches (Okamoto 2011, section 4.1; DESIGN section 4). Whole on a server,
-// growing on a client.
+// The patch hierarchy in memory: a DAG of groups and patches (Okamoto 2011, section 4.1; DESIGN section 4). Whole on a
+// server, growing on a client.
 //
-// Terms. A *group* was made by merging a few patches (those it *consumes*, its children), simplifying them with the outer
-// boundary locked, and splitting the result into new patches (those it *produces*). Every patch but the roots is consumed by
-// exactly one group; every patch but the leaves is produced by exactly one. To *expand* a group is to draw the patches it
-// consumes instead of those it produces. Group 0 is virtual: it produces nothing, consumes the root patch, has infinite error
-// and is always expanded. Groups are numbered top down: every parent of a group has a smaller number.
+// Terms. A *group* was made by merging a few patches (those it *consumes*, its children), simplifying them with the
+// outer boundary locked, and splitting the result into new patches (those it *produces*). Every patch but the roots is
+// consumed by exactly one group; every patch but the leaves is produced by exactly one. To *expand* a group is to draw
+// the patches it consumes instead of those it produces. Group 0 is virtual: it produces nothing, consumes the root
+// patch, has infinite error and is always expanded. Groups are numbered top down: every parent of a group has a smaller
+// number.
 //
-// Parents of group g: the groups that consume at least one of the patches g produced. Errors and spheres are monotone: a parent's
-// error is at least its child's and a parent's sphere contains the child's, so projected errors are monotone too and the rule
-// "expand g when its projected error exceeds the tolerance" never expands g without its parents. Every such cut is watertight.
+// Parents of group g: the groups that consume at least one of the patches g produced. Errors and spheres are monotone:
+// a parent's error is at least its child's and a parent's sphere contains the child's, so projected errors are monotone
+// too and the rule "expand g when its projected error exceeds the tolerance" never expands g without its parents. Every
+// such cut is watertight.
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <limits>
@@ -23,8 +25,8 @@ namespace lod::patch {
 
 inline constexpr std::uint32_t kNoGroup = std::numeric_limits<std::uint32_t>::max();
 
-/// The scene's quantisation lattice: position = origin + step · q, q integer. `origin` is relative to the scene's double origin.
-/// Equal lattice points give bit-equal floats everywhere, so shared borders cannot open.
+/// The scene's quantisation lattice: position = origin + step · q, q integer. `origin` is relative to the scene's
+/// double origin. Equal lattice points give bit-equal floats everywhere, so shared borders cannot open.
 struct Lattice {
   glm::dvec3 origin{0.0};  ///< scene-local
   double step = 1.0;       ///< scene units, > 0
@@ -34,15 +36,17 @@ struct Lattice {
 };
 
 struct Group {
-  base::Sphere bounds;            ///< contains all that lies below, and the children groups' spheres
-  float error = 0.0F;             ///< world units; two-sided distance between what it produces and the leaf geometry below is at most this; infinite for group 0
-  float attribute_error = 0.0F;   ///< largest colour deviation met so far, 0..1, as the simplifier saw it (an estimate, not a bound)
+  base::Sphere bounds;  ///< contains all that lies below, and the children groups' spheres
+  float error = 0.0F;   ///< world units; two-sided distance between what it produces and the leaf geometry below is at
+                        ///< most this; infinite for group 0
+  float attribute_error =
+      0.0F;  ///< largest colour deviation met so far, 0..1, as the simplifier saw it (an estimate, not a bound)
   std::uint32_t level = 0;        ///< of the patches it produces; ≥ 1
   std::uint32_t first_patch = 0;  ///< consumed patches: first_patch … first_patch + patch_count − 1
   std::uint32_t patch_count = 0;
-  std::uint32_t first_parent = 0; ///< into Hierarchy::parents
-  std::uint32_t parent_count = 0; ///< 0 only for group 0
-  std::uint64_t block_offset = 0; ///< bytes of all its consumed patches, in the file
+  std::uint32_t first_parent = 0;  ///< into Hierarchy::parents
+  std::uint32_t parent_count = 0;  ///< 0 only for group 0
+  std::uint64_t block_offset = 0;  ///< bytes of all its consumed patches, in the file
   std::uint32_t block_bytes = 0;
 };
 
@@ -52,12 +56,13 @@ struct Patch {
   base::NormalCone cone;
   std::uint32_t producer = kNoGroup;  ///< kNoGroup: a leaf (error 0: the source itself, quantised)
   std::uint32_t consumer = 0;
-  std::uint32_t level = 0;            ///< 0 = leaf
+  std::uint32_t level = 0;  ///< 0 = leaf
   std::uint32_t triangles = 0;
   std::uint32_t vertices = 0;
-  std::uint32_t block_offset = 0;     ///< within its consumer's block
+  std::uint32_t block_offset = 0;  ///< within its consumer's block
   std::uint32_t block_bytes = 0;
-  float own_error = 0.0F;             ///< its producer's error (0 for a leaf); travels with the patch, because a client may not have its producer yet
+  float own_error = 0.0F;  ///< its producer's error (0 for a leaf); travels with the patch, because a client may not
+                           ///< have its producer yet
 };
 
 struct Hierarchy {
@@ -66,8 +71,9 @@ struct Hierarchy {
   std::uint64_t source_triangles = 0;
   std::vector<Group> groups;
   std::vector<Patch> patches;
-  std::vector<std::uint32_t> parents;     ///< flattened; Group::first_parent and parent_count say where
-  std::vector<std::uint8_t> known;        ///< per group, on a growing hierarchy: its record and patches are here. Empty: all are.
+  std::vector<std::uint32_t> parents;  ///< flattened; Group::first_parent and parent_count say where
+  std::vector<std::uint8_t>
+      known;  ///< per group, on a growing hierarchy: its record and patches are here. Empty: all are.
 
   bool isKnown(std::uint32_t group) const { return known.empty() || (group < known.size() && known[group] != 0); }
   std::span<const std::uint32_t> parentsOf(std::uint32_t group) const {
@@ -77,10 +83,10 @@ struct Hierarchy {
 
 /// One patch's geometry, decoded.
 struct PatchGeometry {
-  std::vector<glm::ivec3> positions;      ///< lattice points
-  std::vector<glm::vec3> normals;         ///< unit (octahedral, 8 + 8 bits stored), as many as positions
-  std::vector<glm::u8vec4> colors;        ///< RGB, a = 255; empty when the scene has none
-  std::vector<std::uint16_t> indices;     ///< 3 per triangle, counter-clockwise from outside
+  std::vector<glm::ivec3> positions;   ///< lattice points
+  std::vector<glm::vec3> normals;      ///< unit (octahedral, 8 + 8 bits stored), as many as positions
+  std::vector<glm::u8vec4> colors;     ///< RGB, a = 255; empty when the scene has none
+  std::vector<std::uint16_t> indices;  ///< 3 per triangle, counter-clockwise from outside
 };
 
 }  // namespace lod::patch

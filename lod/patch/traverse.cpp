@@ -139,8 +139,8 @@ class CutSelection {
       if (patch.producer == kNoGroup) continue;
       const bool known = patch.producer < states_.size() && hierarchy_.isKnown(patch.producer);
       // A producer that isn't here has a sphere within its consumer's: at that one its error projects to a bound.
-      cut_.error_px = std::max(cut_.error_px, known ? projectedErrorOf(patch.producer)
-                                                    : projectedErrorAt(patch.consumer, patch.own_error));
+      cut_.error_px = std::max(
+          cut_.error_px, known ? projectedErrorOf(patch.producer) : projectedErrorAt(patch.consumer, patch.own_error));
     }
   }
 

@@ -20,8 +20,9 @@ struct BakeOptions {
   repository::Grid grid;
   int quality = 85;  ///< JPEG, 1..100
   repository::Subsampling subsampling = repository::Subsampling::k420;
-  /// Face pixels. It bounds the shape alone: at 1 colour detail is lost already, at 0.5 little is (docs/lumigraph-tuning.md).
-  float tolerance_px = 0.5F;
+  /// Face pixels. The error behind it bounds the shape alone: at 1 colours are coarser than the pixels already
+  /// (docs/lumigraph-tuning.md).
+  float tolerance_px = 0.25F;
   int supersampling = 2;            ///< per face pixel side
   std::uint32_t batch_faces = 300;  ///< faces per commit
   unsigned threads = 0;             ///< 0: all cores

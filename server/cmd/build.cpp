@@ -1,7 +1,7 @@
 // lumigrid build: import, hierarchy, repository, one after the other, each resumable.
 //
-// A build in progress keeps scene.json's document as building.json. What is finished is listed in its parts; a rerun with the same
-// sources and options goes on from there. scene.json appears when everything is in place.
+// A build in progress keeps scene.json's document as building.json. What is finished is listed in its parts; a rerun
+// with the same sources and options goes on from there. scene.json appears when everything is in place.
 #include <algorithm>
 #include <array>
 #include <cstdio>
@@ -47,9 +47,12 @@ struct BuildReport {
   double import_seconds = 0.0;
 };
 
-bool wants(const BuildArguments& a, const char* method) { return std::find(a.methods.begin(), a.methods.end(), method) != a.methods.end(); }
+bool wants(const BuildArguments& a, const char* method) {
+  return std::find(a.methods.begin(), a.methods.end(), method) != a.methods.end();
+}
 
-// The options that decide what the scene holds, as scene.json keeps them. Threads, batches and messages are not among them.
+// The options that decide what the scene holds, as scene.json keeps them. Threads, batches and messages are not among
+// them.
 std::map<std::string, std::string> parametersOf(const BuildArguments& a) {
   auto number = [](auto v) { return nlohmann::json(v).dump(); };
   std::string methods;
@@ -85,7 +88,8 @@ Result<std::vector<base::SceneSource>> describeSources(const BuildArguments& a) 
 }
 
 bool sameSources(const std::vector<base::SceneSource>& a, const std::vector<base::SceneSource>& b) {
-  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const auto& x, const auto& y) { return x.sha256 == y.sha256 && x.bytes == y.bytes; });
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
+                    [](const auto& x, const auto& y) { return x.sha256 == y.sha256 && x.bytes == y.bytes; });
 }
 
 // Removes what a scene consists of, and nothing else that may lie in the directory.
@@ -102,24 +106,32 @@ Result<void> clear(const std::string& directory) {
 Result<std::optional<base::Scene>> openOutput(const BuildArguments& a, const std::vector<base::SceneSource>& sources) {
   std::optional<base::Scene> resumed;
   if (a.force || !fs::exists(a.output)) return resumed;
-  if (!fs::is_directory(a.output)) return Error{ErrorCode::kExists, a.output + ": is a file, not a scene directory; choose another output"};
+  if (!fs::is_directory(a.output))
+    return Error{ErrorCode::kExists, a.output + ": is a file, not a scene directory; choose another output"};
   if (fs::exists(fs::path(a.output) / "scene.json"))
-    return Error{ErrorCode::kExists, a.output + ": holds a finished scene already; choose another output, or say --force to build it again"};
+    return Error{
+        ErrorCode::kExists,
+        a.output + ": holds a finished scene already; choose another output, or say --force to build it again"};
   const std::string building = a.output + "/" + base::kBuildingFile;
   if (fs::exists(building)) {
     auto scene = base::readSceneFile(building);
     if (!scene) return scene.error();
     if (scene->parameters != parametersOf(a) || !sameSources(scene->sources, sources))
-      return Error{ErrorCode::kExists, a.output + ": holds an unfinished build of other meshes or options; repeat those, or say --force to start afresh"};
+      return Error{
+          ErrorCode::kExists,
+          a.output +
+              ": holds an unfinished build of other meshes or options; repeat those, or say --force to start afresh"};
     resumed = std::move(*scene);
     return resumed;
   }
-  if (!fs::is_empty(a.output)) return Error{ErrorCode::kExists, a.output + ": is not empty and not a scene; choose another output, or say --force"};
+  if (!fs::is_empty(a.output))
+    return Error{ErrorCode::kExists,
+                 a.output + ": is not empty and not a scene; choose another output, or say --force"};
   return resumed;
 }
 
-// Up, when not told: glTF says +y. A flat open scan stands on its shortest axis, on the side its surface faces; anything else is
-// taken for a model with +y up, as scanners of objects write them.
+// Up, when not told: glTF says +y. A flat open scan stands on its shortest axis, on the side its surface faces;
+// anything else is taken for a model with +y up, as scanners of objects write them.
 glm::dvec3 guessUp(const lod::build::Mesh& mesh, const BuildArguments& a) {
   if (a.up != "auto") return {a.up == "x" ? 1 : 0, a.up == "y" ? 1 : 0, a.up == "z" ? 1 : 0};
   const glm::vec3 size = mesh.box().size();
@@ -174,11 +186,13 @@ Result<void> addPart(base::Scene& scene, const std::string& directory, const std
 }
 
 bool hasPart(const base::Scene& scene, const std::string& file) {
-  return std::any_of(scene.parts.begin(), scene.parts.end(), [&](const base::ScenePart& part) { return part.file == file; });
+  return std::any_of(scene.parts.begin(), scene.parts.end(),
+                     [&](const base::ScenePart& part) { return part.file == file; });
 }
 
 /// Import and hierarchy. Nothing is written before the meshes have been read and found good.
-Result<base::Scene> buildPatches(const BuildArguments& a, const std::vector<base::SceneSource>& sources, BuildReport& report, ProgressLine& line) {
+Result<base::Scene> buildPatches(const BuildArguments& a, const std::vector<base::SceneSource>& sources,
+                                 BuildReport& report, ProgressLine& line) {
   line.show("import", 0.0);
   const auto start = std::chrono::steady_clock::now();
   lod::build::ImportOptions import_options;
@@ -188,7 +202,8 @@ Result<base::Scene> buildPatches(const BuildArguments& a, const std::vector<base
   report.import_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   line.show("import", 1.0);
   line.finish();
-  for (const std::string& warning : imported->warnings) std::fprintf(stderr, "lumigrid: warning: %s\n", warning.c_str());
+  for (const std::string& warning : imported->warnings)
+    std::fprintf(stderr, "lumigrid: warning: %s\n", warning.c_str());
 
   base::Scene scene;
   scene.sources = sources;
@@ -200,10 +215,11 @@ Result<base::Scene> buildPatches(const BuildArguments& a, const std::vector<base
   if (error) return Error{ErrorCode::kIo, a.output + ": cannot make this directory: " + error.message()};
   if (a.force) LUMIGRID_TRY(clear(a.output));
 
-  auto summary = lod::build::buildHierarchy(imported->mesh, a.hierarchy, a.output + "/patch.lgp", [&](const std::string& stage, double done) {
-    line.show("hierarchy: " + stage, done);
-    return !stopRequested();
-  });
+  auto summary = lod::build::buildHierarchy(imported->mesh, a.hierarchy, a.output + "/patch.lgp",
+                                            [&](const std::string& stage, double done) {
+                                              line.show("hierarchy: " + stage, done);
+                                              return !stopRequested();
+                                            });
   line.finish();
   if (!summary) {
     if (fresh) fs::remove(a.output, error);  // only when empty: nothing half-written stays
@@ -216,7 +232,9 @@ Result<base::Scene> buildPatches(const BuildArguments& a, const std::vector<base
 }
 
 repository::Subsampling subsamplingOf(const std::string& name) {
-  return name == "444" ? repository::Subsampling::k444 : name == "422" ? repository::Subsampling::k422 : repository::Subsampling::k420;
+  return name == "444"   ? repository::Subsampling::k444
+         : name == "422" ? repository::Subsampling::k422
+                         : repository::Subsampling::k420;
 }
 
 Result<void> buildImages(const BuildArguments& a, base::Scene& scene, BuildReport& report, ProgressLine& line) {
@@ -231,7 +249,10 @@ Result<void> buildImages(const BuildArguments& a, base::Scene& scene, BuildRepor
   auto baked = bake(scene, *patches, **store, options, [&](const BakeProgress& p) {
     std::array<char, 64> rate{};
     std::snprintf(rate.data(), rate.size(), "%.1f images/s", p.faces_per_second);
-    line.show("images", p.faces_total == 0 ? 1.0 : static_cast<double>(p.faces_done + p.faces_skipped) / static_cast<double>(p.faces_total),
+    line.show("images",
+              p.faces_total == 0
+                  ? 1.0
+                  : static_cast<double>(p.faces_done + p.faces_skipped) / static_cast<double>(p.faces_total),
               std::string(rate.data()) + ", " + formatBytes(p.stored_bytes));
     return !stopRequested();
   });
@@ -243,18 +264,31 @@ Result<void> buildImages(const BuildArguments& a, base::Scene& scene, BuildRepor
 }
 
 nlohmann::json summaryJson(const base::Scene& scene, const BuildReport& r) {
-  nlohmann::json j{{"triangles", scene.triangles}, {"repairs", scene.repairs}, {"peak_memory_bytes", peakResidentBytes()}, {"import_seconds", r.import_seconds}};
+  nlohmann::json j{{"triangles", scene.triangles},
+                   {"repairs", scene.repairs},
+                   {"peak_memory_bytes", peakResidentBytes()},
+                   {"import_seconds", r.import_seconds}};
   if (r.hierarchy) {
     const auto& h = *r.hierarchy;
-    j["hierarchy"] = {{"seconds", h.seconds}, {"cpu_seconds", h.cpu_seconds}, {"bytes", h.bytes},
-                      {"triangles_per_second", static_cast<double>(scene.triangles) / std::max(h.seconds, 1e-9)},
-                      {"triangles_per_cpu_second", static_cast<double>(scene.triangles) / std::max(h.cpu_seconds, 1e-9)}, {"levels", nlohmann::json::array()}};
-    for (const auto& level : h.levels) j["hierarchy"]["levels"].push_back({{"triangles", level.triangles}, {"patches", level.patches}, {"max_error", level.max_error}});
+    j["hierarchy"] = {
+        {"seconds", h.seconds},
+        {"cpu_seconds", h.cpu_seconds},
+        {"bytes", h.bytes},
+        {"triangles_per_second", static_cast<double>(scene.triangles) / std::max(h.seconds, 1e-9)},
+        {"triangles_per_cpu_second", static_cast<double>(scene.triangles) / std::max(h.cpu_seconds, 1e-9)},
+        {"levels", nlohmann::json::array()}};
+    for (const auto& level : h.levels)
+      j["hierarchy"]["levels"].push_back(
+          {{"triangles", level.triangles}, {"patches", level.patches}, {"max_error", level.max_error}});
   }
   if (r.bake) {
     const auto& b = *r.bake;
-    j["images"] = {{"rendered", b.faces_rendered}, {"skipped", b.faces_skipped}, {"empty", b.faces_empty}, {"jpeg_bytes", b.jpeg_bytes},
-                   {"coverage_bytes", b.coverage_bytes}, {"seconds", b.seconds},
+    j["images"] = {{"rendered", b.faces_rendered},
+                   {"skipped", b.faces_skipped},
+                   {"empty", b.faces_empty},
+                   {"jpeg_bytes", b.jpeg_bytes},
+                   {"coverage_bytes", b.coverage_bytes},
+                   {"seconds", b.seconds},
                    {"images_per_second", static_cast<double>(b.faces_rendered) / std::max(b.seconds, 1e-9)}};
   }
   return j;
@@ -262,20 +296,26 @@ nlohmann::json summaryJson(const base::Scene& scene, const BuildReport& r) {
 
 void printSummary(const BuildArguments& a, const base::Scene& scene, const BuildReport& r) {
   std::printf("%s: %s triangles\n", a.output.c_str(), formatCount(scene.triangles).c_str());
-  for (const auto& [what, count] : scene.repairs) std::printf("  repaired: %s %s\n", formatCount(count).c_str(), what.c_str());
+  for (const auto& [what, count] : scene.repairs)
+    std::printf("  repaired: %s %s\n", formatCount(count).c_str(), what.c_str());
   if (r.hierarchy) {
     const auto& h = *r.hierarchy;
-    std::printf("hierarchy: %.0f triangles/s (%.0f per core), %s in %s\n", static_cast<double>(scene.triangles) / std::max(h.seconds, 1e-9),
-                static_cast<double>(scene.triangles) / std::max(h.cpu_seconds, 1e-9), formatBytes(h.bytes).c_str(), formatSeconds(h.seconds).c_str());
+    std::printf("hierarchy: %.0f triangles/s (%.0f per core), %s in %s\n",
+                static_cast<double>(scene.triangles) / std::max(h.seconds, 1e-9),
+                static_cast<double>(scene.triangles) / std::max(h.cpu_seconds, 1e-9), formatBytes(h.bytes).c_str(),
+                formatSeconds(h.seconds).c_str());
     for (std::size_t level = 0; level < h.levels.size(); ++level)
-      std::printf("  level %2zu: %12s triangles %8s patches, error up to %g\n", level, formatCount(h.levels[level].triangles).c_str(),
-                  formatCount(h.levels[level].patches).c_str(), static_cast<double>(h.levels[level].max_error));
+      std::printf("  level %2zu: %12s triangles %8s patches, error up to %g\n", level,
+                  formatCount(h.levels[level].triangles).c_str(), formatCount(h.levels[level].patches).c_str(),
+                  static_cast<double>(h.levels[level].max_error));
   }
   if (r.bake) {
     const auto& b = *r.bake;
     std::printf("images: %.1f images/s; %s rendered (%s empty), %s were there already; %s JPEG, %s coverage\n",
-                static_cast<double>(b.faces_rendered) / std::max(b.seconds, 1e-9), formatCount(b.faces_rendered).c_str(), formatCount(b.faces_empty).c_str(),
-                formatCount(b.faces_skipped).c_str(), formatBytes(b.jpeg_bytes).c_str(), formatBytes(b.coverage_bytes).c_str());
+                static_cast<double>(b.faces_rendered) / std::max(b.seconds, 1e-9),
+                formatCount(b.faces_rendered).c_str(), formatCount(b.faces_empty).c_str(),
+                formatCount(b.faces_skipped).c_str(), formatBytes(b.jpeg_bytes).c_str(),
+                formatBytes(b.coverage_bytes).c_str());
   }
   std::printf("peak memory %s\nnext: lumigrid serve %s\n", formatBytes(peakResidentBytes()).c_str(), a.output.c_str());
 }
@@ -315,27 +355,62 @@ Run addBuild(CLI::App& command) {
   command.add_option("MESH", a->meshes, "PLY, OBJ, STL, OFF or GLB files; several make one scene")->required();
   command.add_option("-o,--output", a->output, "scene directory to make, or to go on with")->required();
   command.add_flag("--force", a->force, "replace a scene that is there");
-  command.add_option("--methods", a->methods, "what to build: patch (the hierarchy), images (the repository; needs patch)")
-      ->delimiter(',')->check(CLI::IsMember({"patch", "images"}))->capture_default_str();
-  command.add_option("--grid", a->grid, "sampling points along the longest side of the viewing box")->check(CLI::Range(2, 1024))->capture_default_str();
-  command.add_option("--margin", a->margin, "viewing box beyond the model on every side, in longest sides of the model")->check(CLI::Range(0.0, 100.0))->capture_default_str();
-  command.add_option("--face", a->face, "pixels along one side of an image")->check(CLI::Range(16, 4096))->capture_default_str();
+  command
+      .add_option("--methods", a->methods, "what to build: patch (the hierarchy), images (the repository; needs patch)")
+      ->delimiter(',')
+      ->check(CLI::IsMember({"patch", "images"}))
+      ->capture_default_str();
+  command.add_option("--grid", a->grid, "sampling points along the longest side of the viewing box")
+      ->check(CLI::Range(2, 1024))
+      ->capture_default_str();
+  command
+      .add_option("--margin", a->margin, "viewing box beyond the model on every side, in longest sides of the model")
+      ->check(CLI::Range(0.0, 100.0))
+      ->capture_default_str();
+  command.add_option("--face", a->face, "pixels along one side of an image")
+      ->check(CLI::Range(16, 4096))
+      ->capture_default_str();
   command.add_option("--quality", a->bake.quality, "JPEG quality")->check(CLI::Range(1, 100))->capture_default_str();
-  command.add_option("--subsampling", a->subsampling, "JPEG chroma subsampling; 420 halves the bytes, 444 keeps strong colours")
-      ->check(CLI::IsMember({"420", "422", "444"}))->capture_default_str();
-  command.add_option("--tolerance", a->bake.tolerance_px, "largest projected error in the images, face pixels")->check(CLI::Range(0.0F, 100.0F))->capture_default_str();
-  command.add_option("--supersampling", a->bake.supersampling, "n x n samples per face pixel")->check(CLI::Range(1, 8))->capture_default_str();
-  command.add_option("--batch", a->bake.batch_faces, "images per commit: the most a killed build loses")->check(CLI::Range(1, 100000))->capture_default_str();
-  command.add_option("--light", a->light, "unlit: colours as scanned; soft: a soft directional light; auto: unlit where the mesh has colours")
-      ->check(CLI::IsMember({"auto", "unlit", "soft"}))->capture_default_str();
-  command.add_option("--up", a->up, "axis that points up in the first view")->check(CLI::IsMember({"auto", "x", "y", "z"}))->capture_default_str();
-  command.add_option("--units", a->units, "unit of length of the mesh, e.g. m; kept in scene.json")->capture_default_str();
-  command.add_option("--voxel-triangles", a->hierarchy.voxel_triangles, "Nv: most triangles in a voxel")->check(CLI::Range(1, 1'000'000))->capture_default_str();
-  command.add_option("--leaf-triangles", a->hierarchy.leaf_triangles, "Nl: most triangles in a leaf patch")->check(CLI::Range(16, 20'000))->capture_default_str();
-  command.add_option("--node-triangles", a->hierarchy.node_triangles, "Nn: most triangles in any other patch")->check(CLI::Range(16, 20'000))->capture_default_str();
-  command.add_option("--position-bits", a->hierarchy.position_bits, "lattice steps along the longest side, as a power of two, 10 to 21; 0: chosen from the mean edge")
-      ->check(CLI::Range(0, 21))->capture_default_str();
-  command.add_option("--threads", a->hierarchy.threads, "0: all cores; the result does not depend on it")->capture_default_str();
+  command
+      .add_option("--subsampling", a->subsampling,
+                  "JPEG chroma subsampling; 420 halves the bytes, 444 keeps strong colours")
+      ->check(CLI::IsMember({"420", "422", "444"}))
+      ->capture_default_str();
+  command.add_option("--tolerance", a->bake.tolerance_px, "largest projected error in the images, face pixels")
+      ->check(CLI::Range(0.0F, 100.0F))
+      ->capture_default_str();
+  command.add_option("--supersampling", a->bake.supersampling, "n x n samples per face pixel")
+      ->check(CLI::Range(1, 8))
+      ->capture_default_str();
+  command.add_option("--batch", a->bake.batch_faces, "images per commit: the most a killed build loses")
+      ->check(CLI::Range(1, 100000))
+      ->capture_default_str();
+  command
+      .add_option("--light", a->light,
+                  "unlit: colours as scanned; soft: a soft directional light; auto: unlit where the mesh has colours")
+      ->check(CLI::IsMember({"auto", "unlit", "soft"}))
+      ->capture_default_str();
+  command.add_option("--up", a->up, "axis that points up in the first view")
+      ->check(CLI::IsMember({"auto", "x", "y", "z"}))
+      ->capture_default_str();
+  command.add_option("--units", a->units, "unit of length of the mesh, e.g. m; kept in scene.json")
+      ->capture_default_str();
+  command.add_option("--voxel-triangles", a->hierarchy.voxel_triangles, "Nv: most triangles in a voxel")
+      ->check(CLI::Range(1, 1'000'000))
+      ->capture_default_str();
+  command.add_option("--leaf-triangles", a->hierarchy.leaf_triangles, "Nl: most triangles in a leaf patch")
+      ->check(CLI::Range(16, 20'000))
+      ->capture_default_str();
+  command.add_option("--node-triangles", a->hierarchy.node_triangles, "Nn: most triangles in any other patch")
+      ->check(CLI::Range(16, 20'000))
+      ->capture_default_str();
+  command
+      .add_option("--position-bits", a->hierarchy.position_bits,
+                  "lattice steps along the longest side, as a power of two, 10 to 21; 0: chosen from the mean edge")
+      ->check(CLI::Range(0, 21))
+      ->capture_default_str();
+  command.add_option("--threads", a->hierarchy.threads, "0: all cores; the result does not depend on it")
+      ->capture_default_str();
   command.add_flag("--no-weld", a->no_weld, "keep vertices at equal positions apart");
   command.add_flag("--json", a->json, "summary as JSON");
   command.add_flag("--quiet", a->quiet, "no progress");

@@ -1,6 +1,6 @@
 #pragma once
-// The commands of the program `lumigrid`. Each add… function declares its options; the returned function runs it after parsing
-// and returns the exit status.
+// The commands of the program `lumigrid`. Each add… function declares its options; the returned function runs it after
+// parsing and returns the exit status.
 #include <CLI/CLI.hpp>
 #include <functional>
 

@@ -30,7 +30,9 @@ int fail(const base::Error& error) {
 
 ProgressLine::ProgressLine(bool quiet) : quiet_(quiet), terminal_(::isatty(STDERR_FILENO) != 0) {}
 
-ProgressLine::~ProgressLine() { finish(); }
+ProgressLine::~ProgressLine() {
+  finish();
+}
 
 void ProgressLine::show(const std::string& stage, double done, const std::string& detail) {
   if (quiet_) return;
@@ -107,6 +109,8 @@ void stopOnSignals() {
   std::signal(SIGTERM, onSignal);
 }
 
-bool stopRequested() { return stop_requested; }
+bool stopRequested() {
+  return stop_requested;
+}
 
 }  // namespace server::cmd

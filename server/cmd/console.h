@@ -14,8 +14,8 @@ inline constexpr int kDone = 0, kFailed = 1, kWrongUsage = 2;
 /// Prints "lumigrid: message" to standard error; returns kFailed.
 int fail(const base::Error& error);
 
-/// Progress on standard error: a bar that is redrawn on a terminal, a plain line every few seconds otherwise. Shows rate, time left
-/// and this process's memory.
+/// Progress on standard error: a bar that is redrawn on a terminal, a plain line every few seconds otherwise. Shows
+/// rate, time left and this process's memory.
 class ProgressLine {
  public:
   explicit ProgressLine(bool quiet);
@@ -33,13 +33,14 @@ class ProgressLine {
   Clock::time_point stage_start_, last_shown_;
 };
 
-std::string formatBytes(std::uint64_t bytes);       ///< "12.3 MB"
-std::string formatCount(std::uint64_t count);       ///< "3,029,285"
-std::string formatSeconds(double seconds);          ///< "2 min 10 s"
-std::uint64_t residentBytes();                      ///< of this process, now
-std::uint64_t peakResidentBytes();                  ///< of this process, so far
+std::string formatBytes(std::uint64_t bytes);  ///< "12.3 MB"
+std::string formatCount(std::uint64_t count);  ///< "3,029,285"
+std::string formatSeconds(double seconds);     ///< "2 min 10 s"
+std::uint64_t residentBytes();                 ///< of this process, now
+std::uint64_t peakResidentBytes();             ///< of this process, so far
 
-/// After this, SIGINT and SIGTERM only set a flag, so that work stops at a clean place; a second one ends the process at once.
+/// After this, SIGINT and SIGTERM only set a flag, so that work stops at a clean place; a second one ends the process
+/// at once.
 void stopOnSignals();
 bool stopRequested();
 

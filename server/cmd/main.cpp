@@ -14,7 +14,10 @@ int main(int argc, char** argv) {
   spdlog::set_default_logger(spdlog::stderr_color_mt("lumigrid"));
   spdlog::set_pattern("%Y-%m-%dT%H:%M:%S.%e %l %v");
 
-  CLI::App app("Lumigrid: look at scanned meshes of any size from any machine.\n\nFirst steps:\n  lumigrid build scan.ply -o scene\n  lumigrid serve scene\n  lumigrid-view ws://127.0.0.1:8080/", "lumigrid");
+  CLI::App app(
+      "Lumigrid: look at scanned meshes of any size from any machine.\n\nFirst steps:\n  lumigrid build scan.ply -o "
+      "scene\n  lumigrid serve scene\n  lumigrid-view ws://127.0.0.1:8080/",
+      "lumigrid");
   app.set_version_flag("--version", "lumigrid 0.1.0");
   app.require_subcommand(1);
   struct Command {
@@ -26,7 +29,8 @@ int main(int argc, char** argv) {
     CLI::App* parser = app.add_subcommand(name, help);
     commands.push_back({parser, declare(*parser)});
   };
-  add("build", "Build a scene from meshes: patch hierarchy and image repository. Resumes where it was stopped.", addBuild);
+  add("build", "Build a scene from meshes: patch hierarchy and image repository. Resumes where it was stopped.",
+      addBuild);
   add("serve", "Serve a scene to viewers over WebSocket and HTTP on one port.", addServe);
   add("info", "Say what is in a scene.", addInfo);
   add("verify", "Read everything in a scene; check every checksum, bound and link.", addVerify);

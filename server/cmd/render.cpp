@@ -30,7 +30,8 @@ base::Image over(const base::Image& rgba, const std::vector<int>& background) {
   for (std::size_t i = 0; i < rgb.pixels.size() / 3; ++i) {
     const int alpha = rgba.pixels[4 * i + 3];
     for (std::size_t c = 0; c < 3; ++c)
-      rgb.pixels[3 * i + c] = static_cast<std::uint8_t>((rgba.pixels[4 * i + c] * alpha + background[c] * (255 - alpha) + 127) / 255);
+      rgb.pixels[3 * i + c] =
+          static_cast<std::uint8_t>((rgba.pixels[4 * i + c] * alpha + background[c] * (255 - alpha) + 127) / 255);
   }
   return rgb;
 }
@@ -51,15 +52,18 @@ int run(const RenderArguments& a) {
   auto renderer = SceneRenderer::create(*scene, *patches);
   if (!renderer) return fail(renderer.error());
 
-  const auto range = base::depthRangeFor(glm::vec3(view->position - scene->origin), (*renderer)->sceneCenter(), (*renderer)->sceneRadius());
+  const auto range = base::depthRangeFor(glm::vec3(view->position - scene->origin), (*renderer)->sceneCenter(),
+                                         (*renderer)->sceneRadius());
   RenderOptions options;
   options.tolerance_px = a.method == "full" ? 0.0F : static_cast<float>(a.tolerance_px);
   options.supersampling = a.supersampling;
-  auto picture = (*renderer)->render(base::cameraFromView(*view, scene->origin, range.near_plane, range.far_plane), options);
+  auto picture =
+      (*renderer)->render(base::cameraFromView(*view, scene->origin, range.near_plane, range.far_plane), options);
   if (!picture) return fail(picture.error());
   auto written = base::writePng(a.background.size() == 3 ? over(picture->rgba, a.background) : picture->rgba, a.output);
   if (!written) return fail(written.error());
-  std::printf("%s: %d x %d, %s triangles drawn\n", a.output.c_str(), view->width, view->height, formatCount(picture->triangles).c_str());
+  std::printf("%s: %d x %d, %s triangles drawn\n", a.output.c_str(), view->width, view->height,
+              formatCount(picture->triangles).c_str());
   return kDone;
 }
 
@@ -69,12 +73,23 @@ Run addRender(CLI::App& command) {
   auto a = std::make_shared<RenderArguments>();
   command.add_option("SCENE", a->scene, "scene directory")->required();
   command.add_option("--camera", a->camera, "camera as JSON (docs/formats/camera.md)")->required();
-  command.add_option("-o,--output", a->output, "PNG file to write (transparent where nothing is seen, unless --background)")->required();
-  command.add_option("--method", a->method, "full: leaf geometry, the ground truth; patches: the hierarchy at --tolerance")
-      ->check(CLI::IsMember({"full", "patches"}))->capture_default_str();
-  command.add_option("--tolerance", a->tolerance_px, "largest projected error of --method patches, pixels")->check(CLI::Range(0.0, 1000.0))->capture_default_str();
-  command.add_option("--size", a->size, "width and height in pixels, instead of the camera's")->expected(2)->check(CLI::Range(1, 65536));
-  command.add_option("--supersampling", a->supersampling, "n x n samples a pixel")->check(CLI::Range(1, 8))->capture_default_str();
+  command
+      .add_option("-o,--output", a->output,
+                  "PNG file to write (transparent where nothing is seen, unless --background)")
+      ->required();
+  command
+      .add_option("--method", a->method, "full: leaf geometry, the ground truth; patches: the hierarchy at --tolerance")
+      ->check(CLI::IsMember({"full", "patches"}))
+      ->capture_default_str();
+  command.add_option("--tolerance", a->tolerance_px, "largest projected error of --method patches, pixels")
+      ->check(CLI::Range(0.0, 1000.0))
+      ->capture_default_str();
+  command.add_option("--size", a->size, "width and height in pixels, instead of the camera's")
+      ->expected(2)
+      ->check(CLI::Range(1, 65536));
+  command.add_option("--supersampling", a->supersampling, "n x n samples a pixel")
+      ->check(CLI::Range(1, 8))
+      ->capture_default_str();
   command.add_option("--background", a->background, "red green blue, 0 to 255")->expected(3)->check(CLI::Range(0, 255));
   return [a] { return run(*a); };
 }

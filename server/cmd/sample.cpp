@@ -41,10 +41,16 @@ Run addSample(CLI::App& command) {
   auto a = std::make_shared<SampleArguments>();
   command.add_option("-o,--output", a->output, "PLY file to write")->required();
   command.add_option("--triangles", a->options.triangles, "triangle count, 10000 to 1000000000 (within 2 %)")
-      ->transform(CLI::AsSizeValue(true))->check(CLI::Range(std::uint64_t{10'000}, std::uint64_t{1'000'000'000}))->default_str("1000000");
-  command.add_option("--shape", a->shape, "statue: closed; relief: an open panel")->check(CLI::IsMember({"statue", "relief"}))->capture_default_str();
+      ->transform(CLI::AsSizeValue(true))
+      ->check(CLI::Range(std::uint64_t{10'000}, std::uint64_t{1'000'000'000}))
+      ->default_str("1000000");
+  command.add_option("--shape", a->shape, "statue: closed; relief: an open panel")
+      ->check(CLI::IsMember({"statue", "relief"}))
+      ->capture_default_str();
   command.add_option("--seed", a->options.seed, "same seed, same bytes, on any machine")->capture_default_str();
-  command.add_option("--origin", a->origin, "added to every position, e.g. survey coordinates")->expected(3)->capture_default_str();
+  command.add_option("--origin", a->origin, "added to every position, e.g. survey coordinates")
+      ->expected(3)
+      ->capture_default_str();
   command.add_flag("--no-colors", a->no_colors, "leave vertex colours out");
   command.add_flag("--force", a->force, "replace the output");
   return [a] { return run(*a); };

@@ -23,7 +23,8 @@ int run(ServeArguments& a) {
   if (a.json)
     std::printf("{\"port\":%u,\"url\":\"ws://%s/\"}\n", static_cast<unsigned>((*server)->port()), place.c_str());
   else
-    std::printf("serving %s at http://%s/\nlook at it with: lumigrid-view ws://%s/\n", a.scene.c_str(), place.c_str(), place.c_str());
+    std::printf("serving %s at http://%s/\nlook at it with: lumigrid-view ws://%s/\n", a.scene.c_str(), place.c_str(),
+                place.c_str());
   std::fflush(stdout);
   auto ended = (*server)->run(true);
   if (!ended) return fail(ended.error());
@@ -35,10 +36,14 @@ int run(ServeArguments& a) {
 Run addServe(CLI::App& command) {
   auto a = std::make_shared<ServeArguments>();
   command.add_option("SCENE", a->scene, "scene directory made by `lumigrid build`")->required();
-  command.add_option("--address", a->options.address, "address to listen at; 0.0.0.0 for every network of this machine")->capture_default_str();
+  command
+      .add_option("--address", a->options.address, "address to listen at; 0.0.0.0 for every network of this machine")
+      ->capture_default_str();
   command.add_option("--port", a->options.port, "port; 0 picks a free one and prints it")->capture_default_str();
-  command.add_option("--max-connections", a->options.max_connections, "viewers at a time; more are answered 503")->capture_default_str();
-  command.add_option("--idle", a->options.idle_seconds, "seconds after which a silent viewer is let go")->capture_default_str();
+  command.add_option("--max-connections", a->options.max_connections, "viewers at a time; more are answered 503")
+      ->capture_default_str();
+  command.add_option("--idle", a->options.idle_seconds, "seconds after which a silent viewer is let go")
+      ->capture_default_str();
   command.add_flag("--no-frames", a->no_frames, "never render exact frames for viewers at rest (saves CPU or GPU)");
   command.add_flag("--json", a->json, "print port and URL as JSON");
   return [a] { return run(*a); };

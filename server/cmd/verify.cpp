@@ -30,10 +30,13 @@ void verifyParts(const std::string& directory, const base::Scene& scene, Faults&
     }
     if (fs::is_directory(path)) continue;
     if (fs::file_size(path) != part.bytes)
-      faults.push_back(path + ": has " + std::to_string(fs::file_size(path)) + " bytes, scene.json says " + std::to_string(part.bytes));
+      faults.push_back(path + ": has " + std::to_string(fs::file_size(path)) + " bytes, scene.json says " +
+                       std::to_string(part.bytes));
     auto hash = base::sha256OfFile(path);
-    if (!hash) faults.push_back(hash.error().message);
-    else if (*hash != part.sha256) faults.push_back(path + ": its SHA-256 is " + *hash + ", scene.json says " + part.sha256);
+    if (!hash)
+      faults.push_back(hash.error().message);
+    else if (*hash != part.sha256)
+      faults.push_back(path + ": its SHA-256 is " + *hash + ", scene.json says " + part.sha256);
   }
 }
 
@@ -72,7 +75,8 @@ void verifyImages(const std::string& path, Faults& faults) {
     return;
   }
   auto found = repository::verify(**store, *grid);
-  if (!found) faults.push_back(found.error().message);
+  if (!found)
+    faults.push_back(found.error().message);
   else
     for (const std::string& fault : *found) faults.push_back(path + ": " + fault);
 }
@@ -89,8 +93,13 @@ int run(const VerifyArguments& a) {
     std::printf("%s\n", nlohmann::json{{"scene", a.scene}, {"faults", faults}}.dump(2).c_str());
   } else {
     for (const std::string& fault : faults) std::printf("%s\n", fault.c_str());
-    if (faults.empty()) std::printf("%s: all is well\n", a.scene.c_str());
-    else std::printf("%s: %zu faults; `lumigrid build` with the same options renders missing and broken images again, other parts need --force\n", a.scene.c_str(), faults.size());
+    if (faults.empty())
+      std::printf("%s: all is well\n", a.scene.c_str());
+    else
+      std::printf(
+          "%s: %zu faults; `lumigrid build` with the same options renders missing and broken images again, other parts "
+          "need --force\n",
+          a.scene.c_str(), faults.size());
   }
   return faults.empty() ? kDone : kFailed;
 }

@@ -10,8 +10,9 @@
 //
 //   use(p, s) = facing(p, s) / sqrt(r² + m²)        1 = as good as the view itself
 //   r = max(1, (f_view / |s − e|) / (f_face / |s − p|))     view pixels that one pixel of the image covers; f in pixels
-//   m = kTypicalError · error_px · tan(angle between s − e and s − p)       view pixels by which a proxy that is off by error_px shifts
-//   the image facing = clamp((n · toPoint) / max(n · toEye, 0.2), 0, 1), n the surface normal turned towards the eye;
+//   m = kTypicalError · error_px · tan(angle between s − e and s − p)       view pixels by which a proxy that is off by
+//   error_px shifts the image facing = clamp((n · toPoint) / max(n · toEye, 0.2), 0, 1), n the surface normal turned
+//   towards the eye;
 //            the cosine of that angle where the normal is not known
 //
 // and a set of points is worth Σ weight(s) · (best use + ½ · second best use): two images a place fill each other's
@@ -28,8 +29,9 @@
 
 namespace server {
 
-/// The stated error is an upper bound; what an image is off by, seen from aside, is a share of it. Measured along an orbit over
-/// machangara with cuts of 4 and 8 px: 0, 0.2, 0.4, 0.8, 1.6 gave 26.9, 27.6, 27.9, 28.0, 27.9 and 26.3, 27.1, 27.1, 27.1, 27.1 dB.
+/// The stated error is an upper bound; what an image is off by, seen from aside, is a share of it. Measured along an
+/// orbit over machangara with cuts of 4 and 8 px: 0, 0.2, 0.4, 0.8, 1.6 gave 26.9, 27.6, 27.9, 28.0, 27.9
+/// and 26.3, 27.1, 27.1, 27.1, 27.1 dB.
 inline constexpr float kTypicalError = 0.5F;
 
 /// A piece of surface that the view shows.

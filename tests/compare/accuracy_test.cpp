@@ -53,8 +53,8 @@ TEST(Accuracy, backgroundFlattersNobody) {
 TEST(Accuracy, holesAndExcessAreCounted) {
   base::Image picture = halfCovered(0);
   for (int y = 0; y < 48; ++y) {
-    picture.at(0, y)[3] = 0;      // one column of 32 missing
-    picture.at(40, y)[3] = 255;   // one too much
+    picture.at(0, y)[3] = 0;     // one column of 32 missing
+    picture.at(40, y)[3] = 255;  // one too much
   }
   auto a = compare::measureAccuracy(halfCovered(0), picture);
   ASSERT_TRUE(a);
@@ -68,7 +68,8 @@ TEST(Accuracy, ssimFallsWhenStructureIsLostAndPsnrIsTheSame) {
   base::Image noisy = truth;
   for (int y = 0; y < 48; ++y)
     for (int x = 0; x < 32; ++x)
-      for (int c = 0; c < 3; ++c) noisy.at(x, y)[c] = static_cast<std::uint8_t>(noisy.at(x, y)[c] + ((x + y) % 2 == 0 ? 10 : -10));
+      for (int c = 0; c < 3; ++c)
+        noisy.at(x, y)[c] = static_cast<std::uint8_t>(noisy.at(x, y)[c] + ((x + y) % 2 == 0 ? 10 : -10));
   auto shifted = compare::measureAccuracy(truth, halfCovered(10));
   auto scrambled = compare::measureAccuracy(truth, noisy);
   ASSERT_TRUE(shifted && scrambled);

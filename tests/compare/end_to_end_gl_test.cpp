@@ -124,7 +124,8 @@ double psnrWhereBothCover(const base::Image& a, const base::Image& b) {
   std::size_t count = 0;
   for (std::size_t i = 0; i < a.pixels.size(); i += 4) {
     if (a.pixels[i + 3] < 255 || b.pixels[i + 3] < 255) continue;
-    for (std::size_t c = 0; c < 3; ++c, ++count) squares += std::pow(double{1.0} * a.pixels[i + c] - b.pixels[i + c], 2);
+    for (std::size_t c = 0; c < 3; ++c, ++count)
+      squares += std::pow(double{1.0} * a.pixels[i + c] - b.pixels[i + c], 2);
   }
   EXPECT_GT(count, a.pixels.size() / 40) << "too little of the model in view to judge";
   return 10.0 * std::log10(255.0 * 255.0 * static_cast<double>(count) / std::max(squares, 1e-9));
@@ -156,7 +157,8 @@ TEST_F(EndToEnd, imagesBringTheProxyNearerToTheTruth) {
   const glm::dvec3 center = 0.5 * (scene_.box_min + scene_.box_max);
   for (double angle : {0.4, 2.1, 4.0}) {
     base::ViewCamera camera;
-    camera.position = center + 0.8 * glm::length(scene_.box_max - scene_.box_min) * glm::dvec3(std::cos(angle), 0.3, std::sin(angle));
+    camera.position =
+        center + 0.8 * glm::length(scene_.box_max - scene_.box_min) * glm::dvec3(std::cos(angle), 0.3, std::sin(angle));
     camera.direction = glm::normalize(center - camera.position);
     camera.width = 320;
     camera.height = 240;

@@ -33,9 +33,11 @@ TEST(Report, interpolatesOverTheLogarithmOfBytes) {
 TEST(Report, writesEveryFileAndStatesTheDifferences) {
   const std::string directory = std::string(::testing::TempDir()) + "lumigrid_report_" + std::to_string(::getpid());
   std::filesystem::remove_all(directory);
-  const std::vector<compare::RunResult> runs{run("lumigraph", 4, 2'000'000, 27.0), run("proxy", 4, 500'000, 22.5), run("patches", 8, 1'000'000, 20.0), run("patches", 2, 4'000'000, 24.0)};
+  const std::vector<compare::RunResult> runs{run("lumigraph", 4, 2'000'000, 27.0), run("proxy", 4, 500'000, 22.5),
+                                             run("patches", 8, 1'000'000, 20.0), run("patches", 2, 4'000'000, 24.0)};
   ASSERT_TRUE(compare::writeReport(directory, {"s", "m", "c", "r", 64, 48, "loopback"}, runs));
-  for (const char* name : {"results.csv", "index.html", "accuracy_bytes.svg", "accuracy_frames.svg", "bytes_frames.svg"})
+  for (const char* name :
+       {"results.csv", "index.html", "accuracy_bytes.svg", "accuracy_frames.svg", "bytes_frames.svg"})
     EXPECT_TRUE(std::filesystem::exists(directory + "/" + name)) << name;
   auto page = base::readFile(directory + "/index.html");
   ASSERT_TRUE(page);

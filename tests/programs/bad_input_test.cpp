@@ -29,10 +29,13 @@ class BadInput : public programs::ProgramTest {
   }
 };
 
-const std::string kTriangle = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n";
+const std::string kTriangle =
+    "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face "
+    "1\nproperty list uchar int vertex_indices\nend_header\n";
 
 TEST_F(BadInput, aMissingFileIsNamed) {
-  expectOneLineError(run("lumigrid", {"build", path("no.ply"), "-o", path("out"), "--quiet"}), 1, {"no.ply", "No such file"});
+  expectOneLineError(run("lumigrid", {"build", path("no.ply"), "-o", path("out"), "--quiet"}), 1,
+                     {"no.ply", "No such file"});
   EXPECT_FALSE(std::filesystem::exists(path("out")));
 }
 
@@ -41,14 +44,27 @@ TEST_F(BadInput, aTruncatedPlyIsNamed) {
   expectRefused("cut.ply", whole.substr(0, whole.size() / 2), {});
 }
 
-TEST_F(BadInput, anIndexOutOfRangeIsNamed) { expectRefused("index.ply", kTriangle + "0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n", {"7", "out of range"}); }
-TEST_F(BadInput, notANumberIsNamed) { expectRefused("nan.ply", kTriangle + "0 0 0\nnan 0 0\n0 1 0\n3 0 1 2\n", {"vertex 1"}); }
-TEST_F(BadInput, anEmptyFileIsNamed) { expectRefused("empty.ply", "", {}); }
-TEST_F(BadInput, aMeshWithoutTrianglesIsNamed) {
-  expectRefused("none.ply", "ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nproperty float y\nproperty float z\nelement face 0\nproperty list uchar int vertex_indices\nend_header\n", {});
+TEST_F(BadInput, anIndexOutOfRangeIsNamed) {
+  expectRefused("index.ply", kTriangle + "0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n", {"7", "out of range"});
 }
-TEST_F(BadInput, noTriangleLeftAfterCleaningIsNamed) { expectRefused("flat.ply", kTriangle + "0 0 0\n1 0 0\n2 0 0\n3 0 1 2\n", {"no triangle"}); }
-TEST_F(BadInput, anUnknownFormatIsNamed) { expectRefused("mesh.xyz", "what is this\n", {}); }
+TEST_F(BadInput, notANumberIsNamed) {
+  expectRefused("nan.ply", kTriangle + "0 0 0\nnan 0 0\n0 1 0\n3 0 1 2\n", {"vertex 1"});
+}
+TEST_F(BadInput, anEmptyFileIsNamed) {
+  expectRefused("empty.ply", "", {});
+}
+TEST_F(BadInput, aMeshWithoutTrianglesIsNamed) {
+  expectRefused("none.ply",
+                "ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nproperty float y\nproperty float "
+                "z\nelement face 0\nproperty list uchar int vertex_indices\nend_header\n",
+                {});
+}
+TEST_F(BadInput, noTriangleLeftAfterCleaningIsNamed) {
+  expectRefused("flat.ply", kTriangle + "0 0 0\n1 0 0\n2 0 0\n3 0 1 2\n", {"no triangle"});
+}
+TEST_F(BadInput, anUnknownFormatIsNamed) {
+  expectRefused("mesh.xyz", "what is this\n", {});
+}
 
 TEST_F(BadInput, wrongUsageIsStatusTwo) {
   EXPECT_EQ(run("lumigrid", {"build", "a.ply"}).status, 2);
@@ -73,15 +89,18 @@ TEST_F(BadInput, anOutputThatExistsNeedsForce) {
 TEST_F(BadInput, anUnfinishedBuildOfOtherOptionsIsNotMixedIn) {
   const std::string scene = smallScene();
   std::filesystem::rename(scene + "/scene.json", scene + "/building.json");
-  expectOneLineError(run("lumigrid", {"build", smallMesh(), "-o", scene, "--grid", "4", "--face", "64", "--quiet"}), 1, {"other meshes or options", "--force"});
+  expectOneLineError(run("lumigrid", {"build", smallMesh(), "-o", scene, "--grid", "4", "--face", "64", "--quiet"}), 1,
+                     {"other meshes or options", "--force"});
   expectOneLineError(run("lumigrid", {"info", scene}), 1, {"not finished"});
 }
 
 TEST_F(BadInput, aFullDiskIsNamedAndTheRerunFinishes) {
   std::filesystem::create_directories(path("disk"));
-  if (::mount("none", path("disk").c_str(), "tmpfs", 0, "size=256k") != 0) GTEST_SKIP() << "cannot mount a small file system here: " << std::strerror(errno);
+  if (::mount("none", path("disk").c_str(), "tmpfs", 0, "size=256k") != 0)
+    GTEST_SKIP() << "cannot mount a small file system here: " << std::strerror(errno);
   const std::string mesh = smallMesh();
-  const std::vector<std::string> build{"build", mesh, "-o", path("disk/scene"), "--grid", "3", "--face", "64", "--quiet"};
+  const std::vector<std::string> build{"build", mesh,     "-o", path("disk/scene"), "--grid",
+                                       "3",     "--face", "64", "--quiet"};
   const auto full = run("lumigrid", build);
   EXPECT_EQ(full.status, 1);
   EXPECT_NE(full.err.find("space"), std::string::npos) << full.err;
@@ -111,14 +130,17 @@ TEST_F(BadInput, aPortInUseIsNamed) {
 
 TEST_F(BadInput, whatIsNotASceneIsNamedByEveryCommand) {
   std::filesystem::create_directories(path("empty"));
-  for (const char* command : {"info", "verify", "serve"}) expectOneLineError(run("lumigrid", {command, path("empty")}), 1, {"empty", "not a scene"});
+  for (const char* command : {"info", "verify", "serve"})
+    expectOneLineError(run("lumigrid", {command, path("empty")}), 1, {"empty", "not a scene"});
   programs::writeText(path("c.json"), "{\"position\":[0,0,1],\"direction\":[0,0,-1]}");
-  expectOneLineError(run("lumigrid", {"render", path("empty"), "--camera", path("c.json"), "-o", path("x.png")}), 1, {"not a scene"});
+  expectOneLineError(run("lumigrid", {"render", path("empty"), "--camera", path("c.json"), "-o", path("x.png")}), 1,
+                     {"not a scene"});
 }
 
 TEST_F(BadInput, aServerThatIsNotThereIsNamedByTheViewer) {
   programs::writeText(path("p.json"), "{\"frames\":[{\"position\":[0,0,1],\"direction\":[0,0,-1]}]}");
-  const auto outcome = run("lumigrid-view", {"ws://127.0.0.1:1/", "--headless", "--path", path("p.json"), "--out", path("o"), "--connect-timeout", "1"});
+  const auto outcome = run("lumigrid-view", {"ws://127.0.0.1:1/", "--headless", "--path", path("p.json"), "--out",
+                                             path("o"), "--connect-timeout", "1"});
   EXPECT_EQ(outcome.status, 1);
   EXPECT_NE(outcome.err.find("127.0.0.1:1"), std::string::npos) << outcome.err;
 }

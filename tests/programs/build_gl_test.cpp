@@ -64,7 +64,8 @@ TEST_F(Build, killedInTheMiddleItGoesOnAndEndsTheSame) {
   // Kill as soon as some, but not all, images are there. Every run gets further; a few kills at different places.
   int killed = 0;
   for (int round = 0; round < 3; ++round) {
-    const std::size_t before = std::filesystem::exists(path("killed/images/data.mdb")) ? values(path("killed")).size() : 0;
+    const std::size_t before =
+        std::filesystem::exists(path("killed/images/data.mdb")) ? values(path("killed")).size() : 0;
     const pid_t pid = programs::start("lumigrid", command(path("killed")), path("log"));
     for (int i = 0; i < 3000; ++i) {
       std::this_thread::sleep_for(std::chrono::milliseconds(5));
@@ -89,7 +90,8 @@ TEST_F(Build, killedInTheMiddleItGoesOnAndEndsTheSame) {
   const auto rerun = run("lumigrid", words);
   ASSERT_EQ(rerun.status, 0) << rerun.err;
   const json summary = json::parse(rerun.out);
-  EXPECT_EQ(summary["images"]["rendered"].get<std::size_t>(), whole.size() - committed) << "what was committed is not rendered again";
+  EXPECT_EQ(summary["images"]["rendered"].get<std::size_t>(), whole.size() - committed)
+      << "what was committed is not rendered again";
   EXPECT_EQ(values(path("killed")), whole);
   EXPECT_EQ(base::readFile(path("killed/patch.lgp")).value(), base::readFile(path("whole/patch.lgp")).value());
   EXPECT_EQ(run("lumigrid", {"verify", path("killed")}).status, 0);
@@ -97,9 +99,11 @@ TEST_F(Build, killedInTheMiddleItGoesOnAndEndsTheSame) {
 
 TEST_F(Build, interruptedItStopsCleanlyAndGoesOn) {
   const std::string mesh = smallMesh();
-  const std::vector<std::string> build{"build", mesh, "-o", path("scene"), "--grid", "6", "--face", "64", "--batch", "20", "--quiet"};
+  const std::vector<std::string> build{"build",  mesh, "-o",      path("scene"), "--grid", "6",
+                                       "--face", "64", "--batch", "20",          "--quiet"};
   const pid_t pid = programs::start("lumigrid", build, path("log"));
-  for (int i = 0; i < 3000 && !std::filesystem::exists(path("scene/images/data.mdb")); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  for (int i = 0; i < 3000 && !std::filesystem::exists(path("scene/images/data.mdb")); ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
   ::kill(pid, SIGINT);
   const int status = programs::wait(pid);
   if (status == 0) GTEST_SKIP() << "the build was faster than the signal";
@@ -125,7 +129,8 @@ TEST_F(Build, verifyNamesWhatIsDamaged) {
     const auto all = values(scene);
     auto store = repository::openLmdbStore(scene + "/images", repository::StoreMode::kWrite);
     ASSERT_TRUE(store);
-    auto largest = std::max_element(all.begin(), all.end(), [](const auto& a, const auto& b) { return a.second.size() < b.second.size(); });
+    auto largest = std::max_element(all.begin(), all.end(),
+                                    [](const auto& a, const auto& b) { return a.second.size() < b.second.size(); });
     base::Bytes value = largest->second;
     value[value.size() / 2] ^= 1;
     ASSERT_TRUE((*store)->putBatch({{*repository::FaceKey::fromCode(largest->first), value}}));
@@ -139,7 +144,8 @@ TEST_F(Build, verifyNamesWhatIsDamaged) {
 TEST_F(Build, theResultDoesNotDependOnTheThreads) {
   const std::string mesh = smallMesh();
   for (const char* threads : {"1", "4"}) {
-    const auto built = run("lumigrid", {"build", mesh, "-o", path(std::string("t") + threads), "--grid", "3", "--face", "64", "--threads", threads, "--quiet"});
+    const auto built = run("lumigrid", {"build", mesh, "-o", path(std::string("t") + threads), "--grid", "3", "--face",
+                                        "64", "--threads", threads, "--quiet"});
     ASSERT_EQ(built.status, 0) << built.err;
   }
   EXPECT_EQ(base::readFile(path("t1/patch.lgp")).value(), base::readFile(path("t4/patch.lgp")).value());

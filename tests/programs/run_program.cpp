@@ -17,7 +17,9 @@ std::string readText(const std::string& path) {
   return text.str();
 }
 
-void writeText(const std::string& path, const std::string& text) { std::ofstream(path, std::ios::binary) << text; }
+void writeText(const std::string& path, const std::string& text) {
+  std::ofstream(path, std::ios::binary) << text;
+}
 
 pid_t start(const std::string& program, const std::vector<std::string>& arguments, const std::string& log) {
   const std::string binary = std::string(LUMIGRID_BIN_DIR) + "/" + program;
@@ -42,7 +44,9 @@ int wait(pid_t pid) {
 
 Outcome run(const std::string& program, const std::vector<std::string>& arguments) {
   static int runs = 0;
-  const std::string log = (std::filesystem::temp_directory_path() / ("lumigrid_run_" + std::to_string(::getpid()) + "_" + std::to_string(runs++))).string();
+  const std::string log = (std::filesystem::temp_directory_path() /
+                           ("lumigrid_run_" + std::to_string(::getpid()) + "_" + std::to_string(runs++)))
+                              .string();
   Outcome outcome;
   outcome.status = wait(start(program, arguments, log));
   outcome.out = readText(log + ".out");
@@ -54,7 +58,8 @@ Outcome run(const std::string& program, const std::vector<std::string>& argument
 
 void ProgramTest::SetUp() {
   const auto* info = ::testing::UnitTest::GetInstance()->current_test_info();
-  directory_ = std::filesystem::temp_directory_path() / (std::string("lumigrid_") + info->name() + "_" + std::to_string(::getpid()));
+  directory_ = std::filesystem::temp_directory_path() /
+               (std::string("lumigrid_") + info->name() + "_" + std::to_string(::getpid()));
   std::filesystem::create_directories(directory_);
 }
 
@@ -77,7 +82,8 @@ std::string ProgramTest::smallScene() {
 void expectOneLineError(const Outcome& outcome, int status, const std::vector<std::string>& pieces) {
   EXPECT_EQ(outcome.status, status) << outcome.err;
   EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
-  for (const std::string& piece : pieces) EXPECT_NE(outcome.err.find(piece), std::string::npos) << "no '" << piece << "' in: " << outcome.err;
+  for (const std::string& piece : pieces)
+    EXPECT_NE(outcome.err.find(piece), std::string::npos) << "no '" << piece << "' in: " << outcome.err;
 }
 
 }  // namespace programs

@@ -10,7 +10,7 @@
 namespace programs {
 
 struct Outcome {
-  int status = 0;      ///< exit status; 128 + n when killed by signal n
+  int status = 0;  ///< exit status; 128 + n when killed by signal n
   std::string out, err;
 };
 

@@ -32,7 +32,8 @@ TEST_F(Serve, aTourShowsTheModelAndTheServerStopsOnSigterm) {
   const std::string scene = smallScene();
   std::string url;
   const pid_t server = serve(scene, url);
-  ASSERT_EQ(run("lumigrid", {"tour", scene, "--frames", "3", "--size", "320", "180", "-o", path("tour.json")}).status, 0);
+  ASSERT_EQ(run("lumigrid", {"tour", scene, "--frames", "3", "--size", "320", "180", "-o", path("tour.json")}).status,
+            0);
   const auto viewed = run("lumigrid-view", {url, "--headless", "--path", path("tour.json"), "--out", path("tour")});
   EXPECT_EQ(viewed.status, 0) << viewed.err;
 
@@ -66,7 +67,8 @@ TEST_F(Serve, renderWritesTheGroundTruthAtAnySize) {
   json camera = json::parse(programs::readText(path("tour.json")))["frames"][0];
   programs::writeText(path("camera.json"), camera.dump());
   for (const char* method : {"full", "patches"}) {
-    const auto rendered = run("lumigrid", {"render", scene, "--camera", path("camera.json"), "--method", method, "--size", "333", "211", "--supersampling", "2", "-o", path("x.png")});
+    const auto rendered = run("lumigrid", {"render", scene, "--camera", path("camera.json"), "--method", method,
+                                           "--size", "333", "211", "--supersampling", "2", "-o", path("x.png")});
     ASSERT_EQ(rendered.status, 0) << rendered.err;
     auto image = base::readPng(path("x.png"));
     ASSERT_TRUE(image);

@@ -29,7 +29,8 @@ TEST(Camera, projectedErrorIsThePixelsThatALengthCovers) {
   const glm::vec4 a = camera.clipFromScene() * glm::vec4(0, 0, 0, 1);
   const glm::vec4 b = camera.clipFromScene() * glm::vec4(0, 1, 0, 1);
   const float pixels = (b.y / b.w - a.y / a.w) * 300.0F;
-  EXPECT_NEAR(base::projectedError(1.0F, glm::vec3(0, 0, -2), 2.0F, camera.eye, camera.pixelsPerUnitAtOne(), 0.1F), pixels, 0.01F);
+  EXPECT_NEAR(base::projectedError(1.0F, glm::vec3(0, 0, -2), 2.0F, camera.eye, camera.pixelsPerUnitAtOne(), 0.1F),
+              pixels, 0.01F);
 }
 
 TEST(Camera, projectedErrorGrowsTowardsTheEyeAndStaysFiniteInside) {

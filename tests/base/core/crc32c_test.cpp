@@ -6,7 +6,9 @@
 
 namespace {
 
-base::ByteView view(const std::string& text) { return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}; }
+base::ByteView view(const std::string& text) {
+  return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
+}
 
 // RFC 3720, appendix B.4, and the customary check value.
 TEST(Crc32c, givesThePublishedValues) {

@@ -42,7 +42,8 @@ TEST_F(FileTest, errorsNameTheFileAndTheReason) {
   auto missing = base::readFile(path("missing"));
   ASSERT_FALSE(missing);
   EXPECT_EQ(missing.error().code, base::ErrorCode::kNotFound);
-  EXPECT_NE(missing.error().message.find("missing: cannot open: No such file"), std::string::npos) << missing.error().message;
+  EXPECT_NE(missing.error().message.find("missing: cannot open: No such file"), std::string::npos)
+      << missing.error().message;
   auto directory = base::readFile(directory_.string());
   ASSERT_FALSE(directory);
   EXPECT_NE(directory.error().message.find("Is a directory"), std::string::npos) << directory.error().message;

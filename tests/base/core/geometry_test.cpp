@@ -8,8 +8,12 @@
 namespace {
 
 std::mt19937 rng(17);
-float uniform(float a, float b) { return a + (b - a) * static_cast<float>(rng() % 100001) / 100000.0F; }
-glm::vec3 randomPoint(float range) { return {uniform(-range, range), uniform(-range, range), uniform(-range, range)}; }
+float uniform(float a, float b) {
+  return a + (b - a) * static_cast<float>(rng() % 100001) / 100000.0F;
+}
+glm::vec3 randomPoint(float range) {
+  return {uniform(-range, range), uniform(-range, range), uniform(-range, range)};
+}
 
 TEST(BoundingSphere, containsEveryPointAndIsNotMuchTooLarge) {
   for (int round = 0; round < 200; ++round) {
@@ -43,7 +47,8 @@ TEST(NormalCone, neverCullsASurfaceElementThatFacesTheEye) {
     if (!base::facesAway(base::boundingCone(normals), bounds, eye)) continue;
     ++culled;
     for (int s = 0; s < 20; ++s) {
-      const glm::vec3 p = bounds.center + bounds.radius * glm::normalize(randomPoint(1.0F) + glm::vec3(1e-3F)) * uniform(0.0F, 1.0F);
+      const glm::vec3 p =
+          bounds.center + bounds.radius * glm::normalize(randomPoint(1.0F) + glm::vec3(1e-3F)) * uniform(0.0F, 1.0F);
       for (const auto& n : normals) EXPECT_LE(glm::dot(n, eye - p), 1e-4F);
     }
   }
@@ -51,7 +56,8 @@ TEST(NormalCone, neverCullsASurfaceElementThatFacesTheEye) {
 }
 
 TEST(Frustum, keepsEveryBoxWithAVisiblePoint) {
-  const glm::mat4 clip = glm::perspective(1.0F, 1.5F, 0.1F, 50.0F) * glm::lookAt(glm::vec3(1, 2, 3), glm::vec3(0), glm::vec3(0, 1, 0));
+  const glm::mat4 clip =
+      glm::perspective(1.0F, 1.5F, 0.1F, 50.0F) * glm::lookAt(glm::vec3(1, 2, 3), glm::vec3(0), glm::vec3(0, 1, 0));
   const base::Frustum frustum(clip);
   int outside = 0;
   for (int round = 0; round < 3000; ++round) {

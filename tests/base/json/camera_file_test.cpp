@@ -8,13 +8,15 @@
 namespace {
 
 std::string write(const std::string& text) {
-  const std::string path = std::string(::testing::TempDir()) + "lumigrid_camera_" + std::to_string(::getpid()) + ".json";
+  const std::string path =
+      std::string(::testing::TempDir()) + "lumigrid_camera_" + std::to_string(::getpid()) + ".json";
   std::ofstream(path) << text;
   return path;
 }
 
 TEST(CameraFile, aTargetBecomesAUnitDirection) {
-  auto camera = base::readCamera(write(R"({"position":[0,0,5],"target":[0,0,1],"up":[0,1,0],"fov_y_degrees":60,"width":64,"height":32})"));
+  auto camera = base::readCamera(
+      write(R"({"position":[0,0,5],"target":[0,0,1],"up":[0,1,0],"fov_y_degrees":60,"width":64,"height":32})"));
   ASSERT_TRUE(camera) << camera.error().message;
   EXPECT_EQ(camera->direction, glm::dvec3(0, 0, -1));
   EXPECT_NEAR(camera->fov_y, 1.0471975512, 1e-9);
@@ -56,7 +58,8 @@ TEST(CameraPath, anOrbitKeepsItsDistanceAndLooksAtTheCentre) {
 }
 
 TEST(CameraPath, aBadFrameIsNamedByNumber) {
-  auto read = base::readCameraPath(write(R"({"frames":[{"position":[0,0,5],"direction":[0,0,-1]},{"position":[0,0,5]}]})"));
+  auto read =
+      base::readCameraPath(write(R"({"frames":[{"position":[0,0,5],"direction":[0,0,-1]},{"position":[0,0,5]}]})"));
   ASSERT_FALSE(read);
   EXPECT_NE(read.error().message.find("frame 1"), std::string::npos) << read.error().message;
 }

@@ -53,7 +53,7 @@ TEST_F(ExpectedUse, ofTwoAtOneAngleTheFinerIsUsedMore) {
   coarse.width = 50;
   coarse.height = 50;
   const auto shares = use({&coarse, &near});
-  EXPECT_NEAR(shares[1] / shares[0], 4.0F, 0.1F);
+  EXPECT_GT(shares[1], 100.0F * shares[0]) << "the blend weighs by the sixth power of blur";
 }
 
 TEST_F(ExpectedUse, twoOfAKindShare) {
