@@ -1,8 +1,12 @@
 // lumigrid-compare: speed against accuracy, over real sockets, on one page (DESIGN section 9).
+#include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/spdlog.h>
+
 #include <CLI/CLI.hpp>
 #include <cstdio>
 
 #include "base/json/camera_file.h"
+#include "client/native/units.h"
 #include "compare/run.h"
 
 namespace {
@@ -12,9 +16,15 @@ int fail(const base::Error& error) {
   return 1;
 }
 
-void declare(CLI::App& app, compare::RunOptions& o, std::string& path, double& megabits, double& milliseconds) {
+struct Arguments {
+  compare::RunOptions run;
+  std::string path, bandwidth, latency;
+};
+
+void declare(CLI::App& app, Arguments& a) {
+  compare::RunOptions& o = a.run;
   app.add_option("SCENE", o.scene, "scene directory")->required();
-  app.add_option("--path", path, "camera path as JSON (`lumigrid tour` writes one)")->required();
+  app.add_option("--path", a.path, "camera path as JSON (`lumigrid tour` writes one)")->required();
   app.add_option("--report", o.report, "directory for results.csv, charts and index.html")->required();
   app.add_option("--patch-tolerances", o.patch_tolerances, "pixels: settings of patches alone")
       ->delimiter(',')
@@ -35,36 +45,61 @@ void declare(CLI::App& app, compare::RunOptions& o, std::string& path, double& m
       ->capture_default_str();
   app.add_option("--realtime", o.realtime_fps, "frames per second, drawn whatever has come; 0: wait for each view")
       ->capture_default_str();
-  app.add_option("--bandwidth-mbit", megabits, "link to emulate, Mbit/s; 0: loopback as it is")->capture_default_str();
-  app.add_option("--latency-ms", milliseconds, "round trip of that link")->capture_default_str();
+  app.add_option("--bandwidth", a.bandwidth,
+                 "link to emulate, such as 20Mbit or 384kbit (default: the loopback as it is)");
+  app.add_option("--latency", a.latency, "round trip of that link, such as 30ms (default: none)");
+  app.add_option("--method", o.methods, "methods to run; the proxy without images goes with lumigraph")
+      ->delimiter(',')
+      ->check(CLI::IsMember({"lumigraph", "patches"}))
+      ->capture_default_str();
   app.add_flag("!--no-pictures", o.pictures, "do not write each method's pictures");
+}
+
+// Units of the link, and the path's file.
+base::Result<void> complete(Arguments& a) {
+  if (!a.bandwidth.empty()) {
+    auto rate = client::parseBitRate(a.bandwidth);
+    if (!rate) return base::within("--bandwidth", rate.error());
+    a.run.bytes_per_second = *rate;
+  }
+  if (!a.latency.empty()) {
+    auto seconds = client::parseDuration(a.latency);
+    if (!seconds) return base::within("--latency", seconds.error());
+    a.run.latency_seconds = *seconds;
+  }
+  return {};
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
+  // Logs go to standard error, and only what is wrong: standard output is the figures.
+  spdlog::set_default_logger(spdlog::stderr_color_mt("lumigrid-compare"));
+  spdlog::set_level(spdlog::level::warn);
   CLI::App app(
       "Grid-Lumigraph, the same proxy without images, and patches alone, against the truth: accuracy and bytes of "
-      "every frame.",
+      "every "
+      "frame.",
       "lumigrid-compare");
-  compare::RunOptions options;
-  std::string path;
-  double megabits = 0.0;
-  double milliseconds = 0.0;
-  declare(app, options, path, megabits, milliseconds);
+  Arguments arguments;
+  declare(app, arguments);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;
   }
-  auto frames = base::readCameraPath(path);
+  if (auto good = complete(arguments); !good) {
+    fail(good.error());
+    return 2;
+  }
+  auto frames = base::readCameraPath(arguments.path);
   if (!frames) return fail(frames.error());
-  options.path = *frames;
-  options.bytes_per_second = megabits * 1e6 / 8.0;
-  options.latency_seconds = milliseconds / 1000.0;
-  auto runs = compare::runComparison(
-      options, [](const std::string& line) { std::printf("%s\n", line.c_str()), std::fflush(stdout); });
+  arguments.run.path = *frames;
+  auto runs = compare::runComparison(arguments.run, [](const std::string& line) {
+    std::printf("%s\n", line.c_str());
+    std::fflush(stdout);
+  });
   if (!runs) return fail(runs.error());
-  std::printf("report: %s/index.html\n", options.report.c_str());
+  std::printf("report: %s/index.html\n", arguments.run.report.c_str());
   return 0;
 }

@@ -131,10 +131,17 @@ struct Setting {
 };
 
 std::vector<Setting> settingsOf(const RunOptions& options) {
-  std::vector<Setting> settings{{"lumigraph", options.proxy_tolerance, true, false}};
-  if (options.frames) settings.push_back({"lumigraph+frames", options.proxy_tolerance, true, true});
-  settings.push_back({"proxy", options.proxy_tolerance, false, false});
-  for (double tolerance : options.patch_tolerances) settings.push_back({"patches", tolerance, false, false});
+  const auto wanted = [&](const char* method) {
+    return std::find(options.methods.begin(), options.methods.end(), method) != options.methods.end();
+  };
+  std::vector<Setting> settings;
+  if (wanted("lumigraph")) {
+    settings.push_back({"lumigraph", options.proxy_tolerance, true, false});
+    if (options.frames) settings.push_back({"lumigraph+frames", options.proxy_tolerance, true, true});
+    settings.push_back({"proxy", options.proxy_tolerance, false, false});
+  }
+  if (wanted("patches"))
+    for (double tolerance : options.patch_tolerances) settings.push_back({"patches", tolerance, false, false});
   return settings;
 }
 

@@ -14,9 +14,10 @@ namespace compare {
 struct RunOptions {
   std::string scene;  ///< directory
   std::vector<base::ViewCamera> path;
+  std::vector<std::string> methods{"lumigraph", "patches"};
   std::string report;  ///< directory for the report; truth pictures are kept there and reused
-  std::vector<double> patch_tolerances{16, 8, 4, 2, 1};  ///< pixels: settings of "patches"
-  double proxy_tolerance = 4.0;                          ///< pixels: of the proxy under the images
+  std::vector<double> patch_tolerances{16, 8, 4, 2, 1, 0.5};  ///< pixels: settings of "patches"
+  double proxy_tolerance = 8.0;                          ///< pixels: of the proxy under the images
   int points = 8;                                        ///< sampling points per view
   int samples = 16;                                      ///< images blended per frame at most
   bool frames = true;                                    ///< also run with exact frames
