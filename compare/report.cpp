@@ -147,6 +147,7 @@ double RunResult::medianDrawMs() const {
 
 double psnrAtBytes(const std::vector<const RunResult*>& runs, double bytes) {
   std::vector<std::pair<double, double>> points;
+  points.reserve(runs.size());
   for (const RunResult* run : runs)
     points.emplace_back(std::log(std::max(1.0, static_cast<double>(run->totalBytes()))), run->meanPsnr());
   std::sort(points.begin(), points.end());
