@@ -211,7 +211,7 @@ bool LumigraphRenderer::addSample(SampleId id, const base::Camera& camera, const
   sample.array = index;
   sample.layer = layer;
   sample.fade_since = now;
-  state.samples.emplace(id, std::move(sample));
+  state.samples.emplace(id, sample);
   return true;
 }
 
@@ -294,6 +294,7 @@ void LumigraphRenderer::State::drawDepthMaps(Frame& frame, const std::vector<Sam
 void LumigraphRenderer::State::wantSamples(Frame& frame, std::span<const SampleId> candidates) {
   const std::vector<Sample*> all = frame.options.use_images ? pool(candidates) : std::vector<Sample*>{};
   std::vector<const SampleGeometry*> geometries;
+  geometries.reserve(all.size());
   for (const Sample* sample : all) geometries.push_back(&sample->geometry);
   const auto limit = static_cast<std::size_t>(std::clamp(frame.options.max_samples, 1, kMaxSamples));
   std::vector<Sample*> wanted;

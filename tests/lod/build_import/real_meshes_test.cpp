@@ -11,6 +11,8 @@ using namespace mesh_files;
 struct RealMesh {
   std::string name;
   std::uint64_t triangles;  // as the file says
+
+  friend void PrintTo(const RealMesh& mesh, std::ostream* out) { *out << mesh.name; }
 };
 
 class RealMeshes : public testing::TestWithParam<RealMesh> {};
