@@ -123,14 +123,17 @@ std::string drawSeries(const Series& s, const Frame& f, std::size_t index) {
   std::string markers;
   for (const auto& [x, y] : s.points) {
     if (!std::isfinite(x) || !std::isfinite(y) || (f.x.logarithmic && x <= 0.0)) continue;
-    line += number(f.px(x)) + "," + number(f.py(y)) + " ";
+    if (!line.empty()) line += " ";
+    line += number(f.px(x)) + "," + number(f.py(y));
     markers +=
         "<circle cx=\"" + number(f.px(x)) + "\" cy=\"" + number(f.py(y)) + "\" r=\"3\" fill=\"" + color + "\"/>\n";
   }
   const double y = kTop + 12 + 20 * static_cast<double>(index);
-  return "<polyline points=\"" + line + "\" fill=\"none\" stroke=\"" + color + "\" stroke-width=\"2\"/>\n" + markers +
-         "<circle cx=\"" + number(kWidth - kRight + 18) + "\" cy=\"" + number(y - 4) + "\" r=\"5\" fill=\"" + color +
-         "\"/>\n" + text(kWidth - kRight + 30, y, "start", s.name);
+  std::string svg;
+  if (line.find(' ') != std::string::npos)
+    svg += "<polyline points=\"" + line + "\" fill=\"none\" stroke=\"" + color + "\" stroke-width=\"2\"/>\n";
+  return svg + markers + "<circle cx=\"" + number(kWidth - kRight + 18) + "\" cy=\"" + number(y - 4) +
+         "\" r=\"5\" fill=\"" + color + "\"/>\n" + text(kWidth - kRight + 30, y, "start", s.name);
 }
 
 }  // namespace
