@@ -7,8 +7,8 @@
 namespace compare {
 namespace {
 
-constexpr float kGrey = 118.0F;  // mid-grey background; also what a hole shows
-constexpr int kRadius = 5;       // 11 × 11 window, Wang et al. 2004, section III-B
+constexpr float kGrey = 118.0F;     // mid-grey background; also what a hole shows
+constexpr std::size_t kRadius = 5;  // 11 × 11 window, Wang et al. 2004, section III-B
 constexpr double kSigma = 1.5;
 constexpr double kC1 = 6.5025, kC2 = 58.5225;  // (0.01 · 255)², (0.03 · 255)², ibid. equation 13
 
@@ -37,24 +37,30 @@ Plane luma(const std::array<Plane, 3>& rgb) {
 // Separable Gaussian; the window is cut at the picture's edge and renormalised.
 Plane blur(const Plane& in, int width, int height) {
   std::array<float, 2 * kRadius + 1> kernel{};
-  for (int k = -kRadius; k <= kRadius; ++k)
-    kernel[static_cast<std::size_t>(k + kRadius)] = static_cast<float>(std::exp(-0.5 * k * k / (kSigma * kSigma)));
-  auto pass = [&](const Plane& source, int across, int along, int stride_across, int stride_along) {
+  for (std::size_t k = 0; k < kernel.size(); ++k) {
+    const double distance = static_cast<double>(k) - kRadius;
+    kernel[k] = static_cast<float>(std::exp(-0.5 * distance * distance / (kSigma * kSigma)));
+  }
+  auto pass = [&](const Plane& source, std::size_t across, std::size_t along, std::size_t stride_across,
+                  std::size_t stride_along) {
     Plane out(source.size());
-    for (int a = 0; a < across; ++a)
-      for (int i = 0; i < along; ++i) {
+    for (std::size_t a = 0; a < across; ++a)
+      for (std::size_t i = 0; i < along; ++i) {
         float sum = 0.0F;
         float weight = 0.0F;
-        for (int k = std::max(-kRadius, -i); k <= std::min(kRadius, along - 1 - i); ++k) {
-          const float w = kernel[static_cast<std::size_t>(k + kRadius)];
-          sum += w * source[static_cast<std::size_t>(a * stride_across + (i + k) * stride_along)];
+        const std::size_t last = std::min(along - 1, i + kRadius);
+        for (std::size_t j = i < kRadius ? 0 : i - kRadius; j <= last; ++j) {
+          const float w = kernel[j + kRadius - i];
+          sum += w * source[a * stride_across + j * stride_along];
           weight += w;
         }
-        out[static_cast<std::size_t>(a * stride_across + i * stride_along)] = sum / weight;
+        out[a * stride_across + i * stride_along] = sum / weight;
       }
     return out;
   };
-  return pass(pass(in, height, width, width, 1), width, height, 1, width);
+  const auto columns = static_cast<std::size_t>(width);
+  const auto rows = static_cast<std::size_t>(height);
+  return pass(pass(in, rows, columns, columns, 1), columns, rows, 1, columns);
 }
 
 Plane product(const Plane& a, const Plane& b) {

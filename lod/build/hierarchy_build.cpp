@@ -19,7 +19,6 @@ using base::Error;
 using base::ErrorCode;
 using lod::patch::Hierarchy;
 
-constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 
 double cpuSeconds() {
   timespec t{};

@@ -70,7 +70,7 @@ base::Result<void> ReadbackQueue::deliverOldest() {
   entries_.pop_front();
   if (entry.pixels) {
     --in_flight_;
-    const base::Result<void> copied = copyPixels(entry);
+    base::Result<void> copied = copyPixels(entry);
     glDeleteSync(entry.fence);
     if (!copied) return copied;
     spare_.push_back(std::move(entry.pixels));
