@@ -1,5 +1,5 @@
 #pragma once
-// A GLES 3.0 context without window, display or surface (shared/WEB recipe: surfaceless Mesa, or an EGL device for a
+// A GLES 3.0 context without window, display or surface (surfaceless Mesa, or an EGL device for a
 // GPU). Shared by server, headless client and tests, hence in base (docs/architecture.md says why it left server/gl).
 #include <memory>
 #include <string>
