@@ -66,51 +66,6 @@ Result<Shader> compile(const std::string& place, GLenum stage, const std::string
 // ---- Objects
 // -------------------------------------------------------------------------------------------------------------
 
-GLuint BufferTraits::create() {
-  GLuint name = 0;
-  glGenBuffers(1, &name);
-  return name;
-}
-void BufferTraits::destroy(GLuint name) {
-  glDeleteBuffers(1, &name);
-}
-
-GLuint TextureTraits::create() {
-  GLuint name = 0;
-  glGenTextures(1, &name);
-  return name;
-}
-void TextureTraits::destroy(GLuint name) {
-  glDeleteTextures(1, &name);
-}
-
-GLuint VertexArrayTraits::create() {
-  GLuint name = 0;
-  glGenVertexArrays(1, &name);
-  return name;
-}
-void VertexArrayTraits::destroy(GLuint name) {
-  glDeleteVertexArrays(1, &name);
-}
-
-GLuint FramebufferTraits::create() {
-  GLuint name = 0;
-  glGenFramebuffers(1, &name);
-  return name;
-}
-void FramebufferTraits::destroy(GLuint name) {
-  glDeleteFramebuffers(1, &name);
-}
-
-GLuint RenderbufferTraits::create() {
-  GLuint name = 0;
-  glGenRenderbuffers(1, &name);
-  return name;
-}
-void RenderbufferTraits::destroy(GLuint name) {
-  glDeleteRenderbuffers(1, &name);
-}
-
 void ProgramTraits::destroy(GLuint name) {
   glDeleteProgram(name);
 }

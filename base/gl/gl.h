@@ -35,34 +35,24 @@ class Object {
   GLuint name_ = 0;
 };
 
-struct BufferTraits {
-  static GLuint create();
-  static void destroy(GLuint name);
-};
-struct TextureTraits {
-  static GLuint create();
-  static void destroy(GLuint name);
-};
-struct VertexArrayTraits {
-  static GLuint create();
-  static void destroy(GLuint name);
-};
-struct FramebufferTraits {
-  static GLuint create();
-  static void destroy(GLuint name);
-};
-struct RenderbufferTraits {
-  static GLuint create();
-  static void destroy(GLuint name);
+/// Names that GL makes and frees by the array.
+template <auto Generate, auto Delete>
+struct NameTraits {
+  static GLuint create() {
+    GLuint name = 0;
+    Generate(1, &name);
+    return name;
+  }
+  static void destroy(GLuint name) { Delete(1, &name); }
 };
 struct ProgramTraits {
   static void destroy(GLuint name);
 };
-using Buffer = Object<BufferTraits>;
-using Texture = Object<TextureTraits>;
-using VertexArray = Object<VertexArrayTraits>;
-using Framebuffer = Object<FramebufferTraits>;
-using Renderbuffer = Object<RenderbufferTraits>;
+using Buffer = Object<NameTraits<glGenBuffers, glDeleteBuffers>>;
+using Texture = Object<NameTraits<glGenTextures, glDeleteTextures>>;
+using VertexArray = Object<NameTraits<glGenVertexArrays, glDeleteVertexArrays>>;
+using Framebuffer = Object<NameTraits<glGenFramebuffers, glDeleteFramebuffers>>;
+using Renderbuffer = Object<NameTraits<glGenRenderbuffers, glDeleteRenderbuffers>>;
 
 /// A linked program. Uniform locations are looked up by name once and kept.
 class Program {

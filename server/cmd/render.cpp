@@ -55,7 +55,8 @@ int run(const RenderArguments& a) {
   const auto range = base::depthRangeFor(glm::vec3(view->position - scene->origin), (*renderer)->sceneCenter(),
                                          (*renderer)->sceneRadius());
   RenderOptions options;
-  options.tolerance_px = a.method == "full" ? 0.0F : static_cast<float>(a.tolerance_px);
+  options.tolerance_px =
+      lod::methodFromName(a.method) == lod::Method::kFull ? 0.0F : static_cast<float>(a.tolerance_px);
   options.supersampling = a.supersampling;
   auto picture =
       (*renderer)->render(base::cameraFromView(*view, scene->origin, range.near_plane, range.far_plane), options);
