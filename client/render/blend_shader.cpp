@@ -9,17 +9,20 @@ namespace client {
 std::string blendVertexSource() {
   return R"(
 layout(location = 0) in vec3 a_position;
-layout(location = 1) in vec3 a_normal;
+layout(location = 1) in vec4 a_normal;   // w: how finely the surface is sampled here (lod/draw/triangles.h)
 layout(location = 2) in vec4 a_color;
 uniform mat4 u_clip_from_scene;
 uniform vec3 u_eye;
 uniform float u_push;
+uniform vec2 u_edge;                   // length of a lattice step; octaves per unit of a_normal.w
+out float v_edge;
 out vec3 v_position;
 out vec3 v_normal;
 out vec3 v_color;
 void main() {
-  float squared = dot(a_normal, a_normal);
-  vec3 outward = squared > 0.0 ? a_normal * inversesqrt(squared) : vec3(0.0);
+  float squared = dot(a_normal.xyz, a_normal.xyz);
+  vec3 outward = squared > 0.0 ? a_normal.xyz * inversesqrt(squared) : vec3(0.0);
+  v_edge = u_edge.x * exp2(u_edge.y * a_normal.w);
   v_position = a_position + outward * (u_push * distance(a_position, u_eye));
   v_normal = outward;
   v_color = a_color.rgb;
@@ -75,11 +78,12 @@ uniform vec4 u_background;
 
 // BlendTuning (lumigraph.h says what each is).
 uniform float u_angle_power, u_angle_floor, u_resolution_power, u_shift, u_border, u_side_low, u_side_high;
-uniform float u_bias_texels, u_bias_error, u_parallax, u_carve_below, u_vote_power;
+uniform float u_bias_texels, u_bias_error, u_parallax, u_carve_below, u_vote_power, u_shade_blur, u_shade_weight;
 
 in vec3 v_position;
 in vec3 v_normal;
 in vec3 v_color;
+in float v_edge;                       // scene units between the proxy's vertices
 out vec4 o_color;
 
 vec4 colorAt(int array, vec3 place, float level) {
@@ -176,7 +180,7 @@ void main() {
 
     // Weight. A texel covers 1 / ratio view pixels, more where the sample sees the surface at a slant; an error of the proxy
     // shifts the image by error × angle. Both blur, in view pixels; the sharpest images count most.
-    float blur = 1.0 / clamp(ratio * cosine, 0.05, 1.0);
+    float blur = 1.0 / clamp(ratio * cosine, 0.01, 1.0);
     float shift = u_shift * error_px * angle;
     float weight = seen * pow(blur * blur + shift * shift, -0.5 * u_resolution_power) * pow(angle + u_angle_floor + kBorderAngle * (1.0 - middle), -u_angle_power);
     color_sum += weight * color.rgb;
@@ -190,7 +194,16 @@ void main() {
   // What no image sees is shaded; in between, blended, so that nothing pops.
   float images = smoothstep(0.0, 0.25, 1.0 - unseen);
   vec3 color = color_sum / max(coverage_sum, 1e-20);
-  if (images < 1.0) color = mix(u_fill ? shadeSurface(v_color, normal, to_eye) : u_background.rgb, color, images);
+  if (u_fill) {
+    // The proxy's own shading is a sample too, whose texels are its triangles: where the images are coarser, it counts more.
+    // Its blur is put like theirs, with the slant in it.
+    vec3 shaded = shadeSurface(v_color, normal, to_eye);
+    float blur = max(u_shade_blur * v_edge * view_density, 1.0) / clamp(dot(normal, view_ray), 0.05, 1.0);
+    float weight = u_shade_weight * pow(blur, -u_resolution_power);
+    color = mix(shaded, (color_sum + weight * shaded) / max(coverage_sum + weight, 1e-20), images);
+  } else if (images < 1.0) {
+    color = mix(u_background.rgb, color, images);
+  }
   if (!u_fill && images <= 0.0) discard;
   o_color = vec4(color, 1.0);
 }

@@ -416,6 +416,10 @@ void LumigraphRenderer::State::setUniforms(const Frame& frame, const lod::draw::
   set("u_parallax", tuning.parallax);
   set("u_carve_below", tuning.carve_below);
   set("u_vote_power", tuning.vote_power);
+  set("u_shade_blur", tuning.shade_blur);
+  set("u_shade_weight", tuning.shade_weight);
+  glUniform2f(blend.uniform("u_edge"), static_cast<float>(patches.lattice().step),
+              127.0F / lod::draw::kEdgeCodesPerOctave);
 }
 
 /// Patches front to back; runs that the same samples may see share a draw call's list, so that a fragment tries only

@@ -34,6 +34,8 @@ struct BlendTuning {
   float side_high = 0.0F;      ///< and where it is full
   float bias_texels = 2.0F;    ///< shadow bias in depth map texels, scaled by the slope
   float bias_error = 0.15F;    ///< shadow bias in units of the proxy's error and push
+  float shade_blur = 0.7F;     ///< blur of the proxy's own shading, in edge lengths of its triangles
+  float shade_weight = 5.0F;   ///< its weight, as an image would have it at 1 / shade_weight radians; 0: images alone
   float parallax = 2.0F;  ///< a pushed fragment is looked up this many push lengths further along the view ray, at most
 };
 

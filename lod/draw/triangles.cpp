@@ -21,12 +21,32 @@ std::int8_t snorm8(float v) {
   return static_cast<std::int8_t>(std::lround(std::clamp(v, -1.0F, 1.0F) * 127.0F));
 }
 
+/// Root of the mean squared length of the edges at each vertex, in lattice steps.
+std::vector<float> edgeLengths(const patch::PatchGeometry& geometry) {
+  std::vector<float> squares(geometry.positions.size(), 0.0F);
+  std::vector<float> counts(geometry.positions.size(), 0.0F);
+  for (std::size_t i = 0; i < geometry.indices.size(); ++i) {
+    const std::size_t a = geometry.indices[i];
+    const std::size_t b = geometry.indices[i % 3 == 2 ? i - 2 : i + 1];
+    const glm::vec3 edge(geometry.positions[b] - geometry.positions[a]);
+    for (const std::size_t v : {a, b}) squares[v] += glm::dot(edge, edge), counts[v] += 1.0F;
+  }
+  for (std::size_t v = 0; v < squares.size(); ++v) squares[v] = std::sqrt(squares[v] / std::max(counts[v], 1.0F));
+  return squares;
+}
+
+std::int8_t edgeCode(float steps) {
+  const float code = kEdgeCodesPerOctave * std::log2(std::max(steps, 1.0F));
+  return static_cast<std::int8_t>(std::lround(std::clamp(code, 0.0F, 127.0F)));
+}
+
 std::vector<Vertex> verticesOf(const patch::PatchGeometry& geometry, const patch::Lattice& lattice) {
   std::vector<Vertex> vertices(geometry.positions.size());
+  const std::vector<float> edges = edgeLengths(geometry);
   for (std::size_t i = 0; i < vertices.size(); ++i) {
     const glm::vec3 n = i < geometry.normals.size() ? geometry.normals[i] : glm::vec3(0.0F);
     vertices[i].position = lattice.position(geometry.positions[i]);
-    vertices[i].normal = {snorm8(n.x), snorm8(n.y), snorm8(n.z), 0};
+    vertices[i].normal = {snorm8(n.x), snorm8(n.y), snorm8(n.z), edgeCode(edges[i])};
     vertices[i].color = i < geometry.colors.size() ? geometry.colors[i] : glm::u8vec4(255);
   }
   return vertices;

@@ -15,6 +15,10 @@ namespace lod::draw {
 /// Vertex attribute locations that every program drawing patches uses.
 enum AttributeLocation : GLuint { kPosition = 0, kNormal = 1, kColor = 2 };
 
+/// The normal's fourth component says how finely the surface is sampled at the vertex: 127 × a_normal.w is
+/// kEdgeCodesPerOctave × log2 of the root mean squared length of the edges there, in lattice steps.
+inline constexpr float kEdgeCodesPerOctave = 4.0F;
+
 /// Uploaded patches by number. Positions are float32 scene-local (Lattice::position), normals signed bytes, colours
 /// unsigned bytes (white where the scene has none): 20 bytes a vertex, 6 a triangle. Each patch has its own buffers and
 /// vertex array: a draw costs about 8 µs beside the 60 to 80 ns of each triangle (llvmpipe), so that at 2000 triangles
@@ -22,6 +26,7 @@ enum AttributeLocation : GLuint { kPosition = 0, kNormal = 1, kColor = 2 };
 class PatchMeshes {
  public:
   explicit PatchMeshes(const patch::Lattice& lattice) : lattice_(lattice) {}
+  const patch::Lattice& lattice() const { return lattice_; }
   bool contains(std::uint32_t patch) const { return meshes_.count(patch) != 0; }
   void upload(std::uint32_t patch, const patch::PatchGeometry& geometry);
   void remove(std::uint32_t patch);

@@ -46,6 +46,8 @@ class Lumigraph : public ::testing::Test {
 
   void SetUp() override {
     options_.fade_seconds = 0.0F;
+    // The proxies here have colours unlike the images', so that it shows where each comes from: the images alone.
+    options_.tuning.shade_weight = 0.0F;
     shading_.unlit = true;
     renderer_ = make(kBudget);
   }
@@ -131,6 +133,20 @@ TEST_F(Lumigraph, ViewsBetweenSamplingPointsAreBlended) {
   const double shaded = psnrOnCovered(truth, draw(camera));
   options_.use_images = true;
   EXPECT_GE(psnrOnCovered(truth, draw(camera)), std::max(32.0, shaded + 3.0));
+}
+
+TEST_F(Lumigraph, ImagesCoarserThanTheProxyDoNotBlurIt) {
+  // The only image has 40 × 40 pixels and is four times as far away as the eye; the ball's proxy (white) has triangles of a
+  // few pixels.
+  makeBall();
+  addImage(0, lookAt({6.0F, -10.0F, 0.0F}, glm::vec3(0.0F), 40, 40, 60.0F));
+  const base::Camera camera = lookAt(kEye, glm::vec3(0.0F), 200, 200, 50.0F);
+  options_.use_images = false;
+  const base::Image shaded = draw(camera);
+  options_.use_images = true;
+  const double images_alone = psnrOnCovered(shaded, draw(camera));
+  options_.tuning.shade_weight = client::BlendTuning{}.shade_weight;
+  EXPECT_GE(psnrOnCovered(shaded, draw(camera)), std::max(30.0, images_alone + 10.0));
 }
 
 TEST_F(Lumigraph, AnExactFrameAtItsOwnViewIsReproduced) {
