@@ -1,6 +1,7 @@
 #pragma once
-// Mesh in, patch.lgp out (Okamoto 2011, section 4.1; DESIGN section 4): voxels, METIS bisection, levels regrouped and
-// simplified.
+// Mesh in, patch.lgp out (Okamoto 2011, section 4.1; DESIGN section 4): triangles sorted to disk by voxels, METIS
+// bisection, levels regrouped and simplified. Out of core: what does not fit the memory given lies in files of a work
+// directory, and a build that was stopped or killed goes on from there.
 #include <cstdint>
 #include <functional>
 #include <string>
@@ -19,8 +20,17 @@ struct HierarchyOptions {
   std::uint32_t group_patches = 4;      ///< about how many patches make a group
   std::uint32_t position_bits =
       0;  ///< 10..21 bits along the longest side; 0: chosen so that the step is at most 1/16 of the mean edge
+  bool regroup = true;   ///< false: the paper's binary tree, whose locked borders pile up (for the chart)
   unsigned threads = 0;  ///< 0: all cores. The output does not depend on it.
+  std::uint64_t memory_bytes =
+      0;                       ///< of the whole process; 0: 60 % of the machine's. The output does not depend on it.
+  std::string work_directory;  ///< for the work files; empty: beside the output
+  std::string resume_key;  ///< what decides the output besides these options (the sources' checksums); a work directory
+                           ///< left under the same key is continued. Empty: every build starts afresh.
 };
+
+/// Least memory a build needs.
+inline constexpr std::uint64_t kLeastMemory = std::uint64_t{256} << 20;
 
 struct LevelSummary {
   std::uint64_t triangles = 0;
@@ -31,6 +41,14 @@ struct LevelSummary {
 struct HierarchySummary {
   std::vector<LevelSummary> levels;  ///< 0 = leaves
   RepairCounts repairs;              ///< made on the lattice (collapsed triangles)
+  std::uint64_t triangles = 0;       ///< of the leaves
+  glm::dvec3 origin{0.0};            ///< the scene's, world
+  glm::dvec3 box_min{0.0};           ///< world
+  glm::dvec3 box_max{0.0};
+  glm::dvec3 facing{0.0};  ///< sum of all triangles' normals, by area: which side an open scan shows
+  bool has_colors = false;
+  std::vector<std::string> warnings;
+  double import_seconds = 0.0;  ///< of seconds: reading the sources
   double seconds = 0.0;
   double cpu_seconds = 0.0;
   std::uint64_t bytes = 0;
@@ -39,13 +57,19 @@ struct HierarchySummary {
 /// Stage name, 0..1 done. Return false to cancel. Called from worker threads too, but never from two at once.
 using Progress = std::function<bool(const std::string& stage, double done)>;
 
-/// Builds and writes `output_path`, which appears whole or not at all. Errors: kInvalidInput (a mesh without triangles,
-/// a bad index or position, options out of range), kCancelled (progress said so; nothing is written), and those of
-/// writing.
+/// Mesh files to `output_path`, which appears whole or not at all. Errors: what is wrong with a file (kInvalidInput,
+/// kUnsupported, kNotFound), options out of range, kCancelled (progress said so), kNoSpace (disk; memory too small),
+/// kBusy (another builder is at work there), kIo. After kCancelled, kNoSpace and kIo a rerun with the same resume_key
+/// goes on.
+base::Result<HierarchySummary> buildHierarchyFromFiles(const std::vector<std::string>& paths,
+                                                       const HierarchyOptions& options, const std::string& output_path,
+                                                       const Progress& progress = nullptr);
+
+/// The same from a mesh in memory; the scene's origin is the mesh's. Errors also: a bad index or position.
 base::Result<HierarchySummary> buildHierarchy(const Mesh& mesh, const HierarchyOptions& options,
                                               const std::string& output_path, const Progress& progress = nullptr);
 
-/// The same hierarchy before it is written: geometry[p] is patch p's. For tests and for small scenes.
+/// The same hierarchy read back: geometry[p] is patch p's. For tests and for small scenes.
 struct BuiltHierarchy {
   lod::patch::Hierarchy hierarchy;
   std::vector<lod::patch::PatchGeometry> geometry;

@@ -223,7 +223,7 @@ TEST(HierarchyBuild, VerticesThatMeetOnTheLatticeAreWeldedAndAClosedMeshStaysClo
   options.position_bits = 10;
   Mesh mesh = support::bumpySphere(120, 400, 0.05F);  // sectors at the poles are finer than the lattice
   const BuiltHierarchy built = mustBuild(mesh, options);
-  EXPECT_GT(built.summary.repairs.counts.at("lattice_welded_vertices"), 0U);
+  EXPECT_GT(built.summary.repairs.counts.at("welded_vertices"), 0U);
   EXPECT_GT(built.summary.repairs.counts.at("lattice_collapsed_triangles"), 0U);
   expectEveryCutClosed(built);
 }

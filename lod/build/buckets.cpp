@@ -1,0 +1,489 @@
+#include "lod/build/buckets.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <mutex>
+
+#include "base/parallel.h"
+
+namespace lod::build {
+namespace {
+
+using base::Error;
+using base::ErrorCode;
+
+constexpr std::size_t kMaxSamples = std::size_t{1} << 20;
+constexpr std::uint32_t kTableBits = 18;                         // of the codes' top bits, to look a bucket up by
+constexpr std::size_t kBatchBlocks = 16;                         // blocks of triangles that threads share
+constexpr std::uint64_t kBufferBytes = std::uint64_t{64} << 20;  // of all buckets together
+
+struct Record {
+  Corner corner[3];
+};
+
+}  // namespace
+
+glm::ivec3 SourceLattice::point(const glm::dvec3& world) const {
+  const double last = static_cast<double>((1U << bits) - 1);
+  return glm::ivec3(glm::clamp(glm::round((world - corner) / lattice.step), 0.0, last));
+}
+
+SourceLattice makeLattice(const SourceInfo& info, const glm::dvec3& origin, std::uint32_t bits) {
+  const glm::dvec3 size = info.box_max - info.box_min;
+  const double longest = std::max({size.x, size.y, size.z});
+  SourceLattice out;
+  out.bits = bits;
+  if (bits == 0) {
+    out.bits = 10;
+    if (info.mean_edge > 0.0 && longest > 0.0)
+      out.bits = static_cast<std::uint32_t>(std::clamp(std::ceil(std::log2(16.0 * longest / info.mean_edge + 1.0)),
+                                                       10.0, static_cast<double>(kMaxLatticeBits)));
+  }
+  out.corner = info.box_min;
+  out.lattice.origin = info.box_min - origin;
+  out.lattice.step = longest > 0.0 ? longest / static_cast<double>((1U << out.bits) - 1) : 1.0;
+  return out;
+}
+
+void VertexSums::add(const glm::i64vec3& face_normal, const Corner& corner) {
+  const glm::ivec3 given = unpackNormal(corner.normal);
+  for (int k = 0; k < 3; ++k) {
+    face[k] += face_normal[k];
+    normal[k] += given[k];
+  }
+  if (corner.color >> 24 == 0) return;
+  for (int k = 0; k < 3; ++k) color[k] += corner.color >> (8 * k) & 255U;
+  ++colored;
+}
+
+glm::vec3 VertexSums::unitNormal() const {
+  for (const std::int64_t* sum : {normal, face}) {
+    const glm::dvec3 n(static_cast<double>(sum[0]), static_cast<double>(sum[1]), static_cast<double>(sum[2]));
+    if (const double length = glm::length(n); length > 0.0) return glm::vec3(n / length);
+  }
+  return {0.0F, 0.0F, 1.0F};
+}
+
+glm::u8vec4 VertexSums::meanColor() const {
+  if (colored == 0) return glm::u8vec4(255);
+  auto mean = [this](int k) { return static_cast<std::uint8_t>((color[k] + colored / 2) / colored); };
+  return {mean(0), mean(1), mean(2), 255};
+}
+
+std::int64_t BorderVertices::find(std::uint64_t code) const {
+  const auto at = std::lower_bound(codes.begin(), codes.end(), code);
+  return at != codes.end() && *at == code ? at - codes.begin() : -1;
+}
+
+glm::i64vec3 latticeNormal(std::uint64_t a, std::uint64_t b, std::uint64_t c) {
+  const glm::i64vec3 p(mortonPoint(a));
+  const glm::i64vec3 u = glm::i64vec3(mortonPoint(b)) - p;
+  const glm::i64vec3 v = glm::i64vec3(mortonPoint(c)) - p;
+  return {u.y * v.z - u.z * v.y, u.z * v.x - u.x * v.z, u.x * v.y - u.y * v.x};
+}
+
+// One sorting: sample, splitters, windows.
+class BucketSorter {
+ public:
+  BucketSorter(const SourceSpool& source, const SourceInfo& info, const SourceLattice& lattice,
+               const std::string& directory, const BucketOptions& options)
+      : source_(source), info_(info), lattice_(lattice), directory_(directory), options_(options) {}
+
+  base::Result<Buckets> run() {
+    auto file = SpoolFile::create(directory_ + "/buckets");
+    if (!file) return file.error();
+    out_.file_ = std::move(*file);
+    out_.has_colors_ = info_.has_colors;
+    out_.has_normals_ = info_.has_normals;
+
+    // As many vertices at a time as memory holds.
+    const std::uint64_t vertex_bytes = out_.cornerBytes();
+    const std::uint64_t window = std::max<std::uint64_t>(options_.memory_bytes / vertex_bytes, 1U << 16);
+    const std::uint64_t windows = (info_.vertices + window - 1) / window;
+    if (windows > 1) {
+      auto corners = SpoolFile::create(directory_ + "/corners");
+      if (!corners) return corners.error();
+      corners_ = std::move(*corners);
+    }
+    for (std::uint64_t w = 0; w < windows; ++w) {
+      LUMIGRID_TRY(loadWindow(w * window, std::min(info_.vertices, (w + 1) * window), w == 0));
+      if (w == 0) split();
+      LUMIGRID_TRY(gather(w == 0, w + 1 == windows, (static_cast<double>(w) + 1.0) / static_cast<double>(windows)));
+    }
+    codes_ = {}, colors_ = {}, normals_ = {};
+    if (windows > 1) {
+      std::error_code ignored;
+      std::filesystem::remove(corners_.path(), ignored);
+    }
+    for (std::size_t b = 0; b < buffers_.size(); ++b) LUMIGRID_TRY(flush(b));
+    LUMIGRID_TRY(out_.file_.flush());
+    if (out_.totals_.triangles == 0)
+      return Error{ErrorCode::kInvalidInput, out_.totals_.collapsed == 0
+                                                 ? "no triangle is left after cleaning (all are degenerate)"
+                                                 : "no triangle keeps its area on a lattice of " +
+                                                       std::to_string(lattice_.bits) +
+                                                       " bits: the mesh has no extent, or raise --position-bits"};
+
+    std::sort(border_.begin(), border_.end());
+    border_.erase(std::unique(border_.begin(), border_.end()), border_.end());
+    out_.border_.codes = std::move(border_);
+    LUMIGRID_TRY(out_.sumBorders(options_.threads));
+    return std::move(out_);
+  }
+
+ private:
+  bool goOn(double done) const { return !options_.progress || options_.progress(done); }
+  static Error cancelled() { return {ErrorCode::kCancelled, "sorting the triangles was cancelled"}; }
+
+  // Vertices first … last − 1 onto the lattice; the first pass samples all of them.
+  base::Result<void> loadWindow(std::uint64_t first, std::uint64_t last, bool sampling) {
+    first_ = first;
+    last_ = last;
+    const auto size = static_cast<std::size_t>(last - first);
+    codes_.assign(size, 0);
+    if (out_.has_colors_) colors_.assign(size, 0xFFFFFFFFU);
+    if (out_.has_normals_) normals_.assign(size, 0);
+    return source_.forEachVertexBlock([&](const SpooledVertices& block) -> base::Result<void> {
+      const std::uint64_t end = block.first + block.positions.size();
+      if (!sampling && (end <= first || block.first >= last)) return {};
+      for (std::uint64_t v = block.first; v < end; ++v) {
+        const bool inside = v >= first && v < last;
+        const bool sampled = sampling && v % stride_ == 0;
+        if (!inside && !sampled) continue;
+        const auto i = static_cast<std::size_t>(v - block.first);
+        const std::uint64_t code = mortonCode(lattice_.point(block.positions[i]));
+        if (sampled) addSample(code);
+        if (!inside) continue;
+        const auto at = static_cast<std::size_t>(v - first);
+        codes_[at] = code;
+        if (out_.has_colors_ && !block.colors.empty()) colors_[at] = block.colors[i];
+        if (out_.has_normals_ && !block.normals.empty()) normals_[at] = block.normals[i];
+      }
+      return {};
+    });
+  }
+
+  void addSample(std::uint64_t code) {
+    samples_.push_back(code);
+    if (samples_.size() < kMaxSamples) return;
+    for (std::size_t i = 0; 2 * i < samples_.size(); ++i) samples_[i] = samples_[2 * i];
+    samples_.resize(samples_.size() / 2);
+    stride_ *= 2;
+  }
+
+  // Splitters at the sample's quantiles, and a table that says for the top bits of a code which it may lie between.
+  void split() {
+    std::sort(samples_.begin(), samples_.end());
+    const std::uint64_t buckets = (info_.vertices + Buckets::kVertices - 1) / Buckets::kVertices;
+    for (std::uint64_t b = 1; b < buckets; ++b) {
+      const std::uint64_t code = samples_[static_cast<std::size_t>(b * samples_.size() / buckets)];
+      if (splitters_.empty() ? code > 0 : code > splitters_.back()) splitters_.push_back(code);
+    }
+    samples_ = {};
+    shift_ = 3 * lattice_.bits > kTableBits ? 3 * lattice_.bits - kTableBits : 0;
+    table_.resize((std::size_t{1} << kTableBits) + 1);
+    for (std::uint64_t cell = 0; cell < table_.size(); ++cell)
+      table_[static_cast<std::size_t>(cell)] = static_cast<std::uint32_t>(
+          std::upper_bound(splitters_.begin(), splitters_.end(), cell << shift_) - splitters_.begin());
+    out_.extents_.resize(splitters_.size() + 1);
+    out_.counts_.assign(splitters_.size() + 1, 0);
+    buffers_.resize(splitters_.size() + 1);
+    buffer_limit_ = static_cast<std::size_t>(
+        std::clamp<std::uint64_t>(kBufferBytes / buffers_.size(), 4096, std::uint64_t{1} << 18));
+  }
+
+  std::uint32_t bucketOf(std::uint64_t code) const {
+    const auto cell = static_cast<std::size_t>(code >> shift_);
+    std::uint32_t low = table_[cell];
+    const std::uint32_t high = table_[cell + 1];
+    while (low < high && splitters_[low] <= code) ++low;
+    return low;
+  }
+
+  // Triangles with what this window knows of their corners.
+  base::Result<void> gather(bool first, bool last, double done) {
+    std::vector<SpooledTriangles> batch;
+    std::uint64_t at = 0;  // triangle number of the batch's first
+    auto work = [&]() -> base::Result<void> {
+      LUMIGRID_TRY(gatherBatch(batch, at, first, last));
+      for (const SpooledTriangles& block : batch) at += block.corners.size() / 3;
+      batch.clear();
+      if (!goOn(done * static_cast<double>(at) / static_cast<double>(info_.triangles))) return cancelled();
+      return {};
+    };
+    LUMIGRID_TRY(source_.forEachTriangleBlock([&](const SpooledTriangles& block) -> base::Result<void> {
+      batch.push_back(block);
+      return batch.size() < kBatchBlocks ? base::Result<void>() : work();
+    }));
+    return work();
+  }
+
+  struct Gathered {
+    std::vector<Record> records;
+    std::vector<std::uint32_t> bucket;  // per record kept
+    std::vector<std::uint64_t> border;
+    BucketCounts counts;
+    base::Result<void> status;
+  };
+
+  base::Result<void> gatherBatch(const std::vector<SpooledTriangles>& batch, std::uint64_t at, bool first, bool last) {
+    std::vector<std::uint64_t> start(batch.size());
+    for (std::size_t b = 0; b < batch.size(); ++b) {
+      start[b] = at;
+      at += batch[b].corners.size() / 3;
+    }
+    std::vector<Gathered> results(batch.size());
+    base::parallelFor(batch.size(), options_.threads, [&](std::size_t b) {
+      Gathered& result = results[b];
+      result.records.resize(batch[b].corners.size() / 3);
+      const std::span<std::uint8_t> bytes(reinterpret_cast<std::uint8_t*>(result.records.data()),
+                                          result.records.size() * sizeof(Record));
+      if (!first) result.status = corners_.readAt(start[b] * sizeof(Record), bytes);
+      if (!result.status) return;
+      fill(batch[b], result.records);
+      if (last) sift(batch[b], result);
+    });
+    for (std::size_t b = 0; b < batch.size(); ++b) {
+      Gathered& result = results[b];
+      LUMIGRID_TRY(result.status);
+      if (last) {
+        LUMIGRID_TRY(store(result));
+        continue;
+      }
+      const base::ByteView bytes(reinterpret_cast<const std::uint8_t*>(result.records.data()),
+                                 result.records.size() * sizeof(Record));
+      LUMIGRID_TRY(first ? corners_.append(bytes) : corners_.writeAt(start[b] * sizeof(Record), bytes));
+    }
+    if (first && !last) LUMIGRID_TRY(corners_.flush());
+    return {};
+  }
+
+  void fill(const SpooledTriangles& block, std::vector<Record>& records) const {
+    for (std::size_t i = 0; i < block.corners.size(); ++i) {
+      Corner& corner = records[i / 3].corner[i % 3];
+      const std::uint64_t v = block.corners[i];
+      if (v >= first_ && v < last_) {
+        const auto at = static_cast<std::size_t>(v - first_);
+        corner.code = codes_[at];
+        if (out_.has_colors_) corner.color = colors_[at];
+        if (out_.has_normals_) corner.normal = normals_[at];
+      }
+    }
+  }
+
+  // Leaves out triangles without area, and says where the others go.
+  void sift(const SpooledTriangles& block, Gathered& result) const {
+    std::size_t kept = 0;
+    for (std::size_t t = 0; t < result.records.size(); ++t) {
+      Record record = result.records[t];
+      const std::uint64_t* v = &block.corners[3 * t];
+      const std::uint64_t a = record.corner[0].code, b = record.corner[1].code, c = record.corner[2].code;
+      if (v[0] == v[1] || v[1] == v[2] || v[2] == v[0]) {
+        ++result.counts.degenerate;
+        continue;
+      }
+      if (a == b || b == c || c == a) {
+        ++result.counts.collapsed;
+        continue;
+      }
+      if (!block.colors.empty())
+        for (std::size_t k = 0; k < 3; ++k)
+          if (block.colors[3 * t + k] >> 24 != 0) record.corner[k].color = block.colors[3 * t + k];
+      const std::uint32_t bucket = bucketOf(medianCode(a, b, c));
+      if (!splitters_.empty())
+        for (const std::uint64_t code : {a, b, c})
+          if (bucketOf(code) != bucket) result.border.push_back(code);
+      result.counts.facing += glm::dvec3(latticeNormal(a, b, c));
+      result.records[kept++] = record;
+      result.bucket.push_back(bucket);
+    }
+    result.records.resize(kept);
+  }
+
+  base::Result<void> store(const Gathered& result) {
+    for (std::size_t t = 0; t < result.records.size(); ++t) {
+      const std::uint32_t bucket = result.bucket[t];
+      base::Bytes& buffer = buffers_[bucket];
+      for (const Corner& corner : result.records[t].corner) {
+        std::uint8_t packed[16];
+        std::size_t size = 8;
+        std::memcpy(packed, &corner.code, 8);
+        if (out_.has_colors_) std::memcpy(packed + size, &corner.color, 4), size += 4;
+        if (out_.has_normals_) std::memcpy(packed + size, &corner.normal, 4), size += 4;
+        buffer.insert(buffer.end(), packed, packed + size);
+      }
+      ++out_.counts_[bucket];
+      if (buffer.size() >= buffer_limit_) LUMIGRID_TRY(flush(bucket));
+    }
+    out_.totals_.triangles += result.records.size();
+    out_.totals_.degenerate += result.counts.degenerate;
+    out_.totals_.collapsed += result.counts.collapsed;
+    out_.totals_.facing += result.counts.facing;
+    border_.insert(border_.end(), result.border.begin(), result.border.end());
+    if (border_.size() > border_limit_) {
+      std::sort(border_.begin(), border_.end());
+      border_.erase(std::unique(border_.begin(), border_.end()), border_.end());
+      border_limit_ = std::max(border_limit_, 2 * border_.size());
+    }
+    return {};
+  }
+
+  base::Result<void> flush(std::size_t bucket) {
+    base::Bytes& buffer = buffers_[bucket];
+    if (buffer.empty()) return {};
+    out_.extents_[bucket].push_back({out_.file_.size(), buffer.size()});
+    LUMIGRID_TRY(out_.file_.append(buffer));
+    buffer.clear();
+    return {};
+  }
+
+  const SourceSpool& source_;
+  const SourceInfo& info_;
+  const SourceLattice& lattice_;
+  const std::string& directory_;
+  const BucketOptions& options_;
+  Buckets out_;
+  SpoolFile corners_;
+  std::uint64_t first_ = 0, last_ = 0;  // the window
+  std::vector<std::uint64_t> codes_;
+  std::vector<std::uint32_t> colors_;
+  std::vector<std::uint32_t> normals_;
+  std::vector<std::uint64_t> samples_;
+  std::uint64_t stride_ = 1;
+  std::vector<std::uint64_t> splitters_;
+  std::vector<std::uint32_t> table_;
+  std::uint32_t shift_ = 0;
+  std::vector<base::Bytes> buffers_;
+  std::size_t buffer_limit_ = 0;
+  std::vector<std::uint64_t> border_;
+  std::size_t border_limit_ = std::size_t{1} << 18;
+};
+
+base::Result<Buckets> Buckets::sort(const SourceSpool& source, const SourceInfo& info, const SourceLattice& lattice,
+                                    const std::string& directory, const BucketOptions& options) {
+  return BucketSorter(source, info, lattice, directory, options).run();
+}
+
+// Colours and normals of border vertices, over all the triangles that use them.
+base::Result<void> Buckets::sumBorders(unsigned threads) {
+  border_.sums.assign(border_.codes.size(), {});
+  if (border_.codes.empty()) return {};
+  // Most corners are no border vertices: a bit per hash says so at once.
+  constexpr std::uint32_t kFilterBits = 22;
+  std::vector<bool> filter(std::size_t{1} << kFilterBits);
+  auto hashOf = [](std::uint64_t code) {
+    return static_cast<std::size_t>((code * 0x9E3779B97F4A7C15ULL) >> (64 - kFilterBits));
+  };
+  for (const std::uint64_t code : border_.codes) filter[hashOf(code)] = true;
+
+  std::mutex mutex;
+  base::Result<void> status;
+  base::parallelFor(count(), threads, [&](std::size_t bucket) {
+    const auto corners = read(bucket);
+    if (!corners) {
+      const std::lock_guard lock(mutex);
+      status = corners.error();
+      return;
+    }
+    for (std::size_t i = 0; i < corners->size(); ++i) {
+      const Corner& corner = (*corners)[i];
+      if (!filter[hashOf(corner.code)]) continue;
+      const std::int64_t at = border_.find(corner.code);
+      if (at < 0) continue;
+      VertexSums& sums = border_.sums[static_cast<std::size_t>(at)];
+      const Corner* t = &(*corners)[i - i % 3];
+      VertexSums share;
+      share.add(latticeNormal(t[0].code, t[1].code, t[2].code), corner);
+      auto add = [](std::int64_t& sum, std::int64_t value) {
+        if (value != 0) std::atomic_ref(sum).fetch_add(value, std::memory_order_relaxed);
+      };
+      for (int k = 0; k < 3; ++k) {
+        add(sums.face[k], share.face[k]);
+        add(sums.normal[k], share.normal[k]);
+        add(sums.color[k], share.color[k]);
+      }
+      add(sums.colored, share.colored);
+    }
+  });
+  return status;
+}
+
+void Buckets::unpack(base::ByteView bytes, std::vector<Corner>& corners) const {
+  const std::size_t size = cornerBytes();
+  for (; bytes.size() >= size; bytes = bytes.subspan(size)) {
+    Corner corner;
+    std::memcpy(&corner.code, bytes.data(), 8);
+    if (has_colors_) std::memcpy(&corner.color, bytes.data() + 8, 4);
+    if (has_normals_) std::memcpy(&corner.normal, bytes.data() + size - 4, 4);
+    corners.push_back(corner);
+  }
+}
+
+base::Result<std::vector<Corner>> Buckets::read(std::size_t bucket) const {
+  std::vector<Corner> corners;
+  corners.reserve(3 * static_cast<std::size_t>(counts_[bucket]));
+  base::Bytes bytes;
+  for (const Extent& extent : extents_[bucket]) {
+    bytes.resize(static_cast<std::size_t>(extent.bytes));
+    LUMIGRID_TRY(file_.readAt(extent.offset, bytes));
+    unpack(bytes, corners);
+  }
+  return corners;
+}
+
+void Buckets::release(std::size_t bucket) {
+  for (const Extent& extent : extents_[bucket]) file_.release(extent.offset, extent.bytes);
+}
+
+base::Bytes Buckets::state() const {
+  base::ByteWriter out;
+  out.u8(has_colors_ ? 1 : 0);
+  out.u8(has_normals_ ? 1 : 0);
+  out.write(totals_);
+  out.u64(file_.size());
+  out.u64(count());
+  for (std::size_t b = 0; b < count(); ++b) {
+    out.u64(counts_[b]);
+    out.u64(extents_[b].size());
+    for (const Extent& extent : extents_[b]) out.write(extent);
+  }
+  out.u64(border_.codes.size());
+  for (const std::uint64_t code : border_.codes) out.u64(code);
+  for (const VertexSums& sums : border_.sums) out.write(sums);
+  return out.take();
+}
+
+base::Result<Buckets> Buckets::open(const std::string& directory, base::ByteView state) {
+  const Error broken{ErrorCode::kInvalidInput,
+                     directory + "/buckets: not what its state says; remove the directory and build again"};
+  auto file = SpoolFile::open(directory + "/buckets");
+  if (!file) return file.error();
+  Buckets out;
+  base::ByteReader in(state);
+  out.has_colors_ = in.u8() != 0;
+  out.has_normals_ = in.u8() != 0;
+  out.totals_ = in.read<BucketCounts>();
+  if (in.u64() != file->size()) return broken;
+  const std::uint64_t buckets = in.u64();
+  if (!in.ok() || buckets > in.remaining() / 16) return broken;
+  out.extents_.resize(static_cast<std::size_t>(buckets));
+  out.counts_.resize(static_cast<std::size_t>(buckets));
+  for (std::size_t b = 0; b < buckets; ++b) {
+    out.counts_[b] = in.u64();
+    const std::uint64_t extents = in.u64();
+    if (!in.ok() || extents > in.remaining() / sizeof(Extent)) return broken;
+    for (std::uint64_t e = 0; e < extents; ++e) out.extents_[b].push_back(in.read<Extent>());
+  }
+  const std::uint64_t border = in.u64();
+  if (!in.ok() || border > in.remaining() / (8 + sizeof(VertexSums))) return broken;
+  for (std::uint64_t i = 0; i < border; ++i) out.border_.codes.push_back(in.u64());
+  for (std::uint64_t i = 0; i < border; ++i) out.border_.sums.push_back(in.read<VertexSums>());
+  if (!in.atEnd()) return broken;
+  out.file_ = std::move(*file);
+  return out;
+}
+
+}  // namespace lod::build

@@ -1,0 +1,120 @@
+#pragma once
+// The source's triangles on the lattice, sorted to disk into buckets along the Morton curve, each small enough to be
+// worked on in memory (DESIGN section 4, step 1; sorting by sampled splitters).
+//
+// A triangle lies in the bucket of its median code, so a voxel's triangles lie in one bucket. Vertices are known by
+// their lattice points alone: what meets there is one vertex, in whatever bucket, file or level.
+#include <cstdint>
+#include <functional>
+#include <glm/glm.hpp>
+#include <string>
+#include <vector>
+
+#include "lod/build/source_spool.h"
+#include "lod/build/voxels.h"
+#include "lod/patch/hierarchy.h"
+
+namespace lod::build {
+
+/// The lattice laid over the source: q = round((world − corner) / step), 0 … 2^bits − 1 on each axis.
+struct SourceLattice {
+  glm::dvec3 corner{0.0};       ///< world position of lattice point 0
+  lod::patch::Lattice lattice;  ///< the same relative to the scene's origin
+  std::uint32_t bits = 10;
+
+  glm::ivec3 point(const glm::dvec3& world) const;
+};
+/// `bits` 0 chooses: one step is at most 1/16 of the mean edge, within 10 … 21. `origin`: the scene's.
+SourceLattice makeLattice(const SourceInfo& info, const glm::dvec3& origin, std::uint32_t bits);
+
+struct Corner {
+  std::uint64_t code = 0;
+  std::uint32_t color = 0;   ///< R G B A from the lowest byte; A = 0: none
+  std::uint32_t normal = 0;  ///< packNormal; 0: none
+};
+
+/// What vertices on bucket borders add up to over all buckets; sums of whole numbers, so that their order is no matter.
+struct VertexSums {
+  std::int64_t face[3] = {0, 0, 0};    ///< of the triangles' normals, twice their area
+  std::int64_t normal[3] = {0, 0, 0};  ///< of the given normals
+  std::int64_t color[3] = {0, 0, 0};
+  std::int64_t colored = 0;  ///< how many colours
+
+  /// One corner's share; `face` is the normal of its triangle.
+  void add(const glm::i64vec3& face_normal, const Corner& corner);
+  /// Unit: the given normal, or else the triangles'; +z where nothing is known.
+  glm::vec3 unitNormal() const;
+  /// White where no colour is known.
+  glm::u8vec4 meanColor() const;
+};
+
+/// Vertices that several buckets use, by Morton code, ascending.
+struct BorderVertices {
+  std::vector<std::uint64_t> codes;
+  std::vector<VertexSums> sums;  ///< as many
+  /// Its place, or -1.
+  std::int64_t find(std::uint64_t code) const;
+};
+
+struct BucketCounts {
+  std::uint64_t triangles = 0;   ///< in buckets
+  std::uint64_t degenerate = 0;  ///< left out: a corner named twice
+  std::uint64_t collapsed = 0;   ///< left out: corners that met on the lattice
+  glm::dvec3 facing{0.0};        ///< sum of the triangles' normals, twice their area
+};
+
+struct BucketOptions {
+  std::uint64_t memory_bytes = 0;  ///< for the window of vertices
+  unsigned threads = 0;
+  std::function<bool(double)> progress;  ///< false cancels
+};
+
+class Buckets {
+ public:
+  /// Most vertices of a bucket, about. A constant: the hierarchy must not depend on the memory there is.
+  static constexpr std::uint64_t kVertices = std::uint64_t{1} << 17;
+
+  /// Reads the source once for every window of vertices that fits the memory. Writes `directory`/buckets (and
+  /// `directory`/corners meanwhile, where several windows are needed). Errors: kNoSpace, kIo, kCancelled,
+  /// kInvalidInput (no triangle keeps its area on the lattice).
+  static base::Result<Buckets> sort(const SourceSpool& source, const SourceInfo& info, const SourceLattice& lattice,
+                                    const std::string& directory, const BucketOptions& options);
+  /// State to write beside the file, and back.
+  base::Bytes state() const;
+  static base::Result<Buckets> open(const std::string& directory, base::ByteView state);
+
+  std::size_t count() const { return extents_.size(); }
+  std::uint64_t triangles(std::size_t bucket) const { return counts_[bucket]; }
+  const BucketCounts& totals() const { return totals_; }
+  const BorderVertices& border() const { return border_; }
+  bool hasColors() const { return has_colors_; }
+  bool hasNormals() const { return has_normals_; }
+
+  /// 3 corners per triangle, in the source's order.
+  base::Result<std::vector<Corner>> read(std::size_t bucket) const;
+  /// Gives the bucket's disk space back.
+  void release(std::size_t bucket);
+
+ private:
+  struct Extent {
+    std::uint64_t offset = 0;
+    std::uint64_t bytes = 0;
+  };
+  std::size_t cornerBytes() const { return 8 + (has_colors_ ? 4U : 0U) + (has_normals_ ? 4U : 0U); }
+  void unpack(base::ByteView bytes, std::vector<Corner>& corners) const;
+  base::Result<void> sumBorders(unsigned threads);
+
+  friend class BucketSorter;
+  SpoolFile file_;
+  std::vector<std::vector<Extent>> extents_;
+  std::vector<std::uint64_t> counts_;
+  BucketCounts totals_;
+  BorderVertices border_;
+  bool has_colors_ = false;
+  bool has_normals_ = false;
+};
+
+/// Twice the triangle's area times its normal, on the lattice: exact.
+glm::i64vec3 latticeNormal(std::uint64_t a, std::uint64_t b, std::uint64_t c);
+
+}  // namespace lod::build

@@ -1,0 +1,93 @@
+#include "lod/build/leaves.h"
+
+#include <algorithm>
+#include <array>
+
+#include "lod/build/code_map.h"
+#include "lod/patch/codec.h"
+
+namespace lod::build {
+namespace {
+
+using Triple = std::array<std::uint32_t, 3>;
+
+// The corners from the smallest on, in their winding.
+Triple turned(const std::uint32_t* c) {
+  if (c[0] < c[1] && c[0] < c[2]) return {c[0], c[1], c[2]};
+  return c[1] < c[2] ? Triple{c[1], c[2], c[0]} : Triple{c[2], c[0], c[1]};
+}
+
+// Of triangles that are the same, wound alike, the first stays. They share a median code, so they lie together.
+std::uint64_t dropDuplicates(const CodedMesh& mesh, std::vector<KeyedIndex>& sorted) {
+  std::vector<std::pair<Triple, std::uint32_t>> same;
+  std::vector<std::uint8_t> drop(sorted.size(), 0);
+  std::uint64_t dropped = 0;
+  for (std::size_t begin = 0, end = 0; begin < sorted.size(); begin = end) {
+    while (end < sorted.size() && sorted[end].key == sorted[begin].key) ++end;
+    if (end - begin < 2) continue;
+    same.clear();
+    for (std::size_t i = begin; i < end; ++i)
+      same.emplace_back(turned(&mesh.indices[3 * std::size_t{sorted[i].index}]), static_cast<std::uint32_t>(i));
+    std::sort(same.begin(), same.end());
+    for (std::size_t i = 1; i < same.size(); ++i)
+      if (same[i].first == same[i - 1].first) drop[same[i].second] = 1, ++dropped;
+  }
+  if (dropped == 0) return 0;
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < sorted.size(); ++i)
+    if (drop[i] == 0) sorted[kept++] = sorted[i];
+  sorted.resize(kept);
+  return dropped;
+}
+
+}  // namespace
+
+base::Result<BucketLeaves> makeLeaves(const Buckets& buckets, std::size_t bucket, const SourceLattice& lattice,
+                                      const LeafOptions& options) {
+  BucketLeaves out;
+  if (buckets.triangles(bucket) == 0) return out;
+  const auto corners = buckets.read(bucket);
+  if (!corners) return corners.error();
+
+  // Vertices by their codes, in the order of the triangles.
+  CodedMesh mesh;
+  std::vector<VertexSums> sums;
+  {
+    CodeMap map(corners->size() / 2 + 16 < corners->size() ? corners->size() : corners->size() + 16);
+    mesh.indices.reserve(corners->size());
+    for (std::size_t i = 0; i < corners->size(); i += 3) {
+      const Corner* c = &(*corners)[i];
+      const glm::i64vec3 face = latticeNormal(c[0].code, c[1].code, c[2].code);
+      for (std::size_t k = 0; k < 3; ++k) {
+        const auto [v, is_new] = map.insert(c[k].code, static_cast<std::uint32_t>(mesh.codes.size()));
+        if (is_new) mesh.codes.push_back(c[k].code), sums.emplace_back();
+        sums[v].add(face, c[k]);
+        mesh.indices.push_back(v);
+      }
+    }
+  }
+
+  // Border vertices take what all buckets together say of them.
+  std::vector<std::uint8_t> outer(mesh.codes.size(), 0);
+  const BorderVertices& border = buckets.border();
+  for (std::size_t v = 0; v < mesh.codes.size(); ++v) {
+    mesh.positions.push_back(mortonPoint(mesh.codes[v]));
+    if (!border.codes.empty())
+      if (const std::int64_t at = border.find(mesh.codes[v]); at >= 0) {
+        outer[v] = 1;
+        sums[v] = border.sums[static_cast<std::size_t>(at)];
+      }
+    mesh.normals.push_back(lod::patch::quantizedNormal(sums[v].unitNormal()));
+    if (buckets.hasColors()) mesh.colors.push_back(sums[v].meanColor());
+  }
+  out.vertices = mesh.codes.size();
+
+  std::vector<KeyedIndex> sorted = sortedByVoxel(mesh, lattice.bits);
+  out.duplicates = dropDuplicates(mesh, sorted);
+  const auto parts =
+      splitTriangles(mesh, sorted, lattice.bits, options.voxel_triangles, options.leaf_triangles, TieWeight::kNormals);
+  out.patches = makePatches(mesh, parts, outer, {}, lattice.lattice, 0);
+  return out;
+}
+
+}  // namespace lod::build

@@ -1,0 +1,123 @@
+#include "lod/build/patch_split.h"
+
+#include <algorithm>
+#include <limits>
+
+#include "lod/build/partition.h"
+#include "lod/patch/codec.h"
+
+namespace lod::build {
+namespace {
+
+constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
+
+// Box, sphere and cone of the geometry as it will be drawn.
+void describe(const lod::patch::PatchGeometry& geometry, const lod::patch::Lattice& lattice,
+              lod::patch::Patch& record) {
+  std::vector<glm::vec3> points;
+  points.reserve(geometry.positions.size());
+  for (const glm::ivec3& q : geometry.positions) points.push_back(lattice.position(q));
+  for (const glm::vec3& p : points) record.box.add(p);
+  record.bounds = base::boundingSphere(points);
+  std::vector<glm::vec3> normals;
+  normals.reserve(geometry.indices.size() / 3);
+  for (std::size_t i = 0; i < geometry.indices.size(); i += 3) {
+    const glm::vec3& a = points[geometry.indices[i]];
+    const glm::vec3 n = glm::cross(points[geometry.indices[i + 1]] - a, points[geometry.indices[i + 2]] - a);
+    if (const float length = glm::length(n); length > 0.0F) normals.push_back(n / length);
+  }
+  record.cone = base::boundingCone(normals);
+  record.triangles = static_cast<std::uint32_t>(geometry.indices.size() / 3);
+  record.vertices = static_cast<std::uint32_t>(geometry.positions.size());
+}
+
+}  // namespace
+
+std::vector<KeyedIndex> sortedByVoxel(const CodedMesh& mesh, std::uint32_t bits) {
+  std::vector<KeyedIndex> sorted(mesh.indices.size() / 3);
+  for (std::uint32_t t = 0; t < sorted.size(); ++t) {
+    const std::uint32_t* c = &mesh.indices[3 * std::size_t{t}];
+    sorted[t] = {medianCode(mesh.codes[c[0]], mesh.codes[c[1]], mesh.codes[c[2]]), t};
+  }
+  radixSort(sorted, 3 * bits);
+  return sorted;
+}
+
+std::vector<std::vector<std::uint32_t>> splitTriangles(const CodedMesh& mesh, std::span<const KeyedIndex> sorted,
+                                                       std::uint32_t bits, std::uint32_t voxel_triangles,
+                                                       std::uint32_t max_triangles, TieWeight weight) {
+  std::vector<std::vector<std::uint32_t>> parts;
+  if (sorted.size() <= max_triangles) {
+    parts.emplace_back();
+    for (const KeyedIndex& k : sorted) parts.back().push_back(k.index);
+    return parts;
+  }
+  const std::vector<Voxel> voxels = makeVoxels(sorted, bits, std::max(1U, voxel_triangles));
+  const Graph graph = voxelGraph(mesh.view(), sorted, voxels, bits, weight);
+  const std::vector<std::uint32_t> part = partitionRecursively(graph, max_triangles);
+  parts.resize(part.empty() ? 0 : *std::max_element(part.begin(), part.end()) + 1);
+  for (std::size_t v = 0; v < voxels.size(); ++v)
+    for (std::uint32_t i = voxels[v].first; i < voxels[v].first + voxels[v].count; ++i)
+      parts[part[v]].push_back(sorted[i].index);
+
+  // A voxel too large for one part is split by the order of its triangles.
+  for (std::size_t p = 0; p < parts.size(); ++p) {
+    if (parts[p].size() <= max_triangles) continue;
+    std::vector<std::uint32_t> rest(parts[p].begin() + max_triangles, parts[p].end());
+    parts[p].resize(max_triangles);
+    parts.push_back(std::move(rest));
+  }
+  return parts;
+}
+
+std::vector<NewPatch> makePatches(const CodedMesh& mesh, const std::vector<std::vector<std::uint32_t>>& parts,
+                                  std::span<const std::uint8_t> outer, std::span<const std::uint8_t> errors,
+                                  const lod::patch::Lattice& lattice, std::uint32_t level) {
+  // Which vertices several parts use.
+  std::vector<std::uint8_t> border(outer.begin(), outer.end());
+  std::vector<std::uint32_t> owner(mesh.positions.size(), kNone);
+  for (std::uint32_t p = 0; p < parts.size(); ++p)
+    for (const std::uint32_t t : parts[p])
+      for (std::size_t k = 0; k < 3; ++k) {
+        const std::uint32_t v = mesh.indices[3 * std::size_t{t} + k];
+        if (owner[v] == kNone) owner[v] = p;
+        if (owner[v] != p) border[v] = 1;
+      }
+
+  std::vector<NewPatch> patches;
+  std::vector<std::uint32_t>& local = owner;
+  std::fill(local.begin(), local.end(), kNone);
+  std::vector<std::uint32_t> used;
+  std::vector<std::uint32_t> order;
+  for (const auto& part : parts) {
+    NewPatch patch;
+    lod::patch::PatchGeometry geometry;
+    geometry.indices.reserve(3 * part.size());
+    used.clear();
+    for (const std::uint32_t t : part)
+      for (std::size_t k = 0; k < 3; ++k) {
+        const std::uint32_t v = mesh.indices[3 * std::size_t{t} + k];
+        if (local[v] == kNone) {
+          local[v] = static_cast<std::uint32_t>(used.size());
+          used.push_back(v);
+          geometry.positions.push_back(mesh.positions[v]);
+          geometry.normals.push_back(mesh.normals[v]);
+          if (!mesh.colors.empty()) geometry.colors.push_back(mesh.colors[v]);
+          if (border[v] != 0) patch.border.push_back(mesh.codes[v]);
+        }
+        geometry.indices.push_back(static_cast<std::uint16_t>(local[v]));
+      }
+    for (const std::uint32_t v : used) local[v] = kNone;
+    std::sort(patch.border.begin(), patch.border.end());
+    describe(geometry, lattice, patch.record);
+    patch.record.level = level;
+    patch.encoded = lod::patch::encodePatch(geometry);
+    if (!errors.empty())
+      for (const std::uint32_t i : order)
+        for (std::size_t k = 0; k < 2; ++k) patch.errors.push_back(errors[2 * std::size_t{part[i]} + k]);
+    patches.push_back(std::move(patch));
+  }
+  return patches;
+}
+
+}  // namespace lod::build

@@ -1,0 +1,108 @@
+#pragma once
+// The source as the builder keeps it on disk: all files' vertices and triangles in their order, before anything is
+// known about the whole. Memory: one bit per vertex and a fixed buffer.
+#include <string>
+#include <vector>
+
+#include "lod/build/mesh.h"
+#include "lod/build/mesh_sink.h"
+#include "lod/build/spool.h"
+
+namespace lod::build {
+
+/// What all source files together turned out to be.
+struct SourceInfo {
+  std::uint64_t vertices = 0;    ///< of all files
+  std::uint64_t triangles = 0;   ///< of all files
+  std::uint64_t referenced = 0;  ///< vertices that some triangle uses
+  bool has_normals = false;      ///< some vertices came with one
+  bool has_colors = false;
+  glm::dvec3 box_min{0.0};  ///< of the referenced vertices, world
+  glm::dvec3 box_max{0.0};
+  double mean_edge = 0.0;  ///< geometric mean over a sample of the edges; 0 when all are points
+  std::vector<std::string> warnings;
+  std::uint64_t short_faces = 0;  ///< left out by the readers
+};
+
+/// Vertices and triangles of a block, numbered through all files.
+struct SpooledVertices {
+  std::uint64_t first = 0;
+  std::vector<glm::dvec3> positions;
+  std::vector<std::uint32_t> normals;  ///< packed, 0 where unknown; empty when the block has none
+  std::vector<std::uint32_t> colors;   ///< R G B A from the lowest byte, A = 255; empty when the block has none
+};
+struct SpooledTriangles {
+  std::vector<std::uint64_t> corners;
+  std::vector<std::uint32_t> colors;  ///< per corner, A = 0 where unknown; empty when the block has none
+};
+
+/// A unit vector in 3 x 8 bits with a mark that it is one; 0 for a zero vector or NaN.
+std::uint32_t packNormal(const glm::vec3& n);
+/// As whole numbers -127 … 127; zero for 0.
+glm::ivec3 unpackNormal(std::uint32_t packed);
+
+class SourceSpool : public MeshSink {
+ public:
+  /// Files `vertices` and `triangles` in `directory`. Errors: kNoSpace, kIo.
+  static base::Result<SourceSpool> create(const std::string& directory);
+  /// As an earlier run left them after finish().
+  static base::Result<SourceSpool> open(const std::string& directory);
+
+  base::Result<void> vertices(const VertexBlock& block) override;
+  base::Result<void> triangles(const TriangleBlock& block) override;
+  base::Result<void> restart() override;
+
+  /// Before each file: numbers start from here. `name` is what errors speak of.
+  void beginFile(const std::string& name);
+  /// After the last file: flushes, looks at all vertices once more. Errors: those of reading, kInvalidInput when there
+  /// is no triangle.
+  base::Result<SourceInfo> finish();
+
+  /// Calls body(SpooledVertices) for each block in order; body returns Result<void>.
+  template <class Body>
+  base::Result<void> forEachVertexBlock(Body&& body) const {
+    SpoolReader reader(vertices_);
+    SpooledVertices block;
+    while (!reader.atEnd()) {
+      LUMIGRID_TRY(readVertices(reader, block));
+      LUMIGRID_TRY(body(static_cast<const SpooledVertices&>(block)));
+      block.first += block.positions.size();
+    }
+    return {};
+  }
+  template <class Body>
+  base::Result<void> forEachTriangleBlock(Body&& body) const {
+    SpoolReader reader(triangles_);
+    SpooledTriangles block;
+    while (!reader.atEnd()) {
+      LUMIGRID_TRY(readTriangles(reader, block));
+      LUMIGRID_TRY(body(static_cast<const SpooledTriangles&>(block)));
+    }
+    return {};
+  }
+  /// Deletes both files.
+  void remove();
+
+ private:
+  struct Mark {  // where a file began
+    std::uint64_t vertices = 0, triangles = 0, vertex_bytes = 0, triangle_bytes = 0;
+  };
+  SourceSpool(SpoolFile vertices, SpoolFile triangles)
+      : vertices_(std::move(vertices)), triangles_(std::move(triangles)) {}
+  static base::Result<void> readVertices(SpoolReader& reader, SpooledVertices& block);
+  static base::Result<void> readTriangles(SpoolReader& reader, SpooledTriangles& block);
+  void sample(std::span<const std::uint64_t> corners);
+  base::Result<void> measure();
+
+  SpoolFile vertices_;
+  SpoolFile triangles_;
+  SourceInfo info_;
+  Mark file_;
+  std::string name_;
+  std::vector<std::uint64_t> used_;     // one bit per vertex
+  std::vector<std::uint64_t> sampled_;  // corners of every sample_stride_-th triangle
+  std::uint64_t sample_stride_ = 1;
+  base::Bytes scratch_;
+};
+
+}  // namespace lod::build

@@ -1,0 +1,160 @@
+#include "lod/build/work_directory.h"
+
+#include <fcntl.h>
+#include <malloc.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <utility>
+
+#include "base/crc32c.h"
+#include "base/file.h"
+
+namespace lod::build {
+namespace {
+
+namespace fs = std::filesystem;
+using base::Error;
+using base::ErrorCode;
+
+constexpr const char* kFiles[] = {"vertices", "triangles", "corners", "buckets", "patches", "stage1", "stage2", "key"};
+
+std::string stageFile(const std::string& path, std::uint32_t stage) {
+  return path + "/stage" + std::to_string(stage);
+}
+
+base::Result<void> needFree(const std::string& directory, std::uint64_t bytes, const std::string& what,
+                            const std::string& advice) {
+  std::error_code error;
+  const fs::space_info space = fs::space(directory, error);
+  if (error || space.available >= bytes) return {};
+  return Error{ErrorCode::kNoSpace, directory + ": no space left on device for " + what + ": about " + sizeText(bytes) +
+                                        " are needed, " + sizeText(space.available) + " are free; " + advice};
+}
+
+}  // namespace
+
+base::Result<WorkDirectory> WorkDirectory::open(const std::string& path, const std::string& key) {
+  std::error_code error;
+  fs::create_directories(path, error);
+  if (error) return Error{ErrorCode::kIo, path + ": cannot make this directory: " + error.message()};
+  WorkDirectory out;
+  out.path_ = path;
+  out.key_ = key;
+  out.lock_ = ::open((path + "/lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+  if (out.lock_ < 0) return base::systemError(path + "/lock", "cannot create", errno);
+  if (::flock(out.lock_, LOCK_EX | LOCK_NB) != 0)
+    return Error{ErrorCode::kBusy, path + ": another build is at work here; wait for it, or choose another directory"};
+
+  const auto stored = base::readFile(path + "/key");
+  if (!key.empty() && stored && std::string(stored->begin(), stored->end()) == key) {
+    while (out.stage_ < 2 && out.state(out.stage_ + 1)) ++out.stage_;
+    if (out.stage_ > 0) return out;
+  }
+  for (const char* name : kFiles) fs::remove(fs::path(path) / name, error);
+  LUMIGRID_TRY(base::writeFileAtomically(
+      path + "/key", base::ByteView(reinterpret_cast<const std::uint8_t*>(key.data()), key.size())));
+  return out;
+}
+
+WorkDirectory::WorkDirectory(WorkDirectory&& other) noexcept {
+  *this = std::move(other);
+}
+
+WorkDirectory& WorkDirectory::operator=(WorkDirectory&& other) noexcept {
+  std::swap(path_, other.path_);
+  std::swap(key_, other.key_);
+  std::swap(stage_, other.stage_);
+  std::swap(lock_, other.lock_);
+  return *this;
+}
+
+WorkDirectory::~WorkDirectory() {
+  if (lock_ >= 0) ::close(lock_);
+}
+
+base::Result<void> WorkDirectory::finishStage(std::uint32_t stage, const base::Bytes& state) {
+  base::ByteWriter out;
+  out.u32(base::crc32c(state));
+  out.bytes(state);
+  LUMIGRID_TRY(base::writeFileAtomically(stageFile(path_, stage), out.view()));
+  stage_ = stage;
+  return {};
+}
+
+base::Result<base::Bytes> WorkDirectory::state(std::uint32_t stage) const {
+  auto bytes = base::readFile(stageFile(path_, stage));
+  if (!bytes) return bytes.error();
+  base::ByteReader in(*bytes);
+  const std::uint32_t crc = in.u32();
+  const base::ByteView rest = in.bytes(in.remaining());
+  if (!in.ok() || base::crc32c(rest) != crc) return broken();
+  return base::Bytes(rest.begin(), rest.end());
+}
+
+base::Error WorkDirectory::broken() const {
+  return {ErrorCode::kInvalidInput, path_ + ": the work files are damaged; remove this directory and build again"};
+}
+
+bool WorkDirectory::has(const std::string& name) const {
+  return fs::exists(fs::path(path_) / name);
+}
+
+void WorkDirectory::remove() {
+  std::error_code ignored;
+  for (const char* name : kFiles) fs::remove(fs::path(path_) / name, ignored);
+  fs::remove(fs::path(path_) / "lock", ignored);
+  fs::remove(path_, ignored);
+}
+
+base::Result<void> WorkDirectory::needSpace(std::uint64_t bytes, const std::string& what) const {
+  return needFree(path_, bytes, what, "free some, or name a roomier place with --tmpdir, and build again");
+}
+
+base::Result<TemporaryDirectory> TemporaryDirectory::make() {
+  std::error_code error;
+  std::string pattern = (fs::temp_directory_path(error) / "lumigrid-XXXXXX").string();
+  if (::mkdtemp(pattern.data()) == nullptr) return base::systemError(pattern, "cannot create", errno);
+  return TemporaryDirectory(pattern);
+}
+
+TemporaryDirectory::~TemporaryDirectory() {
+  std::error_code ignored;
+  if (!path_.empty()) fs::remove_all(path_, ignored);
+}
+
+base::Result<void> needOutputSpace(const std::string& path, std::uint64_t bytes) {
+  const fs::path directory = fs::path(path).parent_path();
+  return needFree(directory.empty() ? "." : directory.string(), bytes, "the hierarchy",
+                  "free some, or choose another output, and build again");
+}
+
+std::uint64_t machineMemory() {
+  std::uint64_t bytes =
+      static_cast<std::uint64_t>(::sysconf(_SC_PHYS_PAGES)) * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE));
+  std::ifstream limit("/sys/fs/cgroup/memory.max");
+  if (std::uint64_t most = 0; limit >> most) bytes = std::min(bytes, most);
+  return bytes;
+}
+
+void releaseFreedMemory() {
+  ::malloc_trim(0);
+}
+
+std::string sizeText(std::uint64_t bytes) {
+  std::array<char, 32> text{};
+  const auto value = static_cast<double>(bytes);
+  if (value >= 1e9)
+    std::snprintf(text.data(), text.size(), "%.1f GB", value / 1e9);
+  else
+    std::snprintf(text.data(), text.size(), "%.1f MB", value / 1e6);
+  return text.data();
+}
+
+}  // namespace lod::build

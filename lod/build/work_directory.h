@@ -1,0 +1,65 @@
+#pragma once
+// Where a build keeps its work files, how far it came, and whether there is room.
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "base/bytes.h"
+#include "base/error.h"
+
+namespace lod::build {
+
+/// One builder at a time. Stages are finished one after the other; each leaves a state of its own, which appears whole
+/// or not at all.
+class WorkDirectory {
+ public:
+  /// Makes the directory, or takes the one that an earlier run left under the same key; anything else in it that a
+  /// builder wrote is removed first. Empty key: nothing is taken. Errors: kBusy, kNoSpace, kIo.
+  static base::Result<WorkDirectory> open(const std::string& path, const std::string& key);
+  WorkDirectory(WorkDirectory&& other) noexcept;
+  WorkDirectory& operator=(WorkDirectory&& other) noexcept;
+  ~WorkDirectory();  ///< lets go; the files stay
+
+  const std::string& path() const { return path_; }
+  std::uint32_t stage() const { return stage_; }
+  base::Result<void> finishStage(std::uint32_t stage, const base::Bytes& state);
+  base::Result<base::Bytes> state(std::uint32_t stage) const;
+  bool has(const std::string& name) const;
+  /// Removes the work files, and the directory where nothing else lies in it.
+  void remove();
+  /// kNoSpace when the disk has fewer bytes free than that; `what` they are for.
+  base::Result<void> needSpace(std::uint64_t bytes, const std::string& what) const;
+  base::Error broken() const;
+
+ private:
+  WorkDirectory() = default;
+  std::string path_;
+  std::string key_;
+  std::uint32_t stage_ = 0;
+  int lock_ = -1;
+};
+
+/// A new directory under the system's place for temporary files; removed with all that is in it.
+class TemporaryDirectory {
+ public:
+  static base::Result<TemporaryDirectory> make();
+  TemporaryDirectory(TemporaryDirectory&& other) noexcept : path_(std::move(other.path_)) { other.path_.clear(); }
+  TemporaryDirectory& operator=(TemporaryDirectory&&) = delete;
+  ~TemporaryDirectory();
+  const std::string& path() const { return path_; }
+
+ private:
+  explicit TemporaryDirectory(std::string path) : path_(std::move(path)) {}
+  std::string path_;
+};
+
+/// kNoSpace when the disk that `path` will lie on has fewer bytes free.
+base::Result<void> needOutputSpace(const std::string& path, std::uint64_t bytes);
+/// Physical memory, or the limit set for this process' group where that is less.
+std::uint64_t machineMemory();
+/// Returns to the system what the allocator keeps for later.
+void releaseFreedMemory();
+/// "1.5 GB".
+std::string sizeText(std::uint64_t bytes);
+
+}  // namespace lod::build

@@ -1,0 +1,61 @@
+#pragma once
+// The patches made so far, on disk, and the journal of how far the work has come in one: a record per finished bucket
+// of leaves and per finished group, each with its checksum. A record is there whole or not at all, so a builder that
+// was killed goes on behind the last whole one.
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "lod/build/spool.h"
+#include "lod/patch/hierarchy.h"
+
+namespace lod::build {
+
+/// A patch as its maker hands it over.
+struct NewPatch {
+  lod::patch::Patch record;           ///< box, bounds, cone, counts, level
+  std::vector<std::uint64_t> border;  ///< Morton codes of the vertices it may share with other patches, ascending
+  base::Bytes encoded;                ///< lod::patch::encodePatch
+  base::Bytes errors;                 ///< what its triangles carry along (two codes each); empty for leaves
+};
+
+/// A patch in the store. Numbers of producer and consumer are of the order in which groups are made.
+struct WorkPatch {
+  lod::patch::Patch record;
+  std::vector<std::uint64_t> border;  ///< as above; emptied when its group is done
+  std::uint64_t offset = 0;           ///< of its bytes in the store, errors behind them
+  std::uint32_t encoded_bytes = 0;
+  std::uint32_t error_bytes = 0;
+};
+
+/// One piece of work: the leaves of a bucket (level 0), or what a group made (level of its products).
+struct WorkUnit {
+  std::uint32_t level = 0;
+  std::uint32_t index = 0;  ///< of the bucket, or of the group within its level
+  lod::patch::Group group;  ///< bounds and errors; of no meaning at level 0
+};
+
+class WorkStore {
+ public:
+  /// `path` is created, or continued behind its last whole record when `resume`. Every record found is told to `found`
+  /// in the order in which they were written. Errors: kNoSpace, kIo.
+  static base::Result<WorkStore> open(const std::string& path, bool resume,
+                                      const std::function<void(const WorkUnit&, std::vector<WorkPatch>)>& found);
+
+  /// Writes one record; safe from several threads. Returns the patches as they lie in the store.
+  base::Result<std::vector<WorkPatch>> add(const WorkUnit& unit, std::vector<NewPatch> patches);
+  /// The encoded bytes of a patch, and what its triangles carry along.
+  base::Result<base::Bytes> encoded(const WorkPatch& patch) const;
+  base::Result<base::Bytes> errors(const WorkPatch& patch) const;
+  std::uint64_t bytes() const { return file_.size(); }
+
+ private:
+  SpoolFile file_;
+  std::uint64_t synced_ = 0;
+  std::unique_ptr<std::mutex> mutex_ = std::make_unique<std::mutex>();
+};
+
+}  // namespace lod::build
