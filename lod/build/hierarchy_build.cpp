@@ -172,14 +172,15 @@ class Builder {
     if (!directory) return directory.error();
     directory_ = std::move(*directory);
     const Stopwatch watch;
-    LUMIGRID_TRY(import(read_source, origin, source_bytes));
-    summary_.import_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
-    LUMIGRID_TRY(sortTriangles());
-    std::vector<WorkPatch> leaves;
-    LUMIGRID_TRY(openStore());
-    LUMIGRID_TRY(makeAllLeaves(leaves));
-    LUMIGRID_TRY(makeLevels(std::move(leaves)));
-    LUMIGRID_TRY(write());
+    auto done = stages(read_source, origin, source_bytes);
+    if (!done) {
+      // What is wrong with the source stays wrong; anything else can go on from the work files.
+      const ErrorCode code = done.error().code;
+      const bool resumable = !options_.resume_key.empty() &&
+                             (code == ErrorCode::kCancelled || code == ErrorCode::kNoSpace || code == ErrorCode::kIo);
+      if (!resumable) directory_->remove();
+      return done.error();
+    }
     fillSummary();
     directory_->remove();
     watch.stop(summary_);
@@ -187,6 +188,17 @@ class Builder {
   }
 
  private:
+  base::Result<void> stages(const SourceReader& read_source, const glm::dvec3* origin, std::uint64_t source_bytes) {
+    LUMIGRID_TRY(import(read_source, origin, source_bytes));
+    summary_.import_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+    LUMIGRID_TRY(sortTriangles());
+    std::vector<WorkPatch> leaves;
+    LUMIGRID_TRY(openStore());
+    LUMIGRID_TRY(makeAllLeaves(leaves));
+    LUMIGRID_TRY(makeLevels(std::move(leaves)));
+    return write();
+  }
+
   bool report(const std::string& stage, double done) {
     const std::lock_guard lock(progress_mutex_);
     return !progress_ || progress_(stage, done);

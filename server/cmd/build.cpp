@@ -10,9 +10,9 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "base/crc32c.h"
 #include "base/json/scene_file.h"
 #include "lod/build/hierarchy_build.h"
-#include "lod/build/import.h"
 #include "lod/patch/format.h"
 #include "repository/grid.h"
 #include "repository/store.h"
@@ -32,19 +32,22 @@ struct BuildArguments {
   std::vector<std::string> meshes;
   std::string output;
   std::vector<std::string> methods{"patch", "images"};
-  bool force = false, json = false, quiet = false, no_weld = false;
+  bool force = false, json = false, quiet = false;
   std::string light = "auto", up = "auto", units = "unknown", subsampling = "420";
   std::uint32_t grid = 32, face = 512;
   double margin = 0.5;
+  std::string tmpdir, regroup = "on";
   lod::build::HierarchyOptions hierarchy;
   BakeOptions bake;
 };
+
+// Work files of the hierarchy, within the scene unless --tmpdir says otherwise.
+constexpr const char* kWorkFiles = "patch.lgp.work";
 
 /// What the summary tells.
 struct BuildReport {
   std::optional<lod::build::HierarchySummary> hierarchy;  ///< absent when a resumed build had it already
   std::optional<BakeSummary> bake;
-  double import_seconds = 0.0;
 };
 
 bool wants(const BuildArguments& a, const char* method) {
@@ -65,7 +68,6 @@ std::map<std::string, std::string> parametersOf(const BuildArguments& a) {
           {"light", a.light},
           {"up", a.up},
           {"units", a.units},
-          {"weld", a.no_weld ? "no" : "yes"},
           {"quality", number(a.bake.quality)},
           {"subsampling", a.subsampling},
           {"tolerance", number(a.bake.tolerance_px)},
@@ -73,7 +75,8 @@ std::map<std::string, std::string> parametersOf(const BuildArguments& a) {
           {"voxel-triangles", number(a.hierarchy.voxel_triangles)},
           {"leaf-triangles", number(a.hierarchy.leaf_triangles)},
           {"node-triangles", number(a.hierarchy.node_triangles)},
-          {"position-bits", number(a.hierarchy.position_bits)}};
+          {"position-bits", number(a.hierarchy.position_bits)},
+          {"regroup", a.regroup}};
 }
 
 Result<std::vector<base::SceneSource>> describeSources(const BuildArguments& a) {
@@ -94,7 +97,7 @@ bool sameSources(const std::vector<base::SceneSource>& a, const std::vector<base
 
 // Removes what a scene consists of, and nothing else that may lie in the directory.
 Result<void> clear(const std::string& directory) {
-  for (const char* name : {"scene.json", base::kBuildingFile, "patch.lgp", "images"}) {
+  for (const char* name : {"scene.json", base::kBuildingFile, "patch.lgp", kWorkFiles, "images"}) {
     std::error_code error;
     fs::remove_all(fs::path(directory) / name, error);
     if (error) return Error{ErrorCode::kIo, directory + "/" + name + ": cannot remove: " + error.message()};
@@ -124,7 +127,10 @@ Result<std::optional<base::Scene>> openOutput(const BuildArguments& a, const std
     resumed = std::move(*scene);
     return resumed;
   }
-  if (!fs::is_empty(a.output))
+  // A hierarchy that was stopped on the way has left its work files.
+  const bool only_work = std::all_of(fs::directory_iterator(a.output), fs::directory_iterator(),
+                                     [](const auto& entry) { return entry.path().filename() == kWorkFiles; });
+  if (!only_work)
     return Error{ErrorCode::kExists,
                  a.output + ": is not empty and not a scene; choose another output, or say --force"};
   return resumed;
@@ -132,19 +138,14 @@ Result<std::optional<base::Scene>> openOutput(const BuildArguments& a, const std
 
 // Up, when not told: glTF says +y. A flat open scan stands on its shortest axis, on the side its surface faces;
 // anything else is taken for a model with +y up, as scanners of objects write them.
-glm::dvec3 guessUp(const lod::build::Mesh& mesh, const BuildArguments& a) {
+glm::dvec3 guessUp(const lod::build::HierarchySummary& built, const BuildArguments& a) {
   if (a.up != "auto") return {a.up == "x" ? 1 : 0, a.up == "y" ? 1 : 0, a.up == "z" ? 1 : 0};
-  const glm::vec3 size = mesh.box().size();
+  const glm::dvec3 size = built.box_max - built.box_min;
   const int flat = size.x <= size.y && size.x <= size.z ? 0 : size.y <= size.z ? 1 : 2;
-  const float second = std::min(size[(flat + 1) % 3], size[(flat + 2) % 3]);
-  if (size[flat] > 0.5F * second) return {0, 1, 0};
-  double facing = 0.0;
-  for (std::size_t t = 0; t + 2 < mesh.indices.size(); t += 3) {
-    const glm::vec3& p = mesh.positions[mesh.indices[t]];
-    facing += glm::cross(mesh.positions[mesh.indices[t + 1]] - p, mesh.positions[mesh.indices[t + 2]] - p)[flat];
-  }
+  const double second = std::min(size[(flat + 1) % 3], size[(flat + 2) % 3]);
+  if (size[flat] > 0.5 * second) return {0, 1, 0};
   glm::dvec3 up(0.0);
-  up[flat] = facing < 0.0 ? -1.0 : 1.0;
+  up[flat] = built.facing[flat] < 0.0 ? -1.0 : 1.0;
   return up;
 }
 
@@ -159,17 +160,16 @@ base::Light chooseLight(const BuildArguments& a, bool has_colors, const glm::dve
   return light;
 }
 
-void describeMesh(const lod::build::Imported& imported, const BuildArguments& a, base::Scene& scene) {
-  const base::Aabb box = imported.mesh.box();
-  scene.origin = imported.mesh.origin;
-  scene.box_min = scene.origin + glm::dvec3(box.min);
-  scene.box_max = scene.origin + glm::dvec3(box.max);
+void describeMesh(const lod::build::HierarchySummary& built, const BuildArguments& a, base::Scene& scene) {
+  scene.origin = built.origin;
+  scene.box_min = built.box_min;
+  scene.box_max = built.box_max;
   scene.units = a.units;
-  scene.up = guessUp(imported.mesh, a);
-  scene.has_colors = !imported.mesh.colors.empty();
+  scene.up = guessUp(built, a);
+  scene.has_colors = built.has_colors;
   scene.light = chooseLight(a, scene.has_colors, scene.up);
-  scene.triangles = imported.mesh.triangleCount();
-  scene.repairs = imported.repairs.counts;
+  scene.triangles = built.triangles;
+  scene.repairs = built.repairs.counts;
 }
 
 Result<void> addPart(base::Scene& scene, const std::string& directory, const std::string& file) {
@@ -190,42 +190,52 @@ bool hasPart(const base::Scene& scene, const std::string& file) {
                      [&](const base::ScenePart& part) { return part.file == file; });
 }
 
-/// Import and hierarchy. Nothing is written before the meshes have been read and found good.
+// One place for each output, so that several builds can share a directory.
+std::string workDirectory(const BuildArguments& a) {
+  if (a.tmpdir.empty()) return a.output + "/" + kWorkFiles;
+  const std::string output = fs::absolute(a.output).lexically_normal().string();
+  std::array<char, 16> name{};
+  std::snprintf(name.data(), name.size(), "%08x",
+                base::crc32c({reinterpret_cast<const std::uint8_t*>(output.data()), output.size()}));
+  return a.tmpdir + "/lumigrid-" + name.data();
+}
+
+// What decides the hierarchy besides its own options.
+std::string resumeKey(const std::vector<base::SceneSource>& sources) {
+  std::string key;
+  for (const base::SceneSource& source : sources) key += source.sha256 + " ";
+  return key;
+}
+
+/// The hierarchy, from the files. What was found wrong with the meshes leaves nothing behind; what can go on later
+/// leaves its work files.
 Result<base::Scene> buildPatches(const BuildArguments& a, const std::vector<base::SceneSource>& sources,
                                  BuildReport& report, ProgressLine& line) {
-  line.show("import", 0.0);
-  const auto start = std::chrono::steady_clock::now();
-  lod::build::ImportOptions import_options;
-  import_options.weld = !a.no_weld;
-  auto imported = lod::build::importMeshes(a.meshes, import_options);
-  if (!imported) return imported.error();
-  report.import_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  line.show("import", 1.0);
-  line.finish();
-  for (const std::string& warning : imported->warnings)
-    std::fprintf(stderr, "lumigrid: warning: %s\n", warning.c_str());
-
-  base::Scene scene;
-  scene.sources = sources;
-  scene.parameters = parametersOf(a);
-  describeMesh(*imported, a, scene);
   const bool fresh = !fs::exists(a.output);
   std::error_code error;
   fs::create_directories(a.output, error);
   if (error) return Error{ErrorCode::kIo, a.output + ": cannot make this directory: " + error.message()};
   if (a.force) LUMIGRID_TRY(clear(a.output));
 
-  auto summary = lod::build::buildHierarchy(imported->mesh, a.hierarchy, a.output + "/patch.lgp",
-                                            [&](const std::string& stage, double done) {
-                                              line.show("hierarchy: " + stage, done);
-                                              return !stopRequested();
-                                            });
+  lod::build::HierarchyOptions options = a.hierarchy;
+  options.regroup = a.regroup == "on";
+  options.work_directory = workDirectory(a);
+  options.resume_key = resumeKey(sources);
+  auto summary = lod::build::buildHierarchyFromFiles(a.meshes, options, a.output + "/patch.lgp",
+                                                     [&](const std::string& stage, double done) {
+                                                       line.show("hierarchy: " + stage, done);
+                                                       return !stopRequested();
+                                                     });
   line.finish();
   if (!summary) {
     if (fresh) fs::remove(a.output, error);  // only when empty: nothing half-written stays
     return summary.error();
   }
-  for (const auto& [what, count] : summary->repairs.counts) scene.repairs[what] += count;
+  for (const std::string& warning : summary->warnings) std::fprintf(stderr, "lumigrid: warning: %s\n", warning.c_str());
+  base::Scene scene;
+  scene.sources = sources;
+  scene.parameters = parametersOf(a);
+  describeMesh(*summary, a, scene);
   report.hierarchy = std::move(*summary);
   LUMIGRID_TRY(addPart(scene, a.output, "patch.lgp"));
   return scene;
@@ -264,12 +274,11 @@ Result<void> buildImages(const BuildArguments& a, base::Scene& scene, BuildRepor
 }
 
 nlohmann::json summaryJson(const base::Scene& scene, const BuildReport& r) {
-  nlohmann::json j{{"triangles", scene.triangles},
-                   {"repairs", scene.repairs},
-                   {"peak_memory_bytes", peakResidentBytes()},
-                   {"import_seconds", r.import_seconds}};
+  nlohmann::json j{
+      {"triangles", scene.triangles}, {"repairs", scene.repairs}, {"peak_memory_bytes", peakResidentBytes()}};
   if (r.hierarchy) {
     const auto& h = *r.hierarchy;
+    j["import_seconds"] = h.import_seconds;
     j["hierarchy"] = {
         {"seconds", h.seconds},
         {"cpu_seconds", h.cpu_seconds},
@@ -411,7 +420,19 @@ Run addBuild(CLI::App& command) {
       ->capture_default_str();
   command.add_option("--threads", a->hierarchy.threads, "0: all cores; the result does not depend on it")
       ->capture_default_str();
-  command.add_flag("--no-weld", a->no_weld, "keep vertices at equal positions apart");
+  command
+      .add_option("--memory", a->hierarchy.memory_bytes,
+                  "most memory to use while the hierarchy is built, e.g. 4G, at least 256M; 0: 60 % of the machine's; "
+                  "the result does not depend on it")
+      ->transform(CLI::AsSizeValue(false))
+      ->capture_default_str();
+  command.add_option("--tmpdir", a->tmpdir,
+                     "directory for work files, about 60 bytes per triangle; default: within the scene");
+  command
+      .add_option("--regroup", a->regroup,
+                  "on: new groups of patches at each level; off: the paper's binary tree, whose locked borders pile up")
+      ->check(CLI::IsMember({"on", "off"}))
+      ->capture_default_str();
   command.add_flag("--json", a->json, "summary as JSON");
   command.add_flag("--quiet", a->quiet, "no progress");
   return [a]() -> int {
