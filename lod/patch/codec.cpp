@@ -3,6 +3,7 @@
 #include <meshoptimizer.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <string>
 
@@ -114,12 +115,30 @@ struct Order {
   std::vector<unsigned int> vertices;
 };
 
-Order optimizedOrder(const PatchGeometry& geometry) {
+// Which source triangle each one of `ordered` is: both sorted, equal ones in the order they come.
+std::vector<std::uint32_t> sourceTriangles(const PatchGeometry& geometry, const std::vector<unsigned int>& ordered) {
+  using Keyed = std::array<std::uint32_t, 4>;
+  const auto sorted = [](const auto& indices) {
+    std::vector<Keyed> all;
+    for (std::size_t t = 0; 3 * t < indices.size(); ++t)
+      all.push_back({indices[3 * t], indices[3 * t + 1], indices[3 * t + 2], static_cast<std::uint32_t>(t)});
+    std::sort(all.begin(), all.end());
+    return all;
+  };
+  const std::vector<Keyed> from = sorted(geometry.indices);
+  const std::vector<Keyed> to = sorted(ordered);
+  std::vector<std::uint32_t> source(from.size());
+  for (std::size_t i = 0; i < from.size(); ++i) source[to[i][3]] = from[i][3];
+  return source;
+}
+
+Order optimizedOrder(const PatchGeometry& geometry, std::vector<std::uint32_t>* triangle_order) {
   const std::size_t vertex_count = geometry.positions.size();
   const std::vector<unsigned int> source(geometry.indices.begin(), geometry.indices.end());
   Order order;
   order.indices.resize(source.size());
   meshopt_optimizeVertexCache(order.indices.data(), source.data(), source.size(), vertex_count);
+  if (triangle_order != nullptr) *triangle_order = sourceTriangles(geometry, order.indices);
 
   // Number the vertices by first use and remember where each came from, so that every attribute moves alike.
   std::vector<unsigned int> new_from_old(vertex_count);
@@ -266,9 +285,13 @@ base::Result<void> unpackVertices(const PatchHeader& header, const base::Bytes& 
 }  // namespace
 
 base::Bytes encodePatch(const PatchGeometry& geometry) {
+  return encodePatch(geometry, nullptr);
+}
+
+base::Bytes encodePatch(const PatchGeometry& geometry, std::vector<std::uint32_t>* triangle_order) {
   checkGeometry(geometry);
   fixCodecVersions();
-  const Order order = optimizedOrder(geometry);
+  const Order order = optimizedOrder(geometry, triangle_order);
 
   // Both streams, then the header that knows their lengths.
   PatchHeader header = headerFor(geometry, order);

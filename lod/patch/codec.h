@@ -5,6 +5,9 @@
 // Octahedral normals: Cigolle et al. 2014, "A Survey of Efficient Representations for Independent Unit Vectors",
 // section 3.3, with 8 + 8 bits (at most 1 degree off). Both codecs of meshoptimizer are fixed to a version that its
 // JavaScript twin decodes.
+#include <cstdint>
+#include <vector>
+
 #include "base/bytes.h"
 #include "base/error.h"
 #include "lod/patch/hierarchy.h"
@@ -23,6 +26,10 @@ inline constexpr std::int32_t kMaxLattice = (1 << 30) - 1;
 /// vertices, indices in range, lattice points within ±kMaxLattice, normals (and colours, if any) as many as positions.
 /// Safe to call from several threads.
 base::Bytes encodePatch(const PatchGeometry& geometry);
+
+/// The same bytes; `triangle_order`, unless null, is set to which input triangle became each decoded one: decoded
+/// triangle i has the corners of input triangle (*triangle_order)[i].
+base::Bytes encodePatch(const PatchGeometry& geometry, std::vector<std::uint32_t>* triangle_order);
 
 /// Checks the checksum and every length and index; never reads past `bytes`, never allocates more than the limits above
 /// need (2 MB). Decoding gives back exactly what was encoded, but for the order; normals are as quantizedNormal makes

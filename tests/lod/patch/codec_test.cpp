@@ -124,6 +124,30 @@ TEST(PatchCodec, encodingTwiceGivesTheSameBytes) {
   EXPECT_EQ(smallPatch(), smallPatch());
 }
 
+TEST(PatchCodec, triangleOrderNamesEachTrianglesSource) {
+  std::mt19937 random(7);
+  for (const Shape& shape : shapes()) {
+    const PatchGeometry source = drawPatch(shape, random);
+    std::vector<std::uint32_t> order;
+    const auto decoded = decodePatch(encodePatch(source, &order));
+    ASSERT_TRUE(decoded);
+    ASSERT_EQ(order.size() * 3, decoded->indices.size());
+    std::vector<bool> seen(order.size(), false);
+    for (std::size_t t = 0; t < order.size(); ++t) {
+      ASSERT_LT(order[t], order.size());
+      ASSERT_FALSE(seen[order[t]]);
+      seen[order[t]] = true;
+      PatchGeometry one = source;
+      PatchGeometry other = *decoded;
+      one.indices.assign(source.indices.begin() + 3 * order[t], source.indices.begin() + 3 * order[t] + 3);
+      other.indices.assign(decoded->indices.begin() + static_cast<std::ptrdiff_t>(3 * t),
+                           decoded->indices.begin() + static_cast<std::ptrdiff_t>(3 * t + 3));
+      ASSERT_TRUE(surfaceOf(one) == surfaceOf(other)) << t;
+      if (t == 300) break;
+    }
+  }
+}
+
 TEST(PatchCodec, unusedVerticesAreLeftOut) {
   std::mt19937 random(4);
   PatchGeometry source = drawPatch({30, 10, 100}, random);
