@@ -292,6 +292,9 @@ class BucketSorter {
       if (!block.colors.empty())
         for (std::size_t k = 0; k < 3; ++k)
           if (block.colors[3 * t + k] >> 24 != 0) record.corner[k].color = block.colors[3 * t + k];
+      if (!block.normals.empty())
+        for (std::size_t k = 0; k < 3; ++k)
+          if (block.normals[3 * t + k] != 0) record.corner[k].normal = block.normals[3 * t + k];
       const std::uint32_t bucket = bucketOf(medianCode(a, b, c));
       if (!splitters_.empty())
         for (const std::uint64_t code : {a, b, c})

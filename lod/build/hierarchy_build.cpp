@@ -15,12 +15,7 @@
 #include "base/parallel.h"
 #include "lod/build/leaves.h"
 #include "lod/build/levels.h"
-#if __has_include("lod/build/stream_mesh.h")
 #include "lod/build/stream_mesh.h"
-#define STREAMS 1
-#else
-#include "lod/build/import.h"
-#endif
 #include "lod/build/work_directory.h"
 #include "lod/patch/codec.h"
 #include "lod/patch/format.h"
@@ -481,7 +476,7 @@ base::Result<void> spoolMesh(const Mesh& mesh, SourceSpool& spool) {
     const std::size_t count = std::min(3 * kBlock, mesh.indices.size() - begin);
     corners.assign(mesh.indices.begin() + static_cast<std::ptrdiff_t>(begin),
                    mesh.indices.begin() + static_cast<std::ptrdiff_t>(begin + count));
-    LUMIGRID_TRY(spool.triangles({corners, {}}));
+    LUMIGRID_TRY(spool.triangles({corners, {}, {}}));
   }
   return {};
 }
@@ -499,16 +494,9 @@ base::Result<HierarchySummary> buildHierarchyFromFiles(const std::vector<std::st
     if (!ignored) bytes += size;
   }
   const SourceReader read = [&](SourceSpool& spool, HierarchySummary& summary) -> base::Result<void> {
-#ifndef STREAMS
-    (void)summary;
-    auto imported = importMeshes(paths, {});
-    if (!imported) return imported.error();
-    return spoolMesh(imported->mesh, spool);
-#else
     std::vector<bool> colored;
     for (std::size_t i = 0; i < paths.size(); ++i) {
       StreamOptions stream;
-      stream.memory_bytes = options.memory_bytes;
       stream.progress = [&](double done) {
         return !progress || progress("import", (static_cast<double>(i) + done) / static_cast<double>(paths.size()));
       };
@@ -523,7 +511,6 @@ base::Result<HierarchySummary> buildHierarchyFromFiles(const std::vector<std::st
       if (!colored[i] && std::find(colored.begin(), colored.end(), true) != colored.end())
         summary.warnings.push_back(paths[i] + ": has no colours while other files have; it becomes white");
     return {};
-#endif
   };
   auto summary = Builder(options, output_path, progress).run(read, nullptr, bytes);
   if (!summary && summary.error().message.rfind("the mesh has no triangles", 0) == 0)

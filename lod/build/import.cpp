@@ -3,95 +3,18 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <cstring>
 #include <limits>
 
-#include "base/file.h"
 #include "base/parallel.h"
-#include "lod/build/read_glb.h"
-#include "lod/build/read_obj.h"
-#include "lod/build/read_off.h"
-#include "lod/build/read_ply.h"
-#include "lod/build/read_stl.h"
 #include "lod/build/repair.h"
+#include "lod/build/soup.h"
+#include "lod/build/stream_mesh.h"
 
 namespace lod::build {
 namespace {
 
 // Squares of coordinates must stay finite in float32.
 constexpr double kMaxCoordinate = 1e18;
-
-// ---- Which format
-// -------------------------------------------------------------------------------------------------------
-
-std::string extensionOf(const std::string& path) {
-  const std::size_t dot = path.rfind('.');
-  if (dot == std::string::npos || path.find('/', dot) != std::string::npos) return {};
-  std::string extension = path.substr(dot + 1);
-  for (char& c : extension) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-  return extension;
-}
-
-bool looksLikeBinaryStl(base::ByteView bytes) {
-  if (bytes.size() < 84 + 50) return false;
-  std::uint32_t count = 0;
-  std::memcpy(&count, bytes.data() + 80, sizeof(count));
-  return bytes.size() == 84 + 50 * std::uint64_t{count};
-}
-
-// The first lines that are no comments begin with OBJ's keywords.
-bool looksLikeObj(std::string_view text) {
-  text = text.substr(0, 1 << 16);
-  while (!text.empty()) {
-    std::string_view line = nextLine(text);
-    const std::string_view word = nextWord(line);
-    if (word.empty() || word.front() == '#') continue;
-    constexpr std::string_view kKeywords[] = {"v", "vn", "vt", "vp", "f", "o", "g", "s", "mtllib", "usemtl"};
-    return std::find(std::begin(kKeywords), std::end(kKeywords), word) != std::end(kKeywords);
-  }
-  return false;
-}
-
-enum class Format { kPly, kObj, kStl, kOff, kGlb };
-
-// The content decides; only where it says nothing, the file's name.
-base::Result<Format> formatOf(const std::string& path, base::ByteView bytes) {
-  if (bytes.empty()) return invalidInput("the file is empty");
-  const std::string_view text = textOf(bytes);
-  if (text.substr(0, 4) == "glTF") return Format::kGlb;
-  if (looksLikeBinaryStl(bytes)) return Format::kStl;
-  std::string_view rest = text.substr(0, 1 << 16);
-  const std::string_view word = nextWord(rest);
-  if (word == "ply") return Format::kPly;
-  if (word == "solid") return Format::kStl;
-  if (word.size() >= 3 && word.size() <= 8 && word.substr(word.size() - 3) == "OFF") return Format::kOff;
-  if (looksLikeObj(text)) return Format::kObj;
-
-  const std::string extension = extensionOf(path);
-  if (extension == "gltf") return unsupported("glTF with outside buffers is not read; write it as one GLB file");
-  if (extension == "ply") return Format::kPly;
-  if (extension == "obj") return Format::kObj;
-  if (extension == "stl") return Format::kStl;
-  if (extension == "off") return Format::kOff;
-  if (extension == "glb") return Format::kGlb;
-  return unsupported("neither the content nor the name is that of a mesh (PLY, OBJ, STL, OFF and GLB are read)");
-}
-
-base::Result<Soup> readAs(Format format, base::ByteView bytes) {
-  switch (format) {
-    case Format::kPly:
-      return readPly(bytes);
-    case Format::kObj:
-      return readObj(bytes);
-    case Format::kStl:
-      return readStl(bytes);
-    case Format::kOff:
-      return readOff(bytes);
-    case Format::kGlb:
-      return readGlb(bytes);
-  }
-  return invalidInput("unknown format");
-}
 
 // ---- One file
 // -----------------------------------------------------------------------------------------------------------
@@ -126,16 +49,53 @@ base::Result<void> checkPositions(const std::vector<glm::dvec3>& positions) {
                       (finite ? "larger than 1e18" : "not finite (NaN or infinite)") + "; mend or remove the vertex");
 }
 
+// Everything of a file in memory.
+class SoupSink : public MeshSink {
+ public:
+  base::Result<void> vertices(const VertexBlock& block) override {
+    if (soup.positions.size() + block.positions.size() > kMaxVertices)
+      return tooManyVertices(soup.positions.size() + block.positions.size());
+    const std::size_t first = soup.positions.size();
+    soup.positions.insert(soup.positions.end(), block.positions.begin(), block.positions.end());
+    if (!block.normals.empty()) {
+      soup.normals.resize(first, glm::vec3(0.0F));
+      soup.normals.insert(soup.normals.end(), block.normals.begin(), block.normals.end());
+    }
+    if (!block.colors.empty()) {
+      soup.colors.resize(first, glm::u8vec4(255));
+      soup.colors.insert(soup.colors.end(), block.colors.begin(), block.colors.end());
+    }
+    return {};
+  }
+  base::Result<void> triangles(const TriangleBlock& block) override {
+    for (const std::uint64_t corner : block.corners) soup.indices.push_back(static_cast<std::uint32_t>(corner));
+    // Ours are normals of vertices: corners that share a vertex add up. Vertices that come later get none.
+    for (std::size_t i = 0; i < block.normals.size(); ++i) {
+      if (block.corners[i] >= soup.positions.size()) continue;
+      soup.normals.resize(soup.positions.size(), glm::vec3(0.0F));
+      soup.normals[static_cast<std::size_t>(block.corners[i])] += block.normals[i];
+    }
+    return {};
+  }
+  base::Result<void> restart() override {
+    soup = Soup{};
+    return {};
+  }
+  Soup soup;
+};
+
 base::Result<Soup> readMesh(const std::string& path, std::uint64_t& bytes) {
-  auto file = base::MappedFile::open(path);
+  SoupSink sink;
+  auto file = streamMesh(path, sink, {});
   if (!file) return file.error();
-  bytes = file->bytes().size();
-  auto format = formatOf(path, file->bytes());
-  if (!format) return base::within(path, format.error());
-  auto soup = readAs(*format, file->bytes());
-  if (!soup) return base::within(path, soup.error());
-  if (auto finite = checkPositions(soup->positions); !finite) return base::within(path, finite.error());
-  return soup;
+  bytes = file->bytes;
+  Soup& soup = sink.soup;
+  if (!soup.normals.empty()) soup.normals.resize(soup.positions.size(), glm::vec3(0.0F));
+  if (!soup.colors.empty()) soup.colors.resize(soup.positions.size(), glm::u8vec4(255));
+  soup.short_faces = file->short_faces;
+  soup.warnings = std::move(file->warnings);
+  if (auto finite = checkPositions(soup.positions); !finite) return base::within(path, finite.error());
+  return std::move(soup);
 }
 
 // ---- All files

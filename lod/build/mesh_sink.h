@@ -21,6 +21,7 @@ struct VertexBlock {
 struct TriangleBlock {
   std::span<const std::uint64_t> corners;  ///< 3 per triangle
   std::span<const glm::u8vec4> colors;     ///< empty, or one per corner: sRGB from a texture; a = 0 where unknown
+  std::span<const glm::vec3> normals;      ///< empty, or one per corner, instead of its vertex's; zero where unknown
 };
 
 class MeshSink {

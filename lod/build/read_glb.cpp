@@ -135,7 +135,8 @@ struct Accessor {
 
 class GlbReader {
  public:
-  base::Result<Soup> read(base::ByteView bytes);
+  explicit GlbReader(MeshStream& out) : out_(out) {}
+  base::Result<void> read(base::ByteView bytes);
 
  private:
   base::Result<void> splitChunks(base::ByteView bytes);
@@ -145,16 +146,14 @@ class GlbReader {
   base::Result<void> readMesh(std::uint64_t index, const glm::dmat4& scene_from_mesh);
   base::Result<void> readPrimitive(const json& primitive, const std::string& place, const glm::dmat4& scene_from_mesh);
   base::Result<void> readVertices(const json& primitive, const std::string& place, const glm::dmat4& scene_from_mesh);
-  base::Result<void> readColors(const json& primitive, const std::string& place, std::size_t first);
-  base::Result<void> readTriangles(const json& primitive, const std::string& place, std::size_t first, bool flip);
+  base::Result<void> readTriangles(const json& primitive, const std::string& place, std::uint64_t first, bool flip);
   glm::dvec4 baseColor(const json& primitive);
 
   json document_;
   base::ByteView binary_;
   std::uint64_t file_bytes_ = 0;
-  Soup soup_;
-  bool has_normals_ = false;
-  bool has_colors_ = false;
+  MeshStream& out_;
+  const std::uint8_t* file_ = nullptr;  // accessors go anywhere in it: its pages are not let go
   bool textured_ = false;
   std::uint64_t skipped_primitives_ = 0;
 };
@@ -170,6 +169,7 @@ base::Result<void> GlbReader::splitChunks(base::ByteView bytes) {
   if (length > bytes.size())
     return truncatedIn("byte " + std::to_string(bytes.size()) + " of " + std::to_string(length));
   file_bytes_ = bytes.size();
+  file_ = bytes.data();
 
   bool has_json = false;
   while (reader.ok() && reader.offset() + 8 <= length) {
@@ -235,40 +235,6 @@ base::Result<Accessor> GlbReader::accessor(std::uint64_t index, const std::strin
 // ---- Primitives (section 3.7.2)
 // -----------------------------------------------------------------------------------------
 
-base::Result<void> GlbReader::readVertices(const json& primitive, const std::string& place,
-                                           const glm::dmat4& scene_from_mesh) {
-  const json& attributes = member(primitive, "attributes");
-  auto position = accessor(integer(member(attributes, "POSITION"), kMissing), place + ": POSITION");
-  if (!position) return position.error();
-  if (position->components != 3) return invalidInput(place + ": POSITION is not VEC3");
-  const std::size_t first = soup_.positions.size();
-  const std::uint64_t total = first + position->count;
-  if (total > kMaxVertices) return tooManyVertices(total);
-  if (total > std::max(file_bytes_, kMaxInstancedVertices))
-    return unsupported(place + ": instances make " + std::to_string(total) + " vertices; write them as one mesh");
-
-  soup_.positions.resize(total);
-  for (std::uint64_t i = 0; i < position->count; ++i)
-    soup_.positions[first + i] = glm::dvec3(
-        scene_from_mesh * glm::dvec4(position->value(i, 0), position->value(i, 1), position->value(i, 2), 1.0));
-
-  // Normals go by the inverse transpose, written as the cofactor matrix so that a singular matrix is no exception.
-  if (member(attributes, "NORMAL").is_null()) return {};
-  auto normal = accessor(integer(member(attributes, "NORMAL"), kMissing), place + ": NORMAL");
-  if (!normal) return normal.error();
-  if (normal->components != 3 || normal->count != position->count)
-    return invalidInput(place + ": NORMAL does not go with POSITION");
-  const glm::dmat3 m(scene_from_mesh);
-  const glm::dmat3 cofactor(glm::cross(m[1], m[2]), glm::cross(m[2], m[0]), glm::cross(m[0], m[1]));
-  const double side = glm::determinant(m) < 0.0 ? -1.0 : 1.0;
-  has_normals_ = true;
-  soup_.normals.resize(total, glm::vec3(0.0F));
-  for (std::uint64_t i = 0; i < normal->count; ++i)
-    soup_.normals[first + i] =
-        glm::vec3(side * (cofactor * glm::dvec3(normal->value(i, 0), normal->value(i, 1), normal->value(i, 2))));
-  return {};
-}
-
 // sRGB transfer function (IEC 61966-2-1): glTF's vertex colours and factors are linear, ours are sRGB.
 double srgbFromLinear(double v) {
   return v <= 0.0031308 ? 12.92 * v : 1.055 * std::pow(v, 1.0 / 2.4) - 0.055;
@@ -283,59 +249,87 @@ glm::dvec4 GlbReader::baseColor(const json& primitive) {
   return factor;
 }
 
-base::Result<void> GlbReader::readColors(const json& primitive, const std::string& place, std::size_t first) {
-  const glm::dvec4 factor = baseColor(primitive);
-  const json& index = member(member(primitive, "attributes"), "COLOR_0");
-  if (index.is_null() && glm::dvec3(factor) == glm::dvec3(1.0)) return {};
+// Positions, normals and colours of a primitive, vertex by vertex.
+base::Result<void> GlbReader::readVertices(const json& primitive, const std::string& place,
+                                           const glm::dmat4& scene_from_mesh) {
+  const json& attributes = member(primitive, "attributes");
+  auto position = accessor(integer(member(attributes, "POSITION"), kMissing), place + ": POSITION");
+  if (!position) return position.error();
+  if (position->components != 3) return invalidInput(place + ": POSITION is not VEC3");
+  const std::uint64_t total = out_.vertexCount() + position->count;
+  if (total > std::max(file_bytes_, kMaxInstancedVertices))
+    return unsupported(place + ": instances make " + std::to_string(total) + " vertices; write them as one mesh");
 
-  has_colors_ = true;
-  soup_.colors.resize(first, glm::u8vec4(255));
-  const auto encode = [](double linear) { return byteFromUnit(srgbFromLinear(std::min(linear, 1.0))); };
-  if (index.is_null()) {
-    soup_.colors.resize(soup_.positions.size(), {encode(factor.r), encode(factor.g), encode(factor.b), 255});
-    return {};
+  std::optional<Accessor> normal;
+  if (!member(attributes, "NORMAL").is_null()) {
+    auto found = accessor(integer(member(attributes, "NORMAL"), kMissing), place + ": NORMAL");
+    if (!found) return found.error();
+    if (found->components != 3 || found->count != position->count)
+      return invalidInput(place + ": NORMAL does not go with POSITION");
+    normal = *found;
   }
-  auto color = accessor(integer(index, kMissing), place + ": COLOR_0");
-  if (!color) return color.error();
-  if (color->components < 3 || color->count != soup_.positions.size() - first)
-    return invalidInput(place + ": COLOR_0 does not go with POSITION");
-  for (std::uint64_t i = 0; i < color->count; ++i)
-    soup_.colors.push_back({encode(factor.r * color->value(i, 0)), encode(factor.g * color->value(i, 1)),
-                            encode(factor.b * color->value(i, 2)), 255});
-  return {};
+  const glm::dvec4 factor = baseColor(primitive);
+  std::optional<Accessor> color;
+  if (const json& index = member(attributes, "COLOR_0"); !index.is_null()) {
+    auto found = accessor(integer(index, kMissing), place + ": COLOR_0");
+    if (!found) return found.error();
+    if (found->components < 3 || found->count != position->count)
+      return invalidInput(place + ": COLOR_0 does not go with POSITION");
+    color = *found;
+  }
+  const bool colored = color || glm::dvec3(factor) != glm::dvec3(1.0);
+
+  // Normals go by the inverse transpose, written as the cofactor matrix so that a singular matrix is no exception.
+  const glm::dmat3 m(scene_from_mesh);
+  const glm::dmat3 cofactor(glm::cross(m[1], m[2]), glm::cross(m[2], m[0]), glm::cross(m[0], m[1]));
+  const double side = glm::determinant(m) < 0.0 ? -1.0 : 1.0;
+  const auto encode = [](double linear) { return byteFromUnit(srgbFromLinear(std::min(linear, 1.0))); };
+  for (std::uint64_t i = 0; i < position->count; ++i) {
+    // A block holds one primitive's vertices alone: all have the same attributes.
+    out_.positions.emplace_back(glm::dvec3(
+        scene_from_mesh * glm::dvec4(position->value(i, 0), position->value(i, 1), position->value(i, 2), 1.0)));
+    if (normal)
+      out_.normals.emplace_back(side *
+                                (cofactor * glm::dvec3(normal->value(i, 0), normal->value(i, 1), normal->value(i, 2))));
+    if (colored) {
+      const glm::dvec3 c =
+          color ? glm::dvec3(color->value(i, 0), color->value(i, 1), color->value(i, 2)) : glm::dvec3(1.0);
+      out_.colors.push_back({encode(factor.r * c.r), encode(factor.g * c.g), encode(factor.b * c.b), 255});
+    }
+    LUMIGRID_TRY(out_.advance(file_));
+  }
+  return out_.flush(file_);
 }
 
-base::Result<void> GlbReader::readTriangles(const json& primitive, const std::string& place, std::size_t first,
+base::Result<void> GlbReader::readTriangles(const json& primitive, const std::string& place, std::uint64_t first,
                                             bool flip) {
-  const std::size_t vertex_count = soup_.positions.size() - first;
-  std::vector<std::uint32_t> list;
-  if (member(primitive, "indices").is_null()) {
-    list.resize(vertex_count);
-    for (std::size_t i = 0; i < vertex_count; ++i) list[i] = static_cast<std::uint32_t>(i);
-  } else {
-    auto indices = accessor(integer(member(primitive, "indices"), kMissing), place + ": indices");
-    if (!indices) return indices.error();
-    const std::uint64_t type = indices->component_type;
-    if (indices->components != 1 || (type != kUnsignedByte && type != kUnsignedShort && type != kUnsignedInt))
+  const std::uint64_t vertex_count = out_.vertexCount() - first;
+  std::optional<Accessor> indices;
+  if (!member(primitive, "indices").is_null()) {
+    auto found = accessor(integer(member(primitive, "indices"), kMissing), place + ": indices");
+    if (!found) return found.error();
+    const std::uint64_t type = found->component_type;
+    if (found->components != 1 || (type != kUnsignedByte && type != kUnsignedShort && type != kUnsignedInt))
       return invalidInput(place + ": indices are not unsigned integers");
-    list.resize(indices->count);
-    for (std::uint64_t i = 0; i < indices->count; ++i) {
-      list[i] = indices->index(i);
-      if (list[i] >= vertex_count) return indexOutOfRange(place, list[i], vertex_count);
-    }
+    indices = *found;
+    for (std::uint64_t i = 0; i < indices->count; ++i)
+      if (indices->index(i) >= vertex_count) return indexOutOfRange(place, indices->index(i), vertex_count);
   }
+  const std::uint64_t count = indices ? indices->count : vertex_count;
+  const auto corner = [&](std::uint64_t i) { return indices ? std::uint64_t{indices->index(i)} : i; };
 
   // Triangles, strips (every other one turned) and fans.
   const std::uint64_t mode = integer(member(primitive, "mode"), 4);
   const std::size_t step = mode == 4 ? 3 : 1;
-  for (std::size_t i = 0; i + 3 <= list.size(); i += step) {
-    std::array<std::uint32_t, 3> t{list[mode == 6 ? 0 : i], list[i + 1], list[i + 2]};
+  for (std::uint64_t i = 0; i + 3 <= count; i += step) {
+    std::array<std::uint64_t, 3> t{corner(mode == 6 ? 0 : i), corner(i + 1), corner(i + 2)};
     if ((mode == 5 && (i & 1U) != 0) != flip) std::swap(t[1], t[2]);
     const bool stitch = mode == 5 && (t[0] == t[1] || t[1] == t[2] || t[2] == t[0]);
     if (stitch) continue;
-    for (const std::uint32_t corner : t) soup_.indices.push_back(static_cast<std::uint32_t>(first + corner));
+    for (const std::uint64_t c : t) out_.corners.push_back(first + c);
+    LUMIGRID_TRY(out_.advance(file_));
   }
-  if (soup_.indices.size() / 3 > std::max(file_bytes_, 4 * kMaxInstancedVertices))
+  if (out_.triangleCount() > std::max(file_bytes_, 4 * kMaxInstancedVertices))
     return unsupported(place + ": instances make too many triangles; write them as one mesh");
   return {};
 }
@@ -351,9 +345,8 @@ base::Result<void> GlbReader::readPrimitive(const json& primitive, const std::st
       !item(member(document_, "accessors"), integer(member(member(primitive, "attributes"), "POSITION"), kMissing))
            .contains("bufferView"))
     return unsupported(place + ": compressed by KHR_draco_mesh_compression, which is not read; write the file without");
-  const std::size_t first = soup_.positions.size();
+  const std::uint64_t first = out_.vertexCount();
   LUMIGRID_TRY(readVertices(primitive, place, scene_from_mesh));
-  LUMIGRID_TRY(readColors(primitive, place, first));
   return readTriangles(primitive, place, first, glm::determinant(glm::dmat3(scene_from_mesh)) < 0.0);
 }
 
@@ -440,26 +433,22 @@ base::Result<void> GlbReader::readScene() {
   return {};
 }
 
-base::Result<Soup> GlbReader::read(base::ByteView bytes) {
+base::Result<void> GlbReader::read(base::ByteView bytes) {
   LUMIGRID_TRY(splitChunks(bytes));
   LUMIGRID_TRY(checkExtensions());
   LUMIGRID_TRY(readScene());
-  if (soup_.indices.empty()) return invalidInput("the file has no triangles");
-
-  // Primitives without an attribute that others have.
-  if (has_normals_) soup_.normals.resize(soup_.positions.size(), glm::vec3(0.0F));
-  if (has_colors_) soup_.colors.resize(soup_.positions.size(), glm::u8vec4(255));
+  if (out_.triangleCount() == 0) return invalidInput("the file has no triangles");
   if (textured_)
-    soup_.warnings.push_back("textures are not used; vertex colours stay (bake the texture to vertex colours first)");
+    out_.warnings.push_back("textures are not used; vertex colours stay (bake the texture to vertex colours first)");
   if (skipped_primitives_ > 0)
-    soup_.warnings.push_back(std::to_string(skipped_primitives_) + " primitives of points or lines are left out");
-  return std::move(soup_);
+    out_.warnings.push_back(std::to_string(skipped_primitives_) + " primitives of points or lines are left out");
+  return out_.flush(bytes.data() + bytes.size());
 }
 
 }  // namespace
 
-base::Result<Soup> readGlb(base::ByteView bytes) {
-  return GlbReader().read(bytes);
+base::Result<void> readGlb(base::ByteView bytes, MeshStream& out) {
+  return GlbReader(out).read(bytes);
 }
 
 }  // namespace lod::build

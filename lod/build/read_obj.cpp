@@ -6,23 +6,32 @@
 namespace lod::build {
 namespace {
 
+// Normals of the file that are kept for faces to name; a file with more goes without.
+constexpr std::size_t kMaxNormals = std::size_t{1} << 26;
+
 struct ObjReader {
-  Soup soup;
+  explicit ObjReader(MeshStream& stream) : out(stream) {}
+
+  MeshStream& out;
   std::vector<glm::vec3> file_normals;  // as the vn lines give them
-  std::vector<glm::vec3> colors;        // per vertex, as given
-  std::vector<std::uint32_t> corners;   // of the face being read
-  std::int64_t highest_index = -1;      // of all faces, checked once every vertex is known
+  std::vector<std::uint64_t> corners;   // of the face being read, with their normals
+  std::vector<glm::vec3> normals;
+  std::int64_t highest_index = -1;  // of all faces, checked once every vertex is known
   std::uint64_t highest_index_line = 0;
   std::uint64_t line_number = 0;
+  TextColors colors;
   bool has_colors = false;
+  bool has_normals = false;
+  bool too_many_normals = false;
   bool textured = false;
 
   std::string place() const { return "line " + std::to_string(line_number); }
+  base::Result<void> readFile(std::string_view text);
   base::Result<void> readLine(std::string_view line);
   base::Result<void> readVertex(std::string_view line);
   base::Result<void> readNormal(std::string_view line);
   base::Result<void> readFace(std::string_view line);
-  base::Result<std::uint32_t> readCorner(std::string_view word);
+  base::Result<void> readCorner(std::string_view word);
   base::Result<void> finish();
 };
 
@@ -42,15 +51,14 @@ base::Result<void> ObjReader::readVertex(std::string_view line) {
   std::array<double, 7> n{};
   auto count = readNumbers(line, n, place());
   if (!count) return count.error();
-  if (soup.positions.size() >= kMaxVertices) return tooManyVertices(soup.positions.size() + 1);
-  soup.positions.emplace_back(n[0], n[1], n[2]);
+  out.positions.emplace_back(n[0], n[1], n[2]);
 
   // Colours follow the position (6 numbers), or the position and its weight (7).
   const std::size_t c = *count == 7 ? 4 : 3;
   if (*count >= 6) has_colors = true;
   if (has_colors) {
-    colors.resize(soup.positions.size(), glm::vec3(1.0F));
-    if (*count >= 6) colors.back() = glm::vec3(glm::dvec3(n[c], n[c + 1], n[c + 2]));
+    out.colors.resize(out.positions.size(), glm::u8vec4(255));
+    if (*count >= 6) out.colors.back() = colors.color({n[c], n[c + 1], n[c + 2]});
   }
   return {};
 }
@@ -59,51 +67,51 @@ base::Result<void> ObjReader::readNormal(std::string_view line) {
   std::array<double, 7> n{};
   auto count = readNumbers(line, n, place());
   if (!count) return count.error();
-  file_normals.emplace_back(glm::dvec3(n[0], n[1], n[2]));
+  if (file_normals.size() < kMaxNormals)
+    file_normals.emplace_back(glm::dvec3(n[0], n[1], n[2]));
+  else
+    too_many_normals = true;
   return {};
 }
 
 // Numbers count from 1; negative ones back from the last element read so far.
-bool resolveIndex(std::int64_t number, std::size_t count, std::int64_t& index) {
+bool resolveIndex(std::int64_t number, std::uint64_t count, std::int64_t& index) {
   index = number > 0 ? number - 1 : static_cast<std::int64_t>(count) + number;
   return number != 0 && index >= 0;
 }
 
 // "7", "7/2", "7//3" or "7/2/3": vertex, texture, normal.
-base::Result<std::uint32_t> ObjReader::readCorner(std::string_view word) {
+base::Result<void> ObjReader::readCorner(std::string_view word) {
   std::int64_t number = 0;
   std::int64_t index = 0;
   const std::size_t slash = word.find('/');
   if (!parseNumber(word.substr(0, slash), number))
     return invalidInput(place() + ": " + quoted(word) + " is not a vertex index");
-  if (!resolveIndex(number, soup.positions.size(), index) || index > static_cast<std::int64_t>(kMaxVertices))
-    return indexOutOfRange(place(), number, soup.positions.size());
+  if (!resolveIndex(number, out.vertexCount(), index) || index >= std::int64_t{1} << 48)
+    return indexOutOfRange(place(), number, out.vertexCount());
   if (index > highest_index) highest_index = index, highest_index_line = line_number;
+  corners.push_back(static_cast<std::uint64_t>(index));
+  normals.emplace_back(0.0F);
 
   const std::size_t last_slash = word.rfind('/');
-  if (slash == std::string_view::npos || last_slash == slash) return static_cast<std::uint32_t>(index);
+  if (slash == std::string_view::npos || last_slash == slash || too_many_normals) return {};
   std::int64_t normal = 0;
   if (!parseNumber(word.substr(last_slash + 1), number) || !resolveIndex(number, file_normals.size(), normal) ||
       normal >= static_cast<std::int64_t>(file_normals.size()))
     return invalidInput(place() + ": " + quoted(word) + " names a normal that is not there (" +
                         std::to_string(file_normals.size()) + " normals)");
-
-  // Ours are normals of vertices: corners that share a vertex add up. Vertices that come later get none.
-  if (index < static_cast<std::int64_t>(soup.positions.size())) {
-    soup.normals.resize(soup.positions.size(), glm::vec3(0.0F));
-    soup.normals[static_cast<std::size_t>(index)] += file_normals[static_cast<std::size_t>(normal)];
-  }
-  return static_cast<std::uint32_t>(index);
+  normals.back() = file_normals[static_cast<std::size_t>(normal)];
+  has_normals = true;
+  return {};
 }
 
 base::Result<void> ObjReader::readFace(std::string_view line) {
   corners.clear();
-  for (std::string_view word = nextWord(line); !word.empty() && word.front() != '#'; word = nextWord(line)) {
-    auto corner = readCorner(word);
-    if (!corner) return corner.error();
-    corners.push_back(*corner);
-  }
-  addPolygon(soup, corners.data(), corners.size());
+  normals.clear();
+  for (std::string_view word = nextWord(line); !word.empty() && word.front() != '#'; word = nextWord(line))
+    LUMIGRID_TRY(readCorner(word));
+  if (has_normals) out.corner_normals.resize(out.corners.size(), glm::vec3(0.0F));
+  out.addPolygon(corners, has_normals ? std::span<const glm::vec3>(normals) : std::span<const glm::vec3>());
   return {};
 }
 
@@ -117,47 +125,59 @@ base::Result<void> ObjReader::readLine(std::string_view line) {
 }
 
 base::Result<void> ObjReader::finish() {
-  const std::size_t count = soup.positions.size();
+  const std::uint64_t count = out.vertexCount();
   if (highest_index >= static_cast<std::int64_t>(count))
     return indexOutOfRange("line " + std::to_string(highest_index_line), highest_index + 1, count);
-  if (!soup.normals.empty()) soup.normals.resize(count, glm::vec3(0.0F));
-  if (has_colors) {
-    colors.resize(count, glm::vec3(1.0F));
-    setColors(soup, colors);
-  }
   if (textured)
-    soup.warnings.push_back(
+    out.warnings.push_back(
         "textures and materials are not used; vertex colours stay (bake the texture to vertex colours first)");
+  if (too_many_normals)
+    out.warnings.push_back("has more than " + std::to_string(kMaxNormals) +
+                           " normals; those beyond are computed from the triangles");
+  if (out.triangleCount() == 0 && out.short_faces == 0)
+    return invalidInput("the file has no faces (a point cloud?); mesh it first");
   return {};
 }
 
-}  // namespace
-
-base::Result<Soup> readObj(base::ByteView bytes) {
-  ObjReader reader;
-  std::string_view text = textOf(bytes);
+base::Result<void> ObjReader::readFile(std::string_view text) {
+  const std::string_view whole = text;
   std::string joined;
   while (!text.empty()) {
-    ++reader.line_number;
+    ++line_number;
     std::string_view line = nextLine(text);
 
     // A backslash at the end continues the line.
     if (!line.empty() && line.back() == '\\') {
       joined.assign(line.substr(0, line.size() - 1));
       for (bool more = true; more && !text.empty();) {
-        ++reader.line_number;
+        ++line_number;
         line = nextLine(text);
         more = !line.empty() && line.back() == '\\';
         joined.append(" ").append(more ? line.substr(0, line.size() - 1) : line);
       }
       line = joined;
     }
-    LUMIGRID_TRY(reader.readLine(line));
+    LUMIGRID_TRY(readLine(line));
+    if (colors.mustRestart()) {
+      LUMIGRID_TRY(out.restart());
+      text = whole;
+      line_number = 0, highest_index = -1;
+      file_normals.clear();
+      has_normals = false;
+      continue;
+    }
+    // Colours begin in the middle of a block: those before are white.
+    if (has_colors) out.colors.resize(out.positions.size(), glm::u8vec4(255));
+    LUMIGRID_TRY(out.advance(text.data()));
   }
-  LUMIGRID_TRY(reader.finish());
-  if (reader.soup.indices.empty() && reader.soup.short_faces == 0)
-    return invalidInput("the file has no faces (a point cloud?); mesh it first");
-  return std::move(reader.soup);
+  LUMIGRID_TRY(finish());
+  return out.flush(whole.data() + whole.size());
+}
+
+}  // namespace
+
+base::Result<void> readObj(base::ByteView bytes, MeshStream& out) {
+  return ObjReader(out).readFile(textOf(bytes));
 }
 
 }  // namespace lod::build

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <limits>
 
 namespace lod::build {
 namespace {
@@ -32,8 +33,8 @@ base::Result<Layout> layoutFromKeyword(std::string_view keyword) {
 
 class OffReader {
  public:
-  explicit OffReader(std::string_view text) : text_(text) {}
-  base::Result<Soup> read();
+  OffReader(std::string_view text, MeshStream& out) : text_(text), out_(out) {}
+  base::Result<void> read();
 
  private:
   /// The next line that holds more than a comment; false at the end.
@@ -48,7 +49,7 @@ class OffReader {
   Layout layout_;
   std::uint64_t vertex_count_ = 0;
   std::uint64_t face_count_ = 0;
-  Soup soup_;
+  MeshStream& out_;
 };
 
 bool OffReader::nextFullLine(std::string_view& line) {
@@ -79,7 +80,6 @@ base::Result<void> OffReader::readCounts() {
   const std::string_view faces = nextWord(line);
   if (!parseNumber(word, vertex_count_) || !parseNumber(faces, face_count_))
     return invalidInput(place() + ": the numbers of vertices and faces are missing");
-  if (vertex_count_ > kMaxVertices) return tooManyVertices(vertex_count_);
 
   // A vertex takes at least "0 0 0", a face "0".
   if (vertex_count_ > text_.size() / 5 + 1) return truncatedIn("vertex " + std::to_string(text_.size() / 5));
@@ -88,8 +88,9 @@ base::Result<void> OffReader::readCounts() {
 }
 
 base::Result<void> OffReader::readVertices() {
-  soup_.positions.reserve(vertex_count_);
-  std::vector<glm::vec3> colors;
+  const std::string_view begin = text_;
+  const std::uint64_t begin_line = line_number_;
+  TextColors colors;
   for (std::uint64_t i = 0; i < vertex_count_; ++i) {
     std::string_view line;
     if (!nextFullLine(line)) return truncatedIn("vertex " + std::to_string(i) + " of " + std::to_string(vertex_count_));
@@ -102,16 +103,22 @@ base::Result<void> OffReader::readVertices() {
     const std::size_t color_at = layout_.normal ? 6 : 3;
     const std::size_t needed = layout_.color ? color_at + 3 : color_at;
     if (count < needed) return truncatedIn("vertex " + std::to_string(i) + " of " + std::to_string(vertex_count_));
-    soup_.positions.emplace_back(n[0], n[1], n[2]);
-    if (layout_.normal) soup_.normals.emplace_back(glm::dvec3(n[3], n[4], n[5]));
-    if (layout_.color) colors.emplace_back(glm::dvec3(n[color_at], n[color_at + 1], n[color_at + 2]));
+    out_.positions.emplace_back(n[0], n[1], n[2]);
+    if (layout_.normal) out_.normals.emplace_back(glm::dvec3(n[3], n[4], n[5]));
+    if (layout_.color) out_.colors.push_back(colors.color({n[color_at], n[color_at + 1], n[color_at + 2]}));
+    if (colors.mustRestart()) {
+      LUMIGRID_TRY(out_.restart());
+      text_ = begin, line_number_ = begin_line;
+      i = std::numeric_limits<std::uint64_t>::max();  // the loop goes on with 0
+    } else {
+      LUMIGRID_TRY(out_.advance(text_.data()));
+    }
   }
-  if (layout_.color) setColors(soup_, colors);
   return {};
 }
 
 base::Result<void> OffReader::readFaces() {
-  std::vector<std::uint32_t> corners;
+  std::vector<std::uint64_t> corners;
   for (std::uint64_t i = 0; i < face_count_; ++i) {
     const std::string face = "face " + std::to_string(i);
     std::string_view line;
@@ -128,27 +135,28 @@ base::Result<void> OffReader::readFaces() {
       if (!parseNumber(index_word, index)) return invalidInput(face + ": " + quoted(index_word) + " is not an index");
       if (index < 0 || static_cast<std::uint64_t>(index) >= vertex_count_)
         return indexOutOfRange(face, index, vertex_count_);
-      corners.push_back(static_cast<std::uint32_t>(index));
+      corners.push_back(static_cast<std::uint64_t>(index));
     }
-    addPolygon(soup_, corners.data(), corners.size());
+    out_.addPolygon(corners);
+    LUMIGRID_TRY(out_.advance(text_.data()));
   }
   return {};
 }
 
-base::Result<Soup> OffReader::read() {
+base::Result<void> OffReader::read() {
   LUMIGRID_TRY(readCounts());
   if (face_count_ == 0) return invalidInput("the file has no faces (a point cloud?); mesh it first");
   LUMIGRID_TRY(readVertices());
   LUMIGRID_TRY(readFaces());
   if (layout_.texture)
-    soup_.warnings.push_back("textures are not used; vertex colours stay (bake the texture to vertex colours first)");
-  return std::move(soup_);
+    out_.warnings.push_back("textures are not used; vertex colours stay (bake the texture to vertex colours first)");
+  return out_.flush(text_.data());
 }
 
 }  // namespace
 
-base::Result<Soup> readOff(base::ByteView bytes) {
-  return OffReader(textOf(bytes)).read();
+base::Result<void> readOff(base::ByteView bytes, MeshStream& out) {
+  return OffReader(textOf(bytes), out).read();
 }
 
 }  // namespace lod::build

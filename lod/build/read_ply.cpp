@@ -4,9 +4,9 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <cstring>
+#include <limits>
 #include <optional>
-
-#include "base/parallel.h"
 
 namespace lod::build {
 namespace {
@@ -205,6 +205,7 @@ class BinarySource {
   const std::uint8_t* at() const { return body_.data() + offset_; }
   std::size_t remaining() const { return body_.size() - offset_; }
   void advance(std::size_t bytes) { offset_ += bytes; }
+  const void* place() const { return at(); }
 
  private:
   base::ByteView body_;
@@ -229,6 +230,7 @@ class TextSource {
   }
   static std::size_t leastBytes(Scalar) { return 1; }
   std::size_t remaining() const { return body_.size(); }
+  const void* place() const { return body_.data(); }
   /// The word that was no number; empty when the text ended.
   std::string badWord() const { return bad_word_.empty() ? std::string{} : quoted(bad_word_); }
 
@@ -304,13 +306,13 @@ base::Result<VertexLayout> layoutOf(const Element& element) {
   return layout;
 }
 
-void storeVertex(Soup& soup, const VertexLayout& layout, std::size_t i, const std::array<double, kSlots>& v) {
-  soup.positions[i] = {v[kX], v[kY], v[kZ]};
+void addVertex(MeshStream& out, const VertexLayout& layout, const std::array<double, kSlots>& v) {
+  out.positions.emplace_back(v[kX], v[kY], v[kZ]);
   if (layout.has_normals)
-    soup.normals[i] = {static_cast<float>(v[kNx]), static_cast<float>(v[kNy]), static_cast<float>(v[kNz])};
+    out.normals.emplace_back(static_cast<float>(v[kNx]), static_cast<float>(v[kNy]), static_cast<float>(v[kNz]));
   if (layout.has_colors)
-    soup.colors[i] = {byteFromUnit(v[kRed] * layout.scale[kRed]), byteFromUnit(v[kGreen] * layout.scale[kGreen]),
-                      byteFromUnit(v[kBlue] * layout.scale[kBlue]), 255};
+    out.colors.emplace_back(byteFromUnit(v[kRed] * layout.scale[kRed]), byteFromUnit(v[kGreen] * layout.scale[kGreen]),
+                            byteFromUnit(v[kBlue] * layout.scale[kBlue]), 255);
 }
 
 std::string placeOf(const Element& element, std::uint64_t row) {
@@ -333,23 +335,50 @@ base::Result<void> checkFits(const Source& source, const Element& element) {
   return truncatedIn(placeOf(element, source.remaining() / row));
 }
 
-// Binary rows of equal length: read in place, on all cores.
-void readFixedVertices(const BinarySource& source, const Element& element, const VertexLayout& layout, Soup& soup) {
-  constexpr std::size_t kBlock = 1 << 16;
-  const std::size_t blocks = (soup.positions.size() + kBlock - 1) / kBlock;
-  base::parallelFor(blocks, 0, [&](std::size_t block) {
-    const std::size_t end = std::min(soup.positions.size(), (block + 1) * kBlock);
-    for (std::size_t i = block * kBlock; i < end; ++i) {
-      const std::uint8_t* row = source.at() + i * layout.stride;
+// Binary rows of equal length: read in place.
+base::Result<void> readFixedVertices(BinarySource& source, const Element& element, const VertexLayout& layout,
+                                     MeshStream& out) {
+  const bool plain = !source.swap() && [&] {
+    // The usual row: float x y z side by side, byte colours side by side.
+    const auto is = [&](Slot s, Slot first, Scalar type) {
+      return element.properties[static_cast<std::size_t>(layout.property_of[s])].type == type &&
+             layout.offset[s] == layout.offset[first] + static_cast<std::size_t>(s - first) * sizeOf(type);
+    };
+    for (const Slot s : {kX, kY, kZ})
+      if (!is(s, kX, Scalar::kFloat32)) return false;
+    for (const Slot s : {kNx, kNy, kNz})
+      if (layout.has_normals && !is(s, kNx, Scalar::kFloat32)) return false;
+    for (const Slot s : {kRed, kGreen, kBlue})
+      if (layout.has_colors && !is(s, kRed, Scalar::kUint8)) return false;
+    return true;
+  }();
+  for (std::uint64_t i = 0; i < element.count; ++i) {
+    const std::uint8_t* row = source.at();
+    if (plain) {
+      glm::vec3 p;
+      std::memcpy(&p, row + layout.offset[kX], sizeof(p));
+      out.positions.emplace_back(p);
+      if (layout.has_normals) {
+        std::memcpy(&p, row + layout.offset[kNx], sizeof(p));
+        out.normals.push_back(p);
+      }
+      if (layout.has_colors) {
+        const std::uint8_t* c = row + layout.offset[kRed];
+        out.colors.emplace_back(c[0], c[1], c[2], 255);
+      }
+    } else {
       std::array<double, kSlots> values{};
       for (std::size_t s = 0; s < kSlots; ++s) {
         if (layout.property_of[s] < 0) continue;
         const Property& property = element.properties[static_cast<std::size_t>(layout.property_of[s])];
         values[s] = loadAsDouble(row + layout.offset[s], property.type, source.swap());
       }
-      storeVertex(soup, layout, i, values);
+      addVertex(out, layout, values);
     }
-  });
+    source.advance(layout.stride);
+    LUMIGRID_TRY(out.advance(source.place()));
+  }
+  return {};
 }
 
 template <class Source>
@@ -362,19 +391,11 @@ base::Result<void> skipList(Source& source, const Element& element, const Proper
 }
 
 template <class Source>
-base::Result<void> readVertices(Source& source, const Element& element, Soup& soup) {
+base::Result<void> readVertices(Source& source, const Element& element, MeshStream& out) {
   auto layout = layoutOf(element);
   if (!layout) return layout.error();
-  soup.positions.resize(element.count);
-  if (layout->has_normals) soup.normals.resize(element.count);
-  if (layout->has_colors) soup.colors.resize(element.count);
-
   if constexpr (std::is_same_v<Source, BinarySource>) {
-    if (layout->stride > 0) {
-      readFixedVertices(source, element, *layout, soup);
-      source.advance(element.count * layout->stride);
-      return {};
-    }
+    if (layout->stride > 0) return readFixedVertices(source, element, *layout, out);
   }
 
   // Text, or rows that hold lists: value by value.
@@ -393,7 +414,8 @@ base::Result<void> readVertices(Source& source, const Element& element, Soup& so
       }
       if (slot_of[p] >= 0) values[static_cast<std::size_t>(slot_of[p])] = value;
     }
-    storeVertex(soup, *layout, i, values);
+    addVertex(out, *layout, values);
+    LUMIGRID_TRY(out.advance(source.place()));
   }
   return {};
 }
@@ -413,16 +435,16 @@ base::Result<void> skipElement(Source& source, const Element& element) {
 }
 
 // A list of vertex indices into `corners`; −1 is passed through as kRestart for strips.
-constexpr std::uint32_t kRestart = 0xFFFFFFFFU;
+constexpr std::uint64_t kRestart = std::numeric_limits<std::uint64_t>::max();
 
 template <class Source>
 base::Result<void> readCorners(Source& source, const Element& element, const Property& property, std::uint64_t row,
-                               std::uint64_t vertex_count, bool strips, std::vector<std::uint32_t>& corners) {
+                               std::uint64_t vertex_count, bool strips, std::vector<std::uint64_t>& corners) {
   double count = 0.0;
   if (!source.scalar(property.count_type, count) || !(count >= 0.0)) return badRow(source, element, row);
   if (count > static_cast<double>(source.remaining())) return truncatedIn(placeOf(element, row));
   corners.resize(static_cast<std::size_t>(count));
-  for (std::uint32_t& corner : corners) {
+  for (std::uint64_t& corner : corners) {
     double index = 0.0;
     if (!source.scalar(property.type, index)) return badRow(source, element, row);
     if (strips && index == -1.0) {
@@ -432,13 +454,13 @@ base::Result<void> readCorners(Source& source, const Element& element, const Pro
     if (!(index >= 0.0) || index >= static_cast<double>(vertex_count) || index != std::floor(index))
       return indexOutOfRange(element.name + " " + std::to_string(row),
                              std::abs(index) < 1e18 ? static_cast<std::int64_t>(index) : -1, vertex_count);
-    corner = static_cast<std::uint32_t>(index);
+    corner = static_cast<std::uint64_t>(index);
   }
   return {};
 }
 
 // Every other triangle of a strip is wound the other way.
-void addStrip(Soup& soup, const std::vector<std::uint32_t>& corners) {
+void addStrip(MeshStream& out, const std::vector<std::uint64_t>& corners) {
   std::size_t start = 0;
   for (std::size_t i = 0; i < corners.size(); ++i) {
     if (corners[i] == kRestart) {
@@ -447,22 +469,23 @@ void addStrip(Soup& soup, const std::vector<std::uint32_t>& corners) {
     }
     if (i < start + 2) continue;
     const bool odd = ((i - start) & 1U) != 0;
-    const std::array<std::uint32_t, 3> triangle{corners[i - 2], corners[odd ? i : i - 1], corners[odd ? i - 1 : i]};
+    const std::array<std::uint64_t, 3> triangle{corners[i - 2], corners[odd ? i : i - 1], corners[odd ? i - 1 : i]};
     // Strips are stitched with repeated corners: these are not faces.
     if (triangle[0] != triangle[1] && triangle[1] != triangle[2] && triangle[2] != triangle[0])
-      soup.indices.insert(soup.indices.end(), triangle.begin(), triangle.end());
+      out.corners.insert(out.corners.end(), triangle.begin(), triangle.end());
   }
 }
 
 // The usual face, "uchar 3, three 32-bit indices": read as long as rows are of that kind. Returns the rows read.
 std::uint64_t readPlainTriangles(BinarySource& source, const Element& element, std::uint64_t first_row,
-                                 std::uint64_t vertex_count, Soup& soup) {
+                                 std::uint64_t vertex_count, MeshStream& out) {
   std::uint64_t row = first_row;
-  for (; row < element.count && source.remaining() >= 13 && *source.at() == 3; ++row) {
+  const std::uint64_t end = std::min<std::uint64_t>(element.count, first_row + MeshStream::kBlock);
+  for (; row < end && source.remaining() >= 13 && *source.at() == 3; ++row) {
     std::array<std::uint32_t, 3> corner;
     for (std::size_t k = 0; k < 3; ++k) corner[k] = loadScalar<std::uint32_t>(source.at() + 1 + 4 * k, source.swap());
     if (corner[0] >= vertex_count || corner[1] >= vertex_count || corner[2] >= vertex_count) break;
-    soup.indices.insert(soup.indices.end(), corner.begin(), corner.end());
+    out.corners.insert(out.corners.end(), corner.begin(), corner.end());
     source.advance(13);
   }
   return row - first_row;
@@ -476,20 +499,24 @@ bool isPlainFace(const Element& element) {
 
 template <class Source>
 base::Result<void> readFaces(Source& source, const Element& element, bool strips, std::uint64_t vertex_count,
-                             Soup& soup) {
+                             MeshStream& out) {
   const auto is_corners = [](const Property& p) {
     return p.is_list && (p.name == "vertex_indices" || p.name == "vertex_index");
   };
   if (std::none_of(element.properties.begin(), element.properties.end(), is_corners))
     return invalidInput("header: the " + element.name + " element has no vertex_indices list");
-  if (!strips) soup.indices.reserve(soup.indices.size() + 3 * element.count);
 
   const bool plain = isPlainFace(element) && !strips;
-  std::vector<std::uint32_t> corners;
+  std::vector<std::uint64_t> corners;
   for (std::uint64_t row = 0; row < element.count; ++row) {
     if constexpr (std::is_same_v<Source, BinarySource>) {
-      if (plain) row += readPlainTriangles(source, element, row, vertex_count, soup);
-      if (row == element.count) break;
+      if (plain) {
+        if (const std::uint64_t read = readPlainTriangles(source, element, row, vertex_count, out); read > 0) {
+          row += read - 1;
+          LUMIGRID_TRY(out.advance(source.place()));
+          continue;
+        }
+      }
     }
     for (const Property& property : element.properties) {
       if (is_corners(property)) {
@@ -501,34 +528,34 @@ base::Result<void> readFaces(Source& source, const Element& element, bool strips
       }
     }
     if (strips) {
-      addStrip(soup, corners);
+      addStrip(out, corners);
     } else {
-      addPolygon(soup, corners.data(), corners.size());
+      out.addPolygon(corners);
     }
+    LUMIGRID_TRY(out.advance(source.place()));
   }
   static_cast<void>(plain);
   return {};
 }
 
 template <class Source>
-base::Result<Soup> readBody(Source source, const Header& header, std::uint64_t vertex_count) {
-  Soup soup;
+base::Result<void> readBody(Source source, const Header& header, std::uint64_t vertex_count, MeshStream& out) {
   for (const Element& element : header.elements) {
     LUMIGRID_TRY(checkFits(source, element));
     if (element.name == "vertex") {
-      LUMIGRID_TRY(readVertices(source, element, soup));
+      LUMIGRID_TRY(readVertices(source, element, out));
     } else if (element.name == "face" || element.name == "tristrips") {
-      LUMIGRID_TRY(readFaces(source, element, element.name == "tristrips", vertex_count, soup));
+      LUMIGRID_TRY(readFaces(source, element, element.name == "tristrips", vertex_count, out));
     } else {
       LUMIGRID_TRY(skipElement(source, element));
     }
   }
-  return soup;
+  return out.flush(source.place());
 }
 
 }  // namespace
 
-base::Result<Soup> readPly(base::ByteView bytes) {
+base::Result<void> readPly(base::ByteView bytes, MeshStream& out) {
   auto header = parseHeader(bytes);
   if (!header) return header.error();
 
@@ -541,16 +568,13 @@ base::Result<Soup> readPly(base::ByteView bytes) {
     has_faces = has_faces || ((element.name == "face" || element.name == "tristrips") && element.count > 0);
   }
   if (vertex_elements != 1) return invalidInput("header: there is not exactly one vertex element");
-  if (vertex_count > kMaxVertices) return tooManyVertices(vertex_count);
   if (!has_faces) return invalidInput("the file has no faces (a point cloud?); mesh it first");
 
   const base::ByteView body = bytes.subspan(header->length);
-  auto soup = header->encoding == Encoding::kAscii
-                  ? readBody(TextSource(textOf(body)), *header, vertex_count)
-                  : readBody(BinarySource(body, header->encoding == Encoding::kBig), *header, vertex_count);
-  if (soup && header->textured)
-    soup->warnings.push_back("textures are not used; vertex colours stay (bake the texture to vertex colours first)");
-  return soup;
+  if (header->textured)
+    out.warnings.push_back("textures are not used; vertex colours stay (bake the texture to vertex colours first)");
+  if (header->encoding == Encoding::kAscii) return readBody(TextSource(textOf(body)), *header, vertex_count, out);
+  return readBody(BinarySource(body, header->encoding == Encoding::kBig), *header, vertex_count, out);
 }
 
 }  // namespace lod::build

@@ -4,7 +4,7 @@
 
 namespace lod::build {
 
-/// Bytes of a whole file -> its vertices and triangles. Errors name the place in the file, not the file.
-base::Result<Soup> readPly(base::ByteView bytes);
+/// Bytes of a whole file -> the stream, block by block. Errors name the place in the file, not the file.
+base::Result<void> readPly(base::ByteView bytes, MeshStream& out);
 
 }  // namespace lod::build

@@ -27,67 +27,64 @@ bool isText(base::ByteView bytes) {
   return std::none_of(start.begin(), start.end(), [](std::uint8_t b) { return b == 0; });
 }
 
-base::Result<Soup> readBinary(base::ByteView bytes) {
+base::Result<void> readBinary(base::ByteView bytes, MeshStream& out) {
   if (bytes.size() < kHeaderBytes) return truncatedIn("the header");
   const std::size_t count = triangleCountOf(bytes);
   const std::size_t there = (bytes.size() - kHeaderBytes) / kTriangleBytes;
   if (count > there) return truncatedIn("triangle " + std::to_string(there) + " of " + std::to_string(count));
-  if (count > kMaxTriangles) return tooManyVertices(3 * std::uint64_t{count});
 
-  Soup soup;
-  soup.positions.reserve(3 * count);
-  soup.indices.reserve(3 * count);
   for (std::size_t t = 0; t < count; ++t) {
     std::array<glm::vec3, 3> corners;
-    std::memcpy(corners.data(), bytes.data() + kHeaderBytes + t * kTriangleBytes + sizeof(glm::vec3), sizeof(corners));
+    const std::uint8_t* row = bytes.data() + kHeaderBytes + t * kTriangleBytes;
+    std::memcpy(corners.data(), row + sizeof(glm::vec3), sizeof(corners));
     for (const glm::vec3& corner : corners) {
-      soup.indices.push_back(static_cast<std::uint32_t>(soup.positions.size()));
-      soup.positions.emplace_back(corner);
+      out.corners.push_back(out.vertexCount());
+      out.positions.emplace_back(corner);
     }
+    LUMIGRID_TRY(out.advance(row));
   }
-  return soup;
+  return {};
 }
 
-base::Result<Soup> readText(std::string_view text) {
-  Soup soup;
+base::Result<void> readText(std::string_view text, MeshStream& out) {
   std::uint64_t line_number = 0;
-  std::vector<std::uint32_t> corners;
+  std::vector<std::uint64_t> corners;
   bool in_loop = false;
   bool ended = false;
   while (!text.empty()) {
     ++line_number;
     std::string_view line = nextLine(text);
-    const std::string place = "line " + std::to_string(line_number);
     const std::string_view keyword = nextWord(line);
     if (keyword == "vertex") {
       glm::dvec3 p;
       for (int k = 0; k < 3; ++k) {
         const std::string_view word = nextWord(line);
-        if (!parseNumber(word, p[k])) return invalidInput(place + ": " + quoted(word) + " is not a number");
+        if (!parseNumber(word, p[k]))
+          return invalidInput("line " + std::to_string(line_number) + ": " + quoted(word) + " is not a number");
       }
-      if (soup.positions.size() >= kMaxVertices) return tooManyVertices(soup.positions.size() + 1);
-      corners.push_back(static_cast<std::uint32_t>(soup.positions.size()));
-      soup.positions.push_back(p);
+      corners.push_back(out.vertexCount());
+      out.positions.push_back(p);
     } else if (keyword == "facet") {
       corners.clear();
       in_loop = true;
     } else if (keyword == "endfacet") {
-      addPolygon(soup, corners.data(), corners.size());
+      out.addPolygon(corners);
       corners.clear();
       in_loop = false;
+      LUMIGRID_TRY(out.advance(text.data()));
     }
     ended = keyword == "endsolid" || (ended && keyword.empty());
   }
   if (in_loop || !ended) return truncatedIn("line " + std::to_string(line_number));
-  return soup;
+  return {};
 }
 
 }  // namespace
 
-base::Result<Soup> readStl(base::ByteView bytes) {
-  auto soup = isText(bytes) ? readText(textOf(bytes)) : readBinary(bytes);
-  if (soup && soup->indices.empty() && soup->short_faces == 0) return invalidInput("the file has no triangles");
-  return soup;
+base::Result<void> readStl(base::ByteView bytes, MeshStream& out) {
+  LUMIGRID_TRY(isText(bytes) ? readText(textOf(bytes), out) : readBinary(bytes, out));
+  if (out.triangleCount() == 0 && out.short_faces == 0) return invalidInput("the file has no triangles");
+  return out.flush(bytes.data() + bytes.size());
 }
 
 }  // namespace lod::build

@@ -3,6 +3,7 @@
 // lod/build.
 #include <charconv>
 #include <cstdint>
+#include <functional>
 #include <glm/glm.hpp>
 #include <string>
 #include <string_view>
@@ -10,6 +11,7 @@
 
 #include "base/bytes.h"
 #include "base/error.h"
+#include "lod/build/mesh_sink.h"
 
 namespace lod::build {
 
@@ -23,7 +25,7 @@ struct Soup {
   std::vector<std::string> warnings;   ///< one line each, without the file's name
 };
 
-/// Indices are 32 bits and 2^32 − 1 is kept as "none".
+/// In memory, indices are 32 bits and 2^32 − 1 is kept as "none".
 inline constexpr std::uint64_t kMaxVertices = 0xFFFFFFFEULL;
 /// Corner numbers (3 per triangle) have to fit into 32 bits too.
 inline constexpr std::uint64_t kMaxTriangles = kMaxVertices / 3;
@@ -46,18 +48,61 @@ inline base::Error tooManyVertices(std::uint64_t count) {
                      "; split the mesh into several scenes");
 }
 
-/// Adds the polygon as a fan around its first corner. Corners must be checked already.
-inline void addPolygon(Soup& soup, const std::uint32_t* corners, std::size_t count) {
-  if (count < 3) {
-    ++soup.short_faces;
-    return;
+/// Where a reader puts what it reads: blocks are handed to the sink when they are full, and pages of the mapped file
+/// that lie behind are let go, so that memory stays bounded whatever the file's length.
+class MeshStream {
+ public:
+  /// `file`: the whole mapped file. `progress` gets the share read; false cancels. May be empty.
+  MeshStream(MeshSink& sink, base::ByteView file, std::function<bool(double)> progress)
+      : sink_(sink), file_(file), progress_(std::move(progress)) {}
+
+  std::vector<glm::dvec3> positions;  ///< of the block being filled
+  std::vector<glm::vec3> normals;     ///< empty, or as many
+  std::vector<glm::u8vec4> colors;    ///< empty, or as many
+  std::vector<std::uint64_t> corners;
+  std::vector<glm::vec3> corner_normals;  ///< empty, or as many as corners
+  std::uint64_t short_faces = 0;
+  std::vector<std::string> warnings;
+
+  std::uint64_t vertexCount() const { return vertices_ + positions.size(); }
+  std::uint64_t triangleCount() const { return triangles_ + corners.size() / 3; }
+  bool hasColors() const { return has_colors_; }
+  bool hasNormals() const { return has_normals_; }
+
+  /// Adds the polygon as a fan around its first corner. Corners must be checked already. `its_normals`: empty, or one
+  /// per corner.
+  void addPolygon(std::span<const std::uint64_t> polygon, std::span<const glm::vec3> its_normals = {}) {
+    if (polygon.size() < 3) {
+      ++short_faces;
+      return;
+    }
+    for (std::size_t i = 2; i < polygon.size(); ++i) {
+      corners.insert(corners.end(), {polygon[0], polygon[i - 1], polygon[i]});
+      if (!its_normals.empty())
+        corner_normals.insert(corner_normals.end(), {its_normals[0], its_normals[i - 1], its_normals[i]});
+    }
   }
-  for (std::size_t i = 2; i < count; ++i) {
-    soup.indices.push_back(corners[0]);
-    soup.indices.push_back(corners[i - 1]);
-    soup.indices.push_back(corners[i]);
+  /// To be called now and then with the place in the file: hands on full blocks.
+  base::Result<void> advance(const void* at) {
+    if (positions.size() < kBlock && corners.size() < 3 * kBlock) return {};
+    return flush(at);
   }
-}
+  base::Result<void> flush(const void* at);
+  /// Everything so far was read the wrong way.
+  base::Result<void> restart();
+
+  static constexpr std::size_t kBlock = std::size_t{1} << 16;
+
+ private:
+  MeshSink& sink_;
+  base::ByteView file_;
+  std::function<bool(double)> progress_;
+  std::size_t dropped_ = 0;
+  std::uint64_t vertices_ = 0;
+  std::uint64_t triangles_ = 0;
+  bool has_colors_ = false;
+  bool has_normals_ = false;
+};
 
 /// Colour component in 0..1 (more is cut, NaN is 0) as a byte.
 inline std::uint8_t byteFromUnit(double value) {
@@ -66,8 +111,18 @@ inline std::uint8_t byteFromUnit(double value) {
 }
 
 /// Text formats write colours as 0..1 or as 0..255 without saying which: one component above 1 anywhere means the
-/// latter.
-void setColors(Soup& soup, const std::vector<glm::vec3>& colors);
+/// latter. A reader takes them for 0..1 until it meets one that is above; then it begins again.
+class TextColors {
+ public:
+  glm::u8vec4 color(const glm::dvec3& given);
+  /// True once, when what was read so far must be read again.
+  bool mustRestart();
+
+ private:
+  bool bytes_ = false;
+  bool seen_ = false;  // colours were taken for 0..1
+  bool wrong_ = false;
+};
 
 inline std::string_view textOf(base::ByteView bytes) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};

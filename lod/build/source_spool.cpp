@@ -146,8 +146,9 @@ base::Result<void> SourceSpool::triangles(const TriangleBlock& block) {
   if (highest / 64 >= used_.size()) used_.resize(std::max<std::size_t>(highest / 64 + 1, used_.size() * 3 / 2), 0);
   const bool wide = highest > std::numeric_limits<std::uint32_t>::max();
   scratch_.clear();
-  const BlockHeader header{static_cast<std::uint32_t>(corners / 3),
-                           (wide ? kWide : 0U) | (block.colors.empty() ? 0U : kColors)};
+  const BlockHeader header{static_cast<std::uint32_t>(corners / 3), (wide ? kWide : 0U) |
+                                                                        (block.colors.empty() ? 0U : kColors) |
+                                                                        (block.normals.empty() ? 0U : kNormals)};
   put(scratch_, &header, 1);
   const std::size_t at = scratch_.size();
   scratch_.resize(at + corners * (wide ? 8U : 4U));
@@ -161,9 +162,14 @@ base::Result<void> SourceSpool::triangles(const TriangleBlock& block) {
       std::memcpy(scratch_.data() + at + 4 * i, &narrow, 4);
   }
   put(scratch_, block.colors.data(), block.colors.size());
+  for (const glm::vec3& n : block.normals) {
+    const std::uint32_t packed = packNormal(n);
+    put(scratch_, &packed, 1);
+  }
   sample(block.corners);
   info_.triangles += corners / 3;
   info_.has_colors |= !block.colors.empty();
+  info_.has_normals |= !block.normals.empty();
   return triangles_.append(scratch_);
 }
 
@@ -265,7 +271,8 @@ base::Result<void> SourceSpool::readTriangles(SpoolReader& reader, SpooledTriang
   const bool wide = (header->flags & kWide) != 0;
   const std::size_t corners = 3 * std::size_t{header->count};
   const std::size_t colors = (header->flags & kColors) != 0 ? corners : 0;
-  auto bytes = reader.next(corners * (wide ? 8U : 4U) + 4 * colors);
+  const std::size_t normals = (header->flags & kNormals) != 0 ? corners : 0;
+  auto bytes = reader.next(corners * (wide ? 8U : 4U) + 4 * (colors + normals));
   if (!bytes) return bytes.error();
   base::ByteView in = *bytes;
   if (wide) {
@@ -280,6 +287,7 @@ base::Result<void> SourceSpool::readTriangles(SpoolReader& reader, SpooledTriang
     in = in.subspan(4 * corners);
   }
   take(in, block.colors, colors);
+  take(in, block.normals, normals);
   return {};
 }
 

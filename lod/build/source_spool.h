@@ -33,7 +33,8 @@ struct SpooledVertices {
 };
 struct SpooledTriangles {
   std::vector<std::uint64_t> corners;
-  std::vector<std::uint32_t> colors;  ///< per corner, A = 0 where unknown; empty when the block has none
+  std::vector<std::uint32_t> colors;   ///< per corner, A = 0 where unknown; empty when the block has none
+  std::vector<std::uint32_t> normals;  ///< per corner, packed, 0 where unknown; empty when the block has none
 };
 
 /// A unit vector in 3 x 8 bits with a mark that it is one; 0 for a zero vector or NaN.
