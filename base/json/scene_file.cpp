@@ -1,6 +1,7 @@
 #include "base/json/scene_file.h"
 
 #include <openssl/evp.h>
+#include <cerrno>
 
 #include <cstdio>
 #include <memory>
@@ -182,15 +183,19 @@ Result<void> writeSceneFile(const Scene& scene, const std::string& path) {
 }
 
 Result<std::string> sha256OfFile(const std::string& path) {
-  auto file = MappedFile::open(path);
-  if (!file) return file.error();
+  // In pieces: a map of a file larger than memory would count as ours.
+  const std::unique_ptr<std::FILE, decltype(&std::fclose)> file(std::fopen(path.c_str(), "rbe"), &std::fclose);
+  if (!file) return systemError(path, "open", errno);
   const std::unique_ptr<EVP_MD_CTX, decltype(&EVP_MD_CTX_free)> context(EVP_MD_CTX_new(), &EVP_MD_CTX_free);
+  const Error failed{ErrorCode::kIo, path + ": cannot compute its SHA-256"};
+  if (!context || EVP_DigestInit_ex(context.get(), EVP_sha256(), nullptr) != 1) return failed;
+  Bytes buffer(std::size_t{1} << 20);
+  for (std::size_t n = 0; (n = std::fread(buffer.data(), 1, buffer.size(), file.get())) > 0;)
+    if (EVP_DigestUpdate(context.get(), buffer.data(), n) != 1) return failed;
+  if (std::ferror(file.get()) != 0) return systemError(path, "read", errno);
   unsigned char digest[EVP_MAX_MD_SIZE];
   unsigned length = 0;
-  const bool good = context && EVP_DigestInit_ex(context.get(), EVP_sha256(), nullptr) == 1 &&
-                    EVP_DigestUpdate(context.get(), file->bytes().data(), file->bytes().size()) == 1 &&
-                    EVP_DigestFinal_ex(context.get(), digest, &length) == 1;
-  if (!good) return Error{ErrorCode::kIo, path + ": cannot compute its SHA-256"};
+  if (EVP_DigestFinal_ex(context.get(), digest, &length) != 1) return failed;
   std::string hex;
   for (unsigned i = 0; i < length; ++i) {
     char two[3];

@@ -20,6 +20,9 @@ constexpr std::uint32_t kTableBits = 18;                         // of the codes
 constexpr std::size_t kBatchBlocks = 16;                         // blocks of triangles that threads share
 constexpr std::uint64_t kBufferBytes = std::uint64_t{64} << 20;  // of all buckets together
 
+// What measureWinding takes for a bucket, about.
+constexpr std::uint64_t kWindingBytes = std::uint64_t{80} << 20;
+
 struct Record {
   Corner corner[3];
 };
@@ -73,7 +76,20 @@ glm::u8vec4 VertexSums::meanColor() const {
   return {mean(0), mean(1), mean(2), 255};
 }
 
+constexpr std::uint32_t kFilterBits = 22;
+
+std::size_t filterSlot(std::uint64_t code) {
+  return static_cast<std::size_t>((code * 0x9E3779B97F4A7C15ULL) >> (64 - kFilterBits));
+}
+
+void BorderVertices::makeFilter() {
+  if (codes.empty()) return;
+  filter.assign(std::size_t{1} << kFilterBits, false);
+  for (const std::uint64_t code : codes) filter[filterSlot(code)] = true;
+}
+
 std::int64_t BorderVertices::find(std::uint64_t code) const {
+  if (codes.empty() || !filter[filterSlot(code)]) return -1;
   const auto at = std::lower_bound(codes.begin(), codes.end(), code);
   return at != codes.end() && *at == code ? at - codes.begin() : -1;
 }
@@ -130,6 +146,9 @@ class BucketSorter {
     std::sort(border_.begin(), border_.end());
     border_.erase(std::unique(border_.begin(), border_.end()), border_.end());
     out_.border_.codes = std::move(border_);
+    out_.border_.makeFilter();
+    const std::uint64_t at_once = std::max<std::uint64_t>(1, options_.memory_bytes / kWindingBytes);
+    LUMIGRID_TRY(out_.windAlike(static_cast<unsigned>(std::min<std::uint64_t>(options_.threads, at_once))));
     LUMIGRID_TRY(out_.sumBorders(options_.threads));
     return std::move(out_);
   }
@@ -374,14 +393,6 @@ base::Result<Buckets> Buckets::sort(const SourceSpool& source, const SourceInfo&
 base::Result<void> Buckets::sumBorders(unsigned threads) {
   border_.sums.assign(border_.codes.size(), {});
   if (border_.codes.empty()) return {};
-  // Most corners are no border vertices: a bit per hash says so at once.
-  constexpr std::uint32_t kFilterBits = 22;
-  std::vector<bool> filter(std::size_t{1} << kFilterBits);
-  auto hashOf = [](std::uint64_t code) {
-    return static_cast<std::size_t>((code * 0x9E3779B97F4A7C15ULL) >> (64 - kFilterBits));
-  };
-  for (const std::uint64_t code : border_.codes) filter[hashOf(code)] = true;
-
   std::mutex mutex;
   base::Result<void> status;
   base::parallelFor(count(), threads, [&](std::size_t bucket) {
@@ -393,7 +404,6 @@ base::Result<void> Buckets::sumBorders(unsigned threads) {
     }
     for (std::size_t i = 0; i < corners->size(); ++i) {
       const Corner& corner = (*corners)[i];
-      if (!filter[hashOf(corner.code)]) continue;
       const std::int64_t at = border_.find(corner.code);
       if (at < 0) continue;
       VertexSums& sums = border_.sums[static_cast<std::size_t>(at)];
@@ -425,7 +435,7 @@ void Buckets::unpack(base::ByteView bytes, std::vector<Corner>& corners) const {
   }
 }
 
-base::Result<std::vector<Corner>> Buckets::read(std::size_t bucket) const {
+base::Result<std::vector<Corner>> Buckets::readAsGiven(std::size_t bucket) const {
   std::vector<Corner> corners;
   corners.reserve(3 * static_cast<std::size_t>(counts_[bucket]));
   base::Bytes bytes;
@@ -435,6 +445,44 @@ base::Result<std::vector<Corner>> Buckets::read(std::size_t bucket) const {
     unpack(bytes, corners);
   }
   return corners;
+}
+
+base::Result<std::vector<Corner>> Buckets::read(std::size_t bucket) const {
+  auto corners = readAsGiven(bucket);
+  if (!corners || !winding_.mayFlip(bucket)) return corners;
+  const BucketWinding measured =
+      measureWinding(*corners, [this](std::uint64_t code) { return border_.find(code) >= 0; });
+  const std::vector<std::uint8_t> flips = winding_.flips(bucket, measured);
+  for (std::size_t t = 0; t < flips.size(); ++t) {
+    if (flips[t] == 0) continue;
+    Corner* c = &(*corners)[3 * t];
+    std::swap(c[1], c[2]);
+  }
+  return corners;
+}
+
+base::Result<void> Buckets::windAlike(unsigned threads) {
+  // Some buckets at a time, added in their order.
+  const std::size_t step = 4 * std::size_t{std::max(1U, threads)};
+  for (std::size_t begin = 0; begin < count(); begin += step) {
+    std::vector<BucketWinding> measured(std::min(step, count() - begin));
+    std::mutex mutex;
+    base::Result<void> status;
+    base::parallelFor(measured.size(), threads, [&](std::size_t i) {
+      const auto corners = readAsGiven(begin + i);
+      if (corners) {
+        measured[i] = measureWinding(*corners, [this](std::uint64_t code) { return border_.find(code) >= 0; });
+        measured[i].part = {}, measured[i].turned = {};
+        return;
+      }
+      const std::lock_guard lock(mutex);
+      status = corners.error();
+    });
+    LUMIGRID_TRY(status);
+    for (const BucketWinding& m : measured) winding_.add(m);
+  }
+  winding_.finish();
+  return {};
 }
 
 void Buckets::release(std::size_t bucket) {
@@ -456,6 +504,7 @@ base::Bytes Buckets::state() const {
   out.u64(border_.codes.size());
   for (const std::uint64_t code : border_.codes) out.u64(code);
   for (const VertexSums& sums : border_.sums) out.write(sums);
+  winding_.write(out);
   return out.take();
 }
 
@@ -484,7 +533,8 @@ base::Result<Buckets> Buckets::open(const std::string& directory, base::ByteView
   if (!in.ok() || border > in.remaining() / (8 + sizeof(VertexSums))) return broken;
   for (std::uint64_t i = 0; i < border; ++i) out.border_.codes.push_back(in.u64());
   for (std::uint64_t i = 0; i < border; ++i) out.border_.sums.push_back(in.read<VertexSums>());
-  if (!in.atEnd()) return broken;
+  if (!out.winding_.read(in) || !in.atEnd()) return broken;
+  out.border_.makeFilter();
   out.file_ = std::move(*file);
   return out;
 }

@@ -12,6 +12,7 @@
 
 #include "lod/build/source_spool.h"
 #include "lod/build/voxels.h"
+#include "lod/build/winding.h"
 #include "lod/patch/hierarchy.h"
 
 namespace lod::build {
@@ -52,6 +53,9 @@ struct VertexSums {
 struct BorderVertices {
   std::vector<std::uint64_t> codes;
   std::vector<VertexSums> sums;  ///< as many
+  /// A bit per hash of a code: most vertices are found not to be among them at once.
+  std::vector<bool> filter;
+  void makeFilter();
   /// Its place, or -1.
   std::int64_t find(std::uint64_t code) const;
 };
@@ -90,7 +94,9 @@ class Buckets {
   bool hasColors() const { return has_colors_; }
   bool hasNormals() const { return has_normals_; }
 
-  /// 3 corners per triangle, in the source's order.
+  const Winding& winding() const { return winding_; }
+
+  /// 3 corners per triangle, in the source's order, wound alike.
   base::Result<std::vector<Corner>> read(std::size_t bucket) const;
   /// Gives the bucket's disk space back.
   void release(std::size_t bucket);
@@ -102,6 +108,8 @@ class Buckets {
   };
   std::size_t cornerBytes() const { return 8 + (has_colors_ ? 4U : 0U) + (has_normals_ ? 4U : 0U); }
   void unpack(base::ByteView bytes, std::vector<Corner>& corners) const;
+  base::Result<std::vector<Corner>> readAsGiven(std::size_t bucket) const;
+  base::Result<void> windAlike(unsigned threads);
   base::Result<void> sumBorders(unsigned threads);
 
   friend class BucketSorter;
@@ -110,6 +118,7 @@ class Buckets {
   std::vector<std::uint64_t> counts_;
   BucketCounts totals_;
   BorderVertices border_;
+  Winding winding_;
   bool has_colors_ = false;
   bool has_normals_ = false;
 };

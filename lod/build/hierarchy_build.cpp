@@ -381,6 +381,8 @@ class Builder {
     summary_.repairs.add("degenerate_triangles", info_.short_faces + buckets_.totals().degenerate);
     summary_.repairs.add("lattice_collapsed_triangles", buckets_.totals().collapsed);
     summary_.repairs.add("duplicate_triangles", duplicates_);
+    summary_.repairs.add("flipped_triangles", buckets_.winding().flipped());
+    summary_.repairs.add("non_orientable_parts", buckets_.winding().nonOrientable());
     summary_.repairs.add("unreferenced_vertices", info_.vertices - info_.referenced);
     const std::uint64_t distinct = inner_vertices_ + buckets_.border().codes.size();
     summary_.repairs.add("welded_vertices", info_.referenced - std::min(info_.referenced, distinct));
