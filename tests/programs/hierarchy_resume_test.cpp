@@ -1,0 +1,327 @@
+// A hierarchy that was killed, ran out of disk or found its work files cut is finished by a rerun, with the bytes of an
+// uninterrupted build. LUMIGRID_LONG_TESTS in the environment: more kills, larger meshes.
+#include <sys/mount.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <csignal>
+#include <cstdlib>
+#include <cstring>
+#include <functional>
+#include <random>
+#include <thread>
+
+#include "tests/programs/run_program.h"
+
+namespace {
+
+using programs::expectOneLineError;
+using programs::readText;
+using programs::run;
+namespace fs = std::filesystem;
+using Clock = std::chrono::steady_clock;
+using Arguments = std::vector<std::string>;
+
+bool longTests() {
+  return std::getenv("LUMIGRID_LONG_TESTS") != nullptr;
+}
+
+class HierarchyResume : public programs::ProgramTest {
+ protected:
+  std::string sample(const std::string& triangles) {
+    const std::string mesh = path("mesh.ply");
+    const auto made = run("lumigrid", {"sample", "--triangles", triangles, "-o", mesh});
+    EXPECT_EQ(made.status, 0) << made.err;
+    return mesh;
+  }
+
+  static Arguments build(const std::string& mesh, const std::string& scene, const Arguments& more = {}) {
+    Arguments arguments{"build", mesh, "-o", scene, "--methods", "patch", "--quiet"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return arguments;
+  }
+
+  // The bytes of an uninterrupted build.
+  std::string uninterrupted(const std::string& mesh, const Arguments& more = {}) {
+    const std::string scene = path("uninterrupted");
+    const auto built = run("lumigrid", build(mesh, scene, more));
+    EXPECT_EQ(built.status, 0) << built.err;
+    description_ = readText(scene + "/scene.json");
+    std::string bytes = readText(scene + "/patch.lgp");
+    EXPECT_FALSE(bytes.empty());
+    fs::remove_all(scene);
+    return bytes;
+  }
+
+  void expectFinished(const std::string& scene, const std::string& bytes, const std::string& what) {
+    EXPECT_TRUE(readText(scene + "/patch.lgp") == bytes) << what << ": other bytes than an uninterrupted build";
+    EXPECT_EQ(readText(scene + "/scene.json"), description_) << what;  // counts of repairs among it
+    std::vector<std::string> names;
+    for (const auto& entry : fs::directory_iterator(scene)) names.push_back(entry.path().filename());
+    std::sort(names.begin(), names.end());
+    EXPECT_EQ(names, (std::vector<std::string>{"patch.lgp", "scene.json"})) << what << ": work files stayed";
+  }
+
+  void expectRerunFinishes(const std::string& mesh, const std::string& scene, const std::string& bytes,
+                           const std::string& what) {
+    const auto rerun = run("lumigrid", build(mesh, scene));
+    ASSERT_EQ(rerun.status, 0) << what << ": " << rerun.err;
+    expectFinished(scene, bytes, what);
+  }
+
+  // Starts a build and kills it as soon as `now` says so. False: it ended before.
+  bool killWhen(const Arguments& arguments, const std::function<bool()>& now) {
+    const pid_t pid = programs::start("lumigrid", arguments, path("killed"));
+    int status = 0;
+    while (!now()) {
+      if (::waitpid(pid, &status, WNOHANG) == pid) {
+        EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0) << readText(path("killed.err"));
+        return false;
+      }
+      std::this_thread::sleep_for(std::chrono::microseconds(200));
+    }
+    ::kill(pid, SIGKILL);
+    ::waitpid(pid, &status, 0);
+    return WIFSIGNALED(status);
+  }
+
+  // A scene whose build, on one thread, was killed when `now` said so. A machine that is busy may look too late.
+  void killedWhen(const std::string& mesh, const std::string& scene, const std::function<bool()>& now,
+                  Arguments more = {}) {
+    more.insert(more.end(), {"--threads", "1"});
+    for (int attempt = 0; attempt < 10; ++attempt) {
+      if (killWhen(build(mesh, scene, more), now)) return;
+      fs::remove_all(scene);
+    }
+    FAIL() << "every build ended before it was killed";
+  }
+
+  std::string description_;  // scene.json of the uninterrupted build
+};
+
+std::string workFile(const std::string& scene, const std::string& name) {
+  return scene + "/patch.lgp.work/" + name;
+}
+
+std::uintmax_t sizeOf(const std::string& file) {
+  std::error_code error;
+  const auto size = fs::file_size(file, error);
+  return error ? 0 : size;
+}
+
+TEST_F(HierarchyResume, KilledAtRandomMomentsItEndsWithTheSameBytes) {
+  const std::string mesh = sample(longTests() ? "500000" : "300000");
+  const auto begin = Clock::now();
+  const std::string bytes = uninterrupted(mesh);
+  const std::chrono::duration<double> whole = Clock::now() - begin;
+
+  std::mt19937 random(11);
+  std::uniform_real_distribution<double> fraction(0.0, 1.0);
+  const std::string scene = path("scene");
+  std::string delays;
+  for (int kills = 0; kills < (longTests() ? 20 : 5);) {
+    const double share = fraction(random);
+    delays += std::to_string(share) + " ";
+    const auto end = Clock::now() + std::chrono::duration_cast<Clock::duration>(share * whole);
+    kills += killWhen(build(mesh, scene), [&] { return Clock::now() >= end; }) ? 1 : 0;
+    if (!fs::exists(scene + "/scene.json")) continue;
+    EXPECT_TRUE(readText(scene + "/patch.lgp") == bytes) << "killed after shares " << delays;
+    fs::remove_all(scene);
+    delays.clear();
+  }
+  expectRerunFinishes(mesh, scene, bytes, "killed after shares " + delays);
+}
+
+TEST_F(HierarchyResume, KilledInEveryStageItEndsWithTheSameBytes) {
+  const std::string mesh = sample("200000");
+  const std::string bytes = uninterrupted(mesh);
+  const std::string scene = path("scene");
+  for (const char* file : {"vertices", "triangles", "buckets", "stage1", "stage2", "patches"}) {
+    int kills = 0;
+    while (kills < 2 && killWhen(build(mesh, scene), [&] { return fs::exists(workFile(scene, file)); }))
+      ++kills;  // the second time at the same stage of a resumed build, or soon in it
+    expectRerunFinishes(mesh, scene, bytes, std::string("killed when there was ") + file);
+    fs::remove_all(scene);
+  }
+}
+
+TEST_F(HierarchyResume, AJournalWithAnyTailGoesOnBehindItsLastWholeRecord) {
+  const std::string mesh = sample("100000");
+  const std::string bytes = uninterrupted(mesh);
+  const std::string stopped = path("stopped");
+  const std::string journal = workFile(stopped, "patches");
+  ASSERT_NO_FATAL_FAILURE(killedWhen(mesh, stopped, [&] { return sizeOf(journal) > bytes.size() / 10 * 8; }));
+  const std::string whole = readText(journal);
+  ASSERT_GT(whole.size(), 10000U);
+
+  std::string noise(5000, '\0');
+  std::mt19937 random(3);
+  for (char& c : noise) c = static_cast<char>(random());
+  // Leaves are a little over half of the output's bytes, so these lose groups.
+  const std::size_t cut = bytes.size() / 10 * 7;
+  std::string rotten = whole;
+  rotten[cut] = static_cast<char>(~rotten[cut]);
+  const std::pair<const char*, std::string> tails[] = {
+      {"untouched", whole},
+      {"noise behind", whole + noise},
+      {"zeros behind", whole + std::string(5000, '\0')},
+      {"the front of a record behind", whole + whole.substr(0, 2000)},
+      {"cut by a byte", whole.substr(0, whole.size() - 1)},
+      {"cut in the middle of the groups", whole.substr(0, cut)},
+      {"one byte of a group turned", rotten},
+  };
+  const std::string scene = path("scene");
+  for (const auto& [what, text] : tails) {
+    fs::remove_all(scene);
+    fs::copy(stopped, scene, fs::copy_options::recursive);
+    programs::writeText(workFile(scene, "patches"), text);
+    expectRerunFinishes(mesh, scene, bytes, what);
+  }
+}
+
+TEST_F(HierarchyResume, CutWorkFilesNeverEndInOtherBytes) {
+  const std::string mesh = sample("100000");
+  const std::string bytes = uninterrupted(mesh);
+  const std::string stopped = path("stopped");
+  ASSERT_NO_FATAL_FAILURE(
+      killedWhen(mesh, stopped, [&] { return sizeOf(workFile(stopped, "patches")) > bytes.size() / 4; }));
+  const std::string scene = path("scene");
+  for (const char* name : {"buckets", "stage1", "stage2", "key"}) {
+    for (const double share : {0.0, 0.5}) {
+      fs::remove_all(scene);
+      fs::copy(stopped, scene, fs::copy_options::recursive);
+      const auto size = sizeOf(workFile(scene, name));
+      fs::resize_file(workFile(scene, name), static_cast<std::uintmax_t>(share * static_cast<double>(size)));
+      const std::string what = std::string(name) + " cut to " + std::to_string(share);
+      const auto rerun = run("lumigrid", build(mesh, scene));
+      if (rerun.status != 0) {
+        expectOneLineError(rerun, 1, {});
+        EXPECT_FALSE(fs::exists(scene + "/patch.lgp")) << what;
+        fs::remove_all(scene + "/patch.lgp.work");  // as the error asks
+        expectRerunFinishes(mesh, scene, bytes, what);
+      } else {
+        expectFinished(scene, bytes, what);
+      }
+    }
+  }
+}
+
+TEST_F(HierarchyResume, ARerunOfAnotherMeshDoesNotTakeTheWorkFiles) {
+  const std::string mesh = sample("100000");
+  const std::string scene = path("scene");
+  ASSERT_NO_FATAL_FAILURE(killedWhen(mesh, scene, [&] { return sizeOf(workFile(scene, "patches")) > 100000; }));
+  ASSERT_EQ(run("lumigrid", {"sample", "--triangles", "100000", "--seed", "5", "--force", "-o", mesh}).status, 0);
+  const std::string bytes = uninterrupted(mesh);
+  expectRerunFinishes(mesh, scene, bytes, "another mesh of the same name");
+}
+
+TEST_F(HierarchyResume, MemoryAndThreadsDoNotChangeTheBytes) {
+  // The long mesh is larger than what the least memory sorts at once.
+  const std::string mesh = sample(longTests() ? "3000000" : "150000");
+  const std::string bytes = uninterrupted(mesh);
+  const Arguments choices[] = {{"--memory", "256M", "--threads", "1"},
+                               {"--memory", "8G", "--threads", "2"},
+                               {"--memory", "256M", "--threads", "3"},
+                               {"--memory", "8G", "--threads", "4"}};
+  for (const Arguments& choice : choices) {
+    const std::string scene = path("scene");
+    const auto built = run("lumigrid", build(mesh, scene, choice));
+    ASSERT_EQ(built.status, 0) << built.err;
+    expectFinished(scene, bytes, choice[1] + " " + choice[3]);
+    fs::remove_all(scene);
+  }
+}
+
+TEST_F(HierarchyResume, TooLittleMemoryIsRefused) {
+  const std::string mesh = smallMesh();
+  for (const char* memory : {"10M", "255M", "1"}) {
+    const auto refused = run("lumigrid", build(mesh, path("scene"), {"--memory", memory}));
+    expectOneLineError(refused, 1, {"--memory"});
+    EXPECT_FALSE(fs::exists(path("scene"))) << "something stayed";
+  }
+}
+
+TEST_F(HierarchyResume, WorkFilesElsewhereAreGoneInTheEnd) {
+  const std::string mesh = sample("100000");
+  const std::string bytes = uninterrupted(mesh);
+  fs::create_directories(path("work"));
+  const Arguments elsewhere{"--tmpdir", path("work")};
+  auto started = [&] {
+    std::error_code error;
+    for (const auto& entry : fs::recursive_directory_iterator(path("work"), error))
+      if (entry.path().filename() == "patches") return true;
+    return false;
+  };
+  ASSERT_NO_FATAL_FAILURE(killedWhen(mesh, path("scene"), started, elsewhere));
+  EXPECT_TRUE(fs::is_empty(path("scene")));
+  const auto rerun = run("lumigrid", build(mesh, path("scene"), elsewhere));
+  ASSERT_EQ(rerun.status, 0) << rerun.err;
+  expectFinished(path("scene"), bytes, "--tmpdir");
+  EXPECT_TRUE(fs::is_empty(path("work")));
+}
+
+// A file system in memory, unmounted with the object.
+class SmallDisk {
+ public:
+  explicit SmallDisk(const std::string& path) : path_(path) { fs::create_directories(path); }
+  ~SmallDisk() {
+    if (mounted_) ::umount2(path_.c_str(), MNT_DETACH);
+  }
+  bool mount(std::uint64_t kilobytes) { return mounted_ = call(kilobytes, 0); }
+  bool resize(std::uint64_t kilobytes) const { return call(kilobytes, MS_REMOUNT); }
+
+ private:
+  bool call(std::uint64_t kilobytes, unsigned long flags) const {
+    return ::mount("none", path_.c_str(), "tmpfs", flags, ("size=" + std::to_string(kilobytes) + "k").c_str()) == 0;
+  }
+  std::string path_;
+  bool mounted_ = false;
+};
+
+TEST_F(HierarchyResume, AFullDiskIsNamedAndTheRerunFinishes) {
+  const std::string mesh = sample("100000");
+  const std::string bytes = uninterrupted(mesh);
+  for (const std::uint64_t kilobytes : {600, 3000, 4500}) {
+    SmallDisk disk(path("disk"));
+    if (!disk.mount(kilobytes)) GTEST_SKIP() << "cannot mount a small file system here: " << std::strerror(errno);
+    const std::string scene = path("disk/scene");
+    const auto full = run("lumigrid", build(mesh, scene));
+    expectOneLineError(full, 1, {"space"});
+    EXPECT_NE(full.err.find("disk"), std::string::npos) << "not named: " << full.err;
+    EXPECT_FALSE(fs::exists(scene + "/patch.lgp")) << kilobytes << " kB";
+    ASSERT_TRUE(disk.resize(64000)) << std::strerror(errno);
+    expectRerunFinishes(mesh, scene, bytes, std::to_string(kilobytes) + " kB");
+  }
+}
+
+// Someone else takes all that is left while the build is at work: no look at the free space beforehand helps.
+TEST_F(HierarchyResume, ADiskFilledWhileBuildingIsNamedAndTheRerunFinishes) {
+  const std::string mesh = sample("200000");
+  const std::string bytes = uninterrupted(mesh);
+  for (const char* file : {"vertices", "buckets", "patches"}) {
+    SmallDisk disk(path("disk"));
+    if (!disk.mount(64000)) GTEST_SKIP() << "cannot mount a small file system here: " << std::strerror(errno);
+    const std::string scene = path("disk/scene");
+    const pid_t pid = programs::start("lumigrid", build(mesh, scene, {"--threads", "1"}), path("filled"));
+    siginfo_t ended{};
+    while (!fs::exists(workFile(scene, file)) && ended.si_pid == 0) {
+      ::waitid(P_PID, static_cast<id_t>(pid), &ended, WEXITED | WNOHANG | WNOWAIT);
+      std::this_thread::sleep_for(std::chrono::microseconds(200));
+    }
+    ::kill(pid, SIGSTOP);  // or it may be done before the disk is full
+    programs::writeText(path("disk/filler"), std::string(std::size_t{64} << 20, 'x'));
+    ::kill(pid, SIGCONT);
+    programs::Outcome full;
+    full.status = programs::wait(pid);
+    full.err = readText(path("filled.err"));
+    expectOneLineError(full, 1, {"space", "disk"});
+    EXPECT_FALSE(fs::exists(scene + "/patch.lgp")) << file;
+    fs::remove(path("disk/filler"));
+    expectRerunFinishes(mesh, scene, bytes, std::string("filled when there was ") + file);
+  }
+}
+
+}  // namespace
