@@ -78,7 +78,7 @@ base::Result<BucketLeaves> makeLeaves(const Buckets& buckets, std::size_t bucket
         sums[v] = border.sums[static_cast<std::size_t>(at)];
       }
     mesh.normals.push_back(lod::patch::quantizedNormal(sums[v].unitNormal()));
-    if (buckets.hasColors()) mesh.colors.push_back(sums[v].meanColor());
+    if (buckets.hasColors()) mesh.colors.push_back(lod::patch::quantizedColor(sums[v].meanColor()));
   }
   out.vertices = mesh.codes.size();
 

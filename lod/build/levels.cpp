@@ -116,7 +116,8 @@ CodedMesh codedMesh(const Merged& merged, Simplified& simplified, std::uint32_t 
           out.normals.push_back(
               lod::patch::quantizedNormal(length > 1e-6F ? group.normals[v] / length : glm::vec3(0.0F, 0.0F, 1.0F)));
           if (colored)
-            out.colors.push_back(glm::u8vec4(glm::u8vec3(glm::clamp(glm::round(group.colors[v]), 0.0F, 255.0F)), 255));
+            out.colors.push_back(lod::patch::quantizedColor(
+                glm::u8vec4(glm::u8vec3(glm::clamp(glm::round(group.colors[v]), 0.0F, 255.0F)), 255)));
           locked.push_back(0);
         }
         // What is locked decides for all that lie there: another group sees the same.

@@ -1,10 +1,10 @@
 #include "lod/patch/codec.h"
 
-#include <meshoptimizer.h>
-
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
+#include <cstring>
 #include <string>
 
 #include "base/check.h"
@@ -13,35 +13,35 @@
 namespace lod::patch {
 namespace {
 
-constexpr std::uint8_t kCodecVersion = 1;
-constexpr std::uint8_t kWidePositions = 1;
-constexpr std::uint8_t kHasColors = 2;
+constexpr std::uint8_t kCodecVersion = 2;
+constexpr std::uint8_t kHasColors = 1;
+constexpr std::uint8_t kHasAlpha = 2;
 constexpr std::size_t kHeaderBytes = 32;
 constexpr std::size_t kCrcOffset = 28;
+
+// Vectors of four lanes; without vector registers the compiler takes them apart.
+using Int4 = std::int32_t __attribute__((vector_size(16)));
+using Uint4 = std::uint32_t __attribute__((vector_size(16)));
+using Float4 = float __attribute__((vector_size(16)));
 
 struct PatchHeader {
   std::uint8_t flags = 0;
   std::uint32_t vertices = 0;
   std::uint32_t triangles = 0;
-  glm::ivec3 minimum{0};
-  std::uint32_t vertex_bytes = 0;
-  std::uint32_t index_bytes = 0;
+  std::uint8_t facet_shift = 0;  // bits dropped from coordinates before facet normals are summed
+  std::uint8_t front_bits = 0;   // the front's ring has 2^front_bits places
+  glm::ivec3 corner{0};          // position of vertex 0
+  std::uint32_t steps = 0;
+  std::uint32_t escape_bytes = 0;
   std::uint32_t crc = 0;
 
-  bool wide() const { return (flags & kWidePositions) != 0; }
   bool colored() const { return (flags & kHasColors) != 0; }
+  bool alpha() const { return (flags & kHasAlpha) != 0; }
+  std::size_t stepBytes() const { return (std::size_t{steps} + 3) / 4; }
 };
 
-// Where each attribute lies in a stored vertex; the whole is a multiple of four bytes, as the vertex codec wants it.
-struct VertexLayout {
-  explicit VertexLayout(const PatchHeader& header)
-      : normal(header.wide() ? 12 : 6),
-        color(normal + 2),
-        size(header.wide() ? (header.colored() ? 20 : 16) : (header.colored() ? 12 : 8)) {}
-  std::size_t normal;
-  std::size_t color;
-  std::size_t size;
-};
+constexpr std::uint8_t kMaxFrontBits = 17;
+constexpr std::uint8_t kMaxFacetShift = 31;
 
 // Octahedral normals ------------------------------------------------------------------------------
 
@@ -70,32 +70,668 @@ OctahedralCode encodeNormal(const glm::vec3& n) {
   return {toSnorm8((1.0F - std::abs(y)) * signOf(x)), toSnorm8((1.0F - std::abs(x)) * signOf(y))};
 }
 
-glm::vec3 decodeNormal(OctahedralCode code) {
-  // −128 means −127; integers until the fold is done, so that directions with two codes come out bit-equal.
-  const int u = std::max<int>(code.u, -127);
-  const int v = std::max<int>(code.v, -127);
-  int x = u;
-  int y = v;
-  const int z = 127 - std::abs(u) - std::abs(v);
-  if (z < 0) {
-    x = (127 - std::abs(v)) * (u >= 0 ? 1 : -1);
-    y = (127 - std::abs(u)) * (v >= 0 ? 1 : -1);
+// Many at once, coordinate by coordinate, so that the compiler vectorises it.
+constexpr std::size_t kBlock = 64;
+struct Unit {
+  std::array<float, kBlock> x, y, z;
+};
+
+void decodeNormals(const std::int32_t* codes_u, const std::int32_t* codes_v, std::size_t count, Unit& out) {
+  for (std::size_t i = 0; i < count; ++i) {
+    // −128 means −127; integers until the fold is done, so that directions with two codes come out bit-equal.
+    const std::int32_t u = std::max(codes_u[i], -127);
+    const std::int32_t v = std::max(codes_v[i], -127);
+    const std::int32_t z = 127 - std::abs(u) - std::abs(v);
+    const std::int32_t folded_x = u >= 0 ? 127 - std::abs(v) : std::abs(v) - 127;
+    const std::int32_t folded_y = v >= 0 ? 127 - std::abs(u) : std::abs(u) - 127;
+    const auto x = static_cast<float>(z < 0 ? folded_x : u);
+    const auto y = static_cast<float>(z < 0 ? folded_y : v);
+    const auto w = static_cast<float>(z);
+    // At most 3 · 127², exact however the compiler fuses it.
+    const float inverse = 1.0F / std::sqrt(x * x + y * y + w * w);
+    out.x[i] = x * inverse;
+    out.y[i] = y * inverse;
+    out.z[i] = w * inverse;
   }
-  const float length = std::sqrt(static_cast<float>(x * x + y * y + z * z));
-  return {static_cast<float>(x) / length, static_cast<float>(y) / length, static_cast<float>(z) / length};
 }
+
+// The code of a sum of facet normals, the same on every machine: no multiplication feeds an addition.
+void predictNormals(const std::array<float, kBlock>& x, const std::array<float, kBlock>& y,
+                    const std::array<float, kBlock>& z, std::size_t count, std::int32_t* u, std::int32_t* v) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const float ax = std::abs(x[i]);
+    const float ay = std::abs(y[i]);
+    const float az = std::abs(z[i]);
+    const float sum_x = ax + az;
+    const float sum_y = ay + az;
+    const float total = sum_x + ay;
+    const float total_y = sum_y + ax;
+    const float along_x = z[i] < 0.0F ? sum_x : ax;
+    const float along_y = z[i] < 0.0F ? sum_y : ay;
+    const float a = 127.0F * along_x / (total > 0.0F ? total : 1.0F);
+    const float b = 127.0F * along_y / (total_y > 0.0F ? total_y : 1.0F);
+    const auto p = static_cast<std::int32_t>(a + 0.5F);
+    const auto q = static_cast<std::int32_t>(b + 0.5F);
+    u[i] = x[i] < 0.0F ? -p : p;
+    v[i] = y[i] < 0.0F ? -q : q;
+  }
+}
+
+// Sums of facet normals, twice the area long, by vertex; lanes y, z, x. Exact, in any order, when the encoder chose the
+// shift; four runs of triangles in turn, since neighbours in one run wait for each other.
+void sumFacets(const Float4* points, const std::uint16_t* indices, std::size_t triangles, Float4* sums) {
+  const auto add = [&](std::size_t t) {
+    const std::uint16_t* c = indices + 3 * t;
+    const Float4 a = points[c[1]] - points[c[0]];
+    const Float4 b = points[c[2]] - points[c[0]];
+    const Float4 normal = a * __builtin_shufflevector(b, b, 1, 2, 0, 3) - __builtin_shufflevector(a, a, 1, 2, 0, 3) * b;
+    for (std::size_t k = 0; k < 3; ++k) sums[c[k]] += normal;
+  };
+  const std::size_t run = triangles / 4;
+  for (std::size_t t = 0; t < run; ++t)
+    for (std::size_t r = 0; r < 4; ++r) add(r * run + t);
+  for (std::size_t t = 4 * run; t < triangles; ++t) add(t);
+}
+
+// Colours -----------------------------------------------------------------------------------------
+
+// Levels per channel, then the reversible YCoCg of Malvar and Sullivan 2003 on them.
+constexpr std::int32_t kColorLevels = 39;
+
+std::int32_t colorLevel(std::int32_t channel) {
+  return (channel * kColorLevels * 2 + 255) / 510;
+}
+
+std::int32_t levelColor(std::int32_t level) {
+  return (level * 510 + kColorLevels) / (2 * kColorLevels);
+}
+
+glm::ivec3 colorCode(const glm::u8vec4& c) {
+  const glm::ivec3 level(colorLevel(c.r), colorLevel(c.g), colorLevel(c.b));
+  const std::int32_t orange = level.r - level.b;
+  const std::int32_t half = level.b + (orange >> 1);
+  const std::int32_t green = level.g - half;
+  return {half + (green >> 1), orange, green};
+}
+
+// Bytes of any code: hostile ones are clamped.
+struct ColorTable {
+  static constexpr std::int32_t kLow = -128;
+  std::array<std::uint8_t, 256> byte{};
+};
+constexpr ColorTable makeColorTable() {
+  ColorTable table;
+  for (std::int32_t i = 0; i < 256; ++i) {
+    const std::int32_t level = std::clamp(i + ColorTable::kLow, 0, kColorLevels);
+    table.byte[static_cast<std::size_t>(i)] =
+        static_cast<std::uint8_t>((level * 510 + kColorLevels) / (2 * kColorLevels));
+  }
+  return table;
+}
+constexpr ColorTable kColorTable = makeColorTable();
+
+std::uint8_t levelByte(std::int32_t level) {
+  return kColorTable.byte[static_cast<std::uint32_t>(level - ColorTable::kLow) & 255U];
+}
+
+glm::u8vec4 codeColor(std::int32_t luma, std::int32_t orange, std::int32_t green, std::uint8_t alpha) {
+  const std::int32_t half = luma - (green >> 1);
+  const std::int32_t blue = half - (orange >> 1);
+  return {levelByte(blue + orange), levelByte(green + half), levelByte(blue), alpha};
+}
+
+// Planes of numbers -------------------------------------------------------------------------------
+//
+// Rice codes with a width per 16 numbers: the low bits of all of them, whole bytes; the rest in unary, in a stream of
+// its own, so that both are read without waiting for each other. Widths in nibbles; 15: 32 low bits and no unary.
+constexpr std::size_t kGroup = 16;
+constexpr std::uint32_t kRawWidth = 15;
+// Unary bits of a group: fewer than one unaligned load of eight bytes yields.
+constexpr std::uint32_t kMaxUnary = 56;
+
+constexpr std::size_t groupsOf(std::size_t count) {
+  return (count + kGroup - 1) / kGroup;
+}
+
+constexpr std::size_t lowBytes(std::uint32_t width) {
+  return width == kRawWidth ? 64 : 2 * std::size_t{width};
+}
+
+std::uint32_t zigzag(std::int32_t x) {
+  return (static_cast<std::uint32_t>(x) << 1) ^ static_cast<std::uint32_t>(x >> 31);
+}
+
+std::int32_t unzigzag(std::uint32_t x) {
+  return static_cast<std::int32_t>((x >> 1) ^ (0U - (x & 1U)));
+}
+
+// The width that takes fewest bits.
+std::uint32_t bestWidth(const std::uint32_t* values) {
+  std::uint32_t best = kRawWidth;
+  std::uint64_t least = 512;
+  for (std::uint32_t width = 0; width < kRawWidth; ++width) {
+    std::uint64_t unary = kGroup;
+    for (std::size_t i = 0; i < kGroup; ++i) unary += values[i] >> width;
+    if (unary > kMaxUnary) continue;
+    const std::uint64_t bits = unary + kGroup * width;
+    if (bits >= least) break;  // more low bits only cost more from here on
+    least = bits;
+    best = width;
+  }
+  return best;
+}
+
+// Bits from the lowest up.
+class BitWriter {
+ public:
+  void put(std::uint64_t value, std::uint32_t bits) {
+    for (std::uint32_t done = 0; done < bits;) {
+      const std::uint32_t part = std::min<std::uint32_t>(bits - done, 8 - used_);
+      current_ |= static_cast<std::uint32_t>((value >> done) & ((1U << part) - 1)) << used_;
+      used_ += part;
+      done += part;
+      if (used_ == 8) flush();
+    }
+  }
+  base::Bytes take() {
+    if (used_ > 0) flush();
+    return std::move(bytes_);
+  }
+
+ private:
+  void flush() {
+    bytes_.push_back(static_cast<std::uint8_t>(current_));
+    current_ = used_ = 0;
+  }
+  base::Bytes bytes_;
+  std::uint32_t current_ = 0;
+  std::uint32_t used_ = 0;
+};
+
+// `values` has whole groups.
+void writePlane(base::ByteWriter& out, const std::vector<std::uint32_t>& values) {
+  BitWriter widths;
+  BitWriter lows;
+  BitWriter unary;
+  for (std::size_t first = 0; first < values.size(); first += kGroup) {
+    const std::uint32_t* group = values.data() + first;
+    const std::uint32_t width = bestWidth(group);
+    widths.put(width, 4);
+    for (std::size_t i = 0; i < kGroup; ++i) {
+      if (width == kRawWidth) {
+        lows.put(group[i], 32);
+      } else {
+        lows.put(group[i] & ((1U << width) - 1), width);
+        unary.put(std::uint64_t{1} << (group[i] >> width), (group[i] >> width) + 1);
+      }
+    }
+  }
+  const base::Bytes ones = unary.take();
+  out.u16(static_cast<std::uint16_t>(ones.size()));
+  out.bytes(widths.take());
+  out.bytes(lows.take());
+  out.bytes(ones);
+}
+
+std::uint64_t load64(const std::uint8_t* at) {
+  std::uint64_t word = 0;
+  std::memcpy(&word, at, sizeof(word));
+  return word;
+}
+
+// Numbers of one plane, number i to out[i · stride]; whole groups. False when the plane runs past the end. `in` may be
+// read eight bytes past its end.
+template <std::size_t kStride>
+bool readPlane(base::ByteView in, std::size_t& at, std::size_t groups, std::uint32_t* out) {
+  const std::size_t width_bytes = (groups + 1) / 2;
+  if (in.size() - at < 2 + width_bytes) return false;
+  const std::size_t unary_bytes = in[at] | std::size_t{in[at + 1]} << 8;
+  const std::uint8_t* widths = in.data() + at + 2;
+  std::size_t low_bytes = 0;
+  for (std::size_t g = 0; g < groups; ++g) low_bytes += lowBytes(widths[g / 2] >> (4 * (g % 2)) & 15U);
+  at += 2 + width_bytes;
+  if (in.size() - at < low_bytes + unary_bytes) return false;
+  const std::uint8_t* low = in.data() + at;
+  const std::uint8_t* unary = low + low_bytes;
+  at += low_bytes + unary_bytes;
+
+  std::size_t bit = 0;
+  for (std::size_t g = 0; g < groups; ++g, out += kGroup * kStride) {
+    const std::uint32_t width = widths[g / 2] >> (4 * (g % 2)) & 15U;
+    if (width == kRawWidth) {
+      for (std::size_t i = 0; i < kGroup; ++i) std::memcpy(out + i * kStride, low + 4 * i, 4);
+      low += 64;
+      continue;
+    }
+    if (bit > 8 * unary_bytes) return false;
+    std::uint64_t ones = load64(unary + bit / 8) >> (bit % 8);
+    const std::uint64_t mask = (std::uint64_t{1} << width) - 1;
+    std::uint32_t before = 0;
+    for (std::size_t four = 0; four < kGroup; four += 4) {
+      const std::size_t low_bit = four * width;
+      std::uint64_t lows = load64(low + low_bit / 8) >> (low_bit % 8);
+      for (std::size_t i = 0; i < 4; ++i) {
+        // The next one ends the number; without any (no encoder writes that) it is past the word.
+        const auto one = static_cast<std::uint32_t>(std::countr_zero(ones));
+        ones &= ones - 1;
+        out[(four + i) * kStride] = (one - before) << width | static_cast<std::uint32_t>(lows & mask);
+        before = one + 1;
+        lows >>= width;
+      }
+    }
+    low += 2 * width;
+    bit += before;
+  }
+  return bit <= 8 * unary_bytes;
+}
+
+// Connectivity ------------------------------------------------------------------------------------
+//
+// The cut-border machine of Gumhold and Strasser 1998 with its front in a ring. The front holds directed edges that
+// a triangle may still use; one more is the gate. A step either attaches a triangle to the gate or gives the gate up.
+// Nothing about the surface has to hold: what the front does not foresee is an escape.
+
+// A directed edge that a further triangle may have, and the third corner of the triangle on its other side.
+struct Edge {
+  std::uint16_t a = 0;
+  std::uint16_t b = 0;
+  std::uint16_t opposite = 0;
+};
+
+constexpr std::uint64_t packEdge(std::uint64_t a, std::uint64_t b, std::uint64_t opposite) {
+  return a | b << 16 | opposite << 32;
+}
+constexpr std::uint64_t packEdge(const Edge& e) {
+  return packEdge(e.a, e.b, e.opposite);
+}
+
+// Steps, two bits each.
+constexpr std::uint32_t kNewVertex = 0;  // the gate's triangle has the next new vertex
+constexpr std::uint32_t kNext = 1;       // … the end of the front's first edge
+constexpr std::uint32_t kGiveUp = 2;     // no triangle: the front's first edge becomes the gate
+constexpr std::uint32_t kEscape = 3;     // a byte of the escapes says
+
+// Escapes. Below kStart: a vertex that many before the newest.
+constexpr std::uint8_t kStart = 240;        // + 1, 2, 4: first, second, third corner is a known one, u16 each
+constexpr std::uint8_t kPrevious = 248;     // the start of the front's last edge
+constexpr std::uint8_t kCloseLast = 249;    // no triangle: drop the front's last edge too, then as kGiveUp
+constexpr std::uint8_t kCloseFirst = 250;   // … the front's first edge
+constexpr std::uint8_t kKnownVertex = 251;  // any known vertex, u16
+
+// What a new vertex is predicted from: a + b − opposite.
+struct Connectivity {
+  std::vector<std::uint32_t> vertices;   // old numbers in the new order
+  std::vector<std::uint32_t> triangles;  // old numbers in the new order
+  std::vector<std::uint16_t> indices;
+  std::vector<Edge> from;  // new numbers
+  std::uint32_t steps = 0;
+  base::Bytes step_bytes;
+  base::Bytes escapes;
+  std::uint8_t front_bits = 0;
+};
+
+class Walk {
+ public:
+  explicit Walk(const PatchGeometry& geometry)
+      : geometry_(geometry),
+        triangles_(geometry.indices.size() / 3),
+        first_(geometry.positions.size() + 1, 0),
+        left_(geometry.positions.size(), 0),
+        corners_(geometry.indices.size()),
+        done_(triangles_, 0),
+        number_(geometry.positions.size(), kUnnumbered) {
+    for (const std::uint16_t v : geometry.indices) ++first_[std::size_t{v} + 1];
+    for (std::size_t v = 0; v + 1 < first_.size(); ++v) first_[v + 1] += first_[v];
+    for (std::uint32_t i = 0; i < corners_.size(); ++i) {
+      const std::uint16_t v = geometry.indices[i];
+      corners_[first_[v] + left_[v]++] = i;
+    }
+    out_.indices.reserve(geometry.indices.size());
+    out_.triangles.reserve(triangles_);
+  }
+
+  Connectivity run() {
+    std::uint32_t next = 0;
+    while (out_.triangles.size() < triangles_) {
+      if (open_) {
+        advance();
+        continue;
+      }
+      while (done_[next] != 0) ++next;
+      start(next);
+    }
+    out_.steps = steps_;
+    out_.step_bytes = bits_.take();
+    out_.front_bits = static_cast<std::uint8_t>(std::bit_width(longest_ + 1));
+    LUMIGRID_CHECK_LE(out_.front_bits, kMaxFrontBits);
+    return std::move(out_);
+  }
+
+ private:
+  static constexpr std::uint32_t kUnnumbered = ~0U;
+  // Most unused triangles looked at around one vertex; more than any scan has, and a fan of thousands stays cheap.
+  static constexpr std::uint32_t kMostLooked = 64;
+
+  struct Found {
+    std::uint32_t triangle = kUnnumbered;
+    std::uint16_t third = 0;
+    int rank = -1;
+  };
+
+  bool empty() const { return head_ == front_.size(); }
+  void step(std::uint32_t s) {
+    bits_.put(s, 2);
+    ++steps_;
+  }
+  void escape(std::uint8_t e) {
+    step(kEscape);
+    out_.escapes.push_back(e);
+  }
+  void push(const Edge& e) {
+    front_.push_back(e);
+    longest_ = std::max(longest_, front_.size() - head_);
+  }
+  void takeFirst() {
+    open_ = !empty();
+    if (open_) gate_ = front_[head_++];
+  }
+  std::uint16_t numberOf(std::uint16_t v) const { return static_cast<std::uint16_t>(number_[v]); }
+  void addVertex(std::uint16_t v, const Edge& from) {
+    number_[v] = static_cast<std::uint32_t>(out_.vertices.size());
+    out_.vertices.push_back(v);
+    out_.from.push_back(from);
+  }
+  void addTriangle(std::uint32_t t, std::uint16_t a, std::uint16_t b, std::uint16_t c) {
+    done_[t] = 1;
+    out_.triangles.push_back(t);
+    out_.indices.insert(out_.indices.end(), {numberOf(a), numberOf(b), numberOf(c)});
+  }
+  void u16(std::uint16_t v) {
+    out_.escapes.push_back(static_cast<std::uint8_t>(v & 255U));
+    out_.escapes.push_back(static_cast<std::uint8_t>(v >> 8));
+  }
+
+  void start(std::uint32_t t) {
+    const std::uint16_t* c = &geometry_.indices[3 * std::size_t{t}];
+    const std::size_t at = out_.escapes.size();
+    escape(kStart);
+    std::uint16_t before =
+        out_.vertices.empty() ? std::uint16_t{0} : static_cast<std::uint16_t>(out_.vertices.size() - 1);
+    for (std::size_t k = 0; k < 3; ++k) {
+      if (number_[c[k]] == kUnnumbered) {
+        addVertex(c[k], {before, before, before});
+      } else {
+        out_.escapes[at] = static_cast<std::uint8_t>(out_.escapes[at] + (1U << k));
+        u16(numberOf(c[k]));
+      }
+      before = numberOf(c[k]);
+    }
+    addTriangle(t, c[0], c[1], c[2]);
+    push({c[0], c[2], c[1]});
+    push({c[2], c[1], c[0]});
+    gate_ = {c[1], c[0], c[2]};
+    open_ = true;
+  }
+
+  // An unused triangle with the gate's edge: what costs least.
+  Found find() {
+    Found best;
+    std::uint32_t* corner = corners_.data() + first_[gate_.a];
+    std::uint32_t looked = 0;
+    for (std::uint32_t i = 0; i < left_[gate_.a] && looked < kMostLooked;) {
+      const std::uint32_t t = corner[i] / 3;
+      if (done_[t] != 0) {
+        corner[i] = corner[--left_[gate_.a]];
+        continue;
+      }
+      const std::uint32_t k = corner[i] % 3;
+      ++i, ++looked;
+      if (geometry_.indices[3 * t + (k + 1) % 3] != gate_.b) continue;
+      const std::uint16_t third = geometry_.indices[3 * t + (k + 2) % 3];
+      int rank = number_[third] == kUnnumbered ? 1 : 0;
+      if (!empty() && third == front_.back().a) rank = 2;
+      if (!empty() && third == front_[head_].b) rank = 3;
+      if (rank > best.rank) best = {t, third, rank};
+    }
+    return best;
+  }
+
+  void advance() {
+    const Found found = find();
+    if (found.rank < 0) {
+      const auto closes = [&](const Edge& e) { return e.a == gate_.b && e.b == gate_.a; };
+      if (!empty() && closes(front_.back())) {
+        escape(kCloseLast);
+        front_.pop_back();
+      } else if (!empty() && closes(front_[head_])) {
+        escape(kCloseFirst);
+        ++head_;
+      } else {
+        step(kGiveUp);
+      }
+      takeFirst();
+      return;
+    }
+
+    const Edge gate = gate_;
+    switch (found.rank) {
+      case 3:
+        step(kNext);
+        ++head_;
+        gate_ = {gate.a, found.third, gate.b};
+        break;
+      case 2:
+        escape(kPrevious);
+        front_.pop_back();
+        gate_ = {found.third, gate.b, gate.a};
+        break;
+      default:
+        if (found.rank == 1) {
+          step(kNewVertex);
+          addVertex(found.third, {numberOf(gate.a), numberOf(gate.b), numberOf(gate.opposite)});
+        } else if (const std::size_t back = out_.vertices.size() - 1 - number_[found.third]; back < kStart) {
+          escape(static_cast<std::uint8_t>(back));
+        } else {
+          escape(kKnownVertex);
+          u16(numberOf(found.third));
+        }
+        push({gate.a, found.third, gate.b});
+        gate_ = {found.third, gate.b, gate.a};
+    }
+    addTriangle(found.triangle, gate.a, gate.b, found.third);
+  }
+
+  const PatchGeometry& geometry_;
+  std::size_t triangles_;
+  // Corners of unused triangles by vertex: left_ of them from first_ on (used ones leave when they are met).
+  std::vector<std::uint32_t> first_;
+  std::vector<std::uint32_t> left_;
+  std::vector<std::uint32_t> corners_;
+  std::vector<std::uint8_t> done_;
+  std::vector<std::uint32_t> number_;
+  std::vector<Edge> front_;  // from head_ on; old numbers
+  std::size_t head_ = 0;
+  std::size_t longest_ = 0;
+  Edge gate_;
+  bool open_ = false;
+  std::uint32_t steps_ = 0;
+  BitWriter bits_;
+  Connectivity out_;
+};
+
+// Steps decoded between two looks at the counts, hence the room that arrays need behind their ends.
+constexpr std::size_t kStepsAtOnce = 4;
+constexpr std::size_t kSlack = 4 * kStepsAtOnce;
+
+// What decoding needs beyond its result. Kept by thread: patches come by the thousand.
+struct Scratch {
+  base::Bytes bytes;
+  std::vector<std::uint64_t> front;
+  std::vector<std::uint64_t> from;  // packed edges by vertex
+  std::vector<Uint4> positions;
+  std::vector<Uint4> colors;
+  std::vector<std::uint32_t> normal_u;
+  std::vector<std::uint32_t> normal_v;
+  std::vector<Float4> points;
+  std::vector<Float4> sums;
+
+  template <class T>
+  static T* room(std::vector<T>& v, std::size_t count) {
+    if (v.size() < count) v.resize(count);
+    return v.data();
+  }
+};
+
+class Machine {
+ public:
+  // `indices` has room for `triangles` and kSlack more, `from` for `vertices` and kSlack more.
+  Machine(const PatchHeader& header, base::ByteView steps, base::ByteView escapes, std::uint64_t* front,
+          std::uint16_t* indices, std::uint64_t* from)
+      : header_(header),
+        steps_(steps),
+        escapes_(escapes),
+        mask_((1U << header.front_bits) - 1),
+        front_(front),
+        indices_(indices),
+        from_(from) {}
+
+  // False when the counts are not met or the escapes run out. All numbers in indices and `from` are below the count of
+  // vertices then: every one was new once.
+  bool run() {
+    std::uint64_t gate = 0;
+    std::uint32_t head = 0;
+    std::uint32_t tail = 0;
+    std::uint32_t vertices = 0;
+    std::uint32_t triangles = 0;
+    std::size_t escape = 0;
+    for (std::uint32_t done = 0; done < header_.steps; done += kStepsAtOnce) {
+      const auto count = std::min<std::uint32_t>(kStepsAtOnce, header_.steps - done);
+      std::uint32_t byte = steps_[done / kStepsAtOnce];
+      for (std::uint32_t i = 0; i < count; ++i, byte >>= 2) {
+        const std::uint32_t step = byte & 3U;
+        if (step == kEscape) [[unlikely]] {
+          if (!leave({gate, head, tail, vertices, triangles}, escape)) return false;
+          gate = state_.gate, head = state_.head, tail = state_.tail;
+          vertices = state_.vertices, triangles = state_.triangles;
+          continue;
+        }
+        // All three at once, and one is kept: which it is cannot be foreseen.
+        const std::uint64_t next = front_[head & mask_];
+        const std::uint64_t a = gate & 0xFFFF;
+        const std::uint64_t b = gate >> 16 & 0xFFFF;
+        const std::uint64_t end = next >> 16 & 0xFFFF;
+        const bool is_new = step == kNewVertex;
+        const std::uint64_t third = is_new ? vertices : end;
+        std::uint16_t* corner = indices_ + 3 * std::size_t{triangles};
+        corner[0] = static_cast<std::uint16_t>(a);
+        corner[1] = static_cast<std::uint16_t>(b);
+        corner[2] = static_cast<std::uint16_t>(third);
+        from_[vertices] = gate;
+        front_[tail & mask_] = packEdge(a, vertices, b);
+        const std::uint64_t attached = is_new ? packEdge(vertices, b, a) : packEdge(a, end, b);
+        gate = step == kGiveUp ? next : attached;
+        tail += is_new ? 1U : 0U;
+        vertices += is_new ? 1U : 0U;
+        head += is_new ? 0U : 1U;
+        triangles += step == kGiveUp ? 0U : 1U;
+      }
+      if (vertices > header_.vertices || triangles > header_.triangles) return false;
+    }
+    return vertices == header_.vertices && triangles == header_.triangles && escape == escapes_.size();
+  }
+
+ private:
+  struct State {
+    std::uint64_t gate = 0;
+    std::uint32_t head = 0;
+    std::uint32_t tail = 0;
+    std::uint32_t vertices = 0;
+    std::uint32_t triangles = 0;
+  };
+
+  // One escape: from `state` to state_.
+  bool leave(const State& state, std::size_t& escape) {
+    state_ = state;
+    State& s = state_;
+    if (escape >= escapes_.size()) return false;
+    const std::uint8_t kind = escapes_[escape++];
+    const std::uint64_t a = s.gate & 0xFFFF;
+    const std::uint64_t b = s.gate >> 16 & 0xFFFF;
+    if (kind >= kStart && kind < kPrevious) return start(kind - kStart, escape);
+    switch (kind) {
+      case kPrevious: {
+        --s.tail;
+        const std::uint64_t third = front_[s.tail & mask_] & 0xFFFF;
+        attach(a, b, third);
+        s.gate = packEdge(third, b, a);
+        return true;
+      }
+      case kCloseLast:
+        --s.tail;
+        s.gate = front_[s.head++ & mask_];
+        return true;
+      case kCloseFirst:
+        ++s.head;
+        s.gate = front_[s.head++ & mask_];
+        return true;
+      default: {
+        std::uint32_t third = s.vertices - 1U - kind;
+        if (kind == kKnownVertex && !known(escape, third)) return false;
+        if (kind > kKnownVertex || third >= s.vertices) return false;
+        attach(a, b, third);
+        front_[s.tail++ & mask_] = packEdge(a, third, b);
+        s.gate = packEdge(third, b, a);
+        return true;
+      }
+    }
+  }
+
+  bool start(std::uint32_t known_corners, std::size_t& escape) {
+    State& s = state_;
+    std::array<std::uint32_t, 3> c{};
+    std::uint32_t before = s.vertices > 0 ? s.vertices - 1 : 0;
+    for (std::uint32_t k = 0; k < 3; ++k) {
+      if ((known_corners >> k & 1U) == 0) {
+        from_[s.vertices] = packEdge(before, before, before);
+        c[k] = s.vertices++;
+      } else if (!known(escape, c[k])) {
+        return false;
+      }
+      before = c[k];
+    }
+    attach(c[0], c[1], c[2]);
+    s.head = s.tail;
+    front_[s.tail++ & mask_] = packEdge(c[0], c[2], c[1]);
+    front_[s.tail++ & mask_] = packEdge(c[2], c[1], c[0]);
+    s.gate = packEdge(c[1], c[0], c[2]);
+    return true;
+  }
+
+  void attach(std::uint64_t a, std::uint64_t b, std::uint64_t c) {
+    std::uint16_t* corner = indices_ + 3 * std::size_t{state_.triangles++};
+    corner[0] = static_cast<std::uint16_t>(a);
+    corner[1] = static_cast<std::uint16_t>(b);
+    corner[2] = static_cast<std::uint16_t>(c);
+  }
+
+  bool known(std::size_t& escape, std::uint32_t& vertex) {
+    if (escapes_.size() - escape < 2) return false;
+    vertex = escapes_[escape] | static_cast<std::uint32_t>(escapes_[escape + 1]) << 8;
+    escape += 2;
+    return vertex < state_.vertices;
+  }
+
+  const PatchHeader& header_;
+  base::ByteView steps_;
+  base::ByteView escapes_;
+  std::uint32_t mask_;
+  std::uint64_t* front_;
+  std::uint16_t* indices_;
+  std::uint64_t* from_;
+  State state_;
+};
 
 // Encoding ----------------------------------------------------------------------------------------
-
-// The versions are globals of the library: set once, before the first encoding in any thread.
-void fixCodecVersions() {
-  static const bool done = [] {
-    meshopt_encodeIndexVersion(1);
-    meshopt_encodeVertexVersion(0);
-    return true;
-  }();
-  static_cast<void>(done);
-}
 
 void checkGeometry(const PatchGeometry& geometry) {
   LUMIGRID_CHECK_EQ(geometry.indices.size() % 3, 0U);
@@ -109,97 +745,99 @@ void checkGeometry(const PatchGeometry& geometry) {
     for (int axis = 0; axis < 3; ++axis) LUMIGRID_CHECK(q[axis] >= -kMaxLattice && q[axis] <= kMaxLattice);
 }
 
-// Triangles in cache order, and the old number of each vertex that is still used, in the order of first use.
-struct Order {
-  std::vector<unsigned int> indices;
-  std::vector<unsigned int> vertices;
-};
-
-// Which source triangle each one of `ordered` is: both sorted, equal ones in the order they come.
-std::vector<std::uint32_t> sourceTriangles(const PatchGeometry& geometry, const std::vector<unsigned int>& ordered) {
-  using Keyed = std::array<std::uint32_t, 4>;
-  const auto sorted = [](const auto& indices) {
-    std::vector<Keyed> all;
-    for (std::size_t t = 0; 3 * t < indices.size(); ++t)
-      all.push_back({indices[3 * t], indices[3 * t + 1], indices[3 * t + 2], static_cast<std::uint32_t>(t)});
-    std::sort(all.begin(), all.end());
-    return all;
-  };
-  const std::vector<Keyed> from = sorted(geometry.indices);
-  const std::vector<Keyed> to = sorted(ordered);
-  std::vector<std::uint32_t> source(from.size());
-  for (std::size_t i = 0; i < from.size(); ++i) source[to[i][3]] = from[i][3];
-  return source;
-}
-
-Order optimizedOrder(const PatchGeometry& geometry, std::vector<std::uint32_t>* triangle_order) {
-  const std::size_t vertex_count = geometry.positions.size();
-  const std::vector<unsigned int> source(geometry.indices.begin(), geometry.indices.end());
-  Order order;
-  order.indices.resize(source.size());
-  meshopt_optimizeVertexCache(order.indices.data(), source.data(), source.size(), vertex_count);
-  if (triangle_order != nullptr) *triangle_order = sourceTriangles(geometry, order.indices);
-
-  // Number the vertices by first use and remember where each came from, so that every attribute moves alike.
-  std::vector<unsigned int> new_from_old(vertex_count);
-  const std::size_t used =
-      meshopt_optimizeVertexFetchRemap(new_from_old.data(), order.indices.data(), order.indices.size(), vertex_count);
-  order.vertices.resize(used);
-  for (unsigned int old = 0; old < vertex_count; ++old)
-    if (new_from_old[old] < used) order.vertices[new_from_old[old]] = old;
-  for (unsigned int& index : order.indices) index = new_from_old[index];
-  return order;
-}
-
-PatchHeader headerFor(const PatchGeometry& geometry, const Order& order) {
-  PatchHeader header;
-  header.vertices = static_cast<std::uint32_t>(order.vertices.size());
-  header.triangles = static_cast<std::uint32_t>(order.indices.size() / 3);
-  glm::ivec3 low(kMaxLattice);
-  glm::ivec3 high(-kMaxLattice);
-  for (const unsigned int old : order.vertices) {
-    low = glm::min(low, geometry.positions[old]);
-    high = glm::max(high, geometry.positions[old]);
+// Whether all sums of facet normals are exact in floats when coordinates lose `shift` bits.
+bool exactFacets(const std::vector<glm::ivec3>& relative, const std::vector<std::uint16_t>& indices, int shift,
+                 std::vector<double>& bound) {
+  constexpr double kExact = 1 << 24;
+  bound.assign(relative.size(), 0.0);
+  for (std::size_t t = 0; t < indices.size(); t += 3) {
+    const glm::dvec3 o(relative[indices[t]] >> shift);
+    const glm::dvec3 a = glm::abs(glm::dvec3(relative[indices[t + 1]] >> shift) - o);
+    const glm::dvec3 b = glm::abs(glm::dvec3(relative[indices[t + 2]] >> shift) - o);
+    const double most = std::max({a.x * b.y + a.y * b.x, a.y * b.z + a.z * b.y, a.z * b.x + a.x * b.z});
+    for (std::size_t k = 0; k < 3; ++k)
+      if ((bound[indices[t + k]] += most) >= kExact) return false;
   }
-  header.minimum = low;
-  const glm::ivec3 extent = high - low;
-  if (std::max({extent.x, extent.y, extent.z}) > 65535) header.flags |= kWidePositions;
-  if (!geometry.colors.empty()) header.flags |= kHasColors;
-  return header;
+  return std::all_of(relative.begin(), relative.end(), [&](const glm::ivec3& q) {
+    const glm::ivec3 p = q >> shift;
+    return std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)}) < (1 << 23);
+  });
 }
 
-base::Bytes packVertices(const PatchGeometry& geometry, const Order& order, const PatchHeader& header) {
-  const VertexLayout layout(header);
-  base::Bytes packed(order.vertices.size() * layout.size, 0);
-  std::uint8_t* out = packed.data();
-  for (const unsigned int old : order.vertices) {
-    const glm::uvec3 wide(geometry.positions[old] - header.minimum);
-    const glm::u16vec3 narrow(wide);
-    if (header.wide()) {
-      std::memcpy(out, &wide, sizeof(wide));
-    } else {
-      std::memcpy(out, &narrow, sizeof(narrow));
+// Codes that the decoder will foresee from positions and triangles, by new vertex.
+void facetCodes(const Float4* points, const Connectivity& order, std::vector<std::int32_t>& u,
+                std::vector<std::int32_t>& v) {
+  std::vector<Float4> sums(order.vertices.size(), Float4{});
+  sumFacets(points, order.indices.data(), order.triangles.size(), sums.data());
+  u.resize(sums.size());
+  v.resize(sums.size());
+  std::array<float, kBlock> x{}, y{}, z{};
+  for (std::size_t first = 0; first < sums.size(); first += kBlock) {
+    const std::size_t count = std::min(kBlock, sums.size() - first);
+    for (std::size_t i = 0; i < count; ++i)
+      z[i] = sums[first + i][0], x[i] = sums[first + i][1], y[i] = sums[first + i][2];
+    predictNormals(x, y, z, count, &u[first], &v[first]);
+  }
+}
+
+void writePositions(base::ByteWriter& out, const PatchGeometry& geometry, const Connectivity& order,
+                    std::vector<std::uint32_t>& plane) {
+  for (int axis = 0; axis < 3; ++axis) {
+    const auto at = [&](std::uint32_t v) {
+      return static_cast<std::uint32_t>(geometry.positions[order.vertices[v]][axis]);
+    };
+    for (std::uint32_t v = 1; v < order.vertices.size(); ++v) {
+      const Edge& e = order.from[v];
+      plane[v] = zigzag(static_cast<std::int32_t>(at(v) - (at(e.a) + at(e.b) - at(e.opposite))));
     }
-    const OctahedralCode code = encodeNormal(geometry.normals[old]);
-    std::memcpy(out + layout.normal, &code, sizeof(code));
-    if (header.colored()) std::memcpy(out + layout.color, &geometry.colors[old], 4);
-    out += layout.size;
+    plane[0] = 0;
+    writePlane(out, plane);
   }
-  return packed;
 }
 
-base::Bytes encodeVertices(const base::Bytes& packed, std::size_t count, std::size_t size) {
-  base::Bytes stream(meshopt_encodeVertexBufferBound(count, size));
-  stream.resize(meshopt_encodeVertexBuffer(stream.data(), stream.size(), packed.data(), count, size));
-  LUMIGRID_CHECK(!stream.empty());
-  return stream;
+std::uint8_t chooseShift(const PatchGeometry& geometry, const Connectivity& order, std::vector<glm::ivec3>& relative) {
+  relative.clear();
+  const glm::ivec3 corner = geometry.positions[order.vertices[0]];
+  for (const std::uint32_t old : order.vertices) relative.push_back(geometry.positions[old] - corner);
+  std::vector<double> bound;
+  std::uint8_t shift = 0;
+  while (!exactFacets(relative, order.indices, shift, bound)) ++shift;
+  LUMIGRID_CHECK_LE(shift, kMaxFacetShift);
+  for (glm::ivec3& q : relative) q >>= shift;
+  return shift;
 }
 
-base::Bytes encodeIndices(const std::vector<unsigned int>& indices, std::size_t vertex_count) {
-  base::Bytes stream(meshopt_encodeIndexBufferBound(indices.size(), vertex_count));
-  stream.resize(meshopt_encodeIndexBuffer(stream.data(), stream.size(), indices.data(), indices.size()));
-  LUMIGRID_CHECK(!stream.empty());
-  return stream;
+void writeNormals(base::ByteWriter& out, const PatchGeometry& geometry, const Connectivity& order,
+                  const std::vector<glm::ivec3>& shifted, std::vector<std::uint32_t>& plane) {
+  std::vector<Float4> points;
+  points.reserve(shifted.size());
+  for (const glm::ivec3& q : shifted)
+    points.push_back(Float4{static_cast<float>(q.x), static_cast<float>(q.y), static_cast<float>(q.z), 0.0F});
+  std::array<std::vector<std::int32_t>, 2> foreseen;
+  facetCodes(points.data(), order, foreseen[0], foreseen[1]);
+  std::vector<OctahedralCode> codes;
+  codes.reserve(order.vertices.size());
+  for (const std::uint32_t old : order.vertices) codes.push_back(encodeNormal(geometry.normals[old]));
+  for (std::size_t k = 0; k < 2; ++k) {
+    for (std::size_t v = 0; v < codes.size(); ++v) {
+      const std::int32_t code = k == 0 ? codes[v].u : codes[v].v;
+      plane[v] = zigzag(static_cast<std::int8_t>(code - foreseen[k][v]));
+    }
+    writePlane(out, plane);
+  }
+}
+
+void writeColors(base::ByteWriter& out, const PatchGeometry& geometry, const Connectivity& order,
+                 std::vector<std::uint32_t>& plane) {
+  std::vector<glm::ivec3> codes;
+  codes.reserve(order.vertices.size());
+  for (const std::uint32_t old : order.vertices) codes.push_back(colorCode(geometry.colors[old]));
+  for (int k = 0; k < 3; ++k) {
+    for (std::size_t v = 1; v < codes.size(); ++v)
+      plane[v] = zigzag(codes[v][k] - ((codes[order.from[v].a][k] + codes[order.from[v].b][k]) >> 1));
+    plane[0] = zigzag(codes[0][k]);
+    writePlane(out, plane);
+  }
 }
 
 void writeHeader(base::ByteWriter& out, const PatchHeader& header) {
@@ -207,10 +845,11 @@ void writeHeader(base::ByteWriter& out, const PatchHeader& header) {
   out.u8(header.flags);
   out.u16(static_cast<std::uint16_t>(header.vertices));
   out.u16(static_cast<std::uint16_t>(header.triangles));
-  out.u16(0);
-  out.write(header.minimum);
-  out.u32(header.vertex_bytes);
-  out.u32(header.index_bytes);
+  out.u8(header.facet_shift);
+  out.u8(header.front_bits);
+  out.write(header.corner);
+  out.u32(header.steps);
+  out.u32(header.escape_bytes);
   out.u32(header.crc);
 }
 
@@ -232,54 +871,102 @@ base::Result<PatchHeader> readHeader(base::ByteView bytes) {
   const std::uint8_t version = in.u8();
   if (version != kCodecVersion)
     return base::Error{base::ErrorCode::kVersion,
-                       "patch bytes: codec version " + std::to_string(version) + ", this program reads 1"};
+                       "patch bytes: codec version " + std::to_string(version) + ", this program reads 2"};
 
   PatchHeader header;
   header.flags = in.u8();
   header.vertices = in.u16();
   header.triangles = in.u16();
-  const std::uint16_t reserved = in.u16();
-  header.minimum = in.read<glm::ivec3>();
-  header.vertex_bytes = in.u32();
-  header.index_bytes = in.u32();
+  header.facet_shift = in.u8();
+  header.front_bits = in.u8();
+  header.corner = in.read<glm::ivec3>();
+  header.steps = in.u32();
+  header.escape_bytes = in.u32();
   header.crc = in.u32();
 
-  if ((header.flags & ~(kWidePositions | kHasColors)) != 0 || reserved != 0) return broken("unknown flags");
+  if ((header.flags & ~(kHasColors | kHasAlpha)) != 0 || header.flags == kHasAlpha) return broken("unknown flags");
   if (header.vertices == 0 || header.triangles == 0) return broken("no triangles");
-  const std::uint64_t stated = std::uint64_t{kHeaderBytes} + header.vertex_bytes + header.index_bytes;
-  if (stated != bytes.size())
-    return broken(std::to_string(bytes.size()) + " bytes, but the header says " + std::to_string(stated));
+  if (header.facet_shift > kMaxFacetShift || header.front_bits > kMaxFrontBits) return broken("unknown parameters");
+  const std::uint64_t stated = kHeaderBytes + header.stepBytes() + std::uint64_t{header.escape_bytes};
+  if (stated > bytes.size())
+    return broken("cut short: " + std::to_string(bytes.size()) + " bytes, the header says more than " +
+                  std::to_string(stated));
   return header;
 }
 
-base::Result<void> unpackVertices(const PatchHeader& header, const base::Bytes& packed, PatchGeometry& geometry) {
-  const VertexLayout layout(header);
-  geometry.positions.resize(header.vertices);
-  geometry.normals.resize(header.vertices);
-  geometry.colors.resize(header.colored() ? header.vertices : 0);
-  const glm::i64vec3 minimum(header.minimum);
-  const std::uint8_t* in = packed.data();
-  for (std::size_t i = 0; i < header.vertices; ++i, in += layout.size) {
-    // Lattice point: offsets are unsigned, so only sums can leave the lattice.
-    glm::uvec3 wide(0U);
-    glm::u16vec3 narrow(0);
-    if (header.wide()) {
-      std::memcpy(&wide, in, sizeof(wide));
-    } else {
-      std::memcpy(&narrow, in, sizeof(narrow));
-      wide = glm::uvec3(narrow);
-    }
-    const glm::i64vec3 q = minimum + glm::i64vec3(wide);
-    if (std::min({q.x, q.y, q.z}) < -kMaxLattice || std::max({q.x, q.y, q.z}) > kMaxLattice)
-      return broken("vertex " + std::to_string(i) + " lies outside the lattice");
-    geometry.positions[i] = glm::ivec3(q);
+Uint4 unzigzag4(Uint4 x) {
+  return (x >> 1) ^ (0U - (x & 1U));
+}
 
-    OctahedralCode code;
-    std::memcpy(&code, in + layout.normal, sizeof(code));
-    geometry.normals[i] = decodeNormal(code);
-    if (header.colored()) std::memcpy(&geometry.colors[i], in + layout.color, 4);
+bool addPositions(const PatchHeader& header, const std::uint64_t* from, Uint4* at, glm::ivec3* out) {
+  const Uint4 corner{static_cast<std::uint32_t>(header.corner.x), static_cast<std::uint32_t>(header.corner.y),
+                     static_cast<std::uint32_t>(header.corner.z), 0U};
+  // Beyond ±kMaxLattice: q + kMaxLattice, unsigned, is above 2 · kMaxLattice.
+  constexpr std::uint32_t kMost = 2U * kMaxLattice;
+  const Uint4 most{kMost, kMost, kMost, 0xFFFFFFFFU};
+  const auto beyond = [&](Uint4 q) { return (q + static_cast<std::uint32_t>(kMaxLattice)) > most; };
+  at[0] = unzigzag4(at[0]) + corner;
+  Int4 outside = beyond(at[0]);
+  std::memcpy(&out[0], &at[0], sizeof(glm::ivec3));
+  for (std::size_t v = 1; v < header.vertices; ++v) {
+    const std::uint64_t e = from[v];
+    at[v] = unzigzag4(at[v]) + at[e & 0xFFFF] + at[e >> 16 & 0xFFFF] - at[e >> 32 & 0xFFFF];
+    outside |= beyond(at[v]);
+    std::memcpy(&out[v], &at[v], sizeof(glm::ivec3));
   }
-  return {};
+  return (outside[0] | outside[1] | outside[2]) == 0;
+}
+
+void addNormals(const PatchHeader& header, const std::uint16_t* indices, Scratch& scratch, const Uint4* positions,
+                glm::vec3* out) {
+  const std::size_t count = header.vertices;
+  Float4* points = Scratch::room(scratch.points, count);
+  Float4* sums = Scratch::room(scratch.sums, count);
+  const Uint4 corner = positions[0];
+  for (std::size_t v = 0; v < count; ++v) {
+    const Int4 relative =
+        reinterpret_cast<Int4>(positions[v] - corner) >> static_cast<std::int32_t>(header.facet_shift);
+    points[v] = __builtin_convertvector(relative, Float4);
+    sums[v] = Float4{};
+  }
+  sumFacets(points, indices, header.triangles, sums);
+
+  std::array<float, kBlock> x, y, z;
+  std::array<std::int32_t, kBlock> u, w;
+  Unit unit;
+  for (std::size_t first = 0; first < count; first += kBlock) {
+    const std::size_t part = std::min(kBlock, count - first);
+    for (std::size_t i = 0; i < part; ++i) {
+      const Float4 sum = sums[first + i];
+      z[i] = sum[0], x[i] = sum[1], y[i] = sum[2];
+    }
+    predictNormals(x, y, z, part, u.data(), w.data());
+    // Modulo 256, as the encoder's difference.
+    for (std::size_t i = 0; i < part; ++i) {
+      u[i] = static_cast<std::int8_t>(u[i] + unzigzag(scratch.normal_u[first + i]));
+      w[i] = static_cast<std::int8_t>(w[i] + unzigzag(scratch.normal_v[first + i]));
+    }
+    decodeNormals(u.data(), w.data(), part, unit);
+    for (std::size_t i = 0; i < part; ++i) out[first + i] = glm::vec3(unit.x[i], unit.y[i], unit.z[i]);
+  }
+}
+
+void addColors(const PatchHeader& header, const std::uint64_t* from, Uint4* at, glm::u8vec4* out) {
+  const auto put = [&](std::size_t v) {
+    const Int4 code = reinterpret_cast<Int4>(at[v]);
+    out[v] = codeColor(code[0], code[1], code[2], static_cast<std::uint8_t>(code[3]));
+  };
+  // Alpha is not predicted: lane 3 of the sums is masked.
+  const Int4 colors_only{-1, -1, -1, 0};
+  const Uint4 opaque{0, 0, 0, 255};
+  at[0] = unzigzag4(at[0]) + opaque;
+  put(0);
+  for (std::size_t v = 1; v < header.vertices; ++v) {
+    const std::uint64_t e = from[v];
+    const Int4 mean = (reinterpret_cast<Int4>(at[e & 0xFFFF] + at[e >> 16 & 0xFFFF]) >> 1) & colors_only;
+    at[v] = unzigzag4(at[v]) + reinterpret_cast<Uint4>(mean) + opaque;
+    put(v);
+  }
 }
 
 }  // namespace
@@ -290,22 +977,38 @@ base::Bytes encodePatch(const PatchGeometry& geometry) {
 
 base::Bytes encodePatch(const PatchGeometry& geometry, std::vector<std::uint32_t>* triangle_order) {
   checkGeometry(geometry);
-  fixCodecVersions();
-  const Order order = optimizedOrder(geometry, triangle_order);
+  const Connectivity order = Walk(geometry).run();
+  std::vector<glm::ivec3> shifted;
 
-  // Both streams, then the header that knows their lengths.
-  PatchHeader header = headerFor(geometry, order);
-  const base::Bytes packed = packVertices(geometry, order, header);
-  const base::Bytes vertices = encodeVertices(packed, header.vertices, VertexLayout(header).size);
-  const base::Bytes indices = encodeIndices(order.indices, header.vertices);
-  header.vertex_bytes = static_cast<std::uint32_t>(vertices.size());
-  header.index_bytes = static_cast<std::uint32_t>(indices.size());
+  PatchHeader header;
+  header.vertices = static_cast<std::uint32_t>(order.vertices.size());
+  header.triangles = static_cast<std::uint32_t>(order.triangles.size());
+  header.facet_shift = chooseShift(geometry, order, shifted);
+  header.front_bits = order.front_bits;
+  header.corner = geometry.positions[order.vertices[0]];
+  header.steps = order.steps;
+  header.escape_bytes = static_cast<std::uint32_t>(order.escapes.size());
+  const auto opaque = [&](std::uint32_t old) { return geometry.colors[old].a == 255; };
+  if (!geometry.colors.empty()) {
+    header.flags |= kHasColors;
+    if (!std::all_of(order.vertices.begin(), order.vertices.end(), opaque)) header.flags |= kHasAlpha;
+  }
 
   base::ByteWriter out;
   writeHeader(out, header);
-  out.bytes(vertices);
-  out.bytes(indices);
+  out.bytes(order.step_bytes);
+  out.bytes(order.escapes);
+  std::vector<std::uint32_t> plane(groupsOf(order.vertices.size()) * kGroup, 0);
+  writePositions(out, geometry, order, plane);
+  writeNormals(out, geometry, order, shifted, plane);
+  if (header.colored()) writeColors(out, geometry, order, plane);
+  if (header.alpha()) {
+    for (std::size_t v = 0; v < order.vertices.size(); ++v)
+      plane[v] = zigzag(geometry.colors[order.vertices[v]].a - 255);
+    writePlane(out, plane);
+  }
   out.patch(kCrcOffset, checksum(out.view()));
+  if (triangle_order != nullptr) *triangle_order = order.triangles;
   return out.take();
 }
 
@@ -314,24 +1017,52 @@ base::Result<PatchGeometry> decodePatch(base::ByteView bytes) {
   if (!header) return header.error();
   if (checksum(bytes) != header->crc) return broken("checksum does not match");
 
-  // Vertices. The decoder is safe on any bytes but may yield any values: those are checked behind it.
-  PatchGeometry geometry;
-  const base::ByteView vertices = bytes.subspan(kHeaderBytes, header->vertex_bytes);
-  const std::size_t vertex_size = VertexLayout(*header).size;
-  base::Bytes packed(header->vertices * vertex_size);
-  if (meshopt_decodeVertexBuffer(packed.data(), header->vertices, vertex_size, vertices.data(), vertices.size()) != 0)
-    return broken("the vertex stream does not decode");
-  LUMIGRID_TRY(unpackVertices(*header, packed, geometry));
+  // A copy with eight bytes behind it: whole words are read at any place.
+  thread_local Scratch scratch;
+  std::uint8_t* copy = Scratch::room(scratch.bytes, bytes.size() + 8);
+  std::memcpy(copy, bytes.data(), bytes.size());
+  std::memset(copy + bytes.size(), 0, 8);
+  const base::ByteView in(copy, bytes.size());
 
-  // Triangles.
-  const base::ByteView indices = bytes.subspan(kHeaderBytes + header->vertex_bytes);
+  // Triangles, and what each vertex is predicted from.
+  PatchGeometry geometry;
+  geometry.indices.resize((std::size_t{header->triangles} + kSlack) * 3);
+  scratch.front.assign(std::size_t{1} << header->front_bits, 0);
+  std::uint64_t* from = Scratch::room(scratch.from, header->vertices + kSlack);
+  const base::ByteView steps = in.subspan(kHeaderBytes, header->stepBytes());
+  const base::ByteView escapes = in.subspan(kHeaderBytes + steps.size(), header->escape_bytes);
+  if (!Machine(*header, steps, escapes, scratch.front.data(), geometry.indices.data(), from).run())
+    return broken("the triangles do not decode");
   geometry.indices.resize(std::size_t{header->triangles} * 3);
-  if (meshopt_decodeIndexBuffer(geometry.indices.data(), geometry.indices.size(), 2, indices.data(), indices.size()) !=
-      0)
-    return broken("the index stream does not decode");
-  const std::uint16_t largest = *std::max_element(geometry.indices.begin(), geometry.indices.end());
-  if (largest >= header->vertices)
-    return broken("index " + std::to_string(largest) + " of " + std::to_string(header->vertices) + " vertices");
+
+  // Planes.
+  const std::size_t groups = groupsOf(header->vertices);
+  const std::size_t padded = groups * kGroup;
+  Uint4* positions = Scratch::room(scratch.positions, padded);
+  std::size_t at = kHeaderBytes + steps.size() + escapes.size();
+  bool whole = true;
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    whole = whole && readPlane<4>(in, at, groups, reinterpret_cast<std::uint32_t*>(positions) + axis);
+  whole = whole && readPlane<1>(in, at, groups, Scratch::room(scratch.normal_u, padded));
+  whole = whole && readPlane<1>(in, at, groups, Scratch::room(scratch.normal_v, padded));
+  Uint4* colors = header->colored() ? Scratch::room(scratch.colors, padded) : nullptr;
+  const std::size_t channels = header->colored() ? (header->alpha() ? 4 : 3) : 0;
+  if (channels == 3)
+    for (std::size_t v = 0; v < padded; ++v) colors[v] = Uint4{};
+  for (std::size_t k = 0; k < channels; ++k)
+    whole = whole && readPlane<4>(in, at, groups, reinterpret_cast<std::uint32_t*>(colors) + k);
+  if (!whole || at != bytes.size()) return broken("the vertices do not decode");
+
+  // Numbers into vertices.
+  geometry.positions.resize(header->vertices);
+  if (!addPositions(*header, from, positions, geometry.positions.data()))
+    return broken("a vertex lies outside the lattice");
+  geometry.normals.resize(header->vertices);
+  addNormals(*header, geometry.indices.data(), scratch, positions, geometry.normals.data());
+  if (header->colored()) {
+    geometry.colors.resize(header->vertices);
+    addColors(*header, from, colors, geometry.colors.data());
+  }
   return geometry;
 }
 
@@ -342,7 +1073,17 @@ base::Result<PatchCounts> encodedCounts(base::ByteView bytes) {
 }
 
 glm::vec3 quantizedNormal(const glm::vec3& n) {
-  return decodeNormal(encodeNormal(n));
+  const OctahedralCode code = encodeNormal(n);
+  const std::int32_t u = code.u;
+  const std::int32_t v = code.v;
+  Unit unit;
+  decodeNormals(&u, &v, 1, unit);
+  return {unit.x[0], unit.y[0], unit.z[0]};
+}
+
+glm::u8vec4 quantizedColor(const glm::u8vec4& color) {
+  const auto channel = [](std::uint8_t c) { return static_cast<std::uint8_t>(levelColor(colorLevel(c))); };
+  return {channel(color.r), channel(color.g), channel(color.b), color.a};
 }
 
 }  // namespace lod::patch

