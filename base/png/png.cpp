@@ -26,8 +26,8 @@ struct PngImage : png_image {
   PngImage& operator=(const PngImage&) = delete;
 };
 
-Error pngError(const std::string& path, const char* action, const PngImage& png) {
-  return {ErrorCode::kInvalidInput, path + ": cannot " + action + " PNG: " + png.message};
+Error pngError(const char* action, const PngImage& png) {
+  return {ErrorCode::kInvalidInput, std::string("cannot ") + action + " PNG: " + png.message};
 }
 
 }  // namespace
@@ -45,20 +45,24 @@ Result<void> writePng(const Image& image, const std::string& path) {
   Bytes bytes(PNG_IMAGE_PNG_SIZE_MAX(png));
   png_alloc_size_t size = bytes.size();
   if (png_image_write_to_memory(&png, bytes.data(), &size, 0, image.pixels.data(), 0, nullptr) == 0)
-    return pngError(path, "write", png);
+    return within(path, pngError("write", png));
   return writeFileAtomically(path, ByteView(bytes).first(size));
 }
 
 Result<Image> readPng(const std::string& path) {
   auto file = MappedFile::open(path);
   if (!file) return file.error();
-  const ByteView bytes = file->bytes();
+  auto image = decodePng(file->bytes());
+  return image ? std::move(image) : within(path, image.error());
+}
+
+Result<Image> decodePng(ByteView bytes) {
   PngImage png;
-  if (png_image_begin_read_from_memory(&png, bytes.data(), bytes.size()) == 0) return pngError(path, "read", png);
+  if (png_image_begin_read_from_memory(&png, bytes.data(), bytes.size()) == 0) return pngError("read", png);
 
   const std::uint64_t pixels = std::uint64_t{png.width} * png.height;
   if (pixels > kMaxPixels || pixels > bytes.size() * kMaxPixelsPerFileByte)
-    return Error{ErrorCode::kInvalidInput, path + ": PNG claims " + std::to_string(png.width) + " x " +
+    return Error{ErrorCode::kInvalidInput, "PNG claims " + std::to_string(png.width) + " x " +
                                                std::to_string(png.height) +
                                                " pixels, more than its bytes can hold or than we read"};
 
@@ -68,7 +72,7 @@ Result<Image> readPng(const std::string& path) {
   const int channels = alpha ? 4 : color ? 3 : 1;
   png.format = alpha ? PNG_FORMAT_RGBA : color ? PNG_FORMAT_RGB : PNG_FORMAT_GRAY;
   Image image(static_cast<int>(png.width), static_cast<int>(png.height), channels);
-  if (png_image_finish_read(&png, nullptr, image.pixels.data(), 0, nullptr) == 0) return pngError(path, "read", png);
+  if (png_image_finish_read(&png, nullptr, image.pixels.data(), 0, nullptr) == 0) return pngError("read", png);
   return image;
 }
 

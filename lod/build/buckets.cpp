@@ -20,6 +20,8 @@ constexpr std::uint32_t kTableBits = 18;                         // of the codes
 constexpr std::size_t kBatchBlocks = 16;                         // blocks of triangles that threads share
 constexpr std::uint64_t kBufferBytes = std::uint64_t{64} << 20;  // of all buckets together
 
+// Fewer bits save nothing that counts on a small mesh, and cost accuracy at fine levels.
+constexpr std::uint32_t kLeastChosenBits = 14;
 // What measureWinding takes for a bucket, about.
 constexpr std::uint64_t kWindingBytes = std::uint64_t{80} << 20;
 
@@ -40,10 +42,10 @@ SourceLattice makeLattice(const SourceInfo& info, const glm::dvec3& origin, std:
   SourceLattice out;
   out.bits = bits;
   if (bits == 0) {
-    out.bits = 10;
+    out.bits = kLeastChosenBits;
     if (info.mean_edge > 0.0 && longest > 0.0)
       out.bits = static_cast<std::uint32_t>(std::clamp(std::ceil(std::log2(16.0 * longest / info.mean_edge + 1.0)),
-                                                       10.0, static_cast<double>(kMaxLatticeBits)));
+                                                       double{kLeastChosenBits}, static_cast<double>(kMaxLatticeBits)));
   }
   out.corner = info.box_min;
   out.lattice.origin = info.box_min - origin;

@@ -25,7 +25,7 @@ struct SourceLattice {
 
   glm::ivec3 point(const glm::dvec3& world) const;
 };
-/// `bits` 0 chooses: one step is at most 1/16 of the mean edge, within 10 … 21. `origin`: the scene's.
+/// `bits` 0 chooses: one step is at most 1/16 of the mean edge, within 14 … 21. `origin`: the scene's.
 SourceLattice makeLattice(const SourceInfo& info, const glm::dvec3& origin, std::uint32_t bits);
 
 struct Corner {

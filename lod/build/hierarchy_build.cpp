@@ -162,6 +162,7 @@ class Builder {
     if (memory_ < kLeastMemory)
       return Error{ErrorCode::kNoSpace, "the memory given, " + sizeText(memory_) + ", is too small: building needs " +
                                             sizeText(kLeastMemory) + " at least (--memory)"};
+    LUMIGRID_TRY(needDescriptors(kDescriptors));
     auto directory = WorkDirectory::open(
         options_.work_directory.empty() ? output_path_ + ".work" : options_.work_directory, resumeKey());
     if (!directory) return directory.error();
@@ -230,6 +231,9 @@ class Builder {
       LUMIGRID_TRY(readSourceState());
     }
     lattice_ = makeLattice(info_, origin_, options_.position_bits);
+    if (options_.on_plan)
+      options_.on_plan({info_.triangles, kOutputBytes * info_.triangles, kWorkBytes * info_.triangles,
+                        static_cast<double>(info_.triangles) / (kTrianglesPerCoreSecond * options_.threads)});
     return {};
   }
 
@@ -271,7 +275,7 @@ class Builder {
     // What is still to come: about 7 bytes for each of twice the triangles, and the same again as patch.lgp.
     LUMIGRID_TRY(directory_->needSpace(
         std::max<std::uint64_t>(14 * buckets_.totals().triangles, store_->bytes()) - store_->bytes(), "the patches"));
-    return needOutputSpace(output_path_, 12 * buckets_.totals().triangles);
+    return needOutputSpace(output_path_, kOutputBytes * buckets_.totals().triangles);
   }
 
   base::Result<void> makeAllLeaves(std::vector<WorkPatch>& leaves) {
@@ -426,6 +430,11 @@ class Builder {
     return {};
   }
 
+  static constexpr std::uint64_t kDescriptors = 32;
+  // Per triangle of the source, measured on scans with colours.
+  static constexpr std::uint64_t kOutputBytes = 12;
+  static constexpr std::uint64_t kWorkBytes = 70;
+  static constexpr double kTrianglesPerCoreSecond = 0.3e6;
   // What a bucket takes while leaves are made of it, bytes per triangle, measured.
   static constexpr std::uint64_t kBytesPerTriangle = 420;
 

@@ -13,13 +13,21 @@
 
 namespace lod::build {
 
+/// What a build is going to take, told once the source has been read. Figures are rough: measured on other scans.
+struct BuildPlan {
+  std::uint64_t triangles = 0;
+  std::uint64_t output_bytes = 0;
+  std::uint64_t work_bytes = 0;  ///< at most, in the work directory
+  double seconds = 0.0;          ///< on the threads given
+};
+
 struct HierarchyOptions {
   std::uint32_t voxel_triangles = 500;  ///< Nv: a voxel over this is subdivided
   std::uint32_t leaf_triangles = 4000;  ///< Nl: most triangles of a leaf patch
   std::uint32_t node_triangles = 2000;  ///< Nn: most triangles of any other patch
   std::uint32_t group_patches = 4;      ///< about how many patches make a group
-  std::uint32_t position_bits =
-      0;  ///< 10..21 bits along the longest side; 0: chosen so that the step is at most 1/16 of the mean edge
+  std::uint32_t position_bits = 0;  ///< 10..21 along the longest side; 0: chosen so that the step is at most 1/16 of
+                                    ///< the mean edge, at least 14
   bool regroup = true;   ///< false: the paper's binary tree, whose locked borders pile up (for the chart)
   unsigned threads = 0;  ///< 0: all cores. The output does not depend on it.
   std::uint64_t memory_bytes =
@@ -27,6 +35,7 @@ struct HierarchyOptions {
   std::string work_directory;  ///< for the work files; empty: beside the output
   std::string resume_key;  ///< what decides the output besides these options (the sources' checksums); a work directory
                            ///< left under the same key is continued. Empty: every build starts afresh.
+  std::function<void(const BuildPlan&)> on_plan;  ///< may be empty
 };
 
 /// Least memory a build needs.

@@ -75,13 +75,30 @@ class SoupSink : public MeshSink {
       soup.normals.resize(soup.positions.size(), glm::vec3(0.0F));
       soup.normals[static_cast<std::size_t>(block.corners[i])] += block.normals[i];
     }
+    // Colours of corners are averaged.
+    for (std::size_t i = 0; i < block.colors.size(); ++i) {
+      if (block.colors[i].a == 0 || block.corners[i] >= soup.positions.size()) continue;
+      color_sums_.resize(soup.positions.size(), glm::uvec4(0));
+      color_sums_[static_cast<std::size_t>(block.corners[i])] += glm::uvec4(glm::uvec3(block.colors[i]), 1);
+    }
     return {};
+  }
+  void finish() {
+    if (!soup.normals.empty()) soup.normals.resize(soup.positions.size(), glm::vec3(0.0F));
+    if (!soup.colors.empty() || !color_sums_.empty()) soup.colors.resize(soup.positions.size(), glm::u8vec4(255));
+    for (std::size_t v = 0; v < color_sums_.size(); ++v)
+      if (const glm::uvec4& sum = color_sums_[v]; sum.a > 0)
+        soup.colors[v] = glm::u8vec4(glm::u8vec3((glm::uvec3(sum) + sum.a / 2) / sum.a), 255);
   }
   base::Result<void> restart() override {
     soup = Soup{};
+    color_sums_.clear();
     return {};
   }
   Soup soup;
+
+ private:
+  std::vector<glm::uvec4> color_sums_;  // and how many
 };
 
 base::Result<Soup> readMesh(const std::string& path, std::uint64_t& bytes) {
@@ -90,8 +107,7 @@ base::Result<Soup> readMesh(const std::string& path, std::uint64_t& bytes) {
   if (!file) return file.error();
   bytes = file->bytes;
   Soup& soup = sink.soup;
-  if (!soup.normals.empty()) soup.normals.resize(soup.positions.size(), glm::vec3(0.0F));
-  if (!soup.colors.empty()) soup.colors.resize(soup.positions.size(), glm::u8vec4(255));
+  sink.finish();
   soup.short_faces = file->short_faces;
   soup.warnings = std::move(file->warnings);
   if (auto finite = checkPositions(soup.positions); !finite) return base::within(path, finite.error());

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <cstring>
 #include <glm/gtc/quaternion.hpp>
+#include <map>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 
@@ -148,13 +150,14 @@ class GlbReader {
   base::Result<void> readVertices(const json& primitive, const std::string& place, const glm::dmat4& scene_from_mesh);
   base::Result<void> readTriangles(const json& primitive, const std::string& place, std::uint64_t first, bool flip);
   glm::dvec4 baseColor(const json& primitive);
+  const Texture* baseTexture(const json& primitive);
 
   json document_;
   base::ByteView binary_;
   std::uint64_t file_bytes_ = 0;
   MeshStream& out_;
-  const std::uint8_t* file_ = nullptr;  // accessors go anywhere in it: its pages are not let go
-  bool textured_ = false;
+  const std::uint8_t* file_ = nullptr;                          // accessors go anywhere in it: its pages are not let go
+  std::map<std::uint64_t, std::unique_ptr<Texture>> textures_;  // by image; null: cannot be read
   std::uint64_t skipped_primitives_ = 0;
 };
 
@@ -245,8 +248,32 @@ glm::dvec4 GlbReader::baseColor(const json& primitive) {
   const json& material = item(member(document_, "materials"), integer(member(primitive, "material"), kMissing));
   const json& pbr = member(material, "pbrMetallicRoughness");
   if (!numbers(member(pbr, "baseColorFactor"), &factor[0], 4)) factor = glm::dvec4(1.0);
-  textured_ = textured_ || member(pbr, "baseColorTexture").is_object();
   return factor;
+}
+
+// The picture of a primitive's base colour, when its file holds one that we read.
+const Texture* GlbReader::baseTexture(const json& primitive) {
+  const json& material = item(member(document_, "materials"), integer(member(primitive, "material"), kMissing));
+  const json& reference = member(member(material, "pbrMetallicRoughness"), "baseColorTexture");
+  if (!reference.is_object()) return nullptr;
+  const json& texture = item(member(document_, "textures"), integer(member(reference, "index"), kMissing));
+  const std::uint64_t source = integer(member(texture, "source"), kMissing);
+  const auto known = textures_.find(source);
+  if (known != textures_.end()) return known->second.get();
+  std::unique_ptr<Texture>& slot = textures_[source];
+  const json& view = item(member(document_, "bufferViews"),
+                          integer(member(item(member(document_, "images"), source), "bufferView"), kMissing));
+  const std::uint64_t offset = integer(member(view, "byteOffset"), 0);
+  const std::uint64_t length = integer(member(view, "byteLength"), 0);
+  base::Result<Texture> decoded = invalidInput("it is not in the file");
+  if (length > 0 && offset <= binary_.size() && length <= binary_.size() - offset)
+    decoded = Texture::decode(binary_.subspan(static_cast<std::size_t>(offset), static_cast<std::size_t>(length)));
+  if (decoded)
+    slot = std::make_unique<Texture>(std::move(*decoded));
+  else
+    out_.warnings.push_back("textures are not used where they cannot be read, vertex colours stay: " +
+                            decoded.error().message);
+  return slot.get();
 }
 
 // Positions, normals and colours of a primitive, vertex by vertex.
@@ -318,6 +345,20 @@ base::Result<void> GlbReader::readTriangles(const json& primitive, const std::st
   const std::uint64_t count = indices ? indices->count : vertex_count;
   const auto corner = [&](std::uint64_t i) { return indices ? std::uint64_t{indices->index(i)} : i; };
 
+  // Texture coordinates; the picture alone, without the factor on it.
+  const Texture* texture = baseTexture(primitive);
+  std::optional<Accessor> uv;
+  if (const json& index = member(member(primitive, "attributes"), "TEXCOORD_0");
+      texture != nullptr && !index.is_null()) {
+    auto found = accessor(integer(index, kMissing), place + ": TEXCOORD_0");
+    if (!found) return found.error();
+    if (found->components != 2 || found->count != vertex_count)
+      return invalidInput(place + ": TEXCOORD_0 does not go with POSITION");
+    uv = *found;
+  } else {
+    texture = nullptr;
+  }
+
   // Triangles, strips (every other one turned) and fans.
   const std::uint64_t mode = integer(member(primitive, "mode"), 4);
   const std::size_t step = mode == 4 ? 3 : 1;
@@ -326,7 +367,20 @@ base::Result<void> GlbReader::readTriangles(const json& primitive, const std::st
     if ((mode == 5 && (i & 1U) != 0) != flip) std::swap(t[1], t[2]);
     const bool stitch = mode == 5 && (t[0] == t[1] || t[1] == t[2] || t[2] == t[0]);
     if (stitch) continue;
-    for (const std::uint64_t c : t) out_.corners.push_back(first + c);
+    if (texture != nullptr) {
+      std::array<glm::dvec2, 3> uv_of;
+      std::array<glm::u8vec4, 3> baked;
+      std::array<std::uint64_t, 3> corners;
+      for (std::size_t k = 0; k < 3; ++k) {
+        uv_of[k] = {uv->value(t[k], 0), uv->value(t[k], 1)};
+        corners[k] = first + t[k];
+      }
+      out_.baker.bake(*texture, uv_of, baked);
+      out_.addPolygon(corners, {}, baked);
+    } else {
+      const std::array<std::uint64_t, 3> corners{first + t[0], first + t[1], first + t[2]};
+      out_.addPolygon(corners);
+    }
     LUMIGRID_TRY(out_.advance(file_));
   }
   if (out_.triangleCount() > std::max(file_bytes_, 4 * kMaxInstancedVertices))
@@ -438,8 +492,6 @@ base::Result<void> GlbReader::read(base::ByteView bytes) {
   LUMIGRID_TRY(checkExtensions());
   LUMIGRID_TRY(readScene());
   if (out_.triangleCount() == 0) return invalidInput("the file has no triangles");
-  if (textured_)
-    out_.warnings.push_back("textures are not used; vertex colours stay (bake the texture to vertex colours first)");
   if (skipped_primitives_ > 0)
     out_.warnings.push_back(std::to_string(skipped_primitives_) + " primitives of points or lines are left out");
   return out_.flush(bytes.data() + bytes.size());

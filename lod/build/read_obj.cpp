@@ -2,12 +2,16 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
+#include <limits>
+#include <map>
 
 namespace lod::build {
 namespace {
 
 // Normals of the file that are kept for faces to name; a file with more goes without.
 constexpr std::size_t kMaxNormals = std::size_t{1} << 26;
+constexpr std::size_t kMaxUv = std::size_t{1} << 26;
 
 struct ObjReader {
   explicit ObjReader(MeshStream& stream) : out(stream) {}
@@ -23,7 +27,12 @@ struct ObjReader {
   bool has_colors = false;
   bool has_normals = false;
   bool too_many_normals = false;
-  bool textured = false;
+  std::vector<glm::vec2> file_uv;  // as the vt lines give them
+  std::vector<glm::dvec2> uv;      // of the face being read; NaN where a corner names none
+  std::vector<glm::u8vec4> baked;
+  std::map<std::string, std::string> texture_of;  // material -> picture
+  const Texture* texture = nullptr;               // of the material in use
+  bool too_many_uv = false;
 
   std::string place() const { return "line " + std::to_string(line_number); }
   base::Result<void> readFile(std::string_view text);
@@ -32,6 +41,8 @@ struct ObjReader {
   base::Result<void> readNormal(std::string_view line);
   base::Result<void> readFace(std::string_view line);
   base::Result<void> readCorner(std::string_view word);
+  void readMaterials(std::string_view name);
+  void useMaterial(std::string_view name);
   base::Result<void> finish();
 };
 
@@ -92,8 +103,16 @@ base::Result<void> ObjReader::readCorner(std::string_view word) {
   if (index > highest_index) highest_index = index, highest_index_line = line_number;
   corners.push_back(static_cast<std::uint64_t>(index));
   normals.emplace_back(0.0F);
+  uv.emplace_back(std::numeric_limits<double>::quiet_NaN());
 
   const std::size_t last_slash = word.rfind('/');
+  if (slash != std::string_view::npos && texture != nullptr) {
+    const std::size_t end = last_slash == slash ? word.size() : last_slash;
+    std::int64_t at = 0;
+    if (parseNumber(word.substr(slash + 1, end - slash - 1), number) && resolveIndex(number, file_uv.size(), at) &&
+        at < static_cast<std::int64_t>(file_uv.size()))
+      uv.back() = glm::dvec2(file_uv[static_cast<std::size_t>(at)]);
+  }
   if (slash == std::string_view::npos || last_slash == slash || too_many_normals) return {};
   std::int64_t normal = 0;
   if (!parseNumber(word.substr(last_slash + 1), number) || !resolveIndex(number, file_normals.size(), normal) ||
@@ -108,10 +127,18 @@ base::Result<void> ObjReader::readCorner(std::string_view word) {
 base::Result<void> ObjReader::readFace(std::string_view line) {
   corners.clear();
   normals.clear();
+  uv.clear();
   for (std::string_view word = nextWord(line); !word.empty() && word.front() != '#'; word = nextWord(line))
     LUMIGRID_TRY(readCorner(word));
-  if (has_normals) out.corner_normals.resize(out.corners.size(), glm::vec3(0.0F));
-  out.addPolygon(corners, has_normals ? std::span<const glm::vec3>(normals) : std::span<const glm::vec3>());
+  std::span<const glm::u8vec4> colors_of_corners;
+  const auto known = [](const glm::dvec2& p) { return std::isfinite(p.x) && std::isfinite(p.y); };
+  if (texture != nullptr && uv.size() >= 3 && std::all_of(uv.begin(), uv.end(), known)) {
+    baked.resize(uv.size());
+    out.baker.bake(*texture, uv, baked);
+    colors_of_corners = baked;
+  }
+  out.addPolygon(corners, has_normals ? std::span<const glm::vec3>(normals) : std::span<const glm::vec3>(),
+                 colors_of_corners);
   return {};
 }
 
@@ -120,17 +147,56 @@ base::Result<void> ObjReader::readLine(std::string_view line) {
   if (keyword == "v") return readVertex(line);
   if (keyword == "vn") return readNormal(line);
   if (keyword == "f") return readFace(line);
-  textured = textured || keyword == "vt" || keyword == "mtllib";
+  if (keyword == "vt") {
+    glm::dvec2 p(0.0);
+    for (int k = 0; k < 2; ++k)
+      if (const std::string_view word = nextWord(line); !word.empty() && !parseNumber(word, p[k]))
+        return invalidInput(place() + ": " + quoted(word) + " is not a number");
+    // Pictures begin at the top.
+    if (file_uv.size() < kMaxUv)
+      file_uv.emplace_back(glm::vec2(p.x, 1.0 - p.y));
+    else
+      too_many_uv = true;
+  } else if (keyword == "mtllib") {
+    for (std::string_view word = nextWord(line); !word.empty(); word = nextWord(line)) readMaterials(word);
+  } else if (keyword == "usemtl") {
+    useMaterial(nextWord(line));
+  }
   return {};
+}
+
+// Of a material library: which picture each material wears.
+void ObjReader::readMaterials(std::string_view name) {
+  const auto bytes = out.textures.read(std::string(name));
+  if (!bytes) {
+    out.warnings.push_back("its materials cannot be read, vertex colours stay: " + bytes.error().message);
+    return;
+  }
+  std::string material;
+  for (std::string_view text = textOf(*bytes); !text.empty();) {
+    std::string_view line = nextLine(text);
+    const std::string_view keyword = nextWord(line);
+    if (keyword == "newmtl") material = std::string(nextWord(line));
+    if (keyword != "map_Kd") continue;
+    // The picture's name comes after any options.
+    std::string_view picture;
+    for (std::string_view word = nextWord(line); !word.empty(); word = nextWord(line)) picture = word;
+    if (!picture.empty()) texture_of[material] = std::string(picture);
+  }
+}
+
+void ObjReader::useMaterial(std::string_view name) {
+  const auto found = texture_of.find(std::string(name));
+  texture = found == texture_of.end() ? nullptr : out.textures.find(found->second, out.warnings);
 }
 
 base::Result<void> ObjReader::finish() {
   const std::uint64_t count = out.vertexCount();
   if (highest_index >= static_cast<std::int64_t>(count))
     return indexOutOfRange("line " + std::to_string(highest_index_line), highest_index + 1, count);
-  if (textured)
-    out.warnings.push_back(
-        "textures and materials are not used; vertex colours stay (bake the texture to vertex colours first)");
+  if (too_many_uv)
+    out.warnings.push_back("has more than " + std::to_string(kMaxUv) +
+                           " texture coordinates; those beyond are not used");
   if (too_many_normals)
     out.warnings.push_back("has more than " + std::to_string(kMaxNormals) +
                            " normals; those beyond are computed from the triangles");
@@ -163,7 +229,9 @@ base::Result<void> ObjReader::readFile(std::string_view text) {
       text = whole;
       line_number = 0, highest_index = -1;
       file_normals.clear();
+      file_uv.clear();
       has_normals = false;
+      texture = nullptr;
       continue;
     }
     // Colours begin in the middle of a block: those before are white.

@@ -31,7 +31,7 @@ struct Header {
   Encoding encoding = Encoding::kAscii;
   std::vector<Element> elements;
   std::size_t length = 0;  // bytes, end_header line included
-  bool textured = false;
+  std::string texture;     // the last one named
 };
 
 constexpr std::size_t kMaxHeaderBytes = 1 << 20;
@@ -135,7 +135,11 @@ base::Result<Header> parseHeader(base::ByteView bytes) {
     } else if (keyword == "property") {
       LUMIGRID_TRY(parseProperty(line, header));
     } else if (keyword == "comment") {
-      header.textured = header.textured || full_line.find("TextureFile") != std::string_view::npos;
+      if (nextWord(line) == "TextureFile") {
+        while (!line.empty() && isSpace(line.front())) line.remove_prefix(1);
+        while (!line.empty() && isSpace(line.back())) line.remove_suffix(1);
+        header.texture = std::string(line);
+      }
     } else if (keyword == "end_header" && whole_line) {
       if (!has_format) return invalidInput("header: the format line is missing");
       header.length = head.size() - text.size();
@@ -497,9 +501,28 @@ bool isPlainFace(const Element& element) {
   return sizeOf(p.count_type) == 1 && (p.type == Scalar::kInt32 || p.type == Scalar::kUint32);
 }
 
+// The list of a face's texture coordinates, two for each corner; none when it is another list.
+template <class Source>
+base::Result<void> readUv(Source& source, const Element& element, const Property& property, std::uint64_t row,
+                          std::vector<glm::dvec2>& uv) {
+  double count = 0.0;
+  if (!source.scalar(property.count_type, count) || !(count >= 0.0)) return badRow(source, element, row);
+  if (count > static_cast<double>(source.remaining())) return truncatedIn(placeOf(element, row));
+  uv.clear();
+  for (std::uint64_t i = 0; i < static_cast<std::uint64_t>(count); ++i) {
+    double value = 0.0;
+    if (!source.scalar(property.type, value)) return badRow(source, element, row);
+    if (i % 2 == 0)
+      uv.emplace_back(value, 0.0);
+    else
+      uv.back().y = 1.0 - value;  // pictures begin at the top
+  }
+  return {};
+}
+
 template <class Source>
 base::Result<void> readFaces(Source& source, const Element& element, bool strips, std::uint64_t vertex_count,
-                             MeshStream& out) {
+                             const Header& header, MeshStream& out) {
   const auto is_corners = [](const Property& p) {
     return p.is_list && (p.name == "vertex_indices" || p.name == "vertex_index");
   };
@@ -507,6 +530,16 @@ base::Result<void> readFaces(Source& source, const Element& element, bool strips
     return invalidInput("header: the " + element.name + " element has no vertex_indices list");
 
   const bool plain = isPlainFace(element) && !strips;
+  const auto is_uv = [](const Property& p) { return p.is_list && p.name == "texcoord"; };
+  const bool has_uv = std::any_of(element.properties.begin(), element.properties.end(), is_uv);
+  const Texture* texture = nullptr;
+  if (!header.texture.empty() && has_uv && !strips) texture = out.textures.find(header.texture, out.warnings);
+  if (!header.texture.empty() && !has_uv)
+    out.warnings.push_back(
+        "textures are not used, since its faces have no texcoord list; vertex colours stay (bake the texture to vertex "
+        "colours first)");
+  std::vector<glm::dvec2> uv;
+  std::vector<glm::u8vec4> baked;
   std::vector<std::uint64_t> corners;
   for (std::uint64_t row = 0; row < element.count; ++row) {
     if constexpr (std::is_same_v<Source, BinarySource>) {
@@ -521,6 +554,8 @@ base::Result<void> readFaces(Source& source, const Element& element, bool strips
     for (const Property& property : element.properties) {
       if (is_corners(property)) {
         LUMIGRID_TRY(readCorners(source, element, property, row, vertex_count, strips, corners));
+      } else if (texture != nullptr && is_uv(property)) {
+        LUMIGRID_TRY(readUv(source, element, property, row, uv));
       } else if (property.is_list) {
         LUMIGRID_TRY(skipList(source, element, property, row));
       } else if (!source.skip(property.type, 1)) {
@@ -530,7 +565,12 @@ base::Result<void> readFaces(Source& source, const Element& element, bool strips
     if (strips) {
       addStrip(out, corners);
     } else {
-      out.addPolygon(corners);
+      baked.clear();
+      if (texture != nullptr && uv.size() == corners.size() && uv.size() >= 3) {
+        baked.resize(uv.size());
+        out.baker.bake(*texture, uv, baked);
+      }
+      out.addPolygon(corners, {}, baked);
     }
     LUMIGRID_TRY(out.advance(source.place()));
   }
@@ -545,7 +585,7 @@ base::Result<void> readBody(Source source, const Header& header, std::uint64_t v
     if (element.name == "vertex") {
       LUMIGRID_TRY(readVertices(source, element, out));
     } else if (element.name == "face" || element.name == "tristrips") {
-      LUMIGRID_TRY(readFaces(source, element, element.name == "tristrips", vertex_count, out));
+      LUMIGRID_TRY(readFaces(source, element, element.name == "tristrips", vertex_count, header, out));
     } else {
       LUMIGRID_TRY(skipElement(source, element));
     }
@@ -571,8 +611,6 @@ base::Result<void> readPly(base::ByteView bytes, MeshStream& out) {
   if (!has_faces) return invalidInput("the file has no faces (a point cloud?); mesh it first");
 
   const base::ByteView body = bytes.subspan(header->length);
-  if (header->textured)
-    out.warnings.push_back("textures are not used; vertex colours stay (bake the texture to vertex colours first)");
   if (header->encoding == Encoding::kAscii) return readBody(TextSource(textOf(body)), *header, vertex_count, out);
   return readBody(BinarySource(body, header->encoding == Encoding::kBig), *header, vertex_count, out);
 }

@@ -8,8 +8,10 @@
 namespace lod::build {
 
 base::Result<void> MeshStream::flush(const void* at) {
+  if (!corner_normals.empty()) corner_normals.resize(corners.size(), glm::vec3(0.0F));
+  if (!corner_colors.empty()) corner_colors.resize(corners.size(), glm::u8vec4(0));
   has_normals_ |= !normals.empty() || !corner_normals.empty();
-  has_colors_ |= !colors.empty();
+  has_colors_ |= !colors.empty() || !corner_colors.empty();
   if (!positions.empty()) {
     VertexBlock block;
     block.positions = positions, block.normals = normals, block.colors = colors;
@@ -17,12 +19,12 @@ base::Result<void> MeshStream::flush(const void* at) {
   }
   if (!corners.empty()) {
     TriangleBlock block;
-    block.corners = corners, block.normals = corner_normals;
+    block.corners = corners, block.normals = corner_normals, block.colors = corner_colors;
     LUMIGRID_TRY(sink_.triangles(block));
   }
   vertices_ += positions.size();
   triangles_ += corners.size() / 3;
-  positions.clear(), normals.clear(), colors.clear(), corners.clear(), corner_normals.clear();
+  positions.clear(), normals.clear(), colors.clear(), corners.clear(), corner_normals.clear(), corner_colors.clear();
 
   // Pages behind us are clean: the system reads them again should anybody ask.
   constexpr std::size_t kPage = 4096;
@@ -39,10 +41,11 @@ base::Result<void> MeshStream::flush(const void* at) {
 }
 
 base::Result<void> MeshStream::restart() {
-  positions.clear(), normals.clear(), colors.clear(), corners.clear(), corner_normals.clear();
+  positions.clear(), normals.clear(), colors.clear(), corners.clear(), corner_normals.clear(), corner_colors.clear();
   vertices_ = triangles_ = short_faces = dropped_ = 0;
   has_colors_ = has_normals_ = false;
   warnings.clear();
+  baker = {};
   return sink_.restart();
 }
 

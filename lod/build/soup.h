@@ -12,6 +12,7 @@
 #include "base/bytes.h"
 #include "base/error.h"
 #include "lod/build/mesh_sink.h"
+#include "lod/build/texture.h"
 
 namespace lod::build {
 
@@ -53,33 +54,43 @@ inline base::Error tooManyVertices(std::uint64_t count) {
 class MeshStream {
  public:
   /// `file`: the whole mapped file. `progress` gets the share read; false cancels. May be empty.
-  MeshStream(MeshSink& sink, base::ByteView file, std::function<bool(double)> progress)
-      : sink_(sink), file_(file), progress_(std::move(progress)) {}
+  /// `directory`: where the file lies, for textures beside it.
+  MeshStream(MeshSink& sink, base::ByteView file, std::string directory, std::function<bool(double)> progress)
+      : textures(std::move(directory)), sink_(sink), file_(file), progress_(std::move(progress)) {}
 
   std::vector<glm::dvec3> positions;  ///< of the block being filled
   std::vector<glm::vec3> normals;     ///< empty, or as many
   std::vector<glm::u8vec4> colors;    ///< empty, or as many
   std::vector<std::uint64_t> corners;
-  std::vector<glm::vec3> corner_normals;  ///< empty, or as many as corners
+  std::vector<glm::vec3> corner_normals;   ///< empty, or as many as corners
+  std::vector<glm::u8vec4> corner_colors;  ///< empty, or as many as corners; a = 0 where unknown
   std::uint64_t short_faces = 0;
   std::vector<std::string> warnings;
+  TextureFiles textures;
+  TextureBaker baker;
 
   std::uint64_t vertexCount() const { return vertices_ + positions.size(); }
   std::uint64_t triangleCount() const { return triangles_ + corners.size() / 3; }
   bool hasColors() const { return has_colors_; }
   bool hasNormals() const { return has_normals_; }
 
-  /// Adds the polygon as a fan around its first corner. Corners must be checked already. `its_normals`: empty, or one
-  /// per corner.
-  void addPolygon(std::span<const std::uint64_t> polygon, std::span<const glm::vec3> its_normals = {}) {
+  /// Adds the polygon as a fan around its first corner. Corners must be checked already. `its_normals`, `its_colors`:
+  /// empty, or one per corner.
+  void addPolygon(std::span<const std::uint64_t> polygon, std::span<const glm::vec3> its_normals = {},
+                  std::span<const glm::u8vec4> its_colors = {}) {
     if (polygon.size() < 3) {
       ++short_faces;
       return;
     }
+    // Attributes begin in the middle of a block: those before are unknown.
+    if (!its_normals.empty() || !corner_normals.empty()) corner_normals.resize(corners.size(), glm::vec3(0.0F));
+    if (!its_colors.empty() || !corner_colors.empty()) corner_colors.resize(corners.size(), glm::u8vec4(0));
     for (std::size_t i = 2; i < polygon.size(); ++i) {
       corners.insert(corners.end(), {polygon[0], polygon[i - 1], polygon[i]});
       if (!its_normals.empty())
         corner_normals.insert(corner_normals.end(), {its_normals[0], its_normals[i - 1], its_normals[i]});
+      if (!its_colors.empty())
+        corner_colors.insert(corner_colors.end(), {its_colors[0], its_colors[i - 1], its_colors[i]});
     }
   }
   /// To be called now and then with the place in the file: hands on full blocks.

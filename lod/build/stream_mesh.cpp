@@ -89,7 +89,8 @@ base::Result<StreamedFile> streamMesh(const std::string& path, MeshSink& sink, c
   if (!file) return file.error();
   auto format = formatOf(path, file->bytes());
   if (!format) return base::within(path, format.error());
-  MeshStream stream(sink, file->bytes(), options.progress);
+  const std::size_t slash = path.rfind('/');
+  MeshStream stream(sink, file->bytes(), slash == std::string::npos ? "" : path.substr(0, slash), options.progress);
   if (auto read = readAs(*format, file->bytes(), stream); !read) {
     // The sink's errors name their file already.
     const bool named = read.error().message.rfind(path, 0) == 0 || read.error().code == base::ErrorCode::kNoSpace ||
@@ -104,6 +105,7 @@ base::Result<StreamedFile> streamMesh(const std::string& path, MeshSink& sink, c
   out.has_normals = stream.hasNormals();
   out.has_colors = stream.hasColors();
   out.warnings = std::move(stream.warnings);
+  if (const std::string lost = stream.baker.warning(stream.vertexCount()); !lost.empty()) out.warnings.push_back(lost);
   return out;
 }
 

@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <malloc.h>
 #include <sys/file.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include <array>
@@ -133,6 +134,14 @@ base::Result<void> needOutputSpace(const std::string& path, std::uint64_t bytes)
   const fs::path directory = fs::path(path).parent_path();
   return needFree(directory.empty() ? "." : directory.string(), bytes, "the hierarchy",
                   "free some, or choose another output, and build again");
+}
+
+base::Result<void> needDescriptors(std::uint64_t count) {
+  rlimit limit{};
+  if (::getrlimit(RLIMIT_NOFILE, &limit) != 0 || limit.rlim_cur >= count) return {};
+  return Error{ErrorCode::kNoSpace, "this process may have " + std::to_string(limit.rlim_cur) +
+                                        " files open, building needs " + std::to_string(count) +
+                                        "; raise the limit (ulimit -n) and build again"};
 }
 
 std::uint64_t machineMemory() {

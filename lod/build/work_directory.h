@@ -55,6 +55,8 @@ class TemporaryDirectory {
 
 /// kNoSpace when the disk that `path` will lie on has fewer bytes free.
 base::Result<void> needOutputSpace(const std::string& path, std::uint64_t bytes);
+/// kNoSpace when this process may not have so many files open.
+base::Result<void> needDescriptors(std::uint64_t count);
 /// Physical memory, or the limit set for this process' group where that is less.
 std::uint64_t machineMemory();
 /// Returns to the system what the allocator keeps for later.

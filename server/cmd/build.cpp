@@ -221,6 +221,13 @@ Result<base::Scene> buildPatches(const BuildArguments& a, const std::vector<base
   options.regroup = a.regroup == "on";
   options.work_directory = workDirectory(a);
   options.resume_key = resumeKey(sources);
+  options.on_plan = [&](const lod::build::BuildPlan& plan) {
+    if (a.quiet) return;
+    line.finish();
+    std::fprintf(stderr, "%s triangles: about %s in the scene, up to %s of work files, about %s\n",
+                 formatCount(plan.triangles).c_str(), formatBytes(plan.output_bytes).c_str(),
+                 formatBytes(plan.work_bytes).c_str(), formatSeconds(plan.seconds).c_str());
+  };
   auto summary = lod::build::buildHierarchyFromFiles(a.meshes, options, a.output + "/patch.lgp",
                                                      [&](const std::string& stage, double done) {
                                                        line.show("hierarchy: " + stage, done);

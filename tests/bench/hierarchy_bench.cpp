@@ -1,17 +1,29 @@
-// hierarchy_bench MESH [RUNS]: buildHierarchy beside meshopt_simplify to 10 % on the same mesh, run in turn on one
-// thread; then the accuracy of both at 10 % and 1 %, sampled both ways as a share of the bounding box's diagonal, and
-// how tight the stated errors are.
+// hierarchy_bench MESH [RUNS] [--chart FILE.svg] [--csv FILE.csv]: the whole `lumigrid build`, disk to disk, beside
+// meshopt_simplify to 10 % of the same mesh in memory, run in turn; its bytes and how fast they decode; its accuracy
+// beside meshopt_simplify and OpenMesh's quadric decimater at the same number of triangles; its stated errors beside
+// sampled ones; and the paper's binary tree beside ours.
 #include <meshoptimizer.h>
+#include <sched.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
 #include <time.h>
+#include <unistd.h>
 
+#include <OpenMesh/Core/Mesh/TriMesh_ArrayKernelT.hh>
+#include <OpenMesh/Tools/Decimater/DecimaterT.hh>
+#include <OpenMesh/Tools/Decimater/ModQuadricT.hh>
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
+#include <filesystem>
 #include <string>
 #include <vector>
 
+#include "compare/chart.h"
 #include "lod/build/hierarchy_build.h"
 #include "lod/build/import.h"
+#include "lod/patch/codec.h"
+#include "lod/patch/format.h"
 #include "lod/patch/traverse.h"
 #include "tests/lod/build/built_cut.h"
 
@@ -19,15 +31,54 @@ namespace {
 
 using namespace lod::build;
 
-double cpuSeconds() {
+double seconds(clockid_t clock) {
   timespec t{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
+  clock_gettime(clock, &t);
   return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
 }
 
 double median(std::vector<double> values) {
   std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
   return values[values.size() / 2];
+}
+
+// ---- Speed
+
+struct Run {
+  double wall = 0.0;
+  double cpu = 0.0;
+  double peak_mb = 0.0;
+};
+
+// `lumigrid build` as a process of its own, on so many cores.
+Run runProgram(const std::string& mesh, const std::string& scene, int threads, const std::vector<std::string>& more) {
+  std::vector<std::string> arguments{
+      LUMIGRID_PROGRAM, "build",   mesh,      "-o",     scene,       "--methods",
+      "patch",          "--quiet", "--force", "--json", "--threads", std::to_string(threads)};
+  arguments.insert(arguments.end(), more.begin(), more.end());
+  const double start = seconds(CLOCK_MONOTONIC);
+  const pid_t child = fork();
+  if (child == 0) {
+    cpu_set_t cores;
+    CPU_ZERO(&cores);
+    for (int c = 0; c < threads; ++c) CPU_SET(static_cast<std::size_t>(c), &cores);
+    sched_setaffinity(0, sizeof(cores), &cores);
+    if (std::freopen("/dev/null", "w", stdout) == nullptr) _exit(1);
+    std::vector<char*> pointers;
+    for (std::string& a : arguments) pointers.push_back(a.data());
+    pointers.push_back(nullptr);
+    execv(pointers[0], pointers.data());
+    _exit(127);
+  }
+  int status = 0;
+  rusage usage{};
+  if (child < 0 || wait4(child, &status, 0, &usage) < 0 || status != 0)
+    std::exit((std::fprintf(stderr, "lumigrid build %s failed\n", mesh.c_str()), 1));
+  const auto time = [](const timeval& t) {
+    return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
+  };
+  return {seconds(CLOCK_MONOTONIC) - start, time(usage.ru_utime) + time(usage.ru_stime),
+          static_cast<double>(usage.ru_maxrss) / 1e3};
 }
 
 std::vector<unsigned> simplifyByMeshopt(const Mesh& mesh, std::size_t triangles) {
@@ -38,46 +89,95 @@ std::vector<unsigned> simplifyByMeshopt(const Mesh& mesh, std::size_t triangles)
   return out;
 }
 
-void timeBoth(const Mesh& mesh, int runs) {
-  std::vector<double> ours;
-  std::vector<double> theirs;
-  HierarchyOptions options;
-  options.threads = 1;
-  const std::string path = "hierarchy_bench.lgp";
+void compareSpeed(const std::string& path, const Mesh& mesh, const std::string& scene, int runs) {
+  std::vector<double> ours, theirs, one, two;
+  double peak = 0.0;
   for (int run = 0; run < runs; ++run) {
-    const auto summary = buildHierarchy(mesh, options, path);
-    if (!summary) std::exit((std::fprintf(stderr, "%s\n", summary.error().message.c_str()), 1));
-    ours.push_back(summary->cpu_seconds);
-    const double start = cpuSeconds();
+    const Run single = runProgram(path, scene, 1, {});
+    const Run pair = runProgram(path, scene, 2, {});
+    ours.push_back(single.cpu), one.push_back(single.wall), two.push_back(pair.wall);
+    peak = std::max({peak, single.peak_mb, pair.peak_mb});
+    const double start = seconds(CLOCK_PROCESS_CPUTIME_ID);
     (void)simplifyByMeshopt(mesh, mesh.triangleCount() / 10);
-    theirs.push_back(cpuSeconds() - start);
-    if (run == 0) {
-      std::printf("level  triangles  patches  stated error\n");
-      for (std::size_t l = 0; l < summary->levels.size(); ++l)
-        std::printf("%5zu %10zu %8zu  %.3e\n", l, static_cast<std::size_t>(summary->levels[l].triangles),
-                    static_cast<std::size_t>(summary->levels[l].patches),
-                    static_cast<double>(summary->levels[l].max_error));
-      std::printf("%.2f bytes per triangle, %zu runs\n",
-                  static_cast<double>(summary->bytes) / static_cast<double>(mesh.triangleCount()),
-                  static_cast<std::size_t>(runs));
-    }
+    theirs.push_back(seconds(CLOCK_PROCESS_CPUTIME_ID) - start);
   }
-  std::remove(path.c_str());
   const double million = 1e-6 * static_cast<double>(mesh.triangleCount());
-  std::printf("buildHierarchy %.3f, meshopt_simplify to 10 %% %.3f Mtri/s per core; ratio %.2f\n",
-              million / median(ours), million / median(theirs), median(theirs) / median(ours));
+  std::printf(
+      "speed, disk to disk: %.3f Mtri/s per core; meshopt_simplify to 10 %% in memory: %.3f; ratio %.2f "
+      "(wanted 0.40)\n",
+      million / median(ours), million / median(theirs), median(theirs) / median(ours));
+  std::printf("two cores %.2f times one (wanted 1.7); peak memory %.0f MB; medians of %d\n", median(one) / median(two),
+              peak, runs);
 }
+
+// ---- Size
+
+void compareSize(const std::string& path, const Mesh& mesh, const std::string& scene) {
+  (void)runProgram(path, scene, static_cast<int>(sysconf(_SC_NPROCESSORS_ONLN)), {"--position-bits", "14"});
+  const auto file = lod::patch::PatchFile::open(scene + "/patch.lgp");
+  if (!file) std::exit((std::fprintf(stderr, "%s\n", file.error().message.c_str()), 1));
+  std::uint64_t triangles = 0, colorless = 0;
+  std::vector<base::Bytes> patches;
+  for (std::uint32_t p = 0; p < file->hierarchy().patches.size(); ++p) {
+    auto geometry = file->geometry(p);
+    if (!geometry) std::exit(1);
+    triangles += geometry->indices.size() / 3;
+    patches.push_back(lod::patch::encodePatch(*geometry));
+    geometry->colors.clear();
+    colorless += lod::patch::encodePatch(*geometry).size();
+  }
+  std::vector<double> times;
+  for (int run = 0; run < 5; ++run) {
+    const double start = seconds(CLOCK_PROCESS_CPUTIME_ID);
+    for (const base::Bytes& bytes : patches)
+      if (!lod::patch::decodePatch(bytes)) std::exit(1);
+    times.push_back(seconds(CLOCK_PROCESS_CPUTIME_ID) - start);
+  }
+  const auto source = static_cast<double>(mesh.triangleCount());
+  std::printf(
+      "size at 14 bits: %.2f bytes per source triangle in all; without colours %.2f (wanted 5.0, 1.0 more with "
+      "colours); decodes %.0f Mtri/s (wanted 100)\n",
+      static_cast<double>(file->fileBytes()) / source, static_cast<double>(colorless) / source,
+      1e-6 * static_cast<double>(triangles) / median(times));
+}
+
+// ---- Accuracy
 
 struct TwoSided {
   double mean = 0.0;
+  double p999 = 0.0;
   double max = 0.0;
+  double there_mean = 0.0, there_max = 0.0;  // from the source alone
 };
 TwoSided twoSided(const support::Surface& source, const support::NearestSurface& to_source,
                   const support::Surface& result) {
   const support::NearestSurface to_result(result);
   const auto there = support::sampledDistance(source, to_result, 200'000);
   const auto back = support::sampledDistance(result, to_source, 200'000);
-  return {0.5 * (there.mean + back.mean), std::max(there.max, back.max)};
+  return {0.5 * (there.mean + back.mean), std::max(there.p999, back.p999), std::max(there.max, back.max), there.mean,
+          there.max};
+}
+
+support::Surface simplifyByOpenMesh(const Mesh& mesh, std::size_t triangles) {
+  using HalfEdgeMesh = OpenMesh::TriMesh_ArrayKernelT<>;
+  HalfEdgeMesh m;
+  std::vector<HalfEdgeMesh::VertexHandle> vertices;
+  for (const glm::vec3& p : mesh.positions) vertices.push_back(m.add_vertex({p.x, p.y, p.z}));
+  for (std::size_t i = 0; i < mesh.indices.size(); i += 3)
+    if (!m.add_face(vertices[mesh.indices[i]], vertices[mesh.indices[i + 1]], vertices[mesh.indices[i + 2]]).is_valid())
+      return {};
+  OpenMesh::Decimater::DecimaterT<HalfEdgeMesh> decimater(m);
+  OpenMesh::Decimater::ModQuadricT<HalfEdgeMesh>::Handle quadric;
+  decimater.add(quadric);
+  decimater.module(quadric).unset_max_err();
+  decimater.initialize();
+  decimater.decimate_to_faces(0, triangles);
+  m.garbage_collection();
+  support::Surface out;
+  for (const auto v : m.vertices()) out.positions.emplace_back(m.point(v)[0], m.point(v)[1], m.point(v)[2]);
+  for (const auto f : m.faces())
+    for (const auto v : m.fv_range(f)) out.indices.push_back(static_cast<std::uint32_t>(v.idx()));
+  return out;
 }
 
 // The uniform cut with at most so many triangles, by bisection of its error.
@@ -91,43 +191,115 @@ std::vector<std::uint32_t> cutOf(const BuiltHierarchy& built, std::size_t triang
   return lod::patch::selectUniformCut(built.hierarchy, high).patches;
 }
 
-float statedError(const BuiltHierarchy& built, const std::vector<std::uint32_t>& cut) {
-  float stated = 0.0F;
-  for (const std::uint32_t p : cut)
-    if (const std::uint32_t g = built.hierarchy.patches[p].producer; g != lod::patch::kNoGroup)
-      stated = std::max(stated, built.hierarchy.groups[g].error);
-  return stated;
-}
-
-void compareAccuracy(const Mesh& mesh) {
+void compareAccuracy(const Mesh& mesh, const std::string& chart_path, const std::string& csv_path) {
+  HierarchyOptions paper;
+  paper.regroup = false;
   const auto built = buildHierarchyInMemory(mesh, {});
-  if (!built) return;
+  const auto tree = buildHierarchyInMemory(mesh, paper);
+  if (!built || !tree) return;
   const support::Surface source = support::surfaceOf(mesh);
   const support::NearestSurface to_source(source);
   const double diagonal = mesh.box().diagonal();
-  for (const double share : {0.1, 0.01}) {
+  compare::Chart chart{
+      "Triangles against distance from the source",
+      "triangles",
+      "log10 of mean distance / diagonal",
+      true,
+      {{"Lumigrid", {}}, {"binary tree (paper)", {}}, {"meshopt_simplify", {}}, {"OpenMesh quadrics", {}}}};
+  std::FILE* csv = csv_path.empty() ? nullptr : std::fopen(csv_path.c_str(), "w");
+  if (csv != nullptr) std::fprintf(csv, "method,triangles,mean,p999,max,source_mean,source_max\n");
+  auto note = [&](std::size_t series, const support::Surface& s, const TwoSided& d) {
+    if (d.mean > 0.0)
+      chart.series[series].points.emplace_back(static_cast<double>(s.triangles()), std::log10(d.mean / diagonal));
+    if (csv != nullptr)
+      std::fprintf(csv, "%s,%zu,%.4e,%.4e,%.4e,%.4e,%.4e\n", chart.series[series].name.c_str(), s.triangles(),
+                   d.mean / diagonal, d.p999 / diagonal, d.max / diagonal, d.there_mean / diagonal,
+                   d.there_max / diagonal);
+  };
+
+  std::printf(
+      "accuracy, sampled both ways, shares of the diagonal (wanted at 10 %% of closed meshes: mean 0.55 of "
+      "meshopt's, 0.85 of OpenMesh's):\n");
+  for (const double share : {0.5, 0.25, 0.1, 0.03, 0.01}) {
     const auto wanted = static_cast<std::size_t>(share * static_cast<double>(mesh.triangleCount()));
-    const auto cut = cutOf(*built, wanted);
-    const support::Surface result = support::surfaceOf(*built, cut);
+    const support::Surface result = support::surfaceOf(*built, cutOf(*built, wanted));
     const TwoSided ours = twoSided(source, to_source, result);
-    const support::Surface simplified{mesh.positions, simplifyByMeshopt(mesh, result.triangles())};
-    const TwoSided theirs = twoSided(source, to_source, simplified);
+    note(0, result, ours);
+    const support::Surface papers = support::surfaceOf(*tree, cutOf(*tree, wanted));
+    if (papers.triangles() > 0) note(1, papers, twoSided(source, to_source, papers));
+    const support::Surface meshopt{mesh.positions, simplifyByMeshopt(mesh, result.triangles())};
+    const TwoSided theirs = twoSided(source, to_source, meshopt);
+    note(2, meshopt, theirs);
     std::printf(
-        "to %4.1f %% (%zu triangles): mean %.2e, max %.2e, stated %.2e; meshopt_simplify (%zu): mean %.2e, max %.2e\n",
-        100.0 * share, result.triangles(), ours.mean / diagonal, ours.max / diagonal,
-        static_cast<double>(statedError(*built, cut)) / diagonal, simplified.triangles(), theirs.mean / diagonal,
-        theirs.max / diagonal);
+        "  %5.1f %%: %zu triangles, mean %.2e, max %.2e; meshopt %zu: mean ratio %.2f, max ratio %.2f; from the "
+        "source alone %.2f, %.2f",
+        100.0 * share, result.triangles(), ours.mean / diagonal, ours.max / diagonal, meshopt.triangles(),
+        ours.mean / theirs.mean, ours.max / theirs.max, ours.there_mean / theirs.there_mean,
+        ours.there_max / theirs.there_max);
+    const support::Surface openmesh = simplifyByOpenMesh(mesh, result.triangles());
+    if (openmesh.triangles() > 0) {
+      const TwoSided quadrics = twoSided(source, to_source, openmesh);
+      note(3, openmesh, quadrics);
+      std::printf("; OpenMesh %zu: %.2f, %.2f\n", openmesh.triangles(), ours.mean / quadrics.mean,
+                  ours.max / quadrics.max);
+    } else {
+      std::printf("; OpenMesh refuses the mesh\n");
+    }
+  }
+
+  std::printf(
+      "stated error beside sampled distance, by level (wanted: never below the largest, at most 4 times the "
+      "99.9th percentile; the lattice's %.1e aside):\n",
+      built->hierarchy.lattice.positionError() / diagonal);
+  for (std::uint32_t level = 1; level < built->summary.levels.size(); ++level) {
+    const support::Surface cut = support::surfaceOf(*built, support::levelCut(built->hierarchy, level));
+    const TwoSided d = twoSided(source, to_source, cut);
+    const auto stated = static_cast<double>(built->summary.levels[level].max_error);
+    std::printf("  level %2u: %9zu triangles (binary tree %9zu), stated %.2e, largest %.2e, 99.9th %.2e, ratio %.1f\n",
+                level, cut.triangles(),
+                level < tree->summary.levels.size() ? static_cast<std::size_t>(tree->summary.levels[level].triangles)
+                                                    : std::size_t{0},
+                stated / diagonal, d.max / diagonal, d.p999 / diagonal, stated / d.p999);
+  }
+  if (csv != nullptr) std::fclose(csv);
+  if (chart_path.empty()) return;
+  std::erase_if(chart.series, [](const compare::Series& s) { return s.points.empty(); });
+  const std::string svg = compare::formatChart(chart);
+  if (std::FILE* out = std::fopen(chart_path.c_str(), "w"); out != nullptr) {
+    std::fwrite(svg.data(), 1, svg.size(), out);
+    std::fclose(out);
   }
 }
 
 }  // namespace
 
 int main(int count, char** arguments) {
-  if (count < 2) return std::fprintf(stderr, "usage: hierarchy_bench MESH [RUNS]\n"), 2;
-  const auto imported = importMeshes({arguments[1]}, {});
+  std::string mesh_path, chart, csv;
+  int runs = 3;
+  bool accuracy = true;
+  for (int i = 1; i < count; ++i) {
+    const std::string a = arguments[i];
+    if (a == "--chart" && i + 1 < count)
+      chart = arguments[++i];
+    else if (a == "--csv" && i + 1 < count)
+      csv = arguments[++i];
+    else if (a == "--no-accuracy")
+      accuracy = false;
+    else if (mesh_path.empty())
+      mesh_path = a;
+    else
+      runs = std::max(1, std::atoi(a.c_str()));
+  }
+  if (mesh_path.empty())
+    return std::fprintf(stderr, "usage: hierarchy_bench MESH [RUNS] [--no-accuracy] [--chart SVG] [--csv CSV]\n"), 2;
+  const auto imported = importMeshes({mesh_path}, {});
   if (!imported) return std::fprintf(stderr, "%s\n", imported.error().message.c_str()), 1;
-  std::printf("%s: %zu triangles\n", arguments[1], imported->mesh.triangleCount());
-  timeBoth(imported->mesh, count > 2 ? std::max(1, std::atoi(arguments[2])) : 5);
-  compareAccuracy(imported->mesh);
+  std::printf("%s: %zu triangles\n", mesh_path.c_str(), imported->mesh.triangleCount());
+  const std::string scene =
+      (std::filesystem::temp_directory_path() / ("hierarchy_bench_" + std::to_string(getpid()))).string();
+  compareSpeed(mesh_path, imported->mesh, scene, runs);
+  compareSize(mesh_path, imported->mesh, scene);
+  std::filesystem::remove_all(scene);
+  if (accuracy) compareAccuracy(imported->mesh, chart, csv);
   return 0;
 }

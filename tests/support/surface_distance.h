@@ -98,6 +98,7 @@ class NearestSurface {
 
 struct SampledDistance {
   double mean = 0.0;  ///< over points spread evenly by area
+  double p999 = 0.0;  ///< their 99.9th percentile
   double max = 0.0;   ///< over those and all vertices in use
 };
 
@@ -114,6 +115,7 @@ inline SampledDistance sampledDistance(const Surface& from, const NearestSurface
   SampledDistance result;
   std::mt19937 random(7);
   std::uniform_real_distribution<double> unit(0.0, 1.0);
+  std::vector<double> distances(samples);
   for (std::size_t i = 0; i < samples; ++i) {
     const auto found = std::lower_bound(area_sum.begin(), area_sum.end(), unit(random) * sum);
     const auto t = static_cast<std::size_t>(std::min(found, area_sum.end() - 1) - area_sum.begin());
@@ -124,6 +126,12 @@ inline SampledDistance sampledDistance(const Surface& from, const NearestSurface
     const double d = to.distance(glm::vec3(p));
     result.mean += d / static_cast<double>(samples);
     result.max = std::max(result.max, d);
+    distances[i] = d;
+  }
+  if (samples > 0) {
+    const auto place = distances.begin() + static_cast<std::ptrdiff_t>((samples - 1) * 999 / 1000);
+    std::nth_element(distances.begin(), place, distances.end());
+    result.p999 = *place;
   }
   const std::size_t stride = std::max<std::size_t>(1, from.indices.size() / std::max<std::size_t>(1, samples));
   for (std::size_t i = 0; i < from.indices.size(); i += stride)
