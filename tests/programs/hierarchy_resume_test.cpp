@@ -127,6 +127,7 @@ TEST_F(HierarchyResume, KilledAtRandomMomentsItEndsWithTheSameBytes) {
     delays += std::to_string(share) + " ";
     const auto end = Clock::now() + std::chrono::duration_cast<Clock::duration>(share * whole);
     kills += killWhen(build(mesh, scene), [&] { return Clock::now() >= end; }) ? 1 : 0;
+    ASSERT_FALSE(HasFailure()) << "killed after shares " << delays;
     if (!fs::exists(scene + "/scene.json")) continue;
     EXPECT_TRUE(readText(scene + "/patch.lgp") == bytes) << "killed after shares " << delays;
     fs::remove_all(scene);
