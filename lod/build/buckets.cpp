@@ -454,27 +454,44 @@ base::Result<std::vector<Corner>> Buckets::read(std::size_t bucket) const {
   if (!corners || !winding_.mayFlip(bucket)) return corners;
   const BucketWinding measured =
       measureWinding(*corners, [this](std::uint64_t code) { return border_.find(code) >= 0; });
-  const std::vector<std::uint8_t> flips = winding_.flips(bucket, measured);
-  for (std::size_t t = 0; t < flips.size(); ++t) {
-    if (flips[t] == 0) continue;
-    Corner* c = &(*corners)[3 * t];
-    std::swap(c[1], c[2]);
-  }
+  for (std::size_t t = 0; t < measured.part.size(); ++t)
+    if (measured.part[t] != BucketWinding::kNoPart && winding_.flips(bucket, measured.part[t]))
+      std::swap((*corners)[3 * t + 1], (*corners)[3 * t + 2]);
   return corners;
 }
 
 base::Result<void> Buckets::windAlike(unsigned threads) {
+  const auto onBorder = [this](std::uint64_t code) { return border_.find(code) >= 0; };
+  // Most meshes are wound alike as they are: that needs a look at the edges, no more.
+  std::mutex mutex;
+  base::Result<void> status;
+  bool alike = true;
+  std::vector<QuickWinding::Edge> open;
+  base::parallelFor(count(), threads, [&](std::size_t bucket) {
+    const auto corners = readAsGiven(bucket);
+    QuickWinding look;
+    if (corners) look = lookAtWinding(*corners, onBorder);
+    const std::lock_guard lock(mutex);
+    if (!corners) status = corners.error();
+    alike &= look.alike;
+    open.insert(open.end(), look.open.begin(), look.open.end());
+  });
+  LUMIGRID_TRY(status);
+  if (alike && lod::build::windAlike(open)) {
+    winding_.setAlike(count());
+    return {};
+  }
+  open = {};
+
   // Some buckets at a time, added in their order.
   const std::size_t step = 4 * std::size_t{std::max(1U, threads)};
   for (std::size_t begin = 0; begin < count(); begin += step) {
     std::vector<BucketWinding> measured(std::min(step, count() - begin));
-    std::mutex mutex;
-    base::Result<void> status;
     base::parallelFor(measured.size(), threads, [&](std::size_t i) {
       const auto corners = readAsGiven(begin + i);
       if (corners) {
-        measured[i] = measureWinding(*corners, [this](std::uint64_t code) { return border_.find(code) >= 0; });
-        measured[i].part = {}, measured[i].turned = {};
+        measured[i] = measureWinding(*corners, onBorder);
+        measured[i].part = {};
         return;
       }
       const std::lock_guard lock(mutex);

@@ -53,7 +53,7 @@ base::Result<BucketLeaves> makeLeaves(const Buckets& buckets, std::size_t bucket
   CodedMesh mesh;
   std::vector<VertexSums> sums;
   {
-    CodeMap map(corners->size() / 2 + 16 < corners->size() ? corners->size() : corners->size() + 16);
+    CodeMap map(corners->size() / 6);
     mesh.indices.reserve(corners->size());
     for (std::size_t i = 0; i < corners->size(); i += 3) {
       const Corner* c = &(*corners)[i];

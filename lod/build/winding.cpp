@@ -40,169 +40,212 @@ class OppositeSets {
   std::vector<std::uint32_t> size_;
 };
 
-struct LocalEdge {
-  std::uint64_t key = ~std::uint64_t{0};
-  std::uint32_t first = 0;   // triangle * 2 + direction
-  std::uint32_t second = 0;  // the same, of the second triangle
-  std::uint32_t count = 0;
+// The uses of each vertex's edges to vertices of greater number, side by side.
+struct EdgeUses {
+  struct Use {
+    std::uint32_t other = 0;
+    std::uint32_t triangle = 0;  // times 2, plus 1 when it runs from the greater number to the lesser
+  };
+  std::vector<std::uint64_t> codes;  // of the vertices
+  std::vector<std::uint32_t> first;  // of vertex v: uses first[v] … first[v + 1] − 1
+  std::vector<Use> uses;
+
+  explicit EdgeUses(std::span<const Corner> corners) {
+    std::vector<std::uint32_t> number(corners.size());
+    {
+      CodeMap map(corners.size() / 6);
+      for (std::size_t i = 0; i < corners.size(); ++i) {
+        const auto [v, is_new] = map.insert(corners[i].code, static_cast<std::uint32_t>(codes.size()));
+        if (is_new) codes.push_back(corners[i].code);
+        number[i] = v;
+      }
+    }
+    first.assign(codes.size() + 2, 0);
+    const auto forEachEdge = [&](auto&& body) {
+      for (std::size_t i = 0; i < number.size(); i += 3)
+        for (std::size_t k = 0; k < 3; ++k) {
+          const std::uint32_t a = number[i + k], b = number[i + (k + 1) % 3];
+          body(static_cast<std::uint32_t>(i / 3), std::min(a, b), std::max(a, b), a > b ? 1U : 0U);
+        }
+    };
+    forEachEdge([&](std::uint32_t, std::uint32_t low, std::uint32_t, std::uint32_t) { ++first[low + 2]; });
+    for (std::size_t v = 2; v < first.size(); ++v) first[v] += first[v - 1];
+    uses.resize(number.size());
+    forEachEdge([&](std::uint32_t t, std::uint32_t low, std::uint32_t high, std::uint32_t turned) {
+      uses[first[low + 1]++] = {high, 2 * t + turned};
+    });
+    first.pop_back();
+  }
+
+  // body(low, high, first use, second use, count) for every edge.
+  template <class Body>
+  void forEach(Body&& body) {
+    for (std::uint32_t v = 0; v + 1 < first.size(); ++v) {
+      for (std::uint32_t i = first[v]; i < first[v + 1]; ++i) {
+        if (uses[i].other == kDone) continue;
+        std::uint32_t count = 1, second = 0;
+        for (std::uint32_t j = i + 1; j < first[v + 1]; ++j) {
+          if (uses[j].other != uses[i].other) continue;
+          second = uses[j].triangle;
+          ++count;
+          uses[j].other = kDone;
+        }
+        body(v, uses[i].other, uses[i].triangle, second, count);
+      }
+    }
+  }
+  static constexpr std::uint32_t kDone = 0xFFFFFFFFU;
 };
 
 }  // namespace
 
+QuickWinding lookAtWinding(std::span<const Corner> corners, const std::function<bool(std::uint64_t)>& onBorder) {
+  QuickWinding out;
+  EdgeUses edges(corners);
+  edges.forEach(
+      [&](std::uint32_t low, std::uint32_t high, std::uint32_t first, std::uint32_t second, std::uint32_t count) {
+        if (count == 2) out.alike &= ((first ^ second) & 1U) != 0;
+        if (count != 1) return;
+        const std::uint64_t a = edges.codes[low], b = edges.codes[high];
+        if (onBorder(a) && onBorder(b))
+          out.open.push_back({std::min(a, b), std::max(a, b), ((first & 1U) != 0) != (a > b)});
+      });
+  return out;
+}
+
+bool windAlike(std::vector<QuickWinding::Edge>& edges) {
+  std::sort(edges.begin(), edges.end(), [](const QuickWinding::Edge& a, const QuickWinding::Edge& b) {
+    return std::tie(a.low, a.high) < std::tie(b.low, b.high);
+  });
+  for (std::size_t begin = 0, end = 0; begin < edges.size(); begin = end) {
+    while (end < edges.size() && edges[end].low == edges[begin].low && edges[end].high == edges[begin].high) ++end;
+    if (end - begin == 2 && edges[begin].turned == edges[begin + 1].turned) return false;
+  }
+  return true;
+}
+
 BucketWinding measureWinding(std::span<const Corner> corners, const std::function<bool(std::uint64_t)>& onBorder) {
   BucketWinding out;
-  const std::size_t triangles = corners.size() / 3;
+  const auto triangles = static_cast<std::uint32_t>(corners.size() / 3);
   if (triangles == 0) return out;
-
-  // Edges by the local numbers of their ends.
-  std::vector<std::uint64_t> codes;
-  std::vector<LocalEdge> edges;
-  std::size_t shift = 60;
-  {
-    CodeMap map(corners.size());
-    std::size_t slots = 16;
-    for (; slots < corners.size() + corners.size() / 4; slots *= 2) --shift;
-    edges.resize(slots);
-    for (std::uint32_t t = 0; t < triangles; ++t) {
-      std::uint32_t v[3];
-      for (std::size_t k = 0; k < 3; ++k) {
-        const auto [number, is_new] =
-            map.insert(corners[3 * std::size_t{t} + k].code, static_cast<std::uint32_t>(codes.size()));
-        if (is_new) codes.push_back(corners[3 * std::size_t{t} + k].code);
-        v[k] = number;
-      }
-      for (std::size_t k = 0; k < 3; ++k) {
-        const std::uint32_t a = v[k], b = v[(k + 1) % 3];
-        const std::uint64_t key = std::uint64_t{std::min(a, b)} << 32 | std::max(a, b);
-        auto slot = static_cast<std::size_t>((key * 0x9E3779B97F4A7C15ULL) >> shift);
-        while (edges[slot].count != 0 && edges[slot].key != key) slot = slot + 1 < edges.size() ? slot + 1 : 0;
-        LocalEdge& edge = edges[slot];
-        edge.key = key;
-        const std::uint32_t use = 2 * t + (a < b ? 0 : 1);
-        (edge.count == 0 ? edge.first : edge.second) = use;
-        ++edge.count;
-      }
-    }
-  }
-
-  // Two triangles at an edge run along it in opposite directions when they are wound alike.
+  struct Loose {
+    std::uint32_t low = 0, high = 0, first = 0, second = 0, count = 0;
+  };
+  std::vector<Loose> loose;  // edges that tie nothing together
   OppositeSets sets(triangles);
-  std::vector<std::uint32_t> contradicted;
-  bool alike = true;
-  for (const LocalEdge& edge : edges) {
-    if (edge.count != 2) continue;
-    const bool same_direction = ((edge.first ^ edge.second) & 1U) == 0;
-    alike &= !same_direction;
-    if (!sets.unite(edge.first / 2, edge.second / 2, same_direction ? 1 : 0)) contradicted.push_back(edge.first / 2);
-  }
-  std::vector<std::uint32_t> on_border;
-  for (std::uint32_t i = 0; i < edges.size(); ++i) {
-    const LocalEdge& edge = edges[i];
-    if (edge.count == 1 && onBorder(codes[static_cast<std::size_t>(edge.key >> 32)]) &&
-        onBorder(codes[static_cast<std::size_t>(edge.key & 0xFFFFFFFFU)]))
-      on_border.push_back(i);
-  }
-  if (alike && on_border.empty()) return out;
+  EdgeUses edges(corners);
+  edges.forEach(
+      [&](std::uint32_t low, std::uint32_t high, std::uint32_t first, std::uint32_t second, std::uint32_t count) {
+        if (count == 2 && ((first ^ second) & 1U) != 0)
+          sets.unite(first / 2, second / 2, 0);
+        else
+          loose.push_back({low, high, first, second, count});
+      });
 
-  // Parts that matter, numbered by their first triangle; a part that contradicts itself is left alone.
-  std::vector<std::uint8_t> matters(triangles, alike ? 0 : 1);
-  for (const std::uint32_t i : on_border) matters[sets.find(edges[i].first / 2).first] = 1;
-  std::vector<std::uint8_t> broken(triangles, 0);
-  for (const std::uint32_t t : contradicted) broken[sets.find(t).first] = 1;
+  // Parts that matter, numbered by their first triangle.
+  std::vector<std::uint8_t> matters(triangles, 0);
+  std::vector<std::uint8_t> border(loose.size(), 0);
+  for (std::size_t i = 0; i < loose.size(); ++i) {
+    const Loose& e = loose[i];
+    border[i] = e.count == 1 && onBorder(edges.codes[e.low]) && onBorder(edges.codes[e.high]) ? 1 : 0;
+    if (border[i] != 0 || e.count == 2) matters[sets.find(e.first / 2).first] = 1;
+    if (e.count == 2) matters[sets.find(e.second / 2).first] = 1;
+  }
   std::vector<std::uint32_t> number(triangles, BucketWinding::kNoPart);
-  std::vector<std::uint8_t> first_turned(triangles, 0);
   out.part.assign(triangles, BucketWinding::kNoPart);
-  out.turned.assign(triangles, 0);
   for (std::uint32_t t = 0; t < triangles; ++t) {
-    const auto [root, opposite] = sets.find(t);
-    if (broken[root] != 0) {
-      if (broken[root] == 1) ++out.non_orientable, broken[root] = 2;
-      continue;
-    }
+    const std::uint32_t root = sets.find(t).first;
     if (matters[root] == 0) continue;
     if (number[root] == BucketWinding::kNoPart) {
-      number[root] = static_cast<std::uint32_t>(out.counts.size() / 2);
-      first_turned[root] = opposite;
-      out.counts.insert(out.counts.end(), {0, 0});
+      number[root] = static_cast<std::uint32_t>(out.parts.size());
+      out.parts.emplace_back();
     }
     out.part[t] = number[root];
-    out.turned[t] = opposite ^ first_turned[root];
-    ++out.counts[2 * std::size_t{number[root]} + out.turned[t]];
+    ++out.parts[number[root]].triangles;
   }
-  for (const std::uint32_t i : on_border) {
-    const std::uint32_t t = edges[i].first / 2;
-    if (out.part[t] == BucketWinding::kNoPart) continue;
-    const std::uint64_t a = codes[static_cast<std::size_t>(edges[i].key >> 32)];
-    const std::uint64_t b = codes[static_cast<std::size_t>(edges[i].key & 0xFFFFFFFFU)];
-    const bool down = ((edges[i].first & 1U) != 0) != (a > b);
-    out.open.push_back({std::min(a, b), std::max(a, b), out.part[t], down != (out.turned[t] != 0)});
+  for (std::size_t i = 0; i < loose.size(); ++i) {
+    const Loose& e = loose[i];
+    const std::uint32_t a = out.part[e.first / 2];
+    if (border[i] != 0) {
+      const std::uint64_t x = edges.codes[e.low], y = edges.codes[e.high];
+      out.open.push_back({std::min(x, y), std::max(x, y), a, ((e.first & 1U) != 0) != (x > y)});
+    } else if (e.count == 2) {
+      const std::uint32_t b = out.part[e.second / 2];
+      out.opposing.emplace_back(std::min(a, b), std::max(a, b));
+    } else if (a != BucketWinding::kNoPart) {
+      ++out.parts[a].perimeter;
+    }
   }
   return out;
 }
 
 void Winding::add(const BucketWinding& bucket) {
   const std::uint32_t first = first_.back();
-  counts_.insert(counts_.end(), bucket.counts.begin(), bucket.counts.end());
-  for (const BucketWinding::OpenEdge& e : bucket.open) open_.push_back({e.low, e.high, first + e.part, e.turned});
-  first_.push_back(first + static_cast<std::uint32_t>(bucket.counts.size() / 2));
-  non_orientable_ += bucket.non_orientable;
+  parts_.insert(parts_.end(), bucket.parts.begin(), bucket.parts.end());
+  for (BucketWinding::OpenEdge e : bucket.open) {
+    e.part += first;
+    open_.push_back(e);
+  }
+  for (const auto& [a, b] : bucket.opposing) opposing_.emplace_back(first + a, first + b);
+  first_.push_back(first + static_cast<std::uint32_t>(bucket.parts.size()));
 }
 
 void Winding::finish() {
-  std::sort(open_.begin(), open_.end(), [](const Edge& a, const Edge& b) {
+  // Edges that two buckets share tie parts together, or set them against each other.
+  std::sort(open_.begin(), open_.end(), [](const BucketWinding::OpenEdge& a, const BucketWinding::OpenEdge& b) {
     return std::tie(a.low, a.high, a.part, a.turned) < std::tie(b.low, b.high, b.part, b.turned);
   });
-  const std::size_t parts = first_.back();
-  OppositeSets sets(parts);
-  std::vector<std::uint32_t> contradicted;
+  const std::size_t count = parts_.size();
+  OppositeSets whole(count);
   for (std::size_t begin = 0, end = 0; begin < open_.size(); begin = end) {
     while (end < open_.size() && open_[end].low == open_[begin].low && open_[end].high == open_[begin].high) ++end;
-    if (end - begin != 2) continue;
-    const Edge& a = open_[begin];
-    const Edge& b = open_[begin + 1];
-    if (!sets.unite(a.part, b.part, a.turned == b.turned ? 1 : 0)) contradicted.push_back(a.part);
+    const BucketWinding::OpenEdge& a = open_[begin];
+    if (end - begin == 2 && a.turned != open_[begin + 1].turned)
+      whole.unite(a.part, open_[begin + 1].part, 0);
+    else if (end - begin == 2)
+      opposing_.emplace_back(a.part, open_[begin + 1].part);
+    else
+      for (std::size_t i = begin; i < end; ++i) ++parts_[open_[i].part].perimeter;
   }
-  std::vector<std::uint8_t> broken(parts, 0);
-  for (const std::uint32_t p : contradicted) {
-    std::uint8_t& mark = broken[sets.find(p).first];
-    non_orientable_ += mark == 0 ? 1 : 0;
-    mark = 1;
-  }
-
-  // Each part's majority; what cannot be wound alike stays as it is.
-  std::vector<std::uint64_t> sums(2 * parts, 0);
-  for (std::uint32_t p = 0; p < parts; ++p) {
-    const auto [root, opposite] = sets.find(p);
-    for (std::size_t k = 0; k < 2; ++k) sums[2 * std::size_t{root} + (k ^ opposite)] += counts_[2 * std::size_t{p} + k];
-  }
-  flip_.assign(parts, 0);
-  for (std::uint32_t p = 0; p < parts; ++p) {
-    const auto [root, opposite] = sets.find(p);
-    if (broken[root] != 0) {
-      flip_[p] = 2;
-      continue;
-    }
-    const bool minority = sums[2 * std::size_t{root} + 1] > sums[2 * std::size_t{root}];
-    flip_[p] = static_cast<std::uint8_t>(opposite ^ (minority ? 1U : 0U));
-    flipped_ += counts_[2 * std::size_t{p} + (flip_[p] != 0 ? 0 : 1)];
-  }
-  counts_ = {};
   open_ = {};
-}
-
-bool Winding::mayFlip(std::size_t bucket) const {
-  // A part with turned triangles and one that is turned as a whole both need the bucket's own edges to say which.
-  return first_[bucket] != first_[bucket + 1] && flipped_ > 0;
-}
-
-std::vector<std::uint8_t> Winding::flips(std::size_t bucket, const BucketWinding& measured) const {
-  std::vector<std::uint8_t> flips(measured.part.size(), 0);
-  for (std::size_t t = 0; t < flips.size(); ++t) {
-    if (measured.part[t] == BucketWinding::kNoPart) continue;
-    const std::uint8_t flip = flip_[first_[bucket] + measured.part[t]];
-    if (flip != 2) flips[t] = measured.turned[t] ^ flip;
+  std::vector<std::uint32_t> root(count);
+  std::vector<BucketWinding::Part> sum(count);
+  for (std::uint32_t p = 0; p < count; ++p) {
+    root[p] = whole.find(p).first;
+    sum[root[p]].triangles += parts_[p].triangles;
+    sum[root[p]].perimeter += parts_[p].perimeter;
   }
-  return flips;
+  std::vector<std::uint8_t> against_itself(count, 0);
+  for (auto& [a, b] : opposing_) {
+    a = root[a], b = root[b];
+    if (a == b && against_itself[a] == 0) ++non_orientable_, against_itself[a] = 1;
+    for (const std::uint32_t p : {a, b}) ++sum[p].perimeter, sum[p].against += a == b ? 0 : 1;
+  }
+
+  // Neighbours on opposite sides of one question, where the lesser of them mostly borders on such neighbours.
+  std::sort(opposing_.begin(), opposing_.end());
+  opposing_.erase(std::unique(opposing_.begin(), opposing_.end()), opposing_.end());
+  const auto surrounded = [&](std::uint32_t p) { return 2 * sum[p].against >= sum[p].perimeter && sum[p].against > 0; };
+  OppositeSets sides(count);
+  for (const auto& [a, b] : opposing_)
+    if (a != b && surrounded(sum[a].triangles < sum[b].triangles ? a : b)) sides.unite(a, b, 1);
+  std::vector<std::uint64_t> votes(2 * count, 0);
+  for (std::uint32_t p = 0; p < count; ++p) {
+    if (root[p] != p) continue;
+    const auto [side, opposite] = sides.find(p);
+    votes[2 * std::size_t{side} + opposite] += sum[p].triangles;
+  }
+  flip_.assign(count, 0);
+  for (std::uint32_t p = 0; p < count; ++p) {
+    const auto [side, opposite] = sides.find(root[p]);
+    const std::uint64_t ours = votes[2 * std::size_t{side} + opposite];
+    const std::uint64_t theirs = votes[2 * std::size_t{side} + (opposite ^ 1U)];
+    if (ours > theirs || (ours == theirs && opposite == 0) || !surrounded(root[p])) continue;
+    flip_[p] = 1;
+    flipped_ += parts_[p].triangles;
+  }
+  parts_ = {};
+  opposing_ = {};
 }
 
 void Winding::write(base::ByteWriter& out) const {

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "base/bytes.h"
@@ -13,47 +14,68 @@ namespace lod::build {
 
 struct Corner;
 
-/// What a bucket's own edges say. Parts that are wound alike and touch no border are not listed.
+/// What a bucket's own edges say. A part is what hangs together by edges along which two triangles run in opposite
+/// directions, as triangles wound alike do. Parts without an edge that says otherwise, and without one on the border,
+/// are not listed.
 struct BucketWinding {
   static constexpr std::uint32_t kNoPart = 0xFFFFFFFFU;
+  struct Part {
+    std::uint64_t triangles = 0;
+    std::uint64_t perimeter = 0;  ///< edges that tie it to nothing wound alike
+    std::uint64_t against = 0;    ///< of these: edges along which a triangle of another part runs in the same direction
+  };
   struct OpenEdge {
     std::uint64_t low = 0, high = 0;  ///< codes
     std::uint32_t part = 0;
-    bool turned = false;  ///< runs from high to low once its part is wound like its first triangle
+    bool turned = false;  ///< runs from high to low
   };
-  std::vector<std::uint32_t> part;    ///< per triangle
-  std::vector<std::uint8_t> turned;   ///< per triangle: wound the other way than its part's first
-  std::vector<std::uint64_t> counts;  ///< per part, twice: triangles not turned, turned
-  std::vector<OpenEdge> open;         ///< edges of one triangle here, both ends on the border
-  std::uint32_t non_orientable = 0;   ///< parts that cannot be wound alike (a Moebius strip); they stay as they are
+  std::vector<std::uint32_t> part;  ///< per triangle
+  std::vector<Part> parts;
+  std::vector<OpenEdge> open;  ///< edges of one triangle here, both ends on the border
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> opposing;  ///< pairs of parts at the edges counted by `against`
 };
+/// The quick look that clean meshes need no more than: whether the bucket's triangles are wound alike as they are, and
+/// the edges that another bucket may share, as they run.
+struct QuickWinding {
+  struct Edge {
+    std::uint64_t low = 0, high = 0;
+    bool turned = false;  ///< runs from high to low
+  };
+  bool alike = true;
+  std::vector<Edge> open;
+};
+QuickWinding lookAtWinding(std::span<const Corner> corners, const std::function<bool(std::uint64_t)>& onBorder);
+/// Whether edges that two buckets share run in opposite directions. Reorders `edges`.
+bool windAlike(std::vector<QuickWinding::Edge>& edges);
+
 /// `corners`: 3 per triangle. `onBorder(code)`: another bucket may use this vertex.
 BucketWinding measureWinding(std::span<const Corner> corners, const std::function<bool(std::uint64_t)>& onBorder);
 
-/// All buckets together.
+/// All buckets together. A part is turned when most of its perimeter runs against its neighbours and more triangles are
+/// wound like those: where tiles of a scan overlap a few edges coincide by chance, and they must not turn a whole tile.
 class Winding {
  public:
+  /// Nothing is to be turned in any of so many buckets.
+  void setAlike(std::size_t buckets) { first_.assign(buckets + 1, 0); }
   /// Buckets must be added in their order.
   void add(const BucketWinding& bucket);
   void finish();
-  /// Which triangles to turn over; empty when none.
-  std::vector<std::uint8_t> flips(std::size_t bucket, const BucketWinding& measured) const;
-  bool mayFlip(std::size_t bucket) const;
+  bool mayFlip(std::size_t bucket) const { return first_[bucket] != first_[bucket + 1] && flipped_ > 0; }
+  /// Whether a part of a bucket is to be turned over.
+  bool flips(std::size_t bucket, std::uint32_t part) const { return flip_[first_[bucket] + part] != 0; }
   std::uint64_t flipped() const { return flipped_; }
+  /// Parts that run against themselves, as a Moebius strip does; they stay as they are.
   std::uint64_t nonOrientable() const { return non_orientable_; }
   void write(base::ByteWriter& out) const;
   bool read(base::ByteReader& in);
 
  private:
-  struct Edge {
-    std::uint64_t low = 0, high = 0;
-    std::uint32_t part = 0;
-    bool turned = false;
-  };
   std::vector<std::uint32_t> first_{0};  // part number of each bucket's first
   std::vector<std::uint8_t> flip_;       // per part
-  std::vector<std::uint64_t> counts_;    // until finish()
-  std::vector<Edge> open_;               // until finish()
+  // Until finish():
+  std::vector<BucketWinding::Part> parts_;
+  std::vector<BucketWinding::OpenEdge> open_;
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> opposing_;
   std::uint64_t flipped_ = 0;
   std::uint64_t non_orientable_ = 0;
 };
