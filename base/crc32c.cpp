@@ -22,9 +22,24 @@ constexpr auto makeTables() {
 }
 constexpr auto kTables = makeTables();
 
-}  // namespace
+#if defined(__x86_64__)
+// The instruction of SSE 4.2 computes the same polynomial, eight bytes in three cycles.
+__attribute__((target("sse4.2"))) std::uint32_t crcByInstruction(ByteView bytes, std::uint32_t seed) {
+  std::uint64_t crc = ~seed;
+  const std::uint8_t* at = bytes.data();
+  std::size_t left = bytes.size();
+  for (; left >= 8; left -= 8, at += 8) {
+    std::uint64_t word = 0;
+    std::memcpy(&word, at, 8);
+    crc = __builtin_ia32_crc32di(crc, word);
+  }
+  auto low = static_cast<std::uint32_t>(crc);
+  for (; left > 0; --left, ++at) low = __builtin_ia32_crc32qi(low, *at);
+  return ~low;
+}
+#endif
 
-std::uint32_t crc32c(ByteView bytes, std::uint32_t seed) {
+std::uint32_t crcByTables(ByteView bytes, std::uint32_t seed) {
   std::uint32_t crc = ~seed;
   const std::uint8_t* at = bytes.data();
   std::size_t left = bytes.size();
@@ -38,6 +53,16 @@ std::uint32_t crc32c(ByteView bytes, std::uint32_t seed) {
   }
   for (; left > 0; --left, ++at) crc = (crc >> 8) ^ kTables[0][(crc ^ *at) & 255U];
   return ~crc;
+}
+
+}  // namespace
+
+std::uint32_t crc32c(ByteView bytes, std::uint32_t seed) {
+#if defined(__x86_64__)
+  static const bool has_instruction = __builtin_cpu_supports("sse4.2") != 0;
+  if (has_instruction) return crcByInstruction(bytes, seed);
+#endif
+  return crcByTables(bytes, seed);
 }
 
 }  // namespace base

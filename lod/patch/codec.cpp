@@ -24,6 +24,9 @@ using Int4 = std::int32_t __attribute__((vector_size(16)));
 using Uint4 = std::uint32_t __attribute__((vector_size(16)));
 using Float4 = float __attribute__((vector_size(16)));
 
+// Decoding is compiled twice, for any machine and for one with AVX2: everything on its way has to be inlined.
+#define LUMIGRID_INLINE [[gnu::always_inline]] inline
+
 struct PatchHeader {
   std::uint8_t flags = 0;
   std::uint32_t vertices = 0;
@@ -76,7 +79,8 @@ struct Unit {
   std::array<float, kBlock> x, y, z;
 };
 
-void decodeNormals(const std::int32_t* codes_u, const std::int32_t* codes_v, std::size_t count, Unit& out) {
+LUMIGRID_INLINE void decodeNormals(const std::int32_t* codes_u, const std::int32_t* codes_v, std::size_t count,
+                                   Unit& out) {
   for (std::size_t i = 0; i < count; ++i) {
     // −128 means −127; integers until the fold is done, so that directions with two codes come out bit-equal.
     const std::int32_t u = std::max(codes_u[i], -127);
@@ -96,8 +100,9 @@ void decodeNormals(const std::int32_t* codes_u, const std::int32_t* codes_v, std
 }
 
 // The code of a sum of facet normals, the same on every machine: no multiplication feeds an addition.
-void predictNormals(const std::array<float, kBlock>& x, const std::array<float, kBlock>& y,
-                    const std::array<float, kBlock>& z, std::size_t count, std::int32_t* u, std::int32_t* v) {
+LUMIGRID_INLINE void predictNormals(const std::array<float, kBlock>& x, const std::array<float, kBlock>& y,
+                                    const std::array<float, kBlock>& z, std::size_t count, std::int32_t* u,
+                                    std::int32_t* v) {
   for (std::size_t i = 0; i < count; ++i) {
     const float ax = std::abs(x[i]);
     const float ay = std::abs(y[i]);
@@ -119,8 +124,9 @@ void predictNormals(const std::array<float, kBlock>& x, const std::array<float, 
 
 // Sums of facet normals, twice the area long, by vertex; lanes y, z, x. Exact, in any order, when the encoder chose the
 // shift; four runs of triangles in turn, since neighbours in one run wait for each other.
-void sumFacets(const Float4* points, const std::uint16_t* indices, std::size_t triangles, Float4* sums) {
-  const auto add = [&](std::size_t t) {
+LUMIGRID_INLINE void sumFacets(const Float4* points, const std::uint16_t* indices, std::size_t triangles,
+                               Float4* sums) {
+  const auto add = [&](std::size_t t) __attribute__((always_inline)) {
     const std::uint16_t* c = indices + 3 * t;
     const Float4 a = points[c[1]] - points[c[0]];
     const Float4 b = points[c[2]] - points[c[0]];
@@ -142,8 +148,18 @@ std::int32_t colorLevel(std::int32_t channel) {
   return (channel * kColorLevels * 2 + 255) / 510;
 }
 
-std::int32_t levelColor(std::int32_t level) {
-  return (level * 510 + kColorLevels) / (2 * kColorLevels);
+// Byte of a level, rounded.
+constexpr std::int32_t kLevelScale = 255 * 65536 / kColorLevels + 1;
+
+std::uint8_t levelByte(std::int32_t level) {
+  return static_cast<std::uint8_t>((level * kLevelScale + 32768) >> 16);
+}
+
+LUMIGRID_INLINE Int4 levelBytes(Int4 level) {
+  // Hostile levels are clamped.
+  level = level < 0 ? Int4{} : level;
+  level = level > kColorLevels ? Int4{} + kColorLevels : level;
+  return (level * kLevelScale + 32768) >> 16;
 }
 
 glm::ivec3 colorCode(const glm::u8vec4& c) {
@@ -154,30 +170,13 @@ glm::ivec3 colorCode(const glm::u8vec4& c) {
   return {half + (green >> 1), orange, green};
 }
 
-// Bytes of any code: hostile ones are clamped.
-struct ColorTable {
-  static constexpr std::int32_t kLow = -128;
-  std::array<std::uint8_t, 256> byte{};
-};
-constexpr ColorTable makeColorTable() {
-  ColorTable table;
-  for (std::int32_t i = 0; i < 256; ++i) {
-    const std::int32_t level = std::clamp(i + ColorTable::kLow, 0, kColorLevels);
-    table.byte[static_cast<std::size_t>(i)] =
-        static_cast<std::uint8_t>((level * 510 + kColorLevels) / (2 * kColorLevels));
-  }
-  return table;
-}
-constexpr ColorTable kColorTable = makeColorTable();
-
-std::uint8_t levelByte(std::int32_t level) {
-  return kColorTable.byte[static_cast<std::uint32_t>(level - ColorTable::kLow) & 255U];
-}
-
-glm::u8vec4 codeColor(std::int32_t luma, std::int32_t orange, std::int32_t green, std::uint8_t alpha) {
-  const std::int32_t half = luma - (green >> 1);
-  const std::int32_t blue = half - (orange >> 1);
-  return {levelByte(blue + orange), levelByte(green + half), levelByte(blue), alpha};
+// Four colours from four codes, red in the lowest byte. Unsigned sums: hostile codes may wrap.
+LUMIGRID_INLINE Uint4 codeColors(Uint4 luma, Uint4 orange, Uint4 green, Uint4 alpha) {
+  const auto half_of = [](Uint4 x) { return reinterpret_cast<Uint4>(reinterpret_cast<Int4>(x) >> 1); };
+  const Uint4 half = luma - half_of(green);
+  const Uint4 blue = half - half_of(orange);
+  const auto bytes = [](Uint4 level) { return reinterpret_cast<Uint4>(levelBytes(reinterpret_cast<Int4>(level))); };
+  return bytes(blue + orange) | bytes(green + half) << 8 | bytes(blue) << 16 | alpha << 24;
 }
 
 // Planes of numbers -------------------------------------------------------------------------------
@@ -205,11 +204,15 @@ std::int32_t unzigzag(std::uint32_t x) {
   return static_cast<std::int32_t>((x >> 1) ^ (0U - (x & 1U)));
 }
 
-// The width that takes fewest bits.
+// The width that takes fewest bits, of those about the logarithm of the mean.
 std::uint32_t bestWidth(const std::uint32_t* values) {
+  std::uint64_t sum = 0;
+  for (std::size_t i = 0; i < kGroup; ++i) sum += values[i];
+  std::uint32_t width = static_cast<std::uint32_t>(std::bit_width(sum / kGroup));
+  width = width > 2 ? width - 2 : 0;
   std::uint32_t best = kRawWidth;
   std::uint64_t least = 512;
-  for (std::uint32_t width = 0; width < kRawWidth; ++width) {
+  for (; width < kRawWidth; ++width) {
     std::uint64_t unary = kGroup;
     for (std::size_t i = 0; i < kGroup; ++i) unary += values[i] >> width;
     if (unary > kMaxUnary) continue;
@@ -224,35 +227,30 @@ std::uint32_t bestWidth(const std::uint32_t* values) {
 // Bits from the lowest up.
 class BitWriter {
  public:
+  explicit BitWriter(std::size_t likely_bytes) { bytes_.reserve(likely_bytes); }
+  /// `value` below 2^bits; at most 57 bits.
   void put(std::uint64_t value, std::uint32_t bits) {
-    for (std::uint32_t done = 0; done < bits;) {
-      const std::uint32_t part = std::min<std::uint32_t>(bits - done, 8 - used_);
-      current_ |= static_cast<std::uint32_t>((value >> done) & ((1U << part) - 1)) << used_;
-      used_ += part;
-      done += part;
-      if (used_ == 8) flush();
-    }
+    current_ |= value << used_;
+    used_ += bits;
+    for (; used_ >= 8; used_ -= 8, current_ >>= 8) bytes_.push_back(static_cast<std::uint8_t>(current_));
   }
   base::Bytes take() {
-    if (used_ > 0) flush();
+    if (used_ > 0) bytes_.push_back(static_cast<std::uint8_t>(current_));
+    used_ = 0;
     return std::move(bytes_);
   }
 
  private:
-  void flush() {
-    bytes_.push_back(static_cast<std::uint8_t>(current_));
-    current_ = used_ = 0;
-  }
   base::Bytes bytes_;
-  std::uint32_t current_ = 0;
+  std::uint64_t current_ = 0;
   std::uint32_t used_ = 0;
 };
 
 // `values` has whole groups.
 void writePlane(base::ByteWriter& out, const std::vector<std::uint32_t>& values) {
-  BitWriter widths;
-  BitWriter lows;
-  BitWriter unary;
+  BitWriter widths(values.size() / (2 * kGroup) + 1);
+  BitWriter lows(values.size());
+  BitWriter unary(values.size() / 3);
   for (std::size_t first = 0; first < values.size(); first += kGroup) {
     const std::uint32_t* group = values.data() + first;
     const std::uint32_t width = bestWidth(group);
@@ -282,7 +280,7 @@ std::uint64_t load64(const std::uint8_t* at) {
 // Numbers of one plane, number i to out[i · stride]; whole groups. False when the plane runs past the end. `in` may be
 // read eight bytes past its end.
 template <std::size_t kStride>
-bool readPlane(base::ByteView in, std::size_t& at, std::size_t groups, std::uint32_t* out) {
+LUMIGRID_INLINE bool readPlane(base::ByteView in, std::size_t& at, std::size_t groups, std::uint32_t* out) {
   const std::size_t width_bytes = (groups + 1) / 2;
   if (in.size() - at < 2 + width_bytes) return false;
   const std::size_t unary_bytes = in[at] | std::size_t{in[at + 1]} << 8;
@@ -386,8 +384,11 @@ class Walk {
       const std::uint16_t v = geometry.indices[i];
       corners_[first_[v] + left_[v]++] = i;
     }
-    out_.indices.reserve(geometry.indices.size());
+    out_.indices.resize(geometry.indices.size());
     out_.triangles.reserve(triangles_);
+    front_.reserve(2 * triangles_);
+    out_.vertices.reserve(geometry.positions.size());
+    out_.from.reserve(geometry.positions.size());
   }
 
   Connectivity run() {
@@ -443,8 +444,9 @@ class Walk {
   }
   void addTriangle(std::uint32_t t, std::uint16_t a, std::uint16_t b, std::uint16_t c) {
     done_[t] = 1;
+    std::uint16_t* corner = &out_.indices[3 * out_.triangles.size()];
+    corner[0] = numberOf(a), corner[1] = numberOf(b), corner[2] = numberOf(c);
     out_.triangles.push_back(t);
-    out_.indices.insert(out_.indices.end(), {numberOf(a), numberOf(b), numberOf(c)});
   }
   void u16(std::uint16_t v) {
     out_.escapes.push_back(static_cast<std::uint8_t>(v & 255U));
@@ -555,7 +557,7 @@ class Walk {
   Edge gate_;
   bool open_ = false;
   std::uint32_t steps_ = 0;
-  BitWriter bits_;
+  BitWriter bits_{1024};
   Connectivity out_;
 };
 
@@ -582,6 +584,14 @@ struct Scratch {
   }
 };
 
+// What a step does, as masks and counts.
+struct Choice {
+  std::uint64_t is_new, is_next, is_none;
+  std::uint32_t pushed, taken, attached, unused;
+};
+constexpr std::array<Choice, 3> kChoices{
+    {{~0ULL, 0, 0, 1, 0, 1, 0}, {0, ~0ULL, 0, 0, 1, 1, 0}, {0, 0, ~0ULL, 0, 1, 0, 0}}};
+
 class Machine {
  public:
   // `indices` has room for `triangles` and kSlack more, `from` for `vertices` and kSlack more.
@@ -597,47 +607,55 @@ class Machine {
 
   // False when the counts are not met or the escapes run out. All numbers in indices and `from` are below the count of
   // vertices then: every one was new once.
-  bool run() {
+  LUMIGRID_INLINE bool run() {
+    // Copies, which no store can change.
+    std::uint64_t* const front = front_;
+    std::uint64_t* const from = from_;
+    std::uint16_t* const indices = indices_;
+    const std::uint32_t mask = mask_;
     std::uint64_t gate = 0;
     std::uint32_t head = 0;
     std::uint32_t tail = 0;
     std::uint32_t vertices = 0;
     std::uint32_t triangles = 0;
-    std::size_t escape = 0;
-    for (std::uint32_t done = 0; done < header_.steps; done += kStepsAtOnce) {
-      const auto count = std::min<std::uint32_t>(kStepsAtOnce, header_.steps - done);
-      std::uint32_t byte = steps_[done / kStepsAtOnce];
-      for (std::uint32_t i = 0; i < count; ++i, byte >>= 2) {
-        const std::uint32_t step = byte & 3U;
-        if (step == kEscape) [[unlikely]] {
-          if (!leave({gate, head, tail, vertices, triangles}, escape)) return false;
-          gate = state_.gate, head = state_.head, tail = state_.tail;
-          vertices = state_.vertices, triangles = state_.triangles;
-          continue;
-        }
-        // All three at once, and one is kept: which it is cannot be foreseen.
-        const std::uint64_t next = front_[head & mask_];
-        const std::uint64_t a = gate & 0xFFFF;
-        const std::uint64_t b = gate >> 16 & 0xFFFF;
-        const std::uint64_t end = next >> 16 & 0xFFFF;
-        const bool is_new = step == kNewVertex;
-        const std::uint64_t third = is_new ? vertices : end;
-        std::uint16_t* corner = indices_ + 3 * std::size_t{triangles};
-        corner[0] = static_cast<std::uint16_t>(a);
-        corner[1] = static_cast<std::uint16_t>(b);
-        corner[2] = static_cast<std::uint16_t>(third);
-        from_[vertices] = gate;
-        front_[tail & mask_] = packEdge(a, vertices, b);
-        const std::uint64_t attached = is_new ? packEdge(vertices, b, a) : packEdge(a, end, b);
-        gate = step == kGiveUp ? next : attached;
-        tail += is_new ? 1U : 0U;
-        vertices += is_new ? 1U : 0U;
-        head += is_new ? 0U : 1U;
-        triangles += step == kGiveUp ? 0U : 1U;
+    const auto advance = [&](std::uint32_t step) __attribute__((always_inline)) {
+      if (step == kEscape) [[unlikely]] {
+        state_ = {gate, head, tail, vertices, triangles};
+        const bool good = leave();
+        gate = state_.gate, head = state_.head, tail = state_.tail;
+        vertices = state_.vertices, triangles = state_.triangles;
+        return good;
       }
-      if (vertices > header_.vertices || triangles > header_.triangles) return false;
+      // All three at once, and masks keep one: which it is cannot be foreseen.
+      constexpr std::uint64_t kA = 0xFFFF, kB = kA << 16, kOpposite = kA << 32;
+      const Choice& choice = kChoices[step];
+      const std::uint64_t next = front[head & mask];
+      const std::uint64_t end = next >> 16 & kA;
+      const std::uint64_t third = end ^ ((end ^ vertices) & choice.is_new);
+      const std::uint64_t corners = (gate & (kA | kB)) | third << 32;
+      std::memcpy(indices + 3 * std::size_t{triangles}, &corners, sizeof(corners));
+      from[vertices] = gate;
+      // (a, third, b) and (third, b, a): one stays or becomes the gate.
+      const std::uint64_t left = (gate & kA) | (gate << 16 & kOpposite) | third << 16;
+      const std::uint64_t right = third | (gate & kB) | gate << 32;
+      front[tail & mask] = left;
+      gate = (right & choice.is_new) | (left & choice.is_next) | (next & choice.is_none);
+      tail += choice.pushed;
+      vertices += choice.pushed;
+      head += choice.taken;
+      triangles += choice.attached;
+      return true;
+    };
+
+    const std::uint32_t bytes = header_.steps / kStepsAtOnce;
+    for (std::uint32_t i = 0; i < bytes; ++i) {
+      const std::uint32_t byte = steps_[i];
+      const bool good = advance(byte & 3U) && advance(byte >> 2 & 3U) && advance(byte >> 4 & 3U) && advance(byte >> 6);
+      if (!good || vertices > header_.vertices || triangles > header_.triangles) return false;
     }
-    return vertices == header_.vertices && triangles == header_.triangles && escape == escapes_.size();
+    for (std::uint32_t i = bytes * kStepsAtOnce; i < header_.steps; ++i)
+      if (!advance(steps_[bytes] >> (2 * (i % kStepsAtOnce)) & 3U)) return false;
+    return vertices == header_.vertices && triangles == header_.triangles && escape_ == escapes_.size();
   }
 
  private:
@@ -649,15 +667,18 @@ class Machine {
     std::uint32_t triangles = 0;
   };
 
-  // One escape: from `state` to state_.
-  bool leave(const State& state, std::size_t& escape) {
-    state_ = state;
+  static std::uint64_t select(std::uint64_t mask, std::uint64_t yes, std::uint64_t no) {
+    return no ^ ((yes ^ no) & mask);
+  }
+
+  // One escape, on state_. Rare, and kept out of the way of the others.
+  [[gnu::noinline]] bool leave() {
     State& s = state_;
-    if (escape >= escapes_.size()) return false;
-    const std::uint8_t kind = escapes_[escape++];
+    if (escape_ >= escapes_.size()) return false;
+    const std::uint8_t kind = escapes_[escape_++];
     const std::uint64_t a = s.gate & 0xFFFF;
     const std::uint64_t b = s.gate >> 16 & 0xFFFF;
-    if (kind >= kStart && kind < kPrevious) return start(kind - kStart, escape);
+    if (kind >= kStart && kind < kPrevious) return start(kind - kStart);
     switch (kind) {
       case kPrevious: {
         --s.tail;
@@ -676,7 +697,7 @@ class Machine {
         return true;
       default: {
         std::uint32_t third = s.vertices - 1U - kind;
-        if (kind == kKnownVertex && !known(escape, third)) return false;
+        if (kind == kKnownVertex && !known(third)) return false;
         if (kind > kKnownVertex || third >= s.vertices) return false;
         attach(a, b, third);
         front_[s.tail++ & mask_] = packEdge(a, third, b);
@@ -686,7 +707,7 @@ class Machine {
     }
   }
 
-  bool start(std::uint32_t known_corners, std::size_t& escape) {
+  bool start(std::uint32_t known_corners) {
     State& s = state_;
     std::array<std::uint32_t, 3> c{};
     std::uint32_t before = s.vertices > 0 ? s.vertices - 1 : 0;
@@ -694,7 +715,7 @@ class Machine {
       if ((known_corners >> k & 1U) == 0) {
         from_[s.vertices] = packEdge(before, before, before);
         c[k] = s.vertices++;
-      } else if (!known(escape, c[k])) {
+      } else if (!known(c[k])) {
         return false;
       }
       before = c[k];
@@ -714,10 +735,10 @@ class Machine {
     corner[2] = static_cast<std::uint16_t>(c);
   }
 
-  bool known(std::size_t& escape, std::uint32_t& vertex) {
-    if (escapes_.size() - escape < 2) return false;
-    vertex = escapes_[escape] | static_cast<std::uint32_t>(escapes_[escape + 1]) << 8;
-    escape += 2;
+  bool known(std::uint32_t& vertex) {
+    if (escapes_.size() - escape_ < 2) return false;
+    vertex = escapes_[escape_] | static_cast<std::uint32_t>(escapes_[escape_ + 1]) << 8;
+    escape_ += 2;
     return vertex < state_.vertices;
   }
 
@@ -728,6 +749,7 @@ class Machine {
   std::uint64_t* front_;
   std::uint16_t* indices_;
   std::uint64_t* from_;
+  std::size_t escape_ = 0;
   State state_;
 };
 
@@ -745,23 +767,37 @@ void checkGeometry(const PatchGeometry& geometry) {
     for (int axis = 0; axis < 3; ++axis) LUMIGRID_CHECK(q[axis] >= -kMaxLattice && q[axis] <= kMaxLattice);
 }
 
-// Whether all sums of facet normals are exact in floats when coordinates lose `shift` bits.
-bool exactFacets(const std::vector<glm::ivec3>& relative, const std::vector<std::uint16_t>& indices, int shift,
-                 std::vector<double>& bound) {
-  constexpr double kExact = 1 << 24;
-  bound.assign(relative.size(), 0.0);
-  for (std::size_t t = 0; t < indices.size(); t += 3) {
-    const glm::dvec3 o(relative[indices[t]] >> shift);
-    const glm::dvec3 a = glm::abs(glm::dvec3(relative[indices[t + 1]] >> shift) - o);
-    const glm::dvec3 b = glm::abs(glm::dvec3(relative[indices[t + 2]] >> shift) - o);
-    const double most = std::max({a.x * b.y + a.y * b.x, a.y * b.z + a.z * b.y, a.z * b.x + a.x * b.z});
-    for (std::size_t k = 0; k < 3; ++k)
-      if ((bound[indices[t + k]] += most) >= kExact) return false;
+// Positions relative to vertex 0 that lost `shift` bits.
+void shiftedPoints(const PatchGeometry& geometry, const Connectivity& order, int shift, std::vector<Float4>& points) {
+  points.clear();
+  const glm::ivec3 corner = geometry.positions[order.vertices[0]];
+  for (const std::uint32_t old : order.vertices) {
+    const glm::ivec3 q = (geometry.positions[old] - corner) >> shift;
+    points.push_back(Float4{static_cast<float>(q.x), static_cast<float>(q.y), static_cast<float>(q.z), 0.0F});
   }
-  return std::all_of(relative.begin(), relative.end(), [&](const glm::ivec3& q) {
-    const glm::ivec3 p = q >> shift;
-    return std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)}) < (1 << 23);
-  });
+}
+
+Float4 magnitude(Float4 x) {
+  return x < 0.0F ? -x : x;
+}
+
+// Whether all sums of facet normals are exact in floats. So are the sums of magnitudes here until one is too large,
+// and they never shrink.
+bool exactFacets(const std::vector<Float4>& points, const std::vector<std::uint16_t>& indices,
+                 std::vector<Float4>& bounds) {
+  bounds.assign(points.size(), Float4{});
+  for (std::size_t t = 0; t < indices.size(); t += 3) {
+    const Float4 a = magnitude(points[indices[t + 1]] - points[indices[t]]);
+    const Float4 b = magnitude(points[indices[t + 2]] - points[indices[t]]);
+    const Float4 bound = a * __builtin_shufflevector(b, b, 1, 2, 0, 3) + __builtin_shufflevector(a, a, 1, 2, 0, 3) * b;
+    for (std::size_t k = 0; k < 3; ++k) bounds[indices[t + k]] += bound;
+  }
+  constexpr float kExactSum = 1 << 24;
+  constexpr float kExactPoint = 1 << 23;
+  Int4 beyond{};
+  for (std::size_t v = 0; v < points.size(); ++v)
+    beyond |= (bounds[v] >= kExactSum) | (magnitude(points[v]) >= kExactPoint);
+  return (beyond[0] | beyond[1] | beyond[2]) == 0;
 }
 
 // Codes that the decoder will foresee from positions and triangles, by new vertex.
@@ -795,24 +831,20 @@ void writePositions(base::ByteWriter& out, const PatchGeometry& geometry, const 
   }
 }
 
-std::uint8_t chooseShift(const PatchGeometry& geometry, const Connectivity& order, std::vector<glm::ivec3>& relative) {
-  relative.clear();
-  const glm::ivec3 corner = geometry.positions[order.vertices[0]];
-  for (const std::uint32_t old : order.vertices) relative.push_back(geometry.positions[old] - corner);
-  std::vector<double> bound;
-  std::uint8_t shift = 0;
-  while (!exactFacets(relative, order.indices, shift, bound)) ++shift;
-  LUMIGRID_CHECK_LE(shift, kMaxFacetShift);
-  for (glm::ivec3& q : relative) q >>= shift;
-  return shift;
+// The least shift that keeps facet normals exact, and the points it leaves.
+std::uint8_t chooseShift(const PatchGeometry& geometry, const Connectivity& order, std::vector<Float4>& points) {
+  std::vector<Float4> bounds;
+  points.reserve(order.vertices.size());
+  for (std::uint8_t shift = 0; shift < kMaxFacetShift; ++shift) {
+    shiftedPoints(geometry, order, shift, points);
+    if (exactFacets(points, order.indices, bounds)) return shift;
+  }
+  shiftedPoints(geometry, order, kMaxFacetShift, points);
+  return kMaxFacetShift;
 }
 
 void writeNormals(base::ByteWriter& out, const PatchGeometry& geometry, const Connectivity& order,
-                  const std::vector<glm::ivec3>& shifted, std::vector<std::uint32_t>& plane) {
-  std::vector<Float4> points;
-  points.reserve(shifted.size());
-  for (const glm::ivec3& q : shifted)
-    points.push_back(Float4{static_cast<float>(q.x), static_cast<float>(q.y), static_cast<float>(q.z), 0.0F});
+                  const std::vector<Float4>& points, std::vector<std::uint32_t>& plane) {
   std::array<std::vector<std::int32_t>, 2> foreseen;
   facetCodes(points.data(), order, foreseen[0], foreseen[1]);
   std::vector<OctahedralCode> codes;
@@ -894,51 +926,81 @@ base::Result<PatchHeader> readHeader(base::ByteView bytes) {
   return header;
 }
 
-Uint4 unzigzag4(Uint4 x) {
+// Four vectors of four lanes, turned.
+template <class V>
+LUMIGRID_INLINE std::array<V, 4> transposed(const V* in) {
+  const V low01 = __builtin_shufflevector(in[0], in[1], 0, 4, 1, 5);
+  const V low23 = __builtin_shufflevector(in[2], in[3], 0, 4, 1, 5);
+  const V high01 = __builtin_shufflevector(in[0], in[1], 2, 6, 3, 7);
+  const V high23 = __builtin_shufflevector(in[2], in[3], 2, 6, 3, 7);
+  return {__builtin_shufflevector(low01, low23, 0, 1, 4, 5), __builtin_shufflevector(low01, low23, 2, 3, 6, 7),
+          __builtin_shufflevector(high01, high23, 0, 1, 4, 5), __builtin_shufflevector(high01, high23, 2, 3, 6, 7)};
+}
+
+LUMIGRID_INLINE Uint4 unzigzag4(Uint4 x) {
   return (x >> 1) ^ (0U - (x & 1U));
 }
 
-bool addPositions(const PatchHeader& header, const std::uint64_t* from, Uint4* at, glm::ivec3* out) {
+// Differences to what the planes hold become numbers: lattice points, those relative to vertex 0 for facet normals, and
+// colour codes. One pass, since each vertex waits for the one before. False when a point lies outside the lattice.
+template <bool kColors>
+LUMIGRID_INLINE bool addUp(const PatchHeader& header, const std::uint64_t* from, Scratch& scratch, glm::ivec3* out) {
+  Uint4* at = scratch.positions.data();
+  Uint4* color = scratch.colors.data();
+  Float4* points = Scratch::room(scratch.points, header.vertices);
+  Float4* sums = Scratch::room(scratch.sums, groupsOf(header.vertices) * kGroup);
   const Uint4 corner{static_cast<std::uint32_t>(header.corner.x), static_cast<std::uint32_t>(header.corner.y),
                      static_cast<std::uint32_t>(header.corner.z), 0U};
   // Beyond ±kMaxLattice: q + kMaxLattice, unsigned, is above 2 · kMaxLattice.
   constexpr std::uint32_t kMost = 2U * kMaxLattice;
   const Uint4 most{kMost, kMost, kMost, 0xFFFFFFFFU};
-  const auto beyond = [&](Uint4 q) { return (q + static_cast<std::uint32_t>(kMaxLattice)) > most; };
+  const Int4 shift = Int4{} + static_cast<std::int32_t>(header.facet_shift);
+  // Alpha is not predicted.
+  const Int4 colors_only{-1, -1, -1, 0};
+  const Uint4 opaque{0, 0, 0, 255};
   at[0] = unzigzag4(at[0]) + corner;
-  Int4 outside = beyond(at[0]);
-  std::memcpy(&out[0], &at[0], sizeof(glm::ivec3));
+  const Uint4 origin = at[0];
+  Int4 outside{};
+  const auto finish = [&](std::size_t v, Uint4 q) __attribute__((always_inline)) {
+    outside |= (q + static_cast<std::uint32_t>(kMaxLattice)) > most;
+    points[v] = __builtin_convertvector(reinterpret_cast<Int4>(q - origin) >> shift, Float4);
+    sums[v] = Float4{};
+    std::memcpy(&out[v], &q, sizeof(glm::ivec3));
+  };
+  finish(0, origin);
+  if (kColors) color[0] = unzigzag4(color[0]) + opaque;
   for (std::size_t v = 1; v < header.vertices; ++v) {
     const std::uint64_t e = from[v];
-    at[v] = unzigzag4(at[v]) + at[e & 0xFFFF] + at[e >> 16 & 0xFFFF] - at[e >> 32 & 0xFFFF];
-    outside |= beyond(at[v]);
-    std::memcpy(&out[v], &at[v], sizeof(glm::ivec3));
+    const std::size_t a = e & 0xFFFF;
+    const std::size_t b = e >> 16 & 0xFFFF;
+    const std::size_t opposite = e >> 32 & 0xFFFF;
+    const Uint4 q = (unzigzag4(at[v]) - at[opposite]) + (at[a] + at[b]);
+    at[v] = q;
+    finish(v, q);
+    if (kColors) {
+      const Int4 mean = (reinterpret_cast<Int4>(color[a] + color[b]) >> 1) & colors_only;
+      color[v] = unzigzag4(color[v]) + opaque + reinterpret_cast<Uint4>(mean);
+    }
   }
   return (outside[0] | outside[1] | outside[2]) == 0;
 }
 
-void addNormals(const PatchHeader& header, const std::uint16_t* indices, Scratch& scratch, const Uint4* positions,
-                glm::vec3* out) {
+LUMIGRID_INLINE void addNormals(const PatchHeader& header, const std::uint16_t* indices, Scratch& scratch,
+                                glm::vec3* out) {
   const std::size_t count = header.vertices;
-  Float4* points = Scratch::room(scratch.points, count);
-  Float4* sums = Scratch::room(scratch.sums, count);
-  const Uint4 corner = positions[0];
-  for (std::size_t v = 0; v < count; ++v) {
-    const Int4 relative =
-        reinterpret_cast<Int4>(positions[v] - corner) >> static_cast<std::int32_t>(header.facet_shift);
-    points[v] = __builtin_convertvector(relative, Float4);
-    sums[v] = Float4{};
-  }
-  sumFacets(points, indices, header.triangles, sums);
+  Float4* sums = scratch.sums.data();
+  sumFacets(scratch.points.data(), indices, header.triangles, sums);
 
   std::array<float, kBlock> x, y, z;
   std::array<std::int32_t, kBlock> u, w;
   Unit unit;
   for (std::size_t first = 0; first < count; first += kBlock) {
     const std::size_t part = std::min(kBlock, count - first);
-    for (std::size_t i = 0; i < part; ++i) {
-      const Float4 sum = sums[first + i];
-      z[i] = sum[0], x[i] = sum[1], y[i] = sum[2];
+    for (std::size_t i = 0; i < part; i += 4) {
+      const auto lanes = transposed(sums + first + i);
+      std::memcpy(&z[i], &lanes[0], sizeof(Float4));
+      std::memcpy(&x[i], &lanes[1], sizeof(Float4));
+      std::memcpy(&y[i], &lanes[2], sizeof(Float4));
     }
     predictNormals(x, y, z, part, u.data(), w.data());
     // Modulo 256, as the encoder's difference.
@@ -951,22 +1013,86 @@ void addNormals(const PatchHeader& header, const std::uint16_t* indices, Scratch
   }
 }
 
-void addColors(const PatchHeader& header, const std::uint64_t* from, Uint4* at, glm::u8vec4* out) {
-  const auto put = [&](std::size_t v) {
-    const Int4 code = reinterpret_cast<Int4>(at[v]);
-    out[v] = codeColor(code[0], code[1], code[2], static_cast<std::uint8_t>(code[3]));
-  };
-  // Alpha is not predicted: lane 3 of the sums is masked.
-  const Int4 colors_only{-1, -1, -1, 0};
-  const Uint4 opaque{0, 0, 0, 255};
-  at[0] = unzigzag4(at[0]) + opaque;
-  put(0);
-  for (std::size_t v = 1; v < header.vertices; ++v) {
-    const std::uint64_t e = from[v];
-    const Int4 mean = (reinterpret_cast<Int4>(at[e & 0xFFFF] + at[e >> 16 & 0xFFFF]) >> 1) & colors_only;
-    at[v] = unzigzag4(at[v]) + reinterpret_cast<Uint4>(mean) + opaque;
-    put(v);
+// `codes` in whole groups.
+LUMIGRID_INLINE void addColors(const PatchHeader& header, const Uint4* codes, glm::u8vec4* out) {
+  for (std::size_t v = 0; v < header.vertices; v += 4) {
+    const auto [luma, orange, green, alpha] = transposed(codes + v);
+    const Uint4 rgba = codeColors(luma, orange, green, alpha);
+    if (v + 4 <= header.vertices)
+      std::memcpy(&out[v], &rgba, sizeof(rgba));
+    else
+      std::memcpy(&out[v], &rgba, 4 * (header.vertices - v));
   }
+}
+
+// What stands in the way, or null.
+LUMIGRID_INLINE const char* decodeParts(const PatchHeader& header, base::ByteView bytes, PatchGeometry& geometry) {
+  // A copy with eight bytes behind it: whole words are read at any place.
+  thread_local Scratch scratch;
+  std::uint8_t* copy = Scratch::room(scratch.bytes, bytes.size() + 8);
+  std::memcpy(copy, bytes.data(), bytes.size());
+  std::memset(copy + bytes.size(), 0, 8);
+  const base::ByteView in(copy, bytes.size());
+
+  // Triangles, and what each vertex is predicted from.
+  geometry.indices.resize((std::size_t{header.triangles} + kSlack) * 3);
+  scratch.front.assign(std::size_t{1} << header.front_bits, 0);
+  std::uint64_t* from = Scratch::room(scratch.from, header.vertices + kSlack);
+  const base::ByteView steps = in.subspan(kHeaderBytes, header.stepBytes());
+  const base::ByteView escapes = in.subspan(kHeaderBytes + steps.size(), header.escape_bytes);
+  if (!Machine(header, steps, escapes, scratch.front.data(), geometry.indices.data(), from).run())
+    return "the triangles do not decode";
+  geometry.indices.resize(std::size_t{header.triangles} * 3);
+
+  // Planes.
+  const std::size_t groups = groupsOf(header.vertices);
+  const std::size_t padded = groups * kGroup;
+  Uint4* positions = Scratch::room(scratch.positions, padded);
+  std::size_t at = kHeaderBytes + steps.size() + escapes.size();
+  bool whole = true;
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    whole = whole && readPlane<4>(in, at, groups, reinterpret_cast<std::uint32_t*>(positions) + axis);
+  whole = whole && readPlane<1>(in, at, groups, Scratch::room(scratch.normal_u, padded));
+  whole = whole && readPlane<1>(in, at, groups, Scratch::room(scratch.normal_v, padded));
+  Uint4* colors = header.colored() ? Scratch::room(scratch.colors, padded) : nullptr;
+  const std::size_t channels = header.colored() ? (header.alpha() ? 4 : 3) : 0;
+  if (channels == 3) std::fill(colors, colors + padded, Uint4{});
+  for (std::size_t k = 0; k < channels; ++k)
+    whole = whole && readPlane<4>(in, at, groups, reinterpret_cast<std::uint32_t*>(colors) + k);
+  if (!whole || at != bytes.size()) return "the vertices do not decode";
+
+  // Numbers into vertices.
+  geometry.positions.resize(header.vertices);
+  glm::ivec3* points = geometry.positions.data();
+  if (!(header.colored() ? addUp<true>(header, from, scratch, points) : addUp<false>(header, from, scratch, points)))
+    return "a vertex lies outside the lattice";
+  geometry.normals.resize(header.vertices);
+  addNormals(header, geometry.indices.data(), scratch, geometry.normals.data());
+  if (header.colored()) {
+    geometry.colors.resize(header.vertices);
+    addColors(header, colors, geometry.colors.data());
+  }
+  return nullptr;
+}
+
+#if defined(__x86_64__)
+__attribute__((target("avx2,bmi,bmi2"))) const char* decodeByAvx2(const PatchHeader& header, base::ByteView bytes,
+                                                                  PatchGeometry& geometry) {
+  return decodeParts(header, bytes, geometry);
+}
+#endif
+
+const char* decodeAnywhere(const PatchHeader& header, base::ByteView bytes, PatchGeometry& geometry) {
+  return decodeParts(header, bytes, geometry);
+}
+
+const char* decode(const PatchHeader& header, base::ByteView bytes, PatchGeometry& geometry) {
+#if defined(__x86_64__)
+  static const bool has_avx2 =
+      __builtin_cpu_supports("avx2") != 0 && __builtin_cpu_supports("bmi") != 0 && __builtin_cpu_supports("bmi2") != 0;
+  if (has_avx2) return decodeByAvx2(header, bytes, geometry);
+#endif
+  return decodeAnywhere(header, bytes, geometry);
 }
 
 }  // namespace
@@ -978,12 +1104,12 @@ base::Bytes encodePatch(const PatchGeometry& geometry) {
 base::Bytes encodePatch(const PatchGeometry& geometry, std::vector<std::uint32_t>* triangle_order) {
   checkGeometry(geometry);
   const Connectivity order = Walk(geometry).run();
-  std::vector<glm::ivec3> shifted;
+  std::vector<Float4> points;
 
   PatchHeader header;
   header.vertices = static_cast<std::uint32_t>(order.vertices.size());
   header.triangles = static_cast<std::uint32_t>(order.triangles.size());
-  header.facet_shift = chooseShift(geometry, order, shifted);
+  header.facet_shift = chooseShift(geometry, order, points);
   header.front_bits = order.front_bits;
   header.corner = geometry.positions[order.vertices[0]];
   header.steps = order.steps;
@@ -1000,7 +1126,7 @@ base::Bytes encodePatch(const PatchGeometry& geometry, std::vector<std::uint32_t
   out.bytes(order.escapes);
   std::vector<std::uint32_t> plane(groupsOf(order.vertices.size()) * kGroup, 0);
   writePositions(out, geometry, order, plane);
-  writeNormals(out, geometry, order, shifted, plane);
+  writeNormals(out, geometry, order, points, plane);
   if (header.colored()) writeColors(out, geometry, order, plane);
   if (header.alpha()) {
     for (std::size_t v = 0; v < order.vertices.size(); ++v)
@@ -1016,53 +1142,8 @@ base::Result<PatchGeometry> decodePatch(base::ByteView bytes) {
   const auto header = readHeader(bytes);
   if (!header) return header.error();
   if (checksum(bytes) != header->crc) return broken("checksum does not match");
-
-  // A copy with eight bytes behind it: whole words are read at any place.
-  thread_local Scratch scratch;
-  std::uint8_t* copy = Scratch::room(scratch.bytes, bytes.size() + 8);
-  std::memcpy(copy, bytes.data(), bytes.size());
-  std::memset(copy + bytes.size(), 0, 8);
-  const base::ByteView in(copy, bytes.size());
-
-  // Triangles, and what each vertex is predicted from.
   PatchGeometry geometry;
-  geometry.indices.resize((std::size_t{header->triangles} + kSlack) * 3);
-  scratch.front.assign(std::size_t{1} << header->front_bits, 0);
-  std::uint64_t* from = Scratch::room(scratch.from, header->vertices + kSlack);
-  const base::ByteView steps = in.subspan(kHeaderBytes, header->stepBytes());
-  const base::ByteView escapes = in.subspan(kHeaderBytes + steps.size(), header->escape_bytes);
-  if (!Machine(*header, steps, escapes, scratch.front.data(), geometry.indices.data(), from).run())
-    return broken("the triangles do not decode");
-  geometry.indices.resize(std::size_t{header->triangles} * 3);
-
-  // Planes.
-  const std::size_t groups = groupsOf(header->vertices);
-  const std::size_t padded = groups * kGroup;
-  Uint4* positions = Scratch::room(scratch.positions, padded);
-  std::size_t at = kHeaderBytes + steps.size() + escapes.size();
-  bool whole = true;
-  for (std::size_t axis = 0; axis < 3; ++axis)
-    whole = whole && readPlane<4>(in, at, groups, reinterpret_cast<std::uint32_t*>(positions) + axis);
-  whole = whole && readPlane<1>(in, at, groups, Scratch::room(scratch.normal_u, padded));
-  whole = whole && readPlane<1>(in, at, groups, Scratch::room(scratch.normal_v, padded));
-  Uint4* colors = header->colored() ? Scratch::room(scratch.colors, padded) : nullptr;
-  const std::size_t channels = header->colored() ? (header->alpha() ? 4 : 3) : 0;
-  if (channels == 3)
-    for (std::size_t v = 0; v < padded; ++v) colors[v] = Uint4{};
-  for (std::size_t k = 0; k < channels; ++k)
-    whole = whole && readPlane<4>(in, at, groups, reinterpret_cast<std::uint32_t*>(colors) + k);
-  if (!whole || at != bytes.size()) return broken("the vertices do not decode");
-
-  // Numbers into vertices.
-  geometry.positions.resize(header->vertices);
-  if (!addPositions(*header, from, positions, geometry.positions.data()))
-    return broken("a vertex lies outside the lattice");
-  geometry.normals.resize(header->vertices);
-  addNormals(*header, geometry.indices.data(), scratch, positions, geometry.normals.data());
-  if (header->colored()) {
-    geometry.colors.resize(header->vertices);
-    addColors(*header, from, colors, geometry.colors.data());
-  }
+  if (const char* fault = decode(*header, bytes, geometry)) return broken(fault);
   return geometry;
 }
 
@@ -1082,7 +1163,7 @@ glm::vec3 quantizedNormal(const glm::vec3& n) {
 }
 
 glm::u8vec4 quantizedColor(const glm::u8vec4& color) {
-  const auto channel = [](std::uint8_t c) { return static_cast<std::uint8_t>(levelColor(colorLevel(c))); };
+  const auto channel = [](std::uint8_t c) { return levelByte(colorLevel(c)); };
   return {channel(color.r), channel(color.g), channel(color.b), color.a};
 }
 
