@@ -1,10 +1,11 @@
 #pragma once
-// One patch as bytes: libmeshoptimizer's vertex and index codecs over lattice positions, octahedral normals and
-// colours. docs/formats/patch.md, "One patch as bytes"
+// One patch as bytes: triangles as steps of a cut-border machine (Gumhold and Strasser 1998, "Real Time Compression of
+// Triangle Mesh Connectivity"), lattice positions predicted by parallelograms (Touma and Gotsman 1998, "Triangle Mesh
+// Compression"), normals by the facets around them, colours by neighbours; differences in Rice codes whose width
+// changes every 16 numbers. docs/formats/patch.md, "One patch as bytes", defines every bit.
 //
 // Octahedral normals: Cigolle et al. 2014, "A Survey of Efficient Representations for Independent Unit Vectors",
-// section 3.3, with 8 + 8 bits (at most 1 degree off). Both codecs of meshoptimizer are fixed to a version that its
-// JavaScript twin decodes.
+// section 3.3, with 8 + 8 bits (at most 1 degree off).
 #include <cstdint>
 #include <vector>
 
@@ -32,8 +33,8 @@ base::Bytes encodePatch(const PatchGeometry& geometry);
 base::Bytes encodePatch(const PatchGeometry& geometry, std::vector<std::uint32_t>* triangle_order);
 
 /// Checks the checksum and every length and index; never reads past `bytes`, never allocates more than the limits above
-/// need (2 MB). Decoding gives back exactly what was encoded, but for the order; normals are as quantizedNormal makes
-/// them.
+/// need (8 MB, most of it kept by the thread for its next patch). Decoding gives back exactly what was encoded, but for
+/// the order; normals are as quantizedNormal and colours as quantizedColor makes them.
 base::Result<PatchGeometry> decodePatch(base::ByteView bytes);
 
 /// What a patch's bytes say about its size, read from their header alone (the checksum is not looked at).
