@@ -587,10 +587,10 @@ struct Scratch {
 // What a step does, as masks and counts.
 struct Choice {
   std::uint64_t is_new, is_next, is_none;
-  std::uint32_t pushed, taken, attached, unused;
+  std::uint32_t pushed, taken, corners, unused;
 };
 constexpr std::array<Choice, 3> kChoices{
-    {{~0ULL, 0, 0, 1, 0, 1, 0}, {0, ~0ULL, 0, 0, 1, 1, 0}, {0, 0, ~0ULL, 0, 1, 0, 0}}};
+    {{~0ULL, 0, 0, 1, 0, 3, 0}, {0, ~0ULL, 0, 0, 1, 3, 0}, {0, 0, ~0ULL, 0, 1, 0, 0}}};
 
 class Machine {
  public:
@@ -617,13 +617,13 @@ class Machine {
     std::uint32_t head = 0;
     std::uint32_t tail = 0;
     std::uint32_t vertices = 0;
-    std::uint32_t triangles = 0;
+    std::uint16_t* corner = indices;
     const auto advance = [&](std::uint32_t step) __attribute__((always_inline)) {
       if (step == kEscape) [[unlikely]] {
-        state_ = {gate, head, tail, vertices, triangles};
+        state_ = {gate, head, tail, vertices, static_cast<std::uint32_t>((corner - indices) / 3)};
         const bool good = leave();
         gate = state_.gate, head = state_.head, tail = state_.tail;
-        vertices = state_.vertices, triangles = state_.triangles;
+        vertices = state_.vertices, corner = indices + 3 * std::size_t{state_.triangles};
         return good;
       }
       // All three at once, and masks keep one: which it is cannot be foreseen.
@@ -633,7 +633,7 @@ class Machine {
       const std::uint64_t end = next >> 16 & kA;
       const std::uint64_t third = end ^ ((end ^ vertices) & choice.is_new);
       const std::uint64_t corners = (gate & (kA | kB)) | third << 32;
-      std::memcpy(indices + 3 * std::size_t{triangles}, &corners, sizeof(corners));
+      std::memcpy(corner, &corners, sizeof(corners));
       from[vertices] = gate;
       // (a, third, b) and (third, b, a): one stays or becomes the gate.
       const std::uint64_t left = (gate & kA) | (gate << 16 & kOpposite) | third << 16;
@@ -643,19 +643,22 @@ class Machine {
       tail += choice.pushed;
       vertices += choice.pushed;
       head += choice.taken;
-      triangles += choice.attached;
+      corner += choice.corners;
       return true;
     };
 
+    const std::uint8_t* const steps = steps_.data();
     const std::uint32_t bytes = header_.steps / kStepsAtOnce;
+    const std::uint32_t most_vertices = header_.vertices;
+    const std::uint16_t* const last = indices + 3 * std::size_t{header_.triangles};
     for (std::uint32_t i = 0; i < bytes; ++i) {
-      const std::uint32_t byte = steps_[i];
+      const std::uint32_t byte = steps[i];
       const bool good = advance(byte & 3U) && advance(byte >> 2 & 3U) && advance(byte >> 4 & 3U) && advance(byte >> 6);
-      if (!good || vertices > header_.vertices || triangles > header_.triangles) return false;
+      if (!good || vertices > most_vertices || corner > last) return false;
     }
     for (std::uint32_t i = bytes * kStepsAtOnce; i < header_.steps; ++i)
-      if (!advance(steps_[bytes] >> (2 * (i % kStepsAtOnce)) & 3U)) return false;
-    return vertices == header_.vertices && triangles == header_.triangles && escape_ == escapes_.size();
+      if (!advance(steps[bytes] >> (2 * (i % kStepsAtOnce)) & 3U)) return false;
+    return vertices == most_vertices && corner == last && escape_ == escapes_.size();
   }
 
  private:
