@@ -49,7 +49,8 @@ SourceLattice makeLattice(const SourceInfo& info, const glm::dvec3& origin, std:
   }
   out.corner = info.box_min;
   out.lattice.origin = info.box_min - origin;
-  out.lattice.step = longest > 0.0 ? longest / static_cast<double>((1U << out.bits) - 1) : 1.0;
+  // An even number of steps: what is symmetric has lattice points on its middle plane.
+  out.lattice.step = longest > 0.0 ? longest / static_cast<double>((1U << out.bits) - 2) : 1.0;
   return out;
 }
 
@@ -504,8 +505,8 @@ base::Result<void> Buckets::windAlike(unsigned threads) {
   return {};
 }
 
-void Buckets::release(std::size_t bucket) {
-  for (const Extent& extent : extents_[bucket]) file_.release(extent.offset, extent.bytes);
+void Buckets::release() {
+  file_.release(0, file_.size());
 }
 
 base::Bytes Buckets::state() const {
@@ -529,7 +530,7 @@ base::Bytes Buckets::state() const {
 
 base::Result<Buckets> Buckets::open(const std::string& directory, base::ByteView state) {
   const Error broken{ErrorCode::kInvalidInput,
-                     directory + "/buckets: not what its state says; remove the directory and build again"};
+                     directory + ": the work files are damaged; remove this directory and build again"};
   auto file = SpoolFile::open(directory + "/buckets");
   if (!file) return file.error();
   Buckets out;

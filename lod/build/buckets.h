@@ -98,8 +98,8 @@ class Buckets {
 
   /// 3 corners per triangle, in the source's order, wound alike.
   base::Result<std::vector<Corner>> read(std::size_t bucket) const;
-  /// Gives the bucket's disk space back.
-  void release(std::size_t bucket);
+  /// Gives the buckets' disk space back; they can no longer be read.
+  void release();
 
  private:
   struct Extent {

@@ -225,6 +225,11 @@ class Builder {
       info->warnings = summary_.warnings;
       info->short_faces = summary_.repairs.counts["degenerate_triangles"];
       info_ = std::move(*info);
+      const glm::dvec3 size = info_.box_max - info_.box_min;
+      const double longest = std::max({size.x, size.y, size.z});
+      if (longest > 0.0 && longest < kLeastSize)
+        return Error{ErrorCode::kInvalidInput,
+                     "the mesh is less than 1e-15 units across, too small for what is computed from it; scale it up"};
       origin_ = origin != nullptr ? *origin : originFor(info_.box_min, info_.box_max);
       LUMIGRID_TRY(directory_->finishStage(1, sourceState()));
     } else {
@@ -294,7 +299,10 @@ class Builder {
       finished[unit.index] = 1;
       done += buckets_.triangles(unit.index);
     }
-    for (std::size_t b = 0; b < made.size(); ++b) largest = std::max(largest, buckets_.triangles(b));
+    for (std::size_t b = 0; b < made.size(); ++b) {
+      largest = std::max(largest, buckets_.triangles(b));
+      if (finished[b] == 0 && directory_->stage() >= 3) return directory_->broken();
+    }
 
     // As many buckets at a time as memory holds.
     const std::uint64_t at_once =
@@ -322,12 +330,17 @@ class Builder {
           }
           note(unit);
           made[b] = std::move(*stored);
-          buckets_.release(b);
           done += buckets_.triangles(b);
           if (!report("leaves", static_cast<double>(done) / static_cast<double>(buckets_.totals().triangles)))
             status = cancelled(), stopped = true;
         });
     LUMIGRID_TRY(status);
+    // From here on the store alone holds the mesh.
+    if (directory_->stage() < 3) {
+      LUMIGRID_TRY(store_->sync());
+      LUMIGRID_TRY(directory_->finishStage(3, {}));
+      buckets_.release();
+    }
     for (auto& patches : made)
       for (WorkPatch& patch : patches) leaves.push_back(std::move(patch));
     return {};
@@ -431,6 +444,8 @@ class Builder {
   }
 
   static constexpr std::uint64_t kDescriptors = 32;
+  // Squares of parts of it must stay above float32's smallest.
+  static constexpr double kLeastSize = 1e-15;
   // Per triangle of the source, measured on scans with colours.
   static constexpr std::uint64_t kOutputBytes = 12;
   static constexpr std::uint64_t kWorkBytes = 70;
@@ -524,11 +539,13 @@ base::Result<HierarchySummary> buildHierarchyFromFiles(const std::vector<std::st
     return {};
   };
   auto summary = Builder(options, output_path, progress).run(read, nullptr, bytes);
-  if (!summary && summary.error().message.rfind("the mesh has no triangles", 0) == 0)
-    return base::within(paths.front(), summary.error());
-  if (!summary && summary.error().message.rfind("no triangle", 0) == 0)
-    return base::within(paths.front(), summary.error());
-  return summary;
+  // Work files that do not hold together are gone by now.
+  if (!summary && isDamage(summary.error()))
+    summary = Builder(options, output_path, progress).run(read, nullptr, bytes);
+  if (summary) return summary;
+  const std::string& message = summary.error().message;
+  const bool of_mesh = message.rfind("the mesh", 0) == 0 || message.rfind("no triangle", 0) == 0;
+  return of_mesh ? base::within(paths.front(), summary.error()) : summary.error();
 }
 
 base::Result<HierarchySummary> buildHierarchy(const Mesh& mesh, const HierarchyOptions& options,

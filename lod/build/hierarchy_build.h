@@ -28,8 +28,8 @@ struct HierarchyOptions {
   std::uint32_t group_patches = 4;      ///< about how many patches make a group
   std::uint32_t position_bits = 0;  ///< 10..21 along the longest side; 0: chosen so that the step is at most 1/16 of
                                     ///< the mean edge, at least 14
-  bool regroup = true;   ///< false: the paper's binary tree, whose locked borders pile up (for the chart)
-  unsigned threads = 0;  ///< 0: all cores. The output does not depend on it.
+  bool regroup = true;              ///< false: the paper's binary tree, whose locked borders pile up (for the chart)
+  unsigned threads = 0;             ///< 0: all cores. The output does not depend on it.
   std::uint64_t memory_bytes =
       0;                       ///< of the whole process; 0: 60 % of the machine's. The output does not depend on it.
   std::string work_directory;  ///< for the work files; empty: beside the output

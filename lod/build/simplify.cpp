@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <limits>
 #include <numeric>
@@ -96,16 +97,66 @@ struct Stage {
 };
 constexpr std::array<Stage, 3> kStages{{{true, true, 0.5}, {false, true, 1.5}, {false, false, 1e30}}};
 
-struct Candidate {
-  float cost = 0.0F;
+struct Edge {
   std::uint32_t a = 0;
   std::uint32_t b = 0;
 };
-struct CostsMore {
-  bool operator()(const Candidate& x, const Candidate& y) const {
-    if (x.cost != y.cost) return x.cost > y.cost;
-    return x.a != y.a ? x.a > y.a : x.b > y.b;
+
+// A heap of edges, cheapest first, four children to a node. Cost and edge number are one 64-bit key (the bits of a
+// float that is not negative sort as it does), so that a comparison is one instruction and ties go by number.
+class EdgeQueue {
+ public:
+  struct Entry {
+    float cost = 0.0F;
+    std::uint32_t edge = 0;
+  };
+  bool empty() const { return keys_.empty(); }
+  float lowest() const { return costOf(keys_.front()); }
+  void clear() { keys_.clear(); }
+  // Before make().
+  void add(float cost, std::uint32_t edge) { keys_.push_back(keyOf(cost, edge)); }
+  void make() {
+    for (std::size_t i = keys_.size() / 4 + 1; i-- > 0;)
+      if (i < keys_.size()) sink(i, keys_[i]);
   }
+  void push(float cost, std::uint32_t edge) {
+    const std::uint64_t key = keyOf(cost, edge);
+    std::size_t i = keys_.size();
+    keys_.push_back(key);
+    for (; i > 0 && key < keys_[(i - 1) / 4]; i = (i - 1) / 4) keys_[i] = keys_[(i - 1) / 4];
+    keys_[i] = key;
+  }
+  Entry pop() {
+    const std::uint64_t top = keys_.front();
+    const std::uint64_t last = keys_.back();
+    keys_.pop_back();
+    if (!keys_.empty()) sink(0, last);
+    return {costOf(top), static_cast<std::uint32_t>(top)};
+  }
+
+ private:
+  static std::uint64_t keyOf(float cost, std::uint32_t edge) {
+    return std::uint64_t{std::bit_cast<std::uint32_t>(std::max(cost, 0.0F))} << 32 | edge;
+  }
+  static float costOf(std::uint64_t key) { return std::bit_cast<float>(static_cast<std::uint32_t>(key >> 32)); }
+  void sink(std::size_t i, std::uint64_t key) {
+    const std::size_t size = keys_.size();
+    for (std::size_t child = 4 * i + 1; child < size; child = 4 * i + 1) {
+      const std::size_t end = std::min(child + 4, size);
+      std::size_t least = child;
+      std::uint64_t least_key = keys_[child];
+      for (std::size_t c = child + 1; c < end; ++c) {
+        const bool less = keys_[c] < least_key;
+        least = less ? c : least;
+        least_key = less ? keys_[c] : least_key;
+      }
+      if (key <= least_key) break;
+      keys_[i] = least_key;
+      i = least;
+    }
+    keys_[i] = key;
+  }
+  std::vector<std::uint64_t> keys_;
 };
 
 // What a collapse of edge (a, b) would do: a goes, b stays.
@@ -185,12 +236,12 @@ class Simplifier {
         if (w < v) continue;
         length_sum += glm::length(mesh_.positions[v] - mesh_.positions[w]);
         if (mesh_.locked[v] != 0 && mesh_.locked[w] != 0) continue;
-        queue_.push_back({0.0F, v, w});
+        edges_.push_back({v, w});
         if (uses_[w] != 2) markBorderEdge(v, w);
       }
     }
     const double mean =
-        queue_.empty() ? 1.0 : length_sum / static_cast<double>(std::max<std::size_t>(1, queue_.size()));
+        edges_.empty() ? 1.0 : length_sum / static_cast<double>(std::max<std::size_t>(1, edges_.size()));
     mean_edge_ = mean;
     color_scale_ = kColorLength * mean / 255.0;
     normal_scale_ = kNormalLength * mean;
@@ -262,8 +313,7 @@ class Simplifier {
       for (int k = 0; k < 3; ++k) quadrics_[c[k]].add(q);
     }
     tieThinFans();
-    for (Candidate& e : queue_) e.cost = static_cast<float>(plan(e.a, e.b).cost);
-    std::make_heap(queue_.begin(), queue_.end(), CostsMore{});
+    queueEdges();
   }
 
   void tieThinFans() {
@@ -279,39 +329,44 @@ class Simplifier {
         quadrics_[v].addPoint(glm::dvec3(mesh_.positions[v]), kPointWeight * mean_edge_ * mean_edge_);
   }
 
+  void queueEdges() {
+    queue_.clear();
+    for (std::uint32_t e = 0; e < edges_.size(); ++e)
+      queue_.add(static_cast<float>(plan(edges_[e].a, edges_[e].b).cost), e);
+    queue_.make();
+  }
+
   // All edges of the triangles that live.
   void refillQueue() {
-    queue_.clear();
+    edges_.clear();
     std::vector<std::uint32_t> neighbors;
     for (std::uint32_t v = 0; v < survivor_.size(); ++v) {
       if (survivor_[v] != v) continue;
       neighborsOf(v, neighbors);
       for (const std::uint32_t w : neighbors)
-        if (w > v && !(kinds_[v] == Kind::kLocked && kinds_[w] == Kind::kLocked))
-          queue_.push_back({static_cast<float>(plan(v, w).cost), v, w});
+        if (w > v && !(kinds_[v] == Kind::kLocked && kinds_[w] == Kind::kLocked)) edges_.push_back({v, w});
     }
-    std::make_heap(queue_.begin(), queue_.end(), CostsMore{});
+    queueEdges();
   }
 
   // Cheapest first. Quadrics only grow, so a cost computed earlier is a lower bound: it is computed anew when its turn
   // comes, and the edge waits again if it has become dearer.
   void collapseAll(const Stage& stage) {
     const double most = stage.largest_move * stage.largest_move * mean_edge_ * mean_edge_ * mean_edge_ * mean_edge_;
-    while (live_ > target_ && !queue_.empty() && queue_.front().cost <= most) {
-      std::pop_heap(queue_.begin(), queue_.end(), CostsMore{});
-      Candidate edge = queue_.back();
-      queue_.pop_back();
+    while (live_ > target_ && !queue_.empty() && queue_.lowest() <= most) {
+      const EdgeQueue::Entry entry = queue_.pop();
+      Edge& edge = edges_[entry.edge];
       edge.a = find(edge.a);
       edge.b = find(edge.b);
       if (edge.a == edge.b) continue;
       Collapse collapse = plan(edge.a, edge.b);
-      if (waits(edge, collapse)) continue;
+      if (waits(entry, collapse)) continue;
       const EdgeState state = lookAt(edge.a, edge.b);
       if (state.triangles == 0) continue;
       if (keepOf(edge.a, edge.b, state.triangles != 2 || !stage.keep_topology) == Keep::kNone) continue;
       if (state.last) {
         collapse.cost = std::max(collapse.cost, vanishingCost(edge.a, edge.b));
-        if (waits(edge, collapse)) continue;
+        if (waits(entry, collapse)) continue;
       }
       if (stage.keep_topology && state.common != state.triangles) continue;
       if (flips(collapse, stage.keep_orientation)) continue;
@@ -321,12 +376,10 @@ class Simplifier {
   }
 
   // Puts an edge back that has become dearer than it was and than the next.
-  bool waits(Candidate edge, const Collapse& collapse) {
+  bool waits(const EdgeQueue::Entry& entry, const Collapse& collapse) {
     const auto cost = static_cast<float>(collapse.cost);
-    if (queue_.empty() || cost <= edge.cost || cost <= queue_.front().cost) return false;
-    edge.cost = cost;
-    queue_.push_back(edge);
-    std::push_heap(queue_.begin(), queue_.end(), CostsMore{});
+    if (queue_.empty() || cost <= entry.cost || cost <= queue_.lowest()) return false;
+    queue_.push(cost, entry.edge);
     return true;
   }
 
@@ -598,7 +651,8 @@ class Simplifier {
   std::vector<std::uint32_t> survivor_;
   std::vector<Kind> kinds_;
   std::vector<Quadric> quadrics_;
-  std::vector<Candidate> queue_;  // a heap, cheapest first
+  std::vector<Edge> edges_;
+  EdgeQueue queue_;
   std::vector<std::uint32_t> mark_;
   std::vector<std::uint32_t> uses_;
   std::uint32_t stamp_ = 0;

@@ -24,7 +24,9 @@ namespace fs = std::filesystem;
 using base::Error;
 using base::ErrorCode;
 
-constexpr const char* kFiles[] = {"vertices", "triangles", "corners", "buckets", "patches", "stage1", "stage2", "key"};
+constexpr const char* kDamaged = ": the work files are damaged; remove this directory and build again";
+constexpr const char* kFiles[] = {"vertices", "triangles", "corners", "buckets", "patches",
+                                  "stage1",   "stage2",    "stage3",  "key"};
 
 std::string stageFile(const std::string& path, std::uint32_t stage) {
   return path + "/stage" + std::to_string(stage);
@@ -55,7 +57,7 @@ base::Result<WorkDirectory> WorkDirectory::open(const std::string& path, const s
 
   const auto stored = base::readFile(path + "/key");
   if (!key.empty() && stored && std::string(stored->begin(), stored->end()) == key) {
-    while (out.stage_ < 2 && out.state(out.stage_ + 1)) ++out.stage_;
+    while (out.stage_ < 3 && out.state(out.stage_ + 1)) ++out.stage_;
     if (out.stage_ > 0) return out;
   }
   for (const char* name : kFiles) fs::remove(fs::path(path) / name, error);
@@ -100,7 +102,11 @@ base::Result<base::Bytes> WorkDirectory::state(std::uint32_t stage) const {
 }
 
 base::Error WorkDirectory::broken() const {
-  return {ErrorCode::kInvalidInput, path_ + ": the work files are damaged; remove this directory and build again"};
+  return {ErrorCode::kInvalidInput, path_ + kDamaged};
+}
+
+bool isDamage(const base::Error& error) {
+  return error.message.find(kDamaged) != std::string::npos;
 }
 
 bool WorkDirectory::has(const std::string& name) const {

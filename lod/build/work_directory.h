@@ -39,6 +39,9 @@ class WorkDirectory {
   int lock_ = -1;
 };
 
+/// Whether an error is WorkDirectory::broken(): a build from the source mends it.
+bool isDamage(const base::Error& error);
+
 /// A new directory under the system's place for temporary files; removed with all that is in it.
 class TemporaryDirectory {
  public:

@@ -50,6 +50,8 @@ class WorkStore {
   /// The encoded bytes of a patch, and what its triangles carry along.
   base::Result<base::Bytes> encoded(const WorkPatch& patch) const;
   base::Result<base::Bytes> errors(const WorkPatch& patch) const;
+  /// Waits until the disk has every record.
+  base::Result<void> sync() { return file_.sync(); }
   std::uint64_t bytes() const { return file_.size(); }
 
  private:

@@ -105,6 +105,12 @@ Result<void> clear(const std::string& directory) {
   return {};
 }
 
+// A file that was being written when its writer was killed.
+bool isUnfinished(const std::string& name) {
+  return name.rfind("patch.lgp.part", 0) == 0 || name.rfind(std::string(base::kBuildingFile) + ".part", 0) == 0 ||
+         name.rfind("scene.json.part", 0) == 0;
+}
+
 /// The unfinished build to go on with, or nothing for a fresh start; an error when the output may not be touched.
 Result<std::optional<base::Scene>> openOutput(const BuildArguments& a, const std::vector<base::SceneSource>& sources) {
   std::optional<base::Scene> resumed;
@@ -127,9 +133,11 @@ Result<std::optional<base::Scene>> openOutput(const BuildArguments& a, const std
     resumed = std::move(*scene);
     return resumed;
   }
-  // A hierarchy that was stopped on the way has left its work files.
-  const bool only_work = std::all_of(fs::directory_iterator(a.output), fs::directory_iterator(),
-                                     [](const auto& entry) { return entry.path().filename() == kWorkFiles; });
+  // A hierarchy that was stopped on the way has left its work files, or a patch.lgp that nothing lists yet.
+  const bool only_work = std::all_of(fs::directory_iterator(a.output), fs::directory_iterator(), [](const auto& entry) {
+    const std::string name = entry.path().filename().string();
+    return name == kWorkFiles || name == "patch.lgp" || isUnfinished(name);
+  });
   if (!only_work)
     return Error{ErrorCode::kExists,
                  a.output + ": is not empty and not a scene; choose another output, or say --force"};
@@ -216,6 +224,10 @@ Result<base::Scene> buildPatches(const BuildArguments& a, const std::vector<base
   fs::create_directories(a.output, error);
   if (error) return Error{ErrorCode::kIo, a.output + ": cannot make this directory: " + error.message()};
   if (a.force) LUMIGRID_TRY(clear(a.output));
+  std::vector<fs::path> unfinished;
+  for (const auto& entry : fs::directory_iterator(a.output, error))
+    if (isUnfinished(entry.path().filename().string())) unfinished.push_back(entry.path());
+  for (const fs::path& path : unfinished) fs::remove(path, error);
 
   lod::build::HierarchyOptions options = a.hierarchy;
   options.regroup = a.regroup == "on";

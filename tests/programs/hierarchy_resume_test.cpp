@@ -149,6 +149,38 @@ TEST_F(HierarchyResume, KilledInEveryStageItEndsWithTheSameBytes) {
   }
 }
 
+// The output appears whole, but its directory is not a finished scene at once.
+TEST_F(HierarchyResume, KilledWhileTheOutputIsWrittenItEndsWithTheSameBytes) {
+  const std::string mesh = sample("100000");
+  const std::string bytes = uninterrupted(mesh);
+  const std::string scene = path("scene");
+  auto anyFileOf = [&](const std::string& front) {
+    std::error_code error;
+    for (const auto& entry : fs::directory_iterator(scene, error))
+      if (entry.path().filename().string().rfind(front, 0) == 0 && !entry.is_directory(error)) return true;
+    return false;
+  };
+  for (const std::string& front : {std::string("patch.lgp.part"), std::string("patch.lgp")}) {
+    killWhen(build(mesh, scene), [&] { return anyFileOf(front); });
+    if (!fs::exists(scene + "/scene.json")) expectRerunFinishes(mesh, scene, bytes, "killed when there was " + front);
+    fs::remove_all(scene);
+  }
+  // As a kill just before or just after the renaming leaves it.
+  const std::string stopped = path("stopped");
+  ASSERT_NO_FATAL_FAILURE(
+      killedWhen(mesh, stopped, [&] { return sizeOf(workFile(stopped, "patches")) > bytes.size() / 10 * 8; }));
+  for (const char* name : {"patch.lgp.part4711", "patch.lgp"}) {
+    for (const bool work_files : {true, false}) {
+      if (!work_files && std::string(name) != "patch.lgp") continue;  // they go only behind the renaming
+      fs::copy(stopped, scene, fs::copy_options::recursive);
+      programs::writeText(scene + "/" + name, std::string(name) == "patch.lgp" ? bytes : bytes.substr(0, 5000));
+      if (!work_files) fs::remove_all(scene + "/patch.lgp.work");
+      expectRerunFinishes(mesh, scene, bytes, std::string(name) + (work_files ? ", work files" : ", no work files"));
+      fs::remove_all(scene);
+    }
+  }
+}
+
 TEST_F(HierarchyResume, AJournalWithAnyTailGoesOnBehindItsLastWholeRecord) {
   const std::string mesh = sample("100000");
   const std::string bytes = uninterrupted(mesh);
@@ -176,6 +208,29 @@ TEST_F(HierarchyResume, AJournalWithAnyTailGoesOnBehindItsLastWholeRecord) {
   };
   const std::string scene = path("scene");
   for (const auto& [what, text] : tails) {
+    fs::remove_all(scene);
+    fs::copy(stopped, scene, fs::copy_options::recursive);
+    programs::writeText(workFile(scene, "patches"), text);
+    expectRerunFinishes(mesh, scene, bytes, what);
+  }
+}
+
+// Leaves that the journal has lost cannot be made again from a bucket whose bytes were given back to the disk.
+TEST_F(HierarchyResume, AJournalThatLostLeavesEndsWithTheSameBytesToo) {
+  const std::string mesh = sample("100000");
+  const std::string bytes = uninterrupted(mesh);
+  const std::string stopped = path("stopped");
+  const std::string journal = workFile(stopped, "patches");
+  ASSERT_NO_FATAL_FAILURE(killedWhen(mesh, stopped, [&] { return sizeOf(journal) > bytes.size() / 10 * 8; }));
+  const std::string whole = readText(journal);
+  std::string rotten = whole;
+  rotten[100000] = static_cast<char>(~rotten[100000]);
+  const std::pair<const char*, std::string> losses[] = {{"cut in the middle", whole.substr(0, bytes.size() / 4)},
+                                                        {"cut in the first record", whole.substr(0, 30)},
+                                                        {"emptied", ""},
+                                                        {"one byte turned", rotten}};
+  const std::string scene = path("scene");
+  for (const auto& [what, text] : losses) {
     fs::remove_all(scene);
     fs::copy(stopped, scene, fs::copy_options::recursive);
     programs::writeText(workFile(scene, "patches"), text);

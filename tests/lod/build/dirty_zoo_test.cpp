@@ -274,6 +274,11 @@ TEST_F(DirtyZoo, VastAndTinyScalesAreBuilt) {
   }
 }
 
+TEST_F(DirtyZoo, ScalesTooSmallForFloatAreNamed) {
+  for (const double scale : {1e-20, 1e-22, 1e-30, 1e-300})
+    expectRefused(PlyMesh(support::torus(40, 30), scale), {"mesh.ply", "small"});
+}
+
 TEST_F(DirtyZoo, ScalesBeyondFloatAreNamed) {
   for (const bool doubles : {false, true}) {
     PlyMesh huge(support::torus(40, 30), 1e30);
