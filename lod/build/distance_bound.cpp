@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <optional>
 
 #include "lod/build/point_grid.h"
@@ -14,13 +15,18 @@ namespace {
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 constexpr std::uint32_t kUnknown = kNone - 1;
 constexpr float kFar = std::numeric_limits<float>::max();
-// Most facets that one walk visits; how often a triangle that no walk covers is quartered, and tried again in parts;
-// and how many walks all its parts may take.
+constexpr float kEpsilon = std::numeric_limits<float>::epsilon();
+// Most facets that one walk visits; how often a triangle that no walk covers well is quartered, and how many walks all
+// its parts may take.
 constexpr int kMaxVisits = 60;
 constexpr int kMaxQuartering = 6;
 constexpr int kMaxWalks = 400;
-// A bound that fails is raised by this factor: how much looser than the distance it may get.
-constexpr float kRaise = 1.08F;
+// A piece so near, as a share of what the group costs anyway, is not cut further.
+constexpr float kEnough = 0.7F;
+// A bound so much above what the corners need is worth other walks; those try limits raised by this factor.
+constexpr float kRaise = 1.1F;
+// Facets thinner than this share of their length are measured by their edges: their walls say little.
+constexpr float kThin = 2.4e-3F;
 // Every so many vertices are measured to learn how large the distance is about.
 constexpr std::size_t kSeedStride = 5;
 
@@ -33,73 +39,112 @@ float segmentDistance2(const glm::vec3& p, const glm::vec3& a, const glm::vec3& 
   return glm::dot(d, d);
 }
 
-// A convex polygon (convex up to rounding; only its corners are ever measured).
-struct Polygon {
-  static constexpr int kMax = 24;
-  int size = 0;
-  glm::vec3 point[kMax];
-  void add(const glm::vec3& p) { point[size++] = p; }
-};
-
-// One triangle with its plane and the three walls: planes through an edge, perpendicular to it, positive inside. What a
-// wall says is as many times the distance to it as the edge is long: only its sign and ratios are used.
+// One triangle with its plane and the three walls: planes through an edge, upright on it, positive inside, in units of
+// length.
 struct Facet {
   glm::vec3 corner[3];
   glm::vec3 normal{0.0F};
   glm::vec3 wall[3];
-  float wall_at[3] = {0.0F, 0.0F, 0.0F};
-  float longest2 = 0.0F;                                       // of the edges, squared
-  std::uint32_t neighbor[3] = {kUnknown, kUnknown, kUnknown};  // across edge k: corners k, k + 1
-  bool made = false;
-  bool flat = false;  // has no area: plane and walls mean nothing
+  float longest = 0.0F;    // of the edges
+  float roughness = 0.0F;  // rounding of what plane and walls say, per length
+  bool flat = false;       // has no area: plane and walls mean nothing
+  bool thin = false;       // measured by its edges
 
-  float beyond(int k, const glm::vec3& p) const { return glm::dot(wall[k], p) - wall_at[k]; }
-  float height(const glm::vec3& p) const { return glm::dot(normal, p - corner[0]); }
+  float beyond(int k, const glm::vec3& p) const { return glm::dot(wall[k], p - corner[k]); }
 
   // Over the triangle: the distance to its plane. Else: to the nearest of the edges that p lies beyond; one of them
   // holds the closest point.
   float distance2(const glm::vec3& p) const {
     float best = kFar;
-    bool inside = !flat;
+    bool inside = !thin;
     for (int k = 0; k < 3; ++k) {
-      if (!flat && beyond(k, p) >= 0.0F) continue;
+      if (!thin && beyond(k, p) >= 0.0F) continue;
       inside = false;
       best = std::min(best, segmentDistance2(p, corner[k], corner[(k + 1) % 3]));
     }
-    const float h = inside ? height(p) : 0.0F;
-    return inside ? h * h : best;
-  }
-  bool within(const glm::vec3& p, float limit) const {
-    if (flat) return distance2(p) <= limit * limit;
-    if (std::abs(height(p)) > limit) return false;
-    const float side[3] = {beyond(0, p), beyond(1, p), beyond(2, p)};
-    const float lowest = std::min({side[0], side[1], side[2]});
-    if (lowest >= 0.0F) return true;
-    if (lowest * lowest > limit * limit * longest2) return false;
-    for (int k = 0; k < 3; ++k)
-      if (side[k] < 0.0F && segmentDistance2(p, corner[k], corner[(k + 1) % 3]) <= limit * limit) return true;
-    return false;
-  }
-  bool within(const Polygon& polygon, float limit) const {
-    for (int i = 0; i < polygon.size; ++i)
-      if (!within(polygon.point[i], limit)) return false;
-    return true;
+    if (!inside) return best;
+    const float h = glm::dot(normal, p - corner[0]);
+    return h * h;
   }
 };
+
+// A convex polygon (convex up to rounding; only its corners are ever measured), relative to some lattice point. Lanes
+// up to the next multiple of four repeat its first corner.
+struct Polygon {
+  static constexpr int kMax = 24;
+  int size = 0;
+  float x[kMax];
+  float y[kMax];
+  float z[kMax];
+  void add(float px, float py, float pz) { x[size] = px, y[size] = py, z[size] = pz, ++size; }
+  void add(const glm::vec3& p) { add(p.x, p.y, p.z); }
+  void fill() {
+    for (int i = size; i % 4 != 0; ++i) x[i] = x[0], y[i] = y[0], z[i] = z[0];
+  }
+  glm::vec3 point(int i) const { return {x[i], y[i], z[i]}; }
+};
+
+// dot(n, p) - at for all corners; returns the lowest.
+float along(const Polygon& p, const glm::vec3& n, float at, float* out) {
+  float low[4] = {kFar, kFar, kFar, kFar};
+  for (int b = 0; b < p.size; b += 4)
+    for (int i = 0; i < 4; ++i) {
+      const float v = n.x * p.x[b + i] + n.y * p.y[b + i] + n.z * p.z[b + i] - at;
+      out[b + i] = v;
+      low[i] = v < low[i] ? v : low[i];
+    }
+  return std::min(std::min(low[0], low[1]), std::min(low[2], low[3]));
+}
+
+float largest(const Polygon& p, const glm::vec3& n, float at) {
+  float high[4] = {0.0F, 0.0F, 0.0F, 0.0F};
+  for (int b = 0; b < p.size; b += 4)
+    for (int i = 0; i < 4; ++i) {
+      const float v = std::abs(n.x * p.x[b + i] + n.y * p.y[b + i] + n.z * p.z[b + i] - at);
+      high[i] = v > high[i] ? v : high[i];
+    }
+  return std::max(std::max(high[0], high[1]), std::max(high[2], high[3]));
+}
+
+// Cuts a polygon where `side` changes its sign; points on the wall go to both sides.
+void cut(const Polygon& polygon, const float* side, Polygon& inside, Polygon& outside) {
+  inside.size = outside.size = 0;
+  for (int i = 0; i < polygon.size; ++i) {
+    const int j = i + 1 < polygon.size ? i + 1 : 0;
+    if (side[i] >= 0.0F) inside.add(polygon.x[i], polygon.y[i], polygon.z[i]);
+    if (side[i] <= 0.0F) outside.add(polygon.x[i], polygon.y[i], polygon.z[i]);
+    if (side[i] * side[j] < 0.0F) {
+      const float share = side[i] / (side[i] - side[j]);
+      const glm::vec3 p = polygon.point(i) + share * (polygon.point(j) - polygon.point(i));
+      inside.add(p);
+      outside.add(p);
+    }
+  }
+  inside.fill();
+  outside.fill();
+}
 
 // A surface to measure against: facets, who lies beyond each edge, and the facets around each vertex. Facets are made
 // when first asked for: unchanged parts never are.
 class Target {
  public:
-  explicit Target(const SurfaceView& surface) : surface_(surface), facets_(surface.indices.size() / 3) { makeFans(); }
+  // Everything of an earlier surface is forgotten; memory is kept.
+  void reset(const SurfaceView& surface) {
+    surface_ = surface;
+    const std::size_t triangles = surface.indices.size() / 3;
+    made_.assign(triangles, 0);
+    if (facets_.size() < triangles) facets_.resize(triangles);
+    neighbor_.assign(3 * triangles, kUnknown);
+    grid_.reset();
+    makeFans();
+  }
 
   const Facet& facet(std::uint32_t t) {
-    Facet& f = facets_[t];
-    if (!f.made) make(t, f);
-    return f;
+    if (made_[t] == 0) make(t, facets_[t]);
+    return facets_[t];
   }
   std::uint32_t neighbor(std::uint32_t t, int k) {
-    std::uint32_t& n = facets_[t].neighbor[k];
+    std::uint32_t& n = neighbor_[3 * std::size_t{t} + static_cast<std::size_t>(k)];
     if (n == kUnknown)
       n = across(t, corner(t, static_cast<std::size_t>(k)), corner(t, static_cast<std::size_t>((k + 1) % 3)));
     return n;
@@ -135,20 +180,24 @@ class Target {
  private:
   std::uint32_t corner(std::uint32_t t, std::size_t k) const { return surface_.indices[3 * std::size_t{t} + k]; }
 
-  void make(std::uint32_t t, Facet& f) const {
-    f.made = true;
+  void make(std::uint32_t t, Facet& f) {
+    made_[t] = 1;
     for (std::size_t k = 0; k < 3; ++k) f.corner[k] = surface_.positions[corner(t, k)];
-    const glm::vec3 n = glm::cross(f.corner[1] - f.corner[0], f.corner[2] - f.corner[0]);
-    const float length = glm::length(n);
-    f.flat = !(length > 0.0F);
+    // In double, where products of lattice vectors are exact: a sliver's plane is as good as any.
+    const glm::dvec3 edge[3] = {glm::dvec3(f.corner[1] - f.corner[0]), glm::dvec3(f.corner[2] - f.corner[1]),
+                                glm::dvec3(f.corner[0] - f.corner[2])};
+    const glm::dvec3 n = glm::cross(edge[0], edge[1]);
+    const double area = glm::length(n);
+    const double length[3] = {glm::length(edge[0]), glm::length(edge[1]), glm::length(edge[2])};
+    const double longest = std::max({length[0], length[1], length[2]});
+    f.longest = static_cast<float>(longest);
+    f.flat = !(area > 0.0);
+    f.thin = !(area > static_cast<double>(kThin) * longest * longest);
+    f.roughness = kEpsilon * 64.0F;
     if (f.flat) return;
-    f.normal = n / length;
-    for (int k = 0; k < 3; ++k) {
-      const glm::vec3 edge = f.corner[(k + 1) % 3] - f.corner[k];
-      f.longest2 = std::max(f.longest2, glm::dot(edge, edge));
-      f.wall[k] = glm::cross(f.normal, edge);
-      f.wall_at[k] = glm::dot(f.wall[k], f.corner[k]);
-    }
+    if (!f.thin) f.roughness += kEpsilon * 8.0F * static_cast<float>(longest * longest / area);
+    f.normal = glm::vec3(n / area);
+    for (int k = 0; k < 3; ++k) f.wall[k] = glm::vec3(glm::cross(n, edge[k]) / (area * length[k]));
   }
 
   void makeFans() {
@@ -156,8 +205,9 @@ class Target {
     for (const std::uint32_t v : surface_.indices) ++fan_[v + 1];
     for (std::size_t v = 1; v < fan_.size(); ++v) fan_[v] += fan_[v - 1];
     around_.resize(surface_.indices.size());
-    std::vector<std::uint32_t> next(fan_.begin(), fan_.end() - 1);
-    for (std::uint32_t t = 0; t < facets_.size(); ++t)
+    std::vector<std::uint32_t>& next = next_;
+    next.assign(fan_.begin(), fan_.end() - 1);
+    for (std::uint32_t t = 0; t < made_.size(); ++t)
       for (std::size_t k = 0; k < 3; ++k) around_[next[corner(t, k)]++] = t;
   }
 
@@ -178,70 +228,13 @@ class Target {
 
   SurfaceView surface_;
   std::vector<Facet> facets_;
+  std::vector<std::uint8_t> made_;
+  std::vector<std::uint32_t> neighbor_;  // per triangle, across edge k: corners k, k + 1
+  std::vector<std::uint32_t> next_;
   std::vector<std::uint32_t> fan_;
   std::vector<std::uint32_t> around_;
   std::optional<PointGrid> grid_;
 };
-
-// How far each corner lies inside a wall. False: all do.
-bool crosses(const Polygon& polygon, const Facet& facet, int k, float (&side)[Polygon::kMax]) {
-  bool beyond = false;
-  for (int i = 0; i < polygon.size; ++i) beyond |= (side[i] = facet.beyond(k, polygon.point[i])) < 0.0F;
-  return beyond;
-}
-
-// Cuts a polygon where `side` changes its sign; points on the wall go to both sides.
-void cut(const Polygon& polygon, const float (&side)[Polygon::kMax], Polygon& inside, Polygon& outside) {
-  inside.size = outside.size = 0;
-  for (int i = 0; i < polygon.size; ++i) {
-    const int j = i + 1 < polygon.size ? i + 1 : 0;
-    if (side[i] >= 0.0F) inside.add(polygon.point[i]);
-    if (side[i] <= 0.0F) outside.add(polygon.point[i]);
-    if (side[i] * side[j] < 0.0F) {
-      const float share = side[i] / (side[i] - side[j]);
-      const glm::vec3 p = polygon.point[i] + share * (polygon.point[j] - polygon.point[i]);
-      inside.add(p);
-      outside.add(p);
-    }
-  }
-}
-
-// Lays a polygon on the target from facet t on. True: no point of it is farther from the target than `limit`.
-bool covered(Target& target, const Polygon& polygon, std::uint32_t t, std::uint32_t from, float limit, int& visits) {
-  const Facet& facet = target.facet(t);
-  if (facet.within(polygon, limit)) return true;
-  if (--visits < 0 || facet.flat) return false;
-
-  // The part beyond each wall walks on; the wall it came over is the last. What is beyond that one alone lies in the
-  // wedge over the shared edge, where no neighbour is nearer than the facet.
-  int order[3] = {0, 1, 2};
-  for (int k = 0; k < 2; ++k)
-    if (from != kNone && target.neighbor(t, order[k]) == from) std::swap(order[k], order[2]);
-  const Polygon* rest = &polygon;
-  Polygon inside[2];
-  Polygon outside;
-  float side[Polygon::kMax];
-  int turn = 0;
-  for (const int k : order) {
-    if (!crosses(*rest, facet, k, side)) continue;
-    if (2 * rest->size > Polygon::kMax) return false;
-    cut(*rest, side, inside[turn], outside);
-    if (!facet.within(outside, limit)) {
-      const std::uint32_t next = target.neighbor(t, k);
-      if (next == kNone || next == from || !covered(target, outside, next, t, limit, visits)) return false;
-    }
-    if (inside[turn].size == 0) return true;
-    rest = &inside[turn];
-    turn = 1 - turn;
-  }
-  return facet.within(*rest, limit);
-}
-
-Polygon triangle(const glm::vec3& a, const glm::vec3& b, const glm::vec3& c) {
-  Polygon p;
-  p.add(a), p.add(b), p.add(c);
-  return p;
-}
 
 // Where to look for target facets: near which target vertices a source vertex came to lie, and on which facet a
 // triangle.
@@ -251,58 +244,148 @@ struct Hints {
   std::vector<std::uint32_t> image;  // per source triangle; kNone: it vanished
 };
 
-// Raises `limit` until it bounds the distance of every source triangle to the target.
-class OneSided {
- public:
-  OneSided(const SurfaceView& source, Target& target, const Hints& hints)
-      : source_(source), target_(target), hints_(hints), facet_(source.positions.size(), kNone) {}
+// A piece of a source triangle was laid on a target facet; no point of it is farther from it.
+struct Laid {
+  std::uint32_t facet = 0;
+  float distance = 0.0F;
+};
 
-  // Some vertices, to start from a limit that will be needed anyway.
-  float seed(float limit) {
-    for (std::size_t i = 0; i < source_.indices.size(); i += 3 * kSeedStride) {
-      const std::uint32_t v = source_.indices[i];
-      limit = std::max(limit, std::sqrt(target_.facet(nearFacet(v, limit)).distance2(source_.positions[v])));
-    }
-    return limit;
+// Lays source triangles on a target.
+class Layer {
+ public:
+  Layer(const SurfaceView& source, Target& target, const Hints& hints, std::vector<std::uint32_t>& facet)
+      : source_(source), target_(target), hints_(hints), facet_(facet) {
+    facet_.assign(source.positions.size(), kNone);
   }
 
-  float bound(float limit) {
-    for (std::uint32_t t = 0; 3 * std::size_t{t} < source_.indices.size(); ++t) {
-      const std::uint32_t* c = &source_.indices[3 * std::size_t{t}];
-      const Polygon whole = triangle(source_.positions[c[0]], source_.positions[c[1]], source_.positions[c[2]]);
-      while (!coveredBySome(whole, t, limit)) limit = raised(whole, c, limit);
+  // The largest distance of some vertices, or `known`.
+  float seed(float known) {
+    for (std::size_t i = 0; i < source_.indices.size(); i += 3 * kSeedStride) {
+      const std::uint32_t v = source_.indices[i];
+      known = std::max(known, std::sqrt(target_.facet(nearFacet(v, known)).distance2(source_.positions[v])));
     }
-    return limit;
+    return known;
+  }
+
+  // What is that far from its facet or less is near enough; what is no farther than `usual` is not tried again.
+  void expect(float enough, float usual) { enough_ = enough, usual_ = usual; }
+
+  // The pieces of source triangle t; together they cover it.
+  const std::vector<Laid>& lay(std::uint32_t t) {
+    const std::uint32_t* c = &source_.indices[3 * std::size_t{t}];
+    origin_ = source_.positions[c[0]];
+    const glm::vec3 p[3] = {glm::vec3(0.0F), source_.positions[c[1]] - origin_, source_.positions[c[2]] - origin_};
+    reach_ = std::max(glm::length(p[1]), glm::length(p[2]));
+    const Polygon whole = triangle(p);
+
+    best_ = kFar;
+    if (const std::uint32_t image = hints_.image[t]; image != kNone && better(whole, image)) return kept_;
+    std::uint32_t near[3];
+    for (int k = 0; k < 3; ++k) {
+      near[k] = nearFacet(c[k], usual_);
+      if ((k > 0 && near[k] == near[0]) || (k > 1 && near[k] == near[1])) continue;
+      if (better(whole, near[k])) return kept_;
+    }
+
+    // What the corners need at least.
+    float needed = usual_;
+    for (int k = 0; k < 3; ++k)
+      needed = std::max(needed, std::sqrt(target_.facet(nearFacet(c[k], 0.0F)).distance2(source_.positions[c[k]])));
+    for (float limit = kRaise * needed + 1e-3F; limit < best_; limit *= kRaise) {
+      pieces_.clear(), abort_ = limit, worst_ = 0.0F, walks_ = kMaxWalks;
+      if (!quarters(p, c, kMaxQuartering)) continue;
+      best_ = worst_, kept_.swap(pieces_);
+      break;
+    }
+    usual_ = std::max(usual_, best_);
+    return kept_;
   }
 
  private:
-  bool coveredBySome(const Polygon& whole, std::uint32_t t, float limit) {
-    if (const std::uint32_t image = hints_.image[t]; image != kNone && walk(whole, image, limit)) return true;
-    const std::uint32_t* c = &source_.indices[3 * std::size_t{t}];
-    for (int k = 0; k < 3; ++k)
-      if (walk(whole, nearFacet(c[k], limit), limit)) return true;
-    walks_ = kMaxWalks;
-    return quartersCovered(whole, c, limit, kMaxQuartering);
-  }
-  bool walk(const Polygon& polygon, std::uint32_t start, float limit) {
-    int visits = kMaxVisits;
-    --walks_;
-    return covered(target_, polygon, start, kNone, limit, visits);
+  static Polygon triangle(const glm::vec3* p) {
+    Polygon out;
+    for (int k = 0; k < 3; ++k) out.add(p[k]);
+    out.fill();
+    return out;
   }
 
-  // A larger limit: what the triangle's corners need, or a step; never more than the nearest single facet gives.
-  float raised(const Polygon& whole, const std::uint32_t* c, float limit) {
-    float corners = 0.0F;
-    float single = kFar;
+  // Keeps what a walk from there gives if it is the best so far. True: good enough.
+  bool better(const Polygon& whole, std::uint32_t start) {
+    pieces_.clear(), abort_ = best_, worst_ = 0.0F, visits_ = kMaxVisits;
+    if (walk(whole, start, kNone) && worst_ < best_) best_ = worst_, kept_.swap(pieces_);
+    return best_ <= usual_;
+  }
+
+  bool record(std::uint32_t t, const Facet& facet, float distance) {
+    const float slack = facet.roughness * (reach_ + facet.longest + glm::length(facet.corner[0] - origin_));
+    distance = distance * (1.0F + 8.0F * kEpsilon) + slack;
+    if (distance >= abort_) return false;
+    worst_ = std::max(worst_, distance);
+    pieces_.push_back({t, distance});
+    return true;
+  }
+
+  // The largest distance of its corners, or something above `enough` when that is exceeded.
+  float distanceOf(const Polygon& polygon, const Facet& facet, float enough) const {
+    float worst2 = 0.0F;
+    for (int i = 0; i < polygon.size && worst2 <= enough * enough; ++i)
+      worst2 = std::max(worst2, facet.distance2(origin_ + polygon.point(i)));
+    return std::sqrt(worst2);
+  }
+
+  // Lays a polygon on the target from facet t on. False: some piece is too far from where it came to lie.
+  bool walk(const Polygon& polygon, std::uint32_t t, std::uint32_t from) {
+    const Facet& facet = target_.facet(t);
+    if (facet.flat) return record(t, facet, distanceOf(polygon, facet, kFar));
+    float side[3][Polygon::kMax];
+    float at[3];
+    float low[3];
     for (int k = 0; k < 3; ++k) {
-      const Facet& facet = target_.facet(nearFacet(c[k], 0.0F));
-      corners = std::max(corners, std::sqrt(facet.distance2(whole.point[k])));
-      float worst = 0.0F;
-      for (int i = 0; i < 3; ++i) worst = std::max(worst, std::sqrt(facet.distance2(whole.point[i])));
-      single = std::min(single, worst);
+      at[k] = glm::dot(facet.wall[k], facet.corner[k] - origin_);
+      low[k] = along(polygon, facet.wall[k], at[k], side[k]);
     }
-    const float step = corners > limit ? corners * 1.0001F : std::max(limit * kRaise, 1e-3F);
-    return std::max(std::min(step, single * 1.0001F), std::nextafter(limit, kFar));
+    const float plane = glm::dot(facet.normal, facet.corner[0] - origin_);
+    const float height = largest(polygon, facet.normal, plane);
+    const float lowest = std::min({low[0], low[1], low[2]});
+    if (lowest >= 0.0F) return record(t, facet, facet.thin ? distanceOf(polygon, facet, kFar) : height);
+    if (height <= enough_ && lowest >= -enough_)
+      if (const float d = distanceOf(polygon, facet, enough_); d <= enough_) return record(t, facet, d);
+    if (--visits_ < 0) return record(t, facet, distanceOf(polygon, facet, abort_));
+
+    // The part beyond each wall walks on; the wall it came over is the last. What is beyond that one alone lies in the
+    // wedge over the shared edge, where no neighbour is nearer than the facet.
+    int order[3] = {0, 1, 2};
+    if (from != kNone)
+      for (int k = 0; k < 2; ++k)
+        if (target_.neighbor(t, order[k]) == from) std::swap(order[k], order[2]);
+    const Polygon* rest = &polygon;
+    Polygon inside[2];
+    Polygon outside;
+    int turn = 0;
+    bool is_cut = false;
+    for (const int k : order) {
+      if (low[k] >= 0.0F) continue;
+      if (is_cut && !(along(*rest, facet.wall[k], at[k], side[k]) < 0.0F)) continue;
+      if (2 * rest->size > Polygon::kMax) break;
+      cut(*rest, side[k], inside[turn], outside);
+      const std::uint32_t next = target_.neighbor(t, k);
+      const bool goes_on = next != kNone && next != from;
+      const float enough = goes_on ? enough_ : abort_;
+      float beyond = 0.0F;
+      for (int i = 0; i < rest->size; ++i) beyond = std::min(beyond, side[k][i]);
+      const float d = -beyond <= enough ? distanceOf(outside, facet, enough) : kFar;
+      if (d <= enough || !goes_on) {
+        if (!record(t, facet, d)) return false;
+      } else if (!walk(outside, next, t)) {
+        return false;
+      }
+      if (inside[turn].size == 0) return true;
+      is_cut = true;
+      rest = &inside[turn];
+      turn = 1 - turn;
+    }
+    const bool over = 2 * rest->size > Polygon::kMax || facet.thin;
+    return record(t, facet, over ? distanceOf(*rest, facet, abort_) : largest(*rest, facet.normal, plane));
   }
 
   // A facet near a source vertex; looked for until one within `enough` is found.
@@ -320,46 +403,62 @@ class OneSided {
     return facet_[v] = target_.descend(facet_[v], p, d2, 0.0F);
   }
 
-  bool quartersCovered(const Polygon& whole, const std::uint32_t* c, float limit, int depth) {
-    const glm::vec3* p = whole.point;
+  bool quarters(const glm::vec3* p, const std::uint32_t* c, int depth) {
     const glm::vec3 m[3] = {0.5F * (p[0] + p[1]), 0.5F * (p[1] + p[2]), 0.5F * (p[2] + p[0])};
-    for (const Polygon& part : {triangle(p[0], m[0], m[2]), triangle(m[0], p[1], m[1]), triangle(m[2], m[1], p[2]),
-                                triangle(m[0], m[1], m[2])})
-      if (!quarterCovered(part, c, limit) && (depth <= 1 || walks_ < 0 || !quartersCovered(part, c, limit, depth - 1)))
-        return false;
+    const glm::vec3 parts[4][3] = {{p[0], m[0], m[2]}, {m[0], p[1], m[1]}, {m[2], m[1], p[2]}, {m[0], m[1], m[2]}};
+    for (const auto& part : parts)
+      if (!quarter(part, c) && (depth <= 1 || walks_ < 0 || !quarters(part, c, depth - 1))) return false;
     return true;
   }
-  bool quarterCovered(const Polygon& part, const std::uint32_t* c, float limit) {
-    const glm::vec3 center = (part.point[0] + part.point[1] + part.point[2]) / 3.0F;
+  bool quarter(const glm::vec3* part, const std::uint32_t* c) {
+    const glm::vec3 center = origin_ + (part[0] + part[1] + part[2]) / 3.0F;
     float d2 = kFar;
-    if (walk(part, target_.search(center, d2), limit)) return true;
+    if (tryWalk(part, target_.search(center, d2))) return true;
     for (int k = 0; k < 3; ++k) {
       d2 = target_.facet(facet_[c[k]]).distance2(center);
-      if (walk(part, target_.descend(facet_[c[k]], center, d2, 0.0F), limit)) return true;
+      if (tryWalk(part, target_.descend(facet_[c[k]], center, d2, 0.0F))) return true;
     }
+    return false;
+  }
+  bool tryWalk(const glm::vec3* part, std::uint32_t start) {
+    const std::size_t pieces = pieces_.size();
+    const float worst = worst_;
+    --walks_;
+    visits_ = kMaxVisits;
+    if (walk(triangle(part), start, kNone)) return true;
+    pieces_.resize(pieces), worst_ = worst;
     return false;
   }
 
   SurfaceView source_;
   Target& target_;
   const Hints& hints_;
+  std::vector<std::uint32_t>& facet_;  // per source vertex: the nearest facet found so far
+  float enough_ = 0.0F;
+  float usual_ = 0.0F;
+  // Of the triangle at hand.
+  glm::vec3 origin_{0.0F};
+  float reach_ = 0.0F;
+  float best_ = 0.0F;
+  std::vector<Laid> kept_;
+  // Of the walk at hand.
+  std::vector<Laid> pieces_;
+  float abort_ = 0.0F;
+  float worst_ = 0.0F;
+  int visits_ = 0;
   int walks_ = 0;
-  std::vector<std::uint32_t> facet_;  // per source vertex: the nearest facet found so far
 };
 
-Hints forwardHints(const SurfaceView& before, const Simplified& history) {
-  Hints hints;
+void forwardHints(const SurfaceView& before, const Simplified& history, Hints& hints) {
   hints.first.resize(history.survivor.size() + 1);
   for (std::uint32_t v = 0; v < hints.first.size(); ++v) hints.first[v] = v;
   hints.member = history.survivor;
   hints.image.assign(before.indices.size() / 3, kNone);
   for (std::uint32_t t = 0; t < history.origin.size(); ++t) hints.image[history.origin[t]] = t;
-  return hints;
 }
 
 // For each vertex of the simplified mesh, the vertices that were collapsed into it.
-Hints backwardHints(const Simplified& history) {
-  Hints hints;
+void backwardHints(const Simplified& history, Hints& hints) {
   hints.first.assign(history.survivor.size() + 1, 0);
   for (const std::uint32_t v : history.survivor) ++hints.first[v + 1];
   for (std::size_t v = 1; v < hints.first.size(); ++v) hints.first[v] += hints.first[v - 1];
@@ -367,34 +466,93 @@ Hints backwardHints(const Simplified& history) {
   std::vector<std::uint32_t> next(hints.first.begin(), hints.first.end() - 1);
   for (std::uint32_t v = 0; v < history.survivor.size(); ++v) hints.member[next[history.survivor[v]]++] = v;
   hints.image = history.origin;
-  return hints;
 }
 
-float largestCoordinate(const SurfaceView& surface) {
-  float largest = 0.0F;
-  for (const std::uint32_t v : surface.indices) {
-    const glm::vec3 p = glm::abs(surface.positions[v]);
-    largest = std::max({largest, p.x, p.y, p.z});
+// What one call needs, kept for the next one of the thread.
+struct Scratch {
+  Target before;
+  Target after;
+  Hints forward;
+  Hints backward;
+  std::vector<std::uint32_t> facet[2];
+};
+
+bool unchanged(const SurfaceView& before, std::uint32_t s, const SurfaceView& after, std::uint32_t t) {
+  for (std::size_t k = 0; k < 3; ++k)
+    if (before.positions[before.indices[3 * std::size_t{s} + k]] !=
+        after.positions[after.indices[3 * std::size_t{t} + k]])
+      return false;
+  return true;
+}
+
+// a + b, not below the sum.
+float sum(float a, float b) {
+  return a == 0.0F ? b : b == 0.0F ? a : (a + b) * (1.0F + kEpsilon);
+}
+
+struct CodeTable {
+  std::array<float, 256> value{};
+  CodeTable() {
+    for (std::size_t i = 1; i < 255; ++i)
+      value[i] = static_cast<float>(std::pow(1.07, static_cast<double>(i) - 1.0) / 16.0);
+    value[255] = static_cast<float>(1 << 22);
   }
-  return largest;
+};
+const CodeTable& codes() {
+  static const CodeTable table;
+  return table;
 }
 
 }  // namespace
 
-float distanceBound(const SurfaceView& before, const SurfaceView& after, const Simplified& history, float negligible) {
-  if (before.indices.size() == after.indices.size()) return 0.0F;
-  Target before_target(before);
-  Target after_target(after);
-  const Hints forward_hints = forwardHints(before, history);
-  const Hints backward_hints = backwardHints(history);
-  OneSided forward(before, after_target, forward_hints);
-  OneSided backward(after, before_target, backward_hints);
-  float limit = backward.seed(forward.seed(negligible));
-  limit = backward.bound(forward.bound(limit));
-  // Rounding of the cuts and distances, in units of the last place of the largest coordinate.
-  const float slack =
-      16.0F * std::numeric_limits<float>::epsilon() * std::max(largestCoordinate(before), largestCoordinate(after));
-  return (limit + slack) * (1.0F + 1e-5F);
+std::uint8_t errorCode(float error) {
+  if (!(error > 0.0F)) return 0;
+  const auto& value = codes().value;
+  return static_cast<std::uint8_t>(
+      std::min<std::ptrdiff_t>(255, std::lower_bound(value.begin() + 1, value.end(), error) - value.begin()));
+}
+
+float errorOfCode(std::uint8_t code) {
+  return codes().value[code];
+}
+
+SurfaceError carryError(const SurfaceView& before, const SurfaceError& before_error, const SurfaceView& after,
+                        const Simplified& history, float negligible) {
+  thread_local std::unique_ptr<Scratch> kept;
+  if (!kept) kept = std::make_unique<Scratch>();
+  Scratch& scratch = *kept;
+  scratch.before.reset(before);
+  scratch.after.reset(after);
+  forwardHints(before, history, scratch.forward);
+  backwardHints(history, scratch.backward);
+  Layer forward(before, scratch.after, scratch.forward, scratch.facet[0]);
+  Layer backward(after, scratch.before, scratch.backward, scratch.facet[1]);
+  const float usual = backward.seed(forward.seed(negligible));
+  const float enough = std::max(negligible, kEnough * usual);
+  forward.expect(enough, usual);
+  backward.expect(enough, usual);
+
+  const std::size_t triangles = after.indices.size() / 3;
+  SurfaceError result{std::vector<float>(triangles, 0.0F), std::vector<float>(triangles, 0.0F)};
+  for (std::uint32_t s = 0; 3 * std::size_t{s} < before.indices.size(); ++s) {
+    const float carried = before_error.toward.empty() ? 0.0F : before_error.toward[s];
+    if (const std::uint32_t image = scratch.forward.image[s]; image != kNone && unchanged(before, s, after, image)) {
+      result.toward[image] = std::max(result.toward[image], carried);
+      continue;
+    }
+    for (const Laid& piece : forward.lay(s))
+      result.toward[piece.facet] = std::max(result.toward[piece.facet], sum(carried, piece.distance));
+  }
+  for (std::uint32_t t = 0; t < triangles; ++t) {
+    const auto carried = [&](std::uint32_t s) { return before_error.from.empty() ? 0.0F : before_error.from[s]; };
+    if (unchanged(before, history.origin[t], after, t)) {
+      result.from[t] = carried(history.origin[t]);
+      continue;
+    }
+    for (const Laid& piece : backward.lay(t))
+      result.from[t] = std::max(result.from[t], sum(carried(piece.facet), piece.distance));
+  }
+  return result;
 }
 
 }  // namespace lod::build

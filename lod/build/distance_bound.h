@@ -1,12 +1,14 @@
 #pragma once
-// A proven upper bound of the two-sided distance (Hausdorff) between two triangle sets that lie close to each other.
+// Proven bounds of the distance from the source surface, carried along per triangle while a mesh is simplified again
+// and again.
 //
-// The distance to a convex set is a convex function. So the largest distance from a convex polygon to one triangle is
-// met at a corner of the polygon, and a polygon cut into pieces, each measured against any triangle of the other
-// surface, is never farther from that surface than the largest of these figures. Each source triangle is laid on a
-// target triangle, cut along the walls over its edges, and the parts beyond a wall walk on to the neighbour there.
-// Which triangle a walk starts from (the history of collapses says) changes how tight the bound is, never that it is
-// one.
+// The distance to a convex set is a convex function. So the largest distance from a convex piece of one surface to one
+// triangle of the other is met at a corner of the piece. Each triangle is laid on the other surface: cut along the
+// walls over the edges there, and the parts beyond a wall walk on to the neighbour. Which triangle a walk starts from
+// (the history of collapses says) changes how tight the bound is, never that it is one.
+//
+// What a piece adds is added to what its own triangle carries, point by point (triangle inequality). So large errors of
+// different places never add up.
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <span>
@@ -17,14 +19,25 @@
 namespace lod::build {
 
 struct SurfaceView {
-  std::span<const glm::vec3> positions;
+  std::span<const glm::vec3> positions;    ///< whole numbers below 2^22
   std::span<const std::uint32_t> indices;  ///< 3 per triangle
 };
 
-/// Bound of the distance between `before` and what simplifyGroup made of it, `after`, in units of the positions,
-/// rounding included. Distances below `negligible` are not looked into: the result is at least that, except 0 for an
-/// unchanged mesh. The bound exceeds the distance by about a tenth at most, as long as the surfaces stay near each
-/// other.
-float distanceBound(const SurfaceView& before, const SurfaceView& after, const Simplified& history, float negligible);
+/// Per triangle, in units of the positions. Every source point is assigned to some triangle and at most its `toward`
+/// from it; every point of a triangle is at most its `from` from the source surface. Empty: all zero.
+struct SurfaceError {
+  std::vector<float> toward;
+  std::vector<float> from;
+};
+
+/// The bounds of `after`, which simplifyGroup made of `before`, rounding included. Distances below `negligible` are not
+/// looked into. Triangles that stayed as they were carry on what they had. Both surfaces have triangles.
+SurfaceError carryError(const SurfaceView& before, const SurfaceError& before_error, const SurfaceView& after,
+                        const Simplified& history, float negligible);
+
+/// An error in one byte, rounded up by at most 7 % from 1/16 to 2^20 steps; less counts as 1/16, 0 stays 0. Code 255
+/// stands for all above: no two points of a lattice (21 bits) are farther from each other than it says.
+std::uint8_t errorCode(float error);
+float errorOfCode(std::uint8_t code);
 
 }  // namespace lod::build

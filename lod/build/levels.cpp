@@ -82,6 +82,24 @@ Merged mergePatches(const std::vector<lod::patch::PatchGeometry>& patches, std::
   return merged;
 }
 
+// The bounds of a patch's triangles, behind those read before.
+base::Result<void> addErrors(const base::Bytes& codes, std::size_t triangles, SurfaceError& errors) {
+  if (!codes.empty() && codes.size() != 2 * triangles)
+    return base::Error{base::ErrorCode::kInvalidInput, "the builder's own file: errors of another number of triangles"};
+  for (std::size_t t = 0; t < triangles; ++t) {
+    errors.toward.push_back(codes.empty() ? 0.0F : errorOfCode(codes[2 * t]));
+    errors.from.push_back(codes.empty() ? 0.0F : errorOfCode(codes[2 * t + 1]));
+  }
+  return {};
+}
+
+// Moved vertices stay on the lattice: what is measured is what is stored.
+void keepOnLattice(Merged& merged, std::uint32_t bits) {
+  const glm::vec3 low(-merged.corner);
+  const glm::vec3 high(glm::ivec3((1 << bits) - 1) - merged.corner);
+  for (glm::vec3& p : merged.mesh.positions) p = glm::clamp(glm::round(p), low, high);
+}
+
 // Simplified triangles on lattice points: vertices that came to lie on each other are one, and triangles that lost
 // their area so are gone from the mesh and the history.
 CodedMesh codedMesh(const Merged& merged, Simplified& simplified, std::uint32_t bits,
@@ -304,11 +322,15 @@ base::Result<LevelBuilder::Made> LevelBuilder::makeGroup(std::span<const std::ui
                                                          std::uint32_t index) {
   // Merge and simplify.
   std::vector<lod::patch::PatchGeometry> geometry;
+  SurfaceError before_error;
   for (const std::uint32_t p : consumed) {
     const auto bytes = store_.encoded(patches_[p]);
     if (!bytes) return bytes.error();
     auto decoded = lod::patch::decodePatch(*bytes);
     if (!decoded) return base::within("the builder's own file", decoded.error());
+    const auto codes = store_.errors(patches_[p]);
+    if (!codes) return codes.error();
+    LUMIGRID_TRY(addErrors(*codes, decoded->indices.size() / 3, before_error));
     geometry.push_back(std::move(*decoded));
   }
   Merged merged = mergePatches(geometry, locked);
@@ -317,10 +339,11 @@ base::Result<LevelBuilder::Made> LevelBuilder::makeGroup(std::span<const std::ui
   const std::vector<std::uint32_t> before_indices = merged.mesh.indices;
   const std::size_t target = options_.regroup ? before_indices.size() / 6 : options_.node_triangles;
   Simplified simplified = simplifyGroup(merged.mesh, target);
+  keepOnLattice(merged, lattice_.bits);
   std::vector<std::uint8_t> outer;
   const CodedMesh mesh = codedMesh(merged, simplified, lattice_.bits, outer);
 
-  // What it cost. Errors add up along the levels, by the triangle inequality.
+  // What it cost so far, all levels together: never less than below.
   WorkUnit unit{level, index, {}};
   lod::patch::Group& record = unit.group;
   record.level = level;
@@ -336,9 +359,15 @@ base::Result<LevelBuilder::Made> LevelBuilder::makeGroup(std::span<const std::ui
   }
   const double step = lattice_.lattice.step;
   const auto below = static_cast<float>(static_cast<double>(record.error) / step);
-  const float h = distanceBound({before, before_indices}, {merged.mesh.positions, simplified.indices}, simplified,
-                                std::max(0.5F, kNegligible * below));
-  record.error = roundedUp(static_cast<double>(record.error) + static_cast<double>(h) * step);
+  const SurfaceError error =
+      carryError({before, before_indices}, before_error, {merged.mesh.positions, simplified.indices}, simplified,
+                 std::max(0.5F, kNegligible * below));
+  std::vector<std::uint8_t> codes;
+  codes.reserve(2 * error.toward.size());
+  for (std::size_t t = 0; t < error.toward.size(); ++t)
+    for (const float e : {error.toward[t], error.from[t]}) codes.push_back(errorCode(e));
+  const float largest = codes.empty() ? 0.0F : errorOfCode(*std::max_element(codes.begin(), codes.end()));
+  record.error = std::max(record.error, roundedUp(static_cast<double>(largest) * step));
   record.attribute_error = std::min(1.0F, record.attribute_error + simplified.color_deviation);
 
   // Split into new patches.
@@ -346,7 +375,7 @@ base::Result<LevelBuilder::Made> LevelBuilder::makeGroup(std::span<const std::ui
   const std::uint32_t most = options_.regroup ? options_.node_triangles : lod::patch::kMaxPatchVertices / 3;
   std::vector<NewPatch> patches = makePatches(
       mesh, splitTriangles(mesh, sorted, lattice_.bits, most / kVoxelsPerPatch, most, TieWeight::kSharedVertices),
-      outer, {}, lattice_.lattice, level);
+      outer, codes, lattice_.lattice, level);
   for (const NewPatch& patch : patches) spheres.push_back(patch.record.bounds);
   record.bounds = base::boundingSphere(spheres);
   auto stored = store_.add(unit, std::move(patches));

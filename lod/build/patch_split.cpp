@@ -111,7 +111,7 @@ std::vector<NewPatch> makePatches(const CodedMesh& mesh, const std::vector<std::
     std::sort(patch.border.begin(), patch.border.end());
     describe(geometry, lattice, patch.record);
     patch.record.level = level;
-    patch.encoded = lod::patch::encodePatch(geometry);
+    patch.encoded = lod::patch::encodePatch(geometry, &order);
     if (!errors.empty())
       for (const std::uint32_t i : order)
         for (std::size_t k = 0; k < 2; ++k) patch.errors.push_back(errors[2 * std::size_t{part[i]} + k]);

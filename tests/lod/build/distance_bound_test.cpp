@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "tests/support/surface_distance.h"
 #include "tests/support/test_meshes.h"
 
@@ -9,57 +11,183 @@ namespace {
 
 using namespace lod::build;
 
-struct Bounded {
-  float bound = 0.0F;
-  double sampled = 0.0;
-};
-
-Bounded simplifyAndBound(const Mesh& mesh, float scale, double share, float negligible = 0.01F) {
+GroupMesh onLattice(const Mesh& mesh, float scale) {
   GroupMesh group;
   for (const glm::vec3& p : mesh.positions) group.positions.push_back(glm::round((p + 2.0F) * scale));
   group.normals.assign(group.positions.size(), glm::vec3(0, 0, 1));
   group.locked.assign(group.positions.size(), 0);
   group.indices = mesh.indices;
-  const support::Surface before{group.positions, group.indices};
-  const std::vector<std::uint32_t> indices = group.indices;
-  const Simplified out =
-      simplifyGroup(group, static_cast<std::size_t>(share * static_cast<double>(mesh.triangleCount())));
-  const support::Surface after{group.positions, out.indices};
-  Bounded result;
-  result.bound = distanceBound({before.positions, before.indices}, {after.positions, after.indices}, out, negligible);
-  const support::NearestSurface to_before(before);
-  const support::NearestSurface to_after(after);
-  result.sampled = std::max(support::sampledDistance(before, to_after, 30000).max,
-                            support::sampledDistance(after, to_before, 30000).max);
-  return result;
+  return group;
 }
 
-TEST(DistanceBound, HoldsAndIsTightOnMeshesOfEveryKind) {
-  for (const Mesh& mesh : {support::bumpySphere(40, 60), support::torus(50, 40), support::openGrid(45)}) {
+// The source, what several rounds of simplification left of it, and the error carried along.
+struct Rounds {
+  support::Surface source;
+  support::Surface result;
+  SurfaceError error;
+  float largest_toward = 0.0F;
+  float largest_from = 0.0F;
+  float negligible = 0.0F;
+};
+
+Rounds simplified(const Mesh& mesh, float scale, double share, int rounds, float negligible = 0.01F) {
+  GroupMesh group = onLattice(mesh, scale);
+  Rounds out;
+  out.source = {group.positions, group.indices};
+  for (int round = 0; round < rounds; ++round) {
+    const std::vector<glm::vec3> positions = group.positions;
+    const std::vector<std::uint32_t> indices = group.indices;
+    const Simplified made =
+        simplifyGroup(group, static_cast<std::size_t>(share * static_cast<double>(indices.size() / 3)));
+    out.error = carryError({positions, indices}, out.error, {group.positions, made.indices}, made, negligible);
+    group.indices = made.indices;
+  }
+  out.result = {group.positions, group.indices};
+  if (!out.error.toward.empty()) {
+    out.largest_toward = *std::max_element(out.error.toward.begin(), out.error.toward.end());
+    out.largest_from = *std::max_element(out.error.from.begin(), out.error.from.end());
+  }
+  return out;
+}
+
+struct Sampled {
+  double toward = 0.0;
+  double from = 0.0;
+};
+
+Sampled sampled(const Rounds& rounds) {
+  const support::NearestSurface to_source(rounds.source);
+  const support::NearestSurface to_result(rounds.result);
+  return {support::sampledDistance(rounds.source, to_result, 30000).max,
+          support::sampledDistance(rounds.result, to_source, 30000).max};
+}
+
+TEST(CarriedError, HoldsAndIsTightInOneRound) {
+  for (const Mesh& mesh : {support::bumpySphere(40, 60), support::torus(50, 40), support::openGrid(45)})
     for (const double share : {0.5, 0.25, 0.1}) {
-      const Bounded b = simplifyAndBound(mesh, 800.0F, share);
-      EXPECT_GE(b.bound, b.sampled) << share;
-      EXPECT_LE(b.bound, 1.5 * b.sampled + 0.5) << share;
+      const Rounds r = simplified(mesh, 800.0F, share, 1);
+      const Sampled s = sampled(r);
+      EXPECT_GE(r.largest_toward, s.toward) << share;
+      EXPECT_GE(r.largest_from, s.from) << share;
+      EXPECT_LE(std::max(r.largest_toward, r.largest_from), 1.5 * std::max(s.toward, s.from) + 0.5) << share;
+    }
+}
+
+// Samples are float points: so far off the triangles they are taken from.
+constexpr double kSampleRounding = 0.02;
+
+TEST(CarriedError, HoldsOverManyRounds) {
+  for (const Mesh& mesh : {support::bumpySphere(60, 90), support::torus(80, 60), support::openGrid(70),
+                           support::triangleSoup(2000), support::tinyComponents(500)})
+    for (const float scale : {900.0F, 40000.0F}) {
+      const Rounds r = simplified(mesh, scale, 0.5, 5, 0.5F);
+      const Sampled s = sampled(r);
+      EXPECT_GE(r.largest_toward, s.toward - kSampleRounding);
+      EXPECT_GE(r.largest_from, s.from - kSampleRounding);
+      EXPECT_LE(std::max(r.largest_toward, r.largest_from), 4.0 * std::max(s.toward, s.from) + 1.0);
+    }
+}
+
+// Each triangle's own figures, not only the largest: its points lie within `from` of the source, and all source points
+// within the figures of triangles that are near enough to have them.
+TEST(CarriedError, HoldsTriangleByTriangle) {
+  for (const Mesh& mesh : {support::bumpySphere(60, 90), support::openGrid(50), support::tinyComponents(300)}) {
+    const Rounds r = simplified(mesh, 2000.0F, 0.5, 4, 0.5F);
+    const support::NearestSurface to_source(r.source);
+    for (std::size_t t = 0; t < r.result.triangles(); ++t)
+      for (int i = 0; i <= 4; ++i)
+        for (int j = 0; i + j <= 4; ++j) {
+          const glm::vec3 p = r.result.corner(t, 0) +
+                              (static_cast<float>(i) / 4.0F) * (r.result.corner(t, 1) - r.result.corner(t, 0)) +
+                              (static_cast<float>(j) / 4.0F) * (r.result.corner(t, 2) - r.result.corner(t, 0));
+          EXPECT_GE(r.error.from[t], to_source.distance(p) - 1e-3);
+        }
+    for (std::size_t t = 0; t < r.source.triangles(); t += 7) {
+      const glm::dvec3 p(r.source.corner(t, 0));
+      bool is_assigned = false;
+      for (std::size_t u = 0; u < r.result.triangles() && !is_assigned; ++u)
+        is_assigned = glm::length(p - base::closestPointOnTriangle(p, glm::dvec3(r.result.corner(u, 0)),
+                                                                   glm::dvec3(r.result.corner(u, 1)),
+                                                                   glm::dvec3(r.result.corner(u, 2)))) <=
+                      static_cast<double>(r.error.toward[u]) + 1e-3;
+      EXPECT_TRUE(is_assigned) << t;
     }
   }
 }
 
-TEST(DistanceBound, HoldsWhereComponentsVanish) {
-  for (const Mesh& mesh : {support::triangleSoup(1500), support::tinyComponents(400)}) {
-    const Bounded b = simplifyAndBound(mesh, 20000.0F, 0.4);
-    EXPECT_GE(b.bound, b.sampled);
-    EXPECT_LE(b.bound, 1.5 * b.sampled);
+// A spike as high as the sheet is wide goes in the first round; in the second nothing moves. Whoever forgets what was
+// carried says zero.
+TEST(CarriedError, KeepsWhatWasLostInEarlierRounds) {
+  const std::vector<glm::vec3> points{{0, 0, 0}, {100, 0, 0}, {100, 100, 0}, {0, 100, 0}, {50, 50, 80}};
+  const std::vector<std::uint32_t> spike{0, 1, 4, 1, 2, 4, 2, 3, 4, 3, 0, 4};
+  const std::vector<std::uint32_t> flat{0, 1, 2, 2, 3, 0};
+  Simplified first;
+  first.indices = flat;
+  first.origin = {0, 2};
+  first.survivor = {0, 1, 2, 3, 0};
+  const SurfaceError one = carryError({points, spike}, {}, {points, flat}, first, 0.1F);
+  EXPECT_GE(*std::max_element(one.toward.begin(), one.toward.end()), 80.0F);
+  EXPECT_LE(*std::max_element(one.toward.begin(), one.toward.end()), 81.0F);
+  Simplified second;
+  second.indices = flat;
+  second.origin = {0, 1};
+  second.survivor = {0, 1, 2, 3, 4};
+  const SurfaceError two = carryError({points, flat}, one, {points, flat}, second, 0.1F);
+  EXPECT_EQ(two.toward, one.toward);
+  EXPECT_EQ(two.from, one.from);
+}
+
+// Two far corners of a strip lose 10 and 20: no triangle is said to have lost 30.
+TEST(CarriedError, OfDifferentPlacesNeverAddsUp) {
+  std::vector<glm::vec3> points;
+  for (int i = 0; i <= 8; ++i)
+    for (int j = 0; j <= 2; ++j) points.push_back({100 * i, 100 * j, 0});
+  points[3 * 1 + 1].z = 20;
+  std::vector<std::uint32_t> indices;
+  for (std::uint32_t i = 0; i < 8; ++i)
+    for (std::uint32_t j = 0; j < 2; ++j) {
+      const std::uint32_t a = 3 * i + j;
+      indices.insert(indices.end(), {a, a + 3, a + 4, a, a + 4, a + 1});
+    }
+  SurfaceError carried{std::vector<float>(indices.size() / 3, 0.0F), std::vector<float>(indices.size() / 3, 0.0F)};
+  carried.toward.back() = carried.from.back() = 10.0F;
+  std::vector<glm::vec3> after = points;
+  after[3 * 1 + 1].z = 0;
+  Simplified history;
+  history.indices = indices;
+  for (std::uint32_t t = 0; t < indices.size() / 3; ++t) history.origin.push_back(t);
+  for (std::uint32_t v = 0; v < points.size(); ++v) history.survivor.push_back(v);
+  const SurfaceError error = carryError({points, indices}, carried, {after, indices}, history, 0.1F);
+  EXPECT_GE(*std::max_element(error.toward.begin(), error.toward.end()), 20.0F);
+  EXPECT_LE(*std::max_element(error.toward.begin(), error.toward.end()), 20.1F);
+  EXPECT_LE(*std::max_element(error.from.begin(), error.from.end()), 20.1F);
+  EXPECT_EQ(error.toward.back(), 10.0F);
+}
+
+TEST(CarriedError, OfAFlatSheetIsNearNothing) {
+  const Rounds r = simplified(support::openGrid(40, 0.0F), 800.0F, 0.5, 3);
+  EXPECT_LT(r.largest_toward, 0.2F);
+  EXPECT_LT(r.largest_from, 0.2F);
+}
+
+TEST(CarriedError, IsZeroForNoChange) {
+  const Rounds r = simplified(support::bumpySphere(20, 20), 300.0F, 1.0, 2);
+  EXPECT_EQ(r.largest_toward, 0.0F);
+  EXPECT_EQ(r.largest_from, 0.0F);
+}
+
+TEST(ErrorCode, RoundsUpInSmallSteps) {
+  EXPECT_EQ(errorCode(0.0F), 0);
+  EXPECT_EQ(errorOfCode(0), 0.0F);
+  for (float e = 1e-6F; e <= static_cast<float>(1 << 20); e *= 1.0007F) {
+    const float coded = errorOfCode(errorCode(e));
+    ASSERT_GE(coded, e);
+    ASSERT_LE(coded, std::max(1.0F / 16.0F, 1.0701F * e)) << e;
   }
-}
-
-TEST(DistanceBound, OfAFlatSheetIsNearNothing) {
-  const Bounded b = simplifyAndBound(support::openGrid(40, 0.0F), 800.0F, 0.1);
-  EXPECT_LT(b.bound, 0.1F);
-}
-
-TEST(DistanceBound, IsNeverBelowWhatIsNegligibleAndZeroForNoChange) {
-  EXPECT_GE(simplifyAndBound(support::bumpySphere(20, 20), 300.0F, 0.9, 7.0F).bound, 7.0F);
-  EXPECT_EQ(simplifyAndBound(support::bumpySphere(20, 20), 300.0F, 1.0).bound, 0.0F);
+  for (int code = 0; code < 256; ++code) EXPECT_EQ(errorCode(errorOfCode(static_cast<std::uint8_t>(code))), code);
+  EXPECT_EQ(errorCode(std::nextafter(errorOfCode(1), 1.0F)), 2);
+  // The diagonal of the largest lattice.
+  EXPECT_GE(errorOfCode(errorCode(1.8F * static_cast<float>(1 << 21))), 1.8F * static_cast<float>(1 << 21));
 }
 
 }  // namespace
