@@ -339,9 +339,6 @@ struct Edge {
 constexpr std::uint64_t packEdge(std::uint64_t a, std::uint64_t b, std::uint64_t opposite) {
   return a | b << 16 | opposite << 32;
 }
-constexpr std::uint64_t packEdge(const Edge& e) {
-  return packEdge(e.a, e.b, e.opposite);
-}
 
 // Steps, two bits each.
 constexpr std::uint32_t kNewVertex = 0;  // the gate's triangle has the next new vertex
