@@ -17,7 +17,9 @@ PatchGeometry drawnPatch(int side, int extent, bool colors) {
     for (int x = 0; x < side; ++x) {
       g.positions.emplace_back(x * extent, y * extent, random() % 50);
       g.normals.emplace_back(static_cast<float>(random() % 7) - 3.0F, 1.0F, 3.0F);
-      if (colors) g.colors.push_back(glm::u8vec4(random() % 256, random() % 256, random() % 256, 255));
+      if (colors)
+        g.colors.push_back(
+            glm::u8vec4(random() % 256, random() % 256, random() % 256, side % 2 == 1 ? random() % 256 : 255));
     }
   for (int y = 0; y + 1 < side; ++y)
     for (int x = 0; x + 1 < side; ++x)
