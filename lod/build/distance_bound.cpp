@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <limits>
 #include <memory>
@@ -106,16 +107,48 @@ float largest(const Polygon& p, const glm::vec3& n, float at) {
   return std::max(std::max(high[0], high[1]), std::max(high[2], high[3]));
 }
 
-// Cuts a polygon where `side` changes its sign; points on the wall go to both sides.
+// Where the edge from an inside corner to an outside one meets the wall.
+glm::vec3 crossing(const Polygon& polygon, const float* side, int in, int out) {
+  const float share = side[in] / (side[in] - side[out]);
+  return polygon.point(in) + share * (polygon.point(out) - polygon.point(in));
+}
+
+// Cuts a polygon along a wall that some corner lies beyond. Where rounding left one that crosses the wall more than
+// twice, the hulls of both parts still cover it.
 void cut(const Polygon& polygon, const float* side, Polygon& inside, Polygon& outside) {
   inside.size = outside.size = 0;
-  for (int i = 0; i < polygon.size; ++i) {
-    const int j = i + 1 < polygon.size ? i + 1 : 0;
-    if (side[i] >= 0.0F) inside.add(polygon.x[i], polygon.y[i], polygon.z[i]);
-    if (side[i] <= 0.0F) outside.add(polygon.x[i], polygon.y[i], polygon.z[i]);
-    if (side[i] * side[j] < 0.0F) {
-      const float share = side[i] / (side[i] - side[j]);
-      const glm::vec3 p = polygon.point(i) + share * (polygon.point(j) - polygon.point(i));
+  const int n = polygon.size;
+  std::uint32_t beyond = 0;
+  for (int i = 0; i < n; ++i) beyond |= static_cast<std::uint32_t>(side[i] < 0.0F) << i;
+  const std::uint32_t all = (1U << n) - 1;
+  if (beyond == all) {
+    outside = polygon;
+    return;
+  }
+  const std::uint32_t starts = beyond & ~(beyond << 1 | beyond >> (n - 1));
+  const int first = std::countr_zero(starts);
+  if ((starts & (starts - 1)) == 0) {
+    // One run of corners beyond, as it should be.
+    const int count = std::popcount(beyond);
+    int i = first;
+    const glm::vec3 enter = crossing(polygon, side, i > 0 ? i - 1 : n - 1, i);
+    outside.add(enter);
+    int last = i;
+    for (int c = 0; c < count; ++c, i = i + 1 < n ? i + 1 : 0)
+      outside.add(polygon.x[i], polygon.y[i], polygon.z[i]), last = i;
+    const glm::vec3 leave = crossing(polygon, side, i, last);
+    outside.add(leave);
+    inside.add(leave);
+    for (int c = count; c < n; ++c, i = i + 1 < n ? i + 1 : 0) inside.add(polygon.x[i], polygon.y[i], polygon.z[i]);
+    inside.add(enter);
+  } else {
+    for (int i = 0; i < n; ++i) {
+      const int j = i + 1 < n ? i + 1 : 0;
+      const bool here = side[i] < 0.0F;
+      const bool there = side[j] < 0.0F;
+      (here ? outside : inside).add(polygon.point(i));
+      if (here == there) continue;
+      const glm::vec3 p = here ? crossing(polygon, side, j, i) : crossing(polygon, side, i, j);
       inside.add(p);
       outside.add(p);
     }
@@ -333,6 +366,23 @@ class Layer {
     return std::sqrt(worst2);
   }
 
+  // The same where it is known how far each corner lies inside the walls, and how far off the plane the farthest one.
+  float distanceOf(const Polygon& polygon, const Facet& facet, const float (&side)[3][Polygon::kMax],
+                   float height) const {
+    if (facet.thin) return distanceOf(polygon, facet, enough_);
+    const float enough2 = enough_ * enough_;
+    float worst2 = height * height;
+    for (int i = 0; i < polygon.size && worst2 <= enough2; ++i) {
+      float best2 = kFar;
+      for (int k = 0; k < 3; ++k)
+        if (side[k][i] < 0.0F)
+          best2 =
+              std::min(best2, segmentDistance2(origin_ + polygon.point(i), facet.corner[k], facet.corner[(k + 1) % 3]));
+      if (best2 < kFar) worst2 = std::max(worst2, best2);
+    }
+    return std::sqrt(worst2);
+  }
+
   // Lays a polygon on the target from facet t on. False: some piece is too far from where it came to lie.
   bool walk(const Polygon& polygon, std::uint32_t t, std::uint32_t from) {
     const Facet& facet = target_.facet(t);
@@ -349,7 +399,7 @@ class Layer {
     const float lowest = std::min({low[0], low[1], low[2]});
     if (lowest >= 0.0F) return record(t, facet, facet.thin ? distanceOf(polygon, facet, kFar) : height);
     if (height <= enough_ && lowest >= -enough_)
-      if (const float d = distanceOf(polygon, facet, enough_); d <= enough_) return record(t, facet, d);
+      if (const float d = distanceOf(polygon, facet, side, height); d <= enough_) return record(t, facet, d);
     if (--visits_ < 0) return record(t, facet, distanceOf(polygon, facet, abort_));
 
     // The part beyond each wall walks on; the wall it came over is the last. What is beyond that one alone lies in the
@@ -365,15 +415,14 @@ class Layer {
     bool is_cut = false;
     for (const int k : order) {
       if (low[k] >= 0.0F) continue;
-      if (is_cut && !(along(*rest, facet.wall[k], at[k], side[k]) < 0.0F)) continue;
+      if (is_cut) low[k] = along(*rest, facet.wall[k], at[k], side[k]);
+      if (!(low[k] < 0.0F)) continue;
       if (2 * rest->size > Polygon::kMax) break;
       cut(*rest, side[k], inside[turn], outside);
       const std::uint32_t next = target_.neighbor(t, k);
       const bool goes_on = next != kNone && next != from;
       const float enough = goes_on ? enough_ : abort_;
-      float beyond = 0.0F;
-      for (int i = 0; i < rest->size; ++i) beyond = std::min(beyond, side[k][i]);
-      const float d = -beyond <= enough ? distanceOf(outside, facet, enough) : kFar;
+      const float d = -low[k] <= enough && (!goes_on || height <= enough_) ? distanceOf(outside, facet, enough) : kFar;
       if (d <= enough || !goes_on) {
         if (!record(t, facet, d)) return false;
       } else if (!walk(outside, next, t)) {

@@ -1,0 +1,52 @@
+// bound_bench MESH [ROUNDS]: what the error bound of a mesh costs beside simplifying it, round by round to half of its
+// triangles, in CPU seconds of one thread; and the largest bound in lattice steps (16 bits).
+#include <time.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+
+#include "lod/build/distance_bound.h"
+#include "lod/build/import.h"
+
+namespace {
+
+double cpuSeconds() {
+  timespec t{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
+}
+
+}  // namespace
+
+int main(int count, char** arguments) {
+  using namespace lod::build;
+  if (count < 2) return std::fprintf(stderr, "usage: bound_bench MESH [ROUNDS]\n"), 2;
+  const int rounds = count > 2 ? std::max(1, std::atoi(arguments[2])) : 5;
+  const auto imported = importMeshes({arguments[1]}, {});
+  if (!imported) return std::fprintf(stderr, "%s\n", imported.error().message.c_str()), 1;
+  const Mesh& mesh = imported->mesh;
+  const glm::vec3 size = mesh.box().size();
+  const float scale = 65535.0F / std::max({size.x, size.y, size.z});
+  GroupMesh group;
+  for (const glm::vec3& p : mesh.positions) group.positions.push_back(glm::round((p - mesh.box().min) * scale));
+  group.normals.assign(group.positions.size(), glm::vec3(0.0F, 0.0F, 1.0F));
+  group.locked.assign(group.positions.size(), 0);
+  group.indices = mesh.indices;
+  SurfaceError error;
+  for (int round = 0; round < rounds; ++round) {
+    const std::vector<glm::vec3> positions = group.positions;
+    const std::vector<std::uint32_t> indices = group.indices;
+    const double start = cpuSeconds();
+    const Simplified made = simplifyGroup(group, indices.size() / 6);
+    const double middle = cpuSeconds();
+    error = carryError({positions, indices}, error, {group.positions, made.indices}, made, 0.5F);
+    const double end = cpuSeconds();
+    group.indices = made.indices;
+    std::printf("%9zu triangles to %9zu: simplify %.3f s, bound %.3f s (%.2f); toward %.1f, from %.1f steps\n",
+                indices.size() / 3, made.indices.size() / 3, middle - start, end - middle,
+                (end - middle) / (middle - start), *std::max_element(error.toward.begin(), error.toward.end()),
+                *std::max_element(error.from.begin(), error.from.end()));
+  }
+  return 0;
+}
