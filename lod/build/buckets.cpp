@@ -139,7 +139,8 @@ class BucketSorter {
     }
     for (std::size_t b = 0; b < buffers_.size(); ++b) LUMIGRID_TRY(flush(b));
     LUMIGRID_TRY(out_.file_.flush());
-    if (out_.totals_.triangles == 0)
+    // Triangles whose corners lie on a line stay where others need them: without them closed meshes would open.
+    if (with_area_ == 0)
       return Error{ErrorCode::kInvalidInput, out_.totals_.collapsed == 0
                                                  ? "no triangle is left after cleaning (all are degenerate)"
                                                  : "no triangle keeps its area on a lattice of " +
@@ -248,6 +249,7 @@ class BucketSorter {
     std::vector<std::uint32_t> bucket;  // per record kept
     std::vector<std::uint64_t> border;
     BucketCounts counts;
+    std::uint64_t with_area = 0;
     base::Result<void> status;
   };
 
@@ -321,7 +323,9 @@ class BucketSorter {
       if (!splitters_.empty())
         for (const std::uint64_t code : {a, b, c})
           if (bucketOf(code) != bucket) result.border.push_back(code);
-      result.counts.facing += glm::dvec3(latticeNormal(a, b, c));
+      const glm::i64vec3 normal = latticeNormal(a, b, c);
+      if (normal != glm::i64vec3(0)) ++result.with_area;
+      result.counts.facing += glm::dvec3(normal);
       result.records[kept++] = record;
       result.bucket.push_back(bucket);
     }
@@ -347,6 +351,7 @@ class BucketSorter {
     out_.totals_.degenerate += result.counts.degenerate;
     out_.totals_.collapsed += result.counts.collapsed;
     out_.totals_.facing += result.counts.facing;
+    with_area_ += result.with_area;
     border_.insert(border_.end(), result.border.begin(), result.border.end());
     if (border_.size() > border_limit_) {
       std::sort(border_.begin(), border_.end());
@@ -383,6 +388,7 @@ class BucketSorter {
   std::uint32_t shift_ = 0;
   std::vector<base::Bytes> buffers_;
   std::size_t buffer_limit_ = 0;
+  std::uint64_t with_area_ = 0;
   std::vector<std::uint64_t> border_;
   std::size_t border_limit_ = std::size_t{1} << 18;
 };

@@ -39,7 +39,7 @@ home 'OpenMesh/|metis' lod/build
 home 'boost/' server/net client/native
 home 'lmdb' repository
 home 'EGL/' base/egl
-home 'turbojpeg|jpeglib' repository
+home 'turbojpeg|jpeglib' repository lod/build
 home 'GLES3/' base/gl base/egl client/native
 home 'meshoptimizer' lod/patch lod/build
 home 'GLFW|imgui' client/native

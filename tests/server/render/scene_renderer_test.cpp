@@ -11,6 +11,7 @@
 #include "base/egl/headless.h"
 #include "base/gl/gl.h"
 #include "lod/draw/triangles.h"
+#include "lod/patch/codec.h"
 #include "tests/server/render/two_level_scene.h"
 
 namespace server {
@@ -19,7 +20,8 @@ namespace {
 using test::Triangle;
 using test::TwoLevelScene;
 
-constexpr glm::u8vec4 kOrange{200, 100, 50, 255};
+// As patches store it.
+const glm::u8vec4 kOrange = lod::patch::quantizedColor({200, 100, 50, 255});
 
 // Looks from (0, 0, distance) along −z with 90°: the plane z = 0 shows [−distance, distance].
 base::Camera cameraAt(float distance, int size) {
@@ -179,8 +181,8 @@ TEST_F(SceneRendererTest, softLightDarkensWhatTurnsAwayAndUnlitDoesNot) {
   const Rendered unlit = draw(*rendererOf(scene), cameraAt(8, 8), {0.0F, 1});
   scene.scene().light.mode = base::LightMode::kSoft;
   const Rendered soft = draw(*rendererOf(scene), cameraAt(8, 8), {0.0F, 1});
-  EXPECT_EQ(unlit.rgba.at(3, 4)[0], 200);
-  EXPECT_NEAR(soft.rgba.at(3, 4)[0], 200 * (0.15 + 0.85 * 0.25), 1.5);
+  EXPECT_EQ(unlit.rgba.at(3, 4)[0], kOrange.r);
+  EXPECT_NEAR(soft.rgba.at(3, 4)[0], kOrange.r * (0.15 + 0.85 * 0.25), 1.5);
   EXPECT_EQ(soft.rgba.at(3, 4)[3], 255);
 }
 
@@ -251,7 +253,7 @@ TEST_F(SceneRendererTest, tileWithNothingInItStaysTransparent) {
   small.max_target_samples = 16 * 16;
   const Rendered tiled = draw(*renderer, cameraAt(8, 32), small);
   EXPECT_EQ(tiled.rgba.pixels, draw(*renderer, cameraAt(8, 32), {0.0F, 1}).rgba.pixels);
-  EXPECT_EQ(std::count(tiled.rgba.pixels.begin(), tiled.rgba.pixels.end(), 200) > 0, true);
+  EXPECT_EQ(std::count(tiled.rgba.pixels.begin(), tiled.rgba.pixels.end(), kOrange.r) > 0, true);
 }
 
 // ---- Budget
