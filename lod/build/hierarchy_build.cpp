@@ -200,10 +200,10 @@ class Builder {
     return !progress_ || progress_(stage, done);
   }
 
-  // Everything that decides the work files. Threads and memory do not.
+  // Everything that decides the work files, their own format first. Threads and memory do not.
   std::string resumeKey() const {
     if (options_.resume_key.empty()) return {};
-    std::string key = "4";
+    std::string key = "5";
     for (const std::uint32_t v : {options_.voxel_triangles, options_.leaf_triangles, options_.node_triangles,
                                   options_.group_patches, options_.position_bits, options_.regroup ? 1U : 0U}) {
       key += ' ';
