@@ -20,7 +20,7 @@ _lumigrid_allow(base_egl       "base;base_gl"                                   
 _lumigrid_allow(base_json      "base"                                              "nlohmann_json::nlohmann_json;OpenSSL::Crypto")
 _lumigrid_allow(base_png       "base"                                              "PNG::PNG")
 _lumigrid_allow(lod            "base"                                              "")
-_lumigrid_allow(lod_patch      "base;lod"                                          "meshoptimizer::meshoptimizer")
+_lumigrid_allow(lod_patch      "base;lod"                                          "")
 _lumigrid_allow(lod_build      "base;base_png;lod;lod_patch"                       "metis;openmesh;turbojpeg;nlohmann_json::nlohmann_json")
 _lumigrid_allow(lod_draw       "base;base_gl;lod;lod_patch"                        "")
 _lumigrid_allow(grid           "base"                                              "")

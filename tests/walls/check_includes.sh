@@ -41,7 +41,7 @@ home 'lmdb' repository
 home 'EGL/' base/egl
 home 'turbojpeg|jpeglib' repository lod/build
 home 'GLES3/' base/gl base/egl client/native
-home 'meshoptimizer' lod/patch lod/build
+home 'meshoptimizer'  # a peer in benchmarks only
 home 'GLFW|imgui' client/native
 home 'opencv' server/image
 exit $bad

@@ -1,0 +1,113 @@
+// Every mesh reader on any bytes: the first byte chooses the reader. What a reader hands on keeps the sink's promises.
+#include <algorithm>
+
+#include "base/check.h"
+#include "lod/build/read_glb.h"
+#include "lod/build/read_obj.h"
+#include "lod/build/read_off.h"
+#include "lod/build/read_ply.h"
+#include "lod/build/read_stl.h"
+#include "tests/fuzz/fuzz.h"
+
+namespace {
+
+using namespace lod::build;
+
+class CheckingSink : public MeshSink {
+ public:
+  base::Result<void> vertices(const VertexBlock& block) override {
+    LUMIGRID_CHECK(block.normals.empty() || block.normals.size() == block.positions.size());
+    LUMIGRID_CHECK(block.colors.empty() || block.colors.size() == block.positions.size());
+    vertices_ += block.positions.size();
+    return {};
+  }
+  base::Result<void> triangles(const TriangleBlock& block) override {
+    LUMIGRID_CHECK_EQ(block.corners.size() % 3, 0U);
+    LUMIGRID_CHECK(block.normals.empty() || block.normals.size() == block.corners.size());
+    LUMIGRID_CHECK(block.colors.empty() || block.colors.size() == block.corners.size());
+    for (const std::uint64_t corner : block.corners) highest_ = std::max(highest_, corner + 1);
+    return {};
+  }
+  base::Result<void> restart() override {
+    vertices_ = highest_ = 0;
+    return {};
+  }
+  void checkWhole() const { LUMIGRID_CHECK_LE(highest_, vertices_); }
+
+ private:
+  std::uint64_t vertices_ = 0;
+  std::uint64_t highest_ = 0;
+};
+
+base::Bytes seed(char reader, const std::string& text) {
+  base::Bytes bytes(1 + text.size(), static_cast<std::uint8_t>(reader));
+  std::copy(text.begin(), text.end(), bytes.begin() + 1);
+  return bytes;
+}
+
+std::string binaryPly() {
+  std::string s =
+      "ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+      "property uchar red\nproperty uchar green\nproperty uchar blue\nelement face 1\n"
+      "property list uchar int vertex_indices\nend_header\n";
+  s += std::string(3 * 15, '\1') + '\3';
+  for (char i = 0; i < 3; ++i) s += std::string{i, 0, 0, 0};
+  return s;
+}
+
+std::string binaryStl() {
+  std::string s(80, ' ');
+  s += std::string{1, 0, 0, 0};
+  return s + std::string(50, '\2');
+}
+
+}  // namespace
+
+namespace fuzz {
+
+std::vector<base::Bytes> seeds() {
+  return {
+      seed(0, binaryPly()),
+      seed(0,
+           "ply\nformat ascii 1.0\ncomment TextureFile a.png\nelement vertex 3\nproperty double x\nproperty double y\n"
+           "property double z\nelement face 1\nproperty list uchar int vertex_indices\n"
+           "property list uchar float texcoord\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2 6 0 0 1 0 0 1\n"),
+      seed(1,
+           "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 9\nvn 0 0 1\nvt 0 0\nmtllib a.mtl\nusemtl b\nf 1/1/1 2//1 -1\n"),
+      seed(2, binaryStl()),
+      seed(2,
+           "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 "
+           "0\nendloop\nendfacet\nendsolid\n"),
+      seed(3, "COFF\n3 1 0\n0 0 0 255 0 0\n1 0 0 0 255 0\n0 1 0 0 0 255\n3 0 1 2\n"),
+      seed(
+          4,
+          std::string("glTF\2\0\0\0\x7c\0\0\0\x68\0\0\0JSON", 20) +
+              R"({"buffers":[{"byteLength":0}],"meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],"accessors":[]})")};
+}
+
+void fuzzOne(base::ByteView bytes) {
+  if (bytes.empty()) return;
+  const base::ByteView file = bytes.subspan(1);
+  CheckingSink sink;
+  MeshStream stream(sink, file, "/nowhere", nullptr);
+  base::Result<void> read;
+  switch (bytes[0] % 5) {
+    case 0:
+      read = readPly(file, stream);
+      break;
+    case 1:
+      read = readObj(file, stream);
+      break;
+    case 2:
+      read = readStl(file, stream);
+      break;
+    case 3:
+      read = readOff(file, stream);
+      break;
+    default:
+      read = readGlb(file, stream);
+  }
+  if (read) sink.checkWhole();
+}
+
+}  // namespace fuzz
