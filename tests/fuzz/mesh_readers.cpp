@@ -82,7 +82,7 @@ std::vector<base::Bytes> seeds() {
       seed(
           4,
           std::string("glTF\2\0\0\0\x7c\0\0\0\x68\0\0\0JSON", 20) +
-              R"({"buffers":[{"byteLength":0}],"meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],"accessors":[]})")};
+              R"({"buffers":[{"byteLength":0}],"meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],"accessors":[]} )")};
 }
 
 void fuzzOne(base::ByteView bytes) {
