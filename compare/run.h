@@ -17,14 +17,14 @@ struct RunOptions {
   std::vector<std::string> methods{"lumigraph", "patches"};
   std::string report;  ///< directory for the report; truth pictures are kept there and reused
   std::vector<double> patch_tolerances{16, 8, 4, 2, 1, 0.5};  ///< pixels: settings of "patches"
-  double proxy_tolerance = 8.0;                          ///< pixels: of the proxy under the images
-  int points = 8;                                        ///< sampling points per view
-  int samples = 16;                                      ///< images blended per frame at most
-  bool frames = true;                                    ///< also run with exact frames
-  int truth_supersampling = 4;                           ///< n × n samples a pixel
-  double settle_seconds = 20.0;                          ///< at most, per frame, until all for the view has come
-  double realtime_fps = 0.0;                             ///< over 0: frames at fixed times instead, whatever has come
-  double bytes_per_second = 0.0;                         ///< of the link; 0 = loopback as it is
+  double proxy_tolerance = 8.0;                               ///< pixels: of the proxy under the images
+  int points = 8;                                             ///< sampling points per view
+  int samples = 16;                                           ///< images blended per frame at most
+  bool frames = true;                                         ///< also run with exact frames
+  int truth_supersampling = 4;                                ///< n × n samples a pixel
+  double settle_seconds = 20.0;                               ///< at most, per frame, until all for the view has come
+  double realtime_fps = 0.0;      ///< over 0: frames at fixed times instead, whatever has come
+  double bytes_per_second = 0.0;  ///< of the link; 0 = loopback as it is
   double latency_seconds = 0.0;
   std::uint64_t cache_bytes = 50'000'000;
   bool pictures = true;  ///< write each method's pictures and differences beside the truth

@@ -38,7 +38,8 @@ base::Result<void> checkRows(const Hierarchy& h) {
 struct Link {
   std::uint32_t child = 0;
   std::uint32_t parent = 0;
-  auto operator<=>(const Link&) const = default;  // NOLINT(modernize-use-nullptr): clang-tidy 14 stumbles over a defaulted <=>
+  auto operator<=>(const Link&) const =
+      default;  // NOLINT(modernize-use-nullptr): clang-tidy 14 stumbles over a defaulted <=>
 };
 
 // Patches against the groups that they name. As sums agree (checkRows) and each patch has one consumer, ranges can't

@@ -136,8 +136,8 @@ TEST_F(Lumigraph, ViewsBetweenSamplingPointsAreBlended) {
 }
 
 TEST_F(Lumigraph, ImagesCoarserThanTheProxyDoNotBlurIt) {
-  // The only image has 40 × 40 pixels and is four times as far away as the eye; the ball's proxy (white) has triangles of a
-  // few pixels.
+  // The only image has 40 × 40 pixels and is four times as far away as the eye; the ball's proxy (white) has triangles
+  // of a few pixels.
   makeBall();
   addImage(0, lookAt({6.0F, -10.0F, 0.0F}, glm::vec3(0.0F), 40, 40, 60.0F));
   const base::Camera camera = lookAt(kEye, glm::vec3(0.0F), 200, 200, 50.0F);
