@@ -102,10 +102,8 @@ void keepOnLattice(Merged& merged, std::uint32_t bits) {
 
 // Simplified triangles on lattice points: vertices that came to lie on each other are one, and triangles that lost
 // their area so are gone from the mesh and the history.
-CodedMesh codedMesh(const Merged& merged, Simplified& simplified, std::uint32_t bits,
-                    std::vector<std::uint8_t>& locked) {
+CodedMesh codedMesh(const Merged& merged, Simplified& simplified, std::vector<std::uint8_t>& locked) {
   const GroupMesh& group = merged.mesh;
-  const glm::ivec3 last((1 << bits) - 1);
   CodedMesh out;
   CodeMap map(group.positions.size());
   std::vector<std::uint32_t> number(group.positions.size(), CodeMap::kNone);
@@ -116,9 +114,7 @@ CodedMesh codedMesh(const Merged& merged, Simplified& simplified, std::uint32_t 
     std::uint64_t code[3];
     for (std::size_t k = 0; k < 3; ++k) {
       c[k] = simplified.indices[3 * t + k];
-      const glm::ivec3 q =
-          glm::clamp(merged.corner + glm::ivec3(glm::round(group.positions[c[k]])), glm::ivec3(0), last);
-      code[k] = mortonCode(q);
+      code[k] = mortonCode(merged.corner + glm::ivec3(group.positions[c[k]]));
     }
     if (code[0] == code[1] || code[1] == code[2] || code[2] == code[0]) continue;
     for (std::size_t k = 0; k < 3; ++k) {
@@ -341,7 +337,11 @@ base::Result<LevelBuilder::Made> LevelBuilder::makeGroup(std::span<const std::ui
   Simplified simplified = simplifyGroup(merged.mesh, target);
   keepOnLattice(merged, lattice_.bits);
   std::vector<std::uint8_t> outer;
-  const CodedMesh mesh = codedMesh(merged, simplified, lattice_.bits, outer);
+  const CodedMesh mesh = codedMesh(merged, simplified, outer);
+  if (mesh.indices.empty())
+    return base::Error{
+        base::ErrorCode::kInvalidInput,
+        "the mesh has a part whose triangles all lie on lines; remove that part, or raise --position-bits"};
 
   // What it cost so far, all levels together: never less than below.
   WorkUnit unit{level, index, {}};

@@ -29,6 +29,10 @@ bool longTests() {
   return std::getenv("LUMIGRID_LONG_TESTS") != nullptr;
 }
 
+std::string workFile(const std::string& scene, const std::string& name) {
+  return scene + "/patch.lgp.work/" + name;
+}
+
 class HierarchyResume : public programs::ProgramTest {
  protected:
   std::string sample(const std::string& triangles) {
@@ -72,6 +76,16 @@ class HierarchyResume : public programs::ProgramTest {
     expectFinished(scene, bytes, what);
   }
 
+  // The same from a copy of a stopped build whose journal holds `journal` instead.
+  void expectRerunFinishesWith(const std::string& journal, const std::string& mesh, const std::string& stopped,
+                               const std::string& bytes, const std::string& what) {
+    const std::string scene = path("scene");
+    fs::remove_all(scene);
+    fs::copy(stopped, scene, fs::copy_options::recursive);
+    programs::writeText(workFile(scene, "patches"), journal);
+    expectRerunFinishes(mesh, scene, bytes, what);
+  }
+
   // Starts a build and kills it as soon as `now` says so. False: it ended before.
   bool killWhen(const Arguments& arguments, const std::function<bool()>& now) {
     const pid_t pid = programs::start("lumigrid", arguments, path("killed"));
@@ -101,10 +115,6 @@ class HierarchyResume : public programs::ProgramTest {
 
   std::string description_;  // scene.json of the uninterrupted build
 };
-
-std::string workFile(const std::string& scene, const std::string& name) {
-  return scene + "/patch.lgp.work/" + name;
-}
 
 std::uintmax_t sizeOf(const std::string& file) {
   std::error_code error;
@@ -206,13 +216,7 @@ TEST_F(HierarchyResume, AJournalWithAnyTailGoesOnBehindItsLastWholeRecord) {
       {"cut in the middle of the groups", whole.substr(0, cut)},
       {"one byte of a group turned", rotten},
   };
-  const std::string scene = path("scene");
-  for (const auto& [what, text] : tails) {
-    fs::remove_all(scene);
-    fs::copy(stopped, scene, fs::copy_options::recursive);
-    programs::writeText(workFile(scene, "patches"), text);
-    expectRerunFinishes(mesh, scene, bytes, what);
-  }
+  for (const auto& [what, text] : tails) expectRerunFinishesWith(text, mesh, stopped, bytes, what);
 }
 
 // Leaves that the journal has lost cannot be made again from a bucket whose bytes were given back to the disk.
@@ -229,13 +233,7 @@ TEST_F(HierarchyResume, AJournalThatLostLeavesEndsWithTheSameBytesToo) {
                                                         {"cut in the first record", whole.substr(0, 30)},
                                                         {"emptied", ""},
                                                         {"one byte turned", rotten}};
-  const std::string scene = path("scene");
-  for (const auto& [what, text] : losses) {
-    fs::remove_all(scene);
-    fs::copy(stopped, scene, fs::copy_options::recursive);
-    programs::writeText(workFile(scene, "patches"), text);
-    expectRerunFinishes(mesh, scene, bytes, what);
-  }
+  for (const auto& [what, text] : losses) expectRerunFinishesWith(text, mesh, stopped, bytes, what);
 }
 
 TEST_F(HierarchyResume, CutWorkFilesNeverEndInOtherBytes) {

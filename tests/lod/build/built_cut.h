@@ -10,6 +10,15 @@
 
 namespace support {
 
+/// Small patches, so that small meshes have several levels.
+inline lod::build::HierarchyOptions smallPatches() {
+  lod::build::HierarchyOptions options;
+  options.voxel_triangles = 60;
+  options.leaf_triangles = 400;
+  options.node_triangles = 200;
+  return options;
+}
+
 using LatticeEdge = std::array<int, 6>;
 
 /// Directed edges by lattice position that lack an opposite: how many, counted with multiplicity. 0: closed.

@@ -24,15 +24,6 @@ BuiltHierarchy mustBuild(const Mesh& mesh, HierarchyOptions options = {}) {
   return std::move(*built);
 }
 
-// Small patches, so that small meshes have several levels.
-HierarchyOptions smallPatches() {
-  HierarchyOptions options;
-  options.voxel_triangles = 60;
-  options.leaf_triangles = 400;
-  options.node_triangles = 200;
-  return options;
-}
-
 // Every promise of hierarchy.h that can be read off the tables.
 void expectSound(const BuiltHierarchy& built, const HierarchyOptions& options) {
   const Hierarchy& h = built.hierarchy;
@@ -132,22 +123,22 @@ void expectEveryCutClosed(const BuiltHierarchy& built) {
 
 TEST(HierarchyBuild, EveryCutOfAClosedMeshIsClosed) {
   for (const Mesh& mesh : {support::bumpySphere(60, 90), support::torus(90, 60)}) {
-    const BuiltHierarchy built = mustBuild(mesh, smallPatches());
+    const BuiltHierarchy built = mustBuild(mesh, support::smallPatches());
     ASSERT_GE(built.summary.levels.size(), 5U);
-    expectSound(built, smallPatches());
-    expectHalving(built.summary, smallPatches());
+    expectSound(built, support::smallPatches());
+    expectHalving(built.summary, support::smallPatches());
     expectEveryCutClosed(built);
   }
 }
 
 TEST(HierarchyBuild, StatedErrorsBoundSampledDistances) {
   for (const Mesh& mesh : {support::bumpySphere(50, 80), support::torus(80, 50), support::openGrid(60)})
-    expectErrorsHold(mesh, mustBuild(mesh, smallPatches()), 8000);
+    expectErrorsHold(mesh, mustBuild(mesh, support::smallPatches()), 8000);
 }
 
 TEST(HierarchyBuild, AnOpenBorderStays) {
   const Mesh mesh = support::openGrid(70);
-  const BuiltHierarchy built = mustBuild(mesh, smallPatches());
+  const BuiltHierarchy built = mustBuild(mesh, support::smallPatches());
   for (std::uint32_t l = 0; l < built.summary.levels.size(); ++l) {
     const support::Surface surface = support::surfaceOf(built, support::levelCut(built.hierarchy, l));
     const support::NearestSurface nearest(surface);
@@ -181,8 +172,8 @@ TEST(HierarchyBuild, OneGiantTriangleAmongManySmallOnesIsNoTrouble) {
   for (const glm::vec3& p : {glm::vec3(-300, -300, -2), glm::vec3(300, -300, -2), glm::vec3(0, 500, -2)})
     mesh.positions.push_back(p);
   support::addTriangle(mesh, base, base + 1, base + 2);
-  const BuiltHierarchy built = mustBuild(mesh, smallPatches());
-  expectSound(built, smallPatches());
+  const BuiltHierarchy built = mustBuild(mesh, support::smallPatches());
+  expectSound(built, support::smallPatches());
   expectErrorsHold(mesh, built, 2000);
 }
 
@@ -219,7 +210,7 @@ TEST(HierarchyBuild, BadInputIsAnErrorInOneLine) {
 }
 
 TEST(HierarchyBuild, VerticesThatMeetOnTheLatticeAreWeldedAndAClosedMeshStaysClosed) {
-  HierarchyOptions options = smallPatches();
+  HierarchyOptions options = support::smallPatches();
   options.position_bits = 10;
   Mesh mesh = support::bumpySphere(120, 400, 0.05F);  // sectors at the poles are finer than the lattice
   const BuiltHierarchy built = mustBuild(mesh, options);
@@ -241,7 +232,7 @@ class WrittenHierarchy : public testing::Test {
 
 TEST_F(WrittenHierarchy, FileDoesNotDependOnTheNumberOfThreads) {
   const Mesh mesh = support::torus(150, 100);
-  HierarchyOptions options = smallPatches();
+  HierarchyOptions options = support::smallPatches();
   std::vector<base::Bytes> files;
   for (const unsigned threads : {1U, 4U, 3U}) {
     options.threads = threads;
@@ -253,7 +244,7 @@ TEST_F(WrittenHierarchy, FileDoesNotDependOnTheNumberOfThreads) {
 }
 
 TEST_F(WrittenHierarchy, FileReadsBackAndVerifies) {
-  const auto summary = buildHierarchy(support::torus(90, 60), smallPatches(), path("t.lgp"));
+  const auto summary = buildHierarchy(support::torus(90, 60), support::smallPatches(), path("t.lgp"));
   ASSERT_TRUE(summary) << summary.error().message;
   const auto file = lod::patch::PatchFile::open(path("t.lgp"));
   ASSERT_TRUE(file) << file.error().message;
@@ -265,7 +256,7 @@ TEST_F(WrittenHierarchy, FileReadsBackAndVerifies) {
 TEST_F(WrittenHierarchy, CancelledAtAnyMomentLeavesNothing) {
   for (int stop = 0; stop < 12; ++stop) {
     int calls = 0;
-    const auto result = buildHierarchy(support::torus(60, 40), smallPatches(), path("c.lgp"),
+    const auto result = buildHierarchy(support::torus(60, 40), support::smallPatches(), path("c.lgp"),
                                        [&](const std::string&, double) { return calls++ < stop; });
     ASSERT_FALSE(result);
     EXPECT_EQ(result.error().code, base::ErrorCode::kCancelled);

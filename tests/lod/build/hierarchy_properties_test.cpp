@@ -21,16 +21,7 @@ using namespace lod::build;
 using support::LatticeEdge;
 using support::PlyMesh;
 
-// Small patches, so that small meshes have several levels.
-HierarchyOptions smallPatches() {
-  HierarchyOptions options;
-  options.voxel_triangles = 60;
-  options.leaf_triangles = 400;
-  options.node_triangles = 200;
-  return options;
-}
-
-BuiltHierarchy mustBuild(const Mesh& mesh, const HierarchyOptions& options = smallPatches()) {
+BuiltHierarchy mustBuild(const Mesh& mesh, const HierarchyOptions& options = support::smallPatches()) {
   base::Result<BuiltHierarchy> built = buildHierarchyInMemory(mesh, options);
   EXPECT_TRUE(built) << built.error().message;
   return built ? std::move(*built) : BuiltHierarchy{};
@@ -207,7 +198,7 @@ class WrittenProperties : public testing::Test {
   void TearDown() override { std::filesystem::remove_all(folder_); }
   std::string path(const std::string& name) const { return (folder_ / name).string(); }
 
-  HierarchySummary build(const PlyMesh& mesh, const HierarchyOptions& options = smallPatches()) {
+  HierarchySummary build(const PlyMesh& mesh, const HierarchyOptions& options = support::smallPatches()) {
     writePly(path("mesh.ply"), mesh);
     const auto summary = buildHierarchyFromFiles({path("mesh.ply")}, options, path("out.lgp"));
     EXPECT_TRUE(summary) << summary.error().message;
@@ -252,7 +243,7 @@ TEST_F(WrittenProperties, AMillionthAndAMillionScaleTheErrorsAndChangeNothingEls
 }
 
 TEST_F(WrittenProperties, BytesDoNotDependOnThreadsOrMemory) {
-  HierarchyOptions options = smallPatches();
+  HierarchyOptions options = support::smallPatches();
   std::vector<base::Bytes> files;
   const std::pair<unsigned, std::uint64_t> choices[] = {{1, kLeastMemory}, {2, 0}, {3, kLeastMemory}, {4, 0}, {7, 0}};
   for (const Mesh& mesh : {support::torus(150, 100), support::triangleSoup(8000)}) {
