@@ -1,7 +1,8 @@
-// hierarchy_bench MESH [RUNS] [--chart FILE.svg] [--csv FILE.csv]: the whole `lumigrid build`, disk to disk, beside
-// meshopt_simplify to 10 % of the same mesh in memory, run in turn; its bytes and how fast they decode; its accuracy
-// beside meshopt_simplify and OpenMesh's quadric decimater at the same number of triangles; its stated errors beside
-// sampled ones; and the paper's binary tree beside ours.
+// hierarchy_bench MESH [RUNS] [--only speed,size,accuracy,bounds] [--peer MESH] [--chart FILE.svg] [--csv FILE.csv]
+// speed: the whole `lumigrid build`, disk to disk, beside meshopt_simplify to 10 % of the same mesh (or of the peer's)
+// in memory, run in turn; size: its bytes and how fast they decode; accuracy: beside meshopt_simplify and OpenMesh's
+// quadric decimater at the same number of triangles, and the paper's binary tree; bounds: its stated errors beside
+// sampled ones, and the binary tree's triangles beside ours. Without --only: all of them.
 #include <meshoptimizer.h>
 #include <sched.h>
 #include <sys/resource.h>
@@ -16,6 +17,8 @@
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
+#include <set>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -42,6 +45,13 @@ double median(std::vector<double> values) {
   return values[values.size() / 2];
 }
 
+Mesh mustImport(const std::string& path) {
+  auto imported = importMeshes({path}, {});
+  if (!imported) std::exit((std::fprintf(stderr, "%s\n", imported.error().message.c_str()), 1));
+  std::printf("%s: %zu triangles\n", path.c_str(), imported->mesh.triangleCount());
+  return std::move(imported->mesh);
+}
+
 // ---- Speed
 
 struct Run {
@@ -57,6 +67,7 @@ Run runProgram(const std::string& mesh, const std::string& scene, int threads, c
       "patch",          "--quiet", "--force", "--json", "--threads", std::to_string(threads)};
   arguments.insert(arguments.end(), more.begin(), more.end());
   const double start = seconds(CLOCK_MONOTONIC);
+  std::fflush(stdout);  // or the child prints it again
   const pid_t child = fork();
   if (child == 0) {
     cpu_set_t cores;
@@ -89,7 +100,15 @@ std::vector<unsigned> simplifyByMeshopt(const Mesh& mesh, std::size_t triangles)
   return out;
 }
 
-void compareSpeed(const std::string& path, const Mesh& mesh, const std::string& scene, int runs) {
+// Triangles of a scene's leaves: what the build was given, less what repairs took away.
+std::uint64_t leafTriangles(const std::string& scene) {
+  const auto file = lod::patch::PatchFile::open(scene + "/patch.lgp");
+  if (!file) std::exit((std::fprintf(stderr, "%s\n", file.error().message.c_str()), 1));
+  return lod::patch::selectUniformCut(file->hierarchy(), 0.0F).triangles;
+}
+
+// `peer` is what meshopt_simplify gets, which may be another mesh than ours.
+void compareSpeed(const std::string& path, const Mesh& peer, const std::string& scene, int runs) {
   std::vector<double> ours, theirs, one, two;
   double peak = 0.0;
   for (int run = 0; run < runs; ++run) {
@@ -98,21 +117,22 @@ void compareSpeed(const std::string& path, const Mesh& mesh, const std::string& 
     ours.push_back(single.cpu), one.push_back(single.wall), two.push_back(pair.wall);
     peak = std::max({peak, single.peak_mb, pair.peak_mb});
     const double start = seconds(CLOCK_PROCESS_CPUTIME_ID);
-    (void)simplifyByMeshopt(mesh, mesh.triangleCount() / 10);
+    (void)simplifyByMeshopt(peer, peer.triangleCount() / 10);
     theirs.push_back(seconds(CLOCK_PROCESS_CPUTIME_ID) - start);
   }
-  const double million = 1e-6 * static_cast<double>(mesh.triangleCount());
+  const double our_rate = 1e-6 * static_cast<double>(leafTriangles(scene)) / median(ours);
+  const double their_rate = 1e-6 * static_cast<double>(peer.triangleCount()) / median(theirs);
   std::printf(
-      "speed, disk to disk: %.3f Mtri/s per core; meshopt_simplify to 10 %% in memory: %.3f; ratio %.2f "
-      "(wanted 0.40)\n",
-      million / median(ours), million / median(theirs), median(theirs) / median(ours));
+      "speed, disk to disk: %.3f Mtri/s per core; meshopt_simplify to 10 %% of %zu triangles in memory: %.3f; ratio "
+      "%.2f (wanted 0.40)\n",
+      our_rate, peer.triangleCount(), their_rate, our_rate / their_rate);
   std::printf("two cores %.2f times one (wanted 1.7); peak memory %.0f MB; medians of %d\n", median(one) / median(two),
               peak, runs);
 }
 
 // ---- Size
 
-void compareSize(const std::string& path, const Mesh& mesh, const std::string& scene) {
+void compareSize(const std::string& path, const std::string& scene) {
   (void)runProgram(path, scene, static_cast<int>(sysconf(_SC_NPROCESSORS_ONLN)), {"--position-bits", "14"});
   const auto file = lod::patch::PatchFile::open(scene + "/patch.lgp");
   if (!file) std::exit((std::fprintf(stderr, "%s\n", file.error().message.c_str()), 1));
@@ -133,7 +153,7 @@ void compareSize(const std::string& path, const Mesh& mesh, const std::string& s
       if (!lod::patch::decodePatch(bytes)) std::exit(1);
     times.push_back(seconds(CLOCK_PROCESS_CPUTIME_ID) - start);
   }
-  const auto source = static_cast<double>(mesh.triangleCount());
+  const auto source = static_cast<double>(leafTriangles(scene));
   std::printf(
       "size at 14 bits: %.2f bytes per source triangle in all; without colours %.2f (wanted 5.0, 1.0 more with "
       "colours); decodes %.0f Mtri/s (wanted 100)\n",
@@ -191,15 +211,33 @@ std::vector<std::uint32_t> cutOf(const BuiltHierarchy& built, std::size_t triang
   return lod::patch::selectUniformCut(built.hierarchy, high).patches;
 }
 
-void compareAccuracy(const Mesh& mesh, const std::string& chart_path, const std::string& csv_path) {
-  HierarchyOptions paper;
-  paper.regroup = false;
-  const auto built = buildHierarchyInMemory(mesh, {});
-  const auto tree = buildHierarchyInMemory(mesh, paper);
-  if (!built || !tree) return;
-  const support::Surface source = support::surfaceOf(mesh);
-  const support::NearestSurface to_source(source);
-  const double diagonal = mesh.box().diagonal();
+// What accuracy and bounds both need.
+struct Compared {
+  explicit Compared(const Mesh& m)
+      : mesh(m),
+        built(mustBuild(m, true)),
+        tree(mustBuild(m, false)),
+        source(support::surfaceOf(m)),
+        to_source(source),
+        diagonal(m.box().diagonal()) {}
+
+  static BuiltHierarchy mustBuild(const Mesh& mesh, bool regroup) {
+    HierarchyOptions options;
+    options.regroup = regroup;
+    auto built = buildHierarchyInMemory(mesh, options);
+    if (!built) std::exit((std::fprintf(stderr, "%s\n", built.error().message.c_str()), 1));
+    return std::move(*built);
+  }
+
+  const Mesh& mesh;
+  const BuiltHierarchy built, tree;
+  const support::Surface source;
+  const support::NearestSurface to_source;
+  const double diagonal;
+};
+
+void compareAccuracy(const Compared& compared, const std::string& chart_path, const std::string& csv_path) {
+  const auto& [mesh, built, tree, source, to_source, diagonal] = compared;
   compare::Chart chart{
       "Triangles against distance from the source",
       "triangles",
@@ -222,10 +260,10 @@ void compareAccuracy(const Mesh& mesh, const std::string& chart_path, const std:
       "meshopt's, 0.85 of OpenMesh's):\n");
   for (const double share : {0.5, 0.25, 0.1, 0.03, 0.01}) {
     const auto wanted = static_cast<std::size_t>(share * static_cast<double>(mesh.triangleCount()));
-    const support::Surface result = support::surfaceOf(*built, cutOf(*built, wanted));
+    const support::Surface result = support::surfaceOf(built, cutOf(built, wanted));
     const TwoSided ours = twoSided(source, to_source, result);
     note(0, result, ours);
-    const support::Surface papers = support::surfaceOf(*tree, cutOf(*tree, wanted));
+    const support::Surface papers = support::surfaceOf(tree, cutOf(tree, wanted));
     if (papers.triangles() > 0) note(1, papers, twoSided(source, to_source, papers));
     const support::Surface meshopt{mesh.positions, simplifyByMeshopt(mesh, result.triangles())};
     const TwoSided theirs = twoSided(source, to_source, meshopt);
@@ -246,21 +284,6 @@ void compareAccuracy(const Mesh& mesh, const std::string& chart_path, const std:
       std::printf("; OpenMesh refuses the mesh\n");
     }
   }
-
-  std::printf(
-      "stated error beside sampled distance, by level (wanted: never below the largest, at most 4 times the "
-      "99.9th percentile; the lattice's %.1e aside):\n",
-      built->hierarchy.lattice.positionError() / diagonal);
-  for (std::uint32_t level = 1; level < built->summary.levels.size(); ++level) {
-    const support::Surface cut = support::surfaceOf(*built, support::levelCut(built->hierarchy, level));
-    const TwoSided d = twoSided(source, to_source, cut);
-    const auto stated = static_cast<double>(built->summary.levels[level].max_error);
-    std::printf("  level %2u: %9zu triangles (binary tree %9zu), stated %.2e, largest %.2e, 99.9th %.2e, ratio %.1f\n",
-                level, cut.triangles(),
-                level < tree->summary.levels.size() ? static_cast<std::size_t>(tree->summary.levels[level].triangles)
-                                                    : std::size_t{0},
-                stated / diagonal, d.max / diagonal, d.p999 / diagonal, stated / d.p999);
-  }
   if (csv != nullptr) std::fclose(csv);
   if (chart_path.empty()) return;
   std::erase_if(chart.series, [](const compare::Series& s) { return s.points.empty(); });
@@ -271,35 +294,66 @@ void compareAccuracy(const Mesh& mesh, const std::string& chart_path, const std:
   }
 }
 
+void compareBounds(const Compared& compared) {
+  const auto& [mesh, built, tree, source, to_source, diagonal] = compared;
+  std::printf(
+      "stated error beside sampled distance, by level (wanted: never below the largest, at most 4 times the "
+      "99.9th percentile; the lattice's %.1e aside):\n",
+      built.hierarchy.lattice.positionError() / diagonal);
+  for (std::uint32_t level = 1; level < built.summary.levels.size(); ++level) {
+    const support::Surface cut = support::surfaceOf(built, support::levelCut(built.hierarchy, level));
+    const TwoSided d = twoSided(source, to_source, cut);
+    const auto stated = static_cast<double>(built.summary.levels[level].max_error);
+    std::printf("  level %2u: %9zu triangles (binary tree %9zu), stated %.2e, largest %.2e, 99.9th %.2e, ratio %.1f\n",
+                level, cut.triangles(),
+                level < tree.summary.levels.size() ? static_cast<std::size_t>(tree.summary.levels[level].triangles)
+                                                   : std::size_t{0},
+                stated / diagonal, d.max / diagonal, d.p999 / diagonal, stated / d.p999);
+  }
+}
+
 }  // namespace
 
 int main(int count, char** arguments) {
-  std::string mesh_path, chart, csv;
+  std::string mesh_path, peer_path, chart, csv, only = "speed,size,accuracy,bounds";
   int runs = 3;
-  bool accuracy = true;
   for (int i = 1; i < count; ++i) {
     const std::string a = arguments[i];
     if (a == "--chart" && i + 1 < count)
       chart = arguments[++i];
     else if (a == "--csv" && i + 1 < count)
       csv = arguments[++i];
-    else if (a == "--no-accuracy")
-      accuracy = false;
+    else if (a == "--only" && i + 1 < count)
+      only = arguments[++i];
+    else if (a == "--peer" && i + 1 < count)
+      peer_path = arguments[++i];
     else if (mesh_path.empty())
       mesh_path = a;
     else
       runs = std::max(1, std::atoi(a.c_str()));
   }
-  if (mesh_path.empty())
-    return std::fprintf(stderr, "usage: hierarchy_bench MESH [RUNS] [--no-accuracy] [--chart SVG] [--csv CSV]\n"), 2;
-  const auto imported = importMeshes({mesh_path}, {});
-  if (!imported) return std::fprintf(stderr, "%s\n", imported.error().message.c_str()), 1;
-  std::printf("%s: %zu triangles\n", mesh_path.c_str(), imported->mesh.triangleCount());
+  std::set<std::string> sections;
+  std::istringstream names(only);
+  for (std::string name; std::getline(names, name, ',');) sections.insert(name);
+  const bool known = std::all_of(sections.begin(), sections.end(), [](const std::string& s) {
+    return s == "speed" || s == "size" || s == "accuracy" || s == "bounds";
+  });
+  if (mesh_path.empty() || sections.empty() || !known)
+    return std::fprintf(stderr,
+                        "usage: hierarchy_bench MESH [RUNS] [--only speed,size,accuracy,bounds] [--peer MESH]\n"
+                        "                       [--chart SVG] [--csv CSV]\n"),
+           2;
+
   const std::string scene =
       (std::filesystem::temp_directory_path() / ("hierarchy_bench_" + std::to_string(getpid()))).string();
-  compareSpeed(mesh_path, imported->mesh, scene, runs);
-  compareSize(mesh_path, imported->mesh, scene);
+  if (sections.contains("speed"))
+    compareSpeed(mesh_path, mustImport(peer_path.empty() ? mesh_path : peer_path), scene, runs);
+  if (sections.contains("size")) compareSize(mesh_path, scene);
   std::filesystem::remove_all(scene);
-  if (accuracy) compareAccuracy(imported->mesh, chart, csv);
+  if (!sections.contains("accuracy") && !sections.contains("bounds")) return 0;
+  const Mesh mesh = mustImport(mesh_path);
+  const Compared compared(mesh);
+  if (sections.contains("accuracy")) compareAccuracy(compared, chart, csv);
+  if (sections.contains("bounds")) compareBounds(compared);
   return 0;
 }
