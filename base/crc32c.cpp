@@ -39,7 +39,9 @@ __attribute__((target("sse4.2"))) std::uint32_t crcByInstruction(ByteView bytes,
 }
 #endif
 
-std::uint32_t crcByTables(ByteView bytes, std::uint32_t seed) {
+}  // namespace
+
+std::uint32_t crc32cByTables(ByteView bytes, std::uint32_t seed) {
   std::uint32_t crc = ~seed;
   const std::uint8_t* at = bytes.data();
   std::size_t left = bytes.size();
@@ -55,14 +57,12 @@ std::uint32_t crcByTables(ByteView bytes, std::uint32_t seed) {
   return ~crc;
 }
 
-}  // namespace
-
 std::uint32_t crc32c(ByteView bytes, std::uint32_t seed) {
 #if defined(__x86_64__)
   static const bool has_instruction = __builtin_cpu_supports("sse4.2") != 0;
   if (has_instruction) return crcByInstruction(bytes, seed);
 #endif
-  return crcByTables(bytes, seed);
+  return crc32cByTables(bytes, seed);
 }
 
 }  // namespace base

@@ -9,4 +9,7 @@ namespace base {
 /// CRC-32C of `bytes`; `seed` is the CRC of what came before (0 at the start). crc32c("123456789") is 0xE3069283.
 std::uint32_t crc32c(ByteView bytes, std::uint32_t seed = 0);
 
+/// The same by tables alone: what crc32c does on a processor without an instruction for it.
+std::uint32_t crc32cByTables(ByteView bytes, std::uint32_t seed = 0);
+
 }  // namespace base
