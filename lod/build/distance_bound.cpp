@@ -8,13 +8,13 @@
 #include <memory>
 #include <optional>
 
-#include "lod/build/point_grid.h"
+#include "lod/build/facet_surface.h"
+#include "lod/build/overlay.h"
 
 namespace lod::build {
 namespace {
 
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
-constexpr std::uint32_t kUnknown = kNone - 1;
 constexpr float kFar = std::numeric_limits<float>::max();
 constexpr float kEpsilon = std::numeric_limits<float>::epsilon();
 // Most facets that one walk visits; how often a triangle that no walk covers well is quartered, and how many walks all
@@ -26,48 +26,8 @@ constexpr int kMaxWalks = 400;
 constexpr float kEnough = 0.7F;
 // A bound so much above what the corners need is worth other walks; those try limits raised by this factor.
 constexpr float kRaise = 1.1F;
-// Facets thinner than this share of their length are measured by their edges: their walls say little.
-constexpr float kThin = 2.4e-3F;
 // Every so many vertices are measured to learn how large the distance is about.
 constexpr std::size_t kSeedStride = 5;
-
-float segmentDistance2(const glm::vec3& p, const glm::vec3& a, const glm::vec3& b) {
-  const glm::vec3 ab = b - a;
-  const glm::vec3 ap = p - a;
-  const float length2 = glm::dot(ab, ab);
-  const float t = length2 > 0.0F ? std::clamp(glm::dot(ap, ab) / length2, 0.0F, 1.0F) : 0.0F;
-  const glm::vec3 d = ap - t * ab;
-  return glm::dot(d, d);
-}
-
-// One triangle with its plane and the three walls: planes through an edge, upright on it, positive inside, in units of
-// length.
-struct Facet {
-  glm::vec3 corner[3];
-  glm::vec3 normal{0.0F};
-  glm::vec3 wall[3];
-  float longest = 0.0F;    // of the edges
-  float roughness = 0.0F;  // rounding of what plane and walls say, per length
-  bool flat = false;       // has no area: plane and walls mean nothing
-  bool thin = false;       // measured by its edges
-
-  float beyond(int k, const glm::vec3& p) const { return glm::dot(wall[k], p - corner[k]); }
-
-  // Over the triangle: the distance to its plane. Else: to the nearest of the edges that p lies beyond; one of them
-  // holds the closest point.
-  float distance2(const glm::vec3& p) const {
-    float best = kFar;
-    bool inside = !thin;
-    for (int k = 0; k < 3; ++k) {
-      if (!thin && beyond(k, p) >= 0.0F) continue;
-      inside = false;
-      best = std::min(best, segmentDistance2(p, corner[k], corner[(k + 1) % 3]));
-    }
-    if (!inside) return best;
-    const float h = glm::dot(normal, p - corner[0]);
-    return h * h;
-  }
-};
 
 // A convex polygon (convex up to rounding; only its corners are ever measured), relative to some lattice point. Lanes
 // up to the next multiple of four repeat its first corner.
@@ -157,118 +117,6 @@ void cut(const Polygon& polygon, const float* side, Polygon& inside, Polygon& ou
   outside.fill();
 }
 
-// A surface to measure against: facets, who lies beyond each edge, and the facets around each vertex. Facets are made
-// when first asked for: unchanged parts never are.
-class Target {
- public:
-  // Everything of an earlier surface is forgotten; memory is kept.
-  void reset(const SurfaceView& surface) {
-    surface_ = surface;
-    const std::size_t triangles = surface.indices.size() / 3;
-    made_.assign(triangles, 0);
-    if (facets_.size() < triangles) facets_.resize(triangles);
-    neighbor_.assign(3 * triangles, kUnknown);
-    grid_.reset();
-    makeFans();
-  }
-
-  const Facet& facet(std::uint32_t t) {
-    if (made_[t] == 0) make(t, facets_[t]);
-    return facets_[t];
-  }
-  std::uint32_t neighbor(std::uint32_t t, int k) {
-    std::uint32_t& n = neighbor_[3 * std::size_t{t} + static_cast<std::size_t>(k)];
-    if (n == kUnknown)
-      n = across(t, corner(t, static_cast<std::size_t>(k)), corner(t, static_cast<std::size_t>((k + 1) % 3)));
-    return n;
-  }
-
-  // The facet around vertex v that is nearest to p (or near enough), if nearer than distance2 (which is updated); else
-  // `best`.
-  std::uint32_t nearestAround(std::uint32_t v, const glm::vec3& p, float& distance2, std::uint32_t best,
-                              float enough2 = 0.0F) {
-    for (std::uint32_t i = fan_[v]; i < fan_[v + 1] && distance2 > enough2; ++i)
-      if (const float d2 = facet(around_[i]).distance2(p); d2 < distance2) best = around_[i], distance2 = d2;
-    return best;
-  }
-
-  // From a facet on to nearer ones around its corners, while that helps and it is not near enough.
-  std::uint32_t descend(std::uint32_t t, const glm::vec3& p, float& distance2, float enough2) {
-    for (int step = 0; step < 4 && distance2 > enough2; ++step) {
-      std::uint32_t next = t;
-      for (std::size_t k = 0; k < 3; ++k) next = nearestAround(corner(t, k), p, distance2, next);
-      if (next == t) break;
-      t = next;
-    }
-    return t;
-  }
-
-  // A facet near p, found without history.
-  std::uint32_t search(const glm::vec3& p, float& distance2) {
-    if (!grid_) fillGrid();
-    const std::uint32_t v = grid_->nearest(p, [](std::uint32_t) { return true; });
-    return nearestAround(v, p, distance2, around_[fan_[v]]);
-  }
-
- private:
-  std::uint32_t corner(std::uint32_t t, std::size_t k) const { return surface_.indices[3 * std::size_t{t} + k]; }
-
-  void make(std::uint32_t t, Facet& f) {
-    made_[t] = 1;
-    for (std::size_t k = 0; k < 3; ++k) f.corner[k] = surface_.positions[corner(t, k)];
-    // In double, where products of lattice vectors are exact: a sliver's plane is as good as any.
-    const glm::dvec3 edge[3] = {glm::dvec3(f.corner[1] - f.corner[0]), glm::dvec3(f.corner[2] - f.corner[1]),
-                                glm::dvec3(f.corner[0] - f.corner[2])};
-    const glm::dvec3 n = glm::cross(edge[0], edge[1]);
-    const double area = glm::length(n);
-    const double length[3] = {glm::length(edge[0]), glm::length(edge[1]), glm::length(edge[2])};
-    const double longest = std::max({length[0], length[1], length[2]});
-    f.longest = static_cast<float>(longest);
-    f.flat = !(area > 0.0);
-    f.thin = !(area > static_cast<double>(kThin) * longest * longest);
-    f.roughness = kEpsilon * 64.0F;
-    if (f.flat) return;
-    if (!f.thin) f.roughness += kEpsilon * 8.0F * static_cast<float>(longest * longest / area);
-    f.normal = glm::vec3(n / area);
-    for (int k = 0; k < 3; ++k) f.wall[k] = glm::vec3(glm::cross(n, edge[k]) / (area * length[k]));
-  }
-
-  void makeFans() {
-    fan_.assign(surface_.positions.size() + 1, 0);
-    for (const std::uint32_t v : surface_.indices) ++fan_[v + 1];
-    for (std::size_t v = 1; v < fan_.size(); ++v) fan_[v] += fan_[v - 1];
-    around_.resize(surface_.indices.size());
-    std::vector<std::uint32_t>& next = next_;
-    next.assign(fan_.begin(), fan_.end() - 1);
-    for (std::uint32_t t = 0; t < made_.size(); ++t)
-      for (std::size_t k = 0; k < 3; ++k) around_[next[corner(t, k)]++] = t;
-  }
-
-  std::uint32_t across(std::uint32_t t, std::uint32_t a, std::uint32_t b) const {
-    for (std::uint32_t i = fan_[a]; i < fan_[a + 1]; ++i) {
-      const std::uint32_t other = around_[i];
-      if (other != t && (corner(other, 0) == b || corner(other, 1) == b || corner(other, 2) == b)) return other;
-    }
-    return kNone;
-  }
-
-  void fillGrid() {
-    std::vector<std::uint32_t> used;
-    for (std::uint32_t v = 0; v + 1 < fan_.size(); ++v)
-      if (fan_[v] != fan_[v + 1]) used.push_back(v);
-    grid_.emplace(surface_.positions, used);
-  }
-
-  SurfaceView surface_;
-  std::vector<Facet> facets_;
-  std::vector<std::uint8_t> made_;
-  std::vector<std::uint32_t> neighbor_;  // per triangle, across edge k: corners k, k + 1
-  std::vector<std::uint32_t> next_;
-  std::vector<std::uint32_t> fan_;
-  std::vector<std::uint32_t> around_;
-  std::optional<PointGrid> grid_;
-};
-
 // Where to look for target facets: near which target vertices a source vertex came to lie, and on which facet a
 // triangle.
 struct Hints {
@@ -286,10 +134,34 @@ struct Laid {
 // Lays source triangles on a target.
 class Layer {
  public:
-  Layer(const SurfaceView& source, Target& target, const Hints& hints, std::vector<std::uint32_t>& facet)
+  Layer(const SurfaceView& source, FacetSurface& target, const Hints& hints, std::vector<std::uint32_t>& facet)
       : source_(source), target_(target), hints_(hints), facet_(facet) {
     facet_.assign(source.positions.size(), kNone);
   }
+
+  // Where each vertex lies, which one it lies on, and how far it is away; returns the largest of that, or `known`.
+  float place(const Simplified& history, float known, std::vector<std::uint32_t>& twin, std::vector<float>& distance) {
+    const auto& below = target_.view().positions;
+    twin.assign(source_.positions.size(), kNone);
+    distance.assign(source_.positions.size(), 0.0F);
+    for (const std::uint32_t v : source_.indices) {
+      if (facet_[v] != kNone) continue;
+      const std::uint32_t kept = history.survivor[v];
+      if (below[kept] == source_.positions[v] && !target_.around(kept).empty()) {
+        const std::uint32_t leaving = target_.leavingBorder(kept);
+        facet_[v] = leaving != kNone ? leaving : target_.around(kept)[0];
+        twin[v] = kept;
+        continue;
+      }
+      const Facet& facet = target_.facet(nearFacet(v, known));
+      const float d = std::sqrt(facet.distance2(source_.positions[v]));
+      known = std::max(known, d);
+      distance[v] = d * (1.0F + 8.0F * kEpsilon) + facet.roughness * (facet.longest + d);
+    }
+    return known;
+  }
+
+  float usual() const { return usual_; }
 
   // The largest distance of some vertices, or `known`.
   float seed(float known) {
@@ -407,7 +279,7 @@ class Layer {
     int order[3] = {0, 1, 2};
     if (from != kNone)
       for (int k = 0; k < 2; ++k)
-        if (target_.neighbor(t, order[k]) == from) std::swap(order[k], order[2]);
+        if (target_.neighbor(t, static_cast<std::size_t>(order[k])) == from) std::swap(order[k], order[2]);
     const Polygon* rest = &polygon;
     Polygon inside[2];
     Polygon outside;
@@ -419,7 +291,7 @@ class Layer {
       if (!(low[k] < 0.0F)) continue;
       if (2 * rest->size > Polygon::kMax) break;
       cut(*rest, side[k], inside[turn], outside);
-      const std::uint32_t next = target_.neighbor(t, k);
+      const std::uint32_t next = target_.neighbor(t, static_cast<std::size_t>(k));
       const bool goes_on = next != kNone && next != from;
       const float enough = goes_on ? enough_ : abort_;
       const float d = -low[k] <= enough && (!goes_on || height <= enough_) ? distanceOf(outside, facet, enough) : kFar;
@@ -480,7 +352,7 @@ class Layer {
   }
 
   SurfaceView source_;
-  Target& target_;
+  FacetSurface& target_;
   const Hints& hints_;
   std::vector<std::uint32_t>& facet_;  // per source vertex: the nearest facet found so far
   float enough_ = 0.0F;
@@ -517,13 +389,20 @@ void backwardHints(const Simplified& history, Hints& hints) {
   hints.image = history.origin;
 }
 
+// Bounds of a triangle that rise pair by pair: toward, from, and the largest pair; the lane behind is not used.
+using Raised = float __attribute__((vector_size(16)));
+
 // What one call needs, kept for the next one of the thread.
 struct Scratch {
-  Target before;
-  Target after;
+  FacetSurface before;
+  FacetSurface after;
   Hints forward;
   Hints backward;
   std::vector<std::uint32_t> facet[2];
+  std::vector<std::uint32_t> twin;
+  std::vector<float> distance;
+  std::vector<Raised> raised;
+  Overlay overlay;
 };
 
 bool unchanged(const SurfaceView& before, std::uint32_t s, const SurfaceView& after, std::uint32_t t) {
@@ -576,30 +455,50 @@ SurfaceError carryError(const SurfaceView& before, const SurfaceError& before_er
   backwardHints(history, scratch.backward);
   Layer forward(before, scratch.after, scratch.forward, scratch.facet[0]);
   Layer backward(after, scratch.before, scratch.backward, scratch.facet[1]);
-  const float usual = backward.seed(forward.seed(negligible));
+  const float usual = backward.seed(forward.place(history, negligible, scratch.twin, scratch.distance));
   const float enough = std::max(negligible, kEnough * usual);
   forward.expect(enough, usual);
   backward.expect(enough, usual);
+  Overlay& overlay = scratch.overlay;
+  overlay.make(scratch.before, scratch.after, scratch.facet[0], scratch.distance, scratch.twin);
 
   const std::size_t triangles = after.indices.size() / 3;
   SurfaceError result{std::vector<float>(triangles, 0.0F), std::vector<float>(triangles, 0.0F)};
+  const auto toward_before = [&](std::uint32_t s) {
+    return before_error.toward.empty() ? 0.0F : before_error.toward[s];
+  };
+  const auto from_before = [&](std::uint32_t s) { return before_error.from.empty() ? 0.0F : before_error.from[s]; };
+  std::vector<Raised>& raised = scratch.raised;
+  raised.assign(triangles, Raised{});
+  const auto raise = [](float& to, float value) { to = std::max(to, value); };
   for (std::uint32_t s = 0; 3 * std::size_t{s} < before.indices.size(); ++s) {
-    const float carried = before_error.toward.empty() ? 0.0F : before_error.toward[s];
-    if (const std::uint32_t image = scratch.forward.image[s]; image != kNone && unchanged(before, s, after, image)) {
-      result.toward[image] = std::max(result.toward[image], carried);
-      continue;
-    }
-    for (const Laid& piece : forward.lay(s))
-      result.toward[piece.facet] = std::max(result.toward[piece.facet], sum(carried, piece.distance));
+    const std::uint32_t image = scratch.forward.image[s];
+    const bool is_same = image != kNone && unchanged(before, s, after, image);
+    if (is_same) raise(result.toward[image], toward_before(s));
+    const bool is_good = overlay.coversAbove(s);
+    const bool is_near = is_good && overlay.distance(s) <= forward.usual();
+    // Sums as sum() makes them: exact where nothing is added.
+    const Raised carried{is_near && !is_same ? toward_before(s) : -kFar, from_before(s), 0.0F, 0.0F};
+    if (is_good)
+      overlay.forEachPair(s, [&](std::uint32_t t, float d) {
+        const float up = d > 0.0F ? 1.0F + kEpsilon : 1.0F;
+        const Raised value = (carried + d) * up;
+        raised[t] = value > raised[t] ? value : raised[t];
+      });
+    if (is_near || is_same) continue;
+    for (const Laid& piece : forward.lay(s)) raise(result.toward[piece.facet], sum(toward_before(s), piece.distance));
   }
   for (std::uint32_t t = 0; t < triangles; ++t) {
-    const auto carried = [&](std::uint32_t s) { return before_error.from.empty() ? 0.0F : before_error.from[s]; };
+    raise(result.toward[t], raised[t][0]);
     if (unchanged(before, history.origin[t], after, t)) {
-      result.from[t] = carried(history.origin[t]);
+      result.from[t] = from_before(history.origin[t]);
       continue;
     }
-    for (const Laid& piece : backward.lay(t))
-      result.from[t] = std::max(result.from[t], sum(carried(piece.facet), piece.distance));
+    if (overlay.coversBelow(t) && raised[t][2] <= backward.usual()) {
+      result.from[t] = raised[t][1];
+      continue;
+    }
+    for (const Laid& piece : backward.lay(t)) raise(result.from[t], sum(from_before(piece.facet), piece.distance));
   }
   return result;
 }

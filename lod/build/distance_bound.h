@@ -14,14 +14,10 @@
 #include <span>
 #include <vector>
 
+#include "lod/build/facet_surface.h"
 #include "lod/build/simplify.h"
 
 namespace lod::build {
-
-struct SurfaceView {
-  std::span<const glm::vec3> positions;    ///< whole numbers below 2^22
-  std::span<const std::uint32_t> indices;  ///< 3 per triangle
-};
 
 /// Per triangle, in units of the positions. Every source point is assigned to some triangle and at most its `toward`
 /// from it; every point of a triangle is at most its `from` from the source surface. Empty: all zero.

@@ -1,0 +1,136 @@
+#pragma once
+// A triangle mesh to measure distances to: facets with their planes and walls, edges, and what lies around a vertex.
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <glm/glm.hpp>
+#include <limits>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "lod/build/point_grid.h"
+
+namespace lod::build {
+
+struct SurfaceView {
+  std::span<const glm::vec3> positions;    ///< whole numbers below 2^22
+  std::span<const std::uint32_t> indices;  ///< 3 per triangle, of different vertices
+};
+
+/// The share of ab at which the closest point to a + ap lies, in [0, 1].
+inline float closestShare(const glm::vec3& ap, const glm::vec3& ab) {
+  const float length2 = glm::dot(ab, ab);
+  return length2 > 0.0F ? std::clamp(glm::dot(ap, ab) / length2, 0.0F, 1.0F) : 0.0F;
+}
+
+inline float segmentDistance2(const glm::vec3& p, const glm::vec3& a, const glm::vec3& b) {
+  const glm::vec3 ab = b - a;
+  const glm::vec3 ap = p - a;
+  const glm::vec3 d = ap - closestShare(ap, ab) * ab;
+  return glm::dot(d, d);
+}
+
+/// One triangle with its plane and the three walls: planes through an edge (of corners k and k + 1), upright on the
+/// triangle, positive inside, in units of length.
+struct Facet {
+  std::array<glm::vec3, 3> corner;
+  glm::vec3 normal{0.0F};
+  std::array<glm::vec3, 3> wall;
+  float longest = 0.0F;    ///< of the edges
+  float roughness = 0.0F;  ///< rounding of what plane and walls say, per length
+  bool flat = false;       ///< has no area: plane and walls mean nothing
+  bool thin = false;       ///< measured by its edges
+
+  float beyond(std::size_t k, const glm::vec3& p) const { return glm::dot(wall[k], p - corner[k]); }
+
+  /// Over the triangle: the distance to its plane. Else: to the nearest of the edges that p lies beyond; one of them
+  /// holds the closest point. Squared.
+  float distance2(const glm::vec3& p) const {
+    float best = std::numeric_limits<float>::max();
+    bool inside = !thin;
+    for (std::size_t k = 0; k < 3; ++k) {
+      if (!thin && beyond(k, p) >= 0.0F) continue;
+      inside = false;
+      best = std::min(best, segmentDistance2(p, corner[k], corner[(k + 1) % 3]));
+    }
+    if (!inside) return best;
+    const float h = glm::dot(normal, p - corner[0]);
+    return h * h;
+  }
+};
+
+class FacetSurface {
+ public:
+  static constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
+
+  struct Edge {
+    std::array<std::uint32_t, 2> vertex{kNone, kNone};
+    std::array<std::uint32_t, 2> triangle{kNone, kNone};  ///< the first two
+    std::uint32_t triangles = 0;                          ///< 1: a border
+
+    bool isInner() const { return triangles == 2; }
+    std::uint32_t across(std::uint32_t t) const { return triangle[0] == t ? triangle[1] : triangle[0]; }
+    bool endsAt(std::uint32_t v) const { return vertex[0] == v || vertex[1] == v; }
+    std::uint32_t otherEnd(std::uint32_t v) const { return vertex[0] == v ? vertex[1] : vertex[0]; }
+  };
+
+  /// Everything of an earlier surface is forgotten; memory is kept.
+  void reset(const SurfaceView& surface);
+
+  const SurfaceView& view() const { return surface_; }
+  std::uint32_t triangleCount() const { return static_cast<std::uint32_t>(made_.size()); }
+  std::uint32_t corner(std::uint32_t t, std::size_t k) const { return surface_.indices[3 * std::size_t{t} + k]; }
+
+  const Facet& facet(std::uint32_t t) {
+    if (made_[t] == 0) make(t, facets_[t]);
+    return facets_[t];
+  }
+
+  std::span<const Edge> edges() const { return edges_; }
+  /// The edge of corners k and k + 1.
+  std::uint32_t edgeOf(std::uint32_t t, std::size_t k) const { return edge_of_[3 * std::size_t{t} + k]; }
+  /// Some triangle beyond that edge, or kNone.
+  std::uint32_t neighbor(std::uint32_t t, std::size_t k) const { return edges_[edgeOf(t, k)].across(t); }
+
+  std::span<const std::uint32_t> around(std::uint32_t v) const {
+    return {around_.data() + fan_[v], fan_[v + 1] - fan_[v]};
+  }
+  /// A triangle whose border edge leads away from v in its own sense; kNone: v is not on a border.
+  std::uint32_t leavingBorder(std::uint32_t v) const { return leaving_[v]; }
+
+  /// The facet around vertex v that is nearest to p (or near enough), if nearer than distance2 (which is updated); else
+  /// `best`.
+  std::uint32_t nearestAround(std::uint32_t v, const glm::vec3& p, float& distance2, std::uint32_t best,
+                              float enough2 = 0.0F) {
+    for (const std::uint32_t t : around(v)) {
+      if (distance2 <= enough2) break;
+      if (const float d2 = facet(t).distance2(p); d2 < distance2) best = t, distance2 = d2;
+    }
+    return best;
+  }
+  /// From a facet on to nearer ones around its corners, while that helps and it is not near enough.
+  std::uint32_t descend(std::uint32_t t, const glm::vec3& p, float& distance2, float enough2);
+  /// A facet near p, found without history.
+  std::uint32_t search(const glm::vec3& p, float& distance2);
+
+ private:
+  void make(std::uint32_t t, Facet& f);
+  void makeFans();
+  void makeEdges();
+  void fillGrid();
+
+  SurfaceView surface_;
+  // Facets are made when first asked for: many never are.
+  std::vector<Facet> facets_;
+  std::vector<std::uint8_t> made_;
+  std::vector<std::uint32_t> fan_;
+  std::vector<std::uint32_t> around_;
+  std::vector<Edge> edges_;
+  std::vector<std::uint32_t> edge_of_;
+  std::vector<std::uint32_t> leaving_;
+  std::vector<std::uint32_t> scratch_[2];
+  std::optional<PointGrid> grid_;
+};
+
+}  // namespace lod::build

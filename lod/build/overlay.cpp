@@ -1,0 +1,313 @@
+#include "lod/build/overlay.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+namespace lod::build {
+namespace {
+
+constexpr float kEpsilon = std::numeric_limits<float>::epsilon();
+// What is larger or longer than this is left to be measured otherwise: facets on the way of an edge, facets looked at
+// to link two, edges below that a triangle cuts, vertices that it encloses.
+constexpr int kMaxSteps = 64;
+constexpr std::size_t kMaxLink = 48;
+constexpr std::size_t kMaxCut = 96;
+constexpr std::size_t kMaxEnclosed = 24;
+constexpr std::size_t kFew = 3;
+
+bool contains(const std::vector<std::uint32_t>& list, std::uint32_t x) {
+  return std::find(list.begin(), list.end(), x) != list.end();
+}
+
+}  // namespace
+
+void Overlay::make(FacetSurface& above, FacetSurface& below, std::span<const std::uint32_t> facet_of,
+                   std::span<const float> distance_of, std::span<const std::uint32_t> twin_of) {
+  above_ = &above, below_ = &below;
+  facet_of_ = facet_of, distance_of_ = distance_of, twin_of_ = twin_of;
+  crossings_.clear();
+  paths_.resize(above.edges().size());
+  for (std::size_t e = 0; e < paths_.size(); ++e) walk(above.edges()[e], paths_[e]);
+
+  const std::uint32_t triangles = above.triangleCount();
+  is_good_.assign(triangles, 0);
+  distance_.assign(triangles, 0.0F);
+  is_cut_.assign(below.edges().size(), 0);
+  is_enclosed_.assign(below.view().positions.size(), 0);
+  enclosed_.clear();
+  first_enclosed_.resize(triangles + 1);
+  for (std::uint32_t s = 0; s < triangles; ++s) {
+    first_enclosed_[s] = static_cast<std::uint32_t>(enclosed_.size());
+    is_good_[s] = enclose(s) ? 1 : 0;
+    if (is_good_[s] == 0) enclosed_.resize(first_enclosed_[s]);
+    for (std::size_t i = first_enclosed_[s]; i < enclosed_.size(); ++i) is_enclosed_[enclosed_[i].vertex] ^= 1;
+  }
+  first_enclosed_[triangles] = static_cast<std::uint32_t>(enclosed_.size());
+  findBare();
+}
+
+// From facet to facet along the edge, out over the wall that it meets first, to the facet of its other end.
+void Overlay::walk(const FacetSurface::Edge& edge, Path& path) {
+  const auto [a, b] = edge.vertex;
+  origin_ = above_->view().positions[a];
+  const glm::vec3 ab = above_->view().positions[b] - origin_;
+  length_ = glm::length(ab);
+  std::uint32_t t = facet_of_[a];
+  const std::uint32_t goal = facet_of_[b];
+  path = {t, static_cast<std::uint32_t>(crossings_.size()), 0, 0.0F, true, kNone};
+  if (edge.triangles == 1 && walkBorder(edge, path)) return;
+  // Exactly on walls through vertices that the ends lie on.
+  const std::uint32_t twin_a = twin_of_[a];
+  const std::uint32_t twin_b = twin_of_[b];
+  std::uint32_t came_over = kNone;
+  float along = 0.0F;
+  for (int step = 0; t != goal; ++step) {
+    const Facet& facet = below_->facet(t);
+    std::size_t out = 3;
+    float first = std::numeric_limits<float>::max();
+    for (std::size_t k = 0; k < 3 && !facet.flat; ++k) {
+      const std::uint32_t e = below_->edgeOf(t, k);
+      // Beyond a border is nothing: the edge stays where it is.
+      const FacetSurface::Edge& wall = below_->edges()[e];
+      if (e == came_over || !wall.isInner() || wall.endsAt(twin_b)) continue;
+      float from = glm::dot(facet.wall[k], origin_ - facet.corner[k]);
+      const float to = from + glm::dot(facet.wall[k], ab);
+      if (to >= 0.0F) continue;
+      if (wall.endsAt(twin_a)) from = 0.0F;
+      // Beyond it from the start: before all others, the farthest first.
+      const float when = from <= 0.0F ? from : from / (from - to);
+      if (when < first) first = when, out = k;
+    }
+    if (out == 3 || step == kMaxSteps) {
+      // Over a facet that is not that of its end: in a fold or over a ridge, near one border, or over a flat facet.
+      const bool is_end = step < kMaxSteps && !facet.flat;
+      path.arrives =
+          (is_end && twin_b != kNone && turn(t, goal, twin_b)) || link(t, goal, is_end ? ab : along * ab, path);
+      break;
+    }
+    along = std::max(along, std::clamp(first, 0.0F, 1.0F));
+    came_over = below_->edgeOf(t, out);
+    t = below_->edges()[came_over].across(t);
+    if (along == 0.0F && below_->edges()[came_over].endsAt(twin_a))
+      crossings_.push_back({came_over, t, 0.0F});
+    else
+      cross(came_over, t, along * ab, path);
+  }
+  path.last = static_cast<std::uint32_t>(crossings_.size());
+}
+
+// A border edge that is the same below: along the one facet, then around the one of its ends that leads on. There the
+// borders are one and nothing is left bare between them.
+bool Overlay::walkBorder(const FacetSurface::Edge& edge, Path& path) {
+  const auto [a, b] = edge.vertex;
+  if (twin_of_[a] == kNone || twin_of_[b] == kNone) return false;
+  const std::array twins{std::min(twin_of_[a], twin_of_[b]), std::max(twin_of_[a], twin_of_[b])};
+  for (const bool turns_at_end : {true, false}) {
+    const std::uint32_t t = facet_of_[turns_at_end ? a : b];
+    const std::uint32_t around = twin_of_[turns_at_end ? b : a];
+    for (std::size_t k = 0; k < 3; ++k) {
+      const std::uint32_t same = below_->edgeOf(t, k);
+      if (below_->edges()[same].triangles != 1 || below_->edges()[same].vertex != twins) continue;
+      if (!turn(path.start, facet_of_[b], around)) return false;
+      path.last = static_cast<std::uint32_t>(crossings_.size());
+      // All edges within the fan, each once.
+      if (path.last - path.first + 1 == below_->around(around).size()) path.same = same;
+      return true;
+    }
+  }
+  return false;
+}
+
+// Pairs the point `at` of the edge above (from its first end on) with the closest one of an edge below.
+void Overlay::cross(std::uint32_t edge, std::uint32_t facet, const glm::vec3& at, Path& path) {
+  const auto& positions = below_->view().positions;
+  const glm::vec3 p = positions[below_->edges()[edge].vertex[0]] - origin_;
+  const glm::vec3 pq = positions[below_->edges()[edge].vertex[1]] - origin_ - p;
+  const glm::vec3 d = at - p - closestShare(at - p, pq) * pq;
+  float distance = std::sqrt(glm::dot(d, d));
+  distance += 32.0F * kEpsilon * (distance + length_ + std::abs(pq.x) + std::abs(pq.y) + std::abs(pq.z));
+  path.distance = std::max(path.distance, distance);
+  crossings_.push_back({edge, facet, distance});
+}
+
+// Goes around vertex v from facet t to `goal`, where the edge above has an end on v: the pairs cost nothing. False: it
+// is not around v, and nothing is done.
+bool Overlay::turn(std::uint32_t t, std::uint32_t goal, std::uint32_t v) {
+  const std::size_t first = crossings_.size();
+  const std::size_t all = below_->around(v).size();
+  // The one way, up to half around; the other; all of the one, where the other meets a border.
+  for (const auto& [side, most] : {std::pair{0, all / 2}, {1, all}, {0, all}}) {
+    std::uint32_t at = t;
+    std::uint32_t came_over = kNone;
+    while (at != goal && crossings_.size() - first < most) {
+      std::uint32_t over = kNone;
+      for (std::size_t k = 0; k < 3; ++k) {
+        const std::uint32_t e = below_->edgeOf(at, k);
+        if (e == came_over || !below_->edges()[e].endsAt(v)) continue;
+        over = e;
+        if (came_over != kNone || side == 0) break;
+      }
+      if (over == kNone || !below_->edges()[over].isInner()) break;
+      at = below_->edges()[over].across(at);
+      came_over = over;
+      crossings_.push_back({over, at, 0.0F});
+    }
+    if (at == goal) return true;
+    crossings_.resize(first);
+  }
+  return false;
+}
+
+// The shortest way from facet t to `goal`, crossed at one point.
+bool Overlay::link(std::uint32_t t, std::uint32_t goal, const glm::vec3& at, Path& path) {
+  struct Seen {
+    std::uint32_t facet, over;
+    std::size_t before;
+  };
+  std::array<Seen, kMaxLink> seen;
+  std::size_t count = 0;
+  seen[count++] = {t, kNone, 0};
+  for (std::size_t i = 0; i < count; ++i) {
+    if (seen[i].facet == goal) {
+      std::array<std::size_t, kMaxLink> way;
+      std::size_t length = 0;
+      for (std::size_t j = i; j != 0; j = seen[j].before) way[length++] = j;
+      while (length > 0) --length, cross(seen[way[length]].over, seen[way[length]].facet, at, path);
+      return true;
+    }
+    for (std::size_t k = 0; k < 3 && count < kMaxLink; ++k) {
+      const std::uint32_t e = below_->edgeOf(seen[i].facet, k);
+      const FacetSurface::Edge& edge = below_->edges()[e];
+      if (!edge.isInner() || e == seen[i].over) continue;
+      const std::uint32_t next = edge.across(seen[i].facet);
+      bool is_new = true;
+      for (std::size_t j = 0; j < count && is_new; ++j) is_new = seen[j].facet != next;
+      if (is_new) seen[count++] = {next, e, i};
+    }
+  }
+  return false;
+}
+
+// The vertices below that lie within triangle s: on the inner side of all edges that its border crosses an odd number
+// of times. False: the walks do not say.
+bool Overlay::enclose(std::uint32_t s) {
+  cut_.clear();
+  float distance = 0.0F;
+  for (std::size_t k = 0; k < 3; ++k)
+    if (!paths_[above_->edgeOf(s, k)].arrives) return false;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const Path& path = paths_[above_->edgeOf(s, k)];
+    distance = std::max({distance, path.distance, distance_of_[above_->corner(s, k)]});
+    for (std::uint32_t i = path.first; i < path.last; ++i) is_cut_[crossings_[i].edge] ^= 1;
+  }
+  for (std::size_t k = 0; k < 3; ++k) {
+    const Path& path = paths_[above_->edgeOf(s, k)];
+    for (std::uint32_t i = path.first; i < path.last; ++i)
+      if (std::uint8_t& is_cut = is_cut_[crossings_[i].edge]; is_cut != 0)
+        is_cut = 0, cut_.push_back(crossings_[i].edge);
+  }
+  distance_[s] = distance;
+  if (cut_.empty()) return true;
+  if (cut_.size() > kMaxCut) return false;
+  inside_.clear();
+  for (const std::uint32_t e : cut_) {
+    const auto [a, b] = below_->edges()[e].vertex;
+    if (contains(inside_, a) || contains(inside_, b)) continue;
+    // Mostly it is one vertex, with all its edges cut.
+    if (isAlone(a))
+      inside_.push_back(a);
+    else if (isAlone(b))
+      inside_.push_back(b);
+    else if (!flood(a, kFew) && !flood(b, kFew) && !flood(a, kMaxEnclosed) && !flood(b, kMaxEnclosed))
+      return false;
+  }
+  for (const std::uint32_t e : cut_) {
+    const auto [a, b] = below_->edges()[e].vertex;
+    if (contains(inside_, a) == contains(inside_, b)) return false;
+  }
+  for (const std::uint32_t v : inside_) {
+    const glm::vec3& p = below_->view().positions[v];
+    const Facet& facet = above_->facet(s);
+    float d = std::sqrt(facet.distance2(p));
+    d += 8.0F * kEpsilon * d + facet.roughness * (facet.longest + d);
+    enclosed_.push_back({v, d});
+    distance = std::max(distance, d);
+  }
+  distance_[s] = distance;
+  return true;
+}
+
+// Are all edges of v cut, and none of them a border?
+bool Overlay::isAlone(std::uint32_t v) const {
+  std::size_t count = 0;
+  for (const std::uint32_t e : cut_) {
+    const auto& ends = below_->edges()[e].vertex;
+    count += static_cast<std::size_t>(ends[0] == v) + static_cast<std::size_t>(ends[1] == v);
+  }
+  return count == below_->around(v).size() && below_->leavingBorder(v) == kNone;
+}
+
+// Adds to inside_ the vertices that hang on `start` by edges that are not cut. False, and nothing added: they are too
+// many, or reach a border, beyond which is no triangle to enclose them, or an edge of more than two triangles.
+bool Overlay::flood(std::uint32_t start, std::size_t most) {
+  const std::size_t first = inside_.size();
+  inside_.push_back(start);
+  for (std::size_t i = first; i < inside_.size(); ++i) {
+    const std::uint32_t v = inside_[i];
+    bool is_inner = below_->leavingBorder(v) == kNone;
+    for (const std::uint32_t t : below_->around(v)) {
+      if (!is_inner) break;
+      for (std::size_t k = 0; k < 3 && is_inner; ++k) {
+        const std::uint32_t e = below_->edgeOf(t, k);
+        const FacetSurface::Edge& edge = below_->edges()[e];
+        if (!edge.endsAt(v)) continue;
+        if (!edge.isInner()) is_inner = false;
+        if (contains(cut_, e)) continue;
+        const std::uint32_t w = edge.otherEnd(v);
+        if (contains(inside_, w)) continue;
+        if (inside_.size() - first < most)
+          inside_.push_back(w);
+        else
+          is_inner = false;
+      }
+    }
+    if (!is_inner) {
+      inside_.resize(first);
+      return false;
+    }
+  }
+  return true;
+}
+
+// Facets that something of may lie in no cell.
+void Overlay::findBare() {
+  is_bare_.assign(below_->triangleCount(), 0);
+  for (std::uint32_t v = 0; v < is_enclosed_.size(); ++v) {
+    if (is_enclosed_[v] != 0 || below_->leavingBorder(v) != kNone) continue;
+    for (const std::uint32_t t : below_->around(v)) is_bare_[t] = 1;
+  }
+  is_pinned_.assign(below_->edges().size(), 0);
+  for (std::size_t e = 0; e < paths_.size(); ++e)
+    if (paths_[e].same != kNone && is_good_[above_->edges()[e].triangle[0]] != 0) is_pinned_[paths_[e].same] = 1;
+  // Borders: all of those that meet at a vertex are pinned, or nothing is known around it.
+  for (std::uint32_t e = 0; e < below_->edges().size(); ++e) {
+    const FacetSurface::Edge& edge = below_->edges()[e];
+    if (edge.triangles != 1 || is_pinned_[e] != 0) continue;
+    for (const std::uint32_t v : edge.vertex)
+      for (const std::uint32_t t : below_->around(v)) is_bare_[t] = 1;
+  }
+  // An arc with cells on one side only is a border of what is covered; on a pinned border that is the border itself.
+  for (std::size_t e = 0; e < paths_.size(); ++e) {
+    const FacetSurface::Edge& edge = above_->edges()[e];
+    const Path& path = paths_[e];
+    if (!path.arrives) continue;
+    if (edge.triangles == 2 && is_good_[edge.triangle[0]] == is_good_[edge.triangle[1]]) continue;
+    if (edge.triangles == 1 && (is_good_[edge.triangle[0]] == 0 || path.same != kNone)) continue;
+    is_bare_[path.start] = 1;
+    for (std::uint32_t i = path.first; i < path.last; ++i) is_bare_[crossings_[i].facet] = 1;
+  }
+}
+
+}  // namespace lod::build

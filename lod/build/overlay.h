@@ -1,0 +1,112 @@
+#pragma once
+// Lays one surface over another as a whole, and so bounds the distance both ways at once.
+//
+// Every vertex of the upper surface is put on a facet of the lower, and every edge is walked from facet to facet
+// between those of its ends. Where it crosses an edge below, a point of the one is paired with a point of the other.
+// A vertex below that the walks around an upper triangle enclose is paired with a point of that triangle.
+//
+// The pairs cut both surfaces into cells: what belongs to upper triangle s and lower facet t is bounded by arcs of the
+// edges of s on t and of the edges of t on s. If both sets of arcs close (modulo 2), the cells on s together have the
+// border of s as their border, so they cover it, and those on t cover t, wherever the pairs lie. Filled in from one of
+// its corners, linearly on both sides, a cell lies in s and in t, which are convex; and the distance between its two
+// pictures is largest at a corner, a pair. So no point of a cell is farther from its partner than the largest pair of
+// the cell. How the walks were made changes how tight that is, never that it holds. Compare the successive mappings of
+// Cohen, Manocha and Olano 1997, which project every collapse onto a plane.
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "lod/build/facet_surface.h"
+
+namespace lod::build {
+
+class Overlay {
+ public:
+  /// Vertex v of `above` lies over facet facet_of[v] of `below`, at most distance_of[v] from it. A vertex at the same
+  /// place as vertex twin_of[v] of `below` lies over one of the facets there; kNone: at none.
+  void make(FacetSurface& above, FacetSurface& below, std::span<const std::uint32_t> facet_of,
+            std::span<const float> distance_of, std::span<const std::uint32_t> twin_of);
+
+  /// Do the pairs prove anything about triangle s of `above`?
+  bool coversAbove(std::uint32_t s) const { return is_good_[s] != 0; }
+  /// The largest pair of s.
+  float distance(std::uint32_t s) const { return distance_[s]; }
+  /// Are all points of facet t below in cells of triangles that coversAbove() says yes to?
+  bool coversBelow(std::uint32_t t) const { return is_bare_[t] == 0; }
+
+  /// Calls do(t, d) for each pair of s and each facet whose cells it belongs to; several times for most facets.
+  template <class Do>
+  void forEachPair(std::uint32_t s, Do&& with) const {
+    for (std::size_t k = 0; k < 3; ++k) {
+      const std::uint32_t e = above_->edgeOf(s, k);
+      const Path& path = paths_[e];
+      const auto [a, b] = above_->edges()[e].vertex;
+      std::uint32_t t = path.start;
+      float came = distance_of_[a];
+      for (std::uint32_t i = path.first; i < path.last; ++i) {
+        const Crossing& crossing = crossings_[i];
+        with(t, std::max(came, crossing.distance));
+        t = crossing.facet, came = crossing.distance;
+      }
+      with(t, std::max(came, distance_of_[b]));
+    }
+    for (std::uint32_t i = first_enclosed_[s]; i < first_enclosed_[s + 1]; ++i)
+      for (const std::uint32_t t : below_->around(enclosed_[i].vertex)) with(t, enclosed_[i].distance);
+  }
+
+ private:
+  static constexpr std::uint32_t kNone = FacetSurface::kNone;
+
+  /// An edge above goes over an edge below, into a facet.
+  struct Crossing {
+    std::uint32_t edge = 0;
+    std::uint32_t facet = 0;
+    float distance = 0.0F;
+  };
+  struct Path {
+    std::uint32_t start = 0;  // facet
+    std::uint32_t first = 0;  // crossings
+    std::uint32_t last = 0;
+    float distance = 0.0F;  // the largest
+    bool arrives = false;
+    std::uint32_t same = kNone;  // a border edge below that is this one
+  };
+  /// A vertex below that lies within a triangle above.
+  struct Enclosed {
+    std::uint32_t vertex = 0;
+    float distance = 0.0F;
+  };
+
+  void walk(const FacetSurface::Edge& edge, Path& path);
+  bool walkBorder(const FacetSurface::Edge& edge, Path& path);
+  void cross(std::uint32_t edge, std::uint32_t facet, const glm::vec3& at, Path& path);
+  bool turn(std::uint32_t t, std::uint32_t goal, std::uint32_t v);
+  bool link(std::uint32_t t, std::uint32_t goal, const glm::vec3& at, Path& path);
+  bool enclose(std::uint32_t s);
+  bool isAlone(std::uint32_t v) const;
+  bool flood(std::uint32_t start, std::size_t most);
+  void findBare();
+
+  FacetSurface* above_ = nullptr;
+  FacetSurface* below_ = nullptr;
+  std::span<const std::uint32_t> facet_of_;
+  std::span<const float> distance_of_;
+  std::span<const std::uint32_t> twin_of_;
+  std::vector<Path> paths_;  // per edge above
+  std::vector<Crossing> crossings_;
+  std::vector<Enclosed> enclosed_;
+  std::vector<std::uint32_t> first_enclosed_;
+  std::vector<float> distance_;
+  std::vector<std::uint8_t> is_good_;
+  std::vector<std::uint8_t> is_bare_;
+  std::vector<std::uint8_t> is_enclosed_;  // per vertex below: by an odd number of good triangles
+  std::vector<std::uint8_t> is_pinned_;    // per edge below: the same border edge is above
+  // Of the walk or the triangle at hand.
+  glm::vec3 origin_{0.0F};
+  float length_ = 0.0F;
+  std::vector<std::uint32_t> cut_;  // edges below that go in or out
+  std::vector<std::uint8_t> is_cut_;
+  std::vector<std::uint32_t> inside_;
+};
+
+}  // namespace lod::build
