@@ -1,7 +1,8 @@
 #pragma once
 // A cut of a built hierarchy as one surface, and how closed it is.
+#include <algorithm>
 #include <array>
-#include <map>
+#include <utility>
 #include <vector>
 
 #include "lod/build/hierarchy_build.h"
@@ -19,24 +20,54 @@ inline lod::build::HierarchyOptions smallPatches() {
   return options;
 }
 
-using LatticeEdge = std::array<int, 6>;
+/// A directed edge of triangles by the lattice points of its ends, and the patch that has it.
+struct LatticeEdge {
+  glm::ivec3 from{0}, to{0};
+  std::uint32_t patch = 0;
+};
 
-/// Directed edges by lattice position that lack an opposite: how many, counted with multiplicity. 0: closed.
-inline std::size_t openEdges(const lod::build::BuiltHierarchy& built, const std::vector<std::uint32_t>& patches) {
-  std::map<LatticeEdge, int> balance;
+/// Directed edges that lack an opposite, each as often as it lacks one; none: closed. Sorted by their ends.
+inline std::vector<LatticeEdge> unopposed(std::vector<LatticeEdge> edges) {
+  auto key = [](const glm::ivec3& q) { return std::array{q.x, q.y, q.z}; };
+  struct Run {
+    std::array<int, 6> ends;
+    std::uint32_t edge;
+    int sign;
+  };
+  std::vector<Run> runs;
+  runs.reserve(edges.size());
+  for (std::uint32_t i = 0; i < edges.size(); ++i) {
+    auto a = key(edges[i].from), b = key(edges[i].to);
+    const int sign = a < b ? 1 : -1;
+    if (sign < 0) std::swap(a, b);
+    runs.push_back({{a[0], a[1], a[2], b[0], b[1], b[2]}, i, sign});
+  }
+  std::sort(runs.begin(), runs.end(),
+            [](const Run& a, const Run& b) { return a.ends != b.ends ? a.ends < b.ends : a.edge < b.edge; });
+  std::vector<LatticeEdge> out;
+  for (std::size_t begin = 0, end = 0; begin < runs.size(); begin = end) {
+    int balance = 0;
+    for (end = begin; end < runs.size() && runs[end].ends == runs[begin].ends; ++end) balance += runs[end].sign;
+    for (std::size_t i = begin; i < end && balance != 0; ++i)
+      if (runs[i].sign * balance > 0) out.push_back(edges[runs[i].edge]), balance -= runs[i].sign;
+  }
+  return out;
+}
+
+inline std::vector<LatticeEdge> openEdgesOf(const lod::build::BuiltHierarchy& built,
+                                            const std::vector<std::uint32_t>& patches) {
+  std::vector<LatticeEdge> edges;
   for (const std::uint32_t p : patches) {
     const lod::patch::PatchGeometry& g = built.geometry[p];
-    for (std::size_t i = 0; i < g.indices.size(); i += 3)
-      for (std::size_t k = 0; k < 3; ++k) {
-        const glm::ivec3 a = g.positions[g.indices[i + k]];
-        const glm::ivec3 b = g.positions[g.indices[i + (k + 1) % 3]];
-        ++balance[{a.x, a.y, a.z, b.x, b.y, b.z}];
-        --balance[{b.x, b.y, b.z, a.x, a.y, a.z}];
-      }
+    for (std::size_t i = 0; i < g.indices.size(); ++i)
+      edges.push_back({g.positions[g.indices[i]], g.positions[g.indices[i % 3 == 2 ? i - 2 : i + 1]], p});
   }
-  std::size_t open = 0;
-  for (const auto& [edge, count] : balance) open += static_cast<std::size_t>(count > 0 ? count : 0);
-  return open;
+  return unopposed(std::move(edges));
+}
+
+/// How many there are.
+inline std::size_t openEdges(const lod::build::BuiltHierarchy& built, const std::vector<std::uint32_t>& patches) {
+  return openEdgesOf(built, patches).size();
 }
 
 inline Surface surfaceOf(const lod::build::BuiltHierarchy& built, const std::vector<std::uint32_t>& patches) {
