@@ -18,7 +18,7 @@ base::Result<void> writeAll(int fd, const std::string& path, std::uint64_t offse
   while (!bytes.empty()) {
     const ssize_t n = ::pwrite(fd, bytes.data(), bytes.size(), static_cast<off_t>(offset));
     if (n < 0 && errno == EINTR) continue;
-    if (n < 0) return base::systemError(path, "cannot write", errno);
+    if (n <= 0) return base::systemError(path, "write", n == 0 ? ENOSPC : errno);
     offset += static_cast<std::uint64_t>(n);
     bytes = bytes.subspan(static_cast<std::size_t>(n));
   }
@@ -31,7 +31,7 @@ base::Result<SpoolFile> SpoolFile::create(const std::string& path) {
   SpoolFile file;
   file.path_ = path;
   file.fd_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
-  if (file.fd_ < 0) return base::systemError(path, "cannot create", errno);
+  if (file.fd_ < 0) return base::systemError(path, "create", errno);
   return file;
 }
 
@@ -39,9 +39,9 @@ base::Result<SpoolFile> SpoolFile::open(const std::string& path) {
   SpoolFile file;
   file.path_ = path;
   file.fd_ = ::open(path.c_str(), O_RDWR | O_CLOEXEC);
-  if (file.fd_ < 0) return base::systemError(path, "cannot open", errno);
+  if (file.fd_ < 0) return base::systemError(path, "open", errno);
   const off_t end = ::lseek(file.fd_, 0, SEEK_END);
-  if (end < 0) return base::systemError(path, "cannot read", errno);
+  if (end < 0) return base::systemError(path, "read", errno);
   file.flushed_ = static_cast<std::uint64_t>(end);
   return file;
 }
@@ -82,13 +82,13 @@ base::Result<void> SpoolFile::flush() {
 
 base::Result<void> SpoolFile::sync() {
   LUMIGRID_TRY(flush());
-  if (::fdatasync(fd_) != 0) return base::systemError(path_, "cannot write", errno);
+  if (::fdatasync(fd_) != 0) return base::systemError(path_, "write", errno);
   return {};
 }
 
 base::Result<void> SpoolFile::truncate(std::uint64_t size) {
   buffer_.clear();
-  if (::ftruncate(fd_, static_cast<off_t>(size)) != 0) return base::systemError(path_, "cannot cut", errno);
+  if (::ftruncate(fd_, static_cast<off_t>(size)) != 0) return base::systemError(path_, "cut", errno);
   flushed_ = size;
   return {};
 }
@@ -97,7 +97,7 @@ base::Result<void> SpoolFile::readAt(std::uint64_t offset, std::span<std::uint8_
   while (!out.empty()) {
     const ssize_t n = ::pread(fd_, out.data(), out.size(), static_cast<off_t>(offset));
     if (n < 0 && errno == EINTR) continue;
-    if (n < 0) return base::systemError(path_, "cannot read", errno);
+    if (n < 0) return base::systemError(path_, "read", errno);
     if (n == 0)
       return base::Error{base::ErrorCode::kIo, path_ + ": ends before byte " + std::to_string(offset + out.size()) +
                                                    "; somebody changed it: build again with --force"};

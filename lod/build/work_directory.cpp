@@ -46,12 +46,12 @@ base::Result<void> needFree(const std::string& directory, std::uint64_t bytes, c
 base::Result<WorkDirectory> WorkDirectory::open(const std::string& path, const std::string& key) {
   std::error_code error;
   fs::create_directories(path, error);
-  if (error) return Error{ErrorCode::kIo, path + ": cannot make this directory: " + error.message()};
+  if (error) return base::systemError(path, "make this directory", error.value());
   WorkDirectory out;
   out.path_ = path;
   out.key_ = key;
   out.lock_ = ::open((path + "/lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
-  if (out.lock_ < 0) return base::systemError(path + "/lock", "cannot create", errno);
+  if (out.lock_ < 0) return base::systemError(path + "/lock", "create", errno);
   if (::flock(out.lock_, LOCK_EX | LOCK_NB) != 0)
     return Error{ErrorCode::kBusy, path + ": another build is at work here; wait for it, or choose another directory"};
 
@@ -127,7 +127,7 @@ base::Result<void> WorkDirectory::needSpace(std::uint64_t bytes, const std::stri
 base::Result<TemporaryDirectory> TemporaryDirectory::make() {
   std::error_code error;
   std::string pattern = (fs::temp_directory_path(error) / "lumigrid-XXXXXX").string();
-  if (::mkdtemp(pattern.data()) == nullptr) return base::systemError(pattern, "cannot create", errno);
+  if (::mkdtemp(pattern.data()) == nullptr) return base::systemError(pattern, "create", errno);
   return TemporaryDirectory(pattern);
 }
 
