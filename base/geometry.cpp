@@ -103,33 +103,42 @@ bool Frustum::mayOverlap(const Sphere& sphere) const {
                      [&](const glm::vec4& p) { return glm::dot(glm::vec3(p), sphere.center) + p.w >= -sphere.radius; });
 }
 
-glm::dvec3 closestPointOnTriangle(const glm::dvec3& p, const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c) {
+glm::dvec3 closestWeightsOnTriangle(const glm::dvec3& p, const glm::dvec3& a, const glm::dvec3& b,
+                                    const glm::dvec3& c) {
+  const auto on = [](double share_b, double share_c) { return glm::dvec3(1.0 - share_b - share_c, share_b, share_c); };
   const glm::dvec3 ab = b - a;
   const glm::dvec3 ac = c - a;
   const glm::dvec3 ap = p - a;
   const double d1 = glm::dot(ab, ap);
   const double d2 = glm::dot(ac, ap);
-  if (d1 <= 0 && d2 <= 0) return a;
+  if (d1 <= 0 && d2 <= 0) return on(0, 0);
   const glm::dvec3 bp = p - b;
   const double d3 = glm::dot(ab, bp);
   const double d4 = glm::dot(ac, bp);
-  if (d3 >= 0 && d4 <= d3) return b;
+  if (d3 >= 0 && d4 <= d3) return on(1, 0);
   const double vc = d1 * d4 - d3 * d2;
-  if (vc <= 0 && d1 >= 0 && d3 <= 0) return d1 - d3 > 0 ? a + ab * (d1 / (d1 - d3)) : a;
+  if (vc <= 0 && d1 >= 0 && d3 <= 0) return on(d1 - d3 > 0 ? d1 / (d1 - d3) : 0, 0);
   const glm::dvec3 cp = p - c;
   const double d5 = glm::dot(ab, cp);
   const double d6 = glm::dot(ac, cp);
-  if (d6 >= 0 && d5 <= d6) return c;
+  if (d6 >= 0 && d5 <= d6) return on(0, 1);
   const double vb = d5 * d2 - d1 * d6;
-  if (vb <= 0 && d2 >= 0 && d6 <= 0) return d2 - d6 > 0 ? a + ac * (d2 / (d2 - d6)) : a;
+  if (vb <= 0 && d2 >= 0 && d6 <= 0) return on(0, d2 - d6 > 0 ? d2 / (d2 - d6) : 0);
   const double va = d3 * d6 - d5 * d4;
   if (va <= 0 && (d4 - d3) >= 0 && (d5 - d6) >= 0) {
     const double sum = (d4 - d3) + (d5 - d6);
-    return sum > 0 ? b + (c - b) * ((d4 - d3) / sum) : b;
+    const double share = sum > 0 ? (d4 - d3) / sum : 0;
+    return on(1 - share, share);
   }
   const double denominator = va + vb + vc;
-  if (denominator == 0) return a;
-  return a + ab * (vb / denominator) + ac * (vc / denominator);
+  if (denominator == 0) return on(0, 0);
+  return on(vb / denominator, vc / denominator);
+}
+
+glm::dvec3 closestPointOnTriangle(const glm::dvec3& p, const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c) {
+  const glm::dvec3 weight = closestWeightsOnTriangle(p, a, b, c);
+  // From corner a on: exact at the corners.
+  return weight.y == 1.0 ? b : weight.z == 1.0 ? c : a + (b - a) * weight.y + (c - a) * weight.z;
 }
 
 }  // namespace base

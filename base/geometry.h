@@ -53,7 +53,9 @@ struct Frustum {
   bool mayOverlap(const Sphere& sphere) const;
 };
 
-/// Distance from p to the triangle abc, and the closest point (Ericson 2005, section 5.1.5).
+/// The weights of a, b and c, 0 … 1, that give the point of the triangle closest to p (Ericson 2005, section 5.1.5).
+glm::dvec3 closestWeightsOnTriangle(const glm::dvec3& p, const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c);
+/// That point.
 glm::dvec3 closestPointOnTriangle(const glm::dvec3& p, const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c);
 
 }  // namespace base

@@ -140,10 +140,12 @@ class Layer {
   }
 
   // Where each vertex lies, which one it lies on, and how far it is away; returns the largest of that, or `known`.
-  float place(const Simplified& history, float known, std::vector<std::uint32_t>& twin, std::vector<float>& distance) {
+  float place(const Simplified& history, float known, std::vector<std::uint32_t>& twin,
+              std::vector<Overlay::Gap>& gap) {
     const auto& below = target_.view().positions;
     twin.assign(source_.positions.size(), kNone);
-    distance.assign(source_.positions.size(), 0.0F);
+    gap.assign(source_.positions.size(), {});
+    const bool has_color = !source_.colors.empty() && !target_.view().colors.empty();
     for (const std::uint32_t v : source_.indices) {
       if (facet_[v] != kNone) continue;
       const std::uint32_t kept = history.survivor[v];
@@ -151,12 +153,14 @@ class Layer {
         const std::uint32_t leaving = target_.leavingBorder(kept);
         facet_[v] = leaving != kNone ? leaving : target_.around(kept)[0];
         twin[v] = kept;
+        if (has_color) gap[v].color = glm::length(source_.colors[v] - target_.view().colors[kept]);
         continue;
       }
       const Facet& facet = target_.facet(nearFacet(v, known));
       const float d = std::sqrt(facet.distance2(source_.positions[v]));
       known = std::max(known, d);
-      distance[v] = d * (1.0F + 8.0F * kEpsilon) + facet.roughness * (facet.longest + d);
+      gap[v].distance = d * (1.0F + 8.0F * kEpsilon) + facet.roughness * (facet.longest + d);
+      if (has_color) gap[v].color = glm::length(source_.colors[v] - target_.colorNear(facet_[v], source_.positions[v]));
     }
     return known;
   }
@@ -389,7 +393,7 @@ void backwardHints(const Simplified& history, Hints& hints) {
   hints.image = history.origin;
 }
 
-// Bounds of a triangle that rise pair by pair: toward, from, and the largest pair; the lane behind is not used.
+// Bounds of a triangle that rise pair by pair: toward, from, the largest pair, colour.
 using Raised = float __attribute__((vector_size(16)));
 
 // What one call needs, kept for the next one of the thread.
@@ -400,7 +404,7 @@ struct Scratch {
   Hints backward;
   std::vector<std::uint32_t> facet[2];
   std::vector<std::uint32_t> twin;
-  std::vector<float> distance;
+  std::vector<Overlay::Gap> gap;
   std::vector<Raised> raised;
   Overlay overlay;
 };
@@ -411,6 +415,27 @@ bool unchanged(const SurfaceView& before, std::uint32_t s, const SurfaceView& af
         after.positions[after.indices[3 * std::size_t{t} + k]])
       return false;
   return true;
+}
+
+// Of the colours of triangles s and t that lie on each other, corner by corner.
+float cornerDifference(const SurfaceView& before, std::uint32_t s, const SurfaceView& after, std::uint32_t t) {
+  float largest = 0.0F;
+  if (before.colors.empty() || after.colors.empty()) return largest;
+  for (std::size_t k = 0; k < 3; ++k)
+    largest = std::max(largest, glm::length(before.colors[before.indices[3 * std::size_t{s} + k]] -
+                                            after.colors[after.indices[3 * std::size_t{t} + k]]));
+  return largest;
+}
+
+// Of any colour of triangle s from any of triangle t.
+float largestDifference(const SurfaceView& before, std::uint32_t s, const SurfaceView& after, std::uint32_t t) {
+  float largest = 0.0F;
+  if (before.colors.empty() || after.colors.empty()) return largest;
+  for (std::size_t k = 0; k < 3; ++k)
+    for (std::size_t j = 0; j < 3; ++j)
+      largest = std::max(largest, glm::length(before.colors[before.indices[3 * std::size_t{s} + k]] -
+                                              after.colors[after.indices[3 * std::size_t{t} + j]]));
+  return largest;
 }
 
 // a + b, not below the sum.
@@ -455,50 +480,66 @@ SurfaceError carryError(const SurfaceView& before, const SurfaceError& before_er
   backwardHints(history, scratch.backward);
   Layer forward(before, scratch.after, scratch.forward, scratch.facet[0]);
   Layer backward(after, scratch.before, scratch.backward, scratch.facet[1]);
-  const float usual = backward.seed(forward.place(history, negligible, scratch.twin, scratch.distance));
+  const float usual = backward.seed(forward.place(history, negligible, scratch.twin, scratch.gap));
   const float enough = std::max(negligible, kEnough * usual);
   forward.expect(enough, usual);
   backward.expect(enough, usual);
   Overlay& overlay = scratch.overlay;
-  overlay.make(scratch.before, scratch.after, scratch.facet[0], scratch.distance, scratch.twin);
+  overlay.make(scratch.before, scratch.after, scratch.facet[0], scratch.gap, scratch.twin);
 
   const std::size_t triangles = after.indices.size() / 3;
-  SurfaceError result{std::vector<float>(triangles, 0.0F), std::vector<float>(triangles, 0.0F)};
-  const auto toward_before = [&](std::uint32_t s) {
-    return before_error.toward.empty() ? 0.0F : before_error.toward[s];
+  SurfaceError result{std::vector<float>(triangles, 0.0F), std::vector<float>(triangles, 0.0F), {}};
+  const bool has_color = !before.colors.empty() && !after.colors.empty();
+  if (has_color) result.color.assign(triangles, 0.0F);
+  const auto carried = [](const std::vector<float>& error, std::uint32_t s) { return error.empty() ? 0.0F : error[s]; };
+  const auto raise = [](float& to, float value) { to = std::max(to, value); };
+  const auto raiseColor = [&](std::uint32_t t, std::uint32_t s, float difference) {
+    if (has_color) raise(result.color[t], sum(carried(before_error.color, s), difference));
   };
-  const auto from_before = [&](std::uint32_t s) { return before_error.from.empty() ? 0.0F : before_error.from[s]; };
   std::vector<Raised>& raised = scratch.raised;
   raised.assign(triangles, Raised{});
-  const auto raise = [](float& to, float value) { to = std::max(to, value); };
   for (std::uint32_t s = 0; 3 * std::size_t{s} < before.indices.size(); ++s) {
     const std::uint32_t image = scratch.forward.image[s];
     const bool is_same = image != kNone && unchanged(before, s, after, image);
-    if (is_same) raise(result.toward[image], toward_before(s));
+    const float toward = carried(before_error.toward, s);
+    if (is_same) {
+      raise(result.toward[image], toward);
+      raiseColor(image, s, cornerDifference(before, s, after, image));
+    }
     const bool is_good = overlay.coversAbove(s);
     const bool is_near = is_good && overlay.distance(s) <= forward.usual();
-    // Sums as sum() makes them: exact where nothing is added.
-    const Raised carried{is_near && !is_same ? toward_before(s) : -kFar, from_before(s), 0.0F, 0.0F};
-    if (is_good)
-      overlay.forEachPair(s, [&](std::uint32_t t, float d) {
-        const float up = d > 0.0F ? 1.0F + kEpsilon : 1.0F;
-        const Raised value = (carried + d) * up;
+    if (is_good) {
+      // Sums as sum() makes them: exact where nothing is added.
+      const Raised had{is_near && !is_same ? toward : -kFar, carried(before_error.from, s), 0.0F,
+                       carried(before_error.color, s)};
+      overlay.forEachPair(s, [&](std::uint32_t t, const Overlay::Gap& gap) {
+        const Raised add{gap.distance, gap.distance, gap.distance, gap.color};
+        const Raised exact = had + add;
+        const Raised value = add > 0.0F ? exact * (1.0F + kEpsilon) : exact;
         raised[t] = value > raised[t] ? value : raised[t];
       });
+    }
     if (is_near || is_same) continue;
-    for (const Laid& piece : forward.lay(s)) raise(result.toward[piece.facet], sum(toward_before(s), piece.distance));
+    for (const Laid& piece : forward.lay(s)) {
+      raise(result.toward[piece.facet], sum(toward, piece.distance));
+      raiseColor(piece.facet, s, largestDifference(before, s, after, piece.facet));
+    }
   }
   for (std::uint32_t t = 0; t < triangles; ++t) {
     raise(result.toward[t], raised[t][0]);
+    if (has_color) raise(result.color[t], raised[t][3]);
     if (unchanged(before, history.origin[t], after, t)) {
-      result.from[t] = from_before(history.origin[t]);
+      result.from[t] = carried(before_error.from, history.origin[t]);
       continue;
     }
     if (overlay.coversBelow(t) && raised[t][2] <= backward.usual()) {
       result.from[t] = raised[t][1];
       continue;
     }
-    for (const Laid& piece : backward.lay(t)) raise(result.from[t], sum(from_before(piece.facet), piece.distance));
+    for (const Laid& piece : backward.lay(t)) {
+      raise(result.from[t], sum(carried(before_error.from, piece.facet), piece.distance));
+      raiseColor(t, piece.facet, largestDifference(before, piece.facet, after, t));
+    }
   }
   return result;
 }

@@ -20,19 +20,23 @@
 namespace lod::build {
 
 /// Per triangle, in units of the positions. Every source point is assigned to some triangle and at most its `toward`
-/// from it; every point of a triangle is at most its `from` from the source surface. Empty: all zero.
+/// from it; every point of a triangle is at most its `from` from the source surface. The colours at both ends of what
+/// is measured so differ by at most `color` (0 … 255 a channel, Euclidean). Empty: all zero.
 struct SurfaceError {
   std::vector<float> toward;
   std::vector<float> from;
+  std::vector<float> color;
 };
 
 /// The bounds of `after`, which simplifyGroup made of `before`, rounding included. Distances below `negligible` are not
-/// looked into. Triangles that stayed as they were carry on what they had. Both surfaces have triangles.
+/// looked into. Triangles that stayed as they were carry on what they had. Both surfaces have triangles, and both
+/// colours or neither.
 SurfaceError carryError(const SurfaceView& before, const SurfaceError& before_error, const SurfaceView& after,
                         const Simplified& history, float negligible);
 
-/// An error in one byte, rounded up by at most 7 % from 1/16 to 2^20 steps; less counts as 1/16, 0 stays 0. Code 255
-/// stands for all above: no two points of a lattice (21 bits) are farther from each other than it says.
+/// A distance or a difference of colours in one byte, rounded up by at most 7 % from 1/16 to 2^20 steps; less counts as
+/// 1/16, 0 stays 0. Code 255 stands for all above: no two points of a lattice (21 bits) are farther from each other
+/// than it says.
 std::uint8_t errorCode(float error);
 float errorOfCode(std::uint8_t code);
 

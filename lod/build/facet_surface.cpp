@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "base/geometry.h"
+
 namespace lod::build {
 namespace {
 
@@ -38,6 +40,14 @@ void FacetSurface::make(std::uint32_t t, Facet& f) {
   if (!f.thin) f.roughness += kEpsilon * 8.0F * longest2 / static_cast<float>(area);
   f.normal = glm::vec3(n * (1.0 / area));
   for (std::size_t k = 0; k < 3; ++k) f.wall[k] = glm::cross(f.normal, edge[k]) * (1.0F / std::sqrt(length2[k]));
+}
+
+glm::vec3 FacetSurface::colorNear(std::uint32_t t, const glm::vec3& p) const {
+  if (surface_.colors.empty()) return glm::vec3(0.0F);
+  const auto at = [&](std::size_t k) { return glm::dvec3(surface_.positions[corner(t, k)]); };
+  const glm::vec3 weight(base::closestWeightsOnTriangle(glm::dvec3(p), at(0), at(1), at(2)));
+  return weight.x * surface_.colors[corner(t, 0)] + weight.y * surface_.colors[corner(t, 1)] +
+         weight.z * surface_.colors[corner(t, 2)];
 }
 
 void FacetSurface::makeFans() {

@@ -16,6 +16,7 @@ namespace lod::build {
 struct SurfaceView {
   std::span<const glm::vec3> positions;    ///< whole numbers below 2^22
   std::span<const std::uint32_t> indices;  ///< 3 per triangle, of different vertices
+  std::span<const glm::vec3> colors = {};  ///< per vertex, 0 … 255; or none
 };
 
 /// The share of ab at which the closest point to a + ap lies, in [0, 1].
@@ -86,6 +87,9 @@ class FacetSurface {
     if (made_[t] == 0) make(t, facets_[t]);
     return facets_[t];
   }
+
+  /// The colour at the closest point of a facet to p; black where there are no colours.
+  glm::vec3 colorNear(std::uint32_t t, const glm::vec3& p) const;
 
   std::span<const Edge> edges() const { return edges_; }
   /// The edge of corners k and k + 1.

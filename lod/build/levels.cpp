@@ -23,6 +23,9 @@ constexpr float kNegligible = 0.05F;
 // METIS costs little.
 constexpr std::uint32_t kVoxelsPerPatch = 32;
 
+// The length of a change from black to white.
+constexpr float kLargestColor = 441.673F;
+
 // The merged triangles of a group, the codes of its vertices, and where its coordinates start.
 struct Merged {
   GroupMesh mesh;
@@ -84,11 +87,13 @@ Merged mergePatches(const std::vector<lod::patch::PatchGeometry>& patches, std::
 
 // The bounds of a patch's triangles, behind those read before.
 base::Result<void> addErrors(const base::Bytes& codes, std::size_t triangles, SurfaceError& errors) {
-  if (!codes.empty() && codes.size() != 2 * triangles)
+  if (!codes.empty() && codes.size() != kErrorCodes * triangles)
     return base::Error{base::ErrorCode::kInvalidInput, "the builder's own file: errors of another number of triangles"};
   for (std::size_t t = 0; t < triangles; ++t) {
-    errors.toward.push_back(codes.empty() ? 0.0F : errorOfCode(codes[2 * t]));
-    errors.from.push_back(codes.empty() ? 0.0F : errorOfCode(codes[2 * t + 1]));
+    const auto value = [&](std::size_t k) { return codes.empty() ? 0.0F : errorOfCode(codes[kErrorCodes * t + k]); };
+    errors.toward.push_back(value(0));
+    errors.from.push_back(value(1));
+    errors.color.push_back(value(2));
   }
   return {};
 }
@@ -100,10 +105,10 @@ void keepOnLattice(Merged& merged, std::uint32_t bits) {
   for (glm::vec3& p : merged.mesh.positions) p = glm::clamp(glm::round(p), low, high);
 }
 
-// Simplified triangles on lattice points: vertices that came to lie on each other are one, and triangles that lost
-// their area so are gone from the mesh and the history.
-CodedMesh codedMesh(const Merged& merged, Simplified& simplified, std::vector<std::uint8_t>& locked) {
-  const GroupMesh& group = merged.mesh;
+// Simplified triangles on lattice points, and `merged` with the colours that they are stored with: vertices that came
+// to lie on each other are one, and triangles that lost their area so are gone from the mesh and the history.
+CodedMesh codedMesh(Merged& merged, Simplified& simplified, std::vector<std::uint8_t>& locked) {
+  GroupMesh& group = merged.mesh;
   CodedMesh out;
   CodeMap map(group.positions.size());
   std::vector<std::uint32_t> number(group.positions.size(), CodeMap::kNone);
@@ -147,6 +152,8 @@ CodedMesh codedMesh(const Merged& merged, Simplified& simplified, std::vector<st
   }
   simplified.indices.resize(3 * kept);
   simplified.origin.resize(kept);
+  for (std::size_t v = 0; colored && v < number.size(); ++v)
+    if (number[v] != CodeMap::kNone) group.colors[v] = glm::vec3(glm::u8vec3(out.colors[number[v]]));
   return out;
 }
 
@@ -333,6 +340,7 @@ base::Result<LevelBuilder::Made> LevelBuilder::makeGroup(std::span<const std::ui
   geometry.clear();
   const std::vector<glm::vec3> before = merged.mesh.positions;
   const std::vector<std::uint32_t> before_indices = merged.mesh.indices;
+  const std::vector<glm::vec3> before_colors = merged.mesh.colors;
   const std::size_t target = options_.regroup ? before_indices.size() / 6 : options_.node_triangles;
   Simplified simplified = simplifyGroup(merged.mesh, target);
   keepOnLattice(merged, lattice_.bits);
@@ -359,16 +367,22 @@ base::Result<LevelBuilder::Made> LevelBuilder::makeGroup(std::span<const std::ui
   }
   const double step = lattice_.lattice.step;
   const auto below = static_cast<float>(static_cast<double>(record.error) / step);
-  const SurfaceError error =
-      carryError({before, before_indices}, before_error, {merged.mesh.positions, simplified.indices}, simplified,
-                 std::max(0.5F, kNegligible * below));
+  const SurfaceError error = carryError({before, before_indices, before_colors}, before_error,
+                                        {merged.mesh.positions, simplified.indices, merged.mesh.colors}, simplified,
+                                        std::max(0.5F, kNegligible * below));
   std::vector<std::uint8_t> codes;
-  codes.reserve(2 * error.toward.size());
-  for (std::size_t t = 0; t < error.toward.size(); ++t)
-    for (const float e : {error.toward[t], error.from[t]}) codes.push_back(errorCode(e));
-  const float largest = codes.empty() ? 0.0F : errorOfCode(*std::max_element(codes.begin(), codes.end()));
-  record.error = std::max(record.error, roundedUp(static_cast<double>(largest) * step));
-  record.attribute_error = std::min(1.0F, record.attribute_error + simplified.color_deviation);
+  codes.reserve(kErrorCodes * error.toward.size());
+  float largest = 0.0F;
+  float largest_color = 0.0F;
+  for (std::size_t t = 0; t < error.toward.size(); ++t) {
+    for (const float e : {error.toward[t], error.from[t], error.color.empty() ? 0.0F : error.color[t]})
+      codes.push_back(errorCode(e));
+    largest = std::max({largest, error.toward[t], error.from[t]});
+    if (!error.color.empty()) largest_color = std::max(largest_color, error.color[t]);
+  }
+  record.error = std::max(record.error, roundedUp(static_cast<double>(errorOfCode(errorCode(largest))) * step));
+  record.attribute_error =
+      std::max(record.attribute_error, std::min(1.0F, errorOfCode(errorCode(largest_color)) / kLargestColor));
 
   // Split into new patches.
   const std::vector<KeyedIndex> sorted = sortedByVoxel(mesh, lattice_.bits);

@@ -24,9 +24,10 @@ bool contains(const std::vector<std::uint32_t>& list, std::uint32_t x) {
 }  // namespace
 
 void Overlay::make(FacetSurface& above, FacetSurface& below, std::span<const std::uint32_t> facet_of,
-                   std::span<const float> distance_of, std::span<const std::uint32_t> twin_of) {
+                   std::span<const Gap> gap_of, std::span<const std::uint32_t> twin_of) {
   above_ = &above, below_ = &below;
-  facet_of_ = facet_of, distance_of_ = distance_of, twin_of_ = twin_of;
+  facet_of_ = facet_of, gap_of_ = gap_of, twin_of_ = twin_of;
+  has_color_ = !above.view().colors.empty() && !below.view().colors.empty();
   crossings_.clear();
   paths_.resize(above.edges().size());
   for (std::size_t e = 0; e < paths_.size(); ++e) walk(above.edges()[e], paths_[e]);
@@ -52,12 +53,15 @@ void Overlay::make(FacetSurface& above, FacetSurface& below, std::span<const std
 void Overlay::walk(const FacetSurface::Edge& edge, Path& path) {
   const auto [a, b] = edge.vertex;
   origin_ = above_->view().positions[a];
-  const glm::vec3 ab = above_->view().positions[b] - origin_;
-  length_ = glm::length(ab);
+  whole_ = above_->view().positions[b] - origin_;
+  length_ = glm::length(whole_);
+  if (const auto& colors = above_->view().colors; !colors.empty()) color_[0] = colors[a], color_[1] = colors[b];
   std::uint32_t t = facet_of_[a];
   const std::uint32_t goal = facet_of_[b];
   path = {t, static_cast<std::uint32_t>(crossings_.size()), 0, 0.0F, true, kNone};
-  if (edge.triangles == 1 && walkBorder(edge, path)) return;
+  if (twin_of_[a] != kNone && twin_of_[b] != kNone &&
+      ((edge.triangles == 1 && walkBorder(edge, path)) || walkSame(edge, path)))
+    return;
   // Exactly on walls through vertices that the ends lie on.
   const std::uint32_t twin_a = twin_of_[a];
   const std::uint32_t twin_b = twin_of_[b];
@@ -73,7 +77,7 @@ void Overlay::walk(const FacetSurface::Edge& edge, Path& path) {
       const FacetSurface::Edge& wall = below_->edges()[e];
       if (e == came_over || !wall.isInner() || wall.endsAt(twin_b)) continue;
       float from = glm::dot(facet.wall[k], origin_ - facet.corner[k]);
-      const float to = from + glm::dot(facet.wall[k], ab);
+      const float to = from + glm::dot(facet.wall[k], whole_);
       if (to >= 0.0F) continue;
       if (wall.endsAt(twin_a)) from = 0.0F;
       // Beyond it from the start: before all others, the farthest first.
@@ -83,17 +87,17 @@ void Overlay::walk(const FacetSurface::Edge& edge, Path& path) {
     if (out == 3 || step == kMaxSteps) {
       // Over a facet that is not that of its end: in a fold or over a ridge, near one border, or over a flat facet.
       const bool is_end = step < kMaxSteps && !facet.flat;
-      path.arrives =
-          (is_end && twin_b != kNone && turn(t, goal, twin_b)) || link(t, goal, is_end ? ab : along * ab, path);
+      path.arrives = (is_end && twin_b != kNone && turn(t, goal, twin_b, gap_of_[b].color)) ||
+                     link(t, goal, is_end ? 1.0F : along, path);
       break;
     }
     along = std::max(along, std::clamp(first, 0.0F, 1.0F));
     came_over = below_->edgeOf(t, out);
     t = below_->edges()[came_over].across(t);
     if (along == 0.0F && below_->edges()[came_over].endsAt(twin_a))
-      crossings_.push_back({came_over, t, 0.0F});
+      crossings_.push_back({came_over, t, {0.0F, gap_of_[a].color}});
     else
-      cross(came_over, t, along * ab, path);
+      cross(came_over, t, along, path);
   }
   path.last = static_cast<std::uint32_t>(crossings_.size());
 }
@@ -102,7 +106,6 @@ void Overlay::walk(const FacetSurface::Edge& edge, Path& path) {
 // borders are one and nothing is left bare between them.
 bool Overlay::walkBorder(const FacetSurface::Edge& edge, Path& path) {
   const auto [a, b] = edge.vertex;
-  if (twin_of_[a] == kNone || twin_of_[b] == kNone) return false;
   const std::array twins{std::min(twin_of_[a], twin_of_[b]), std::max(twin_of_[a], twin_of_[b])};
   for (const bool turns_at_end : {true, false}) {
     const std::uint32_t t = facet_of_[turns_at_end ? a : b];
@@ -110,7 +113,8 @@ bool Overlay::walkBorder(const FacetSurface::Edge& edge, Path& path) {
     for (std::size_t k = 0; k < 3; ++k) {
       const std::uint32_t same = below_->edgeOf(t, k);
       if (below_->edges()[same].triangles != 1 || below_->edges()[same].vertex != twins) continue;
-      if (!turn(path.start, facet_of_[b], around)) return false;
+      if (below_->corner(t, k) == around) continue;
+      if (!turn(path.start, facet_of_[b], around, gap_of_[turns_at_end ? b : a].color)) return false;
       path.last = static_cast<std::uint32_t>(crossings_.size());
       // All edges within the fan, each once.
       if (path.last - path.first + 1 == below_->around(around).size()) path.same = same;
@@ -120,21 +124,42 @@ bool Overlay::walkBorder(const FacetSurface::Edge& edge, Path& path) {
   return false;
 }
 
-// Pairs the point `at` of the edge above (from its first end on) with the closest one of an edge below.
-void Overlay::cross(std::uint32_t edge, std::uint32_t facet, const glm::vec3& at, Path& path) {
-  const auto& positions = below_->view().positions;
-  const glm::vec3 p = positions[below_->edges()[edge].vertex[0]] - origin_;
-  const glm::vec3 pq = positions[below_->edges()[edge].vertex[1]] - origin_ - p;
-  const glm::vec3 d = at - p - closestShare(at - p, pq) * pq;
-  float distance = std::sqrt(glm::dot(d, d));
-  distance += 32.0F * kEpsilon * (distance + length_ + std::abs(pq.x) + std::abs(pq.y) + std::abs(pq.z));
-  path.distance = std::max(path.distance, distance);
-  crossings_.push_back({edge, facet, distance});
+// An edge that is the same below: around its one end to a facet on it, and on around the other.
+bool Overlay::walkSame(const FacetSurface::Edge& edge, Path& path) {
+  const auto [a, b] = edge.vertex;
+  for (const std::uint32_t t : below_->around(twin_of_[a])) {
+    bool is_on = false;
+    for (std::size_t k = 0; k < 3; ++k) is_on |= below_->corner(t, k) == twin_of_[b];
+    if (!is_on) continue;
+    if (turn(path.start, t, twin_of_[a], gap_of_[a].color) && turn(t, facet_of_[b], twin_of_[b], gap_of_[b].color)) {
+      path.last = static_cast<std::uint32_t>(crossings_.size());
+      return true;
+    }
+    crossings_.resize(path.first);
+  }
+  return false;
 }
 
-// Goes around vertex v from facet t to `goal`, where the edge above has an end on v: the pairs cost nothing. False: it
-// is not around v, and nothing is done.
-bool Overlay::turn(std::uint32_t t, std::uint32_t goal, std::uint32_t v) {
+// Pairs the point at this share of the edge above with the closest one of an edge below.
+void Overlay::cross(std::uint32_t edge, std::uint32_t facet, float along, Path& path) {
+  const auto [a, b] = below_->edges()[edge].vertex;
+  const auto& positions = below_->view().positions;
+  const glm::vec3 p = positions[a] - origin_;
+  const glm::vec3 pq = positions[b] - origin_ - p;
+  const glm::vec3 to = along * whole_ - p;
+  const float share = closestShare(to, pq);
+  const glm::vec3 d = to - share * pq;
+  Gap gap{std::sqrt(glm::dot(d, d)), 0.0F};
+  gap.distance += 32.0F * kEpsilon * (gap.distance + length_ + std::abs(pq.x) + std::abs(pq.y) + std::abs(pq.z));
+  if (const auto& colors = below_->view().colors; has_color_)
+    gap.color = glm::length(glm::mix(color_[0], color_[1], along) - glm::mix(colors[a], colors[b], share));
+  path.distance = std::max(path.distance, gap.distance);
+  crossings_.push_back({edge, facet, gap});
+}
+
+// Goes around vertex v from facet t to `goal`, where the edge above has an end on v: the pairs are as far apart as
+// those two. False: it is not around v, and nothing is done.
+bool Overlay::turn(std::uint32_t t, std::uint32_t goal, std::uint32_t v, float color) {
   const std::size_t first = crossings_.size();
   const std::size_t all = below_->around(v).size();
   // The one way, up to half around; the other; all of the one, where the other meets a border.
@@ -152,7 +177,7 @@ bool Overlay::turn(std::uint32_t t, std::uint32_t goal, std::uint32_t v) {
       if (over == kNone || !below_->edges()[over].isInner()) break;
       at = below_->edges()[over].across(at);
       came_over = over;
-      crossings_.push_back({over, at, 0.0F});
+      crossings_.push_back({over, at, {0.0F, color}});
     }
     if (at == goal) return true;
     crossings_.resize(first);
@@ -161,7 +186,7 @@ bool Overlay::turn(std::uint32_t t, std::uint32_t goal, std::uint32_t v) {
 }
 
 // The shortest way from facet t to `goal`, crossed at one point.
-bool Overlay::link(std::uint32_t t, std::uint32_t goal, const glm::vec3& at, Path& path) {
+bool Overlay::link(std::uint32_t t, std::uint32_t goal, float along, Path& path) {
   struct Seen {
     std::uint32_t facet, over;
     std::size_t before;
@@ -174,7 +199,7 @@ bool Overlay::link(std::uint32_t t, std::uint32_t goal, const glm::vec3& at, Pat
       std::array<std::size_t, kMaxLink> way;
       std::size_t length = 0;
       for (std::size_t j = i; j != 0; j = seen[j].before) way[length++] = j;
-      while (length > 0) --length, cross(seen[way[length]].over, seen[way[length]].facet, at, path);
+      while (length > 0) --length, cross(seen[way[length]].over, seen[way[length]].facet, along, path);
       return true;
     }
     for (std::size_t k = 0; k < 3 && count < kMaxLink; ++k) {
@@ -199,7 +224,7 @@ bool Overlay::enclose(std::uint32_t s) {
     if (!paths_[above_->edgeOf(s, k)].arrives) return false;
   for (std::size_t k = 0; k < 3; ++k) {
     const Path& path = paths_[above_->edgeOf(s, k)];
-    distance = std::max({distance, path.distance, distance_of_[above_->corner(s, k)]});
+    distance = std::max({distance, path.distance, gap_of_[above_->corner(s, k)].distance});
     for (std::uint32_t i = path.first; i < path.last; ++i) is_cut_[crossings_[i].edge] ^= 1;
   }
   for (std::size_t k = 0; k < 3; ++k) {
@@ -232,7 +257,9 @@ bool Overlay::enclose(std::uint32_t s) {
     const Facet& facet = above_->facet(s);
     float d = std::sqrt(facet.distance2(p));
     d += 8.0F * kEpsilon * d + facet.roughness * (facet.longest + d);
-    enclosed_.push_back({v, d});
+    Gap gap{d, 0.0F};
+    if (has_color_) gap.color = glm::length(below_->view().colors[v] - above_->colorNear(s, p));
+    enclosed_.push_back({v, gap});
     distance = std::max(distance, d);
   }
   distance_[s] = distance;

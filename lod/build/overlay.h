@@ -9,9 +9,9 @@
 // edges of s on t and of the edges of t on s. If both sets of arcs close (modulo 2), the cells on s together have the
 // border of s as their border, so they cover it, and those on t cover t, wherever the pairs lie. Filled in from one of
 // its corners, linearly on both sides, a cell lies in s and in t, which are convex; and the distance between its two
-// pictures is largest at a corner, a pair. So no point of a cell is farther from its partner than the largest pair of
-// the cell. How the walks were made changes how tight that is, never that it holds. Compare the successive mappings of
-// Cohen, Manocha and Olano 1997, which project every collapse onto a plane.
+// pictures is largest at a corner, a pair; so is that of their colours. So no point of a cell is farther from its
+// partner than the largest pair of the cell. How the walks were made changes how tight that is, never that it holds.
+// Compare the successive mappings of Cohen, Manocha and Olano 1997, which project every collapse onto a plane.
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -22,10 +22,16 @@ namespace lod::build {
 
 class Overlay {
  public:
-  /// Vertex v of `above` lies over facet facet_of[v] of `below`, at most distance_of[v] from it. A vertex at the same
-  /// place as vertex twin_of[v] of `below` lies over one of the facets there; kNone: at none.
+  /// What two points are apart: in space, and in colour (0 … 255 a channel; 0 where one surface has none).
+  struct Gap {
+    float distance = 0.0F;
+    float color = 0.0F;
+  };
+
+  /// Vertex v of `above` lies over facet facet_of[v] of `below`, at most gap_of[v] from it. A vertex at the same place
+  /// as vertex twin_of[v] of `below` lies over one of the facets there; kNone: at none.
   void make(FacetSurface& above, FacetSurface& below, std::span<const std::uint32_t> facet_of,
-            std::span<const float> distance_of, std::span<const std::uint32_t> twin_of);
+            std::span<const Gap> gap_of, std::span<const std::uint32_t> twin_of);
 
   /// Do the pairs prove anything about triangle s of `above`?
   bool coversAbove(std::uint32_t s) const { return is_good_[s] != 0; }
@@ -34,7 +40,7 @@ class Overlay {
   /// Are all points of facet t below in cells of triangles that coversAbove() says yes to?
   bool coversBelow(std::uint32_t t) const { return is_bare_[t] == 0; }
 
-  /// Calls do(t, d) for each pair of s and each facet whose cells it belongs to; several times for most facets.
+  /// Calls with(t, gap) for each pair of s and each facet whose cells it belongs to; several times for most facets.
   template <class Do>
   void forEachPair(std::uint32_t s, Do&& with) const {
     for (std::size_t k = 0; k < 3; ++k) {
@@ -42,16 +48,16 @@ class Overlay {
       const Path& path = paths_[e];
       const auto [a, b] = above_->edges()[e].vertex;
       std::uint32_t t = path.start;
-      float came = distance_of_[a];
+      Gap came = gap_of_[a];
       for (std::uint32_t i = path.first; i < path.last; ++i) {
         const Crossing& crossing = crossings_[i];
-        with(t, std::max(came, crossing.distance));
-        t = crossing.facet, came = crossing.distance;
+        with(t, larger(came, crossing.gap));
+        t = crossing.facet, came = crossing.gap;
       }
-      with(t, std::max(came, distance_of_[b]));
+      with(t, larger(came, gap_of_[b]));
     }
     for (std::uint32_t i = first_enclosed_[s]; i < first_enclosed_[s + 1]; ++i)
-      for (const std::uint32_t t : below_->around(enclosed_[i].vertex)) with(t, enclosed_[i].distance);
+      for (const std::uint32_t t : below_->around(enclosed_[i].vertex)) with(t, enclosed_[i].gap);
   }
 
  private:
@@ -61,7 +67,7 @@ class Overlay {
   struct Crossing {
     std::uint32_t edge = 0;
     std::uint32_t facet = 0;
-    float distance = 0.0F;
+    Gap gap;
   };
   struct Path {
     std::uint32_t start = 0;  // facet
@@ -74,14 +80,20 @@ class Overlay {
   /// A vertex below that lies within a triangle above.
   struct Enclosed {
     std::uint32_t vertex = 0;
-    float distance = 0.0F;
+    Gap gap;
   };
 
+  static Gap larger(const Gap& a, const Gap& b) {
+    return {std::max(a.distance, b.distance), std::max(a.color, b.color)};
+  }
+
   void walk(const FacetSurface::Edge& edge, Path& path);
+
   bool walkBorder(const FacetSurface::Edge& edge, Path& path);
-  void cross(std::uint32_t edge, std::uint32_t facet, const glm::vec3& at, Path& path);
-  bool turn(std::uint32_t t, std::uint32_t goal, std::uint32_t v);
-  bool link(std::uint32_t t, std::uint32_t goal, const glm::vec3& at, Path& path);
+  bool walkSame(const FacetSurface::Edge& edge, Path& path);
+  void cross(std::uint32_t edge, std::uint32_t facet, float along, Path& path);
+  bool turn(std::uint32_t t, std::uint32_t goal, std::uint32_t v, float color);
+  bool link(std::uint32_t t, std::uint32_t goal, float along, Path& path);
   bool enclose(std::uint32_t s);
   bool isAlone(std::uint32_t v) const;
   bool flood(std::uint32_t start, std::size_t most);
@@ -90,8 +102,9 @@ class Overlay {
   FacetSurface* above_ = nullptr;
   FacetSurface* below_ = nullptr;
   std::span<const std::uint32_t> facet_of_;
-  std::span<const float> distance_of_;
+  std::span<const Gap> gap_of_;
   std::span<const std::uint32_t> twin_of_;
+  bool has_color_ = false;
   std::vector<Path> paths_;  // per edge above
   std::vector<Crossing> crossings_;
   std::vector<Enclosed> enclosed_;
@@ -103,7 +116,9 @@ class Overlay {
   std::vector<std::uint8_t> is_pinned_;    // per edge below: the same border edge is above
   // Of the walk or the triangle at hand.
   glm::vec3 origin_{0.0F};
+  glm::vec3 whole_{0.0F};
   float length_ = 0.0F;
+  glm::vec3 color_[2];              // of its ends
   std::vector<std::uint32_t> cut_;  // edges below that go in or out
   std::vector<std::uint8_t> is_cut_;
   std::vector<std::uint32_t> inside_;

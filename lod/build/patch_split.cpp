@@ -114,7 +114,7 @@ std::vector<NewPatch> makePatches(const CodedMesh& mesh, const std::vector<std::
     patch.encoded = lod::patch::encodePatch(geometry, &order);
     if (!errors.empty())
       for (const std::uint32_t i : order)
-        for (std::size_t k = 0; k < 2; ++k) patch.errors.push_back(errors[2 * std::size_t{part[i]} + k]);
+        for (std::size_t k = 0; k < kErrorCodes; ++k) patch.errors.push_back(errors[kErrorCodes * part[i] + k]);
     patches.push_back(std::move(patch));
   }
   return patches;

@@ -10,6 +10,9 @@
 
 namespace lod::build {
 
+/// What a triangle carries from level to level: errorCode() of SurfaceError's toward, from and color.
+inline constexpr std::size_t kErrorCodes = 3;
+
 /// A surface on the lattice, vertices known by their Morton codes.
 struct CodedMesh {
   std::vector<glm::ivec3> positions;
@@ -31,8 +34,8 @@ std::vector<std::vector<std::uint32_t>> splitTriangles(const CodedMesh& mesh, st
                                                        std::uint32_t max_triangles, TieWeight weight);
 
 /// The parts as encoded patches of a level. `outer[v]` != 0: the vertex may be shared with patches that are not among
-/// the parts; it and those shared between parts are listed as border. `errors`: two codes per triangle of the mesh, or
-/// empty.
+/// the parts; it and those shared between parts are listed as border. `errors`: kErrorCodes codes per triangle of the
+/// mesh, or empty.
 std::vector<NewPatch> makePatches(const CodedMesh& mesh, const std::vector<std::vector<std::uint32_t>>& parts,
                                   std::span<const std::uint8_t> outer, std::span<const std::uint8_t> errors,
                                   const lod::patch::Lattice& lattice, std::uint32_t level);

@@ -564,16 +564,8 @@ class Simplifier {
   }
 
   void moveAttributes(const Collapse& c) {
-    const bool fixed = kinds_[c.kept] == Kind::kLocked;
-    if (!mesh_.colors.empty()) {
-      glm::vec3& kept = mesh_.colors[c.kept];
-      const glm::vec3 gone = mesh_.colors[c.gone];
-      const glm::vec3 mixed = fixed ? kept : glm::mix(kept, gone, c.along);
-      const float change = std::max(glm::length(mixed - kept), glm::length(mixed - gone)) / 441.673F;
-      color_deviation_ = std::max(color_deviation_, change);
-      kept = mixed;
-    }
-    if (fixed) return;
+    if (kinds_[c.kept] == Kind::kLocked) return;
+    if (!mesh_.colors.empty()) mesh_.colors[c.kept] = glm::mix(mesh_.colors[c.kept], mesh_.colors[c.gone], c.along);
     mesh_.normals[c.kept] = glm::mix(mesh_.normals[c.kept], mesh_.normals[c.gone], c.along);
     mesh_.positions[c.kept] = c.position;
   }
@@ -637,7 +629,6 @@ class Simplifier {
     }
     out.survivor.resize(survivor_.size());
     for (std::uint32_t v = 0; v < survivor_.size(); ++v) out.survivor[v] = find(v);
-    out.color_deviation = color_deviation_;
     out.rough = rough;
     return out;
   }
@@ -661,7 +652,6 @@ class Simplifier {
   double mean_edge_ = 1.0;
   double color_scale_ = 0.0;
   double normal_scale_ = 0.0;
-  float color_deviation_ = 0.0F;
 };
 
 }  // namespace

@@ -24,7 +24,6 @@ struct Simplified {
   std::vector<std::uint32_t> indices;   ///< 3 per triangle, into the group's vertices
   std::vector<std::uint32_t> origin;    ///< per triangle: which of the group's triangles it was
   std::vector<std::uint32_t> survivor;  ///< per vertex: the vertex it was collapsed into (itself when it lives)
-  float color_deviation = 0.0F;         ///< largest change of a colour along a collapse, 0 … 1
   bool rough = false;                   ///< more than the first stage was needed
 };
 

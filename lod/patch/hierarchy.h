@@ -40,7 +40,7 @@ struct Group {
   float error = 0.0F;   ///< world units; two-sided distance between what it produces and the leaf geometry below is at
                         ///< most this; infinite for group 0
   float attribute_error =
-      0.0F;  ///< largest colour deviation met so far, 0..1, as the simplifier saw it (an estimate, not a bound)
+      0.0F;  ///< colours of points that `error` speaks of differ by at most this, 0..1 (1: black to white)
   std::uint32_t level = 0;        ///< of the patches it produces; ≥ 1
   std::uint32_t first_patch = 0;  ///< consumed patches: first_patch … first_patch + patch_count − 1
   std::uint32_t patch_count = 0;

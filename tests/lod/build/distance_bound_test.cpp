@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "base/geometry.h"
 #include "tests/support/surface_distance.h"
 #include "tests/support/test_meshes.h"
 
@@ -149,7 +150,7 @@ TEST(CarriedError, OfDifferentPlacesNeverAddsUp) {
       const std::uint32_t a = 3 * i + j;
       indices.insert(indices.end(), {a, a + 3, a + 4, a, a + 4, a + 1});
     }
-  SurfaceError carried{std::vector<float>(indices.size() / 3, 0.0F), std::vector<float>(indices.size() / 3, 0.0F)};
+  SurfaceError carried{std::vector<float>(indices.size() / 3, 0.0F), std::vector<float>(indices.size() / 3, 0.0F), {}};
   carried.toward.back() = carried.from.back() = 10.0F;
   std::vector<glm::vec3> after = points;
   after[3 * 1 + 1].z = 0;
@@ -162,6 +163,56 @@ TEST(CarriedError, OfDifferentPlacesNeverAddsUp) {
   EXPECT_LE(*std::max_element(error.toward.begin(), error.toward.end()), 20.1F);
   EXPECT_LE(*std::max_element(error.from.begin(), error.from.end()), 20.1F);
   EXPECT_EQ(error.toward.back(), 10.0F);
+}
+
+// On a flat sheet points do not move, so the colours at one place are what is compared. Smooth where x is small, random
+// elsewhere.
+TEST(CarriedError, BoundsTheColorsOfASheetTriangleByTriangle) {
+  const Mesh mesh = support::openGrid(40, 0.0F);
+  GroupMesh group = onLattice(mesh, 2000.0F);
+  std::uint32_t seed = 1;
+  for (const glm::vec3& p : mesh.positions) {
+    seed = seed * 1664525U + 1013904223U;
+    group.colors.push_back(p.x < 0.0F ? glm::vec3(100.0F + 50.0F * p.x, 80.0F, 60.0F + 20.0F * p.y)
+                                      : glm::vec3(seed >> 24, (seed >> 16) & 255U, (seed >> 8) & 255U));
+  }
+  const std::vector<glm::vec3> source = group.positions;
+  const std::vector<glm::vec3> source_colors = group.colors;
+  const std::vector<std::uint32_t> source_indices = group.indices;
+  // The colour at a place, or nothing outside.
+  const auto colorAt = [](const SurfaceView& surface, const glm::dvec3& p) {
+    for (std::size_t i = 0; i < surface.indices.size(); i += 3) {
+      const auto at = [&](std::size_t k) { return glm::dvec3(surface.positions[surface.indices[i + k]]); };
+      const glm::vec3 weight(base::closestWeightsOnTriangle(p, at(0), at(1), at(2)));
+      if (glm::length(base::closestPointOnTriangle(p, at(0), at(1), at(2)) - p) > 1e-6) continue;
+      return weight.x * surface.colors[surface.indices[i]] + weight.y * surface.colors[surface.indices[i + 1]] +
+             weight.z * surface.colors[surface.indices[i + 2]];
+    }
+    ADD_FAILURE() << "outside";
+    return glm::vec3(0.0F);
+  };
+  SurfaceError error;
+  float smallest = 1e9F;
+  for (int round = 0; round < 3; ++round) {
+    const GroupMesh before = group;
+    const Simplified made = simplifyGroup(group, group.indices.size() / 6);
+    error = carryError({before.positions, before.indices, before.colors}, error,
+                       {group.positions, made.indices, group.colors}, made, 0.01F);
+    group.indices = made.indices;
+    ASSERT_EQ(error.color.size(), group.indices.size() / 3);
+    for (std::size_t t = 0; t < error.color.size(); ++t) {
+      const auto at = [&](std::size_t k) { return glm::dvec3(group.positions[group.indices[3 * t + k]]); };
+      const glm::dvec3 p = 0.5 * at(0) + 0.3 * at(1) + 0.2 * at(2);
+      const auto color = [&](std::size_t k) { return group.colors[group.indices[3 * t + k]]; };
+      const glm::vec3 here = 0.5F * color(0) + 0.3F * color(1) + 0.2F * color(2);
+      const glm::vec3 there = colorAt({source, source_indices, source_colors}, p);
+      EXPECT_LE(glm::length(here - there), error.color[t] + 0.5F) << "round " << round << ", triangle " << t;
+    }
+    for (const float c : error.color) smallest = std::min(smallest, c);
+  }
+  // Where colours change evenly nothing is lost.
+  EXPECT_LT(smallest, 5.0F);
+  EXPECT_GT(*std::max_element(error.color.begin(), error.color.end()), 100.0F);
 }
 
 TEST(CarriedError, OfAFlatSheetIsNearNothing) {
