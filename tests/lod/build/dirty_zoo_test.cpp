@@ -247,6 +247,47 @@ TEST_F(DirtyZoo, TrianglesWithoutAreaAreCountedAndGo) {
   expectClosed(built);
 }
 
+// Triangles on few points of a line, alone in their group, may all be folded away. What simplification does to them
+// decides whether that happens; then it is said.
+TEST_F(DirtyZoo, ATangleOnALineIsBuiltOrRefused) {
+  struct Tangle {
+    std::vector<int> points;  // on the x axis
+    std::uint32_t voxel_triangles;
+    std::string corners;
+  };
+  // Found by trying many: each was refused.
+  const Tangle tangles[] = {
+      {{0, 2, 6, 8, 9, 10, 13}, 9, "153401210013640125061451602254503162513254065264130423156203"},
+      {{2, 3, 4, 5, 6, 7}, 10, "241130340524405043410215154015435350135450103512123523543102"},
+      {{0, 1, 2, 3, 5, 7, 10}, 14, "416561625102460214410264605402520401425321403341601"},
+  };
+  options_.leaf_triangles = 16, options_.node_triangles = 16, options_.group_patches = 2, options_.position_bits = 10;
+  for (const Tangle& tangle : tangles) {
+    options_.voxel_triangles = tangle.voxel_triangles;
+    PlyMesh mesh;
+    for (const int x : tangle.points) mesh.add(glm::dvec3(x, 0, 0));
+    for (const char corner : tangle.corners) mesh.indices.push_back(static_cast<std::uint32_t>(corner - '0'));
+    const auto base = static_cast<std::uint32_t>(mesh.positions.size());
+    for (std::uint32_t y = 0; y <= 5; ++y)
+      for (std::uint32_t x = 0; x <= 5; ++x) mesh.add(glm::dvec3(922 + 20 * x, 20 * y, 900));
+    for (std::uint32_t y = 0; y < 5; ++y)
+      for (std::uint32_t x = 0; x < 5; ++x) {
+        const std::uint32_t q = base + 6 * y + x;
+        mesh.add(q, q + 1, q + 7), mesh.add(q, q + 7, q + 6);
+      }
+    const auto summary = build(mesh);
+    if (!summary) {
+      EXPECT_EQ(summary.error().code, base::ErrorCode::kInvalidInput);
+      expectRefused(mesh, {"mesh.ply", "triangles all lie on lines", "remove that part"});
+      continue;
+    }
+    const BuiltHierarchy built = support::readBuilt(path("out.lgp"), *summary);
+    EXPECT_EQ(summary->levels.back().patches, 1U);
+    EXPECT_EQ(trianglesOf(built, 0), summary->triangles);
+    fs::remove(path("out.lgp"));
+  }
+}
+
 TEST_F(DirtyZoo, SliversThatFillTJunctionsAreNoTrouble) {
   // Every triangle's first edge gets a middle point that the neighbour does not know, and a flat triangle in the gap.
   const PlyMesh clean(support::torus(60, 40));
