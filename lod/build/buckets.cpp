@@ -33,7 +33,10 @@ struct Record {
 
 glm::ivec3 SourceLattice::point(const glm::dvec3& world) const {
   const double last = static_cast<double>((1U << bits) - 1);
-  return glm::ivec3(glm::clamp(glm::round((world - corner) / lattice.step), 0.0, last));
+  // Halves up; what is not negative needs no rounding from the library.
+  const glm::dvec3 q = glm::clamp((world - corner) / lattice.step, 0.0, last);
+  const glm::ivec3 whole(q);
+  return whole + glm::ivec3(glm::greaterThanEqual(q - glm::dvec3(whole), glm::dvec3(0.5)));
 }
 
 SourceLattice makeLattice(const SourceInfo& info, const glm::dvec3& origin, std::uint32_t bits) {
@@ -52,17 +55,6 @@ SourceLattice makeLattice(const SourceInfo& info, const glm::dvec3& origin, std:
   // An even number of steps: what is symmetric has lattice points on its middle plane.
   out.lattice.step = longest > 0.0 ? longest / static_cast<double>((1U << out.bits) - 2) : 1.0;
   return out;
-}
-
-void VertexSums::add(const glm::i64vec3& face_normal, const Corner& corner) {
-  const glm::ivec3 given = unpackNormal(corner.normal);
-  for (int k = 0; k < 3; ++k) {
-    face[k] += face_normal[k];
-    normal[k] += given[k];
-  }
-  if (corner.color >> 24 == 0) return;
-  for (int k = 0; k < 3; ++k) color[k] += corner.color >> (8 * k) & 255U;
-  ++colored;
 }
 
 glm::vec3 VertexSums::unitNormal() const {
@@ -95,13 +87,6 @@ std::int64_t BorderVertices::find(std::uint64_t code) const {
   if (codes.empty() || !filter[filterSlot(code)]) return -1;
   const auto at = std::lower_bound(codes.begin(), codes.end(), code);
   return at != codes.end() && *at == code ? at - codes.begin() : -1;
-}
-
-glm::i64vec3 latticeNormal(std::uint64_t a, std::uint64_t b, std::uint64_t c) {
-  const glm::i64vec3 p(mortonPoint(a));
-  const glm::i64vec3 u = glm::i64vec3(mortonPoint(b)) - p;
-  const glm::i64vec3 v = glm::i64vec3(mortonPoint(c)) - p;
-  return {u.y * v.z - u.z * v.y, u.z * v.x - u.x * v.z, u.x * v.y - u.y * v.x};
 }
 
 // One sorting: sample, splitters, windows.
@@ -153,7 +138,6 @@ class BucketSorter {
     out_.border_.makeFilter();
     const std::uint64_t at_once = std::max<std::uint64_t>(1, options_.memory_bytes / kWindingBytes);
     LUMIGRID_TRY(out_.windAlike(static_cast<unsigned>(std::min<std::uint64_t>(options_.threads, at_once))));
-    LUMIGRID_TRY(out_.sumBorders(options_.threads));
     return std::move(out_);
   }
 
@@ -323,7 +307,7 @@ class BucketSorter {
       if (!splitters_.empty())
         for (const std::uint64_t code : {a, b, c})
           if (bucketOf(code) != bucket) result.border.push_back(code);
-      const glm::i64vec3 normal = latticeNormal(a, b, c);
+      const glm::i64vec3 normal = latticeNormal(mortonPoint(a), mortonPoint(b), mortonPoint(c));
       if (normal != glm::i64vec3(0)) ++result.with_area;
       result.counts.facing += glm::dvec3(normal);
       result.records[kept++] = record;
@@ -336,14 +320,14 @@ class BucketSorter {
     for (std::size_t t = 0; t < result.records.size(); ++t) {
       const std::uint32_t bucket = result.bucket[t];
       base::Bytes& buffer = buffers_[bucket];
+      std::uint8_t packed[3 * 16];
+      std::size_t size = 0;
       for (const Corner& corner : result.records[t].corner) {
-        std::uint8_t packed[16];
-        std::size_t size = 8;
-        std::memcpy(packed, &corner.code, 8);
+        std::memcpy(packed + size, &corner.code, 8), size += 8;
         if (out_.has_colors_) std::memcpy(packed + size, &corner.color, 4), size += 4;
         if (out_.has_normals_) std::memcpy(packed + size, &corner.normal, 4), size += 4;
-        buffer.insert(buffer.end(), packed, packed + size);
       }
+      buffer.insert(buffer.end(), packed, packed + size);
       ++out_.counts_[bucket];
       if (buffer.size() >= buffer_limit_) LUMIGRID_TRY(flush(bucket));
     }
@@ -398,7 +382,29 @@ base::Result<Buckets> Buckets::sort(const SourceSpool& source, const SourceInfo&
   return BucketSorter(source, info, lattice, directory, options).run();
 }
 
-// Colours and normals of border vertices, over all the triangles that use them.
+// Colours and normals of border vertices, over all the triangles that use them. Any number of threads at a time.
+void Buckets::addToBorders(std::span<const Corner> corners) {
+  if (border_.codes.empty()) return;
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    const Corner& corner = corners[i];
+    const std::int64_t at = border_.find(corner.code);
+    if (at < 0) continue;
+    VertexSums& sums = border_.sums[static_cast<std::size_t>(at)];
+    const Corner* t = &corners[i - i % 3];
+    VertexSums share;
+    share.add(latticeNormal(mortonPoint(t[0].code), mortonPoint(t[1].code), mortonPoint(t[2].code)), corner);
+    auto add = [](std::int64_t& sum, std::int64_t value) {
+      if (value != 0) std::atomic_ref(sum).fetch_add(value, std::memory_order_relaxed);
+    };
+    for (int k = 0; k < 3; ++k) {
+      add(sums.face[k], share.face[k]);
+      add(sums.normal[k], share.normal[k]);
+      add(sums.color[k], share.color[k]);
+    }
+    add(sums.colored, share.colored);
+  }
+}
+
 base::Result<void> Buckets::sumBorders(unsigned threads) {
   border_.sums.assign(border_.codes.size(), {});
   if (border_.codes.empty()) return {};
@@ -411,36 +417,21 @@ base::Result<void> Buckets::sumBorders(unsigned threads) {
       status = corners.error();
       return;
     }
-    for (std::size_t i = 0; i < corners->size(); ++i) {
-      const Corner& corner = (*corners)[i];
-      const std::int64_t at = border_.find(corner.code);
-      if (at < 0) continue;
-      VertexSums& sums = border_.sums[static_cast<std::size_t>(at)];
-      const Corner* t = &(*corners)[i - i % 3];
-      VertexSums share;
-      share.add(latticeNormal(t[0].code, t[1].code, t[2].code), corner);
-      auto add = [](std::int64_t& sum, std::int64_t value) {
-        if (value != 0) std::atomic_ref(sum).fetch_add(value, std::memory_order_relaxed);
-      };
-      for (int k = 0; k < 3; ++k) {
-        add(sums.face[k], share.face[k]);
-        add(sums.normal[k], share.normal[k]);
-        add(sums.color[k], share.color[k]);
-      }
-      add(sums.colored, share.colored);
-    }
+    addToBorders(*corners);
   });
   return status;
 }
 
 void Buckets::unpack(base::ByteView bytes, std::vector<Corner>& corners) const {
   const std::size_t size = cornerBytes();
-  for (; bytes.size() >= size; bytes = bytes.subspan(size)) {
-    Corner corner;
-    std::memcpy(&corner.code, bytes.data(), 8);
-    if (has_colors_) std::memcpy(&corner.color, bytes.data() + 8, 4);
-    if (has_normals_) std::memcpy(&corner.normal, bytes.data() + size - 4, 4);
-    corners.push_back(corner);
+  const std::size_t first = corners.size();
+  corners.resize(first + bytes.size() / size);
+  const std::uint8_t* from = bytes.data();
+  for (std::size_t i = first; i < corners.size(); ++i, from += size) {
+    Corner& corner = corners[i];
+    std::memcpy(&corner.code, from, 8);
+    if (has_colors_) std::memcpy(&corner.color, from + 8, 4);
+    if (has_normals_) std::memcpy(&corner.normal, from + size - 4, 4);
   }
 }
 
@@ -469,18 +460,21 @@ base::Result<std::vector<Corner>> Buckets::read(std::size_t bucket) const {
 
 base::Result<void> Buckets::windAlike(unsigned threads) {
   const auto onBorder = [this](std::uint64_t code) { return border_.find(code) >= 0; };
-  // Most meshes are wound alike as they are: that needs a look at the edges, no more.
+  // Most meshes are wound alike as they are: that needs a look at the edges, no more, and the sums of what is read for
+  // it hold as well.
   std::mutex mutex;
   base::Result<void> status;
-  bool alike = true;
+  std::atomic<bool> alike = true;
+  border_.sums.assign(border_.codes.size(), {});
   std::vector<QuickWinding::Edge> open;
   base::parallelFor(count(), threads, [&](std::size_t bucket) {
     const auto corners = readAsGiven(bucket);
     QuickWinding look;
     if (corners) look = lookAtWinding(*corners, onBorder);
+    if (!look.alike) alike = false;
+    if (corners && alike) addToBorders(*corners);
     const std::lock_guard lock(mutex);
     if (!corners) status = corners.error();
-    alike &= look.alike;
     open.insert(open.end(), look.open.begin(), look.open.end());
   });
   LUMIGRID_TRY(status);
@@ -508,7 +502,7 @@ base::Result<void> Buckets::windAlike(unsigned threads) {
     for (const BucketWinding& m : measured) winding_.add(m);
   }
   winding_.finish();
-  return {};
+  return sumBorders(threads);
 }
 
 void Buckets::release() {

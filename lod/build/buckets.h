@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <functional>
 #include <glm/glm.hpp>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -42,7 +43,16 @@ struct VertexSums {
   std::int64_t colored = 0;  ///< how many colours
 
   /// One corner's share; `face` is the normal of its triangle.
-  void add(const glm::i64vec3& face_normal, const Corner& corner);
+  void add(const glm::i64vec3& face_normal, const Corner& corner) {
+    for (int k = 0; k < 3; ++k) face[k] += face_normal[k];
+    if (corner.normal != 0) {
+      const glm::ivec3 given = unpackNormal(corner.normal);
+      for (int k = 0; k < 3; ++k) normal[k] += given[k];
+    }
+    if (corner.color >> 24 == 0) return;
+    for (int k = 0; k < 3; ++k) color[k] += corner.color >> (8 * k) & 255U;
+    ++colored;
+  }
   /// Unit: the given normal, or else the triangles'; +z where nothing is known.
   glm::vec3 unitNormal() const;
   /// White where no colour is known.
@@ -110,6 +120,7 @@ class Buckets {
   void unpack(base::ByteView bytes, std::vector<Corner>& corners) const;
   base::Result<std::vector<Corner>> readAsGiven(std::size_t bucket) const;
   base::Result<void> windAlike(unsigned threads);
+  void addToBorders(std::span<const Corner> corners);
   base::Result<void> sumBorders(unsigned threads);
 
   friend class BucketSorter;
@@ -124,6 +135,10 @@ class Buckets {
 };
 
 /// Twice the triangle's area times its normal, on the lattice: exact.
-glm::i64vec3 latticeNormal(std::uint64_t a, std::uint64_t b, std::uint64_t c);
+inline glm::i64vec3 latticeNormal(const glm::ivec3& a, const glm::ivec3& b, const glm::ivec3& c) {
+  const glm::i64vec3 u(b - a);
+  const glm::i64vec3 v(c - a);
+  return {u.y * v.z - u.z * v.y, u.z * v.x - u.x * v.z, u.x * v.y - u.y * v.x};
+}
 
 }  // namespace lod::build

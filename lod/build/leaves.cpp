@@ -55,23 +55,36 @@ base::Result<BucketLeaves> makeLeaves(const Buckets& buckets, std::size_t bucket
   {
     CodeMap map(corners->size() / 6);
     mesh.indices.reserve(corners->size());
+    mesh.codes.reserve(corners->size() / 5);
+    mesh.positions.reserve(corners->size() / 5);
+    sums.reserve(corners->size() / 5);
     for (std::size_t i = 0; i < corners->size(); i += 3) {
       const Corner* c = &(*corners)[i];
-      const glm::i64vec3 face = latticeNormal(c[0].code, c[1].code, c[2].code);
+      for (std::size_t k = 0; k < 3; ++k)
+        map.expect((*corners)[std::min(i + k + CodeMap::kAhead, corners->size() - 1)].code);
+      std::uint32_t number[3];
       for (std::size_t k = 0; k < 3; ++k) {
         const auto [v, is_new] = map.insert(c[k].code, static_cast<std::uint32_t>(mesh.codes.size()));
-        if (is_new) mesh.codes.push_back(c[k].code), sums.emplace_back();
-        sums[v].add(face, c[k]);
+        if (is_new) {
+          mesh.codes.push_back(c[k].code);
+          mesh.positions.push_back(mortonPoint(c[k].code));
+          sums.emplace_back();
+        }
+        number[k] = v;
         mesh.indices.push_back(v);
       }
+      const glm::i64vec3 face =
+          latticeNormal(mesh.positions[number[0]], mesh.positions[number[1]], mesh.positions[number[2]]);
+      for (std::size_t k = 0; k < 3; ++k) sums[number[k]].add(face, c[k]);
     }
   }
 
   // Border vertices take what all buckets together say of them.
   std::vector<std::uint8_t> outer(mesh.codes.size(), 0);
   const BorderVertices& border = buckets.border();
+  mesh.normals.reserve(mesh.codes.size());
+  if (buckets.hasColors()) mesh.colors.reserve(mesh.codes.size());
   for (std::size_t v = 0; v < mesh.codes.size(); ++v) {
-    mesh.positions.push_back(mortonPoint(mesh.codes[v]));
     if (!border.codes.empty())
       if (const std::int64_t at = border.find(mesh.codes[v]); at >= 0) {
         outer[v] = 1;

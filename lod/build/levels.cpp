@@ -1,7 +1,9 @@
 #include "lod/build/levels.h"
 
 #include <algorithm>
+#include <array>
 #include <atomic>
+#include <bit>
 #include <cmath>
 #include <limits>
 #include <mutex>
@@ -22,6 +24,41 @@ constexpr float kNegligible = 0.05F;
 // A group's output is split along voxels of about this share of a patch: fine enough for even parts, coarse enough that
 // METIS costs little.
 constexpr std::uint32_t kVoxelsPerPatch = 32;
+
+// errorCode() by the number's leading bits: where the search for its code begins.
+class ErrorCoder {
+ public:
+  ErrorCoder() {
+    for (std::uint32_t c = 0; c < 256; ++c) value_[c] = errorOfCode(static_cast<std::uint8_t>(c));
+    for (std::uint32_t i = 0; i < kStarts; ++i) start_[i] = errorCode(std::bit_cast<float>(i << kShift));
+    start_[0] = 1;
+  }
+  std::uint8_t operator()(float error) const {
+    if (!(error > 0.0F)) return 0;
+    std::uint32_t code = start_[std::min(std::bit_cast<std::uint32_t>(error) >> kShift, kStarts - 1)];
+    while (code < 255 && value_[code] < error) ++code;
+    return static_cast<std::uint8_t>(code);
+  }
+  float value(std::uint8_t code) const { return value_[code]; }
+
+ private:
+  static constexpr std::uint32_t kShift = 18;
+  static constexpr std::uint32_t kStarts = (0x7F800000U >> kShift) + 1;  // up to infinity
+  std::array<float, 256> value_{};
+  std::array<std::uint8_t, kStarts> start_{};
+};
+
+const ErrorCoder& errorCoder() {
+  static const ErrorCoder coder;
+  return coder;
+}
+
+// To the nearest whole number, halves away from zero, as std::round, of |x| below 2^31.
+float rounded(float x) {
+  const auto whole = static_cast<float>(static_cast<std::int32_t>(x));
+  const float rest = x - whole;
+  return whole + (rest >= 0.5F ? 1.0F : 0.0F) - (rest <= -0.5F ? 1.0F : 0.0F);
+}
 
 // The length of a change from black to white.
 constexpr float kLargestColor = 441.673F;
@@ -60,12 +97,19 @@ Merged mergePatches(const std::vector<lod::patch::PatchGeometry>& patches, std::
   merged.corner = low;
   merged.codes.reserve(most);
   merged.mesh.indices.reserve(indices);
+  merged.mesh.positions.reserve(most);
+  merged.mesh.normals.reserve(most);
+  if (!patches.empty() && !patches.front().colors.empty()) merged.mesh.colors.reserve(most);
   CodeMap map(most);
   std::vector<std::uint32_t> local;
+  std::vector<std::uint64_t> codes;
   for (const auto& patch : patches) {
     local.clear();
+    codes.clear();
+    for (const glm::ivec3& q : patch.positions) codes.push_back(mortonCode(q));
     for (std::size_t i = 0; i < patch.positions.size(); ++i) {
-      const std::uint64_t code = mortonCode(patch.positions[i]);
+      const std::uint64_t code = codes[i];
+      map.expect(codes[std::min(i + CodeMap::kAhead, codes.size() - 1)]);
       const auto [number, is_new] = map.insert(code, static_cast<std::uint32_t>(merged.codes.size()));
       if (is_new) {
         merged.codes.push_back(code);
@@ -89,11 +133,13 @@ Merged mergePatches(const std::vector<lod::patch::PatchGeometry>& patches, std::
 base::Result<void> addErrors(const base::Bytes& codes, std::size_t triangles, SurfaceError& errors) {
   if (!codes.empty() && codes.size() != kErrorCodes * triangles)
     return base::Error{base::ErrorCode::kInvalidInput, "the builder's own file: errors of another number of triangles"};
-  for (std::size_t t = 0; t < triangles; ++t) {
-    const auto value = [&](std::size_t k) { return codes.empty() ? 0.0F : errorOfCode(codes[kErrorCodes * t + k]); };
-    errors.toward.push_back(value(0));
-    errors.from.push_back(value(1));
-    errors.color.push_back(value(2));
+  const ErrorCoder& coder = errorCoder();
+  const std::size_t first = errors.toward.size();
+  for (std::vector<float>* v : {&errors.toward, &errors.from, &errors.color}) v->resize(first + triangles, 0.0F);
+  for (std::size_t t = 0; !codes.empty() && t < triangles; ++t) {
+    errors.toward[first + t] = coder.value(codes[kErrorCodes * t]);
+    errors.from[first + t] = coder.value(codes[kErrorCodes * t + 1]);
+    errors.color[first + t] = coder.value(codes[kErrorCodes * t + 2]);
   }
   return {};
 }
@@ -102,7 +148,10 @@ base::Result<void> addErrors(const base::Bytes& codes, std::size_t triangles, Su
 void keepOnLattice(Merged& merged, std::uint32_t bits) {
   const glm::vec3 low(-merged.corner);
   const glm::vec3 high(glm::ivec3((1 << bits) - 1) - merged.corner);
-  for (glm::vec3& p : merged.mesh.positions) p = glm::clamp(glm::round(p), low, high);
+  for (glm::vec3& p : merged.mesh.positions) {
+    const glm::vec3 q = glm::clamp(p, low, high);
+    p = {rounded(q.x), rounded(q.y), rounded(q.z)};
+  }
 }
 
 // Simplified triangles on lattice points, and `merged` with the colours that they are stored with: vertices that came
@@ -110,8 +159,11 @@ void keepOnLattice(Merged& merged, std::uint32_t bits) {
 CodedMesh codedMesh(Merged& merged, Simplified& simplified, std::vector<std::uint8_t>& locked) {
   GroupMesh& group = merged.mesh;
   CodedMesh out;
-  CodeMap map(group.positions.size());
+  CodeMap map(simplified.indices.size() / 5);
   std::vector<std::uint32_t> number(group.positions.size(), CodeMap::kNone);
+  constexpr std::uint64_t kUnknown = std::numeric_limits<std::uint64_t>::max();
+  std::vector<std::uint64_t> codes(group.positions.size(), kUnknown);
+  out.indices.reserve(simplified.indices.size());
   std::size_t kept = 0;
   const bool colored = !group.colors.empty();
   for (std::size_t t = 0; 3 * t < simplified.indices.size(); ++t) {
@@ -119,7 +171,9 @@ CodedMesh codedMesh(Merged& merged, Simplified& simplified, std::vector<std::uin
     std::uint64_t code[3];
     for (std::size_t k = 0; k < 3; ++k) {
       c[k] = simplified.indices[3 * t + k];
-      code[k] = mortonCode(merged.corner + glm::ivec3(group.positions[c[k]]));
+      std::uint64_t& known = codes[c[k]];
+      if (known == kUnknown) known = mortonCode(merged.corner + glm::ivec3(group.positions[c[k]]));
+      code[k] = known;
     }
     if (code[0] == code[1] || code[1] == code[2] || code[2] == code[0]) continue;
     for (std::size_t k = 0; k < 3; ++k) {
@@ -370,13 +424,14 @@ base::Result<LevelBuilder::Made> LevelBuilder::makeGroup(std::span<const std::ui
   const SurfaceError error = carryError({before, before_indices, before_colors}, before_error,
                                         {merged.mesh.positions, simplified.indices, merged.mesh.colors}, simplified,
                                         std::max(0.5F, kNegligible * below));
+  const ErrorCoder& coder = errorCoder();
   std::vector<std::uint8_t> codes;
   codes.reserve(kErrorCodes * error.toward.size());
   float largest = 0.0F;
   float largest_color = 0.0F;
   for (std::size_t t = 0; t < error.toward.size(); ++t) {
     for (const float e : {error.toward[t], error.from[t], error.color.empty() ? 0.0F : error.color[t]})
-      codes.push_back(errorCode(e));
+      codes.push_back(coder(e));
     largest = std::max({largest, error.toward[t], error.from[t]});
     if (!error.color.empty()) largest_color = std::max(largest_color, error.color[t]);
   }

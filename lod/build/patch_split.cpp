@@ -76,45 +76,60 @@ std::vector<NewPatch> makePatches(const CodedMesh& mesh, const std::vector<std::
   // Which vertices several parts use.
   std::vector<std::uint8_t> border(outer.begin(), outer.end());
   std::vector<std::uint32_t> owner(mesh.positions.size(), kNone);
+  std::vector<std::uint32_t> corners;  // of the parts' triangles one after another
+  corners.reserve(mesh.indices.size());
+  constexpr std::size_t kAhead = 16;  // triangles to be fetched: they lie anywhere
   for (std::uint32_t p = 0; p < parts.size(); ++p)
-    for (const std::uint32_t t : parts[p])
+    for (std::size_t i = 0; i < parts[p].size(); ++i) {
+      __builtin_prefetch(&mesh.indices[3 * std::size_t{parts[p][std::min(i + kAhead, parts[p].size() - 1)]}]);
       for (std::size_t k = 0; k < 3; ++k) {
-        const std::uint32_t v = mesh.indices[3 * std::size_t{t} + k];
+        const std::uint32_t v = mesh.indices[3 * std::size_t{parts[p][i]} + k];
+        corners.push_back(v);
         if (owner[v] == kNone) owner[v] = p;
         if (owner[v] != p) border[v] = 1;
       }
+    }
 
   std::vector<NewPatch> patches;
   std::vector<std::uint32_t>& local = owner;
   std::fill(local.begin(), local.end(), kNone);
   std::vector<std::uint32_t> used;
   std::vector<std::uint32_t> order;
+  std::size_t next = 0;
   for (const auto& part : parts) {
     NewPatch patch;
     lod::patch::PatchGeometry geometry;
     geometry.indices.reserve(3 * part.size());
     used.clear();
-    for (const std::uint32_t t : part)
-      for (std::size_t k = 0; k < 3; ++k) {
-        const std::uint32_t v = mesh.indices[3 * std::size_t{t} + k];
-        if (local[v] == kNone) {
-          local[v] = static_cast<std::uint32_t>(used.size());
-          used.push_back(v);
-          geometry.positions.push_back(mesh.positions[v]);
-          geometry.normals.push_back(mesh.normals[v]);
-          if (!mesh.colors.empty()) geometry.colors.push_back(mesh.colors[v]);
-          if (border[v] != 0) patch.border.push_back(mesh.codes[v]);
-        }
-        geometry.indices.push_back(static_cast<std::uint16_t>(local[v]));
+    for (; geometry.indices.size() < 3 * part.size(); ++next) {
+      const std::uint32_t v = corners[next];
+      if (local[v] == kNone) {
+        local[v] = static_cast<std::uint32_t>(used.size());
+        used.push_back(v);
+        if (border[v] != 0) patch.border.push_back(mesh.codes[v]);
       }
-    for (const std::uint32_t v : used) local[v] = kNone;
+      geometry.indices.push_back(static_cast<std::uint16_t>(local[v]));
+    }
+    geometry.positions.reserve(used.size());
+    geometry.normals.reserve(used.size());
+    if (!mesh.colors.empty()) geometry.colors.reserve(used.size());
+    for (const std::uint32_t v : used) {
+      local[v] = kNone;
+      geometry.positions.push_back(mesh.positions[v]);
+      geometry.normals.push_back(mesh.normals[v]);
+      if (!mesh.colors.empty()) geometry.colors.push_back(mesh.colors[v]);
+    }
     std::sort(patch.border.begin(), patch.border.end());
     describe(geometry, lattice, patch.record);
     patch.record.level = level;
     patch.encoded = lod::patch::encodePatch(geometry, &order);
-    if (!errors.empty())
-      for (const std::uint32_t i : order)
-        for (std::size_t k = 0; k < kErrorCodes; ++k) patch.errors.push_back(errors[kErrorCodes * part[i] + k]);
+    if (!errors.empty()) {
+      patch.errors.reserve(kErrorCodes * order.size());
+      for (const std::uint32_t i : order) {
+        const auto at = errors.begin() + static_cast<std::ptrdiff_t>(kErrorCodes * part[i]);
+        patch.errors.insert(patch.errors.end(), at, at + kErrorCodes);
+      }
+    }
     patches.push_back(std::move(patch));
   }
   return patches;

@@ -2,31 +2,13 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <limits>
 #include <utility>
 
 namespace lod::build {
 namespace {
-
-// Puts two zero bits before each of the lowest 21 bits.
-std::uint64_t spreadBits(std::uint64_t x) {
-  x &= 0x1fffff;
-  x = (x | x << 32) & 0x1f00000000ffff;
-  x = (x | x << 16) & 0x1f0000ff0000ff;
-  x = (x | x << 8) & 0x100f00f00f00f00f;
-  x = (x | x << 4) & 0x10c30c30c30c30c3;
-  return (x | x << 2) & 0x1249249249249249;
-}
-
-std::uint64_t gatherBits(std::uint64_t x) {
-  x &= 0x1249249249249249;
-  x = (x | x >> 2) & 0x10c30c30c30c30c3;
-  x = (x | x >> 4) & 0x100f00f00f00f00f;
-  x = (x | x >> 8) & 0x1f0000ff0000ff;
-  x = (x | x >> 16) & 0x1f00000000ffff;
-  return (x | x >> 32) & 0x1fffff;
-}
 
 class OctreeWalk {
  public:
@@ -60,6 +42,7 @@ class OctreeWalk {
 };
 
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
+constexpr std::size_t kAhead = 16;  // triangles to be fetched: they lie anywhere
 
 // The voxel whose cell contains a lattice point, or kNone where no triangle is.
 std::uint32_t voxelAt(std::span<const Voxel> voxels, std::uint64_t code) {
@@ -96,15 +79,23 @@ std::vector<WeightedEdge> meshAdjacency(const TriangleView& triangles, std::span
                                         std::span<const Voxel> voxels) {
   std::vector<WeightedEdge> edges;
   std::vector<std::uint32_t> first_voxel(triangles.positions.size(), kNone);
+  // Summed voxel by voxel: `uses` of each voxel met, and those that were.
+  std::vector<std::int32_t> uses(voxels.size(), 0);
+  std::vector<std::uint32_t> met;
   for (std::uint32_t v = 0; v < voxels.size(); ++v) {
+    met.clear();
+    std::uint32_t last = v;
     for (std::uint32_t i = voxels[v].first; i < voxels[v].first + voxels[v].count; ++i) {
+      __builtin_prefetch(&triangles.indices[3 * std::size_t{sorted[std::min(i + kAhead, sorted.size() - 1)].index}]);
       for (std::size_t k = 0; k < 3; ++k) {
         std::uint32_t& first = first_voxel[triangles.indices[3 * std::size_t{sorted[i].index} + k]];
         if (first == kNone) first = v;
-        if (first != v && (edges.empty() || edges.back().a != first || edges.back().b != v))
-          edges.push_back({first, v, 1});
+        if (first == v || first == last) continue;
+        last = first;
+        if (uses[first]++ == 0) met.push_back(first);
       }
     }
+    for (const std::uint32_t other : met) edges.push_back({other, v, std::exchange(uses[other], 0)});
   }
   return edges;
 }
@@ -133,20 +124,6 @@ std::int32_t normalWeight(const glm::vec3& a, const glm::vec3& b) {
 
 }  // namespace
 
-std::uint64_t mortonCode(const glm::ivec3& q) {
-  return spreadBits(static_cast<std::uint64_t>(q.x)) | spreadBits(static_cast<std::uint64_t>(q.y)) << 1 |
-         spreadBits(static_cast<std::uint64_t>(q.z)) << 2;
-}
-
-glm::ivec3 mortonPoint(std::uint64_t code) {
-  return {static_cast<int>(gatherBits(code)), static_cast<int>(gatherBits(code >> 1)),
-          static_cast<int>(gatherBits(code >> 2))};
-}
-
-std::uint64_t medianCode(std::uint64_t a, std::uint64_t b, std::uint64_t c) {
-  return std::max(std::min(a, b), std::min(std::max(a, b), c));
-}
-
 void radixSort(std::vector<KeyedIndex>& items, std::uint32_t key_bits) {
   constexpr std::uint32_t kDigitBits = 11;
   if (items.size() < 256) {
@@ -154,6 +131,10 @@ void radixSort(std::vector<KeyedIndex>& items, std::uint32_t key_bits) {
                      [](const KeyedIndex& a, const KeyedIndex& b) { return a.key < b.key; });
     return;
   }
+  // Above the highest bit in which any two keys differ there is nothing to sort.
+  std::uint64_t differ = 0;
+  for (const KeyedIndex& k : items) differ |= k.key ^ items[0].key;
+  key_bits = std::min(key_bits, static_cast<std::uint32_t>(std::bit_width(differ)));
   std::vector<KeyedIndex> other(items.size());
   for (std::uint32_t shift = 0; shift < key_bits; shift += kDigitBits) {
     std::array<std::size_t, std::size_t{1} << kDigitBits> start{};

@@ -4,6 +4,7 @@
 // A triangle belongs to the voxel that holds most of its vertices. Of three Morton codes the median lies in every cell
 // that holds two of them, at every depth; so the median code alone names the triangle's voxel at each depth of the
 // octree, and sorting triangles by it sorts them into voxels of every size at once.
+#include <algorithm>
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <span>
@@ -16,11 +17,39 @@ namespace lod::build {
 /// Most bits per axis of a lattice point: three of them fill a 63-bit Morton code.
 inline constexpr std::uint32_t kMaxLatticeBits = 21;
 
+// Puts two zero bits before each of the lowest 21 bits.
+inline std::uint64_t spreadBits(std::uint64_t x) {
+  x &= 0x1fffff;
+  x = (x | x << 32) & 0x1f00000000ffff;
+  x = (x | x << 16) & 0x1f0000ff0000ff;
+  x = (x | x << 8) & 0x100f00f00f00f00f;
+  x = (x | x << 4) & 0x10c30c30c30c30c3;
+  return (x | x << 2) & 0x1249249249249249;
+}
+
+// The way back: every third bit, from the lowest on.
+inline std::uint64_t gatherBits(std::uint64_t x) {
+  x &= 0x1249249249249249;
+  x = (x | x >> 2) & 0x10c30c30c30c30c3;
+  x = (x | x >> 4) & 0x100f00f00f00f00f;
+  x = (x | x >> 8) & 0x1f0000ff0000ff;
+  x = (x | x >> 16) & 0x1f00000000ffff;
+  return (x | x >> 32) & 0x1fffff;
+}
+
 /// Bits of x, y and z interleaved, x lowest. Coordinates 0 … 2^21 − 1.
-std::uint64_t mortonCode(const glm::ivec3& q);
-glm::ivec3 mortonPoint(std::uint64_t code);
+inline std::uint64_t mortonCode(const glm::ivec3& q) {
+  return spreadBits(static_cast<std::uint64_t>(q.x)) | spreadBits(static_cast<std::uint64_t>(q.y)) << 1 |
+         spreadBits(static_cast<std::uint64_t>(q.z)) << 2;
+}
+inline glm::ivec3 mortonPoint(std::uint64_t code) {
+  return {static_cast<int>(gatherBits(code)), static_cast<int>(gatherBits(code >> 1)),
+          static_cast<int>(gatherBits(code >> 2))};
+}
 /// The code that names a triangle's voxel: the median of its vertices' codes.
-std::uint64_t medianCode(std::uint64_t a, std::uint64_t b, std::uint64_t c);
+inline std::uint64_t medianCode(std::uint64_t a, std::uint64_t b, std::uint64_t c) {
+  return std::max(std::min(a, b), std::min(std::max(a, b), c));
+}
 
 struct KeyedIndex {
   std::uint64_t key = 0;

@@ -54,7 +54,9 @@ struct EdgeUses {
     std::vector<std::uint32_t> number(corners.size());
     {
       CodeMap map(corners.size() / 6);
+      codes.reserve(corners.size() / 5);
       for (std::size_t i = 0; i < corners.size(); ++i) {
+        map.expect(corners[std::min(i + CodeMap::kAhead, corners.size() - 1)].code);
         const auto [v, is_new] = map.insert(corners[i].code, static_cast<std::uint32_t>(codes.size()));
         if (is_new) codes.push_back(corners[i].code);
         number[i] = v;
