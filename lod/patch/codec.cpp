@@ -1,5 +1,9 @@
 #include "lod/patch/codec.h"
 
+#if defined(__x86_64__)
+#include <immintrin.h>
+#endif
+
 #include <algorithm>
 #include <array>
 #include <bit>
@@ -277,51 +281,128 @@ std::uint64_t load64(const std::uint8_t* at) {
   return word;
 }
 
-// Numbers of one plane, number i to out[i · stride]; whole groups. False when the plane runs past the end. `in` may be
-// read eight bytes past its end.
-template <std::size_t kStride>
-LUMIGRID_INLINE bool readPlane(base::ByteView in, std::size_t& at, std::size_t groups, std::uint32_t* out) {
+// Where the parts of a plane are.
+struct PlaneParts {
+  const std::uint8_t* widths = nullptr;
+  const std::uint8_t* low = nullptr;
+  const std::uint8_t* unary = nullptr;
+  std::size_t unary_bits = 0;
+
+  std::uint32_t width(std::size_t group) const { return widths[group / 2] >> (4 * (group % 2)) & 15U; }
+};
+
+// The plane at `at`, which moves behind it. False when it runs past the end.
+LUMIGRID_INLINE bool findPlane(base::ByteView in, std::size_t& at, std::size_t groups, PlaneParts& plane) {
   const std::size_t width_bytes = (groups + 1) / 2;
   if (in.size() - at < 2 + width_bytes) return false;
   const std::size_t unary_bytes = in[at] | std::size_t{in[at + 1]} << 8;
-  const std::uint8_t* widths = in.data() + at + 2;
+  plane.widths = in.data() + at + 2;
   std::size_t low_bytes = 0;
-  for (std::size_t g = 0; g < groups; ++g) low_bytes += lowBytes(widths[g / 2] >> (4 * (g % 2)) & 15U);
+  for (std::size_t g = 0; g < groups; ++g) low_bytes += lowBytes(plane.width(g));
   at += 2 + width_bytes;
   if (in.size() - at < low_bytes + unary_bytes) return false;
-  const std::uint8_t* low = in.data() + at;
-  const std::uint8_t* unary = low + low_bytes;
+  plane.low = in.data() + at;
+  plane.unary = plane.low + low_bytes;
+  plane.unary_bits = 8 * unary_bytes;
   at += low_bytes + unary_bytes;
+  return true;
+}
 
+// Reads the numbers of one plane, whole groups. False when the plane runs past the end. `in` may be read eight bytes
+// past its end.
+using PlaneReader = bool (*)(base::ByteView in, std::size_t& at, std::size_t groups, std::uint32_t* out);
+
+bool readPlaneAnywhere(base::ByteView in, std::size_t& at, std::size_t groups, std::uint32_t* out) {
+  PlaneParts plane;
+  if (!findPlane(in, at, groups, plane)) return false;
   std::size_t bit = 0;
-  for (std::size_t g = 0; g < groups; ++g, out += kGroup * kStride) {
-    const std::uint32_t width = widths[g / 2] >> (4 * (g % 2)) & 15U;
+  for (std::size_t g = 0; g < groups; ++g, out += kGroup) {
+    const std::uint32_t width = plane.width(g);
     if (width == kRawWidth) {
-      for (std::size_t i = 0; i < kGroup; ++i) std::memcpy(out + i * kStride, low + 4 * i, 4);
-      low += 64;
+      std::memcpy(out, plane.low, 4 * kGroup);
+      plane.low += 64;
       continue;
     }
-    if (bit > 8 * unary_bytes) return false;
-    std::uint64_t ones = load64(unary + bit / 8) >> (bit % 8);
+    if (bit > plane.unary_bits) return false;
+    std::uint64_t ones = load64(plane.unary + bit / 8) >> (bit % 8);
     const std::uint64_t mask = (std::uint64_t{1} << width) - 1;
     std::uint32_t before = 0;
     for (std::size_t four = 0; four < kGroup; four += 4) {
       const std::size_t low_bit = four * width;
-      std::uint64_t lows = load64(low + low_bit / 8) >> (low_bit % 8);
+      std::uint64_t lows = load64(plane.low + low_bit / 8) >> (low_bit % 8);
       for (std::size_t i = 0; i < 4; ++i) {
-        // The next one ends the number; without any (no encoder writes that) it is past the word.
+        // The next one ends the number.
+        if (ones == 0) return false;
         const auto one = static_cast<std::uint32_t>(std::countr_zero(ones));
         ones &= ones - 1;
-        out[(four + i) * kStride] = (one - before) << width | static_cast<std::uint32_t>(lows & mask);
+        out[four + i] = (one - before) << width | static_cast<std::uint32_t>(lows & mask);
         before = one + 1;
         lows >>= width;
       }
     }
-    low += 2 * width;
+    plane.low += 2 * width;
     bit += before;
   }
-  return bit <= 8 * unary_bytes;
+  return bit <= plane.unary_bits;
 }
+
+#if defined(__x86_64__)
+// The same by vectors: where the ones are, one by one; all else for a group at once.
+__attribute__((target("avx2,bmi,bmi2"))) bool readPlaneByAvx2(base::ByteView in, std::size_t& at, std::size_t groups,
+                                                              std::uint32_t* out) {
+  PlaneParts plane;
+  if (!findPlane(in, at, groups, plane)) return false;
+  std::size_t bit = 0;
+  for (std::size_t g = 0; g < groups; ++g, out += kGroup) {
+    const std::uint32_t width = plane.width(g);
+    if (width == kRawWidth) {
+      std::memcpy(out, plane.low, 4 * kGroup);
+      plane.low += 64;
+      continue;
+    }
+    if (bit > plane.unary_bits) return false;
+    std::uint64_t ones = load64(plane.unary + bit / 8) >> (bit % 8);
+    alignas(16) std::array<std::uint8_t, kGroup> at_one;
+#pragma GCC unroll 16
+    for (std::size_t i = 0; i < kGroup; ++i) {
+      at_one[i] = static_cast<std::uint8_t>(_tzcnt_u64(ones));
+      ones = _blsr_u64(ones);
+    }
+    if (at_one[kGroup - 1] == 64) return false;
+    bit += at_one[kGroup - 1] + 1U;
+
+    // Zeros between a one and the one before it.
+    const __m128i here = _mm_load_si128(reinterpret_cast<const __m128i*>(at_one.data()));
+    const __m128i before = _mm_or_si128(_mm_slli_si128(here, 1), _mm_cvtsi32_si128(0xFF));
+    const __m128i zeros = _mm_sub_epi8(_mm_sub_epi8(here, before), _mm_set1_epi8(1));
+    const __m128i shift = _mm_cvtsi32_si128(static_cast<int>(width));
+    __m256i low0, low8;
+    if (width <= 8) {
+      const std::uint64_t mask = ((std::uint64_t{1} << width) - 1) * 0x0101010101010101U;
+      const auto eight = [&](const std::uint8_t* from) __attribute__((always_inline, target("avx2,bmi,bmi2"))) {
+        return _mm256_cvtepu8_epi32(_mm_cvtsi64_si128(static_cast<long long>(_pdep_u64(load64(from), mask))));
+      };
+      low0 = eight(plane.low), low8 = eight(plane.low + width);
+    } else {
+      const std::uint64_t mask = ((std::uint64_t{1} << width) - 1) * 0x0001000100010001U;
+      const auto eight = [&](std::size_t first) __attribute__((always_inline, target("avx2,bmi,bmi2"))) {
+        const auto four = [&](std::size_t i) __attribute__((always_inline, target("avx2,bmi,bmi2"))) {
+          const std::size_t low_bit = i * width;
+          return static_cast<long long>(_pdep_u64(load64(plane.low + low_bit / 8) >> (low_bit % 8), mask));
+        };
+        return _mm256_cvtepu16_epi32(_mm_set_epi64x(four(first + 4), four(first)));
+      };
+      low0 = eight(0), low8 = eight(8);
+    }
+    const __m256i high0 = _mm256_sll_epi32(_mm256_cvtepu8_epi32(zeros), shift);
+    const __m256i high8 = _mm256_sll_epi32(_mm256_cvtepu8_epi32(_mm_srli_si128(zeros, 8)), shift);
+    _mm256_storeu_si256(reinterpret_cast<__m256i*>(out), _mm256_or_si256(high0, low0));
+    _mm256_storeu_si256(reinterpret_cast<__m256i*>(out + 8), _mm256_or_si256(high8, low8));
+    plane.low += 2 * width;
+  }
+  return bit <= plane.unary_bits;
+}
+#endif
 
 // Connectivity ------------------------------------------------------------------------------------
 //
@@ -569,6 +650,7 @@ struct Scratch {
   std::vector<std::uint64_t> from;  // packed edges by vertex
   std::vector<Uint4> positions;
   std::vector<Uint4> colors;
+  std::array<std::vector<std::uint32_t>, 4> planes;
   std::vector<std::uint32_t> normal_u;
   std::vector<std::uint32_t> normal_v;
   std::vector<Float4> points;
@@ -1025,8 +1107,31 @@ LUMIGRID_INLINE void addColors(const PatchHeader& header, const Uint4* codes, gl
   }
 }
 
+// Several planes, vertex by vertex: coordinates, or channels. Lanes without a plane are zero.
+LUMIGRID_INLINE bool readLanes(PlaneReader readPlane, base::ByteView in, std::size_t& at, std::size_t groups,
+                               std::size_t lanes, Scratch& scratch, Uint4* out) {
+  const std::size_t padded = groups * kGroup;
+  std::array<const std::uint32_t*, 4> plane{};
+  for (std::size_t k = 0; k < 4; ++k) {
+    std::uint32_t* room = Scratch::room(scratch.planes[k], padded);
+    if (k >= lanes)
+      std::memset(room, 0, padded * sizeof(*room));
+    else if (!readPlane(in, at, groups, room))
+      return false;
+    plane[k] = room;
+  }
+  for (std::size_t v = 0; v < padded; v += 4) {
+    Uint4 four[4];
+    for (std::size_t k = 0; k < 4; ++k) std::memcpy(&four[k], plane[k] + v, sizeof(Uint4));
+    const auto turned = transposed(four);
+    for (std::size_t k = 0; k < 4; ++k) out[v + k] = turned[k];
+  }
+  return true;
+}
+
 // What stands in the way, or null.
-LUMIGRID_INLINE const char* decodeParts(const PatchHeader& header, base::ByteView bytes, PatchGeometry& geometry) {
+LUMIGRID_INLINE const char* decodeParts(const PatchHeader& header, base::ByteView bytes, PlaneReader readPlane,
+                                        PatchGeometry& geometry) {
   // A copy with eight bytes behind it: whole words are read at any place.
   thread_local Scratch scratch;
   std::uint8_t* copy = Scratch::room(scratch.bytes, bytes.size() + 8);
@@ -1049,16 +1154,11 @@ LUMIGRID_INLINE const char* decodeParts(const PatchHeader& header, base::ByteVie
   const std::size_t padded = groups * kGroup;
   Uint4* positions = Scratch::room(scratch.positions, padded);
   std::size_t at = kHeaderBytes + steps.size() + escapes.size();
-  bool whole = true;
-  for (std::size_t axis = 0; axis < 3; ++axis)
-    whole = whole && readPlane<4>(in, at, groups, reinterpret_cast<std::uint32_t*>(positions) + axis);
-  whole = whole && readPlane<1>(in, at, groups, Scratch::room(scratch.normal_u, padded));
-  whole = whole && readPlane<1>(in, at, groups, Scratch::room(scratch.normal_v, padded));
+  bool whole = readLanes(readPlane, in, at, groups, 3, scratch, positions);
+  whole = whole && readPlane(in, at, groups, Scratch::room(scratch.normal_u, padded));
+  whole = whole && readPlane(in, at, groups, Scratch::room(scratch.normal_v, padded));
   Uint4* colors = header.colored() ? Scratch::room(scratch.colors, padded) : nullptr;
-  const std::size_t channels = header.colored() ? (header.alpha() ? 4 : 3) : 0;
-  if (channels == 3) std::fill(colors, colors + padded, Uint4{});
-  for (std::size_t k = 0; k < channels; ++k)
-    whole = whole && readPlane<4>(in, at, groups, reinterpret_cast<std::uint32_t*>(colors) + k);
+  if (header.colored()) whole = whole && readLanes(readPlane, in, at, groups, header.alpha() ? 4 : 3, scratch, colors);
   if (!whole || at != bytes.size()) return "the vertices do not decode";
 
   // Numbers into vertices.
@@ -1078,21 +1178,31 @@ LUMIGRID_INLINE const char* decodeParts(const PatchHeader& header, base::ByteVie
 #if defined(__x86_64__)
 __attribute__((target("avx2,bmi,bmi2"))) const char* decodeByAvx2(const PatchHeader& header, base::ByteView bytes,
                                                                   PatchGeometry& geometry) {
-  return decodeParts(header, bytes, geometry);
+  return decodeParts(header, bytes, readPlaneByAvx2, geometry);
 }
 #endif
 
 const char* decodeAnywhere(const PatchHeader& header, base::ByteView bytes, PatchGeometry& geometry) {
-  return decodeParts(header, bytes, geometry);
+  return decodeParts(header, bytes, readPlaneAnywhere, geometry);
 }
 
-const char* decode(const PatchHeader& header, base::ByteView bytes, PatchGeometry& geometry) {
+using Decoder = const char* (*)(const PatchHeader&, base::ByteView, PatchGeometry&);
+
+Decoder fastestDecoder() {
 #if defined(__x86_64__)
-  static const bool has_avx2 =
-      __builtin_cpu_supports("avx2") != 0 && __builtin_cpu_supports("bmi") != 0 && __builtin_cpu_supports("bmi2") != 0;
-  if (has_avx2) return decodeByAvx2(header, bytes, geometry);
+  if (__builtin_cpu_supports("avx2") != 0 && __builtin_cpu_supports("bmi") != 0 && __builtin_cpu_supports("bmi2") != 0)
+    return decodeByAvx2;
 #endif
-  return decodeAnywhere(header, bytes, geometry);
+  return decodeAnywhere;
+}
+
+base::Result<PatchGeometry> decodeBy(Decoder decode, base::ByteView bytes) {
+  const auto header = readHeader(bytes);
+  if (!header) return header.error();
+  if (checksum(bytes) != header->crc) return broken("checksum does not match");
+  PatchGeometry geometry;
+  if (const char* fault = decode(*header, bytes, geometry)) return broken(fault);
+  return geometry;
 }
 
 }  // namespace
@@ -1139,12 +1249,12 @@ base::Bytes encodePatch(const PatchGeometry& geometry, std::vector<std::uint32_t
 }
 
 base::Result<PatchGeometry> decodePatch(base::ByteView bytes) {
-  const auto header = readHeader(bytes);
-  if (!header) return header.error();
-  if (checksum(bytes) != header->crc) return broken("checksum does not match");
-  PatchGeometry geometry;
-  if (const char* fault = decode(*header, bytes, geometry)) return broken(fault);
-  return geometry;
+  static const Decoder decoder = fastestDecoder();
+  return decodeBy(decoder, bytes);
+}
+
+base::Result<PatchGeometry> decodePatchPortably(base::ByteView bytes) {
+  return decodeBy(decodeAnywhere, bytes);
 }
 
 base::Result<PatchCounts> encodedCounts(base::ByteView bytes) {

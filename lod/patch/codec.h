@@ -36,6 +36,8 @@ base::Bytes encodePatch(const PatchGeometry& geometry, std::vector<std::uint32_t
 /// need (8 MB, most of it kept by the thread for its next patch). Decoding gives back exactly what was encoded, but for
 /// the order; normals are as quantizedNormal and colours as quantizedColor makes them.
 base::Result<PatchGeometry> decodePatch(base::ByteView bytes);
+/// The same without AVX2, as machines that lack it do: all that differs is speed.
+base::Result<PatchGeometry> decodePatchPortably(base::ByteView bytes);
 
 /// What a patch's bytes say about its size, read from their header alone (the checksum is not looked at).
 struct PatchCounts {

@@ -68,6 +68,41 @@ TEST(PatchCodec, anySurfaceComesBack) {
   }
 }
 
+// Both ways of decoding: bit for bit the same surface, and the same refusals of broken bytes.
+TEST(PatchCodec, everyMachineDecodesTheSame) {
+  std::mt19937 random(5);
+  std::size_t refused = 0, read = 0;
+  const auto compare = [&](base::ByteView bytes) {
+    const auto one = decodePatch(bytes);
+    const auto other = decodePatchPortably(bytes);
+    ASSERT_EQ(static_cast<bool>(one), static_cast<bool>(other));
+    if (!one) {
+      EXPECT_EQ(one.error().message, other.error().message);
+      ++refused;
+      return;
+    }
+    ++read;
+    EXPECT_EQ(one->indices, other->indices);
+    EXPECT_EQ(one->positions, other->positions);
+    EXPECT_EQ(one->colors, other->colors);
+    ASSERT_EQ(one->normals.size(), other->normals.size());
+    for (std::size_t v = 0; v < one->normals.size(); ++v) EXPECT_TRUE(sameBits(one->normals[v], other->normals[v]));
+  };
+  for (const Shape& shape : shapes()) {
+    const base::Bytes bytes = encodePatch(drawPatch(shape, random));
+    compare(bytes);
+    for (int i = 0; i < 200; ++i) {
+      base::Bytes hurt = bytes;
+      const std::size_t at = 32 + random() % (hurt.size() - 32);
+      hurt[at] = static_cast<std::uint8_t>(hurt[at] ^ 1U << random() % 8);
+      compare(sealed(std::move(hurt)));
+    }
+  }
+  compare(encodePatch(gridPatch(60)));
+  EXPECT_GT(refused, 100U);
+  EXPECT_GT(read, 100U);
+}
+
 TEST(PatchCodec, aFlatGridCostsLittle) {
   // What makes the codec worth it: three new numbers for two triangles, all of them foreseen.
   const PatchGeometry grid = gridPatch(50);
