@@ -153,15 +153,23 @@ class BucketSorter {
     codes_.assign(size, 0);
     if (out_.has_colors_) colors_.assign(size, 0xFFFFFFFFU);
     if (out_.has_normals_) normals_.assign(size, 0);
+    std::vector<std::uint64_t> block_codes;
     return source_.forEachVertexBlock([&](const SpooledVertices& block) -> base::Result<void> {
       const std::uint64_t end = block.first + block.positions.size();
       if (!sampling && (end <= first || block.first >= last)) return {};
+      block_codes.resize(block.positions.size());
+      constexpr std::size_t kChunk = std::size_t{1} << 13;  // long enough to be worth a thread
+      base::parallelFor((block_codes.size() + kChunk - 1) / kChunk, options_.threads, [&](std::size_t chunk) {
+        const std::size_t stop = std::min(block_codes.size(), (chunk + 1) * kChunk);
+        for (std::size_t i = chunk * kChunk; i < stop; ++i)
+          block_codes[i] = mortonCode(lattice_.point(block.positions[i]));
+      });
       for (std::uint64_t v = block.first; v < end; ++v) {
         const bool inside = v >= first && v < last;
         const bool sampled = sampling && v % stride_ == 0;
         if (!inside && !sampled) continue;
         const auto i = static_cast<std::size_t>(v - block.first);
-        const std::uint64_t code = mortonCode(lattice_.point(block.positions[i]));
+        const std::uint64_t code = block_codes[i];
         if (sampled) addSample(code);
         if (!inside) continue;
         const auto at = static_cast<std::size_t>(v - first);

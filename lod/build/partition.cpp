@@ -4,10 +4,13 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <limits>
 #include <mutex>
 #include <numeric>
+
+#include "lod/build/voxels.h"
 
 namespace lod::build {
 namespace {
@@ -142,16 +145,19 @@ Graph graphFromEdges(std::vector<std::int32_t> vertex_weights, std::vector<Weigh
   std::erase_if(edges, [](const WeightedEdge& e) { return e.a == e.b; });
   for (WeightedEdge& e : edges)
     if (e.a > e.b) std::swap(e.a, e.b);
-  std::sort(edges.begin(), edges.end(),
-            [](const WeightedEdge& x, const WeightedEdge& y) { return x.a != y.a ? x.a < y.a : x.b < y.b; });
-  std::size_t kept = 0;
-  for (const WeightedEdge& e : edges) {
-    if (kept > 0 && edges[kept - 1].a == e.a && edges[kept - 1].b == e.b)
-      edges[kept - 1].weight += e.weight;
+  const std::uint64_t vertices = vertex_weights.size();
+  std::vector<KeyedIndex> order(edges.size());
+  for (std::uint32_t i = 0; i < order.size(); ++i) order[i] = {edges[i].a * vertices + edges[i].b, i};
+  radixSort(order, static_cast<std::uint32_t>(std::bit_width(vertices * vertices)));
+  std::vector<WeightedEdge> merged;
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    if (i > 0 && order[i].key == order[i - 1].key)
+      merged.back().weight += edges[order[i].index].weight;
     else
-      edges[kept++] = e;
+      merged.push_back(edges[order[i].index]);
   }
-  edges.resize(kept);
+  edges = std::move(merged);
+  const std::size_t kept = edges.size();
 
   // Both directions, in rows.
   Graph graph;
