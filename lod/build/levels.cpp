@@ -1,9 +1,7 @@
 #include "lod/build/levels.h"
 
 #include <algorithm>
-#include <array>
 #include <atomic>
-#include <bit>
 #include <cmath>
 #include <limits>
 #include <mutex>
@@ -24,34 +22,6 @@ constexpr float kNegligible = 0.05F;
 // A group's output is split along voxels of about this share of a patch: fine enough for even parts, coarse enough that
 // METIS costs little.
 constexpr std::uint32_t kVoxelsPerPatch = 32;
-
-// errorCode() by the number's leading bits: where the search for its code begins.
-class ErrorCoder {
- public:
-  ErrorCoder() {
-    for (std::uint32_t c = 0; c < 256; ++c) value_[c] = errorOfCode(static_cast<std::uint8_t>(c));
-    for (std::uint32_t i = 0; i < kStarts; ++i) start_[i] = errorCode(std::bit_cast<float>(i << kShift));
-    start_[0] = 1;
-  }
-  std::uint8_t operator()(float error) const {
-    if (!(error > 0.0F)) return 0;
-    std::uint32_t code = start_[std::min(std::bit_cast<std::uint32_t>(error) >> kShift, kStarts - 1)];
-    while (code < 255 && value_[code] < error) ++code;
-    return static_cast<std::uint8_t>(code);
-  }
-  float value(std::uint8_t code) const { return value_[code]; }
-
- private:
-  static constexpr std::uint32_t kShift = 18;
-  static constexpr std::uint32_t kStarts = (0x7F800000U >> kShift) + 1;  // up to infinity
-  std::array<float, 256> value_{};
-  std::array<std::uint8_t, kStarts> start_{};
-};
-
-const ErrorCoder& errorCoder() {
-  static const ErrorCoder coder;
-  return coder;
-}
 
 // To the nearest whole number, halves away from zero, as std::round, of |x| below 2^31.
 float rounded(float x) {
@@ -133,13 +103,12 @@ Merged mergePatches(const std::vector<lod::patch::PatchGeometry>& patches, std::
 base::Result<void> addErrors(const base::Bytes& codes, std::size_t triangles, SurfaceError& errors) {
   if (!codes.empty() && codes.size() != kErrorCodes * triangles)
     return base::Error{base::ErrorCode::kInvalidInput, "the builder's own file: errors of another number of triangles"};
-  const ErrorCoder& coder = errorCoder();
   const std::size_t first = errors.toward.size();
   for (std::vector<float>* v : {&errors.toward, &errors.from, &errors.color}) v->resize(first + triangles, 0.0F);
   for (std::size_t t = 0; !codes.empty() && t < triangles; ++t) {
-    errors.toward[first + t] = coder.value(codes[kErrorCodes * t]);
-    errors.from[first + t] = coder.value(codes[kErrorCodes * t + 1]);
-    errors.color[first + t] = coder.value(codes[kErrorCodes * t + 2]);
+    errors.toward[first + t] = errorOfCode(codes[kErrorCodes * t]);
+    errors.from[first + t] = errorOfCode(codes[kErrorCodes * t + 1]);
+    errors.color[first + t] = errorOfCode(codes[kErrorCodes * t + 2]);
   }
   return {};
 }
@@ -424,14 +393,13 @@ base::Result<LevelBuilder::Made> LevelBuilder::makeGroup(std::span<const std::ui
   const SurfaceError error = carryError({before, before_indices, before_colors}, before_error,
                                         {merged.mesh.positions, simplified.indices, merged.mesh.colors}, simplified,
                                         std::max(0.5F, kNegligible * below));
-  const ErrorCoder& coder = errorCoder();
   std::vector<std::uint8_t> codes;
   codes.reserve(kErrorCodes * error.toward.size());
   float largest = 0.0F;
   float largest_color = 0.0F;
   for (std::size_t t = 0; t < error.toward.size(); ++t) {
     for (const float e : {error.toward[t], error.from[t], error.color.empty() ? 0.0F : error.color[t]})
-      codes.push_back(coder(e));
+      codes.push_back(errorCode(e));
     largest = std::max({largest, error.toward[t], error.from[t]});
     if (!error.color.empty()) largest_color = std::max(largest_color, error.color[t]);
   }
