@@ -443,12 +443,27 @@ float sum(float a, float b) {
   return a == 0.0F ? b : b == 0.0F ? a : (a + b) * (1.0F + kEpsilon);
 }
 
+// Values by code, and where to begin for a number by its upper bits: exponent and two bits of the fraction.
 struct CodeTable {
+  static constexpr int kDropped = 21;
   std::array<float, 256> value{};
+  std::array<std::uint8_t, 256 * (1 << (23 - kDropped))> first{};
+
   CodeTable() {
     for (std::size_t i = 1; i < 255; ++i)
       value[i] = static_cast<float>(std::pow(1.07, static_cast<double>(i) - 1.0) / 16.0);
     value[255] = static_cast<float>(1 << 22);
+    for (std::uint32_t bits = 0; bits < first.size(); ++bits) {
+      const auto least = std::bit_cast<float>(bits << kDropped);
+      std::size_t i = 1;
+      while (i < 255 && value[i] < least) ++i;
+      first[bits] = static_cast<std::uint8_t>(i);
+    }
+  }
+  std::uint8_t code(float error) const {
+    std::size_t i = first[std::bit_cast<std::uint32_t>(error) >> kDropped];
+    while (i < 255 && value[i] < error) ++i;
+    return static_cast<std::uint8_t>(i);
   }
 };
 const CodeTable& codes() {
@@ -459,10 +474,7 @@ const CodeTable& codes() {
 }  // namespace
 
 std::uint8_t errorCode(float error) {
-  if (!(error > 0.0F)) return 0;
-  const auto& value = codes().value;
-  return static_cast<std::uint8_t>(
-      std::min<std::ptrdiff_t>(255, std::lower_bound(value.begin() + 1, value.end(), error) - value.begin()));
+  return error > 0.0F ? codes().code(error) : 0;
 }
 
 float errorOfCode(std::uint8_t code) {

@@ -65,8 +65,8 @@ struct Quadric {
     const double m11 = a00 * a22 - a02 * a02;
     const double m12 = a01 * a02 - a00 * a12;
     const double m22 = a00 * a11 - a01 * a01;
-    p = -glm::dvec3(m00 * b0 + m01 * b1 + m02 * b2, m01 * b0 + m11 * b1 + m12 * b2, m02 * b0 + m12 * b1 + m22 * b2) /
-        determinant;
+    p = glm::dvec3(m00 * b0 + m01 * b1 + m02 * b2, m01 * b0 + m11 * b1 + m12 * b2, m02 * b0 + m12 * b1 + m22 * b2) *
+        (-1.0 / determinant);
     return true;
   }
 };
@@ -167,6 +167,15 @@ struct Collapse {
   float along = 0.0F;  // 0 at kept, 1 at gone: where attributes are taken
   double cost = 0.0;
 };
+
+// To the nearest lattice point, halves up; without a call of the library per coordinate.
+glm::vec3 rounded(const glm::dvec3& p) {
+  constexpr double kAbove = 1 << 24;  // no coordinate is as far below zero
+  const auto nearest = [](double x) {
+    return static_cast<float>(static_cast<std::int32_t>(x + (kAbove + 0.5)) - (1 << 24));
+  };
+  return {nearest(p.x), nearest(p.y), nearest(p.z)};
+}
 
 glm::dvec3 crossOf(const glm::vec3& a, const glm::vec3& b, const glm::vec3& c) {
   return glm::cross(glm::dvec3(b) - glm::dvec3(a), glm::dvec3(c) - glm::dvec3(a));
@@ -511,19 +520,18 @@ class Simplifier {
         q.minimum(best) && glm::dot(best - middle, best - middle) <= kMaxPlacementReach * kMaxPlacementReach * length2;
     if (!solved) best = middle;
     const double along = length2 > 0.0 ? std::clamp(glm::dot(best - glm::dvec3(kept), edge) / length2, 0.0, 1.0) : 0.0;
-    offer(glm::vec3(glm::round(best)), static_cast<float>(along));
+    offer(rounded(best), static_cast<float>(along));
   }
 
   // Colours and normals that differ make an edge dearer, by the smaller of the areas that would change.
   double attributeCost(const Collapse& c) const {
     const double area = std::min(quadrics_[c.gone].weight, quadrics_[c.kept].weight);
-    double length2 = 0.0;
-    if (!mesh_.colors.empty()) {
-      const glm::dvec3 d(mesh_.colors[c.gone] - mesh_.colors[c.kept]);
-      length2 += color_scale_ * color_scale_ * glm::dot(d, d);
-    }
-    const glm::dvec3 d(mesh_.normals[c.gone] - mesh_.normals[c.kept]);
-    length2 += normal_scale_ * normal_scale_ * glm::dot(d, d);
+    const auto distance2 = [&](const std::vector<glm::vec3>& of) {
+      const glm::vec3 d = of[c.gone] - of[c.kept];
+      return static_cast<double>(glm::dot(d, d));
+    };
+    double length2 = normal_scale_ * normal_scale_ * distance2(mesh_.normals);
+    if (!mesh_.colors.empty()) length2 += color_scale_ * color_scale_ * distance2(mesh_.colors);
     return area * length2;
   }
 
