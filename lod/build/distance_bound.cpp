@@ -26,8 +26,6 @@ constexpr int kMaxWalks = 400;
 constexpr float kEnough = 0.7F;
 // A bound so much above what the corners need is worth other walks; those try limits raised by this factor.
 constexpr float kRaise = 1.1F;
-// Every so many vertices are measured to learn how large the distance is about.
-constexpr std::size_t kSeedStride = 5;
 
 // A convex polygon (convex up to rounding; only its corners are ever measured), relative to some lattice point. Lanes
 // up to the next multiple of four repeat its first corner.
@@ -167,13 +165,9 @@ class Layer {
 
   float usual() const { return usual_; }
 
-  // The largest distance of some vertices, or `known`.
-  float seed(float known) {
-    for (std::size_t i = 0; i < source_.indices.size(); i += 3 * kSeedStride) {
-      const std::uint32_t v = source_.indices[i];
-      known = std::max(known, std::sqrt(target_.facet(nearFacet(v, known)).distance2(source_.positions[v])));
-    }
-    return known;
+  // How far vertex v is from its facet, if that is more than `known`; else that.
+  float farther(std::uint32_t v, float known) {
+    return std::max(known, std::sqrt(target_.facet(nearFacet(v, known)).distance2(source_.positions[v])));
   }
 
   // What is that far from its facet or less is near enough; what is no farther than `usual` is not tried again.
@@ -492,12 +486,16 @@ SurfaceError carryError(const SurfaceView& before, const SurfaceError& before_er
   backwardHints(history, scratch.backward);
   Layer forward(before, scratch.after, scratch.forward, scratch.facet[0]);
   Layer backward(after, scratch.before, scratch.backward, scratch.facet[1]);
-  const float usual = backward.seed(forward.place(history, negligible, scratch.twin, scratch.gap));
+  float usual = forward.place(history, negligible, scratch.twin, scratch.gap);
+  Overlay& overlay = scratch.overlay;
+  overlay.make(scratch.before, scratch.after, scratch.facet[0], scratch.gap, scratch.twin);
+  // What the vertices of both need; some of those that the overlay put farther off are nearer to another triangle.
+  overlay.forEachEnclosed([&](std::uint32_t v, float distance) {
+    if (distance > usual) usual = backward.farther(v, usual);
+  });
   const float enough = std::max(negligible, kEnough * usual);
   forward.expect(enough, usual);
   backward.expect(enough, usual);
-  Overlay& overlay = scratch.overlay;
-  overlay.make(scratch.before, scratch.after, scratch.facet[0], scratch.gap, scratch.twin);
 
   const std::size_t triangles = after.indices.size() / 3;
   SurfaceError result{std::vector<float>(triangles, 0.0F), std::vector<float>(triangles, 0.0F), {}};

@@ -40,6 +40,12 @@ class Overlay {
   /// Are all points of facet t below in cells of triangles that coversAbove() says yes to?
   bool coversBelow(std::uint32_t t) const { return is_bare_[t] == 0; }
 
+  /// Calls with(v, distance) for each vertex of `below` that a triangle above encloses, with its distance from that.
+  template <class Do>
+  void forEachEnclosed(Do&& with) const {
+    for (const Enclosed& e : enclosed_) with(e.vertex, e.gap.distance);
+  }
+
   /// Calls with(t, gap) for each pair of s and each facet whose cells it belongs to; several times for most facets.
   template <class Do>
   void forEachPair(std::uint32_t s, Do&& with) const {
