@@ -437,42 +437,24 @@ float sum(float a, float b) {
   return a == 0.0F ? b : b == 0.0F ? a : (a + b) * (1.0F + kEpsilon);
 }
 
-// Values by code, and where to begin for a number by its upper bits: exponent and two bits of the fraction.
-struct CodeTable {
-  static constexpr int kDropped = 21;
-  std::array<float, 256> value{};
-  std::array<std::uint8_t, 256 * (1 << (23 - kDropped))> first{};
-
-  CodeTable() {
-    for (std::size_t i = 1; i < 255; ++i)
-      value[i] = static_cast<float>(std::pow(1.07, static_cast<double>(i) - 1.0) / 16.0);
-    value[255] = static_cast<float>(1 << 22);
-    for (std::uint32_t bits = 0; bits < first.size(); ++bits) {
-      const auto least = std::bit_cast<float>(bits << kDropped);
-      std::size_t i = 1;
-      while (i < 255 && value[i] < least) ++i;
-      first[bits] = static_cast<std::uint8_t>(i);
-    }
-  }
-  std::uint8_t code(float error) const {
-    std::size_t i = first[std::bit_cast<std::uint32_t>(error) >> kDropped];
-    while (i < 255 && value[i] < error) ++i;
-    return static_cast<std::uint8_t>(i);
-  }
-};
-const CodeTable& codes() {
-  static const CodeTable table;
-  return table;
-}
+// Codes are the upper bits of a float, from that of 1/16 on; code 1 is 1/16.
+constexpr std::uint32_t kDroppedBits = 12;
+constexpr std::uint32_t kLeastBits = std::bit_cast<std::uint32_t>(1.0F / 16.0F);
+constexpr auto kMostBits = std::bit_cast<std::uint32_t>(static_cast<float>(1 << 22));
+static_assert(((kMostBits - kLeastBits) >> kDroppedBits) + 1 < (1U << 16));
 
 }  // namespace
 
-std::uint8_t errorCode(float error) {
-  return error > 0.0F ? codes().code(error) : 0;
+std::uint16_t errorCode(float error) {
+  if (!(error > 0.0F)) return 0;
+  // Floats that are not negative sort as their bits do.
+  const std::uint32_t bits = std::clamp(std::bit_cast<std::uint32_t>(error), kLeastBits, kMostBits);
+  return static_cast<std::uint16_t>(((bits - kLeastBits + (1U << kDroppedBits) - 1) >> kDroppedBits) + 1);
 }
 
-float errorOfCode(std::uint8_t code) {
-  return codes().value[code];
+float errorOfCode(std::uint16_t code) {
+  if (code == 0) return 0.0F;
+  return std::bit_cast<float>(kLeastBits + ((code - 1U) << kDroppedBits));
 }
 
 SurfaceError carryError(const SurfaceView& before, const SurfaceError& before_error, const SurfaceView& after,

@@ -34,10 +34,9 @@ struct SurfaceError {
 SurfaceError carryError(const SurfaceView& before, const SurfaceError& before_error, const SurfaceView& after,
                         const Simplified& history, float negligible);
 
-/// A distance or a difference of colours in one byte, rounded up by at most 7 % from 1/16 to 2^20 steps; less counts as
-/// 1/16, 0 stays 0. Code 255 stands for all above: no two points of a lattice (21 bits) are farther from each other
-/// than it says.
-std::uint8_t errorCode(float error);
-float errorOfCode(std::uint8_t code);
+/// A distance or a difference of colours in two bytes, rounded up by at most 0.05 % from 1/16 to 2^22; less counts as
+/// 1/16, 0 stays 0. No two points of a lattice (21 bits) are farther from each other than 2^22.
+std::uint16_t errorCode(float error);
+float errorOfCode(std::uint16_t code);
 
 }  // namespace lod::build

@@ -1,8 +1,10 @@
 #include "lod/build/levels.h"
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <mutex>
 
@@ -101,14 +103,16 @@ Merged mergePatches(const std::vector<lod::patch::PatchGeometry>& patches, std::
 
 // The bounds of a patch's triangles, behind those read before.
 base::Result<void> addErrors(const base::Bytes& codes, std::size_t triangles, SurfaceError& errors) {
-  if (!codes.empty() && codes.size() != kErrorCodes * triangles)
+  if (!codes.empty() && codes.size() != kErrorBytes * triangles)
     return base::Error{base::ErrorCode::kInvalidInput, "the builder's own file: errors of another number of triangles"};
   const std::size_t first = errors.toward.size();
   for (std::vector<float>* v : {&errors.toward, &errors.from, &errors.color}) v->resize(first + triangles, 0.0F);
   for (std::size_t t = 0; !codes.empty() && t < triangles; ++t) {
-    errors.toward[first + t] = errorOfCode(codes[kErrorCodes * t]);
-    errors.from[first + t] = errorOfCode(codes[kErrorCodes * t + 1]);
-    errors.color[first + t] = errorOfCode(codes[kErrorCodes * t + 2]);
+    std::array<std::uint16_t, kErrorCodes> code{};
+    std::memcpy(code.data(), &codes[kErrorBytes * t], kErrorBytes);
+    errors.toward[first + t] = errorOfCode(code[0]);
+    errors.from[first + t] = errorOfCode(code[1]);
+    errors.color[first + t] = errorOfCode(code[2]);
   }
   return {};
 }
@@ -393,7 +397,7 @@ base::Result<LevelBuilder::Made> LevelBuilder::makeGroup(std::span<const std::ui
   const SurfaceError error = carryError({before, before_indices, before_colors}, before_error,
                                         {merged.mesh.positions, simplified.indices, merged.mesh.colors}, simplified,
                                         std::max(0.5F, kNegligible * below));
-  std::vector<std::uint8_t> codes;
+  std::vector<std::uint16_t> codes;
   codes.reserve(kErrorCodes * error.toward.size());
   float largest = 0.0F;
   float largest_color = 0.0F;

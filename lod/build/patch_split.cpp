@@ -1,6 +1,7 @@
 #include "lod/build/patch_split.h"
 
 #include <algorithm>
+#include <cstring>
 #include <limits>
 
 #include "lod/build/partition.h"
@@ -71,7 +72,7 @@ std::vector<std::vector<std::uint32_t>> splitTriangles(const CodedMesh& mesh, st
 }
 
 std::vector<NewPatch> makePatches(const CodedMesh& mesh, const std::vector<std::vector<std::uint32_t>>& parts,
-                                  std::span<const std::uint8_t> outer, std::span<const std::uint8_t> errors,
+                                  std::span<const std::uint8_t> outer, std::span<const std::uint16_t> errors,
                                   const lod::patch::Lattice& lattice, std::uint32_t level) {
   // Which vertices several parts use.
   std::vector<std::uint8_t> border(outer.begin(), outer.end());
@@ -124,11 +125,9 @@ std::vector<NewPatch> makePatches(const CodedMesh& mesh, const std::vector<std::
     patch.record.level = level;
     patch.encoded = lod::patch::encodePatch(geometry, &order);
     if (!errors.empty()) {
-      patch.errors.reserve(kErrorCodes * order.size());
-      for (const std::uint32_t i : order) {
-        const auto at = errors.begin() + static_cast<std::ptrdiff_t>(kErrorCodes * part[i]);
-        patch.errors.insert(patch.errors.end(), at, at + kErrorCodes);
-      }
+      patch.errors.resize(kErrorBytes * order.size());
+      for (std::size_t t = 0; t < order.size(); ++t)
+        std::memcpy(&patch.errors[kErrorBytes * t], &errors[kErrorCodes * part[order[t]]], kErrorBytes);
     }
     patches.push_back(std::move(patch));
   }

@@ -12,6 +12,7 @@ namespace lod::build {
 
 /// What a triangle carries from level to level: errorCode() of SurfaceError's toward, from and color.
 inline constexpr std::size_t kErrorCodes = 3;
+inline constexpr std::size_t kErrorBytes = kErrorCodes * sizeof(std::uint16_t);
 
 /// A surface on the lattice, vertices known by their Morton codes.
 struct CodedMesh {
@@ -37,7 +38,7 @@ std::vector<std::vector<std::uint32_t>> splitTriangles(const CodedMesh& mesh, st
 /// the parts; it and those shared between parts are listed as border. `errors`: kErrorCodes codes per triangle of the
 /// mesh, or empty.
 std::vector<NewPatch> makePatches(const CodedMesh& mesh, const std::vector<std::vector<std::uint32_t>>& parts,
-                                  std::span<const std::uint8_t> outer, std::span<const std::uint8_t> errors,
+                                  std::span<const std::uint8_t> outer, std::span<const std::uint16_t> errors,
                                   const lod::patch::Lattice& lattice, std::uint32_t level);
 
 }  // namespace lod::build

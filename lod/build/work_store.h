@@ -19,7 +19,7 @@ struct NewPatch {
   lod::patch::Patch record;           ///< box, bounds, cone, counts, level
   std::vector<std::uint64_t> border;  ///< Morton codes of the vertices it may share with other patches, ascending
   base::Bytes encoded;                ///< lod::patch::encodePatch
-  base::Bytes errors;                 ///< what its triangles carry along (kErrorCodes each); empty for leaves
+  base::Bytes errors;                 ///< what its triangles carry along (kErrorBytes each); empty for leaves
 };
 
 /// A patch in the store. Numbers of producer and consumer are of the order in which groups are made.
