@@ -671,9 +671,35 @@ struct Choice {
 constexpr std::array<Choice, 3> kChoices{
     {{~0ULL, 0, 0, 1, 0, 3, 0}, {0, ~0ULL, 0, 0, 1, 3, 0}, {0, 0, ~0ULL, 0, 1, 0, 0}}};
 
+#if defined(__x86_64__)
+// The same for words in a register: gate's a, b, opposite, count of vertices, then a, b, opposite of the front's first.
+struct alignas(64) WordChoice {
+  std::array<std::uint8_t, 16> gate;     // which bytes make up the next gate, the count behind it
+  std::array<std::uint8_t, 16> corners;  // which ones the triangle
+  std::array<std::uint16_t, 8> more;     // what is added to the gate: one to the count
+  std::uint32_t pushed, taken, corners_kept, unused;
+};
+constexpr std::array<std::uint8_t, 16> fourWords(std::uint8_t a, std::uint8_t b, std::uint8_t c, std::uint8_t d) {
+  std::array<std::uint8_t, 16> bytes{};
+  const std::array<std::uint8_t, 4> words{a, b, c, d};
+  for (std::size_t k = 0; k < 8; ++k) {
+    bytes[k] = static_cast<std::uint8_t>(2 * words[k / 2] + k % 2);
+    bytes[k + 8] = 0x80;  // zero
+  }
+  return bytes;
+}
+constexpr std::array<WordChoice, 3> kWordChoices{
+    {{fourWords(3, 1, 0, 3), fourWords(0, 1, 3, 3), {0, 0, 0, 1}, 1, 0, 3, 0},
+     {fourWords(0, 5, 1, 3), fourWords(0, 1, 5, 3), {}, 0, 1, 3, 0},
+     {fourWords(4, 5, 6, 3), fourWords(0, 1, 5, 3), {}, 0, 1, 0, 0}}};
+// (a, third, b) of a triangle's corners (a, b, third).
+constexpr std::array<std::uint8_t, 16> kPushedWords = fourWords(0, 2, 1, 3);
+#endif
+
 class Machine {
  public:
-  // `indices` has room for `triangles` and kSlack more, `from` for `vertices` and kSlack more.
+  // `front` has one place more than the ring, `indices` room for `triangles` and kSlack more, `from` for `vertices` and
+  // kSlack more.
   Machine(const PatchHeader& header, base::ByteView steps, base::ByteView escapes, std::uint64_t* front,
           std::uint16_t* indices, std::uint64_t* from)
       : header_(header),
@@ -685,8 +711,8 @@ class Machine {
         from_(from) {}
 
   // False when the counts are not met or the escapes run out. All numbers in indices and `from` are below the count of
-  // vertices then: every one was new once.
-  LUMIGRID_INLINE bool run() {
+  // vertices then: every one was new once. The upper 16 bits in `from` say nothing.
+  bool run() {
     // Copies, which no store can change.
     std::uint64_t* const front = front_;
     std::uint64_t* const from = from_;
@@ -739,6 +765,97 @@ class Machine {
       if (!advance(steps[bytes] >> (2 * (i % kStepsAtOnce)) & 3U)) return false;
     return vertices == most_vertices && corner == last && escape_ == escapes_.size();
   }
+
+#if defined(__x86_64__)
+#define LUMIGRID_AVX2 target("avx2,bmi,bmi2")
+  // The same; an edge is four words of a register, and a shuffle chooses.
+  __attribute__((LUMIGRID_AVX2)) bool runByAvx2() {
+    std::uint64_t* const front = front_;
+    std::uint64_t* const from = from_;
+    std::uint16_t* const indices = indices_;
+    const std::uint32_t mask = mask_;
+    __m128i gate = _mm_setzero_si128();
+    std::uint32_t head = 0;
+    std::uint32_t tail = 0;
+    std::uint32_t vertices = 0;
+    std::uint16_t* corner = indices;
+    const auto load = [](const void* at) __attribute__((always_inline, LUMIGRID_AVX2)) {
+      return _mm_load_si128(static_cast<const __m128i*>(at));
+    };
+    const auto store = [](void* at, __m128i words) __attribute__((always_inline, LUMIGRID_AVX2)) {
+      _mm_storel_epi64(static_cast<__m128i*>(at), words);
+    };
+    alignas(16) static constexpr std::array<std::uint8_t, 16> kPushed = kPushedWords;
+    const __m128i pushed_words = load(kPushed.data());
+    const auto with = [&](__m128i edge, std::uint32_t place) __attribute__((always_inline, LUMIGRID_AVX2)) {
+      return _mm_castpd_si128(
+          _mm_loadh_pd(_mm_castsi128_pd(edge), reinterpret_cast<const double*>(front + (place & mask))));
+    };
+
+    const auto escape = [&]() __attribute__((always_inline, LUMIGRID_AVX2)) {
+      if (escape_ >= escapes_.size()) return false;
+      const std::uint32_t kind = escapes_[escape_];
+      if (kind >= kStart && kind != kPrevious && kind != kCloseFirst) [[unlikely]] {
+        state_ = {static_cast<std::uint64_t>(_mm_cvtsi128_si64(gate)) & 0xFFFFFFFFFFFFU, head, tail, vertices,
+                  static_cast<std::uint32_t>((corner - indices) / 3)};
+        const bool good = leave();
+        gate = _mm_cvtsi64_si128(
+            static_cast<long long>((state_.gate & 0xFFFFFFFFFFFFU) | std::uint64_t{state_.vertices} << 48));
+        head = state_.head, tail = state_.tail;
+        vertices = state_.vertices, corner = indices + 3 * std::size_t{state_.triangles};
+        return good;
+      }
+      // The frequent ones at once: which it is cannot be foreseen either.
+      ++escape_;
+      const bool previous = kind == kPrevious;
+      const bool close = kind == kCloseFirst;
+      const bool known = kind < kStart;
+      if (known && kind >= vertices) return false;
+      const auto last = static_cast<std::uint32_t>(front[(tail - 1) & mask] & 0xFFFF);
+      const std::uint32_t third = previous ? last : vertices - 1U - kind;
+      const __m128i words = _mm_insert_epi16(with(gate, head + 1), static_cast<int>(third), 3);
+      const WordChoice& choice = kWordChoices[close ? 2 : 0];
+      const __m128i corners = _mm_shuffle_epi8(words, load(kWordChoices[0].corners.data()));
+      store(corner, corners);
+      // What is not pushed goes behind the ring.
+      store(front + (known ? tail & mask : mask + 1), _mm_shuffle_epi8(corners, pushed_words));
+      gate = _mm_insert_epi16(_mm_shuffle_epi8(words, load(choice.gate.data())), static_cast<int>(vertices), 3);
+      corner += close ? 0 : 3;
+      tail += (known ? 1U : 0U) - (previous ? 1U : 0U);
+      head += close ? 2U : 0U;
+      return true;
+    };
+    const auto advance = [&](std::uint32_t step) __attribute__((always_inline, LUMIGRID_AVX2)) {
+      if (step == kEscape) [[unlikely]]
+        return escape();
+      const WordChoice& choice = kWordChoices[step];
+      const __m128i words = with(gate, head);
+      const __m128i corners = _mm_shuffle_epi8(words, load(choice.corners.data()));
+      store(from + vertices, gate);
+      store(corner, corners);
+      store(front + (tail & mask), _mm_shuffle_epi8(corners, pushed_words));
+      gate = _mm_add_epi16(_mm_shuffle_epi8(words, load(choice.gate.data())), load(choice.more.data()));
+      tail += choice.pushed;
+      vertices += choice.pushed;
+      head += choice.taken;
+      corner += choice.corners_kept;
+      return true;
+    };
+
+    const std::uint8_t* const steps = steps_.data();
+    const std::uint32_t bytes = header_.steps / kStepsAtOnce;
+    const std::uint32_t most_vertices = header_.vertices;
+    const std::uint16_t* const last = indices + 3 * std::size_t{header_.triangles};
+    for (std::uint32_t i = 0; i < bytes; ++i) {
+      const std::uint32_t byte = steps[i];
+      const bool good = advance(byte & 3U) && advance(byte >> 2 & 3U) && advance(byte >> 4 & 3U) && advance(byte >> 6);
+      if (!good || vertices > most_vertices || corner > last) return false;
+    }
+    for (std::uint32_t i = bytes * kStepsAtOnce; i < header_.steps; ++i)
+      if (!advance(steps[bytes] >> (2 * (i % kStepsAtOnce)) & 3U)) return false;
+    return vertices == most_vertices && corner == last && escape_ == escapes_.size();
+  }
+#endif
 
  private:
   struct State {
@@ -1131,7 +1248,7 @@ LUMIGRID_INLINE bool readLanes(PlaneReader readPlane, base::ByteView in, std::si
 
 // What stands in the way, or null.
 LUMIGRID_INLINE const char* decodeParts(const PatchHeader& header, base::ByteView bytes, PlaneReader readPlane,
-                                        PatchGeometry& geometry) {
+                                        bool (Machine::*run)(), PatchGeometry& geometry) {
   // A copy with eight bytes behind it: whole words are read at any place.
   thread_local Scratch scratch;
   std::uint8_t* copy = Scratch::room(scratch.bytes, bytes.size() + 8);
@@ -1141,12 +1258,12 @@ LUMIGRID_INLINE const char* decodeParts(const PatchHeader& header, base::ByteVie
 
   // Triangles, and what each vertex is predicted from.
   geometry.indices.resize((std::size_t{header.triangles} + kSlack) * 3);
-  scratch.front.assign(std::size_t{1} << header.front_bits, 0);
+  scratch.front.assign((std::size_t{1} << header.front_bits) + 1, 0);
   std::uint64_t* from = Scratch::room(scratch.from, header.vertices + kSlack);
   const base::ByteView steps = in.subspan(kHeaderBytes, header.stepBytes());
   const base::ByteView escapes = in.subspan(kHeaderBytes + steps.size(), header.escape_bytes);
-  if (!Machine(header, steps, escapes, scratch.front.data(), geometry.indices.data(), from).run())
-    return "the triangles do not decode";
+  Machine machine(header, steps, escapes, scratch.front.data(), geometry.indices.data(), from);
+  if (!(machine.*run)()) return "the triangles do not decode";
   geometry.indices.resize(std::size_t{header.triangles} * 3);
 
   // Planes.
@@ -1178,12 +1295,12 @@ LUMIGRID_INLINE const char* decodeParts(const PatchHeader& header, base::ByteVie
 #if defined(__x86_64__)
 __attribute__((target("avx2,bmi,bmi2"))) const char* decodeByAvx2(const PatchHeader& header, base::ByteView bytes,
                                                                   PatchGeometry& geometry) {
-  return decodeParts(header, bytes, readPlaneByAvx2, geometry);
+  return decodeParts(header, bytes, readPlaneByAvx2, &Machine::runByAvx2, geometry);
 }
 #endif
 
 const char* decodeAnywhere(const PatchHeader& header, base::ByteView bytes, PatchGeometry& geometry) {
-  return decodeParts(header, bytes, readPlaneAnywhere, geometry);
+  return decodeParts(header, bytes, readPlaneAnywhere, &Machine::run, geometry);
 }
 
 using Decoder = const char* (*)(const PatchHeader&, base::ByteView, PatchGeometry&);
