@@ -286,7 +286,7 @@ struct PlaneParts {
   const std::uint8_t* widths = nullptr;
   const std::uint8_t* low = nullptr;
   const std::uint8_t* unary = nullptr;
-  std::size_t unary_bits = 0;
+  std::size_t unary_bytes = 0;
 
   std::uint32_t width(std::size_t group) const { return widths[group / 2] >> (4 * (group % 2)) & 15U; }
 };
@@ -303,16 +303,19 @@ LUMIGRID_INLINE bool findPlane(base::ByteView in, std::size_t& at, std::size_t g
   if (in.size() - at < low_bytes + unary_bytes) return false;
   plane.low = in.data() + at;
   plane.unary = plane.low + low_bytes;
-  plane.unary_bits = 8 * unary_bytes;
+  plane.unary_bytes = unary_bytes;
   at += low_bytes + unary_bytes;
   return true;
 }
 
-// Reads the numbers of one plane, whole groups. False when the plane runs past the end. `in` may be read eight bytes
-// past its end.
-using PlaneReader = bool (*)(base::ByteView in, std::size_t& at, std::size_t groups, std::uint32_t* out);
+// Reads the numbers of one plane, whole groups. False when the plane runs past the end, a group has too many unary bits
+// or the plane has other unary bytes than its groups fill. `in` may be read eight bytes past its end; `places` has room
+// for a byte per number and kGroup more.
+using PlaneReader = bool (*)(base::ByteView in, std::size_t& at, std::size_t groups, std::uint8_t* places,
+                             std::uint32_t* out);
 
-bool readPlaneAnywhere(base::ByteView in, std::size_t& at, std::size_t groups, std::uint32_t* out) {
+bool readPlaneAnywhere(base::ByteView in, std::size_t& at, std::size_t groups, std::uint8_t* /*places*/,
+                       std::uint32_t* out) {
   PlaneParts plane;
   if (!findPlane(in, at, groups, plane)) return false;
   std::size_t bit = 0;
@@ -323,7 +326,7 @@ bool readPlaneAnywhere(base::ByteView in, std::size_t& at, std::size_t groups, s
       plane.low += 64;
       continue;
     }
-    if (bit > plane.unary_bits) return false;
+    if (bit > 8 * plane.unary_bytes) return false;
     std::uint64_t ones = load64(plane.unary + bit / 8) >> (bit % 8);
     const std::uint64_t mask = (std::uint64_t{1} << width) - 1;
     std::uint32_t before = 0;
@@ -340,19 +343,43 @@ bool readPlaneAnywhere(base::ByteView in, std::size_t& at, std::size_t groups, s
         lows >>= width;
       }
     }
+    if (before > kMaxUnary) return false;
     plane.low += 2 * width;
     bit += before;
   }
-  return bit <= plane.unary_bits;
+  return (bit + 7) / 8 == plane.unary_bytes;
 }
 
 #if defined(__x86_64__)
-// The same by vectors: where the ones are, one by one; all else for a group at once.
-__attribute__((target("avx2,bmi,bmi2"))) bool readPlaneByAvx2(base::ByteView in, std::size_t& at, std::size_t groups,
-                                                              std::uint32_t* out) {
+// Places of the ones in each byte, lowest first.
+constexpr auto kOnes = [] {
+  std::array<std::array<std::uint8_t, 8>, 256> places{};
+  for (std::size_t byte = 0; byte < 256; ++byte)
+    for (std::size_t bit = 0, i = 0; bit < 8; ++bit)
+      if ((byte >> bit & 1U) != 0) places[byte][i++] = static_cast<std::uint8_t>(bit);
+  return places;
+}();
+
+// The same by vectors, a group at once, when the places of all ones are known. They are modulo 256; a group that looks
+// short and is not is missed in the sum of lengths.
+__attribute__((target("avx2,bmi,bmi2,popcnt"))) bool readPlaneByAvx2(base::ByteView in, std::size_t& at,
+                                                                     std::size_t groups, std::uint8_t* places,
+                                                                     std::uint32_t* out) {
   PlaneParts plane;
   if (!findPlane(in, at, groups, plane)) return false;
-  std::size_t bit = 0;
+  places[0] = 0xFF;
+  std::size_t ones = 0;
+  __m128i first_bit = _mm_setzero_si128();
+  for (std::size_t i = 0; i < plane.unary_bytes && ones < kGroup * groups; ++i) {
+    const std::uint8_t byte = plane.unary[i];
+    const __m128i inside = _mm_loadl_epi64(reinterpret_cast<const __m128i*>(kOnes[byte].data()));
+    _mm_storel_epi64(reinterpret_cast<__m128i*>(places + 1 + ones), _mm_add_epi8(inside, first_bit));
+    ones += static_cast<std::size_t>(_mm_popcnt_u32(byte));
+    first_bit = _mm_add_epi8(first_bit, _mm_set1_epi8(8));
+  }
+
+  std::size_t bits = 0;
+  std::size_t used = 0;
   for (std::size_t g = 0; g < groups; ++g, out += kGroup) {
     const std::uint32_t width = plane.width(g);
     if (width == kRawWidth) {
@@ -360,21 +387,17 @@ __attribute__((target("avx2,bmi,bmi2"))) bool readPlaneByAvx2(base::ByteView in,
       plane.low += 64;
       continue;
     }
-    if (bit > plane.unary_bits) return false;
-    std::uint64_t ones = load64(plane.unary + bit / 8) >> (bit % 8);
-    alignas(16) std::array<std::uint8_t, kGroup> at_one;
-#pragma GCC unroll 16
-    for (std::size_t i = 0; i < kGroup; ++i) {
-      at_one[i] = static_cast<std::uint8_t>(_tzcnt_u64(ones));
-      ones = _blsr_u64(ones);
-    }
-    if (at_one[kGroup - 1] == 64) return false;
-    bit += at_one[kGroup - 1] + 1U;
-
     // Zeros between a one and the one before it.
-    const __m128i here = _mm_load_si128(reinterpret_cast<const __m128i*>(at_one.data()));
-    const __m128i before = _mm_or_si128(_mm_slli_si128(here, 1), _mm_cvtsi32_si128(0xFF));
-    const __m128i zeros = _mm_sub_epi8(_mm_sub_epi8(here, before), _mm_set1_epi8(1));
+    const std::uint8_t* const here = places + used;
+    const __m128i before = _mm_loadu_si128(reinterpret_cast<const __m128i*>(here));
+    const __m128i after = _mm_loadu_si128(reinterpret_cast<const __m128i*>(here + 1));
+    const __m128i zeros = _mm_sub_epi8(_mm_sub_epi8(after, before), _mm_set1_epi8(1));
+    const auto length = static_cast<std::uint8_t>(here[kGroup] - here[0]);
+    if (length > kMaxUnary) return false;
+    bits += length;
+    used += kGroup;
+    if (used > ones) return false;
+
     const __m128i shift = _mm_cvtsi32_si128(static_cast<int>(width));
     __m256i low0, low8;
     if (width <= 8) {
@@ -400,7 +423,7 @@ __attribute__((target("avx2,bmi,bmi2"))) bool readPlaneByAvx2(base::ByteView in,
     _mm256_storeu_si256(reinterpret_cast<__m256i*>(out + 8), _mm256_or_si256(high8, low8));
     plane.low += 2 * width;
   }
-  return bit <= plane.unary_bits;
+  return (bits + 7) / 8 == plane.unary_bytes;
 }
 #endif
 
@@ -646,6 +669,7 @@ constexpr std::size_t kSlack = 4 * kStepsAtOnce;
 // What decoding needs beyond its result. Kept by thread: patches come by the thousand.
 struct Scratch {
   base::Bytes bytes;
+  std::vector<std::uint8_t> places;  // of ones in unary bits
   std::vector<std::uint64_t> front;
   std::vector<std::uint64_t> from;  // packed edges by vertex
   std::vector<Uint4> positions;
@@ -1233,7 +1257,7 @@ LUMIGRID_INLINE bool readLanes(PlaneReader readPlane, base::ByteView in, std::si
     std::uint32_t* room = Scratch::room(scratch.planes[k], padded);
     if (k >= lanes)
       std::memset(room, 0, padded * sizeof(*room));
-    else if (!readPlane(in, at, groups, room))
+    else if (!readPlane(in, at, groups, scratch.places.data(), room))
       return false;
     plane[k] = room;
   }
@@ -1270,10 +1294,11 @@ LUMIGRID_INLINE const char* decodeParts(const PatchHeader& header, base::ByteVie
   const std::size_t groups = groupsOf(header.vertices);
   const std::size_t padded = groups * kGroup;
   Uint4* positions = Scratch::room(scratch.positions, padded);
+  Scratch::room(scratch.places, padded + kGroup);
   std::size_t at = kHeaderBytes + steps.size() + escapes.size();
   bool whole = readLanes(readPlane, in, at, groups, 3, scratch, positions);
-  whole = whole && readPlane(in, at, groups, Scratch::room(scratch.normal_u, padded));
-  whole = whole && readPlane(in, at, groups, Scratch::room(scratch.normal_v, padded));
+  whole = whole && readPlane(in, at, groups, scratch.places.data(), Scratch::room(scratch.normal_u, padded));
+  whole = whole && readPlane(in, at, groups, scratch.places.data(), Scratch::room(scratch.normal_v, padded));
   Uint4* colors = header.colored() ? Scratch::room(scratch.colors, padded) : nullptr;
   if (header.colored()) whole = whole && readLanes(readPlane, in, at, groups, header.alpha() ? 4 : 3, scratch, colors);
   if (!whole || at != bytes.size()) return "the vertices do not decode";
@@ -1293,8 +1318,9 @@ LUMIGRID_INLINE const char* decodeParts(const PatchHeader& header, base::ByteVie
 }
 
 #if defined(__x86_64__)
-__attribute__((target("avx2,bmi,bmi2"))) const char* decodeByAvx2(const PatchHeader& header, base::ByteView bytes,
-                                                                  PatchGeometry& geometry) {
+__attribute__((target("avx2,bmi,bmi2,popcnt"))) const char* decodeByAvx2(const PatchHeader& header,
+                                                                         base::ByteView bytes,
+                                                                         PatchGeometry& geometry) {
   return decodeParts(header, bytes, readPlaneByAvx2, &Machine::runByAvx2, geometry);
 }
 #endif
@@ -1307,7 +1333,8 @@ using Decoder = const char* (*)(const PatchHeader&, base::ByteView, PatchGeometr
 
 Decoder fastestDecoder() {
 #if defined(__x86_64__)
-  if (__builtin_cpu_supports("avx2") != 0 && __builtin_cpu_supports("bmi") != 0 && __builtin_cpu_supports("bmi2") != 0)
+  if (__builtin_cpu_supports("avx2") != 0 && __builtin_cpu_supports("bmi") != 0 &&
+      __builtin_cpu_supports("bmi2") != 0 && __builtin_cpu_supports("popcnt") != 0)
     return decodeByAvx2;
 #endif
   return decodeAnywhere;
