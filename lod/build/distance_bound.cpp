@@ -313,7 +313,7 @@ class Layer {
     if (facet_[v] == kNone) {
       float d2 = kFar;
       for (std::uint32_t i = hints_.first[v]; i < hints_.first[v + 1]; ++i)
-        facet_[v] = target_.nearestAround(hints_.member[i], p, d2, facet_[v], 0.1F * enough * enough);
+        facet_[v] = target_.nearestAround(hints_.member[i], p, d2, facet_[v], 0.5F * enough * enough);
       if (facet_[v] == kNone) facet_[v] = target_.search(p, d2);
       return facet_[v] = target_.descend(facet_[v], p, d2, enough * enough);
     }
