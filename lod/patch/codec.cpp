@@ -204,8 +204,8 @@ std::uint32_t zigzag(std::int32_t x) {
   return (static_cast<std::uint32_t>(x) << 1) ^ static_cast<std::uint32_t>(x >> 31);
 }
 
-std::int32_t unzigzag(std::uint32_t x) {
-  return static_cast<std::int32_t>((x >> 1) ^ (0U - (x & 1U)));
+std::uint32_t unzigzag(std::uint32_t x) {
+  return (x >> 1) ^ (0U - (x & 1U));
 }
 
 // The width that takes fewest bits, of those about the logarithm of the mean.
@@ -308,9 +308,14 @@ LUMIGRID_INLINE bool findPlane(base::ByteView in, std::size_t& at, std::size_t g
   return true;
 }
 
-// Reads the numbers of one plane, whole groups. False when the plane runs past the end, a group has too many unary bits
-// or the plane has other unary bytes than its groups fill. `in` may be read eight bytes past its end; `places` has room
-// for a byte per number and kGroup more.
+void readRaw(const std::uint8_t* low, std::uint32_t* out) {
+  std::memcpy(out, low, 4 * kGroup);
+  for (std::size_t i = 0; i < kGroup; ++i) out[i] = unzigzag(out[i]);
+}
+
+// Reads the differences of one plane, whole groups. False when the plane runs past the end, a group has too many unary
+// bits or the plane has other unary bytes than its groups fill. `in` may be read eight bytes past its end; `places` has
+// room for a byte per number and 80 more.
 using PlaneReader = bool (*)(base::ByteView in, std::size_t& at, std::size_t groups, std::uint8_t* places,
                              std::uint32_t* out);
 
@@ -322,7 +327,7 @@ bool readPlaneAnywhere(base::ByteView in, std::size_t& at, std::size_t groups, s
   for (std::size_t g = 0; g < groups; ++g, out += kGroup) {
     const std::uint32_t width = plane.width(g);
     if (width == kRawWidth) {
-      std::memcpy(out, plane.low, 4 * kGroup);
+      readRaw(plane.low, out);
       plane.low += 64;
       continue;
     }
@@ -338,7 +343,7 @@ bool readPlaneAnywhere(base::ByteView in, std::size_t& at, std::size_t groups, s
         if (ones == 0) return false;
         const auto one = static_cast<std::uint32_t>(std::countr_zero(ones));
         ones &= ones - 1;
-        out[four + i] = (one - before) << width | static_cast<std::uint32_t>(lows & mask);
+        out[four + i] = unzigzag((one - before) << width | static_cast<std::uint32_t>(lows & mask));
         before = one + 1;
         lows >>= width;
       }
@@ -370,12 +375,16 @@ __attribute__((target("avx2,bmi,bmi2,popcnt"))) bool readPlaneByAvx2(base::ByteV
   places[0] = 0xFF;
   std::size_t ones = 0;
   __m128i first_bit = _mm_setzero_si128();
-  for (std::size_t i = 0; i < plane.unary_bytes && ones < kGroup * groups; ++i) {
-    const std::uint8_t byte = plane.unary[i];
-    const __m128i inside = _mm_loadl_epi64(reinterpret_cast<const __m128i*>(kOnes[byte].data()));
-    _mm_storel_epi64(reinterpret_cast<__m128i*>(places + 1 + ones), _mm_add_epi8(inside, first_bit));
-    ones += static_cast<std::size_t>(_mm_popcnt_u32(byte));
-    first_bit = _mm_add_epi8(first_bit, _mm_set1_epi8(8));
+  for (std::size_t i = 0; i < plane.unary_bytes && ones < kGroup * groups; i += 8) {
+    std::uint64_t word = load64(plane.unary + i);
+#pragma GCC unroll 8
+    for (std::size_t k = 0; k < 8; ++k, word >>= 8) {
+      const auto byte = static_cast<std::uint8_t>(word);
+      const __m128i inside = _mm_loadl_epi64(reinterpret_cast<const __m128i*>(kOnes[byte].data()));
+      _mm_storel_epi64(reinterpret_cast<__m128i*>(places + 1 + ones), _mm_add_epi8(inside, first_bit));
+      ones += static_cast<std::size_t>(_mm_popcnt_u32(byte));
+      first_bit = _mm_add_epi8(first_bit, _mm_set1_epi8(8));
+    }
   }
 
   std::size_t bits = 0;
@@ -383,7 +392,7 @@ __attribute__((target("avx2,bmi,bmi2,popcnt"))) bool readPlaneByAvx2(base::ByteV
   for (std::size_t g = 0; g < groups; ++g, out += kGroup) {
     const std::uint32_t width = plane.width(g);
     if (width == kRawWidth) {
-      std::memcpy(out, plane.low, 4 * kGroup);
+      readRaw(plane.low, out);
       plane.low += 64;
       continue;
     }
@@ -419,8 +428,12 @@ __attribute__((target("avx2,bmi,bmi2,popcnt"))) bool readPlaneByAvx2(base::ByteV
     }
     const __m256i high0 = _mm256_sll_epi32(_mm256_cvtepu8_epi32(zeros), shift);
     const __m256i high8 = _mm256_sll_epi32(_mm256_cvtepu8_epi32(_mm_srli_si128(zeros, 8)), shift);
-    _mm256_storeu_si256(reinterpret_cast<__m256i*>(out), _mm256_or_si256(high0, low0));
-    _mm256_storeu_si256(reinterpret_cast<__m256i*>(out + 8), _mm256_or_si256(high8, low8));
+    const auto store = [](std::uint32_t * to, __m256i x) __attribute__((always_inline, target("avx2,bmi,bmi2"))) {
+      const __m256i sign = _mm256_sub_epi32(_mm256_setzero_si256(), _mm256_and_si256(x, _mm256_set1_epi32(1)));
+      _mm256_storeu_si256(reinterpret_cast<__m256i*>(to), _mm256_xor_si256(_mm256_srli_epi32(x, 1), sign));
+    };
+    store(out, _mm256_or_si256(high0, low0));
+    store(out + 8, _mm256_or_si256(high8, low8));
     plane.low += 2 * width;
   }
   return (bits + 7) / 8 == plane.unary_bytes;
@@ -679,6 +692,11 @@ struct Scratch {
   std::vector<std::uint32_t> normal_v;
   std::vector<Float4> points;
   std::vector<Float4> sums;
+  // The result, with room for whole vectors behind it. Copied when it is done: that takes less time than clearing it.
+  std::vector<std::uint16_t> indices;
+  std::vector<glm::ivec3> lattice;
+  std::vector<glm::vec3> normals;
+  std::vector<glm::u8vec4> rgba;
 
   template <class T>
   static T* room(std::vector<T>& v, std::size_t count) {
@@ -1160,10 +1178,6 @@ LUMIGRID_INLINE std::array<V, 4> transposed(const V* in) {
           __builtin_shufflevector(high01, high23, 0, 1, 4, 5), __builtin_shufflevector(high01, high23, 2, 3, 6, 7)};
 }
 
-LUMIGRID_INLINE Uint4 unzigzag4(Uint4 x) {
-  return (x >> 1) ^ (0U - (x & 1U));
-}
-
 // Differences to what the planes hold become numbers: lattice points, those relative to vertex 0 for facet normals, and
 // colour codes. One pass, since each vertex waits for the one before. False when a point lies outside the lattice.
 template <bool kColors>
@@ -1171,47 +1185,50 @@ LUMIGRID_INLINE bool addUp(const PatchHeader& header, const std::uint64_t* from,
   Uint4* at = scratch.positions.data();
   Uint4* color = scratch.colors.data();
   Float4* points = Scratch::room(scratch.points, header.vertices);
-  Float4* sums = Scratch::room(scratch.sums, groupsOf(header.vertices) * kGroup);
   const Uint4 corner{static_cast<std::uint32_t>(header.corner.x), static_cast<std::uint32_t>(header.corner.y),
                      static_cast<std::uint32_t>(header.corner.z), 0U};
-  // Beyond ±kMaxLattice: q + kMaxLattice, unsigned, is above 2 · kMaxLattice.
-  constexpr std::uint32_t kMost = 2U * kMaxLattice;
-  const Uint4 most{kMost, kMost, kMost, 0xFFFFFFFFU};
   const Int4 shift = Int4{} + static_cast<std::int32_t>(header.facet_shift);
   // Alpha is not predicted.
   const Int4 colors_only{-1, -1, -1, 0};
   const Uint4 opaque{0, 0, 0, 255};
-  at[0] = unzigzag4(at[0]) + corner;
+  at[0] = at[0] + corner;
   const Uint4 origin = at[0];
-  Int4 outside{};
+  Int4 least = reinterpret_cast<Int4>(origin);
+  Int4 greatest = least;
   const auto finish = [&](std::size_t v, Uint4 q) __attribute__((always_inline)) {
-    outside |= (q + static_cast<std::uint32_t>(kMaxLattice)) > most;
+    const auto lattice = reinterpret_cast<Int4>(q);
+    least = lattice < least ? lattice : least;
+    greatest = lattice > greatest ? lattice : greatest;
     points[v] = __builtin_convertvector(reinterpret_cast<Int4>(q - origin) >> shift, Float4);
-    sums[v] = Float4{};
-    std::memcpy(&out[v], &q, sizeof(glm::ivec3));
+    // The fourth lane falls on the next.
+    std::memcpy(reinterpret_cast<std::uint8_t*>(out + v), &q, sizeof(q));
   };
   finish(0, origin);
-  if (kColors) color[0] = unzigzag4(color[0]) + opaque;
+  if (kColors) color[0] = color[0] + opaque;
   for (std::size_t v = 1; v < header.vertices; ++v) {
     const std::uint64_t e = from[v];
     const std::size_t a = e & 0xFFFF;
     const std::size_t b = e >> 16 & 0xFFFF;
     const std::size_t opposite = e >> 32 & 0xFFFF;
-    const Uint4 q = (unzigzag4(at[v]) - at[opposite]) + (at[a] + at[b]);
+    const Uint4 q = (at[v] - at[opposite]) + (at[a] + at[b]);
     at[v] = q;
     finish(v, q);
     if (kColors) {
       const Int4 mean = (reinterpret_cast<Int4>(color[a] + color[b]) >> 1) & colors_only;
-      color[v] = unzigzag4(color[v]) + opaque + reinterpret_cast<Uint4>(mean);
+      color[v] = color[v] + opaque + reinterpret_cast<Uint4>(mean);
     }
   }
-  return (outside[0] | outside[1] | outside[2]) == 0;
+  bool inside = true;
+  for (int axis = 0; axis < 3; ++axis) inside = inside && least[axis] >= -kMaxLattice && greatest[axis] <= kMaxLattice;
+  return inside;
 }
 
+// In whole groups, as are the codes of colours below.
 LUMIGRID_INLINE void addNormals(const PatchHeader& header, const std::uint16_t* indices, Scratch& scratch,
                                 glm::vec3* out) {
-  const std::size_t count = header.vertices;
-  Float4* sums = scratch.sums.data();
+  const std::size_t count = groupsOf(header.vertices) * kGroup;
+  Float4* sums = Scratch::room(scratch.sums, count);
+  std::memset(sums, 0, count * sizeof(*sums));
   sumFacets(scratch.points.data(), indices, header.triangles, sums);
 
   std::array<float, kBlock> x, y, z;
@@ -1227,24 +1244,30 @@ LUMIGRID_INLINE void addNormals(const PatchHeader& header, const std::uint16_t* 
     }
     predictNormals(x, y, z, part, u.data(), w.data());
     // Modulo 256, as the encoder's difference.
+    const auto low_byte = [](std::uint32_t n) { return static_cast<std::int32_t>(n << 24) >> 24; };
     for (std::size_t i = 0; i < part; ++i) {
-      u[i] = static_cast<std::int8_t>(u[i] + unzigzag(scratch.normal_u[first + i]));
-      w[i] = static_cast<std::int8_t>(w[i] + unzigzag(scratch.normal_v[first + i]));
+      u[i] = low_byte(static_cast<std::uint32_t>(u[i]) + scratch.normal_u[first + i]);
+      w[i] = low_byte(static_cast<std::uint32_t>(w[i]) + scratch.normal_v[first + i]);
     }
     decodeNormals(u.data(), w.data(), part, unit);
-    for (std::size_t i = 0; i < part; ++i) out[first + i] = glm::vec3(unit.x[i], unit.y[i], unit.z[i]);
+    for (std::size_t i = 0; i < part; i += 4) {
+      Float4 lanes[4] = {};
+      std::memcpy(&lanes[0], &unit.x[i], sizeof(Float4));
+      std::memcpy(&lanes[1], &unit.y[i], sizeof(Float4));
+      std::memcpy(&lanes[2], &unit.z[i], sizeof(Float4));
+      const auto four = transposed(lanes);
+      // The fourth lane falls on the next.
+      for (std::size_t k = 0; k < 4; ++k)
+        std::memcpy(reinterpret_cast<std::uint8_t*>(out + first + i + k), &four[k], sizeof(Float4));
+    }
   }
 }
 
-// `codes` in whole groups.
 LUMIGRID_INLINE void addColors(const PatchHeader& header, const Uint4* codes, glm::u8vec4* out) {
   for (std::size_t v = 0; v < header.vertices; v += 4) {
     const auto [luma, orange, green, alpha] = transposed(codes + v);
     const Uint4 rgba = codeColors(luma, orange, green, alpha);
-    if (v + 4 <= header.vertices)
-      std::memcpy(&out[v], &rgba, sizeof(rgba));
-    else
-      std::memcpy(&out[v], &rgba, 4 * (header.vertices - v));
+    std::memcpy(&out[v], &rgba, sizeof(rgba));
   }
 }
 
@@ -1281,20 +1304,19 @@ LUMIGRID_INLINE const char* decodeParts(const PatchHeader& header, base::ByteVie
   const base::ByteView in(copy, bytes.size());
 
   // Triangles, and what each vertex is predicted from.
-  geometry.indices.resize((std::size_t{header.triangles} + kSlack) * 3);
+  std::uint16_t* indices = Scratch::room(scratch.indices, (std::size_t{header.triangles} + kSlack) * 3);
   scratch.front.assign((std::size_t{1} << header.front_bits) + 1, 0);
   std::uint64_t* from = Scratch::room(scratch.from, header.vertices + kSlack);
   const base::ByteView steps = in.subspan(kHeaderBytes, header.stepBytes());
   const base::ByteView escapes = in.subspan(kHeaderBytes + steps.size(), header.escape_bytes);
-  Machine machine(header, steps, escapes, scratch.front.data(), geometry.indices.data(), from);
+  Machine machine(header, steps, escapes, scratch.front.data(), indices, from);
   if (!(machine.*run)()) return "the triangles do not decode";
-  geometry.indices.resize(std::size_t{header.triangles} * 3);
 
   // Planes.
   const std::size_t groups = groupsOf(header.vertices);
   const std::size_t padded = groups * kGroup;
   Uint4* positions = Scratch::room(scratch.positions, padded);
-  Scratch::room(scratch.places, padded + kGroup);
+  Scratch::room(scratch.places, padded + 80);
   std::size_t at = kHeaderBytes + steps.size() + escapes.size();
   bool whole = readLanes(readPlane, in, at, groups, 3, scratch, positions);
   whole = whole && readPlane(in, at, groups, scratch.places.data(), Scratch::room(scratch.normal_u, padded));
@@ -1304,15 +1326,18 @@ LUMIGRID_INLINE const char* decodeParts(const PatchHeader& header, base::ByteVie
   if (!whole || at != bytes.size()) return "the vertices do not decode";
 
   // Numbers into vertices.
-  geometry.positions.resize(header.vertices);
-  glm::ivec3* points = geometry.positions.data();
+  glm::ivec3* points = Scratch::room(scratch.lattice, header.vertices + 1U);
   if (!(header.colored() ? addUp<true>(header, from, scratch, points) : addUp<false>(header, from, scratch, points)))
     return "a vertex lies outside the lattice";
-  geometry.normals.resize(header.vertices);
-  addNormals(header, geometry.indices.data(), scratch, geometry.normals.data());
+  glm::vec3* normals = Scratch::room(scratch.normals, padded + 1);
+  addNormals(header, indices, scratch, normals);
+  geometry.indices.assign(indices, indices + std::size_t{header.triangles} * 3);
+  geometry.positions.assign(points, points + header.vertices);
+  geometry.normals.assign(normals, normals + header.vertices);
   if (header.colored()) {
-    geometry.colors.resize(header.vertices);
-    addColors(header, colors, geometry.colors.data());
+    glm::u8vec4* rgba = Scratch::room(scratch.rgba, padded);
+    addColors(header, colors, rgba);
+    geometry.colors.assign(rgba, rgba + header.vertices);
   }
   return nullptr;
 }
