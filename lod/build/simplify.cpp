@@ -48,26 +48,53 @@ struct Quadric {
     a00 += q.a00, a01 += q.a01, a02 += q.a02, a11 += q.a11, a12 += q.a12, a22 += q.a22;
     b0 += q.b0, b1 += q.b1, b2 += q.b2, c += q.c, weight += q.weight;
   }
-  double at(const glm::dvec3& p) const {
-    const double x = a00 * p.x + a01 * p.y + a02 * p.z + 2.0 * b0;
-    const double y = a01 * p.x + a11 * p.y + a12 * p.z + 2.0 * b1;
-    const double z = a02 * p.x + a12 * p.y + a22 * p.z + 2.0 * b2;
-    return std::max(0.0, p.x * x + p.y * y + p.z * z + c);
+};
+
+// Two edges are planned at once, one in each lane; every operation is IEEE's, so that machines agree.
+using Pair = double __attribute__((vector_size(16)));
+using PairMask = std::int64_t __attribute__((vector_size(16)));
+struct PairPoint {
+  Pair x, y, z;
+  PairPoint operator-(const PairPoint& p) const { return {x - p.x, y - p.y, z - p.z}; }
+};
+Pair dot(const PairPoint& p, const PairPoint& q) {
+  return p.x * q.x + p.y * q.y + p.z * q.z;
+}
+PairPoint pairOf(const glm::vec3& p, const glm::vec3& q) {
+  return {Pair{p.x, q.x}, Pair{p.y, q.y}, Pair{p.z, q.z}};
+}
+
+struct QuadricPair {
+  Pair a00, a01, a02, a11, a12, a22, b0, b1, b2, c;
+
+  // The sums p + q and r + s.
+  QuadricPair(const Quadric& p, const Quadric& q, const Quadric& r, const Quadric& s) {
+    const auto sum = [&](double Quadric::*m) { return Pair{p.*m, r.*m} + Pair{q.*m, s.*m}; };
+    a00 = sum(&Quadric::a00), a01 = sum(&Quadric::a01), a02 = sum(&Quadric::a02);
+    a11 = sum(&Quadric::a11), a12 = sum(&Quadric::a12), a22 = sum(&Quadric::a22);
+    b0 = sum(&Quadric::b0), b1 = sum(&Quadric::b1), b2 = sum(&Quadric::b2), c = sum(&Quadric::c);
   }
-  // The point of least error, unless the planes are too parallel to say.
-  bool minimum(glm::dvec3& p) const {
-    const double m00 = a11 * a22 - a12 * a12;
-    const double m01 = a02 * a12 - a01 * a22;
-    const double m02 = a01 * a12 - a02 * a11;
-    const double determinant = a00 * m00 + a01 * m01 + a02 * m02;
-    const double trace = a00 + a11 + a22;
-    if (!(determinant > 1e-4 * trace * trace * trace / 27.0)) return false;
-    const double m11 = a00 * a22 - a02 * a02;
-    const double m12 = a01 * a02 - a00 * a12;
-    const double m22 = a00 * a11 - a01 * a01;
-    p = glm::dvec3(m00 * b0 + m01 * b1 + m02 * b2, m01 * b0 + m11 * b1 + m12 * b2, m02 * b0 + m12 * b1 + m22 * b2) *
-        (-1.0 / determinant);
-    return true;
+  Pair at(const PairPoint& p) const {
+    const Pair x = a00 * p.x + a01 * p.y + a02 * p.z + 2.0 * b0;
+    const Pair y = a01 * p.x + a11 * p.y + a12 * p.z + 2.0 * b1;
+    const Pair z = a02 * p.x + a12 * p.y + a22 * p.z + 2.0 * b2;
+    const Pair sum = p.x * x + p.y * y + p.z * z + c;
+    return sum > 0.0 ? sum : Pair{0.0, 0.0};
+  }
+  // The point of least error; false where the planes are too parallel to say.
+  PairMask minimum(PairPoint& p) const {
+    const Pair m00 = a11 * a22 - a12 * a12;
+    const Pair m01 = a02 * a12 - a01 * a22;
+    const Pair m02 = a01 * a12 - a02 * a11;
+    const Pair determinant = a00 * m00 + a01 * m01 + a02 * m02;
+    const Pair trace = a00 + a11 + a22;
+    const Pair m11 = a00 * a22 - a02 * a02;
+    const Pair m12 = a01 * a02 - a00 * a12;
+    const Pair m22 = a00 * a11 - a01 * a01;
+    const Pair scale = -1.0 / determinant;
+    p = {(m00 * b0 + m01 * b1 + m02 * b2) * scale, (m01 * b0 + m11 * b1 + m12 * b2) * scale,
+         (m02 * b0 + m12 * b1 + m22 * b2) * scale};
+    return determinant > 1e-4 * trace * trace * trace / 27.0;
   }
 };
 
@@ -97,10 +124,26 @@ struct Stage {
 };
 constexpr std::array<Stage, 3> kStages{{{true, true, 0.5}, {false, true, 1.5}, {false, false, 1e30}}};
 
+// An edge and what its collapse would do, as computed when so many collapses had been done.
 struct Edge {
   std::uint32_t a = 0;
   std::uint32_t b = 0;
+  std::uint32_t planned : 31 = 0;
+  std::uint32_t keeps_a : 1 = 0;  // or b
+  float cost = 0.0F;
+  glm::vec3 position{0.0F};
+  float along = 0.0F;  // 0 at the kept end, 1 at the gone one: where attributes are taken
 };
+
+// All that a plan reads of a vertex, in two cache lines: plans take the vertices in random order.
+struct alignas(64) Vertex {
+  Quadric quadric;
+  glm::vec3 position{0.0F};
+  glm::vec3 normal{0.0F};
+  glm::vec3 color{0.0F};      // zero when the mesh has none
+  std::uint32_t changed = 0;  // by which collapse
+};
+static_assert(sizeof(Vertex) == 128);
 
 // A heap of edges, cheapest first, four children to a node. Cost and edge number are one 64-bit key (the bits of a
 // float that is not negative sort as it does), so that a comparison is one instruction and ties go by number.
@@ -126,13 +169,21 @@ class EdgeQueue {
     for (; i > 0 && key < keys_[(i - 1) / 4]; i = (i - 1) / 4) keys_[i] = keys_[(i - 1) / 4];
     keys_[i] = key;
   }
-  Entry pop() {
-    const std::uint64_t top = keys_.front();
+  Entry top() const { return {costOf(keys_.front()), static_cast<std::uint32_t>(keys_.front())}; }
+  void pop() {
     const std::uint64_t last = keys_.back();
     keys_.pop_back();
     if (!keys_.empty()) sink(0, last);
-    return {costOf(top), static_cast<std::uint32_t>(top)};
   }
+  // The entry next to the lowest; infinite when there is none.
+  Entry second() const {
+    if (keys_.size() == 1) return {std::numeric_limits<float>::infinity(), static_cast<std::uint32_t>(keys_.front())};
+    const std::uint64_t key =
+        *std::min_element(keys_.begin() + 1, keys_.begin() + std::min<std::ptrdiff_t>(5, std::ssize(keys_)));
+    return {costOf(key), static_cast<std::uint32_t>(key)};
+  }
+  // The lowest becomes dearer: less work than to take it out and put it back.
+  void raiseTop(float cost) { sink(0, keyOf(cost, static_cast<std::uint32_t>(keys_.front()))); }
 
  private:
   static std::uint64_t keyOf(float cost, std::uint32_t edge) {
@@ -165,16 +216,15 @@ struct Collapse {
   std::uint32_t kept = 0;
   glm::vec3 position{0.0F};
   float along = 0.0F;  // 0 at kept, 1 at gone: where attributes are taken
-  double cost = 0.0;
 };
 
 // To the nearest lattice point, halves up; without a call of the library per coordinate.
-glm::vec3 rounded(const glm::dvec3& p) {
+glm::vec3 rounded(double x, double y, double z) {
   constexpr double kAbove = 1 << 24;  // no coordinate is as far below zero
-  const auto nearest = [](double x) {
-    return static_cast<float>(static_cast<std::int32_t>(x + (kAbove + 0.5)) - (1 << 24));
+  const auto nearest = [](double value) {
+    return static_cast<float>(static_cast<std::int32_t>(value + (kAbove + 0.5)) - (1 << 24));
   };
-  return {nearest(p.x), nearest(p.y), nearest(p.z)};
+  return {nearest(x), nearest(y), nearest(z)};
 }
 
 glm::dvec3 crossOf(const glm::vec3& a, const glm::vec3& b, const glm::vec3& c) {
@@ -235,17 +285,18 @@ class Simplifier {
   void findEdges() {
     const std::size_t vertices = mesh_.positions.size();
     kinds_.assign(vertices, Kind::kInterior);
-    quadrics_.assign(vertices, {});
+    vertices_.assign(vertices, {});
     std::vector<std::uint32_t> neighbors;
     double length_sum = 0.0;
     for (std::uint32_t v = 0; v < vertices; ++v) {
       if (mesh_.locked[v] != 0) kinds_[v] = Kind::kLocked;
+      readVertex(v);
       neighborsOf(v, neighbors);
       for (const std::uint32_t w : neighbors) {
         if (w < v) continue;
         length_sum += glm::length(mesh_.positions[v] - mesh_.positions[w]);
         if (mesh_.locked[v] != 0 && mesh_.locked[w] != 0) continue;
-        edges_.push_back({v, w});
+        edges_.push_back({.a = v, .b = w});
         if (uses_[w] != 2) markBorderEdge(v, w);
       }
     }
@@ -299,8 +350,8 @@ class Simplifier {
     if (length == 0.0) return;
     n /= length;
     const double weight = kBorderWeight * glm::dot(edge, edge);
-    quadrics_[v].addPlane(n, -glm::dot(n, from), weight);
-    quadrics_[w].addPlane(n, -glm::dot(n, from), weight);
+    vertices_[v].quadric.addPlane(n, -glm::dot(n, from), weight);
+    vertices_[w].quadric.addPlane(n, -glm::dot(n, from), weight);
   }
 
   glm::dvec3 triangleNormal(std::uint32_t t) const {
@@ -319,7 +370,7 @@ class Simplifier {
       Quadric q;
       q.addPlane(n, -glm::dot(n, glm::dvec3(mesh_.positions[c[0]])), area);
       q.weight = area;
-      for (int k = 0; k < 3; ++k) quadrics_[c[k]].add(q);
+      for (int k = 0; k < 3; ++k) vertices_[c[k]].quadric.add(q);
     }
     tieThinFans();
     queueEdges();
@@ -327,21 +378,21 @@ class Simplifier {
 
   void tieThinFans() {
     const std::vector<std::uint32_t>& c = mesh_.indices;
-    std::vector<double> longest2(quadrics_.size(), 0.0);
+    std::vector<double> longest2(vertices_.size(), 0.0);
     for (std::size_t i = 0; i < c.size(); ++i) {
       const std::uint32_t next = i % 3 == 2 ? c[i - 2] : c[i + 1];
       const glm::dvec3 edge(mesh_.positions[next] - mesh_.positions[c[i]]);
       for (const std::uint32_t v : {c[i], next}) longest2[v] = std::max(longest2[v], glm::dot(edge, edge));
     }
-    for (std::size_t v = 0; v < quadrics_.size(); ++v)
-      if (quadrics_[v].weight < kThinFan * longest2[v])
-        quadrics_[v].addPoint(glm::dvec3(mesh_.positions[v]), kPointWeight * mean_edge_ * mean_edge_);
+    for (std::size_t v = 0; v < vertices_.size(); ++v)
+      if (vertices_[v].quadric.weight < kThinFan * longest2[v])
+        vertices_[v].quadric.addPoint(glm::dvec3(mesh_.positions[v]), kPointWeight * mean_edge_ * mean_edge_);
   }
 
   void queueEdges() {
     queue_.clear();
-    for (std::uint32_t e = 0; e < edges_.size(); ++e)
-      queue_.add(static_cast<float>(plan(edges_[e].a, edges_[e].b).cost), e);
+    for (std::size_t e = 0; e < edges_.size(); e += 2) plan(edges_[e], edges_[std::min(e + 1, edges_.size() - 1)]);
+    for (std::uint32_t e = 0; e < edges_.size(); ++e) queue_.add(edges_[e].cost, e);
     queue_.make();
   }
 
@@ -353,7 +404,7 @@ class Simplifier {
       if (survivor_[v] != v) continue;
       neighborsOf(v, neighbors);
       for (const std::uint32_t w : neighbors)
-        if (w > v && !(kinds_[v] == Kind::kLocked && kinds_[w] == Kind::kLocked)) edges_.push_back({v, w});
+        if (w > v && !(kinds_[v] == Kind::kLocked && kinds_[w] == Kind::kLocked)) edges_.push_back({.a = v, .b = w});
     }
     queueEdges();
   }
@@ -363,30 +414,47 @@ class Simplifier {
   void collapseAll(const Stage& stage) {
     const double most = stage.largest_move * stage.largest_move * mean_edge_ * mean_edge_ * mean_edge_ * mean_edge_;
     while (live_ > target_ && !queue_.empty() && queue_.lowest() <= most) {
-      const EdgeQueue::Entry entry = queue_.pop();
+      const EdgeQueue::Entry entry = queue_.top();
       Edge& edge = edges_[entry.edge];
-      edge.a = find(edge.a);
-      edge.b = find(edge.b);
-      if (edge.a == edge.b) continue;
-      Collapse collapse = plan(edge.a, edge.b);
-      if (waits(entry, collapse)) continue;
+      findEnds(edge);
+      if (edge.a == edge.b) {
+        queue_.pop();
+        continue;
+      }
+      const EdgeQueue::Entry next = queue_.second();
+      if (isStale(edge)) {
+        Edge& other = edges_[next.edge];
+        findEnds(other);
+        plan(edge, isStale(other) ? other : edge);
+      }
+      if (edge.cost > entry.cost && edge.cost > next.cost) {
+        queue_.raiseTop(edge.cost);
+        continue;
+      }
+      queue_.pop();
       const EdgeState state = lookAt(edge.a, edge.b);
       if (state.triangles == 0) continue;
       if (keepOf(edge.a, edge.b, state.triangles != 2 || !stage.keep_topology) == Keep::kNone) continue;
-      if (state.last) {
-        collapse.cost = std::max(collapse.cost, vanishingCost(edge.a, edge.b));
-        if (waits(entry, collapse)) continue;
-      }
+      if (state.last && waits(entry, static_cast<float>(vanishingCost(edge.a, edge.b)))) continue;
       if (stage.keep_topology && state.common != state.triangles) continue;
+      const Collapse collapse{edge.keeps_a != 0 ? edge.b : edge.a, edge.keeps_a != 0 ? edge.a : edge.b, edge.position,
+                              edge.along};
       if (flips(collapse, stage.keep_orientation)) continue;
       if (live_ <= state.triangles) continue;
       apply(collapse);
     }
   }
 
+  void findEnds(Edge& edge) {
+    edge.a = find(edge.a);
+    edge.b = find(edge.b);
+  }
+  bool isStale(const Edge& edge) const {
+    return std::max(vertices_[edge.a].changed, vertices_[edge.b].changed) > edge.planned;
+  }
+
   // Puts an edge back that has become dearer than it was and than the next.
-  bool waits(const EdgeQueue::Entry& entry, const Collapse& collapse) {
-    const auto cost = static_cast<float>(collapse.cost);
+  bool waits(const EdgeQueue::Entry& entry, float cost) {
     if (queue_.empty() || cost <= entry.cost || cost <= queue_.lowest()) return false;
     queue_.push(cost, entry.edge);
     return true;
@@ -453,7 +521,7 @@ class Simplifier {
       const glm::dvec3 d(mesh_.positions[near] - mesh_.positions[v]);
       distance2 = std::max(distance2, glm::dot(d, d));
     }
-    return distance2 * std::max(mean_edge_ * mean_edge_, quadrics_[a].weight + quadrics_[b].weight);
+    return distance2 * std::max(mean_edge_ * mean_edge_, vertices_[a].quadric.weight + vertices_[b].quadric.weight);
   }
 
   void findComponents() {
@@ -483,56 +551,65 @@ class Simplifier {
     return border_edge ? kKeepOnBorderEdge[row][column] : kKeepOnInnerEdge[row][column];
   }
 
-  // Which end stays, where, and at what cost. Without knowing the edge's triangles: the kinds decide as on a border
-  // edge, but an interior end always yields.
-  Collapse plan(std::uint32_t a, std::uint32_t b) const {
-    Collapse collapse;
-    Keep keep = keepOf(a, b, true);
-    if (kinds_[a] == Kind::kBorder && kinds_[b] == Kind::kInterior) keep = Keep::kA;
-    collapse.kept = keep == Keep::kA ? a : b;
-    collapse.gone = keep == Keep::kA ? b : a;
-    Quadric q = quadrics_[a];
-    q.add(quadrics_[b]);
-    place(q, keep == Keep::kBest, collapse);
-    collapse.cost += attributeCost(collapse);
-    return collapse;
-  }
-
-  void place(const Quadric& q, bool free, Collapse& collapse) const {
-    // The ends; only the kept one when it must not move.
-    const glm::vec3 kept = mesh_.positions[collapse.kept];
-    const glm::vec3 gone = mesh_.positions[collapse.gone];
-    collapse.position = kept;
-    collapse.cost = q.at(glm::dvec3(kept));
-    if (!free) return;
-    auto offer = [&](const glm::vec3& p, float along) {
-      const double cost = q.at(glm::dvec3(p));
-      if (cost < collapse.cost) collapse.cost = cost, collapse.position = p, collapse.along = along;
-    };
-    offer(gone, 1.0F);
+  // Which end stays, where, and at what cost, for two edges (or one twice). Without knowing an edge's triangles: the
+  // kinds decide as on a border edge, but an interior end always yields.
+  void plan(Edge& first, Edge& second) const {
+    const bool free[2] = {chooseKept(first), chooseKept(second)};
+    const Vertex& kept0 = vertices_[first.keeps_a != 0 ? first.a : first.b];
+    const Vertex& gone0 = vertices_[first.keeps_a != 0 ? first.b : first.a];
+    const Vertex& kept1 = vertices_[second.keeps_a != 0 ? second.a : second.b];
+    const Vertex& gone1 = vertices_[second.keeps_a != 0 ? second.b : second.a];
+    const QuadricPair q(kept0.quadric, gone0.quadric, kept1.quadric, gone1.quadric);
+    const PairPoint kept = pairOf(kept0.position, kept1.position);
+    const PairPoint gone = pairOf(gone0.position, gone1.position);
+    const Pair at_kept = q.at(kept);
+    const Pair at_gone = q.at(gone);
 
     // The point of least error, on the lattice; the middle where there is none.
-    glm::dvec3 best;
-    const glm::dvec3 middle = 0.5 * (glm::dvec3(kept) + glm::dvec3(gone));
-    const glm::dvec3 edge = glm::dvec3(gone) - glm::dvec3(kept);
-    const double length2 = glm::dot(edge, edge);
-    const bool solved =
-        q.minimum(best) && glm::dot(best - middle, best - middle) <= kMaxPlacementReach * kMaxPlacementReach * length2;
-    if (!solved) best = middle;
-    const double along = length2 > 0.0 ? std::clamp(glm::dot(best - glm::dvec3(kept), edge) / length2, 0.0, 1.0) : 0.0;
-    offer(rounded(best), static_cast<float>(along));
+    const PairPoint middle{0.5 * (kept.x + gone.x), 0.5 * (kept.y + gone.y), 0.5 * (kept.z + gone.z)};
+    const PairPoint span = gone - kept;
+    const Pair length2 = dot(span, span);
+    PairPoint best;
+    const PairMask determined = q.minimum(best);
+    const PairPoint reach = best - middle;
+    const PairMask solved = determined & (dot(reach, reach) <= kMaxPlacementReach * kMaxPlacementReach * length2);
+    best = {solved ? best.x : middle.x, solved ? best.y : middle.y, solved ? best.z : middle.z};
+    const Pair along = dot(best - kept, span) / length2;
+    const glm::vec3 lattice0 = rounded(best.x[0], best.y[0], best.z[0]);
+    const glm::vec3 lattice1 = rounded(best.x[1], best.y[1], best.z[1]);
+    const Pair at_best = q.at(pairOf(lattice0, lattice1));
+
+    // Of these three the cheapest; the kept end when it must not move.
+    const auto choose = [&](Edge& edge, const Vertex& k, const Vertex& g, std::size_t lane, const glm::vec3& lattice) {
+      double least = at_kept[lane];
+      edge.position = k.position;
+      edge.along = 0.0F;
+      if (free[lane] && at_gone[lane] < least) least = at_gone[lane], edge.position = g.position, edge.along = 1.0F;
+      if (free[lane] && at_best[lane] < least) {
+        least = at_best[lane], edge.position = lattice;
+        edge.along = length2[lane] > 0.0 ? static_cast<float>(std::clamp(along[lane], 0.0, 1.0)) : 0.0F;
+      }
+      edge.planned = collapses_ & 0x7fffffffU;
+      edge.cost = static_cast<float>(least + attributeCost(k, g));
+    };
+    choose(first, kept0, gone0, 0, lattice0);
+    choose(second, kept1, gone1, 1, lattice1);
+  }
+
+  // Whether the kept end may move.
+  bool chooseKept(Edge& edge) const {
+    Keep keep = keepOf(edge.a, edge.b, true);
+    if (kinds_[edge.a] == Kind::kBorder && kinds_[edge.b] == Kind::kInterior) keep = Keep::kA;
+    edge.keeps_a = keep == Keep::kA ? 1 : 0;
+    return keep == Keep::kBest;
   }
 
   // Colours and normals that differ make an edge dearer, by the smaller of the areas that would change.
-  double attributeCost(const Collapse& c) const {
-    const double area = std::min(quadrics_[c.gone].weight, quadrics_[c.kept].weight);
-    const auto distance2 = [&](const std::vector<glm::vec3>& of) {
-      const glm::vec3 d = of[c.gone] - of[c.kept];
-      return static_cast<double>(glm::dot(d, d));
-    };
-    double length2 = normal_scale_ * normal_scale_ * distance2(mesh_.normals);
-    if (!mesh_.colors.empty()) length2 += color_scale_ * color_scale_ * distance2(mesh_.colors);
-    return area * length2;
+  double attributeCost(const Vertex& a, const Vertex& b) const {
+    const double area = std::min(a.quadric.weight, b.quadric.weight);
+    const auto distance2 = [](const glm::vec3& d) { return static_cast<double>(glm::dot(d, d)); };
+    return area * (normal_scale_ * normal_scale_ * distance2(a.normal - b.normal) +
+                   color_scale_ * color_scale_ * distance2(a.color - b.color));
   }
 
   // Would a triangle turn over or lose its area? The last stage minds only the loss of area, which says nothing about a
@@ -565,7 +642,8 @@ class Simplifier {
   void apply(const Collapse& c) {
     moveAttributes(c);
     survivor_[c.gone] = c.kept;
-    quadrics_[c.kept].add(quadrics_[c.gone]);
+    vertices_[c.kept].quadric.add(vertices_[c.gone].quadric);
+    vertices_[c.kept].changed = ++collapses_;
     if (kinds_[c.gone] == Kind::kBorder && kinds_[c.kept] == Kind::kInterior) kinds_[c.kept] = Kind::kBorder;
     joinFans(c.gone, c.kept);
     removeOpposites(c.kept);
@@ -576,6 +654,13 @@ class Simplifier {
     if (!mesh_.colors.empty()) mesh_.colors[c.kept] = glm::mix(mesh_.colors[c.kept], mesh_.colors[c.gone], c.along);
     mesh_.normals[c.kept] = glm::mix(mesh_.normals[c.kept], mesh_.normals[c.gone], c.along);
     mesh_.positions[c.kept] = c.position;
+    readVertex(c.kept);
+  }
+
+  void readVertex(std::uint32_t v) {
+    vertices_[v].position = mesh_.positions[v];
+    vertices_[v].normal = mesh_.normals[v];
+    if (!mesh_.colors.empty()) vertices_[v].color = mesh_.colors[v];
   }
 
   // Triangles on the edge vanish, the others of `gone` hang on `kept` from now on.
@@ -644,12 +729,13 @@ class Simplifier {
   GroupMesh& mesh_;
   std::size_t target_;
   std::size_t live_ = 0;
+  std::uint32_t collapses_ = 0;  // done so far
   std::vector<Fan> fans_;
   std::vector<std::uint32_t> pool_;
   std::vector<std::uint8_t> alive_;
   std::vector<std::uint32_t> survivor_;
   std::vector<Kind> kinds_;
-  std::vector<Quadric> quadrics_;
+  std::vector<Vertex> vertices_;
   std::vector<Edge> edges_;
   EdgeQueue queue_;
   std::vector<std::uint32_t> mark_;
