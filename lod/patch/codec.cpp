@@ -126,16 +126,26 @@ LUMIGRID_INLINE void predictNormals(const std::array<float, kBlock>& x, const st
   }
 }
 
-// Sums of facet normals, twice the area long, by vertex; lanes y, z, x. Exact, in any order, when the encoder chose the
-// shift; four runs of triangles in turn, since neighbours in one run wait for each other.
-LUMIGRID_INLINE void sumFacets(const Float4* points, const std::uint16_t* indices, std::size_t triangles,
-                               Float4* sums) {
+// A vertex as facet normals need it: the point, and the sum of its facets' normals, lanes y, z, x.
+struct alignas(32) Corner {
+  Float4 point{};
+  Float4 sum{};
+};
+
+// Adds facet normals, twice the area long, to the sums of their corners. Exact, in any order, when the encoder chose
+// the shift; four runs of triangles in turn, since neighbours in one run wait for each other.
+LUMIGRID_INLINE void sumFacets(const std::uint16_t* indices, std::size_t triangles, Corner* corners) {
   const auto add = [&](std::size_t t) __attribute__((always_inline)) {
-    const std::uint16_t* c = indices + 3 * t;
-    const Float4 a = points[c[1]] - points[c[0]];
-    const Float4 b = points[c[2]] - points[c[0]];
+    Corner& p = corners[indices[3 * t]];
+    Corner& q = corners[indices[3 * t + 1]];
+    Corner& r = corners[indices[3 * t + 2]];
+    // Both edges turned round: the same product.
+    const Float4 a = p.point - q.point;
+    const Float4 b = p.point - r.point;
     const Float4 normal = a * __builtin_shufflevector(b, b, 1, 2, 0, 3) - __builtin_shufflevector(a, a, 1, 2, 0, 3) * b;
-    for (std::size_t k = 0; k < 3; ++k) sums[c[k]] += normal;
+    p.sum += normal;
+    q.sum += normal;
+    r.sum += normal;
   };
   const std::size_t run = triangles / 4;
   for (std::size_t t = 0; t < run; ++t)
@@ -687,11 +697,11 @@ struct Scratch {
   std::vector<std::uint64_t> from;  // packed edges by vertex
   std::vector<Uint4> positions;
   std::vector<Uint4> colors;
-  std::array<std::vector<std::uint32_t>, 4> planes;
+  std::array<std::vector<std::uint32_t>, 3> planes;
   std::vector<std::uint32_t> normal_u;
   std::vector<std::uint32_t> normal_v;
-  std::vector<Float4> points;
-  std::vector<Float4> sums;
+  std::vector<std::uint32_t> alphas;
+  std::vector<Corner> corners;
   // The result, with room for whole vectors behind it. Copied when it is done: that takes less time than clearing it.
   std::vector<std::uint16_t> indices;
   std::vector<glm::ivec3> lattice;
@@ -1044,15 +1054,16 @@ bool exactFacets(const std::vector<Float4>& points, const std::vector<std::uint1
 // Codes that the decoder will foresee from positions and triangles, by new vertex.
 void facetCodes(const Float4* points, const Connectivity& order, std::vector<std::int32_t>& u,
                 std::vector<std::int32_t>& v) {
-  std::vector<Float4> sums(order.vertices.size(), Float4{});
-  sumFacets(points, order.indices.data(), order.triangles.size(), sums.data());
+  std::vector<Corner> sums(order.vertices.size());
+  for (std::size_t k = 0; k < sums.size(); ++k) sums[k].point = points[k];
+  sumFacets(order.indices.data(), order.triangles.size(), sums.data());
   u.resize(sums.size());
   v.resize(sums.size());
   std::array<float, kBlock> x{}, y{}, z{};
   for (std::size_t first = 0; first < sums.size(); first += kBlock) {
     const std::size_t count = std::min(kBlock, sums.size() - first);
     for (std::size_t i = 0; i < count; ++i)
-      z[i] = sums[first + i][0], x[i] = sums[first + i][1], y[i] = sums[first + i][2];
+      z[i] = sums[first + i].sum[0], x[i] = sums[first + i].sum[1], y[i] = sums[first + i].sum[2];
     predictNormals(x, y, z, count, &u[first], &v[first]);
   }
 }
@@ -1184,14 +1195,11 @@ template <bool kColors>
 LUMIGRID_INLINE bool addUp(const PatchHeader& header, const std::uint64_t* from, Scratch& scratch, glm::ivec3* out) {
   Uint4* at = scratch.positions.data();
   Uint4* color = scratch.colors.data();
-  Float4* points = Scratch::room(scratch.points, header.vertices);
+  Corner* corners = Scratch::room(scratch.corners, groupsOf(header.vertices) * kGroup);
   const Uint4 corner{static_cast<std::uint32_t>(header.corner.x), static_cast<std::uint32_t>(header.corner.y),
                      static_cast<std::uint32_t>(header.corner.z), 0U};
   const Int4 shift = Int4{} + static_cast<std::int32_t>(header.facet_shift);
-  // Alpha is not predicted.
-  const Int4 colors_only{-1, -1, -1, 0};
-  const Uint4 opaque{0, 0, 0, 255};
-  at[0] = at[0] + corner;
+  at[0] += corner;
   const Uint4 origin = at[0];
   Int4 least = reinterpret_cast<Int4>(origin);
   Int4 greatest = least;
@@ -1199,23 +1207,34 @@ LUMIGRID_INLINE bool addUp(const PatchHeader& header, const std::uint64_t* from,
     const auto lattice = reinterpret_cast<Int4>(q);
     least = lattice < least ? lattice : least;
     greatest = lattice > greatest ? lattice : greatest;
-    points[v] = __builtin_convertvector(reinterpret_cast<Int4>(q - origin) >> shift, Float4);
+    corners[v] = {__builtin_convertvector(reinterpret_cast<Int4>(q - origin) >> shift, Float4), Float4{}};
     // The fourth lane falls on the next.
     std::memcpy(reinterpret_cast<std::uint8_t*>(out + v), &q, sizeof(q));
   };
   finish(0, origin);
-  if (kColors) color[0] = color[0] + opaque;
-  for (std::size_t v = 1; v < header.vertices; ++v) {
+  // A is most often the vertex before, which would have to be read right after it is written: it is kept, and zeros
+  // are read in its place.
+  const std::size_t zeros = groupsOf(header.vertices) * kGroup;
+  at[zeros] = Uint4{};
+  if (kColors) color[zeros] = Uint4{};
+  Uint4 before = origin;
+  Uint4 color_before = kColors ? color[0] : Uint4{};
+  const std::size_t vertices = header.vertices;
+  for (std::size_t v = 1; v < vertices; ++v) {
     const std::uint64_t e = from[v];
     const std::size_t a = e & 0xFFFF;
     const std::size_t b = e >> 16 & 0xFFFF;
     const std::size_t opposite = e >> 32 & 0xFFFF;
-    const Uint4 q = (at[v] - at[opposite]) + (at[a] + at[b]);
-    at[v] = q;
+    // All ones unless a is the vertex before; no branch, which could not be foreseen.
+    const auto earlier = static_cast<std::size_t>(static_cast<std::int64_t>(a - (v - 1)) >> 63);
+    const std::size_t read = zeros + ((a - zeros) & earlier);
+    const Uint4 kept = ~(Uint4{} + static_cast<std::uint32_t>(earlier));
+    const Uint4 q = ((at[v] - at[opposite]) + (at[read] + at[b])) + (before & kept);
+    at[v] = before = q;
     finish(v, q);
     if (kColors) {
-      const Int4 mean = (reinterpret_cast<Int4>(color[a] + color[b]) >> 1) & colors_only;
-      color[v] = color[v] + opaque + reinterpret_cast<Uint4>(mean);
+      const Uint4 sum = (color[read] + color[b]) + (color_before & kept);
+      color[v] = color_before = color[v] + reinterpret_cast<Uint4>(reinterpret_cast<Int4>(sum) >> 1);
     }
   }
   bool inside = true;
@@ -1227,9 +1246,9 @@ LUMIGRID_INLINE bool addUp(const PatchHeader& header, const std::uint64_t* from,
 LUMIGRID_INLINE void addNormals(const PatchHeader& header, const std::uint16_t* indices, Scratch& scratch,
                                 glm::vec3* out) {
   const std::size_t count = groupsOf(header.vertices) * kGroup;
-  Float4* sums = Scratch::room(scratch.sums, count);
-  std::memset(sums, 0, count * sizeof(*sums));
-  sumFacets(scratch.points.data(), indices, header.triangles, sums);
+  Corner* corners = scratch.corners.data();
+  for (std::size_t v = header.vertices; v < count; ++v) corners[v] = {};
+  sumFacets(indices, header.triangles, corners);
 
   std::array<float, kBlock> x, y, z;
   std::array<std::int32_t, kBlock> u, w;
@@ -1237,7 +1256,9 @@ LUMIGRID_INLINE void addNormals(const PatchHeader& header, const std::uint16_t* 
   for (std::size_t first = 0; first < count; first += kBlock) {
     const std::size_t part = std::min(kBlock, count - first);
     for (std::size_t i = 0; i < part; i += 4) {
-      const auto lanes = transposed(sums + first + i);
+      const Corner* c = corners + first + i;
+      const Float4 sums[4] = {c[0].sum, c[1].sum, c[2].sum, c[3].sum};
+      const auto lanes = transposed(sums);
       std::memcpy(&z[i], &lanes[0], sizeof(Float4));
       std::memcpy(&x[i], &lanes[1], sizeof(Float4));
       std::memcpy(&y[i], &lanes[2], sizeof(Float4));
@@ -1263,30 +1284,31 @@ LUMIGRID_INLINE void addNormals(const PatchHeader& header, const std::uint16_t* 
   }
 }
 
-LUMIGRID_INLINE void addColors(const PatchHeader& header, const Uint4* codes, glm::u8vec4* out) {
+LUMIGRID_INLINE void addColors(const PatchHeader& header, const Uint4* codes, const std::uint32_t* alphas,
+                               glm::u8vec4* out) {
+  const Uint4 opaque = Uint4{} + 255;
   for (std::size_t v = 0; v < header.vertices; v += 4) {
-    const auto [luma, orange, green, alpha] = transposed(codes + v);
-    const Uint4 rgba = codeColors(luma, orange, green, alpha);
+    const auto [luma, orange, green, unused] = transposed(codes + v);
+    Uint4 alpha{};
+    if (header.alpha()) std::memcpy(&alpha, alphas + v, sizeof(alpha));
+    const Uint4 rgba = codeColors(luma, orange, green, alpha + opaque);
     std::memcpy(&out[v], &rgba, sizeof(rgba));
   }
 }
 
-// Several planes, vertex by vertex: coordinates, or channels. Lanes without a plane are zero.
+// Three planes, vertex by vertex: coordinates, or channels. The fourth lane is zero.
 LUMIGRID_INLINE bool readLanes(PlaneReader readPlane, base::ByteView in, std::size_t& at, std::size_t groups,
-                               std::size_t lanes, Scratch& scratch, Uint4* out) {
+                               Scratch& scratch, Uint4* out) {
   const std::size_t padded = groups * kGroup;
-  std::array<const std::uint32_t*, 4> plane{};
-  for (std::size_t k = 0; k < 4; ++k) {
+  std::array<const std::uint32_t*, 3> plane{};
+  for (std::size_t k = 0; k < 3; ++k) {
     std::uint32_t* room = Scratch::room(scratch.planes[k], padded);
-    if (k >= lanes)
-      std::memset(room, 0, padded * sizeof(*room));
-    else if (!readPlane(in, at, groups, scratch.places.data(), room))
-      return false;
+    if (!readPlane(in, at, groups, scratch.places.data(), room)) return false;
     plane[k] = room;
   }
   for (std::size_t v = 0; v < padded; v += 4) {
-    Uint4 four[4];
-    for (std::size_t k = 0; k < 4; ++k) std::memcpy(&four[k], plane[k] + v, sizeof(Uint4));
+    Uint4 four[4] = {};
+    for (std::size_t k = 0; k < 3; ++k) std::memcpy(&four[k], plane[k] + v, sizeof(Uint4));
     const auto turned = transposed(four);
     for (std::size_t k = 0; k < 4; ++k) out[v + k] = turned[k];
   }
@@ -1315,14 +1337,16 @@ LUMIGRID_INLINE const char* decodeParts(const PatchHeader& header, base::ByteVie
   // Planes.
   const std::size_t groups = groupsOf(header.vertices);
   const std::size_t padded = groups * kGroup;
-  Uint4* positions = Scratch::room(scratch.positions, padded);
+  Uint4* positions = Scratch::room(scratch.positions, padded + 1);
   Scratch::room(scratch.places, padded + 80);
   std::size_t at = kHeaderBytes + steps.size() + escapes.size();
-  bool whole = readLanes(readPlane, in, at, groups, 3, scratch, positions);
+  bool whole = readLanes(readPlane, in, at, groups, scratch, positions);
   whole = whole && readPlane(in, at, groups, scratch.places.data(), Scratch::room(scratch.normal_u, padded));
   whole = whole && readPlane(in, at, groups, scratch.places.data(), Scratch::room(scratch.normal_v, padded));
-  Uint4* colors = header.colored() ? Scratch::room(scratch.colors, padded) : nullptr;
-  if (header.colored()) whole = whole && readLanes(readPlane, in, at, groups, header.alpha() ? 4 : 3, scratch, colors);
+  Uint4* colors = header.colored() ? Scratch::room(scratch.colors, padded + 1) : nullptr;
+  if (header.colored()) whole = whole && readLanes(readPlane, in, at, groups, scratch, colors);
+  std::uint32_t* alphas = header.alpha() ? Scratch::room(scratch.alphas, padded) : nullptr;
+  if (header.alpha()) whole = whole && readPlane(in, at, groups, scratch.places.data(), alphas);
   if (!whole || at != bytes.size()) return "the vertices do not decode";
 
   // Numbers into vertices.
@@ -1336,7 +1360,7 @@ LUMIGRID_INLINE const char* decodeParts(const PatchHeader& header, base::ByteVie
   geometry.normals.assign(normals, normals + header.vertices);
   if (header.colored()) {
     glm::u8vec4* rgba = Scratch::room(scratch.rgba, padded);
-    addColors(header, colors, rgba);
+    addColors(header, colors, alphas, rgba);
     geometry.colors.assign(rgba, rgba + header.vertices);
   }
   return nullptr;
