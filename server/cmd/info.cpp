@@ -18,6 +18,7 @@ struct InfoArguments {
 struct Level {
   std::uint64_t triangles = 0, patches = 0;
   float max_error = 0.0F;
+  float max_color_error = 0.0F;  // 0 … 1
 };
 
 std::vector<Level> levelsOf(const lod::patch::Hierarchy& hierarchy) {
@@ -27,8 +28,10 @@ std::vector<Level> levelsOf(const lod::patch::Hierarchy& hierarchy) {
     Level& level = levels[patch.level];
     level.triangles += patch.triangles;
     ++level.patches;
-    if (patch.producer != lod::patch::kNoGroup)
-      level.max_error = std::max(level.max_error, hierarchy.groups[patch.producer].error);
+    if (patch.producer == lod::patch::kNoGroup) continue;
+    const lod::patch::Group& group = hierarchy.groups[patch.producer];
+    level.max_error = std::max(level.max_error, group.error);
+    level.max_color_error = std::max(level.max_color_error, group.attribute_error);
   }
   return levels;
 }
@@ -42,7 +45,10 @@ nlohmann::json describeHierarchy(const OpenScene& open) {
                    {"position_error", h.lattice.positionError()},
                    {"levels", nlohmann::json::array()}};
   for (const Level& level : levelsOf(h))
-    j["levels"].push_back({{"triangles", level.triangles}, {"patches", level.patches}, {"max_error", level.max_error}});
+    j["levels"].push_back({{"triangles", level.triangles},
+                           {"patches", level.patches},
+                           {"max_error", level.max_error},
+                           {"max_color_error", level.max_color_error}});
   return j;
 }
 
