@@ -133,7 +133,7 @@ struct alignas(32) Corner {
 };
 
 // Adds facet normals, twice the area long, to the sums of their corners. Exact, in any order, when the encoder chose
-// the shift; four runs of triangles in turn, since neighbours in one run wait for each other.
+// the shift; several runs of triangles in turn, since neighbours in one run wait for each other.
 LUMIGRID_INLINE void sumFacets(const std::uint16_t* indices, std::size_t triangles, Corner* corners) {
   const auto add = [&](std::size_t t) __attribute__((always_inline)) {
     Corner& p = corners[indices[3 * t]];
@@ -147,10 +147,11 @@ LUMIGRID_INLINE void sumFacets(const std::uint16_t* indices, std::size_t triangl
     q.sum += normal;
     r.sum += normal;
   };
-  const std::size_t run = triangles / 4;
+  constexpr std::size_t kRuns = 8;
+  const std::size_t run = triangles / kRuns;
   for (std::size_t t = 0; t < run; ++t)
-    for (std::size_t r = 0; r < 4; ++r) add(r * run + t);
-  for (std::size_t t = 4 * run; t < triangles; ++t) add(t);
+    for (std::size_t r = 0; r < kRuns; ++r) add(r * run + t);
+  for (std::size_t t = kRuns * run; t < triangles; ++t) add(t);
 }
 
 // Colours -----------------------------------------------------------------------------------------
@@ -1212,30 +1213,17 @@ LUMIGRID_INLINE bool addUp(const PatchHeader& header, const std::uint64_t* from,
     std::memcpy(reinterpret_cast<std::uint8_t*>(out + v), &q, sizeof(q));
   };
   finish(0, origin);
-  // A is most often the vertex before, which would have to be read right after it is written: it is kept, and zeros
-  // are read in its place.
-  const std::size_t zeros = groupsOf(header.vertices) * kGroup;
-  at[zeros] = Uint4{};
-  if (kColors) color[zeros] = Uint4{};
-  Uint4 before = origin;
-  Uint4 color_before = kColors ? color[0] : Uint4{};
   const std::size_t vertices = header.vertices;
   for (std::size_t v = 1; v < vertices; ++v) {
     const std::uint64_t e = from[v];
     const std::size_t a = e & 0xFFFF;
     const std::size_t b = e >> 16 & 0xFFFF;
     const std::size_t opposite = e >> 32 & 0xFFFF;
-    // All ones unless a is the vertex before; no branch, which could not be foreseen.
-    const auto earlier = static_cast<std::size_t>(static_cast<std::int64_t>(a - (v - 1)) >> 63);
-    const std::size_t read = zeros + ((a - zeros) & earlier);
-    const Uint4 kept = ~(Uint4{} + static_cast<std::uint32_t>(earlier));
-    const Uint4 q = ((at[v] - at[opposite]) + (at[read] + at[b])) + (before & kept);
-    at[v] = before = q;
+    // A is most often the vertex before: it comes last, so that little waits for it.
+    const Uint4 q = at[v] - at[opposite] + at[b] + at[a];
+    at[v] = q;
     finish(v, q);
-    if (kColors) {
-      const Uint4 sum = (color[read] + color[b]) + (color_before & kept);
-      color[v] = color_before = color[v] + reinterpret_cast<Uint4>(reinterpret_cast<Int4>(sum) >> 1);
-    }
+    if (kColors) color[v] += reinterpret_cast<Uint4>(reinterpret_cast<Int4>(color[a] + color[b]) >> 1);
   }
   bool inside = true;
   for (int axis = 0; axis < 3; ++axis) inside = inside && least[axis] >= -kMaxLattice && greatest[axis] <= kMaxLattice;
@@ -1337,13 +1325,13 @@ LUMIGRID_INLINE const char* decodeParts(const PatchHeader& header, base::ByteVie
   // Planes.
   const std::size_t groups = groupsOf(header.vertices);
   const std::size_t padded = groups * kGroup;
-  Uint4* positions = Scratch::room(scratch.positions, padded + 1);
+  Uint4* positions = Scratch::room(scratch.positions, padded);
   Scratch::room(scratch.places, padded + 80);
   std::size_t at = kHeaderBytes + steps.size() + escapes.size();
   bool whole = readLanes(readPlane, in, at, groups, scratch, positions);
   whole = whole && readPlane(in, at, groups, scratch.places.data(), Scratch::room(scratch.normal_u, padded));
   whole = whole && readPlane(in, at, groups, scratch.places.data(), Scratch::room(scratch.normal_v, padded));
-  Uint4* colors = header.colored() ? Scratch::room(scratch.colors, padded + 1) : nullptr;
+  Uint4* colors = header.colored() ? Scratch::room(scratch.colors, padded) : nullptr;
   if (header.colored()) whole = whole && readLanes(readPlane, in, at, groups, scratch, colors);
   std::uint32_t* alphas = header.alpha() ? Scratch::room(scratch.alphas, padded) : nullptr;
   if (header.alpha()) whole = whole && readPlane(in, at, groups, scratch.places.data(), alphas);
