@@ -291,9 +291,8 @@ class Simplifier {
     for (std::uint32_t v = 0; v < vertices; ++v) {
       if (mesh_.locked[v] != 0) kinds_[v] = Kind::kLocked;
       readVertex(v);
-      neighborsOf(v, neighbors);
+      neighborsAbove(v, neighbors);
       for (const std::uint32_t w : neighbors) {
-        if (w < v) continue;
         length_sum += glm::length(mesh_.positions[v] - mesh_.positions[w]);
         if (mesh_.locked[v] != 0 && mesh_.locked[w] != 0) continue;
         edges_.push_back({.a = v, .b = w});
@@ -307,14 +306,14 @@ class Simplifier {
     normal_scale_ = kNormalLength * mean;
   }
 
-  // The vertices that share a triangle with v, each once; uses_[w] is the number of triangles on edge (v, w).
-  void neighborsOf(std::uint32_t v, std::vector<std::uint32_t>& neighbors) {
+  // The vertices above v that share a triangle with it, each once; uses_[w] is the number of triangles on edge (v, w).
+  void neighborsAbove(std::uint32_t v, std::vector<std::uint32_t>& neighbors) {
     neighbors.clear();
     ++stamp_;
     forEachTriangle(v, [&](std::uint32_t t) {
-      for (int k = 0; k < 3; ++k) {
-        const std::uint32_t w = mesh_.indices[3 * std::size_t{t} + static_cast<std::size_t>(k)];
-        if (w == v) continue;
+      for (std::size_t k = 0; k < 3; ++k) {
+        const std::uint32_t w = mesh_.indices[3 * std::size_t{t} + k];
+        if (w <= v) continue;
         if (mark_[w] != stamp_) mark_[w] = stamp_, uses_[w] = 0, neighbors.push_back(w);
         ++uses_[w];
       }
@@ -402,9 +401,9 @@ class Simplifier {
     std::vector<std::uint32_t> neighbors;
     for (std::uint32_t v = 0; v < survivor_.size(); ++v) {
       if (survivor_[v] != v) continue;
-      neighborsOf(v, neighbors);
+      neighborsAbove(v, neighbors);
       for (const std::uint32_t w : neighbors)
-        if (w > v && !(kinds_[v] == Kind::kLocked && kinds_[w] == Kind::kLocked)) edges_.push_back({.a = v, .b = w});
+        if (kinds_[v] != Kind::kLocked || kinds_[w] != Kind::kLocked) edges_.push_back({.a = v, .b = w});
     }
     queueEdges();
   }
@@ -470,31 +469,25 @@ class Simplifier {
     std::uint32_t common = 0;     // vertices next to both ends
     bool last = false;            // with this edge its whole component vanishes
   };
-  // Leaves mark_ == stamp_ on the neighbours of a, and stamp_ + 1 on those of them that are next to b too.
+  // Leaves mark_ == stamp_ on the vertices next to both ends.
   EdgeState lookAt(std::uint32_t a, std::uint32_t b) {
     stamp_ += 2;
     EdgeState state;
+    std::uint32_t others = 0;
     forEachTriangle(a, [&](std::uint32_t t) {
-      if (touches(t, b)) ++state.triangles;
-      for (int k = 0; k < 3; ++k) mark_[mesh_.indices[3 * std::size_t{t} + static_cast<std::size_t>(k)]] = stamp_ - 1;
+      ++(touches(t, b) ? state.triangles : others);
+      for (std::size_t k = 0; k < 3; ++k) mark_[mesh_.indices[3 * std::size_t{t} + k]] = stamp_ - 1;
     });
-    std::uint32_t others = fanSize(a) - state.triangles;
+    mark_[a] = mark_[b] = 0;
     forEachTriangle(b, [&](std::uint32_t t) {
       if (!touches(t, a)) ++others;
-      for (int k = 0; k < 3; ++k) {
-        const std::uint32_t w = mesh_.indices[3 * std::size_t{t} + static_cast<std::size_t>(k)];
-        if (mark_[w] == stamp_ - 1 && w != a && w != b) mark_[w] = stamp_, ++state.common;
-      }
+      for (std::size_t k = 0; k < 3; ++k)
+        if (std::uint32_t& mark = mark_[mesh_.indices[3 * std::size_t{t} + k]]; mark == stamp_ - 1)
+          mark = stamp_, ++state.common;
     });
     // A lone triangle, or two that lie on each other; a tetrahedron.
     state.last = others == 0 || (others == 2 && state.triangles == 2 && state.common == 2 && isTetrahedron(a, b));
     return state;
-  }
-
-  std::uint32_t fanSize(std::uint32_t v) const {
-    std::uint32_t size = 0;
-    forEachTriangle(v, [&](std::uint32_t) { ++size; });
-    return size;
   }
 
   // After lookAt found two triangles off the edge and two common neighbours: do both hang on those?
@@ -621,20 +614,21 @@ class Simplifier {
     const Fan fan = fans_[moved];
     const glm::vec3 from = mesh_.positions[moved];
     if (from == to) return false;
+    const PairPoint ends = pairOf(from, to);
     for (std::uint32_t i = fan.first; i < fan.first + fan.count; ++i) {
       const std::uint32_t t = pool_[i];
       if (alive_[t] == 0 || touches(t, other)) continue;
-      const std::uint32_t* c = &mesh_.indices[3 * std::size_t{t}];
-      const std::uint32_t second = c[0] == moved ? c[1] : c[1] == moved ? c[2] : c[0];
-      const std::uint32_t third = c[0] == moved ? c[2] : c[1] == moved ? c[0] : c[1];
-      const glm::dvec3 before = crossOf(from, mesh_.positions[second], mesh_.positions[third]);
-      const glm::dvec3 after = crossOf(to, mesh_.positions[second], mesh_.positions[third]);
-      const double before2 = glm::dot(before, before);
-      const double after2 = glm::dot(after, after);
+      const auto [second, third] = otherCorners(t, moved);
+      const PairPoint b = pairOf(mesh_.positions[second], mesh_.positions[second]) - ends;
+      const PairPoint c = pairOf(mesh_.positions[third], mesh_.positions[third]) - ends;
+      const PairPoint n{b.y * c.z - c.y * b.z, b.z * c.x - c.z * b.x, b.x * c.y - c.x * b.y};
+      const Pair length2 = dot(n, n);
+      const double before2 = length2[0];
+      const double after2 = length2[1];
       if (after2 == 0.0 && before2 > 0.0) return true;
       if (!strict || before2 == 0.0) continue;
-      const double dot = glm::dot(before, after);
-      if (dot <= 0.0 || dot * dot < kMinTurnCosine * kMinTurnCosine * before2 * after2) return true;
+      const double turn = n.x[0] * n.x[1] + n.y[0] * n.y[1] + n.z[0] * n.z[1];
+      if (turn <= 0.0 || turn * turn < kMinTurnCosine * kMinTurnCosine * before2 * after2) return true;
     }
     return false;
   }
@@ -645,8 +639,7 @@ class Simplifier {
     vertices_[c.kept].quadric.add(vertices_[c.gone].quadric);
     vertices_[c.kept].changed = ++collapses_;
     if (kinds_[c.gone] == Kind::kBorder && kinds_[c.kept] == Kind::kInterior) kinds_[c.kept] = Kind::kBorder;
-    joinFans(c.gone, c.kept);
-    removeOpposites(c.kept);
+    if (joinFans(c.gone, c.kept) >= 2) removeOpposites(c.kept);
   }
 
   void moveAttributes(const Collapse& c) {
@@ -663,9 +656,11 @@ class Simplifier {
     if (!mesh_.colors.empty()) vertices_[v].color = mesh_.colors[v];
   }
 
-  // Triangles on the edge vanish, the others of `gone` hang on `kept` from now on.
-  void joinFans(std::uint32_t gone, std::uint32_t kept) {
+  // Triangles on the edge vanish, the others of `gone` hang on `kept` from now on. Returns how many of these lie
+  // between vertices that were next to both ends (marked by lookAt).
+  std::uint32_t joinFans(std::uint32_t gone, std::uint32_t kept) {
     const auto first = static_cast<std::uint32_t>(pool_.size());
+    std::uint32_t between = 0;
     for (const std::uint32_t v : {kept, gone}) {
       const Fan fan = fans_[v];
       for (std::uint32_t i = fan.first; i < fan.first + fan.count; ++i) {
@@ -677,13 +672,18 @@ class Simplifier {
           continue;
         }
         pool_.push_back(t);
+        std::uint32_t marked = 0;
+        for (std::size_t k = 0; k < 3; ++k) {
+          std::uint32_t& corner = mesh_.indices[3 * std::size_t{t} + k];
+          marked += mark_[corner] == stamp_ ? 1 : 0;
+          if (corner == gone) corner = kept;
+        }
+        between += marked >= 2 ? 1 : 0;
       }
     }
-    for (auto i = first; i < pool_.size(); ++i)
-      for (std::size_t k = 0; k < 3; ++k)
-        if (std::uint32_t& corner = mesh_.indices[3 * std::size_t{pool_[i]} + k]; corner == gone) corner = kept;
     fans_[kept] = {first, static_cast<std::uint32_t>(pool_.size()) - first};
     fans_[gone] = {};
+    return between;
   }
 
   // Two triangles on the same corners with opposite sides enclose nothing: both go. Only triangles whose other corners
