@@ -97,10 +97,44 @@ TEST(PatchCodec, everyMachineDecodesTheSame) {
       hurt[at] = static_cast<std::uint8_t>(hurt[at] ^ 1U << random() % 8);
       compare(sealed(std::move(hurt)));
     }
+    // A front that outgrows its ring.
+    for (std::uint8_t bits = 0; bits < bytes[7]; ++bits) compare(withField(bytes, 7, bits));
   }
   compare(encodePatch(gridPatch(60)));
   EXPECT_GT(refused, 100U);
   EXPECT_GT(read, 100U);
+}
+
+// Unary bits have to fill their bytes, and a group has few of them.
+TEST(PatchCodec, strayUnaryBytesAreRefused) {
+  const base::Bytes bytes = smallPatch();
+  std::uint16_t vertices = 0, unary_bytes = 0;
+  std::uint32_t steps = 0, escapes = 0;
+  std::memcpy(&vertices, &bytes[2], sizeof(vertices));
+  std::memcpy(&steps, &bytes[20], sizeof(steps));
+  std::memcpy(&escapes, &bytes[24], sizeof(escapes));
+  const std::size_t plane = 32 + (std::size_t{steps} + 3) / 4 + escapes;
+  std::memcpy(&unary_bytes, &bytes[plane], sizeof(unary_bytes));
+  const std::size_t groups = (std::size_t{vertices} + 15) / 16;
+  std::size_t unary = plane + 2 + (groups + 1) / 2;
+  for (std::size_t g = 0, low = 0; g < groups; ++g, unary += low) {
+    low = 2 * std::size_t{static_cast<std::uint8_t>(bytes[plane + 2 + g / 2] >> (4 * (g % 2)) & 15U)};
+    ASSERT_LT(low, 30U);
+  }
+
+  const auto faults = [&](std::size_t at, std::size_t count, std::uint8_t value) {
+    base::Bytes longer = bytes;
+    longer.insert(longer.begin() + static_cast<std::ptrdiff_t>(at), count, value);
+    longer = withField(std::move(longer), plane, static_cast<std::uint16_t>(unary_bytes + count));
+    const auto one = decodePatch(longer);
+    const auto other = decodePatchPortably(longer);
+    return (one ? "" : one.error().message) + "; " + (other ? "" : other.error().message);
+  };
+  const std::string refused = "patch bytes: the vertices do not decode; patch bytes: the vertices do not decode";
+  EXPECT_EQ(faults(unary + unary_bytes, 0, 0), "; ");
+  for (const std::uint8_t value : {0, 1, 255}) EXPECT_EQ(faults(unary + unary_bytes, 1, value), refused);
+  // 32 bytes are 256 bits, which a place in one byte does not see.
+  for (const std::size_t count : {1, 6, 8, 31, 32, 33, 64, 8192}) EXPECT_EQ(faults(unary, count, 0), refused) << count;
 }
 
 TEST(PatchCodec, aFlatGridCostsLittle) {
