@@ -211,6 +211,17 @@ constexpr std::size_t lowBytes(std::uint32_t width) {
   return width == kRawWidth ? 64 : 2 * std::size_t{width};
 }
 
+// Of sixteen groups, their widths in nibbles.
+constexpr std::size_t lowBytesOfSixteen(std::uint64_t widths) {
+  constexpr std::uint64_t kNibbles = 0x0F0F0F0F0F0F0F0F, kSum = 0x0101010101010101;
+  const std::uint64_t pairs = (widths & kNibbles) + (widths >> 4 & kNibbles);
+  const std::uint64_t raw = widths & widths >> 1 & widths >> 2 & widths >> 3 & 0x1111111111111111;
+  const std::uint64_t raw_pairs = (raw & kNibbles) + (raw >> 4 & kNibbles);
+  return 2 * (pairs * kSum >> 56) + (64 - 2 * kRawWidth) * (raw_pairs * kSum >> 56);
+}
+static_assert(lowBytesOfSixteen(0xFFFFFFFFFFFFFFFF) == 16 * lowBytes(kRawWidth));
+static_assert(lowBytesOfSixteen(0xF000000000000EF1) == 2 * lowBytes(kRawWidth) + lowBytes(14) + lowBytes(1));
+
 std::uint32_t zigzag(std::int32_t x) {
   return (static_cast<std::uint32_t>(x) << 1) ^ static_cast<std::uint32_t>(x >> 31);
 }
@@ -302,14 +313,17 @@ struct PlaneParts {
   std::uint32_t width(std::size_t group) const { return widths[group / 2] >> (4 * (group % 2)) & 15U; }
 };
 
-// The plane at `at`, which moves behind it. False when it runs past the end.
+// The plane at `at`, which moves behind it. False when it runs past the end; `in` may be read eight bytes past it.
 LUMIGRID_INLINE bool findPlane(base::ByteView in, std::size_t& at, std::size_t groups, PlaneParts& plane) {
   const std::size_t width_bytes = (groups + 1) / 2;
   if (in.size() - at < 2 + width_bytes) return false;
   const std::size_t unary_bytes = in[at] | std::size_t{in[at + 1]} << 8;
   plane.widths = in.data() + at + 2;
   std::size_t low_bytes = 0;
-  for (std::size_t g = 0; g < groups; ++g) low_bytes += lowBytes(plane.width(g));
+  for (std::size_t g = 0; g < groups; g += 16) {
+    const std::uint64_t unused = groups - g < 16 ? ~std::uint64_t{0} << (4 * (groups - g)) : 0;
+    low_bytes += lowBytesOfSixteen(load64(plane.widths + g / 2) & ~unused);
+  }
   at += 2 + width_bytes;
   if (in.size() - at < low_bytes + unary_bytes) return false;
   plane.low = in.data() + at;
