@@ -18,12 +18,12 @@ namespace {
 constexpr double kBorderWeight = 10.0;
 // Thin strips and beams weigh next to nothing by area, so their ends would slide for nothing: a vertex whose triangles
 // cover less than this share of their longest edge's square is tied to its place by this share of a mean edge's square.
-constexpr double kThinFan = 0.7;
+constexpr double kThinFan = 0.3;
 constexpr double kPointWeight = 5e-3;
 // A full change of colour (black to white) counts like a distance of this many mean edges, a normal turned by 60
 // degrees like this many.
 constexpr double kColorLength = 0.25;
-constexpr double kNormalLength = 0.05;
+constexpr double kNormalLength = 0.02;
 // All but the last stage refuse a collapse that turns a triangle by more than acos of this.
 constexpr double kMinTurnCosine = 0.25;
 // A vertex placed farther from the edge's middle than this many edge lengths comes from an ill-conditioned system.
@@ -286,6 +286,7 @@ class Simplifier {
     const std::size_t vertices = mesh_.positions.size();
     kinds_.assign(vertices, Kind::kInterior);
     vertices_.assign(vertices, {});
+    edges_.reserve(mesh_.indices.size() / 2 + vertices / 8);
     std::vector<std::uint32_t> neighbors;
     double length_sum = 0.0;
     for (std::uint32_t v = 0; v < vertices; ++v) {
@@ -293,8 +294,8 @@ class Simplifier {
       readVertex(v);
       neighborsAbove(v, neighbors);
       for (const std::uint32_t w : neighbors) {
-        length_sum += glm::length(mesh_.positions[v] - mesh_.positions[w]);
         if (mesh_.locked[v] != 0 && mesh_.locked[w] != 0) continue;
+        length_sum += glm::length(mesh_.positions[v] - mesh_.positions[w]);
         edges_.push_back({.a = v, .b = w});
         if (uses_[w] != 2) markBorderEdge(v, w);
       }

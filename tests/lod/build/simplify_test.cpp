@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <map>
 
 #include "tests/support/test_meshes.h"
@@ -59,6 +60,27 @@ TEST(Simplify, LockedVerticesStayWhereTheyAre) {
     EXPECT_EQ(out.survivor[v], v);
     EXPECT_EQ(group.positions[v], before.positions[v]);
   }
+}
+
+// What colours cost is scaled by the mean edge; edges that cannot collapse, however long, are none of it.
+TEST(Simplify, LockedTrianglesHaveNoSayInWhatTheOthersBecome) {
+  GroupMesh alone = groupOf(support::torus(60, 40), 500.0F);
+  for (std::uint32_t v = 0; v < alone.positions.size(); ++v)
+    alone.colors.push_back({static_cast<float>(v * 37 % 256), static_cast<float>(v * 91 % 256), 0.0F});
+  GroupMesh beside = alone;
+  for (const glm::vec3& p :
+       {glm::vec3(0, 0, 100'000), glm::vec3(100'000, 0, 100'000), glm::vec3(0, 100'000, 100'000)}) {
+    beside.indices.push_back(static_cast<std::uint32_t>(beside.positions.size()));
+    beside.positions.push_back(p);
+    beside.normals.push_back({0, 0, 1});
+    beside.colors.push_back({0, 0, 0});
+    beside.locked.push_back(1);
+  }
+  const Simplified expected = simplifyGroup(alone, 2400);
+  const Simplified out = simplifyGroup(beside, 2401);
+  ASSERT_EQ(out.indices.size(), expected.indices.size() + 3);
+  EXPECT_TRUE(std::equal(expected.indices.begin(), expected.indices.end(), out.indices.begin()));
+  EXPECT_TRUE(std::equal(alone.positions.begin(), alone.positions.end(), beside.positions.begin()));
 }
 
 TEST(Simplify, AFlatOpenBorderKeepsItsOutline) {
