@@ -30,6 +30,7 @@ using Float4 = float __attribute__((vector_size(16)));
 
 // Decoding is compiled twice, for any machine and for one with AVX2: everything on its way has to be inlined.
 #define LUMIGRID_INLINE [[gnu::always_inline]] inline
+#define LUMIGRID_AVX2 target("avx2,bmi,bmi2,popcnt")
 
 struct PatchHeader {
   std::uint8_t flags = 0;
@@ -392,9 +393,8 @@ constexpr auto kOnes = [] {
 
 // The same by vectors, a group at once, when the places of all ones are known. They are modulo 256; a group that looks
 // short and is not is missed in the sum of lengths.
-__attribute__((target("avx2,bmi,bmi2,popcnt"))) bool readPlaneByAvx2(base::ByteView in, std::size_t& at,
-                                                                     std::size_t groups, std::uint8_t* places,
-                                                                     std::uint32_t* out) {
+__attribute__((LUMIGRID_AVX2)) bool readPlaneByAvx2(base::ByteView in, std::size_t& at, std::size_t groups,
+                                                    std::uint8_t* places, std::uint32_t* out) {
   PlaneParts plane;
   if (!findPlane(in, at, groups, plane)) return false;
   places[0] = 0xFF;
@@ -436,14 +436,14 @@ __attribute__((target("avx2,bmi,bmi2,popcnt"))) bool readPlaneByAvx2(base::ByteV
     __m256i low0, low8;
     if (width <= 8) {
       const std::uint64_t mask = ((std::uint64_t{1} << width) - 1) * 0x0101010101010101U;
-      const auto eight = [&](const std::uint8_t* from) __attribute__((always_inline, target("avx2,bmi,bmi2"))) {
+      const auto eight = [&](const std::uint8_t* from) __attribute__((always_inline, LUMIGRID_AVX2)) {
         return _mm256_cvtepu8_epi32(_mm_cvtsi64_si128(static_cast<long long>(_pdep_u64(load64(from), mask))));
       };
       low0 = eight(plane.low), low8 = eight(plane.low + width);
     } else {
       const std::uint64_t mask = ((std::uint64_t{1} << width) - 1) * 0x0001000100010001U;
-      const auto eight = [&](std::size_t first) __attribute__((always_inline, target("avx2,bmi,bmi2"))) {
-        const auto four = [&](std::size_t i) __attribute__((always_inline, target("avx2,bmi,bmi2"))) {
+      const auto eight = [&](std::size_t first) __attribute__((always_inline, LUMIGRID_AVX2)) {
+        const auto four = [&](std::size_t i) __attribute__((always_inline, LUMIGRID_AVX2)) {
           const std::size_t low_bit = i * width;
           return static_cast<long long>(_pdep_u64(load64(plane.low + low_bit / 8) >> (low_bit % 8), mask));
         };
@@ -453,7 +453,7 @@ __attribute__((target("avx2,bmi,bmi2,popcnt"))) bool readPlaneByAvx2(base::ByteV
     }
     const __m256i high0 = _mm256_sll_epi32(_mm256_cvtepu8_epi32(zeros), shift);
     const __m256i high8 = _mm256_sll_epi32(_mm256_cvtepu8_epi32(_mm_srli_si128(zeros, 8)), shift);
-    const auto store = [](std::uint32_t * to, __m256i x) __attribute__((always_inline, target("avx2,bmi,bmi2"))) {
+    const auto store = [](std::uint32_t * to, __m256i x) __attribute__((always_inline, LUMIGRID_AVX2)) {
       const __m256i sign = _mm256_sub_epi32(_mm256_setzero_si256(), _mm256_and_si256(x, _mm256_set1_epi32(1)));
       _mm256_storeu_si256(reinterpret_cast<__m256i*>(to), _mm256_xor_si256(_mm256_srli_epi32(x, 1), sign));
     };
@@ -834,7 +834,6 @@ class Machine {
   }
 
 #if defined(__x86_64__)
-#define LUMIGRID_AVX2 target("avx2,bmi,bmi2")
   // The same; an edge is four words of a register, and a shuffle chooses.
   __attribute__((LUMIGRID_AVX2)) bool runByAvx2() {
     std::uint64_t* const front = front_;
@@ -1369,9 +1368,8 @@ LUMIGRID_INLINE const char* decodeParts(const PatchHeader& header, base::ByteVie
 }
 
 #if defined(__x86_64__)
-__attribute__((target("avx2,bmi,bmi2,popcnt"))) const char* decodeByAvx2(const PatchHeader& header,
-                                                                         base::ByteView bytes,
-                                                                         PatchGeometry& geometry) {
+__attribute__((LUMIGRID_AVX2)) const char* decodeByAvx2(const PatchHeader& header, base::ByteView bytes,
+                                                        PatchGeometry& geometry) {
   return decodeParts(header, bytes, readPlaneByAvx2, &Machine::runByAvx2, geometry);
 }
 #endif
