@@ -33,8 +33,8 @@ base::Bytes encodePatch(const PatchGeometry& geometry);
 base::Bytes encodePatch(const PatchGeometry& geometry, std::vector<std::uint32_t>* triangle_order);
 
 /// Checks the checksum and every length and index; never reads past `bytes`, never allocates more than the limits above
-/// need (12 MB, most of it kept by the thread for its next patch). Decoding gives back exactly what was encoded, but for
-/// the order; normals are as quantizedNormal and colours as quantizedColor makes them.
+/// need (12 MB, most of it kept by the thread for its next patch). Decoding gives back exactly what was encoded, but
+/// for the order; normals are as quantizedNormal and colours as quantizedColor makes them.
 base::Result<PatchGeometry> decodePatch(base::ByteView bytes);
 /// The same without AVX2, as machines that lack it do: all that differs is speed.
 base::Result<PatchGeometry> decodePatchPortably(base::ByteView bytes);
