@@ -8,6 +8,7 @@
 #include <mutex>
 
 #include "base/parallel.h"
+#include "lod/build/work_directory.h"
 
 namespace lod::build {
 namespace {
@@ -537,8 +538,7 @@ base::Bytes Buckets::state() const {
 }
 
 base::Result<Buckets> Buckets::open(const std::string& directory, base::ByteView state) {
-  const Error broken{ErrorCode::kInvalidInput,
-                     directory + ": the work files are damaged; remove this directory and build again"};
+  const Error broken = damagedWorkFiles(directory);
   auto file = SpoolFile::open(directory + "/buckets");
   if (!file) return file.error();
   Buckets out;

@@ -25,13 +25,6 @@ constexpr float kNegligible = 0.05F;
 // METIS costs little.
 constexpr std::uint32_t kVoxelsPerPatch = 32;
 
-// To the nearest whole number, halves away from zero, as std::round, of |x| below 2^31.
-float rounded(float x) {
-  const auto whole = static_cast<float>(static_cast<std::int32_t>(x));
-  const float rest = x - whole;
-  return whole + (rest >= 0.5F ? 1.0F : 0.0F) - (rest <= -0.5F ? 1.0F : 0.0F);
-}
-
 // The length of a change from black to white.
 constexpr float kLargestColor = 441.673F;
 
@@ -117,14 +110,11 @@ base::Result<void> addErrors(const base::Bytes& codes, std::size_t triangles, Su
   return {};
 }
 
-// Moved vertices stay on the lattice: what is measured is what is stored.
+// The simplifier moves vertices to whole numbers, but knows no end of the lattice.
 void keepOnLattice(Merged& merged, std::uint32_t bits) {
   const glm::vec3 low(-merged.corner);
   const glm::vec3 high(glm::ivec3((1 << bits) - 1) - merged.corner);
-  for (glm::vec3& p : merged.mesh.positions) {
-    const glm::vec3 q = glm::clamp(p, low, high);
-    p = {rounded(q.x), rounded(q.y), rounded(q.z)};
-  }
+  for (glm::vec3& p : merged.mesh.positions) p = glm::clamp(p, low, high);
 }
 
 // Simplified triangles on lattice points, and `merged` with the colours that they are stored with: vertices that came

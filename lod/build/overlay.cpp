@@ -15,6 +15,7 @@ constexpr int kMaxSteps = 64;
 constexpr std::size_t kMaxLink = 48;
 constexpr std::size_t kMaxCut = 96;
 constexpr std::size_t kMaxEnclosed = 24;
+// Either side of a cut is tried so far before one is followed to the limit.
 constexpr std::size_t kFew = 3;
 
 bool contains(const std::vector<std::uint32_t>& list, std::uint32_t x) {

@@ -102,7 +102,11 @@ base::Result<base::Bytes> WorkDirectory::state(std::uint32_t stage) const {
 }
 
 base::Error WorkDirectory::broken() const {
-  return {ErrorCode::kInvalidInput, path_ + kDamaged};
+  return damagedWorkFiles(path_);
+}
+
+base::Error damagedWorkFiles(const std::string& directory) {
+  return {ErrorCode::kInvalidInput, directory + kDamaged};
 }
 
 bool isDamage(const base::Error& error) {

@@ -39,7 +39,9 @@ class WorkDirectory {
   int lock_ = -1;
 };
 
-/// Whether an error is WorkDirectory::broken(): a build from the source mends it.
+/// Says that the work files in `directory` are not what their builder wrote.
+base::Error damagedWorkFiles(const std::string& directory);
+/// Whether an error is that: a build from the source mends it.
 bool isDamage(const base::Error& error);
 
 /// A new directory under the system's place for temporary files; removed with all that is in it.

@@ -34,6 +34,12 @@ std::string workFile(const std::string& scene, const std::string& name) {
   return scene + "/patch.lgp.work/" + name;
 }
 
+std::uintmax_t sizeOf(const std::string& file) {
+  std::error_code error;
+  const auto size = fs::file_size(file, error);
+  return error ? 0 : size;
+}
+
 class HierarchyResume : public programs::ProgramTest {
  protected:
   std::string sample(const std::string& triangles) {
@@ -87,6 +93,24 @@ class HierarchyResume : public programs::ProgramTest {
     expectRerunFinishes(mesh, scene, bytes, what);
   }
 
+  // A build that is stopped when its journal holds leaves and groups.
+  struct Late {
+    std::string mesh;
+    std::string bytes;  // of the same build, not stopped
+    std::string stopped;
+    std::string journal;
+  };
+  Late late_;
+  void stopLate() {
+    late_.mesh = sample("100000");
+    late_.bytes = uninterrupted(late_.mesh);
+    late_.stopped = path("stopped");
+    const std::string journal = workFile(late_.stopped, "patches");
+    const std::uint64_t most = late_.bytes.size() / 10 * 8;
+    ASSERT_NO_FATAL_FAILURE(killedWhen(late_.mesh, late_.stopped, [&] { return sizeOf(journal) > most; }));
+    late_.journal = readText(journal);
+  }
+
   // Starts a build and kills it as soon as `now` says so. False: it ended before.
   bool killWhen(const Arguments& arguments, const std::function<bool()>& now) {
     const pid_t pid = programs::start("lumigrid", arguments, path("killed"));
@@ -116,12 +140,6 @@ class HierarchyResume : public programs::ProgramTest {
 
   std::string description_;  // scene.json of the uninterrupted build
 };
-
-std::uintmax_t sizeOf(const std::string& file) {
-  std::error_code error;
-  const auto size = fs::file_size(file, error);
-  return error ? 0 : size;
-}
 
 TEST_F(HierarchyResume, KilledAtRandomMomentsItEndsWithTheSameBytes) {
   const std::string mesh = sample(longTests() ? "500000" : "300000");
@@ -193,12 +211,8 @@ TEST_F(HierarchyResume, KilledWhileTheOutputIsWrittenItEndsWithTheSameBytes) {
 }
 
 TEST_F(HierarchyResume, AJournalWithAnyTailGoesOnBehindItsLastWholeRecord) {
-  const std::string mesh = sample("100000");
-  const std::string bytes = uninterrupted(mesh);
-  const std::string stopped = path("stopped");
-  const std::string journal = workFile(stopped, "patches");
-  ASSERT_NO_FATAL_FAILURE(killedWhen(mesh, stopped, [&] { return sizeOf(journal) > bytes.size() / 10 * 8; }));
-  const std::string whole = readText(journal);
+  ASSERT_NO_FATAL_FAILURE(stopLate());
+  const auto& [mesh, bytes, stopped, whole] = late_;
   ASSERT_GT(whole.size(), 10000U);
 
   std::string noise(5000, '\0');
@@ -222,12 +236,8 @@ TEST_F(HierarchyResume, AJournalWithAnyTailGoesOnBehindItsLastWholeRecord) {
 
 // Leaves that the journal has lost cannot be made again from a bucket whose bytes were given back to the disk.
 TEST_F(HierarchyResume, AJournalThatLostLeavesEndsWithTheSameBytesToo) {
-  const std::string mesh = sample("100000");
-  const std::string bytes = uninterrupted(mesh);
-  const std::string stopped = path("stopped");
-  const std::string journal = workFile(stopped, "patches");
-  ASSERT_NO_FATAL_FAILURE(killedWhen(mesh, stopped, [&] { return sizeOf(journal) > bytes.size() / 10 * 8; }));
-  const std::string whole = readText(journal);
+  ASSERT_NO_FATAL_FAILURE(stopLate());
+  const auto& [mesh, bytes, stopped, whole] = late_;
   std::string rotten = whole;
   rotten[100000] = static_cast<char>(~rotten[100000]);
   const std::pair<const char*, std::string> losses[] = {{"cut in the middle", whole.substr(0, bytes.size() / 4)},
