@@ -90,9 +90,10 @@ base::Result<BucketLeaves> makeLeaves(const Buckets& buckets, std::size_t bucket
         outer[v] = 1;
         sums[v] = border.sums[static_cast<std::size_t>(at)];
       }
-    mesh.normals.push_back(lod::patch::quantizedNormal(sums[v].unitNormal()));
+    mesh.normals.push_back(sums[v].unitNormal());
     if (buckets.hasColors()) mesh.colors.push_back(lod::patch::quantizedColor(sums[v].meanColor()));
   }
+  lod::patch::quantizeNormals(mesh.normals);
   out.vertices = mesh.codes.size();
 
   std::vector<KeyedIndex> sorted = sortedByVoxel(mesh, lattice.bits);

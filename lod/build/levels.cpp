@@ -149,8 +149,7 @@ CodedMesh codedMesh(Merged& merged, Simplified& simplified, std::vector<std::uin
           out.codes.push_back(code[k]);
           out.positions.push_back(mortonPoint(code[k]));
           const float length = glm::length(group.normals[v]);
-          out.normals.push_back(
-              lod::patch::quantizedNormal(length > 1e-6F ? group.normals[v] / length : glm::vec3(0.0F, 0.0F, 1.0F)));
+          out.normals.push_back(length > 1e-6F ? group.normals[v] / length : glm::vec3(0.0F, 0.0F, 1.0F));
           if (colored)
             out.colors.push_back(lod::patch::quantizedColor(
                 glm::u8vec4(glm::u8vec3(glm::clamp(glm::round(group.colors[v]), 0.0F, 255.0F)), 255)));
@@ -159,7 +158,7 @@ CodedMesh codedMesh(Merged& merged, Simplified& simplified, std::vector<std::uin
         // What is locked decides for all that lie there: another group sees the same.
         if (group.locked[v] != 0 && locked[at] == 0) {
           locked[at] = 1;
-          out.normals[at] = lod::patch::quantizedNormal(group.normals[v]);
+          out.normals[at] = group.normals[v];
           if (colored) out.colors[at] = glm::u8vec4(glm::u8vec3(group.colors[v]), 255);
         }
       }
@@ -169,6 +168,7 @@ CodedMesh codedMesh(Merged& merged, Simplified& simplified, std::vector<std::uin
   }
   simplified.indices.resize(3 * kept);
   simplified.origin.resize(kept);
+  lod::patch::quantizeNormals(out.normals);
   for (std::size_t v = 0; colored && v < number.size(); ++v)
     if (number[v] != CodeMap::kNone) group.colors[v] = glm::vec3(glm::u8vec3(out.colors[number[v]]));
   return out;

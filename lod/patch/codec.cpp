@@ -9,6 +9,7 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <string>
 
 #include "base/check.h"
@@ -53,36 +54,38 @@ constexpr std::uint8_t kMaxFacetShift = 31;
 
 // Octahedral normals ------------------------------------------------------------------------------
 
-struct OctahedralCode {
-  std::int8_t u = 0;
-  std::int8_t v = 0;
-};
-
-float signOf(float x) {
-  return x >= 0.0F ? 1.0F : -1.0F;
-}
-
-std::int8_t toSnorm8(float x) {
-  return static_cast<std::int8_t>(std::lround(std::clamp(x, -1.0F, 1.0F) * 127.0F));
-}
-
-OctahedralCode encodeNormal(const glm::vec3& n) {
-  // Project onto the octahedron |x| + |y| + |z| = 1; a NaN anywhere makes the sum fail the test.
-  const float sum = std::abs(n.x) + std::abs(n.y) + std::abs(n.z);
-  if (!(sum > 0.0F) || !std::isfinite(sum)) return {};
-  const float x = n.x / sum;
-  const float y = n.y / sum;
-
-  // Fold the lower half outwards.
-  if (n.z >= 0.0F) return {toSnorm8(x), toSnorm8(y)};
-  return {toSnorm8((1.0F - std::abs(y)) * signOf(x)), toSnorm8((1.0F - std::abs(x)) * signOf(y))};
-}
-
 // Many at once, coordinate by coordinate, so that the compiler vectorises it.
 constexpr std::size_t kBlock = 64;
 struct Unit {
   std::array<float, kBlock> x, y, z;
 };
+
+// In −127 … 127, halves away from zero.
+LUMIGRID_INLINE std::int32_t toSnorm8(float x) {
+  const float scaled = std::min(std::max(x, -1.0F), 1.0F) * 127.0F;
+  const auto whole = static_cast<std::int32_t>(scaled);
+  const auto to = static_cast<float>(whole);
+  return whole + (scaled >= to + 0.5F ? 1 : 0) - (scaled <= to - 0.5F ? 1 : 0);
+}
+
+LUMIGRID_INLINE void encodeNormals(const Unit& in, std::size_t count, std::int32_t* codes_u, std::int32_t* codes_v) {
+  for (std::size_t i = 0; i < count; ++i) {
+    // Project onto the octahedron |x| + |y| + |z| = 1; a NaN anywhere makes the sum fail the test.
+    const float sum = std::abs(in.x[i]) + std::abs(in.y[i]) + std::abs(in.z[i]);
+    const bool good = sum > 0.0F && sum <= std::numeric_limits<float>::max();
+    const float x = good ? in.x[i] / sum : 0.0F;
+    const float y = good ? in.y[i] / sum : 0.0F;
+    const float z = good ? in.z[i] : 0.0F;
+
+    // Fold the lower half outwards.
+    const float rest_x = 1.0F - std::abs(y);
+    const float rest_y = 1.0F - std::abs(x);
+    const float folded_x = x >= 0.0F ? rest_x : -rest_x;
+    const float folded_y = y >= 0.0F ? rest_y : -rest_y;
+    codes_u[i] = toSnorm8(z >= 0.0F ? x : folded_x);
+    codes_v[i] = toSnorm8(z >= 0.0F ? y : folded_y);
+  }
+}
 
 LUMIGRID_INLINE void decodeNormals(const std::int32_t* codes_u, const std::int32_t* codes_v, std::size_t count,
                                    Unit& out) {
@@ -160,9 +163,13 @@ LUMIGRID_INLINE void sumFacets(const std::uint16_t* indices, std::size_t triangl
 // Levels per channel, then the reversible YCoCg of Malvar and Sullivan 2003 on them.
 constexpr std::int32_t kColorLevels = 39;
 
-std::int32_t colorLevel(std::int32_t channel) {
-  return (channel * kColorLevels * 2 + 255) / 510;
-}
+// Of each channel's byte, rounded.
+constexpr std::array<std::uint8_t, 256> kLevelOfByte = [] {
+  std::array<std::uint8_t, 256> levels{};
+  for (std::size_t c = 0; c < levels.size(); ++c)
+    levels[c] = static_cast<std::uint8_t>((c * kColorLevels * 2 + 255) / 510);
+  return levels;
+}();
 
 // Byte of a level, rounded.
 constexpr std::int32_t kLevelScale = 255 * 65536 / kColorLevels + 1;
@@ -178,12 +185,12 @@ LUMIGRID_INLINE Int4 levelBytes(Int4 level) {
   return (level * kLevelScale + 32768) >> 16;
 }
 
-glm::ivec3 colorCode(const glm::u8vec4& c) {
-  const glm::ivec3 level(colorLevel(c.r), colorLevel(c.g), colorLevel(c.b));
-  const std::int32_t orange = level.r - level.b;
-  const std::int32_t half = level.b + (orange >> 1);
-  const std::int32_t green = level.g - half;
-  return {half + (green >> 1), orange, green};
+Int4 colorCode(const glm::u8vec4& c) {
+  const std::int32_t red = kLevelOfByte[c.r], blue = kLevelOfByte[c.b];
+  const std::int32_t orange = red - blue;
+  const std::int32_t half = blue + (orange >> 1);
+  const std::int32_t green = kLevelOfByte[c.g] - half;
+  return Int4{half + (green >> 1), orange, green, 0};
 }
 
 // Four colours from four codes, red in the lowest byte. Unsigned sums: hostile codes may wrap.
@@ -227,23 +234,37 @@ std::uint32_t zigzag(std::int32_t x) {
   return (static_cast<std::uint32_t>(x) << 1) ^ static_cast<std::uint32_t>(x >> 31);
 }
 
+Uint4 zigzag(Uint4 x) {
+  return x << 1 ^ reinterpret_cast<Uint4>(reinterpret_cast<Int4>(x) >> 31);
+}
+
 std::uint32_t unzigzag(std::uint32_t x) {
   return (x >> 1) ^ (0U - (x & 1U));
 }
 
+std::uint32_t sumOfLanes(Uint4 x) {
+  x += __builtin_shufflevector(x, x, 2, 3, 0, 1);
+  return x[0] + x[1];
+}
+
 // The width that takes fewest bits, of those about the logarithm of the mean.
 std::uint32_t bestWidth(const std::uint32_t* values) {
-  std::uint64_t sum = 0;
-  for (std::size_t i = 0; i < kGroup; ++i) sum += values[i];
+  Uint4 four[kGroup / 4];
+  std::memcpy(four, values, sizeof(four));
+  // Halves, whose sums overflow nowhere.
+  const Uint4 low = (four[0] & 0xFFFFU) + (four[1] & 0xFFFFU) + (four[2] & 0xFFFFU) + (four[3] & 0xFFFFU);
+  const Uint4 high = (four[0] >> 16) + (four[1] >> 16) + (four[2] >> 16) + (four[3] >> 16);
+  const std::uint64_t sum = sumOfLanes(low) + (std::uint64_t{sumOfLanes(high)} << 16);
   std::uint32_t width = static_cast<std::uint32_t>(std::bit_width(sum / kGroup));
   width = width > 2 ? width - 2 : 0;
   std::uint32_t best = kRawWidth;
-  std::uint64_t least = 512;
+  std::uint32_t least = 512;
   for (; width < kRawWidth; ++width) {
-    std::uint64_t unary = kGroup;
-    for (std::size_t i = 0; i < kGroup; ++i) unary += values[i] >> width;
+    // No value is above sixteen times the mean, so from this width on their sums are small.
+    const Uint4 above = (four[0] >> width) + (four[1] >> width) + (four[2] >> width) + (four[3] >> width);
+    const std::uint32_t unary = kGroup + sumOfLanes(above);
     if (unary > kMaxUnary) continue;
-    const std::uint64_t bits = unary + kGroup * width;
+    const std::uint32_t bits = unary + kGroup * width;
     if (bits >= least) break;  // more low bits only cost more from here on
     least = bits;
     best = width;
@@ -251,58 +272,81 @@ std::uint32_t bestWidth(const std::uint32_t* values) {
   return best;
 }
 
-// Bits from the lowest up.
-class BitWriter {
- public:
-  explicit BitWriter(std::size_t likely_bytes) { bytes_.reserve(likely_bytes); }
-  /// `value` below 2^bits; at most 57 bits.
-  void put(std::uint64_t value, std::uint32_t bits) {
-    current_ |= value << used_;
-    used_ += bits;
-    for (; used_ >= 8; used_ -= 8, current_ >>= 8) bytes_.push_back(static_cast<std::uint8_t>(current_));
-  }
-  base::Bytes take() {
-    if (used_ > 0) bytes_.push_back(static_cast<std::uint8_t>(current_));
-    used_ = 0;
-    return std::move(bytes_);
-  }
-
- private:
-  base::Bytes bytes_;
-  std::uint64_t current_ = 0;
-  std::uint32_t used_ = 0;
-};
-
-// `values` has whole groups.
-void writePlane(base::ByteWriter& out, const std::vector<std::uint32_t>& values) {
-  BitWriter widths(values.size() / (2 * kGroup) + 1);
-  BitWriter lows(values.size());
-  BitWriter unary(values.size() / 3);
-  for (std::size_t first = 0; first < values.size(); first += kGroup) {
-    const std::uint32_t* group = values.data() + first;
-    const std::uint32_t width = bestWidth(group);
-    widths.put(width, 4);
-    for (std::size_t i = 0; i < kGroup; ++i) {
-      if (width == kRawWidth) {
-        lows.put(group[i], 32);
-      } else {
-        lows.put(group[i] & ((1U << width) - 1), width);
-        unary.put(std::uint64_t{1} << (group[i] >> width), (group[i] >> width) + 1);
-      }
-    }
-  }
-  const base::Bytes ones = unary.take();
-  out.u16(static_cast<std::uint16_t>(ones.size()));
-  out.bytes(widths.take());
-  out.bytes(lows.take());
-  out.bytes(ones);
-}
-
 std::uint64_t load64(const std::uint8_t* at) {
   std::uint64_t word = 0;
   std::memcpy(&word, at, sizeof(word));
   return word;
 }
+
+void store64(std::uint8_t* at, std::uint64_t word) {
+  std::memcpy(at, &word, sizeof(word));
+}
+
+// The low bits of a group, side by side: 2 · width bytes. Eight bytes behind them are overwritten.
+void storeLows(const std::uint32_t* group, std::uint32_t width, std::uint8_t* to) {
+  const std::uint64_t mask = (std::uint64_t{1} << width) - 1;
+  const auto four = [&](const std::uint32_t* v) {
+    return (v[0] & mask) | (v[1] & mask) << width | (v[2] & mask) << (2 * width) | (v[3] & mask) << (3 * width);
+  };
+  // Four take a whole number of bytes, or half a byte more: that half goes before the next four.
+  const std::uint32_t whole = width / 2;
+  const std::uint32_t odd = 4 * (width % 2);
+  for (std::size_t i = 0; i < kGroup; i += 8, to += width) {
+    const std::uint64_t first = four(group + i);
+    store64(to, first);
+    store64(to + whole, (odd != 0 ? first >> (8 * whole) : 0) | four(group + i + 4) << odd);
+  }
+}
+
+// What writing planes needs beyond its result, for planes of up to `count` numbers, whole groups.
+class PlaneWriter {
+ public:
+  explicit PlaneWriter(std::size_t count)
+      : widths_(count / kGroup / 2 + 1), low_(count / kGroup * lowBytes(kRawWidth) + 8), unary_(count / 2 + 16) {}
+
+  void write(base::ByteWriter& out, std::span<const std::uint32_t> values) {
+    const std::size_t groups = values.size() / kGroup;
+    std::uint8_t* low = low_.data();
+    std::size_t bit = 0;
+    std::fill(widths_.begin(), widths_.end(), std::uint8_t{0});
+    unary_[0] = 0;
+    for (std::size_t g = 0; g < groups; ++g) {
+      const std::uint32_t* group = values.data() + g * kGroup;
+      const std::uint32_t width = bestWidth(group);
+      widths_[g / 2] = static_cast<std::uint8_t>(widths_[g / 2] | width << (4 * (g % 2)));
+      if (width == kRawWidth) {
+        std::memcpy(low, group, lowBytes(width));
+      } else {
+        storeLows(group, width, low);
+        storeOnes(group, width, bit);
+      }
+      low += lowBytes(width);
+    }
+    const std::size_t unary_bytes = (bit + 7) / 8;
+    out.u16(static_cast<std::uint16_t>(unary_bytes));
+    out.bytes(base::ByteView(widths_).first((groups + 1) / 2));
+    out.bytes(base::ByteView(low_.data(), low));
+    out.bytes(base::ByteView(unary_).first(unary_bytes));
+  }
+
+ private:
+  // What lies above the low bits, in unary, from `bit` on, which moves behind it.
+  void storeOnes(const std::uint32_t* group, std::uint32_t width, std::size_t& bit) {
+    std::uint64_t ones = 0;
+    std::uint32_t place = 0;
+    for (std::size_t i = 0; i < kGroup; ++i) {
+      place += group[i] >> width;
+      ones |= std::uint64_t{1} << place++;
+    }
+    std::uint8_t* to = unary_.data() + bit / 8;
+    store64(to, *to | ones << (bit % 8));
+    bit += place;
+  }
+
+  base::Bytes widths_;
+  base::Bytes low_;
+  base::Bytes unary_;
+};
 
 // Where the parts of a plane are.
 struct PlaneParts {
@@ -507,6 +551,27 @@ struct Connectivity {
   std::uint8_t front_bits = 0;
 };
 
+// Two bits each, from the lowest up.
+class StepWriter {
+ public:
+  void put(std::uint32_t step) {
+    current_ |= step << (2 * (count_++ % 4));
+    if (count_ % 4 != 0) return;
+    bytes_.push_back(static_cast<std::uint8_t>(current_));
+    current_ = 0;
+  }
+  std::uint32_t count() const { return count_; }
+  base::Bytes take() {
+    if (count_ % 4 != 0) bytes_.push_back(static_cast<std::uint8_t>(current_));
+    return std::move(bytes_);
+  }
+
+ private:
+  base::Bytes bytes_;
+  std::uint32_t current_ = 0;
+  std::uint32_t count_ = 0;
+};
+
 class Walk {
  public:
   explicit Walk(const PatchGeometry& geometry)
@@ -514,14 +579,16 @@ class Walk {
         triangles_(geometry.indices.size() / 3),
         first_(geometry.positions.size() + 1, 0),
         left_(geometry.positions.size(), 0),
-        corners_(geometry.indices.size()),
+        uses_(geometry.indices.size()),
         done_(triangles_, 0),
         number_(geometry.positions.size(), kUnnumbered) {
     for (const std::uint16_t v : geometry.indices) ++first_[std::size_t{v} + 1];
     for (std::size_t v = 0; v + 1 < first_.size(); ++v) first_[v + 1] += first_[v];
-    for (std::uint32_t i = 0; i < corners_.size(); ++i) {
-      const std::uint16_t v = geometry.indices[i];
-      corners_[first_[v] + left_[v]++] = i;
+    for (std::uint32_t t = 0; t < triangles_; ++t) {
+      const std::uint16_t* c = &geometry.indices[3 * std::size_t{t}];
+      addUse(c[0], {t, c[1], c[2]});
+      addUse(c[1], {t, c[2], c[0]});
+      addUse(c[2], {t, c[0], c[1]});
     }
     out_.indices.resize(geometry.indices.size());
     out_.triangles.reserve(triangles_);
@@ -540,8 +607,8 @@ class Walk {
       while (done_[next] != 0) ++next;
       start(next);
     }
-    out_.steps = steps_;
-    out_.step_bytes = bits_.take();
+    out_.steps = steps_.count();
+    out_.step_bytes = steps_.take();
     out_.front_bits = static_cast<std::uint8_t>(std::bit_width(longest_ + 1));
     LUMIGRID_CHECK_LE(out_.front_bits, kMaxFrontBits);
     return std::move(out_);
@@ -552,6 +619,14 @@ class Walk {
   // Most unused triangles looked at around one vertex; more than any scan has, and a fan of thousands stays cheap.
   static constexpr std::uint32_t kMostLooked = 64;
 
+  // A triangle at a vertex, and its corners behind it.
+  struct Use {
+    std::uint32_t triangle = 0;
+    std::uint16_t next = 0;
+    std::uint16_t third = 0;
+  };
+  void addUse(std::uint16_t v, const Use& use) { uses_[first_[v] + left_[v]++] = use; }
+
   struct Found {
     std::uint32_t triangle = kUnnumbered;
     std::uint16_t third = 0;
@@ -559,12 +634,8 @@ class Walk {
   };
 
   bool empty() const { return head_ == front_.size(); }
-  void step(std::uint32_t s) {
-    bits_.put(s, 2);
-    ++steps_;
-  }
   void escape(std::uint8_t e) {
-    step(kEscape);
+    steps_.put(kEscape);
     out_.escapes.push_back(e);
   }
   void push(const Edge& e) {
@@ -617,18 +688,17 @@ class Walk {
   // An unused triangle with the gate's edge: what costs least.
   Found find() {
     Found best;
-    std::uint32_t* corner = corners_.data() + first_[gate_.a];
+    Use* uses = uses_.data() + first_[gate_.a];
+    std::uint32_t& left = left_[gate_.a];
     std::uint32_t looked = 0;
-    for (std::uint32_t i = 0; i < left_[gate_.a] && looked < kMostLooked;) {
-      const std::uint32_t t = corner[i] / 3;
+    for (std::uint32_t i = 0; i < left && looked < kMostLooked;) {
+      const auto [t, next, third] = uses[i];
       if (done_[t] != 0) {
-        corner[i] = corner[--left_[gate_.a]];
+        uses[i] = uses[--left];
         continue;
       }
-      const std::uint32_t k = corner[i] % 3;
       ++i, ++looked;
-      if (geometry_.indices[3 * t + (k + 1) % 3] != gate_.b) continue;
-      const std::uint16_t third = geometry_.indices[3 * t + (k + 2) % 3];
+      if (next != gate_.b) continue;
       int rank = number_[third] == kUnnumbered ? 1 : 0;
       if (!empty() && third == front_.back().a) rank = 2;
       if (!empty() && third == front_[head_].b) rank = 3;
@@ -648,7 +718,7 @@ class Walk {
         escape(kCloseFirst);
         ++head_;
       } else {
-        step(kGiveUp);
+        steps_.put(kGiveUp);
       }
       takeFirst();
       return;
@@ -657,7 +727,7 @@ class Walk {
     const Edge gate = gate_;
     switch (found.rank) {
       case 3:
-        step(kNext);
+        steps_.put(kNext);
         ++head_;
         gate_ = {gate.a, found.third, gate.b};
         break;
@@ -668,7 +738,7 @@ class Walk {
         break;
       default:
         if (found.rank == 1) {
-          step(kNewVertex);
+          steps_.put(kNewVertex);
           addVertex(found.third, {numberOf(gate.a), numberOf(gate.b), numberOf(gate.opposite)});
         } else if (const std::size_t back = out_.vertices.size() - 1 - number_[found.third]; back < kStart) {
           escape(static_cast<std::uint8_t>(back));
@@ -684,10 +754,10 @@ class Walk {
 
   const PatchGeometry& geometry_;
   std::size_t triangles_;
-  // Corners of unused triangles by vertex: left_ of them from first_ on (used ones leave when they are met).
+  // Unused triangles by vertex: left_ of them from first_ on (used ones leave when they are met).
   std::vector<std::uint32_t> first_;
   std::vector<std::uint32_t> left_;
-  std::vector<std::uint32_t> corners_;
+  std::vector<Use> uses_;
   std::vector<std::uint8_t> done_;
   std::vector<std::uint32_t> number_;
   std::vector<Edge> front_;  // from head_ on; old numbers
@@ -695,8 +765,7 @@ class Walk {
   std::size_t longest_ = 0;
   Edge gate_;
   bool open_ = false;
-  std::uint32_t steps_ = 0;
-  BitWriter bits_{1024};
+  StepWriter steps_;
   Connectivity out_;
 };
 
@@ -1018,6 +1087,17 @@ class Machine {
   State state_;
 };
 
+// Four vectors of four lanes, turned.
+template <class V>
+LUMIGRID_INLINE std::array<V, 4> transposed(const V* in) {
+  const V low01 = __builtin_shufflevector(in[0], in[1], 0, 4, 1, 5);
+  const V low23 = __builtin_shufflevector(in[2], in[3], 0, 4, 1, 5);
+  const V high01 = __builtin_shufflevector(in[0], in[1], 2, 6, 3, 7);
+  const V high23 = __builtin_shufflevector(in[2], in[3], 2, 6, 3, 7);
+  return {__builtin_shufflevector(low01, low23, 0, 1, 4, 5), __builtin_shufflevector(low01, low23, 2, 3, 6, 7),
+          __builtin_shufflevector(high01, high23, 0, 1, 4, 5), __builtin_shufflevector(high01, high23, 2, 3, 6, 7)};
+}
+
 // Encoding ----------------------------------------------------------------------------------------
 
 void checkGeometry(const PatchGeometry& geometry) {
@@ -1027,7 +1107,9 @@ void checkGeometry(const PatchGeometry& geometry) {
   LUMIGRID_CHECK_LE(geometry.positions.size(), kMaxPatchVertices);
   LUMIGRID_CHECK_EQ(geometry.normals.size(), geometry.positions.size());
   if (!geometry.colors.empty()) LUMIGRID_CHECK_EQ(geometry.colors.size(), geometry.positions.size());
-  for (const std::uint16_t index : geometry.indices) LUMIGRID_CHECK_LT(std::size_t{index}, geometry.positions.size());
+  std::uint16_t highest = 0;
+  for (const std::uint16_t index : geometry.indices) highest = std::max(highest, index);
+  LUMIGRID_CHECK_LT(std::size_t{highest}, geometry.positions.size());
   for (const glm::ivec3& q : geometry.positions)
     for (int axis = 0; axis < 3; ++axis) LUMIGRID_CHECK(q[axis] >= -kMaxLattice && q[axis] <= kMaxLattice);
 }
@@ -1065,36 +1147,31 @@ bool exactFacets(const std::vector<Float4>& points, const std::vector<std::uint1
   return (beyond[0] | beyond[1] | beyond[2]) == 0;
 }
 
-// Codes that the decoder will foresee from positions and triangles, by new vertex.
-void facetCodes(const Float4* points, const Connectivity& order, std::vector<std::int32_t>& u,
-                std::vector<std::int32_t>& v) {
-  std::vector<Corner> sums(order.vertices.size());
-  for (std::size_t k = 0; k < sums.size(); ++k) sums[k].point = points[k];
-  sumFacets(order.indices.data(), order.triangles.size(), sums.data());
-  u.resize(sums.size());
-  v.resize(sums.size());
-  std::array<float, kBlock> x{}, y{}, z{};
-  for (std::size_t first = 0; first < sums.size(); first += kBlock) {
-    const std::size_t count = std::min(kBlock, sums.size() - first);
-    for (std::size_t i = 0; i < count; ++i)
-      z[i] = sums[first + i].sum[0], x[i] = sums[first + i].sum[1], y[i] = sums[first + i].sum[2];
-    predictNormals(x, y, z, count, &u[first], &v[first]);
+// Three planes of numbers given vertex by vertex, whole groups.
+void writeLanes(base::ByteWriter& out, const std::vector<Uint4>& numbers, PlaneWriter& writer) {
+  std::array<std::vector<std::uint32_t>, 3> planes;
+  for (auto& plane : planes) plane.resize(numbers.size());
+  for (std::size_t v = 0; v < numbers.size(); v += 4) {
+    const auto turned = transposed(&numbers[v]);
+    for (std::size_t k = 0; k < 3; ++k) std::memcpy(&planes[k][v], &turned[k], sizeof(Uint4));
   }
+  for (const auto& plane : planes) writer.write(out, plane);
 }
 
 void writePositions(base::ByteWriter& out, const PatchGeometry& geometry, const Connectivity& order,
-                    std::vector<std::uint32_t>& plane) {
-  for (int axis = 0; axis < 3; ++axis) {
-    const auto at = [&](std::uint32_t v) {
-      return static_cast<std::uint32_t>(geometry.positions[order.vertices[v]][axis]);
-    };
-    for (std::uint32_t v = 1; v < order.vertices.size(); ++v) {
-      const Edge& e = order.from[v];
-      plane[v] = zigzag(static_cast<std::int32_t>(at(v) - (at(e.a) + at(e.b) - at(e.opposite))));
-    }
-    plane[0] = 0;
-    writePlane(out, plane);
+                    PlaneWriter& writer) {
+  std::vector<Uint4> at;
+  at.reserve(order.vertices.size());
+  for (const std::uint32_t old : order.vertices) {
+    const glm::uvec3 q(geometry.positions[old]);
+    at.push_back(Uint4{q.x, q.y, q.z, 0U});
   }
+  std::vector<Uint4> numbers(groupsOf(at.size()) * kGroup, Uint4{});
+  for (std::size_t v = 1; v < at.size(); ++v) {
+    const Edge& e = order.from[v];
+    numbers[v] = zigzag(at[v] - (at[e.a] + at[e.b] - at[e.opposite]));
+  }
+  writeLanes(out, numbers, writer);
 }
 
 // The least shift that keeps facet normals exact, and the points it leaves.
@@ -1109,33 +1186,57 @@ std::uint8_t chooseShift(const PatchGeometry& geometry, const Connectivity& orde
   return kMaxFacetShift;
 }
 
+// Differences of the normals' codes to those that the decoder will foresee from positions and triangles.
 void writeNormals(base::ByteWriter& out, const PatchGeometry& geometry, const Connectivity& order,
-                  const std::vector<Float4>& points, std::vector<std::uint32_t>& plane) {
-  std::array<std::vector<std::int32_t>, 2> foreseen;
-  facetCodes(points.data(), order, foreseen[0], foreseen[1]);
-  std::vector<OctahedralCode> codes;
-  codes.reserve(order.vertices.size());
-  for (const std::uint32_t old : order.vertices) codes.push_back(encodeNormal(geometry.normals[old]));
-  for (std::size_t k = 0; k < 2; ++k) {
-    for (std::size_t v = 0; v < codes.size(); ++v) {
-      const std::int32_t code = k == 0 ? codes[v].u : codes[v].v;
-      plane[v] = zigzag(static_cast<std::int8_t>(code - foreseen[k][v]));
+                  const std::vector<Float4>& points, PlaneWriter& writer) {
+  const std::size_t vertices = order.vertices.size();
+  std::vector<Corner> sums(vertices);
+  for (std::size_t v = 0; v < vertices; ++v) sums[v].point = points[v];
+  sumFacets(order.indices.data(), order.triangles.size(), sums.data());
+
+  std::array<std::vector<std::uint32_t>, 2> planes;
+  for (auto& plane : planes) plane.resize(groupsOf(vertices) * kGroup, 0);
+  Unit sum{}, given{};
+  std::array<std::int32_t, kBlock> foreseen_u, foreseen_v, u, v;
+  for (std::size_t first = 0; first < vertices; first += kBlock) {
+    const std::size_t count = std::min(kBlock, vertices - first);
+    for (std::size_t i = 0; i < count; ++i) {
+      const Float4& s = sums[first + i].sum;
+      sum.z[i] = s[0], sum.x[i] = s[1], sum.y[i] = s[2];
+      const glm::vec3& n = geometry.normals[order.vertices[first + i]];
+      given.x[i] = n.x, given.y[i] = n.y, given.z[i] = n.z;
     }
-    writePlane(out, plane);
+    predictNormals(sum.x, sum.y, sum.z, count, foreseen_u.data(), foreseen_v.data());
+    encodeNormals(given, count, u.data(), v.data());
+    // Modulo 256.
+    const auto difference = [](std::int32_t a, std::int32_t b) {
+      return zigzag(static_cast<std::int32_t>(static_cast<std::uint32_t>(a - b) << 24) >> 24);
+    };
+    for (std::size_t i = 0; i < count; ++i) {
+      planes[0][first + i] = difference(u[i], foreseen_u[i]);
+      planes[1][first + i] = difference(v[i], foreseen_v[i]);
+    }
   }
+  for (const auto& plane : planes) writer.write(out, plane);
 }
 
-void writeColors(base::ByteWriter& out, const PatchGeometry& geometry, const Connectivity& order,
-                 std::vector<std::uint32_t>& plane) {
-  std::vector<glm::ivec3> codes;
+void writeColors(base::ByteWriter& out, const PatchGeometry& geometry, const Connectivity& order, PlaneWriter& writer) {
+  std::vector<Int4> codes;
   codes.reserve(order.vertices.size());
   for (const std::uint32_t old : order.vertices) codes.push_back(colorCode(geometry.colors[old]));
-  for (int k = 0; k < 3; ++k) {
-    for (std::size_t v = 1; v < codes.size(); ++v)
-      plane[v] = zigzag(codes[v][k] - ((codes[order.from[v].a][k] + codes[order.from[v].b][k]) >> 1));
-    plane[0] = zigzag(codes[0][k]);
-    writePlane(out, plane);
+  std::vector<Uint4> numbers(groupsOf(codes.size()) * kGroup, Uint4{});
+  numbers[0] = zigzag(reinterpret_cast<Uint4>(codes[0]));
+  for (std::size_t v = 1; v < codes.size(); ++v) {
+    const Int4 foreseen = (codes[order.from[v].a] + codes[order.from[v].b]) >> 1;
+    numbers[v] = zigzag(reinterpret_cast<Uint4>(codes[v] - foreseen));
   }
+  writeLanes(out, numbers, writer);
+}
+
+void writeAlphas(base::ByteWriter& out, const PatchGeometry& geometry, const Connectivity& order, PlaneWriter& writer) {
+  std::vector<std::uint32_t> plane(groupsOf(order.vertices.size()) * kGroup, 0);
+  for (std::size_t v = 0; v < order.vertices.size(); ++v) plane[v] = zigzag(geometry.colors[order.vertices[v]].a - 255);
+  writer.write(out, plane);
 }
 
 void writeHeader(base::ByteWriter& out, const PatchHeader& header) {
@@ -1190,17 +1291,6 @@ base::Result<PatchHeader> readHeader(base::ByteView bytes) {
     return broken("cut short: " + std::to_string(bytes.size()) + " bytes, the header says more than " +
                   std::to_string(stated));
   return header;
-}
-
-// Four vectors of four lanes, turned.
-template <class V>
-LUMIGRID_INLINE std::array<V, 4> transposed(const V* in) {
-  const V low01 = __builtin_shufflevector(in[0], in[1], 0, 4, 1, 5);
-  const V low23 = __builtin_shufflevector(in[2], in[3], 0, 4, 1, 5);
-  const V high01 = __builtin_shufflevector(in[0], in[1], 2, 6, 3, 7);
-  const V high23 = __builtin_shufflevector(in[2], in[3], 2, 6, 3, 7);
-  return {__builtin_shufflevector(low01, low23, 0, 1, 4, 5), __builtin_shufflevector(low01, low23, 2, 3, 6, 7),
-          __builtin_shufflevector(high01, high23, 0, 1, 4, 5), __builtin_shufflevector(high01, high23, 2, 3, 6, 7)};
 }
 
 // Differences to what the planes hold become numbers: lattice points, those relative to vertex 0 for facet normals, and
@@ -1427,15 +1517,11 @@ base::Bytes encodePatch(const PatchGeometry& geometry, std::vector<std::uint32_t
   writeHeader(out, header);
   out.bytes(order.step_bytes);
   out.bytes(order.escapes);
-  std::vector<std::uint32_t> plane(groupsOf(order.vertices.size()) * kGroup, 0);
-  writePositions(out, geometry, order, plane);
-  writeNormals(out, geometry, order, points, plane);
-  if (header.colored()) writeColors(out, geometry, order, plane);
-  if (header.alpha()) {
-    for (std::size_t v = 0; v < order.vertices.size(); ++v)
-      plane[v] = zigzag(geometry.colors[order.vertices[v]].a - 255);
-    writePlane(out, plane);
-  }
+  PlaneWriter writer(groupsOf(order.vertices.size()) * kGroup);
+  writePositions(out, geometry, order, writer);
+  writeNormals(out, geometry, order, points, writer);
+  if (header.colored()) writeColors(out, geometry, order, writer);
+  if (header.alpha()) writeAlphas(out, geometry, order, writer);
   out.patch(kCrcOffset, checksum(out.view()));
   if (triangle_order != nullptr) *triangle_order = order.triangles;
   return out.take();
@@ -1456,17 +1542,27 @@ base::Result<PatchCounts> encodedCounts(base::ByteView bytes) {
   return PatchCounts{header->vertices, header->triangles};
 }
 
-glm::vec3 quantizedNormal(const glm::vec3& n) {
-  const OctahedralCode code = encodeNormal(n);
-  const std::int32_t u = code.u;
-  const std::int32_t v = code.v;
+void quantizeNormals(std::span<glm::vec3> normals) {
   Unit unit;
-  decodeNormals(&u, &v, 1, unit);
-  return {unit.x[0], unit.y[0], unit.z[0]};
+  std::array<std::int32_t, kBlock> u, v;
+  for (std::size_t first = 0; first < normals.size(); first += kBlock) {
+    const std::span<glm::vec3> block = normals.subspan(first, std::min(kBlock, normals.size() - first));
+    for (std::size_t i = 0; i < block.size(); ++i)
+      unit.x[i] = block[i].x, unit.y[i] = block[i].y, unit.z[i] = block[i].z;
+    encodeNormals(unit, block.size(), u.data(), v.data());
+    decodeNormals(u.data(), v.data(), block.size(), unit);
+    for (std::size_t i = 0; i < block.size(); ++i) block[i] = {unit.x[i], unit.y[i], unit.z[i]};
+  }
+}
+
+glm::vec3 quantizedNormal(const glm::vec3& n) {
+  glm::vec3 quantized = n;
+  quantizeNormals({&quantized, 1});
+  return quantized;
 }
 
 glm::u8vec4 quantizedColor(const glm::u8vec4& color) {
-  const auto channel = [](std::uint8_t c) { return levelByte(colorLevel(c)); };
+  const auto channel = [](std::uint8_t c) { return levelByte(kLevelOfByte[c]); };
   return {channel(color.r), channel(color.g), channel(color.b), color.a};
 }
 

@@ -235,6 +235,15 @@ TEST(PatchCodec, quantizedNormalIsWithinOneDegree) {
   EXPECT_LT(worst, std::cos(glm::radians(0.3F))) << "8 + 8 bits can't be as good as this: is anything quantized?";
 }
 
+TEST(PatchCodec, manyNormalsAreQuantizedAsEachAlone) {
+  std::vector<glm::vec3> normals{{0.0F, 0.0F, 0.0F}, {NAN, 1.0F, 0.0F}, {0.0F, -INFINITY, 0.0F}, {0.0F, 0.0F, -1.0F}};
+  for (int i = 0; i < 333; ++i) normals.emplace_back(std::sin(i), std::cos(2 * i), std::sin(3 * i + 1));
+  std::vector<glm::vec3> quantized = normals;
+  quantizeNormals(quantized);
+  for (std::size_t v = 0; v < normals.size(); ++v)
+    EXPECT_TRUE(sameBits(quantized[v], quantizedNormal(normals[v]))) << v;
+}
+
 TEST(PatchCodec, aNormalThatIsNoneBecomesUp) {
   const glm::vec3 up(0.0F, 0.0F, 1.0F);
   EXPECT_EQ(quantizedNormal(glm::vec3(0.0F)), up);
