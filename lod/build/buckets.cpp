@@ -125,20 +125,25 @@ class BucketSorter {
     }
     for (std::size_t b = 0; b < buffers_.size(); ++b) LUMIGRID_TRY(flush(b));
     LUMIGRID_TRY(out_.file_.flush());
-    // Triangles whose corners lie on a line stay where others need them: without them closed meshes would open.
-    if (with_area_ == 0)
-      return Error{ErrorCode::kInvalidInput, out_.totals_.collapsed == 0
-                                                 ? "no triangle is left after cleaning (all are degenerate)"
-                                                 : "no triangle keeps its area on a lattice of " +
-                                                       std::to_string(lattice_.bits) +
-                                                       " bits: the mesh has no extent, or raise --position-bits"};
-
     std::sort(border_.begin(), border_.end());
     border_.erase(std::unique(border_.begin(), border_.end()), border_.end());
     out_.border_.codes = std::move(border_);
     out_.border_.makeFilter();
     const std::uint64_t at_once = std::max<std::uint64_t>(1, options_.memory_bytes / kWindingBytes);
     LUMIGRID_TRY(out_.windAlike(static_cast<unsigned>(std::min<std::uint64_t>(options_.threads, at_once))));
+    std::uint64_t with_area = 0;
+    for (const Buckets::Area& area : out_.areas_) {
+      with_area += area.triangles;
+      out_.totals_.facing += area.facing;
+    }
+    out_.areas_ = {};
+    // Triangles whose corners lie on a line stay where others need them: without them closed meshes would open.
+    if (with_area == 0)
+      return Error{ErrorCode::kInvalidInput, out_.totals_.collapsed == 0
+                                                 ? "no triangle is left after cleaning (all are degenerate)"
+                                                 : "no triangle keeps its area on a lattice of " +
+                                                       std::to_string(lattice_.bits) +
+                                                       " bits: the mesh has no extent, or raise --position-bits"};
     return std::move(out_);
   }
 
@@ -221,41 +226,44 @@ class BucketSorter {
 
   // Triangles with what this window knows of their corners.
   base::Result<void> gather(bool first, bool last, double done) {
-    std::vector<SpooledTriangles> batch;
+    std::vector<SpooledTriangles> batch(kBatchBlocks);
+    std::vector<Gathered> results(kBatchBlocks);
+    std::size_t blocks = 0;
     std::uint64_t at = 0;  // triangle number of the batch's first
     auto work = [&]() -> base::Result<void> {
-      LUMIGRID_TRY(gatherBatch(batch, at, first, last));
-      for (const SpooledTriangles& block : batch) at += block.corners.size() / 3;
-      batch.clear();
+      LUMIGRID_TRY(gatherBatch(std::span(batch).first(blocks), results, at, first, last));
+      for (std::size_t b = 0; b < blocks; ++b) at += batch[b].corners.size() / 3;
+      blocks = 0;
       if (!goOn(done * static_cast<double>(at) / static_cast<double>(info_.triangles))) return cancelled();
       return {};
     };
-    LUMIGRID_TRY(source_.forEachTriangleBlock([&](const SpooledTriangles& block) -> base::Result<void> {
-      batch.push_back(block);
-      return batch.size() < kBatchBlocks ? base::Result<void>() : work();
+    LUMIGRID_TRY(source_.forEachTriangleBlock([&](SpooledTriangles& block) -> base::Result<void> {
+      std::swap(batch[blocks++], block);
+      return blocks < kBatchBlocks ? base::Result<void>() : work();
     }));
     return work();
   }
 
   struct Gathered {
     std::vector<Record> records;
-    std::vector<std::uint32_t> bucket;  // per record kept
+    base::Bytes packed;                 // of the triangles kept, as the buckets hold them
+    std::vector<std::uint32_t> bucket;  // of each
     std::vector<std::uint64_t> border;
     BucketCounts counts;
-    std::uint64_t with_area = 0;
     base::Result<void> status;
   };
 
-  base::Result<void> gatherBatch(const std::vector<SpooledTriangles>& batch, std::uint64_t at, bool first, bool last) {
+  base::Result<void> gatherBatch(std::span<const SpooledTriangles> batch, std::vector<Gathered>& results,
+                                 std::uint64_t at, bool first, bool last) {
     std::vector<std::uint64_t> start(batch.size());
     for (std::size_t b = 0; b < batch.size(); ++b) {
       start[b] = at;
       at += batch[b].corners.size() / 3;
     }
-    std::vector<Gathered> results(batch.size());
     base::parallelFor(batch.size(), options_.threads, [&](std::size_t b) {
       Gathered& result = results[b];
       result.records.resize(batch[b].corners.size() / 3);
+      if (first) std::fill(result.records.begin(), result.records.end(), Record{});
       const std::span<std::uint8_t> bytes(reinterpret_cast<std::uint8_t*>(result.records.data()),
                                           result.records.size() * sizeof(Record));
       if (!first) result.status = corners_.readAt(start[b] * sizeof(Record), bytes);
@@ -291,19 +299,21 @@ class BucketSorter {
     }
   }
 
-  // Leaves out triangles without area, and says where the others go.
+  // Leaves out triangles that are none, packs the others and says where they go.
   void sift(const SpooledTriangles& block, Gathered& result) const {
-    std::size_t kept = 0;
+    const std::size_t size = 3 * out_.cornerBytes();
+    result.packed.resize(size * result.records.size());
+    result.bucket.clear();
+    result.border.clear();
+    result.counts = {};
+    std::uint8_t* to = result.packed.data();
     for (std::size_t t = 0; t < result.records.size(); ++t) {
-      Record record = result.records[t];
+      Record& record = result.records[t];
       const std::uint64_t* v = &block.corners[3 * t];
       const std::uint64_t a = record.corner[0].code, b = record.corner[1].code, c = record.corner[2].code;
-      if (v[0] == v[1] || v[1] == v[2] || v[2] == v[0]) {
-        ++result.counts.degenerate;
-        continue;
-      }
       if (a == b || b == c || c == a) {
-        ++result.counts.collapsed;
+        const bool named_twice = v[0] == v[1] || v[1] == v[2] || v[2] == v[0];
+        ++(named_twice ? result.counts.degenerate : result.counts.collapsed);
         continue;
       }
       if (!block.colors.empty())
@@ -316,35 +326,35 @@ class BucketSorter {
       if (!splitters_.empty())
         for (const std::uint64_t code : {a, b, c})
           if (bucketOf(code) != bucket) result.border.push_back(code);
-      const glm::i64vec3 normal = latticeNormal(mortonPoint(a), mortonPoint(b), mortonPoint(c));
-      if (normal != glm::i64vec3(0)) ++result.with_area;
-      result.counts.facing += glm::dvec3(normal);
-      result.records[kept++] = record;
       result.bucket.push_back(bucket);
+      for (const Corner& corner : record.corner) to = pack(corner, to);
     }
-    result.records.resize(kept);
+  }
+
+  std::uint8_t* pack(const Corner& corner, std::uint8_t* to) const {
+    std::memcpy(to, &corner.code, 8), to += 8;
+    if (out_.has_colors_) std::memcpy(to, &corner.color, 4), to += 4;
+    if (out_.has_normals_) std::memcpy(to, &corner.normal, 4), to += 4;
+    return to;
   }
 
   base::Result<void> store(const Gathered& result) {
-    for (std::size_t t = 0; t < result.records.size(); ++t) {
-      const std::uint32_t bucket = result.bucket[t];
+    const std::size_t size = 3 * out_.cornerBytes();
+    const std::size_t triangles = result.bucket.size();
+    // Neighbours mostly go to the same bucket: some at a time.
+    constexpr std::size_t kRun = 256;
+    for (std::size_t begin = 0, end = 0; begin < triangles; begin = end) {
+      const std::uint32_t bucket = result.bucket[begin];
+      const std::size_t most = std::min(triangles, begin + kRun);
+      for (end = begin + 1; end < most && result.bucket[end] == bucket;) ++end;
       base::Bytes& buffer = buffers_[bucket];
-      std::uint8_t packed[3 * 16];
-      std::size_t size = 0;
-      for (const Corner& corner : result.records[t].corner) {
-        std::memcpy(packed + size, &corner.code, 8), size += 8;
-        if (out_.has_colors_) std::memcpy(packed + size, &corner.color, 4), size += 4;
-        if (out_.has_normals_) std::memcpy(packed + size, &corner.normal, 4), size += 4;
-      }
-      buffer.insert(buffer.end(), packed, packed + size);
-      ++out_.counts_[bucket];
+      buffer.insert(buffer.end(), result.packed.data() + begin * size, result.packed.data() + end * size);
+      out_.counts_[bucket] += end - begin;
       if (buffer.size() >= buffer_limit_) LUMIGRID_TRY(flush(bucket));
     }
-    out_.totals_.triangles += result.records.size();
+    out_.totals_.triangles += triangles;
     out_.totals_.degenerate += result.counts.degenerate;
     out_.totals_.collapsed += result.counts.collapsed;
-    out_.totals_.facing += result.counts.facing;
-    with_area_ += result.with_area;
     border_.insert(border_.end(), result.border.begin(), result.border.end());
     if (border_.size() > border_limit_) {
       std::sort(border_.begin(), border_.end());
@@ -381,7 +391,6 @@ class BucketSorter {
   std::uint32_t shift_ = 0;
   std::vector<base::Bytes> buffers_;
   std::size_t buffer_limit_ = 0;
-  std::uint64_t with_area_ = 0;
   std::vector<std::uint64_t> border_;
   std::size_t border_limit_ = std::size_t{1} << 18;
 };
@@ -391,14 +400,34 @@ base::Result<Buckets> Buckets::sort(const SourceSpool& source, const SourceInfo&
   return BucketSorter(source, info, lattice, directory, options).run();
 }
 
+std::vector<std::uint8_t> Buckets::onBorder(const NumberedCorners& mesh) const {
+  std::vector<std::uint8_t> on(mesh.codes.size());
+  for (std::size_t v = 0; v < on.size(); ++v) on[v] = border_.find(mesh.codes[v]) >= 0 ? 1 : 0;
+  return on;
+}
+
+// Which way a bucket's triangles face, and how many have an area at all.
+Buckets::Area Buckets::areaOf(const NumberedCorners& mesh) {
+  std::vector<glm::ivec3> points;
+  points.reserve(mesh.codes.size());
+  for (const std::uint64_t code : mesh.codes) points.push_back(mortonPoint(code));
+  Area area;
+  for (std::size_t i = 0; i < mesh.number.size(); i += 3) {
+    const std::uint32_t* c = &mesh.number[i];
+    const glm::i64vec3 normal = latticeNormal(points[c[0]], points[c[1]], points[c[2]]);
+    area.triangles += normal != glm::i64vec3(0) ? 1 : 0;
+    area.facing += glm::dvec3(normal);
+  }
+  return area;
+}
+
 // Colours and normals of border vertices, over all the triangles that use them. Any number of threads at a time.
-void Buckets::addToBorders(std::span<const Corner> corners) {
-  if (border_.codes.empty()) return;
+void Buckets::addToBorders(std::span<const Corner> corners, const NumberedCorners& mesh,
+                           std::span<const std::uint8_t> on_border) {
   for (std::size_t i = 0; i < corners.size(); ++i) {
+    if (on_border[mesh.number[i]] == 0) continue;
     const Corner& corner = corners[i];
-    const std::int64_t at = border_.find(corner.code);
-    if (at < 0) continue;
-    VertexSums& sums = border_.sums[static_cast<std::size_t>(at)];
+    VertexSums& sums = border_.sums[static_cast<std::size_t>(border_.find(corner.code))];
     const Corner* t = &corners[i - i % 3];
     VertexSums share;
     share.add(latticeNormal(mortonPoint(t[0].code), mortonPoint(t[1].code), mortonPoint(t[2].code)), corner);
@@ -426,7 +455,8 @@ base::Result<void> Buckets::sumBorders(unsigned threads) {
       status = corners.error();
       return;
     }
-    addToBorders(*corners);
+    const NumberedCorners mesh(*corners);
+    addToBorders(*corners, mesh, onBorder(mesh));
   });
   return status;
 }
@@ -468,20 +498,25 @@ base::Result<std::vector<Corner>> Buckets::read(std::size_t bucket) const {
 }
 
 base::Result<void> Buckets::windAlike(unsigned threads) {
-  const auto onBorder = [this](std::uint64_t code) { return border_.find(code) >= 0; };
   // Most meshes are wound alike as they are: that needs a look at the edges, no more, and the sums of what is read for
   // it hold as well.
   std::mutex mutex;
   base::Result<void> status;
   std::atomic<bool> alike = true;
   border_.sums.assign(border_.codes.size(), {});
+  areas_.resize(count());
   std::vector<QuickWinding::Edge> open;
   base::parallelFor(count(), threads, [&](std::size_t bucket) {
     const auto corners = readAsGiven(bucket);
     QuickWinding look;
-    if (corners) look = lookAtWinding(*corners, onBorder);
-    if (!look.alike) alike = false;
-    if (corners && alike) addToBorders(*corners);
+    if (corners) {
+      const NumberedCorners mesh(*corners);
+      const std::vector<std::uint8_t> on_border = onBorder(mesh);
+      areas_[bucket] = areaOf(mesh);
+      look = lookAtWinding(mesh, on_border);
+      if (!look.alike) alike = false;
+      if (alike) addToBorders(*corners, mesh, on_border);
+    }
     const std::lock_guard lock(mutex);
     if (!corners) status = corners.error();
     open.insert(open.end(), look.open.begin(), look.open.end());
@@ -494,13 +529,14 @@ base::Result<void> Buckets::windAlike(unsigned threads) {
   open = {};
 
   // Some buckets at a time, added in their order.
+  const auto isOnBorder = [this](std::uint64_t code) { return border_.find(code) >= 0; };
   const std::size_t step = 4 * std::size_t{std::max(1U, threads)};
   for (std::size_t begin = 0; begin < count(); begin += step) {
     std::vector<BucketWinding> measured(std::min(step, count() - begin));
     base::parallelFor(measured.size(), threads, [&](std::size_t i) {
       const auto corners = readAsGiven(begin + i);
       if (corners) {
-        measured[i] = measureWinding(*corners, onBorder);
+        measured[i] = measureWinding(*corners, isOnBorder);
         measured[i].part = {};
         return;
       }

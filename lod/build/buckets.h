@@ -116,11 +116,18 @@ class Buckets {
     std::uint64_t offset = 0;
     std::uint64_t bytes = 0;
   };
+  struct Area {
+    std::uint64_t triangles = 0;  // whose corners lie on no line
+    glm::dvec3 facing{0.0};
+  };
   std::size_t cornerBytes() const { return 8 + (has_colors_ ? 4U : 0U) + (has_normals_ ? 4U : 0U); }
   void unpack(base::ByteView bytes, std::vector<Corner>& corners) const;
   base::Result<std::vector<Corner>> readAsGiven(std::size_t bucket) const;
   base::Result<void> windAlike(unsigned threads);
-  void addToBorders(std::span<const Corner> corners);
+  static Area areaOf(const NumberedCorners& mesh);
+  std::vector<std::uint8_t> onBorder(const NumberedCorners& mesh) const;
+  void addToBorders(std::span<const Corner> corners, const NumberedCorners& mesh,
+                    std::span<const std::uint8_t> on_border);
   base::Result<void> sumBorders(unsigned threads);
 
   friend class BucketSorter;
@@ -130,6 +137,7 @@ class Buckets {
   BucketCounts totals_;
   BorderVertices border_;
   Winding winding_;
+  std::vector<Area> areas_;  // by bucket, until they are summed
   bool has_colors_ = false;
   bool has_normals_ = false;
 };

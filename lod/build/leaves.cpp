@@ -49,20 +49,31 @@ base::Result<BucketLeaves> makeLeaves(const Buckets& buckets, std::size_t bucket
   const auto corners = buckets.read(bucket);
   if (!corners) return corners.error();
 
+  // Triangles by voxels first: whatever looks at them or at their vertices later finds neighbours side by side.
+  const std::size_t triangles = corners->size() / 3;
+  std::vector<KeyedIndex> sorted(triangles);
+  for (std::uint32_t t = 0; t < triangles; ++t) {
+    const Corner* c = &(*corners)[3 * std::size_t{t}];
+    sorted[t] = {medianCode(c[0].code, c[1].code, c[2].code), t};
+  }
+  radixSort(sorted, 3 * lattice.bits);
+
   // Vertices by their codes, in the order of the triangles.
   CodedMesh mesh;
   std::vector<VertexSums> sums;
   {
     CodeMap map(corners->size() / 6);
-    mesh.indices.reserve(corners->size());
+    mesh.indices.resize(corners->size());
     mesh.codes.reserve(corners->size() / 5);
     mesh.positions.reserve(corners->size() / 5);
     sums.reserve(corners->size() / 5);
-    for (std::size_t i = 0; i < corners->size(); i += 3) {
-      const Corner* c = &(*corners)[i];
-      for (std::size_t k = 0; k < 3; ++k)
-        map.expect((*corners)[std::min(i + k + CodeMap::kAhead, corners->size() - 1)].code);
-      std::uint32_t number[3];
+    const auto sortedCorners = [&](std::size_t i) { return &(*corners)[3 * std::size_t{sorted[i].index}]; };
+    for (std::size_t i = 0; i < triangles; ++i) {
+      __builtin_prefetch(sortedCorners(std::min(i + 2 * CodeMap::kAhead, triangles - 1)));
+      const Corner* ahead = sortedCorners(std::min(i + CodeMap::kAhead / 3, triangles - 1));
+      for (std::size_t k = 0; k < 3; ++k) map.expect(ahead[k].code);
+      const Corner* c = sortedCorners(i);
+      std::uint32_t* number = &mesh.indices[3 * i];
       for (std::size_t k = 0; k < 3; ++k) {
         const auto [v, is_new] = map.insert(c[k].code, static_cast<std::uint32_t>(mesh.codes.size()));
         if (is_new) {
@@ -71,13 +82,13 @@ base::Result<BucketLeaves> makeLeaves(const Buckets& buckets, std::size_t bucket
           sums.emplace_back();
         }
         number[k] = v;
-        mesh.indices.push_back(v);
       }
       const glm::i64vec3 face =
           latticeNormal(mesh.positions[number[0]], mesh.positions[number[1]], mesh.positions[number[2]]);
       for (std::size_t k = 0; k < 3; ++k) sums[number[k]].add(face, c[k]);
     }
   }
+  for (std::uint32_t t = 0; t < triangles; ++t) sorted[t].index = t;
 
   // Border vertices take what all buckets together say of them.
   std::vector<std::uint8_t> outer(mesh.codes.size(), 0);
@@ -96,7 +107,6 @@ base::Result<BucketLeaves> makeLeaves(const Buckets& buckets, std::size_t bucket
   lod::patch::quantizeNormals(mesh.normals);
   out.vertices = mesh.codes.size();
 
-  std::vector<KeyedIndex> sorted = sortedByVoxel(mesh, lattice.bits);
   out.duplicates = dropDuplicates(mesh, sorted);
   const auto parts =
       splitTriangles(mesh, sorted, lattice.bits, options.voxel_triangles, options.leaf_triangles, TieWeight::kNormals);

@@ -71,13 +71,14 @@ class SourceSpool : public MeshSink {
     }
     return {};
   }
+  /// The same for triangles; body may swap the block for another one, whose room is used again.
   template <class Body>
   base::Result<void> forEachTriangleBlock(Body&& body) const {
     SpoolReader reader(triangles_);
     SpooledTriangles block;
     while (!reader.atEnd()) {
       LUMIGRID_TRY(readTriangles(reader, block));
-      LUMIGRID_TRY(body(static_cast<const SpooledTriangles&>(block)));
+      LUMIGRID_TRY(body(block));
     }
     return {};
   }

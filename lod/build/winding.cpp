@@ -40,40 +40,53 @@ class OppositeSets {
   std::vector<std::uint32_t> size_;
 };
 
+// body(triangle, lesser vertex, greater vertex, whether it runs from the greater to the lesser) for every triangle's
+// edges.
+template <class Body>
+void forEachEdge(const NumberedCorners& mesh, Body&& body) {
+  for (std::size_t i = 0; i < mesh.number.size(); i += 3)
+    for (std::size_t k = 0; k < 3; ++k) {
+      const std::uint32_t a = mesh.number[i + k], b = mesh.number[i + (k + 1) % 3];
+      body(static_cast<std::uint32_t>(i / 3), std::min(a, b), std::max(a, b), a > b ? 1U : 0U);
+    }
+}
+
+// Vertices with an edge to a greater number that does not run as often one way as the other. Edges that run both ways
+// cancel out in a sum of scrambled numbers; that others do too is as good as impossible.
+std::vector<std::uint8_t> unevenVertices(const NumberedCorners& mesh) {
+  std::vector<std::uint64_t> sums(mesh.codes.size(), 0);
+  forEachEdge(mesh, [&](std::uint32_t, std::uint32_t low, std::uint32_t high, std::uint32_t turned) {
+    std::uint64_t scrambled = (std::uint64_t{high} + 1) * 0x9E3779B97F4A7C15ULL;
+    scrambled = (scrambled ^ scrambled >> 32) * 0xD6E8FEB86659FD93ULL;
+    sums[low] += turned != 0 ? 0 - scrambled : scrambled;
+  });
+  std::vector<std::uint8_t> uneven(sums.size());
+  for (std::size_t v = 0; v < sums.size(); ++v) uneven[v] = sums[v] != 0 ? 1 : 0;
+  return uneven;
+}
+
 // The uses of each vertex's edges to vertices of greater number, side by side.
 struct EdgeUses {
   struct Use {
     std::uint32_t other = 0;
     std::uint32_t triangle = 0;  // times 2, plus 1 when it runs from the greater number to the lesser
   };
-  std::vector<std::uint64_t> codes;  // of the vertices
   std::vector<std::uint32_t> first;  // of vertex v: uses first[v] … first[v + 1] − 1
   std::vector<Use> uses;
 
-  explicit EdgeUses(std::span<const Corner> corners) {
-    std::vector<std::uint32_t> number(corners.size());
-    {
-      CodeMap map(corners.size() / 6);
-      codes.reserve(corners.size() / 5);
-      for (std::size_t i = 0; i < corners.size(); ++i) {
-        map.expect(corners[std::min(i + CodeMap::kAhead, corners.size() - 1)].code);
-        const auto [v, is_new] = map.insert(corners[i].code, static_cast<std::uint32_t>(codes.size()));
-        if (is_new) codes.push_back(corners[i].code);
-        number[i] = v;
-      }
-    }
-    first.assign(codes.size() + 2, 0);
-    const auto forEachEdge = [&](auto&& body) {
-      for (std::size_t i = 0; i < number.size(); i += 3)
-        for (std::size_t k = 0; k < 3; ++k) {
-          const std::uint32_t a = number[i + k], b = number[i + (k + 1) % 3];
-          body(static_cast<std::uint32_t>(i / 3), std::min(a, b), std::max(a, b), a > b ? 1U : 0U);
-        }
+  explicit EdgeUses(const NumberedCorners& mesh) : EdgeUses(mesh, std::vector<std::uint8_t>(mesh.codes.size(), 1)) {}
+  /// Those of some vertices only.
+  EdgeUses(const NumberedCorners& mesh, const std::vector<std::uint8_t>& wanted) {
+    first.assign(mesh.codes.size() + 2, 0);
+    const auto forEachUse = [&](auto&& body) {
+      forEachEdge(mesh, [&](std::uint32_t t, std::uint32_t low, std::uint32_t high, std::uint32_t turned) {
+        if (wanted[low] != 0) body(t, low, high, turned);
+      });
     };
-    forEachEdge([&](std::uint32_t, std::uint32_t low, std::uint32_t, std::uint32_t) { ++first[low + 2]; });
+    forEachUse([&](std::uint32_t, std::uint32_t low, std::uint32_t, std::uint32_t) { ++first[low + 2]; });
     for (std::size_t v = 2; v < first.size(); ++v) first[v] += first[v - 1];
-    uses.resize(number.size());
-    forEachEdge([&](std::uint32_t t, std::uint32_t low, std::uint32_t high, std::uint32_t turned) {
+    uses.resize(first.back());
+    forEachUse([&](std::uint32_t t, std::uint32_t low, std::uint32_t high, std::uint32_t turned) {
       uses[first[low + 1]++] = {high, 2 * t + turned};
     });
     first.pop_back();
@@ -101,16 +114,26 @@ struct EdgeUses {
 
 }  // namespace
 
-QuickWinding lookAtWinding(std::span<const Corner> corners, const std::function<bool(std::uint64_t)>& onBorder) {
+NumberedCorners::NumberedCorners(std::span<const Corner> corners) : number(corners.size()) {
+  CodeMap map(corners.size() / 6);
+  codes.reserve(corners.size() / 5);
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    map.expect(corners[std::min(i + CodeMap::kAhead, corners.size() - 1)].code);
+    const auto [v, is_new] = map.insert(corners[i].code, static_cast<std::uint32_t>(codes.size()));
+    if (is_new) codes.push_back(corners[i].code);
+    number[i] = v;
+  }
+}
+
+QuickWinding lookAtWinding(const NumberedCorners& mesh, std::span<const std::uint8_t> on_border) {
   QuickWinding out;
-  EdgeUses edges(corners);
+  EdgeUses edges(mesh, unevenVertices(mesh));
   edges.forEach(
       [&](std::uint32_t low, std::uint32_t high, std::uint32_t first, std::uint32_t second, std::uint32_t count) {
         if (count == 2) out.alike &= ((first ^ second) & 1U) != 0;
-        if (count != 1) return;
-        const std::uint64_t a = edges.codes[low], b = edges.codes[high];
-        if (onBorder(a) && onBorder(b))
-          out.open.push_back({std::min(a, b), std::max(a, b), ((first & 1U) != 0) != (a > b)});
+        if (count != 1 || on_border[low] == 0 || on_border[high] == 0) return;
+        const std::uint64_t a = mesh.codes[low], b = mesh.codes[high];
+        out.open.push_back({std::min(a, b), std::max(a, b), ((first & 1U) != 0) != (a > b)});
       });
   return out;
 }
@@ -135,7 +158,8 @@ BucketWinding measureWinding(std::span<const Corner> corners, const std::functio
   };
   std::vector<Loose> loose;  // edges that tie nothing together
   OppositeSets sets(triangles);
-  EdgeUses edges(corners);
+  const NumberedCorners mesh(corners);
+  EdgeUses edges(mesh);
   edges.forEach(
       [&](std::uint32_t low, std::uint32_t high, std::uint32_t first, std::uint32_t second, std::uint32_t count) {
         if (count == 2 && ((first ^ second) & 1U) != 0)
@@ -149,7 +173,7 @@ BucketWinding measureWinding(std::span<const Corner> corners, const std::functio
   std::vector<std::uint8_t> border(loose.size(), 0);
   for (std::size_t i = 0; i < loose.size(); ++i) {
     const Loose& e = loose[i];
-    border[i] = e.count == 1 && onBorder(edges.codes[e.low]) && onBorder(edges.codes[e.high]) ? 1 : 0;
+    border[i] = e.count == 1 && onBorder(mesh.codes[e.low]) && onBorder(mesh.codes[e.high]) ? 1 : 0;
     if (border[i] != 0 || e.count == 2) matters[sets.find(e.first / 2).first] = 1;
     if (e.count == 2) matters[sets.find(e.second / 2).first] = 1;
   }
@@ -169,7 +193,7 @@ BucketWinding measureWinding(std::span<const Corner> corners, const std::functio
     const Loose& e = loose[i];
     const std::uint32_t a = out.part[e.first / 2];
     if (border[i] != 0) {
-      const std::uint64_t x = edges.codes[e.low], y = edges.codes[e.high];
+      const std::uint64_t x = mesh.codes[e.low], y = mesh.codes[e.high];
       out.open.push_back({std::min(x, y), std::max(x, y), a, ((e.first & 1U) != 0) != (x > y)});
     } else if (e.count == 2) {
       const std::uint32_t b = out.part[e.second / 2];

@@ -14,6 +14,14 @@ namespace lod::build {
 
 struct Corner;
 
+/// A bucket's vertices by number.
+struct NumberedCorners {
+  std::vector<std::uint64_t> codes;   ///< of the vertices, in the order in which corners name them
+  std::vector<std::uint32_t> number;  ///< of each corner's vertex
+
+  explicit NumberedCorners(std::span<const Corner> corners);
+};
+
 /// What a bucket's own edges say. A part is what hangs together by edges along which two triangles run in opposite
 /// directions, as triangles wound alike do. Parts without an edge that says otherwise, and without one on the border,
 /// are not listed.
@@ -44,7 +52,8 @@ struct QuickWinding {
   bool alike = true;
   std::vector<Edge> open;
 };
-QuickWinding lookAtWinding(std::span<const Corner> corners, const std::function<bool(std::uint64_t)>& onBorder);
+/// `on_border`: per vertex, != 0 where another bucket may use it.
+QuickWinding lookAtWinding(const NumberedCorners& mesh, std::span<const std::uint8_t> on_border);
 /// Whether edges that two buckets share run in opposite directions. Reorders `edges`.
 bool windAlike(std::vector<QuickWinding::Edge>& edges);
 
