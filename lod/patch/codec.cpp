@@ -572,41 +572,69 @@ class StepWriter {
   std::uint32_t count_ = 0;
 };
 
+// A triangle at a vertex, and its last corner seen from there.
+struct TriangleUse {
+  std::uint16_t triangle = 0;
+  std::uint16_t third = 0;
+};
+
+// The triangle to attach, and how little that costs.
+constexpr int kNoTriangle = -1;
+constexpr int kSeveralTriangles = -2;
+struct FoundTriangle {
+  TriangleUse use;
+  int rank = kNoTriangle;
+};
+
+// Finds the triangle behind an edge at once where no edge is used twice in the same direction, as on all surfaces worth
+// the name. Elsewhere it stops, and a careful walk looks at the triangles one by one.
 class Walk {
  public:
-  explicit Walk(const PatchGeometry& geometry)
+  Walk(const PatchGeometry& geometry, bool careful)
       : geometry_(geometry),
-        triangles_(geometry.indices.size() / 3),
+        triangles_(static_cast<std::uint32_t>(geometry.indices.size() / 3)),
+        careful_(careful),
         first_(geometry.positions.size() + 1, 0),
         left_(geometry.positions.size(), 0),
         uses_(geometry.indices.size()),
+        next_(geometry.indices.size() + kLanes, 0),
         done_(triangles_, 0),
-        number_(geometry.positions.size(), kUnnumbered) {
+        number_(geometry.positions.size(), kUnnumbered),
+        front_(2 * std::size_t{triangles_} + 1) {
     for (const std::uint16_t v : geometry.indices) ++first_[std::size_t{v} + 1];
-    for (std::size_t v = 0; v + 1 < first_.size(); ++v) first_[v + 1] += first_[v];
+    for (std::size_t v = 0; v + 1 < first_.size(); ++v) {
+      // A fan of more is not looked at to its end.
+      careful_ = careful_ || first_[v + 1] > kMostLooked;
+      first_[v + 1] += first_[v];
+    }
     for (std::uint32_t t = 0; t < triangles_; ++t) {
       const std::uint16_t* c = &geometry.indices[3 * std::size_t{t}];
-      addUse(c[0], {t, c[1], c[2]});
-      addUse(c[1], {t, c[2], c[0]});
-      addUse(c[2], {t, c[0], c[1]});
+      addUse(c[0], c[1], {static_cast<std::uint16_t>(t), c[2]});
+      addUse(c[1], c[2], {static_cast<std::uint16_t>(t), c[0]});
+      addUse(c[2], c[0], {static_cast<std::uint16_t>(t), c[1]});
     }
     out_.indices.resize(geometry.indices.size());
-    out_.triangles.reserve(triangles_);
-    front_.reserve(2 * triangles_);
-    out_.vertices.reserve(geometry.positions.size());
-    out_.from.reserve(geometry.positions.size());
+    out_.triangles.resize(triangles_);
+    out_.vertices.resize(geometry.positions.size() + 1);
+    out_.from.resize(geometry.positions.size() + 1);
   }
 
-  Connectivity run() {
+  // False when it takes a careful walk.
+  bool run() {
     std::uint32_t next = 0;
-    while (out_.triangles.size() < triangles_) {
+    while (used_ < triangles_) {
       if (open_) {
-        advance();
+        if (!advance()) return false;
         continue;
       }
       while (done_[next] != 0) ++next;
       start(next);
     }
+    return true;
+  }
+  Connectivity take() {
+    out_.vertices.resize(numbered_);
+    out_.from.resize(numbered_);
     out_.steps = steps_.count();
     out_.step_bytes = steps_.take();
     out_.front_bits = static_cast<std::uint8_t>(std::bit_width(longest_ + 1));
@@ -618,29 +646,23 @@ class Walk {
   static constexpr std::uint32_t kUnnumbered = ~0U;
   // Most unused triangles looked at around one vertex; more than any scan has, and a fan of thousands stays cheap.
   static constexpr std::uint32_t kMostLooked = 64;
+  static constexpr std::uint32_t kLanes = 8;
+  using Short8 = std::uint16_t __attribute__((vector_size(16)));
+  using Byte8 = std::int8_t __attribute__((vector_size(8)));
 
-  // A triangle at a vertex, and its corners behind it.
-  struct Use {
-    std::uint32_t triangle = 0;
-    std::uint16_t next = 0;
-    std::uint16_t third = 0;
-  };
-  void addUse(std::uint16_t v, const Use& use) { uses_[first_[v] + left_[v]++] = use; }
-
-  struct Found {
-    std::uint32_t triangle = kUnnumbered;
-    std::uint16_t third = 0;
-    int rank = -1;
-  };
-
-  bool empty() const { return head_ == front_.size(); }
+  void addUse(std::uint16_t v, std::uint16_t next, const TriangleUse& use) {
+    const std::uint32_t at = first_[v] + left_[v]++;
+    uses_[at] = use;
+    next_[at] = next;
+  }
+  bool empty() const { return head_ == tail_; }
   void escape(std::uint8_t e) {
     steps_.put(kEscape);
     out_.escapes.push_back(e);
   }
   void push(const Edge& e) {
-    front_.push_back(e);
-    longest_ = std::max(longest_, front_.size() - head_);
+    front_[tail_++] = e;
+    longest_ = std::max(longest_, tail_ - head_);
   }
   void takeFirst() {
     open_ = !empty();
@@ -648,15 +670,15 @@ class Walk {
   }
   std::uint16_t numberOf(std::uint16_t v) const { return static_cast<std::uint16_t>(number_[v]); }
   void addVertex(std::uint16_t v, const Edge& from) {
-    number_[v] = static_cast<std::uint32_t>(out_.vertices.size());
-    out_.vertices.push_back(v);
-    out_.from.push_back(from);
+    number_[v] = numbered_;
+    out_.vertices[numbered_] = v;
+    out_.from[numbered_++] = from;
   }
   void addTriangle(std::uint32_t t, std::uint16_t a, std::uint16_t b, std::uint16_t c) {
     done_[t] = 1;
-    std::uint16_t* corner = &out_.indices[3 * out_.triangles.size()];
+    std::uint16_t* corner = &out_.indices[3 * std::size_t{used_}];
     corner[0] = numberOf(a), corner[1] = numberOf(b), corner[2] = numberOf(c);
-    out_.triangles.push_back(t);
+    out_.triangles[used_++] = t;
   }
   void u16(std::uint16_t v) {
     out_.escapes.push_back(static_cast<std::uint8_t>(v & 255U));
@@ -667,8 +689,7 @@ class Walk {
     const std::uint16_t* c = &geometry_.indices[3 * std::size_t{t}];
     const std::size_t at = out_.escapes.size();
     escape(kStart);
-    std::uint16_t before =
-        out_.vertices.empty() ? std::uint16_t{0} : static_cast<std::uint16_t>(out_.vertices.size() - 1);
+    std::uint16_t before = numbered_ == 0 ? std::uint16_t{0} : static_cast<std::uint16_t>(numbered_ - 1);
     for (std::size_t k = 0; k < 3; ++k) {
       if (number_[c[k]] == kUnnumbered) {
         addVertex(c[k], {before, before, before});
@@ -685,89 +706,144 @@ class Walk {
     open_ = true;
   }
 
-  // An unused triangle with the gate's edge: what costs least.
-  Found find() {
-    Found best;
-    Use* uses = uses_.data() + first_[gate_.a];
+  // What attaching a triangle with that third corner costs: the higher, the less.
+  int rankOf(std::uint16_t third) const {
+    int rank = number_[third] == kUnnumbered ? 1 : 0;
+    if (!empty() && third == front_[tail_ - 1].a) rank = 2;
+    if (!empty() && third == front_[head_].b) rank = 3;
+    return rank;
+  }
+
+  // The unused triangle with the gate's edge; kSeveralTriangles where triangles share it, used or not.
+  FoundTriangle findOnly() const {
+    const std::uint32_t begin = first_[gate_.a];
+    const std::uint32_t end = first_[std::size_t{gate_.a} + 1];
+    std::uint32_t place = end;
+    for (std::uint32_t i = begin; i < end; i += kLanes) {
+      Short8 next;
+      std::memcpy(&next, &next_[i], sizeof(next));
+      auto same = std::bit_cast<std::uint64_t>(__builtin_convertvector(next == gate_.b, Byte8));
+      if (end - i < kLanes) same &= (std::uint64_t{1} << (8 * (end - i))) - 1;
+      if (same == 0) continue;
+      const auto lane = static_cast<std::uint32_t>(std::countr_zero(same)) / 8;
+      if (place != end || (same & ~(std::uint64_t{255} << (8 * lane))) != 0) return {{}, kSeveralTriangles};
+      place = i + lane;
+    }
+    if (place == end || done_[uses_[place].triangle] != 0) return {};
+    return {uses_[place], rankOf(uses_[place].third)};
+  }
+
+  // Of the unused triangles with the gate's edge, the one that costs least.
+  FoundTriangle findBest() {
+    FoundTriangle best;
+    TriangleUse* uses = uses_.data() + first_[gate_.a];
+    std::uint16_t* next = next_.data() + first_[gate_.a];
     std::uint32_t& left = left_[gate_.a];
     std::uint32_t looked = 0;
     for (std::uint32_t i = 0; i < left && looked < kMostLooked;) {
-      const auto [t, next, third] = uses[i];
-      if (done_[t] != 0) {
-        uses[i] = uses[--left];
+      if (done_[uses[i].triangle] != 0) {
+        --left;
+        uses[i] = uses[left];
+        next[i] = next[left];
         continue;
       }
-      ++i, ++looked;
-      if (next != gate_.b) continue;
-      int rank = number_[third] == kUnnumbered ? 1 : 0;
-      if (!empty() && third == front_.back().a) rank = 2;
-      if (!empty() && third == front_[head_].b) rank = 3;
-      if (rank > best.rank) best = {t, third, rank};
+      const TriangleUse& use = uses[i];
+      ++looked;
+      if (next[i++] != gate_.b) continue;
+      if (const int rank = rankOf(use.third); rank > best.rank) best = {use, rank};
     }
     return best;
   }
 
-  void advance() {
-    const Found found = find();
-    if (found.rank < 0) {
-      const auto closes = [&](const Edge& e) { return e.a == gate_.b && e.b == gate_.a; };
-      if (!empty() && closes(front_.back())) {
-        escape(kCloseLast);
-        front_.pop_back();
-      } else if (!empty() && closes(front_[head_])) {
-        escape(kCloseFirst);
-        ++head_;
-      } else {
-        steps_.put(kGiveUp);
-      }
-      takeFirst();
-      return;
-    }
+  bool advance() {
+    const FoundTriangle found = careful_ ? findBest() : findOnly();
+    if (found.rank == kSeveralTriangles) return false;
+    if (found.rank == kNoTriangle)
+      giveUp();
+    else if (found.rank == 1 || found.rank == 3)
+      attachNewOrNext(found.use, found.rank == 1);
+    else
+      attachOther(found);
+    return true;
+  }
 
-    const Edge gate = gate_;
-    switch (found.rank) {
-      case 3:
-        steps_.put(kNext);
-        ++head_;
-        gate_ = {gate.a, found.third, gate.b};
-        break;
-      case 2:
-        escape(kPrevious);
-        front_.pop_back();
-        gate_ = {found.third, gate.b, gate.a};
-        break;
-      default:
-        if (found.rank == 1) {
-          steps_.put(kNewVertex);
-          addVertex(found.third, {numberOf(gate.a), numberOf(gate.b), numberOf(gate.opposite)});
-        } else if (const std::size_t back = out_.vertices.size() - 1 - number_[found.third]; back < kStart) {
-          escape(static_cast<std::uint8_t>(back));
-        } else {
-          escape(kKnownVertex);
-          u16(numberOf(found.third));
-        }
-        push({gate.a, found.third, gate.b});
-        gate_ = {found.third, gate.b, gate.a};
+  void giveUp() {
+    const auto closes = [&](const Edge& e) { return e.a == gate_.b && e.b == gate_.a; };
+    if (!empty() && closes(front_[tail_ - 1])) {
+      escape(kCloseLast);
+      --tail_;
+    } else if (!empty() && closes(front_[head_])) {
+      escape(kCloseFirst);
+      ++head_;
+    } else {
+      steps_.put(kGiveUp);
     }
-    addTriangle(found.triangle, gate.a, gate.b, found.third);
+    takeFirst();
+  }
+
+  // Which of the two it is cannot be foreseen: both are done, and one counts.
+  void attachNewOrNext(const TriangleUse& use, bool is_new) {
+    const Edge gate = gate_;
+    const std::uint16_t third = use.third;
+    steps_.put(is_new ? kNewVertex : kNext);
+    out_.vertices[numbered_] = third;
+    out_.from[numbered_] = {numberOf(gate.a), numberOf(gate.b), numberOf(gate.opposite)};
+    number_[third] = is_new ? numbered_ : number_[third];
+    front_[tail_] = {gate.a, third, gate.b};
+    gate_ = {is_new ? third : gate.a, is_new ? gate.b : third, is_new ? gate.a : gate.b};
+    numbered_ += is_new ? 1 : 0;
+    tail_ += is_new ? 1 : 0;
+    head_ += is_new ? 0 : 1;
+    longest_ = std::max(longest_, tail_ - head_);
+    addTriangle(use.triangle, gate.a, gate.b, third);
+  }
+
+  void attachOther(const FoundTriangle& found) {
+    const Edge gate = gate_;
+    const std::uint16_t third = found.use.third;
+    if (found.rank == 2) {
+      escape(kPrevious);
+      --tail_;
+    } else {
+      if (const std::uint32_t back = numbered_ - 1 - number_[third]; back < kStart) {
+        escape(static_cast<std::uint8_t>(back));
+      } else {
+        escape(kKnownVertex);
+        u16(numberOf(third));
+      }
+      push({gate.a, third, gate.b});
+    }
+    gate_ = {third, gate.b, gate.a};
+    addTriangle(found.use.triangle, gate.a, gate.b, third);
   }
 
   const PatchGeometry& geometry_;
-  std::size_t triangles_;
-  // Unused triangles by vertex: left_ of them from first_ on (used ones leave when they are met).
+  std::uint32_t triangles_;
+  bool careful_;
+  // Triangles by vertex: left_ of them from first_ on. A careful walk drops used ones when it meets them.
   std::vector<std::uint32_t> first_;
   std::vector<std::uint32_t> left_;
-  std::vector<Use> uses_;
+  std::vector<TriangleUse> uses_;
+  std::vector<std::uint16_t> next_;  // as many, and room to read over the end
   std::vector<std::uint8_t> done_;
   std::vector<std::uint32_t> number_;
-  std::vector<Edge> front_;  // from head_ on; old numbers
+  std::vector<Edge> front_;  // from head_ to tail_; old numbers
   std::size_t head_ = 0;
+  std::size_t tail_ = 0;
   std::size_t longest_ = 0;
   Edge gate_;
   bool open_ = false;
+  std::uint32_t numbered_ = 0;  // vertices
+  std::uint32_t used_ = 0;      // triangles
   StepWriter steps_;
   Connectivity out_;
 };
+
+Connectivity walk(const PatchGeometry& geometry) {
+  for (const bool careful : {false, true})
+    if (Walk walk(geometry, careful); walk.run()) return walk.take();
+  return {};
+}
 
 // Steps decoded between two looks at the counts, hence the room that arrays need behind their ends.
 constexpr std::size_t kStepsAtOnce = 4;
@@ -1496,7 +1572,7 @@ base::Bytes encodePatch(const PatchGeometry& geometry) {
 
 base::Bytes encodePatch(const PatchGeometry& geometry, std::vector<std::uint32_t>* triangle_order) {
   checkGeometry(geometry);
-  const Connectivity order = Walk(geometry).run();
+  const Connectivity order = walk(geometry);
   std::vector<Float4> points;
 
   PatchHeader header;
