@@ -147,7 +147,7 @@ CodedMesh codedMesh(Merged& merged, Simplified& simplified, std::vector<std::uin
         number[v] = at;
         if (is_new) {
           out.codes.push_back(code[k]);
-          out.positions.push_back(mortonPoint(code[k]));
+          out.positions.push_back(merged.corner + glm::ivec3(group.positions[v]));
           const float length = glm::length(group.normals[v]);
           out.normals.push_back(length > 1e-6F ? group.normals[v] / length : glm::vec3(0.0F, 0.0F, 1.0F));
           if (colored)

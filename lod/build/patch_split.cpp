@@ -77,45 +77,51 @@ std::vector<NewPatch> makePatches(const CodedMesh& mesh, const std::vector<std::
   // Which vertices several parts use.
   std::vector<std::uint8_t> border(outer.begin(), outer.end());
   std::vector<std::uint32_t> owner(mesh.positions.size(), kNone);
-  std::vector<std::uint32_t> corners;  // of the parts' triangles one after another
-  corners.reserve(mesh.indices.size());
-  constexpr std::size_t kAhead = 16;  // triangles to be fetched: they lie anywhere
+  std::vector<std::uint32_t> corners(mesh.indices.size());  // of the parts' triangles one after another
+  constexpr std::size_t kAhead = 16;                        // triangles to be fetched: they lie anywhere
+  std::size_t next = 0;
   for (std::uint32_t p = 0; p < parts.size(); ++p)
     for (std::size_t i = 0; i < parts[p].size(); ++i) {
       __builtin_prefetch(&mesh.indices[3 * std::size_t{parts[p][std::min(i + kAhead, parts[p].size() - 1)]}]);
       for (std::size_t k = 0; k < 3; ++k) {
         const std::uint32_t v = mesh.indices[3 * std::size_t{parts[p][i]} + k];
-        corners.push_back(v);
-        if (owner[v] == kNone) owner[v] = p;
-        if (owner[v] != p) border[v] = 1;
+        corners[next++] = v;
+        border[v] |= static_cast<std::uint8_t>((owner[v] != p) & (owner[v] != kNone));
+        owner[v] = p;
       }
     }
 
   std::vector<NewPatch> patches;
+  patches.reserve(parts.size());
+  // Numbers within a patch, counted on from patch to patch: those below the patch's first are of no meaning to it.
   std::vector<std::uint32_t>& local = owner;
-  std::fill(local.begin(), local.end(), kNone);
+  std::fill(local.begin(), local.end(), 0);
+  std::uint32_t first_number = 1;
   std::vector<std::uint32_t> used;
   std::vector<std::uint32_t> order;
-  std::size_t next = 0;
+  next = 0;
   for (const auto& part : parts) {
     NewPatch patch;
     lod::patch::PatchGeometry geometry;
-    geometry.indices.reserve(3 * part.size());
-    used.clear();
-    for (; geometry.indices.size() < 3 * part.size(); ++next) {
-      const std::uint32_t v = corners[next];
-      if (local[v] == kNone) {
-        local[v] = static_cast<std::uint32_t>(used.size());
-        used.push_back(v);
-        if (border[v] != 0) patch.border.push_back(mesh.codes[v]);
-      }
-      geometry.indices.push_back(static_cast<std::uint16_t>(local[v]));
+    geometry.indices.resize(3 * part.size());
+    used.resize(3 * part.size());
+    std::uint32_t count = 0;
+    for (std::uint16_t& index : geometry.indices) {
+      // Which vertices are new cannot be foreseen: none is asked.
+      const std::uint32_t v = corners[next++];
+      const bool known = local[v] >= first_number;
+      used[count] = v;
+      local[v] = known ? local[v] : first_number + count;
+      count += known ? 0 : 1;
+      index = static_cast<std::uint16_t>(local[v] - first_number);
     }
+    first_number += count;
+    used.resize(count);
     geometry.positions.reserve(used.size());
     geometry.normals.reserve(used.size());
     if (!mesh.colors.empty()) geometry.colors.reserve(used.size());
     for (const std::uint32_t v : used) {
-      local[v] = kNone;
+      if (border[v] != 0) patch.border.push_back(mesh.codes[v]);
       geometry.positions.push_back(mesh.positions[v]);
       geometry.normals.push_back(mesh.normals[v]);
       if (!mesh.colors.empty()) geometry.colors.push_back(mesh.colors[v]);
