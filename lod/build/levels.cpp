@@ -45,11 +45,6 @@ float roundedUp(double x) {
   return static_cast<double>(f) < x ? std::nextafter(f, std::numeric_limits<float>::max()) : f;
 }
 
-void mergeAttributes(const lod::patch::PatchGeometry& geometry, std::size_t i, GroupMesh& mesh) {
-  mesh.normals.push_back(geometry.normals[i]);
-  if (!geometry.colors.empty()) mesh.colors.push_back(glm::vec3(glm::u8vec3(geometry.colors[i])));
-}
-
 Merged mergePatches(const std::vector<lod::patch::PatchGeometry>& patches, std::span<const std::uint64_t> locked) {
   std::size_t most = 0;
   std::size_t indices = 0;
@@ -59,35 +54,41 @@ Merged mergePatches(const std::vector<lod::patch::PatchGeometry>& patches, std::
     for (const glm::ivec3& q : patch.positions) low = glm::min(low, q);
   }
   Merged merged;
+  GroupMesh& mesh = merged.mesh;
+  const bool colored = !patches.empty() && !patches.front().colors.empty();
   merged.corner = low;
-  merged.codes.reserve(most);
-  merged.mesh.indices.reserve(indices);
-  merged.mesh.positions.reserve(most);
-  merged.mesh.normals.reserve(most);
-  if (!patches.empty() && !patches.front().colors.empty()) merged.mesh.colors.reserve(most);
+  merged.codes.resize(most);
+  mesh.indices.resize(indices);
+  mesh.positions.resize(most);
+  mesh.normals.resize(most);
+  if (colored) mesh.colors.resize(most);
   CodeMap map(most);
   std::vector<std::uint32_t> local;
   std::vector<std::uint64_t> codes;
+  std::uint32_t count = 0;
+  std::uint32_t* corner = mesh.indices.data();
   for (const auto& patch : patches) {
-    local.clear();
-    codes.clear();
-    for (const glm::ivec3& q : patch.positions) codes.push_back(mortonCode(q));
-    for (std::size_t i = 0; i < patch.positions.size(); ++i) {
-      const std::uint64_t code = codes[i];
-      map.expect(codes[std::min(i + CodeMap::kAhead, codes.size() - 1)]);
-      const auto [number, is_new] = map.insert(code, static_cast<std::uint32_t>(merged.codes.size()));
-      if (is_new) {
-        merged.codes.push_back(code);
-        merged.mesh.positions.push_back(glm::vec3(patch.positions[i] - low));
-        mergeAttributes(patch, i, merged.mesh);
-      }
-      local.push_back(number);
+    const std::size_t vertices = patch.positions.size();
+    local.resize(vertices);
+    codes.resize(vertices);
+    for (std::size_t i = 0; i < vertices; ++i) codes[i] = mortonCode(patch.positions[i]);
+    for (std::size_t i = 0; i < vertices; ++i) {
+      map.expect(codes[std::min(i + CodeMap::kAhead, vertices - 1)]);
+      const auto [number, is_new] = map.insert(codes[i], count);
+      local[i] = number;
+      if (!is_new) continue;
+      merged.codes[count] = codes[i];
+      mesh.positions[count] = glm::vec3(patch.positions[i] - low);
+      mesh.normals[count] = patch.normals[i];
+      if (colored) mesh.colors[count] = glm::vec3(glm::u8vec3(patch.colors[i]));
+      ++count;
     }
-    for (std::size_t i = 0; i < patch.indices.size(); i += 3) {
-      const std::uint32_t a = local[patch.indices[i]], b = local[patch.indices[i + 1]], c = local[patch.indices[i + 2]];
-      merged.mesh.indices.insert(merged.mesh.indices.end(), {a, b, c});
-    }
+    for (const std::uint16_t index : patch.indices) *corner++ = local[index];
   }
+  merged.codes.resize(count);
+  mesh.positions.resize(count);
+  mesh.normals.resize(count);
+  if (colored) mesh.colors.resize(count);
   merged.mesh.locked.assign(merged.codes.size(), 0);
   for (const std::uint64_t code : locked)
     if (const std::uint32_t v = map.at(code); v != CodeMap::kNone) merged.mesh.locked[v] = 1;
@@ -117,6 +118,32 @@ void keepOnLattice(Merged& merged, std::uint32_t bits) {
   for (glm::vec3& p : merged.mesh.positions) p = glm::clamp(p, low, high);
 }
 
+// The group's vertices `source`, by code, as they will be stored; those locked stay as they are stored already.
+void takeVertices(const Merged& merged, std::span<const std::uint64_t> codes, std::span<const std::uint32_t> source,
+                  std::span<const std::uint8_t> locked, CodedMesh& out) {
+  const GroupMesh& group = merged.mesh;
+  const bool colored = !group.colors.empty();
+  out.codes.resize(source.size());
+  out.positions.resize(source.size());
+  out.normals.resize(source.size());
+  if (colored) out.colors.resize(source.size());
+  for (std::size_t i = 0; i < source.size(); ++i) {
+    const std::uint32_t v = source[i];
+    out.codes[i] = codes[v];
+    out.positions[i] = merged.corner + glm::ivec3(group.positions[v]);
+    const float length = glm::length(group.normals[v]);
+    const glm::vec3 unit = length > 1e-6F ? group.normals[v] / length : glm::vec3(0.0F, 0.0F, 1.0F);
+    out.normals[i] = locked[i] != 0 ? group.normals[v] : unit;
+    if (!colored) continue;
+    if (locked[i] != 0)
+      out.colors[i] = glm::u8vec4(glm::u8vec3(group.colors[v]), 255);
+    else
+      out.colors[i] = lod::patch::quantizedColor(
+          glm::u8vec4(glm::u8vec3(glm::clamp(glm::round(group.colors[v]), 0.0F, 255.0F)), 255));
+  }
+  lod::patch::quantizeNormals(out.normals);
+}
+
 // Simplified triangles on lattice points, and `merged` with the colours that they are stored with: vertices that came
 // to lie on each other are one, and triangles that lost their area so are gone from the mesh and the history.
 CodedMesh codedMesh(Merged& merged, Simplified& simplified, std::vector<std::uint8_t>& locked) {
@@ -127,8 +154,8 @@ CodedMesh codedMesh(Merged& merged, Simplified& simplified, std::vector<std::uin
   constexpr std::uint64_t kUnknown = std::numeric_limits<std::uint64_t>::max();
   std::vector<std::uint64_t> codes(group.positions.size(), kUnknown);
   out.indices.reserve(simplified.indices.size());
+  std::vector<std::uint32_t> source;  // of each vertex: the group's that it is taken from
   std::size_t kept = 0;
-  const bool colored = !group.colors.empty();
   for (std::size_t t = 0; 3 * t < simplified.indices.size(); ++t) {
     std::uint32_t c[3];
     std::uint64_t code[3];
@@ -143,32 +170,26 @@ CodedMesh codedMesh(Merged& merged, Simplified& simplified, std::vector<std::uin
       const std::uint32_t v = c[k];
       simplified.indices[3 * kept + k] = v;
       if (number[v] == CodeMap::kNone) {
-        const auto [at, is_new] = map.insert(code[k], static_cast<std::uint32_t>(out.codes.size()));
+        const auto [at, is_new] = map.insert(code[k], static_cast<std::uint32_t>(source.size()));
         number[v] = at;
         if (is_new) {
-          out.codes.push_back(code[k]);
-          out.positions.push_back(merged.corner + glm::ivec3(group.positions[v]));
-          const float length = glm::length(group.normals[v]);
-          out.normals.push_back(length > 1e-6F ? group.normals[v] / length : glm::vec3(0.0F, 0.0F, 1.0F));
-          if (colored)
-            out.colors.push_back(lod::patch::quantizedColor(
-                glm::u8vec4(glm::u8vec3(glm::clamp(glm::round(group.colors[v]), 0.0F, 255.0F)), 255)));
+          source.push_back(v);
           locked.push_back(0);
         }
         // What is locked decides for all that lie there: another group sees the same.
         if (group.locked[v] != 0 && locked[at] == 0) {
           locked[at] = 1;
-          out.normals[at] = group.normals[v];
-          if (colored) out.colors[at] = glm::u8vec4(glm::u8vec3(group.colors[v]), 255);
+          source[at] = v;
         }
       }
       out.indices.push_back(number[v]);
     }
     simplified.origin[kept++] = simplified.origin[t];
   }
+  takeVertices(merged, codes, source, locked, out);
   simplified.indices.resize(3 * kept);
   simplified.origin.resize(kept);
-  lod::patch::quantizeNormals(out.normals);
+  const bool colored = !group.colors.empty();
   for (std::size_t v = 0; colored && v < number.size(); ++v)
     if (number[v] != CodeMap::kNone) group.colors[v] = glm::vec3(glm::u8vec3(out.colors[number[v]]));
   return out;

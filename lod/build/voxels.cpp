@@ -81,21 +81,23 @@ std::vector<WeightedEdge> meshAdjacency(const TriangleView& triangles, std::span
   std::vector<std::uint32_t> first_voxel(triangles.positions.size(), kNone);
   // Summed voxel by voxel: `uses` of each voxel met, and those that were.
   std::vector<std::int32_t> uses(voxels.size(), 0);
-  std::vector<std::uint32_t> met;
+  std::vector<std::uint32_t> met(voxels.size() + 1);
   for (std::uint32_t v = 0; v < voxels.size(); ++v) {
-    met.clear();
+    std::size_t others = 0;
     std::uint32_t last = v;
     for (std::uint32_t i = voxels[v].first; i < voxels[v].first + voxels[v].count; ++i) {
       __builtin_prefetch(&triangles.indices[3 * std::size_t{sorted[std::min(i + kAhead, sorted.size() - 1)].index}]);
       for (std::size_t k = 0; k < 3; ++k) {
         std::uint32_t& first = first_voxel[triangles.indices[3 * std::size_t{sorted[i].index} + k]];
-        if (first == kNone) first = v;
-        if (first == v || first == last) continue;
-        last = first;
-        if (uses[first]++ == 0) met.push_back(first);
+        const std::uint32_t other = first == kNone ? v : first;
+        first = other;
+        if (static_cast<int>(other == v) | static_cast<int>(other == last)) continue;
+        last = other;
+        met[others] = other;
+        others += uses[other]++ == 0 ? 1 : 0;
       }
     }
-    for (const std::uint32_t other : met) edges.push_back({other, v, std::exchange(uses[other], 0)});
+    for (std::size_t i = 0; i < others; ++i) edges.push_back({met[i], v, std::exchange(uses[met[i]], 0)});
   }
   return edges;
 }
@@ -125,7 +127,7 @@ std::int32_t normalWeight(const glm::vec3& a, const glm::vec3& b) {
 }  // namespace
 
 void radixSort(std::vector<KeyedIndex>& items, std::uint32_t key_bits) {
-  constexpr std::uint32_t kDigitBits = 11;
+  constexpr std::uint32_t kMostDigitBits = 11;
   if (items.size() < 256) {
     std::stable_sort(items.begin(), items.end(),
                      [](const KeyedIndex& a, const KeyedIndex& b) { return a.key < b.key; });
@@ -135,14 +137,22 @@ void radixSort(std::vector<KeyedIndex>& items, std::uint32_t key_bits) {
   std::uint64_t differ = 0;
   for (const KeyedIndex& k : items) differ |= k.key ^ items[0].key;
   key_bits = std::min(key_bits, static_cast<std::uint32_t>(std::bit_width(differ)));
+  if (key_bits == 0) return;
+  // Digits of equal length; all are counted in one pass.
+  const std::uint32_t digits = (key_bits + kMostDigitBits - 1) / kMostDigitBits;
+  const std::uint32_t digit_bits = (key_bits + digits - 1) / digits;
+  const std::uint64_t mask = (std::uint64_t{1} << digit_bits) - 1;
+  std::vector<std::uint32_t> starts(std::size_t{digits} << digit_bits, 0);
+  for (const KeyedIndex& k : items)
+    for (std::uint32_t d = 0; d < digits; ++d)
+      ++starts[(std::size_t{d} << digit_bits) + (k.key >> (d * digit_bits) & mask)];
   std::vector<KeyedIndex> other(items.size());
-  for (std::uint32_t shift = 0; shift < key_bits; shift += kDigitBits) {
-    std::array<std::size_t, std::size_t{1} << kDigitBits> start{};
-    auto digit = [shift](const KeyedIndex& k) { return (k.key >> shift) & ((1U << kDigitBits) - 1); };
-    for (const KeyedIndex& k : items) ++start[digit(k)];
-    std::size_t sum = 0;
-    for (std::size_t& s : start) sum += std::exchange(s, sum);
-    for (const KeyedIndex& k : items) other[start[digit(k)]++] = k;
+  for (std::uint32_t d = 0; d < digits; ++d) {
+    const std::span<std::uint32_t> start = std::span(starts).subspan(std::size_t{d} << digit_bits, mask + 1);
+    std::uint32_t sum = 0;
+    for (std::uint32_t& s : start) sum += std::exchange(s, sum);
+    const std::uint32_t shift = d * digit_bits;
+    for (const KeyedIndex& k : items) other[start[k.key >> shift & mask]++] = k;
     items.swap(other);
   }
 }
