@@ -63,8 +63,10 @@ SpoolFile::~SpoolFile() {
 }
 
 base::Result<void> SpoolFile::append(base::ByteView bytes) {
-  if (buffer_.size() + bytes.size() > kBufferBytes) LUMIGRID_TRY(flush());
-  if (bytes.size() > kBufferBytes / 2) {
+  // What is not worth a copy goes straight to the file, behind what came before it.
+  const bool large = bytes.size() > kBufferBytes / 2;
+  if (large || buffer_.size() + bytes.size() > kBufferBytes) LUMIGRID_TRY(flush());
+  if (large) {
     LUMIGRID_TRY(writeAll(fd_, path_, flushed_, bytes));
     flushed_ += bytes.size();
     return {};
