@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <span>
 
 #include "lod/build/code_map.h"
 #include "lod/patch/codec.h"
@@ -17,6 +18,20 @@ Triple turned(const std::uint32_t* c) {
   return c[1] < c[2] ? Triple{c[1], c[2], c[0]} : Triple{c[2], c[0], c[1]};
 }
 
+// Whether two of a few triangles may be the same: a look at the sums of their corners, which mostly tells.
+bool mayHoldDuplicates(const CodedMesh& mesh, std::span<const KeyedIndex> triangles) {
+  constexpr std::size_t kFew = 8;
+  if (triangles.size() > kFew) return true;
+  std::array<std::uint64_t, kFew> sums{};
+  bool alike = false;
+  for (std::size_t i = 0; i < triangles.size(); ++i) {
+    const std::uint32_t* c = &mesh.indices[3 * std::size_t{triangles[i].index}];
+    sums[i] = std::uint64_t{c[0]} + c[1] + c[2];
+    for (std::size_t j = 0; j < i; ++j) alike |= sums[i] == sums[j];
+  }
+  return alike;
+}
+
 // Of triangles that are the same, wound alike, the first stays. They share a median code, so they lie together.
 std::uint64_t dropDuplicates(const CodedMesh& mesh, std::vector<KeyedIndex>& sorted) {
   std::vector<std::pair<Triple, std::uint32_t>> same;
@@ -24,7 +39,7 @@ std::uint64_t dropDuplicates(const CodedMesh& mesh, std::vector<KeyedIndex>& sor
   std::uint64_t dropped = 0;
   for (std::size_t begin = 0, end = 0; begin < sorted.size(); begin = end) {
     while (end < sorted.size() && sorted[end].key == sorted[begin].key) ++end;
-    if (end - begin < 2) continue;
+    if (end - begin < 2 || !mayHoldDuplicates(mesh, std::span(sorted).subspan(begin, end - begin))) continue;
     same.clear();
     for (std::size_t i = begin; i < end; ++i)
       same.emplace_back(turned(&mesh.indices[3 * std::size_t{sorted[i].index}]), static_cast<std::uint32_t>(i));

@@ -35,12 +35,13 @@ bool callMetis(Kind kind, const Graph& graph, std::int32_t parts, std::vector<fl
   auto size = static_cast<idx_t>(graph.size());
   idx_t constraints = 1;
   idx_t cut = 0;
-  Graph copy = graph;  // METIS takes its input through pointers to non-const
+  // METIS takes its input through pointers to non-const, and leaves it as it is.
+  auto input = [](const std::vector<std::int32_t>& v) { return const_cast<idx_t*>(v.data()); };
   part.assign(graph.size(), 0);
   const auto function = kind == Kind::kKway ? METIS_PartGraphKway : METIS_PartGraphRecursive;
   const std::lock_guard lock(metisMutex());
-  return function(&size, &constraints, copy.row.data(), copy.neighbors.data(), copy.vertex_weights.data(), nullptr,
-                  copy.edge_weights.data(), &parts, shares.empty() ? nullptr : shares.data(), nullptr, options.data(),
+  return function(&size, &constraints, input(graph.row), input(graph.neighbors), input(graph.vertex_weights), nullptr,
+                  input(graph.edge_weights), &parts, shares.empty() ? nullptr : shares.data(), nullptr, options.data(),
                   &cut, part.data()) == METIS_OK;
 }
 
@@ -63,7 +64,11 @@ Graph inducedGraph(const Graph& graph, const std::vector<std::int32_t>& part, st
   std::int32_t count = 0;
   for (std::size_t v = 0; v < graph.size(); ++v) local[v] = part[v] == side ? count++ : -1;
   Graph sub;
+  const std::size_t edges = graph.neighbors.size() * static_cast<std::size_t>(count) / graph.size();
   sub.row.reserve(static_cast<std::size_t>(count) + 1);
+  sub.vertex_weights.reserve(static_cast<std::size_t>(count));
+  sub.neighbors.reserve(edges + edges / 16);
+  sub.edge_weights.reserve(edges + edges / 16);
   for (std::size_t v = 0; v < graph.size(); ++v) {
     if (local[v] < 0) continue;
     for (auto e = static_cast<std::size_t>(graph.row[v]); e < static_cast<std::size_t>(graph.row[v + 1]); ++e) {

@@ -95,13 +95,13 @@ base::Result<std::vector<WorkPatch>> WorkStore::add(const WorkUnit& unit, std::v
   header.bytes = payload.size();
   base::Bytes bytes(sizeof(header));
   std::memcpy(bytes.data(), &header, sizeof(header));
-  bytes.insert(bytes.end(), payload.begin(), payload.end());
 
   std::uint64_t offset = 0;
   {
     const std::lock_guard lock(*mutex_);
     offset = file_.size();
     LUMIGRID_TRY(file_.append(bytes));
+    LUMIGRID_TRY(file_.append(payload));
     LUMIGRID_TRY(file_.flush());
     if (file_.size() - synced_ > kSyncBytes) {
       synced_ = file_.size();
