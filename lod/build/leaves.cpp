@@ -75,33 +75,32 @@ base::Result<BucketLeaves> makeLeaves(const Buckets& buckets, std::size_t bucket
 
   // Vertices by their codes, in the order of the triangles.
   CodedMesh mesh;
-  std::vector<VertexSums> sums;
+  mesh.indices.resize(corners->size());
+  mesh.codes.reserve(corners->size() / 5);
+  const auto sortedCorners = [&](std::size_t i) { return &(*corners)[3 * std::size_t{sorted[i].index}]; };
   {
     CodeMap map(corners->size() / 6);
-    mesh.indices.resize(corners->size());
-    mesh.codes.reserve(corners->size() / 5);
-    mesh.positions.reserve(corners->size() / 5);
-    sums.reserve(corners->size() / 5);
-    const auto sortedCorners = [&](std::size_t i) { return &(*corners)[3 * std::size_t{sorted[i].index}]; };
     for (std::size_t i = 0; i < triangles; ++i) {
       __builtin_prefetch(sortedCorners(std::min(i + 2 * CodeMap::kAhead, triangles - 1)));
       const Corner* ahead = sortedCorners(std::min(i + CodeMap::kAhead / 3, triangles - 1));
       for (std::size_t k = 0; k < 3; ++k) map.expect(ahead[k].code);
       const Corner* c = sortedCorners(i);
-      std::uint32_t* number = &mesh.indices[3 * i];
       for (std::size_t k = 0; k < 3; ++k) {
         const auto [v, is_new] = map.insert(c[k].code, static_cast<std::uint32_t>(mesh.codes.size()));
-        if (is_new) {
-          mesh.codes.push_back(c[k].code);
-          mesh.positions.push_back(mortonPoint(c[k].code));
-          sums.emplace_back();
-        }
-        number[k] = v;
+        if (is_new) mesh.codes.push_back(c[k].code);
+        mesh.indices[3 * i + k] = v;
       }
-      const glm::i64vec3 face =
-          latticeNormal(mesh.positions[number[0]], mesh.positions[number[1]], mesh.positions[number[2]]);
-      for (std::size_t k = 0; k < 3; ++k) sums[number[k]].add(face, c[k]);
     }
+  }
+  mesh.positions.reserve(mesh.codes.size());
+  for (const std::uint64_t code : mesh.codes) mesh.positions.push_back(mortonPoint(code));
+  std::vector<VertexSums> sums(mesh.codes.size());
+  for (std::size_t i = 0; i < triangles; ++i) {
+    __builtin_prefetch(sortedCorners(std::min(i + CodeMap::kAhead, triangles - 1)));
+    const Corner* c = sortedCorners(i);
+    const std::uint32_t* v = &mesh.indices[3 * i];
+    const glm::i64vec3 face = latticeNormal(mesh.positions[v[0]], mesh.positions[v[1]], mesh.positions[v[2]]);
+    for (std::size_t k = 0; k < 3; ++k) sums[v[k]].add(face, c[k]);
   }
   for (std::uint32_t t = 0; t < triangles; ++t) sorted[t].index = t;
 

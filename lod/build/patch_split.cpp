@@ -107,13 +107,14 @@ std::vector<NewPatch> makePatches(const CodedMesh& mesh, const std::vector<std::
     used.resize(3 * part.size());
     std::uint32_t count = 0;
     for (std::uint16_t& index : geometry.indices) {
-      // Which vertices are new cannot be foreseen: none is asked.
+      // Which vertices are new cannot be foreseen: a mask chooses.
       const std::uint32_t v = corners[next++];
-      const bool known = local[v] >= first_number;
+      const std::uint32_t is_new = local[v] < first_number ? 1 : 0;
+      const std::uint32_t number = local[v] ^ ((local[v] ^ (first_number + count)) & (0U - is_new));
+      local[v] = number;
       used[count] = v;
-      local[v] = known ? local[v] : first_number + count;
-      count += known ? 0 : 1;
-      index = static_cast<std::uint16_t>(local[v] - first_number);
+      count += is_new;
+      index = static_cast<std::uint16_t>(number - first_number);
     }
     first_number += count;
     used.resize(count);
