@@ -263,7 +263,8 @@ class BucketSorter {
     base::parallelFor(batch.size(), options_.threads, [&](std::size_t b) {
       Gathered& result = results[b];
       result.records.resize(batch[b].corners.size() / 3);
-      if (first) std::fill(result.records.begin(), result.records.end(), Record{});
+      // Where one window is all, each corner is written over.
+      if (first && !last) std::fill(result.records.begin(), result.records.end(), Record{});
       const std::span<std::uint8_t> bytes(reinterpret_cast<std::uint8_t*>(result.records.data()),
                                           result.records.size() * sizeof(Record));
       if (!first) result.status = corners_.readAt(start[b] * sizeof(Record), bytes);
