@@ -26,6 +26,8 @@ constexpr int kMaxWalks = 400;
 constexpr float kEnough = 0.7F;
 // A bound so much above what the corners need is worth other walks; those try limits raised by this factor.
 constexpr float kRaise = 1.1F;
+// A border vertex is laid on the other border where that is at most so many times what some vertex needs.
+constexpr float kBorder = 2.0F;
 
 // A convex polygon (convex up to rounding; only its corners are ever measured), relative to some lattice point. Lanes
 // up to the next multiple of four repeat its first corner.
@@ -129,6 +131,13 @@ struct Laid {
   float distance = 0.0F;
 };
 
+// Where source vertices lie on a target, besides the facet: as Overlay::make() wants it.
+struct Placed {
+  std::vector<std::uint32_t> twin;
+  std::vector<std::uint32_t> border;
+  std::vector<Overlay::Gap> gap;
+};
+
 // Lays source triangles on a target.
 class Layer {
  public:
@@ -137,28 +146,30 @@ class Layer {
     facet_.assign(source.positions.size(), kNone);
   }
 
-  // Where each vertex lies, which one it lies on, and how far it is away; returns the largest of that, or `known`.
-  float place(const Simplified& history, float known, std::vector<std::uint32_t>& twin,
-              std::vector<Overlay::Gap>& gap) {
+  // Where each vertex lies; returns the largest distance from there, or `known`.
+  float place(const FacetSurface& source, const Simplified& history, float known, Placed& placed) {
     const auto& below = target_.view().positions;
-    twin.assign(source_.positions.size(), kNone);
-    gap.assign(source_.positions.size(), {});
+    placed.twin.assign(source_.positions.size(), kNone);
+    placed.border.assign(source_.positions.size(), kNone);
+    placed.gap.assign(source_.positions.size(), {});
     const bool has_color = !source_.colors.empty() && !target_.view().colors.empty();
     for (const std::uint32_t v : source_.indices) {
       if (facet_[v] != kNone) continue;
       const std::uint32_t kept = history.survivor[v];
+      const std::uint32_t leaving = target_.leavingBorder(kept);
+      Overlay::Gap& gap = placed.gap[v];
       if (below[kept] == source_.positions[v] && !target_.around(kept).empty()) {
-        const std::uint32_t leaving = target_.leavingBorder(kept);
-        facet_[v] = leaving != kNone ? leaving : target_.around(kept)[0];
-        twin[v] = kept;
-        if (has_color) gap[v].color = glm::length(source_.colors[v] - target_.view().colors[kept]);
+        placed.border[v] = leaving;
+        facet_[v] = leaving != kNone ? target_.edges()[leaving].triangle[0] : target_.around(kept)[0];
+        placed.twin[v] = kept;
+        if (has_color) gap.color = glm::length(source_.colors[v] - target_.view().colors[kept]);
         continue;
       }
-      const Facet& facet = target_.facet(nearFacet(v, known));
-      const float d = std::sqrt(facet.distance2(source_.positions[v]));
-      known = std::max(known, d);
-      gap[v].distance = d * (1.0F + 8.0F * kEpsilon) + facet.roughness * (facet.longest + d);
-      if (has_color) gap[v].color = glm::length(source_.colors[v] - target_.colorNear(facet_[v], source_.positions[v]));
+      const FacetSurface::Spot spot = target_.closest(nearFacet(v, known), source_.positions[v]);
+      known = std::max(known, spot.distance);
+      gap.distance = spot.distance;
+      if (has_color) gap.color = glm::length(source_.colors[v] - target_.colorAt(facet_[v], spot));
+      if (leaving != kNone && source.leavingBorder(v) != kNone) placeOnBorder(v, kept, known, placed);
     }
     return known;
   }
@@ -205,6 +216,28 @@ class Layer {
   }
 
  private:
+  // On the nearer one of the border edges at vertex `kept` of the target, if that is about as near as can be.
+  void placeOnBorder(std::uint32_t v, std::uint32_t kept, float near, Placed& placed) {
+    const bool has_color = !source_.colors.empty() && !target_.view().colors.empty();
+    float nearest = kBorder * near;
+    for (const std::uint32_t e : {target_.leavingBorder(kept), target_.arrivingBorder(kept)}) {
+      if (e == kNone) continue;
+      const auto [a, b] = target_.edges()[e].vertex;
+      const glm::vec3 ab = target_.view().positions[b] - target_.view().positions[a];
+      const glm::vec3 ap = source_.positions[v] - target_.view().positions[a];
+      const float share = closestShare(ap, ab);
+      const float d = glm::length(ap - share * ab);
+      if (d >= nearest) continue;
+      nearest = d;
+      placed.border[v] = e;
+      facet_[v] = target_.edges()[e].triangle[0];
+      placed.gap[v].distance = d + 16.0F * kEpsilon * (d + glm::length(ab));
+      if (has_color)
+        placed.gap[v].color =
+            glm::length(source_.colors[v] - glm::mix(target_.view().colors[a], target_.view().colors[b], share));
+    }
+  }
+
   static Polygon triangle(const glm::vec3* p) {
     Polygon out;
     for (int k = 0; k < 3; ++k) out.add(p[k]);
@@ -331,13 +364,13 @@ class Layer {
   }
   bool quarter(const glm::vec3* part, const std::uint32_t* c) {
     const glm::vec3 center = origin_ + (part[0] + part[1] + part[2]) / 3.0F;
-    float d2 = kFar;
-    if (tryWalk(part, target_.search(center, d2))) return true;
     for (int k = 0; k < 3; ++k) {
-      d2 = target_.facet(facet_[c[k]]).distance2(center);
+      float d2 = target_.facet(facet_[c[k]]).distance2(center);
       if (tryWalk(part, target_.descend(facet_[c[k]], center, d2, 0.0F))) return true;
     }
-    return false;
+    // Last, as most surfaces never need the grid.
+    float d2 = kFar;
+    return tryWalk(part, target_.search(center, d2));
   }
   bool tryWalk(const glm::vec3* part, std::uint32_t start) {
     const std::size_t pieces = pieces_.size();
@@ -389,6 +422,7 @@ void backwardHints(const Simplified& history, Hints& hints) {
 
 // Bounds of a triangle that rise pair by pair: toward, from, the largest pair, colour.
 using Raised = float __attribute__((vector_size(16)));
+constexpr Raised kNothing{-kFar, -kFar, -kFar, -kFar};
 
 // What one call needs, kept for the next one of the thread.
 struct Scratch {
@@ -397,8 +431,8 @@ struct Scratch {
   Hints forward;
   Hints backward;
   std::vector<std::uint32_t> facet[2];
-  std::vector<std::uint32_t> twin;
-  std::vector<Overlay::Gap> gap;
+  Placed placed;
+  std::vector<Raised> had;  // per edge before
   std::vector<Raised> raised;
   Overlay overlay;
 };
@@ -468,9 +502,10 @@ SurfaceError carryError(const SurfaceView& before, const SurfaceError& before_er
   backwardHints(history, scratch.backward);
   Layer forward(before, scratch.after, scratch.forward, scratch.facet[0]);
   Layer backward(after, scratch.before, scratch.backward, scratch.facet[1]);
-  float usual = forward.place(history, negligible, scratch.twin, scratch.gap);
+  Placed& placed = scratch.placed;
+  float usual = forward.place(scratch.before, history, negligible, placed);
   Overlay& overlay = scratch.overlay;
-  overlay.make(scratch.before, scratch.after, scratch.facet[0], scratch.gap, scratch.twin);
+  overlay.make(scratch.before, scratch.after, scratch.facet[0], placed.gap, placed.twin, placed.border);
   // What the vertices of both need; some of those that the overlay put farther off are nearer to another triangle.
   overlay.forEachEnclosed([&](std::uint32_t v, float distance) {
     if (distance > usual) usual = backward.farther(v, usual);
@@ -480,6 +515,7 @@ SurfaceError carryError(const SurfaceView& before, const SurfaceError& before_er
   backward.expect(enough, usual);
 
   const std::size_t triangles = after.indices.size() / 3;
+  const std::size_t sources = before.indices.size() / 3;
   SurfaceError result{std::vector<float>(triangles, 0.0F), std::vector<float>(triangles, 0.0F), {}};
   const bool has_color = !before.colors.empty() && !after.colors.empty();
   if (has_color) result.color.assign(triangles, 0.0F);
@@ -488,34 +524,51 @@ SurfaceError carryError(const SurfaceView& before, const SurfaceError& before_er
   const auto raiseColor = [&](std::uint32_t t, std::uint32_t s, float difference) {
     if (has_color) raise(result.color[t], sum(carried(before_error.color, s), difference));
   };
+  const auto isSame = [&](std::uint32_t s) {
+    const std::uint32_t image = scratch.forward.image[s];
+    return image != kNone && unchanged(before, s, after, image);
+  };
+
+  // What an edge before had to carry: the most of its triangles, which share its pairs.
+  std::vector<Raised>& had = scratch.had;
+  had.assign(scratch.before.edges().size(), kNothing);
   std::vector<Raised>& raised = scratch.raised;
   raised.assign(triangles, Raised{});
-  for (std::uint32_t s = 0; 3 * std::size_t{s} < before.indices.size(); ++s) {
-    const std::uint32_t image = scratch.forward.image[s];
-    const bool is_same = image != kNone && unchanged(before, s, after, image);
+  const auto raisePair = [&](const Raised& from, std::uint32_t t, const Overlay::Gap& gap) {
+    // Sums as sum() makes them: exact where nothing is added.
+    const Raised add{gap.distance, gap.distance, gap.distance, gap.color};
+    const Raised exact = from + add;
+    const Raised value = add > 0.0F ? exact * (1.0F + kEpsilon) : exact;
+    raised[t] = value > raised[t] ? value : raised[t];
+  };
+  for (std::uint32_t s = 0; s < sources; ++s) {
+    const bool is_same = isSame(s);
     const float toward = carried(before_error.toward, s);
     if (is_same) {
+      const std::uint32_t image = scratch.forward.image[s];
       raise(result.toward[image], toward);
       raiseColor(image, s, cornerDifference(before, s, after, image));
     }
     const bool is_good = overlay.coversAbove(s);
     const bool is_near = is_good && overlay.distance(s) <= forward.usual();
     if (is_good) {
-      // Sums as sum() makes them: exact where nothing is added.
-      const Raised had{is_near && !is_same ? toward : -kFar, carried(before_error.from, s), 0.0F,
-                       carried(before_error.color, s)};
-      overlay.forEachPair(s, [&](std::uint32_t t, const Overlay::Gap& gap) {
-        const Raised add{gap.distance, gap.distance, gap.distance, gap.color};
-        const Raised exact = had + add;
-        const Raised value = add > 0.0F ? exact * (1.0F + kEpsilon) : exact;
-        raised[t] = value > raised[t] ? value : raised[t];
-      });
+      const Raised of_s{is_near && !is_same ? toward : -kFar, carried(before_error.from, s), 0.0F,
+                        carried(before_error.color, s)};
+      overlay.forEachPairWithin(s, [&](std::uint32_t t, const Overlay::Gap& gap) { raisePair(of_s, t, gap); });
+      for (std::size_t k = 0; k < 3; ++k) {
+        Raised& of_edge = had[scratch.before.edgeOf(s, k)];
+        of_edge = of_s > of_edge ? of_s : of_edge;
+      }
     }
     if (is_near || is_same) continue;
     for (const Laid& piece : forward.lay(s)) {
       raise(result.toward[piece.facet], sum(toward, piece.distance));
       raiseColor(piece.facet, s, largestDifference(before, s, after, piece.facet));
     }
+  }
+  for (std::uint32_t e = 0; e < had.size(); ++e) {
+    const Raised of_edge = had[e];
+    overlay.forEachPairOfEdge(e, [&](std::uint32_t t, const Overlay::Gap& gap) { raisePair(of_edge, t, gap); });
   }
   for (std::uint32_t t = 0; t < triangles; ++t) {
     raise(result.toward[t], raised[t][0]);

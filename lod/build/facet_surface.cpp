@@ -2,14 +2,14 @@
 
 #include <cmath>
 
-#include "base/geometry.h"
-
 namespace lod::build {
 namespace {
 
 constexpr float kEpsilon = std::numeric_limits<float>::epsilon();
 // Facets thinner than this share of their length are measured by their edges: their walls say little.
 constexpr double kThin = 2.4e-3;
+// The squared sine from which on the plane of a triangle says where over it a point lies.
+constexpr double kSure = 1e-10;
 
 }  // namespace
 
@@ -25,8 +25,11 @@ void FacetSurface::reset(const SurfaceView& surface) {
 
 void FacetSurface::make(std::uint32_t t, Facet& f) {
   made_[t] = 1;
-  for (std::size_t k = 0; k < 3; ++k) f.corner[k] = surface_.positions[corner(t, k)];
-  const glm::vec3 edge[3] = {f.corner[1] - f.corner[0], f.corner[2] - f.corner[1], f.corner[0] - f.corner[2]};
+  const glm::vec3 a = surface_.positions[corner(t, 0)];
+  const glm::vec3 b = surface_.positions[corner(t, 1)];
+  const glm::vec3 c = surface_.positions[corner(t, 2)];
+  f.corner = {a, b, c};
+  const glm::vec3 edge[3] = {b - a, c - b, a - c};
   // In double, where products of lattice vectors are exact: a sliver's plane is as good as any.
   const glm::dvec3 n = glm::cross(glm::dvec3(edge[0]), glm::dvec3(edge[1]));
   const double area = std::sqrt(glm::dot(n, n));
@@ -42,12 +45,46 @@ void FacetSurface::make(std::uint32_t t, Facet& f) {
   for (std::size_t k = 0; k < 3; ++k) f.wall[k] = glm::cross(f.normal, edge[k]) * (1.0F / std::sqrt(length2[k]));
 }
 
-glm::vec3 FacetSurface::colorNear(std::uint32_t t, const glm::vec3& p) const {
-  if (surface_.colors.empty()) return glm::vec3(0.0F);
-  const auto at = [&](std::size_t k) { return glm::dvec3(surface_.positions[corner(t, k)]); };
-  const glm::vec3 weight(base::closestWeightsOnTriangle(glm::dvec3(p), at(0), at(1), at(2)));
-  return weight.x * surface_.colors[corner(t, 0)] + weight.y * surface_.colors[corner(t, 1)] +
-         weight.z * surface_.colors[corner(t, 2)];
+FacetSurface::Spot FacetSurface::closest(std::uint32_t t, const glm::vec3& p) const {
+  const glm::vec3& corner0 = surface_.positions[corner(t, 0)];
+  const glm::vec3 ab = surface_.positions[corner(t, 1)] - corner0;
+  const glm::vec3 ac = surface_.positions[corner(t, 2)] - corner0;
+  const glm::vec3 ap = p - corner0;
+  // In double: slivers cancel most of it.
+  const glm::dvec3 toward_b(ab);
+  const glm::dvec3 toward_c(ac);
+  const glm::dvec3 toward_p(ap);
+  const double bb = glm::dot(toward_b, toward_b);
+  const double cc = glm::dot(toward_c, toward_c);
+  const double bc = glm::dot(toward_b, toward_c);
+  const double pb = glm::dot(toward_b, toward_p);
+  const double pc = glm::dot(toward_c, toward_p);
+  const double area2 = bb * cc - bc * bc;
+  Spot spot;
+  float distance2 = std::numeric_limits<float>::max();
+  const auto look = [&](const glm::vec2& share) {
+    const glm::vec3 d = share.x * ab + share.y * ac - ap;
+    if (const float d2 = glm::dot(d, d); d2 < distance2) distance2 = d2, spot.share = share;
+  };
+  const double b_share = cc * pb - bc * pc;
+  const double c_share = bb * pc - bc * pb;
+  if (area2 > kSure * bb * cc && b_share >= 0.0 && c_share >= 0.0 && b_share + c_share <= area2) {
+    look(glm::vec2(glm::dvec2(b_share, c_share) / area2));
+  } else {
+    const float along = closestShare(ap - ab, ac - ab);
+    look({1.0F - along, along});
+    look({closestShare(ap, ab), 0.0F});
+    look({0.0F, closestShare(ap, ac)});
+  }
+  // Differences of positions are exact; the shares may add up to one and a rounding.
+  spot.distance = std::sqrt(distance2);
+  spot.distance += 16.0F * kEpsilon * (spot.distance + std::sqrt(static_cast<float>(std::max(bb, cc))));
+  return spot;
+}
+
+glm::vec3 FacetSurface::colorAt(std::uint32_t t, const Spot& spot) const {
+  return (1.0F - spot.share.x - spot.share.y) * surface_.colors[corner(t, 0)] +
+         spot.share.x * surface_.colors[corner(t, 1)] + spot.share.y * surface_.colors[corner(t, 2)];
 }
 
 void FacetSurface::makeFans() {
@@ -55,47 +92,54 @@ void FacetSurface::makeFans() {
   for (const std::uint32_t v : surface_.indices) ++fan_[v + 1];
   for (std::size_t v = 1; v < fan_.size(); ++v) fan_[v] += fan_[v - 1];
   around_.resize(surface_.indices.size());
-  std::vector<std::uint32_t>& next = scratch_[0];
-  next.assign(fan_.begin(), fan_.end() - 1);
+  corners_.resize(surface_.indices.size());
+  next_.assign(fan_.begin(), fan_.end() - 1);
   for (std::uint32_t t = 0; t < triangleCount(); ++t)
-    for (std::size_t k = 0; k < 3; ++k) around_[next[corner(t, k)]++] = t;
+    for (std::uint32_t k = 0; k < 3; ++k) {
+      const std::uint32_t i = next_[corner(t, k)]++;
+      around_[i] = t;
+      corners_[i] = 3 * t + k;
+    }
 }
 
 void FacetSurface::makeEdges() {
   const std::size_t vertices = surface_.positions.size();
   edges_.clear();
   edge_of_.resize(surface_.indices.size());
-  leaving_.assign(vertices, kNone);
-  // Of vertex a at hand: which edge leads to b.
-  std::vector<std::uint32_t>& seen_from = scratch_[0];
-  std::vector<std::uint32_t>& number = scratch_[1];
-  seen_from.assign(vertices, kNone);
-  number.resize(vertices);
-  const auto add = [&](std::uint32_t a, std::uint32_t b, std::uint32_t t, std::size_t k) {
+  border_.assign(vertices, {});
+  seen_.assign(vertices, {});
+  const auto add = [&](std::uint32_t a, std::uint32_t b, std::uint32_t t, std::uint32_t side) {
     if (b < a) return;
-    if (seen_from[b] != a) {
-      seen_from[b] = a;
-      number[b] = static_cast<std::uint32_t>(edges_.size());
+    Seen& seen = seen_[b];
+    if (seen.from != a) {
+      seen = {a, static_cast<std::uint32_t>(edges_.size())};
       edges_.push_back({{a, b}, {kNone, kNone}, 0});
     }
-    Edge& edge = edges_[number[b]];
+    Edge& edge = edges_[seen.edge];
     if (edge.triangles < 2) edge.triangle[edge.triangles] = t;
     ++edge.triangles;
-    edge_of_[3 * std::size_t{t} + k] = number[b];
+    edge_of_[side] = seen.edge;
   };
   for (std::uint32_t a = 0; a < vertices; ++a)
-    for (const std::uint32_t t : around(a))
-      for (std::size_t k = 0; k < 3; ++k) {
-        if (corner(t, k) != a) continue;
-        add(a, corner(t, (k + 1) % 3), t, k);
-        add(a, corner(t, (k + 2) % 3), t, (k + 2) % 3);
-      }
+    for (std::uint32_t i = fan_[a]; i < fan_[a + 1]; ++i) {
+      const std::uint32_t t = around_[i];
+      const std::uint32_t here = corners_[i];
+      const std::uint32_t next = here == 3 * t + 2 ? 3 * t : here + 1;
+      const std::uint32_t last = here == 3 * t ? 3 * t + 2 : here - 1;
+      add(a, surface_.indices[next], t, here);
+      add(a, surface_.indices[last], t, last);
+    }
   for (std::uint32_t e = 0; e < edges_.size(); ++e) {
     if (edges_[e].triangles != 1) continue;
-    const std::uint32_t t = edges_[e].triangle[0];
-    for (std::size_t k = 0; k < 3; ++k)
-      if (edgeOf(t, k) == e) leaving_[corner(t, k)] = t;
+    const std::uint32_t start = borderStart(e);
+    border_[start].leaving = e;
+    border_[edges_[e].otherEnd(start)].arriving = e;
   }
+}
+
+std::uint32_t FacetSurface::borderStart(std::uint32_t e) const {
+  const std::uint32_t t = edges_[e].triangle[0];
+  return corner(t, edgeOf(t, 0) == e ? 0 : edgeOf(t, 1) == e ? 1 : 2);
 }
 
 std::uint32_t FacetSurface::descend(std::uint32_t t, const glm::vec3& p, float& distance2, float enough2) {

@@ -88,8 +88,15 @@ class FacetSurface {
     return facets_[t];
   }
 
-  /// The colour at the closest point of a facet to p; black where there are no colours.
-  glm::vec3 colorNear(std::uint32_t t, const glm::vec3& p) const;
+  /// A point of a triangle, its corner 0 + share[0] * edge to corner 1 + share[1] * edge to corner 2.
+  struct Spot {
+    glm::vec2 share{0.0F};
+    float distance = 0.0F;
+  };
+  /// The point of triangle t closest to p, or nearly; no farther from p than `distance`.
+  Spot closest(std::uint32_t t, const glm::vec3& p) const;
+  /// Only where there are colours.
+  glm::vec3 colorAt(std::uint32_t t, const Spot& spot) const;
 
   std::span<const Edge> edges() const { return edges_; }
   /// The edge of corners k and k + 1.
@@ -100,8 +107,12 @@ class FacetSurface {
   std::span<const std::uint32_t> around(std::uint32_t v) const {
     return {around_.data() + fan_[v], fan_[v + 1] - fan_[v]};
   }
-  /// A triangle whose border edge leads away from v in its own sense; kNone: v is not on a border.
-  std::uint32_t leavingBorder(std::uint32_t v) const { return leaving_[v]; }
+  /// A border edge that leads away from v in the sense of its triangle, and one that leads to it; kNone: v is not on a
+  /// border.
+  std::uint32_t leavingBorder(std::uint32_t v) const { return border_[v].leaving; }
+  std::uint32_t arrivingBorder(std::uint32_t v) const { return border_[v].arriving; }
+  /// Where border edge e begins in that sense.
+  std::uint32_t borderStart(std::uint32_t e) const;
 
   /// The facet around vertex v that is nearest to p (or near enough), if nearer than distance2 (which is updated); else
   /// `best`.
@@ -132,8 +143,20 @@ class FacetSurface {
   std::vector<std::uint32_t> around_;
   std::vector<Edge> edges_;
   std::vector<std::uint32_t> edge_of_;
-  std::vector<std::uint32_t> leaving_;
-  std::vector<std::uint32_t> scratch_[2];
+  struct Border {
+    std::uint32_t leaving = kNone;
+    std::uint32_t arriving = kNone;
+  };
+  std::vector<Border> border_;  // per vertex
+  // While it is made: the corners (3 * triangle + k) around each vertex; which edge leads from the vertex at hand to
+  // this one.
+  struct Seen {
+    std::uint32_t from = kNone;
+    std::uint32_t edge = kNone;
+  };
+  std::vector<std::uint32_t> next_;
+  std::vector<std::uint32_t> corners_;
+  std::vector<Seen> seen_;
   std::optional<PointGrid> grid_;
 };
 

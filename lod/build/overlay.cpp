@@ -10,11 +10,18 @@ namespace {
 
 constexpr float kEpsilon = std::numeric_limits<float>::epsilon();
 // What is larger or longer than this is left to be measured otherwise: facets on the way of an edge, facets looked at
-// to link two, edges below that a triangle cuts, vertices that it encloses.
+// to link two, edges below that a triangle cuts, vertices that it encloses, border edges
+// along one above.
 constexpr int kMaxSteps = 64;
 constexpr std::size_t kMaxLink = 48;
 constexpr std::size_t kMaxCut = 96;
 constexpr std::size_t kMaxEnclosed = 24;
+constexpr int kMaxBorder = 8;
+// The squared sine below which two edges count as parallel.
+constexpr float kParallel = 1e-4F;
+// Of a border edge: walks go around both of its ends; one ends on it.
+constexpr std::uint8_t kBothEnds = 3;
+constexpr std::uint8_t kNeverPinned = 4;
 // Either side of a cut is tried so far before one is followed to the limit.
 constexpr std::size_t kFew = 3;
 
@@ -25,11 +32,13 @@ bool contains(const std::vector<std::uint32_t>& list, std::uint32_t x) {
 }  // namespace
 
 void Overlay::make(FacetSurface& above, FacetSurface& below, std::span<const std::uint32_t> facet_of,
-                   std::span<const Gap> gap_of, std::span<const std::uint32_t> twin_of) {
+                   std::span<const Gap> gap_of, std::span<const std::uint32_t> twin_of,
+                   std::span<const std::uint32_t> border_of) {
   above_ = &above, below_ = &below;
-  facet_of_ = facet_of, gap_of_ = gap_of, twin_of_ = twin_of;
+  facet_of_ = facet_of, gap_of_ = gap_of, twin_of_ = twin_of, border_of_ = border_of;
   has_color_ = !above.view().colors.empty() && !below.view().colors.empty();
   crossings_.clear();
+  turns_.clear();
   paths_.resize(above.edges().size());
   for (std::size_t e = 0; e < paths_.size(); ++e) walk(above.edges()[e], paths_[e]);
 
@@ -55,14 +64,14 @@ void Overlay::walk(const FacetSurface::Edge& edge, Path& path) {
   const auto [a, b] = edge.vertex;
   origin_ = above_->view().positions[a];
   whole_ = above_->view().positions[b] - origin_;
-  length_ = glm::length(whole_);
+  length2_ = glm::dot(whole_, whole_);
+  length_ = std::sqrt(length2_);
   if (const auto& colors = above_->view().colors; !colors.empty()) color_[0] = colors[a], color_[1] = colors[b];
   std::uint32_t t = facet_of_[a];
   const std::uint32_t goal = facet_of_[b];
-  path = {t, static_cast<std::uint32_t>(crossings_.size()), 0, 0.0F, true, kNone};
-  if (twin_of_[a] != kNone && twin_of_[b] != kNone &&
-      ((edge.triangles == 1 && walkBorder(edge, path)) || walkSame(edge, path)))
-    return;
+  path = {t, static_cast<std::uint32_t>(crossings_.size()), 0, 0.0F, true, false};
+  if (edge.triangles == 1 && border_of_[a] != kNone && border_of_[b] != kNone && walkBorder(edge, path)) return;
+  if (twin_of_[a] != kNone && twin_of_[b] != kNone && walkSame(edge, path)) return;
   // Exactly on walls through vertices that the ends lie on.
   const std::uint32_t twin_a = twin_of_[a];
   const std::uint32_t twin_b = twin_of_[b];
@@ -88,7 +97,7 @@ void Overlay::walk(const FacetSurface::Edge& edge, Path& path) {
     if (out == 3 || step == kMaxSteps) {
       // Over a facet that is not that of its end: in a fold or over a ridge, near one border, or over a flat facet.
       const bool is_end = step < kMaxSteps && !facet.flat;
-      path.arrives = (is_end && twin_b != kNone && turn(t, goal, twin_b, gap_of_[b].color)) ||
+      path.arrives = (is_end && twin_b != kNone && turn(t, goal, twin_b, gap_of_[b])) ||
                      link(t, goal, is_end ? 1.0F : along, path);
       break;
     }
@@ -103,26 +112,69 @@ void Overlay::walk(const FacetSurface::Edge& edge, Path& path) {
   path.last = static_cast<std::uint32_t>(crossings_.size());
 }
 
-// A border edge that is the same below: along the one facet, then around the one of its ends that leads on. There the
-// borders are one and nothing is left bare between them.
+// Along the border below, around the vertices between the border edges that the ends lie on. Each is paired with the
+// point of the edge that is nearest, and so are the ends of all edges there. So nothing is left bare between the two
+// borders.
 bool Overlay::walkBorder(const FacetSurface::Edge& edge, Path& path) {
   const auto [a, b] = edge.vertex;
-  const std::array twins{std::min(twin_of_[a], twin_of_[b]), std::max(twin_of_[a], twin_of_[b])};
-  for (const bool turns_at_end : {true, false}) {
-    const std::uint32_t t = facet_of_[turns_at_end ? a : b];
-    const std::uint32_t around = twin_of_[turns_at_end ? b : a];
-    for (std::size_t k = 0; k < 3; ++k) {
-      const std::uint32_t same = below_->edgeOf(t, k);
-      if (below_->edges()[same].triangles != 1 || below_->edges()[same].vertex != twins) continue;
-      if (below_->corner(t, k) == around) continue;
-      if (!turn(path.start, facet_of_[b], around, gap_of_[turns_at_end ? b : a].color)) return false;
-      path.last = static_cast<std::uint32_t>(crossings_.size());
-      // All edges within the fan, each once.
-      if (path.last - path.first + 1 == below_->around(around).size()) path.same = same;
-      return true;
+  const auto number = static_cast<std::uint32_t>(&path - paths_.data());
+  const std::uint32_t goal = border_of_[b];
+  bool ahead = above_->borderStart(number) == a;
+  int steps = stepsOnBorder(border_of_[a], goal, ahead);
+  if (steps < 0) ahead = !ahead, steps = stepsOnBorder(border_of_[a], goal, ahead);
+  if (steps < 0) return false;
+  const std::size_t first_turn = turns_.size();
+  std::uint32_t at = border_of_[a];
+  for (; at != goal; --steps) {
+    const std::uint32_t start = below_->borderStart(at);
+    const std::uint32_t v = ahead ? below_->edges()[at].otherEnd(start) : start;
+    const std::uint32_t next = nextOnBorder(at, v);
+    const std::size_t first = crossings_.size();
+    const Gap gap = gapAt(v, edge);
+    // Where no edge leads into the surface no crossing keeps the pair, unless it is that of an end.
+    const bool is_kept = below_->around(v).size() > 1 || twin_of_[a] == v || twin_of_[b] == v;
+    if (!is_kept || !turn(below_->edges()[at].triangle[0], below_->edges()[next].triangle[0], v, gap) ||
+        crossings_.size() - first + 1 != below_->around(v).size()) {
+      crossings_.resize(path.first);
+      turns_.resize(first_turn);
+      path.distance = 0.0F;
+      return false;
     }
+    path.distance = std::max(path.distance, gap.distance);
+    turns_.push_back({number, v, at, next});
+    at = next;
   }
-  return false;
+  path.last = static_cast<std::uint32_t>(crossings_.size());
+  path.is_on_border = true;
+  return true;
+}
+
+// How far it is along the border from edge to edge, one way; -1: too far.
+int Overlay::stepsOnBorder(std::uint32_t from, std::uint32_t to, bool ahead) const {
+  for (int steps = 0; steps <= kMaxBorder; ++steps) {
+    if (from == to) return steps;
+    const std::uint32_t start = below_->borderStart(from);
+    from = nextOnBorder(from, ahead ? below_->edges()[from].otherEnd(start) : start);
+    if (from == kNone) break;
+  }
+  return -1;
+}
+
+// The border edge that meets this one at its end v.
+std::uint32_t Overlay::nextOnBorder(std::uint32_t edge, std::uint32_t v) const {
+  return below_->borderStart(edge) == v ? below_->arrivingBorder(v) : below_->leavingBorder(v);
+}
+
+// Of vertex v below and the nearest point of an edge above.
+Overlay::Gap Overlay::gapAt(std::uint32_t v, const FacetSurface::Edge& edge) const {
+  for (const std::uint32_t end : edge.vertex)
+    if (twin_of_[end] == v) return gap_of_[end];
+  const glm::vec3 to = below_->view().positions[v] - origin_;
+  const float share = closestShare(to, whole_);
+  Gap gap{glm::length(to - share * whole_), 0.0F};
+  gap.distance += 16.0F * kEpsilon * (gap.distance + length_);
+  if (has_color_) gap.color = glm::length(below_->view().colors[v] - glm::mix(color_[0], color_[1], share));
+  return gap;
 }
 
 // An edge that is the same below: around its one end to a facet on it, and on around the other.
@@ -132,7 +184,7 @@ bool Overlay::walkSame(const FacetSurface::Edge& edge, Path& path) {
     bool is_on = false;
     for (std::size_t k = 0; k < 3; ++k) is_on |= below_->corner(t, k) == twin_of_[b];
     if (!is_on) continue;
-    if (turn(path.start, t, twin_of_[a], gap_of_[a].color) && turn(t, facet_of_[b], twin_of_[b], gap_of_[b].color)) {
+    if (turn(path.start, t, twin_of_[a], gap_of_[a]) && turn(t, facet_of_[b], twin_of_[b], gap_of_[b])) {
       path.last = static_cast<std::uint32_t>(crossings_.size());
       return true;
     }
@@ -141,15 +193,26 @@ bool Overlay::walkSame(const FacetSurface::Edge& edge, Path& path) {
   return false;
 }
 
-// Pairs the point at this share of the edge above with the closest one of an edge below.
+// Pairs the points where the edge above and an edge below are nearest to each other; where they are as good as
+// parallel, the point at share `along` above with the nearest one below.
 void Overlay::cross(std::uint32_t edge, std::uint32_t facet, float along, Path& path) {
   const auto [a, b] = below_->edges()[edge].vertex;
   const auto& positions = below_->view().positions;
   const glm::vec3 p = positions[a] - origin_;
   const glm::vec3 pq = positions[b] - origin_ - p;
-  const glm::vec3 to = along * whole_ - p;
-  const float share = closestShare(to, pq);
-  const glm::vec3 d = to - share * pq;
+  const float below2 = glm::dot(pq, pq);
+  const float both = glm::dot(whole_, pq);
+  const float to_above = glm::dot(whole_, p);
+  const float to_below = glm::dot(pq, p);
+  // The nearest points of the lines; then of the edges, where those lie beyond an end.
+  // Into [0, 1]; what is no number becomes 0.
+  const auto clamped = [](float share) { return std::min(1.0F, std::max(0.0F, share)); };
+  if (const float area2 = length2_ * below2 - both * both; area2 > kParallel * length2_ * below2) {
+    const float below = clamped((both * to_above - length2_ * to_below) / area2);
+    along = clamped((to_above + below * both) / length2_);
+  }
+  const float share = clamped((along * both - to_below) / below2);
+  const glm::vec3 d = along * whole_ - p - share * pq;
   Gap gap{std::sqrt(glm::dot(d, d)), 0.0F};
   gap.distance += 32.0F * kEpsilon * (gap.distance + length_ + std::abs(pq.x) + std::abs(pq.y) + std::abs(pq.z));
   if (const auto& colors = below_->view().colors; has_color_)
@@ -160,7 +223,7 @@ void Overlay::cross(std::uint32_t edge, std::uint32_t facet, float along, Path& 
 
 // Goes around vertex v from facet t to `goal`, where the edge above has an end on v: the pairs are as far apart as
 // those two. False: it is not around v, and nothing is done.
-bool Overlay::turn(std::uint32_t t, std::uint32_t goal, std::uint32_t v, float color) {
+bool Overlay::turn(std::uint32_t t, std::uint32_t goal, std::uint32_t v, const Gap& gap) {
   const std::size_t first = crossings_.size();
   const std::size_t all = below_->around(v).size();
   // The one way, up to half around; the other; all of the one, where the other meets a border.
@@ -178,7 +241,7 @@ bool Overlay::turn(std::uint32_t t, std::uint32_t goal, std::uint32_t v, float c
       if (over == kNone || !below_->edges()[over].isInner()) break;
       at = below_->edges()[over].across(at);
       came_over = over;
-      crossings_.push_back({over, at, {0.0F, color}});
+      crossings_.push_back({over, at, gap});
     }
     if (at == goal) return true;
     crossings_.resize(first);
@@ -195,15 +258,9 @@ bool Overlay::link(std::uint32_t t, std::uint32_t goal, float along, Path& path)
   std::array<Seen, kMaxLink> seen;
   std::size_t count = 0;
   seen[count++] = {t, kNone, 0};
-  for (std::size_t i = 0; i < count; ++i) {
-    if (seen[i].facet == goal) {
-      std::array<std::size_t, kMaxLink> way;
-      std::size_t length = 0;
-      for (std::size_t j = i; j != 0; j = seen[j].before) way[length++] = j;
-      while (length > 0) --length, cross(seen[way[length]].over, seen[way[length]].facet, along, path);
-      return true;
-    }
-    for (std::size_t k = 0; k < 3 && count < kMaxLink; ++k) {
+  bool is_found = t == goal;
+  for (std::size_t i = 0; i < count && !is_found; ++i) {
+    for (std::size_t k = 0; k < 3 && count < kMaxLink && !is_found; ++k) {
       const std::uint32_t e = below_->edgeOf(seen[i].facet, k);
       const FacetSurface::Edge& edge = below_->edges()[e];
       if (!edge.isInner() || e == seen[i].over) continue;
@@ -211,31 +268,56 @@ bool Overlay::link(std::uint32_t t, std::uint32_t goal, float along, Path& path)
       bool is_new = true;
       for (std::size_t j = 0; j < count && is_new; ++j) is_new = seen[j].facet != next;
       if (is_new) seen[count++] = {next, e, i};
+      is_found = next == goal;
     }
   }
-  return false;
+  if (!is_found) return false;
+  std::array<std::size_t, kMaxLink> way;
+  std::size_t length = 0;
+  for (std::size_t j = count - 1; j != 0; j = seen[j].before) way[length++] = j;
+  while (length > 0) --length, cross(seen[way[length]].over, seen[way[length]].facet, along, path);
+  return true;
 }
 
 // The vertices below that lie within triangle s: on the inner side of all edges that its border crosses an odd number
 // of times. False: the walks do not say.
 bool Overlay::enclose(std::uint32_t s) {
-  cut_.clear();
+  const std::array<const Path*, 3> border{&paths_[above_->edgeOf(s, 0)], &paths_[above_->edgeOf(s, 1)],
+                                          &paths_[above_->edgeOf(s, 2)]};
   float distance = 0.0F;
-  for (std::size_t k = 0; k < 3; ++k)
-    if (!paths_[above_->edgeOf(s, k)].arrives) return false;
+  std::size_t crossings = 0;
   for (std::size_t k = 0; k < 3; ++k) {
-    const Path& path = paths_[above_->edgeOf(s, k)];
-    distance = std::max({distance, path.distance, gap_of_[above_->corner(s, k)].distance});
-    for (std::uint32_t i = path.first; i < path.last; ++i) is_cut_[crossings_[i].edge] ^= 1;
+    if (!border[k]->arrives) return false;
+    distance = std::max({distance, border[k]->distance, gap_of_[above_->corner(s, k)].distance});
+    crossings += border[k]->last - border[k]->first;
   }
-  for (std::size_t k = 0; k < 3; ++k) {
-    const Path& path = paths_[above_->edgeOf(s, k)];
-    for (std::uint32_t i = path.first; i < path.last; ++i)
-      if (std::uint8_t& is_cut = is_cut_[crossings_[i].edge]; is_cut != 0)
-        is_cut = 0, cut_.push_back(crossings_[i].edge);
-  }
+
   distance_[s] = distance;
-  if (cut_.empty()) return true;
+
+  // What is crossed an odd number of times: mostly nothing.
+  cut_.resize(crossings);
+  std::uint32_t* const cut = cut_.data();
+  std::uint8_t* const is_cut = is_cut_.data();
+  std::size_t met = 0;
+  std::size_t odd = 0;
+  for (const Path* path : border)
+    for (std::uint32_t i = path->first; i < path->last; ++i) {
+      const std::uint32_t e = crossings_[i].edge;
+      cut[met++] = e;
+      is_cut[e] ^= 1;
+      odd = is_cut[e] != 0 ? odd + 1 : odd - 1;
+    }
+  if (odd == 0) return true;
+
+  // Each of those edges once.
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < met; ++i) {
+    const std::uint32_t e = cut[i];
+    cut[count] = e;
+    count += is_cut[e];
+    is_cut[e] = 0;
+  }
+  cut_.resize(count);
   if (cut_.size() > kMaxCut) return false;
   inside_.clear();
   for (const std::uint32_t e : cut_) {
@@ -254,14 +336,11 @@ bool Overlay::enclose(std::uint32_t s) {
     if (contains(inside_, a) == contains(inside_, b)) return false;
   }
   for (const std::uint32_t v : inside_) {
-    const glm::vec3& p = below_->view().positions[v];
-    const Facet& facet = above_->facet(s);
-    float d = std::sqrt(facet.distance2(p));
-    d += 8.0F * kEpsilon * d + facet.roughness * (facet.longest + d);
-    Gap gap{d, 0.0F};
-    if (has_color_) gap.color = glm::length(below_->view().colors[v] - above_->colorNear(s, p));
+    const FacetSurface::Spot spot = above_->closest(s, below_->view().positions[v]);
+    Gap gap{spot.distance, 0.0F};
+    if (has_color_) gap.color = glm::length(below_->view().colors[v] - above_->colorAt(s, spot));
     enclosed_.push_back({v, gap});
-    distance = std::max(distance, d);
+    distance = std::max(distance, gap.distance);
   }
   distance_[s] = distance;
   return true;
@@ -309,6 +388,24 @@ bool Overlay::flood(std::uint32_t start, std::size_t most) {
   return true;
 }
 
+// Border edges below that the walks along the border cover (modulo 2): an odd number goes around either end, and none
+// ends between them that no other goes on from.
+void Overlay::findPinned() {
+  is_passed_.assign(below_->edges().size(), 0);
+  is_loose_.assign(above_->view().positions.size(), 0);
+  const auto isGood = [&](std::uint32_t e) { return is_good_[above_->edges()[e].triangle[0]] != 0; };
+  for (const Turn& turn : turns_) {
+    if (!isGood(turn.above)) continue;
+    for (const std::uint32_t e : {turn.from, turn.to})
+      is_passed_[e] ^= below_->edges()[e].vertex[0] == turn.vertex ? 1 : 2;
+  }
+  for (std::uint32_t e = 0; e < paths_.size(); ++e)
+    if (paths_[e].is_on_border && isGood(e))
+      for (const std::uint32_t v : above_->edges()[e].vertex) is_loose_[v] ^= 1;
+  for (std::uint32_t v = 0; v < is_loose_.size(); ++v)
+    if (is_loose_[v] != 0) is_passed_[border_of_[v]] = kNeverPinned;
+}
+
 // Facets that something of may lie in no cell.
 void Overlay::findBare() {
   is_bare_.assign(below_->triangleCount(), 0);
@@ -316,13 +413,11 @@ void Overlay::findBare() {
     if (is_enclosed_[v] != 0 || below_->leavingBorder(v) != kNone) continue;
     for (const std::uint32_t t : below_->around(v)) is_bare_[t] = 1;
   }
-  is_pinned_.assign(below_->edges().size(), 0);
-  for (std::size_t e = 0; e < paths_.size(); ++e)
-    if (paths_[e].same != kNone && is_good_[above_->edges()[e].triangle[0]] != 0) is_pinned_[paths_[e].same] = 1;
   // Borders: all of those that meet at a vertex are pinned, or nothing is known around it.
+  findPinned();
   for (std::uint32_t e = 0; e < below_->edges().size(); ++e) {
     const FacetSurface::Edge& edge = below_->edges()[e];
-    if (edge.triangles != 1 || is_pinned_[e] != 0) continue;
+    if (edge.triangles != 1 || is_passed_[e] == kBothEnds) continue;
     for (const std::uint32_t v : edge.vertex)
       for (const std::uint32_t t : below_->around(v)) is_bare_[t] = 1;
   }
@@ -332,7 +427,7 @@ void Overlay::findBare() {
     const Path& path = paths_[e];
     if (!path.arrives) continue;
     if (edge.triangles == 2 && is_good_[edge.triangle[0]] == is_good_[edge.triangle[1]]) continue;
-    if (edge.triangles == 1 && (is_good_[edge.triangle[0]] == 0 || path.same != kNone)) continue;
+    if (edge.triangles == 1 && (is_good_[edge.triangle[0]] == 0 || path.is_on_border)) continue;
     is_bare_[path.start] = 1;
     for (std::uint32_t i = path.first; i < path.last; ++i) is_bare_[crossings_[i].facet] = 1;
   }

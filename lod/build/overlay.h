@@ -11,6 +11,10 @@
 // its corners, linearly on both sides, a cell lies in s and in t, which are convex; and the distance between its two
 // pictures is largest at a corner, a pair; so is that of their colours. So no point of a cell is farther from its
 // partner than the largest pair of the cell. How the walks were made changes how tight that is, never that it holds.
+//
+// Beyond a border is no cell. So a border edge above is walked along a border below, and there the arcs of the one must
+// make up the whole of the other. Where they don't, nothing is said about the facets at the ends of that edge below.
+//
 // Compare the successive mappings of Cohen, Manocha and Olano 1997, which project every collapse onto a plane.
 #include <cstdint>
 #include <span>
@@ -29,9 +33,11 @@ class Overlay {
   };
 
   /// Vertex v of `above` lies over facet facet_of[v] of `below`, at most gap_of[v] from it. A vertex at the same place
-  /// as vertex twin_of[v] of `below` lies over one of the facets there; kNone: at none.
+  /// as vertex twin_of[v] of `below` lies over one of the facets there; kNone: at none. A vertex on a border may lie on
+  /// border edge border_of[v] of that facet; kNone: on none.
   void make(FacetSurface& above, FacetSurface& below, std::span<const std::uint32_t> facet_of,
-            std::span<const Gap> gap_of, std::span<const std::uint32_t> twin_of);
+            std::span<const Gap> gap_of, std::span<const std::uint32_t> twin_of,
+            std::span<const std::uint32_t> border_of);
 
   /// Do the pairs prove anything about triangle s of `above`?
   bool coversAbove(std::uint32_t s) const { return is_good_[s] != 0; }
@@ -46,22 +52,24 @@ class Overlay {
     for (const Enclosed& e : enclosed_) with(e.vertex, e.gap.distance);
   }
 
-  /// Calls with(t, gap) for each pair of s and each facet whose cells it belongs to; several times for most facets.
+  /// Calls with(t, gap) for each pair on edge e of `above` and each facet whose cells it belongs to; several times for
+  /// most facets. These are pairs of all triangles at e.
   template <class Do>
-  void forEachPair(std::uint32_t s, Do&& with) const {
-    for (std::size_t k = 0; k < 3; ++k) {
-      const std::uint32_t e = above_->edgeOf(s, k);
-      const Path& path = paths_[e];
-      const auto [a, b] = above_->edges()[e].vertex;
-      std::uint32_t t = path.start;
-      Gap came = gap_of_[a];
-      for (std::uint32_t i = path.first; i < path.last; ++i) {
-        const Crossing& crossing = crossings_[i];
-        with(t, larger(came, crossing.gap));
-        t = crossing.facet, came = crossing.gap;
-      }
-      with(t, larger(came, gap_of_[b]));
+  void forEachPairOfEdge(std::uint32_t e, Do&& with) const {
+    const Path& path = paths_[e];
+    const auto [a, b] = above_->edges()[e].vertex;
+    std::uint32_t t = path.start;
+    Gap came = gap_of_[a];
+    for (std::uint32_t i = path.first; i < path.last; ++i) {
+      const Crossing& crossing = crossings_[i];
+      with(t, larger(came, crossing.gap));
+      t = crossing.facet, came = crossing.gap;
     }
+    with(t, larger(came, gap_of_[b]));
+  }
+  /// The same for the pairs within triangle s.
+  template <class Do>
+  void forEachPairWithin(std::uint32_t s, Do&& with) const {
     for (std::uint32_t i = first_enclosed_[s]; i < first_enclosed_[s + 1]; ++i)
       for (const std::uint32_t t : below_->around(enclosed_[i].vertex)) with(t, enclosed_[i].gap);
   }
@@ -81,7 +89,7 @@ class Overlay {
     std::uint32_t last = 0;
     float distance = 0.0F;  // the largest
     bool arrives = false;
-    std::uint32_t same = kNone;  // a border edge below that is this one
+    bool is_on_border = false;  // never leaves the border below
   };
   /// A vertex below that lies within a triangle above.
   struct Enclosed {
@@ -96,20 +104,25 @@ class Overlay {
   void walk(const FacetSurface::Edge& edge, Path& path);
 
   bool walkBorder(const FacetSurface::Edge& edge, Path& path);
+  int stepsOnBorder(std::uint32_t from, std::uint32_t to, bool ahead) const;
+  Gap gapAt(std::uint32_t v, const FacetSurface::Edge& edge) const;
+  std::uint32_t nextOnBorder(std::uint32_t edge, std::uint32_t end) const;
   bool walkSame(const FacetSurface::Edge& edge, Path& path);
   void cross(std::uint32_t edge, std::uint32_t facet, float along, Path& path);
-  bool turn(std::uint32_t t, std::uint32_t goal, std::uint32_t v, float color);
+  bool turn(std::uint32_t t, std::uint32_t goal, std::uint32_t v, const Gap& gap);
   bool link(std::uint32_t t, std::uint32_t goal, float along, Path& path);
   bool enclose(std::uint32_t s);
   bool isAlone(std::uint32_t v) const;
   bool flood(std::uint32_t start, std::size_t most);
   void findBare();
+  void findPinned();
 
   FacetSurface* above_ = nullptr;
   FacetSurface* below_ = nullptr;
   std::span<const std::uint32_t> facet_of_;
   std::span<const Gap> gap_of_;
   std::span<const std::uint32_t> twin_of_;
+  std::span<const std::uint32_t> border_of_;
   bool has_color_ = false;
   std::vector<Path> paths_;  // per edge above
   std::vector<Crossing> crossings_;
@@ -119,11 +132,21 @@ class Overlay {
   std::vector<std::uint8_t> is_good_;
   std::vector<std::uint8_t> is_bare_;
   std::vector<std::uint8_t> is_enclosed_;  // per vertex below: by an odd number of good triangles
-  std::vector<std::uint8_t> is_pinned_;    // per edge below: the same border edge is above
+  // An edge above goes around a border vertex below, from one border edge to the next.
+  struct Turn {
+    std::uint32_t above = 0;
+    std::uint32_t vertex = 0;
+    std::uint32_t from = 0;
+    std::uint32_t to = 0;
+  };
+  std::vector<Turn> turns_;
+  std::vector<std::uint8_t> is_loose_;   // per vertex above: an odd number of walks along the border end there
+  std::vector<std::uint8_t> is_passed_;  // per edge below: of what ends of it an odd number of walks goes around
   // Of the walk or the triangle at hand.
   glm::vec3 origin_{0.0F};
   glm::vec3 whole_{0.0F};
   float length_ = 0.0F;
+  float length2_ = 0.0F;
   glm::vec3 color_[2];              // of its ends
   std::vector<std::uint32_t> cut_;  // edges below that go in or out
   std::vector<std::uint8_t> is_cut_;
