@@ -8,6 +8,7 @@
 #include <numeric>
 #include <optional>
 
+#include "base/geometry.h"
 #include "lod/build/point_grid.h"
 
 namespace lod::build {
@@ -20,6 +21,9 @@ constexpr double kBorderWeight = 10.0;
 // cover less than this share of their longest edge's square is tied to its place by this share of a mean edge's square.
 constexpr double kThinFan = 0.3;
 constexpr double kPointWeight = 5e-3;
+// Planes do not say how far a spike sticks out, as those of its sides all hold its axis. Where the vector sum of a fan's
+// areas is less than this share of their plain sum, distances are measured.
+constexpr double kFolded = 0.5;
 // A full change of colour (black to white) counts like a distance of this many mean edges, a normal turned by 60
 // degrees like this many.
 constexpr double kColorLength = 0.25;
@@ -360,6 +364,7 @@ class Simplifier {
   }
 
   void addTriangleQuadrics() {
+    std::vector<glm::dvec3> vector_area(vertices_.size(), glm::dvec3(0.0));
     for (std::uint32_t t = 0; 3 * std::size_t{t} < mesh_.indices.size(); ++t) {
       const std::uint32_t* c = &mesh_.indices[3 * std::size_t{t}];
       glm::dvec3 n = triangleNormal(t);
@@ -370,10 +375,22 @@ class Simplifier {
       Quadric q;
       q.addPlane(n, -glm::dot(n, glm::dvec3(mesh_.positions[c[0]])), area);
       q.weight = area;
-      for (int k = 0; k < 3; ++k) vertices_[c[k]].quadric.add(q);
+      for (int k = 0; k < 3; ++k) vertices_[c[k]].quadric.add(q), vector_area[c[k]] += area * n;
     }
+    findFolds(vector_area);
     tieThinFans();
     queueEdges();
+  }
+
+  void findFolds(const std::vector<glm::dvec3>& vector_area) {
+    folded_.assign(vertices_.size(), 0);
+    double sum = 0.0;
+    for (std::size_t v = 0; v < vertices_.size(); ++v) {
+      const double area = vertices_[v].quadric.weight;
+      folded_[v] = glm::length(vector_area[v]) < kFolded * area ? 1 : 0;
+      sum += area;
+    }
+    mean_fan_ = sum / static_cast<double>(std::max<std::size_t>(1, vertices_.size()));
   }
 
   void tieThinFans() {
@@ -441,6 +458,7 @@ class Simplifier {
                               edge.along};
       if (flips(collapse, stage.keep_orientation)) continue;
       if (live_ <= state.triangles) continue;
+      if (isFolded(collapse) && waits(entry, static_cast<float>(foldCost(collapse)))) continue;
       apply(collapse);
     }
   }
@@ -634,8 +652,35 @@ class Simplifier {
     return false;
   }
 
+  bool isFolded(const Collapse& c) const { return folded_[c.gone] != 0 || folded_[c.kept] != 0; }
+
+  // What the two old places are from the new fan, weighted as by planes; but a thin spike counts like any other.
+  double foldCost(const Collapse& c) const {
+    double far2 = 0.0;
+    for (const std::uint32_t v : {c.gone, c.kept}) far2 = std::max(far2, distance2ToNewFan(c, mesh_.positions[v]));
+    return far2 * std::max(mean_fan_, vertices_[c.gone].quadric.weight + vertices_[c.kept].quadric.weight);
+  }
+
+  double distance2ToNewFan(const Collapse& c, const glm::vec3& from) const {
+    const glm::dvec3 p(from);
+    const glm::dvec3 apex(c.position);
+    double near2 = glm::dot(apex - p, apex - p);
+    for (const std::uint32_t moved : {c.gone, c.kept}) {
+      const std::uint32_t other = moved == c.gone ? c.kept : c.gone;
+      forEachTriangle(moved, [&](std::uint32_t t) {
+        if (touches(t, other)) return;
+        const auto [second, third] = otherCorners(t, moved);
+        const glm::dvec3 q = base::closestPointOnTriangle(p, apex, glm::dvec3(mesh_.positions[second]),
+                                                          glm::dvec3(mesh_.positions[third]));
+        near2 = std::min(near2, glm::dot(q - p, q - p));
+      });
+    }
+    return near2;
+  }
+
   void apply(const Collapse& c) {
     moveAttributes(c);
+    folded_[c.kept] |= folded_[c.gone];
     survivor_[c.gone] = c.kept;
     vertices_[c.kept].quadric.add(vertices_[c.gone].quadric);
     vertices_[c.kept].changed = ++collapses_;
@@ -744,6 +789,8 @@ class Simplifier {
   std::uint32_t stamp_ = 0;
   std::vector<std::uint32_t> component_;  // per vertex; made when first asked for
   std::optional<PointGrid> grid_;
+  std::vector<std::uint8_t> folded_;  // per vertex
+  double mean_fan_ = 0.0;             // area
   double mean_edge_ = 1.0;
   double color_scale_ = 0.0;
   double normal_scale_ = 0.0;

@@ -3,8 +3,11 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <limits>
 #include <map>
+#include <random>
 
+#include "base/geometry.h"
 #include "tests/support/test_meshes.h"
 
 namespace {
@@ -93,6 +96,38 @@ TEST(Simplify, AFlatOpenBorderKeepsItsOutline) {
     area += 0.5 * glm::cross(group.positions[out.indices[i + 1]] - a, group.positions[out.indices[i + 2]] - a).z;
   }
   EXPECT_DOUBLE_EQ(area, 900.0 * 900.0);
+}
+
+double distanceTo(const GroupMesh& group, const Simplified& result, const glm::vec3& p) {
+  double nearest2 = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < result.indices.size(); i += 3) {
+    const auto corner = [&](std::size_t k) { return glm::dvec3(group.positions[result.indices[i + k]]); };
+    const glm::dvec3 d = glm::dvec3(p) - base::closestPointOnTriangle(glm::dvec3(p), corner(0), corner(1), corner(2));
+    nearest2 = std::min(nearest2, glm::dot(d, d));
+  }
+  return std::sqrt(nearest2);
+}
+
+// The sides of a needle all but hold its axis: the distances from their planes would let it go among any rough ground.
+TEST(Simplify, NeedlesOutliveTheRoughGroundTheyStandOn) {
+  constexpr std::uint32_t kRow = 41;
+  GroupMesh group = groupOf(support::openGrid(40, 0.0F), 4000.0F);
+  std::mt19937 random(3);
+  std::uniform_int_distribution<int> height(0, 60);
+  for (glm::vec3& p : group.positions) p.z += static_cast<float>(height(random));
+  std::vector<glm::vec3> tips;
+  for (std::uint32_t y = 4; y < 40; y += 8)
+    for (std::uint32_t x = 4; x < 40; x += 8) {
+      const glm::vec3 foot = group.positions[y * kRow + x];
+      for (std::uint32_t v : {-kRow - 1, -kRow, -kRow + 1, ~0U, 1U, kRow - 1, kRow, kRow + 1}) {
+        glm::vec3& p = group.positions[y * kRow + x + v];
+        p = glm::round(glm::mix(foot, p, 0.1F));
+      }
+      group.positions[y * kRow + x].z += 400.0F;
+      tips.push_back(group.positions[y * kRow + x]);
+    }
+  const Simplified out = simplifyGroup(group, 2 * 3200 / 5);
+  for (const glm::vec3& tip : tips) EXPECT_LT(distanceTo(group, out, tip), 60.0);
 }
 
 TEST(Simplify, StillHalvesSoupWhereNothingIsShared) {
