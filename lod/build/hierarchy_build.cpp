@@ -203,7 +203,7 @@ class Builder {
   // Everything that decides the work files, their own format first. Threads and memory do not.
   std::string resumeKey() const {
     if (options_.resume_key.empty()) return {};
-    std::string key = "8";
+    std::string key = "9";
     for (const std::uint32_t v : {options_.voxel_triangles, options_.leaf_triangles, options_.node_triangles,
                                   options_.group_patches, options_.position_bits, options_.regroup ? 1U : 0U}) {
       key += ' ';
@@ -348,12 +348,12 @@ class Builder {
 
   base::Result<void> makeLevels(std::vector<WorkPatch> leaves) {
     for (const WorkPatch& leaf : leaves) summary_.triangles += leaf.record.triangles;
-    // Each level has half the triangles of the one below: twice the leaves' in all.
+    // Groups keep two fifths, pairs of the binary tree a half: that often the leaves' in all.
+    const double all = static_cast<double>(summary_.triangles) * (options_.regroup ? 5.0 / 3.0 : 2.0);
     std::uint64_t finished = 0;
     levels_.emplace(lattice_, options_, *store_, [&, this](std::uint64_t more) {
       finished += more;
-      return report("simplify",
-                    std::min(1.0, static_cast<double>(finished) / (2.0 * static_cast<double>(summary_.triangles))));
+      return report("simplify", std::min(1.0, static_cast<double>(finished) / all));
     });
     for (auto& [unit, patches] : known_)
       if (unit.level != 0) levels_->know(unit, std::move(patches));

@@ -25,7 +25,7 @@ struct HierarchyOptions {
   std::uint32_t voxel_triangles = 500;  ///< Nv: a voxel over this is subdivided
   std::uint32_t leaf_triangles = 4000;  ///< Nl: most triangles of a leaf patch
   std::uint32_t node_triangles = 2000;  ///< Nn: most triangles of any other patch
-  std::uint32_t group_patches = 4;      ///< about how many patches make a group
+  std::uint32_t group_patches = 6;      ///< about how many patches make a group
   std::uint32_t position_bits = 0;  ///< 10..21 along the longest side; 0: chosen so that the step is at most 1/16 of
                                     ///< the mean edge, at least 14
   bool regroup = true;              ///< false: the paper's binary tree, whose locked borders pile up (for the chart)
