@@ -21,8 +21,8 @@ constexpr double kBorderWeight = 10.0;
 // cover less than this share of their longest edge's square is tied to its place by this share of a mean edge's square.
 constexpr double kThinFan = 0.3;
 constexpr double kPointWeight = 5e-3;
-// Planes do not say how far a spike sticks out, as those of its sides all hold its axis. Where the vector sum of a fan's
-// areas is less than this share of their plain sum, distances are measured.
+// Planes do not say how far a spike sticks out, as those of its sides all hold its axis. Where the vector sum of a
+// fan's areas is less than this share of their plain sum, distances are measured.
 constexpr double kFolded = 0.5;
 // A full change of colour (black to white) counts like a distance of this many mean edges, a normal turned by 60
 // degrees like this many.
