@@ -165,7 +165,9 @@ class Layer {
         if (has_color) gap.color = glm::length(source_.colors[v] - target_.view().colors[kept]);
         continue;
       }
-      const FacetSurface::Spot spot = target_.closest(nearFacet(v, known), source_.positions[v]);
+      FacetSurface::Spot spot;
+      facet_[v] = target_.over(kept, source_.positions[v], known, spot);
+      if (facet_[v] == kNone) spot = target_.closest(nearFacet(v, known), source_.positions[v]);
       known = std::max(known, spot.distance);
       gap.distance = spot.distance;
       if (has_color) gap.color = glm::length(source_.colors[v] - target_.colorAt(facet_[v], spot));

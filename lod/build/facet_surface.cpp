@@ -142,6 +142,25 @@ std::uint32_t FacetSurface::borderStart(std::uint32_t e) const {
   return corner(t, edgeOf(t, 0) == e ? 0 : edgeOf(t, 1) == e ? 1 : 2);
 }
 
+std::uint32_t FacetSurface::over(std::uint32_t v, const glm::vec3& p, float enough, Spot& spot) {
+  for (const std::uint32_t t : around(v)) {
+    const Facet& f = facet(t);
+    if (f.thin) continue;
+    const glm::vec3 to = p - f.corner[0];
+    const float height = std::abs(glm::dot(f.normal, to));
+    const float from_c = glm::dot(f.wall[0], to);
+    const float from_b = glm::dot(f.wall[2], to);
+    const float from_a = glm::dot(f.wall[1], p - f.corner[1]);
+    if (std::min({from_a, from_b, from_c}) < 0.0F || height > enough) continue;
+    // Each corner's share is the distance from the wall opposite, as a part of the corner's own.
+    spot.share = {from_b / glm::dot(f.wall[2], f.corner[1] - f.corner[0]),
+                  from_c / glm::dot(f.wall[0], f.corner[2] - f.corner[0])};
+    spot.distance = height * (1.0F + 8.0F * kEpsilon) + f.roughness * (f.longest + glm::length(to));
+    return t;
+  }
+  return kNone;
+}
+
 std::uint32_t FacetSurface::descend(std::uint32_t t, const glm::vec3& p, float& distance2, float enough2) {
   for (int step = 0; step < 4 && distance2 > enough2; ++step) {
     std::uint32_t next = t;

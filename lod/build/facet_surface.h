@@ -83,6 +83,11 @@ class FacetSurface {
   std::uint32_t triangleCount() const { return static_cast<std::uint32_t>(made_.size()); }
   std::uint32_t corner(std::uint32_t t, std::size_t k) const { return surface_.indices[3 * std::size_t{t} + k]; }
 
+  /// Which corner of t is v, one of the three.
+  std::size_t cornerOf(std::uint32_t t, std::uint32_t v) const {
+    return corner(t, 0) == v ? 0 : corner(t, 1) == v ? 1 : 2;
+  }
+
   const Facet& facet(std::uint32_t t) {
     if (made_[t] == 0) make(t, facets_[t]);
     return facets_[t];
@@ -101,6 +106,12 @@ class FacetSurface {
   std::span<const Edge> edges() const { return edges_; }
   /// The edge of corners k and k + 1.
   std::uint32_t edgeOf(std::uint32_t t, std::size_t k) const { return edge_of_[3 * std::size_t{t} + k]; }
+  /// The edge of t at its corner v that is not e.
+  std::uint32_t otherEdge(std::uint32_t t, std::uint32_t v, std::uint32_t e) const {
+    const std::size_t k = cornerOf(t, v);
+    const std::uint32_t one = edgeOf(t, k);
+    return one != e ? one : edgeOf(t, k == 0 ? 2 : k - 1);
+  }
   /// Some triangle beyond that edge, or kNone.
   std::uint32_t neighbor(std::uint32_t t, std::size_t k) const { return edges_[edgeOf(t, k)].across(t); }
 
@@ -124,6 +135,9 @@ class FacetSurface {
     }
     return best;
   }
+  /// The first facet around vertex v that p lies over, no higher than `enough`, with the point of it that p lies over;
+  /// kNone: none. Thin ones are not asked.
+  std::uint32_t over(std::uint32_t v, const glm::vec3& p, float enough, Spot& spot);
   /// From a facet on to nearer ones around its corners, while that helps and it is not near enough.
   std::uint32_t descend(std::uint32_t t, const glm::vec3& p, float& distance2, float enough2);
   /// A facet near p, found without history.

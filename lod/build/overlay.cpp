@@ -19,6 +19,8 @@ constexpr std::size_t kMaxEnclosed = 24;
 constexpr int kMaxBorder = 8;
 // The squared sine below which two edges count as parallel.
 constexpr float kParallel = 1e-4F;
+// The squared cosine from which on a facet is taken to be the one that an edge runs along.
+constexpr float kClear = 0.75F;
 // Of a border edge: walks go around both of its ends; one ends on it.
 constexpr std::uint8_t kBothEnds = 3;
 constexpr std::uint8_t kNeverPinned = 4;
@@ -40,86 +42,130 @@ void Overlay::make(FacetSurface& above, FacetSurface& below, std::span<const std
   crossings_.clear();
   turns_.clear();
   paths_.resize(above.edges().size());
-  for (std::size_t e = 0; e < paths_.size(); ++e) walk(above.edges()[e], paths_[e]);
+  for (std::uint32_t e = 0; e < paths_.size(); ++e) walk(e, paths_[e]);
 
   const std::uint32_t triangles = above.triangleCount();
   is_good_.assign(triangles, 0);
   distance_.assign(triangles, 0.0F);
   is_cut_.assign(below.edges().size(), 0);
   is_enclosed_.assign(below.view().positions.size(), 0);
-  enclosed_.clear();
+  is_turned_.assign(below.edges().size(), 0);
+  enclosed_.clear(), passed_.clear();
   first_enclosed_.resize(triangles + 1);
+  first_passed_.resize(triangles + 1);
   for (std::uint32_t s = 0; s < triangles; ++s) {
     first_enclosed_[s] = static_cast<std::uint32_t>(enclosed_.size());
+    first_passed_[s] = static_cast<std::uint32_t>(passed_.size());
     is_good_[s] = enclose(s) ? 1 : 0;
-    if (is_good_[s] == 0) enclosed_.resize(first_enclosed_[s]);
+    if (is_good_[s] == 0) {
+      enclosed_.resize(first_enclosed_[s]);
+      passed_.resize(first_passed_[s]);
+      continue;
+    }
     for (std::size_t i = first_enclosed_[s]; i < enclosed_.size(); ++i) is_enclosed_[enclosed_[i].vertex] ^= 1;
+    for (const Corner& corner : corners_)
+      is_turned_[corner.edge] ^= below.edges()[corner.edge].vertex[0] == corner.vertex ? 1 : 2;
   }
   first_enclosed_[triangles] = static_cast<std::uint32_t>(enclosed_.size());
+  first_passed_[triangles] = static_cast<std::uint32_t>(passed_.size());
   findBare();
 }
 
 // From facet to facet along the edge, out over the wall that it meets first, to the facet of its other end.
-void Overlay::walk(const FacetSurface::Edge& edge, Path& path) {
+void Overlay::walk(std::uint32_t e, Path& path) {
+  const FacetSurface::Edge& edge = above_->edges()[e];
   const auto [a, b] = edge.vertex;
   origin_ = above_->view().positions[a];
   whole_ = above_->view().positions[b] - origin_;
   length2_ = glm::dot(whole_, whole_);
   length_ = std::sqrt(length2_);
-  if (const auto& colors = above_->view().colors; !colors.empty()) color_[0] = colors[a], color_[1] = colors[b];
-  std::uint32_t t = facet_of_[a];
-  const std::uint32_t goal = facet_of_[b];
-  path = {t, static_cast<std::uint32_t>(crossings_.size()), 0, 0.0F, true, false};
-  if (edge.triangles == 1 && border_of_[a] != kNone && border_of_[b] != kNone && walkBorder(edge, path)) return;
-  if (twin_of_[a] != kNone && twin_of_[b] != kNone && walkSame(edge, path)) return;
-  // Exactly on walls through vertices that the ends lie on.
+  if (has_color_) color_[0] = above_->view().colors[a], color_[1] = above_->view().colors[b];
+  path = {facet_of_[a], facet_of_[b], static_cast<std::uint32_t>(crossings_.size()), 0, 0.0F, true, false};
+  path.last = path.first;
+  if (edge.triangles == 1 && border_of_[a] != kNone && border_of_[b] != kNone && walkBorder(e, path)) return;
   const std::uint32_t twin_a = twin_of_[a];
   const std::uint32_t twin_b = twin_of_[b];
+  if (twin_a != kNone && twin_b != kNone && isSame(e, path)) return;
+
+  // From a vertex that is the same below it leaves by any facet there, and at one it may arrive by any.
+  if (twin_a != kNone) path.start = facetToward(twin_a);
+  const Goal goal{facet_of_[b], twin_b};
+  std::uint32_t t = path.start;
   std::uint32_t came_over = kNone;
   float along = 0.0F;
-  for (int step = 0; t != goal; ++step) {
+  for (int step = 0; !isReached(goal, t); ++step) {
     const Facet& facet = below_->facet(t);
     std::size_t out = 3;
     float first = std::numeric_limits<float>::max();
     for (std::size_t k = 0; k < 3 && !facet.flat; ++k) {
-      const std::uint32_t e = below_->edgeOf(t, k);
+      const std::uint32_t over = below_->edgeOf(t, k);
       // Beyond a border is nothing: the edge stays where it is.
-      const FacetSurface::Edge& wall = below_->edges()[e];
-      if (e == came_over || !wall.isInner() || wall.endsAt(twin_b)) continue;
-      float from = glm::dot(facet.wall[k], origin_ - facet.corner[k]);
+      const FacetSurface::Edge& wall = below_->edges()[over];
+      if (over == came_over || !wall.isInner() || wall.endsAt(twin_a)) continue;
+      const float from = glm::dot(facet.wall[k], origin_ - facet.corner[k]);
       const float to = from + glm::dot(facet.wall[k], whole_);
       if (to >= 0.0F) continue;
-      if (wall.endsAt(twin_a)) from = 0.0F;
       // Beyond it from the start: before all others, the farthest first.
       const float when = from <= 0.0F ? from : from / (from - to);
       if (when < first) first = when, out = k;
     }
     if (out == 3 || step == kMaxSteps) {
       // Over a facet that is not that of its end: in a fold or over a ridge, near one border, or over a flat facet.
-      const bool is_end = step < kMaxSteps && !facet.flat;
-      path.arrives = (is_end && twin_b != kNone && turn(t, goal, twin_b, gap_of_[b])) ||
-                     link(t, goal, is_end ? 1.0F : along, path);
+      path.arrives = link(t, goal, step < kMaxSteps && !facet.flat ? 1.0F : along, path);
       break;
     }
     along = std::max(along, std::clamp(first, 0.0F, 1.0F));
     came_over = below_->edgeOf(t, out);
     t = below_->edges()[came_over].across(t);
-    if (along == 0.0F && below_->edges()[came_over].endsAt(twin_a))
-      crossings_.push_back({came_over, t, {0.0F, gap_of_[a].color}});
-    else
-      cross(came_over, t, along, path);
+    cross(came_over, t, along, path);
   }
   path.last = static_cast<std::uint32_t>(crossings_.size());
+  if (path.last != path.first)
+    path.end = crossings_.back().facet;
+  else
+    path.end = path.start;
+}
+
+// Is this the facet of the goal, or any at its vertex?
+bool Overlay::isReached(const Goal& goal, std::uint32_t t) const {
+  if (goal.twin == kNone) return t == goal.facet;
+  return below_->corner(t, 0) == goal.twin || below_->corner(t, 1) == goal.twin || below_->corner(t, 2) == goal.twin;
+}
+
+// The facet around vertex v below that the edge above runs along best.
+std::uint32_t Overlay::facetToward(std::uint32_t v) {
+  std::uint32_t best = kNone;
+  float most = -1.0F;
+  for (const std::uint32_t t : below_->around(v)) {
+    const Facet& facet = below_->facet(t);
+    const std::size_t k = below_->cornerOf(t, v);
+    const std::size_t last = k == 0 ? 2 : k - 1;
+    // The square of its shadow on the wedge between both walls.
+    float shadow2 = 0.0F;
+    if (!facet.flat && glm::dot(facet.wall[k], whole_) >= 0.0F && glm::dot(facet.wall[last], whole_) >= 0.0F) {
+      const float height = glm::dot(facet.normal, whole_);
+      shadow2 = length2_ - height * height;
+      if (shadow2 > kClear * length2_) return t;
+    } else {
+      for (const std::size_t other : {k == 2 ? 0 : k + 1, last}) {
+        const glm::vec3 side = facet.corner[other] - facet.corner[k];
+        const float ahead = std::max(0.0F, glm::dot(side, whole_));
+        shadow2 = std::max(shadow2, ahead * ahead / glm::dot(side, side));
+      }
+    }
+    if (shadow2 > most) most = shadow2, best = t;
+  }
+  return best;
 }
 
 // Along the border below, around the vertices between the border edges that the ends lie on. Each is paired with the
 // point of the edge that is nearest, and so are the ends of all edges there. So nothing is left bare between the two
 // borders.
-bool Overlay::walkBorder(const FacetSurface::Edge& edge, Path& path) {
+bool Overlay::walkBorder(std::uint32_t e, Path& path) {
+  const FacetSurface::Edge& edge = above_->edges()[e];
   const auto [a, b] = edge.vertex;
-  const auto number = static_cast<std::uint32_t>(&path - paths_.data());
   const std::uint32_t goal = border_of_[b];
-  bool ahead = above_->borderStart(number) == a;
+  bool ahead = above_->borderStart(e) == a;
   int steps = stepsOnBorder(border_of_[a], goal, ahead);
   if (steps < 0) ahead = !ahead, steps = stepsOnBorder(border_of_[a], goal, ahead);
   if (steps < 0) return false;
@@ -129,19 +175,20 @@ bool Overlay::walkBorder(const FacetSurface::Edge& edge, Path& path) {
     const std::uint32_t start = below_->borderStart(at);
     const std::uint32_t v = ahead ? below_->edges()[at].otherEnd(start) : start;
     const std::uint32_t next = nextOnBorder(at, v);
-    const std::size_t first = crossings_.size();
     const Gap gap = gapAt(v, edge);
     // Where no edge leads into the surface no crossing keeps the pair, unless it is that of an end.
     const bool is_kept = below_->around(v).size() > 1 || twin_of_[a] == v || twin_of_[b] == v;
-    if (!is_kept || !turn(below_->edges()[at].triangle[0], below_->edges()[next].triangle[0], v, gap) ||
-        crossings_.size() - first + 1 != below_->around(v).size()) {
+    const std::vector<Step>* way =
+        is_kept ? turn(below_->edges()[at].triangle[0], below_->edges()[next].triangle[0], v) : nullptr;
+    if (way == nullptr || way->size() + 1 != below_->around(v).size()) {
       crossings_.resize(path.first);
       turns_.resize(first_turn);
       path.distance = 0.0F;
       return false;
     }
+    for (const Step& step : *way) crossings_.push_back({step.edge, step.facet, gap});
     path.distance = std::max(path.distance, gap.distance);
-    turns_.push_back({number, v, at, next});
+    turns_.push_back({e, v, at, next});
     at = next;
   }
   path.last = static_cast<std::uint32_t>(crossings_.size());
@@ -177,20 +224,22 @@ Overlay::Gap Overlay::gapAt(std::uint32_t v, const FacetSurface::Edge& edge) con
   return gap;
 }
 
-// An edge that is the same below: around its one end to a facet on it, and on around the other.
-bool Overlay::walkSame(const FacetSurface::Edge& edge, Path& path) {
-  const auto [a, b] = edge.vertex;
-  for (const std::uint32_t t : below_->around(twin_of_[a])) {
-    bool is_on = false;
-    for (std::size_t k = 0; k < 3; ++k) is_on |= below_->corner(t, k) == twin_of_[b];
-    if (!is_on) continue;
-    if (turn(path.start, t, twin_of_[a], gap_of_[a]) && turn(t, facet_of_[b], twin_of_[b], gap_of_[b])) {
-      path.last = static_cast<std::uint32_t>(crossings_.size());
-      return true;
-    }
-    crossings_.resize(path.first);
+// An edge that is the same below lies in a facet at it: in the one that is on the side of its first triangle, if any.
+bool Overlay::isSame(std::uint32_t e, Path& path) const {
+  const auto [a, b] = above_->edges()[e].vertex;
+  const bool ahead = above_->borderStart(e) == a;
+  const std::uint32_t from = twin_of_[ahead ? a : b];
+  const std::uint32_t to = twin_of_[ahead ? b : a];
+  bool is_found = false;
+  for (const std::uint32_t t : below_->around(from)) {
+    const std::size_t k = below_->cornerOf(t, from);
+    const bool runs = below_->corner(t, k == 2 ? 0 : k + 1) == to;
+    if (!runs && below_->corner(t, k == 0 ? 2 : k - 1) != to) continue;
+    path.start = path.end = t;
+    is_found = true;
+    if (runs) break;
   }
-  return false;
+  return is_found;
 }
 
 // Pairs the points where the edge above and an edge below are nearest to each other; where they are as good as
@@ -221,36 +270,31 @@ void Overlay::cross(std::uint32_t edge, std::uint32_t facet, float along, Path& 
   crossings_.push_back({edge, facet, gap});
 }
 
-// Goes around vertex v from facet t to `goal`, where the edge above has an end on v: the pairs are as far apart as
-// those two. False: it is not around v, and nothing is done.
-bool Overlay::turn(std::uint32_t t, std::uint32_t goal, std::uint32_t v, const Gap& gap) {
-  const std::size_t first = crossings_.size();
-  const std::size_t all = below_->around(v).size();
-  // The one way, up to half around; the other; all of the one, where the other meets a border.
-  for (const auto& [side, most] : {std::pair{0, all / 2}, {1, all}, {0, all}}) {
-    std::uint32_t at = t;
-    std::uint32_t came_over = kNone;
-    while (at != goal && crossings_.size() - first < most) {
-      std::uint32_t over = kNone;
-      for (std::size_t k = 0; k < 3; ++k) {
-        const std::uint32_t e = below_->edgeOf(at, k);
-        if (e == came_over || !below_->edges()[e].endsAt(v)) continue;
-        over = e;
-        if (came_over != kNone || side == 0) break;
+// The shorter way around vertex v from facet t to `goal`, or null: they do not lie in one fan there.
+const std::vector<Overlay::Step>* Overlay::turn(std::uint32_t t, std::uint32_t goal, std::uint32_t v) {
+  for (auto& way : way_) way.clear();
+  if (t == goal) return &way_[0];
+  std::uint32_t at[2] = {t, t};
+  std::uint32_t over[2] = {kNone, below_->edgeOf(t, below_->cornerOf(t, v))};
+  over[0] = below_->otherEdge(t, v, over[1]);
+  for (std::size_t steps = 0; steps < below_->around(v).size(); ++steps)
+    for (std::size_t side = 0; side < 2; ++side) {
+      if (over[side] == kNone) continue;
+      const FacetSurface::Edge& edge = below_->edges()[over[side]];
+      if (!edge.isInner()) {
+        over[side] = kNone;
+        continue;
       }
-      if (over == kNone || !below_->edges()[over].isInner()) break;
-      at = below_->edges()[over].across(at);
-      came_over = over;
-      crossings_.push_back({over, at, gap});
+      at[side] = edge.across(at[side]);
+      way_[side].push_back({over[side], at[side]});
+      if (at[side] == goal) return &way_[side];
+      over[side] = below_->otherEdge(at[side], v, over[side]);
     }
-    if (at == goal) return true;
-    crossings_.resize(first);
-  }
-  return false;
+  return nullptr;
 }
 
-// The shortest way from facet t to `goal`, crossed at one point.
-bool Overlay::link(std::uint32_t t, std::uint32_t goal, float along, Path& path) {
+// The shortest way from facet t to the goal, crossed at one point.
+bool Overlay::link(std::uint32_t t, const Goal& goal, float along, Path& path) {
   struct Seen {
     std::uint32_t facet, over;
     std::size_t before;
@@ -258,7 +302,7 @@ bool Overlay::link(std::uint32_t t, std::uint32_t goal, float along, Path& path)
   std::array<Seen, kMaxLink> seen;
   std::size_t count = 0;
   seen[count++] = {t, kNone, 0};
-  bool is_found = t == goal;
+  bool is_found = isReached(goal, t);
   for (std::size_t i = 0; i < count && !is_found; ++i) {
     for (std::size_t k = 0; k < 3 && count < kMaxLink && !is_found; ++k) {
       const std::uint32_t e = below_->edgeOf(seen[i].facet, k);
@@ -268,7 +312,7 @@ bool Overlay::link(std::uint32_t t, std::uint32_t goal, float along, Path& path)
       bool is_new = true;
       for (std::size_t j = 0; j < count && is_new; ++j) is_new = seen[j].facet != next;
       if (is_new) seen[count++] = {next, e, i};
-      is_found = next == goal;
+      is_found = isReached(goal, next);
     }
   }
   if (!is_found) return false;
@@ -293,6 +337,8 @@ bool Overlay::enclose(std::uint32_t s) {
   }
 
   distance_[s] = distance;
+  if (!turnCorners(s)) return false;
+  crossings += corners_.size();
 
   // What is crossed an odd number of times: mostly nothing.
   cut_.resize(crossings);
@@ -300,13 +346,14 @@ bool Overlay::enclose(std::uint32_t s) {
   std::uint8_t* const is_cut = is_cut_.data();
   std::size_t met = 0;
   std::size_t odd = 0;
+  const auto meet = [&](std::uint32_t e) {
+    cut[met++] = e;
+    is_cut[e] ^= 1;
+    odd = is_cut[e] != 0 ? odd + 1 : odd - 1;
+  };
   for (const Path* path : border)
-    for (std::uint32_t i = path->first; i < path->last; ++i) {
-      const std::uint32_t e = crossings_[i].edge;
-      cut[met++] = e;
-      is_cut[e] ^= 1;
-      odd = is_cut[e] != 0 ? odd + 1 : odd - 1;
-    }
+    for (std::uint32_t i = path->first; i < path->last; ++i) meet(crossings_[i].edge);
+  for (const Corner& corner : corners_) meet(corner.edge);
   if (odd == 0) return true;
 
   // Each of those edges once.
@@ -344,6 +391,32 @@ bool Overlay::enclose(std::uint32_t s) {
   }
   distance_[s] = distance;
   return true;
+}
+
+// Around the corners of triangle s that are the same below, from the facet that its one edge arrives by to the one that
+// its other edge leaves by. False: there is no way.
+bool Overlay::turnCorners(std::uint32_t s) {
+  corners_.clear();
+  for (std::size_t k = 0; k < 3; ++k) {
+    const std::uint32_t v = above_->corner(s, k);
+    const std::uint32_t twin = twin_of_[v];
+    if (twin == kNone) continue;
+    const std::uint32_t from = endAt(above_->edgeOf(s, k == 0 ? 2 : k - 1), v);
+    const std::uint32_t to = endAt(above_->edgeOf(s, k), v);
+    if (from == to) continue;
+    const std::vector<Step>* way = turn(from, to, twin);
+    if (way == nullptr) return false;
+    for (const Step& step : *way) {
+      corners_.push_back({step.edge, twin});
+      if (step.facet != to) passed_.push_back({step.facet, gap_of_[v]});
+    }
+  }
+  return true;
+}
+
+// The facet that the walk along edge e above begins or ends with at v.
+std::uint32_t Overlay::endAt(std::uint32_t e, std::uint32_t v) const {
+  return above_->edges()[e].vertex[0] == v ? paths_[e].start : paths_[e].end;
 }
 
 // Are all edges of v cut, and none of them a border?
@@ -406,20 +479,35 @@ void Overlay::findPinned() {
     if (is_loose_[v] != 0) is_passed_[border_of_[v]] = kNeverPinned;
 }
 
+void Overlay::bareAround(const FacetSurface::Edge& edge) {
+  for (const std::uint32_t v : edge.vertex)
+    for (const std::uint32_t t : below_->around(v)) is_bare_[t] = 1;
+}
+
 // Facets that something of may lie in no cell.
 void Overlay::findBare() {
   is_bare_.assign(below_->triangleCount(), 0);
-  for (std::uint32_t v = 0; v < is_enclosed_.size(); ++v) {
-    if (is_enclosed_[v] != 0 || below_->leavingBorder(v) != kNone) continue;
-    for (const std::uint32_t t : below_->around(v)) is_bare_[t] = 1;
+  // An edge is covered to its end where an odd number of triangles turn over it there or enclose that; at a border,
+  // where the walks along it go around the end.
+  const auto isCovered = [&](std::uint32_t v, bool is_turned) {
+    return below_->leavingBorder(v) != kNone ? !is_turned : is_turned != (is_enclosed_[v] != 0);
+  };
+  for (std::uint32_t e = 0; e < below_->edges().size(); ++e) {
+    const FacetSurface::Edge& edge = below_->edges()[e];
+    if (edge.isInner()) {
+      if (isCovered(edge.vertex[0], (is_turned_[e] & 1) != 0) && isCovered(edge.vertex[1], (is_turned_[e] & 2) != 0))
+        continue;
+      for (const std::uint32_t t : edge.triangle) is_bare_[t] = 1;
+    } else if (edge.triangles > 2) {
+      bareAround(edge);
+    }
   }
   // Borders: all of those that meet at a vertex are pinned, or nothing is known around it.
   findPinned();
   for (std::uint32_t e = 0; e < below_->edges().size(); ++e) {
     const FacetSurface::Edge& edge = below_->edges()[e];
     if (edge.triangles != 1 || is_passed_[e] == kBothEnds) continue;
-    for (const std::uint32_t v : edge.vertex)
-      for (const std::uint32_t t : below_->around(v)) is_bare_[t] = 1;
+    bareAround(edge);
   }
   // An arc with cells on one side only is a border of what is covered; on a pinned border that is the border itself.
   for (std::size_t e = 0; e < paths_.size(); ++e) {

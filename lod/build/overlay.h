@@ -72,6 +72,7 @@ class Overlay {
   void forEachPairWithin(std::uint32_t s, Do&& with) const {
     for (std::uint32_t i = first_enclosed_[s]; i < first_enclosed_[s + 1]; ++i)
       for (const std::uint32_t t : below_->around(enclosed_[i].vertex)) with(t, enclosed_[i].gap);
+    for (std::uint32_t i = first_passed_[s]; i < first_passed_[s + 1]; ++i) with(passed_[i].facet, passed_[i].gap);
   }
 
  private:
@@ -85,6 +86,7 @@ class Overlay {
   };
   struct Path {
     std::uint32_t start = 0;  // facet
+    std::uint32_t end = 0;    // facet, if it arrives
     std::uint32_t first = 0;  // crossings
     std::uint32_t last = 0;
     float distance = 0.0F;  // the largest
@@ -97,24 +99,44 @@ class Overlay {
     Gap gap;
   };
 
+  /// A corner above that is the same below turns through this facet there.
+  struct Passed {
+    std::uint32_t facet = 0;
+    Gap gap;
+  };
+  /// One step around a vertex below: over an edge, into a facet.
+  struct Step {
+    std::uint32_t edge = 0;
+    std::uint32_t facet = 0;
+  };
+  /// Where a walk goes: to a facet, or to any at a vertex below.
+  struct Goal {
+    std::uint32_t facet = 0;
+    std::uint32_t twin = kNone;
+  };
+
   static Gap larger(const Gap& a, const Gap& b) {
     return {std::max(a.distance, b.distance), std::max(a.color, b.color)};
   }
 
-  void walk(const FacetSurface::Edge& edge, Path& path);
-
-  bool walkBorder(const FacetSurface::Edge& edge, Path& path);
+  void walk(std::uint32_t e, Path& path);
+  bool isReached(const Goal& goal, std::uint32_t t) const;
+  std::uint32_t facetToward(std::uint32_t v);
+  bool walkBorder(std::uint32_t e, Path& path);
   int stepsOnBorder(std::uint32_t from, std::uint32_t to, bool ahead) const;
   Gap gapAt(std::uint32_t v, const FacetSurface::Edge& edge) const;
   std::uint32_t nextOnBorder(std::uint32_t edge, std::uint32_t end) const;
-  bool walkSame(const FacetSurface::Edge& edge, Path& path);
+  bool isSame(std::uint32_t e, Path& path) const;
   void cross(std::uint32_t edge, std::uint32_t facet, float along, Path& path);
-  bool turn(std::uint32_t t, std::uint32_t goal, std::uint32_t v, const Gap& gap);
-  bool link(std::uint32_t t, std::uint32_t goal, float along, Path& path);
+  const std::vector<Step>* turn(std::uint32_t t, std::uint32_t goal, std::uint32_t v);
+  bool link(std::uint32_t t, const Goal& goal, float along, Path& path);
   bool enclose(std::uint32_t s);
+  bool turnCorners(std::uint32_t s);
+  std::uint32_t endAt(std::uint32_t e, std::uint32_t v) const;
   bool isAlone(std::uint32_t v) const;
   bool flood(std::uint32_t start, std::size_t most);
   void findBare();
+  void bareAround(const FacetSurface::Edge& edge);
   void findPinned();
 
   FacetSurface* above_ = nullptr;
@@ -128,10 +150,13 @@ class Overlay {
   std::vector<Crossing> crossings_;
   std::vector<Enclosed> enclosed_;
   std::vector<std::uint32_t> first_enclosed_;
+  std::vector<Passed> passed_;
+  std::vector<std::uint32_t> first_passed_;
   std::vector<float> distance_;
   std::vector<std::uint8_t> is_good_;
   std::vector<std::uint8_t> is_bare_;
   std::vector<std::uint8_t> is_enclosed_;  // per vertex below: by an odd number of good triangles
+  std::vector<std::uint8_t> is_turned_;    // per edge below: over what ends of it an odd number of corners turns
   // An edge above goes around a border vertex below, from one border edge to the next.
   struct Turn {
     std::uint32_t above = 0;
@@ -151,6 +176,13 @@ class Overlay {
   std::vector<std::uint32_t> cut_;  // edges below that go in or out
   std::vector<std::uint8_t> is_cut_;
   std::vector<std::uint32_t> inside_;
+  // A corner turns over an edge below at this vertex of it.
+  struct Corner {
+    std::uint32_t edge = 0;
+    std::uint32_t vertex = 0;
+  };
+  std::vector<Corner> corners_;
+  std::vector<Step> way_[2];
 };
 
 }  // namespace lod::build
