@@ -63,8 +63,7 @@ void Overlay::make(FacetSurface& above, FacetSurface& below, std::span<const std
       continue;
     }
     for (std::size_t i = first_enclosed_[s]; i < enclosed_.size(); ++i) is_enclosed_[enclosed_[i].vertex] ^= 1;
-    for (const Corner& corner : corners_)
-      is_turned_[corner.edge] ^= below.edges()[corner.edge].vertex[0] == corner.vertex ? 1 : 2;
+    for (const Corner& corner : corners_) is_turned_[corner.edge] ^= endBit(corner.edge, corner.vertex);
   }
   first_enclosed_[triangles] = static_cast<std::uint32_t>(enclosed_.size());
   first_passed_[triangles] = static_cast<std::uint32_t>(passed_.size());
@@ -158,58 +157,78 @@ std::uint32_t Overlay::facetToward(std::uint32_t v) {
   return best;
 }
 
-// Along the border below, around the vertices between the border edges that the ends lie on. Each is paired with the
-// point of the edge that is nearest, and so are the ends of all edges there. So nothing is left bare between the two
-// borders.
+// Along the border below from end to end: from a vertex that is the same there, or a point of a border edge, around the
+// vertices between. Each is paired with the point of the edge that is nearest, and so are the ends of all edges there.
+// So nothing is left bare between the two borders.
 bool Overlay::walkBorder(std::uint32_t e, Path& path) {
+  const auto [a, b] = above_->edges()[e].vertex;
+  if (twin_of_[a] != kNone && twin_of_[b] != kNone) {
+    if (const std::uint32_t same = borderBetween(twin_of_[a], twin_of_[b]); same != kNone)
+      return walkBorderFrom(e, same, below_->edges()[same].otherEnd(twin_of_[a]), path);
+  }
+  const bool ahead = above_->borderStart(e) == a;
+  for (const bool way : {ahead, !ahead}) {
+    std::uint32_t at = border_of_[a];
+    if (twin_of_[a] != kNone) at = way ? below_->leavingBorder(twin_of_[a]) : below_->arrivingBorder(twin_of_[a]);
+    if (at == kNone) continue;
+    const std::uint32_t start = below_->borderStart(at);
+    if (walkBorderFrom(e, at, way ? below_->edges()[at].otherEnd(start) : start, path)) return true;
+  }
+  return false;
+}
+
+// The border edge of these two vertices below, or kNone.
+std::uint32_t Overlay::borderBetween(std::uint32_t v, std::uint32_t w) const {
+  for (const std::uint32_t t : below_->around(v))
+    for (std::size_t k = 0; k < 3; ++k) {
+      const FacetSurface::Edge& edge = below_->edges()[below_->edgeOf(t, k)];
+      if (edge.triangles == 1 && edge.endsAt(v) && edge.endsAt(w)) return below_->edgeOf(t, k);
+    }
+  return kNone;
+}
+
+// From border edge `at` on by its end v. False: the other end of the edge above is not met there, and nothing is done.
+bool Overlay::walkBorderFrom(std::uint32_t e, std::uint32_t at, std::uint32_t v, Path& path) {
   const FacetSurface::Edge& edge = above_->edges()[e];
   const auto [a, b] = edge.vertex;
-  const std::uint32_t goal = border_of_[b];
-  bool ahead = above_->borderStart(e) == a;
-  int steps = stepsOnBorder(border_of_[a], goal, ahead);
-  if (steps < 0) ahead = !ahead, steps = stepsOnBorder(border_of_[a], goal, ahead);
-  if (steps < 0) return false;
   const std::size_t first_turn = turns_.size();
-  std::uint32_t at = border_of_[a];
-  for (; at != goal; --steps) {
-    const std::uint32_t start = below_->borderStart(at);
-    const std::uint32_t v = ahead ? below_->edges()[at].otherEnd(start) : start;
-    const std::uint32_t next = nextOnBorder(at, v);
+  const auto giveUp = [&] {
+    crossings_.resize(path.first);
+    turns_.resize(first_turn);
+    path.distance = 0.0F;
+    return false;
+  };
+  const auto crossed = [&] { return static_cast<std::uint32_t>(crossings_.size()); };
+  const std::uint32_t start = below_->edges()[at].triangle[0];
+  if (twin_of_[a] != kNone) turns_.push_back({e, twin_of_[a], at, kNone, path.first, path.first});
+  for (int steps = 0; twin_of_[b] != kNone ? v != twin_of_[b] : at != border_of_[b]; ++steps) {
+    const std::uint32_t first = crossed();
+    const std::uint32_t next = steps < kMaxBorder ? nextOnBorder(at, v) : kNone;
+    if (next == kNone) return giveUp();
+    const std::vector<Step>* way = turn(below_->edges()[at].triangle[0], below_->edges()[next].triangle[0], v);
+    // Where no edge leads into the surface no crossing keeps the pair.
+    if (way == nullptr || way->empty()) return giveUp();
     const Gap gap = gapAt(v, edge);
-    // Where no edge leads into the surface no crossing keeps the pair, unless it is that of an end.
-    const bool is_kept = below_->around(v).size() > 1 || twin_of_[a] == v || twin_of_[b] == v;
-    const std::vector<Step>* way =
-        is_kept ? turn(below_->edges()[at].triangle[0], below_->edges()[next].triangle[0], v) : nullptr;
-    if (way == nullptr || way->size() + 1 != below_->around(v).size()) {
-      crossings_.resize(path.first);
-      turns_.resize(first_turn);
-      path.distance = 0.0F;
-      return false;
-    }
     for (const Step& step : *way) crossings_.push_back({step.edge, step.facet, gap});
     path.distance = std::max(path.distance, gap.distance);
-    turns_.push_back({e, v, at, next});
+    turns_.push_back({e, v, at, next, first, crossed()});
     at = next;
+    v = below_->edges()[at].otherEnd(v);
   }
-  path.last = static_cast<std::uint32_t>(crossings_.size());
+  if (twin_of_[b] != kNone) turns_.push_back({e, v, at, kNone, crossed(), crossed()});
+  path.start = start;
+  path.end = below_->edges()[at].triangle[0];
+  path.last = crossed();
   path.is_on_border = true;
   return true;
 }
 
-// How far it is along the border from edge to edge, one way; -1: too far.
-int Overlay::stepsOnBorder(std::uint32_t from, std::uint32_t to, bool ahead) const {
-  for (int steps = 0; steps <= kMaxBorder; ++steps) {
-    if (from == to) return steps;
-    const std::uint32_t start = below_->borderStart(from);
-    from = nextOnBorder(from, ahead ? below_->edges()[from].otherEnd(start) : start);
-    if (from == kNone) break;
-  }
-  return -1;
-}
-
-// The border edge that meets this one at its end v.
+// The border edge that ends the fan at v which this one begins; kNone: more than two triangles meet on the way.
 std::uint32_t Overlay::nextOnBorder(std::uint32_t edge, std::uint32_t v) const {
-  return below_->borderStart(edge) == v ? below_->arrivingBorder(v) : below_->leavingBorder(v);
+  std::uint32_t t = below_->edges()[edge].triangle[0];
+  std::uint32_t over = below_->otherEdge(t, v, edge);
+  for (; below_->edges()[over].isInner(); over = below_->otherEdge(t, v, over)) t = below_->edges()[over].across(t);
+  return below_->edges()[over].triangles == 1 ? over : kNone;
 }
 
 // Of vertex v below and the nearest point of an edge above.
@@ -461,8 +480,8 @@ bool Overlay::flood(std::uint32_t start, std::size_t most) {
   return true;
 }
 
-// Border edges below that the walks along the border cover (modulo 2): an odd number goes around either end, and none
-// ends between them that no other goes on from.
+// Border edges below that the walks along the border cover (modulo 2): an odd number goes around or ends at either end,
+// and none ends between them that no other goes on from. What leads into the surface is turned over on the way.
 void Overlay::findPinned() {
   is_passed_.assign(below_->edges().size(), 0);
   is_loose_.assign(above_->view().positions.size(), 0);
@@ -470,13 +489,19 @@ void Overlay::findPinned() {
   for (const Turn& turn : turns_) {
     if (!isGood(turn.above)) continue;
     for (const std::uint32_t e : {turn.from, turn.to})
-      is_passed_[e] ^= below_->edges()[e].vertex[0] == turn.vertex ? 1 : 2;
+      if (e != kNone) is_passed_[e] ^= endBit(e, turn.vertex);
+    for (std::uint32_t i = turn.first; i < turn.last; ++i)
+      is_turned_[crossings_[i].edge] ^= endBit(crossings_[i].edge, turn.vertex);
   }
   for (std::uint32_t e = 0; e < paths_.size(); ++e)
     if (paths_[e].is_on_border && isGood(e))
-      for (const std::uint32_t v : above_->edges()[e].vertex) is_loose_[v] ^= 1;
+      for (const std::uint32_t v : above_->edges()[e].vertex) is_loose_[v] ^= twin_of_[v] == kNone ? 1 : 0;
   for (std::uint32_t v = 0; v < is_loose_.size(); ++v)
     if (is_loose_[v] != 0) is_passed_[border_of_[v]] = kNeverPinned;
+}
+
+std::uint8_t Overlay::endBit(std::uint32_t e, std::uint32_t v) const {
+  return below_->edges()[e].vertex[0] == v ? 1 : 2;
 }
 
 void Overlay::bareAround(const FacetSurface::Edge& edge) {
@@ -487,27 +512,17 @@ void Overlay::bareAround(const FacetSurface::Edge& edge) {
 // Facets that something of may lie in no cell.
 void Overlay::findBare() {
   is_bare_.assign(below_->triangleCount(), 0);
-  // An edge is covered to its end where an odd number of triangles turn over it there or enclose that; at a border,
-  // where the walks along it go around the end.
-  const auto isCovered = [&](std::uint32_t v, bool is_turned) {
-    return below_->leavingBorder(v) != kNone ? !is_turned : is_turned != (is_enclosed_[v] != 0);
+  findPinned();
+  // An edge is covered to its end where an odd number of triangles turn over it there or enclose that.
+  const auto isCovered = [&](std::uint32_t e, std::size_t end) {
+    return ((is_turned_[e] >> end) & 1) != is_enclosed_[below_->edges()[e].vertex[end]];
   };
   for (std::uint32_t e = 0; e < below_->edges().size(); ++e) {
     const FacetSurface::Edge& edge = below_->edges()[e];
-    if (edge.isInner()) {
-      if (isCovered(edge.vertex[0], (is_turned_[e] & 1) != 0) && isCovered(edge.vertex[1], (is_turned_[e] & 2) != 0))
-        continue;
-      for (const std::uint32_t t : edge.triangle) is_bare_[t] = 1;
-    } else if (edge.triangles > 2) {
+    if (edge.triangles > 2)
       bareAround(edge);
-    }
-  }
-  // Borders: all of those that meet at a vertex are pinned, or nothing is known around it.
-  findPinned();
-  for (std::uint32_t e = 0; e < below_->edges().size(); ++e) {
-    const FacetSurface::Edge& edge = below_->edges()[e];
-    if (edge.triangles != 1 || is_passed_[e] == kBothEnds) continue;
-    bareAround(edge);
+    else if (edge.isInner() ? !isCovered(e, 0) || !isCovered(e, 1) : is_passed_[e] != kBothEnds)
+      for (std::size_t i = 0; i < edge.triangles; ++i) is_bare_[edge.triangle[i]] = 1;
   }
   // An arc with cells on one side only is a border of what is covered; on a pinned border that is the border itself.
   for (std::size_t e = 0; e < paths_.size(); ++e) {

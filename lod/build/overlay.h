@@ -123,7 +123,9 @@ class Overlay {
   bool isReached(const Goal& goal, std::uint32_t t) const;
   std::uint32_t facetToward(std::uint32_t v);
   bool walkBorder(std::uint32_t e, Path& path);
-  int stepsOnBorder(std::uint32_t from, std::uint32_t to, bool ahead) const;
+  bool walkBorderFrom(std::uint32_t e, std::uint32_t at, std::uint32_t v, Path& path);
+  std::uint32_t borderBetween(std::uint32_t v, std::uint32_t w) const;
+  std::uint8_t endBit(std::uint32_t e, std::uint32_t v) const;
   Gap gapAt(std::uint32_t v, const FacetSurface::Edge& edge) const;
   std::uint32_t nextOnBorder(std::uint32_t edge, std::uint32_t end) const;
   bool isSame(std::uint32_t e, Path& path) const;
@@ -157,15 +159,18 @@ class Overlay {
   std::vector<std::uint8_t> is_bare_;
   std::vector<std::uint8_t> is_enclosed_;  // per vertex below: by an odd number of good triangles
   std::vector<std::uint8_t> is_turned_;    // per edge below: over what ends of it an odd number of corners turns
-  // An edge above goes around a border vertex below, from one border edge to the next.
+  // An edge above goes around a border vertex below, from one border edge to the next, or begins or ends there.
   struct Turn {
     std::uint32_t above = 0;
     std::uint32_t vertex = 0;
     std::uint32_t from = 0;
-    std::uint32_t to = 0;
+    std::uint32_t to = kNone;  // kNone: it ends at the vertex
+    std::uint32_t first = 0;   // crossings
+    std::uint32_t last = 0;
   };
   std::vector<Turn> turns_;
-  std::vector<std::uint8_t> is_loose_;   // per vertex above: an odd number of walks along the border end there
+  std::vector<std::uint8_t>
+      is_loose_;  // per vertex above: an odd number of walks along the border end there, between vertices
   std::vector<std::uint8_t> is_passed_;  // per edge below: of what ends of it an odd number of walks goes around
   // Of the walk or the triangle at hand.
   glm::vec3 origin_{0.0F};
