@@ -174,6 +174,43 @@ TEST(Overlay, CoversABorderOnlyAsFarAsThereIsABorderAbove) {
   }
 }
 
+// Cells like the black fields of a chessboard meet at corners only: every vertex has two fans and two borders. On
+// itself all is covered; where one cell is missing above, that one is not, and those that it touches are.
+TEST(Overlay, TellsTheFansThatMeetAtAVertexApart) {
+  const auto is_black = [](int x, int y) { return (x + y) % 2 == 0; };
+  const Sheet board = sheet(9, 3600, 30, is_black);
+  Laid same(board, board);
+  EXPECT_EQ(same.coveredAbove(), board.indices.size() / 3);
+  EXPECT_EQ(same.coveredBelow(), board.indices.size() / 3);
+  const Sheet missing = sheet(9, 3600, 30, [&](int x, int y) { return is_black(x, y) && (x != 4 || y != 4); });
+  Laid laid(missing, board);
+  EXPECT_EQ(laid.coveredAbove(), missing.indices.size() / 3);
+  std::uint32_t t = 0;
+  for (int y = 0; y < 9; ++y)
+    for (int x = 0; x < 9; ++x) {
+      if (!is_black(x, y)) continue;
+      for (int k = 0; k < 2; ++k, ++t) EXPECT_EQ(laid.overlay.coversBelow(t), x != 4 || y != 4) << x << ' ' << y;
+    }
+}
+
+// A vertex of six facets that stays while all around it moves: corners turn over its edges, once around in all.
+TEST(Overlay, CoversTheFacetsAroundAVertexThatStays) {
+  const Sheet lower{
+      {{0, 0, 0}, {900, 0, 0}, {450, 780, 0}, {-450, 780, 0}, {-900, 0, 0}, {-450, -780, 0}, {450, -780, 0}},
+      {0, 1, 2, 0, 2, 3, 0, 3, 4, 0, 4, 5, 0, 5, 6, 0, 6, 1}};
+  // Three triangles over six: each corner at the middle turns by two facets. The border keeps every other vertex.
+  const Sheet upper{{{0, 0, 0}, {900, 0, 0}, {-450, 780, 0}, {-450, -780, 0}}, {0, 1, 2, 0, 2, 3, 0, 3, 1}};
+  Laid laid(upper, lower);
+  EXPECT_EQ(laid.coveredAbove(), 3U);
+  EXPECT_EQ(laid.coveredBelow(), 6U);
+  // The corners of the hexagon that are lost are among the pairs.
+  std::vector<float> largest(6, 0.0F);
+  for (std::uint32_t e = 0; e < laid.above.edges().size(); ++e)
+    laid.overlay.forEachPairOfEdge(
+        e, [&](std::uint32_t t, const Overlay::Gap& gap) { largest[t] = std::max(largest[t], gap.distance); });
+  for (const float distance : largest) EXPECT_GE(distance, 389.0F);
+}
+
 // A square below, a square without one corner above: what the lost corner is off must be among the pairs of its facet,
 // or nothing is said about that.
 TEST(Overlay, ForgetsNoCornerThatTheBorderTurnsAround) {
