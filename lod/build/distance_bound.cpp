@@ -153,8 +153,8 @@ class Layer {
     placed.border.assign(source_.positions.size(), kNone);
     placed.gap.assign(source_.positions.size(), {});
     const bool has_color = !source_.colors.empty() && !target_.view().colors.empty();
-    for (const std::uint32_t v : source_.indices) {
-      if (facet_[v] != kNone) continue;
+    for (std::uint32_t v = 0; v < facet_.size(); ++v) {
+      if (source.around(v).empty()) continue;
       const std::uint32_t kept = history.survivor[v];
       const std::uint32_t leaving = target_.leavingBorder(kept);
       Overlay::Gap& gap = placed.gap[v];
