@@ -13,7 +13,12 @@
 // partner than the largest pair of the cell. How the walks were made changes how tight that is, never that it holds.
 //
 // Beyond a border is no cell. So a border edge above is walked along a border below, and there the arcs of the one must
-// make up the whole of the other. Where they don't, nothing is said about the facets at the ends of that edge below.
+// make up the whole of the other. Where they don't, nothing is said about the facet at that edge below.
+//
+// At a vertex that is the same in both, walks begin and end in any of the facets around it. Each triangle above closes
+// its border there by a turn of its corner, from the facet of its one walk to that of the other: pairs of the vertex
+// with itself, over edges below that are so met at their very end. Each edge must be met there an odd number of times,
+// or its end be enclosed.
 //
 // Compare the successive mappings of Cohen, Manocha and Olano 1997, which project every collapse onto a plane.
 #include <cstdint>
