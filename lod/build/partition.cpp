@@ -10,6 +10,7 @@
 #include <mutex>
 #include <numeric>
 
+#include "lod/build/bisection.h"
 #include "lod/build/voxels.h"
 
 namespace lod::build {
@@ -95,7 +96,7 @@ class RecursiveBisection {
       ++next_part_;
       return;
     }
-    const std::vector<std::int32_t> side = bisect(graph, weight);
+    const std::vector<std::int32_t> side = twoSides(graph, weight);
     std::vector<std::int32_t> local(graph.size());
     for (const std::int32_t s : {0, 1}) {
       std::vector<std::uint32_t> below;
@@ -107,17 +108,37 @@ class RecursiveBisection {
   std::vector<std::uint32_t> take() { return std::move(part_); }
 
  private:
-  // 7 % of a part stay free for METIS's imbalance and for the grain of the vertices, so that few parts need one more
-  // cut.
-  std::vector<std::int32_t> bisect(const Graph& graph, std::int64_t weight) const {
-    const double needed = std::ceil(static_cast<double>(weight) / (0.93 * static_cast<double>(max_weight_)));
-    const double left = std::max(1.0, std::floor(needed / 2.0)) / std::max(2.0, needed);
-    std::vector<float> shares{static_cast<float>(left), static_cast<float>(1.0 - left)};
+  // Up to so many vertices METIS takes longer than bisect(), and cuts no better.
+  static constexpr std::size_t kMostBisected = 1024;
+  // 7 % of a part stay free for imbalance and for the grain of the vertices, so that few parts need one more cut.
+  static constexpr double kFilled = 0.93;
+
+  std::vector<std::int32_t> twoSides(const Graph& graph, std::int64_t weight) const {
+    const double most = static_cast<double>(max_weight_);
+    const double needed = std::max(2.0, std::ceil(static_cast<double>(weight) / (kFilled * most)));
+    const double left = std::floor(needed / 2.0);
+    if (graph.size() <= kMostBisected) {
+      const auto whole = static_cast<double>(weight);
+      BisectionTarget target;
+      target.weight = std::llround(left / needed * whole);
+      target.most = mostOfSide(left, left / needed * whole);
+      target.least = weight - mostOfSide(needed - left, (needed - left) / needed * whole);
+      return bisect(graph, target);
+    }
+    std::vector<float> shares{static_cast<float>(left / needed), static_cast<float>(1.0 - left / needed)};
     std::vector<std::int32_t> side;
     const bool done = callMetis(Kind::kRecursive, graph, 2, shares, side);
     const auto zeros = std::count(side.begin(), side.end(), 0);
-    if (!done || zeros == 0 || zeros == static_cast<std::ptrdiff_t>(side.size())) splitByOrder(graph, left, side);
+    if (!done || zeros == 0 || zeros == static_cast<std::ptrdiff_t>(side.size()))
+      splitByOrder(graph, left / needed, side);
     return side;
+  }
+
+  // What a side of so many parts may weigh: a single part may be full, several must not need one more. Between 2 % and
+  // 10 % over its share.
+  std::int64_t mostOfSide(double parts, double share) const {
+    const double room = (parts > 1.0 ? kFilled : 1.0) * parts * static_cast<double>(max_weight_);
+    return static_cast<std::int64_t>(std::clamp(room, 1.02 * share, 1.1 * share));
   }
 
   std::vector<std::uint32_t> part_;

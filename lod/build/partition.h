@@ -1,7 +1,7 @@
 #pragma once
-// Graph partitioning by METIS (Karypis, Kumar 1998), behind plain graphs.
+// Graph partitioning behind plain graphs: large ones by METIS (Karypis, Kumar 1998), small ones by bisection.h.
 //
-// METIS 5.1 draws from the C library's one random state: every call here takes one lock and starts from a fixed seed,
+// METIS 5.1 draws from the C library's one random state: every call of it takes one lock and starts from a fixed seed,
 // so results depend on the graph alone, whatever runs beside it.
 #include <cstdint>
 #include <span>
