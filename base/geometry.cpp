@@ -1,6 +1,7 @@
 #include "base/geometry.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace base {
@@ -23,22 +24,41 @@ void grow(Sphere& sphere, const glm::vec3& p, float r) {
   sphere.radius = radius;
 }
 
+float squaredDistance(const glm::vec3& a, const glm::vec3& b) {
+  const glm::vec3 d = a - b;
+  return glm::dot(d, d);
+}
+
+// A quick look without a root: false only where grow() would leave the sphere as it is.
+bool mayStickOut(const Sphere& sphere, const glm::vec3& p) {
+  return squaredDistance(p, sphere.center) > sphere.radius * sphere.radius * (1.0F - 1.0e-5F);
+}
+
+// The first of the points that are farthest.
+std::size_t farthestFrom(const glm::vec3& from, std::span<const glm::vec3> points) {
+  // Four at a time: one maximum would wait for the one before.
+  std::array<float, 4> most{-1.0F, -1.0F, -1.0F, -1.0F};
+  std::size_t i = 0;
+  for (; i + 4 <= points.size(); i += 4)
+    for (std::size_t k = 0; k < 4; ++k) most[k] = std::max(most[k], squaredDistance(points[i + k], from));
+  for (; i < points.size(); ++i) most[0] = std::max(most[0], squaredDistance(points[i], from));
+  const float farthest = std::max({most[0], most[1], most[2], most[3]});
+  for (i = 0; i + 1 < points.size() && squaredDistance(points[i], from) != farthest;) ++i;
+  return i;
+}
+
 }  // namespace
 
 Sphere boundingSphere(std::span<const glm::vec3> points) {
   if (points.empty()) return {};
-  auto farthest = [&](const glm::vec3& from) {
-    return *std::max_element(points.begin(), points.end(), [&](const glm::vec3& a, const glm::vec3& b) {
-      return glm::dot(a - from, a - from) < glm::dot(b - from, b - from);
-    });
-  };
   // Ritter's start: two points far apart; then every point that sticks out grows the sphere.
-  const glm::vec3 a = farthest(points[0]);
-  const glm::vec3 b = farthest(a);
+  const glm::vec3 a = points[farthestFrom(points[0], points)];
+  const glm::vec3 b = points[farthestFrom(a, points)];
   Sphere sphere{0.5F * (a + b), 0.5F * glm::length(a - b)};
-  for (const glm::vec3& p : points) grow(sphere, p, 0.0F);
+  for (const glm::vec3& p : points)
+    if (mayStickOut(sphere, p)) grow(sphere, p, 0.0F);
   // The centre moved while growing: one last pass makes the radius a bound again.
-  for (const glm::vec3& p : points) sphere.radius = std::max(sphere.radius, glm::length(p - sphere.center));
+  sphere.radius = std::max(sphere.radius, glm::length(points[farthestFrom(sphere.center, points)] - sphere.center));
   sphere.radius = roundUp(sphere.radius);
   return sphere;
 }
