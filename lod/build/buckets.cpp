@@ -18,7 +18,7 @@ using base::ErrorCode;
 
 constexpr std::size_t kMaxSamples = std::size_t{1} << 20;
 constexpr std::uint32_t kTableBits = 18;                         // of the codes' top bits, to look a bucket up by
-constexpr std::size_t kBatchBlocks = 16;                         // blocks of triangles that threads share
+constexpr std::size_t kMostBatchBlocks = 16;                     // blocks of triangles that threads share
 constexpr std::uint64_t kBufferBytes = std::uint64_t{64} << 20;  // of all buckets together
 
 // Fewer bits save nothing that counts on a small mesh, and cost accuracy at fine levels.
@@ -118,12 +118,15 @@ class BucketSorter {
       if (w == 0) split();
       LUMIGRID_TRY(gather(w == 0, w + 1 == windows, (static_cast<double>(w) + 1.0) / static_cast<double>(windows)));
     }
-    codes_ = {}, colors_ = {}, normals_ = {};
+    codes_ = std::vector<std::uint64_t>();
+    colors_ = std::vector<std::uint32_t>();
+    normals_ = std::vector<std::uint32_t>();
     if (windows > 1) {
       std::error_code ignored;
       std::filesystem::remove(corners_.path(), ignored);
     }
     for (std::size_t b = 0; b < buffers_.size(); ++b) LUMIGRID_TRY(flush(b));
+    buffers_ = std::vector<base::Bytes>();
     LUMIGRID_TRY(out_.file_.flush());
     std::sort(border_.begin(), border_.end());
     border_.erase(std::unique(border_.begin(), border_.end()), border_.end());
@@ -226,8 +229,11 @@ class BucketSorter {
 
   // Triangles with what this window knows of their corners.
   base::Result<void> gather(bool first, bool last, double done) {
-    std::vector<SpooledTriangles> batch(kBatchBlocks);
-    std::vector<Gathered> results(kBatchBlocks);
+    // A block is some ten megabytes here: no more of them than keep the threads busy.
+    const std::size_t most =
+        options_.threads > 1 ? std::min<std::size_t>(kMostBatchBlocks, 2 * std::size_t{options_.threads}) : 1;
+    std::vector<SpooledTriangles> batch(most);
+    std::vector<Gathered> results(most);
     std::size_t blocks = 0;
     std::uint64_t at = 0;  // triangle number of the batch's first
     auto work = [&]() -> base::Result<void> {
@@ -239,7 +245,7 @@ class BucketSorter {
     };
     LUMIGRID_TRY(source_.forEachTriangleBlock([&](SpooledTriangles& block) -> base::Result<void> {
       std::swap(batch[blocks++], block);
-      return blocks < kBatchBlocks ? base::Result<void>() : work();
+      return blocks < most ? base::Result<void>() : work();
     }));
     return work();
   }

@@ -61,7 +61,7 @@ base::Result<BucketLeaves> makeLeaves(const Buckets& buckets, std::size_t bucket
                                       const LeafOptions& options) {
   BucketLeaves out;
   if (buckets.triangles(bucket) == 0) return out;
-  const auto corners = buckets.read(bucket);
+  auto corners = buckets.read(bucket);
   if (!corners) return corners.error();
 
   // Triangles by voxels first: whatever looks at them or at their vertices later finds neighbours side by side.
@@ -103,6 +103,7 @@ base::Result<BucketLeaves> makeLeaves(const Buckets& buckets, std::size_t bucket
     for (std::size_t k = 0; k < 3; ++k) sums[v[k]].add(face, c[k]);
   }
   for (std::uint32_t t = 0; t < triangles; ++t) sorted[t].index = t;
+  *corners = std::vector<Corner>();
 
   // Border vertices take what all buckets together say of them.
   std::vector<std::uint8_t> outer(mesh.codes.size(), 0);
@@ -118,6 +119,7 @@ base::Result<BucketLeaves> makeLeaves(const Buckets& buckets, std::size_t bucket
     mesh.normals.push_back(sums[v].unitNormal());
     if (buckets.hasColors()) mesh.colors.push_back(lod::patch::quantizedColor(sums[v].meanColor()));
   }
+  sums = std::vector<VertexSums>();
   lod::patch::quantizeNormals(mesh.normals);
   out.vertices = mesh.codes.size();
 

@@ -27,7 +27,7 @@ constexpr std::size_t keptOf(std::size_t triangles) {
 // Distances below this share of a group's error so far do not matter.
 constexpr float kNegligible = 0.05F;
 // A group's output is split along voxels of about this share of a patch: fine enough for even parts, coarse enough that
-// METIS costs little.
+// bisection costs little.
 constexpr std::uint32_t kVoxelsPerPatch = 32;
 
 // The length of a change from black to white.
@@ -101,7 +101,7 @@ Merged mergePatches(const std::vector<lod::patch::PatchGeometry>& patches, std::
 }
 
 // The bounds of a patch's triangles, behind those read before.
-base::Result<void> addErrors(const base::Bytes& codes, std::size_t triangles, SurfaceError& errors) {
+base::Result<void> addErrors(base::ByteView codes, std::size_t triangles, SurfaceError& errors) {
   if (!codes.empty() && codes.size() != kErrorBytes * triangles)
     return base::Error{base::ErrorCode::kInvalidInput, "the builder's own file: errors of another number of triangles"};
   const std::size_t first = errors.toward.size();
@@ -369,14 +369,14 @@ base::Result<LevelBuilder::Made> LevelBuilder::makeGroup(std::span<const std::ui
   // Merge and simplify.
   std::vector<lod::patch::PatchGeometry> geometry;
   SurfaceError before_error;
+  base::Bytes bytes;
   for (const std::uint32_t p : consumed) {
-    const auto bytes = store_.encoded(patches_[p]);
-    if (!bytes) return bytes.error();
-    auto decoded = lod::patch::decodePatch(*bytes);
+    LUMIGRID_TRY(store_.readWhole(patches_[p], bytes));
+    const base::ByteView encoded = base::ByteView(bytes).first(patches_[p].encoded_bytes);
+    auto decoded = lod::patch::decodePatch(encoded);
     if (!decoded) return base::within("the builder's own file", decoded.error());
-    const auto codes = store_.errors(patches_[p]);
-    if (!codes) return codes.error();
-    LUMIGRID_TRY(addErrors(*codes, decoded->indices.size() / 3, before_error));
+    const base::ByteView codes = base::ByteView(bytes).subspan(encoded.size());
+    LUMIGRID_TRY(addErrors(codes, decoded->indices.size() / 3, before_error));
     geometry.push_back(std::move(*decoded));
   }
   Merged merged = mergePatches(geometry, locked);

@@ -28,7 +28,7 @@ struct CodedMesh {
 /// Triangles by the voxels they belong to.
 std::vector<KeyedIndex> sortedByVoxel(const CodedMesh& mesh, std::uint32_t bits);
 
-/// Triangle numbers of each part: voxels of at most `voxel_triangles`, their graph, METIS bisection until no part has
+/// Triangle numbers of each part: voxels of at most `voxel_triangles`, their graph, bisection until no part has
 /// more than `max_triangles`.
 std::vector<std::vector<std::uint32_t>> splitTriangles(const CodedMesh& mesh, std::span<const KeyedIndex> sorted,
                                                        std::uint32_t bits, std::uint32_t voxel_triangles,

@@ -195,8 +195,8 @@ base::Result<SourceInfo> SourceSpool::finish() {
   LUMIGRID_TRY(triangles_.flush());
   if (info_.triangles == 0) return base::Error{base::ErrorCode::kInvalidInput, "the mesh has no triangles"};
   LUMIGRID_TRY(measure());
-  used_ = {};
-  sampled_ = {};
+  used_ = std::vector<std::uint64_t>();
+  sampled_ = std::vector<std::uint64_t>();
   return info_;
 }
 

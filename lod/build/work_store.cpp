@@ -120,10 +120,9 @@ base::Result<base::Bytes> WorkStore::encoded(const WorkPatch& patch) const {
   return bytes;
 }
 
-base::Result<base::Bytes> WorkStore::errors(const WorkPatch& patch) const {
-  base::Bytes bytes(patch.error_bytes);
-  LUMIGRID_TRY(file_.readAt(patch.offset + patch.encoded_bytes, bytes));
-  return bytes;
+base::Result<void> WorkStore::readWhole(const WorkPatch& patch, base::Bytes& bytes) const {
+  bytes.resize(std::size_t{patch.encoded_bytes} + patch.error_bytes);
+  return file_.readAt(patch.offset, bytes);
 }
 
 }  // namespace lod::build

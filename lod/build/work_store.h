@@ -47,9 +47,10 @@ class WorkStore {
 
   /// Writes one record; safe from several threads. Returns the patches as they lie in the store.
   base::Result<std::vector<WorkPatch>> add(const WorkUnit& unit, std::vector<NewPatch> patches);
-  /// The encoded bytes of a patch, and what its triangles carry along.
+  /// The encoded bytes of a patch.
   base::Result<base::Bytes> encoded(const WorkPatch& patch) const;
-  base::Result<base::Bytes> errors(const WorkPatch& patch) const;
+  /// Those and behind them what its triangles carry along: encoded_bytes + error_bytes in all. `bytes` is written over.
+  base::Result<void> readWhole(const WorkPatch& patch, base::Bytes& bytes) const;
   /// Waits until the disk has every record.
   base::Result<void> sync() { return file_.sync(); }
   std::uint64_t bytes() const { return file_.size(); }
