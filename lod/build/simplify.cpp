@@ -149,30 +149,42 @@ struct alignas(64) Vertex {
 };
 static_assert(sizeof(Vertex) == 128);
 
-// A heap of edges, cheapest first, four children to a node. Cost and edge number are one 64-bit key (the bits of a
-// float that is not negative sort as it does), so that a comparison is one instruction and ties go by number.
+// Edges, cheapest first. None is put in that is cheaper than the last taken out, so only those next in turn need to be
+// in order: they lie in a heap of four children to a node. The others wait unordered, by buckets of costs an eighth of
+// an octave wide, and most never leave them. In the heap cost and edge number are one 64-bit key (the bits of a float
+// that is not negative sort as it does), so that a comparison is one instruction and ties go by number.
 class EdgeQueue {
  public:
   struct Entry {
     float cost = 0.0F;
     std::uint32_t edge = 0;
   };
-  bool empty() const { return keys_.empty(); }
-  float lowest() const { return costOf(keys_.front()); }
-  void clear() { keys_.clear(); }
-  // Before make().
-  void add(float cost, std::uint32_t edge) { keys_.push_back(keyOf(cost, edge)); }
-  void make() {
-    for (std::size_t i = keys_.size() / 4 + 1; i-- > 0;)
-      if (i < keys_.size()) sink(i, keys_[i]);
+  // Empty, for edges numbered below `edges`.
+  void reset(std::size_t edges) {
+    keys_.clear();
+    open_ = 0;
+    first_.assign(kBuckets, kNone);
+    waiting_.resize(edges);
   }
   void push(float cost, std::uint32_t edge) {
-    const std::uint64_t key = keyOf(cost, edge);
-    std::size_t i = keys_.size();
-    keys_.push_back(key);
-    for (; i > 0 && key < keys_[(i - 1) / 4]; i = (i - 1) / 4) keys_[i] = keys_[(i - 1) / 4];
-    keys_[i] = key;
+    const std::uint32_t bucket = bits(cost) >> kBucketShift;
+    if (bucket < open_) return pushKey(keyOf(cost, edge));
+    waiting_[edge] = {cost, first_[bucket]};
+    first_[bucket] = edge;
   }
+  // Hands out the cheapest edges that wait; they and all as cheap belong in the heap from now on. False if none waits.
+  bool open(std::vector<Entry>& entries) {
+    entries.clear();
+    while (open_ < kBuckets && first_[open_] == kNone) ++open_;
+    if (open_ == kBuckets) return false;
+    for (std::uint32_t e = first_[open_]; e != kNone; e = waiting_[e].next) entries.push_back({waiting_[e].cost, e});
+    first_[open_++] = kNone;
+    return true;
+  }
+
+  // The heap.
+  std::size_t size() const { return keys_.size(); }
+  float lowest() const { return costOf(keys_.front()); }
   Entry top() const { return {costOf(keys_.front()), static_cast<std::uint32_t>(keys_.front())}; }
   void pop() {
     const std::uint64_t last = keys_.back();
@@ -186,14 +198,32 @@ class EdgeQueue {
         *std::min_element(keys_.begin() + 1, keys_.begin() + std::min<std::ptrdiff_t>(5, std::ssize(keys_)));
     return {costOf(key), static_cast<std::uint32_t>(key)};
   }
-  // The lowest becomes dearer: less work than to take it out and put it back.
-  void raiseTop(float cost) { sink(0, keyOf(cost, static_cast<std::uint32_t>(keys_.front()))); }
+  // The lowest becomes dearer.
+  void raiseTop(float cost) {
+    const auto edge = static_cast<std::uint32_t>(keys_.front());
+    if (bits(cost) >> kBucketShift < open_) return sink(0, keyOf(cost, edge));
+    pop();
+    push(cost, edge);
+  }
 
  private:
-  static std::uint64_t keyOf(float cost, std::uint32_t edge) {
-    return std::uint64_t{std::bit_cast<std::uint32_t>(std::max(cost, 0.0F))} << 32 | edge;
-  }
+  static constexpr std::uint32_t kBucketShift = 20;
+  static constexpr std::uint32_t kBuckets = 1U << (31 - kBucketShift);
+  static constexpr std::uint32_t kNone = ~0U;
+  struct Waiting {
+    float cost = 0.0F;
+    std::uint32_t next = kNone;
+  };
+
+  static std::uint32_t bits(float cost) { return std::bit_cast<std::uint32_t>(std::max(0.0F, cost)); }
+  static std::uint64_t keyOf(float cost, std::uint32_t edge) { return std::uint64_t{bits(cost)} << 32 | edge; }
   static float costOf(std::uint64_t key) { return std::bit_cast<float>(static_cast<std::uint32_t>(key >> 32)); }
+  void pushKey(std::uint64_t key) {
+    std::size_t i = keys_.size();
+    keys_.push_back(key);
+    for (; i > 0 && key < keys_[(i - 1) / 4]; i = (i - 1) / 4) keys_[i] = keys_[(i - 1) / 4];
+    keys_[i] = key;
+  }
   void sink(std::size_t i, std::uint64_t key) {
     const std::size_t size = keys_.size();
     for (std::size_t child = 4 * i + 1; child < size; child = 4 * i + 1) {
@@ -211,7 +241,11 @@ class EdgeQueue {
     }
     keys_[i] = key;
   }
+
   std::vector<std::uint64_t> keys_;
+  std::uint32_t open_ = 0;            // buckets below are empty
+  std::vector<std::uint32_t> first_;  // per bucket: an edge of it
+  std::vector<Waiting> waiting_;      // per edge
 };
 
 // What a collapse of edge (a, b) would do: a goes, b stays.
@@ -407,10 +441,9 @@ class Simplifier {
   }
 
   void queueEdges() {
-    queue_.clear();
+    queue_.reset(edges_.size());
     for (std::size_t e = 0; e < edges_.size(); e += 2) plan(edges_[e], edges_[std::min(e + 1, edges_.size() - 1)]);
-    for (std::uint32_t e = 0; e < edges_.size(); ++e) queue_.add(edges_[e].cost, e);
-    queue_.make();
+    for (std::uint32_t e = 0; e < edges_.size(); ++e) queue_.push(edges_[e].cost, e);
   }
 
   // All edges of the triangles that live.
@@ -430,7 +463,7 @@ class Simplifier {
   // comes, and the edge waits again if it has become dearer.
   void collapseAll(const Stage& stage) {
     const double most = stage.largest_move * stage.largest_move * mean_edge_ * mean_edge_ * mean_edge_ * mean_edge_;
-    while (live_ > target_ && !queue_.empty() && queue_.lowest() <= most) {
+    while (live_ > target_ && fillQueue() && queue_.lowest() <= most) {
       const EdgeQueue::Entry entry = queue_.top();
       Edge& edge = edges_[entry.edge];
       findEnds(edge);
@@ -449,17 +482,57 @@ class Simplifier {
         continue;
       }
       queue_.pop();
-      const EdgeState state = lookAt(edge.a, edge.b);
-      if (state.triangles == 0) continue;
-      if (keepOf(edge.a, edge.b, state.triangles != 2 || !stage.keep_topology) == Keep::kNone) continue;
-      if (state.last && waits(entry, static_cast<float>(vanishingCost(edge.a, edge.b)))) continue;
-      if (stage.keep_topology && state.common != state.triangles) continue;
+      lookAt(edge.a, edge.b);
+      const std::size_t triangles = around_.on_edge.size();
+      if (triangles == 0) continue;
+      if (keepOf(edge.a, edge.b, triangles != 2 || !stage.keep_topology) == Keep::kNone) continue;
+      if (isLast() && waits(entry, static_cast<float>(vanishingCost(edge.a, edge.b)))) continue;
+      if (stage.keep_topology && around_.common != triangles) continue;
       const Collapse collapse{edge.keeps_a != 0 ? edge.b : edge.a, edge.keeps_a != 0 ? edge.a : edge.b, edge.position,
                               edge.along};
-      if (flips(collapse, stage.keep_orientation)) continue;
-      if (live_ <= state.triangles) continue;
+      if (flips(collapse.position, stage.keep_orientation)) continue;
+      if (live_ <= triangles) continue;
       if (isFolded(collapse) && waits(entry, static_cast<float>(foldCost(collapse)))) continue;
       apply(collapse);
+    }
+  }
+
+  // At least two edges in the queue's heap if there are as many; false if there is none at all. Edges that waited are
+  // planned anew before they get there, which sends many of them back.
+  bool fillQueue() {
+    while (queue_.size() < 2 && queue_.open(opened_)) {
+      std::size_t stale = 0;
+      forgetEdges(opened_.size());
+      for (const EdgeQueue::Entry& entry : opened_) {
+        Edge& edge = edges_[entry.edge];
+        findEnds(edge);
+        if (edge.a == edge.b || isKnown(entry.edge)) continue;
+        if (isStale(edge))
+          opened_[stale++] = entry;
+        else
+          queue_.push(entry.cost, entry.edge);
+      }
+      opened_.resize(stale);
+      for (std::size_t i = 0; i < stale; i += 2)
+        plan(edges_[opened_[i].edge], edges_[opened_[std::min(i + 1, stale - 1)].edge]);
+      for (const EdgeQueue::Entry& entry : opened_)
+        queue_.push(std::max(entry.cost, edges_[entry.edge].cost), entry.edge);
+    }
+    return queue_.size() != 0;
+  }
+
+  // A hash table of the edges seen since, by their ends: collapses lay edges on each other.
+  void forgetEdges(std::size_t expected) { known_.assign(std::bit_ceil(2 * expected), ~0U); }
+  bool isKnown(std::uint32_t e) {
+    const auto [low, high] = std::minmax(edges_[e].a, edges_[e].b);
+    for (std::size_t slot = low * 0x9e3779b1U + high;; ++slot) {
+      std::uint32_t& known = known_[slot & (known_.size() - 1)];
+      if (known == ~0U) {
+        known = e;
+        return false;
+      }
+      if (std::min(edges_[known].a, edges_[known].b) == low && std::max(edges_[known].a, edges_[known].b) == high)
+        return true;
     }
   }
 
@@ -473,7 +546,7 @@ class Simplifier {
 
   // Puts an edge back that has become dearer than it was and than the next.
   bool waits(const EdgeQueue::Entry& entry, float cost) {
-    if (queue_.empty() || cost <= entry.cost || cost <= queue_.lowest()) return false;
+    if (queue_.size() == 0 || cost <= entry.cost || cost <= queue_.lowest()) return false;
     queue_.push(cost, entry.edge);
     return true;
   }
@@ -483,41 +556,60 @@ class Simplifier {
     return v;
   }
 
-  struct EdgeState {
-    std::uint32_t triangles = 0;  // on the edge
-    std::uint32_t common = 0;     // vertices next to both ends
-    bool last = false;            // with this edge its whole component vanishes
+  // A living triangle around a vertex, and its corners after it.
+  struct Wedge {
+    std::uint32_t triangle = 0;
+    std::uint32_t second = 0;
+    std::uint32_t third = 0;
   };
-  // Leaves mark_ == stamp_ on the vertices next to both ends.
-  EdgeState lookAt(std::uint32_t a, std::uint32_t b) {
+  // The triangles around an edge, as lookAt finds them. A fan's compactness is lost with every collapse beside it, so
+  // it is read but once.
+  struct Neighborhood {
+    std::uint32_t a = 0;
+    std::uint32_t b = 0;
+    std::vector<Wedge> around_a, around_b;  // without those on the edge
+    std::vector<std::uint32_t> on_edge;     // triangles
+    std::uint32_t common = 0;               // vertices next to both ends
+  };
+
+  // Fills around_; leaves mark_ == stamp_ on the vertices next to both ends.
+  void lookAt(std::uint32_t a, std::uint32_t b) {
+    around_.a = a;
+    around_.b = b;
+    around_.common = 0;
+    around_.on_edge.clear();
+    around_.around_a.clear();
+    around_.around_b.clear();
     stamp_ += 2;
-    EdgeState state;
-    std::uint32_t others = 0;
     forEachTriangle(a, [&](std::uint32_t t) {
-      ++(touches(t, b) ? state.triangles : others);
-      for (std::size_t k = 0; k < 3; ++k) mark_[mesh_.indices[3 * std::size_t{t} + k]] = stamp_ - 1;
+      const auto [second, third] = otherCorners(t, a);
+      if (second == b || third == b)
+        around_.on_edge.push_back(t);
+      else
+        around_.around_a.push_back({t, second, third});
+      mark_[second] = mark_[third] = stamp_ - 1;
     });
     mark_[a] = mark_[b] = 0;
     forEachTriangle(b, [&](std::uint32_t t) {
-      if (!touches(t, a)) ++others;
-      for (std::size_t k = 0; k < 3; ++k)
-        if (std::uint32_t& mark = mark_[mesh_.indices[3 * std::size_t{t} + k]]; mark == stamp_ - 1)
-          mark = stamp_, ++state.common;
+      const auto [second, third] = otherCorners(t, b);
+      if (second != a && third != a) around_.around_b.push_back({t, second, third});
+      for (const std::uint32_t v : {second, third})
+        if (std::uint32_t& mark = mark_[v]; mark == stamp_ - 1) mark = stamp_, ++around_.common;
     });
-    // A lone triangle, or two that lie on each other; a tetrahedron.
-    state.last = others == 0 || (others == 2 && state.triangles == 2 && state.common == 2 && isTetrahedron(a, b));
-    return state;
   }
 
-  // After lookAt found two triangles off the edge and two common neighbours: do both hang on those?
-  bool isTetrahedron(std::uint32_t a, std::uint32_t b) const {
-    std::uint32_t closing = 0;
-    for (const std::uint32_t v : {a, b})
-      forEachTriangle(v, [&](std::uint32_t t) {
-        const auto [t1, t2] = otherCorners(t, v);
-        if (mark_[t1] == stamp_ && mark_[t2] == stamp_) ++closing;
-      });
-    return closing == 2;
+  // Would the whole component vanish? A lone triangle, or two that lie on each other; a tetrahedron.
+  bool isLast() const {
+    const std::size_t others = around_.around_a.size() + around_.around_b.size();
+    return others == 0 || (others == 2 && around_.on_edge.size() == 2 && around_.common == 2 &&
+                           countBetween(around_.around_a) + countBetween(around_.around_b) == 2);
+  }
+
+  // How many of these triangles lie between vertices that were next to both ends, after lookAt.
+  std::uint32_t countBetween(const std::vector<Wedge>& wedges) const {
+    std::uint32_t between = 0;
+    for (const Wedge& w : wedges) between += mark_[w.second] == stamp_ && mark_[w.third] == stamp_ ? 1 : 0;
+    return between;
   }
 
   // What is lost with a component is its distance to what stays, not its area: the nearest vertex of another component
@@ -626,18 +718,14 @@ class Simplifier {
 
   // Would a triangle turn over or lose its area? The last stage minds only the loss of area, which says nothing about a
   // triangle that had none.
-  bool flips(const Collapse& c, bool strict) const {
-    return flipsAround(c.gone, c.kept, c.position, strict) || flipsAround(c.kept, c.gone, c.position, strict);
+  bool flips(const glm::vec3& to, bool strict) const {
+    return flipsAround(around_.a, around_.around_a, to, strict) || flipsAround(around_.b, around_.around_b, to, strict);
   }
-  bool flipsAround(std::uint32_t moved, std::uint32_t other, const glm::vec3& to, bool strict) const {
-    const Fan fan = fans_[moved];
+  bool flipsAround(std::uint32_t moved, const std::vector<Wedge>& wedges, const glm::vec3& to, bool strict) const {
     const glm::vec3 from = mesh_.positions[moved];
     if (from == to) return false;
     const PairPoint ends = pairOf(from, to);
-    for (std::uint32_t i = fan.first; i < fan.first + fan.count; ++i) {
-      const std::uint32_t t = pool_[i];
-      if (alive_[t] == 0 || touches(t, other)) continue;
-      const auto [second, third] = otherCorners(t, moved);
+    for (const auto& [triangle, second, third] : wedges) {
       const PairPoint b = pairOf(mesh_.positions[second], mesh_.positions[second]) - ends;
       const PairPoint c = pairOf(mesh_.positions[third], mesh_.positions[third]) - ends;
       const PairPoint n{b.y * c.z - c.y * b.z, b.z * c.x - c.z * b.x, b.x * c.y - c.x * b.y};
@@ -665,16 +753,12 @@ class Simplifier {
     const glm::dvec3 p(from);
     const glm::dvec3 apex(c.position);
     double near2 = glm::dot(apex - p, apex - p);
-    for (const std::uint32_t moved : {c.gone, c.kept}) {
-      const std::uint32_t other = moved == c.gone ? c.kept : c.gone;
-      forEachTriangle(moved, [&](std::uint32_t t) {
-        if (touches(t, other)) return;
-        const auto [second, third] = otherCorners(t, moved);
+    for (const std::vector<Wedge>* wedges : {&around_.around_a, &around_.around_b})
+      for (const auto& [triangle, second, third] : *wedges) {
         const glm::dvec3 q = base::closestPointOnTriangle(p, apex, glm::dvec3(mesh_.positions[second]),
                                                           glm::dvec3(mesh_.positions[third]));
         near2 = std::min(near2, glm::dot(q - p, q - p));
-      });
-    }
+      }
     return near2;
   }
 
@@ -685,7 +769,8 @@ class Simplifier {
     vertices_[c.kept].quadric.add(vertices_[c.gone].quadric);
     vertices_[c.kept].changed = ++collapses_;
     if (kinds_[c.gone] == Kind::kBorder && kinds_[c.kept] == Kind::kInterior) kinds_[c.kept] = Kind::kBorder;
-    if (joinFans(c.gone, c.kept) >= 2) removeOpposites(c.kept);
+    joinFans(c.gone, c.kept);
+    if (countBetween(around_.around_a) + countBetween(around_.around_b) >= 2) removeOpposites(c.kept);
   }
 
   void moveAttributes(const Collapse& c) {
@@ -702,34 +787,20 @@ class Simplifier {
     if (!mesh_.colors.empty()) vertices_[v].color = mesh_.colors[v];
   }
 
-  // Triangles on the edge vanish, the others of `gone` hang on `kept` from now on. Returns how many of these lie
-  // between vertices that were next to both ends (marked by lookAt).
-  std::uint32_t joinFans(std::uint32_t gone, std::uint32_t kept) {
+  // Triangles on the edge vanish, the others of `gone` hang on `kept` from now on.
+  void joinFans(std::uint32_t gone, std::uint32_t kept) {
+    for (const std::uint32_t t : around_.on_edge) alive_[t] = 0;
+    live_ -= around_.on_edge.size();
+    const bool keeps_a = kept == around_.a;
     const auto first = static_cast<std::uint32_t>(pool_.size());
-    std::uint32_t between = 0;
-    for (const std::uint32_t v : {kept, gone}) {
-      const Fan fan = fans_[v];
-      for (std::uint32_t i = fan.first; i < fan.first + fan.count; ++i) {
-        const std::uint32_t t = pool_[i];
-        if (alive_[t] == 0) continue;
-        if (touches(t, v == kept ? gone : kept)) {
-          alive_[t] = 0;
-          --live_;
-          continue;
-        }
-        pool_.push_back(t);
-        std::uint32_t marked = 0;
-        for (std::size_t k = 0; k < 3; ++k) {
-          std::uint32_t& corner = mesh_.indices[3 * std::size_t{t} + k];
-          marked += mark_[corner] == stamp_ ? 1 : 0;
-          if (corner == gone) corner = kept;
-        }
-        between += marked >= 2 ? 1 : 0;
-      }
+    for (const Wedge& w : keeps_a ? around_.around_a : around_.around_b) pool_.push_back(w.triangle);
+    for (const Wedge& w : keeps_a ? around_.around_b : around_.around_a) {
+      pool_.push_back(w.triangle);
+      std::uint32_t* c = &mesh_.indices[3 * std::size_t{w.triangle}];
+      for (std::size_t k = 0; k < 3; ++k) c[k] = c[k] == gone ? kept : c[k];
     }
     fans_[kept] = {first, static_cast<std::uint32_t>(pool_.size()) - first};
     fans_[gone] = {};
-    return between;
   }
 
   // Two triangles on the same corners with opposite sides enclose nothing: both go. Only triangles whose other corners
@@ -784,9 +855,12 @@ class Simplifier {
   std::vector<Vertex> vertices_;
   std::vector<Edge> edges_;
   EdgeQueue queue_;
+  std::vector<EdgeQueue::Entry> opened_;
+  std::vector<std::uint32_t> known_;
   std::vector<std::uint32_t> mark_;
   std::vector<std::uint32_t> uses_;
   std::uint32_t stamp_ = 0;
+  Neighborhood around_;
   std::vector<std::uint32_t> component_;  // per vertex; made when first asked for
   std::optional<PointGrid> grid_;
   std::vector<std::uint8_t> folded_;  // per vertex
