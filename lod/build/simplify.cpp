@@ -144,8 +144,7 @@ struct alignas(64) Vertex {
   Quadric quadric;
   glm::vec3 position{0.0F};
   glm::vec3 normal{0.0F};
-  glm::vec3 color{0.0F};      // zero when the mesh has none
-  std::uint32_t changed = 0;  // by which collapse
+  glm::vec3 color{0.0F};  // zero when the mesh has none
 };
 static_assert(sizeof(Vertex) == 128);
 
@@ -317,6 +316,7 @@ class Simplifier {
     for (std::uint32_t v = 0; v < vertices; ++v) survivor_[v] = v;
     mark_.assign(vertices, 0);
     uses_.assign(vertices, 0);
+    changed_.assign(vertices, 0);
   }
 
   // Every edge once, and what its number of triangles says about its ends.
@@ -541,7 +541,7 @@ class Simplifier {
     edge.b = find(edge.b);
   }
   bool isStale(const Edge& edge) const {
-    return std::max(vertices_[edge.a].changed, vertices_[edge.b].changed) > edge.planned;
+    return std::max(changed_[edge.a], changed_[edge.b]) > edge.planned;
   }
 
   // Puts an edge back that has become dearer than it was and than the next.
@@ -767,7 +767,7 @@ class Simplifier {
     folded_[c.kept] |= folded_[c.gone];
     survivor_[c.gone] = c.kept;
     vertices_[c.kept].quadric.add(vertices_[c.gone].quadric);
-    vertices_[c.kept].changed = ++collapses_;
+    changed_[c.kept] = ++collapses_;
     if (kinds_[c.gone] == Kind::kBorder && kinds_[c.kept] == Kind::kInterior) kinds_[c.kept] = Kind::kBorder;
     joinFans(c.gone, c.kept);
     if (countBetween(around_.around_a) + countBetween(around_.around_b) >= 2) removeOpposites(c.kept);
@@ -853,6 +853,7 @@ class Simplifier {
   std::vector<std::uint32_t> survivor_;
   std::vector<Kind> kinds_;
   std::vector<Vertex> vertices_;
+  std::vector<std::uint32_t> changed_;  // per vertex: by which collapse; apart, as queues ask for it most
   std::vector<Edge> edges_;
   EdgeQueue queue_;
   std::vector<EdgeQueue::Entry> opened_;
