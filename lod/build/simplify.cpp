@@ -255,13 +255,20 @@ struct Collapse {
   float along = 0.0F;  // 0 at kept, 1 at gone: where attributes are taken
 };
 
-// To the nearest lattice point, halves up; without a call of the library per coordinate.
-glm::vec3 rounded(double x, double y, double z) {
-  constexpr double kAbove = 1 << 24;  // no coordinate is as far below zero
-  const auto nearest = [](double value) {
-    return static_cast<float>(static_cast<std::int32_t>(value + (kAbove + 0.5)) - (1 << 24));
-  };
-  return {nearest(x), nearest(y), nearest(z)};
+// To the nearest lattice point, halves up, and what misses a half by less than such systems err. Adding and taking away
+// a number so large leaves no room for fractions; that rounds halves to even, put right where it went up too far.
+Pair rounded(const Pair& value) {
+  constexpr double kAbove = 1 << 24;  // no coordinate is larger; sums with it keep 28 bits of fraction
+  constexpr double kNoFractions = 3.0 * (1LL << 51);
+  const Pair raised = value + (kAbove + 0.5);
+  const Pair near = (raised + kNoFractions) - kNoFractions;
+  return (near > raised ? near - 1.0 : near) - kAbove;
+}
+PairPoint rounded(const PairPoint& p) {
+  return {rounded(p.x), rounded(p.y), rounded(p.z)};
+}
+glm::vec3 laneOf(const PairPoint& p, int lane) {
+  return {static_cast<float>(p.x[lane]), static_cast<float>(p.y[lane]), static_cast<float>(p.z[lane])};
 }
 
 glm::dvec3 crossOf(const glm::vec3& a, const glm::vec3& b, const glm::vec3& c) {
@@ -540,9 +547,7 @@ class Simplifier {
     edge.a = find(edge.a);
     edge.b = find(edge.b);
   }
-  bool isStale(const Edge& edge) const {
-    return std::max(changed_[edge.a], changed_[edge.b]) > edge.planned;
-  }
+  bool isStale(const Edge& edge) const { return std::max(changed_[edge.a], changed_[edge.b]) > edge.planned; }
 
   // Puts an edge back that has become dearer than it was and than the next.
   bool waits(const EdgeQueue::Entry& entry, float cost) {
@@ -679,25 +684,24 @@ class Simplifier {
     const PairMask solved = determined & (dot(reach, reach) <= kMaxPlacementReach * kMaxPlacementReach * length2);
     best = {solved ? best.x : middle.x, solved ? best.y : middle.y, solved ? best.z : middle.z};
     const Pair along = dot(best - kept, span) / length2;
-    const glm::vec3 lattice0 = rounded(best.x[0], best.y[0], best.z[0]);
-    const glm::vec3 lattice1 = rounded(best.x[1], best.y[1], best.z[1]);
-    const Pair at_best = q.at(pairOf(lattice0, lattice1));
+    const PairPoint lattice = rounded(best);
+    const Pair at_best = q.at(lattice);
 
     // Of these three the cheapest; the kept end when it must not move.
-    const auto choose = [&](Edge& edge, const Vertex& k, const Vertex& g, std::size_t lane, const glm::vec3& lattice) {
+    const auto choose = [&](Edge& edge, const Vertex& k, const Vertex& g, int lane) {
       double least = at_kept[lane];
       edge.position = k.position;
       edge.along = 0.0F;
       if (free[lane] && at_gone[lane] < least) least = at_gone[lane], edge.position = g.position, edge.along = 1.0F;
       if (free[lane] && at_best[lane] < least) {
-        least = at_best[lane], edge.position = lattice;
+        least = at_best[lane], edge.position = laneOf(lattice, lane);
         edge.along = length2[lane] > 0.0 ? static_cast<float>(std::clamp(along[lane], 0.0, 1.0)) : 0.0F;
       }
       edge.planned = collapses_ & 0x7fffffffU;
       edge.cost = static_cast<float>(least + attributeCost(k, g));
     };
-    choose(first, kept0, gone0, 0, lattice0);
-    choose(second, kept1, gone1, 1, lattice1);
+    choose(first, kept0, gone0, 0);
+    choose(second, kept1, gone1, 1);
   }
 
   // Whether the kept end may move.
