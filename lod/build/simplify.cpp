@@ -404,46 +404,53 @@ class Simplifier {
     return crossOf(mesh_.positions[c[0]], mesh_.positions[c[1]], mesh_.positions[c[2]]);
   }
 
+  // What the triangles around a vertex say together.
+  struct FanShape {
+    glm::dvec3 vector_area{0.0};
+    double longest2 = 0.0;  // edge
+  };
+
   void addTriangleQuadrics() {
-    std::vector<glm::dvec3> vector_area(vertices_.size(), glm::dvec3(0.0));
+    std::vector<FanShape> shapes(vertices_.size());
     for (std::uint32_t t = 0; 3 * std::size_t{t} < mesh_.indices.size(); ++t) {
       const std::uint32_t* c = &mesh_.indices[3 * std::size_t{t}];
-      glm::dvec3 n = triangleNormal(t);
+      const glm::dvec3 p(mesh_.positions[c[0]]);
+      const glm::dvec3 edges[3] = {glm::dvec3(mesh_.positions[c[1]]) - p,
+                                   glm::dvec3(mesh_.positions[c[2]]) - glm::dvec3(mesh_.positions[c[1]]),
+                                   p - glm::dvec3(mesh_.positions[c[2]])};
+      const double length2[3] = {glm::dot(edges[0], edges[0]), glm::dot(edges[1], edges[1]),
+                                 glm::dot(edges[2], edges[2])};
+      for (std::size_t k = 0; k < 3; ++k)
+        shapes[c[k]].longest2 = std::max({shapes[c[k]].longest2, length2[k], length2[(k + 2) % 3]});
+      glm::dvec3 n = glm::cross(edges[0], -edges[2]);
       const double length = glm::length(n);
       if (length == 0.0) continue;
       n /= length;
       const double area = 0.5 * length;
       Quadric q;
-      q.addPlane(n, -glm::dot(n, glm::dvec3(mesh_.positions[c[0]])), area);
+      q.addPlane(n, -glm::dot(n, p), area);
       q.weight = area;
-      for (int k = 0; k < 3; ++k) vertices_[c[k]].quadric.add(q), vector_area[c[k]] += area * n;
+      for (std::size_t k = 0; k < 3; ++k) vertices_[c[k]].quadric.add(q), shapes[c[k]].vector_area += area * n;
     }
-    findFolds(vector_area);
-    tieThinFans();
+    findFolds(shapes);
+    tieThinFans(shapes);
     queueEdges();
   }
 
-  void findFolds(const std::vector<glm::dvec3>& vector_area) {
+  void findFolds(const std::vector<FanShape>& shapes) {
     folded_.assign(vertices_.size(), 0);
     double sum = 0.0;
     for (std::size_t v = 0; v < vertices_.size(); ++v) {
       const double area = vertices_[v].quadric.weight;
-      folded_[v] = glm::length(vector_area[v]) < kFolded * area ? 1 : 0;
+      folded_[v] = glm::length(shapes[v].vector_area) < kFolded * area ? 1 : 0;
       sum += area;
     }
     mean_fan_ = sum / static_cast<double>(std::max<std::size_t>(1, vertices_.size()));
   }
 
-  void tieThinFans() {
-    const std::vector<std::uint32_t>& c = mesh_.indices;
-    std::vector<double> longest2(vertices_.size(), 0.0);
-    for (std::size_t i = 0; i < c.size(); ++i) {
-      const std::uint32_t next = i % 3 == 2 ? c[i - 2] : c[i + 1];
-      const glm::dvec3 edge(mesh_.positions[next] - mesh_.positions[c[i]]);
-      for (const std::uint32_t v : {c[i], next}) longest2[v] = std::max(longest2[v], glm::dot(edge, edge));
-    }
+  void tieThinFans(const std::vector<FanShape>& shapes) {
     for (std::size_t v = 0; v < vertices_.size(); ++v)
-      if (vertices_[v].quadric.weight < kThinFan * longest2[v])
+      if (vertices_[v].quadric.weight < kThinFan * shapes[v].longest2)
         vertices_[v].quadric.addPoint(glm::dvec3(mesh_.positions[v]), kPointWeight * mean_edge_ * mean_edge_);
   }
 
@@ -513,7 +520,9 @@ class Simplifier {
       for (const EdgeQueue::Entry& entry : opened_) {
         Edge& edge = edges_[entry.edge];
         findEnds(edge);
-        if (edge.a == edge.b || isKnown(entry.edge)) continue;
+        if (edge.a == edge.b) continue;
+        const bool moved = (changed_[edge.a] | changed_[edge.b]) != 0;
+        if (moved && isKnown(entry.edge)) continue;
         if (isStale(edge))
           opened_[stale++] = entry;
         else
