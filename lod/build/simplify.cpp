@@ -696,15 +696,18 @@ class Simplifier {
     const PairPoint lattice = rounded(best);
     const Pair at_best = q.at(lattice);
 
-    // Of these three the cheapest; the kept end when it must not move.
+    // Of these three the cheapest; the kept end when it must not move. Which end is the better one is a matter of
+    // chance, that the best point beats both is not: so that is asked first.
+    const Pair at_end = at_gone < at_kept ? at_gone : at_kept;
     const auto choose = [&](Edge& edge, const Vertex& k, const Vertex& g, int lane) {
       double least = at_kept[lane];
       edge.position = k.position;
       edge.along = 0.0F;
-      if (free[lane] && at_gone[lane] < least) least = at_gone[lane], edge.position = g.position, edge.along = 1.0F;
-      if (free[lane] && at_best[lane] < least) {
+      if (free[lane] && at_best[lane] < at_end[lane]) {
         least = at_best[lane], edge.position = laneOf(lattice, lane);
         edge.along = length2[lane] > 0.0 ? static_cast<float>(std::clamp(along[lane], 0.0, 1.0)) : 0.0F;
+      } else if (free[lane] && at_gone[lane] < least) {
+        least = at_gone[lane], edge.position = g.position, edge.along = 1.0F;
       }
       edge.planned = collapses_ & 0x7fffffffU;
       edge.cost = static_cast<float>(least + attributeCost(k, g));
