@@ -23,7 +23,7 @@ constexpr double kThinFan = 0.3;
 constexpr double kPointWeight = 5e-3;
 // Planes do not say how far a spike sticks out, as those of its sides all hold its axis. Where the vector sum of a
 // fan's areas is less than this share of their plain sum, distances are measured.
-constexpr double kFolded = 0.5;
+constexpr double kFolded = 0.6;
 // A full change of colour (black to white) counts like a distance of this many mean edges, a normal turned by 60
 // degrees like this many.
 constexpr double kColorLength = 0.25;
@@ -253,6 +253,7 @@ struct Collapse {
   std::uint32_t kept = 0;
   glm::vec3 position{0.0F};
   float along = 0.0F;  // 0 at kept, 1 at gone: where attributes are taken
+  float sunk = 0.0F;   // how far the surface leaves what it stood for; measured where it is folded
 };
 
 // To the nearest lattice point, halves up, and what misses a half by less than such systems err. Adding and taking away
@@ -439,6 +440,7 @@ class Simplifier {
 
   void findFolds(const std::vector<FanShape>& shapes) {
     folded_.assign(vertices_.size(), 0);
+    sunk_.assign(vertices_.size(), 0.0F);
     double sum = 0.0;
     for (std::size_t v = 0; v < vertices_.size(); ++v) {
       const double area = vertices_[v].quadric.weight;
@@ -502,11 +504,14 @@ class Simplifier {
       if (keepOf(edge.a, edge.b, triangles != 2 || !stage.keep_topology) == Keep::kNone) continue;
       if (isLast() && waits(entry, static_cast<float>(vanishingCost(edge.a, edge.b)))) continue;
       if (stage.keep_topology && around_.common != triangles) continue;
-      const Collapse collapse{edge.keeps_a != 0 ? edge.b : edge.a, edge.keeps_a != 0 ? edge.a : edge.b, edge.position,
-                              edge.along};
+      Collapse collapse{edge.keeps_a != 0 ? edge.b : edge.a, edge.keeps_a != 0 ? edge.a : edge.b, edge.position,
+                        edge.along};
       if (flips(collapse.position, stage.keep_orientation)) continue;
       if (live_ <= triangles) continue;
-      if (isFolded(collapse) && waits(entry, static_cast<float>(foldCost(collapse)))) continue;
+      if (isFolded(collapse)) {
+        collapse.sunk = sinking(collapse);
+        if (waits(entry, static_cast<float>(foldCost(collapse)))) continue;
+      }
       apply(collapse);
     }
   }
@@ -758,11 +763,18 @@ class Simplifier {
 
   bool isFolded(const Collapse& c) const { return folded_[c.gone] != 0 || folded_[c.kept] != 0; }
 
-  // What the two old places are from the new fan, weighted as by planes; but a thin spike counts like any other.
+  // How far the two old places are from the new fan, on top of what they had sunk: a needle must not go down in steps.
+  float sinking(const Collapse& c) const {
+    float most = 0.0F;
+    for (const std::uint32_t v : {c.gone, c.kept})
+      most = std::max(most, sunk_[v] + static_cast<float>(std::sqrt(distance2ToNewFan(c, mesh_.positions[v]))));
+    return most;
+  }
+
+  // Weighted as distances from planes are; but a thin spike counts like any other.
   double foldCost(const Collapse& c) const {
-    double far2 = 0.0;
-    for (const std::uint32_t v : {c.gone, c.kept}) far2 = std::max(far2, distance2ToNewFan(c, mesh_.positions[v]));
-    return far2 * std::max(mean_fan_, vertices_[c.gone].quadric.weight + vertices_[c.kept].quadric.weight);
+    const double far = c.sunk;
+    return far * far * std::max(mean_fan_, vertices_[c.gone].quadric.weight + vertices_[c.kept].quadric.weight);
   }
 
   double distance2ToNewFan(const Collapse& c, const glm::vec3& from) const {
@@ -781,6 +793,7 @@ class Simplifier {
   void apply(const Collapse& c) {
     moveAttributes(c);
     folded_[c.kept] |= folded_[c.gone];
+    sunk_[c.kept] = std::max({sunk_[c.kept], sunk_[c.gone], c.sunk});
     survivor_[c.gone] = c.kept;
     vertices_[c.kept].quadric.add(vertices_[c.gone].quadric);
     changed_[c.kept] = ++collapses_;
@@ -881,6 +894,7 @@ class Simplifier {
   std::vector<std::uint32_t> component_;  // per vertex; made when first asked for
   std::optional<PointGrid> grid_;
   std::vector<std::uint8_t> folded_;  // per vertex
+  std::vector<float> sunk_;           // per vertex: how far what it stands for may be from the surface, where folded
   double mean_fan_ = 0.0;             // area
   double mean_edge_ = 1.0;
   double color_scale_ = 0.0;
