@@ -9,7 +9,7 @@
 
 namespace lod::build {
 
-/// What side 0 should weigh, and may.
+/// What side 0 should weigh, and may; in vertex weights of the graph.
 struct BisectionTarget {
   std::int64_t weight = 0;  ///< between 0 and the graph's
   std::int64_t least = 0;

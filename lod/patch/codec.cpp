@@ -979,7 +979,8 @@ class Machine {
   }
 
 #if defined(__x86_64__)
-  // The same; an edge is four words of a register, and a shuffle chooses.
+  // The same; an edge is four words of a register, and a shuffle chooses. The loop over steps stands here again, as a
+  // function for any machine can't take in a step compiled for this one.
   __attribute__((LUMIGRID_AVX2)) bool runByAvx2() {
     std::uint64_t* const front = front_;
     std::uint64_t* const from = from_;

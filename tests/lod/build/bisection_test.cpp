@@ -4,20 +4,11 @@
 
 #include <algorithm>
 
+#include "tests/lod/build/grid_graph.h"
+
 namespace {
 
 using namespace lod::build;
-
-// w × h vertices in a grid, each of weight 10; edges of weight 2.
-Graph gridGraph(std::uint32_t w, std::uint32_t h) {
-  std::vector<WeightedEdge> edges;
-  for (std::uint32_t y = 0; y < h; ++y)
-    for (std::uint32_t x = 0; x < w; ++x) {
-      if (x + 1 < w) edges.push_back({y * w + x, y * w + x + 1, 2});
-      if (y + 1 < h) edges.push_back({y * w + x, (y + 1) * w + x, 2});
-    }
-  return graphFromEdges(std::vector<std::int32_t>(std::size_t{w} * h, 10), edges);
-}
 
 std::int64_t weightOf(const Graph& graph, const std::vector<std::int32_t>& side, std::int32_t s) {
   std::int64_t sum = 0;
@@ -34,14 +25,14 @@ std::int64_t cutOf(const Graph& graph, const std::vector<std::int32_t>& side) {
 }
 
 TEST(Bisection, AGridIsCutAcrossItsShorterExtent) {
-  const Graph graph = gridGraph(20, 6);
+  const Graph graph = support::gridGraph(20, 6, 2);
   const auto side = bisect(graph, {600, 588, 612});
   EXPECT_EQ(weightOf(graph, side, 0), 600);
   EXPECT_EQ(cutOf(graph, side), 2 * 6);
 }
 
 TEST(Bisection, SidesHaveTheSharesAskedFor) {
-  const Graph graph = gridGraph(15, 10);
+  const Graph graph = support::gridGraph(15, 10, 2);
   for (const std::int64_t target : {300, 500, 750}) {
     const auto side = bisect(graph, {target, target - 20, target + 20});
     EXPECT_GE(weightOf(graph, side, 0), target - 20);

@@ -4,20 +4,11 @@
 
 #include <thread>
 
+#include "tests/lod/build/grid_graph.h"
+
 namespace {
 
 using namespace lod::build;
-
-// w × h vertices in a grid, each of weight 10.
-Graph gridGraph(std::uint32_t w, std::uint32_t h) {
-  std::vector<WeightedEdge> edges;
-  for (std::uint32_t y = 0; y < h; ++y)
-    for (std::uint32_t x = 0; x < w; ++x) {
-      if (x + 1 < w) edges.push_back({y * w + x, y * w + x + 1, 1});
-      if (y + 1 < h) edges.push_back({y * w + x, (y + 1) * w + x, 1});
-    }
-  return graphFromEdges(std::vector<std::int32_t>(w * h, 10), edges);
-}
 
 std::vector<std::int64_t> weights(const Graph& graph, const std::vector<std::uint32_t>& part) {
   std::vector<std::int64_t> sums(*std::max_element(part.begin(), part.end()) + 1, 0);
@@ -33,7 +24,7 @@ TEST(Partition, GraphSumsEqualEdgesAndDropsLoops) {
 }
 
 TEST(Partition, RecursivePartsStayUnderTheLimitAndAreNotTiny) {
-  const Graph graph = gridGraph(40, 30);
+  const Graph graph = support::gridGraph(40, 30);
   const auto part = partitionRecursively(graph, 1000);
   const auto sums = weights(graph, part);
   for (const std::int64_t sum : sums) {
@@ -56,7 +47,7 @@ TEST(Partition, GraphWithoutEdgesIsSplitToo) {
 }
 
 TEST(Partition, PartsAreNumberedWithoutGaps) {
-  const Graph graph = gridGraph(20, 20);
+  const Graph graph = support::gridGraph(20, 20);
   const auto part = partitionIntoParts(graph, 50);
   for (const std::int64_t sum : weights(graph, part)) EXPECT_GT(sum, 0);
 }
@@ -71,7 +62,7 @@ TEST(Partition, TiesMakeOneComponent) {
 
 // METIS has one random state for the whole process; calls that run at once must not change each other's result.
 TEST(Partition, ResultsDoNotDependOnWhatRunsBesideThem) {
-  const Graph graph = gridGraph(37, 23);
+  const Graph graph = support::gridGraph(37, 23);
   const auto alone = partitionIntoParts(graph, 12);
   std::vector<std::thread> threads;
   std::vector<std::vector<std::uint32_t>> results(6);
