@@ -369,6 +369,8 @@ Result<void> build(const BuildArguments& a) {
   LUMIGRID_TRY(base::writeSceneFile(scene, a.output + "/scene.json"));
   std::error_code ignored;
   fs::remove(fs::path(a.output) / base::kBuildingFile, ignored);
+  // What runs killed at an awkward moment left; within the scene all of it is ours.
+  if (a.tmpdir.empty()) fs::remove_all(workDirectory(a), ignored);
   if (a.json)
     std::printf("%s\n", summaryJson(scene, report).dump().c_str());
   else
