@@ -8,10 +8,15 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
 #include <utility>
+#include <vector>
 
 namespace base {
 namespace {
+
+// Between a file's name and its writer's number, until it is whole.
+constexpr const char* kPart = ".part";
 
 std::string directoryOf(const std::string& path) {
   const auto slash = path.rfind('/');
@@ -88,10 +93,25 @@ MappedFile::~MappedFile() {
   if (data_ != nullptr) ::munmap(const_cast<std::uint8_t*>(data_), size_);
 }
 
+bool isUnfinished(const std::string& name, const std::string& whole) {
+  const std::string front = whole + kPart;
+  return name.size() > front.size() && name.rfind(front, 0) == 0 &&
+         name.find_first_not_of("0123456789", front.size()) == std::string::npos;
+}
+
+void removeUnfinished(const std::string& path) {
+  const std::string whole = std::filesystem::path(path).filename().string();
+  std::vector<std::filesystem::path> found;
+  std::error_code ignored;
+  for (const auto& entry : std::filesystem::directory_iterator(directoryOf(path), ignored))
+    if (isUnfinished(entry.path().filename().string(), whole)) found.push_back(entry.path());
+  for (const std::filesystem::path& file : found) std::filesystem::remove(file, ignored);
+}
+
 Result<AtomicFile> AtomicFile::create(const std::string& path) {
   AtomicFile file;
   file.path_ = path;
-  file.temporary_ = path + ".part" + std::to_string(::getpid());
+  file.temporary_ = path + kPart + std::to_string(::getpid());
   file.fd_ = ::open(file.temporary_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
   if (file.fd_ < 0) return systemError(path, "create", errno);
   return file;

@@ -27,6 +27,11 @@ class MappedFile {
   std::size_t size_ = 0;
 };
 
+/// Whether `name` is what a killed writer of the file `whole` leaves beside it: the temporary of an AtomicFile.
+bool isUnfinished(const std::string& name, const std::string& whole);
+/// Removes such files of `path`. None of them may still be in the writing.
+void removeUnfinished(const std::string& path);
+
 /// A file written front to back under a temporary name. commit() fsyncs and renames it to its own; without it the
 /// temporary is removed.
 class AtomicFile {

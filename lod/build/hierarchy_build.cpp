@@ -167,6 +167,7 @@ class Builder {
         options_.work_directory.empty() ? output_path_ + ".work" : options_.work_directory, resumeKey());
     if (!directory) return directory.error();
     directory_ = std::move(*directory);
+    base::removeUnfinished(output_path_);  // nobody else is writing it now
     const Stopwatch watch;
     auto done = stages(read_source, origin, source_bytes);
     if (!done) {

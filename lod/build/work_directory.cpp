@@ -32,6 +32,16 @@ std::string stageFile(const std::string& path, std::uint32_t stage) {
   return path + "/stage" + std::to_string(stage);
 }
 
+// What a builder wrote into `path`, whole or not; others' files stay.
+void removeFiles(const std::string& path) {
+  std::error_code ignored;
+  for (const char* name : kFiles) {
+    const fs::path file = fs::path(path) / name;
+    fs::remove(file, ignored);
+    base::removeUnfinished(file.string());
+  }
+}
+
 base::Result<void> needFree(const std::string& directory, std::uint64_t bytes, const std::string& what,
                             const std::string& advice) {
   std::error_code error;
@@ -60,7 +70,7 @@ base::Result<WorkDirectory> WorkDirectory::open(const std::string& path, const s
     while (out.stage_ < 3 && out.state(out.stage_ + 1)) ++out.stage_;
     if (out.stage_ > 0) return out;
   }
-  for (const char* name : kFiles) fs::remove(fs::path(path) / name, error);
+  removeFiles(path);
   LUMIGRID_TRY(base::writeFileAtomically(
       path + "/key", base::ByteView(reinterpret_cast<const std::uint8_t*>(key.data()), key.size())));
   return out;
@@ -118,8 +128,8 @@ bool WorkDirectory::has(const std::string& name) const {
 }
 
 void WorkDirectory::remove() {
+  removeFiles(path_);
   std::error_code ignored;
-  for (const char* name : kFiles) fs::remove(fs::path(path_) / name, ignored);
   fs::remove(fs::path(path_) / "lock", ignored);
   fs::remove(path_, ignored);
 }

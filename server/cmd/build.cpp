@@ -43,6 +43,7 @@ struct BuildArguments {
 
 // Work files of the hierarchy, within the scene unless --tmpdir says otherwise.
 constexpr const char* kWorkFiles = "patch.lgp.work";
+constexpr const char* kWrittenWhole[] = {"patch.lgp", "scene.json", base::kBuildingFile};
 
 /// What the summary tells.
 struct BuildReport {
@@ -107,8 +108,8 @@ Result<void> clear(const std::string& directory) {
 
 // A file that was being written when its writer was killed.
 bool isUnfinished(const std::string& name) {
-  return name.rfind("patch.lgp.part", 0) == 0 || name.rfind(std::string(base::kBuildingFile) + ".part", 0) == 0 ||
-         name.rfind("scene.json.part", 0) == 0;
+  return std::any_of(std::begin(kWrittenWhole), std::end(kWrittenWhole),
+                     [&](const char* whole) { return base::isUnfinished(name, whole); });
 }
 
 /// The unfinished build to go on with, or nothing for a fresh start; an error when the output may not be touched.
@@ -224,10 +225,6 @@ Result<base::Scene> buildPatches(const BuildArguments& a, const std::vector<base
   fs::create_directories(a.output, error);
   if (error) return Error{ErrorCode::kIo, a.output + ": cannot make this directory: " + error.message()};
   if (a.force) LUMIGRID_TRY(clear(a.output));
-  std::vector<fs::path> unfinished;
-  for (const auto& entry : fs::directory_iterator(a.output, error))
-    if (isUnfinished(entry.path().filename().string())) unfinished.push_back(entry.path());
-  for (const fs::path& path : unfinished) fs::remove(path, error);
 
   lod::build::HierarchyOptions options = a.hierarchy;
   options.regroup = a.regroup == "on";
@@ -369,8 +366,8 @@ Result<void> build(const BuildArguments& a) {
   LUMIGRID_TRY(base::writeSceneFile(scene, a.output + "/scene.json"));
   std::error_code ignored;
   fs::remove(fs::path(a.output) / base::kBuildingFile, ignored);
-  // What runs killed at an awkward moment left; within the scene all of it is ours.
-  if (a.tmpdir.empty()) fs::remove_all(workDirectory(a), ignored);
+  // What runs killed while they wrote them left.
+  for (const char* name : kWrittenWhole) base::removeUnfinished(a.output + "/" + name);
   if (a.json)
     std::printf("%s\n", summaryJson(scene, report).dump().c_str());
   else

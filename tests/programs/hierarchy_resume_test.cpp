@@ -210,6 +210,13 @@ TEST_F(HierarchyResume, KilledWhileTheOutputIsWrittenItEndsWithTheSameBytes) {
   }
 }
 
+TEST_F(HierarchyResume, FilesHalfWrittenByAKilledRunGoWithTheOthers) {
+  ASSERT_NO_FATAL_FAILURE(stopLate());
+  for (const char* file : {"stage3.part4711", "key.part4711"})
+    programs::writeText(workFile(late_.stopped, file), "half");
+  expectRerunFinishes(late_.mesh, late_.stopped, late_.bytes, "with files half written");
+}
+
 TEST_F(HierarchyResume, AJournalWithAnyTailGoesOnBehindItsLastWholeRecord) {
   ASSERT_NO_FATAL_FAILURE(stopLate());
   const auto& [mesh, bytes, stopped, whole] = late_;

@@ -38,6 +38,32 @@ TEST_F(FileTest, anUncommittedFileLeavesNothing) {
   EXPECT_TRUE(std::filesystem::is_empty(directory_));
 }
 
+TEST_F(FileTest, whatAKilledWriterLeftIsKnownAndGoes) {
+  const pid_t child = ::fork();
+  if (child == 0) {
+    auto file = base::AtomicFile::create(path("d"));
+    if (file && file->write(base::Bytes(100, 7))) ::raise(SIGKILL);
+    ::_exit(1);
+  }
+  int status = 0;
+  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  ASSERT_TRUE(WIFSIGNALED(status));
+  const std::string left = std::filesystem::directory_iterator(directory_)->path().filename().string();
+  EXPECT_TRUE(base::isUnfinished(left, "d")) << left;
+  EXPECT_FALSE(base::isUnfinished(left, "e"));
+  EXPECT_FALSE(base::isUnfinished("d", "d"));
+  EXPECT_FALSE(base::isUnfinished(left + "x", "d"));
+
+  ASSERT_TRUE(base::writeFileAtomically(path("d"), base::Bytes{1}));
+  ASSERT_TRUE(base::writeFileAtomically(path("dd"), base::Bytes{2}));
+  ASSERT_TRUE(base::writeFileAtomically(path(left + "x"), base::Bytes{3}));
+  base::removeUnfinished(path("d"));
+  EXPECT_FALSE(std::filesystem::exists(path(left)));
+  EXPECT_TRUE(std::filesystem::exists(path("d")));
+  EXPECT_TRUE(std::filesystem::exists(path("dd")));
+  EXPECT_TRUE(std::filesystem::exists(path(left + "x")));
+}
+
 TEST_F(FileTest, errorsNameTheFileAndTheReason) {
   auto missing = base::readFile(path("missing"));
   ASSERT_FALSE(missing);
