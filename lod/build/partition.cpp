@@ -84,11 +84,113 @@ Graph inducedGraph(const Graph& graph, const std::vector<std::int32_t>& part, st
   return sub;
 }
 
+// The piece each vertex belongs to, pieces numbered 0, 1, … by their first vertex; returns how many.
+std::uint32_t connectedPieces(const Graph& graph, std::vector<std::int32_t>& piece) {
+  piece.assign(graph.size(), -1);
+  std::vector<std::uint32_t> open;
+  std::int32_t count = 0;
+  for (std::uint32_t first = 0; first < graph.size(); ++first) {
+    if (piece[first] >= 0) continue;
+    piece[first] = count;
+    open.push_back(first);
+    while (!open.empty()) {
+      const std::uint32_t v = open.back();
+      open.pop_back();
+      for (auto e = static_cast<std::size_t>(graph.row[v]); e < static_cast<std::size_t>(graph.row[v + 1]); ++e) {
+        const auto other = static_cast<std::uint32_t>(graph.neighbors[e]);
+        if (piece[other] >= 0) continue;
+        piece[other] = count;
+        open.push_back(other);
+      }
+    }
+    ++count;
+  }
+  return static_cast<std::uint32_t>(count);
+}
+
 class RecursiveBisection {
  public:
-  RecursiveBisection(std::size_t size, std::int64_t max_weight) : part_(size, 0), max_weight_(max_weight) {}
+  RecursiveBisection(const Graph& graph, std::int64_t max_weight, std::span<const Extent> extents)
+      : part_(graph.size(), 0), max_weight_(max_weight), extents_(extents) {
+    Extent all;
+    for (const Extent& e : extents) all.add(e);
+    const double weight = std::accumulate(graph.vertex_weights.begin(), graph.vertex_weights.end(), 0.0);
+    widest_ = kSpread * all.diagonal() * std::sqrt(static_cast<double>(max_weight) / std::max(1.0, weight));
+  }
 
   void run(const Graph& graph, const std::vector<std::uint32_t>& vertices) {
+    std::vector<std::int32_t> piece;
+    const std::uint32_t count = connectedPieces(graph, piece);
+    if (count == 1) return cut(graph, vertices);
+    std::vector<Part> pieces(count);
+    for (std::size_t v = 0; v < graph.size(); ++v) {
+      Part& p = pieces[static_cast<std::size_t>(piece[v])];
+      p.weight += graph.vertex_weights[v];
+      if (!extents_.empty()) p.extent.add(extents_[vertices[v]]);
+    }
+    pack(pieces);
+    for (std::size_t v = 0; v < graph.size(); ++v) {
+      const Part& p = pieces[static_cast<std::size_t>(piece[v])];
+      if (p.number != kNone) part_[vertices[v]] = p.number;
+    }
+    std::vector<std::int32_t> local(graph.size());
+    for (std::uint32_t p = 0; p < count; ++p) {
+      if (pieces[p].number != kNone) continue;
+      std::vector<std::uint32_t> below;
+      for (std::size_t v = 0; v < graph.size(); ++v)
+        if (piece[v] == static_cast<std::int32_t>(p)) below.push_back(vertices[v]);
+      cut(inducedGraph(graph, piece, static_cast<std::int32_t>(p), local), below);
+    }
+  }
+  std::vector<std::uint32_t> take() { return std::move(part_); }
+
+ private:
+  // Up to so many vertices METIS takes longer than bisect(), and cuts no better.
+  static constexpr std::size_t kMostBisected = 1024;
+  // 7 % of a part stay free for imbalance and for the grain of the vertices, so that few parts need one more cut.
+  static constexpr double kFilled = 0.93;
+
+  // Pieces that nothing ties share a part where that is not much wider than parts of one piece are: so many times the
+  // share of the whole that a part's weight makes of it.
+  static constexpr double kSpread = 2.0;
+  static constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
+
+  struct Part {
+    std::int64_t weight = 0;
+    Extent extent;
+    std::uint32_t number = kNone;
+  };
+
+  // Numbers pieces that fit one part; the nearest of the last few parts that have room takes each.
+  void pack(std::vector<Part>& pieces) {
+    constexpr std::size_t kOpen = 16;
+    std::vector<Part> open;
+    for (Part& piece : pieces) {
+      if (piece.weight > max_weight_) continue;
+      Part* best = nullptr;
+      double best_width = widest_;
+      for (Part& part : open) {
+        if (part.weight + piece.weight > max_weight_) continue;
+        Extent both = part.extent;
+        both.add(piece.extent);
+        if (const double width = both.diagonal(); extents_.empty() || width <= best_width) {
+          best = &part;
+          best_width = width;
+        }
+      }
+      if (best == nullptr) {
+        if (open.size() == kOpen) open.erase(open.begin());
+        open.push_back({0, {}, next_part_++});
+        best = &open.back();
+      }
+      best->weight += piece.weight;
+      best->extent.add(piece.extent);
+      piece.number = best->number;
+    }
+  }
+
+  // A graph in one piece, or a single vertex of any weight.
+  void cut(const Graph& graph, const std::vector<std::uint32_t>& vertices) {
     const std::int64_t weight =
         std::accumulate(graph.vertex_weights.begin(), graph.vertex_weights.end(), std::int64_t{0});
     if (weight <= max_weight_ || graph.size() < 2) {
@@ -105,13 +207,6 @@ class RecursiveBisection {
       run(inducedGraph(graph, side, s, local), below);
     }
   }
-  std::vector<std::uint32_t> take() { return std::move(part_); }
-
- private:
-  // Up to so many vertices METIS takes longer than bisect(), and cuts no better.
-  static constexpr std::size_t kMostBisected = 1024;
-  // 7 % of a part stay free for imbalance and for the grain of the vertices, so that few parts need one more cut.
-  static constexpr double kFilled = 0.93;
 
   std::vector<std::int32_t> twoSides(const Graph& graph, std::int64_t weight) const {
     const double most = static_cast<double>(max_weight_);
@@ -143,6 +238,8 @@ class RecursiveBisection {
 
   std::vector<std::uint32_t> part_;
   std::int64_t max_weight_;
+  std::span<const Extent> extents_;
+  double widest_ = 0.0;
   std::uint32_t next_part_ = 0;
 };
 
@@ -221,8 +318,9 @@ void tieComponents(std::span<const std::uint32_t> order, std::vector<WeightedEdg
     if (component[order[i - 1]] != component[order[i]]) edges.push_back({order[i - 1], order[i], 1});
 }
 
-std::vector<std::uint32_t> partitionRecursively(const Graph& graph, std::int64_t max_weight) {
-  RecursiveBisection bisection(graph.size(), max_weight);
+std::vector<std::uint32_t> partitionRecursively(const Graph& graph, std::int64_t max_weight,
+                                                std::span<const Extent> extents) {
+  RecursiveBisection bisection(graph, max_weight, extents);
   std::vector<std::uint32_t> all(graph.size());
   std::iota(all.begin(), all.end(), 0U);
   if (!all.empty()) bisection.run(graph, all);

@@ -4,6 +4,8 @@
 // METIS 5.1 draws from the C library's one random state: every call of it takes one lock and starts from a fixed seed,
 // so results depend on the graph alone, whatever runs beside it.
 #include <cstdint>
+#include <glm/glm.hpp>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -33,10 +35,26 @@ std::vector<std::uint32_t> components(std::size_t vertices, std::span<const Weig
 /// Edges of weight 1 between neighbours in `order` that lie in different components: what makes a graph connected.
 void tieComponents(std::span<const std::uint32_t> order, std::vector<WeightedEdge>& edges);
 
+/// The box a vertex of a graph stands for.
+struct Extent {
+  glm::dvec3 low{std::numeric_limits<double>::infinity()};
+  glm::dvec3 high{-std::numeric_limits<double>::infinity()};
+
+  void add(const Extent& other) {
+    low = glm::min(low, other.low);
+    high = glm::max(high, other.high);
+  }
+  /// 0 while nothing was added.
+  double diagonal() const { return low.x <= high.x ? glm::length(high - low) : 0.0; }
+};
+
 /// Bisects recursively (in the ratio of the parts still needed on each side) until no part weighs more than
-/// `max_weight`, unless it is a single vertex. Returns the part of each vertex, numbered 0, 1, … without gaps in order
-/// of the recursion.
-std::vector<std::uint32_t> partitionRecursively(const Graph& graph, std::int64_t max_weight);
+/// `max_weight`, unless it is a single vertex. Pieces of the graph that no edge ties are cut each on its own; small
+/// ones share parts, where `extents` (one per vertex, or none) say that they lie near each other: a part of several is
+/// no wider than twice what its largest share of the weight makes of the whole's surface, 2 D √(max_weight / weight).
+/// Returns the part of each vertex, numbered 0, 1, … without gaps in order of the recursion.
+std::vector<std::uint32_t> partitionRecursively(const Graph& graph, std::int64_t max_weight,
+                                                std::span<const Extent> extents = {});
 
 /// About `parts` parts of equal weight (parts ≥ 1), numbered without gaps. Parts may come out empty and are then left
 /// out.

@@ -55,7 +55,8 @@ std::vector<std::vector<std::uint32_t>> splitTriangles(const CodedMesh& mesh, st
   }
   const std::vector<Voxel> voxels = makeVoxels(sorted, bits, std::max(1U, voxel_triangles));
   const Graph graph = voxelGraph(mesh.view(), sorted, voxels, bits, weight);
-  const std::vector<std::uint32_t> part = partitionRecursively(graph, max_triangles);
+  const std::vector<std::uint32_t> part =
+      partitionRecursively(graph, max_triangles, voxelExtents(mesh.view(), sorted, voxels));
   parts.resize(part.empty() ? 0 : *std::max_element(part.begin(), part.end()) + 1);
   for (std::size_t v = 0; v < voxels.size(); ++v)
     for (std::uint32_t i = voxels[v].first; i < voxels[v].first + voxels[v].count; ++i)

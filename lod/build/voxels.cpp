@@ -163,15 +163,29 @@ std::vector<Voxel> makeVoxels(std::span<const KeyedIndex> sorted, std::uint32_t 
   return walk.take();
 }
 
+std::vector<Extent> voxelExtents(const TriangleView& triangles, std::span<const KeyedIndex> sorted,
+                                 std::span<const Voxel> voxels) {
+  std::vector<Extent> extents(voxels.size());
+  for (std::size_t v = 0; v < voxels.size(); ++v) {
+    glm::ivec3 low(std::numeric_limits<int>::max());
+    glm::ivec3 high(std::numeric_limits<int>::min());
+    for (std::uint32_t i = voxels[v].first; i < voxels[v].first + voxels[v].count; ++i)
+      for (std::size_t k = 0; k < 3; ++k) {
+        const glm::ivec3& q = triangles.positions[triangles.indices[3 * std::size_t{sorted[i].index} + k]];
+        low = glm::min(low, q);
+        high = glm::max(high, q);
+      }
+    extents[v] = {glm::dvec3(low), glm::dvec3(high)};
+  }
+  return extents;
+}
+
 Graph voxelGraph(const TriangleView& triangles, std::span<const KeyedIndex> sorted, std::span<const Voxel> voxels,
                  std::uint32_t bits, TieWeight weight) {
   // Ties over faces and ties by the mesh; sharing vertices weighs only where the cut's length is what counts.
   std::vector<WeightedEdge> edges = faceAdjacency(voxels, bits);
   const std::vector<WeightedEdge> mesh_edges = meshAdjacency(triangles, sorted, voxels);
   edges.insert(edges.end(), mesh_edges.begin(), mesh_edges.end());
-  std::vector<std::uint32_t> order(voxels.size());
-  for (std::uint32_t v = 0; v < order.size(); ++v) order[v] = v;
-  tieComponents(order, edges);
 
   std::vector<std::int32_t> counts(voxels.size());
   for (std::size_t v = 0; v < voxels.size(); ++v) counts[v] = static_cast<std::int32_t>(voxels[v].count);

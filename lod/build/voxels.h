@@ -81,9 +81,12 @@ enum class TieWeight {
   kSharedVertices,  ///< how many mesh vertices two voxels share: the length of the cut
 };
 
-/// The voxels' graph, always connected. Vertex weight: triangles. Edges: adjacency over a cell's face; voxels that
-/// share a mesh vertex where cells touch diagonally only; components that nothing ties, to the next voxel in Morton
-/// order (weight 1).
+/// The boxes of the voxels' triangles, on the lattice.
+std::vector<Extent> voxelExtents(const TriangleView& triangles, std::span<const KeyedIndex> sorted,
+                                 std::span<const Voxel> voxels);
+
+/// The voxels' graph. Vertex weight: triangles. Edges: adjacency over a cell's face; voxels that share a mesh vertex
+/// where cells touch diagonally only.
 Graph voxelGraph(const TriangleView& triangles, std::span<const KeyedIndex> sorted, std::span<const Voxel> voxels,
                  std::uint32_t bits, TieWeight weight);
 

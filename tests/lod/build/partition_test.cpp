@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <thread>
 
 #include "tests/lod/build/grid_graph.h"
@@ -44,6 +46,42 @@ TEST(Partition, ASingleHeavyVertexStaysWhole) {
 TEST(Partition, GraphWithoutEdgesIsSplitToo) {
   const Graph graph = graphFromEdges(std::vector<std::int32_t>(100, 1), {});
   for (const std::int64_t sum : weights(graph, partitionRecursively(graph, 10))) EXPECT_LE(sum, 10);
+}
+
+// A large piece, and two small ones that lie beside each other far from it.
+TEST(Partition, SmallPiecesShareAPartOnlyWithWhatIsNear) {
+  const auto extentAt = [](double x, double y) { return Extent{{x, y, 0.0}, {x + 1.0, y + 1.0, 0.0}}; };
+  std::vector<WeightedEdge> edges;
+  std::vector<Extent> extents;
+  for (std::uint32_t i = 0; i < 400; ++i) {
+    extents.push_back(extentAt(i % 20, i / 20));
+    if (i % 20 != 0) edges.push_back({i - 1, i, 1});
+    if (i >= 20) edges.push_back({i - 20, i, 1});
+  }
+  for (const double x : {10.0, 60.0, 62.0}) extents.push_back(extentAt(x, x > 20.0 ? 10.0 : 60.0));
+  const Graph graph = graphFromEdges(std::vector<std::int32_t>(403, 10), edges);
+  const auto part = partitionRecursively(graph, 100, extents);
+  EXPECT_EQ(part[401], part[402]);
+  EXPECT_NE(part[400], part[401]);
+  for (std::uint32_t i = 0; i < 400; ++i) EXPECT_TRUE(part[i] != part[400] && part[i] != part[401]) << i;
+  // Nobody knows where they lie: they share.
+  const auto blind = partitionRecursively(graph, 100);
+  EXPECT_EQ(blind[400], blind[401]);
+}
+
+TEST(Partition, DustIsGatheredIntoPartsOfItsNeighborhood) {
+  std::vector<Extent> extents;
+  for (std::uint32_t i = 0; i < 1600; ++i) {
+    const glm::dvec3 at(i % 40, i / 40, 0.0);
+    extents.push_back({at, at + 0.01});
+  }
+  const Graph graph = graphFromEdges(std::vector<std::int32_t>(1600, 1), {});
+  const auto part = partitionRecursively(graph, 100, extents);
+  const auto sums = weights(graph, part);
+  EXPECT_LE(sums.size(), 60U);  // 16 full ones at least
+  std::vector<Extent> boxes(sums.size());
+  for (std::uint32_t i = 0; i < 1600; ++i) boxes[part[i]].add(extents[i]);
+  for (const Extent& box : boxes) EXPECT_LE(box.diagonal(), 2.0 * 40.0 * std::sqrt(2.0) / 4.0);
 }
 
 TEST(Partition, PartsAreNumberedWithoutGaps) {

@@ -3,7 +3,12 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
+#include <numeric>
 #include <random>
+
+#include "lod/build/patch_split.h"
+#include "lod/build/sample.h"
 
 namespace {
 
@@ -77,24 +82,54 @@ TEST(Voxels, AStackOnOneLatticePointStaysOneVoxel) {
 }
 
 // Two triangles far apart share nothing; the graph ties them all the same, so that METIS sees one piece.
-TEST(Voxels, GraphIsConnectedWhateverTheMesh) {
-  std::vector<glm::ivec3> positions;
-  std::vector<std::uint32_t> indices;
-  for (int i = 0; i < 20; ++i) {
-    const glm::ivec3 at(50 * i, (37 * i) % 1000, (91 * i) % 1000);
-    for (const glm::ivec3& d : {glm::ivec3(0), glm::ivec3(1, 0, 0), glm::ivec3(0, 1, 0)})
-      indices.push_back(static_cast<std::uint32_t>(positions.size())), positions.push_back(at + d);
+// What a bucket holds: a range of the Morton curve, which leaves and enters the surface here and there.
+TEST(Voxels, PartsOfABucketSpanNoPiecesFarApart) {
+  constexpr std::uint32_t kBits = 12;
+  SampleOptions options;
+  options.triangles = 100'000;
+  const Mesh statue = makeSample(options);
+  base::Aabb whole;
+  for (const glm::vec3& p : statue.positions) whole.add(p);
+  const glm::vec3 size = whole.max - whole.min;
+  const float scale = static_cast<float>((1 << kBits) - 1) / std::max({size.x, size.y, size.z});
+  CodedMesh mesh;
+  for (const glm::vec3& p : statue.positions) {
+    mesh.positions.push_back(glm::ivec3(scale * (p - whole.min)));
+    mesh.codes.push_back(mortonCode(mesh.positions.back()));
   }
-  std::vector<KeyedIndex> sorted;
-  for (std::uint32_t t = 0; t < 20; ++t) sorted.push_back({mortonCode(positions[3 * t]), t});
-  radixSort(sorted, 30);
-  const auto voxels = makeVoxels(sorted, 10, 1);
-  const Graph graph = voxelGraph({positions, indices}, sorted, voxels, 10, TieWeight::kNormals);
-  std::vector<WeightedEdge> edges;
-  for (std::uint32_t v = 0; v < graph.size(); ++v)
-    for (auto e = graph.row[v]; e < graph.row[v + 1]; ++e)
-      edges.push_back({v, static_cast<std::uint32_t>(graph.neighbors[static_cast<std::size_t>(e)]), 1});
-  for (const std::uint32_t c : components(graph.size(), edges)) EXPECT_EQ(c, 0U);
+  mesh.indices = statue.indices;
+  const std::vector<KeyedIndex> sorted = sortedByVoxel(mesh, kBits);
+  constexpr std::uint32_t kMost = 300;
+  const double share = std::sqrt(static_cast<double>(kMost) / static_cast<double>(sorted.size()));
+  const auto widthOf = [&](const std::vector<std::uint32_t>& triangles) {
+    Extent box;
+    for (const std::uint32_t t : triangles)
+      for (std::size_t k = 0; k < 3; ++k) {
+        const glm::dvec3 q(mesh.positions[mesh.indices[3 * std::size_t{t} + k]]);
+        box.add({q, q});
+      }
+    return box.diagonal();
+  };
+  std::size_t parts = 0;
+  double widest = 0.0;
+  for (std::size_t first = 0; first < sorted.size(); first += sorted.size() / 9) {
+    const auto bucket = std::span(sorted).subspan(first, std::min(sorted.size() / 9, sorted.size() - first));
+    std::vector<KeyedIndex> own(bucket.begin(), bucket.end());
+    const auto split = splitTriangles(mesh, own, kBits, 8, kMost, TieWeight::kNormals);
+    std::size_t triangles = 0;
+    for (const auto& part : split) {
+      EXPECT_LE(part.size(), kMost);
+      triangles += part.size();
+      widest = std::max(widest, widthOf(part));
+    }
+    EXPECT_EQ(triangles, own.size());
+    parts += split.size();
+  }
+  EXPECT_LE(parts, 500U);  // 334 full ones
+  // Parts of one piece may be longer than their share of the surface says.
+  std::vector<std::uint32_t> all(sorted.size());
+  std::iota(all.begin(), all.end(), 0U);
+  EXPECT_LE(widest, 5.0 * share * widthOf(all));
 }
 
 }  // namespace
