@@ -1,0 +1,50 @@
+#include "repository/objects.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/repository/temporary_directory.h"
+
+namespace {
+
+using base::Bytes;
+using base::ErrorCode;
+
+TEST(Objects, NamesStayWithinTheirPlace) {
+  for (const char* good : {"a", "images/index.lgi", "a.b/c-d", "..a"})
+    EXPECT_TRUE(repository::isObjectName(good)) << good;
+  for (const char* bad : {"", "/a", "a/", "a//b", ".", "..", "../a", "a/../b", "a\\b", "a\nb"})
+    EXPECT_FALSE(repository::isObjectName(bad)) << bad;
+}
+
+TEST(Objects, ADirectoryGivesBackWhatWasPut) {
+  const repository::test::TemporaryDirectory directory;
+  auto sink = repository::openDirectorySink(directory.path() + "/out");
+  ASSERT_TRUE(sink);
+  ASSERT_TRUE((*sink)->put("scene.json", Bytes{1, 2, 3}, "application/json"));
+  ASSERT_TRUE((*sink)->put("images/one", Bytes{4, 5, 6, 7}, ""));
+  ASSERT_TRUE((*sink)->putFile("images/two", directory.path() + "/out/images/one", ""));
+  EXPECT_EQ(*(*sink)->list(""), (std::vector<std::string>{"images/one", "images/two", "scene.json"}));
+  EXPECT_EQ(*(*sink)->list("images"), (std::vector<std::string>{"images/one", "images/two"}));
+  EXPECT_EQ(*(*sink)->list("nothing"), std::vector<std::string>());
+  EXPECT_EQ(*(*sink)->size("images/one"), std::optional<std::uint64_t>(4));
+  EXPECT_EQ(*(*sink)->size("images/three"), std::nullopt);
+  EXPECT_FALSE((*sink)->put("../outside", Bytes{1}, ""));
+
+  auto source = repository::openDirectorySource(directory.path() + "/out");
+  ASSERT_TRUE(source);
+  EXPECT_EQ(*(*source)->read("images/two", 1, 2), (Bytes{5, 6}));
+  EXPECT_EQ(*(*source)->read("images/two", 4, 0), Bytes());
+  EXPECT_EQ(*(*source)->size("images/two"), 4U);
+  const auto beyond = (*source)->read("images/two", 3, std::uint64_t{1} << 60);
+  ASSERT_FALSE(beyond);
+  EXPECT_EQ(beyond.error().code, ErrorCode::kInvalidInput);
+  EXPECT_NE(beyond.error().message.find("images/two: has 4 bytes"), std::string::npos) << beyond.error().message;
+  EXPECT_EQ((*source)->read("images/three", 0, 1).error().code, ErrorCode::kNotFound);
+  EXPECT_FALSE((*source)->read("../out/scene.json", 0, 1));
+
+  ASSERT_TRUE((*sink)->remove("images/one"));
+  EXPECT_EQ((*source)->size("images/one").error().code, ErrorCode::kNotFound);
+  EXPECT_EQ(repository::openDirectorySource(directory.path() + "/none").error().code, ErrorCode::kNotFound);
+}
+
+}  // namespace
