@@ -40,11 +40,17 @@ std::optional<std::string> faultOf(const FaceKey& key, base::ByteView bytes, std
 // Walks the keys that a grid should have beside those that the store has.
 class Verifier {
  public:
-  Verifier(const Grid& grid, unsigned threads) : grid_(grid), threads_(threads), points_(pointsInMortonOrder(grid)) {}
+  Verifier(const Grid& grid, const SampleTree* tree, unsigned threads)
+      : grid_(grid),
+        tree_(tree),
+        threads_(threads),
+        points_(tree != nullptr ? tree->points() : pointsInMortonOrder(grid)) {}
 
   bool take(const FaceKey& key, base::ByteView bytes) {
     if (!grid_.contains(key)) {
       say(nameOf(key) + ": not a face of this grid");
+    } else if (tree_ != nullptr && !tree_->hasPoint({key.x, key.y, key.z})) {
+      say(nameOf(key) + ": not at a sampling point");
     } else {
       missUpTo(indexOf(key));
       ++expected_;
@@ -94,6 +100,7 @@ class Verifier {
   }
 
   const Grid& grid_;
+  const SampleTree* tree_;
   unsigned threads_;
   std::vector<glm::uvec3> points_;
   std::uint64_t expected_ = 0;  // index, in Morton order, of the next face that should come
@@ -103,8 +110,9 @@ class Verifier {
 
 }  // namespace
 
-base::Result<std::vector<std::string>> verify(const Store& store, const Grid& grid, unsigned threads) {
-  Verifier verifier(grid, threads);
+base::Result<std::vector<std::string>> verify(const Store& store, const Grid& grid, const SampleTree* tree,
+                                              unsigned threads) {
+  Verifier verifier(grid, tree, threads);
   LUMIGRID_TRY(store.forEach([&](const FaceKey& key, base::ByteView bytes) { return verifier.take(key, bytes); }));
   std::vector<std::string> faults = verifier.finish();
   if (faults.size() >= kMostFaults) {

@@ -6,6 +6,7 @@
 
 #include "base/error.h"
 #include "repository/grid.h"
+#include "repository/sample_tree.h"
 #include "repository/store.h"
 
 namespace repository {
@@ -15,9 +16,10 @@ inline constexpr std::size_t kMostFaults = 100;
 
 /// One line for each fault, none when all is well: a face of the grid that is missing, a value whose checksum or
 /// lengths are wrong, a JPEG or mask that cannot be decoded or is of another size than grid.face_size, a key that is no
-/// grid point. Ranges of missing faces are one line. Decodes everything on `threads` threads (0: all cores). An error
-/// when the store itself cannot be read.
-base::Result<std::vector<std::string>> verify(const Store& store, const Grid& grid, unsigned threads = 0);
+/// sampling point (of the grid, or of `tree` where not all points are sampled). Ranges of missing faces are one line.
+/// Decodes everything on `threads` threads (0: all cores). An error when the store itself cannot be read.
+base::Result<std::vector<std::string>> verify(const Store& store, const Grid& grid, const SampleTree* tree = nullptr,
+                                              unsigned threads = 0);
 
 struct Contents {
   std::uint64_t faces = 0;  ///< values, empty flags included

@@ -6,7 +6,10 @@
 #include <cstdio>
 #include <deque>
 #include <memory>
+#include <mutex>
+#include <optional>
 #include <sstream>
+#include <unordered_map>
 #include <utility>
 #include <vector>
 
@@ -14,6 +17,7 @@
 #include "base/parallel.h"
 #include "repository/cube_face.h"
 #include "repository/face_value.h"
+#include "server/bake/adaptive.h"
 #include "server/bake/committer.h"
 #include "server/bake/face_encoder.h"
 #include "server/render/scene_renderer.h"
@@ -78,7 +82,11 @@ std::string parametersText(const base::Scene& scene, const BakeOptions& options)
        << ",\n\"tolerance\": " << number(options.tolerance_px) << ",\n\"supersampling\": " << options.supersampling
        << ",\n\"light\": \"" << (scene.light.mode == base::LightMode::kUnlit ? "unlit" : "soft") << "\""
        << ",\n\"light direction\": " << numbers(scene.light.direction) << ",\n\"patch.lgp\": \"" << patch_sha256
-       << "\"\n}\n";
+       << "\"";
+  if (options.target_db > 0.0)
+    text << ",\n\"target\": " << number(static_cast<float>(options.target_db))
+         << ",\n\"coarse cells\": " << options.coarse_cells;
+  text << "\n}\n";
   return text.str();
 }
 
@@ -105,7 +113,8 @@ base::Result<void> claimStore(repository::Store& store, const std::string& wante
   auto stored = store.readMeta();
   if (!stored) return stored.error();
   if (*stored)
-    return **stored == wanted ? base::Result<void>() : base::Result<void>(other(firstDifference(**stored, wanted)));
+    return withoutTree(**stored) == wanted ? base::Result<void>()
+                                           : base::Result<void>(other(firstDifference(withoutTree(**stored), wanted)));
   auto size = store.size();
   if (!size) return size.error();
   if (*size > 0) return other("unknown parameters");
@@ -128,6 +137,8 @@ base::Result<void> checkOptions(const BakeOptions& options) {
   if (options.quality < 1 || options.quality > 100)
     return wrong("quality " + std::to_string(options.quality) + "; it must be 1 to 100");
   if (options.batch_faces < 1) return wrong("batches of no faces");
+  if (!(options.target_db >= 0.0) || options.coarse_cells < 1)
+    return wrong("a target below 0 dB, or no cells to begin with");
   return {};
 }
 
@@ -149,6 +160,11 @@ class Present {
     });
   }
   bool has(const repository::FaceKey& key) const { return bits_[index(key)]; }
+  void add(const repository::FaceKey& key) {
+    count_ += bits_[index(key)] ? 0 : 1;
+    bits_[index(key)] = true;
+  }
+  void addBytes(std::uint64_t bytes) { bytes_ += bytes; }
   std::uint64_t count() const { return count_; }
   std::uint64_t bytes() const { return bytes_; }
 
@@ -197,17 +213,20 @@ class MovingRate {
 
 class Baker {
  public:
-  Baker(SceneRenderer& renderer, repository::Store& store, const BakeOptions& options, const Present& present)
+  Baker(SceneRenderer& renderer, repository::Store& store, const BakeOptions& options, const Present& present,
+        const std::vector<glm::uvec3>& points)
       : renderer_(renderer),
         options_(options),
         present_(present),
+        points_(points),
         threads_(options.threads == 0 ? base::coreCount() : options.threads),
         committer_(store, options.batch_faces, 2 * std::uint64_t{options.batch_faces} + 8 * threads_),
         encoders_(threads_, 2 * threads_) {}
 
   base::Result<void> run(const std::function<bool(const BakeProgress&)>& progress) {
+    for (const glm::uvec3& point : points_) skipped_ += 6 - missingAt(point).size();
     bool cancelled = !progress(progressNow());
-    for (const glm::uvec3& point : repository::pointsInMortonOrder(options_.grid)) {
+    for (const glm::uvec3& point : points_) {
       if (cancelled || committer_.failed()) break;
       const auto keys = missingAt(point);
       if (keys.empty()) continue;
@@ -225,6 +244,11 @@ class Baker {
     return {};
   }
   const Counters& counters() const { return counters_; }
+  /// How many faces rendered at the point see nothing.
+  std::uint32_t emptyAt(const glm::uvec3& p) const {
+    const auto at = empty_.find(repository::FaceKey{p.x, p.y, p.z, 0}.code());
+    return at == empty_.end() ? 0 : at->second;
+  }
 
  private:
   std::vector<repository::FaceKey> missingAt(const glm::uvec3& point) const {
@@ -259,6 +283,10 @@ class Baker {
       auto face = encodeFace(*picture, options_.quality, options_.subsampling);
       if (!face) return committer_.fail(face.error());
       counters_.add(*face);
+      if (face->empty) {
+        const std::lock_guard lock(empty_mutex_);
+        ++empty_[repository::FaceKey{key.x, key.y, key.z, 0}.code()];
+      }
       committer_.deliver(sequence, key, std::move(face->value));
     });
   }
@@ -266,8 +294,8 @@ class Baker {
   BakeProgress progressNow() {
     BakeProgress now;
     now.faces_done = counters_.done;
-    now.faces_skipped = present_.count();
-    now.faces_total = options_.grid.faceCount();
+    now.faces_skipped = skipped_;
+    now.faces_total = 6 * points_.size();
     now.stored_bytes = present_.bytes() + counters_.value_bytes;
     now.faces_per_second = rate_.update(Clock::now(), now.faces_done);
     const auto left = static_cast<double>(now.faces_total - now.faces_skipped - now.faces_done);
@@ -278,12 +306,130 @@ class Baker {
   SceneRenderer& renderer_;
   const BakeOptions& options_;
   const Present& present_;
+  const std::vector<glm::uvec3>& points_;
   const unsigned threads_;
   std::uint64_t taken_ = 0;
+  std::uint64_t skipped_ = 0;
+  std::mutex empty_mutex_;
+  std::unordered_map<std::uint64_t, std::uint32_t> empty_;  // by the point's first key: faces that see nothing
   Counters counters_;
   MovingRate rate_;
   Committer committer_;
   base::ThreadPool encoders_;  // last: its jobs use the others, and it ends first
+};
+
+// A store, what it holds and what fills it.
+class Work {
+ public:
+  Work(const base::Scene& scene, const lod::patch::PatchFile& patches, repository::Store& store,
+       const BakeOptions& options, const std::function<bool(const BakeProgress&)>& progress)
+      : scene_(scene),
+        patches_(patches),
+        store_(store),
+        options_(options),
+        progress_(progress),
+        parameters_(parametersText(scene, options)),
+        present_(options.grid) {}
+
+  base::Result<BakeSummary> run() {
+    LUMIGRID_TRY(claimStore(store_, parameters_));
+    LUMIGRID_TRY(present_.read(store_));
+    summary_.faces_skipped = present_.count();
+    if (options_.target_db > 0.0)
+      LUMIGRID_TRY(sampleTree());
+    else
+      LUMIGRID_TRY(sampleAll());
+    return summary_;
+  }
+
+ private:
+  base::Result<void> sampleAll() {
+    const std::vector<glm::uvec3> points = repository::pointsInMortonOrder(options_.grid);
+    summary_.points = points.size();
+    if (present_.count() == options_.grid.faceCount()) return {};
+    LUMIGRID_TRY(start());
+    const auto blind = render(points);
+    return blind ? base::Result<void>() : base::Result<void>(blind.error());
+  }
+
+  base::Result<void> sampleTree() {
+    const auto meta = store_.readMeta();
+    if (!meta) return meta.error();
+    const std::string text = meta->value_or("");
+    auto stored = treeFromText(text, options_.grid, "the image repository");
+    if (!stored) return stored.error();
+    if (*stored && isComplete(**stored)) {
+      summary_.growth = growthFromText(text);
+      summary_.points = (*stored)->points().size();
+      return {};
+    }
+    repository::SampleTree tree =
+        *stored ? std::move(**stored)
+                : repository::SampleTree(options_.grid, coarseCellSize(options_.grid, options_.coarse_cells));
+    LUMIGRID_TRY(start());
+    AdaptiveWork work{scene_,
+                      patches_,
+                      store_,
+                      options_,
+                      *renderer_,
+                      parameters_,
+                      [this](const std::vector<glm::uvec3>& points) { return render(points); },
+                      [this] { return present_.bytes(); },
+                      progress_};
+    auto growth = sampleAdaptively(work, tree);
+    if (!growth) return growth.error();
+    summary_.growth = std::move(*growth);
+    summary_.points = tree.points().size();
+    return {};
+  }
+
+  bool isComplete(const repository::SampleTree& tree) const {
+    if (!tree.openLeaves().empty()) return false;
+    const auto points = tree.points();
+    return std::all_of(points.begin(), points.end(), [&](const glm::uvec3& p) {
+      for (std::uint32_t d = 0; d < 6; ++d)
+        if (!present_.has({p.x, p.y, p.z, d})) return false;
+      return true;
+    });
+  }
+
+  base::Result<void> start() {
+    auto context = base::HeadlessContext::create();
+    if (!context) return context.error();
+    context_ = std::move(*context);
+    auto renderer = SceneRenderer::create(scene_, patches_);
+    if (!renderer) return renderer.error();
+    renderer_ = std::move(*renderer);
+    return {};
+  }
+
+  // What is missing at these points; gives those of them that were rendered and see nothing.
+  base::Result<std::vector<glm::uvec3>> render(const std::vector<glm::uvec3>& points) {
+    Baker baker(*renderer_, store_, options_, present_, points);
+    LUMIGRID_TRY(baker.run(progress_));
+    summary_.faces_rendered += baker.counters().done;
+    summary_.faces_empty += baker.counters().empty;
+    summary_.jpeg_bytes += baker.counters().jpeg_bytes;
+    summary_.coverage_bytes += baker.counters().coverage_bytes;
+    std::vector<glm::uvec3> blind;
+    for (const glm::uvec3& p : points) {
+      if (baker.emptyAt(p) == 6) blind.push_back(p);
+      for (std::uint32_t d = 0; d < 6; ++d) present_.add({p.x, p.y, p.z, d});
+    }
+    present_.addBytes(baker.counters().value_bytes);
+    return blind;
+  }
+
+  const base::Scene& scene_;
+  const lod::patch::PatchFile& patches_;
+  repository::Store& store_;
+  const BakeOptions& options_;
+  const std::function<bool(const BakeProgress&)>& progress_;
+  const std::string parameters_;
+  Present present_;
+  BakeSummary summary_;
+  std::unique_ptr<base::HeadlessContext> context_;
+  std::unique_ptr<SceneRenderer> renderer_;  // goes before its context
 };
 
 }  // namespace
@@ -292,25 +438,8 @@ base::Result<BakeSummary> bake(const base::Scene& scene, const lod::patch::Patch
                                const BakeOptions& options, const std::function<bool(const BakeProgress&)>& progress) {
   const Clock::time_point start = Clock::now();
   LUMIGRID_TRY(checkOptions(options));
-  LUMIGRID_TRY(claimStore(store, parametersText(scene, options)));
-  Present present(options.grid);
-  LUMIGRID_TRY(present.read(store));
-
-  BakeSummary summary;
-  summary.faces_skipped = present.count();
-  if (present.count() < options.grid.faceCount()) {
-    auto context = base::HeadlessContext::create();
-    if (!context) return context.error();
-    auto renderer = SceneRenderer::create(scene, patches);
-    if (!renderer) return renderer.error();
-    Baker baker(**renderer, store, options, present);
-    LUMIGRID_TRY(baker.run(progress));
-    summary.faces_rendered = baker.counters().done;
-    summary.faces_empty = baker.counters().empty;
-    summary.jpeg_bytes = baker.counters().jpeg_bytes;
-    summary.coverage_bytes = baker.counters().coverage_bytes;
-  }
-  summary.seconds = secondsBetween(start, Clock::now());
+  auto summary = Work(scene, patches, store, options, progress).run();
+  if (summary) summary->seconds = secondsBetween(start, Clock::now());
   return summary;
 }
 

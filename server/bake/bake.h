@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <functional>
 #include <string>
+#include <vector>
 
 #include "base/error.h"
 #include "base/json/scene_file.h"
@@ -13,6 +14,7 @@
 #include "repository/grid.h"
 #include "repository/jpeg.h"
 #include "repository/store.h"
+#include "server/bake/tree_text.h"
 
 namespace server {
 
@@ -26,18 +28,26 @@ struct BakeOptions {
   int supersampling = 2;            ///< per face pixel side
   std::uint32_t batch_faces = 300;  ///< faces per commit
   unsigned threads = 0;             ///< 0: all cores
+  /// PSNR that views blended from a cell's corners must reach, or it is split (adaptive sampling, DESIGN section 5);
+  /// `grid` is then the finest. 0: every point of the grid is sampled.
+  double target_db = 0.0;
+  std::uint32_t coarse_cells = 4;  ///< of adaptive sampling: cells along the longest side to begin with, at least
 };
 
 struct BakeProgress {
   std::uint64_t faces_done = 0, faces_total = 0, faces_skipped = 0;  ///< skipped: already in the store
   double faces_per_second = 0.0, seconds_left = 0.0;
   std::uint64_t stored_bytes = 0;
+  std::uint32_t cell = 0;                           ///< of adaptive sampling: grid steps along the cells at hand
+  std::uint64_t cells_judged = 0, cells_total = 0;  ///< of those; total 0: faces are being rendered
 };
 
 struct BakeSummary {
   std::uint64_t faces_rendered = 0, faces_skipped = 0, faces_empty = 0;
   std::uint64_t jpeg_bytes = 0, coverage_bytes = 0;
   double seconds = 0.0;
+  std::uint64_t points = 0;        ///< with images, of the grid's
+  std::vector<TreeGrowth> growth;  ///< of adaptive sampling, by size of cells
 };
 
 /// `progress` may return false to stop cleanly after the batch in hand (kCancelled).

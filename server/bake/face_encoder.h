@@ -23,6 +23,10 @@ struct EncodedFace {
 /// thread and machine with the same libjpeg-turbo.
 base::Result<EncodedFace> encodeFace(const base::Image& rgba, int quality, repository::Subsampling subsampling);
 
+/// The way back: RGBA, alpha 0 or 255 by the mask; an empty image for an empty flag. Errors: what decodeFaceValue,
+/// decodeJpeg and decodeCoverage refuse, and sides other than `face_size`.
+base::Result<base::Image> decodeFace(base::ByteView value, int face_size);
+
 /// The picture without alpha, what the mask hides replaced by filler that costs a JPEG little: the mean of the model's
 /// pixels in the smallest square of 2, 4, 8 … pixels (whose sides are multiples of its size from the corner) that holds
 /// any. Such squares fall on the JPEG's blocks. `mask`: one channel, not 0 = model. Measured at quality 85, 4:2:0 on

@@ -71,6 +71,8 @@ std::map<std::string, std::string> parametersOf(const BuildArguments& a) {
           {"units", a.units},
           {"quality", number(a.bake.quality)},
           {"subsampling", a.subsampling},
+          {"target", number(a.bake.target_db)},
+          {"coarse-cells", number(a.bake.coarse_cells)},
           {"tolerance", number(a.bake.tolerance_px)},
           {"supersampling", number(a.bake.supersampling)},
           {"voxel-triangles", number(a.hierarchy.voxel_triangles)},
@@ -273,6 +275,11 @@ Result<void> buildImages(const BuildArguments& a, base::Scene& scene, BuildRepor
   options.subsampling = subsamplingOf(a.subsampling);
   options.threads = a.hierarchy.threads;
   auto baked = bake(scene, *patches, **store, options, [&](const BakeProgress& p) {
+    if (p.cells_total != 0) {
+      line.show("cells of " + std::to_string(p.cell) + " steps",
+                static_cast<double>(p.cells_judged) / static_cast<double>(p.cells_total), formatBytes(p.stored_bytes));
+      return !stopRequested();
+    }
     std::array<char, 64> rate{};
     std::snprintf(rate.data(), rate.size(), "%.1f images/s", p.faces_per_second);
     line.show("images",
@@ -393,6 +400,18 @@ Run addBuild(CLI::App& command) {
   command
       .add_option("--margin", a->margin, "viewing box beyond the model on every side, in longest sides of the model")
       ->check(CLI::Range(0.0, 100.0))
+      ->capture_default_str();
+  command
+      .add_option(
+          "--target", a->bake.target_db,
+          "adaptive sampling: --grid is the finest grid, and a cell is split only where views blended from its "
+          "corners miss the truth by more than so many dB (PSNR of foreground pixels, e.g. 30); 0: the whole grid")
+      ->check(CLI::Range(0.0, 60.0))
+      ->capture_default_str();
+  command
+      .add_option("--coarse-cells", a->bake.coarse_cells,
+                  "adaptive sampling: cells along the longest side to begin with, at least")
+      ->check(CLI::Range(1, 1023))
       ->capture_default_str();
   command.add_option("--face", a->face, "pixels along one side of an image")
       ->check(CLI::Range(16, 4096))

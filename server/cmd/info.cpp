@@ -54,9 +54,22 @@ nlohmann::json describeHierarchy(const OpenScene& open) {
 
 nlohmann::json describeImages(const OpenScene& open, const repository::Contents& contents) {
   const repository::Grid& grid = open.data.welcome.grid;
+  const std::uint64_t points = open.tree ? open.tree->points().size() : grid.pointCount();
+  nlohmann::json growth = nlohmann::json::array();
+  for (const TreeGrowth& g : open.growth)
+    growth.push_back({{"cell", g.cell},
+                      {"cells", g.cells},
+                      {"points", g.points},
+                      {"bytes", g.bytes},
+                      {"psnr_db", g.psnr_db},
+                      {"worst_psnr_db", g.worst_psnr_db},
+                      {"split", g.split}});
   return {{"images", contents.faces - contents.empty},
           {"empty", contents.empty},
-          {"expected", grid.faceCount()},
+          {"points", points},
+          {"grid_points", grid.pointCount()},
+          {"expected", 6 * points},
+          {"growth", growth},
           {"jpeg_bytes", contents.jpeg_bytes},
           {"coverage_bytes", contents.coverage_bytes},
           {"unreadable", contents.unreadable},
@@ -104,6 +117,15 @@ void print(const InfoArguments& a, const nlohmann::json& j) {
       formatBytes(
           images == 0 ? 0 : (i["jpeg_bytes"].get<std::uint64_t>() + i["coverage_bytes"].get<std::uint64_t>()) / images)
           .c_str());
+  if (i["points"] != i["grid_points"])
+    std::printf("  %s of the grid's %s points are sampled\n", formatCount(i["points"].get<std::uint64_t>()).c_str(),
+                formatCount(i["grid_points"].get<std::uint64_t>()).c_str());
+  for (const auto& g : i["growth"])
+    std::printf("  cells of %3u steps: %8s points, %9s; held-out views %.1f dB, the worst %.1f; %s of %s cells split\n",
+                g["cell"].get<unsigned>(), formatCount(g["points"].get<std::uint64_t>()).c_str(),
+                formatBytes(g["bytes"].get<std::uint64_t>()).c_str(), g["psnr_db"].get<double>(),
+                g["worst_psnr_db"].get<double>(), formatCount(g["split"].get<std::uint64_t>()).c_str(),
+                formatCount(g["cells"].get<std::uint64_t>()).c_str());
   if (images + i["empty"].get<std::uint64_t>() != expected)
     std::printf("  %s faces are missing; run the same `lumigrid build` again\n",
                 formatCount(expected - images - i["empty"].get<std::uint64_t>()).c_str());

@@ -1,9 +1,14 @@
+#include <algorithm>
 #include <cstdio>
 #include <memory>
+#include <random>
+#include <vector>
 
 #include "base/file.h"
 #include "base/json/camera_file.h"
 #include "base/json/scene_file.h"
+#include "lod/patch/format.h"
+#include "server/bake/enclosed.h"
 #include "server/cmd/commands.h"
 #include "server/cmd/console.h"
 
@@ -18,13 +23,59 @@ struct TourArguments {
   double elevation_degrees = 30.0;
   double distance = 1.2;
   std::vector<int> size{1280, 720};
+  int random = 0;
+  unsigned seed = 1;
+  double margin = 0.5;
 };
+
+// Held-out views: eyes anywhere in the viewing box but within the model, each looking at some place in the middle half
+// of the model's box.
+base::Result<std::vector<base::ViewCamera>> randomViews(const TourArguments& a, const base::Scene& scene) {
+  auto patches = lod::patch::PatchFile::open(a.scene + "/patch.lgp");
+  if (!patches) return patches.error();
+  const auto enclosure = Enclosure::create(*patches);
+  if (!enclosure) return enclosure.error();
+  std::mt19937 random(a.seed);
+  // Not std::uniform_real_distribution, which is another in every library.
+  const auto unit = [&] { return static_cast<double>(random()) / 4294967296.0; };
+  const auto within = [&](const glm::dvec3& low, const glm::dvec3& high) {
+    const double x = unit();
+    const double y = unit();
+    return low + (high - low) * glm::dvec3(x, y, unit());
+  };
+  const glm::dvec3 size = scene.box_max - scene.box_min;
+  const glm::dvec3 grown(a.margin * std::max({size.x, size.y, size.z}));
+  constexpr int kTries = 1000;  // for a view; a model that fills its box leaves little room
+  std::vector<base::ViewCamera> views;
+  for (int tries = 0; static_cast<int>(views.size()) < a.random && tries < kTries * a.random; ++tries) {
+    base::ViewCamera view;
+    view.position = within(scene.box_min - grown, scene.box_max + grown);
+    const glm::dvec3 target = within(scene.box_min + 0.25 * size, scene.box_max - 0.25 * size);
+    if (glm::length(target - view.position) < 1e-3 * glm::length(size)) continue;
+    view.direction = glm::normalize(target - view.position);
+    view.up = scene.up;
+    if (glm::length(glm::cross(view.direction, view.up)) < 0.05) continue;
+    if (enclosure->encloses(glm::vec3(view.position - scene.origin))) continue;
+    view.width = a.size[0];
+    view.height = a.size[1];
+    views.push_back(view);
+  }
+  if (views.empty())
+    return base::Error{base::ErrorCode::kInvalidInput,
+                       a.scene + ": the model leaves no room for a view; raise --margin"};
+  return views;
+}
 
 int run(const TourArguments& a) {
   auto scene = base::readScene(a.scene);
   if (!scene) return fail(scene.error());
-  const auto path = base::orbitPath(scene->box_min, scene->box_max, scene->up, a.frames, a.turns,
-                                    glm::radians(a.elevation_degrees), a.distance, a.size[0], a.size[1]);
+  auto path = base::orbitPath(scene->box_min, scene->box_max, scene->up, a.frames, a.turns,
+                              glm::radians(a.elevation_degrees), a.distance, a.size[0], a.size[1]);
+  if (a.random > 0) {
+    auto views = randomViews(a, *scene);
+    if (!views) return fail(views.error());
+    path = std::move(*views);
+  }
   const std::string text = base::formatCameraPath(path);
   auto written = base::writeFileAtomically(a.output, {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
   if (!written) return fail(written.error());
@@ -48,6 +99,16 @@ Run addTour(CLI::App& command) {
   command.add_option("--size", a->size, "width and height in pixels")
       ->expected(2)
       ->check(CLI::Range(1, 16384))
+      ->capture_default_str();
+  command
+      .add_option(
+          "--random", a->random,
+          "so many views from random places in the viewing box, outside of the model, instead of an orbit; 0: none")
+      ->check(CLI::Range(0, 100000))
+      ->capture_default_str();
+  command.add_option("--seed", a->seed, "of the random views")->capture_default_str();
+  command.add_option("--margin", a->margin, "of the viewing box, as of `lumigrid build`")
+      ->check(CLI::Range(0.0, 100.0))
       ->capture_default_str();
   return [a] { return run(*a); };
 }

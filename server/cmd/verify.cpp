@@ -74,7 +74,12 @@ void verifyImages(const std::string& path, Faults& faults) {
     faults.push_back(grid.error().message);
     return;
   }
-  auto found = repository::verify(**store, *grid);
+  const auto tree = treeFromText(**meta, *grid, path);
+  if (!tree) {
+    faults.push_back(tree.error().message);
+    return;
+  }
+  auto found = repository::verify(**store, *grid, *tree ? &**tree : nullptr);
   if (!found)
     faults.push_back(found.error().message);
   else

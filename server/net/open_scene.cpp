@@ -39,6 +39,11 @@ base::Result<void> openImages(const std::string& path, OpenScene& open) {
   if (!meta->has_value()) return {};  // a bake that was stopped before its first batch
   auto grid = gridFromMeta(**meta, path);
   if (!grid) return grid.error();
+  auto tree = treeFromText(**meta, *grid, path);
+  if (!tree) return tree.error();
+  open.tree = std::move(*tree);
+  open.growth = growthFromText(**meta);
+  open.data.tree = open.tree ? &*open.tree : nullptr;
   open.images = std::move(*store);
   open.data.images = open.images.get();
   open.data.welcome.grid = *grid;
@@ -101,8 +106,8 @@ base::Result<std::unique_ptr<OpenScene>> openScene(const std::string& directory)
   auto mapped = base::MappedFile::open(directory + "/patch.lgp");
   if (!mapped) return mapped.error();
 
-  std::unique_ptr<OpenScene> open(
-      new OpenScene{std::move(*scene), std::move(*patches), nullptr, std::move(*json_bytes), std::move(*mapped), {}});
+  std::unique_ptr<OpenScene> open(new OpenScene{
+      std::move(*scene), std::move(*patches), nullptr, {}, {}, std::move(*json_bytes), std::move(*mapped), {}});
   open->data.patches = &open->patches;
   describe(directory, *open);
   LUMIGRID_TRY(openImages(directory + "/images", *open));

@@ -1,7 +1,9 @@
 #pragma once
 // A scene directory opened for serving: everything that sessions share.
 #include <memory>
+#include <optional>
 #include <string>
+#include <vector>
 
 #include "base/error.h"
 #include "base/file.h"
@@ -9,6 +11,7 @@
 #include "lod/patch/format.h"
 #include "repository/grid.h"
 #include "repository/store.h"
+#include "server/bake/tree_text.h"
 #include "server/session/session.h"
 
 namespace server {
@@ -17,9 +20,11 @@ namespace server {
 struct OpenScene {
   base::Scene scene;
   lod::patch::PatchFile patches;
-  std::unique_ptr<repository::Store> images;  ///< null: the scene has no repository
-  base::Bytes scene_json;                     ///< the file, as it is
-  base::MappedFile patch_bytes;               ///< the file, for byte ranges
+  std::unique_ptr<repository::Store> images;   ///< null: the scene has no repository
+  std::optional<repository::SampleTree> tree;  ///< which points are sampled, where not all are
+  std::vector<TreeGrowth> growth;              ///< how the tree grew
+  base::Bytes scene_json;                      ///< the file, as it is
+  base::MappedFile patch_bytes;                ///< the file, for byte ranges
   SceneData data;  ///< what a Session takes; welcome.can_render_frames is false until somebody renders
 };
 

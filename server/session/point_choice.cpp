@@ -136,10 +136,22 @@ void sortSamples(std::vector<SurfaceSample>& samples) {
 
 // ---- candidates ----
 
+/// The sampling points at the corners of the cell that holds a place.
+std::vector<glm::uvec3> cornersAround(const PointQuery& query, const glm::vec3& place) {
+  if (query.tree == nullptr) {
+    const auto corners = query.grid.cellCorners(place);
+    return {corners.begin(), corners.end()};
+  }
+  // Where the grid ends within a cell some corners coincide.
+  std::vector<glm::uvec3> points;
+  for (const glm::uvec3& p : query.tree->cornersOf(query.tree->leafAt(query.grid, place)))
+    if (!query.tree->leavesOut(p) && std::find(points.begin(), points.end(), p) == points.end()) points.push_back(p);
+  return points;
+}
+
 /// The corners of the eye's cell, nearest first.
 std::vector<glm::uvec3> cornersByDistance(const PointQuery& query) {
-  const auto corners = query.grid.cellCorners(query.eye);
-  std::vector<glm::uvec3> sorted(corners.begin(), corners.end());
+  std::vector<glm::uvec3> sorted = cornersAround(query, query.eye);
   auto distance = [&](const glm::uvec3& p) { return glm::length(query.grid.point(p.x, p.y, p.z) - query.eye); };
   std::sort(sorted.begin(), sorted.end(), [&](const glm::uvec3& a, const glm::uvec3& b) {
     return std::tuple(distance(a), orderOf(a)) < std::tuple(distance(b), orderOf(b));
@@ -158,7 +170,7 @@ std::vector<glm::uvec3> pointsTowardsSurface(const PointQuery& query, const std:
   for (const SurfaceSample& sample : samples) {
     for (float fraction : fractions) {
       const glm::vec3 place = glm::mix(query.eye, sample.position, fraction);
-      for (const glm::uvec3& p : query.grid.cellCorners(place)) {
+      for (const glm::uvec3& p : cornersAround(query, place)) {
         const float distance = glm::length(query.grid.point(p.x, p.y, p.z) - place) / query.grid.spacing;
         const std::uint64_t key = repository::FaceKey{p.x, p.y, p.z, 0}.code();
         auto& entry = scores.try_emplace(key, p, 0.0F).first->second;

@@ -26,6 +26,7 @@
 #include "base/camera.h"
 #include "lod/patch/hierarchy.h"
 #include "repository/grid.h"
+#include "repository/sample_tree.h"
 
 namespace server {
 
@@ -51,18 +52,20 @@ std::vector<SurfaceSample> sampleVisibleSurface(const lod::patch::Hierarchy& hie
 
 struct PointQuery {
   repository::Grid grid;
-  glm::vec3 eye{0.0F};                  ///< scene-local
-  float pixels_per_unit_at_one = 1.0F;  ///< base::Camera::pixelsPerUnitAtOne() of the view
-  float error_px = 4.0F;                ///< projected error of the client's proxy
+  const repository::SampleTree* tree = nullptr;  ///< which points are sampled; null: all of the grid
+  glm::vec3 eye{0.0F};                           ///< scene-local
+  float pixels_per_unit_at_one = 1.0F;           ///< base::Camera::pixelsPerUnitAtOne() of the view
+  float error_px = 4.0F;                         ///< projected error of the client's proxy
   std::size_t max_points = 8;
 };
 
 /// use(p, s) of the formula above, 0..1.
 float useOfPoint(const PointQuery& query, const glm::vec3& point, const SurfaceSample& sample);
 
-/// The chosen grid points, the most useful first, at most max_points. The four corners of the eye's cell that are
-/// nearest to the eye are among them (as many as fit): there the client finds every ray when the eye turns. Candidates
-/// are the corners of the cells along the lines from the eye to the samples, the 256 most promising.
+/// The chosen grid points, the most useful first, at most max_points. The four corners of the eye's cell (the tree's,
+/// where there is one) that are nearest to the eye are among them (as many as fit): there the client finds every ray
+/// when the eye turns. Candidates are the corners of the cells along the lines from the eye to the samples, the 256
+/// most promising.
 std::vector<glm::uvec3> choosePoints(const PointQuery& query, std::vector<SurfaceSample> samples);
 
 /// The faces of these points that show at least one sample (use above 0), in the order in which each adds most to the

@@ -20,6 +20,7 @@
 #include "base/error.h"
 #include "lod/patch/format.h"
 #include "protocol/message.h"
+#include "repository/sample_tree.h"
 #include "repository/store.h"
 
 namespace server {
@@ -28,7 +29,8 @@ namespace server {
 struct SceneData {
   protocol::Welcome welcome;
   const lod::patch::PatchFile* patches = nullptr;
-  const repository::Store* images = nullptr;  ///< null: no repository
+  const repository::Store* images = nullptr;     ///< null: no repository
+  const repository::SampleTree* tree = nullptr;  ///< which points are sampled; null: all of the grid
 };
 
 /// A frame that the session would like to have rendered.

@@ -36,6 +36,7 @@ LocalView cutForView(const SceneData& scene, const protocol::View& view) {
 PointQuery queryFor(const SceneData& scene, const protocol::View& view, const LocalView& local) {
   PointQuery query;
   query.grid = scene.welcome.grid;
+  query.tree = scene.tree;
   query.eye = local.request.camera.eye;
   query.pixels_per_unit_at_one = local.request.camera.pixelsPerUnitAtOne();
   query.error_px = std::max(1.0F, view.patch_tolerance_px);

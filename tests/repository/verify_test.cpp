@@ -34,7 +34,7 @@ class VerifyTest : public testing::Test {
     EXPECT_TRUE(store_->putBatch(batch));
   }
   void put(const FaceKey& key, const base::Bytes& value) { EXPECT_TRUE(store_->putBatch({{key, value}})); }
-  std::vector<std::string> faults() { return *verify(*store_, grid_, 2); }
+  std::vector<std::string> faults() { return *verify(*store_, grid_, nullptr, 2); }
   void expectOneFault(const std::string& place, const std::string& what) {
     const auto found = faults();
     ASSERT_EQ(found.size(), 1U);

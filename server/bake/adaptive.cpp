@@ -1,0 +1,167 @@
+#include "server/bake/adaptive.h"
+
+#include <algorithm>
+#include <array>
+#include <unordered_set>
+#include <utility>
+
+#include "server/bake/cell_judge.h"
+#include "server/bake/enclosed.h"
+
+namespace server {
+namespace {
+
+using Cell = repository::SampleTree::Cell;
+
+constexpr std::size_t kCellsPerSave = 32;  // a killed build judges so many again
+
+class Sampler {
+ public:
+  Sampler(AdaptiveWork& work, repository::SampleTree& tree, const Enclosure& enclosure, CellJudge& judge,
+          std::vector<TreeGrowth> growth)
+      : work_(work), tree_(tree), enclosure_(enclosure), judge_(judge), growth_(std::move(growth)) {}
+
+  base::Result<std::vector<TreeGrowth>> run() {
+    for (;;) {
+      LUMIGRID_TRY(renderPoints());
+      const std::vector<Cell> round = largestOpen();
+      if (round.empty()) break;
+      LUMIGRID_TRY(judgeRound(round));
+      LUMIGRID_TRY(save());
+    }
+    return std::move(growth_);
+  }
+
+ private:
+  glm::vec3 place(const glm::uvec3& p) const { return work_.options.grid.point(p.x, p.y, p.z); }
+
+  // New points get their images, but for those within the model; what sees nothing goes.
+  base::Result<void> renderPoints() {
+    std::vector<glm::uvec3> fresh;
+    std::vector<glm::vec3> places;
+    for (const glm::uvec3& p : tree_.points()) {
+      if (!looked_.insert(repository::FaceKey{p.x, p.y, p.z, 0}.code()).second) continue;
+      fresh.push_back(p);
+      places.push_back(place(p));
+    }
+    const auto enclosed = enclosedPoints(enclosure_, places, work_.options.threads);
+    for (std::size_t i = 0; i < fresh.size(); ++i)
+      if (enclosed[i] != 0) tree_.leaveOut(fresh[i]);
+    LUMIGRID_TRY(save());
+
+    const auto blind = work_.render(tree_.points());
+    if (!blind) return blind.error();
+    std::vector<repository::FaceKey> gone;
+    for (const glm::uvec3& p : *blind) {
+      tree_.leaveOut(p);
+      for (std::uint32_t d = 0; d < 6; ++d) gone.push_back({p.x, p.y, p.z, d});
+    }
+    LUMIGRID_TRY(save());
+    if (gone.empty()) return {};
+    return work_.store.erase(gone);
+  }
+
+  std::vector<Cell> largestOpen() const {
+    std::vector<Cell> open = tree_.openLeaves();
+    std::uint32_t size = 0;
+    for (const Cell& cell : open) size = std::max(size, cell.size);
+    std::erase_if(open, [&](const Cell& cell) { return cell.size != size; });
+    return open;
+  }
+
+  base::Result<void> judgeRound(const std::vector<Cell>& round) {
+    TreeGrowth row;
+    row.cell = round.front().size;
+    row.cells = tree_.leafCount();
+    row.points = tree_.points().size();
+    row.bytes = work_.stored_bytes();
+    PictureError all;
+    for (std::size_t i = 0; i < round.size(); ++i) {
+      if (!tell(row, i, round.size())) {
+        LUMIGRID_TRY(save());
+        return base::Error{base::ErrorCode::kCancelled, "stopped; the same command goes on where it stopped"};
+      }
+      const auto error = judge(round[i]);
+      if (!error) return error.error();
+      all.add(*error);
+      row.worst_psnr_db = std::min(row.worst_psnr_db, error->psnr());
+      if (error->psnr() < work_.options.target_db) {
+        tree_.split(round[i]);
+        ++row.split;
+      } else {
+        tree_.close(round[i]);
+      }
+      if (i % kCellsPerSave == kCellsPerSave - 1) LUMIGRID_TRY(save());
+    }
+    row.psnr_db = all.psnr();
+    growth_.push_back(row);
+    return {};
+  }
+
+  bool tell(const TreeGrowth& row, std::size_t done, std::size_t total) const {
+    BakeProgress progress;
+    progress.stored_bytes = row.bytes;
+    progress.cell = row.cell;
+    progress.cells_judged = done;
+    progress.cells_total = total;
+    return work_.progress(progress);
+  }
+
+  // From the cell's centre, where its corners are farthest; from a place half-way to one where the centre is enclosed.
+  base::Result<PictureError> judge(const Cell& cell) {
+    const auto corners = tree_.cornersOf(cell);
+    const glm::vec3 low = place(corners[0]);
+    const glm::vec3 high = place(corners[7]);
+    std::vector<glm::uvec3> points;
+    for (const glm::uvec3& p : corners)
+      if (tree_.hasPoint(p) && std::find(points.begin(), points.end(), p) == points.end()) points.push_back(p);
+    static constexpr std::array<std::array<float, 3>, 9> kEyes{{{0.5F, 0.5F, 0.5F},
+                                                                {0.25F, 0.25F, 0.25F},
+                                                                {0.75F, 0.75F, 0.25F},
+                                                                {0.75F, 0.25F, 0.75F},
+                                                                {0.25F, 0.75F, 0.75F},
+                                                                {0.75F, 0.75F, 0.75F},
+                                                                {0.25F, 0.25F, 0.75F},
+                                                                {0.25F, 0.75F, 0.25F},
+                                                                {0.75F, 0.25F, 0.25F}}};
+    for (const auto& at : kEyes) {
+      const glm::vec3 eye = low + glm::vec3(at[0], at[1], at[2]) * (high - low);
+      if (!enclosure_.encloses(eye)) return judge_.judge(work_.renderer, eye, points);
+    }
+    return PictureError();  // nobody can be there
+  }
+
+  base::Result<void> save() { return work_.store.writeMeta(withTree(work_.parameters, tree_, growth_)); }
+
+  AdaptiveWork& work_;
+  repository::SampleTree& tree_;
+  const Enclosure& enclosure_;
+  CellJudge& judge_;
+  std::vector<TreeGrowth> growth_;
+  std::unordered_set<std::uint64_t> looked_;  // points known to be left out or not
+};
+
+}  // namespace
+
+std::uint32_t coarseCellSize(const repository::Grid& grid, std::uint32_t cells) {
+  const std::uint32_t steps = std::max({grid.count.x, grid.count.y, grid.count.z}) - 1;
+  std::uint32_t size = 1;
+  while (2 * std::uint64_t{size} * cells <= steps) size *= 2;
+  return size;
+}
+
+base::Result<std::vector<TreeGrowth>> sampleAdaptively(AdaptiveWork& work, repository::SampleTree& tree) {
+  auto enclosure = Enclosure::create(work.patches);
+  if (!enclosure) return enclosure.error();
+  JudgeOptions options;
+  options.truth.tolerance_px = work.options.tolerance_px;
+  options.truth.supersampling = work.options.supersampling;
+  options.view_size = std::min(options.view_size, static_cast<int>(work.options.grid.face_size));
+  auto judge = CellJudge::create(work.scene, work.patches, work.store, work.options.grid, options);
+  if (!judge) return judge.error();
+  const auto text = work.store.readMeta();
+  if (!text) return text.error();
+  return Sampler(work, tree, *enclosure, **judge, *text ? growthFromText(**text) : std::vector<TreeGrowth>()).run();
+}
+
+}  // namespace server

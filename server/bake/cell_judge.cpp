@@ -1,0 +1,225 @@
+#include "server/bake/cell_judge.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <list>
+#include <set>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+#include "base/gl/gl.h"
+#include "client/render/lumigraph.h"
+#include "lod/patch/traverse.h"
+#include "repository/cube_face.h"
+#include "server/bake/face_encoder.h"
+
+namespace server {
+namespace {
+
+constexpr float kBackground = 128.0F;
+// Lines over twice the tangent of half the angle: pixels per unit at distance 1 of a view of 720 lines and 45°.
+const float kUsualView = 720.0F / (2.0F * std::tan(0.125F * 3.14159265F));
+
+// The colour over mid-grey.
+float over(const std::uint8_t* pixel, int channel) {
+  const float alpha = static_cast<float>(pixel[3]) / 255.0F;
+  return alpha * static_cast<float>(pixel[channel]) + (1.0F - alpha) * kBackground;
+}
+
+}  // namespace
+
+double PictureError::psnr() const {
+  if (samples == 0 || squared <= 0.0) return 99.0;
+  return std::min(99.0, 10.0 * std::log10(255.0 * 255.0 * static_cast<double>(samples) / squared));
+}
+
+PictureError pictureError(const base::Image& truth, const base::Image& picture) {
+  LUMIGRID_CHECK(truth.width == picture.width && truth.height == picture.height);
+  LUMIGRID_CHECK(truth.channels == 4 && picture.channels == 4);
+  PictureError error;
+  for (std::size_t i = 0; i + 3 < truth.pixels.size(); i += 4) {
+    const std::uint8_t* a = &truth.pixels[i];
+    const std::uint8_t* b = &picture.pixels[i];
+    if (a[3] < kCoverageThreshold && b[3] < kCoverageThreshold) continue;
+    for (int c = 0; c < 3; ++c) {
+      const double off = static_cast<double>(over(a, c) - over(b, c));
+      error.squared += off * off;
+    }
+    error.samples += 3;
+  }
+  return error;
+}
+
+struct CellJudge::State {
+  const lod::patch::PatchFile& patches;
+  const repository::Store& store;
+  const repository::Grid& grid;
+  JudgeOptions options;
+  lod::draw::Shading shading;
+  std::unique_ptr<client::LumigraphRenderer> lumigraph;
+  base::gl::RenderTarget target;
+
+  // Images on the GPU, and faces that are not stored or see nothing; by last use.
+  struct Face {
+    bool image = false;
+    std::list<std::uint64_t>::iterator age;
+  };
+  std::unordered_map<std::uint64_t, Face> faces;
+  std::list<std::uint64_t> by_age;  // oldest first
+  std::set<std::uint32_t> uploaded;
+
+  base::Result<void> bringPatches(const std::vector<std::uint32_t>& cut);
+  base::Result<bool> bringFace(const repository::FaceKey& key, const base::DepthRange& depth);
+  base::Result<bool> addImage(const repository::FaceKey& key, const base::Image& rgba, const base::DepthRange& depth);
+  bool dropOldest(std::size_t keep);
+  std::size_t in_use = 0;  // the newest so many belong to the cell at hand
+};
+
+CellJudge::~CellJudge() = default;
+
+base::Result<std::unique_ptr<CellJudge>> CellJudge::create(const base::Scene& scene,
+                                                           const lod::patch::PatchFile& patches,
+                                                           const repository::Store& store, const repository::Grid& grid,
+                                                           const JudgeOptions& options) {
+  auto lumigraph = client::LumigraphRenderer::create(patches.hierarchy().lattice, static_cast<int>(grid.face_size),
+                                                     options.gpu_budget_bytes);
+  if (!lumigraph) return lumigraph.error();
+  auto target = base::gl::RenderTarget::create(options.view_size, options.view_size);
+  if (!target) return target.error();
+  std::unique_ptr<CellJudge> judge(new CellJudge);
+  judge->state_.reset(new State{patches,
+                                store,
+                                grid,
+                                options,
+                                {scene.light.mode == base::LightMode::kUnlit, scene.light.direction},
+                                std::move(*lumigraph),
+                                std::move(*target),
+                                {},
+                                {},
+                                {}});
+  return judge;
+}
+
+base::Result<void> CellJudge::State::bringPatches(const std::vector<std::uint32_t>& cut) {
+  const std::set<std::uint32_t> wanted(cut.begin(), cut.end());
+  std::vector<std::uint32_t> gone;
+  std::set_difference(uploaded.begin(), uploaded.end(), wanted.begin(), wanted.end(), std::back_inserter(gone));
+  for (const std::uint32_t patch : gone) {
+    lumigraph->patches().remove(patch);
+    uploaded.erase(patch);
+  }
+  for (const std::uint32_t patch : wanted) {
+    if (uploaded.count(patch) != 0) continue;
+    auto geometry = patches.geometry(patch);
+    if (!geometry) return geometry.error();
+    lumigraph->patches().upload(patch, *geometry);
+    uploaded.insert(patch);
+  }
+  return {};
+}
+
+bool CellJudge::State::dropOldest(std::size_t keep) {
+  if (by_age.size() <= keep) return false;
+  const std::uint64_t code = by_age.front();
+  by_age.pop_front();
+  if (faces[code].image) lumigraph->removeSample(code);
+  faces.erase(code);
+  return true;
+}
+
+// Onto the GPU, in the place of older ones where it is full. False: no room even so.
+base::Result<bool> CellJudge::State::addImage(const repository::FaceKey& key, const base::Image& rgba,
+                                              const base::DepthRange& depth) {
+  const base::Camera camera = repository::faceCamera(grid, key, depth.near_plane, depth.far_plane);
+  while (!lumigraph->addSample(key.code(), camera, rgba, 0.0))
+    if (!dropOldest(in_use)) return false;
+  return true;
+}
+
+// Whether the face has an image to blend.
+base::Result<bool> CellJudge::State::bringFace(const repository::FaceKey& key, const base::DepthRange& depth) {
+  const std::uint64_t code = key.code();
+  ++in_use;
+  if (const auto found = faces.find(code); found != faces.end()) {
+    by_age.splice(by_age.end(), by_age, found->second.age);
+    return found->second.image;
+  }
+  auto value = store.get(key);
+  if (!value) return value.error();
+  bool image = false;
+  if (*value) {
+    auto rgba = decodeFace(**value, static_cast<int>(grid.face_size));
+    if (!rgba) return rgba.error();
+    if (!rgba->empty()) {
+      auto added = addImage(key, *rgba, depth);
+      if (!added) return added.error();
+      image = *added;
+    }
+  }
+  by_age.push_back(code);
+  faces[code] = {image, std::prev(by_age.end())};
+  return image;
+}
+
+base::Result<PictureError> CellJudge::judge(SceneRenderer& renderer, const glm::vec3& eye,
+                                            std::span<const glm::uvec3> points) {
+  State& s = *state_;
+  // The six views are those of a grid of one point.
+  repository::Grid here;
+  here.first = eye;
+  here.spacing = s.grid.spacing;
+  here.count = glm::uvec3(2);
+  here.face_size = static_cast<std::uint32_t>(s.options.view_size);
+  const base::DepthRange range = base::depthRangeFor(eye, renderer.sceneCenter(), renderer.sceneRadius());
+  std::vector<base::Camera> views;
+  for (std::uint32_t d = 0; d < 6; ++d)
+    views.push_back(repository::faceCamera(here, {0, 0, 0, d}, range.near_plane, range.far_plane));
+
+  std::vector<base::Image> truth(views.size());
+  LUMIGRID_TRY(renderer.renderMany(views, s.options.truth,
+                                   [&](std::size_t i, Rendered rendered) { truth[i] = std::move(rendered.rgba); }));
+  LUMIGRID_TRY(renderer.finish());
+
+  // What a client has there.
+  lod::patch::CutRequest request;
+  request.camera = views.front();
+  request.near_plane = range.near_plane;
+  request.tolerance_px = s.options.proxy_px * views.front().pixelsPerUnitAtOne() / kUsualView;
+  request.cull = false;
+  const lod::patch::Cut cut = lod::patch::selectCut(s.patches.hierarchy(), request);
+  LUMIGRID_TRY(s.bringPatches(cut.patches));
+  std::vector<client::SampleId> images;
+  s.in_use = 0;
+  for (const glm::uvec3& p : points) {
+    const base::DepthRange depth =
+        base::depthRangeFor(s.grid.point(p.x, p.y, p.z), renderer.sceneCenter(), renderer.sceneRadius());
+    for (std::uint32_t d = 0; d < 6; ++d) {
+      const repository::FaceKey key{p.x, p.y, p.z, d};
+      auto image = s.bringFace(key, depth);
+      if (!image) return image.error();
+      if (*image) images.push_back(key.code());
+    }
+  }
+
+  client::LumigraphOptions blend;
+  blend.max_samples = s.options.max_samples;
+  blend.fade_seconds = 0.0F;
+  blend.use_images = !images.empty();
+  PictureError error;
+  for (std::size_t d = 0; d < views.size(); ++d) {
+    const base::Frustum frustum(views[d].clipFromScene());
+    std::vector<std::uint32_t> in_view;
+    for (const std::uint32_t patch : cut.patches)
+      if (frustum.mayOverlap(s.lumigraph->patches().box(patch))) in_view.push_back(patch);
+    s.target.bind();
+    s.lumigraph->draw(views[d], in_view, images, cut.error_px, s.shading, blend, 0.0, cut.patches);
+    error.add(pictureError(truth[d], s.target.read()));
+  }
+  if (const std::string fault = base::gl::takeError(); !fault.empty())
+    return base::Error{base::ErrorCode::kIo, "blending a held-out view: " + fault};
+  return error;
+}
+
+}  // namespace server

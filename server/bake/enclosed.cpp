@@ -1,0 +1,102 @@
+#include "server/bake/enclosed.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "base/parallel.h"
+#include "lod/patch/traverse.h"
+
+namespace server {
+namespace {
+
+constexpr double kInside = 0.9;
+
+// Signed solid angle of a triangle from the origin (Van Oosterom, Strackee 1983, equation 8).
+double solidAngle(const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c) {
+  const double la = glm::length(a);
+  const double lb = glm::length(b);
+  const double lc = glm::length(c);
+  const double numerator = glm::dot(a, glm::cross(b, c));
+  const double denominator = la * lb * lc + glm::dot(a, b) * lc + glm::dot(b, c) * la + glm::dot(c, a) * lb;
+  return 2.0 * std::atan2(numerator, denominator);
+}
+
+// Squared distance of the origin to a triangle (Ericson, Real-Time Collision Detection, 2005, section 5.1.5).
+double squaredDistance(const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c) {
+  const glm::dvec3 ab = b - a;
+  const glm::dvec3 ac = c - a;
+  const double d1 = -glm::dot(ab, a);
+  const double d2 = -glm::dot(ac, a);
+  if (d1 <= 0.0 && d2 <= 0.0) return glm::dot(a, a);
+  const double d3 = -glm::dot(ab, b);
+  const double d4 = -glm::dot(ac, b);
+  if (d3 >= 0.0 && d4 <= d3) return glm::dot(b, b);
+  const auto at = [](const glm::dvec3& p) { return glm::dot(p, p); };
+  const double vc = d1 * d4 - d3 * d2;
+  if (vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0) return at(a + d1 / (d1 - d3) * ab);
+  const double d5 = -glm::dot(ab, c);
+  const double d6 = -glm::dot(ac, c);
+  if (d6 >= 0.0 && d5 <= d6) return glm::dot(c, c);
+  const double vb = d5 * d2 - d1 * d6;
+  if (vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0) return at(a + d2 / (d2 - d6) * ac);
+  const double va = d3 * d6 - d5 * d4;
+  if (va <= 0.0 && d4 - d3 >= 0.0 && d5 - d6 >= 0.0) return at(b + (d4 - d3) / ((d4 - d3) + (d5 - d6)) * (c - b));
+  const double sum = va + vb + vc;
+  if (!(sum > 0.0)) return std::min({at(a), at(b), at(c)});  // a line
+  return at(a + vb / sum * ab + vc / sum * ac);
+}
+
+}  // namespace
+
+base::Result<Enclosure> Enclosure::create(const lod::patch::PatchFile& patches, std::uint64_t max_triangles) {
+  // From the coarsest cut on, while it is small enough: the errors of groups are the only ones at which cuts change.
+  const lod::patch::Hierarchy& hierarchy = patches.hierarchy();
+  std::vector<float> errors{0.0F};
+  for (const lod::patch::Group& group : hierarchy.groups)
+    if (std::isfinite(group.error)) errors.push_back(group.error);
+  std::sort(errors.begin(), errors.end());
+  const auto fits = [&](float error) {
+    return lod::patch::selectUniformCut(hierarchy, error).triangles <= max_triangles;
+  };
+  const auto at = std::partition_point(errors.begin(), errors.end(), [&](float error) { return !fits(error); });
+
+  Enclosure enclosure;
+  enclosure.error_ = at == errors.end() ? errors.back() : *at;
+  for (const std::uint32_t patch : lod::patch::selectUniformCut(hierarchy, enclosure.error_).patches) {
+    const auto geometry = patches.geometry(patch);
+    if (!geometry) return geometry.error();
+    const auto corner = [&](std::size_t i) {
+      return hierarchy.lattice.position(geometry->positions[geometry->indices[i]]);
+    };
+    for (std::size_t i = 0; i + 2 < geometry->indices.size(); i += 3)
+      enclosure.triangles_.push_back({corner(i), corner(i + 1), corner(i + 2)});
+  }
+  return enclosure;
+}
+
+double Enclosure::windingNumber(const glm::vec3& point) const {
+  const glm::dvec3 p(point);
+  double sum = 0.0;
+  for (const Triangle& t : triangles_) sum += solidAngle(glm::dvec3(t.a) - p, glm::dvec3(t.b) - p, glm::dvec3(t.c) - p);
+  return sum / (4.0 * std::numbers::pi);
+}
+
+bool Enclosure::encloses(const glm::vec3& point) const {
+  if (windingNumber(point) <= kInside) return false;
+  const double margin = static_cast<double>(error_) * static_cast<double>(error_);
+  const glm::dvec3 p(point);
+  return std::none_of(triangles_.begin(), triangles_.end(), [&](const Triangle& t) {
+    return squaredDistance(glm::dvec3(t.a) - p, glm::dvec3(t.b) - p, glm::dvec3(t.c) - p) <= margin;
+  });
+}
+
+std::vector<std::uint8_t> enclosedPoints(const Enclosure& enclosure, std::span<const glm::vec3> points,
+                                         unsigned threads) {
+  std::vector<std::uint8_t> enclosed(points.size(), 0);
+  base::parallelFor(points.size(), threads,
+                    [&](std::size_t i) { enclosed[i] = enclosure.encloses(points[i]) ? 1 : 0; });
+  return enclosed;
+}
+
+}  // namespace server

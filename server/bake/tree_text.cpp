@@ -1,0 +1,99 @@
+#include "server/bake/tree_text.h"
+
+#include <array>
+#include <cinttypes>
+#include <cstdio>
+#include <utility>
+
+namespace server {
+namespace {
+
+constexpr const char* kTree = ",\n\"tree\": \"";
+constexpr const char* kGrowth = "\",\n\"growth\": [";
+constexpr const char* kEnd = "\n}\n";
+
+std::string hexOf(base::ByteView bytes) {
+  constexpr const char* kDigits = "0123456789abcdef";
+  std::string text;
+  text.reserve(2 * bytes.size());
+  for (const std::uint8_t b : bytes) {
+    text += kDigits[b >> 4];
+    text += kDigits[b & 15];
+  }
+  return text;
+}
+
+int digitOf(char c) {
+  return c >= '0' && c <= '9' ? c - '0' : c >= 'a' && c <= 'f' ? c - 'a' + 10 : -1;
+}
+
+std::optional<base::Bytes> bytesOf(const std::string& hex) {
+  if (hex.size() % 2 != 0) return std::nullopt;
+  base::Bytes bytes;
+  bytes.reserve(hex.size() / 2);
+  for (std::size_t i = 0; i < hex.size(); i += 2) {
+    const int high = digitOf(hex[i]);
+    const int low = digitOf(hex[i + 1]);
+    if (high < 0 || low < 0) return std::nullopt;
+    bytes.push_back(static_cast<std::uint8_t>(16 * high + low));
+  }
+  return bytes;
+}
+
+std::string rowOf(const TreeGrowth& g) {
+  std::array<char, 256> text{};
+  std::snprintf(text.data(), text.size(),
+                R"({"cell": %)" PRIu32 R"(, "cells": %)" PRIu64 R"(, "points": %)" PRIu64 R"(, "bytes": %)" PRIu64
+                R"(, "psnr_db": %.2f, "worst_psnr_db": %.2f, "split": %)" PRIu64 "}",
+                g.cell, g.cells, g.points, g.bytes, g.psnr_db, g.worst_psnr_db, g.split);
+  return text.data();
+}
+
+}  // namespace
+
+std::string withTree(const std::string& parameters, const repository::SampleTree& tree,
+                     const std::vector<TreeGrowth>& growth) {
+  std::string rows;
+  for (const TreeGrowth& g : growth) rows += (rows.empty() ? "" : ", ") + rowOf(g);
+  const std::string front = parameters.substr(0, parameters.rfind(kEnd));
+  return front + kTree + hexOf(tree.encode()) + kGrowth + rows + "]" + kEnd;
+}
+
+std::string withoutTree(const std::string& text) {
+  const std::size_t at = text.find(kTree);
+  return at == std::string::npos ? text : text.substr(0, at) + kEnd;
+}
+
+base::Result<std::optional<repository::SampleTree>> treeFromText(const std::string& text, const repository::Grid& grid,
+                                                                 const std::string& name) {
+  std::size_t begin = text.find(kTree);
+  if (begin == std::string::npos) return std::optional<repository::SampleTree>();
+  begin += std::string(kTree).size();
+  const std::size_t end = text.find('"', begin);
+  const auto bytes = bytesOf(text.substr(begin, end == std::string::npos ? 0 : end - begin));
+  auto tree = repository::SampleTree::decode(grid, bytes ? *bytes : base::Bytes());
+  if (!tree) {
+    base::Error error = base::within(name, tree.error());
+    error.message += "; build the images again with `lumigrid build --force`";
+    return error;
+  }
+  return std::optional(std::move(*tree));
+}
+
+std::vector<TreeGrowth> growthFromText(const std::string& text) {
+  std::vector<TreeGrowth> growth;
+  std::size_t at = text.find(kGrowth);
+  if (at == std::string::npos) return growth;
+  for (at = text.find('{', at); at != std::string::npos; at = text.find('{', at + 1)) {
+    TreeGrowth g;
+    if (std::sscanf(text.c_str() + at,
+                    R"({"cell": %)" SCNu32 R"(, "cells": %)" SCNu64 R"(, "points": %)" SCNu64 R"(, "bytes": %)" SCNu64
+                    R"(, "psnr_db": %lf, "worst_psnr_db": %lf, "split": %)" SCNu64,
+                    &g.cell, &g.cells, &g.points, &g.bytes, &g.psnr_db, &g.worst_psnr_db, &g.split) != 7)
+      break;
+    growth.push_back(g);
+  }
+  return growth;
+}
+
+}  // namespace server

@@ -1,0 +1,53 @@
+// SampleTree::decode on any bytes, as they are and with their checksum made right; what is accepted must be usable.
+#include "repository/sample_tree.h"
+
+#include <cstring>
+
+#include "base/check.h"
+#include "base/crc32c.h"
+#include "tests/fuzz/fuzz.h"
+
+namespace {
+
+repository::Grid testGrid() {
+  repository::Grid grid;
+  grid.count = {17, 6, 9};
+  grid.face_size = 64;
+  return grid;
+}
+
+void decode(base::ByteView bytes) {
+  const repository::Grid grid = testGrid();
+  const auto tree = repository::SampleTree::decode(grid, bytes);
+  if (!tree) return;
+  const base::Bytes again = tree->encode();
+  LUMIGRID_CHECK(base::Bytes(bytes.begin(), bytes.end()) == again);
+  for (const glm::uvec3& point : tree->points()) LUMIGRID_CHECK(tree->hasPoint(point));
+  for (const glm::uvec3& corner : tree->cornersOf(tree->leafOf({15, 4, 7})))
+    LUMIGRID_CHECK(grid.contains({corner.x, corner.y, corner.z, 0}));
+}
+
+}  // namespace
+
+namespace fuzz {
+
+std::vector<base::Bytes> seeds() {
+  repository::SampleTree mixed(testGrid(), 4);
+  mixed.split({{4, 0, 4}, 4});
+  mixed.close({{0, 4, 0}, 4});
+  mixed.leaveOut({16, 5, 8});
+  mixed.leaveOut({4, 4, 4});
+  return {repository::SampleTree(testGrid(), 16).encode(), repository::SampleTree(testGrid(), 1).encode(),
+          mixed.encode()};
+}
+
+void fuzzOne(base::ByteView bytes) {
+  decode(bytes);
+  if (bytes.size() < 4) return;
+  base::Bytes signed_bytes(bytes.begin(), bytes.end());
+  const std::uint32_t crc = base::crc32c(bytes.first(bytes.size() - 4));
+  std::memcpy(signed_bytes.data() + bytes.size() - 4, &crc, sizeof(crc));
+  decode(signed_bytes);
+}
+
+}  // namespace fuzz
