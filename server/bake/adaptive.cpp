@@ -107,7 +107,8 @@ class Sampler {
     return work_.progress(progress);
   }
 
-  // From the cell's centre, where its corners are farthest; from a place half-way to one where the centre is enclosed.
+  // From the cell's centre, where its corners are farthest; from a place half-way to one where the centre is behind the
+  // surface. What views from behind it miss would split every cell along a terrain.
   base::Result<PictureError> judge(const Cell& cell) {
     const auto corners = tree_.cornersOf(cell);
     const glm::vec3 low = place(corners[0]);
@@ -126,7 +127,7 @@ class Sampler {
                                                                 {0.75F, 0.25F, 0.25F}}};
     for (const auto& at : kEyes) {
       const glm::vec3 eye = low + glm::vec3(at[0], at[1], at[2]) * (high - low);
-      if (!enclosure_.encloses(eye)) return judge_.judge(work_.renderer, eye, points);
+      if (!enclosure_.isBehind(eye)) return judge_.judge(work_.renderer, eye, points);
     }
     return PictureError();  // nobody can be there
   }

@@ -11,6 +11,7 @@ namespace server {
 namespace {
 
 constexpr double kInside = 0.9;
+constexpr double kBehind = 0.25;  // a wide terrain has nearly ½ below it and −½ above, what lies beside it nearly 0
 
 // Signed solid angle of a triangle from the origin (Van Oosterom, Strackee 1983, equation 8).
 double solidAngle(const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c) {
@@ -80,6 +81,10 @@ double Enclosure::windingNumber(const glm::vec3& point) const {
   double sum = 0.0;
   for (const Triangle& t : triangles_) sum += solidAngle(glm::dvec3(t.a) - p, glm::dvec3(t.b) - p, glm::dvec3(t.c) - p);
   return sum / (4.0 * std::numbers::pi);
+}
+
+bool Enclosure::isBehind(const glm::vec3& point) const {
+  return windingNumber(point) > kBehind;
 }
 
 bool Enclosure::encloses(const glm::vec3& point) const {

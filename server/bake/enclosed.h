@@ -21,6 +21,8 @@ class Enclosure {
   /// Wholly within: a winding number over 0.9, which below an open surface is not reached, at more than the cut's error
   /// from it.
   bool encloses(const glm::vec3& point) const;
+  /// No place to look from: within, or behind an open surface as below a terrain (a winding number over 0.25).
+  bool isBehind(const glm::vec3& point) const;
 
  private:
   struct Triangle {

@@ -28,8 +28,8 @@ struct TourArguments {
   double margin = 0.5;
 };
 
-// Held-out views: eyes anywhere in the viewing box but within the model, each looking at some place in the middle half
-// of the model's box.
+// Held-out views: eyes anywhere in the viewing box but within or behind the model, each looking at some place in the
+// middle half of the model's box.
 base::Result<std::vector<base::ViewCamera>> randomViews(const TourArguments& a, const base::Scene& scene) {
   auto patches = lod::patch::PatchFile::open(a.scene + "/patch.lgp");
   if (!patches) return patches.error();
@@ -55,7 +55,7 @@ base::Result<std::vector<base::ViewCamera>> randomViews(const TourArguments& a, 
     view.direction = glm::normalize(target - view.position);
     view.up = scene.up;
     if (glm::length(glm::cross(view.direction, view.up)) < 0.05) continue;
-    if (enclosure->encloses(glm::vec3(view.position - scene.origin))) continue;
+    if (enclosure->isBehind(glm::vec3(view.position - scene.origin))) continue;
     view.width = a.size[0];
     view.height = a.size[1];
     views.push_back(view);
@@ -103,7 +103,7 @@ Run addTour(CLI::App& command) {
   command
       .add_option(
           "--random", a->random,
-          "so many views from random places in the viewing box, outside of the model, instead of an orbit; 0: none")
+          "so many views from random places in the viewing box, but behind its surface, instead of an orbit; 0: none")
       ->check(CLI::Range(0, 100000))
       ->capture_default_str();
   command.add_option("--seed", a->seed, "of the random views")->capture_default_str();

@@ -2,15 +2,18 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
-#include <numbers>
 
+#include "base/egl/headless.h"
 #include "repository/coverage.h"
 #include "repository/face_value.h"
 #include "repository/verify.h"
+#include "server/bake/adaptive.h"
+#include "server/bake/cell_judge.h"
 #include "tests/repository/temporary_directory.h"
 #include "tests/server/bake/memory_store.h"
-#include "tests/server/render/two_level_scene.h"
+#include "tests/server/bake/sphere.h"
 
 namespace server {
 namespace {
@@ -18,26 +21,7 @@ namespace {
 using repository::FaceKey;
 using test::MemoryStore;
 
-// A unit sphere of `rings` rings around z, in two colours.
-std::vector<test::Triangle> sphere(int rings, float from_z, float to_z) {
-  const auto at = [&](int ring, int segment) {
-    const float polar = std::acos(from_z + (to_z - from_z) * static_cast<float>(ring) / static_cast<float>(rings));
-    const float around = 2.0F * std::numbers::pi_v<float> * static_cast<float>(segment) / static_cast<float>(2 * rings);
-    return glm::vec3(std::sin(polar) * std::cos(around), std::sin(polar) * std::sin(around), std::cos(polar));
-  };
-  std::vector<test::Triangle> triangles;
-  for (int ring = 0; ring < rings; ++ring) {
-    for (int segment = 0; segment < 2 * rings; ++segment) {
-      const glm::u8vec4 color =
-          (ring + segment) % 2 == 0 ? glm::u8vec4(220, 80, 60, 255) : glm::u8vec4(60, 90, 200, 255);
-      triangles.push_back({at(ring, segment), at(ring, segment + 1), at(ring + 1, segment + 1), color});
-      triangles.push_back({at(ring, segment), at(ring + 1, segment + 1), at(ring + 1, segment), color});
-    }
-  }
-  std::erase_if(triangles,
-                [](const test::Triangle& t) { return glm::length(glm::cross(t.b - t.a, t.c - t.a)) < 1e-3F; });
-  return triangles;
-}
+using test::sphere;
 
 class BakeTest : public testing::Test {
  protected:
@@ -235,6 +219,169 @@ TEST_F(BakeTest, optionsThatMakeNoSenseAreErrors) {
     EXPECT_EQ(refused.error().code, base::ErrorCode::kInvalidInput);
     EXPECT_FALSE(store.meta.has_value());
   }
+}
+
+// A sphere with soft stripes on one half, whose coarse cut is grey and says that it is nearly exact: clients take it
+// for a proxy, and the stripes are in the images alone.
+constexpr double kMiddle = 26.0;
+
+class AdaptiveBakeTest : public BakeTest {
+ protected:
+  AdaptiveBakeTest()
+      : scene_(striped(12, -1.0F, 1.0F, false), {striped(24, -1.0F, 0.0F, true), striped(24, 0.0F, 1.0F, true)},
+               1e-4F) {
+    scene_.scene().box_min = glm::dvec3(-1.0);
+    scene_.scene().box_max = glm::dvec3(1.0);
+    scene_.scene().parts = {{"patch.lgp", 1, "abc"}};
+    options_.grid = repository::makeGrid(scene_.scene().localBox(), 5, 0.5F, 96);
+    options_.tolerance_px = 0.0F;
+    options_.quality = 95;
+    options_.target_db = 30.0;
+    options_.coarse_cells = 2;
+  }
+  static std::vector<test::Triangle> striped(int rings, float from_z, float to_z, bool stripes) {
+    auto triangles = sphere(rings, from_z, to_z);
+    for (test::Triangle& t : triangles) {
+      const float x = (t.a.x + t.b.x + t.c.x) / 3.0F;
+      const float wave = stripes && x > 0.0F ? 60.0F * std::sin(5.0F * x) : 0.0F;
+      t.color =
+          glm::u8vec4(static_cast<std::uint8_t>(150.0F + wave), 150, static_cast<std::uint8_t>(150.0F - wave), 255);
+    }
+    return triangles;
+  }
+  base::Result<BakeSummary> run(
+      repository::Store& store,
+      const std::function<bool(const BakeProgress&)>& progress = [](const BakeProgress&) { return true; }) {
+    return bake(scene_.scene(), scene_.file(), store, options_, progress);
+  }
+  test::TwoLevelScene scene_;
+  repository::SampleTree treeOf(const MemoryStore& store) {
+    auto tree = treeFromText(store.meta.value_or(""), options_.grid, "store");
+    EXPECT_TRUE(tree && *tree);
+    return tree && *tree ? std::move(**tree) : repository::SampleTree(options_.grid, 8);
+  }
+};
+
+TEST_F(AdaptiveBakeTest, theHigherTheTargetTheMorePointsAndAllOfThemAreStored) {
+  options_.grid = repository::makeGrid(scene_.scene().localBox(), 9, 0.5F, 48);
+  std::vector<std::uint64_t> points;
+  for (const double target : {5.0, kMiddle, 60.0}) {
+    options_.target_db = target;
+    MemoryStore store;
+    const auto summary = run(store);
+    ASSERT_TRUE(summary) << summary.error().message;
+    const repository::SampleTree tree = treeOf(store);
+    EXPECT_EQ(summary->points, tree.points().size());
+    EXPECT_EQ(store.values.size(), 6 * tree.points().size());
+    EXPECT_TRUE(repository::verify(store, options_.grid, &tree)->empty());
+    EXPECT_TRUE(tree.openLeaves().empty());
+    points.push_back(summary->points);
+    // Cells of four steps are judged, then those of two; those of one step cannot be split.
+    ASSERT_FALSE(summary->growth.empty());
+    EXPECT_EQ(summary->growth.front().cell, 4U);
+    EXPECT_EQ(summary->growth.front().cells, 8U);
+    if (summary->growth.size() > 1) {
+      EXPECT_GT(summary->growth[1].psnr_db, summary->growth[0].psnr_db);
+    }
+  }
+  EXPECT_EQ(points.front(), 26U);  // the middle of 27 lies within the sphere
+  EXPECT_LT(points[0], points[1]);
+  EXPECT_LT(points[1], points[2]);
+  // 60 dB is reached nowhere: the whole grid, but for what the sphere encloses.
+  std::uint64_t outside = 0;
+  for (const glm::uvec3& p : repository::pointsInMortonOrder(options_.grid))
+    outside += glm::length(options_.grid.point(p.x, p.y, p.z)) > 0.95F ? 1 : 0;
+  EXPECT_EQ(points[2], outside);
+}
+
+TEST_F(AdaptiveBakeTest, stoppedAtAnyMomentItEndsWithTheSameTreeAndBytes) {
+  options_.target_db = kMiddle;
+  MemoryStore whole;
+  int steps = 0;
+  ASSERT_TRUE(run(whole, [&](const BakeProgress&) { return ++steps, true; }));
+  for (const int stop : {1, 5, steps / 3, steps / 2, 3 * steps / 4, steps - 1}) {
+    MemoryStore store;
+    int calls = 0;
+    const auto stopped = run(store, [&](const BakeProgress&) { return ++calls < stop; });
+    if (!stopped) {
+      EXPECT_EQ(stopped.error().code, base::ErrorCode::kCancelled);
+    }
+    const auto summary = run(store);
+    ASSERT_TRUE(summary) << stop;
+    EXPECT_EQ(store.values, whole.values) << stop;
+    EXPECT_EQ(treeOf(store).encode(), treeOf(whole).encode()) << stop;
+    // Nothing is left to do.
+    const auto again = run(store);
+    ASSERT_TRUE(again);
+    EXPECT_EQ(again->faces_rendered, 0U);
+    EXPECT_EQ(again->points, summary->points);
+    EXPECT_EQ(again->growth.size(), summary->growth.size());
+  }
+}
+
+TEST_F(AdaptiveBakeTest, anotherTargetAndAPlainGridAreRefused) {
+  MemoryStore store;
+  ASSERT_TRUE(run(store));
+  for (const double target : {0.0, 31.0}) {
+    options_.target_db = target;
+    const auto refused = run(store);
+    ASSERT_FALSE(refused);
+    EXPECT_EQ(refused.error().code, base::ErrorCode::kExists);
+    EXPECT_NE(refused.error().message.find("target"), std::string::npos) << refused.error().message;
+  }
+}
+
+TEST_F(AdaptiveBakeTest, aDamagedFaceIsRenderedAgain) {
+  MemoryStore store;
+  ASSERT_TRUE(run(store));
+  const auto whole = store.values;
+  store.values.begin()->second.back() ^= 1;
+  store.values.erase(std::prev(store.values.end())->first);
+  const auto summary = run(store);
+  ASSERT_TRUE(summary);
+  EXPECT_EQ(summary->faces_rendered, 2U);
+  EXPECT_EQ(store.values, whole);
+}
+
+// What the judge says of views is what it should be: good at a sampling point, worse half-way, worse without images.
+TEST_F(AdaptiveBakeTest, aViewFromASamplingPointIsNearlyTheTruth) {
+  options_.target_db = 5.0;
+  MemoryStore store;
+  ASSERT_TRUE(run(store));
+  auto context = base::HeadlessContext::create();
+  ASSERT_TRUE(context);
+  auto renderer = SceneRenderer::create(scene_.scene(), scene_.file());
+  ASSERT_TRUE(renderer);
+  JudgeOptions options;
+  options.truth.tolerance_px = options_.tolerance_px;
+  options.view_size = 96;
+  auto judge = CellJudge::create(scene_.scene(), scene_.file(), store, options_.grid, options);
+  ASSERT_TRUE(judge);
+  const std::vector<glm::uvec3> points = treeOf(store).points();
+  const auto psnr = [&](const glm::vec3& eye, std::span<const glm::uvec3> of) {
+    const auto error = (*judge)->judge(**renderer, eye, of);
+    EXPECT_TRUE(error) << error.error().message;
+    return error ? error->psnr() : 0.0;
+  };
+  const glm::vec3 point = options_.grid.point(4, 2, 2);
+  const double at_point = psnr(point, points);
+  const double between = psnr(0.5F * (options_.grid.point(4, 2, 2) + options_.grid.point(4, 0, 2)), points);
+  EXPECT_GT(at_point, between + 1.0);
+  EXPECT_GT(psnr(point, points), psnr(point, {}));
+  EXPECT_EQ(psnr(glm::vec3(0.0F, 0.0F, 400.0F), {}), psnr(glm::vec3(0.0F, 0.0F, 400.0F), {}));
+}
+
+TEST(PictureErrorTest, onlyForegroundCountsAndGreyLiesBeneath) {
+  base::Image truth(3, 1, 4);
+  base::Image picture(3, 1, 4);
+  truth.pixels = {10, 20, 30, 255, 0, 0, 0, 0, 1, 2, 3, 0};
+  picture.pixels = {13, 20, 30, 255, 9, 9, 9, 0, 128, 128, 130, 255};
+  const PictureError error = pictureError(truth, picture);
+  EXPECT_EQ(error.samples, 6U);                 // the second pixel is background in both
+  EXPECT_NEAR(error.squared, 9.0 + 4.0, 1e-3);  // the third: grey against 128, 128, 130
+  EXPECT_NEAR(error.psnr(), 10.0 * std::log10(255.0 * 255.0 * 6.0 / 13.0), 1e-6);
+  EXPECT_EQ(pictureError(truth, truth).psnr(), 99.0);
+  EXPECT_EQ(PictureError().psnr(), 99.0);
 }
 
 }  // namespace
