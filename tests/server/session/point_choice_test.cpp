@@ -251,5 +251,35 @@ TEST(PointChoice, aPatchWithoutMeanNormalIsMetHalfWay) {
   EXPECT_EQ(samples[0].normal, glm::vec3(0.0F));
 }
 
+// ---- adaptive sampling ----
+
+TEST(PointChoice, aTreeOfSingleStepsChoosesAsTheGridDoes) {
+  PointQuery query = wallQuery({1.3F, -2.2F, 6.1F});
+  const auto plain = choosePoints(query, wallSamples());
+  const repository::SampleTree tree(query.grid, 1);
+  query.tree = &tree;
+  EXPECT_EQ(choosePoints(query, wallSamples()), plain);
+}
+
+TEST(PointChoice, onlyPointsThatAreSampledAreChosen) {
+  PointQuery query = wallQuery({1.3F, -2.2F, 6.1F});
+  repository::SampleTree tree(query.grid, 8);
+  for (const auto& cell : tree.openLeaves())
+    if (cell.corner.z == 0) tree.split(cell);
+  const glm::uvec3 eye_cell = query.grid.cellOf(query.eye);
+  const auto nearest = tree.cornersOf(tree.leafOf(eye_cell));
+  tree.leaveOut(nearest[0]);
+  query.tree = &tree;
+  const auto points = choosePoints(query, wallSamples());
+  EXPECT_EQ(points.size(), 8U);
+  std::size_t corners = 0;
+  for (const glm::uvec3& p : points) {
+    EXPECT_TRUE(tree.hasPoint(p)) << p.x << " " << p.y << " " << p.z;
+    corners += static_cast<std::size_t>(std::count(nearest.begin(), nearest.end(), p));
+  }
+  EXPECT_GE(corners, 4U);  // of the eye's own cell
+  EXPECT_EQ(asSet(points).size(), points.size());
+}
+
 }  // namespace
 }  // namespace server
