@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <optional>
 #include <unordered_set>
 #include <utility>
 
@@ -85,7 +86,13 @@ class Sampler {
       if (!error) return error.error();
       all.add(*error);
       row.worst_psnr_db = std::min(row.worst_psnr_db, error->psnr());
-      if (error->psnr() < work_.options.target_db) {
+      bool split = error->psnr() < work_.options.target_db;
+      if (split) {
+        const auto gain = gainOf(round[i]);
+        if (!gain) return gain.error();
+        split = *gain >= work_.options.least_gain_db;
+      }
+      if (split) {
         tree_.split(round[i]);
         ++row.split;
       } else {
@@ -107,15 +114,37 @@ class Sampler {
     return work_.progress(progress);
   }
 
+  std::vector<glm::uvec3> pointsOf(const Cell& cell) const {
+    std::vector<glm::uvec3> points;
+    for (const glm::uvec3& p : tree_.cornersOf(cell))
+      if (tree_.hasPoint(p) && std::find(points.begin(), points.end(), p) == points.end()) points.push_back(p);
+    return points;
+  }
+  glm::vec3 within(const Cell& cell, const glm::vec3& at) const {
+    const auto corners = tree_.cornersOf(cell);
+    return glm::mix(place(corners[0]), place(corners[7]), at);
+  }
+
   // From the cell's centre, where its corners are farthest; from a place half-way to one where the centre is behind the
   // surface. What views from behind it miss would split every cell along a terrain.
   base::Result<PictureError> judge(const Cell& cell) {
-    const auto corners = tree_.cornersOf(cell);
-    const glm::vec3 low = place(corners[0]);
-    const glm::vec3 high = place(corners[7]);
-    std::vector<glm::uvec3> points;
-    for (const glm::uvec3& p : corners)
-      if (tree_.hasPoint(p) && std::find(points.begin(), points.end(), p) == points.end()) points.push_back(p);
+    const auto eye = placeToLookFrom(cell, 0);
+    if (!eye) return PictureError();  // nobody can be there
+    return judge_.judge(work_.renderer, *eye, pointsOf(cell));
+  }
+
+  // What an image from the centre would add for who is half-way to a corner, in dB: close to a surface pictures are bad
+  // however many there are, and splitting would go on to the finest grid for nothing.
+  base::Result<double> gainOf(const Cell& cell) {
+    const auto eye = placeToLookFrom(cell, 1);
+    if (!eye) return 0.0;
+    const auto errors = judge_.judgeWith(work_.renderer, *eye, pointsOf(cell), within(cell, glm::vec3(0.5F)));
+    if (!errors) return errors.error();
+    return errors->second.psnr() - errors->first.psnr();
+  }
+
+  // The centre (0), then places half-way to the corners (1 …), from number `first` on.
+  std::optional<glm::vec3> placeToLookFrom(const Cell& cell, std::size_t first) const {
     static constexpr std::array<std::array<float, 3>, 9> kEyes{{{0.5F, 0.5F, 0.5F},
                                                                 {0.25F, 0.25F, 0.25F},
                                                                 {0.75F, 0.75F, 0.25F},
@@ -125,11 +154,11 @@ class Sampler {
                                                                 {0.25F, 0.25F, 0.75F},
                                                                 {0.25F, 0.75F, 0.25F},
                                                                 {0.75F, 0.25F, 0.25F}}};
-    for (const auto& at : kEyes) {
-      const glm::vec3 eye = low + glm::vec3(at[0], at[1], at[2]) * (high - low);
-      if (!enclosure_.isBehind(eye)) return judge_.judge(work_.renderer, eye, points);
+    for (std::size_t i = first; i < kEyes.size(); ++i) {
+      const glm::vec3 eye = within(cell, {kEyes[i][0], kEyes[i][1], kEyes[i][2]});
+      if (!enclosure_.isBehind(eye)) return eye;
     }
-    return PictureError();  // nobody can be there
+    return std::nullopt;
   }
 
   base::Result<void> save() { return work_.store.writeMeta(withTree(work_.parameters, tree_, growth_)); }

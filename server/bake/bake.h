@@ -31,6 +31,7 @@ struct BakeOptions {
   /// PSNR that views blended from a cell's corners must reach, or it is split (adaptive sampling, DESIGN section 5);
   /// `grid` is then the finest. 0: every point of the grid is sampled.
   double target_db = 0.0;
+  double least_gain_db = 0.5;      ///< … and only where one more image half-way would gain so much
   std::uint32_t coarse_cells = 4;  ///< of adaptive sampling: cells along the longest side to begin with, at least
 };
 

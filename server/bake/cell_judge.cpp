@@ -18,6 +18,7 @@
 namespace server {
 namespace {
 
+constexpr client::SampleId kNotStored = client::SampleId{1} << 63;  // no face key has this bit
 constexpr float kBackground = 128.0F;
 // Lines over twice the tangent of half the angle: pixels per unit at distance 1 of a view of 720 lines and 45°.
 const float kUsualView = 720.0F / (2.0F * std::tan(0.125F * 3.14159265F));
@@ -74,6 +75,12 @@ struct CellJudge::State {
   base::Result<bool> bringFace(const repository::FaceKey& key, const base::DepthRange& depth);
   base::Result<bool> addImage(const repository::FaceKey& key, const base::Image& rgba, const base::DepthRange& depth);
   bool dropOldest(std::size_t keep);
+  std::vector<base::Camera> viewsFrom(SceneRenderer& renderer, const glm::vec3& eye, int size) const;
+  base::Result<std::vector<base::Image>> truthOf(SceneRenderer& renderer, const std::vector<base::Camera>& views) const;
+  base::Result<lod::patch::Cut> bringProxy(SceneRenderer& renderer, const base::Camera& view);
+  base::Result<std::vector<client::SampleId>> bringFaces(SceneRenderer& renderer, std::span<const glm::uvec3> points);
+  base::Result<PictureError> blend(const std::vector<base::Camera>& views, const std::vector<base::Image>& truth,
+                                   const lod::patch::Cut& cut, const std::vector<client::SampleId>& images);
   std::size_t in_use = 0;  // the newest so many belong to the cell at hand
 };
 
@@ -163,48 +170,63 @@ base::Result<bool> CellJudge::State::bringFace(const repository::FaceKey& key, c
   return image;
 }
 
-base::Result<PictureError> CellJudge::judge(SceneRenderer& renderer, const glm::vec3& eye,
-                                            std::span<const glm::uvec3> points) {
-  State& s = *state_;
-  // The six views are those of a grid of one point.
-  repository::Grid here;
+// The six views of a place.
+std::vector<base::Camera> CellJudge::State::viewsFrom(SceneRenderer& renderer, const glm::vec3& eye, int size) const {
+  repository::Grid here;  // whose first point it is
   here.first = eye;
-  here.spacing = s.grid.spacing;
+  here.spacing = grid.spacing;
   here.count = glm::uvec3(2);
-  here.face_size = static_cast<std::uint32_t>(s.options.view_size);
+  here.face_size = static_cast<std::uint32_t>(size);
   const base::DepthRange range = base::depthRangeFor(eye, renderer.sceneCenter(), renderer.sceneRadius());
   std::vector<base::Camera> views;
   for (std::uint32_t d = 0; d < 6; ++d)
     views.push_back(repository::faceCamera(here, {0, 0, 0, d}, range.near_plane, range.far_plane));
+  return views;
+}
 
+base::Result<std::vector<base::Image>> CellJudge::State::truthOf(SceneRenderer& renderer,
+                                                                 const std::vector<base::Camera>& views) const {
   std::vector<base::Image> truth(views.size());
-  LUMIGRID_TRY(renderer.renderMany(views, s.options.truth,
+  LUMIGRID_TRY(renderer.renderMany(views, options.truth,
                                    [&](std::size_t i, Rendered rendered) { truth[i] = std::move(rendered.rgba); }));
   LUMIGRID_TRY(renderer.finish());
+  return truth;
+}
 
-  // What a client has there.
+// The proxy that a client has at the place of these views.
+base::Result<lod::patch::Cut> CellJudge::State::bringProxy(SceneRenderer& renderer, const base::Camera& view) {
   lod::patch::CutRequest request;
-  request.camera = views.front();
-  request.near_plane = range.near_plane;
-  request.tolerance_px = s.options.proxy_px * views.front().pixelsPerUnitAtOne() / kUsualView;
+  request.camera = view;
+  request.near_plane = base::depthRangeFor(view.eye, renderer.sceneCenter(), renderer.sceneRadius()).near_plane;
+  request.tolerance_px = options.proxy_px * view.pixelsPerUnitAtOne() / kUsualView;
   request.cull = false;
-  const lod::patch::Cut cut = lod::patch::selectCut(s.patches.hierarchy(), request);
-  LUMIGRID_TRY(s.bringPatches(cut.patches));
+  lod::patch::Cut cut = lod::patch::selectCut(patches.hierarchy(), request);
+  LUMIGRID_TRY(bringPatches(cut.patches));
+  return cut;
+}
+
+base::Result<std::vector<client::SampleId>> CellJudge::State::bringFaces(SceneRenderer& renderer,
+                                                                         std::span<const glm::uvec3> points) {
   std::vector<client::SampleId> images;
-  s.in_use = 0;
+  in_use = 0;
   for (const glm::uvec3& p : points) {
     const base::DepthRange depth =
-        base::depthRangeFor(s.grid.point(p.x, p.y, p.z), renderer.sceneCenter(), renderer.sceneRadius());
+        base::depthRangeFor(grid.point(p.x, p.y, p.z), renderer.sceneCenter(), renderer.sceneRadius());
     for (std::uint32_t d = 0; d < 6; ++d) {
       const repository::FaceKey key{p.x, p.y, p.z, d};
-      auto image = s.bringFace(key, depth);
+      auto image = bringFace(key, depth);
       if (!image) return image.error();
       if (*image) images.push_back(key.code());
     }
   }
+  return images;
+}
 
+base::Result<PictureError> CellJudge::State::blend(const std::vector<base::Camera>& views,
+                                                   const std::vector<base::Image>& truth, const lod::patch::Cut& cut,
+                                                   const std::vector<client::SampleId>& images) {
   client::LumigraphOptions blend;
-  blend.max_samples = s.options.max_samples;
+  blend.max_samples = options.max_samples;
   blend.fade_seconds = 0.0F;
   blend.use_images = !images.empty();
   PictureError error;
@@ -212,14 +234,56 @@ base::Result<PictureError> CellJudge::judge(SceneRenderer& renderer, const glm::
     const base::Frustum frustum(views[d].clipFromScene());
     std::vector<std::uint32_t> in_view;
     for (const std::uint32_t patch : cut.patches)
-      if (frustum.mayOverlap(s.lumigraph->patches().box(patch))) in_view.push_back(patch);
-    s.target.bind();
-    s.lumigraph->draw(views[d], in_view, images, cut.error_px, s.shading, blend, 0.0, cut.patches);
-    error.add(pictureError(truth[d], s.target.read()));
+      if (frustum.mayOverlap(lumigraph->patches().box(patch))) in_view.push_back(patch);
+    target.bind();
+    lumigraph->draw(views[d], in_view, images, cut.error_px, shading, blend, 0.0, cut.patches);
+    error.add(pictureError(truth[d], target.read()));
   }
   if (const std::string fault = base::gl::takeError(); !fault.empty())
     return base::Error{base::ErrorCode::kIo, "blending a held-out view: " + fault};
   return error;
+}
+
+base::Result<PictureError> CellJudge::judge(SceneRenderer& renderer, const glm::vec3& eye,
+                                            std::span<const glm::uvec3> points) {
+  State& s = *state_;
+  const auto views = s.viewsFrom(renderer, eye, s.options.view_size);
+  const auto truth = s.truthOf(renderer, views);
+  if (!truth) return truth.error();
+  const auto cut = s.bringProxy(renderer, views.front());
+  if (!cut) return cut.error();
+  const auto images = s.bringFaces(renderer, points);
+  if (!images) return images.error();
+  return s.blend(views, *truth, *cut, *images);
+}
+
+base::Result<std::pair<PictureError, PictureError>> CellJudge::judgeWith(SceneRenderer& renderer, const glm::vec3& eye,
+                                                                         std::span<const glm::uvec3> points,
+                                                                         const glm::vec3& another) {
+  State& s = *state_;
+  const auto views = s.viewsFrom(renderer, eye, s.options.view_size);
+  const auto truth = s.truthOf(renderer, views);
+  if (!truth) return truth.error();
+  const auto faces = s.viewsFrom(renderer, another, static_cast<int>(s.grid.face_size));
+  const auto pictures = s.truthOf(renderer, faces);
+  if (!pictures) return pictures.error();
+  const auto cut = s.bringProxy(renderer, views.front());
+  if (!cut) return cut.error();
+  auto images = s.bringFaces(renderer, points);
+  if (!images) return images.error();
+  const auto without = s.blend(views, *truth, *cut, *images);
+  if (!without) return without.error();
+
+  for (std::size_t d = 0; d < faces.size(); ++d) {
+    const client::SampleId id = kNotStored | d;
+    while (!s.lumigraph->addSample(id, faces[d], (*pictures)[d], 0.0))
+      if (!s.dropOldest(s.in_use)) break;
+    images->push_back(id);
+  }
+  const auto with = s.blend(views, *truth, *cut, *images);
+  for (std::size_t d = 0; d < faces.size(); ++d) s.lumigraph->removeSample(kNotStored | d);
+  if (!with) return with.error();
+  return std::pair(*without, *with);
 }
 
 }  // namespace server

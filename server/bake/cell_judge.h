@@ -6,6 +6,7 @@
 #include <glm/glm.hpp>
 #include <memory>
 #include <span>
+#include <utility>
 
 #include "base/error.h"
 #include "base/json/scene_file.h"
@@ -49,6 +50,11 @@ class CellJudge {
   /// The six views of 90° from `eye`, scene-local, blended from the stored faces of `points`; faces that are not stored
   /// are done without. Errors: those of the store, of a value that cannot be decoded, of drawing.
   base::Result<PictureError> judge(SceneRenderer& renderer, const glm::vec3& eye, std::span<const glm::uvec3> points);
+  /// The same twice: first as judge(), then with the six faces of `another` place among the images, as if they were
+  /// stored (but not compressed).
+  base::Result<std::pair<PictureError, PictureError>> judgeWith(SceneRenderer& renderer, const glm::vec3& eye,
+                                                                std::span<const glm::uvec3> points,
+                                                                const glm::vec3& another);
 
  private:
   CellJudge() = default;

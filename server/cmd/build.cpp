@@ -72,6 +72,7 @@ std::map<std::string, std::string> parametersOf(const BuildArguments& a) {
           {"quality", number(a.bake.quality)},
           {"subsampling", a.subsampling},
           {"target", number(a.bake.target_db)},
+          {"gain", number(a.bake.least_gain_db)},
           {"coarse-cells", number(a.bake.coarse_cells)},
           {"tolerance", number(a.bake.tolerance_px)},
           {"supersampling", number(a.bake.supersampling)},
@@ -406,6 +407,11 @@ Run addBuild(CLI::App& command) {
           "--target", a->bake.target_db,
           "adaptive sampling: --grid is the finest grid, and a cell is split only where views blended from its "
           "corners miss the truth by more than so many dB (PSNR of foreground pixels, e.g. 30); 0: the whole grid")
+      ->check(CLI::Range(0.0, 60.0))
+      ->capture_default_str();
+  command
+      .add_option("--gain", a->bake.least_gain_db,
+                  "adaptive sampling: and only where one more image in the cell's middle gains at least so many dB")
       ->check(CLI::Range(0.0, 60.0))
       ->capture_default_str();
   command

@@ -264,6 +264,7 @@ class AdaptiveBakeTest : public BakeTest {
 
 TEST_F(AdaptiveBakeTest, theHigherTheTargetTheMorePointsAndAllOfThemAreStored) {
   options_.grid = repository::makeGrid(scene_.scene().localBox(), 9, 0.5F, 48);
+  options_.least_gain_db = -99.0;
   std::vector<std::uint64_t> points;
   for (const double target : {5.0, kMiddle, 60.0}) {
     options_.target_db = target;
@@ -292,6 +293,16 @@ TEST_F(AdaptiveBakeTest, theHigherTheTargetTheMorePointsAndAllOfThemAreStored) {
   for (const glm::uvec3& p : repository::pointsInMortonOrder(options_.grid))
     outside += glm::length(options_.grid.point(p.x, p.y, p.z)) > 0.95F ? 1 : 0;
   EXPECT_EQ(points[2], outside);
+}
+
+TEST_F(AdaptiveBakeTest, noCellIsSplitWhereThatGainsNothing) {
+  options_.target_db = 60.0;
+  options_.least_gain_db = 50.0;
+  MemoryStore store;
+  const auto summary = run(store);
+  ASSERT_TRUE(summary);
+  EXPECT_EQ(summary->points, 26U);
+  EXPECT_EQ(summary->growth.back().split, 0U);
 }
 
 TEST_F(AdaptiveBakeTest, stoppedAtAnyMomentItEndsWithTheSameTreeAndBytes) {
