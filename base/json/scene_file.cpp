@@ -1,13 +1,12 @@
 #include "base/json/scene_file.h"
 
-#include <openssl/evp.h>
 #include <cerrno>
-
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
 
 #include "base/file.h"
+#include "base/hash/sha256.h"
 
 namespace base {
 namespace {
@@ -186,23 +185,12 @@ Result<std::string> sha256OfFile(const std::string& path) {
   // In pieces: a map of a file larger than memory would count as ours.
   const std::unique_ptr<std::FILE, decltype(&std::fclose)> file(std::fopen(path.c_str(), "rbe"), &std::fclose);
   if (!file) return systemError(path, "open", errno);
-  const std::unique_ptr<EVP_MD_CTX, decltype(&EVP_MD_CTX_free)> context(EVP_MD_CTX_new(), &EVP_MD_CTX_free);
-  const Error failed{ErrorCode::kIo, path + ": cannot compute its SHA-256"};
-  if (!context || EVP_DigestInit_ex(context.get(), EVP_sha256(), nullptr) != 1) return failed;
+  Sha256 hash;
   Bytes buffer(std::size_t{1} << 20);
   for (std::size_t n = 0; (n = std::fread(buffer.data(), 1, buffer.size(), file.get())) > 0;)
-    if (EVP_DigestUpdate(context.get(), buffer.data(), n) != 1) return failed;
+    hash.add(ByteView(buffer).first(n));
   if (std::ferror(file.get()) != 0) return systemError(path, "read", errno);
-  unsigned char digest[EVP_MAX_MD_SIZE];
-  unsigned length = 0;
-  if (EVP_DigestFinal_ex(context.get(), digest, &length) != 1) return failed;
-  std::string hex;
-  for (unsigned i = 0; i < length; ++i) {
-    char two[3];
-    std::snprintf(two, sizeof(two), "%02x", digest[i]);
-    hex += two;
-  }
-  return hex;
+  return hexOf(hash.finish());
 }
 
 }  // namespace base
