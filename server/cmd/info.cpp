@@ -52,6 +52,10 @@ nlohmann::json describeHierarchy(const OpenScene& open) {
   return j;
 }
 
+base::Result<repository::Contents> contentsOf(const repository::IndexRoot& root) {
+  return repository::Contents{root.keys, root.empty, root.totals.jpeg_bytes, root.totals.coverage_bytes, 0};
+}
+
 nlohmann::json describeImages(const OpenScene& open, const repository::Contents& contents) {
   const repository::Grid& grid = open.data.welcome.grid;
   return {{"images", contents.faces - contents.empty},
@@ -117,7 +121,9 @@ int run(const InfoArguments& a) {
   j["triangles"] = (*open)->scene.triangles;
   j["hierarchy"] = describeHierarchy(**open);
   if ((*open)->images) {
-    auto contents = repository::contentsOf(*(*open)->images);
+    // A published repository counts what it holds, so that nothing need be fetched.
+    auto contents =
+        (*open)->packs != nullptr ? contentsOf((*open)->packs->root()) : repository::contentsOf(*(*open)->images);
     if (!contents) return fail(contents.error());
     j["images"] = describeImages(**open, *contents);
   }
