@@ -136,6 +136,8 @@ Result<PublishReport> publish(const PublishArguments& a) {
   const auto start = std::chrono::steady_clock::now();
   auto open = openScene(a.scene);
   if (!open) return open.error();
+  if (!base::partFile((*open)->scene, "patch", ".lgp"))
+    return Error{ErrorCode::kInvalidInput, a.scene + ": scene.json lists no patch.lgp; build the scene again"};
   auto sink = repository::openSink(a.destination);
   if (!sink) return sink.error();
   LUMIGRID_TRY(refuseBuiltScene(**sink));

@@ -2,6 +2,7 @@
 #include "repository/publish.h"
 
 #include <gtest/gtest.h>
+#include <sys/mount.h>
 
 #include <algorithm>
 #include <atomic>
@@ -63,6 +64,26 @@ class FailingSink final : public ObjectSink {
  private:
   std::unique_ptr<ObjectSink> sink_;
   std::atomic<int> left_;
+};
+
+// 8 MB of memory as a disk, unmounted with the object.
+class SmallDisk {
+ public:
+  explicit SmallDisk(const std::string& path) : path_(path) {
+    fs::create_directories(path);
+    mounted_ = ::mount("none", path.c_str(), "tmpfs", 0, "size=8m") == 0;
+  }
+  SmallDisk(const SmallDisk&) = delete;
+  SmallDisk& operator=(const SmallDisk&) = delete;
+  ~SmallDisk() {
+    if (mounted_) ::umount2(path_.c_str(), MNT_DETACH);
+  }
+  bool mounted() const { return mounted_; }
+  bool grow() const { return ::mount("none", path_.c_str(), "tmpfs", MS_REMOUNT, "size=64m") == 0; }
+
+ private:
+  std::string path_;
+  bool mounted_ = false;
 };
 
 constexpr std::uint32_t kSide = 12;
@@ -268,6 +289,23 @@ TEST_F(Publish, aFailureAtAnyPutIsNamedAndTheRerunWritesTheRest) {
   EXPECT_EQ(rest.packs_written, 0U);
   EXPECT_EQ(rest.bytes_written, rest.index_bytes);
   EXPECT_TRUE(faults(*open(rest.index)).empty());
+}
+
+TEST_F(Publish, aFullDiskIsNamedAndTheRerunFinishes) {
+  const SmallDisk disk(out());
+  if (!disk.mounted()) GTEST_SKIP() << "this user may not mount a small disk";
+  {
+    auto sink = openDirectorySink(out());
+    const auto full = publishImages(*store_, **sink, options_);
+    ASSERT_FALSE(full);
+    EXPECT_EQ(full.error().code, ErrorCode::kNoSpace) << full.error().message;
+    EXPECT_NE(full.error().message.find("run the same command again"), std::string::npos) << full.error().message;
+    EXPECT_TRUE(idOfPackName((*sink)->list("")->back())) << "nothing half-written stays";
+  }
+  ASSERT_TRUE(disk.grow());
+  const PublishedImages published = publish();
+  EXPECT_LT(published.packs_written, published.pack_names.size());
+  EXPECT_TRUE(faults(*open(published.index)).empty());
 }
 
 TEST_F(Publish, itStopsWhenAsked) {
