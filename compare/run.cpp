@@ -76,7 +76,7 @@ class Truth {
 
   Result<void> renderAll(const base::Scene& scene, const RunOptions& options,
                          const std::function<void(const std::string&)>& say) const {
-    auto patches = lod::patch::PatchFile::open(options.scene + "/patch.lgp");
+    auto patches = lod::patch::PatchFile::open(base::patchPath(options.scene, scene));
     if (!patches) return patches.error();
     auto context = base::HeadlessContext::create();
     if (!context) return context.error();

@@ -1,4 +1,5 @@
 #include <fcntl.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -22,10 +23,11 @@ Error badName(const std::string& place, const std::string& name) {
   return {ErrorCode::kInvalidInput, place + ": no object can be named '" + name + "'"};
 }
 
-// A file that is open for reading.
+// A file or directory that is open for reading.
 class OpenFile {
  public:
   explicit OpenFile(const std::string& path) : fd_(::open(path.c_str(), O_RDONLY | O_CLOEXEC)) {}
+  OpenFile(OpenFile&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
   OpenFile(const OpenFile&) = delete;
   OpenFile& operator=(const OpenFile&) = delete;
   ~OpenFile() {
@@ -81,7 +83,7 @@ class DirectorySource final : public ObjectSource {
 
 class DirectorySink final : public ObjectSink {
  public:
-  explicit DirectorySink(std::string place) : place_(std::move(place)) {}
+  DirectorySink(std::string place, OpenFile lock) : place_(std::move(place)), lock_(std::move(lock)) {}
 
   Result<void> put(const std::string& name, base::ByteView bytes, const std::string&) override {
     LUMIGRID_TRY(prepare(name));
@@ -142,6 +144,7 @@ class DirectorySink final : public ObjectSink {
   }
 
   std::string place_;
+  OpenFile lock_;
 };
 
 }  // namespace
@@ -168,7 +171,13 @@ Result<std::unique_ptr<ObjectSink>> openDirectorySink(const std::string& place) 
   std::error_code error;
   fs::create_directories(place, error);
   if (error) return base::systemError(place, "make this directory", error.value());
-  return std::unique_ptr<ObjectSink>(new DirectorySink(place));
+  // Two publishers would take each other's temporary files for those of a killed one. A lock on the directory itself
+  // leaves no file behind; where the file system has none (some network ones), we go on without.
+  OpenFile lock(place);
+  if (lock.fd() < 0) return base::systemError(place, "open", errno);
+  if (::flock(lock.fd(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
+    return Error{ErrorCode::kBusy, place + ": another program is publishing there; wait for it or stop it"};
+  return std::unique_ptr<ObjectSink>(new DirectorySink(place, std::move(lock)));
 }
 
 }  // namespace repository

@@ -44,7 +44,7 @@ class ObjectSink {
 
 /// `place`: a directory. Errors: kNotFound when it is not there.
 base::Result<std::unique_ptr<ObjectSource>> openDirectorySource(const std::string& place);
-/// Makes the directory.
+/// Makes the directory. kBusy while another sink of it is open, in any process.
 base::Result<std::unique_ptr<ObjectSink>> openDirectorySink(const std::string& place);
 
 /// Whether the name stays within its place: relative, no empty, "." or ".." part, no backslash or control character.

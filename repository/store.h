@@ -20,6 +20,12 @@ class Store {
   virtual ~Store() = default;
   /// A copy of the value, or nullopt when the key is absent. From any thread.
   virtual base::Result<std::optional<base::Bytes>> get(const FaceKey& key) const = 0;
+  /// One Result per key, in their order: what get() says of each. A store that is far away reads neighbours together.
+  virtual std::vector<base::Result<std::optional<base::Bytes>>> getMany(const std::vector<FaceKey>& keys) const {
+    std::vector<base::Result<std::optional<base::Bytes>>> values;
+    for (const FaceKey& key : keys) values.push_back(get(key));
+    return values;
+  }
   virtual base::Result<bool> contains(const FaceKey& key) const = 0;
   /// All or nothing, durable on return. Keys need not be sorted. One thread at a time.
   virtual base::Result<void> putBatch(const std::vector<std::pair<FaceKey, base::Bytes>>& batch) = 0;

@@ -108,18 +108,32 @@ class Verifier {
   std::vector<std::string> faults_;
 };
 
+std::vector<std::string> atMost(std::vector<std::string> faults) {
+  if (faults.size() < kMostFaults) return faults;
+  faults.resize(kMostFaults);
+  faults.emplace_back("and perhaps more: stopped at " + std::to_string(kMostFaults) + " faults");
+  return faults;
+}
+
 }  // namespace
 
 base::Result<std::vector<std::string>> verify(const Store& store, const Grid& grid, const SampleTree* tree,
                                               unsigned threads) {
   Verifier verifier(grid, tree, threads);
   LUMIGRID_TRY(store.forEach([&](const FaceKey& key, base::ByteView bytes) { return verifier.take(key, bytes); }));
-  std::vector<std::string> faults = verifier.finish();
-  if (faults.size() >= kMostFaults) {
-    faults.resize(kMostFaults);
-    faults.emplace_back("and perhaps more: stopped at " + std::to_string(kMostFaults) + " faults");
-  }
-  return faults;
+  return atMost(verifier.finish());
+}
+
+std::vector<std::string> verify(const PackStore& packs, const Grid& grid, const SampleTree* tree, unsigned threads) {
+  Verifier verifier(grid, tree, threads);
+  std::vector<std::string> faults;
+  packs.check(
+      [&](std::string fault) {
+        if (faults.size() < kMostFaults) faults.push_back(std::move(fault));
+      },
+      [&](const FaceKey& key, base::ByteView bytes) { return verifier.take(key, bytes); });
+  for (std::string& fault : verifier.finish()) faults.push_back(std::move(fault));
+  return atMost(std::move(faults));
 }
 
 base::Result<Contents> contentsOf(const Store& store) {

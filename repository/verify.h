@@ -6,6 +6,7 @@
 
 #include "base/error.h"
 #include "repository/grid.h"
+#include "repository/pack_store.h"
 #include "repository/sample_tree.h"
 #include "repository/store.h"
 
@@ -20,6 +21,11 @@ inline constexpr std::size_t kMostFaults = 100;
 /// Decodes everything on `threads` threads (0: all cores). An error when the store itself cannot be read.
 base::Result<std::vector<std::string>> verify(const Store& store, const Grid& grid, const SampleTree* tree = nullptr,
                                               unsigned threads = 0);
+
+/// The same of a published repository, and all that PackStore::check finds: what is damaged or lost is a fault, and
+/// the rest is looked at.
+std::vector<std::string> verify(const PackStore& packs, const Grid& grid, const SampleTree* tree = nullptr,
+                                unsigned threads = 0);
 
 struct Contents {
   std::uint64_t faces = 0;  ///< values, empty flags included

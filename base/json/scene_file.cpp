@@ -1,13 +1,12 @@
 #include "base/json/scene_file.h"
 
-#include <openssl/evp.h>
 #include <cerrno>
-
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
 
 #include "base/file.h"
+#include "base/hash/sha256.h"
 
 namespace base {
 namespace {
@@ -182,27 +181,56 @@ Result<void> writeSceneFile(const Scene& scene, const std::string& path) {
   return writeFileAtomically(path, {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
 }
 
+namespace {
+
+constexpr std::size_t kIdDigits = 32;
+
+// Of "patch-<id>.lgp": where "-<id>" begins and ".lgp" begins; the same for a name without an id.
+std::pair<std::size_t, std::size_t> placeOfId(const std::string& file) {
+  const std::size_t slash = file.rfind('/');
+  std::size_t dot = file.rfind('.');
+  if (dot == std::string::npos || (slash != std::string::npos && dot < slash)) dot = file.size();
+  if (dot < kIdDigits + 2) return {dot, dot};
+  const std::size_t dash = dot - kIdDigits - 1;
+  const std::string id = file.substr(dash + 1, kIdDigits);
+  if (file[dash] != '-' || id.find_first_not_of("0123456789abcdef") != std::string::npos) return {dot, dot};
+  return {dash, dot};
+}
+
+}  // namespace
+
+std::string publishedName(const std::string& file, const std::string& sha256) {
+  const auto [begin, end] = placeOfId(file);
+  return file.substr(0, begin) + "-" + sha256.substr(0, kIdDigits) + file.substr(end);
+}
+
+bool isPublishedName(const std::string& file) {
+  const auto [begin, end] = placeOfId(file);
+  return begin != end;
+}
+
+std::optional<std::string> partFile(const Scene& scene, const std::string& stem, const std::string& extension) {
+  for (const ScenePart& part : scene.parts) {
+    const auto [begin, end] = placeOfId(part.file);
+    if (part.file.substr(0, begin) == stem && part.file.substr(end) == extension) return part.file;
+  }
+  return std::nullopt;
+}
+
+std::string patchPath(const std::string& directory, const Scene& scene) {
+  return directory + "/" + partFile(scene, "patch", ".lgp").value_or("patch.lgp");
+}
+
 Result<std::string> sha256OfFile(const std::string& path) {
   // In pieces: a map of a file larger than memory would count as ours.
   const std::unique_ptr<std::FILE, decltype(&std::fclose)> file(std::fopen(path.c_str(), "rbe"), &std::fclose);
   if (!file) return systemError(path, "open", errno);
-  const std::unique_ptr<EVP_MD_CTX, decltype(&EVP_MD_CTX_free)> context(EVP_MD_CTX_new(), &EVP_MD_CTX_free);
-  const Error failed{ErrorCode::kIo, path + ": cannot compute its SHA-256"};
-  if (!context || EVP_DigestInit_ex(context.get(), EVP_sha256(), nullptr) != 1) return failed;
+  Sha256 hash;
   Bytes buffer(std::size_t{1} << 20);
   for (std::size_t n = 0; (n = std::fread(buffer.data(), 1, buffer.size(), file.get())) > 0;)
-    if (EVP_DigestUpdate(context.get(), buffer.data(), n) != 1) return failed;
+    hash.add(ByteView(buffer).first(n));
   if (std::ferror(file.get()) != 0) return systemError(path, "read", errno);
-  unsigned char digest[EVP_MAX_MD_SIZE];
-  unsigned length = 0;
-  if (EVP_DigestFinal_ex(context.get(), digest, &length) != 1) return failed;
-  std::string hex;
-  for (unsigned i = 0; i < length; ++i) {
-    char two[3];
-    std::snprintf(two, sizeof(two), "%02x", digest[i]);
-    hex += two;
-  }
-  return hex;
+  return hexOf(hash.finish());
 }
 
 }  // namespace base

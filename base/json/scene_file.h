@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -65,6 +66,17 @@ Result<Scene> readSceneFile(const std::string& path);
 Result<void> writeSceneFile(const Scene& scene, const std::string& path);
 Result<Scene> parseScene(const std::string& text, const std::string& name);
 std::string formatScene(const Scene& scene);
+
+/// The file of a part, relative to the scene: "patch.lgp" of stem "patch" and extension ".lgp"; in a published scene
+/// its name holds its id, "patch-<32 hexadecimal digits>.lgp" (docs/formats/packs.md). Nothing when the scene lists
+/// neither.
+std::optional<std::string> partFile(const Scene& scene, const std::string& stem, const std::string& extension);
+/// Where the patch hierarchy lies: directory/patch.lgp, or what a published scene calls it.
+std::string patchPath(const std::string& directory, const Scene& scene);
+/// "patch-<id>.lgp" of "patch.lgp", or of what has an id already. `sha256`: of its bytes, lower-case hex.
+std::string publishedName(const std::string& file, const std::string& sha256);
+/// Whether that is a name that publishedName gives: an id before the last dot.
+bool isPublishedName(const std::string& file);
 
 /// SHA-256 of a file as lower-case hex.
 Result<std::string> sha256OfFile(const std::string& path);

@@ -11,6 +11,7 @@ using Run = std::function<int()>;
 Run addBuild(CLI::App& command);
 Run addInfo(CLI::App& command);
 Run addVerify(CLI::App& command);
+Run addPublish(CLI::App& command);
 Run addRender(CLI::App& command);
 Run addSample(CLI::App& command);
 Run addServe(CLI::App& command);

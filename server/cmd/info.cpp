@@ -52,9 +52,13 @@ nlohmann::json describeHierarchy(const OpenScene& open) {
   return j;
 }
 
+base::Result<repository::Contents> contentsOf(const repository::IndexRoot& root) {
+  return repository::Contents{root.keys, root.empty, root.totals.jpeg_bytes, root.totals.coverage_bytes, 0};
+}
+
 nlohmann::json describeImages(const OpenScene& open, const repository::Contents& contents) {
   const repository::Grid& grid = open.data.welcome.grid;
-  const std::uint64_t points = open.tree ? open.tree->points().size() : grid.pointCount();
+  const std::uint64_t points = open.points.count();
   nlohmann::json growth = nlohmann::json::array();
   for (const TreeGrowth& g : open.growth)
     growth.push_back({{"cell", g.cell},
@@ -139,7 +143,9 @@ int run(const InfoArguments& a) {
   j["triangles"] = (*open)->scene.triangles;
   j["hierarchy"] = describeHierarchy(**open);
   if ((*open)->images) {
-    auto contents = repository::contentsOf(*(*open)->images);
+    // A published repository counts what it holds, so that nothing need be fetched.
+    auto contents =
+        (*open)->packs != nullptr ? contentsOf((*open)->packs->root()) : repository::contentsOf(*(*open)->images);
     if (!contents) return fail(contents.error());
     j["images"] = describeImages(**open, *contents);
   }

@@ -32,6 +32,7 @@ int main(int argc, char** argv) {
   add("build", "Build a scene from meshes: patch hierarchy and image repository. Resumes where it was stopped.",
       addBuild);
   add("serve", "Serve a scene to viewers over WebSocket and HTTP on one port.", addServe);
+  add("publish", "Write a scene as files that never change, for a web server or an object store to serve.", addPublish);
   add("info", "Say what is in a scene.", addInfo);
   add("verify", "Read everything in a scene; check every checksum, bound and link.", addVerify);
   add("render", "Render a picture of a scene to PNG.", addRender);

@@ -45,7 +45,7 @@ int run(const RenderArguments& a) {
     view->width = a.size[0];
     view->height = a.size[1];
   }
-  auto patches = lod::patch::PatchFile::open(a.scene + "/patch.lgp");
+  auto patches = lod::patch::PatchFile::open(base::patchPath(a.scene, *scene));
   if (!patches) return fail(patches.error());
   auto context = base::HeadlessContext::create();
   if (!context) return fail(context.error());

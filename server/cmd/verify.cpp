@@ -2,6 +2,7 @@
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "repository/verify.h"
 #include "server/cmd/commands.h"
@@ -23,6 +24,10 @@ using Faults = std::vector<std::string>;
 // Every part that scene.json lists is there, with its size and hash.
 void verifyParts(const std::string& directory, const base::Scene& scene, Faults& faults) {
   for (const base::ScenePart& part : scene.parts) {
+    if (!repository::isObjectName(part.file)) {
+      faults.push_back(directory + ": scene.json lists a part '" + part.file + "', which cannot be");
+      continue;
+    }
     const std::string path = directory + "/" + part.file;
     if (!fs::exists(path)) {
       faults.push_back(path + ": is missing, but scene.json lists it");
@@ -58,28 +63,40 @@ void verifyPatches(const std::string& path, const base::Scene& scene, Faults& fa
       faults.push_back(path + ": leaf patch " + std::to_string(i) + " lies outside the scene's box");
 }
 
+// The points that a store samples; nothing, and a fault, when it does not say.
+std::optional<SampledPoints> pointsOf(const repository::Store& store, const std::string& path, Faults& faults) {
+  auto meta = store.readMeta();
+  if (!meta || !meta->has_value()) {
+    faults.push_back(meta ? path + ": does not say which grid it belongs to" : meta.error().message);
+    return std::nullopt;
+  }
+  auto points = sampledPointsFromMeta(**meta, path);
+  if (points) return std::move(*points);
+  faults.push_back(points.error().message);
+  return std::nullopt;
+}
+
+void verifyPacks(const std::string& directory, const std::string& index, Faults& faults) {
+  auto packs = openPacks(directory, index);
+  if (!packs) {
+    faults.push_back(packs.error().message);
+    return;
+  }
+  const auto points = pointsOf(**packs, directory + "/" + index, faults);
+  if (!points) return;
+  for (std::string& fault : repository::verify(**packs, points->grid, points->treeOrNull()))
+    faults.push_back(std::move(fault));
+}
+
 void verifyImages(const std::string& path, Faults& faults) {
   auto store = repository::openLmdbStore(path, repository::StoreMode::kRead);
   if (!store) {
     faults.push_back(store.error().message);
     return;
   }
-  auto meta = (*store)->readMeta();
-  if (!meta || !meta->has_value()) {
-    faults.push_back(meta ? path + ": does not say which grid it belongs to" : meta.error().message);
-    return;
-  }
-  auto grid = gridFromMeta(**meta, path);
-  if (!grid) {
-    faults.push_back(grid.error().message);
-    return;
-  }
-  const auto tree = treeFromText(**meta, *grid, path);
-  if (!tree) {
-    faults.push_back(tree.error().message);
-    return;
-  }
-  auto found = repository::verify(**store, *grid, *tree ? &**tree : nullptr);
+  const auto points = pointsOf(**store, path, faults);
+  if (!points) return;
+  auto found = repository::verify(**store, points->grid, points->treeOrNull());
   if (!found)
     faults.push_back(found.error().message);
   else
@@ -91,8 +108,12 @@ int run(const VerifyArguments& a) {
   if (!scene) return fail(scene.error());
   Faults faults;
   verifyParts(a.scene, *scene, faults);
-  verifyPatches(a.scene + "/patch.lgp", *scene, faults);
-  if (fs::is_directory(a.scene + "/images")) verifyImages(a.scene + "/images", faults);
+  verifyPatches(base::patchPath(a.scene, *scene), *scene, faults);
+  const auto index = base::partFile(*scene, "images/index", ".lgi");
+  if (index)
+    verifyPacks(a.scene, *index, faults);
+  else if (fs::is_directory(a.scene + "/images"))
+    verifyImages(a.scene + "/images", faults);
 
   if (a.json) {
     std::printf("%s\n", nlohmann::json{{"scene", a.scene}, {"faults", faults}}.dump(2).c_str());
@@ -100,6 +121,9 @@ int run(const VerifyArguments& a) {
     for (const std::string& fault : faults) std::printf("%s\n", fault.c_str());
     if (faults.empty())
       std::printf("%s: all is well\n", a.scene.c_str());
+    else if (index)
+      std::printf("%s: %zu faults; `lumigrid publish` of the built scene with --rewrite mends them\n", a.scene.c_str(),
+                  faults.size());
     else
       std::printf(
           "%s: %zu faults; `lumigrid build` with the same options renders missing and broken images again, other parts "

@@ -29,25 +29,36 @@ std::string nameOf(const std::string& directory) {
   return path.filename().string();
 }
 
-base::Result<void> openImages(const std::string& path, OpenScene& open) {
+base::Result<void> takeImages(std::unique_ptr<repository::Store> store, const std::string& path, OpenScene& open) {
+  auto meta = store->readMeta();
+  if (!meta) return base::within(path, meta.error());
+  if (!meta->has_value()) return {};  // a bake that was stopped before its first batch
+  auto points = sampledPointsFromMeta(**meta, path);
+  if (!points) return points.error();
+  open.points = std::move(*points);
+  open.growth = growthFromText(**meta);
+  open.data.tree = open.points.treeOrNull();
+  open.images = std::move(store);
+  open.data.images = open.images.get();
+  open.data.welcome.grid = open.points.grid;
+  return {};
+}
+
+base::Result<void> openImages(const std::string& directory, OpenScene& open) {
+  if (const auto index = base::partFile(open.scene, "images/index", ".lgi")) {
+    auto packs = openPacks(directory, *index);
+    if (!packs) return packs.error();
+    const repository::PackStore* opened = packs->get();
+    LUMIGRID_TRY(takeImages(std::move(*packs), directory + "/" + *index, open));
+    open.packs = opened;
+    return {};
+  }
+  const std::string path = directory + "/images";
   std::error_code ignored;
   if (!std::filesystem::is_directory(path, ignored)) return {};
   auto store = repository::openLmdbStore(path, repository::StoreMode::kRead);
   if (!store) return store.error();
-  auto meta = (*store)->readMeta();
-  if (!meta) return base::within(path, meta.error());
-  if (!meta->has_value()) return {};  // a bake that was stopped before its first batch
-  auto grid = gridFromMeta(**meta, path);
-  if (!grid) return grid.error();
-  auto tree = treeFromText(**meta, *grid, path);
-  if (!tree) return tree.error();
-  open.tree = std::move(*tree);
-  open.growth = growthFromText(**meta);
-  open.data.tree = open.tree ? &*open.tree : nullptr;
-  open.images = std::move(*store);
-  open.data.images = open.images.get();
-  open.data.welcome.grid = *grid;
-  return {};
+  return takeImages(std::move(*store), path, open);
 }
 
 void describe(const std::string& directory, OpenScene& open) {
@@ -96,21 +107,43 @@ base::Result<repository::Grid> gridFromMeta(const std::string& meta, const std::
   return checked ? std::move(checked) : base::within(name, checked.error());
 }
 
+base::Result<SampledPoints> sampledPointsFromMeta(const std::string& meta, const std::string& name) {
+  auto grid = gridFromMeta(meta, name);
+  if (!grid) return grid.error();
+  auto tree = treeFromText(meta, *grid, name);
+  if (!tree) return tree.error();
+  return SampledPoints{*grid, std::move(*tree)};
+}
+
+base::Result<std::unique_ptr<repository::PackStore>> openPacks(const std::string& directory, const std::string& index) {
+  auto source = repository::openDirectorySource(directory);
+  if (!source) return source.error();
+  return repository::PackStore::open(std::move(*source), index);
+}
+
 base::Result<std::unique_ptr<OpenScene>> openScene(const std::string& directory) {
   auto scene = base::readScene(directory);
   if (!scene) return scene.error();
   auto json_bytes = base::readFile(directory + "/scene.json");
   if (!json_bytes) return json_bytes.error();
-  auto patches = lod::patch::PatchFile::open(directory + "/patch.lgp");
+  const std::string patch_path = base::patchPath(directory, *scene);
+  auto patches = lod::patch::PatchFile::open(patch_path);
   if (!patches) return patches.error();
-  auto mapped = base::MappedFile::open(directory + "/patch.lgp");
+  auto mapped = base::MappedFile::open(patch_path);
   if (!mapped) return mapped.error();
 
-  std::unique_ptr<OpenScene> open(new OpenScene{
-      std::move(*scene), std::move(*patches), nullptr, {}, {}, std::move(*json_bytes), std::move(*mapped), {}});
+  std::unique_ptr<OpenScene> open(new OpenScene{std::move(*scene),
+                                                std::move(*patches),
+                                                nullptr,
+                                                nullptr,
+                                                {},
+                                                {},
+                                                std::move(*json_bytes),
+                                                std::move(*mapped),
+                                                {}});
   open->data.patches = &open->patches;
   describe(directory, *open);
-  LUMIGRID_TRY(openImages(directory + "/images", *open));
+  LUMIGRID_TRY(openImages(directory, *open));
   return open;
 }
 

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "repository/places.h"
 #include "tests/repository/temporary_directory.h"
 
 namespace {
@@ -45,6 +46,24 @@ TEST(Objects, ADirectoryGivesBackWhatWasPut) {
   ASSERT_TRUE((*sink)->remove("images/one"));
   EXPECT_EQ((*source)->size("images/one").error().code, ErrorCode::kNotFound);
   EXPECT_EQ(repository::openDirectorySource(directory.path() + "/none").error().code, ErrorCode::kNotFound);
+}
+
+TEST(Objects, OneSinkOfADirectoryAtATime) {
+  const repository::test::TemporaryDirectory directory;
+  auto sink = repository::openSink("file://" + directory.path());
+  ASSERT_TRUE(sink);
+  EXPECT_EQ(repository::openSink(directory.path()).error().code, ErrorCode::kBusy);
+  sink->reset();
+  EXPECT_TRUE(repository::openSink(directory.path()));
+}
+
+TEST(Objects, PlacesThatCannotBeWrittenAreNamed) {
+  for (const char* place : {"http://host/scene", "https://host/scene", "gopher://host/scene"}) {
+    const auto refused = repository::openSink(place);
+    ASSERT_FALSE(refused) << place;
+    EXPECT_EQ(refused.error().code, ErrorCode::kUnsupported);
+    EXPECT_EQ(refused.error().message.find(place), 0U) << refused.error().message;
+  }
 }
 
 }  // namespace

@@ -1,0 +1,314 @@
+#include "repository/pack_store.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "base/hash/sha256.h"
+#include "repository/face_value.h"
+
+namespace repository {
+namespace {
+
+using base::Bytes;
+using base::ByteView;
+using base::Error;
+using base::ErrorCode;
+using base::Result;
+
+std::string nameOf(const FaceKey& key) {
+  return "face (" + std::to_string(key.x) + ", " + std::to_string(key.y) + ", " + std::to_string(key.z) + ", " +
+         std::to_string(key.d) + ")";
+}
+
+Error readOnly(const ObjectSource& source) {
+  return {ErrorCode::kUnsupported,
+          source.place() + ": published images cannot be changed; build a scene and publish it"};
+}
+
+bool isOf(const ObjectId& id, const base::Sha256Digest& digest) {
+  return std::equal(id.begin(), id.end(), digest.begin());
+}
+
+}  // namespace
+
+Result<std::unique_ptr<PackStore>> PackStore::open(std::shared_ptr<const ObjectSource> source, const std::string& index,
+                                                   const PackStoreOptions& options) {
+  std::unique_ptr<PackStore> store(new PackStore(std::move(source), index, options));
+  auto front = store->source_->read(index, 0, kIndexFrontBytes);
+  if (!front) return front.error();
+  auto root = decodeIndexRoot(*front);
+  if (!root) return store->inIndex(root.error());
+  store->root_ = *root;
+
+  const std::uint64_t end = parameterOffset() + root->parameter_bytes;
+  if (end > front->size()) {
+    front = store->source_->read(index, 0, end);
+    if (!front) return front.error();
+  }
+  const ByteView text = ByteView(*front).subspan(parameterOffset(), root->parameter_bytes);
+  if (auto checked = checkParameters(*root, text); !checked) return store->inIndex(checked.error());
+  store->parameters_.assign(text.begin(), text.end());
+  return store;
+}
+
+Error PackStore::inIndex(const Error& error) const {
+  return base::within(source_->place() + "/" + index_, error);
+}
+
+// --- Finding
+
+Result<PackStore::Block> PackStore::block(std::uint64_t number) const {
+  {
+    const std::lock_guard guard(mutex_);
+    if (const Block* cached = blocks_.find(number)) return *cached;
+  }
+  auto bytes = source_->read(index_, root_.blockOffset(number), root_.block_bytes);
+  if (!bytes) return bytes.error();
+  auto decoded = decodeIndexBlock(root_, number, *bytes);
+  if (!decoded) return inIndex(decoded.error());
+  auto block = std::make_shared<const IndexBlock>(std::move(*decoded));
+
+  const std::lock_guard guard(mutex_);
+  blocks_.insert(number, block, block->bytes());
+  blocks_.evict([](std::uint64_t) { return false; });
+  return block;
+}
+
+Result<std::optional<FacePlace>> PackStore::find(const FaceKey& key) const {
+  auto found = block(blockOfCode(root_, key.code()));
+  if (!found) return found.error();
+  return (*found)->find(key.code());
+}
+
+Result<bool> PackStore::contains(const FaceKey& key) const {
+  auto place = find(key);
+  if (!place) return place.error();
+  return place->has_value();
+}
+
+// --- Reading values
+
+namespace {
+
+Result<std::optional<Bytes>> checkedValue(const ObjectSource& source, const FacePlace& place, const FaceKey& key,
+                                          Bytes bytes) {
+  if (auto value = decodeFaceValue(bytes); !value) {
+    Error error = base::within(source.place() + "/" + packName(place.pack) + ": " + nameOf(key), value.error());
+    error.message += "; publish it again with --rewrite";
+    return error;
+  }
+  return std::optional(std::move(bytes));
+}
+
+}  // namespace
+
+Result<std::optional<Bytes>> PackStore::get(const FaceKey& key) const {
+  auto place = find(key);
+  if (!place) return place.error();
+  if (!place->has_value()) return std::optional<Bytes>();
+  if ((*place)->length == 0) return std::optional(encodeFaceValue({}));
+  auto bytes = source_->read(packName((*place)->pack), (*place)->offset, (*place)->length);
+  if (!bytes) return bytes.error();
+  return checkedValue(*source_, **place, key, std::move(*bytes));
+}
+
+struct PackStore::Wanted {
+  FacePlace place;
+  std::size_t index;  // into the keys
+  FaceKey key;
+  std::uint64_t end() const { return place.offset + place.length; }
+};
+
+PackStore::Values PackStore::getMany(const std::vector<FaceKey>& keys) const {
+  Values out;
+  out.reserve(keys.size());
+  std::vector<Wanted> wanted;
+  for (std::size_t i = 0; i < keys.size(); ++i) {
+    auto place = find(keys[i]);
+    if (!place) {
+      out.emplace_back(place.error());
+    } else if (!place->has_value()) {
+      out.emplace_back(std::nullopt);
+    } else {
+      out.emplace_back(encodeFaceValue({}));
+      if ((*place)->length != 0) wanted.push_back({**place, i, keys[i]});
+    }
+  }
+  std::sort(wanted.begin(), wanted.end(), [](const Wanted& a, const Wanted& b) {
+    return std::tie(a.place.pack, a.place.offset) < std::tie(b.place.pack, b.place.offset);
+  });
+
+  for (const Wanted* next = wanted.data(); next != wanted.data() + wanted.size();) {
+    const Wanted* const first = next;
+    for (++next; next != wanted.data() + wanted.size(); ++next) {
+      const Wanted& before = *(next - 1);
+      if (next->place.pack != first->place.pack || next->place.offset > before.end() + options_.gap_bytes ||
+          next->end() - first->place.offset > options_.range_bytes)
+        break;
+    }
+    readRange(first, next, out);
+  }
+  return out;
+}
+
+void PackStore::readRange(const Wanted* begin, const Wanted* end, Values& out) const {
+  const std::uint64_t from = begin->place.offset;
+  const auto range = source_->read(packName(begin->place.pack), from, (end - 1)->end() - from);
+  for (const Wanted* one = begin; one != end; ++one) {
+    auto& value = out[one->index];
+    if (range) {
+      const ByteView bytes = ByteView(*range).subspan(one->place.offset - from, one->place.length);
+      value = checkedValue(*source_, one->place, one->key, Bytes(bytes.begin(), bytes.end()));
+    } else if (range.error().code == ErrorCode::kInvalidInput && end - begin > 1) {
+      value = get(one->key);  // a truncated pack: some of them may be there
+    } else {
+      value = range.error();
+    }
+  }
+}
+
+Result<void> PackStore::putBatch(const std::vector<std::pair<FaceKey, Bytes>>&) {
+  return readOnly(*source_);
+}
+Result<void> PackStore::erase(const std::vector<FaceKey>&) {
+  return readOnly(*source_);
+}
+Result<void> PackStore::writeMeta(const std::string&) {
+  return readOnly(*source_);
+}
+
+// --- Walking over everything
+
+Result<std::vector<PackRow>> PackStore::packs() const {
+  auto bytes = source_->read(index_, root_.rowsOffset(), root_.packs * kPackRowBytes);
+  if (!bytes) return bytes.error();
+  auto rows = decodePackRows(root_, *bytes);
+  if (!rows) return inIndex(rows.error());
+  return rows;
+}
+
+Result<PackTable> PackStore::tableOf(const PackRow& row, ByteView pack) const {
+  const auto wrong = [&](const Error& error) { return base::within(source_->place() + "/" + packName(row.id), error); };
+  auto table = decodePack(pack);
+  if (!table) return wrong(table.error());
+  if (table->entries.size() != row.keys || table->entries.front().code != row.first_code ||
+      table->entries.back().code != row.last_code)
+    return wrong({ErrorCode::kInvalidInput, "holds other keys than the index says; publish it again with --rewrite"});
+  return table;
+}
+
+Result<bool> PackStore::visitPack(const PackTable& table, ByteView pack, const Visit& visit) const {
+  const Bytes empty = encodeFaceValue({});
+  for (std::size_t i = 0; i < table.entries.size(); ++i) {
+    auto key = FaceKey::fromCode(table.entries[i].code);
+    if (!key) return key.error();
+    const std::uint32_t length = table.entries[i].length;
+    if (!visit(*key, length == 0 ? ByteView(empty) : pack.subspan(table.offsets[i], length))) return false;
+  }
+  return true;
+}
+
+Result<void> PackStore::forEach(const Visit& visit) const {
+  auto rows = packs();
+  if (!rows) return rows.error();
+  for (const PackRow& row : *rows) {
+    auto pack = source_->read(packName(row.id), 0, row.bytes);
+    if (!pack) return pack.error();
+    auto table = tableOf(row, *pack);
+    if (!table) return table.error();
+    auto more = visitPack(*table, *pack, visit);
+    if (!more) return more.error();
+    if (!*more) return {};
+  }
+  return {};
+}
+
+// --- Checking
+
+// The index: its own hash, its counts, every block.
+void PackStore::checkIndex(const Fault& fault) const {
+  base::Sha256 hash;
+  std::uint64_t keys = 0;
+  std::uint64_t empty = 0;
+  const auto take = [&](std::uint64_t offset, std::uint64_t length) -> Result<Bytes> {
+    auto bytes = source_->read(index_, offset, length);
+    if (bytes) hash.add(*bytes);
+    return bytes;
+  };
+  if (auto front = take(0, root_.blocks_offset); !front) return fault(front.error().message);
+  bool sound = true;
+  for (std::uint64_t number = 0; number < root_.blocks; ++number) {
+    auto bytes = take(root_.blockOffset(number), root_.block_bytes);
+    if (!bytes) return fault(bytes.error().message);
+    auto block = decodeIndexBlock(root_, number, *bytes);
+    if (block) {
+      keys += block->keys();
+      empty += block->emptyFlags();
+    } else {
+      fault(inIndex(block.error()).message);
+      sound = false;
+    }
+  }
+  if (auto rows = take(root_.rowsOffset(), root_.packs * kPackRowBytes); !rows) return fault(rows.error().message);
+
+  const std::string name = source_->place() + "/" + index_;
+  if (sound && (keys != root_.keys || empty != root_.empty))
+    fault(name + ": its blocks hold " + std::to_string(keys) + " keys with " + std::to_string(empty) +
+          " empty flags, its root says " + std::to_string(root_.keys) + " and " + std::to_string(root_.empty));
+  if (const auto id = idOfIndexName(index_); !id || !isOf(*id, hash.finish()))
+    fault(name + ": its SHA-256 is not the one in its name; publish it again with --rewrite");
+  if (auto size = source_->size(index_); size && *size != root_.object_bytes)
+    fault(name + ": has " + std::to_string(*size) + " bytes, its root says " + std::to_string(root_.object_bytes));
+}
+
+// What the index says of each of a pack's faces.
+void PackStore::comparePlaces(const PackRow& row, const PackTable& table, const Fault& fault) const {
+  std::uint64_t differ = 0;
+  FaceKey first;
+  for (std::size_t i = 0; i < table.entries.size(); ++i) {
+    const auto key = FaceKey::fromCode(table.entries[i].code);
+    if (!key) continue;
+    const auto place = find(*key);
+    if (!place) continue;  // checkIndex has told of the block
+    const PackEntry& entry = table.entries[i];
+    const bool same = place->has_value() && (*place)->pack == row.id && (*place)->length == entry.length &&
+                      (entry.length == 0 || (*place)->offset == table.offsets[i]);
+    if (!same && differ++ == 0) first = *key;
+  }
+  if (differ != 0)
+    fault(source_->place() + "/" + packName(row.id) + ": the index and this pack differ about " +
+          std::to_string(differ) + " faces, the first is " + nameOf(first) + "; publish it again with --rewrite");
+}
+
+void PackStore::check(const Fault& fault, const Visit& visit) const {
+  checkIndex(fault);
+  auto rows = packs();
+  if (!rows) return fault(rows.error().message);
+  bool more = true;
+  for (const PackRow& row : *rows) {
+    if (!more) return;
+    auto pack = source_->read(packName(row.id), 0, row.bytes);
+    if (!pack) {
+      fault(pack.error().message);
+      continue;
+    }
+    if (!isOf(row.id, base::sha256(*pack)))
+      fault(source_->place() + "/" + packName(row.id) +
+            ": its SHA-256 is not the one in its name; publish it again with --rewrite");
+    if (auto size = source_->size(packName(row.id)); size && *size != row.bytes)
+      fault(source_->place() + "/" + packName(row.id) + ": has " + std::to_string(*size) + " bytes, the index says " +
+            std::to_string(row.bytes));
+    auto table = tableOf(row, *pack);
+    if (!table) {
+      fault(table.error().message);
+      continue;
+    }
+    comparePlaces(row, *table, fault);
+    if (auto visited = visitPack(*table, *pack, visit); !visited)
+      fault(visited.error().message);
+    else
+      more = *visited;
+  }
+}
+
+}  // namespace repository

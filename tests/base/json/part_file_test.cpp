@@ -1,0 +1,33 @@
+#include <gtest/gtest.h>
+
+#include "base/json/scene_file.h"
+
+namespace {
+
+const std::string kId = "0123456789abcdef0123456789abcdef";
+const std::string kHash = kId + kId;
+
+TEST(PartFile, publishedNamesHoldTheFirstHalfOfTheHash) {
+  EXPECT_EQ(base::publishedName("patch.lgp", kHash), "patch-" + kId + ".lgp");
+  EXPECT_EQ(base::publishedName("patch-ffffffffffffffffffffffffffffffff.lgp", kHash), "patch-" + kId + ".lgp");
+  EXPECT_EQ(base::publishedName("a.b/plain", kHash), "a.b/plain-" + kId);
+  EXPECT_TRUE(base::isPublishedName("patch-" + kId + ".lgp"));
+  for (const std::string& other : {std::string("patch.lgp"), "patch-" + kId.substr(1) + ".lgp",
+                                   "patch-" + kId.substr(1) + "G.lgp", kId + ".lgp", std::string()})
+    EXPECT_FALSE(base::isPublishedName(other)) << other;
+}
+
+TEST(PartFile, partsAreFoundByStemAndExtensionUnderEitherName) {
+  base::Scene scene;
+  EXPECT_EQ(base::partFile(scene, "patch", ".lgp"), std::nullopt);
+  EXPECT_EQ(base::patchPath("dir", scene), "dir/patch.lgp");
+  scene.parts = {{"images", 0, ""}, {"../patch.lgp", 1, ""}, {"patch.lgp", 1, ""}};
+  EXPECT_EQ(base::partFile(scene, "patch", ".lgp"), "patch.lgp");
+  scene.parts = {
+      {"patchy-" + kId + ".lgp", 1, ""}, {"patch-" + kId + ".lgp", 1, ""}, {"images/index-" + kId + ".lgi", 1, ""}};
+  EXPECT_EQ(base::patchPath("dir", scene), "dir/patch-" + kId + ".lgp");
+  EXPECT_EQ(base::partFile(scene, "images/index", ".lgi"), "images/index-" + kId + ".lgi");
+  EXPECT_EQ(base::partFile(scene, "qsplat", ".lgq"), std::nullopt);
+}
+
+}  // namespace

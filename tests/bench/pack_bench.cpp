@@ -1,0 +1,217 @@
+// What publishing costs, and reading packs instead of LMDB: the same values, from the same disk, in one run.
+//
+//   pack_bench [--faces N] [--bytes N] [--work DIRECTORY] [--pack-size BYTES]
+//
+// Publishing is judged by copying the store's file (read, write, fsync); single gets and neighbourhoods by those of
+// LMDB. Everything has been read once before it is timed, so what is compared is CPU and system calls, not the disk.
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "base/file.h"
+#include "repository/face_value.h"
+#include "repository/pack_store.h"
+#include "repository/publish.h"
+#include "repository/store.h"
+
+namespace {
+
+namespace fs = std::filesystem;
+using repository::FaceKey;
+
+struct Arguments {
+  std::uint32_t faces = 60000;
+  std::uint32_t bytes = 20000;
+  std::string work = fs::temp_directory_path().string();
+  repository::PublishOptions publish;
+};
+
+double now() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+[[noreturn]] void stop(const std::string& message) {
+  std::fprintf(stderr, "pack_bench: %s\n", message.c_str());
+  std::exit(1);
+}
+
+template <class T>
+T must(base::Result<T> result) {
+  if (!result) stop(result.error().message);
+  return std::move(*result);
+}
+
+Arguments parse(int argc, char** argv) {
+  Arguments a;
+  for (int i = 1; i + 1 < argc; i += 2) {
+    const std::string word = argv[i];
+    const std::uint64_t number = std::strtoull(argv[i + 1], nullptr, 10);
+    if (word == "--faces") {
+      a.faces = static_cast<std::uint32_t>(number);
+    } else if (word == "--bytes") {
+      a.bytes = static_cast<std::uint32_t>(number);
+    } else if (word == "--pack-size") {
+      a.publish.pack_bytes = number;
+    } else if (word == "--work") {
+      a.work = argv[i + 1];
+    } else {
+      stop("pack_bench [--faces N] [--bytes N] [--work DIRECTORY] [--pack-size BYTES]");
+    }
+  }
+  if (a.faces < 48 || a.bytes < 1 || a.publish.pack_bytes < repository::kSmallestPack ||
+      a.publish.pack_bytes > repository::kLargestPack)
+    stop("48 faces or more, of a byte or more, in packs of 1 to 64 MiB");
+  return a;
+}
+
+// Points of a cube, all six faces each, half to one and a half times as long as asked, one in five empty.
+std::uint32_t sideOf(std::uint32_t faces) {
+  std::uint32_t side = 2;
+  while ((side + 1) * (side + 1) * (side + 1) * 6 <= faces) ++side;
+  return side;
+}
+
+std::uint64_t fill(repository::Store& store, std::uint32_t side, std::uint32_t bytes) {
+  std::mt19937 random(1);
+  std::uint64_t total = 0;
+  for (std::uint32_t z = 0; z < side; ++z) {
+    std::vector<std::pair<FaceKey, base::Bytes>> batch;
+    for (std::uint32_t i = 0; i < side * side * 6; ++i) {
+      repository::FaceValue value;
+      base::Bytes jpeg(bytes / 2 + random() % bytes + 1);
+      value.empty = random() % 5 == 0;
+      for (std::size_t at = 0; at < jpeg.size(); at += 64) jpeg[at] = static_cast<std::uint8_t>(random());
+      if (!value.empty) value.jpeg = jpeg;
+      batch.emplace_back(FaceKey{i / 6 % side, i / 6 / side, z, i % 6}, repository::encodeFaceValue(value));
+      total += batch.back().second.size();
+    }
+    if (auto put = store.putBatch(batch); !put) stop(put.error().message);
+  }
+  return total;
+}
+
+// The limit: the same bytes from one file to another, durable.
+double copySeconds(const std::string& from, const std::string& to) {
+  const double start = now();
+  const base::MappedFile source = must(base::MappedFile::open(from));
+  auto file = must(base::AtomicFile::create(to));
+  if (auto written = file.write(source.bytes()); !written) stop(written.error().message);
+  if (auto committed = file.commit(); !committed) stop(committed.error().message);
+  return now() - start;
+}
+
+std::vector<std::vector<FaceKey>> randomKeys(std::uint32_t side, std::size_t groups, bool neighbourhoods) {
+  std::mt19937 random(7);
+  std::vector<std::vector<FaceKey>> keys(groups);
+  for (auto& group : keys) {
+    const FaceKey corner{static_cast<std::uint32_t>(random() % (side - 1)),
+                         static_cast<std::uint32_t>(random() % (side - 1)),
+                         static_cast<std::uint32_t>(random() % (side - 1)), static_cast<std::uint32_t>(random() % 6)};
+    if (!neighbourhoods) group.push_back(corner);
+    for (std::uint32_t i = 0; neighbourhoods && i < 48; ++i)
+      group.push_back({corner.x + (i / 6 & 1), corner.y + (i / 12 & 1), corner.z + i / 24, i % 6});
+  }
+  return keys;
+}
+
+// Seconds for all groups, after one round that warms caches.
+double readSeconds(const repository::Store& store, const std::vector<std::vector<FaceKey>>& groups) {
+  double seconds = 0.0;
+  for (int round = 0; round < 2; ++round) {
+    const double start = now();
+    for (const auto& keys : groups)
+      for (auto& value : store.getMany(keys))
+        if (!value || !value->has_value()) stop(value ? "a face is missing" : value.error().message);
+    seconds = now() - start;
+  }
+  return seconds;
+}
+
+// The same with each value's checksum looked at, as a session does with what LMDB gives it.
+double checkedSeconds(const repository::Store& store, const std::vector<std::vector<FaceKey>>& groups) {
+  const double start = now();
+  for (const auto& keys : groups)
+    for (auto& value : store.getMany(keys))
+      if (!value || !value->has_value() || !repository::decodeFaceValue(**value)) stop("a face is missing or damaged");
+  return now() - start;
+}
+
+// Counts ranges.
+class CountingSource final : public repository::ObjectSource {
+ public:
+  explicit CountingSource(std::unique_ptr<ObjectSource> source) : source_(std::move(source)) {}
+  base::Result<base::Bytes> read(const std::string& name, std::uint64_t offset, std::uint64_t length) const override {
+    ++reads;
+    return source_->read(name, offset, length);
+  }
+  base::Result<std::uint64_t> size(const std::string& name) const override { return source_->size(name); }
+  const std::string& place() const override { return source_->place(); }
+  mutable std::uint64_t reads = 0;
+
+ private:
+  std::unique_ptr<ObjectSource> source_;
+};
+
+void compareReads(const repository::Store& lmdb, const repository::PackStore& packs, const CountingSource& source,
+                  std::uint32_t side, bool neighbourhoods) {
+  const auto groups = randomKeys(side, neighbourhoods ? 400 : 10000, neighbourhoods);
+  const double count = static_cast<double>(groups.size());
+  readSeconds(lmdb, groups);
+  const double theirs = checkedSeconds(lmdb, groups);
+  readSeconds(packs, groups);
+  const std::uint64_t before = source.reads;
+  const double ours = readSeconds(packs, groups);
+  const double ranges = static_cast<double>(source.reads - before) / 2.0 / count;
+  std::printf("%s: LMDB %.1f us, packs %.1f us: %.2f times as long; %.2f ranges each\n",
+              neighbourhoods ? "48 faces around a cell" : "one face", theirs / count * 1e6, ours / count * 1e6,
+              ours / theirs, ranges);
+}
+
+int run(const Arguments& a, const std::string& work) {
+  const std::uint32_t side = sideOf(a.faces);
+  auto lmdb = must(repository::openLmdbStore(work + "/images", repository::StoreMode::kWrite));
+  const std::uint64_t bytes = fill(*lmdb, side, a.bytes);
+  const double megabytes = static_cast<double>(bytes) / 1e6;
+  std::printf("%u faces, %.0f MB\n", side * side * side * 6, megabytes);
+
+  copySeconds(work + "/images/data.mdb", work + "/copy");
+  const double copy = copySeconds(work + "/images/data.mdb", work + "/copy");
+  auto sink = must(repository::openDirectorySink(work + "/out"));
+  double start = now();
+  const auto published = must(repository::publishImages(*lmdb, *sink, a.publish));
+  const double first = now() - start;
+  start = now();
+  must(repository::publishImages(*lmdb, *sink, a.publish));
+  const double again = now() - start;
+  std::printf(
+      "publish: %.0f MB/s in %zu packs, %.2f of a durable copy of the store (%.0f MB/s); again, nothing new: "
+      "%.0f MB/s\n",
+      megabytes / first, published.pack_names.size(), copy / first, megabytes / copy, megabytes / again);
+  std::printf("index: %.1f bytes a face\n",
+              static_cast<double>(published.index_bytes) / static_cast<double>(published.keys));
+
+  auto source = std::make_shared<CountingSource>(must(repository::openDirectorySource(work + "/out")));
+  auto packs = must(repository::PackStore::open(source, published.index));
+  compareReads(*lmdb, *packs, *source, side, false);
+  compareReads(*lmdb, *packs, *source, side, true);
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const Arguments a = parse(argc, argv);
+  const std::string work = a.work + "/lumigrid_pack_bench_" + std::to_string(::getpid());
+  fs::create_directories(work);
+  const int status = run(a, work);
+  fs::remove_all(work);
+  return status;
+}

@@ -1,0 +1,61 @@
+// decodeIndexBlock on any bytes: as they are, and with their checksum made right; cut or filled to a block's length.
+#include "base/check.h"
+#include "base/crc32c.h"
+#include "repository/pack_format.h"
+#include "tests/fuzz/fuzz.h"
+
+namespace {
+
+// The smallest blocks that there are; one of them, so that every run belongs in it.
+repository::IndexRoot root() {
+  repository::IndexRoot root;
+  root.blocks = 1;
+  root.block_bytes = 4096;
+  root.hash_shift = 9;
+  return root;
+}
+
+void decode(base::ByteView bytes) {
+  const auto block = repository::decodeIndexBlock(root(), 0, bytes);
+  if (!block) return;
+  LUMIGRID_CHECK(block->emptyFlags() <= block->keys());
+  std::uint64_t found = 0;
+  for (std::uint64_t code = 0; code < 1024; ++code) {
+    const auto place = block->find(code);
+    if (!place) continue;
+    ++found;
+    LUMIGRID_CHECK(place->offset >= repository::kPackHeaderBytes);
+    LUMIGRID_CHECK(place->offset + place->length <= repository::kMostPackBytes);
+  }
+  LUMIGRID_CHECK(found <= block->keys());
+}
+
+}  // namespace
+
+namespace fuzz {
+
+std::vector<base::Bytes> seeds() {
+  // The first kilobytes of a block of the writer's size hold all of these runs.
+  repository::IndexBuilder builder;
+  const std::vector<repository::PackEntry> first{{0, 10}, {1, 0}, {64, 200}};
+  const std::vector<repository::PackEntry> second{{68, 20000}, {69, 3000000}, {512, 8}};
+  builder.add(first);
+  builder.add(second);
+  const base::Bytes index = *builder.build({{{1}, 500, 0, 64, 3}, {{2}, 4000000, 68, 512, 3}}, "", {});
+  base::Bytes block(index.begin() + 16384, index.begin() + 16384 + 4096);
+  const std::uint32_t crc = base::crc32c(base::ByteView(block).subspan(4));
+  std::memcpy(block.data(), &crc, sizeof(crc));
+  LUMIGRID_CHECK(bool(repository::decodeIndexBlock(root(), 0, block)));
+  return {block};
+}
+
+void fuzzOne(base::ByteView bytes) {
+  decode(bytes);
+  base::Bytes block(bytes.begin(), bytes.end());
+  block.resize(root().block_bytes);
+  const std::uint32_t crc = base::crc32c(base::ByteView(block).subspan(4));
+  std::memcpy(block.data(), &crc, sizeof(crc));
+  decode(block);
+}
+
+}  // namespace fuzz

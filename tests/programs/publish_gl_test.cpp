@@ -1,0 +1,211 @@
+// lumigrid publish as a user runs it: whole, killed, again, pruned, damaged.
+#include <fcntl.h>
+#include <signal.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "base/file.h"
+#include "base/json/scene_file.h"
+#include "repository/face_value.h"
+#include "repository/pack_store.h"
+#include "tests/programs/run_program.h"
+
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using programs::expectOneLineError;
+using programs::readText;
+using programs::run;
+using repository::FaceKey;
+using Values = std::map<std::uint64_t, base::Bytes>;
+
+class PublishProgram : public programs::ProgramTest {
+ protected:
+  static Values valuesOf(const repository::Store& store) {
+    Values all;
+    EXPECT_TRUE(store.forEach([&](const FaceKey& key, base::ByteView value) {
+      all[key.code()] = base::Bytes(value.begin(), value.end());
+      return true;
+    }));
+    return all;
+  }
+  static Values builtValues(const std::string& scene) {
+    auto store = repository::openLmdbStore(scene + "/images", repository::StoreMode::kRead);
+    EXPECT_TRUE(store) << store.error().message;
+    return store ? valuesOf(**store) : Values();
+  }
+  // What scene.json leads to.
+  static Values publishedValues(const std::string& place) {
+    auto scene = base::readScene(place);
+    EXPECT_TRUE(scene) << scene.error().message;
+    if (!scene) return {};
+    const auto index = base::partFile(*scene, "images/index", ".lgi");
+    EXPECT_TRUE(index);
+    auto packs = repository::PackStore::open(*repository::openDirectorySource(place), index.value_or(""));
+    EXPECT_TRUE(packs) << packs.error().message;
+    return packs ? valuesOf(**packs) : Values();
+  }
+  // Images that are all large, so that publishing takes a while: 162 faces of 200 to 400 kB.
+  static void enlargeImages(const std::string& scene, std::uint8_t seed) {
+    auto store = repository::openLmdbStore(scene + "/images", repository::StoreMode::kWrite);
+    ASSERT_TRUE(store);
+    std::vector<std::pair<FaceKey, base::Bytes>> batch;
+    for (auto& [code, value] : valuesOf(**store)) {
+      const base::Bytes jpeg(200000 + code * 7919U % 200000U, static_cast<std::uint8_t>(code + seed));
+      batch.emplace_back(*FaceKey::fromCode(code), repository::encodeFaceValue({false, jpeg, {}}));
+    }
+    ASSERT_TRUE((*store)->putBatch(batch));
+  }
+  static std::size_t filesIn(const std::string& place) {
+    std::error_code ignored;
+    return static_cast<std::size_t>(std::distance(fs::directory_iterator(place, ignored), fs::directory_iterator()));
+  }
+  static std::string onePackOf(const std::string& place) {
+    for (const auto& entry : fs::directory_iterator(place + "/images"))
+      if (entry.path().extension() == ".lgk") return entry.path().string();
+    return "";
+  }
+};
+
+TEST_F(PublishProgram, aPublishedSceneHoldsTheSameAndIsReadByEveryCommand) {
+  const std::string scene = smallScene();
+  const auto published = run("lumigrid", {"publish", scene, path("out"), "--json"});
+  ASSERT_EQ(published.status, 0) << published.err;
+  const json j = json::parse(published.out);
+  EXPECT_EQ(j["images"]["packs"], 1);
+  EXPECT_EQ(publishedValues(path("out")), builtValues(scene));
+
+  const json built_info = json::parse(run("lumigrid", {"info", scene, "--json"}).out);
+  const json info = json::parse(run("lumigrid", {"info", path("out"), "--json"}).out);
+  EXPECT_EQ(info["images"], built_info["images"]);
+  EXPECT_EQ(info["hierarchy"], built_info["hierarchy"]);
+  EXPECT_EQ(info["scene"]["sources"][0]["path"], "small.ply") << "no directories of this machine";
+  const auto verified = run("lumigrid", {"verify", path("out")});
+  EXPECT_EQ(verified.status, 0) << verified.out << verified.err;
+
+  // A published scene can be published on, and comes out the same.
+  ASSERT_EQ(run("lumigrid", {"publish", path("out"), "file://" + path("copy")}).status, 0);
+  EXPECT_EQ(readText(path("copy/scene.json")), readText(path("out/scene.json")));
+  EXPECT_EQ(publishedValues(path("copy")), builtValues(scene));
+
+  // Again: nothing to write but scene.json.
+  const json again = json::parse(run("lumigrid", {"publish", scene, path("out"), "--json"}).out);
+  EXPECT_EQ(again["bytes_written"], 0);
+  EXPECT_EQ(filesIn(path("out")), 3U) << "scene.json, the patches, images";
+}
+
+TEST_F(PublishProgram, killedAtAnyMomentTheOldVersionStaysAndTheRerunFinishes) {
+  const std::string scene = smallScene();
+  const std::string out = path("out");
+  ASSERT_EQ(run("lumigrid", {"publish", scene, out}).status, 0);
+  const Values old_values = publishedValues(out);
+  const std::string old_json = readText(out + "/scene.json");
+
+  enlargeImages(scene, 1);
+  const Values new_values = builtValues(scene);
+  const std::size_t before = filesIn(out + "/images");
+  int killed = 0;
+  for (std::size_t more = 1; more <= 21; more += 4) {
+    const pid_t pid =
+        programs::start("lumigrid", {"publish", scene, out, "--pack-size", "1M", "--jobs", "2"}, path("p"));
+    while (filesIn(out + "/images") < before + more && ::kill(pid, 0) == 0 && readText(out + "/scene.json") == old_json)
+      std::this_thread::yield();
+    ::kill(pid, SIGKILL);
+    if (programs::wait(pid) == 128 + SIGKILL && readText(out + "/scene.json") == old_json) {
+      ++killed;
+      ASSERT_EQ(publishedValues(out), old_values) << "killed with " << more << " new files";
+    }
+  }
+  EXPECT_GT(killed, 2);
+  const auto finished = run("lumigrid", {"publish", scene, out, "--pack-size", "1M", "--json"});
+  ASSERT_EQ(finished.status, 0) << finished.err;
+  const json j = json::parse(finished.out);
+  EXPECT_LT(j["images"]["packs_written"].get<int>(), j["images"]["packs"].get<int>()) << "packs that were there stay";
+  EXPECT_NE(readText(out + "/scene.json"), old_json);
+  EXPECT_EQ(publishedValues(out), new_values);
+
+  // Nothing of the killed ones or of the old version stays with --prune; what is not ours does.
+  programs::writeText(out + "/index.html", "mine");
+  programs::writeText(out + "/images/pack-00000000000000000000000000000000.lgk.part77", "half");
+  const json pruned =
+      json::parse(run("lumigrid", {"publish", scene, out, "--pack-size", "1M", "--prune", "--json"}).out);
+  EXPECT_GE(pruned["pruned"], 3);
+  EXPECT_EQ(pruned["bytes_written"], 0);
+  EXPECT_EQ(filesIn(out + "/images"), pruned["images"]["packs"].get<std::size_t>() + 1);
+  EXPECT_EQ(readText(out + "/index.html"), "mine");
+  EXPECT_EQ(publishedValues(out), new_values);
+}
+
+TEST_F(PublishProgram, aReaderOfTheOldVersionGoesOn) {
+  const std::string scene = smallScene();
+  const std::string out = path("out");
+  ASSERT_EQ(run("lumigrid", {"publish", scene, out}).status, 0);
+  const auto index = base::partFile(*base::readScene(out), "images/index", ".lgi");
+  const auto reader = std::move(*repository::PackStore::open(*repository::openDirectorySource(out), *index));
+  const Values old_values = builtValues(scene);
+  enlargeImages(scene, 2);
+  ASSERT_EQ(run("lumigrid", {"publish", scene, out}).status, 0);
+  EXPECT_EQ(valuesOf(*reader), old_values);
+}
+
+TEST_F(PublishProgram, placesThatCannotBeAreNamed) {
+  const std::string scene = smallScene();
+  expectOneLineError(run("lumigrid", {"publish", scene, "https://host/scene"}), 1, {"https://host/scene", "written"});
+  expectOneLineError(run("lumigrid", {"publish", scene, scene}), 1, {scene, "lumigrid build"});
+  expectOneLineError(run("lumigrid", {"publish", path("none"), path("out")}), 1, {path("none")});
+  EXPECT_FALSE(fs::exists(path("out")));
+  EXPECT_EQ(run("lumigrid", {"publish", scene, path("out"), "--pack-size", "100"}).status, 2);
+  EXPECT_EQ(run("lumigrid", {"publish", scene, path("out"), "--pack-size", "65M"}).status, 2);
+  programs::writeText(path("file"), "x");
+  EXPECT_EQ(run("lumigrid", {"publish", scene, path("file")}).status, 1);
+
+  fs::create_directory(path("busy"));
+  const int lock = ::open(path("busy").c_str(), O_RDONLY);
+  ASSERT_EQ(::flock(lock, LOCK_EX), 0);
+  expectOneLineError(run("lumigrid", {"publish", scene, path("busy"), "--quiet"}), 1,
+                     {"another program is publishing"});
+  ::close(lock);
+
+  std::string patches = readText(scene + "/patch.lgp");
+  patches[patches.size() - 20] ^= 1;
+  programs::writeText(scene + "/patch.lgp", patches);
+  expectOneLineError(run("lumigrid", {"publish", scene, path("out"), "--quiet"}), 1, {"patch.lgp", "SHA-256"});
+  EXPECT_FALSE(fs::exists(path("out/scene.json")));
+}
+
+TEST_F(PublishProgram, verifyNamesWhatIsDamagedAndRewriteMendsIt) {
+  const std::string scene = smallScene();
+  const std::string out = path("out");
+  ASSERT_EQ(run("lumigrid", {"publish", scene, out}).status, 0);
+  const std::string pack = onePackOf(out);
+  const std::string bytes = readText(pack);
+
+  std::string flipped = bytes;
+  flipped[flipped.size() / 3] ^= 0x40;
+  programs::writeText(pack, flipped);
+  auto verified = run("lumigrid", {"verify", out});
+  EXPECT_EQ(verified.status, 1);
+  EXPECT_NE(verified.out.find(fs::path(pack).filename().string() + ": its SHA-256"), std::string::npos) << verified.out;
+  EXPECT_NE(verified.out.find("face ("), std::string::npos) << verified.out;
+  EXPECT_NE(verified.out.find("--rewrite"), std::string::npos) << verified.out;
+
+  programs::writeText(pack, bytes.substr(0, bytes.size() - 1));
+  verified = run("lumigrid", {"verify", out});
+  EXPECT_EQ(verified.status, 1);
+  EXPECT_NE(verified.out.find("truncated"), std::string::npos) << verified.out;
+  fs::remove(pack);
+  EXPECT_EQ(run("lumigrid", {"verify", out}).status, 1);
+
+  programs::writeText(pack, flipped);
+  ASSERT_EQ(run("lumigrid", {"publish", scene, out, "--rewrite"}).status, 0);
+  EXPECT_EQ(readText(pack), bytes);
+  EXPECT_EQ(run("lumigrid", {"verify", out}).status, 0);
+}
+
+}  // namespace
