@@ -103,6 +103,12 @@ Result<std::optional<Bytes>> checkedValue(const ObjectSource& source, const Face
 }  // namespace
 
 Result<std::optional<Bytes>> PackStore::get(const FaceKey& key) const {
+  auto value = read(key);
+  if (!value && told_) told_(value.error());
+  return value;
+}
+
+Result<std::optional<Bytes>> PackStore::read(const FaceKey& key) const {
   auto place = find(key);
   if (!place) return place.error();
   if (!place->has_value()) return std::optional<Bytes>();
@@ -148,6 +154,8 @@ PackStore::Values PackStore::getMany(const std::vector<FaceKey>& keys) const {
     }
     readRange(first, next, out);
   }
+  for (const auto& value : out)
+    if (!value && told_) told_(value.error());
   return out;
 }
 
@@ -160,7 +168,7 @@ void PackStore::readRange(const Wanted* begin, const Wanted* end, Values& out) c
       const ByteView bytes = ByteView(*range).subspan(one->place.offset - from, one->place.length);
       value = checkedValue(*source_, one->place, one->key, Bytes(bytes.begin(), bytes.end()));
     } else if (range.error().code == ErrorCode::kInvalidInput && end - begin > 1) {
-      value = get(one->key);  // a truncated pack: some of them may be there
+      value = read(one->key);  // a truncated pack: some of them may be there
     } else {
       value = range.error();
     }

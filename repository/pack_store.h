@@ -46,6 +46,8 @@ class PackStore final : public Store {
   base::Result<void> erase(const std::vector<FaceKey>& keys) override;
   base::Result<void> writeMeta(const std::string& text) override;
 
+  /// Is told what get and getMany could not read, from their threads; set it before they run.
+  void onError(std::function<void(const base::Error&)> told) { told_ = std::move(told); }
   /// The counts of its root; costs nothing.
   const IndexRoot& root() const { return root_; }
   /// The names of all packs, in order of their keys.
@@ -64,6 +66,7 @@ class PackStore final : public Store {
   PackStore(std::shared_ptr<const ObjectSource> source, std::string index, const PackStoreOptions& options)
       : source_(std::move(source)), index_(std::move(index)), options_(options), blocks_(options.block_cache_bytes) {}
 
+  base::Result<std::optional<base::Bytes>> read(const FaceKey& key) const;
   base::Error inIndex(const base::Error& error) const;
   base::Result<Block> block(std::uint64_t number) const;
   base::Result<std::optional<FacePlace>> find(const FaceKey& key) const;
@@ -78,6 +81,7 @@ class PackStore final : public Store {
   PackStoreOptions options_;
   IndexRoot root_;
   std::string parameters_;
+  std::function<void(const base::Error&)> told_;
   mutable std::mutex mutex_;  // of blocks_
   mutable LruCache<std::uint64_t, Block> blocks_;
 };

@@ -19,7 +19,7 @@ struct OpenScene {
   base::Scene scene;
   lod::patch::PatchFile patches;
   std::unique_ptr<repository::Store> images;     ///< null: the scene has no repository
-  const repository::PackStore* packs = nullptr;  ///< the same, when the scene is a published one
+  repository::PackStore* packs = nullptr;  ///< the same, when the scene is a published one
   base::Bytes scene_json;                        ///< the file, as it is
   base::MappedFile patch_bytes;                  ///< the file, for byte ranges
   SceneData data;  ///< what a Session takes; welcome.can_render_frames is false until somebody renders

@@ -397,10 +397,15 @@ TEST_F(Publish, aFlippedByteInAValueIsThatValuesError) {
   const PublishedImages published = publish();
   const auto packs = open(published.index);
   flip(published.pack_names[1], 5000);
+  std::vector<std::string> told;
+  packs->onError([&](const base::Error& error) { told.push_back(error.message); });
   EXPECT_EQ(served(*packs, published.pack_names[1] + ": face ("), 10367U);
   const auto found = faults(*packs);
   ASSERT_EQ(found.size(), 1U);
   EXPECT_NE(found[0].find("SHA-256"), std::string::npos) << found[0];
+
+  ASSERT_EQ(told.size(), 1U);
+  EXPECT_NE(told[0].find(published.pack_names[1]), std::string::npos) << told[0];
 
   options_.rewrite = true;  // the size is right, so only this mends it
   publish();
