@@ -26,6 +26,7 @@ constexpr std::size_t kMagicBytes = 8;
 constexpr std::uint32_t kVersion = 1;
 constexpr std::uint32_t kIndexHeaderBytes = 128;
 constexpr std::uint32_t kMostParameterBytes = std::uint32_t{16} << 20;
+constexpr std::uint64_t kMostPacks = std::uint64_t{1} << 24;
 constexpr std::uint64_t kMostBlocks = std::uint64_t{1} << 32;
 constexpr std::uint32_t kSmallestBlock = 4096;
 constexpr std::uint32_t kLargestBlock = 65536;
@@ -293,7 +294,7 @@ Result<IndexRoot> decodeIndexRoot(ByteView front) {
     return bad("the index's hash shift is " + std::to_string(root.hash_shift));
   if (root.parameter_bytes > kMostParameterBytes) return bad("the index's parameters are too long");
   if (root.blocks == 0 || root.blocks > kMostBlocks) return bad("the index has no blocks or too many");
-  if (root.packs > kMostBlocks || root.packs > root.keys) return bad("the index has too many packs");
+  if (root.packs > kMostPacks || root.packs > root.keys) return bad("the index has too many packs");
   if (root.blocks_offset != blocksOffsetFor(root.parameter_bytes, root.block_bytes))
     return bad("the index's blocks do not lie behind its parameters");
   if (root.object_bytes != root.rowsOffset() + root.packs * kPackRowBytes)

@@ -1,9 +1,12 @@
 #include "repository/pack_store.h"
 
 #include <algorithm>
+#include <set>
+#include <tuple>
 #include <utility>
 
 #include "base/hash/sha256.h"
+#include "base/parallel.h"
 #include "repository/face_value.h"
 
 namespace repository {
@@ -103,6 +106,12 @@ Result<std::optional<Bytes>> checkedValue(const ObjectSource& source, const Face
 }  // namespace
 
 Result<std::optional<Bytes>> PackStore::get(const FaceKey& key) const {
+  auto value = read(key);
+  if (!value && told_) told_(value.error());
+  return value;
+}
+
+Result<std::optional<Bytes>> PackStore::read(const FaceKey& key) const {
   auto place = find(key);
   if (!place) return place.error();
   if (!place->has_value()) return std::optional<Bytes>();
@@ -119,7 +128,31 @@ struct PackStore::Wanted {
   std::uint64_t end() const { return place.offset + place.length; }
 };
 
+// Values of one pack that one read brings. Those of a damaged index may overlap, so the last one need not end last.
+struct PackStore::Range {
+  std::span<const Wanted> wanted;
+  std::uint64_t begin, end;
+};
+
+std::vector<PackStore::Range> PackStore::rangesOf(std::span<const Wanted> wanted) const {
+  std::vector<Range> ranges;
+  for (std::size_t first = 0, next = 0; first < wanted.size(); first = next) {
+    const std::uint64_t begin = wanted[first].place.offset;
+    std::uint64_t end = wanted[first].end();
+    for (next = first + 1; next < wanted.size(); ++next) {
+      const Wanted& one = wanted[next];
+      if (one.place.pack != wanted[first].place.pack || one.place.offset > end + options_.gap_bytes ||
+          one.end() - begin > options_.range_bytes)
+        break;
+      end = std::max(end, one.end());
+    }
+    ranges.push_back({wanted.subspan(first, next - first), begin, end});
+  }
+  return ranges;
+}
+
 PackStore::Values PackStore::getMany(const std::vector<FaceKey>& keys) const {
+  loadBlocks(keys);
   Values out;
   out.reserve(keys.size());
   std::vector<Wanted> wanted;
@@ -137,32 +170,33 @@ PackStore::Values PackStore::getMany(const std::vector<FaceKey>& keys) const {
   std::sort(wanted.begin(), wanted.end(), [](const Wanted& a, const Wanted& b) {
     return std::tie(a.place.pack, a.place.offset) < std::tie(b.place.pack, b.place.offset);
   });
-
-  for (const Wanted* next = wanted.data(); next != wanted.data() + wanted.size();) {
-    const Wanted* const first = next;
-    for (++next; next != wanted.data() + wanted.size(); ++next) {
-      const Wanted& before = *(next - 1);
-      if (next->place.pack != first->place.pack || next->place.offset > before.end() + options_.gap_bytes ||
-          next->end() - first->place.offset > options_.range_bytes)
-        break;
-    }
-    readRange(first, next, out);
-  }
+  const std::vector<Range> ranges = rangesOf(wanted);
+  base::parallelFor(ranges.size(), options_.jobs, [&](std::size_t i) { readRange(ranges[i], out); });
+  for (const auto& value : out)
+    if (!value && told_) told_(value.error());
   return out;
 }
 
-void PackStore::readRange(const Wanted* begin, const Wanted* end, Values& out) const {
-  const std::uint64_t from = begin->place.offset;
-  const auto range = source_->read(packName(begin->place.pack), from, (end - 1)->end() - from);
-  for (const Wanted* one = begin; one != end; ++one) {
-    auto& value = out[one->index];
-    if (range) {
-      const ByteView bytes = ByteView(*range).subspan(one->place.offset - from, one->place.length);
-      value = checkedValue(*source_, one->place, one->key, Bytes(bytes.begin(), bytes.end()));
-    } else if (range.error().code == ErrorCode::kInvalidInput && end - begin > 1) {
-      value = get(one->key);  // a truncated pack: some of them may be there
+// Reads the blocks that the keys need, side by side; what fails is met again by find.
+void PackStore::loadBlocks(const std::vector<FaceKey>& keys) const {
+  if (options_.jobs < 2) return;
+  std::set<std::uint64_t> numbers;
+  for (const FaceKey& key : keys) numbers.insert(blockOfCode(root_, key.code()));
+  const std::vector<std::uint64_t> list(numbers.begin(), numbers.end());
+  base::parallelFor(list.size(), options_.jobs, [&](std::size_t i) { (void)block(list[i]); });
+}
+
+void PackStore::readRange(const Range& range, Values& out) const {
+  const auto read_bytes = source_->read(packName(range.wanted[0].place.pack), range.begin, range.end - range.begin);
+  for (const Wanted& one : range.wanted) {
+    auto& value = out[one.index];
+    if (read_bytes) {
+      const ByteView bytes = ByteView(*read_bytes).subspan(one.place.offset - range.begin, one.place.length);
+      value = checkedValue(*source_, one.place, one.key, Bytes(bytes.begin(), bytes.end()));
+    } else if (read_bytes.error().code == ErrorCode::kInvalidInput && range.wanted.size() > 1) {
+      value = read(one.key);  // a truncated pack: some of them may be there
     } else {
-      value = range.error();
+      value = read_bytes.error();
     }
   }
 }

@@ -3,6 +3,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -19,6 +20,8 @@ struct PackStoreOptions {
   std::uint64_t gap_bytes = std::uint64_t{64} << 10;
   /// … of at most so many bytes.
   std::uint64_t range_bytes = std::uint64_t{8} << 20;
+  /// getMany: reads under way at a time, 1 or more. More pay where each takes a round trip.
+  unsigned jobs = 1;
 };
 
 /// Read-only: putBatch, erase and writeMeta are kUnsupported. Safe from several threads. What is damaged or missing
@@ -46,6 +49,8 @@ class PackStore final : public Store {
   base::Result<void> erase(const std::vector<FaceKey>& keys) override;
   base::Result<void> writeMeta(const std::string& text) override;
 
+  /// Is told what get and getMany could not read, from their threads; set it before they run.
+  void onError(std::function<void(const base::Error&)> told) { told_ = std::move(told); }
   /// The counts of its root; costs nothing.
   const IndexRoot& root() const { return root_; }
   /// The names of all packs, in order of their keys.
@@ -61,13 +66,17 @@ class PackStore final : public Store {
  private:
   using Block = std::shared_ptr<const IndexBlock>;
   struct Wanted;
+  struct Range;
   PackStore(std::shared_ptr<const ObjectSource> source, std::string index, const PackStoreOptions& options)
       : source_(std::move(source)), index_(std::move(index)), options_(options), blocks_(options.block_cache_bytes) {}
 
+  base::Result<std::optional<base::Bytes>> read(const FaceKey& key) const;
   base::Error inIndex(const base::Error& error) const;
   base::Result<Block> block(std::uint64_t number) const;
   base::Result<std::optional<FacePlace>> find(const FaceKey& key) const;
-  void readRange(const Wanted* begin, const Wanted* end, Values& out) const;
+  std::vector<Range> rangesOf(std::span<const Wanted> wanted) const;
+  void loadBlocks(const std::vector<FaceKey>& keys) const;
+  void readRange(const Range& range, Values& out) const;
   base::Result<PackTable> tableOf(const PackRow& row, base::ByteView pack) const;
   base::Result<bool> visitPack(const PackTable& table, base::ByteView pack, const Visit& visit) const;
   void checkIndex(const Fault& fault) const;
@@ -78,6 +87,7 @@ class PackStore final : public Store {
   PackStoreOptions options_;
   IndexRoot root_;
   std::string parameters_;
+  std::function<void(const base::Error&)> told_;
   mutable std::mutex mutex_;  // of blocks_
   mutable LruCache<std::uint64_t, Block> blocks_;
 };

@@ -48,7 +48,7 @@ base::Result<void> openImages(const std::string& directory, OpenScene& open) {
   if (const auto index = base::partFile(open.scene, "images/index", ".lgi")) {
     auto packs = openPacks(directory, *index);
     if (!packs) return packs.error();
-    const repository::PackStore* opened = packs->get();
+    repository::PackStore* opened = packs->get();
     LUMIGRID_TRY(takeImages(std::move(*packs), directory + "/" + *index, open));
     open.packs = opened;
     return {};

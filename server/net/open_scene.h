@@ -33,7 +33,7 @@ struct OpenScene {
   base::Scene scene;
   lod::patch::PatchFile patches;
   std::unique_ptr<repository::Store> images;     ///< null: the scene has no repository
-  const repository::PackStore* packs = nullptr;  ///< the same, when the scene is a published one
+  repository::PackStore* packs = nullptr;        ///< the same, when the scene is a published one
   SampledPoints points;                          ///< of the repository
   std::vector<TreeGrowth> growth;                ///< how the tree grew
   base::Bytes scene_json;                        ///< the file, as it is

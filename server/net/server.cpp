@@ -21,6 +21,7 @@
 #include <algorithm>
 #include <chrono>
 #include <csignal>
+#include <mutex>
 #include <optional>
 #include <set>
 #include <string_view>
@@ -329,7 +330,8 @@ class HttpConnection final : public Connection {
       return {.type = "text/html; charset=utf-8", .text = homePage(*hub_, hostOf(request)), .bytes = {}, .range = {}};
     if (path == "/scene.json")
       return {.type = "application/json", .text = {}, .bytes = hub_->scene->scene_json, .range = {}};
-    if (path == "/patch.lgp") return part(request, hub_->scene->patch_bytes.bytes());
+    if (path == "/patch.lgp" || path.substr(1) == base::partFile(hub_->scene->scene, "patch", ".lgp"))
+      return part(request, hub_->scene->patch_bytes.bytes());
     return textReply(status::not_found,
                      "not here; there are /, /scene.json, /patch.lgp, /healthz and the WebSocket at /\n");
   }
@@ -505,9 +507,31 @@ void Server::State::shutDown() {
   for (const auto& connection : leaving) connection->leave();
 }
 
+namespace {
+
+constexpr std::size_t kMostToldErrors = 100;
+
+// What of published images cannot be read, each thing once: a missing pack holds hundreds of faces, and viewers ask for
+// them again and again.
+void logImageErrors(OpenScene& scene) {
+  if (scene.packs == nullptr) return;
+  struct Told {
+    std::mutex mutex;
+    std::set<std::string> messages;
+  };
+  scene.packs->onError([told = std::make_shared<Told>()](const base::Error& error) {
+    const std::lock_guard guard(told->mutex);
+    if (told->messages.size() < kMostToldErrors && told->messages.insert(error.message).second)
+      spdlog::warn("image: {}", error.message);
+  });
+}
+
+}  // namespace
+
 base::Result<std::unique_ptr<Server>> Server::open(const std::string& scene_directory, const ServerOptions& options) {
   auto scene = openScene(scene_directory);
   if (!scene) return scene.error();
+  logImageErrors(**scene);
 
   std::unique_ptr<Server> server(new Server);
   server->state_ = std::make_unique<State>();

@@ -1,4 +1,6 @@
 // The root of an index, its parameters and its list of packs, on any bytes: as they are, and with checksums made right.
+// An input is what an index has besides its blocks: header, parameters and rows, one behind the other, so that
+// mutations meet what is read.
 #include <algorithm>
 
 #include "base/check.h"
@@ -15,17 +17,25 @@ base::ByteView slice(base::ByteView bytes, std::uint64_t offset, std::uint64_t l
   return bytes.subspan(offset, std::min<std::uint64_t>(length, bytes.size() - offset));
 }
 
+struct Parts {
+  base::ByteView parameters, rows;
+};
+Parts partsOf(const repository::IndexRoot& root, base::ByteView bytes) {
+  const std::uint64_t end = kHeaderBytes + root.parameter_bytes;
+  return {slice(bytes, kHeaderBytes, root.parameter_bytes), slice(bytes, end, bytes.size())};
+}
+
 void decode(base::ByteView bytes) {
-  const auto root = repository::decodeIndexRoot(slice(bytes, 0, repository::kIndexFrontBytes));
+  const auto root = repository::decodeIndexRoot(bytes);
   if (!root) return;
   // Lengths cannot overflow, and every key has a block that lies in the object.
   LUMIGRID_CHECK(root->rowsOffset() <= root->object_bytes && root->blocks_offset >= repository::kIndexFrontBytes);
   for (const std::uint64_t code : {std::uint64_t{0}, std::uint64_t{77}, ~std::uint64_t{0} >> 1})
     LUMIGRID_CHECK(repository::blockOfCode(*root, code) < root->blocks);
-  const auto text = slice(bytes, repository::parameterOffset(), root->parameter_bytes);
-  if (repository::checkParameters(*root, text)) LUMIGRID_CHECK(text.size() == root->parameter_bytes);
-  const auto rows =
-      repository::decodePackRows(*root, slice(bytes, root->rowsOffset(), root->packs * repository::kPackRowBytes));
+  const Parts parts = partsOf(*root, bytes);
+  if (repository::checkParameters(*root, parts.parameters))
+    LUMIGRID_CHECK(parts.parameters.size() == root->parameter_bytes);
+  const auto rows = repository::decodePackRows(*root, parts.rows);
   if (!rows) return;
   for (std::size_t i = 1; i < rows->size(); ++i) LUMIGRID_CHECK((*rows)[i - 1].last_code < (*rows)[i].first_code);
 }
@@ -43,8 +53,20 @@ std::vector<base::Bytes> seeds() {
   const std::vector<repository::PackEntry> entries{{0, 10}, {1, 0}, {64, 200}};
   repository::IndexBuilder builder;
   builder.add(entries);
-  return {*builder.build({{{1, 2, 3}, 500, 0, 64, 3}}, "{\"grid\": 1}", {210, 100, 20}),
-          *repository::IndexBuilder().build({}, "", {})};
+  builder.add(std::vector<repository::PackEntry>{{70, 8}});
+  const std::vector<base::Bytes> whole{
+      *builder.build({{{1, 2, 3}, 500, 0, 64, 3}, {{4}, 200, 70, 70, 1}}, "{\"grid\": 1}", {218, 100, 20}),
+      *repository::IndexBuilder().build({}, "", {})};
+  std::vector<base::Bytes> seeds;
+  for (const base::Bytes& index : whole) {
+    const auto root = repository::decodeIndexRoot(index);
+    LUMIGRID_CHECK(bool(root));
+    base::Bytes seed(index.begin(), index.begin() + kHeaderBytes + root->parameter_bytes);
+    seed.insert(seed.end(), index.begin() + static_cast<std::ptrdiff_t>(root->rowsOffset()), index.end());
+    LUMIGRID_CHECK(bool(repository::decodePackRows(*root, partsOf(*root, seed).rows)));
+    seeds.push_back(seed);
+  }
+  return seeds;
 }
 
 void fuzzOne(base::ByteView bytes) {
@@ -54,9 +76,10 @@ void fuzzOne(base::ByteView bytes) {
   const auto seal = [&] { put(made, kHeaderBytes - 4, base::crc32c(base::ByteView(made).first(kHeaderBytes - 4))); };
   seal();
   decode(made);
-  if (const auto root = repository::decodeIndexRoot(slice(made, 0, repository::kIndexFrontBytes))) {
-    put(made, 100, base::crc32c(slice(made, repository::parameterOffset(), root->parameter_bytes)));
-    put(made, 104, base::crc32c(slice(made, root->rowsOffset(), root->packs * repository::kPackRowBytes)));
+  if (const auto root = repository::decodeIndexRoot(made)) {
+    const Parts parts = partsOf(*root, made);
+    put(made, 100, base::crc32c(parts.parameters));
+    put(made, 104, base::crc32c(parts.rows));
     seal();
     decode(made);
   }

@@ -11,6 +11,7 @@
 #include <map>
 
 #include "base/file.h"
+#include "base/parallel.h"
 #include "repository/pack_store.h"
 #include "repository/verify.h"
 #include "tests/repository/sample_values.h"
@@ -237,6 +238,45 @@ TEST_F(Publish, aNeighbourhoodTakesFewReads) {
   EXPECT_LE(source_->reads, 2U);
 }
 
+TEST_F(Publish, threadsReadSideBySideThroughASmallCache) {
+  const PublishedImages published = publish();
+  PackStoreOptions options;
+  options.block_cache_bytes = 1;
+  options.jobs = 4;
+  const auto packs = PackStore::open(*openDirectorySource(out()), published.index, options);
+  ASSERT_TRUE(packs);
+  std::vector<std::vector<FaceKey>> keys(4);
+  for (std::uint32_t i = 0; i < 2000; ++i) keys[i % 4].push_back(keyOf(i * 5));
+  base::parallelFor(4, 4, [&](std::size_t thread) {
+    const auto values = (*packs)->getMany(keys[thread]);
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      const auto one = (*packs)->get(keys[thread][i]);
+      EXPECT_TRUE(one && values[i] && *one == *values[i]);
+      EXPECT_EQ(*one, valueOf(static_cast<std::uint32_t>((4 * i + thread) * 5)));
+    }
+  });
+}
+
+TEST_F(Publish, anIndexWhoseValuesOverlapIsReadWithinItsRanges) {
+  // Two packs of one id: their values claim the same bytes, the second one more of them.
+  auto sink = openDirectorySink(out());
+  const Bytes value = valueOf(1);
+  const ObjectId id{9};
+  const std::vector<PackEntry> some{{0, static_cast<std::uint32_t>(value.size())}};
+  const std::vector<PackEntry> other{{512, 8}, {513, 8}};
+  ASSERT_TRUE((*sink)->put(packName(id), encodePack(some, value), ""));
+  IndexBuilder builder;
+  builder.add(some);
+  builder.add(other);
+  ASSERT_TRUE((*sink)->put(indexName(id), *builder.build({{id, 5000, 0, 0, 1}, {id, 5000, 512, 513, 2}}, "", {}), ""));
+  const auto packs = open(indexName(id));
+  const auto values = packs->getMany({*FaceKey::fromCode(512), *FaceKey::fromCode(0), *FaceKey::fromCode(513)});
+  EXPECT_FALSE(values[0]);
+  ASSERT_TRUE(values[1]) << values[1].error().message;
+  EXPECT_EQ(*values[1], value);
+  EXPECT_FALSE(values[2]);
+}
+
 TEST_F(Publish, theSameStoreMakesTheSameBytesAndWritesNothingTwice) {
   const PublishedImages first = publish();
   const PublishedImages again = publish();
@@ -397,10 +437,15 @@ TEST_F(Publish, aFlippedByteInAValueIsThatValuesError) {
   const PublishedImages published = publish();
   const auto packs = open(published.index);
   flip(published.pack_names[1], 5000);
+  std::vector<std::string> told;
+  packs->onError([&](const base::Error& error) { told.push_back(error.message); });
   EXPECT_EQ(served(*packs, published.pack_names[1] + ": face ("), 10367U);
   const auto found = faults(*packs);
   ASSERT_EQ(found.size(), 1U);
   EXPECT_NE(found[0].find("SHA-256"), std::string::npos) << found[0];
+
+  ASSERT_EQ(told.size(), 1U);
+  EXPECT_NE(told[0].find(published.pack_names[1]), std::string::npos) << told[0];
 
   options_.rewrite = true;  // the size is right, so only this mends it
   publish();

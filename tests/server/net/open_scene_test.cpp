@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include "repository/publish.h"
+#include "tests/server/net/loopback.h"
 #include "tests/server/net/served_scene.h"
 
 namespace server {
@@ -29,6 +31,46 @@ TEST(OpenScene, missingFilesAreNamed) {
   ASSERT_FALSE(open);
   EXPECT_NE(open.error().message.find("patch.lgp"), std::string::npos);
   EXPECT_NE(openScene(directory.path + "/none").error().message.find("none"), std::string::npos);
+}
+
+TEST(OpenScene, aPublishedSceneIsRecognised) {
+  const SceneDirectory directory;
+  auto built = openScene(directory.path);
+  ASSERT_TRUE(built) << built.error().message;
+  EXPECT_EQ((*built)->packs, nullptr);
+  const std::string out = directory.path + "/out";
+  base::Scene scene = (*built)->scene;
+  {
+    auto sink = repository::openDirectorySink(out);
+    const auto images = repository::publishImages(*(*built)->images, **sink, {});
+    ASSERT_TRUE(images) << images.error().message;
+    const std::string hash = *base::sha256OfFile(directory.path + "/patch.lgp");
+    const std::string patches = base::publishedName("patch.lgp", hash);
+    ASSERT_TRUE((*sink)->putFile(patches, directory.path + "/patch.lgp", ""));
+    scene.parts = {{patches, std::filesystem::file_size(out + "/" + patches), hash},
+                   {images->index, images->index_bytes, images->index_sha256}};
+  }
+  ASSERT_TRUE(base::writeSceneFile(scene, out + "/scene.json"));
+
+  auto open = openScene(out);
+  ASSERT_TRUE(open) << open.error().message;
+  ASSERT_NE((*open)->packs, nullptr);
+  EXPECT_EQ((*open)->images.get(), (*open)->packs);
+  EXPECT_EQ((*open)->data.welcome.grid, (*built)->data.welcome.grid);
+  EXPECT_EQ(*(*open)->images->size(), *(*built)->images->size());
+  EXPECT_EQ(*(*open)->images->get({1, 1, 1, 3}), *(*built)->images->get({1, 1, 1, 3}));
+
+  // Its server answers to the name that scene.json says, too.
+  const RunningServer server(out);
+  const auto answer = httpRequest(server.port(), "/" + scene.parts[0].file, {{"Range", "bytes=0-7"}});
+  EXPECT_EQ(answer.status, 206);
+  EXPECT_EQ(answer.body, "LGPATCH\n");
+  EXPECT_EQ(httpRequest(server.port(), "/" + scene.parts[1].file).status, 404);
+
+  std::filesystem::remove(out + "/" + scene.parts[1].file);
+  const auto lost = openScene(out);
+  ASSERT_FALSE(lost);
+  EXPECT_NE(lost.error().message.find(scene.parts[1].file), std::string::npos) << lost.error().message;
 }
 
 TEST(OpenScene, gridsAreReadFromMetaOrRefused) {
