@@ -180,6 +180,7 @@ Try tryOnce(const Handle& handle, const HttpRequest& request, const HttpOptions&
   setMethod(handle, request);
   const HeaderList headers = headerList(request);
   set(handle, CURLOPT_URL, request.url.c_str());
+  set(handle, CURLOPT_PATH_AS_IS, 1L);  // what is signed is what travels
   set(handle, CURLOPT_HTTPHEADER, headers.get());
   set(handle, CURLOPT_ERRORBUFFER, words.data());
   set(handle, CURLOPT_HEADERFUNCTION, &receiveHeader);

@@ -1,5 +1,6 @@
 #include "repository/open_objects.h"
 
+#include "repository/s3_objects.h"
 #include "repository/web_source.h"
 
 namespace repository {
@@ -57,6 +58,11 @@ Result<std::unique_ptr<ObjectSource>> openObjectSource(const std::string& place)
   const std::string scheme = schemeOf(place);
   if (scheme.empty()) return openDirectorySource(place);
   if (isWeb(scheme)) return openHttpSource(place, httpOptionsFromEnvironment());
+  if (scheme == "s3") {
+    const auto config = readS3Config();
+    if (!config) return base::within(place, config.error());
+    return openS3Source(place, *config);
+  }
   if (scheme != "file") return unknownScheme(place);
   const auto path = pathOfFileUrl(place);
   if (!path) return path.error();
@@ -69,6 +75,11 @@ Result<std::unique_ptr<ObjectSink>> openObjectSink(const std::string& place) {
   if (isWeb(scheme))
     return Error{ErrorCode::kUnsupported,
                  place + ": a web server takes no objects; publish to a directory that it serves, or to s3://…"};
+  if (scheme == "s3") {
+    const auto config = readS3Config();
+    if (!config) return base::within(place, config.error());
+    return openS3Sink(place, *config);
+  }
   if (scheme != "file") return unknownScheme(place);
   const auto path = pathOfFileUrl(place);
   if (!path) return path.error();
