@@ -42,8 +42,8 @@ std::map<std::string, Section> parseSections(const std::string& text) {
 }
 
 // The file named by `variable`, or else ~/.aws/`name`; without sections when there is none.
-Result<std::map<std::string, Section>> readSections(const Environment& environment, const std::string& variable,
-                                                    const std::string& name) {
+Result<std::map<std::string, Section>> readSections(const EnvironmentVariables& environment,
+                                                    const std::string& variable, const std::string& name) {
   std::string path = environment(variable).value_or("");
   if (path.empty()) {
     const auto home = environment("HOME");
@@ -57,7 +57,7 @@ Result<std::map<std::string, Section>> readSections(const Environment& environme
 }
 
 // What both files say about the profile; credentials before config.
-Result<Section> readProfile(const Environment& environment) {
+Result<Section> readProfile(const EnvironmentVariables& environment) {
   const auto asked = environment("AWS_PROFILE");
   const std::string name = asked.value_or("default");
   auto credentials = readSections(environment, "AWS_SHARED_CREDENTIALS_FILE", "credentials");
@@ -90,7 +90,7 @@ Result<void> checkEndpoint(const std::string& endpoint) {
 
 }  // namespace
 
-Result<S3Config> readS3Config(const Environment& environment) {
+Result<S3Config> readS3Config(const EnvironmentVariables& environment) {
   auto profile = readProfile(environment);
   if (!profile) return profile.error();
   const auto first = [&](std::initializer_list<const char*> variables, const char* key) {

@@ -22,13 +22,13 @@ struct S3Config {
 };
 
 /// The value of an environment variable; nothing when unset or empty.
-using Environment = std::function<std::optional<std::string>(const std::string& name)>;
+using EnvironmentVariables = std::function<std::optional<std::string>(const std::string& name)>;
 
 /// AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY, AWS_SESSION_TOKEN, or else the profile AWS_PROFILE (default: "default") of
 /// ~/.aws/credentials (AWS_SHARED_CREDENTIALS_FILE) and ~/.aws/config (AWS_CONFIG_FILE); AWS_REGION,
 /// AWS_DEFAULT_REGION; AWS_ENDPOINT_URL_S3, AWS_ENDPOINT_URL; AWS_CA_BUNDLE. Errors: kInvalidInput (half a pair of
 /// keys, a profile that is not there, an endpoint that is no address), kIo.
-base::Result<S3Config> readS3Config(const Environment& environment);
+base::Result<S3Config> readS3Config(const EnvironmentVariables& environment);
 base::Result<S3Config> readS3Config();  ///< of this process
 
 }  // namespace repository

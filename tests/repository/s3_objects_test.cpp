@@ -289,7 +289,7 @@ TEST(S3Sink, removesWhatIsThereOrNot) {
 
 // --- Configuration
 
-Environment environmentOf(std::map<std::string, std::string> values) {
+EnvironmentVariables environmentOf(std::map<std::string, std::string> values) {
   return [values = std::move(values)](const std::string& name) {
     const auto it = values.find(name);
     return it == values.end() ? std::nullopt : std::optional(it->second);
