@@ -124,14 +124,14 @@ Error S3Bucket::explain(const std::string& name, int status, const std::string& 
   const std::string store = config_.endpoint.empty() ? "Amazon S3" : config_.endpoint;
   const std::string key = "access key " + printable(config_.credentials.access_key);
   const auto say = [&](ErrorCode kind, const std::string& what) {
-    return Error{kind, describe(name) + ": " + code + ": " + what};
+    return Error{kind, describe(name) + ": " + (code.empty() ? std::to_string(status) : code) + ": " + what};
   };
   if (code == "NoSuchBucket")
     return say(ErrorCode::kNotFound, "there is no bucket '" + bucket_ + "' at " + store +
                                          "; make it, or look at its name and at AWS_ENDPOINT_URL");
   if (code == "NoSuchKey")
     return say(ErrorCode::kNotFound, "no such object; look at the prefix, or publish the scene again");
-  if (!isSigned() && (status == 401 || status == 403))
+  if (!isSigned() && status >= 400 && status < 500 && status != 404)
     return say(ErrorCode::kIo,
                "the bucket is not public and no credentials were found; set AWS_ACCESS_KEY_ID and "
                "AWS_SECRET_ACCESS_KEY, or AWS_PROFILE");
@@ -139,8 +139,9 @@ Error S3Bucket::explain(const std::string& name, int status, const std::string& 
     return say(ErrorCode::kIo, key + " may not do this here; grant it access to the bucket, or give other credentials");
   if (code == "InvalidAccessKeyId")
     return say(ErrorCode::kIo, store + " does not know " + key + "; look at AWS_ACCESS_KEY_ID and AWS_ENDPOINT_URL");
-  if (code == "SignatureDoesNotMatch")
-    return say(ErrorCode::kIo, "the secret key is not that of " + key + "; look at AWS_SECRET_ACCESS_KEY");
+  if (code == "SignatureDoesNotMatch")  // some stores say so too when they do not know the key
+    return say(ErrorCode::kIo,
+               "the secret key is not that of " + key + "; look at AWS_SECRET_ACCESS_KEY and AWS_ACCESS_KEY_ID");
   if (code == "RequestTimeTooSkewed")
     return say(ErrorCode::kIo, "this machine's clock (" + timeNow() + ") is not the store's (" +
                                    printable(xmlText(xml, "ServerTime").value_or("unknown")) + "); set it right");
