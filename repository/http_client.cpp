@@ -305,11 +305,14 @@ HttpClient::HttpClient(const HttpOptions& options)
 HttpClient::~HttpClient() = default;
 
 Result<HttpResponse> HttpClient::send(const HttpRequest& request) const {
+  const auto begin = std::chrono::steady_clock::now();
   Handle handle = pool_->take();
   Try tried = tryOnce(handle, request, options_);
   for (int retry = 1; retry <= options_.retries && mayPass(tried); ++retry) {
     if (tried.retry_after > options_.longest_pause) break;
-    std::this_thread::sleep_for(std::max(pauseBefore(retry, options_), tried.retry_after));
+    const milliseconds pause = std::max(pauseBefore(retry, options_), tried.retry_after);
+    if (std::chrono::steady_clock::now() + pause > begin + options_.patience) break;
+    std::this_thread::sleep_for(pause);
     tried = tryOnce(handle, request, options_);
   }
   pool_->giveBack(std::move(handle));

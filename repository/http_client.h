@@ -27,6 +27,8 @@ struct HttpOptions {
   std::chrono::milliseconds connect_timeout{10000};
   /// An answer that brings less than 1 KiB/s for so long is given up.
   std::chrono::seconds stall_timeout{20};
+  /// No try begins later than this after the first, so that a server that hangs costs no minutes.
+  std::chrono::seconds patience{30};
   /// How many redirects are followed; never from https to http.
   int redirects = 4;
   /// Idle connections that are kept open.

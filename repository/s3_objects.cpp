@@ -205,8 +205,9 @@ Result<std::unique_ptr<ObjectSink>> openS3Sink(const std::string& place, const S
     return Error{
         ErrorCode::kInvalidInput,
         place + ": no credentials to write with; set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or AWS_PROFILE"};
+  const std::string bucket_prefix = bucket->prefix();
   auto sink = std::make_unique<S3Sink>(std::move(*bucket));
-  const auto page = sink->listPage("", "", 1);
+  const auto page = sink->listPage(bucket_prefix, "", 1);
   // Who may write need not be allowed to list.
   if (!page && page.error().message.find(": AccessDenied: ") == std::string::npos) return page.error();
   return std::unique_ptr<ObjectSink>(std::move(sink));

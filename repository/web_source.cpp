@@ -16,20 +16,25 @@ using base::Error;
 using base::ErrorCode;
 using base::Result;
 
-// Which state of an object an answer is about.
+// Which state of an object an answer is about; "" and nothing where the server does not tell.
 struct Version {
-  std::string tag;  // ETag, or else Last-Modified; "" when the server tells neither
+  std::string tag;   // ETag
+  std::string date;  // Last-Modified
   std::optional<std::uint64_t> size;
 
+  // A server may tell more in one answer than in another: only like is compared with like.
   bool differsFrom(const Version& other) const {
-    const bool other_tag = !tag.empty() && !other.tag.empty() && tag != other.tag;
-    return other_tag || (size && other.size && *size != *other.size);
+    if (size && other.size && *size != *other.size) return true;
+    if (!tag.empty() && !other.tag.empty()) return plain(tag) != plain(other.tag);
+    return !date.empty() && !other.date.empty() && date != other.date;
   }
+
+ private:
+  static std::string plain(const std::string& tag) { return tag.rfind("W/", 0) == 0 ? tag.substr(2) : tag; }
 };
 
 Version versionOf(const HttpResponse& response, std::optional<std::uint64_t> size) {
-  std::string tag = response.header("etag");
-  return {tag.empty() ? response.header("last-modified") : tag, size};
+  return {response.header("etag"), response.header("last-modified"), size};
 }
 
 class WebSource final : public ObjectSource {
@@ -44,7 +49,7 @@ class WebSource final : public ObjectSource {
       return tooShort(name, std::nullopt, offset, length);
     std::vector<std::string> headers{"Range: bytes=" + std::to_string(offset) + "-" +
                                      std::to_string(offset + length - 1)};
-    // A weak tag (W/"…") or a date cannot be asked for; it is compared afterwards.
+    // A weak tag (W/"…") or a date cannot be asked for, but is compared afterwards.
     if (const auto known = knownVersion(name); known && known->tag.rfind('"', 0) == 0)
       headers.push_back("If-Match: " + known->tag);
     auto response = server_->ask("GET", name, headers, length);

@@ -221,6 +221,21 @@ TEST(CachedSource, anErrorReachesAllWhoWaitForIt) {
   EXPECT_EQ(f.far->reads, 1);
 }
 
+TEST(CachedSource, blocksAreKeptUnderTheIdsOfTheDocument) {
+  const TemporaryDirectory directory;
+  Fixture f;
+  const auto cached = f.open(directory.path());
+  f.expectRead(*cached, "pack", 0, 1);
+  // docs/formats/cache.md, worked: SHA-256 of "far://scene\n\npack\n0".
+  const PieceId id{0xd7, 0x17, 0x7d, 0xea, 0xd8, 0x17, 0xe4, 0xbe, 0x01, 0x1d, 0x4a, 0xbf, 0x7e, 0x2d, 0x39, 0xf1};
+  const auto block = cached->cache().get(id);
+  ASSERT_TRUE(block);
+  EXPECT_EQ(block->size(), kBlock);
+  EXPECT_TRUE(std::equal(block->begin(), block->end(), f.far->objects["pack"].begin()));
+  // Its cost, and that of the object's size.
+  EXPECT_EQ(cached->cache().usedBytes(), 65696U + 4096U + 160U);
+}
+
 // --- Bounds
 
 TEST(RangeCache, theLeastRecentlyUsedGoesFirst) {

@@ -282,6 +282,27 @@ TEST(WebSource, anObjectThatChangesIsAnErrorNotAMix) {
               "changed while it was read");
 }
 
+TEST(WebSource, onlyLikeIsComparedWithLike) {
+  // Servers behind one address that tell different things about the same object.
+  const std::vector<std::string> told{"ETag: \"a\"\r\nLast-Modified: Sat, 01 Jan 2000 00:00:00 GMT\r\n",
+                                      "Last-Modified: Sat, 01 Jan 2000 00:00:00 GMT\r\n", "ETag: W/\"a\"\r\n",
+                                      "ETag: \"a\"\r\nLast-Modified: Sun, 02 Jan 2000 00:00:00 GMT\r\n", ""};
+  const ScriptedServer server([&](const std::string&, int number) {
+    return part(kObject, 2, 5, told[static_cast<std::size_t>(number) % told.size()]);
+  });
+  const auto source = mustOpen(server.url());
+  for (std::size_t i = 0; i < told.size(); ++i) EXPECT_TRUE(source->read("a.bin", 2, 4)) << i;
+}
+
+TEST(WebSource, aServerThatHangsIsNotAskedForMinutes) {
+  const ScriptedServer server([](const std::string&, int) { return Answer{"", false, true}; });
+  HttpOptions options = quick();
+  options.retries = 1000;
+  options.patience = 1s;
+  expectError(mustOpen(server.url(), options)->read("a.bin", 2, 4).error(), ErrorCode::kNetwork, "too slow");
+  EXPECT_LE(server.requests().size(), 2U);
+}
+
 TEST(WebSource, sizeBeginsANewReading) {
   const ScriptedServer server([](const std::string& request, int number) {
     const std::string tag = "ETag: W/\"" + std::to_string(number / 2) + "\"\r\n";
