@@ -24,14 +24,6 @@ std::string directoryOf(const std::string& path) {
   return slash == 0 ? "/" : path.substr(0, slash);
 }
 
-// A rename is durable only once its directory is.
-void syncDirectory(const std::string& path) {
-  const int fd = ::open(directoryOf(path).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (fd < 0) return;
-  ::fsync(fd);
-  ::close(fd);
-}
-
 }  // namespace
 
 Error systemError(const std::string& path, const std::string& action, int errno_value) {
@@ -40,6 +32,13 @@ Error systemError(const std::string& path, const std::string& action, int errno_
   std::string message = path + ": cannot " + action + ": " + std::strerror(errno_value);
   if (full) message += "; free some space and run the same command again";
   return {code, message};
+}
+
+void syncDirectoryOf(const std::string& path) {
+  const int fd = ::open(directoryOf(path).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (fd < 0) return;
+  ::fsync(fd);
+  ::close(fd);
 }
 
 Result<Bytes> readFile(const std::string& path) {
@@ -159,7 +158,7 @@ Result<void> AtomicFile::commit() {
     ::unlink(temporary_.c_str());
     return systemError(path_, "rename into place", error);
   }
-  syncDirectory(path_);
+  syncDirectoryOf(path_);
   return {};
 }
 

@@ -1,104 +1,29 @@
-// The store on LMDB 0.9. Each of its traps (docs/formats/repository.md) is met once here: the map size and the number
-// of readers are set before opening, MDB_NOTLS, one environment a process, copies out of short transactions, durable
-// commits, one writer.
+// The store on LMDB: copies out of short transactions, durable commits, one writer. LMDB's other traps are met in
+// lmdb_environment.cpp.
 #include <fcntl.h>
 #include <lmdb.h>
 #include <sys/file.h>
-#include <sys/mman.h>
-#include <sys/resource.h>
-#include <sys/stat.h>
-#include <sys/vfs.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <climits>
-#include <cstdlib>
 #include <filesystem>
-#include <map>
-#include <mutex>
-#include <shared_mutex>
 #include <string>
 #include <utility>
 
 #include "base/file.h"
-#include "repository/lmdb_check.h"
+#include "repository/lmdb_environment.h"
 #include "repository/store.h"
 
 namespace repository {
 namespace {
 
-constexpr unsigned kMaxReaders = 1024;
-constexpr off_t kLockBytes = 64 * (kMaxReaders + 3);  // lock.mdb: a header and 64 bytes a reader
-constexpr std::uint64_t kSmallestMap = std::uint64_t{1} << 30;
 constexpr std::size_t kPortionValues = 256;                  // forEach: values copied in one transaction …
 constexpr std::size_t kPortionBytes = std::size_t{8} << 20;  // … and their bytes
-constexpr std::size_t kRoomBesides = std::size_t{1}
-                                     << 20;  // what a batch writes besides its values: pages of keys, free lists
-constexpr int kCheckAttempts = 50;           // a writer may overtake the check, but not that often
+const std::vector<const char*> kTables{"faces", "meta"};
+constexpr std::size_t kFaces = 0, kMeta = 1;  // places in kTables
 const std::string kMetaKey = "parameters";
-
-// --- Errors
-// ------------------------------------------------------------------------------------------------------------------
-
-base::Error storeError(const std::string& path, const std::string& action, int code) {
-  using base::ErrorCode;
-  const auto say = [&](ErrorCode kind, const std::string& what) {
-    return base::Error{kind, path + ": cannot " + action + ": " + what};
-  };
-  switch (code) {
-    case MDB_MAP_FULL:
-      return say(ErrorCode::kNoSpace,
-                 "the system gives the store no more address space; raise its limit (ulimit -v) and run the same "
-                 "command again");
-    case MDB_TXN_FULL:
-      return say(ErrorCode::kNoSpace, "too much in one batch; write fewer values at once");
-    case EFBIG:
-      return say(ErrorCode::kNoSpace,
-                 "the file may not grow any more; raise the limit (ulimit -f) or move the scene, and run the same "
-                 "command again");
-    case MDB_READERS_FULL:
-      return say(ErrorCode::kBusy,
-                 "all " + std::to_string(kMaxReaders) + " readers' places are taken; stop some programs that read it");
-    case MDB_BAD_RSLOT:
-      return say(ErrorCode::kBusy,
-                 "a reader's place was used twice (MDB_BAD_RSLOT); close the store and open it again");
-    case MDB_VERSION_MISMATCH:
-      return say(ErrorCode::kVersion, "written by another version of LMDB; build the images again");
-    case MDB_INVALID:
-      return say(ErrorCode::kInvalidInput,
-                 "data.mdb is not an LMDB file; delete the directory and build the images again");
-    case MDB_PANIC:
-      return say(ErrorCode::kIo, "an earlier write failed; close the store and open it again");
-    default:
-      break;
-  }
-  if (code > 0) return base::systemError(path, action, code);
-  return say(ErrorCode::kInvalidInput,
-             std::string(mdb_strerror(code)) + "; delete the directory and build the images again");
-}
-
-// LMDB calls a write that was cut short EIO, and so hides a full disk, a quota or a limit. To know, we ask for that
-// room ourselves.
-int reasonOfFailedWrite(const std::string& path, int code, std::size_t bytes) {
-  if (code != EIO) return code;
-  const int fd = ::open((path + "/data.mdb").c_str(), O_RDWR | O_CLOEXEC);
-  if (fd < 0) return code;
-  struct stat info {};
-  rlimit limit{};
-  if (::fstat(fd, &info) == 0 && ::getrlimit(RLIMIT_FSIZE, &limit) == 0) {
-    const auto size = static_cast<std::uint64_t>(info.st_size);
-    const std::size_t room = bytes + kRoomBesides;
-    if (limit.rlim_cur != RLIM_INFINITY && size + room > limit.rlim_cur) {
-      code = EFBIG;
-    } else if (::fallocate(fd, FALLOC_FL_KEEP_SIZE, info.st_size, static_cast<off_t>(room)) != 0) {
-      code = errno == ENOSPC || errno == EDQUOT || errno == EFBIG ? errno : EIO;
-    }
-  }
-  ::close(fd);
-  return code;
-}
 
 base::Error openedForReading(const std::string& path) {
   return {base::ErrorCode::kUnsupported, path + ": opened for reading only"};
@@ -123,210 +48,6 @@ base::Result<FaceKey> keyFrom(const MDB_val& value) {
   std::uint64_t code = 0;
   for (std::size_t i = 0; i < 8; ++i) code = code << 8 | bytes[i];
   return FaceKey::fromCode(code);
-}
-
-// LMDB takes pointers to what it only reads without const.
-template <class Range>
-MDB_val valueOf(const Range& range) {
-  return {range.size(), const_cast<void*>(static_cast<const void*>(range.data()))};
-}
-
-base::ByteView viewOf(const MDB_val& value) {
-  return {static_cast<const std::uint8_t*>(value.mv_data), value.mv_size};
-}
-
-// --- The environment: one for each directory and process
-// ------------------------------------------------------------------------
-
-struct CloseEnv {
-  void operator()(MDB_env* env) const { mdb_env_close(env); }
-};
-struct AbortTxn {
-  void operator()(MDB_txn* txn) const { mdb_txn_abort(txn); }
-};
-using Txn = std::unique_ptr<MDB_txn, AbortTxn>;
-
-class Environment {
- public:
-  static base::Result<std::shared_ptr<Environment>> open(const std::string& path, const LmdbOptions& options);
-
-  // Runs body(txn) in a read transaction of this moment. body returns an LMDB code.
-  template <class Body>
-  int read(const Body& body) {
-    for (;;) {
-      {
-        const std::shared_lock lock(mapping_);
-        if (broken_) return MDB_PANIC;
-        MDB_txn* raw = nullptr;
-        const int code = mdb_txn_begin(env_.get(), nullptr, MDB_RDONLY, &raw);
-        const Txn txn(raw);
-        if (code == 0) return body(raw);
-        if (code != MDB_MAP_RESIZED) return code;
-      }
-      if (const int code = adoptMap(); code != 0) return code;
-    }
-  }
-
-  // Runs body(txn) in a write transaction and commits it durably; all of it again in a larger map when the map is full.
-  template <class Body>
-  int write(const Body& body) {
-    for (;;) {
-      const int code = writeOnce(body);
-      if (code != MDB_MAP_FULL && code != MDB_MAP_RESIZED) return code;
-      if (const int grown = code == MDB_MAP_FULL ? growMap() : adoptMap(); grown != 0) return grown;
-    }
-  }
-
-  base::Result<void> checkTrees(const std::string& path, CheckDepth depth);
-  // Opens (or makes) the two tables.
-  int openTables(bool create);
-  // Gives places of readers that died back, so that the pages they held can be used again.
-  void dropDeadReaders() {
-    int dead = 0;
-    mdb_reader_check(env_.get(), &dead);
-  }
-  MDB_dbi faces() const { return faces_; }
-  MDB_dbi meta() const { return meta_; }
-  bool readOnly() const { return read_only_; }
-
- private:
-  template <class Body>
-  int writeOnce(const Body& body) {
-    const std::shared_lock lock(mapping_);
-    if (broken_) return MDB_PANIC;
-    MDB_txn* raw = nullptr;
-    if (const int code = mdb_txn_begin(env_.get(), nullptr, 0, &raw); code != 0) return code;
-    Txn txn(raw);
-    if (const int code = body(raw); code != 0) return code;
-    return mdb_txn_commit(txn.release());
-  }
-  // The map may change only while no transaction of this process runs. LMDB is left without any map when the system
-  // refuses the new one, so we ask the system first.
-  int growMap() {
-    const std::unique_lock lock(mapping_);
-    MDB_envinfo info{};
-    mdb_env_info(env_.get(), &info);
-    const std::size_t bytes = info.me_mapsize * 2;
-    void* const probe = ::mmap(nullptr, bytes, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
-    if (probe == MAP_FAILED) return MDB_MAP_FULL;
-    ::munmap(probe, bytes);
-    return setMap(bytes);
-  }
-  // Another process has made the map larger.
-  int adoptMap() {
-    const std::unique_lock lock(mapping_);
-    return setMap(0);
-  }
-  int setMap(std::size_t bytes) {
-    const int code = broken_ ? MDB_PANIC : mdb_env_set_mapsize(env_.get(), bytes);
-    if (code != 0) broken_ = true;
-    return code;
-  }
-
-  std::shared_mutex mapping_;
-  std::unique_ptr<MDB_env, CloseEnv> env_;
-  bool read_only_ = false;
-  bool broken_ = false;  // LMDB has lost its map
-  bool tables_open_ = false;
-  MDB_dbi faces_ = 0;
-  MDB_dbi meta_ = 0;
-};
-
-// LMDB must not open a directory twice in one process (its locks are the process's), so handles share what is open.
-// Opening and closing happen under one mutex.
-struct Registry {
-  std::mutex mutex;
-  std::map<std::string, std::pair<std::shared_ptr<Environment>, int>> open;
-};
-Registry& registry() {
-  static Registry* const instance = new Registry;  // never destroyed: handles may outlive statics
-  return *instance;
-}
-
-// Readers take places in lock.mdb through a map: on a full disk a hole there would be SIGBUS, so its blocks are taken
-// now. Never while it is open in this process: closing a second descriptor would drop LMDB's locks.
-base::Result<void> reserveLockFile(const std::string& directory) {
-  const std::string path = directory + "/lock.mdb";
-  const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
-  if (fd < 0) return {};  // a directory that may only be read; LMDB says what it thinks of it
-  const int code = ::posix_fallocate(fd, 0, kLockBytes);
-  ::close(fd);
-  if (code == ENOSPC || code == EDQUOT) return base::systemError(path, "make", code);
-  return {};
-}
-
-int openEnv(const std::string& path, std::uint64_t map_bytes, unsigned flags, std::unique_ptr<MDB_env, CloseEnv>& out) {
-  MDB_env* raw = nullptr;
-  if (const int code = mdb_env_create(&raw); code != 0) return code;
-  out.reset(raw);
-  mdb_env_set_mapsize(raw, map_bytes);
-  mdb_env_set_maxreaders(raw, kMaxReaders);
-  mdb_env_set_maxdbs(raw, 2);
-  return mdb_env_open(raw, path.c_str(), MDB_NOTLS | flags, 0644);
-}
-
-base::Result<std::shared_ptr<Environment>> Environment::open(const std::string& path, const LmdbOptions& options) {
-  LUMIGRID_TRY(checkLmdbHeader(path));
-  LUMIGRID_TRY(reserveLockFile(path));
-  auto environment = std::make_shared<Environment>();
-  const auto attempt = [&](unsigned flags) {
-    int code = ENOMEM;
-    // Where the system refuses that much address space, a smaller map serves until it must grow.
-    for (std::uint64_t bytes = options.map_bytes;
-         code == ENOMEM && (bytes == options.map_bytes || bytes >= kSmallestMap); bytes /= 4) {
-      code = openEnv(path, bytes, flags, environment->env_);
-    }
-    return code;
-  };
-
-  // Read-write even for readers, so that a writer of the same process can share it; read-only where the disk is.
-  int code = attempt(0);
-  if (code == EACCES || code == EROFS || code == EPERM) {
-    environment->read_only_ = true;
-    code = attempt(MDB_RDONLY);
-  }
-  if (code != 0) return storeError(path, "open", code);
-  environment->dropDeadReaders();
-
-  LUMIGRID_TRY(environment->checkTrees(path, CheckDepth::kKeys));
-  return environment;
-}
-
-// A damaged tree would make LMDB follow wild links, so we walk it first; the transaction keeps its pages from being
-// used again.
-base::Result<void> Environment::checkTrees(const std::string& path, CheckDepth depth) {
-  base::Result<void> sound;
-  for (int attempt = 0; attempt < kCheckAttempts; ++attempt) {
-    const int code = read([&](MDB_txn* txn) {
-      sound = checkLmdbTrees(path, mdb_txn_id(txn), depth);
-      return 0;
-    });
-    if (code != 0) return storeError(path, "open", code);
-    if (sound || sound.error().code != base::ErrorCode::kBusy) break;
-  }
-  return sound;
-}
-
-int Environment::openTables(bool create) {
-  if (tables_open_) return 0;
-  const auto open_both = [&](MDB_txn* txn, unsigned flags) {
-    if (const int code = mdb_dbi_open(txn, "faces", flags, &faces_); code != 0) return code;
-    return mdb_dbi_open(txn, "meta", flags, &meta_);
-  };
-  int code = 0;
-  if (create) {
-    code = write([&](MDB_txn* txn) { return open_both(txn, MDB_CREATE); });
-  } else {
-    // A table's handle outlives its transaction only when that is committed.
-    const std::shared_lock lock(mapping_);
-    MDB_txn* raw = nullptr;
-    code = mdb_txn_begin(env_.get(), nullptr, MDB_RDONLY, &raw);
-    Txn txn(raw);
-    if (code == 0) code = open_both(raw, 0);
-    if (code == 0) code = mdb_txn_commit(txn.release());
-  }
-  tables_open_ = code == 0;
-  return code;
 }
 
 // --- The writer's lock
@@ -378,21 +99,14 @@ class WriterLock {
 
 class LmdbStore final : public Store {
  public:
-  LmdbStore(std::string path, std::shared_ptr<Environment> environment, WriterLock lock)
+  LmdbStore(std::string path, SharedLmdb environment, WriterLock lock)
       : path_(std::move(path)), environment_(std::move(environment)), lock_(std::move(lock)) {}
-
-  ~LmdbStore() override {
-    const std::lock_guard guard(registry().mutex);
-    const auto it = registry().open.find(path_);
-    environment_.reset();
-    if (--it->second.second == 0) registry().open.erase(it);
-  }
 
   base::Result<std::optional<base::Bytes>> get(const FaceKey& key) const override {
     std::optional<base::Bytes> value;
     const KeyBytes bytes = keyBytes(key.code());
-    const int code =
-        environment_->read([&](MDB_txn* txn) { return copyOut(txn, environment_->faces(), valueOf(bytes), value); });
+    const int code = environment_->read(
+        [&](MDB_txn* txn) { return copyOut(txn, environment_->table(kFaces), valueOf(bytes), value); });
     if (code != 0 && code != MDB_NOTFOUND) return storeError(path_, "read", code);
     return value;
   }
@@ -402,7 +116,7 @@ class LmdbStore final : public Store {
     const int code = environment_->read([&](MDB_txn* txn) {
       MDB_val name = valueOf(bytes);
       MDB_val value{};
-      return mdb_get(txn, environment_->faces(), &name, &value);
+      return mdb_get(txn, environment_->table(kFaces), &name, &value);
     });
     if (code != 0 && code != MDB_NOTFOUND) return storeError(path_, "read", code);
     return code == 0;
@@ -427,7 +141,7 @@ class LmdbStore final : public Store {
         const KeyBytes bytes = keyBytes(key);
         MDB_val name = valueOf(bytes);
         MDB_val data = valueOf(*value);
-        if (const int put = mdb_put(txn, environment_->faces(), &name, &data, 0); put != 0) return put;
+        if (const int put = mdb_put(txn, environment_->table(kFaces), &name, &data, 0); put != 0) return put;
       }
       return 0;
     });
@@ -441,7 +155,7 @@ class LmdbStore final : public Store {
       for (const FaceKey& key : keys) {
         const KeyBytes bytes = keyBytes(key.code());
         MDB_val name = valueOf(bytes);
-        const int erased = mdb_del(txn, environment_->faces(), &name, nullptr);
+        const int erased = mdb_del(txn, environment_->table(kFaces), &name, nullptr);
         if (erased != 0 && erased != MDB_NOTFOUND) return erased;
       }
       return 0;
@@ -469,15 +183,16 @@ class LmdbStore final : public Store {
 
   base::Result<std::uint64_t> size() const override {
     MDB_stat stat{};
-    const int code = environment_->read([&](MDB_txn* txn) { return mdb_stat(txn, environment_->faces(), &stat); });
+    const int code =
+        environment_->read([&](MDB_txn* txn) { return mdb_stat(txn, environment_->table(kFaces), &stat); });
     if (code != 0) return storeError(path_, "read", code);
     return std::uint64_t{stat.ms_entries};
   }
 
   base::Result<std::optional<std::string>> readMeta() const override {
     std::optional<base::Bytes> value;
-    const int code =
-        environment_->read([&](MDB_txn* txn) { return copyOut(txn, environment_->meta(), valueOf(kMetaKey), value); });
+    const int code = environment_->read(
+        [&](MDB_txn* txn) { return copyOut(txn, environment_->table(kMeta), valueOf(kMetaKey), value); });
     if (code != 0 && code != MDB_NOTFOUND) return storeError(path_, "read", code);
     if (!value) return std::optional<std::string>();
     return std::optional<std::string>(std::string(value->begin(), value->end()));
@@ -488,7 +203,7 @@ class LmdbStore final : public Store {
     const int code = environment_->write([&](MDB_txn* txn) {
       MDB_val name = valueOf(kMetaKey);
       MDB_val data = valueOf(text);
-      return mdb_put(txn, environment_->meta(), &name, &data, 0);
+      return mdb_put(txn, environment_->table(kMeta), &name, &data, 0);
     });
     if (code != 0) return storeError(path_, "write", reasonOfFailedWrite(path_, code, 0));
     return {};
@@ -507,7 +222,7 @@ class LmdbStore final : public Store {
   int copyPortion(MDB_txn* txn, std::uint64_t next, std::vector<std::pair<FaceKey, base::Bytes>>& out,
                   base::Result<void>& keys) const {
     MDB_cursor* raw = nullptr;
-    if (const int code = mdb_cursor_open(txn, environment_->faces(), &raw); code != 0) return code;
+    if (const int code = mdb_cursor_open(txn, environment_->table(kFaces), &raw); code != 0) return code;
     const std::unique_ptr<MDB_cursor, decltype(&mdb_cursor_close)> cursor(raw, mdb_cursor_close);
 
     const KeyBytes start = keyBytes(next);
@@ -529,18 +244,9 @@ class LmdbStore final : public Store {
   }
 
   std::string path_;
-  std::shared_ptr<Environment> environment_;
+  SharedLmdb environment_;
   WriterLock lock_;
 };
-
-// LMDB's locks and map need a local disk: on a network file system two machines would ruin the store (lmdb.h,
-// "Caveats").
-bool onNetwork(const std::string& path) {
-  constexpr std::array<std::uint32_t, 3> kNetworks = {0x6969 /* NFS */, 0xFF534D42 /* CIFS */, 0xFE534D42 /* SMB2 */};
-  struct statfs info {};
-  return ::statfs(path.c_str(), &info) == 0 &&
-         std::find(kNetworks.begin(), kNetworks.end(), static_cast<std::uint32_t>(info.f_type)) != kNetworks.end();
-}
 
 // The directory by its one true name, made first when it is to be written.
 base::Result<std::string> directoryOf(const std::string& path, StoreMode mode) {
@@ -553,7 +259,7 @@ base::Result<std::string> directoryOf(const std::string& path, StoreMode mode) {
   }
   const std::filesystem::path real = std::filesystem::canonical(path, failed);
   if (failed) return base::systemError(path, "open", failed.value());
-  if (onNetwork(real))
+  if (isOnNetwork(real))
     return base::Error{base::ErrorCode::kUnsupported,
                        path + ": on a network file system, which LMDB cannot use; copy the scene to a local disk"};
   return real.string();
@@ -572,29 +278,21 @@ base::Result<std::unique_ptr<Store>> openLmdbStore(const std::string& path, Stor
     lock = std::move(*taken);
   }
 
-  const std::lock_guard guard(registry().mutex);
-  std::shared_ptr<Environment> environment;
-  if (const auto it = registry().open.find(*directory); it != registry().open.end()) {
-    environment = it->second.first;
-  } else {
-    auto opened = Environment::open(*directory, options);
-    if (!opened) return opened.error();
-    environment = std::move(*opened);
-  }
+  LmdbEnvironmentOptions environment_options;
+  environment_options.map_bytes = options.map_bytes;
+  auto environment = SharedLmdb::open(*directory, environment_options);
+  if (!environment) return environment.error();
   if (mode == StoreMode::kWrite) {
-    if (environment->readOnly()) return storeError(path, "write", EROFS);
-    LUMIGRID_TRY(environment->checkTrees(*directory, CheckDepth::kValues));
+    if ((*environment)->readOnly()) return storeError(path, "write", EROFS);
+    LUMIGRID_TRY((*environment)->checkTrees(CheckDepth::kValues));
   }
 
-  const int code = environment->openTables(mode == StoreMode::kWrite);
+  const int code = (*environment)->openTables(kTables, mode == StoreMode::kWrite);
   if (code == MDB_NOTFOUND)
     return base::Error{base::ErrorCode::kNotFound,
                        path + ": the image repository is empty; build it with lumigrid build"};
   if (code != 0) return storeError(path, "open", code);
-  auto& entry = registry().open[*directory];
-  entry.first = environment;
-  ++entry.second;
-  return std::unique_ptr<Store>(std::make_unique<LmdbStore>(*directory, std::move(environment), std::move(lock)));
+  return std::unique_ptr<Store>(std::make_unique<LmdbStore>(*directory, std::move(*environment), std::move(lock)));
 }
 
 }  // namespace repository

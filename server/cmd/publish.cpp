@@ -13,7 +13,7 @@
 
 #include "base/file.h"
 #include "repository/pack_format.h"
-#include "repository/places.h"
+#include "repository/open_objects.h"
 #include "server/cmd/commands.h"
 #include "server/cmd/console.h"
 #include "server/net/open_scene.h"
@@ -138,7 +138,7 @@ Result<PublishReport> publish(const PublishArguments& a) {
   if (!open) return open.error();
   if (!base::partFile((*open)->scene, "patch", ".lgp"))
     return Error{ErrorCode::kInvalidInput, a.scene + ": scene.json lists no patch.lgp; build the scene again"};
-  auto sink = repository::openSink(a.destination);
+  auto sink = repository::openObjectSink(a.destination);
   if (!sink) return sink.error();
   LUMIGRID_TRY(refuseBuiltScene(**sink));
 

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "repository/places.h"
+#include "repository/open_objects.h"
 #include "tests/repository/temporary_directory.h"
 
 namespace {
@@ -50,16 +50,16 @@ TEST(Objects, ADirectoryGivesBackWhatWasPut) {
 
 TEST(Objects, OneSinkOfADirectoryAtATime) {
   const repository::test::TemporaryDirectory directory;
-  auto sink = repository::openSink("file://" + directory.path());
+  auto sink = repository::openObjectSink("file://" + directory.path());
   ASSERT_TRUE(sink);
-  EXPECT_EQ(repository::openSink(directory.path()).error().code, ErrorCode::kBusy);
+  EXPECT_EQ(repository::openObjectSink(directory.path()).error().code, ErrorCode::kBusy);
   sink->reset();
-  EXPECT_TRUE(repository::openSink(directory.path()));
+  EXPECT_TRUE(repository::openObjectSink(directory.path()));
 }
 
 TEST(Objects, PlacesThatCannotBeWrittenAreNamed) {
   for (const char* place : {"http://host/scene", "https://host/scene", "gopher://host/scene"}) {
-    const auto refused = repository::openSink(place);
+    const auto refused = repository::openObjectSink(place);
     ASSERT_FALSE(refused) << place;
     EXPECT_EQ(refused.error().code, ErrorCode::kUnsupported);
     EXPECT_EQ(refused.error().message.find(place), 0U) << refused.error().message;

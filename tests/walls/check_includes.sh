@@ -39,6 +39,7 @@ home() {  # home REGEX FOLDER...: only these folders include it
 home 'OpenMesh/|metis' lod/build
 home 'boost/' server/net client/native
 home 'lmdb' repository
+home 'curl/' repository
 home 'EGL/' base/egl
 home 'turbojpeg|jpeglib' repository lod/build
 home 'GLES3/' base/gl base/egl client/native

@@ -1,0 +1,148 @@
+#pragma once
+// LMDB 0.9 with its traps met once (docs/formats/repository.md): the map size and the number of readers are set before
+// opening, MDB_NOTLS, one environment a process, files looked at before they are trusted.
+#include <lmdb.h>
+
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <shared_mutex>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "base/bytes.h"
+#include "base/error.h"
+#include "repository/lmdb_check.h"
+
+namespace repository {
+
+struct LmdbEnvironmentOptions {
+  /// Address space for the map. Smaller where the system refuses.
+  std::uint64_t map_bytes = std::uint64_t{64} << 30;
+  /// Whether a write doubles a map that is full; otherwise it fails with MDB_MAP_FULL, and the file is never larger.
+  bool grows = true;
+  /// Whether a commit returns only when the disk has it. Without that a power cut may damage the whole file.
+  bool durable = true;
+};
+
+class LmdbEnvironment {
+ public:
+  /// Looks at the trees (CheckDepth::kKeys) too. Not twice in a process for one directory: use SharedLmdb.
+  static base::Result<std::shared_ptr<LmdbEnvironment>> open(const std::string& directory,
+                                                             const LmdbEnvironmentOptions& options);
+
+  /// Runs body(txn) in a read transaction of this moment. body returns an LMDB code.
+  template <class Body>
+  int read(const Body& body) {
+    for (;;) {
+      {
+        const std::shared_lock lock(mapping_);
+        if (broken_) return MDB_PANIC;
+        MDB_txn* raw = nullptr;
+        const int code = mdb_txn_begin(env_.get(), nullptr, MDB_RDONLY, &raw);
+        const Txn txn(raw);
+        if (code == 0) return body(raw);
+        if (code != MDB_MAP_RESIZED) return code;
+      }
+      if (const int code = adoptMap(); code != 0) return code;
+    }
+  }
+
+  /// Runs body(txn) in a write transaction and commits it; all of it again in a larger map when the map is full.
+  template <class Body>
+  int write(const Body& body) {
+    for (;;) {
+      const int code = writeOnce(body);
+      const bool grow = code == MDB_MAP_FULL && grows_;
+      if (!grow && code != MDB_MAP_RESIZED) return code;
+      if (const int grown = grow ? growMap() : adoptMap(); grown != 0) return grown;
+    }
+  }
+
+  /// Errors: kInvalidInput when the file is damaged.
+  base::Result<void> checkTrees(CheckDepth depth);
+  /// Opens (or makes) named tables; the same names at each call. MDB_NOTFOUND when one is absent and not to be made.
+  int openTables(const std::vector<const char*>& names, bool create);
+  /// The i-th of those.
+  MDB_dbi table(std::size_t i) const { return tables_[i]; }
+  /// Gives places of readers that died back, so that the pages they held can be used again.
+  void dropDeadReaders();
+  bool readOnly() const { return read_only_; }
+
+ private:
+  struct CloseEnv {
+    void operator()(MDB_env* env) const { mdb_env_close(env); }
+  };
+  struct AbortTxn {
+    void operator()(MDB_txn* txn) const { mdb_txn_abort(txn); }
+  };
+  using Txn = std::unique_ptr<MDB_txn, AbortTxn>;
+
+  template <class Body>
+  int writeOnce(const Body& body) {
+    const std::shared_lock lock(mapping_);
+    if (broken_) return MDB_PANIC;
+    MDB_txn* raw = nullptr;
+    if (const int code = mdb_txn_begin(env_.get(), nullptr, 0, &raw); code != 0) return code;
+    Txn txn(raw);
+    if (const int code = body(raw); code != 0) return code;
+    return mdb_txn_commit(txn.release());
+  }
+  int openEnv(std::uint64_t map_bytes, unsigned flags);
+  int growMap();
+  int adoptMap();
+  int setMap(std::size_t bytes);
+
+  std::string directory_;
+  std::shared_mutex mapping_;
+  std::mutex opening_;
+  std::unique_ptr<MDB_env, CloseEnv> env_;
+  bool read_only_ = false;
+  bool grows_ = true;
+  bool broken_ = false;  // LMDB has lost its map
+  bool tables_open_ = false;
+  std::vector<MDB_dbi> tables_;
+};
+
+/// A share in the one environment that this process has of a directory; the last one closes it.
+class SharedLmdb {
+ public:
+  /// `directory` by its one true name (std::filesystem::canonical). When it is open already, `options` are those of
+  /// the first.
+  static base::Result<SharedLmdb> open(const std::string& directory, const LmdbEnvironmentOptions& options);
+  SharedLmdb(SharedLmdb&&) noexcept = default;
+  SharedLmdb& operator=(SharedLmdb&&) = delete;
+  ~SharedLmdb();
+
+  LmdbEnvironment* operator->() const { return environment_.get(); }
+
+ private:
+  SharedLmdb(std::string directory, std::shared_ptr<LmdbEnvironment> environment)
+      : directory_(std::move(directory)), environment_(std::move(environment)) {}
+  std::string directory_;
+  std::shared_ptr<LmdbEnvironment> environment_;
+};
+
+/// An LMDB code as one line that says what to do.
+base::Error storeError(const std::string& path, const std::string& action, int code);
+
+/// LMDB calls a write that was cut short EIO, and so hides a full disk, a quota or a limit. To know, this asks for that
+/// room itself.
+int reasonOfFailedWrite(const std::string& path, int code, std::size_t bytes);
+
+/// LMDB's locks and map need a local disk: on a network file system two machines would ruin the store (lmdb.h,
+/// "Caveats").
+bool isOnNetwork(const std::string& path);
+
+/// LMDB takes pointers to what it only reads without const.
+template <class Range>
+MDB_val valueOf(const Range& range) {
+  return {range.size(), const_cast<void*>(static_cast<const void*>(range.data()))};
+}
+
+inline base::ByteView viewOf(const MDB_val& value) {
+  return {static_cast<const std::uint8_t*>(value.mv_data), value.mv_size};
+}
+
+}  // namespace repository

@@ -1,0 +1,216 @@
+#include "repository/s3_objects.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "base/file.h"
+#include "repository/content_range.h"
+#include "repository/s3_bucket.h"
+#include "repository/s3_xml.h"
+#include "repository/web_source.h"
+
+namespace repository {
+namespace {
+
+using base::Error;
+using base::ErrorCode;
+using base::Result;
+
+constexpr std::uint64_t kMostAnswerBytes = std::uint64_t{8} << 20;  // a page of 1000 keys of 1000 bytes, and more
+constexpr std::uint64_t kMostParts = 10000;                         // S3's limit
+
+std::string textOf(const base::Bytes& bytes) {
+  return {bytes.begin(), bytes.end()};
+}
+
+class S3Server final : public ObjectServer {
+ public:
+  explicit S3Server(S3Bucket bucket) : bucket_(std::move(bucket)) {}
+
+  Result<HttpResponse> ask(const std::string& method, const std::string& name, const std::vector<std::string>& headers,
+                           std::uint64_t most_bytes) const override {
+    S3Exchange exchange{method, name, {}, {}, {}, most_bytes};
+    for (const std::string& line : headers) {
+      const auto colon = line.find(": ");
+      exchange.headers[line.substr(0, colon)] = line.substr(colon + 2);
+    }
+    return bucket_.send(exchange);
+  }
+  Error refusal(const std::string& name, const HttpResponse& response) const override {
+    return bucket_.refusal(name, response);
+  }
+  std::string describe(const std::string& name) const override { return bucket_.describe(name); }
+
+ private:
+  S3Bucket bucket_;
+};
+
+class S3Sink final : public ObjectSink {
+ public:
+  explicit S3Sink(S3Bucket bucket) : bucket_(std::move(bucket)) {}
+
+  Result<void> put(const std::string& name, base::ByteView bytes, const std::string& content_type) override {
+    LUMIGRID_TRY(checkName(name));
+    S3Exchange exchange{"PUT", name, {}, {}, bytes, kMostAnswerBytes};
+    if (!content_type.empty()) exchange.headers["content-type"] = content_type;
+    const auto response = ask(exchange);
+    if (!response) return response.error();
+    return {};
+  }
+
+  Result<void> putFile(const std::string& name, const std::string& path, const std::string& content_type) override {
+    const auto file = base::MappedFile::open(path);
+    if (!file) return file.error();
+    if (file->bytes().size() <= bucket_.config().part_bytes) return put(name, file->bytes(), content_type);
+    LUMIGRID_TRY(checkName(name));
+    return putParts(name, file->bytes(), content_type);
+  }
+
+  Result<std::optional<std::uint64_t>> size(const std::string& name) override {
+    LUMIGRID_TRY(checkName(name));
+    const auto response = bucket_.send({"HEAD", name, {}, {}, {}, 0});
+    if (!response) return response.error();
+    if (response->status == 404) return std::optional<std::uint64_t>();  // the bucket was there when we opened it
+    if (response->status != 200) return bucket_.refusal(name, *response);
+    const auto bytes = parseDecimal(response->header("content-length"));
+    if (!bytes) return Error{ErrorCode::kNetwork, bucket_.describe(name) + ": the store does not say how long it is"};
+    return std::optional(*bytes);
+  }
+
+  Result<std::vector<std::string>> list(const std::string& prefix) override {
+    if (!prefix.empty()) LUMIGRID_TRY(checkName(prefix));
+    const std::string front = bucket_.prefix() + (prefix.empty() ? "" : prefix + "/");
+    std::vector<std::string> names;
+    for (std::string token;;) {
+      auto page = listPage(front, token, 1000);
+      if (!page) return page.error();
+      for (const std::string& key : page->keys) {
+        // Others may keep in the bucket what cannot be ours.
+        if (key.rfind(front, 0) != 0) continue;
+        std::string name = key.substr(bucket_.prefix().size());
+        if (isObjectName(name)) names.push_back(std::move(name));
+      }
+      if (page->next_token.empty()) break;
+      if (page->next_token == token)
+        return Error{ErrorCode::kNetwork, bucket_.describe(prefix) + ": the store's list of objects does not end"};
+      token = page->next_token;
+    }
+    std::sort(names.begin(), names.end());
+    return names;
+  }
+
+  Result<void> remove(const std::string& name) override {
+    LUMIGRID_TRY(checkName(name));
+    const auto response = bucket_.send({"DELETE", name, {}, {}, {}, kMostAnswerBytes});
+    if (!response) return response.error();
+    if (response->status >= 300 && response->status != 404) return bucket_.refusal(name, *response);
+    return {};
+  }
+
+  const std::string& place() const override { return bucket_.place(); }
+
+  Result<S3Page> listPage(const std::string& prefix, const std::string& token, int most_keys) const {
+    S3Exchange exchange{"GET", "", {{"list-type", "2"}, {"max-keys", std::to_string(most_keys)}},
+                        {},    {}, kMostAnswerBytes};
+    if (!prefix.empty()) exchange.query["prefix"] = prefix;
+    if (!token.empty()) exchange.query["continuation-token"] = token;
+    const auto response = ask(exchange);
+    if (!response) return response.error();
+    auto page = parseS3Page(textOf(response->body));
+    if (!page) return base::within(bucket_.place(), page.error());
+    return page;
+  }
+
+ private:
+  Result<void> checkName(const std::string& name) const {
+    if (isObjectName(name)) return {};
+    return Error{ErrorCode::kInvalidInput, bucket_.place() + ": no object can be named '" + name + "'"};
+  }
+
+  // Success or an error. A store may find out after its "200 OK" that it cannot: then the body is an <Error>.
+  Result<HttpResponse> ask(const S3Exchange& exchange) const {
+    auto response = bucket_.send(exchange);
+    if (!response) return response.error();
+    const bool failed_late = xmlText(textOf(response->body), "Code").has_value();
+    if (response->status < 200 || response->status >= 300 || failed_late)
+      return bucket_.refusal(exchange.name, *response);
+    return response;
+  }
+
+  // All parts under one upload, which shows as an object only when it is completed. What fails is aborted, or its parts
+  // would be kept and charged for.
+  Result<void> putParts(const std::string& name, base::ByteView bytes, const std::string& content_type) {
+    S3Exchange begin{"POST", name, {{"uploads", ""}}, {}, {}, kMostAnswerBytes};
+    if (!content_type.empty()) begin.headers["content-type"] = content_type;
+    const auto begun = ask(begin);
+    if (!begun) return begun.error();
+    const auto upload = xmlText(textOf(begun->body), "UploadId");
+    if (!upload || upload->empty())
+      return Error{ErrorCode::kNetwork, bucket_.describe(name) + ": the store begins no upload; is this an S3 store?"};
+
+    const auto done = sendParts(name, bytes, *upload);
+    if (done) return {};
+    const auto aborted = bucket_.send({"DELETE", name, {{"uploadId", *upload}}, {}, {}, kMostAnswerBytes});
+    Error error = done.error();
+    if (!aborted || (aborted->status >= 300 && aborted->status != 404))
+      error.message += "; an unfinished upload is left in the bucket, abort upload " + printable(*upload);
+    return error;
+  }
+
+  Result<void> sendParts(const std::string& name, base::ByteView bytes, const std::string& upload) {
+    const std::uint64_t part_bytes =
+        std::max(bucket_.config().part_bytes, (bytes.size() + kMostParts - 1) / kMostParts);
+    std::string list;
+    for (std::uint64_t offset = 0, number = 1; offset < bytes.size(); offset += part_bytes, ++number) {
+      const auto body = bytes.subspan(offset, std::min<std::uint64_t>(part_bytes, bytes.size() - offset));
+      const auto sent = ask(
+          {"PUT", name, {{"partNumber", std::to_string(number)}, {"uploadId", upload}}, {}, body, kMostAnswerBytes});
+      if (!sent) return sent.error();
+      const std::string tag = sent->header("etag");
+      if (tag.empty() || tag.find_first_of("<&") != std::string::npos)
+        return Error{ErrorCode::kNetwork, bucket_.describe(name) + ": the store gives no tag for a part"};
+      list += "<Part><PartNumber>" + std::to_string(number) + "</PartNumber><ETag>" + tag + "</ETag></Part>";
+    }
+    return complete(name, upload, "<CompleteMultipartUpload>" + list + "</CompleteMultipartUpload>", bytes.size());
+  }
+
+  Result<void> complete(const std::string& name, const std::string& upload, const std::string& xml,
+                        std::uint64_t bytes) {
+    const base::Bytes body(xml.begin(), xml.end());
+    const auto answered =
+        ask({"POST", name, {{"uploadId", upload}}, {{"content-type", "application/xml"}}, body, kMostAnswerBytes});
+    if (answered) return {};
+    // Perhaps a try before did it and only its answer was lost: then the upload is gone and the object is there.
+    if (answered.error().message.find("NoSuchUpload") != std::string::npos)
+      if (const auto there = size(name); there && *there == bytes) return {};
+    return answered.error();
+  }
+
+  S3Bucket bucket_;
+};
+
+}  // namespace
+
+Result<std::unique_ptr<ObjectSource>> openS3Source(const std::string& place, const S3Config& config) {
+  auto bucket = S3Bucket::open(place, config);
+  if (!bucket) return bucket.error();
+  const std::string clean = bucket->place();
+  return makeWebSource(clean, std::make_unique<S3Server>(std::move(*bucket)));
+}
+
+Result<std::unique_ptr<ObjectSink>> openS3Sink(const std::string& place, const S3Config& config) {
+  auto bucket = S3Bucket::open(place, config);
+  if (!bucket) return bucket.error();
+  if (!bucket->isSigned())
+    return Error{
+        ErrorCode::kInvalidInput,
+        place + ": no credentials to write with; set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or AWS_PROFILE"};
+  const std::string bucket_prefix = bucket->prefix();
+  auto sink = std::make_unique<S3Sink>(std::move(*bucket));
+  const auto page = sink->listPage(bucket_prefix, "", 1);
+  // Who may write need not be allowed to list.
+  if (!page && page.error().message.find(": AccessDenied: ") == std::string::npos) return page.error();
+  return std::unique_ptr<ObjectSink>(std::move(sink));
+}
+
+}  // namespace repository
