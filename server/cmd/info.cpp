@@ -1,4 +1,7 @@
+#include <array>
 #include <cstdio>
+#include <ctime>
+#include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -10,8 +13,11 @@
 namespace server::cmd {
 namespace {
 
+constexpr std::size_t kMostVisited = 10;
+
 struct InfoArguments {
   std::string scene;
+  std::vector<std::string> access_files;
   bool json = false;
 };
 
@@ -65,6 +71,74 @@ nlohmann::json describeImages(const OpenScene& open, const repository::Contents&
           {"face_size", grid.face_size}};
 }
 
+/// Nothing when no server has counted. Counts that cannot be read are said to be so: they are no part of the scene.
+nlohmann::json describeAccess(const OpenScene& open, const InfoArguments& a) {
+  std::vector<std::string> files = a.access_files;
+  if (files.empty()) files.push_back(repository::accessFileOf(a.scene));
+  std::error_code ignored;
+  if (a.access_files.empty() && !std::filesystem::exists(files.front(), ignored)) return nullptr;
+  const auto counts = repository::loadAccess(files, accessIdentityOf(open));
+  if (!counts) return {{"error", counts.error().message}};
+
+  nlohmann::json j{{"faces_sent", counts->facesSent()},
+                   {"groups_sent", counts->groupsSent()},
+                   {"uncounted", counts->uncounted},
+                   {"faces", counts->faces.size()},
+                   {"since", counts->since},
+                   {"until", counts->until},
+                   {"points", nlohmann::json::array()}};
+  const auto points = repository::rankPoints(*counts);
+  for (std::size_t i = 0; i < std::min(points.size(), kMostVisited); ++i) {
+    const glm::uvec3 p = points[i].point;
+    const glm::dvec3 at = open.scene.origin + glm::dvec3(open.data.welcome.grid.point(p.x, p.y, p.z));
+    j["points"].push_back({{"point", {p.x, p.y, p.z}}, {"position", {at.x, at.y, at.z}}, {"sent", points[i].sent}});
+  }
+  return j;
+}
+
+std::string dateOf(std::int64_t unix_seconds) {
+  const std::time_t time = unix_seconds;
+  std::tm parts{};
+  std::array<char, 64> text{};
+  if (::gmtime_r(&time, &parts) == nullptr || std::strftime(text.data(), text.size(), "%F %T UTC", &parts) == 0)
+    return "an unknown time";
+  return text.data();
+}
+
+void printAccess(const nlohmann::json& access) {
+  if (access.contains("error")) {
+    std::printf("sent to viewers: %s\n", access["error"].get<std::string>().c_str());
+    return;
+  }
+  const auto count = [&](const char* name) { return formatCount(access[name].get<std::uint64_t>()); };
+  std::printf("sent to viewers from %s to %s: %s images (%s different ones), %s groups\n",
+              dateOf(access["since"].get<std::int64_t>()).c_str(), dateOf(access["until"].get<std::int64_t>()).c_str(),
+              count("faces_sent").c_str(), count("faces").c_str(), count("groups_sent").c_str());
+  if (access["uncounted"].get<std::uint64_t>() != 0)
+    std::printf("  and %s more, not kept apart for want of memory\n", count("uncounted").c_str());
+  for (const auto& point : access["points"])
+    std::printf("  %12s from point %s at %s\n", formatCount(point["sent"].get<std::uint64_t>()).c_str(),
+                point["point"].dump().c_str(), point["position"].dump().c_str());
+}
+
+void printImages(const nlohmann::json& i) {
+  const auto images = i["images"].get<std::uint64_t>();
+  const auto expected = i["expected"].get<std::uint64_t>();
+  std::printf("images: %s of %d x %d pixels, %s faces see nothing; grid %s, spacing %g\n", formatCount(images).c_str(),
+              i["face_size"].get<int>(), i["face_size"].get<int>(),
+              formatCount(i["empty"].get<std::uint64_t>()).c_str(), i["grid"].dump().c_str(),
+              i["spacing"].get<double>());
+  std::printf(
+      "  %s JPEG, %s coverage, %s an image\n", formatBytes(i["jpeg_bytes"].get<std::uint64_t>()).c_str(),
+      formatBytes(i["coverage_bytes"].get<std::uint64_t>()).c_str(),
+      formatBytes(
+          images == 0 ? 0 : (i["jpeg_bytes"].get<std::uint64_t>() + i["coverage_bytes"].get<std::uint64_t>()) / images)
+          .c_str());
+  if (images + i["empty"].get<std::uint64_t>() != expected)
+    std::printf("  %s faces are missing; run the same `lumigrid build` again\n",
+                formatCount(expected - images - i["empty"].get<std::uint64_t>()).c_str());
+}
+
 void print(const InfoArguments& a, const nlohmann::json& j) {
   const auto& s = j["scene"];
   std::printf("%s: %s triangles, colours: %s, light: %s, units: %s\n", a.scene.c_str(),
@@ -87,26 +161,11 @@ void print(const InfoArguments& a, const nlohmann::json& j) {
     std::printf("  level %2d: %12s triangles %8s patches, error up to %g\n", number++,
                 formatCount(level["triangles"].get<std::uint64_t>()).c_str(),
                 formatCount(level["patches"].get<std::uint64_t>()).c_str(), level["max_error"].get<double>());
-  if (!j.contains("images")) {
+  if (j.contains("images"))
+    printImages(j["images"]);
+  else
     std::printf("images: none\n");
-    return;
-  }
-  const auto& i = j["images"];
-  const auto images = i["images"].get<std::uint64_t>();
-  const auto expected = i["expected"].get<std::uint64_t>();
-  std::printf("images: %s of %d x %d pixels, %s faces see nothing; grid %s, spacing %g\n", formatCount(images).c_str(),
-              i["face_size"].get<int>(), i["face_size"].get<int>(),
-              formatCount(i["empty"].get<std::uint64_t>()).c_str(), i["grid"].dump().c_str(),
-              i["spacing"].get<double>());
-  std::printf(
-      "  %s JPEG, %s coverage, %s an image\n", formatBytes(i["jpeg_bytes"].get<std::uint64_t>()).c_str(),
-      formatBytes(i["coverage_bytes"].get<std::uint64_t>()).c_str(),
-      formatBytes(
-          images == 0 ? 0 : (i["jpeg_bytes"].get<std::uint64_t>() + i["coverage_bytes"].get<std::uint64_t>()) / images)
-          .c_str());
-  if (images + i["empty"].get<std::uint64_t>() != expected)
-    std::printf("  %s faces are missing; run the same `lumigrid build` again\n",
-                formatCount(expected - images - i["empty"].get<std::uint64_t>()).c_str());
+  if (j.contains("access")) printAccess(j["access"]);
 }
 
 int run(const InfoArguments& a) {
@@ -121,6 +180,7 @@ int run(const InfoArguments& a) {
     if (!contents) return fail(contents.error());
     j["images"] = describeImages(**open, *contents);
   }
+  if (auto access = describeAccess(**open, a); !access.is_null()) j["access"] = std::move(access);
   if (a.json)
     std::printf("%s\n", j.dump(2).c_str());
   else
@@ -133,6 +193,8 @@ int run(const InfoArguments& a) {
 Run addInfo(CLI::App& command) {
   auto a = std::make_shared<InfoArguments>();
   command.add_option("SCENE", a->scene, "scene directory")->required();
+  command.add_option("--access-file", a->access_files,
+                     "files of access counts to add up; default: access.lga in the scene, when it is there");
   command.add_flag("--json", a->json, "as JSON");
   return [a] { return run(*a); };
 }

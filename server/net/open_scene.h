@@ -7,6 +7,7 @@
 #include "base/file.h"
 #include "base/json/scene_file.h"
 #include "lod/patch/format.h"
+#include "repository/access.h"
 #include "repository/grid.h"
 #include "repository/store.h"
 #include "server/session/session.h"
@@ -27,6 +28,9 @@ struct OpenScene {
 /// patches is kNotFound. The repository is opened for reading: a bake may go on at the same time. Not twice for one
 /// scene in one process (LMDB).
 base::Result<std::unique_ptr<OpenScene>> openScene(const std::string& directory);
+
+/// What access counts of the scene belong to.
+repository::AccessIdentity accessIdentityOf(const OpenScene& open);
 
 /// The grid that a store's meta text records, as server::bake writes it (docs/formats/repository.md):
 /// {"grid": {"first": [x, y, z], "spacing": s, "count": [nx, ny, nz], "face_size": pixels}, …}. `name` is the store's,
