@@ -108,6 +108,8 @@ class Buckets {
 
   /// 3 corners per triangle, in the source's order, wound alike.
   base::Result<std::vector<Corner>> read(std::size_t bucket) const;
+  /// Waits until the disk has them.
+  base::Result<void> sync() { return file_.sync(); }
   /// Gives the buckets' disk space back; they can no longer be read.
   void release();
 

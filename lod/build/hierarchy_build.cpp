@@ -173,8 +173,8 @@ class Builder {
     if (!done) {
       // What is wrong with the source stays wrong; anything else can go on from the work files.
       const ErrorCode code = done.error().code;
-      const bool resumable = !options_.resume_key.empty() &&
-                             (code == ErrorCode::kCancelled || code == ErrorCode::kNoSpace || code == ErrorCode::kIo);
+      const bool resumable =
+          canResume() && (code == ErrorCode::kCancelled || code == ErrorCode::kNoSpace || code == ErrorCode::kIo);
       if (!resumable) directory_->remove();
       return done.error();
     }
@@ -201,10 +201,12 @@ class Builder {
     return !progress_ || progress_(stage, done);
   }
 
+  bool canResume() const { return !options_.resume_key.empty(); }
+
   // Everything that decides the work files, their own format first. Threads and memory do not.
   std::string resumeKey() const {
     if (options_.resume_key.empty()) return {};
-    std::string key = "11";
+    std::string key = "12";
     for (const std::uint32_t v : {options_.voxel_triangles, options_.leaf_triangles, options_.node_triangles,
                                   options_.group_patches, options_.position_bits, options_.regroup ? 1U : 0U}) {
       key += ' ';
@@ -232,7 +234,9 @@ class Builder {
         return Error{ErrorCode::kInvalidInput,
                      "the mesh is less than 1e-15 units across, too small for what is computed from it; scale it up"};
       origin_ = origin != nullptr ? *origin : originFor(info_.box_min, info_.box_max);
-      LUMIGRID_TRY(directory_->finishStage(1, sourceState()));
+      // A finished stage is not made again, so the disk must have its files before it says so.
+      if (canResume()) LUMIGRID_TRY(spool->sync());
+      LUMIGRID_TRY(directory_->finishStage(1, sourceState(*spool)));
     } else {
       LUMIGRID_TRY(readSourceState());
     }
@@ -257,6 +261,7 @@ class Builder {
     LUMIGRID_TRY(directory_->needSpace(info_.triangles * record, "the triangles sorted by voxels"));
     auto spool = SourceSpool::open(directory_->path());
     if (!spool) return spool.error();
+    if (spool_bytes_ != std::pair{spool->vertexBytes(), spool->triangleBytes()}) return directory_->broken();
     BucketOptions options;
     options.memory_bytes = (memory_ - kLeastMemory / 2) / 2;
     options.threads = options_.threads;
@@ -264,6 +269,7 @@ class Builder {
     auto buckets = Buckets::sort(*spool, info_, lattice_, directory_->path(), options);
     if (!buckets) return buckets.error();
     buckets_ = std::move(*buckets);
+    if (canResume()) LUMIGRID_TRY(buckets_.sync());
     LUMIGRID_TRY(directory_->finishStage(2, buckets_.state()));
     spool->remove();
     releaseFreedMemory();
@@ -408,8 +414,11 @@ class Builder {
     summary_.bytes = std::filesystem::file_size(output_path_, ignored);
   }
 
-  base::Bytes sourceState() const {
+  base::Bytes sourceState(const SourceSpool& spool) {
+    spool_bytes_ = {spool.vertexBytes(), spool.triangleBytes()};
     base::ByteWriter out;
+    out.u64(spool_bytes_.first);
+    out.u64(spool_bytes_.second);
     out.write(origin_);
     out.u64(info_.vertices);
     out.u64(info_.triangles);
@@ -429,6 +438,8 @@ class Builder {
     auto state = directory_->state(1);
     if (!state) return state.error();
     base::ByteReader in(*state);
+    spool_bytes_.first = in.u64();
+    spool_bytes_.second = in.u64();
     origin_ = in.read<glm::dvec3>();
     info_.vertices = in.u64();
     info_.triangles = in.u64();
@@ -462,6 +473,7 @@ class Builder {
   std::optional<WorkDirectory> directory_;
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
   SourceInfo info_;
+  std::pair<std::uint64_t, std::uint64_t> spool_bytes_;  // of its vertices and triangles
   glm::dvec3 origin_{0.0};
   SourceLattice lattice_;
   Buckets buckets_;

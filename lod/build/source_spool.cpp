@@ -200,6 +200,11 @@ base::Result<SourceInfo> SourceSpool::finish() {
   return info_;
 }
 
+base::Result<void> SourceSpool::sync() {
+  LUMIGRID_TRY(vertices_.sync());
+  return triangles_.sync();
+}
+
 // Box of what is in use, and the mean edge of the sample: its corners' positions are met in one pass.
 base::Result<void> SourceSpool::measure() {
   struct Corner {

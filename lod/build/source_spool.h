@@ -58,6 +58,11 @@ class SourceSpool : public MeshSink {
   /// After the last file: flushes, looks at all vertices once more. Errors: those of reading, kInvalidInput when there
   /// is no triangle.
   base::Result<SourceInfo> finish();
+  /// Waits until the disk has both files.
+  base::Result<void> sync();
+  /// Their sizes in bytes.
+  std::uint64_t vertexBytes() const { return vertices_.size(); }
+  std::uint64_t triangleBytes() const { return triangles_.size(); }
 
   /// Calls body(SpooledVertices) for each block in order; body returns Result<void>.
   template <class Body>

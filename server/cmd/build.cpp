@@ -101,7 +101,8 @@ bool sameSources(const std::vector<base::SceneSource>& a, const std::vector<base
 
 // Removes what a scene consists of, and nothing else that may lie in the directory.
 Result<void> clear(const std::string& directory) {
-  for (const char* name : {"scene.json", base::kBuildingFile, "patch.lgp", kWorkFiles, "images"}) {
+  for (const char* name :
+       {"scene.json", base::kBuildingFile, "patch.lgp", kWorkFiles, "images", "access.lga", "access.lga.lock"}) {
     std::error_code error;
     fs::remove_all(fs::path(directory) / name, error);
     if (error) return Error{ErrorCode::kIo, directory + "/" + name + ": cannot remove: " + error.message()};

@@ -1,4 +1,7 @@
+#include <array>
 #include <cstdio>
+#include <ctime>
+#include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -10,8 +13,11 @@
 namespace server::cmd {
 namespace {
 
+constexpr std::size_t kMostVisited = 10;
+
 struct InfoArguments {
   std::string scene;
+  std::vector<std::string> access_files;
   bool json = false;
 };
 
@@ -82,33 +88,57 @@ nlohmann::json describeImages(const OpenScene& open, const repository::Contents&
           {"face_size", grid.face_size}};
 }
 
-void print(const InfoArguments& a, const nlohmann::json& j) {
-  const auto& s = j["scene"];
-  std::printf("%s: %s triangles, colours: %s, light: %s, units: %s\n", a.scene.c_str(),
-              formatCount(s["triangles"].get<std::uint64_t>()).c_str(), s["has_colors"].get<bool>() ? "yes" : "no",
-              s["light"]["mode"].get<std::string>().c_str(), s["units"].get<std::string>().c_str());
-  std::printf("box %s to %s\n", s["box_min"].dump().c_str(), s["box_max"].dump().c_str());
-  for (const auto& source : s["sources"])
-    std::printf("source %s, %s\n", source["path"].get<std::string>().c_str(),
-                formatBytes(source["bytes"].get<std::uint64_t>()).c_str());
-  for (const auto& [what, count] : s["repairs"].items())
-    std::printf("repaired: %s %s\n", formatCount(count.get<std::uint64_t>()).c_str(), what.c_str());
+/// Nothing when no server has counted. Counts that cannot be read are said to be so: they are no part of the scene.
+nlohmann::json describeAccess(const OpenScene& open, const InfoArguments& a) {
+  std::vector<std::string> files = a.access_files;
+  if (files.empty()) files.push_back(repository::accessFileOf(a.scene));
+  std::error_code ignored;
+  if (a.access_files.empty() && !std::filesystem::exists(files.front(), ignored)) return nullptr;
+  const auto counts = repository::loadAccess(files, accessIdentityOf(open));
+  if (!counts) return {{"error", counts.error().message}};
 
-  const auto& h = j["hierarchy"];
-  std::printf("hierarchy: %s patches in %s groups, %s; positions within %g\n",
-              formatCount(h["patches"].get<std::uint64_t>()).c_str(),
-              formatCount(h["groups"].get<std::uint64_t>()).c_str(),
-              formatBytes(h["bytes"].get<std::uint64_t>()).c_str(), h["position_error"].get<double>());
-  int number = 0;
-  for (const auto& level : h["levels"])
-    std::printf("  level %2d: %12s triangles %8s patches, error up to %g\n", number++,
-                formatCount(level["triangles"].get<std::uint64_t>()).c_str(),
-                formatCount(level["patches"].get<std::uint64_t>()).c_str(), level["max_error"].get<double>());
-  if (!j.contains("images")) {
-    std::printf("images: none\n");
+  nlohmann::json j{{"faces_sent", counts->facesSent()},
+                   {"groups_sent", counts->groupsSent()},
+                   {"uncounted", counts->uncounted},
+                   {"faces", counts->faces.size()},
+                   {"since", counts->since},
+                   {"until", counts->until},
+                   {"points", nlohmann::json::array()}};
+  const auto points = repository::rankPoints(*counts);
+  for (std::size_t i = 0; i < std::min(points.size(), kMostVisited); ++i) {
+    const glm::uvec3 p = points[i].point;
+    const glm::dvec3 at = open.scene.origin + glm::dvec3(open.data.welcome.grid.point(p.x, p.y, p.z));
+    j["points"].push_back({{"point", {p.x, p.y, p.z}}, {"position", {at.x, at.y, at.z}}, {"sent", points[i].sent}});
+  }
+  return j;
+}
+
+std::string dateOf(std::int64_t unix_seconds) {
+  const std::time_t time = unix_seconds;
+  std::tm parts{};
+  std::array<char, 64> text{};
+  if (::gmtime_r(&time, &parts) == nullptr || std::strftime(text.data(), text.size(), "%F %T UTC", &parts) == 0)
+    return "an unknown time";
+  return text.data();
+}
+
+void printAccess(const nlohmann::json& access) {
+  if (access.contains("error")) {
+    std::printf("sent to viewers: %s\n", access["error"].get<std::string>().c_str());
     return;
   }
-  const auto& i = j["images"];
+  const auto count = [&](const char* name) { return formatCount(access[name].get<std::uint64_t>()); };
+  std::printf("sent to viewers from %s to %s: %s images (%s different ones), %s groups\n",
+              dateOf(access["since"].get<std::int64_t>()).c_str(), dateOf(access["until"].get<std::int64_t>()).c_str(),
+              count("faces_sent").c_str(), count("faces").c_str(), count("groups_sent").c_str());
+  if (access["uncounted"].get<std::uint64_t>() != 0)
+    std::printf("  and %s more, not kept apart for want of memory\n", count("uncounted").c_str());
+  for (const auto& point : access["points"])
+    std::printf("  %12s from point %s at %s\n", formatCount(point["sent"].get<std::uint64_t>()).c_str(),
+                point["point"].dump().c_str(), point["position"].dump().c_str());
+}
+
+void printImages(const nlohmann::json& i) {
   const auto images = i["images"].get<std::uint64_t>();
   const auto expected = i["expected"].get<std::uint64_t>();
   std::printf("images: %s of %d x %d pixels, %s faces see nothing; grid %s, spacing %g\n", formatCount(images).c_str(),
@@ -135,6 +165,35 @@ void print(const InfoArguments& a, const nlohmann::json& j) {
                 formatCount(expected - images - i["empty"].get<std::uint64_t>()).c_str());
 }
 
+void print(const InfoArguments& a, const nlohmann::json& j) {
+  const auto& s = j["scene"];
+  std::printf("%s: %s triangles, colours: %s, light: %s, units: %s\n", a.scene.c_str(),
+              formatCount(s["triangles"].get<std::uint64_t>()).c_str(), s["has_colors"].get<bool>() ? "yes" : "no",
+              s["light"]["mode"].get<std::string>().c_str(), s["units"].get<std::string>().c_str());
+  std::printf("box %s to %s\n", s["box_min"].dump().c_str(), s["box_max"].dump().c_str());
+  for (const auto& source : s["sources"])
+    std::printf("source %s, %s\n", source["path"].get<std::string>().c_str(),
+                formatBytes(source["bytes"].get<std::uint64_t>()).c_str());
+  for (const auto& [what, count] : s["repairs"].items())
+    std::printf("repaired: %s %s\n", formatCount(count.get<std::uint64_t>()).c_str(), what.c_str());
+
+  const auto& h = j["hierarchy"];
+  std::printf("hierarchy: %s patches in %s groups, %s; positions within %g\n",
+              formatCount(h["patches"].get<std::uint64_t>()).c_str(),
+              formatCount(h["groups"].get<std::uint64_t>()).c_str(),
+              formatBytes(h["bytes"].get<std::uint64_t>()).c_str(), h["position_error"].get<double>());
+  int number = 0;
+  for (const auto& level : h["levels"])
+    std::printf("  level %2d: %12s triangles %8s patches, error up to %g\n", number++,
+                formatCount(level["triangles"].get<std::uint64_t>()).c_str(),
+                formatCount(level["patches"].get<std::uint64_t>()).c_str(), level["max_error"].get<double>());
+  if (j.contains("images"))
+    printImages(j["images"]);
+  else
+    std::printf("images: none\n");
+  if (j.contains("access")) printAccess(j["access"]);
+}
+
 int run(const InfoArguments& a) {
   auto open = openScene(a.scene);
   if (!open) return fail(open.error());
@@ -149,6 +208,7 @@ int run(const InfoArguments& a) {
     if (!contents) return fail(contents.error());
     j["images"] = describeImages(**open, *contents);
   }
+  if (auto access = describeAccess(**open, a); !access.is_null()) j["access"] = std::move(access);
   if (a.json)
     std::printf("%s\n", j.dump(2).c_str());
   else
@@ -161,6 +221,8 @@ int run(const InfoArguments& a) {
 Run addInfo(CLI::App& command) {
   auto a = std::make_shared<InfoArguments>();
   command.add_option("SCENE", a->scene, "scene directory")->required();
+  command.add_option("--access-file", a->access_files,
+                     "files of access counts to add up; default: access.lga in the scene, when it is there");
   command.add_flag("--json", a->json, "as JSON");
   return [a] { return run(*a); };
 }

@@ -12,11 +12,13 @@ struct ServeArguments {
   std::string scene;
   ServerOptions options;
   bool no_frames = false;
+  bool no_access = false;
   bool json = false;
 };
 
 int run(ServeArguments& a) {
   a.options.render_frames = !a.no_frames;
+  a.options.count_access = !a.no_access;
   auto server = Server::open(a.scene, a.options);
   if (!server) return fail(server.error());
   const std::string place = a.options.address + ":" + std::to_string((*server)->port());
@@ -45,6 +47,15 @@ Run addServe(CLI::App& command) {
   command.add_option("--idle", a->options.idle_seconds, "seconds after which a silent viewer is let go")
       ->capture_default_str();
   command.add_flag("--no-frames", a->no_frames, "never render exact frames for viewers at rest (saves CPU or GPU)");
+  command.add_option("--access-file", a->options.access_file,
+                     "file that keeps how often each image and patch group was sent to viewers; default: access.lga in "
+                     "the scene; servers may share it");
+  command
+      .add_option("--access-interval", a->options.access_interval_seconds,
+                  "seconds between writes of that file: the most that a killed server forgets")
+      ->check(CLI::Range(0.01, 86400.0))
+      ->capture_default_str();
+  command.add_flag("--no-access", a->no_access, "count nothing and write nothing");
   command.add_flag("--json", a->json, "print port and URL as JSON");
   return [a] { return run(*a); };
 }

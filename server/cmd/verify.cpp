@@ -4,6 +4,8 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "base/file.h"
+#include "repository/access.h"
 #include "repository/verify.h"
 #include "server/cmd/commands.h"
 #include "server/cmd/console.h"
@@ -103,6 +105,17 @@ void verifyImages(const std::string& path, Faults& faults) {
     for (const std::string& fault : *found) faults.push_back(path + ": " + fault);
 }
 
+// Servers keep it; a scene has none until one was served.
+void verifyAccess(const std::string& path, Faults& faults) {
+  if (!fs::exists(path)) return;
+  auto bytes = base::readFile(path);
+  if (!bytes) {
+    faults.push_back(bytes.error().message);
+    return;
+  }
+  if (const auto file = repository::decodeAccess(*bytes); !file) faults.push_back(path + ": " + file.error().message);
+}
+
 int run(const VerifyArguments& a) {
   auto scene = base::readScene(a.scene);
   if (!scene) return fail(scene.error());
@@ -114,6 +127,7 @@ int run(const VerifyArguments& a) {
     verifyPacks(a.scene, *index, faults);
   else if (fs::is_directory(a.scene + "/images"))
     verifyImages(a.scene + "/images", faults);
+  verifyAccess(repository::accessFileOf(a.scene), faults);
 
   if (a.json) {
     std::printf("%s\n", nlohmann::json{{"scene", a.scene}, {"faults", faults}}.dump(2).c_str());

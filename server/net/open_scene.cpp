@@ -83,6 +83,10 @@ void describe(const std::string& directory, OpenScene& open) {
 
 }  // namespace
 
+repository::AccessIdentity accessIdentityOf(const OpenScene& open) {
+  return {open.data.welcome.grid, open.data.welcome.group_count};
+}
+
 base::Result<repository::Grid> gridFromMeta(const std::string& meta, const std::string& name) {
   const base::Error wrong{
       base::ErrorCode::kInvalidInput,

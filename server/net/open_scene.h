@@ -9,6 +9,7 @@
 #include "base/file.h"
 #include "base/json/scene_file.h"
 #include "lod/patch/format.h"
+#include "repository/access.h"
 #include "repository/grid.h"
 #include "repository/pack_store.h"
 #include "repository/store.h"
@@ -48,6 +49,8 @@ base::Result<std::unique_ptr<OpenScene>> openScene(const std::string& directory)
 
 /// The images of a published scene; `index` as scene.json lists it.
 base::Result<std::unique_ptr<repository::PackStore>> openPacks(const std::string& directory, const std::string& index);
+/// What access counts of the scene belong to.
+repository::AccessIdentity accessIdentityOf(const OpenScene& open);
 
 /// The grid that a store's meta text records, as server::bake writes it (docs/formats/repository.md):
 /// {"grid": {"first": [x, y, z], "spacing": s, "count": [nx, ny, nz], "face_size": pixels}, …}. `name` is the store's,

@@ -21,11 +21,13 @@
 #include <algorithm>
 #include <chrono>
 #include <csignal>
+#include <filesystem>
 #include <mutex>
 #include <optional>
 #include <set>
 #include <string_view>
 
+#include "server/net/access_log.h"
 #include "server/net/byte_range.h"
 #include "server/net/frame_renderer.h"
 #include "server/net/open_scene.h"
@@ -64,13 +66,36 @@ struct Hub {
   ServerOptions options;
   std::unique_ptr<OpenScene> scene;
   std::unique_ptr<FrameRenderer> renderer;  // null: no exact frames
+  std::unique_ptr<AccessLog> access;        // null: nothing is counted
   std::string place;                        // address:port
   std::set<Connection*> connections;
   std::uint64_t next_client = 1;
   std::size_t viewers = 0;
   bool stopping = false;
   std::optional<asio::basic_waitable_timer<Clock, asio::wait_traits<Clock>, Executor>> goodbye;
+
+  void countAccess(const std::string& scene_directory);
+  /// Writes what was counted; from here on nothing is.
+  void keepAccess() {
+    scene->data.access = nullptr;
+    access.reset();
+  }
 };
+
+void Hub::countAccess(const std::string& scene_directory) {
+  std::string path = options.access_file;
+  std::error_code ignored;
+  if (path.empty()) {
+    if (!std::filesystem::is_directory(scene_directory, ignored)) {
+      spdlog::warn("access counts are not kept: {} is no directory; --access-file names a place for them",
+                   scene_directory);
+      return;
+    }
+    path = repository::accessFileOf(scene_directory);
+  }
+  access = std::make_unique<AccessLog>(path, accessIdentityOf(*scene), options.access_interval_seconds);
+  scene->data.access = &access->counter();
+}
 
 /// Anything with a socket. Alive as long as an operation of it is pending.
 class Connection : public std::enable_shared_from_this<Connection> {
@@ -436,8 +461,9 @@ struct Server::State {
   std::optional<asio::basic_signal_set<Executor>> signals;
 
   ~State() {
-    // Its thread posts to `io`, which goes last.
-    if (hub) hub->renderer.reset();
+    if (!hub) return;
+    hub->renderer.reset();  // its thread posts to `io`, which goes last
+    hub->keepAccess();
   }
 
   base::Result<void> listen();
@@ -536,8 +562,10 @@ base::Result<std::unique_ptr<Server>> Server::open(const std::string& scene_dire
   std::unique_ptr<Server> server(new Server);
   server->state_ = std::make_unique<State>();
   State& state = *server->state_;
-  state.hub = std::shared_ptr<Hub>(new Hub{state.io, options, std::move(*scene), nullptr, {}, {}, 1, 0, false, {}});
+  state.hub =
+      std::shared_ptr<Hub>(new Hub{state.io, options, std::move(*scene), nullptr, nullptr, {}, {}, 1, 0, false, {}});
   LUMIGRID_TRY(state.listen());
+  if (options.count_access) state.hub->countAccess(scene_directory);
 
   if (options.render_frames) {
     auto renderer = FrameRenderer::start(*state.hub->scene);
@@ -576,6 +604,7 @@ base::Result<void> Server::run(bool handle_signals) {
   // Whoever did not close in time goes with `io`; nothing may wait for that.
   state.hub->goodbye.reset();
   state.hub->renderer.reset();
+  state.hub->keepAccess();
   return {};
 }
 

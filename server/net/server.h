@@ -21,6 +21,11 @@ struct ServerOptions {
   std::uint64_t max_unsent_bytes = 128 * 1024;
   double idle_seconds = 300.0;  ///< a viewer that answers no ping for so long is dropped
   bool render_frames = true;    ///< exact frames, on a thread with its own GL context
+  /// How often each face and group was sent is counted and kept (docs/formats/access.md). A place that cannot be
+  /// written is warned of, and the scene served all the same.
+  bool count_access = true;
+  std::string access_file;                ///< empty: SCENE/access.lga
+  double access_interval_seconds = 30.0;  ///< between writes; the most that a killed server loses
 };
 
 /// Serves until stop() (any thread) or until SIGINT/SIGTERM when `handle_signals`.

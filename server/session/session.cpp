@@ -239,6 +239,7 @@ std::optional<base::Bytes> Session::State::groupMessage(std::uint32_t group) {
   lod::patch::encodeGroup(scene.patches->hierarchy(), group, record);
   has_group[group] = true;
   ++counts.groups;
+  if (scene.access != nullptr) scene.access->addGroup(group);
   return protocol::encode(protocol::Refine{record.take(), {block->begin(), block->end()}});
 }
 
@@ -257,6 +258,7 @@ std::optional<base::Bytes> Session::State::faceMessage(const repository::FaceKey
   }
   has_face.insert(key);
   ++counts.faces;
+  if (scene.access != nullptr) scene.access->addFace(key);
   return protocol::encode(protocol::Face{key, std::move(**value)});
 }
 

@@ -20,17 +20,19 @@
 #include "base/error.h"
 #include "lod/patch/format.h"
 #include "protocol/message.h"
+#include "repository/access_counter.h"
 #include "repository/sample_tree.h"
 #include "repository/store.h"
 
 namespace server {
 
-/// What all sessions share; read-only, outlives them.
+/// What all sessions share; outlives them. Read-only but for the counter.
 struct SceneData {
   protocol::Welcome welcome;
   const lod::patch::PatchFile* patches = nullptr;
   const repository::Store* images = nullptr;     ///< null: no repository
   const repository::SampleTree* tree = nullptr;  ///< which points are sampled; null: all of the grid
+  repository::AccessCounter* access = nullptr;   ///< told of every face and group that nextMessage() hands out; or null
 };
 
 /// A frame that the session would like to have rendered.

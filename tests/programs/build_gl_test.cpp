@@ -2,6 +2,7 @@
 #include <signal.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -110,6 +111,38 @@ TEST_F(Build, interruptedItStopsCleanlyAndGoesOn) {
   EXPECT_EQ(status, 1);
   EXPECT_EQ(run("lumigrid", build).status, 0);
   EXPECT_EQ(run("lumigrid", {"verify", path("scene")}).status, 0);
+}
+
+// A reader of another process that decodes all that it can see while the build runs.
+TEST_F(Build, readersDuringTheBuildSeeOnlyWholeImages) {
+  const std::string mesh = smallMesh();
+  auto seen = [&] {
+    const std::string lines = programs::readText(path("reader.out"));
+    return static_cast<std::size_t>(std::count(lines.begin(), lines.end(), '\n'));
+  };
+  bool beside = false;
+  for (int attempt = 0; attempt < 10 && !beside; ++attempt) {
+    std::filesystem::remove_all(path("scene"));
+    const pid_t reader = programs::start("../tests/store_reader", {path("scene/images")}, path("reader"));
+    const pid_t builder = programs::start(
+        "lumigrid", {"build", mesh, "-o", path("scene"), "--grid", "6", "--face", "64", "--batch", "20", "--quiet"},
+        path("build"));
+    // Until it has seen some of what is not all yet.
+    while (seen() == 0 && !std::filesystem::exists(path("scene/scene.json")))
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    beside = !std::filesystem::exists(path("scene/scene.json"));
+    EXPECT_EQ(programs::wait(builder), 0) << programs::readText(path("build.err"));
+
+    // It sees all in the end, and ends by itself only when something is broken.
+    const std::size_t all = values(path("scene")).size();
+    while (seen() < all && ::kill(reader, 0) == 0 && programs::readText(path("reader.err")).empty())
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    EXPECT_EQ(seen(), all);
+    ::kill(reader, SIGTERM);
+    EXPECT_EQ(programs::wait(reader), 0) << programs::readText(path("reader.err"));
+    if (HasFailure()) return;
+  }
+  EXPECT_TRUE(beside) << "every build was over before the reader saw anything";
 }
 
 TEST_F(Build, verifyNamesWhatIsDamaged) {

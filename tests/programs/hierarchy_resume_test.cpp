@@ -178,6 +178,25 @@ TEST_F(HierarchyResume, KilledInEveryStageItEndsWithTheSameBytes) {
   }
 }
 
+// A disk that lost power may have a stage's statement and not all of its files.
+TEST_F(HierarchyResume, WorkFilesThatAreCutAreMadeAgain) {
+  const std::string mesh = sample("100000");
+  const std::string bytes = uninterrupted(mesh);
+  const std::string stopped = path("stopped"), scene = path("scene");
+  ASSERT_NO_FATAL_FAILURE(killedWhen(mesh, stopped, [&] {
+    return fs::exists(workFile(stopped, "stage1")) && !fs::exists(workFile(stopped, "stage2"));
+  }));
+  if (!fs::exists(workFile(stopped, "vertices"))) GTEST_SKIP() << "it had gone on before it was killed";
+  for (const char* file : {"vertices", "triangles"}) {
+    for (const std::uintmax_t part : {0, 1, 2}) {  // thirds that are left
+      fs::remove_all(scene);
+      fs::copy(stopped, scene, fs::copy_options::recursive);
+      fs::resize_file(workFile(scene, file), sizeOf(workFile(scene, file)) / 3 * part);
+      expectRerunFinishes(mesh, scene, bytes, std::string(file) + " cut");
+    }
+  }
+}
+
 // The output appears whole, but its directory is not a finished scene at once.
 TEST_F(HierarchyResume, KilledWhileTheOutputIsWrittenItEndsWithTheSameBytes) {
   const std::string mesh = sample("100000");

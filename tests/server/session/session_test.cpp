@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <map>
 #include <random>
 #include <set>
 
@@ -370,6 +371,28 @@ TEST(Session, aClientCannotClaimWithoutEnd) {
   }
   EXPECT_TRUE(refused);
   EXPECT_LE(claimed, kMaxFacesHeld + protocol::kMaxKeysPerMessage);
+}
+
+// ---- access counts ----
+
+TEST(Session, whatIsHandedOutIsCountedAndNothingElse) {
+  TestScene scene;
+  repository::AccessCounter counter;
+  scene.data.access = &counter;
+  std::map<repository::FaceKey, std::uint64_t> faces;
+  std::map<std::uint32_t, std::uint64_t> groups;
+  for (int viewer = 0; viewer < 3; ++viewer) {
+    Talk talk(scene.data);
+    talk.greet();
+    ASSERT_TRUE(talk.say(scene.view(1, kAbove)));
+    const auto messages = talk.drain(viewer == 0 ? 7 : 10'000);  // the first one leaves in the middle
+    for (const auto& key : facesIn(messages)) ++faces[key];
+    for (const std::uint32_t group : groupsIn(scene.data, messages)) ++groups[group];
+  }
+  const auto counts = counter.take();
+  EXPECT_EQ((std::map<repository::FaceKey, std::uint64_t>(counts.faces.begin(), counts.faces.end())), faces);
+  EXPECT_EQ((std::map<std::uint32_t, std::uint64_t>(counts.groups.begin(), counts.groups.end())), groups);
+  EXPECT_GT(faces.size(), 8U);
 }
 
 // ---- at rest ----

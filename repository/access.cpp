@@ -1,0 +1,413 @@
+#include "repository/access.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <chrono>
+#include <filesystem>
+#include <limits>
+#include <map>
+#include <thread>
+
+#include "base/crc32c.h"
+#include "base/file.h"
+
+namespace repository {
+namespace {
+
+constexpr std::array<char, 4> kMagic{'L', 'G', 'A', 'C'};
+constexpr std::uint16_t kVersion = 1;
+constexpr std::size_t kHeaderBytes = 112;
+constexpr std::size_t kHeaderCrc = 8;  // offsets
+constexpr std::size_t kBodyCrc = 12;
+constexpr std::uint64_t kMost = std::numeric_limits<std::uint64_t>::max();
+
+base::Error bad(const std::string& what) {
+  return {base::ErrorCode::kInvalidInput, "access counts: " + what + "; move the file away, servers begin a new one"};
+}
+
+std::uint64_t add(std::uint64_t a, std::uint64_t b) {
+  return a > kMost - b ? kMost : a + b;
+}
+
+// --- Variable-length numbers (LEB128): 7 bits a byte, lowest first, bit 7 says that more follow.
+
+void putNumber(base::ByteWriter& out, std::uint64_t value) {
+  for (; value >= 0x80; value >>= 7) out.u8(static_cast<std::uint8_t>(value | 0x80));
+  out.u8(static_cast<std::uint8_t>(value));
+}
+
+// Fails the reader at a number that is longer than it need be or does not fit: one number has one form.
+std::uint64_t takeNumber(base::ByteReader& in) {
+  std::uint64_t value = 0;
+  for (unsigned shift = 0; shift < 64; shift += 7) {
+    const std::uint64_t byte = in.u8();
+    if (!in.ok()) return 0;
+    if (shift == 63 && byte > 1) break;
+    value |= (byte & 0x7F) << shift;
+    if ((byte & 0x80) == 0) {
+      if (byte == 0 && shift != 0) break;
+      return value;
+    }
+  }
+  in.fail();
+  return 0;
+}
+
+// --- Rows: how many numbers lie between the row before and this one, then the count.
+
+using Row = std::pair<std::uint64_t, std::uint64_t>;  // key's code or group; count
+
+class RowWriter {
+ public:
+  void put(const Row& row) {
+    putNumber(out_, row.first - next_);
+    putNumber(out_, row.second);
+    next_ = row.first + 1;
+    ++rows_;
+  }
+  base::ByteView bytes() const { return out_.view(); }
+  std::uint64_t rows() const { return rows_; }
+
+ private:
+  base::ByteWriter out_;
+  std::uint64_t next_ = 0, rows_ = 0;
+};
+
+// `take(row)` says whether the scene has what the row names.
+template <class Take>
+base::Result<void> takeRows(base::ByteReader& in, std::uint64_t rows, const char* what, const Take& take) {
+  std::uint64_t next = 0;
+  for (std::uint64_t row = 0; row < rows; ++row) {
+    const std::uint64_t gap = takeNumber(in);
+    const std::uint64_t count = takeNumber(in);
+    if (!in.ok()) return bad(std::string("a row of ") + what + " is no pair of numbers");
+    if (gap > kMost - 1 - next || count == 0) return bad(std::string("a row of ") + what + " is out of range");
+    if (!take(Row{next + gap, count})) return bad(std::string("a row names ") + what + " that the scene does not have");
+    next += gap + 1;
+  }
+  return {};
+}
+
+struct Header {
+  AccessIdentity identity;
+  std::uint32_t body_crc = 0;
+  std::uint64_t body_bytes = 0, faces = 0, groups = 0, uncounted = 0;
+  std::int64_t since = 0, until = 0;
+};
+
+std::uint32_t headerCrc(base::ByteView header) {
+  return base::crc32c(header.subspan(kBodyCrc), base::crc32c(header.first(kHeaderCrc)));
+}
+
+base::Result<Header> takeHeader(base::ByteView bytes) {
+  if (bytes.size() < kHeaderBytes) return bad("cut short");
+  base::ByteReader in(bytes.first(kHeaderBytes));
+  if (in.read<std::array<char, 4>>() != kMagic) return bad("these are none (another magic)");
+  const std::uint16_t version = in.u16();
+  if (version != kVersion)
+    return base::Error{base::ErrorCode::kVersion, "access counts: version " + std::to_string(version) +
+                                                      " is not known; use a newer lumigrid, or move the file away"};
+  if (in.u16() != kHeaderBytes) return bad("the header has another length");
+  if (in.u32() != headerCrc(bytes.first(kHeaderBytes))) return bad("the header's checksum is wrong");
+
+  Header header;
+  header.body_crc = in.u32();
+  header.body_bytes = in.u64();
+  header.faces = in.u64();
+  header.groups = in.u64();
+  header.uncounted = in.u64();
+  header.since = in.read<std::int64_t>();
+  header.until = in.read<std::int64_t>();
+  auto grid = Grid::decode(in);
+  if (!grid) return base::within("access counts", grid.error());
+  header.identity = {*grid, in.u32()};
+  if (in.u32() != 0 || in.u32() != 0 || in.u32() != 0) return bad("a field that must be 0 is not");
+  if (header.since > header.until) return bad("they end before they begin");
+  if (header.body_bytes != bytes.size() - kHeaderBytes) return bad("another length than the header says");
+  // A row takes two bytes at least: what a file can make us allocate is bounded by its size.
+  if (header.faces > header.body_bytes / 2 || header.groups > header.body_bytes / 2)
+    return bad("fewer rows than the header says");
+  return header;
+}
+
+// Every row of a file in order, checked; `face` and `group` take what is well.
+template <class TakeFace, class TakeGroup>
+base::Result<Header> walkRows(base::ByteView bytes, const TakeFace& face, const TakeGroup& group) {
+  auto header = takeHeader(bytes);
+  if (!header) return header;
+  const base::ByteView body = bytes.subspan(kHeaderBytes);
+  if (base::crc32c(body) != header->body_crc) return bad("the checksum is wrong");
+  base::ByteReader in(body);
+  LUMIGRID_TRY(takeRows(in, header->faces, "a face", [&](const Row& row) {
+    const auto key = FaceKey::fromCode(row.first);
+    if (!key || !header->identity.grid.contains(*key)) return false;
+    face(row);
+    return true;
+  }));
+  LUMIGRID_TRY(takeRows(in, header->groups, "a group", [&](const Row& row) {
+    if (row.first >= header->identity.group_count) return false;
+    group(row);
+    return true;
+  }));
+  if (!in.atEnd()) return bad("bytes are left over");
+  return header;
+}
+
+// --- Sums
+
+Row rowOf(const std::pair<FaceKey, std::uint64_t>& row) {
+  return {row.first.code(), row.second};
+}
+Row rowOf(const std::pair<std::uint32_t, std::uint64_t>& row) {
+  return row;
+}
+
+// Puts rows that come in order, each with what `more` has for it, and those of `more` that lie between.
+template <class Key>
+class Merger {
+ public:
+  explicit Merger(const std::vector<std::pair<Key, std::uint64_t>>& more) : at_(more.begin()), end_(more.end()) {}
+  void put(Row row) {
+    for (; at_ != end_ && rowOf(*at_).first < row.first; ++at_) out_.put(rowOf(*at_));
+    if (at_ != end_ && rowOf(*at_).first == row.first) row.second = add(row.second, at_++->second);
+    out_.put(row);
+  }
+  const RowWriter& finish() {
+    for (; at_ != end_; ++at_) out_.put(rowOf(*at_));
+    return out_;
+  }
+
+ private:
+  typename std::vector<std::pair<Key, std::uint64_t>>::const_iterator at_, end_;
+  RowWriter out_;
+};
+
+template <class Key>
+std::vector<std::pair<Key, std::uint64_t>> addRows(const std::vector<std::pair<Key, std::uint64_t>>& a,
+                                                   const std::vector<std::pair<Key, std::uint64_t>>& b) {
+  std::vector<std::pair<Key, std::uint64_t>> sum;
+  sum.reserve(std::max(a.size(), b.size()));
+  auto at = a.begin();
+  for (const auto& row : b) {
+    while (at != a.end() && at->first < row.first) sum.push_back(*at++);
+    sum.push_back(row);
+    if (at != a.end() && at->first == row.first) sum.back().second = add(row.second, at++->second);
+  }
+  sum.insert(sum.end(), at, a.end());
+  return sum;
+}
+
+template <class Key>
+std::uint64_t total(const std::vector<std::pair<Key, std::uint64_t>>& rows) {
+  std::uint64_t sum = 0;
+  for (const auto& row : rows) sum = add(sum, row.second);
+  return sum;
+}
+
+bool isNothing(const AccessCounts& counts) {
+  return counts.faces.empty() && counts.groups.empty() && counts.uncounted == 0;
+}
+
+base::Error anotherScene() {
+  return bad("of another scene, or of this one before it was built anew");
+}
+
+base::Result<AccessFile> readAccess(const std::string& path, const AccessIdentity& identity) {
+  auto mapped = base::MappedFile::open(path);
+  if (!mapped) return mapped.error();
+  auto file = decodeAccess(mapped->bytes());
+  if (!file) return base::within(path, file.error());
+  if (file->identity != identity) return base::within(path, anotherScene());
+  return file;
+}
+
+base::Bytes assemble(const Header& header, const RowWriter& faces, const RowWriter& groups) {
+  base::ByteWriter out;
+  out.write(kMagic);
+  out.u16(kVersion);
+  out.u16(kHeaderBytes);
+  out.u32(0);  // the checksums
+  out.u32(0);
+  out.u64(faces.bytes().size() + groups.bytes().size());
+  out.u64(faces.rows());
+  out.u64(groups.rows());
+  out.u64(header.uncounted);
+  out.write(header.since);
+  out.write(header.until);
+  header.identity.grid.encode(out);
+  out.u32(header.identity.group_count);
+  for (int zero = 0; zero < 3; ++zero) out.u32(0);
+  LUMIGRID_CHECK_EQ(out.size(), kHeaderBytes);
+  out.bytes(faces.bytes());
+  out.bytes(groups.bytes());
+  out.patch(kBodyCrc, base::crc32c(base::ByteView(out.view()).subspan(kHeaderBytes)));
+  out.patch(kHeaderCrc, headerCrc(base::ByteView(out.view()).first(kHeaderBytes)));
+  return out.take();
+}
+
+// The file with `more` added. Row by row: the file may be of tens of millions of rows, `more` is what a server keeps.
+base::Result<base::Bytes> withMore(base::ByteView bytes, const AccessIdentity& identity, const AccessCounts& more) {
+  Merger faces(more.faces);
+  Merger groups(more.groups);
+  auto header = walkRows(
+      bytes, [&](const Row& row) { faces.put(row); }, [&](const Row& row) { groups.put(row); });
+  if (!header) return header.error();
+  if (header->identity != identity) return anotherScene();
+  header->uncounted = add(header->uncounted, more.uncounted);
+  header->since = std::min(header->since, more.since);
+  header->until = std::max(header->until, more.until);
+  return assemble(*header, faces.finish(), groups.finish());
+}
+
+// An flock on PATH.lock, as the file itself is replaced. The system gives it back when its process dies.
+class FileLock {
+ public:
+  static base::Result<FileLock> take(const std::string& path, double patience_seconds) {
+    FileLock lock;
+    lock.fd_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+    if (lock.fd_ < 0) return base::systemError(path, "open", errno);
+    const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(patience_seconds);
+    while (::flock(lock.fd_, LOCK_EX | LOCK_NB) != 0) {
+      if (errno != EWOULDBLOCK && errno != EINTR) return base::systemError(path, "lock", errno);
+      if (std::chrono::steady_clock::now() >= end)
+        return base::Error{base::ErrorCode::kBusy, path + " is held by another process; wait for it or stop it"};
+      std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    }
+    return lock;
+  }
+  FileLock(FileLock&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
+  FileLock& operator=(FileLock&&) = delete;
+  ~FileLock() {
+    if (fd_ >= 0) ::close(fd_);
+  }
+
+ private:
+  FileLock() = default;
+  int fd_ = -1;
+};
+
+}  // namespace
+
+std::uint64_t AccessCounts::facesSent() const {
+  return total(faces);
+}
+std::uint64_t AccessCounts::groupsSent() const {
+  return total(groups);
+}
+
+AccessCounts addCounts(const AccessCounts& a, const AccessCounts& b) {
+  if (isNothing(a)) return b;
+  if (isNothing(b)) return a;
+  return {addRows(a.faces, b.faces), addRows(a.groups, b.groups), add(a.uncounted, b.uncounted),
+          std::min(a.since, b.since), std::max(a.until, b.until)};
+}
+
+base::Bytes encodeAccess(const AccessIdentity& identity, const AccessCounts& counts) {
+  const Header header{identity, 0, 0, 0, 0, counts.uncounted, counts.since, counts.until};
+  return assemble(header, Merger(counts.faces).finish(), Merger(counts.groups).finish());
+}
+
+base::Result<AccessFile> decodeAccess(base::ByteView bytes) {
+  AccessFile file;
+  AccessCounts& counts = file.counts;
+  const auto header = walkRows(
+      bytes, [&](const Row& row) { counts.faces.emplace_back(*FaceKey::fromCode(row.first), row.second); },
+      [&](const Row& row) { counts.groups.emplace_back(static_cast<std::uint32_t>(row.first), row.second); });
+  if (!header) return header.error();
+  file.identity = header->identity;
+  counts.uncounted = header->uncounted;
+  counts.since = header->since;
+  counts.until = header->until;
+  return file;
+}
+
+std::string accessFileOf(const std::string& scene_directory) {
+  return scene_directory + "/access.lga";
+}
+
+base::Result<AccessCounts> loadAccess(const std::vector<std::string>& files, const AccessIdentity& identity) {
+  AccessCounts sum;
+  for (const std::string& path : files) {
+    auto file = readAccess(path, identity);
+    if (!file) return file.error();
+    sum = addCounts(sum, file->counts);
+  }
+  return sum;
+}
+
+base::Result<void> addToAccessFile(const std::string& path, const AccessIdentity& identity, const AccessCounts& more,
+                                   double patience_seconds) {
+  const auto lock = FileLock::take(path + ".lock", patience_seconds);
+  if (!lock) return lock.error();
+  base::removeUnfinished(path);  // of one killed while it wrote: only who has the lock writes
+
+  auto there = base::MappedFile::open(path);
+  if (!there && there.error().code != base::ErrorCode::kNotFound) return there.error();
+  auto whole = there ? withMore(there->bytes(), identity, more) : encodeAccess(identity, more);
+  if (!whole) return base::within(path, whole.error());
+  if (isNothing(more)) return {};
+  return base::writeFileAtomically(path, *whole);
+}
+
+// --- Use
+
+namespace {
+
+// Points in Morton order, as keys without direction.
+std::vector<PointUse> pointUses(const AccessCounts& counts) {
+  std::vector<PointUse> points;
+  for (const auto& [key, count] : counts.faces) {
+    const glm::uvec3 point(key.x, key.y, key.z);
+    if (points.empty() || points.back().point != point) points.push_back({point, 0});
+    points.back().sent = add(points.back().sent, count);
+  }
+  return points;
+}
+
+FaceKey keyOf(const glm::uvec3& point) {
+  return {point.x, point.y, point.z, 0};
+}
+
+}  // namespace
+
+std::vector<PointUse> rankPoints(const AccessCounts& counts) {
+  std::vector<PointUse> points = pointUses(counts);
+  std::stable_sort(points.begin(), points.end(), [](const PointUse& a, const PointUse& b) { return a.sent > b.sent; });
+  return points;
+}
+
+std::vector<CellUse> rankCells(const AccessCounts& counts, const Grid& grid, std::uint32_t edge) {
+  LUMIGRID_CHECK_LE(1U, edge);
+  LUMIGRID_CHECK_LE(edge, kMaxGridIndex);
+  // A point is a corner of up to 8 cells; the cells come in Morton order of their lower corners.
+  std::map<FaceKey, std::array<std::uint64_t, 8>> corners;
+  for (const PointUse& use : pointUses(counts)) {
+    if (use.point % edge != glm::uvec3(0)) continue;
+    for (std::uint32_t corner = 0; corner < 8; ++corner) {
+      const glm::uvec3 offset = edge * glm::uvec3(corner & 1U, corner >> 1 & 1U, corner >> 2);
+      if (glm::any(glm::lessThan(use.point, offset))) continue;
+      const glm::uvec3 lower = use.point - offset;
+      if (glm::all(glm::lessThan(lower + edge, grid.count))) corners[keyOf(lower)][corner] = use.sent;
+    }
+  }
+
+  std::vector<CellUse> cells;
+  cells.reserve(corners.size());
+  for (auto& [key, sent] : corners) {
+    CellUse cell{{key.x, key.y, key.z}, 0, 0};
+    for (const std::uint64_t one : sent) cell.sent = add(cell.sent, one);
+    std::nth_element(sent.begin(), sent.begin() + 3, sent.end());
+    cell.use = sent[3];
+    cells.push_back(cell);
+  }
+  std::stable_sort(cells.begin(), cells.end(),
+                   [](const CellUse& a, const CellUse& b) { return a.use != b.use ? a.use > b.use : a.sent > b.sent; });
+  return cells;
+}
+
+}  // namespace repository

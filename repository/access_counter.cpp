@@ -1,0 +1,59 @@
+#include "repository/access_counter.h"
+
+#include <algorithm>
+
+namespace repository {
+namespace {
+
+constexpr std::uint64_t kGroup = std::uint64_t{1} << 63;  // a bit that no key has
+
+}  // namespace
+
+AccessCounter::AccessCounter(std::size_t most_keys, std::function<void()> when_full)
+    : most_keys_(most_keys), when_full_(std::move(when_full)) {}
+
+void AccessCounter::addFace(const FaceKey& key) {
+  add(key.code());
+}
+void AccessCounter::addGroup(std::uint32_t group) {
+  add(kGroup | group);
+}
+
+void AccessCounter::add(std::uint64_t number) {
+  bool say_full = false;
+  {
+    const std::lock_guard lock(mutex_);
+    if (const auto it = counts_.find(number); it != counts_.end()) {
+      ++it->second;
+      return;
+    }
+    if (counts_.size() < most_keys_)
+      counts_.emplace(number, 1);
+    else
+      ++uncounted_;
+    if (counts_.size() >= most_keys_ && !full_) full_ = say_full = true;
+  }
+  if (say_full && when_full_) when_full_();
+}
+
+AccessCounts AccessCounter::take() {
+  std::unordered_map<std::uint64_t, std::uint64_t> taken;
+  AccessCounts counts;
+  {
+    const std::lock_guard lock(mutex_);
+    taken.swap(counts_);
+    counts.uncounted = std::exchange(uncounted_, 0);
+    full_ = false;
+  }
+  for (const auto& [number, count] : taken) {
+    if ((number & kGroup) != 0)
+      counts.groups.emplace_back(static_cast<std::uint32_t>(number & ~kGroup), count);
+    else
+      counts.faces.emplace_back(*FaceKey::fromCode(number), count);
+  }
+  std::sort(counts.faces.begin(), counts.faces.end());
+  std::sort(counts.groups.begin(), counts.groups.end());
+  return counts;
+}
+
+}  // namespace repository

@@ -1,0 +1,89 @@
+#include "server/net/access_log.h"
+
+#include <algorithm>
+#include <chrono>
+
+#include "spdlog/spdlog.h"
+
+namespace server {
+namespace {
+
+constexpr double kPatience = 1.0;      // seconds for another server that is just writing
+constexpr double kLastPatience = 5.0;  // the same when there is no next time
+
+std::int64_t now() {
+  return std::chrono::duration_cast<std::chrono::seconds>(std::chrono::system_clock::now().time_since_epoch()).count();
+}
+
+std::size_t rowsOf(const repository::AccessCounts& counts) {
+  return counts.faces.size() + counts.groups.size();
+}
+
+}  // namespace
+
+AccessLog::AccessLog(std::string path, const repository::AccessIdentity& identity, double interval_seconds,
+                     std::size_t most_keys)
+    : path_(std::move(path)),
+      identity_(identity),
+      interval_seconds_(interval_seconds),
+      most_keys_(most_keys),
+      counter_(most_keys, [this] { wake(); }),
+      taken_at_(now()),
+      thread_([this] { work(); }) {}
+
+AccessLog::~AccessLog() {
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+  }
+  changed_.notify_all();
+  thread_.join();
+}
+
+void AccessLog::wake() {
+  {
+    const std::lock_guard lock(mutex_);
+    full_ = true;
+  }
+  changed_.notify_all();
+}
+
+void AccessLog::work() {
+  write(kPatience);  // nothing yet: tells at once when the place is of no use
+  std::unique_lock lock(mutex_);
+  for (bool last = false; !last;) {
+    changed_.wait_for(lock, std::chrono::duration<double>(interval_seconds_), [this] { return full_ || stopping_; });
+    full_ = false;
+    last = stopping_;
+    lock.unlock();
+    write(last ? kLastPatience : kPatience);
+    lock.lock();
+  }
+}
+
+void AccessLog::write(double patience_seconds) {
+  repository::AccessCounts taken = counter_.take();
+  const std::int64_t time = now();
+  taken.since = std::min(taken_at_, time);
+  taken.until = time;
+  taken_at_ = time;
+  if (rowsOf(pending_) < most_keys_)
+    pending_ = repository::addCounts(pending_, taken);
+  else
+    pending_.uncounted += taken.facesSent() + taken.groupsSent() + taken.uncounted;
+
+  const auto added = repository::addToAccessFile(path_, identity_, pending_, patience_seconds);
+  if (!added) return hasFailed(added.error());
+  pending_ = {};
+  if (std::exchange(failing_, false)) spdlog::info("access counts are kept again in {}", path_);
+}
+
+void AccessLog::hasFailed(const base::Error& error) {
+  if (failing_) return;
+  failing_ = true;
+  spdlog::warn(
+      "access counts are not kept for now: {} (--access-file names another place for them, --no-access turns them off)",
+      error.message);
+}
+
+}  // namespace server
