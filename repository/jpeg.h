@@ -8,7 +8,8 @@ namespace repository {
 
 enum class Subsampling { k420, k422, k444 };
 
-/// `rgb`: 3 channels. quality 1..100.
+/// `rgb`: 3 channels, each side 1..65500. quality 1..100. Baseline, with Huffman tables made for the picture: the same
+/// pixels as with the standard ones, in 13 to 32 % fewer bytes (docs/results/repository.md).
 base::Result<base::Bytes> encodeJpeg(const base::Image& rgb, int quality, Subsampling subsampling);
 /// RGB. Refuses broken data (also data that libjpeg would only warn about) and sides over `max_side`.
 base::Result<base::Image> decodeJpeg(base::ByteView bytes, int max_side = 16384);

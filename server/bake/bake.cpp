@@ -12,10 +12,10 @@
 
 #include "base/egl/headless.h"
 #include "base/parallel.h"
-#include "repository/cube_face.h"
 #include "repository/face_value.h"
 #include "server/bake/committer.h"
 #include "server/bake/face_encoder.h"
+#include "server/bake/face_sample.h"
 #include "server/render/scene_renderer.h"
 
 // Four stages, each on its own threads: drawing and reading back (this thread, which has the GL context), encoding (a
@@ -237,16 +237,10 @@ class Baker {
   }
 
   base::Result<void> draw(const std::vector<repository::FaceKey>& keys) {
-    const repository::FaceKey& key = keys.front();
-    const base::DepthRange depth =
-        base::depthRangeFor(options_.grid.point(key.x, key.y, key.z), renderer_.sceneCenter(), renderer_.sceneRadius());
-    std::vector<base::Camera> cameras;
-    for (const repository::FaceKey& one : keys)
-      cameras.push_back(repository::faceCamera(options_.grid, one, depth.near_plane, depth.far_plane));
     RenderOptions render;
     render.tolerance_px = options_.tolerance_px;
     render.supersampling = options_.supersampling;
-    return renderer_.renderMany(cameras, render,
+    return renderer_.renderMany(faceCameras(renderer_, options_.grid, keys), render,
                                 [this, keys](std::size_t i, Rendered rendered) { take(keys[i], std::move(rendered)); });
   }
 

@@ -65,14 +65,20 @@ void fillFrom(const Level& coarse, Level& fine) {
   }
 }
 
-base::Image maskOf(const base::Image& rgba) {
+}  // namespace
+
+base::Image coverageMask(const base::Image& rgba) {
   base::Image mask(rgba.width, rgba.height, 1);
   for (std::size_t i = 0; i < mask.pixels.size(); ++i)
     mask.pixels[i] = rgba.pixels[4 * i + 3] >= kCoverageThreshold ? 255 : 0;
   return mask;
 }
 
-}  // namespace
+bool showsModel(const base::Image& rgba) {
+  for (std::size_t i = 3; i < rgba.pixels.size(); i += 4)
+    if (rgba.pixels[i] >= kCoverageThreshold) return true;
+  return false;
+}
 
 base::Image fillBackground(const base::Image& rgba, const base::Image& mask) {
   LUMIGRID_CHECK_EQ(rgba.channels, 4);
@@ -90,14 +96,14 @@ base::Image fillBackground(const base::Image& rgba, const base::Image& mask) {
 
 base::Result<EncodedFace> encodeFace(const base::Image& rgba, int quality, repository::Subsampling subsampling) {
   LUMIGRID_CHECK_EQ(rgba.channels, 4);
-  const base::Image mask = maskOf(rgba);
   EncodedFace face;
-  face.empty = std::find(mask.pixels.begin(), mask.pixels.end(), std::uint8_t{255}) == mask.pixels.end();
+  face.empty = !showsModel(rgba);
   if (face.empty) {
     face.value = repository::encodeFaceValue({});
     return face;
   }
 
+  const base::Image mask = coverageMask(rgba);
   auto jpeg = repository::encodeJpeg(fillBackground(rgba, mask), quality, subsampling);
   if (!jpeg) return jpeg.error();
   const base::Bytes coverage = repository::encodeCoverage(mask);
