@@ -93,6 +93,24 @@ bool compress(Compressor& to, const base::Image& rgb, int quality, Subsampling s
 
 }  // namespace
 
+const char* nameOf(Subsampling subsampling) {
+  switch (subsampling) {
+    case Subsampling::k420:
+      return "4:2:0";
+    case Subsampling::k422:
+      return "4:2:2";
+    case Subsampling::k444:
+      return "4:4:4";
+  }
+  return "";
+}
+
+std::optional<Subsampling> subsamplingOf(std::string_view name) {
+  for (const Subsampling one : {Subsampling::k420, Subsampling::k422, Subsampling::k444})
+    if (name == nameOf(one)) return one;
+  return std::nullopt;
+}
+
 base::Result<base::Bytes> encodeJpeg(const base::Image& rgb, int quality, Subsampling subsampling) {
   LUMIGRID_CHECK_EQ(rgb.channels, 3);
   LUMIGRID_CHECK(quality >= 1 && quality <= 100);

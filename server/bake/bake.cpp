@@ -36,18 +36,6 @@ double secondsBetween(Clock::time_point from, Clock::time_point to) {
 // --- The store's parameters
 // ----------------------------------------------------------------------------------------------------
 
-const char* nameOf(repository::Subsampling subsampling) {
-  switch (subsampling) {
-    case repository::Subsampling::k420:
-      return "4:2:0";
-    case repository::Subsampling::k422:
-      return "4:2:2";
-    case repository::Subsampling::k444:
-      return "4:4:4";
-  }
-  return "";
-}
-
 std::string numbers(const glm::vec3& v) {
   std::array<char, 64> text{};
   std::snprintf(text.data(), text.size(), "[%.9g, %.9g, %.9g]", static_cast<double>(v.x), static_cast<double>(v.y),
@@ -74,7 +62,7 @@ std::string parametersText(const base::Scene& scene, const BakeOptions& options)
        << ",\n\"grid\": {\"first\": " << numbers(grid.first) << ", \"spacing\": " << number(grid.spacing)
        << ", \"count\": [" << grid.count.x << ", " << grid.count.y << ", " << grid.count.z << "]"
        << ", \"face_size\": " << grid.face_size << "},\n\"quality\": " << options.quality << ",\n\"subsampling\": \""
-       << nameOf(options.subsampling) << "\""
+       << repository::nameOf(options.subsampling) << "\""
        << ",\n\"tolerance\": " << number(options.tolerance_px) << ",\n\"supersampling\": " << options.supersampling
        << ",\n\"light\": \"" << (scene.light.mode == base::LightMode::kUnlit ? "unlit" : "soft") << "\""
        << ",\n\"light direction\": " << numbers(scene.light.direction) << ",\n\"patch.lgp\": \"" << patch_sha256
@@ -110,25 +98,6 @@ base::Result<void> claimStore(repository::Store& store, const std::string& wante
   if (!size) return size.error();
   if (*size > 0) return other("unknown parameters");
   return store.writeMeta(wanted);
-}
-
-base::Result<void> checkOptions(const BakeOptions& options) {
-  const auto wrong = [](const std::string& what) {
-    return base::Error{base::ErrorCode::kInvalidInput, "bake: " + what};
-  };
-  const repository::Grid& grid = options.grid;
-  base::ByteWriter bytes;
-  grid.encode(bytes);
-  base::ByteReader reader(bytes.view());
-  if (const auto sound = repository::Grid::decode(reader); !sound) return base::within("bake", sound.error());
-  if (grid.pointCount() == 0) return wrong("a grid without points");
-  if (grid.pointCount() > kMaxPoints)
-    return wrong("a grid of " + std::to_string(grid.pointCount()) + " points; the most is " +
-                 std::to_string(kMaxPoints) + ", take a coarser one");
-  if (options.quality < 1 || options.quality > 100)
-    return wrong("quality " + std::to_string(options.quality) + "; it must be 1 to 100");
-  if (options.batch_faces < 1) return wrong("batches of no faces");
-  return {};
 }
 
 // --- What is there already
@@ -282,10 +251,29 @@ class Baker {
 
 }  // namespace
 
+base::Result<void> checkBakeOptions(const BakeOptions& options) {
+  const auto wrong = [](const std::string& what) {
+    return base::Error{base::ErrorCode::kInvalidInput, "bake: " + what};
+  };
+  const repository::Grid& grid = options.grid;
+  base::ByteWriter bytes;
+  grid.encode(bytes);
+  base::ByteReader reader(bytes.view());
+  if (const auto sound = repository::Grid::decode(reader); !sound) return base::within("bake", sound.error());
+  if (grid.pointCount() == 0) return wrong("a grid without points");
+  if (grid.pointCount() > kMaxPoints)
+    return wrong("a grid of " + std::to_string(grid.pointCount()) + " points; the most is " +
+                 std::to_string(kMaxPoints) + ", take a coarser one");
+  if (options.quality < 1 || options.quality > 100)
+    return wrong("quality " + std::to_string(options.quality) + "; it must be 1 to 100");
+  if (options.batch_faces < 1) return wrong("batches of no faces");
+  return {};
+}
+
 base::Result<BakeSummary> bake(const base::Scene& scene, const lod::patch::PatchFile& patches, repository::Store& store,
                                const BakeOptions& options, const std::function<bool(const BakeProgress&)>& progress) {
   const Clock::time_point start = Clock::now();
-  LUMIGRID_TRY(checkOptions(options));
+  LUMIGRID_TRY(checkBakeOptions(options));
   LUMIGRID_TRY(claimStore(store, parametersText(scene, options)));
   Present present(options.grid);
   LUMIGRID_TRY(present.read(store));

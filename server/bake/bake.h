@@ -40,6 +40,9 @@ struct BakeSummary {
   double seconds = 0.0;
 };
 
+/// A grid and options that can be baked: kInvalidInput says what cannot.
+base::Result<void> checkBakeOptions(const BakeOptions& options);
+
 /// `progress` may return false to stop cleanly after the batch in hand (kCancelled).
 base::Result<BakeSummary> bake(const base::Scene& scene, const lod::patch::PatchFile& patches, repository::Store& store,
                                const BakeOptions& options, const std::function<bool(const BakeProgress&)>& progress);

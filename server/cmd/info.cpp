@@ -5,6 +5,7 @@
 #include "repository/verify.h"
 #include "server/cmd/commands.h"
 #include "server/cmd/console.h"
+#include "server/cmd/tuned.h"
 #include "server/net/open_scene.h"
 
 namespace server::cmd {
@@ -65,7 +66,7 @@ nlohmann::json describeImages(const OpenScene& open, const repository::Contents&
           {"face_size", grid.face_size}};
 }
 
-void print(const InfoArguments& a, const nlohmann::json& j) {
+void print(const InfoArguments& a, const nlohmann::json& j, const std::string& tuned) {
   const auto& s = j["scene"];
   std::printf("%s: %s triangles, colours: %s, light: %s, units: %s\n", a.scene.c_str(),
               formatCount(s["triangles"].get<std::uint64_t>()).c_str(), s["has_colors"].get<bool>() ? "yes" : "no",
@@ -104,6 +105,7 @@ void print(const InfoArguments& a, const nlohmann::json& j) {
       formatBytes(
           images == 0 ? 0 : (i["jpeg_bytes"].get<std::uint64_t>() + i["coverage_bytes"].get<std::uint64_t>()) / images)
           .c_str());
+  if (!tuned.empty()) std::printf("  %s\n", tuned.c_str());
   if (images + i["empty"].get<std::uint64_t>() != expected)
     std::printf("  %s faces are missing; run the same `lumigrid build` again\n",
                 formatCount(expected - images - i["empty"].get<std::uint64_t>()).c_str());
@@ -113,6 +115,7 @@ int run(const InfoArguments& a) {
   auto open = openScene(a.scene);
   if (!open) return fail(open.error());
   nlohmann::json j;
+  std::string tuned_line;
   j["scene"] = nlohmann::json::parse((*open)->scene_json.begin(), (*open)->scene_json.end());
   j["triangles"] = (*open)->scene.triangles;
   j["hierarchy"] = describeHierarchy(**open);
@@ -120,11 +123,19 @@ int run(const InfoArguments& a) {
     auto contents = repository::contentsOf(*(*open)->images);
     if (!contents) return fail(contents.error());
     j["images"] = describeImages(**open, *contents);
+    const Parameters& parameters = (*open)->scene.parameters;
+    const auto tuned = storedChoice(parameters);
+    if (!tuned) return fail(base::within(a.scene + "/scene.json", tuned.error()));
+    if (*tuned) {
+      j["images"]["tuned"] = tunedJson(**tuned);
+      const auto asked = parameters.find("tune");
+      tuned_line = "tuned to " + (asked == parameters.end() ? "?" : asked->second) + " dB: " + describeChoice(**tuned);
+    }
   }
   if (a.json)
     std::printf("%s\n", j.dump(2).c_str());
   else
-    print(a, j);
+    print(a, j, tuned_line);
   return kDone;
 }
 
