@@ -10,16 +10,14 @@
 #include <utility>
 #include <vector>
 
-#include "base/egl/headless.h"
 #include "base/parallel.h"
 #include "repository/face_value.h"
 #include "server/bake/committer.h"
+#include "server/bake/draw_pool.h"
 #include "server/bake/face_encoder.h"
-#include "server/bake/face_sample.h"
-#include "server/render/scene_renderer.h"
 
-// Four stages, each on its own threads: drawing and reading back (this thread, which has the GL context), encoding (a
-// pool), committing (the Committer's thread). Queues between them are bounded, so a slow disk slows the drawing down
+// Stages, each on its own threads: dealing out grid points (this thread), drawing and reading back (DrawPool), encoding
+// (a pool), committing (the Committer's thread). Queues between them are bounded, so a slow disk slows the drawing down
 // and memory stays small.
 
 namespace server {
@@ -166,26 +164,35 @@ class MovingRate {
 
 class Baker {
  public:
-  Baker(SceneRenderer& renderer, repository::Store& store, const BakeOptions& options, const Present& present)
-      : renderer_(renderer),
-        options_(options),
+  Baker(const base::Scene& scene, const lod::patch::PatchFile& patches, repository::Store& store,
+        const BakeOptions& options, unsigned drawing_threads, const Present& present)
+      : options_(options),
         present_(present),
         threads_(options.threads == 0 ? base::coreCount() : options.threads),
         committer_(store, options.batch_faces, 2 * std::uint64_t{options.batch_faces} + 8 * threads_),
-        encoders_(threads_, 2 * threads_) {}
+        encoders_(threads_, 2 * threads_),
+        draw_(
+            scene, patches, options_.grid, renderOptions(options), drawing_threads,
+            [this](std::uint64_t sequence, const repository::FaceKey& key, Rendered rendered) {
+              take(sequence, key, std::move(rendered));
+            },
+            [this](const base::Error& error) { committer_.fail(error); }) {}
 
   base::Result<void> run(const std::function<bool(const BakeProgress&)>& progress) {
     bool cancelled = !progress(progressNow());
+    std::uint64_t sequence = 0;
     for (const glm::uvec3& point : repository::pointsInMortonOrder(options_.grid)) {
-      if (cancelled || committer_.failed()) break;
-      const auto keys = missingAt(point);
-      if (keys.empty()) continue;
-      if (auto drawn = draw(keys); !drawn) committer_.fail(drawn.error());
+      if (cancelled) break;
+      DrawJob job{sequence, missingAt(point)};
+      if (job.keys.empty()) continue;
+      sequence += job.keys.size();
+      if (!committer_.waitForRoom(sequence - 1)) break;
+      draw_.submit(std::move(job));
       cancelled = !progress(progressNow());
     }
 
     // What is drawn is kept, also after a cancellation.
-    if (auto finished = renderer_.finish(); !finished) committer_.fail(finished.error());
+    draw_.finish();
     encoders_.drain();
     LUMIGRID_TRY(committer_.finish());
     if (cancelled)
@@ -205,18 +212,8 @@ class Baker {
     return keys;
   }
 
-  base::Result<void> draw(const std::vector<repository::FaceKey>& keys) {
-    RenderOptions render;
-    render.tolerance_px = options_.tolerance_px;
-    render.supersampling = options_.supersampling;
-    return renderer_.renderMany(faceCameras(renderer_, options_.grid, keys), render,
-                                [this, keys](std::size_t i, Rendered rendered) { take(keys[i], std::move(rendered)); });
-  }
-
-  // A picture has come back, in the order drawn.
-  void take(const repository::FaceKey& key, Rendered rendered) {
-    const std::uint64_t sequence = taken_++;
-    if (!committer_.waitForRoom(sequence)) return;
+  // A picture has come back.
+  void take(std::uint64_t sequence, const repository::FaceKey& key, Rendered rendered) {
     auto picture = std::make_shared<base::Image>(std::move(rendered.rgba));
     encoders_.submit([this, sequence, key, picture] {
       auto face = encodeFace(*picture, options_.quality, options_.subsampling);
@@ -238,15 +235,14 @@ class Baker {
     return now;
   }
 
-  SceneRenderer& renderer_;
   const BakeOptions& options_;
   const Present& present_;
   const unsigned threads_;
-  std::uint64_t taken_ = 0;
   Counters counters_;
   MovingRate rate_;
   Committer committer_;
-  base::ThreadPool encoders_;  // last: its jobs use the others, and it ends first
+  base::ThreadPool encoders_;  // its jobs use the others, so it ends before them
+  DrawPool draw_;              // … and this one before it
 };
 
 }  // namespace
@@ -270,6 +266,13 @@ base::Result<void> checkBakeOptions(const BakeOptions& options) {
   return {};
 }
 
+RenderOptions renderOptions(const BakeOptions& options) {
+  RenderOptions render;
+  render.tolerance_px = options.tolerance_px;
+  render.supersampling = options.supersampling;
+  return render;
+}
+
 base::Result<BakeSummary> bake(const base::Scene& scene, const lod::patch::PatchFile& patches, repository::Store& store,
                                const BakeOptions& options, const std::function<bool(const BakeProgress&)>& progress) {
   const Clock::time_point start = Clock::now();
@@ -281,11 +284,9 @@ base::Result<BakeSummary> bake(const base::Scene& scene, const lod::patch::Patch
   BakeSummary summary;
   summary.faces_skipped = present.count();
   if (present.count() < options.grid.faceCount()) {
-    auto context = base::HeadlessContext::create();
-    if (!context) return context.error();
-    auto renderer = SceneRenderer::create(scene, patches);
-    if (!renderer) return renderer.error();
-    Baker baker(**renderer, store, options, present);
+    const auto drawing_threads = DrawPool::threadsFor(options.threads == 0 ? base::coreCount() : options.threads);
+    if (!drawing_threads) return drawing_threads.error();
+    Baker baker(scene, patches, store, options, *drawing_threads, present);
     LUMIGRID_TRY(baker.run(progress));
     summary.faces_rendered = baker.counters().done;
     summary.faces_empty = baker.counters().empty;

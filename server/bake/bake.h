@@ -13,6 +13,7 @@
 #include "repository/grid.h"
 #include "repository/jpeg.h"
 #include "repository/store.h"
+#include "server/render/scene_renderer.h"
 
 namespace server {
 
@@ -42,6 +43,9 @@ struct BakeSummary {
 
 /// A grid and options that can be baked: kInvalidInput says what cannot.
 base::Result<void> checkBakeOptions(const BakeOptions& options);
+
+/// How its faces are drawn.
+RenderOptions renderOptions(const BakeOptions& options);
 
 /// `progress` may return false to stop cleanly after the batch in hand (kCancelled).
 base::Result<BakeSummary> bake(const base::Scene& scene, const lod::patch::PatchFile& patches, repository::Store& store,

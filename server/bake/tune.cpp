@@ -150,10 +150,7 @@ base::Result<TuneChoice> tuneScene(const base::Scene& scene, const lod::patch::P
   if (!context) return context.error();
   auto renderer = SceneRenderer::create(scene, patches);
   if (!renderer) return renderer.error();
-  RenderOptions render;
-  render.tolerance_px = options.tolerance_px;
-  render.supersampling = options.supersampling;
-  auto faces = sampleFaces(**renderer, options.grid, render, tuneFacesOf(options.grid.face_size));
+  auto faces = sampleFaces(**renderer, options.grid, renderOptions(options), tuneFacesOf(options.grid.face_size));
   if (!faces) return faces.error();
   if (faces->empty())
     return base::Error{base::ErrorCode::kInvalidInput,
