@@ -128,6 +128,7 @@ struct SceneRenderer::State {
   base::Result<void> prepareTarget(int width, int height, int supersampling);
   base::Result<void> orDrop(base::Result<void> result);
   std::vector<std::uint32_t> visibleFrom(const base::Camera& camera, std::span<const std::uint32_t> cut) const;
+  Tile touchedPart(const base::Camera& tile_camera, std::span<const std::uint32_t> visible, const Tile& tile) const;
   void sortFrontToBack(std::vector<std::uint32_t>& cut, const glm::vec3& eye) const;
 
   const lod::patch::Hierarchy& hierarchy;
@@ -164,6 +165,14 @@ void SceneRenderer::State::sortFrontToBack(std::vector<std::uint32_t>& cut, cons
   }
   std::sort(keyed.begin(), keyed.end());
   for (std::size_t i = 0; i < cut.size(); ++i) cut[i] = keyed[i].second;
+}
+
+// Of a tile, what the patches may touch: the rest stays background, and is neither averaged nor read back.
+Tile SceneRenderer::State::touchedPart(const base::Camera& tile_camera, std::span<const std::uint32_t> visible,
+                                       const Tile& tile) const {
+  PixelBounds bounds(tile_camera);
+  for (const std::uint32_t patch : visible) bounds.add(hierarchy.patches[patch].box);
+  return bounds.within(tile.width, tile.height);
 }
 
 base::Result<void> SceneRenderer::State::prepareTarget(int width, int height, int supersampling) {
@@ -217,8 +226,14 @@ base::Result<void> SceneRenderer::State::drawPicture(const base::Camera& camera,
       LUMIGRID_TRY(readback.skip(picture));
       continue;
     }
+    const Tile part = touchedPart(tile_camera, in_tile, tile);
+    if (part.width == 0) {
+      LUMIGRID_TRY(readback.skip(picture));
+      continue;
+    }
     LUMIGRID_TRY(drawTile(tile_camera, in_tile));
-    LUMIGRID_TRY(readback.read(picture, tile, target.resolve(resolve), target.height()));
+    LUMIGRID_TRY(readback.read(picture, {tile.x + part.x, tile.y + part.y, part.width, part.height},
+                               target.resolve(resolve, part), part.x, target.height() - part.y - part.height));
   }
   return {};
 }
