@@ -1,7 +1,7 @@
 #pragma once
 // Threads that draw faces, each with a GL context, a renderer and a cache of patches of its own. With software GL one
 // context cannot keep the cores busy: its vertices and triangles are set up by the thread that draws (llvmpipe: 1.4 of
-// 4 cores busy, a city scan drawn 1.6 times as fast by four contexts). A GPU is kept busy by one.
+// 4 cores busy, a city scan drawn 1.6 times as fast by four contexts). A GPU gets one: more are not measured.
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
