@@ -157,4 +157,10 @@ std::string HeadlessContext::renderer() const {
   return state_->renderer;
 }
 
+bool HeadlessContext::isSoftware() const {
+  for (const char* name : {"llvmpipe", "softpipe", "SwiftShader"})
+    if (state_->renderer.find(name) != std::string::npos) return true;
+  return false;
+}
+
 }  // namespace base

@@ -20,6 +20,7 @@ class HeadlessContext {
   void makeCurrent();            ///< on the calling thread
   void release();                ///< from the calling thread
   std::string renderer() const;  ///< GL_RENDERER
+  bool isSoftware() const;       ///< drawn by the CPU (Mesa's llvmpipe or softpipe, or SwiftShader)
 
  private:
   HeadlessContext() = default;

@@ -13,17 +13,15 @@
 #include <utility>
 #include <vector>
 
-#include "base/egl/headless.h"
 #include "base/parallel.h"
-#include "repository/cube_face.h"
 #include "repository/face_value.h"
 #include "server/bake/adaptive.h"
 #include "server/bake/committer.h"
+#include "server/bake/draw_pool.h"
 #include "server/bake/face_encoder.h"
-#include "server/render/scene_renderer.h"
 
-// Four stages, each on its own threads: drawing and reading back (this thread, which has the GL context), encoding (a
-// pool), committing (the Committer's thread). Queues between them are bounded, so a slow disk slows the drawing down
+// Stages, each on its own threads: dealing out grid points (this thread), drawing and reading back (DrawPool), encoding
+// (a pool), committing (the Committer's thread). Queues between them are bounded, so a slow disk slows the drawing down
 // and memory stays small.
 
 namespace server {
@@ -39,18 +37,6 @@ double secondsBetween(Clock::time_point from, Clock::time_point to) {
 
 // --- The store's parameters
 // ----------------------------------------------------------------------------------------------------
-
-const char* nameOf(repository::Subsampling subsampling) {
-  switch (subsampling) {
-    case repository::Subsampling::k420:
-      return "4:2:0";
-    case repository::Subsampling::k422:
-      return "4:2:2";
-    case repository::Subsampling::k444:
-      return "4:4:4";
-  }
-  return "";
-}
 
 std::string numbers(const glm::vec3& v) {
   std::array<char, 64> text{};
@@ -78,7 +64,7 @@ std::string parametersText(const base::Scene& scene, const BakeOptions& options)
        << ",\n\"grid\": {\"first\": " << numbers(grid.first) << ", \"spacing\": " << number(grid.spacing)
        << ", \"count\": [" << grid.count.x << ", " << grid.count.y << ", " << grid.count.z << "]"
        << ", \"face_size\": " << grid.face_size << "},\n\"quality\": " << options.quality << ",\n\"subsampling\": \""
-       << nameOf(options.subsampling) << "\""
+       << repository::nameOf(options.subsampling) << "\""
        << ",\n\"tolerance\": " << number(options.tolerance_px) << ",\n\"supersampling\": " << options.supersampling
        << ",\n\"light\": \"" << (scene.light.mode == base::LightMode::kUnlit ? "unlit" : "soft") << "\""
        << ",\n\"light direction\": " << numbers(scene.light.direction) << ",\n\"patch.lgp\": \"" << patch_sha256
@@ -120,27 +106,6 @@ base::Result<void> claimStore(repository::Store& store, const std::string& wante
   if (!size) return size.error();
   if (*size > 0) return other("unknown parameters");
   return store.writeMeta(wanted);
-}
-
-base::Result<void> checkOptions(const BakeOptions& options) {
-  const auto wrong = [](const std::string& what) {
-    return base::Error{base::ErrorCode::kInvalidInput, "bake: " + what};
-  };
-  const repository::Grid& grid = options.grid;
-  base::ByteWriter bytes;
-  grid.encode(bytes);
-  base::ByteReader reader(bytes.view());
-  if (const auto sound = repository::Grid::decode(reader); !sound) return base::within("bake", sound.error());
-  if (grid.pointCount() == 0) return wrong("a grid without points");
-  if (grid.pointCount() > kMaxPoints)
-    return wrong("a grid of " + std::to_string(grid.pointCount()) + " points; the most is " +
-                 std::to_string(kMaxPoints) + ", take a coarser one");
-  if (options.quality < 1 || options.quality > 100)
-    return wrong("quality " + std::to_string(options.quality) + "; it must be 1 to 100");
-  if (options.batch_faces < 1) return wrong("batches of no faces");
-  if (!(options.target_db >= 0.0) || options.coarse_cells < 1)
-    return wrong("a target below 0 dB, or no cells to begin with");
-  return {};
 }
 
 // --- What is there already
@@ -214,29 +179,37 @@ class MovingRate {
 
 class Baker {
  public:
-  Baker(SceneRenderer& renderer, repository::Store& store, const BakeOptions& options, const Present& present,
-        const std::vector<glm::uvec3>& points)
-      : renderer_(renderer),
-        options_(options),
+  Baker(const base::Scene& scene, const lod::patch::PatchFile& patches, repository::Store& store,
+        const BakeOptions& options, unsigned drawing_threads, const Present& present, const std::vector<glm::uvec3>& points)
+      : options_(options),
         present_(present),
         points_(points),
         threads_(options.threads == 0 ? base::coreCount() : options.threads),
         committer_(store, options.batch_faces, 2 * std::uint64_t{options.batch_faces} + 8 * threads_),
-        encoders_(threads_, 2 * threads_) {}
+        encoders_(threads_, 2 * threads_),
+        draw_(
+            scene, patches, options_.grid, renderOptions(options), drawing_threads,
+            [this](std::uint64_t sequence, const repository::FaceKey& key, Rendered rendered) {
+              take(sequence, key, std::move(rendered));
+            },
+            [this](const base::Error& error) { committer_.fail(error); }) {}
 
   base::Result<void> run(const std::function<bool(const BakeProgress&)>& progress) {
     for (const glm::uvec3& point : points_) skipped_ += 6 - missingAt(point).size();
     bool cancelled = !progress(progressNow());
+    std::uint64_t sequence = 0;
     for (const glm::uvec3& point : points_) {
-      if (cancelled || committer_.failed()) break;
-      const auto keys = missingAt(point);
-      if (keys.empty()) continue;
-      if (auto drawn = draw(keys); !drawn) committer_.fail(drawn.error());
+      if (cancelled) break;
+      DrawJob job{sequence, missingAt(point)};
+      if (job.keys.empty()) continue;
+      sequence += job.keys.size();
+      if (!committer_.waitForRoom(sequence - 1)) break;
+      draw_.submit(std::move(job));
       cancelled = !progress(progressNow());
     }
 
     // What is drawn is kept, also after a cancellation.
-    if (auto finished = renderer_.finish(); !finished) committer_.fail(finished.error());
+    draw_.finish();
     encoders_.drain();
     LUMIGRID_TRY(committer_.finish());
     if (cancelled)
@@ -261,24 +234,8 @@ class Baker {
     return keys;
   }
 
-  base::Result<void> draw(const std::vector<repository::FaceKey>& keys) {
-    const repository::FaceKey& key = keys.front();
-    const base::DepthRange depth =
-        base::depthRangeFor(options_.grid.point(key.x, key.y, key.z), renderer_.sceneCenter(), renderer_.sceneRadius());
-    std::vector<base::Camera> cameras;
-    for (const repository::FaceKey& one : keys)
-      cameras.push_back(repository::faceCamera(options_.grid, one, depth.near_plane, depth.far_plane));
-    RenderOptions render;
-    render.tolerance_px = options_.tolerance_px;
-    render.supersampling = options_.supersampling;
-    return renderer_.renderMany(cameras, render,
-                                [this, keys](std::size_t i, Rendered rendered) { take(keys[i], std::move(rendered)); });
-  }
-
-  // A picture has come back, in the order drawn.
-  void take(const repository::FaceKey& key, Rendered rendered) {
-    const std::uint64_t sequence = taken_++;
-    if (!committer_.waitForRoom(sequence)) return;
+  // A picture has come back.
+  void take(std::uint64_t sequence, const repository::FaceKey& key, Rendered rendered) {
     auto picture = std::make_shared<base::Image>(std::move(rendered.rgba));
     encoders_.submit([this, sequence, key, picture] {
       auto face = encodeFace(*picture, options_.quality, options_.subsampling);
@@ -304,19 +261,18 @@ class Baker {
     return now;
   }
 
-  SceneRenderer& renderer_;
   const BakeOptions& options_;
   const Present& present_;
   const std::vector<glm::uvec3>& points_;
   const unsigned threads_;
-  std::uint64_t taken_ = 0;
   std::uint64_t skipped_ = 0;
   std::mutex empty_mutex_;
   std::unordered_map<std::uint64_t, std::uint32_t> empty_;  // by the point's first key: faces that see nothing
   Counters counters_;
   MovingRate rate_;
   Committer committer_;
-  base::ThreadPool encoders_;  // last: its jobs use the others, and it ends first
+  base::ThreadPool encoders_;  // its jobs use the others, so it ends before them
+  DrawPool draw_;              // … and this one before it
 };
 
 // A store, what it holds and what fills it.
@@ -348,7 +304,6 @@ class Work {
     const std::vector<glm::uvec3> points = repository::pointsInMortonOrder(options_.grid);
     summary_.points = points.size();
     if (present_.count() == options_.grid.faceCount()) return {};
-    LUMIGRID_TRY(start());
     const auto blind = render(points);
     return blind ? base::Result<void>() : base::Result<void>(blind.error());
   }
@@ -386,11 +341,15 @@ class Work {
 
   bool isComplete(const repository::SampleTree& tree) const {
     if (!tree.openLeaves().empty()) return false;
-    const auto points = tree.points();
-    return std::all_of(points.begin(), points.end(), [&](const glm::uvec3& p) {
+    return !isMissing(tree.points());
+  }
+
+  // Whether a face of any of these points is.
+  bool isMissing(const std::vector<glm::uvec3>& points) const {
+    return std::any_of(points.begin(), points.end(), [&](const glm::uvec3& p) {
       for (std::uint32_t d = 0; d < 6; ++d)
-        if (!present_.has({p.x, p.y, p.z, d})) return false;
-      return true;
+        if (!present_.has({p.x, p.y, p.z, d})) return true;
+      return false;
     });
   }
 
@@ -406,7 +365,13 @@ class Work {
 
   // What is missing at these points; gives those of them that were rendered and see nothing.
   base::Result<std::vector<glm::uvec3>> render(const std::vector<glm::uvec3>& points) {
-    Baker baker(*renderer_, store_, options_, present_, points);
+    if (!isMissing(points)) return std::vector<glm::uvec3>();
+    if (drawing_threads_ == 0) {
+      const auto threads = DrawPool::threadsFor(options_.threads == 0 ? base::coreCount() : options_.threads);
+      if (!threads) return threads.error();
+      drawing_threads_ = *threads;
+    }
+    Baker baker(scene_, patches_, store_, options_, drawing_threads_, present_, points);
     LUMIGRID_TRY(baker.run(progress_));
     summary_.faces_rendered += baker.counters().done;
     summary_.faces_empty += baker.counters().empty;
@@ -429,16 +394,45 @@ class Work {
   const std::string parameters_;
   Present present_;
   BakeSummary summary_;
+  unsigned drawing_threads_ = 0;  // 0: not asked yet
   std::unique_ptr<base::HeadlessContext> context_;
   std::unique_ptr<SceneRenderer> renderer_;  // goes before its context
 };
 
 }  // namespace
 
+base::Result<void> checkBakeOptions(const BakeOptions& options) {
+  const auto wrong = [](const std::string& what) {
+    return base::Error{base::ErrorCode::kInvalidInput, "bake: " + what};
+  };
+  const repository::Grid& grid = options.grid;
+  base::ByteWriter bytes;
+  grid.encode(bytes);
+  base::ByteReader reader(bytes.view());
+  if (const auto sound = repository::Grid::decode(reader); !sound) return base::within("bake", sound.error());
+  if (grid.pointCount() == 0) return wrong("a grid without points");
+  if (grid.pointCount() > kMaxPoints)
+    return wrong("a grid of " + std::to_string(grid.pointCount()) + " points; the most is " +
+                 std::to_string(kMaxPoints) + ", take a coarser one");
+  if (options.quality < 1 || options.quality > 100)
+    return wrong("quality " + std::to_string(options.quality) + "; it must be 1 to 100");
+  if (options.batch_faces < 1) return wrong("batches of no faces");
+  if (!(options.target_db >= 0.0) || options.coarse_cells < 1)
+    return wrong("a target below 0 dB, or no cells to begin with");
+  return {};
+}
+
+RenderOptions renderOptions(const BakeOptions& options) {
+  RenderOptions render;
+  render.tolerance_px = options.tolerance_px;
+  render.supersampling = options.supersampling;
+  return render;
+}
+
 base::Result<BakeSummary> bake(const base::Scene& scene, const lod::patch::PatchFile& patches, repository::Store& store,
                                const BakeOptions& options, const std::function<bool(const BakeProgress&)>& progress) {
   const Clock::time_point start = Clock::now();
-  LUMIGRID_TRY(checkOptions(options));
+  LUMIGRID_TRY(checkBakeOptions(options));
   auto summary = Work(scene, patches, store, options, progress).run();
   if (summary) summary->seconds = secondsBetween(start, Clock::now());
   return summary;

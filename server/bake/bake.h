@@ -15,6 +15,7 @@
 #include "repository/jpeg.h"
 #include "repository/store.h"
 #include "server/bake/tree_text.h"
+#include "server/render/scene_renderer.h"
 
 namespace server {
 
@@ -50,6 +51,12 @@ struct BakeSummary {
   std::uint64_t points = 0;        ///< with images, of the grid's
   std::vector<TreeGrowth> growth;  ///< of adaptive sampling, by size of cells
 };
+
+/// A grid and options that can be baked: kInvalidInput says what cannot.
+base::Result<void> checkBakeOptions(const BakeOptions& options);
+
+/// How its faces are drawn.
+RenderOptions renderOptions(const BakeOptions& options);
 
 /// `progress` may return false to stop cleanly after the batch in hand (kCancelled).
 base::Result<BakeSummary> bake(const base::Scene& scene, const lod::patch::PatchFile& patches, repository::Store& store,

@@ -1,7 +1,5 @@
 #include "server/bake/face_encoder.h"
 
-#include <algorithm>
-#include <glm/glm.hpp>
 #include <vector>
 
 #include "base/check.h"
@@ -11,68 +9,85 @@
 namespace server {
 namespace {
 
-// One level of a pyramid of colours; a level's pixel stands for 2 × 2 of the level below.
+/// A colour in one word, a byte a channel: red lowest, highest 255. 0: not known.
+using Cell = std::uint32_t;
+constexpr Cell kKnown = 0xFF000000U;
+
+Cell cellOf(const std::uint8_t* rgb) {
+  return kKnown | Cell{rgb[0]} | Cell{rgb[1]} << 8 | Cell{rgb[2]} << 16;
+}
+
+/// The mean of the known ones of four, rounded half up; 0 when none is. Two channels at a time, in the halves of a
+/// word: whole numbers, the same on every machine.
+Cell meanOf(Cell a, Cell b, Cell c, Cell d) {
+  constexpr Cell kHalves = 0x00FF00FFU;
+  const Cell count = (a >> 31) + (b >> 31) + (c >> 31) + (d >> 31);
+  if (count <= 1) return a | b | c | d;
+  const Cell even = (a & kHalves) + (b & kHalves) + (c & kHalves) + (d & kHalves);
+  const Cell odd = (a >> 8 & kHalves) + (b >> 8 & kHalves) + (c >> 8 & kHalves) + (d >> 8 & kHalves);
+  const auto divided = [count](Cell sums) {
+    if (count == 2) return (sums + 0x00010001U) >> 1 & kHalves;
+    if (count == 4) return (sums + 0x00020002U) >> 2 & kHalves;
+    return ((sums & 0xFFFFU) + 1) / 3 | ((sums >> 16) + 1) / 3 << 16;
+  };
+  return divided(even) | divided(odd) << 8;
+}
+
+/// One level of a pyramid; a level's cell stands for 2 × 2 of the level below, fewer at the far borders.
 struct Level {
   int width;
   int height;
-  std::vector<glm::ivec3> color;
-  std::vector<std::uint8_t> known;
+  std::vector<Cell> cells;
 
-  Level(int w, int h)
-      : width(w), height(h), color(static_cast<std::size_t>(w) * static_cast<std::size_t>(h)), known(color.size(), 0) {}
-  std::size_t index(int x, int y) const {
-    return static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x);
-  }
+  Level(int w, int h) : width(w), height(h), cells(static_cast<std::size_t>(w) * static_cast<std::size_t>(h)) {}
+  Cell* row(int y) { return cells.data() + static_cast<std::size_t>(y) * static_cast<std::size_t>(width); }
+  const Cell* row(int y) const { return cells.data() + static_cast<std::size_t>(y) * static_cast<std::size_t>(width); }
 };
 
 Level modelPixels(const base::Image& rgba, const base::Image& mask) {
   Level level(rgba.width, rgba.height);
-  for (std::size_t i = 0; i < level.color.size(); ++i) {
-    const std::uint8_t* pixel = &rgba.pixels[4 * i];
-    level.color[i] = glm::ivec3(pixel[0], pixel[1], pixel[2]);
-    level.known[i] = mask.pixels[i] != 0 ? 1 : 0;
-  }
+  for (std::size_t i = 0; i < level.cells.size(); ++i)
+    if (mask.pixels[i] != 0) level.cells[i] = cellOf(&rgba.pixels[4 * i]);
   return level;
 }
 
-// Means of the known ones among 2 × 2, in integers: the same on every machine.
 Level halved(const Level& fine) {
   Level coarse((fine.width + 1) / 2, (fine.height + 1) / 2);
+  const std::vector<Cell> beyond(static_cast<std::size_t>(fine.width), 0);
   for (int y = 0; y < coarse.height; ++y) {
-    for (int x = 0; x < coarse.width; ++x) {
-      glm::ivec3 sum(0);
-      int count = 0;
-      for (int v = 2 * y; v < std::min(fine.height, 2 * y + 2); ++v) {
-        for (int u = 2 * x; u < std::min(fine.width, 2 * x + 2); ++u) {
-          if (fine.known[fine.index(u, v)] == 0) continue;
-          sum += fine.color[fine.index(u, v)];
-          ++count;
-        }
-      }
-      if (count == 0) continue;
-      coarse.color[coarse.index(x, y)] = (sum + glm::ivec3(count / 2)) / count;
-      coarse.known[coarse.index(x, y)] = 1;
-    }
+    const Cell* upper = fine.row(2 * y);
+    const Cell* lower = 2 * y + 1 < fine.height ? fine.row(2 * y + 1) : beyond.data();
+    Cell* out = coarse.row(y);
+    for (int x = 0; x < fine.width / 2; ++x)
+      out[x] = meanOf(upper[2 * x], upper[2 * x + 1], lower[2 * x], lower[2 * x + 1]);
+    if (fine.width % 2 != 0) out[coarse.width - 1] = meanOf(upper[fine.width - 1], 0, lower[fine.width - 1], 0);
   }
   return coarse;
 }
 
 void fillFrom(const Level& coarse, Level& fine) {
   for (int y = 0; y < fine.height; ++y) {
-    for (int x = 0; x < fine.width; ++x) {
-      if (fine.known[fine.index(x, y)] == 0) fine.color[fine.index(x, y)] = coarse.color[coarse.index(x / 2, y / 2)];
-    }
+    const Cell* filler = coarse.row(y / 2);
+    Cell* cells = fine.row(y);
+    for (int x = 0; x < fine.width; ++x)
+      if (cells[x] == 0) cells[x] = filler[x / 2];
   }
 }
 
-base::Image maskOf(const base::Image& rgba) {
+}  // namespace
+
+base::Image coverageMask(const base::Image& rgba) {
   base::Image mask(rgba.width, rgba.height, 1);
   for (std::size_t i = 0; i < mask.pixels.size(); ++i)
     mask.pixels[i] = rgba.pixels[4 * i + 3] >= kCoverageThreshold ? 255 : 0;
   return mask;
 }
 
-}  // namespace
+bool showsModel(const base::Image& rgba) {
+  for (std::size_t i = 3; i < rgba.pixels.size(); i += 4)
+    if (rgba.pixels[i] >= kCoverageThreshold) return true;
+  return false;
+}
 
 base::Image fillBackground(const base::Image& rgba, const base::Image& mask) {
   LUMIGRID_CHECK_EQ(rgba.channels, 4);
@@ -81,23 +96,22 @@ base::Image fillBackground(const base::Image& rgba, const base::Image& mask) {
   for (std::size_t level = pyramid.size() - 1; level > 0; --level) fillFrom(pyramid[level], pyramid[level - 1]);
 
   base::Image rgb(rgba.width, rgba.height, 3);
-  for (std::size_t i = 0; i < pyramid[0].color.size(); ++i) {
-    for (int c = 0; c < 3; ++c)
-      rgb.pixels[3 * i + static_cast<std::size_t>(c)] = static_cast<std::uint8_t>(pyramid[0].color[i][c]);
-  }
+  std::uint8_t* out = rgb.pixels.data();
+  for (const Cell cell : pyramid[0].cells)
+    for (int shift = 0; shift < 24; shift += 8) *out++ = static_cast<std::uint8_t>(cell >> shift);
   return rgb;
 }
 
 base::Result<EncodedFace> encodeFace(const base::Image& rgba, int quality, repository::Subsampling subsampling) {
   LUMIGRID_CHECK_EQ(rgba.channels, 4);
-  const base::Image mask = maskOf(rgba);
   EncodedFace face;
-  face.empty = std::find(mask.pixels.begin(), mask.pixels.end(), std::uint8_t{255}) == mask.pixels.end();
+  face.empty = !showsModel(rgba);
   if (face.empty) {
     face.value = repository::encodeFaceValue({});
     return face;
   }
 
+  const base::Image mask = coverageMask(rgba);
   auto jpeg = repository::encodeJpeg(fillBackground(rgba, mask), quality, subsampling);
   if (!jpeg) return jpeg.error();
   const base::Bytes coverage = repository::encodeCoverage(mask);

@@ -19,6 +19,7 @@
 #include "server/bake/bake.h"
 #include "server/cmd/commands.h"
 #include "server/cmd/console.h"
+#include "server/cmd/tuned.h"
 
 namespace server::cmd {
 namespace {
@@ -33,7 +34,8 @@ struct BuildArguments {
   std::string output;
   std::vector<std::string> methods{"patch", "images"};
   bool force = false, json = false, quiet = false;
-  std::string light = "auto", up = "auto", units = "unknown", subsampling = "420";
+  std::string light = "auto", up = "auto", units = "unknown", subsampling = "420", tune = "off";
+  std::optional<double> tune_db;  ///< --tune in dB, nothing: off
   std::uint32_t grid = 32, face = 512;
   double margin = 0.5;
   std::string tmpdir, regroup = "on";
@@ -48,6 +50,7 @@ constexpr const char* kWrittenWhole[] = {"patch.lgp", "scene.json", base::kBuild
 /// What the summary tells.
 struct BuildReport {
   std::optional<lod::build::HierarchySummary> hierarchy;  ///< absent when a resumed build had it already
+  std::optional<TuneChoice> tuned;
   std::optional<BakeSummary> bake;
 };
 
@@ -69,8 +72,8 @@ std::map<std::string, std::string> parametersOf(const BuildArguments& a) {
           {"light", a.light},
           {"up", a.up},
           {"units", a.units},
-          {"quality", number(a.bake.quality)},
-          {"subsampling", a.subsampling},
+          {a.tune_db ? "tune" : "quality", a.tune_db ? number(*a.tune_db) : number(a.bake.quality)},
+          {"subsampling", a.tune_db ? "tuned" : a.subsampling},
           {"target", number(a.bake.target_db)},
           {"gain", number(a.bake.least_gain_db)},
           {"coarse-cells", number(a.bake.coarse_cells)},
@@ -130,7 +133,8 @@ Result<std::optional<base::Scene>> openOutput(const BuildArguments& a, const std
   if (fs::exists(building)) {
     auto scene = base::readSceneFile(building);
     if (!scene) return scene.error();
-    if (scene->parameters != parametersOf(a) || !sameSources(scene->sources, sources))
+    const bool has_images = fs::exists(fs::path(a.output) / "images" / "data.mdb");
+    if (!takeOver(parametersOf(a), has_images, scene->parameters) || !sameSources(scene->sources, sources))
       return Error{
           ErrorCode::kExists,
           a.output +
@@ -267,15 +271,35 @@ repository::Subsampling subsamplingOf(const std::string& name) {
                          : repository::Subsampling::k420;
 }
 
+/// With --tune: the choice that an earlier run kept, or a new one, which is kept before the first image.
+Result<void> chooseQuality(const BuildArguments& a, const lod::patch::PatchFile& patches, base::Scene& scene,
+                           BuildReport& report, BakeOptions& options) {
+  if (!a.tune_db) return {};
+  auto choice = storedChoice(scene.parameters);
+  if (!choice) return base::within(a.output + "/" + base::kBuildingFile, choice.error());
+  if (!*choice) {
+    auto tuned = tuneScene(scene, patches, options, *a.tune_db);
+    if (!tuned) return base::within("--tune", tuned.error());
+    *choice = *tuned;
+    storeChoice(**choice, scene.parameters);
+    LUMIGRID_TRY(base::writeSceneFile(scene, a.output + "/" + base::kBuildingFile));
+  }
+  report.tuned = **choice;
+  options.quality = (*choice)->quality;
+  options.subsampling = (*choice)->subsampling;
+  return {};
+}
+
 Result<void> buildImages(const BuildArguments& a, base::Scene& scene, BuildReport& report, ProgressLine& line) {
   auto patches = lod::patch::PatchFile::open(a.output + "/patch.lgp");
   if (!patches) return patches.error();
-  auto store = repository::openLmdbStore(a.output + "/images", repository::StoreMode::kWrite);
-  if (!store) return store.error();
   BakeOptions options = a.bake;
   options.grid = repository::makeGrid(scene.localBox(), a.grid, static_cast<float>(a.margin), a.face);
   options.subsampling = subsamplingOf(a.subsampling);
   options.threads = a.hierarchy.threads;
+  LUMIGRID_TRY(chooseQuality(a, *patches, scene, report, options));
+  auto store = repository::openLmdbStore(a.output + "/images", repository::StoreMode::kWrite);
+  if (!store) return store.error();
   auto baked = bake(scene, *patches, **store, options, [&](const BakeProgress& p) {
     if (p.cells_total != 0) {
       line.show("cells of " + std::to_string(p.cell) + " steps",
@@ -315,6 +339,7 @@ nlohmann::json summaryJson(const base::Scene& scene, const BuildReport& r) {
       j["hierarchy"]["levels"].push_back(
           {{"triangles", level.triangles}, {"patches", level.patches}, {"max_error", level.max_error}});
   }
+  if (r.tuned) j["tuned"] = tunedJson(*r.tuned);
   if (r.bake) {
     const auto& b = *r.bake;
     j["images"] = {{"rendered", b.faces_rendered},
@@ -343,6 +368,7 @@ void printSummary(const BuildArguments& a, const base::Scene& scene, const Build
                   formatCount(h.levels[level].triangles).c_str(), formatCount(h.levels[level].patches).c_str(),
                   static_cast<double>(h.levels[level].max_error));
   }
+  if (r.tuned) std::printf("tuned to %s dB: %s\n", a.tune.c_str(), describeChoice(*r.tuned).c_str());
   if (r.bake) {
     const auto& b = *r.bake;
     std::printf("images: %.1f images/s; %s rendered (%s empty), %s were there already; %s JPEG, %s coverage\n",
@@ -423,11 +449,21 @@ Run addBuild(CLI::App& command) {
   command.add_option("--face", a->face, "pixels along one side of an image")
       ->check(CLI::Range(16, 4096))
       ->capture_default_str();
-  command.add_option("--quality", a->bake.quality, "JPEG quality")->check(CLI::Range(1, 100))->capture_default_str();
+  const CLI::Option* quality = command.add_option("--quality", a->bake.quality, "JPEG quality")
+                                   ->check(CLI::Range(1, 100))
+                                   ->capture_default_str();
+  const CLI::Option* subsampling =
+      command
+          .add_option("--subsampling", a->subsampling,
+                      "JPEG chroma subsampling; 420 halves the bytes, 444 keeps strong colours")
+          ->check(CLI::IsMember({"420", "422", "444"}))
+          ->capture_default_str();
   command
-      .add_option("--subsampling", a->subsampling,
-                  "JPEG chroma subsampling; 420 halves the bytes, 444 keeps strong colours")
-      ->check(CLI::IsMember({"420", "422", "444"}))
+      .add_option(
+          "--tune", a->tune,
+          "off, or a PSNR in dB, e.g. 36: takes the quality and subsampling of fewest bytes that reach it on the "
+          "model's pixels of a sample of " +
+              std::to_string(kTuneFaces) + " images")
       ->capture_default_str();
   command.add_option("--tolerance", a->bake.tolerance_px, "largest projected error in the images, face pixels")
       ->check(CLI::Range(0.0F, 100.0F))
@@ -479,7 +515,17 @@ Run addBuild(CLI::App& command) {
       ->capture_default_str();
   command.add_flag("--json", a->json, "summary as JSON");
   command.add_flag("--quiet", a->quiet, "no progress");
-  return [a]() -> int {
+  return [a, quality, subsampling]() -> int {
+    if (!parseTune(a->tune, a->tune_db)) {
+      std::fprintf(stderr, "lumigrid: --tune %s: give off, or a PSNR in dB above 0 and below 99, e.g. 36\n",
+                   a->tune.c_str());
+      return kWrongUsage;
+    }
+    if (a->tune_db && (quality->count() > 0 || subsampling->count() > 0 || !wants(*a, "images"))) {
+      std::fprintf(stderr, "lumigrid: --tune chooses quality and subsampling of the images: leave out %s\n",
+                   !wants(*a, "images") ? "--tune, or build images" : "--quality and --subsampling, or --tune");
+      return kWrongUsage;
+    }
     if (wants(*a, "images") && !wants(*a, "patch")) {
       std::fprintf(stderr, "lumigrid: --methods images needs patch as well\n");
       return kWrongUsage;

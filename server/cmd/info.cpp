@@ -8,6 +8,7 @@
 #include "repository/verify.h"
 #include "server/cmd/commands.h"
 #include "server/cmd/console.h"
+#include "server/cmd/tuned.h"
 #include "server/net/open_scene.h"
 
 namespace server::cmd {
@@ -138,7 +139,7 @@ void printAccess(const nlohmann::json& access) {
                 point["point"].dump().c_str(), point["position"].dump().c_str());
 }
 
-void printImages(const nlohmann::json& i) {
+void printImages(const nlohmann::json& i, const std::string& tuned) {
   const auto images = i["images"].get<std::uint64_t>();
   const auto expected = i["expected"].get<std::uint64_t>();
   std::printf("images: %s of %d x %d pixels, %s faces see nothing; grid %s, spacing %g\n", formatCount(images).c_str(),
@@ -151,6 +152,7 @@ void printImages(const nlohmann::json& i) {
       formatBytes(
           images == 0 ? 0 : (i["jpeg_bytes"].get<std::uint64_t>() + i["coverage_bytes"].get<std::uint64_t>()) / images)
           .c_str());
+  if (!tuned.empty()) std::printf("  %s\n", tuned.c_str());
   if (i["points"] != i["grid_points"])
     std::printf("  %s of the grid's %s points are sampled\n", formatCount(i["points"].get<std::uint64_t>()).c_str(),
                 formatCount(i["grid_points"].get<std::uint64_t>()).c_str());
@@ -165,7 +167,7 @@ void printImages(const nlohmann::json& i) {
                 formatCount(expected - images - i["empty"].get<std::uint64_t>()).c_str());
 }
 
-void print(const InfoArguments& a, const nlohmann::json& j) {
+void print(const InfoArguments& a, const nlohmann::json& j, const std::string& tuned) {
   const auto& s = j["scene"];
   std::printf("%s: %s triangles, colours: %s, light: %s, units: %s\n", a.scene.c_str(),
               formatCount(s["triangles"].get<std::uint64_t>()).c_str(), s["has_colors"].get<bool>() ? "yes" : "no",
@@ -188,7 +190,7 @@ void print(const InfoArguments& a, const nlohmann::json& j) {
                 formatCount(level["triangles"].get<std::uint64_t>()).c_str(),
                 formatCount(level["patches"].get<std::uint64_t>()).c_str(), level["max_error"].get<double>());
   if (j.contains("images"))
-    printImages(j["images"]);
+    printImages(j["images"], tuned);
   else
     std::printf("images: none\n");
   if (j.contains("access")) printAccess(j["access"]);
@@ -198,6 +200,7 @@ int run(const InfoArguments& a) {
   auto open = openScene(a.scene);
   if (!open) return fail(open.error());
   nlohmann::json j;
+  std::string tuned_line;
   j["scene"] = nlohmann::json::parse((*open)->scene_json.begin(), (*open)->scene_json.end());
   j["triangles"] = (*open)->scene.triangles;
   j["hierarchy"] = describeHierarchy(**open);
@@ -207,12 +210,20 @@ int run(const InfoArguments& a) {
         (*open)->packs != nullptr ? contentsOf((*open)->packs->root()) : repository::contentsOf(*(*open)->images);
     if (!contents) return fail(contents.error());
     j["images"] = describeImages(**open, *contents);
+    const Parameters& parameters = (*open)->scene.parameters;
+    const auto tuned = storedChoice(parameters);
+    if (!tuned) return fail(base::within(a.scene + "/scene.json", tuned.error()));
+    if (*tuned) {
+      j["images"]["tuned"] = tunedJson(**tuned);
+      const auto asked = parameters.find("tune");
+      tuned_line = "tuned to " + (asked == parameters.end() ? "?" : asked->second) + " dB: " + describeChoice(**tuned);
+    }
   }
   if (auto access = describeAccess(**open, a); !access.is_null()) j["access"] = std::move(access);
   if (a.json)
     std::printf("%s\n", j.dump(2).c_str());
   else
-    print(a, j);
+    print(a, j, tuned_line);
   return kDone;
 }
 

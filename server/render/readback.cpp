@@ -28,7 +28,7 @@ void ReadbackQueue::drop() {
 }
 
 base::Result<void> ReadbackQueue::read(const std::shared_ptr<PendingPicture>& picture, const Tile& tile,
-                                       GLuint framebuffer, int target_height) {
+                                       GLuint framebuffer, int left, int bottom) {
   Entry entry{picture, tile, {}, nullptr};
   if (spare_.empty()) {
     entry.pixels = base::gl::Buffer::create();
@@ -37,12 +37,11 @@ base::Result<void> ReadbackQueue::read(const std::shared_ptr<PendingPicture>& pi
     spare_.pop_back();
   }
 
-  // The tile's first row is the target's top one: GL's last.
   glBindFramebuffer(GL_READ_FRAMEBUFFER, framebuffer);
   glBindBuffer(GL_PIXEL_PACK_BUFFER, entry.pixels.name());
   glBufferData(GL_PIXEL_PACK_BUFFER, GLsizeiptr{tile.width} * tile.height * 4, nullptr, GL_STREAM_READ);
   glPixelStorei(GL_PACK_ALIGNMENT, 4);
-  glReadPixels(0, target_height - tile.height, tile.width, tile.height, GL_RGBA, GL_UNSIGNED_BYTE, nullptr);
+  glReadPixels(left, bottom, tile.width, tile.height, GL_RGBA, GL_UNSIGNED_BYTE, nullptr);
   glBindBuffer(GL_PIXEL_PACK_BUFFER, 0);
   entry.fence = glFenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0);
   glFlush();

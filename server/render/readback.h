@@ -29,10 +29,10 @@ class ReadbackQueue {
   ReadbackQueue(const ReadbackQueue&) = delete;
   ReadbackQueue& operator=(const ReadbackQueue&) = delete;
 
-  /// Starts to read a tile, whose top left pixel is that of `framebuffer` with `target_height` rows. May deliver older
-  /// pictures.
+  /// Starts to read a tile of the picture from `framebuffer`, where its lowest left pixel (GL's way up) is (left,
+  /// bottom). May deliver older pictures.
   base::Result<void> read(const std::shared_ptr<PendingPicture>& picture, const Tile& tile, GLuint framebuffer,
-                          int target_height);
+                          int left, int bottom);
   /// A tile that shows nothing: keeps its place in the order, costs no transfer.
   base::Result<void> skip(const std::shared_ptr<PendingPicture>& picture);
   /// Waits for and delivers all.

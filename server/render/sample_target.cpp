@@ -121,11 +121,14 @@ void SampleTarget::begin() const {
   glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
 }
 
-GLuint SampleTarget::resolve(const ResolvePass& pass) const {
+GLuint SampleTarget::resolve(const ResolvePass& pass, const Tile& part) const {
   if (supersampling_ == 1) return framebuffer_.name();
   glBindFramebuffer(GL_FRAMEBUFFER, resolved_framebuffer_.name());
   glViewport(0, 0, width_, height_);
+  glEnable(GL_SCISSOR_TEST);
+  glScissor(part.x, height_ - part.y - part.height, part.width, part.height);
   pass.run(samples_.name(), supersampling_);
+  glDisable(GL_SCISSOR_TEST);
   return resolved_framebuffer_.name();
 }
 

@@ -2,6 +2,7 @@
 // A render target with n × n samples a pixel and the pass that averages them.
 #include "base/error.h"
 #include "base/gl/gl.h"
+#include "server/render/tiling.h"
 
 namespace server {
 
@@ -28,8 +29,10 @@ class SampleTarget {
 
   /// Binds, sets the viewport, clears to transparent black and the far plane.
   void begin() const;
-  /// Averages the samples and returns the framebuffer that holds width × height pixels.
-  GLuint resolve(const ResolvePass& pass) const;
+  /// Averages the samples of a part (pixels, y from the top) and returns the framebuffer that holds width × height
+  /// pixels, of which those outside the part mean nothing.
+  GLuint resolve(const ResolvePass& pass, const Tile& part) const;
+  GLuint resolve(const ResolvePass& pass) const { return resolve(pass, {0, 0, width_, height_}); }
   bool matches(int width, int height, int supersampling) const {
     return width_ == width && height_ == height && supersampling_ == supersampling;
   }

@@ -1,6 +1,7 @@
 #include "server/render/tiling.h"
 
 #include <algorithm>
+#include <limits>
 
 namespace server {
 
@@ -47,6 +48,37 @@ base::Camera tileCamera(const base::Camera& camera, int x, int y, int tile_width
   tile.width = tile_width;
   tile.height = tile_height;
   return tile;
+}
+
+PixelBounds::PixelBounds(const base::Camera& camera)
+    : clip_from_scene_(glm::dmat4(camera.clip_from_eye) * glm::dmat4(camera.eye_from_scene)),
+      size_(camera.width, camera.height),
+      min_(std::numeric_limits<double>::infinity()),
+      max_(-std::numeric_limits<double>::infinity()) {}
+
+void PixelBounds::add(const base::Aabb& box) {
+  for (int corner = 0; corner < 8; ++corner) {
+    const glm::dvec3 p((corner & 1) != 0 ? box.max.x : box.min.x, (corner & 2) != 0 ? box.max.y : box.min.y,
+                       (corner & 4) != 0 ? box.max.z : box.min.z);
+    const glm::dvec4 clip = clip_from_scene_ * glm::dvec4(p, 1.0);
+    if (!(clip.w > 0.0)) {
+      min_ = glm::dvec2(0.0);
+      max_ = size_;
+      return;
+    }
+    // In front of the eye the corners' hull holds the picture of the box. NDC's y counts upwards, rows downwards.
+    const glm::dvec2 pixel = size_ * (0.5 + glm::dvec2(0.5, -0.5) * glm::dvec2(clip) / clip.w);
+    min_ = glm::min(min_, pixel);
+    max_ = glm::max(max_, pixel);
+  }
+}
+
+Tile PixelBounds::within(int width, int height) const {
+  const glm::dvec2 limit(width, height);
+  const glm::ivec2 from(glm::clamp(glm::floor(min_) - 1.0, glm::dvec2(0.0), limit));
+  const glm::ivec2 to(glm::clamp(glm::ceil(max_) + 1.0, glm::dvec2(0.0), limit));
+  if (from.x >= to.x || from.y >= to.y) return {};
+  return {from.x, from.y, to.x - from.x, to.y - from.y};
 }
 
 }  // namespace server

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "base/camera.h"
+#include "base/geometry.h"
 
 namespace server {
 
@@ -29,5 +30,22 @@ TilePlan planTiles(int width, int height, int supersampling, int max_side, std::
 /// The camera that sees exactly the tile_width × tile_height pixels of `camera`'s picture whose top left pixel is (x,
 /// y).
 base::Camera tileCamera(const base::Camera& camera, int x, int y, int tile_width, int tile_height);
+
+/// The pixels that boxes can touch in a camera's picture.
+class PixelBounds {
+ public:
+  explicit PixelBounds(const base::Camera& camera);
+  /// All of the picture when a part of the box lies beside or behind the eye.
+  void add(const base::Aabb& box);
+  /// With a pixel more on every side, within the picture's `width` × `height` top left pixels; 0 × 0 when no pixel is
+  /// touched.
+  Tile within(int width, int height) const;
+
+ private:
+  glm::dmat4 clip_from_scene_;
+  glm::dvec2 size_;
+  glm::dvec2 min_;
+  glm::dvec2 max_;
+};
 
 }  // namespace server

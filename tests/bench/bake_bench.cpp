@@ -12,6 +12,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
+#include <mutex>
 #include <string>
 #include <vector>
 
@@ -19,11 +20,10 @@
 #include "base/parallel.h"
 #include "lod/build/hierarchy_build.h"
 #include "lod/build/import.h"
-#include "repository/cube_face.h"
 #include "repository/store.h"
 #include "server/bake/bake.h"
+#include "server/bake/draw_pool.h"
 #include "server/bake/face_encoder.h"
-#include "server/render/scene_renderer.h"
 
 namespace {
 
@@ -97,35 +97,32 @@ struct Rendering {
   std::vector<base::Image> kept;
 };
 
-// Every face of the grid, none of them stored. Whole points are kept, evenly over the grid, so that empty faces have
-// their share.
+// Every face of the grid, none of them stored, by as many drawing threads as a bake has. Whole points are kept, evenly
+// over the grid, so that empty faces have their share.
 Rendering renderOnly(const base::Scene& scene, const lod::patch::PatchFile& patches,
                      const server::BakeOptions& options) {
-  auto context = must(base::HeadlessContext::create());
-  std::printf("GL: %s\n", context->renderer().c_str());
-  auto renderer = must(server::SceneRenderer::create(scene, patches));
+  std::printf("GL: %s\n", must(base::HeadlessContext::create())->renderer().c_str());
   const auto points = repository::pointsInMortonOrder(options.grid);
   const std::size_t stride = std::max<std::size_t>(1, 6 * points.size() / kKeptFaces);
+  const unsigned threads = options.threads == 0 ? base::coreCount() : options.threads;
 
   Rendering result;
+  std::mutex mutex;
   const double start = now();
+  server::DrawPool pool(
+      scene, patches, options.grid, server::renderOptions(options), must(server::DrawPool::threadsFor(threads)),
+      [&](std::uint64_t sequence, const repository::FaceKey&, server::Rendered rendered) {
+        if (sequence / 6 % stride != 0) return;
+        const std::lock_guard lock(mutex);
+        result.kept.push_back(std::move(rendered.rgba));
+      },
+      [](const base::Error& error) { stop(error.message); });
   for (std::size_t p = 0; p < points.size(); ++p) {
-    const glm::uvec3& point = points[p];
-    const base::DepthRange depth = base::depthRangeFor(options.grid.point(point.x, point.y, point.z),
-                                                       renderer->sceneCenter(), renderer->sceneRadius());
-    std::vector<base::Camera> cameras;
-    for (std::uint32_t d = 0; d < 6; ++d) {
-      cameras.push_back(
-          repository::faceCamera(options.grid, {point.x, point.y, point.z, d}, depth.near_plane, depth.far_plane));
-    }
-    const bool keep = p % stride == 0;
-    const auto drawn = renderer->renderMany(cameras, {options.tolerance_px, options.supersampling},
-                                            [&result, keep](std::size_t, server::Rendered rendered) {
-                                              if (keep) result.kept.push_back(std::move(rendered.rgba));
-                                            });
-    if (!drawn) stop(drawn.error().message);
+    server::DrawJob job{6 * p, {}};
+    for (std::uint32_t d = 0; d < 6; ++d) job.keys.push_back({points[p].x, points[p].y, points[p].z, d});
+    pool.submit(std::move(job));
   }
-  if (const auto finished = renderer->finish(); !finished) stop(finished.error().message);
+  pool.finish();
   result.faces_per_second = static_cast<double>(options.grid.faceCount()) / (now() - start);
   return result;
 }

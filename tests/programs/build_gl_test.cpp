@@ -174,6 +174,98 @@ TEST_F(Build, verifyNamesWhatIsDamaged) {
   EXPECT_EQ(json::parse(verified.out)["faults"].size(), 2U) << verified.out;
 }
 
+class TunedBuild : public Build {
+ protected:
+  void SetUp() override {
+    Build::SetUp();
+    mesh_ = smallMesh();
+  }
+  std::vector<std::string> command(const std::string& db) {
+    return {"build", mesh_, "-o", path("scene"), "--grid", "4", "--face", "64", "--tune", db, "--quiet", "--json"};
+  }
+  // As if the build had been killed before its first image.
+  void takeImagesAway() {
+    std::filesystem::remove_all(path("scene/images"));
+    std::filesystem::rename(path("scene/scene.json"), path("scene/building.json"));
+  }
+  void replaceInBuilding(const std::string& what, const std::string& by) {
+    std::string text = programs::readText(path("scene/building.json"));
+    const std::size_t at = text.find(what);
+    ASSERT_NE(at, std::string::npos) << text;
+    programs::writeText(path("scene/building.json"), text.replace(at, what.size(), by));
+  }
+  std::string mesh_;
+};
+
+TEST_F(TunedBuild, theChoiceIsToldKeptAndShown) {
+  const auto built = run("lumigrid", command("38"));
+  ASSERT_EQ(built.status, 0) << built.err;
+  const json tuned = json::parse(built.out)["tuned"];
+  EXPECT_GE(tuned["psnr_db"].get<double>(), 38.0);
+  EXPECT_EQ(tuned["faces"], 64);
+  EXPECT_EQ(json::parse(run("lumigrid", {"info", path("scene"), "--json"}).out)["images"]["tuned"], tuned);
+  const std::string words =
+      "tuned to 38.0 dB: quality " + tuned["quality"].dump() + ", " + tuned["subsampling"].get<std::string>();
+  EXPECT_NE(run("lumigrid", {"info", path("scene")}).out.find(words), std::string::npos);
+
+  // Another number of threads, another run: the same choice and the same images.
+  const auto first = values(path("scene"));
+  auto again = command("38");
+  again.insert(again.end(), {"--force", "--threads", "3"});
+  EXPECT_EQ(json::parse(run("lumigrid", again).out)["tuned"], tuned);
+  EXPECT_TRUE(values(path("scene")) == first);
+
+  std::string subsampling = tuned["subsampling"];
+  std::erase(subsampling, ':');
+  auto by_hand = command("off");
+  by_hand[3] = path("hand");
+  by_hand.insert(by_hand.end(), {"--quality", tuned["quality"].dump(), "--subsampling", subsampling});
+  ASSERT_EQ(run("lumigrid", by_hand).status, 0);
+  EXPECT_TRUE(values(path("hand")) == first);
+}
+
+TEST_F(TunedBuild, aResumedBuildTakesTheStoredChoice) {
+  const auto built = run("lumigrid", command("38"));
+  ASSERT_EQ(built.status, 0) << built.err;
+  const std::string quality = json::parse(built.out)["tuned"]["quality"].dump();
+  takeImagesAway();
+  replaceInBuilding("\"tuned-quality\": \"" + quality, "\"tuned-quality\": \"7");
+  const auto resumed = run("lumigrid", command("38"));
+  ASSERT_EQ(resumed.status, 0) << resumed.err;
+  EXPECT_EQ(json::parse(resumed.out)["tuned"]["quality"], 7);
+}
+
+TEST_F(TunedBuild, aStoredChoiceThatIsNoneIsRefused) {
+  ASSERT_EQ(run("lumigrid", command("38")).status, 0);
+  takeImagesAway();
+  replaceInBuilding("\"tuned-faces\": \"64", "\"tuned-faces\": \"0");
+  programs::expectOneLineError(run("lumigrid", command("38")), 1, {"building.json", "tuned-faces", "--force"});
+}
+
+TEST_F(TunedBuild, whatCannotBeReachedIsToldAndLessMayBeAskedWithoutStartingAfresh) {
+  programs::expectOneLineError(run("lumigrid", command("90")), 1, {"--tune", "quality 100", "not 90", "ask for less"});
+  const auto lower = run("lumigrid", command("38"));
+  ASSERT_EQ(lower.status, 0) << lower.err;
+  EXPECT_FALSE(json::parse(lower.out).contains("hierarchy")) << "the hierarchy was built again";
+
+  // Once images are there they all must be of one quality.
+  std::filesystem::rename(path("scene/scene.json"), path("scene/building.json"));
+  programs::expectOneLineError(run("lumigrid", command("37")), 1, {"other meshes or options"});
+}
+
+TEST_F(TunedBuild, tuningAndChoosingExcludeEachOther) {
+  for (const std::vector<std::string>& words :
+       {std::vector<std::string>{"--quality", "80"}, {"--subsampling", "444"}, {"--methods", "patch"}}) {
+    auto all = command("38");
+    all.insert(all.end(), words.begin(), words.end());
+    EXPECT_EQ(run("lumigrid", all).status, 2) << words.front();
+  }
+  for (const char* db : {"0", "-3", "99", "nan", "36dB", ""}) EXPECT_EQ(run("lumigrid", command(db)).status, 2) << db;
+  auto off = command("off");
+  off.insert(off.end(), {"--quality", "80"});
+  EXPECT_EQ(run("lumigrid", off).status, 0);
+}
+
 TEST_F(Build, theResultDoesNotDependOnTheThreads) {
   const std::string mesh = smallMesh();
   for (const char* threads : {"1", "4"}) {

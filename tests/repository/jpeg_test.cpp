@@ -1,6 +1,7 @@
 #include "repository/jpeg.h"
 
 #include <gtest/gtest.h>
+#include <turbojpeg.h>
 
 #include <atomic>
 #include <cmath>
@@ -51,6 +52,41 @@ TEST(Jpeg, higherQualityCostsBytesAndComesNearer) {
   ASSERT_TRUE(low && high);
   EXPECT_LT(low->size(), high->size());
   EXPECT_LT(meanDifference(image, *decodeJpeg(*high)), meanDifference(image, *decodeJpeg(*low)));
+}
+
+// TurboJPEG's own encoder, with the standard Huffman tables.
+base::Bytes withStandardTables(const base::Image& rgb, int quality, int samples) {
+  void* handle = tjInitCompress();
+  unsigned char* bytes = nullptr;
+  unsigned long size = 0;
+  EXPECT_EQ(tjCompress2(handle, rgb.pixels.data(), rgb.width, 0, rgb.height, TJPF_RGB, &bytes, &size, samples, quality,
+                        TJFLAG_ACCURATEDCT),
+            0);
+  base::Bytes all(bytes, bytes + size);
+  tjFree(bytes);
+  tjDestroy(handle);
+  return all;
+}
+
+TEST(Jpeg, ownTablesSaveBytesAndChangeNoPixel) {
+  const base::Image image = smoothImage(203, 121);
+  const std::pair<Subsampling, int> pairs[] = {
+      {Subsampling::k420, TJSAMP_420}, {Subsampling::k422, TJSAMP_422}, {Subsampling::k444, TJSAMP_444}};
+  for (const auto& [ours, theirs] : pairs) {
+    for (const int quality : {1, 30, 85, 96, 100}) {
+      const base::Bytes standard = withStandardTables(image, quality, theirs);
+      const auto own = encodeJpeg(image, quality, ours);
+      ASSERT_TRUE(own);
+      EXPECT_LT(own->size() * 10, standard.size() * 9);
+      EXPECT_EQ(decodeJpeg(*own)->pixels, decodeJpeg(standard)->pixels) << quality;
+    }
+  }
+}
+
+TEST(Jpeg, aPictureTooLargeForTheFormatIsAnError) {
+  const auto bytes = encodeJpeg(base::Image(65501, 1, 3), 85, Subsampling::k420);
+  ASSERT_FALSE(bytes);
+  EXPECT_NE(bytes.error().message.find("65500"), std::string::npos) << bytes.error().message;
 }
 
 TEST(Jpeg, oddSizesAndOnePixelWork) {

@@ -43,6 +43,7 @@ TEST(HeadlessContext, softwareOnRequestIsLlvmpipeOrItsLike) {
   if (!context) GTEST_SKIP() << "no software GL here: " << context.error().message;
   const std::string name = (*context)->renderer();
   EXPECT_TRUE(name.find("llvmpipe") != std::string::npos || name.find("softpipe") != std::string::npos) << name;
+  EXPECT_TRUE((*context)->isSoftware());
 }
 
 TEST(HeadlessContext, releasedContextCanGoOnUnderAnotherThread) {

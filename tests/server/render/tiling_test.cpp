@@ -2,6 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <glm/gtc/matrix_transform.hpp>
+#include <random>
+
 namespace server {
 namespace {
 
@@ -82,6 +86,73 @@ TEST(Tiling, pixelsPerUnitIsThatOfTheWholePicture) {
   camera.height = 60;
   camera.clip_from_eye = glm::perspective(1.0F, 100.0F / 60.0F, 0.5F, 20.0F);
   EXPECT_NEAR(tileCamera(camera, 20, 20, 10, 10).pixelsPerUnitAtOne(), camera.pixelsPerUnitAtOne(), 1e-3F);
+}
+
+// A camera at (0, 0, 5) that looks along −z: 90° over 100 × 100 pixels, so a plane at distance 5 is 10 wide and a unit
+// 10 pixels.
+base::Camera lookingDown() {
+  base::Camera camera;
+  camera.clip_from_eye = glm::perspective(glm::radians(90.0F), 1.0F, 0.1F, 100.0F);
+  camera.eye_from_scene = glm::translate(glm::mat4(1.0F), glm::vec3(0, 0, -5));
+  camera.eye = {0, 0, 5};
+  camera.width = camera.height = 100;
+  return camera;
+}
+
+Tile boundsOf(const base::Camera& camera, const base::Aabb& box) {
+  PixelBounds bounds(camera);
+  bounds.add(box);
+  return bounds.within(camera.width, camera.height);
+}
+
+void expectTile(const Tile& tile, int x, int y, int width, int height) {
+  EXPECT_EQ(tile.x, x);
+  EXPECT_EQ(tile.y, y);
+  EXPECT_EQ(tile.width, width);
+  EXPECT_EQ(tile.height, height);
+}
+
+TEST(PixelBounds, aSquareAboveTheMiddleIsItsPixelsAndOneMore) {
+  expectTile(boundsOf(lookingDown(), {{-1.05F, 2.05F, 0}, {0.95F, 3.05F, 0}}), 38, 18, 23, 13);
+}
+TEST(PixelBounds, aBoxThatReachesBehindTheEyeIsEverything) {
+  expectTile(boundsOf(lookingDown(), {{1, 1, 0}, {2, 2, 5.5F}}), 0, 0, 100, 100);
+}
+TEST(PixelBounds, aBoxBesideThePictureIsNothingAndNoneIsNothing) {
+  EXPECT_EQ(boundsOf(lookingDown(), {{8, 0, 0}, {9, 1, 0}}).width, 0);
+  EXPECT_EQ(PixelBounds(lookingDown()).within(100, 100).width, 0);
+}
+TEST(PixelBounds, tilesThatHangOverThePictureAreCutAtItsEdge) {
+  PixelBounds bounds(lookingDown());
+  bounds.add(base::Aabb{{-9, -9, 0}, {9, 9, 0}});
+  const Tile part = bounds.within(70, 30);
+  expectTile(part, 0, 0, 70, 30);
+}
+
+TEST(PixelBounds, noPointOfABoxFallsOutside) {
+  std::mt19937 random(7);
+  std::uniform_real_distribution<float> unit(-1.0F, 1.0F);
+  const auto anywhere = [&] { return glm::vec3(unit(random), unit(random), unit(random)); };
+  for (int round = 0; round < 2000; ++round) {
+    base::Aabb box;
+    for (int i = 0; i < 2; ++i) box.add(anywhere());
+    base::Camera camera = lookingDown();
+    camera.eye = 2.0F * anywhere();
+    camera.eye_from_scene = glm::lookAt(camera.eye, anywhere(), glm::vec3(0.1F, 0.2F, 1.0F));
+    camera.height = 60;
+    const Tile tile = boundsOf(camera, box);
+    for (int i = 0; i < 20; ++i) {
+      const glm::vec3 p = glm::mix(box.min, box.max, 0.5F * (anywhere() + 1.0F));
+      const glm::vec4 clip = camera.clipFromScene() * glm::vec4(p, 1.0F);
+      const bool seen = clip.w > 0.0F && std::abs(clip.x) < clip.w && std::abs(clip.y) < clip.w;
+      if (!seen) continue;
+      const glm::vec2 pixel = glm::vec2(100, 60) * (0.5F + glm::vec2(0.5F, -0.5F) * glm::vec2(clip) / clip.w);
+      EXPECT_GE(pixel.x, static_cast<float>(tile.x));
+      EXPECT_GE(pixel.y, static_cast<float>(tile.y));
+      EXPECT_LE(pixel.x, static_cast<float>(tile.x + tile.width));
+      EXPECT_LE(pixel.y, static_cast<float>(tile.y + tile.height));
+    }
+  }
 }
 
 }  // namespace

@@ -1,0 +1,45 @@
+#pragma once
+// A few faces that stand for all of a grid.
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "base/camera.h"
+#include "base/error.h"
+#include "base/image.h"
+#include "repository/grid.h"
+#include "repository/key.h"
+#include "server/render/scene_renderer.h"
+
+namespace server {
+
+/// The cameras of faces of one grid point, as they are baked.
+std::vector<base::Camera> faceCameras(const SceneRenderer& renderer, const repository::Grid& grid,
+                                      const std::vector<repository::FaceKey>& keys);
+
+/// Every face of the grid once, in an order of which each beginning is spread evenly over the Morton order and the six
+/// directions: steps of the golden section of all faces (`step` faces on, modulo all of them; it has no divisor in
+/// common with their number). The n-th face is number n · step mod faceCount(), counted by point in Morton order, then
+/// by d.
+class FaceOrder {
+ public:
+  explicit FaceOrder(const repository::Grid& grid);
+  std::uint64_t count() const { return count_; }
+  repository::FaceKey face(std::uint64_t n) const;
+
+ private:
+  std::vector<glm::uvec3> points_;  // in Morton order
+  std::uint64_t count_ = 0;
+  std::uint64_t step_ = 1;
+};
+
+/// Faces that a sample looks at before it takes what it has: a scene that most faces miss is not searched to its end.
+inline constexpr std::uint64_t kMostSampleTries = 4096;
+
+/// Renders faces in FaceOrder until `wanted` of them show something (a pixel that is stored as model), or
+/// kMostSampleTries were looked at. The same faces, and bytes, as a bake of these options draws. Images as
+/// Rendered::rgba; none when nothing is seen.
+base::Result<std::vector<base::Image>> sampleFaces(SceneRenderer& renderer, const repository::Grid& grid,
+                                                   const RenderOptions& options, std::size_t wanted);
+
+}  // namespace server

@@ -1,0 +1,161 @@
+#include "server/bake/tune.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <optional>
+#include <string>
+
+#include "base/check.h"
+#include "base/egl/headless.h"
+#include "base/parallel.h"
+#include "server/bake/face_encoder.h"
+#include "server/bake/face_sample.h"
+
+namespace server {
+namespace {
+
+constexpr std::size_t kSamplePixels = std::size_t{1} << 26;
+constexpr std::size_t kFewestFaces = 8;
+constexpr int kBestQuality = 100;
+constexpr double kEqualDb = 99.0;
+// Of equally few bytes the first: more chroma.
+constexpr std::array kSubsamplings = {repository::Subsampling::k444, repository::Subsampling::k422,
+                                      repository::Subsampling::k420};
+
+/// A face, with what doesn't depend on quality.
+struct PreparedFace {
+  const base::Image* rgba = nullptr;
+  base::Image filled;
+  base::Image mask;
+};
+
+/// In whole numbers, so that sums don't depend on their order.
+struct Measured {
+  std::uint64_t jpeg_bytes = 0;
+  std::uint64_t squares = 0;  ///< of differences of 8-bit levels
+  std::uint64_t samples = 0;  ///< three a pixel of model
+};
+
+std::vector<PreparedFace> prepare(const std::vector<base::Image>& faces, unsigned threads) {
+  std::vector<PreparedFace> prepared(faces.size());
+  base::parallelFor(faces.size(), threads, [&](std::size_t i) {
+    prepared[i].rgba = &faces[i];
+    prepared[i].mask = coverageMask(faces[i]);
+    prepared[i].filled = fillBackground(faces[i], prepared[i].mask);
+  });
+  return prepared;
+}
+
+base::Result<Measured> measureFace(const PreparedFace& face, int quality, repository::Subsampling subsampling) {
+  auto jpeg = repository::encodeJpeg(face.filled, quality, subsampling);
+  if (!jpeg) return jpeg.error();
+  auto back = repository::decodeJpeg(*jpeg);
+  if (!back) return back.error();
+  Measured result;
+  result.jpeg_bytes = jpeg->size();
+  for (std::size_t i = 0; i < face.mask.pixels.size(); ++i) {
+    if (face.mask.pixels[i] == 0) continue;
+    for (std::size_t c = 0; c < 3; ++c) {
+      const int difference = int{face.rgba->pixels[4 * i + c]} - int{back->pixels[3 * i + c]};
+      result.squares += static_cast<std::uint64_t>(difference * difference);
+    }
+    result.samples += 3;
+  }
+  return result;
+}
+
+double psnrOf(const Measured& m) {
+  if (m.squares == 0) return kEqualDb;
+  return std::min(kEqualDb,
+                  10.0 * std::log10(255.0 * 255.0 * static_cast<double>(m.samples) / static_cast<double>(m.squares)));
+}
+
+base::Result<TunePoint> measure(const std::vector<PreparedFace>& faces, int quality,
+                                repository::Subsampling subsampling, unsigned threads) {
+  std::vector<std::optional<base::Result<Measured>>> measured(faces.size());
+  base::parallelFor(faces.size(), threads,
+                    [&](std::size_t i) { measured[i].emplace(measureFace(faces[i], quality, subsampling)); });
+  Measured sum;
+  for (const auto& one : measured) {
+    if (!*one) return one->error();
+    sum.jpeg_bytes += (*one)->jpeg_bytes;
+    sum.squares += (*one)->squares;
+    sum.samples += (*one)->samples;
+  }
+  return TunePoint{sum.jpeg_bytes, psnrOf(sum)};
+}
+
+/// The lowest quality that reaches `psnr_db`; psnr_db of the result is less when none does.
+base::Result<TuneChoice> lowestQuality(const std::vector<PreparedFace>& faces, double psnr_db,
+                                       repository::Subsampling subsampling, unsigned threads) {
+  auto best = measure(faces, kBestQuality, subsampling, threads);
+  if (!best) return best.error();
+  int reaches = kBestQuality;
+  int fails = 0;  // quality 0 is none
+  while (best->psnr_db >= psnr_db && reaches - fails > 1) {
+    const int middle = (reaches + fails) / 2;
+    auto tried = measure(faces, middle, subsampling, threads);
+    if (!tried) return tried.error();
+    if (tried->psnr_db >= psnr_db) {
+      reaches = middle;
+      best = tried;
+    } else {
+      fails = middle;
+    }
+  }
+  return TuneChoice{reaches, subsampling, best->psnr_db, best->jpeg_bytes, faces.size()};
+}
+
+base::Error outOfReach(double psnr_db, double best_db) {
+  std::array<char, 160> text{};
+  std::snprintf(text.data(), text.size(),
+                "JPEG reaches %.2f dB at most on this scene's faces (quality 100, full chroma), not %g; ask for less",
+                std::floor(best_db * 100.0) / 100.0, psnr_db);
+  return {base::ErrorCode::kInvalidInput, text.data()};
+}
+
+}  // namespace
+
+std::size_t tuneFacesOf(std::uint32_t face_size) {
+  const std::size_t pixels = std::max<std::size_t>(1, std::size_t{face_size} * face_size);
+  return std::clamp(kSamplePixels / pixels, kFewestFaces, kTuneFaces);
+}
+
+base::Result<TunePoint> measureQuality(const std::vector<base::Image>& faces, int quality,
+                                       repository::Subsampling subsampling, unsigned threads) {
+  return measure(prepare(faces, threads), quality, subsampling, threads);
+}
+
+base::Result<TuneChoice> tuneQuality(const std::vector<base::Image>& faces, double psnr_db, unsigned threads) {
+  LUMIGRID_CHECK(!faces.empty());
+  const std::vector<PreparedFace> prepared = prepare(faces, threads);
+  std::optional<TuneChoice> chosen;
+  double best_db = 0.0;
+  for (const repository::Subsampling subsampling : kSubsamplings) {
+    auto lowest = lowestQuality(prepared, psnr_db, subsampling, threads);
+    if (!lowest) return lowest.error();
+    best_db = std::max(best_db, lowest->psnr_db);
+    if (lowest->psnr_db >= psnr_db && (!chosen || lowest->jpeg_bytes < chosen->jpeg_bytes)) chosen = *lowest;
+  }
+  if (!chosen) return outOfReach(psnr_db, best_db);
+  return *chosen;
+}
+
+base::Result<TuneChoice> tuneScene(const base::Scene& scene, const lod::patch::PatchFile& patches,
+                                   const BakeOptions& options, double psnr_db) {
+  LUMIGRID_TRY(checkBakeOptions(options));
+  auto context = base::HeadlessContext::create();
+  if (!context) return context.error();
+  auto renderer = SceneRenderer::create(scene, patches);
+  if (!renderer) return renderer.error();
+  auto faces = sampleFaces(**renderer, options.grid, renderOptions(options), tuneFacesOf(options.grid.face_size));
+  if (!faces) return faces.error();
+  if (faces->empty())
+    return base::Error{base::ErrorCode::kInvalidInput,
+                       "none of the faces looked at shows the model; build without --tune, or with another --grid"};
+  return tuneQuality(*faces, psnr_db, options.threads);
+}
+
+}  // namespace server

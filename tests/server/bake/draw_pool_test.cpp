@@ -1,0 +1,115 @@
+#include "server/bake/draw_pool.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <map>
+
+#include "base/egl/headless.h"
+#include "tests/server/render/two_level_scene.h"
+
+namespace server {
+namespace {
+
+using repository::FaceKey;
+
+std::vector<test::Triangle> square() {
+  const glm::u8vec4 color(200, 100, 50, 255);
+  return {{{-1, -1, 0}, {1, -1, 0}, {1, 1, 0}, color}, {{-1, -1, 0}, {1, 1, 0}, {-1, 1, 0}, color}};
+}
+
+class DrawPoolTest : public testing::Test {
+ protected:
+  DrawPoolTest() : scene_(square(), {square()}, 0.1F) {
+    grid_ = repository::makeGrid(base::Aabb{{-1, -1, 0}, {1, 1, 0}}, 4, 0.5F, 32);
+  }
+  std::vector<DrawJob> allJobs() const {
+    std::vector<DrawJob> jobs;
+    for (const glm::uvec3& point : repository::pointsInMortonOrder(grid_)) {
+      DrawJob job{6 * jobs.size(), {}};
+      for (std::uint32_t d = 0; d < 6; ++d) job.keys.push_back({point.x, point.y, point.z, d});
+      jobs.push_back(std::move(job));
+    }
+    return jobs;
+  }
+  // Pictures by sequence number, from a pool of so many threads.
+  std::map<std::uint64_t, base::Image> drawAll(unsigned threads) {
+    std::map<std::uint64_t, base::Image> pictures;
+    const std::vector<DrawJob> jobs = allJobs();
+    DrawPool pool(
+        scene_.scene(), scene_.file(), grid_, {}, threads,
+        [&](std::uint64_t sequence, const FaceKey& key, Rendered rendered) {
+          const std::lock_guard lock(mutex_);
+          EXPECT_EQ(key, jobs[sequence / 6].keys[sequence % 6]);
+          EXPECT_TRUE(pictures.emplace(sequence, std::move(rendered.rgba)).second) << sequence << " came twice";
+        },
+        [](const base::Error& error) { ADD_FAILURE() << error.message; });
+    for (const DrawJob& job : jobs) pool.submit(job);
+    pool.finish();
+    return pictures;
+  }
+
+  test::TwoLevelScene scene_;
+  repository::Grid grid_;
+  std::mutex mutex_;
+};
+
+TEST_F(DrawPoolTest, everyFaceComesOnceAndLooksTheSameFromAnyNumberOfThreads) {
+  const auto one = drawAll(1);
+  ASSERT_EQ(one.size(), grid_.faceCount());
+  for (const unsigned threads : {2U, 5U}) {
+    const auto many = drawAll(threads);
+    ASSERT_EQ(many.size(), one.size());
+    for (const auto& [sequence, picture] : one) EXPECT_EQ(many.at(sequence).pixels, picture.pixels) << sequence;
+  }
+}
+
+// The next job is held back until the one before has come whole: were pictures kept on their way, this would hang.
+TEST_F(DrawPoolTest, aThreadWithoutAJobDeliversWhatIsOnItsWay) {
+  std::uint64_t taken = 0;
+  std::condition_variable changed;
+  DrawPool pool(
+      scene_.scene(), scene_.file(), grid_, {}, 2,
+      [&](std::uint64_t, const FaceKey&, const Rendered&) {
+        const std::lock_guard lock(mutex_);
+        ++taken;
+        changed.notify_all();
+      },
+      [](const base::Error& error) { ADD_FAILURE() << error.message; });
+  std::uint64_t submitted = 0;
+  for (const DrawJob& job : allJobs()) {
+    pool.submit(job);
+    submitted += job.keys.size();
+    std::unique_lock lock(mutex_);
+    changed.wait(lock, [&] { return taken == submitted; });
+  }
+  pool.finish();
+  EXPECT_EQ(taken, grid_.faceCount());
+}
+
+TEST_F(DrawPoolTest, aFailureIsToldOnceAndNothingIsWaitedForAfterIt) {
+  grid_.face_size = 40000;  // more than a picture may have
+  std::atomic<int> told{0};
+  std::atomic<int> taken{0};
+  DrawPool pool(
+      scene_.scene(), scene_.file(), grid_, {}, 3, [&](std::uint64_t, const FaceKey&, const Rendered&) { ++taken; },
+      [&](const base::Error& error) {
+        EXPECT_NE(error.message.find("40000"), std::string::npos) << error.message;
+        ++told;
+      });
+  for (const DrawJob& job : allJobs()) pool.submit(job);
+  pool.finish();
+  EXPECT_EQ(told, 1);
+  EXPECT_EQ(taken, 0);
+}
+
+TEST_F(DrawPoolTest, softwareGlGetsAThreadACoreUpToEight) {
+  const auto context = std::move(*base::HeadlessContext::create());
+  const bool software = context->isSoftware();
+  EXPECT_EQ(*DrawPool::threadsFor(1), 1U);
+  EXPECT_EQ(*DrawPool::threadsFor(4), software ? 4U : 1U);
+  EXPECT_EQ(*DrawPool::threadsFor(64), software ? 8U : 1U);
+}
+
+}  // namespace
+}  // namespace server
