@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "base/egl/headless.h"
 #include "base/parallel.h"
 #include "repository/face_value.h"
 #include "server/bake/adaptive.h"
@@ -180,7 +181,8 @@ class MovingRate {
 class Baker {
  public:
   Baker(const base::Scene& scene, const lod::patch::PatchFile& patches, repository::Store& store,
-        const BakeOptions& options, unsigned drawing_threads, const Present& present, const std::vector<glm::uvec3>& points)
+        const BakeOptions& options, unsigned drawing_threads, const Present& present,
+        const std::vector<glm::uvec3>& points)
       : options_(options),
         present_(present),
         points_(points),
@@ -353,7 +355,17 @@ class Work {
     });
   }
 
+  base::Result<void> countDrawingThreads() {
+    if (drawing_threads_ != 0) return {};
+    const auto threads = DrawPool::threadsFor(options_.threads == 0 ? base::coreCount() : options_.threads);
+    if (!threads) return threads.error();
+    drawing_threads_ = *threads;
+    return {};
+  }
+
+  // A context and a renderer of this thread's own, for what is judged.
   base::Result<void> start() {
+    LUMIGRID_TRY(countDrawingThreads());  // before: it looks at a context of its own
     auto context = base::HeadlessContext::create();
     if (!context) return context.error();
     context_ = std::move(*context);
@@ -366,11 +378,7 @@ class Work {
   // What is missing at these points; gives those of them that were rendered and see nothing.
   base::Result<std::vector<glm::uvec3>> render(const std::vector<glm::uvec3>& points) {
     if (!isMissing(points)) return std::vector<glm::uvec3>();
-    if (drawing_threads_ == 0) {
-      const auto threads = DrawPool::threadsFor(options_.threads == 0 ? base::coreCount() : options_.threads);
-      if (!threads) return threads.error();
-      drawing_threads_ = *threads;
-    }
+    LUMIGRID_TRY(countDrawingThreads());
     Baker baker(scene_, patches_, store_, options_, drawing_threads_, present_, points);
     LUMIGRID_TRY(baker.run(progress_));
     summary_.faces_rendered += baker.counters().done;
