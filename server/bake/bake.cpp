@@ -73,6 +73,7 @@ std::string parametersText(const base::Scene& scene, const BakeOptions& options)
   if (options.target_db > 0.0)
     text << ",\n\"target\": " << number(static_cast<float>(options.target_db))
          << ",\n\"least gain\": " << number(static_cast<float>(options.least_gain_db))
+         << ",\n\"budget\": " << options.budget_bytes << ",\n\"by use\": " << (options.use ? "true" : "false")
          << ",\n\"coarse cells\": " << options.coarse_cells;
   text << "\n}\n";
   return text.str();
