@@ -1,12 +1,13 @@
 #include "repository/verify.h"
 
-#include <algorithm>
+#include <functional>
 #include <optional>
 #include <utility>
 
 #include "base/parallel.h"
 #include "repository/coverage.h"
 #include "repository/face_value.h"
+#include "repository/gaps.h"
 #include "repository/jpeg.h"
 
 namespace repository {
@@ -37,81 +38,100 @@ std::optional<std::string> faultOf(const FaceKey& key, base::ByteView bytes, std
   return std::nullopt;
 }
 
-// Walks the keys that a grid should have beside those that the store has.
-class Verifier {
+std::optional<std::string> strangerOf(const FaceKey& key, const Grid& grid, const Shard& shard,
+                                      const PointRange& points) {
+  if (!grid.contains(key)) return nameOf(key) + ": not a face of this grid";
+  if (points.contains(mortonRank(grid, {key.x, key.y, key.z}))) return std::nullopt;
+  return nameOf(key) + ": does not belong to shard " + std::to_string(shard.index) + " of " +
+         std::to_string(shard.count);
+}
+
+enum class FaultKind { kOrphan, kDamaged };
+
+// Every value of a store in the order of keys, decoded side by side; what is wrong is handed to `found`.
+class Checker {
  public:
-  Verifier(const Grid& grid, unsigned threads) : grid_(grid), threads_(threads), points_(pointsInMortonOrder(grid)) {}
+  using Found = std::function<void(const FaceKey&, FaultKind, std::string)>;
 
+  Checker(const Grid& grid, const Shard& shard, unsigned threads, Found found)
+      : grid_(grid), shard_(shard), points_(pointsOf(shard, grid)), threads_(threads), found_(std::move(found)) {}
+
+  /// Whether the key is one that this store should have.
   bool take(const FaceKey& key, base::ByteView bytes) {
-    if (!grid_.contains(key)) {
-      say(nameOf(key) + ": not a face of this grid");
-    } else {
-      missUpTo(indexOf(key));
-      ++expected_;
-      portion_.emplace_back(key, base::Bytes(bytes.begin(), bytes.end()));
-      if (portion_.size() == kPortion) decodePortion();
+    if (auto stranger = strangerOf(key, grid_, shard_, points_)) {
+      found_(key, FaultKind::kOrphan, std::move(*stranger));
+      return false;
     }
-    return faults_.size() < kMostFaults;
-  }
-  std::vector<std::string> finish() {
-    decodePortion();
-    if (faults_.size() < kMostFaults) missUpTo(6 * points_.size());
-    return std::move(faults_);
-  }
-
- private:
-  void say(std::string fault) { faults_.push_back(std::move(fault)); }
-  FaceKey keyAt(std::uint64_t index) const {
-    const glm::uvec3& point = points_[index / 6];
-    return {point.x, point.y, point.z, static_cast<std::uint32_t>(index % 6)};
-  }
-  // Keys come in order, so the place is never before the last one.
-  std::uint64_t indexOf(const FaceKey& key) const {
-    const auto less = [](const glm::uvec3& a, const FaceKey& b) {
-      return FaceKey{a.x, a.y, a.z, 0} < FaceKey{b.x, b.y, b.z, 0};
-    };
-    const auto from =
-        points_.begin() + static_cast<std::ptrdiff_t>(std::min<std::uint64_t>(expected_ / 6, points_.size()));
-    const auto at = std::lower_bound(from, points_.end(), key, less);
-    return 6 * static_cast<std::uint64_t>(at - points_.begin()) + key.d;
-  }
-  void missUpTo(std::uint64_t index) {
-    if (index <= expected_) return;
-    const std::uint64_t count = index - expected_;
-    say(nameOf(keyAt(expected_)) +
-        (count == 1 ? ": missing" : " and the " + std::to_string(count - 1) + " after it in Morton order: missing"));
-    expected_ = index;
+    portion_.emplace_back(key, base::Bytes(bytes.begin(), bytes.end()));
+    if (portion_.size() == kPortion) decodePortion();
+    return true;
   }
   void decodePortion() {
-    std::vector<std::optional<std::string>> found(portion_.size());
+    std::vector<std::optional<std::string>> faults(portion_.size());
     base::parallelFor(portion_.size(), threads_, [&](std::size_t i) {
-      found[i] = faultOf(portion_[i].first, portion_[i].second, grid_.face_size);
+      faults[i] = faultOf(portion_[i].first, portion_[i].second, grid_.face_size);
     });
-    for (auto& fault : found) {
-      if (fault) say(std::move(*fault));
+    for (std::size_t i = 0; i < faults.size(); ++i) {
+      if (faults[i]) found_(portion_[i].first, FaultKind::kDamaged, std::move(*faults[i]));
     }
     portion_.clear();
   }
 
+ private:
   const Grid& grid_;
-  unsigned threads_;
-  std::vector<glm::uvec3> points_;
-  std::uint64_t expected_ = 0;  // index, in Morton order, of the next face that should come
+  const Shard shard_;
+  const PointRange points_;
+  const unsigned threads_;
+  const Found found_;
   std::vector<std::pair<FaceKey, base::Bytes>> portion_;
-  std::vector<std::string> faults_;
 };
+
+std::string describe(const Gap& gap) {
+  return nameOf(gap.first) + (gap.faces == 1
+                                  ? ": missing"
+                                  : " and the " + std::to_string(gap.faces - 1) + " after it in Morton order: missing");
+}
 
 }  // namespace
 
 base::Result<std::vector<std::string>> verify(const Store& store, const Grid& grid, unsigned threads) {
-  Verifier verifier(grid, threads);
-  LUMIGRID_TRY(store.forEach([&](const FaceKey& key, base::ByteView bytes) { return verifier.take(key, bytes); }));
-  std::vector<std::string> faults = verifier.finish();
+  return verifyShard(store, grid, {0, 1}, threads);
+}
+
+base::Result<std::vector<std::string>> verifyShard(const Store& store, const Grid& grid, const Shard& shard,
+                                                   unsigned threads) {
+  std::vector<std::string> faults;
+  Checker checker(grid, shard, threads,
+                  [&](const FaceKey&, FaultKind, std::string fault) { faults.push_back(std::move(fault)); });
+  GapFinder gaps(grid, shard);
+  LUMIGRID_TRY(store.forEach([&](const FaceKey& key, base::ByteView bytes) {
+    if (checker.take(key, bytes)) gaps.take(key);
+    return faults.size() + gaps.found() < kMostFaults;
+  }));
+  checker.decodePortion();
+  if (faults.size() + gaps.found() < kMostFaults) gaps.finish();
+  for (const Gap& gap : gaps.gaps()) faults.push_back(describe(gap));
   if (faults.size() >= kMostFaults) {
     faults.resize(kMostFaults);
     faults.emplace_back("and perhaps more: stopped at " + std::to_string(kMostFaults) + " faults");
   }
   return faults;
+}
+
+base::Result<Removed> removeFaulty(Store& store, const Grid& grid, const Shard& shard, unsigned threads) {
+  Removed removed;
+  std::vector<FaceKey> keys;
+  Checker checker(grid, shard, threads, [&](const FaceKey& key, FaultKind kind, const std::string&) {
+    keys.push_back(key);
+    ++(kind == FaultKind::kOrphan ? removed.orphans : removed.damaged);
+  });
+  LUMIGRID_TRY(store.forEach([&](const FaceKey& key, base::ByteView bytes) {
+    checker.take(key, bytes);
+    return true;
+  }));
+  checker.decodePortion();
+  if (!keys.empty()) LUMIGRID_TRY(store.erase(keys));
+  return removed;
 }
 
 base::Result<Contents> contentsOf(const Store& store) {

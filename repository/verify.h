@@ -6,6 +6,7 @@
 
 #include "base/error.h"
 #include "repository/grid.h"
+#include "repository/shard.h"
 #include "repository/store.h"
 
 namespace repository {
@@ -18,6 +19,18 @@ inline constexpr std::size_t kMostFaults = 100;
 /// grid point. Ranges of missing faces are one line. Decodes everything on `threads` threads (0: all cores). An error
 /// when the store itself cannot be read.
 base::Result<std::vector<std::string>> verify(const Store& store, const Grid& grid, unsigned threads = 0);
+
+/// The same for the store of one shard: only its points are expected, and keys of other shards are faults.
+base::Result<std::vector<std::string>> verifyShard(const Store& store, const Grid& grid, const Shard& shard,
+                                                   unsigned threads = 0);
+
+struct Removed {
+  std::uint64_t damaged = 0;  ///< values that verify would call wrong
+  std::uint64_t orphans = 0;  ///< values whose key is no face of the shard
+};
+/// Erases what verifyShard finds wrong, so that only missing faces are left to render. The checks are verify's, all of
+/// them: every value is decoded.
+base::Result<Removed> removeFaulty(Store& store, const Grid& grid, const Shard& shard, unsigned threads = 0);
 
 struct Contents {
   std::uint64_t faces = 0;  ///< values, empty flags included

@@ -14,6 +14,7 @@
 #include "base/parallel.h"
 #include "repository/cube_face.h"
 #include "repository/face_value.h"
+#include "repository/parameters.h"
 #include "server/bake/committer.h"
 #include "server/bake/face_encoder.h"
 #include "server/render/scene_renderer.h"
@@ -82,21 +83,6 @@ std::string parametersText(const base::Scene& scene, const BakeOptions& options)
   return text.str();
 }
 
-// "quality": 85 against "quality": 90, from the first line that differs.
-std::string firstDifference(const std::string& stored, const std::string& wanted) {
-  std::istringstream a(stored);
-  std::istringstream b(wanted);
-  std::string line_a;
-  std::string line_b;
-  while (std::getline(a, line_a) && std::getline(b, line_b)) {
-    for (std::string* line : {&line_a, &line_b}) {
-      if (line->ends_with(',')) line->pop_back();
-    }
-    if (line_a != line_b) return line_a + ", now " + line_b;
-  }
-  return "other parameters";
-}
-
 base::Result<void> claimStore(repository::Store& store, const std::string& wanted) {
   const auto other = [](const std::string& what) {
     return base::Error{base::ErrorCode::kExists, "the image repository was built with " + what +
@@ -105,7 +91,8 @@ base::Result<void> claimStore(repository::Store& store, const std::string& wante
   auto stored = store.readMeta();
   if (!stored) return stored.error();
   if (*stored)
-    return **stored == wanted ? base::Result<void>() : base::Result<void>(other(firstDifference(**stored, wanted)));
+    return **stored == wanted ? base::Result<void>()
+                              : base::Result<void>(other(repository::firstDifference(**stored, wanted)));
   auto size = store.size();
   if (!size) return size.error();
   if (*size > 0) return other("unknown parameters");
@@ -128,7 +115,13 @@ base::Result<void> checkOptions(const BakeOptions& options) {
   if (options.quality < 1 || options.quality > 100)
     return wrong("quality " + std::to_string(options.quality) + "; it must be 1 to 100");
   if (options.batch_faces < 1) return wrong("batches of no faces");
+  if (options.shard.count < 1 || options.shard.index >= options.shard.count)
+    return wrong("no shard " + std::to_string(options.shard.index) + " of " + std::to_string(options.shard.count));
   return {};
+}
+
+std::uint64_t faceCountOf(const BakeOptions& options) {
+  return 6 * repository::pointsOf(options.shard, options.grid).size();
 }
 
 // --- What is there already
@@ -137,11 +130,12 @@ base::Result<void> checkOptions(const BakeOptions& options) {
 // One bit a face of the grid: its value is in the store and whole.
 class Present {
  public:
-  explicit Present(const repository::Grid& grid) : grid_(grid), bits_(grid.faceCount(), false) {}
+  Present(const repository::Grid& grid, const repository::Shard& shard)
+      : grid_(grid), points_(repository::pointsOf(shard, grid)), bits_(grid.faceCount(), false) {}
 
   base::Result<void> read(const repository::Store& store) {
     return store.forEach([&](const repository::FaceKey& key, base::ByteView value) {
-      if (!grid_.contains(key) || !repository::decodeFaceValue(value)) return true;
+      if (!expected(key) || !repository::decodeFaceValue(value)) return true;
       bits_[index(key)] = true;
       ++count_;
       bytes_ += value.size();
@@ -153,11 +147,15 @@ class Present {
   std::uint64_t bytes() const { return bytes_; }
 
  private:
+  bool expected(const repository::FaceKey& key) const {
+    return grid_.contains(key) && points_.contains(repository::mortonRank(grid_, {key.x, key.y, key.z}));
+  }
   std::size_t index(const repository::FaceKey& key) const {
     return static_cast<std::size_t>(((std::uint64_t{key.z} * grid_.count.y + key.y) * grid_.count.x + key.x) * 6 +
                                     key.d);
   }
   const repository::Grid& grid_;
+  const repository::PointRange points_;
   std::vector<bool> bits_;
   std::uint64_t count_ = 0;
   std::uint64_t bytes_ = 0;
@@ -207,9 +205,10 @@ class Baker {
 
   base::Result<void> run(const std::function<bool(const BakeProgress&)>& progress) {
     bool cancelled = !progress(progressNow());
-    for (const glm::uvec3& point : repository::pointsInMortonOrder(options_.grid)) {
+    const repository::PointRange points = repository::pointsOf(options_.shard, options_.grid);
+    for (std::uint64_t rank = points.first; rank < points.end; ++rank) {
       if (cancelled || committer_.failed()) break;
-      const auto keys = missingAt(point);
+      const auto keys = missingAt(repository::pointAtMortonRank(options_.grid, rank));
       if (keys.empty()) continue;
       if (auto drawn = draw(keys); !drawn) committer_.fail(drawn.error());
       cancelled = !progress(progressNow());
@@ -267,7 +266,7 @@ class Baker {
     BakeProgress now;
     now.faces_done = counters_.done;
     now.faces_skipped = present_.count();
-    now.faces_total = options_.grid.faceCount();
+    now.faces_total = faceCountOf(options_);
     now.stored_bytes = present_.bytes() + counters_.value_bytes;
     now.faces_per_second = rate_.update(Clock::now(), now.faces_done);
     const auto left = static_cast<double>(now.faces_total - now.faces_skipped - now.faces_done);
@@ -293,12 +292,12 @@ base::Result<BakeSummary> bake(const base::Scene& scene, const lod::patch::Patch
   const Clock::time_point start = Clock::now();
   LUMIGRID_TRY(checkOptions(options));
   LUMIGRID_TRY(claimStore(store, parametersText(scene, options)));
-  Present present(options.grid);
+  Present present(options.grid, options.shard);
   LUMIGRID_TRY(present.read(store));
 
   BakeSummary summary;
   summary.faces_skipped = present.count();
-  if (present.count() < options.grid.faceCount()) {
+  if (present.count() < faceCountOf(options)) {
     auto context = base::HeadlessContext::create();
     if (!context) return context.error();
     auto renderer = SceneRenderer::create(scene, patches);

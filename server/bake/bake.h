@@ -12,13 +12,15 @@
 #include "lod/patch/format.h"
 #include "repository/grid.h"
 #include "repository/jpeg.h"
+#include "repository/shard.h"
 #include "repository/store.h"
 
 namespace server {
 
 struct BakeOptions {
   repository::Grid grid;
-  int quality = 85;  ///< JPEG, 1..100
+  repository::Shard shard;  ///< only the points of this shard are rendered; the default is all of them
+  int quality = 85;         ///< JPEG, 1..100
   repository::Subsampling subsampling = repository::Subsampling::k420;
   /// Face pixels. The error behind it bounds the shape alone: at 1 colours are coarser than the pixels already
   /// (docs/lumigraph-tuning.md).

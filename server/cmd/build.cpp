@@ -2,9 +2,14 @@
 //
 // A build in progress keeps scene.json's document as building.json. What is finished is listed in its parts; a rerun
 // with the same sources and options goes on from there. scene.json appears when everything is in place.
+//
+// Any number of processes may work on one scene. What concerns the scene as a whole is done under its lock (SceneLock):
+// making or opening it with its hierarchy, and declaring it finished. Between the two each process renders its shards,
+// each under the lock of the shard's store; who finds that nothing is missing writes scene.json.
 #include <algorithm>
 #include <array>
 #include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -15,10 +20,15 @@
 #include "lod/build/hierarchy_build.h"
 #include "lod/patch/format.h"
 #include "repository/grid.h"
+#include "repository/repository.h"
 #include "repository/store.h"
+#include "repository/verify.h"
 #include "server/bake/bake.h"
 #include "server/cmd/commands.h"
 #include "server/cmd/console.h"
+#include "server/cmd/scene_images.h"
+#include "server/cmd/scene_lock.h"
+#include "server/cmd/shard_choice.h"
 
 namespace server::cmd {
 namespace {
@@ -32,7 +42,9 @@ struct BuildArguments {
   std::vector<std::string> meshes;
   std::string output;
   std::vector<std::string> methods{"patch", "images"};
-  bool force = false, json = false, quiet = false;
+  bool force = false, json = false, quiet = false, missing = false;
+  std::string shard;         // i/n or auto, as given
+  std::uint32_t shards = 0;  // 0: as the scene records, or one store
   std::string light = "auto", up = "auto", units = "unknown", subsampling = "420";
   std::uint32_t grid = 32, face = 512;
   double margin = 0.5;
@@ -45,10 +57,28 @@ struct BuildArguments {
 constexpr const char* kWorkFiles = "patch.lgp.work";
 constexpr const char* kWrittenWhole[] = {"patch.lgp", "scene.json", base::kBuildingFile};
 
+// Of the options below, those that decide the hierarchy and what scene.json says of it.
+constexpr const char* kHierarchyParameters[] = {
+    "light", "up", "units", "voxel-triangles", "leaf-triangles", "node-triangles", "position-bits", "regroup"};
+
 /// What the summary tells.
 struct BuildReport {
   std::optional<lod::build::HierarchySummary> hierarchy;  ///< absent when a resumed build had it already
-  std::optional<BakeSummary> bake;
+  std::optional<BakeSummary> bake;                        ///< over all shards that this process did
+  repository::Removed removed;                            ///< from a finished scene: rendered again, or not ours
+  std::vector<repository::ShardGaps> missing;             ///< when it was over: other shards' faces
+};
+
+/// The scene in the output directory, when there is one that fits the command.
+struct Output {
+  std::optional<base::Scene> scene;  ///< with its hierarchy; nothing for a fresh start
+  bool finished = false;             ///< as scene.json; only faults are looked for
+};
+
+/// Which part of the images a command is about.
+struct Part {
+  std::uint32_t shards = 0;            ///< the division; 0: none
+  std::optional<std::uint32_t> index;  ///< nothing: all of them
 };
 
 bool wants(const BuildArguments& a, const char* method) {
@@ -80,10 +110,11 @@ std::map<std::string, std::string> parametersOf(const BuildArguments& a) {
           {"regroup", a.regroup}};
 }
 
+// With their hashes, unless the question is only what is missing.
 Result<std::vector<base::SceneSource>> describeSources(const BuildArguments& a) {
   std::vector<base::SceneSource> sources;
   for (const std::string& path : a.meshes) {
-    auto hash = base::sha256OfFile(path);
+    auto hash = a.missing ? Result<std::string>("") : base::sha256OfFile(path);
     if (!hash) return hash.error();
     std::error_code ignored;
     sources.push_back({path, fs::file_size(path, ignored), *hash});
@@ -91,19 +122,11 @@ Result<std::vector<base::SceneSource>> describeSources(const BuildArguments& a) 
   return sources;
 }
 
+// A source whose hash was not worked out is known by its size.
 bool sameSources(const std::vector<base::SceneSource>& a, const std::vector<base::SceneSource>& b) {
-  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
-                    [](const auto& x, const auto& y) { return x.sha256 == y.sha256 && x.bytes == y.bytes; });
-}
-
-// Removes what a scene consists of, and nothing else that may lie in the directory.
-Result<void> clear(const std::string& directory) {
-  for (const char* name : {"scene.json", base::kBuildingFile, "patch.lgp", kWorkFiles, "images"}) {
-    std::error_code error;
-    fs::remove_all(fs::path(directory) / name, error);
-    if (error) return Error{ErrorCode::kIo, directory + "/" + name + ": cannot remove: " + error.message()};
-  }
-  return {};
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const auto& x, const auto& y) {
+    return x.bytes == y.bytes && (x.sha256 == y.sha256 || x.sha256.empty() || y.sha256.empty());
+  });
 }
 
 // A file that was being written when its writer was killed.
@@ -112,37 +135,76 @@ bool isUnfinished(const std::string& name) {
                      [&](const char* whole) { return base::isUnfinished(name, whole); });
 }
 
-/// The unfinished build to go on with, or nothing for a fresh start; an error when the output may not be touched.
-Result<std::optional<base::Scene>> openOutput(const BuildArguments& a, const std::vector<base::SceneSource>& sources) {
-  std::optional<base::Scene> resumed;
-  if (a.force || !fs::exists(a.output)) return resumed;
+// Removes what a scene consists of, and nothing else that may lie in the directory. Refused while somebody writes it.
+Result<void> clear(const std::string& directory) {
+  const std::string images = directory + "/images";
+  auto layout = repository::layoutOf(images);
+  if (!layout) return layout.error();
+  for (const repository::Shard& shard : layout->shards)
+    LUMIGRID_TRY(repository::removeLmdbStore(repository::storeDirectory(images, shard.count, shard.index)));
+  if (layout->undivided) LUMIGRID_TRY(repository::removeLmdbStore(images));
+  for (const char* name : {"scene.json", base::kBuildingFile, "patch.lgp", kWorkFiles, "images"}) {
+    std::error_code error;
+    fs::remove_all(fs::path(directory) / name, error);
+    if (error) return Error{ErrorCode::kIo, directory + "/" + name + ": cannot remove: " + error.message()};
+  }
+  return {};
+}
+
+enum class Fit { kSame, kMore, kOther };
+
+// Whether the scene is what the command makes (kSame: at least that), or has just the hierarchy that it needs (kMore:
+// images are to be added), or is another one.
+Fit fitOf(const BuildArguments& a, const std::vector<base::SceneSource>& sources, const base::Scene& scene) {
+  if (!a.meshes.empty() && !sameSources(scene.sources, sources)) return Fit::kOther;
+  std::map<std::string, std::string> recorded = scene.parameters;
+  recorded.erase(kShardsParameter);
+  const auto wanted = parametersOf(a);
+  if (recorded == wanted) return Fit::kSame;
+  for (const char* name : kHierarchyParameters)
+    if (recorded[name] != wanted.at(name)) return Fit::kOther;
+  if (!wants(a, "images")) return Fit::kSame;
+  return wantsImages(scene) ? Fit::kOther : Fit::kMore;
+}
+
+/// The scene to go on with or to look over, or nothing for a fresh start; an error when the output may not be touched.
+Result<Output> openOutput(const BuildArguments& a, const std::vector<base::SceneSource>& sources) {
+  Output output;
+  if (a.force || !fs::exists(a.output)) return output;
   if (!fs::is_directory(a.output))
     return Error{ErrorCode::kExists, a.output + ": is a file, not a scene directory; choose another output"};
-  if (fs::exists(fs::path(a.output) / "scene.json"))
-    return Error{
-        ErrorCode::kExists,
-        a.output + ": holds a finished scene already; choose another output, or say --force to build it again"};
-  const std::string building = a.output + "/" + base::kBuildingFile;
-  if (fs::exists(building)) {
-    auto scene = base::readSceneFile(building);
+  output.finished = fs::exists(fs::path(a.output) / "scene.json");
+  const std::string file = a.output + "/" + (output.finished ? "scene.json" : base::kBuildingFile);
+  if (output.finished || fs::exists(file)) {
+    auto scene = base::readSceneFile(file);
     if (!scene) return scene.error();
-    if (scene->parameters != parametersOf(a) || !sameSources(scene->sources, sources))
+    const Fit fit = fitOf(a, sources, *scene);
+    if (fit == Fit::kOther && output.finished)
+      return Error{ErrorCode::kExists,
+                   a.output +
+                       ": holds a finished scene of other meshes or options already; choose another "
+                       "output, or say --force to build it again"};
+    if (fit == Fit::kOther)
       return Error{
           ErrorCode::kExists,
           a.output +
               ": holds an unfinished build of other meshes or options; repeat those, or say --force to start afresh"};
-    resumed = std::move(*scene);
-    return resumed;
+    if (fit == Fit::kMore) {
+      scene->parameters = parametersOf(a);
+      output.finished = false;
+    }
+    output.scene = std::move(*scene);
+    return output;
   }
   // A hierarchy that was stopped on the way has left its work files, or a patch.lgp that nothing lists yet.
   const bool only_work = std::all_of(fs::directory_iterator(a.output), fs::directory_iterator(), [](const auto& entry) {
     const std::string name = entry.path().filename().string();
-    return name == kWorkFiles || name == "patch.lgp" || isUnfinished(name);
+    return name == kWorkFiles || name == "patch.lgp" || name == kLockFile || isUnfinished(name);
   });
   if (!only_work)
     return Error{ErrorCode::kExists,
                  a.output + ": is not empty and not a scene; choose another output, or say --force"};
-  return resumed;
+  return output;
 }
 
 // Up, when not told: glTF says +y. A flat open scan stands on its shortest axis, on the side its surface faces;
@@ -199,6 +261,14 @@ bool hasPart(const base::Scene& scene, const std::string& file) {
                      [&](const base::ScenePart& part) { return part.file == file; });
 }
 
+// Listed, and there with the size that is listed.
+bool hasHierarchy(const BuildArguments& a, const base::Scene& scene) {
+  return std::any_of(scene.parts.begin(), scene.parts.end(), [&](const base::ScenePart& part) {
+    std::error_code error;
+    return part.file == "patch.lgp" && fs::file_size(fs::path(a.output) / part.file, error) == part.bytes;
+  });
+}
+
 // One place for each output, so that several builds can share a directory.
 std::string workDirectory(const BuildArguments& a) {
   if (a.tmpdir.empty()) return a.output + "/" + kWorkFiles;
@@ -220,10 +290,7 @@ std::string resumeKey(const std::vector<base::SceneSource>& sources) {
 /// leaves its work files.
 Result<base::Scene> buildPatches(const BuildArguments& a, const std::vector<base::SceneSource>& sources,
                                  BuildReport& report, ProgressLine& line) {
-  const bool fresh = !fs::exists(a.output);
-  std::error_code error;
-  fs::create_directories(a.output, error);
-  if (error) return Error{ErrorCode::kIo, a.output + ": cannot make this directory: " + error.message()};
+  if (a.meshes.empty()) return Error{ErrorCode::kNotFound, a.output + ": holds no hierarchy yet; give the meshes too"};
   if (a.force) LUMIGRID_TRY(clear(a.output));
 
   lod::build::HierarchyOptions options = a.hierarchy;
@@ -243,10 +310,7 @@ Result<base::Scene> buildPatches(const BuildArguments& a, const std::vector<base
                                                        return !stopRequested();
                                                      });
   line.finish();
-  if (!summary) {
-    if (fresh) fs::remove(a.output, error);  // only when empty: nothing half-written stays
-    return summary.error();
-  }
+  if (!summary) return summary.error();
   for (const std::string& warning : summary->warnings) std::fprintf(stderr, "lumigrid: warning: %s\n", warning.c_str());
   base::Scene scene;
   scene.sources = sources;
@@ -263,19 +327,48 @@ repository::Subsampling subsamplingOf(const std::string& name) {
                          : repository::Subsampling::k420;
 }
 
-Result<void> buildImages(const BuildArguments& a, base::Scene& scene, BuildReport& report, ProgressLine& line) {
+repository::Grid gridFor(const BuildArguments& a, const base::Scene& scene) {
+  return repository::makeGrid(scene.localBox(), a.grid, static_cast<float>(a.margin), a.face);
+}
+
+std::string imagesOf(const BuildArguments& a) {
+  return a.output + "/images";
+}
+
+void add(const BakeSummary& one, std::optional<BakeSummary>& sum) {
+  if (!sum) sum.emplace();
+  sum->faces_rendered += one.faces_rendered;
+  sum->faces_skipped += one.faces_skipped;
+  sum->faces_empty += one.faces_empty;
+  sum->jpeg_bytes += one.jpeg_bytes;
+  sum->coverage_bytes += one.coverage_bytes;
+  sum->seconds += one.seconds;
+}
+
+// One store: what is wrong with a finished one goes first, then what is missing is rendered.
+Result<void> buildStore(const BuildArguments& a, const base::Scene& scene, const repository::Shard& shard,
+                        const std::string& directory, bool finished, BuildReport& report, ProgressLine& line) {
   auto patches = lod::patch::PatchFile::open(a.output + "/patch.lgp");
   if (!patches) return patches.error();
-  auto store = repository::openLmdbStore(a.output + "/images", repository::StoreMode::kWrite);
+  auto store = repository::openLmdbStore(directory, repository::StoreMode::kWrite);
   if (!store) return store.error();
   BakeOptions options = a.bake;
-  options.grid = repository::makeGrid(scene.localBox(), a.grid, static_cast<float>(a.margin), a.face);
+  options.grid = gridFor(a, scene);
+  options.shard = shard;
   options.subsampling = subsamplingOf(a.subsampling);
   options.threads = a.hierarchy.threads;
+  if (finished) {
+    auto removed = repository::removeFaulty(**store, options.grid, shard, options.threads);
+    if (!removed) return removed.error();
+    report.removed.damaged += removed->damaged;
+    report.removed.orphans += removed->orphans;
+  }
+  const std::string stage =
+      shard.count > 1 ? "images " + std::to_string(shard.index) + "/" + std::to_string(shard.count) : "images";
   auto baked = bake(scene, *patches, **store, options, [&](const BakeProgress& p) {
     std::array<char, 64> rate{};
     std::snprintf(rate.data(), rate.size(), "%.1f images/s", p.faces_per_second);
-    line.show("images",
+    line.show(stage,
               p.faces_total == 0
                   ? 1.0
                   : static_cast<double>(p.faces_done + p.faces_skipped) / static_cast<double>(p.faces_total),
@@ -283,15 +376,41 @@ Result<void> buildImages(const BuildArguments& a, base::Scene& scene, BuildRepor
     return !stopRequested();
   });
   line.finish();
-  if (!baked) return baked.error();
-  report.bake = *baked;
-  if (!hasPart(scene, "images")) LUMIGRID_TRY(addPart(scene, a.output, "images"));
+  if (!baked) return base::within(directory, baked.error());
+  add(*baked, report.bake);
   return {};
 }
 
+// All shards one after the other; those that others are writing just now are left to them.
+Result<void> buildAllShards(const BuildArguments& a, const base::Scene& scene, std::uint32_t shards, bool finished,
+                            BuildReport& report, ProgressLine& line) {
+  std::optional<Error> busy;
+  for (std::uint32_t i = 0; i < shards; ++i) {
+    const repository::Shard shard{i, shards};
+    if (repository::pointsOf(shard, gridFor(a, scene)).size() == 0) continue;
+    auto built =
+        buildStore(a, scene, shard, repository::storeDirectory(imagesOf(a), shards, i), finished, report, line);
+    if (built) continue;
+    if (built.error().code != ErrorCode::kBusy) return built.error();
+    busy = built.error();
+  }
+  return busy ? Result<void>(*busy) : Result<void>();
+}
+
+Result<void> buildImages(const BuildArguments& a, const base::Scene& scene, const Part& part, bool finished,
+                         BuildReport& report, ProgressLine& line) {
+  if (part.shards != 0 && !part.index) return buildAllShards(a, scene, part.shards, finished, report, line);
+  const repository::Shard shard = part.index ? repository::Shard{*part.index, part.shards} : repository::Shard{};
+  return buildStore(a, scene, shard, repository::storeDirectory(imagesOf(a), part.shards, shard.index), finished,
+                    report, line);
+}
+
 nlohmann::json summaryJson(const base::Scene& scene, const BuildReport& r) {
-  nlohmann::json j{
-      {"triangles", scene.triangles}, {"repairs", scene.repairs}, {"peak_memory_bytes", peakResidentBytes()}};
+  nlohmann::json j{{"triangles", scene.triangles},
+                   {"repairs", scene.repairs},
+                   {"peak_memory_bytes", peakResidentBytes()},
+                   {"complete", r.missing.empty()},
+                   {"removed", {{"damaged", r.removed.damaged}, {"orphans", r.removed.orphans}}}};
   if (r.hierarchy) {
     const auto& h = *r.hierarchy;
     j["import_seconds"] = h.import_seconds;
@@ -319,7 +438,24 @@ nlohmann::json summaryJson(const base::Scene& scene, const BuildReport& r) {
   return j;
 }
 
-void printSummary(const BuildArguments& a, const base::Scene& scene, const BuildReport& r) {
+// The last lines: what was put right in a finished scene, and what comes next.
+void printOutcome(const BuildArguments& a, const Output& output, const BuildReport& r) {
+  if (r.removed.damaged + r.removed.orphans > 0)
+    std::printf("repaired: %s damaged images rendered again, %s removed that did not belong here\n",
+                formatCount(r.removed.damaged).c_str(), formatCount(r.removed.orphans).c_str());
+  else if (output.finished && !r.hierarchy && (!r.bake || r.bake->faces_rendered == 0))
+    std::printf("%s: finished and whole; nothing was to be done\n", a.output.c_str());
+  std::printf("peak memory %s\n", formatBytes(peakResidentBytes()).c_str());
+  if (r.missing.empty())
+    std::printf("next: lumigrid serve %s\n", a.output.c_str());
+  else
+    std::printf(
+        "next: %zu more shards (%s) with the same command; lumigrid build --missing -o %s lists what they lack\n",
+        r.missing.size(), arrayOf(r.missing).c_str(), a.output.c_str());
+}
+
+void printSummary(const BuildArguments& a, const Output& output, const BuildReport& r) {
+  const base::Scene& scene = *output.scene;
   std::printf("%s: %s triangles\n", a.output.c_str(), formatCount(scene.triangles).c_str());
   for (const auto& [what, count] : scene.repairs)
     std::printf("  repaired: %s %s\n", formatCount(count).c_str(), what.c_str());
@@ -342,121 +478,311 @@ void printSummary(const BuildArguments& a, const base::Scene& scene, const Build
                 formatCount(b.faces_skipped).c_str(), formatBytes(b.jpeg_bytes).c_str(),
                 formatBytes(b.coverage_bytes).c_str());
   }
-  std::printf("peak memory %s\nnext: lumigrid serve %s\n", formatBytes(peakResidentBytes()).c_str(), a.output.c_str());
+  printOutcome(a, output, r);
 }
 
-Result<void> build(const BuildArguments& a) {
-  auto sources = describeSources(a);
-  if (!sources) return sources.error();
-  auto resumed = openOutput(a, *sources);
-  if (!resumed) return resumed.error();
-  ProgressLine line(a.quiet);
-  BuildReport report;
-
-  base::Scene scene;
-  if (resumed->has_value() && hasPart(**resumed, "patch.lgp")) {
-    scene = std::move(**resumed);
+// --shard and --shards, or what an MPI launcher says.
+Result<Part> partOf(const BuildArguments& a) {
+  const Environment environment = [](const char* name) -> const char* { return std::getenv(name); };
+  std::optional<repository::Shard> shard;
+  if (a.shard.empty()) {
+    auto rank = shardFromRanks(environment);
+    if (!rank) return rank.error();
+    shard = *rank;
   } else {
-    auto built = buildPatches(a, *sources, report, line);
-    if (!built) return built.error();
-    scene = std::move(*built);
+    auto given = a.shard == "auto" ? shardFromLauncher(environment) : repository::parseShard(a.shard);
+    if (!given) return given.error();
+    shard = *given;
   }
-  if (wants(a, "images")) LUMIGRID_TRY(buildImages(a, scene, report, line));
+  if (!shard) return Part{a.shards, std::nullopt};
+  if (a.shards != 0 && a.shards != shard->count)
+    return Error{ErrorCode::kInvalidInput, "--shards " + std::to_string(a.shards) + " and a shard of " +
+                                               std::to_string(shard->count) + " do not go together"};
+  return Part{shard->count, shard->index};
+}
 
-  LUMIGRID_TRY(base::writeSceneFile(scene, a.output + "/scene.json"));
+// The scene's division is the first that was asked for: it stays while there are images.
+Result<void> settleDivision(const BuildArguments& a, const Output& output, Part& part) {
+  auto recorded = shardsOf(*output.scene);
+  if (!recorded) return recorded.error();
+  if (part.shards == 0 || part.shards == *recorded) {
+    part.shards = *recorded;
+    return {};
+  }
+  auto layout = repository::layoutOf(imagesOf(a));
+  if (!layout) return layout.error();
+  if (!output.finished && !layout->undivided && layout->shards.empty()) return {};
+  const std::string is = *recorded == 0 ? "undivided" : "divided into " + std::to_string(*recorded) + " shards";
+  return Error{ErrorCode::kExists, a.output + ": its images are " + is + ", not into " + std::to_string(part.shards) +
+                                       "; keep to that, or make the scene anew with --force"};
+}
+
+// Stores of another division hold nothing that anybody reads.
+Result<void> removeOrphanStores(const BuildArguments& a, std::uint32_t shards) {
+  auto orphans = orphanStores(imagesOf(a), shards);
+  if (!orphans) return orphans.error();
+  for (const std::string& directory : *orphans) {
+    LUMIGRID_TRY(repository::removeLmdbStore(directory));
+    std::fprintf(stderr, "lumigrid: removed %s, which is not of this scene's division\n", directory.c_str());
+  }
+  return {};
+}
+
+/// The scene with its hierarchy, found or made, and building.json as it should be. Under the scene's lock.
+Result<Output> prepare(const BuildArguments& a, const std::vector<base::SceneSource>& sources, Part& part,
+                       BuildReport& report, ProgressLine& line) {
+  auto output = openOutput(a, sources);
+  if (!output) return output.error();
+  if (!output->scene || !hasHierarchy(a, *output->scene)) {
+    auto built = buildPatches(a, sources, report, line);
+    if (!built) return built.error();
+    if (output->scene) built->parameters = output->scene->parameters;  // with the division
+    output->scene = std::move(*built);
+  }
+  LUMIGRID_TRY(settleDivision(a, *output, part));
+  if (wants(a, "images")) LUMIGRID_TRY(removeOrphanStores(a, part.shards));
+  if (output->finished) return output;
+  if (part.shards != 0) output->scene->parameters[kShardsParameter] = std::to_string(part.shards);
+  LUMIGRID_TRY(base::writeSceneFile(*output->scene, a.output + "/" + base::kBuildingFile));
+  std::error_code ignored;
+  fs::remove(fs::path(a.output) / "scene.json", ignored);  // a scene that gets images is unfinished again
+  return output;
+}
+
+/// scene.json, if nothing is missing. Under the scene's lock.
+Result<void> finish(const BuildArguments& a, Output& output, const Part& part, BuildReport& report) {
+  base::Scene& scene = *output.scene;
+  if (wantsImages(scene) && !wants(a, "images")) return {};  // another command is at them
+  if (wantsImages(scene)) {
+    auto missing = repository::findMissing(imagesOf(a), part.shards, gridFor(a, scene));
+    if (!missing) return missing.error();
+    report.missing = std::move(*missing);
+    if (!report.missing.empty()) return {};
+  }
+  if (!fs::exists(fs::path(a.output) / "scene.json")) {
+    if (wantsImages(scene) && !hasPart(scene, "images")) scene.parts.push_back({"images", 0, ""});
+    LUMIGRID_TRY(base::writeSceneFile(scene, a.output + "/scene.json"));
+  }
   std::error_code ignored;
   fs::remove(fs::path(a.output) / base::kBuildingFile, ignored);
   // What runs killed while they wrote them left.
   for (const char* name : kWrittenWhole) base::removeUnfinished(a.output + "/" + name);
-  if (a.json)
-    std::printf("%s\n", summaryJson(scene, report).dump().c_str());
-  else
-    printSummary(a, scene, report);
   return {};
+}
+
+Result<SceneLock> lockScene(const BuildArguments& a) {
+  return SceneLock::take(a.output, [&](const std::string& holder) {
+    if (!a.quiet)
+      std::fprintf(stderr, "lumigrid: waiting for %s, which is preparing %s\n", holder.c_str(), a.output.c_str());
+  });
+}
+
+Result<void> build(const BuildArguments& a) {
+  auto part = partOf(a);
+  if (!part) return part.error();
+  if (a.force && part->index)
+    return Error{ErrorCode::kInvalidInput,
+                 "--force would remove what other shards made; make the hierarchy anew first: --methods patch --force"};
+  auto sources = describeSources(a);
+  if (!sources) return sources.error();
+  ProgressLine line(a.quiet);
+  BuildReport report;
+  Result<Output> output = Output{};
+  {
+    auto lock = lockScene(a);
+    if (!lock) return lock.error();
+    output = prepare(a, *sources, *part, report, line);
+    if (!output) return output.error();
+  }
+  if (wants(a, "images")) LUMIGRID_TRY(buildImages(a, *output->scene, *part, output->finished, report, line));
+  {
+    auto lock = lockScene(a);
+    if (!lock) return lock.error();
+    LUMIGRID_TRY(finish(a, *output, *part, report));
+  }
+  if (a.json)
+    std::printf("%s\n", summaryJson(*output->scene, report).dump().c_str());
+  else
+    printSummary(a, *output, report);
+  return {};
+}
+
+// --- What is missing
+// ------------------------------------------------------------------------------------------------------------
+
+// Cheap, so that it can be asked often: sources are known by their sizes, images by their keys.
+Result<MissingParts> findMissingParts(const BuildArguments& a) {
+  auto part = partOf(a);
+  if (!part) return part.error();
+  auto sources = describeSources(a);
+  if (!sources) return sources.error();
+  auto output = openOutput(a, *sources);
+  if (!output) return output.error();
+  MissingParts missing;
+  missing.shards = part->shards;
+  if (!output->scene) {
+    missing.hierarchy = true;
+    return missing;
+  }
+  const base::Scene& scene = *output->scene;
+  LUMIGRID_TRY(settleDivision(a, *output, *part));
+  missing.shards = part->shards;
+  missing.hierarchy = !hasHierarchy(a, scene);
+  if (!wants(a, "images")) return missing;
+  auto images = repository::findMissing(imagesOf(a), part->shards, gridFor(a, scene));
+  if (!images) return images.error();
+  missing.images = std::move(*images);
+  if (part->index) std::erase_if(missing.images, [&](const auto& one) { return one.shard.index != *part->index; });
+  return missing;
+}
+
+// The options, each with its default.
+void declareOptions(CLI::App& command, BuildArguments& a) {
+  command.add_option("MESH", a.meshes,
+                     "PLY, OBJ, STL, OFF or GLB files; several make one scene. May be left out once the scene has its "
+                     "hierarchy: then the options that are not given are those that the scene records");
+  command.add_option("-o,--output", a.output, "scene directory to make, or to go on with")->required();
+  command.add_flag("--force", a.force, "replace a scene that is there");
+  command
+      .add_option("--methods", a.methods, "what to build: patch (the hierarchy), images (the repository; needs patch)")
+      ->delimiter(',')
+      ->check(CLI::IsMember({"patch", "images"}))
+      ->capture_default_str();
+  command.add_option("--grid", a.grid, "sampling points along the longest side of the viewing box")
+      ->check(CLI::Range(2, 1024))
+      ->capture_default_str();
+  command.add_option("--margin", a.margin, "viewing box beyond the model on every side, in longest sides of the model")
+      ->check(CLI::Range(0.0, 100.0))
+      ->capture_default_str();
+  command.add_option("--face", a.face, "pixels along one side of an image")
+      ->check(CLI::Range(16, 4096))
+      ->capture_default_str();
+  command.add_option("--quality", a.bake.quality, "JPEG quality")->check(CLI::Range(1, 100))->capture_default_str();
+  command
+      .add_option("--subsampling", a.subsampling,
+                  "JPEG chroma subsampling; 420 halves the bytes, 444 keeps strong colours")
+      ->check(CLI::IsMember({"420", "422", "444"}))
+      ->capture_default_str();
+  command.add_option("--tolerance", a.bake.tolerance_px, "largest projected error in the images, face pixels")
+      ->check(CLI::Range(0.0F, 100.0F))
+      ->capture_default_str();
+  command.add_option("--supersampling", a.bake.supersampling, "n x n samples per face pixel")
+      ->check(CLI::Range(1, 8))
+      ->capture_default_str();
+  command.add_option("--batch", a.bake.batch_faces, "images per commit: the most a killed build loses")
+      ->check(CLI::Range(1, 100000))
+      ->capture_default_str();
+  command
+      .add_option("--light", a.light,
+                  "unlit: colours as scanned; soft: a soft directional light; auto: unlit where the mesh has colours")
+      ->check(CLI::IsMember({"auto", "unlit", "soft"}))
+      ->capture_default_str();
+  command.add_option("--up", a.up, "axis that points up in the first view")
+      ->check(CLI::IsMember({"auto", "x", "y", "z"}))
+      ->capture_default_str();
+  command.add_option("--units", a.units, "unit of length of the mesh, e.g. m; kept in scene.json")
+      ->capture_default_str();
+  command.add_option("--voxel-triangles", a.hierarchy.voxel_triangles, "Nv: most triangles in a voxel")
+      ->check(CLI::Range(1, 1'000'000))
+      ->capture_default_str();
+  command.add_option("--leaf-triangles", a.hierarchy.leaf_triangles, "Nl: most triangles in a leaf patch")
+      ->check(CLI::Range(16, 20'000))
+      ->capture_default_str();
+  command.add_option("--node-triangles", a.hierarchy.node_triangles, "Nn: most triangles in any other patch")
+      ->check(CLI::Range(16, 20'000))
+      ->capture_default_str();
+  command
+      .add_option("--position-bits", a.hierarchy.position_bits,
+                  "lattice steps along the longest side, as a power of two, 10 to 21; 0: chosen from the mean edge")
+      ->check(CLI::Range(0, 21))
+      ->capture_default_str();
+  command.add_option("--threads", a.hierarchy.threads, "0: all cores; the result does not depend on it")
+      ->capture_default_str();
+  command
+      .add_option("--memory", a.hierarchy.memory_bytes,
+                  "most memory to use while the hierarchy is built, e.g. 4G, at least 256M; 0: 60 % of the machine's; "
+                  "the result does not depend on it")
+      ->transform(CLI::AsSizeValue(false))
+      ->capture_default_str();
+  command.add_option("--tmpdir", a.tmpdir,
+                     "directory for work files, about 60 bytes per triangle; default: within the scene");
+  command
+      .add_option("--regroup", a.regroup,
+                  "on: new groups of patches at each level; off: the paper's binary tree, whose locked borders pile up")
+      ->check(CLI::IsMember({"on", "off"}))
+      ->capture_default_str();
+  command
+      .add_option("--shard", a.shard,
+                  "i/n: render only the i-th (0 to n-1) of n contiguous ranges of the grid, into a store of its own; "
+                  "any number of such commands may run at a time, on one scene. auto: i and n from a Slurm job array "
+                  "(times the rank within a task), an MPI launcher or srun. Default: all, or the rank where mpirun "
+                  "started several")
+      ->check([](const std::string& text) {
+        const auto shard = repository::parseShard(text);
+        return text == "auto" || shard ? std::string() : shard.error().message;
+      });
+  command
+      .add_option("--shards", a.shards,
+                  "divide the images into n stores and build all of them; 0: as the scene is divided, else one store")
+      ->check(CLI::Range(std::uint32_t{0}, repository::kMostShards))
+      ->capture_default_str();
+  command.add_flag("--missing", a.missing,
+                   "build nothing; list what this command would still have to make. Status 0: nothing, 3: something, "
+                   "1: it cannot be told");
+  command.add_flag("--json", a.json, "summary as JSON");
+  command.add_flag("--quiet", a.quiet, "no progress");
+}
+
+// A command without meshes: what it does not say is what the scene in its output records.
+Result<BuildArguments> withRecordedOptions(const CLI::App& given, const BuildArguments& a) {
+  const std::string finished = a.output + "/scene.json";
+  const std::string building = a.output + "/" + base::kBuildingFile;
+  const std::string file = fs::exists(finished) ? finished : building;
+  if (!fs::exists(file) && a.missing) return a;
+  if (!fs::exists(file))
+    return Error{ErrorCode::kNotFound, a.output + ": no scene is here to go on with; give the meshes too"};
+  auto scene = base::readSceneFile(file);
+  if (!scene) return scene.error();
+
+  BuildArguments completed;
+  CLI::App options;
+  declareOptions(options, completed);
+  std::vector<std::string> words;
+  for (const CLI::Option* option : given.get_options())
+    for (const std::string& value : option->results())
+      if (!option->get_lnames().empty()) words.push_back("--" + option->get_lnames().front() + "=" + value);
+  for (const auto& [name, value] : scene->parameters) {
+    const CLI::Option* option = given.get_option_no_throw("--" + name);
+    if (name != kShardsParameter && option != nullptr && option->count() == 0)
+      words.push_back("--" + name + "=" + value);
+  }
+  try {
+    options.parse(words);
+  } catch (const CLI::ParseError& error) {
+    return Error{ErrorCode::kInvalidInput, file + ": records an option that this program does not take: " +
+                                               error.what() + "; build the scene again from its meshes"};
+  }
+  return completed;
 }
 
 }  // namespace
 
 Run addBuild(CLI::App& command) {
   auto a = std::make_shared<BuildArguments>();
-  command.add_option("MESH", a->meshes, "PLY, OBJ, STL, OFF or GLB files; several make one scene")->required();
-  command.add_option("-o,--output", a->output, "scene directory to make, or to go on with")->required();
-  command.add_flag("--force", a->force, "replace a scene that is there");
-  command
-      .add_option("--methods", a->methods, "what to build: patch (the hierarchy), images (the repository; needs patch)")
-      ->delimiter(',')
-      ->check(CLI::IsMember({"patch", "images"}))
-      ->capture_default_str();
-  command.add_option("--grid", a->grid, "sampling points along the longest side of the viewing box")
-      ->check(CLI::Range(2, 1024))
-      ->capture_default_str();
-  command
-      .add_option("--margin", a->margin, "viewing box beyond the model on every side, in longest sides of the model")
-      ->check(CLI::Range(0.0, 100.0))
-      ->capture_default_str();
-  command.add_option("--face", a->face, "pixels along one side of an image")
-      ->check(CLI::Range(16, 4096))
-      ->capture_default_str();
-  command.add_option("--quality", a->bake.quality, "JPEG quality")->check(CLI::Range(1, 100))->capture_default_str();
-  command
-      .add_option("--subsampling", a->subsampling,
-                  "JPEG chroma subsampling; 420 halves the bytes, 444 keeps strong colours")
-      ->check(CLI::IsMember({"420", "422", "444"}))
-      ->capture_default_str();
-  command.add_option("--tolerance", a->bake.tolerance_px, "largest projected error in the images, face pixels")
-      ->check(CLI::Range(0.0F, 100.0F))
-      ->capture_default_str();
-  command.add_option("--supersampling", a->bake.supersampling, "n x n samples per face pixel")
-      ->check(CLI::Range(1, 8))
-      ->capture_default_str();
-  command.add_option("--batch", a->bake.batch_faces, "images per commit: the most a killed build loses")
-      ->check(CLI::Range(1, 100000))
-      ->capture_default_str();
-  command
-      .add_option("--light", a->light,
-                  "unlit: colours as scanned; soft: a soft directional light; auto: unlit where the mesh has colours")
-      ->check(CLI::IsMember({"auto", "unlit", "soft"}))
-      ->capture_default_str();
-  command.add_option("--up", a->up, "axis that points up in the first view")
-      ->check(CLI::IsMember({"auto", "x", "y", "z"}))
-      ->capture_default_str();
-  command.add_option("--units", a->units, "unit of length of the mesh, e.g. m; kept in scene.json")
-      ->capture_default_str();
-  command.add_option("--voxel-triangles", a->hierarchy.voxel_triangles, "Nv: most triangles in a voxel")
-      ->check(CLI::Range(1, 1'000'000))
-      ->capture_default_str();
-  command.add_option("--leaf-triangles", a->hierarchy.leaf_triangles, "Nl: most triangles in a leaf patch")
-      ->check(CLI::Range(16, 20'000))
-      ->capture_default_str();
-  command.add_option("--node-triangles", a->hierarchy.node_triangles, "Nn: most triangles in any other patch")
-      ->check(CLI::Range(16, 20'000))
-      ->capture_default_str();
-  command
-      .add_option("--position-bits", a->hierarchy.position_bits,
-                  "lattice steps along the longest side, as a power of two, 10 to 21; 0: chosen from the mean edge")
-      ->check(CLI::Range(0, 21))
-      ->capture_default_str();
-  command.add_option("--threads", a->hierarchy.threads, "0: all cores; the result does not depend on it")
-      ->capture_default_str();
-  command
-      .add_option("--memory", a->hierarchy.memory_bytes,
-                  "most memory to use while the hierarchy is built, e.g. 4G, at least 256M; 0: 60 % of the machine's; "
-                  "the result does not depend on it")
-      ->transform(CLI::AsSizeValue(false))
-      ->capture_default_str();
-  command.add_option("--tmpdir", a->tmpdir,
-                     "directory for work files, about 60 bytes per triangle; default: within the scene");
-  command
-      .add_option("--regroup", a->regroup,
-                  "on: new groups of patches at each level; off: the paper's binary tree, whose locked borders pile up")
-      ->check(CLI::IsMember({"on", "off"}))
-      ->capture_default_str();
-  command.add_flag("--json", a->json, "summary as JSON");
-  command.add_flag("--quiet", a->quiet, "no progress");
-  return [a]() -> int {
+  declareOptions(command, *a);
+  return [a, &command]() -> int {
+    if (a->meshes.empty()) {
+      auto completed = withRecordedOptions(command, *a);
+      if (!completed) return fail(completed.error());
+      *a = std::move(*completed);
+    }
     if (wants(*a, "images") && !wants(*a, "patch")) {
       std::fprintf(stderr, "lumigrid: --methods images needs patch as well\n");
       return kWrongUsage;
+    }
+    if (a->missing) {
+      auto missing = findMissingParts(*a);
+      return missing ? reportMissing(a->output, *missing, a->json) : fail(missing.error());
     }
     stopOnSignals();
     auto done = build(*a);

@@ -1,3 +1,6 @@
+#include <openssl/evp.h>
+
+#include <array>
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -13,6 +16,7 @@ namespace {
 struct InfoArguments {
   std::string scene;
   bool json = false;
+  bool digest = false;
 };
 
 struct Level {
@@ -65,6 +69,31 @@ nlohmann::json describeImages(const OpenScene& open, const repository::Contents&
           {"face_size", grid.face_size}};
 }
 
+// SHA-256 over every key (8 bytes, big-endian), length (8, little-endian) and value in the order of keys: equal exactly
+// when the repositories are, value by value, however they are divided into shards.
+base::Result<std::string> digestOf(const repository::Store& store) {
+  const std::unique_ptr<EVP_MD_CTX, decltype(&EVP_MD_CTX_free)> hash(EVP_MD_CTX_new(), EVP_MD_CTX_free);
+  bool good = hash && EVP_DigestInit_ex(hash.get(), EVP_sha256(), nullptr) == 1;
+  LUMIGRID_TRY(store.forEach([&](const repository::FaceKey& key, base::ByteView value) {
+    base::ByteWriter head;
+    for (int shift = 56; shift >= 0; shift -= 8) head.u8(static_cast<std::uint8_t>(key.code() >> shift));
+    head.u64(value.size());
+    good = good && EVP_DigestUpdate(hash.get(), head.view().data(), head.view().size()) == 1 &&
+           EVP_DigestUpdate(hash.get(), value.data(), value.size()) == 1;
+    return good;
+  }));
+  std::array<unsigned char, EVP_MAX_MD_SIZE> bytes{};
+  unsigned size = 0;
+  if (!good || EVP_DigestFinal_ex(hash.get(), bytes.data(), &size) != 1)
+    return base::Error{base::ErrorCode::kUnsupported, "SHA-256 is not available in this OpenSSL"};
+  std::string text;
+  for (unsigned i = 0; i < size; ++i) {
+    constexpr char kHex[] = "0123456789abcdef";
+    text += {kHex[bytes[i] >> 4], kHex[bytes[i] & 15]};
+  }
+  return text;
+}
+
 void print(const InfoArguments& a, const nlohmann::json& j) {
   const auto& s = j["scene"];
   std::printf("%s: %s triangles, colours: %s, light: %s, units: %s\n", a.scene.c_str(),
@@ -104,6 +133,7 @@ void print(const InfoArguments& a, const nlohmann::json& j) {
       formatBytes(
           images == 0 ? 0 : (i["jpeg_bytes"].get<std::uint64_t>() + i["coverage_bytes"].get<std::uint64_t>()) / images)
           .c_str());
+  if (i.contains("sha256")) std::printf("  SHA-256 of all values %s\n", i["sha256"].get<std::string>().c_str());
   if (images + i["empty"].get<std::uint64_t>() != expected)
     std::printf("  %s faces are missing; run the same `lumigrid build` again\n",
                 formatCount(expected - images - i["empty"].get<std::uint64_t>()).c_str());
@@ -120,6 +150,11 @@ int run(const InfoArguments& a) {
     auto contents = repository::contentsOf(*(*open)->images);
     if (!contents) return fail(contents.error());
     j["images"] = describeImages(**open, *contents);
+    if (a.digest) {
+      auto digest = digestOf(*(*open)->images);
+      if (!digest) return fail(digest.error());
+      j["images"]["sha256"] = *digest;
+    }
   }
   if (a.json)
     std::printf("%s\n", j.dump(2).c_str());
@@ -133,6 +168,8 @@ int run(const InfoArguments& a) {
 Run addInfo(CLI::App& command) {
   auto a = std::make_shared<InfoArguments>();
   command.add_option("SCENE", a->scene, "scene directory")->required();
+  command.add_flag("--digest", a->digest,
+                   "also a SHA-256 over the keys and values of all images, the same however they are divided");
   command.add_flag("--json", a->json, "as JSON");
   return [a] { return run(*a); };
 }

@@ -1,11 +1,16 @@
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 
+#include "repository/parameters.h"
+#include "repository/repository.h"
 #include "repository/verify.h"
 #include "server/cmd/commands.h"
 #include "server/cmd/console.h"
+#include "server/cmd/scene_images.h"
 #include "server/net/open_scene.h"
 
 namespace server::cmd {
@@ -58,27 +63,65 @@ void verifyPatches(const std::string& path, const base::Scene& scene, Faults& fa
       faults.push_back(path + ": leaf patch " + std::to_string(i) + " lies outside the scene's box");
 }
 
-void verifyImages(const std::string& path, Faults& faults) {
+// One store: the parameters are those of all, and so are its values.
+void verifyStore(const std::string& path, const repository::Shard& shard, const std::string& meta,
+                 const repository::Grid& grid, Faults& faults) {
+  if (!repository::isLmdbStore(path) && repository::pointsOf(shard, grid).size() == 0) return;
   auto store = repository::openLmdbStore(path, repository::StoreMode::kRead);
   if (!store) {
     faults.push_back(store.error().message);
     return;
   }
-  auto meta = (*store)->readMeta();
-  if (!meta || !meta->has_value()) {
-    faults.push_back(meta ? path + ": does not say which grid it belongs to" : meta.error().message);
+  auto own = (*store)->readMeta();
+  if (!own || !own->has_value()) {
+    faults.push_back(own ? path + ": does not say which grid it belongs to" : own.error().message);
     return;
   }
-  auto grid = gridFromMeta(**meta, path);
-  if (!grid) {
-    faults.push_back(grid.error().message);
+  if (meta != **own) {
+    faults.push_back(
+        path + ": was built with other parameters than other shards: " + repository::firstDifference(meta, **own));
     return;
   }
-  auto found = repository::verify(**store, *grid);
+  auto found = repository::verifyShard(**store, grid, shard);
   if (!found)
     faults.push_back(found.error().message);
   else
     for (const std::string& fault : *found) faults.push_back(path + ": " + fault);
+}
+
+// The parameters of the first store that can be read; why others cannot be is told where they are looked at.
+std::optional<std::string> firstMeta(const std::string& images, std::uint32_t shards) {
+  for (std::uint32_t i = 0; i < std::max(shards, 1U); ++i) {
+    auto store = repository::openLmdbStore(repository::storeDirectory(images, shards, i), repository::StoreMode::kRead);
+    if (!store) continue;
+    if (auto meta = (*store)->readMeta(); meta && meta->has_value()) return **meta;
+  }
+  return std::nullopt;
+}
+
+// Every store of the scene's division, and none besides.
+void verifyImages(const std::string& images, const base::Scene& scene, Faults& faults) {
+  auto shards = shardsOf(scene);
+  auto orphans = shards ? orphanStores(images, *shards) : shards.error();
+  if (!orphans) {
+    faults.push_back(orphans.error().message);
+    return;
+  }
+  for (const std::string& orphan : *orphans)
+    faults.push_back(orphan + ": is not of this scene's division of the images");
+  const auto meta = firstMeta(images, *shards);
+  if (!meta) {
+    faults.push_back(images + ": no store here says which grid it belongs to");
+    return;
+  }
+  auto grid = repository::gridFromMeta(*meta, images);
+  if (!grid) {
+    faults.push_back(grid.error().message);
+    return;
+  }
+  const std::uint32_t count = std::max(*shards, 1U);
+  for (std::uint32_t i = 0; i < count; ++i)
+    verifyStore(repository::storeDirectory(images, *shards, i), {i, count}, *meta, *grid, faults);
 }
 
 int run(const VerifyArguments& a) {
@@ -87,7 +130,7 @@ int run(const VerifyArguments& a) {
   Faults faults;
   verifyParts(a.scene, *scene, faults);
   verifyPatches(a.scene + "/patch.lgp", *scene, faults);
-  if (fs::is_directory(a.scene + "/images")) verifyImages(a.scene + "/images", faults);
+  if (fs::is_directory(a.scene + "/images")) verifyImages(a.scene + "/images", *scene, faults);
 
   if (a.json) {
     std::printf("%s\n", nlohmann::json{{"scene", a.scene}, {"faults", faults}}.dump(2).c_str());
@@ -97,9 +140,10 @@ int run(const VerifyArguments& a) {
       std::printf("%s: all is well\n", a.scene.c_str());
     else
       std::printf(
-          "%s: %zu faults; `lumigrid build` with the same options renders missing and broken images again, other parts "
-          "need --force\n",
-          a.scene.c_str(), faults.size());
+          "%s: %zu faults; `lumigrid build -o %s` renders missing and broken images again and removes what does not "
+          "belong "
+          "here, other parts need --force\n",
+          a.scene.c_str(), faults.size(), a.scene.c_str());
   }
   return faults.empty() ? kDone : kFailed;
 }

@@ -28,9 +28,4 @@ struct OpenScene {
 /// scene in one process (LMDB).
 base::Result<std::unique_ptr<OpenScene>> openScene(const std::string& directory);
 
-/// The grid that a store's meta text records, as server::bake writes it (docs/formats/repository.md):
-/// {"grid": {"first": [x, y, z], "spacing": s, "count": [nx, ny, nz], "face_size": pixels}, …}. `name` is the store's,
-/// for the error.
-base::Result<repository::Grid> gridFromMeta(const std::string& meta, const std::string& name);
-
 }  // namespace server
