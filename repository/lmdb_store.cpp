@@ -13,6 +13,7 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <chrono>
 #include <climits>
 #include <cstdlib>
 #include <filesystem>
@@ -20,6 +21,7 @@
 #include <mutex>
 #include <shared_mutex>
 #include <string>
+#include <thread>
 #include <utility>
 
 #include "base/file.h"
@@ -38,6 +40,8 @@ constexpr std::size_t kPortionKeys = 65536;                  // forEachKey: keys
 constexpr std::size_t kRoomBesides = std::size_t{1}
                                      << 20;  // what a batch writes besides its values: pages of keys, free lists
 constexpr int kCheckAttempts = 50;           // a writer may overtake the check, but not that often
+constexpr int kLockAttempts = 10;
+constexpr std::chrono::milliseconds kLockPause(20);
 const std::string kMetaKey = "parameters";
 
 // --- Errors
@@ -342,7 +346,13 @@ class WriterLock {
     WriterLock lock;
     lock.fd_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
     if (lock.fd_ < 0) return base::systemError(path, "open", errno);
-    if (::flock(lock.fd_, LOCK_EX | LOCK_NB) != 0) {
+    // Whoever only looks whether it is taken (isBeingWritten) has it for a moment.
+    int refused = ::flock(lock.fd_, LOCK_EX | LOCK_NB);
+    for (int again = 0; refused != 0 && errno == EWOULDBLOCK && again < kLockAttempts; ++again) {
+      std::this_thread::sleep_for(kLockPause);
+      refused = ::flock(lock.fd_, LOCK_EX | LOCK_NB);
+    }
+    if (refused != 0) {
       if (errno != EWOULDBLOCK) return base::systemError(path, "lock", errno);
       return base::Error{base::ErrorCode::kBusy, directory + " is being written by another process" + lock.owner() +
                                                      "; wait for it or stop it"};
@@ -631,6 +641,14 @@ base::Result<std::unique_ptr<Store>> openLmdbStore(const std::string& path, Stor
 bool isLmdbStore(const std::string& path) {
   std::error_code ignored;
   return std::filesystem::exists(path + "/data.mdb", ignored);
+}
+
+bool isBeingWritten(const std::string& path) {
+  const int fd = ::open((path + "/writer.lock").c_str(), O_RDONLY | O_CLOEXEC);
+  if (fd < 0) return false;
+  const bool taken = ::flock(fd, LOCK_SH | LOCK_NB) != 0 && errno == EWOULDBLOCK;
+  ::close(fd);
+  return taken;
 }
 
 base::Result<void> removeLmdbStore(const std::string& path) {

@@ -2,9 +2,7 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <map>
 #include <mutex>
-#include <set>
 #include <shared_mutex>
 #include <utility>
 
@@ -26,6 +24,11 @@ Error mixed(const std::string& images, const std::string& what) {
   return {ErrorCode::kInvalidInput,
           images + ": " + what +
               "; remove the directories that do not belong here, or run the same `lumigrid build` again"};
+}
+
+Error otherParameters(const std::string& images, const Shard& shard, const std::string& meta, const std::string& own) {
+  return mixed(images, "its shards were built with different parameters: " + firstDifference(meta, own) + " in " +
+                           directoryNameOf(shard));
 }
 
 // The one division that the directories show; 0: not divided.
@@ -155,8 +158,7 @@ class ShardedStore final : public Store {
       division_.emplace(grid_, static_cast<std::uint32_t>(stores_.size()));
       meta_ = std::move(**meta);
     } else if (meta_ != **meta) {
-      return mixed(images_, "its shards were built with different parameters: " + firstDifference(meta_, **meta) +
-                                " in " + fs::path(path).filename().string());
+      return otherParameters(images_, {index, static_cast<std::uint32_t>(stores_.size())}, meta_, **meta);
     }
     stores_[index] = std::move(*store);
     return {};
@@ -170,16 +172,42 @@ class ShardedStore final : public Store {
   mutable std::optional<Division> division_;
 };
 
-// A store without values may say nothing of its grid yet.
-Result<void> checkGrid(const Store& store, const Grid& grid, const std::string& images) {
-  auto meta = store.readMeta();
-  if (!meta) return meta.error();
-  if (!*meta) return {};
-  auto recorded = gridFromMeta(**meta, images);
+// What a store says it was made with is what the others say, `meta`, and of the scene's grid. A store that was made a
+// moment ago says nothing yet.
+Result<void> checkMeta(const Store& store, const Grid& grid, const std::string& images, const Shard& shard,
+                       std::string& meta) {
+  auto own = store.readMeta();
+  if (!own) return own.error();
+  if (!*own) return {};
+  if (!meta.empty()) return meta == **own ? Result<void>() : Result<void>(otherParameters(images, shard, meta, **own));
+  auto recorded = gridFromMeta(**own, images);
   if (!recorded) return recorded.error();
+  meta = std::move(**own);
   if (*recorded == grid) return {};
   return Error{ErrorCode::kInvalidInput,
                images + ": holds images of another grid than the scene's; build the scene again with --force"};
+}
+
+// What one store lacks. `meta`: as above.
+Result<ShardGaps> gapsOf(const std::string& directory, const std::string& images, const Shard& shard, const Grid& grid,
+                         std::string& meta) {
+  ShardGaps missing{shard, 0, isBeingWritten(directory), {}};
+  GapFinder finder(grid, shard);
+  if (!missing.being_written) {
+    auto store = openLmdbStore(directory, StoreMode::kRead, kShardMap);
+    if (!store && store.error().code != ErrorCode::kNotFound) return store.error();
+    if (store) {
+      LUMIGRID_TRY(checkMeta(**store, grid, images, shard, meta));
+      LUMIGRID_TRY((*store)->forEachKey([&](const FaceKey& key) {
+        if (grid.contains(key)) finder.take(key);
+        return true;
+      }));
+    }
+  }
+  finder.finish();
+  missing.gaps = finder.gaps();
+  for (const Gap& gap : missing.gaps) missing.faces += gap.faces;
+  return missing;
 }
 
 }  // namespace
@@ -215,26 +243,12 @@ Result<std::unique_ptr<Store>> openRepository(const std::string& images, std::op
 
 Result<std::vector<ShardGaps>> findMissing(const std::string& images, std::uint32_t shards, const Grid& grid) {
   const std::uint32_t count = std::max(shards, 1U);
-  const Division division(grid, count);
-  std::vector<GapFinder> finders;
-  for (std::uint32_t i = 0; i < count; ++i) finders.emplace_back(grid, Shard{i, count});
-
-  auto store = openRepository(images, shards);
-  if (!store && store.error().code != ErrorCode::kNotFound) return store.error();
-  if (store) {
-    LUMIGRID_TRY(checkGrid(**store, grid, images));
-    LUMIGRID_TRY((*store)->forEachKey([&](const FaceKey& key) {
-      if (grid.contains(key)) finders[division.shardOf(key)].take(key);
-      return true;
-    }));
-  }
-
   std::vector<ShardGaps> missing;
+  std::string meta;
   for (std::uint32_t i = 0; i < count; ++i) {
-    finders[i].finish();
-    ShardGaps one{{i, count}, 0, finders[i].gaps()};
-    for (const Gap& gap : one.gaps) one.faces += gap.faces;
-    if (one.faces > 0) missing.push_back(std::move(one));
+    auto one = gapsOf(storeDirectory(images, shards, i), images, {i, count}, grid, meta);
+    if (!one) return one.error();
+    if (one->faces > 0) missing.push_back(std::move(*one));
   }
   return missing;
 }

@@ -38,12 +38,14 @@ base::Result<std::unique_ptr<Store>> openRepository(const std::string& images,
 /// What a repository lacks, shard by shard.
 struct ShardGaps {
   Shard shard;
-  std::uint64_t faces = 0;  ///< all that are missing
+  std::uint64_t faces = 0;     ///< all that are missing
+  bool being_written = false;  ///< by another process: not looked into, and its faces count as missing, all of them
   std::vector<Gap> gaps;
 };
 /// The shards that lack anything; an undivided repository is shard 0/1. `shards` as in openRepository. Reads the keys
-/// only. A repository that is not there lacks everything; other errors as openRepository, and kInvalidInput for a
-/// repository of another grid.
+/// only. A store that another process writes is not opened: that process may be on another machine, where LMDB's table
+/// of readers does not reach. A store that is not there lacks everything; errors as openRepository, and kInvalidInput
+/// for a repository of another grid.
 base::Result<std::vector<ShardGaps>> findMissing(const std::string& images, std::uint32_t shards, const Grid& grid);
 
 }  // namespace repository

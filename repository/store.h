@@ -54,6 +54,8 @@ base::Result<std::unique_ptr<Store>> openLmdbStore(const std::string& path, Stor
 
 /// Whether directory `path` holds (the file of) such a store.
 bool isLmdbStore(const std::string& path);
+/// Whether a process, of any machine that shares the file system's locks, has it open for writing just now.
+bool isBeingWritten(const std::string& path);
 
 /// Removes the store and, when nothing else is in it, its directory. Refused with kBusy while somebody writes it;
 /// nothing happens where there is none. No handle of this process may be open.

@@ -628,11 +628,15 @@ Result<MissingParts> findMissingParts(const BuildArguments& a) {
   LUMIGRID_TRY(settleDivision(a, *output, *part));
   missing.shards = part->shards;
   missing.hierarchy = !hasHierarchy(a, scene);
-  if (!wants(a, "images")) return missing;
+  if (!wants(a, "images")) {
+    missing.declaration = !missing.hierarchy && !output->finished && !wantsImages(scene);
+    return missing;
+  }
   auto images = repository::findMissing(imagesOf(a), part->shards, gridFor(a, scene));
   if (!images) return images.error();
   missing.images = std::move(*images);
   if (part->index) std::erase_if(missing.images, [&](const auto& one) { return one.shard.index != *part->index; });
+  missing.declaration = !missing.hierarchy && !output->finished && missing.images.empty() && !part->index;
   return missing;
 }
 

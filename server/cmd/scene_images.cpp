@@ -31,6 +31,7 @@ void printJson(const std::string& scene, const MissingParts& missing) {
   nlohmann::json j{{"scene", scene},
                    {"complete", !missing.any()},
                    {"hierarchy", missing.hierarchy ? "missing" : "complete"},
+                   {"scene_json", missing.any() ? "missing" : "complete"},
                    {"shards", missing.shards},
                    {"missing_faces", facesOf(missing)},
                    {"missing_shards", missing.shards == 0 ? "" : arrayOf(missing.images)},
@@ -39,7 +40,10 @@ void printJson(const std::string& scene, const MissingParts& missing) {
     nlohmann::json gaps = nlohmann::json::array();
     for (const repository::Gap& gap : shard.gaps)
       gaps.push_back({{"first", toJson(gap.first)}, {"last", toJson(gap.last)}, {"faces", gap.faces}});
-    j["missing"].push_back({{"shard", shard.shard.index}, {"faces", shard.faces}, {"ranges", gaps}});
+    j["missing"].push_back({{"shard", shard.shard.index},
+                            {"faces", shard.faces},
+                            {"being_written", shard.being_written},
+                            {"ranges", gaps}});
   }
   std::printf("%s\n", j.dump().c_str());
 }
@@ -47,8 +51,14 @@ void printJson(const std::string& scene, const MissingParts& missing) {
 void printText(const std::string& scene, const MissingParts& missing) {
   if (!missing.any()) std::printf("%s: nothing is missing\n", scene.c_str());
   if (missing.hierarchy) std::printf("hierarchy: missing\n");
+  if (missing.declaration)
+    std::printf("scene.json: missing, though nothing else is; lumigrid build -o %s writes it\n", scene.c_str());
   for (const repository::ShardGaps& shard : missing.images) {
     if (missing.shards != 0) std::printf("shard %u of %u: ", shard.shard.index, shard.shard.count);
+    if (shard.being_written) {
+      std::printf("being written by another process\n");
+      continue;
+    }
     std::printf("%s faces missing\n", formatCount(shard.faces).c_str());
     for (std::size_t i = 0; i < shard.gaps.size() && i < kGapsTold; ++i)
       std::printf("  %s to %s: %s faces\n", nameOf(shard.gaps[i].first).c_str(), nameOf(shard.gaps[i].last).c_str(),

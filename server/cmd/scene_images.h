@@ -25,7 +25,9 @@ struct MissingParts {
   bool hierarchy = false;
   std::uint32_t shards = 0;                   ///< the division; 0: none
   std::vector<repository::ShardGaps> images;  ///< shards that lack faces
-  bool any() const { return hierarchy || !images.empty(); }
+  /// All is there, but nobody has looked and written scene.json: any command that builds the scene does.
+  bool declaration = false;
+  bool any() const { return hierarchy || declaration || !images.empty(); }
 };
 /// Exit status of `build --missing` when something is.
 inline constexpr int kMissing = 3;

@@ -140,7 +140,10 @@ TEST_F(Shards, aSecondProcessOnTheSameShardIsRefused) {
   ::kill(first, SIGSTOP);
   const Outcome second = run("lumigrid", command);
   const Outcome other = run("lumigrid", build("scene", {"--shard", "0/2"}, "9"));
+  const json asked = missing("scene", 3);
   ::kill(first, SIGCONT);
+  EXPECT_EQ(asked["missing_shards"], "1");
+  EXPECT_EQ(asked["missing"][0]["being_written"], true);
   expectOneLineError(second, 1,
                      {"shard-0001-of-0002", "being written by another process", "pid " + std::to_string(first)});
   EXPECT_EQ(other.status, 0) << other.err;
@@ -212,6 +215,19 @@ TEST_F(Shards, whatIsMissingIsToldFromTheFirstMoment) {
   mustBuild("scene", {"--shard", "0/3"});  // makes the same hierarchy again
   EXPECT_EQ(missing("scene", 3)["hierarchy"], "complete");
   expectOneLineError(run("lumigrid", {"build", "--missing", "-o", smallMesh()}), 1, {"is a file"});
+}
+
+// Whoever rendered the last image was killed before he could declare the scene finished.
+TEST_F(Shards, aSceneThatLacksOnlyItsDeclarationGetsIt) {
+  buildShards("scene", 2);
+  const std::string finished = programs::readText(path("scene/scene.json"));
+  fs::rename(path("scene/scene.json"), path("scene/building.json"));
+  const Outcome asked = run("lumigrid", {"build", "--missing", "-o", path("scene")});
+  EXPECT_EQ(asked.status, 3);
+  EXPECT_NE(asked.out.find("scene.json: missing"), std::string::npos) << asked.out;
+  EXPECT_EQ(run("lumigrid", {"build", "-o", path("scene"), "--quiet"}).status, 0);
+  EXPECT_EQ(programs::readText(path("scene/scene.json")), finished);
+  EXPECT_EQ(missing("scene", 0)["scene_json"], "complete");
 }
 
 TEST_F(Shards, aSceneGoesOnWithoutItsMeshes) {

@@ -187,6 +187,26 @@ TEST_F(ShardedTest, whatIsMissingIsToldShardByShard) {
   EXPECT_TRUE(findMissing(images(), 3, grid_)->empty());
 }
 
+// It may be on another machine, which does not know of our readers.
+TEST_F(ShardedTest, aShardThatIsBeingWrittenIsMissingAndNotLookedInto) {
+  for (std::uint32_t i = 0; i < 3; ++i) makeShard(i);
+  {
+    test::WriterProcess writer({shardPath(1), "0", "1000000"});
+    ASSERT_TRUE(writer.nextCommitted());
+    EXPECT_TRUE(isBeingWritten(shardPath(1)));
+    EXPECT_FALSE(isBeingWritten(shardPath(0)));
+    const auto missing = findMissing(images(), 3, grid_);
+    ASSERT_TRUE(missing);
+    ASSERT_EQ(missing->size(), 1U);
+    EXPECT_TRUE(missing->front().being_written);
+    EXPECT_EQ(missing->front().shard, (Shard{1, 3}));
+    EXPECT_EQ(missing->front().faces, 60U);
+  }
+  EXPECT_FALSE(isBeingWritten(shardPath(1)));
+  EXPECT_FALSE(isBeingWritten(images()));
+  EXPECT_TRUE(findMissing(images(), 3, grid_)->empty());
+}
+
 TEST_F(ShardedTest, imagesOfAnotherGridAreNotTakenForTheScenes) {
   makeShard(0);
   Grid other = grid_;
