@@ -103,6 +103,20 @@ options=(--grid 13 --face 128 --supersampling 2 --batch 50)
 "$lumigrid" sample --triangles 20000 -o "$work/mesh.ply" 2>/dev/null
 "$lumigrid" build "$work/mesh.ply" -o "$work/whole" "${options[@]}" --quiet >/dev/null || fail "the undivided build"
 
+# --- Tasks that choose their shard by what Slurm tells them
+small=(--grid 5 --face 64 --quiet)
+"$lumigrid" build "$work/mesh.ply" -o "$work/small" "${small[@]}" >/dev/null || fail "the small undivided build"
+srun --quiet --ntasks=3 "$lumigrid" build "$work/mesh.ply" -o "$work/ranks" "${small[@]}" --shard auto >"$work/ranks.log" 2>&1 ||
+  fail "srun --shard auto: $(cat "$work/ranks.log")"
+sbatch --quiet --wait --array=4-10:2 --output="$work/array-%a.log" \
+  --wrap="'$lumigrid' build '$work/mesh.ply' -o '$work/array' ${small[*]} --shard auto" || fail "--array with --shard auto: $(cat "$work"/array-*.log)"
+digest() { "$lumigrid" info --digest "$1" | sed -n 's/^ *SHA-256 of all values //p'; }
+[ -d "$work/ranks/images/shard-0002-of-0003" ] && [ -d "$work/array/images/shard-0003-of-0004" ] || fail "--shard auto chose other shards"
+for scene in ranks array; do
+  [ -n "$(digest "$work/small")" ] && [ "$(digest "$work/$scene")" = "$(digest "$work/small")" ] || fail "--shard auto: $scene differs"
+done
+echo "srun and a job array with --shard auto: the same as undivided"
+
 # --- The driver, and what happens to it
 scene=$work/scene
 "$root/tools/slurm/build.sh" -o "$scene" --shards 4 --poll 1 --lumigrid "$lumigrid" "$work/mesh.ply" -- "${options[@]}" \
@@ -154,7 +168,6 @@ rounds=$(grep -c -- '--array=' "$work/driver.log")
 # --- The same, value by value
 "$lumigrid" build --missing -o "$scene" >/dev/null || fail "something is missing"
 "$lumigrid" verify "$scene" || fail "verify"
-digest() { "$lumigrid" info --digest "$1" | sed -n 's/^ *SHA-256 of all values //p'; }
 [ -n "$(digest "$scene")" ] || fail "no digest"
 [ "$(digest "$scene")" = "$(digest "$work/whole")" ] || fail "the result differs from the undivided build"
 cmp -s "$scene/patch.lgp" "$work/whole/patch.lgp" || fail "the hierarchies differ"
