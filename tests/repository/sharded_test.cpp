@@ -2,6 +2,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
+#include <thread>
 
 #include "repository/repository.h"
 #include "tests/repository/sample_values.h"
@@ -92,6 +94,31 @@ TEST_F(ShardedTest, aShardIsReadAsSoonAsItAppears) {
   makeShard(0);
   EXPECT_EQ(**(*store)->get(first.first), first.second);
   EXPECT_EQ(*(*store)->size(), 120U);
+}
+
+TEST_F(ShardedTest, manyThreadsReadWhileShardsAppear) {
+  makeShard(1);
+  auto store = openRepository(images());
+  ASSERT_TRUE(store) << store.error().message;
+  const auto all = valuesOf({0, 1});
+  std::atomic<int> wrong{0};
+  std::atomic<bool> over{false};
+  std::vector<std::thread> readers;
+  for (int reader = 0; reader < 4; ++reader)
+    readers.emplace_back([&] {
+      while (!over) {
+        for (const auto& [key, value] : all) {
+          const auto read = (*store)->get(key);
+          if (!read || (*read && **read != value)) ++wrong;
+        }
+      }
+    });
+  makeShard(0);
+  makeShard(2);
+  over = true;
+  for (std::thread& reader : readers) reader.join();
+  EXPECT_EQ(wrong, 0);
+  EXPECT_EQ(*(*store)->size(), all.size());
 }
 
 TEST_F(ShardedTest, aShardWithoutParametersYetIsAsIfItWereNotThere) {
