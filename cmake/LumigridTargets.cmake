@@ -28,7 +28,7 @@ _lumigrid_allow(grid           "base"                                           
 _lumigrid_allow(cache          "base"                                              "")
 _lumigrid_allow(jpeg           "base"                                              "turbojpeg;JPEG::JPEG")
 _lumigrid_allow(repository     "base;base_hash;grid;cache;jpeg;objects"            "lmdb;nlohmann_json::nlohmann_json")
-_lumigrid_allow(objects        "base"                                              "CURL::libcurl;OpenSSL::Crypto")
+_lumigrid_allow(objects        "base;base_hash"                                    "CURL::libcurl;OpenSSL::Crypto")
 _lumigrid_allow(protocol       "base;grid"                                         "")
 _lumigrid_allow(server_render  "${_any_base};lod;lod_patch;lod_draw;grid"          "")
 _lumigrid_allow(client_render  "base;base_gl;lod;lod_patch;lod_draw"              "")

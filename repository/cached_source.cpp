@@ -4,7 +4,8 @@
 #include <cstring>
 #include <optional>
 
-#include "repository/digest.h"
+#include "base/hash/sha256.h"
+#include "repository/hmac.h"
 
 namespace repository {
 
@@ -30,7 +31,8 @@ Result<std::unique_ptr<CachedSource>> CachedSource::open(std::shared_ptr<const O
 }
 
 PieceId CachedSource::idOf(const std::string& name, const std::string& piece) const {
-  const Digest digest = sha256(viewOfText(source_->place() + "\n" + options_.version + "\n" + name + "\n" + piece));
+  const base::Sha256Digest digest =
+      base::sha256(viewOfText(source_->place() + "\n" + options_.version + "\n" + name + "\n" + piece));
   PieceId id;
   std::copy_n(digest.begin(), id.size(), id.begin());
   return id;

@@ -11,7 +11,7 @@
 #include <filesystem>
 
 #include "base/file.h"
-#include "repository/digest.h"
+#include "base/hash/sha256.h"
 
 namespace repository {
 namespace {
@@ -77,7 +77,7 @@ class PartialFile {
   int fd_ = -1;
 };
 
-Result<void> addFile(int fd, const std::string& path, Sha256& hash) {
+Result<void> addFile(int fd, const std::string& path, base::Sha256& hash) {
   base::Bytes buffer(std::size_t{1} << 20);
   for (off_t offset = 0;;) {
     const ssize_t n = ::pread(fd, buffer.data(), buffer.size(), offset);
@@ -94,11 +94,11 @@ Result<bool> isThere(const std::string& path, const std::string& sha256) {
   const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
   if (fd < 0 && errno == ENOENT) return false;
   if (fd < 0) return base::systemError(path, "open", errno);
-  Sha256 hash;
+  base::Sha256 hash;
   const auto added = addFile(fd, path, hash);
   ::close(fd);
   if (!added) return added.error();
-  return hex(hash.finish()) == sha256;
+  return base::hexOf(hash.finish()) == sha256;
 }
 
 Result<void> checkRoom(const std::string& path, std::uint64_t bytes) {
@@ -113,7 +113,7 @@ Result<void> checkRoom(const std::string& path, std::uint64_t bytes) {
 // Appends what is missing; returns the SHA-256 of the whole.
 Result<std::string> download(const ObjectSource& source, const std::string& name, std::uint64_t total,
                              const std::string& path, PartialFile& file, const MirrorOptions& options) {
-  Sha256 hash;
+  base::Sha256 hash;
   LUMIGRID_TRY(addFile(file.fd(), path, hash));
   for (std::uint64_t done = file.size(); done < total;) {
     const auto bytes = source.read(name, done, std::min(options.range_bytes, total - done));
@@ -124,7 +124,7 @@ Result<std::string> download(const ObjectSource& source, const std::string& name
     if (options.progress && !options.progress(done, total))
       return Error{ErrorCode::kCancelled, path + ": stopped; the next time goes on from here"};
   }
-  return hex(hash.finish());
+  return base::hexOf(hash.finish());
 }
 
 }  // namespace

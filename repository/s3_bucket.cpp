@@ -5,7 +5,8 @@
 #include <utility>
 #include <vector>
 
-#include "repository/digest.h"
+#include "base/hash/sha256.h"
+#include "repository/hmac.h"
 #include "repository/objects.h"
 #include "repository/s3_signature.h"
 #include "repository/s3_xml.h"
@@ -82,7 +83,7 @@ Result<HttpResponse> S3Bucket::send(const S3Exchange& exchange) const {
   signed_request.method = exchange.method;
   signed_request.path = root_ + "/" + (exchange.name.empty() ? "" : percentEncoded(prefix_ + exchange.name, true));
   signed_request.query = exchange.query;
-  signed_request.payload_sha256 = hex(sha256(exchange.body));
+  signed_request.payload_sha256 = base::hexOf(base::sha256(exchange.body));
 
   HttpRequest request;
   request.method = exchange.method;

@@ -4,7 +4,8 @@
 #include <utility>
 #include <vector>
 
-#include "repository/digest.h"
+#include "base/hash/sha256.h"
+#include "repository/hmac.h"
 #include "repository/http_client.h"
 
 namespace repository {
@@ -32,7 +33,7 @@ std::string canonicalRequest(const S3Request& request) {
 }
 
 std::string hexOfText(std::string_view text) {
-  return hex(sha256(viewOfText(text)));
+  return base::hexOf(base::sha256(viewOfText(text)));
 }
 
 }  // namespace
@@ -54,10 +55,10 @@ std::string authorization(const S3Request& request, const S3Credentials& credent
   const std::string scope = day + "/" + region + "/" + service + "/aws4_request";
   const std::string to_sign = "AWS4-HMAC-SHA256\n" + time + "\n" + scope + "\n" + hexOfText(canonicalRequest(request));
 
-  Digest key = hmacSha256(viewOfText("AWS4" + credentials.secret_key), day);
+  base::Sha256Digest key = hmacSha256(viewOfText("AWS4" + credentials.secret_key), day);
   for (const std::string& part : {region, service, std::string("aws4_request")}) key = hmacSha256(key, part);
   return "AWS4-HMAC-SHA256 Credential=" + credentials.access_key + "/" + scope +
-         ", SignedHeaders=" + signedHeaders(request) + ", Signature=" + hex(hmacSha256(key, to_sign));
+         ", SignedHeaders=" + signedHeaders(request) + ", Signature=" + base::hexOf(hmacSha256(key, to_sign));
 }
 
 }  // namespace repository

@@ -12,17 +12,6 @@ constexpr const char* kTree = ",\n\"tree\": \"";
 constexpr const char* kGrowth = "\",\n\"growth\": [";
 constexpr const char* kEnd = "\n}\n";
 
-std::string hexOf(base::ByteView bytes) {
-  constexpr const char* kDigits = "0123456789abcdef";
-  std::string text;
-  text.reserve(2 * bytes.size());
-  for (const std::uint8_t b : bytes) {
-    text += kDigits[b >> 4];
-    text += kDigits[b & 15];
-  }
-  return text;
-}
-
 int digitOf(char c) {
   return c >= '0' && c <= '9' ? c - '0' : c >= 'a' && c <= 'f' ? c - 'a' + 10 : -1;
 }
@@ -55,7 +44,7 @@ std::string withTree(const std::string& parameters, const SampleTree& tree, cons
   std::string rows;
   for (const TreeGrowth& g : growth) rows += (rows.empty() ? "" : ", ") + rowOf(g);
   const std::string front = parameters.substr(0, parameters.rfind(kEnd));
-  return front + kTree + hexOf(tree.encode()) + kGrowth + rows + "]" + kEnd;
+  return front + kTree + base::hexOf(tree.encode()) + kGrowth + rows + "]" + kEnd;
 }
 
 std::string withoutTree(const std::string& text) {

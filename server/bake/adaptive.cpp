@@ -25,9 +25,10 @@ class Sampler {
   base::Result<std::vector<repository::TreeGrowth>> run() {
     for (;;) {
       LUMIGRID_TRY(renderPoints());
-      const std::vector<Cell> round = largestOpen();
-      if (round.empty()) break;
-      LUMIGRID_TRY(judgeRound(round));
+      const std::vector<Cell> open = largestOpen();
+      if (open.empty()) break;
+      const std::vector<Cell> round = byUse(open);
+      if (!round.empty()) LUMIGRID_TRY(judgeRound(round));
       LUMIGRID_TRY(save());
     }
     return std::move(growth_);
@@ -62,6 +63,24 @@ class Sampler {
     return save();
   }
 
+  // Of the cells of a round those that viewers come to, most used first; the others stay as they are.
+  std::vector<Cell> byUse(std::vector<Cell> round) {
+    if (!work_.options.use) return round;
+    std::vector<std::pair<double, Cell>> ranked;
+    for (const Cell& cell : round) {
+      const auto corners = tree_.cornersOf(cell);
+      const double use = work_.options.use(place(corners[0]), place(corners[7]));
+      if (use > 0.0)
+        ranked.emplace_back(use, cell);
+      else
+        tree_.close(cell);
+    }
+    std::stable_sort(ranked.begin(), ranked.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
+    round.clear();
+    for (const auto& [use, cell] : ranked) round.push_back(cell);
+    return round;
+  }
+
   std::vector<Cell> largestOpen() const {
     std::vector<Cell> open = tree_.openLeaves();
     std::uint32_t size = 0;
@@ -86,7 +105,7 @@ class Sampler {
       if (!error) return error.error();
       all.add(*error);
       row.worst_psnr_db = std::min(row.worst_psnr_db, error->psnr());
-      bool split = error->psnr() < work_.options.target_db;
+      bool split = error->psnr() < work_.options.target_db && !isSpent(row);
       if (split) {
         const auto gain = gainOf(round[i]);
         if (!gain) return gain.error();
@@ -103,6 +122,13 @@ class Sampler {
     row.psnr_db = all.psnr();
     growth_.push_back(row);
     return {};
+  }
+
+  // Whether the images would take more than the budget, at the mean of what the points until now take.
+  bool isSpent(const repository::TreeGrowth& row) const {
+    if (work_.options.budget_bytes == 0 || row.points == 0) return false;
+    const double each = static_cast<double>(row.bytes) / static_cast<double>(row.points);
+    return each * static_cast<double>(tree_.points().size()) > static_cast<double>(work_.options.budget_bytes);
   }
 
   bool tell(const repository::TreeGrowth& row, std::size_t done, std::size_t total) const {

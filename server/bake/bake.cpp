@@ -74,6 +74,7 @@ std::string parametersText(const base::Scene& scene, const BakeOptions& options)
   if (options.target_db > 0.0)
     text << ",\n\"target\": " << number(static_cast<float>(options.target_db))
          << ",\n\"least gain\": " << number(static_cast<float>(options.least_gain_db))
+         << ",\n\"budget\": " << options.budget_bytes << ",\n\"by use\": " << (options.use ? "true" : "false")
          << ",\n\"coarse cells\": " << options.coarse_cells;
   text << "\n}\n";
   return text.str();
@@ -351,7 +352,17 @@ class Work {
     });
   }
 
+  base::Result<void> countDrawingThreads() {
+    if (drawing_threads_ != 0) return {};
+    const auto threads = DrawPool::threadsFor(options_.threads == 0 ? base::coreCount() : options_.threads);
+    if (!threads) return threads.error();
+    drawing_threads_ = *threads;
+    return {};
+  }
+
+  // A context and a renderer of this thread's own, for what is judged.
   base::Result<void> start() {
+    LUMIGRID_TRY(countDrawingThreads());  // before: it looks at a context of its own
     auto context = base::HeadlessContext::create();
     if (!context) return context.error();
     context_ = std::move(*context);
@@ -364,11 +375,7 @@ class Work {
   // What is missing at these points; gives those of them that were rendered and see nothing.
   base::Result<std::vector<glm::uvec3>> render(const std::vector<glm::uvec3>& points) {
     if (!isMissing(points)) return std::vector<glm::uvec3>();
-    if (drawing_threads_ == 0) {
-      const auto threads = DrawPool::threadsFor(options_.threads == 0 ? base::coreCount() : options_.threads);
-      if (!threads) return threads.error();
-      drawing_threads_ = *threads;
-    }
+    LUMIGRID_TRY(countDrawingThreads());
     Baker baker(scene_, patches_, store_, options_, drawing_threads_, present_, points);
     LUMIGRID_TRY(baker.run(progress_));
     summary_.faces_rendered += baker.counters().done;

@@ -35,7 +35,11 @@ struct BakeOptions {
   /// PSNR that views blended from a cell's corners must reach, or it is split (adaptive sampling, DESIGN section 5);
   /// `grid` is then the finest. 0: every point of the grid is sampled.
   double target_db = 0.0;
-  double least_gain_db = 0.5;      ///< … and only where one more image half-way would gain so much
+  double least_gain_db = 0.5;  ///< … and only where one more image half-way would gain so much
+  /// How much a box of the viewing space is visited (ViewerUse::within); null: all alike. Cells of no use are not
+  /// split, and the most used come first.
+  std::function<double(const glm::vec3& low, const glm::vec3& high)> use;
+  std::uint64_t budget_bytes = 0;  ///< cells are split while the images take about that; 0: no limit
   std::uint32_t coarse_cells = 4;  ///< of adaptive sampling: cells along the longest side to begin with, at least
 };
 

@@ -37,7 +37,12 @@ int run(ServeArguments& a) {
 
 Run addServe(CLI::App& command) {
   auto a = std::make_shared<ServeArguments>();
-  command.add_option("SCENE", a->scene, "scene directory made by `lumigrid build`")->required();
+  command
+      .add_option(
+          "SCENE", a->scene,
+          "scene directory made by `lumigrid build` or `publish`, or where a published scene lies: https://host/scene, "
+          "s3://bucket/scene (docs/places.md)")
+      ->required();
   command
       .add_option("--address", a->options.address, "address to listen at; 0.0.0.0 for every network of this machine")
       ->capture_default_str();
@@ -56,6 +61,13 @@ Run addServe(CLI::App& command) {
       ->check(CLI::Range(0.01, 86400.0))
       ->capture_default_str();
   command.add_flag("--no-access", a->no_access, "count nothing and write nothing");
+  command.add_option(
+      "--cache", a->options.remote.cache_directory,
+      "directory that keeps what was read of a scene behind a network; default: $XDG_CACHE_HOME/lumigrid "
+      "or ~/.cache/lumigrid; servers may share it");
+  command.add_option("--cache-size", a->options.remote.cache_bytes, "most bytes of images to keep there, e.g. 4G")
+      ->transform(CLI::AsSizeValue(false))
+      ->capture_default_str();
   command.add_flag("--json", a->json, "print port and URL as JSON");
   return [a] { return run(*a); };
 }

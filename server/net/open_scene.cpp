@@ -1,9 +1,14 @@
 #include "server/net/open_scene.h"
 
+#include <algorithm>
+#include <cstdlib>
 #include <filesystem>
 #include <utility>
 
+#include "repository/cached_source.h"
+#include "repository/mirror.h"
 #include "repository/objects.h"
+#include "repository/open_objects.h"
 #include "repository/parameters.h"
 #include "repository/repository.h"
 
@@ -80,29 +85,104 @@ base::Result<std::unique_ptr<repository::PackStore>> openPacks(const std::string
   return repository::PackStore::open(std::move(*source), index);
 }
 
-base::Result<std::unique_ptr<OpenScene>> openScene(const std::string& directory) {
-  auto scene = base::readScene(directory);
-  if (!scene) return scene.error();
-  auto json_bytes = base::readFile(directory + "/scene.json");
-  if (!json_bytes) return json_bytes.error();
-  const std::string patch_path = base::patchPath(directory, *scene);
+namespace {
+
+constexpr std::uint64_t kMostJsonBytes = std::uint64_t{16} << 20;
+constexpr unsigned kRemoteReads = 8;  // under way at a time for the images of one view
+
+// Everything but the images.
+base::Result<std::unique_ptr<OpenScene>> openHierarchy(base::Scene scene, base::Bytes json_bytes,
+                                                       const std::string& patch_path, const std::string& place) {
   auto patches = lod::patch::PatchFile::open(patch_path);
   if (!patches) return patches.error();
   auto mapped = base::MappedFile::open(patch_path);
   if (!mapped) return mapped.error();
-
-  std::unique_ptr<OpenScene> open(new OpenScene{std::move(*scene),
-                                                std::move(*patches),
-                                                nullptr,
-                                                nullptr,
-                                                {},
-                                                {},
-                                                std::move(*json_bytes),
-                                                std::move(*mapped),
-                                                {}});
+  std::unique_ptr<OpenScene> open(new OpenScene{
+      std::move(scene), std::move(*patches), nullptr, nullptr, {}, {}, std::move(json_bytes), std::move(*mapped), {}});
   open->data.patches = &open->patches;
-  describe(directory, *open);
-  LUMIGRID_TRY(openImages(directory, *open));
+  describe(place, *open);
+  return open;
+}
+
+base::Result<base::Bytes> readRoot(const repository::ObjectSource& source) {
+  auto size = source.size("scene.json");
+  if (!size) return size.error();
+  if (*size > kMostJsonBytes)
+    return base::Error{base::ErrorCode::kInvalidInput,
+                       source.place() + "/scene.json: of " + std::to_string(*size) + " bytes, which no scene's is"};
+  return source.read("scene.json", 0, *size);
+}
+
+base::Result<std::string> cacheDirectory(const RemoteOptions& options, const std::string& place) {
+  const std::string directory = options.cache_directory.empty() ? defaultCacheDirectory() : options.cache_directory;
+  if (directory.empty())
+    return base::Error{base::ErrorCode::kInvalidInput,
+                       place + ": no home directory to keep a cache in; name one with --cache"};
+  return directory;
+}
+
+base::Result<void> openRemoteImages(std::shared_ptr<const repository::ObjectSource> source, const std::string& index,
+                                    const std::string& directory, const RemoteOptions& options, OpenScene& open) {
+  repository::CachedSourceOptions cache;
+  cache.cache.bytes = options.cache_bytes;
+  cache.cache.warn = options.warn;
+  const std::string place = source->place() + "/" + index;
+  auto cached = repository::CachedSource::open(std::move(source), directory, cache);
+  if (!cached) return cached.error();
+  repository::PackStoreOptions reads;
+  reads.jobs = kRemoteReads;
+  auto packs = repository::PackStore::open(std::move(*cached), index, reads);
+  if (!packs) return packs.error();
+  repository::PackStore* opened = packs->get();
+  LUMIGRID_TRY(takeImages(std::move(*packs), place, open));
+  open.packs = opened;
+  return {};
+}
+
+// A published scene behind a network. Every object but scene.json is named by its content.
+base::Result<std::unique_ptr<OpenScene>> openRemoteScene(const std::string& place, const RemoteOptions& options) {
+  const auto directory = cacheDirectory(options, place);
+  if (!directory) return directory.error();
+  auto opened = repository::openObjectSource(place);
+  if (!opened) return opened.error();
+  const std::shared_ptr<const repository::ObjectSource> source = std::move(*opened);
+  auto json_bytes = readRoot(*source);
+  if (!json_bytes) return json_bytes.error();
+  auto scene = base::parseScene(std::string(json_bytes->begin(), json_bytes->end()), place + "/scene.json");
+  if (!scene) return scene.error();
+
+  const auto name = base::partFile(*scene, "patch", ".lgp");
+  const auto index = base::partFile(*scene, "images/index", ".lgi");
+  const auto part = std::find_if(scene->parts.begin(), scene->parts.end(),
+                                 [&](const base::ScenePart& p) { return name && p.file == *name; });
+  if (part == scene->parts.end() || !base::isPublishedName(*name))
+    return base::Error{base::ErrorCode::kInvalidInput,
+                       place + ": is not a published scene; put there what `lumigrid publish` wrote"};
+  const auto patch_path = repository::mirrorObject(*source, *name, *directory + "/hierarchies", part->sha256);
+  if (!patch_path) return patch_path.error();
+  auto open = openHierarchy(std::move(*scene), std::move(*json_bytes), *patch_path, place);
+  if (open && index) LUMIGRID_TRY(openRemoteImages(source, *index, *directory, options, **open));
+  return open;
+}
+
+}  // namespace
+
+std::string defaultCacheDirectory() {
+  if (const char* cache = std::getenv("XDG_CACHE_HOME"); cache != nullptr && cache[0] == '/')
+    return std::string(cache) + "/lumigrid";
+  const char* home = std::getenv("HOME");
+  return home != nullptr && home[0] == '/' ? std::string(home) + "/.cache/lumigrid" : "";
+}
+
+base::Result<std::unique_ptr<OpenScene>> openScene(const std::string& place, const RemoteOptions& options) {
+  if (repository::isRemotePlace(place)) return openRemoteScene(place, options);
+  auto scene = base::readScene(place);
+  if (!scene) return scene.error();
+  auto json_bytes = base::readFile(place + "/scene.json");
+  if (!json_bytes) return json_bytes.error();
+  const std::string patch_path = base::patchPath(place, *scene);
+  auto open = openHierarchy(std::move(*scene), std::move(*json_bytes), patch_path, place);
+  if (open) LUMIGRID_TRY(openImages(place, **open));
   return open;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 // A scene directory opened for serving: everything that sessions share.
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -19,6 +20,15 @@
 
 namespace server {
 
+/// What is kept here of a scene that lies elsewhere.
+struct RemoteOptions {
+  std::string cache_directory;                         ///< empty: defaultCacheDirectory()
+  std::uint64_t cache_bytes = std::uint64_t{4} << 30;  ///< of images and index; the hierarchy besides
+  std::function<void(const std::string&)> warn;        ///< told in a line what the cache cannot do; null: nobody
+};
+/// $XDG_CACHE_HOME/lumigrid or ~/.cache/lumigrid; empty where neither is known.
+std::string defaultCacheDirectory();
+
 /// Owns what `data` points to; stays where it is.
 struct OpenScene {
   base::Scene scene;
@@ -35,7 +45,9 @@ struct OpenScene {
 /// Reads scene.json, patch.lgp and, when it is there, images/ (DESIGN section 3), as `lumigrid build` or `lumigrid
 /// publish` left them. Errors name the file; a scene without patches is kNotFound. A built scene's repository is opened
 /// for reading: a bake may go on at the same time. Not twice for one scene in one process (LMDB).
-base::Result<std::unique_ptr<OpenScene>> openScene(const std::string& directory);
+/// `place` may also be where a published scene lies behind a network, "https://host/scene" or "s3://bucket/scene"
+/// (docs/places.md): its hierarchy is mirrored, for it is memory-mapped, and images are read by range through a cache.
+base::Result<std::unique_ptr<OpenScene>> openScene(const std::string& place, const RemoteOptions& options = {});
 
 /// The images of a published scene; `index` as scene.json lists it.
 base::Result<std::unique_ptr<repository::PackStore>> openPacks(const std::string& directory, const std::string& index);

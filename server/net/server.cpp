@@ -555,7 +555,9 @@ void logImageErrors(OpenScene& scene) {
 }  // namespace
 
 base::Result<std::unique_ptr<Server>> Server::open(const std::string& scene_directory, const ServerOptions& options) {
-  auto scene = openScene(scene_directory);
+  RemoteOptions remote = options.remote;
+  remote.warn = [](const std::string& what) { spdlog::warn("cache: {}", what); };
+  auto scene = openScene(scene_directory, remote);
   if (!scene) return scene.error();
   logImageErrors(**scene);
 

@@ -7,6 +7,7 @@
 
 #include "base/error.h"
 #include "base/json/scene_file.h"
+#include "server/net/open_scene.h"
 #include "server/session/session.h"
 
 namespace server {
@@ -26,6 +27,7 @@ struct ServerOptions {
   bool count_access = true;
   std::string access_file;                ///< empty: SCENE/access.lga
   double access_interval_seconds = 30.0;  ///< between writes; the most that a killed server loses
+  RemoteOptions remote;                   ///< for a scene behind a network; `warn` is the server's log
 };
 
 /// Serves until stop() (any thread) or until SIGINT/SIGTERM when `handle_signals`.

@@ -6,7 +6,7 @@
 #include <thread>
 
 #include "base/file.h"
-#include "repository/digest.h"
+#include "base/hash/sha256.h"
 #include "tests/repository/temporary_directory.h"
 
 namespace repository {
@@ -53,7 +53,8 @@ TEST(Mirror, theFileIsTheObjectAndIsNotFetchedTwice) {
   const Bytes bytes = sample(1000);
   const Source source(bytes);
   for (int i = 0; i < 2; ++i) {
-    const auto path = mirrorObject(source, "a/patch.lgp", directory.path(), hex(sha256(bytes)), {100, {}});
+    const auto path =
+        mirrorObject(source, "a/patch.lgp", directory.path(), base::hexOf(base::sha256(bytes)), {100, {}});
     ASSERT_TRUE(path) << path.error().message;
     EXPECT_EQ(*path, directory / "a/patch.lgp");
     EXPECT_EQ(*base::readFile(*path), bytes);
@@ -66,7 +67,7 @@ TEST(Mirror, goesOnWhereItWasStopped) {
   const TemporaryDirectory directory;
   const Bytes bytes = sample(1000);
   const Source source(bytes);
-  const std::string hash = hex(sha256(bytes));
+  const std::string hash = base::hexOf(base::sha256(bytes));
   source.reads_left = 3;
   EXPECT_EQ(mirrorObject(source, "p", directory.path(), hash, {100, {}}).error().code, ErrorCode::kNetwork);
   EXPECT_FALSE(std::filesystem::exists(directory / "p"));
@@ -87,7 +88,7 @@ TEST(Mirror, goesOnWhereItWasStopped) {
 TEST(Mirror, whatWasKeptWrongIsFetchedAgain) {
   const TemporaryDirectory directory;
   const Bytes bytes = sample(1000);
-  const std::string hash = hex(sha256(bytes));
+  const std::string hash = base::hexOf(base::sha256(bytes));
   const std::string partial = directory / ("p.partial-" + hash.substr(0, 16));
   for (const std::size_t kept : {300U, 1000U, 2000U}) {
     const Source source(bytes);
@@ -102,8 +103,8 @@ TEST(Mirror, anotherVersionReplacesTheFile) {
   const TemporaryDirectory directory;
   const Bytes old = sample(500);
   const Bytes bytes = sample(1000);
-  ASSERT_TRUE(mirrorObject(Source(old), "p", directory.path(), hex(sha256(old)), {}));
-  ASSERT_TRUE(mirrorObject(Source(bytes), "p", directory.path(), hex(sha256(bytes)), {}));
+  ASSERT_TRUE(mirrorObject(Source(old), "p", directory.path(), base::hexOf(base::sha256(old)), {}));
+  ASSERT_TRUE(mirrorObject(Source(bytes), "p", directory.path(), base::hexOf(base::sha256(bytes)), {}));
   EXPECT_EQ(*base::readFile(directory / "p"), bytes);
 }
 
@@ -122,7 +123,7 @@ TEST(Mirror, anotherObjectThanPromisedIsRefused) {
 
 TEST(Mirror, anEmptyObjectIsAFileToo) {
   const TemporaryDirectory directory;
-  ASSERT_TRUE(mirrorObject(Source({}), "p", directory.path(), hex(sha256({})), {}));
+  ASSERT_TRUE(mirrorObject(Source({}), "p", directory.path(), base::hexOf(base::sha256({})), {}));
   EXPECT_TRUE(base::readFile(directory / "p")->empty());
 }
 
@@ -133,7 +134,7 @@ TEST(Mirror, ofSeveralOneDownloads) {
   std::vector<std::thread> threads;
   for (int t = 0; t < 6; ++t)
     threads.emplace_back([&] {
-      const auto path = mirrorObject(source, "p", directory.path(), hex(sha256(bytes)), {1000, {}});
+      const auto path = mirrorObject(source, "p", directory.path(), base::hexOf(base::sha256(bytes)), {1000, {}});
       EXPECT_TRUE(path);
       EXPECT_EQ(*base::readFile(directory / "p"), bytes);
     });

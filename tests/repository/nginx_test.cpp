@@ -9,8 +9,8 @@
 #include <random>
 
 #include "base/file.h"
+#include "base/hash/sha256.h"
 #include "repository/cached_source.h"
-#include "repository/digest.h"
 #include "repository/mirror.h"
 #include "repository/web_source.h"
 #include "tests/repository/temporary_directory.h"
@@ -183,7 +183,7 @@ TEST_F(NginxTest, cacheAndMirrorReadThroughIt) {
   const auto cached = CachedSource::open(source, directory_ / "cache", options);
   ASSERT_TRUE(cached) << cached.error().message;
   expectReads(**cached);
-  ASSERT_TRUE(mirrorObject(*source, "a.bin", directory_ / "mirror", hex(sha256(bytes_)), {100000, {}}));
+  ASSERT_TRUE(mirrorObject(*source, "a.bin", directory_ / "mirror", base::hexOf(base::sha256(bytes_)), {100000, {}}));
   EXPECT_EQ(*base::readFile(directory_ / "mirror/a.bin"), bytes_);
   nginx_->stop();
   EXPECT_TRUE((*cached)->read("a.bin", 0, 100000));

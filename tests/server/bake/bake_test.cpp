@@ -348,6 +348,48 @@ TEST_F(AdaptiveBakeTest, noCellIsSplitWhereThatGainsNothing) {
   EXPECT_EQ(summary->growth.back().split, 0U);
 }
 
+// Somebody has been at one corner of the viewing space.
+TEST_F(AdaptiveBakeTest, onlyWhereViewersComeAreCellsSplit) {
+  options_.target_db = 60.0;
+  options_.least_gain_db = -99.0;
+  const glm::vec3 corner = options_.grid.first;
+  options_.use = [&](const glm::vec3& low, const glm::vec3& high) {
+    return glm::all(glm::lessThanEqual(low, corner)) && glm::all(glm::greaterThanEqual(high, corner)) ? 1.0 : 0.0;
+  };
+  MemoryStore store;
+  const auto summary = run(store);
+  ASSERT_TRUE(summary);
+  const repository::SampleTree tree = treeOf(store);
+  EXPECT_EQ(summary->growth.back().split, 1U);
+  EXPECT_EQ(tree.leafOf({0, 0, 0}).size, 1U);
+  EXPECT_EQ(tree.leafOf({3, 3, 3}).size, 2U);
+  EXPECT_TRUE(tree.openLeaves().empty());
+}
+
+TEST_F(AdaptiveBakeTest, aBudgetEndsTheSplitting) {
+  options_.target_db = 60.0;
+  options_.least_gain_db = -99.0;
+  MemoryStore all;
+  const auto whole = run(all);
+  ASSERT_TRUE(whole);
+  const auto bytesOf = [](const MemoryStore& store) {
+    std::uint64_t bytes = 0;
+    for (const auto& [key, value] : store.values) bytes += value.size();
+    return bytes;
+  };
+  options_.budget_bytes = bytesOf(all) / 2;
+  MemoryStore half;
+  const auto some = run(half);
+  ASSERT_TRUE(some);
+  EXPECT_LT(some->points, whole->points);
+  EXPECT_GT(some->points, 26U);
+  // A cell is split while there is room, so that the last one may be too much by its own points.
+  EXPECT_LT(bytesOf(half), bytesOf(all) * 8 / 10);
+  options_.budget_bytes = 1;
+  MemoryStore none;
+  EXPECT_EQ(run(none)->points, 26U);
+}
+
 TEST_F(AdaptiveBakeTest, stoppedAtAnyMomentItEndsWithTheSameTreeAndBytes) {
   options_.target_db = kMiddle;
   MemoryStore whole;
