@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # A real S3 store on this machine: OpenStack Swift with s3api, three replicas on three storage nodes. Objects are written, listed, read by
-# range, mirrored and removed; wrong keys, buckets and names are named errors; one storage node is killed under a reader, who notices nothing.
+# range, mirrored and removed; wrong keys, buckets and names are named errors; a scene is published and served by two servers
+# with a cache each; one storage node is killed under a reader and under viewers, who notice nothing.
 # About a minute. Needs root (storage files carry extended attributes), build/release or $LUMIGRID_BUILD, and Debian's python3-swift and memcached,
 # which it installs. Everything is on 127.0.0.1, in a directory of its own, and is stopped by process id.
 set -euo pipefail
@@ -186,19 +187,50 @@ expect_error "set AWS_REGION to us-east-1" env AWS_REGION=eu-west-1 "$probe" siz
 [ "$("$probe" list $place "")" = "packs/one and a half.lgk
 patch.lgp" ] || fail "what failed left something"
 
-# --- A storage node dies under a reader
+# --- A scene is published, and two servers that keep nothing but a cache serve it
+
+bin=$(dirname "$(dirname "$probe")")/bin
+scene=$work/scene tower=s3://scenes/lab/tower
+"$bin/lumigrid" sample --triangles 20000 -o "$work/mesh.ply" 2>/dev/null >/dev/null || fail "sample"
+"$bin/lumigrid" build "$work/mesh.ply" -o "$scene" --grid 5 --face 128 --quiet >/dev/null || fail "build"
+expect_error "look at AWS_SECRET_ACCESS_KEY" env AWS_SECRET_ACCESS_KEY=wrong "$bin/lumigrid" publish "$scene" $tower --quiet
+expect_error "there is no bucket 'elsewhere'" "$bin/lumigrid" publish "$scene" s3://elsewhere/tower --quiet
+"$bin/lumigrid" publish "$scene" $tower --quiet >/dev/null || fail "publish"
+"$bin/lumigrid" tour "$scene" --frames 24 --size 320 180 -o "$work/tour.json" || fail "tour"
+expect_error "no such object" "$bin/lumigrid" serve s3://scenes/lab/none --port 0 --cache "$work/none"
+declare -A url=()
+for server in a b; do
+  "$bin/lumigrid" serve $tower --port 0 --json --no-frames --no-access --cache "$work/cache-$server" >"$work/serve-$server.out" 2>"$work/serve-$server.err" &
+  pids[serve-$server]=$!
+  for _ in $(seq 200); do [ -s "$work/serve-$server.out" ] && break; sleep 0.1; done
+  url[$server]=$(sed -n 's/.*"url":"\([^"]*\)".*/\1/p' "$work/serve-$server.out")
+  [ -n "${url[$server]}" ] || fail "serve: $(cat "$work/serve-$server.err")"
+done
+view() { # view SERVER NAME: every frame of the tour complete
+  "$bin/lumigrid-view" "${url[$1]}" --headless --path "$work/tour.json" --out "$work/$2" >/dev/null 2>"$work/$2.err" || fail "viewer $2: $(cat "$work/$2.err")"
+  [ "$(grep -c '"complete":true' "$work/$2/frames.jsonl")" = 24 ] || fail "viewer $2: frames are not complete"
+}
+view a first
+echo "published, and served by two servers out of the store"
+
+# --- A storage node dies under a reader, and under viewers
 
 "$probe" check $place patch.lgp "$work/large" 800 >"$work/progress" 2>"$work/trouble" &
 reader=$!
 until [ -s "$work/progress" ]; do kill -0 $reader 2>/dev/null || break; sleep 0.05; done
 kill -9 "${pids[object1]}" "${pids[container1]}" "${pids[account1]}"
 echo "one storage node killed after $(tail -n 1 "$work/progress") of 800 reads"
+view b second # its cache is empty: all of it comes from the two nodes that are left
+grep -E "warning|error" "$work/serve-b.err" && fail "the server noticed"
+view a third
+stop "${pids[serve-a]}" "${pids[serve-b]}"
 wait $reader || fail "the reader noticed: $(cat "$work/trouble")"
 "$probe" put-parts $place again.lgp "$work/large" || fail "put without one node"
 "$probe" check $place again.lgp "$work/large" 100 >/dev/null || fail "ranges without one node"
 
 # --- Removing, and no store at all
 
+"$bin/lumigrid" publish "$scene" $tower --quiet >/dev/null || fail "publish again"
 for object in "packs/one and a half.lgk" patch.lgp again.lgp again.lgp; do
   "$probe" remove $place "$object" || fail "remove $object"
 done
