@@ -182,12 +182,7 @@ base::Result<std::string> digestOf(const repository::Store& store) {
     hash.add(value);
     return true;
   }));
-  std::string text;
-  for (const std::uint8_t byte : hash.finish()) {
-    constexpr char kHex[] = "0123456789abcdef";
-    text += {kHex[byte >> 4], kHex[byte & 15]};
-  }
-  return text;
+  return base::hexOf(hash.finish());
 }
 
 void print(const InfoArguments& a, const nlohmann::json& j, const std::string& tuned) {
