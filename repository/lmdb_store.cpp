@@ -8,8 +8,10 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <chrono>
 #include <filesystem>
 #include <string>
+#include <thread>
 #include <utility>
 
 #include "base/file.h"
@@ -21,6 +23,9 @@ namespace {
 
 constexpr std::size_t kPortionValues = 256;                  // forEach: values copied in one transaction …
 constexpr std::size_t kPortionBytes = std::size_t{8} << 20;  // … and their bytes
+constexpr std::size_t kPortionKeys = 65536;                  // forEachKey: keys copied in one transaction
+constexpr int kLockAttempts = 10;
+constexpr std::chrono::milliseconds kLockPause(20);
 const std::vector<const char*> kTables{"faces", "meta"};
 constexpr std::size_t kFaces = 0, kMeta = 1;  // places in kTables
 const std::string kMetaKey = "parameters";
@@ -62,7 +67,13 @@ class WriterLock {
     WriterLock lock;
     lock.fd_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
     if (lock.fd_ < 0) return base::systemError(path, "open", errno);
-    if (::flock(lock.fd_, LOCK_EX | LOCK_NB) != 0) {
+    // Whoever only looks whether it is taken (isBeingWritten) has it for a moment.
+    int refused = ::flock(lock.fd_, LOCK_EX | LOCK_NB);
+    for (int again = 0; refused != 0 && errno == EWOULDBLOCK && again < kLockAttempts; ++again) {
+      std::this_thread::sleep_for(kLockPause);
+      refused = ::flock(lock.fd_, LOCK_EX | LOCK_NB);
+    }
+    if (refused != 0) {
       if (errno != EWOULDBLOCK) return base::systemError(path, "lock", errno);
       return base::Error{base::ErrorCode::kBusy, directory + " is being written by another process" + lock.owner() +
                                                      "; wait for it or stop it"};
@@ -181,6 +192,22 @@ class LmdbStore final : public Store {
     }
   }
 
+  base::Result<void> forEachKey(const std::function<bool(const FaceKey&)>& visit) const override {
+    std::vector<FaceKey> portion;
+    for (std::uint64_t next = 0;;) {
+      portion.clear();
+      base::Result<void> keys;
+      const int code = environment_->read([&](MDB_txn* txn) { return copyKeys(txn, next, portion, keys); });
+      if (code != 0 && code != MDB_NOTFOUND) return storeError(path_, "read", code);
+      for (const FaceKey& key : portion) {
+        if (!visit(key)) return {};
+      }
+      if (!keys) return base::within(path_, keys.error());
+      if (code == MDB_NOTFOUND) return {};
+      next = portion.back().code() + 1;
+    }
+  }
+
   base::Result<std::uint64_t> size() const override {
     MDB_stat stat{};
     const int code =
@@ -217,10 +244,10 @@ class LmdbStore final : public Store {
     return 0;
   }
 
-  // Values from code `next` on; MDB_NOTFOUND when the end was reached. A key that is none ends the walk and is told in
-  // `keys`.
-  int copyPortion(MDB_txn* txn, std::uint64_t next, std::vector<std::pair<FaceKey, base::Bytes>>& out,
-                  base::Result<void>& keys) const {
+  // Visits keys from code `next` on while take(key, value) says so; MDB_NOTFOUND when the end was reached. A key that
+  // is none ends the walk and is told in `keys`.
+  template <class Take>
+  int walk(MDB_txn* txn, std::uint64_t next, base::Result<void>& keys, const Take& take) const {
     MDB_cursor* raw = nullptr;
     if (const int code = mdb_cursor_open(txn, environment_->table(kFaces), &raw); code != 0) return code;
     const std::unique_ptr<MDB_cursor, decltype(&mdb_cursor_close)> cursor(raw, mdb_cursor_close);
@@ -228,19 +255,33 @@ class LmdbStore final : public Store {
     const KeyBytes start = keyBytes(next);
     MDB_val name = valueOf(start);
     MDB_val value{};
-    std::size_t bytes = 0;
     int code = mdb_cursor_get(raw, &name, &value, MDB_SET_RANGE);
-    for (; code == 0 && out.size() < kPortionValues && bytes < kPortionBytes;
-         code = mdb_cursor_get(raw, &name, &value, MDB_NEXT)) {
+    for (bool more = true; code == 0 && more; code = more ? mdb_cursor_get(raw, &name, &value, MDB_NEXT) : 0) {
       const auto key = keyFrom(name);
       if (!key) {
         keys = key.error();
         return 0;
       }
-      out.emplace_back(*key, base::Bytes(viewOf(value).begin(), viewOf(value).end()));
-      bytes += value.mv_size;
+      more = take(*key, value);
     }
     return code;
+  }
+
+  int copyPortion(MDB_txn* txn, std::uint64_t next, std::vector<std::pair<FaceKey, base::Bytes>>& out,
+                  base::Result<void>& keys) const {
+    std::size_t bytes = 0;
+    return walk(txn, next, keys, [&](const FaceKey& key, const MDB_val& value) {
+      out.emplace_back(key, base::Bytes(viewOf(value).begin(), viewOf(value).end()));
+      bytes += value.mv_size;
+      return out.size() < kPortionValues && bytes < kPortionBytes;
+    });
+  }
+
+  int copyKeys(MDB_txn* txn, std::uint64_t next, std::vector<FaceKey>& out, base::Result<void>& keys) const {
+    return walk(txn, next, keys, [&](const FaceKey& key, const MDB_val&) {
+      out.push_back(key);
+      return out.size() < kPortionKeys;
+    });
   }
 
   std::string path_;
@@ -254,7 +295,7 @@ base::Result<std::string> directoryOf(const std::string& path, StoreMode mode) {
   if (mode == StoreMode::kWrite) {
     std::filesystem::create_directories(path, failed);
     if (failed) return base::systemError(path, "make", failed.value());
-  } else if (!std::filesystem::exists(path + "/data.mdb", failed)) {
+  } else if (!isLmdbStore(path)) {
     return base::Error{base::ErrorCode::kNotFound, path + ": no image repository here; build it with lumigrid build"};
   }
   const std::filesystem::path real = std::filesystem::canonical(path, failed);
@@ -293,6 +334,32 @@ base::Result<std::unique_ptr<Store>> openLmdbStore(const std::string& path, Stor
                        path + ": the image repository is empty; build it with lumigrid build"};
   if (code != 0) return storeError(path, "open", code);
   return std::unique_ptr<Store>(std::make_unique<LmdbStore>(*directory, std::move(*environment), std::move(lock)));
+}
+
+bool isLmdbStore(const std::string& path) {
+  std::error_code ignored;
+  return std::filesystem::exists(path + "/data.mdb", ignored);
+}
+
+bool isBeingWritten(const std::string& path) {
+  const int fd = ::open((path + "/writer.lock").c_str(), O_RDONLY | O_CLOEXEC);
+  if (fd < 0) return false;
+  const bool taken = ::flock(fd, LOCK_SH | LOCK_NB) != 0 && errno == EWOULDBLOCK;
+  ::close(fd);
+  return taken;
+}
+
+base::Result<void> removeLmdbStore(const std::string& path) {
+  std::error_code failed;
+  if (!std::filesystem::is_directory(path, failed)) return {};
+  auto lock = WriterLock::take(path);
+  if (!lock) return lock.error();
+  for (const char* name : {"data.mdb", "lock.mdb", "writer.lock"}) {
+    std::filesystem::remove(std::filesystem::path(path) / name, failed);
+    if (failed) return base::systemError(path + "/" + name, "remove", failed.value());
+  }
+  std::filesystem::remove(path, failed);  // only when empty: what else is there is not ours
+  return {};
 }
 
 }  // namespace repository

@@ -32,6 +32,10 @@ class Store {
   virtual base::Result<void> erase(const std::vector<FaceKey>& keys) = 0;
   /// Every key and value in ascending key order, until `visit` returns false.
   virtual base::Result<void> forEach(const std::function<bool(const FaceKey&, base::ByteView)>& visit) const = 0;
+  /// Every key in ascending order, until `visit` returns false; stores that can do so leave the values unread.
+  virtual base::Result<void> forEachKey(const std::function<bool(const FaceKey&)>& visit) const {
+    return forEach([&](const FaceKey& key, base::ByteView) { return visit(key); });
+  }
   virtual base::Result<std::uint64_t> size() const = 0;
   /// The parameters that every value was made with (a small JSON text); writing them is durable.
   virtual base::Result<std::optional<std::string>> readMeta() const = 0;
@@ -53,5 +57,14 @@ struct LmdbOptions {
 /// values) and refuses a damaged one.
 base::Result<std::unique_ptr<Store>> openLmdbStore(const std::string& path, StoreMode mode,
                                                    const LmdbOptions& options = {});
+
+/// Whether directory `path` holds (the file of) such a store.
+bool isLmdbStore(const std::string& path);
+/// Whether a process, of any machine that shares the file system's locks, has it open for writing just now.
+bool isBeingWritten(const std::string& path);
+
+/// Removes the store and, when nothing else is in it, its directory. Refused with kBusy while somebody writes it;
+/// nothing happens where there is none. No handle of this process may be open.
+base::Result<void> removeLmdbStore(const std::string& path);
 
 }  // namespace repository

@@ -1,12 +1,14 @@
 #include "repository/verify.h"
 
-#include <algorithm>
+#include <functional>
 #include <optional>
 #include <utility>
 
 #include "base/parallel.h"
 #include "repository/coverage.h"
+#include "repository/expected_points.h"
 #include "repository/face_value.h"
+#include "repository/gaps.h"
 #include "repository/jpeg.h"
 
 namespace repository {
@@ -37,75 +39,89 @@ std::optional<std::string> faultOf(const FaceKey& key, base::ByteView bytes, std
   return std::nullopt;
 }
 
-// Walks the keys that a grid should have beside those that the store has.
-class Verifier {
+std::optional<std::string> strangerOf(const FaceKey& key, const Grid& grid, const Shard& shard,
+                                      const ExpectedPoints& points) {
+  if (!grid.contains(key)) return nameOf(key) + ": not a face of this grid";
+  if (points.placeOf({key.x, key.y, key.z})) return std::nullopt;
+  if (shard.count == 1) return nameOf(key) + ": not at a sampling point";
+  return nameOf(key) + ": does not belong to shard " + std::to_string(shard.index) + " of " +
+         std::to_string(shard.count);
+}
+
+enum class FaultKind { kOrphan, kDamaged };
+
+// Every value of a store in the order of keys, decoded side by side; what is wrong is handed to `found`.
+class Checker {
  public:
-  Verifier(const Grid& grid, const SampleTree* tree, unsigned threads)
-      : grid_(grid),
-        tree_(tree),
-        threads_(threads),
-        points_(tree != nullptr ? tree->points() : pointsInMortonOrder(grid)) {}
+  using Found = std::function<void(const FaceKey&, FaultKind, std::string)>;
 
+  Checker(const Grid& grid, const Shard& shard, const ExpectedPoints& points, unsigned threads, Found found)
+      : grid_(grid), shard_(shard), points_(points), threads_(threads), found_(std::move(found)) {}
+
+  /// Whether the key is one that this store should have.
   bool take(const FaceKey& key, base::ByteView bytes) {
-    if (!grid_.contains(key)) {
-      say(nameOf(key) + ": not a face of this grid");
-    } else if (tree_ != nullptr && !tree_->hasPoint({key.x, key.y, key.z})) {
-      say(nameOf(key) + ": not at a sampling point");
-    } else {
-      missUpTo(indexOf(key));
-      ++expected_;
-      portion_.emplace_back(key, base::Bytes(bytes.begin(), bytes.end()));
-      if (portion_.size() == kPortion) decodePortion();
+    if (auto stranger = strangerOf(key, grid_, shard_, points_)) {
+      found_(key, FaultKind::kOrphan, std::move(*stranger));
+      return false;
     }
-    return faults_.size() < kMostFaults;
-  }
-  std::vector<std::string> finish() {
-    decodePortion();
-    if (faults_.size() < kMostFaults) missUpTo(6 * points_.size());
-    return std::move(faults_);
-  }
-
- private:
-  void say(std::string fault) { faults_.push_back(std::move(fault)); }
-  FaceKey keyAt(std::uint64_t index) const {
-    const glm::uvec3& point = points_[index / 6];
-    return {point.x, point.y, point.z, static_cast<std::uint32_t>(index % 6)};
-  }
-  // Keys come in order, so the place is never before the last one.
-  std::uint64_t indexOf(const FaceKey& key) const {
-    const auto less = [](const glm::uvec3& a, const FaceKey& b) {
-      return FaceKey{a.x, a.y, a.z, 0} < FaceKey{b.x, b.y, b.z, 0};
-    };
-    const auto from =
-        points_.begin() + static_cast<std::ptrdiff_t>(std::min<std::uint64_t>(expected_ / 6, points_.size()));
-    const auto at = std::lower_bound(from, points_.end(), key, less);
-    return 6 * static_cast<std::uint64_t>(at - points_.begin()) + key.d;
-  }
-  void missUpTo(std::uint64_t index) {
-    if (index <= expected_) return;
-    const std::uint64_t count = index - expected_;
-    say(nameOf(keyAt(expected_)) +
-        (count == 1 ? ": missing" : " and the " + std::to_string(count - 1) + " after it in Morton order: missing"));
-    expected_ = index;
+    portion_.emplace_back(key, base::Bytes(bytes.begin(), bytes.end()));
+    if (portion_.size() == kPortion) decodePortion();
+    return true;
   }
   void decodePortion() {
-    std::vector<std::optional<std::string>> found(portion_.size());
+    std::vector<std::optional<std::string>> faults(portion_.size());
     base::parallelFor(portion_.size(), threads_, [&](std::size_t i) {
-      found[i] = faultOf(portion_[i].first, portion_[i].second, grid_.face_size);
+      faults[i] = faultOf(portion_[i].first, portion_[i].second, grid_.face_size);
     });
-    for (auto& fault : found) {
-      if (fault) say(std::move(*fault));
+    for (std::size_t i = 0; i < faults.size(); ++i) {
+      if (faults[i]) found_(portion_[i].first, FaultKind::kDamaged, std::move(*faults[i]));
     }
     portion_.clear();
   }
 
+ private:
   const Grid& grid_;
-  const SampleTree* tree_;
-  unsigned threads_;
-  std::vector<glm::uvec3> points_;
-  std::uint64_t expected_ = 0;  // index, in Morton order, of the next face that should come
+  const Shard shard_;
+  const ExpectedPoints& points_;
+  const unsigned threads_;
+  const Found found_;
   std::vector<std::pair<FaceKey, base::Bytes>> portion_;
+};
+
+std::string describe(const Gap& gap) {
+  return nameOf(gap.first) + (gap.faces == 1
+                                  ? ": missing"
+                                  : " and the " + std::to_string(gap.faces - 1) + " after it in Morton order: missing");
+}
+
+// The faults of a store, as lines: what is wrong with its values, then what it lacks.
+class Verifier {
+ public:
+  Verifier(const Grid& grid, const Shard& shard, const SampleTree* tree, unsigned threads)
+      : points_(grid, shard, tree),
+        checker_(grid, shard, points_, threads,
+                 [this](const FaceKey&, FaultKind, std::string fault) { faults_.push_back(std::move(fault)); }),
+        gaps_(points_) {}
+
+  /// False when there are enough faults.
+  bool take(const FaceKey& key, base::ByteView bytes) {
+    if (checker_.take(key, bytes)) gaps_.take(key);
+    return !enough();
+  }
+  std::vector<std::string> finish() {
+    checker_.decodePortion();
+    if (!enough()) gaps_.finish();
+    for (const Gap& gap : gaps_.gaps()) faults_.push_back(describe(gap));
+    return std::move(faults_);
+  }
+
+ private:
+  bool enough() const { return faults_.size() + gaps_.found() >= kMostFaults; }
+
+  const ExpectedPoints points_;
   std::vector<std::string> faults_;
+  Checker checker_;
+  GapFinder gaps_;
 };
 
 std::vector<std::string> atMost(std::vector<std::string> faults) {
@@ -119,13 +135,18 @@ std::vector<std::string> atMost(std::vector<std::string> faults) {
 
 base::Result<std::vector<std::string>> verify(const Store& store, const Grid& grid, const SampleTree* tree,
                                               unsigned threads) {
-  Verifier verifier(grid, tree, threads);
+  return verifyShard(store, grid, {0, 1}, tree, threads);
+}
+
+base::Result<std::vector<std::string>> verifyShard(const Store& store, const Grid& grid, const Shard& shard,
+                                                   const SampleTree* tree, unsigned threads) {
+  Verifier verifier(grid, shard, tree, threads);
   LUMIGRID_TRY(store.forEach([&](const FaceKey& key, base::ByteView bytes) { return verifier.take(key, bytes); }));
   return atMost(verifier.finish());
 }
 
 std::vector<std::string> verify(const PackStore& packs, const Grid& grid, const SampleTree* tree, unsigned threads) {
-  Verifier verifier(grid, tree, threads);
+  Verifier verifier(grid, {0, 1}, tree, threads);
   std::vector<std::string> faults;
   packs.check(
       [&](std::string fault) {
@@ -134,6 +155,24 @@ std::vector<std::string> verify(const PackStore& packs, const Grid& grid, const 
       [&](const FaceKey& key, base::ByteView bytes) { return verifier.take(key, bytes); });
   for (std::string& fault : verifier.finish()) faults.push_back(std::move(fault));
   return atMost(std::move(faults));
+}
+
+base::Result<Removed> removeFaulty(Store& store, const Grid& grid, const Shard& shard, const SampleTree* tree,
+                                   unsigned threads) {
+  Removed removed;
+  std::vector<FaceKey> keys;
+  const ExpectedPoints points(grid, shard, tree);
+  Checker checker(grid, shard, points, threads, [&](const FaceKey& key, FaultKind kind, const std::string&) {
+    keys.push_back(key);
+    ++(kind == FaultKind::kOrphan ? removed.orphans : removed.damaged);
+  });
+  LUMIGRID_TRY(store.forEach([&](const FaceKey& key, base::ByteView bytes) {
+    checker.take(key, bytes);
+    return true;
+  }));
+  checker.decodePortion();
+  if (!keys.empty()) LUMIGRID_TRY(store.erase(keys));
+  return removed;
 }
 
 base::Result<Contents> contentsOf(const Store& store) {

@@ -8,6 +8,7 @@
 #include "repository/grid.h"
 #include "repository/pack_store.h"
 #include "repository/sample_tree.h"
+#include "repository/shard.h"
 #include "repository/store.h"
 
 namespace repository {
@@ -26,6 +27,19 @@ base::Result<std::vector<std::string>> verify(const Store& store, const Grid& gr
 /// the rest is looked at.
 std::vector<std::string> verify(const PackStore& packs, const Grid& grid, const SampleTree* tree = nullptr,
                                 unsigned threads = 0);
+
+/// The same for the store of one shard: only its points are expected, and keys of other shards are faults.
+base::Result<std::vector<std::string>> verifyShard(const Store& store, const Grid& grid, const Shard& shard,
+                                                   const SampleTree* tree = nullptr, unsigned threads = 0);
+
+struct Removed {
+  std::uint64_t damaged = 0;  ///< values that verify would call wrong
+  std::uint64_t orphans = 0;  ///< values whose key is no face of the shard, or not at a sampling point
+};
+/// Erases what verifyShard finds wrong, so that only missing faces are left to render. The checks are verify's, all of
+/// them: every value is decoded.
+base::Result<Removed> removeFaulty(Store& store, const Grid& grid, const Shard& shard, const SampleTree* tree = nullptr,
+                                   unsigned threads = 0);
 
 struct Contents {
   std::uint64_t faces = 0;  ///< values, empty flags included

@@ -19,10 +19,10 @@ constexpr std::size_t kCellsPerSave = 32;  // a killed build judges so many agai
 class Sampler {
  public:
   Sampler(AdaptiveWork& work, repository::SampleTree& tree, const Enclosure& enclosure, CellJudge& judge,
-          std::vector<TreeGrowth> growth)
+          std::vector<repository::TreeGrowth> growth)
       : work_(work), tree_(tree), enclosure_(enclosure), judge_(judge), growth_(std::move(growth)) {}
 
-  base::Result<std::vector<TreeGrowth>> run() {
+  base::Result<std::vector<repository::TreeGrowth>> run() {
     for (;;) {
       LUMIGRID_TRY(renderPoints());
       const std::vector<Cell> open = largestOpen();
@@ -58,9 +58,9 @@ class Sampler {
       tree_.leaveOut(p);
       for (std::uint32_t d = 0; d < 6; ++d) gone.push_back({p.x, p.y, p.z, d});
     }
-    LUMIGRID_TRY(save());
-    if (gone.empty()) return {};
-    return work_.store.erase(gone);
+    // In this order: a build killed between the two renders them again; it leaves no images that nobody expects.
+    if (!gone.empty()) LUMIGRID_TRY(work_.store.erase(gone));
+    return save();
   }
 
   // Of the cells of a round those that viewers come to, most used first; the others stay as they are.
@@ -90,7 +90,7 @@ class Sampler {
   }
 
   base::Result<void> judgeRound(const std::vector<Cell>& round) {
-    TreeGrowth row;
+    repository::TreeGrowth row;
     row.cell = round.front().size;
     row.cells = tree_.leafCount();
     row.points = tree_.points().size();
@@ -125,13 +125,13 @@ class Sampler {
   }
 
   // Whether the images would take more than the budget, at the mean of what the points until now take.
-  bool isSpent(const TreeGrowth& row) const {
+  bool isSpent(const repository::TreeGrowth& row) const {
     if (work_.options.budget_bytes == 0 || row.points == 0) return false;
     const double each = static_cast<double>(row.bytes) / static_cast<double>(row.points);
     return each * static_cast<double>(tree_.points().size()) > static_cast<double>(work_.options.budget_bytes);
   }
 
-  bool tell(const TreeGrowth& row, std::size_t done, std::size_t total) const {
+  bool tell(const repository::TreeGrowth& row, std::size_t done, std::size_t total) const {
     BakeProgress progress;
     progress.stored_bytes = row.bytes;
     progress.cell = row.cell;
@@ -187,13 +187,13 @@ class Sampler {
     return std::nullopt;
   }
 
-  base::Result<void> save() { return work_.store.writeMeta(withTree(work_.parameters, tree_, growth_)); }
+  base::Result<void> save() { return work_.store.writeMeta(repository::withTree(work_.parameters, tree_, growth_)); }
 
   AdaptiveWork& work_;
   repository::SampleTree& tree_;
   const Enclosure& enclosure_;
   CellJudge& judge_;
-  std::vector<TreeGrowth> growth_;
+  std::vector<repository::TreeGrowth> growth_;
   std::unordered_set<std::uint64_t> looked_;  // points known to be left out or not
 };
 
@@ -206,7 +206,7 @@ std::uint32_t coarseCellSize(const repository::Grid& grid, std::uint32_t cells) 
   return size;
 }
 
-base::Result<std::vector<TreeGrowth>> sampleAdaptively(AdaptiveWork& work, repository::SampleTree& tree) {
+base::Result<std::vector<repository::TreeGrowth>> sampleAdaptively(AdaptiveWork& work, repository::SampleTree& tree) {
   auto enclosure = Enclosure::create(work.patches);
   if (!enclosure) return enclosure.error();
   JudgeOptions options;
@@ -217,7 +217,9 @@ base::Result<std::vector<TreeGrowth>> sampleAdaptively(AdaptiveWork& work, repos
   if (!judge) return judge.error();
   const auto text = work.store.readMeta();
   if (!text) return text.error();
-  return Sampler(work, tree, *enclosure, **judge, *text ? growthFromText(**text) : std::vector<TreeGrowth>()).run();
+  return Sampler(work, tree, *enclosure, **judge,
+                 *text ? repository::growthFromText(**text) : std::vector<repository::TreeGrowth>())
+      .run();
 }
 
 }  // namespace server

@@ -35,6 +35,6 @@ std::uint32_t coarseCellSize(const repository::Grid& grid, std::uint32_t cells);
 
 /// Goes on with the tree that the store holds, or begins one, until every cell is judged and every point rendered. The
 /// tree is stored again and again on the way. Points that the model encloses or that see nothing are left out.
-base::Result<std::vector<TreeGrowth>> sampleAdaptively(AdaptiveWork& work, repository::SampleTree& tree);
+base::Result<std::vector<repository::TreeGrowth>> sampleAdaptively(AdaptiveWork& work, repository::SampleTree& tree);
 
 }  // namespace server

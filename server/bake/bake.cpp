@@ -16,6 +16,7 @@
 #include "base/egl/headless.h"
 #include "base/parallel.h"
 #include "repository/face_value.h"
+#include "repository/parameters.h"
 #include "server/bake/adaptive.h"
 #include "server/bake/committer.h"
 #include "server/bake/draw_pool.h"
@@ -79,21 +80,6 @@ std::string parametersText(const base::Scene& scene, const BakeOptions& options)
   return text.str();
 }
 
-// "quality": 85 against "quality": 90, from the first line that differs.
-std::string firstDifference(const std::string& stored, const std::string& wanted) {
-  std::istringstream a(stored);
-  std::istringstream b(wanted);
-  std::string line_a;
-  std::string line_b;
-  while (std::getline(a, line_a) && std::getline(b, line_b)) {
-    for (std::string* line : {&line_a, &line_b}) {
-      if (line->ends_with(',')) line->pop_back();
-    }
-    if (line_a != line_b) return line_a + ", now " + line_b;
-  }
-  return "other parameters";
-}
-
 base::Result<void> claimStore(repository::Store& store, const std::string& wanted) {
   const auto other = [](const std::string& what) {
     return base::Error{base::ErrorCode::kExists, "the image repository was built with " + what +
@@ -102,8 +88,9 @@ base::Result<void> claimStore(repository::Store& store, const std::string& wante
   auto stored = store.readMeta();
   if (!stored) return stored.error();
   if (*stored)
-    return withoutTree(**stored) == wanted ? base::Result<void>()
-                                           : base::Result<void>(other(firstDifference(withoutTree(**stored), wanted)));
+    return repository::sameParameters(**stored, wanted)
+               ? base::Result<void>()
+               : base::Result<void>(other(repository::firstDifference(**stored, wanted)));
   auto size = store.size();
   if (!size) return size.error();
   if (*size > 0) return other("unknown parameters");
@@ -116,11 +103,12 @@ base::Result<void> claimStore(repository::Store& store, const std::string& wante
 // One bit a face of the grid: its value is in the store and whole.
 class Present {
  public:
-  explicit Present(const repository::Grid& grid) : grid_(grid), bits_(grid.faceCount(), false) {}
+  Present(const repository::Grid& grid, const repository::Shard& shard)
+      : grid_(grid), points_(repository::pointsOf(shard, grid)), bits_(grid.faceCount(), false) {}
 
   base::Result<void> read(const repository::Store& store) {
     return store.forEach([&](const repository::FaceKey& key, base::ByteView value) {
-      if (!grid_.contains(key) || !repository::decodeFaceValue(value)) return true;
+      if (!expected(key) || !repository::decodeFaceValue(value)) return true;
       bits_[index(key)] = true;
       ++count_;
       bytes_ += value.size();
@@ -137,11 +125,15 @@ class Present {
   std::uint64_t bytes() const { return bytes_; }
 
  private:
+  bool expected(const repository::FaceKey& key) const {
+    return grid_.contains(key) && points_.contains(repository::mortonRank(grid_, {key.x, key.y, key.z}));
+  }
   std::size_t index(const repository::FaceKey& key) const {
     return static_cast<std::size_t>(((std::uint64_t{key.z} * grid_.count.y + key.y) * grid_.count.x + key.x) * 6 +
                                     key.d);
   }
   const repository::Grid& grid_;
+  const repository::PointRange points_;
   std::vector<bool> bits_;
   std::uint64_t count_ = 0;
   std::uint64_t bytes_ = 0;
@@ -289,7 +281,7 @@ class Work {
         options_(options),
         progress_(progress),
         parameters_(parametersText(scene, options)),
-        present_(options.grid) {}
+        present_(options.grid, options.shard) {}
 
   base::Result<BakeSummary> run() {
     LUMIGRID_TRY(claimStore(store_, parameters_));
@@ -304,9 +296,13 @@ class Work {
 
  private:
   base::Result<void> sampleAll() {
-    const std::vector<glm::uvec3> points = repository::pointsInMortonOrder(options_.grid);
-    summary_.points = points.size();
-    if (present_.count() == options_.grid.faceCount()) return {};
+    const repository::PointRange range = repository::pointsOf(options_.shard, options_.grid);
+    summary_.points = range.size();
+    if (present_.count() == 6 * range.size()) return {};
+    std::vector<glm::uvec3> points;
+    points.reserve(range.size());
+    for (std::uint64_t rank = range.first; rank < range.end; ++rank)
+      points.push_back(repository::pointAtMortonRank(options_.grid, rank));
     const auto blind = render(points);
     return blind ? base::Result<void>() : base::Result<void>(blind.error());
   }
@@ -315,10 +311,10 @@ class Work {
     const auto meta = store_.readMeta();
     if (!meta) return meta.error();
     const std::string text = meta->value_or("");
-    auto stored = treeFromText(text, options_.grid, "the image repository");
+    auto stored = repository::treeFromText(text, options_.grid, "the image repository");
     if (!stored) return stored.error();
     if (*stored && isComplete(**stored)) {
-      summary_.growth = growthFromText(text);
+      summary_.growth = repository::growthFromText(text);
       summary_.points = (*stored)->points().size();
       return {};
     }
@@ -428,6 +424,10 @@ base::Result<void> checkBakeOptions(const BakeOptions& options) {
   if (options.batch_faces < 1) return wrong("batches of no faces");
   if (!(options.target_db >= 0.0) || options.coarse_cells < 1)
     return wrong("a target below 0 dB, or no cells to begin with");
+  if (options.shard.count < 1 || options.shard.index >= options.shard.count)
+    return wrong("no shard " + std::to_string(options.shard.index) + " of " + std::to_string(options.shard.count));
+  if (options.target_db > 0.0 && options.shard.count > 1)
+    return wrong("adaptive sampling of a shard; where images are wanted shows on the way, so one store holds them all");
   return {};
 }
 

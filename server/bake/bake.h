@@ -13,14 +13,17 @@
 #include "lod/patch/format.h"
 #include "repository/grid.h"
 #include "repository/jpeg.h"
+#include "repository/shard.h"
 #include "repository/store.h"
-#include "server/bake/tree_text.h"
+#include "repository/tree_text.h"
 #include "server/render/scene_renderer.h"
 
 namespace server {
 
 struct BakeOptions {
   repository::Grid grid;
+  repository::Shard
+      shard;         ///< only the points of this shard are rendered; the default is all of them, as target_db needs
   int quality = 85;  ///< JPEG, 1..100
   repository::Subsampling subsampling = repository::Subsampling::k420;
   /// Face pixels. The error behind it bounds the shape alone: at 1 colours are coarser than the pixels already
@@ -52,8 +55,8 @@ struct BakeSummary {
   std::uint64_t faces_rendered = 0, faces_skipped = 0, faces_empty = 0;
   std::uint64_t jpeg_bytes = 0, coverage_bytes = 0;
   double seconds = 0.0;
-  std::uint64_t points = 0;        ///< with images, of the grid's
-  std::vector<TreeGrowth> growth;  ///< of adaptive sampling, by size of cells
+  std::uint64_t points = 0;                    ///< with images, of the grid's
+  std::vector<repository::TreeGrowth> growth;  ///< of adaptive sampling, by size of cells
 };
 
 /// A grid and options that can be baked: kInvalidInput says what cannot.

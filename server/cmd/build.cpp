@@ -2,9 +2,14 @@
 //
 // A build in progress keeps scene.json's document as building.json. What is finished is listed in its parts; a rerun
 // with the same sources and options goes on from there. scene.json appears when everything is in place.
+//
+// Any number of processes may work on one scene. What concerns the scene as a whole is done under its lock (SceneLock):
+// making or opening it with its hierarchy, and declaring it finished. Between the two each process renders its shards,
+// each under the lock of the shard's store; who finds that nothing is missing writes scene.json.
 #include <algorithm>
 #include <array>
 #include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -15,10 +20,18 @@
 #include "lod/build/hierarchy_build.h"
 #include "lod/patch/format.h"
 #include "repository/grid.h"
+#include "repository/repository.h"
 #include "repository/store.h"
+#include "repository/tree_text.h"
+#include "repository/verify.h"
+#include "server/bake/adaptive.h"
 #include "server/bake/bake.h"
+#include "server/bake/tune.h"
 #include "server/cmd/commands.h"
 #include "server/cmd/console.h"
+#include "server/cmd/scene_images.h"
+#include "server/cmd/scene_lock.h"
+#include "server/cmd/shard_choice.h"
 #include "server/cmd/tuned.h"
 
 namespace server::cmd {
@@ -33,9 +46,11 @@ struct BuildArguments {
   std::vector<std::string> meshes;
   std::string output;
   std::vector<std::string> methods{"patch", "images"};
-  bool force = false, json = false, quiet = false;
+  bool force = false, json = false, quiet = false, missing = false;
+  std::string shard;         // i/n or auto, as given
+  std::uint32_t shards = 0;  // 0: as the scene records, or one store
   std::string light = "auto", up = "auto", units = "unknown", subsampling = "420", tune = "off";
-  std::optional<double> tune_db;  ///< --tune in dB, nothing: off
+  std::optional<double> tune_db;  // --tune in dB, nothing: off
   std::uint32_t grid = 32, face = 512;
   double margin = 0.5;
   std::string tmpdir, regroup = "on";
@@ -47,11 +62,33 @@ struct BuildArguments {
 constexpr const char* kWorkFiles = "patch.lgp.work";
 constexpr const char* kWrittenWhole[] = {"patch.lgp", "scene.json", base::kBuildingFile};
 
+// Of the options below, those that decide the hierarchy and what scene.json says of it.
+constexpr const char* kHierarchyParameters[] = {
+    "light", "up", "units", "voxel-triangles", "leaf-triangles", "node-triangles", "position-bits", "regroup"};
+
+// Where adaptive sampling needs images shows from those that are there: its points cannot be dealt out in advance.
+constexpr const char* kAdaptiveIsWhole =
+    "adaptive sampling (--target) builds one undivided repository: leave out --target, or --shard and --shards";
+
 /// What the summary tells.
 struct BuildReport {
   std::optional<lod::build::HierarchySummary> hierarchy;  ///< absent when a resumed build had it already
   std::optional<TuneChoice> tuned;
-  std::optional<BakeSummary> bake;
+  std::optional<BakeSummary> bake;             ///< over all shards that this process did
+  repository::Removed removed;                 ///< from a finished scene: rendered again, or not ours
+  std::vector<repository::ShardGaps> missing;  ///< when it was over: other shards' faces
+};
+
+/// The scene in the output directory, when there is one that fits the command.
+struct Output {
+  std::optional<base::Scene> scene;  ///< with its hierarchy; nothing for a fresh start
+  bool finished = false;             ///< as scene.json; only faults are looked for
+};
+
+/// Which part of the images a command is about.
+struct Part {
+  std::uint32_t shards = 0;            ///< the division; 0: none
+  std::optional<std::uint32_t> index;  ///< nothing: all of them
 };
 
 bool wants(const BuildArguments& a, const char* method) {
@@ -60,7 +97,7 @@ bool wants(const BuildArguments& a, const char* method) {
 
 // The options that decide what the scene holds, as scene.json keeps them. Threads, batches and messages are not among
 // them.
-std::map<std::string, std::string> parametersOf(const BuildArguments& a) {
+Parameters parametersOf(const BuildArguments& a) {
   auto number = [](auto v) { return nlohmann::json(v).dump(); };
   std::string methods;
   for (const char* method : {"patch", "images"})
@@ -86,10 +123,11 @@ std::map<std::string, std::string> parametersOf(const BuildArguments& a) {
           {"regroup", a.regroup}};
 }
 
+// With their hashes, unless the question is only what is missing.
 Result<std::vector<base::SceneSource>> describeSources(const BuildArguments& a) {
   std::vector<base::SceneSource> sources;
   for (const std::string& path : a.meshes) {
-    auto hash = base::sha256OfFile(path);
+    auto hash = a.missing ? Result<std::string>("") : base::sha256OfFile(path);
     if (!hash) return hash.error();
     std::error_code ignored;
     sources.push_back({path, fs::file_size(path, ignored), *hash});
@@ -97,13 +135,27 @@ Result<std::vector<base::SceneSource>> describeSources(const BuildArguments& a) 
   return sources;
 }
 
+// A source whose hash was not worked out is known by its size.
 bool sameSources(const std::vector<base::SceneSource>& a, const std::vector<base::SceneSource>& b) {
-  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
-                    [](const auto& x, const auto& y) { return x.sha256 == y.sha256 && x.bytes == y.bytes; });
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const auto& x, const auto& y) {
+    return x.bytes == y.bytes && (x.sha256 == y.sha256 || x.sha256.empty() || y.sha256.empty());
+  });
 }
 
-// Removes what a scene consists of, and nothing else that may lie in the directory.
+// A file that was being written when its writer was killed.
+bool isUnfinished(const std::string& name) {
+  return std::any_of(std::begin(kWrittenWhole), std::end(kWrittenWhole),
+                     [&](const char* whole) { return base::isUnfinished(name, whole); });
+}
+
+// Removes what a scene consists of, and nothing else that may lie in the directory. Refused while somebody writes it.
 Result<void> clear(const std::string& directory) {
+  const std::string images = directory + "/images";
+  auto layout = repository::layoutOf(images);
+  if (!layout) return layout.error();
+  for (const repository::Shard& shard : layout->shards)
+    LUMIGRID_TRY(repository::removeLmdbStore(repository::storeDirectory(images, shard.count, shard.index)));
+  if (layout->undivided) LUMIGRID_TRY(repository::removeLmdbStore(images));
   for (const char* name :
        {"scene.json", base::kBuildingFile, "patch.lgp", kWorkFiles, "images", "access.lga", "access.lga.lock"}) {
     std::error_code error;
@@ -113,44 +165,81 @@ Result<void> clear(const std::string& directory) {
   return {};
 }
 
-// A file that was being written when its writer was killed.
-bool isUnfinished(const std::string& name) {
-  return std::any_of(std::begin(kWrittenWhole), std::end(kWrittenWhole),
-                     [&](const char* whole) { return base::isUnfinished(name, whole); });
+bool isPublished(const base::Scene& scene) {
+  return std::any_of(scene.parts.begin(), scene.parts.end(),
+                     [](const base::ScenePart& part) { return base::isPublishedName(part.file); });
 }
 
-/// The unfinished build to go on with, or nothing for a fresh start; an error when the output may not be touched.
-Result<std::optional<base::Scene>> openOutput(const BuildArguments& a, const std::vector<base::SceneSource>& sources) {
-  std::optional<base::Scene> resumed;
-  if (a.force || !fs::exists(a.output)) return resumed;
+enum class Fit { kSame, kMore, kOther };
+
+// Whether the scene is what the command makes (kSame: at least that), or has just the hierarchy that it needs (kMore:
+// images are to be added, or none is there yet and they may be encoded in another way), or is another one.
+Fit fitOf(const BuildArguments& a, const std::vector<base::SceneSource>& sources, const base::Scene& scene,
+          bool has_images) {
+  if (!a.meshes.empty() && !sameSources(scene.sources, sources)) return Fit::kOther;
+  Parameters recorded = withoutChoice(scene.parameters);
+  recorded.erase(kShardsParameter);
+  const Parameters wanted = parametersOf(a);
+  if (recorded == wanted) return Fit::kSame;
+  for (const char* name : kHierarchyParameters)
+    if (recorded[name] != wanted.at(name)) return Fit::kOther;
+  if (!wants(a, "images")) return Fit::kSame;
+  if (!wantsImages(scene)) return Fit::kMore;
+  return !has_images && withoutEncoding(recorded) == withoutEncoding(wanted) ? Fit::kMore : Fit::kOther;
+}
+
+// The command's options; the scene's division stays.
+void takeParameters(const BuildArguments& a, base::Scene& scene) {
+  Parameters parameters = parametersOf(a);
+  if (const auto it = scene.parameters.find(kShardsParameter); it != scene.parameters.end()) parameters.insert(*it);
+  scene.parameters = std::move(parameters);
+}
+
+/// The scene to go on with or to look over, or nothing for a fresh start; an error when the output may not be touched.
+Result<Output> openOutput(const BuildArguments& a, const std::vector<base::SceneSource>& sources) {
+  Output output;
+  if (a.force || !fs::exists(a.output)) return output;
   if (!fs::is_directory(a.output))
     return Error{ErrorCode::kExists, a.output + ": is a file, not a scene directory; choose another output"};
-  if (fs::exists(fs::path(a.output) / "scene.json"))
-    return Error{
-        ErrorCode::kExists,
-        a.output + ": holds a finished scene already; choose another output, or say --force to build it again"};
-  const std::string building = a.output + "/" + base::kBuildingFile;
-  if (fs::exists(building)) {
-    auto scene = base::readSceneFile(building);
+  output.finished = fs::exists(fs::path(a.output) / "scene.json");
+  const std::string file = a.output + "/" + (output.finished ? "scene.json" : base::kBuildingFile);
+  if (output.finished || fs::exists(file)) {
+    auto scene = base::readSceneFile(file);
     if (!scene) return scene.error();
-    const bool has_images = fs::exists(fs::path(a.output) / "images" / "data.mdb");
-    if (!takeOver(parametersOf(a), has_images, scene->parameters) || !sameSources(scene->sources, sources))
+    if (isPublished(*scene))
+      return Error{ErrorCode::kExists, a.output +
+                                           ": is a published scene; build the one that it was published from, and "
+                                           "publish that again"};
+    const auto layout = repository::layoutOf(a.output + "/images");
+    if (!layout) return layout.error();
+    const bool has_images = output.finished || layout->undivided || !layout->shards.empty();
+    const Fit fit = fitOf(a, sources, *scene, has_images);
+    if (fit == Fit::kOther && output.finished)
+      return Error{ErrorCode::kExists,
+                   a.output +
+                       ": holds a finished scene of other meshes or options already; choose another "
+                       "output, or say --force to build it again"};
+    if (fit == Fit::kOther)
       return Error{
           ErrorCode::kExists,
           a.output +
               ": holds an unfinished build of other meshes or options; repeat those, or say --force to start afresh"};
-    resumed = std::move(*scene);
-    return resumed;
+    if (fit == Fit::kMore) {
+      takeParameters(a, *scene);
+      output.finished = false;
+    }
+    output.scene = std::move(*scene);
+    return output;
   }
   // A hierarchy that was stopped on the way has left its work files, or a patch.lgp that nothing lists yet.
   const bool only_work = std::all_of(fs::directory_iterator(a.output), fs::directory_iterator(), [](const auto& entry) {
     const std::string name = entry.path().filename().string();
-    return name == kWorkFiles || name == "patch.lgp" || isUnfinished(name);
+    return name == kWorkFiles || name == "patch.lgp" || name == kLockFile || isUnfinished(name);
   });
   if (!only_work)
     return Error{ErrorCode::kExists,
                  a.output + ": is not empty and not a scene; choose another output, or say --force"};
-  return resumed;
+  return output;
 }
 
 // Up, when not told: glTF says +y. A flat open scan stands on its shortest axis, on the side its surface faces;
@@ -207,6 +296,14 @@ bool hasPart(const base::Scene& scene, const std::string& file) {
                      [&](const base::ScenePart& part) { return part.file == file; });
 }
 
+// Listed, and there with the size that is listed.
+bool hasHierarchy(const BuildArguments& a, const base::Scene& scene) {
+  return std::any_of(scene.parts.begin(), scene.parts.end(), [&](const base::ScenePart& part) {
+    std::error_code error;
+    return part.file == "patch.lgp" && fs::file_size(fs::path(a.output) / part.file, error) == part.bytes;
+  });
+}
+
 // One place for each output, so that several builds can share a directory.
 std::string workDirectory(const BuildArguments& a) {
   if (a.tmpdir.empty()) return a.output + "/" + kWorkFiles;
@@ -228,10 +325,7 @@ std::string resumeKey(const std::vector<base::SceneSource>& sources) {
 /// leaves its work files.
 Result<base::Scene> buildPatches(const BuildArguments& a, const std::vector<base::SceneSource>& sources,
                                  BuildReport& report, ProgressLine& line) {
-  const bool fresh = !fs::exists(a.output);
-  std::error_code error;
-  fs::create_directories(a.output, error);
-  if (error) return Error{ErrorCode::kIo, a.output + ": cannot make this directory: " + error.message()};
+  if (a.meshes.empty()) return Error{ErrorCode::kNotFound, a.output + ": holds no hierarchy yet; give the meshes too"};
   if (a.force) LUMIGRID_TRY(clear(a.output));
 
   lod::build::HierarchyOptions options = a.hierarchy;
@@ -251,10 +345,7 @@ Result<base::Scene> buildPatches(const BuildArguments& a, const std::vector<base
                                                        return !stopRequested();
                                                      });
   line.finish();
-  if (!summary) {
-    if (fresh) fs::remove(a.output, error);  // only when empty: nothing half-written stays
-    return summary.error();
-  }
+  if (!summary) return summary.error();
   for (const std::string& warning : summary->warnings) std::fprintf(stderr, "lumigrid: warning: %s\n", warning.c_str());
   base::Scene scene;
   scene.sources = sources;
@@ -271,35 +362,97 @@ repository::Subsampling subsamplingOf(const std::string& name) {
                          : repository::Subsampling::k420;
 }
 
-/// With --tune: the choice that an earlier run kept, or a new one, which is kept before the first image.
-Result<void> chooseQuality(const BuildArguments& a, const lod::patch::PatchFile& patches, base::Scene& scene,
-                           BuildReport& report, BakeOptions& options) {
+repository::Grid gridFor(const BuildArguments& a, const base::Scene& scene) {
+  return repository::makeGrid(scene.localBox(), a.grid, static_cast<float>(a.margin), a.face);
+}
+
+std::string imagesOf(const BuildArguments& a) {
+  return a.output + "/images";
+}
+
+// What is drawn, for all shards alike.
+BakeOptions bakeOptions(const BuildArguments& a, const base::Scene& scene) {
+  BakeOptions options = a.bake;
+  options.grid = gridFor(a, scene);
+  options.subsampling = subsamplingOf(a.subsampling);
+  options.threads = a.hierarchy.threads;
+  return options;
+}
+
+/// With --tune: the choice that an earlier run or another shard's kept in the scene's parameters, or a new one. Under
+/// the scene's lock, so that all shards take the same.
+Result<void> chooseQuality(const BuildArguments& a, Output& output, BuildReport& report) {
   if (!a.tune_db) return {};
+  base::Scene& scene = *output.scene;
   auto choice = storedChoice(scene.parameters);
-  if (!choice) return base::within(a.output + "/" + base::kBuildingFile, choice.error());
+  if (!choice)
+    return base::within(a.output + "/" + (output.finished ? "scene.json" : base::kBuildingFile), choice.error());
   if (!*choice) {
-    auto tuned = tuneScene(scene, patches, options, *a.tune_db);
+    auto patches = lod::patch::PatchFile::open(a.output + "/patch.lgp");
+    if (!patches) return patches.error();
+    auto tuned = tuneScene(scene, *patches, bakeOptions(a, scene), *a.tune_db);
     if (!tuned) return base::within("--tune", tuned.error());
     *choice = *tuned;
     storeChoice(**choice, scene.parameters);
-    LUMIGRID_TRY(base::writeSceneFile(scene, a.output + "/" + base::kBuildingFile));
   }
   report.tuned = **choice;
-  options.quality = (*choice)->quality;
-  options.subsampling = (*choice)->subsampling;
   return {};
 }
 
-Result<void> buildImages(const BuildArguments& a, base::Scene& scene, BuildReport& report, ProgressLine& line) {
+// The tree with which adaptive sampling begins; nothing where the whole grid is sampled.
+std::optional<repository::SampleTree> firstTree(const BuildArguments& a, const repository::Grid& grid) {
+  if (a.bake.target_db <= 0.0) return std::nullopt;
+  return repository::SampleTree(grid, coarseCellSize(grid, a.bake.coarse_cells));
+}
+
+Result<std::vector<repository::ShardGaps>> missingImages(const BuildArguments& a, const base::Scene& scene,
+                                                         std::uint32_t shards) {
+  const repository::Grid grid = gridFor(a, scene);
+  const auto first_tree = firstTree(a, grid);
+  return repository::findMissing(imagesOf(a), shards, grid, first_tree ? &*first_tree : nullptr);
+}
+
+// Faults of a store that is thought to be whole; its tree, if it has one, stays as it is.
+Result<repository::Removed> removeFaulty(repository::Store& store, const BakeOptions& options,
+                                         const std::string& directory) {
+  auto meta = store.readMeta();
+  if (!meta) return meta.error();
+  auto tree = repository::treeFromText(meta->value_or(""), options.grid, directory);
+  if (!tree) return tree.error();
+  return repository::removeFaulty(store, options.grid, options.shard, *tree ? &**tree : nullptr, options.threads);
+}
+
+void add(const BakeSummary& one, std::optional<BakeSummary>& sum) {
+  if (!sum) sum.emplace();
+  sum->faces_rendered += one.faces_rendered;
+  sum->faces_skipped += one.faces_skipped;
+  sum->faces_empty += one.faces_empty;
+  sum->jpeg_bytes += one.jpeg_bytes;
+  sum->coverage_bytes += one.coverage_bytes;
+  sum->seconds += one.seconds;
+}
+
+// One store: what is wrong with a finished one goes first, then what is missing is rendered.
+Result<void> buildStore(const BuildArguments& a, const base::Scene& scene, const repository::Shard& shard,
+                        const std::string& directory, bool finished, BuildReport& report, ProgressLine& line) {
   auto patches = lod::patch::PatchFile::open(a.output + "/patch.lgp");
   if (!patches) return patches.error();
-  BakeOptions options = a.bake;
-  options.grid = repository::makeGrid(scene.localBox(), a.grid, static_cast<float>(a.margin), a.face);
-  options.subsampling = subsamplingOf(a.subsampling);
-  options.threads = a.hierarchy.threads;
-  LUMIGRID_TRY(chooseQuality(a, *patches, scene, report, options));
-  auto store = repository::openLmdbStore(a.output + "/images", repository::StoreMode::kWrite);
+  auto store = repository::openLmdbStore(directory, repository::StoreMode::kWrite);
   if (!store) return store.error();
+  BakeOptions options = bakeOptions(a, scene);
+  options.shard = shard;
+  if (const auto& tuned = report.tuned) {
+    options.quality = tuned->quality;
+    options.subsampling = tuned->subsampling;
+  }
+  if (finished) {
+    auto removed = removeFaulty(**store, options, directory);
+    if (!removed) return removed.error();
+    report.removed.damaged += removed->damaged;
+    report.removed.orphans += removed->orphans;
+  }
+  const std::string stage =
+      shard.count > 1 ? "images " + std::to_string(shard.index) + "/" + std::to_string(shard.count) : "images";
   auto baked = bake(scene, *patches, **store, options, [&](const BakeProgress& p) {
     if (p.cells_total != 0) {
       line.show("cells of " + std::to_string(p.cell) + " steps",
@@ -308,7 +461,7 @@ Result<void> buildImages(const BuildArguments& a, base::Scene& scene, BuildRepor
     }
     std::array<char, 64> rate{};
     std::snprintf(rate.data(), rate.size(), "%.1f images/s", p.faces_per_second);
-    line.show("images",
+    line.show(stage,
               p.faces_total == 0
                   ? 1.0
                   : static_cast<double>(p.faces_done + p.faces_skipped) / static_cast<double>(p.faces_total),
@@ -316,15 +469,41 @@ Result<void> buildImages(const BuildArguments& a, base::Scene& scene, BuildRepor
     return !stopRequested();
   });
   line.finish();
-  if (!baked) return baked.error();
-  report.bake = *baked;
-  if (!hasPart(scene, "images")) LUMIGRID_TRY(addPart(scene, a.output, "images"));
+  if (!baked) return base::within(directory, baked.error());
+  add(*baked, report.bake);
   return {};
 }
 
+// All shards one after the other; those that others are writing just now are left to them.
+Result<void> buildAllShards(const BuildArguments& a, const base::Scene& scene, std::uint32_t shards, bool finished,
+                            BuildReport& report, ProgressLine& line) {
+  std::optional<Error> busy;
+  for (std::uint32_t i = 0; i < shards; ++i) {
+    const repository::Shard shard{i, shards};
+    if (repository::pointsOf(shard, gridFor(a, scene)).size() == 0) continue;
+    auto built =
+        buildStore(a, scene, shard, repository::storeDirectory(imagesOf(a), shards, i), finished, report, line);
+    if (built) continue;
+    if (built.error().code != ErrorCode::kBusy) return built.error();
+    busy = built.error();
+  }
+  return busy ? Result<void>(*busy) : Result<void>();
+}
+
+Result<void> buildImages(const BuildArguments& a, const base::Scene& scene, const Part& part, bool finished,
+                         BuildReport& report, ProgressLine& line) {
+  if (part.shards != 0 && !part.index) return buildAllShards(a, scene, part.shards, finished, report, line);
+  const repository::Shard shard = part.index ? repository::Shard{*part.index, part.shards} : repository::Shard{};
+  return buildStore(a, scene, shard, repository::storeDirectory(imagesOf(a), part.shards, shard.index), finished,
+                    report, line);
+}
+
 nlohmann::json summaryJson(const base::Scene& scene, const BuildReport& r) {
-  nlohmann::json j{
-      {"triangles", scene.triangles}, {"repairs", scene.repairs}, {"peak_memory_bytes", peakResidentBytes()}};
+  nlohmann::json j{{"triangles", scene.triangles},
+                   {"repairs", scene.repairs},
+                   {"peak_memory_bytes", peakResidentBytes()},
+                   {"complete", r.missing.empty()},
+                   {"removed", {{"damaged", r.removed.damaged}, {"orphans", r.removed.orphans}}}};
   if (r.hierarchy) {
     const auto& h = *r.hierarchy;
     j["import_seconds"] = h.import_seconds;
@@ -353,7 +532,24 @@ nlohmann::json summaryJson(const base::Scene& scene, const BuildReport& r) {
   return j;
 }
 
-void printSummary(const BuildArguments& a, const base::Scene& scene, const BuildReport& r) {
+// The last lines: what was put right in a finished scene, and what comes next.
+void printOutcome(const BuildArguments& a, const Output& output, const BuildReport& r) {
+  if (r.removed.damaged + r.removed.orphans > 0)
+    std::printf("repaired: %s damaged images rendered again, %s removed that did not belong here\n",
+                formatCount(r.removed.damaged).c_str(), formatCount(r.removed.orphans).c_str());
+  else if (output.finished && !r.hierarchy && (!r.bake || r.bake->faces_rendered == 0))
+    std::printf("%s: finished and whole; nothing was to be done\n", a.output.c_str());
+  std::printf("peak memory %s\n", formatBytes(peakResidentBytes()).c_str());
+  if (r.missing.empty())
+    std::printf("next: lumigrid serve %s\n", a.output.c_str());
+  else
+    std::printf(
+        "next: %zu more shards (%s) with the same command; lumigrid build --missing -o %s lists what they lack\n",
+        r.missing.size(), arrayOf(r.missing).c_str(), a.output.c_str());
+}
+
+void printSummary(const BuildArguments& a, const Output& output, const BuildReport& r) {
+  const base::Scene& scene = *output.scene;
   std::printf("%s: %s triangles\n", a.output.c_str(), formatCount(scene.triangles).c_str());
   for (const auto& [what, count] : scene.repairs)
     std::printf("  repaired: %s %s\n", formatCount(count).c_str(), what.c_str());
@@ -377,158 +573,373 @@ void printSummary(const BuildArguments& a, const base::Scene& scene, const Build
                 formatCount(b.faces_skipped).c_str(), formatBytes(b.jpeg_bytes).c_str(),
                 formatBytes(b.coverage_bytes).c_str());
   }
-  std::printf("peak memory %s\nnext: lumigrid serve %s\n", formatBytes(peakResidentBytes()).c_str(), a.output.c_str());
+  printOutcome(a, output, r);
 }
 
-Result<void> build(const BuildArguments& a) {
-  auto sources = describeSources(a);
-  if (!sources) return sources.error();
-  auto resumed = openOutput(a, *sources);
-  if (!resumed) return resumed.error();
-  ProgressLine line(a.quiet);
-  BuildReport report;
-
-  base::Scene scene;
-  if (resumed->has_value() && hasPart(**resumed, "patch.lgp")) {
-    scene = std::move(**resumed);
+// --shard and --shards, or what an MPI launcher says.
+Result<Part> partOf(const BuildArguments& a) {
+  const Environment environment = [](const char* name) -> const char* { return std::getenv(name); };
+  std::optional<repository::Shard> shard;
+  if (a.shard.empty()) {
+    auto rank = shardFromRanks(environment);
+    if (!rank) return rank.error();
+    shard = *rank;
   } else {
-    auto built = buildPatches(a, *sources, report, line);
-    if (!built) return built.error();
-    scene = std::move(*built);
+    auto given = a.shard == "auto" ? shardFromLauncher(environment) : repository::parseShard(a.shard);
+    if (!given) return given.error();
+    shard = *given;
   }
-  if (wants(a, "images")) LUMIGRID_TRY(buildImages(a, scene, report, line));
+  if (!shard) return Part{a.shards, std::nullopt};
+  if (a.bake.target_db > 0.0) return Error{ErrorCode::kInvalidInput, kAdaptiveIsWhole};
+  if (a.shards != 0 && a.shards != shard->count)
+    return Error{ErrorCode::kInvalidInput, "--shards " + std::to_string(a.shards) + " and a shard of " +
+                                               std::to_string(shard->count) + " do not go together"};
+  return Part{shard->count, shard->index};
+}
 
-  LUMIGRID_TRY(base::writeSceneFile(scene, a.output + "/scene.json"));
+// The scene's division is the first that was asked for: it stays while there are images.
+Result<void> settleDivision(const BuildArguments& a, const Output& output, Part& part) {
+  auto recorded = shardsOf(*output.scene);
+  if (!recorded) return recorded.error();
+  if (*recorded != 0 && a.bake.target_db > 0.0)
+    return Error{ErrorCode::kInvalidInput, a.output + ": is divided into shards; " + kAdaptiveIsWhole};
+  if (part.shards == 0 || part.shards == *recorded) {
+    part.shards = *recorded;
+    return {};
+  }
+  auto layout = repository::layoutOf(imagesOf(a));
+  if (!layout) return layout.error();
+  if (!output.finished && !layout->undivided && layout->shards.empty()) return {};
+  const std::string is = *recorded == 0 ? "undivided" : "divided into " + std::to_string(*recorded) + " shards";
+  return Error{ErrorCode::kExists, a.output + ": its images are " + is + ", not into " + std::to_string(part.shards) +
+                                       "; keep to that, or make the scene anew with --force"};
+}
+
+// Stores of another division hold nothing that anybody reads.
+Result<void> removeOrphanStores(const BuildArguments& a, std::uint32_t shards) {
+  auto orphans = orphanStores(imagesOf(a), shards);
+  if (!orphans) return orphans.error();
+  for (const std::string& directory : *orphans) {
+    LUMIGRID_TRY(repository::removeLmdbStore(directory));
+    std::fprintf(stderr, "lumigrid: removed %s, which is not of this scene's division\n", directory.c_str());
+  }
+  return {};
+}
+
+/// The scene with its hierarchy, found or made, and building.json as it should be. Under the scene's lock.
+Result<Output> prepare(const BuildArguments& a, const std::vector<base::SceneSource>& sources, Part& part,
+                       BuildReport& report, ProgressLine& line) {
+  auto output = openOutput(a, sources);
+  if (!output) return output.error();
+  if (!output->scene || !hasHierarchy(a, *output->scene)) {
+    auto built = buildPatches(a, sources, report, line);
+    if (!built) return built.error();
+    if (output->scene) built->parameters = output->scene->parameters;  // with the division
+    output->scene = std::move(*built);
+  }
+  LUMIGRID_TRY(settleDivision(a, *output, part));
+  if (wants(a, "images")) {
+    LUMIGRID_TRY(removeOrphanStores(a, part.shards));
+    LUMIGRID_TRY(chooseQuality(a, *output, report));
+  }
+  if (output->finished) return output;
+  if (part.shards != 0) output->scene->parameters[kShardsParameter] = std::to_string(part.shards);
+  LUMIGRID_TRY(base::writeSceneFile(*output->scene, a.output + "/" + base::kBuildingFile));
+  std::error_code ignored;
+  fs::remove(fs::path(a.output) / "scene.json", ignored);  // a scene that gets images is unfinished again
+  return output;
+}
+
+/// scene.json, if nothing is missing. Under the scene's lock.
+Result<void> finish(const BuildArguments& a, Output& output, const Part& part, BuildReport& report) {
+  base::Scene& scene = *output.scene;
+  if (wantsImages(scene) && !wants(a, "images")) return {};  // another command is at them
+  if (wantsImages(scene)) {
+    auto missing = missingImages(a, scene, part.shards);
+    if (!missing) return missing.error();
+    report.missing = std::move(*missing);
+    if (!report.missing.empty()) return {};
+  }
+  if (!fs::exists(fs::path(a.output) / "scene.json")) {
+    if (wantsImages(scene) && !hasPart(scene, "images")) scene.parts.push_back({"images", 0, ""});
+    LUMIGRID_TRY(base::writeSceneFile(scene, a.output + "/scene.json"));
+  }
   std::error_code ignored;
   fs::remove(fs::path(a.output) / base::kBuildingFile, ignored);
   // What runs killed while they wrote them left.
   for (const char* name : kWrittenWhole) base::removeUnfinished(a.output + "/" + name);
-  if (a.json)
-    std::printf("%s\n", summaryJson(scene, report).dump().c_str());
-  else
-    printSummary(a, scene, report);
   return {};
+}
+
+Result<SceneLock> lockScene(const BuildArguments& a) {
+  return SceneLock::take(a.output, [&](const std::string& holder) {
+    if (!a.quiet)
+      std::fprintf(stderr, "lumigrid: waiting for %s, which is preparing %s\n", holder.c_str(), a.output.c_str());
+  });
+}
+
+Result<void> build(const BuildArguments& a) {
+  auto part = partOf(a);
+  if (!part) return part.error();
+  if (a.force && part->index)
+    return Error{ErrorCode::kInvalidInput,
+                 "--force would remove what other shards made; make the hierarchy anew first: --methods patch --force"};
+  auto sources = describeSources(a);
+  if (!sources) return sources.error();
+  ProgressLine line(a.quiet);
+  BuildReport report;
+  Result<Output> output = Output{};
+  {
+    auto lock = lockScene(a);
+    if (!lock) return lock.error();
+    output = prepare(a, *sources, *part, report, line);
+    if (!output) return output.error();
+  }
+  if (wants(a, "images")) LUMIGRID_TRY(buildImages(a, *output->scene, *part, output->finished, report, line));
+  {
+    auto lock = lockScene(a);
+    if (!lock) return lock.error();
+    LUMIGRID_TRY(finish(a, *output, *part, report));
+  }
+  if (a.json)
+    std::printf("%s\n", summaryJson(*output->scene, report).dump().c_str());
+  else
+    printSummary(a, *output, report);
+  return {};
+}
+
+// --- What is missing
+// ------------------------------------------------------------------------------------------------------------
+
+// Cheap, so that it can be asked often: sources are known by their sizes, images by their keys.
+Result<MissingParts> findMissingParts(const BuildArguments& a) {
+  auto part = partOf(a);
+  if (!part) return part.error();
+  auto sources = describeSources(a);
+  if (!sources) return sources.error();
+  auto output = openOutput(a, *sources);
+  if (!output) return output.error();
+  MissingParts missing;
+  missing.shards = part->shards;
+  if (!output->scene) {
+    missing.hierarchy = true;
+    return missing;
+  }
+  const base::Scene& scene = *output->scene;
+  LUMIGRID_TRY(settleDivision(a, *output, *part));
+  missing.shards = part->shards;
+  missing.hierarchy = !hasHierarchy(a, scene);
+  if (!wants(a, "images")) {
+    missing.declaration = !missing.hierarchy && !output->finished && !wantsImages(scene);
+    return missing;
+  }
+  auto images = missingImages(a, scene, part->shards);
+  if (!images) return images.error();
+  missing.images = std::move(*images);
+  if (part->index) std::erase_if(missing.images, [&](const auto& one) { return one.shard.index != *part->index; });
+  missing.declaration = !missing.hierarchy && !output->finished && missing.images.empty() && !part->index;
+  return missing;
+}
+
+// The options, each with its default.
+void declareOptions(CLI::App& command, BuildArguments& a) {
+  command.add_option("MESH", a.meshes,
+                     "PLY, OBJ, STL, OFF or GLB files; several make one scene. May be left out once the scene has its "
+                     "hierarchy: then the options that are not given are those that the scene records");
+  command.add_option("-o,--output", a.output, "scene directory to make, or to go on with")->required();
+  command.add_flag("--force", a.force, "replace a scene that is there");
+  command
+      .add_option("--methods", a.methods, "what to build: patch (the hierarchy), images (the repository; needs patch)")
+      ->delimiter(',')
+      ->check(CLI::IsMember({"patch", "images"}))
+      ->capture_default_str();
+  command.add_option("--grid", a.grid, "sampling points along the longest side of the viewing box")
+      ->check(CLI::Range(2, 1024))
+      ->capture_default_str();
+  command.add_option("--margin", a.margin, "viewing box beyond the model on every side, in longest sides of the model")
+      ->check(CLI::Range(0.0, 100.0))
+      ->capture_default_str();
+  command
+      .add_option(
+          "--target", a.bake.target_db,
+          "adaptive sampling: --grid is the finest grid, and a cell is split only where views blended from its "
+          "corners miss the truth by more than so many dB (PSNR of foreground pixels, e.g. 30); 0: the whole grid")
+      ->check(CLI::Range(0.0, 60.0))
+      ->capture_default_str();
+  command
+      .add_option("--gain", a.bake.least_gain_db,
+                  "adaptive sampling: and only where one more image in the cell's middle gains at least so many dB")
+      ->check(CLI::Range(0.0, 60.0))
+      ->capture_default_str();
+  command
+      .add_option("--coarse-cells", a.bake.coarse_cells,
+                  "adaptive sampling: cells along the longest side to begin with, at least")
+      ->check(CLI::Range(1, 1023))
+      ->capture_default_str();
+  command.add_option("--face", a.face, "pixels along one side of an image")
+      ->check(CLI::Range(16, 4096))
+      ->capture_default_str();
+  command.add_option("--quality", a.bake.quality, "JPEG quality")->check(CLI::Range(1, 100))->capture_default_str();
+  command
+      .add_option("--subsampling", a.subsampling,
+                  "JPEG chroma subsampling; 420 halves the bytes, 444 keeps strong colours")
+      ->check(CLI::IsMember({"420", "422", "444"}))
+      ->capture_default_str();
+  command
+      .add_option(
+          "--tune", a.tune,
+          "off, or a PSNR in dB, e.g. 36: takes the quality and subsampling of fewest bytes that reach it on the "
+          "model's pixels of a sample of " +
+              std::to_string(kTuneFaces) + " images")
+      ->capture_default_str();
+  command.add_option("--tolerance", a.bake.tolerance_px, "largest projected error in the images, face pixels")
+      ->check(CLI::Range(0.0F, 100.0F))
+      ->capture_default_str();
+  command.add_option("--supersampling", a.bake.supersampling, "n x n samples per face pixel")
+      ->check(CLI::Range(1, 8))
+      ->capture_default_str();
+  command.add_option("--batch", a.bake.batch_faces, "images per commit: the most a killed build loses")
+      ->check(CLI::Range(1, 100000))
+      ->capture_default_str();
+  command
+      .add_option("--light", a.light,
+                  "unlit: colours as scanned; soft: a soft directional light; auto: unlit where the mesh has colours")
+      ->check(CLI::IsMember({"auto", "unlit", "soft"}))
+      ->capture_default_str();
+  command.add_option("--up", a.up, "axis that points up in the first view")
+      ->check(CLI::IsMember({"auto", "x", "y", "z"}))
+      ->capture_default_str();
+  command.add_option("--units", a.units, "unit of length of the mesh, e.g. m; kept in scene.json")
+      ->capture_default_str();
+  command.add_option("--voxel-triangles", a.hierarchy.voxel_triangles, "Nv: most triangles in a voxel")
+      ->check(CLI::Range(1, 1'000'000))
+      ->capture_default_str();
+  command.add_option("--leaf-triangles", a.hierarchy.leaf_triangles, "Nl: most triangles in a leaf patch")
+      ->check(CLI::Range(16, 20'000))
+      ->capture_default_str();
+  command.add_option("--node-triangles", a.hierarchy.node_triangles, "Nn: most triangles in any other patch")
+      ->check(CLI::Range(16, 20'000))
+      ->capture_default_str();
+  command
+      .add_option("--position-bits", a.hierarchy.position_bits,
+                  "lattice steps along the longest side, as a power of two, 10 to 21; 0: chosen from the mean edge")
+      ->check(CLI::Range(0, 21))
+      ->capture_default_str();
+  command.add_option("--threads", a.hierarchy.threads, "0: all cores; the result does not depend on it")
+      ->capture_default_str();
+  command
+      .add_option("--memory", a.hierarchy.memory_bytes,
+                  "most memory to use while the hierarchy is built, e.g. 4G, at least 256M; 0: 60 % of the machine's; "
+                  "the result does not depend on it")
+      ->transform(CLI::AsSizeValue(false))
+      ->capture_default_str();
+  command.add_option("--tmpdir", a.tmpdir,
+                     "directory for work files, about 60 bytes per triangle; default: within the scene");
+  command
+      .add_option("--regroup", a.regroup,
+                  "on: new groups of patches at each level; off: the paper's binary tree, whose locked borders pile up")
+      ->check(CLI::IsMember({"on", "off"}))
+      ->capture_default_str();
+  command
+      .add_option("--shard", a.shard,
+                  "i/n: render only the i-th (0 to n-1) of n contiguous ranges of the grid, into a store of its own; "
+                  "any number of such commands may run at a time, on one scene. auto: i and n from a Slurm job array "
+                  "(times the rank within a task), an MPI launcher or srun. Default: all, or the rank where mpirun "
+                  "started several")
+      ->check([](const std::string& text) {
+        const auto shard = repository::parseShard(text);
+        return text == "auto" || shard ? std::string() : shard.error().message;
+      });
+  command
+      .add_option("--shards", a.shards,
+                  "divide the images into n stores and build all of them; 0: as the scene is divided, else one store")
+      ->check(CLI::Range(std::uint32_t{0}, repository::kMostShards))
+      ->capture_default_str();
+  command.add_flag("--missing", a.missing,
+                   "build nothing; list what this command would still have to make. Status 0: nothing, 3: something, "
+                   "1: it cannot be told");
+  command.add_flag("--json", a.json, "summary as JSON");
+  command.add_flag("--quiet", a.quiet, "no progress");
+}
+
+bool isGiven(const CLI::App& command, const std::string& option) {
+  return command.get_option(option)->count() > 0;
+}
+
+// What is wrong with options that each are right; empty when nothing is. Sets tune_db.
+std::string wrongUsage(const CLI::App& command, BuildArguments& a) {
+  if (wants(a, "images") && !wants(a, "patch")) return "--methods images needs patch as well";
+  if (!parseTune(a.tune, a.tune_db))
+    return "--tune " + a.tune + ": give off, or a PSNR in dB above 0 and below 99, e.g. 36";
+  if (a.tune_db && !wants(a, "images"))
+    return "--tune chooses quality and subsampling of the images: leave out --tune, or build images";
+  if (a.tune_db && (isGiven(command, "--quality") || isGiven(command, "--subsampling")))
+    return "--tune chooses quality and subsampling of the images: leave out --quality and --subsampling, or --tune";
+  if (a.bake.target_db > 0.0 && (!a.shard.empty() || a.shards != 0)) return kAdaptiveIsWhole;
+  return "";
+}
+
+// The recorded parameters but for those that the given options overrule: how images are encoded is either said or
+// tuned.
+Parameters recordedBeside(const CLI::App& given, const Parameters& parameters) {
+  Parameters recorded = withoutChoice(parameters);
+  if (recorded.contains("tune")) recorded.erase("subsampling");
+  if (isGiven(given, "--quality") || isGiven(given, "--subsampling")) recorded.erase("tune");
+  if (isGiven(given, "--tune") && given.get_option("--tune")->as<std::string>() != "off")
+    for (const char* name : {"quality", "subsampling"}) recorded.erase(name);
+  return recorded;
+}
+
+// A command without meshes: what it does not say is what the scene in its output records.
+Result<BuildArguments> withRecordedOptions(const CLI::App& given, const BuildArguments& a) {
+  const std::string finished = a.output + "/scene.json";
+  const std::string building = a.output + "/" + base::kBuildingFile;
+  const std::string file = fs::exists(finished) ? finished : building;
+  if (!fs::exists(file) && a.missing) return a;
+  if (!fs::exists(file))
+    return Error{ErrorCode::kNotFound, a.output + ": no scene is here to go on with; give the meshes too"};
+  auto scene = base::readSceneFile(file);
+  if (!scene) return scene.error();
+
+  BuildArguments completed;
+  CLI::App options;
+  declareOptions(options, completed);
+  std::vector<std::string> words;
+  for (const CLI::Option* option : given.get_options())
+    for (const std::string& value : option->results())
+      if (!option->get_lnames().empty()) words.push_back("--" + option->get_lnames().front() + "=" + value);
+  for (const auto& [name, value] : recordedBeside(given, scene->parameters)) {
+    const CLI::Option* option = given.get_option_no_throw("--" + name);
+    if (name != kShardsParameter && option != nullptr && option->count() == 0)
+      words.push_back("--" + name + "=" + value);
+  }
+  try {
+    options.parse(words);
+  } catch (const CLI::ParseError& error) {
+    return Error{ErrorCode::kInvalidInput, file + ": records an option that this program does not take: " +
+                                               error.what() + "; build the scene again from its meshes"};
+  }
+  return completed;
 }
 
 }  // namespace
 
 Run addBuild(CLI::App& command) {
   auto a = std::make_shared<BuildArguments>();
-  command.add_option("MESH", a->meshes, "PLY, OBJ, STL, OFF or GLB files; several make one scene")->required();
-  command.add_option("-o,--output", a->output, "scene directory to make, or to go on with")->required();
-  command.add_flag("--force", a->force, "replace a scene that is there");
-  command
-      .add_option("--methods", a->methods, "what to build: patch (the hierarchy), images (the repository; needs patch)")
-      ->delimiter(',')
-      ->check(CLI::IsMember({"patch", "images"}))
-      ->capture_default_str();
-  command.add_option("--grid", a->grid, "sampling points along the longest side of the viewing box")
-      ->check(CLI::Range(2, 1024))
-      ->capture_default_str();
-  command
-      .add_option("--margin", a->margin, "viewing box beyond the model on every side, in longest sides of the model")
-      ->check(CLI::Range(0.0, 100.0))
-      ->capture_default_str();
-  command
-      .add_option(
-          "--target", a->bake.target_db,
-          "adaptive sampling: --grid is the finest grid, and a cell is split only where views blended from its "
-          "corners miss the truth by more than so many dB (PSNR of foreground pixels, e.g. 30); 0: the whole grid")
-      ->check(CLI::Range(0.0, 60.0))
-      ->capture_default_str();
-  command
-      .add_option("--gain", a->bake.least_gain_db,
-                  "adaptive sampling: and only where one more image in the cell's middle gains at least so many dB")
-      ->check(CLI::Range(0.0, 60.0))
-      ->capture_default_str();
-  command
-      .add_option("--coarse-cells", a->bake.coarse_cells,
-                  "adaptive sampling: cells along the longest side to begin with, at least")
-      ->check(CLI::Range(1, 1023))
-      ->capture_default_str();
-  command.add_option("--face", a->face, "pixels along one side of an image")
-      ->check(CLI::Range(16, 4096))
-      ->capture_default_str();
-  const CLI::Option* quality = command.add_option("--quality", a->bake.quality, "JPEG quality")
-                                   ->check(CLI::Range(1, 100))
-                                   ->capture_default_str();
-  const CLI::Option* subsampling =
-      command
-          .add_option("--subsampling", a->subsampling,
-                      "JPEG chroma subsampling; 420 halves the bytes, 444 keeps strong colours")
-          ->check(CLI::IsMember({"420", "422", "444"}))
-          ->capture_default_str();
-  command
-      .add_option(
-          "--tune", a->tune,
-          "off, or a PSNR in dB, e.g. 36: takes the quality and subsampling of fewest bytes that reach it on the "
-          "model's pixels of a sample of " +
-              std::to_string(kTuneFaces) + " images")
-      ->capture_default_str();
-  command.add_option("--tolerance", a->bake.tolerance_px, "largest projected error in the images, face pixels")
-      ->check(CLI::Range(0.0F, 100.0F))
-      ->capture_default_str();
-  command.add_option("--supersampling", a->bake.supersampling, "n x n samples per face pixel")
-      ->check(CLI::Range(1, 8))
-      ->capture_default_str();
-  command.add_option("--batch", a->bake.batch_faces, "images per commit: the most a killed build loses")
-      ->check(CLI::Range(1, 100000))
-      ->capture_default_str();
-  command
-      .add_option("--light", a->light,
-                  "unlit: colours as scanned; soft: a soft directional light; auto: unlit where the mesh has colours")
-      ->check(CLI::IsMember({"auto", "unlit", "soft"}))
-      ->capture_default_str();
-  command.add_option("--up", a->up, "axis that points up in the first view")
-      ->check(CLI::IsMember({"auto", "x", "y", "z"}))
-      ->capture_default_str();
-  command.add_option("--units", a->units, "unit of length of the mesh, e.g. m; kept in scene.json")
-      ->capture_default_str();
-  command.add_option("--voxel-triangles", a->hierarchy.voxel_triangles, "Nv: most triangles in a voxel")
-      ->check(CLI::Range(1, 1'000'000))
-      ->capture_default_str();
-  command.add_option("--leaf-triangles", a->hierarchy.leaf_triangles, "Nl: most triangles in a leaf patch")
-      ->check(CLI::Range(16, 20'000))
-      ->capture_default_str();
-  command.add_option("--node-triangles", a->hierarchy.node_triangles, "Nn: most triangles in any other patch")
-      ->check(CLI::Range(16, 20'000))
-      ->capture_default_str();
-  command
-      .add_option("--position-bits", a->hierarchy.position_bits,
-                  "lattice steps along the longest side, as a power of two, 10 to 21; 0: chosen from the mean edge")
-      ->check(CLI::Range(0, 21))
-      ->capture_default_str();
-  command.add_option("--threads", a->hierarchy.threads, "0: all cores; the result does not depend on it")
-      ->capture_default_str();
-  command
-      .add_option("--memory", a->hierarchy.memory_bytes,
-                  "most memory to use while the hierarchy is built, e.g. 4G, at least 256M; 0: 60 % of the machine's; "
-                  "the result does not depend on it")
-      ->transform(CLI::AsSizeValue(false))
-      ->capture_default_str();
-  command.add_option("--tmpdir", a->tmpdir,
-                     "directory for work files, about 60 bytes per triangle; default: within the scene");
-  command
-      .add_option("--regroup", a->regroup,
-                  "on: new groups of patches at each level; off: the paper's binary tree, whose locked borders pile up")
-      ->check(CLI::IsMember({"on", "off"}))
-      ->capture_default_str();
-  command.add_flag("--json", a->json, "summary as JSON");
-  command.add_flag("--quiet", a->quiet, "no progress");
-  return [a, quality, subsampling]() -> int {
-    if (!parseTune(a->tune, a->tune_db)) {
-      std::fprintf(stderr, "lumigrid: --tune %s: give off, or a PSNR in dB above 0 and below 99, e.g. 36\n",
-                   a->tune.c_str());
+  declareOptions(command, *a);
+  return [a, &command]() -> int {
+    if (a->meshes.empty()) {
+      auto completed = withRecordedOptions(command, *a);
+      if (!completed) return fail(completed.error());
+      *a = std::move(*completed);
+    }
+    if (const std::string wrong = wrongUsage(command, *a); !wrong.empty()) {
+      std::fprintf(stderr, "lumigrid: %s\n", wrong.c_str());
       return kWrongUsage;
     }
-    if (a->tune_db && (quality->count() > 0 || subsampling->count() > 0 || !wants(*a, "images"))) {
-      std::fprintf(stderr, "lumigrid: --tune chooses quality and subsampling of the images: leave out %s\n",
-                   !wants(*a, "images") ? "--tune, or build images" : "--quality and --subsampling, or --tune");
-      return kWrongUsage;
-    }
-    if (wants(*a, "images") && !wants(*a, "patch")) {
-      std::fprintf(stderr, "lumigrid: --methods images needs patch as well\n");
-      return kWrongUsage;
+    if (a->missing) {
+      auto missing = findMissingParts(*a);
+      return missing ? reportMissing(a->output, *missing, a->json) : fail(missing.error());
     }
     stopOnSignals();
     auto done = build(*a);

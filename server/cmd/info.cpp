@@ -5,6 +5,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "base/hash/sha256.h"
 #include "repository/verify.h"
 #include "server/cmd/commands.h"
 #include "server/cmd/console.h"
@@ -20,6 +21,7 @@ struct InfoArguments {
   std::string scene;
   std::vector<std::string> access_files;
   bool json = false;
+  bool digest = false;
 };
 
 struct Level {
@@ -67,7 +69,7 @@ nlohmann::json describeImages(const OpenScene& open, const repository::Contents&
   const repository::Grid& grid = open.data.welcome.grid;
   const std::uint64_t points = open.points.count();
   nlohmann::json growth = nlohmann::json::array();
-  for (const TreeGrowth& g : open.growth)
+  for (const repository::TreeGrowth& g : open.growth)
     growth.push_back({{"cell", g.cell},
                       {"cells", g.cells},
                       {"points", g.points},
@@ -153,6 +155,7 @@ void printImages(const nlohmann::json& i, const std::string& tuned) {
           images == 0 ? 0 : (i["jpeg_bytes"].get<std::uint64_t>() + i["coverage_bytes"].get<std::uint64_t>()) / images)
           .c_str());
   if (!tuned.empty()) std::printf("  %s\n", tuned.c_str());
+  if (i.contains("sha256")) std::printf("  SHA-256 of all values %s\n", i["sha256"].get<std::string>().c_str());
   if (i["points"] != i["grid_points"])
     std::printf("  %s of the grid's %s points are sampled\n", formatCount(i["points"].get<std::uint64_t>()).c_str(),
                 formatCount(i["grid_points"].get<std::uint64_t>()).c_str());
@@ -165,6 +168,21 @@ void printImages(const nlohmann::json& i, const std::string& tuned) {
   if (images + i["empty"].get<std::uint64_t>() != expected)
     std::printf("  %s faces are missing; run the same `lumigrid build` again\n",
                 formatCount(expected - images - i["empty"].get<std::uint64_t>()).c_str());
+}
+
+// SHA-256 over every key (8 bytes, big-endian), length (8, little-endian) and value in the order of keys: equal exactly
+// when the repositories are, value by value, however they are divided into shards or packs.
+base::Result<std::string> digestOf(const repository::Store& store) {
+  base::Sha256 hash;
+  LUMIGRID_TRY(store.forEach([&](const repository::FaceKey& key, base::ByteView value) {
+    base::ByteWriter head;
+    for (int shift = 56; shift >= 0; shift -= 8) head.u8(static_cast<std::uint8_t>(key.code() >> shift));
+    head.u64(value.size());
+    hash.add(head.view());
+    hash.add(value);
+    return true;
+  }));
+  return base::hexOf(hash.finish());
 }
 
 void print(const InfoArguments& a, const nlohmann::json& j, const std::string& tuned) {
@@ -210,6 +228,11 @@ int run(const InfoArguments& a) {
         (*open)->packs != nullptr ? contentsOf((*open)->packs->root()) : repository::contentsOf(*(*open)->images);
     if (!contents) return fail(contents.error());
     j["images"] = describeImages(**open, *contents);
+    if (a.digest) {
+      auto digest = digestOf(*(*open)->images);
+      if (!digest) return fail(digest.error());
+      j["images"]["sha256"] = *digest;
+    }
     const Parameters& parameters = (*open)->scene.parameters;
     const auto tuned = storedChoice(parameters);
     if (!tuned) return fail(base::within(a.scene + "/scene.json", tuned.error()));
@@ -234,6 +257,8 @@ Run addInfo(CLI::App& command) {
   command.add_option("SCENE", a->scene, "scene directory")->required();
   command.add_option("--access-file", a->access_files,
                      "files of access counts to add up; default: access.lga in the scene, when it is there");
+  command.add_flag("--digest", a->digest,
+                   "also a SHA-256 over the keys and values of all images, the same however they are divided");
   command.add_flag("--json", a->json, "as JSON");
   return [a] { return run(*a); };
 }

@@ -1,6 +1,7 @@
 // lumigrid: build, look into, check, render and serve scenes (DESIGN section 1).
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
+#include <sys/resource.h>
 
 #include <CLI/CLI.hpp>
 #include <vector>
@@ -8,8 +9,22 @@
 #include "server/cmd/commands.h"
 #include "server/cmd/console.h"
 
+namespace {
+
+// Each shard of a repository takes three open files, each viewer one: the usual soft limit of 1024 is for programs that
+// use select().
+void raiseFileLimit() {
+  rlimit files{};
+  if (::getrlimit(RLIMIT_NOFILE, &files) != 0 || files.rlim_cur == files.rlim_max) return;
+  files.rlim_cur = files.rlim_max;
+  ::setrlimit(RLIMIT_NOFILE, &files);
+}
+
+}  // namespace
+
 int main(int argc, char** argv) {
   using namespace server::cmd;
+  raiseFileLimit();
   // Logs go to standard error: standard output is for results, so that --json can be piped.
   spdlog::set_default_logger(spdlog::stderr_color_mt("lumigrid"));
   spdlog::set_pattern("%Y-%m-%dT%H:%M:%S.%e %l %v");

@@ -48,6 +48,8 @@ class Reader {
   std::string problem_;
 };
 
+}  // namespace
+
 Parameters withoutChoice(Parameters parameters) {
   std::erase_if(parameters, [](const auto& parameter) { return parameter.first.starts_with(kPrefix); });
   return parameters;
@@ -56,15 +58,6 @@ Parameters withoutChoice(Parameters parameters) {
 Parameters withoutEncoding(Parameters parameters) {
   for (const char* name : {"tune", "quality", "subsampling"}) parameters.erase(name);
   return withoutChoice(std::move(parameters));
-}
-
-}  // namespace
-
-bool takeOver(const Parameters& asked, bool has_images, Parameters& stored) {
-  if (withoutChoice(stored) == asked) return true;
-  if (has_images || withoutEncoding(stored) != withoutEncoding(asked)) return false;
-  stored = asked;
-  return true;
 }
 
 void storeChoice(const TuneChoice& choice, Parameters& parameters) {

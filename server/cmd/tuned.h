@@ -13,9 +13,10 @@ namespace server::cmd {
 
 using Parameters = std::map<std::string, std::string>;
 
-/// May a build that asks for `asked` go on where one with `stored` stopped? With no image stored yet it may also choose
-/// anew how images are encoded; then `stored` becomes `asked`.
-bool takeOver(const Parameters& asked, bool has_images, Parameters& stored);
+/// What was asked for, without what was chosen.
+Parameters withoutChoice(Parameters parameters);
+/// Without all that says how images are encoded: tune, quality, subsampling, and the choice.
+Parameters withoutEncoding(Parameters parameters);
 
 void storeChoice(const TuneChoice& choice, Parameters& parameters);
 /// The choice, or nothing when there is none. An error, naming the parameter, when it is not one that storeChoice

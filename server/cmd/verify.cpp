@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
@@ -6,9 +7,12 @@
 
 #include "base/file.h"
 #include "repository/access.h"
+#include "repository/parameters.h"
+#include "repository/repository.h"
 #include "repository/verify.h"
 #include "server/cmd/commands.h"
 #include "server/cmd/console.h"
+#include "server/cmd/scene_images.h"
 #include "server/net/open_scene.h"
 
 namespace server::cmd {
@@ -66,16 +70,22 @@ void verifyPatches(const std::string& path, const base::Scene& scene, Faults& fa
 }
 
 // The points that a store samples; nothing, and a fault, when it does not say.
-std::optional<SampledPoints> pointsOf(const repository::Store& store, const std::string& path, Faults& faults) {
+std::optional<repository::SampledPoints> pointsOf(const repository::Store& store, const std::string& path,
+                                                  Faults& faults) {
   auto meta = store.readMeta();
   if (!meta || !meta->has_value()) {
     faults.push_back(meta ? path + ": does not say which grid it belongs to" : meta.error().message);
     return std::nullopt;
   }
-  auto points = sampledPointsFromMeta(**meta, path);
-  if (points) return std::move(*points);
-  faults.push_back(points.error().message);
-  return std::nullopt;
+  auto points = repository::sampledPointsFromMeta(**meta, path);
+  if (!points) {
+    faults.push_back(points.error().message);
+    return std::nullopt;
+  }
+  if (points->tree && !points->tree->openLeaves().empty())
+    faults.push_back(path + ": of its cells " + std::to_string(points->tree->openLeaves().size()) +
+                     " are still to be judged");
+  return std::move(*points);
 }
 
 void verifyPacks(const std::string& directory, const std::string& index, Faults& faults) {
@@ -90,7 +100,10 @@ void verifyPacks(const std::string& directory, const std::string& index, Faults&
     faults.push_back(std::move(fault));
 }
 
-void verifyImages(const std::string& path, Faults& faults) {
+// One store: the parameters are those of all, and so are its values.
+void verifyStore(const std::string& path, const repository::Shard& shard, const std::string& meta,
+                 const repository::Grid& grid, Faults& faults) {
+  if (!repository::isLmdbStore(path) && repository::pointsOf(shard, grid).size() == 0) return;
   auto store = repository::openLmdbStore(path, repository::StoreMode::kRead);
   if (!store) {
     faults.push_back(store.error().message);
@@ -98,11 +111,52 @@ void verifyImages(const std::string& path, Faults& faults) {
   }
   const auto points = pointsOf(**store, path, faults);
   if (!points) return;
-  auto found = repository::verify(**store, points->grid, points->treeOrNull());
+  const std::string own = (*store)->readMeta()->value_or("");
+  if (!repository::sameParameters(meta, own)) {
+    faults.push_back(path +
+                     ": was built with other parameters than other shards: " + repository::firstDifference(meta, own));
+    return;
+  }
+  auto found = repository::verifyShard(**store, grid, shard, points->treeOrNull());
   if (!found)
     faults.push_back(found.error().message);
   else
     for (const std::string& fault : *found) faults.push_back(path + ": " + fault);
+}
+
+// The parameters of the first store that can be read; why others cannot be is told where they are looked at.
+std::optional<std::string> firstMeta(const std::string& images, std::uint32_t shards) {
+  for (std::uint32_t i = 0; i < std::max(shards, 1U); ++i) {
+    auto store = repository::openLmdbStore(repository::storeDirectory(images, shards, i), repository::StoreMode::kRead);
+    if (!store) continue;
+    if (auto meta = (*store)->readMeta(); meta && meta->has_value()) return **meta;
+  }
+  return std::nullopt;
+}
+
+// Every store of the scene's division, and none besides.
+void verifyImages(const std::string& images, const base::Scene& scene, Faults& faults) {
+  auto shards = shardsOf(scene);
+  auto orphans = shards ? orphanStores(images, *shards) : shards.error();
+  if (!orphans) {
+    faults.push_back(orphans.error().message);
+    return;
+  }
+  for (const std::string& orphan : *orphans)
+    faults.push_back(orphan + ": is not of this scene's division of the images");
+  const auto meta = firstMeta(images, *shards);
+  if (!meta) {
+    faults.push_back(images + ": no store here says which grid it belongs to");
+    return;
+  }
+  auto grid = repository::gridFromMeta(*meta, images);
+  if (!grid) {
+    faults.push_back(grid.error().message);
+    return;
+  }
+  const std::uint32_t count = std::max(*shards, 1U);
+  for (std::uint32_t i = 0; i < count; ++i)
+    verifyStore(repository::storeDirectory(images, *shards, i), {i, count}, *meta, *grid, faults);
 }
 
 // Servers keep it; a scene has none until one was served.
@@ -126,7 +180,7 @@ int run(const VerifyArguments& a) {
   if (index)
     verifyPacks(a.scene, *index, faults);
   else if (fs::is_directory(a.scene + "/images"))
-    verifyImages(a.scene + "/images", faults);
+    verifyImages(a.scene + "/images", *scene, faults);
   verifyAccess(repository::accessFileOf(a.scene), faults);
 
   if (a.json) {
@@ -140,9 +194,10 @@ int run(const VerifyArguments& a) {
                   faults.size());
     else
       std::printf(
-          "%s: %zu faults; `lumigrid build` with the same options renders missing and broken images again, other parts "
-          "need --force\n",
-          a.scene.c_str(), faults.size());
+          "%s: %zu faults; `lumigrid build -o %s` renders missing and broken images again and removes what does not "
+          "belong "
+          "here, other parts need --force\n",
+          a.scene.c_str(), faults.size(), a.scene.c_str());
   }
   return faults.empty() ? kDone : kFailed;
 }

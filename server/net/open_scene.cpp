@@ -3,31 +3,17 @@
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
-#include <nlohmann/json.hpp>
 #include <utility>
 
 #include "repository/cached_source.h"
 #include "repository/mirror.h"
+#include "repository/objects.h"
 #include "repository/open_objects.h"
+#include "repository/parameters.h"
+#include "repository/repository.h"
 
 namespace server {
 namespace {
-
-using nlohmann::json;
-
-/// Three numbers, or false.
-template <class Vector>
-bool readVector(const json& parent, const char* key, Vector& v) {
-  const auto it = parent.find(key);
-  if (it == parent.end() || !it->is_array() || it->size() != 3) return false;
-  for (int axis = 0; axis < 3; ++axis) {
-    const json& number = (*it)[static_cast<std::size_t>(axis)];
-    if (std::is_integral_v<typename Vector::value_type> ? !number.is_number_unsigned() : !number.is_number())
-      return false;
-    v[axis] = number.get<typename Vector::value_type>();
-  }
-  return true;
-}
 
 std::string nameOf(const std::string& directory) {
   std::filesystem::path path = std::filesystem::path(directory).lexically_normal();
@@ -39,10 +25,10 @@ base::Result<void> takeImages(std::unique_ptr<repository::Store> store, const st
   auto meta = store->readMeta();
   if (!meta) return base::within(path, meta.error());
   if (!meta->has_value()) return {};  // a bake that was stopped before its first batch
-  auto points = sampledPointsFromMeta(**meta, path);
+  auto points = repository::sampledPointsFromMeta(**meta, path);
   if (!points) return points.error();
   open.points = std::move(*points);
-  open.growth = growthFromText(**meta);
+  open.growth = repository::growthFromText(**meta);
   open.data.tree = open.points.treeOrNull();
   open.images = std::move(store);
   open.data.images = open.images.get();
@@ -62,7 +48,7 @@ base::Result<void> openImages(const std::string& directory, OpenScene& open) {
   const std::string path = directory + "/images";
   std::error_code ignored;
   if (!std::filesystem::is_directory(path, ignored)) return {};
-  auto store = repository::openLmdbStore(path, repository::StoreMode::kRead);
+  auto store = repository::openRepository(path);
   if (!store) return store.error();
   return takeImages(std::move(*store), path, open);
 }
@@ -91,38 +77,6 @@ void describe(const std::string& directory, OpenScene& open) {
 
 repository::AccessIdentity accessIdentityOf(const OpenScene& open) {
   return {open.data.welcome.grid, open.data.welcome.group_count};
-}
-
-base::Result<repository::Grid> gridFromMeta(const std::string& meta, const std::string& name) {
-  const base::Error wrong{
-      base::ErrorCode::kInvalidInput,
-      name + ": the repository's parameters hold no valid grid; build the images again with `lumigrid build`"};
-  const json root = json::parse(meta, nullptr, false);
-  if (!root.is_object() || !root.contains("grid") || !root["grid"].is_object()) return wrong;
-  const json& object = root["grid"];
-  repository::Grid grid;
-  if (!readVector(object, "first", grid.first) || !readVector(object, "count", grid.count)) return wrong;
-  const auto spacing = object.find("spacing");
-  const auto face_size = object.find("face_size");
-  if (spacing == object.end() || !spacing->is_number() || face_size == object.end() || !face_size->is_number_unsigned())
-    return wrong;
-  grid.spacing = spacing->get<float>();
-  grid.face_size = face_size->get<std::uint32_t>();
-
-  // The checks of values live in one place: where a grid is decoded.
-  base::ByteWriter out;
-  grid.encode(out);
-  base::ByteReader in(out.view());
-  auto checked = repository::Grid::decode(in);
-  return checked ? std::move(checked) : base::within(name, checked.error());
-}
-
-base::Result<SampledPoints> sampledPointsFromMeta(const std::string& meta, const std::string& name) {
-  auto grid = gridFromMeta(meta, name);
-  if (!grid) return grid.error();
-  auto tree = treeFromText(meta, *grid, name);
-  if (!tree) return tree.error();
-  return SampledPoints{*grid, std::move(*tree)};
 }
 
 base::Result<std::unique_ptr<repository::PackStore>> openPacks(const std::string& directory, const std::string& index) {

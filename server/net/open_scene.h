@@ -13,22 +13,12 @@
 #include "repository/access.h"
 #include "repository/grid.h"
 #include "repository/pack_store.h"
+#include "repository/parameters.h"
 #include "repository/store.h"
-#include "server/bake/tree_text.h"
+#include "repository/tree_text.h"
 #include "server/session/session.h"
 
 namespace server {
-
-/// The points at which a repository's images were taken.
-struct SampledPoints {
-  repository::Grid grid;
-  std::optional<repository::SampleTree> tree;  ///< which of them are sampled, where not all are
-
-  const repository::SampleTree* treeOrNull() const { return tree ? &*tree : nullptr; }
-  std::uint64_t count() const { return tree ? tree->points().size() : grid.pointCount(); }
-};
-/// What a store's meta text records (docs/formats/repository.md). `name` is the store's, for the error.
-base::Result<SampledPoints> sampledPointsFromMeta(const std::string& meta, const std::string& name);
 
 /// What is kept here of a scene that lies elsewhere.
 struct RemoteOptions {
@@ -43,12 +33,12 @@ std::string defaultCacheDirectory();
 struct OpenScene {
   base::Scene scene;
   lod::patch::PatchFile patches;
-  std::unique_ptr<repository::Store> images;  ///< null: the scene has no repository
-  repository::PackStore* packs = nullptr;     ///< the same, when the scene is a published one
-  SampledPoints points;                       ///< of the repository
-  std::vector<TreeGrowth> growth;             ///< how the tree grew
-  base::Bytes scene_json;                     ///< the file, as it is
-  base::MappedFile patch_bytes;               ///< the file, for byte ranges
+  std::unique_ptr<repository::Store> images;   ///< null: the scene has no repository
+  repository::PackStore* packs = nullptr;      ///< the same, when the scene is a published one
+  repository::SampledPoints points;            ///< of the repository
+  std::vector<repository::TreeGrowth> growth;  ///< how the tree grew
+  base::Bytes scene_json;                      ///< the file, as it is
+  base::MappedFile patch_bytes;                ///< the file, for byte ranges
   SceneData data;  ///< what a Session takes; welcome.can_render_frames is false until somebody renders
 };
 
@@ -63,10 +53,5 @@ base::Result<std::unique_ptr<OpenScene>> openScene(const std::string& place, con
 base::Result<std::unique_ptr<repository::PackStore>> openPacks(const std::string& directory, const std::string& index);
 /// What access counts of the scene belong to.
 repository::AccessIdentity accessIdentityOf(const OpenScene& open);
-
-/// The grid that a store's meta text records, as server::bake writes it (docs/formats/repository.md):
-/// {"grid": {"first": [x, y, z], "spacing": s, "count": [nx, ny, nz], "face_size": pixels}, …}. `name` is the store's,
-/// for the error.
-base::Result<repository::Grid> gridFromMeta(const std::string& meta, const std::string& name);
 
 }  // namespace server

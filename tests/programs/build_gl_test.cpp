@@ -253,6 +253,27 @@ TEST_F(TunedBuild, whatCannotBeReachedIsToldAndLessMayBeAskedWithoutStartingAfre
   programs::expectOneLineError(run("lumigrid", command("37")), 1, {"other meshes or options"});
 }
 
+// A rerun without meshes takes the recorded options, but for those that the given ones overrule.
+TEST_F(TunedBuild, whileThereAreNoImagesTheRerunMayEncodeInAnotherWay) {
+  ASSERT_EQ(run("lumigrid", command("38")).status, 0);
+  takeImagesAway();
+  const auto rerun = [&](const std::vector<std::string>& words) {
+    std::vector<std::string> all{"build", "-o", path("scene"), "--quiet", "--json"};
+    all.insert(all.end(), words.begin(), words.end());
+    const auto outcome = run("lumigrid", all);
+    EXPECT_EQ(outcome.status, 0) << outcome.err;
+    return outcome.status == 0 ? json::parse(outcome.out) : json();
+  };
+  EXPECT_FALSE(rerun({"--quality", "70"}).contains("tuned"));
+  const auto parameters = json::parse(programs::readText(path("scene/scene.json")))["parameters"];
+  EXPECT_EQ(parameters["quality"], "70");
+  EXPECT_FALSE(parameters.contains("tuned-quality"));
+  takeImagesAway();
+  EXPECT_TRUE(rerun({"--tune", "36"}).contains("tuned"));
+  EXPECT_TRUE(rerun({}).contains("tuned")) << "what is recorded";
+  programs::expectOneLineError(run("lumigrid", {"build", "-o", path("scene"), "--quality", "70"}), 1, {"--force"});
+}
+
 TEST_F(TunedBuild, tuningAndChoosingExcludeEachOther) {
   for (const std::vector<std::string>& words :
        {std::vector<std::string>{"--quality", "80"}, {"--subsampling", "444"}, {"--methods", "patch"}}) {

@@ -108,6 +108,61 @@ TEST_F(VerifyTest, manyFaultsEndInOneLineThatSaysSo) {
   EXPECT_NE(found.back().find("stopped"), std::string::npos);
 }
 
+// 12 points: shard 1 of 3 holds those at places 4 to 7 of the Morton order.
+TEST_F(VerifyTest, ofAShardOnlyItsOwnFacesAreExpected) {
+  const auto found = *verifyShard(*store_, grid_, {1, 3}, nullptr, 2);
+  ASSERT_EQ(found.size(), 48U) << "the 8 points of other shards";
+  EXPECT_NE(found.front().find("does not belong to shard 1 of 3"), std::string::npos) << found.front();
+  const auto points = pointsInMortonOrder(grid_);
+  std::vector<FaceKey> strangers;
+  for (std::size_t i = 0; i < points.size(); ++i)
+    for (std::uint32_t d = 0; d < 6 && (i < 4 || i > 7); ++d)
+      strangers.push_back({points[i].x, points[i].y, points[i].z, d});
+  ASSERT_TRUE(store_->erase(strangers));
+  EXPECT_TRUE(verifyShard(*store_, grid_, {1, 3}, nullptr, 2)->empty());
+  ASSERT_TRUE(store_->erase({{points[4].x, points[4].y, points[4].z, 0}}));
+  const auto gap = *verifyShard(*store_, grid_, {1, 3}, nullptr, 2);
+  ASSERT_EQ(gap.size(), 1U);
+  EXPECT_NE(gap[0].find("missing"), std::string::npos);
+}
+
+TEST_F(VerifyTest, whatIsFaultyIsRemovedAndNothingElse) {
+  base::Bytes flipped = goodValue();
+  flipped[30] ^= 4;
+  put({1, 1, 1, 2}, flipped);
+  put({0, 1, 0, 0}, encodeFaceValue({false, base::Bytes{1, 2, 3}, {}}));
+  put({0, 0, 1, 1}, goodValue(16));
+  put({2, 0, 0, 0}, goodValue());
+  put({40, 40, 40, 5}, flipped);
+  const auto removed = removeFaulty(*store_, grid_, {0, 1}, nullptr, 2);
+  ASSERT_TRUE(removed);
+  EXPECT_EQ(removed->damaged, 3U);
+  EXPECT_EQ(removed->orphans, 2U);
+  const auto left = faults();
+  EXPECT_EQ(left.size(), 3U);
+  for (const std::string& fault : left) EXPECT_NE(fault.find("missing"), std::string::npos) << fault;
+  EXPECT_EQ(*store_->size(), 69U);
+  EXPECT_EQ(removeFaulty(*store_, grid_, {0, 1}, nullptr, 2)->damaged, 0U);
+}
+
+// One cell over the whole grid, of which all points are corners; one of them is left out.
+TEST_F(VerifyTest, imagesThatNoTreeWantsAreOrphansAndGo) {
+  grid_.count = glm::uvec3(2, 2, 2);
+  SampleTree tree(grid_, 1);
+  tree.leaveOut({1, 0, 1});
+  const auto found = *verifyShard(*store_, grid_, {0, 1}, &tree, 2);
+  ASSERT_EQ(found.size(), 30U) << "5 points: one left out, four outside of the grid";
+  const auto removed = removeFaulty(*store_, grid_, {0, 1}, &tree, 2);
+  ASSERT_TRUE(removed);
+  EXPECT_EQ(removed->orphans, 30U);
+  EXPECT_EQ(removed->damaged, 0U);
+  EXPECT_TRUE(verify(*store_, grid_, &tree, 2)->empty());
+  ASSERT_TRUE(store_->erase({{1, 1, 1, 5}}));
+  const auto gap = *verify(*store_, grid_, &tree, 2);
+  ASSERT_EQ(gap.size(), 1U);
+  EXPECT_NE(gap[0].find("face (1, 1, 1, 5): missing"), std::string::npos) << gap[0];
+}
+
 TEST_F(VerifyTest, contentsAddUp) {
   base::Bytes bad = goodValue();
   bad.back() ^= 1;

@@ -96,6 +96,45 @@ TEST_F(BakeTest, batchesAreInMortonOrderAndOfTheSizeAsked) {
   EXPECT_EQ(store.batches.size(), 17U);
 }
 
+TEST_F(BakeTest, shardsTogetherAreTheWholeValueByValue) {
+  MemoryStore whole;
+  ASSERT_TRUE(run(whole));
+  std::map<FaceKey, base::Bytes> together;
+  for (std::uint32_t i = 0; i < 4; ++i) {
+    options_.shard = {i, 4};
+    MemoryStore store;
+    const auto summary = run(store);
+    ASSERT_TRUE(summary);
+    EXPECT_EQ(summary->faces_rendered, 6 * repository::pointsOf(options_.shard, options_.grid).size());
+    EXPECT_EQ(store.values.size(), summary->faces_rendered);
+    EXPECT_EQ(store.meta, whole.meta);
+    EXPECT_EQ(run(store)->faces_rendered, 0U);
+    together.insert(store.values.begin(), store.values.end());
+  }
+  EXPECT_EQ(together, whole.values);
+}
+
+TEST_F(BakeTest, whatIsFaultyIsRenderedAgainAndOrphansGo) {
+  MemoryStore store;
+  options_.shard = {1, 2};
+  ASSERT_TRUE(run(store));
+  const auto whole = store.values;
+  const FaceKey first = store.values.begin()->first;
+  const FaceKey last = store.values.rbegin()->first;
+  store.values[first].back() ^= 1;
+  store.values[last] = repository::encodeFaceValue({false, base::Bytes{1, 2, 3}, {}});  // its checksum is right
+  store.values[{0, 0, 0, 0}] = repository::encodeFaceValue({});                         // of shard 0
+  store.values[{9, 9, 9, 0}] = repository::encodeFaceValue({});
+  const auto removed = repository::removeFaulty(store, options_.grid, options_.shard, nullptr, 2);
+  ASSERT_TRUE(removed);
+  EXPECT_EQ(removed->damaged, 2U);
+  EXPECT_EQ(removed->orphans, 2U);
+  const auto summary = run(store);
+  ASSERT_TRUE(summary);
+  EXPECT_EQ(summary->faces_rendered, 2U);
+  EXPECT_EQ(store.values, whole);
+}
+
 TEST_F(BakeTest, aCancelledBakeGoesOnToTheSameBytesWithOtherThreads) {
   MemoryStore whole;
   ASSERT_TRUE(run(whole));
@@ -205,12 +244,16 @@ TEST_F(BakeTest, progressCountsUpToTheWhole) {
 
 TEST_F(BakeTest, optionsThatMakeNoSenseAreErrors) {
   const BakeOptions good = options_;
-  std::vector<BakeOptions> bad(5, good);
+  std::vector<BakeOptions> bad(8, good);
   bad[0].quality = 0;
   bad[1].grid = {};
   bad[2].grid.face_size = 0;
   bad[3].batch_faces = 0;
   bad[4].grid.count = glm::uvec3(1 << 12);
+  bad[5].shard = {4, 4};
+  bad[6].shard = {0, 0};
+  bad[7].shard = {0, 2};
+  bad[7].target_db = 30.0;
   for (const BakeOptions& options : bad) {
     options_ = options;
     MemoryStore store;
@@ -256,7 +299,7 @@ class AdaptiveBakeTest : public BakeTest {
   }
   test::TwoLevelScene scene_;
   repository::SampleTree treeOf(const MemoryStore& store) {
-    auto tree = treeFromText(store.meta.value_or(""), options_.grid, "store");
+    auto tree = repository::treeFromText(store.meta.value_or(""), options_.grid, "store");
     EXPECT_TRUE(tree && *tree);
     return tree && *tree ? std::move(**tree) : repository::SampleTree(options_.grid, 8);
   }

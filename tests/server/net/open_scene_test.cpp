@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "repository/parameters.h"
 #include "repository/publish.h"
 #include "tests/server/net/loopback.h"
 #include "tests/server/net/served_scene.h"
@@ -79,7 +80,7 @@ TEST(OpenScene, gridsAreReadFromMetaOrRefused) {
   grid.spacing = 0.125F;
   grid.count = {3, 4, 5};
   grid.face_size = 512;
-  auto read = gridFromMeta(metaOf(grid), "images");
+  auto read = repository::gridFromMeta(metaOf(grid), "images");
   ASSERT_TRUE(read) << read.error().message;
   EXPECT_EQ(*read, grid);
 
@@ -91,7 +92,7 @@ TEST(OpenScene, gridsAreReadFromMetaOrRefused) {
                            R"({"grid": {"first": [0,0,0], "spacing": 0, "count": [2,2,2], "face_size": 64}})",
                            R"({"grid": {"first": [0,0,1e99], "spacing": 1, "count": [2,2,2], "face_size": 64}})",
                            R"({"grid": {"first": [0,0,0], "spacing": 1, "count": [2,2,2], "face_size": 0}})"}) {
-    auto refused = gridFromMeta(meta, "images");
+    auto refused = repository::gridFromMeta(meta, "images");
     ASSERT_FALSE(refused) << meta;
     EXPECT_NE(refused.error().message.find("images"), std::string::npos);
   }

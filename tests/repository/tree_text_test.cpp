@@ -1,21 +1,23 @@
-#include "server/bake/tree_text.h"
+#include "repository/tree_text.h"
 
 #include <gtest/gtest.h>
 
-namespace server {
+#include "repository/parameters.h"
+
+namespace repository {
 namespace {
 
 const std::string kParameters = "{\n\"version\": 1,\n\"quality\": 85,\n\"patch.lgp\": \"abc\"\n}\n";
 
-repository::Grid testGrid() {
-  repository::Grid grid;
+Grid testGrid() {
+  Grid grid;
   grid.count = {9, 5, 9};
   grid.face_size = 64;
   return grid;
 }
 
 TEST(TreeText, TreeAndGrowthComeBackAndTheParametersStay) {
-  repository::SampleTree tree(testGrid(), 4);
+  SampleTree tree(testGrid(), 4);
   tree.split({{0, 0, 4}, 4});
   tree.leaveOut({4, 4, 4});
   const std::vector<TreeGrowth> growth{{8, 1, 8, 1234567890123, 20.25, 11.5, 1}, {4, 8, 27, 99, 99.0, 31.0, 0}};
@@ -40,11 +42,11 @@ TEST(TreeText, ATextWithoutATreeSamplesTheWholeGrid) {
   EXPECT_FALSE(*none);
   EXPECT_EQ(withoutTree(kParameters), kParameters);
   EXPECT_TRUE(growthFromText(kParameters).empty());
-  EXPECT_TRUE(growthFromText(withTree(kParameters, repository::SampleTree(testGrid(), 4), {})).empty());
+  EXPECT_TRUE(growthFromText(withTree(kParameters, SampleTree(testGrid(), 4), {})).empty());
 }
 
 TEST(TreeText, ADamagedTreeIsAnErrorThatNamesTheStore) {
-  const std::string text = withTree(kParameters, repository::SampleTree(testGrid(), 4), {});
+  const std::string text = withTree(kParameters, SampleTree(testGrid(), 4), {});
   const std::size_t at = text.find("\"tree\": \"") + 9;
   for (const std::string& wrong :
        {text.substr(0, at) + "zz" + text.substr(at + 2), text.substr(0, at) + text.substr(at + 1),
@@ -56,5 +58,20 @@ TEST(TreeText, ADamagedTreeIsAnErrorThatNamesTheStore) {
   }
 }
 
+TEST(Parameters, ofTwoTextsAreComparedWithoutTheirTrees) {
+  const std::string one = withTree(kParameters, SampleTree(testGrid(), 4), {});
+  const std::string two = withTree(kParameters, SampleTree(testGrid(), 2), {{8, 1, 8, 5, 20.0, 11.5, 1}});
+  EXPECT_TRUE(sameParameters(one, two));
+  EXPECT_TRUE(sameParameters(one, kParameters));
+  std::string other = kParameters;
+  other.replace(other.find("85"), 2, "90");
+  EXPECT_FALSE(sameParameters(one, other));
+  EXPECT_EQ(firstDifference(one, other), "\"quality\": 85, now \"quality\": 90");
+  std::string more = kParameters;
+  more.insert(more.rfind("\n}"), ",\n\"target\": 30");
+  EXPECT_EQ(firstDifference(one, more), "nothing said of \"target\": 30");
+  EXPECT_EQ(firstDifference(more, one), "\"target\": 30, now nothing said of it");
+}
+
 }  // namespace
-}  // namespace server
+}  // namespace repository

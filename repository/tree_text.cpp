@@ -1,11 +1,11 @@
-#include "server/bake/tree_text.h"
+#include "repository/tree_text.h"
 
 #include <array>
 #include <cinttypes>
 #include <cstdio>
 #include <utility>
 
-namespace server {
+namespace repository {
 namespace {
 
 constexpr const char* kTree = ",\n\"tree\": \"";
@@ -40,8 +40,7 @@ std::string rowOf(const TreeGrowth& g) {
 
 }  // namespace
 
-std::string withTree(const std::string& parameters, const repository::SampleTree& tree,
-                     const std::vector<TreeGrowth>& growth) {
+std::string withTree(const std::string& parameters, const SampleTree& tree, const std::vector<TreeGrowth>& growth) {
   std::string rows;
   for (const TreeGrowth& g : growth) rows += (rows.empty() ? "" : ", ") + rowOf(g);
   const std::string front = parameters.substr(0, parameters.rfind(kEnd));
@@ -53,14 +52,14 @@ std::string withoutTree(const std::string& text) {
   return at == std::string::npos ? text : text.substr(0, at) + kEnd;
 }
 
-base::Result<std::optional<repository::SampleTree>> treeFromText(const std::string& text, const repository::Grid& grid,
-                                                                 const std::string& name) {
+base::Result<std::optional<SampleTree>> treeFromText(const std::string& text, const Grid& grid,
+                                                     const std::string& name) {
   std::size_t begin = text.find(kTree);
-  if (begin == std::string::npos) return std::optional<repository::SampleTree>();
+  if (begin == std::string::npos) return std::optional<SampleTree>();
   begin += std::string(kTree).size();
   const std::size_t end = text.find('"', begin);
   const auto bytes = bytesOf(text.substr(begin, end == std::string::npos ? 0 : end - begin));
-  auto tree = repository::SampleTree::decode(grid, bytes ? *bytes : base::Bytes());
+  auto tree = SampleTree::decode(grid, bytes ? *bytes : base::Bytes());
   if (!tree) {
     base::Error error = base::within(name, tree.error());
     error.message += "; build the images again with `lumigrid build --force`";
@@ -85,4 +84,4 @@ std::vector<TreeGrowth> growthFromText(const std::string& text) {
   return growth;
 }
 
-}  // namespace server
+}  // namespace repository

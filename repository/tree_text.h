@@ -8,7 +8,7 @@
 #include "repository/grid.h"
 #include "repository/sample_tree.h"
 
-namespace server {
+namespace repository {
 
 /// How the repository stood when all cells of one size had been judged.
 struct TreeGrowth {
@@ -22,13 +22,12 @@ struct TreeGrowth {
 };
 
 /// `parameters` (a JSON object, one parameter a line) with the tree and its growth as two more lines.
-std::string withTree(const std::string& parameters, const repository::SampleTree& tree,
-                     const std::vector<TreeGrowth>& growth);
+std::string withTree(const std::string& parameters, const SampleTree& tree, const std::vector<TreeGrowth>& growth);
 /// The text without them.
 std::string withoutTree(const std::string& text);
 /// The tree that the text holds, or nothing where the whole grid is sampled. `name` is the store's, for the error.
-base::Result<std::optional<repository::SampleTree>> treeFromText(const std::string& text, const repository::Grid& grid,
-                                                                 const std::string& name);
+base::Result<std::optional<SampleTree>> treeFromText(const std::string& text, const Grid& grid,
+                                                     const std::string& name);
 std::vector<TreeGrowth> growthFromText(const std::string& text);
 
-}  // namespace server
+}  // namespace repository

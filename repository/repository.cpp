@@ -1,0 +1,283 @@
+#include "repository/repository.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <mutex>
+#include <shared_mutex>
+#include <utility>
+
+#include "base/file.h"
+#include "repository/expected_points.h"
+#include "repository/parameters.h"
+#include "repository/tree_text.h"
+
+namespace repository {
+namespace {
+
+namespace fs = std::filesystem;
+using base::Error;
+using base::ErrorCode;
+using base::Result;
+
+// A reader's map of one shard: address space is shared by thousands of them. It grows to the file's size by itself.
+constexpr LmdbOptions kShardMap{std::uint64_t{1} << 30};
+
+Error mixed(const std::string& images, const std::string& what) {
+  return {ErrorCode::kInvalidInput,
+          images + ": " + what +
+              "; remove the directories that do not belong here, or run the same `lumigrid build` again"};
+}
+
+Error otherParameters(const std::string& images, const Shard& shard, const std::string& meta, const std::string& own) {
+  return mixed(images, "its shards were built with different parameters: " + firstDifference(meta, own) + " in " +
+                           directoryNameOf(shard));
+}
+
+// The one division that the directories show; 0: not divided.
+Result<std::uint32_t> divisionOf(const std::string& images) {
+  auto layout = layoutOf(images);
+  if (!layout) return layout.error();
+  if (layout->shards.empty()) return std::uint32_t{0};
+  const std::uint32_t count = layout->shards.front().count;
+  if (layout->undivided)
+    return mixed(images, "holds both an undivided repository and one in " + std::to_string(count) + " shards");
+  if (layout->shards.back().count != count)
+    return mixed(images,
+                 "holds shards of " + std::to_string(count) + " and of " + std::to_string(layout->shards.back().count));
+  return count;
+}
+
+// The shards of a repository, each opened when it is there. From any thread.
+class ShardedStore final : public Store {
+ public:
+  ShardedStore(std::string images, std::uint32_t count) : images_(std::move(images)), stores_(count) {}
+
+  // Opens what is there; kNotFound when nothing is.
+  Result<void> openAll() {
+    for (std::uint32_t i = 0; i < stores_.size(); ++i) {
+      if (auto opened = shard(i); !opened) return opened.error();
+    }
+    if (meta_.empty())
+      return Error{ErrorCode::kNotFound, images_ + ": the image repository is empty; build it with lumigrid build"};
+    return {};
+  }
+
+  Result<std::optional<base::Bytes>> get(const FaceKey& key) const override {
+    auto store = storeOf(key);
+    if (!store) return store.error();
+    return *store == nullptr ? Result<std::optional<base::Bytes>>(std::optional<base::Bytes>()) : (*store)->get(key);
+  }
+  Result<bool> contains(const FaceKey& key) const override {
+    auto store = storeOf(key);
+    if (!store) return store.error();
+    return *store == nullptr ? Result<bool>(false) : (*store)->contains(key);
+  }
+  Result<void> putBatch(const std::vector<std::pair<FaceKey, base::Bytes>>&) override { return readingOnly(); }
+  Result<void> erase(const std::vector<FaceKey>&) override { return readingOnly(); }
+  Result<void> writeMeta(const std::string&) override { return readingOnly(); }
+
+  Result<void> forEach(const std::function<bool(const FaceKey&, base::ByteView)>& visit) const override {
+    return inEachShard([&](const Store& store, std::uint32_t index, bool& going) {
+      return store.forEach([&](const FaceKey& key, base::ByteView value) {
+        return !belongs(key, index) || (going = visit(key, value));
+      });
+    });
+  }
+  Result<void> forEachKey(const std::function<bool(const FaceKey&)>& visit) const override {
+    return inEachShard([&](const Store& store, std::uint32_t index, bool& going) {
+      return store.forEachKey([&](const FaceKey& key) { return !belongs(key, index) || (going = visit(key)); });
+    });
+  }
+  Result<std::uint64_t> size() const override {
+    std::uint64_t sum = 0;
+    LUMIGRID_TRY(inEachShard([&](const Store& store, std::uint32_t, bool&) -> Result<void> {
+      auto one = store.size();
+      if (!one) return one.error();
+      sum += *one;
+      return {};
+    }));
+    return sum;
+  }
+  Result<std::optional<std::string>> readMeta() const override {
+    const std::shared_lock lock(mutex_);
+    return meta_.empty() ? std::optional<std::string>() : std::optional(meta_);
+  }
+
+ private:
+  Error readingOnly() const {
+    return {ErrorCode::kUnsupported, images_ + ": shards are written one by one; this opens all of them for reading"};
+  }
+
+  bool belongs(const FaceKey& key, std::uint32_t index) const {
+    return grid_.contains(key) && division_->shardOf(key) == index;
+  }
+
+  // body(store, index, going) for each shard that is there, while `going` stays true.
+  template <class Body>
+  Result<void> inEachShard(const Body& body) const {
+    bool going = true;
+    for (std::uint32_t i = 0; going && i < stores_.size(); ++i) {
+      auto store = shard(i);
+      if (!store) return store.error();
+      if (*store != nullptr) LUMIGRID_TRY(body(**store, i, going));
+    }
+    return {};
+  }
+
+  Result<const Store*> storeOf(const FaceKey& key) const {
+    {
+      const std::shared_lock lock(mutex_);
+      if (!grid_.contains(key)) return static_cast<const Store*>(nullptr);
+    }
+    return shard(division_->shardOf(key));
+  }
+
+  // The shard's store, opened when it was not and its file has appeared; null while it has not.
+  Result<const Store*> shard(std::uint32_t index) const {
+    {
+      const std::shared_lock lock(mutex_);
+      if (stores_[index] != nullptr) return static_cast<const Store*>(stores_[index].get());
+    }
+    const std::string path = storeDirectory(images_, static_cast<std::uint32_t>(stores_.size()), index);
+    if (!isLmdbStore(path)) return static_cast<const Store*>(nullptr);
+
+    const std::unique_lock lock(mutex_);
+    if (stores_[index] == nullptr) LUMIGRID_TRY(open(index, path));
+    return static_cast<const Store*>(stores_[index].get());
+  }
+
+  // Its parameters are those of all others. A shard that was made a moment ago says nothing yet, and stays closed.
+  Result<void> open(std::uint32_t index, const std::string& path) const {
+    auto store = openLmdbStore(path, StoreMode::kRead, kShardMap);
+    if (!store) return store.error().code == ErrorCode::kNotFound ? Result<void>() : Result<void>(store.error());
+    auto meta = (*store)->readMeta();
+    if (!meta) return meta.error();
+    if (!*meta) return {};
+    if (meta_.empty()) {
+      auto grid = gridFromMeta(**meta, path);
+      if (!grid) return grid.error();
+      grid_ = *grid;
+      division_.emplace(grid_, static_cast<std::uint32_t>(stores_.size()));
+      meta_ = std::move(**meta);
+    } else if (!sameParameters(meta_, **meta)) {
+      return otherParameters(images_, {index, static_cast<std::uint32_t>(stores_.size())}, meta_, **meta);
+    }
+    stores_[index] = std::move(*store);
+    return {};
+  }
+
+  const std::string images_;
+  mutable std::shared_mutex mutex_;
+  mutable std::vector<std::unique_ptr<Store>> stores_;
+  mutable std::string meta_;  // of all shards; empty before the first is open
+  mutable Grid grid_;         // this and the next are set together with meta_, and never changed again
+  mutable std::optional<Division> division_;
+};
+
+// What a store says it was made with is what the others say, `meta`, and of the scene's grid.
+Result<void> checkMeta(const std::string& own, const Grid& grid, const std::string& images, const Shard& shard,
+                       std::string& meta) {
+  if (!meta.empty())
+    return sameParameters(meta, own) ? Result<void>() : Result<void>(otherParameters(images, shard, meta, own));
+  auto recorded = gridFromMeta(own, images);
+  if (!recorded) return recorded.error();
+  meta = own;
+  if (*recorded == grid) return {};
+  return Error{ErrorCode::kInvalidInput,
+               images + ": holds images of another grid than the scene's; build the scene again with --force"};
+}
+
+// The looks of findMissing() into one store after the other.
+class MissingFinder {
+ public:
+  MissingFinder(const std::string& images, const Grid& grid, const SampleTree* first_tree)
+      : images_(images), grid_(grid), first_tree_(first_tree) {}
+
+  Result<ShardGaps> look(const std::string& directory, const Shard& shard) {
+    ShardGaps missing{shard, 0, 0, isBeingWritten(directory), {}};
+    std::unique_ptr<Store> store;
+    if (!missing.being_written) {
+      auto opened = openLmdbStore(directory, StoreMode::kRead, kShardMap);
+      if (!opened && opened.error().code != ErrorCode::kNotFound) return opened.error();
+      if (opened) store = std::move(*opened);
+    }
+    auto own_tree = treeOf(store.get(), shard);
+    if (!own_tree) return own_tree.error();
+    const SampleTree* tree = *own_tree ? &**own_tree : first_tree_;
+    if (tree != nullptr) missing.cells = tree->openLeaves().size();
+
+    const ExpectedPoints points(grid_, shard, tree);
+    GapFinder finder(points);
+    if (store)
+      LUMIGRID_TRY(store->forEachKey([&](const FaceKey& key) {
+        if (grid_.contains(key)) finder.take(key);
+        return true;
+      }));
+    finder.finish();
+    missing.gaps = finder.gaps();
+    for (const Gap& gap : missing.gaps) missing.faces += gap.faces;
+    return missing;
+  }
+
+ private:
+  // A store that was made a moment ago says nothing yet.
+  Result<std::optional<SampleTree>> treeOf(const Store* store, const Shard& shard) {
+    if (store == nullptr) return std::optional<SampleTree>();
+    auto own = store->readMeta();
+    if (!own) return own.error();
+    if (!*own) return std::optional<SampleTree>();
+    LUMIGRID_TRY(checkMeta(**own, grid_, images_, shard, meta_));
+    return treeFromText(**own, grid_, images_);
+  }
+
+  const std::string& images_;
+  const Grid& grid_;
+  const SampleTree* first_tree_;
+  std::string meta_;  // of all stores; empty before the first that says something
+};
+
+}  // namespace
+
+Result<Layout> layoutOf(const std::string& images) {
+  Layout layout;
+  layout.undivided = isLmdbStore(images);
+  std::error_code error;
+  for (fs::directory_iterator it(images, error), end; !error && it != end; it.increment(error)) {
+    if (const auto shard = shardOfDirectoryName(it->path().filename().string())) layout.shards.push_back(*shard);
+  }
+  if (error && error != std::errc::no_such_file_or_directory) return base::systemError(images, "list", error.value());
+  std::sort(layout.shards.begin(), layout.shards.end(),
+            [](const Shard& a, const Shard& b) { return std::pair(a.count, a.index) < std::pair(b.count, b.index); });
+  return layout;
+}
+
+std::string storeDirectory(const std::string& images, std::uint32_t shards, std::uint32_t index) {
+  return shards == 0 ? images : images + "/" + directoryNameOf({index, shards});
+}
+
+Result<std::unique_ptr<Store>> openRepository(const std::string& images, std::optional<std::uint32_t> shards) {
+  if (!shards) {
+    auto found = divisionOf(images);
+    if (!found) return found.error();
+    shards = *found;
+  }
+  if (*shards == 0) return openLmdbStore(images, StoreMode::kRead);
+  auto store = std::make_unique<ShardedStore>(images, *shards);
+  LUMIGRID_TRY(store->openAll());
+  return std::unique_ptr<Store>(std::move(store));
+}
+
+Result<std::vector<ShardGaps>> findMissing(const std::string& images, std::uint32_t shards, const Grid& grid,
+                                           const SampleTree* first_tree) {
+  const std::uint32_t count = std::max(shards, 1U);
+  std::vector<ShardGaps> missing;
+  MissingFinder finder(images, grid, first_tree);
+  for (std::uint32_t i = 0; i < count; ++i) {
+    auto one = finder.look(storeDirectory(images, shards, i), {i, count});
+    if (!one) return one.error();
+    if (one->faces > 0 || one->cells > 0) missing.push_back(std::move(*one));
+  }
+  return missing;
+}
+
+}  // namespace repository
