@@ -27,6 +27,7 @@
 #include "server/bake/adaptive.h"
 #include "server/bake/bake.h"
 #include "server/bake/tune.h"
+#include "server/bake/viewer_use.h"
 #include "server/cmd/commands.h"
 #include "server/cmd/console.h"
 #include "server/cmd/scene_images.h"
@@ -54,6 +55,7 @@ struct BuildArguments {
   std::uint32_t grid = 32, face = 512;
   double margin = 0.5;
   std::string tmpdir, regroup = "on";
+  std::string refine_from;  // a scene; empty: none
   lod::build::HierarchyOptions hierarchy;
   BakeOptions bake;
 };
@@ -102,25 +104,28 @@ Parameters parametersOf(const BuildArguments& a) {
   std::string methods;
   for (const char* method : {"patch", "images"})
     if (wants(a, method)) methods += (methods.empty() ? "" : ",") + std::string(method);
-  return {{"methods", methods},
-          {"grid", number(a.grid)},
-          {"face", number(a.face)},
-          {"margin", number(a.margin)},
-          {"light", a.light},
-          {"up", a.up},
-          {"units", a.units},
-          {a.tune_db ? "tune" : "quality", a.tune_db ? number(*a.tune_db) : number(a.bake.quality)},
-          {"subsampling", a.tune_db ? "tuned" : a.subsampling},
-          {"target", number(a.bake.target_db)},
-          {"gain", number(a.bake.least_gain_db)},
-          {"coarse-cells", number(a.bake.coarse_cells)},
-          {"tolerance", number(a.bake.tolerance_px)},
-          {"supersampling", number(a.bake.supersampling)},
-          {"voxel-triangles", number(a.hierarchy.voxel_triangles)},
-          {"leaf-triangles", number(a.hierarchy.leaf_triangles)},
-          {"node-triangles", number(a.hierarchy.node_triangles)},
-          {"position-bits", number(a.hierarchy.position_bits)},
-          {"regroup", a.regroup}};
+  Parameters parameters{{"methods", methods},
+                        {"grid", number(a.grid)},
+                        {"face", number(a.face)},
+                        {"margin", number(a.margin)},
+                        {"light", a.light},
+                        {"up", a.up},
+                        {"units", a.units},
+                        {a.tune_db ? "tune" : "quality", a.tune_db ? number(*a.tune_db) : number(a.bake.quality)},
+                        {"subsampling", a.tune_db ? "tuned" : a.subsampling},
+                        {"target", number(a.bake.target_db)},
+                        {"gain", number(a.bake.least_gain_db)},
+                        {"coarse-cells", number(a.bake.coarse_cells)},
+                        {"tolerance", number(a.bake.tolerance_px)},
+                        {"supersampling", number(a.bake.supersampling)},
+                        {"voxel-triangles", number(a.hierarchy.voxel_triangles)},
+                        {"leaf-triangles", number(a.hierarchy.leaf_triangles)},
+                        {"node-triangles", number(a.hierarchy.node_triangles)},
+                        {"position-bits", number(a.hierarchy.position_bits)},
+                        {"regroup", a.regroup}};
+  if (a.bake.budget_bytes != 0) parameters["budget"] = number(a.bake.budget_bytes);
+  if (!a.refine_from.empty()) parameters["refine-from"] = a.refine_from;
+  return parameters;
 }
 
 // With their hashes, unless the question is only what is missing.
@@ -432,6 +437,21 @@ void add(const BakeSummary& one, std::optional<BakeSummary>& sum) {
   sum->seconds += one.seconds;
 }
 
+// How much places are visited, for the sampling that follows it. A finished tree asks no more.
+Result<void> takeUse(const BuildArguments& a, const base::Scene& scene, bool finished, BakeOptions& options) {
+  if (a.refine_from.empty()) return {};
+  if (finished) {
+    options.use = [](const glm::vec3&, const glm::vec3&) { return 1.0; };
+    return {};
+  }
+  auto use = ViewerUse::ofScene(a.refine_from, scene.origin);
+  if (!use) return base::within("--refine-from", use.error());
+  options.use = [use = std::make_shared<ViewerUse>(std::move(*use))](const glm::vec3& low, const glm::vec3& high) {
+    return use->within(low, high);
+  };
+  return {};
+}
+
 // One store: what is wrong with a finished one goes first, then what is missing is rendered.
 Result<void> buildStore(const BuildArguments& a, const base::Scene& scene, const repository::Shard& shard,
                         const std::string& directory, bool finished, BuildReport& report, ProgressLine& line) {
@@ -441,6 +461,7 @@ Result<void> buildStore(const BuildArguments& a, const base::Scene& scene, const
   if (!store) return store.error();
   BakeOptions options = bakeOptions(a, scene);
   options.shard = shard;
+  LUMIGRID_TRY(takeUse(a, scene, finished, options));
   if (const auto& tuned = report.tuned) {
     options.quality = tuned->quality;
     options.subsampling = tuned->subsampling;
@@ -772,6 +793,16 @@ void declareOptions(CLI::App& command, BuildArguments& a) {
       ->check(CLI::Range(0.0, 60.0))
       ->capture_default_str();
   command
+      .add_option(
+          "--budget", a.bake.budget_bytes,
+          "adaptive sampling: cells are split while images and masks take about so many bytes, e.g. 200M; 0: no "
+          "limit")
+      ->transform(CLI::AsSizeValue(false))
+      ->capture_default_str();
+  command.add_option("--refine-from", a.refine_from,
+                     "adaptive sampling: another scene of the same place that was served; cells are split only where "
+                     "its access counts say that viewers came, the most visited first");
+  command
       .add_option("--coarse-cells", a.bake.coarse_cells,
                   "adaptive sampling: cells along the longest side to begin with, at least")
       ->check(CLI::Range(1, 1023))
@@ -875,6 +906,8 @@ std::string wrongUsage(const CLI::App& command, BuildArguments& a) {
     return "--tune chooses quality and subsampling of the images: leave out --tune, or build images";
   if (a.tune_db && (isGiven(command, "--quality") || isGiven(command, "--subsampling")))
     return "--tune chooses quality and subsampling of the images: leave out --quality and --subsampling, or --tune";
+  if (a.bake.target_db <= 0.0 && (a.bake.budget_bytes != 0 || !a.refine_from.empty()))
+    return "--budget and --refine-from are of adaptive sampling: give --target too";
   if (a.bake.target_db > 0.0 && (!a.shard.empty() || a.shards != 0)) return kAdaptiveIsWhole;
   return "";
 }
