@@ -68,14 +68,14 @@ def chart(rows, title, path):
     out.append(f'<text x="{width / 2}" y="{height - 12}" text-anchor="middle">MB of images and masks</text>'
                f'<text x="14" y="{height / 2}" transform="rotate(-90 14 {height / 2})" text-anchor="middle">'
                "mean PSNR of held-out views, dB</text>")
-    for kind, color in (("uniform", "#1f77b4"), ("adaptive", "#d62728")):
+    for kind, color, below in (("uniform", "#1f77b4", -8), ("adaptive", "#d62728", 18)):
         mine = sorted((r for r in rows if r["label"].startswith(kind)), key=lambda r: r["bytes"])
         points = " ".join(f"{px(math.log10(r['bytes'])):.1f},{py(r['mean']):.1f}" for r in mine)
         out.append(f'<polyline points="{points}" fill="none" stroke="{color}" stroke-width="2"/>')
-        for r in mine:
+        for i, r in enumerate(mine):
             x, y = px(math.log10(r["bytes"])), py(r["mean"])
             out.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4" fill="{color}"/>'
-                       f'<text x="{x:.1f}" y="{y - 8:.1f}" text-anchor="middle">{r["label"]}</text>')
+                       f'<text x="{x:.1f}" y="{y + below + 14 * (i % 2) * (below > 0):.1f}" text-anchor="middle">{r["label"]}</text>')
     open(path, "w").write("\n".join(out) + "\n</svg>\n")
 
 
