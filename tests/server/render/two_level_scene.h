@@ -1,5 +1,7 @@
 #pragma once
 // A patch file of two levels, drawn by hand: one root patch over any number of leaves.
+#include <unistd.h>
+
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -56,7 +58,9 @@ class TwoLevelScene {
  public:
   TwoLevelScene(const std::vector<Triangle>& root, const std::vector<std::vector<Triangle>>& leaves, float error) {
     const std::string name = testing::UnitTest::GetInstance()->current_test_info()->name();
-    path_ = (std::filesystem::path(testing::TempDir()) / ("lumigrid_render_" + name + ".lgp")).string();
+    path_ = (std::filesystem::path(testing::TempDir()) /
+             ("lumigrid_render_" + name + "_" + std::to_string(::getpid()) + ".lgp"))
+                .string();
     std::vector<lod::patch::PatchGeometry> geometries{geometryOf(root)};
     for (const auto& leaf : leaves) geometries.push_back(geometryOf(leaf));
     write(geometries, error);
