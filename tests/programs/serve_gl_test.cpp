@@ -77,4 +77,40 @@ TEST_F(Serve, renderWritesTheGroundTruthAtAnySize) {
   }
 }
 
+// The chain from a viewer to the next build: what was sent is counted, and cells are split where that was.
+TEST_F(Serve, aSceneIsRefinedWhereAViewerWas) {
+  const std::string scene = smallScene();
+  std::string url;
+  const pid_t server = serve(scene, url);
+  ASSERT_EQ(run("lumigrid", {"tour", scene, "--frames", "1", "--size", "160", "90", "-o", path("tour.json")}).status,
+            0);
+  ASSERT_EQ(run("lumigrid-view", {url, "--headless", "--path", path("tour.json"), "--out", path("tour")}).status, 0);
+  ::kill(server, SIGTERM);
+  ASSERT_EQ(programs::wait(server), 0) << programs::readText(path("serve.err"));
+
+  const auto points = [&](const std::string& name, std::vector<std::string> more) {
+    std::vector<std::string> words{"build",    smallMesh(), "-o",     path(name), "--grid",         "9", "--face", "32",
+                                   "--target", "60",        "--gain", "0",        "--coarse-cells", "2", "--quiet"};
+    words.insert(words.end(), more.begin(), more.end());
+    const auto built = run("lumigrid", words);
+    EXPECT_EQ(built.status, 0) << built.err;
+    EXPECT_EQ(run("lumigrid", {"verify", path(name)}).status, 0);
+    const json info = json::parse(run("lumigrid", {"info", path(name), "--json"}).out, nullptr, false);
+    return info["images"]["points"].get<std::uint64_t>();
+  };
+  const std::uint64_t everywhere = points("everywhere", {});
+  const std::uint64_t visited = points("visited", {"--refine-from", scene});
+  EXPECT_LT(visited, everywhere);
+  EXPECT_GT(visited, 27U);
+  EXPECT_LT(points("cheap", {"--budget", "1"}), visited);
+  // A finished scene is looked over without the scene that it was refined from.
+  std::filesystem::remove_all(scene);
+  EXPECT_EQ(run("lumigrid", {"build", "-o", path("visited"), "--quiet"}).status, 0);
+
+  programs::expectOneLineError(
+      run("lumigrid", {"build", smallMesh(), "-o", path("x"), "--target", "30", "--refine-from", scene, "--quiet"}), 1,
+      {"--refine-from", scene});
+  EXPECT_EQ(run("lumigrid", {"build", smallMesh(), "-o", path("y"), "--refine-from", scene}).status, 2);
+}
+
 }  // namespace
