@@ -12,8 +12,8 @@
 #include <set>
 
 #include "base/file.h"
-#include "repository/pack_format.h"
 #include "repository/open_objects.h"
+#include "repository/pack_format.h"
 #include "server/cmd/commands.h"
 #include "server/cmd/console.h"
 #include "server/net/open_scene.h"
