@@ -47,7 +47,8 @@ class DrawPool {
   /// Returns when all is drawn and taken. Nothing may be submitted after it.
   void finish();
 
-  /// Threads that keep a machine busy: `threads` (at most 8, memory is theirs each) where GL is software, else 1.
+  /// Threads to draw with: 1 on a GPU, and 1 where GL is software too, though up to `threads` would be faster there
+  /// (draw_pool.cpp says why).
   static base::Result<unsigned> threadsFor(unsigned threads);
 
  private:
