@@ -54,14 +54,13 @@ class DrawPoolTest : public testing::Test {
   std::mutex mutex_;
 };
 
-TEST_F(DrawPoolTest, everyFaceComesOnceAndLooksTheSameFromAnyNumberOfThreads) {
+// One thread: several contexts that draw at a time can crash within llvmpipe (draw_pool.cpp).
+TEST_F(DrawPoolTest, everyFaceComesOnceAndLooksTheSameEveryTime) {
   const auto one = drawAll(1);
   ASSERT_EQ(one.size(), grid_.faceCount());
-  for (const unsigned threads : {2U, 5U}) {
-    const auto many = drawAll(threads);
-    ASSERT_EQ(many.size(), one.size());
-    for (const auto& [sequence, picture] : one) EXPECT_EQ(many.at(sequence).pixels, picture.pixels) << sequence;
-  }
+  const auto again = drawAll(1);
+  ASSERT_EQ(again.size(), one.size());
+  for (const auto& [sequence, picture] : one) EXPECT_EQ(again.at(sequence).pixels, picture.pixels) << sequence;
 }
 
 // The next job is held back until the one before has come whole: were pictures kept on their way, this would hang.
@@ -69,7 +68,7 @@ TEST_F(DrawPoolTest, aThreadWithoutAJobDeliversWhatIsOnItsWay) {
   std::uint64_t taken = 0;
   std::condition_variable changed;
   DrawPool pool(
-      scene_.scene(), scene_.file(), grid_, {}, 2,
+      scene_.scene(), scene_.file(), grid_, {}, 1,
       [&](std::uint64_t, const FaceKey&, const Rendered&) {
         const std::lock_guard lock(mutex_);
         ++taken;
@@ -103,12 +102,8 @@ TEST_F(DrawPoolTest, aFailureIsToldOnceAndNothingIsWaitedForAfterIt) {
   EXPECT_EQ(taken, 0);
 }
 
-TEST_F(DrawPoolTest, softwareGlGetsAThreadACoreUpToEight) {
-  const auto context = std::move(*base::HeadlessContext::create());
-  const bool software = context->isSoftware();
-  EXPECT_EQ(*DrawPool::threadsFor(1), 1U);
-  EXPECT_EQ(*DrawPool::threadsFor(4), software ? 4U : 1U);
-  EXPECT_EQ(*DrawPool::threadsFor(64), software ? 8U : 1U);
+TEST_F(DrawPoolTest, oneThreadDrawsHoweverManyThereMayBe) {
+  for (const unsigned threads : {1U, 4U, 64U}) EXPECT_EQ(*DrawPool::threadsFor(threads), 1U);
 }
 
 }  // namespace
