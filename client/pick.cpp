@@ -1,9 +1,10 @@
 #include "client/pick.h"
 
 #include <array>
-#include <bit>
 #include <glm/gtc/matrix_transform.hpp>
 #include <string>
+
+#include "base/bytes.h"
 
 namespace client {
 namespace {
@@ -100,7 +101,7 @@ std::optional<glm::vec3> Picker::surfaceAt(const base::Camera& camera, double x,
   glReadPixels(0, 0, 1, 1, GL_RGBA_INTEGER, GL_UNSIGNED_INT, pixel.data());
   glBindFramebuffer(GL_FRAMEBUFFER, static_cast<GLuint>(bound));
   if (pixel[1] == 0) return std::nullopt;
-  return pointAtDepth(camera, x, y, std::bit_cast<float>(pixel[0]));
+  return pointAtDepth(camera, x, y, base::bitCast<float>(pixel[0]));
 }
 
 }  // namespace client
