@@ -1,20 +1,17 @@
 // Published scenes served from behind a network: servers that keep nothing but a cache.
-#include <arpa/inet.h>
-#include <netinet/in.h>
 #include <signal.h>
-#include <sys/socket.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
-#include <cstdlib>
 #include <filesystem>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <thread>
 
 #include "base/png/png.h"
 #include "tests/programs/run_program.h"
+#include "tests/support/nginx.h"
 
 namespace {
 
@@ -23,32 +20,6 @@ using nlohmann::json;
 using programs::expectOneLineError;
 using programs::readText;
 using programs::run;
-
-constexpr const char* kNginx = "/usr/sbin/nginx";
-
-// A port that nobody listens at, as of now.
-std::uint16_t freePort() {
-  const int fd = ::socket(AF_INET, SOCK_STREAM, 0);
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  socklen_t length = sizeof(address);
-  EXPECT_EQ(::bind(fd, reinterpret_cast<sockaddr*>(&address), length), 0);
-  EXPECT_EQ(::getsockname(fd, reinterpret_cast<sockaddr*>(&address), &length), 0);
-  ::close(fd);
-  return ntohs(address.sin_port);
-}
-
-bool answers(std::uint16_t port) {
-  const int fd = ::socket(AF_INET, SOCK_STREAM, 0);
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  address.sin_port = htons(port);
-  const bool connected = ::connect(fd, reinterpret_cast<sockaddr*>(&address), sizeof(address)) == 0;
-  ::close(fd);
-  return connected;
-}
 
 // Images come in another order over a network, so that a blend may differ a little in the last of them.
 void expectAlike(const std::vector<base::Image>& a, const std::vector<base::Image>& b) {
@@ -65,41 +36,20 @@ class RemoteServe : public programs::ProgramTest {
  protected:
   void SetUp() override {
     ProgramTest::SetUp();
-    if (!fs::exists(kNginx)) GTEST_SKIP() << "no nginx here";
+    LUMIGRID_SKIP_WITHOUT_NGINX();
     scene_ = smallScene();
     ASSERT_EQ(run("lumigrid", {"publish", scene_, path("site/tower"), "--quiet"}).status, 0);
-    startNginx();
+    nginx_ = std::make_unique<support::Nginx>(path("site"));
+    ASSERT_TRUE(nginx_->running());
   }
   void TearDown() override {
-    stopNginx();
     for (const pid_t pid : servers_) {
       ::kill(pid, SIGTERM);
       programs::wait(pid);
     }
     ProgramTest::TearDown();
   }
-  void startNginx() {
-    port_ = freePort();
-    std::string text = "daemon off;\nmaster_process off;\npid nginx.pid;\nevents { }\nhttp {\naccess_log access.log;\n";
-    for (const char* module : {"client_body", "proxy", "fastcgi", "uwsgi", "scgi"})
-      text += std::string(module) + "_temp_path " + module + ";\n";
-    text += "server { listen 127.0.0.1:" + std::to_string(port_) + "; root " + path("site") + "; }\n}\n";
-    programs::writeText(path("nginx.conf"), text);
-    nginx_ = ::fork();
-    if (nginx_ == 0) {
-      ::execl(kNginx, "nginx", "-p", path("").c_str(), "-c", path("nginx.conf").c_str(), "-e",
-              path("nginx.log").c_str(), nullptr);
-      ::_exit(127);
-    }
-    for (int i = 0; i < 1000 && !answers(port_); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(10));
-  }
-  void stopNginx() {
-    if (nginx_ <= 0) return;
-    ::kill(nginx_, SIGTERM);
-    programs::wait(nginx_);
-    nginx_ = -1;
-  }
-  std::string place(const std::string& name) const { return "http://127.0.0.1:" + std::to_string(port_) + "/" + name; }
+  std::string place(const std::string& name) const { return nginx_->url() + "/" + name; }
   // Its URL; --no-frames, so that pictures come from the repository alone.
   std::string serve(const std::string& what, const std::vector<std::string>& more = {}) {
     const std::string log = path("serve" + std::to_string(servers_.size()));
@@ -136,13 +86,12 @@ class RemoteServe : public programs::ProgramTest {
     return pictures;
   }
   std::size_t requests() const {
-    const std::string log = readText(path("access.log"));
+    const std::string log = nginx_->accessLog();
     return static_cast<std::size_t>(std::count(log.begin(), log.end(), '\n'));
   }
 
   std::string scene_;
-  std::uint16_t port_ = 0;
-  pid_t nginx_ = -1;
+  std::unique_ptr<support::Nginx> nginx_;
   std::vector<pid_t> servers_;
 };
 
@@ -158,7 +107,7 @@ TEST_F(RemoteServe, twoServersOfAPlaceShowWhatTheBuiltSceneShows) {
   const std::string second = serve(place("tower"), {"--cache", path("cache")});
   expectAlike(tour(second, "second"), built);
   EXPECT_LE(requests(), asked + 3);
-  stopNginx();
+  nginx_->stop();
   expectAlike(tour(second, "offline"), built);
 }
 
@@ -181,7 +130,7 @@ TEST_F(RemoteServe, whatIsWrongWithAPlaceIsNamed) {
       programs::writeText(entry.path(), bytes);
     }
   expectOneLineError(serveOnce(place("tower")), 1, {"SHA-256"});
-  stopNginx();
+  nginx_->stop();
   expectOneLineError(serveOnce(place("tower")), 1, {place("tower") + "/scene.json"});
 }
 

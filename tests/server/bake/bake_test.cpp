@@ -11,9 +11,9 @@
 #include "repository/verify.h"
 #include "server/bake/adaptive.h"
 #include "server/bake/cell_judge.h"
-#include "tests/repository/temporary_directory.h"
 #include "tests/server/bake/memory_store.h"
 #include "tests/server/bake/sphere.h"
+#include "tests/support/temporary_directory.h"
 
 namespace server {
 namespace {
@@ -44,7 +44,7 @@ class BakeTest : public testing::Test {
 };
 
 TEST_F(BakeTest, everyFaceOfTheGridIsStoredAndVerifies) {
-  const repository::test::TemporaryDirectory directory;
+  const support::TemporaryDirectory directory;
   const auto store = std::move(*repository::openLmdbStore(directory / "images", repository::StoreMode::kWrite));
   const auto summary = run(*store);
   ASSERT_TRUE(summary) << summary.error().message;
