@@ -10,11 +10,13 @@
 #include <cmath>
 #include <cstdio>
 #include <functional>
+#include <numeric>
 #include <string>
 #include <vector>
 
 #include "base/egl/headless.h"
 #include "base/parallel.h"
+#include "base/picture_error.h"
 #include "repository/coverage.h"
 #include "repository/jpeg.h"
 #include "server/bake/bake.h"
@@ -104,29 +106,16 @@ struct Point {
 
 Point measure(const std::vector<Face>& faces, const Encode& encode, int quality) {
   std::vector<double> bytes(faces.size());
-  std::vector<double> squares(faces.size());
-  std::vector<double> samples(faces.size());
+  std::vector<base::PictureError> errors(faces.size());
   base::parallelFor(faces.size(), 0, [&](std::size_t f) {
     const base::Bytes jpeg = encode(faces[f], quality);
-    const base::Image back = must(repository::decodeJpeg(jpeg));
     bytes[f] = static_cast<double>(jpeg.size());
-    for (std::size_t i = 0; i < back.pixels.size(); ++i) {
-      if (faces[f].mask.pixels[i / 3] == 0) continue;
-      const double difference = double{1} * back.pixels[i] - faces[f].rgba.pixels[4 * (i / 3) + i % 3];
-      squares[f] += difference * difference;
-      ++samples[f];
-    }
+    errors[f] = base::modelError(faces[f].rgba, must(repository::decodeJpeg(jpeg)));
   });
-  Point sum;
-  double all_squares = 0.0;
-  double all_samples = 0.0;
-  for (std::size_t f = 0; f < faces.size(); ++f) {
-    sum.bytes += bytes[f] / static_cast<double>(faces.size());
-    all_squares += squares[f];
-    all_samples += samples[f];
-  }
-  sum.psnr_db = 10.0 * std::log10(255.0 * 255.0 * all_samples / std::max(all_squares, 1e-9));
-  return sum;
+  base::PictureError all;
+  for (const base::PictureError& error : errors) all.add(error);
+  const double sum = std::accumulate(bytes.begin(), bytes.end(), 0.0);
+  return {sum / static_cast<double>(faces.size()), all.psnr()};
 }
 
 // Geometric between the two qualities whose PSNR lie around the target; from `quality` on, up or down.
