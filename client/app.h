@@ -26,6 +26,7 @@
 #include "client/annotation.h"
 #include "client/decode.h"
 #include "client/input.h"
+#include "client/label.h"
 #include "client/measure.h"
 #include "client/settings.h"
 #include "client/statistics.h"
@@ -67,42 +68,7 @@ struct Request {
   ViewState view;             ///< kSavePicture
 };
 
-struct PickAnswer {
-  enum class Kind : std::uint8_t {
-    kHit,
-    kNone,     ///< the ray meets no surface
-    kUnknown,  ///< nobody could say (no server, an error): the approximate point stays
-  };
-  Kind kind = Kind::kUnknown;
-  glm::dvec3 point{0.0};   ///< world
-  glm::dvec3 normal{0.0};  ///< unit, or zero
-  double accuracy = 0.0;   ///< world units
-};
-
 // ---- what stands on top of the picture ----
-
-enum class LabelKind : std::uint8_t {
-  kPin,            ///< annotation `index`: a pin with its title; press(kPin, index) or a click at it opens it
-  kPoint,          ///< a measured point
-  kValue,          ///< a measured value: `text`
-  kSectionHandle,  ///< drags the section plane along its axis
-};
-
-struct Label {
-  LabelKind kind = LabelKind::kPin;
-  std::uint32_t index = 0;   ///< of its kind; the same thing keeps its index
-  double x = 0.0, y = 0.0;   ///< framebuffer pixels from the upper left corner
-  bool visible = false;      ///< in the picture and not behind the surface
-  bool approximate = false;  ///< kPoint, kValue: the exact answer is not here yet, or there is none
-  bool open = false;         ///< kPin: its card is shown
-  std::string text;          ///< plain text, not escaped
-};
-
-/// A line between two measured points, framebuffer pixels, cut at the eye's plane.
-struct LabelLine {
-  double x0 = 0.0, y0 = 0.0, x1 = 0.0, y1 = 0.0;
-  bool approximate = false;
-};
 
 struct Toast {
   std::uint32_t id = 0;
@@ -156,12 +122,10 @@ class App {
   void blur();                               ///< the view lost the keyboard: all keys and pointers are up
   void setHidden(bool hidden);               ///< nothing is drawn or moved while hidden
   void setReducedMotion(bool system_wants);  ///< what the system says; settings can overrule it
-  /// The GL context is lost and back: all of the GPU's content is gone. Call with the new context current.
-  base::Result<void> restoreContext();
 
   // ---- the loop ----
 
-  /// Motion, gestures that end by time, toasts that go. No GL but for what clicks ask for.
+  /// Motion, toasts that go, and at rest whether pins are behind the surface, a few a turn.
   void advance(double now);
   /// Whether another picture would differ from the last one drawn. At rest it is false.
   bool wantsFrame() const;
@@ -195,8 +159,8 @@ class App {
 
   /// Counts up whenever something below may have changed, statistics excepted.
   std::uint64_t overlayVersion() const;
-  const std::vector<Label>& labels() const;     ///< of the last frame()
-  const std::vector<LabelLine>& lines() const;  ///< of the last frame()
+  const std::vector<Label>& labels() const;     ///< as of the last advance() or frame()
+  const std::vector<LabelLine>& lines() const;  ///< likewise
   const std::vector<Toast>& toasts() const;     ///< oldest first, at most 3
   Status status() const;
   Progress progress() const;
@@ -208,9 +172,9 @@ class App {
   /// Shows a pin's card and flies to its camera when it has one; nullopt closes the card.
   void showAnnotation(std::optional<std::size_t> index);
   const std::vector<Measurement>& measurements() const;
-  const std::string& unit() const;         ///< of the scene's lengths; empty when not known
-  std::string sceneName() const;           ///< empty before the scene is known
-  const base::ViewCamera& camera() const;  ///< as drawn now
+  const std::string& unit() const;  ///< of the scene's lengths; empty when not known
+  std::string sceneName() const;    ///< empty before the scene is known
+  base::ViewCamera camera() const;  ///< as drawn now
   Statistics statistics() const;
 
  private:

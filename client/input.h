@@ -56,6 +56,7 @@ enum class Key : std::uint8_t {
   kBackspace,  ///< Delete, too
   kPageUp,     ///< full stop, too
   kPageDown,   ///< comma, too
+  kShift,      ///< flies faster while it is down
   kPlus,
   kMinus,
   k0,
@@ -72,8 +73,8 @@ enum class Key : std::uint8_t {
 
 /// The key for a browser's KeyboardEvent `code` ("KeyW", "Digit3", "Numpad3", "ArrowUp": the place) and `key` ("w",
 /// "F",
-/// "?": what it writes). Flying keys and digits go by place, so that WASD is a cross on every layout and shift changes
-/// no digit; letters by what they write. kNone for all others.
+/// "?": what it writes). Letters that mean something go by what they write; flying keys and digits by place, so that
+/// WASD is a cross on every layout and shift changes no digit; signs last. kNone for all others.
 Key keyFromNames(std::string_view code, std::string_view key);
 
 /// One row of the help panel: what to do, and what it does. Plain English.

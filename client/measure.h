@@ -10,6 +10,19 @@ namespace client {
 
 enum class MeasureKind : std::uint8_t { kDistance, kAngle };
 
+/// What a full-resolution look along a ray found.
+struct PickAnswer {
+  enum class Kind : std::uint8_t {
+    kHit,
+    kNone,     ///< the ray meets no surface
+    kUnknown,  ///< nobody could say (no server, an error): the approximate point stays
+  };
+  Kind kind = Kind::kUnknown;
+  glm::dvec3 point{0.0};   ///< world
+  glm::dvec3 normal{0.0};  ///< unit, or zero
+  double accuracy = 0.0;   ///< world units
+};
+
 struct MeasuredPoint {
   glm::dvec3 position{0.0};   ///< world
   glm::dvec3 normal{0.0};     ///< unit, world; zero when not known
@@ -25,7 +38,7 @@ struct MeasuredValue {
   double accuracy = 0.0;  ///< the value may be off by this much, same unit
   bool approximate = false;
   bool total = false;  ///< the length of the whole chain so far
-  std::string text;    ///< "12.34 m ± 2 mm"
+  std::string text;    ///< "12.34 m ± 0.02 m"
 };
 
 struct Measurement {
@@ -38,9 +51,33 @@ struct Measurement {
 /// points. Accuracies add up (they are bounds, not deviations).
 std::vector<MeasuredValue> measuredValues(const Measurement& measurement, const std::string& unit);
 
-/// `value` ± `accuracy` with as many digits as the accuracy leaves, at most 6 significant: "12.34 m ± 0.01 m",
-/// "about 12.3 m" when approximate. `unit`: as scene.json has it; empty or "unknown": "units".
+/// `value` ± `accuracy`, both down to the first digit of the accuracy, at most 9 digits: "12.34 m ± 0.02 m",
+/// "about 12.3 m" when approximate. An accuracy of 0 is not known: 6 digits. `unit`: as scene.json has it; empty or
+/// "unknown": "units".
 std::string formatLength(double value, double accuracy, bool approximate, const std::string& unit);
 std::string formatAngle(double radians, double accuracy, bool approximate);  ///< degrees
+
+inline constexpr std::size_t kMaxMeasuredPoints = 500;  ///< of all measurements together
+
+/// The measurements on the screen and their points on the way.
+class MeasureTool {
+ public:
+  /// The next point begins a new measurement of this kind.
+  void start(MeasureKind kind);
+  /// A point of the running measurement, or the first of a new one. False, and nothing changes: it is where the last
+  /// one is, or there are too many. An angle is finished by its third point.
+  bool add(const MeasuredPoint& point);
+  void finish();
+  void removeLast();  ///< the newest point, wherever it is
+  void clear();
+  /// A hit replaces the point that asked for it; anything else leaves the approximate one. An id that nobody waits for
+  /// is passed over. True when something changed.
+  bool answer(std::uint32_t pick_id, const PickAnswer& answer);
+  const std::vector<Measurement>& all() const { return all_; }
+
+ private:
+  std::vector<Measurement> all_;
+  MeasureKind kind_ = MeasureKind::kDistance;
+};
 
 }  // namespace client
