@@ -272,6 +272,7 @@ base::Bytes Session::State::evictedMessage() {
 
 base::Bytes Session::State::viewMessage() {
   view_unsent = false;
+  ++stats.views_sent;
   protocol::View view;
   view.sequence = ++sequence;
   view.camera = *camera;
@@ -347,6 +348,14 @@ void Session::setView(const base::ViewCamera& camera) {
   if (s.camera && sameView(*s.camera, camera)) return;
   s.camera = camera;
   s.view_unsent = s.state == SessionState::kReady;
+}
+
+void Session::setWanted(bool images, bool frames) {
+  State& s = *state_;
+  if (s.options.images == images && s.options.frames == frames) return;
+  s.options.images = images;
+  s.options.frames = frames;
+  s.view_unsent = s.camera && s.state == SessionState::kReady;
 }
 
 SessionState Session::state() const {

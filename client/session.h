@@ -38,6 +38,7 @@ struct SessionOptions {
 struct SessionStats {
   std::uint64_t bytes_received = 0, bytes_faces = 0, bytes_patches = 0, bytes_frames = 0;
   std::uint64_t messages_received = 0, faces_received = 0, groups_received = 0, frames_received = 0;
+  std::uint64_t views_sent = 0;
   std::uint64_t cache_bytes = 0;
 };
 
@@ -66,6 +67,8 @@ class Session {
 
   // Viewer side.
   void setView(const base::ViewCamera& camera);
+  /// From the next view on, which is sent again when this changes something.
+  void setWanted(bool images, bool frames);
   SessionState state() const;
   const std::string& problem() const;        ///< why disconnected or refused; empty when all is well
   const protocol::Welcome* welcome() const;  ///< null before the first Welcome

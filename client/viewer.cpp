@@ -42,6 +42,11 @@ struct Sample {
   float rank = 0.0F;  // use, and among the unused the nearer first
 };
 
+bool sameCamera(const base::Camera& a, const base::Camera& b) {
+  return a.clip_from_eye == b.clip_from_eye && a.eye_from_scene == b.eye_from_scene && a.width == b.width &&
+         a.height == b.height;
+}
+
 base::Sphere sceneSphere(const protocol::Welcome& welcome) {
   return {0.5F * (welcome.box_min + welcome.box_max), 0.5F * glm::length(welcome.box_max - welcome.box_min)};
 }
@@ -62,6 +67,7 @@ struct Viewer::State {
 
   std::unordered_map<SampleId, Sample> samples;
   std::vector<SampleId> ranked;  // best first
+  bool use_images = true;        // where the method has any
   bool gpu_full = false;
   std::deque<std::uint32_t> groups_to_upload;
   std::unordered_set<std::uint32_t> groups_ready;  // all consumed patches uploaded
@@ -374,18 +380,28 @@ base::Camera Viewer::State::cameraAt(const base::ViewCamera& view) const {
 // ---- the public face ----
 
 Viewer::Viewer(const ViewerOptions& options, std::unique_ptr<ImageDecoder> decoder) {
-  ViewerOptions wanted = options;
-  if (wanted.method != lod::Method::kLumigraph) {
-    wanted.session.images = false;
-    wanted.session.frames = false;
-    wanted.lumigraph.use_images = false;
-  }
-  state_ = std::make_unique<State>(wanted, std::move(decoder));
+  state_ = std::make_unique<State>(options, std::move(decoder));
+  state_->use_images = options.lumigraph.use_images;
+  setMethod(options.method);
 }
 Viewer::~Viewer() = default;
 
 Session& Viewer::session() {
   return state_->session;
+}
+const Session& Viewer::session() const {
+  return state_->session;
+}
+const ViewerOptions& Viewer::options() const {
+  return state_->options;
+}
+
+void Viewer::setMethod(lod::Method method) {
+  State& s = *state_;
+  const bool images = method == lod::Method::kLumigraph;
+  s.options.method = method;
+  s.options.lumigraph.use_images = images && s.use_images;
+  s.session.setWanted(images && s.options.session.images, images && s.options.session.frames);
 }
 
 base::Result<bool> Viewer::update(const base::ViewCamera& camera, double now) {
@@ -458,6 +474,12 @@ ViewerStats Viewer::stats() const {
   stats.error_px = s.cut.error_px;
   stats.busy = s.renderer && (s.more_to_do || s.renderer->settling());
   stats.complete = s.renderer && s.session.complete() && !stats.busy;
+  for (const auto& [id, sample] : s.samples) {
+    const bool waits = sample.state != SampleState::kResident && sample.state != SampleState::kEmpty;
+    if (waits && sample.use >= kNeededUse) ++stats.images_requested;
+    const bool frame = (id & kFrameTag) != 0 && sample.state == SampleState::kResident;
+    if (frame && s.options.lumigraph.use_images && sameCamera(sample.camera, s.camera)) stats.exact = true;
+  }
   stats.broken = s.broken;
   stats.last_fault = s.last_fault;
   return stats;

@@ -27,10 +27,12 @@ struct ViewerStats {
   SessionStats session;
   LumigraphStats lumigraph;
   float error_px = 0.0F;
-  bool complete = false;     ///< the server sent all for this view and all of it is decoded, uploaded and faded in
-  bool busy = false;         ///< another draw at the same view would look different, with no byte more from the server
-  std::uint32_t broken = 0;  ///< images and groups whose bytes could not be decoded
-  std::string last_fault;    ///< what was wrong with the latest of them
+  bool complete = false;  ///< the server sent all for this view and all of it is decoded, uploaded and faded in
+  bool busy = false;      ///< another draw at the same view would look different, with no byte more from the server
+  bool exact = false;     ///< the server's picture of the very view drawn last is among the images
+  std::uint32_t images_requested = 0;  ///< images of use in this view that are here but not on the GPU yet
+  std::uint32_t broken = 0;            ///< images and groups whose bytes could not be decoded
+  std::string last_fault;              ///< what was wrong with the latest of them
 };
 
 /// Needs a current GL context from first draw() on.
@@ -39,6 +41,10 @@ class Viewer {
   Viewer(const ViewerOptions& options, std::unique_ptr<ImageDecoder> decoder);
   ~Viewer();
   Session& session();
+  const Session& session() const;
+  const ViewerOptions& options() const;
+  /// kLumigraph or kPatches, from the next view on.
+  void setMethod(lod::Method method);
   /// Takes in what arrived and uploads what was decoded, within the frame's share; draws nothing. True while there is
   /// more of it to do (being decoded, or left for the next call). For callers that wait for a picture; draw() does it
   /// by itself.

@@ -59,6 +59,7 @@ void describe(const std::string& directory, OpenScene& open) {
   const base::Aabb box = scene.localBox();
   protocol::Welcome& welcome = open.data.welcome;
   welcome.scene_name = nameOf(directory);
+  welcome.units = scene.units == "unknown" ? "" : scene.units;
   welcome.origin = scene.origin;
   welcome.box_min = box.min;
   welcome.box_max = box.max;
