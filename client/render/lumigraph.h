@@ -82,28 +82,36 @@ struct LumigraphStats {
 
 class LumigraphRenderer {
  public:
-  /// `gpu_budget_bytes` bounds textures; layers beyond it are refused by addSample (returns false).
+  /// `gpu_budget_bytes` bounds textures; layers beyond it are refused by addSample (returns false). Images of
+  /// face_size × face_size leave `for_other_sizes` of it to others.
   static base::Result<std::unique_ptr<LumigraphRenderer>> create(const lod::patch::Lattice& lattice, int face_size,
-                                                                 std::uint64_t gpu_budget_bytes);
+                                                                 std::uint64_t gpu_budget_bytes,
+                                                                 std::uint64_t for_other_sizes = 0);
   ~LumigraphRenderer();
 
   lod::draw::PatchMeshes& patches();
 
-  /// A sampling image with its camera; `rgba` may be of any size (not resampled: an
+  /// A sampling image with its camera (a perspective one); `rgba` may be of any size (not resampled: an
   /// array of layers per size, at most three sizes at a time, of which an empty one is given up). Alpha is coverage: 0
   /// background, 255 model. `now` in seconds starts its fade.
   bool addSample(SampleId id, const base::Camera& camera, const base::Image& rgba, double now);
   void removeSample(SampleId id);
   bool hasSample(SampleId id) const;
+  /// 1 once the sample is wholly in the picture, 0 while it is not part of it.
+  float fadeOf(SampleId id, double now, float fade_seconds) const;
+  /// What it has allocated on the GPU, by kind: what base::gl counts of it.
+  base::gl::HeldBytes held() const;
 
   /// Draws into the framebuffer bound now, viewport 0,0 … camera.width × height. `cut` lists uploaded patches;
   /// `cut_error_px` is the largest projected error among them (for push, shadow bias and weights). `candidates`:
   /// resident samples to choose from (empty: all); those that add most are taken, and where two add the same the
   /// earlier. `occluders`: uploaded patches for the depth maps, best a cut without culling, since what lies outside the
-  /// view hides things from samples too (empty: the cut). Colours are blended as sRGB values.
+  /// view hides things from samples too (empty: the cut). `patch_error_px`: beside `cut`, for colours by resolution
+  /// (empty: cut_error_px for all). Colours are blended as sRGB values. A section plane cuts the picture, not the depth
+  /// maps: images show the uncut model, so what the plane uncovers is seen by none of them and shaded by its normal.
   void draw(const base::Camera& camera, std::span<const std::uint32_t> cut, std::span<const SampleId> candidates,
             float cut_error_px, const lod::draw::Shading& shading, const LumigraphOptions& options, double now,
-            std::span<const std::uint32_t> occluders = {});
+            std::span<const std::uint32_t> occluders = {}, std::span<const float> patch_error_px = {});
 
   /// True when another frame at the same view would look different (fades running, depth maps not all drawn yet).
   bool settling() const;
