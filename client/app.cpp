@@ -220,12 +220,24 @@ struct App::State {
 
 /// The one place where the camera that is drawn is put together.
 base::ViewCamera App::State::drawnCamera() const {
-  return control.camera();
+  base::ViewCamera camera = control.camera();
+  camera.ortho_height = control.orthoHeight();
+  return camera;
 }
 
 /// The one place where the viewer is told how to draw.
 void App::State::handToViewer() {
   viewer.setMethod(view.method);
+  viewer.setResolutionColors(view.colors_by_resolution);
+  std::optional<base::SectionPlane> plane;
+  if (view.section.on) {
+    const double side = view.section.keep_below ? 1.0 : -1.0;
+    plane.emplace();
+    plane->normal = glm::dvec3(0.0);
+    plane->normal[view.section.axis] = side;
+    plane->offset = side * view.section.offset;
+  }
+  viewer.setSection(plane);
 }
 
 std::optional<glm::dvec3> App::State::surfaceAt(double x, double y) {
@@ -1031,6 +1043,13 @@ base::Result<void> App::frame(double now) {
   return {};
 }
 
+base::Result<void> App::restoreContext() {
+  State& s = *state_;
+  s.dirty = true;
+  s.viewer.contextLost();
+  return s.viewer.contextRestored();
+}
+
 // ---- the public face: requests ----
 
 std::vector<Request> App::takeRequests() {
@@ -1203,10 +1222,9 @@ Statistics App::statistics() const {
   out.images_requested = stats.images_requested;
   out.patches = stats.lumigraph.patches;
   out.triangles = stats.lumigraph.triangles;
-  out.memory_bytes = stats.session.cache_bytes;
-  out.memory_budget = s.viewer.options().session.cache_bytes;
-  out.gpu_bytes = stats.lumigraph.gpu_bytes;
-  out.gpu_budget = s.viewer.options().gpu_budget_bytes;
+  out.memory_bytes = stats.memory.total();
+  out.memory_budget = stats.memory_budget;
+  out.gpu_bytes = stats.memory.gpu();
   out.received_bytes = stats.session.bytes_received;
   out.received_images = stats.session.bytes_faces;
   out.received_patches = stats.session.bytes_patches;
@@ -1219,12 +1237,7 @@ Statistics App::statistics() const {
   out.complete = stats.complete;
   out.broken = stats.broken;
   out.last_fault = stats.last_fault;
-  if (stats.lumigraph.triangles == 0)
-    out.accuracy = Accuracy::kNothing;
-  else if (stats.exact)
-    out.accuracy = Accuracy::kExact;
-  else
-    out.accuracy = stats.lumigraph.samples_used > 0 ? Accuracy::kBlended : Accuracy::kCoarse;
+  out.accuracy = stats.accuracy;
   return out;
 }
 

@@ -57,7 +57,7 @@ std::vector<StatisticsLine> statisticsLines(const Statistics& s) {
       {"patches", format("%u, ", s.patches) + grouped(s.triangles) + " triangles"},
       {"screen error", format("%.2f px", s.error_px)},
       {"memory", formatBytes(s.memory_bytes) + " of " + formatBytes(s.memory_budget)},
-      {"graphics", formatBytes(s.gpu_bytes) + " of " + formatBytes(s.gpu_budget)},
+      {"graphics", formatBytes(s.gpu_bytes) + " of these"},
       {"received", formatBytes(s.received_bytes) + ": images " + formatBytes(s.received_images) + ", patches " +
                        formatBytes(s.received_patches) + ", exact " + formatBytes(s.received_frames)},
       {"link", format("%.1f Mbit/s, ", s.megabits_per_second) +

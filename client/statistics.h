@@ -24,8 +24,8 @@ struct Statistics {
   std::uint32_t images_requested = 0;  ///< useful in this view and on their way to the GPU
   std::uint32_t patches = 0;
   std::uint64_t triangles = 0;
-  std::uint64_t memory_bytes = 0, memory_budget = 0;  ///< compressed images and patches
-  std::uint64_t gpu_bytes = 0, gpu_budget = 0;        ///< textures and buffers
+  std::uint64_t memory_bytes = 0, memory_budget = 0;  ///< all that grows with the scene, GPU and memory together
+  std::uint64_t gpu_bytes = 0;                        ///< of these, textures and buffers
   std::uint64_t received_bytes = 0;
   std::uint64_t received_images = 0, received_patches = 0, received_frames = 0;  ///< bytes of each kind
   double megabits_per_second = 0.0;                                              ///< received in the last second

@@ -25,7 +25,6 @@ TEST(Statistics, everyFigureStandsInALine) {
   s.memory_bytes = 12'300'000;
   s.memory_budget = 50'000'000;
   s.gpu_bytes = 90'000'000;
-  s.gpu_budget = 512'000'000;
   s.received_bytes = 2'000'000;
   s.megabits_per_second = 4.5;
   s.round_trip_milliseconds = 31.0;
