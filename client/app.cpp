@@ -1043,10 +1043,13 @@ base::Result<void> App::frame(double now) {
   return {};
 }
 
+void App::loseContext() {
+  state_->viewer.contextLost();
+}
+
 base::Result<void> App::restoreContext() {
   State& s = *state_;
   s.dirty = true;
-  s.viewer.contextLost();
   return s.viewer.contextRestored();
 }
 

@@ -123,6 +123,11 @@ class App {
   void setHidden(bool hidden);               ///< nothing is drawn or moved while hidden
   void setReducedMotion(bool system_wants);  ///< what the system says; settings can overrule it
 
+  /// The GL context is gone with all that was in it: no GL is called until it is back.
+  void loseContext();
+  /// A new context is current: everything is made again from what is kept.
+  base::Result<void> restoreContext();
+
   // ---- the loop ----
 
   /// Motion, toasts that go, and at rest whether pins are behind the surface, a few a turn.

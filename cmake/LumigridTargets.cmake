@@ -67,6 +67,13 @@ function(_lumigrid_setup name uses libraries)
   target_include_directories(${name} PUBLIC ${PROJECT_SOURCE_DIR})
 endfunction()
 
+# lumigrid_hot(file...): where time goes. A page's code is built for size (preset "web"), all but these.
+function(lumigrid_hot)
+  if(EMSCRIPTEN)
+    set_property(SOURCE ${ARGN} APPEND PROPERTY COMPILE_OPTIONS -O3)
+  endif()
+endfunction()
+
 function(lumigrid_library name)
   cmake_parse_arguments(A "" "" "SOURCES;USES;LIBRARIES" ${ARGN})
   add_library(${name} STATIC ${A_SOURCES})

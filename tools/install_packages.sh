@@ -5,6 +5,8 @@ here=$(cd "$(dirname "$0")" && pwd)
 missing=()
 while read -r package; do
   case "$package" in ''|'#'*) continue ;; esac
+  # Node from elsewhere brings its own npm, and Debian's would not go with it.
+  case "$package" in nodejs|npm) command -v "${package%js}" >/dev/null && continue ;; esac
   dpkg-query -W -f='${Status}' "$package" 2>/dev/null | grep -q '^install ok installed$' || missing+=("$package")
 done <"$here/packages.txt"
 [ ${#missing[@]} -eq 0 ] && exit 0

@@ -1,86 +1,354 @@
-// The page's side of the thin client: what JavaScript calls (client/web/site/). Everything runs on the page's one
-// thread; nothing here waits.
+// The page's side of the thin client: the functions that JavaScript calls (client/web/site/app.js). Everything runs on
+// the page's one thread; nothing here waits.
+//
+// Numbers go as arguments. What has many parts goes to the page as text (client/web/text_rows.h): one row a line,
+// fields parted by tabs; JavaScript shows it and never hands it to an HTML parser.
 #include <GLES3/gl3.h>
 #include <emscripten/emscripten.h>
 #include <emscripten/html5.h>
 
-#include <algorithm>
 #include <memory>
 #include <string>
+#include <utility>
+#include <vector>
 
-#include "base/camera.h"
-#include "client/viewer.h"
+#include "client/app.h"
+#include "client/web/text_rows.h"
 #include "client/web/web_decoder.h"
 
 namespace {
 
 struct Page {
-  std::unique_ptr<client::Viewer> viewer;
-  base::ViewCamera camera;
+  client::AppOptions options;
+  std::unique_ptr<client::App> app;
+  EMSCRIPTEN_WEBGL_CONTEXT_HANDLE context = 0;
   base::Bytes incoming, outgoing;
-  std::string text;
+  std::vector<client::Annotation> annotations;  // on their way in
+  std::string text;                             // what the last call handed out
 };
 Page page;
+
+const char* hand(std::string text) {
+  page.text = std::move(text);
+  return page.text.c_str();
+}
+
+/// The empty text when all is well, else what is wrong.
+template <class T>
+const char* handError(const base::Result<T>& result) {
+  return hand(result ? std::string() : result.error().message);
+}
+
+client::Modifiers modifiersOf(int bits) {
+  return {(bits & 1) != 0, (bits & 2) != 0, (bits & 4) != 0};
+}
+
+void addView(client::TextRows& rows, const base::ViewCamera& camera) {
+  for (const glm::dvec3& v : {camera.position, camera.direction, camera.up}) rows.add(v.x).add(v.y).add(v.z);
+  rows.add(camera.fov_y).add(camera.ortho_height).add(camera.width).add(camera.height);
+}
 
 }  // namespace
 
 extern "C" {
 
-EMSCRIPTEN_KEEPALIVE int start(const char* canvas) {
+// ---- start ----
+
+/// Before start(): one setting from storage. Errors as text.
+EMSCRIPTEN_KEEPALIVE const char* initialSetting(const char* name, double value) {
+  return handError(client::setSetting(page.options.settings, name, value));
+}
+
+/// 0: no WebGL2 here. `memory_budget`: bytes of GPU and memory together.
+EMSCRIPTEN_KEEPALIVE int start(const char* canvas, double memory_budget) {
   EmscriptenWebGLContextAttributes attributes;
   emscripten_webgl_init_context_attributes(&attributes);
   attributes.majorVersion = 2;
-  attributes.alpha = false;
+  attributes.alpha = true;  // the page's own background shows where nothing is drawn
   attributes.antialias = false;
   attributes.powerPreference = EM_WEBGL_POWER_PREFERENCE_HIGH_PERFORMANCE;
-  const EMSCRIPTEN_WEBGL_CONTEXT_HANDLE context = emscripten_webgl_create_context(canvas, &attributes);
-  if (context <= 0 || emscripten_webgl_make_context_current(context) != EMSCRIPTEN_RESULT_SUCCESS) return 0;
-  client::ViewerOptions options;
-  page.viewer = std::make_unique<client::Viewer>(options, std::make_unique<client::WebDecoder>());
+  page.context = emscripten_webgl_create_context(canvas, &attributes);
+  if (page.context <= 0 || emscripten_webgl_make_context_current(page.context) != EMSCRIPTEN_RESULT_SUCCESS) return 0;
+  page.options.viewer.memory_budget_bytes = static_cast<std::uint64_t>(memory_budget);
+  page.options.clock = [] { return emscripten_get_now() / 1000.0; };
+  page.app = std::make_unique<client::App>(page.options, std::make_unique<client::WebDecoder>());
   return 1;
 }
 
-EMSCRIPTEN_KEEPALIVE void setCamera(double px, double py, double pz, double dx, double dy, double dz, double ux,
-                                    double uy, double uz, double fov, int width, int height) {
-  page.camera.position = {px, py, pz};
-  page.camera.direction = {dx, dy, dz};
-  page.camera.up = {ux, uy, uz};
-  page.camera.fov_y = fov;
-  page.camera.width = width;
-  page.camera.height = height;
+EMSCRIPTEN_KEEPALIVE void loseContext() {
+  page.app->loseContext();
+}
+EMSCRIPTEN_KEEPALIVE const char* restoreContext() {
+  return handError(page.app->restoreContext());
 }
 
-EMSCRIPTEN_KEEPALIVE int frame(double now) {
+// ---- events ----
+
+EMSCRIPTEN_KEEPALIVE void resize(int width, int height, double pixel_ratio) {
+  page.app->resize(width, height, pixel_ratio);
+}
+
+/// `what`: 0 down, 1 move, 2 up, 3 cancelled. `kind`: 0 mouse, 1 touch, 2 pen. `button`: 0 left, 1 middle, 2 right.
+/// `modifiers`: 1 shift, 2 control, 4 alt.
+EMSCRIPTEN_KEEPALIVE void pointer(int what, int id, int kind, int button, int modifiers, double x, double y,
+                                  double now) {
+  const client::PointerEvent event{id,
+                                   static_cast<client::PointerKind>(kind),
+                                   static_cast<client::PointerButton>(button),
+                                   modifiersOf(modifiers),
+                                   x,
+                                   y,
+                                   now};
+  switch (what) {
+    case 0:
+      page.app->pointerDown(event);
+      break;
+    case 1:
+      page.app->pointerMove(event);
+      break;
+    case 2:
+      page.app->pointerUp(event);
+      break;
+    default:
+      page.app->pointerCancel(id);
+      break;
+  }
+}
+
+EMSCRIPTEN_KEEPALIVE void wheel(double steps, double x, double y, double now) {
+  page.app->wheel(steps, x, y, now);
+}
+
+EMSCRIPTEN_KEEPALIVE int key(const char* code, const char* name, int down, int modifiers, double now) {
+  return page.app->key(client::keyFromNames(code, name), down != 0, modifiersOf(modifiers), now) ? 1 : 0;
+}
+
+EMSCRIPTEN_KEEPALIVE void blur() {
+  page.app->blur();
+}
+EMSCRIPTEN_KEEPALIVE void setHidden(int hidden) {
+  page.app->setHidden(hidden != 0);
+}
+EMSCRIPTEN_KEEPALIVE void setReducedMotion(int wanted) {
+  page.app->setReducedMotion(wanted != 0);
+}
+
+// ---- the loop ----
+
+/// Whether frame() would draw something new.
+EMSCRIPTEN_KEEPALIVE int advance(double now) {
+  page.app->advance(now);
+  return page.app->wantsFrame() ? 1 : 0;
+}
+
+EMSCRIPTEN_KEEPALIVE const char* frame(double now) {
   glBindFramebuffer(GL_FRAMEBUFFER, 0);
-  auto drawn = page.viewer->draw(page.camera, now);
-  if (!drawn) page.text = drawn.error().message;
-  return drawn ? (page.viewer->stats().complete ? 2 : 1) : 0;
+  return handError(page.app->frame(now));
 }
 
-EMSCRIPTEN_KEEPALIVE const char* lastText() {
-  return page.text.c_str();
+// ---- requests ----
+
+/// Rows: kind, id, text, origin, direction, camera (position, direction, up, fov, orthographic height, width, height).
+EMSCRIPTEN_KEEPALIVE const char* takeRequests() {
+  client::TextRows rows;
+  for (const client::Request& request : page.app->takeRequests()) {
+    rows.add(static_cast<int>(request.kind)).add(static_cast<double>(request.id)).add(request.text);
+    for (const glm::dvec3& v : {request.origin, request.direction}) rows.add(v.x).add(v.y).add(v.z);
+    addView(rows, request.camera);
+    rows.end();
+  }
+  return hand(rows.take());
 }
 
-// ---- the link ----
+/// `kind`: 0 hit, 1 none, 2 unknown.
+EMSCRIPTEN_KEEPALIVE void answerPick(std::uint32_t id, int kind, double px, double py, double pz, double nx, double ny,
+                                     double nz, double accuracy) {
+  client::PickAnswer answer;
+  answer.kind = static_cast<client::PickAnswer::Kind>(kind);
+  answer.point = {px, py, pz};
+  answer.normal = {nx, ny, nz};
+  answer.accuracy = accuracy;
+  page.app->answerPick(id, answer);
+}
+
+EMSCRIPTEN_KEEPALIVE void say(const char* text, int error) {
+  page.app->say(text, error != 0);
+}
+
+// ---- state that comes from the page and goes there ----
+
+EMSCRIPTEN_KEEPALIVE const char* permalink() {
+  return hand(page.app->permalink());
+}
+EMSCRIPTEN_KEEPALIVE const char* openPermalink(const char* text) {
+  return handError(page.app->openPermalink(text));
+}
+EMSCRIPTEN_KEEPALIVE const char* bookmark(int slot) {
+  return hand(page.app->bookmark(slot));
+}
+EMSCRIPTEN_KEEPALIVE const char* setBookmark(int slot, const char* link) {
+  return handError(page.app->setBookmark(slot, link));
+}
+
+/// Rows: name, label, kind, smallest, largest, value, default, choices, from the next start on.
+EMSCRIPTEN_KEEPALIVE const char* settings() {
+  client::TextRows rows;
+  const client::Settings& now = page.app ? page.app->settings() : page.options.settings;
+  const client::Settings defaults;
+  for (const client::SettingField& field : client::settingFields()) {
+    rows.add(field.name).add(field.label).add(static_cast<int>(field.kind)).add(field.smallest).add(field.largest);
+    rows.add(now.*field.value).add(defaults.*field.value).add(field.choices).add(field.from_next_start ? 1 : 0).end();
+  }
+  return hand(rows.take());
+}
+EMSCRIPTEN_KEEPALIVE const char* changeSetting(const char* name, double value) {
+  return handError(page.app->changeSetting(name, value));
+}
+
+/// One annotation of a list that setAnnotations() then shows. Errors as text; then it is left out.
+EMSCRIPTEN_KEEPALIVE const char* addAnnotation(const char* title, const char* text, double px, double py, double pz,
+                                               double nx, double ny, double nz) {
+  client::Annotation annotation;
+  annotation.position = {px, py, pz};
+  annotation.normal = {nx, ny, nz};
+  annotation.title = title;
+  annotation.text = text;
+  auto checked = client::checkedAnnotation(std::move(annotation));
+  if (checked) page.annotations.push_back(std::move(*checked));
+  return handError(checked);
+}
+/// The camera of the annotation added last.
+EMSCRIPTEN_KEEPALIVE const char* addAnnotationCamera(double px, double py, double pz, double dx, double dy, double dz,
+                                                     double ux, double uy, double uz, double fov) {
+  if (page.annotations.empty()) return hand({});
+  client::Annotation annotation = page.annotations.back();
+  annotation.camera.emplace();
+  annotation.camera->position = {px, py, pz};
+  annotation.camera->direction = {dx, dy, dz};
+  annotation.camera->up = {ux, uy, uz};
+  annotation.camera->fov_y = fov;
+  auto checked = client::checkedAnnotation(std::move(annotation));
+  if (checked) page.annotations.back() = std::move(*checked);
+  return handError(checked);
+}
+EMSCRIPTEN_KEEPALIVE void setAnnotations() {
+  page.app->setAnnotations(std::exchange(page.annotations, {}));
+}
+
+// ---- the overlay ----
+
+EMSCRIPTEN_KEEPALIVE double overlayVersion() {
+  return static_cast<double>(page.app->overlayVersion());
+}
+
+/// Rows that begin with what they are:
+///   scene name unit | status kind text advice | progress active share | mode mode hint | help shown
+///   view statistics colours orthographic section | toast id error text | annotation index
+///   label kind index x y visible approximate open text | line x0 y0 x1 y1 approximate
+EMSCRIPTEN_KEEPALIVE const char* overlay() {
+  const client::App& app = *page.app;
+  client::TextRows rows;
+  rows.add("scene").add(app.sceneName()).add(app.unit()).end();
+  const client::Status status = app.status();
+  rows.add("status").add(static_cast<int>(status.kind)).add(status.text).add(status.advice).end();
+  const client::Progress progress = app.progress();
+  rows.add("progress").add(progress.active ? 1 : 0).add(progress.share).end();
+  rows.add("mode").add(static_cast<int>(app.mode())).add(app.modeHint()).end();
+  rows.add("help").add(app.helpShown() ? 1 : 0).end();
+  const client::ViewState& view = app.view();
+  rows.add("view").add(view.statistics ? 1 : 0).add(view.colors_by_resolution ? 1 : 0);
+  rows.add(view.orthographic ? 1 : 0).add(view.section.on ? 1 : 0).end();
+  for (const client::Toast& toast : app.toasts())
+    rows.add("toast").add(static_cast<double>(toast.id)).add(toast.error ? 1 : 0).add(toast.text).end();
+  if (auto open = app.openAnnotation()) rows.add("annotation").add(static_cast<double>(*open)).end();
+  for (const client::Label& label : app.labels()) {
+    rows.add("label").add(static_cast<int>(label.kind)).add(static_cast<double>(label.index)).add(label.x).add(label.y);
+    rows.add(label.visible ? 1 : 0).add(label.approximate ? 1 : 0).add(label.open ? 1 : 0).add(label.text).end();
+  }
+  for (const client::LabelLine& line : app.lines())
+    rows.add("line").add(line.x0).add(line.y0).add(line.x1).add(line.y1).add(line.approximate ? 1 : 0).end();
+  return hand(rows.take());
+}
+
+/// Rows: name, value.
+EMSCRIPTEN_KEEPALIVE const char* statistics() {
+  client::TextRows rows;
+  for (const client::StatisticsLine& line : client::statisticsLines(page.app->statistics()))
+    rows.add(line.name).add(line.value).end();
+  return hand(rows.take());
+}
+
+/// Rows: name, figure: for programs, not for people.
+EMSCRIPTEN_KEEPALIVE const char* figures() {
+  const client::Statistics s = page.app->statistics();
+  client::TextRows rows;
+  const auto row = [&rows](const char* name, double value) { rows.add(name).add(value).end(); };
+  row("framesPerSecond", s.frames_per_second);
+  row("frameMilliseconds", s.frame_milliseconds);
+  row("imagesInUse", s.images_in_use);
+  row("imagesResident", s.images_resident);
+  row("imagesRequested", s.images_requested);
+  row("patches", s.patches);
+  row("triangles", static_cast<double>(s.triangles));
+  row("memoryBytes", static_cast<double>(s.memory_bytes));
+  row("memoryBudget", static_cast<double>(s.memory_budget));
+  row("gpuBytes", static_cast<double>(s.gpu_bytes));
+  row("receivedBytes", static_cast<double>(s.received_bytes));
+  row("receivedImageBytes", static_cast<double>(s.received_images));
+  row("receivedPatchBytes", static_cast<double>(s.received_patches));
+  row("receivedFrameBytes", static_cast<double>(s.received_frames));
+  row("errorPixels", s.error_px);
+  row("accuracy", static_cast<double>(s.accuracy));
+  row("complete", s.complete ? 1 : 0);
+  row("broken", s.broken);
+  return hand(rows.take());
+}
+
+/// Rows: what to do, what it does.
+EMSCRIPTEN_KEEPALIVE const char* help() {
+  client::TextRows rows;
+  for (const client::HelpRow& row : client::helpRows()) rows.add(row.input).add(row.effect).end();
+  return hand(rows.take());
+}
+
+EMSCRIPTEN_KEEPALIVE void showHelp(int shown) {
+  page.app->showHelp(shown != 0);
+}
+/// −1 closes the card.
+EMSCRIPTEN_KEEPALIVE void showAnnotation(int index) {
+  page.app->showAnnotation(index < 0 ? std::nullopt : std::optional<std::size_t>(static_cast<std::size_t>(index)));
+}
+
+/// One row: position, direction, up, fov, orthographic height, width, height.
+EMSCRIPTEN_KEEPALIVE const char* camera() {
+  client::TextRows rows;
+  addView(rows, page.app->camera());
+  return hand(rows.end().take());
+}
+
+// ---- the link to a server ----
 
 EMSCRIPTEN_KEEPALIVE void connected() {
-  page.viewer->session().connected();
+  page.app->session().connected();
 }
 EMSCRIPTEN_KEEPALIVE void disconnected(const char* reason) {
-  page.viewer->session().disconnected(reason);
+  page.app->session().disconnected(reason);
 }
+EMSCRIPTEN_KEEPALIVE int refused() {
+  return page.app->session().state() == client::SessionState::kRefused ? 1 : 0;
+}
+/// Room for one message of the server, to be filled before receiveMessage().
 EMSCRIPTEN_KEEPALIVE std::uint8_t* messageBuffer(std::size_t size) {
   page.incoming.resize(size);
   return page.incoming.data();
 }
-EMSCRIPTEN_KEEPALIVE int receiveMessage() {
-  auto taken = page.viewer->session().receive(page.incoming);
-  if (!taken) page.text = taken.error().message;
-  return taken ? 1 : 0;
+/// Errors as text: the connection is to be closed.
+EMSCRIPTEN_KEEPALIVE const char* receiveMessage() {
+  return handError(page.app->session().receive(page.incoming));
 }
-/// Bytes of the next message to send, 0 when there is none; messageToSend() is where they lie.
+/// Bytes of the next message to send, which lies at messageToSend(); 0 when there is none.
 EMSCRIPTEN_KEEPALIVE std::size_t nextToSend() {
-  auto next = page.viewer->session().nextToSend();
+  auto next = page.app->session().nextToSend();
   page.outgoing = next ? std::move(*next) : base::Bytes();
   return page.outgoing.size();
 }

@@ -1,0 +1,47 @@
+// Puts the page together: node build_site.mjs SITE_SOURCES BUILT_FILES OUT
+// Bundles by esbuild, names every file but index.html by its content so that it can be kept for ever, and writes each once more as .gz and .br.
+import { execFileSync } from "node:child_process";
+import { createHash } from "node:crypto";
+import { copyFileSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync, readdirSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { basename, extname, join } from "node:path";
+import { brotliCompressSync, constants, gzipSync } from "node:zlib";
+
+const [sources, built, out] = process.argv.slice(2);
+if (!out) throw new Error("usage: node build_site.mjs SITE_SOURCES BUILT_FILES OUT");
+const work = mkdtempSync(join(tmpdir(), "lumigrid-site-"));
+mkdirSync(out, { recursive: true });
+for (const old of readdirSync(out)) rmSync(join(out, old));
+
+function keep(name, bytes, { fixed = false } = {}) {
+  const hash = createHash("sha256").update(bytes).digest("hex").slice(0, 12);
+  const place = fixed ? name : `${basename(name, extname(name))}-${hash}${extname(name)}`;
+  writeFileSync(join(out, place), bytes);
+  writeFileSync(join(out, place + ".gz"), gzipSync(bytes, { level: 9 }));
+  writeFileSync(join(out, place + ".br"), brotliCompressSync(bytes, { params: { [constants.BROTLI_PARAM_QUALITY]: 11, [constants.BROTLI_PARAM_SIZE_HINT]: bytes.length } }));
+  return place;
+}
+
+function bundle(entry, defines = {}) {
+  const result = join(work, basename(entry));
+  execFileSync(
+    "esbuild",
+    [join(sources, entry), "--bundle", "--minify", "--format=esm", "--target=es2020,safari14", "--log-level=warning", "--legal-comments=none", `--outfile=${result}`,
+      ...Object.entries(defines).map(([name, value]) => `--define:${name}=${JSON.stringify(value)}`)],
+    { stdio: ["ignore", "inherit", "inherit"], env: { ...process.env, NODE_PATH: built } },
+  );
+  return readFileSync(result);
+}
+
+const viewerWasm = keep("viewer.wasm", readFileSync(join(built, "client_web.wasm")));
+const decodeWasm = keep("decode.wasm", readFileSync(join(built, "client_web_decode.wasm")));
+const worker = keep("decode.js", bundle("decode_worker.js"));
+const main = keep("viewer.js", bundle("main.js", { VIEWER_WASM: viewerWasm, DECODE_WASM: decodeWasm, DECODE_WORKER: worker }));
+const style = keep("style.css", bundle("style.css"));
+let html = readFileSync(join(sources, "index.html"), "utf8");
+for (const [from, to] of [["main.js", main], ["style.css", style], ["viewer.wasm", viewerWasm]]) {
+  if (!html.includes(`"${from}"`)) throw new Error(`index.html does not name ${from}`);
+  html = html.replaceAll(`"${from}"`, `"${to}"`);
+}
+keep("index.html", Buffer.from(html), { fixed: true });
+rmSync(work, { recursive: true });

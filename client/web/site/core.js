@@ -1,0 +1,89 @@
+// The C++ client as JavaScript sees it: text rows taken apart, bytes copied in and out.
+import createViewer from "client_web.js";
+import { makeDecoder } from "./decode.js";
+import { parametersOf } from "./static_scene.js";
+
+const utf8 = new TextEncoder();
+
+/// Rows of tab-parted fields (client/web/text_rows.h).
+export function rowsOf(text) {
+  return text === "" ? [] : text.slice(0, -1).split("\n").map((row) => row.split("\t"));
+}
+
+export async function loadCore(files) {
+  let module;
+  const decode = makeDecoder({ worker: files.worker, wasm: files.decodeWasm }, (low, high, image, error) => {
+    if (image) fill(module._decodedPixels(low, high, image.width, image.height), image.rgba);
+    else core.call("decodedNothing", low, high, error);
+    core.changed();
+  });
+  module = await createViewer({
+    locateFile: () => files.viewerWasm,
+    // What the C++ code calls (client/web/web_decoder.cpp, web_fetcher.cpp, web_scene.cpp).
+    decode,
+    fetchRange: (...args) => core.fetchRange(...args),
+    cancelRange: (job) => core.cancelRange(job),
+    readParameters(text) {
+      const found = parametersOf(text);
+      if (found) core.withNumbers(found.numbers, (at) => core.call("takeParameters", at, found.tree));
+    },
+  });
+
+  /// Memory may have grown when room was made, and with it HEAPU8 be another: so the address first.
+  function fill(at, bytes) {
+    module.HEAPU8.set(bytes, at);
+  }
+
+  /// Calls an exported function; strings among the arguments are handed over as UTF-8.
+  function call(name, ...args) {
+    const held = [];
+    const plain = args.map((arg) => {
+      if (typeof arg !== "string") return arg;
+      const bytes = utf8.encode(arg);
+      const at = module._malloc(bytes.length + 1);
+      module.HEAPU8.set(bytes, at);
+      module.HEAPU8[at + bytes.length] = 0;
+      held.push(at);
+      return at;
+    });
+    const result = module["_" + name](...plain);
+    for (const at of held) module._free(at);
+    return result;
+  }
+  const text = (name, ...args) => module.UTF8ToString(call(name, ...args));
+
+  const core = {
+    call,
+    text,
+    rows: (name, ...args) => rowsOf(text(name, ...args)),
+    fill,
+    /// Calls `use` with the address of these numbers as doubles.
+    withNumbers(numbers, use) {
+      const at = module._malloc(8 * numbers.length);
+      fill(at, new Uint8Array(Float64Array.from(numbers).buffer));
+      const result = use(at);
+      module._free(at);
+      return result;
+    },
+    /// Set for a static scene.
+    fetchRange: () => {},
+    cancelRange: () => {},
+    figures: () => Object.fromEntries(rowsOf(text("figures")).map(([name, value]) => [name, Number(value)])),
+    /// Set by the page: something arrived that may change the picture.
+    changed: () => {},
+    connected: () => call("connected"),
+    disconnected: (reason) => call("disconnected", reason),
+    refused: () => call("refused") !== 0,
+    receive(bytes) {
+      fill(call("messageBuffer", bytes.length), bytes);
+      return text("receiveMessage");
+    },
+    next() {
+      const size = call("nextToSend");
+      if (size === 0) return null;
+      const at = call("messageToSend");
+      return module.HEAPU8.slice(at, at + size);
+    },
+  };
+  return core;
+}

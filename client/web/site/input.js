@@ -1,0 +1,71 @@
+// The page's events as the C++ client wants them: device pixels from the canvas' upper left corner, seconds.
+
+const kKinds = { mouse: 0, touch: 1, pen: 2 };
+/// What browsers report for one notch of a common mouse wheel.
+const kPixelsPerStep = 100;
+const kLinesPerStep = 3;
+
+const modifiersOf = (event) => (event.shiftKey ? 1 : 0) | (event.ctrlKey || event.metaKey ? 2 : 0) | (event.altKey ? 4 : 0);
+
+function stepsOf(event) {
+  const perStep = [kPixelsPerStep, kLinesPerStep, 1][event.deltaMode] ?? kPixelsPerStep;
+  // Pinching on a touchpad comes as a wheel with ctrl, in small steps.
+  const pinch = event.ctrlKey && event.deltaMode === 0 && Math.abs(event.deltaY) < 40;
+  return -event.deltaY / (pinch ? kPixelsPerStep / 8 : perStep);
+}
+
+/// `now`: seconds. `acted()`: something was handed over.
+export function listen(canvas, core, now, acted) {
+  const place = (event) => {
+    const box = canvas.getBoundingClientRect();
+    return [((event.clientX - box.left) * canvas.width) / Math.max(box.width, 1), ((event.clientY - box.top) * canvas.height) / Math.max(box.height, 1)];
+  };
+  const button = (event) => (event.button === 1 ? 1 : event.button === 2 ? 2 : 0);
+  const pointer = (what) => (event) => {
+    const [x, y] = place(event);
+    core.call("pointer", what, event.pointerId, kKinds[event.pointerType] ?? 0, button(event), modifiersOf(event), x, y, now());
+    acted();
+  };
+  const down = pointer(0);
+  canvas.addEventListener("pointerdown", (event) => {
+    canvas.focus({ preventScroll: true });
+    try {
+      canvas.setPointerCapture(event.pointerId);
+    } catch {
+      // A pointer that is gone already; its end comes as it may.
+    }
+    down(event);
+  });
+  canvas.addEventListener("pointermove", pointer(1));
+  canvas.addEventListener("pointerup", pointer(2));
+  canvas.addEventListener("pointercancel", pointer(3));
+  canvas.addEventListener("contextmenu", (event) => event.preventDefault());
+  canvas.addEventListener(
+    "wheel",
+    (event) => {
+      event.preventDefault();
+      core.call("wheel", stepsOf(event), ...place(event), now());
+      acted();
+    },
+    { passive: false },
+  );
+  // Safari's own pinch would zoom the page.
+  for (const name of ["gesturestart", "gesturechange"]) canvas.addEventListener(name, (event) => event.preventDefault());
+
+  const key = (isDown) => (event) => {
+    const busy = event.target instanceof Element && event.target.closest("input, select, textarea, dialog");
+    if (busy || event.altKey || event.isComposing) return;
+    // The browser's own: copying, finding, reloading, … but for a bookmark's digit.
+    if ((event.ctrlKey || event.metaKey) && !/^(Digit|Numpad)\d$/.test(event.code)) return;
+    // A focused button takes what presses it.
+    if (event.target instanceof HTMLButtonElement && ["Enter", " "].includes(event.key)) return;
+    if (core.call("key", event.code, event.key, isDown ? 1 : 0, modifiersOf(event), now())) event.preventDefault();
+    acted();
+  };
+  addEventListener("keydown", key(true));
+  addEventListener("keyup", key(false));
+  addEventListener("blur", () => {
+    core.call("blur");
+    acted();
+  });
+}

@@ -1,0 +1,323 @@
+// The page: finds the scene, starts the client, and carries out what it asks for.
+import { loadAnnotations } from "./annotations.js";
+import { loadCore } from "./core.js";
+import { listen } from "./input.js";
+import { makeOverlay } from "./overlay.js";
+import { openPicture } from "./picture.js";
+import { keepSettings, restoreSettings, settingValue, showSettings } from "./settings.js";
+import { openLink, socketUrl } from "./socket.js";
+import { openStaticScene } from "./static_scene.js";
+import { makeTools } from "./tools.js";
+
+const kPhoneBudget = 64e6;
+const kDeskBudget = 512e6;
+/// Toasts, permalinks and lost images are noticed this often at rest.
+const kIdleMilliseconds = 100;
+const kStatisticsMilliseconds = 250;
+/// More device pixels than this per screen pixel cost time and show nothing.
+const kMostRatio = 2;
+
+const kCopyLink = 0, kLinkChanged = 1, kSavePicture = 2, kKeepBookmarks = 3, kKeepSettings = 4, kPick = 5;
+
+// Set when the page is built (client/web/build_site.mjs).
+const files = { viewerWasm: new URL(VIEWER_WASM, document.baseURI).href, decodeWasm: new URL(DECODE_WASM, document.baseURI).href, worker: new URL(DECODE_WORKER, document.baseURI).href };
+
+const canvas = document.getElementById("view");
+const now = () => performance.now() / 1000;
+const phone = matchMedia("(pointer: coarse)").matches && Math.min(screen.width, screen.height) < 700;
+
+let core, overlay, link;
+let ratio = 1;
+let scheduled = false;
+let failed = false;
+let contextLost = false;
+let framesDrawn = 0;
+const bookmarksStore = () => `lumigrid.bookmarks ${new URL(location.pathname + location.search, location.href).href}`;
+
+// ---- the loop ----
+
+function schedule() {
+  if (scheduled || failed || document.hidden) return;
+  scheduled = true;
+  requestAnimationFrame(turn);
+}
+
+function draw() {
+  ++framesDrawn;
+  const error = core.text("frame", now());
+  if (error) fail("The picture cannot be drawn", error);
+}
+
+function turn() {
+  scheduled = false;
+  if (failed) return;
+  pumpStatic?.(now());
+  const wanted = core.call("advance", now());
+  if (wanted && !contextLost) draw();
+  carryOut();
+  overlay.update();
+  link?.flush();
+  pumpStatic?.(now());  // a drawn frame has told the session its view
+  if (core.call("advance", now()) && !contextLost) schedule();
+}
+
+function acted() {
+  schedule();
+}
+
+function fail(title, advice) {
+  failed = true;
+  overlay.problem(title, advice, () => location.reload());
+}
+
+const say = (text, error = true) => {
+  core.call("say", text, error ? 1 : 0);
+  schedule();
+};
+
+// ---- what the client asks for ----
+
+async function copyLink(hash) {
+  const url = new URL(location.href);
+  url.hash = hash;
+  history.replaceState(null, "", url);
+  try {
+    await navigator.clipboard.writeText(url.href);
+    say("link copied", false);
+  } catch {
+    // Pages without https may not use the clipboard that way.
+    const text = document.createElement("textarea");
+    text.value = url.href;
+    document.body.append(text);
+    text.select();
+    const copied = document.execCommand("copy");
+    text.remove();
+    canvas.focus();
+    if (copied) say("link copied", false);
+    else say("the link is in the address bar: copy it from there");
+  }
+}
+
+function keepLink(hash) {
+  const url = new URL(location.href);
+  url.hash = hash;
+  history.replaceState(null, "", url);
+}
+
+function keepBookmarks() {
+  const kept = {};
+  for (let slot = 1; slot <= 9; ++slot) {
+    const text = core.text("bookmark", slot);
+    if (text) kept[slot] = text;
+  }
+  try {
+    localStorage.setItem(bookmarksStore(), JSON.stringify(kept));
+  } catch {
+    say("this browser keeps no bookmarks for this page");
+  }
+}
+
+function restoreBookmarks() {
+  try {
+    const kept = JSON.parse(localStorage.getItem(bookmarksStore()) ?? "{}");
+    for (let slot = 1; slot <= 9; ++slot) if (typeof kept?.[slot] === "string") core.text("setBookmark", slot, kept[slot]);
+  } catch {
+    // Not ours, or not allowed: there are none then.
+  }
+}
+
+async function pick(id, [ox, oy, oz, dx, dy, dz]) {
+  const answer = (kind, point = [0, 0, 0], normal = [0, 0, 0], accuracy = 0) => {
+    core.call("answerPick", id, kind, ...point, ...normal, accuracy);
+    schedule();
+  };
+  const unknown = 2;
+  if (!server) return answer(unknown);
+  try {
+    const reply = await fetch(new URL(`pick?${new URLSearchParams({ ox, oy, oz, dx, dy, dz })}`, server));
+    if (!reply.ok) throw new Error(`the server answered ${reply.status}`);
+    const found = await reply.json();
+    if (found.hit) answer(0, found.point, found.normal, found.accuracy);
+    else answer(1);
+  } catch {
+    answer(unknown);
+  }
+}
+
+function carryOut() {
+  for (const [kindText, id, text, ...numbers] of core.rows("takeRequests")) {
+    const kind = Number(kindText);
+    if (kind === kCopyLink) copyLink(text);
+    else if (kind === kLinkChanged) keepLink(text);
+    else if (kind === kSavePicture) openPicture({ dialog: document.getElementById("picture"), canvas, camera: numbers.slice(6), server, draw, name: document.getElementById("name").textContent, say });
+    else if (kind === kKeepBookmarks) keepBookmarks();
+    else if (kind === kKeepSettings) keepAndApply();
+    else if (kind === kPick) pick(Number(id), numbers.slice(0, 6).map(Number));
+  }
+}
+
+function keepAndApply() {
+  const error = keepSettings(core);
+  if (error) say(error);
+  applyTheme();
+}
+
+// ---- the page around it ----
+
+function applyTheme() {
+  const wanted = settingValue(core, "theme");
+  const dark = wanted === "dark" || (wanted !== "light" && matchMedia("(prefers-color-scheme: dark)").matches);
+  document.documentElement.dataset.theme = dark ? "dark" : "light";
+}
+
+function resize() {
+  ratio = Math.min(devicePixelRatio || 1, kMostRatio);
+  const width = Math.max(1, Math.round(canvas.clientWidth * ratio));
+  const height = Math.max(1, Math.round(canvas.clientHeight * ratio));
+  if (canvas.width !== width) canvas.width = width;
+  if (canvas.height !== height) canvas.height = height;
+  core.call("resize", width, height, ratio);
+  // A canvas that changed its size is empty until it is drawn.
+  if (!contextLost && !failed) draw();
+  schedule();
+}
+
+function watchContext() {
+  canvas.addEventListener("webglcontextlost", (event) => {
+    event.preventDefault();  // or it would not come back
+    contextLost = true;
+    core.call("loseContext");
+    say("the graphics driver restarts the view …", false);
+  });
+  canvas.addEventListener("webglcontextrestored", () => {
+    contextLost = false;
+    const error = core.text("restoreContext");
+    if (error) fail("The picture cannot be drawn again", error);
+    schedule();
+  });
+}
+
+function watchPage() {
+  new ResizeObserver(resize).observe(canvas);
+  document.addEventListener("visibilitychange", () => {
+    core.call("setHidden", document.hidden ? 1 : 0);
+    schedule();
+  });
+  const motion = matchMedia("(prefers-reduced-motion: reduce)");
+  const setMotion = () => core.call("setReducedMotion", motion.matches ? 1 : 0);
+  motion.addEventListener("change", setMotion);
+  setMotion();
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", applyTheme);
+  addEventListener("hashchange", () => {
+    if (location.hash.length > 1) core.text("openPermalink", decodeURIComponent(location.hash));
+    schedule();
+  });
+  setInterval(() => {
+    if (document.hidden || failed) return;
+    if (pumpStatic?.(now()) || core.call("advance", now())) schedule();
+    carryOut();
+    overlay.update();
+  }, kIdleMilliseconds);
+  setInterval(() => overlay.updateStatistics(), kStatisticsMilliseconds);
+}
+
+// ---- start ----
+
+/// Where /render, /pick and annotations.json are; null without a server of ours.
+let server = null;
+/// Of a published scene: takes in what came and asks for more.
+let pumpStatic = null;
+
+async function start() {
+  const early = document.getElementById("problem");
+  const bare = (title, advice) => {
+    early.querySelector("h2").textContent = title;
+    early.querySelector("p").textContent = advice;
+    early.querySelector("button").onclick = () => location.reload();
+    early.hidden = false;
+  };
+  if (typeof WebAssembly !== "object" || !("OffscreenCanvas" in window)) return bare("This browser is too old for the viewer", "It needs WebAssembly, WebGL2 and OffscreenCanvas: a Chrome, Edge or Firefox of the last years, or Safari from 16.4 on.");
+  try {
+    core = await loadCore(files);
+  } catch (error) {
+    return bare("The viewer could not be loaded", `${error.message}. Check the connection and try again.`);
+  }
+  core.changed = schedule;
+  restoreSettings(core);
+  applyTheme();
+  if (!core.call("start", "#view", phone ? kPhoneBudget : kDeskBudget)) return bare("There is no WebGL2 here", "Switch on hardware acceleration in the browser's settings, update the graphics driver, or try another browser.");
+  overlay = makeOverlay(core, {
+    ratio: () => ratio,
+    press: (act) => {
+      act();
+      schedule();
+    },
+    retry: () => link?.retry(),
+  });
+  makeTools(
+    document.getElementById("tools"),
+    (key) => {
+      core.call("key", `Key${key.toUpperCase()}`, key, 1, 0, now());
+      core.call("key", `Key${key.toUpperCase()}`, key, 0, 0, now());
+      schedule();
+    },
+    () => showSettings(document.getElementById("settings"), core, () => schedule()),
+  );
+  watchContext();
+  resize();
+  watchPage();
+  listen(canvas, core, now, acted);
+  restoreBookmarks();
+  if (location.hash.length > 1) core.text("openPermalink", decodeURIComponent(location.hash));
+  canvas.focus({ preventScroll: true });
+  const scene = staticBase();
+  if (scene) await openStatic(scene);
+  else openServer();
+}
+
+/// The folder of a published scene: named in the address (?scene=URL), or in the page that lies beside it; null with a server of ours.
+function staticBase() {
+  const named = new URLSearchParams(location.search).get("scene") ?? document.querySelector('meta[name="lumigrid-scene"]').content;
+  if (!named) return null;
+  const url = new URL(named, document.baseURI);
+  url.hash = url.search = "";
+  if (url.pathname.endsWith("/scene.json")) url.pathname = url.pathname.slice(0, -"scene.json".length);
+  if (!url.pathname.endsWith("/")) url.pathname += "/";
+  return url.href;
+}
+
+async function openStatic(base) {
+  try {
+    if (!/^https?:/.test(base)) throw Object.assign(new Error(`${base} cannot be read`), { advice: "A scene's address begins with http:// or https://." });
+    pumpStatic = await openStaticScene(base, core, schedule);
+  } catch (error) {
+    return fail(error.message, error.advice ?? "Try again; if it stays, the page and the scene do not fit together.");
+  }
+  schedule();
+  loadAnnotations(new URL("annotations.json", base), core, overlay.annotations, say);
+}
+
+function openServer() {
+  server = new URL("./", location.href);
+  link = openLink(socketUrl(server), core, schedule);
+  loadAnnotations(new URL("annotations.json", server), core, overlay.annotations, say);
+}
+
+// For pages that embed the viewer, and for its tests.
+window.lumigrid = {
+  figures: () => core?.figures() ?? null,
+  camera: () => core?.rows("camera")[0]?.map(Number) ?? null,
+  permalink: () => core?.text("permalink") ?? "",
+  open: (link) => core?.text("openPermalink", link) ?? "not started",
+  settings: () => core?.rows("settings") ?? [],
+  overlay: () => core?.rows("overlay") ?? [],
+  /// The canvas alone as a PNG's data URL, transparent where nothing is drawn.
+  picture: () => {
+    draw();
+    return canvas.toDataURL("image/png");
+  },
+  framesDrawn: () => framesDrawn,
+  draw,
+};
+
+start();

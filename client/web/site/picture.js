@@ -1,0 +1,67 @@
+// Saving pictures: of any size by the server, or what is on the screen.
+
+export function saveBlob(blob, name) {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(blob);
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
+}
+
+/// The canvas as PNG, drawn again first: a drawn frame is gone once it was shown. On the page's background.
+export function screenPicture(canvas, draw) {
+  draw();
+  const copy = document.createElement("canvas");
+  copy.width = canvas.width;
+  copy.height = canvas.height;
+  const context = copy.getContext("2d");
+  const style = getComputedStyle(document.documentElement);
+  const shade = context.createRadialGradient(0.5 * copy.width, 0.42 * copy.height, 0, 0.5 * copy.width, 0.42 * copy.height, 0.75 * Math.max(copy.width, copy.height));
+  shade.addColorStop(0, style.getPropertyValue("--near"));
+  shade.addColorStop(1, style.getPropertyValue("--far"));
+  context.fillStyle = shade;
+  context.fillRect(0, 0, copy.width, copy.height);
+  context.drawImage(canvas, 0, 0);
+  return new Promise((done, fail) => copy.toBlob((blob) => (blob ? done(blob) : fail(new Error("the browser made no picture"))), "image/png"));
+}
+
+/// `camera`: position, direction, up (world), fov_y, ortho_height, as takeRequests() gives them.
+export function renderQuery(camera, width, height) {
+  const [px, py, pz, dx, dy, dz, ux, uy, uz, fov, ortho] = camera;
+  const query = new URLSearchParams({ position: [px, py, pz].join(), direction: [dx, dy, dz].join(), up: [ux, uy, uz].join(), fov_y: fov, width, height });
+  if (Number(ortho) > 0) query.set("ortho_height", ortho);
+  return query.toString();
+}
+
+async function serverPicture(base, camera, width, height) {
+  const answer = await fetch(new URL(`render?${renderQuery(camera, width, height)}`, base));
+  if (!answer.ok) throw new Error((await answer.text()).trim() || `the server answered ${answer.status}`);
+  return answer.blob();
+}
+
+/// Asks for the size, then saves. `server`: the URL beside which /render is, or null without a server.
+export function openPicture({ dialog, canvas, camera, server, draw, name, say }) {
+  const form = dialog.querySelector("#picture-form");
+  const { width, height, source } = form.elements;
+  width.value = canvas.width;
+  height.value = canvas.height;
+  source.options[0].disabled = server === null;
+  source.value = server === null ? "screen" : "server";
+  const sizes = () => (width.disabled = height.disabled = source.value === "screen");
+  source.onchange = sizes;
+  sizes();
+  form.onsubmit = async (event) => {
+    event.preventDefault();
+    dialog.close();
+    const fromServer = source.value === "server";
+    if (fromServer) say("the server renders the picture …", false);
+    try {
+      const blob = fromServer ? await serverPicture(server, camera, Number(width.value), Number(height.value)) : await screenPicture(canvas, draw);
+      saveBlob(blob, `${name || "lumigrid"}.png`);
+      say(`picture saved as ${name || "lumigrid"}.png`, false);
+    } catch (error) {
+      say(`no picture: ${error.message}`, true);
+    }
+  };
+  dialog.showModal();
+}

@@ -1,0 +1,65 @@
+// Byte ranges of a published scene's objects by fetch(), and what their failures mean (client/fetch.h, FetchOutcome).
+
+export const kBytes = 0, kNetwork = 1, kNotFound = 2, kForbidden = 3, kRangeIgnored = 4, kCompressed = 5, kChanged = 6, kTooShort = 7, kServer = 8;
+
+function outcomeOf(status) {
+  if (status === 404 || status === 410) return kNotFound;
+  if (status === 401 || status === 403) return kForbidden;
+  if (status === 412) return kChanged;
+  if (status === 416) return kTooShort;
+  return kServer;
+}
+
+/// "bytes 5-9/100" as [5, 9]; null when the header is not there or not shown to this page.
+function contentRange(answer) {
+  const found = /^bytes (\d+)-(\d+)\//.exec(answer.headers.get("Content-Range") ?? "");
+  return found && [Number(found[1]), Number(found[2])];
+}
+
+/// `base`: the scene's folder. `done(job, outcome, status, bytes, detail)`. The result: {fetch(job, name, offset, length), cancel(job)}.
+export function makeRanges(base, done) {
+  const running = new Map();
+  const tags = new Map(); // per object, so that one that changed meanwhile is noticed
+
+  async function get(job, name, offset, length, signal) {
+    const answer = await fetch(new URL(name, base), { headers: { Range: `bytes=${offset}-${offset + length - 1}` }, signal });
+    const fail = (outcome, detail = "") => {
+      running.get(job)?.abort(); // what is left of the body is not read
+      return [outcome, answer.status, null, detail];
+    };
+    if (answer.status === 200) return fail(kRangeIgnored);
+    if (answer.status !== 206) return fail(outcomeOf(answer.status), answer.statusText);
+    if (answer.headers.get("Content-Encoding")) return fail(kCompressed, answer.headers.get("Content-Encoding"));
+    const range = contentRange(answer);
+    if (range && range[0] !== offset) return fail(kRangeIgnored);
+    if (range && range[1] !== offset + length - 1) return fail(kTooShort);
+    const tag = answer.headers.get("ETag");
+    if (tag && !tag.startsWith("W/")) {
+      if (tags.has(name) && tags.get(name) !== tag) return fail(kChanged);
+      tags.set(name, tag);
+    }
+    const bytes = new Uint8Array(await answer.arrayBuffer());
+    if (bytes.length !== length) return [bytes.length < length ? kTooShort : kCompressed, answer.status, null, `${bytes.length} bytes`];
+    return [kBytes, answer.status, bytes, ""];
+  }
+
+  return {
+    async fetch(job, name, offset, length) {
+      const stop = new AbortController();
+      running.set(job, stop);
+      let result;
+      try {
+        result = await get(job, name, offset, length, stop.signal);
+      } catch (error) {
+        result = [kNetwork, 0, null, error.message];
+      }
+      if (running.get(job) !== stop) return; // cancelled
+      running.delete(job);
+      done(job, ...result);
+    },
+    cancel(job) {
+      running.get(job)?.abort();
+      running.delete(job);
+    },
+  };
+}

@@ -1,0 +1,97 @@
+// Settings: kept as JSON (docs/formats/settings.md) in the browser, shown as a form. Names, ranges and defaults are the C++ client's.
+
+const kStore = "lumigrid.settings";
+const kVersion = 1;
+const kNumber = 0, kInteger = 1, kFlag = 2;
+
+const fieldsOf = (core) =>
+  core.rows("settings").map(([name, label, kind, least, most, value, fallback, choices, later]) => ({
+    name, label, kind: Number(kind), least: Number(least), most: Number(most), value: Number(value), fallback: Number(fallback), choices: choices.split(" "), later: later === "1",
+  }));
+
+/// NaN when it is none of the field's.
+function numberOf(field, value) {
+  if (field.kind === kFlag) return typeof value === "boolean" ? Number(value) : NaN;
+  if (field.kind > kFlag) return field.choices.includes(value) ? field.choices.indexOf(value) : NaN;
+  return typeof value === "number" ? value : NaN;
+}
+
+/// Hands what was kept to the client before it starts. What is not understood is passed over: an older or newer page may have written it.
+export function restoreSettings(core) {
+  let kept;
+  try {
+    kept = JSON.parse(localStorage.getItem(kStore) ?? "null");
+  } catch {
+    return;
+  }
+  if (typeof kept !== "object" || kept === null || kept.version !== kVersion) return;
+  for (const field of fieldsOf(core)) {
+    const value = kept[field.name];
+    const number = numberOf(field, value);
+    if (Number.isFinite(number)) core.text("initialSetting", field.name, number);
+  }
+}
+
+/// Those that differ from the defaults, as the JSON of docs/formats/settings.md.
+export function settingsJson(core) {
+  const out = { version: kVersion };
+  for (const { name, kind, value, fallback, choices } of fieldsOf(core))
+    if (value !== fallback) out[name] = kind === kFlag ? value !== 0 : kind === kNumber || kind === kInteger ? value : choices[value];
+  return JSON.stringify(out);
+}
+
+export function keepSettings(core) {
+  try {
+    localStorage.setItem(kStore, settingsJson(core));
+  } catch {
+    return "this browser keeps no settings for this page";
+  }
+  return "";
+}
+
+export function settingValue(core, name) {
+  const field = fieldsOf(core).find((one) => one.name === name);
+  return field?.kind > kFlag ? field.choices[field.value] : field?.value;
+}
+
+function inputFor(field) {
+  if (field.kind > kFlag) {
+    const select = document.createElement("select");
+    field.choices.forEach((choice, i) => select.append(new Option(choice, i, false, i === field.value)));
+    return select;
+  }
+  const input = document.createElement("input");
+  if (field.kind === kFlag) {
+    input.type = "checkbox";
+    input.checked = field.value !== 0;
+  } else {
+    Object.assign(input, { type: "number", min: field.least, max: field.most, step: field.kind === kInteger ? 1 : "any", value: field.value });
+  }
+  return input;
+}
+
+export function showSettings(dialog, core, changed) {
+  const rows = fieldsOf(core).map((field) => {
+    const label = document.createElement("label");
+    const words = document.createElement("span");
+    words.textContent = field.label;
+    if (field.later) {
+      const note = document.createElement("small");
+      note.textContent = " (after reloading)";
+      words.append(note);
+    }
+    const input = inputFor(field);
+    input.name = field.name;
+    input.addEventListener("change", () => {
+      const value = field.kind === kFlag ? Number(input.checked) : Number(input.value);
+      const error = core.text("changeSetting", field.name, value);
+      input.setCustomValidity?.(error);
+      input.reportValidity?.();
+      changed(error);
+    });
+    label.append(words, input);
+    return label;
+  });
+  dialog.querySelector(".fields").replaceChildren(...rows);
+  dialog.showModal();
+}

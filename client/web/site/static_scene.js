@@ -1,0 +1,78 @@
+// A published scene on a static host: scene.json, read here (docs/formats/scene.md), the rest by the C++ client through byte ranges.
+import { kBytes, makeRanges } from "./ranges.js";
+
+const kMostBytes = 16_000_000;
+
+/// An error with what to do about it.
+class SceneError extends Error {
+  constructor(title, advice) {
+    super(title);
+    this.advice = advice;
+  }
+}
+
+async function readJson(url) {
+  let answer;
+  try {
+    answer = await fetch(url, { cache: "no-cache" });
+  } catch {
+    throw new SceneError(`${url} cannot be read`, "There is no such host, no network, or the host does not let pages from elsewhere read it: it must send Access-Control-Allow-Origin (docs/hosting.md).");
+  }
+  if (answer.status === 404) throw new SceneError("There is no scene here", `${url} is not there. Check the address; it must name a folder that lumigrid publish wrote.`);
+  if (!answer.ok) throw new SceneError(`${url}: the host answered ${answer.status}`, "Check the address and who may read it.");
+  if (Number(answer.headers.get("Content-Length") ?? 0) > kMostBytes) throw new SceneError(`${url} is no scene`, "The file is too large for one.");
+  try {
+    return await answer.json();
+  } catch {
+    throw new SceneError(`${url} is no scene`, "It holds no JSON. Publish the scene again with lumigrid publish.");
+  }
+}
+
+const vector = (value) => (Array.isArray(value) && value.length === 3 && value.every(Number.isFinite) ? value : null);
+
+function partOf(parts, front, end) {
+  const part = parts.find(({ file }) => typeof file === "string" && file.startsWith(front) && file.endsWith(end));
+  return part && /-[0-9a-f]{32}\./.test(part.file) && Number.isSafeInteger(part.bytes) && part.bytes > 0 ? part : null;
+}
+
+/// Hands the scene to the client. `base`: URL of its folder. Throws SceneError. The result: run(now), to be called each turn, true when something came.
+export async function openStaticScene(base, core, changed) {
+  const url = new URL("scene.json", base).href;
+  const scene = await readJson(url);
+  if (scene?.version !== 1) throw new SceneError(`${url} is no scene that this viewer knows`, "Its version is not 1; publish the scene again, or update the viewer.");
+  const parts = Array.isArray(scene.parts) ? scene.parts : [];
+  const patches = partOf(parts, "patch-", ".lgp");
+  if (!patches) throw new SceneError(`${url} is not published`, "Its parts have no names by content; put there what lumigrid publish wrote.");
+  const index = partOf(parts, "images/index-", ".lgi");
+  const [origin, low, high, up, light] = [scene.origin, scene.box_min, scene.box_max, scene.up, scene.light?.direction ?? [0, 0, 1]].map(vector);
+  if (!origin || !low || !high || !up || !light) throw new SceneError(`${url} is damaged`, "Origin, box, up or light is not three numbers; publish the scene again.");
+
+  const ranges = makeRanges(base, (job, outcome, status, bytes, detail) => {
+    if (outcome === kBytes) core.fill(core.call("fetchedBytes", job, status, bytes.length), bytes);
+    else core.call("fetchFailed", job, outcome, status, detail);
+    changed();
+  });
+  core.fetchRange = ranges.fetch;
+  core.cancelRange = ranges.cancel;
+  const name = decodeURIComponent(new URL(base).pathname.split("/").filter(Boolean).at(-1) ?? new URL(base).host);
+  const numbers = [...origin, ...low, ...high, ...up, scene.light?.mode === "unlit" ? 1 : 0, ...light, patches.bytes, index?.bytes ?? 0];
+  const error = core.withNumbers(numbers, (at) => core.text("openStatic", base, name, String(scene.units ?? ""), patches.file, index?.file ?? "", at));
+  if (error) throw new SceneError(`${url} is damaged`, error);
+  return (now) => core.call("pumpStatic", now) !== 0;
+}
+
+/// What the parameters of an image index say (docs/formats/repository.md): numbers and the tree's digits; null when they hold no grid.
+export function parametersOf(text) {
+  let root;
+  try {
+    root = JSON.parse(text);
+  } catch {
+    return null;
+  }
+  const grid = root?.grid;
+  const first = vector(grid?.first);
+  const count = vector(grid?.count);
+  if (!first || !count || !Number.isFinite(grid.spacing) || !Number.isFinite(grid.face_size)) return null;
+  if (root.tree !== undefined && typeof root.tree !== "string") return null;
+  return { numbers: [...first, grid.spacing, ...count, grid.face_size], tree: root.tree ?? "" };
+}

@@ -1,0 +1,75 @@
+#include "client/web/web_fetcher.h"
+
+#include <emscripten/emscripten.h>
+
+#include <utility>
+
+// Ids and offsets stay below 2^53 and travel as doubles.
+EM_JS(void, lumigridFetch, (double id, const char* name, double offset, double length),
+      { Module.fetchRange(id, UTF8ToString(name), offset, length); });
+EM_JS(void, lumigridCancel, (double id), { Module.cancelRange(id); });
+
+namespace client {
+namespace {
+
+WebFetcher* the_fetcher = nullptr;
+constexpr int kMostOutcome = static_cast<int>(FetchOutcome::kServer);
+
+}  // namespace
+
+WebFetcher::WebFetcher() {
+  the_fetcher = this;
+}
+WebFetcher::~WebFetcher() {
+  the_fetcher = nullptr;
+}
+WebFetcher* WebFetcher::instance() {
+  return the_fetcher;
+}
+
+void WebFetcher::submit(std::uint64_t id, const std::string& name, std::uint64_t offset, std::uint64_t length) {
+  lumigridFetch(static_cast<double>(id), name.c_str(), static_cast<double>(offset), static_cast<double>(length));
+}
+
+std::vector<Fetched> WebFetcher::take() {
+  return std::exchange(done_, {});
+}
+
+void WebFetcher::cancel(std::uint64_t id) {
+  lumigridCancel(static_cast<double>(id));
+  std::erase_if(done_, [id](const Fetched& one) { return one.id == id; });
+}
+
+std::uint8_t* WebFetcher::finish(std::uint64_t id, int status, std::size_t size) {
+  Fetched& one = done_.emplace_back();
+  one.id = id;
+  one.outcome = FetchOutcome::kBytes;
+  one.status = status;
+  one.bytes.resize(size);
+  return one.bytes.data();
+}
+
+void WebFetcher::fail(std::uint64_t id, FetchOutcome outcome, int status, const std::string& detail) {
+  Fetched& one = done_.emplace_back();
+  one.id = id;
+  one.outcome = outcome;
+  one.status = status;
+  one.detail = detail;
+}
+
+}  // namespace client
+
+extern "C" {
+
+EMSCRIPTEN_KEEPALIVE std::uint8_t* fetchedBytes(double id, int status, std::size_t size) {
+  auto* fetcher = client::WebFetcher::instance();
+  return fetcher == nullptr ? nullptr : fetcher->finish(static_cast<std::uint64_t>(id), status, size);
+}
+
+EMSCRIPTEN_KEEPALIVE void fetchFailed(double id, int outcome, int status, const char* detail) {
+  auto* fetcher = client::WebFetcher::instance();
+  if (fetcher == nullptr || outcome < 1 || outcome > client::kMostOutcome) return;
+  fetcher->fail(static_cast<std::uint64_t>(id), static_cast<client::FetchOutcome>(outcome), status, detail);
+}
+
+}  // extern "C"

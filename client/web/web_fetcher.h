@@ -1,0 +1,35 @@
+#pragma once
+// The browser's range fetcher: requests go to the page's fetch() and come back as bytes (client/web/site/ranges.js).
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "client/fetch.h"
+
+namespace client {
+
+class WebFetcher final : public RangeFetcher {
+ public:
+  WebFetcher();
+  ~WebFetcher() override;
+  WebFetcher(const WebFetcher&) = delete;
+  WebFetcher& operator=(const WebFetcher&) = delete;
+
+  void submit(std::uint64_t id, const std::string& name, std::uint64_t offset, std::uint64_t length) override;
+  std::vector<Fetched> take() override;
+  void cancel(std::uint64_t id) override;
+
+  // The page's answers.
+
+  /// Room for the bytes of one finished request, valid until the next call of any of these.
+  std::uint8_t* finish(std::uint64_t id, int status, std::size_t size);
+  void fail(std::uint64_t id, FetchOutcome outcome, int status, const std::string& detail);
+
+  /// The one fetcher of this page, null before there is one.
+  static WebFetcher* instance();
+
+ private:
+  std::vector<Fetched> done_;
+};
+
+}  // namespace client

@@ -1,0 +1,227 @@
+// What the browser tests share: scenes, servers, Chromium, pictures. Everything runs on loopback ports that the system picks, in a folder of its own that
+// goes at the end, and is stopped by process id.
+import { execFileSync, spawn } from "node:child_process";
+import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
+import { connect, createServer } from "node:net";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { chromium } from "playwright-core";
+import { PNG } from "pngjs";
+
+/// Set by CMake: the folder of the built programs and of the built page.
+export const bin = process.env.LUMIGRID_BIN;
+export const site = process.env.LUMIGRID_SITE;
+for (const [name, value] of Object.entries({ LUMIGRID_BIN: bin, LUMIGRID_SITE: site }))
+  if (!value || !existsSync(value)) throw new Error(`set ${name} to a folder that is there (now: ${value})`);
+
+const cleanups = [];
+/// Runs `undo` when the test program ends, the last first.
+export function atEnd(undo) {
+  cleanups.push(undo);
+}
+export async function cleanUp() {
+  while (cleanups.length) await cleanups.pop()();
+}
+
+export const folder = mkdtempSync(join(tmpdir(), "lumigrid-web-"));
+atEnd(() => rmSync(folder, { recursive: true, force: true }));
+
+export function run(program, args) {
+  return execFileSync(join(bin, program), args, { encoding: "utf8", stdio: ["ignore", "pipe", "pipe"] });
+}
+
+/// A scene of a generated mesh, built once per test program.
+export function sampleScene({ shape = "statue", triangles = 60000, grid = 3, face = 256 } = {}) {
+  const scene = join(folder, `${shape}-${triangles}-${grid}.scene`);
+  if (existsSync(scene)) return scene;
+  const mesh = join(folder, `${shape}-${triangles}.ply`);
+  run("lumigrid", ["sample", "--shape", shape, "--triangles", String(triangles), "-o", mesh]);
+  run("lumigrid", ["build", mesh, "-o", scene, "--grid", String(grid), "--face", String(face)]);
+  return scene;
+}
+
+export function freePort() {
+  return new Promise((done) => {
+    const probe = createServer().listen(0, "127.0.0.1", () => {
+      const { port } = probe.address();
+      probe.close(() => done(port));
+    });
+  });
+}
+
+function stop(child) {
+  if (child.exitCode !== null || child.signalCode !== null) return;
+  return new Promise((done) => {
+    child.once("exit", done);
+    child.kill("SIGCONT");
+    child.kill("SIGTERM");
+  });
+}
+
+/// `lumigrid serve`, with the page. {url, port, stop()}.
+export async function serve(scene, { port = 0, args = [] } = {}) {
+  const child = spawn(join(bin, "lumigrid"), ["serve", scene, "--port", String(port), "--json", "--web", site, ...args], { stdio: ["ignore", "pipe", "pipe"] });
+  let said = "";
+  let logged = "";
+  child.stderr.on("data", (text) => (logged += text));
+  const url = await new Promise((done, fail) => {
+    child.once("exit", (code) => fail(new Error(`lumigrid serve ended with ${code}: ${logged}`)));
+    child.stdout.on("data", (text) => {
+      said += text;
+      const found = /"url":\s*"([^"]+)"/.exec(said);
+      if (found) done(found[1].replace(/^ws/, "http"));
+    });
+  });
+  const server = { url, port: Number(new URL(url).port), stop: () => stop(child), log: () => logged, pause: () => child.kill("SIGSTOP"), resume: () => child.kill("SIGCONT") };
+  atEnd(server.stop);
+  return server;
+}
+
+/// nginx over `root`; `lines` go into its location. {url, stop(), requests()}: requests since the last call, {method, uri, status, bytes, range}.
+export async function nginx(root, lines = "") {
+  const port = await freePort();
+  const home = mkdtempSync(join(folder, "nginx-"));
+  mkdirSync(join(home, "temp"));
+  const temp = ["client_body", "proxy", "fastcgi", "uwsgi", "scgi"].map((kind) => `${kind}_temp_path ${home}/temp/${kind};`).join(" ");
+  writeFileSync(
+    join(home, "nginx.conf"),
+    `pid ${home}/pid; error_log ${home}/error.log; daemon off; master_process off; worker_processes 1;
+     events { worker_connections 256; }
+     http { ${temp} include /etc/nginx/mime.types; types { application/wasm wasm; text/javascript mjs; }
+       log_format plain '$request_method\t$uri\t$status\t$body_bytes_sent\t$http_range'; access_log ${home}/access.log plain;
+       server { listen 127.0.0.1:${port}; location / { root ${root}; ${lines} } } }`,
+  );
+  const child = spawn("/usr/sbin/nginx", ["-e", `${home}/error.log`, "-p", home, "-c", `${home}/nginx.conf`], { stdio: "ignore" });
+  const url = `http://127.0.0.1:${port}/`;
+  for (let i = 0; ; ++i) {
+    if (child.exitCode !== null) throw new Error(`nginx did not start: ${readFileSync(`${home}/error.log`, "utf8")}`);
+    try {
+      await fetch(url);
+      break;
+    } catch (error) {
+      if (i === 100) throw error;
+      await new Promise((done) => setTimeout(done, 50));
+    }
+  }
+  let seen = 0;
+  const requests = () => {
+    const lines = readFileSync(`${home}/access.log`, "utf8").trim().split("\n").filter(Boolean);
+    const fresh = lines.slice(seen);
+    seen = lines.length;
+    return fresh.map((line) => {
+      const [method, uri, status, bytes, range] = line.split("\t");
+      return { method, uri, status: Number(status), bytes: Number(bytes), range: range === "-" ? "" : range };
+    });
+  };
+  requests();
+  const server = { url, stop: () => stop(child), requests };
+  atEnd(server.stop);
+  return server;
+}
+
+/// A link in front of a server: towards the page at most `bytesPerSecond`, each byte `latency` seconds late (so once per round trip). {url}
+export async function slowLink(port, bytesPerSecond, latency) {
+  // One budget for all connections, as on a real link.
+  let free = 0;
+  const proxy = createServer((client) => {
+    const upstream = connect(port, "127.0.0.1");
+    client.pipe(upstream);
+    let under = 0;
+    upstream.on("data", (bytes) => {
+      const now = performance.now() / 1000;
+      free = Math.max(free, now) + bytes.length / bytesPerSecond;
+      if (++under > 4) upstream.pause();
+      setTimeout(() => {
+        if (!client.destroyed) client.write(bytes);
+        if (--under <= 4) upstream.resume();
+      }, 1000 * (free - now + latency));
+    });
+    const end = () => (client.destroy(), upstream.destroy());
+    for (const socket of [client, upstream]) socket.on("close", end).on("error", end);
+  });
+  await new Promise((done) => proxy.listen(0, "127.0.0.1", done));
+  atEnd(() => proxy.close());
+  return { url: `http://127.0.0.1:${proxy.address().port}/` };
+}
+
+const kBaseFlags = ["--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync"];
+const kGl = {
+  mesa: ["--use-gl=angle", "--use-angle=gl-egl", "--ignore-gpu-blocklist"],
+  swiftshader: ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"],
+};
+
+/// Chromium on Mesa's llvmpipe or on SwiftShader.
+export async function launch(gl = "mesa", flags = []) {
+  const browser = await chromium.launch({ executablePath: "/usr/bin/chromium", args: [...kBaseFlags, ...kGl[gl], ...flags] });
+  atEnd(() => browser.close());
+  return browser;
+}
+
+/// A page on `url` that collects what goes wrong in it: page.faults.
+export async function open(browser, url, options = {}) {
+  const context = await browser.newContext({ viewport: { width: 640, height: 360 }, colorScheme: "light", ...options });
+  const page = await context.newPage();
+  page.faults = [];
+  page.on("pageerror", (error) => page.faults.push(error.message));
+  page.on("console", (message) => {
+    if (["error", "warning"].includes(message.type())) page.faults.push(message.text());
+  });
+  await page.goto(url);
+  return page;
+}
+
+export const figures = (page) => page.evaluate(() => window.lumigrid?.figures());
+export const camera = (page) => page.evaluate(() => window.lumigrid.camera());
+export const overlay = (page) => page.evaluate(() => window.lumigrid.overlay());
+
+/// Waits until `wanted` holds of the figures; the error tells the last ones.
+export async function waitFor(page, wanted, what, milliseconds = 60000) {
+  const end = Date.now() + milliseconds;
+  for (;;) {
+    const now = await figures(page);
+    if (now && (await wanted(now))) return now;
+    if (Date.now() > end) throw new Error(`${what}: not within ${milliseconds / 1000} s; ${JSON.stringify(now)}; faults: ${page.faults.join("; ")}`);
+    await page.waitForTimeout(50);
+  }
+}
+
+/// All for this view is here, drawn and at rest.
+export const settled = (page) => waitFor(page, (now) => now.complete === 1 && now.triangles > 0, "a complete picture");
+
+/// The canvas alone, RGBA, transparent where nothing is drawn.
+export async function canvasPicture(page) {
+  const data = await page.evaluate(() => window.lumigrid.picture());
+  return PNG.sync.read(Buffer.from(data.split(",")[1], "base64"));
+}
+
+export function readPicture(file) {
+  return PNG.sync.read(readFileSync(file));
+}
+
+/// The native client's pictures of the same views. `cameras`: as camera() gives them.
+export function nativePictures(url, cameras, extra = []) {
+  const name = join(folder, `native-${cleanups.length}-${Date.now()}`);
+  const frames = cameras.map(([px, py, pz, dx, dy, dz, ux, uy, uz, fov, , width, height]) => ({
+    position: [px, py, pz], direction: [dx, dy, dz], up: [ux, uy, uz], fov_y_degrees: (fov * 180) / Math.PI, width, height,
+  }));
+  writeFileSync(`${name}.json`, JSON.stringify({ frames }));
+  run("lumigrid-view", [url.replace(/^http/, "ws"), "--headless", "--path", `${name}.json`, "--out", name, ...extra]);
+  return cameras.map((_, i) => readPicture(join(name, `frame_${String(i).padStart(4, "0")}.png`)));
+}
+
+/// Over pixels that are model in either: mean of the largest channel's difference, and the share that differs by more than 8 levels.
+export function difference(a, b) {
+  if (a.width !== b.width || a.height !== b.height) throw new Error(`pictures of ${a.width} x ${a.height} and ${b.width} x ${b.height}`);
+  let sum = 0, outliers = 0, pixels = 0, everywhere = 0;
+  for (let i = 0; i < a.data.length; i += 4) {
+    const coverage = Math.abs(a.data[i + 3] - b.data[i + 3]);
+    if (a.data[i + 3] === 0 && b.data[i + 3] === 0) continue;
+    let most = coverage;
+    for (let c = 0; c < 3; ++c) most = Math.max(most, Math.abs(a.data[i + c] - b.data[i + c]));
+    ++pixels;
+    sum += most;
+    if (most > 8) ++outliers;
+  }
+  everywhere = a.data.length / 4;
+  return { mean: pixels ? sum / pixels : 0, outliers: outliers / everywhere, covered: pixels / everywhere };
+}
