@@ -38,7 +38,8 @@ class Exchange {
     request_.set(http::field::host, server.authority());
     request_.set(http::field::user_agent, "lumigrid-view");
     request_.set(http::field::connection, "close");
-    parser_.body_limit(question.max_bytes);
+    max_bytes_ = question.max_bytes;
+    parser_.body_limit(max_bytes_);  // of bodies that do not say how long they are
     stream_.expires_after(
         std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::duration<double>(question.seconds)));
   }
@@ -61,7 +62,16 @@ class Exchange {
       read();
     });
   }
+  /// The length is looked at before the body: what is too long is not read at all.
   void read() {
+    http::async_read_header(stream_, buffer_, parser_, [this](beast::error_code error, std::size_t) {
+      if (error) return fail(error);
+      const auto length = parser_.content_length();
+      if (length && *length > max_bytes_) return fail(http::error::body_limit);
+      readBody();
+    });
+  }
+  void readBody() {
     http::async_read(stream_, buffer_, parser_, [this](beast::error_code error, std::size_t) {
       if (error) return fail(error);
       answer_.status = static_cast<int>(parser_.get().result_int());
@@ -79,6 +89,7 @@ class Exchange {
   beast::flat_buffer buffer_{64 * 1024};
   http::request<http::empty_body> request_;
   http::response_parser<http::vector_body<std::uint8_t>> parser_;
+  std::size_t max_bytes_ = 0;
   HttpGetter::Answer answer_;
 };
 

@@ -35,9 +35,9 @@ struct Colors {
 };
 Colors colorsOf(bool dark) {
   if (dark)
-    return {{0.09F, 0.10F, 0.12F, 0.90F}, {0.93F, 0.94F, 0.96F, 1.0F}, {0.64F, 0.67F, 0.72F, 1.0F},
+    return {{0.09F, 0.10F, 0.12F, 0.94F}, {0.93F, 0.94F, 0.96F, 1.0F}, {0.64F, 0.67F, 0.72F, 1.0F},
             {0.42F, 0.68F, 1.00F, 1.0F},  {1.00F, 0.56F, 0.50F, 1.0F}, {0.0F, 0.0F, 0.0F, 0.85F}};
-  return {{1.00F, 1.00F, 1.00F, 0.93F}, {0.10F, 0.12F, 0.15F, 1.0F}, {0.36F, 0.39F, 0.44F, 1.0F},
+  return {{1.00F, 1.00F, 1.00F, 0.95F}, {0.10F, 0.12F, 0.15F, 1.0F}, {0.36F, 0.39F, 0.44F, 1.0F},
           {0.05F, 0.37F, 0.78F, 1.0F},  {0.72F, 0.11F, 0.09F, 1.0F}, {1.0F, 1.0F, 1.0F, 0.9F}};
 }
 
@@ -59,7 +59,6 @@ class Painter {
     marks();
     progress();
     if (app_.view().statistics) statistics();
-    hint();
     messages();
     if (app_.helpShown()) help();
     if (app_.openAnnotation()) card();
@@ -152,15 +151,7 @@ class Painter {
     ImGui::End();
   }
 
-  void hint() const {
-    const std::string text = app_.modeHint();
-    if (text.empty()) return;
-    begin("hint", 0.5F * size_.x, kMargin * scale_, 0.5F, 0.0F, kWords);
-    ImGui::TextUnformatted(text.c_str());
-    ImGui::End();
-  }
-
-  /// Toasts, and under them what is wrong with the connection.
+  /// From below: what is wrong with the connection, what to do in this mode, toasts.
   void messages() const {
     float bottom = size_.y - kMargin * scale_;
     const Status status = app_.status();
@@ -173,6 +164,14 @@ class Painter {
       ImGui::PushTextWrapPos(0.8F * size_.x);
       ImGui::TextColored(wrong ? colors_.error : colors_.text, "%s", text.c_str());
       if (!advice.empty()) ImGui::TextColored(colors_.quiet, "%s", advice.c_str());
+      ImGui::PopTextWrapPos();
+      bottom -= ImGui::GetWindowHeight() + 0.5F * kMargin * scale_;
+      ImGui::End();
+    }
+    if (const std::string hint = app_.modeHint(); !hint.empty()) {
+      begin("hint", 0.5F * size_.x, bottom, 0.5F, 1.0F, kWords);
+      ImGui::PushTextWrapPos(0.8F * size_.x);
+      ImGui::TextUnformatted(hint.c_str());
       ImGui::PopTextWrapPos();
       bottom -= ImGui::GetWindowHeight() + 0.5F * kMargin * scale_;
       ImGui::End();

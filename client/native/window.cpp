@@ -188,6 +188,7 @@ class Window {
   std::uint64_t next_question_ = 1;
   std::optional<std::string> scene_;  // bookmarkKey of the scene whose notes and bookmarks are here
   base::gl::RenderTarget picture_;    // the model without words; shown by a blit
+  glm::dvec2 cursor_at_{0.0};         // screen units
   int button_down_ = -1;
   bool picture_changed_ = true;
 };
@@ -274,7 +275,10 @@ void Window::installCallbacks() {
   glfwSetWindowUserPointer(window_, this);
   glfwSetMouseButtonCallback(
       window_, [](GLFWwindow* w, int button, int action, int mods) { of(w).onButton(button, action, mods); });
-  glfwSetCursorPosCallback(window_, [](GLFWwindow* w, double, double) { of(w).onMove(); });
+  glfwSetCursorPosCallback(window_, [](GLFWwindow* w, double x, double y) {
+    of(w).cursor_at_ = {x, y};
+    of(w).onMove();
+  });
   glfwSetScrollCallback(window_, [](GLFWwindow* w, double, double steps) { of(w).onWheel(steps); });
   glfwSetKeyCallback(window_, [](GLFWwindow* w, int key, int scancode, int action, int mods) {
     of(w).onKey(key, scancode, action, mods);
@@ -300,18 +304,15 @@ void Window::resized() {
   picture_changed_ = true;
 }
 
-/// The cursor in framebuffer pixels.
+/// The cursor in framebuffer pixels, as of the event in hand: asked for, GLFW says where it is by now.
 glm::dvec2 Window::cursor() const {
-  double x = 0.0;
-  double y = 0.0;
   int width = 1;
   int height = 1;
   int pixel_width = 1;
   int pixel_height = 1;
-  glfwGetCursorPos(window_, &x, &y);
   glfwGetWindowSize(window_, &width, &height);
   glfwGetFramebufferSize(window_, &pixel_width, &pixel_height);
-  return {x * pixel_width / std::max(width, 1), y * pixel_height / std::max(height, 1)};
+  return {cursor_at_.x * pixel_width / std::max(width, 1), cursor_at_.y * pixel_height / std::max(height, 1)};
 }
 
 PointerEvent Window::pointer(PointerButton button, int mods) const {
