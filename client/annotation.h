@@ -12,7 +12,7 @@
 
 namespace client {
 
-inline constexpr std::size_t kMaxAnnotations = 1000;
+inline constexpr std::size_t kMaxAnnotations = 500;
 inline constexpr std::size_t kMaxAnnotationTitle = 200;    ///< bytes of UTF-8
 inline constexpr std::size_t kMaxAnnotationText = 10'000;  ///< bytes of UTF-8
 inline constexpr int kAnnotationsVersion = 1;

@@ -647,7 +647,8 @@ bool App::State::press(Key key, Modifiers modifiers) {
       break;
     case Key::kI:
       view.statistics = !view.statistics;
-      cameraMoved();
+      last_motion = now;
+      touched();
       break;
     case Key::kC:
       view.colors_by_resolution = !view.colors_by_resolution;
@@ -1081,6 +1082,11 @@ const ViewState& App::view() const {
 }
 std::string App::permalink() const {
   return formatPermalink(state_->view);
+}
+
+void App::showStatistics(bool shown) {
+  state_->view.statistics = shown;
+  state_->touched();
 }
 
 base::Result<void> App::openPermalink(std::string_view text) {

@@ -148,6 +148,7 @@ class App {
 
   const ViewState& view() const;
   std::string permalink() const;
+  void showStatistics(bool shown);
   /// Goes to a link's view at once; before the scene is known it becomes the first view. An error changes nothing and
   /// is shown as a toast, too.
   base::Result<void> openPermalink(std::string_view text);

@@ -12,7 +12,9 @@
 #include "base/json/camera_file.h"
 #include "client/native/headless.h"
 #include "client/native/units.h"
+#include "client/native/user_files.h"
 #include "client/native/window.h"
+#include "client/permalink.h"
 
 namespace {
 
@@ -43,6 +45,9 @@ struct Arguments {
   double connect_timeout = 10.0;
   unsigned threads = 2;
   bool figures = false;
+  std::string view;
+  std::string pictures = ".";
+  bool use_settings = true;
   bool json = false;
 };
 
@@ -124,7 +129,15 @@ void describe(CLI::App& app, Arguments& a) {
       ->check(CLI::Range(0.0, 1000.0))
       ->group("Headless");
   app.add_flag("--json", a.json, "Print each frame's figures, and a summary, as a line of JSON")->group("Headless");
-  app.add_flag("--figures", a.figures, "Window: start with the figures that F1 shows")->group("Window");
+  app.add_flag("--figures", a.figures, "Start with the statistics that I shows (default: off)")->group("Window");
+  app.add_option("--view", a.view, "Link to begin with, as V copies it (default: the whole scene)")->group("Window");
+  app.add_option("--pictures", a.pictures, "Folder for the pictures that P saves")
+      ->check(CLI::ExistingDirectory)
+      ->group("Window");
+  app.add_flag("--settings,!--no-settings", a.use_settings,
+               "Keep settings and bookmarks in the user's configuration (docs/formats/settings.md; on unless "
+               "--no-settings). What is said here rules over them")
+      ->group("Window");
 }
 
 base::Result<Settings> understand(const Arguments& a) {
@@ -214,7 +227,21 @@ int runHeadlessMode(const Arguments& a, const Settings& settings) {
   return 0;
 }
 
-int runWindowMode(const Arguments& a, const Settings& settings) {
+/// What the command line does not say is as the user keeps it.
+void applyKept(const CLI::App& app, const client::Settings& kept, client::ViewerOptions& viewer) {
+  const auto said = [&app](const char* option) { return app.count(option) > 0; };
+  if (!said("--cache")) viewer.session.cache_bytes = static_cast<std::uint64_t>(kept.cache_megabytes * 1e6);
+  if (!said("--gpu-memory")) viewer.gpu_budget_bytes = static_cast<std::uint64_t>(kept.gpu_megabytes * 1e6);
+  if (!said("--patch-tolerance")) viewer.session.patch_tolerance_px = static_cast<float>(kept.patch_tolerance);
+  if (!said("--max-triangles")) viewer.session.max_triangles = static_cast<std::uint32_t>(kept.max_triangles);
+  if (!said("--points")) viewer.session.max_points = static_cast<std::uint16_t>(kept.points);
+  if (!said("--samples")) viewer.lumigraph.max_samples = static_cast<int>(kept.samples);
+  if (!said("--images")) viewer.session.images = kept.images != 0.0;
+  if (!said("--frames")) viewer.session.frames = kept.frames != 0.0;
+  viewer.lumigraph.use_images = viewer.session.images || viewer.session.frames;
+}
+
+int runWindowMode(const CLI::App& app, const Arguments& a, const Settings& settings) {
   if (!a.path_file.empty() || !a.out_dir.empty())
     return complain("--path and --out belong to --headless; add it", kWrongUsage);
   if (std::getenv("DISPLAY") == nullptr && std::getenv("WAYLAND_DISPLAY") == nullptr)
@@ -224,8 +251,18 @@ int runWindowMode(const Arguments& a, const Settings& settings) {
         kFailed);
   client::WindowOptions options;
   options.url = a.url;
-  options.viewer = settings.viewer;
+  if (a.use_settings) {
+    options.config_directory = client::userConfigDirectory();
+    const client::ReadSettings kept = client::readSettings(options.config_directory);
+    for (const std::string& complaint : kept.complaints) complain(complaint, 0);
+    options.app.settings = kept.settings;
+  }
+  options.app.viewer = settings.viewer;
+  options.app.settings_rule = false;
+  applyKept(app, options.app.settings, options.app.viewer);
   options.link = settings.link;
+  options.view = a.view;
+  options.picture_directory = a.pictures;
   if (settings.size) std::tie(options.width, options.height) = *settings.size;
   options.decoder_threads = a.threads;
   options.show_figures = a.figures;
@@ -245,7 +282,10 @@ int main(int argc, char** argv) {
     return app.exit(error) == 0 ? 0 : kWrongUsage;
   }
   if (auto url = client::parseServerUrl(arguments.url); !url) return complain(url.error().message, kWrongUsage);
+  if (!arguments.view.empty())
+    if (auto view = client::parsePermalink(arguments.view); !view)
+      return complain("--view: " + view.error().message, kWrongUsage);
   auto settings = understand(arguments);
   if (!settings) return complain(settings.error().message, kWrongUsage);
-  return arguments.headless ? runHeadlessMode(arguments, *settings) : runWindowMode(arguments, *settings);
+  return arguments.headless ? runHeadlessMode(arguments, *settings) : runWindowMode(app, arguments, *settings);
 }

@@ -1,7 +1,7 @@
 #include "client/native/window.h"
 
-#define GLFW_INCLUDE_NONE
 #include <GLES3/gl3.h>
+#define GLFW_INCLUDE_NONE
 #include <GLFW/glfw3.h>
 #include <imgui/backends/imgui_impl_glfw.h>
 #include <imgui/backends/imgui_impl_opengl3.h>
@@ -9,28 +9,36 @@
 
 #include <algorithm>
 #include <array>
-#include <cstdlib>
+#include <cmath>
+#include <cstdio>
+#include <ctime>
+#include <filesystem>
+#include <map>
 #include <memory>
 #include <optional>
 
-#include "base/json/camera_file.h"
+#include "base/gl/gl.h"
+#include "base/png/png.h"
+#include "client/native/answer_json.h"
+#include "client/native/http_get.h"
 #include "client/native/jpeg_decoder.h"
-#include "client/orbit_control.h"
+#include "client/native/overlay.h"
+#include "client/native/user_files.h"
 
 namespace client {
 namespace {
 
-/// Two presses within this time and distance are a double click.
-constexpr double kDoubleClickSeconds = 0.35;
-constexpr double kDoubleClickPixels = 6.0;
 /// With nothing to draw, input wakes the loop at once and the network within this time.
 constexpr double kIdleSeconds = 0.02;
-/// Pivot distances per second.
-constexpr double kFlySpeed = 0.6;
-
-constexpr const char* kHelp =
-    "left drag orbit | right or shift drag pan | wheel zoom | double click pivot | W A S D Q E fly | R reset | "
-    "F2 copy camera | F1 figures";
+/// The overlay is drawn again this often while it shows figures.
+constexpr double kFiguresSeconds = 0.25;
+/// What is asked by HTTP: limits of time and size.
+constexpr double kPickSeconds = 10.0;
+constexpr double kNotesSeconds = 20.0;
+constexpr double kPictureSeconds = 300.0;
+constexpr std::size_t kMaxPicture = 256 * 1024 * 1024;
+constexpr int kFound = 200;
+constexpr int kNotFound = 404;
 
 std::string lastGlfwError() {
   const char* text = nullptr;
@@ -38,10 +46,90 @@ std::string lastGlfwError() {
   return text != nullptr ? text : "no reason given";
 }
 
-std::string describeBytes(std::uint64_t bytes) {
-  char text[32];
-  std::snprintf(text, sizeof(text), "%.2f MB", 1e-6 * static_cast<double>(bytes));
-  return text;
+/// "lumigrid-skull-20260504-153012.png", with what a file name can hold of the scene's.
+std::string pictureName(const std::string& scene) {
+  std::string name = "lumigrid-";
+  for (const char c : scene.substr(0, 64)) {
+    const bool plain =
+        (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' || c == '_';
+    name += plain ? c : '-';
+  }
+  const std::time_t now = std::time(nullptr);
+  std::tm local{};
+  ::localtime_r(&now, &local);
+  std::array<char, 32> time{};
+  std::strftime(time.data(), time.size(), "-%Y%m%d-%H%M%S", &local);
+  return name + time.data() + ".png";
+}
+
+/// A name in the directory that no file has yet.
+std::string freePath(const std::string& directory, const std::string& name) {
+  const std::filesystem::path folder(directory);
+  const std::filesystem::path file(name);
+  std::error_code error;
+  std::filesystem::path path = folder / file;
+  for (int i = 2; std::filesystem::exists(path, error) && i < 1000; ++i)
+    path = folder / (file.stem().string() + "-" + std::to_string(i) + file.extension().string());
+  return path.string();
+}
+
+/// The path and query that ask for the full-resolution picture (docs/formats/http.md, /render).
+std::string renderTarget(const base::ViewCamera& camera, const ViewState& view,
+                         const std::array<float, 4>& background) {
+  const auto byte = [](float share) {
+    return static_cast<unsigned>(std::lround(255.0F * std::clamp(share, 0.0F, 1.0F)));
+  };
+  std::array<char, 1024> text{};
+  int length = std::snprintf(
+      text.data(), text.size(),
+      "/render?position=%.17g,%.17g,%.17g&direction=%.17g,%.17g,%.17g&up=%.17g,%.17g,%.17g&fov_y_degrees=%.17g"
+      "&width=%d&height=%d&background=%02x%02x%02x",
+      camera.position.x, camera.position.y, camera.position.z, camera.direction.x, camera.direction.y,
+      camera.direction.z, camera.up.x, camera.up.y, camera.up.z, glm::degrees(camera.fov_y), camera.width,
+      camera.height, byte(background[0]), byte(background[1]), byte(background[2]));
+  if (view.orthographic)
+    std::snprintf(text.data() + length, text.size() - static_cast<std::size_t>(length), "&ortho_height=%.17g",
+                  2.0 * std::tan(0.5 * view.fov_y) * view.pivot_distance);
+  return text.data();
+}
+
+Modifiers modifiersOf(int mods) {
+  return {(mods & GLFW_MOD_SHIFT) != 0, (mods & (GLFW_MOD_CONTROL | GLFW_MOD_SUPER)) != 0, (mods & GLFW_MOD_ALT) != 0};
+}
+
+/// What a browser would call the place of a key.
+std::string codeOf(int key) {
+  if (key >= GLFW_KEY_A && key <= GLFW_KEY_Z) return std::string("Key") + static_cast<char>('A' + key - GLFW_KEY_A);
+  if (key >= GLFW_KEY_0 && key <= GLFW_KEY_9) return "Digit" + std::to_string(key - GLFW_KEY_0);
+  if (key >= GLFW_KEY_KP_0 && key <= GLFW_KEY_KP_9) return "Numpad" + std::to_string(key - GLFW_KEY_KP_0);
+  static const std::map<int, const char*> kNames{{GLFW_KEY_UP, "ArrowUp"},
+                                                 {GLFW_KEY_DOWN, "ArrowDown"},
+                                                 {GLFW_KEY_LEFT, "ArrowLeft"},
+                                                 {GLFW_KEY_RIGHT, "ArrowRight"},
+                                                 {GLFW_KEY_HOME, "Home"},
+                                                 {GLFW_KEY_ESCAPE, "Escape"},
+                                                 {GLFW_KEY_ENTER, "Enter"},
+                                                 {GLFW_KEY_KP_ENTER, "NumpadEnter"},
+                                                 {GLFW_KEY_BACKSPACE, "Backspace"},
+                                                 {GLFW_KEY_DELETE, "Delete"},
+                                                 {GLFW_KEY_PAGE_UP, "PageUp"},
+                                                 {GLFW_KEY_PAGE_DOWN, "PageDown"},
+                                                 {GLFW_KEY_LEFT_SHIFT, "ShiftLeft"},
+                                                 {GLFW_KEY_RIGHT_SHIFT, "ShiftRight"},
+                                                 {GLFW_KEY_KP_ADD, "NumpadAdd"},
+                                                 {GLFW_KEY_KP_SUBTRACT, "NumpadSubtract"},
+                                                 {GLFW_KEY_F1, "F1"}};
+  const auto found = kNames.find(key);
+  return found != kNames.end() ? found->second : "";
+}
+
+/// And what it writes; with shift a slash is the help's question mark on the keyboards that write it so.
+Key keyOf(int key, int scancode, int mods) {
+  const char* printed = glfwGetKeyName(key, scancode);
+  std::string text = printed != nullptr ? printed : "";
+  if (text == "/" && (mods & GLFW_MOD_SHIFT) != 0) text = "?";
+  if (text == "=" && (mods & GLFW_MOD_SHIFT) != 0) text = "+";
+  return keyFromNames(codeOf(key), text);
 }
 
 class Window {
@@ -54,43 +142,55 @@ class Window {
   base::Result<void> run();
 
  private:
-  enum class Drag { kNone, kOrbit, kPan };
-
   bool createWindow(int context_api);
   void startOverlay();
   static Window& of(GLFWwindow* window) { return *static_cast<Window*>(glfwGetWindowUserPointer(window)); }
   void installCallbacks();
   void onButton(int button, int action, int mods);
-  void onMove(double x, double y);
+  void onMove();
   void onWheel(double steps);
-  void onKey(int key, int action);
-  void fly(double seconds);
-  void frameNewScene();
-  bool overlayWantsMouse() const { return ImGui::GetIO().WantCaptureMouse; }
+  void onKey(int key, int scancode, int action, int mods);
+  void resized();
   glm::dvec2 cursor() const;
-  std::optional<glm::dvec3> surfaceUnder(const glm::dvec2& at) {
-    return viewer_->surfaceAt(control_.camera(), at.x, at.y);
-  }
+  PointerEvent pointer(PointerButton button, int mods) const;
 
-  base::Result<void> drawFrame(double now);
-  void drawFigures(const ViewerStats& stats);
-  void drawState();
+  void startScene();
+  void carryOut(const Request& request);
+  void savePicture(const Request& request);
+  void writePicture(const base::Image& image);
+  void keepBookmarks();
+  void takeAnswers();
+  void takeNotes(const HttpGetter::Answer& answer);
+  void takePick(std::uint32_t pick, const HttpGetter::Answer& answer);
+  void takePicture(const HttpGetter::Answer& answer);
+  void say(const base::Result<void>& done);
+
+  base::Image readPicture() const;
+  base::Result<void> drawScene(double now);
+  void drawWords();
+
+  enum class Question { kNotes, kPick, kPicture };
+  struct Asked {
+    Question question;
+    std::uint32_t pick = 0;
+    base::Image fallback;  // kPicture: what the window showed
+  };
 
   const WindowOptions& options_;
   GLFWwindow* window_ = nullptr;
   bool overlay_ready_ = false;
-  std::unique_ptr<Viewer> viewer_;
+  OverlayLook look_;
+  std::array<float, 4> background_{};
+  std::unique_ptr<App> app_;
   std::unique_ptr<Connection> connection_;
-  OrbitControl control_;
-  std::optional<protocol::Welcome> framed_;  // the scene that the first view was chosen for
-  Drag drag_ = Drag::kNone;
-  glm::dvec2 last_cursor_{0.0};
-  double last_press_ = -1.0;
-  glm::dvec2 last_press_at_{0.0};
-  bool input_ = true;  // something happened that asks for a new picture
-  bool show_figures_ = false;
-  double frame_seconds_ = 0.0;  // smoothed
-  double draw_seconds_ = 0.0;
+  std::unique_ptr<HttpGetter> http_;
+  std::map<std::uint64_t, Asked> asked_;
+  std::uint64_t next_question_ = 1;
+  std::optional<std::string> scene_;  // bookmarkKey of the scene whose notes and bookmarks are here
+  base::gl::RenderTarget picture_;    // the model without words; shown by a blit
+  glm::dvec2 cursor_at_{0.0};         // screen units
+  int button_down_ = -1;
+  bool picture_changed_ = true;
 };
 
 // ---- opening and closing ----
@@ -98,7 +198,9 @@ class Window {
 Window::~Window() {
   // GL objects go while their context is there.
   connection_.reset();
-  viewer_.reset();
+  http_.reset();
+  app_.reset();
+  picture_ = {};
   if (overlay_ready_) {
     ImGui_ImplOpenGL3_Shutdown();
     ImGui_ImplGlfw_Shutdown();
@@ -133,11 +235,19 @@ base::Result<void> Window::open() {
   glfwSwapInterval(1);
   installCallbacks();
   startOverlay();
-  show_figures_ = options_.show_figures;
 
-  viewer_ =
-      std::make_unique<Viewer>(options_.viewer, std::make_unique<JpegDecoder>(std::max(1U, options_.decoder_threads)));
+  // A background that was not asked for goes with the colours of the words.
+  AppOptions options = options_.app;
+  float* background = options.viewer.lumigraph.background;
+  if (background[3] == 0.0F) std::copy_n(overlayBackground(look_.dark).begin(), 4, background);
+  std::copy_n(background, 4, background_.begin());
+  options.clock = [] { return glfwGetTime(); };
+  app_ = std::make_unique<App>(options, std::make_unique<JpegDecoder>(std::max(1U, options_.decoder_threads)));
+  if (!options_.view.empty()) LUMIGRID_TRY(app_->openPermalink(options_.view));
+  if (options_.show_figures) app_->showStatistics(true);
+  resized();
   connection_ = std::make_unique<Connection>(*url, options_.link);
+  http_ = std::make_unique<HttpGetter>(*url);
   return {};
 }
 
@@ -152,8 +262,10 @@ void Window::startOverlay() {
   int pixel_width = 1;
   glfwGetWindowSize(window_, &window_width, nullptr);
   glfwGetFramebufferSize(window_, &pixel_width, nullptr);
-  ImGui::GetIO().FontGlobalScale =
-      scale * static_cast<float>(std::max(window_width, 1)) / static_cast<float>(std::max(pixel_width, 1));
+  look_.scale = scale * static_cast<float>(std::max(window_width, 1)) / static_cast<float>(std::max(pixel_width, 1));
+  // There is no portable way to ask a desktop; what asks for nothing is dark.
+  look_.dark = static_cast<Theme>(static_cast<int>(options_.app.settings.theme)) != Theme::kLight;
+  setUpOverlay(look_);
   ImGui_ImplGlfw_InitForOpenGL(window_, true);
   ImGui_ImplOpenGL3_Init("#version 300 es");
   overlay_ready_ = true;
@@ -163,214 +275,273 @@ void Window::installCallbacks() {
   glfwSetWindowUserPointer(window_, this);
   glfwSetMouseButtonCallback(
       window_, [](GLFWwindow* w, int button, int action, int mods) { of(w).onButton(button, action, mods); });
-  glfwSetCursorPosCallback(window_, [](GLFWwindow* w, double, double) {
-    const glm::dvec2 at = of(w).cursor();
-    of(w).onMove(at.x, at.y);
+  glfwSetCursorPosCallback(window_, [](GLFWwindow* w, double x, double y) {
+    of(w).cursor_at_ = {x, y};
+    of(w).onMove();
   });
   glfwSetScrollCallback(window_, [](GLFWwindow* w, double, double steps) { of(w).onWheel(steps); });
-  glfwSetKeyCallback(window_, [](GLFWwindow* w, int key, int, int action, int) { of(w).onKey(key, action); });
-  glfwSetFramebufferSizeCallback(window_, [](GLFWwindow* w, int, int) { of(w).input_ = true; });
-  glfwSetWindowRefreshCallback(window_, [](GLFWwindow* w) { of(w).input_ = true; });
+  glfwSetKeyCallback(window_, [](GLFWwindow* w, int key, int scancode, int action, int mods) {
+    of(w).onKey(key, scancode, action, mods);
+  });
+  glfwSetFramebufferSizeCallback(window_, [](GLFWwindow* w, int, int) { of(w).resized(); });
+  glfwSetWindowRefreshCallback(window_, [](GLFWwindow* w) { of(w).picture_changed_ = true; });
+  glfwSetWindowFocusCallback(window_, [](GLFWwindow* w, int focused) {
+    if (focused == GLFW_FALSE) of(w).app_->blur();
+  });
+  glfwSetWindowIconifyCallback(window_,
+                               [](GLFWwindow* w, int iconified) { of(w).app_->setHidden(iconified == GLFW_TRUE); });
 }
 
 // ---- mouse and keys ----
 
-/// The cursor in framebuffer pixels.
+void Window::resized() {
+  int width = 0;
+  int height = 0;
+  float scale = 1.0F;
+  glfwGetFramebufferSize(window_, &width, &height);
+  glfwGetWindowContentScale(window_, &scale, nullptr);
+  if (app_) app_->resize(width, height, static_cast<double>(scale));
+  picture_changed_ = true;
+}
+
+/// The cursor in framebuffer pixels, as of the event in hand: asked for, GLFW says where it is by now.
 glm::dvec2 Window::cursor() const {
-  double x = 0.0;
-  double y = 0.0;
   int width = 1;
   int height = 1;
-  glfwGetCursorPos(window_, &x, &y);
+  int pixel_width = 1;
+  int pixel_height = 1;
   glfwGetWindowSize(window_, &width, &height);
-  return {x * control_.camera().width / std::max(width, 1), y * control_.camera().height / std::max(height, 1)};
+  glfwGetFramebufferSize(window_, &pixel_width, &pixel_height);
+  return {cursor_at_.x * pixel_width / std::max(width, 1), cursor_at_.y * pixel_height / std::max(height, 1)};
 }
 
-void Window::onButton(int button, int action, int mods) {
-  input_ = true;
-  if (action == GLFW_RELEASE) {
-    drag_ = Drag::kNone;
-    return;
-  }
-  if (overlayWantsMouse()) return;
+PointerEvent Window::pointer(PointerButton button, int mods) const {
   const glm::dvec2 at = cursor();
-  last_cursor_ = at;
-
-  // A second press at once sets the pivot.
-  const double now = glfwGetTime();
-  const bool twice = button == GLFW_MOUSE_BUTTON_LEFT && now - last_press_ < kDoubleClickSeconds &&
-                     glm::length(at - last_press_at_) < kDoubleClickPixels;
-  last_press_ = now;
-  last_press_at_ = at;
-  if (twice) {
-    if (const auto surface = surfaceUnder(at)) control_.setPivot(*surface);
-    return;
-  }
-
-  const bool pan = button != GLFW_MOUSE_BUTTON_LEFT || (mods & GLFW_MOD_SHIFT) != 0;
-  drag_ = pan ? Drag::kPan : Drag::kOrbit;
-  if (pan) control_.grab(at.x, at.y, surfaceUnder(at));
+  return {0, PointerKind::kMouse, button, modifiersOf(mods), at.x, at.y, glfwGetTime()};
 }
 
-void Window::onMove(double x, double y) {
-  const glm::dvec2 at(x, y);
-  if (drag_ == Drag::kOrbit) control_.orbit(at.x - last_cursor_.x, at.y - last_cursor_.y);
-  if (drag_ == Drag::kPan) control_.dragTo(at.x, at.y);
-  last_cursor_ = at;
-  input_ = true;
+/// One button at a time: a second one while the first is down is not looked at.
+void Window::onButton(int button, int action, int mods) {
+  picture_changed_ = true;
+  const PointerButton ours = button == GLFW_MOUSE_BUTTON_LEFT     ? PointerButton::kLeft
+                             : button == GLFW_MOUSE_BUTTON_MIDDLE ? PointerButton::kMiddle
+                                                                  : PointerButton::kRight;
+  if (action == GLFW_PRESS && button_down_ < 0 && !ImGui::GetIO().WantCaptureMouse) {
+    button_down_ = button;
+    app_->pointerDown(pointer(ours, mods));
+  } else if (action == GLFW_RELEASE && button == button_down_) {
+    button_down_ = -1;
+    app_->pointerUp(pointer(ours, mods));
+  }
+}
+
+void Window::onMove() {
+  app_->pointerMove(pointer(PointerButton::kLeft, 0));
+  picture_changed_ = true;  // pins show their names under the cursor
 }
 
 void Window::onWheel(double steps) {
-  if (overlayWantsMouse()) return;
+  if (ImGui::GetIO().WantCaptureMouse) return;
   const glm::dvec2 at = cursor();
-  control_.zoom(steps, at.x, at.y, surfaceUnder(at));
-  input_ = true;
+  app_->wheel(steps, at.x, at.y, glfwGetTime());
 }
 
-void Window::onKey(int key, int action) {
-  input_ = true;
-  if (action != GLFW_PRESS) return;
-  if (key == GLFW_KEY_F1) show_figures_ = !show_figures_;
-  if (key == GLFW_KEY_F2) glfwSetClipboardString(window_, base::formatCameraPath({control_.camera()}).c_str());
-  if (key == GLFW_KEY_R) control_.reset();
+void Window::onKey(int key, int scancode, int action, int mods) {
+  picture_changed_ = true;
+  const Key ours = keyOf(key, scancode, mods);
+  if (ours != Key::kNone) app_->key(ours, action != GLFW_RELEASE, modifiersOf(mods), glfwGetTime());
 }
 
-void Window::fly(double seconds) {
-  struct Key {
-    int key;
-    glm::dvec3 direction;
-  };
-  static constexpr std::array<Key, 6> kKeys{{{GLFW_KEY_D, glm::dvec3(1.0, 0.0, 0.0)},
-                                             {GLFW_KEY_A, glm::dvec3(-1.0, 0.0, 0.0)},
-                                             {GLFW_KEY_E, glm::dvec3(0.0, 1.0, 0.0)},
-                                             {GLFW_KEY_Q, glm::dvec3(0.0, -1.0, 0.0)},
-                                             {GLFW_KEY_W, glm::dvec3(0.0, 0.0, 1.0)},
-                                             {GLFW_KEY_S, glm::dvec3(0.0, 0.0, -1.0)}}};
-  glm::dvec3 direction(0.0);
-  for (const Key& one : kKeys)
-    if (glfwGetKey(window_, one.key) == GLFW_PRESS) direction += one.direction;
-  if (direction == glm::dvec3(0.0)) return;
-  control_.fly(kFlySpeed * std::min(seconds, 0.1) * direction);
-  input_ = true;
-}
+// ---- requests and answers ----
 
-/// The first view of a scene, and of another one that took its place after a reconnect.
-void Window::frameNewScene() {
-  const protocol::Welcome* welcome = viewer_->session().welcome();
-  if (welcome == nullptr) return;
-  if (framed_ && framed_->scene_name == welcome->scene_name && framed_->origin == welcome->origin &&
-      framed_->box_min == welcome->box_min && framed_->box_max == welcome->box_max)
-    return;
-  framed_ = *welcome;
-  control_.frameBox(welcome->origin + glm::dvec3(welcome->box_min), welcome->origin + glm::dvec3(welcome->box_max),
-                    glm::dvec3(welcome->up));
+/// Notes and bookmarks of a scene that has just come, or of another one after a reconnect.
+void Window::startScene() {
+  const protocol::Welcome* welcome = app_->session().welcome();
+  if (welcome == nullptr || app_->sceneName().empty()) return;
+  const std::string key = bookmarkKey(*welcome);
+  if (scene_ == key) return;
+  scene_ = key;
   glfwSetWindowTitle(window_, ("Lumigrid: " + welcome->scene_name).c_str());
-  input_ = true;
+  app_->say("H shows what mouse and keys do");
+
+  const auto bookmarks = readBookmarks(options_.config_directory, key);
+  if (!bookmarks) app_->say(bookmarks.error().message, true);
+  for (int slot = 1; slot < kBookmarks; ++slot) {
+    const auto set = app_->setBookmark(slot, bookmarks ? (*bookmarks)[static_cast<std::size_t>(slot)] : "");
+    say(set);
+  }
+
+  app_->setAnnotations({});
+  asked_[next_question_] = {Question::kNotes, 0, {}};
+  http_->get(next_question_++, "/annotations.json", kMaxAnnotationsFile, kNotesSeconds);
+}
+
+void Window::say(const base::Result<void>& done) {
+  if (!done) app_->say(done.error().message, true);
+}
+
+void Window::carryOut(const Request& request) {
+  switch (request.kind) {
+    case RequestKind::kCopyLink:
+      glfwSetClipboardString(window_, request.text.c_str());
+      app_->say("Link copied; lumigrid-view --view opens it");
+      break;
+    case RequestKind::kLinkChanged:
+      break;  // a window has no address
+    case RequestKind::kSavePicture:
+      savePicture(request);
+      break;
+    case RequestKind::kKeepBookmarks:
+      keepBookmarks();
+      break;
+    case RequestKind::kKeepSettings:
+      if (!options_.config_directory.empty()) say(writeSettings(options_.config_directory, app_->settings()));
+      break;
+    case RequestKind::kPick:
+      asked_[next_question_] = {Question::kPick, request.id, {}};
+      http_->get(next_question_++, pickTarget(request.origin, request.direction), kMaxPickAnswer, kPickSeconds);
+      break;
+  }
+}
+
+void Window::keepBookmarks() {
+  if (options_.config_directory.empty() || !scene_) return;
+  Bookmarks bookmarks;
+  for (int slot = 1; slot < kBookmarks; ++slot) bookmarks[static_cast<std::size_t>(slot)] = app_->bookmark(slot);
+  say(writeBookmarks(options_.config_directory, *scene_, bookmarks));
+}
+
+/// The server's picture is the true one, but it knows no section planes and no tints.
+void Window::savePicture(const Request& request) {
+  const bool plain = !request.view.section.on && !request.view.colors_by_resolution;
+  if (!plain || app_->session().state() != SessionState::kReady) return writePicture(readPicture());
+  app_->say("The server draws the picture\u2026");
+  asked_[next_question_] = {Question::kPicture, 0, readPicture()};
+  http_->get(next_question_++, renderTarget(request.camera, request.view, background_), kMaxPicture, kPictureSeconds);
+}
+
+void Window::writePicture(const base::Image& image) {
+  const std::string path = freePath(options_.picture_directory, pictureName(app_->sceneName()));
+  const auto written = base::writePng(image, path);
+  app_->say(written ? "Picture saved: " + path : written.error().message, !written);
+}
+
+void Window::takeAnswers() {
+  for (const HttpGetter::Answer& answer : http_->take()) {
+    const auto asked = asked_.find(answer.id);
+    if (asked == asked_.end()) continue;
+    switch (asked->second.question) {
+      case Question::kNotes:
+        takeNotes(answer);
+        break;
+      case Question::kPick:
+        takePick(asked->second.pick, answer);
+        break;
+      case Question::kPicture:
+        takePicture(answer);
+        break;
+    }
+    asked_.erase(asked);
+  }
+}
+
+/// A server that has none, or is too old to know of them, is no error.
+void Window::takeNotes(const HttpGetter::Answer& answer) {
+  if (answer.status == kNotFound) return;
+  if (answer.status != kFound)
+    return app_->say(
+        "The notes cannot be read: " +
+            (answer.problem.empty() ? "the server answers " + std::to_string(answer.status) : answer.problem),
+        true);
+  auto notes = parseAnnotations(answer.body, "annotations.json");
+  if (!notes) return app_->say(notes.error().message, true);
+  app_->setAnnotations(std::move(*notes));
+}
+
+void Window::takePick(std::uint32_t pick, const HttpGetter::Answer& answer) {
+  PickAnswer found;
+  std::string problem = answer.problem;
+  if (answer.status == kFound) {
+    const auto parsed = parsePickAnswer(answer.body);
+    if (parsed)
+      found = *parsed;
+    else
+      problem = parsed.error().message;
+  } else if (problem.empty()) {
+    problem = "the server answers " + std::to_string(answer.status);
+  }
+  if (!problem.empty()) app_->say("This point stays approximate: " + problem, true);
+  app_->answerPick(pick, found);
+}
+
+void Window::takePicture(const HttpGetter::Answer& answer) {
+  const auto image = answer.status == kFound ? base::decodePng(answer.body)
+                                             : base::Result<base::Image>(base::Error{base::ErrorCode::kNetwork, ""});
+  writePicture(image ? *image : asked_[answer.id].fallback);
 }
 
 // ---- drawing ----
 
-void Window::drawFigures(const ViewerStats& stats) {
-  const Session& session = viewer_->session();
-  const LumigraphStats& drawn = stats.lumigraph;
-  ImGui::SetNextWindowPos(ImVec2(8.0F, 8.0F));
-  ImGui::SetNextWindowBgAlpha(0.6F);
-  ImGui::Begin("figures", nullptr,
-               ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoInputs |
-                   ImGuiWindowFlags_NoNav);
-  ImGui::Text("%5.1f frames/s, %.1f ms to draw", frame_seconds_ > 0.0 ? 1.0 / frame_seconds_ : 0.0,
-              1e3 * draw_seconds_);
-  ImGui::Text("images    %u used, %u on the GPU, %u depth maps", drawn.samples_used, drawn.samples_resident,
-              drawn.depth_maps_drawn);
-  ImGui::Text("patches   %u with %llu triangles, error %.2f px", drawn.patches,
-              static_cast<unsigned long long>(drawn.triangles), static_cast<double>(stats.error_px));
-  ImGui::Text("received  %s: images %s, patches %s, frames %s", describeBytes(stats.session.bytes_received).c_str(),
-              describeBytes(stats.session.bytes_faces).c_str(), describeBytes(stats.session.bytes_patches).c_str(),
-              describeBytes(stats.session.bytes_frames).c_str());
-  ImGui::Text("cache     %s of %s, GPU %s", describeBytes(stats.session.cache_bytes).c_str(),
-              describeBytes(session.options().cache_bytes).c_str(), describeBytes(drawn.gpu_bytes).c_str());
-  ImGui::Text("view      %s", stats.complete ? "complete" : "on its way");
-  if (stats.broken > 0) ImGui::Text("broken    %u, latest: %s", stats.broken, stats.last_fault.c_str());
-  ImGui::Separator();
-  ImGui::TextUnformatted(kHelp);
-  ImGui::End();
+/// The model without words, as it was drawn last.
+base::Image Window::readPicture() const {
+  return picture_.read();
 }
 
-/// What the user has to know when all is not well, at the foot of the window.
-void Window::drawState() {
-  const Session& session = viewer_->session();
-  if (session.state() == SessionState::kReady) return;
-  const std::string text = session.problem().empty() ? "connecting to " + options_.url + " ..." : session.problem();
-  const ImVec2 size = ImGui::GetIO().DisplaySize;
-  ImGui::SetNextWindowPos(ImVec2(0.5F * size.x, size.y - 12.0F), ImGuiCond_Always, ImVec2(0.5F, 1.0F));
-  ImGui::SetNextWindowBgAlpha(0.8F);
-  ImGui::Begin("state", nullptr,
-               ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoInputs |
-                   ImGuiWindowFlags_NoNav);
-  ImGui::TextUnformatted(text.c_str());
-  if (!session.problem().empty()) ImGui::TextUnformatted("trying again; what is here can be looked at meanwhile");
-  ImGui::End();
-}
-
-base::Result<void> Window::drawFrame(double now) {
-  // The scene.
-  const double begin = glfwGetTime();
-  glBindFramebuffer(GL_FRAMEBUFFER, 0);
-  glViewport(0, 0, control_.camera().width, control_.camera().height);
-  if (framed_) {
-    LUMIGRID_TRY(viewer_->draw(control_.camera(), now));
-  } else {
-    const float* color = options_.viewer.lumigraph.background;
-    glClearColor(color[0], color[1], color[2], color[3]);
-    glClear(GL_COLOR_BUFFER_BIT);
+base::Result<void> Window::drawScene(double now) {
+  const base::ViewCamera camera = app_->camera();
+  if (picture_.width() != camera.width || picture_.height() != camera.height) {
+    auto made = base::gl::RenderTarget::create(camera.width, camera.height);
+    if (!made) return made.error();
+    picture_ = std::move(*made);
   }
-  draw_seconds_ += 0.1 * (glfwGetTime() - begin - draw_seconds_);
+  picture_.bind();
+  return app_->frame(now);
+}
 
-  // Words on top of it.
+/// The picture, and the words on top of it.
+void Window::drawWords() {
+  int width = 0;
+  int height = 0;
+  glfwGetFramebufferSize(window_, &width, &height);
+  glBindFramebuffer(GL_READ_FRAMEBUFFER, picture_.framebuffer());
+  glBindFramebuffer(GL_DRAW_FRAMEBUFFER, 0);
+  glBlitFramebuffer(0, 0, picture_.width(), picture_.height(), 0, 0, width, height, GL_COLOR_BUFFER_BIT, GL_NEAREST);
   glBindFramebuffer(GL_FRAMEBUFFER, 0);
+  glViewport(0, 0, width, height);
   ImGui_ImplOpenGL3_NewFrame();
   ImGui_ImplGlfw_NewFrame();
   ImGui::NewFrame();
-  if (show_figures_) drawFigures(viewer_->stats());
-  drawState();
+  drawOverlay(*app_, look_);
   ImGui::Render();
   ImGui_ImplOpenGL3_RenderDrawData(ImGui::GetDrawData());
   glfwSwapBuffers(window_);
-  return {};
 }
 
 base::Result<void> Window::run() {
-  double last = glfwGetTime();
-  SessionState last_state = SessionState::kDisconnected;
+  std::uint64_t shown_overlay = 0;
+  double shown_at = 0.0;
   while (glfwWindowShouldClose(window_) == GLFW_FALSE) {
     glfwPollEvents();
+    connection_->pump(app_->session());
+    takeAnswers();
     const double now = glfwGetTime();
-    fly(now - last);
-    frame_seconds_ += 0.1 * (now - last - frame_seconds_);
-    last = now;
+    app_->advance(now);
+    startScene();
+    for (const Request& request : app_->takeRequests()) carryOut(request);
 
-    // A minimised window has no pixels.
-    int width = 0;
-    int height = 0;
-    glfwGetFramebufferSize(window_, &width, &height);
-    const bool arrived = connection_->pump(viewer_->session());
-    if (width == 0 || height == 0) {
+    // What would look the same is not drawn again; words alone need no new picture.
+    const bool frame = app_->wantsFrame();
+    const bool figures = app_->view().statistics && now - shown_at >= kFiguresSeconds;
+    if (frame) LUMIGRID_TRY(drawScene(now));
+    const bool words = picture_changed_ || figures || app_->overlayVersion() != shown_overlay;
+    if (!frame && (!words || picture_.width() == 0)) {
       glfwWaitEventsTimeout(kIdleSeconds);
       continue;
     }
-    control_.setViewport(width, height);
-    frameNewScene();
-
-    // A picture that would look the same is not drawn again.
-    const SessionState state = viewer_->session().state();
-    const bool changed = input_ || arrived || state != last_state || viewer_->stats().busy;
-    last_state = state;
-    if (!changed) {
-      glfwWaitEventsTimeout(kIdleSeconds);
-      continue;
-    }
-    input_ = false;
-    LUMIGRID_TRY(drawFrame(now));
+    drawWords();
+    picture_changed_ = false;
+    shown_overlay = app_->overlayVersion();
+    shown_at = now;
   }
   return {};
 }

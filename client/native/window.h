@@ -1,25 +1,29 @@
 #pragma once
-// The viewer in a window: GLFW, mouse and keys, Dear ImGui for the figures (F1) and for problems in plain words.
+// The viewer in a window: GLFW and Dear ImGui around client::App, which has all behaviour. Here are its requests
+// carried out: pictures and clipboard, settings and bookmarks in the user's directory, picks and notes over HTTP.
 #include <string>
 
 #include "base/error.h"
+#include "client/app.h"
 #include "client/native/connection.h"
-#include "client/viewer.h"
 
 namespace client {
 
 struct WindowOptions {
   std::string url;
-  ViewerOptions viewer;
+  AppOptions app;  ///< its clock is set here
   LinkLimit link;
   int width = 1280;  ///< window size at the start, screen units
   int height = 720;
   unsigned decoder_threads = 2;
-  bool show_figures = false;  ///< the overlay that F1 turns on and off
+  bool show_figures = false;     ///< begins with the statistics that I shows
+  std::string view;              ///< a permalink to begin with; empty: the whole scene
+  std::string config_directory;  ///< of settings and bookmarks; empty: nothing is kept
+  std::string picture_directory = ".";
 };
 
-/// Runs until the window is closed. Errors: no display, no GLES 3 context, GL out of order. A lost server is no error:
-/// the window goes on showing what it has, says so, and reconnects.
+/// Runs until the window is closed. Errors: no display, no GLES 3 context, GL out of order, a view that is no
+/// permalink. A lost server is no error: the window goes on showing what it has, says so, and reconnects.
 base::Result<void> runWindow(const WindowOptions& options);
 
 }  // namespace client

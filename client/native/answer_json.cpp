@@ -1,0 +1,122 @@
+#include "client/native/answer_json.h"
+
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "base/json/camera_file.h"
+
+namespace client {
+namespace {
+
+using nlohmann::json;
+
+/// Deeper than any of these documents is; nlohmann's parser keeps a stack, hostile depth would only cost memory.
+constexpr int kMaxDepth = 16;
+
+base::Error bad(const std::string& place, const std::string& what) {
+  return {base::ErrorCode::kInvalidInput, place + ": " + what};
+}
+
+base::Result<json> parse(base::ByteView text, std::size_t limit, const std::string& name) {
+  if (text.size() > limit) return bad(name, "has more than " + std::to_string(limit) + " bytes");
+  bool deep = false;
+  const auto shallow = [&deep](int depth, json::parse_event_t, json&) {
+    deep = deep || depth > kMaxDepth;
+    return !deep;
+  };
+  json document = json::parse(text.begin(), text.end(), shallow, false);
+  if (document.is_discarded() || deep || !document.is_object()) return bad(name, "is not a JSON object");
+  return document;
+}
+
+bool readNumber(const json& object, const char* key, double& value) {
+  const auto it = object.find(key);
+  if (it == object.end() || !it->is_number()) return false;
+  value = it->get<double>();
+  return std::isfinite(value);
+}
+
+bool readVector(const json& object, const char* key, glm::dvec3& v) {
+  const auto it = object.find(key);
+  if (it == object.end() || !it->is_array() || it->size() != 3) return false;
+  for (int i = 0; i < 3; ++i) {
+    const json& number = (*it)[static_cast<std::size_t>(i)];
+    if (!number.is_number()) return false;
+    v[i] = number.get<double>();
+    if (!std::isfinite(v[i])) return false;
+  }
+  return true;
+}
+
+bool readText(const json& object, const char* key, std::string& text) {
+  const auto it = object.find(key);
+  if (it == object.end() || !it->is_string()) return false;
+  text = it->get<std::string>();
+  return true;
+}
+
+base::Result<Annotation> readAnnotation(const json& object, const std::string& place) {
+  if (!object.is_object()) return bad(place, "is not an object");
+  Annotation annotation;
+  if (!readVector(object, "position", annotation.position)) return bad(place, "position must be three numbers");
+  if (object.contains("normal") && !readVector(object, "normal", annotation.normal))
+    return bad(place, "normal must be three numbers");
+  if (!readText(object, "title", annotation.title)) return bad(place, "title must be text");
+  if (object.contains("text") && !readText(object, "text", annotation.text)) return bad(place, "text must be text");
+  if (const auto it = object.find("camera"); it != object.end()) {
+    auto camera = base::parseCamera(it->dump(-1, ' ', false, json::error_handler_t::replace), place + ": camera");
+    if (!camera) return camera.error();
+    annotation.camera = *camera;
+  }
+  auto checked = checkedAnnotation(std::move(annotation));
+  if (!checked) return base::within(place, checked.error());
+  return checked;
+}
+
+}  // namespace
+
+std::string pickTarget(const glm::dvec3& origin, const glm::dvec3& direction) {
+  std::array<char, 256> buffer{};
+  std::snprintf(buffer.data(), buffer.size(), "/pick?ox=%.17g&oy=%.17g&oz=%.17g&dx=%.17g&dy=%.17g&dz=%.17g", origin.x,
+                origin.y, origin.z, direction.x, direction.y, direction.z);
+  return buffer.data();
+}
+
+base::Result<PickAnswer> parsePickAnswer(base::ByteView text) {
+  const std::string name = "the server's answer to a pick";
+  const auto document = parse(text, kMaxPickAnswer, name);
+  if (!document) return document.error();
+  const auto hit = document->find("hit");
+  if (hit == document->end() || !hit->is_boolean()) return bad(name, "hit must be true or false");
+  PickAnswer answer;
+  answer.kind = PickAnswer::Kind::kNone;
+  if (!hit->get<bool>()) return answer;
+  answer.kind = PickAnswer::Kind::kHit;
+  if (!readVector(*document, "point", answer.point)) return bad(name, "point must be three numbers");
+  if (!readVector(*document, "normal", answer.normal)) return bad(name, "normal must be three numbers");
+  if (!readNumber(*document, "accuracy", answer.accuracy) || answer.accuracy < 0.0)
+    return bad(name, "accuracy must be a number from 0 on");
+  return answer;
+}
+
+base::Result<std::vector<Annotation>> parseAnnotations(base::ByteView text, const std::string& name) {
+  const auto document = parse(text, kMaxAnnotationsFile, name);
+  if (!document) return document.error();
+  if (!document->contains("version") || (*document)["version"] != kAnnotationsVersion)
+    return base::Error{base::ErrorCode::kVersion, name + ": version must be 1 (docs/formats/annotations.md)"};
+  const auto list = document->find("annotations");
+  if (list == document->end() || !list->is_array()) return bad(name, "annotations must be a list");
+  if (list->size() > kMaxAnnotations)
+    return bad(name, "has more than " + std::to_string(kMaxAnnotations) + " annotations");
+  std::vector<Annotation> annotations;
+  for (const json& item : *list) {
+    auto annotation = readAnnotation(item, name + ": annotation " + std::to_string(annotations.size()));
+    if (!annotation) return annotation.error();
+    annotations.push_back(std::move(*annotation));
+  }
+  return annotations;
+}
+
+}  // namespace client

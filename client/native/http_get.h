@@ -1,0 +1,43 @@
+#pragma once
+// Small things from the server over plain HTTP (picks, notes, pictures), on a thread of its own; one after the other.
+// The render loop never waits.
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "base/bytes.h"
+#include "base/error.h"
+#include "client/native/connection.h"
+
+namespace client {
+
+class HttpGetter {
+ public:
+  struct Answer {
+    std::uint64_t id = 0;
+    int status = 0;       ///< of HTTP; 0 when nobody answered
+    base::Bytes body;     ///< whatever the status
+    std::string problem;  ///< why there is no answer; else empty
+  };
+
+  explicit HttpGetter(const ServerUrl& server);
+  /// Breaks off what is under way.
+  ~HttpGetter();
+  HttpGetter(const HttpGetter&) = delete;
+  HttpGetter& operator=(const HttpGetter&) = delete;
+
+  /// Asks for a path and query of the server. `max_bytes` of a body, `seconds` from connecting to the last byte. At
+  /// most kLongestQueue wait; what is beyond is answered at once with a problem.
+  void get(std::uint64_t id, const std::string& target, std::size_t max_bytes, double seconds);
+  /// What has come since the last call, in the order of the asking.
+  std::vector<Answer> take();
+
+  static constexpr std::size_t kLongestQueue = 64;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace client

@@ -1,0 +1,154 @@
+// The viewer's behaviour with pictures: what is drawn, and when nothing is.
+#include <gtest/gtest.h>
+
+#include "base/egl/headless.h"
+#include "client/app.h"
+#include "client/native/jpeg_decoder.h"
+#include "tests/client/session/scripted_server.h"
+
+namespace client {
+namespace {
+
+constexpr int kWidth = 160;
+constexpr int kHeight = 120;
+
+class AppGl : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    auto made = base::HeadlessContext::create();
+    ASSERT_TRUE(bool(made)) << made.error().message;
+    context = std::move(*made);
+    auto target_made = base::gl::RenderTarget::create(kWidth, kHeight);
+    ASSERT_TRUE(bool(target_made));
+    target = std::move(*target_made);
+    AppOptions options;
+    options.settings.patch_tolerance = 0.0;
+    options.viewer.lumigraph.fade_seconds = 0.0F;
+    app = std::make_unique<App>(options, std::make_unique<JpegDecoder>(1));
+    app->resize(kWidth, kHeight, 1.0);
+    app->session().connected();
+    hear(server.sayWelcome());
+    for (std::uint32_t g = 0; g < server.hierarchy().groups.size(); ++g) hear(server.sayGroup(g));
+    settle();
+  }
+  void hear(const base::Bytes& message) { ASSERT_TRUE(bool(app->session().receive(message))); }
+  /// The loop of a platform until nothing more is drawn; how many frames that took.
+  int settle() {
+    int frames = 0;
+    for (int i = 0; i < 200; ++i) {
+      app->advance(now += 0.05);
+      if (!app->wantsFrame()) continue;
+      target.bind();
+      EXPECT_TRUE(bool(app->frame(now)));
+      ++frames;
+    }
+    return frames;
+  }
+  base::Image picture() {
+    settle();
+    return target.read();
+  }
+  static std::size_t covered(const base::Image& image) {
+    std::size_t count = 0;
+    for (std::size_t i = 3; i < image.pixels.size(); i += 4) count += image.pixels[i] != 0 ? 1 : 0;
+    return count;
+  }
+  void press(Key key, Modifiers modifiers = {}) {
+    app->key(key, true, modifiers, now);
+    app->key(key, false, modifiers, now);
+  }
+
+  ScriptedServer server;
+  std::unique_ptr<base::HeadlessContext> context;
+  base::gl::RenderTarget target;
+  std::unique_ptr<App> app;
+  double now = 0.0;
+};
+
+TEST_F(AppGl, atRestNothingIsDrawn) {
+  EXPECT_GT(covered(picture()), 100U);
+  EXPECT_EQ(settle(), 0);
+  sent(app->session());
+  hear(server.sayComplete(1));
+  EXPECT_EQ(settle(), 1) << "news from the server is looked at once";
+  EXPECT_EQ(settle(), 0);
+}
+
+TEST_F(AppGl, everyModeIsDrawnWithoutAnErrorOfGl) {
+  for (const Key key : {Key::kI, Key::kC, Key::kO, Key::kX, Key::kX, Key::kX, Key::kX, Key::kO, Key::kC, Key::kM,
+                        Key::kM, Key::kM, Key::kF, Key::kR, Key::kH, Key::kEscape}) {
+    press(key);
+    EXPECT_GT(covered(picture()), 100U) << static_cast<int>(key);
+    EXPECT_EQ(base::gl::takeError(), "") << static_cast<int>(key);
+  }
+}
+
+TEST_F(AppGl, measuringTakesThePointThatIsDrawnUnderTheClick) {
+  press(Key::kM);
+  PointerEvent event;
+  event.x = 0.5 * kWidth;
+  event.y = 0.5 * kHeight;
+  event.now = now;
+  app->pointerDown(event);
+  app->pointerUp(event);
+  settle();
+  ASSERT_EQ(app->measurements().size(), 1U);
+  const MeasuredPoint& point = app->measurements()[0].points[0];
+  EXPECT_GT(point.accuracy, 0.0);
+  std::size_t found = 0;
+  for (const Label& label : app->labels()) {
+    if (label.kind != LabelKind::kPoint) continue;
+    ++found;
+    EXPECT_NEAR(label.x, event.x, 0.01);
+    EXPECT_NEAR(label.y, event.y, 0.01);
+  }
+  EXPECT_EQ(found, 1U);
+  EXPECT_EQ(app->takeRequests().back().kind, RequestKind::kPick);
+}
+
+TEST_F(AppGl, aPinBehindTheSurfaceIsHidden) {
+  const glm::dvec3 eye = app->view().position;
+  const auto surface = app->viewer().surfaceAt(app->camera(), 0.5 * kWidth, 0.5 * kHeight);
+  ASSERT_TRUE(surface.has_value());
+  Annotation before;
+  before.title = "before";
+  before.position = *surface + 0.05 * (eye - *surface);
+  Annotation behind;
+  behind.title = "behind";
+  behind.position = *surface - 0.05 * (eye - *surface);
+  app->setAnnotations({before, behind});
+  settle();
+  ASSERT_EQ(app->labels().size(), 2U);
+  EXPECT_TRUE(app->labels()[0].visible);
+  EXPECT_FALSE(app->labels()[1].visible);
+}
+
+TEST_F(AppGl, theStatisticsAreThoseOfThePicture) {
+  picture();
+  const Statistics statistics = app->statistics();
+  EXPECT_EQ(statistics.accuracy, Accuracy::kCoarse);
+  EXPECT_GT(statistics.triangles, 0U);
+  EXPECT_GT(statistics.patches, 0U);
+  EXPECT_GT(statistics.gpu_bytes, 0U);
+  EXPECT_GT(statistics.memory_bytes, 0U);
+  EXPECT_EQ(statistics.received_bytes, app->session().stats().bytes_received);
+}
+
+TEST_F(AppGl, aLinkShowsTheSamePictureAgain) {
+  app->key(Key::kLeft, true, {false, true, false}, now);
+  for (int i = 0; i < 10; ++i) app->advance(now += 0.05);
+  app->key(Key::kLeft, false, {}, now);
+  const base::Image there = picture();
+  const std::string link = app->permalink();
+  press(Key::kR);
+  EXPECT_NE(picture().pixels, there.pixels);
+  ASSERT_TRUE(bool(app->openPermalink(link)));
+  EXPECT_EQ(app->permalink(), link);
+  const base::Image again = picture();
+  std::size_t different = 0;
+  for (std::size_t i = 0; i < there.pixels.size(); ++i) different += there.pixels[i] != again.pixels[i] ? 1 : 0;
+  EXPECT_LE(different, there.pixels.size() / 1000);
+}
+
+}  // namespace
+}  // namespace client
