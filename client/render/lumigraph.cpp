@@ -110,7 +110,7 @@ struct LumigraphRenderer::State {
   float strongestFade(const Frame& frame) const;
   void uploadBlock(const Frame& frame);
   void setUniforms(const Frame& frame, const lod::draw::Shading& shading);
-  void setModes(const LumigraphOptions& options) const;
+  void setModes(const LumigraphOptions& options, const base::Camera& camera) const;
   void bindArrays() const;
   void drawPatches(const Frame& frame);
 };
@@ -453,7 +453,7 @@ void LumigraphRenderer::State::setUniforms(const Frame& frame, const lod::draw::
   set("u_error", frame.error_per_distance);
   glUniform1i(blend.uniform("u_carve"), frame.options.carve ? 1 : 0);
   glUniform1i(blend.uniform("u_fill"), frame.options.fill_holes || !frame.options.use_images ? 1 : 0);
-  setModes(frame.options);
+  setModes(frame.options, camera);
   const float* background = frame.options.background;
   glUniform4f(blend.uniform("u_background"), background[0], background[1], background[2], background[3]);
 
@@ -477,10 +477,13 @@ void LumigraphRenderer::State::setUniforms(const Frame& frame, const lod::draw::
 }
 
 /// The section plane and the colours by resolution.
-void LumigraphRenderer::State::setModes(const LumigraphOptions& options) const {
+void LumigraphRenderer::State::setModes(const LumigraphOptions& options, const base::Camera& camera) const {
   const glm::vec4& section = options.section;
   glUniform4f(blend.uniform("u_section"), section.x, section.y, section.z, section.w);
-  glUniform1i(blend.uniform("u_cut_open"), section != base::kNoSection ? 1 : 0);
+  // Where the eye is on the side that stays, so is all that it sees.
+  const glm::vec4 eye = camera.homogeneousEye();
+  const bool cut_open = glm::dot(glm::vec3(section), glm::vec3(eye)) > section.w * eye.w;
+  glUniform1i(blend.uniform("u_cut_open"), section != base::kNoSection && cut_open ? 1 : 0);
   const auto& cut_color = kSectionColor;
   glUniform3f(blend.uniform("u_section_color"), static_cast<float>(cut_color[0]) / 255.0F,
               static_cast<float>(cut_color[1]) / 255.0F, static_cast<float>(cut_color[2]) / 255.0F);
