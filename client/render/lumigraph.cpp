@@ -22,6 +22,7 @@ constexpr int kMaxDepthSide = 512;  ///< of a sample's depth map
 /// A budget of no more faces than this is taken whole at once: growing needs room for a copy. About what a frame
 /// blends.
 constexpr int kFacesAtOnce = 32;
+constexpr std::uint64_t kFewFaces = 24;  ///< what a frame blends by default, and half as many on their way
 
 /// One sample as the uniform block holds it (std140; blend_shader.cpp).
 struct SampleBlock {
@@ -99,6 +100,7 @@ struct LumigraphRenderer::State {
   bool isFaceSize(int width, int height) const { return width == face_size && height == face_size; }
   std::uint64_t textureBytes() const;
   std::uint64_t budgetOf(const SampleArray& array) const;
+  int maxDepthSide(int width, int height) const;
   int arrayFor(int width, int height);
   bool giveUpEmptyArrays(int but);
   void wantSamples(Frame& frame, std::span<const SampleId> candidates);
@@ -213,6 +215,14 @@ std::uint64_t LumigraphRenderer::State::textureBytes() const {
   return bytes;
 }
 
+/// Of the depth maps of images of this size: half as many texels where the budget is so small that more images help
+/// more.
+int LumigraphRenderer::State::maxDepthSide(int width, int height) const {
+  const std::uint64_t full_depth = std::uint64_t{4} * kMaxDepthSide * kMaxDepthSide;
+  const bool small = budget_bytes < kFewFaces * (pyramidBytes(width, height) + full_depth);
+  return small ? kMaxDepthSide / 2 : kMaxDepthSide;
+}
+
 /// What is left of the budget for this array, its present bytes included.
 std::uint64_t LumigraphRenderer::State::budgetOf(const SampleArray& array) const {
   const std::uint64_t others = textureBytes() - array.bytes();
@@ -231,7 +241,8 @@ int LumigraphRenderer::State::arrayFor(int width, int height) {
     auto& array = arrays[static_cast<std::size_t>(i)];
     if (array && array->used() > 0) continue;
     array.reset();
-    array.emplace(width, height, std::min(width, kMaxDepthSide), std::min(height, kMaxDepthSide),
+    const int depth_side = maxDepthSide(width, height);
+    array.emplace(width, height, std::min(width, depth_side), std::min(height, depth_side),
                   isFaceSize(width, height) ? kFacesAtOnce : SampleArray::kFirstLayers);
     return i;
   }
