@@ -206,7 +206,7 @@ void main() {
     float weight = seen * pow(blur * blur + shift * shift, -0.5 * u_resolution_power) * pow(angle + u_angle_floor + kBorderAngle * (1.0 - middle), -u_angle_power);
     color_sum += weight * color.rgb;
     coverage_sum += weight * color.a;
-    octaves += weight * color.a * 0.5 * log2(1.0 / (ratio * ratio * cosine * cosine + 1e-8) + shift * shift);
+    if (u_show_resolution) octaves += weight * color.a * 0.5 * log2(1.0 / (ratio * ratio * cosine * cosine + 1e-8) + shift * shift);
     unseen *= 1.0 - seen * color.a;
   }
 

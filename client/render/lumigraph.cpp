@@ -100,7 +100,7 @@ struct LumigraphRenderer::State {
   bool isFaceSize(int width, int height) const { return width == face_size && height == face_size; }
   std::uint64_t textureBytes() const;
   std::uint64_t budgetOf(const SampleArray& array) const;
-  int maxDepthSide(int width, int height) const;
+  int maxDepthSide() const;
   int arrayFor(int width, int height);
   bool giveUpEmptyArrays(int but);
   void wantSamples(Frame& frame, std::span<const SampleId> candidates);
@@ -215,11 +215,10 @@ std::uint64_t LumigraphRenderer::State::textureBytes() const {
   return bytes;
 }
 
-/// Of the depth maps of images of this size: half as many texels where the budget is so small that more images help
-/// more.
-int LumigraphRenderer::State::maxDepthSide(int width, int height) const {
+/// Of depth maps: half where the budget is so small that more faces help more.
+int LumigraphRenderer::State::maxDepthSide() const {
   const std::uint64_t full_depth = std::uint64_t{4} * kMaxDepthSide * kMaxDepthSide;
-  const bool small = budget_bytes < kFewFaces * (pyramidBytes(width, height) + full_depth);
+  const bool small = budget_bytes < kFewFaces * (pyramidBytes(face_size, face_size) + full_depth);
   return small ? kMaxDepthSide / 2 : kMaxDepthSide;
 }
 
@@ -241,7 +240,7 @@ int LumigraphRenderer::State::arrayFor(int width, int height) {
     auto& array = arrays[static_cast<std::size_t>(i)];
     if (array && array->used() > 0) continue;
     array.reset();
-    const int depth_side = maxDepthSide(width, height);
+    const int depth_side = maxDepthSide();
     array.emplace(width, height, std::min(width, depth_side), std::min(height, depth_side),
                   isFaceSize(width, height) ? kFacesAtOnce : SampleArray::kFirstLayers);
     return i;
