@@ -15,11 +15,11 @@ constexpr std::uint64_t kBytesPerTriangle = 50;
 MemoryPlan planMemory(std::uint64_t budget, std::uint64_t wanted_cache, std::uint64_t wanted_images, bool with_frames) {
   const std::uint64_t sixteenth = budget / 16;
   MemoryPlan plan;
-  plan.cache = std::min(wanted_cache, 2 * sixteenth + sixteenth / 2);
+  plan.cache = std::min(wanted_cache, 2 * sixteenth);
   plan.frames = sixteenth / 2;
-  plan.patches = 3 * sixteenth;
-  plan.decoded = 3 * sixteenth;
-  plan.images = std::min(wanted_images, 6 * sixteenth);
+  plan.patches = 2 * sixteenth + sixteenth / 2;
+  plan.decoded = 2 * sixteenth;
+  plan.images = std::min(wanted_images, 8 * sixteenth);
   plan.frame_images = with_frames ? plan.images / 3 : 0;
   return plan;
 }

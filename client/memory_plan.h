@@ -14,9 +14,9 @@ struct MemoryPlan {
   std::uint64_t decoded = 0;       ///< decoded or being decoded, not on the GPU yet
 };
 
-/// Shares of `budget`: 3/16 each to the cache, the patches and what is being decoded, 6/16 to images; 1/16 stays free
-/// for what is not counted (pixels on their way to the GPU, small objects). The cache and the images take no more than
-/// they are wanted to have.
+/// Sixteenths of `budget`: 8 to images, 2 1/2 to patches, 2 to the cache, 2 to what is being decoded, 1/2 to frames; 1
+/// stays free for what is not counted (pixels on their way to the GPU, small objects). The cache and the images take no
+/// more than they are wanted to have.
 MemoryPlan planMemory(std::uint64_t budget, std::uint64_t wanted_cache, std::uint64_t wanted_images, bool with_frames);
 
 /// Triangles to ask a server for, so that their patches and those of the coarser levels above them fit into `patches`

@@ -87,8 +87,9 @@ class Viewer {
   /// for the GPU. Sees what is drawn: the cut-away side of a section plane is not there.
   std::optional<glm::dvec3> surfaceAt(const base::ViewCamera& camera, double x, double y);
 
-  /// From the next draw on. nullopt: nothing is cut. Back faces have one flat colour (kSectionColor) while a plane is
-  /// set, which shows what is cut open. A normal that is zero or not a number sets none.
+  /// From the next draw on. nullopt: nothing is cut. Back faces seen through what is cut
+  /// away have one flat colour (kSectionColor), which shows what is cut open. A normal that is zero or not a number
+  /// sets none.
   void setSection(const std::optional<base::SectionPlane>& plane);
   /// Tints every fragment by the resolution of what is shown there; kResolutionLegend (render/lumigraph.h) says how.
   void setResolutionColors(bool on);

@@ -71,7 +71,7 @@ uniform vec4 u_eye;                    // homogeneous: with w 0 the direction of
 uniform vec2 u_viewport;               // pixels
 uniform float u_pixels_per_unit;       // of the view, at distance 1
 uniform vec4 u_section;                // what has dot(xyz, position) > w is cut away
-uniform bool u_cut_open;               // back faces are the inside of what is cut
+uniform bool u_cut_open;               // view rays come through what is cut away: back faces are the inside of what is left
 uniform vec3 u_section_color;
 uniform bool u_show_resolution;
 uniform float u_patch_error;           // pixels, of the patch being drawn
@@ -185,7 +185,8 @@ void main() {
     float voter = seen;
     // Close to an edge in the depth map the image may show what lies in front; not where both rays are one.
     float angle = length(view_ray - sample_ray);
-    float apart_rays = smoothstep(0.002, 0.02, angle);
+    // Through a cut the viewer sees further than the image along the same ray.
+    float apart_rays = u_cut_open ? 1.0 : smoothstep(0.002, 0.02, angle);
     seen *= mix(1.0, smoothstep(0.75, 1.0, lit) * smoothstep(u_side_low, u_side_high, cosine), apart_rays);
 
     // Coverage votes. Background in an image means that nothing lies along the whole ray, hidden by the proxy or not; model counts
@@ -205,7 +206,7 @@ void main() {
     float weight = seen * pow(blur * blur + shift * shift, -0.5 * u_resolution_power) * pow(angle + u_angle_floor + kBorderAngle * (1.0 - middle), -u_angle_power);
     color_sum += weight * color.rgb;
     coverage_sum += weight * color.a;
-    octaves += weight * color.a * 0.5 * log2(1.0 / (ratio * ratio * cosine * cosine + 1e-8) + shift * shift);
+    if (u_show_resolution) octaves += weight * color.a * 0.5 * log2(1.0 / (ratio * ratio * cosine * cosine + 1e-8) + shift * shift);
     unseen *= 1.0 - seen * color.a;
   }
 

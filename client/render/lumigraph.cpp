@@ -22,6 +22,7 @@ constexpr int kMaxDepthSide = 512;  ///< of a sample's depth map
 /// A budget of no more faces than this is taken whole at once: growing needs room for a copy. About what a frame
 /// blends.
 constexpr int kFacesAtOnce = 32;
+constexpr std::uint64_t kFewFaces = 24;  ///< what a frame blends by default, and half as many on their way
 
 /// One sample as the uniform block holds it (std140; blend_shader.cpp).
 struct SampleBlock {
@@ -99,6 +100,7 @@ struct LumigraphRenderer::State {
   bool isFaceSize(int width, int height) const { return width == face_size && height == face_size; }
   std::uint64_t textureBytes() const;
   std::uint64_t budgetOf(const SampleArray& array) const;
+  int maxDepthSide() const;
   int arrayFor(int width, int height);
   bool giveUpEmptyArrays(int but);
   void wantSamples(Frame& frame, std::span<const SampleId> candidates);
@@ -110,7 +112,7 @@ struct LumigraphRenderer::State {
   float strongestFade(const Frame& frame) const;
   void uploadBlock(const Frame& frame);
   void setUniforms(const Frame& frame, const lod::draw::Shading& shading);
-  void setModes(const LumigraphOptions& options) const;
+  void setModes(const LumigraphOptions& options, const base::Camera& camera) const;
   void bindArrays() const;
   void drawPatches(const Frame& frame);
 };
@@ -213,6 +215,13 @@ std::uint64_t LumigraphRenderer::State::textureBytes() const {
   return bytes;
 }
 
+/// Of depth maps: half where the budget is so small that more faces help more.
+int LumigraphRenderer::State::maxDepthSide() const {
+  const std::uint64_t full_depth = std::uint64_t{4} * kMaxDepthSide * kMaxDepthSide;
+  const bool small = budget_bytes < kFewFaces * (pyramidBytes(face_size, face_size) + full_depth);
+  return small ? kMaxDepthSide / 2 : kMaxDepthSide;
+}
+
 /// What is left of the budget for this array, its present bytes included.
 std::uint64_t LumigraphRenderer::State::budgetOf(const SampleArray& array) const {
   const std::uint64_t others = textureBytes() - array.bytes();
@@ -231,7 +240,8 @@ int LumigraphRenderer::State::arrayFor(int width, int height) {
     auto& array = arrays[static_cast<std::size_t>(i)];
     if (array && array->used() > 0) continue;
     array.reset();
-    array.emplace(width, height, std::min(width, kMaxDepthSide), std::min(height, kMaxDepthSide),
+    const int depth_side = maxDepthSide();
+    array.emplace(width, height, std::min(width, depth_side), std::min(height, depth_side),
                   isFaceSize(width, height) ? kFacesAtOnce : SampleArray::kFirstLayers);
     return i;
   }
@@ -453,7 +463,7 @@ void LumigraphRenderer::State::setUniforms(const Frame& frame, const lod::draw::
   set("u_error", frame.error_per_distance);
   glUniform1i(blend.uniform("u_carve"), frame.options.carve ? 1 : 0);
   glUniform1i(blend.uniform("u_fill"), frame.options.fill_holes || !frame.options.use_images ? 1 : 0);
-  setModes(frame.options);
+  setModes(frame.options, camera);
   const float* background = frame.options.background;
   glUniform4f(blend.uniform("u_background"), background[0], background[1], background[2], background[3]);
 
@@ -477,10 +487,13 @@ void LumigraphRenderer::State::setUniforms(const Frame& frame, const lod::draw::
 }
 
 /// The section plane and the colours by resolution.
-void LumigraphRenderer::State::setModes(const LumigraphOptions& options) const {
+void LumigraphRenderer::State::setModes(const LumigraphOptions& options, const base::Camera& camera) const {
   const glm::vec4& section = options.section;
   glUniform4f(blend.uniform("u_section"), section.x, section.y, section.z, section.w);
-  glUniform1i(blend.uniform("u_cut_open"), section != base::kNoSection ? 1 : 0);
+  // Where the eye is on the side that stays, so is all that it sees.
+  const glm::vec4 eye = camera.homogeneousEye();
+  const bool cut_open = glm::dot(glm::vec3(section), glm::vec3(eye)) > section.w * eye.w;
+  glUniform1i(blend.uniform("u_cut_open"), section != base::kNoSection && cut_open ? 1 : 0);
   const auto& cut_color = kSectionColor;
   glUniform3f(blend.uniform("u_section_color"), static_cast<float>(cut_color[0]) / 255.0F,
               static_cast<float>(cut_color[1]) / 255.0F, static_cast<float>(cut_color[2]) / 255.0F);

@@ -52,7 +52,7 @@ inline constexpr std::array<ResolutionStep, 5> kResolutionLegend{{{1.0F, {0x2c, 
                                                                   {4.0F, {0xff, 0xff, 0xbf}},
                                                                   {8.0F, {0xfd, 0xae, 0x61}},
                                                                   {1e30F, {0xd7, 0x19, 0x1c}}}};
-/// Back faces while a section plane is set, sRGB.
+/// Back faces seen through what a section plane cuts away, sRGB.
 inline constexpr std::array<std::uint8_t, 3> kSectionColor{0xc8, 0x6a, 0x45};
 
 struct LumigraphOptions {
