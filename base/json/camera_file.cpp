@@ -47,7 +47,7 @@ Result<void> readLens(const json& object, const std::string& name, ViewCamera& c
   return {};
 }
 
-Result<ViewCamera> parseCamera(const json& object, const std::string& name, ViewCamera camera) {
+Result<ViewCamera> cameraFrom(const json& object, const std::string& name, ViewCamera camera) {
   if (!object.is_object()) return bad(name, "not a camera object");
   LUMIGRID_TRY(readLens(object, name, camera));
   if (!readVector(object, "position", camera.position)) return bad(name, "position must be three numbers");
@@ -80,7 +80,13 @@ Result<json> parseFile(const std::string& path) {
 Result<ViewCamera> readCamera(const std::string& path) {
   auto document = parseFile(path);
   if (!document) return document.error();
-  return parseCamera(*document, path, {});
+  return cameraFrom(*document, path, {});
+}
+
+Result<ViewCamera> parseCamera(const std::string& text, const std::string& name) {
+  const json document = json::parse(text, nullptr, false);
+  if (document.is_discarded()) return bad(name, "not valid JSON");
+  return cameraFrom(document, name, {});
 }
 
 Result<std::vector<ViewCamera>> readCameraPath(const std::string& path) {
@@ -92,7 +98,7 @@ Result<std::vector<ViewCamera>> readCameraPath(const std::string& path) {
   LUMIGRID_TRY(readLens(*document, path, common));
   std::vector<ViewCamera> frames;
   for (const json& item : (*document)["frames"]) {
-    auto camera = parseCamera(item, path + ": frame " + std::to_string(frames.size()), common);
+    auto camera = cameraFrom(item, path + ": frame " + std::to_string(frames.size()), common);
     if (!camera) return camera.error();
     frames.push_back(*camera);
   }

@@ -14,6 +14,8 @@
 namespace base {
 
 Result<ViewCamera> readCamera(const std::string& path);
+/// The same from a camera's JSON; `name` begins the error's line.
+Result<ViewCamera> parseCamera(const std::string& text, const std::string& name);
 Result<std::vector<ViewCamera>> readCameraPath(const std::string& path);
 std::string formatCameraPath(const std::vector<ViewCamera>& frames);
 
