@@ -153,6 +153,21 @@ Result<std::optional<PageFiles>> pageFiles(const PublishArguments& a) {
   return std::optional(std::move(*pages));
 }
 
+// A place that has a page of somebody's own keeps it, unless ours was asked for.
+Result<void> publishPageTo(const PublishArguments& a, const PageFiles& pages, repository::ObjectSink& sink,
+                           PublishReport& report) {
+  auto page = publishPage(pages, a.destination, sink, a.prune);
+  if (!page && page.error().code == ErrorCode::kExists && a.viewer == "auto") {
+    std::fprintf(stderr, "lumigrid: the page is left out: %s\n", page.error().message.c_str());
+    return {};
+  }
+  if (!page) return page.error();
+  report.bytes_written += page->bytes_written;
+  report.pruned += page->pruned;
+  report.page = *page;
+  return {};
+}
+
 // Annotations go along under their own name: they may change without the scene.
 Result<void> publishAnnotations(const PublishArguments& a, const std::optional<base::AnnotationsText>& annotations,
                                 repository::ObjectSink& sink, PublishReport& report) {
@@ -179,13 +194,7 @@ Result<PublishReport> publish(const PublishArguments& a) {
   LUMIGRID_TRY(refuseBuiltScene(**sink));
 
   PublishReport report;
-  if (*pages) {
-    auto page = publishPage(**pages, a.destination, **sink, a.prune);
-    if (!page) return page.error();
-    report.bytes_written += page->bytes_written;
-    report.pruned += page->pruned;
-    report.page = *page;
-  }
+  if (*pages) LUMIGRID_TRY(publishPageTo(a, **pages, **sink, report));
   base::Scene scene = publicScene((*open)->scene);
   for (const base::ScenePart& part : (*open)->scene.parts) {
     if (isImages(part)) continue;
@@ -271,7 +280,7 @@ Run addPublish(CLI::App& command) {
   command
       .add_option("--viewer", a->viewer,
                   "on, off: whether to put the browser client's files beside the scene too, so that the place opens in "
-                  "a browser; auto: where they are found")
+                  "a browser; auto: where they are found, and nothing of somebody else's is in their place")
       ->check(CLI::IsMember({"auto", "on", "off"}))
       ->capture_default_str();
   command.add_option("--web", a->web,
