@@ -4,6 +4,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <string_view>
 #include <utility>
 
 #include "base/hash/sha256.h"
@@ -17,6 +18,7 @@ using base::ErrorCode;
 using base::Result;
 using nlohmann::json;
 
+constexpr const char* kRoot = "index.html";
 constexpr std::uint64_t kLongestList = 1 << 20;  // bytes
 
 struct Object {
@@ -33,15 +35,36 @@ std::string hashOf(base::ByteView bytes) {
   return base::hexOf(digest);
 }
 
-Objects objectsOf(const PageFiles& pages) {
+Objects objectsOf(const PageFiles& pages, base::ByteView root) {
   Objects objects;
   for (const auto& [name, file] : pages) {
+    if (name == kRoot) {
+      objects[name] = {root, file.type, hashOf(root)};
+      continue;
+    }
     objects[name] = {file.plain.bytes, file.type, hashOf(file.plain.bytes)};
     if (!file.gzip.etag.empty()) objects[name + ".gz"] = {file.gzip.bytes, "application/gzip", hashOf(file.gzip.bytes)};
     if (!file.brotli.etag.empty())
       objects[name + ".br"] = {file.brotli.bytes, "application/octet-stream", hashOf(file.brotli.bytes)};
   }
   return objects;
+}
+
+/// index.html that shows the scene beside it.
+Result<base::Bytes> rootBesideScene(const base::Bytes& html) {
+  constexpr std::string_view kAnyScene = "<meta name=\"lumigrid-scene\" content=\"\">";
+  constexpr std::string_view kThisScene = "<meta name=\"lumigrid-scene\" content=\"scene.json\">";
+  std::string text(html.begin(), html.end());
+  const std::size_t at = text.find(kAnyScene);
+  if (at == std::string::npos)
+    return Error{ErrorCode::kInvalidInput, "the page's index.html lacks " + std::string(kAnyScene) +
+                                               "; build the preset web again, or leave the page out with --viewer off"};
+  text.replace(at, kAnyScene.size(), kThisScene);
+  return base::Bytes(text.begin(), text.end());
+}
+
+bool isCompressedForm(const std::string& name, const Objects& objects) {
+  return (name.ends_with(".gz") || name.ends_with(".br")) && objects.contains(name.substr(0, name.size() - 3));
 }
 
 bool isScenes(const std::string& name) {
@@ -109,7 +132,9 @@ Result<PublishedPage> publishPage(const PageFiles& pages, const std::string& pla
                                   bool prune) {
   auto source = repository::openObjectSource(place);
   if (!source) return source.error();
-  const Objects objects = objectsOf(pages);
+  const auto root = rootBesideScene(pages.at(kRoot).plain.bytes);
+  if (!root) return root.error();
+  const Objects objects = objectsOf(pages, *root);
   const auto before = readList(sink, **source);
   if (!before) return before.error();
   auto names = namesToWrite(objects, *before, sink, **source);
@@ -121,17 +146,15 @@ Result<PublishedPage> publishPage(const PageFiles& pages, const std::string& pla
     done.bytes_written += object.bytes.size();
     return sink.put(name, object.bytes, object.type);
   };
-  const std::string root = "index.html";
   for (const std::string& name : *names)
-    if (!name.starts_with(root)) LUMIGRID_TRY(write(name));
-  for (const std::string& name : *names)
-    if (name.starts_with(root)) LUMIGRID_TRY(write(name));
+    if (name != kRoot) LUMIGRID_TRY(write(name));
+  if (names->contains(kRoot)) LUMIGRID_TRY(write(kRoot));
 
   Hashes after;
   for (const auto& [name, object] : objects) after[name] = object.sha256;
   for (const auto& [name, hash] : *before) {
     if (after.contains(name)) continue;
-    if (!prune) {
+    if (!prune && !isCompressedForm(name, objects)) {
       after[name] = hash;
       continue;
     }

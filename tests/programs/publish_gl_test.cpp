@@ -108,11 +108,14 @@ TEST_F(PublishProgram, aPublishedSceneHoldsTheSameAndIsReadByEveryCommand) {
 
 TEST_F(PublishProgram, thePageGoesBesideTheSceneAndNeverOverSomebodyElses) {
   const std::string scene = smallScene();
+  const std::string kForAnyScene = "<meta name=\"lumigrid-scene\" content=\"\">";
+  const std::string kForThisScene = "<meta name=\"lumigrid-scene\" content=\"scene.json\">";
   const std::string page = path("page");
   fs::create_directories(page);
-  programs::writeText(page + "/index.html", "first page");
+  programs::writeText(page + "/index.html", kForAnyScene + "first page");
   programs::writeText(page + "/index.html.gz", "first page as gzip");
   programs::writeText(page + "/lumigrid-0123abcd.js", "first program");
+  programs::writeText(page + "/style.css.gz", "style as gzip");
   programs::writeText(page + "/style.css", "style");
   const auto publish = [&](std::vector<std::string> more) {
     std::vector<std::string> all{"publish", scene, path("out"), "--web", page, "--json"};
@@ -122,15 +125,18 @@ TEST_F(PublishProgram, thePageGoesBesideTheSceneAndNeverOverSomebodyElses) {
   const auto first = publish({});
   ASSERT_EQ(first.status, 0) << first.err;
   EXPECT_EQ(json::parse(first.out)["page_files"], 4);
-  EXPECT_EQ(readText(path("out/index.html")), "first page");
-  EXPECT_EQ(readText(path("out/index.html.gz")), "first page as gzip");
+  EXPECT_EQ(readText(path("out/index.html")), kForThisScene + "first page");
+  EXPECT_FALSE(fs::exists(path("out/index.html.gz"))) << "its page is another one than ours";
+  EXPECT_EQ(readText(path("out/style.css.gz")), "style as gzip");
   EXPECT_EQ(json::parse(publish({}).out)["bytes_written"], 0) << "nothing changed";
 
   // A later page: the old program stays for who has the old page open, until --prune.
-  programs::writeText(page + "/index.html", "second page");
+  programs::writeText(page + "/index.html", kForAnyScene + "second page");
   fs::rename(page + "/lumigrid-0123abcd.js", page + "/lumigrid-89abcdef.js");
+  fs::remove(page + "/style.css.gz");
   ASSERT_EQ(publish({"--viewer", "on"}).status, 0);
-  EXPECT_EQ(readText(path("out/index.html")), "second page");
+  EXPECT_FALSE(fs::exists(path("out/style.css.gz"))) << "servers would send it for style.css";
+  EXPECT_EQ(readText(path("out/index.html")), kForThisScene + "second page");
   EXPECT_TRUE(fs::exists(path("out/lumigrid-0123abcd.js")));
   ASSERT_EQ(publish({"--prune"}).status, 0);
   EXPECT_FALSE(fs::exists(path("out/lumigrid-0123abcd.js")));
@@ -139,16 +145,18 @@ TEST_F(PublishProgram, thePageGoesBesideTheSceneAndNeverOverSomebodyElses) {
 
   // Somebody wrote a page of their own: it is left, with a line, or an error when ours was asked for.
   programs::writeText(path("out/style.css"), "my own style");
-  programs::writeText(page + "/index.html", "third page");
+  programs::writeText(page + "/index.html", kForAnyScene + "third page");
   const auto left = publish({});
   EXPECT_EQ(left.status, 0);
   EXPECT_NE(left.err.find("style.css"), std::string::npos);
   expectOneLineError(publish({"--viewer", "on"}), 1, {"style.css", "--viewer off"});
   EXPECT_EQ(readText(path("out/style.css")), "my own style");
-  EXPECT_EQ(readText(path("out/index.html")), "second page") << "all of the page or nothing";
+  EXPECT_EQ(readText(path("out/index.html")), kForThisScene + "second page") << "all of the page or nothing";
 
   expectOneLineError(run("lumigrid", {"publish", scene, path("out"), "--web", path("none")}), 1, {path("none")});
   EXPECT_EQ(publish({"--viewer", "perhaps"}).status, 2);
+  programs::writeText(page + "/index.html", "not of the preset web");
+  expectOneLineError(publish({"--viewer", "on"}), 1, {"lumigrid-scene"});
 }
 
 TEST_F(PublishProgram, annotationsGoAlongAndBadOnesAreNamed) {

@@ -45,6 +45,12 @@ TEST(PictureRequest, everyValueIsTaken) {
   EXPECT_EQ(request->background, (Rgb{255, 128, 0}));
 }
 
+TEST(PictureRequest, theAngleMayBeInRadians) {
+  EXPECT_DOUBLE_EQ(parse(kView + "&fov_y=1.25")->camera.fov_y, 1.25);
+  for (const char* bad : {"&fov_y=0", "&fov_y=3.15", "&fov_y=nan", "&fov_y=1&fov_y_degrees=57"})
+    EXPECT_FALSE(parse(kView + bad)) << bad;
+}
+
 TEST(PictureRequest, aJpegStandsBeforeWhiteUnlessToldOtherwise) {
   EXPECT_EQ(parse(kView + "&format=jpeg")->background, (Rgb{255, 255, 255}));
   EXPECT_FALSE(parse(kView + "&format=jpeg&background=transparent"));
