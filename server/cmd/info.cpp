@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/hash/sha256.h"
+#include "base/json/annotations_file.h"
 #include "repository/verify.h"
 #include "server/cmd/commands.h"
 #include "server/cmd/console.h"
@@ -116,6 +117,23 @@ nlohmann::json describeAccess(const OpenScene& open, const InfoArguments& a) {
   return j;
 }
 
+/// Nothing when the scene has none.
+nlohmann::json describeAnnotations(const OpenScene& open) {
+  if (open.directory.empty())
+    return open.annotations_json.empty() ? nlohmann::json() : nlohmann::json{{"bytes", open.annotations_json.size()}};
+  const auto read = base::readAnnotations(open.directory);
+  if (!read) return {{"error", read.error().message}};
+  if (!*read) return nullptr;
+  return {{"count", (*read)->notes}, {"bytes", (*read)->text.size()}};
+}
+
+void printAnnotations(const nlohmann::json& annotations) {
+  if (annotations.contains("error"))
+    std::printf("annotations: not served: %s\n", annotations["error"].get<std::string>().c_str());
+  else if (annotations.contains("count"))
+    std::printf("annotations: %s\n", formatCount(annotations["count"].get<std::uint64_t>()).c_str());
+}
+
 std::string dateOf(std::int64_t unix_seconds) {
   const std::time_t time = unix_seconds;
   std::tm parts{};
@@ -211,6 +229,7 @@ void print(const InfoArguments& a, const nlohmann::json& j, const std::string& t
     printImages(j["images"], tuned);
   else
     std::printf("images: none\n");
+  if (j.contains("annotations")) printAnnotations(j["annotations"]);
   if (j.contains("access")) printAccess(j["access"]);
 }
 
@@ -242,6 +261,7 @@ int run(const InfoArguments& a) {
       tuned_line = "tuned to " + (asked == parameters.end() ? "?" : asked->second) + " dB: " + describeChoice(**tuned);
     }
   }
+  if (auto annotations = describeAnnotations(**open); !annotations.is_null()) j["annotations"] = std::move(annotations);
   if (auto access = describeAccess(**open, a); !access.is_null()) j["access"] = std::move(access);
   if (a.json)
     std::printf("%s\n", j.dump(2).c_str());

@@ -12,11 +12,14 @@
 #include <set>
 
 #include "base/file.h"
+#include "base/json/annotations_file.h"
 #include "repository/open_objects.h"
 #include "repository/pack_format.h"
 #include "server/cmd/commands.h"
 #include "server/cmd/console.h"
+#include "server/cmd/published_page.h"
 #include "server/net/open_scene.h"
+#include "server/net/page_files.h"
 
 namespace server::cmd {
 namespace {
@@ -29,11 +32,15 @@ using base::Result;
 struct PublishArguments {
   std::string scene, destination;
   repository::PublishOptions images;
+  std::string viewer = "auto";  // or "on", "off"
+  std::string web;              // folder of the page's files; empty: where they are installed
   bool prune = false, json = false, quiet = false;
 };
 
 struct PublishReport {
   std::optional<repository::PublishedImages> images;
+  std::optional<PublishedPage> page;
+  std::optional<std::size_t> annotations;
   std::uint64_t part_bytes = 0;     ///< patch.lgp and its like
   std::uint64_t bytes_written = 0;  ///< of parts and images
   std::uint64_t pruned = 0;
@@ -132,8 +139,52 @@ Result<void> prune(const base::Scene& scene, repository::ObjectSink& sink, Publi
   return {};
 }
 
+// The page's files, if they are asked for or at least there.
+Result<std::optional<PageFiles>> pageFiles(const PublishArguments& a) {
+  if (a.viewer == "off") return std::optional<PageFiles>();
+  const std::string directory = a.web.empty() ? installedPageFiles() : a.web;
+  if (directory.empty()) {
+    if (a.viewer == "auto") return std::optional<PageFiles>();
+    return Error{ErrorCode::kNotFound,
+                 "there are no page files beside this program; --web names the folder that the preset web builds"};
+  }
+  auto pages = readPageFiles(directory);
+  if (!pages) return pages.error();
+  return std::optional(std::move(*pages));
+}
+
+// A place that has a page of somebody's own keeps it, unless ours was asked for.
+Result<void> publishPageTo(const PublishArguments& a, const PageFiles& pages, repository::ObjectSink& sink,
+                           PublishReport& report) {
+  auto page = publishPage(pages, a.destination, sink, a.prune);
+  if (!page && page.error().code == ErrorCode::kExists && a.viewer == "auto") {
+    std::fprintf(stderr, "lumigrid: the page is left out: %s\n", page.error().message.c_str());
+    return {};
+  }
+  if (!page) return page.error();
+  report.bytes_written += page->bytes_written;
+  report.pruned += page->pruned;
+  report.page = *page;
+  return {};
+}
+
+// Annotations go along under their own name: they may change without the scene.
+Result<void> publishAnnotations(const PublishArguments& a, const std::optional<base::AnnotationsText>& annotations,
+                                repository::ObjectSink& sink, PublishReport& report) {
+  if (!annotations || fs::path(a.scene).lexically_normal() == fs::path(a.destination).lexically_normal()) return {};
+  report.annotations = annotations->notes;
+  const std::string& text = annotations->text;
+  return sink.put(base::kAnnotationsFile, {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()},
+                  "application/json");
+}
+
 Result<PublishReport> publish(const PublishArguments& a) {
   const auto start = std::chrono::steady_clock::now();
+  // What is wrong beside the scene is told before hours of copying.
+  auto pages = pageFiles(a);
+  if (!pages) return pages.error();
+  auto annotations = base::readAnnotations(a.scene);
+  if (!annotations) return annotations.error();
   auto open = openScene(a.scene);
   if (!open) return open.error();
   if (!base::partFile((*open)->scene, "patch", ".lgp"))
@@ -143,6 +194,7 @@ Result<PublishReport> publish(const PublishArguments& a) {
   LUMIGRID_TRY(refuseBuiltScene(**sink));
 
   PublishReport report;
+  if (*pages) LUMIGRID_TRY(publishPageTo(a, **pages, **sink, report));
   base::Scene scene = publicScene((*open)->scene);
   for (const base::ScenePart& part : (*open)->scene.parts) {
     if (isImages(part)) continue;
@@ -157,6 +209,7 @@ Result<PublishReport> publish(const PublishArguments& a) {
     scene.parts.push_back(std::move(*published));
   }
 
+  LUMIGRID_TRY(publishAnnotations(a, *annotations, **sink, report));
   // All that it names is there: now it may be seen.
   const std::string text = base::formatScene(scene);
   LUMIGRID_TRY((*sink)->put("scene.json", {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()},
@@ -171,6 +224,8 @@ void print(const PublishArguments& a, const PublishReport& r) {
     nlohmann::json j{{"scene", a.scene},           {"destination", a.destination},
                      {"part_bytes", r.part_bytes}, {"bytes_written", r.bytes_written},
                      {"pruned", r.pruned},         {"seconds", r.seconds}};
+    if (r.page) j["page_files"] = r.page->files;
+    if (r.annotations) j["annotations"] = *r.annotations;
     if (r.images)
       j["images"] = {{"images", r.images->keys - r.images->empty},
                      {"empty", r.images->empty},
@@ -190,6 +245,10 @@ void print(const PublishArguments& a, const PublishReport& r) {
                 formatCount(r.images->keys - r.images->empty).c_str(), formatCount(r.images->empty).c_str(),
                 r.images->pack_names.size(), formatBytes(r.images->pack_bytes).c_str(),
                 formatCount(r.images->packs_written).c_str(), formatBytes(r.images->index_bytes).c_str());
+  if (r.annotations) std::printf("  %s annotations\n", formatCount(*r.annotations).c_str());
+  if (r.page)
+    std::printf("  the page that shows it in a browser: index.html and %s more files\n",
+                formatCount(r.page->files - 1).c_str());
   if (a.prune) std::printf("  %s objects of earlier versions removed\n", formatCount(r.pruned).c_str());
 }
 
@@ -218,6 +277,15 @@ Run addPublish(CLI::App& command) {
       ->capture_default_str();
   command.add_flag("--rewrite", a->images.rewrite,
                    "write what is there already too: mends a place where `lumigrid verify` found damage");
+  command
+      .add_option("--viewer", a->viewer,
+                  "on, off: whether to put the browser client's files beside the scene too, so that the place opens in "
+                  "a browser; auto: where they are found, and nothing of somebody else's is in their place")
+      ->check(CLI::IsMember({"auto", "on", "off"}))
+      ->capture_default_str();
+  command.add_option("--web", a->web,
+                     "folder with those files; default: ../share/lumigrid/web beside the folder of this program, where "
+                     "installing puts them");
   command.add_flag("--prune", a->prune,
                    "when all is done remove what earlier versions had and this one has not; viewers and servers that "
                    "still read those lose them");

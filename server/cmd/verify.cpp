@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "base/file.h"
+#include "base/json/annotations_file.h"
 #include "repository/access.h"
 #include "repository/parameters.h"
 #include "repository/repository.h"
@@ -170,6 +171,10 @@ void verifyAccess(const std::string& path, Faults& faults) {
   if (const auto file = repository::decodeAccess(*bytes); !file) faults.push_back(path + ": " + file.error().message);
 }
 
+void verifyAnnotations(const std::string& directory, Faults& faults) {
+  if (auto notes = base::readAnnotations(directory); !notes) faults.push_back(notes.error().message);
+}
+
 int run(const VerifyArguments& a) {
   auto scene = base::readScene(a.scene);
   if (!scene) return fail(scene.error());
@@ -182,6 +187,7 @@ int run(const VerifyArguments& a) {
   else if (fs::is_directory(a.scene + "/images"))
     verifyImages(a.scene + "/images", *scene, faults);
   verifyAccess(repository::accessFileOf(a.scene), faults);
+  verifyAnnotations(a.scene, faults);
 
   if (a.json) {
     std::printf("%s\n", nlohmann::json{{"scene", a.scene}, {"faults", faults}}.dump(2).c_str());

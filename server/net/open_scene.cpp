@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <utility>
 
+#include "base/json/annotations_file.h"
 #include "repository/cached_source.h"
 #include "repository/mirror.h"
 #include "repository/objects.h"
@@ -143,6 +144,23 @@ base::Result<void> openRemoteImages(std::shared_ptr<const repository::ObjectSour
   return {};
 }
 
+// They are no part of the scene: without them, or with bad ones, it is served all the same.
+void readRemoteAnnotations(const repository::ObjectSource& source, const RemoteOptions& options, OpenScene& open) {
+  const auto read = [&]() -> base::Result<base::Bytes> {
+    auto size = source.size(base::kAnnotationsFile);
+    if (!size) return size.error();
+    return source.read(base::kAnnotationsFile, 0, std::min<std::uint64_t>(*size, base::kMaxAnnotationsBytes + 1));
+  };
+  auto bytes = read();
+  if (!bytes && bytes.error().code == base::ErrorCode::kNotFound) return;
+  const auto notes = bytes ? base::checkAnnotations(*bytes, source.place() + "/" + base::kAnnotationsFile)
+                           : base::Result<std::size_t>(bytes.error());
+  if (notes)
+    open.annotations_json.assign(bytes->begin(), bytes->end());
+  else if (options.warn)
+    options.warn("no annotations: " + notes.error().message);
+}
+
 // A published scene behind a network. Every object but scene.json is named by its content.
 base::Result<std::unique_ptr<OpenScene>> openRemoteScene(const std::string& place, const RemoteOptions& options) {
   const auto directory = cacheDirectory(options, place);
@@ -165,7 +183,9 @@ base::Result<std::unique_ptr<OpenScene>> openRemoteScene(const std::string& plac
   const auto patch_path = repository::mirrorObject(*source, *name, *directory + "/hierarchies", part->sha256);
   if (!patch_path) return patch_path.error();
   auto open = openHierarchy(std::move(*scene), std::move(*json_bytes), *patch_path, place);
-  if (open && index) LUMIGRID_TRY(openRemoteImages(source, *index, *directory, options, **open));
+  if (!open) return open;
+  if (index) LUMIGRID_TRY(openRemoteImages(source, *index, *directory, options, **open));
+  readRemoteAnnotations(*source, options, **open);
   return open;
 }
 
@@ -186,7 +206,9 @@ base::Result<std::unique_ptr<OpenScene>> openScene(const std::string& place, con
   if (!json_bytes) return json_bytes.error();
   const std::string patch_path = base::patchPath(place, *scene);
   auto open = openHierarchy(std::move(*scene), std::move(*json_bytes), patch_path, place);
-  if (open) LUMIGRID_TRY(openImages(place, **open));
+  if (!open) return open;
+  (*open)->directory = place;
+  LUMIGRID_TRY(openImages(place, **open));
   return open;
 }
 

@@ -22,7 +22,8 @@ constexpr float kTolerancePx = 0.25F;  // as exact frames: the full resolution, 
 constexpr int kMaxSide = 32'768;       // what SceneRenderer draws
 constexpr int kFullColorQuality = 90;  // from here on a JPEG's colours are not halved
 constexpr Rgb kWhite{255, 255, 255};   // what has no alpha stands before this
-constexpr double kLeastSine = 1e-6;    // of the angle between up and direction
+constexpr double kLeastFovDegrees = 0.05, kMostFovDegrees = 179.9;
+constexpr double kLeastSine = 1e-6;  // of the angle between up and direction
 
 base::Error wrong(const std::string& what) {
   return {base::ErrorCode::kInvalidInput, "/render: " + what + " (docs/formats/http.md)"};
@@ -118,6 +119,22 @@ base::Result<void> readCamera(Values& values, base::ViewCamera& camera) {
   return {};
 }
 
+base::Result<void> readFov(Values& values, base::ViewCamera& camera) {
+  auto radians = values.take("fov_y");
+  if (!radians) {
+    double degrees = 45.0;
+    LUMIGRID_TRY(readNumber(values, "fov_y_degrees", kLeastFovDegrees, kMostFovDegrees, degrees));
+    camera.fov_y = glm::radians(degrees);
+    return {};
+  }
+  if (values.take("fov_y_degrees")) return wrong("fov_y (radians) and fov_y_degrees say the same; give one of them");
+  const auto number = parseNumber(*radians);
+  if (!number || !(*number > glm::radians(kLeastFovDegrees)) || *number > glm::radians(kMostFovDegrees))
+    return wrong("fov_y must be an angle in radians above 0.0009 and at most 3.139");
+  camera.fov_y = *number;
+  return {};
+}
+
 base::Result<void> readSize(Values& values, std::uint64_t max_pixels, base::ViewCamera& camera) {
   LUMIGRID_TRY(readInteger(values, "width", 1, kMaxSide, camera.width));
   LUMIGRID_TRY(readInteger(values, "height", 1, kMaxSide, camera.height));
@@ -204,9 +221,7 @@ base::Result<PictureRequest> parsePictureRequest(const Query& query, std::uint64
   Values values(query);
   PictureRequest request;
   LUMIGRID_TRY(readCamera(values, request.camera));
-  double degrees = 45.0;
-  LUMIGRID_TRY(readNumber(values, "fov_y_degrees", 0.05, 179.9, degrees));
-  request.camera.fov_y = glm::radians(degrees);
+  LUMIGRID_TRY(readFov(values, request.camera));
   LUMIGRID_TRY(readNumber(values, "ortho_height", 0.0, protocol::kMaxCoordinate, request.ortho_height));
   LUMIGRID_TRY(readSize(values, max_pixels, request.camera));
   LUMIGRID_TRY(readFormat(values, request));
@@ -214,7 +229,7 @@ base::Result<PictureRequest> parsePictureRequest(const Query& query, std::uint64
   LUMIGRID_TRY(readBackground(values, request));
   if (!values.left().empty())
     return wrong(
-        "a name is none of position, direction, target, up, fov_y_degrees, ortho_height, width, height, "
+        "a name is none of position, direction, target, up, fov_y, fov_y_degrees, ortho_height, width, height, "
         "format, quality, supersampling, background");
   return request;
 }

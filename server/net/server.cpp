@@ -122,7 +122,7 @@ base::Result<void> Hub::makeSite() {
     if (!read) return read.error();
     pages = std::move(*read);
   }
-  site = std::make_unique<Site>(*scene, std::move(pages), scene->annotations_json);
+  site = std::make_unique<Site>(*scene, std::move(pages));
   picker = std::make_unique<Picker>(scene->scene, scene->patches);
   return {};
 }

@@ -10,11 +10,6 @@ namespace {
 
 constexpr const char* kForever = "public, max-age=31536000, immutable";
 constexpr std::size_t kIdDigits = 32;  // of a part's SHA-256: as many as its published name has
-constexpr std::string_view kEmptyAnnotations = "{\"version\":1,\"annotations\":[]}\n";
-
-base::ByteView bytesOf(std::string_view text) {
-  return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
-}
 
 std::string escapeHtml(std::string_view text) {
   std::string out;
@@ -66,6 +61,17 @@ HttpReply pageReply(const HttpRequest& request, const PageFile& file) {
   return reply;
 }
 
+HttpReply document(const HttpRequest& request, base::ByteView bytes, const std::string& etag) {
+  HttpReply reply;
+  reply.type = "application/json";
+  reply.headers.emplace_back("ETag", etag);
+  if (isKnown(request, etag))
+    reply.status = 304;
+  else
+    reply.bytes = bytes;
+  return reply;
+}
+
 /// What a page of another host may ask; answers to such questions are kept for a day.
 HttpReply preflight() {
   HttpReply reply;
@@ -81,7 +87,7 @@ HttpReply preflight() {
 base::ByteView HttpReply::body() const {
   if (!bytes.empty()) return bytes;
   if (!owned.empty()) return owned;
-  return bytesOf(text);
+  return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
 }
 
 HttpReply textReply(int status, std::string text) {
@@ -101,19 +107,18 @@ HttpReply tryLater(int seconds, std::string text) {
   return reply;
 }
 
-Site::Site(const OpenScene& scene, PageFiles pages, std::string annotations)
+Site::Site(const OpenScene& scene, PageFiles pages)
     : scene_(scene),
       pages_(std::move(pages)),
-      annotations_(annotations.empty() ? std::string(kEmptyAnnotations) : std::move(annotations)),
+      annotations_(scene.directory, scene.annotations_json),
       scene_etag_(entityTag(scene.scene_json)),
-      annotations_etag_(entityTag(bytesOf(annotations_))),
       part_name_(base::partFile(scene.scene, "patch", ".lgp").value_or("patch.lgp")) {
   for (const base::ScenePart& part : scene.scene.parts)
     if (part.file == part_name_ && part.sha256.size() > kIdDigits)
       part_etag_ = '"' + part.sha256.substr(0, kIdDigits) + '"';
 }
 
-HttpReply Site::answer(const HttpRequest& request, const std::string& place) const {
+HttpReply Site::answer(const HttpRequest& request, const std::string& place) {
   if (request.method == "OPTIONS") return preflight();
   if (request.method != "GET" && request.method != "HEAD") {
     HttpReply reply = textReply(405, "only GET and HEAD\n");
@@ -124,7 +129,7 @@ HttpReply Site::answer(const HttpRequest& request, const std::string& place) con
   if (path == "/healthz") return textReply(200, "ok");
   if (path == "/") return home(request, place);
   if (path == "/scene.json") return document(request, scene_.scene_json, scene_etag_);
-  if (path == "/annotations.json") return document(request, bytesOf(annotations_), annotations_etag_);
+  if (path == "/annotations.json") return annotations(request);
   if (path == "/patch.lgp" || (path.starts_with('/') && path.substr(1) == part_name_)) return part(request);
   // Never a look at the disk: a name is in the list, or it is not here.
   if (path.starts_with('/'))
@@ -148,14 +153,10 @@ HttpReply Site::home(const HttpRequest& request, const std::string& place) const
   return reply;
 }
 
-HttpReply Site::document(const HttpRequest& request, base::ByteView bytes, const std::string& etag) const {
-  HttpReply reply;
-  reply.type = "application/json";
-  reply.headers.emplace_back("ETag", etag);
-  if (isKnown(request, etag))
-    reply.status = 304;
-  else
-    reply.bytes = bytes;
+HttpReply Site::annotations(const HttpRequest& request) {
+  const Annotations::Document& now = annotations_.current();
+  HttpReply reply = document(request, {}, now.etag);
+  if (reply.status == 200) reply.text = now.text;  // a copy: the file may change while it is sent
   return reply;
 }
 

@@ -8,6 +8,7 @@
 
 #include "base/bytes.h"
 #include "base/error.h"
+#include "server/net/annotations.h"
 #include "server/net/open_scene.h"
 #include "server/net/page_files.h"
 
@@ -40,21 +41,21 @@ HttpReply tryLater(int seconds, std::string text);
 
 class Site {
  public:
-  /// `scene` outlives this. `pages`: empty for none. `annotations`: the file's text; empty: the scene has none.
-  Site(const OpenScene& scene, PageFiles pages, std::string annotations);
+  /// `scene` outlives this. `pages`: empty for none.
+  Site(const OpenScene& scene, PageFiles pages);
 
   /// `place`: address:port, shown where the Host header is none that can be.
-  HttpReply answer(const HttpRequest& request, const std::string& place) const;
+  HttpReply answer(const HttpRequest& request, const std::string& place);
 
  private:
   HttpReply home(const HttpRequest& request, const std::string& place) const;
-  HttpReply document(const HttpRequest& request, base::ByteView bytes, const std::string& etag) const;
+  HttpReply annotations(const HttpRequest& request);
   HttpReply part(const HttpRequest& request) const;
 
   const OpenScene& scene_;
   const PageFiles pages_;
-  const std::string annotations_;
-  std::string scene_etag_, annotations_etag_;
+  Annotations annotations_;
+  std::string scene_etag_;
   std::string part_name_, part_etag_;  ///< of the hierarchy, as scene.json has them
 };
 

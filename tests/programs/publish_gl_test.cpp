@@ -81,7 +81,7 @@ class PublishProgram : public programs::ProgramTest {
 
 TEST_F(PublishProgram, aPublishedSceneHoldsTheSameAndIsReadByEveryCommand) {
   const std::string scene = smallScene();
-  const auto published = run("lumigrid", {"publish", scene, path("out"), "--json"});
+  const auto published = run("lumigrid", {"publish", scene, path("out"), "--viewer", "off", "--json"});
   ASSERT_EQ(published.status, 0) << published.err;
   const json j = json::parse(published.out);
   EXPECT_EQ(j["images"]["packs"], 1);
@@ -101,9 +101,84 @@ TEST_F(PublishProgram, aPublishedSceneHoldsTheSameAndIsReadByEveryCommand) {
   EXPECT_EQ(publishedValues(path("copy")), builtValues(scene));
 
   // Again: nothing to write but scene.json.
-  const json again = json::parse(run("lumigrid", {"publish", scene, path("out"), "--json"}).out);
+  const json again = json::parse(run("lumigrid", {"publish", scene, path("out"), "--viewer", "off", "--json"}).out);
   EXPECT_EQ(again["bytes_written"], 0);
   EXPECT_EQ(filesIn(path("out")), 3U) << "scene.json, the patches, images";
+}
+
+TEST_F(PublishProgram, thePageGoesBesideTheSceneAndNeverOverSomebodyElses) {
+  const std::string scene = smallScene();
+  const std::string kForAnyScene = "<meta name=\"lumigrid-scene\" content=\"\">";
+  const std::string kForThisScene = "<meta name=\"lumigrid-scene\" content=\"scene.json\">";
+  const std::string page = path("page");
+  fs::create_directories(page);
+  programs::writeText(page + "/index.html", kForAnyScene + "first page");
+  programs::writeText(page + "/index.html.gz", "first page as gzip");
+  programs::writeText(page + "/lumigrid-0123abcd.js", "first program");
+  programs::writeText(page + "/style.css.gz", "style as gzip");
+  programs::writeText(page + "/style.css", "style");
+  const auto publish = [&](std::vector<std::string> more) {
+    std::vector<std::string> all{"publish", scene, path("out"), "--web", page, "--json"};
+    all.insert(all.end(), more.begin(), more.end());
+    return run("lumigrid", all);
+  };
+  const auto first = publish({});
+  ASSERT_EQ(first.status, 0) << first.err;
+  EXPECT_EQ(json::parse(first.out)["page_files"], 4);
+  EXPECT_EQ(readText(path("out/index.html")), kForThisScene + "first page");
+  EXPECT_FALSE(fs::exists(path("out/index.html.gz"))) << "its page is another one than ours";
+  EXPECT_EQ(readText(path("out/style.css.gz")), "style as gzip");
+  EXPECT_EQ(json::parse(publish({}).out)["bytes_written"], 0) << "nothing changed";
+
+  // A later page: the old program stays for who has the old page open, until --prune.
+  programs::writeText(page + "/index.html", kForAnyScene + "second page");
+  fs::rename(page + "/lumigrid-0123abcd.js", page + "/lumigrid-89abcdef.js");
+  fs::remove(page + "/style.css.gz");
+  ASSERT_EQ(publish({"--viewer", "on"}).status, 0);
+  EXPECT_FALSE(fs::exists(path("out/style.css.gz"))) << "servers would send it for style.css";
+  EXPECT_EQ(readText(path("out/index.html")), kForThisScene + "second page");
+  EXPECT_TRUE(fs::exists(path("out/lumigrid-0123abcd.js")));
+  ASSERT_EQ(publish({"--prune"}).status, 0);
+  EXPECT_FALSE(fs::exists(path("out/lumigrid-0123abcd.js")));
+  EXPECT_TRUE(fs::exists(path("out/lumigrid-89abcdef.js")));
+  EXPECT_EQ(run("lumigrid", {"verify", path("out")}).status, 0);
+
+  // Somebody wrote a page of their own: it is left, with a line, or an error when ours was asked for.
+  programs::writeText(path("out/style.css"), "my own style");
+  programs::writeText(page + "/index.html", kForAnyScene + "third page");
+  const auto left = publish({});
+  EXPECT_EQ(left.status, 0);
+  EXPECT_NE(left.err.find("style.css"), std::string::npos);
+  expectOneLineError(publish({"--viewer", "on"}), 1, {"style.css", "--viewer off"});
+  EXPECT_EQ(readText(path("out/style.css")), "my own style");
+  EXPECT_EQ(readText(path("out/index.html")), kForThisScene + "second page") << "all of the page or nothing";
+
+  expectOneLineError(run("lumigrid", {"publish", scene, path("out"), "--web", path("none")}), 1, {path("none")});
+  EXPECT_EQ(publish({"--viewer", "perhaps"}).status, 2);
+  programs::writeText(page + "/index.html", "not of the preset web");
+  expectOneLineError(publish({"--viewer", "on"}), 1, {"lumigrid-scene"});
+}
+
+TEST_F(PublishProgram, annotationsGoAlongAndBadOnesAreNamed) {
+  const std::string scene = smallScene();
+  const std::string notes = R"({"version": 1, "annotations": [{"position": [1, 2, 3], "title": "here"}]})";
+  programs::writeText(scene + "/annotations.json", notes);
+  const auto published = run("lumigrid", {"publish", scene, path("out"), "--json"});
+  ASSERT_EQ(published.status, 0) << published.err;
+  EXPECT_EQ(json::parse(published.out)["annotations"], 1);
+  EXPECT_EQ(readText(path("out/annotations.json")), notes);
+  EXPECT_EQ(json::parse(run("lumigrid", {"info", path("out"), "--json"}).out)["annotations"]["count"], 1);
+  EXPECT_EQ(run("lumigrid", {"verify", scene}).status, 0);
+
+  programs::writeText(scene + "/annotations.json", R"({"version": 1, "annotations": [{"title": "nowhere"}]})");
+  expectOneLineError(run("lumigrid", {"publish", scene, path("out")}), 1, {"annotation 0", "position"});
+  EXPECT_EQ(readText(path("out/annotations.json")), notes);
+  const auto verified = run("lumigrid", {"verify", scene});
+  EXPECT_EQ(verified.status, 1);
+  EXPECT_NE(verified.out.find("annotation 0"), std::string::npos);
+  const auto info = run("lumigrid", {"info", scene});
+  EXPECT_EQ(info.status, 0);
+  EXPECT_NE(info.out.find("annotation 0"), std::string::npos);
 }
 
 TEST_F(PublishProgram, killedAtAnyMomentTheOldVersionStaysAndTheRerunFinishes) {
@@ -161,7 +236,8 @@ TEST_F(PublishProgram, aReaderOfTheOldVersionGoesOn) {
 
 TEST_F(PublishProgram, placesThatCannotBeAreNamed) {
   const std::string scene = smallScene();
-  expectOneLineError(run("lumigrid", {"publish", scene, "https://host/scene"}), 1, {"https://host/scene", "takes no objects"});
+  expectOneLineError(run("lumigrid", {"publish", scene, "https://host/scene"}), 1,
+                     {"https://host/scene", "takes no objects"});
   expectOneLineError(run("lumigrid", {"publish", scene, scene}), 1, {scene, "lumigrid build"});
   expectOneLineError(run("lumigrid", {"publish", path("none"), path("out")}), 1, {path("none")});
   EXPECT_FALSE(fs::exists(path("out")));

@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "base/file.h"
+#include "server/net/page_files.h"
 #include "tests/server/net/loopback.h"
 #include "tests/support/nginx.h"
 
@@ -31,6 +32,10 @@ class HostingTest : public testing::Test {
     std::filesystem::create_directories(directory_ / "tower/images");
     write(directory_ / "tower/scene.json", "{\"version\": 1}");
     write(directory_ / ("tower/" + kName), std::string(100000, 'x') + "end");
+    write(directory_ / "tower/index.html", "<!doctype html><title>page</title>");
+    write(directory_ / "tower/lumigrid-0123abcd.wasm", std::string("\0asm", 4));
+    write(directory_ / "tower/lumigrid-0123abcd.wasm.gz", "wasm as gzip");
+    write(directory_ / "tower/lumigrid-0123abcd.js", "program");
     std::string snippet;
     readSnippet(snippet);
     if (HasFatalFailure()) return;
@@ -81,6 +86,27 @@ TEST_F(HostingTest, theRootIsAskedForAnewAndAnsweredWithNothingWhenItIsTheSame) 
   EXPECT_EQ(ask("/tower/scene.json", {{"If-None-Match", root.headers.at("etag")}}).status, 304);
   write(directory_ / "tower/scene.json", "{\"version\": 1, \"more\": 2}");
   EXPECT_EQ(ask("/tower/scene.json").body, "{\"version\": 1, \"more\": 2}");
+}
+
+TEST_F(HostingTest, thePageComesAsBrowsersWantIt) {
+  const HttpAnswer page = ask("/tower/");
+  EXPECT_EQ(page.status, 200);
+  EXPECT_EQ(page.body, "<!doctype html><title>page</title>");
+  EXPECT_EQ(page.headers.at("content-type"), "text/html; charset=utf-8");
+  EXPECT_EQ(page.headers.at("cache-control"), "no-cache");
+  EXPECT_EQ(page.headers.at("content-security-policy"), kPagePolicy) << "the document's is not the server's";
+  EXPECT_EQ(page.headers.at("x-content-type-options"), "nosniff");
+  const HttpAnswer wasm = ask("/tower/lumigrid-0123abcd.wasm");
+  EXPECT_EQ(wasm.headers.at("content-type"), "application/wasm");
+  EXPECT_EQ(wasm.headers.at("cache-control"), "public, max-age=31536000, immutable");
+  EXPECT_EQ(wasm.headers.count("content-security-policy"), 0U);
+  const HttpAnswer gzip = ask("/tower/lumigrid-0123abcd.wasm", {{"Accept-Encoding", "gzip"}});
+  EXPECT_EQ(gzip.body, "wasm as gzip");
+  EXPECT_EQ(gzip.headers.at("content-encoding"), "gzip");
+  EXPECT_EQ(gzip.headers.at("content-type"), "application/wasm");
+  const HttpAnswer program = ask("/tower/lumigrid-0123abcd.js", {{"Accept-Encoding", "gzip"}});
+  EXPECT_EQ(program.headers.at("content-type"), "text/javascript; charset=utf-8");
+  EXPECT_EQ(program.headers.count("content-encoding"), 0U);
 }
 
 TEST_F(HostingTest, pagesOfOtherHostsMayAskAndSeeWhatIsMissing) {

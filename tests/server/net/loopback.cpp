@@ -79,6 +79,16 @@ HttpAnswer httpRequest(std::uint16_t port, const std::string& target, const std:
   return answer;
 }
 
+HttpAnswer askAndLeave(std::uint16_t port, const std::string& target) {
+  asio::io_context io;
+  beast::tcp_stream stream(io);
+  stream.expires_after(kPatience);
+  if (await(io, [&](auto handler) { stream.async_connect(endpointOf(port), handler); })) return {};
+  const std::string request = "GET " + target + " HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n";
+  await(io, [&](auto handler) { asio::async_write(stream, asio::buffer(request), handler); });
+  return {};
+}
+
 std::string rawExchange(std::uint16_t port, const std::string& bytes) {
   asio::io_context io;
   beast::tcp_stream stream(io);

@@ -20,6 +20,9 @@ struct HttpAnswer {
 HttpAnswer httpRequest(std::uint16_t port, const std::string& target,
                        const std::map<std::string, std::string>& headers = {}, const std::string& method = "GET");
 
+/// Sends the request and closes without waiting for the answer; no status.
+HttpAnswer askAndLeave(std::uint16_t port, const std::string& target);
+
 /// Connects, writes these bytes, reads until the peer closes.
 std::string rawExchange(std::uint16_t port, const std::string& bytes);
 

@@ -158,6 +158,31 @@ TEST(Site, pagesOfOtherHostsMayReadTheScene) {
   EXPECT_EQ(asked.headers.count("content-length"), 0U);
 }
 
+TEST(Site, annotationsAreServedAsTheyStandNow) {
+  const SceneDirectory scene(0);
+  const auto write = [&](const std::string& text) {
+    ASSERT_TRUE(base::writeFileAtomically(scene.path + "/annotations.json",
+                                          {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}));
+  };
+  RunningServer server(scene.path);
+  const HttpAnswer none = httpRequest(server.port(), "/annotations.json");
+  EXPECT_EQ(none.status, 200);
+  EXPECT_EQ(none.headers.at("content-type"), "application/json");
+  EXPECT_EQ(none.body, "{\"version\": 1, \"annotations\": []}\n");
+
+  const std::string notes = R"({"version": 1, "annotations": [{"position": [1, 2, 3], "title": "<b>"}]})";
+  write(notes);
+  EXPECT_EQ(httpRequest(server.port(), "/annotations.json").body, notes);
+  write("{\"version\": 1, \"annotations\": [{\"title\": \"no place\"}]}");
+  EXPECT_EQ(httpRequest(server.port(), "/annotations.json").body, none.body);
+  write(notes);
+  EXPECT_EQ(httpRequest(server.port(), "/annotations.json").body, notes);
+  std::filesystem::remove(scene.path + "/annotations.json");
+  EXPECT_EQ(httpRequest(server.port(), "/annotations.json").body, none.body);
+  std::filesystem::create_directory(scene.path + "/annotations.json");
+  EXPECT_EQ(httpRequest(server.port(), "/annotations.json").body, none.body);
+}
+
 // A range of a file that is another one by now would be mixed with the old one's.
 TEST(Site, aRangeOfOtherBytesIsAnsweredWithAllOfThem) {
   const SceneDirectory scene(0);

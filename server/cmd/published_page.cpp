@@ -1,0 +1,168 @@
+#include "server/cmd/published_page.h"
+
+#include <map>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <string_view>
+#include <utility>
+
+#include "base/hash/sha256.h"
+#include "repository/open_objects.h"
+
+namespace server::cmd {
+namespace {
+
+using base::Error;
+using base::ErrorCode;
+using base::Result;
+using nlohmann::json;
+
+constexpr const char* kRoot = "index.html";
+constexpr std::uint64_t kLongestList = 1 << 20;  // bytes
+
+struct Object {
+  base::ByteView bytes;
+  std::string type;
+  std::string sha256;
+};
+/// By name; compressed forms stand beside their files, for servers that can send them.
+using Objects = std::map<std::string, Object>;
+using Hashes = std::map<std::string, std::string>;  // name → SHA-256 in hexadecimal digits
+
+std::string hashOf(base::ByteView bytes) {
+  const base::Sha256Digest digest = base::sha256(bytes);
+  return base::hexOf(digest);
+}
+
+Objects objectsOf(const PageFiles& pages, base::ByteView root) {
+  Objects objects;
+  for (const auto& [name, file] : pages) {
+    if (name == kRoot) {
+      objects[name] = {root, file.type, hashOf(root)};
+      continue;
+    }
+    objects[name] = {file.plain.bytes, file.type, hashOf(file.plain.bytes)};
+    if (!file.gzip.etag.empty()) objects[name + ".gz"] = {file.gzip.bytes, "application/gzip", hashOf(file.gzip.bytes)};
+    if (!file.brotli.etag.empty())
+      objects[name + ".br"] = {file.brotli.bytes, "application/octet-stream", hashOf(file.brotli.bytes)};
+  }
+  return objects;
+}
+
+/// index.html that shows the scene beside it.
+Result<base::Bytes> rootBesideScene(const base::Bytes& html) {
+  constexpr std::string_view kAnyScene = "<meta name=\"lumigrid-scene\" content=\"\">";
+  constexpr std::string_view kThisScene = "<meta name=\"lumigrid-scene\" content=\"scene.json\">";
+  std::string text(html.begin(), html.end());
+  const std::size_t at = text.find(kAnyScene);
+  if (at == std::string::npos)
+    return Error{ErrorCode::kInvalidInput, "the page's index.html lacks " + std::string(kAnyScene) +
+                                               "; build the preset web again, or leave the page out with --viewer off"};
+  text.replace(at, kAnyScene.size(), kThisScene);
+  return base::Bytes(text.begin(), text.end());
+}
+
+bool isCompressedForm(const std::string& name, const Objects& objects) {
+  return (name.ends_with(".gz") || name.ends_with(".br")) && objects.contains(name.substr(0, name.size() - 3));
+}
+
+bool isScenes(const std::string& name) {
+  return name == "scene.json" || name == "annotations.json" || name == kPageList || name.starts_with("images/") ||
+         name.ends_with(".lgp");
+}
+
+/// What the last publisher wrote; nothing where there is no list.
+Result<Hashes> readList(repository::ObjectSink& sink, const repository::ObjectSource& source) {
+  auto size = sink.size(kPageList);
+  if (!size) return size.error();
+  if (!*size) return Hashes();
+  const Error bad{ErrorCode::kInvalidInput, source.place() + "/" + kPageList +
+                                                ": cannot be read; remove the page's files there and publish again"};
+  if (**size > kLongestList) return bad;
+  auto bytes = source.read(kPageList, 0, **size);
+  if (!bytes) return bytes.error();
+  const json list = json::parse(bytes->begin(), bytes->end(), nullptr, false);
+  if (!list.is_object() || !list.contains("version") || list["version"] != 1 || !list.contains("files") ||
+      !list["files"].is_object())
+    return bad;
+  Hashes hashes;
+  for (const auto& [name, hash] : list["files"].items()) {
+    if (!repository::isObjectName(name) || isScenes(name) || !hash.is_string()) return bad;
+    hashes[name] = hash.get<std::string>();
+  }
+  return hashes;
+}
+
+/// Names that must be written; what is there must be ours, as we left it, or what we would write.
+Result<std::set<std::string>> namesToWrite(const Objects& objects, const Hashes& before, repository::ObjectSink& sink,
+                                           const repository::ObjectSource& source) {
+  std::set<std::string> names;
+  for (const auto& [name, object] : objects) {
+    if (isScenes(name))
+      return Error{ErrorCode::kInvalidInput, "a file of the page has the name '" + name + "' of one of a scene's"};
+    auto size = sink.size(name);
+    if (!size) return size.error();
+    if (!*size) {
+      names.insert(name);
+      continue;
+    }
+    auto there = source.read(name, 0, **size);
+    if (!there) return there.error();
+    const std::string hash = hashOf(*there);
+    if (hash == object.sha256) continue;
+    const auto ours = before.find(name);
+    if (ours == before.end() || ours->second != hash)
+      return Error{ErrorCode::kExists, source.place() + "/" + name +
+                                           ": was not written by `lumigrid publish`; move it away, or leave the page "
+                                           "out with --viewer off"};
+    names.insert(name);
+  }
+  return names;
+}
+
+Result<void> putList(const Hashes& hashes, repository::ObjectSink& sink) {
+  const std::string text = json{{"version", 1}, {"files", hashes}}.dump(1) + "\n";
+  return sink.put(kPageList, {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}, "application/json");
+}
+
+}  // namespace
+
+Result<PublishedPage> publishPage(const PageFiles& pages, const std::string& place, repository::ObjectSink& sink,
+                                  bool prune) {
+  auto source = repository::openObjectSource(place);
+  if (!source) return source.error();
+  const auto root = rootBesideScene(pages.at(kRoot).plain.bytes);
+  if (!root) return root.error();
+  const Objects objects = objectsOf(pages, *root);
+  const auto before = readList(sink, **source);
+  if (!before) return before.error();
+  auto names = namesToWrite(objects, *before, sink, **source);
+  if (!names) return names.error();
+
+  PublishedPage done{objects.size(), 0, 0};
+  const auto write = [&](const std::string& name) -> Result<void> {
+    const Object& object = objects.at(name);
+    done.bytes_written += object.bytes.size();
+    return sink.put(name, object.bytes, object.type);
+  };
+  for (const std::string& name : *names)
+    if (name != kRoot) LUMIGRID_TRY(write(name));
+  if (names->contains(kRoot)) LUMIGRID_TRY(write(kRoot));
+
+  Hashes after;
+  for (const auto& [name, object] : objects) after[name] = object.sha256;
+  for (const auto& [name, hash] : *before) {
+    if (after.contains(name)) continue;
+    if (!prune && !isCompressedForm(name, objects)) {
+      after[name] = hash;
+      continue;
+    }
+    LUMIGRID_TRY(sink.remove(name));
+    ++done.pruned;
+  }
+  if (after != *before) LUMIGRID_TRY(putList(after, sink));
+  return done;
+}
+
+}  // namespace server::cmd

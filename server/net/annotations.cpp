@@ -1,0 +1,54 @@
+#include "server/net/annotations.h"
+
+#include <system_error>
+#include <utility>
+
+#include "base/json/annotations_file.h"
+#include "server/net/http_text.h"
+#include "spdlog/spdlog.h"
+
+namespace server {
+namespace {
+
+constexpr const char* kNone = "{\"version\": 1, \"annotations\": []}\n";
+
+}  // namespace
+
+Annotations::Annotations(std::string directory, std::string text) : directory_(std::move(directory)) {
+  take(std::move(text));
+  stamp_ = stampNow();
+  if (stamp_) readAnew();
+}
+
+const Annotations::Document& Annotations::current() {
+  const std::optional<Stamp> stamp = stampNow();
+  if (stamp != stamp_) {
+    stamp_ = stamp;
+    readAnew();
+  }
+  return document_;
+}
+
+std::optional<Annotations::Stamp> Annotations::stampNow() const {
+  if (directory_.empty()) return std::nullopt;
+  const std::filesystem::path path = std::filesystem::path(directory_) / base::kAnnotationsFile;
+  std::error_code ec;
+  Stamp stamp;
+  stamp.time = std::filesystem::last_write_time(path, ec);
+  if (ec) return std::nullopt;
+  stamp.size = std::filesystem::file_size(path, ec);
+  return stamp;
+}
+
+void Annotations::readAnew() {
+  auto read = base::readAnnotations(directory_);
+  if (!read) spdlog::warn("no annotations: {}", read.error().message);
+  take(read && *read ? std::move((*read)->text) : std::string());
+}
+
+void Annotations::take(std::string text) {
+  document_.text = text.empty() ? kNone : std::move(text);
+  document_.etag = entityTag({reinterpret_cast<const std::uint8_t*>(document_.text.data()), document_.text.size()});
+}
+
+}  // namespace server

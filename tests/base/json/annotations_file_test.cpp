@@ -1,0 +1,80 @@
+#include "base/json/annotations_file.h"
+
+#include <gtest/gtest.h>
+
+#include <string>
+
+namespace base {
+namespace {
+
+Result<std::size_t> check(const std::string& text) {
+  return checkAnnotations({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}, "notes");
+}
+
+std::string listOf(const std::string& notes) {
+  return "{\"version\": 1, \"annotations\": [" + notes + "]}";
+}
+
+const std::string kLeast = R"({"position": [1, 2, 3], "title": "t"})";
+
+TEST(Annotations, theDocumentsExampleIsTaken) {
+  const auto notes = check(
+      R"({"version": 1, "annotations": [
+      {"position": [500004.1, 4000007.3, 103.2], "normal": [0, 0, 1], "title": "Crack", "text": "4 mm wide.\nSeen first in May.",
+       "camera": {"position": [500006, 4000005, 105], "target": [500004.1, 4000007.3, 103.2], "up": [0, 0, 1]}}]})");
+  ASSERT_TRUE(notes) << notes.error().message;
+  EXPECT_EQ(*notes, 1U);
+  EXPECT_EQ(*check(listOf("")), 0U);
+  EXPECT_EQ(*check(listOf(kLeast + ", " + kLeast)), 2U);
+  EXPECT_TRUE(
+      check(R"({"version": 1, "annotations": [{"position": [1, 2, 3], "title": "Säule ☂", "more": 1}], "x": 2})"));
+}
+
+TEST(Annotations, whatIsWrongIsNamedInOneLine) {
+  const std::pair<std::string, std::string> cases[] = {
+      {"", "JSON"},
+      {"[]", "JSON"},
+      {"{\"version\": 1", "JSON"},
+      {"{\"version\": 2, \"annotations\": []}", "version"},
+      {"{\"annotations\": []}", "version"},
+      {"{\"version\": 1}", "annotations"},
+      {"{\"version\": 1, \"annotations\": {}}", "annotations"},
+      {listOf("3"), "annotation 0"},
+      {listOf(kLeast + ", {}"), "annotation 1: position"},
+      {listOf(R"({"position": [1, 2], "title": "t"})"), "position"},
+      {listOf(R"({"position": [1, 2, "3"], "title": "t"})"), "position"},
+      {listOf(R"({"position": [1, 2, 1e13], "title": "t"})"), "position"},
+      {listOf(R"({"position": [1, 2, 1e999], "title": "t"})"), "JSON"},
+      {listOf(R"({"position": [1, 2, 3]})"), "title"},
+      {listOf(R"({"position": [1, 2, 3], "title": ""})"), "title"},
+      {listOf(R"({"position": [1, 2, 3], "title": "two\nlines"})"), "title"},
+      {listOf(R"({"position": [1, 2, 3], "title": ")" + std::string(201, 'a') + "\"}"), "title"},
+      {listOf(R"({"position": [1, 2, 3], "title": "t", "text": 4})"), "text"},
+      {listOf(R"({"position": [1, 2, 3], "title": "t", "text": "\u0007"})"), "text"},
+      {listOf(R"({"position": [1, 2, 3], "title": "t", "text": ")" + std::string(10'001, 'a') + "\"}"), "text"},
+      {listOf(R"({"position": [1, 2, 3], "title": "t", "normal": "up"})"), "normal"},
+      {listOf(R"({"position": [1, 2, 3], "title": "t", "camera": {}})"), "camera"},
+      {listOf(R"({"position": [1, 2, 3], "title": "t", "camera": {"position": [1, 2, 1e13], "direction": [1, 0, 0]}})"),
+       "camera"},
+      {listOf("{\"position\": [1, 2, 3], \"title\": \"\xff\"}"), "JSON"},
+  };
+  for (const auto& [text, piece] : cases) {
+    const auto notes = check(text);
+    ASSERT_FALSE(notes) << text;
+    EXPECT_NE(notes.error().message.find(piece), std::string::npos) << text << ": " << notes.error().message;
+    EXPECT_TRUE(notes.error().message.starts_with("notes"));
+    EXPECT_EQ(notes.error().message.find('\n'), std::string::npos);
+  }
+}
+
+TEST(Annotations, thereAreLimits) {
+  std::string most = kLeast;
+  for (int i = 1; i < 500; ++i) most += "," + kLeast;
+  EXPECT_EQ(*check(listOf(most)), 500U);
+  EXPECT_FALSE(check(listOf(most + "," + kLeast)));
+  EXPECT_FALSE(check(listOf("") + std::string(kMaxAnnotationsBytes, ' ')));
+  EXPECT_FALSE(check(std::string(1 << 20, '[')));
+}
+
+}  // namespace
+}  // namespace base

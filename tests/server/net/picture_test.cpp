@@ -1,0 +1,98 @@
+// What /render takes, without rendering.
+#include "server/net/picture.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace server {
+namespace {
+
+constexpr std::uint64_t kMost = 64'000'000;
+const std::string kView = "/render?position=1,2,3&direction=0,1,0&up=0,0,1";
+
+base::Result<PictureRequest> parse(const std::string& target) {
+  const auto query = parseQuery(target);
+  if (!query) return query.error();
+  return parsePictureRequest(*query, kMost);
+}
+
+TEST(PictureRequest, defaultsAreThoseOfTheDocument) {
+  const auto request = parse(kView);
+  ASSERT_TRUE(request) << request.error().message;
+  EXPECT_EQ(request->camera.position, glm::dvec3(1.0, 2.0, 3.0));
+  EXPECT_EQ(request->camera.direction, glm::dvec3(0.0, 1.0, 0.0));
+  EXPECT_EQ(request->camera.width, 1280);
+  EXPECT_EQ(request->camera.height, 720);
+  EXPECT_DOUBLE_EQ(request->camera.fov_y, std::acos(-1.0) / 4.0);
+  EXPECT_EQ(request->format, PictureRequest::Format::kPng);
+  EXPECT_EQ(request->supersampling, 2);
+  EXPECT_EQ(request->ortho_height, 0.0);
+  EXPECT_FALSE(request->background);
+}
+
+TEST(PictureRequest, everyValueIsTaken) {
+  const auto request = parse(
+      "/render?position=500000.001,4000000.002,-3e1&target=500000.001,4000000.002,70&up=0,2,0&fov_y_degrees=90&"
+      "ortho_height=12.5&width=8000&height=8000&format=jpeg&quality=75&supersampling=4&background=ff8000");
+  ASSERT_TRUE(request) << request.error().message;
+  EXPECT_EQ(request->camera.position.x, 500000.001);
+  EXPECT_EQ(request->camera.direction, glm::dvec3(0.0, 0.0, 1.0));
+  EXPECT_EQ(request->ortho_height, 12.5);
+  EXPECT_EQ(request->format, PictureRequest::Format::kJpeg);
+  EXPECT_EQ(request->quality, 75);
+  EXPECT_EQ(request->supersampling, 4);
+  EXPECT_EQ(request->background, (Rgb{255, 128, 0}));
+}
+
+TEST(PictureRequest, theAngleMayBeInRadians) {
+  EXPECT_DOUBLE_EQ(parse(kView + "&fov_y=1.25")->camera.fov_y, 1.25);
+  for (const char* bad : {"&fov_y=0", "&fov_y=3.15", "&fov_y=nan", "&fov_y=1&fov_y_degrees=57"})
+    EXPECT_FALSE(parse(kView + bad)) << bad;
+}
+
+TEST(PictureRequest, aJpegStandsBeforeWhiteUnlessToldOtherwise) {
+  EXPECT_EQ(parse(kView + "&format=jpeg")->background, (Rgb{255, 255, 255}));
+  EXPECT_FALSE(parse(kView + "&format=jpeg&background=transparent"));
+}
+
+TEST(PictureRequest, whatIsWrongIsNamedInOneLine) {
+  const std::string position = "/render?position=1,2,3";
+  const std::pair<std::string, std::string> cases[] = {
+      {"/render", "position"},
+      {"/render?position=1,2&direction=0,1,0", "position"},
+      {"/render?position=1,2,nan&direction=0,1,0", "position"},
+      {"/render?position=1,2,3,4&direction=0,1,0", "position"},
+      {"/render?position=1e13,0,0&direction=0,1,0", "position"},
+      {position, "direction"},
+      {position + "&direction=0,0,0", "direction"},
+      {position + "&target=1,2,3", "direction"},
+      {position + "&direction=0,1,0&target=0,0,0", "direction"},
+      {position + "&direction=0,1,0&up=0,5,0", "parallel"},
+      {position + "&direction=0,1,0&up=0,0,0", "up"},
+      {kView + "&width=0", "width"},
+      {kView + "&width=-5", "width"},
+      {kView + "&height=1.5", "height"},
+      {kView + "&height=99999999999999999999", "height"},
+      {kView + "&width=8001&height=8000", "at most 64000000"},
+      {kView + "&fov_y_degrees=0", "fov_y_degrees"},
+      {kView + "&fov_y_degrees=180", "fov_y_degrees"},
+      {kView + "&fov_y_degrees=inf", "fov_y_degrees"},
+      {kView + "&ortho_height=-1", "ortho_height"},
+      {kView + "&format=gif", "format"},
+      {kView + "&quality=0", "quality"},
+      {kView + "&supersampling=5", "supersampling"},
+      {kView + "&background=blue", "background"},
+      {kView + "&background=12345", "background"},
+      {kView + "&colour=1", "none of"},
+  };
+  for (const auto& [target, piece] : cases) {
+    const auto request = parse(target);
+    ASSERT_FALSE(request) << target;
+    EXPECT_NE(request.error().message.find(piece), std::string::npos) << target << ": " << request.error().message;
+    EXPECT_EQ(request.error().message.find('\n'), std::string::npos);
+  }
+}
+
+}  // namespace
+}  // namespace server

@@ -1,0 +1,288 @@
+// /render: pictures drawn in bands, and what else goes on meanwhile.
+#include <gtest/gtest.h>
+
+#include <condition_variable>
+#include <thread>
+
+#include "base/egl/headless.h"
+#include "base/png/png.h"
+#include "repository/jpeg.h"
+#include "server/net/frame_renderer.h"
+#include "server/net/picture.h"
+#include "tests/server/net/loopback.h"
+#include "tests/server/net/served_scene.h"
+
+namespace server {
+namespace {
+
+const std::string kAslant = "/render?position=500016,3999990,125&target=500016,4000016,100&up=0,0,1";
+
+PictureRequest requestOf(const std::string& target) {
+  return *parsePictureRequest(*parseQuery(target), 64'000'000);
+}
+
+struct Difference {
+  double mean = 0.0;  // levels
+  int largest = 0;
+  double off = 0.0;  // share of values more than one level off
+};
+
+Difference compare(const base::Image& a, const base::Image& b) {
+  Difference difference;
+  std::size_t off = 0;
+  for (std::size_t i = 0; i < a.pixels.size(); ++i) {
+    const int d = std::abs(int{a.pixels[i]} - int{b.pixels[i]});
+    difference.mean += d;
+    difference.largest = std::max(difference.largest, d);
+    if (d > 1) ++off;
+  }
+  difference.mean /= static_cast<double>(a.pixels.size());
+  difference.off = static_cast<double>(off) / static_cast<double>(a.pixels.size());
+  return difference;
+}
+
+class PictureTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    auto context = base::HeadlessContext::create();
+    ASSERT_TRUE(context) << context.error().message;
+    context_ = std::move(*context);
+    auto patches = lod::patch::PatchFile::open(scene_.path + "/patch.lgp");
+    auto document = base::readScene(scene_.path);
+    ASSERT_TRUE(patches && document);
+    patches_ = std::move(*patches);
+    document_ = std::move(*document);
+    auto renderer = SceneRenderer::create(document_, patches_);
+    ASSERT_TRUE(renderer);
+    renderer_ = std::move(*renderer);
+  }
+  base::Bytes paint(const PictureRequest& request, std::uint64_t band_pixels, int* steps = nullptr) {
+    auto painter = PicturePainter::begin(request, document_, *renderer_, band_pixels);
+    EXPECT_TRUE(painter);
+    for (int i = 1;; ++i) {
+      auto whole = (*painter)->step(*renderer_);
+      EXPECT_TRUE(whole);
+      if (!whole || !*whole) {
+        if (!whole) return {};
+        continue;
+      }
+      if (steps != nullptr) *steps = i;
+      return (*painter)->take();
+    }
+  }
+
+  const SceneDirectory scene_{0};
+  std::unique_ptr<base::HeadlessContext> context_;
+  lod::patch::PatchFile patches_;
+  base::Scene document_;
+  std::unique_ptr<SceneRenderer> renderer_;
+};
+
+TEST_F(PictureTest, bandsMakeThePictureThatOnePieceMakes) {
+  for (const std::string more : {"", "&ortho_height=20", "&supersampling=1&fov_y_degrees=90", "&background=204060"}) {
+    const PictureRequest request = requestOf(kAslant + "&width=517&height=401" + more);
+    int steps = 0;
+    const auto bands = base::decodePng(paint(request, 517 * 30, &steps));
+    const auto whole = base::decodePng(paint(request, std::uint64_t{1} << 40));
+    ASSERT_TRUE(bands && whole);
+    EXPECT_EQ(steps, 14);
+    EXPECT_EQ(whole->width, 517);
+    EXPECT_EQ(whole->height, 401);
+    ASSERT_EQ(bands->channels, whole->channels);
+    // Off-axis matrices round otherwise: now and then a sample at an edge falls on the other side.
+    const Difference difference = compare(*bands, *whole);
+    EXPECT_LE(difference.mean, 0.01) << more;
+    EXPECT_LE(difference.off, 1e-3) << more;
+    // And there is something to see, whose border is no straight line.
+    std::size_t seen = 0;
+    for (std::size_t i = 0; i < whole->pixels.size(); ++i) seen += whole->pixels[i] != whole->pixels[0] ? 1 : 0;
+    EXPECT_GT(seen, whole->pixels.size() / 10);
+  }
+}
+
+// The direct way: one call of the renderer with the viewer's own camera.
+TEST_F(PictureTest, theyAreWhatTheRendererDraws) {
+  const PictureRequest request = requestOf(kAslant + "&width=300&height=200");
+  const auto bands = base::decodePng(paint(request, 300 * 16));
+  ASSERT_TRUE(bands);
+  const glm::vec3 eye(request.camera.position - document_.origin);
+  const auto depth = base::depthRangeFor(eye, renderer_->sceneCenter(), renderer_->sceneRadius());
+  const auto direct = renderer_->render(
+      base::cameraFromView(request.camera, document_.origin, depth.near_plane, depth.far_plane), {0.25F, 2});
+  ASSERT_TRUE(direct);
+  const Difference difference = compare(*bands, direct->rgba);
+  EXPECT_LE(difference.mean, 0.01);
+  EXPECT_LE(difference.off, 1e-3);
+}
+
+// At the target's distance both projections show the same height.
+TEST_F(PictureTest, aParallelViewFromAboveHasTheScaleThatWasAsked) {
+  const auto picture = base::decodePng(paint(
+      requestOf("/render?position=500016,4000016,900&direction=0,0,-1&up=0,1,0&ortho_height=64&width=256&height=256"
+                "&supersampling=1"),
+      1 << 20));
+  ASSERT_TRUE(picture);
+  // The square of 32 units fills the middle half.
+  std::size_t seen = 0;
+  for (std::size_t i = 3; i < picture->pixels.size(); i += 4) seen += picture->pixels[i] == 255 ? 1 : 0;
+  EXPECT_NEAR(static_cast<double>(seen), 128.0 * 128.0, 300.0);
+}
+
+TEST_F(PictureTest, jpegsAreTheSamePicture) {
+  const auto png = base::decodePng(paint(requestOf(kAslant + "&width=333&height=222&background=ffffff"), 333 * 17));
+  const auto jpeg =
+      repository::decodeJpeg(paint(requestOf(kAslant + "&width=333&height=222&format=jpeg&quality=95"), 333 * 17));
+  ASSERT_TRUE(png && jpeg);
+  EXPECT_LT(compare(*png, *jpeg).mean, 1.0);
+}
+
+// ---- On the renderer's thread
+
+TEST(FrameRendererPictures, framesComeBetweenBands) {
+  const SceneDirectory scene(0);
+  const auto open = openScene(scene.path);
+  ASSERT_TRUE(open);
+  auto renderer = FrameRenderer::start(**open);
+  ASSERT_TRUE(renderer) << renderer.error().message;
+  std::mutex mutex;
+  std::condition_variable changed;
+  std::vector<std::string> order;
+  const auto note = [&](const std::string& what) {
+    const std::lock_guard lock(mutex);
+    order.push_back(what);
+    changed.notify_all();
+  };
+  // 20 bands.
+  ASSERT_TRUE((*renderer)->paint(1, requestOf(kAslant + "&width=5000&height=4000&supersampling=1&format=jpeg"), 0,
+                                 [&](const auto& bytes) { note(bytes ? "picture" : "failed"); }));
+  FrameRequest frame;
+  frame.camera = requestOf(kAslant + "&width=64&height=64").camera;
+  frame.quality = 80;
+  for (std::uint64_t client = 2; client < 5; ++client)
+    (*renderer)->submit(client, frame, [&](const base::Bytes&) { note("frame"); });
+  std::unique_lock lock(mutex);
+  changed.wait(lock, [&] { return order.size() == 4; });
+  EXPECT_EQ(order, (std::vector<std::string>{"frame", "frame", "frame", "picture"}));
+}
+
+TEST(FrameRendererPictures, aPictureThatNobodyWantsIsGivenUp) {
+  const SceneDirectory scene(0);
+  const auto open = openScene(scene.path);
+  auto renderer = FrameRenderer::start(**open);
+  ASSERT_TRUE(renderer) << renderer.error().message;
+  std::atomic<bool> unwanted{false};
+  const auto fail = [&](const auto&) { unwanted = true; };
+  // 64 bands in hand or waiting, and one more in the queue.
+  const PictureRequest large = requestOf(kAslant + "&width=8000&height=8000");
+  ASSERT_TRUE((*renderer)->paint(1, large, 2, fail));
+  ASSERT_TRUE((*renderer)->paint(2, large, 2, fail));
+  (*renderer)->cancel(1);
+  (*renderer)->cancel(2);
+  std::mutex mutex;
+  std::condition_variable changed;
+  bool done = false;
+  ASSERT_TRUE((*renderer)->paint(3, requestOf(kAslant + "&width=64&height=64"), 2, [&](const auto& bytes) {
+    const std::lock_guard lock(mutex);
+    done = bool(bytes);
+    changed.notify_all();
+  }));
+  std::unique_lock lock(mutex);
+  changed.wait(lock, [&] { return done; });
+  EXPECT_FALSE(unwanted);
+}
+
+// ---- Over HTTP
+
+TEST(Render, aPictureIsAnswered) {
+  const SceneDirectory scene(0);
+  RunningServer server(scene.path, ServerOptions{});
+  const HttpAnswer png = httpRequest(server.port(), kAslant + "&width=200&height=100");
+  ASSERT_EQ(png.status, 200) << png.body;
+  EXPECT_EQ(png.headers.at("content-type"), "image/png");
+  EXPECT_EQ(png.headers.at("cache-control"), "no-store");
+  const auto picture = base::decodePng({reinterpret_cast<const std::uint8_t*>(png.body.data()), png.body.size()});
+  ASSERT_TRUE(picture);
+  EXPECT_EQ(picture->width, 200);
+  EXPECT_EQ(picture->channels, 4);
+  EXPECT_EQ(httpRequest(server.port(), kAslant + "&format=jpeg").headers.at("content-type"), "image/jpeg");
+  const HttpAnswer head = httpRequest(server.port(), kAslant, {}, "HEAD");
+  EXPECT_EQ(head.status, 200);
+  EXPECT_EQ(head.headers.at("content-type"), "image/png");
+}
+
+TEST(Render, whatCannotBeIsToldInOneLine) {
+  const SceneDirectory scene(0);
+  ServerOptions options;
+  options.max_picture_pixels = 10'000;
+  RunningServer server(scene.path, options);
+  for (const std::string bad : {"&width=101&height=100", "&width=-1", "&width=nan", "&fov_y_degrees=nan", "&x=1"}) {
+    const HttpAnswer answer = httpRequest(server.port(), kAslant + bad);
+    EXPECT_EQ(answer.status, 400) << bad;
+    EXPECT_EQ(std::count(answer.body.begin(), answer.body.end(), '\n'), 1);
+  }
+  EXPECT_EQ(httpRequest(server.port(), kAslant + "&width=100&height=100").status, 200);
+}
+
+TEST(Render, withoutFramesOrWithNoPixelsAllowedThereAreNone) {
+  const SceneDirectory scene(0);
+  RunningServer without(scene.path);
+  EXPECT_EQ(httpRequest(without.port(), kAslant).status, 501);
+  ServerOptions options;
+  options.max_picture_pixels = 0;
+  RunningServer forbidden(scene.path, options);
+  EXPECT_EQ(httpRequest(forbidden.port(), kAslant).status, 501);
+}
+
+TEST(Render, moreThanMayWaitAreAskedToComeAgain) {
+  const SceneDirectory scene(0);
+  ServerOptions options;
+  options.max_waiting_pictures = 1;
+  RunningServer server(scene.path, options);
+  std::mutex mutex;
+  std::map<int, int> statuses;
+  std::vector<std::thread> visitors;
+  for (int i = 0; i < 12; ++i)
+    visitors.emplace_back([&] {
+      const HttpAnswer answer = httpRequest(server.port(), kAslant + "&width=1500&height=1000");
+      const std::lock_guard lock(mutex);
+      ++statuses[answer.status];
+      if (answer.status == 503) {
+        EXPECT_EQ(answer.headers.at("retry-after"), "5");
+      }
+    });
+  // Meanwhile the server answers others.
+  EXPECT_EQ(httpRequest(server.port(), "/healthz").status, 200);
+  for (std::thread& visitor : visitors) visitor.join();
+  EXPECT_GE(statuses[200], 2);
+  EXPECT_EQ(statuses[200] + statuses[503], 12);
+  EXPECT_EQ(httpRequest(server.port(), kAslant).status, 200);
+}
+
+// The visitor's connection closes while the picture is drawn: the next one gets its turn, nothing is left waiting.
+TEST(Render, visitorsThatLeaveMakeRoom) {
+  const SceneDirectory scene(0);
+  ServerOptions options;
+  options.max_waiting_pictures = 0;
+  RunningServer server(scene.path, options);
+  for (int i = 0; i < 3; ++i) {
+    const HttpAnswer gone = askAndLeave(server.port(), kAslant + "&width=8000&height=8000");
+    EXPECT_EQ(gone.status, 0);
+    int status = 503;
+    for (int attempt = 0; attempt < 1000 && status == 503; ++attempt)
+      status = httpRequest(server.port(), kAslant + "&width=32&height=32").status;
+    EXPECT_EQ(status, 200);
+  }
+}
+
+TEST(Render, theServerStopsInTheMiddleOfAPicture) {
+  const SceneDirectory scene(0);
+  RunningServer server(scene.path, ServerOptions{});
+  std::thread visitor([&] { EXPECT_EQ(httpRequest(server.port(), kAslant + "&width=8000&height=8000").status, 0); });
+  while (httpRequest(server.port(), kAslant + "&width=8000&height=8000", {}, "HEAD").status != 200) {
+  }
+  server.stop();
+  visitor.join();
+}
+
+}  // namespace
+}  // namespace server
