@@ -80,7 +80,7 @@ class Window {
   GLFWwindow* window_ = nullptr;
   bool overlay_ready_ = false;
   std::unique_ptr<Viewer> viewer_;
-  std::unique_ptr<Connection> connection_;
+  std::unique_ptr<Link> connection_;
   OrbitControl control_;
   std::optional<protocol::Welcome> framed_;  // the scene that the first view was chosen for
   Drag drag_ = Drag::kNone;
@@ -121,8 +121,9 @@ bool Window::createWindow(int context_api) {
 }
 
 base::Result<void> Window::open() {
-  auto url = parseServerUrl(options_.url);
-  if (!url) return url.error();
+  auto link = openLink(options_.url, options_.link);
+  if (!link) return link.error();
+  connection_ = std::move(*link);
   if (glfwInit() != GLFW_TRUE)
     return base::Error{base::ErrorCode::kUnsupported,
                        "cannot open a window (" + lastGlfwError() + "); without a display use --headless"};
@@ -137,7 +138,6 @@ base::Result<void> Window::open() {
 
   viewer_ =
       std::make_unique<Viewer>(options_.viewer, std::make_unique<JpegDecoder>(std::max(1U, options_.decoder_threads)));
-  connection_ = std::make_unique<Connection>(*url, options_.link);
   return {};
 }
 

@@ -3,7 +3,7 @@
 #include <string>
 
 #include "base/error.h"
-#include "client/native/connection.h"
+#include "client/native/link.h"
 #include "client/viewer.h"
 
 namespace client {
