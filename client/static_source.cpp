@@ -102,7 +102,6 @@ struct StaticSource::State {
   void wishForCoarse(std::vector<RangeWish>& wishes);
   void wishForView(std::vector<RangeWish>& wishes);
   std::vector<RangeWish> wishesAhead();
-  void say(const protocol::ServerMessage& message) { outgoing.push_back(protocol::encode(message)); }
 
   StaticScene scene;
   ReadParameters read_parameters;
@@ -120,7 +119,12 @@ struct StaticSource::State {
   bool succeeded = false;  // since the last look
   bool retry_set = false;
   double retry_at = 0.0;
-  std::deque<base::Bytes> outgoing;
+  struct Outgoing {
+    base::Bytes bytes;
+    std::optional<FaceKey> face = {};
+    std::optional<std::uint32_t> group = {};
+  };
+  std::deque<Outgoing> outgoing;
 
   // What was read.
   std::optional<TablePages> tables;
@@ -285,7 +289,7 @@ void StaticSource::State::takeBlock(std::uint32_t group, const base::Bytes& byte
   if (!record || has_group[group]) return;
   has_group[group] = true;
   group_bytes += bytes.size();
-  say(protocol::Refine{record->bytes, bytes});
+  outgoing.push_back({protocol::encode(protocol::Refine{record->bytes, bytes}), {}, group});
 }
 
 void StaticSource::State::takeIndexBlock(std::uint64_t number, base::ByteView bytes) {
@@ -311,7 +315,7 @@ void StaticSource::State::takeFace(const FaceKey& key, base::Bytes bytes) {
   }
   has_face.insert(key);
   face_bytes += bytes.size();
-  say(protocol::Face{key, std::move(bytes)});
+  outgoing.push_back({protocol::encode(protocol::Face{key, std::move(bytes)}), key, {}});
 }
 
 // ---- what the session says ----
@@ -319,13 +323,17 @@ void StaticSource::State::takeFace(const FaceKey& key, base::Bytes bytes) {
 void StaticSource::State::hear(const protocol::ClientMessage& message) {
   if (std::get_if<protocol::Hello>(&message) != nullptr) {
     welcome_due = true;
+    // Have tells what it holds, unless it is on its way.
     has_face.clear();
     has_group.assign(has_group.size(), false);
-    outgoing.clear();
+    for (const Outgoing& queued : outgoing) {
+      if (queued.face) has_face.insert(*queued.face);
+      if (queued.group) has_group[*queued.group] = true;
+    }
   } else if (const auto* view = std::get_if<protocol::View>(&message)) {
     if (planned) previous = newest;
     newest = *view;
-    planned = false;
+    planned = complete_said = false;
   } else if (const auto* evicted = std::get_if<protocol::Evicted>(&message)) {
     for (const FaceKey& key : evicted->faces) has_face.erase(key);
     for (const std::uint32_t group : evicted->groups)
@@ -344,9 +352,9 @@ void StaticSource::State::talk(Session& session) {
 
 void StaticSource::State::deliver(Session& session) {
   if (!linked || phase != Phase::kOpen) return;
-  if (std::exchange(welcome_due, false)) outgoing.push_front(protocol::encode(scene.welcome));
+  if (std::exchange(welcome_due, false)) outgoing.push_front({protocol::encode(scene.welcome)});
   while (!outgoing.empty()) {
-    const base::Bytes bytes = std::move(outgoing.front());
+    const base::Bytes bytes = std::move(outgoing.front().bytes);
     outgoing.pop_front();
     if (auto taken = session.receive(bytes); !taken) return fail(scene.place + ": " + taken.error().message);
     talk(session);
@@ -496,7 +504,6 @@ void StaticSource::State::planNewestView() {
   view_plan = plan::planView(toPlan(), *newest, [this](const FaceKey& key) { return settled(key); });
   if (!planned) {
     group_bytes = face_bytes = 0;
-    complete_said = false;
     ahead.reset();
   }
   planned = true;
@@ -539,10 +546,9 @@ void StaticSource::State::wishForView(std::vector<RangeWish>& wishes) {
     faces_ahead += wish.kind == kFace ? wish.length : kTypicalFaceBytes;
     wishes.push_back(wish);
   }
-  if (wishes.empty() && f < view_plan.faces.size()) return;
   if (!wishes.empty() || complete_said) return;
   complete_said = true;
-  say(protocol::Complete{newest->sequence});
+  outgoing.push_back({protocol::encode(protocol::Complete{newest->sequence})});
 }
 
 /// Everything that is needed now, the most urgent first.
@@ -636,9 +642,10 @@ bool StaticSource::pump(Session& session, double now) {
 
   // Out.
   if (s.phase != State::Phase::kFailed && (s.failures == 0 || now >= s.retry_at)) {
+    const bool was_complete = s.complete_said;
     const std::vector<RangeWish> wishes = s.wishes();
     s.queue.ask(wishes);
-    if (wishes.empty()) s.queue.ask(s.wishesAhead(), kRequestsAheadOfNeed);
+    if (was_complete && wishes.empty()) s.queue.ask(s.wishesAhead(), kRequestsAheadOfNeed);
     s.deliver(session);
   }
   if (s.phase == State::Phase::kFailed) session.refuse(s.failure);
