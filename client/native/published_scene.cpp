@@ -84,9 +84,8 @@ base::Result<void> checkUrl(const std::string& url) {
     return {};
   }
   const bool odd = url.find_first_of(" \t\r\n@") != std::string::npos;
-  const std::string place = placeOfScene(url);
-  const std::size_t host = place.find("://") + 3;
-  if (!odd && host < place.size() && place[host] != '/') return {};
+  const std::size_t host = url.find("://") + 3;
+  if (!odd && host < url.size() && url[host] != '/') return {};
   return base::Error{base::ErrorCode::kInvalidInput,
                      "'" + url +
                          "': " + (odd ? "it holds a character that an address cannot have" : "it names no host") +
