@@ -35,7 +35,7 @@ struct StaticPart {
 /// What scene.json says (docs/formats/scene.md), as plain values. Hostile: checked before use.
 struct StaticScene {
   std::string place;  ///< the scene's URL without scene.json, for messages
-  /// scene_name, origin, box_min, box_max, up, unlit and light_direction; the files tell the rest.
+  /// scene_name, units, origin, box_min, box_max, up, unlit and light_direction; the files tell the rest.
   protocol::Welcome welcome;
   StaticPart patches;               ///< patch-….lgp
   std::optional<StaticPart> index;  ///< images/index-….lgi; nothing: no images

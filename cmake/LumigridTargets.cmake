@@ -26,7 +26,7 @@ _lumigrid_allow(lod_build      "base;base_png;lod;lod_patch"                    
 _lumigrid_allow(lod_draw       "base;base_gl;lod;lod_patch"                        "")
 _lumigrid_allow(grid           "base"                                              "")
 _lumigrid_allow(cache          "base"                                              "")
-_lumigrid_allow(jpeg           "base"                                              "turbojpeg;JPEG::JPEG")
+_lumigrid_allow(jpeg           "base;grid"                                         "turbojpeg;JPEG::JPEG")
 _lumigrid_allow(meta           "base;grid"                                         "nlohmann_json::nlohmann_json")
 _lumigrid_allow(repository     "base;base_hash;grid;meta;cache;jpeg;objects"       "lmdb;nlohmann_json::nlohmann_json")
 _lumigrid_allow(objects        "base;base_hash;grid"                               "CURL::libcurl;OpenSSL::Crypto")

@@ -4,10 +4,11 @@
 #include <array>
 #include <cmath>
 
+#include "base/picture_error.h"
+
 namespace compare {
 namespace {
 
-constexpr float kGrey = 118.0F;     // mid-grey background; also what a hole shows
 constexpr std::size_t kRadius = 5;  // 11 × 11 window, Wang et al. 2004, section III-B
 constexpr double kSigma = 1.5;
 constexpr double kC1 = 6.5025, kC2 = 58.5225;  // (0.01 · 255)², (0.03 · 255)², ibid. equation 13
@@ -19,10 +20,7 @@ std::array<Plane, 3> overGrey(const base::Image& image) {
   const std::size_t count = image.pixels.size() / 4;
   for (std::size_t c = 0; c < 3; ++c) {
     planes[c].resize(count);
-    for (std::size_t i = 0; i < count; ++i) {
-      const float alpha = static_cast<float>(image.pixels[4 * i + 3]) / 255.0F;
-      planes[c][i] = alpha * static_cast<float>(image.pixels[4 * i + c]) + (1.0F - alpha) * kGrey;
-    }
+    for (std::size_t i = 0; i < count; ++i) planes[c][i] = base::overGrey(&image.pixels[4 * i], static_cast<int>(c));
   }
   return planes;
 }
@@ -96,37 +94,28 @@ base::Result<Accuracy> measureAccuracy(const base::Image& truth, const base::Ima
                                                            " x " + std::to_string(truth.height) + " against " +
                                                            std::to_string(picture.width) + " x " +
                                                            std::to_string(picture.height)};
-  const auto a = overGrey(truth);
-  const auto b = overGrey(picture);
-  const Plane ssim = ssimMap(luma(a), luma(b), truth.width, truth.height);
+  const Plane ssim = ssimMap(luma(overGrey(truth)), luma(overGrey(picture)), truth.width, truth.height);
 
   Accuracy result;
-  double squares = 0.0;
-  double absolute = 0.0;
   double similarity = 0.0;
   std::uint64_t in_truth = 0;
   std::uint64_t missing = 0;
   std::uint64_t excess = 0;
   for (std::size_t i = 0; i < ssim.size(); ++i) {
-    const bool there = truth.pixels[4 * i + 3] >= 128;
-    const bool shown = picture.pixels[4 * i + 3] >= 128;
+    const bool there = truth.pixels[4 * i + 3] >= base::kCoverageThreshold;
+    const bool shown = picture.pixels[4 * i + 3] >= base::kCoverageThreshold;
     if (!there && !shown) continue;
     ++result.foreground;
     in_truth += there ? 1U : 0U;
     missing += there && !shown ? 1U : 0U;
     excess += shown && !there ? 1U : 0U;
     similarity += ssim[i];
-    for (std::size_t c = 0; c < 3; ++c) {
-      const double d = a[c][i] - b[c][i];
-      squares += d * d;
-      absolute += std::abs(d);
-    }
   }
   if (result.foreground == 0)
     return base::Error{base::ErrorCode::kInvalidInput, "neither picture shows anything; move the camera"};
-  const double samples = 3.0 * static_cast<double>(result.foreground);
-  result.psnr_db = squares == 0.0 ? 99.0 : std::min(99.0, 10.0 * std::log10(255.0 * 255.0 * samples / squares));
-  result.mean_abs = absolute / samples;
+  const base::PictureError error = base::pictureError(truth, picture);
+  result.psnr_db = error.psnr();
+  result.mean_abs = error.absolute / static_cast<double>(error.samples);
   result.ssim = similarity / static_cast<double>(result.foreground);
   result.missing_share = static_cast<double>(missing) / static_cast<double>(std::max<std::uint64_t>(1, in_truth));
   result.excess_share = static_cast<double>(excess) / static_cast<double>(std::max<std::uint64_t>(1, in_truth));

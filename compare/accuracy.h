@@ -6,8 +6,7 @@
 
 namespace compare {
 
-/// A foreground pixel is one that the truth or the picture covers at least half: a missing part and a part too much
-/// both count. Both are laid over the same mid-grey before they are compared.
+/// Foreground, and what lies beneath: as base::pictureError.
 struct Accuracy {
   double psnr_db = 0.0;  ///< over the foreground's RGB samples; 99 when equal
   double ssim = 0.0;     ///< mean over foreground pixels; luma, 11 × 11 Gaussian window of σ 1.5 (Wang et al. 2004)

@@ -221,6 +221,7 @@ base::Bytes encodeOne(const Welcome& welcome) {
   base::ByteWriter out = begin(Type::kWelcome);
   out.u16(welcome.version);
   writeText(out, welcome.scene_name, kMaxText);
+  writeText(out, welcome.units, kMaxUnits);
   out.write(welcome.origin);
   out.write(welcome.box_min);
   out.write(welcome.box_max);
@@ -265,6 +266,8 @@ base::Result<ServerMessage> decodeWelcome(base::ByteReader& in) {
                                                       "; update the older one"};
   if (!readText(in, kMaxText, welcome.scene_name))
     return bad("Welcome", "its scene name is cut short, too long or not plain text");
+  if (!readText(in, kMaxUnits, welcome.units))
+    return bad("Welcome", "its unit of length is cut short, too long or not plain text");
   welcome.origin = in.read<glm::dvec3>();
   welcome.box_min = in.read<glm::vec3>();
   welcome.box_max = in.read<glm::vec3>();

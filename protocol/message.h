@@ -15,12 +15,13 @@
 
 namespace protocol {
 
-inline constexpr std::uint16_t kVersion = 1;
+inline constexpr std::uint16_t kVersion = 2;
 /// Limits on what is accepted; a longer message is an error and ends the connection.
 inline constexpr std::size_t kMaxClientMessage = 256 * 1024;
 inline constexpr std::size_t kMaxServerMessage = 16 * 1024 * 1024;
 inline constexpr std::size_t kMaxKeysPerMessage = 8192;  ///< of each kind
 inline constexpr std::size_t kMaxText = 512;             ///< bytes of a name or reason; encode() cuts longer ones
+inline constexpr std::size_t kMaxUnits = 32;              ///< bytes of the name of a unit of length
 inline constexpr int kMaxViewport = 16384;               ///< pixels a side; also of a face
 inline constexpr double kMinFov = 1e-3;                  ///< radians; the largest is π less this
 inline constexpr double kMaxCoordinate = 1e12;           ///< world units, either sign
@@ -64,6 +65,7 @@ struct Have {
 struct Welcome {
   std::uint16_t version = kVersion;
   std::string scene_name;
+  std::string units;                       ///< of length, as people write it ("m"); empty when not known
   glm::dvec3 origin{0.0};                  ///< world position of scene-local (0, 0, 0)
   glm::vec3 box_min{0.0F}, box_max{0.0F};  ///< scene-local
   glm::vec3 up{0.0F, 0.0F, 1.0F};

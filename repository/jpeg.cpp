@@ -1,19 +1,13 @@
 #include "repository/jpeg.h"
 
-// libjpeg's header needs these two before it.
-#include <cstddef>
-#include <cstdio>
-
-#include <jpeglib.h>
 #include <turbojpeg.h>
 
-#include <array>
-#include <csetjmp>
 #include <cstdlib>
 #include <memory>
 #include <string>
 
 #include "base/check.h"
+#include "repository/jpeg_compressor.h"
 
 namespace repository {
 namespace {
@@ -32,53 +26,20 @@ base::Error jpegError(const std::string& what) {
 
 // --- Encoding: by libjpeg's own interface, since TurboJPEG's (2.1) cannot ask for Huffman tables made for the picture
 
-struct Compressor {
-  jpeg_compress_struct jpeg{};
-  jpeg_error_mgr errors{};
-  std::jmp_buf failed{};
-  std::array<char, JMSG_LENGTH_MAX> message{};
-  unsigned char* bytes = nullptr;  // malloc's
+/// With the bytes, which are malloc's.
+struct MemoryCompressor : Compressor {
+  unsigned char* bytes = nullptr;
   unsigned long size = 0;
-
-  Compressor() {
-    jpeg.err = jpeg_std_error(&errors);
-    jpeg.client_data = this;
-    errors.error_exit = [](j_common_ptr common) {
-      auto* self = static_cast<Compressor*>(common->client_data);
-      self->errors.format_message(common, self->message.data());
-      std::longjmp(self->failed, 1);  // libjpeg's errors must not return
-    };
-    errors.output_message = [](j_common_ptr) {};
-  }
-  ~Compressor() {
-    jpeg_destroy_compress(&jpeg);
-    std::free(bytes);
-  }
-  Compressor(const Compressor&) = delete;
-  Compressor& operator=(const Compressor&) = delete;
+  ~MemoryCompressor() { std::free(bytes); }
 };
 
-void setSubsampling(jpeg_compress_struct& jpeg, Subsampling subsampling) {
-  jpeg.comp_info[0].h_samp_factor = subsampling == Subsampling::k444 ? 1 : 2;
-  jpeg.comp_info[0].v_samp_factor = subsampling == Subsampling::k420 ? 2 : 1;
-  for (int chroma = 1; chroma <= 2; ++chroma)
-    jpeg.comp_info[chroma].h_samp_factor = jpeg.comp_info[chroma].v_samp_factor = 1;
-}
-
 // False, and a message, on any error. Nothing in here may need a destructor: errors jump out of it.
-bool compress(Compressor& to, const base::Image& rgb, int quality, Subsampling subsampling) {
+bool compress(MemoryCompressor& to, const base::Image& rgb, int quality, Subsampling subsampling) {
   if (setjmp(to.failed) != 0) return false;
   jpeg_compress_struct& jpeg = to.jpeg;
   jpeg_create_compress(&jpeg);
   jpeg_mem_dest(&jpeg, &to.bytes, &to.size);
-  jpeg.image_width = static_cast<JDIMENSION>(rgb.width);
-  jpeg.image_height = static_cast<JDIMENSION>(rgb.height);
-  jpeg.input_components = 3;
-  jpeg.in_color_space = JCS_RGB;
-  jpeg_set_defaults(&jpeg);
-  jpeg_set_quality(&jpeg, quality, TRUE);
-  setSubsampling(jpeg, subsampling);
-  jpeg.dct_method = JDCT_ISLOW;
+  setPicture(jpeg, rgb.width, rgb.height, quality, subsampling);
   jpeg.optimize_coding = TRUE;
 
   jpeg_start_compress(&jpeg, TRUE);
@@ -115,7 +76,7 @@ base::Result<base::Bytes> encodeJpeg(const base::Image& rgb, int quality, Subsam
   LUMIGRID_CHECK_EQ(rgb.channels, 3);
   LUMIGRID_CHECK(quality >= 1 && quality <= 100);
   if (rgb.empty()) return jpegError("an image without pixels cannot be encoded");
-  Compressor compressor;
+  MemoryCompressor compressor;
   if (!compress(compressor, rgb, quality, subsampling)) return jpegError(compressor.message.data());
   return base::Bytes(compressor.bytes, compressor.bytes + compressor.size);
 }

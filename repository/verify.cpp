@@ -5,11 +5,10 @@
 #include <utility>
 
 #include "base/parallel.h"
-#include "repository/coverage.h"
 #include "repository/expected_points.h"
+#include "repository/face_image.h"
 #include "repository/face_value.h"
 #include "repository/gaps.h"
-#include "repository/jpeg.h"
 
 namespace repository {
 namespace {
@@ -23,19 +22,8 @@ std::string nameOf(const FaceKey& key) {
 
 // What is wrong with one value; nothing when it is well.
 std::optional<std::string> faultOf(const FaceKey& key, base::ByteView bytes, std::uint32_t face_size) {
-  const auto value = decodeFaceValue(bytes);
-  if (!value) return nameOf(key) + ": " + value.error().message;
-  if (value->empty) return std::nullopt;
-
-  const int side = static_cast<int>(face_size);
-  const auto image = decodeJpeg(value->jpeg, side);
-  if (!image) return nameOf(key) + ": " + image.error().message;
-  if (image->width != side || image->height != side) {
-    return nameOf(key) + ": a picture of " + std::to_string(image->width) + " x " + std::to_string(image->height) +
-           " pixels, not " + std::to_string(side);
-  }
-  const auto mask = decodeCoverage(value->coverage, side, side);
-  if (!mask) return nameOf(key) + ": " + mask.error().message;
+  const auto pixels = decodeFacePixels(bytes, static_cast<int>(face_size));
+  if (!pixels) return nameOf(key) + ": " + pixels.error().message;
   return std::nullopt;
 }
 

@@ -1,44 +1,16 @@
 #include "client/native/jpeg_decoder.h"
 
-#include <algorithm>
 #include <limits>
 #include <mutex>
 #include <utility>
 
 #include "base/parallel.h"
-#include "repository/coverage.h"
-#include "repository/face_value.h"
-#include "repository/jpeg.h"
+#include "repository/face_image.h"
 
 namespace client {
-namespace {
-
-base::Result<base::Image> decodeValue(base::ByteView bytes) {
-  auto value = repository::decodeFaceValue(bytes);
-  if (!value) return value.error();
-  if (value->empty) return base::Image();
-  auto rgb = repository::decodeJpeg(value->jpeg);
-  if (!rgb) return rgb.error();
-  base::Image mask;
-  if (!value->coverage.empty()) {
-    auto decoded = repository::decodeCoverage(value->coverage, rgb->width, rgb->height);
-    if (!decoded) return decoded.error();
-    mask = std::move(*decoded);
-  }
-
-  base::Image rgba(rgb->width, rgb->height, 4);
-  const std::size_t count = rgba.pixels.size() / 4;
-  for (std::size_t i = 0; i < count; ++i) {
-    std::copy_n(rgb->pixels.data() + 3 * i, 3, rgba.pixels.data() + 4 * i);
-    rgba.pixels[4 * i + 3] = mask.empty() ? 255 : mask.pixels[i];
-  }
-  return rgba;
-}
-
-}  // namespace
 
 ImageDecoder::Decoded decodeFaceImage(std::uint64_t id, base::ByteView value) {
-  auto image = decodeValue(value);
+  auto image = repository::decodeFaceImage(value, 0);  // exact frames come in any size
   if (!image) return {id, {}, "an image from the server is broken: " + image.error().message};
   return {id, std::move(*image), {}};
 }

@@ -21,8 +21,7 @@ class JpegDecoder : public ImageDecoder {
   std::unique_ptr<State> state_;
 };
 
-/// A face value (repository/face_value.h) as RGBA, alpha 255 on the model and 0 on the background; not premultiplied.
-/// Empty for an empty flag.
+/// repository::decodeFaceImage, of any size.
 ImageDecoder::Decoded decodeFaceImage(std::uint64_t id, base::ByteView value);
 
 }  // namespace client

@@ -46,6 +46,7 @@ base::Result<StaticScene> staticSceneFrom(const std::string& scene_json, const s
   out.index = partOf(*scene, "images/index", ".lgi");
   const base::Aabb box = scene->localBox();
   out.welcome.scene_name = nameOf(place);
+  out.welcome.units = scene->units == "unknown" ? "" : scene->units;
   out.welcome.origin = scene->origin;
   out.welcome.box_min = box.min;
   out.welcome.box_max = box.max;

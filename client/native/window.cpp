@@ -15,7 +15,7 @@
 
 #include "base/json/camera_file.h"
 #include "client/native/jpeg_decoder.h"
-#include "client/native/orbit_control.h"
+#include "client/orbit_control.h"
 
 namespace client {
 namespace {

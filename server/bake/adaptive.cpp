@@ -95,7 +95,7 @@ class Sampler {
     row.cells = tree_.leafCount();
     row.points = tree_.points().size();
     row.bytes = work_.stored_bytes();
-    PictureError all;
+    base::PictureError all;
     for (std::size_t i = 0; i < round.size(); ++i) {
       if (!tell(row, i, round.size())) {
         LUMIGRID_TRY(save());
@@ -153,9 +153,9 @@ class Sampler {
 
   // From the cell's centre, where its corners are farthest; from a place half-way to one where the centre is behind the
   // surface. What views from behind it miss would split every cell along a terrain.
-  base::Result<PictureError> judge(const Cell& cell) {
+  base::Result<base::PictureError> judge(const Cell& cell) {
     const auto eye = placeToLookFrom(cell, 0);
-    if (!eye) return PictureError();  // nobody can be there
+    if (!eye) return base::PictureError();  // nobody can be there
     return judge_.judge(work_.renderer, *eye, pointsOf(cell));
   }
 

@@ -19,12 +19,12 @@
 #include "repository/parameters.h"
 #include "server/bake/adaptive.h"
 #include "server/bake/committer.h"
-#include "server/bake/draw_pool.h"
+#include "server/bake/draw_thread.h"
 #include "server/bake/face_encoder.h"
 
-// Stages, each on its own threads: dealing out grid points (this thread), drawing and reading back (DrawPool), encoding
-// (a pool), committing (the Committer's thread). Queues between them are bounded, so a slow disk slows the drawing down
-// and memory stays small.
+// Stages, each on its own threads: dealing out grid points (this thread), drawing and reading back (DrawThread),
+// encoding (a pool), committing (the Committer's thread). Queues between them are bounded, so a slow disk slows the
+// drawing down and memory stays small.
 
 namespace server {
 namespace {
@@ -174,8 +174,7 @@ class MovingRate {
 class Baker {
  public:
   Baker(const base::Scene& scene, const lod::patch::PatchFile& patches, repository::Store& store,
-        const BakeOptions& options, unsigned drawing_threads, const Present& present,
-        const std::vector<glm::uvec3>& points)
+        const BakeOptions& options, const Present& present, const std::vector<glm::uvec3>& points)
       : options_(options),
         present_(present),
         points_(points),
@@ -183,7 +182,7 @@ class Baker {
         committer_(store, options.batch_faces, 2 * std::uint64_t{options.batch_faces} + 8 * threads_),
         encoders_(threads_, 2 * threads_),
         draw_(
-            scene, patches, options_.grid, renderOptions(options), drawing_threads,
+            scene, patches, options_.grid, renderOptions(options),
             [this](std::uint64_t sequence, const repository::FaceKey& key, Rendered rendered) {
               take(sequence, key, std::move(rendered));
             },
@@ -267,7 +266,7 @@ class Baker {
   MovingRate rate_;
   Committer committer_;
   base::ThreadPool encoders_;  // its jobs use the others, so it ends before them
-  DrawPool draw_;              // … and this one before it
+  DrawThread draw_;            // … and this one before it
 };
 
 // A store, what it holds and what fills it.
@@ -352,17 +351,8 @@ class Work {
     });
   }
 
-  base::Result<void> countDrawingThreads() {
-    if (drawing_threads_ != 0) return {};
-    const auto threads = DrawPool::threadsFor(options_.threads == 0 ? base::coreCount() : options_.threads);
-    if (!threads) return threads.error();
-    drawing_threads_ = *threads;
-    return {};
-  }
-
   // A context and a renderer of this thread's own, for what is judged.
   base::Result<void> start() {
-    LUMIGRID_TRY(countDrawingThreads());  // before: it looks at a context of its own
     auto context = base::HeadlessContext::create();
     if (!context) return context.error();
     context_ = std::move(*context);
@@ -375,8 +365,7 @@ class Work {
   // What is missing at these points; gives those of them that were rendered and see nothing.
   base::Result<std::vector<glm::uvec3>> render(const std::vector<glm::uvec3>& points) {
     if (!isMissing(points)) return std::vector<glm::uvec3>();
-    LUMIGRID_TRY(countDrawingThreads());
-    Baker baker(scene_, patches_, store_, options_, drawing_threads_, present_, points);
+    Baker baker(scene_, patches_, store_, options_, present_, points);
     LUMIGRID_TRY(baker.run(progress_));
     summary_.faces_rendered += baker.counters().done;
     summary_.faces_empty += baker.counters().empty;
@@ -399,7 +388,6 @@ class Work {
   const std::string parameters_;
   Present present_;
   BakeSummary summary_;
-  unsigned drawing_threads_ = 0;  // 0: not asked yet
   std::unique_ptr<base::HeadlessContext> context_;
   std::unique_ptr<SceneRenderer> renderer_;  // goes before its context
 };

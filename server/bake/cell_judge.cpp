@@ -13,45 +13,16 @@
 #include "client/render/lumigraph.h"
 #include "lod/patch/traverse.h"
 #include "repository/cube_face.h"
-#include "server/bake/face_encoder.h"
+#include "repository/face_image.h"
 
 namespace server {
 namespace {
 
 constexpr client::SampleId kNotStored = client::SampleId{1} << 63;  // no face key has this bit
-constexpr float kBackground = 128.0F;
 // Lines over twice the tangent of half the angle: pixels per unit at distance 1 of a view of 720 lines and 45°.
 const float kUsualView = 720.0F / (2.0F * std::tan(0.125F * 3.14159265F));
 
-// The colour over mid-grey.
-float over(const std::uint8_t* pixel, int channel) {
-  const float alpha = static_cast<float>(pixel[3]) / 255.0F;
-  return alpha * static_cast<float>(pixel[channel]) + (1.0F - alpha) * kBackground;
-}
-
 }  // namespace
-
-double PictureError::psnr() const {
-  if (samples == 0 || squared <= 0.0) return 99.0;
-  return std::min(99.0, 10.0 * std::log10(255.0 * 255.0 * static_cast<double>(samples) / squared));
-}
-
-PictureError pictureError(const base::Image& truth, const base::Image& picture) {
-  LUMIGRID_CHECK(truth.width == picture.width && truth.height == picture.height);
-  LUMIGRID_CHECK(truth.channels == 4 && picture.channels == 4);
-  PictureError error;
-  for (std::size_t i = 0; i + 3 < truth.pixels.size(); i += 4) {
-    const std::uint8_t* a = &truth.pixels[i];
-    const std::uint8_t* b = &picture.pixels[i];
-    if (a[3] < kCoverageThreshold && b[3] < kCoverageThreshold) continue;
-    for (int c = 0; c < 3; ++c) {
-      const double off = static_cast<double>(over(a, c) - over(b, c));
-      error.squared += off * off;
-    }
-    error.samples += 3;
-  }
-  return error;
-}
 
 struct CellJudge::State {
   const lod::patch::PatchFile& patches;
@@ -79,8 +50,8 @@ struct CellJudge::State {
   base::Result<std::vector<base::Image>> truthOf(SceneRenderer& renderer, const std::vector<base::Camera>& views) const;
   base::Result<lod::patch::Cut> bringProxy(SceneRenderer& renderer, const base::Camera& view);
   base::Result<std::vector<client::SampleId>> bringFaces(SceneRenderer& renderer, std::span<const glm::uvec3> points);
-  base::Result<PictureError> blend(const std::vector<base::Camera>& views, const std::vector<base::Image>& truth,
-                                   const lod::patch::Cut& cut, const std::vector<client::SampleId>& images);
+  base::Result<base::PictureError> blend(const std::vector<base::Camera>& views, const std::vector<base::Image>& truth,
+                                         const lod::patch::Cut& cut, const std::vector<client::SampleId>& images);
   std::size_t in_use = 0;  // the newest so many belong to the cell at hand
 };
 
@@ -157,7 +128,7 @@ base::Result<bool> CellJudge::State::bringFace(const repository::FaceKey& key, c
   if (!value) return value.error();
   bool image = false;
   if (*value) {
-    auto rgba = decodeFace(**value, static_cast<int>(grid.face_size));
+    auto rgba = repository::decodeFaceImage(**value, static_cast<int>(grid.face_size));
     if (!rgba) return rgba.error();
     if (!rgba->empty()) {
       auto added = addImage(key, *rgba, depth);
@@ -222,14 +193,15 @@ base::Result<std::vector<client::SampleId>> CellJudge::State::bringFaces(SceneRe
   return images;
 }
 
-base::Result<PictureError> CellJudge::State::blend(const std::vector<base::Camera>& views,
-                                                   const std::vector<base::Image>& truth, const lod::patch::Cut& cut,
-                                                   const std::vector<client::SampleId>& images) {
+base::Result<base::PictureError> CellJudge::State::blend(const std::vector<base::Camera>& views,
+                                                         const std::vector<base::Image>& truth,
+                                                         const lod::patch::Cut& cut,
+                                                         const std::vector<client::SampleId>& images) {
   client::LumigraphOptions blend;
   blend.max_samples = options.max_samples;
   blend.fade_seconds = 0.0F;
   blend.use_images = !images.empty();
-  PictureError error;
+  base::PictureError error;
   for (std::size_t d = 0; d < views.size(); ++d) {
     const base::Frustum frustum(views[d].clipFromScene());
     std::vector<std::uint32_t> in_view;
@@ -237,15 +209,15 @@ base::Result<PictureError> CellJudge::State::blend(const std::vector<base::Camer
       if (frustum.mayOverlap(lumigraph->patches().box(patch))) in_view.push_back(patch);
     target.bind();
     lumigraph->draw(views[d], in_view, images, cut.error_px, shading, blend, 0.0, cut.patches);
-    error.add(pictureError(truth[d], target.read()));
+    error.add(base::pictureError(truth[d], target.read()));
   }
   if (const std::string fault = base::gl::takeError(); !fault.empty())
     return base::Error{base::ErrorCode::kIo, "blending a held-out view: " + fault};
   return error;
 }
 
-base::Result<PictureError> CellJudge::judge(SceneRenderer& renderer, const glm::vec3& eye,
-                                            std::span<const glm::uvec3> points) {
+base::Result<base::PictureError> CellJudge::judge(SceneRenderer& renderer, const glm::vec3& eye,
+                                                  std::span<const glm::uvec3> points) {
   State& s = *state_;
   const auto views = s.viewsFrom(renderer, eye, s.options.view_size);
   const auto truth = s.truthOf(renderer, views);
@@ -257,9 +229,10 @@ base::Result<PictureError> CellJudge::judge(SceneRenderer& renderer, const glm::
   return s.blend(views, *truth, *cut, *images);
 }
 
-base::Result<std::pair<PictureError, PictureError>> CellJudge::judgeWith(SceneRenderer& renderer, const glm::vec3& eye,
-                                                                         std::span<const glm::uvec3> points,
-                                                                         const glm::vec3& another) {
+base::Result<std::pair<base::PictureError, base::PictureError>> CellJudge::judgeWith(SceneRenderer& renderer,
+                                                                                     const glm::vec3& eye,
+                                                                                     std::span<const glm::uvec3> points,
+                                                                                     const glm::vec3& another) {
   State& s = *state_;
   const auto views = s.viewsFrom(renderer, eye, s.options.view_size);
   const auto truth = s.truthOf(renderer, views);

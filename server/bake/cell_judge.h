@@ -10,25 +10,13 @@
 
 #include "base/error.h"
 #include "base/json/scene_file.h"
+#include "base/picture_error.h"
 #include "lod/patch/format.h"
 #include "repository/grid.h"
 #include "repository/store.h"
 #include "server/render/scene_renderer.h"
 
 namespace server {
-
-/// How far pictures are off, on foreground pixels: those that the truth or the picture covers at least half, both laid
-/// over mid-grey (as compare/accuracy.h).
-struct PictureError {
-  double squared = 0.0;       ///< sum over R, G and B, 8-bit levels
-  std::uint64_t samples = 0;  ///< three a pixel
-
-  void add(const PictureError& other) { squared += other.squared, samples += other.samples; }
-  /// 99 where nothing is off, or nothing is seen.
-  double psnr() const;
-};
-/// RGBA, alpha = coverage, of the same size.
-PictureError pictureError(const base::Image& truth, const base::Image& picture);
 
 struct JudgeOptions {
   RenderOptions truth;    ///< how true pictures are drawn
@@ -49,12 +37,14 @@ class CellJudge {
 
   /// The six views of 90° from `eye`, scene-local, blended from the stored faces of `points`; faces that are not stored
   /// are done without. Errors: those of the store, of a value that cannot be decoded, of drawing.
-  base::Result<PictureError> judge(SceneRenderer& renderer, const glm::vec3& eye, std::span<const glm::uvec3> points);
+  base::Result<base::PictureError> judge(SceneRenderer& renderer, const glm::vec3& eye,
+                                         std::span<const glm::uvec3> points);
   /// The same twice: first as judge(), then with the six faces of `another` place among the images, as if they were
   /// stored (but not compressed).
-  base::Result<std::pair<PictureError, PictureError>> judgeWith(SceneRenderer& renderer, const glm::vec3& eye,
-                                                                std::span<const glm::uvec3> points,
-                                                                const glm::vec3& another);
+  base::Result<std::pair<base::PictureError, base::PictureError>> judgeWith(SceneRenderer& renderer,
+                                                                            const glm::vec3& eye,
+                                                                            std::span<const glm::uvec3> points,
+                                                                            const glm::vec3& another);
 
  private:
   CellJudge() = default;

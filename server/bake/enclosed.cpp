@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "base/geometry.h"
 #include "base/parallel.h"
 #include "lod/patch/traverse.h"
 
@@ -21,31 +22,6 @@ double solidAngle(const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c)
   const double numerator = glm::dot(a, glm::cross(b, c));
   const double denominator = la * lb * lc + glm::dot(a, b) * lc + glm::dot(b, c) * la + glm::dot(c, a) * lb;
   return 2.0 * std::atan2(numerator, denominator);
-}
-
-// Squared distance of the origin to a triangle (Ericson, Real-Time Collision Detection, 2005, section 5.1.5).
-double squaredDistance(const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c) {
-  const glm::dvec3 ab = b - a;
-  const glm::dvec3 ac = c - a;
-  const double d1 = -glm::dot(ab, a);
-  const double d2 = -glm::dot(ac, a);
-  if (d1 <= 0.0 && d2 <= 0.0) return glm::dot(a, a);
-  const double d3 = -glm::dot(ab, b);
-  const double d4 = -glm::dot(ac, b);
-  if (d3 >= 0.0 && d4 <= d3) return glm::dot(b, b);
-  const auto at = [](const glm::dvec3& p) { return glm::dot(p, p); };
-  const double vc = d1 * d4 - d3 * d2;
-  if (vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0) return at(a + d1 / (d1 - d3) * ab);
-  const double d5 = -glm::dot(ab, c);
-  const double d6 = -glm::dot(ac, c);
-  if (d6 >= 0.0 && d5 <= d6) return glm::dot(c, c);
-  const double vb = d5 * d2 - d1 * d6;
-  if (vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0) return at(a + d2 / (d2 - d6) * ac);
-  const double va = d3 * d6 - d5 * d4;
-  if (va <= 0.0 && d4 - d3 >= 0.0 && d5 - d6 >= 0.0) return at(b + (d4 - d3) / ((d4 - d3) + (d5 - d6)) * (c - b));
-  const double sum = va + vb + vc;
-  if (!(sum > 0.0)) return std::min({at(a), at(b), at(c)});  // a line
-  return at(a + vb / sum * ab + vc / sum * ac);
 }
 
 }  // namespace
@@ -92,7 +68,8 @@ bool Enclosure::encloses(const glm::vec3& point) const {
   const double margin = static_cast<double>(error_) * static_cast<double>(error_);
   const glm::dvec3 p(point);
   return std::none_of(triangles_.begin(), triangles_.end(), [&](const Triangle& t) {
-    return squaredDistance(glm::dvec3(t.a) - p, glm::dvec3(t.b) - p, glm::dvec3(t.c) - p) <= margin;
+    const glm::dvec3 away = base::closestPointOnTriangle(p, glm::dvec3(t.a), glm::dvec3(t.b), glm::dvec3(t.c)) - p;
+    return glm::dot(away, away) <= margin;
   });
 }
 

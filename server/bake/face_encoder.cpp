@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "base/check.h"
+#include "base/picture_error.h"
 #include "repository/coverage.h"
 #include "repository/face_value.h"
 
@@ -79,13 +80,13 @@ void fillFrom(const Level& coarse, Level& fine) {
 base::Image coverageMask(const base::Image& rgba) {
   base::Image mask(rgba.width, rgba.height, 1);
   for (std::size_t i = 0; i < mask.pixels.size(); ++i)
-    mask.pixels[i] = rgba.pixels[4 * i + 3] >= kCoverageThreshold ? 255 : 0;
+    mask.pixels[i] = rgba.pixels[4 * i + 3] >= base::kCoverageThreshold ? 255 : 0;
   return mask;
 }
 
 bool showsModel(const base::Image& rgba) {
   for (std::size_t i = 3; i < rgba.pixels.size(); i += 4)
-    if (rgba.pixels[i] >= kCoverageThreshold) return true;
+    if (rgba.pixels[i] >= base::kCoverageThreshold) return true;
   return false;
 }
 
@@ -119,30 +120,6 @@ base::Result<EncodedFace> encodeFace(const base::Image& rgba, int quality, repos
   face.coverage_bytes = coverage.size();
   face.value = repository::encodeFaceValue({false, *jpeg, coverage});
   return face;
-}
-
-base::Result<base::Image> decodeFace(base::ByteView value, int face_size) {
-  const auto face = repository::decodeFaceValue(value);
-  if (!face) return face.error();
-  if (face->empty) return base::Image();
-  const auto rgb = repository::decodeJpeg(face->jpeg, face_size);
-  if (!rgb) return rgb.error();
-  if (rgb->width != face_size || rgb->height != face_size)
-    return base::Error{base::ErrorCode::kInvalidInput, "a face of " + std::to_string(rgb->width) + " x " +
-                                                           std::to_string(rgb->height) + " pixels, not " +
-                                                           std::to_string(face_size)};
-  base::Image mask;
-  if (!face->coverage.empty()) {
-    auto decoded = repository::decodeCoverage(face->coverage, face_size, face_size);
-    if (!decoded) return decoded.error();
-    mask = std::move(*decoded);
-  }
-  base::Image rgba(face_size, face_size, 4);
-  for (std::size_t i = 0; 4 * i < rgba.pixels.size(); ++i) {
-    for (std::size_t c = 0; c < 3; ++c) rgba.pixels[4 * i + c] = rgb->pixels[3 * i + c];
-    rgba.pixels[4 * i + 3] = mask.empty() ? 255 : mask.pixels[i];
-  }
-  return rgba;
 }
 
 }  // namespace server

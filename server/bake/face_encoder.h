@@ -1,5 +1,6 @@
 #pragma once
-// From a rendered face to the value that is stored.
+// From a rendered face to the value that is stored (repository/face_image.h is the way back). A pixel is model when at
+// least half of its samples are: base::kCoverageThreshold.
 #include <cstdint>
 
 #include "base/bytes.h"
@@ -8,9 +9,6 @@
 #include "repository/jpeg.h"
 
 namespace server {
-
-/// A pixel is model when at least half of its samples are.
-inline constexpr std::uint8_t kCoverageThreshold = 128;
 
 struct EncodedFace {
   base::Bytes value;  ///< repository::encodeFaceValue
@@ -27,10 +25,6 @@ bool showsModel(const base::Image& rgba);
 /// `rgba`: as Rendered::rgba. Without a pixel of model: an empty flag. The same picture gives the same bytes on every
 /// thread and machine with the same libjpeg-turbo.
 base::Result<EncodedFace> encodeFace(const base::Image& rgba, int quality, repository::Subsampling subsampling);
-
-/// The way back: RGBA, alpha 0 or 255 by the mask; an empty image for an empty flag. Errors: what decodeFaceValue,
-/// decodeJpeg and decodeCoverage refuse, and sides other than `face_size`.
-base::Result<base::Image> decodeFace(base::ByteView value, int face_size);
 
 /// The picture without alpha, what the mask hides replaced by filler that costs a JPEG little: the mean of the model's
 /// pixels in the smallest square of 2, 4, 8 … pixels (whose sides are multiples of its size from the corner) that holds

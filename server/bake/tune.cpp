@@ -10,6 +10,7 @@
 #include "base/check.h"
 #include "base/egl/headless.h"
 #include "base/parallel.h"
+#include "base/picture_error.h"
 #include "server/bake/face_encoder.h"
 #include "server/bake/face_sample.h"
 
@@ -19,7 +20,6 @@ namespace {
 constexpr std::size_t kSamplePixels = std::size_t{1} << 26;
 constexpr std::size_t kFewestFaces = 8;
 constexpr int kBestQuality = 100;
-constexpr double kEqualDb = 99.0;
 // Of equally few bytes the first: more chroma.
 constexpr std::array kSubsamplings = {repository::Subsampling::k444, repository::Subsampling::k422,
                                       repository::Subsampling::k420};
@@ -28,22 +28,18 @@ constexpr std::array kSubsamplings = {repository::Subsampling::k444, repository:
 struct PreparedFace {
   const base::Image* rgba = nullptr;
   base::Image filled;
-  base::Image mask;
 };
 
-/// In whole numbers, so that sums don't depend on their order.
 struct Measured {
   std::uint64_t jpeg_bytes = 0;
-  std::uint64_t squares = 0;  ///< of differences of 8-bit levels
-  std::uint64_t samples = 0;  ///< three a pixel of model
+  base::PictureError error;  ///< of whole numbers: threads may add in any order
 };
 
 std::vector<PreparedFace> prepare(const std::vector<base::Image>& faces, unsigned threads) {
   std::vector<PreparedFace> prepared(faces.size());
   base::parallelFor(faces.size(), threads, [&](std::size_t i) {
     prepared[i].rgba = &faces[i];
-    prepared[i].mask = coverageMask(faces[i]);
-    prepared[i].filled = fillBackground(faces[i], prepared[i].mask);
+    prepared[i].filled = fillBackground(faces[i], coverageMask(faces[i]));
   });
   return prepared;
 }
@@ -53,23 +49,7 @@ base::Result<Measured> measureFace(const PreparedFace& face, int quality, reposi
   if (!jpeg) return jpeg.error();
   auto back = repository::decodeJpeg(*jpeg);
   if (!back) return back.error();
-  Measured result;
-  result.jpeg_bytes = jpeg->size();
-  for (std::size_t i = 0; i < face.mask.pixels.size(); ++i) {
-    if (face.mask.pixels[i] == 0) continue;
-    for (std::size_t c = 0; c < 3; ++c) {
-      const int difference = int{face.rgba->pixels[4 * i + c]} - int{back->pixels[3 * i + c]};
-      result.squares += static_cast<std::uint64_t>(difference * difference);
-    }
-    result.samples += 3;
-  }
-  return result;
-}
-
-double psnrOf(const Measured& m) {
-  if (m.squares == 0) return kEqualDb;
-  return std::min(kEqualDb,
-                  10.0 * std::log10(255.0 * 255.0 * static_cast<double>(m.samples) / static_cast<double>(m.squares)));
+  return Measured{jpeg->size(), base::modelError(*face.rgba, *back)};
 }
 
 base::Result<TunePoint> measure(const std::vector<PreparedFace>& faces, int quality,
@@ -81,10 +61,9 @@ base::Result<TunePoint> measure(const std::vector<PreparedFace>& faces, int qual
   for (const auto& one : measured) {
     if (!*one) return one->error();
     sum.jpeg_bytes += (*one)->jpeg_bytes;
-    sum.squares += (*one)->squares;
-    sum.samples += (*one)->samples;
+    sum.error.add((*one)->error);
   }
-  return TunePoint{sum.jpeg_bytes, psnrOf(sum)};
+  return TunePoint{sum.jpeg_bytes, sum.error.psnr()};
 }
 
 /// The lowest quality that reaches `psnr_db`; psnr_db of the result is less when none does.

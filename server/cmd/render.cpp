@@ -8,6 +8,7 @@
 #include "lod/method.h"
 #include "server/cmd/commands.h"
 #include "server/cmd/console.h"
+#include "server/render/background.h"
 #include "server/render/scene_renderer.h"
 
 namespace server::cmd {
@@ -24,16 +25,10 @@ struct RenderArguments {
   std::vector<int> background;
 };
 
-// Lays a picture with alpha over an opaque colour.
-base::Image over(const base::Image& rgba, const std::vector<int>& background) {
-  base::Image rgb(rgba.width, rgba.height, 3);
-  for (std::size_t i = 0; i < rgb.pixels.size() / 3; ++i) {
-    const int alpha = rgba.pixels[4 * i + 3];
-    for (std::size_t c = 0; c < 3; ++c)
-      rgb.pixels[3 * i + c] =
-          static_cast<std::uint8_t>((rgba.pixels[4 * i + c] * alpha + background[c] * (255 - alpha) + 127) / 255);
-  }
-  return rgb;
+Rgb colorOf(const std::vector<int>& values) {
+  Rgb color{};
+  for (std::size_t c = 0; c < color.size(); ++c) color[c] = static_cast<std::uint8_t>(values[c]);
+  return color;
 }
 
 int run(const RenderArguments& a) {
@@ -61,7 +56,8 @@ int run(const RenderArguments& a) {
   auto picture =
       (*renderer)->render(base::cameraFromView(*view, scene->origin, range.near_plane, range.far_plane), options);
   if (!picture) return fail(picture.error());
-  auto written = base::writePng(a.background.size() == 3 ? over(picture->rgba, a.background) : picture->rgba, a.output);
+  auto written =
+      base::writePng(a.background.size() == 3 ? over(picture->rgba, colorOf(a.background)) : picture->rgba, a.output);
   if (!written) return fail(written.error());
   std::printf("%s: %d x %d, %s triangles drawn\n", a.output.c_str(), view->width, view->height,
               formatCount(picture->triangles).c_str());

@@ -3,6 +3,7 @@
 
 #include "server/cmd/commands.h"
 #include "server/cmd/console.h"
+#include "server/net/page_files.h"
 #include "server/net/server.h"
 
 namespace server::cmd {
@@ -11,6 +12,8 @@ namespace {
 struct ServeArguments {
   std::string scene;
   ServerOptions options;
+  std::string web;
+  double max_picture_megapixels = 64.0;
   bool no_frames = false;
   bool no_access = false;
   bool json = false;
@@ -19,14 +22,16 @@ struct ServeArguments {
 int run(ServeArguments& a) {
   a.options.render_frames = !a.no_frames;
   a.options.count_access = !a.no_access;
+  a.options.max_picture_pixels = static_cast<std::uint64_t>(a.max_picture_megapixels * 1e6);
+  if (a.web != "off") a.options.page_directory = a.web.empty() ? installedPageFiles() : a.web;
   auto server = Server::open(a.scene, a.options);
   if (!server) return fail(server.error());
   const std::string place = a.options.address + ":" + std::to_string((*server)->port());
   if (a.json)
     std::printf("{\"port\":%u,\"url\":\"ws://%s/\"}\n", static_cast<unsigned>((*server)->port()), place.c_str());
   else
-    std::printf("serving %s at http://%s/\nlook at it with: lumigrid-view ws://%s/\n", a.scene.c_str(), place.c_str(),
-                place.c_str());
+    std::printf("serving %s at http://%s/%s\nlook at it with: lumigrid-view ws://%s/\n", a.scene.c_str(), place.c_str(),
+                a.options.page_directory.empty() ? "" : " (open it in a browser)", place.c_str());
   std::fflush(stdout);
   auto ended = (*server)->run(true);
   if (!ended) return fail(ended.error());
@@ -51,7 +56,21 @@ Run addServe(CLI::App& command) {
       ->capture_default_str();
   command.add_option("--idle", a->options.idle_seconds, "seconds after which a silent viewer is let go")
       ->capture_default_str();
-  command.add_flag("--no-frames", a->no_frames, "never render exact frames for viewers at rest (saves CPU or GPU)");
+  command.add_option("--web", a->web,
+                     "folder with the browser client's files, served at /; off: none. Default: ../share/lumigrid/web "
+                     "beside the folder of this program, where installing puts them");
+  command
+      .add_option("--max-picture", a->max_picture_megapixels,
+                  "most megapixels of a picture asked for at /render; 0: render none")
+      ->check(CLI::Range(0.0, 1000.0))
+      ->capture_default_str();
+  command
+      .add_option("--max-waiting-pictures", a->options.max_waiting_pictures,
+                  "pictures that may wait while one is rendered; further ones are answered 503")
+      ->check(CLI::Range(0, 1000))
+      ->capture_default_str();
+  command.add_flag("--no-frames", a->no_frames,
+                   "never render exact frames for viewers at rest, nor pictures (saves CPU or GPU)");
   command.add_option("--access-file", a->options.access_file,
                      "file that keeps how often each image and patch group was sent to viewers; default: access.lga in "
                      "the scene; servers may share it");

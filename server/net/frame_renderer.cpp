@@ -27,17 +27,29 @@ struct FrameRenderer::State {
     FrameRequest request;
     Done done;
   };
+  struct PictureJob {
+    std::uint64_t client = 0;
+    PictureRequest request;
+    Painted done;
+    std::unique_ptr<PicturePainter> painter;  // of the thread alone; null: not begun
+  };
 
   explicit State(const OpenScene& opened) : scene(opened) {}
   void work(std::promise<base::Result<void>> started);
-  std::optional<Job> waitForJob();
+  bool waitForWork(std::optional<Job>& frame);
   base::Bytes render(SceneRenderer& renderer, const FrameRequest& request) const;
+  void paintBand(SceneRenderer& renderer);
+  base::Result<bool> step(SceneRenderer& renderer, PictureJob& job) const;
 
   const OpenScene& scene;
   std::mutex mutex;
   std::condition_variable changed;
-  std::deque<Job> queue;  // one per client at most, oldest first
+  std::deque<Job> queue;                  // one per client at most, oldest first
+  std::deque<PictureJob> pictures;        // oldest first
+  std::optional<std::uint64_t> painting;  // whose picture is in hand
+  bool given_up = false;                  // nobody wants it any more
   bool stopping = false;
+  std::optional<PictureJob> in_hand;  // of the thread alone
   std::thread thread;
 };
 
@@ -50,17 +62,59 @@ void FrameRenderer::State::work(std::promise<base::Result<void>> started) {
     if (!renderer) return started.set_value(renderer.error());
     spdlog::info("frames: rendered by {}", (*context)->renderer());
     started.set_value({});
-    while (auto job = waitForJob()) job->done(render(**renderer, job->request));
+    std::optional<Job> frame;
+    while (waitForWork(frame)) {
+      if (frame) frame->done(render(**renderer, frame->request));
+      if (in_hand) paintBand(**renderer);
+    }
   }
 }
 
-std::optional<FrameRenderer::State::Job> FrameRenderer::State::waitForJob() {
+/// The next frame, if one waits, and a picture in hand, if any does. False: the end.
+bool FrameRenderer::State::waitForWork(std::optional<Job>& frame) {
   std::unique_lock lock(mutex);
-  changed.wait(lock, [this] { return stopping || !queue.empty(); });
-  if (stopping) return std::nullopt;
-  Job job = std::move(queue.front());
-  queue.pop_front();
-  return job;
+  if (std::exchange(given_up, false)) {
+    in_hand.reset();
+    painting.reset();
+  }
+  changed.wait(lock, [this] { return stopping || in_hand || !queue.empty() || !pictures.empty(); });
+  if (stopping) return false;
+  frame.reset();
+  if (!queue.empty()) {
+    frame = std::move(queue.front());
+    queue.pop_front();
+  }
+  if (!in_hand && !pictures.empty()) {
+    in_hand = std::move(pictures.front());
+    pictures.pop_front();
+    painting = in_hand->client;
+  }
+  return true;
+}
+
+void FrameRenderer::State::paintBand(SceneRenderer& renderer) {
+  const auto whole = step(renderer, *in_hand);
+  if (whole && !*whole) return;
+  if (!whole) spdlog::warn("picture: {}", whole.error().message);
+  {
+    const std::lock_guard lock(mutex);
+    painting.reset();
+    if (std::exchange(given_up, false)) return in_hand.reset();
+  }
+  if (whole)
+    in_hand->done(in_hand->painter->take());
+  else
+    in_hand->done(whole.error());
+  in_hand.reset();
+}
+
+base::Result<bool> FrameRenderer::State::step(SceneRenderer& renderer, PictureJob& job) const {
+  if (!job.painter) {
+    auto begun = PicturePainter::begin(job.request, scene.scene, renderer);
+    if (!begun) return begun.error();
+    job.painter = std::move(*begun);
+  }
+  return job.painter->step(renderer);
 }
 
 base::Bytes FrameRenderer::State::render(SceneRenderer& renderer, const FrameRequest& request) const {
@@ -99,6 +153,7 @@ FrameRenderer::~FrameRenderer() {
     std::lock_guard lock(state_->mutex);
     state_->stopping = true;
     state_->queue.clear();
+    state_->pictures.clear();
   }
   state_->changed.notify_all();
   if (state_->thread.joinable()) state_->thread.join();
@@ -111,9 +166,19 @@ void FrameRenderer::submit(std::uint64_t client, const FrameRequest& request, Do
   state_->changed.notify_one();
 }
 
+bool FrameRenderer::paint(std::uint64_t client, const PictureRequest& request, std::size_t max_waiting, Painted done) {
+  const std::lock_guard lock(state_->mutex);
+  if (state_->pictures.size() >= max_waiting + (state_->painting ? 0 : 1)) return false;
+  state_->pictures.push_back({client, request, std::move(done), nullptr});
+  state_->changed.notify_one();
+  return true;
+}
+
 void FrameRenderer::cancel(std::uint64_t client) {
-  std::lock_guard lock(state_->mutex);
+  const std::lock_guard lock(state_->mutex);
   std::erase_if(state_->queue, [client](const State::Job& job) { return job.client == client; });
+  std::erase_if(state_->pictures, [client](const State::PictureJob& job) { return job.client == client; });
+  if (state_->painting == client) state_->given_up = true;
 }
 
 }  // namespace server

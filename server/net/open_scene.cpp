@@ -59,6 +59,7 @@ void describe(const std::string& directory, OpenScene& open) {
   const base::Aabb box = scene.localBox();
   protocol::Welcome& welcome = open.data.welcome;
   welcome.scene_name = nameOf(directory);
+  welcome.units = scene.units == "unknown" ? "" : scene.units;
   welcome.origin = scene.origin;
   welcome.box_min = box.min;
   welcome.box_max = box.max;
@@ -97,8 +98,11 @@ base::Result<std::unique_ptr<OpenScene>> openHierarchy(base::Scene scene, base::
   if (!patches) return patches.error();
   auto mapped = base::MappedFile::open(patch_path);
   if (!mapped) return mapped.error();
-  std::unique_ptr<OpenScene> open(new OpenScene{
-      std::move(scene), std::move(*patches), nullptr, nullptr, {}, {}, std::move(json_bytes), std::move(*mapped), {}});
+  auto open = std::make_unique<OpenScene>();
+  open->scene = std::move(scene);
+  open->patches = std::move(*patches);
+  open->scene_json = std::move(json_bytes);
+  open->patch_bytes = std::move(*mapped);
   open->data.patches = &open->patches;
   describe(place, *open);
   return open;

@@ -38,6 +38,8 @@ struct OpenScene {
   repository::SampledPoints points;            ///< of the repository
   std::vector<repository::TreeGrowth> growth;  ///< how the tree grew
   base::Bytes scene_json;                      ///< the file, as it is
+  std::string annotations_json;                ///< the file, checked; empty: none, or a bad one (annotations_error)
+  std::string annotations_error;               ///< one line that names the file; empty: nothing is wrong
   base::MappedFile patch_bytes;                ///< the file, for byte ranges
   SceneData data;  ///< what a Session takes; welcome.can_render_frames is false until somebody renders
 };

@@ -26,12 +26,14 @@
 #include <optional>
 #include <set>
 #include <string_view>
+#include <utility>
 
 #include "server/net/access_log.h"
-#include "server/net/byte_range.h"
 #include "server/net/frame_renderer.h"
 #include "server/net/open_scene.h"
+#include "server/net/pick.h"
 #include "server/net/server.h"
+#include "server/net/site.h"
 #include "spdlog/spdlog.h"
 
 namespace server {
@@ -48,6 +50,7 @@ using Acceptor = asio::basic_socket_acceptor<Tcp, Executor>;
 using Socket = asio::basic_stream_socket<Tcp, Executor>;
 using Stream = beast::basic_stream<Tcp, Executor>;
 using Clock = std::chrono::steady_clock;
+using Timer = asio::basic_waitable_timer<Clock, asio::wait_traits<Clock>, Executor>;
 
 constexpr auto kHttpIdle = std::chrono::seconds(30);
 constexpr auto kHandshake = std::chrono::seconds(30);
@@ -56,25 +59,40 @@ constexpr auto kAcceptPause =
     std::chrono::milliseconds(100);  // after an accept that failed, e.g. for want of descriptors
 constexpr std::uint64_t kSlowestBytesPerSecond = 16 * 1024;  // a slower HTTP download is cut
 constexpr std::uint32_t kHeaderLimit = 8 * 1024;
-constexpr std::uint32_t kTurnedAway = 64;  // connections over the limit that still get a 503
+constexpr auto kPatience = std::chrono::minutes(10);  // for a picture or a picked point
+constexpr int kRetrySeconds = 5;
+constexpr std::size_t kMostUnsentPictures = std::size_t{256} << 20;  // bytes; beyond, no further one is begun
+constexpr std::uint32_t kTurnedAway = 64;                            // connections over the limit that still get a 503
 
 class Connection;
 
 /// What all connections share. One thread (the io thread) uses it, but for the renderer, which has its own lock.
 struct Hub {
+  Hub(asio::io_context& context, ServerOptions chosen, std::unique_ptr<OpenScene> opened)
+      : io(context), options(std::move(chosen)), scene(std::move(opened)) {}
+
   asio::io_context& io;
   ServerOptions options;
   std::unique_ptr<OpenScene> scene;
+  std::unique_ptr<Site> site;
   std::unique_ptr<FrameRenderer> renderer;  // null: no exact frames
-  std::unique_ptr<AccessLog> access;        // null: nothing is counted
-  std::string place;                        // address:port
+  std::unique_ptr<Picker> picker;
+  std::unique_ptr<AccessLog> access;  // null: nothing is counted
+  std::string place;                  // address:port
   std::set<Connection*> connections;
   std::uint64_t next_client = 1;
   std::size_t viewers = 0;
+  std::size_t unsent_picture_bytes = 0;  // rendered, and not yet all taken by their connections
   bool stopping = false;
-  std::optional<asio::basic_waitable_timer<Clock, asio::wait_traits<Clock>, Executor>> goodbye;
+  std::optional<Timer> goodbye;
 
+  base::Result<void> makeSite();
   void countAccess(const std::string& scene_directory);
+  /// Their threads post to `io`, which goes last.
+  void endThreads() {
+    renderer.reset();
+    picker.reset();
+  }
   /// Writes what was counted; from here on nothing is.
   void keepAccess() {
     scene->data.access = nullptr;
@@ -95,6 +113,18 @@ void Hub::countAccess(const std::string& scene_directory) {
   }
   access = std::make_unique<AccessLog>(path, accessIdentityOf(*scene), options.access_interval_seconds);
   scene->data.access = &access->counter();
+}
+
+base::Result<void> Hub::makeSite() {
+  PageFiles pages;
+  if (!options.page_directory.empty()) {
+    auto read = readPageFiles(options.page_directory);
+    if (!read) return read.error();
+    pages = std::move(*read);
+  }
+  site = std::make_unique<Site>(*scene, std::move(pages), scene->annotations_json);
+  picker = std::make_unique<Picker>(scene->scene, scene->patches);
+  return {};
 }
 
 /// Anything with a socket. Alive as long as an operation of it is pending.
@@ -273,48 +303,20 @@ class Viewer final : public Connection {
 };
 
 // ---------------------------------------------------------------------------------------------------------------------
-// Plain HTTP: small answers and byte ranges; or the upgrade to a viewer.
-
-struct Reply {
-  http::status status = http::status::ok;
-  const char* type = "text/plain; charset=utf-8";
-  std::string text;      // the body, unless `bytes` is set
-  base::ByteView bytes;  // a body that lives with the scene
-  std::optional<ByteRange> range;
-  std::uint64_t whole = 0;  // size of what the range is part of
-};
-
-Reply textReply(http::status status, std::string text) {
-  return {.status = status, .text = std::move(text), .bytes = {}, .range = {}};
-}
-
-std::string escapeHtml(std::string_view text) {
-  std::string out;
-  for (char c : text) {
-    if (c == '<' || c == '>' || c == '&' || c == '"') {
-      out += "&#" + std::to_string(static_cast<int>(c)) + ";";
-    } else {
-      out += c;
-    }
-  }
-  return out;
-}
-
-/// `host`: as the visitor typed it, so that the command works from where they are.
-std::string homePage(const Hub& hub, const std::string& host) {
-  const std::string name = escapeHtml(hub.scene->data.welcome.scene_name);
-  return "<!doctype html>\n<html lang=\"en\"><meta charset=\"utf-8\"><title>" + name + " - Lumigrid</title>\n<h1>" +
-         name + "</h1>\n<p>" + std::to_string(hub.scene->data.welcome.source_triangles) +
-         " triangles. Look at it with</p>\n<pre>lumigrid-view ws://" + host + "/</pre>\n</html>\n";
-}
+// Plain HTTP: what the site answers at once, what others answer later; or the upgrade to a viewer.
 
 class HttpConnection final : public Connection {
  public:
   HttpConnection(std::shared_ptr<Hub> hub, Socket&& socket, bool turned_away)
       : Connection(std::move(hub)), stream_(std::move(socket)), turned_away_(turned_away) {}
 
+  ~HttpConnection() override { hub_->unsent_picture_bytes -= held_bytes_; }
+
   void start() { doRead(); }
-  void leave() override { stream_.close(); }
+  void leave() override {
+    stopWaiting();
+    stream_.close();
+  }
 
  private:
   void doRead() {
@@ -329,86 +331,161 @@ class HttpConnection final : public Connection {
   void onRead(error_code ec, std::size_t) {
     if (ec == http::error::end_of_stream) return finish();
     if (ec) return;  // a timeout, a lost peer or no HTTP at all: the socket closes with this
-    const auto& request = parser_->get();
-    const std::string_view path = pathOf(request);
-    const bool upgrade = websocket::is_upgrade(request) && (path == "/" || path == "/ws");
-    if (!upgrade || turned_away_) return doWrite(answer(request, path));
+    const HttpRequest request = requestOf(parser_->get());
+    const std::string_view path = request.path();
+    if (turned_away_)
+      return doWrite(tryLater(kRetrySeconds, "this server has as many viewers as it may; try again later\n"));
+    if (websocket::is_upgrade(parser_->get()) && (path == "/" || path == "/ws")) return becomeViewer();
+    const bool reads = request.method == "GET" || request.method == "HEAD";
+    if (reads && path == "/render") return askForPicture(request);
+    if (reads && path == "/pick") return askForPick(request);
+    doWrite(hub_->site->answer(request, hub_->place));
+  }
 
+  static HttpRequest requestOf(const http::request<http::empty_body>& request) {
+    const auto view = [](beast::string_view text) { return std::string_view(text.data(), text.size()); };
+    return {view(request.method_string()),
+            view(request.target()),
+            view(request[http::field::host]),
+            view(request[http::field::range]),
+            view(request[http::field::if_range]),
+            view(request[http::field::if_none_match]),
+            view(request[http::field::accept_encoding])};
+  }
+
+  void becomeViewer() {
     stream_.expires_never();  // the WebSocket has its own timeouts
     auto viewer = std::make_shared<Viewer>(hub_, std::move(stream_));
-    viewer->start(request);
+    viewer->start(parser_->get());
   }
 
-  static std::string_view pathOf(const http::request<http::empty_body>& request) {
-    const std::string_view target(request.target().data(), request.target().size());
-    return target.substr(0, target.find('?'));
+  // ---- Answers that others work out on their own threads
+
+  void askForPicture(const HttpRequest& request) {
+    const std::uint64_t most = hub_->options.max_picture_pixels;
+    if (!hub_->renderer || most == 0)
+      return doWrite(textReply(501, "this server renders no pictures; they need frames and --max-picture above 0\n"));
+    const auto query = parseQuery(request.target);
+    if (!query) return doWrite(badRequest(query.error()));
+    const auto picture = parsePictureRequest(*query, most);
+    if (!picture) return doWrite(badRequest(picture.error()));
+    const std::string type = contentTypeOf(picture->format);
+    if (request.method == "HEAD") return doWrite(headOnly(type));
+
+    const auto done = [this](std::uint64_t id, const std::string& content_type) {
+      return [weak = weak_from_this(), id, content_type, &io = hub_->io](base::Result<base::Bytes> bytes) {
+        asio::post(io, [weak, id, content_type, bytes = std::move(bytes)]() mutable {
+          if (auto self = std::static_pointer_cast<HttpConnection>(weak.lock()))
+            self->onPicture(id, content_type, std::move(bytes));
+        });
+      };
+    };
+    const std::uint64_t id = hub_->next_client++;
+    const bool taken = hub_->unsent_picture_bytes < kMostUnsentPictures &&
+                       hub_->renderer->paint(id, *picture, hub_->options.max_waiting_pictures, done(id, type));
+    if (!taken) return doWrite(tryLater(kRetrySeconds, "too many pictures are asked for at once; try again later\n"));
+    wait(id);
   }
 
-  Reply answer(const http::request<http::empty_body>& request, std::string_view path) {
-    using http::status;
-    if (turned_away_)
-      return textReply(status::service_unavailable, "this server has as many viewers as it may; try again later\n");
-    if (request.method() != http::verb::get && request.method() != http::verb::head)
-      return textReply(status::method_not_allowed, "only GET and HEAD\n");
-    if (path == "/healthz") return textReply(status::ok, "ok");
-    if (path == "/")
-      return {.type = "text/html; charset=utf-8", .text = homePage(*hub_, hostOf(request)), .bytes = {}, .range = {}};
-    if (path == "/scene.json")
-      return {.type = "application/json", .text = {}, .bytes = hub_->scene->scene_json, .range = {}};
-    if (path == "/patch.lgp" || path.substr(1) == base::partFile(hub_->scene->scene, "patch", ".lgp"))
-      return part(request, hub_->scene->patch_bytes.bytes());
-    return textReply(status::not_found,
-                     "not here; there are /, /scene.json, /patch.lgp, /healthz and the WebSocket at /\n");
+  void onPicture(std::uint64_t id, const std::string& type, base::Result<base::Bytes> bytes) {
+    if (waiting_ != id) return;
+    stopWaiting();
+    if (!bytes) return doWrite(textReply(500, "the picture could not be rendered; the server's log says why\n"));
+    HttpReply reply;
+    reply.type = type;
+    reply.cache = "no-store";
+    reply.owned = std::move(*bytes);
+    held_bytes_ = reply.owned.size();
+    hub_->unsent_picture_bytes += held_bytes_;
+    doWrite(std::move(reply));
   }
 
-  static Reply part(const http::request<http::empty_body>& request, base::ByteView whole) {
-    const auto header = request[http::field::range];
-    const ByteRange range = parseByteRange({header.data(), header.size()}, whole.size());
-    Reply reply{.type = "application/octet-stream", .text = {}, .bytes = whole, .range = range, .whole = whole.size()};
-    if (range.kind == ByteRange::Kind::kPart) {
-      reply.status = http::status::partial_content;
-      reply.bytes = whole.subspan(range.first, range.length);
-    } else if (range.kind == ByteRange::Kind::kUnsatisfiable) {
-      reply.status = http::status::range_not_satisfiable;
-      reply.bytes = {};
+  void askForPick(const HttpRequest& request) {
+    const auto query = parseQuery(request.target);
+    if (!query) return doWrite(badRequest(query.error()));
+    const auto ray = parsePickRequest(*query);
+    if (!ray) return doWrite(badRequest(ray.error()));
+    if (request.method == "HEAD") return doWrite(headOnly("application/json"));
+    const std::uint64_t id = hub_->next_client++;
+    const bool taken =
+        hub_->picker->submit(*ray, [weak = weak_from_this(), id, &io = hub_->io](base::Result<std::string> json) {
+          asio::post(io, [weak, id, json = std::move(json)]() mutable {
+            if (auto self = std::static_pointer_cast<HttpConnection>(weak.lock())) self->onPick(id, std::move(json));
+          });
+        });
+    if (!taken) return doWrite(tryLater(1, "too many points are asked for at once; try again later\n"));
+    wait(id);
+  }
+
+  void onPick(std::uint64_t id, base::Result<std::string> json) {
+    if (waiting_ != id) return;
+    stopWaiting();
+    if (!json) {
+      spdlog::warn("pick: {}", json.error().message);
+      return doWrite(textReply(500, "the scene's data is damaged there; the server's log says more\n"));
     }
+    HttpReply reply = textReply(200, std::move(*json));
+    reply.type = "application/json";
+    reply.cache = "no-store";
+    doWrite(std::move(reply));
+  }
+
+  static HttpReply headOnly(const std::string& type) {
+    HttpReply reply;
+    reply.type = type;
+    reply.cache = "no-store";
+    reply.has_length = false;
     return reply;
   }
 
-  /// The Host header, or our own place when it is none that could be shown.
-  std::string hostOf(const http::request<http::empty_body>& request) const {
-    const auto host = request[http::field::host];
-    const std::string text(host.data(), host.size());
-    const bool plain = !text.empty() && text.size() < 256 &&
-                       text.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789.-:[]") ==
-                           std::string::npos;
-    return plain ? text : hub_->place;
+  /// Until the answer comes, the visitor leaves or patience ends.
+  void wait(std::uint64_t id) {
+    waiting_ = id;
+    stream_.expires_never();
+    patience_.emplace(hub_->io, kPatience);
+    patience_->async_wait([self = self<HttpConnection>(), id](error_code cancelled) {
+      if (!cancelled) self->onImpatience(id);
+    });
+    // Readable while nothing was asked: the visitor closed, or asks the next thing already, which can wait.
+    stream_.socket().async_wait(Socket::wait_read, [self = self<HttpConnection>(), id](error_code cancelled) {
+      if (!cancelled) self->onReadable(id);
+    });
   }
 
-  void doWrite(Reply reply) {
-    const auto& request = parser_->get();
-    text_ = std::move(reply.text);
-    if (reply.bytes.empty()) reply.bytes = {reinterpret_cast<const std::uint8_t*>(text_.data()), text_.size()};
-    response_.emplace();
-    response_->result(reply.status);
-    response_->version(request.version());
-    response_->keep_alive(request.keep_alive() && !turned_away_ && !hub_->stopping);
-    response_->set(http::field::server, "lumigrid");
-    response_->set(http::field::content_type, reply.type);
-    response_->set(http::field::cache_control, "no-cache");
-    response_->set("X-Content-Type-Options", "nosniff");
-    // Any page may read what anybody may fetch: scenes on a server without tokens are public.
-    response_->set(http::field::access_control_allow_origin, "*");
-    response_->set(http::field::access_control_expose_headers, "Accept-Ranges, Content-Length, Content-Range");
-    if (reply.range) {
-      response_->set(http::field::accept_ranges, "bytes");
-      if (reply.range->kind != ByteRange::Kind::kWhole)
-        response_->set(http::field::content_range, contentRange(*reply.range, reply.whole));
-    }
-    response_->body() = {reply.bytes.data(), reply.bytes.size()};
-    response_->content_length(reply.bytes.size());
+  void onImpatience(std::uint64_t id) {
+    if (waiting_ != id) return;
+    stopWaiting();
+    doWrite(tryLater(kRetrySeconds, "this takes too long; ask for fewer pixels or try again later\n"));
+  }
 
-    stream_.expires_after(kHttpIdle + std::chrono::seconds(reply.bytes.size() / kSlowestBytesPerSecond));
+  void onReadable(std::uint64_t id) {
+    error_code ec;
+    if (waiting_ != id || (stream_.socket().available(ec) != 0 && !ec)) return;
+    leave();
+  }
+
+  void stopWaiting() {
+    if (!waiting_) return;
+    if (hub_->renderer) hub_->renderer->cancel(*waiting_);
+    waiting_.reset();
+    patience_->cancel();
+    error_code ignored;
+    stream_.socket().cancel(ignored);
+  }
+
+  // ---- Writing
+
+  void doWrite(HttpReply reply) {
+    const auto& request = parser_->get();
+    reply_ = std::move(reply);
+    response_.emplace();
+    setFields(request);
+    const base::ByteView body = reply_.body();
+    response_->body() = {body.data(), body.size()};
+    const bool bodiless = reply_.status == 204 || reply_.status == 304;
+    if (reply_.has_length && !bodiless) response_->content_length(body.size());
+
+    stream_.expires_after(kHttpIdle + std::chrono::seconds(body.size() / kSlowestBytesPerSecond));
     serializer_.emplace(*response_);
     auto handler = beast::bind_front_handler(&HttpConnection::onWrite, self<HttpConnection>());
     if (request.method() == http::verb::head)
@@ -416,7 +493,26 @@ class HttpConnection final : public Connection {
     http::async_write(stream_, *serializer_, std::move(handler));
   }
 
+  void setFields(const http::request<http::empty_body>& request) {
+    auto& fields = *response_;
+    fields.result(static_cast<unsigned>(reply_.status));
+    fields.version(request.version());
+    fields.keep_alive(request.keep_alive() && !turned_away_ && !hub_->stopping && reply_.has_length);
+    fields.set(http::field::server, "lumigrid");
+    fields.set(http::field::content_type, reply_.type);
+    fields.set(http::field::cache_control, reply_.cache);
+    fields.set("X-Content-Type-Options", "nosniff");
+    // Any page may read what anybody may fetch: scenes on a server without tokens are public.
+    fields.set(http::field::access_control_allow_origin, "*");
+    fields.set(http::field::access_control_expose_headers,
+               "Accept-Ranges, Content-Length, Content-Range, ETag, Retry-After");
+    fields.set("Cross-Origin-Resource-Policy", "cross-origin");
+    for (const auto& [name, value] : reply_.headers) fields.set(name, value);
+  }
+
   void onWrite(error_code ec, std::size_t) {
+    hub_->unsent_picture_bytes -= std::exchange(held_bytes_, 0);
+    reply_ = {};
     if (ec) return;
     if (!response_->keep_alive()) return finish();
     doRead();
@@ -432,7 +528,10 @@ class HttpConnection final : public Connection {
   const bool turned_away_;
   beast::flat_buffer buffer_;
   std::optional<http::request_parser<http::empty_body>> parser_;
-  std::string text_;
+  std::optional<std::uint64_t> waiting_;  // for this answer
+  std::optional<Timer> patience_;
+  std::size_t held_bytes_ = 0;  // of a picture
+  HttpReply reply_;
   std::optional<http::response<Body>> response_;
   std::optional<http::response_serializer<Body>> serializer_;
 };
@@ -457,12 +556,12 @@ struct Server::State {
   std::shared_ptr<Hub> hub;
   Acceptor acceptor{io};
   Socket incoming{io};
-  asio::basic_waitable_timer<Clock, asio::wait_traits<Clock>, Executor> pause{io};
+  Timer pause{io};
   std::optional<asio::basic_signal_set<Executor>> signals;
 
   ~State() {
     if (!hub) return;
-    hub->renderer.reset();  // its thread posts to `io`, which goes last
+    hub->endThreads();
     hub->keepAccess();
   }
 
@@ -564,8 +663,8 @@ base::Result<std::unique_ptr<Server>> Server::open(const std::string& scene_dire
   std::unique_ptr<Server> server(new Server);
   server->state_ = std::make_unique<State>();
   State& state = *server->state_;
-  state.hub =
-      std::shared_ptr<Hub>(new Hub{state.io, options, std::move(*scene), nullptr, nullptr, {}, {}, 1, 0, false, {}});
+  state.hub = std::make_shared<Hub>(state.io, options, std::move(*scene));
+  LUMIGRID_TRY(state.hub->makeSite());
   LUMIGRID_TRY(state.listen());
   if (options.count_access) state.hub->countAccess(scene_directory);
 
@@ -605,7 +704,7 @@ base::Result<void> Server::run(bool handle_signals) {
 
   // Whoever did not close in time goes with `io`; nothing may wait for that.
   state.hub->goodbye.reset();
-  state.hub->renderer.reset();
+  state.hub->endThreads();
   state.hub->keepAccess();
   return {};
 }

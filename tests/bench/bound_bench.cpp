@@ -1,23 +1,12 @@
 // bound_bench MESH [ROUNDS]: what the error bound of a mesh costs beside simplifying it, round by round to half of its
 // triangles, in CPU seconds of one thread; and the largest bound in lattice steps (16 bits).
-#include <time.h>
-
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 
 #include "lod/build/distance_bound.h"
 #include "lod/build/import.h"
-
-namespace {
-
-double cpuSeconds() {
-  timespec t{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
-}
-
-}  // namespace
+#include "tests/bench/bench.h"
 
 int main(int count, char** arguments) {
   using namespace lod::build;
@@ -37,11 +26,11 @@ int main(int count, char** arguments) {
   for (int round = 0; round < rounds; ++round) {
     const std::vector<glm::vec3> positions = group.positions;
     const std::vector<std::uint32_t> indices = group.indices;
-    const double start = cpuSeconds();
+    const double start = bench::seconds(CLOCK_THREAD_CPUTIME_ID);
     const Simplified made = simplifyGroup(group, indices.size() / 6);
-    const double middle = cpuSeconds();
+    const double middle = bench::seconds(CLOCK_THREAD_CPUTIME_ID);
     error = carryError({positions, indices}, error, {group.positions, made.indices}, made, 0.5F);
-    const double end = cpuSeconds();
+    const double end = bench::seconds(CLOCK_THREAD_CPUTIME_ID);
     group.indices = made.indices;
     std::printf("%9zu triangles to %9zu: simplify %.3f s, bound %.3f s (%.2f); toward %.1f, from %.1f steps\n",
                 indices.size() / 3, made.indices.size() / 3, middle - start, end - middle,

@@ -2,7 +2,6 @@
 // by our codec and by libmeshoptimizer's vertex and index codecs in the same run on one thread: bytes per stored
 // triangle by part, and millions of triangles a second of CPU time.
 #include <meshoptimizer.h>
-#include <time.h>
 
 #include <array>
 #include <cstdio>
@@ -13,6 +12,7 @@
 
 #include "lod/patch/codec.h"
 #include "lod/patch/format.h"
+#include "tests/bench/bench.h"
 
 namespace {
 
@@ -20,20 +20,14 @@ using lod::patch::PatchGeometry;
 
 constexpr int kRuns = 5;
 
-double cpuSeconds() {
-  timespec t{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
-}
-
 // Least of some runs.
 template <class F>
 double timed(F&& run) {
   double best = 1e30;
   for (int i = 0; i < kRuns; ++i) {
-    const double start = cpuSeconds();
+    const double start = bench::seconds(CLOCK_THREAD_CPUTIME_ID);
     run();
-    best = std::min(best, cpuSeconds() - start);
+    best = std::min(best, bench::seconds(CLOCK_THREAD_CPUTIME_ID) - start);
   }
   return best;
 }
@@ -126,7 +120,7 @@ void encodePeer(Peer& peer) {
       meshopt_encodeIndexBuffer(peer.index_stream.data(), peer.index_stream.size(), indices.data(), indices.size()));
 }
 
-int bench(const char* path) {
+int compareCodecs(const char* path) {
   const auto file = lod::patch::PatchFile::open(path);
   if (!file) return std::fprintf(stderr, "%s\n", file.error().message.c_str()), 1;
   std::vector<PatchGeometry> patches;
@@ -190,6 +184,6 @@ int bench(const char* path) {
 int main(int argc, char** argv) {
   if (argc < 2) return std::fprintf(stderr, "codec_bench PATCH.LGP …\n"), 2;
   int status = 0;
-  for (int i = 1; i < argc; ++i) status |= bench(argv[i]);
+  for (int i = 1; i < argc; ++i) status |= compareCodecs(argv[i]);
   return status;
 }

@@ -1,7 +1,7 @@
 // What a stored face costs: bytes of the JPEG as it is stored (filler under the mask, Huffman tables of its own) beside
 // plain JPEGs of the whole picture on black and on white, at the same PSNR on the model's pixels, and of the mask.
 //
-//   face_bench SCENE [--grid N] [--face PIXELS] [--quality Q] [--faces COUNT]
+//   face_bench SCENE|MESH [--grid N] [--face PIXELS] [--quality Q] [--faces COUNT]
 //
 // The faces are the sample that `lumigrid build --tune` looks at. "standard" is with the JPEG standard's Huffman
 // tables. Bytes at the same PSNR are between those of the two qualities around it.
@@ -9,20 +9,25 @@
 
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
 #include <functional>
+#include <numeric>
 #include <string>
 #include <vector>
 
 #include "base/egl/headless.h"
 #include "base/parallel.h"
+#include "base/picture_error.h"
 #include "repository/coverage.h"
 #include "repository/jpeg.h"
 #include "server/bake/bake.h"
 #include "server/bake/face_encoder.h"
 #include "server/bake/face_sample.h"
+#include "tests/bench/bench_scene.h"
 
 namespace {
+
+using bench::must;
+using bench::stop;
 
 struct Arguments {
   std::string scene;
@@ -32,38 +37,16 @@ struct Arguments {
   std::uint32_t faces = 64;
 };
 
-[[noreturn]] void stop(const std::string& message) {
-  std::fprintf(stderr, "face_bench: %s\n", message.c_str());
-  std::exit(1);
-}
-
-template <class T>
-T must(base::Result<T> result) {
-  if (!result) stop(result.error().message);
-  return std::move(*result);
-}
-
 Arguments parse(int argc, char** argv) {
+  bench::Arguments given(argc, argv, "SCENE|MESH [--grid 2..1024] [--face PIXELS] [--quality 2..99] [--faces COUNT]");
   Arguments a;
-  for (int i = 1; i < argc; ++i) {
-    const std::string word = argv[i];
-    const auto next = [&] {
-      return i + 1 < argc ? static_cast<std::uint32_t>(std::strtoul(argv[++i], nullptr, 10)) : 0U;
-    };
-    if (word == "--grid") {
-      a.grid = next();
-    } else if (word == "--face") {
-      a.face = next();
-    } else if (word == "--quality") {
-      a.quality = next();
-    } else if (word == "--faces") {
-      a.faces = next();
-    } else {
-      a.scene = word;
-    }
-  }
-  if (a.scene.empty() || a.grid < 2 || a.face < 1 || a.quality < 2 || a.quality > 99 || a.faces < 1)
-    stop("face_bench SCENE [--grid N] [--face PIXELS] [--quality 2..99] [--faces COUNT]");
+  a.scene = given.input();
+  a.grid = given.number("--grid", a.grid, 2U, 1024U);
+  a.face = given.number("--face", a.face, 1U, 16384U);
+  a.quality = given.number("--quality", a.quality, 2U, 99U);
+  a.faces = given.number("--faces", a.faces, 1U, 100000U);
+  given.finish();
+  if (a.scene.empty()) given.wrong();
   return a;
 }
 
@@ -79,8 +62,8 @@ base::Image onBackground(const base::Image& rgba, const base::Image& mask, std::
 }
 
 std::vector<Face> sample(const Arguments& a) {
-  const base::Scene scene = must(base::readScene(a.scene));
-  const lod::patch::PatchFile patches = must(lod::patch::PatchFile::open(a.scene + "/patch.lgp"));
+  const bench::WorkDirectory work;
+  const auto [scene, patches] = bench::openScene(a.scene, work);
   const auto context = must(base::HeadlessContext::create());
   const auto renderer = must(server::SceneRenderer::create(scene, patches));
   const repository::Grid grid = repository::makeGrid(scene.localBox(), a.grid, 0.5F, a.face);
@@ -123,29 +106,16 @@ struct Point {
 
 Point measure(const std::vector<Face>& faces, const Encode& encode, int quality) {
   std::vector<double> bytes(faces.size());
-  std::vector<double> squares(faces.size());
-  std::vector<double> samples(faces.size());
+  std::vector<base::PictureError> errors(faces.size());
   base::parallelFor(faces.size(), 0, [&](std::size_t f) {
     const base::Bytes jpeg = encode(faces[f], quality);
-    const base::Image back = must(repository::decodeJpeg(jpeg));
     bytes[f] = static_cast<double>(jpeg.size());
-    for (std::size_t i = 0; i < back.pixels.size(); ++i) {
-      if (faces[f].mask.pixels[i / 3] == 0) continue;
-      const double difference = double{1} * back.pixels[i] - faces[f].rgba.pixels[4 * (i / 3) + i % 3];
-      squares[f] += difference * difference;
-      ++samples[f];
-    }
+    errors[f] = base::modelError(faces[f].rgba, must(repository::decodeJpeg(jpeg)));
   });
-  Point sum;
-  double all_squares = 0.0;
-  double all_samples = 0.0;
-  for (std::size_t f = 0; f < faces.size(); ++f) {
-    sum.bytes += bytes[f] / static_cast<double>(faces.size());
-    all_squares += squares[f];
-    all_samples += samples[f];
-  }
-  sum.psnr_db = 10.0 * std::log10(255.0 * 255.0 * all_samples / std::max(all_squares, 1e-9));
-  return sum;
+  base::PictureError all;
+  for (const base::PictureError& error : errors) all.add(error);
+  const double sum = std::accumulate(bytes.begin(), bytes.end(), 0.0);
+  return {sum / static_cast<double>(faces.size()), all.psnr()};
 }
 
 // Geometric between the two qualities whose PSNR lie around the target; from `quality` on, up or down.

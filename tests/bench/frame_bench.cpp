@@ -1,7 +1,6 @@
 // Client frames: 4, 8 and 16 images beside plain shaded drawing of the same proxy, in the same run. Medians of several
 // frames. Run by hand: frame_bench [triangles] [frames]
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -11,6 +10,7 @@
 #include "base/egl/headless.h"
 #include "base/gl/gl.h"
 #include "client/render/lumigraph.h"
+#include "tests/bench/bench.h"
 
 namespace {
 
@@ -72,14 +72,12 @@ double medianMilliseconds(client::LumigraphRenderer& renderer, const base::Camer
   target->bind();
   std::vector<double> times;
   for (int i = 0; i <= frames; ++i) {
-    const auto start = std::chrono::steady_clock::now();
+    const double start = bench::seconds();
     renderer.draw(camera, cut, {}, 1.0F, {}, options, 0.0);
     glFinish();
-    if (i > 0)
-      times.push_back(std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count());
+    if (i > 0) times.push_back(1e3 * (bench::seconds() - start));
   }
-  std::sort(times.begin(), times.end());
-  return times[times.size() / 2];
+  return bench::median(times);
 }
 
 }  // namespace

@@ -7,7 +7,6 @@
 #include <sched.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
-#include <time.h>
 #include <unistd.h>
 
 #include <OpenMesh/Core/Mesh/TriMesh_ArrayKernelT.hh>
@@ -28,22 +27,14 @@
 #include "lod/patch/codec.h"
 #include "lod/patch/format.h"
 #include "lod/patch/traverse.h"
+#include "tests/bench/bench.h"
 #include "tests/lod/build/built_cut.h"
 
 namespace {
 
+using bench::median;
+using bench::seconds;
 using namespace lod::build;
-
-double seconds(clockid_t clock) {
-  timespec t{};
-  clock_gettime(clock, &t);
-  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
-}
-
-double median(std::vector<double> values) {
-  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
-  return values[values.size() / 2];
-}
 
 Mesh mustImport(const std::string& path) {
   auto imported = importMeshes({path}, {});

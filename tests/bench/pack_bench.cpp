@@ -4,13 +4,7 @@
 //
 // Publishing is judged by copying the store's file (read, write, fsync); single gets and neighbourhoods by those of
 // LMDB. Everything has been read once before it is timed, so what is compared is CPU and system calls, not the disk.
-#include <fcntl.h>
-#include <unistd.h>
-
-#include <algorithm>
-#include <chrono>
 #include <cstdio>
-#include <cstdlib>
 #include <filesystem>
 #include <random>
 #include <string>
@@ -21,54 +15,32 @@
 #include "repository/pack_store.h"
 #include "repository/publish.h"
 #include "repository/store.h"
+#include "tests/bench/bench.h"
 
 namespace {
 
-namespace fs = std::filesystem;
+using bench::must;
+using bench::stop;
 using repository::FaceKey;
 
 struct Arguments {
   std::uint32_t faces = 60000;
   std::uint32_t bytes = 20000;
-  std::string work = fs::temp_directory_path().string();
+  std::string work = std::filesystem::temp_directory_path().string();
   repository::PublishOptions publish;
 };
 
-double now() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
-
-[[noreturn]] void stop(const std::string& message) {
-  std::fprintf(stderr, "pack_bench: %s\n", message.c_str());
-  std::exit(1);
-}
-
-template <class T>
-T must(base::Result<T> result) {
-  if (!result) stop(result.error().message);
-  return std::move(*result);
-}
-
 Arguments parse(int argc, char** argv) {
+  bench::Arguments given(argc, argv,
+                         "[--faces 48 or more] [--bytes N] [--work DIRECTORY] [--pack-size BYTES, 1 to 64 MiB]");
   Arguments a;
-  for (int i = 1; i + 1 < argc; i += 2) {
-    const std::string word = argv[i];
-    const std::uint64_t number = std::strtoull(argv[i + 1], nullptr, 10);
-    if (word == "--faces") {
-      a.faces = static_cast<std::uint32_t>(number);
-    } else if (word == "--bytes") {
-      a.bytes = static_cast<std::uint32_t>(number);
-    } else if (word == "--pack-size") {
-      a.publish.pack_bytes = number;
-    } else if (word == "--work") {
-      a.work = argv[i + 1];
-    } else {
-      stop("pack_bench [--faces N] [--bytes N] [--work DIRECTORY] [--pack-size BYTES]");
-    }
-  }
-  if (a.faces < 48 || a.bytes < 1 || a.publish.pack_bytes < repository::kSmallestPack ||
-      a.publish.pack_bytes > repository::kLargestPack)
-    stop("48 faces or more, of a byte or more, in packs of 1 to 64 MiB");
+  a.faces = given.number("--faces", a.faces, 48U, 1'000'000'000U);
+  a.bytes = given.number("--bytes", a.bytes, 1U, 1U << 24);
+  a.work = given.text("--work", a.work);
+  a.publish.pack_bytes =
+      given.number("--pack-size", a.publish.pack_bytes, repository::kSmallestPack, repository::kLargestPack);
+  given.finish();
+  if (!given.input().empty()) given.wrong();
   return a;
 }
 
@@ -93,19 +65,19 @@ std::uint64_t fill(repository::Store& store, std::uint32_t side, std::uint32_t b
       batch.emplace_back(FaceKey{i / 6 % side, i / 6 / side, z, i % 6}, repository::encodeFaceValue(value));
       total += batch.back().second.size();
     }
-    if (auto put = store.putBatch(batch); !put) stop(put.error().message);
+    must(store.putBatch(batch));
   }
   return total;
 }
 
 // The limit: the same bytes from one file to another, durable.
 double copySeconds(const std::string& from, const std::string& to) {
-  const double start = now();
+  const double start = bench::seconds();
   const base::MappedFile source = must(base::MappedFile::open(from));
   auto file = must(base::AtomicFile::create(to));
-  if (auto written = file.write(source.bytes()); !written) stop(written.error().message);
-  if (auto committed = file.commit(); !committed) stop(committed.error().message);
-  return now() - start;
+  must(file.write(source.bytes()));
+  must(file.commit());
+  return bench::seconds() - start;
 }
 
 std::vector<std::vector<FaceKey>> randomKeys(std::uint32_t side, std::size_t groups, bool neighbourhoods) {
@@ -126,22 +98,22 @@ std::vector<std::vector<FaceKey>> randomKeys(std::uint32_t side, std::size_t gro
 double readSeconds(const repository::Store& store, const std::vector<std::vector<FaceKey>>& groups) {
   double seconds = 0.0;
   for (int round = 0; round < 2; ++round) {
-    const double start = now();
+    const double start = bench::seconds();
     for (const auto& keys : groups)
       for (auto& value : store.getMany(keys))
         if (!value || !value->has_value()) stop(value ? "a face is missing" : value.error().message);
-    seconds = now() - start;
+    seconds = bench::seconds() - start;
   }
   return seconds;
 }
 
 // The same with each value's checksum looked at, as a session does with what LMDB gives it.
 double checkedSeconds(const repository::Store& store, const std::vector<std::vector<FaceKey>>& groups) {
-  const double start = now();
+  const double start = bench::seconds();
   for (const auto& keys : groups)
     for (auto& value : store.getMany(keys))
       if (!value || !value->has_value() || !repository::decodeFaceValue(**value)) stop("a face is missing or damaged");
-  return now() - start;
+  return bench::seconds() - start;
 }
 
 // Counts ranges.
@@ -175,22 +147,22 @@ void compareReads(const repository::Store& lmdb, const repository::PackStore& pa
               ours / theirs, ranges);
 }
 
-int run(const Arguments& a, const std::string& work) {
+void run(const Arguments& a, const bench::WorkDirectory& work) {
   const std::uint32_t side = sideOf(a.faces);
-  auto lmdb = must(repository::openLmdbStore(work + "/images", repository::StoreMode::kWrite));
+  auto lmdb = must(repository::openLmdbStore(work / "images", repository::StoreMode::kWrite));
   const std::uint64_t bytes = fill(*lmdb, side, a.bytes);
   const double megabytes = static_cast<double>(bytes) / 1e6;
   std::printf("%u faces, %.0f MB\n", side * side * side * 6, megabytes);
 
-  copySeconds(work + "/images/data.mdb", work + "/copy");
-  const double copy = copySeconds(work + "/images/data.mdb", work + "/copy");
-  auto sink = must(repository::openDirectorySink(work + "/out"));
-  double start = now();
+  copySeconds(work / "images/data.mdb", work / "copy");
+  const double copy = copySeconds(work / "images/data.mdb", work / "copy");
+  auto sink = must(repository::openDirectorySink(work / "out"));
+  double start = bench::seconds();
   const auto published = must(repository::publishImages(*lmdb, *sink, a.publish));
-  const double first = now() - start;
-  start = now();
+  const double first = bench::seconds() - start;
+  start = bench::seconds();
   must(repository::publishImages(*lmdb, *sink, a.publish));
-  const double again = now() - start;
+  const double again = bench::seconds() - start;
   std::printf(
       "publish: %.0f MB/s in %zu packs, %.2f of a durable copy of the store (%.0f MB/s); again, nothing new: "
       "%.0f MB/s\n",
@@ -198,20 +170,16 @@ int run(const Arguments& a, const std::string& work) {
   std::printf("index: %.1f bytes a face\n",
               static_cast<double>(published.index_bytes) / static_cast<double>(published.keys));
 
-  auto source = std::make_shared<CountingSource>(must(repository::openDirectorySource(work + "/out")));
+  auto source = std::make_shared<CountingSource>(must(repository::openDirectorySource(work / "out")));
   auto packs = must(repository::PackStore::open(source, published.index));
   compareReads(*lmdb, *packs, *source, side, false);
   compareReads(*lmdb, *packs, *source, side, true);
-  return 0;
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
   const Arguments a = parse(argc, argv);
-  const std::string work = a.work + "/lumigrid_pack_bench_" + std::to_string(::getpid());
-  fs::create_directories(work);
-  const int status = run(a, work);
-  fs::remove_all(work);
-  return status;
+  run(a, bench::WorkDirectory(a.work));
+  return 0;
 }

@@ -1,11 +1,11 @@
 #include "compare/report.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <filesystem>
 
 #include "base/file.h"
+#include "tests/support/temporary_directory.h"
 
 namespace {
 
@@ -31,20 +31,19 @@ TEST(Report, interpolatesOverTheLogarithmOfBytes) {
 }
 
 TEST(Report, writesEveryFileAndStatesTheDifferences) {
-  const std::string directory = std::string(::testing::TempDir()) + "lumigrid_report_" + std::to_string(::getpid());
-  std::filesystem::remove_all(directory);
+  const support::TemporaryDirectory directory;
   const std::vector<compare::RunResult> runs{run("lumigraph", 4, 2'000'000, 27.0), run("proxy", 4, 500'000, 22.5),
                                              run("patches", 8, 1'000'000, 20.0), run("patches", 2, 4'000'000, 24.0)};
-  ASSERT_TRUE(compare::writeReport(directory, {"s", "m", "c", "r", 64, 48, "loopback"}, runs));
+  ASSERT_TRUE(compare::writeReport(directory.path(), {"s", "m", "c", "r", 64, 48, "loopback"}, runs));
   for (const char* name :
        {"results.csv", "index.html", "accuracy_bytes.svg", "accuracy_frames.svg", "bytes_frames.svg"})
-    EXPECT_TRUE(std::filesystem::exists(directory + "/" + name)) << name;
-  auto page = base::readFile(directory + "/index.html");
+    EXPECT_TRUE(std::filesystem::exists(directory / name)) << name;
+  auto page = base::readFile(directory / "index.html");
   ASSERT_TRUE(page);
   const std::string text(page->begin(), page->end());
   EXPECT_NE(text.find("+4.50 dB against the same proxy"), std::string::npos);
   EXPECT_NE(text.find("+5.00 dB against patches alone"), std::string::npos);
-  auto csv = base::readFile(directory + "/results.csv");
+  auto csv = base::readFile(directory / "results.csv");
   ASSERT_TRUE(csv);
   EXPECT_EQ(std::count(csv->begin(), csv->end(), '\n'), 1 + 4 * 4);
 }

@@ -1,20 +1,28 @@
-// decodeFaceValue on any bytes: as they are, and with their checksum made right.
+// decodeFaceValue and decodeFaceImage on any bytes: as they are, and with their checksum made right.
 #include "repository/face_value.h"
+
+#include <algorithm>
 
 #include "base/check.h"
 #include "base/crc32c.h"
+#include "repository/coverage.h"
+#include "repository/face_image.h"
+#include "repository/jpeg.h"
 #include "tests/fuzz/fuzz.h"
 
 namespace {
 
 constexpr std::size_t kCrcOffset = 4;
 constexpr std::size_t kHeaderBytes = 8;
+constexpr int kSide = 16;
 
 void decode(base::ByteView bytes) {
   const auto value = repository::decodeFaceValue(bytes);
   if (!value) return;
   const base::Bytes again = repository::encodeFaceValue(*value);
   LUMIGRID_CHECK(base::Bytes(bytes.begin(), bytes.end()) == again);
+  const auto image = repository::decodeFaceImage(bytes, kSide);
+  LUMIGRID_CHECK(!image || (value->empty ? image->empty() : image->width == kSide && image->height == kSide));
 }
 
 }  // namespace
@@ -24,8 +32,13 @@ namespace fuzz {
 std::vector<base::Bytes> seeds() {
   const base::Bytes jpeg(40, 0xD8);
   const base::Bytes coverage(9, 1);
-  return {repository::encodeFaceValue({}), repository::encodeFaceValue({false, jpeg, coverage}),
-          repository::encodeFaceValue({false, jpeg, {}})};
+  base::Image mask(kSide, kSide, 1);
+  for (int y = 4; y < 12; ++y) std::fill_n(mask.at(y, y), 4, std::uint8_t{255});
+  const base::Bytes real_jpeg =
+      *repository::encodeJpeg(base::Image(kSide, kSide, 3), 80, repository::Subsampling::k420);
+  const base::Bytes real_coverage = repository::encodeCoverage(mask);
+  return {repository::encodeFaceValue({}), repository::encodeFaceValue({false, real_jpeg, real_coverage}),
+          repository::encodeFaceValue({false, jpeg, coverage}), repository::encodeFaceValue({false, jpeg, {}})};
 }
 
 void fuzzOne(base::ByteView bytes) {

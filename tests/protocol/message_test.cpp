@@ -76,6 +76,7 @@ class Drawing {
   Welcome welcome() {
     Welcome drawn;
     drawn.scene_name = text();
+    drawn.units = text().substr(0, kMaxUnits);
     drawn.origin = place();
     drawn.box_min = glm::vec3(place());
     drawn.box_max = drawn.box_min + glm::abs(glm::vec3(place()));
@@ -171,6 +172,7 @@ TEST(Message, decodeReadsEveryFieldOfAWelcome) {
   const Welcome sent = Drawing(11).welcome();
   const Welcome got = std::get<Welcome>(*decodeServerMessage(encode(ServerMessage(sent))));
   EXPECT_EQ(got.scene_name, sent.scene_name);
+  EXPECT_EQ(got.units, sent.units);
   EXPECT_EQ(got.origin, sent.origin);
   EXPECT_EQ(got.box_min, sent.box_min);
   EXPECT_EQ(got.box_max, sent.box_max);
@@ -187,13 +189,13 @@ TEST(Message, decodeReadsEveryFieldOfAWelcome) {
   EXPECT_EQ(got.can_render_frames, sent.can_render_frames);
 }
 
-// The bytes of docs/formats/protocol.md, "A worked row": version 1 of the format must never read otherwise.
-TEST(Message, bytesOfVersionOneStay) {
-  EXPECT_EQ(encode(ClientMessage(Hello{1, "ab"})), (base::Bytes{0x01, 1, 0, 2, 0, 'a', 'b'}));
+// The bytes of docs/formats/protocol.md, "A worked row": version 2 of the format must never read otherwise.
+TEST(Message, bytesOfVersionTwoStay) {
+  EXPECT_EQ(encode(ClientMessage(Hello{2, "ab"})), (base::Bytes{0x01, 2, 0, 2, 0, 'a', 'b'}));
   EXPECT_EQ(encode(ServerMessage(Complete{258})), (base::Bytes{0x85, 2, 1, 0, 0}));
   EXPECT_EQ(encode(ClientMessage(Evicted{{{1, 0, 0, 3}}, {7}})),
             (base::Bytes{0x03, 1, 0, 0, 0, 1, 0, 0, 0, 0x0B, 0, 0, 0, 0, 0, 0, 0, 7, 0, 0, 0}));
-  EXPECT_EQ(encode(ServerMessage(Refusal{1, "no"})), (base::Bytes{0x86, 1, 0, 2, 0, 'n', 'o'}));
+  EXPECT_EQ(encode(ServerMessage(Refusal{2, "no"})), (base::Bytes{0x86, 2, 0, 2, 0, 'n', 'o'}));
   EXPECT_EQ(encode(ClientMessage(View{})).size(), 101U);
 }
 
@@ -366,11 +368,21 @@ TEST(Message, welcomeOfAnotherVersionIsAVersionError) {
   EXPECT_NE(decoded.error().message.find('9'), std::string::npos);
 }
 
+TEST(Message, aLongUnitIsCutAndOneOnTheWireRefused) {
+  Welcome welcome = Drawing(3).welcome();
+  welcome.scene_name.clear();
+  welcome.units = std::string(99, 'm');
+  base::Bytes bytes = encode(ServerMessage(welcome));
+  EXPECT_EQ(std::get<Welcome>(*decodeServerMessage(bytes)).units, std::string(kMaxUnits, 'm'));
+  bytes[5] = kMaxUnits + 1;  // type, version, empty name, then the unit's length
+  EXPECT_FALSE(decodeServerMessage(bytes));
+}
+
 TEST(Message, textsNeverCarryControlCharacters) {
   auto decoded = decodeClientMessage(encode(ClientMessage(Hello{kVersion, "evil\nlog\x1B[31m"})));
   ASSERT_TRUE(decoded);
   EXPECT_EQ(std::get<Hello>(*decoded).client, "evil log [31m");
-  EXPECT_FALSE(decodeClientMessage(base::Bytes{0x01, 1, 0, 1, 0, '\n'}));
+  EXPECT_FALSE(decodeClientMessage(base::Bytes{0x01, kVersion, 0, 1, 0, '\n'}));
   EXPECT_EQ(std::get<Hello>(*decodeClientMessage(encode(ClientMessage(Hello{kVersion, std::string(9999, 'x')}))))
                 .client.size(),
             kMaxText);

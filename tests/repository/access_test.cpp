@@ -9,12 +9,12 @@
 
 #include "base/file.h"
 #include "repository/access_counter.h"
-#include "tests/repository/temporary_directory.h"
+#include "tests/support/temporary_directory.h"
 
 namespace repository {
 namespace {
 
-using test::TemporaryDirectory;
+using support::TemporaryDirectory;
 
 AccessIdentity smallIdentity() {
   Grid grid;

@@ -8,15 +8,15 @@
 
 #include "base/file.h"
 #include "tests/repository/made_object.h"
-#include "tests/repository/temporary_directory.h"
 #include "tests/repository/writer_process.h"
+#include "tests/support/temporary_directory.h"
 
 namespace repository {
 namespace {
 
 using base::Bytes;
 using base::ErrorCode;
-using test::TemporaryDirectory;
+using support::TemporaryDirectory;
 
 constexpr std::uint64_t kBlock = CachedSource::kBlockBytes;
 

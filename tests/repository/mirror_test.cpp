@@ -7,14 +7,14 @@
 
 #include "base/file.h"
 #include "base/hash/sha256.h"
-#include "tests/repository/temporary_directory.h"
+#include "tests/support/temporary_directory.h"
 
 namespace repository {
 namespace {
 
 using base::Bytes;
 using base::ErrorCode;
-using test::TemporaryDirectory;
+using support::TemporaryDirectory;
 
 // A source that counts the bytes that it gave, and may fail after so many reads.
 class Source final : public ObjectSource {

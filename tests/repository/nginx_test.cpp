@@ -1,6 +1,4 @@
 // The web server that most people have, with plain files behind it.
-#include "tests/repository/nginx.h"
-
 #include <gtest/gtest.h>
 #include <openssl/evp.h>
 #include <openssl/pem.h>
@@ -13,15 +11,16 @@
 #include "repository/cached_source.h"
 #include "repository/mirror.h"
 #include "repository/web_source.h"
-#include "tests/repository/temporary_directory.h"
+#include "tests/support/nginx.h"
+#include "tests/support/temporary_directory.h"
 
 namespace repository {
 namespace {
 
 using base::Bytes;
 using base::ErrorCode;
-using test::Nginx;
-using test::TemporaryDirectory;
+using support::Nginx;
+using support::TemporaryDirectory;
 
 Bytes sample(std::size_t size) {
   Bytes bytes(size);
@@ -30,7 +29,7 @@ Bytes sample(std::size_t size) {
   return bytes;
 }
 
-// A key and a certificate for 127.0.0.1 that only itself vouches for, as $DIR/key.pem and $DIR/certificate.pem.
+// A key and a certificate for 127.0.0.1 that only itself vouches for, as key.pem and certificate.pem.
 void writeCertificate(const std::string& directory) {
   const std::unique_ptr<EVP_PKEY, decltype(&EVP_PKEY_free)> key(EVP_PKEY_Q_keygen(nullptr, nullptr, "EC", "P-256"),
                                                                 &EVP_PKEY_free);
@@ -62,6 +61,7 @@ void writeCertificate(const std::string& directory) {
   write("/certificate.pem", [&](std::FILE* out) { return PEM_write_X509(out, x); });
 }
 
+// $DIR stands for a directory.
 constexpr const char* kServers = R"(
   gzip on; gzip_types *; gzip_min_length 1;
   server {
@@ -84,15 +84,17 @@ constexpr const char* kServers = R"(
 class NginxTest : public ::testing::Test {
  protected:
   void SetUp() override {
-    if (test::nginxProgram().empty()) GTEST_SKIP() << "nginx is not installed (nginx-light)";
+    LUMIGRID_SKIP_WITHOUT_NGINX();
     std::filesystem::create_directories(directory_ / "www/scene");
     ASSERT_TRUE(base::writeFileAtomically(directory_ / "www/scene/a.bin", bytes_));
     writeCertificate(directory_.path());
-    nginx_ = std::make_unique<Nginx>(directory_.path(), kServers, 2);
-    ASSERT_TRUE(nginx_->running()) << "nginx does not start; its log is " << (directory_ / "error.log");
+    std::string servers = kServers;
+    support::replaceAll(servers, "$DIR", directory_.path());
+    nginx_ = std::make_unique<Nginx>(Nginx::Configuration{servers, 2});
+    ASSERT_TRUE(nginx_->running());
   }
   std::unique_ptr<ObjectSource> open(const std::string& folder, const HttpOptions& options = quick()) {
-    return std::move(*openHttpSource("http://127.0.0.1:" + std::to_string(nginx_->port(0)) + folder, options));
+    return std::move(*openHttpSource(nginx_->url() + folder, options));
   }
   std::unique_ptr<ObjectSource> openSecure(const std::string& folder, const HttpOptions& options) {
     return std::move(*openHttpSource("https://127.0.0.1:" + std::to_string(nginx_->port(1)) + folder, options));

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "repository/open_objects.h"
-#include "tests/repository/temporary_directory.h"
+#include "tests/support/temporary_directory.h"
 
 namespace {
 
@@ -18,7 +18,7 @@ TEST(Objects, NamesStayWithinTheirPlace) {
 }
 
 TEST(Objects, ADirectoryGivesBackWhatWasPut) {
-  const repository::test::TemporaryDirectory directory;
+  const support::TemporaryDirectory directory;
   auto sink = repository::openDirectorySink(directory.path() + "/out");
   ASSERT_TRUE(sink);
   ASSERT_TRUE((*sink)->put("scene.json", Bytes{1, 2, 3}, "application/json"));
@@ -49,7 +49,7 @@ TEST(Objects, ADirectoryGivesBackWhatWasPut) {
 }
 
 TEST(Objects, OneSinkOfADirectoryAtATime) {
-  const repository::test::TemporaryDirectory directory;
+  const support::TemporaryDirectory directory;
   auto sink = repository::openObjectSink("file://" + directory.path());
   ASSERT_TRUE(sink);
   EXPECT_EQ(repository::openObjectSink(directory.path()).error().code, ErrorCode::kBusy);

@@ -15,7 +15,7 @@
 #include "repository/pack_store.h"
 #include "repository/verify.h"
 #include "tests/repository/sample_values.h"
-#include "tests/repository/temporary_directory.h"
+#include "tests/support/temporary_directory.h"
 
 namespace repository {
 namespace {
@@ -155,7 +155,7 @@ class Publish : public testing::Test {
     return good;
   }
 
-  test::TemporaryDirectory directory_;
+  support::TemporaryDirectory directory_;
   std::unique_ptr<Store> store_;
   PublishOptions options_;
   std::shared_ptr<CountingSource> source_;

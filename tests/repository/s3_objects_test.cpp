@@ -6,18 +6,18 @@
 #include "repository/s3_bucket.h"
 #include "repository/s3_xml.h"
 #include "tests/repository/scripted_server.h"
-#include "tests/repository/temporary_directory.h"
+#include "tests/support/temporary_directory.h"
 
 namespace repository {
 namespace {
 
 using base::ErrorCode;
+using support::TemporaryDirectory;
 using test::Answer;
 using test::answer;
 using test::headerOf;
 using test::part;
 using test::ScriptedServer;
-using test::TemporaryDirectory;
 using namespace std::chrono_literals;
 
 S3Config configFor(const ScriptedServer& server) {

@@ -8,8 +8,8 @@
 #include "repository/repository.h"
 #include "repository/tree_text.h"
 #include "tests/repository/sample_values.h"
-#include "tests/repository/temporary_directory.h"
 #include "tests/repository/writer_process.h"
+#include "tests/support/temporary_directory.h"
 
 namespace repository {
 namespace {
@@ -51,7 +51,7 @@ class ShardedTest : public testing::Test {
       EXPECT_NE(refused.error().message.find(piece), std::string::npos) << refused.error().message;
   }
 
-  test::TemporaryDirectory directory_;
+  support::TemporaryDirectory directory_;
   Grid grid_;
 };
 

@@ -11,16 +11,16 @@
 #include "base/file.h"
 #include "repository/store.h"
 #include "tests/repository/sample_values.h"
-#include "tests/repository/temporary_directory.h"
 #include "tests/repository/writer_process.h"
+#include "tests/support/temporary_directory.h"
 
 namespace repository {
 namespace {
 
+using support::TemporaryDirectory;
 using test::batchOf;
 using test::kBatchValues;
 using test::keyOf;
-using test::TemporaryDirectory;
 using test::valueOf;
 using test::WriterProcess;
 

@@ -8,14 +8,14 @@
 #include <thread>
 
 #include "tests/repository/sample_values.h"
-#include "tests/repository/temporary_directory.h"
+#include "tests/support/temporary_directory.h"
 
 namespace repository {
 namespace {
 
+using support::TemporaryDirectory;
 using test::batchOf;
 using test::keyOf;
-using test::TemporaryDirectory;
 using test::valueOf;
 
 std::unique_ptr<Store> mustOpen(const std::string& path, StoreMode mode, const LmdbOptions& options = {}) {

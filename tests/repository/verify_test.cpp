@@ -5,7 +5,7 @@
 #include "repository/coverage.h"
 #include "repository/face_value.h"
 #include "repository/jpeg.h"
-#include "tests/repository/temporary_directory.h"
+#include "tests/support/temporary_directory.h"
 
 namespace repository {
 namespace {
@@ -42,7 +42,7 @@ class VerifyTest : public testing::Test {
     EXPECT_NE(found[0].find(what), std::string::npos) << found[0];
   }
 
-  test::TemporaryDirectory directory_;
+  support::TemporaryDirectory directory_;
   Grid grid_;
   std::unique_ptr<Store> store_;
 };

@@ -4,25 +4,17 @@
 #include <png.h>
 
 #include <array>
-#include <filesystem>
 
 #include "base/file.h"
+#include "tests/support/temporary_directory.h"
 
 namespace base {
 namespace {
 
 class PngTest : public testing::Test {
  protected:
-  void SetUp() override {
-    directory_ = std::filesystem::path(testing::TempDir()) /
-                 (std::string("lumigrid_png_") + testing::UnitTest::GetInstance()->current_test_info()->name());
-    std::filesystem::remove_all(directory_);
-    std::filesystem::create_directories(directory_);
-  }
-  void TearDown() override { std::filesystem::remove_all(directory_); }
-  std::string path(const std::string& name) const { return (directory_ / name).string(); }
-
-  std::filesystem::path directory_;
+  std::string path(const std::string& name) const { return directory_ / name; }
+  const support::TemporaryDirectory directory_;
 };
 
 // Every byte different from its neighbours, alpha included.

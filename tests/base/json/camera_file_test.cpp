@@ -1,15 +1,16 @@
 #include "base/json/camera_file.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <fstream>
+
+#include "tests/support/temporary_directory.h"
 
 namespace {
 
 std::string write(const std::string& text) {
-  const std::string path =
-      std::string(::testing::TempDir()) + "lumigrid_camera_" + std::to_string(::getpid()) + ".json";
+  static const support::TemporaryDirectory directory;
+  std::string path = directory / "camera.json";
   std::ofstream(path) << text;
   return path;
 }

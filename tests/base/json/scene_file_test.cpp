@@ -7,6 +7,7 @@
 #include <fstream>
 
 #include "base/file.h"
+#include "tests/support/temporary_directory.h"
 
 namespace {
 
@@ -62,18 +63,19 @@ TEST(SceneFile, refusesAnotherVersionByNumber) {
 }
 
 TEST(SceneFile, aDirectoryWithoutSceneSaysHowToMakeOne) {
-  auto read = base::readScene("/tmp");
+  const support::TemporaryDirectory directory;
+  auto read = base::readScene(directory.path());
   ASSERT_FALSE(read);
   EXPECT_NE(read.error().message.find("lumigrid build"), std::string::npos);
 }
 
 TEST(Sha256, ofAbcIsThePublishedOne) {
-  const std::string path = std::string(::testing::TempDir()) + "lumigrid_abc_" + std::to_string(::getpid());
+  const support::TemporaryDirectory directory;
+  const std::string path = directory / "abc";
   std::ofstream(path) << "abc";
   auto hash = base::sha256OfFile(path);
   ASSERT_TRUE(hash);
   EXPECT_EQ(*hash, "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");  // FIPS 180-2, appendix B.1
-  std::remove(path.c_str());
 }
 
 }  // namespace

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "lod/build/import.h"
+#include "tests/support/temporary_directory.h"
 
 namespace mesh_files {
 
@@ -19,10 +20,15 @@ using lod::build::Imported;
 using lod::build::ImportOptions;
 using lod::build::Mesh;
 
-/// Path of a new file with these bytes; its name holds the test's, so that tests can run side by side.
+/// Of this process, so that tests can run side by side.
+inline const support::TemporaryDirectory& directory() {
+  static const support::TemporaryDirectory made;
+  return made;
+}
+
+/// Path of a new file with these bytes.
 inline std::string write(const std::string& name, const std::string& bytes) {
-  const auto* info = testing::UnitTest::GetInstance()->current_test_info();
-  const std::string path = testing::TempDir() + info->test_suite_name() + "_" + info->name() + "_" + name;
+  std::string path = directory() / name;
   std::ofstream(path, std::ios::binary) << bytes;
   return path;
 }

@@ -126,8 +126,7 @@ TEST(Sample, SurveyOriginIsWrittenAsDouble) {
 }
 
 TEST(Sample, WrongSizesAndStopsLeaveNoFile) {
-  const std::string path = testing::TempDir() + "sample_never.ply";
-  std::remove(path.c_str());
+  const std::string path = mesh_files::directory() / "never.ply";
   EXPECT_FALSE(writeSamplePly(options(SampleShape::kStatue, 9'999), path));
   EXPECT_FALSE(writeSamplePly(options(SampleShape::kStatue, 1'000'000'001), path));
   const auto stopped = writeSamplePly(options(SampleShape::kStatue, 10'000), path, [](double) { return false; });

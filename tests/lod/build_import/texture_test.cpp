@@ -15,10 +15,6 @@ namespace {
 class Textures : public testing::Test {
  protected:
   void SetUp() override {
-    const auto* info = testing::UnitTest::GetInstance()->current_test_info();
-    folder = testing::TempDir() + "textures_" + info->name();
-    std::filesystem::remove_all(folder);
-    std::filesystem::create_directories(folder);
     base::Image image(64, 64, 3);
     for (int y = 0; y < 64; ++y)
       for (int x = 0; x < 64; ++x) {
@@ -26,16 +22,15 @@ class Textures : public testing::Test {
         image.at(x, y)[1] = y < 16 ? 255 : 0;
         image.at(x, y)[2] = y >= 16 && x >= 32 ? 255 : 0;
       }
-    ASSERT_TRUE(base::writePng(image, folder + "/picture.png"));
+    ASSERT_TRUE(base::writePng(image, folder / "picture.png"));
   }
-  void TearDown() override { std::filesystem::remove_all(folder); }
 
   base::Result<lod::build::Imported> import(const std::string& name, const std::string& text) {
-    std::ofstream(folder + "/" + name, std::ios::binary) << text;
-    return lod::build::importMeshes({folder + "/" + name}, {});
+    std::ofstream(folder / name, std::ios::binary) << text;
+    return lod::build::importMeshes({folder / name}, {});
   }
 
-  std::string folder;
+  const support::TemporaryDirectory folder;
 };
 
 glm::u8vec4 colorAt(const lod::build::Imported& mesh, const glm::vec3& p) {
@@ -60,7 +55,7 @@ std::string objStrip(const std::string& library) {
 }
 
 TEST_F(Textures, OfAnObjGoToItsVertices) {
-  std::ofstream(folder + "/skin.mtl") << "newmtl other\nKd 1 1 1\nnewmtl skin\nmap_Kd -s 1 1 1 picture.png\n";
+  std::ofstream(folder / "skin.mtl") << "newmtl other\nKd 1 1 1\nnewmtl skin\nmap_Kd -s 1 1 1 picture.png\n";
   const auto mesh = import("strip.obj", objStrip("skin.mtl"));
   ASSERT_TRUE(mesh) << mesh.error().message;
   EXPECT_EQ(colorAt(*mesh, {0, 0, 0}), glm::u8vec4(255, 0, 0, 255));
@@ -71,10 +66,10 @@ TEST_F(Textures, OfAnObjGoToItsVertices) {
 }
 
 TEST_F(Textures, OfAnObjReachTheHierarchy) {
-  std::ofstream(folder + "/skin.mtl") << "newmtl skin\nmap_Kd picture.png\n";
-  std::ofstream(folder + "/strip.obj") << objStrip("skin.mtl");
-  const std::string out = folder + "/patch.lgp";
-  const auto summary = lod::build::buildHierarchyFromFiles({folder + "/strip.obj"}, {}, out);
+  std::ofstream(folder / "skin.mtl") << "newmtl skin\nmap_Kd picture.png\n";
+  std::ofstream(folder / "strip.obj") << objStrip("skin.mtl");
+  const std::string out = folder / "patch.lgp";
+  const auto summary = lod::build::buildHierarchyFromFiles({folder / "strip.obj"}, {}, out);
   ASSERT_TRUE(summary) << summary.error().message;
   EXPECT_EQ(summary->warnings.size(), 1U);
   const auto file = lod::patch::PatchFile::open(out);
@@ -92,15 +87,15 @@ TEST_F(Textures, OfAnObjReachTheHierarchy) {
 }
 
 TEST_F(Textures, ThatAreMissingWarnAndTheMeshStays) {
-  std::ofstream(folder + "/skin.mtl") << "newmtl skin\nmap_Kd nowhere.png\n";
+  std::ofstream(folder / "skin.mtl") << "newmtl skin\nmap_Kd nowhere.png\n";
   const auto mesh = import("strip.obj", objStrip("skin.mtl"));
   ASSERT_TRUE(mesh) << mesh.error().message;
   EXPECT_TRUE(mesh->mesh.colors.empty());
   ASSERT_EQ(mesh->warnings.size(), 1U);
   EXPECT_NE(mesh->warnings[0].find("nowhere.png"), std::string::npos);
 
-  std::ofstream(folder + "/picture.png") << "no picture at all";
-  std::ofstream(folder + "/skin.mtl") << "newmtl skin\nmap_Kd picture.png\n";
+  std::ofstream(folder / "picture.png") << "no picture at all";
+  std::ofstream(folder / "skin.mtl") << "newmtl skin\nmap_Kd picture.png\n";
   const auto broken = import("strip.obj", objStrip("skin.mtl"));
   ASSERT_TRUE(broken) << broken.error().message;
   EXPECT_TRUE(broken->mesh.colors.empty());
@@ -123,7 +118,7 @@ TEST_F(Textures, OfAPlyWithCoordinatesAtItsFaces) {
 
 TEST_F(Textures, AreAveragedOverWhatAVertexStandsFor) {
   // One triangle over the whole picture: no corner may take a single texel's colour.
-  std::ofstream(folder + "/skin.mtl") << "newmtl skin\nmap_Kd picture.png\n";
+  std::ofstream(folder / "skin.mtl") << "newmtl skin\nmap_Kd picture.png\n";
   const auto mesh = import("one.obj",
                            "mtllib skin.mtl\nusemtl skin\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\n"
                            "f 1/1 2/2 3/3\n");

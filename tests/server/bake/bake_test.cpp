@@ -11,9 +11,9 @@
 #include "repository/verify.h"
 #include "server/bake/adaptive.h"
 #include "server/bake/cell_judge.h"
-#include "tests/repository/temporary_directory.h"
 #include "tests/server/bake/memory_store.h"
 #include "tests/server/bake/sphere.h"
+#include "tests/support/temporary_directory.h"
 
 namespace server {
 namespace {
@@ -44,7 +44,7 @@ class BakeTest : public testing::Test {
 };
 
 TEST_F(BakeTest, everyFaceOfTheGridIsStoredAndVerifies) {
-  const repository::test::TemporaryDirectory directory;
+  const support::TemporaryDirectory directory;
   const auto store = std::move(*repository::openLmdbStore(directory / "images", repository::StoreMode::kWrite));
   const auto summary = run(*store);
   ASSERT_TRUE(summary) << summary.error().message;
@@ -465,19 +465,6 @@ TEST_F(AdaptiveBakeTest, aViewFromASamplingPointIsNearlyTheTruth) {
   EXPECT_GT(at_point, between + 1.0);
   EXPECT_GT(psnr(point, points), psnr(point, {}));
   EXPECT_EQ(psnr(glm::vec3(0.0F, 0.0F, 400.0F), {}), psnr(glm::vec3(0.0F, 0.0F, 400.0F), {}));
-}
-
-TEST(PictureErrorTest, onlyForegroundCountsAndGreyLiesBeneath) {
-  base::Image truth(3, 1, 4);
-  base::Image picture(3, 1, 4);
-  truth.pixels = {10, 20, 30, 255, 0, 0, 0, 0, 1, 2, 3, 0};
-  picture.pixels = {13, 20, 30, 255, 9, 9, 9, 0, 128, 128, 130, 255};
-  const PictureError error = pictureError(truth, picture);
-  EXPECT_EQ(error.samples, 6U);                 // the second pixel is background in both
-  EXPECT_NEAR(error.squared, 9.0 + 4.0, 1e-3);  // the third: grey against 128, 128, 130
-  EXPECT_NEAR(error.psnr(), 10.0 * std::log10(255.0 * 255.0 * 6.0 / 13.0), 1e-6);
-  EXPECT_EQ(pictureError(truth, truth).psnr(), 99.0);
-  EXPECT_EQ(PictureError().psnr(), 99.0);
 }
 
 }  // namespace

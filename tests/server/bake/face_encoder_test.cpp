@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "base/picture_error.h"
 #include "repository/coverage.h"
 #include "repository/face_value.h"
 
@@ -33,7 +34,7 @@ base::Image maskWith(int width, int height, const std::vector<std::pair<int, int
 
 TEST(FaceEncoder, aFaceThatSeesNothingIsAnEmptyFlag) {
   base::Image image(64, 64, 4);
-  paint(image, 3, 3, 255, 255, 255, kCoverageThreshold - 1);  // less than half of a pixel is nothing
+  paint(image, 3, 3, 255, 255, 255, base::kCoverageThreshold - 1);  // less than half of a pixel is nothing
   const auto face = encodeFace(image, 85, repository::Subsampling::k420);
   ASSERT_TRUE(face);
   EXPECT_TRUE(face->empty);
@@ -43,7 +44,7 @@ TEST(FaceEncoder, aFaceThatSeesNothingIsAnEmptyFlag) {
 
 TEST(FaceEncoder, onePixelOfModelIsAnImage) {
   base::Image image(64, 64, 4);
-  paint(image, 3, 3, 255, 255, 255, kCoverageThreshold);
+  paint(image, 3, 3, 255, 255, 255, base::kCoverageThreshold);
   const auto face = encodeFace(image, 85, repository::Subsampling::k420);
   ASSERT_TRUE(face);
   EXPECT_FALSE(face->empty);

@@ -6,7 +6,7 @@
 
 #include "base/file.h"
 #include "base/json/scene_file.h"
-#include "tests/repository/temporary_directory.h"
+#include "tests/support/temporary_directory.h"
 
 namespace server {
 namespace {
@@ -38,7 +38,7 @@ TEST(ViewerUse, CountsWhatLiesInABoxAndOnItsSides) {
 }
 
 TEST(ViewerUse, IsReadFromASceneAndSaysWhatIsMissing) {
-  const repository::test::TemporaryDirectory directory;
+  const support::TemporaryDirectory directory;
   base::Scene scene;
   scene.box_min = glm::dvec3(-1.0);
   scene.box_max = glm::dvec3(1.0);

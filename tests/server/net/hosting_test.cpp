@@ -1,42 +1,20 @@
 // The nginx configuration of docs/hosting.md does what the document says, with a real nginx.
-#include <arpa/inet.h>
 #include <gtest/gtest.h>
-#include <netinet/in.h>
-#include <signal.h>
-#include <sys/socket.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
-#include <chrono>
 #include <filesystem>
-#include <thread>
+#include <memory>
 
 #include "base/file.h"
 #include "tests/server/net/loopback.h"
+#include "tests/support/nginx.h"
 
 namespace server {
 namespace {
 
-namespace fs = std::filesystem;
-
-constexpr const char* kNginx = "/usr/sbin/nginx";
 const std::string kName = "images/pack-0123456789abcdef0123456789abcdef.lgk";
 
 void write(const std::string& path, const std::string& text) {
   ASSERT_TRUE(base::writeFileAtomically(path, {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}));
-}
-
-// A port that nobody listens at, as of now.
-std::uint16_t freePort() {
-  const int fd = ::socket(AF_INET, SOCK_STREAM, 0);
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  socklen_t length = sizeof(address);
-  EXPECT_EQ(::bind(fd, reinterpret_cast<sockaddr*>(&address), length), 0);
-  EXPECT_EQ(::getsockname(fd, reinterpret_cast<sockaddr*>(&address), &length), 0);
-  ::close(fd);
-  return ntohs(address.sin_port);
 }
 
 void replace(std::string& text, const std::string& from, const std::string& to) {
@@ -49,29 +27,17 @@ void replace(std::string& text, const std::string& from, const std::string& to) 
 class HostingTest : public testing::Test {
  protected:
   void SetUp() override {
-    if (!fs::exists(kNginx)) GTEST_SKIP() << "no nginx here";
-    work_ = (fs::temp_directory_path() / ("lumigrid_hosting_" + std::to_string(::getpid()))).string();
-    fs::create_directories(work_ + "/srv/tower/images");
-    write(work_ + "/srv/tower/scene.json", "{\"version\": 1}");
-    write(work_ + "/srv/tower/" + kName, std::string(100000, 'x') + "end");
-    writeConfiguration();
+    LUMIGRID_SKIP_WITHOUT_NGINX();
+    std::filesystem::create_directories(directory_ / "tower/images");
+    write(directory_ / "tower/scene.json", "{\"version\": 1}");
+    write(directory_ / ("tower/" + kName), std::string(100000, 'x') + "end");
+    std::string snippet;
+    readSnippet(snippet);
     if (HasFatalFailure()) return;
-    pid_ = ::fork();
-    if (pid_ == 0) {
-      ::execl(kNginx, "nginx", "-p", work_.c_str(), "-c", "nginx.conf", "-e", "error.log", nullptr);
-      ::_exit(127);
-    }
-    for (int i = 0; i < 1000 && httpRequest(port_, "/").status == 0; ++i)
-      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    nginx_ = std::make_unique<support::Nginx>(support::Nginx::Configuration{snippet});
+    ASSERT_TRUE(nginx_->running());
   }
-  void TearDown() override {
-    if (pid_ > 0) {
-      ::kill(pid_, SIGTERM);
-      ::waitpid(pid_, nullptr, 0);
-    }
-    if (!work_.empty()) fs::remove_all(work_);
-  }
-  void writeConfiguration() {
+  void readSnippet(std::string& snippet) {
     const auto bytes = base::readFile(LUMIGRID_SOURCE_DIR "/docs/hosting.md");
     ASSERT_TRUE(bytes);
     const std::string document(bytes->begin(), bytes->end());
@@ -79,53 +45,51 @@ class HostingTest : public testing::Test {
     const std::size_t begin = document.find(fence);
     ASSERT_NE(begin, std::string::npos);
     const std::size_t end = document.find("```", begin + fence.size());
-    std::string snippet = document.substr(begin + fence.size(), end - begin - fence.size());
-    port_ = freePort();
-    replace(snippet, "listen 8088;", "listen 127.0.0.1:" + std::to_string(port_) + ";");
-    replace(snippet, "root /srv/lumigrid;", "root " + work_ + "/srv;");
-    std::string around = "daemon off;\nmaster_process off;\npid nginx.pid;\nevents { }\nhttp {\naccess_log off;\n";
-    for (const char* module : {"client_body", "proxy", "fastcgi", "uwsgi", "scgi"})
-      around += std::string(module) + "_temp_path " + module + ";\n";
-    write(work_ + "/nginx.conf", around + snippet + "}\n");
+    snippet = document.substr(begin + fence.size(), end - begin - fence.size());
+    replace(snippet, "listen 8088;", "listen 127.0.0.1:$PORT0;");
+    replace(snippet, "root /srv/lumigrid;", "root " + directory_.path() + ";");
+  }
+  HttpAnswer ask(const std::string& target, const std::map<std::string, std::string>& headers = {},
+                 const std::string& method = "GET") const {
+    return httpRequest(nginx_->port(), target, headers, method);
   }
 
-  std::string work_;
-  std::uint16_t port_ = 0;
-  pid_t pid_ = -1;
+  const support::TemporaryDirectory directory_;
+  std::unique_ptr<support::Nginx> nginx_;
 };
 
 TEST_F(HostingTest, packsAreReadByRangeAndKeptForever) {
-  const HttpAnswer part = httpRequest(port_, "/tower/" + kName, {{"Range", "bytes=99998-100001"}});
+  const HttpAnswer part = ask("/tower/" + kName, {{"Range", "bytes=99998-100001"}});
   EXPECT_EQ(part.status, 206);
   EXPECT_EQ(part.body, "xxen");
   EXPECT_EQ(part.headers.at("content-range"), "bytes 99998-100001/100003");
   EXPECT_EQ(part.headers.at("cache-control"), "public, max-age=31536000, immutable");
   EXPECT_EQ(part.headers.at("access-control-allow-origin"), "*");
   EXPECT_NE(part.headers.at("access-control-expose-headers").find("Content-Range"), std::string::npos);
-  EXPECT_EQ(httpRequest(port_, "/tower/" + kName, {{"Range", "bytes=200000-"}}).status, 416);
-  const HttpAnswer whole = httpRequest(port_, "/tower/" + kName, {{"Accept-Encoding", "gzip"}});
+  EXPECT_EQ(ask("/tower/" + kName, {{"Range", "bytes=200000-"}}).status, 416);
+  const HttpAnswer whole = ask("/tower/" + kName, {{"Accept-Encoding", "gzip"}});
   EXPECT_EQ(whole.status, 200);
   EXPECT_EQ(whole.body.size(), 100003U);
   EXPECT_EQ(whole.headers.count("content-encoding"), 0U);
 }
 
 TEST_F(HostingTest, theRootIsAskedForAnewAndAnsweredWithNothingWhenItIsTheSame) {
-  const HttpAnswer root = httpRequest(port_, "/tower/scene.json");
+  const HttpAnswer root = ask("/tower/scene.json");
   EXPECT_EQ(root.status, 200);
   EXPECT_EQ(root.headers.at("cache-control"), "no-cache");
   EXPECT_EQ(root.headers.at("content-type"), "application/json");
-  EXPECT_EQ(httpRequest(port_, "/tower/scene.json", {{"If-None-Match", root.headers.at("etag")}}).status, 304);
-  write(work_ + "/srv/tower/scene.json", "{\"version\": 1, \"more\": 2}");
-  EXPECT_EQ(httpRequest(port_, "/tower/scene.json").body, "{\"version\": 1, \"more\": 2}");
+  EXPECT_EQ(ask("/tower/scene.json", {{"If-None-Match", root.headers.at("etag")}}).status, 304);
+  write(directory_ / "tower/scene.json", "{\"version\": 1, \"more\": 2}");
+  EXPECT_EQ(ask("/tower/scene.json").body, "{\"version\": 1, \"more\": 2}");
 }
 
 TEST_F(HostingTest, pagesOfOtherHostsMayAskAndSeeWhatIsMissing) {
-  const HttpAnswer asked = httpRequest(
-      port_, "/tower/" + kName, {{"Origin", "https://other"}, {"Access-Control-Request-Headers", "range"}}, "OPTIONS");
+  const HttpAnswer asked =
+      ask("/tower/" + kName, {{"Origin", "https://other"}, {"Access-Control-Request-Headers", "range"}}, "OPTIONS");
   EXPECT_EQ(asked.status, 204);
   EXPECT_EQ(asked.headers.at("access-control-allow-origin"), "*");
   EXPECT_NE(asked.headers.at("access-control-allow-headers").find("Range"), std::string::npos);
-  const HttpAnswer none = httpRequest(port_, "/tower/images/none.lgk");
+  const HttpAnswer none = ask("/tower/images/none.lgk");
   EXPECT_EQ(none.status, 404);
   EXPECT_EQ(none.headers.at("access-control-allow-origin"), "*");
   EXPECT_EQ(none.headers.count("cache-control"), 0U);

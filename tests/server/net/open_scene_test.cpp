@@ -20,6 +20,7 @@ TEST(OpenScene, welcomeIsFilledFromTheFiles) {
   EXPECT_EQ(welcome.patch_count, (*open)->patches.hierarchy().patches.size());
   EXPECT_EQ(welcome.lattice_step, (*open)->patches.hierarchy().lattice.step);
   EXPECT_EQ(welcome.grid.count.x, 4U);
+  EXPECT_EQ(welcome.units, "m");
   EXPECT_NE((*open)->data.images, nullptr);
   EXPECT_FALSE(welcome.can_render_frames);
   EXPECT_TRUE(protocol::decodeServerMessage(protocol::encode(protocol::ServerMessage(welcome))));

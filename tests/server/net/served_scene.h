@@ -43,6 +43,7 @@ class SceneDirectory {
     base::Aabb box;
     for (const auto& patch : synthetic.hierarchy.patches) box.add(patch.box);
     base::Scene scene;
+    scene.units = "m";
     scene.origin = {500'000.0, 4'000'000.0, 100.0};
     scene.box_min = scene.origin + glm::dvec3(box.min);
     scene.box_max = scene.origin + glm::dvec3(box.max);

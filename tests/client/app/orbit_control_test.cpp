@@ -1,4 +1,4 @@
-#include "client/native/orbit_control.h"
+#include "client/orbit_control.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "server/bake/draw_pool.h"
+#include "server/bake/draw_thread.h"
 
 #include <gtest/gtest.h>
 
@@ -18,9 +18,9 @@ std::vector<test::Triangle> square() {
   return {{{-1, -1, 0}, {1, -1, 0}, {1, 1, 0}, color}, {{-1, -1, 0}, {1, 1, 0}, {-1, 1, 0}, color}};
 }
 
-class DrawPoolTest : public testing::Test {
+class DrawThreadTest : public testing::Test {
  protected:
-  DrawPoolTest() : scene_(square(), {square()}, 0.1F) {
+  DrawThreadTest() : scene_(square(), {square()}, 0.1F) {
     grid_ = repository::makeGrid(base::Aabb{{-1, -1, 0}, {1, 1, 0}}, 4, 0.5F, 32);
   }
   std::vector<DrawJob> allJobs() const {
@@ -32,20 +32,20 @@ class DrawPoolTest : public testing::Test {
     }
     return jobs;
   }
-  // Pictures by sequence number, from a pool of so many threads.
-  std::map<std::uint64_t, base::Image> drawAll(unsigned threads) {
+  // Pictures by sequence number.
+  std::map<std::uint64_t, base::Image> drawAll() {
     std::map<std::uint64_t, base::Image> pictures;
     const std::vector<DrawJob> jobs = allJobs();
-    DrawPool pool(
-        scene_.scene(), scene_.file(), grid_, {}, threads,
+    DrawThread thread(
+        scene_.scene(), scene_.file(), grid_, {},
         [&](std::uint64_t sequence, const FaceKey& key, Rendered rendered) {
           const std::lock_guard lock(mutex_);
           EXPECT_EQ(key, jobs[sequence / 6].keys[sequence % 6]);
           EXPECT_TRUE(pictures.emplace(sequence, std::move(rendered.rgba)).second) << sequence << " came twice";
         },
         [](const base::Error& error) { ADD_FAILURE() << error.message; });
-    for (const DrawJob& job : jobs) pool.submit(job);
-    pool.finish();
+    for (const DrawJob& job : jobs) thread.submit(job);
+    thread.finish();
     return pictures;
   }
 
@@ -54,21 +54,21 @@ class DrawPoolTest : public testing::Test {
   std::mutex mutex_;
 };
 
-// One thread: several contexts that draw at a time can crash within llvmpipe (draw_pool.cpp).
-TEST_F(DrawPoolTest, everyFaceComesOnceAndLooksTheSameEveryTime) {
-  const auto one = drawAll(1);
+// One thread: several contexts that draw at a time can crash within llvmpipe (draw_thread.cpp).
+TEST_F(DrawThreadTest, everyFaceComesOnceAndLooksTheSameEveryTime) {
+  const auto one = drawAll();
   ASSERT_EQ(one.size(), grid_.faceCount());
-  const auto again = drawAll(1);
+  const auto again = drawAll();
   ASSERT_EQ(again.size(), one.size());
   for (const auto& [sequence, picture] : one) EXPECT_EQ(again.at(sequence).pixels, picture.pixels) << sequence;
 }
 
 // The next job is held back until the one before has come whole: were pictures kept on their way, this would hang.
-TEST_F(DrawPoolTest, aThreadWithoutAJobDeliversWhatIsOnItsWay) {
+TEST_F(DrawThreadTest, aThreadWithoutAJobDeliversWhatIsOnItsWay) {
   std::uint64_t taken = 0;
   std::condition_variable changed;
-  DrawPool pool(
-      scene_.scene(), scene_.file(), grid_, {}, 1,
+  DrawThread thread(
+      scene_.scene(), scene_.file(), grid_, {},
       [&](std::uint64_t, const FaceKey&, const Rendered&) {
         const std::lock_guard lock(mutex_);
         ++taken;
@@ -77,33 +77,29 @@ TEST_F(DrawPoolTest, aThreadWithoutAJobDeliversWhatIsOnItsWay) {
       [](const base::Error& error) { ADD_FAILURE() << error.message; });
   std::uint64_t submitted = 0;
   for (const DrawJob& job : allJobs()) {
-    pool.submit(job);
+    thread.submit(job);
     submitted += job.keys.size();
     std::unique_lock lock(mutex_);
     changed.wait(lock, [&] { return taken == submitted; });
   }
-  pool.finish();
+  thread.finish();
   EXPECT_EQ(taken, grid_.faceCount());
 }
 
-TEST_F(DrawPoolTest, aFailureIsToldOnceAndNothingIsWaitedForAfterIt) {
+TEST_F(DrawThreadTest, aFailureIsToldOnceAndNothingIsWaitedForAfterIt) {
   grid_.face_size = 40000;  // more than a picture may have
   std::atomic<int> told{0};
   std::atomic<int> taken{0};
-  DrawPool pool(
-      scene_.scene(), scene_.file(), grid_, {}, 3, [&](std::uint64_t, const FaceKey&, const Rendered&) { ++taken; },
+  DrawThread thread(
+      scene_.scene(), scene_.file(), grid_, {}, [&](std::uint64_t, const FaceKey&, const Rendered&) { ++taken; },
       [&](const base::Error& error) {
         EXPECT_NE(error.message.find("40000"), std::string::npos) << error.message;
         ++told;
       });
-  for (const DrawJob& job : allJobs()) pool.submit(job);
-  pool.finish();
+  for (const DrawJob& job : allJobs()) thread.submit(job);
+  thread.finish();
   EXPECT_EQ(told, 1);
   EXPECT_EQ(taken, 0);
-}
-
-TEST_F(DrawPoolTest, oneThreadDrawsHoweverManyThereMayBe) {
-  for (const unsigned threads : {1U, 4U, 64U}) EXPECT_EQ(*DrawPool::threadsFor(threads), 1U);
 }
 
 }  // namespace

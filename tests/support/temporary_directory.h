@@ -1,22 +1,23 @@
 #pragma once
-// A directory for one test, gone with it.
+// A directory of one test's own, gone with it.
 #include <gtest/gtest.h>
-#include <unistd.h>
+#include <stdlib.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <string>
 
-namespace repository::test {
+namespace support {
 
 class TemporaryDirectory {
  public:
+  /// Its name holds the test's, and is no other process's.
   TemporaryDirectory() {
     const testing::TestInfo* info = testing::UnitTest::GetInstance()->current_test_info();
-    path_ = (std::filesystem::temp_directory_path() / ("lumigrid_" + std::string(info->test_suite_name()) + "_" +
-                                                       info->name() + "_" + std::to_string(::getpid())))
-                .string();
-    std::filesystem::remove_all(path_);
-    std::filesystem::create_directories(path_);
+    std::string name = std::string("lumigrid_") + info->test_suite_name() + "_" + info->name() + "_XXXXXX";
+    std::replace(name.begin(), name.end(), '/', '_');  // of tests with parameters
+    path_ = (std::filesystem::temp_directory_path() / name).string();
+    if (::mkdtemp(path_.data()) == nullptr) ADD_FAILURE() << "no directory " << path_;
   }
   ~TemporaryDirectory() {
     std::error_code ignored;
@@ -31,4 +32,4 @@ class TemporaryDirectory {
   std::string path_;
 };
 
-}  // namespace repository::test
+}  // namespace support

@@ -1,0 +1,107 @@
+#pragma once
+// How mouse and keys move the camera: orbit around a pivot, grab and pan, zoom to the cursor, fly. World coordinates in
+// double; pixels from the upper left corner of the view. Nothing here knows a window.
+//
+// Orthographic is a way to show the same camera: at the pivot's depth the picture is as wide as the perspective one, so
+// coming nearer magnifies, and switching keeps what is looked at.
+#include <glm/glm.hpp>
+#include <optional>
+
+#include "base/camera.h"
+
+namespace client {
+
+/// Where a camera stands. The pivot is straight ahead.
+struct Place {
+  glm::dvec3 position{0.0, 0.0, 1.0};    ///< world
+  glm::dvec3 direction{0.0, 0.0, -1.0};  ///< unit, world
+  double distance = 1.0;                 ///< to the pivot, world units, above 0
+};
+
+struct Ray {
+  glm::dvec3 origin{0.0};     ///< world
+  glm::dvec3 direction{0.0};  ///< unit, world
+};
+
+/// Where a point is shown.
+struct ScreenPoint {
+  double x = 0.0, y = 0.0;  ///< pixels from the upper left corner
+  double depth = 0.0;       ///< along the view axis, world units; at or below 0: behind the eye, and x, y mean nothing
+                            ///< (orthographic: they do)
+};
+
+class OrbitControl {
+ public:
+  /// Looks at a box from the side and a little from above, so that all of it is in view.
+  void frameBox(const glm::dvec3& box_min, const glm::dvec3& box_max, const glm::dvec3& up);
+  void setViewport(int width, int height);  ///< pixels, ≥ 1
+  /// Back to the view that frameBox() gave.
+  void reset();
+  Place firstPlace() const { return first_; }
+  /// The whole box in view from the side that is looked at now.
+  Place framingPlace() const;
+  /// So far aside that a world point is straight ahead, at its distance; it becomes the pivot.
+  Place centredOn(const glm::dvec3& world) const;
+
+  Place place() const;
+  /// Directions nearer to straight up and down than the poles' margin are turned away from them.
+  void setPlace(const Place& place);
+  /// From one place to another at `share` 0 … 1 of the way: turns about the up vector, and comes nearer at an even
+  /// rate.
+  Place between(const Place& from, const Place& to, double share) const;
+
+  void setFov(double fov_y);  ///< radians, in (0, π)
+  void setOrthographic(bool on) { orthographic_ = on; }
+  bool orthographic() const { return orthographic_; }
+  /// World units from the bottom of the picture to its top; 0 in perspective.
+  double orthoHeight() const;
+  double sceneSize() const { return size_; }  ///< the box's diagonal, world units
+
+  ScreenPoint project(const glm::dvec3& world) const;
+  /// From the eye, or orthographic from behind the whole scene, through the picture at (x, y).
+  Ray rayAt(double x, double y) const;
+  /// World units that a pixel covers at a world point.
+  double pixelSizeAt(const glm::dvec3& world) const;
+
+  const base::ViewCamera& camera() const { return camera_; }
+  const glm::dvec3& pivot() const { return pivot_; }
+  void setPivot(const glm::dvec3& world) { pivot_ = world; }
+
+  /// Turns around the pivot; the whole height of the view is half a turn. Distance to the pivot and its place on the
+  /// screen stay. Never tips over the poles.
+  void orbit(double dx_px, double dy_px);
+
+  /// Takes hold of the world point shown at (x, y): the surface there, or when unknown a point as far as the pivot.
+  void grab(double x, double y, const std::optional<glm::dvec3>& surface);
+  /// Moves so that the grabbed point is shown at (x, y).
+  void dragTo(double x, double y);
+  const glm::dvec3& grabbed() const { return grabbed_; }
+
+  /// `steps` > 0 comes nearer, a fifth of the way each, to the surface at (x, y), which stays where it is on the
+  /// screen.
+  void zoom(double steps, double x, double y, const std::optional<glm::dvec3>& surface);
+
+  /// Flies by `distance` pivot distances along the camera's own axes: right, up, forward. Orthographic, forward
+  /// magnifies.
+  void fly(const glm::dvec3& distance);
+
+ private:
+  glm::dvec3 right() const;
+  glm::dvec3 upInView() const;
+  double depthOf(const glm::dvec3& world) const;
+  glm::dvec3 pointAt(double x, double y, double depth) const;
+  double pixelScale() const;
+  glm::dvec3 awayFromPoles(const glm::dvec3& direction) const;
+  void move(const glm::dvec3& offset);
+
+  base::ViewCamera camera_;
+  glm::dvec3 pivot_{0.0};
+  glm::dvec3 up_{0.0, 0.0, 1.0};
+  glm::dvec3 grabbed_{0.0};
+  double size_ = 1.0;  // of the box, its diagonal
+  glm::dvec3 box_min_{0.0}, box_max_{0.0};
+  bool orthographic_ = false;
+  Place first_;
+};
+
+}  // namespace client

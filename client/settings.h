@@ -1,0 +1,59 @@
+#pragma once
+// What people set once and keep (docs/formats/settings.md): one table of names, kinds, ranges and defaults, which the
+// native program writes as JSON and the page shows and keeps in its own way.
+#include <cstdint>
+#include <span>
+#include <string_view>
+
+#include "base/error.h"
+
+namespace client {
+
+inline constexpr int kSettingsVersion = 1;
+
+enum class ReducedMotion : std::uint8_t { kSystem, kOn, kOff };
+enum class Theme : std::uint8_t { kSystem, kLight, kDark };
+
+struct Settings {
+  double cache_megabytes = 50.0;  ///< compressed images and patches kept; from the next start on
+  double gpu_megabytes = 512.0;   ///< textures; from the next start on
+  double patch_tolerance = 4.0;   ///< pixels
+  double max_triangles = 300'000.0;
+  double points = 8.0;    ///< sampling points whose images are asked for
+  double samples = 16.0;  ///< images blended in a picture
+  double images = 1.0;    ///< flags are 0 or 1
+  double frames = 1.0;
+  double fov_degrees = 45.0;  ///< vertical
+  double orbit_speed = 1.0;
+  double zoom_speed = 1.0;  ///< below 0: the wheel turned around
+  double fly_speed = 1.0;
+  double reduced_motion = 0.0;  ///< ReducedMotion
+  double theme = 0.0;           ///< Theme
+  friend bool operator==(const Settings&, const Settings&) = default;
+};
+
+enum class SettingKind : std::uint8_t { kNumber, kInteger, kFlag, kChoice };
+
+struct SettingField {
+  std::string_view name;   ///< in JSON: "patch_tolerance"
+  std::string_view label;  ///< for people: "Patch tolerance, pixels"
+  SettingKind kind;
+  double smallest, largest;
+  double Settings::*value;
+  std::string_view
+      choices;  ///< kChoice: names parted by blanks, "system light dark"; the value is the place in the list
+  bool from_next_start = false;  ///< takes effect when the viewer is opened again
+};
+
+/// All of them, in the order in which they are shown. The default is that of Settings.
+std::span<const SettingField> settingFields();
+const SettingField* findSetting(std::string_view name);  ///< null when there is none
+
+/// Sets one by name. Errors: no such name; out of range; not finite; a fraction where a whole number is needed. Then
+/// nothing changes.
+base::Result<void> setSetting(Settings& settings, std::string_view name, double value);
+/// The place of a choice's name in its field's list. Error: not one of them.
+base::Result<double> choiceValue(const SettingField& field, std::string_view choice);
+std::string_view choiceName(const SettingField& field, double value);
+
+}  // namespace client

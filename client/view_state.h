@@ -1,0 +1,32 @@
+#pragma once
+// What is looked at and how: all that a permalink or a bookmark holds.
+#include <glm/glm.hpp>
+
+#include "base/camera.h"
+#include "lod/method.h"
+
+namespace client {
+
+/// A plane at a right angle to a world axis; what lies on one side of it is not drawn.
+struct Section {
+  bool on = false;
+  int axis = 2;            ///< 0, 1, 2: x, y, z
+  bool keep_below = true;  ///< what is kept: coordinates below `offset` along the axis, or above it
+  double offset = 0.0;     ///< world coordinate along the axis
+  friend bool operator==(const Section&, const Section&) = default;
+};
+
+struct ViewState {
+  glm::dvec3 position{0.0, 0.0, 1.0};    ///< world
+  glm::dvec3 direction{0.0, 0.0, -1.0};  ///< unit, world
+  double pivot_distance = 1.0;           ///< the pivot lies this far along the direction, world units, above 0
+  double fov_y = 0.7853981633974483;     ///< radians, full vertical angle
+  lod::Method method = lod::Method::kLumigraph;
+  bool statistics = false;
+  bool colors_by_resolution = false;
+  bool orthographic = false;  ///< shows at the pivot's depth what the perspective view shows there
+  Section section;
+  friend bool operator==(const ViewState&, const ViewState&) = default;
+};
+
+}  // namespace client

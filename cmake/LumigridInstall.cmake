@@ -1,0 +1,9 @@
+# What `cmake --install` puts where: the programs, and the browser client's files where `lumigrid serve` and `publish` look
+# for them. Those are built by the preset "web" (another compiler, so another build folder); without them the server
+# shows a plain page.
+include(GNUInstallDirs)
+set(LUMIGRID_PAGE_FILES "${PROJECT_SOURCE_DIR}/build/web/site" CACHE PATH "Folder with the browser client's files, as the preset web builds them")
+
+install(TARGETS lumigrid lumigrid-view lumigrid-compare RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+# The folder's content; a folder that is not there is none.
+install(DIRECTORY "${LUMIGRID_PAGE_FILES}/" DESTINATION share/lumigrid/web OPTIONAL)

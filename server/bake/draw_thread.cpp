@@ -1,0 +1,99 @@
+#include "server/bake/draw_thread.h"
+
+#include <utility>
+
+#include "base/egl/headless.h"
+#include "server/bake/face_sample.h"
+
+namespace server {
+namespace {
+
+constexpr std::uint64_t kGpuBudgetBytes = std::uint64_t{2} << 30;  // uploaded patches
+
+}  // namespace
+
+DrawThread::DrawThread(const base::Scene& scene, const lod::patch::PatchFile& patches, const repository::Grid& grid,
+                       const RenderOptions& options, Take take, Fail fail)
+    : scene_(scene),
+      patches_(patches),
+      grid_(grid),
+      options_(options),
+      take_(std::move(take)),
+      fail_(std::move(fail)),
+      thread_([this] { work(); }) {}
+
+DrawThread::~DrawThread() {
+  finish();
+}
+
+void DrawThread::submit(DrawJob job) {
+  {
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [&] { return failed_ || !next_; });
+    if (failed_) return;
+    next_ = std::move(job);
+  }
+  changed_.notify_all();
+}
+
+void DrawThread::finish() {
+  {
+    const std::lock_guard lock(mutex_);
+    finishing_ = true;
+  }
+  changed_.notify_all();
+  if (thread_.joinable()) thread_.join();
+}
+
+void DrawThread::work() {
+  const base::Result<void> drawn = draw();
+  if (drawn) return;
+  {
+    const std::lock_guard lock(mutex_);
+    failed_ = true;
+    next_.reset();
+  }
+  changed_.notify_all();
+  fail_(drawn.error());
+}
+
+base::Result<void> DrawThread::draw() {
+  auto context = base::HeadlessContext::create();
+  if (!context) return context.error();
+  auto renderer = SceneRenderer::create(scene_, patches_, kGpuBudgetBytes);
+  if (!renderer) return renderer.error();
+  for (;;) {
+    std::optional<DrawJob> job = takeJobAtOnce();
+    if (!job) {
+      LUMIGRID_TRY((*renderer)->finish());
+      job = takeJob();
+    }
+    if (!job) return {};
+    LUMIGRID_TRY((*renderer)->renderMany(faceCameras(**renderer, grid_, job->keys), options_,
+                                         [this, job = *job](std::size_t i, Rendered rendered) {
+                                           take_(job.sequence + i, job.keys[i], std::move(rendered));
+                                         }));
+  }
+}
+
+// Nothing: none is waiting.
+std::optional<DrawJob> DrawThread::takeJobAtOnce() {
+  std::optional<DrawJob> job;
+  {
+    const std::lock_guard lock(mutex_);
+    job = std::exchange(next_, std::nullopt);
+  }
+  if (job) changed_.notify_all();
+  return job;
+}
+
+// Nothing: there will be none any more.
+std::optional<DrawJob> DrawThread::takeJob() {
+  {
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [&] { return finishing_ || next_; });
+  }
+  return takeJobAtOnce();
+}
+
+}  // namespace server

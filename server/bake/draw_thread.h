@@ -1,0 +1,70 @@
+#pragma once
+// The thread that draws faces, with a GL context, a renderer and a cache of patches of its own. One, on a GPU because
+// more are not measured there, with software GL because Mesa's llvmpipe (22.3) crashes in its own code about twice in a
+// hundred bakes when several contexts draw at a time; with one it never did. That leaves cores idle: vertices and
+// triangles are set up by the thread that draws (1.4 of 4 cores busy, a city scan drawn 1.6 times as fast by four
+// contexts), which encoding fills in part (docs/architecture.md, "One drawing context").
+#include <condition_variable>
+#include <cstdint>
+#include <functional>
+#include <mutex>
+#include <optional>
+#include <thread>
+#include <vector>
+
+#include "base/error.h"
+#include "base/json/scene_file.h"
+#include "lod/patch/format.h"
+#include "repository/grid.h"
+#include "repository/key.h"
+#include "server/render/scene_renderer.h"
+
+namespace server {
+
+/// Faces of one grid point, drawn with one cut and one upload.
+struct DrawJob {
+  std::uint64_t sequence = 0;  ///< number of the first face; the others follow
+  std::vector<repository::FaceKey> keys;
+};
+
+class DrawThread {
+ public:
+  /// Called on the thread, for the faces of each job in order.
+  using Take = std::function<void(std::uint64_t sequence, const repository::FaceKey&, Rendered)>;
+  /// Called once, on the thread, when drawing has failed; then nothing more is drawn or taken.
+  using Fail = std::function<void(const base::Error&)>;
+
+  /// What is referred to must outlive it.
+  DrawThread(const base::Scene& scene, const lod::patch::PatchFile& patches, const repository::Grid& grid,
+             const RenderOptions& options, Take take, Fail fail);
+  ~DrawThread();  ///< draws what was submitted
+  DrawThread(const DrawThread&) = delete;
+  DrawThread& operator=(const DrawThread&) = delete;
+
+  /// Blocks while a job is waiting. Without a job the thread delivers what it still has on its way, so whoever holds
+  /// back the next job until earlier pictures have come never waits in vain.
+  void submit(DrawJob job);
+  /// Returns when all is drawn and taken. Nothing may be submitted after it.
+  void finish();
+
+ private:
+  void work();
+  base::Result<void> draw();
+  std::optional<DrawJob> takeJob();
+  std::optional<DrawJob> takeJobAtOnce();
+
+  const base::Scene& scene_;
+  const lod::patch::PatchFile& patches_;
+  const repository::Grid& grid_;
+  const RenderOptions options_;
+  const Take take_;
+  const Fail fail_;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::optional<DrawJob> next_;
+  bool finishing_ = false;
+  bool failed_ = false;
+  std::thread thread_;  // last: it uses the others
+};
+
+}  // namespace server

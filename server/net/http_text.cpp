@@ -1,0 +1,132 @@
+#include "server/net/http_text.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+
+#include "base/hash/sha256.h"
+
+namespace server {
+namespace {
+
+constexpr std::size_t kMostParameters = 32;
+constexpr std::size_t kTagBytes = 16;  // of the 32: more than chance can match
+constexpr std::size_t kLongestNumber = 64;
+constexpr std::string_view kSpace = " \t";
+
+std::string_view trimmed(std::string_view text) {
+  const std::size_t first = text.find_first_not_of(kSpace);
+  if (first == std::string_view::npos) return {};
+  return text.substr(first, text.find_last_not_of(kSpace) - first + 1);
+}
+
+/// What comes before `separator`, which is taken off `rest` with it; all of it where there is none.
+std::string_view takeUntil(std::string_view& rest, char separator) {
+  const std::size_t end = rest.find(separator);
+  const std::string_view piece = rest.substr(0, end);
+  rest = end == std::string_view::npos ? std::string_view() : rest.substr(end + 1);
+  return piece;
+}
+
+bool sameIgnoringCase(std::string_view a, std::string_view b) {
+  const auto lower = [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; };
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [&](char x, char y) { return lower(x) == lower(y); });
+}
+
+/// Whether the parameters behind a coding (";q=0.5") leave it a weight above 0. No weight is 1; one that is no number
+/// counts as 0.
+bool hasWeight(std::string_view parameters) {
+  while (!parameters.empty()) {
+    const std::string_view one = trimmed(takeUntil(parameters, ';'));
+    if (one.size() < 2 || !sameIgnoringCase(one.substr(0, 2), "q=")) continue;
+    const auto weight = parseNumber(one.substr(2));
+    return weight && *weight > 0.0;
+  }
+  return true;
+}
+
+int hexDigit(char c) {
+  if (c >= '0' && c <= '9') return c - '0';
+  if (c >= 'a' && c <= 'f') return c - 'a' + 10;
+  if (c >= 'A' && c <= 'F') return c - 'A' + 10;
+  return -1;
+}
+
+base::Error badQuery(const std::string& what) {
+  return {base::ErrorCode::kInvalidInput, "the query after '?' cannot be read: " + what};
+}
+
+base::Result<std::string> percentDecoded(std::string_view text) {
+  std::string decoded;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    char c = text[i] == '+' ? ' ' : text[i];
+    if (c == '%') {
+      const int high = i + 2 < text.size() ? hexDigit(text[i + 1]) : -1;
+      const int low = i + 2 < text.size() ? hexDigit(text[i + 2]) : -1;
+      if (high < 0 || low < 0) return badQuery("'%' without two hexadecimal digits behind it");
+      c = static_cast<char>(high * 16 + low);
+      i += 2;
+    }
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7F) return badQuery("it has a control character");
+    decoded += c;
+  }
+  return decoded;
+}
+
+}  // namespace
+
+bool acceptsCoding(std::string_view accept_encoding, std::string_view coding) {
+  bool any = false;
+  while (!accept_encoding.empty()) {
+    std::string_view parameters = takeUntil(accept_encoding, ',');
+    const std::string_view name = trimmed(takeUntil(parameters, ';'));
+    if (sameIgnoringCase(name, coding)) return hasWeight(parameters);
+    if (name == "*") any = hasWeight(parameters);
+  }
+  return any;
+}
+
+bool namesEntityTag(std::string_view if_none_match, std::string_view etag) {
+  // Our tags hold no commas.
+  while (!if_none_match.empty()) {
+    std::string_view one = trimmed(takeUntil(if_none_match, ','));
+    if (one == "*") return true;
+    if (one.starts_with("W/")) one.remove_prefix(2);
+    if (one == etag) return true;
+  }
+  return false;
+}
+
+std::string entityTag(base::ByteView bytes) {
+  const base::Sha256Digest digest = base::sha256(bytes);
+  return '"' + base::hexOf(base::ByteView(digest).first(kTagBytes)) + '"';
+}
+
+base::Result<Query> parseQuery(std::string_view target) {
+  Query query;
+  takeUntil(target, '?');
+  while (!target.empty()) {
+    std::string_view value = takeUntil(target, '&');
+    if (value.empty()) continue;
+    const bool has_value = value.find('=') != std::string_view::npos;
+    auto name = percentDecoded(takeUntil(value, '='));
+    if (!name) return name.error();
+    if (!has_value || name->empty()) return badQuery("a part is not of the form name=value");
+    auto decoded = percentDecoded(value);
+    if (!decoded) return decoded.error();
+    if (query.size() == kMostParameters) return badQuery("more than " + std::to_string(kMostParameters) + " values");
+    if (!query.emplace(std::move(*name), std::move(*decoded)).second) return badQuery("a name stands there twice");
+  }
+  return query;
+}
+
+std::optional<double> parseNumber(std::string_view text) {
+  if (text.empty() || text.size() > kLongestNumber) return std::nullopt;
+  if (text.front() == '+') text.remove_prefix(1);
+  double value = 0.0;
+  const auto result = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (result.ec != std::errc() || result.ptr != text.data() + text.size() || !std::isfinite(value)) return std::nullopt;
+  return value;
+}
+
+}  // namespace server

@@ -1,0 +1,32 @@
+#pragma once
+// What HTTP header fields and targets say (RFC 9110): content codings, entity tags, queries. No sockets.
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "base/bytes.h"
+#include "base/error.h"
+
+namespace server {
+
+/// Whether the value of Accept-Encoding ("gzip, deflate;q=0.5, br") asks for or allows `coding`: named, or covered by
+/// "*", with a weight above 0. An absent field (empty) allows none: what is stored plainly is always good.
+bool acceptsCoding(std::string_view accept_encoding, std::string_view coding);
+
+/// Whether the value of If-None-Match ("\"a\", W/\"b\"" or "*") names `etag`, compared weakly as for GET.
+bool namesEntityTag(std::string_view if_none_match, std::string_view etag);
+
+/// A strong entity tag, with its quotes: of the bytes' SHA-256.
+std::string entityTag(base::ByteView bytes);
+
+/// The names and values of a target's query, "/pick?ox=1&oy=2": percent-decoded, '+' is a space. Errors, in one line
+/// for the visitor: more than 32 of them, a name twice, a name without value, '%' without two hexadecimal digits,
+/// control characters.
+using Query = std::map<std::string, std::string, std::less<>>;
+base::Result<Query> parseQuery(std::string_view target);
+
+/// A finite decimal number that is all of the text; at most 64 characters.
+std::optional<double> parseNumber(std::string_view text);
+
+}  // namespace server

@@ -1,0 +1,52 @@
+#pragma once
+// The browser client as files: index.html, program, style, icons, as the preset "web" builds them and `cmake --install`
+// puts them beside the programs. Read whole at start, so that a name asked for is looked up in a list and never on a
+// disk.
+#include <map>
+#include <string>
+#include <string_view>
+
+#include "base/bytes.h"
+#include "base/error.h"
+
+namespace server {
+
+/// One of a file's forms: as it is, or compressed beforehand.
+struct PageForm {
+  base::Bytes bytes;
+  std::string etag;  ///< strong, with its quotes; empty: there is no such form
+};
+
+struct PageFile {
+  const char* type = "";   ///< Content-Type
+  bool immutable = false;  ///< the name holds a hash of the bytes: may be kept forever
+  PageForm plain, gzip, brotli;
+};
+
+/// By name relative to the folder, '/' between folders: "index.html", "icons/32.png".
+using PageFiles = std::map<std::string, PageFile, std::less<>>;
+
+/// Reads the folder; FILE.br and FILE.gz are forms of FILE. Hidden files and links are passed over. Errors name the
+/// folder and what to do: kNotFound without index.html; kInvalidInput for more than 256 files or 64 MiB, a compressed
+/// form without its file, and names that no URL has.
+base::Result<PageFiles> readPageFiles(const std::string& directory);
+
+/// Where the files of this program's installation lie: ../share/lumigrid/web beside its bin, or the tree that it was
+/// built in (build/web/site). Empty: there are none.
+std::string installedPageFiles();
+
+/// Content-Type by the name's ending; application/octet-stream for what is not known.
+const char* contentTypeOf(std::string_view name);
+/// Whether the name holds a hash: "lumigrid-1f0c2a9b.js": '-' or '.', 8 or more lower-case hexadecimal digits, '.'.
+bool isHashedName(std::string_view name);
+
+/// Content-Security-Policy of the page: program and style only from here, WebAssembly allowed, pictures also from
+/// memory, data from any host, since ?scene= may point anywhere. Whether the page may stand in another's frame is not
+/// limited: people embed viewers, and there is nothing here that a click could give away.
+inline constexpr const char* kPagePolicy =
+    "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; style-src 'self' 'unsafe-inline'; img-src 'self' blob: "
+    "data:; "
+    "worker-src 'self' blob:; connect-src 'self' ws: wss: http: https: blob: data:; object-src 'none'; base-uri "
+    "'none'; form-action 'none'";
+
+}  // namespace server

@@ -1,0 +1,96 @@
+#include "server/net/pick.h"
+
+#include <array>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "protocol/message.h"
+
+namespace server {
+namespace {
+
+constexpr std::array<const char*, 6> kNames{"ox", "oy", "oz", "dx", "dy", "dz"};
+
+base::Error wrong(const std::string& what) {
+  return {base::ErrorCode::kInvalidInput, "/pick: " + what + " (docs/formats/http.md)"};
+}
+
+nlohmann::json triple(const glm::dvec3& v) {
+  return {v.x, v.y, v.z};
+}
+
+}  // namespace
+
+base::Result<lod::patch::Ray> parsePickRequest(const Query& query) {
+  std::array<double, kNames.size()> values{};
+  for (std::size_t i = 0; i < kNames.size(); ++i) {
+    const auto it = query.find(kNames[i]);
+    if (it == query.end()) return wrong(std::string(kNames[i]) + " is missing; ox, oy, oz, dx, dy, dz are needed");
+    const auto value = parseNumber(it->second);
+    if (!value || std::abs(*value) > protocol::kMaxCoordinate)
+      return wrong(std::string(kNames[i]) + " must be a number within 1e12");
+    values[i] = *value;
+  }
+  if (query.size() != kNames.size()) return wrong("takes ox, oy, oz, dx, dy, dz and nothing else");
+  lod::patch::Ray ray;
+  ray.origin = {values[0], values[1], values[2]};
+  ray.direction = {values[3], values[4], values[5]};
+  const double length = glm::length(ray.direction);
+  if (!(length > 1e-12)) return wrong("the direction dx, dy, dz has no length");
+  ray.direction /= length;
+  return ray;
+}
+
+base::Result<std::string> pick(const base::Scene& scene, const lod::patch::PatchFile& patches,
+                               const lod::patch::Ray& ray) {
+  lod::patch::Ray local = ray;
+  local.origin -= scene.origin;
+  auto cast = lod::patch::castRay(patches.hierarchy(), local, lod::patch::blocksOf(patches));
+  if (!cast) return cast.error();
+  nlohmann::ordered_json answer{{"hit", cast->hit.has_value()}};
+  if (cast->hit) {
+    answer["point"] = triple(scene.origin + cast->hit->point);
+    answer["normal"] = triple(cast->hit->front ? cast->hit->normal : -cast->hit->normal);
+    answer["distance"] = cast->hit->distance;
+    answer["accuracy"] = cast->hit->accuracy;
+  }
+  answer["unit"] = scene.units;
+  return answer.dump() + "\n";
+}
+
+Picker::Picker(const base::Scene& scene, const lod::patch::PatchFile& patches)
+    : scene_(scene), patches_(patches), thread_([this] { work(); }) {}
+
+Picker::~Picker() {
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+    queue_.clear();
+  }
+  changed_.notify_all();
+  thread_.join();
+}
+
+bool Picker::submit(const lod::patch::Ray& ray, Done done) {
+  const std::lock_guard lock(mutex_);
+  if (queue_.size() >= kLongestQueue) return false;
+  queue_.push_back({ray, std::move(done)});
+  changed_.notify_one();
+  return true;
+}
+
+void Picker::work() {
+  std::unique_lock lock(mutex_);
+  for (;;) {
+    changed_.wait(lock, [this] { return stopping_ || !queue_.empty(); });
+    if (stopping_) return;
+    Job job = std::move(queue_.front());
+    queue_.pop_front();
+    lock.unlock();
+    job.done(pick(scene_, patches_, job.ray));
+    lock.lock();
+  }
+}
+
+}  // namespace server

@@ -1,0 +1,271 @@
+#include "server/net/picture.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <glm/gtc/constants.hpp>
+#include <glm/gtc/matrix_transform.hpp>
+#include <string>
+#include <utility>
+#include <variant>
+
+#include "base/png/png_rows.h"
+#include "protocol/message.h"
+#include "repository/jpeg_rows.h"
+#include "server/render/tiling.h"
+
+namespace server {
+namespace {
+
+constexpr float kTolerancePx = 0.25F;  // as exact frames: the full resolution, as far as a pixel can tell
+constexpr int kMaxSide = 32'768;       // what SceneRenderer draws
+constexpr int kFullColorQuality = 90;  // from here on a JPEG's colours are not halved
+constexpr Rgb kWhite{255, 255, 255};   // what has no alpha stands before this
+constexpr double kLeastSine = 1e-6;    // of the angle between up and direction
+
+base::Error wrong(const std::string& what) {
+  return {base::ErrorCode::kInvalidInput, "/render: " + what + " (docs/formats/http.md)"};
+}
+
+// ---- Reading the query. Each value is taken out, so that what is left has a name that nobody knows.
+
+class Values {
+ public:
+  explicit Values(Query query) : query_(std::move(query)) {}
+  std::optional<std::string> take(std::string_view name) {
+    const auto it = query_.find(name);
+    if (it == query_.end()) return std::nullopt;
+    return std::move(query_.extract(it).mapped());
+  }
+  const Query& left() const { return query_; }
+
+ private:
+  Query query_;
+};
+
+std::optional<glm::dvec3> parseVector(const std::string& text) {
+  const std::size_t first = text.find(',');
+  const std::size_t second = first == std::string::npos ? first : text.find(',', first + 1);
+  if (second == std::string::npos) return std::nullopt;
+  const std::string_view view(text);
+  const auto x = parseNumber(view.substr(0, first));
+  const auto y = parseNumber(view.substr(first + 1, second - first - 1));
+  const auto z = parseNumber(view.substr(second + 1));
+  if (!x || !y || !z) return std::nullopt;
+  const glm::dvec3 vector(*x, *y, *z);
+  for (int i = 0; i < 3; ++i)
+    if (std::abs(vector[i]) > protocol::kMaxCoordinate) return std::nullopt;
+  return vector;
+}
+
+/// Leaves `to` as it is where the name is absent.
+base::Result<bool> readVector(Values& values, const std::string& name, glm::dvec3& to) {
+  const auto text = values.take(name);
+  if (!text) return false;
+  const auto vector = parseVector(*text);
+  if (!vector) return wrong(name + " must be three numbers x,y,z within 1e12");
+  to = *vector;
+  return true;
+}
+
+base::Result<void> readNumber(Values& values, const std::string& name, double above, double most, double& to) {
+  const auto text = values.take(name);
+  if (!text) return {};
+  const auto number = parseNumber(*text);
+  if (!number || !(*number > above) || *number > most) {
+    std::array<char, 80> limits{};
+    std::snprintf(limits.data(), limits.size(), " must be a number above %g and at most %g", above, most);
+    return wrong(name + limits.data());
+  }
+  to = *number;
+  return {};
+}
+
+base::Result<void> readInteger(Values& values, const std::string& name, int least, int most, int& to) {
+  const auto text = values.take(name);
+  if (!text) return {};
+  const auto number = parseNumber(*text);
+  if (!number || *number < least || *number > most || *number != std::floor(*number))
+    return wrong(name + " must be a whole number from " + std::to_string(least) + " to " + std::to_string(most));
+  to = static_cast<int>(*number);
+  return {};
+}
+
+bool canBeUnit(const glm::dvec3& v) {
+  const double length = glm::length(v);
+  return std::isfinite(length) && length > 1e-12;
+}
+
+base::Result<void> readCamera(Values& values, base::ViewCamera& camera) {
+  auto position = readVector(values, "position", camera.position);
+  if (!position) return position.error();
+  if (!*position) return wrong("position=x,y,z is needed");
+  glm::dvec3 target(0.0);
+  auto by_target = readVector(values, "target", target);
+  if (!by_target) return by_target.error();
+  auto by_direction = readVector(values, "direction", camera.direction);
+  if (!by_direction) return by_direction.error();
+  if (*by_target == *by_direction) return wrong("either direction=x,y,z or target=x,y,z is needed");
+  if (*by_target) camera.direction = target - camera.position;
+  if (auto up = readVector(values, "up", camera.up); !up) return up.error();
+  if (!canBeUnit(camera.direction)) return wrong("the direction has no length");
+  if (!canBeUnit(camera.up)) return wrong("up has no length");
+  camera.direction = glm::normalize(camera.direction);
+  camera.up = glm::normalize(camera.up);
+  if (glm::length(glm::cross(camera.direction, camera.up)) < kLeastSine)
+    return wrong("up must not be parallel to the direction");
+  return {};
+}
+
+base::Result<void> readSize(Values& values, std::uint64_t max_pixels, base::ViewCamera& camera) {
+  LUMIGRID_TRY(readInteger(values, "width", 1, kMaxSide, camera.width));
+  LUMIGRID_TRY(readInteger(values, "height", 1, kMaxSide, camera.height));
+  const std::uint64_t pixels = static_cast<std::uint64_t>(camera.width) * static_cast<std::uint64_t>(camera.height);
+  if (pixels > max_pixels)
+    return wrong(std::to_string(camera.width) + " x " + std::to_string(camera.height) +
+                 " pixels are too many; this server draws at most " + std::to_string(max_pixels));
+  return {};
+}
+
+base::Result<void> readFormat(Values& values, PictureRequest& request) {
+  const std::string format = values.take("format").value_or("png");
+  if (format != "png" && format != "jpeg") return wrong("format must be png or jpeg");
+  if (format == "jpeg") {
+    request.format = PictureRequest::Format::kJpeg;
+    request.background = kWhite;
+  }
+  return readInteger(values, "quality", 1, 100, request.quality);
+}
+
+base::Result<void> readBackground(Values& values, PictureRequest& request) {
+  const auto text = values.take("background");
+  if (!text) return {};
+  if (*text == "transparent") {
+    if (request.format == PictureRequest::Format::kJpeg)
+      return wrong("a JPEG cannot be transparent; take format=png or a background=rrggbb");
+    request.background.reset();
+    return {};
+  }
+  if (text->size() != 6 || text->find_first_not_of("0123456789abcdefABCDEF") != std::string::npos)
+    return wrong("background must be transparent or six hexadecimal digits rrggbb");
+  const unsigned long value = std::stoul(*text, nullptr, 16);
+  request.background = Rgb{static_cast<std::uint8_t>(value >> 16), static_cast<std::uint8_t>(value >> 8 & 0xFF),
+                           static_cast<std::uint8_t>(value & 0xFF)};
+  return {};
+}
+
+// ---- Drawing
+
+/// A parallel projection whose picture is `height` world units high. All of the scene that lies on the lines of sight
+/// is in it, also what lies behind the camera's position, as in the viewer.
+base::Camera parallelCamera(const base::Camera& perspective, double height, const glm::vec3& center, float radius) {
+  base::Camera camera = perspective;
+  const double half_height = 0.5 * height;
+  const double half_width = half_height * camera.width / camera.height;
+  const double depth = -static_cast<double>((camera.eye_from_scene * glm::vec4(center, 1.0F)).z);
+  const double reach = std::max(1.01 * static_cast<double>(radius), 1e-30);
+  camera.clip_from_eye =
+      glm::mat4(glm::ortho(-half_width, half_width, -half_height, half_height, depth - reach, depth + reach));
+  return camera;
+}
+
+base::Camera sceneCamera(const PictureRequest& request, const base::Scene& scene, const SceneRenderer& renderer) {
+  const glm::vec3 eye(request.camera.position - scene.origin);
+  const base::DepthRange depth = base::depthRangeFor(eye, renderer.sceneCenter(), renderer.sceneRadius());
+  const base::Camera camera = base::cameraFromView(request.camera, scene.origin, depth.near_plane, depth.far_plane);
+  if (request.ortho_height == 0.0) return camera;
+  return parallelCamera(camera, request.ortho_height, renderer.sceneCenter(), renderer.sceneRadius());
+}
+
+using Rows = std::variant<std::unique_ptr<base::PngRows>, std::unique_ptr<repository::JpegRows>>;
+
+base::Result<Rows> beginRows(const PictureRequest& request, base::Bytes& out) {
+  const base::ViewCamera& camera = request.camera;
+  if (request.format == PictureRequest::Format::kPng) {
+    auto rows = base::PngRows::begin(camera.width, camera.height, request.background ? 3 : 4, out);
+    if (!rows) return rows.error();
+    return Rows(std::move(*rows));
+  }
+  const auto subsampling =
+      request.quality >= kFullColorQuality ? repository::Subsampling::k444 : repository::Subsampling::k420;
+  auto rows = repository::JpegRows::begin(camera.width, camera.height, request.quality, subsampling, out);
+  if (!rows) return rows.error();
+  return Rows(std::move(*rows));
+}
+
+}  // namespace
+
+const char* contentTypeOf(PictureRequest::Format format) {
+  return format == PictureRequest::Format::kPng ? "image/png" : "image/jpeg";
+}
+
+base::Result<PictureRequest> parsePictureRequest(const Query& query, std::uint64_t max_pixels) {
+  Values values(query);
+  PictureRequest request;
+  LUMIGRID_TRY(readCamera(values, request.camera));
+  double degrees = 45.0;
+  LUMIGRID_TRY(readNumber(values, "fov_y_degrees", 0.05, 179.9, degrees));
+  request.camera.fov_y = glm::radians(degrees);
+  LUMIGRID_TRY(readNumber(values, "ortho_height", 0.0, protocol::kMaxCoordinate, request.ortho_height));
+  LUMIGRID_TRY(readSize(values, max_pixels, request.camera));
+  LUMIGRID_TRY(readFormat(values, request));
+  LUMIGRID_TRY(readInteger(values, "supersampling", 1, 4, request.supersampling));
+  LUMIGRID_TRY(readBackground(values, request));
+  if (!values.left().empty())
+    return wrong(
+        "a name is none of position, direction, target, up, fov_y_degrees, ortho_height, width, height, "
+        "format, quality, supersampling, background");
+  return request;
+}
+
+struct PicturePainter::State {
+  PictureRequest request;
+  base::Camera camera;
+  RenderOptions options;
+  int band_height = 1;
+  int next_row = 0;
+  base::Bytes bytes;
+  Rows rows;
+};
+
+PicturePainter::~PicturePainter() = default;
+
+base::Result<std::unique_ptr<PicturePainter>> PicturePainter::begin(const PictureRequest& request,
+                                                                    const base::Scene& scene,
+                                                                    const SceneRenderer& renderer,
+                                                                    std::uint64_t band_pixels) {
+  std::unique_ptr<PicturePainter> painter(new PicturePainter);
+  painter->state_ = std::make_unique<State>();
+  State& state = *painter->state_;
+  state.request = request;
+  state.camera = sceneCamera(request, scene, renderer);
+  state.options.tolerance_px = kTolerancePx;
+  state.options.supersampling = request.supersampling;
+  const std::uint64_t rows = band_pixels / static_cast<std::uint64_t>(request.camera.width);
+  state.band_height =
+      static_cast<int>(std::clamp<std::uint64_t>(rows, 1, static_cast<std::uint64_t>(request.camera.height)));
+  auto encoder = beginRows(request, state.bytes);
+  if (!encoder) return encoder.error();
+  state.rows = std::move(*encoder);
+  return painter;
+}
+
+base::Result<bool> PicturePainter::step(SceneRenderer& renderer) {
+  State& state = *state_;
+  const int height = std::min(state.band_height, state.camera.height - state.next_row);
+  // Which patches are drawn depends on the eye and the pixels a unit covers, which all bands share: no seams.
+  auto band = renderer.render(tileCamera(state.camera, 0, state.next_row, state.camera.width, height), state.options);
+  if (!band) return band.error();
+  const base::Image pixels =
+      state.request.background ? over(band->rgba, *state.request.background) : std::move(band->rgba);
+  LUMIGRID_TRY(std::visit([&](auto& rows) { return rows->add(pixels); }, state.rows));
+  state.next_row += height;
+  return state.next_row == state.camera.height;
+}
+
+base::Bytes PicturePainter::take() {
+  return std::move(state_->bytes);
+}
+
+}  // namespace server

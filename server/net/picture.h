@@ -1,0 +1,50 @@
+#pragma once
+// Pictures of a scene at any size (docs/formats/http.md, /render): what is asked for, and the work in steps that are
+// short enough for others to come between. Memory: one band of pixels and the bytes of the encoded picture.
+#include <cstdint>
+#include <memory>
+#include <optional>
+
+#include "base/camera.h"
+#include "base/error.h"
+#include "base/json/scene_file.h"
+#include "server/net/http_text.h"
+#include "server/render/background.h"
+#include "server/render/scene_renderer.h"
+
+namespace server {
+
+struct PictureRequest {
+  enum class Format { kPng, kJpeg };
+  base::ViewCamera camera;
+  double ortho_height = 0.0;  ///< of a parallel projection, world units; 0: perspective
+  Format format = Format::kPng;
+  int quality = 90;               ///< of a JPEG, 1..100
+  int supersampling = 2;          ///< n × n samples a pixel, 1..4
+  std::optional<Rgb> background;  ///< none: transparent
+};
+
+const char* contentTypeOf(PictureRequest::Format format);
+
+/// `max_pixels`: of the picture, width times height. Errors are one line for the visitor, with the name that is wrong.
+base::Result<PictureRequest> parsePictureRequest(const Query& query, std::uint64_t max_pixels);
+
+class PicturePainter {
+ public:
+  /// `band_pixels`: about how many one step draws.
+  static base::Result<std::unique_ptr<PicturePainter>> begin(const PictureRequest& request, const base::Scene& scene,
+                                                             const SceneRenderer& renderer,
+                                                             std::uint64_t band_pixels = std::uint64_t{1} << 20);
+  ~PicturePainter();
+  /// Draws and encodes the next band, from the top. True: that was the last one.
+  base::Result<bool> step(SceneRenderer& renderer);
+  /// The picture, once, when the last step is done.
+  base::Bytes take();
+
+ private:
+  PicturePainter() = default;
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace server

@@ -1,0 +1,186 @@
+#include "server/net/site.h"
+
+#include <algorithm>
+
+#include "server/net/byte_range.h"
+#include "server/net/http_text.h"
+
+namespace server {
+namespace {
+
+constexpr const char* kForever = "public, max-age=31536000, immutable";
+constexpr std::size_t kIdDigits = 32;  // of a part's SHA-256: as many as its published name has
+constexpr std::string_view kEmptyAnnotations = "{\"version\":1,\"annotations\":[]}\n";
+
+base::ByteView bytesOf(std::string_view text) {
+  return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
+}
+
+std::string escapeHtml(std::string_view text) {
+  std::string out;
+  for (char c : text) {
+    if (c == '<' || c == '>' || c == '&' || c == '"') {
+      out += "&#" + std::to_string(static_cast<int>(c)) + ";";
+    } else {
+      out += c;
+    }
+  }
+  return out;
+}
+
+/// The Host header as the visitor typed it, or our own place when it is none that could be shown.
+std::string shownHost(std::string_view host, const std::string& place) {
+  const bool plain = !host.empty() && host.size() < 256 &&
+                     host.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789.-:[]") ==
+                         std::string_view::npos;
+  return plain ? std::string(host) : place;
+}
+
+/// 304 without a body when the visitor has these bytes already.
+bool isKnown(const HttpRequest& request, const std::string& etag) {
+  return !etag.empty() && namesEntityTag(request.if_none_match, etag);
+}
+
+const PageForm& chooseForm(const PageFile& file, std::string_view accept_encoding) {
+  if (!file.brotli.etag.empty() && acceptsCoding(accept_encoding, "br")) return file.brotli;
+  if (!file.gzip.etag.empty() && acceptsCoding(accept_encoding, "gzip")) return file.gzip;
+  return file.plain;
+}
+
+HttpReply pageReply(const HttpRequest& request, const PageFile& file) {
+  const PageForm& form = chooseForm(file, request.accept_encoding);
+  HttpReply reply;
+  reply.type = file.type;
+  reply.cache = file.immutable ? kForever : "no-cache";
+  reply.headers.emplace_back("ETag", form.etag);
+  reply.headers.emplace_back("Content-Security-Policy", kPagePolicy);
+  reply.headers.emplace_back("Referrer-Policy", "no-referrer");
+  if (!file.brotli.etag.empty() || !file.gzip.etag.empty()) reply.headers.emplace_back("Vary", "Accept-Encoding");
+  if (isKnown(request, form.etag)) {
+    reply.status = 304;
+    return reply;
+  }
+  reply.bytes = form.bytes;
+  if (&form == &file.brotli) reply.headers.emplace_back("Content-Encoding", "br");
+  if (&form == &file.gzip) reply.headers.emplace_back("Content-Encoding", "gzip");
+  return reply;
+}
+
+/// What a page of another host may ask; answers to such questions are kept for a day.
+HttpReply preflight() {
+  HttpReply reply;
+  reply.status = 204;
+  reply.headers.emplace_back("Access-Control-Allow-Methods", "GET, HEAD");
+  reply.headers.emplace_back("Access-Control-Allow-Headers", "Range, If-Range, If-None-Match");
+  reply.headers.emplace_back("Access-Control-Max-Age", "86400");
+  return reply;
+}
+
+}  // namespace
+
+base::ByteView HttpReply::body() const {
+  if (!bytes.empty()) return bytes;
+  if (!owned.empty()) return owned;
+  return bytesOf(text);
+}
+
+HttpReply textReply(int status, std::string text) {
+  HttpReply reply;
+  reply.status = status;
+  reply.text = std::move(text);
+  return reply;
+}
+
+HttpReply badRequest(const base::Error& error) {
+  return textReply(400, error.message + "\n");
+}
+
+HttpReply tryLater(int seconds, std::string text) {
+  HttpReply reply = textReply(503, std::move(text));
+  reply.headers.emplace_back("Retry-After", std::to_string(seconds));
+  return reply;
+}
+
+Site::Site(const OpenScene& scene, PageFiles pages, std::string annotations)
+    : scene_(scene),
+      pages_(std::move(pages)),
+      annotations_(annotations.empty() ? std::string(kEmptyAnnotations) : std::move(annotations)),
+      scene_etag_(entityTag(scene.scene_json)),
+      annotations_etag_(entityTag(bytesOf(annotations_))),
+      part_name_(base::partFile(scene.scene, "patch", ".lgp").value_or("patch.lgp")) {
+  for (const base::ScenePart& part : scene.scene.parts)
+    if (part.file == part_name_ && part.sha256.size() > kIdDigits)
+      part_etag_ = '"' + part.sha256.substr(0, kIdDigits) + '"';
+}
+
+HttpReply Site::answer(const HttpRequest& request, const std::string& place) const {
+  if (request.method == "OPTIONS") return preflight();
+  if (request.method != "GET" && request.method != "HEAD") {
+    HttpReply reply = textReply(405, "only GET and HEAD\n");
+    reply.headers.emplace_back("Allow", "GET, HEAD, OPTIONS");
+    return reply;
+  }
+  const std::string_view path = request.path();
+  if (path == "/healthz") return textReply(200, "ok");
+  if (path == "/") return home(request, place);
+  if (path == "/scene.json") return document(request, scene_.scene_json, scene_etag_);
+  if (path == "/annotations.json") return document(request, bytesOf(annotations_), annotations_etag_);
+  if (path == "/patch.lgp" || (path.starts_with('/') && path.substr(1) == part_name_)) return part(request);
+  // Never a look at the disk: a name is in the list, or it is not here.
+  if (path.starts_with('/'))
+    if (const auto page = pages_.find(path.substr(1)); page != pages_.end()) return pageReply(request, page->second);
+  return textReply(404,
+                   "not here; there are /, /scene.json, /patch.lgp, /annotations.json, /render, /pick, /healthz and "
+                   "the WebSocket at /\n");
+}
+
+HttpReply Site::home(const HttpRequest& request, const std::string& place) const {
+  if (const auto page = pages_.find("index.html"); page != pages_.end()) return pageReply(request, page->second);
+  const std::string name = escapeHtml(scene_.data.welcome.scene_name);
+  HttpReply reply = textReply(
+      200, "<!doctype html>\n<html lang=\"en\"><meta charset=\"utf-8\"><title>" + name + " - Lumigrid</title>\n<h1>" +
+               name + "</h1>\n<p>" + std::to_string(scene_.data.welcome.source_triangles) +
+               " triangles. Look at it with</p>\n<pre>lumigrid-view ws://" + shownHost(request.host, place) +
+               "/</pre>\n<p>To look at it here, in the browser, the server needs the page's files: build the preset "
+               "<code>web</code> and start <code>lumigrid serve</code> with <code>--web DIR</code> "
+               "(docs/hosting.md).</p>\n</html>\n");
+  reply.type = "text/html; charset=utf-8";
+  return reply;
+}
+
+HttpReply Site::document(const HttpRequest& request, base::ByteView bytes, const std::string& etag) const {
+  HttpReply reply;
+  reply.type = "application/json";
+  reply.headers.emplace_back("ETag", etag);
+  if (isKnown(request, etag))
+    reply.status = 304;
+  else
+    reply.bytes = bytes;
+  return reply;
+}
+
+HttpReply Site::part(const HttpRequest& request) const {
+  const base::ByteView whole = scene_.patch_bytes.bytes();
+  HttpReply reply;
+  reply.type = "application/octet-stream";
+  if (base::isPublishedName(std::string(request.path()))) reply.cache = kForever;
+  reply.headers.emplace_back("Accept-Ranges", "bytes");
+  if (!part_etag_.empty()) reply.headers.emplace_back("ETag", part_etag_);
+  if (isKnown(request, part_etag_)) {
+    reply.status = 304;
+    return reply;
+  }
+  // A range of other bytes than the visitor knows would be of no use: then all of them.
+  const bool same = request.if_range.empty() || (!part_etag_.empty() && request.if_range == part_etag_);
+  const ByteRange range = parseByteRange(same ? request.range : std::string_view(), whole.size());
+  if (range.kind != ByteRange::Kind::kWhole)
+    reply.headers.emplace_back("Content-Range", contentRange(range, whole.size()));
+  if (range.kind == ByteRange::Kind::kUnsatisfiable)
+    reply.status = 416;
+  else
+    reply.bytes = whole.subspan(range.first, range.length);
+  if (range.kind == ByteRange::Kind::kPart) reply.status = 206;
+  return reply;
+}
+
+}  // namespace server

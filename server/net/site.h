@@ -1,0 +1,61 @@
+#pragma once
+// What one server answers over plain HTTP at once, from memory: the page, the scene's files, small texts
+// (docs/formats/http.md). It does not know the socket; who answers later (/render, /pick) is told apart by `find`.
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "base/bytes.h"
+#include "base/error.h"
+#include "server/net/open_scene.h"
+#include "server/net/page_files.h"
+
+namespace server {
+
+/// What is looked at of a request; fields that are absent are empty.
+struct HttpRequest {
+  std::string_view method, target, host, range, if_range, if_none_match, accept_encoding;
+  std::string_view path() const { return target.substr(0, target.find('?')); }
+};
+
+struct HttpReply {
+  int status = 200;
+  std::string type = "text/plain; charset=utf-8";
+  const char* cache = "no-cache";
+  std::string text;      ///< the body, unless one of the next two has bytes
+  base::ByteView bytes;  ///< that live with the site
+  base::Bytes owned;
+  bool has_length = true;                                    ///< false: a HEAD that does not say how long the body were
+  std::vector<std::pair<std::string, std::string>> headers;  ///< besides type and cache
+
+  base::ByteView body() const;
+};
+
+HttpReply textReply(int status, std::string text);
+/// 400 and the error's line.
+HttpReply badRequest(const base::Error& error);
+/// 503: the visitor may ask again in so many seconds.
+HttpReply tryLater(int seconds, std::string text);
+
+class Site {
+ public:
+  /// `scene` outlives this. `pages`: empty for none. `annotations`: the file's text; empty: the scene has none.
+  Site(const OpenScene& scene, PageFiles pages, std::string annotations);
+
+  /// `place`: address:port, shown where the Host header is none that can be.
+  HttpReply answer(const HttpRequest& request, const std::string& place) const;
+
+ private:
+  HttpReply home(const HttpRequest& request, const std::string& place) const;
+  HttpReply document(const HttpRequest& request, base::ByteView bytes, const std::string& etag) const;
+  HttpReply part(const HttpRequest& request) const;
+
+  const OpenScene& scene_;
+  const PageFiles pages_;
+  const std::string annotations_;
+  std::string scene_etag_, annotations_etag_;
+  std::string part_name_, part_etag_;  ///< of the hierarchy, as scene.json has them
+};
+
+}  // namespace server

@@ -1,0 +1,36 @@
+#pragma once
+// A scene for a benchmark: as it lies on disk, or built from a mesh for it.
+#include "base/json/scene_file.h"
+#include "lod/build/hierarchy_build.h"
+#include "lod/build/import.h"
+#include "lod/patch/format.h"
+#include "tests/bench/bench.h"
+
+namespace bench {
+
+struct OpenScene {
+  base::Scene scene;
+  lod::patch::PatchFile patches;
+};
+
+inline base::Scene buildScene(const std::string& mesh_path, const std::string& patch_path) {
+  const lod::build::Imported imported = must(lod::build::importMeshes({mesh_path}, {}));
+  must(lod::build::buildHierarchy(imported.mesh, {}, patch_path));
+  base::Scene scene;
+  scene.origin = imported.mesh.origin;
+  scene.box_min = scene.origin + glm::dvec3(imported.mesh.box().min);
+  scene.box_max = scene.origin + glm::dvec3(imported.mesh.box().max);
+  scene.has_colors = !imported.mesh.colors.empty();
+  scene.light.mode = scene.has_colors ? base::LightMode::kUnlit : base::LightMode::kSoft;
+  return scene;
+}
+
+/// `input`: a scene's directory, or a mesh, of which the hierarchy goes into `work`.
+inline OpenScene openScene(const std::string& input, const WorkDirectory& work) {
+  const bool is_scene = std::filesystem::is_directory(input);
+  const std::string patch_path = is_scene ? input + "/patch.lgp" : work / "patch.lgp";
+  base::Scene scene = is_scene ? must(base::readScene(input)) : buildScene(input, patch_path);
+  return {std::move(scene), must(lod::patch::PatchFile::open(patch_path))};
+}
+
+}  // namespace bench
