@@ -65,7 +65,7 @@ struct StaticSource::State {
   base::Result<void> takeParameters(base::ByteView bytes);
   base::Result<void> takePage(std::uint32_t page, base::ByteView bytes);
   base::Result<void> checkTables();
-  void takeBlock(std::uint32_t group, const base::Bytes& bytes);
+  void takeBlock(std::uint32_t group, base::ByteView rest);
   void takeIndexBlock(std::uint64_t number, base::ByteView bytes);
   void takeFace(const FaceKey& key, base::Bytes bytes);
   void failed(const RangeArrival& arrival);
@@ -86,7 +86,7 @@ struct StaticSource::State {
   bool tablesWhole() const { return tables->pagesHere() == tables->pageCount(); }
   void wishForTables(std::vector<RangeWish>& wishes) const;
   RangeWish pageWish(std::uint32_t page) const;
-  RangeWish blockWish(std::uint32_t group) const;
+  void wishForBlock(std::uint32_t group, std::vector<RangeWish>& wishes);
 
   // ---- the images ----
   enum class FaceState { kHere, kGone, kWanted };
@@ -127,6 +127,7 @@ struct StaticSource::State {
   std::deque<Outgoing> outgoing;
 
   // What was read.
+  base::Bytes front;  // of the hierarchy's file: of a small one it holds blocks too
   std::optional<TablePages> tables;
   lod::patch::Hierarchy hierarchy;  // as far as it is known
   bool tables_checked = false;
@@ -160,11 +161,11 @@ base::Result<void> StaticSource::State::checkScene() const {
     return base::Error{base::ErrorCode::kInvalidInput, what + "; put there what `lumigrid publish` wrote"};
   };
   const std::string& patches = scene.patches.name;
-  const std::string front = "patch-";
+  const std::string begin = "patch-";
   const std::string end = ".lgp";
-  const bool named = patches.size() == front.size() + 32 + end.size() && patches.compare(0, front.size(), front) == 0 &&
+  const bool named = patches.size() == begin.size() + 32 + end.size() && patches.compare(0, begin.size(), begin) == 0 &&
                      patches.compare(patches.size() - end.size(), end.size(), end) == 0 &&
-                     patches.find_first_not_of("0123456789abcdef", front.size()) == patches.size() - end.size();
+                     patches.find_first_not_of("0123456789abcdef", begin.size()) == patches.size() - end.size();
   if (!named || scene.patches.bytes == 0) return notPublished("this scene.json names no published hierarchy");
   if (scene.index && (!repository::idOfIndexName(scene.index->name) || scene.index->bytes == 0))
     return notPublished("this scene.json names no published images");
@@ -230,6 +231,7 @@ base::Result<void> StaticSource::State::takePatchFront(base::ByteView bytes) {
   if (counts->file_bytes != scene.patches.bytes) return bad("is not as long as scene.json says");
   if (counts->groups > protocol::kMaxGroups || counts->patches > protocol::kMaxPatches)
     return bad("has more groups than a client takes");
+  front.assign(bytes.begin(), bytes.end());
   tables.emplace(*counts);
   tables->add(0, bytes);
   stats.table_bytes += std::min<std::uint64_t>(bytes.size(), counts->blocks_offset);
@@ -284,12 +286,19 @@ base::Result<void> StaticSource::State::checkTables() {
   return tables->checkWhole();
 }
 
-void StaticSource::State::takeBlock(std::uint32_t group, const base::Bytes& bytes) {
+/// `rest`: what lies behind the front.
+void StaticSource::State::takeBlock(std::uint32_t group, base::ByteView rest) {
   const auto record = tables->record(group);
   if (!record || has_group[group]) return;
+  const lod::patch::Group& row = hierarchy.groups[group];
+  const std::uint64_t begin = std::min<std::uint64_t>(row.block_offset, front.size());
+  const std::uint64_t end = std::min<std::uint64_t>(row.block_offset + row.block_bytes, front.size());
+  base::Bytes block(front.begin() + static_cast<std::ptrdiff_t>(begin),
+                    front.begin() + static_cast<std::ptrdiff_t>(end));
+  block.insert(block.end(), rest.begin(), rest.end());
   has_group[group] = true;
-  group_bytes += bytes.size();
-  outgoing.push_back({protocol::encode(protocol::Refine{record->bytes, bytes}), {}, group});
+  group_bytes += block.size();
+  outgoing.push_back({protocol::encode(protocol::Refine{record->bytes, std::move(block)}), {}, group});
 }
 
 void StaticSource::State::takeIndexBlock(std::uint64_t number, base::ByteView bytes) {
@@ -354,9 +363,13 @@ void StaticSource::State::deliver(Session& session) {
   if (!linked || phase != Phase::kOpen) return;
   if (std::exchange(welcome_due, false)) outgoing.push_front({protocol::encode(scene.welcome)});
   while (!outgoing.empty()) {
-    const base::Bytes bytes = std::move(outgoing.front().bytes);
+    const Outgoing message = std::move(outgoing.front());
     outgoing.pop_front();
-    if (auto taken = session.receive(bytes); !taken) return fail(scene.place + ": " + taken.error().message);
+    if (message.face && !session.options().images) {  // switched off meanwhile
+      has_face.erase(*message.face);
+      continue;
+    }
+    if (auto taken = session.receive(message.bytes); !taken) return fail(scene.place + ": " + taken.error().message);
     talk(session);
   }
 }
@@ -384,9 +397,13 @@ RangeWish StaticSource::State::pageWish(std::uint32_t page) const {
   return {kPage, page, scene.patches.name, tables->pageOffset(page), tables->pageLength(page)};
 }
 
-RangeWish StaticSource::State::blockWish(std::uint32_t group) const {
+/// What of a block is not in the front that was read first; a block that is all there is handed over.
+void StaticSource::State::wishForBlock(std::uint32_t group, std::vector<RangeWish>& wishes) {
   const lod::patch::Group& row = hierarchy.groups[group];
-  return {kBlock, group, scene.patches.name, row.block_offset, row.block_bytes, group == 0};
+  const std::uint64_t end = row.block_offset + row.block_bytes;
+  if (end <= front.size()) return takeBlock(group, {});
+  const std::uint64_t begin = std::max<std::uint64_t>(row.block_offset, front.size());
+  wishes.push_back({kBlock, group, scene.patches.name, begin, end - begin, group == 0});
 }
 
 /// Takes a group into the hierarchy if all that its record needs is here; else adds what is missing to `wishes`.
@@ -512,7 +529,7 @@ void StaticSource::State::planNewestView() {
 
 void StaticSource::State::wishForCoarse(std::vector<RangeWish>& wishes) {
   for (const std::uint32_t group : coarse)
-    if (!settled(group) && learn(group, &wishes) && !has_group[group]) wishes.push_back(blockWish(group));
+    if (!settled(group) && learn(group, &wishes) && !has_group[group]) wishForBlock(group, wishes);
 }
 
 /// In a server's order (server::Session::nextWanted), as far ahead as requests are put together.
@@ -536,9 +553,9 @@ void StaticSource::State::wishForView(std::vector<RangeWish>& wishes) {
 
     const bool urgent = group_left && plan::isUrgent(view_plan.group_error_px[g], *newest);
     if (group_left && (!face_left || urgent || groups_ahead <= faces_ahead)) {
-      const RangeWish wish = blockWish(view_plan.groups[g++]);
-      groups_ahead += wish.length;
-      wishes.push_back(wish);
+      const std::uint32_t group = view_plan.groups[g++];
+      groups_ahead += hierarchy.groups[group].block_bytes;
+      wishForBlock(group, wishes);
       continue;
     }
     RangeWish wish;

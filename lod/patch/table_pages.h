@@ -1,6 +1,6 @@
 #pragma once
 // The tables of a patch.lgp that comes by byte ranges, page by page: a client of a static host draws the coarse model
-// when a few pages are here, and never reads what no view needs. A hierarchy of 10^9 triangles has 40 MB of tables.
+// when a few pages are here, and never reads what no view needs. A hierarchy of 10^8 triangles has 9 MB of tables.
 //
 // Rows have fixed lengths, so each can be found without those before it; children are named by number. Walking down
 // from group 0 needs a page or two for each step. docs/formats/patch.md, "Reading by ranges", has the byte map.

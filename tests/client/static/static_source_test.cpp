@@ -253,6 +253,24 @@ TEST(StaticSource, aSceneWithoutImagesIsItsPatches) {
   EXPECT_GT(viewer.got.groups.size(), 3U);
 }
 
+TEST(StaticSource, imagesCanBeSwitchedOffAndOn) {
+  const server::TestScene scene(16, 3'000);
+  const PublishedScene published(scene);
+  Viewer viewer(published);
+  const auto camera = pathOver(scene)[0];
+  viewer.session.setView(camera);
+  viewer.host.answers_a_take = 1;
+  while (viewer.got.faces.size() < 2) viewer.pump();
+  viewer.session.setWanted(false, false);
+  ASSERT_TRUE(viewer.complete(camera));
+  viewer.rest();
+  EXPECT_EQ(viewer.session.state(), SessionState::kReady) << viewer.session.problem();
+  viewer.session.setWanted(true, false);
+  ASSERT_TRUE(viewer.complete(camera));
+  ServedViewer served(scene.data);
+  for (const std::uint64_t face : served.complete(camera).faces) EXPECT_EQ(viewer.got.faces.count(face), 1U);
+}
+
 // ---- limits ----
 
 TEST(StaticSource, aCacheSmallerThanAViewIsNotFilledForEver) {
