@@ -322,6 +322,13 @@ void Session::disconnected(const std::string& reason) {
   s.complete_sequence = 0;
 }
 
+void Session::refuse(const std::string& reason) {
+  State& s = *state_;
+  s.state = SessionState::kRefused;
+  s.problem = reason;
+  s.greetings.clear();
+}
+
 base::Result<void> Session::receive(base::ByteView bytes) {
   State& s = *state_;
   if (s.state != SessionState::kGreeting && s.state != SessionState::kReady)

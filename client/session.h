@@ -63,6 +63,8 @@ class Session {
   // Transport side.
   void connected();
   void disconnected(const std::string& reason);
+  /// There is no use in trying again: as a Refusal, with these very words as the problem.
+  void refuse(const std::string& reason);
   /// An error says what the server did wrong; the caller closes the connection.
   base::Result<void> receive(base::ByteView message);
   /// The next message to send, or nullopt.

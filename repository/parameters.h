@@ -15,14 +15,6 @@ namespace repository {
 /// for the error.
 base::Result<Grid> gridFromMeta(const std::string& meta, const std::string& name);
 
-/// The points at which a repository's images were taken.
-struct SampledPoints {
-  Grid grid;
-  std::optional<SampleTree> tree;  ///< which of them are sampled, where not all are
-
-  const SampleTree* treeOrNull() const { return tree ? &*tree : nullptr; }
-  std::uint64_t count() const { return tree ? tree->points().size() : grid.pointCount(); }
-};
 /// The same with the tree that the text may hold (tree_text.h).
 base::Result<SampledPoints> sampledPointsFromMeta(const std::string& meta, const std::string& name);
 

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <glm/glm.hpp>
+#include <optional>
 #include <span>
 #include <unordered_set>
 #include <vector>
@@ -73,6 +74,15 @@ class SampleTree {
   std::uint32_t root_size_ = 1;
   std::vector<Node> nodes_{1};
   std::unordered_set<std::uint64_t> left_out_;
+};
+
+/// The points at which a repository's images were taken.
+struct SampledPoints {
+  Grid grid;
+  std::optional<SampleTree> tree;  ///< which of them are sampled, where not all are
+
+  const SampleTree* treeOrNull() const { return tree ? &*tree : nullptr; }
+  std::uint64_t count() const { return tree ? tree->points().size() : grid.pointCount(); }
 };
 
 }  // namespace repository

@@ -24,7 +24,7 @@ namespace asio = boost::asio;
 namespace beast = boost::beast;
 namespace websocket = beast::websocket;
 using asio::ip::tcp;
-using Clock = std::chrono::steady_clock;
+using Clock = LinkClock::Clock;
 
 constexpr std::chrono::milliseconds kFirstBackoff{250};
 constexpr std::chrono::milliseconds kLongestBackoff{5000};
@@ -49,28 +49,6 @@ struct Event {
 struct Outgoing {
   std::uint64_t epoch = 0;
   base::Bytes bytes;
-};
-
-Clock::duration toDuration(double seconds) {
-  return std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
-}
-
-/// The delivery times of a link with a given rate and latency: one message after the other, then the way here.
-class LinkClock {
- public:
-  void setLimit(const LinkLimit& limit) { limit_ = limit; }
-  bool limited() const { return limit_.bytes_per_second > 0.0 || limit_.latency_seconds > 0.0; }
-  /// When the last byte of a message that is here now would have left the link.
-  Clock::time_point pass(std::size_t bytes, Clock::time_point now) {
-    free_ = std::max(free_, now);
-    if (limit_.bytes_per_second > 0.0) free_ += toDuration(static_cast<double>(bytes) / limit_.bytes_per_second);
-    return free_;
-  }
-  Clock::time_point due() const { return free_ + toDuration(limit_.latency_seconds); }
-
- private:
-  LinkLimit limit_;
-  Clock::time_point free_{};
 };
 
 }  // namespace
@@ -399,7 +377,7 @@ bool Connection::pump(Session& session) {
 
 void Connection::waitForArrival(double seconds) {
   State& s = *state_;
-  const Clock::time_point until = Clock::now() + toDuration(seconds);
+  const Clock::time_point until = Clock::now() + LinkClock::toDuration(seconds);
   std::unique_lock lock(s.mutex);
   while (Clock::now() < until) {
     if (s.inbox.empty()) {

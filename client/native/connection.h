@@ -5,7 +5,7 @@
 #include <string>
 
 #include "base/error.h"
-#include "client/session.h"
+#include "client/native/link.h"
 
 namespace client {
 
@@ -19,27 +19,19 @@ struct ServerUrl {
 /// "ws://host:port/path", "http://…", or "host:port" alone. Errors say what is wrong; wss and https are not supported.
 base::Result<ServerUrl> parseServerUrl(const std::string& text);
 
-/// A link to emulate on the receiving side; zeros: as fast as it comes.
-struct LinkLimit {
-  double bytes_per_second = 0.0;
-  double latency_seconds = 0.0;  ///< added to each message on its way here, so once per round trip
-};
-
-class Connection {
+class Connection final : public Link {
  public:
   /// Starts connecting at once, and again after every loss: first after 0.25 s, then twice as long each time, at most 5
   /// s.
   explicit Connection(const ServerUrl& url, const LinkLimit& limit = {});
-  ~Connection();
+  ~Connection() override;
   Connection(const Connection&) = delete;
   Connection& operator=(const Connection&) = delete;
 
   void setLimit(const LinkLimit& limit);
-  /// Hands all that arrived to the session and takes what it wants to send. Never waits. True when something arrived. A
-  /// session that finds fault with the server ends this connection. From the thread that owns the session.
-  bool pump(Session& session);
-  /// Waits until pump() would find something, at most `seconds`. For callers that have nothing to draw.
-  void waitForArrival(double seconds);
+  /// A session that finds fault with the server ends this connection.
+  bool pump(Session& session) override;
+  void waitForArrival(double seconds) override;
 
  private:
   struct State;

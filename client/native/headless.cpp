@@ -49,7 +49,7 @@ class Run {
 
   const HeadlessOptions& options_;
   std::unique_ptr<base::HeadlessContext> context_;
-  std::unique_ptr<Connection> connection_;
+  std::unique_ptr<Link> connection_;
   std::unique_ptr<Viewer> viewer_;
   std::optional<base::gl::RenderTarget> target_;
   std::string lines_;
@@ -62,8 +62,7 @@ class Run {
 base::Result<void> Run::prepare() {
   if (options_.path.empty())
     return base::Error{base::ErrorCode::kInvalidInput, "the camera path has no frames; give one with at least one"};
-  auto url = parseServerUrl(options_.url);
-  if (!url) return url.error();
+  LUMIGRID_TRY(checkUrl(options_.url));
   if (!options_.out_dir.empty()) {
     std::error_code error;
     std::filesystem::create_directories(options_.out_dir, error);
@@ -82,7 +81,9 @@ base::Result<void> Run::prepare() {
     viewer.upload_milliseconds = 0.0;
   }
   viewer_ = std::make_unique<Viewer>(viewer, std::make_unique<JpegDecoder>(std::max(1U, options_.decoder_threads)));
-  connection_ = std::make_unique<Connection>(*url, options_.link);
+  auto link = openLink(options_.url, options_.link);
+  if (!link) return link.error();
+  connection_ = std::move(*link);
   return {};
 }
 
@@ -189,6 +190,7 @@ base::Result<void> Run::frame(std::size_t index) {
   result.settle_seconds = options_.realtime_fps > 0.0 ? 0.0 : secondsSince(begin);
   result.draw_ms = draw_ms_;
   result.stats = viewer_->stats();
+  result.link = connection_->counts();
   result.image = target_->read();
   ++summary_.frames;
   summary_.incomplete += result.stats.complete ? 0 : 1;
@@ -241,6 +243,7 @@ std::string formatHeadlessFrame(const HeadlessFrame& frame) {
                    {"patches", session.bytes_patches},
                    {"frames", session.bytes_frames}};
   line["messages"] = session.messages_received;
+  if (frame.link.requests > 0) line["link"] = {{"requests", frame.link.requests}, {"bytes", frame.link.bytes}};
   line["broken"] = frame.stats.broken;
   return line.dump();
 }

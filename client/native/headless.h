@@ -9,7 +9,7 @@
 #include "base/camera.h"
 #include "base/error.h"
 #include "base/image.h"
-#include "client/native/connection.h"
+#include "client/native/link.h"
 #include "client/viewer.h"
 
 namespace client {
@@ -22,6 +22,7 @@ struct HeadlessFrame {
   double settle_seconds = 0.0;  ///< of these, spent waiting for this view to be complete; 0 with realtime_fps
   double draw_ms = 0.0;         ///< the last draw, GPU included
   ViewerStats stats;
+  LinkCounts link;    ///< of a published scene
   base::Image image;  ///< RGBA; alpha 0 where background (unless the background is a colour)
 };
 

@@ -11,6 +11,7 @@
 
 #include "base/json/camera_file.h"
 #include "client/native/headless.h"
+#include "client/native/host_probe.h"
 #include "client/native/units.h"
 #include "client/native/user_files.h"
 #include "client/native/window.h"
@@ -49,6 +50,7 @@ struct Arguments {
   std::string pictures = ".";
   bool use_settings = true;
   bool json = false;
+  bool check_host = false;
 };
 
 /// The same with every value understood.
@@ -73,8 +75,11 @@ void describe(CLI::App& app, Arguments& a) {
   app.description(
       "Looks at a scene that a lumigrid server shows: in a window, or with --headless along a recorded camera path.\n"
       "Only the images and coarse patches near the view travel; a small cache keeps them.");
-  app.add_option("URL", a.url,
-                 "The server, as `lumigrid serve` prints it: ws://host:port/ (http:// and host:port mean the same)")
+  app.add_option(
+         "URL", a.url,
+         "The server, as `lumigrid serve` prints it: ws://host:port/ (http:// and host:port mean the same); or a "
+         "published scene: https://host/folder/, http://host/folder/ or .../scene.json (no server of ours "
+         "need run there)")
       ->required();
   app.option_defaults()->always_capture_default();
 
@@ -116,6 +121,9 @@ void describe(CLI::App& app, Arguments& a) {
       ->check(CLI::Range(0.1, 3600.0))
       ->group("Limits");
 
+  app.add_flag("--check-host", a.check_host,
+               "Say whether the host of a published scene does all that viewers need, and what to change; no pictures")
+      ->group("Published scenes");
   app.add_flag("--headless", a.headless, "No window: pictures of --path")->group("Headless");
   app.add_option("--path", a.path_file, "Camera path to follow, a JSON file (docs/formats/camera.md)")
       ->group("Headless");
@@ -270,6 +278,29 @@ int runWindowMode(const CLI::App& app, const Arguments& a, const Settings& setti
   return done ? 0 : complain(done.error().message, kFailed);
 }
 
+/// Exit status 1 when something keeps the scene from being shown.
+int runHostCheck(const Arguments& a) {
+  if (!client::isPublishedScene(a.url))
+    return complain("--check-host needs the address of a published scene, such as https://example.org/scenes/tower/",
+                    kWrongUsage);
+  const auto answers = client::askHost(a.url);
+  if (!answers) return complain(answers.error().message, kFailed);
+  bool fails = false;
+  nlohmann::ordered_json list = nlohmann::ordered_json::array();
+  for (const client::HostFinding& finding : client::judgeHost(*answers)) {
+    const bool good = finding.grade == client::HostFinding::Grade::kGood;
+    const bool failing = finding.grade == client::HostFinding::Grade::kFails;
+    const char* grade = good ? "good" : failing ? "fails" : "could be better";
+    fails = fails || failing;
+    if (a.json)
+      list.push_back({{"grade", grade}, {"what", finding.what}, {"todo", finding.todo}});
+    else
+      std::printf("%s: %s%s%s\n", grade, finding.what.c_str(), good ? "" : " ", finding.todo.c_str());
+  }
+  if (a.json) std::printf("%s\n", list.dump().c_str());
+  return fails ? kFailed : 0;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -281,11 +312,12 @@ int main(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : kWrongUsage;
   }
-  if (auto url = client::parseServerUrl(arguments.url); !url) return complain(url.error().message, kWrongUsage);
+  if (auto url = client::checkUrl(arguments.url); !url) return complain(url.error().message, kWrongUsage);
   if (!arguments.view.empty())
     if (auto view = client::parsePermalink(arguments.view); !view)
       return complain("--view: " + view.error().message, kWrongUsage);
   auto settings = understand(arguments);
   if (!settings) return complain(settings.error().message, kWrongUsage);
+  if (arguments.check_host) return runHostCheck(arguments);
   return arguments.headless ? runHeadlessMode(arguments, *settings) : runWindowMode(app, arguments, *settings);
 }

@@ -182,8 +182,8 @@ class Window {
   OverlayLook look_;
   std::array<float, 4> background_{};
   std::unique_ptr<App> app_;
-  std::unique_ptr<Connection> connection_;
-  std::unique_ptr<HttpGetter> http_;
+  std::unique_ptr<Link> connection_;
+  std::unique_ptr<HttpGetter> http_;  // null with a published scene: nobody is there to ask
   std::map<std::uint64_t, Asked> asked_;
   std::uint64_t next_question_ = 1;
   std::optional<std::string> scene_;  // bookmarkKey of the scene whose notes and bookmarks are here
@@ -223,8 +223,9 @@ bool Window::createWindow(int context_api) {
 }
 
 base::Result<void> Window::open() {
-  auto url = parseServerUrl(options_.url);
-  if (!url) return url.error();
+  auto link = openLink(options_.url, options_.link);
+  if (!link) return link.error();
+  connection_ = std::move(*link);
   if (glfwInit() != GLFW_TRUE)
     return base::Error{base::ErrorCode::kUnsupported,
                        "cannot open a window (" + lastGlfwError() + "); without a display use --headless"};
@@ -246,8 +247,8 @@ base::Result<void> Window::open() {
   if (!options_.view.empty()) LUMIGRID_TRY(app_->openPermalink(options_.view));
   if (options_.show_figures) app_->showStatistics(true);
   resized();
-  connection_ = std::make_unique<Connection>(*url, options_.link);
-  http_ = std::make_unique<HttpGetter>(*url);
+  if (auto server = parseServerUrl(options_.url); server && !isPublishedScene(options_.url))
+    http_ = std::make_unique<HttpGetter>(*server);
   return {};
 }
 
@@ -372,6 +373,7 @@ void Window::startScene() {
   }
 
   app_->setAnnotations({});
+  if (!http_) return;
   asked_[next_question_] = {Question::kNotes, 0, {}};
   http_->get(next_question_++, "/annotations.json", kMaxAnnotationsFile, kNotesSeconds);
 }
@@ -398,6 +400,7 @@ void Window::carryOut(const Request& request) {
       if (!options_.config_directory.empty()) say(writeSettings(options_.config_directory, app_->settings()));
       break;
     case RequestKind::kPick:
+      if (!http_) return app_->answerPick(request.id, {});  // nobody knows: the approximate point stays
       asked_[next_question_] = {Question::kPick, request.id, {}};
       http_->get(next_question_++, pickTarget(request.origin, request.direction), kMaxPickAnswer, kPickSeconds);
       break;
@@ -414,7 +417,7 @@ void Window::keepBookmarks() {
 /// The server's picture is the true one, but it knows no section planes and no tints.
 void Window::savePicture(const Request& request) {
   const bool plain = !request.view.section.on && !request.view.colors_by_resolution;
-  if (!plain || app_->session().state() != SessionState::kReady) return writePicture(readPicture());
+  if (!plain || !http_ || app_->session().state() != SessionState::kReady) return writePicture(readPicture());
   app_->say("The server draws the picture\u2026");
   asked_[next_question_] = {Question::kPicture, 0, readPicture()};
   http_->get(next_question_++, renderTarget(request.camera, request.view, background_), kMaxPicture, kPictureSeconds);
@@ -427,6 +430,7 @@ void Window::writePicture(const base::Image& image) {
 }
 
 void Window::takeAnswers() {
+  if (!http_) return;
   for (const HttpGetter::Answer& answer : http_->take()) {
     const auto asked = asked_.find(answer.id);
     if (asked == asked_.end()) continue;

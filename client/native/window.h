@@ -5,7 +5,7 @@
 
 #include "base/error.h"
 #include "client/app.h"
-#include "client/native/connection.h"
+#include "client/native/link.h"
 
 namespace client {
 

@@ -7,6 +7,7 @@
 #include "base/crc32c.h"
 #include "lod/patch/codec.h"
 #include "lod/patch/records.h"
+#include "lod/patch/table_pages.h"
 
 namespace lod::patch {
 namespace {
@@ -172,6 +173,16 @@ base::Result<std::uint64_t> headerAndTableBytes(base::ByteView front) {
   const auto header = readHeader(front);
   if (!header) return header.error();
   return header->blocks_offset;
+}
+
+base::Result<TableCounts> readTableCounts(base::ByteView front) {
+  const auto header = readHeader(front);
+  if (!header) return header.error();
+  return TableCounts{header->lattice,          (header->flags & kHasColors) != 0,
+                     header->source_triangles, header->file_bytes,
+                     header->blocks_offset,    header->groups,
+                     header->patches,          header->parents,
+                     header->tables_crc};
 }
 
 // Reading -----------------------------------------------------------------------------------------

@@ -8,14 +8,10 @@
 #include <vector>
 
 #include "repository/face_value.h"
-#include "server/session/view_plan.h"
 
 namespace server {
 namespace {
 
-constexpr std::uint64_t kCoarseBytes = 50'000;       // the first picture: 0.1 s at 4 Mbit/s
-constexpr std::uint64_t kPrefetchBytes = 1'000'000;  // beyond Complete, per view
-constexpr float kUrgent = 4.0F;                      // times the tolerance: patches alone above
 constexpr std::int64_t kMaxFramePixels = 16'000'000;
 // An exact frame still helps after the eye moved by 8 % of the scene (DESIGN section 7).
 constexpr double kFarOff = 0.1;
@@ -67,7 +63,7 @@ struct Session::State {
   bool planned = false;  // the fields below belong to `newest`
 
   // What is still to be sent for it; cursors run over the lists, and what the client got meanwhile is passed over.
-  ViewPlan plan;
+  plan::ViewPlan view_plan;
   std::size_t next_coarse = 0, next_group = 0, next_face = 0;
   std::uint64_t group_bytes = 0, face_bytes = 0;
   bool complete_said = false;
@@ -112,7 +108,7 @@ base::Result<void> Session::State::take(const protocol::Hello& hello) {
   phase = Phase::kReady;
   const lod::patch::Hierarchy& hierarchy = scene.patches->hierarchy();
   has_group.assign(hierarchy.groups.size(), false);
-  coarse = coarseGroups(hierarchy, kCoarseBytes);
+  coarse = plan::coarseGroups(hierarchy, plan::kCoarseBytes);
   greeting = protocol::encode(scene.welcome);
   return {};
 }
@@ -172,7 +168,8 @@ std::optional<base::Bytes> Session::State::nextForView() {
 }
 
 void Session::State::planNewestView() {
-  plan = planView(scene, *newest, [this](const repository::FaceKey& key) { return has_face.count(key) != 0; });
+  view_plan = plan::planView(scene.toPlan(), *newest,
+                             [this](const repository::FaceKey& key) { return has_face.count(key) != 0; });
   next_coarse = next_group = next_face = next_prefetch = 0;
   group_bytes = face_bytes = prefetch_bytes = 0;
   complete_said = false;
@@ -189,20 +186,19 @@ std::optional<base::Bytes> Session::State::nextCoarse() {
 
 std::optional<base::Bytes> Session::State::nextWanted() {
   while (true) {
-    while (next_group < plan.groups.size() && has_group[plan.groups[next_group]]) ++next_group;
-    while (next_face < plan.faces.size() && has_face.count(plan.faces[next_face]) != 0) ++next_face;
-    const bool group_left = next_group < plan.groups.size();
-    const bool face_left = next_face < plan.faces.size();
+    while (next_group < view_plan.groups.size() && has_group[view_plan.groups[next_group]]) ++next_group;
+    while (next_face < view_plan.faces.size() && has_face.count(view_plan.faces[next_face]) != 0) ++next_face;
+    const bool group_left = next_group < view_plan.groups.size();
+    const bool face_left = next_face < view_plan.faces.size();
     if (!group_left && !face_left) return std::nullopt;
 
-    const bool urgent =
-        group_left && plan.group_error_px[next_group] > kUrgent * std::max(1.0F, newest->patch_tolerance_px);
+    const bool urgent = group_left && plan::isUrgent(view_plan.group_error_px[next_group], *newest);
     if (group_left && (!face_left || urgent || group_bytes <= face_bytes)) {
-      if (auto message = groupMessage(plan.groups[next_group++])) {
+      if (auto message = groupMessage(view_plan.groups[next_group++])) {
         group_bytes += message->size();
         return message;
       }
-    } else if (auto message = faceMessage(plan.faces[next_face++])) {
+    } else if (auto message = faceMessage(view_plan.faces[next_face++])) {
       face_bytes += message->size();
       return message;
     }
@@ -211,14 +207,14 @@ std::optional<base::Bytes> Session::State::nextWanted() {
 
 std::optional<base::Bytes> Session::State::nextPrefetch() {
   if (!prefetch) {
-    prefetch = plan.other_faces;
+    prefetch = view_plan.other_faces;
     if (previous) {
-      const auto ahead = planMotion(scene, *newest, *previous,
-                                    [this](const repository::FaceKey& key) { return has_face.count(key) != 0; });
+      const auto ahead = plan::planMotion(scene.toPlan(), *newest, *previous,
+                                          [this](const repository::FaceKey& key) { return has_face.count(key) != 0; });
       prefetch->insert(prefetch->end(), ahead.begin(), ahead.end());
     }
   }
-  while (next_prefetch < prefetch->size() && prefetch_bytes < kPrefetchBytes) {
+  while (next_prefetch < prefetch->size() && prefetch_bytes < plan::kAheadBytes) {
     if (auto message = faceMessage((*prefetch)[next_prefetch++])) {
       prefetch_bytes += message->size();
       return message;

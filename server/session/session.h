@@ -19,6 +19,7 @@
 
 #include "base/error.h"
 #include "lod/patch/format.h"
+#include "plan/view_plan.h"
 #include "protocol/message.h"
 #include "repository/access_counter.h"
 #include "repository/sample_tree.h"
@@ -33,6 +34,8 @@ struct SceneData {
   const repository::Store* images = nullptr;     ///< null: no repository
   const repository::SampleTree* tree = nullptr;  ///< which points are sampled; null: all of the grid
   repository::AccessCounter* access = nullptr;   ///< told of every face and group that nextMessage() hands out; or null
+
+  plan::Scene toPlan() const { return {&welcome, &patches->hierarchy(), images != nullptr, tree}; }
 };
 
 /// A frame that the session would like to have rendered.

@@ -12,11 +12,12 @@ forbid() {  # forbid FOLDER REGEX: no file under FOLDER includes a path that mat
     bad=1
   fi
 }
-forbid base '(lod|repository|protocol|server|client|compare|tests)/'
-forbid lod '(repository|protocol|server|client|compare|tests)/'
+forbid base '(lod|repository|protocol|plan|server|client|compare|tests)/'
+forbid lod '(repository|protocol|plan|server|client|compare|tests)/'
 forbid lod/patch '(lod/build|lod/draw|base/gl|base/egl|base/json|base/png)/'
-forbid repository '(lod|protocol|server|client|compare|tests)/'
-forbid protocol '(lod|server|client|compare|tests)/|repository/(store|jpeg|cache)'
+forbid repository '(lod|protocol|plan|server|client|compare|tests)/'
+forbid protocol '(lod|plan|server|client|compare|tests)/|repository/(store|jpeg|cache)'
+forbid plan '(server|client|compare|tests)/|repository/(store|jpeg|cache)'
 forbid server '(compare|tests)/|client/([a-z_]*[.]h|native/|web/)'
 for room in cmd net render session; do forbid server/$room 'client/'; done
 forbid server/session 'server/(net|render|bake|cmd)/'
@@ -28,7 +29,7 @@ forbid compare 'tests/'
 home() {  # home REGEX FOLDER...: only these folders include it
   local pattern=$1 found
   shift
-  found=$(grep -rnE "#include <($pattern)" "$root"/{base,lod,repository,protocol,server,client,compare} --include='*.h' --include='*.cpp' 2>/dev/null)
+  found=$(grep -rnE "#include <($pattern)" "$root"/{base,lod,repository,protocol,plan,server,client,compare} --include='*.h' --include='*.cpp' 2>/dev/null)
   for folder in "$@"; do found=$(printf '%s' "$found" | grep -v "^$root/$folder" || true); done
   if [ -n "$found" ]; then
     echo "wall: <$pattern> belongs to: $*"
@@ -39,7 +40,7 @@ home() {  # home REGEX FOLDER...: only these folders include it
 home 'OpenMesh/|metis' lod/build
 home 'boost/' server/net client/native
 home 'lmdb' repository
-home 'curl/' repository
+home 'curl/' repository client/native
 home 'EGL/' base/egl
 home 'turbojpeg|jpeglib' repository lod/build
 home 'GLES3/' base/gl base/egl client/native

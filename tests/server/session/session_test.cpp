@@ -6,7 +6,7 @@
 #include <random>
 #include <set>
 
-#include "server/session/view_plan.h"
+#include "plan/view_plan.h"
 #include "tests/server/session/memory_store.h"
 
 namespace server {
@@ -194,7 +194,8 @@ TEST(Session, completeComesOnceAndLastOfWhatTheViewNeeds) {
   const std::size_t at = completeAt(messages, 5);
   ASSERT_LT(at, messages.size());
 
-  const ViewPlan plan = planView(scene.data, view, [](const repository::FaceKey&) { return false; });
+  const plan::ViewPlan plan =
+      plan::planView(scene.data.toPlan(), view, [](const repository::FaceKey&) { return false; });
   const auto faces = facesIn(before(messages, at));
   const auto groups = groupsIn(scene.data, before(messages, at));
   ASSERT_FALSE(plan.faces.empty());
@@ -228,10 +229,10 @@ TEST(Session, aNewViewDropsTheOldOnesWork) {
   const auto sent = before(messages, completeAt(messages, 2));
 
   const auto nothing = [](const repository::FaceKey&) { return false; };
-  const ViewPlan wanted = planView(scene.data, right, nothing);
+  const plan::ViewPlan wanted = plan::planView(scene.data.toPlan(), right, nothing);
   for (const auto& key : facesIn(sent))
     EXPECT_NE(std::find(wanted.faces.begin(), wanted.faces.end(), key), wanted.faces.end());
-  const auto coarse = coarseGroups(scene.patches->hierarchy(), 50'000);
+  const auto coarse = plan::coarseGroups(scene.patches->hierarchy(), 50'000);
   for (std::uint32_t group : groupsIn(scene.data, sent))
     EXPECT_TRUE(std::count(wanted.groups.begin(), wanted.groups.end(), group) ||
                 std::count(coarse.begin(), coarse.end(), group))
@@ -254,9 +255,9 @@ TEST(Session, groupsStayWithinTheTriangleBudget) {
   protocol::View view = scene.view(1, kAbove);
   view.patch_tolerance_px = 0.0F;
   const auto nothing = [](const repository::FaceKey&) { return false; };
-  const std::size_t all = planView(scene.data, view, nothing).groups.size();
+  const std::size_t all = plan::planView(scene.data.toPlan(), view, nothing).groups.size();
   view.max_triangles = 600;
-  const std::size_t few = planView(scene.data, view, nothing).groups.size();
+  const std::size_t few = plan::planView(scene.data.toPlan(), view, nothing).groups.size();
   EXPECT_LT(few, all / 2);
   EXPECT_GE(few, 1U);
 }
@@ -298,7 +299,8 @@ TEST(Session, lookingAwayNeedsNoFaces) {
 TEST(Session, missingAndCorruptFacesArePassedOver) {
   TestScene scene;
   const protocol::View view = scene.view(1, kAbove);
-  const ViewPlan plan = planView(scene.data, view, [](const repository::FaceKey&) { return false; });
+  const plan::ViewPlan plan =
+      plan::planView(scene.data.toPlan(), view, [](const repository::FaceKey&) { return false; });
   ASSERT_GE(plan.faces.size(), 3U);
   scene.store.values.erase(plan.faces[0]);
   scene.store.values[plan.faces[1]][100] ^= 1;
@@ -336,11 +338,12 @@ TEST(Session, evictedThingsComeAgainWithTheNextView) {
 TEST(Session, whatTheClientHasIsNotSent) {
   const TestScene scene;
   const protocol::View view = scene.view(1, kAbove);
-  const ViewPlan plan = planView(scene.data, view, [](const repository::FaceKey&) { return false; });
+  const plan::ViewPlan plan =
+      plan::planView(scene.data.toPlan(), view, [](const repository::FaceKey&) { return false; });
   Talk talk(scene.data);
   talk.greet();
   ASSERT_TRUE(talk.say(protocol::Have{plan.faces, plan.groups}));
-  for (std::uint32_t group : coarseGroups(scene.patches->hierarchy(), 50'000))
+  for (std::uint32_t group : plan::coarseGroups(scene.patches->hierarchy(), 50'000))
     ASSERT_TRUE(talk.say(protocol::Have{{}, {group}}));
   ASSERT_TRUE(talk.say(view));
   EXPECT_EQ(std::get<protocol::Complete>(*talk.next()).sequence, 1U);
@@ -413,7 +416,8 @@ TEST(Session, prefetchIsOtherDirectionsFirstAndLimited) {
   for (const auto& message : ahead) bytes += std::get<protocol::Face>(message).value.size();
   EXPECT_LE(bytes, 1'000'000U + 60'100U);
 
-  const ViewPlan plan = planView(scene.data, view, [](const repository::FaceKey&) { return false; });
+  const plan::ViewPlan plan =
+      plan::planView(scene.data.toPlan(), view, [](const repository::FaceKey&) { return false; });
   const auto first = std::get<protocol::Face>(ahead[0]).key;
   EXPECT_TRUE(std::any_of(plan.faces.begin(), plan.faces.end(),
                           [&](const auto& k) { return k.x == first.x && k.y == first.y && k.z == first.z; }));
@@ -425,8 +429,9 @@ TEST(Session, facesAlongTheMotionAreThoseOfTheNextView) {
   const protocol::View a = scene.view(1, {-0.4, 0.0, 0.5}, {-0.4, 0.0, 0.0});
   const protocol::View b = scene.view(2, {-0.2, 0.0, 0.5}, {-0.2, 0.0, 0.0});
   const protocol::View c = scene.view(3, {0.0, 0.0, 0.5}, {0.0, 0.0, 0.0});
-  EXPECT_EQ(planMotion(scene.data, b, a, nothing), planView(scene.data, c, nothing).faces);
-  EXPECT_TRUE(planMotion(scene.data, b, b, nothing).empty());
+  EXPECT_EQ(plan::planMotion(scene.data.toPlan(), b, a, nothing),
+            plan::planView(scene.data.toPlan(), c, nothing).faces);
+  EXPECT_TRUE(plan::planMotion(scene.data.toPlan(), b, b, nothing).empty());
 }
 
 // ---- exact frames ----

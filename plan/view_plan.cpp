@@ -1,4 +1,4 @@
-#include "server/session/view_plan.h"
+#include "plan/view_plan.h"
 
 #include <algorithm>
 #include <numeric>
@@ -6,9 +6,9 @@
 #include <utility>
 
 #include "lod/patch/traverse.h"
-#include "server/session/point_choice.h"
+#include "plan/point_choice.h"
 
-namespace server {
+namespace plan {
 namespace {
 
 /// A view in scene-local terms, with the cut that the client is to arrive at.
@@ -17,26 +17,17 @@ struct LocalView {
   lod::patch::Cut cut;
 };
 
-LocalView cutForView(const SceneData& scene, const protocol::View& view) {
-  const protocol::Welcome& welcome = scene.welcome;
-  const glm::vec3 center = 0.5F * (welcome.box_min + welcome.box_max);
-  const float radius = 0.5F * glm::length(welcome.box_max - welcome.box_min);
-  const glm::vec3 eye(view.camera.position - welcome.origin);
-  const base::DepthRange depth = base::depthRangeFor(eye, center, radius);
-
+LocalView cutForView(const Scene& scene, const protocol::View& view) {
   LocalView local;
-  local.request.camera = base::cameraFromView(view.camera, welcome.origin, depth.near_plane, depth.far_plane);
-  local.request.near_plane = depth.near_plane;
-  local.request.tolerance_px = view.patch_tolerance_px;
-  local.request.max_triangles = view.max_triangles;
-  local.cut = lod::patch::selectCut(scene.patches->hierarchy(), local.request);
+  local.request = cutRequestFor(*scene.welcome, view);
+  local.cut = lod::patch::selectCut(*scene.hierarchy, local.request);
   return local;
 }
 
-PointQuery queryFor(const SceneData& scene, const protocol::View& view, const LocalView& local) {
+PointQuery queryFor(const Scene& scene, const protocol::View& view, const LocalView& local) {
   PointQuery query;
-  query.grid = scene.welcome.grid;
-  query.tree = scene.tree;
+  query.grid = scene.welcome->grid;
+  query.tree = scene.sample_tree;
   query.eye = local.request.camera.eye;
   query.pixels_per_unit_at_one = local.request.camera.pixelsPerUnitAtOne();
   query.error_px = std::max(1.0F, view.patch_tolerance_px);
@@ -44,27 +35,27 @@ PointQuery queryFor(const SceneData& scene, const protocol::View& view, const Lo
   return query;
 }
 
-bool wantsImages(const SceneData& scene, const protocol::View& view) {
-  return scene.images != nullptr && scene.welcome.grid.pointCount() != 0 && view.max_points != 0;
+bool wantsImages(const Scene& scene, const protocol::View& view) {
+  return scene.images && scene.welcome->grid.pointCount() != 0 && view.max_points != 0;
 }
 
 /// Sampling points and the faces of them that the view needs.
-std::pair<std::vector<glm::uvec3>, std::vector<repository::FaceKey>> chooseFaces(const SceneData& scene,
+std::pair<std::vector<glm::uvec3>, std::vector<repository::FaceKey>> chooseFaces(const Scene& scene,
                                                                                  const protocol::View& view,
                                                                                  const LocalView& local,
                                                                                  const HasFace& present) {
   const PointQuery query = queryFor(scene, view, local);
-  const auto samples = sampleVisibleSurface(scene.patches->hierarchy(), local.cut.patches, local.request.camera);
+  const auto samples = sampleVisibleSurface(*scene.hierarchy, local.cut.patches, local.request.camera);
   auto points = choosePoints(query, samples);
   auto faces = orderFaces(query, points, samples, present);
   return {std::move(points), std::move(faces)};
 }
 
-void planGroups(const SceneData& scene, const LocalView& local, ViewPlan& plan) {
+void planGroups(const Scene& scene, const LocalView& local, ViewPlan& plan) {
   plan.groups = local.cut.expanded;
   plan.group_error_px.reserve(plan.groups.size());
   for (std::uint32_t group : plan.groups) {
-    const lod::patch::Group& g = scene.patches->hierarchy().groups[group];
+    const lod::patch::Group& g = scene.hierarchy->groups[group];
     plan.group_error_px.push_back(
         base::projectedError(g.error, g.bounds.center, g.bounds.radius, local.request.camera.eye,
                              local.request.camera.pixelsPerUnitAtOne(), local.request.near_plane));
@@ -73,7 +64,25 @@ void planGroups(const SceneData& scene, const LocalView& local, ViewPlan& plan) 
 
 }  // namespace
 
-ViewPlan planView(const SceneData& scene, const protocol::View& view, const HasFace& present) {
+lod::patch::CutRequest cutRequestFor(const protocol::Welcome& welcome, const protocol::View& view) {
+  const glm::vec3 center = 0.5F * (welcome.box_min + welcome.box_max);
+  const float radius = 0.5F * glm::length(welcome.box_max - welcome.box_min);
+  const glm::vec3 eye(view.camera.position - welcome.origin);
+  const base::DepthRange depth = base::depthRangeFor(eye, center, radius);
+
+  lod::patch::CutRequest request;
+  request.camera = base::cameraFromView(view.camera, welcome.origin, depth.near_plane, depth.far_plane);
+  request.near_plane = depth.near_plane;
+  request.tolerance_px = view.patch_tolerance_px;
+  request.max_triangles = view.max_triangles;
+  return request;
+}
+
+bool isUrgent(float error_px, const protocol::View& view) {
+  return error_px > kUrgent * std::max(1.0F, view.patch_tolerance_px);
+}
+
+ViewPlan planView(const Scene& scene, const protocol::View& view, const HasFace& present) {
   const LocalView local = cutForView(scene, view);
   ViewPlan plan;
   planGroups(scene, local, plan);
@@ -91,7 +100,7 @@ ViewPlan planView(const SceneData& scene, const protocol::View& view, const HasF
   return plan;
 }
 
-std::vector<repository::FaceKey> planMotion(const SceneData& scene, const protocol::View& newest,
+std::vector<repository::FaceKey> planMotion(const Scene& scene, const protocol::View& newest,
                                             const protocol::View& previous, const HasFace& present) {
   if (!wantsImages(scene, newest)) return {};
   // The eye goes on by the step it last made, and turns on likewise.
@@ -129,4 +138,4 @@ std::vector<std::uint32_t> coarseGroups(const lod::patch::Hierarchy& hierarchy, 
   return coarse;
 }
 
-}  // namespace server
+}  // namespace plan

@@ -1,4 +1,4 @@
-#include "server/session/point_choice.h"
+#include "plan/point_choice.h"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@
 
 #include "repository/cube_face.h"
 
-namespace server {
+namespace plan {
 namespace {
 
 // A wall z = 0 of 10 × 10 units, seen from above, amid a grid of 16³ points over [−8, 8]³ with z from 0.4 up.
@@ -59,7 +59,7 @@ TEST(PointChoice, useByTheFormula) {
   PointQuery query = wallQuery({0.0F, 0.0F, 8.0F});
   const SurfaceSample sample{{0.0F, 0.0F, 0.0F}, {0.0F, 0.0F, 1.0F}, 1.0F};
   const float covers = (900.0F / 8.0F) / (256.0F / 5.0F);
-  const float shift = server::kTypicalError * query.error_px * 0.75F;
+  const float shift = plan::kTypicalError * query.error_px * 0.75F;
   EXPECT_NEAR(useOfPoint(query, {3.0F, 0.0F, 4.0F}, sample), 0.8F / std::sqrt(covers * covers + shift * shift), 1e-5F);
 }
 
@@ -282,4 +282,4 @@ TEST(PointChoice, onlyPointsThatAreSampledAreChosen) {
 }
 
 }  // namespace
-}  // namespace server
+}  // namespace plan

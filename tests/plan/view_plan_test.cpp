@@ -1,11 +1,11 @@
-#include "server/session/view_plan.h"
+#include "plan/view_plan.h"
 
 #include <gtest/gtest.h>
 
 #include "lod/patch/traverse.h"
 #include "tests/server/session/memory_store.h"
 
-namespace server {
+namespace plan {
 namespace {
 
 bool nothing(const repository::FaceKey&) {
@@ -13,7 +13,7 @@ bool nothing(const repository::FaceKey&) {
 }
 
 TEST(ViewPlan, coarseGroupsAreTheTopWithinTheirBytes) {
-  const TestScene scene(16);
+  const server::TestScene scene(16);
   const lod::patch::Hierarchy& h = scene.patches->hierarchy();
   for (const std::uint64_t budget : {0U, 3'000U, 10'000U, 1'000'000'000U}) {
     const auto coarse = coarseGroups(h, budget);
@@ -38,12 +38,12 @@ TEST(ViewPlan, coarseGroupsAreTheTopWithinTheirBytes) {
 // A client that chooses by the same rule among what it was sent arrives at the cut that the server planned, and at no
 // other.
 TEST(ViewPlan, groupsLeadAClientToTheWholeHierarchysCut) {
-  const TestScene scene(16);
+  const server::TestScene scene(16);
   const lod::patch::Hierarchy& h = scene.patches->hierarchy();
   for (const std::uint32_t budget : {500U, 2'000U, 1'000'000U}) {
     protocol::View view = scene.view(1, {0.1, -0.2, 0.3}, {0.1, 0.1, 0.0});
     view.max_triangles = budget;
-    const ViewPlan plan = planView(scene.data, view, nothing);
+    const ViewPlan plan = planView(scene.data.toPlan(), view, nothing);
     std::vector<bool> sent(h.groups.size(), false);
     for (std::uint32_t group : plan.groups) sent[group] = true;
 
@@ -63,18 +63,18 @@ TEST(ViewPlan, groupsLeadAClientToTheWholeHierarchysCut) {
 }
 
 TEST(ViewPlan, errorsFallAlongTheGroups) {
-  const TestScene scene(16);
-  const ViewPlan plan = planView(scene.data, scene.view(1, {0.0, 0.0, 0.3}), nothing);
+  const server::TestScene scene(16);
+  const ViewPlan plan = planView(scene.data.toPlan(), scene.view(1, {0.0, 0.0, 0.3}), nothing);
   ASSERT_EQ(plan.groups.size(), plan.group_error_px.size());
   ASSERT_GT(plan.groups.size(), 3U);
   for (std::size_t i = 1; i < plan.groups.size(); ++i) EXPECT_LE(plan.group_error_px[i], plan.group_error_px[i - 1]);
 }
 
 TEST(ViewPlan, facesOfAPlanAndItsOtherFacesAreAllFacesOfItsPoints) {
-  const TestScene scene;
+  const server::TestScene scene;
   protocol::View view = scene.view(1, {0.3, 0.3, 0.6});
   view.max_points = 5;
-  const ViewPlan plan = planView(scene.data, view, nothing);
+  const ViewPlan plan = planView(scene.data.toPlan(), view, nothing);
   std::set<std::tuple<std::uint32_t, std::uint32_t, std::uint32_t>> points;
   std::set<std::uint64_t> keys;
   for (const auto* list : {&plan.faces, &plan.other_faces})
@@ -89,16 +89,16 @@ TEST(ViewPlan, facesOfAPlanAndItsOtherFacesAreAllFacesOfItsPoints) {
 
 // Viewers that stand inside the model, far away, beside the grid or on one of its points get an answer like all others.
 TEST(ViewPlan, anyEyeIsServed) {
-  const TestScene scene;
+  const server::TestScene scene;
   for (const glm::dvec3& from :
        {glm::dvec3(0, 0, 0.001), glm::dvec3(0, 0, 1e6), glm::dvec3(-50, 20, 3), glm::dvec3(0, 0, -0.5),
         glm::dvec3(scene.data.welcome.grid.point(3, 3, 1) - glm::vec3(scene.center())) / 32.0}) {
     protocol::View view = scene.view(1, from, {0.01, 0.0, 0.0});
-    const ViewPlan plan = planView(scene.data, view, nothing);
+    const ViewPlan plan = planView(scene.data.toPlan(), view, nothing);
     EXPECT_GE(plan.groups.size(), 1U);
     for (const auto& key : plan.faces) EXPECT_TRUE(scene.data.welcome.grid.contains(key));
   }
 }
 
 }  // namespace
-}  // namespace server
+}  // namespace plan

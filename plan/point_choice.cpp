@@ -1,4 +1,4 @@
-#include "server/session/point_choice.h"
+#include "plan/point_choice.h"
 
 #include <algorithm>
 #include <array>
@@ -11,7 +11,7 @@
 
 #include "repository/cube_face.h"
 
-namespace server {
+namespace plan {
 namespace {
 
 constexpr std::size_t kMaxCandidates = 256;  // 256 × 144 uses are computed in under a millisecond
@@ -318,4 +318,4 @@ std::vector<repository::FaceKey> orderFaces(const PointQuery& query, std::span<c
   return ordered;
 }
 
-}  // namespace server
+}  // namespace plan

@@ -28,7 +28,7 @@
 #include "repository/grid.h"
 #include "repository/sample_tree.h"
 
-namespace server {
+namespace plan {
 
 /// The stated error is an upper bound; what an image is off by, seen from aside, is a share of it. Measured along an
 /// orbit over machangara with cuts of 4 and 8 px: 0, 0.2, 0.4, 0.8, 1.6 gave 26.9, 27.6, 27.9, 28.0, 27.9
@@ -74,4 +74,4 @@ std::vector<repository::FaceKey> orderFaces(const PointQuery& query, std::span<c
                                             std::vector<SurfaceSample> samples,
                                             const std::function<bool(const repository::FaceKey&)>& present = nullptr);
 
-}  // namespace server
+}  // namespace plan

@@ -1,0 +1,313 @@
+#include "client/native/curl_fetcher.h"
+
+#include <curl/curl.h>
+
+#include <algorithm>
+#include <condition_variable>
+#include <deque>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <thread>
+#include <unordered_set>
+#include <utility>
+
+#include "client/native/http_answer.h"
+#include "repository/content_range.h"
+
+namespace client {
+namespace {
+
+using Clock = LinkClock::Clock;
+
+constexpr long kConnectSeconds = 10;
+constexpr long kStallBytesPerSecond = 256;
+constexpr long kStallSeconds = 20;
+constexpr long kConnections = 6;
+
+struct Order {
+  std::uint64_t id = 0;
+  std::string name;
+  std::uint64_t offset = 0, length = 0;
+  bool whole = false;  // then `length` is the most
+};
+
+/// One request under way.
+struct Transfer {
+  Order order;
+  CURL* handle = nullptr;
+  HttpHead head;
+  base::Bytes body;
+  std::optional<Fetched> verdict;  // known before the end: the transfer is broken off
+
+  void judge();
+  bool addBody(base::ByteView bytes);
+  Fetched ended(CURLcode code);
+  Fetched answer(FetchOutcome outcome, const std::string& detail = "") const {
+    return {order.id, outcome, {}, head.status, detail};
+  }
+};
+
+/// What the head says, before any byte of the body is taken.
+void Transfer::judge() {
+  constexpr int kOk = 200, kPartial = 206;
+  const int status = head.status;
+  const std::string encoding = head.header("content-encoding");
+  const auto size = repository::parseDecimal(head.header("content-length"));
+  if (status == 404 || status == 410) {
+    verdict = answer(FetchOutcome::kNotFound);
+  } else if (status == 401 || status == 403) {
+    verdict = answer(FetchOutcome::kForbidden);
+  } else if (status == 412) {
+    verdict = answer(FetchOutcome::kChanged);
+  } else if (status == 416) {
+    verdict = answer(FetchOutcome::kTooShort);
+  } else if (status != kOk && status != kPartial) {
+    verdict = answer(FetchOutcome::kServer);
+  } else if (!encoding.empty() && encoding != "identity") {
+    verdict = answer(FetchOutcome::kCompressed);
+  } else if (order.whole) {
+    if (status != kOk || (size && *size > order.length)) verdict = answer(FetchOutcome::kServer, "too long");
+  } else if (status == kOk) {
+    // The whole object is the range that was asked for.
+    if (order.offset != 0 || !size || *size != order.length) verdict = answer(FetchOutcome::kRangeIgnored);
+  } else {
+    const auto range = repository::parseContentRange(head.header("content-range"));
+    const std::uint64_t last = order.offset + order.length - 1;
+    if (range && range->has_bytes && range->first == order.offset && range->last < last)
+      verdict = answer(FetchOutcome::kTooShort);
+    else if (!range || !range->has_bytes || range->first != order.offset || range->last != last)
+      verdict = answer(FetchOutcome::kRangeIgnored, "another range came");
+  }
+}
+
+bool Transfer::addBody(base::ByteView bytes) {
+  if (verdict) return false;
+  if (bytes.size() > order.length - body.size()) {
+    verdict = answer(FetchOutcome::kServer, "more came than was announced");
+    return false;
+  }
+  body.insert(body.end(), bytes.begin(), bytes.end());
+  return true;
+}
+
+Fetched Transfer::ended(CURLcode code) {
+  if (head.status != 0 && !verdict && head.ended) judge();
+  if (verdict) return std::move(*verdict);
+  if (code != CURLE_OK) return answer(FetchOutcome::kNetwork, curl_easy_strerror(code));
+  if (!order.whole && body.size() != order.length) return answer(FetchOutcome::kNetwork, "the answer is cut short");
+  Fetched good = answer(FetchOutcome::kBytes);
+  good.bytes = std::move(body);
+  return good;
+}
+
+extern "C" std::size_t fetcherHeader(char* data, std::size_t size, std::size_t count, void* transfer) {
+  auto* t = static_cast<Transfer*>(transfer);
+  return t->head.add({data, size * count}) ? size * count : 0;
+}
+
+extern "C" std::size_t fetcherBody(char* data, std::size_t size, std::size_t count, void* transfer) {
+  auto* t = static_cast<Transfer*>(transfer);
+  if (t->body.empty() && !t->verdict) t->judge();
+  return t->addBody({reinterpret_cast<const std::uint8_t*>(data), size * count}) ? size * count : 0;
+}
+
+}  // namespace
+
+struct CurlFetcher::State {
+  State(const std::string& where, const LinkLimit& limit) : place(where) {
+    startCurlOnce();
+    link_clock.setLimit(limit);
+    multi = curl_multi_init();
+    curl_multi_setopt(multi, CURLMOPT_MAX_HOST_CONNECTIONS, kConnections);
+    thread = std::thread([this] { run(); });
+  }
+  ~State() {
+    {
+      const std::lock_guard lock(mutex);
+      ending = true;
+    }
+    curl_multi_wakeup(multi);
+    thread.join();
+    for (auto& [handle, transfer] : transfers) {
+      curl_multi_remove_handle(multi, handle);
+      curl_easy_cleanup(handle);
+    }
+    for (CURL* handle : idle) curl_easy_cleanup(handle);
+    curl_multi_cleanup(multi);
+  }
+
+  struct Due {
+    Fetched fetched;
+    Clock::time_point due;
+  };
+
+  // On the thread.
+  void run();
+  void startOrders();
+  void start(Order order);
+  void collect();
+  void checkVersion(const Transfer& transfer, Fetched& fetched);
+
+  void push(Order order) {
+    {
+      const std::lock_guard lock(mutex);
+      orders.push_back(std::move(order));
+    }
+    curl_multi_wakeup(multi);
+  }
+
+  const std::string place;
+  CURLM* multi = nullptr;
+  std::map<CURL*, std::unique_ptr<Transfer>> transfers;
+  std::vector<CURL*> idle;
+  std::map<std::string, std::string> versions;  // by object: its ETag or date
+
+  // Shared by both threads, under the mutex.
+  std::mutex mutex;
+  std::condition_variable arrived;
+  bool ending = false;
+  std::deque<Order> orders;
+  std::unordered_set<std::uint64_t> cancelled;
+  std::deque<Due> done;
+  LinkClock link_clock;
+
+  std::thread thread;
+};
+
+void CurlFetcher::State::run() {
+  while (true) {
+    {
+      const std::lock_guard lock(mutex);
+      if (ending) return;
+    }
+    startOrders();
+    int running = 0;
+    curl_multi_perform(multi, &running);
+    collect();
+    constexpr int kMilliseconds = 1000;
+    curl_multi_poll(multi, nullptr, 0, kMilliseconds, nullptr);
+  }
+}
+
+void CurlFetcher::State::startOrders() {
+  std::deque<Order> taken;
+  std::vector<CURL*> dropped;
+  {
+    const std::lock_guard lock(mutex);
+    taken.swap(orders);
+    for (const auto& [handle, transfer] : transfers)
+      if (cancelled.count(transfer->order.id) != 0) dropped.push_back(handle);
+    std::erase_if(taken, [this](const Order& order) { return cancelled.count(order.id) != 0; });
+    cancelled.clear();
+  }
+  for (CURL* handle : dropped) {
+    curl_multi_remove_handle(multi, handle);
+    transfers.erase(handle);
+    idle.push_back(handle);
+  }
+  for (Order& order : taken) start(std::move(order));
+}
+
+void CurlFetcher::State::start(Order order) {
+  CURL* handle = idle.empty() ? curl_easy_init() : idle.back();
+  if (!idle.empty()) idle.pop_back();
+  curl_easy_reset(handle);
+  auto transfer = std::make_unique<Transfer>();
+  transfer->order = std::move(order);
+  transfer->handle = handle;
+  const Order& o = transfer->order;
+  setUpRequest(handle, place + "/" + o.name);
+  curl_easy_setopt(handle, CURLOPT_CONNECTTIMEOUT, kConnectSeconds);
+  curl_easy_setopt(handle, CURLOPT_LOW_SPEED_LIMIT, kStallBytesPerSecond);
+  curl_easy_setopt(handle, CURLOPT_LOW_SPEED_TIME, kStallSeconds);
+  curl_easy_setopt(handle, CURLOPT_HEADERFUNCTION, fetcherHeader);
+  curl_easy_setopt(handle, CURLOPT_HEADERDATA, transfer.get());
+  curl_easy_setopt(handle, CURLOPT_WRITEFUNCTION, fetcherBody);
+  curl_easy_setopt(handle, CURLOPT_WRITEDATA, transfer.get());
+  if (!o.whole)
+    curl_easy_setopt(handle, CURLOPT_RANGE,
+                     (std::to_string(o.offset) + "-" + std::to_string(o.offset + o.length - 1)).c_str());
+  curl_multi_add_handle(multi, handle);
+  transfers[handle] = std::move(transfer);
+}
+
+/// The first version that is seen is the one that all answers must be of.
+void CurlFetcher::State::checkVersion(const Transfer& transfer, Fetched& fetched) {
+  std::string version = transfer.head.header("etag");
+  if (version.rfind("W/", 0) == 0) version = version.substr(2);
+  if (version.empty()) version = transfer.head.header("last-modified");
+  if (version.empty() || fetched.outcome != FetchOutcome::kBytes) return;
+  const auto [it, is_first] = versions.emplace(transfer.order.name, version);
+  if (!is_first && it->second != version) fetched = {fetched.id, FetchOutcome::kChanged, {}, fetched.status, ""};
+}
+
+void CurlFetcher::State::collect() {
+  int left = 0;
+  while (const CURLMsg* message = curl_multi_info_read(multi, &left)) {
+    if (message->msg != CURLMSG_DONE) continue;
+    CURL* handle = message->easy_handle;
+    const CURLcode code = message->data.result;
+    const auto it = transfers.find(handle);
+    Fetched fetched = it->second->ended(code);
+    if (!it->second->order.whole) checkVersion(*it->second, fetched);
+    curl_multi_remove_handle(multi, handle);
+    transfers.erase(it);
+    idle.push_back(handle);
+    {
+      const std::lock_guard lock(mutex);
+      link_clock.pass(fetched.bytes.size(), Clock::now());
+      done.push_back({std::move(fetched), link_clock.due()});
+    }
+    arrived.notify_one();
+  }
+}
+
+CurlFetcher::CurlFetcher(const std::string& place, const LinkLimit& limit)
+    : state_(std::make_unique<State>(place, limit)) {}
+CurlFetcher::~CurlFetcher() = default;
+
+void CurlFetcher::submit(std::uint64_t id, const std::string& name, std::uint64_t offset, std::uint64_t length) {
+  state_->push({id, name, offset, length, false});
+}
+
+void CurlFetcher::submitWhole(std::uint64_t id, const std::string& name, std::uint64_t most_bytes) {
+  state_->push({id, name, 0, most_bytes, true});
+}
+
+std::vector<Fetched> CurlFetcher::take() {
+  std::vector<Fetched> taken;
+  const std::lock_guard lock(state_->mutex);
+  const Clock::time_point now = Clock::now();
+  while (!state_->done.empty() && state_->done.front().due <= now) {
+    taken.push_back(std::move(state_->done.front().fetched));
+    state_->done.pop_front();
+  }
+  return taken;
+}
+
+void CurlFetcher::cancel(std::uint64_t id) {
+  {
+    const std::lock_guard lock(state_->mutex);
+    std::erase_if(state_->done, [id](const State::Due& due) { return due.fetched.id == id; });
+    state_->cancelled.insert(id);
+  }
+  curl_multi_wakeup(state_->multi);
+}
+
+void CurlFetcher::wait(double seconds) {
+  State& s = *state_;
+  const Clock::time_point until = Clock::now() + LinkClock::toDuration(seconds);
+  std::unique_lock lock(s.mutex);
+  while (Clock::now() < until) {
+    if (s.done.empty()) {
+      s.arrived.wait_until(lock, until);
+      continue;
+    }
+    const Clock::time_point due = s.done.front().due;
+    if (due <= Clock::now()) return;
+    s.arrived.wait_until(lock, std::min(due, until));
+  }
+}
+
+}  // namespace client

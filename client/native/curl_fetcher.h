@@ -1,0 +1,29 @@
+#pragma once
+// The native RangeFetcher: libcurl on a thread of its own, kept connections, verified TLS.
+#include <memory>
+#include <string>
+
+#include "client/fetch.h"
+#include "client/native/link.h"
+
+namespace client {
+
+class CurlFetcher final : public RangeFetcher {
+ public:
+  /// `place`: "http://host:port/folder" or "https://…", without a slash at its end.
+  explicit CurlFetcher(const std::string& place, const LinkLimit& limit = {});
+  ~CurlFetcher() override;
+  void submit(std::uint64_t id, const std::string& name, std::uint64_t offset, std::uint64_t length) override;
+  /// A whole object of at most `most_bytes`; longer ones are kTooShort's opposite: kServer, with words.
+  void submitWhole(std::uint64_t id, const std::string& name, std::uint64_t most_bytes);
+  std::vector<Fetched> take() override;
+  void cancel(std::uint64_t id) override;
+  /// Waits until take() would find something, at most `seconds`.
+  void wait(double seconds);
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace client

@@ -1,0 +1,14 @@
+#pragma once
+// Asks a host what client/host_check.h judges.
+#include <string>
+
+#include "base/error.h"
+#include "client/host_check.h"
+
+namespace client {
+
+/// Two requests or one; waits for them, some 20 s at most. A host that does not answer is a finding, not an error; an
+/// error says that scene.json is there but is no published scene's. `url` as PublishedSceneLink takes it.
+base::Result<HostAnswers> askHost(const std::string& url);
+
+}  // namespace client

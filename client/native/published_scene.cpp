@@ -1,0 +1,178 @@
+#include "client/native/published_scene.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <optional>
+#include <utility>
+
+#include "base/json/scene_file.h"
+#include "client/native/connection.h"
+#include "client/native/curl_fetcher.h"
+#include "repository/parameters.h"
+
+namespace client {
+namespace {
+
+constexpr std::uint64_t kMostJsonBytes = std::uint64_t{16} << 20;
+constexpr std::uint64_t kSceneJsonId = ~std::uint64_t{0};  // no range's
+constexpr double kFirstPause = 0.25, kLongestPause = 5.0;  // seconds
+
+std::string nameOf(const std::string& place) {
+  return place.substr(place.rfind('/') + 1);
+}
+
+std::optional<StaticPart> partOf(const base::Scene& scene, const std::string& stem, const std::string& extension) {
+  const auto file = base::partFile(scene, stem, extension);
+  if (!file) return std::nullopt;
+  const auto part = std::find_if(scene.parts.begin(), scene.parts.end(),
+                                 [&](const base::ScenePart& one) { return one.file == *file; });
+  if (part == scene.parts.end()) return std::nullopt;
+  return StaticPart{part->file, part->bytes};
+}
+
+}  // namespace
+
+base::Result<StaticScene> staticSceneFrom(const std::string& scene_json, const std::string& place) {
+  const auto scene = base::parseScene(scene_json, place + "/scene.json");
+  if (!scene) return scene.error();
+  const auto patches = partOf(*scene, "patch", ".lgp");
+  if (!patches || !base::isPublishedName(patches->name))
+    return base::Error{base::ErrorCode::kInvalidInput,
+                       place + ": is not a published scene; put there what `lumigrid publish` wrote"};
+  StaticScene out;
+  out.place = place;
+  out.patches = *patches;
+  out.index = partOf(*scene, "images/index", ".lgi");
+  const base::Aabb box = scene->localBox();
+  out.welcome.scene_name = nameOf(place);
+  out.welcome.units = scene->units == "unknown" ? "" : scene->units;
+  out.welcome.origin = scene->origin;
+  out.welcome.box_min = box.min;
+  out.welcome.box_max = box.max;
+  out.welcome.up = glm::vec3(scene->up);
+  out.welcome.unlit = scene->light.mode == base::LightMode::kUnlit;
+  out.welcome.light_direction = scene->light.direction;
+  return out;
+}
+
+ReadParameters parametersReader() {
+  return [](const std::string& text) { return repository::sampledPointsFromMeta(text, "parameters"); };
+}
+
+std::string placeOfScene(const std::string& url) {
+  std::string place = url.substr(0, url.find_first_of("?#"));
+  const std::string file = "scene.json";
+  if (place.size() > file.size() && place.compare(place.size() - file.size(), file.size(), file) == 0 &&
+      place[place.size() - file.size() - 1] == '/')
+    place.resize(place.size() - file.size());
+  while (!place.empty() && place.back() == '/') place.pop_back();
+  return place;
+}
+
+bool isPublishedScene(const std::string& url) {
+  if (url.rfind("https://", 0) == 0) return true;
+  if (url.rfind("http://", 0) != 0) return false;
+  const std::size_t slash = url.find('/', 7);
+  if (slash == std::string::npos) return false;
+  const std::string path = url.substr(slash);
+  return path != "/" && path != "/ws";
+}
+
+base::Result<void> checkUrl(const std::string& url) {
+  if (!isPublishedScene(url)) {
+    if (auto server = parseServerUrl(url); !server) return server.error();
+    return {};
+  }
+  const bool odd = url.find_first_of(" \t\r\n@") != std::string::npos;
+  const std::size_t host = url.find("://") + 3;
+  if (!odd && host < url.size() && url[host] != '/') return {};
+  return base::Error{base::ErrorCode::kInvalidInput,
+                     "'" + url +
+                         "': " + (odd ? "it holds a character that an address cannot have" : "it names no host") +
+                         "; write it like https://example.org/scenes/tower/"};
+}
+
+base::Result<std::unique_ptr<Link>> openLink(const std::string& url, const LinkLimit& limit) {
+  if (isPublishedScene(url)) return std::unique_ptr<Link>(std::make_unique<PublishedSceneLink>(url, limit));
+  auto server = parseServerUrl(url);
+  if (!server) return server.error();
+  return std::unique_ptr<Link>(std::make_unique<Connection>(*server, limit));
+}
+
+// ---- the link ----
+
+struct PublishedSceneLink::State {
+  State(const std::string& url, const LinkLimit& limit) : place(placeOfScene(url)), fetcher(place, limit) { ask(); }
+
+  void ask() {
+    fetcher.submitWhole(kSceneJsonId, "scene.json", kMostJsonBytes);
+    asked = true;
+  }
+  double now() const { return std::chrono::duration<double>(LinkClock::Clock::now() - start).count(); }
+  bool takeScene(Session& session);
+
+  std::string place;
+  LinkClock::Clock::time_point start = LinkClock::Clock::now();
+  CurlFetcher fetcher;
+  bool asked = false;
+  int failures = 0;
+  std::uint64_t json_bytes = 0;
+  double retry_at = 0.0;
+  std::unique_ptr<StaticSource> source;
+};
+
+/// scene.json, when it came.
+bool PublishedSceneLink::State::takeScene(Session& session) {
+  if (!asked && now() >= retry_at) ask();
+  const auto answers = fetcher.take();
+  if (answers.empty()) return false;
+  asked = false;
+  const Fetched& answer = answers.front();
+  if (answer.outcome != FetchOutcome::kBytes) {
+    const std::string why = explain(answer, place + "/scene.json");
+    if (mayPass(answer))
+      session.disconnected(why);
+    else
+      session.refuse(why);
+    const double pause = kFirstPause * std::exp2(std::min(failures++, 8));
+    retry_at = mayPass(answer) ? now() + std::min(kLongestPause, pause) : HUGE_VAL;
+    return true;
+  }
+  json_bytes = answer.bytes.size();
+  auto scene = staticSceneFrom(std::string(answer.bytes.begin(), answer.bytes.end()), place);
+  if (!scene) {
+    session.refuse(scene.error().message);
+    retry_at = HUGE_VAL;
+    return true;
+  }
+  source = std::make_unique<StaticSource>(std::move(*scene), fetcher, parametersReader());
+  return true;
+}
+
+PublishedSceneLink::PublishedSceneLink(const std::string& url, const LinkLimit& limit)
+    : state_(std::make_unique<State>(url, limit)) {}
+PublishedSceneLink::~PublishedSceneLink() = default;
+
+bool PublishedSceneLink::pump(Session& session) {
+  State& s = *state_;
+  const bool came = s.source == nullptr && s.takeScene(session);
+  if (s.source == nullptr) return came;
+  return s.source->pump(session, s.now()) || came;
+}
+
+void PublishedSceneLink::waitForArrival(double seconds) {
+  state_->fetcher.wait(seconds);
+}
+
+LinkCounts PublishedSceneLink::counts() const {
+  if (state_->source == nullptr) return {1, 0};
+  const StaticStats stats = state_->source->stats();
+  return {1 + stats.requests, state_->json_bytes + stats.bytes};
+}
+
+const StaticSource* PublishedSceneLink::source() const {
+  return state_->source.get();
+}
+
+}  // namespace client

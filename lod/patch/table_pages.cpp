@@ -1,0 +1,149 @@
+#include "lod/patch/table_pages.h"
+
+#include <algorithm>
+#include <string>
+
+#include "base/crc32c.h"
+#include "lod/patch/records.h"
+
+namespace lod::patch {
+namespace {
+
+constexpr std::uint64_t kHeaderBytes = 96;
+
+// What of a row names others, against the totals.
+base::Result<void> checkRow(const TableCounts& counts, std::uint32_t index, const Group& group) {
+  if (const char* fault = groupFault(group, index)) return groupError(index, fault);
+  if (std::uint64_t{group.first_patch} + group.patch_count > counts.patches)
+    return groupError(index, "consumes patches that aren't there");
+  if (std::uint64_t{group.first_parent} + group.parent_count > counts.parents)
+    return groupError(index, "its parents aren't in the table");
+  if (group.block_offset < counts.blocks_offset || group.block_offset > counts.file_bytes ||
+      group.block_bytes > counts.file_bytes - group.block_offset)
+    return groupError(index, "its block is not in the file");
+  return {};
+}
+
+}  // namespace
+
+std::uint32_t TablePages::pageCount() const {
+  return static_cast<std::uint32_t>((counts_.blocks_offset + kPageBytes - 1) / kPageBytes);
+}
+
+std::uint32_t TablePages::pageLength(std::uint32_t page) const {
+  return static_cast<std::uint32_t>(std::min<std::uint64_t>(kPageBytes, counts_.blocks_offset - pageOffset(page)));
+}
+
+void TablePages::add(std::uint64_t offset, base::ByteView bytes) {
+  const std::uint64_t end = offset + bytes.size();
+  for (auto page = static_cast<std::uint32_t>((offset + kPageBytes - 1) / kPageBytes);
+       page < pageCount() && pageOffset(page) + pageLength(page) <= end; ++page) {
+    const base::ByteView part = bytes.subspan(pageOffset(page) - offset, pageLength(page));
+    pages_.try_emplace(page, part.begin(), part.end());
+  }
+}
+
+std::uint64_t TablePages::rowOffset(std::uint32_t group) const {
+  return kHeaderBytes + std::uint64_t{kGroupRowBytes} * group;
+}
+std::uint64_t TablePages::patchOffset(std::uint32_t patch) const {
+  return rowOffset(counts_.groups) + std::uint64_t{kPatchRowBytes} * patch;
+}
+std::uint64_t TablePages::parentOffset(std::uint32_t parent) const {
+  return patchOffset(counts_.patches) + std::uint64_t{4} * parent;
+}
+
+// Nothing when pages are missing; they are added to `missing`.
+std::optional<base::Bytes> TablePages::read(std::uint64_t offset, std::uint64_t length,
+                                            std::vector<std::uint32_t>* missing) const {
+  if (length == 0) return base::Bytes();
+  const auto first = static_cast<std::uint32_t>(offset / kPageBytes);
+  const auto last = static_cast<std::uint32_t>((offset + length - 1) / kPageBytes);
+  bool here = true;
+  for (std::uint32_t page = first; page <= last; ++page) {
+    if (has(page)) continue;
+    here = false;
+    if (missing == nullptr) return std::nullopt;
+    missing->push_back(page);
+  }
+  if (!here) return std::nullopt;
+
+  base::Bytes out;
+  out.reserve(length);
+  for (std::uint32_t page = first; page <= last; ++page) {
+    const base::Bytes& bytes = pages_.at(page);
+    const std::uint64_t begin = std::max(offset, pageOffset(page)) - pageOffset(page);
+    const std::uint64_t end = std::min<std::uint64_t>(offset + length - pageOffset(page), bytes.size());
+    out.insert(out.end(), bytes.begin() + static_cast<std::ptrdiff_t>(begin),
+               bytes.begin() + static_cast<std::ptrdiff_t>(end));
+  }
+  return out;
+}
+
+base::Result<std::optional<Group>> TablePages::row(std::uint32_t group) const {
+  const auto bytes = read(rowOffset(group), kGroupRowBytes);
+  if (!bytes) return std::optional<Group>();
+  base::ByteReader in(*bytes);
+  const Group row = readGroupRow(in);
+  LUMIGRID_TRY(checkRow(counts_, group, row));
+  return std::optional(row);
+}
+
+std::uint32_t TablePages::leadingRows() const {
+  std::uint32_t page = 0;
+  while (has(page)) ++page;
+  const std::uint64_t end = pageOffset(page);
+  if (end < kHeaderBytes) return 0;
+  return static_cast<std::uint32_t>(std::min<std::uint64_t>(counts_.groups, (end - kHeaderBytes) / kGroupRowBytes));
+}
+
+base::Result<TablePages::Record> TablePages::record(std::uint32_t group) const {
+  Record record;
+  const auto row_bytes = read(rowOffset(group), kGroupRowBytes, &record.missing);
+  if (!row_bytes) return record;
+  const auto row = this->row(group);
+  if (!row) return row.error();
+  const Group& g = **row;
+
+  // Its patches and parents, then the rows of the groups that made the patches.
+  const auto patch_bytes =
+      read(patchOffset(g.first_patch), std::uint64_t{kPatchRowBytes} * g.patch_count, &record.missing);
+  const auto parent_bytes = read(parentOffset(g.first_parent), std::uint64_t{4} * g.parent_count, &record.missing);
+  base::ByteWriter errors;
+  if (patch_bytes) {
+    base::ByteReader in(*patch_bytes);
+    for (std::uint32_t i = 0; i < g.patch_count; ++i) {
+      const Patch patch = readPatchRow(in);
+      if (patch.producer == kNoGroup) {
+        errors.f32(0.0F);
+        continue;
+      }
+      if (patch.producer >= counts_.groups) return patchError(g.first_patch + i, "its producer is not there");
+      if (!read(rowOffset(patch.producer), kGroupRowBytes, &record.missing)) continue;
+      const auto producer = this->row(patch.producer);
+      if (!producer) return producer.error();
+      errors.f32((*producer)->error);
+    }
+  }
+  std::sort(record.missing.begin(), record.missing.end());
+  record.missing.erase(std::unique(record.missing.begin(), record.missing.end()), record.missing.end());
+  if (!record.missing.empty()) return record;
+
+  base::ByteWriter out;
+  out.u32(group);
+  out.bytes(*row_bytes);
+  out.bytes(*patch_bytes);
+  out.bytes(errors.view());
+  out.bytes(*parent_bytes);
+  record.bytes = out.take();
+  return record;
+}
+
+base::Result<void> TablePages::checkWhole() const {
+  const auto bytes = read(kHeaderBytes, counts_.blocks_offset - kHeaderBytes);
+  if (!bytes) return damaged("not all of the tables is here");
+  if (base::crc32c(*bytes) != counts_.tables_crc) return damaged("tables: checksum does not match");
+  return {};
+}
+
+}  // namespace lod::patch

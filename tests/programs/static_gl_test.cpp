@@ -1,0 +1,228 @@
+// A published scene in the thin client, with no server of ours: nginx alone.
+#include <signal.h>
+
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <regex>
+#include <set>
+#include <sstream>
+#include <thread>
+
+#include "base/png/png.h"
+#include "tests/programs/run_program.h"
+#include "tests/support/nginx.h"
+
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using programs::expectOneLineError;
+using programs::readText;
+using programs::run;
+
+constexpr int kFrames = 4;
+
+struct Tour {
+  std::vector<base::Image> pictures;
+  std::vector<json> lines;
+};
+
+class StaticScene : public programs::ProgramTest {
+ protected:
+  void SetUp() override {
+    ProgramTest::SetUp();
+    LUMIGRID_SKIP_WITHOUT_NGINX();
+    scene_ = smallScene();
+    ASSERT_EQ(run("lumigrid", {"publish", scene_, path("site/tower"), "--quiet"}).status, 0);
+    ASSERT_EQ(run("lumigrid", {"tour", scene_, "--frames", std::to_string(kFrames), "--size", "320", "180", "-o",
+                               path("tour.json")})
+                  .status,
+              0);
+  }
+  Tour tour(const std::string& url, const std::string& name) {
+    const auto viewed = run("lumigrid-view", {url, "--headless", "--path", path("tour.json"), "--out", path(name)});
+    EXPECT_EQ(viewed.status, 0) << viewed.err;
+    Tour out;
+    std::istringstream lines(readText(path(name + "/frames.jsonl")));
+    for (std::string line; std::getline(lines, line);) {
+      out.lines.push_back(json::parse(line, nullptr, false));
+      EXPECT_TRUE(out.lines.back().is_object() && out.lines.back()["complete"].get<bool>()) << line;
+    }
+    for (int frame = 0; frame < kFrames; ++frame) {
+      auto picture = base::readPng(path(name + "/frame_000" + std::to_string(frame) + ".png"));
+      EXPECT_TRUE(picture) << picture.error().message;
+      if (picture) out.pictures.push_back(std::move(*picture));
+    }
+    return out;
+  }
+  Tour served() {
+    const pid_t pid =
+        programs::start("lumigrid", {"serve", scene_, "--port", "0", "--json", "--no-frames"}, path("serve"));
+    std::string url;
+    for (int i = 0; i < 2000 && url.empty(); ++i) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+      const json j = json::parse(readText(path("serve.out")), nullptr, false);
+      if (j.is_object()) url = j["url"];
+    }
+    Tour out = tour(url, "served");
+    ::kill(pid, SIGTERM);
+    programs::wait(pid);
+    return out;
+  }
+  programs::Outcome view(const std::string& url) {
+    return run("lumigrid-view", {url, "--headless", "--path", path("tour.json"), "--connect-timeout", "3"});
+  }
+  std::string objectOf(const std::string& extension) const {
+    for (const auto& entry : fs::recursive_directory_iterator(path("site/tower")))
+      if (entry.path().extension() == extension) return entry.path().string();
+    return "";
+  }
+
+  std::string scene_;
+};
+
+// Bytes of objects that went out more than once, from lines "status bytes range uri".
+std::uint64_t bytesRepeated(const std::string& log) {
+  std::map<std::string, std::vector<std::pair<std::uint64_t, std::uint64_t>>> ranges;
+  const std::regex line("206 \\d+ bytes=(\\d+)-(\\d+) (\\S+)");
+  for (std::sregex_iterator it(log.begin(), log.end(), line), end; it != end; ++it)
+    ranges[(*it)[3]].emplace_back(std::stoull((*it)[1]), std::stoull((*it)[2]) + 1);
+  std::uint64_t repeated = 0;
+  for (auto& [uri, list] : ranges) {
+    std::sort(list.begin(), list.end());
+    std::uint64_t covered = 0;
+    for (const auto& [first, last] : list) {
+      if (first < covered) repeated += std::min(covered, last) - first;
+      covered = std::max(covered, last);
+    }
+  }
+  return repeated;
+}
+
+// Images come in another order, so that a blend may differ in its last digit.
+void expectAlike(const Tour& a, const Tour& b) {
+  ASSERT_EQ(a.pictures.size(), b.pictures.size());
+  for (std::size_t i = 0; i < a.pictures.size(); ++i) {
+    const auto& p = a.pictures[i].pixels;
+    const auto& q = b.pictures[i].pixels;
+    ASSERT_EQ(p.size(), q.size());
+    double sum = 0.0;
+    std::size_t outliers = 0;
+    for (std::size_t k = 0; k < p.size(); ++k) {
+      const int difference = std::abs(int{p[k]} - int{q[k]});
+      sum += difference;
+      outliers += difference > 8 ? 1 : 0;
+    }
+    EXPECT_LT(sum / static_cast<double>(p.size()), 0.5) << "frame " << i;
+    EXPECT_LT(outliers, p.size() / 100) << "frame " << i;
+  }
+}
+
+TEST_F(StaticScene, nginxAloneShowsWhatAServerShows) {
+  const support::Nginx nginx(support::Nginx::Configuration{
+      "log_format ranges '$status $body_bytes_sent $http_range $uri';\nserver {\nlisten 127.0.0.1:$PORT0;\nroot " +
+      path("site") + ";\naccess_log " + path("ranges.log") + " ranges;\n}\n"});
+  const Tour alone = tour(nginx.url() + "/tower/", "static");
+  const Tour with_server = served();
+  expectAlike(alone, with_server);
+  ASSERT_EQ(alone.lines.size(), with_server.lines.size());
+  for (std::size_t i = 0; i < alone.lines.size(); ++i) {
+    EXPECT_EQ(alone.lines[i]["triangles"], with_server.lines[i]["triangles"]);
+    EXPECT_EQ(alone.lines[i]["error_px"], with_server.lines[i]["error_px"]);
+  }
+
+  // What it cost, by nginx's own words.
+  const std::string log = readText(path("ranges.log"));
+  EXPECT_EQ(bytesRepeated(log), 0U) << log;
+  std::istringstream lines(log);
+  std::size_t requests = 0;
+  for (std::string line; std::getline(lines, line); ++requests)
+    EXPECT_TRUE(line.rfind("206 ", 0) == 0 || line.find("/tower/scene.json") != std::string::npos) << line;
+  const json& last = alone.lines.back()["link"];
+  EXPECT_LE(last["requests"].get<std::size_t>(), requests) << "frames.jsonl counts up to the last picture";
+  EXPECT_GT(last["requests"].get<std::size_t>(), 4U);
+  std::uint64_t before = 0;
+  for (const json& line : alone.lines) {
+    const auto bytes = line["link"]["bytes"].get<std::uint64_t>();
+    std::printf("frame %d: %llu requests, %llu bytes so far\n", line["frame"].get<int>(),
+                static_cast<unsigned long long>(line["link"]["requests"].get<std::uint64_t>()),
+                static_cast<unsigned long long>(bytes));
+    EXPECT_GE(bytes, before);
+    before = bytes;
+  }
+
+  // scene.json's own address does too.
+  expectAlike(tour(nginx.url() + "/tower/scene.json", "by_name"), alone);
+}
+
+TEST_F(StaticScene, aHostThatCannotIsNamedWithWhatToDo) {
+  // No ranges; no such folder; forbidden; compressed.
+  const support::Nginx nginx(path("site"),
+                             "location /tower/ { }\n"
+                             "location /whole/ { alias " +
+                                 path("site/tower") +
+                                 "/; max_ranges 0; }\n"
+                                 "location /secret/ { deny all; }\n");
+  expectOneLineError(view(nginx.url() + "/whole/"), 1, {"/whole/patch-", "ignores Range", "docs/hosting.md"});
+  expectOneLineError(view(nginx.url() + "/nothing/"), 1, {"/nothing/scene.json", "is not there", "404"});
+  expectOneLineError(view(nginx.url() + "/secret/"), 1, {"/secret/scene.json", "may not be read", "403"});
+  expectOneLineError(view("http://127.0.0.1:1/tower/"), 1, {"no answer", "check the network"});
+  EXPECT_EQ(view("https://").status, 2);
+
+  // A built scene, and one that lost its hierarchy.
+  fs::copy(scene_, path("site/tower/built"), fs::copy_options::recursive);
+  expectOneLineError(view(nginx.url() + "/tower/built/"), 1, {"lumigrid publish"});
+  fs::copy(path("site/tower"), path("site/lost"), fs::copy_options::recursive);
+  for (const auto& entry : fs::directory_iterator(path("site/lost")))
+    if (entry.path().extension() == ".lgp") fs::remove(entry.path());
+  expectOneLineError(view(nginx.url() + "/lost/"), 1, {".lgp", "is not there", "lumigrid publish"});
+
+  // Cut short and damaged.
+  const std::string patches = objectOf(".lgp");
+  const std::string bytes = readText(patches);
+  programs::writeText(patches, bytes.substr(0, 1'000));
+  expectOneLineError(view(nginx.url() + "/tower/"), 1, {".lgp", "publish the scene again"});
+  std::string flipped = bytes;
+  flipped[20] ^= 1;
+  programs::writeText(patches, flipped);
+  expectOneLineError(view(nginx.url() + "/tower/"), 1, {".lgp", "checksum"});
+}
+
+TEST_F(StaticScene, aLostPackIsMissedAndTheRestIsShown) {
+  const support::Nginx nginx(path("site"));
+  fs::remove(objectOf(".lgk"));
+  const Tour pictures = tour(nginx.url() + "/tower/", "lost");
+  EXPECT_EQ(pictures.pictures.size(), static_cast<std::size_t>(kFrames));
+}
+
+TEST_F(StaticScene, theHostCheckNamesWhatIsMissing) {
+  const support::Nginx nginx(path("site"), "location /whole/ { alias " + path("site/tower") +
+                                               "/; max_ranges 0; }\n"
+                                               "location /good/ { alias " +
+                                               path("site/tower") +
+                                               "/; add_header Access-Control-Allow-Origin \"*\"; add_header "
+                                               "Cache-Control \"immutable\"; }\n");
+  const auto checked = [&](const std::string& folder) {
+    return run("lumigrid-view", {nginx.url() + folder, "--check-host"});
+  };
+  const auto plain = checked("/tower/");
+  EXPECT_EQ(plain.status, 0) << plain.err;
+  EXPECT_NE(plain.out.find("good: Range"), std::string::npos) << plain.out;
+  EXPECT_NE(plain.out.find("Access-Control-Allow-Origin"), std::string::npos);
+  const auto whole = checked("/whole/");
+  EXPECT_EQ(whole.status, 1);
+  EXPECT_NE(whole.out.find("fails: Range requests are ignored"), std::string::npos) << whole.out;
+  const auto nothing = checked("/nothing/");
+  EXPECT_EQ(nothing.status, 1);
+  EXPECT_NE(nothing.out.find("404"), std::string::npos);
+  const json list = json::parse(run("lumigrid-view", {nginx.url() + "/good/", "--check-host", "--json"}).out);
+  ASSERT_TRUE(list.is_array());
+  EXPECT_EQ(list[0]["grade"], "good");
+  EXPECT_EQ(run("lumigrid-view", {"ws://127.0.0.1:1/", "--check-host"}).status, 2);
+}
+
+}  // namespace
