@@ -23,16 +23,53 @@ constexpr auto makeTables() {
 constexpr auto kTables = makeTables();
 
 #if defined(__x86_64__)
-// The instruction of SSE 4.2 computes the same polynomial, eight bytes in three cycles.
+// Three blocks side by side, as the instruction takes three cycles and one can begin every cycle.
+constexpr std::size_t kBlock = 256;
+
+// What a state, byte by byte, becomes when a block of zeros follows.
+constexpr auto makeBlockTables() {
+  std::array<std::uint32_t, 32> of_bit{};
+  for (std::size_t bit = 0; bit < 32; ++bit) {
+    std::uint32_t crc = 1U << bit;
+    for (std::size_t i = 0; i < kBlock; ++i) crc = (crc >> 8) ^ kTables[0][crc & 255U];
+    of_bit[bit] = crc;
+  }
+  std::array<std::array<std::uint32_t, 256>, 4> tables{};
+  for (std::size_t t = 0; t < 4; ++t)
+    for (std::size_t value = 0; value < 256; ++value)
+      for (std::size_t bit = 0; bit < 8; ++bit)
+        if ((value >> bit & 1U) != 0) tables[t][value] ^= of_bit[8 * t + bit];
+  return tables;
+}
+constexpr auto kBlockTables = makeBlockTables();
+
+std::uint32_t afterBlock(std::uint64_t crc) {
+  return kBlockTables[0][crc & 255U] ^ kBlockTables[1][(crc >> 8) & 255U] ^ kBlockTables[2][(crc >> 16) & 255U] ^
+         kBlockTables[3][(crc >> 24) & 255U];
+}
+
+std::uint64_t wordAt(const std::uint8_t* at) {
+  std::uint64_t word = 0;
+  std::memcpy(&word, at, 8);
+  return word;
+}
+
+// The instruction of SSE 4.2 computes the same polynomial.
 __attribute__((target("sse4.2"))) std::uint32_t crcByInstruction(ByteView bytes, std::uint32_t seed) {
   std::uint64_t crc = ~seed;
   const std::uint8_t* at = bytes.data();
   std::size_t left = bytes.size();
-  for (; left >= 8; left -= 8, at += 8) {
-    std::uint64_t word = 0;
-    std::memcpy(&word, at, 8);
-    crc = __builtin_ia32_crc32di(crc, word);
+  for (; left >= 3 * kBlock; left -= 3 * kBlock, at += 3 * kBlock) {
+    std::uint64_t second = 0;
+    std::uint64_t third = 0;
+    for (std::size_t i = 0; i < kBlock; i += 8) {
+      crc = __builtin_ia32_crc32di(crc, wordAt(at + i));
+      second = __builtin_ia32_crc32di(second, wordAt(at + kBlock + i));
+      third = __builtin_ia32_crc32di(third, wordAt(at + 2 * kBlock + i));
+    }
+    crc = afterBlock(afterBlock(crc) ^ second) ^ third;
   }
+  for (; left >= 8; left -= 8, at += 8) crc = __builtin_ia32_crc32di(crc, wordAt(at));
   auto low = static_cast<std::uint32_t>(crc);
   for (; left > 0; --left, ++at) low = __builtin_ia32_crc32qi(low, *at);
   return ~low;

@@ -18,9 +18,11 @@
 namespace lod::patch {
 namespace {
 
-constexpr std::uint8_t kCodecVersion = 2;
+constexpr std::uint8_t kCodecVersion = 3;
+constexpr std::uint8_t kOldestVersion = 2;
 constexpr std::uint8_t kHasColors = 1;
 constexpr std::uint8_t kHasAlpha = 2;
+constexpr std::uint8_t kIsRough = 4;
 constexpr std::size_t kHeaderBytes = 32;
 constexpr std::size_t kCrcOffset = 28;
 
@@ -34,6 +36,7 @@ using Float4 = float __attribute__((vector_size(16)));
 #define LUMIGRID_AVX2 target("avx2,bmi,bmi2,popcnt")
 
 struct PatchHeader {
+  std::uint8_t version = kCodecVersion;
   std::uint8_t flags = 0;
   std::uint32_t vertices = 0;
   std::uint32_t triangles = 0;
@@ -46,6 +49,10 @@ struct PatchHeader {
 
   bool colored() const { return (flags & kHasColors) != 0; }
   bool alpha() const { return (flags & kHasAlpha) != 0; }
+  // Places are predicted as a + ((b − opposite) >> shift): whole parallelograms, or half ones.
+  int halving() const { return (flags & kIsRough) != 0 ? 1 : 0; }
+  // Colours as (a + b + up) >> 1.
+  std::uint32_t roundsUp() const { return version > 2 ? 1 : 0; }
   std::size_t stepBytes() const { return (std::size_t{steps} + 3) / 4; }
 };
 
@@ -205,11 +212,16 @@ LUMIGRID_INLINE Uint4 codeColors(Uint4 luma, Uint4 orange, Uint4 green, Uint4 al
 // Planes of numbers -------------------------------------------------------------------------------
 //
 // Rice codes with a width per 16 numbers: the low bits of all of them, whole bytes; the rest in unary, in a stream of
-// its own, so that both are read without waiting for each other. Widths in nibbles; 15: 32 low bits and no unary.
+// its own, so that both are read without waiting for each other. Widths in nibbles; 15: 32 low bits and no unary. Where
+// all are near each other, in two bits, above the least of them.
 constexpr std::size_t kGroup = 16;
 constexpr std::uint32_t kRawWidth = 15;
 // Unary bits of a group: fewer than one unaligned load of eight bytes yields.
 constexpr std::uint32_t kMaxUnary = 56;
+// The highest bit of a plane's count of unary bytes, which is below: widths in two bits follow, after the least width.
+constexpr std::uint32_t kNarrowWidths = 0x8000;
+constexpr std::uint32_t kNarrowSpan = 4;
+static_assert((kMaxPatchVertices + kGroup) / kGroup * kMaxUnary / 8 < kNarrowWidths);
 
 constexpr std::size_t groupsOf(std::size_t count) {
   return (count + kGroup - 1) / kGroup;
@@ -247,33 +259,53 @@ std::uint32_t sumOfLanes(Uint4 x) {
   return x[0] + x[1];
 }
 
-// The width that takes fewest bits, of those about the logarithm of the mean.
-std::uint32_t bestWidth(const std::uint32_t* values) {
-  Uint4 four[kGroup / 4];
-  std::memcpy(four, values, sizeof(four));
-  // Halves, whose sums overflow nowhere.
-  const Uint4 low = (four[0] & 0xFFFFU) + (four[1] & 0xFFFFU) + (four[2] & 0xFFFFU) + (four[3] & 0xFFFFU);
-  const Uint4 high = (four[0] >> 16) + (four[1] >> 16) + (four[2] >> 16) + (four[3] >> 16);
-  const std::uint64_t sum = sumOfLanes(low) + (std::uint64_t{sumOfLanes(high)} << 16);
-  std::uint32_t width = static_cast<std::uint32_t>(std::bit_width(sum / kGroup));
-  width = width > 2 ? width - 2 : 0;
-  std::uint32_t best = kRawWidth;
-  std::uint32_t least = 512;
-  for (; width < kRawWidth; ++width) {
-    // No value is above sixteen times the mean, so from this width on their sums are small.
-    const Uint4 above = (four[0] >> width) + (four[1] >> width) + (four[2] >> width) + (four[3] >> width);
-    const std::uint32_t unary = kGroup + sumOfLanes(above);
-    if (unary > kMaxUnary) continue;
-    const std::uint32_t bits = unary + kGroup * width;
-    if (bits >= least) break;  // more low bits only cost more from here on
-    least = bits;
-    best = width;
+// Sixteen numbers to be written.
+class Numbers {
+ public:
+  explicit Numbers(const std::uint32_t* values) { std::memcpy(four_, values, sizeof(four_)); }
+
+  // The width that takes fewest bits, of those about the logarithm of the mean and from `least` on.
+  std::uint32_t bestWidth(std::uint32_t least_width = 0) const {
+    // Halves, whose sums overflow nowhere.
+    const Uint4 low = (four_[0] & 0xFFFFU) + (four_[1] & 0xFFFFU) + (four_[2] & 0xFFFFU) + (four_[3] & 0xFFFFU);
+    const Uint4 high = (four_[0] >> 16) + (four_[1] >> 16) + (four_[2] >> 16) + (four_[3] >> 16);
+    const std::uint64_t sum = sumOfLanes(low) + (std::uint64_t{sumOfLanes(high)} << 16);
+    std::uint32_t width = static_cast<std::uint32_t>(std::bit_width(sum / kGroup));
+    width = std::max(width > 2 ? width - 2 : 0, least_width);
+    std::uint32_t best = kRawWidth;
+    std::uint32_t least = 512;
+    for (; width < kRawWidth; ++width) {
+      // No value is above sixteen times the mean, so from this width on their sums are small.
+      const std::uint32_t bits = bitsAt(width);
+      if (bits == kImpossible) continue;
+      if (bits >= least) break;  // more low bits only cost more from here on
+      least = bits;
+      best = width;
+    }
+    return best;
   }
-  return best;
-}
+
+  // Bits that they take with that width; kImpossible if the unary ones are too many.
+  static constexpr std::uint32_t kImpossible = 1U << 20;
+  std::uint32_t bitsAt(std::uint32_t width) const {
+    if (width == kRawWidth) return 512;
+    const Uint4 above = (four_[0] >> width) + (four_[1] >> width) + (four_[2] >> width) + (four_[3] >> width);
+    const std::uint32_t unary = kGroup + sumOfLanes(above);
+    return unary > kMaxUnary ? kImpossible : unary + static_cast<std::uint32_t>(kGroup) * width;
+  }
+
+ private:
+  Uint4 four_[kGroup / 4];
+};
 
 std::uint64_t load64(const std::uint8_t* at) {
   std::uint64_t word = 0;
+  std::memcpy(&word, at, sizeof(word));
+  return word;
+}
+
+std::uint32_t load32(const std::uint8_t* at) {
+  std::uint32_t word = 0;
   std::memcpy(&word, at, sizeof(word));
   return word;
 }
@@ -302,18 +334,17 @@ void storeLows(const std::uint32_t* group, std::uint32_t width, std::uint8_t* to
 class PlaneWriter {
  public:
   explicit PlaneWriter(std::size_t count)
-      : widths_(count / kGroup / 2 + 1), low_(count / kGroup * lowBytes(kRawWidth) + 8), unary_(count / 2 + 16) {}
+      : widths_(count / kGroup), low_(count / kGroup * lowBytes(kRawWidth) + 8), unary_(count / 2 + 16) {}
 
   void write(base::ByteWriter& out, std::span<const std::uint32_t> values) {
     const std::size_t groups = values.size() / kGroup;
+    const std::uint32_t least = chooseWidths(values, groups);
     std::uint8_t* low = low_.data();
     std::size_t bit = 0;
-    std::fill(widths_.begin(), widths_.end(), std::uint8_t{0});
     unary_[0] = 0;
     for (std::size_t g = 0; g < groups; ++g) {
       const std::uint32_t* group = values.data() + g * kGroup;
-      const std::uint32_t width = bestWidth(group);
-      widths_[g / 2] = static_cast<std::uint8_t>(widths_[g / 2] | width << (4 * (g % 2)));
+      const std::uint32_t width = widths_[g];
       if (width == kRawWidth) {
         std::memcpy(low, group, lowBytes(width));
       } else {
@@ -323,8 +354,16 @@ class PlaneWriter {
       low += lowBytes(width);
     }
     const std::size_t unary_bytes = (bit + 7) / 8;
-    out.u16(static_cast<std::uint16_t>(unary_bytes));
-    out.bytes(base::ByteView(widths_).first((groups + 1) / 2));
+    const bool is_narrow = least != kRawWidth;
+    out.u16(static_cast<std::uint16_t>(unary_bytes | (is_narrow ? kNarrowWidths : 0)));
+    if (is_narrow) out.u8(static_cast<std::uint8_t>(least));
+    const std::size_t per_byte = is_narrow ? 4 : 2;
+    for (std::size_t g = 0; g < groups; g += per_byte) {
+      std::uint32_t byte = 0;
+      for (std::size_t k = 0; k < per_byte && g + k < groups; ++k)
+        byte |= (widths_[g + k] - (is_narrow ? least : 0)) << (8 / per_byte * k);
+      out.u8(static_cast<std::uint8_t>(byte));
+    }
     out.bytes(base::ByteView(low_.data(), low));
     out.bytes(base::ByteView(unary_).first(unary_bytes));
   }
@@ -343,7 +382,39 @@ class PlaneWriter {
     bit += place;
   }
 
-  base::Bytes widths_;
+  // Of each group, into widths_. Returns the least where all are within kNarrowSpan, which saves half of their room and
+  // costs a group outside little; else kRawWidth.
+  std::uint32_t chooseWidths(std::span<const std::uint32_t> values, std::size_t groups) {
+    std::array<std::uint32_t, kRawWidth + 1> count{};
+    for (std::size_t g = 0; g < groups; ++g) {
+      widths_[g] = static_cast<std::uint8_t>(Numbers(&values[g * kGroup]).bestWidth());
+      ++count[widths_[g]];
+    }
+    // Where most are.
+    std::uint32_t least = 0;
+    std::uint32_t most = 0;
+    for (std::uint32_t w = 0; w + kNarrowSpan <= kRawWidth; ++w) {
+      const std::uint32_t inside = count[w] + count[w + 1] + count[w + 2] + count[w + 3];
+      if (inside > most) most = inside, least = w;
+    }
+
+    std::size_t saved = (groups + 1) / 2 - (groups + 3) / 4;
+    saved = saved > 0 ? 8 * (saved - 1) : 0;
+    const auto inSpan = [&](std::uint32_t w) { return std::clamp(w, least, least + kNarrowSpan - 1); };
+    std::size_t lost = 0;
+    for (std::size_t g = 0; g < groups && lost <= saved; ++g) {
+      if (inSpan(widths_[g]) == widths_[g]) continue;
+      const Numbers numbers(&values[g * kGroup]);
+      const std::uint32_t bits = numbers.bitsAt(inSpan(widths_[g]));
+      if (bits == Numbers::kImpossible) return kRawWidth;
+      lost += bits - std::min(bits, numbers.bitsAt(widths_[g]));
+    }
+    if (lost >= saved) return kRawWidth;
+    for (std::size_t g = 0; g < groups; ++g) widths_[g] = static_cast<std::uint8_t>(inSpan(widths_[g]));
+    return least;
+  }
+
+  std::vector<std::uint8_t> widths_;
   base::Bytes low_;
   base::Bytes unary_;
 };
@@ -358,18 +429,39 @@ struct PlaneParts {
   std::uint32_t width(std::size_t group) const { return widths[group / 2] >> (4 * (group % 2)) & 15U; }
 };
 
+// Two bits each to nibbles, each `least` more.
+LUMIGRID_INLINE std::uint64_t widened(std::uint32_t pairs, std::uint32_t least) {
+  std::uint64_t x = pairs;
+  x = (x | x << 16) & 0x0000FFFF0000FFFF;
+  x = (x | x << 8) & 0x00FF00FF00FF00FF;
+  x = (x | x << 4) & 0x0F0F0F0F0F0F0F0F;
+  x = (x | x << 2) & 0x3333333333333333;
+  return x + 0x1111111111111111 * least;
+}
+
 // The plane at `at`, which moves behind it. False when it runs past the end; `in` may be read eight bytes past it.
-LUMIGRID_INLINE bool findPlane(base::ByteView in, std::size_t& at, std::size_t groups, PlaneParts& plane) {
-  const std::size_t width_bytes = (groups + 1) / 2;
-  if (in.size() - at < 2 + width_bytes) return false;
-  const std::size_t unary_bytes = in[at] | std::size_t{in[at + 1]} << 8;
-  plane.widths = in.data() + at + 2;
+// `widths` has room for a nibble a group and 16 bytes more.
+LUMIGRID_INLINE bool findPlane(base::ByteView in, std::size_t& at, std::size_t groups, std::uint8_t* widths,
+                               PlaneParts& plane) {
+  if (in.size() - at < 3) return false;
+  const std::uint32_t first = in[at] | std::uint32_t{in[at + 1]} << 8;
+  const bool is_narrow = (first & kNarrowWidths) != 0;
+  const std::size_t unary_bytes = first & (kNarrowWidths - 1);
+  const std::uint32_t least = in[at + 2];
+  if (is_narrow && least + kNarrowSpan > kRawWidth) return false;
+  at += is_narrow ? 3 : 2;
+  const std::size_t width_bytes = is_narrow ? (groups + 3) / 4 : (groups + 1) / 2;
+  if (in.size() - at < width_bytes) return false;
+  plane.widths = widths;
   std::size_t low_bytes = 0;
   for (std::size_t g = 0; g < groups; g += 16) {
     const std::uint64_t unused = groups - g < 16 ? ~std::uint64_t{0} << (4 * (groups - g)) : 0;
-    low_bytes += lowBytesOfSixteen(load64(plane.widths + g / 2) & ~unused);
+    const std::uint64_t sixteen =
+        is_narrow ? widened(load32(in.data() + at + g / 4), least) : load64(in.data() + at + g / 2);
+    store64(widths + g / 2, sixteen);
+    low_bytes += lowBytesOfSixteen(sixteen & ~unused);
   }
-  at += 2 + width_bytes;
+  at += width_bytes;
   if (in.size() - at < low_bytes + unary_bytes) return false;
   plane.low = in.data() + at;
   plane.unary = plane.low + low_bytes;
@@ -384,15 +476,19 @@ void readRaw(const std::uint8_t* low, std::uint32_t* out) {
 }
 
 // Reads the differences of one plane, whole groups. False when the plane runs past the end, a group has too many unary
-// bits or the plane has other unary bytes than its groups fill. `in` may be read eight bytes past its end; `places` has
-// room for a byte per number and 80 more.
-using PlaneReader = bool (*)(base::ByteView in, std::size_t& at, std::size_t groups, std::uint8_t* places,
+// bits or the plane has other unary bytes than its groups fill. `in` may be read eight bytes past its end; `room` is
+// for the widths and a byte per number.
+struct PlaneRoom {
+  std::uint8_t* widths = nullptr;  // a nibble per group and 16 bytes more
+  std::uint8_t* places = nullptr;  // a byte per number and 80 more
+};
+using PlaneReader = bool (*)(base::ByteView in, std::size_t& at, std::size_t groups, const PlaneRoom& room,
                              std::uint32_t* out);
 
-bool readPlaneAnywhere(base::ByteView in, std::size_t& at, std::size_t groups, std::uint8_t* /*places*/,
+bool readPlaneAnywhere(base::ByteView in, std::size_t& at, std::size_t groups, const PlaneRoom& room,
                        std::uint32_t* out) {
   PlaneParts plane;
-  if (!findPlane(in, at, groups, plane)) return false;
+  if (!findPlane(in, at, groups, room.widths, plane)) return false;
   std::size_t bit = 0;
   for (std::size_t g = 0; g < groups; ++g, out += kGroup) {
     const std::uint32_t width = plane.width(g);
@@ -438,9 +534,10 @@ constexpr auto kOnes = [] {
 // The same by vectors, a group at once, when the places of all ones are known. They are modulo 256; a group that looks
 // short and is not is missed in the sum of lengths.
 __attribute__((LUMIGRID_AVX2)) bool readPlaneByAvx2(base::ByteView in, std::size_t& at, std::size_t groups,
-                                                    std::uint8_t* places, std::uint32_t* out) {
+                                                    const PlaneRoom& room, std::uint32_t* out) {
   PlaneParts plane;
-  if (!findPlane(in, at, groups, plane)) return false;
+  if (!findPlane(in, at, groups, room.widths, plane)) return false;
+  std::uint8_t* const places = room.places;
   places[0] = 0xFF;
   std::size_t ones = 0;
   __m128i first_bit = _mm_setzero_si128();
@@ -852,6 +949,7 @@ constexpr std::size_t kSlack = 4 * kStepsAtOnce;
 // What decoding needs beyond its result. Kept by thread: patches come by the thousand.
 struct Scratch {
   base::Bytes bytes;
+  std::vector<std::uint8_t> widths;
   std::vector<std::uint8_t> places;  // of ones in unary bits
   std::vector<std::uint64_t> front;
   std::vector<std::uint64_t> from;  // packed edges by vertex
@@ -872,6 +970,9 @@ struct Scratch {
   static T* room(std::vector<T>& v, std::size_t count) {
     if (v.size() < count) v.resize(count);
     return v.data();
+  }
+  PlaneRoom planeRoom(std::size_t groups) {
+    return {room(widths, groups / 2 + 16), room(places, groups * kGroup + 80)};
   }
 };
 
@@ -1235,20 +1336,42 @@ void writeLanes(base::ByteWriter& out, const std::vector<Uint4>& numbers, PlaneW
   for (const auto& plane : planes) writer.write(out, plane);
 }
 
-void writePositions(base::ByteWriter& out, const PatchGeometry& geometry, const Connectivity& order,
-                    PlaneWriter& writer) {
+// Differences to the places that the decoder will foresee, whole parallelograms or half ones.
+std::vector<Uint4> placeNumbers(const std::vector<Uint4>& at, const Connectivity& order, int halving) {
+  std::vector<Uint4> numbers(groupsOf(at.size()) * kGroup, Uint4{});
+  for (std::size_t v = 1; v < at.size(); ++v) {
+    const Edge& e = order.from[v];
+    const Int4 across = reinterpret_cast<Int4>(at[e.b] - at[e.opposite]) >> halving;
+    numbers[v] = zigzag(at[v] - (at[e.a] + reinterpret_cast<Uint4>(across)));
+  }
+  return numbers;
+}
+
+// About how many bits they take.
+std::uint64_t sizeOf(const std::vector<Uint4>& numbers) {
+  std::uint64_t bits = 0;
+  for (std::size_t v = 0; v < numbers.size(); v += kGroup) {
+    std::array<std::uint64_t, 3> sums{};
+    for (std::size_t i = v; i < v + kGroup; ++i)
+      for (std::size_t k = 0; k < 3; ++k) sums[k] += numbers[i][k];
+    for (const std::uint64_t sum : sums) bits += static_cast<std::uint64_t>(std::bit_width(sum));
+  }
+  return bits;
+}
+
+// Of one patch; the flag says which of the two ways took less room.
+std::vector<Uint4> choosePlaces(const PatchGeometry& geometry, const Connectivity& order, PatchHeader& header) {
   std::vector<Uint4> at;
   at.reserve(order.vertices.size());
   for (const std::uint32_t old : order.vertices) {
     const glm::uvec3 q(geometry.positions[old]);
     at.push_back(Uint4{q.x, q.y, q.z, 0U});
   }
-  std::vector<Uint4> numbers(groupsOf(at.size()) * kGroup, Uint4{});
-  for (std::size_t v = 1; v < at.size(); ++v) {
-    const Edge& e = order.from[v];
-    numbers[v] = zigzag(at[v] - (at[e.a] + at[e.b] - at[e.opposite]));
-  }
-  writeLanes(out, numbers, writer);
+  std::vector<Uint4> whole = placeNumbers(at, order, 0);
+  std::vector<Uint4> half = placeNumbers(at, order, 1);
+  if (sizeOf(whole) <= sizeOf(half)) return whole;
+  header.flags |= kIsRough;
+  return half;
 }
 
 // The least shift that keeps facet normals exact, and the points it leaves.
@@ -1304,7 +1427,7 @@ void writeColors(base::ByteWriter& out, const PatchGeometry& geometry, const Con
   std::vector<Uint4> numbers(groupsOf(codes.size()) * kGroup, Uint4{});
   numbers[0] = zigzag(reinterpret_cast<Uint4>(codes[0]));
   for (std::size_t v = 1; v < codes.size(); ++v) {
-    const Int4 foreseen = (codes[order.from[v].a] + codes[order.from[v].b]) >> 1;
+    const Int4 foreseen = (codes[order.from[v].a] + codes[order.from[v].b] + 1) >> 1;
     numbers[v] = zigzag(reinterpret_cast<Uint4>(codes[v] - foreseen));
   }
   writeLanes(out, numbers, writer);
@@ -1317,7 +1440,7 @@ void writeAlphas(base::ByteWriter& out, const PatchGeometry& geometry, const Con
 }
 
 void writeHeader(base::ByteWriter& out, const PatchHeader& header) {
-  out.u8(kCodecVersion);
+  out.u8(header.version);
   out.u8(header.flags);
   out.u16(static_cast<std::uint16_t>(header.vertices));
   out.u16(static_cast<std::uint16_t>(header.triangles));
@@ -1344,12 +1467,12 @@ base::Result<PatchHeader> readHeader(base::ByteView bytes) {
   if (bytes.size() < kHeaderBytes)
     return broken("cut short: " + std::to_string(bytes.size()) + " bytes, the header alone has 32");
   base::ByteReader in(bytes);
-  const std::uint8_t version = in.u8();
-  if (version != kCodecVersion)
-    return base::Error{base::ErrorCode::kVersion,
-                       "patch bytes: codec version " + std::to_string(version) + ", this program reads 2"};
-
   PatchHeader header;
+  header.version = in.u8();
+  if (header.version < kOldestVersion || header.version > kCodecVersion)
+    return base::Error{base::ErrorCode::kVersion,
+                       "patch bytes: codec version " + std::to_string(header.version) + ", this program reads 2 and 3"};
+
   header.flags = in.u8();
   header.vertices = in.u16();
   header.triangles = in.u16();
@@ -1360,7 +1483,8 @@ base::Result<PatchHeader> readHeader(base::ByteView bytes) {
   header.escape_bytes = in.u32();
   header.crc = in.u32();
 
-  if ((header.flags & ~(kHasColors | kHasAlpha)) != 0 || header.flags == kHasAlpha) return broken("unknown flags");
+  const int known = header.version == 2 ? kHasColors | kHasAlpha : kHasColors | kHasAlpha | kIsRough;
+  if ((header.flags & ~known) != 0 || (header.alpha() && !header.colored())) return broken("unknown flags");
   if (header.vertices == 0 || header.triangles == 0) return broken("no triangles");
   if (header.facet_shift > kMaxFacetShift || header.front_bits > kMaxFrontBits) return broken("unknown parameters");
   const std::uint64_t stated = kHeaderBytes + header.stepBytes() + std::uint64_t{header.escape_bytes};
@@ -1380,6 +1504,8 @@ LUMIGRID_INLINE bool addUp(const PatchHeader& header, const std::uint64_t* from,
   const Uint4 corner{static_cast<std::uint32_t>(header.corner.x), static_cast<std::uint32_t>(header.corner.y),
                      static_cast<std::uint32_t>(header.corner.z), 0U};
   const Int4 shift = Int4{} + static_cast<std::int32_t>(header.facet_shift);
+  const Int4 halving = Int4{} + header.halving();
+  const Uint4 up = Uint4{} + header.roundsUp();
   at[0] += corner;
   const Uint4 origin = at[0];
   Int4 least = reinterpret_cast<Int4>(origin);
@@ -1400,10 +1526,10 @@ LUMIGRID_INLINE bool addUp(const PatchHeader& header, const std::uint64_t* from,
     const std::size_t b = e >> 16 & 0xFFFF;
     const std::size_t opposite = e >> 32 & 0xFFFF;
     // A is most often the vertex before: it comes last, so that little waits for it.
-    const Uint4 q = at[v] - at[opposite] + at[b] + at[a];
+    const Uint4 q = at[v] + reinterpret_cast<Uint4>(reinterpret_cast<Int4>(at[b] - at[opposite]) >> halving) + at[a];
     at[v] = q;
     finish(v, q);
-    if (kColors) color[v] += reinterpret_cast<Uint4>(reinterpret_cast<Int4>(color[a] + color[b]) >> 1);
+    if (kColors) color[v] += reinterpret_cast<Uint4>(reinterpret_cast<Int4>(color[b] + up + color[a]) >> 1);
   }
   bool inside = true;
   for (int axis = 0; axis < 3; ++axis) inside = inside && least[axis] >= -kMaxLattice && greatest[axis] <= kMaxLattice;
@@ -1471,7 +1597,7 @@ LUMIGRID_INLINE bool readLanes(PlaneReader readPlane, base::ByteView in, std::si
   std::array<const std::uint32_t*, 3> plane{};
   for (std::size_t k = 0; k < 3; ++k) {
     std::uint32_t* room = Scratch::room(scratch.planes[k], padded);
-    if (!readPlane(in, at, groups, scratch.places.data(), room)) return false;
+    if (!readPlane(in, at, groups, scratch.planeRoom(groups), room)) return false;
     plane[k] = room;
   }
   for (std::size_t v = 0; v < padded; v += 4) {
@@ -1506,15 +1632,15 @@ LUMIGRID_INLINE const char* decodeParts(const PatchHeader& header, base::ByteVie
   const std::size_t groups = groupsOf(header.vertices);
   const std::size_t padded = groups * kGroup;
   Uint4* positions = Scratch::room(scratch.positions, padded);
-  Scratch::room(scratch.places, padded + 80);
+  const PlaneRoom room = scratch.planeRoom(groups);
   std::size_t at = kHeaderBytes + steps.size() + escapes.size();
   bool whole = readLanes(readPlane, in, at, groups, scratch, positions);
-  whole = whole && readPlane(in, at, groups, scratch.places.data(), Scratch::room(scratch.normal_u, padded));
-  whole = whole && readPlane(in, at, groups, scratch.places.data(), Scratch::room(scratch.normal_v, padded));
+  whole = whole && readPlane(in, at, groups, room, Scratch::room(scratch.normal_u, padded));
+  whole = whole && readPlane(in, at, groups, room, Scratch::room(scratch.normal_v, padded));
   Uint4* colors = header.colored() ? Scratch::room(scratch.colors, padded) : nullptr;
   if (header.colored()) whole = whole && readLanes(readPlane, in, at, groups, scratch, colors);
   std::uint32_t* alphas = header.alpha() ? Scratch::room(scratch.alphas, padded) : nullptr;
-  if (header.alpha()) whole = whole && readPlane(in, at, groups, scratch.places.data(), alphas);
+  if (header.alpha()) whole = whole && readPlane(in, at, groups, room, alphas);
   if (!whole || at != bytes.size()) return "the vertices do not decode";
 
   // Numbers into vertices.
@@ -1590,12 +1716,13 @@ base::Bytes encodePatch(const PatchGeometry& geometry, std::vector<std::uint32_t
     if (!std::all_of(order.vertices.begin(), order.vertices.end(), opaque)) header.flags |= kHasAlpha;
   }
 
+  const std::vector<Uint4> places = choosePlaces(geometry, order, header);
   base::ByteWriter out;
   writeHeader(out, header);
   out.bytes(order.step_bytes);
   out.bytes(order.escapes);
   PlaneWriter writer(groupsOf(order.vertices.size()) * kGroup);
-  writePositions(out, geometry, order, writer);
+  writeLanes(out, places, writer);
   writeNormals(out, geometry, order, points, writer);
   if (header.colored()) writeColors(out, geometry, order, writer);
   if (header.alpha()) writeAlphas(out, geometry, order, writer);

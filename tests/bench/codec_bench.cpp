@@ -38,9 +38,14 @@ struct Parts {
 };
 
 std::size_t planeBytes(base::ByteView bytes, std::size_t at, std::size_t groups) {
-  std::size_t size = 2 + (groups + 1) / 2 + bytes[at] + std::size_t{bytes[at + 1]} * 256;
+  const std::size_t first = bytes[at] + std::size_t{bytes[at + 1]} * 256;
+  const bool is_narrow = first >= 0x8000;
+  const std::size_t widths = at + (is_narrow ? 3 : 2);
+  const std::size_t bits = is_narrow ? 2 : 4;
+  std::size_t size = widths - at + (bits * groups + 7) / 8 + first % 0x8000;
   for (std::size_t g = 0; g < groups; ++g) {
-    const std::size_t width = bytes[at + 2 + g / 2] >> (4 * (g % 2)) & 15U;
+    const std::size_t stored = bytes[widths + bits * g / 8] >> (bits * g % 8) & ((1U << bits) - 1);
+    const std::size_t width = stored + (is_narrow ? bytes[at + 2] : 0);
     size += width == 15 ? 64 : 2 * width;
   }
   return size;

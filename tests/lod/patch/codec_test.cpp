@@ -137,6 +137,44 @@ TEST(PatchCodec, strayUnaryBytesAreRefused) {
   for (const std::size_t count : {6, 8, 31, 32, 33, 64, 8192}) EXPECT_EQ(faults(unary, count, 0), refused) << count;
 }
 
+// Where the first plane starts, and its first three bytes' say: widths in two bits above the third.
+std::size_t firstPlane(base::ByteView bytes) {
+  std::uint32_t steps = 0, escapes = 0;
+  std::memcpy(&steps, &bytes[20], sizeof(steps));
+  std::memcpy(&escapes, &bytes[24], sizeof(escapes));
+  return 32 + (std::size_t{steps} + 3) / 4 + escapes;
+}
+
+TEST(PatchCodec, widthsNearEachOtherTakeTwoBitsAndTheLeastIsChecked) {
+  std::mt19937 random(3);
+  const PatchGeometry source = drawPatch({2000, 3000, 200, false}, random);
+  const base::Bytes bytes = encodePatch(source);
+  const std::size_t plane = firstPlane(bytes);
+  ASSERT_NE(bytes[plane + 1] & 0x80, 0);
+  for (const std::uint8_t least : {12, 13, 15, 255})
+    EXPECT_NE(faultOf(withField(bytes, plane + 2, least)).find("vertices do not decode"), std::string::npos);
+  // Every other byte there decodes alike everywhere.
+  for (std::size_t at = plane; at < plane + 40; ++at)
+    for (int bit = 0; bit < 8; ++bit) {
+      const base::Bytes hurt = withField(bytes, at, static_cast<std::uint8_t>(bytes[at] ^ 1U << bit));
+      const auto other = decodePatchPortably(hurt);
+      EXPECT_EQ(faultOf(hurt), other ? "" : other.error().message);
+    }
+}
+
+// On a surface of noise half a parallelogram foresees better than a whole one, on a grid a whole one is exact.
+TEST(PatchCodec, roughSurfacesSaySo) {
+  std::mt19937 random(4);
+  PatchGeometry grid = gridPatch(40);
+  EXPECT_EQ(encodePatch(grid)[1], 0);
+  for (glm::ivec3& q : grid.positions) q = q * 10 + glm::ivec3(random() % 200, random() % 200, random() % 200);
+  const base::Bytes rough = encodePatch(grid);
+  EXPECT_EQ(rough[1], 4);
+  const auto decoded = decodePatch(rough);
+  ASSERT_TRUE(decoded);
+  EXPECT_TRUE(surfaceOf(*decoded) == surfaceOf(grid));
+}
+
 TEST(PatchCodec, aFlatGridCostsLittle) {
   // What makes the codec worth it: three new numbers for two triangles, all of them foreseen.
   const PatchGeometry grid = gridPatch(50);
@@ -364,7 +402,10 @@ TEST(PatchCodec, wrongFieldsUnderARightChecksumAreNamed) {
     EXPECT_NE(fault.find(what), std::string::npos) << fault << ", not " << what;
   };
   names(withField<std::uint8_t>(bytes, 0, 1), "version 1");
-  names(withField<std::uint8_t>(bytes, 1, 4), "unknown flags");
+  names(withField<std::uint8_t>(bytes, 0, 4), "version 4");
+  names(withField<std::uint8_t>(withField<std::uint8_t>(bytes, 0, 2), 1, 5), "unknown flags");
+  names(withField<std::uint8_t>(bytes, 1, 8), "unknown flags");
+  names(withField<std::uint8_t>(bytes, 1, 6), "unknown flags");
   names(withField<std::uint8_t>(bytes, 1, 2), "unknown flags");
   names(withField<std::uint8_t>(bytes, 1, 0), "vertices do not decode");
   names(withField<std::uint16_t>(bytes, 2, 0), "no triangles");

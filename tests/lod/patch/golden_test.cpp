@@ -1,6 +1,6 @@
-// tests/golden/patch_v2.lgp, written by codec version 2's first writer. It must stay readable, and the same input must
-// give the same bytes; a change of format gets a new version and a new file beside it. LUMIGRID_WRITE_GOLDEN=1 writes
-// it anew.
+// tests/golden/patch_v2.lgp and patch_v3.lgp, written by the first writers of codec versions 2 and 3. They must stay
+// readable, and the same input must give the bytes of the latest; a change of format gets a new version and a new file
+// beside them. LUMIGRID_WRITE_GOLDEN=1 writes the latest anew.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -13,7 +13,8 @@
 namespace lod::patch {
 namespace {
 
-const std::string kGolden = std::string(LUMIGRID_SOURCE_DIR) + "/tests/golden/patch_v2.lgp";
+const std::string kFolder = std::string(LUMIGRID_SOURCE_DIR) + "/tests/golden/";
+const std::string kGolden = kFolder + "patch_v3.lgp";
 
 // A diamond of three levels: two leaves, one group that merges them, the root.
 //
@@ -57,11 +58,8 @@ support::SyntheticHierarchy goldenScene() {
   return scene;
 }
 
-TEST(PatchGolden, theFileStillReadsTheSame) {
-  if (std::getenv("LUMIGRID_WRITE_GOLDEN") != nullptr) {
-    ASSERT_TRUE(support::writeSynthetic(goldenScene(), kGolden));
-  }
-  const auto file = PatchFile::open(kGolden);
+void expectGoldenScene(const std::string& path) {
+  const auto file = PatchFile::open(path);
   ASSERT_TRUE(file) << file.error().message;
   EXPECT_LT(file->fileBytes(), 4096U);
   EXPECT_EQ(file->verify(), std::vector<std::string>{});
@@ -75,6 +73,16 @@ TEST(PatchGolden, theFileStillReadsTheSame) {
   const auto scene = goldenScene();
   for (std::uint32_t p = 0; p < 3; ++p)
     EXPECT_TRUE(patch_testing::surfaceOf(*file->geometry(p)) == patch_testing::surfaceOf(scene.geometry[p]));
+}
+
+TEST(PatchGolden, filesOfEachVersionStillReadTheSame) {
+  if (std::getenv("LUMIGRID_WRITE_GOLDEN") != nullptr) {
+    ASSERT_TRUE(support::writeSynthetic(goldenScene(), kGolden));
+  }
+  for (const char* name : {"patch_v2.lgp", "patch_v3.lgp"}) {
+    SCOPED_TRACE(name);
+    expectGoldenScene(kFolder + name);
+  }
 }
 
 TEST(PatchGolden, theSameInputStillGivesTheSameBytes) {
