@@ -41,7 +41,7 @@ _lumigrid_allow(lumigrid       "${_any_base};lod;lod_patch;lod_build;lod_draw;gr
 _lumigrid_allow(client         "base;base_gl;lod;lod_patch;lod_draw;grid;cache;protocol;plan;client_render" "")
 _lumigrid_allow(client_native  "${_any_base};lod;lod_patch;lod_draw;grid;cache;jpeg;meta;protocol;client" "CURL::libcurl;Boost::headers;Threads::Threads;glfw;imgui;spdlog::spdlog;nlohmann_json::nlohmann_json")
 _lumigrid_allow(lumigrid-view  "${_any_base};lod;lod_patch;lod_draw;grid;cache;jpeg;meta;protocol;plan;client;client_native" "CLI11::CLI11;spdlog::spdlog;nlohmann_json::nlohmann_json")
-_lumigrid_allow(client_web     "base;base_gl;lod;lod_patch;lod_draw;grid;cache;protocol;client" "")
+_lumigrid_allow(client_web     "base;base_gl;lod;lod_patch;lod_draw;grid;cache;protocol;plan;client" "")
 _lumigrid_allow(client_web_decode "base;grid" "")
 _lumigrid_allow(compare        "*"                                                 "*")
 _lumigrid_allow(lumigrid-compare "*"                                               "*")

@@ -3,6 +3,7 @@
 #include <array>
 #include <cinttypes>
 #include <cstdio>
+#include <string_view>
 #include <utility>
 
 namespace repository {
@@ -11,23 +12,6 @@ namespace {
 constexpr const char* kTree = ",\n\"tree\": \"";
 constexpr const char* kGrowth = "\",\n\"growth\": [";
 constexpr const char* kEnd = "\n}\n";
-
-int digitOf(char c) {
-  return c >= '0' && c <= '9' ? c - '0' : c >= 'a' && c <= 'f' ? c - 'a' + 10 : -1;
-}
-
-std::optional<base::Bytes> bytesOf(const std::string& hex) {
-  if (hex.size() % 2 != 0) return std::nullopt;
-  base::Bytes bytes;
-  bytes.reserve(hex.size() / 2);
-  for (std::size_t i = 0; i < hex.size(); i += 2) {
-    const int high = digitOf(hex[i]);
-    const int low = digitOf(hex[i + 1]);
-    if (high < 0 || low < 0) return std::nullopt;
-    bytes.push_back(static_cast<std::uint8_t>(16 * high + low));
-  }
-  return bytes;
-}
 
 std::string rowOf(const TreeGrowth& g) {
   std::array<char, 256> text{};
@@ -58,7 +42,7 @@ base::Result<std::optional<SampleTree>> treeFromText(const std::string& text, co
   if (begin == std::string::npos) return std::optional<SampleTree>();
   begin += std::string(kTree).size();
   const std::size_t end = text.find('"', begin);
-  const auto bytes = bytesOf(text.substr(begin, end == std::string::npos ? 0 : end - begin));
+  const auto bytes = base::bytesOfHex(std::string_view(text).substr(begin, end == std::string::npos ? 0 : end - begin));
   auto tree = SampleTree::decode(grid, bytes ? *bytes : base::Bytes());
   if (!tree) {
     base::Error error = base::within(name, tree.error());

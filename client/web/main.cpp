@@ -7,6 +7,7 @@
 #include <emscripten/emscripten.h>
 #include <emscripten/html5.h>
 
+#include <algorithm>
 #include <memory>
 #include <string>
 #include <utility>
@@ -15,6 +16,7 @@
 #include "client/app.h"
 #include "client/web/text_rows.h"
 #include "client/web/web_decoder.h"
+#include "client/web/web_scene.h"
 
 namespace {
 
@@ -23,6 +25,7 @@ struct Page {
   std::unique_ptr<client::App> app;
   EMSCRIPTEN_WEBGL_CONTEXT_HANDLE context = 0;
   base::Bytes incoming, outgoing;
+  std::unique_ptr<client::WebScene> scene;      // a published one; null with a server
   std::vector<client::Annotation> annotations;  // on their way in
   std::string text;                             // what the last call handed out
 };
@@ -205,7 +208,10 @@ EMSCRIPTEN_KEEPALIVE const char* changeSetting(const char* name, double value) {
   return handError(page.app->changeSetting(name, value));
 }
 
-/// One annotation of a list that setAnnotations() then shows. Errors as text; then it is left out.
+EMSCRIPTEN_KEEPALIVE void dropAnnotations() {
+  page.annotations.clear();
+}
+/// One annotation of a list that setAnnotations() then shows. Errors as text; then it is not on the list.
 EMSCRIPTEN_KEEPALIVE const char* addAnnotation(const char* title, const char* text, double px, double py, double pz,
                                                double nx, double ny, double nz) {
   client::Annotation annotation;
@@ -354,6 +360,30 @@ EMSCRIPTEN_KEEPALIVE std::size_t nextToSend() {
 }
 EMSCRIPTEN_KEEPALIVE const std::uint8_t* messageToSend() {
   return page.outgoing.data();
+}
+
+}  // extern "C"
+
+// ---- a published scene instead of a server ----
+
+extern "C" {
+
+/// `numbers`: client/web/web_scene.h.
+EMSCRIPTEN_KEEPALIVE void openStatic(const char* place, const char* name, const char* units, const char* patches,
+                                     const char* index, const double* numbers) {
+  double plain[client::kSceneNumbers];
+  std::copy_n(numbers, client::kSceneNumbers, plain);
+  page.scene = std::make_unique<client::WebScene>(place, name, units, patches, index, plain);
+}
+
+/// 1 when something came.
+EMSCRIPTEN_KEEPALIVE int pumpStatic(double now) {
+  return page.scene->pump(page.app->session(), now) ? 1 : 0;
+}
+
+/// What cannot be shown though the rest goes on; mostly empty.
+EMSCRIPTEN_KEEPALIVE const char* staticProblem() {
+  return page.scene->problem().c_str();
 }
 
 }  // extern "C"

@@ -1,40 +1,54 @@
 // Notes of the scene (docs/formats/annotations.md): read as JSON here, checked by the C++ client.
 
-const kMostBytes = 16_000_000;
+const kMostBytes = 16 * 1024 * 1024;
+const kMostNotes = 500;
 
-const triple = (value) => Array.isArray(value) && value.length === 3 && value.every((x) => typeof x === "number");
+const triple = (value) => (Array.isArray(value) && value.length === 3 && value.every((x) => typeof x === "number") ? value : null);
+
+function addCamera(core, camera) {
+  const position = triple(camera?.position);
+  const target = triple(camera?.target);
+  const direction = triple(camera?.direction) ?? (position && target ? target.map((x, i) => x - position[i]) : null);
+  const up = triple(camera?.up ?? [0, 0, 1]);
+  const fov = camera?.fov_y_degrees ?? 45;
+  if (!position || !direction || !up || typeof fov !== "number") return "camera: needs a position, and a direction or a target, of three numbers";
+  return core.text("addAnnotationCamera", ...position, ...direction, ...up, (fov * Math.PI) / 180);
+}
 
 /// Adds one to the client; the empty text, or what is wrong with it.
 function add(core, one) {
-  if (typeof one !== "object" || one === null || typeof one.title !== "string" || !triple(one.position)) return "needs a title and a position of three numbers";
-  const normal = one.normal ?? [0, 0, 0];
+  const position = triple(one?.position);
+  if (!position || typeof one.title !== "string") return "needs a title and a position of three numbers";
+  const normal = triple(one.normal ?? [0, 0, 0]);
   const text = one.text ?? "";
-  if (!triple(normal) || typeof text !== "string") return "has a normal that is not three numbers, or a text that is none";
-  const error = core.text("addAnnotation", one.title, text, ...one.position, ...normal);
-  if (error || one.camera === undefined) return error;
-  const { position, direction, up = [0, 0, 1], fov_y: fov = Math.PI / 4 } = one.camera ?? {};
-  if (!triple(position) || !triple(direction) || !triple(up) || typeof fov !== "number") return "has a camera without position and direction";
-  return core.text("addAnnotationCamera", ...position, ...direction, ...up, fov);
+  if (!normal || typeof text !== "string") return "has a normal that is not three numbers, or a text that is none";
+  return core.text("addAnnotation", one.title, text, ...position, ...normal) || (one.camera === undefined ? "" : addCamera(core, one.camera));
 }
 
-/// Loads them into the client and into `shown`; says what could not be used.
+async function read(url) {
+  const answer = await fetch(url, { cache: "no-cache" });
+  if (answer.status === 404) return null;
+  if (!answer.ok) throw new Error(`the host answered ${answer.status}`);
+  if (Number(answer.headers.get("Content-Length") ?? 0) > kMostBytes) throw new Error("it is larger than 16 MiB");
+  const document = await answer.json();
+  if (document?.version !== 1 || !Array.isArray(document.annotations)) throw new Error("it is not of version 1");
+  if (document.annotations.length > kMostNotes) throw new Error(`more than ${kMostNotes} notes`);
+  return document.annotations;
+}
+
+/// Loads them into the client and into `shown`. A file that breaks a rule is refused as a whole, and said.
 export async function loadAnnotations(url, core, shown, say) {
-  let document;
   try {
-    const answer = await fetch(url);
-    if (answer.status === 404) return;
-    if (!answer.ok) return say(`no notes: the server answered ${answer.status} for annotations.json`);
-    if (Number(answer.headers.get("Content-Length") ?? 0) > kMostBytes) return say("no notes: annotations.json is too large");
-    document = await answer.json();
+    const notes = await read(url);
+    if (!notes) return;
+    core.call("dropAnnotations");
+    notes.forEach((note, i) => {
+      const wrong = add(core, note);
+      if (wrong) throw new Error(`note ${i}: ${wrong}`);
+    });
+    core.call("setAnnotations");
+    shown.push(...notes.map(({ title, text = "" }) => ({ title, text })));
   } catch (error) {
-    return say(`no notes: annotations.json cannot be read (${error.message})`);
+    say(`no notes: annotations.json: ${error.message}`);
   }
-  const list = document?.annotations;
-  if (document?.version !== 1 || !Array.isArray(list)) return say("no notes: annotations.json is not of version 1; see docs/formats/annotations.md");
-  for (const [i, one] of list.entries()) {
-    const error = add(core, one);
-    if (error) say(`note ${i + 1} is left out: it ${error}`);
-    else shown.push({ title: one.title, text: one.text ?? "" });
-  }
-  core.call("setAnnotations");
 }

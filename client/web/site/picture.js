@@ -39,14 +39,15 @@ async function serverPicture(base, camera, width, height) {
   return answer.blob();
 }
 
-/// Asks for the size, then saves. `server`: the URL beside which /render is, or null without a server.
-export function openPicture({ dialog, canvas, camera, server, draw, name, say }) {
+/// Asks for the size, then saves. `server`: the URL beside which /render is, or null without a server. `plain`: nothing is cut or tinted, which the server
+/// does not know.
+export function openPicture({ dialog, canvas, camera, plain, server, draw, name, say }) {
   const form = dialog.querySelector("#picture-form");
   const { width, height, source } = form.elements;
   width.value = canvas.width;
   height.value = canvas.height;
   source.options[0].disabled = server === null;
-  source.value = server === null ? "screen" : "server";
+  source.value = server === null || !plain ? "screen" : "server";
   const sizes = () => (width.disabled = height.disabled = source.value === "screen");
   source.onchange = sizes;
   sizes();

@@ -56,8 +56,7 @@ export async function openStaticScene(base, core, changed) {
   core.cancelRange = ranges.cancel;
   const name = decodeURIComponent(new URL(base).pathname.split("/").filter(Boolean).at(-1) ?? new URL(base).host);
   const numbers = [...origin, ...low, ...high, ...up, scene.light?.mode === "unlit" ? 1 : 0, ...light, patches.bytes, index?.bytes ?? 0];
-  const error = core.withNumbers(numbers, (at) => core.text("openStatic", base, name, String(scene.units ?? ""), patches.file, index?.file ?? "", at));
-  if (error) throw new SceneError(`${url} is damaged`, error);
+  core.withNumbers(numbers, (at) => core.call("openStatic", base.replace(/\/$/, ""), name, String(scene.units ?? ""), patches.file, index?.file ?? "", at));
   return (now) => core.call("pumpStatic", now) !== 0;
 }
 

@@ -1,0 +1,91 @@
+#include "client/web/web_scene.h"
+
+#include <emscripten/emscripten.h>
+
+#include <optional>
+
+#include "base/bytes.h"
+
+// Answered by takeParameters(), before this returns, when the text holds a grid.
+EM_JS(void, lumigridParameters, (const char* text), { Module.readParameters(UTF8ToString(text)); });
+
+namespace client {
+namespace {
+
+std::optional<base::Result<repository::SampledPoints>> parameters;
+
+base::Error badParameters() {
+  return {base::ErrorCode::kInvalidInput, "hold no valid grid; publish the scene again"};
+}
+
+/// The checks of values live in one place: where a grid is decoded.
+base::Result<repository::Grid> gridOf(const double* n) {
+  repository::Grid grid;
+  grid.first = glm::vec3(static_cast<float>(n[0]), static_cast<float>(n[1]), static_cast<float>(n[2]));
+  grid.spacing = static_cast<float>(n[3]);
+  for (int i = 4; i < 8; ++i)
+    if (!(n[i] >= 0.0 && n[i] <= 4294967295.0)) return badParameters();
+  for (int axis = 0; axis < 3; ++axis) grid.count[axis] = static_cast<std::uint32_t>(n[4 + axis]);
+  grid.face_size = static_cast<std::uint32_t>(n[7]);
+  base::ByteWriter out;
+  grid.encode(out);
+  base::ByteReader in(out.view());
+  return repository::Grid::decode(in);
+}
+
+base::Result<repository::SampledPoints> pointsOf(const double* numbers, const std::string& tree_digits) {
+  auto grid = gridOf(numbers);
+  if (!grid) return grid.error();
+  repository::SampledPoints points{*grid, std::nullopt};
+  if (tree_digits.empty()) return points;
+  const auto bytes = base::bytesOfHex(tree_digits);
+  if (!bytes) return badParameters();
+  auto tree = repository::SampleTree::decode(*grid, *bytes);
+  if (!tree) return tree.error();
+  points.tree = std::move(*tree);
+  return points;
+}
+
+base::Result<repository::SampledPoints> readParameters(const std::string& text) {
+  parameters.reset();
+  lumigridParameters(text.c_str());
+  return parameters ? *std::exchange(parameters, std::nullopt) : badParameters();
+}
+
+glm::dvec3 vectorAt(const double* numbers) {
+  return {numbers[0], numbers[1], numbers[2]};
+}
+
+StaticScene sceneOf(const std::string& place, const std::string& name, const std::string& units,
+                    const std::string& patches, const std::string& index, const double (&n)[kSceneNumbers]) {
+  StaticScene scene;
+  scene.place = place;
+  scene.welcome.scene_name = name;
+  scene.welcome.units = units == "unknown" ? "" : units;
+  scene.welcome.origin = vectorAt(n);
+  scene.welcome.box_min = glm::vec3(vectorAt(n + 3) - scene.welcome.origin);
+  scene.welcome.box_max = glm::vec3(vectorAt(n + 6) - scene.welcome.origin);
+  scene.welcome.up = glm::vec3(vectorAt(n + 9));
+  scene.welcome.unlit = n[12] != 0.0;
+  scene.welcome.light_direction = glm::vec3(vectorAt(n + 13));
+  scene.patches = {patches, static_cast<std::uint64_t>(n[16])};
+  if (n[17] > 0.0) scene.index = StaticPart{index, static_cast<std::uint64_t>(n[17])};
+  return scene;
+}
+
+}  // namespace
+
+WebScene::WebScene(const std::string& place, const std::string& name, const std::string& units,
+                   const std::string& patches, const std::string& index, const double (&numbers)[kSceneNumbers])
+    : source_(sceneOf(place, name, units, patches, index, numbers), fetcher_, readParameters) {}
+
+}  // namespace client
+
+extern "C" {
+
+/// first (3), spacing, count (3), face size; the tree's hexadecimal digits, empty where the whole grid is sampled.
+EMSCRIPTEN_KEEPALIVE void takeParameters(const double* numbers, const char* tree) {
+  client::parameters = client::pointsOf(numbers, tree);
+}
+
+}  // extern "C"

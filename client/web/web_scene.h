@@ -1,0 +1,30 @@
+#pragma once
+// A published scene in a browser: scene.json and the index's parameters are read by the page's JavaScript
+// (client/web/site/static_scene.js) and come here as plain values.
+#include <memory>
+#include <string>
+
+#include "client/session.h"
+#include "client/static_source.h"
+#include "client/web/web_fetcher.h"
+
+namespace client {
+
+/// What JavaScript found in scene.json. Numbers: origin, box_min, box_max, up (world, 3 each), 1 when unlit, the
+/// light's direction (3), bytes of the patches and of the index (0: none).
+inline constexpr int kSceneNumbers = 18;
+
+class WebScene {
+ public:
+  WebScene(const std::string& place, const std::string& name, const std::string& units, const std::string& patches,
+           const std::string& index, const double (&numbers)[kSceneNumbers]);
+  bool pump(Session& session, double now) { return source_.pump(session, now); }
+  const std::string& problem() const { return source_.problem(); }
+  StaticStats stats() const { return source_.stats(); }
+
+ private:
+  WebFetcher fetcher_;
+  StaticSource source_;
+};
+
+}  // namespace client
