@@ -121,6 +121,19 @@ Result<std::set<std::string>> namesToWrite(const Objects& objects, const Hashes&
   return names;
 }
 
+/// Whether it went: what somebody changed since is theirs.
+Result<bool> removeIfOurs(const std::string& name, const std::string& hash, repository::ObjectSink& sink,
+                          const repository::ObjectSource& source) {
+  auto size = sink.size(name);
+  if (!size) return size.error();
+  if (!*size) return false;
+  auto there = source.read(name, 0, **size);
+  if (!there) return there.error();
+  if (hashOf(*there) != hash) return false;
+  LUMIGRID_TRY(sink.remove(name));
+  return true;
+}
+
 Result<void> putList(const Hashes& hashes, repository::ObjectSink& sink) {
   const std::string text = json{{"version", 1}, {"files", hashes}}.dump(1) + "\n";
   return sink.put(kPageList, {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}, "application/json");
@@ -158,8 +171,9 @@ Result<PublishedPage> publishPage(const PageFiles& pages, const std::string& pla
       after[name] = hash;
       continue;
     }
-    LUMIGRID_TRY(sink.remove(name));
-    ++done.pruned;
+    auto removed = removeIfOurs(name, hash, sink, **source);
+    if (!removed) return removed.error();
+    if (*removed) ++done.pruned;
   }
   if (after != *before) LUMIGRID_TRY(putList(after, sink));
   return done;

@@ -61,6 +61,18 @@ TEST_F(Serve, aTourShowsTheModelAndTheServerStopsOnSigterm) {
   EXPECT_EQ(programs::wait(server), 0) << programs::readText(path("serve.err"));
 }
 
+TEST_F(Serve, pageFilesAndPicturesThatCannotBeAreNamed) {
+  const std::string scene = smallScene();
+  const auto serveWith = [&](const std::string& option, const std::string& value) {
+    return run("lumigrid", {"serve", scene, "--port", "0", "--no-access", "--no-frames", option, value});
+  };
+  programs::expectOneLineError(serveWith("--web", path("none")), 1, {path("none")});
+  programs::expectOneLineError(serveWith("--web", scene), 1, {scene, "index.html", "--web"});
+  EXPECT_EQ(serveWith("--max-picture", "-1").status, 2);
+  EXPECT_EQ(serveWith("--max-picture", "much").status, 2);
+  EXPECT_EQ(serveWith("--max-waiting-pictures", "-1").status, 2);
+}
+
 TEST_F(Serve, renderWritesTheGroundTruthAtAnySize) {
   const std::string scene = smallScene();
   ASSERT_EQ(run("lumigrid", {"tour", scene, "--frames", "1", "-o", path("tour.json")}).status, 0);

@@ -3,12 +3,15 @@
 #include <gtest/gtest.h>
 #include <turbojpeg.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <cstdlib>
 #include <random>
 #include <thread>
 #include <vector>
+
+#include "repository/jpeg_rows.h"
 
 namespace repository {
 namespace {
@@ -160,6 +163,33 @@ TEST(Jpeg, aPictureLargerThanAllowedIsRefusedBeforeItIsDecoded) {
   const auto refused = decodeJpeg(*bytes, 299);
   ASSERT_FALSE(refused);
   EXPECT_NE(refused.error().message.find("300 x 20"), std::string::npos);
+}
+
+// Row by row with the standard tables, or whole with tables made for it: the same pixels.
+TEST(JpegRows, theyMakeThePictureWhateverTheirNumber) {
+  const base::Image image = smoothImage(117, 61);
+  for (const Subsampling subsampling : {Subsampling::k420, Subsampling::k444}) {
+    const auto whole = decodeJpeg(*encodeJpeg(image, 85, subsampling));
+    ASSERT_TRUE(whole);
+    for (const int rows : {1, 7, 16, 61}) {
+      base::Bytes bytes;
+      auto jpeg = JpegRows::begin(image.width, image.height, 85, subsampling, bytes);
+      ASSERT_TRUE(jpeg);
+      for (int y = 0; y < image.height; y += rows) {
+        base::Image part(image.width, std::min(rows, image.height - y), 3);
+        std::copy_n(image.at(0, y), part.pixels.size(), part.pixels.begin());
+        ASSERT_TRUE((*jpeg)->add(part));
+      }
+      const auto read = decodeJpeg(bytes);
+      ASSERT_TRUE(read) << read.error().message;
+      EXPECT_TRUE(read->pixels == whole->pixels) << rows << " rows at a time";
+    }
+  }
+}
+
+TEST(JpegRows, sidesThatNoJpegHasAreAnError) {
+  base::Bytes bytes;
+  EXPECT_FALSE(JpegRows::begin(70'000, 1, 85, Subsampling::k420, bytes));
 }
 
 }  // namespace
