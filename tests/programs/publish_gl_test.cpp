@@ -161,8 +161,7 @@ TEST_F(PublishProgram, aReaderOfTheOldVersionGoesOn) {
 
 TEST_F(PublishProgram, placesThatCannotBeAreNamed) {
   const std::string scene = smallScene();
-  expectOneLineError(run("lumigrid", {"publish", scene, "https://host/scene"}), 1,
-                     {"https://host/scene", "takes no objects"});
+  expectOneLineError(run("lumigrid", {"publish", scene, "https://host/scene"}), 1, {"https://host/scene", "takes no objects"});
   expectOneLineError(run("lumigrid", {"publish", scene, scene}), 1, {scene, "lumigrid build"});
   expectOneLineError(run("lumigrid", {"publish", path("none"), path("out")}), 1, {path("none")});
   EXPECT_FALSE(fs::exists(path("out")));
