@@ -649,7 +649,9 @@ ViewerStats Viewer::stats() const {
   stats.error_px = s.patches.drawn().error_px;
   const lod::patch::Cut& wanted = s.patches.wanted();
   stats.tolerance_px = s.options.session.patch_tolerance_px;
-  if (wanted.limited) stats.tolerance_px = std::max(stats.tolerance_px, wanted.error_px);
+  // The server is asked for no more than fits: when all of that is here, what is drawn is as fine as it gets.
+  if (wanted.limited || (s.renderer && s.session.complete()))
+    stats.tolerance_px = std::max(stats.tolerance_px, wanted.error_px);
   stats.accuracy = s.accuracy();
   stats.memory = s.memory();
   stats.memory_budget = s.options.memory_budget_bytes;

@@ -113,7 +113,7 @@ float litAround(int array, vec4 place, vec2 texel) {
 // The legend's colour with the picture's light and dark.
 vec3 tinted(vec3 color, float pixels) {
   int step = 0;
-  while (step < 4 && pixels > u_steps[step].w) ++step;
+  while (step < 4 && pixels > 1.1 * u_steps[step].w) ++step;   // a texel a pixel is as fine as it gets, roundings aside
   return u_steps[step].rgb * (0.35 + 0.65 * dot(color, vec3(0.299, 0.587, 0.114)));
 }
 
@@ -206,7 +206,11 @@ void main() {
     float weight = seen * pow(blur * blur + shift * shift, -0.5 * u_resolution_power) * pow(angle + u_angle_floor + kBorderAngle * (1.0 - middle), -u_angle_power);
     color_sum += weight * color.rgb;
     coverage_sum += weight * color.a;
-    if (u_show_resolution) octaves += weight * color.a * 0.5 * log2(1.0 / (ratio * ratio * cosine * cosine + 1e-8) + shift * shift);
+    if (u_show_resolution) {
+      // Along the slant that the image sees more than the viewer does, a texel spans more.
+      float texel_px = max(1.0, dot(normal, view_ray) / max(cosine, 0.05)) / max(ratio, 1e-4);
+      octaves += weight * color.a * 0.5 * log2(texel_px * texel_px + shift * shift);
+    }
     unseen *= 1.0 - seen * color.a;
   }
 

@@ -181,6 +181,33 @@ TEST(Session, onlyTheFourNewestFramesAreKept) {
   for (std::uint32_t i = 3; i <= 6; ++i) EXPECT_NE(session.frame(i), nullptr) << i;
 }
 
+TEST(Session, framesAreKeptAsFarAsTheirBytesAllow) {
+  ScriptedServer frames;
+  frames.welcome.can_render_frames = true;
+  SessionOptions options;
+  options.frame_bytes = 250;
+  Session session(options);
+  session.connected();
+  hear(session, frames.sayWelcome());
+  for (std::uint32_t i = 1; i <= 3; ++i) {
+    session.setView(frames.lookDown(20.0 + i));
+    sent(session);
+    hear(session, frames.sayFrame(i, 100));
+  }
+  EXPECT_EQ(session.frame(1), nullptr);
+  EXPECT_NE(session.frame(2), nullptr);
+  EXPECT_EQ(session.stats().frame_bytes, 200U);
+
+  // One that is too large alone came nevertheless: nothing more is to be waited for.
+  session.setView(frames.lookDown(30.0));
+  sent(session);
+  hear(session, frames.sayFrame(4, 300));
+  hear(session, frames.sayComplete(4));
+  EXPECT_EQ(session.frame(4), nullptr);
+  EXPECT_EQ(session.stats().frame_bytes, 0U);
+  EXPECT_TRUE(session.complete());
+}
+
 TEST(Session, bytesAreCountedByKind) {
   ScriptedServer frames;
   frames.welcome.can_render_frames = true;
