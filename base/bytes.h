@@ -18,6 +18,13 @@ static_assert(std::endian::native == std::endian::little, "Lumigrid's formats ar
 using Bytes = std::vector<std::uint8_t>;
 using ByteView = std::span<const std::uint8_t>;
 
+/// std::bit_cast, which the browser's standard library does not have yet.
+template <class To, class From>
+constexpr To bitCast(const From& from) {
+  static_assert(sizeof(To) == sizeof(From) && std::is_trivially_copyable_v<To> && std::is_trivially_copyable_v<From>);
+  return __builtin_bit_cast(To, from);
+}
+
 /// Two lower-case hexadecimal digits a byte.
 inline std::string hexOf(ByteView bytes) {
   constexpr const char* kDigits = "0123456789abcdef";

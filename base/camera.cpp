@@ -5,14 +5,30 @@
 
 namespace base {
 
+glm::vec4 Camera::homogeneousEye() const {
+  if (!orthographic()) return {eye, 1.0F};
+  // The third row of a rotation: the axis against which the viewer looks, in the scene.
+  return {glm::normalize(glm::vec3(eye_from_scene[0][2], eye_from_scene[1][2], eye_from_scene[2][2])), 0.0F};
+}
+
+glm::vec4 sectionInScene(const SectionPlane& plane, const glm::dvec3& scene_origin) {
+  const double length = glm::length(plane.normal);
+  const double offset = plane.offset - glm::dot(plane.normal, scene_origin);
+  if (!(length > 0.0) || !std::isfinite(length) || !std::isfinite(offset)) return kNoSection;
+  return glm::vec4(glm::vec3(plane.normal / length), static_cast<float>(offset / length));
+}
+
 Camera cameraFromView(const ViewCamera& view, const glm::dvec3& scene_origin, float near_plane, float far_plane) {
   const glm::dvec3 eye = view.position - scene_origin;
   Camera camera;
   camera.eye = glm::vec3(eye);
   camera.eye_from_scene = glm::mat4(glm::lookAt(eye, eye + view.direction, view.up));
+  const float aspect = static_cast<float>(view.width) / static_cast<float>(view.height);
+  const float half_height = 0.5F * static_cast<float>(view.ortho_height);
   camera.clip_from_eye =
-      glm::perspective(static_cast<float>(view.fov_y), static_cast<float>(view.width) / static_cast<float>(view.height),
-                       near_plane, far_plane);
+      view.orthographic()
+          ? glm::ortho(-half_height * aspect, half_height * aspect, -half_height, half_height, near_plane, far_plane)
+          : glm::perspective(static_cast<float>(view.fov_y), aspect, near_plane, far_plane);
   camera.width = view.width;
   camera.height = view.height;
   return camera;
@@ -23,6 +39,52 @@ DepthRange depthRangeFor(const glm::vec3& eye, const glm::vec3& scene_center, fl
   const float far_plane = (distance + scene_radius) * 1.01F;
   const float near_plane = std::max((distance - scene_radius) * 0.99F, far_plane / 20000.0F);
   return {near_plane, far_plane};
+}
+
+namespace {
+
+/// How many radii from a scene's centre the eye of an orthographic view is put: outside, with the scene in front of it.
+constexpr float kEyeRadii = 2.0F;
+/// The same for the perspective views that stand for orthographic ones: rays within 1/32 of parallel, scales within
+/// 1/15.
+constexpr double kStandInRadii = 16.0;
+
+/// The view from `distance` before the plane through `center` that its picture is parallel to.
+ViewCamera movedAlongAxis(ViewCamera view, const glm::dvec3& center, double distance) {
+  view.position += (glm::dot(center - view.position, view.direction) - distance) * view.direction;
+  return view;
+}
+
+}  // namespace
+
+Camera cameraForScene(const ViewCamera& view, const glm::dvec3& scene_origin, const Sphere& scene) {
+  if (!view.orthographic()) {
+    const DepthRange range = depthRangeFor(glm::vec3(view.position - scene_origin), scene.center, scene.radius);
+    return cameraFromView(view, scene_origin, range.near_plane, range.far_plane);
+  }
+  const float radius = std::max(scene.radius, 1e-20F);
+  const ViewCamera outside = movedAlongAxis(view, scene_origin + glm::dvec3(scene.center), kEyeRadii * radius);
+  return cameraFromView(outside, scene_origin, (kEyeRadii - 1.01F) * radius, (kEyeRadii + 1.01F) * radius);
+}
+
+ViewCamera perspectiveStandIn(const ViewCamera& view, const glm::dvec3& scene_center, double scene_radius,
+                              double min_fov) {
+  if (!view.orthographic()) return view;
+  // As far away as the smallest field of view allows, but always outside.
+  const double widest = 0.5 * view.ortho_height / std::tan(0.5 * min_fov) + scene_radius;
+  const double distance =
+      std::clamp(widest, static_cast<double>(kEyeRadii) * scene_radius, kStandInRadii * scene_radius);
+  const double nearest = distance - scene_radius;
+  ViewCamera stand_in = movedAlongAxis(view, scene_center, distance);
+  stand_in.ortho_height = 0.0;
+  stand_in.fov_y = std::max(min_fov, 2.0 * std::atan2(0.5 * view.ortho_height, nearest));
+  return stand_in;
+}
+
+float projectedError(float error, const Sphere& sphere, const Camera& camera, float near_plane) {
+  const float scale = camera.pixelsPerUnitAtOne();
+  return camera.orthographic() ? error * scale
+                               : projectedError(error, sphere.center, sphere.radius, camera.eye, scale, near_plane);
 }
 
 float projectedError(float error, const glm::vec3& sphere_center, float sphere_radius, const glm::vec3& eye,

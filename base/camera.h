@@ -3,6 +3,8 @@
 #include <glm/glm.hpp>
 #include <glm/gtc/matrix_transform.hpp>
 
+#include "base/geometry.h"
+
 namespace base {
 
 /// A viewer's camera. World coordinates are the mesh's own (double, e.g. UTM metres); what reaches a float is relative
@@ -14,22 +16,50 @@ struct ViewCamera {
   double fov_y = 0.7853981633974483;     ///< radians, full vertical angle, in (0, π)
   int width = 1280;                      ///< pixels
   int height = 720;                      ///< pixels
+  /// World units from the bottom of the picture to its top for an orthographic view; 0: perspective. Orthographic views
+  /// show the whole scene wherever `position` lies along `direction`: only its place across counts.
+  double ortho_height = 0.0;
+
+  bool orthographic() const { return ortho_height > 0.0; }
 };
 
-/// A general projective camera in scene-local units: what the renderers take. Off-axis projections are allowed.
+/// A general projective camera in scene-local units: what the renderers take. Off-axis projections are allowed, and
+/// parallel ones: there every length is at "distance 1" from the viewer, so that the same formulas serve both.
 struct Camera {
   glm::mat4 clip_from_eye{1.0F};
   glm::mat4 eye_from_scene{1.0F};
-  glm::vec3 eye{0.0F};  ///< scene-local position of the centre of projection
+  glm::vec3 eye{0.0F};  ///< scene-local position of the centre of projection; parallel: any point on the axis
   int width = 1;        ///< pixels
   int height = 1;       ///< pixels
 
   glm::mat4 clipFromScene() const { return clip_from_eye * eye_from_scene; }
-  /// Pixels that a length of 1 covers at distance 1 along the axis: height / (2 tan(fov_y / 2)).
+  bool orthographic() const { return clip_from_eye[2][3] == 0.0F; }
+  /// Pixels that a length of 1 covers at distance 1 along the axis: height / (2 tan(fov_y / 2)); parallel: anywhere.
   float pixelsPerUnitAtOne() const { return 0.5F * static_cast<float>(height) * clip_from_eye[1][1]; }
+  /// The eye as a homogeneous point: w 1, or the unit direction towards the viewer with w 0.
+  glm::vec4 homogeneousEye() const;
+  /// From a point towards the viewer; its length is the distance that scales divide by (1 in a parallel projection).
+  glm::vec3 towardsViewer(const glm::vec3& point) const {
+    const glm::vec4 from = homogeneousEye();
+    return glm::vec3(from) - from.w * point;
+  }
+  float pixelsPerUnit(const glm::vec3& point) const {
+    return pixelsPerUnitAtOne() / glm::max(glm::length(towardsViewer(point)), 1e-12F);
+  }
 };
 
-/// The renderer's camera for a viewer at `view`. near and far in scene units, 0 < near < far.
+/// What lies on the side that `normal` points to is cut away: points with dot(normal, p) > offset.
+struct SectionPlane {
+  glm::dvec3 normal{0.0, 0.0, 1.0};  ///< unit, world
+  double offset = 0.0;               ///< along the normal from the world's zero
+  friend bool operator==(const SectionPlane&, const SectionPlane&) = default;
+};
+/// (normal, offset) relative to the scene's origin; nothing is cut by kNoSection.
+glm::vec4 sectionInScene(const SectionPlane& plane, const glm::dvec3& scene_origin);
+inline constexpr glm::vec4 kNoSection{0.0F, 0.0F, 0.0F, 1.0F};
+
+/// The renderer's camera for a viewer at `view`. near and far in scene units, 0 < near < far (orthographic: near < far,
+/// of either sign).
 Camera cameraFromView(const ViewCamera& view, const glm::dvec3& scene_origin, float near_plane, float far_plane);
 
 /// Near and far planes that hold a sphere of the given radius around the scene's bounds from `eye`, with near at least
@@ -40,9 +70,21 @@ struct DepthRange {
 };
 DepthRange depthRangeFor(const glm::vec3& eye, const glm::vec3& scene_center, float scene_radius);
 
+/// The camera of a view that holds the whole of a scene in this sphere (scene-local) between its near and far planes.
+Camera cameraForScene(const ViewCamera& view, const glm::dvec3& scene_origin, const Sphere& scene);
+
+/// A perspective view that stands for an orthographic one where only perspective is understood: from afar along the
+/// same rays, with the same footprint where the scene (world coordinates) comes nearest. Perspective views stay as they
+/// are. Field of view at least `min_fov` radians: closer views than about a thousandth of the scene get a larger
+/// footprint.
+ViewCamera perspectiveStandIn(const ViewCamera& view, const glm::dvec3& scene_center, double scene_radius,
+                              double min_fov = 1e-3);
+
 /// Screen-space error (DESIGN section 4): pixels = error × height / (2 tan(fov/2) × distance to the sphere's surface).
 /// The distance is never less than `near_plane`, so that the figure stays finite inside the sphere.
 float projectedError(float error, const glm::vec3& sphere_center, float sphere_radius, const glm::vec3& eye,
                      float pixels_per_unit_at_one, float near_plane);
+/// The same for a camera; in parallel projections pixels = error × scale, wherever the sphere is.
+float projectedError(float error, const Sphere& sphere, const Camera& camera, float near_plane);
 
 }  // namespace base

@@ -38,11 +38,6 @@ constexpr double kProgressSeconds = 0.5;
 constexpr double kToastSeconds = 3.5;
 constexpr double kErrorSeconds = 8.0;
 constexpr std::size_t kMaxToasts = 3;
-/// Pins looked for behind the surface per turn of the loop: each asks the GPU.
-constexpr std::size_t kPinChecks = 4;
-/// A pin is hidden when it lies deeper than the surface by more than this share of its depth and these pixels.
-constexpr double kHiddenShare = 0.002;
-constexpr double kHiddenPixels = 3.0;
 /// Part of the progress bar that the shape takes; the images take the rest.
 constexpr double kShapeShare = 0.6;
 
@@ -53,6 +48,7 @@ ViewerOptions viewerOptions(const AppOptions& options) {
   const Settings& s = options.settings;
   viewer.session.cache_bytes = static_cast<std::uint64_t>(s.cache_megabytes * 1e6);
   viewer.gpu_budget_bytes = static_cast<std::uint64_t>(s.gpu_megabytes * 1e6);
+  viewer.memory_budget_bytes = static_cast<std::uint64_t>(s.memory_megabytes * 1e6);
   viewer.session.patch_tolerance_px = static_cast<float>(s.patch_tolerance);
   viewer.session.max_triangles = static_cast<std::uint32_t>(s.max_triangles);
   viewer.session.max_points = static_cast<std::uint16_t>(s.points);
@@ -143,8 +139,7 @@ struct App::State {
   MeasureTool measure;
   std::uint32_t next_pick = 1;
   std::vector<Annotation> annotations;
-  std::vector<bool> pin_hidden;
-  std::vector<bool> pin_checked;
+  bool pins_changed = false;  // since the viewer was told
   std::optional<std::size_t> open_annotation;
 
   std::array<std::string, kBookmarks> bookmarks;
@@ -208,7 +203,7 @@ struct App::State {
   void addMeasurements();
   void addLine(const glm::dvec3& a, const glm::dvec3& b, bool approximate);
   Label labelAt(LabelKind kind, std::size_t index, const glm::dvec3& world) const;
-  void checkPins();
+  bool pinHidden(std::size_t index);
   void updateProgress();
   void expireToasts();
   void noticeRest();
@@ -220,12 +215,28 @@ struct App::State {
 
 /// The one place where the camera that is drawn is put together.
 base::ViewCamera App::State::drawnCamera() const {
-  return control.camera();
+  base::ViewCamera camera = control.camera();
+  camera.ortho_height = control.orthoHeight();
+  return camera;
 }
 
 /// The one place where the viewer is told how to draw.
 void App::State::handToViewer() {
   viewer.setMethod(view.method);
+  viewer.setResolutionColors(view.colors_by_resolution);
+  std::optional<base::SectionPlane> plane;
+  if (view.section.on) {
+    const double side = view.section.keep_below ? 1.0 : -1.0;
+    plane.emplace();
+    plane->normal = glm::dvec3(0.0);
+    plane->normal[view.section.axis] = side;
+    plane->offset = side * view.section.offset;
+  }
+  viewer.setSection(plane);
+  if (!std::exchange(pins_changed, false)) return;
+  std::vector<glm::dvec3> pins;
+  for (const Annotation& annotation : annotations) pins.push_back(annotation.position);
+  viewer.setPins(std::move(pins));
 }
 
 std::optional<glm::dvec3> App::State::surfaceAt(double x, double y) {
@@ -249,7 +260,6 @@ void App::State::cameraMoved() {
   dirty = true;
   moved_since_frame = true;
   last_motion = now;
-  pin_checked.assign(annotations.size(), false);
   touched();
 }
 
@@ -715,7 +725,7 @@ void App::State::addPins() {
     const glm::dvec3 towards_eye =
         control.orthographic() ? -control.camera().direction : control.camera().position - annotations[i].position;
     const bool turned_away = glm::dot(annotations[i].normal, towards_eye) < 0.0;
-    if (turned_away || pin_hidden[i] || hiddenBySection(annotations[i].position)) label.visible = false;
+    if (turned_away || pinHidden(i) || hiddenBySection(annotations[i].position)) label.visible = false;
     labels.push_back(std::move(label));
   }
 }
@@ -770,26 +780,11 @@ void App::State::refreshOverlay() {
   if (view.section.on) labels.push_back(labelAt(LabelKind::kSectionHandle, 0, handlePlace()));
 }
 
-/// At rest, a few at a time: whether the surface is in front of a pin.
-void App::State::checkPins() {
-  if (!ready() || now - last_motion < kRestSeconds || viewer.stats().lumigraph.triangles == 0) return;
-  std::size_t left = kPinChecks;
-  for (std::size_t i = 0; i < annotations.size() && left > 0; ++i) {
-    if (pin_checked[i]) continue;
-    pin_checked[i] = true;
-    const glm::dvec3& place = annotations[i].position;
-    const Label label = labelAt(LabelKind::kPin, i, place);
-    if (!label.visible) continue;
-    --left;
-    const auto surface = surfaceAt(label.x, label.y);
-    const double depth = control.project(place).depth;
-    const double error = kHiddenPixels + static_cast<double>(viewer.stats().error_px);
-    const double slack = kHiddenShare * std::abs(depth) + error * control.pixelSizeAt(place);
-    const bool behind = surface && control.project(*surface).depth < depth - slack;
-    if (behind == pin_hidden[i]) continue;
-    pin_hidden[i] = behind;
-    touched();
-  }
+/// Without GL nothing is known to lie in front of a pin.
+bool App::State::pinHidden(std::size_t index) {
+  if (options.surface) return false;
+  const std::vector<bool>& visible = viewer.pinsVisible();
+  return index >= visible.size() || !visible[index];
 }
 
 Status App::State::status() const {
@@ -835,7 +830,7 @@ void App::State::updateProgress() {
       const double open = std::log(std::max(static_cast<double>(stats.error_px), goal) / goal);
       share = kShapeShare * (whole > 0.0 ? 1.0 - open / whole : 1.0);
       const double used = stats.lumigraph.samples_used;
-      if (open <= 0.0 && used > 0.0) share += (0.95 - kShapeShare) * used / (used + stats.images_requested);
+      if (open <= 0.0 && used > 0.0) share += (0.95 - kShapeShare) * used / (used + stats.samples_requested);
     }
     progress.active = now - incomplete_since >= kProgressSeconds;
     progress.share = std::max(progress.share, share);
@@ -880,7 +875,6 @@ void App::State::keepUp(double time) {
   meter();
   expireToasts();
   updateProgress();
-  checkPins();
   noticeRest();
   if (overlay_dirty) refreshOverlay();
 }
@@ -992,6 +986,16 @@ void App::setHidden(bool hidden) {
 
 void App::setReducedMotion(bool system_wants) {
   state_->system_reduces_motion = system_wants;
+}
+
+void App::contextLost() {
+  state_->viewer.contextLost();
+}
+
+base::Result<void> App::contextRestored() {
+  state_->dirty = true;
+  state_->pins_changed = true;
+  return state_->viewer.contextRestored();
 }
 
 // ---- the public face: the loop ----
@@ -1126,8 +1130,7 @@ void App::setAnnotations(std::vector<Annotation> annotations) {
   }
   s.annotations = std::move(annotations);
   s.open_annotation.reset();
-  s.pin_hidden.assign(s.annotations.size(), false);
-  s.pin_checked.assign(s.annotations.size(), false);
+  s.pins_changed = true;
   s.dirty = true;
   s.touched();
 }
@@ -1206,12 +1209,12 @@ Statistics App::statistics() const {
   out.frame_milliseconds = 1e3 * s.draw_seconds;
   out.images_in_use = stats.lumigraph.samples_used;
   out.images_resident = stats.lumigraph.samples_resident;
-  out.images_requested = stats.images_requested;
+  out.images_requested = stats.samples_requested;
   out.patches = stats.lumigraph.patches;
   out.triangles = stats.lumigraph.triangles;
-  out.memory_bytes = stats.session.cache_bytes;
-  out.memory_budget = s.viewer.options().session.cache_bytes;
-  out.gpu_bytes = stats.lumigraph.gpu_bytes;
+  out.memory_bytes = stats.memory.total();
+  out.memory_budget = stats.memory_budget;
+  out.gpu_bytes = stats.memory.gpu();
   out.gpu_budget = s.viewer.options().gpu_budget_bytes;
   out.received_bytes = stats.session.bytes_received;
   out.received_images = stats.session.bytes_faces;
@@ -1225,12 +1228,7 @@ Statistics App::statistics() const {
   out.complete = stats.complete;
   out.broken = stats.broken;
   out.last_fault = stats.last_fault;
-  if (stats.lumigraph.triangles == 0)
-    out.accuracy = Accuracy::kNothing;
-  else if (stats.exact)
-    out.accuracy = Accuracy::kExact;
-  else
-    out.accuracy = stats.lumigraph.samples_used > 0 ? Accuracy::kBlended : Accuracy::kCoarse;
+  out.accuracy = stats.accuracy;
   return out;
 }
 

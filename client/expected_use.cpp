@@ -20,18 +20,12 @@ bool inClipVolume(const glm::vec4& clip) {
   return clip.w > 0.0F && std::abs(clip.x) <= clip.w && std::abs(clip.y) <= clip.w;
 }
 
-/// Pixels per scene unit at a point at the given distance.
-float pixelDensity(const base::Camera& camera, float distance) {
-  return camera.pixelsPerUnitAtOne() / std::max(distance, 1e-12F);
-}
-
 /// The blend's weight of one image at one point (render/choose.h), the proxy taken as exact: nothing is drawn yet.
 float weightAt(const glm::vec3& point, const base::Camera& view, const base::Camera& sample) {
-  const float view_distance = glm::length(view.eye - point);
-  const float sample_distance = glm::length(sample.eye - point);
-  if (view_distance <= 0.0F || sample_distance <= 0.0F) return 0.0F;
-  const float ratio = pixelDensity(sample, sample_distance) / pixelDensity(view, view_distance);
-  return sampleWeight(point, view.eye, sample.eye, ratio, 0.0F, BlendTuning{});
+  const glm::vec3 to_view = view.towardsViewer(point);
+  const glm::vec3 to_sample = sample.towardsViewer(point);
+  if (to_view == glm::vec3(0.0F) || to_sample == glm::vec3(0.0F)) return 0.0F;
+  return sampleWeight(to_view, to_sample, sample.pixelsPerUnit(point) / view.pixelsPerUnit(point), 0.0F, BlendTuning{});
 }
 
 }  // namespace

@@ -1,9 +1,10 @@
 #include "client/pick.h"
 
 #include <array>
-#include <bit>
 #include <glm/gtc/matrix_transform.hpp>
 #include <string>
+
+#include "base/bytes.h"
 
 namespace client {
 namespace {
@@ -11,18 +12,24 @@ namespace {
 constexpr const char* kVertexSource = R"(
 layout(location = 0) in vec3 a_position;
 uniform mat4 u_clip_from_scene;
+uniform vec4 u_depth_from_scene;       // distance from the eye's plane along the view axis
 out highp float v_eye_depth;
+out highp vec3 v_position;
 void main() {
   gl_Position = u_clip_from_scene * vec4(a_position, 1.0);
-  v_eye_depth = gl_Position.w;
+  v_eye_depth = dot(u_depth_from_scene, vec4(a_position, 1.0));
+  v_position = a_position;
 }
 )";
 
 /// RGBA of unsigned integers: the one integer format that GLES 3.0 and WebGL2 always read back.
 constexpr const char* kFragmentSource = R"(
 in highp float v_eye_depth;
+in highp vec3 v_position;
+uniform highp vec4 u_section;
 layout(location = 0) out highp uvec4 o_depth;
 void main() {
+  if (dot(u_section.xyz, v_position) > u_section.w) discard;
   o_depth = uvec4(floatBitsToUint(v_eye_depth), 1u, 0u, 0u);
 }
 )";
@@ -41,8 +48,11 @@ glm::vec3 pointAtDepth(const base::Camera& camera, double x, double y, float eye
   const glm::vec2 ndc(2.0F * static_cast<float>(x) / static_cast<float>(camera.width) - 1.0F,
                       1.0F - 2.0F * static_cast<float>(y) / static_cast<float>(camera.height));
   const glm::mat4& projection = camera.clip_from_eye;
-  const glm::vec3 eye_point(eye_depth * (ndc.x + projection[2][0]) / projection[0][0],
-                            eye_depth * (ndc.y + projection[2][1]) / projection[1][1], -eye_depth);
+  // Clip x = P00 x + P20 z + P30, with w = depth, or 1 in a parallel projection.
+  const float w = camera.orthographic() ? 1.0F : eye_depth;
+  const glm::vec3 eye_point((w * ndc.x + eye_depth * projection[2][0] - projection[3][0]) / projection[0][0],
+                            (w * ndc.y + eye_depth * projection[2][1] - projection[3][1]) / projection[1][1],
+                            -eye_depth);
   return glm::vec3(glm::inverse(camera.eye_from_scene) * glm::vec4(eye_point, 1.0F));
 }
 
@@ -59,10 +69,8 @@ base::Result<Picker> Picker::create() {
 
   GLint bound = 0;
   glGetIntegerv(GL_FRAMEBUFFER_BINDING, &bound);
-  glBindRenderbuffer(GL_RENDERBUFFER, picker.color_.name());
-  glRenderbufferStorage(GL_RENDERBUFFER, GL_RGBA32UI, 1, 1);
-  glBindRenderbuffer(GL_RENDERBUFFER, picker.depth_.name());
-  glRenderbufferStorage(GL_RENDERBUFFER, GL_DEPTH_COMPONENT24, 1, 1);
+  base::gl::allocate(picker.color_, GL_RGBA32UI, 1, 1);
+  base::gl::allocate(picker.depth_, GL_DEPTH_COMPONENT24, 1, 1);
   glBindFramebuffer(GL_FRAMEBUFFER, picker.framebuffer_.name());
   glFramebufferRenderbuffer(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_RENDERBUFFER, picker.color_.name());
   glFramebufferRenderbuffer(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_RENDERBUFFER, picker.depth_.name());
@@ -75,8 +83,8 @@ base::Result<Picker> Picker::create() {
 }
 
 std::optional<glm::vec3> Picker::surfaceAt(const base::Camera& camera, double x, double y,
-                                           const lod::draw::PatchMeshes& meshes,
-                                           std::span<const std::uint32_t> cut) const {
+                                           const lod::draw::PatchMeshes& meshes, std::span<const std::uint32_t> cut,
+                                           const glm::vec4& section) const {
   // Draw through the pixel.
   GLint bound = 0;
   glGetIntegerv(GL_FRAMEBUFFER_BINDING, &bound);
@@ -93,6 +101,9 @@ std::optional<glm::vec3> Picker::surfaceAt(const base::Camera& camera, double x,
   program_.use();
   const glm::mat4 clip = clipOfPixel(camera, x, y);
   glUniformMatrix4fv(program_.uniform("u_clip_from_scene"), 1, GL_FALSE, &clip[0][0]);
+  const glm::mat4& eye = camera.eye_from_scene;
+  glUniform4f(program_.uniform("u_depth_from_scene"), -eye[0][2], -eye[1][2], -eye[2][2], -eye[3][2]);
+  glUniform4f(program_.uniform("u_section"), section.x, section.y, section.z, section.w);
   meshes.draw(cut);
 
   // Read what it saw.
@@ -100,7 +111,7 @@ std::optional<glm::vec3> Picker::surfaceAt(const base::Camera& camera, double x,
   glReadPixels(0, 0, 1, 1, GL_RGBA_INTEGER, GL_UNSIGNED_INT, pixel.data());
   glBindFramebuffer(GL_FRAMEBUFFER, static_cast<GLuint>(bound));
   if (pixel[1] == 0) return std::nullopt;
-  return pointAtDepth(camera, x, y, std::bit_cast<float>(pixel[0]));
+  return pointAtDepth(camera, x, y, base::bitCast<float>(pixel[0]));
 }
 
 }  // namespace client

@@ -18,8 +18,11 @@ class Picker {
   /// The scene-local point shown at (x, y), in pixels from the upper left corner (the first pixel is centred at 0.5,
   /// 0.5); nullopt where there is background. Waits for the GPU: for clicks and wheel steps, not for every frame.
   /// Restores the framebuffer binding.
+  /// What `section` cuts away (base::sectionInScene) is not there.
   std::optional<glm::vec3> surfaceAt(const base::Camera& camera, double x, double y,
-                                     const lod::draw::PatchMeshes& meshes, std::span<const std::uint32_t> cut) const;
+                                     const lod::draw::PatchMeshes& meshes, std::span<const std::uint32_t> cut,
+                                     const glm::vec4& section = base::kNoSection) const;
+  std::uint64_t gpuBytes() const { return color_.bytes() + depth_.bytes(); }
 
  private:
   base::gl::Program program_;

@@ -67,6 +67,7 @@ struct Session::State {
       cached_children;  // per group: cached groups that have it as a parent
   std::unordered_set<CacheKey> in_use;
   std::deque<protocol::Frame> frames;  // oldest first
+  std::uint32_t frame_sequence = 0;    // of the frame that came last, kept or not
 
   std::deque<base::Bytes> greetings;       // Hello or Have, to be sent before anything else
   std::unordered_set<CacheKey> untold;     // evicted, and the server doesn't know
@@ -94,6 +95,7 @@ struct Session::State {
   void queueHave();
   base::Bytes evictedMessage();
   base::Bytes viewMessage();
+  std::uint64_t frameBytes() const;
   bool wantsFrame() const { return options.frames && welcome->can_render_frames; }
 };
 
@@ -105,8 +107,10 @@ void Session::State::startScene(const protocol::Welcome& message) {
   cached_children.clear();
   in_use.clear();
   frames.clear();
+  frame_sequence = 0;
   untold.clear();
   stats.cache_bytes = 0;
+  stats.frame_bytes = 0;
   events = {};
   events.welcomed = true;
 
@@ -161,6 +165,12 @@ void Session::State::forget(CacheKey key) {
   }
 }
 
+std::uint64_t Session::State::frameBytes() const {
+  std::uint64_t bytes = 0;
+  for (const protocol::Frame& frame : frames) bytes += frame.value.size();
+  return bytes;
+}
+
 // ---- messages from the server ----
 
 base::Result<void> Session::State::take(protocol::Welcome&& message) {
@@ -205,9 +215,11 @@ base::Result<void> Session::State::take(protocol::Frame&& message, std::size_t b
   ++stats.frames_received;
   stats.bytes_frames += bytes;
   std::erase_if(frames, [&](const protocol::Frame& kept) { return kept.sequence == message.sequence; });
+  frame_sequence = message.sequence;
   events.frames_added.push_back(message.sequence);
   frames.push_back(std::move(message));
-  if (frames.size() > kFramesKept) frames.pop_front();
+  while (frames.size() > kFramesKept || frameBytes() > options.frame_bytes) frames.pop_front();
+  stats.frame_bytes = frameBytes();
   return {};
 }
 
@@ -371,7 +383,7 @@ bool Session::complete() const {
   const State& s = *state_;
   if (s.state != SessionState::kReady || s.view_unsent || s.sequence == 0) return false;
   if (s.complete_sequence != s.sequence) return false;
-  return !s.wantsFrame() || (!s.frames.empty() && s.frames.back().sequence == s.sequence);
+  return !s.wantsFrame() || s.frame_sequence == s.sequence;
 }
 SessionEvents Session::takeEvents() {
   return std::exchange(state_->events, {});

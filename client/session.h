@@ -28,6 +28,8 @@ enum class SessionState { kDisconnected, kGreeting, kReady, kRefused };
 
 struct SessionOptions {
   std::uint64_t cache_bytes = 50'000'000;  ///< compressed faces and patches, LRU (Okamoto 2011, section 6: 50 MB)
+  std::uint64_t frame_bytes =
+      16'000'000;  ///< exact frames kept as they came, the newest first; larger ones are dropped
   bool images = true;
   bool frames = true;
   float patch_tolerance_px = 4.0F;
@@ -39,7 +41,8 @@ struct SessionStats {
   std::uint64_t bytes_received = 0, bytes_faces = 0, bytes_patches = 0, bytes_frames = 0;
   std::uint64_t messages_received = 0, faces_received = 0, groups_received = 0, frames_received = 0;
   std::uint64_t views_sent = 0;
-  std::uint64_t cache_bytes = 0;
+  std::uint64_t cache_bytes = 0;  ///< compressed faces and patches held
+  std::uint64_t frame_bytes = 0;  ///< exact frames held
 };
 
 /// What changed since the last call to takeEvents(): the renderer's cue to decode, upload or drop.
@@ -80,7 +83,7 @@ class Session {
   /// Cached bytes of a face value or null; touches the LRU.
   const base::Bytes* face(const repository::FaceKey& key);
   const base::Bytes* block(std::uint32_t group);
-  const protocol::Frame* frame(std::uint32_t sequence) const;  ///< the 4 newest are kept
+  const protocol::Frame* frame(std::uint32_t sequence) const;  ///< of the 4 newest that fit frame_bytes
   /// What the current picture is made of: never evicted until the next call says otherwise. Also makes it the most
   /// recently used.
   void setInUse(const std::vector<repository::FaceKey>& faces, const std::vector<std::uint32_t>& groups);

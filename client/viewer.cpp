@@ -1,17 +1,16 @@
 #include "client/viewer.h"
 
 #include <algorithm>
-#include <deque>
 #include <limits>
 #include <unordered_map>
-#include <unordered_set>
 #include <utility>
 #include <vector>
 
 #include "client/expected_use.h"
+#include "client/memory_plan.h"
 #include "client/pick.h"
-#include "lod/patch/codec.h"
-#include "lod/patch/traverse.h"
+#include "client/pins.h"
+#include "client/resident_patches.h"
 #include "repository/cube_face.h"
 
 namespace client {
@@ -31,7 +30,33 @@ constexpr float kNeededUse = 1e-3F;
 /// Layer size of a renderer that will never get a face.
 constexpr int kNoFaceSize = 16;
 
-enum class SampleState { kCached, kDecoding, kDecoded, kResident, kEmpty };
+enum class SampleState {
+  kCached,
+  kDecoding,
+  kDecoded,
+  kResident,
+  kEmpty,  ///< shows nothing, or is broken
+  kUnfit,  ///< larger than its share of the budget
+};
+
+/// Bytes of an image of this camera's size, decoded.
+std::uint64_t decodedBytes(const base::Camera& camera) {
+  return std::uint64_t{4} * static_cast<std::uint64_t>(camera.width) * static_cast<std::uint64_t>(camera.height);
+}
+
+/// Directions travel as unit vectors, made unit again where they arrive.
+bool sameView(const base::ViewCamera& a, const base::ViewCamera& b) {
+  const auto near = [](const glm::dvec3& u, const glm::dvec3& v) { return glm::length(u - v) <= 1e-9; };
+  return a.position == b.position && near(a.direction, b.direction) &&
+         near(glm::normalize(a.up), glm::normalize(b.up)) && a.fov_y == b.fov_y && a.width == b.width &&
+         a.height == b.height && a.ortho_height == b.ortho_height;
+}
+
+std::uint64_t recordBytes(const lod::patch::Hierarchy& hierarchy) {
+  return hierarchy.groups.capacity() * sizeof(lod::patch::Group) +
+         hierarchy.patches.capacity() * sizeof(lod::patch::Patch) +
+         hierarchy.parents.capacity() * sizeof(std::uint32_t) + hierarchy.known.capacity();
+}
 
 /// A face or an exact frame on its way to the GPU.
 struct Sample {
@@ -42,11 +67,6 @@ struct Sample {
   float rank = 0.0F;  // use, and among the unused the nearer first
 };
 
-bool sameCamera(const base::Camera& a, const base::Camera& b) {
-  return a.clip_from_eye == b.clip_from_eye && a.eye_from_scene == b.eye_from_scene && a.width == b.width &&
-         a.height == b.height;
-}
-
 base::Sphere sceneSphere(const protocol::Welcome& welcome) {
   return {0.5F * (welcome.box_min + welcome.box_max), 0.5F * glm::length(welcome.box_max - welcome.box_min)};
 }
@@ -54,52 +74,69 @@ base::Sphere sceneSphere(const protocol::Welcome& welcome) {
 }  // namespace
 
 struct Viewer::State {
-  State(const ViewerOptions& wanted, std::unique_ptr<ImageDecoder> image_decoder)
-      : options(wanted), session(wanted.session), decoder(std::move(image_decoder)) {}
+  State(const ViewerOptions& wanted, const MemoryPlan& shares, std::unique_ptr<ImageDecoder> image_decoder)
+      : options(wanted), plan(shares), session(wanted.session), decoder(std::move(image_decoder)) {}
 
   ViewerOptions options;
+  MemoryPlan plan;
   Session session;
   std::unique_ptr<ImageDecoder> decoder;
   std::unique_ptr<LumigraphRenderer> renderer;
+  bool lost = false;  // the context
   std::optional<Picker> picker;
   lod::draw::Shading shading;
   base::Sphere scene;
+  std::optional<base::SectionPlane> section;
 
   std::unordered_map<SampleId, Sample> samples;
-  std::vector<SampleId> ranked;  // best first
-  bool use_images = true;        // where the method has any
+  std::unordered_map<SampleId, std::uint64_t> decoding;  // bytes, of dropped ones too
+  std::vector<SampleId> ranked;                          // best first
+  std::vector<SampleId> candidates;                      // of these the resident ones
   bool gpu_full = false;
-  std::deque<std::uint32_t> groups_to_upload;
-  std::unordered_set<std::uint32_t> groups_ready;  // all consumed patches uploaded
-  lod::patch::Cut cut;                             // what is in view
-  std::vector<std::uint32_t> occluders;            // the same cut with what is outside the view
+  ResidentPatches patches;
+  base::ViewCamera view;
   base::Camera camera;
   bool more_to_do = false;
   double upload_bytes_left = 0.0;
   std::uint32_t broken = 0;
   std::string last_fault;
 
+  std::vector<glm::dvec3> pins;  // world
+  std::optional<PinProbe> probe;
+  std::vector<bool> pins_visible;
+  std::uint64_t drawn_signature = 0;  // of the picture that the pins were asked about
+
   base::Result<void> startScene();
+  base::Result<void> startRenderer();
   base::Result<void> takeEvents();
   void addFace(const repository::FaceKey& key);
   void addFrame(std::uint32_t sequence);
   void dropSample(SampleId id);
-  void dropGroup(std::uint32_t group);
   void dropOldFrames();
   void takeDecoded();
-  void uploadGroups();
-  bool uploadGroup(std::uint32_t group);
-  void selectCut();
+  void updatePatches();
   void rankSamples();
   void uploadSamples(double now);
   bool makeRoomFor(const Sample& sample);
-  const Sample* worstResident(SampleId* id = nullptr) const;
+  const Sample* worstResident(SampleId* id, const base::Camera* of_size_like) const;
   void submitSamples();
   void markInUse();
-  base::Camera cameraAt(const base::ViewCamera& view) const;
+  base::Result<void> startPins();
+  void probePins();
+  std::uint64_t pictureSignature() const;
+  base::Camera cameraAt(const base::ViewCamera& wanted) const {
+    return base::cameraForScene(wanted, session.welcome()->origin, scene);
+  }
+  base::ViewCamera viewForServer(const base::ViewCamera& wanted) const;
+  glm::vec4 sectionHere() const;
   const base::Bytes* valueOf(SampleId id);
   void fault(const std::string& what);
   bool spend(double bytes);
+  MemoryUse memory() const;
+  std::uint64_t waitingBytes() const;
+  bool showsExactFrame() const;
+  Accuracy accuracy() const;
+  double last_draw = 0.0;
 };
 
 // ---- what arrived and what went ----
@@ -108,36 +145,39 @@ base::Result<void> Viewer::State::startScene() {
   const protocol::Welcome& welcome = *session.welcome();
   samples.clear();
   ranked.clear();
-  gpu_full = false;
-  groups_to_upload.clear();
-  groups_ready.clear();
-  cut = {};
-  occluders.clear();
+  patches = {};
   scene = sceneSphere(welcome);
   shading = {welcome.unlit, welcome.light_direction};
+  if (lost) return {};
+  LUMIGRID_TRY(startRenderer());
+  return startPins();
+}
 
-  const int face_size = welcome.grid.pointCount() != 0 ? static_cast<int>(welcome.grid.face_size) : kNoFaceSize;
-  auto made = LumigraphRenderer::create(session.hierarchy().lattice, face_size, options.gpu_budget_bytes);
+base::Result<void> Viewer::State::startRenderer() {
+  const repository::Grid& grid = session.welcome()->grid;
+  const int face_size = grid.pointCount() != 0 ? static_cast<int>(grid.face_size) : kNoFaceSize;
+  auto made = LumigraphRenderer::create(session.hierarchy().lattice, face_size, plan.images, plan.frame_images);
   if (!made) return made.error();
   renderer = std::move(*made);
+  gpu_full = false;
   return {};
 }
 
 base::Result<void> Viewer::State::takeEvents() {
   SessionEvents events = session.takeEvents();
   if (events.welcomed) LUMIGRID_TRY(startScene());
-  if (!renderer) return {};
+  if (session.welcome() == nullptr) return {};
 
   // Gone first: what was evicted and came again is among the added, too.
   for (const repository::FaceKey& key : events.faces_evicted)
     if (session.face(key) == nullptr) dropSample(key.code());
   for (std::uint32_t group : events.groups_evicted)
-    if (!session.hasGroup(group)) dropGroup(group);
+    if (renderer && !session.hasGroup(group)) patches.drop(group, session.hierarchy(), renderer->patches());
   dropOldFrames();
 
   for (const repository::FaceKey& key : events.faces_added) addFace(key);
   for (std::uint32_t sequence : events.frames_added) addFrame(sequence);
-  for (std::uint32_t group : events.groups_added) groups_to_upload.push_back(group);
+  for (std::uint32_t group : events.groups_added) patches.arrived(group);
   return {};
 }
 
@@ -162,33 +202,36 @@ void Viewer::State::addFrame(std::uint32_t sequence) {
 void Viewer::State::dropSample(SampleId id) {
   auto it = samples.find(id);
   if (it == samples.end()) return;
-  if (it->second.state == SampleState::kResident) {
+  if (it->second.state == SampleState::kResident && renderer) {
     renderer->removeSample(id);
     gpu_full = false;
   }
   samples.erase(it);
 }
 
-void Viewer::State::dropGroup(std::uint32_t group) {
-  groups_ready.erase(group);
-  const lod::patch::Group& record = session.hierarchy().groups[group];
-  for (std::uint32_t i = 0; i < record.patch_count; ++i) renderer->patches().remove(record.first_patch + i);
-}
-
-/// The session keeps the few newest frames and says nothing when one goes.
+/// The session keeps the few newest frames and says nothing when one goes. What was too large may fit now.
 void Viewer::State::dropOldFrames() {
   std::vector<SampleId> old;
   for (const auto& [id, sample] : samples)
     if ((id & kFrameTag) != 0 && session.frame(static_cast<std::uint32_t>(id & ~kFrameTag)) == nullptr)
       old.push_back(id);
   for (SampleId id : old) dropSample(id);
+  if (old.empty()) return;
+  for (auto& [id, sample] : samples)
+    if (sample.state == SampleState::kUnfit) sample.state = SampleState::kCached;
 }
 
 void Viewer::State::takeDecoded() {
   for (ImageDecoder::Decoded& decoded : decoder->take()) {
+    decoding.erase(decoded.id);
     auto it = samples.find(decoded.id);
     if (it == samples.end() || it->second.state != SampleState::kDecoding) continue;
     if (!decoded.error.empty()) fault(decoded.error);
+    if (decoded.rgba.pixels.size() > decodedBytes(it->second.camera)) {
+      fault("an image of " + std::to_string(decoded.rgba.width) + " x " + std::to_string(decoded.rgba.height) +
+            " pixels is larger than it was to be");
+      decoded.rgba = {};
+    }
     it->second.state = decoded.rgba.empty() ? SampleState::kEmpty : SampleState::kDecoded;
     it->second.rgba = std::move(decoded.rgba);
   }
@@ -208,69 +251,19 @@ bool Viewer::State::spend(double bytes) {
 
 // ---- patches ----
 
-void Viewer::State::uploadGroups() {
-  while (!groups_to_upload.empty()) {
-    const std::uint32_t group = groups_to_upload.front();
-    if (session.hasGroup(group) && groups_ready.count(group) == 0) {
-      const lod::patch::Hierarchy& hierarchy = session.hierarchy();
-      const lod::patch::Group& record = hierarchy.groups[group];
-      double bytes = 0.0;
-      for (std::uint32_t i = 0; i < record.patch_count; ++i) {
-        const lod::patch::Patch& patch = hierarchy.patches[record.first_patch + i];
-        bytes += static_cast<double>(lod::draw::PatchMeshes::bytesFor(patch.vertices, patch.triangles));
-      }
-      if (!spend(bytes)) return;
-      if (uploadGroup(group)) groups_ready.insert(group);
-    }
-    groups_to_upload.pop_front();
-  }
-}
-
-/// Decodes and uploads all that the group consumes; false, and nothing of it kept, when a patch is broken.
-bool Viewer::State::uploadGroup(std::uint32_t group) {
-  const lod::patch::Hierarchy& hierarchy = session.hierarchy();
-  const lod::patch::Group& record = hierarchy.groups[group];
-  const base::ByteView block(*session.block(group));
-  for (std::uint32_t i = 0; i < record.patch_count; ++i) {
-    const std::uint32_t number = record.first_patch + i;
-    const lod::patch::Patch& patch = hierarchy.patches[number];
-    if (patch.block_offset > block.size() || patch.block_bytes > block.size() - patch.block_offset) {
-      fault("group " + std::to_string(group) + ": patch " + std::to_string(number) + " lies outside its block");
-      dropGroup(group);
-      return false;
-    }
-    auto geometry = lod::patch::decodePatch(block.subspan(patch.block_offset, patch.block_bytes));
-    if (!geometry) {
-      fault("patch " + std::to_string(number) + ": " + geometry.error().message);
-      dropGroup(group);
-      return false;
-    }
-    renderer->patches().upload(number, *geometry);
-  }
-  return true;
-}
-
-void Viewer::State::selectCut() {
-  cut = {};
-  occluders.clear();
-  if (groups_ready.count(0) == 0) return;
-  lod::patch::CutRequest request;
-  request.camera = camera;
-  request.near_plane = base::depthRangeFor(camera.eye, scene.center, scene.radius).near_plane;
-  request.tolerance_px = options.session.patch_tolerance_px;
-  request.max_triangles = options.session.max_triangles;
-  cut = lod::patch::selectCut(session.hierarchy(), request,
-                              [this](std::uint32_t group) { return groups_ready.count(group) != 0; });
-
-  // What hides a surface from a sampling point may lie outside the view: the same expanded groups again, nothing left
-  // out.
-  if (!options.lumigraph.use_images) return;
-  const std::unordered_set<std::uint32_t> expanded(cut.expanded.begin(), cut.expanded.end());
-  request.cull = false;
-  request.max_triangles = std::numeric_limits<std::uint64_t>::max();
-  occluders = lod::patch::selectCut(session.hierarchy(), request, [&expanded](std::uint32_t group) {
-                return expanded.count(group) != 0;
-              }).patches;
+/// What is known of the hierarchy counts to the patches' share, but leaves them a quarter of it.
+void Viewer::State::updatePatches() {
+  const std::uint64_t records = std::min(recordBytes(session.hierarchy()), plan.patches / 4 * 3);
+  ResidentPatches::View wanted;
+  wanted.camera = camera;
+  wanted.near_plane = base::depthRangeFor(camera.eye, scene.center, scene.radius).near_plane;
+  wanted.tolerance_px = options.session.patch_tolerance_px;
+  wanted.max_triangles = options.session.max_triangles;
+  wanted.max_bytes = plan.patches - records;
+  wanted.occluders = options.lumigraph.use_images;
+  patches.update(
+      wanted, session, renderer->patches(), [this](std::uint64_t bytes) { return spend(static_cast<double>(bytes)); },
+      [this](const std::string& what) { fault(what); });
 }
 
 // ---- images ----
@@ -280,11 +273,11 @@ void Viewer::State::rankSamples() {
   std::vector<SampleId> ids;
   std::vector<const base::Camera*> cameras;
   for (const auto& [id, sample] : samples) {
-    if (sample.state == SampleState::kEmpty) continue;
+    if (sample.state == SampleState::kEmpty || sample.state == SampleState::kUnfit) continue;
     ids.push_back(id);
     cameras.push_back(&sample.camera);
   }
-  const std::vector<glm::vec3> anchors = anchorsInView(session.hierarchy(), cut.patches, camera);
+  const std::vector<glm::vec3> anchors = anchorsInView(session.hierarchy(), patches.drawn().patches, camera);
   const std::vector<float> use = expectedUse(anchors, camera, cameras);
 
   // Those of no use now are decoded too, nearest first, for when the viewer turns.
@@ -302,20 +295,25 @@ void Viewer::State::rankSamples() {
   ranked = std::move(ids);
 }
 
-const Sample* Viewer::State::worstResident(SampleId* id) const {
+/// The least useful image on the GPU; with `of_size_like` only among those whose place an image of that camera can
+/// take.
+const Sample* Viewer::State::worstResident(SampleId* id, const base::Camera* of_size_like) const {
   for (auto it = ranked.rbegin(); it != ranked.rend(); ++it) {
     const Sample& sample = samples.at(*it);
     if (sample.state != SampleState::kResident) continue;
+    if (of_size_like != nullptr &&
+        (sample.camera.width != of_size_like->width || sample.camera.height != of_size_like->height))
+      continue;
     if (id != nullptr) *id = *it;
     return &sample;
   }
   return nullptr;
 }
 
-/// Takes the least useful image off the GPU when it is worth less than this one.
+/// Takes the least useful image of this size off the GPU when it is worth less than this one.
 bool Viewer::State::makeRoomFor(const Sample& sample) {
   SampleId worst_id = 0;
-  const Sample* worst = worstResident(&worst_id);
+  const Sample* worst = worstResident(&worst_id, &sample.camera);
   if (worst == nullptr || worst->rank * kReplaceFactor >= sample.rank) return false;
   renderer->removeSample(worst_id);
   samples[worst_id].state = SampleState::kCached;
@@ -329,8 +327,10 @@ void Viewer::State::uploadSamples(double now) {
     if (!spend(static_cast<double>(sample.rgba.pixels.size()))) return;
     bool added = renderer->addSample(id, sample.camera, sample.rgba, now);
     while (!added && makeRoomFor(sample)) added = renderer->addSample(id, sample.camera, sample.rgba, now);
-    gpu_full = !added;
-    sample.state = added ? SampleState::kResident : SampleState::kCached;
+    // Not even one of its size has a place: it would be decoded again and again.
+    const bool unfit = !added && worstResident(nullptr, &sample.camera) == nullptr;
+    gpu_full = gpu_full || (!added && !unfit);
+    sample.state = added ? SampleState::kResident : unfit ? SampleState::kUnfit : SampleState::kCached;
     sample.rgba = {};
   }
 }
@@ -344,16 +344,36 @@ const base::Bytes* Viewer::State::valueOf(SampleId id) {
   return key ? session.face(*key) : nullptr;
 }
 
-/// Hands the best ones that are not on the GPU to the decoder. With a full GPU only those that would get a place.
+/// Bytes of what is being decoded or waits for its upload.
+std::uint64_t Viewer::State::waitingBytes() const {
+  std::uint64_t bytes = 0;
+  for (const auto& [id, size] : decoding) bytes += size;
+  for (const auto& [id, sample] : samples) bytes += sample.rgba.pixels.size();
+  return bytes;
+}
+
+/// Hands the best ones that are not on the GPU to the decoder, as many as may wait. With a full GPU only those that
+/// would get a place.
 void Viewer::State::submitSamples() {
-  const Sample* worst = gpu_full ? worstResident() : nullptr;
+  std::uint64_t waiting = waitingBytes();
   for (SampleId id : ranked) {
     if (decoder->pending() >= kMaxDecoding) return;
     Sample& sample = samples[id];
-    if (sample.state != SampleState::kCached) continue;
-    if (gpu_full && (worst == nullptr || worst->rank * kReplaceFactor >= sample.rank)) return;
+    if (sample.state != SampleState::kCached || decoding.count(id) != 0) continue;
+    if (gpu_full) {
+      const Sample* worst = worstResident(nullptr, &sample.camera);
+      if (worst != nullptr && worst->rank * kReplaceFactor >= sample.rank) continue;
+    }
+    const std::uint64_t bytes = decodedBytes(sample.camera);
+    if (bytes > plan.decoded) sample.state = SampleState::kUnfit;
+    if (waiting + bytes > plan.decoded) {
+      if (bytes > plan.decoded) continue;
+      return;
+    }
     const base::Bytes* value = valueOf(id);
     if (value == nullptr) continue;
+    waiting += bytes;
+    decoding[id] = bytes;
     sample.state = SampleState::kDecoding;
     decoder->submit(id, *value);
   }
@@ -368,21 +388,115 @@ void Viewer::State::markInUse() {
     if (sample.state != SampleState::kResident || sample.use < kNeededUse || (id & kFrameTag) != 0) continue;
     if (auto key = repository::FaceKey::fromCode(id)) faces.push_back(*key);
   }
-  session.setInUse(faces, cut.expanded);
+  session.setInUse(faces, patches.drawn().expanded);
 }
 
-base::Camera Viewer::State::cameraAt(const base::ViewCamera& view) const {
-  const glm::dvec3& origin = session.welcome()->origin;
-  const base::DepthRange range = base::depthRangeFor(glm::vec3(view.position - origin), scene.center, scene.radius);
-  return base::cameraFromView(view, origin, range.near_plane, range.far_plane);
+/// The server understands perspective views alone.
+base::ViewCamera Viewer::State::viewForServer(const base::ViewCamera& wanted) const {
+  if (session.welcome() == nullptr || !wanted.orthographic()) {
+    base::ViewCamera perspective = wanted;
+    perspective.ortho_height = 0.0;
+    return perspective;
+  }
+  const base::Sphere sphere = sceneSphere(*session.welcome());
+  return base::perspectiveStandIn(wanted, session.welcome()->origin + glm::dvec3(sphere.center),
+                                  static_cast<double>(sphere.radius), protocol::kMinFov);
+}
+
+glm::vec4 Viewer::State::sectionHere() const {
+  return section ? base::sectionInScene(*section, session.welcome()->origin) : base::kNoSection;
+}
+
+// ---- pins ----
+
+base::Result<void> Viewer::State::startPins() {
+  probe.reset();
+  drawn_signature = 0;
+  if (pins.empty() || !renderer) return {};
+  auto made = PinProbe::create();
+  if (!made) return made.error();
+  probe = std::move(*made);
+  std::vector<glm::vec3> local;
+  for (std::size_t i = 0; i < std::min(pins.size(), kMaxPins); ++i)
+    local.emplace_back(pins[i] - session.welcome()->origin);
+  probe->setPoints(std::move(local));
+  return {};
+}
+
+/// A number of all that decides what hides what: pins are asked about again only when it changes.
+std::uint64_t Viewer::State::pictureSignature() const {
+  std::uint64_t sum = 0xcbf29ce484222325U;  // FNV-1a, Fowler, Noll, Vo
+  const auto mix = [&sum](const void* data, std::size_t bytes) {
+    const auto* byte = static_cast<const std::uint8_t*>(data);
+    for (std::size_t i = 0; i < bytes; ++i) sum = (sum ^ byte[i]) * 0x100000001b3U;
+  };
+  const glm::mat4 clip = camera.clipFromScene();
+  const glm::vec4 cut_plane = sectionHere();
+  const std::vector<std::uint32_t>& drawn = patches.drawn().patches;
+  mix(&clip, sizeof(clip));
+  mix(&cut_plane, sizeof(cut_plane));
+  mix(drawn.data(), drawn.size() * sizeof(std::uint32_t));
+  return sum;
+}
+
+void Viewer::State::probePins() {
+  if (!probe) return;
+  probe->poll();
+  const std::uint64_t signature = pictureSignature();
+  if (signature != drawn_signature) probe->invalidate();
+  drawn_signature = signature;
+  probe->draw(camera, sectionHere(), patches.drawn().error_px);
+}
+
+// ---- figures ----
+
+MemoryUse Viewer::State::memory() const {
+  MemoryUse use;
+  if (renderer) {
+    const base::gl::HeldBytes held = renderer->held();
+    use.textures = held.textures;
+    use.buffers = held.buffers;
+  }
+  if (picker) use.renderbuffers = picker->gpuBytes();
+  use.decoded = waitingBytes();
+  use.cache = session.stats().cache_bytes + session.stats().frame_bytes;
+  use.records = recordBytes(session.hierarchy());
+  return use;
+}
+
+/// The server's picture of the very view is among the images and has come in.
+bool Viewer::State::showsExactFrame() const {
+  if (section || !options.lumigraph.use_images || view.orthographic()) return false;
+  for (const SampleId id : candidates) {
+    if ((id & kFrameTag) == 0) continue;
+    const protocol::Frame* frame = session.frame(static_cast<std::uint32_t>(id & ~kFrameTag));
+    if (frame != nullptr && sameView(frame->camera, view) &&
+        renderer->fadeOf(id, last_draw, options.lumigraph.fade_seconds) >= 1.0F)
+      return true;
+  }
+  return false;
+}
+
+Accuracy Viewer::State::accuracy() const {
+  if (!renderer || patches.drawn().patches.empty()) return Accuracy::kNothing;
+  if (showsExactFrame()) return Accuracy::kExact;
+  const bool fine = patches.drawn().error_px <= options.session.patch_tolerance_px;
+  const bool textured = !options.lumigraph.use_images || renderer->stats().samples_used > 0;
+  return fine && textured ? Accuracy::kBlended : Accuracy::kCoarse;
 }
 
 // ---- the public face ----
 
 Viewer::Viewer(const ViewerOptions& options, std::unique_ptr<ImageDecoder> decoder) {
-  state_ = std::make_unique<State>(options, std::move(decoder));
-  state_->use_images = options.lumigraph.use_images;
-  setMethod(options.method);
+  ViewerOptions wanted = options;
+  wanted.memory_budget_bytes = std::max(wanted.memory_budget_bytes, kLeastMemory);
+  const MemoryPlan plan = planMemory(wanted.memory_budget_bytes, wanted.session.cache_bytes, wanted.gpu_budget_bytes,
+                                     wanted.session.frames);
+  wanted.session.cache_bytes = plan.cache;
+  wanted.session.frame_bytes = plan.frames;
+  wanted.session.max_triangles = std::min(wanted.session.max_triangles, trianglesFor(plan.patches));
+  state_ = std::make_unique<State>(wanted, plan, std::move(decoder));
+  if (wanted.method != lod::Method::kLumigraph) setMethod(wanted.method);
 }
 Viewer::~Viewer() = default;
 
@@ -396,33 +510,25 @@ const ViewerOptions& Viewer::options() const {
   return state_->options;
 }
 
-void Viewer::setMethod(lod::Method method) {
-  State& s = *state_;
-  const bool images = method == lod::Method::kLumigraph;
-  s.options.method = method;
-  s.options.lumigraph.use_images = images && s.use_images;
-  s.session.setWanted(images && s.options.session.images, images && s.options.session.frames);
-}
-
 base::Result<bool> Viewer::update(const base::ViewCamera& camera, double now) {
   State& s = *state_;
-  s.session.setView(camera);
+  s.session.setView(s.viewForServer(camera));
   LUMIGRID_TRY(s.takeEvents());
   s.more_to_do = false;
+  s.view = camera;
+  s.takeDecoded();
   if (!s.renderer) return false;
   s.camera = s.cameraAt(camera);
   s.upload_bytes_left = s.options.upload_milliseconds > 0.0 ? s.options.upload_milliseconds * kUploadBytesPerMillisecond
                                                             : std::numeric_limits<double>::infinity();
 
-  s.takeDecoded();
-  s.uploadGroups();
-  s.selectCut();
+  s.updatePatches();
   s.rankSamples();
   s.uploadSamples(now);
   s.submitSamples();
   s.markInUse();
 
-  s.more_to_do = !s.groups_to_upload.empty();
+  s.more_to_do = s.patches.unfinished();
   for (const auto& [id, sample] : s.samples) {
     const bool on_its_way = sample.state == SampleState::kDecoding || sample.state == SampleState::kDecoded ||
                             (sample.state == SampleState::kCached && !s.gpu_full);
@@ -435,6 +541,8 @@ base::Result<void> Viewer::draw(const base::ViewCamera& camera, double now) {
   auto updated = update(camera, now);
   if (!updated) return updated.error();
   State& s = *state_;
+  s.last_draw = now;
+  if (s.lost) return {};
   if (!s.renderer) {
     const float* color = s.options.lumigraph.background;
     glClearColor(color[0], color[1], color[2], color[3]);
@@ -442,17 +550,20 @@ base::Result<void> Viewer::draw(const base::ViewCamera& camera, double now) {
     return {};
   }
 
-  std::vector<SampleId> candidates;
+  s.candidates.clear();
   for (SampleId id : s.ranked)
-    if (s.samples[id].state == SampleState::kResident) candidates.push_back(id);
-  s.renderer->draw(s.camera, s.cut.patches, candidates, s.cut.error_px, s.shading, s.options.lumigraph, now,
-                   s.occluders);
+    if (s.samples[id].state == SampleState::kResident) s.candidates.push_back(id);
+  const lod::patch::Cut& cut = s.patches.drawn();
+  s.options.lumigraph.section = s.sectionHere();
+  s.renderer->draw(s.camera, cut.patches, s.candidates, cut.error_px, s.shading, s.options.lumigraph, now,
+                   s.patches.occluders(), cut.patch_error_px);
+  s.probePins();
   return {};
 }
 
 std::optional<glm::dvec3> Viewer::surfaceAt(const base::ViewCamera& camera, double x, double y) {
   State& s = *state_;
-  if (!s.renderer || s.cut.patches.empty()) return std::nullopt;
+  if (!s.renderer || s.patches.drawn().patches.empty()) return std::nullopt;
   if (!s.picker) {
     auto picker = Picker::create();
     if (!picker) {
@@ -461,25 +572,92 @@ std::optional<glm::dvec3> Viewer::surfaceAt(const base::ViewCamera& camera, doub
     }
     s.picker = std::move(*picker);
   }
-  const auto point = s.picker->surfaceAt(s.cameraAt(camera), x, y, s.renderer->patches(), s.cut.patches);
+  const auto point =
+      s.picker->surfaceAt(s.cameraAt(camera), x, y, s.renderer->patches(), s.patches.drawn().patches, s.sectionHere());
   if (!point) return std::nullopt;
   return s.session.welcome()->origin + glm::dvec3(*point);
 }
+
+// ---- how it is shown ----
+
+void Viewer::setSection(const std::optional<base::SectionPlane>& plane) {
+  state_->section = plane;
+}
+
+void Viewer::setResolutionColors(bool on) {
+  state_->options.lumigraph.resolution_colors = on;
+}
+
+void Viewer::setMethod(lod::Method method) {
+  State& s = *state_;
+  const SessionOptions& asked = s.options.session;
+  const bool images = method == lod::Method::kLumigraph;
+  s.options.method = method;
+  s.options.lumigraph.use_images = images && (asked.images || asked.frames);
+  s.session.setWanted(images && asked.images, images && asked.frames);
+}
+
+void Viewer::setPins(std::vector<glm::dvec3> points) {
+  State& s = *state_;
+  s.pins = std::move(points);
+  s.pins_visible.assign(s.pins.size(), false);
+  if (auto started = s.startPins(); !started) s.fault(started.error().message);
+}
+
+const std::vector<bool>& Viewer::pinsVisible() {
+  State& s = *state_;
+  if (!s.probe || s.lost) return s.pins_visible;
+  s.probe->poll();
+  std::copy(s.probe->visible().begin(), s.probe->visible().end(), s.pins_visible.begin());
+  return s.pins_visible;
+}
+
+// ---- a lost context ----
+
+void Viewer::contextLost() {
+  State& s = *state_;
+  if (s.lost) return;
+  s.lost = true;
+  base::gl::contextLost();
+  s.renderer.reset();
+  s.picker.reset();
+  s.probe.reset();
+  s.candidates.clear();
+  s.patches.forget();
+  for (auto& [id, sample] : s.samples)
+    if (sample.state == SampleState::kResident) sample.state = SampleState::kCached;
+}
+
+base::Result<void> Viewer::contextRestored() {
+  State& s = *state_;
+  if (!s.lost) return {};
+  s.lost = false;
+  if (s.session.welcome() == nullptr) return {};
+  LUMIGRID_TRY(s.startRenderer());
+  return s.startPins();
+}
+
+// ---- figures ----
 
 ViewerStats Viewer::stats() const {
   const State& s = *state_;
   ViewerStats stats;
   stats.session = s.session.stats();
   if (s.renderer) stats.lumigraph = s.renderer->stats();
-  stats.error_px = s.cut.error_px;
-  stats.busy = s.renderer && (s.more_to_do || s.renderer->settling());
-  stats.complete = s.renderer && s.session.complete() && !stats.busy;
+  stats.error_px = s.patches.drawn().error_px;
+  const lod::patch::Cut& wanted = s.patches.wanted();
+  stats.tolerance_px = s.options.session.patch_tolerance_px;
+  if (wanted.limited) stats.tolerance_px = std::max(stats.tolerance_px, wanted.error_px);
+  stats.accuracy = s.accuracy();
+  stats.memory = s.memory();
+  stats.memory_budget = s.options.memory_budget_bytes;
   for (const auto& [id, sample] : s.samples) {
-    const bool waits = sample.state != SampleState::kResident && sample.state != SampleState::kEmpty;
-    if (waits && sample.use >= kNeededUse) ++stats.images_requested;
-    const bool frame = (id & kFrameTag) != 0 && sample.state == SampleState::kResident;
-    if (frame && s.options.lumigraph.use_images && sameCamera(sample.camera, s.camera)) stats.exact = true;
+    stats.samples_cached += sample.state != SampleState::kEmpty ? 1 : 0;
+    stats.samples_requested += sample.state == SampleState::kDecoding || sample.state == SampleState::kDecoded ? 1 : 0;
   }
+  const bool pins_pending = s.probe && s.probe->pending();
+  stats.busy = s.renderer && (s.more_to_do || s.renderer->settling() || pins_pending);
+  stats.complete = s.renderer && s.session.complete() && !s.more_to_do && !s.renderer->settling();
   stats.broken = s.broken;
   stats.last_fault = s.last_fault;
   return stats;

@@ -3,7 +3,12 @@ set(CMAKE_CXX_STANDARD 20)
 set(CMAKE_CXX_STANDARD_REQUIRED ON)
 set(CMAKE_CXX_EXTENSIONS OFF)
 set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
-set(CMAKE_POSITION_INDEPENDENT_CODE ON)
+if(EMSCRIPTEN)
+  # Without exceptions, type information and locks around statics: the page's one thread, and as few bytes as can be.
+  add_compile_options(-msimd128 -fno-exceptions -fno-rtti)
+else()
+  set(CMAKE_POSITION_INDEPENDENT_CODE ON)
+endif()
 
 option(LUMIGRID_TESTS "Build the tests" ON)
 option(LUMIGRID_BENCH "Build the benchmarks in tests/bench" ON)

@@ -39,6 +39,8 @@ _lumigrid_allow(lumigrid       "${_any_base};lod;lod_patch;lod_build;lod_draw;gr
 _lumigrid_allow(client         "base;base_gl;lod;lod_patch;lod_draw;grid;cache;protocol;client_render" "")
 _lumigrid_allow(client_native  "${_any_base};lod;lod_patch;lod_draw;grid;cache;jpeg;protocol;client" "Boost::headers;Threads::Threads;glfw;imgui;spdlog::spdlog;nlohmann_json::nlohmann_json")
 _lumigrid_allow(lumigrid-view  "${_any_base};lod;lod_patch;lod_draw;grid;cache;jpeg;protocol;client;client_native" "CLI11::CLI11;spdlog::spdlog;nlohmann_json::nlohmann_json")
+_lumigrid_allow(client_web     "base;base_gl;lod;lod_patch;lod_draw;grid;cache;protocol;client" "")
+_lumigrid_allow(client_web_decode "base;grid" "")
 _lumigrid_allow(compare        "*"                                                 "*")
 _lumigrid_allow(lumigrid-compare "*"                                               "*")
 
@@ -103,7 +105,7 @@ function(_lumigrid_reach name out)
 endfunction()
 
 function(lumigrid_check_walls)
-  foreach(thin client client_native lumigrid-view)
+  foreach(thin client client_native lumigrid-view client_web client_web_decode)
     if(TARGET ${thin})
       _lumigrid_reach(${thin} reached)
       foreach(bad IN LISTS LUMIGRID_CLIENT_FORBIDDEN)

@@ -85,10 +85,9 @@ class Truth {
     for (std::size_t i = 0; i < options.path.size(); ++i) {
       say("truth: frame " + std::to_string(i + 1) + " of " + std::to_string(options.path.size()));
       const base::ViewCamera& view = options.path[i];
-      const auto range = base::depthRangeFor(glm::vec3(view.position - scene.origin), (*renderer)->sceneCenter(),
-                                             (*renderer)->sceneRadius());
-      auto picture = (*renderer)->render(base::cameraFromView(view, scene.origin, range.near_plane, range.far_plane),
-                                         {0.0F, options.truth_supersampling});
+      const base::Sphere bounds{(*renderer)->sceneCenter(), (*renderer)->sceneRadius()};
+      auto picture =
+          (*renderer)->render(base::cameraForScene(view, scene.origin, bounds), {0.0F, options.truth_supersampling});
       if (!picture) return picture.error();
       LUMIGRID_TRY(base::writePng(picture->rgba, frameFile(directory_, i)));
     }

@@ -20,6 +20,7 @@ constexpr const char* kPreamble =
     "#line 1\n";
 
 struct ShaderTraits {
+  static constexpr detail::Kind kKind = detail::Kind::kNone;
   static void destroy(GLuint name) { glDeleteShader(name); }
 };
 using Shader = Object<ShaderTraits>;
@@ -62,6 +63,98 @@ Result<Shader> compile(const std::string& place, GLenum stage, const std::string
 }
 
 }  // namespace
+
+// ---- What is held
+// --------------------------------------------------------------------------------------------------------
+
+namespace {
+
+struct Held {
+  HeldBytes bytes;
+  std::uint64_t peak = 0;
+  std::uint32_t generation = 0;
+};
+thread_local Held held;
+
+std::uint64_t* counterOf(detail::Kind kind) {
+  switch (kind) {
+    case detail::Kind::kTexture:
+      return &held.bytes.textures;
+    case detail::Kind::kBuffer:
+      return &held.bytes.buffers;
+    case detail::Kind::kRenderbuffer:
+      return &held.bytes.renderbuffers;
+    case detail::Kind::kNone:
+      break;
+  }
+  return nullptr;
+}
+
+std::uint64_t bytesOf(GLenum format, int width, int height) {
+  const std::uint64_t pixel = format == GL_RGBA32UI ? 16 : 4;
+  return pixel * static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height);
+}
+
+std::uint64_t bytesOfLevels(int levels, GLenum format, int width, int height) {
+  std::uint64_t bytes = 0;
+  for (int level = 0; level < levels; ++level)
+    bytes += bytesOf(format, std::max(1, width >> level), std::max(1, height >> level));
+  return bytes;
+}
+
+}  // namespace
+
+const HeldBytes& heldBytes() {
+  return held.bytes;
+}
+std::uint64_t peakHeldBytes() {
+  return held.peak;
+}
+void resetPeak() {
+  held.peak = held.bytes.total();
+}
+
+void contextLost() {
+  ++held.generation;
+  held.bytes = {};
+}
+
+std::uint32_t detail::contextGeneration() {
+  return held.generation;
+}
+
+void detail::addHeld(Kind kind, std::uint64_t bytes) {
+  if (std::uint64_t* counter = counterOf(kind)) *counter += bytes;
+  held.peak = std::max(held.peak, held.bytes.total());
+}
+
+void detail::takeHeld(Kind kind, std::uint64_t bytes) {
+  if (std::uint64_t* counter = counterOf(kind)) *counter -= bytes;
+}
+
+void allocate(Buffer& buffer, GLenum target, const void* data, std::size_t bytes, GLenum usage) {
+  glBindBuffer(target, buffer.name());
+  glBufferData(target, static_cast<GLsizeiptr>(bytes), data, usage);
+  buffer.hold(bytes);
+}
+
+void allocate2D(Texture& texture, GLenum target, int levels, GLenum format, int width, int height) {
+  glBindTexture(target, texture.name());
+  glTexStorage2D(target, levels, format, width, height);
+  texture.hold(bytesOfLevels(levels, format, width, height));
+}
+
+void allocate3D(Texture& texture, GLenum target, int levels, GLenum format, int width, int height, int layers) {
+  glBindTexture(target, texture.name());
+  glTexStorage3D(target, levels, format, width, height, layers);
+  texture.hold(bytesOfLevels(levels, format, width, height) * static_cast<std::uint64_t>(layers));
+}
+
+void allocate(Renderbuffer& renderbuffer, GLenum format, int width, int height) {
+  glBindRenderbuffer(GL_RENDERBUFFER, renderbuffer.name());
+  glRenderbufferStorage(GL_RENDERBUFFER, format, width, height);
+  renderbuffer.hold(bytesOf(format, width, height));
+}
 
 // ---- Objects
 // -------------------------------------------------------------------------------------------------------------
@@ -119,11 +212,9 @@ Result<RenderTarget> RenderTarget::create(int width, int height) {
   target.width_ = width;
   target.height_ = height;
   target.color_ = Renderbuffer::create();
-  glBindRenderbuffer(GL_RENDERBUFFER, target.color_.name());
-  glRenderbufferStorage(GL_RENDERBUFFER, GL_RGBA8, width, height);
+  allocate(target.color_, GL_RGBA8, width, height);
   target.depth_ = Renderbuffer::create();
-  glBindRenderbuffer(GL_RENDERBUFFER, target.depth_.name());
-  glRenderbufferStorage(GL_RENDERBUFFER, GL_DEPTH_COMPONENT24, width, height);
+  allocate(target.depth_, GL_DEPTH_COMPONENT24, width, height);
   glBindRenderbuffer(GL_RENDERBUFFER, 0);
 
   target.framebuffer_ = Framebuffer::create();

@@ -1,7 +1,13 @@
 #pragma once
 // GLES 3.0, the subset that is WebGL2 as well, in owning objects. All need a current context, on the thread that made
-// them.
+// them. Storage is counted where it is made, by kind.
+//
+// One context a thread is assumed in two places: the counts are the thread's, and contextLost() abandons all of the
+// thread's objects.
 #include <GLES3/gl3.h>
+
+#include <cstddef>
+#include <cstdint>
 
 #include <glm/glm.hpp>
 #include <string>
@@ -13,31 +19,68 @@
 
 namespace base::gl {
 
-/// Owns one GL name; Traits::destroy frees it.
+/// Bytes of GL storage that this thread's objects hold: as asked for, without the driver's own padding.
+struct HeldBytes {
+  std::uint64_t textures = 0, buffers = 0, renderbuffers = 0;
+  std::uint64_t total() const { return textures + buffers + renderbuffers; }
+};
+const HeldBytes& heldBytes();
+/// The largest total since the thread began, or since resetPeak().
+std::uint64_t peakHeldBytes();
+void resetPeak();
+
+/// The thread's context is gone. All objects made before are abandoned: they free nothing, hold nothing, and are only
+/// good for destruction.
+void contextLost();
+
+namespace detail {
+enum class Kind : std::uint8_t { kNone, kTexture, kBuffer, kRenderbuffer };
+std::uint32_t contextGeneration();  ///< one more after each contextLost()
+void addHeld(Kind kind, std::uint64_t bytes);
+void takeHeld(Kind kind, std::uint64_t bytes);
+}  // namespace detail
+
+/// Owns one GL name and the count of its storage; Traits::destroy frees it, Traits::kKind says where it is counted.
 template <class Traits>
 class Object {
  public:
   Object() = default;
-  explicit Object(GLuint name) : name_(name) {}
-  Object(Object&& other) noexcept : name_(std::exchange(other.name_, 0)) {}
+  explicit Object(GLuint name) : name_(name), generation_(detail::contextGeneration()) {}
+  Object(Object&& other) noexcept { swap(other); }
   Object& operator=(Object&& other) noexcept {
-    std::swap(name_, other.name_);
+    swap(other);
     return *this;
   }
   ~Object() {
-    if (name_ != 0) Traits::destroy(name_);
+    if (name_ == 0 || generation_ != detail::contextGeneration()) return;
+    detail::takeHeld(Traits::kKind, bytes_);
+    Traits::destroy(name_);
   }
   static Object create() { return Object(Traits::create()); }
   GLuint name() const { return name_; }
   explicit operator bool() const { return name_ != 0; }
+  std::uint64_t bytes() const { return bytes_; }
+  /// What its storage takes from now on: said by the functions below, which make storage.
+  void hold(std::uint64_t bytes) {
+    detail::takeHeld(Traits::kKind, std::exchange(bytes_, bytes));
+    detail::addHeld(Traits::kKind, bytes);
+  }
 
  private:
+  void swap(Object& other) noexcept {
+    std::swap(name_, other.name_);
+    std::swap(generation_, other.generation_);
+    std::swap(bytes_, other.bytes_);
+  }
   GLuint name_ = 0;
+  std::uint32_t generation_ = 0;
+  std::uint64_t bytes_ = 0;
 };
 
 /// Names that GL makes and frees by the array.
-template <auto Generate, auto Delete>
+template <auto Generate, auto Delete, detail::Kind Counted>
 struct NameTraits {
+  static constexpr detail::Kind kKind = Counted;
   static GLuint create() {
     GLuint name = 0;
     Generate(1, &name);
@@ -46,13 +89,24 @@ struct NameTraits {
   static void destroy(GLuint name) { Delete(1, &name); }
 };
 struct ProgramTraits {
+  static constexpr detail::Kind kKind = detail::Kind::kNone;
   static void destroy(GLuint name);
 };
-using Buffer = Object<NameTraits<glGenBuffers, glDeleteBuffers>>;
-using Texture = Object<NameTraits<glGenTextures, glDeleteTextures>>;
-using VertexArray = Object<NameTraits<glGenVertexArrays, glDeleteVertexArrays>>;
-using Framebuffer = Object<NameTraits<glGenFramebuffers, glDeleteFramebuffers>>;
-using Renderbuffer = Object<NameTraits<glGenRenderbuffers, glDeleteRenderbuffers>>;
+using Buffer = Object<NameTraits<glGenBuffers, glDeleteBuffers, detail::Kind::kBuffer>>;
+using Texture = Object<NameTraits<glGenTextures, glDeleteTextures, detail::Kind::kTexture>>;
+using VertexArray = Object<NameTraits<glGenVertexArrays, glDeleteVertexArrays, detail::Kind::kNone>>;
+using Framebuffer = Object<NameTraits<glGenFramebuffers, glDeleteFramebuffers, detail::Kind::kNone>>;
+using Renderbuffer = Object<NameTraits<glGenRenderbuffers, glDeleteRenderbuffers, detail::Kind::kRenderbuffer>>;
+using Query = Object<NameTraits<glGenQueries, glDeleteQueries, detail::Kind::kNone>>;
+
+// Storage, counted. Each leaves its object bound to the target.
+
+/// glBufferData with `bytes` of `data` (null: undefined contents).
+void allocate(Buffer& buffer, GLenum target, const void* data, std::size_t bytes, GLenum usage);
+/// glTexStorage2D and 3D; formats: RGBA8 and DEPTH_COMPONENT24 (4 bytes a pixel), RGBA32UI (16).
+void allocate2D(Texture& texture, GLenum target, int levels, GLenum format, int width, int height);
+void allocate3D(Texture& texture, GLenum target, int levels, GLenum format, int width, int height, int layers);
+void allocate(Renderbuffer& renderbuffer, GLenum format, int width, int height);
 
 /// A linked program. Uniform locations are looked up by name once and kept.
 class Program {

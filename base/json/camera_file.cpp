@@ -30,7 +30,7 @@ bool readVector(const json& object, const char* key, glm::dvec3& v) {
   return true;
 }
 
-// Width, height and field of view, where given; they are inherited from the path.
+// Width, height, field of view and height of an orthographic picture, where given; they are inherited from the path.
 Result<void> readLens(const json& object, const std::string& name, ViewCamera& camera) {
   for (auto [key, side] : {std::pair{"width", &camera.width}, std::pair{"height", &camera.height}}) {
     auto it = object.find(key);
@@ -43,6 +43,11 @@ Result<void> readLens(const json& object, const std::string& name, ViewCamera& c
     if (!it->is_number() || !(it->get<double>() > 0.0) || !(it->get<double>() < 180.0))
       return bad(name, "fov_y_degrees must lie between 0 and 180");
     camera.fov_y = glm::radians(it->get<double>());
+  }
+  if (auto it = object.find("ortho_height"); it != object.end()) {
+    if (!it->is_number() || !(it->get<double>() >= 0.0) || !std::isfinite(it->get<double>()))
+      return bad(name, "ortho_height must be a number of 0 (perspective) or more");
+    camera.ortho_height = it->get<double>();
   }
   return {};
 }
@@ -111,13 +116,16 @@ std::string formatCameraPath(const std::vector<ViewCamera>& frames) {
   document["version"] = 1;
   document["frames"] = json::array();
   auto three = [](const glm::dvec3& v) { return json::array({v.x, v.y, v.z}); };
-  for (const ViewCamera& c : frames)
-    document["frames"].push_back({{"position", three(c.position)},
-                                  {"direction", three(c.direction)},
-                                  {"up", three(c.up)},
-                                  {"fov_y_degrees", glm::degrees(c.fov_y)},
-                                  {"width", c.width},
-                                  {"height", c.height}});
+  for (const ViewCamera& c : frames) {
+    json frame = {{"position", three(c.position)},
+                  {"direction", three(c.direction)},
+                  {"up", three(c.up)},
+                  {"fov_y_degrees", glm::degrees(c.fov_y)},
+                  {"width", c.width},
+                  {"height", c.height}};
+    if (c.orthographic()) frame["ortho_height"] = c.ortho_height;
+    document["frames"].push_back(std::move(frame));
+  }
   return document.dump(1) + "\n";
 }
 

@@ -2,8 +2,8 @@
 // Cameras and recorded camera paths as JSON (docs/formats/camera.md).
 //
 // A camera: {"position":[x,y,z], "direction":[x,y,z] or "target":[x,y,z], "up":[x,y,z], "fov_y_degrees":45,
-// "width":1280, "height":720} A path:   {"version":1, "width":…, "height":…, "fov_y_degrees":…, "frames":[camera, …]};
-// a frame may leave out what the path says.
+// "width":1280, "height":720, "ortho_height":0} A path:   {"version":1, "width":…, "height":…, "fov_y_degrees":…,
+// "frames":[camera, …]}; a frame may leave out what the path says.
 #include <string>
 #include <vector>
 

@@ -74,8 +74,7 @@ std::string freePath(const std::string& directory, const std::string& name) {
 }
 
 /// The path and query that ask for the full-resolution picture (docs/formats/http.md, /render).
-std::string renderTarget(const base::ViewCamera& camera, const ViewState& view,
-                         const std::array<float, 4>& background) {
+std::string renderTarget(const base::ViewCamera& camera, const std::array<float, 4>& background) {
   const auto byte = [](float share) {
     return static_cast<unsigned>(std::lround(255.0F * std::clamp(share, 0.0F, 1.0F)));
   };
@@ -87,9 +86,9 @@ std::string renderTarget(const base::ViewCamera& camera, const ViewState& view,
       camera.position.x, camera.position.y, camera.position.z, camera.direction.x, camera.direction.y,
       camera.direction.z, camera.up.x, camera.up.y, camera.up.z, glm::degrees(camera.fov_y), camera.width,
       camera.height, byte(background[0]), byte(background[1]), byte(background[2]));
-  if (view.orthographic)
+  if (camera.orthographic())
     std::snprintf(text.data() + length, text.size() - static_cast<std::size_t>(length), "&ortho_height=%.17g",
-                  2.0 * std::tan(0.5 * view.fov_y) * view.pivot_distance);
+                  camera.ortho_height);
   return text.data();
 }
 
@@ -417,7 +416,7 @@ void Window::savePicture(const Request& request) {
   if (!plain || app_->session().state() != SessionState::kReady) return writePicture(readPicture());
   app_->say("The server draws the picture\u2026");
   asked_[next_question_] = {Question::kPicture, 0, readPicture()};
-  http_->get(next_question_++, renderTarget(request.camera, request.view, background_), kMaxPicture, kPictureSeconds);
+  http_->get(next_question_++, renderTarget(request.camera, background_), kMaxPicture, kPictureSeconds);
 }
 
 void Window::writePicture(const base::Image& image) {

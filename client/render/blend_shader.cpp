@@ -4,15 +4,15 @@
 
 namespace client {
 
-// Outward by u_push × distance from the eye: a constant number of pixels on the screen, whatever patch a vertex belongs
-// to, so that no border opens.
+// Outward by u_push × distance from the eye (1 where rays are parallel): a constant number of pixels on the screen,
+// whatever patch a vertex belongs to, so that no border opens.
 std::string blendVertexSource() {
   return R"(
 layout(location = 0) in vec3 a_position;
 layout(location = 1) in vec4 a_normal;   // w: how finely the surface is sampled here (lod/draw/triangles.h)
 layout(location = 2) in vec4 a_color;
 uniform mat4 u_clip_from_scene;
-uniform vec3 u_eye;
+uniform vec4 u_eye;                    // homogeneous: parallel rays come from afar
 uniform float u_push;
 uniform vec2 u_edge;                   // length of a lattice step; octaves per unit of a_normal.w
 out float v_edge;
@@ -23,7 +23,7 @@ void main() {
   float squared = dot(a_normal.xyz, a_normal.xyz);
   vec3 outward = squared > 0.0 ? a_normal.xyz * inversesqrt(squared) : vec3(0.0);
   v_edge = u_edge.x * exp2(u_edge.y * a_normal.w);
-  v_position = a_position + outward * (u_push * distance(a_position, u_eye));
+  v_position = a_position + outward * (u_push * length(u_eye.xyz - u_eye.w * a_position));
   v_normal = outward;
   v_color = a_color.rgb;
   gl_Position = u_clip_from_scene * vec4(v_position, 1.0);
@@ -67,9 +67,15 @@ uniform sampler2DArrayShadow u_depth0;
 uniform sampler2DArrayShadow u_depth1;
 uniform sampler2DArrayShadow u_depth2;
 
-uniform vec3 u_eye;
+uniform vec4 u_eye;                    // homogeneous: with w 0 the direction of parallel rays, and every distance is 1
 uniform vec2 u_viewport;               // pixels
 uniform float u_pixels_per_unit;       // of the view, at distance 1
+uniform vec4 u_section;                // what has dot(xyz, position) > w is cut away
+uniform bool u_cut_open;               // view rays come through what is cut away: back faces are the inside of what is left
+uniform vec3 u_section_color;
+uniform bool u_show_resolution;
+uniform float u_patch_error;           // pixels, of the patch being drawn
+uniform vec4 u_steps[5];               // colour, and up to how many pixels
 uniform float u_push;                  // outward shift per distance from the eye
 uniform float u_error;                 // the proxy's error per distance from the eye
 uniform bool u_carve;
@@ -104,13 +110,26 @@ float litAround(int array, vec4 place, vec2 texel) {
                  litAt(array, place + vec4(texel.x, -texel.y, 0.0, 0.0)) + litAt(array, place + vec4(-texel.x, texel.y, 0.0, 0.0)));
 }
 
+// The legend's colour with the picture's light and dark.
+vec3 tinted(vec3 color, float pixels) {
+  int step = 0;
+  while (step < 4 && pixels > u_steps[step].w) ++step;
+  return u_steps[step].rgb * (0.35 + 0.65 * dot(color, vec3(0.299, 0.587, 0.114)));
+}
+
 // Towards its border (and while it fades in) an image loses the priority that a small angle gives, or the fade would be no wider than its last
 // thousandth. Radians; about the angle between neighbouring images.
 const float kBorderAngle = 0.3;
 
 void main() {
+  if (dot(u_section.xyz, v_position) > u_section.w) discard;
+  if (u_cut_open && !gl_FrontFacing) {
+    o_color = vec4(u_section_color, 1.0);
+    return;
+  }
+
   // The surface here: the side that the viewer sees, its normal, the proxy's error.
-  vec3 to_eye = u_eye - v_position;
+  vec3 to_eye = u_eye.xyz - u_eye.w * v_position;
   float view_distance = length(to_eye);
   vec3 view_ray = to_eye / view_distance;
   vec3 facet = cross(dFdx(v_position), dFdy(v_position));
@@ -134,6 +153,7 @@ void main() {
   float votes_for_model = 0.0;
   float voters = 0.0;              // the surest of them, 0..1
   float unseen = 1.0;              // 1 while no image shows the model here
+  float octaves = 0.0;             // log2 of the blur, weighted like the colours
 
   for (int k = 0; k < u_count; ++k) {
     int i = u_list[k >> 2][k & 3];
@@ -165,7 +185,8 @@ void main() {
     float voter = seen;
     // Close to an edge in the depth map the image may show what lies in front; not where both rays are one.
     float angle = length(view_ray - sample_ray);
-    float apart_rays = smoothstep(0.002, 0.02, angle);
+    // Through a cut the viewer sees further than the image along the same ray.
+    float apart_rays = u_cut_open ? 1.0 : smoothstep(0.002, 0.02, angle);
     seen *= mix(1.0, smoothstep(0.75, 1.0, lit) * smoothstep(u_side_low, u_side_high, cosine), apart_rays);
 
     // Coverage votes. Background in an image means that nothing lies along the whole ray, hidden by the proxy or not; model counts
@@ -185,6 +206,7 @@ void main() {
     float weight = seen * pow(blur * blur + shift * shift, -0.5 * u_resolution_power) * pow(angle + u_angle_floor + kBorderAngle * (1.0 - middle), -u_angle_power);
     color_sum += weight * color.rgb;
     coverage_sum += weight * color.a;
+    if (u_show_resolution) octaves += weight * color.a * 0.5 * log2(1.0 / (ratio * ratio * cosine * cosine + 1e-8) + shift * shift);
     unseen *= 1.0 - seen * color.a;
   }
 
@@ -194,6 +216,7 @@ void main() {
   // What no image sees is shaded; in between, blended, so that nothing pops.
   float images = smoothstep(0.0, 0.25, 1.0 - unseen);
   vec3 color = color_sum / max(coverage_sum, 1e-20);
+  float shown = mix(u_patch_error, exp2(octaves / max(coverage_sum, 1e-20)), images);
   if (u_fill) {
     // The proxy's own shading is a sample too, whose texels are its triangles: where the images are coarser, it counts more.
     // Its blur is put like theirs, with the slant in it.
@@ -201,11 +224,12 @@ void main() {
     float blur = max(u_shade_blur * v_edge * view_density, 1.0) / clamp(dot(normal, view_ray), 0.05, 1.0);
     float weight = u_shade_weight * pow(blur, -u_resolution_power);
     color = mix(shaded, (color_sum + weight * shaded) / max(coverage_sum + weight, 1e-20), images);
+    shown = mix(shown, u_patch_error, weight / max(coverage_sum + weight, 1e-20));
   } else if (images < 1.0) {
     color = mix(u_background.rgb, color, images);
   }
   if (!u_fill && images <= 0.0) discard;
-  o_color = vec4(color, 1.0);
+  o_color = vec4(u_show_resolution ? tinted(color, shown) : color, 1.0);
 }
 )";
 }

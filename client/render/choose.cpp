@@ -46,9 +46,9 @@ SampleGeometry::SampleGeometry(const base::Camera& camera)
              directionThrough(scene_from_clip, eye, 1, 1), directionThrough(scene_from_clip, eye, -1, 1)};
 }
 
-float sampleWeight(const glm::vec3& point, const glm::vec3& view_eye, const glm::vec3& sample_eye, float ratio,
-                   float error_px, const BlendTuning& tuning) {
-  const float angle = glm::length(glm::normalize(view_eye - point) - glm::normalize(sample_eye - point));
+float sampleWeight(const glm::vec3& to_view, const glm::vec3& to_sample, float ratio, float error_px,
+                   const BlendTuning& tuning) {
+  const float angle = glm::length(glm::normalize(to_view) - glm::normalize(to_sample));
   const float blur = 1.0F / std::min(1.0F, ratio);
   const float shift = tuning.shift * error_px * angle;
   return std::pow(blur * blur + shift * shift, -0.5F * tuning.resolution_power) *
@@ -66,13 +66,14 @@ std::vector<std::size_t> chooseSamples(std::span<const SampleGeometry* const> sa
   for (std::size_t b = 0; b < count; ++b) {
     const glm::vec3 center = boxes[b].center();
     const float radius = 0.5F * boxes[b].diagonal() + 1e-20F;
-    const float distance = std::max(glm::length(center - view.eye), radius);
+    const glm::vec3 to_view = view.towardsViewer(center);
+    const float distance = view.orthographic() ? 1.0F : std::max(glm::length(to_view), radius);
     float best = 0.0F;
     for (std::size_t s = 0; s < samples.size(); ++s) {
       if (!samples[s]->frustum.mayOverlap(boxes[b])) continue;
       const float sample_distance = std::max(glm::length(center - samples[s]->eye), radius);
       const float ratio = samples[s]->pixels_per_unit_at_one / sample_distance / (view.pixelsPerUnitAtOne() / distance);
-      const float weight = sampleWeight(center, view.eye, samples[s]->eye, ratio, error_px, tuning);
+      const float weight = sampleWeight(to_view, samples[s]->eye - center, ratio, error_px, tuning);
       if (!std::isfinite(weight)) continue;  // an eye in the box's middle has no direction
       quality[s * count + b] = weight;
       best = std::max(best, weight);

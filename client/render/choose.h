@@ -24,10 +24,10 @@ struct SampleGeometry {
 };
 
 /// The weight of a sample at a surface point for a viewer, before visibility: the same formula as the shader's
-/// (blend_shader.cpp). `ratio`: pixels per unit length of the sample over those of the view. `error_px`: the proxy's
-/// error there.
-float sampleWeight(const glm::vec3& point, const glm::vec3& view_eye, const glm::vec3& sample_eye, float ratio,
-                   float error_px, const BlendTuning& tuning);
+/// (blend_shader.cpp). `to_view`, `to_sample`: from the point to both, of any length but zero. `ratio`: pixels per unit
+/// length of the sample over those of the view. `error_px`: the proxy's error there.
+float sampleWeight(const glm::vec3& to_view, const glm::vec3& to_sample, float ratio, float error_px,
+                   const BlendTuning& tuning);
 
 /// Up to `limit` of `samples`, by index, in the order of what they add to the view. Buehler et al. 2001, section 3,
 /// rank cameras per ray; to choose, one ray per box of the drawn surface is enough. Samples that see no box are left

@@ -18,6 +18,11 @@ namespace {
 constexpr int kDepthMapsPerFrame =
     3;  ///< redrawn while pictures may still settle; each costs about a plain frame of the proxy
 constexpr GLuint kSamplesBinding = 0;
+constexpr int kMaxDepthSide = 512;  ///< of a sample's depth map
+/// A budget of no more faces than this is taken whole at once: growing needs room for a copy. About what a frame
+/// blends.
+constexpr int kFacesAtOnce = 32;
+constexpr std::uint64_t kFewFaces = 24;  ///< what a frame blends by default, and half as many on their way
 
 /// One sample as the uniform block holds it (std140; blend_shader.cpp).
 struct SampleBlock {
@@ -61,12 +66,13 @@ std::uint64_t mixed(std::uint64_t x) {
 }  // namespace
 
 struct LumigraphRenderer::State {
-  State(const lod::patch::Lattice& lattice, int size, std::uint64_t budget)
-      : patches(lattice), face_size(size), budget_bytes(budget) {}
+  State(const lod::patch::Lattice& lattice, int size, std::uint64_t budget, std::uint64_t others)
+      : patches(lattice), face_size(size), budget_bytes(budget), for_other_sizes(std::min(others, budget)) {}
 
   lod::draw::PatchMeshes patches;
   int face_size;
   std::uint64_t budget_bytes;
+  std::uint64_t for_other_sizes;
   base::gl::Program blend;
   base::gl::Program depth;
   base::gl::Buffer block;
@@ -84,14 +90,19 @@ struct LumigraphRenderer::State {
     double now = 0.0;
     float error_per_distance = 0.0F;
     float push_per_distance = 0.0F;
-    std::vector<std::uint32_t> patches;  ///< front to back
+    std::vector<std::uint32_t> patches;  ///< front to back, without those that are cut away whole
+    std::vector<float> errors_px;        ///< beside them
     std::vector<base::Aabb> boxes;       ///< of those
     std::vector<std::uint32_t> occluders;
     std::vector<Sample*> active;  ///< in the uniform block
   };
 
+  bool isFaceSize(int width, int height) const { return width == face_size && height == face_size; }
   std::uint64_t textureBytes() const;
+  std::uint64_t budgetOf(const SampleArray& array) const;
+  int maxDepthSide() const;
   int arrayFor(int width, int height);
+  bool giveUpEmptyArrays(int but);
   void wantSamples(Frame& frame, std::span<const SampleId> candidates);
   std::vector<Sample*> pool(std::span<const SampleId> candidates);
   std::uint64_t depthSignature(const Sample& sample, const std::vector<std::uint32_t>& occluders,
@@ -101,6 +112,7 @@ struct LumigraphRenderer::State {
   float strongestFade(const Frame& frame) const;
   void uploadBlock(const Frame& frame);
   void setUniforms(const Frame& frame, const lod::draw::Shading& shading);
+  void setModes(const LumigraphOptions& options, const base::Camera& camera) const;
   void bindArrays() const;
   void drawPatches(const Frame& frame);
 };
@@ -109,8 +121,7 @@ namespace {
 
 base::gl::Texture emptyArray(GLenum format) {
   auto texture = base::gl::Texture::create();
-  glBindTexture(GL_TEXTURE_2D_ARRAY, texture.name());
-  glTexStorage3D(GL_TEXTURE_2D_ARRAY, 1, format, 1, 1, 1);
+  base::gl::allocate3D(texture, GL_TEXTURE_2D_ARRAY, 1, format, 1, 1, 1);
   glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
   glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
   if (format == GL_DEPTH_COMPONENT24)
@@ -118,19 +129,33 @@ base::gl::Texture emptyArray(GLenum format) {
   return texture;
 }
 
-std::vector<std::uint32_t> frontToBack(std::span<const std::uint32_t> cut, const lod::draw::PatchMeshes& patches,
-                                       const glm::vec3& eye) {
-  std::vector<std::pair<float, std::uint32_t>> order;
+/// How near the viewer a box is, for sorting: by its nearest point, and of equals by its middle.
+float nearness(const base::Camera& camera, const base::Aabb& box) {
+  if (camera.orthographic()) return -glm::dot(camera.towardsViewer(box.center()), box.center());
+  const glm::vec3& eye = camera.eye;
+  return glm::length(glm::clamp(eye, box.min, box.max) - eye) + 0.01F * glm::length(box.center() - eye);
+}
+
+/// True when all of the box is on the side that the section cuts away.
+bool isCutAway(const glm::vec4& section, const base::Aabb& box) {
+  const glm::vec3 normal(section);
+  const glm::vec3 nearest = glm::mix(box.min, box.max, glm::vec3(glm::lessThan(normal, glm::vec3(0.0F))));
+  return glm::dot(normal, nearest) > section.w;
+}
+
+/// Indices into `cut` of what is left of it by the section, front to back.
+std::vector<std::size_t> frontToBack(std::span<const std::uint32_t> cut, const lod::draw::PatchMeshes& patches,
+                                     const base::Camera& camera, const glm::vec4& section) {
+  std::vector<std::pair<float, std::size_t>> order;
   order.reserve(cut.size());
-  for (const std::uint32_t patch : cut) {
-    const base::Aabb& box = patches.box(patch);
-    order.emplace_back(glm::length(glm::clamp(eye, box.min, box.max) - eye) + 0.01F * glm::length(box.center() - eye),
-                       patch);
+  for (std::size_t i = 0; i < cut.size(); ++i) {
+    const base::Aabb& box = patches.box(cut[i]);
+    if (!isCutAway(section, box)) order.emplace_back(nearness(camera, box), i);
   }
   std::sort(order.begin(), order.end());
-  std::vector<std::uint32_t> sorted;
+  std::vector<std::size_t> sorted;
   sorted.reserve(order.size());
-  for (const auto& [distance, patch] : order) sorted.push_back(patch);
+  for (const auto& [distance, index] : order) sorted.push_back(index);
   return sorted;
 }
 
@@ -138,9 +163,10 @@ std::vector<std::uint32_t> frontToBack(std::span<const std::uint32_t> cut, const
 
 base::Result<std::unique_ptr<LumigraphRenderer>> LumigraphRenderer::create(const lod::patch::Lattice& lattice,
                                                                            int face_size,
-                                                                           std::uint64_t gpu_budget_bytes) {
+                                                                           std::uint64_t gpu_budget_bytes,
+                                                                           std::uint64_t for_other_sizes) {
   auto renderer = std::unique_ptr<LumigraphRenderer>(new LumigraphRenderer);
-  renderer->state_ = std::make_unique<State>(lattice, face_size, gpu_budget_bytes);
+  renderer->state_ = std::make_unique<State>(lattice, face_size, gpu_budget_bytes, for_other_sizes);
   State& state = *renderer->state_;
 
   auto blend = base::gl::Program::link("lumigraph blend", blendVertexSource(), blendFragmentSource());
@@ -172,12 +198,35 @@ bool LumigraphRenderer::settling() const {
 const LumigraphStats& LumigraphRenderer::stats() const {
   return state_->stats;
 }
+float LumigraphRenderer::fadeOf(SampleId id, double now, float fade_seconds) const {
+  const auto found = state_->samples.find(id);
+  return found == state_->samples.end() ? 0.0F : found->second.fadeAt(now, fade_seconds);
+}
+base::gl::HeldBytes LumigraphRenderer::held() const {
+  const State& state = *state_;
+  return {state.textureBytes() + state.no_color.bytes() + state.no_depth.bytes(),
+          state.patches.gpuBytes() + state.block.bytes(), 0};
+}
 
 std::uint64_t LumigraphRenderer::State::textureBytes() const {
   std::uint64_t bytes = 0;
   for (const auto& array : arrays)
     if (array) bytes += array->bytes();
   return bytes;
+}
+
+/// Of depth maps: half where the budget is so small that more faces help more.
+int LumigraphRenderer::State::maxDepthSide() const {
+  const std::uint64_t full_depth = std::uint64_t{4} * kMaxDepthSide * kMaxDepthSide;
+  const bool small = budget_bytes < kFewFaces * (pyramidBytes(face_size, face_size) + full_depth);
+  return small ? kMaxDepthSide / 2 : kMaxDepthSide;
+}
+
+/// What is left of the budget for this array, its present bytes included.
+std::uint64_t LumigraphRenderer::State::budgetOf(const SampleArray& array) const {
+  const std::uint64_t others = textureBytes() - array.bytes();
+  const std::uint64_t left = budget_bytes > others ? budget_bytes - others : 0;
+  return isFaceSize(array.width(), array.height()) ? std::min(left, budget_bytes - for_other_sizes) : left;
 }
 
 /// The array of this image size; made, or put in the place of one that holds nothing, where there is none. −1: no
@@ -191,7 +240,9 @@ int LumigraphRenderer::State::arrayFor(int width, int height) {
     auto& array = arrays[static_cast<std::size_t>(i)];
     if (array && array->used() > 0) continue;
     array.reset();
-    array.emplace(width, height, std::min(width, 512), std::min(height, 512));
+    const int depth_side = maxDepthSide();
+    array.emplace(width, height, std::min(width, depth_side), std::min(height, depth_side),
+                  isFaceSize(width, height) ? kFacesAtOnce : SampleArray::kFirstLayers);
     return i;
   }
   return -1;
@@ -204,8 +255,8 @@ bool LumigraphRenderer::addSample(SampleId id, const base::Camera& camera, const
   const int index = state.arrayFor(rgba.width, rgba.height);
   if (index < 0) return false;
   SampleArray& array = *state.arrays[static_cast<std::size_t>(index)];
-  const std::uint64_t others = state.textureBytes() - array.bytes();
-  const int layer = array.add(rgba, state.budget_bytes > others ? state.budget_bytes - others : 0);
+  int layer = array.add(rgba, state.budgetOf(array));
+  if (layer < 0 && state.giveUpEmptyArrays(index)) layer = array.add(rgba, state.budgetOf(array));
   if (layer < 0) return false;
   Sample sample{camera, SampleGeometry(camera)};
   sample.array = index;
@@ -213,6 +264,18 @@ bool LumigraphRenderer::addSample(SampleId id, const base::Camera& camera, const
   sample.fade_since = now;
   state.samples.emplace(id, sample);
   return true;
+}
+
+/// Frees the storage of arrays without images, but for one. True when there was any.
+bool LumigraphRenderer::State::giveUpEmptyArrays(int but) {
+  bool any = false;
+  for (int i = 0; i < kMaxArrays; ++i) {
+    auto& array = arrays[static_cast<std::size_t>(i)];
+    if (i == but || !array || array->used() > 0) continue;
+    any = any || array->bytes() > 0;
+    array.reset();
+  }
+  return any;
 }
 
 void LumigraphRenderer::removeSample(SampleId id) {
@@ -366,8 +429,7 @@ void LumigraphRenderer::State::uploadBlock(const Frame& frame) {
     blocks[i].depth = glm::vec4(projection[2][2], projection[3][2], texel, sample.geometry.pixels_per_unit_at_one);
     blocks[i].floors = floors[i];
   }
-  glBindBuffer(GL_UNIFORM_BUFFER, block.name());
-  glBufferData(GL_UNIFORM_BUFFER, sizeof(blocks), blocks.data(), GL_DYNAMIC_DRAW);
+  base::gl::allocate(block, GL_UNIFORM_BUFFER, blocks.data(), sizeof(blocks), GL_DYNAMIC_DRAW);
   glBindBufferBase(GL_UNIFORM_BUFFER, kSamplesBinding, block.name());
 }
 
@@ -393,13 +455,15 @@ void LumigraphRenderer::State::setUniforms(const Frame& frame, const lod::draw::
   const glm::mat4 clip_from_scene = camera.clipFromScene();
   const auto set = [&](const char* name, float value) { glUniform1f(blend.uniform(name), value); };
   glUniformMatrix4fv(blend.uniform("u_clip_from_scene"), 1, GL_FALSE, &clip_from_scene[0][0]);
-  glUniform3f(blend.uniform("u_eye"), camera.eye.x, camera.eye.y, camera.eye.z);
+  const glm::vec4 eye = camera.homogeneousEye();
+  glUniform4f(blend.uniform("u_eye"), eye.x, eye.y, eye.z, eye.w);
   glUniform2f(blend.uniform("u_viewport"), static_cast<float>(camera.width), static_cast<float>(camera.height));
   set("u_pixels_per_unit", camera.pixelsPerUnitAtOne());
   set("u_push", frame.push_per_distance);
   set("u_error", frame.error_per_distance);
   glUniform1i(blend.uniform("u_carve"), frame.options.carve ? 1 : 0);
   glUniform1i(blend.uniform("u_fill"), frame.options.fill_holes || !frame.options.use_images ? 1 : 0);
+  setModes(frame.options, camera);
   const float* background = frame.options.background;
   glUniform4f(blend.uniform("u_background"), background[0], background[1], background[2], background[3]);
 
@@ -422,6 +486,26 @@ void LumigraphRenderer::State::setUniforms(const Frame& frame, const lod::draw::
               127.0F / lod::draw::kEdgeCodesPerOctave);
 }
 
+/// The section plane and the colours by resolution.
+void LumigraphRenderer::State::setModes(const LumigraphOptions& options, const base::Camera& camera) const {
+  const glm::vec4& section = options.section;
+  glUniform4f(blend.uniform("u_section"), section.x, section.y, section.z, section.w);
+  // Where the eye is on the side that stays, so is all that it sees.
+  const glm::vec4 eye = camera.homogeneousEye();
+  const bool cut_open = glm::dot(glm::vec3(section), glm::vec3(eye)) > section.w * eye.w;
+  glUniform1i(blend.uniform("u_cut_open"), section != base::kNoSection && cut_open ? 1 : 0);
+  const auto& cut_color = kSectionColor;
+  glUniform3f(blend.uniform("u_section_color"), static_cast<float>(cut_color[0]) / 255.0F,
+              static_cast<float>(cut_color[1]) / 255.0F, static_cast<float>(cut_color[2]) / 255.0F);
+  glUniform1i(blend.uniform("u_show_resolution"), options.resolution_colors ? 1 : 0);
+  std::array<glm::vec4, kResolutionLegend.size()> steps{};
+  for (std::size_t i = 0; i < steps.size(); ++i) {
+    const ResolutionStep& step = kResolutionLegend[i];
+    steps[i] = glm::vec4(glm::vec3(step.color[0], step.color[1], step.color[2]) / 255.0F, step.up_to_px);
+  }
+  glUniform4fv(blend.uniform("u_steps[0]"), static_cast<GLsizei>(steps.size()), &steps[0][0]);
+}
+
 /// Patches front to back; runs that the same samples may see share a draw call's list, so that a fragment tries only
 /// those.
 void LumigraphRenderer::State::drawPatches(const Frame& frame) {
@@ -433,16 +517,19 @@ void LumigraphRenderer::State::drawPatches(const Frame& frame) {
   };
   const GLint list_location = blend.uniform("u_list[0]");
   const GLint count_location = blend.uniform("u_count");
+  const GLint error_location = blend.uniform("u_patch_error");
+  const bool by_patch = frame.options.resolution_colors;
   for (std::size_t first = 0; first < frame.patches.size();) {
     const std::uint32_t mask = maskOf(first);
     std::size_t last = first + 1;
-    while (last < frame.patches.size() && maskOf(last) == mask) ++last;
+    while (!by_patch && last < frame.patches.size() && maskOf(last) == mask) ++last;
     std::array<GLint, kMaxSamples> list{};
     GLint count = 0;
     for (GLint s = 0; s < kMaxSamples; ++s)
       if ((mask >> s & 1U) != 0) list[static_cast<std::size_t>(count++)] = s;
     glUniform4iv(list_location, kMaxSamples / 4, list.data());
     glUniform1i(count_location, count);
+    glUniform1f(error_location, frame.errors_px[first]);
     patches.draw(std::span(frame.patches).subspan(first, last - first));
     first = last;
   }
@@ -451,15 +538,19 @@ void LumigraphRenderer::State::drawPatches(const Frame& frame) {
 void LumigraphRenderer::draw(const base::Camera& camera, std::span<const std::uint32_t> cut,
                              std::span<const SampleId> candidates, float cut_error_px,
                              const lod::draw::Shading& shading, const LumigraphOptions& options, double now,
-                             std::span<const std::uint32_t> occluders) {
+                             std::span<const std::uint32_t> occluders, std::span<const float> patch_error_px) {
   State& state = *state_;
   state.settling = false;
   state.stats = {};
 
   // What this frame is made of.
-  State::Frame frame{camera, options, now, 0.0F, 0.0F, frontToBack(cut, state.patches, camera.eye), {}, {}, {}};
+  State::Frame frame{camera, options, now, 0.0F, 0.0F, {}, {}, {}, {}, {}};
   frame.error_per_distance = cut_error_px / camera.pixelsPerUnitAtOne();
-  for (const std::uint32_t patch : frame.patches) frame.boxes.push_back(state.patches.box(patch));
+  for (const std::size_t i : frontToBack(cut, state.patches, camera, options.section)) {
+    frame.patches.push_back(cut[i]);
+    frame.errors_px.push_back(i < patch_error_px.size() ? patch_error_px[i] : cut_error_px);
+    frame.boxes.push_back(state.patches.box(cut[i]));
+  }
   if (occluders.empty()) occluders = cut;
   frame.occluders.assign(occluders.begin(), occluders.end());
   state.wantSamples(frame, candidates);
@@ -480,9 +571,9 @@ void LumigraphRenderer::draw(const base::Camera& camera, std::span<const std::ui
 
   state.stats.samples_used = static_cast<std::uint32_t>(frame.active.size());
   state.stats.samples_resident = static_cast<std::uint32_t>(state.samples.size());
-  state.stats.patches = static_cast<std::uint32_t>(cut.size());
-  for (const std::uint32_t patch : cut) state.stats.triangles += state.patches.triangles(patch);
-  state.stats.gpu_bytes = state.textureBytes() + state.patches.gpuBytes() + sizeof(SampleBlock) * kMaxSamples;
+  state.stats.patches = static_cast<std::uint32_t>(frame.patches.size());
+  for (const std::uint32_t patch : frame.patches) state.stats.triangles += state.patches.triangles(patch);
+  state.stats.gpu_bytes = held().total();
 }
 
 }  // namespace client

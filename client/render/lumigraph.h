@@ -4,6 +4,7 @@
 //
 // Every sampling image is a *camera*: a projection (off-axis where need be), pixels, coverage, a depth map of the
 // proxy. A face of the repository, a tile and an exact frame are the same thing here.
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -39,6 +40,21 @@ struct BlendTuning {
   float parallax = 2.0F;  ///< a pushed fragment is looked up this many push lengths further along the view ray, at most
 };
 
+/// Colours by resolution: each fragment is tinted by how many screen pixels the detail shown there spans. From images,
+/// their texels (with what the proxy's error shifts); from patches, their projected error.
+struct ResolutionStep {
+  float up_to_px;                     ///< the last step has no end
+  std::array<std::uint8_t, 3> color;  ///< sRGB
+};
+/// Fine to coarse, told apart by colour-blind people too (ColorBrewer's RdYlBu).
+inline constexpr std::array<ResolutionStep, 5> kResolutionLegend{{{1.0F, {0x2c, 0x7b, 0xb6}},
+                                                                  {2.0F, {0xab, 0xd9, 0xe9}},
+                                                                  {4.0F, {0xff, 0xff, 0xbf}},
+                                                                  {8.0F, {0xfd, 0xae, 0x61}},
+                                                                  {1e30F, {0xd7, 0x19, 0x1c}}}};
+/// Back faces seen through what a section plane cuts away, sRGB.
+inline constexpr std::array<std::uint8_t, 3> kSectionColor{0xc8, 0x6a, 0x45};
+
 struct LumigraphOptions {
   int max_samples = 16;        ///< images blended per frame, 1..32
   float fade_seconds = 0.25F;  ///< images come in and go over this; 0 for pictures that must be final at once
@@ -50,6 +66,8 @@ struct LumigraphOptions {
   float push = 0.0F;
   bool use_images = true;  ///< false: the same proxy shaded by its vertex colours
   float background[4] = {0.0F, 0.0F, 0.0F, 0.0F};
+  bool resolution_colors = false;
+  glm::vec4 section = base::kNoSection;  ///< scene-local (base::sectionInScene)
   BlendTuning tuning;
 };
 
@@ -64,28 +82,36 @@ struct LumigraphStats {
 
 class LumigraphRenderer {
  public:
-  /// `gpu_budget_bytes` bounds textures; layers beyond it are refused by addSample (returns false).
+  /// `gpu_budget_bytes` bounds textures; layers beyond it are refused by addSample (returns false). Images of
+  /// face_size × face_size leave `for_other_sizes` of it to others.
   static base::Result<std::unique_ptr<LumigraphRenderer>> create(const lod::patch::Lattice& lattice, int face_size,
-                                                                 std::uint64_t gpu_budget_bytes);
+                                                                 std::uint64_t gpu_budget_bytes,
+                                                                 std::uint64_t for_other_sizes = 0);
   ~LumigraphRenderer();
 
   lod::draw::PatchMeshes& patches();
 
-  /// A sampling image with its camera; `rgba` may be of any size (not resampled: an
+  /// A sampling image with its camera (a perspective one); `rgba` may be of any size (not resampled: an
   /// array of layers per size, at most three sizes at a time, of which an empty one is given up). Alpha is coverage: 0
   /// background, 255 model. `now` in seconds starts its fade.
   bool addSample(SampleId id, const base::Camera& camera, const base::Image& rgba, double now);
   void removeSample(SampleId id);
   bool hasSample(SampleId id) const;
+  /// 1 once the sample is wholly in the picture, 0 while it is not part of it.
+  float fadeOf(SampleId id, double now, float fade_seconds) const;
+  /// What it has allocated on the GPU, by kind: what base::gl counts of it.
+  base::gl::HeldBytes held() const;
 
   /// Draws into the framebuffer bound now, viewport 0,0 … camera.width × height. `cut` lists uploaded patches;
   /// `cut_error_px` is the largest projected error among them (for push, shadow bias and weights). `candidates`:
   /// resident samples to choose from (empty: all); those that add most are taken, and where two add the same the
   /// earlier. `occluders`: uploaded patches for the depth maps, best a cut without culling, since what lies outside the
-  /// view hides things from samples too (empty: the cut). Colours are blended as sRGB values.
+  /// view hides things from samples too (empty: the cut). `patch_error_px`: beside `cut`, for colours by resolution
+  /// (empty: cut_error_px for all). Colours are blended as sRGB values. A section plane cuts the picture, not the depth
+  /// maps: images show the uncut model, so what the plane uncovers is seen by none of them and shaded by its normal.
   void draw(const base::Camera& camera, std::span<const std::uint32_t> cut, std::span<const SampleId> candidates,
             float cut_error_px, const lod::draw::Shading& shading, const LumigraphOptions& options, double now,
-            std::span<const std::uint32_t> occluders = {});
+            std::span<const std::uint32_t> occluders = {}, std::span<const float> patch_error_px = {});
 
   /// True when another frame at the same view would look different (fades running, depth maps not all drawn yet).
   bool settling() const;

@@ -7,8 +7,6 @@
 namespace client {
 namespace {
 
-constexpr int kFirstLayers = 4;  ///< a first allocation; doubled from there
-
 void setFilters(GLint minify, GLint magnify) {
   glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER, minify);
   glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAG_FILTER, magnify);
@@ -24,11 +22,12 @@ int maxLayers() {
 
 }  // namespace
 
-SampleArray::SampleArray(int width, int height, int depth_width, int depth_height)
+SampleArray::SampleArray(int width, int height, int depth_width, int depth_height, int most_at_once)
     : width_(width),
       height_(height),
       depth_width_(depth_width),
       depth_height_(depth_height),
+      most_at_once_(most_at_once),
       framebuffer_(base::gl::Framebuffer::create()) {}
 
 std::uint64_t SampleArray::bytesPerLayer() const {
@@ -38,16 +37,14 @@ std::uint64_t SampleArray::bytesPerLayer() const {
 
 base::gl::Texture SampleArray::makeColor(int layers) const {
   auto texture = base::gl::Texture::create();
-  glBindTexture(GL_TEXTURE_2D_ARRAY, texture.name());
-  glTexStorage3D(GL_TEXTURE_2D_ARRAY, pyramidLevels(width_, height_), GL_RGBA8, width_, height_, layers);
+  base::gl::allocate3D(texture, GL_TEXTURE_2D_ARRAY, pyramidLevels(width_, height_), GL_RGBA8, width_, height_, layers);
   setFilters(GL_LINEAR_MIPMAP_LINEAR, GL_LINEAR);
   return texture;
 }
 
 base::gl::Texture SampleArray::makeDepth(int layers) const {
   auto texture = base::gl::Texture::create();
-  glBindTexture(GL_TEXTURE_2D_ARRAY, texture.name());
-  glTexStorage3D(GL_TEXTURE_2D_ARRAY, 1, GL_DEPTH_COMPONENT24, depth_width_, depth_height_, layers);
+  base::gl::allocate3D(texture, GL_TEXTURE_2D_ARRAY, 1, GL_DEPTH_COMPONENT24, depth_width_, depth_height_, layers);
   setFilters(GL_LINEAR, GL_LINEAR);
   glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_COMPARE_MODE, GL_COMPARE_REF_TO_TEXTURE);
   glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_COMPARE_FUNC, GL_LEQUAL);
@@ -82,7 +79,11 @@ void SampleArray::copyLayersTo(const base::gl::Texture& color, const base::gl::T
 bool SampleArray::grow(std::uint64_t budget_bytes) {
   const auto affordable = static_cast<int>(
       std::min<std::uint64_t>(budget_bytes / bytesPerLayer(), static_cast<std::uint64_t>(maxLayers())));
-  const int layers = std::min(affordable, std::max(kFirstLayers, 2 * capacity_));
+  // While layers are copied the old ones lie beside the new ones. Where few are affordable anyway, all are taken at
+  // once.
+  const int layers = capacity_ > 0                 ? std::min(affordable - capacity_, 2 * capacity_)
+                     : affordable <= most_at_once_ ? affordable
+                                                   : std::min(affordable, kFirstLayers);
   if (layers <= capacity_) return false;
 
   GLint draw_framebuffer = 0, read_framebuffer = 0;

@@ -12,8 +12,11 @@ namespace client {
 /// destroyed.
 class SampleArray {
  public:
-  /// Colour layers of width × height, depth layers of depth_width × depth_height.
-  SampleArray(int width, int height, int depth_width, int depth_height);
+  static constexpr int kFirstLayers = 4;  ///< a first allocation; doubled from there
+
+  /// Colour layers of width × height, depth layers of depth_width × depth_height. A budget of no more than
+  /// `most_at_once` layers is allocated whole with the first image.
+  SampleArray(int width, int height, int depth_width, int depth_height, int most_at_once = kFirstLayers);
 
   int width() const { return width_; }
   int height() const { return height_; }
@@ -26,7 +29,7 @@ class SampleArray {
   int used() const { return capacity_ - static_cast<int>(free_.size()); }
 
   /// A layer for `rgba` (4 channels, of this array's size), −1 when none is free and growing would exceed
-  /// `budget_bytes` for this array or the GL's limit of layers.
+  /// `budget_bytes` for this array, the copy that growing makes included, or the GL's limit of layers.
   int add(const base::Image& rgba, std::uint64_t budget_bytes);
   void release(int layer) { free_.push_back(layer); }
 
@@ -41,7 +44,7 @@ class SampleArray {
   base::gl::Texture makeDepth(int layers) const;
   void copyLayersTo(const base::gl::Texture& color, const base::gl::Texture& depth) const;
 
-  int width_, height_, depth_width_, depth_height_;
+  int width_, height_, depth_width_, depth_height_, most_at_once_;
   int capacity_ = 0;
   std::vector<int> free_;
   base::gl::Texture color_;

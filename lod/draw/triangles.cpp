@@ -83,12 +83,9 @@ void PatchMeshes::upload(std::uint32_t patch, const patch::PatchGeometry& geomet
   for (const Vertex& vertex : vertices) mesh.box.add(vertex.position);
 
   glBindVertexArray(mesh.array.name());
-  glBindBuffer(GL_ARRAY_BUFFER, mesh.vertices.name());
-  glBufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(vertices.size() * sizeof(Vertex)), vertices.data(),
-               GL_STATIC_DRAW);
-  glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, mesh.indices.name());
-  glBufferData(GL_ELEMENT_ARRAY_BUFFER, static_cast<GLsizeiptr>(geometry.indices.size() * sizeof(std::uint16_t)),
-               geometry.indices.data(), GL_STATIC_DRAW);
+  base::gl::allocate(mesh.vertices, GL_ARRAY_BUFFER, vertices.data(), vertices.size() * sizeof(Vertex), GL_STATIC_DRAW);
+  base::gl::allocate(mesh.indices, GL_ELEMENT_ARRAY_BUFFER, geometry.indices.data(),
+                     geometry.indices.size() * sizeof(std::uint16_t), GL_STATIC_DRAW);
   describeVertex();
   glBindVertexArray(0);
 

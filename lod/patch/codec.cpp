@@ -722,7 +722,7 @@ class Walk {
     for (std::uint32_t i = begin; i < end; i += kLanes) {
       Short8 next;
       std::memcpy(&next, &next_[i], sizeof(next));
-      auto same = std::bit_cast<std::uint64_t>(__builtin_convertvector(next == gate_.b, Byte8));
+      auto same = base::bitCast<std::uint64_t>(__builtin_convertvector(next == gate_.b, Byte8));
       if (end - i < kLanes) same &= (std::uint64_t{1} << (8 * (end - i))) - 1;
       if (same == 0) continue;
       const auto lane = static_cast<std::uint32_t>(std::countr_zero(same)) / 8;

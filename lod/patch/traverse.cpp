@@ -32,7 +32,6 @@ class CutSelection {
         request_(request),
         available_(available),
         frustum_(request.camera.clipFromScene()),
-        pixels_per_unit_at_one_(request.camera.pixelsPerUnitAtOne()),
         states_(hierarchy.groups.size()) {}
 
   Cut run() {
@@ -51,11 +50,17 @@ class CutSelection {
       const Candidate next = pop();
       const std::uint64_t finer = measureConsumed(next.group);
       const std::uint64_t coarser = states_[next.group].visible_triangles;
-      if (next.group != 0 && cut_.triangles - coarser + finer > request_.max_triangles) return;
+      const std::uint64_t cost = costOfConsumed(next.group);
+      if (next.group != 0 &&
+          (cut_.triangles - coarser + finer > request_.max_triangles || cut_.cost + cost > request_.max_cost)) {
+        cut_.limited = true;
+        return;
+      }
       if (available_ && !available_(next.group)) {
         wanted_.push_back(next);
       } else {
         cut_.triangles = cut_.triangles - coarser + finer;
+        cut_.cost += cost;
         expand(next.group);
       }
     }
@@ -81,9 +86,25 @@ class CutSelection {
     return triangles;
   }
 
+  std::uint64_t costOfConsumed(std::uint32_t group) const {
+    if (!request_.cost) return 0;
+    const Group& g = hierarchy_.groups[group];
+    std::uint64_t cost = 0;
+    for (std::uint32_t i = 0; i < g.patch_count; ++i) cost += request_.cost(hierarchy_.patches[g.first_patch + i]);
+    return cost;
+  }
+
   bool isVisible(const Patch& patch) const {
     if (request_.cull && !frustum_.mayOverlap(patch.box)) return false;
-    return !request_.cull_back_faces || !base::facesAway(patch.cone, patch.bounds, request_.camera.eye);
+    return !request_.cull_back_faces || !base::facesAway(patch.cone, patch.bounds, eyeFor(patch.bounds));
+  }
+
+  // Parallel rays come from far away, as seen from each patch.
+  glm::vec3 eyeFor(const base::Sphere& bounds) const {
+    constexpr float kFarAway = 1e4F;
+    const base::Camera& camera = request_.camera;
+    return camera.orthographic() ? bounds.center + kFarAway * bounds.radius * camera.towardsViewer(bounds.center)
+                                 : camera.eye;
   }
 
   // Draws what the group consumes in place of what it produced; a group all of whose parents are expanded now is a
@@ -121,10 +142,15 @@ class CutSelection {
 
   // Pixels. A camera with NaN in it gives 0, so that the heap's order stays an order.
   float projectedErrorOf(std::uint32_t group) const { return projectedErrorAt(group, hierarchy_.groups[group].error); }
+  float projectedErrorOf(const Patch& patch) const {
+    if (patch.producer == kNoGroup) return 0.0F;
+    const bool known = patch.producer < states_.size() && hierarchy_.isKnown(patch.producer);
+    // A producer that isn't here has a sphere within its consumer's: at that one its error projects to a bound.
+    return known ? projectedErrorOf(patch.producer) : projectedErrorAt(patch.consumer, patch.own_error);
+  }
   float projectedErrorAt(std::uint32_t group, float error) const {
-    const Group& g = hierarchy_.groups[group];
-    const float error_px = base::projectedError(error, g.bounds.center, g.bounds.radius, request_.camera.eye,
-                                                pixels_per_unit_at_one_, request_.near_plane);
+    const float error_px =
+        base::projectedError(error, hierarchy_.groups[group].bounds, request_.camera, request_.near_plane);
     return error_px > 0.0F ? error_px : 0.0F;
   }
 
@@ -136,11 +162,8 @@ class CutSelection {
       if (patch.producer < states_.size() && states_[patch.producer].expanded) continue;
       cut_.patches.push_back(index);
       cut_.triangles += patch.triangles;
-      if (patch.producer == kNoGroup) continue;
-      const bool known = patch.producer < states_.size() && hierarchy_.isKnown(patch.producer);
-      // A producer that isn't here has a sphere within its consumer's: at that one its error projects to a bound.
-      cut_.error_px = std::max(
-          cut_.error_px, known ? projectedErrorOf(patch.producer) : projectedErrorAt(patch.consumer, patch.own_error));
+      cut_.patch_error_px.push_back(projectedErrorOf(patch));
+      cut_.error_px = std::max(cut_.error_px, cut_.patch_error_px.back());
     }
   }
 
@@ -158,7 +181,6 @@ class CutSelection {
   const CutRequest& request_;
   const std::function<bool(std::uint32_t)>& available_;
   base::Frustum frustum_;
-  float pixels_per_unit_at_one_;
   std::vector<GroupState> states_;
   std::vector<Candidate> heap_;
   std::vector<Candidate> wanted_;

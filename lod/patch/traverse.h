@@ -11,19 +11,25 @@
 namespace lod::patch {
 
 struct CutRequest {
-  base::Camera camera;
+  base::Camera camera;        ///< perspective or parallel
   float near_plane = 1e-3F;   ///< smallest distance that projected errors are computed for, scene units
   float tolerance_px = 1.0F;  ///< refine while a visible group's projected error is above this; 0 gives the leaves
   /// Stop refining (largest error first) before the visible patches exceed this; the root patch is drawn whatever it
   /// has.
   std::uint64_t max_triangles = std::numeric_limits<std::uint64_t>::max();
+  /// … or before all patches that expanded groups consume, drawn or not, would cost more than this: what a client holds
+  /// to draw the cut. 0 bytes of cost for each patch where `cost` is empty. Group 0 is expanded whatever it costs.
+  std::uint64_t max_cost = std::numeric_limits<std::uint64_t>::max();
+  std::function<std::uint64_t(const Patch&)> cost;
   bool cull = true;  ///< groups outside the frustum are not refined, patches outside are not drawn
   bool cull_back_faces =
       false;  ///< patches facing away are not drawn: only for closed meshes, open scans are seen from behind too
 };
 
 struct Cut {
-  std::vector<std::uint32_t> patches;   ///< to draw
+  std::vector<std::uint32_t> patches;  ///< to draw
+  std::vector<float>
+      patch_error_px;  ///< beside `patches`: projected error of each (0: a leaf); error_px is the largest
   std::vector<std::uint32_t> expanded;  ///< groups drawn through, parents first (group 0 first)
   /// Groups that should be expanded next but are not `available`, largest projected error first: what to fetch. Their
   /// parents are all expanded. Groups that a growing hierarchy doesn't know are not among them: nothing tells their
@@ -31,6 +37,8 @@ struct Cut {
   std::vector<std::uint32_t> wanted;
   std::vector<float> wanted_error_px;  ///< beside `wanted`; infinite for group 0
   std::uint64_t triangles = 0;         ///< of `patches`
+  std::uint64_t cost = 0;              ///< of all patches that `expanded` consume (CutRequest::cost)
+  bool limited = false;                ///< max_triangles or max_cost ended the refinement above the tolerance
   /// Largest projected error among what is drawn (0: leaves). Where a growing hierarchy doesn't know the group that
   /// made a drawn patch, the error that came with the patch is projected at its consumer's sphere: a bound.
   float error_px = 0.0F;

@@ -52,14 +52,12 @@ int run(const RenderArguments& a) {
   auto renderer = SceneRenderer::create(*scene, *patches);
   if (!renderer) return fail(renderer.error());
 
-  const auto range = base::depthRangeFor(glm::vec3(view->position - scene->origin), (*renderer)->sceneCenter(),
-                                         (*renderer)->sceneRadius());
   RenderOptions options;
   options.tolerance_px =
       lod::methodFromName(a.method) == lod::Method::kFull ? 0.0F : static_cast<float>(a.tolerance_px);
   options.supersampling = a.supersampling;
-  auto picture =
-      (*renderer)->render(base::cameraFromView(*view, scene->origin, range.near_plane, range.far_plane), options);
+  const base::Sphere bounds{(*renderer)->sceneCenter(), (*renderer)->sceneRadius()};
+  auto picture = (*renderer)->render(base::cameraForScene(*view, scene->origin, bounds), options);
   if (!picture) return fail(picture.error());
   auto written = base::writePng(a.background.size() == 3 ? over(picture->rgba, a.background) : picture->rgba, a.output);
   if (!written) return fail(written.error());

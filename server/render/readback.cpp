@@ -38,8 +38,8 @@ base::Result<void> ReadbackQueue::read(const std::shared_ptr<PendingPicture>& pi
   }
 
   glBindFramebuffer(GL_READ_FRAMEBUFFER, framebuffer);
-  glBindBuffer(GL_PIXEL_PACK_BUFFER, entry.pixels.name());
-  glBufferData(GL_PIXEL_PACK_BUFFER, GLsizeiptr{tile.width} * tile.height * 4, nullptr, GL_STREAM_READ);
+  base::gl::allocate(entry.pixels, GL_PIXEL_PACK_BUFFER, nullptr,
+                     static_cast<std::size_t>(tile.width) * static_cast<std::size_t>(tile.height) * 4, GL_STREAM_READ);
   glPixelStorei(GL_PACK_ALIGNMENT, 4);
   glReadPixels(left, bottom, tile.width, tile.height, GL_RGBA, GL_UNSIGNED_BYTE, nullptr);
   glBindBuffer(GL_PIXEL_PACK_BUFFER, 0);

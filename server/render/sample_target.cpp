@@ -80,14 +80,12 @@ base::Result<SampleTarget> SampleTarget::create(int width, int height, int super
 
   // The samples: a texture, because the resolve pass reads it.
   target.samples_ = base::gl::Texture::create();
-  glBindTexture(GL_TEXTURE_2D, target.samples_.name());
-  glTexStorage2D(GL_TEXTURE_2D, 1, GL_RGBA8, sample_width, sample_height);
+  base::gl::allocate2D(target.samples_, GL_TEXTURE_2D, 1, GL_RGBA8, sample_width, sample_height);
   glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
   glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
   glBindTexture(GL_TEXTURE_2D, 0);
   target.depth_ = base::gl::Renderbuffer::create();
-  glBindRenderbuffer(GL_RENDERBUFFER, target.depth_.name());
-  glRenderbufferStorage(GL_RENDERBUFFER, GL_DEPTH_COMPONENT24, sample_width, sample_height);
+  base::gl::allocate(target.depth_, GL_DEPTH_COMPONENT24, sample_width, sample_height);
   target.framebuffer_ = base::gl::Framebuffer::create();
   glBindFramebuffer(GL_FRAMEBUFFER, target.framebuffer_.name());
   glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, target.samples_.name(), 0);
@@ -97,8 +95,7 @@ base::Result<SampleTarget> SampleTarget::create(int width, int height, int super
   // The averaged pixels.
   if (supersampling > 1) {
     target.resolved_ = base::gl::Renderbuffer::create();
-    glBindRenderbuffer(GL_RENDERBUFFER, target.resolved_.name());
-    glRenderbufferStorage(GL_RENDERBUFFER, GL_RGBA8, width, height);
+    base::gl::allocate(target.resolved_, GL_RGBA8, width, height);
     target.resolved_framebuffer_ = base::gl::Framebuffer::create();
     glBindFramebuffer(GL_FRAMEBUFFER, target.resolved_framebuffer_.name());
     glFramebufferRenderbuffer(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_RENDERBUFFER, target.resolved_.name());

@@ -21,7 +21,7 @@ constexpr int kMaxPictureSide = 32768;
 
 constexpr const char* kSurfaceVertex = R"(
 uniform mat4 u_clip_from_scene;
-uniform vec3 u_eye;
+uniform vec4 u_eye;                    // homogeneous: parallel rays come from afar
 layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 normal;
 layout(location = 2) in vec4 color;
@@ -30,7 +30,7 @@ out vec3 v_to_eye;
 out vec3 v_color;
 void main() {
   v_normal = normal;
-  v_to_eye = u_eye - position;
+  v_to_eye = u_eye.xyz - u_eye.w * position;
   v_color = color.rgb;
   gl_Position = u_clip_from_scene * vec4(position, 1.0);
 }
@@ -197,7 +197,8 @@ base::Result<void> SceneRenderer::State::drawTile(const base::Camera& camera, st
   surface.use();
   const glm::mat4 clip_from_scene = camera.clipFromScene();
   glUniformMatrix4fv(surface.uniform("u_clip_from_scene"), 1, GL_FALSE, &clip_from_scene[0][0]);
-  if (lit) glUniform3f(surface.uniform("u_eye"), camera.eye.x, camera.eye.y, camera.eye.z);
+  const glm::vec4 eye = camera.homogeneousEye();
+  if (lit) glUniform4f(surface.uniform("u_eye"), eye.x, eye.y, eye.z, eye.w);
   return cache.draw(visible);
 }
 

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 namespace {
 
 base::ViewCamera lookingDown() {
@@ -50,6 +52,70 @@ TEST(Camera, depthRangeHoldsTheWholeScene) {
     EXPECT_GE(range.far_plane, distance + 3.0F);
     EXPECT_TRUE(distance <= 4.0F || range.near_plane <= distance - 3.0F);
   }
+}
+
+TEST(Camera, orthographicPixelsAreAsWideAtEveryDistance) {
+  base::ViewCamera view = lookingDown();
+  view.ortho_height = 30.0;
+  const base::Camera camera = base::cameraForScene(view, {500'000.0, 4'000'000.0, 100.0}, {glm::vec3(0.0F), 10.0F});
+  EXPECT_TRUE(camera.orthographic());
+  EXPECT_FLOAT_EQ(camera.pixelsPerUnitAtOne(), 20.0F);  // 600 pixels over 30 units
+  for (const float z : {-9.0F, 0.0F, 9.0F}) {
+    const glm::vec4 p = camera.clipFromScene() * glm::vec4(15.0F, 7.5F, z, 1.0F);
+    EXPECT_FLOAT_EQ(p.w, 1.0F);
+    EXPECT_NEAR(p.x * 400.0F, 300.0F, 1e-2F);
+    EXPECT_NEAR(p.y * 300.0F, 150.0F, 1e-2F);
+    EXPECT_LT(std::abs(p.z), 1.0F) << "all of the scene is between the planes";
+    EXPECT_NEAR(glm::length(camera.towardsViewer(glm::vec3(3.0F, 2.0F, z)) - glm::vec3(0, 0, 1)), 0.0F, 1e-6F);
+    EXPECT_NEAR(camera.pixelsPerUnit(glm::vec3(3.0F, 2.0F, z)), 20.0F, 1e-4F);
+  }
+  EXPECT_FLOAT_EQ(base::projectedError(0.5F, {glm::vec3(0, 0, 9), 1.0F}, camera, 0.1F), 10.0F);
+}
+
+TEST(Camera, inPerspectiveTheViewerIsThePointThatScalesDivideBy) {
+  const base::ViewCamera view = lookingDown();
+  const base::Camera camera = base::cameraForScene(view, {500'000.0, 4'000'000.0, 100.0}, {glm::vec3(0.0F), 10.0F});
+  EXPECT_FALSE(camera.orthographic());
+  EXPECT_NEAR(glm::length(camera.towardsViewer(glm::vec3(0.0F)) - glm::vec3(0, 0, 20)), 0.0F, 1e-5F);
+  EXPECT_FLOAT_EQ(camera.pixelsPerUnit(glm::vec3(0.0F)), camera.pixelsPerUnitAtOne() / 20.0F);
+  EXPECT_FLOAT_EQ(base::projectedError(1.0F, {glm::vec3(0.0F), 2.0F}, camera, 0.1F),
+                  base::projectedError(1.0F, glm::vec3(0.0F), 2.0F, camera.eye, camera.pixelsPerUnitAtOne(), 0.1F));
+}
+
+TEST(Camera, anOrthographicPictureDoesNotDependOnThePlaceAlongItsAxis) {
+  base::ViewCamera view = lookingDown();
+  view.ortho_height = 5.0;
+  const glm::dvec3 origin(500'000.0, 4'000'000.0, 100.0);
+  const glm::mat4 clip = base::cameraForScene(view, origin, {glm::vec3(0.0F), 10.0F}).clipFromScene();
+  view.position.z -= 1234.0;
+  EXPECT_EQ(base::cameraForScene(view, origin, {glm::vec3(0.0F), 10.0F}).clipFromScene(), clip);
+}
+
+TEST(Camera, theStandInSeesWhatTheOrthographicViewSees) {
+  base::ViewCamera view = lookingDown();
+  const glm::dvec3 center(500'001.0, 4'000'002.0, 100.0);
+  for (const double height : {100.0, 20.0, 1.0, 0.05}) {
+    view.ortho_height = height;
+    const base::ViewCamera stand_in = base::perspectiveStandIn(view, center, 10.0);
+    EXPECT_FALSE(stand_in.orthographic());
+    EXPECT_EQ(stand_in.direction, view.direction);
+    EXPECT_GE(stand_in.fov_y, 1e-3);
+    EXPECT_LT(stand_in.fov_y, 3.0);
+    EXPECT_NEAR(stand_in.position.x, view.position.x, 1e-6);
+    const double nearest = stand_in.position.z - center.z - 10.0;
+    EXPECT_GT(nearest, 0.0) << "outside the scene";
+    EXPECT_GE(2.0 * nearest * std::tan(0.5 * stand_in.fov_y), 0.999 * height);
+  }
+  view.ortho_height = 0.0;
+  EXPECT_EQ(base::perspectiveStandIn(view, center, 10.0).position, view.position);
+}
+
+TEST(Section, isTheSameInTheSceneAsInTheWorld) {
+  const glm::dvec3 origin(500'000.0, 4'000'000.0, 100.0);
+  const glm::vec4 section = base::sectionInScene({{0.0, 0.0, 3.0}, 3.0 * 101.5}, origin);
+  EXPECT_NEAR(glm::length(section - glm::vec4(0, 0, 1, 1.5F)), 0.0F, 1e-6F);
+  EXPECT_EQ(base::sectionInScene({{0.0, 0.0, 0.0}, 1.0}, origin), base::kNoSection);
+  EXPECT_EQ(base::sectionInScene({{0.0, 0.0, 1.0}, std::nan("")}, origin), base::kNoSection);
 }
 
 }  // namespace

@@ -45,6 +45,50 @@ TEST_F(GlTest, uniformsAreFoundAgainAndUnknownOnesAreMinusOne) {
   EXPECT_EQ(program->uniform("u_absent"), -1);
 }
 
+TEST_F(GlTest, storageIsCountedByKindWhileItsObjectLives) {
+  const HeldBytes before = heldBytes();
+  const auto grown = [&before](std::uint64_t HeldBytes::*kind) { return heldBytes().*kind - before.*kind; };
+  {
+    auto buffer = Buffer::create();
+    allocate(buffer, GL_ARRAY_BUFFER, nullptr, 1000, GL_STATIC_DRAW);
+    EXPECT_EQ(grown(&HeldBytes::buffers), 1000U);
+    allocate(buffer, GL_ARRAY_BUFFER, nullptr, 400, GL_STATIC_DRAW);
+    EXPECT_EQ(grown(&HeldBytes::buffers), 400U) << "replaced, not added";
+
+    auto texture = Texture::create();
+    allocate3D(texture, GL_TEXTURE_2D_ARRAY, 3, GL_RGBA8, 8, 4, 5);
+    EXPECT_EQ(grown(&HeldBytes::textures), 4U * 5U * (32U + 8U + 2U));
+    auto renderbuffer = Renderbuffer::create();
+    allocate(renderbuffer, GL_RGBA32UI, 2, 3);
+    EXPECT_EQ(grown(&HeldBytes::renderbuffers), 96U);
+    Texture moved = std::move(texture);
+    EXPECT_EQ(grown(&HeldBytes::textures), 840U);
+    moved = Texture();
+    EXPECT_EQ(moved.bytes(), 0U);
+  }
+  EXPECT_EQ(heldBytes().total(), before.total());
+  EXPECT_GE(peakHeldBytes(), before.total() + 400U + 840U + 96U);
+}
+
+TEST_F(GlTest, objectsOfALostContextTouchNothingOfTheNext) {
+  auto old = Buffer::create();
+  allocate(old, GL_ARRAY_BUFFER, nullptr, 1000, GL_STATIC_DRAW);
+  contextLost();
+  EXPECT_EQ(heldBytes().total(), 0U);
+  context_.reset();
+  auto context = HeadlessContext::create();
+  ASSERT_TRUE(context);
+  context_ = std::move(*context);
+
+  // The new context gives out the same names again.
+  auto fresh = Buffer::create();
+  allocate(fresh, GL_ARRAY_BUFFER, nullptr, 10, GL_STATIC_DRAW);
+  EXPECT_EQ(fresh.name(), old.name());
+  old = Buffer();
+  EXPECT_TRUE(glIsBuffer(fresh.name()));
+  EXPECT_EQ(heldBytes().total(), 10U);
+}
+
 TEST_F(GlTest, samplersOfEveryKindWeUseNeedNoPrecision) {
   const auto program = Program::link("samplers", kVertex, R"(
 uniform sampler2DArray u_images;

@@ -33,6 +33,8 @@ TEST(CameraFile, badCamerasAreNamed) {
       {R"({"position":[0,0,0],"direction":[0,1,0],"up":[0,2,0]})", "parallel"},
       {R"({"position":[0,0,0],"direction":[0,0,1],"width":0})", "width must be"},
       {R"({"position":[0,0,0],"direction":[0,0,1],"fov_y_degrees":180})", "fov_y_degrees"},
+      {R"({"position":[0,0,0],"direction":[0,0,1],"ortho_height":-1})", "ortho_height"},
+      {R"({"position":[0,0,0],"direction":[0,0,1],"ortho_height":"2"})", "ortho_height"},
   };
   for (const auto& [text, what] : cases) {
     auto camera = base::readCamera(write(text));
@@ -47,6 +49,15 @@ TEST(CameraPath, survivesWritingAndReading) {
   ASSERT_TRUE(read) << read.error().message;
   ASSERT_EQ(read->size(), path.size());
   for (std::size_t i = 0; i < path.size(); ++i) EXPECT_LT(glm::length((*read)[i].position - path[i].position), 1e-12);
+}
+
+TEST(CameraPath, orthographicFramesStayOrthographic) {
+  auto path = base::orbitPath({0, 0, 0}, {2, 2, 2}, {0, 0, 1}, 2, 1.0, 0.5, 1.2, 320, 200);
+  path[1].ortho_height = 3.5;
+  auto read = base::readCameraPath(write(base::formatCameraPath(path)));
+  ASSERT_TRUE(read) << read.error().message;
+  EXPECT_FALSE((*read)[0].orthographic());
+  EXPECT_EQ((*read)[1].ortho_height, 3.5);
 }
 
 TEST(CameraPath, anOrbitKeepsItsDistanceAndLooksAtTheCentre) {

@@ -74,11 +74,17 @@ class Lumigraph : public ::testing::Test {
     EXPECT_TRUE(renderer_->addSample(id, camera, castRays(scene_, camera), 0.0));
   }
 
+  static glm::ivec4 pixel(const base::Image& image, int x, int y) {
+    const std::uint8_t* p = image.at(x, y);
+    return {p[0], p[1], p[2], p[3]};
+  }
+  static glm::ivec4 opaque(const std::array<std::uint8_t, 3>& color) { return {color[0], color[1], color[2], 255}; }
+
   base::Image draw(const base::Camera& camera, double now = 0.0, float cut_error_px = 0.2F) {
     auto target = base::gl::RenderTarget::create(camera.width, camera.height);
     EXPECT_TRUE(target);
     target->bind();
-    renderer_->draw(camera, cut_, {}, cut_error_px, shading_, options_, now, occluders_);
+    renderer_->draw(camera, cut_, {}, cut_error_px, shading_, options_, now, occluders_, errors_px_);
     base::Image image = target->read();
     if (const char* folder = std::getenv("LUMIGRID_TEST_PICTURES"); folder != nullptr) {
       const std::string name = ::testing::UnitTest::GetInstance()->current_test_info()->name();
@@ -97,6 +103,7 @@ class Lumigraph : public ::testing::Test {
   std::unique_ptr<LumigraphRenderer> renderer_;
   Scene scene_;
   std::vector<std::uint32_t> cut_, occluders_;
+  std::vector<float> errors_px_;
   LumigraphOptions options_;
   lod::draw::Shading shading_;
   int pictures_ = 0;
@@ -133,6 +140,120 @@ TEST_F(Lumigraph, ViewsBetweenSamplingPointsAreBlended) {
   const double shaded = psnrOnCovered(truth, draw(camera));
   options_.use_images = true;
   EXPECT_GE(psnrOnCovered(truth, draw(camera)), std::max(32.0, shaded + 3.0));
+}
+
+TEST_F(Lumigraph, OrthographicViewsAreBlendedFromTheSamePerspectiveImages) {
+  makeBall();
+  addCube({-0.5F, -3.0F, 0.0F}, 0);
+  addCube({0.7F, -2.8F, 0.2F}, 10);
+  for (const glm::vec3& eye : {kEye, glm::vec3(0.0F, -30.0F, 0.0F), glm::vec3(0.0F, -0.1F, 0.0F)}) {
+    const base::Camera camera = lookAlong(eye, glm::vec3(0.0F), 200, 200, 2.4F);
+    const base::Image truth = castRays(scene_, camera);
+    const base::Image drawn = draw(camera);
+    EXPECT_GE(psnrOnCovered(truth, drawn), 28.0) << "wherever along the axis the viewer stands";
+    EXPECT_GE(coverageOverlap(truth, drawn), 0.98);
+    // A ball of radius 1 in a picture 2.4 high: 200 × 2 / 2.4 pixels wide.
+    EXPECT_EQ(pixel(drawn, 100 - 82, 100).w, 255);
+    EXPECT_EQ(pixel(drawn, 100 - 85, 100).w, 0);
+  }
+}
+
+TEST_F(Lumigraph, AnOrthographicFarViewLooksLikeAPerspectiveOneFromAfar) {
+  makeBall();
+  addCube({-0.5F, -3.0F, 0.0F}, 0);
+  addCube({0.7F, -2.8F, 0.2F}, 10);
+  base::ViewCamera view;
+  view.position = {0.0, -200.0, 0.0};
+  view.direction = {0.0, 1.0, 0.0};
+  view.up = {0.0, 0.0, 1.0};
+  view.fov_y = 2.0 * std::atan(1.2 / 200.0);
+  view.width = view.height = 200;
+  const base::Image far = draw(base::cameraForScene(view, glm::dvec3(0.0), {glm::vec3(0.0F), 1.5F}));
+  view.ortho_height = 2.4;
+  const base::Image parallel = draw(base::cameraForScene(view, glm::dvec3(0.0), {glm::vec3(0.0F), 1.5F}));
+  EXPECT_GE(psnrOnCovered(far, parallel), 38.0);
+  EXPECT_GE(coverageOverlap(far, parallel), 0.98);
+}
+
+TEST_F(Lumigraph, ASectionShowsTheInsideOfWhatItCutsOpen) {
+  makeBall();
+  addCube(kEye, 0);
+  const base::Camera camera = lookAlong(kEye, glm::vec3(0.0F), 200, 200, 2.4F);
+  const base::Image whole = draw(camera);
+  options_.section = {0.0F, -1.0F, 0.0F, 0.0F};  // the viewer's half goes
+  const base::Image open = draw(camera);
+  EXPECT_EQ(coverageOverlap(whole, open), 1.0) << "a half ball has the ball's outline";
+  for (const glm::ivec2 at : {glm::ivec2(100, 100), glm::ivec2(60, 100), glm::ivec2(100, 150)})
+    EXPECT_EQ(pixel(open, at.x, at.y), opaque(client::kSectionColor));
+  EXPECT_NE(pixel(whole, 100, 100), opaque(client::kSectionColor));
+}
+
+TEST_F(Lumigraph, ASectionLeavesTheOtherSideAsItWas) {
+  makeBall();
+  addCube(kEye, 0);
+  const base::Camera camera = lookAlong(kEye, glm::vec3(0.0F), 200, 200, 2.4F);
+  const base::Image whole = draw(camera);
+  options_.section = {0.0F, 0.0F, 1.0F, 0.1F};  // above 0.1, which is row 100 − 0.1 × 200 / 2.4 = 91.7
+  const base::Image cut = draw(camera);
+  for (int x = 0; x < 200; x += 3) {
+    EXPECT_EQ(pixel(cut, x, 89).w, 0) << x;
+    EXPECT_EQ(pixel(cut, x, 95), pixel(whole, x, 95)) << x;
+    EXPECT_EQ(pixel(cut, x, 160), pixel(whole, x, 160)) << x;
+  }
+  options_.section = {0.0F, 0.0F, 1.0F, 5.0F};
+  EXPECT_EQ(draw(camera).pixels, whole.pixels) << "a plane beyond the model cuts nothing";
+  options_.section = {0.0F, 0.0F, 1.0F, -5.0F};
+  EXPECT_EQ(coverageOverlap(draw(camera), whole), 0.0) << "nothing is left";
+}
+
+TEST_F(Lumigraph, WhatASectionUncoversIsSeenByNoImage) {
+  // Images show a red ball. In it, uncovered by the cut, is one whose proxy is white.
+  scene_.balls = {{glm::vec3(0.0F), 1.0F, kRed}};
+  addPatch(ballPatch(glm::vec3(0.0F), 1.0F, 60, kWhite));
+  addPatch(ballPatch(glm::vec3(0.0F), 0.4F, 30, kWhite));
+  addCube(kEye, 0);
+  const base::Camera camera = lookAt(kEye, glm::vec3(0.0F), 200, 200, 50.0F);
+  EXPECT_EQ(pixel(draw(camera), 100, 100), pixel(castRays(scene_, camera), 100, 100));
+  options_.section = {0.0F, -1.0F, 0.0F, 0.6F};
+  const base::Image cut = draw(camera);
+  EXPECT_EQ(pixel(cut, 100, 100), glm::ivec4(255)) << "unlit white";
+  EXPECT_EQ(pixel(cut, 100, 130), opaque(client::kSectionColor)) << "the far wall, from within";
+}
+
+TEST_F(Lumigraph, ColoursByResolutionSayHowCoarseThePatchesAre) {
+  // Three white rectangles side by side, whose patches are 0.5, 3 and 20 pixels off.
+  for (int i = 0; i < 3; ++i)
+    addPatch(rectanglePatch({glm::vec3(0.7F * static_cast<float>(i - 1), 0.0F, 0.0F),
+                             glm::vec3(0.3F, 0.0F, 0.0F),
+                             glm::vec3(0.0F, 0.0F, 0.3F),
+                             kRed,
+                             {}},
+                            4, kWhite));
+  errors_px_ = {0.5F, 3.0F, 20.0F};
+  options_.resolution_colors = true;
+  const base::Camera camera = lookAlong(kEye, glm::vec3(0.0F), 240, 80, 0.8F);
+  const base::Image image = draw(camera);
+  EXPECT_EQ(pixel(image, 50, 40), opaque(client::kResolutionLegend[0].color));
+  EXPECT_EQ(pixel(image, 120, 40), opaque(client::kResolutionLegend[2].color));
+  EXPECT_EQ(pixel(image, 190, 40), opaque(client::kResolutionLegend[4].color));
+}
+
+TEST_F(Lumigraph, ColoursByResolutionSayHowCoarseTheImagesAre) {
+  // A white wall seen straight on, by an image from where the viewer stands: of the view's size, and of a tenth of it.
+  scene_.rectangles = {
+      {glm::vec3(0.0F), glm::vec3(1.0F, 0.0F, 0.0F), glm::vec3(0.0F, 0.0F, 1.0F), constant(glm::vec3(1.0F)), {}}};
+  addPatch(rectanglePatch(scene_.rectangles[0], 8, kWhite));
+  errors_px_ = {20.0F};
+  options_.resolution_colors = true;
+  const base::Camera camera = lookAt(kEye, glm::vec3(0.0F), 160, 160, 30.0F);
+  addImage(0, lookAt(kEye, glm::vec3(0.0F), 160, 160, 30.0F));
+  EXPECT_EQ(pixel(draw(camera), 80, 80), opaque(client::kResolutionLegend[0].color));
+  renderer_->removeSample(0);
+  addImage(1, lookAt(kEye, glm::vec3(0.0F), 16, 16, 30.0F));
+  EXPECT_EQ(pixel(draw(camera), 80, 80), opaque(client::kResolutionLegend[4].color));
+  renderer_->removeSample(1);
+  addImage(2, lookAt(kEye, glm::vec3(0.0F), 50, 50, 30.0F));
+  EXPECT_EQ(pixel(draw(camera), 80, 80), opaque(client::kResolutionLegend[2].color)) << "3.2 pixels";
 }
 
 TEST_F(Lumigraph, ImagesCoarserThanTheProxyDoNotBlurIt) {
@@ -309,7 +430,41 @@ TEST_F(Lumigraph, LayersBeyondTheBudgetAreRefused) {
   EXPECT_TRUE(renderer_->addSample(2, camera, image, 0.0));
   cut_.clear();
   draw(lookAt(kEye, glm::vec3(0.0F), 32, 32, 50.0F));
-  EXPECT_EQ(renderer_->stats().gpu_bytes, 2 * layer + 32 * 128);
+  // Beside the layers: the uniform block, and a pixel of colour and of depth that stand where there is no array.
+  EXPECT_EQ(renderer_->stats().gpu_bytes, 2 * layer + 32 * 128 + 8);
+}
+
+TEST_F(Lumigraph, WhatIsHeldIsWhatTheGlCountsAndStaysBelowTheBudgetWhileArraysGrow) {
+  const base::Camera camera = cubeCameras(kEye, kFace)[0];
+  std::uint64_t layer = 4ULL * kFace * kFace;
+  for (int side = kFace; side >= 1; side /= 2)
+    layer += 4ULL * static_cast<std::uint64_t>(side) * static_cast<std::uint64_t>(side);
+  const std::uint64_t before = base::gl::heldBytes().textures;
+  for (const std::uint64_t layers : {3U, 20U, 50U}) {
+    renderer_ = make(layers * layer);
+    base::gl::resetPeak();
+    SampleId added = 0;
+    while (renderer_->addSample(added, camera, base::Image(kFace, kFace, 4), 0.0)) ++added;
+    EXPECT_GE(added, layers / 2) << "of " << layers;
+    EXPECT_LE(base::gl::peakHeldBytes(),
+              base::gl::heldBytes().total() - renderer_->held().textures + layers * layer + 8);
+    EXPECT_EQ(renderer_->held().textures, base::gl::heldBytes().textures - before + 8)
+        << "the first renderer's two pixels";
+  }
+}
+
+TEST_F(Lumigraph, FacesLeaveOtherSizesTheirShare) {
+  const base::Camera camera = cubeCameras(kEye, kFace)[0];
+  std::uint64_t layer = 4ULL * kFace * kFace;
+  for (int side = kFace; side >= 1; side /= 2)
+    layer += 4ULL * static_cast<std::uint64_t>(side) * static_cast<std::uint64_t>(side);
+  auto made = LumigraphRenderer::create(kLattice, kFace, 6 * layer, 2 * layer);
+  ASSERT_TRUE(made);
+  renderer_ = std::move(made.value());
+  SampleId added = 0;
+  while (renderer_->addSample(added, camera, base::Image(kFace, kFace, 4), 0.0)) ++added;
+  EXPECT_EQ(added, 4U);
+  EXPECT_TRUE(renderer_->addSample(100, camera, base::Image(kFace - 2, kFace - 2, 4), 0.0));
 }
 
 TEST_F(Lumigraph, ThreeImageSizesFitAndAFourthIsRefusedUntilOneIsEmpty) {

@@ -70,8 +70,11 @@ base::Image castRays(const Scene& scene, const base::Camera& camera, int rays) {
                         static_cast<float>(image.width);
         const float v = (static_cast<float>(y) + (static_cast<float>(k / rays) + 0.5F) / static_cast<float>(rays)) /
                         static_cast<float>(image.height);
-        const glm::vec4 p = scene_from_clip * glm::vec4(2.0F * u - 1.0F, 1.0F - 2.0F * v, 0.0F, 1.0F);
-        const auto color = cast(scene, {camera.eye, glm::normalize(glm::vec3(p) / p.w - camera.eye)});
+        // From the near plane to the far one: right for parallel rays too.
+        const glm::vec4 near = scene_from_clip * glm::vec4(2.0F * u - 1.0F, 1.0F - 2.0F * v, -1.0F, 1.0F);
+        const glm::vec4 far = scene_from_clip * glm::vec4(2.0F * u - 1.0F, 1.0F - 2.0F * v, 1.0F, 1.0F);
+        const glm::vec3 origin = camera.orthographic() ? glm::vec3(near) / near.w : camera.eye;
+        const auto color = cast(scene, {origin, glm::normalize(glm::vec3(far) / far.w - origin)});
         if (!color) continue;
         sum += *color;
         ++hits;
@@ -123,6 +126,17 @@ base::Camera lookAt(const glm::vec3& eye, const glm::vec3& target, int width, in
   view.width = width;
   view.height = height;
   return base::cameraFromView(view, glm::dvec3(0.0), 0.05F, 50.0F);
+}
+
+base::Camera lookAlong(const glm::vec3& eye, const glm::vec3& target, int width, int height, float ortho_height) {
+  base::ViewCamera view;
+  view.position = glm::dvec3(eye);
+  view.direction = glm::normalize(glm::dvec3(target - eye));
+  view.up = std::abs(view.direction.z) > 0.99 ? glm::dvec3(0, 1, 0) : glm::dvec3(0, 0, 1);
+  view.ortho_height = static_cast<double>(ortho_height);
+  view.width = width;
+  view.height = height;
+  return base::cameraForScene(view, glm::dvec3(0.0), {glm::vec3(0.0F), 4.0F});
 }
 
 std::vector<base::Camera> cubeCameras(const glm::vec3& eye, int size) {

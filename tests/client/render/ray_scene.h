@@ -44,6 +44,8 @@ lod::patch::PatchGeometry rectanglePatch(const Rectangle& rectangle, int cells, 
 
 /// Looking from `eye` at `target`, up nearest to +z (or +y where that is the view).
 base::Camera lookAt(const glm::vec3& eye, const glm::vec3& target, int width, int height, float fov_y_degrees);
+/// Parallel rays: `ortho_height` scene units from the bottom of the picture to its top. Holds what is within 4 of zero.
+base::Camera lookAlong(const glm::vec3& eye, const glm::vec3& target, int width, int height, float ortho_height);
 /// The six 90° cameras around a point.
 std::vector<base::Camera> cubeCameras(const glm::vec3& eye, int size);
 

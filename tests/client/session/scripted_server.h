@@ -14,7 +14,8 @@ namespace client {
 
 class ScriptedServer {
  public:
-  ScriptedServer() : scene_(support::syntheticHierarchy(8)) {
+  /// `n` × `n` leaf patches (support::syntheticHierarchy).
+  explicit ScriptedServer(int n = 8) : scene_(support::syntheticHierarchy(n)) {
     lod::patch::Hierarchy& h = scene_.hierarchy;
     blocks_.resize(h.groups.size());
     for (std::uint32_t g = 0; g < h.groups.size(); ++g) {

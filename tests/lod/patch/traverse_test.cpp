@@ -399,5 +399,86 @@ TEST(SelectUniformCut, isTheCoarsestWithinTheError) {
   EXPECT_EQ(selectUniformCut(h, std::numeric_limits<float>::infinity()).patches.size(), 1U);
 }
 
+// ---- parallel views, costs ----
+
+CutRequest orthoRequest(double height) {
+  base::ViewCamera view;
+  view.position = {16.0, 16.0, 5.0};
+  view.up = {0.0, 1.0, 0.0};
+  view.ortho_height = height;
+  CutRequest request;
+  request.camera = base::cameraForScene(view, glm::dvec3(0.0), {glm::vec3(16.0F, 16.0F, 0.0F), 40.0F});
+  request.cull = false;
+  return request;
+}
+
+TEST(OrthographicCut, isTheUniformCutOfItsScale) {
+  const SyntheticHierarchy scene = support::syntheticHierarchy(8);
+  for (const float tolerance : {0.5F, 2.0F, 8.0F}) {
+    CutRequest request = orthoRequest(32.0);
+    request.tolerance_px = tolerance;
+    Cut cut = selectCut(scene.hierarchy, request);
+    Cut uniform = selectUniformCut(scene.hierarchy, tolerance / request.camera.pixelsPerUnitAtOne());
+    std::sort(cut.patches.begin(), cut.patches.end());
+    std::sort(uniform.patches.begin(), uniform.patches.end());
+    EXPECT_EQ(cut.patches, uniform.patches) << tolerance;
+    EXPECT_LE(cut.error_px, tolerance);
+    EXPECT_FALSE(cut.limited);
+  }
+}
+
+TEST(OrthographicCut, leavesOutWhatIsBesideThePicture) {
+  const SyntheticHierarchy scene = support::syntheticHierarchy(8);
+  CutRequest request = orthoRequest(4.0);
+  request.tolerance_px = 0.0F;
+  const Cut all = selectCut(scene.hierarchy, request);
+  request.cull = true;
+  const Cut seen = selectCut(scene.hierarchy, request);
+  EXPECT_LT(seen.triangles, all.triangles / 2);
+  EXPECT_GT(seen.triangles, 0U);
+}
+
+TEST(Cut, saysTheErrorOfEachPatch) {
+  const SyntheticHierarchy scene = support::syntheticHierarchy(8);
+  CutRequest request = cornerRequest();
+  request.tolerance_px = 10.0F;
+  const Cut cut = selectCut(scene.hierarchy, request);
+  ASSERT_EQ(cut.patch_error_px.size(), cut.patches.size());
+  float largest = 0.0F;
+  for (std::size_t i = 0; i < cut.patches.size(); ++i) {
+    largest = std::max(largest, cut.patch_error_px[i]);
+    if (scene.hierarchy.patches[cut.patches[i]].producer == kNoGroup) {
+      EXPECT_EQ(cut.patch_error_px[i], 0.0F);
+    }
+  }
+  EXPECT_EQ(largest, cut.error_px);
+}
+
+TEST(Cut, staysBelowItsCostAndIsWatertight) {
+  const SyntheticHierarchy scene = support::syntheticHierarchy(8);
+  CutRequest request = cornerRequest();
+  request.tolerance_px = 0.0F;
+  request.cost = [](const Patch& patch) { return std::uint64_t{20} * patch.vertices + 6 * patch.triangles; };
+  const std::uint64_t all = selectCut(scene.hierarchy, request).cost;
+  float error = 0.0F;
+  for (const std::uint64_t most : {all, all - 1, all / 2, all / 4, std::uint64_t{1}}) {
+    request.max_cost = most;
+    const Cut cut = selectCut(scene.hierarchy, request);
+    std::uint64_t cost = 0;
+    for (const std::uint32_t g : cut.expanded) {
+      const Group& group = scene.hierarchy.groups[g];
+      for (std::uint32_t i = 0; i < group.patch_count; ++i)
+        cost += request.cost(scene.hierarchy.patches[group.first_patch + i]);
+    }
+    EXPECT_EQ(cut.cost, cost);
+    EXPECT_TRUE(cost <= most || cut.expanded.size() == 1) << "group 0 is drawn whatever it costs";
+    EXPECT_EQ(cut.limited, most < all);
+    EXPECT_TRUE(coversOnce(scene, cut.patches));
+    EXPECT_EQ(openEdges(scene, cut.patches), 0);
+    EXPECT_GE(cut.error_px, error) << "less room, coarser";
+    error = cut.error_px;
+  }
+}
+
 }  // namespace
 }  // namespace lod::patch

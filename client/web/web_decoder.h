@@ -1,0 +1,37 @@
+#pragma once
+// The browser's image decoder: face values go to the page's workers and come back as pixels
+// (client/web/site/decode.js). Main thread only.
+#include <cstdint>
+#include <vector>
+
+#include "client/decode.h"
+
+namespace client {
+
+class WebDecoder final : public ImageDecoder {
+ public:
+  WebDecoder();
+  ~WebDecoder() override;
+  WebDecoder(const WebDecoder&) = delete;
+  WebDecoder& operator=(const WebDecoder&) = delete;
+
+  void submit(std::uint64_t id, base::ByteView value) override;
+  std::vector<Decoded> take() override;
+  std::size_t pending() const override { return waiting_ + done_.size(); }
+
+  // The page's answers.
+
+  /// Room for the RGBA pixels of one finished image, valid until the next call of any of these.
+  std::uint8_t* finish(std::uint64_t id, int width, int height);
+  /// It was an empty flag (`error` empty) or broken.
+  void finishWithout(std::uint64_t id, const std::string& error);
+
+  /// The one decoder of this page, null before there is one.
+  static WebDecoder* instance();
+
+ private:
+  std::size_t waiting_ = 0;
+  std::vector<Decoded> done_;
+};
+
+}  // namespace client
