@@ -139,6 +139,7 @@ struct App::State {
   MeasureTool measure;
   std::uint32_t next_pick = 1;
   std::vector<Annotation> annotations;
+  std::vector<bool> pins_visible;
   bool pins_changed = false;  // since the viewer was told
   std::optional<std::size_t> open_annotation;
 
@@ -203,7 +204,8 @@ struct App::State {
   void addMeasurements();
   void addLine(const glm::dvec3& a, const glm::dvec3& b, bool approximate);
   Label labelAt(LabelKind kind, std::size_t index, const glm::dvec3& world) const;
-  bool pinHidden(std::size_t index);
+  void lookAtPins();
+  bool pinHidden(std::size_t index) const;
   void updateProgress();
   void expireToasts();
   void noticeRest();
@@ -780,11 +782,19 @@ void App::State::refreshOverlay() {
   if (view.section.on) labels.push_back(labelAt(LabelKind::kSectionHandle, 0, handlePlace()));
 }
 
-/// Without GL nothing is known to lie in front of a pin.
-bool App::State::pinHidden(std::size_t index) {
-  if (options.surface) return false;
+/// The viewer's answers come a frame or two late, and then stay; all pins are seen at one time.
+void App::State::lookAtPins() {
+  if (annotations.empty() || options.surface) return;
   const std::vector<bool>& visible = viewer.pinsVisible();
-  return index >= visible.size() || !visible[index];
+  if (visible == pins_visible) return;
+  pins_visible = visible;
+  touched();
+}
+
+/// Without GL nothing is known to lie in front of a pin.
+bool App::State::pinHidden(std::size_t index) const {
+  if (options.surface) return false;
+  return index >= pins_visible.size() || !pins_visible[index];
 }
 
 Status App::State::status() const {
@@ -875,6 +885,7 @@ void App::State::keepUp(double time) {
   meter();
   expireToasts();
   updateProgress();
+  lookAtPins();
   noticeRest();
   if (overlay_dirty) refreshOverlay();
 }
@@ -1031,6 +1042,7 @@ base::Result<void> App::frame(double now) {
   if (s.moved_since_frame) s.images_used += stats.lumigraph.samples_used;
   s.moved_since_frame = false;
   s.dirty = false;
+  s.lookAtPins();
   s.refreshOverlay();
   ++s.overlay_version;
   return {};
@@ -1130,6 +1142,7 @@ void App::setAnnotations(std::vector<Annotation> annotations) {
   }
   s.annotations = std::move(annotations);
   s.open_annotation.reset();
+  s.pins_visible.clear();
   s.pins_changed = true;
   s.dirty = true;
   s.touched();

@@ -130,7 +130,7 @@ class App {
 
   // ---- the loop ----
 
-  /// Motion, and toasts that go.
+  /// Motion, toasts that go, answers about pins. The GL context must be current.
   void advance(double now);
   /// Whether another picture would differ from the last one drawn. At rest it is false.
   bool wantsFrame() const;
