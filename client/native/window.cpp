@@ -32,6 +32,8 @@ namespace {
 constexpr double kIdleSeconds = 0.02;
 /// The overlay is drawn again this often while it shows figures.
 constexpr double kFiguresSeconds = 0.25;
+/// Dear ImGui hides a new window until it has measured it once: what changed is drawn this often.
+constexpr int kWordFrames = 3;
 /// What is asked by HTTP: limits of time and size.
 constexpr double kPickSeconds = 10.0;
 constexpr double kNotesSeconds = 20.0;
@@ -519,6 +521,7 @@ void Window::drawWords() {
 base::Result<void> Window::run() {
   std::uint64_t shown_overlay = 0;
   double shown_at = 0.0;
+  int words_left = 0;
   while (glfwWindowShouldClose(window_) == GLFW_FALSE) {
     glfwPollEvents();
     connection_->pump(app_->session());
@@ -532,12 +535,13 @@ base::Result<void> Window::run() {
     const bool frame = app_->wantsFrame();
     const bool figures = app_->view().statistics && now - shown_at >= kFiguresSeconds;
     if (frame) LUMIGRID_TRY(drawScene(now));
-    const bool words = picture_changed_ || figures || app_->overlayVersion() != shown_overlay;
-    if (!frame && (!words || picture_.width() == 0)) {
+    if (frame || picture_changed_ || figures || app_->overlayVersion() != shown_overlay) words_left = kWordFrames;
+    if (words_left == 0 || picture_.width() == 0) {
       glfwWaitEventsTimeout(kIdleSeconds);
       continue;
     }
     drawWords();
+    --words_left;
     picture_changed_ = false;
     shown_overlay = app_->overlayVersion();
     shown_at = now;
