@@ -474,7 +474,7 @@ void App::State::measureAt(double x, double y) {
   point.accuracy = control.pixelSizeAt(*surface) * (0.5 + static_cast<double>(viewer.stats().error_px));
   point.pick_id = next_pick;
   if (!measure.add(point)) {
-    if (measure.all().size() + 1 >= kMaxMeasuredPoints / 2) say("There are too many points; Escape clears them", false);
+    if (measure.full()) say("There are too many points; Escape clears them", false);
     return;
   }
   const Ray ray = pickRay(x, y);
