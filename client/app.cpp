@@ -38,11 +38,6 @@ constexpr double kProgressSeconds = 0.5;
 constexpr double kToastSeconds = 3.5;
 constexpr double kErrorSeconds = 8.0;
 constexpr std::size_t kMaxToasts = 3;
-/// Pins looked for behind the surface per turn of the loop: each asks the GPU.
-constexpr std::size_t kPinChecks = 4;
-/// A pin is hidden when it lies deeper than the surface by more than this share of its depth and these pixels.
-constexpr double kHiddenShare = 0.002;
-constexpr double kHiddenPixels = 3.0;
 /// Part of the progress bar that the shape takes; the images take the rest.
 constexpr double kShapeShare = 0.6;
 
@@ -53,6 +48,7 @@ ViewerOptions viewerOptions(const AppOptions& options) {
   const Settings& s = options.settings;
   viewer.session.cache_bytes = static_cast<std::uint64_t>(s.cache_megabytes * 1e6);
   viewer.gpu_budget_bytes = static_cast<std::uint64_t>(s.gpu_megabytes * 1e6);
+  viewer.memory_budget_bytes = static_cast<std::uint64_t>(s.memory_megabytes * 1e6);
   viewer.session.patch_tolerance_px = static_cast<float>(s.patch_tolerance);
   viewer.session.max_triangles = static_cast<std::uint32_t>(s.max_triangles);
   viewer.session.max_points = static_cast<std::uint16_t>(s.points);
@@ -143,8 +139,8 @@ struct App::State {
   MeasureTool measure;
   std::uint32_t next_pick = 1;
   std::vector<Annotation> annotations;
-  std::vector<bool> pin_hidden;
-  std::vector<bool> pin_checked;
+  std::vector<bool> pins_visible;
+  bool pins_changed = false;  // since the viewer was told
   std::optional<std::size_t> open_annotation;
 
   std::array<std::string, kBookmarks> bookmarks;
@@ -208,7 +204,8 @@ struct App::State {
   void addMeasurements();
   void addLine(const glm::dvec3& a, const glm::dvec3& b, bool approximate);
   Label labelAt(LabelKind kind, std::size_t index, const glm::dvec3& world) const;
-  void checkPins();
+  void lookAtPins();
+  bool pinHidden(std::size_t index) const;
   void updateProgress();
   void expireToasts();
   void noticeRest();
@@ -238,6 +235,10 @@ void App::State::handToViewer() {
     plane->offset = side * view.section.offset;
   }
   viewer.setSection(plane);
+  if (!std::exchange(pins_changed, false)) return;
+  std::vector<glm::dvec3> pins;
+  for (const Annotation& annotation : annotations) pins.push_back(annotation.position);
+  viewer.setPins(std::move(pins));
 }
 
 std::optional<glm::dvec3> App::State::surfaceAt(double x, double y) {
@@ -261,7 +262,6 @@ void App::State::cameraMoved() {
   dirty = true;
   moved_since_frame = true;
   last_motion = now;
-  pin_checked.assign(annotations.size(), false);
   touched();
 }
 
@@ -474,7 +474,7 @@ void App::State::measureAt(double x, double y) {
   point.accuracy = control.pixelSizeAt(*surface) * (0.5 + static_cast<double>(viewer.stats().error_px));
   point.pick_id = next_pick;
   if (!measure.add(point)) {
-    if (measure.all().size() + 1 >= kMaxMeasuredPoints / 2) say("There are too many points; Escape clears them", false);
+    if (measure.full()) say("There are too many points; Escape clears them", false);
     return;
   }
   const Ray ray = pickRay(x, y);
@@ -727,7 +727,7 @@ void App::State::addPins() {
     const glm::dvec3 towards_eye =
         control.orthographic() ? -control.camera().direction : control.camera().position - annotations[i].position;
     const bool turned_away = glm::dot(annotations[i].normal, towards_eye) < 0.0;
-    if (turned_away || pin_hidden[i] || hiddenBySection(annotations[i].position)) label.visible = false;
+    if (turned_away || pinHidden(i) || hiddenBySection(annotations[i].position)) label.visible = false;
     labels.push_back(std::move(label));
   }
 }
@@ -782,26 +782,19 @@ void App::State::refreshOverlay() {
   if (view.section.on) labels.push_back(labelAt(LabelKind::kSectionHandle, 0, handlePlace()));
 }
 
-/// At rest, a few at a time: whether the surface is in front of a pin.
-void App::State::checkPins() {
-  if (!ready() || now - last_motion < kRestSeconds || viewer.stats().lumigraph.triangles == 0) return;
-  std::size_t left = kPinChecks;
-  for (std::size_t i = 0; i < annotations.size() && left > 0; ++i) {
-    if (pin_checked[i]) continue;
-    pin_checked[i] = true;
-    const glm::dvec3& place = annotations[i].position;
-    const Label label = labelAt(LabelKind::kPin, i, place);
-    if (!label.visible) continue;
-    --left;
-    const auto surface = surfaceAt(label.x, label.y);
-    const double depth = control.project(place).depth;
-    const double error = kHiddenPixels + static_cast<double>(viewer.stats().error_px);
-    const double slack = kHiddenShare * std::abs(depth) + error * control.pixelSizeAt(place);
-    const bool behind = surface && control.project(*surface).depth < depth - slack;
-    if (behind == pin_hidden[i]) continue;
-    pin_hidden[i] = behind;
-    touched();
-  }
+/// The viewer's answers come a frame or two late, and then stay; all pins are seen at one time.
+void App::State::lookAtPins() {
+  if (annotations.empty() || options.surface) return;
+  const std::vector<bool>& visible = viewer.pinsVisible();
+  if (visible == pins_visible) return;
+  pins_visible = visible;
+  touched();
+}
+
+/// Without GL nothing is known to lie in front of a pin.
+bool App::State::pinHidden(std::size_t index) const {
+  if (options.surface) return false;
+  return index >= pins_visible.size() || !pins_visible[index];
 }
 
 Status App::State::status() const {
@@ -847,7 +840,7 @@ void App::State::updateProgress() {
       const double open = std::log(std::max(static_cast<double>(stats.error_px), goal) / goal);
       share = kShapeShare * (whole > 0.0 ? 1.0 - open / whole : 1.0);
       const double used = stats.lumigraph.samples_used;
-      if (open <= 0.0 && used > 0.0) share += (0.95 - kShapeShare) * used / (used + stats.images_requested);
+      if (open <= 0.0 && used > 0.0) share += (0.95 - kShapeShare) * used / (used + stats.samples_requested);
     }
     progress.active = now - incomplete_since >= kProgressSeconds;
     progress.share = std::max(progress.share, share);
@@ -892,7 +885,7 @@ void App::State::keepUp(double time) {
   meter();
   expireToasts();
   updateProgress();
-  checkPins();
+  lookAtPins();
   noticeRest();
   if (overlay_dirty) refreshOverlay();
 }
@@ -1006,6 +999,16 @@ void App::setReducedMotion(bool system_wants) {
   state_->system_reduces_motion = system_wants;
 }
 
+void App::contextLost() {
+  state_->viewer.contextLost();
+}
+
+base::Result<void> App::contextRestored() {
+  state_->dirty = true;
+  state_->pins_changed = true;
+  return state_->viewer.contextRestored();
+}
+
 // ---- the public face: the loop ----
 
 void App::advance(double now) {
@@ -1039,19 +1042,10 @@ base::Result<void> App::frame(double now) {
   if (s.moved_since_frame) s.images_used += stats.lumigraph.samples_used;
   s.moved_since_frame = false;
   s.dirty = false;
+  s.lookAtPins();
   s.refreshOverlay();
   ++s.overlay_version;
   return {};
-}
-
-void App::loseContext() {
-  state_->viewer.contextLost();
-}
-
-base::Result<void> App::restoreContext() {
-  State& s = *state_;
-  s.dirty = true;
-  return s.viewer.contextRestored();
 }
 
 // ---- the public face: requests ----
@@ -1148,8 +1142,8 @@ void App::setAnnotations(std::vector<Annotation> annotations) {
   }
   s.annotations = std::move(annotations);
   s.open_annotation.reset();
-  s.pin_hidden.assign(s.annotations.size(), false);
-  s.pin_checked.assign(s.annotations.size(), false);
+  s.pins_visible.clear();
+  s.pins_changed = true;
   s.dirty = true;
   s.touched();
 }
@@ -1228,7 +1222,7 @@ Statistics App::statistics() const {
   out.frame_milliseconds = 1e3 * s.draw_seconds;
   out.images_in_use = stats.lumigraph.samples_used;
   out.images_resident = stats.lumigraph.samples_resident;
-  out.images_requested = stats.images_requested;
+  out.images_requested = stats.samples_requested;
   out.patches = stats.lumigraph.patches;
   out.triangles = stats.lumigraph.triangles;
   out.memory_bytes = stats.memory.total();

@@ -43,7 +43,8 @@ struct AppOptions {
       true;  ///< false: `viewer` is used as it is (a command line that says all), settings for the rest
   /// Seconds, finer than `now`, to time drawing with. Empty: frame_milliseconds stays 0.
   std::function<double()> clock;
-  /// The world point shown at (x, y) of a view, nullopt over background. Empty: Viewer::surfaceAt, which needs GL.
+  /// The world point shown at (x, y) of a view, nullopt over background. Empty: Viewer::surfaceAt, which needs GL. When
+  /// given, nothing of GL is asked between frames, and no pin counts as behind the surface.
   std::function<std::optional<glm::dvec3>(const base::ViewCamera&, double x, double y)> surface;
 };
 
@@ -119,18 +120,17 @@ class App {
   /// Down again and again while held is fine. True when the key means something here, so that a page keeps the browser
   /// from acting on it.
   bool key(Key key, bool down, Modifiers modifiers, double now);
-  void blur();                               ///< the view lost the keyboard: all keys and pointers are up
-  void setHidden(bool hidden);               ///< nothing is drawn or moved while hidden
+  void blur();                  ///< the view lost the keyboard: all keys and pointers are up
+  void setHidden(bool hidden);  ///< nothing is drawn or moved while hidden
+  /// The GL context is gone: nothing is drawn until contextRestored(), called with a new one current. Both as the
+  /// viewer has them.
+  void contextLost();
+  base::Result<void> contextRestored();
   void setReducedMotion(bool system_wants);  ///< what the system says; settings can overrule it
-
-  /// The GL context is gone with all that was in it: no GL is called until it is back.
-  void loseContext();
-  /// A new context is current: everything is made again from what is kept.
-  base::Result<void> restoreContext();
 
   // ---- the loop ----
 
-  /// Motion, toasts that go, and at rest whether pins are behind the surface, a few a turn.
+  /// Motion, toasts that go, answers about pins. The GL context must be current.
   void advance(double now);
   /// Whether another picture would differ from the last one drawn. At rest it is false.
   bool wantsFrame() const;

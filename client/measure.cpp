@@ -109,10 +109,14 @@ void MeasureTool::start(MeasureKind kind) {
   kind_ = kind;
 }
 
-bool MeasureTool::add(const MeasuredPoint& point) {
+bool MeasureTool::full() const {
   std::size_t count = 0;
   for (const Measurement& one : all_) count += one.points.size();
-  if (count >= kMaxMeasuredPoints) return false;
+  return count >= kMaxMeasuredPoints;
+}
+
+bool MeasureTool::add(const MeasuredPoint& point) {
+  if (full()) return false;
   if (all_.empty() || all_.back().finished) all_.push_back({kind_, {}, false});
   Measurement& running = all_.back();
   if (!running.points.empty() && running.points.back().position == point.position) return false;

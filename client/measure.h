@@ -67,6 +67,7 @@ class MeasureTool {
   /// A point of the running measurement, or the first of a new one. False, and nothing changes: it is where the last
   /// one is, or there are too many. An angle is finished by its third point.
   bool add(const MeasuredPoint& point);
+  bool full() const;
   void finish();
   void removeLast();  ///< the newest point, wherever it is
   void clear();

@@ -9,9 +9,11 @@ namespace {
 
 using Kind = SettingKind;
 
-constexpr std::array<SettingField, 14> kFields{{
+constexpr std::array<SettingField, 15> kFields{{
     {"cache_megabytes", "Memory for images and patches as they came, MB", Kind::kInteger, 8, 65536,
      &Settings::cache_megabytes, "", true},
+    {"memory_megabytes", "All memory that grows with the scene, MB", SettingKind::kInteger, 16, 65536,
+     &Settings::memory_megabytes, "", true},
     {"gpu_megabytes", "Graphics memory, MB", Kind::kInteger, 16, 65536, &Settings::gpu_megabytes, "", true},
     {"patch_tolerance", "Error up to which shape is refined, pixels", Kind::kNumber, 0, 1000,
      &Settings::patch_tolerance, "", true},

@@ -15,9 +15,10 @@ enum class ReducedMotion : std::uint8_t { kSystem, kOn, kOff };
 enum class Theme : std::uint8_t { kSystem, kLight, kDark };
 
 struct Settings {
-  double cache_megabytes = 50.0;  ///< compressed images and patches kept; from the next start on
-  double gpu_megabytes = 512.0;   ///< textures; from the next start on
-  double patch_tolerance = 4.0;   ///< pixels
+  double cache_megabytes = 50.0;     ///< compressed images and patches kept; from the next start on
+  double memory_megabytes = 1000.0;  ///< of all kinds together, on the GPU and off; from the next start on
+  double gpu_megabytes = 512.0;      ///< textures; from the next start on
+  double patch_tolerance = 4.0;      ///< pixels
   double max_triangles = 300'000.0;
   double points = 8.0;    ///< sampling points whose images are asked for
   double samples = 16.0;  ///< images blended in a picture

@@ -5,15 +5,10 @@
 #include <string_view>
 #include <vector>
 
+#include "client/accuracy.h"
+
 namespace client {
 
-/// How near the truth the picture is.
-enum class Accuracy : std::uint8_t {
-  kNothing,  ///< no surface yet
-  kCoarse,   ///< shape and vertex colours of the patches that are here
-  kBlended,  ///< images of nearby sampling points
-  kExact,    ///< the server's picture of this very view
-};
 std::string_view accuracyName(Accuracy accuracy);  ///< "blended"
 
 struct Statistics {
@@ -21,7 +16,7 @@ struct Statistics {
   double frame_milliseconds = 0.0;     ///< to draw one, smoothed; 0 when the platform gave no clock
   std::uint32_t images_in_use = 0;     ///< blended in the picture
   std::uint32_t images_resident = 0;   ///< on the GPU
-  std::uint32_t images_requested = 0;  ///< useful in this view and on their way to the GPU
+  std::uint32_t images_requested = 0;  ///< here and on their way to the GPU
   std::uint32_t patches = 0;
   std::uint64_t triangles = 0;
   std::uint64_t memory_bytes = 0, memory_budget = 0;  ///< all that grows with the scene, GPU and memory together

@@ -92,7 +92,6 @@ struct Viewer::State {
   std::unordered_map<SampleId, std::uint64_t> decoding;  // bytes, of dropped ones too
   std::vector<SampleId> ranked;                          // best first
   std::vector<SampleId> candidates;                      // of these the resident ones
-  bool use_images = true;                                // where the method has any
   bool gpu_full = false;
   ResidentPatches patches;
   base::ViewCamera view;
@@ -497,8 +496,7 @@ Viewer::Viewer(const ViewerOptions& options, std::unique_ptr<ImageDecoder> decod
   wanted.session.frame_bytes = plan.frames;
   wanted.session.max_triangles = std::min(wanted.session.max_triangles, trianglesFor(plan.patches));
   state_ = std::make_unique<State>(wanted, plan, std::move(decoder));
-  state_->use_images = options.lumigraph.use_images;
-  setMethod(options.method);
+  if (wanted.method != lod::Method::kLumigraph) setMethod(wanted.method);
 }
 Viewer::~Viewer() = default;
 
@@ -510,14 +508,6 @@ const Session& Viewer::session() const {
 }
 const ViewerOptions& Viewer::options() const {
   return state_->options;
-}
-
-void Viewer::setMethod(lod::Method method) {
-  State& s = *state_;
-  const bool images = method == lod::Method::kLumigraph;
-  s.options.method = method;
-  s.options.lumigraph.use_images = images && s.use_images;
-  s.session.setWanted(images && s.options.session.images, images && s.options.session.frames);
 }
 
 base::Result<bool> Viewer::update(const base::ViewCamera& camera, double now) {
@@ -598,6 +588,14 @@ void Viewer::setResolutionColors(bool on) {
   state_->options.lumigraph.resolution_colors = on;
 }
 
+void Viewer::setMethod(lod::Method method) {
+  State& s = *state_;
+  const SessionOptions& asked = s.options.session;
+  const bool images = method == lod::Method::kLumigraph;
+  s.options.method = method;
+  s.options.lumigraph.use_images = images && (asked.images || asked.frames);
+  s.session.setWanted(images && asked.images, images && asked.frames);
+}
 
 void Viewer::setPins(std::vector<glm::dvec3> points) {
   State& s = *state_;

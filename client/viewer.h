@@ -12,6 +12,7 @@
 
 #include "base/camera.h"
 #include "base/error.h"
+#include "client/accuracy.h"
 #include "client/decode.h"
 #include "client/render/lumigraph.h"
 #include "client/session.h"
@@ -73,9 +74,7 @@ class Viewer {
   ~Viewer();
   Session& session();
   const Session& session() const;
-  const ViewerOptions& options() const;
-  /// kLumigraph or kPatches, from the next view on.
-  void setMethod(lod::Method method);
+  const ViewerOptions& options() const;  ///< with what the memory budget made of them
   /// Takes in what arrived and uploads what was decoded, within the frame's share; draws nothing. True while there is
   /// more of it to do (being decoded, or left for the next call). For callers that wait for a picture; draw() does it
   /// by itself.
@@ -93,6 +92,10 @@ class Viewer {
   void setSection(const std::optional<base::SectionPlane>& plane);
   /// Tints every fragment by the resolution of what is shown there; kResolutionLegend (render/lumigraph.h) says how.
   void setResolutionColors(bool on);
+  /// lumigraph or patches, from the next draw on; patches ask the server for no images. Images that
+  /// ViewerOptions::session turns off stay off.
+  void setMethod(lod::Method method);
+
   /// World points whose visibility the next draws find out, at most kMaxPins (what is beyond is not visible).
   void setPins(std::vector<glm::dvec3> points);
   /// Beside them: in the picture and not behind the drawn surface nor cut away. The answer is that of a frame or two

@@ -34,6 +34,7 @@ struct Arguments {
   bool frames = true;
   std::string cache = "50M";
   std::string gpu_memory = "512M";
+  std::string memory = "1G";
   float patch_tolerance = 4.0F;
   unsigned points = 8;
   int samples = 16;
@@ -110,6 +111,8 @@ void describe(CLI::App& app, Arguments& a) {
       ->group("What is shown");
 
   app.add_option("--cache", a.cache, "Images and patches kept as they came, in bytes: 50M, 1G")->group("Limits");
+  app.add_option("--memory", a.memory, "All that grows with the scene, on the GPU and off, in bytes; at least 16M")
+      ->group("Limits");
   app.add_option("--gpu-memory", a.gpu_memory, "Images kept on the GPU, in bytes")->group("Limits");
   app.add_option("--threads", a.threads, "Threads that decode images")->check(CLI::Range(1, 64))->group("Limits");
   app.add_option("--bandwidth", a.bandwidth,
@@ -154,6 +157,8 @@ base::Result<Settings> understand(const Arguments& a) {
   if (!cache) return base::within("--cache", cache.error());
   const auto gpu_memory = client::parseByteCount(a.gpu_memory);
   if (!gpu_memory) return base::within("--gpu-memory", gpu_memory.error());
+  const auto memory = client::parseByteCount(a.memory);
+  if (!memory) return base::within("--memory", memory.error());
   const auto background = client::parseColor(a.background);
   if (!background) return base::within("--background", background.error());
   if (!a.size.empty()) {
@@ -175,6 +180,7 @@ base::Result<Settings> understand(const Arguments& a) {
   client::ViewerOptions& viewer = settings.viewer;
   viewer.method = *lod::methodFromName(a.method);
   viewer.gpu_budget_bytes = *gpu_memory;
+  viewer.memory_budget_bytes = *memory;
   viewer.session.cache_bytes = *cache;
   viewer.session.images = a.images;
   viewer.session.frames = a.frames;
@@ -240,6 +246,7 @@ void applyKept(const CLI::App& app, const client::Settings& kept, client::Viewer
   const auto said = [&app](const char* option) { return app.count(option) > 0; };
   if (!said("--cache")) viewer.session.cache_bytes = static_cast<std::uint64_t>(kept.cache_megabytes * 1e6);
   if (!said("--gpu-memory")) viewer.gpu_budget_bytes = static_cast<std::uint64_t>(kept.gpu_megabytes * 1e6);
+  if (!said("--memory")) viewer.memory_budget_bytes = static_cast<std::uint64_t>(kept.memory_megabytes * 1e6);
   if (!said("--patch-tolerance")) viewer.session.patch_tolerance_px = static_cast<float>(kept.patch_tolerance);
   if (!said("--max-triangles")) viewer.session.max_triangles = static_cast<std::uint32_t>(kept.max_triangles);
   if (!said("--points")) viewer.session.max_points = static_cast<std::uint16_t>(kept.points);

@@ -59,6 +59,7 @@ class Painter {
     marks();
     progress();
     if (app_.view().statistics) statistics();
+    if (app_.view().colors_by_resolution) legend();
     messages();
     if (app_.helpShown()) help();
     if (app_.openAnnotation()) card();
@@ -148,6 +149,23 @@ class Painter {
   void statistics() const {
     begin("statistics", kMargin * scale_, kMargin * scale_, 0.0F, 0.0F, kWords);
     table("figures", statisticsLines(app_.statistics()));
+    ImGui::End();
+  }
+
+  /// What the tints mean, at the lower left.
+  void legend() const {
+    begin("legend", kMargin * scale_, size_.y - kMargin * scale_, 0.0F, 1.0F, kWords);
+    ImGui::TextColored(colors_.quiet, "Pixels that the detail spans");
+    for (const ResolutionStep& step : kResolutionLegend) {
+      const ImVec4 color(step.color[0] / 255.0F, step.color[1] / 255.0F, step.color[2] / 255.0F, 1.0F);
+      const float side = ImGui::GetTextLineHeight();
+      ImGui::ColorButton("step", color, ImGuiColorEditFlags_NoTooltip, {side, side});
+      ImGui::SameLine();
+      if (&step == &kResolutionLegend.back())
+        ImGui::TextUnformatted("more");
+      else
+        ImGui::Text("up to %.0f", static_cast<double>(step.up_to_px));
+    }
     ImGui::End();
   }
 

@@ -32,6 +32,8 @@ namespace {
 constexpr double kIdleSeconds = 0.02;
 /// The overlay is drawn again this often while it shows figures.
 constexpr double kFiguresSeconds = 0.25;
+/// Dear ImGui hides a new window until it has measured it once: what changed is drawn this often.
+constexpr int kWordFrames = 3;
 /// What is asked by HTTP: limits of time and size.
 constexpr double kPickSeconds = 10.0;
 constexpr double kNotesSeconds = 20.0;
@@ -74,8 +76,7 @@ std::string freePath(const std::string& directory, const std::string& name) {
 }
 
 /// The path and query that ask for the full-resolution picture (docs/formats/http.md, /render).
-std::string renderTarget(const base::ViewCamera& camera, const ViewState& view,
-                         const std::array<float, 4>& background) {
+std::string renderTarget(const base::ViewCamera& camera, const std::array<float, 4>& background) {
   const auto byte = [](float share) {
     return static_cast<unsigned>(std::lround(255.0F * std::clamp(share, 0.0F, 1.0F)));
   };
@@ -87,9 +88,9 @@ std::string renderTarget(const base::ViewCamera& camera, const ViewState& view,
       camera.position.x, camera.position.y, camera.position.z, camera.direction.x, camera.direction.y,
       camera.direction.z, camera.up.x, camera.up.y, camera.up.z, glm::degrees(camera.fov_y), camera.width,
       camera.height, byte(background[0]), byte(background[1]), byte(background[2]));
-  if (view.orthographic)
+  if (camera.orthographic())
     std::snprintf(text.data() + length, text.size() - static_cast<std::size_t>(length), "&ortho_height=%.17g",
-                  2.0 * std::tan(0.5 * view.fov_y) * view.pivot_distance);
+                  camera.ortho_height);
   return text.data();
 }
 
@@ -420,7 +421,7 @@ void Window::savePicture(const Request& request) {
   if (!plain || !http_ || app_->session().state() != SessionState::kReady) return writePicture(readPicture());
   app_->say("The server draws the picture\u2026");
   asked_[next_question_] = {Question::kPicture, 0, readPicture()};
-  http_->get(next_question_++, renderTarget(request.camera, request.view, background_), kMaxPicture, kPictureSeconds);
+  http_->get(next_question_++, renderTarget(request.camera, background_), kMaxPicture, kPictureSeconds);
 }
 
 void Window::writePicture(const base::Image& image) {
@@ -524,6 +525,7 @@ void Window::drawWords() {
 base::Result<void> Window::run() {
   std::uint64_t shown_overlay = 0;
   double shown_at = 0.0;
+  int words_left = 0;
   while (glfwWindowShouldClose(window_) == GLFW_FALSE) {
     glfwPollEvents();
     connection_->pump(app_->session());
@@ -537,12 +539,13 @@ base::Result<void> Window::run() {
     const bool frame = app_->wantsFrame();
     const bool figures = app_->view().statistics && now - shown_at >= kFiguresSeconds;
     if (frame) LUMIGRID_TRY(drawScene(now));
-    const bool words = picture_changed_ || figures || app_->overlayVersion() != shown_overlay;
-    if (!frame && (!words || picture_.width() == 0)) {
+    if (frame || picture_changed_ || figures || app_->overlayVersion() != shown_overlay) words_left = kWordFrames;
+    if (words_left == 0 || picture_.width() == 0) {
       glfwWaitEventsTimeout(kIdleSeconds);
       continue;
     }
     drawWords();
+    --words_left;
     picture_changed_ = false;
     shown_overlay = app_->overlayVersion();
     shown_at = now;

@@ -79,10 +79,10 @@ EMSCRIPTEN_KEEPALIVE int start(const char* canvas, double memory_budget) {
 }
 
 EMSCRIPTEN_KEEPALIVE void loseContext() {
-  page.app->loseContext();
+  page.app->contextLost();
 }
 EMSCRIPTEN_KEEPALIVE const char* restoreContext() {
-  return handError(page.app->restoreContext());
+  return handError(page.app->contextRestored());
 }
 
 // ---- events ----

@@ -83,6 +83,44 @@ TEST_F(AppGl, everyModeIsDrawnWithoutAnErrorOfGl) {
   }
 }
 
+TEST_F(AppGl, modesThatChangeThePictureDo) {
+  for (const Key key : {Key::kC, Key::kO, Key::kX}) {
+    const base::Image before = picture();
+    press(key);
+    const base::Image in_mode = picture();
+    EXPECT_NE(in_mode.pixels, before.pixels) << static_cast<int>(key);
+    if (key == Key::kX)
+      press(Key::kEscape);
+    else
+      press(key);
+    EXPECT_EQ(picture().pixels, before.pixels) << static_cast<int>(key);
+  }
+}
+
+TEST_F(AppGl, aLostContextComesBackWithTheSamePicture) {
+  const base::Image before = picture();
+  app->contextLost();
+  settle();
+  ASSERT_TRUE(bool(app->contextRestored()));
+  EXPECT_TRUE(app->wantsFrame());
+  EXPECT_EQ(picture().pixels, before.pixels);
+}
+
+TEST_F(AppGl, anOrthographicClickIsWhereItIsSeen) {
+  press(Key::kO);
+  settle();
+  const auto surface = app->viewer().surfaceAt(app->camera(), 0.55 * kWidth, 0.5 * kHeight);
+  ASSERT_TRUE(surface.has_value());
+  Annotation note;
+  note.title = "here";
+  note.position = *surface;
+  app->setAnnotations({note});
+  settle();
+  EXPECT_NEAR(app->labels()[0].x, 0.55 * kWidth, 0.01);
+  EXPECT_NEAR(app->labels()[0].y, 0.5 * kHeight, 0.01);
+  EXPECT_TRUE(app->labels()[0].visible);
+}
+
 TEST_F(AppGl, measuringTakesThePointThatIsDrawnUnderTheClick) {
   press(Key::kM);
   PointerEvent event;

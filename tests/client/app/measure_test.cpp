@@ -139,6 +139,7 @@ TEST(MeasureTool, pointsAreTakenBackOneByOneToTheFirst) {
 TEST(MeasureTool, thereIsAnEndToPoints) {
   MeasureTool tool;
   for (std::size_t i = 0; i < kMaxMeasuredPoints; ++i) ASSERT_TRUE(tool.add(at({static_cast<double>(i), 0.0, 0.0})));
+  EXPECT_TRUE(tool.full());
   EXPECT_FALSE(tool.add(at({-1.0, 0.0, 0.0})));
 }
 
