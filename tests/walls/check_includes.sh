@@ -43,7 +43,7 @@ home 'lmdb' repository
 home 'curl/' repository client/native
 home 'EGL/' base/egl
 home 'turbojpeg|jpeglib' repository lod/build
-home 'GLES3/' base/gl base/egl client/native
+home 'GLES3/' base/gl base/egl client/native client/web
 home 'meshoptimizer'  # a peer in benchmarks only
 home 'GLFW|imgui' client/native
 home 'opencv' server/image

@@ -112,13 +112,15 @@ TEST(Session, anotherVersionIsRefusedInPlainWords) {
   EXPECT_FALSE(talk.session.finished());
   const auto refusal = std::get<protocol::Refusal>(*talk.next());
   EXPECT_EQ(refusal.version, protocol::kVersion);
-  EXPECT_EQ(refusal.reason, "this server speaks protocol 1, the client speaks 7; update the server");
+  EXPECT_EQ(refusal.reason, "this server speaks protocol " + std::to_string(protocol::kVersion) +
+                                ", the client speaks 7; update the server");
   EXPECT_TRUE(talk.session.finished());
   EXPECT_FALSE(talk.next());
 
   Talk old(scene.data);
-  EXPECT_EQ(old.say(protocol::Hello{0, ""}).error().message,
-            "this server speaks protocol 1, the client speaks 0; update the client");
+  EXPECT_EQ(
+      old.say(protocol::Hello{0, ""}).error().message,
+      "this server speaks protocol " + std::to_string(protocol::kVersion) + ", the client speaks 0; update the client");
 }
 
 TEST(Session, whatComesBeforeHelloIsRefused) {
