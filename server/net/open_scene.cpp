@@ -33,6 +33,11 @@ base::Result<void> takeImages(std::unique_ptr<repository::Store> store, const st
   open.images = std::move(store);
   open.data.images = open.images.get();
   open.data.welcome.grid = open.points.grid;
+
+  // Damaged patches are told where they are read for a client; until then images are chosen without.
+  auto sight = lod::patch::ProxySight::ofFile(open.patches);
+  if (sight) open.sight = std::make_unique<lod::patch::ProxySight>(std::move(*sight));
+  open.data.sight = open.sight.get();
   return {};
 }
 
@@ -97,8 +102,16 @@ base::Result<std::unique_ptr<OpenScene>> openHierarchy(base::Scene scene, base::
   if (!patches) return patches.error();
   auto mapped = base::MappedFile::open(patch_path);
   if (!mapped) return mapped.error();
-  std::unique_ptr<OpenScene> open(new OpenScene{
-      std::move(scene), std::move(*patches), nullptr, nullptr, {}, {}, std::move(json_bytes), std::move(*mapped), {}});
+  std::unique_ptr<OpenScene> open(new OpenScene{std::move(scene),
+                                                std::move(*patches),
+                                                nullptr,
+                                                nullptr,
+                                                {},
+                                                {},
+                                                std::move(json_bytes),
+                                                std::move(*mapped),
+                                                nullptr,
+                                                {}});
   open->data.patches = &open->patches;
   describe(place, *open);
   return open;
