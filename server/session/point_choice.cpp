@@ -138,12 +138,17 @@ struct Greedy {
   }
 };
 
+struct Taken {
+  std::size_t item = 0;
+  float gain = 0.0F;
+};
+
 /// All items in greedy order, until `limit` are chosen.
-std::vector<std::size_t> greedyOrder(Greedy& greedy, std::vector<std::size_t> items, std::size_t limit) {
-  std::vector<std::size_t> chosen;
+std::vector<Taken> greedyOrder(Greedy& greedy, std::vector<std::size_t> items, std::size_t limit) {
+  std::vector<Taken> chosen;
   while (!items.empty() && chosen.size() < limit) {
     const std::size_t at = greedy.bestOf(items);
-    chosen.push_back(items[at]);
+    chosen.push_back({items[at], greedy.gainOf(items[at])});
     greedy.take(items[at]);
     items.erase(items.begin() + static_cast<std::ptrdiff_t>(at));
   }
@@ -298,6 +303,12 @@ float useOfPoint(const PointQuery& query, const glm::vec3& point, const SurfaceS
 }
 
 std::vector<glm::uvec3> choosePoints(const PointQuery& query, std::vector<SurfaceSample> samples) {
+  std::vector<glm::uvec3> points;
+  for (const ChosenPoint& chosen : choosePointsWithGains(query, std::move(samples))) points.push_back(chosen.point);
+  return points;
+}
+
+std::vector<ChosenPoint> choosePointsWithGains(const PointQuery& query, std::vector<SurfaceSample> samples) {
   if (query.grid.pointCount() == 0 || query.max_points == 0 || samples.empty()) return {};
   sortSamples(samples);
 
@@ -318,10 +329,10 @@ std::vector<glm::uvec3> choosePoints(const PointQuery& query, std::vector<Surfac
   Greedy greedy(uses, samples, [&](std::size_t c) { dropHidden(query, candidates[c], samples, uses[c]); });
   std::vector<std::size_t> all(candidates.size());
   std::iota(all.begin(), all.end(), std::size_t{0});
-  std::vector<glm::uvec3> points;
-  for (std::size_t c : greedyOrder(greedy, std::move(all), query.max_points))
-    if (isOfUse(uses[c])) points.push_back(candidates[c]);
-  return points;
+  std::vector<ChosenPoint> chosen;
+  for (const Taken& taken : greedyOrder(greedy, std::move(all), query.max_points))
+    if (isOfUse(uses[taken.item])) chosen.push_back({candidates[taken.item], taken.gain});
+  return chosen;
 }
 
 std::vector<repository::FaceKey> orderFaces(const PointQuery& query, std::span<const glm::uvec3> points,
@@ -364,7 +375,7 @@ std::vector<repository::FaceKey> orderFaces(const PointQuery& query, std::span<c
     }
   }
   std::vector<repository::FaceKey> ordered;
-  for (std::size_t f : greedyOrder(greedy, missing, missing.size())) ordered.push_back(faces[f]);
+  for (const Taken& taken : greedyOrder(greedy, missing, missing.size())) ordered.push_back(faces[taken.item]);
   return ordered;
 }
 

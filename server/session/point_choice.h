@@ -80,6 +80,14 @@ float useOfPoint(const PointQuery& query, const glm::vec3& point, const SurfaceS
 /// were always among them cost 0.4 dB on machangara's grid of 17.
 std::vector<glm::uvec3> choosePoints(const PointQuery& query, std::vector<SurfaceSample> samples);
 
+/// A chosen point and what it adds to the sum above once those before it are there; the gains sum up to the set's
+/// worth.
+struct ChosenPoint {
+  glm::uvec3 point{0};
+  float gain = 0.0F;
+};
+std::vector<ChosenPoint> choosePointsWithGains(const PointQuery& query, std::vector<SurfaceSample> samples);
+
 /// The faces of these points that show at least one sample (use above 0), in the order in which each adds most to the
 /// sum above when the faces in `present` are there already. Faces of `present` are not listed.
 std::vector<repository::FaceKey> orderFaces(const PointQuery& query, std::span<const glm::uvec3> points,
