@@ -34,7 +34,7 @@ _lumigrid_allow(protocol       "base;grid"                                      
 _lumigrid_allow(plan           "base;lod;lod_patch;grid;protocol"                  "")
 _lumigrid_allow(server_render  "${_any_base};lod;lod_patch;lod_draw;grid"          "")
 _lumigrid_allow(client_render  "base;base_gl;lod;lod_patch;lod_draw"              "")
-_lumigrid_allow(server_bake    "${_any_base};lod;lod_patch;lod_draw;grid;jpeg;repository;server_render;client_render" "spdlog::spdlog")
+_lumigrid_allow(server_bake    "${_any_base};lod;lod_patch;lod_draw;grid;jpeg;repository;protocol;plan;server_render;client_render" "spdlog::spdlog")
 _lumigrid_allow(server_session "base;lod;lod_patch;grid;repository;protocol;plan"  "")
 _lumigrid_allow(server_net     "${_any_base};lod;lod_patch;lod_draw;grid;cache;jpeg;objects;repository;protocol;plan;server_render;server_bake;server_session" "Boost::headers;Threads::Threads;spdlog::spdlog;nlohmann_json::nlohmann_json")
 _lumigrid_allow(lumigrid       "${_any_base};lod;lod_patch;lod_build;lod_draw;grid;cache;jpeg;objects;repository;protocol;server_render;server_bake;server_session;server_net" "CLI11::CLI11;spdlog::spdlog;nlohmann_json::nlohmann_json")

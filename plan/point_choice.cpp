@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <optional>
 #include <tuple>
 #include <unordered_map>
@@ -15,10 +16,10 @@ namespace plan {
 namespace {
 
 constexpr std::size_t kMaxCandidates = 256;  // 256 × 144 uses are computed in under a millisecond
-constexpr std::size_t kCornersKept = 4;
-constexpr float kSecondBest = 0.5F;  // what a second image of the same place counts
-constexpr float kNarrowCone = 0.5F;  // cosine: normals within 60° of their mean make the patch nearly a plane
-constexpr float kGrazing = 0.2F;     // cosine under which "how much less does p face it than the eye" loses its meaning
+constexpr float kSecondBest = 0.5F;          // what a second image of the same place counts
+constexpr float kSightClearance = 0.5F;      // share of the stated error, which is a bound
+constexpr float kNarrowCone = 0.5F;          // cosine: normals within 60° of their mean make the patch nearly a plane
+constexpr float kGrazing = 0.2F;  // cosine under which "how much less does p face it than the eye" loses its meaning
 
 using Index = std::tuple<std::uint32_t, std::uint32_t, std::uint32_t>;
 Index orderOf(const glm::uvec3& p) {
@@ -36,6 +37,13 @@ Ray rayThrough(const base::Camera& camera, float ndc_x, float ndc_y) {
   const glm::mat4& p = camera.clip_from_eye;
   const glm::vec3 eye_direction((ndc_x + p[2][0]) / p[0][0], (ndc_y + p[2][1]) / p[1][1], -1.0F);
   return {camera.eye, glm::normalize(glm::transpose(glm::mat3(camera.eye_from_scene)) * eye_direction)};
+}
+
+/// The middle of a tile of the picture, counted from the lower left one by rows: x and y from −1 to 1.
+std::pair<float, float> middleOf(int tile, int columns, int rows) {
+  const float x = (static_cast<float>(tile % columns) + 0.5F) / static_cast<float>(columns);
+  const float y = (static_cast<float>(tile / columns) + 0.5F) / static_cast<float>(rows);
+  return {2.0F * x - 1.0F, 2.0F * y - 1.0F};
 }
 
 /// Where the ray is inside the box, in front of its origin.
@@ -87,43 +95,76 @@ struct Covered {
   }
 };
 
-/// uses[i] are the uses of item i for every sample. Moves item indices into the order of largest gain, at most `limit`;
-/// the items up to `forced` are taken whatever they add, but in their own right order too.
+/// uses[i] are the uses of item i for every sample, `look(i)` takes out those that something hides. That takes the most
+/// time, so it is done only when an item would be next: what it adds can but shrink by it.
 struct Greedy {
-  const std::vector<std::vector<float>>& uses;
+  std::vector<std::vector<float>>& uses;
   const std::vector<SurfaceSample>& samples;
+  std::function<void(std::size_t item)> look;
   std::vector<Covered> covered;
+  std::vector<char> looked;
+
+  Greedy(std::vector<std::vector<float>>& uses_of_items, const std::vector<SurfaceSample>& all,
+         std::function<void(std::size_t item)> look_at)
+      : uses(uses_of_items),
+        samples(all),
+        look(std::move(look_at)),
+        covered(all.size()),
+        looked(uses_of_items.size(), 0) {}
 
   float gainOf(std::size_t item) const {
     float sum = 0.0F;
     for (std::size_t s = 0; s < samples.size(); ++s) sum += samples[s].weight * covered[s].gain(uses[item][s]);
     return sum;
   }
+  void lookOnce(std::size_t item) {
+    if (looked[item] == 0) look(item);
+    looked[item] = 1;
+  }
   void take(std::size_t item) {
+    lookOnce(item);
     for (std::size_t s = 0; s < samples.size(); ++s) covered[s].add(uses[item][s]);
   }
   /// The item of `items` that adds most; the earlier one of equals.
-  std::size_t bestOf(const std::vector<std::size_t>& items) const {
-    std::size_t best = 0;
-    float best_gain = -1.0F;
-    for (std::size_t i = 0; i < items.size(); ++i) {
-      const float gain = gainOf(items[i]);
-      if (gain > best_gain) best = i, best_gain = gain;
+  std::size_t bestOf(const std::vector<std::size_t>& items) {
+    std::vector<float> gains;
+    for (const std::size_t item : items) gains.push_back(gainOf(item));
+    for (;;) {
+      const auto best = static_cast<std::size_t>(std::max_element(gains.begin(), gains.end()) - gains.begin());
+      if (looked[items[best]] != 0) return best;
+      lookOnce(items[best]);
+      gains[best] = gainOf(items[best]);
     }
-    return best;
   }
 };
 
+struct Taken {
+  std::size_t item = 0;
+  float gain = 0.0F;
+};
+
 /// All items in greedy order, until `limit` are chosen.
-std::vector<std::size_t> greedyOrder(Greedy& greedy, std::vector<std::size_t> items, std::size_t limit) {
-  std::vector<std::size_t> chosen;
+std::vector<Taken> greedyOrder(Greedy& greedy, std::vector<std::size_t> items, std::size_t limit) {
+  std::vector<Taken> chosen;
   while (!items.empty() && chosen.size() < limit) {
     const std::size_t at = greedy.bestOf(items);
-    chosen.push_back(items[at]);
+    chosen.push_back({items[at], greedy.gainOf(items[at])});
     greedy.take(items[at]);
     items.erase(items.begin() + static_cast<std::ptrdiff_t>(at));
   }
   return chosen;
+}
+
+bool isOfUse(const std::vector<float>& uses) {
+  return std::any_of(uses.begin(), uses.end(), [](float use) { return use > 0.0F; });
+}
+
+/// Takes what something hides from the point out of its uses.
+void dropHidden(const PointQuery& query, const glm::uvec3& point, const std::vector<SurfaceSample>& samples,
+                std::vector<float>& uses) {
+  const glm::vec3 place = query.grid.point(point.x, point.y, point.z);
+  for (std::size_t s = 0; s < samples.size(); ++s)
+    if (uses[s] > 0.0F && !isInSight(query, place, samples[s])) uses[s] = 0.0F;
 }
 
 /// Floating sums depend on their order; sorted samples make the answer independent of how they came.
@@ -198,9 +239,8 @@ std::vector<SurfaceSample> sampleVisibleSurface(const lod::patch::Hierarchy& hie
   std::vector<SurfaceSample> samples;
   const float weight = 1.0F / static_cast<float>(columns * rows);
   for (int tile = 0; tile < columns * rows; ++tile) {
-    const float x = (static_cast<float>(tile % columns) + 0.5F) / static_cast<float>(columns);
-    const float y = (static_cast<float>(tile / columns) + 0.5F) / static_cast<float>(rows);
-    const Ray ray = rayThrough(camera, 2.0F * x - 1.0F, 2.0F * y - 1.0F);
+    const auto [x, y] = middleOf(tile, columns, rows);
+    const Ray ray = rayThrough(camera, x, y);
 
     const lod::patch::Patch* nearest = nullptr;
     float nearest_distance = std::numeric_limits<float>::max();
@@ -214,6 +254,24 @@ std::vector<SurfaceSample> sampleVisibleSurface(const lod::patch::Hierarchy& hie
         {ray.origin + nearest_distance * ray.direction, narrow ? nearest->cone.axis : glm::vec3(0.0F), weight});
   }
   return samples;
+}
+
+std::vector<SurfaceSample> sampleVisibleSurface(const lod::patch::ProxySight& sight, const base::Camera& camera,
+                                                int columns, int rows) {
+  std::vector<SurfaceSample> samples;
+  const float weight = 1.0F / static_cast<float>(columns * rows);
+  for (int tile = 0; tile < columns * rows; ++tile) {
+    const auto [x, y] = middleOf(tile, columns, rows);
+    const Ray ray = rayThrough(camera, x, y);
+    const auto met = sight.nearest(ray.origin, ray.direction, std::numeric_limits<float>::max());
+    if (met) samples.push_back({ray.origin + met->distance * ray.direction, met->normal, weight});
+  }
+  return samples;
+}
+
+bool isInSight(const PointQuery& query, const glm::vec3& point, const SurfaceSample& sample) {
+  return query.sight == nullptr ||
+         !query.sight->isBlocked(sample.position, point, kSightClearance * query.sight->error());
 }
 
 float useOfPoint(const PointQuery& query, const glm::vec3& point, const SurfaceSample& sample) {
@@ -245,6 +303,12 @@ float useOfPoint(const PointQuery& query, const glm::vec3& point, const SurfaceS
 }
 
 std::vector<glm::uvec3> choosePoints(const PointQuery& query, std::vector<SurfaceSample> samples) {
+  std::vector<glm::uvec3> points;
+  for (const ChosenPoint& chosen : choosePointsWithGains(query, std::move(samples))) points.push_back(chosen.point);
+  return points;
+}
+
+std::vector<ChosenPoint> choosePointsWithGains(const PointQuery& query, std::vector<SurfaceSample> samples) {
   if (query.grid.pointCount() == 0 || query.max_points == 0 || samples.empty()) return {};
   sortSamples(samples);
 
@@ -262,19 +326,13 @@ std::vector<glm::uvec3> choosePoints(const PointQuery& query, std::vector<Surfac
     for (std::size_t s = 0; s < samples.size(); ++s)
       uses[c][s] = useOfPoint(query, query.grid.point(candidates[c].x, candidates[c].y, candidates[c].z), samples[s]);
 
-  // The nearest corners are in whatever they add; the others are added by gain.
-  const std::size_t kept = std::min({kCornersKept, corner_count, query.max_points});
-  Greedy greedy{uses, samples, std::vector<Covered>(samples.size())};
-  std::vector<std::size_t> set, others;
-  for (std::size_t c = 0; c < candidates.size(); ++c) (c < kept ? set : others).push_back(c);
-  for (std::size_t c : set) greedy.take(c);
-  for (std::size_t c : greedyOrder(greedy, others, query.max_points - kept)) set.push_back(c);
-
-  // Told most useful first, seen on its own.
-  greedy.covered.assign(samples.size(), {});
-  std::vector<glm::uvec3> points;
-  for (std::size_t c : greedyOrder(greedy, set, set.size())) points.push_back(candidates[c]);
-  return points;
+  Greedy greedy(uses, samples, [&](std::size_t c) { dropHidden(query, candidates[c], samples, uses[c]); });
+  std::vector<std::size_t> all(candidates.size());
+  std::iota(all.begin(), all.end(), std::size_t{0});
+  std::vector<ChosenPoint> chosen;
+  for (const Taken& taken : greedyOrder(greedy, std::move(all), query.max_points))
+    if (isOfUse(uses[taken.item])) chosen.push_back({candidates[taken.item], taken.gain});
+  return chosen;
 }
 
 std::vector<repository::FaceKey> orderFaces(const PointQuery& query, std::span<const glm::uvec3> points,
@@ -287,24 +345,27 @@ std::vector<repository::FaceKey> orderFaces(const PointQuery& query, std::span<c
   std::vector<std::vector<float>> uses;
   for (const glm::uvec3& p : points) {
     const glm::vec3 point = query.grid.point(p.x, p.y, p.z);
+    std::vector<float> of_point(samples.size());
+    for (std::size_t s = 0; s < samples.size(); ++s) of_point[s] = useOfPoint(query, point, samples[s]);
+    dropHidden(query, p, samples, of_point);
     std::array<std::vector<float>, 6> of_face;
     for (std::size_t s = 0; s < samples.size(); ++s) {
       const glm::vec3 direction = samples[s].position - point;
       if (!(glm::dot(direction, direction) > 0.0F)) continue;
       std::vector<float>& row = of_face[repository::faceOfDirection(direction)];
       row.resize(samples.size(), 0.0F);
-      row[s] = useOfPoint(query, point, samples[s]);
+      row[s] = of_point[s];
     }
     for (std::uint32_t d = 0; d < 6; ++d) {
-      // No sample lies in it, or all turn away from the point.
-      if (std::none_of(of_face[d].begin(), of_face[d].end(), [](float use) { return use > 0.0F; })) continue;
+      // No sample lies in it, or all turn away from the point or are hidden from it.
+      if (!isOfUse(of_face[d])) continue;
       faces.push_back({p.x, p.y, p.z, d});
       uses.push_back(std::move(of_face[d]));
     }
   }
 
   // Those that are there already count, but are not listed.
-  Greedy greedy{uses, samples, std::vector<Covered>(samples.size())};
+  Greedy greedy(uses, samples, [](std::size_t) {});
   std::vector<std::size_t> missing;
   for (std::size_t f = 0; f < faces.size(); ++f) {
     if (present && present(faces[f])) {
@@ -314,7 +375,7 @@ std::vector<repository::FaceKey> orderFaces(const PointQuery& query, std::span<c
     }
   }
   std::vector<repository::FaceKey> ordered;
-  for (std::size_t f : greedyOrder(greedy, missing, missing.size())) ordered.push_back(faces[f]);
+  for (const Taken& taken : greedyOrder(greedy, missing, missing.size())) ordered.push_back(faces[taken.item]);
   return ordered;
 }
 

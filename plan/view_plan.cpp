@@ -28,6 +28,7 @@ PointQuery queryFor(const Scene& scene, const protocol::View& view, const LocalV
   PointQuery query;
   query.grid = scene.welcome->grid;
   query.tree = scene.sample_tree;
+  query.sight = scene.sight;
   query.eye = local.request.camera.eye;
   query.pixels_per_unit_at_one = local.request.camera.pixelsPerUnitAtOne();
   query.error_px = std::max(1.0F, view.patch_tolerance_px);
@@ -45,7 +46,9 @@ std::pair<std::vector<glm::uvec3>, std::vector<repository::FaceKey>> chooseFaces
                                                                                  const LocalView& local,
                                                                                  const HasFace& present) {
   const PointQuery query = queryFor(scene, view, local);
-  const auto samples = sampleVisibleSurface(*scene.hierarchy, local.cut.patches, local.request.camera);
+  const auto samples = scene.sight != nullptr
+                           ? sampleVisibleSurface(*scene.sight, local.request.camera)
+                           : sampleVisibleSurface(*scene.hierarchy, local.cut.patches, local.request.camera);
   auto points = choosePoints(query, samples);
   auto faces = orderFaces(query, points, samples, present);
   return {std::move(points), std::move(faces)};

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "lod/patch/hierarchy.h"
+#include "lod/patch/proxy_sight.h"
 #include "lod/patch/traverse.h"
 #include "protocol/message.h"
 #include "repository/sample_tree.h"
@@ -20,6 +21,7 @@ struct Scene {
   const lod::patch::Hierarchy* hierarchy = nullptr;     ///< whole, or as far as it is known
   bool images = false;                                  ///< whether there is a repository
   const repository::SampleTree* sample_tree = nullptr;  ///< which points are sampled; null: all of the grid
+  const lod::patch::ProxySight* sight = nullptr;        ///< what hides what; null: nothing does
 };
 
 /// What both send or fetch first: a coarse whole model of so many bytes, 0.1 s at 4 Mbit/s.

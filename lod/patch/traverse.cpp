@@ -1,6 +1,7 @@
 #include "lod/patch/traverse.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace lod::patch {
 namespace {
@@ -220,6 +221,18 @@ Cut selectUniformCut(const Hierarchy& hierarchy, float world_error) {
     }
   }
   return cut;
+}
+
+UniformCut selectFinestUniformCut(const Hierarchy& hierarchy, std::uint64_t max_triangles) {
+  // The errors of groups are the only ones at which cuts change.
+  std::vector<float> errors{0.0F};
+  for (std::uint32_t g = 0; g < hierarchy.groups.size(); ++g)
+    if (hierarchy.isKnown(g) && std::isfinite(hierarchy.groups[g].error)) errors.push_back(hierarchy.groups[g].error);
+  std::sort(errors.begin(), errors.end());
+  const auto tooFine = [&](float error) { return selectUniformCut(hierarchy, error).triangles > max_triangles; };
+  const auto at = std::partition_point(errors.begin(), errors.end(), tooFine);
+  const float error = at == errors.end() ? errors.back() : *at;
+  return {selectUniformCut(hierarchy, error), error};
 }
 
 }  // namespace lod::patch

@@ -55,4 +55,11 @@ Cut selectCut(const Hierarchy& hierarchy, const CutRequest& request,
 /// stays 0. Unknown groups of a growing hierarchy are not expanded.
 Cut selectUniformCut(const Hierarchy& hierarchy, float world_error);
 
+struct UniformCut {
+  Cut cut;
+  float error = 0.0F;  ///< scene units: the largest stated error in it
+};
+/// The finest of these cuts that has at most `max_triangles`; where none has, the coarsest.
+UniformCut selectFinestUniformCut(const Hierarchy& hierarchy, std::uint64_t max_triangles);
+
 }  // namespace lod::patch

@@ -19,6 +19,7 @@
 #include "repository/parameters.h"
 #include "server/bake/adaptive.h"
 #include "server/bake/committer.h"
+#include "server/bake/demand.h"
 #include "server/bake/draw_thread.h"
 #include "server/bake/face_encoder.h"
 
@@ -76,6 +77,9 @@ std::string parametersText(const base::Scene& scene, const BakeOptions& options)
          << ",\n\"least gain\": " << number(static_cast<float>(options.least_gain_db))
          << ",\n\"budget\": " << options.budget_bytes << ",\n\"by use\": " << (options.use ? "true" : "false")
          << ",\n\"coarse cells\": " << options.coarse_cells;
+  if (options.demand_views > 0)
+    text << ",\n\"demand views\": " << options.demand_views
+         << ",\n\"demand worth\": " << number(static_cast<float>(options.demand_worth));
   text << "\n}\n";
   return text.str();
 }
@@ -286,7 +290,7 @@ class Work {
     LUMIGRID_TRY(claimStore(store_, parameters_));
     LUMIGRID_TRY(present_.read(store_));
     summary_.faces_skipped = present_.count();
-    if (options_.target_db > 0.0)
+    if (isAdaptive(options_))
       LUMIGRID_TRY(sampleTree());
     else
       LUMIGRID_TRY(sampleAll());
@@ -306,6 +310,15 @@ class Work {
     return blind ? base::Result<void>() : base::Result<void>(blind.error());
   }
 
+  // What to begin with: cells to judge, or the points in demand.
+  base::Result<repository::SampleTree> firstTree() {
+    if (options_.demand_views == 0)
+      return repository::SampleTree(options_.grid, coarseCellSize(options_.grid, options_.coarse_cells));
+    return treeInDemand(scene_, patches_, options_.grid,
+                        {options_.demand_views, options_.demand_worth, options_.threads},
+                        [this](double) { return !progress_ || progress_({}); });
+  }
+
   base::Result<void> sampleTree() {
     const auto meta = store_.readMeta();
     if (!meta) return meta.error();
@@ -317,9 +330,9 @@ class Work {
       summary_.points = (*stored)->points().size();
       return {};
     }
-    repository::SampleTree tree =
-        *stored ? std::move(**stored)
-                : repository::SampleTree(options_.grid, coarseCellSize(options_.grid, options_.coarse_cells));
+    auto first = *stored ? base::Result<repository::SampleTree>(std::move(**stored)) : firstTree();
+    if (!first) return first.error();
+    repository::SampleTree tree = std::move(*first);
     LUMIGRID_TRY(start());
     AdaptiveWork work{scene_,
                       patches_,
@@ -414,7 +427,10 @@ base::Result<void> checkBakeOptions(const BakeOptions& options) {
     return wrong("a target below 0 dB, or no cells to begin with");
   if (options.shard.count < 1 || options.shard.index >= options.shard.count)
     return wrong("no shard " + std::to_string(options.shard.index) + " of " + std::to_string(options.shard.count));
-  if (options.target_db > 0.0 && options.shard.count > 1)
+  if (!(options.demand_worth > 0.0 && options.demand_worth <= 1.0))
+    return wrong("a worth that is not above 0 and at most 1");
+  if (options.target_db > 0.0 && options.demand_views > 0) return wrong("both a target and points by use");
+  if (isAdaptive(options) && options.shard.count > 1)
     return wrong("adaptive sampling of a shard; where images are wanted shows on the way, so one store holds them all");
   return {};
 }

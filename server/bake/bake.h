@@ -40,6 +40,9 @@ struct BakeOptions {
   /// split, and the most used come first.
   std::function<double(const glm::vec3& low, const glm::vec3& high)> use;
   std::uint64_t budget_bytes = 0;  ///< cells are split while the images take about that; 0: no limit
+  /// Sampling by use (demand.h): of `grid` only what so many random views would choose; 0: not so. Not with a target.
+  std::uint32_t demand_views = 0;
+  double demand_worth = 0.97;      ///< the share of the whole grid's worth that is kept, above 0 to 1
   std::uint32_t coarse_cells = 4;  ///< of adaptive sampling: cells along the longest side to begin with, at least
 };
 
@@ -58,6 +61,11 @@ struct BakeSummary {
   std::uint64_t points = 0;                    ///< with images, of the grid's
   std::vector<repository::TreeGrowth> growth;  ///< of adaptive sampling, by size of cells
 };
+
+/// Whether the points are those of a tree (target_db, demand_views), not all of the grid.
+inline bool isAdaptive(const BakeOptions& options) {
+  return options.target_db > 0.0 || options.demand_views > 0;
+}
 
 /// A grid and options that can be baked: kInvalidInput says what cannot.
 base::Result<void> checkBakeOptions(const BakeOptions& options);

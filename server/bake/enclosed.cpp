@@ -27,20 +27,11 @@ double solidAngle(const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c)
 }  // namespace
 
 base::Result<Enclosure> Enclosure::create(const lod::patch::PatchFile& patches, std::uint64_t max_triangles) {
-  // From the coarsest cut on, while it is small enough: the errors of groups are the only ones at which cuts change.
   const lod::patch::Hierarchy& hierarchy = patches.hierarchy();
-  std::vector<float> errors{0.0F};
-  for (const lod::patch::Group& group : hierarchy.groups)
-    if (std::isfinite(group.error)) errors.push_back(group.error);
-  std::sort(errors.begin(), errors.end());
-  const auto fits = [&](float error) {
-    return lod::patch::selectUniformCut(hierarchy, error).triangles <= max_triangles;
-  };
-  const auto at = std::partition_point(errors.begin(), errors.end(), [&](float error) { return !fits(error); });
-
+  const lod::patch::UniformCut finest = lod::patch::selectFinestUniformCut(hierarchy, max_triangles);
   Enclosure enclosure;
-  enclosure.error_ = at == errors.end() ? errors.back() : *at;
-  for (const std::uint32_t patch : lod::patch::selectUniformCut(hierarchy, enclosure.error_).patches) {
+  enclosure.error_ = finest.error;
+  for (const std::uint32_t patch : finest.cut.patches) {
     const auto geometry = patches.geometry(patch);
     if (!geometry) return geometry.error();
     const auto corner = [&](std::size_t i) {

@@ -70,7 +70,7 @@ constexpr const char* kHierarchyParameters[] = {
 
 // Where adaptive sampling needs images shows from those that are there: its points cannot be dealt out in advance.
 constexpr const char* kAdaptiveIsWhole =
-    "adaptive sampling (--target) builds one undivided repository: leave out --target, or --shard and --shards";
+    "adaptive sampling (--target, --views) builds one undivided repository: leave that out, or --shard and --shards";
 
 /// What the summary tells.
 struct BuildReport {
@@ -123,6 +123,10 @@ Parameters parametersOf(const BuildArguments& a) {
                         {"node-triangles", number(a.hierarchy.node_triangles)},
                         {"position-bits", number(a.hierarchy.position_bits)},
                         {"regroup", a.regroup}};
+  if (a.bake.demand_views != 0) {
+    parameters["views"] = number(a.bake.demand_views);
+    parameters["worth"] = number(a.bake.demand_worth);
+  }
   if (a.bake.budget_bytes != 0) parameters["budget"] = number(a.bake.budget_bytes);
   if (!a.refine_from.empty()) parameters["refine-from"] = a.refine_from;
   return parameters;
@@ -406,7 +410,7 @@ Result<void> chooseQuality(const BuildArguments& a, Output& output, BuildReport&
 
 // The tree with which adaptive sampling begins; nothing where the whole grid is sampled.
 std::optional<repository::SampleTree> firstTree(const BuildArguments& a, const repository::Grid& grid) {
-  if (a.bake.target_db <= 0.0) return std::nullopt;
+  if (!isAdaptive(a.bake)) return std::nullopt;
   return repository::SampleTree(grid, coarseCellSize(grid, a.bake.coarse_cells));
 }
 
@@ -611,7 +615,7 @@ Result<Part> partOf(const BuildArguments& a) {
     shard = *given;
   }
   if (!shard) return Part{a.shards, std::nullopt};
-  if (a.bake.target_db > 0.0) return Error{ErrorCode::kInvalidInput, kAdaptiveIsWhole};
+  if (isAdaptive(a.bake)) return Error{ErrorCode::kInvalidInput, kAdaptiveIsWhole};
   if (a.shards != 0 && a.shards != shard->count)
     return Error{ErrorCode::kInvalidInput, "--shards " + std::to_string(a.shards) + " and a shard of " +
                                                std::to_string(shard->count) + " do not go together"};
@@ -622,7 +626,7 @@ Result<Part> partOf(const BuildArguments& a) {
 Result<void> settleDivision(const BuildArguments& a, const Output& output, Part& part) {
   auto recorded = shardsOf(*output.scene);
   if (!recorded) return recorded.error();
-  if (*recorded != 0 && a.bake.target_db > 0.0)
+  if (*recorded != 0 && isAdaptive(a.bake))
     return Error{ErrorCode::kInvalidInput, a.output + ": is divided into shards; " + kAdaptiveIsWhole};
   if (part.shards == 0 || part.shards == *recorded) {
     part.shards = *recorded;
@@ -807,6 +811,18 @@ void declareOptions(CLI::App& command, BuildArguments& a) {
                   "adaptive sampling: cells along the longest side to begin with, at least")
       ->check(CLI::Range(1, 1023))
       ->capture_default_str();
+  command
+      .add_option("--views", a.bake.demand_views,
+                  "sampling by use: of --grid only those points that a client would be sent in so many random views of "
+                  "the viewing box, e.g. 1000; 0: the whole grid")
+      ->check(CLI::Range(0, 1'000'000))
+      ->capture_default_str();
+  command
+      .add_option("--worth", a.bake.demand_worth,
+                  "sampling by use: points are left out while what is left is worth this share of the whole grid to "
+                  "these views")
+      ->check(CLI::Range(0.01, 1.0))
+      ->capture_default_str();
   command.add_option("--face", a.face, "pixels along one side of an image")
       ->check(CLI::Range(16, 4096))
       ->capture_default_str();
@@ -908,7 +924,10 @@ std::string wrongUsage(const CLI::App& command, BuildArguments& a) {
     return "--tune chooses quality and subsampling of the images: leave out --quality and --subsampling, or --tune";
   if (a.bake.target_db <= 0.0 && (a.bake.budget_bytes != 0 || !a.refine_from.empty()))
     return "--budget and --refine-from are of adaptive sampling: give --target too";
-  if (a.bake.target_db > 0.0 && (!a.shard.empty() || a.shards != 0)) return kAdaptiveIsWhole;
+  if (isAdaptive(a.bake) && (!a.shard.empty() || a.shards != 0)) return kAdaptiveIsWhole;
+  if (a.bake.target_db > 0.0 && a.bake.demand_views > 0)
+    return "--target splits cells, --views chooses points: give one of them";
+  if (a.bake.demand_views == 0 && isGiven(command, "--worth")) return "--worth is of sampling by use: give --views too";
   return "";
 }
 

@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <cstdio>
 #include <memory>
-#include <random>
 #include <vector>
 
 #include "base/file.h"
@@ -9,6 +8,7 @@
 #include "base/json/scene_file.h"
 #include "lod/patch/format.h"
 #include "server/bake/enclosed.h"
+#include "server/bake/random_views.h"
 #include "server/cmd/commands.h"
 #include "server/cmd/console.h"
 
@@ -28,38 +28,13 @@ struct TourArguments {
   double margin = 0.5;
 };
 
-// Held-out views: eyes anywhere in the viewing box but within or behind the model, each looking at some place in the
-// middle half of the model's box.
-base::Result<std::vector<base::ViewCamera>> randomViews(const TourArguments& a, const base::Scene& scene) {
+base::Result<std::vector<base::ViewCamera>> heldOutViews(const TourArguments& a, const base::Scene& scene) {
   auto patches = lod::patch::PatchFile::open(a.scene + "/patch.lgp");
   if (!patches) return patches.error();
   const auto enclosure = Enclosure::create(*patches);
   if (!enclosure) return enclosure.error();
-  std::mt19937 random(a.seed);
-  // Not std::uniform_real_distribution, which is another in every library.
-  const auto unit = [&] { return static_cast<double>(random()) / 4294967296.0; };
-  const auto within = [&](const glm::dvec3& low, const glm::dvec3& high) {
-    const double x = unit();
-    const double y = unit();
-    return low + (high - low) * glm::dvec3(x, y, unit());
-  };
-  const glm::dvec3 size = scene.box_max - scene.box_min;
-  const glm::dvec3 grown(a.margin * std::max({size.x, size.y, size.z}));
-  constexpr int kTries = 1000;  // for a view; a model that fills its box leaves little room
-  std::vector<base::ViewCamera> views;
-  for (int tries = 0; static_cast<int>(views.size()) < a.random && tries < kTries * a.random; ++tries) {
-    base::ViewCamera view;
-    view.position = within(scene.box_min - grown, scene.box_max + grown);
-    const glm::dvec3 target = within(scene.box_min + 0.25 * size, scene.box_max - 0.25 * size);
-    if (glm::length(target - view.position) < 1e-3 * glm::length(size)) continue;
-    view.direction = glm::normalize(target - view.position);
-    view.up = scene.up;
-    if (glm::length(glm::cross(view.direction, view.up)) < 0.05) continue;
-    if (enclosure->isBehind(glm::vec3(view.position - scene.origin))) continue;
-    view.width = a.size[0];
-    view.height = a.size[1];
-    views.push_back(view);
-  }
+  auto views =
+      randomViews(scene, *enclosure, {static_cast<std::size_t>(a.random), a.seed, a.margin, a.size[0], a.size[1]});
   if (views.empty())
     return base::Error{base::ErrorCode::kInvalidInput,
                        a.scene + ": the model leaves no room for a view; raise --margin"};
@@ -72,7 +47,7 @@ int run(const TourArguments& a) {
   auto path = base::orbitPath(scene->box_min, scene->box_max, scene->up, a.frames, a.turns,
                               glm::radians(a.elevation_degrees), a.distance, a.size[0], a.size[1]);
   if (a.random > 0) {
-    auto views = randomViews(a, *scene);
+    auto views = heldOutViews(a, *scene);
     if (!views) return fail(views.error());
     path = std::move(*views);
   }

@@ -34,6 +34,11 @@ base::Result<void> takeImages(std::unique_ptr<repository::Store> store, const st
   open.images = std::move(store);
   open.data.images = open.images.get();
   open.data.welcome.grid = open.points.grid;
+
+  // Damaged patches are told where they are read for a client; until then images are chosen without.
+  auto sight = lod::patch::ProxySight::ofFile(open.patches);
+  if (sight) open.sight = std::make_unique<lod::patch::ProxySight>(std::move(*sight));
+  open.data.sight = open.sight.get();
   return {};
 }
 

@@ -19,6 +19,7 @@
 
 #include "base/error.h"
 #include "lod/patch/format.h"
+#include "lod/patch/proxy_sight.h"
 #include "plan/view_plan.h"
 #include "protocol/message.h"
 #include "repository/access_counter.h"
@@ -31,11 +32,12 @@ namespace server {
 struct SceneData {
   protocol::Welcome welcome;
   const lod::patch::PatchFile* patches = nullptr;
-  const repository::Store* images = nullptr;     ///< null: no repository
-  const repository::SampleTree* tree = nullptr;  ///< which points are sampled; null: all of the grid
-  repository::AccessCounter* access = nullptr;   ///< told of every face and group that nextMessage() hands out; or null
+  const lod::patch::ProxySight* sight = nullptr;  ///< what hides what, for the choice of images; null: nothing does
+  const repository::Store* images = nullptr;      ///< null: no repository
+  const repository::SampleTree* tree = nullptr;   ///< which points are sampled; null: all of the grid
+  repository::AccessCounter* access = nullptr;  ///< told of every face and group that nextMessage() hands out; or null
 
-  plan::Scene toPlan() const { return {&welcome, &patches->hierarchy(), images != nullptr, tree}; }
+  plan::Scene toPlan() const { return {&welcome, &patches->hierarchy(), images != nullptr, tree, sight}; }
 };
 
 /// A frame that the session would like to have rendered.

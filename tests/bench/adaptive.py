@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """Uniform grids against adaptive sampling: bytes and images against accuracy from held-out places.
 
-  adaptive.py --bin DIR --work DIR --chart FILE.svg [--grid 17] [--face 512] [--uniform 5,9,17] [--targets 26,30] MESH
+  adaptive.py --bin DIR --work DIR --chart FILE.svg [--grid 17] [--face 512] [--uniform 5,9,17] [--targets 26,30]
+              [--worths 0.85,0.93] MESH
 
 Builds the mesh's images with `lumigrid build` once for each, looks at 16 views from random places that no cell used
 (`lumigrid tour --random`), as a client over a socket (`lumigrid-compare`, without exact frames), and prints a row each:
@@ -68,7 +69,7 @@ def chart(rows, title, path):
     out.append(f'<text x="{width / 2}" y="{height - 12}" text-anchor="middle">MB of images and masks</text>'
                f'<text x="14" y="{height / 2}" transform="rotate(-90 14 {height / 2})" text-anchor="middle">'
                "mean PSNR of held-out views, dB</text>")
-    for kind, color, below in (("uniform", "#1f77b4", -8), ("adaptive", "#d62728", 18)):
+    for kind, color, below in (("uniform", "#1f77b4", -8), ("adaptive", "#d62728", 18), ("by use", "#2ca02c", -8)):
         mine = sorted((r for r in rows if r["label"].startswith(kind)), key=lambda r: r["bytes"])
         points = " ".join(f"{px(math.log10(r['bytes'])):.1f},{py(r['mean']):.1f}" for r in mine)
         out.append(f'<polyline points="{points}" fill="none" stroke="{color}" stroke-width="2"/>')
@@ -88,11 +89,15 @@ def main():
     parser.add_argument("--grid", default="17", help="the finest grid of the adaptive ones")
     parser.add_argument("--face", default="512")
     parser.add_argument("--uniform", default="5,9,17")
-    parser.add_argument("--targets", default="26,30", help="of adaptive sampling, dB")
+    parser.add_argument("--targets", default="26,30", help="of cells split by judging, dB")
+    parser.add_argument("--worths", default="0.85,0.93", help="of points chosen for random views")
+    parser.add_argument("--views", default="1000", help="so many of them")
     a = parser.parse_args()
     os.makedirs(a.work, exist_ok=True)
-    rows = [measure(a, "uniform " + n, ["--grid", n]) for n in a.uniform.split(",")]
-    rows += [measure(a, f"adaptive {t} dB", ["--grid", a.grid, "--target", t]) for t in a.targets.split(",")]
+    rows = [measure(a, "uniform " + n, ["--grid", n]) for n in a.uniform.split(",") if n]
+    rows += [measure(a, f"adaptive {t} dB", ["--grid", a.grid, "--target", t]) for t in a.targets.split(",") if t]
+    rows += [measure(a, f"by use {w}", ["--grid", a.grid, "--views", a.views, "--worth", w])
+             for w in a.worths.split(",") if w]
     chart(rows, f"{os.path.splitext(os.path.basename(a.mesh))[0]}: uniform grids, and adaptive ones of a finest "
                 f"grid of {a.grid}", a.chart)
 

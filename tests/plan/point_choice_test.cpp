@@ -104,19 +104,82 @@ TEST(PointChoice, fromAfarPointsNearTheSurfaceAreAmongThem) {
   EXPECT_LT(place(query, points[0]).z, 12.0F) << "and the most useful one comes first";
 }
 
-TEST(PointChoice, theFourNearestCornersAreAlwaysIn) {
-  std::mt19937 random(5);
-  std::uniform_real_distribution<float> across(-7.5F, 7.5F), above(1.0F, 15.0F);
-  for (int round = 0; round < 20; ++round) {
-    const PointQuery query = wallQuery({across(random), across(random), above(random)});
-    auto corners = query.grid.cellCorners(query.eye);
-    std::sort(corners.begin(), corners.end(), [&](const auto& a, const auto& b) {
-      return glm::length(place(query, a) - query.eye) < glm::length(place(query, b) - query.eye);
+// ---- what hides what ----
+
+/// The wall, and above the half of it where x < 0 a roof at z = 2.2.
+lod::patch::ProxySight roofedWall() {
+  lod::patch::Hierarchy hierarchy;
+  hierarchy.lattice = {glm::dvec3(0.0), 0.1};
+  const auto square = [](int x0, int x1, int z) {
+    lod::patch::PatchGeometry g;
+    g.positions = {{x0, -80, z}, {x1, -80, z}, {x1, 80, z}, {x0, 80, z}};
+    g.indices = {0, 1, 2, 0, 2, 3};
+    return g;
+  };
+  const std::vector<std::uint32_t> patches{0, 1};
+  auto sight = lod::patch::ProxySight::ofPatches(hierarchy, patches, 0.2F, [&](std::uint32_t patch) {
+    return base::Result<lod::patch::PatchGeometry>(patch == 0 ? square(-80, 80, 0) : square(-80, 0, 22));
+  });
+  return *sight;
+}
+
+TEST(PointChoice, aPointUnderTheRoofSeesWhatIsThereAndNoOther) {
+  const lod::patch::ProxySight sight = roofedWall();
+  PointQuery query = wallQuery({3.0F, 0.0F, 6.0F});
+  const SurfaceSample under{glm::vec3(-3.0F, 0.0F, 0.0F), glm::vec3(0.0F, 0.0F, 1.0F), 1.0F};
+  const SurfaceSample open{glm::vec3(3.0F, 0.0F, 0.0F), glm::vec3(0.0F, 0.0F, 1.0F), 1.0F};
+  EXPECT_TRUE(isInSight(query, {-3.0F, 0.0F, 8.4F}, under)) << "without a sight nothing is hidden";
+  query.sight = &sight;
+  EXPECT_FALSE(isInSight(query, {-3.0F, 0.0F, 8.4F}, under));
+  EXPECT_TRUE(isInSight(query, {-3.0F, 0.0F, 1.4F}, under));
+  EXPECT_TRUE(isInSight(query, {3.0F, 0.0F, 8.4F}, open));
+  // Within half the proxy's error of the roof nobody knows.
+  EXPECT_TRUE(isInSight(query, {-3.0F, 0.0F, 2.25F}, under));
+  EXPECT_FALSE(isInSight(query, {-3.0F, 0.0F, 2.35F}, under));
+}
+
+TEST(PointChoice, whatSeesNothingIsNotChosenAndItsFacesAreNotSent) {
+  const lod::patch::ProxySight sight = roofedWall();
+  // Above the roof's edge, looking at the wall under the roof: only points under the roof or beside it see any of it.
+  PointQuery query = wallQuery({2.0F, 0.1F, 1.4F});
+  std::vector<SurfaceSample> under;
+  for (const SurfaceSample& s : wallSamples())
+    if (s.position.x < -0.5F) under.push_back(s);
+  query.sight = &sight;
+  const auto points = choosePoints(query, under);
+  ASSERT_FALSE(points.empty());
+  const auto sees = [&](const glm::uvec3& p) {
+    return std::any_of(under.begin(), under.end(), [&](const SurfaceSample& s) {
+      return isInSight(query, place(query, p), s) && useOfPoint(query, place(query, p), s) > 0.0F;
     });
-    const auto chosen = asSet(choosePoints(query, wallSamples()));
-    EXPECT_EQ(chosen.size(), 8U);
-    for (std::size_t i = 0; i < 4; ++i) EXPECT_TRUE(chosen.count({corners[i].x, corners[i].y, corners[i].z})) << round;
+  };
+  for (const glm::uvec3& p : points) EXPECT_TRUE(sees(p)) << p.x << " " << p.y << " " << p.z;
+
+  const std::vector<glm::uvec3> above{{4, 8, 5}};  // x = −4, z = 5.4, over the roof
+  EXPECT_TRUE(orderFaces(query, above, under).empty());
+  query.sight = nullptr;
+  EXPECT_FALSE(orderFaces(query, above, under).empty());
+}
+
+TEST(PointChoice, raysMeetTheCoarseCut) {
+  const lod::patch::ProxySight sight = roofedWall();
+  base::ViewCamera view;
+  view.position = {0.0, 0.3, 10.0};
+  view.direction = {0.0, 0.0, -1.0};
+  view.up = {0.0, 1.0, 0.0};
+  view.fov_y = 0.9F;
+  const auto samples = sampleVisibleSurface(sight, base::cameraFromView(view, glm::dvec3(0.0), 0.01F, 100.0F), 16, 9);
+  ASSERT_FALSE(samples.empty());
+  float weights = 0.0F;
+  bool wall = false, roof = false;
+  for (const SurfaceSample& s : samples) {
+    (s.position.x < 0.0F ? roof : wall) = true;
+    EXPECT_NEAR(s.position.z, s.position.x < 0.0F ? 2.2F : 0.0F, 1e-4F);
+    EXPECT_NEAR(s.normal.z, 1.0F, 1e-6F);
+    weights += s.weight;
   }
+  EXPECT_TRUE(wall && roof);
+  EXPECT_LE(weights, 1.0001F);
 }
 
 TEST(PointChoice, theOrderOfSamplesDoesNotMatter) {
@@ -272,12 +335,7 @@ TEST(PointChoice, onlyPointsThatAreSampledAreChosen) {
   query.tree = &tree;
   const auto points = choosePoints(query, wallSamples());
   EXPECT_EQ(points.size(), 8U);
-  std::size_t corners = 0;
-  for (const glm::uvec3& p : points) {
-    EXPECT_TRUE(tree.hasPoint(p)) << p.x << " " << p.y << " " << p.z;
-    corners += static_cast<std::size_t>(std::count(nearest.begin(), nearest.end(), p));
-  }
-  EXPECT_GE(corners, 4U);  // of the eye's own cell
+  for (const glm::uvec3& p : points) EXPECT_TRUE(tree.hasPoint(p)) << p.x << " " << p.y << " " << p.z;
   EXPECT_EQ(asSet(points).size(), points.size());
 }
 

@@ -11,6 +11,7 @@
 #include "repository/verify.h"
 #include "server/bake/adaptive.h"
 #include "server/bake/cell_judge.h"
+#include "server/bake/demand.h"
 #include "tests/server/bake/memory_store.h"
 #include "tests/server/bake/sphere.h"
 #include "tests/support/temporary_directory.h"
@@ -244,7 +245,7 @@ TEST_F(BakeTest, progressCountsUpToTheWhole) {
 
 TEST_F(BakeTest, optionsThatMakeNoSenseAreErrors) {
   const BakeOptions good = options_;
-  std::vector<BakeOptions> bad(8, good);
+  std::vector<BakeOptions> bad(11, good);
   bad[0].quality = 0;
   bad[1].grid = {};
   bad[2].grid.face_size = 0;
@@ -254,6 +255,12 @@ TEST_F(BakeTest, optionsThatMakeNoSenseAreErrors) {
   bad[6].shard = {0, 0};
   bad[7].shard = {0, 2};
   bad[7].target_db = 30.0;
+  bad[8].demand_views = 10;
+  bad[8].target_db = 30.0;
+  bad[9].demand_views = 10;
+  bad[9].demand_worth = 0.0;
+  bad[10].demand_views = 10;
+  bad[10].shard = {0, 2};
   for (const BakeOptions& options : bad) {
     options_ = options;
     MemoryStore store;
@@ -336,6 +343,78 @@ TEST_F(AdaptiveBakeTest, theHigherTheTargetTheMorePointsAndAllOfThemAreStored) {
   for (const glm::uvec3& p : repository::pointsInMortonOrder(options_.grid))
     outside += glm::length(options_.grid.point(p.x, p.y, p.z)) > 0.95F ? 1 : 0;
   EXPECT_EQ(points[2], outside);
+}
+
+// ---- points in demand ----
+
+class DemandBakeTest : public AdaptiveBakeTest {
+ protected:
+  DemandBakeTest() {
+    options_.grid = repository::makeGrid(scene_.scene().localBox(), 9, 0.5F, 48);
+    options_.target_db = 0.0;
+    options_.demand_views = 60;
+  }
+  std::uint64_t pointsOutside() const {
+    std::uint64_t outside = 0;
+    for (const glm::uvec3& p : repository::pointsInMortonOrder(options_.grid))
+      outside += glm::length(options_.grid.point(p.x, p.y, p.z)) > 0.95F ? 1 : 0;
+    return outside;
+  }
+};
+
+TEST_F(DemandBakeTest, onlyPointsThatViewsChooseAreStoredAndThoseWhole) {
+  MemoryStore store;
+  const auto summary = run(store);
+  ASSERT_TRUE(summary) << summary.error().message;
+  const repository::SampleTree tree = treeOf(store);
+  EXPECT_EQ(summary->points, tree.points().size());
+  EXPECT_GE(summary->points, 8U);
+  EXPECT_LT(summary->points, pointsOutside() / 2);
+  EXPECT_EQ(store.values.size(), 6 * tree.points().size());
+  EXPECT_TRUE(tree.openLeaves().empty());
+  EXPECT_TRUE(repository::verify(store, options_.grid, &tree)->empty());
+  for (const glm::uvec3& p : tree.points())
+    EXPECT_GT(glm::length(options_.grid.point(p.x, p.y, p.z)), 0.95F) << "nobody looks from within";
+
+  // A second run has nothing to do; one that was killed goes on with the tree that it chose.
+  const auto again = run(store);
+  ASSERT_TRUE(again);
+  EXPECT_EQ(again->faces_rendered, 0U);
+  store.values.erase(store.values.begin());
+  const auto repaired = run(store);
+  ASSERT_TRUE(repaired);
+  EXPECT_EQ(repaired->faces_rendered, 1U);
+  EXPECT_EQ(repaired->points, summary->points);
+}
+
+TEST_F(DemandBakeTest, theMoreIsToBeKeptTheMorePointsThereAre) {
+  std::size_t before = 0;
+  for (const double worth : {0.6, 0.9, 1.0}) {
+    const auto tree = treeInDemand(scene_.scene(), scene_.file(), options_.grid, {60, worth, 2});
+    ASSERT_TRUE(tree) << tree.error().message;
+    EXPECT_GT(tree->points().size(), before) << worth;
+    before = tree->points().size();
+  }
+}
+
+TEST_F(DemandBakeTest, theSameTreeWithAnyNumberOfThreads) {
+  const auto one = treeInDemand(scene_.scene(), scene_.file(), options_.grid, {40, 0.9, 1});
+  const auto many = treeInDemand(scene_.scene(), scene_.file(), options_.grid, {40, 0.9, 4});
+  ASSERT_TRUE(one && many);
+  EXPECT_EQ(one->encode(), many->encode());
+}
+
+TEST_F(DemandBakeTest, whoeverStopsItIsToldSo) {
+  const auto stopped =
+      treeInDemand(scene_.scene(), scene_.file(), options_.grid, {40, 0.5, 2}, [](double) { return false; });
+  ASSERT_FALSE(stopped);
+  EXPECT_EQ(stopped.error().code, base::ErrorCode::kCancelled);
+}
+
+TEST_F(DemandBakeTest, withoutAViewOfTheModelThereIsNothingToChoose) {
+  const auto none = treeInDemand(scene_.scene(), scene_.file(), options_.grid, {0, 0.9, 1});
+  ASSERT_FALSE(none);
+  EXPECT_EQ(none.error().code, base::ErrorCode::kInvalidInput);
 }
 
 TEST_F(AdaptiveBakeTest, noCellIsSplitWhereThatGainsNothing) {

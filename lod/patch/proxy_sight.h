@@ -1,0 +1,70 @@
+#pragma once
+// What a coarse cut of the hierarchy hides from where: an answer in a microsecond or so to "is anything between these
+// two places", before any picture is drawn. For choosing images, not for measuring (lod/patch/ray_cast.h).
+//
+// The cut is the proxy's kind of surface, not the scan itself: what is smaller than its error is not in it. Both ends
+// of a line of sight are therefore drawn in by a clearance, as a shadow map has a bias.
+#include <cstdint>
+#include <functional>
+#include <glm/glm.hpp>
+#include <memory>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "base/error.h"
+#include "base/geometry.h"
+#include "lod/patch/format.h"
+#include "lod/patch/hierarchy.h"
+
+namespace lod::patch {
+
+class ProxySight {
+ public:
+  /// Triangles that a scan's buildings, trees or folds are still made of; 4 MB and 50 ms to load.
+  static constexpr std::uint64_t kUsualTriangles = 60'000;
+
+  using GeometryOf = std::function<base::Result<PatchGeometry>(std::uint32_t patch)>;
+
+  /// These patches, a cut whose largest stated error (scene units) is `error`. Errors: those of `geometry_of`.
+  static base::Result<ProxySight> ofPatches(const Hierarchy& hierarchy, std::span<const std::uint32_t> patches,
+                                            float error, const GeometryOf& geometry_of);
+  /// The finest cut of one error all over that has at most `max_triangles` (or the coarsest there is).
+  static base::Result<ProxySight> ofFile(const PatchFile& file, std::uint64_t max_triangles = kUsualTriangles);
+
+  struct Meeting {
+    float distance = 0.0F;   ///< scene units
+    glm::vec3 normal{0.0F};  ///< unit, of the triangle: towards the side from which its corners run counter-clockwise
+  };
+  /// The nearest triangle along a ray, either side of it. `direction`: unit; all of it scene-local.
+  std::optional<Meeting> nearest(const glm::vec3& origin, const glm::vec3& direction, float max_distance) const;
+
+  /// Whether anything lies between two places farther than `clearance` (scene units, ≥ 0) from both along the line.
+  bool isBlocked(const glm::vec3& from, const glm::vec3& to, float clearance) const;
+
+  /// Stated, scene units: a bound several times what the cut is mostly off by.
+  float error() const { return error_; }
+  std::size_t triangleCount() const { return triangles_.size(); }
+
+ private:
+  struct Triangle {
+    glm::vec3 a, b, c;
+  };
+  /// A leaf has triangles first … first + count − 1; any other node has count 0, its near child next to it and the
+  /// other at `first`.
+  struct Node {
+    base::Aabb box;
+    std::uint32_t first = 0;
+    std::uint32_t count = 0;
+  };
+
+  void build(std::uint32_t first, std::uint32_t count);
+  template <class Visit>
+  void walk(const glm::dvec3& origin, const glm::dvec3& direction, double from, double& to, const Visit& visit) const;
+
+  std::vector<Triangle> triangles_;  ///< in the order of the leaves
+  std::vector<Node> nodes_;          ///< the root first
+  float error_ = 0.0F;
+};
+
+}  // namespace lod::patch
