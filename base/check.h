@@ -2,8 +2,9 @@
 // A caller's mistake: stops the program with the place and both values printed. Never used for bytes from disk or wire.
 #include <cstdio>
 #include <cstdlib>
-#include <sstream>
 #include <string>
+#include <string_view>
+#include <type_traits>
 
 namespace base {
 
@@ -12,11 +13,19 @@ namespace base {
   std::abort();
 }
 
+// No streams: they would bring the locales of the whole standard library into the browser.
+inline std::string describe(std::string_view text) {
+  return std::string(text);
+}
+template <class Number>
+  requires std::is_arithmetic_v<Number>
+std::string describe(Number number) {
+  return std::to_string(number);
+}
+
 template <class A, class B>
 std::string describePair(const A& a, const B& b) {
-  std::ostringstream out;
-  out << " (" << a << " against " << b << ")";
-  return out.str();
+  return " (" + describe(a) + " against " + describe(b) + ")";
 }
 
 }  // namespace base

@@ -840,7 +840,7 @@ void App::State::updateProgress() {
       const double open = std::log(std::max(static_cast<double>(stats.error_px), goal) / goal);
       share = kShapeShare * (whole > 0.0 ? 1.0 - open / whole : 1.0);
       const double used = stats.lumigraph.samples_used;
-      if (open <= 0.0 && used > 0.0) share += (0.95 - kShapeShare) * used / (used + stats.samples_requested);
+      if (open <= 0.0 && used > 0.0) share += (0.95 - kShapeShare) * used / (used + stats.images_requested);
     }
     progress.active = now - incomplete_since >= kProgressSeconds;
     progress.share = std::max(progress.share, share);
@@ -1222,7 +1222,7 @@ Statistics App::statistics() const {
   out.frame_milliseconds = 1e3 * s.draw_seconds;
   out.images_in_use = stats.lumigraph.samples_used;
   out.images_resident = stats.lumigraph.samples_resident;
-  out.images_requested = stats.samples_requested;
+  out.images_requested = stats.images_requested;
   out.patches = stats.lumigraph.patches;
   out.triangles = stats.lumigraph.triangles;
   out.memory_bytes = stats.memory.total();
