@@ -178,6 +178,12 @@ class Layer {
 
   float usual() const { return usual_; }
 
+  // The facet nearest to vertex v, as far as is known.
+  Laid nearest(std::uint32_t v) {
+    const std::uint32_t facet = nearFacet(v, 0.0F);
+    return {facet, std::sqrt(target_.facet(facet).distance2(source_.positions[v]))};
+  }
+
   // How far vertex v is from its facet, if that is more than `known`; else that.
   float farther(std::uint32_t v, float known) {
     return std::max(known, std::sqrt(target_.facet(nearFacet(v, known)).distance2(source_.positions[v])));
@@ -186,8 +192,21 @@ class Layer {
   // What is that far from its facet or less is near enough; what is no farther than `usual` is not tried again.
   void expect(float enough, float usual) { enough_ = enough, usual_ = usual; }
 
-  // The pieces of source triangle t; together they cover it.
-  const std::vector<Laid>& lay(std::uint32_t t) {
+  // The pieces of source triangle t; together they cover it. What is no farther than `allowed` is not tried again.
+  const std::vector<Laid>& lay(std::uint32_t t, float allowed) {
+    allowed_ = std::min(allowed, usual_);
+    const float enough = enough_;
+    enough_ = std::min(enough_, allowed_);
+    layOn(t);
+    enough_ = enough;
+    usual_ = std::max(usual_, best_);
+    return kept_;
+  }
+  // How far the farthest piece of the last triangle is.
+  float farthest() const { return best_; }
+
+ private:
+  void layOn(std::uint32_t t) {
     const std::uint32_t* c = &source_.indices[3 * std::size_t{t}];
     origin_ = source_.positions[c[0]];
     const glm::vec3 p[3] = {glm::vec3(0.0F), source_.positions[c[1]] - origin_, source_.positions[c[2]] - origin_};
@@ -195,16 +214,16 @@ class Layer {
     const Polygon whole = triangle(p);
 
     best_ = kFar;
-    if (const std::uint32_t image = hints_.image[t]; image != kNone && better(whole, image)) return kept_;
+    if (const std::uint32_t image = hints_.image[t]; image != kNone && better(whole, image)) return;
     std::uint32_t near[3];
     for (int k = 0; k < 3; ++k) {
-      near[k] = nearFacet(c[k], usual_);
+      near[k] = nearFacet(c[k], allowed_);
       if ((k > 0 && near[k] == near[0]) || (k > 1 && near[k] == near[1])) continue;
-      if (better(whole, near[k])) return kept_;
+      if (better(whole, near[k])) return;
     }
 
     // What the corners need at least.
-    float needed = usual_;
+    float needed = allowed_;
     for (int k = 0; k < 3; ++k)
       needed = std::max(needed, std::sqrt(target_.facet(nearFacet(c[k], 0.0F)).distance2(source_.positions[c[k]])));
     for (float limit = kRaise * needed + 1e-3F; limit < best_; limit *= kRaise) {
@@ -213,11 +232,8 @@ class Layer {
       best_ = worst_, kept_.swap(pieces_);
       break;
     }
-    usual_ = std::max(usual_, best_);
-    return kept_;
   }
 
- private:
   // On the nearer one of the border edges at vertex `kept` of the target, if that is about as near as can be.
   void placeOnBorder(std::uint32_t v, std::uint32_t kept, float near, Placed& placed) {
     const bool has_color = !source_.colors.empty() && !target_.view().colors.empty();
@@ -251,7 +267,7 @@ class Layer {
   bool better(const Polygon& whole, std::uint32_t start) {
     pieces_.clear(), abort_ = best_, worst_ = 0.0F, visits_ = kMaxVisits;
     if (walk(whole, start, kNone) && worst_ < best_) best_ = worst_, kept_.swap(pieces_);
-    return best_ <= usual_;
+    return best_ <= allowed_;
   }
 
   bool record(std::uint32_t t, const Facet& facet, float distance) {
@@ -390,6 +406,7 @@ class Layer {
   std::vector<std::uint32_t>& facet_;  // per source vertex: the nearest facet found so far
   float enough_ = 0.0F;
   float usual_ = 0.0F;
+  float allowed_ = 0.0F;
   // Of the triangle at hand.
   glm::vec3 origin_{0.0F};
   float reach_ = 0.0F;
@@ -473,6 +490,39 @@ float sum(float a, float b) {
   return a == 0.0F ? b : b == 0.0F ? a : (a + b) * (1.0F + kEpsilon);
 }
 
+// Of triangle s, zero when nothing was carried.
+float carried(const std::vector<float>& error, std::uint32_t s) {
+  return error.empty() ? 0.0F : error[s];
+}
+
+// What the vertices before need at least on top of what their triangles carry: how the surfaces were laid on each other
+// has no share in it. Triangles that come out farther off are worth a second look.
+float neededBelow(const SurfaceView& before, const SurfaceError& error, Layer& forward,
+                  const std::vector<Overlay::Gap>& gap) {
+  float needed = 0.0F;
+  for (std::uint32_t i = 0; i < before.indices.size(); ++i) {
+    const std::uint32_t v = before.indices[i];
+    const float toward = carried(error.toward, i / 3);
+    if (gap[v].distance == 0.0F || toward + gap[v].distance <= needed) {
+      needed = std::max(needed, toward);
+      continue;
+    }
+    needed = std::max(needed, toward + std::min(gap[v].distance, forward.nearest(v).distance));
+  }
+  return needed;
+}
+
+// The same of the vertices after, if that is more than `known`.
+float neededAbove(const SurfaceError& error, Overlay& overlay, Layer& backward, float known) {
+  const float carries = error.from.empty() ? 0.0F : *std::max_element(error.from.begin(), error.from.end());
+  overlay.forEachEnclosed([&](std::uint32_t v, float distance) {
+    if (carries + distance <= known) return;
+    const Laid near = backward.nearest(v);
+    known = std::max(known, carried(error.from, near.facet) + near.distance);
+  });
+  return known;
+}
+
 // Codes are the upper bits of a float, from that of 1/16 on; code 1 is 1/16.
 constexpr std::uint32_t kDroppedBits = 12;
 constexpr std::uint32_t kLeastBits = std::bit_cast<std::uint32_t>(1.0F / 16.0F);
@@ -521,7 +571,6 @@ SurfaceError carryError(const SurfaceView& before, const SurfaceError& before_er
   SurfaceError result{std::vector<float>(triangles, 0.0F), std::vector<float>(triangles, 0.0F), {}};
   const bool has_color = !before.colors.empty() && !after.colors.empty();
   if (has_color) result.color.assign(triangles, 0.0F);
-  const auto carried = [](const std::vector<float>& error, std::uint32_t s) { return error.empty() ? 0.0F : error[s]; };
   const auto raise = [](float& to, float value) { to = std::max(to, value); };
   const auto raiseColor = [&](std::uint32_t t, std::uint32_t s, float difference) {
     if (has_color) raise(result.color[t], sum(carried(before_error.color, s), difference));
@@ -530,6 +579,9 @@ SurfaceError carryError(const SurfaceView& before, const SurfaceError& before_er
     const std::uint32_t image = scratch.forward.image[s];
     return image != kNone && unchanged(before, s, after, image);
   };
+
+  const float needed = std::max(negligible, neededBelow(before, before_error, forward, placed.gap));
+  const float most = neededAbove(before_error, overlay, backward, needed);
 
   // What an edge before had to carry: the most of its triangles, which share its pairs.
   std::vector<Raised>& had = scratch.had;
@@ -552,7 +604,12 @@ SurfaceError carryError(const SurfaceView& before, const SurfaceError& before_er
       raiseColor(image, s, cornerDifference(before, s, after, image));
     }
     const bool is_good = overlay.coversAbove(s);
-    const bool is_near = is_good && overlay.distance(s) <= forward.usual();
+    bool is_near = is_good && overlay.distance(s) <= forward.usual() && toward + overlay.distance(s) <= most;
+    const std::vector<Laid>* pieces = nullptr;
+    if (!is_near && !is_same) {
+      pieces = &forward.lay(s, std::max(most - toward, 0.0F));
+      is_near = is_good && overlay.distance(s) <= forward.farthest();
+    }
     if (is_good) {
       const Raised of_s{is_near && !is_same ? toward : -kFar, carried(before_error.from, s), 0.0F,
                         carried(before_error.color, s)};
@@ -563,7 +620,7 @@ SurfaceError carryError(const SurfaceView& before, const SurfaceError& before_er
       }
     }
     if (is_near || is_same) continue;
-    for (const Laid& piece : forward.lay(s)) {
+    for (const Laid& piece : *pieces) {
       raise(result.toward[piece.facet], sum(toward, piece.distance));
       raiseColor(piece.facet, s, largestDifference(before, s, after, piece.facet));
     }
@@ -579,14 +636,20 @@ SurfaceError carryError(const SurfaceView& before, const SurfaceError& before_er
       result.from[t] = carried(before_error.from, history.origin[t]);
       continue;
     }
-    if (overlay.coversBelow(t) && raised[t][2] <= backward.usual()) {
+    const bool is_good = overlay.coversBelow(t);
+    if (is_good && raised[t][2] <= backward.usual() && raised[t][1] <= most) {
       result.from[t] = raised[t][1];
       continue;
     }
-    for (const Laid& piece : backward.lay(t)) {
+    const float allowed = std::max(most - carried(before_error.from, history.origin[t]), 0.0F);
+    const std::vector<Laid>& pieces = backward.lay(t, allowed);
+    for (const Laid& piece : pieces)
       raise(result.from[t], sum(carried(before_error.from, piece.facet), piece.distance));
-      raiseColor(t, piece.facet, largestDifference(before, piece.facet, after, t));
+    if (is_good && raised[t][1] <= result.from[t]) {
+      result.from[t] = raised[t][1];
+      continue;
     }
+    for (const Laid& piece : pieces) raiseColor(t, piece.facet, largestDifference(before, piece.facet, after, t));
   }
   return result;
 }

@@ -436,7 +436,7 @@ LUMIGRID_INLINE std::uint64_t widened(std::uint32_t pairs, std::uint32_t least) 
   x = (x | x << 8) & 0x00FF00FF00FF00FF;
   x = (x | x << 4) & 0x0F0F0F0F0F0F0F0F;
   x = (x | x << 2) & 0x3333333333333333;
-  return x + 0x1111111111111111 * least;
+  return x + 0x1111111111111111U * least;
 }
 
 // The plane at `at`, which moves behind it. False when it runs past the end; `in` may be read eight bytes past it.
