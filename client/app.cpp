@@ -1029,6 +1029,12 @@ base::Result<void> App::frame(double now) {
   if (!s.drawable()) return {};
   const double begin = s.options.clock ? s.options.clock() : 0.0;
   s.drawn_messages = s.viewer.session().stats().messages_received;
+  if (!s.ready()) {
+    // The first view is chosen when the scene is known; a server that heard of any other would send what it shows.
+    s.viewer.drawBackground();
+    s.dirty = false;
+    return {};
+  }
   s.handToViewer();
   LUMIGRID_TRY(s.viewer.draw(s.drawnCamera(), s.now));
   if (s.options.clock) s.draw_seconds += 0.2 * (s.options.clock() - begin - s.draw_seconds);

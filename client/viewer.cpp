@@ -537,6 +537,13 @@ base::Result<bool> Viewer::update(const base::ViewCamera& camera, double now) {
   return s.more_to_do;
 }
 
+void Viewer::drawBackground() const {
+  if (state_->lost) return;
+  const float* color = state_->options.lumigraph.background;
+  glClearColor(color[0], color[1], color[2], color[3]);
+  glClear(GL_COLOR_BUFFER_BIT);
+}
+
 base::Result<void> Viewer::draw(const base::ViewCamera& camera, double now) {
   auto updated = update(camera, now);
   if (!updated) return updated.error();
@@ -544,9 +551,7 @@ base::Result<void> Viewer::draw(const base::ViewCamera& camera, double now) {
   s.last_draw = now;
   if (s.lost) return {};
   if (!s.renderer) {
-    const float* color = s.options.lumigraph.background;
-    glClearColor(color[0], color[1], color[2], color[3]);
-    glClear(GL_COLOR_BUFFER_BIT);
+    drawBackground();
     return {};
   }
 

@@ -71,6 +71,12 @@ Run addServe(CLI::App& command) {
       ->capture_default_str();
   command.add_flag("--no-frames", a->no_frames,
                    "never render exact frames for viewers at rest, nor pictures (saves CPU or GPU)");
+  command
+      .add_option("--prefetch", a->options.ahead_bytes,
+                  "bytes that a viewer at rest is sent beyond what its view needs, e.g. 4M; 0: none, which makes "
+                  "pictures repeatable")
+      ->transform(CLI::AsSizeValue(true))
+      ->capture_default_str();
   command.add_option("--access-file", a->options.access_file,
                      "file that keeps how often each image and patch group was sent to viewers; default: access.lga in "
                      "the scene; servers may share it");

@@ -668,6 +668,7 @@ base::Result<std::unique_ptr<Server>> Server::open(const std::string& scene_dire
   LUMIGRID_TRY(state.listen());
   if (options.count_access) state.hub->countAccess(scene_directory);
 
+  state.hub->scene->data.ahead_bytes = options.ahead_bytes;
   if (options.render_frames) {
     auto renderer = FrameRenderer::start(*state.hub->scene);
     if (renderer) {

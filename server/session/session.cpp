@@ -214,7 +214,7 @@ std::optional<base::Bytes> Session::State::nextPrefetch() {
       prefetch->insert(prefetch->end(), ahead.begin(), ahead.end());
     }
   }
-  while (next_prefetch < prefetch->size() && prefetch_bytes < plan::kAheadBytes) {
+  while (next_prefetch < prefetch->size() && prefetch_bytes < scene.ahead_bytes) {
     if (auto message = faceMessage((*prefetch)[next_prefetch++])) {
       prefetch_bytes += message->size();
       return message;

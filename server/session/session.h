@@ -9,7 +9,8 @@
 //      image thrown on a proxy that far off is a blur); then whichever of the two kinds had fewer bytes in this view
 //      goes next
 //   3. Complete; then the exact frame, when the view wants one and somebody renders it
-//   4. at rest: other directions at the same points, then faces along the motion, at most 1 MB beyond Complete
+//   4. at rest: other directions at the same points, then faces along the motion, at most SceneData::ahead_bytes beyond
+//   Complete
 // A new view drops all that was not sent yet. What a client evicts is sent again for the next view that needs it, not
 // before: a client whose cache is too small for its view would otherwise be sent the same bytes for ever.
 #include <cstdint>
@@ -36,6 +37,7 @@ struct SceneData {
   const repository::Store* images = nullptr;      ///< null: no repository
   const repository::SampleTree* tree = nullptr;   ///< which points are sampled; null: all of the grid
   repository::AccessCounter* access = nullptr;  ///< told of every face and group that nextMessage() hands out; or null
+  std::uint64_t ahead_bytes = plan::kAheadBytes;  ///< sent beyond what a view needs, once it has that; 0: nothing
 
   plan::Scene toPlan() const { return {&welcome, &patches->hierarchy(), images != nullptr, tree, sight}; }
 };

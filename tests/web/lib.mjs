@@ -174,6 +174,15 @@ export const figures = (page) => page.evaluate(() => window.lumigrid?.figures())
 export const camera = (page) => page.evaluate(() => window.lumigrid.camera());
 export const overlay = (page) => page.evaluate(() => window.lumigrid.overlay());
 
+/// Waits until `wanted()` holds. (The page's own policy forbids what waitForFunction of playwright does.)
+export async function until(wanted, what, milliseconds = 20000) {
+  const end = Date.now() + milliseconds;
+  while (!(await wanted())) {
+    if (Date.now() > end) throw new Error(`waited ${milliseconds / 1000} s in vain for ${what}`);
+    await new Promise((done) => setTimeout(done, 50));
+  }
+}
+
 /// Waits until `wanted` holds of the figures; the error tells the last ones.
 export async function waitFor(page, wanted, what, milliseconds = 60000) {
   const end = Date.now() + milliseconds;

@@ -17,6 +17,20 @@ const kFree = ["--disable-gpu-vsync", "--disable-frame-rate-limit"];
 
 const kindOf = (url) => (url.endsWith(".wasm") ? "wasm" : url.endsWith(".js") ? "scripts" : url.endsWith(".css") ? "style" : url.includes("annotations") ? "notes" : "page");
 
+/// The figures when something is drawn for the first time.
+const firstFigures = (page) =>
+  page.evaluate(
+    () =>
+      new Promise((done) => {
+        const look = () => {
+          const now = window.lumigrid?.figures();
+          if (now?.triangles > 0) done(now);
+          else requestAnimationFrame(look);
+        };
+        look();
+      }),
+  );
+
 async function firstPicture(browser, url) {
   const context = await browser.newContext({ viewport: { width: 1280, height: 720 } });
   const page = await context.newPage();
@@ -32,10 +46,7 @@ async function firstPicture(browser, url) {
   });
   const started = performance.now();
   await page.goto(url, { waitUntil: "commit" });
-  const seen = await (await page.waitForFunction(() => {
-    const now = window.lumigrid?.figures();
-    return now && now.triangles > 0 ? now : null;
-  }, null, { polling: "raf", timeout: 60000 })).jsonValue();
+  const seen = await firstFigures(page);
   const seconds = (performance.now() - started) / 1000;
   bytes.patches = seen.receivedPatchBytes;
   bytes.images = seen.receivedImageBytes;
@@ -117,7 +128,7 @@ try {
     const runs = [];
     for (let i = 0; i < 3; ++i) {
       const page = await open(browser, url, { viewport: { width: 1280, height: 720 } });
-      await page.waitForFunction(() => window.lumigrid?.figures()?.triangles > 0, null, { timeout: 120000 });
+      await firstFigures(page);
       runs.push(median(await dragIntervals(page)));
       await page.close();
     }

@@ -53,13 +53,14 @@ export function listen(canvas, core, now, acted) {
   for (const name of ["gesturestart", "gesturechange"]) canvas.addEventListener(name, (event) => event.preventDefault());
 
   const key = (isDown) => (event) => {
+    // What a dialog or field is given is not ours; but a key that goes up there may have gone down here.
     const busy = event.target instanceof Element && event.target.closest("input, select, textarea, dialog");
-    if (busy || event.altKey || event.isComposing) return;
+    if (isDown && (busy || event.altKey || event.isComposing)) return;
     // The browser's own: copying, finding, reloading, … but for a bookmark's digit.
-    if ((event.ctrlKey || event.metaKey) && !/^(Digit|Numpad)\d$/.test(event.code)) return;
+    if (isDown && (event.ctrlKey || event.metaKey) && !/^(Digit|Numpad)\d$/.test(event.code)) return;
     // A focused button takes what presses it.
-    if (event.target instanceof HTMLButtonElement && ["Enter", " "].includes(event.key)) return;
-    if (core.call("key", event.code, event.key, isDown ? 1 : 0, modifiersOf(event), now())) event.preventDefault();
+    if (isDown && event.target instanceof HTMLButtonElement && ["Enter", " "].includes(event.key)) return;
+    if (core.call("key", event.code, event.key, isDown ? 1 : 0, modifiersOf(event), now()) && !busy) event.preventDefault();
     acted();
   };
   addEventListener("keydown", key(true));
