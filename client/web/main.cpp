@@ -62,8 +62,8 @@ EMSCRIPTEN_KEEPALIVE const char* initialSetting(const char* name, double value) 
   return handError(client::setSetting(page.options.settings, name, value));
 }
 
-/// 0: no WebGL2 here. `memory_budget`: bytes of GPU and memory together.
-EMSCRIPTEN_KEEPALIVE int start(const char* canvas, double memory_budget) {
+/// 0: no WebGL2 here.
+EMSCRIPTEN_KEEPALIVE int start(const char* canvas) {
   EmscriptenWebGLContextAttributes attributes;
   emscripten_webgl_init_context_attributes(&attributes);
   attributes.majorVersion = 2;
@@ -72,7 +72,6 @@ EMSCRIPTEN_KEEPALIVE int start(const char* canvas, double memory_budget) {
   attributes.powerPreference = EM_WEBGL_POWER_PREFERENCE_HIGH_PERFORMANCE;
   page.context = emscripten_webgl_create_context(canvas, &attributes);
   if (page.context <= 0 || emscripten_webgl_make_context_current(page.context) != EMSCRIPTEN_RESULT_SUCCESS) return 0;
-  page.options.viewer.memory_budget_bytes = static_cast<std::uint64_t>(memory_budget);
   page.options.clock = [] { return emscripten_get_now() / 1000.0; };
   page.app = std::make_unique<client::App>(page.options, std::make_unique<client::WebDecoder>());
   return 1;
@@ -314,6 +313,17 @@ EMSCRIPTEN_KEEPALIVE const char* figures() {
 EMSCRIPTEN_KEEPALIVE const char* help() {
   client::TextRows rows;
   for (const client::HelpRow& row : client::helpRows()) rows.add(row.input).add(row.effect).end();
+  return hand(rows.take());
+}
+
+/// Rows: up to how many pixels, red, green, blue; the last step has no end.
+EMSCRIPTEN_KEEPALIVE const char* legend() {
+  client::TextRows rows;
+  for (const client::ResolutionStep& step : client::kResolutionLegend) {
+    rows.add(static_cast<double>(step.up_to_px));
+    for (const std::uint8_t channel : step.color) rows.add(static_cast<int>(channel));
+    rows.end();
+  }
   return hand(rows.take());
 }
 

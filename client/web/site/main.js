@@ -9,8 +9,8 @@ import { openLink, socketUrl } from "./socket.js";
 import { openStaticScene } from "./static_scene.js";
 import { makeTools } from "./tools.js";
 
-const kPhoneBudget = 64e6;
-const kDeskBudget = 512e6;
+/// On a phone, unless the settings say another: all memory that grows with the scene.
+const kPhoneMegabytes = 64;
 /// Toasts, permalinks and lost images are noticed this often at rest.
 const kIdleMilliseconds = 100;
 const kStatisticsMilliseconds = 250;
@@ -204,6 +204,9 @@ function watchContext() {
 }
 
 function watchPage() {
+  // The canvas has the keyboard from the beginning; its ring is for those who go about by it.
+  addEventListener("keydown", ({ key }) => key === "Tab" && document.body.classList.add("by-keyboard"));
+  addEventListener("pointerdown", () => document.body.classList.remove("by-keyboard"));
   new ResizeObserver(resize).observe(canvas);
   document.addEventListener("visibilitychange", () => {
     core.call("setHidden", document.hidden ? 1 : 0);
@@ -249,9 +252,10 @@ async function start() {
     return bare("The viewer could not be loaded", `${error.message}. Check the connection and try again.`);
   }
   core.changed = schedule;
+  if (phone) core.text("initialSetting", "memory_megabytes", kPhoneMegabytes);
   restoreSettings(core);
   applyTheme();
-  if (!core.call("start", "#view", phone ? kPhoneBudget : kDeskBudget)) return bare("There is no WebGL2 here", "Switch on hardware acceleration in the browser's settings, update the graphics driver, or try another browser.");
+  if (!core.call("start", "#view")) return bare("There is no WebGL2 here", "Switch on hardware acceleration in the browser's settings, update the graphics driver, or try another browser.");
   overlay = makeOverlay(core, {
     ratio: () => ratio,
     press: (act) => {

@@ -105,6 +105,20 @@ export function makeOverlay(core, { ratio, press, retry }) {
     byId("card-text").textContent = annotation.text;
   }
 
+  function showLegend(shown) {
+    const box = byId("legend");
+    box.hidden = !shown;
+    if (!shown || box.childElementCount > 1) return;
+    const steps = core.rows("legend");
+    steps.forEach(([pixels, ...color], i) => {
+      const row = element("span");
+      const swatch = element("i");
+      swatch.style.background = `rgb(${color.join()})`;
+      row.append(swatch, i + 1 < steps.length ? `up to ${pixels}` : "more");
+      box.append(row);
+    });
+  }
+
   function showHelp(shown) {
     const dialog = byId("help");
     if (shown && !dialog.open) {
@@ -151,6 +165,7 @@ export function makeOverlay(core, { ratio, press, retry }) {
       byId("view").classList.toggle("measuring", mode !== "0");
       const [, statistics, colours, orthographic, section] = one("view");
       byId("statistics").hidden = statistics !== "1";
+      showLegend(colours === "1");
       const pressed = { i: statistics, c: colours, o: orthographic, x: section, m: mode === "0" ? "0" : "1" };
       for (const [key, on] of Object.entries(pressed)) byId(`tool-${key}`)?.setAttribute("aria-pressed", on === "1" ? "true" : "false");
       showToasts(all("toast"));

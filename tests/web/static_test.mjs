@@ -1,0 +1,128 @@
+// A published scene from nginx, with no server of ours: the page beside it, and a page from elsewhere (?scene=URL); what is fetched, and what goes wrong.
+import assert from "node:assert/strict";
+import { cpSync, existsSync, readdirSync, readFileSync, writeFileSync } from "node:fs";
+import { join } from "node:path";
+import { after, before, test } from "node:test";
+import { camera, canvasPicture, cleanUp, difference, folder, launch, nginx, open, overlay, run, sampleScene, serve, settled, site, until } from "./lib.mjs";
+
+const kCors = 'add_header Access-Control-Allow-Origin *; add_header Access-Control-Expose-Headers "Content-Range, ETag";';
+let scene, published, browser;
+
+before(async () => {
+  scene = sampleScene();
+  published = join(folder, "published");
+  run("lumigrid", ["publish", scene, published, "--viewer", "on", "--web", site]);
+  browser = await launch();
+});
+after(cleanUp);
+
+/// Ranges as [name, first, last].
+const ranges = (requests) => requests.filter(({ range }) => range).map(({ uri, range }) => [uri, ...range.match(/\d+/g).map(Number)]);
+
+/// Bytes that were asked for more than once.
+function repeated(requests) {
+  let twice = 0;
+  const seen = new Map();
+  for (const [uri, first, last] of ranges(requests)) {
+    const had = seen.get(uri) ?? [];
+    for (const [from, to] of had) twice += Math.max(0, Math.min(to, last) - Math.max(from, first) + 1);
+    seen.set(uri, [...had, [first, last]]);
+  }
+  return twice;
+}
+
+async function drag(page, dx, dy) {
+  await page.mouse.move(320, 180);
+  await page.mouse.down();
+  await page.mouse.move(320 + dx, 180 + dy, { steps: 3 });
+  await page.mouse.up();
+  await settled(page);
+}
+
+test("the page beside the scene shows it as our server does, and asks for nothing twice", async () => {
+  const host = await nginx(published);
+  const page = await open(browser, host.url);
+  await settled(page);
+  const frames = [];
+  const tell = (requests) => frames.push({ requests: requests.length, bytes: requests.reduce((sum, { bytes }) => sum + bytes, 0) });
+  const all = host.requests();
+  tell(all);
+  for (const [dx, dy] of [[80, 0], [0, 40], [-200, 10]]) {
+    await drag(page, dx, dy);
+    const more = host.requests();
+    tell(more);
+    all.push(...more);
+  }
+  console.log(`requests and bytes a view: ${frames.map(({ requests, bytes }) => `${requests}: ${bytes}`).join(", ")}`);
+  assert.equal(repeated(all), 0, JSON.stringify(ranges(all)));
+  assert.ok(all.every(({ status }) => [200, 206, 304, 404].includes(status)));
+  // Back to the first view: all of it is here.
+  await page.keyboard.press("Home");
+  await settled(page);
+  assert.equal(ranges(host.requests()).length, 0);
+  assert.deepEqual(page.faults.filter((fault) => !/404/.test(fault)), []);
+
+  const server = await serve(scene, { args: ["--no-frames", "--prefetch", "0"] });
+  const ours = await open(browser, `${server.url}#${await page.evaluate(() => window.lumigrid.permalink())}`);
+  await settled(ours);
+  const apart = difference(await canvasPicture(page), await canvasPicture(ours));
+  // More images are here than in the fresh page; the shape is the same.
+  assert.ok(apart.covered > 0.05 && apart.mean < 4, `the pictures differ by ${apart.mean} levels`);
+  await ours.close();
+  await page.close();
+});
+
+test("a page from elsewhere reads a scene that allows it, and says what is missing where it does not", async () => {
+  const pages = await nginx(site);
+  const allowed = await nginx(published, kCors);
+  const page = await open(browser, `${pages.url}?scene=${encodeURIComponent(allowed.url)}`);
+  await settled(page);
+  assert.ok((await camera(page)) !== null);
+  await page.close();
+
+  const closed = await nginx(published);
+  const refused = await open(browser, `${pages.url}?scene=${encodeURIComponent(closed.url)}`);
+  await until(() => refused.locator("#problem").isVisible(), "the problem to be told");
+  assert.match(await refused.locator("#problem").innerText(), /Access-Control-Allow-Origin/);
+  await refused.close();
+});
+
+test("a host without ranges, an empty folder and a damaged hierarchy are told in plain words", async () => {
+  const told = async (url) => {
+    const page = await open(browser, url);
+    await until(() => page.locator("#problem").isVisible(), "the problem to be told");
+    const text = await page.locator("#problem").innerText();
+    await page.close();
+    return text;
+  };
+  const rangeless = await nginx(published, "max_ranges 0;");
+  assert.match(await told(rangeless.url), /range/i);
+
+  const empty = await nginx(site);
+  assert.match(await told(`${empty.url}?scene=${encodeURIComponent(empty.url)}`), /no scene/);
+
+  const damaged = join(folder, "damaged");
+  cpSync(published, damaged, { recursive: true });
+  const patches = readdirSync(damaged).find((name) => name.endsWith(".lgp"));
+  const bytes = readFileSync(join(damaged, patches));
+  bytes.fill(0xff, 0, 64);
+  writeFileSync(join(damaged, patches), bytes);
+  assert.match(await told((await nginx(damaged)).url), /patch|damaged|magic/i);
+});
+
+test("a scene without images is shown by its patches", async () => {
+  const bare = join(folder, "bare.scene");
+  if (!existsSync(bare)) {
+    const mesh = join(folder, "bare.ply");
+    run("lumigrid", ["sample", "--triangles", "20000", "-o", mesh]);
+    run("lumigrid", ["build", mesh, "-o", bare, "--methods", "patch"]);
+  }
+  const out = join(folder, "bare-published");
+  run("lumigrid", ["publish", bare, out, "--viewer", "on", "--web", site]);
+  const page = await open(browser, (await nginx(out)).url);
+  const now = await settled(page);
+  assert.ok(now.triangles > 0 && now.imagesInUse === 0);
+  const status = (await overlay(page)).find((row) => row[0] === "status");
+  assert.equal(status[1], "2", status.join());
+  await page.close();
+});
