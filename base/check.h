@@ -18,8 +18,7 @@ inline std::string describe(std::string_view text) {
   return std::string(text);
 }
 template <class Number>
-  requires std::is_arithmetic_v<Number>
-std::string describe(Number number) {
+requires std::is_arithmetic_v<Number> std::string describe(Number number) {
   return std::to_string(number);
 }
 

@@ -29,7 +29,7 @@ struct RangeArrival {
 struct RangeQueueOptions {
   std::size_t most_requests = 6;          ///< under way; what browsers allow for one host over HTTP/1.1
   std::uint64_t most_bytes = 128 * 1024;  ///< of a request with neighbours in it
-  std::uint64_t most_gap = 64;  ///< bytes between neighbours that are read in vain: blocks are padded to 16
+  std::uint64_t most_gap = 64;            ///< bytes between neighbours that are read in vain: blocks are padded to 16
 };
 
 class RangeQueue {

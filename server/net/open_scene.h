@@ -33,14 +33,14 @@ std::string defaultCacheDirectory();
 struct OpenScene {
   base::Scene scene;
   lod::patch::PatchFile patches;
-  std::unique_ptr<repository::Store> images;   ///< null: the scene has no repository
-  repository::PackStore* packs = nullptr;      ///< the same, when the scene is a published one
-  repository::SampledPoints points;            ///< of the repository
-  std::vector<repository::TreeGrowth> growth;  ///< how the tree grew
-  base::Bytes scene_json;                      ///< the file, as it is
-  std::string directory;                       ///< where it lies; empty: behind a network
-  std::string annotations_json;                ///< of a scene behind a network, checked; empty: it has none
-  base::MappedFile patch_bytes;                ///< the file, for byte ranges
+  std::unique_ptr<repository::Store> images;      ///< null: the scene has no repository
+  repository::PackStore* packs = nullptr;         ///< the same, when the scene is a published one
+  repository::SampledPoints points;               ///< of the repository
+  std::vector<repository::TreeGrowth> growth;     ///< how the tree grew
+  base::Bytes scene_json;                         ///< the file, as it is
+  std::string directory;                          ///< where it lies; empty: behind a network
+  std::string annotations_json;                   ///< of a scene behind a network, checked; empty: it has none
+  base::MappedFile patch_bytes;                   ///< the file, for byte ranges
   std::unique_ptr<lod::patch::ProxySight> sight;  ///< null: no images, or the hierarchy's coarse patches are damaged
   SceneData data;  ///< what a Session takes; welcome.can_render_frames is false until somebody renders
 };

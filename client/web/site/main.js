@@ -32,6 +32,7 @@ let scheduled = false;
 let failed = false;
 let contextLost = false;
 let framesDrawn = 0;
+let first = null; // figures of the first frame with a model in it
 const bookmarksStore = () => `lumigrid.bookmarks ${new URL(location.pathname + location.search, location.href).href}`;
 
 // ---- the loop ----
@@ -45,7 +46,8 @@ function schedule() {
 function draw() {
   ++framesDrawn;
   const error = core.text("frame", now());
-  if (error) fail("The picture cannot be drawn", error);
+  if (error) return fail("The picture cannot be drawn", error);
+  if (!first && core.figures().triangles > 0) first = core.figures();
 }
 
 function turn() {
@@ -327,6 +329,7 @@ window.lumigrid = {
     return canvas.toDataURL("image/png");
   },
   framesDrawn: () => framesDrawn,
+  firstPicture: () => first,
   draw,
 };
 

@@ -55,7 +55,7 @@ TEST(Pick, thePointBelowIsFoundInWorldCoordinates) {
     EXPECT_NEAR(json["point"][2].get<double>(), 100.0 + height, 1e-6);
     EXPECT_NEAR(json["distance"].get<double>(), distance, 1e-6);
     EXPECT_GT(json["accuracy"].get<double>(), 0.0);
-    EXPECT_EQ(json["unit"], "unknown");
+    EXPECT_EQ(json["unit"], "m");
     // The normal looks back along the ray, from whichever side that comes.
     EXPECT_LT(json["normal"][2].get<double>() * std::stod(direction), 0.0);
   }
@@ -66,7 +66,7 @@ TEST(Pick, aRayIntoNothingIsNoError) {
   RunningServer server(scene.path);
   const HttpAnswer answer = httpRequest(server.port(), target("600", "1"));
   EXPECT_EQ(answer.status, 200);
-  EXPECT_EQ(answer.body, "{\"hit\":false,\"unit\":\"unknown\"}\n");
+  EXPECT_EQ(answer.body, "{\"hit\":false,\"unit\":\"m\"}\n");
 }
 
 TEST(Pick, badNumbersAreToldInOneLine) {
