@@ -1,7 +1,7 @@
 // The same picture in the browser as in the native client, on Mesa and on an implementation of its own, SwiftShader.
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
-import { camera, canvasPicture, cleanUp, difference, launch, nativePictures, open, sampleScene, serve, settled } from "./lib.mjs";
+import { allHere, camera, canvasPicture, cleanUp, difference, launch, nativePictures, open, sampleScene, serve, settled, still } from "./lib.mjs";
 
 let server;
 // Nothing ahead of need, so that both clients hold the same images.
@@ -18,6 +18,7 @@ async function someViews(browser) {
     await page.mouse.move(320 + 70 * i, 180 - 30 * i, { steps: 3 });
     await page.mouse.up();
     await page.mouse.wheel(0, -100 * i);
+    await still(page);
     await settled(page);
     links.push(await page.evaluate(() => window.lumigrid.permalink()));
   }
@@ -31,7 +32,7 @@ for (const [gl, mean, outliers] of [["mesa", 1, 0.002], ["swiftshader", 1, 0.002
     const browser = await launch(gl);
     for (const link of await someViews(browser)) {
       const page = await open(browser, `${server.url}#${link}`);
-      await settled(page);
+      await allHere(page);
       const picture = await canvasPicture(page);
       const [native] = nativePictures(server.url, [await camera(page)], ["--no-frames"]);
       const apart = difference(picture, native);

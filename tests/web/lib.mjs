@@ -197,6 +197,35 @@ export async function waitFor(page, wanted, what, milliseconds = 60000) {
 /// All for this view is here, drawn and at rest.
 export const settled = (page) => waitFor(page, (now) => now.complete === 1 && now.triangles > 0, "a complete picture");
 
+/// Settled, and the images that hardly matter are on the GPU, too: what another client that has had time shows.
+export async function allHere(page) {
+  await settled(page);
+  let last = "";
+  let same = 0;
+  await until(async () => {
+    await page.waitForTimeout(100);
+    const { imagesResident, receivedBytes, complete, patches } = await figures(page);
+    const now = [imagesResident, receivedBytes, complete, patches].join();
+    same = now === last ? same + 1 : 0;
+    last = now;
+    return same === 6;
+  }, "the images to come to rest");
+}
+
+/// Waits until the camera stands still, for three looks, since a flight may begin with the next frame. The camera.
+export async function still(page) {
+  let last = await camera(page);
+  let same = 0;
+  await until(async () => {
+    await page.waitForTimeout(70);
+    const now = await camera(page);
+    same = now.every((x, k) => x === last[k]) ? same + 1 : 0;
+    last = now;
+    return same === 3;
+  }, "the camera to come to rest");
+  return last;
+}
+
 /// The canvas alone, RGBA, transparent where nothing is drawn.
 export async function canvasPicture(page) {
   const data = await page.evaluate(() => window.lumigrid.picture());
@@ -207,15 +236,16 @@ export function readPicture(file) {
   return PNG.sync.read(readFileSync(file));
 }
 
-/// The native client's pictures of the same views. `cameras`: as camera() gives them.
+/// The native client's pictures of the same views, each looked at a few times so that all is there. `cameras`: as camera() gives them.
 export function nativePictures(url, cameras, extra = []) {
   const name = join(folder, `native-${cleanups.length}-${Date.now()}`);
-  const frames = cameras.map(([px, py, pz, dx, dy, dz, ux, uy, uz, fov, , width, height]) => ({
+  const looks = 4;
+  const frames = cameras.flatMap((one) => Array(looks).fill(one)).map(([px, py, pz, dx, dy, dz, ux, uy, uz, fov, , width, height]) => ({
     position: [px, py, pz], direction: [dx, dy, dz], up: [ux, uy, uz], fov_y_degrees: (fov * 180) / Math.PI, width, height,
   }));
   writeFileSync(`${name}.json`, JSON.stringify({ frames }));
   run("lumigrid-view", [url.replace(/^http/, "ws"), "--headless", "--path", `${name}.json`, "--out", name, ...extra]);
-  return cameras.map((_, i) => readPicture(join(name, `frame_${String(i).padStart(4, "0")}.png`)));
+  return cameras.map((_, i) => readPicture(join(name, `frame_${String(looks * i + looks - 1).padStart(4, "0")}.png`)));
 }
 
 /// Over pixels that are model in either: mean of the largest channel's difference, and the share that differs by more than 8 levels.

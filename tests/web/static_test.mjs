@@ -3,7 +3,7 @@ import assert from "node:assert/strict";
 import { cpSync, existsSync, readdirSync, readFileSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
-import { camera, canvasPicture, cleanUp, difference, folder, launch, nginx, open, overlay, run, sampleScene, serve, settled, site, until } from "./lib.mjs";
+import { camera, canvasPicture, cleanUp, difference, folder, launch, nginx, open, overlay, run, sampleScene, serve, settled, site, still, until } from "./lib.mjs";
 
 const kCors = 'add_header Access-Control-Allow-Origin *; add_header Access-Control-Expose-Headers "Content-Range, ETag";';
 let scene, published, browser;
@@ -58,6 +58,7 @@ test("the page beside the scene shows it as our server does, and asks for nothin
   assert.ok(all.every(({ status }) => [200, 206, 304, 404].includes(status)));
   // Back to the first view: all of it is here.
   await page.keyboard.press("Home");
+  await still(page);
   await settled(page);
   assert.equal(ranges(host.requests()).length, 0);
   assert.deepEqual(page.faults.filter((fault) => !/404/.test(fault)), []);
