@@ -1,9 +1,9 @@
 // A published scene from nginx, with no server of ours: the page beside it, and a page from elsewhere (?scene=URL); what is fetched, and what goes wrong.
 import assert from "node:assert/strict";
-import { cpSync, existsSync, readdirSync, readFileSync, writeFileSync } from "node:fs";
+import { cpSync, existsSync, readdirSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
-import { camera, canvasPicture, cleanUp, difference, folder, launch, nginx, open, overlay, run, sampleScene, serve, settled, site, still, until } from "./lib.mjs";
+import { camera, canvasPicture, cleanUp, difference, figures, folder, launch, nginx, open, overlay, run, sampleScene, serve, settled, site, still, until } from "./lib.mjs";
 
 const kCors = 'add_header Access-Control-Allow-Origin *; add_header Access-Control-Expose-Headers "Content-Range, ETag";';
 let scene, published, browser;
@@ -109,6 +109,16 @@ test("a host without ranges, an empty folder and a damaged hierarchy are told in
   bytes.fill(0xff, 0, 64);
   writeFileSync(join(damaged, patches), bytes);
   assert.match(await told((await nginx(damaged)).url), /patch|damaged|magic/i);
+});
+
+test("a lost pack is told once, and the shape is shown all the same", async () => {
+  const lost = join(folder, "lost");
+  cpSync(published, lost, { recursive: true });
+  for (const name of readdirSync(join(lost, "images")).filter((name) => name.endsWith(".lgk"))) rmSync(join(lost, "images", name));
+  const page = await open(browser, (await nginx(lost)).url);
+  await until(async () => (await page.locator("#toasts").innerText()).includes("pack-"), "the lost pack to be told");
+  assert.ok((await figures(page)).triangles > 0);
+  await page.close();
 });
 
 test("a scene without images is shown by its patches", async () => {

@@ -35,7 +35,7 @@ const rows = async (name) => (await overlay(page)).filter((one) => one[0] === na
 async function press(key) {
   await page.locator("#view").focus();
   await page.keyboard.press(key);
-  await page.waitForTimeout(60);
+  await page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
 }
 async function reset() {
   await press("Escape");
@@ -147,11 +147,10 @@ test("I, C, O, X and H switch what they say, on and off", async () => {
   for (let i = 0; i < 8 && (await view())[3] === "1"; ++i) await press("x");
   assert.equal((await view())[3], "0", "x goes off again");
   await press("h");
-  assert.ok(await page.locator("#help").isVisible());
+  await until(() => page.locator("#help").isVisible(), "help");
   assert.ok((await page.locator("#help dt").count()) >= 12, "help lists the controls");
   await page.keyboard.press("Escape");
-  await page.waitForTimeout(100);
-  assert.ok(!(await page.locator("#help").isVisible()));
+  await until(async () => !(await page.locator("#help").isVisible()) && (await row("help"))[1] === "0", "help to close");
   await press("h");
   await page.locator("#help .close").click();
   await until(async () => !(await page.locator("#help").isVisible()), "help to close");
@@ -159,9 +158,9 @@ test("I, C, O, X and H switch what they say, on and off", async () => {
 
 test("statistics list the figures", async () => {
   await press("i");
-  await page.waitForTimeout(400);
-  const text = await page.locator("#statistics").innerText();
-  for (const word of ["images", "patches", "triangles"]) assert.match(text.toLowerCase(), new RegExp(word));
+  const text = async () => (await page.locator("#statistics").innerText()).toLowerCase();
+  await until(async () => (await text()).includes("images"), "the figures");
+  for (const word of ["images", "patches", "triangles"]) assert.match(await text(), new RegExp(word));
   await press("i");
 });
 
@@ -218,10 +217,13 @@ test("V copies the link", async () => {
 test("a bad link is refused in plain words and changes nothing", async () => {
   await reset();
   const start = await camera(page);
-  await page.evaluate(() => (location.hash = "#v1;nonsense=99999999999999999999"));
-  await page.waitForTimeout(300);
-  assert.deepEqual(await camera(page), start);
-  assert.ok((await rows("toast")).length > 0, "nothing is said");
+  for (const hash of ["#v1;nonsense=99999999999999999999", "#%zz"]) {
+    await page.evaluate((text) => (location.hash = text), hash);
+    await until(async () => (await rows("toast")).length > 0, "what is wrong to be said");
+    assert.deepEqual(await camera(page), start);
+  }
+  await page.reload();
+  await settled(page);
 });
 
 test("resizing redraws at the new size", async () => {

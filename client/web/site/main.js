@@ -59,7 +59,7 @@ function turn() {
   carryOut();
   overlay.update();
   link?.flush();
-  pumpStatic?.(now());  // a drawn frame has told the session its view
+  pumpStatic?.(now()); // a drawn frame has told the session its view
   if (core.call("advance", now()) && !contextLost) schedule();
 }
 
@@ -76,6 +76,14 @@ const say = (text, error = true) => {
   core.call("say", text, error ? 1 : 0);
   schedule();
 };
+
+/// What of a published scene cannot be shown though the rest goes on, such as a lost pack: once.
+function tellStaticProblem() {
+  if (!pumpStatic) return;
+  const problem = core.text("staticProblem");
+  if (problem && problem !== staticProblem) say(problem);
+  staticProblem = problem;
+}
 
 // ---- what the client asks for ----
 
@@ -98,6 +106,18 @@ async function copyLink(hash) {
     if (copied) say("link copied", false);
     else say("the link is in the address bar: copy it from there");
   }
+}
+
+/// Goes to the view that the address names, if any; what is wrong with it the client says.
+function openHash() {
+  if (location.hash.length < 2) return;
+  let text = location.hash;
+  try {
+    text = decodeURIComponent(text);
+  } catch {
+    // Not encoded as URLs are: as it stands, then.
+  }
+  core.text("openPermalink", text);
 }
 
 function keepLink(hash) {
@@ -220,12 +240,13 @@ function watchPage() {
   setMotion();
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", applyTheme);
   addEventListener("hashchange", () => {
-    if (location.hash.length > 1) core.text("openPermalink", decodeURIComponent(location.hash));
+    openHash();
     schedule();
   });
   setInterval(() => {
     if (document.hidden || failed) return;
     if (pumpStatic?.(now()) || core.call("advance", now())) schedule();
+    tellStaticProblem();
     carryOut();
     overlay.update();
   }, kIdleMilliseconds);
@@ -238,6 +259,7 @@ function watchPage() {
 let server = null;
 /// Of a published scene: takes in what came and asks for more.
 let pumpStatic = null;
+let staticProblem = "";
 
 async function start() {
   const early = document.getElementById("problem");
@@ -280,7 +302,7 @@ async function start() {
   watchPage();
   listen(canvas, core, now, acted);
   restoreBookmarks();
-  if (location.hash.length > 1) core.text("openPermalink", decodeURIComponent(location.hash));
+  openHash();
   canvas.focus({ preventScroll: true });
   const scene = staticBase();
   if (scene) await openStatic(scene);

@@ -23,6 +23,7 @@ const kStatusText = ["Connecting …", "Loading …", "", "Connection lost", "Re
 export function makeOverlay(core, { ratio, press, retry }) {
   const annotations = [];
   let labelsShown = "";
+  let closedByUs = false; // the help
 
   function showLabels(labels) {
     const signature = labels.map((row) => row[1] + ":" + row[2]).join();
@@ -126,11 +127,23 @@ export function makeOverlay(core, { ratio, press, retry }) {
       list.replaceChildren(...core.rows("help").flatMap(([input, effect]) => [element("dt", "", input), element("dd", "", effect)]));
       dialog.showModal();
     } else if (!shown && dialog.open) {
+      closedByUs = true;
       dialog.close();
     }
   }
 
-  byId("help").addEventListener("close", () => press(() => core.call("showHelp", 0)));
+  // The client closes help, whoever asked for it; what the dialog does by itself comes late and might meet the next opening.
+  const help = byId("help");
+  const helpGone = () => press(() => core.call("showHelp", 0));
+  for (const wish of ["cancel", "submit"])
+    help.addEventListener(wish, (event) => {
+      event.preventDefault();
+      helpGone();
+    });
+  help.addEventListener("close", () => {
+    if (!closedByUs) helpGone();
+    closedByUs = false;
+  });
   byId("card").querySelector(".close").addEventListener("click", () => press(() => core.call("showAnnotation", -1)));
 
   let version = -1;
