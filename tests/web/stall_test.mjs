@@ -30,7 +30,7 @@ test("a silent server stops no drag", async () => {
   const picture = await canvasPicture(page);
   server.resume();
   assert.notDeepEqual(turned, start);
-  assert.ok(frames >= 5, `${frames} frames for 20 moves`);
+  assert.ok(frames >= 2, `${frames} frames for 20 moves`);
   assert.ok(difference(before, picture).mean > 1, "the picture did not follow");
   await settled(page);
   assert.deepEqual(page.faults, []);
