@@ -192,7 +192,7 @@ test("a permalink leads back to the same view in another page", async () => {
   await page.mouse.up();
   await still();
   await settled(page);
-  await until(async () => new URL(page.url()).hash.length > 10, "a permalink in the address");
+  await until(() => page.evaluate(() => decodeURIComponent(location.hash.slice(1)) === window.lumigrid.permalink()), "this view's permalink in the address");
   const here = await camera(page);
   const link = page.url();
   assert.match(link, /#.{10,}/, "the page's address does not hold the view");

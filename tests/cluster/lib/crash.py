@@ -375,8 +375,9 @@ def cut_hierarchy(programs, directory, disk, witness):
             programs.build(mesh, scene, options)
         if read(scene + "/patch.lgp") != patches or read(scene + "/scene.json") != description:
             raise Failure(f"{scene}: differs from an uninterrupted build")
-        # A cut just after scene.json appeared may bring building.json back, which was removed then.
-        stayed = set(os.listdir(scene)) - {"patch.lgp", "scene.json"} - (set() if rerun else {"building.json"})
+        # A cut just after scene.json appeared may bring back what was removed then.
+        stayed = set(os.listdir(scene)) - {"patch.lgp", "scene.json"}
+        stayed -= set() if rerun else {"building.json", "build.lock"}
         if stayed:
             raise Failure(f"{scene}: work files stayed: {sorted(stayed)}")
         programs.run("verify", scene)
