@@ -47,7 +47,9 @@ function draw() {
   ++framesDrawn;
   const error = core.text("frame", now());
   if (error) return fail("The picture cannot be drawn", error);
-  if (!first && core.figures().triangles > 0) first = core.figures();
+  if (first) return;
+  const seen = core.figures();
+  if (seen.triangles > 0) first = seen;
 }
 
 function turn() {
@@ -61,10 +63,6 @@ function turn() {
   link?.flush();
   pumpStatic?.(now()); // a drawn frame has told the session its view
   if (core.call("advance", now()) && !contextLost) schedule();
-}
-
-function acted() {
-  schedule();
 }
 
 function fail(title, advice) {
@@ -88,16 +86,14 @@ function tellStaticProblem() {
 // ---- what the client asks for ----
 
 async function copyLink(hash) {
-  const url = new URL(location.href);
-  url.hash = hash;
-  history.replaceState(null, "", url);
+  const url = keepLink(hash);
   try {
-    await navigator.clipboard.writeText(url.href);
+    await navigator.clipboard.writeText(url);
     say("link copied", false);
   } catch {
     // Pages without https may not use the clipboard that way.
     const text = document.createElement("textarea");
-    text.value = url.href;
+    text.value = url;
     document.body.append(text);
     text.select();
     const copied = document.execCommand("copy");
@@ -120,10 +116,12 @@ function openHash() {
   core.text("openPermalink", text);
 }
 
+/// Puts a view into the page's address, which it returns; no entry in the history.
 function keepLink(hash) {
   const url = new URL(location.href);
   url.hash = hash;
   history.replaceState(null, "", url);
+  return url.href;
 }
 
 function keepBookmarks() {
@@ -300,7 +298,7 @@ async function start() {
   watchContext();
   resize();
   watchPage();
-  listen(canvas, core, now, acted);
+  listen(canvas, core, now, schedule);
   restoreBookmarks();
   openHash();
   canvas.focus({ preventScroll: true });
