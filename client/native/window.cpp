@@ -401,6 +401,7 @@ void Window::carryOut(const Request& request) {
       if (!options_.config_directory.empty()) say(writeSettings(options_.config_directory, app_->settings()));
       break;
     case RequestKind::kPick:
+      if (connection_->pick(request.id, request.origin, request.direction)) return;
       if (!http_) return app_->answerPick(request.id, {});  // nobody knows: the approximate point stays
       asked_[next_question_] = {Question::kPick, request.id, {}};
       http_->get(next_question_++, pickTarget(request.origin, request.direction), kMaxPickAnswer, kPickSeconds);
@@ -431,6 +432,7 @@ void Window::writePicture(const base::Image& image) {
 }
 
 void Window::takeAnswers() {
+  for (const AnsweredPick& pick : connection_->takePicks()) app_->answerPick(pick.id, pick.answer);
   if (!http_) return;
   for (const HttpGetter::Answer& answer : http_->take()) {
     const auto asked = asked_.find(answer.id);

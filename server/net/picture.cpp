@@ -10,6 +10,7 @@
 #include <utility>
 #include <variant>
 
+#include "base/number.h"
 #include "base/png/png_rows.h"
 #include "protocol/message.h"
 #include "repository/jpeg_rows.h"
@@ -50,9 +51,9 @@ std::optional<glm::dvec3> parseVector(const std::string& text) {
   const std::size_t second = first == std::string::npos ? first : text.find(',', first + 1);
   if (second == std::string::npos) return std::nullopt;
   const std::string_view view(text);
-  const auto x = parseNumber(view.substr(0, first));
-  const auto y = parseNumber(view.substr(first + 1, second - first - 1));
-  const auto z = parseNumber(view.substr(second + 1));
+  const auto x = base::parseNumber(view.substr(0, first));
+  const auto y = base::parseNumber(view.substr(first + 1, second - first - 1));
+  const auto z = base::parseNumber(view.substr(second + 1));
   if (!x || !y || !z) return std::nullopt;
   const glm::dvec3 vector(*x, *y, *z);
   for (int i = 0; i < 3; ++i)
@@ -73,7 +74,7 @@ base::Result<bool> readVector(Values& values, const std::string& name, glm::dvec
 base::Result<void> readNumber(Values& values, const std::string& name, double above, double most, double& to) {
   const auto text = values.take(name);
   if (!text) return {};
-  const auto number = parseNumber(*text);
+  const auto number = base::parseNumber(*text);
   if (!number || !(*number > above) || *number > most) {
     std::array<char, 80> limits{};
     std::snprintf(limits.data(), limits.size(), " must be a number above %g and at most %g", above, most);
@@ -86,7 +87,7 @@ base::Result<void> readNumber(Values& values, const std::string& name, double ab
 base::Result<void> readInteger(Values& values, const std::string& name, int least, int most, int& to) {
   const auto text = values.take(name);
   if (!text) return {};
-  const auto number = parseNumber(*text);
+  const auto number = base::parseNumber(*text);
   if (!number || *number < least || *number > most || *number != std::floor(*number))
     return wrong(name + " must be a whole number from " + std::to_string(least) + " to " + std::to_string(most));
   to = static_cast<int>(*number);
@@ -128,7 +129,7 @@ base::Result<void> readFov(Values& values, base::ViewCamera& camera) {
     return {};
   }
   if (values.take("fov_y_degrees")) return wrong("fov_y (radians) and fov_y_degrees say the same; give one of them");
-  const auto number = parseNumber(*radians);
+  const auto number = base::parseNumber(*radians);
   if (!number || !(*number > glm::radians(kLeastFovDegrees)) || *number > glm::radians(kMostFovDegrees))
     return wrong("fov_y must be an angle in radians above 0.0009 and at most 3.139");
   camera.fov_y = *number;

@@ -30,13 +30,16 @@ export function run(program, args) {
   return execFileSync(join(bin, program), args, { encoding: "utf8", stdio: ["ignore", "pipe", "pipe"] });
 }
 
-/// A scene of a generated mesh, built once per test program.
+/// A generated mesh and a scene of it, each made once per test program.
+export function sampleMesh({ shape = "statue", triangles = 60000 } = {}) {
+  const mesh = join(folder, `${shape}-${triangles}.ply`);
+  if (!existsSync(mesh)) run("lumigrid", ["sample", "--shape", shape, "--triangles", String(triangles), "-o", mesh]);
+  return mesh;
+}
 export function sampleScene({ shape = "statue", triangles = 60000, grid = 3, face = 256 } = {}) {
   const scene = join(folder, `${shape}-${triangles}-${grid}.scene`);
   if (existsSync(scene)) return scene;
-  const mesh = join(folder, `${shape}-${triangles}.ply`);
-  run("lumigrid", ["sample", "--shape", shape, "--triangles", String(triangles), "-o", mesh]);
-  run("lumigrid", ["build", mesh, "-o", scene, "--grid", String(grid), "--face", String(face)]);
+  run("lumigrid", ["build", sampleMesh({ shape, triangles }), "-o", scene, "--grid", String(grid), "--face", String(face)]);
   return scene;
 }
 
