@@ -802,7 +802,7 @@ Status App::State::status() const {
   const std::string& problem = session.problem();
   switch (session.state()) {
     case SessionState::kRefused:
-      return {Status::Kind::kRefused, problem, "Update the older of viewer and server, then open the scene again."};
+      return {Status::Kind::kRefused, problem, "When that is mended, open the scene again."};
     case SessionState::kDisconnected:
       if (problem.empty()) return {Status::Kind::kConnecting, "", ""};
       return {Status::Kind::kLost, problem,

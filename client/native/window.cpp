@@ -20,9 +20,11 @@
 #include "base/gl/gl.h"
 #include "base/png/png.h"
 #include "client/native/answer_json.h"
+#include "client/native/connection.h"
 #include "client/native/http_get.h"
 #include "client/native/jpeg_decoder.h"
 #include "client/native/overlay.h"
+#include "client/native/published_scene.h"
 #include "client/native/user_files.h"
 
 namespace client {
@@ -184,7 +186,8 @@ class Window {
   std::array<float, 4> background_{};
   std::unique_ptr<App> app_;
   std::unique_ptr<Link> connection_;
-  std::unique_ptr<HttpGetter> http_;  // null with a published scene: nobody is there to ask
+  bool published_ = false;            // a scene with no server of ours: it has files, and answers no questions
+  std::unique_ptr<HttpGetter> http_;  // for what lies beside the scene, and a server's answers
   std::map<std::uint64_t, Asked> asked_;
   std::uint64_t next_question_ = 1;
   std::optional<std::string> scene_;  // bookmarkKey of the scene whose notes and bookmarks are here
@@ -248,8 +251,11 @@ base::Result<void> Window::open() {
   if (!options_.view.empty()) LUMIGRID_TRY(app_->openPermalink(options_.view));
   if (options_.show_figures) app_->showStatistics(true);
   resized();
-  if (auto server = parseServerUrl(options_.url); server && !isPublishedScene(options_.url))
-    http_ = std::make_unique<HttpGetter>(*server);
+  published_ = isPublishedScene(options_.url);
+  if (published_)
+    http_ = std::make_unique<HttpGetter>(placeOfScene(options_.url));
+  else if (auto server = parseServerUrl(options_.url))
+    http_ = std::make_unique<HttpGetter>("http://" + server->authority());
   return {};
 }
 
@@ -374,7 +380,6 @@ void Window::startScene() {
   }
 
   app_->setAnnotations({});
-  if (!http_) return;
   asked_[next_question_] = {Question::kNotes, 0, {}};
   http_->get(next_question_++, "/annotations.json", kMaxAnnotationsFile, kNotesSeconds);
 }
@@ -402,7 +407,7 @@ void Window::carryOut(const Request& request) {
       break;
     case RequestKind::kPick:
       if (connection_->pick(request.id, request.origin, request.direction)) return;
-      if (!http_) return app_->answerPick(request.id, {});  // nobody knows: the approximate point stays
+      if (published_) return app_->answerPick(request.id, {});  // nobody knows: the approximate point stays
       asked_[next_question_] = {Question::kPick, request.id, {}};
       http_->get(next_question_++, pickTarget(request.origin, request.direction), kMaxPickAnswer, kPickSeconds);
       break;
@@ -419,7 +424,7 @@ void Window::keepBookmarks() {
 /// The server's picture is the true one, but it knows no section planes and no tints.
 void Window::savePicture(const Request& request) {
   const bool plain = !request.view.section.on && !request.view.colors_by_resolution;
-  if (!plain || !http_ || app_->session().state() != SessionState::kReady) return writePicture(readPicture());
+  if (!plain || published_ || app_->session().state() != SessionState::kReady) return writePicture(readPicture());
   app_->say("The server draws the picture\u2026");
   asked_[next_question_] = {Question::kPicture, 0, readPicture()};
   http_->get(next_question_++, renderTarget(request.camera, background_), kMaxPicture, kPictureSeconds);
@@ -433,7 +438,6 @@ void Window::writePicture(const base::Image& image) {
 
 void Window::takeAnswers() {
   for (const AnsweredPick& pick : connection_->takePicks()) app_->answerPick(pick.id, pick.answer);
-  if (!http_) return;
   for (const HttpGetter::Answer& answer : http_->take()) {
     const auto asked = asked_.find(answer.id);
     if (asked == asked_.end()) continue;
