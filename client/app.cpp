@@ -10,6 +10,7 @@
 #include "client/meters.h"
 #include "client/orbit_control.h"
 #include "client/permalink.h"
+#include "client/picture_query.h"
 
 namespace client {
 namespace {
@@ -695,7 +696,8 @@ bool App::State::press(Key key, Modifiers modifiers) {
       Request request;
       request.kind = RequestKind::kSavePicture;
       request.camera = drawnCamera();
-      request.view = view;
+      request.text =
+          pictureQuery(request.camera, view, static_cast<double>(viewer.options().session.patch_tolerance_px));
       requests.push_back(std::move(request));
       break;
     }

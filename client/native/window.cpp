@@ -77,23 +77,15 @@ std::string freePath(const std::string& directory, const std::string& name) {
   return path.string();
 }
 
-/// The path and query that ask for the full-resolution picture (docs/formats/http.md, /render).
-std::string renderTarget(const base::ViewCamera& camera, const std::array<float, 4>& background) {
+/// The path and query of the server's picture, as large as the window's and on the same background.
+std::string renderTarget(const Request& request, const std::array<float, 4>& background) {
   const auto byte = [](float share) {
     return static_cast<unsigned>(std::lround(255.0F * std::clamp(share, 0.0F, 1.0F)));
   };
-  std::array<char, 1024> text{};
-  int length = std::snprintf(
-      text.data(), text.size(),
-      "/render?position=%.17g,%.17g,%.17g&direction=%.17g,%.17g,%.17g&up=%.17g,%.17g,%.17g&fov_y_degrees=%.17g"
-      "&width=%d&height=%d&background=%02x%02x%02x",
-      camera.position.x, camera.position.y, camera.position.z, camera.direction.x, camera.direction.y,
-      camera.direction.z, camera.up.x, camera.up.y, camera.up.z, glm::degrees(camera.fov_y), camera.width,
-      camera.height, byte(background[0]), byte(background[1]), byte(background[2]));
-  if (camera.orthographic())
-    std::snprintf(text.data() + length, text.size() - static_cast<std::size_t>(length), "&ortho_height=%.17g",
-                  camera.ortho_height);
-  return text.data();
+  std::array<char, 80> rest{};
+  std::snprintf(rest.data(), rest.size(), "&width=%d&height=%d&background=%02x%02x%02x", request.camera.width,
+                request.camera.height, byte(background[0]), byte(background[1]), byte(background[2]));
+  return "/render?" + request.text + rest.data();
 }
 
 Modifiers modifiersOf(int mods) {
@@ -421,13 +413,12 @@ void Window::keepBookmarks() {
   say(writeBookmarks(options_.config_directory, *scene_, bookmarks));
 }
 
-/// The server's picture is the true one, but it knows no section planes and no tints.
+/// The server's picture is the true one; without a server there is what the window shows.
 void Window::savePicture(const Request& request) {
-  const bool plain = !request.view.section.on && !request.view.colors_by_resolution;
-  if (!plain || published_ || app_->session().state() != SessionState::kReady) return writePicture(readPicture());
+  if (published_ || app_->session().state() != SessionState::kReady) return writePicture(readPicture());
   app_->say("The server draws the picture\u2026");
   asked_[next_question_] = {Question::kPicture, 0, readPicture()};
-  http_->get(next_question_++, renderTarget(request.camera, background_), kMaxPicture, kPictureSeconds);
+  http_->get(next_question_++, renderTarget(request, background_), kMaxPicture, kPictureSeconds);
 }
 
 void Window::writePicture(const base::Image& image) {

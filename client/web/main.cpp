@@ -151,7 +151,7 @@ EMSCRIPTEN_KEEPALIVE const char* frame(double now) {
 // ---- requests ----
 
 /// Rays of a published scene are looked for here; what is left is the page's.
-/// Rows: kind, id, text, origin, direction, camera (position, direction, up, fov, orthographic height, width, height).
+/// Rows: kind, id, text, origin, direction.
 EMSCRIPTEN_KEEPALIVE const char* takeRequests() {
   client::TextRows rows;
   for (const client::Request& request : page.app->takeRequests()) {
@@ -161,7 +161,6 @@ EMSCRIPTEN_KEEPALIVE const char* takeRequests() {
     }
     rows.add(static_cast<int>(request.kind)).add(static_cast<double>(request.id)).add(request.text);
     for (const glm::dvec3& v : {request.origin, request.direction}) rows.add(v.x).add(v.y).add(v.z);
-    addView(rows, request.camera);
     rows.end();
   }
   return hand(rows.take());
@@ -324,7 +323,7 @@ EMSCRIPTEN_KEEPALIVE const char* help() {
 /// Rows: up to how many pixels, red, green, blue; the last step has no end.
 EMSCRIPTEN_KEEPALIVE const char* legend() {
   client::TextRows rows;
-  for (const client::ResolutionStep& step : client::kResolutionLegend) {
+  for (const lod::draw::ResolutionStep& step : lod::draw::kResolutionLegend) {
     rows.add(static_cast<double>(step.up_to_px));
     for (const std::uint8_t channel : step.color) rows.add(static_cast<int>(channel));
     rows.end();

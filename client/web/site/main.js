@@ -170,17 +170,11 @@ function carryOut() {
     const kind = Number(kindText);
     if (kind === kCopyLink) copyLink(text);
     else if (kind === kLinkChanged) keepLink(text);
-    else if (kind === kSavePicture) openPicture({ dialog: document.getElementById("picture"), canvas, camera: numbers.slice(6), plain: plainView(), server, draw, name: document.getElementById("name").textContent, say });
+    else if (kind === kSavePicture) openPicture({ dialog: document.getElementById("picture"), canvas, query: text, server, draw, name: document.getElementById("name").textContent, say });
     else if (kind === kKeepBookmarks) keepBookmarks();
     else if (kind === kKeepSettings) keepAndApply();
-    else if (kind === kPick) pick(Number(id), numbers.slice(0, 6).map(Number));
+    else if (kind === kPick) pick(Number(id), numbers.map(Number));
   }
-}
-
-/// Nothing is cut or tinted.
-function plainView() {
-  const [, , colours, , section] = core.rows("overlay").find((row) => row[0] === "view");
-  return colours !== "1" && section !== "1";
 }
 
 function keepAndApply() {
