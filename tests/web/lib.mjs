@@ -122,6 +122,21 @@ export async function nginx(root, lines = "") {
   return server;
 }
 
+/// Ranges of requests() as [name, first, last].
+export const ranges = (requests) => requests.filter(({ range }) => range).map(({ uri, range }) => [uri, ...range.match(/\d+/g).map(Number)]);
+
+/// Bytes that were asked for more than once.
+export function repeated(requests) {
+  let twice = 0;
+  const seen = new Map();
+  for (const [uri, first, last] of ranges(requests)) {
+    const had = seen.get(uri) ?? [];
+    for (const [from, to] of had) twice += Math.max(0, Math.min(to, last) - Math.max(from, first) + 1);
+    seen.set(uri, [...had, [first, last]]);
+  }
+  return twice;
+}
+
 /// A link in front of a server: towards the page at most `bytesPerSecond`, each byte `latency` seconds late (so once per round trip). {url}
 export async function slowLink(port, bytesPerSecond, latency) {
   // One budget for all connections, as on a real link.

@@ -3,7 +3,7 @@ import assert from "node:assert/strict";
 import { cpSync, existsSync, readdirSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
-import { camera, canvasPicture, cleanUp, difference, figures, folder, launch, nginx, open, overlay, run, sampleMesh, sampleScene, serve, settled, site, still, until } from "./lib.mjs";
+import { camera, canvasPicture, cleanUp, difference, figures, folder, launch, nginx, open, overlay, ranges, repeated, run, sampleMesh, sampleScene, serve, settled, site, still, until } from "./lib.mjs";
 import { meet, rayOf, readMesh } from "./mesh.mjs";
 
 const kCors = 'add_header Access-Control-Allow-Origin *; add_header Access-Control-Expose-Headers "Content-Range, ETag";';
@@ -16,21 +16,6 @@ before(async () => {
   browser = await launch();
 });
 after(cleanUp);
-
-/// Ranges as [name, first, last].
-const ranges = (requests) => requests.filter(({ range }) => range).map(({ uri, range }) => [uri, ...range.match(/\d+/g).map(Number)]);
-
-/// Bytes that were asked for more than once.
-function repeated(requests) {
-  let twice = 0;
-  const seen = new Map();
-  for (const [uri, first, last] of ranges(requests)) {
-    const had = seen.get(uri) ?? [];
-    for (const [from, to] of had) twice += Math.max(0, Math.min(to, last) - Math.max(from, first) + 1);
-    seen.set(uri, [...had, [first, last]]);
-  }
-  return twice;
-}
 
 async function drag(page, dx, dy) {
   await page.mouse.move(320, 180);
