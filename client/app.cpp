@@ -10,6 +10,7 @@
 #include "client/meters.h"
 #include "client/orbit_control.h"
 #include "client/permalink.h"
+#include "client/picture_query.h"
 
 namespace client {
 namespace {
@@ -695,7 +696,8 @@ bool App::State::press(Key key, Modifiers modifiers) {
       Request request;
       request.kind = RequestKind::kSavePicture;
       request.camera = drawnCamera();
-      request.view = view;
+      request.text =
+          pictureQuery(request.camera, view, static_cast<double>(viewer.options().session.patch_tolerance_px));
       requests.push_back(std::move(request));
       break;
     }
@@ -802,7 +804,7 @@ Status App::State::status() const {
   const std::string& problem = session.problem();
   switch (session.state()) {
     case SessionState::kRefused:
-      return {Status::Kind::kRefused, problem, "Update the older of viewer and server, then open the scene again."};
+      return {Status::Kind::kRefused, problem, "When that is mended, open the scene again."};
     case SessionState::kDisconnected:
       if (problem.empty()) return {Status::Kind::kConnecting, "", ""};
       return {Status::Kind::kLost, problem,

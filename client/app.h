@@ -53,7 +53,8 @@ struct AppOptions {
 enum class RequestKind : std::uint8_t {
   kCopyLink,     ///< V: `text` is the permalink without '#'; put the page's address (or nothing) in front, and copy it
   kLinkChanged,  ///< the view has come to rest: `text` is its permalink (a browser replaces the hash, no history entry)
-  kSavePicture,  ///< P: a picture of `camera`, `view`; ask the server for it, or read the framebuffer
+  kSavePicture,  ///< P: a picture of the view; ask the server for it, with `text` as the query of /render but for size
+                 ///< and background (pictureQuery), or read the framebuffer
   kKeepBookmarks,  ///< bookmark(1 … 9) changed: keep them with the scene
   kKeepSettings,   ///< settings() changed: keep them
   kPick,  ///< find the full-resolution surface on the ray `origin` + t `direction`, t ≥ 0; answerPick(`id`, …)
@@ -65,8 +66,7 @@ struct Request {
   std::uint32_t id = 0;
   glm::dvec3 origin{0.0};     ///< world
   glm::dvec3 direction{0.0};  ///< unit, world
-  base::ViewCamera camera;    ///< kSavePicture: size as on the screen
-  ViewState view;             ///< kSavePicture
+  base::ViewCamera camera;    ///< kSavePicture: its size on the screen
 };
 
 // ---- what stands on top of the picture ----

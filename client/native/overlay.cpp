@@ -156,12 +156,12 @@ class Painter {
   void legend() const {
     begin("legend", kMargin * scale_, size_.y - kMargin * scale_, 0.0F, 1.0F, kWords);
     ImGui::TextColored(colors_.quiet, "Pixels that the detail spans");
-    for (const ResolutionStep& step : kResolutionLegend) {
+    for (const lod::draw::ResolutionStep& step : lod::draw::kResolutionLegend) {
       const ImVec4 color(step.color[0] / 255.0F, step.color[1] / 255.0F, step.color[2] / 255.0F, 1.0F);
       const float side = ImGui::GetTextLineHeight();
       ImGui::ColorButton("step", color, ImGuiColorEditFlags_NoTooltip, {side, side});
       ImGui::SameLine();
-      if (&step == &kResolutionLegend.back())
+      if (&step == &lod::draw::kResolutionLegend.back())
         ImGui::TextUnformatted("more");
       else
         ImGui::Text("up to %.0f", static_cast<double>(step.up_to_px));

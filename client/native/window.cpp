@@ -20,9 +20,11 @@
 #include "base/gl/gl.h"
 #include "base/png/png.h"
 #include "client/native/answer_json.h"
+#include "client/native/connection.h"
 #include "client/native/http_get.h"
 #include "client/native/jpeg_decoder.h"
 #include "client/native/overlay.h"
+#include "client/native/published_scene.h"
 #include "client/native/user_files.h"
 
 namespace client {
@@ -75,23 +77,15 @@ std::string freePath(const std::string& directory, const std::string& name) {
   return path.string();
 }
 
-/// The path and query that ask for the full-resolution picture (docs/formats/http.md, /render).
-std::string renderTarget(const base::ViewCamera& camera, const std::array<float, 4>& background) {
+/// The path and query of the server's picture, as large as the window's and on the same background.
+std::string renderTarget(const Request& request, const std::array<float, 4>& background) {
   const auto byte = [](float share) {
     return static_cast<unsigned>(std::lround(255.0F * std::clamp(share, 0.0F, 1.0F)));
   };
-  std::array<char, 1024> text{};
-  int length = std::snprintf(
-      text.data(), text.size(),
-      "/render?position=%.17g,%.17g,%.17g&direction=%.17g,%.17g,%.17g&up=%.17g,%.17g,%.17g&fov_y_degrees=%.17g"
-      "&width=%d&height=%d&background=%02x%02x%02x",
-      camera.position.x, camera.position.y, camera.position.z, camera.direction.x, camera.direction.y,
-      camera.direction.z, camera.up.x, camera.up.y, camera.up.z, glm::degrees(camera.fov_y), camera.width,
-      camera.height, byte(background[0]), byte(background[1]), byte(background[2]));
-  if (camera.orthographic())
-    std::snprintf(text.data() + length, text.size() - static_cast<std::size_t>(length), "&ortho_height=%.17g",
-                  camera.ortho_height);
-  return text.data();
+  std::array<char, 80> rest{};
+  std::snprintf(rest.data(), rest.size(), "&width=%d&height=%d&background=%02x%02x%02x", request.camera.width,
+                request.camera.height, byte(background[0]), byte(background[1]), byte(background[2]));
+  return "/render?" + request.text + rest.data();
 }
 
 Modifiers modifiersOf(int mods) {
@@ -184,7 +178,8 @@ class Window {
   std::array<float, 4> background_{};
   std::unique_ptr<App> app_;
   std::unique_ptr<Link> connection_;
-  std::unique_ptr<HttpGetter> http_;  // null with a published scene: nobody is there to ask
+  bool published_ = false;            // a scene with no server of ours: it has files, and answers no questions
+  std::unique_ptr<HttpGetter> http_;  // for what lies beside the scene, and a server's answers
   std::map<std::uint64_t, Asked> asked_;
   std::uint64_t next_question_ = 1;
   std::optional<std::string> scene_;  // bookmarkKey of the scene whose notes and bookmarks are here
@@ -248,8 +243,11 @@ base::Result<void> Window::open() {
   if (!options_.view.empty()) LUMIGRID_TRY(app_->openPermalink(options_.view));
   if (options_.show_figures) app_->showStatistics(true);
   resized();
-  if (auto server = parseServerUrl(options_.url); server && !isPublishedScene(options_.url))
-    http_ = std::make_unique<HttpGetter>(*server);
+  published_ = isPublishedScene(options_.url);
+  if (published_)
+    http_ = std::make_unique<HttpGetter>(placeOfScene(options_.url));
+  else if (auto server = parseServerUrl(options_.url))
+    http_ = std::make_unique<HttpGetter>("http://" + server->authority());
   return {};
 }
 
@@ -374,7 +372,6 @@ void Window::startScene() {
   }
 
   app_->setAnnotations({});
-  if (!http_) return;
   asked_[next_question_] = {Question::kNotes, 0, {}};
   http_->get(next_question_++, "/annotations.json", kMaxAnnotationsFile, kNotesSeconds);
 }
@@ -401,7 +398,8 @@ void Window::carryOut(const Request& request) {
       if (!options_.config_directory.empty()) say(writeSettings(options_.config_directory, app_->settings()));
       break;
     case RequestKind::kPick:
-      if (!http_) return app_->answerPick(request.id, {});  // nobody knows: the approximate point stays
+      if (connection_->pick(request.id, request.origin, request.direction)) return;
+      if (published_) return app_->answerPick(request.id, {});  // nobody knows: the approximate point stays
       asked_[next_question_] = {Question::kPick, request.id, {}};
       http_->get(next_question_++, pickTarget(request.origin, request.direction), kMaxPickAnswer, kPickSeconds);
       break;
@@ -415,13 +413,12 @@ void Window::keepBookmarks() {
   say(writeBookmarks(options_.config_directory, *scene_, bookmarks));
 }
 
-/// The server's picture is the true one, but it knows no section planes and no tints.
+/// The server's picture is the true one; without a server there is what the window shows.
 void Window::savePicture(const Request& request) {
-  const bool plain = !request.view.section.on && !request.view.colors_by_resolution;
-  if (!plain || !http_ || app_->session().state() != SessionState::kReady) return writePicture(readPicture());
+  if (published_ || app_->session().state() != SessionState::kReady) return writePicture(readPicture());
   app_->say("The server draws the picture\u2026");
   asked_[next_question_] = {Question::kPicture, 0, readPicture()};
-  http_->get(next_question_++, renderTarget(request.camera, background_), kMaxPicture, kPictureSeconds);
+  http_->get(next_question_++, renderTarget(request, background_), kMaxPicture, kPictureSeconds);
 }
 
 void Window::writePicture(const base::Image& image) {
@@ -431,7 +428,7 @@ void Window::writePicture(const base::Image& image) {
 }
 
 void Window::takeAnswers() {
-  if (!http_) return;
+  for (const AnsweredPick& pick : connection_->takePicks()) app_->answerPick(pick.id, pick.answer);
   for (const HttpGetter::Answer& answer : http_->take()) {
     const auto asked = asked_.find(answer.id);
     if (asked == asked_.end()) continue;

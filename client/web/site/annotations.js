@@ -26,7 +26,14 @@ function add(core, one) {
 }
 
 async function read(url) {
-  const answer = await fetch(url, { cache: "no-cache" });
+  let answer;
+  try {
+    answer = await fetch(url, { cache: "no-cache" });
+  } catch (error) {
+    // Hosts that allow pages of others to read a file may not say so of one that is not there.
+    if (url.origin !== location.origin) return null;
+    throw error;
+  }
   if (answer.status === 404) return null;
   if (!answer.ok) throw new Error(`the host answered ${answer.status}`);
   if (Number(answer.headers.get("Content-Length") ?? 0) > kMostBytes) throw new Error("it is larger than 16 MiB");
