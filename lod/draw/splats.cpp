@@ -12,13 +12,13 @@ namespace {
 
 enum SplatAttribute : GLuint { kSphere = 0, kLook = 1 };
 
-// Every splat is a quad of its own, not a GL point: points have a largest size (64 pixels on some machines), stay square
-// to the picture where perspective stretches spheres, and some drivers drop them as soon as their centre leaves the
-// picture.
+// Every splat is a quad of its own, not a GL point: points have a largest size (64 pixels on some machines), stay
+// square to the picture where perspective stretches spheres, and some drivers drop them as soon as their centre leaves
+// the picture.
 //
-// A round splat is a square across the ray through the centre. Of this plane the cone of rays that touch the sphere cuts
-// out a circle of radius R = r / sqrt(1 − r²/d²): the square that holds it covers the sphere's projection, and the circle is
-// that projection, in any perspective. (In a parallel one R = r.)
+// A round splat is a square across the ray through the centre. Of this plane the cone of rays that touch the sphere
+// cuts out a circle of radius R = r / sqrt(1 − r²/d²): the square that holds it covers the sphere's projection, and the
+// circle is that projection, in any perspective. (In a parallel one R = r.)
 constexpr const char* kSplatVertex = R"(
 layout(location = 0) in vec4 sphere;   // centre, radius
 layout(location = 1) in uvec2 look;    // normal code and flags, colour
@@ -249,9 +249,9 @@ base::Result<const base::gl::Program*> SplatRenderer::program(const Pass& pass) 
   base::gl::Program& made = programs_[pass.number()];
   if (made.name() != 0) return &made;
   const std::string defines = pass.defines();
-  auto linked = base::gl::Program::link("splats", defines + "uniform float u_push;\n#define PUSH u_push\n" +
-                                                      shadingSource() + kSplatVertex,
-                                        defines + kSplatFragment);
+  auto linked = base::gl::Program::link(
+      "splats", defines + "uniform float u_push;\n#define PUSH u_push\n" + shadingSource() + kSplatVertex,
+      defines + kSplatFragment);
   if (!linked) return linked.error();
   made = std::move(*linked);
   made.use();
@@ -316,8 +316,9 @@ base::Result<void> SplatRenderer::drawPass(const SplatBuffer& splats, const Pass
 base::Result<void> SplatRenderer::prepareFuzzyTarget(int width, int height) {
   if (fuzzy_.width == width && fuzzy_.height == height) return {};
   if (!hasHalfFloatTargets())
-    return base::Error{base::ErrorCode::kUnsupported,
-                       "fuzzy splats need half-float targets (EXT_color_buffer_float), which this GL lacks; use circle"};
+    return base::Error{
+        base::ErrorCode::kUnsupported,
+        "fuzzy splats need half-float targets (EXT_color_buffer_float), which this GL lacks; use circle"};
   if (compose_.name() == 0) {
     auto compose = base::gl::Program::link("compose splats", kComposeVertex, kComposeFragment);
     if (!compose) return compose.error();

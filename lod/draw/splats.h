@@ -18,10 +18,11 @@ namespace lod::draw {
 /// What a splat looks like. All but the ellipse cover the whole projection of their sphere, also where perspective
 /// stretches it, and so leave no hole in a closed surface.
 enum class SplatKernel {
-  kSquare,   ///< the fastest
-  kCircle,   ///< the sphere's outline
-  kFuzzy,    ///< opacity falls from the centre along a spline, 1/2 at the outline; what is drawn on one pixel is averaged
-  kEllipse,  ///< a disc that lies in the surface, foreshortened to a tenth at most: the sharpest, with holes now and then
+  kSquare,  ///< the fastest
+  kCircle,  ///< the sphere's outline
+  kFuzzy,  ///< opacity falls from the centre along a spline, 1/2 at the outline; what is drawn on one pixel is averaged
+  kEllipse,  ///< a disc that lies in the surface, foreshortened to a tenth at most: the sharpest, with holes now and
+             ///< then
 };
 inline constexpr std::array<std::pair<SplatKernel, std::string_view>, 4> kSplatKernelNames{
     {{SplatKernel::kSquare, "square"},

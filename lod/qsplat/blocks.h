@@ -29,9 +29,7 @@ class Blocks {
   void keepUse() { use_.reset(new std::atomic<std::uint32_t>[header_.blocks()]()); }
   void beginFrame(std::uint32_t frame) { frame_ = frame; }
   /// The frame in which it was last asked for; 0: never, or keepUse() was not called.
-  std::uint32_t lastUse(std::uint64_t number) const {
-    return use_ ? use_[number].load(std::memory_order_relaxed) : 0;
-  }
+  std::uint32_t lastUse(std::uint64_t number) const { return use_ ? use_[number].load(std::memory_order_relaxed) : 0; }
 
  protected:
   /// Called for what has no place yet; may set it.

@@ -5,6 +5,7 @@
 #include <atomic>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 namespace lod::qsplat {
 namespace {
@@ -64,14 +65,6 @@ std::array<float, 4> squaredSines() {
   return squares;
 }
 
-/// What one thread finds, in the order in which it finds it.
-struct Found {
-  std::vector<Splat> splats;
-  std::vector<WantedBlock> wanted;
-  std::uint64_t nodes = 0, outside = 0, facing_away = 0;
-  bool damaged = false;
-};
-
 /// Nodes that all threads together have met: a tree has as many as its header says, and what has more goes round in
 /// circles.
 struct Budget {
@@ -81,14 +74,15 @@ struct Budget {
 
 class Walk {
  public:
-  Walk(Blocks& blocks, const TraverseRequest& request, const Priority& priority, Budget& budget)
+  Walk(Blocks& blocks, const TraverseRequest& request, const Priority& priority, Budget& budget, Traversal empty)
       : blocks_(blocks),
         header_(blocks.header()),
         layout_(header_),
         camera_(request.camera),
         view_(request),
         priority_(priority),
-        budget_(budget) {}
+        budget_(budget),
+        found_(std::move(empty)) {}
 
   /// The root's group; without block 1 it is wanted, and nothing is returned.
   std::vector<Group> begin() {
@@ -124,7 +118,8 @@ class Walk {
     spendBudget();
   }
 
-  Found take() { return std::move(found_); }
+  /// All that was found, in the order in which it was.
+  Traversal take() { return std::move(found_); }
 
  private:
   bool spendBudget() {
@@ -191,10 +186,10 @@ class Walk {
     return false;
   }
 
-  // With v from the eye to the centre and a the cone's half-angle: all of the surface in the sphere is turned away where
-  // n·v − R > |v| sin a, and all of it faces the eye where −n·v − R > |v| sin a. (The exact bound for a direction at
-  // angle t from the axis is |v| cos(t − a), and cos t + sin a is no less where it is used, at −cos t >= sin a.) What
-  // faces the eye wholly has children that need not be asked.
+  // With v from the eye to the centre and a the cone's half-angle: all of the surface in the sphere is turned away
+  // where n·v − R > |v| sin a, and all of it faces the eye where −n·v − R > |v| sin a. (The exact bound for a direction
+  // at angle t from the axis is |v| cos(t − a), and cos t + sin a is no less where it is used, at −cos t >= sin a.)
+  // What faces the eye wholly has children that need not be asked.
   bool facesAway(const base::Sphere& sphere, const Node& node, bool& may_face_away) const {
     const glm::vec3 v = view_.eye.w * sphere.center - glm::vec3(view_.eye);
     const float along = glm::dot(normals_[node.normalCode()], v);
@@ -236,7 +231,9 @@ class Walk {
     if (clip.w > 0.0F)
       want.at_px = glm::vec2(0.5F * (1.0F + clip.x / clip.w) * static_cast<float>(camera_.width),
                              0.5F * (1.0F - clip.y / clip.w) * static_cast<float>(camera_.height));
-    const float priority = priority_(want);
+    float priority = priority_(want);
+    if (std::isnan(priority))
+      priority = -kInfinity;  // of a file whose spheres are no places; it must not spoil the order
     // Neighbours tend to want the same block.
     if (!found_.wanted.empty() && found_.wanted.back().block == number)
       found_.wanted.back().priority = std::max(found_.wanted.back().priority, priority);
@@ -255,15 +252,22 @@ class Walk {
   const NormalTable& normals_ = normalTable();
   const std::array<float, 4> sines_ = squaredSines();
   std::vector<Group> stack_;
-  Found found_;
+  Traversal found_;  ///< `wanted` not settled yet
   std::uint64_t spent_ = 0;
 };
 
-void append(Traversal& all, Found&& found) {
-  if (all.splats.empty())
-    all.splats = std::move(found.splats);
-  else
-    all.splats.insert(all.splats.end(), found.splats.begin(), found.splats.end());
+/// Nothing, with the memory of what was there.
+Traversal recycled(Traversal& used) {
+  Traversal empty;
+  empty.splats = std::move(used.splats);
+  empty.wanted = std::move(used.wanted);
+  empty.splats.clear();
+  empty.wanted.clear();
+  return empty;
+}
+
+void append(Traversal& all, const Traversal& found) {
+  all.splats.insert(all.splats.end(), found.splats.begin(), found.splats.end());
   all.wanted.insert(all.wanted.end(), found.wanted.begin(), found.wanted.end());
   all.nodes += found.nodes;
   all.outside += found.outside;
@@ -302,32 +306,37 @@ float projectedDiameter(const glm::vec3& center, float radius, const base::Camer
   return depth > 0.0F ? 2.0F * radius * camera.pixelsPerUnitAtOne() / depth : kInfinity;
 }
 
-Traversal traverse(Blocks& blocks, const TraverseRequest& request) {
+void traverse(Blocks& blocks, const TraverseRequest& request, Traversal& result) {
   const Priority priority = request.priority ? request.priority : sweepPriority(request.camera.height);
   Budget budget;
   budget.most = blocks.header().nodes;
 
-  Walk top(blocks, request, priority, budget);
+  // What is found above the subtrees comes first, then theirs in their order, whoever walks them.
+  Walk top(blocks, request, priority, budget, recycled(result));
   const std::vector<Group> subtrees = top.cutOff(top.begin());
-  Traversal all;
-  append(all, top.take());
-  if (request.for_each && subtrees.size() > 1) {
-    std::vector<Found> found(subtrees.size());
+  if (!request.for_each) {
+    for (const Group& subtree : subtrees) top.walk(subtree);
+    result = top.take();
+  } else {
+    std::vector<Traversal> found(subtrees.size());
     request.for_each(subtrees.size(), [&](std::size_t i) {
-      Walk walk(blocks, request, priority, budget);
+      Walk walk(blocks, request, priority, budget, {});
       walk.walk(subtrees[i]);
       found[i] = walk.take();
     });
-    std::size_t splats = all.splats.size();
-    for (const Found& part : found) splats += part.splats.size();
-    all.splats.reserve(splats);
-    for (Found& part : found) append(all, std::move(part));
-  } else {
-    for (const Group& subtree : subtrees) top.walk(subtree);
-    append(all, top.take());
+    result = top.take();
+    std::size_t splats = result.splats.size();
+    for (const Traversal& part : found) splats += part.splats.size();
+    result.splats.reserve(splats);
+    for (const Traversal& part : found) append(result, part);
   }
-  settle(all.wanted);
-  return all;
+  settle(result.wanted);
+}
+
+Traversal traverse(Blocks& blocks, const TraverseRequest& request) {
+  Traversal result;
+  traverse(blocks, request, result);
+  return result;
 }
 
 }  // namespace lod::qsplat

@@ -21,7 +21,7 @@ struct Want {
   std::uint64_t block = 0;  ///< that holds the children
   std::uint32_t level = 0;  ///< of the node; the root is 0
   float radius = 0.0F;      ///< of the node, scene units
-  float size_px = 0.0F;     ///< projected diameter of the node; infinite where the eye is in it or beside it
+  float size_px = 0.0F;     ///< projected diameter of the node; infinite where its centre lies behind the eye
   /// Where the node's centre is seen, pixels from the picture's upper left corner; may lie outside, and means nothing
   /// where size_px is infinite.
   glm::vec2 at_px{0.0F};
@@ -65,7 +65,9 @@ struct Traversal {
   bool damaged = false;
 };
 
-/// Time: about 10 ns a node and core once its block is in memory. Without block 1 nothing is drawn.
+/// Time: about 20 ns a node and core once its block is in memory. Without block 1 nothing is drawn. `result`: replaced;
+/// its memory is used again, so keep it from frame to frame.
+void traverse(Blocks& blocks, const TraverseRequest& request, Traversal& result);
 Traversal traverse(Blocks& blocks, const TraverseRequest& request);
 
 /// Projected diameter in pixels, as the cut-off means it: across the direction from the picture's middle, where

@@ -101,9 +101,9 @@ base::Result<void> SplatScene::State::drawTile(const base::Camera& camera, const
   view.camera = camera;
   view.shading = shading;
   view.two_sided = !options.cull_back_faces;
-  return renderer->draw(buffer, options.kernel, view,
-                        {target.framebuffer(), camera.width * options.supersampling,
-                         camera.height * options.supersampling, false});
+  return renderer->draw(
+      buffer, options.kernel, view,
+      {target.framebuffer(), camera.width * options.supersampling, camera.height * options.supersampling, false});
 }
 
 base::Result<void> SplatScene::State::drawPicture(const base::Camera& camera, const SplatOptions& options,
@@ -125,8 +125,7 @@ base::Result<void> SplatScene::State::drawPicture(const base::Camera& camera, co
     picture.splats += found->splats.size();
     picture.nodes += found->nodes;
     LUMIGRID_TRY(drawTile(tile_camera, *found, options));
-    LUMIGRID_TRY(
-        readback.read(pending, tile, target.resolve(resolve), 0, target.height() - tile.height));
+    LUMIGRID_TRY(readback.read(pending, tile, target.resolve(resolve), 0, target.height() - tile.height));
   }
   return readback.finish();
 }
@@ -134,8 +133,8 @@ base::Result<void> SplatScene::State::drawPicture(const base::Camera& camera, co
 base::Result<SplatPicture> SplatScene::render(const base::Camera& camera, const SplatOptions& options) {
   LUMIGRID_TRY(checkPicture(camera, options.supersampling));
   if (!(options.cutoff_px >= 0.0F))
-    return base::Error{base::ErrorCode::kInvalidInput, "render: a cut-off of " + std::to_string(options.cutoff_px) +
-                                                           " pixels; it must be 0 or more"};
+    return base::Error{base::ErrorCode::kInvalidInput,
+                       "render: a cut-off of " + std::to_string(options.cutoff_px) + " pixels; it must be 0 or more"};
   SplatPicture picture;
   auto pending = std::make_shared<PendingPicture>();
   pending->rendered.rgba = base::Image(camera.width, camera.height, 4);

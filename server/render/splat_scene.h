@@ -37,8 +37,7 @@ struct SplatPicture {
 class SplatScene {
  public:
   /// `file` must outlive it.
-  static base::Result<std::unique_ptr<SplatScene>> create(const base::Scene& scene,
-                                                          const lod::qsplat::SplatFile& file);
+  static base::Result<std::unique_ptr<SplatScene>> create(const base::Scene& scene, const lod::qsplat::SplatFile& file);
   ~SplatScene();
 
   /// As SceneRenderer::render. A damaged file is an error that says where; nothing of it is drawn.

@@ -1,5 +1,5 @@
-// Nodes a second of a traversal: splat_bench [MESH | qsplat.lgq] [--size 1280] [--threads N]. Without a file a generated sphere of a
-// million vertices is taken.
+// Nodes a second of a traversal: splat_bench [MESH | qsplat.lgq] [--size 1280] [--threads N]. Without a file a
+// generated sphere of a million vertices is taken.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -44,7 +44,8 @@ int main(int argc, char** argv) {
   if (!opened)
     for (const std::string& fault : checkTree(bytes)) std::printf("fault: %s\n", fault.c_str());
   MappedBlocks blocks(bytes, header);
-  std::printf("%llu nodes, %.1f MB\n", static_cast<unsigned long long>(header.nodes), 1e-6 * static_cast<double>(bytes.size()));
+  std::printf("%llu nodes, %.1f MB\n", static_cast<unsigned long long>(header.nodes),
+              1e-6 * static_cast<double>(bytes.size()));
   for (const double distance : {1.2, 2.5, 10.0})
     for (const float cutoff : {0.0F, 1.0F, 4.0F}) {
       std::vector<double> rates, parallel;
@@ -56,14 +57,16 @@ int main(int argc, char** argv) {
         double start = bench::seconds(CLOCK_THREAD_CPUTIME_ID);
         result = traverse(blocks, request);
         rates.push_back(static_cast<double>(result.nodes) / (bench::seconds(CLOCK_THREAD_CPUTIME_ID) - start));
-        request.for_each = [](std::size_t n, const std::function<void(std::size_t)>& body) { base::parallelFor(n, 0, body); };
+        request.for_each = [](std::size_t n, const std::function<void(std::size_t)>& body) {
+          base::parallelFor(n, 0, body);
+        };
         start = bench::seconds();
         result = traverse(blocks, request);
         parallel.push_back(static_cast<double>(result.nodes) / (bench::seconds() - start));
       }
-      std::printf("distance %4.1f cut-off %3.1f px: %9llu nodes %9zu splats  %6.1f M nodes/s a core, %6.1f on all\n", distance,
-                  static_cast<double>(cutoff), static_cast<unsigned long long>(result.nodes), result.splats.size(),
-                  1e-6 * bench::median(rates), 1e-6 * bench::median(parallel));
+      std::printf("distance %4.1f cut-off %3.1f px: %9llu nodes %9zu splats  %6.1f M nodes/s a core, %6.1f on all\n",
+                  distance, static_cast<double>(cutoff), static_cast<unsigned long long>(result.nodes),
+                  result.splats.size(), 1e-6 * bench::median(rates), 1e-6 * bench::median(parallel));
     }
   return 0;
 }

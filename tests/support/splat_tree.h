@@ -129,7 +129,9 @@ inline base::Bytes splatFile(const lod::build::Mesh& mesh, bool wide_pointers = 
   std::iota(tree.order.begin(), tree.order.end(), 0U);
   tree.build(0, static_cast<std::uint32_t>(tree.order.size()));
   const auto isLeaf = [&](std::uint32_t n) { return tree.nodes[n].children.empty(); };
-  const auto hasPointer = [&](const splat_tree::Group& g) { return !std::all_of(g.nodes.begin(), g.nodes.end(), isLeaf); };
+  const auto hasPointer = [&](const splat_tree::Group& g) {
+    return !std::all_of(g.nodes.begin(), g.nodes.end(), isLeaf);
+  };
 
   Header header;
   header.colors = !mesh.colors.empty();
@@ -147,8 +149,7 @@ inline base::Bytes splatFile(const lod::build::Mesh& mesh, bool wide_pointers = 
   std::size_t level_end = 1;
   for (std::size_t g = 0; g < groups.size(); ++g) {
     if (g == level_end || g == 0) ++header.levels, level_end = groups.size();
-    const std::uint32_t bytes =
-        layout.bytes(static_cast<std::uint32_t>(groups[g].nodes.size()), hasPointer(groups[g]));
+    const std::uint32_t bytes = layout.bytes(static_cast<std::uint32_t>(groups[g].nodes.size()), hasPointer(groups[g]));
     groups[g].offset = groupPlace(end, bytes);
     end = groups[g].offset + bytes;
     if (hasPointer(groups[g])) ++header.pointers;
@@ -173,8 +174,7 @@ inline base::Bytes splatFile(const lod::build::Mesh& mesh, bool wide_pointers = 
       const std::uint32_t normal = encodeNormal(node.normal);
       const bool leaf = node.children.empty();
       const bool above_leaves = !leaf && std::all_of(node.children.begin(), node.children.end(), isLeaf);
-      const std::uint32_t sphere =
-          group.offset == kBlockBytes ? kWholeParent : encodeSphere(group.parent, node.sphere);
+      const std::uint32_t sphere = group.offset == kBlockBytes ? kWholeParent : encodeSphere(group.parent, node.sphere);
       const std::uint32_t bits = packNode(sphere, normal, tree.coneOf(node, normal),
                                           static_cast<std::uint32_t>(node.children.size()), above_leaves);
       std::memcpy(&file[at], &bits, sizeof(bits));
@@ -188,8 +188,7 @@ inline base::Bytes splatFile(const lod::build::Mesh& mesh, bool wide_pointers = 
   }
   const base::Bytes front = headerBytes(header);
   std::copy(front.begin(), front.end(), file.begin());
-  for (std::uint64_t b = 1; b < header.blocks(); ++b)
-    sealBlock(&file[b * kBlockBytes], static_cast<std::uint32_t>(b));
+  for (std::uint64_t b = 1; b < header.blocks(); ++b) sealBlock(&file[b * kBlockBytes], static_cast<std::uint32_t>(b));
   return file;
 }
 
