@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "lod/build/mesh.h"
+#include "lod/build/source_import.h"
 #include "lod/patch/hierarchy.h"
 
 namespace lod::build {
@@ -38,9 +39,6 @@ struct HierarchyOptions {
   std::function<void(const BuildPlan&)> on_plan;  ///< may be empty
 };
 
-/// Least memory a build needs.
-inline constexpr std::uint64_t kLeastMemory = std::uint64_t{256} << 20;
-
 struct LevelSummary {
   std::uint64_t triangles = 0;
   std::uint64_t patches = 0;
@@ -62,9 +60,6 @@ struct HierarchySummary {
   double cpu_seconds = 0.0;
   std::uint64_t bytes = 0;
 };
-
-/// Stage name, 0..1 done. Return false to cancel. Called from worker threads too, but never from two at once.
-using Progress = std::function<bool(const std::string& stage, double done)>;
 
 /// Mesh files to `output_path`, which appears whole or not at all. Errors: what is wrong with a file (kInvalidInput,
 /// kUnsupported, kNotFound), options out of range, kCancelled (progress said so), kNoSpace (disk; memory too small),
