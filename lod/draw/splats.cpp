@@ -25,18 +25,23 @@ layout(location = 1) in uvec2 look;    // normal code and flags, colour
 uniform mat4 u_clip_from_scene;
 uniform vec4 u_eye;                    // homogeneous: parallel rays come from afar
 uniform vec3 u_up;                     // of the picture, in the scene
+uniform vec3 u_ray;                    // through the picture's middle; to its right and upper rims from there
+uniform vec3 u_ray_right;
+uniform vec3 u_ray_up;
 uniform float u_margin;                // of a quad at depth 1: what rasterisers may round corners by
 uniform float u_cells[52];             // where the cells of a normal's face have their middles
 uniform float u_model_radius;
 uniform bool u_two_sided;
+uniform float u_push;                  // depth is that of a point so many radii behind the centre
 flat out vec3 v_color;
-out vec2 v_place;                      // on the splat, its outline at 1
+out vec3 v_place;                      // on the splat, homogeneous: its outline at 1
 #ifdef SECTION
 uniform vec4 u_section;
 out float v_beyond;                    // above 0: cut away
 #endif
 
-const float kLast = 0.9999998;         // the depth of the far plane, just not clipped
+const float kLast = 0.999999;          // the depth of the far plane, just not clipped, with room for a step
+const float kStep = 4e-7;              // more than two computations of one depth differ by
 
 vec3 decodeNormal(uint code) {
   uint face = code / 2704u;
@@ -90,22 +95,33 @@ void main() {
   float ratio = max(facing, 0.1);
   vec3 major = cross(towards, across);
   vec3 minor = sqrt(1.0 - ratio * ratio) * towards - ratio * across;
-  v_place = corner;
+  v_place = vec3(corner, 1.0);
   vec3 point = center + corner.x * (radius + margin) * major + corner.y * (radius + margin / ratio) * minor;
   gl_Position = u_clip_from_scene * vec4(point, 1.0);
 #else
   float sine_squared = u_eye.w * radius * radius / squared;
-  v_place = corner * REACH;
+  float stretch = inversesqrt(max(1.0 - sine_squared, 1e-6));
   vec3 right = normalize(cross(u_up, towards));
-  float reach = REACH * (radius * inversesqrt(max(1.0 - sine_squared, 1e-6)) + margin);
-  vec3 point = center + reach * (corner.x * right + corner.y * cross(towards, right));
+  vec3 upwards = cross(towards, right);
+  float reach = radius * stretch + margin;
+  vec3 point = center + REACH * reach * (corner.x * right + corner.y * upwards);
+  v_place = vec3(REACH * corner, 1.0);
   gl_Position = u_clip_from_scene * vec4(point, 1.0);
-  float z = depthAt(center - towards * radius * PUSH);
+  // The step: a splat whose depth is clamped shall also lie before itself.
+  float behind = u_push > 0.0 ? kStep : 0.0;
+  float z = depthAt(center - u_push * radius * towards) + behind;
   gl_Position.z = z * gl_Position.w;
-  // From within the sphere its surface may be seen anywhere: behind all else, since it is known least.
+  if (sine_squared > WIDEST) {
+    // So near that the square goes on behind the eye: the whole picture, and where its rays meet the square.
+    vec3 ray = u_ray + corner.x * u_ray_right + corner.y * u_ray_up;
+    v_place = vec3(dot(ray, right), dot(ray, upwards), -dot(ray, towards) * radius * stretch * inversesqrt(squared));
+    gl_Position = vec4(corner, z, 1.0);
+    point = center;
+  }
   if (sine_squared > 0.999) {
-    gl_Position = vec4(corner, kLast, 1.0);
-    v_place = vec2(0.0);
+    // From within the sphere its surface may be seen anywhere: behind all else, since it is known least.
+    v_place = vec3(0.0, 0.0, 1.0);
+    gl_Position = vec4(corner, kLast + behind, 1.0);
   }
 #endif
 #ifdef SECTION
@@ -116,7 +132,7 @@ void main() {
 
 constexpr const char* kSplatFragment = R"(
 flat in vec3 v_color;
-in vec2 v_place;
+in vec3 v_place;
 #ifdef SECTION
 in float v_beyond;
 #endif
@@ -126,13 +142,13 @@ void main() {
   if (v_beyond > 0.0) discard;
 #endif
 #ifdef FUZZY
-  float t = 0.5 * length(v_place);
-  if (t >= 1.0) discard;
+  float t = 0.5 * length(v_place.xy) / v_place.z;
+  if (v_place.z <= 0.0 || t >= 1.0) discard;
   float opacity = 1.0 - t * t * (3.0 - 2.0 * t);
   out_color = vec4(v_color * opacity, opacity);
 #else
 #ifdef ROUND
-  if (dot(v_place, v_place) > 1.0) discard;
+  if (v_place.z <= 0.0 || dot(v_place.xy, v_place.xy) > v_place.z * v_place.z) discard;
 #endif
   out_color = vec4(v_color, 1.0);
 #endif
@@ -234,7 +250,8 @@ struct SplatRenderer::Pass {
                                                  "#define ROUND\n#define ELLIPSE\n"};
     return std::string(kShapes[static_cast<std::size_t>(shape)]) + (resolution ? "#define RESOLUTION\n" : "") +
            (section ? "#define SECTION\n" : "") +
-           (shape == Shape::kFuzzy ? "#define REACH 2.0\n" : "#define REACH 1.0\n");
+           (shape == Shape::kFuzzy ? "#define REACH 2.0\n" : "#define REACH 1.0\n") +
+           (shape == Shape::kSquare ? "#define WIDEST 0.999\n" : "#define WIDEST 0.8\n");
   }
 };
 
@@ -249,9 +266,7 @@ base::Result<const base::gl::Program*> SplatRenderer::program(const Pass& pass) 
   base::gl::Program& made = programs_[pass.number()];
   if (made.name() != 0) return &made;
   const std::string defines = pass.defines();
-  auto linked = base::gl::Program::link(
-      "splats", defines + "uniform float u_push;\n#define PUSH u_push\n" + shadingSource() + kSplatVertex,
-      defines + kSplatFragment);
+  auto linked = base::gl::Program::link("splats", defines + shadingSource() + kSplatVertex, defines + kSplatFragment);
   if (!linked) return linked.error();
   made = std::move(*linked);
   made.use();
@@ -290,11 +305,19 @@ base::Result<void> SplatRenderer::drawPass(const SplatBuffer& splats, const Pass
 
   const glm::mat4 clip_from_scene = view.camera.clipFromScene();
   const glm::vec4 eye = view.camera.homogeneousEye();
-  const glm::mat4& turn = view.camera.eye_from_scene;
+  const glm::mat3 turn(view.camera.eye_from_scene);
+  const glm::mat4& lens = view.camera.clip_from_eye;
   const float samples = static_cast<float>(target.height) * 0.5F * view.camera.clip_from_eye[1][1];
   glUniformMatrix4fv(used.uniform("u_clip_from_scene"), 1, GL_FALSE, &clip_from_scene[0][0]);
   glUniform4f(used.uniform("u_eye"), eye.x, eye.y, eye.z, eye.w);
-  glUniform3f(used.uniform("u_up"), turn[0][1], turn[1][1], turn[2][1]);
+  const auto setVector = [&](const char* name, const glm::vec3& in_eye) {
+    const glm::vec3 v = in_eye * turn;  // back into the scene: by the transposed
+    glUniform3f(used.uniform(name), v.x, v.y, v.z);
+  };
+  setVector("u_up", {0.0F, 1.0F, 0.0F});
+  setVector("u_ray", {lens[2][0] / lens[0][0], lens[2][1] / lens[1][1], -1.0F});
+  setVector("u_ray_right", {1.0F / lens[0][0], 0.0F, 0.0F});
+  setVector("u_ray_up", {0.0F, 1.0F / lens[1][1], 0.0F});
   glUniform1f(used.uniform("u_margin"), kMarginSamples / samples);
   glUniform1f(used.uniform("u_push"), pass.push);
   glUniform1i(used.uniform("u_two_sided"), view.two_sided ? 1 : 0);
