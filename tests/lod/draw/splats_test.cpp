@@ -440,6 +440,31 @@ TEST_F(SplatsTest, aCubeOfTwelveTrianglesHasNoHolesThoughItsSplatsAreHuge) {
   expectNoHoles(cube, 3, viewsOr(60), true);
 }
 
+// Codes round spheres up, which hides small faults. These just reach the middles of a flat sheet's squares.
+TEST_F(SplatsTest, spheresThatJustTouchLeaveNoHoles) {
+  for (const build::Mesh& mesh : {support::openGrid(6, 0.0F), support::openGrid(15, 0.0F)}) {
+    std::vector<qsplat::Splat> splats;
+    base::Aabb box;
+    for (const support::splat_tree::Leaf& leaf : support::splat_tree::leavesOf(mesh)) {
+      splats.push_back(splatAt(leaf.sphere.center, leaf.sphere.radius, leaf.normal));
+      box.add(leaf.sphere.center);
+    }
+    setMesh(mesh);
+    support::RandomViews views(8, {box.center(), 0.5F * box.diagonal()}, kSize);
+    for (int i = 0; i < 60; ++i) {
+      const base::Camera camera = views.next();
+      const base::Image truth = silhouette(camera);
+      for (const SplatKernel kernel : kClosedKernels) {
+        const base::Image picture = unlit(splats, kernel, camera);
+        ASSERT_EQ(count(truth, [&](const std::uint8_t* pixel, int x,
+                                   int y) { return pixel[3] != 0 && picture.at(x, y)[3] == 0; }),
+                  0)
+            << "view " << i << ", kernel " << static_cast<int>(kernel);
+      }
+    }
+  }
+}
+
 TEST_F(SplatsTest, aStatueHasNoHolesAtAnyViewAndCutOff) {
   build::SampleOptions options;
   options.triangles = 30000;
