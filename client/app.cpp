@@ -685,6 +685,12 @@ bool App::State::press(Key key, Modifiers modifiers) {
       dirty = true;
       touched();
       break;
+    case Key::kG: {
+      Request request;
+      request.kind = RequestKind::kShowSettings;
+      requests.push_back(std::move(request));
+      break;
+    }
     case Key::kV: {
       Request request;
       request.kind = RequestKind::kCopyLink;
@@ -1089,6 +1095,11 @@ std::string App::permalink() const {
 void App::showStatistics(bool shown) {
   state_->view.statistics = shown;
   state_->touched();
+}
+
+void App::setBackground(const std::array<float, 4>& color) {
+  state_->viewer.setBackground(color);
+  state_->dirty = true;
 }
 
 base::Result<void> App::openPermalink(std::string_view text) {
