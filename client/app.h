@@ -22,8 +22,8 @@
 #include <string_view>
 #include <vector>
 
+#include "base/annotation.h"
 #include "base/error.h"
-#include "client/annotation.h"
 #include "client/decode.h"
 #include "client/input.h"
 #include "client/label.h"
@@ -34,6 +34,9 @@
 #include "client/viewer.h"
 
 namespace client {
+
+using base::Annotation;
+using base::kMaxAnnotations;
 
 struct AppOptions {
   ViewerOptions viewer;

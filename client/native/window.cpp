@@ -18,6 +18,7 @@
 #include <optional>
 
 #include "base/gl/gl.h"
+#include "base/json/annotations_file.h"
 #include "base/png/png.h"
 #include "client/native/answer_json.h"
 #include "client/native/connection.h"
@@ -386,7 +387,7 @@ void Window::startScene() {
 
   app_->setAnnotations({});
   asked_[next_question_] = {Question::kNotes, 0, {}};
-  http_->get(next_question_++, "/annotations.json", kMaxAnnotationsFile, kNotesSeconds);
+  http_->get(next_question_++, std::string("/") + base::kAnnotationsFile, base::kMaxAnnotationsBytes, kNotesSeconds);
 }
 
 void Window::say(const base::Result<void>& done) {
@@ -473,7 +474,7 @@ void Window::takeNotes(const HttpGetter::Answer& answer) {
         "The notes cannot be read: " +
             (answer.problem.empty() ? "the server answers " + std::to_string(answer.status) : answer.problem),
         true);
-  auto notes = parseAnnotations(answer.body, "annotations.json");
+  auto notes = base::parseAnnotations(answer.body, base::kAnnotationsFile);
   if (!notes) return app_->say(notes.error().message, true);
   app_->setAnnotations(std::move(*notes));
 }
