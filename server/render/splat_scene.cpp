@@ -98,7 +98,7 @@ base::Result<void> SplatScene::State::drawTile(const base::Camera& camera, const
   view.shading = shading;
   view.two_sided = !options.cull_back_faces;
   return renderer->draw(
-      buffer, options.kernel, view,
+      found.splats, options.kernel, view,
       {target.framebuffer(), camera.width * options.supersampling, camera.height * options.supersampling, false});
 }
 
