@@ -182,7 +182,7 @@ class Builder {
     source_ = std::move(*source);
     lattice_ = makeLattice(source_.info, source_.origin, options_.position_bits);
     if (options_.on_plan)
-      options_.on_plan({source_.info.triangles, kOutputBytes * source_.info.triangles,
+      options_.on_plan({source_.info.triangles, source_.info.referenced, kOutputBytes * source_.info.triangles,
                         kWorkBytes * source_.info.triangles,
                         static_cast<double>(source_.info.triangles) / (kTrianglesPerCoreSecond * options_.threads)});
     return {};

@@ -14,14 +14,6 @@
 
 namespace lod::build {
 
-/// What a build is going to take, told once the source has been read. Figures are rough: measured on other scans.
-struct BuildPlan {
-  std::uint64_t triangles = 0;
-  std::uint64_t output_bytes = 0;
-  std::uint64_t work_bytes = 0;  ///< at most, in the work directory
-  double seconds = 0.0;          ///< on the threads given
-};
-
 struct HierarchyOptions {
   std::uint32_t voxel_triangles = 500;  ///< Nv: a voxel over this is subdivided
   std::uint32_t leaf_triangles = 4000;  ///< Nl: most triangles of a leaf patch
@@ -45,20 +37,8 @@ struct LevelSummary {
   float max_error = 0.0F;  ///< scene units
 };
 
-struct HierarchySummary {
+struct HierarchySummary : SourceSummary {
   std::vector<LevelSummary> levels;  ///< 0 = leaves
-  RepairCounts repairs;              ///< made on the lattice (collapsed triangles)
-  std::uint64_t triangles = 0;       ///< of the leaves
-  glm::dvec3 origin{0.0};            ///< the scene's, world
-  glm::dvec3 box_min{0.0};           ///< world
-  glm::dvec3 box_max{0.0};
-  glm::dvec3 facing{0.0};  ///< sum of all triangles' normals, by area: which side an open scan shows
-  bool has_colors = false;
-  std::vector<std::string> warnings;
-  double import_seconds = 0.0;  ///< of seconds: reading the sources
-  double seconds = 0.0;
-  double cpu_seconds = 0.0;
-  std::uint64_t bytes = 0;
 };
 
 /// Mesh files to `output_path`, which appears whole or not at all. Errors: what is wrong with a file (kInvalidInput,

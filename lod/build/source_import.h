@@ -29,6 +29,31 @@ base::Result<SourceInput> sourceFromFiles(const std::vector<std::string>& paths,
 /// The mesh must outlive the input. Errors: no triangle, an index out of range.
 base::Result<SourceInput> sourceFromMesh(const Mesh& mesh);
 
+/// What a build is going to take, told once the source has been read. Figures are rough: measured on other scans.
+struct BuildPlan {
+  std::uint64_t triangles = 0;  ///< 0: points
+  std::uint64_t vertices = 0;   ///< in use
+  std::uint64_t output_bytes = 0;
+  std::uint64_t work_bytes = 0;  ///< at most, in the work directory
+  double seconds = 0.0;          ///< on the threads given
+};
+
+/// What every build tells of its source.
+struct SourceSummary {
+  RepairCounts repairs;
+  std::uint64_t triangles = 0;  ///< of the leaves; 0: the source is points
+  glm::dvec3 origin{0.0};       ///< the scene's, world
+  glm::dvec3 box_min{0.0};      ///< world
+  glm::dvec3 box_max{0.0};
+  glm::dvec3 facing{0.0};  ///< sum of all normals, by area: which side an open scan shows
+  bool has_colors = false;
+  std::vector<std::string> warnings;
+  double import_seconds = 0.0;  ///< of seconds: reading the sources
+  double seconds = 0.0;
+  double cpu_seconds = 0.0;
+  std::uint64_t bytes = 0;  ///< of the file built
+};
+
 struct ImportedSource {
   SourceInfo info;
   glm::dvec3 origin{0.0};

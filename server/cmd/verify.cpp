@@ -7,6 +7,7 @@
 
 #include "base/file.h"
 #include "base/json/annotations_file.h"
+#include "lod/qsplat/splat_file.h"
 #include "repository/access.h"
 #include "repository/parameters.h"
 #include "repository/repository.h"
@@ -68,6 +69,21 @@ void verifyPatches(const std::string& path, const base::Scene& scene, Faults& fa
   for (std::size_t i = 0; i < h.patches.size(); ++i)
     if (h.patches[i].level == 0 && !(box.contains(h.patches[i].box.min) && box.contains(h.patches[i].box.max)))
       faults.push_back(path + ": leaf patch " + std::to_string(i) + " lies outside the scene's box");
+}
+
+void verifySplats(const std::string& path, const base::Scene& scene, Faults& faults) {
+  const auto splats = lod::qsplat::SplatFile::open(path);
+  if (!splats) {
+    faults.push_back(splats.error().message);
+    return;
+  }
+  for (const std::string& fault : splats->verify()) faults.push_back(path + ": " + fault);
+  const lod::qsplat::Header& header = splats->header();
+  if (header.colors != scene.has_colors) faults.push_back(path + ": colours do not agree with scene.json");
+  const base::Aabb box = scene.localBox();
+  const float slack = header.root.radius + 1e-6F * box.diagonal();
+  if (!base::Aabb{box.min - slack, box.max + slack}.contains(header.root.center))
+    faults.push_back(path + ": its root lies outside the scene's box");
 }
 
 // The points that a store samples; nothing, and a fault, when it does not say.
@@ -180,7 +196,10 @@ int run(const VerifyArguments& a) {
   if (!scene) return fail(scene.error());
   Faults faults;
   verifyParts(a.scene, *scene, faults);
-  verifyPatches(base::patchPath(a.scene, *scene), *scene, faults);
+  const bool has_splats = base::partFile(*scene, "qsplat", ".lgq").has_value();
+  if (has_splats) verifySplats(base::splatPath(a.scene, *scene), *scene, faults);
+  if (!has_splats || base::partFile(*scene, "patch", ".lgp"))
+    verifyPatches(base::patchPath(a.scene, *scene), *scene, faults);
   const auto index = base::partFile(*scene, "images/index", ".lgi");
   if (index)
     verifyPacks(a.scene, *index, faults);

@@ -74,7 +74,8 @@ class Builder {
     const std::uint64_t leaves = source_.info.referenced;
     if (options_.on_plan)
       options_.on_plan({source_.info.triangles, leaves, kOutputBytes * leaves,
-                        kBucketBytes * source_.info.triangles + kWorkBytes * leaves});
+                        kBucketBytes * source_.info.triangles + kWorkBytes * leaves,
+                        static_cast<double>(leaves) / (kLeavesPerCoreSecond * options_.threads)});
     return {};
   }
 
@@ -172,6 +173,8 @@ class Builder {
     summary_.box_min = info.box_min;
     summary_.box_max = info.box_max;
     summary_.warnings = info.warnings;
+    summary_.has_colors = info.has_colors;
+    summary_.bytes = summary_.header.file_bytes;
     summary_.triangles = buckets_.totals().triangles;
     summary_.facing = buckets_.totals().facing;
     addRepairs(source_, buckets_, summary_.repairs);
@@ -185,6 +188,7 @@ class Builder {
   static constexpr std::uint64_t kOutputBytes = 10;
   static constexpr std::uint64_t kWorkBytes = 48;
   static constexpr std::uint64_t kBucketBytes = 60;
+  static constexpr double kLeavesPerCoreSecond = 0.6e6;
 
   BuildOptions options_;
   std::string output_path_;

@@ -13,14 +13,6 @@
 
 namespace lod::build::qsplat {
 
-/// What a build is going to take, told once the source has been read. Figures are rough: measured on other scans.
-struct BuildPlan {
-  std::uint64_t triangles = 0;  ///< 0: points
-  std::uint64_t leaves = 0;     ///< about
-  std::uint64_t output_bytes = 0;
-  std::uint64_t work_bytes = 0;  ///< at most, in the work directory
-};
-
 struct BuildOptions {
   unsigned threads = 0;            ///< 0: all cores. The output does not depend on it.
   std::uint64_t memory_bytes = 0;  ///< of the whole process; 0: 60 % of the machine's. Nor on this.
@@ -30,18 +22,8 @@ struct BuildOptions {
   std::function<void(const BuildPlan&)> on_plan;  ///< may be empty
 };
 
-struct BuildSummary {
+struct BuildSummary : SourceSummary {
   lod::qsplat::Header header;
-  RepairCounts repairs;
-  std::uint64_t triangles = 0;  ///< of the source, after repairs; 0: points
-  glm::dvec3 origin{0.0};       ///< the scene's, world
-  glm::dvec3 box_min{0.0};      ///< world
-  glm::dvec3 box_max{0.0};
-  glm::dvec3 facing{0.0};  ///< sum of all normals, by area: which side an open scan shows
-  std::vector<std::string> warnings;
-  double import_seconds = 0.0;  ///< of seconds: reading the sources
-  double seconds = 0.0;
-  double cpu_seconds = 0.0;
 };
 
 /// Mesh files, or point clouds without any face, to `output_path`, which appears whole or not at all. Errors: what is
