@@ -220,6 +220,45 @@ TEST_F(SplatsTest, theNearerSplatIsSeenInWhateverOrder) {
     }
 }
 
+TEST_F(SplatsTest, ofSplatsThatOverlapTheOneWithTheNearestCentreIsSeen) {
+  const base::Camera camera = cameraOf(30.0);
+  // The right one is nearer to the eye by a tenth of its radius, and larger.
+  const std::array pair{splatAt({-0.5F, 0, -10}, 1.0F, {0, 0, 1}, 0xF800),
+                        splatAt({0.5F, 0, -9.9F}, 1.3F, {0, 0, 1}, 0x07E0)};
+  for (const SplatKernel kernel : {SplatKernel::kCircle, SplatKernel::kEllipse}) {
+    const base::Image picture = unlit(pair, kernel, camera);
+    EXPECT_EQ(picture.at(kSize / 2 - 8, kSize / 2)[0], 255);
+    EXPECT_EQ(picture.at(kSize / 2 + 8, kSize / 2)[1], 255);
+  }
+}
+
+TEST_F(SplatsTest, littleOfALayerShowsThroughTheOneBeforeIt) {
+  // Two sheets, the white one two sample spacings before the red one.
+  build::Mesh sheets = support::openGrid(40, 0.05F);
+  sheets.colors.assign(sheets.positions.size(), {255, 255, 255, 255});
+  const build::Mesh behind = sheets;
+  const auto first = static_cast<std::uint32_t>(sheets.positions.size());
+  for (const glm::vec3& p : behind.positions) sheets.positions.push_back(p - glm::vec3(0, 0, 2.0F / 40.0F));
+  sheets.colors.insert(sheets.colors.end(), behind.positions.size(), {255, 0, 0, 255});
+  for (const std::uint32_t i : behind.indices) sheets.indices.push_back(first + i);
+  const base::Bytes file = support::splatFile(sheets);
+  qsplat::MappedBlocks blocks(file, *qsplat::readHeader(file));
+  base::ViewCamera view;
+  view.position = {0.5, 0.5, 1.0};
+  view.width = view.height = kSize;
+  qsplat::TraverseRequest request;
+  request.camera = base::cameraForScene(view, glm::dvec3(0.0), blocks.header().root);
+  const qsplat::Traversal found = qsplat::traverse(blocks, request);
+  // Fuzzy splats mix what lies so near by design.
+  const std::array<std::pair<SplatKernel, double>, 3> bounds{
+      {{SplatKernel::kSquare, 0.0}, {SplatKernel::kCircle, 0.01}, {SplatKernel::kEllipse, 0.05}}};
+  for (const auto& [kernel, share] : bounds) {
+    const int red = count(unlit(found.splats, kernel, request.camera),
+                          [](const std::uint8_t* pixel, int, int) { return pixel[0] - pixel[1] > 60; });
+    EXPECT_LE(red, share * kSize * kSize) << static_cast<int>(kernel);
+  }
+}
+
 TEST_F(SplatsTest, coloursAndShadingAreThoseOfSurfaces) {
   const std::uint16_t color = qsplat::encodeColor({200, 100, 50});
   const glm::vec3 decoded = glm::vec3(qsplat::decodeColor(color)) / 255.0F;
