@@ -72,7 +72,7 @@ void compareSize(Mesh mesh, const std::string& file) {
 
 int main(int argc, char** argv) {
   bench::Arguments arguments(argc, argv, "MESH [--runs N] [--only speed|size] [--memory BYTES]");
-  const int runs = arguments.number("--runs", 5, 1, 100);
+  const auto runs = static_cast<int>(arguments.number("--runs", 5U, 1U, 100U));
   const std::string only = arguments.text("--only", "");
   const std::string memory = arguments.text("--memory", "");
   arguments.finish();
