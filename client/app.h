@@ -22,8 +22,8 @@
 #include <string_view>
 #include <vector>
 
+#include "base/annotation.h"
 #include "base/error.h"
-#include "client/annotation.h"
 #include "client/decode.h"
 #include "client/input.h"
 #include "client/label.h"
@@ -34,6 +34,9 @@
 #include "client/viewer.h"
 
 namespace client {
+
+using base::Annotation;
+using base::kMaxAnnotations;
 
 struct AppOptions {
   ViewerOptions viewer;
@@ -53,9 +56,11 @@ struct AppOptions {
 enum class RequestKind : std::uint8_t {
   kCopyLink,     ///< V: `text` is the permalink without '#'; put the page's address (or nothing) in front, and copy it
   kLinkChanged,  ///< the view has come to rest: `text` is its permalink (a browser replaces the hash, no history entry)
-  kSavePicture,  ///< P: a picture of `camera`, `view`; ask the server for it, or read the framebuffer
+  kSavePicture,  ///< P: a picture of the view; ask the server for it, with `text` as the query of /render but for size
+                 ///< and background (pictureQuery), or read the framebuffer
   kKeepBookmarks,  ///< bookmark(1 … 9) changed: keep them with the scene
   kKeepSettings,   ///< settings() changed: keep them
+  kShowSettings,   ///< G: show settings() to be changed
   kPick,  ///< find the full-resolution surface on the ray `origin` + t `direction`, t ≥ 0; answerPick(`id`, …)
 };
 
@@ -65,8 +70,7 @@ struct Request {
   std::uint32_t id = 0;
   glm::dvec3 origin{0.0};     ///< world
   glm::dvec3 direction{0.0};  ///< unit, world
-  base::ViewCamera camera;    ///< kSavePicture: size as on the screen
-  ViewState view;             ///< kSavePicture
+  base::ViewCamera camera;    ///< kSavePicture: its size on the screen
 };
 
 // ---- what stands on top of the picture ----
@@ -149,6 +153,8 @@ class App {
   const ViewState& view() const;
   std::string permalink() const;
   void showStatistics(bool shown);
+  /// The picture's colour where there is no model: RGBA, 0 … 1.
+  void setBackground(const std::array<float, 4>& color);
   /// Goes to a link's view at once; before the scene is known it becomes the first view. An error changes nothing and
   /// is shown as a toast, too.
   base::Result<void> openPermalink(std::string_view text);

@@ -4,10 +4,10 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
 #include <glm/gtc/constants.hpp>
 #include <optional>
 
+#include "base/number.h"
 #include "protocol/message.h"
 
 namespace client {
@@ -49,13 +49,9 @@ std::string significant(double value) {
 
 /// A number within ±limit that is all of the text.
 std::optional<double> number(std::string_view text, double limit) {
-  if (text.empty() || text.size() > kMaxNumber) return std::nullopt;
-  if (text.find_first_not_of("0123456789+-.eE") != std::string_view::npos) return std::nullopt;
-  const std::string terminated(text);
-  char* end = nullptr;
-  const double value = std::strtod(terminated.c_str(), &end);
-  if (end != terminated.c_str() + terminated.size() || !(std::abs(value) <= limit)) return std::nullopt;
-  return value;
+  if (text.size() > kMaxNumber) return std::nullopt;
+  const auto value = base::parseNumber(text);
+  return value && std::abs(*value) <= limit ? value : std::nullopt;
 }
 
 /// Decimals that leave a hundred-millionth of `distance`.
@@ -71,7 +67,7 @@ int headingDecimals(double pitch_degrees) {
 
 /// What remains of a number in the text, so that whoever reads it chooses the same digits for the rest.
 double asRead(const std::string& text) {
-  return std::strtod(text.c_str(), nullptr);
+  return base::parseNumber(text).value_or(0.0);
 }
 
 // ---- the parts of a link ----

@@ -11,6 +11,7 @@
 #include "lod/patch/format.h"
 #include "lod/patch/table_pages.h"
 #include "lod/patch/traverse.h"
+#include "plan/coarse_sight.h"
 #include "plan/view_plan.h"
 #include "repository/cache.h"
 #include "repository/face_value.h"
@@ -88,6 +89,9 @@ struct StaticSource::State {
   RangeWish pageWish(std::uint32_t page) const;
   void wishForBlock(std::uint32_t group, std::vector<RangeWish>& wishes);
 
+  void keepForSight(std::uint32_t group, const base::Bytes& block);
+  void lookAround();
+
   // ---- the images ----
   enum class FaceState { kHere, kGone, kWanted };
   FaceState locate(const FaceKey& key, RangeWish& wish);
@@ -102,6 +106,10 @@ struct StaticSource::State {
   void wishForCoarse(std::vector<RangeWish>& wishes);
   void wishForView(std::vector<RangeWish>& wishes);
   std::vector<RangeWish> wishesAhead();
+
+  // ---- picked rays ----
+  void workOnPicks(Session& session);
+  void wishForPick(std::vector<RangeWish>& wishes);
 
   StaticScene scene;
   ReadParameters read_parameters;
@@ -144,6 +152,11 @@ struct StaticSource::State {
   std::unordered_set<FaceKey> has_face, gone;
   std::vector<std::uint32_t> coarse;
 
+  // What hides what, of the coarse groups: their blocks until it is worked out, once, before the first view is planned.
+  std::vector<base::Bytes> coarse_blocks;  // beside `coarse`
+  std::optional<lod::patch::ProxySight> sight;
+  bool looked_around = false;
+
   // What it looks at.
   std::optional<protocol::View> newest, previous;
   bool planned = false, replan = false;
@@ -153,6 +166,9 @@ struct StaticSource::State {
   std::uint64_t group_bytes = 0, face_bytes = 0;  // handed over for this view
   bool complete_said = false;
   std::optional<std::vector<FaceKey>> ahead;
+
+  RayPicks picks;
+  bool pick_news = false;  // something came that may bring the first one further
 };
 
 /// Names come from outside: only such as `lumigrid publish` gives lead to requests.
@@ -275,7 +291,7 @@ base::Result<void> StaticSource::State::takeParameters(base::ByteView bytes) {
 base::Result<void> StaticSource::State::takePage(std::uint32_t page, base::ByteView bytes) {
   tables->add(tables->pageOffset(page), bytes);
   stats.table_bytes += bytes.size();
-  replan = true;
+  replan = pick_news = true;
   return checkTables();
 }
 
@@ -298,7 +314,27 @@ void StaticSource::State::takeBlock(std::uint32_t group, base::ByteView rest) {
   block.insert(block.end(), rest.begin(), rest.end());
   has_group[group] = true;
   group_bytes += block.size();
+  picks.keep(group, block);
+  pick_news = true;
+  keepForSight(group, block);
   outgoing.push_back({protocol::encode(protocol::Refine{record->bytes, std::move(block)}), {}, group});
+}
+
+void StaticSource::State::keepForSight(std::uint32_t group, const base::Bytes& block) {
+  if (looked_around || !scene.index) return;
+  coarse_blocks.resize(coarse.size());
+  const auto at = static_cast<std::size_t>(std::find(coarse.begin(), coarse.end(), group) - coarse.begin());
+  if (at < coarse.size()) coarse_blocks[at] = block;
+}
+
+/// Where a block is damaged or lacking, images are chosen as if nothing hid anything.
+void StaticSource::State::lookAround() {
+  if (std::exchange(looked_around, true) || coarse_blocks.empty()) return;
+  auto seen = plan::coarseSight(hierarchy, coarse, [this](std::uint32_t group) -> base::ByteView {
+    return coarse_blocks[static_cast<std::size_t>(std::find(coarse.begin(), coarse.end(), group) - coarse.begin())];
+  });
+  if (seen) sight = std::move(*seen);
+  coarse_blocks = {};
 }
 
 void StaticSource::State::takeIndexBlock(std::uint64_t number, base::ByteView bytes) {
@@ -476,7 +512,7 @@ StaticSource::State::FaceState StaticSource::State::locate(const FaceKey& key, R
 // ---- the plan ----
 
 plan::Scene StaticSource::State::toPlan() const {
-  return {&scene.welcome, &hierarchy, scene.index.has_value(), points.treeOrNull()};
+  return {&scene.welcome, &hierarchy, scene.index.has_value(), points.treeOrNull(), sight ? &*sight : nullptr};
 }
 
 /// Unknown groups that the cut would expand: made patches that it draws, seen, off by more than the tolerance.
@@ -511,6 +547,7 @@ std::vector<std::uint32_t> StaticSource::State::frontierOf(const lod::patch::Cut
 /// Descends as far as the pages here lead, then plans as a server does.
 void StaticSource::State::planNewestView() {
   if (planned && !(replan && !frontier.empty())) return;
+  lookAround();
   const lod::patch::CutRequest request = plan::cutRequestFor(scene.welcome, *newest);
   for (bool learned = true; learned;) {
     learned = false;
@@ -586,9 +623,14 @@ std::vector<RangeWish> StaticSource::State::wishes() {
     wishForTables(wishes);
     return wishes;
   }
-  if (phase != Phase::kOpen || !newest || !wishes.empty()) return wishes;
-  planNewestView();
-  wishForView(wishes);
+  if (phase != Phase::kOpen || !wishes.empty()) return wishes;
+  std::vector<RangeWish> of_view;
+  if (newest) {
+    planNewestView();
+    wishForView(of_view);
+  }
+  wishForPick(wishes);
+  wishes.insert(wishes.end(), of_view.begin(), of_view.end());
   return wishes;
 }
 
@@ -618,6 +660,34 @@ std::vector<RangeWish> StaticSource::State::wishesAhead() {
     bytes += wish.kind == kFace ? wish.length : kTypicalFaceBytes;
   }
   return wishes;
+}
+
+// ---- picked rays ----
+
+void StaticSource::State::workOnPicks(Session& session) {
+  if (phase == Phase::kFailed) return picks.giveUp();
+  if (!picks.waiting() || !pick_news || !linked || phase != Phase::kOpen || !isKnown(0)) return;
+  pick_news = false;
+  const std::string before = picks.problem();
+  picks.work(
+      hierarchy,
+      [&session](std::uint32_t group) -> base::Result<std::optional<base::ByteView>> {
+        const base::Bytes* block = session.block(group);
+        return block != nullptr ? std::optional<base::ByteView>(*block) : std::nullopt;
+      },
+      [this](std::uint32_t group) {
+        if (learn(group, nullptr)) return RayPicks::Record::kHere;
+        return broken_groups.count(group) != 0 ? RayPicks::Record::kBroken : RayPicks::Record::kMissing;
+      });
+  if (picks.problem() != before) note(scene.place + "/" + scene.patches.name + ": " + picks.problem());
+  // What the session dropped since it last spoke of a view.
+  for (const std::uint32_t group : picks.needed())
+    if (!session.hasGroup(group)) has_group[group] = false;
+}
+
+void StaticSource::State::wishForPick(std::vector<RangeWish>& wishes) {
+  for (const std::uint32_t group : picks.needed())
+    if (learn(group, &wishes) && !has_group[group]) wishForBlock(group, wishes);
 }
 
 // ---- the public face ----
@@ -656,6 +726,7 @@ bool StaticSource::pump(Session& session, double now) {
   s.open();
   s.talk(session);
   s.deliver(session);
+  s.workOnPicks(session);
 
   // Out.
   if (s.phase != State::Phase::kFailed && (s.failures == 0 || now >= s.retry_at)) {
@@ -667,6 +738,21 @@ bool StaticSource::pump(Session& session, double now) {
   }
   if (s.phase == State::Phase::kFailed) session.refuse(s.failure);
   return !arrivals.empty();
+}
+
+void StaticSource::pick(std::uint32_t id, const glm::dvec3& origin, const glm::dvec3& direction) {
+  lod::patch::Ray ray;
+  ray.origin = origin - state_->scene.welcome.origin;
+  ray.direction = direction;
+  state_->picks.add(id, ray);
+  state_->pick_news = true;
+}
+
+std::vector<AnsweredPick> StaticSource::takePicks() {
+  std::vector<AnsweredPick> answered = state_->picks.take();
+  for (AnsweredPick& one : answered)
+    if (one.answer.kind == PickAnswer::Kind::kHit) one.answer.point += state_->scene.welcome.origin;
+  return answered;
 }
 
 const std::string& StaticSource::problem() const {

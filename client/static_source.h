@@ -9,7 +9,8 @@
 //   1. the first 16 KiB of patch-….lgp and of index-….lgi: Welcome
 //   2. pages of the tables that group 0 and the next coarsest need, and their blocks: the first picture, some 50 kB
 //   3. the tables: whole where they are small, else the pages that the view's cut leads to
-//   4. groups and faces in a server's order (docs/formats/protocol.md); blocks of the index when a face needs one
+//   4. what a picked ray needs (pick()); then groups and faces in a server's order (docs/formats/protocol.md); blocks
+//      of the index when a face needs one
 //   5. when the view is complete: the rest of small tables, other directions, faces along the motion; at most 1 MB
 // The newest view wins: what an older one wanted is not asked for any more, what is under way is kept.
 #include <cstdint>
@@ -21,6 +22,7 @@
 #include "base/error.h"
 #include "client/fetch.h"
 #include "client/range_queue.h"
+#include "client/ray_picks.h"
 #include "client/session.h"
 #include "repository/sample_tree.h"
 
@@ -78,6 +80,13 @@ class StaticSource {
   /// A host that does not answer leaves the session disconnected, with the reason, until it does. What cannot pass (no
   /// ranges, an object gone or changed, damaged tables) leaves it refused.
   bool pump(Session& session, double now);
+
+  /// Where the ray first meets the full-resolution surface, in world coordinates, `direction` of any length but zero:
+  /// the leaf patches around it are read as far as the session does not hold them, and handed to it. pump() works on
+  /// it; takePicks() has the answer, kUnknown where damage or a scene that cannot be read keeps it from being found.
+  void pick(std::uint32_t id, const glm::dvec3& origin, const glm::dvec3& direction);
+  /// What was found since the last call, world coordinates.
+  std::vector<AnsweredPick> takePicks();
 
   /// What cannot be shown though the rest goes on, such as a lost pack: the newest such thing, one line; else empty.
   const std::string& problem() const;

@@ -537,6 +537,10 @@ base::Result<bool> Viewer::update(const base::ViewCamera& camera, double now) {
   return s.more_to_do;
 }
 
+void Viewer::setBackground(const std::array<float, 4>& color) {
+  std::copy(color.begin(), color.end(), state_->options.lumigraph.background);
+}
+
 void Viewer::drawBackground() const {
   if (state_->lost) return;
   const float* color = state_->options.lumigraph.background;
@@ -559,7 +563,7 @@ base::Result<void> Viewer::draw(const base::ViewCamera& camera, double now) {
   for (SampleId id : s.ranked)
     if (s.samples[id].state == SampleState::kResident) s.candidates.push_back(id);
   const lod::patch::Cut& cut = s.patches.drawn();
-  s.options.lumigraph.section = s.sectionHere();
+  s.options.lumigraph.modes.section = s.sectionHere();
   s.renderer->draw(s.camera, cut.patches, s.candidates, cut.error_px, s.shading, s.options.lumigraph, now,
                    s.patches.occluders(), cut.patch_error_px);
   s.probePins();
@@ -590,7 +594,7 @@ void Viewer::setSection(const std::optional<base::SectionPlane>& plane) {
 }
 
 void Viewer::setResolutionColors(bool on) {
-  state_->options.lumigraph.resolution_colors = on;
+  state_->options.lumigraph.modes.resolution_colors = on;
 }
 
 void Viewer::setMethod(lod::Method method) {

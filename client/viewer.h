@@ -82,6 +82,8 @@ class Viewer {
   /// Draws the view into the bound framebuffer with what is here now. Never waits for network or decoder. `now` in
   /// seconds.
   base::Result<void> draw(const base::ViewCamera& camera, double now);
+  /// Where there is no model, from the next draw on: RGBA, 0 … 1.
+  void setBackground(const std::array<float, 4>& color);
   /// The bound framebuffer without a model, as long as there is none. Tells the server of no view.
   void drawBackground() const;
   /// The world point of the drawn surface at (x, y), pixels from the upper left corner; nullopt over background. Waits
@@ -89,10 +91,10 @@ class Viewer {
   std::optional<glm::dvec3> surfaceAt(const base::ViewCamera& camera, double x, double y);
 
   /// From the next draw on. nullopt: nothing is cut. Back faces seen through what is cut
-  /// away have one flat colour (kSectionColor), which shows what is cut open. A normal that is zero or not a number
-  /// sets none.
+  /// away have one flat colour (lod::draw::kSectionColor), which shows what is cut open. A normal that is zero or not a
+  /// number sets none.
   void setSection(const std::optional<base::SectionPlane>& plane);
-  /// Tints every fragment by the resolution of what is shown there; kResolutionLegend (render/lumigraph.h) says how.
+  /// Tints every fragment by the resolution of what is shown there; lod::draw::kResolutionLegend says how.
   void setResolutionColors(bool on);
   /// lumigraph or patches, from the next draw on; patches ask the server for no images. Images that
   /// ViewerOptions::session turns off stay off.

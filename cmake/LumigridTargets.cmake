@@ -44,6 +44,7 @@ _lumigrid_allow(client_native  "${_any_base};lod;lod_patch;lod_qsplat;lod_draw;g
 _lumigrid_allow(lumigrid-view  "${_any_base};lod;lod_patch;lod_qsplat;lod_draw;grid;cache;jpeg;meta;protocol;plan;client;client_native" "CLI11::CLI11;spdlog::spdlog;nlohmann_json::nlohmann_json")
 _lumigrid_allow(client_web     "base;base_gl;lod;lod_patch;lod_qsplat;lod_draw;grid;cache;protocol;plan;client" "")
 _lumigrid_allow(client_web_decode "base;grid" "")
+_lumigrid_allow(client_web_check "base;client" "")
 _lumigrid_allow(compare        "*"                                                 "*")
 _lumigrid_allow(lumigrid-compare "*"                                               "*")
 
@@ -115,7 +116,7 @@ function(_lumigrid_reach name out)
 endfunction()
 
 function(lumigrid_check_walls)
-  foreach(thin client client_native lumigrid-view client_web client_web_decode)
+  foreach(thin client client_native lumigrid-view client_web client_web_decode client_web_check)
     if(TARGET ${thin})
       _lumigrid_reach(${thin} reached)
       foreach(bad IN LISTS LUMIGRID_CLIENT_FORBIDDEN)

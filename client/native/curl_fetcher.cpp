@@ -12,7 +12,7 @@
 #include <unordered_set>
 #include <utility>
 
-#include "client/native/http_answer.h"
+#include "client/native/http_request.h"
 #include "repository/content_range.h"
 
 namespace client {

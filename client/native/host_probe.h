@@ -7,8 +7,8 @@
 
 namespace client {
 
-/// Two requests or one; waits for them, some 20 s at most. A host that does not answer is a finding, not an error; an
-/// error says that scene.json is there but is no published scene's. `url` as PublishedSceneLink takes it.
+/// Four requests or one; waits for them, 10 s at most for each. A host that does not answer is a finding, not an error;
+/// an error says that scene.json is there but is no published scene's. `url` as PublishedSceneLink takes it.
 base::Result<HostAnswers> askHost(const std::string& url);
 
 }  // namespace client

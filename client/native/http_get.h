@@ -8,7 +8,6 @@
 
 #include "base/bytes.h"
 #include "base/error.h"
-#include "client/native/connection.h"
 
 namespace client {
 
@@ -21,14 +20,15 @@ class HttpGetter {
     std::string problem;  ///< why there is no answer; else empty
   };
 
-  explicit HttpGetter(const ServerUrl& server);
+  /// `place`: "http://host:port", or "https://host/folder", without a slash at its end.
+  explicit HttpGetter(const std::string& place);
   /// Breaks off what is under way.
   ~HttpGetter();
   HttpGetter(const HttpGetter&) = delete;
   HttpGetter& operator=(const HttpGetter&) = delete;
 
-  /// Asks for a path and query of the server. `max_bytes` of a body, `seconds` from connecting to the last byte. At
-  /// most kLongestQueue wait; what is beyond is answered at once with a problem.
+  /// Asks for a path and query below the place: "/pick?…". `max_bytes` of a body, `seconds` from connecting to the last
+  /// byte. At most kLongestQueue wait; what is beyond is answered at once with a problem.
   void get(std::uint64_t id, const std::string& target, std::size_t max_bytes, double seconds);
   /// What has come since the last call, in the order of the asking.
   std::vector<Answer> take();

@@ -6,8 +6,10 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "base/error.h"
+#include "client/ray_picks.h"
 #include "client/session.h"
 
 namespace client {
@@ -55,6 +57,12 @@ class Link {
   virtual bool pump(Session& session) = 0;
   /// Waits until pump() would find something, at most `seconds`. For callers that have nothing to draw.
   virtual void waitForArrival(double seconds) = 0;
+  /// Looks for the full-resolution surface on a ray (StaticSource::pick). False: it cannot; a server has /pick for
+  /// that.
+  virtual bool pick(std::uint32_t /*id*/, const glm::dvec3& /*origin*/, const glm::dvec3& /*direction*/) {
+    return false;
+  }
+  virtual std::vector<AnsweredPick> takePicks() { return {}; }
   /// Since it began. Nothing where there is one connection, which the session counts.
   virtual LinkCounts counts() const { return {}; }
 };

@@ -295,14 +295,19 @@ int runHostCheck(const Arguments& a) {
   bool fails = false;
   nlohmann::ordered_json list = nlohmann::ordered_json::array();
   for (const client::HostFinding& finding : client::judgeHost(*answers)) {
-    const bool good = finding.grade == client::HostFinding::Grade::kGood;
-    const bool failing = finding.grade == client::HostFinding::Grade::kFails;
-    const char* grade = good ? "good" : failing ? "fails" : "could be better";
-    fails = fails || failing;
-    if (a.json)
-      list.push_back({{"grade", grade}, {"what", finding.what}, {"todo", finding.todo}});
-    else
-      std::printf("%s: %s%s%s\n", grade, finding.what.c_str(), good ? "" : " ", finding.todo.c_str());
+    const char* grade = client::nameOf(finding.grade);
+    fails = fails || finding.grade == client::HostFinding::Grade::kFails;
+    if (a.json) {
+      list.push_back({{"grade", grade},
+                      {"header", finding.header},
+                      {"what", finding.what},
+                      {"todo", finding.todo},
+                      {"nginx", finding.nginx}});
+      continue;
+    }
+    std::printf("%s: %s: %s%s%s\n", grade, finding.header.c_str(), finding.what.c_str(),
+                finding.todo.empty() ? "" : " ", finding.todo.c_str());
+    if (!finding.nginx.empty()) std::printf("    nginx: %s\n", finding.nginx.c_str());
   }
   if (a.json) std::printf("%s\n", list.dump().c_str());
   return fails ? kFailed : 0;

@@ -156,12 +156,12 @@ class Painter {
   void legend() const {
     begin("legend", kMargin * scale_, size_.y - kMargin * scale_, 0.0F, 1.0F, kWords);
     ImGui::TextColored(colors_.quiet, "Pixels that the detail spans");
-    for (const ResolutionStep& step : kResolutionLegend) {
+    for (const lod::draw::ResolutionStep& step : lod::draw::kResolutionLegend) {
       const ImVec4 color(step.color[0] / 255.0F, step.color[1] / 255.0F, step.color[2] / 255.0F, 1.0F);
       const float side = ImGui::GetTextLineHeight();
       ImGui::ColorButton("step", color, ImGuiColorEditFlags_NoTooltip, {side, side});
       ImGui::SameLine();
-      if (&step == &kResolutionLegend.back())
+      if (&step == &lod::draw::kResolutionLegend.back())
         ImGui::TextUnformatted("more");
       else
         ImGui::Text("up to %.0f", static_cast<double>(step.up_to_px));
@@ -251,6 +251,17 @@ void setUpOverlay(const OverlayLook& look) {
   }
   if (io.Fonts->Fonts.empty()) io.FontGlobalScale = look.scale;
 
+  ImGuiStyle& style = ImGui::GetStyle();
+  style.WindowRounding = 6.0F;
+  style.FrameRounding = 4.0F;
+  style.FrameBorderSize = 1.0F;
+  style.WindowPadding = {12.0F, 10.0F};
+  style.FramePadding = {10.0F, 4.0F};
+  style.CellPadding = {8.0F, 2.0F};
+  style.ScaleAllSizes(look.scale);
+}
+
+void styleOverlay(const OverlayLook& look) {
   const Colors colors = colorsOf(look.dark);
   ImGuiStyle& style = ImGui::GetStyle();
   if (look.dark)
@@ -260,12 +271,6 @@ void setUpOverlay(const OverlayLook& look) {
   style.Colors[ImGuiCol_WindowBg] = colors.panel;
   style.Colors[ImGuiCol_Text] = colors.text;
   style.Colors[ImGuiCol_Border] = {0.5F, 0.5F, 0.5F, 0.25F};
-  style.WindowRounding = 6.0F;
-  style.FrameRounding = 4.0F;
-  style.WindowPadding = {12.0F, 10.0F};
-  style.FramePadding = {10.0F, 4.0F};
-  style.CellPadding = {8.0F, 2.0F};
-  style.ScaleAllSizes(look.scale);
 }
 
 std::array<float, 4> overlayBackground(bool dark) {

@@ -165,6 +165,16 @@ void PublishedSceneLink::waitForArrival(double seconds) {
   state_->fetcher.wait(seconds);
 }
 
+bool PublishedSceneLink::pick(std::uint32_t id, const glm::dvec3& origin, const glm::dvec3& direction) {
+  if (state_->source == nullptr) return false;
+  state_->source->pick(id, origin, direction);
+  return true;
+}
+
+std::vector<AnsweredPick> PublishedSceneLink::takePicks() {
+  return state_->source == nullptr ? std::vector<AnsweredPick>() : state_->source->takePicks();
+}
+
 LinkCounts PublishedSceneLink::counts() const {
   if (state_->source == nullptr) return {1, 0};
   const StaticStats stats = state_->source->stats();

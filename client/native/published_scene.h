@@ -22,6 +22,9 @@ class PublishedSceneLink final : public Link {
   ~PublishedSceneLink() override;
   bool pump(Session& session) override;
   void waitForArrival(double seconds) override;
+  /// False until scene.json is here.
+  bool pick(std::uint32_t id, const glm::dvec3& origin, const glm::dvec3& direction) override;
+  std::vector<AnsweredPick> takePicks() override;
   LinkCounts counts() const override;
   /// Null until scene.json is here.
   const StaticSource* source() const;

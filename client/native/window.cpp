@@ -18,11 +18,15 @@
 #include <optional>
 
 #include "base/gl/gl.h"
+#include "base/json/annotations_file.h"
 #include "base/png/png.h"
 #include "client/native/answer_json.h"
+#include "client/native/connection.h"
 #include "client/native/http_get.h"
 #include "client/native/jpeg_decoder.h"
 #include "client/native/overlay.h"
+#include "client/native/published_scene.h"
+#include "client/native/settings_panel.h"
 #include "client/native/user_files.h"
 
 namespace client {
@@ -75,23 +79,15 @@ std::string freePath(const std::string& directory, const std::string& name) {
   return path.string();
 }
 
-/// The path and query that ask for the full-resolution picture (docs/formats/http.md, /render).
-std::string renderTarget(const base::ViewCamera& camera, const std::array<float, 4>& background) {
+/// The path and query of the server's picture, as large as the window's and on the same background.
+std::string renderTarget(const Request& request, const std::array<float, 4>& background) {
   const auto byte = [](float share) {
     return static_cast<unsigned>(std::lround(255.0F * std::clamp(share, 0.0F, 1.0F)));
   };
-  std::array<char, 1024> text{};
-  int length = std::snprintf(
-      text.data(), text.size(),
-      "/render?position=%.17g,%.17g,%.17g&direction=%.17g,%.17g,%.17g&up=%.17g,%.17g,%.17g&fov_y_degrees=%.17g"
-      "&width=%d&height=%d&background=%02x%02x%02x",
-      camera.position.x, camera.position.y, camera.position.z, camera.direction.x, camera.direction.y,
-      camera.direction.z, camera.up.x, camera.up.y, camera.up.z, glm::degrees(camera.fov_y), camera.width,
-      camera.height, byte(background[0]), byte(background[1]), byte(background[2]));
-  if (camera.orthographic())
-    std::snprintf(text.data() + length, text.size() - static_cast<std::size_t>(length), "&ortho_height=%.17g",
-                  camera.ortho_height);
-  return text.data();
+  std::array<char, 80> rest{};
+  std::snprintf(rest.data(), rest.size(), "&width=%d&height=%d&background=%02x%02x%02x", request.camera.width,
+                request.camera.height, byte(background[0]), byte(background[1]), byte(background[2]));
+  return "/render?" + request.text + rest.data();
 }
 
 Modifiers modifiersOf(int mods) {
@@ -146,6 +142,7 @@ class Window {
   bool createWindow(int context_api);
   void startOverlay();
   static Window& of(GLFWwindow* window) { return *static_cast<Window*>(glfwGetWindowUserPointer(window)); }
+  void applyTheme();
   void installCallbacks();
   void onButton(int button, int action, int mods);
   void onMove();
@@ -182,9 +179,13 @@ class Window {
   bool overlay_ready_ = false;
   OverlayLook look_;
   std::array<float, 4> background_{};
+  bool own_background_ = false;  // none was asked for: it goes with the colours of the words
+  bool settings_open_ = false;
+  SettingsPanel settings_panel_;
   std::unique_ptr<App> app_;
   std::unique_ptr<Link> connection_;
-  std::unique_ptr<HttpGetter> http_;  // null with a published scene: nobody is there to ask
+  bool published_ = false;            // a scene with no server of ours: it has files, and answers no questions
+  std::unique_ptr<HttpGetter> http_;  // for what lies beside the scene, and a server's answers
   std::map<std::uint64_t, Asked> asked_;
   std::uint64_t next_question_ = 1;
   std::optional<std::string> scene_;  // bookmarkKey of the scene whose notes and bookmarks are here
@@ -238,18 +239,20 @@ base::Result<void> Window::open() {
   installCallbacks();
   startOverlay();
 
-  // A background that was not asked for goes with the colours of the words.
   AppOptions options = options_.app;
-  float* background = options.viewer.lumigraph.background;
-  if (background[3] == 0.0F) std::copy_n(overlayBackground(look_.dark).begin(), 4, background);
-  std::copy_n(background, 4, background_.begin());
+  std::copy_n(options.viewer.lumigraph.background, 4, background_.begin());
+  own_background_ = background_[3] == 0.0F;
   options.clock = [] { return glfwGetTime(); };
   app_ = std::make_unique<App>(options, std::make_unique<JpegDecoder>(std::max(1U, options_.decoder_threads)));
+  applyTheme();
   if (!options_.view.empty()) LUMIGRID_TRY(app_->openPermalink(options_.view));
   if (options_.show_figures) app_->showStatistics(true);
   resized();
-  if (auto server = parseServerUrl(options_.url); server && !isPublishedScene(options_.url))
-    http_ = std::make_unique<HttpGetter>(*server);
+  published_ = isPublishedScene(options_.url);
+  if (published_)
+    http_ = std::make_unique<HttpGetter>(placeOfScene(options_.url));
+  else if (auto server = parseServerUrl(options_.url))
+    http_ = std::make_unique<HttpGetter>("http://" + server->authority());
   return {};
 }
 
@@ -265,12 +268,18 @@ void Window::startOverlay() {
   glfwGetWindowSize(window_, &window_width, nullptr);
   glfwGetFramebufferSize(window_, &pixel_width, nullptr);
   look_.scale = scale * static_cast<float>(std::max(window_width, 1)) / static_cast<float>(std::max(pixel_width, 1));
-  // There is no portable way to ask a desktop; what asks for nothing is dark.
-  look_.dark = static_cast<Theme>(static_cast<int>(options_.app.settings.theme)) != Theme::kLight;
   setUpOverlay(look_);
   ImGui_ImplGlfw_InitForOpenGL(window_, true);
   ImGui_ImplOpenGL3_Init("#version 300 es");
   overlay_ready_ = true;
+}
+
+/// As the settings say. There is no portable way to ask a desktop; what asks for nothing is dark.
+void Window::applyTheme() {
+  look_.dark = static_cast<Theme>(static_cast<int>(app_->settings().theme)) != Theme::kLight;
+  styleOverlay(look_);
+  if (own_background_) background_ = overlayBackground(look_.dark);
+  app_->setBackground(background_);
 }
 
 void Window::installCallbacks() {
@@ -350,7 +359,10 @@ void Window::onWheel(double steps) {
 
 void Window::onKey(int key, int scancode, int action, int mods) {
   picture_changed_ = true;
+  // What is typed into a field is not ours; but a key that goes up there may have gone down here.
+  if (action != GLFW_RELEASE && ImGui::GetIO().WantTextInput) return;
   const Key ours = keyOf(key, scancode, mods);
+  if (ours == Key::kEscape && action == GLFW_PRESS && std::exchange(settings_open_, false)) return;
   if (ours != Key::kNone) app_->key(ours, action != GLFW_RELEASE, modifiersOf(mods), glfwGetTime());
 }
 
@@ -374,9 +386,8 @@ void Window::startScene() {
   }
 
   app_->setAnnotations({});
-  if (!http_) return;
   asked_[next_question_] = {Question::kNotes, 0, {}};
-  http_->get(next_question_++, "/annotations.json", kMaxAnnotationsFile, kNotesSeconds);
+  http_->get(next_question_++, std::string("/") + base::kAnnotationsFile, base::kMaxAnnotationsBytes, kNotesSeconds);
 }
 
 void Window::say(const base::Result<void>& done) {
@@ -397,11 +408,17 @@ void Window::carryOut(const Request& request) {
     case RequestKind::kKeepBookmarks:
       keepBookmarks();
       break;
+    case RequestKind::kShowSettings:
+      settings_open_ = !settings_open_;
+      picture_changed_ = true;
+      break;
     case RequestKind::kKeepSettings:
+      applyTheme();
       if (!options_.config_directory.empty()) say(writeSettings(options_.config_directory, app_->settings()));
       break;
     case RequestKind::kPick:
-      if (!http_) return app_->answerPick(request.id, {});  // nobody knows: the approximate point stays
+      if (connection_->pick(request.id, request.origin, request.direction)) return;
+      if (published_) return app_->answerPick(request.id, {});  // nobody knows: the approximate point stays
       asked_[next_question_] = {Question::kPick, request.id, {}};
       http_->get(next_question_++, pickTarget(request.origin, request.direction), kMaxPickAnswer, kPickSeconds);
       break;
@@ -415,13 +432,12 @@ void Window::keepBookmarks() {
   say(writeBookmarks(options_.config_directory, *scene_, bookmarks));
 }
 
-/// The server's picture is the true one, but it knows no section planes and no tints.
+/// The server's picture is the true one; without a server there is what the window shows.
 void Window::savePicture(const Request& request) {
-  const bool plain = !request.view.section.on && !request.view.colors_by_resolution;
-  if (!plain || !http_ || app_->session().state() != SessionState::kReady) return writePicture(readPicture());
+  if (published_ || app_->session().state() != SessionState::kReady) return writePicture(readPicture());
   app_->say("The server draws the picture\u2026");
   asked_[next_question_] = {Question::kPicture, 0, readPicture()};
-  http_->get(next_question_++, renderTarget(request.camera, background_), kMaxPicture, kPictureSeconds);
+  http_->get(next_question_++, renderTarget(request, background_), kMaxPicture, kPictureSeconds);
 }
 
 void Window::writePicture(const base::Image& image) {
@@ -431,7 +447,7 @@ void Window::writePicture(const base::Image& image) {
 }
 
 void Window::takeAnswers() {
-  if (!http_) return;
+  for (const AnsweredPick& pick : connection_->takePicks()) app_->answerPick(pick.id, pick.answer);
   for (const HttpGetter::Answer& answer : http_->take()) {
     const auto asked = asked_.find(answer.id);
     if (asked == asked_.end()) continue;
@@ -458,7 +474,7 @@ void Window::takeNotes(const HttpGetter::Answer& answer) {
         "The notes cannot be read: " +
             (answer.problem.empty() ? "the server answers " + std::to_string(answer.status) : answer.problem),
         true);
-  auto notes = parseAnnotations(answer.body, "annotations.json");
+  auto notes = base::parseAnnotations(answer.body, base::kAnnotationsFile);
   if (!notes) return app_->say(notes.error().message, true);
   app_->setAnnotations(std::move(*notes));
 }
@@ -517,6 +533,7 @@ void Window::drawWords() {
   ImGui_ImplGlfw_NewFrame();
   ImGui::NewFrame();
   drawOverlay(*app_, look_);
+  if (settings_open_) settings_open_ = settings_panel_.draw(*app_, look_);
   ImGui::Render();
   ImGui_ImplOpenGL3_RenderDrawData(ImGui::GetDrawData());
   glfwSwapBuffers(window_);
@@ -540,6 +557,7 @@ base::Result<void> Window::run() {
     const bool figures = app_->view().statistics && now - shown_at >= kFiguresSeconds;
     if (frame) LUMIGRID_TRY(drawScene(now));
     if (frame || picture_changed_ || figures || app_->overlayVersion() != shown_overlay) words_left = kWordFrames;
+    if (settings_open_) words_left = std::max(words_left, 1);  // its fields blink and follow the mouse
     if (words_left == 0 || picture_.width() == 0) {
       glfwWaitEventsTimeout(kIdleSeconds);
       continue;

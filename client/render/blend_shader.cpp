@@ -1,6 +1,7 @@
 #include "client/render/blend_shader.h"
 
 #include "lod/draw/triangles.h"
+#include "lod/draw/view_modes.h"
 
 namespace client {
 
@@ -49,7 +50,7 @@ void main() {
 }
 
 std::string blendFragmentSource() {
-  return lod::draw::shadingSource() + R"(
+  return lod::draw::shadingSource() + lod::draw::viewModesSource() + R"(
 struct Sample {
   mat4 clip_from_scene;
   vec4 eye;      // xyz centre of projection, w fade in time
@@ -70,12 +71,7 @@ uniform sampler2DArrayShadow u_depth2;
 uniform vec4 u_eye;                    // homogeneous: with w 0 the direction of parallel rays, and every distance is 1
 uniform vec2 u_viewport;               // pixels
 uniform float u_pixels_per_unit;       // of the view, at distance 1
-uniform vec4 u_section;                // what has dot(xyz, position) > w is cut away
-uniform bool u_cut_open;               // view rays come through what is cut away: back faces are the inside of what is left
-uniform vec3 u_section_color;
-uniform bool u_show_resolution;
 uniform float u_patch_error;           // pixels, of the patch being drawn
-uniform vec4 u_steps[5];               // colour, and up to how many pixels
 uniform float u_push;                  // outward shift per distance from the eye
 uniform float u_error;                 // the proxy's error per distance from the eye
 uniform bool u_carve;
@@ -110,19 +106,12 @@ float litAround(int array, vec4 place, vec2 texel) {
                  litAt(array, place + vec4(texel.x, -texel.y, 0.0, 0.0)) + litAt(array, place + vec4(-texel.x, texel.y, 0.0, 0.0)));
 }
 
-// The legend's colour with the picture's light and dark.
-vec3 tinted(vec3 color, float pixels) {
-  int step = 0;
-  while (step < 4 && pixels > 1.1 * u_steps[step].w) ++step;   // a texel a pixel is as fine as it gets, roundings aside
-  return u_steps[step].rgb * (0.35 + 0.65 * dot(color, vec3(0.299, 0.587, 0.114)));
-}
-
 // Towards its border (and while it fades in) an image loses the priority that a small angle gives, or the fade would be no wider than its last
 // thousandth. Radians; about the angle between neighbouring images.
 const float kBorderAngle = 0.3;
 
 void main() {
-  if (dot(u_section.xyz, v_position) > u_section.w) discard;
+  if (isCutAway(v_position)) discard;
   if (u_cut_open && !gl_FrontFacing) {
     o_color = vec4(u_section_color, 1.0);
     return;

@@ -112,7 +112,6 @@ struct LumigraphRenderer::State {
   float strongestFade(const Frame& frame) const;
   void uploadBlock(const Frame& frame);
   void setUniforms(const Frame& frame, const lod::draw::Shading& shading);
-  void setModes(const LumigraphOptions& options, const base::Camera& camera) const;
   void bindArrays() const;
   void drawPatches(const Frame& frame);
 };
@@ -136,13 +135,6 @@ float nearness(const base::Camera& camera, const base::Aabb& box) {
   return glm::length(glm::clamp(eye, box.min, box.max) - eye) + 0.01F * glm::length(box.center() - eye);
 }
 
-/// True when all of the box is on the side that the section cuts away.
-bool isCutAway(const glm::vec4& section, const base::Aabb& box) {
-  const glm::vec3 normal(section);
-  const glm::vec3 nearest = glm::mix(box.min, box.max, glm::vec3(glm::lessThan(normal, glm::vec3(0.0F))));
-  return glm::dot(normal, nearest) > section.w;
-}
-
 /// Indices into `cut` of what is left of it by the section, front to back.
 std::vector<std::size_t> frontToBack(std::span<const std::uint32_t> cut, const lod::draw::PatchMeshes& patches,
                                      const base::Camera& camera, const glm::vec4& section) {
@@ -150,7 +142,7 @@ std::vector<std::size_t> frontToBack(std::span<const std::uint32_t> cut, const l
   order.reserve(cut.size());
   for (std::size_t i = 0; i < cut.size(); ++i) {
     const base::Aabb& box = patches.box(cut[i]);
-    if (!isCutAway(section, box)) order.emplace_back(nearness(camera, box), i);
+    if (!lod::draw::isCutAway(section, box)) order.emplace_back(nearness(camera, box), i);
   }
   std::sort(order.begin(), order.end());
   std::vector<std::size_t> sorted;
@@ -463,7 +455,7 @@ void LumigraphRenderer::State::setUniforms(const Frame& frame, const lod::draw::
   set("u_error", frame.error_per_distance);
   glUniform1i(blend.uniform("u_carve"), frame.options.carve ? 1 : 0);
   glUniform1i(blend.uniform("u_fill"), frame.options.fill_holes || !frame.options.use_images ? 1 : 0);
-  setModes(frame.options, camera);
+  lod::draw::setViewModes(blend, frame.options.modes, camera);
   const float* background = frame.options.background;
   glUniform4f(blend.uniform("u_background"), background[0], background[1], background[2], background[3]);
 
@@ -486,26 +478,6 @@ void LumigraphRenderer::State::setUniforms(const Frame& frame, const lod::draw::
               127.0F / lod::draw::kEdgeCodesPerOctave);
 }
 
-/// The section plane and the colours by resolution.
-void LumigraphRenderer::State::setModes(const LumigraphOptions& options, const base::Camera& camera) const {
-  const glm::vec4& section = options.section;
-  glUniform4f(blend.uniform("u_section"), section.x, section.y, section.z, section.w);
-  // Where the eye is on the side that stays, so is all that it sees.
-  const glm::vec4 eye = camera.homogeneousEye();
-  const bool cut_open = glm::dot(glm::vec3(section), glm::vec3(eye)) > section.w * eye.w;
-  glUniform1i(blend.uniform("u_cut_open"), section != base::kNoSection && cut_open ? 1 : 0);
-  const auto& cut_color = kSectionColor;
-  glUniform3f(blend.uniform("u_section_color"), static_cast<float>(cut_color[0]) / 255.0F,
-              static_cast<float>(cut_color[1]) / 255.0F, static_cast<float>(cut_color[2]) / 255.0F);
-  glUniform1i(blend.uniform("u_show_resolution"), options.resolution_colors ? 1 : 0);
-  std::array<glm::vec4, kResolutionLegend.size()> steps{};
-  for (std::size_t i = 0; i < steps.size(); ++i) {
-    const ResolutionStep& step = kResolutionLegend[i];
-    steps[i] = glm::vec4(glm::vec3(step.color[0], step.color[1], step.color[2]) / 255.0F, step.up_to_px);
-  }
-  glUniform4fv(blend.uniform("u_steps[0]"), static_cast<GLsizei>(steps.size()), &steps[0][0]);
-}
-
 /// Patches front to back; runs that the same samples may see share a draw call's list, so that a fragment tries only
 /// those.
 void LumigraphRenderer::State::drawPatches(const Frame& frame) {
@@ -518,7 +490,7 @@ void LumigraphRenderer::State::drawPatches(const Frame& frame) {
   const GLint list_location = blend.uniform("u_list[0]");
   const GLint count_location = blend.uniform("u_count");
   const GLint error_location = blend.uniform("u_patch_error");
-  const bool by_patch = frame.options.resolution_colors;
+  const bool by_patch = frame.options.modes.resolution_colors;
   for (std::size_t first = 0; first < frame.patches.size();) {
     const std::uint32_t mask = maskOf(first);
     std::size_t last = first + 1;
@@ -546,7 +518,7 @@ void LumigraphRenderer::draw(const base::Camera& camera, std::span<const std::ui
   // What this frame is made of.
   State::Frame frame{camera, options, now, 0.0F, 0.0F, {}, {}, {}, {}, {}};
   frame.error_per_distance = cut_error_px / camera.pixelsPerUnitAtOne();
-  for (const std::size_t i : frontToBack(cut, state.patches, camera, options.section)) {
+  for (const std::size_t i : frontToBack(cut, state.patches, camera, options.modes.section)) {
     frame.patches.push_back(cut[i]);
     frame.errors_px.push_back(i < patch_error_px.size() ? patch_error_px[i] : cut_error_px);
     frame.boxes.push_back(state.patches.box(cut[i]));

@@ -15,6 +15,7 @@
 #include "base/gl/gl.h"
 #include "base/image.h"
 #include "lod/draw/triangles.h"
+#include "lod/draw/view_modes.h"
 #include "lod/patch/hierarchy.h"
 
 namespace client {
@@ -40,21 +41,6 @@ struct BlendTuning {
   float parallax = 2.0F;  ///< a pushed fragment is looked up this many push lengths further along the view ray, at most
 };
 
-/// Colours by resolution: each fragment is tinted by how many screen pixels the detail shown there spans. From images,
-/// their texels (with what the proxy's error shifts); from patches, their projected error.
-struct ResolutionStep {
-  float up_to_px;                     ///< the last step has no end
-  std::array<std::uint8_t, 3> color;  ///< sRGB
-};
-/// Fine to coarse, told apart by colour-blind people too (ColorBrewer's RdYlBu).
-inline constexpr std::array<ResolutionStep, 5> kResolutionLegend{{{1.0F, {0x2c, 0x7b, 0xb6}},
-                                                                  {2.0F, {0xab, 0xd9, 0xe9}},
-                                                                  {4.0F, {0xff, 0xff, 0xbf}},
-                                                                  {8.0F, {0xfd, 0xae, 0x61}},
-                                                                  {1e30F, {0xd7, 0x19, 0x1c}}}};
-/// Back faces seen through what a section plane cuts away, sRGB.
-inline constexpr std::array<std::uint8_t, 3> kSectionColor{0xc8, 0x6a, 0x45};
-
 struct LumigraphOptions {
   int max_samples = 16;        ///< images blended per frame, 1..32
   float fade_seconds = 0.25F;  ///< images come in and go over this; 0 for pictures that must be final at once
@@ -66,8 +52,7 @@ struct LumigraphOptions {
   float push = 0.0F;
   bool use_images = true;  ///< false: the same proxy shaded by its vertex colours
   float background[4] = {0.0F, 0.0F, 0.0F, 0.0F};
-  bool resolution_colors = false;
-  glm::vec4 section = base::kNoSection;  ///< scene-local (base::sectionInScene)
+  lod::draw::ViewModes modes;
   BlendTuning tuning;
 };
 

@@ -43,7 +43,9 @@ function shrink(name) {
 const viewerWasm = keep("viewer.wasm", shrink("client_web.wasm"));
 const decodeWasm = keep("decode.wasm", shrink("client_web_decode.wasm"));
 const worker = keep("decode.js", bundle("decode_worker.js"));
-const main = keep("viewer.js", bundle("main.js", { VIEWER_WASM: viewerWasm, DECODE_WASM: decodeWasm, DECODE_WORKER: worker }));
+const checkWasm = keep("check.wasm", shrink("client_web_check.wasm"));
+const check = keep("check.js", bundle("check.js", { CHECK_WASM: checkWasm }));
+const main = keep("viewer.js", bundle("main.js", { VIEWER_WASM: viewerWasm, DECODE_WASM: decodeWasm, DECODE_WORKER: worker, CHECK_SCRIPT: check }));
 const style = keep("style.css", bundle("style.css"));
 let html = readFileSync(join(sources, "index.html"), "utf8");
 for (const [from, to] of [["main.js", main], ["style.css", style], ["viewer.wasm", viewerWasm]]) {

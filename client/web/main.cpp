@@ -150,13 +150,17 @@ EMSCRIPTEN_KEEPALIVE const char* frame(double now) {
 
 // ---- requests ----
 
-/// Rows: kind, id, text, origin, direction, camera (position, direction, up, fov, orthographic height, width, height).
+/// Rays of a published scene are looked for here; what is left is the page's.
+/// Rows: kind, id, text, origin, direction.
 EMSCRIPTEN_KEEPALIVE const char* takeRequests() {
   client::TextRows rows;
   for (const client::Request& request : page.app->takeRequests()) {
+    if (page.scene && request.kind == client::RequestKind::kPick) {
+      page.scene->source().pick(request.id, request.origin, request.direction);
+      continue;
+    }
     rows.add(static_cast<int>(request.kind)).add(static_cast<double>(request.id)).add(request.text);
     for (const glm::dvec3& v : {request.origin, request.direction}) rows.add(v.x).add(v.y).add(v.z);
-    addView(rows, request.camera);
     rows.end();
   }
   return hand(rows.take());
@@ -218,7 +222,8 @@ EMSCRIPTEN_KEEPALIVE const char* addAnnotation(const char* title, const char* te
   annotation.normal = {nx, ny, nz};
   annotation.title = title;
   annotation.text = text;
-  auto checked = client::checkedAnnotation(std::move(annotation));
+  if (page.annotations.size() >= base::kMaxAnnotations) return hand("is one more than a scene may have");
+  auto checked = base::checkedAnnotation(std::move(annotation));
   if (checked) page.annotations.push_back(std::move(*checked));
   return handError(checked);
 }
@@ -232,7 +237,7 @@ EMSCRIPTEN_KEEPALIVE const char* addAnnotationCamera(double px, double py, doubl
   annotation.camera->direction = {dx, dy, dz};
   annotation.camera->up = {ux, uy, uz};
   annotation.camera->fov_y = fov;
-  auto checked = client::checkedAnnotation(std::move(annotation));
+  auto checked = base::checkedAnnotation(std::move(annotation));
   if (checked) page.annotations.back() = std::move(*checked);
   return handError(checked);
 }
@@ -319,7 +324,7 @@ EMSCRIPTEN_KEEPALIVE const char* help() {
 /// Rows: up to how many pixels, red, green, blue; the last step has no end.
 EMSCRIPTEN_KEEPALIVE const char* legend() {
   client::TextRows rows;
-  for (const client::ResolutionStep& step : client::kResolutionLegend) {
+  for (const lod::draw::ResolutionStep& step : lod::draw::kResolutionLegend) {
     rows.add(static_cast<double>(step.up_to_px));
     for (const std::uint8_t channel : step.color) rows.add(static_cast<int>(channel));
     rows.end();
@@ -388,12 +393,18 @@ EMSCRIPTEN_KEEPALIVE void openStatic(const char* place, const char* name, const 
 
 /// 1 when something came.
 EMSCRIPTEN_KEEPALIVE int pumpStatic(double now) {
-  return page.scene->pump(page.app->session(), now) ? 1 : 0;
+  client::StaticSource& source = page.scene->source();
+  bool came = source.pump(page.app->session(), now);
+  for (const client::AnsweredPick& pick : source.takePicks()) {
+    page.app->answerPick(pick.id, pick.answer);
+    came = true;
+  }
+  return came ? 1 : 0;
 }
 
 /// What cannot be shown though the rest goes on; mostly empty.
 EMSCRIPTEN_KEEPALIVE const char* staticProblem() {
-  return page.scene->problem().c_str();
+  return page.scene->source().problem().c_str();
 }
 
 }  // extern "C"

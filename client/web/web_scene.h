@@ -18,9 +18,7 @@ class WebScene {
  public:
   WebScene(const std::string& place, const std::string& name, const std::string& units, const std::string& patches,
            const std::string& index, const double (&numbers)[kSceneNumbers]);
-  bool pump(Session& session, double now) { return source_.pump(session, now); }
-  const std::string& problem() const { return source_.problem(); }
-  StaticStats stats() const { return source_.stats(); }
+  StaticSource& source() { return source_; }
 
  private:
   WebFetcher fetcher_;

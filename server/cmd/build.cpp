@@ -6,6 +6,8 @@
 // Any number of processes may work on one scene. What concerns the scene as a whole is done under its lock (SceneLock):
 // making or opening it with its hierarchy, and declaring it finished. Between the two each process renders its shards,
 // each under the lock of the shard's store; who finds that nothing is missing writes scene.json.
+#include <unistd.h>
+
 #include <algorithm>
 #include <array>
 #include <cstdio>
@@ -27,6 +29,7 @@
 #include "repository/verify.h"
 #include "server/bake/adaptive.h"
 #include "server/bake/bake.h"
+#include "server/bake/draw_processes.h"
 #include "server/bake/tune.h"
 #include "server/bake/viewer_use.h"
 #include "server/cmd/commands.h"
@@ -471,12 +474,21 @@ std::string imagesOf(const BuildArguments& a) {
   return a.output + "/images";
 }
 
+// This program, to draw in several processes.
+std::vector<std::string> drawCommand() {
+  std::error_code error;
+  const fs::path program = fs::read_symlink("/proc/self/exe", error);
+  if (error) return {};
+  return {program.string(), kDrawCommand};
+}
+
 // What is drawn, for all shards alike.
 BakeOptions bakeOptions(const BuildArguments& a, const base::Scene& scene) {
   BakeOptions options = a.bake;
   options.grid = gridFor(a, scene);
   options.subsampling = subsamplingOf(a.subsampling);
   options.threads = a.hierarchy.threads;
+  options.draw_command = drawCommand();
   return options;
 }
 
@@ -1102,6 +1114,10 @@ Result<BuildArguments> withRecordedOptions(const CLI::App& given, const BuildArg
 }
 
 }  // namespace
+
+Run addDraw(CLI::App&) {
+  return [] { return runDrawProcess(STDIN_FILENO); };
+}
 
 Run addBuild(CLI::App& command) {
   auto a = std::make_shared<BuildArguments>();

@@ -1,17 +1,15 @@
 #include "server/net/http_text.h"
 
 #include <algorithm>
-#include <charconv>
-#include <cmath>
 
 #include "base/hash/sha256.h"
+#include "base/number.h"
 
 namespace server {
 namespace {
 
 constexpr std::size_t kMostParameters = 32;
 constexpr std::size_t kTagBytes = 16;  // of the 32: more than chance can match
-constexpr std::size_t kLongestNumber = 64;
 constexpr std::string_view kSpace = " \t";
 
 std::string_view trimmed(std::string_view text) {
@@ -39,7 +37,7 @@ bool hasWeight(std::string_view parameters) {
   while (!parameters.empty()) {
     const std::string_view one = trimmed(takeUntil(parameters, ';'));
     if (one.size() < 2 || !sameIgnoringCase(one.substr(0, 2), "q=")) continue;
-    const auto weight = parseNumber(one.substr(2));
+    const auto weight = base::parseNumber(one.substr(2));
     return weight && *weight > 0.0;
   }
   return true;
@@ -118,15 +116,6 @@ base::Result<Query> parseQuery(std::string_view target) {
     if (!query.emplace(std::move(*name), std::move(*decoded)).second) return badQuery("a name stands there twice");
   }
   return query;
-}
-
-std::optional<double> parseNumber(std::string_view text) {
-  if (text.empty() || text.size() > kLongestNumber) return std::nullopt;
-  if (text.front() == '+') text.remove_prefix(1);
-  double value = 0.0;
-  const auto result = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (result.ec != std::errc() || result.ptr != text.data() + text.size() || !std::isfinite(value)) return std::nullopt;
-  return value;
 }
 
 }  // namespace server

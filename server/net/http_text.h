@@ -26,7 +26,4 @@ std::string entityTag(base::ByteView bytes);
 using Query = std::map<std::string, std::string, std::less<>>;
 base::Result<Query> parseQuery(std::string_view target);
 
-/// A finite decimal number that is all of the text; at most 64 characters.
-std::optional<double> parseNumber(std::string_view text);
-
 }  // namespace server

@@ -92,9 +92,18 @@ base::Result<std::unique_ptr<repository::PackStore>> openPacks(const std::string
   return repository::PackStore::open(std::move(*source), index);
 }
 
+base::Result<base::Bytes> readSceneJson(const repository::ObjectSource& source) {
+  constexpr std::uint64_t kMostJsonBytes = std::uint64_t{16} << 20;
+  auto size = source.size("scene.json");
+  if (!size) return size.error();
+  if (*size > kMostJsonBytes)
+    return base::Error{base::ErrorCode::kInvalidInput,
+                       source.place() + "/scene.json: of " + std::to_string(*size) + " bytes, which no scene's is"};
+  return source.read("scene.json", 0, *size);
+}
+
 namespace {
 
-constexpr std::uint64_t kMostJsonBytes = std::uint64_t{16} << 20;
 constexpr unsigned kRemoteReads = 8;  // under way at a time for the images of one view
 
 // Everything but the images.
@@ -112,15 +121,6 @@ base::Result<std::unique_ptr<OpenScene>> openHierarchy(base::Scene scene, base::
   open->data.patches = &open->patches;
   describe(place, *open);
   return open;
-}
-
-base::Result<base::Bytes> readRoot(const repository::ObjectSource& source) {
-  auto size = source.size("scene.json");
-  if (!size) return size.error();
-  if (*size > kMostJsonBytes)
-    return base::Error{base::ErrorCode::kInvalidInput,
-                       source.place() + "/scene.json: of " + std::to_string(*size) + " bytes, which no scene's is"};
-  return source.read("scene.json", 0, *size);
 }
 
 base::Result<std::string> cacheDirectory(const RemoteOptions& options, const std::string& place) {
@@ -146,6 +146,7 @@ base::Result<void> openRemoteImages(std::shared_ptr<const repository::ObjectSour
   repository::PackStore* opened = packs->get();
   LUMIGRID_TRY(takeImages(std::move(*packs), place, open));
   open.packs = opened;
+  open.data.images_are_far = true;
   return {};
 }
 
@@ -158,8 +159,8 @@ void readRemoteAnnotations(const repository::ObjectSource& source, const RemoteO
   };
   auto bytes = read();
   if (!bytes && bytes.error().code == base::ErrorCode::kNotFound) return;
-  const auto notes = bytes ? base::checkAnnotations(*bytes, source.place() + "/" + base::kAnnotationsFile)
-                           : base::Result<std::size_t>(bytes.error());
+  const auto notes = bytes ? base::parseAnnotations(*bytes, source.place() + "/" + base::kAnnotationsFile)
+                           : base::Result<std::vector<base::Annotation>>(bytes.error());
   if (notes)
     open.annotations_json.assign(bytes->begin(), bytes->end());
   else if (options.warn)
@@ -173,7 +174,7 @@ base::Result<std::unique_ptr<OpenScene>> openRemoteScene(const std::string& plac
   auto opened = repository::openObjectSource(place);
   if (!opened) return opened.error();
   const std::shared_ptr<const repository::ObjectSource> source = std::move(*opened);
-  auto json_bytes = readRoot(*source);
+  auto json_bytes = readSceneJson(*source);
   if (!json_bytes) return json_bytes.error();
   auto scene = base::parseScene(std::string(json_bytes->begin(), json_bytes->end()), place + "/scene.json");
   if (!scene) return scene.error();
@@ -209,6 +210,11 @@ base::Result<std::unique_ptr<OpenScene>> openScene(const std::string& place, con
   if (!scene) return scene.error();
   auto json_bytes = base::readFile(place + "/scene.json");
   if (!json_bytes) return json_bytes.error();
+  if (base::partFile(*scene, "qsplat", ".lgq") && !base::partFile(*scene, "patch", ".lgp"))
+    return base::Error{base::ErrorCode::kUnsupported,
+                       place +
+                           ": holds a tree of splats alone, which only `lumigrid render --method qsplat` draws; for "
+                           "all else build patches too (--methods patch,qsplat), which needs a mesh"};
   const std::string patch_path = base::patchPath(place, *scene);
   auto open = openHierarchy(std::move(*scene), std::move(*json_bytes), patch_path, place);
   if (!open) return open;

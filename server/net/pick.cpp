@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "base/number.h"
 #include "protocol/message.h"
 
 namespace server {
@@ -27,7 +28,7 @@ base::Result<lod::patch::Ray> parsePickRequest(const Query& query) {
   for (std::size_t i = 0; i < kNames.size(); ++i) {
     const auto it = query.find(kNames[i]);
     if (it == query.end()) return wrong(std::string(kNames[i]) + " is missing; ox, oy, oz, dx, dy, dz are needed");
-    const auto value = parseNumber(it->second);
+    const auto value = base::parseNumber(it->second);
     if (!value || std::abs(*value) > protocol::kMaxCoordinate)
       return wrong(std::string(kNames[i]) + " must be a number within 1e12");
     values[i] = *value;

@@ -5,11 +5,11 @@
 #include <cmath>
 #include <cstdio>
 #include <glm/gtc/constants.hpp>
-#include <glm/gtc/matrix_transform.hpp>
 #include <string>
 #include <utility>
 #include <variant>
 
+#include "base/number.h"
 #include "base/png/png_rows.h"
 #include "protocol/message.h"
 #include "repository/jpeg_rows.h"
@@ -18,12 +18,12 @@
 namespace server {
 namespace {
 
-constexpr float kTolerancePx = 0.25F;  // as exact frames: the full resolution, as far as a pixel can tell
 constexpr int kMaxSide = 32'768;       // what SceneRenderer draws
 constexpr int kFullColorQuality = 90;  // from here on a JPEG's colours are not halved
 constexpr Rgb kWhite{255, 255, 255};   // what has no alpha stands before this
 constexpr double kLeastFovDegrees = 0.05, kMostFovDegrees = 179.9;
-constexpr double kLeastSine = 1e-6;  // of the angle between up and direction
+constexpr double kFinerThanAny = 0.2, kMostTolerance = 1000.0;  // pixels
+constexpr double kLeastSine = 1e-6;                             // of the angle between up and direction
 
 base::Error wrong(const std::string& what) {
   return {base::ErrorCode::kInvalidInput, "/render: " + what + " (docs/formats/http.md)"};
@@ -50,9 +50,9 @@ std::optional<glm::dvec3> parseVector(const std::string& text) {
   const std::size_t second = first == std::string::npos ? first : text.find(',', first + 1);
   if (second == std::string::npos) return std::nullopt;
   const std::string_view view(text);
-  const auto x = parseNumber(view.substr(0, first));
-  const auto y = parseNumber(view.substr(first + 1, second - first - 1));
-  const auto z = parseNumber(view.substr(second + 1));
+  const auto x = base::parseNumber(view.substr(0, first));
+  const auto y = base::parseNumber(view.substr(first + 1, second - first - 1));
+  const auto z = base::parseNumber(view.substr(second + 1));
   if (!x || !y || !z) return std::nullopt;
   const glm::dvec3 vector(*x, *y, *z);
   for (int i = 0; i < 3; ++i)
@@ -73,7 +73,7 @@ base::Result<bool> readVector(Values& values, const std::string& name, glm::dvec
 base::Result<void> readNumber(Values& values, const std::string& name, double above, double most, double& to) {
   const auto text = values.take(name);
   if (!text) return {};
-  const auto number = parseNumber(*text);
+  const auto number = base::parseNumber(*text);
   if (!number || !(*number > above) || *number > most) {
     std::array<char, 80> limits{};
     std::snprintf(limits.data(), limits.size(), " must be a number above %g and at most %g", above, most);
@@ -86,7 +86,7 @@ base::Result<void> readNumber(Values& values, const std::string& name, double ab
 base::Result<void> readInteger(Values& values, const std::string& name, int least, int most, int& to) {
   const auto text = values.take(name);
   if (!text) return {};
-  const auto number = parseNumber(*text);
+  const auto number = base::parseNumber(*text);
   if (!number || *number < least || *number > most || *number != std::floor(*number))
     return wrong(name + " must be a whole number from " + std::to_string(least) + " to " + std::to_string(most));
   to = static_cast<int>(*number);
@@ -128,7 +128,7 @@ base::Result<void> readFov(Values& values, base::ViewCamera& camera) {
     return {};
   }
   if (values.take("fov_y_degrees")) return wrong("fov_y (radians) and fov_y_degrees say the same; give one of them");
-  const auto number = parseNumber(*radians);
+  const auto number = base::parseNumber(*radians);
   if (!number || !(*number > glm::radians(kLeastFovDegrees)) || *number > glm::radians(kMostFovDegrees))
     return wrong("fov_y must be an angle in radians above 0.0009 and at most 3.139");
   camera.fov_y = *number;
@@ -172,27 +172,44 @@ base::Result<void> readBackground(Values& values, PictureRequest& request) {
   return {};
 }
 
-// ---- Drawing
-
-/// A parallel projection whose picture is `height` world units high. All of the scene that lies on the lines of sight
-/// is in it, also what lies behind the camera's position, as in the viewer.
-base::Camera parallelCamera(const base::Camera& perspective, double height, const glm::vec3& center, float radius) {
-  base::Camera camera = perspective;
-  const double half_height = 0.5 * height;
-  const double half_width = half_height * camera.width / camera.height;
-  const double depth = -static_cast<double>((camera.eye_from_scene * glm::vec4(center, 1.0F)).z);
-  const double reach = std::max(1.01 * static_cast<double>(radius), 1e-30);
-  camera.clip_from_eye =
-      glm::mat4(glm::ortho(-half_width, half_width, -half_height, half_height, depth - reach, depth + reach));
-  return camera;
+/// "x,120.5,b": axis, offset, and whether what lies below or above it is kept, as in a permalink.
+std::optional<base::SectionPlane> parseSection(std::string_view text) {
+  if (text.size() < 5 || text[1] != ',' || text[text.size() - 2] != ',') return std::nullopt;
+  const int axis = text.front() - 'x';
+  const char kept = text.back();
+  const double offset = base::parseNumber(text.substr(2, text.size() - 4)).value_or(std::nan(""));
+  if (axis < 0 || axis > 2 || (kept != 'a' && kept != 'b')) return std::nullopt;
+  if (!(std::abs(offset) <= protocol::kMaxCoordinate)) return std::nullopt;
+  const double side = kept == 'b' ? 1.0 : -1.0;
+  base::SectionPlane plane;
+  plane.normal = glm::dvec3(0.0);
+  plane.normal[axis] = side;
+  plane.offset = side * offset;
+  return plane;
 }
 
+base::Result<void> readSection(Values& values, PictureRequest& request) {
+  const auto text = values.take("section");
+  if (!text) return {};
+  request.section = parseSection(*text);
+  if (!request.section) return wrong("section must be an axis, an offset within 1e12, and a or b: x,120.5,b");
+  return {};
+}
+
+base::Result<void> readColors(Values& values, PictureRequest& request) {
+  const std::string colors = values.take("colors").value_or("scene");
+  if (colors != "scene" && colors != "resolution") return wrong("colors must be scene or resolution");
+  request.resolution_colors = colors == "resolution";
+  double tolerance = static_cast<double>(request.tolerance_px);
+  LUMIGRID_TRY(readNumber(values, "tolerance", kFinerThanAny, kMostTolerance, tolerance));
+  request.tolerance_px = static_cast<float>(tolerance);
+  return {};
+}
+
+// ---- Drawing
+
 base::Camera sceneCamera(const PictureRequest& request, const base::Scene& scene, const SceneRenderer& renderer) {
-  const glm::vec3 eye(request.camera.position - scene.origin);
-  const base::DepthRange depth = base::depthRangeFor(eye, renderer.sceneCenter(), renderer.sceneRadius());
-  const base::Camera camera = base::cameraFromView(request.camera, scene.origin, depth.near_plane, depth.far_plane);
-  if (request.ortho_height == 0.0) return camera;
-  return parallelCamera(camera, request.ortho_height, renderer.sceneCenter(), renderer.sceneRadius());
+  return base::cameraForScene(request.camera, scene.origin, {renderer.sceneCenter(), renderer.sceneRadius()});
 }
 
 using Rows = std::variant<std::unique_ptr<base::PngRows>, std::unique_ptr<repository::JpegRows>>;
@@ -222,15 +239,17 @@ base::Result<PictureRequest> parsePictureRequest(const Query& query, std::uint64
   PictureRequest request;
   LUMIGRID_TRY(readCamera(values, request.camera));
   LUMIGRID_TRY(readFov(values, request.camera));
-  LUMIGRID_TRY(readNumber(values, "ortho_height", 0.0, protocol::kMaxCoordinate, request.ortho_height));
+  LUMIGRID_TRY(readNumber(values, "ortho_height", 0.0, protocol::kMaxCoordinate, request.camera.ortho_height));
   LUMIGRID_TRY(readSize(values, max_pixels, request.camera));
   LUMIGRID_TRY(readFormat(values, request));
   LUMIGRID_TRY(readInteger(values, "supersampling", 1, 4, request.supersampling));
   LUMIGRID_TRY(readBackground(values, request));
+  LUMIGRID_TRY(readSection(values, request));
+  LUMIGRID_TRY(readColors(values, request));
   if (!values.left().empty())
     return wrong(
         "a name is none of position, direction, target, up, fov_y, fov_y_degrees, ortho_height, width, height, "
-        "format, quality, supersampling, background");
+        "format, quality, supersampling, background, section, colors, tolerance");
   return request;
 }
 
@@ -255,7 +274,9 @@ base::Result<std::unique_ptr<PicturePainter>> PicturePainter::begin(const Pictur
   State& state = *painter->state_;
   state.request = request;
   state.camera = sceneCamera(request, scene, renderer);
-  state.options.tolerance_px = kTolerancePx;
+  state.options.tolerance_px = request.tolerance_px;
+  state.options.modes.resolution_colors = request.resolution_colors;
+  if (request.section) state.options.modes.section = base::sectionInScene(*request.section, scene.origin);
   state.options.supersampling = request.supersampling;
   const std::uint64_t rows = band_pixels / static_cast<std::uint64_t>(request.camera.width);
   state.band_height =

@@ -17,11 +17,14 @@ namespace server {
 struct PictureRequest {
   enum class Format { kPng, kJpeg };
   base::ViewCamera camera;
-  double ortho_height = 0.0;  ///< of a parallel projection, world units; 0: perspective
   Format format = Format::kPng;
   int quality = 90;               ///< of a JPEG, 1..100
   int supersampling = 2;          ///< n × n samples a pixel, 1..4
   std::optional<Rgb> background;  ///< none: transparent
+  float tolerance_px = 0.25F;  ///< projected errors of the patches; as exact frames: the full resolution, as far as a
+                               ///< pixel can tell
+  std::optional<base::SectionPlane> section;
+  bool resolution_colors = false;  ///< tinted by the patches' projected errors
 };
 
 const char* contentTypeOf(PictureRequest::Format format);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <unordered_map>
 #include <utility>
 
 #include "lod/draw/triangles.h"
@@ -65,15 +66,53 @@ void main() {
 }
 )";
 
+// With what a viewer may lay over it: apart, since few pictures have any of it.
+constexpr const char* kModesVertex = R"(
+uniform mat4 u_clip_from_scene;
+uniform vec4 u_eye;
+layout(location = 0) in vec3 position;
+layout(location = 1) in vec3 normal;
+layout(location = 2) in vec4 color;
+out vec3 v_position;
+out vec3 v_normal;
+out vec3 v_to_eye;
+out vec3 v_color;
+void main() {
+  v_position = position;
+  v_normal = normal;
+  v_to_eye = u_eye.xyz - u_eye.w * position;
+  v_color = color.rgb;
+  gl_Position = u_clip_from_scene * vec4(position, 1.0);
+}
+)";
+
+constexpr const char* kModesFragment = R"(
+uniform float u_patch_error;           // pixels
+in vec3 v_position;
+in vec3 v_normal;
+in vec3 v_to_eye;
+in vec3 v_color;
+layout(location = 0) out vec4 out_color;
+void main() {
+  if (isCutAway(v_position)) discard;
+  vec3 color = shadeSurface(v_color, v_normal, v_to_eye);
+  if (u_show_resolution) color = tinted(color, u_patch_error);
+  out_color = vec4(u_cut_open && !gl_FrontFacing ? u_section_color : color, 1.0);
+}
+)";
+
+base::Result<base::gl::Program> linkModes(const base::Light& light) {
+  auto program = base::gl::Program::link("surface with modes", kModesVertex,
+                                         lod::draw::shadingSource() + lod::draw::viewModesSource() + kModesFragment);
+  if (program) lod::draw::setShading(*program, {light.mode == base::LightMode::kUnlit, light.direction});
+  return program;
+}
+
 base::Result<base::gl::Program> linkSurface(const base::Light& light) {
   if (light.mode == base::LightMode::kUnlit) return base::gl::Program::link("unlit", kUnlitVertex, kUnlitFragment);
   auto lit = base::gl::Program::link("surface", kSurfaceVertex, lod::draw::shadingSource() + kSurfaceFragment);
   if (lit) lod::draw::setShading(*lit, {false, light.direction});
   return lit;
-}
-
-bool isPerspective(const base::Camera& camera) {
-  return camera.clip_from_eye[2][3] != 0.0F;
 }
 
 /// Distance of the near plane, read from a perspective matrix: m22 = (f + n) / (n − f), m32 = 2 f n / (n − f).
@@ -92,18 +131,14 @@ base::Result<void> check(const base::Camera& camera, const RenderOptions& option
 }
 
 /// The patches to draw for a camera at the tolerance (Okamoto 2011, section 4.2).
-std::vector<std::uint32_t> cutFor(const lod::patch::Hierarchy& hierarchy, const base::Camera& camera,
-                                  const RenderOptions& options, bool cull) {
-  if (!isPerspective(camera)) {
-    // Every point of a parallel view has the same scale: one world error for all.
-    return lod::patch::selectUniformCut(hierarchy, options.tolerance_px / camera.pixelsPerUnitAtOne()).patches;
-  }
+lod::patch::Cut cutFor(const lod::patch::Hierarchy& hierarchy, const base::Camera& camera, const RenderOptions& options,
+                       bool cull) {
   lod::patch::CutRequest request;
   request.camera = camera;
-  request.near_plane = nearPlaneOf(camera);
+  if (!camera.orthographic()) request.near_plane = nearPlaneOf(camera);
   request.tolerance_px = options.tolerance_px;
   request.cull = cull;
-  return lod::patch::selectCut(hierarchy, request).patches;
+  return lod::patch::selectCut(hierarchy, request);
 }
 
 }  // namespace
@@ -117,7 +152,9 @@ struct SceneRenderer::State {
 
   base::Result<void> drawPicture(const base::Camera& camera, std::span<const std::uint32_t> cut,
                                  const RenderOptions& options, std::function<void(Rendered)> take);
-  base::Result<void> drawTile(const base::Camera& camera, std::span<const std::uint32_t> visible);
+  base::Result<void> drawTile(const base::Camera& camera, std::span<const std::uint32_t> visible,
+                              const lod::draw::ViewModes& modes);
+  base::Result<void> drawTinted(std::span<const std::uint32_t> visible);
   base::Result<void> prepareTarget(int width, int height, int supersampling);
   base::Result<void> orDrop(base::Result<void> result);
   std::vector<std::uint32_t> visibleFrom(const base::Camera& camera, std::span<const std::uint32_t> cut) const;
@@ -128,6 +165,8 @@ struct SceneRenderer::State {
   base::Aabb box;
   bool lit = false;  ///< the surface program shades by normals
   base::gl::Program surface;
+  base::gl::Program with_modes;
+  std::unordered_map<std::uint32_t, float> errors_px;  ///< of the patches of a tinted picture
   ResolvePass resolve;
   SampleTarget target;
   PatchCache cache;
@@ -177,7 +216,8 @@ base::Result<void> SceneRenderer::State::prepareTarget(int width, int height, in
   return {};
 }
 
-base::Result<void> SceneRenderer::State::drawTile(const base::Camera& camera, std::span<const std::uint32_t> visible) {
+base::Result<void> SceneRenderer::State::drawTile(const base::Camera& camera, std::span<const std::uint32_t> visible,
+                                                  const lod::draw::ViewModes& modes) {
   target.begin();
   glEnable(GL_DEPTH_TEST);
   glDepthFunc(GL_LESS);
@@ -187,12 +227,25 @@ base::Result<void> SceneRenderer::State::drawTile(const base::Camera& camera, st
   glDisable(GL_SCISSOR_TEST);
   glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
 
-  surface.use();
+  const base::gl::Program& program = modes.any() ? with_modes : surface;
+  program.use();
+  if (modes.any()) lod::draw::setViewModes(program, modes, camera);
   const glm::mat4 clip_from_scene = camera.clipFromScene();
-  glUniformMatrix4fv(surface.uniform("u_clip_from_scene"), 1, GL_FALSE, &clip_from_scene[0][0]);
+  glUniformMatrix4fv(program.uniform("u_clip_from_scene"), 1, GL_FALSE, &clip_from_scene[0][0]);
   const glm::vec4 eye = camera.homogeneousEye();
-  if (lit) glUniform4f(surface.uniform("u_eye"), eye.x, eye.y, eye.z, eye.w);
-  return cache.draw(visible);
+  if (lit || modes.any()) glUniform4f(program.uniform("u_eye"), eye.x, eye.y, eye.z, eye.w);
+  return modes.resolution_colors ? drawTinted(visible) : cache.draw(visible);
+}
+
+/// One by one, each with its error.
+base::Result<void> SceneRenderer::State::drawTinted(std::span<const std::uint32_t> visible) {
+  const GLint error = with_modes.uniform("u_patch_error");
+  for (const std::uint32_t& patch : visible) {
+    const auto found = errors_px.find(patch);
+    glUniform1f(error, found != errors_px.end() ? found->second : 0.0F);
+    LUMIGRID_TRY(cache.draw({&patch, 1}));
+  }
+  return {};
 }
 
 base::Result<void> SceneRenderer::State::drawPicture(const base::Camera& camera, std::span<const std::uint32_t> cut,
@@ -225,7 +278,7 @@ base::Result<void> SceneRenderer::State::drawPicture(const base::Camera& camera,
       LUMIGRID_TRY(readback.skip(picture));
       continue;
     }
-    LUMIGRID_TRY(drawTile(tile_camera, in_tile));
+    LUMIGRID_TRY(drawTile(tile_camera, in_tile, options.modes));
     LUMIGRID_TRY(readback.read(picture, {tile.x + part.x, tile.y + part.y, part.width, part.height},
                                target.resolve(resolve, part), part.x, target.height() - part.y - part.height));
   }
@@ -247,12 +300,15 @@ base::Result<std::unique_ptr<SceneRenderer>> SceneRenderer::create(const base::S
   renderer->state_ = std::make_unique<State>(patches, gpu_budget_bytes);
   auto surface = linkSurface(scene.light);
   if (!surface) return surface.error();
+  auto with_modes = linkModes(scene.light);
+  if (!with_modes) return with_modes.error();
   auto resolve = ResolvePass::create();
   if (!resolve) return resolve.error();
 
   State& state = *renderer->state_;
   state.lit = scene.light.mode != base::LightMode::kUnlit;
   state.surface = std::move(*surface);
+  state.with_modes = std::move(*with_modes);
   state.resolve = std::move(*resolve);
   return renderer;
 }
@@ -265,7 +321,12 @@ base::Result<void> SceneRenderer::State::orDrop(base::Result<void> result) {
 base::Result<Rendered> SceneRenderer::render(const base::Camera& camera, const RenderOptions& options) {
   LUMIGRID_TRY(check(camera, options));
   LUMIGRID_TRY(finish());
-  std::vector<std::uint32_t> cut = cutFor(state_->hierarchy, camera, options, true);
+  lod::patch::Cut chosen = cutFor(state_->hierarchy, camera, options, true);
+  state_->errors_px.clear();
+  if (options.modes.resolution_colors)
+    for (std::size_t i = 0; i < chosen.patches.size(); ++i)
+      state_->errors_px.emplace(chosen.patches[i], chosen.patch_error_px[i]);
+  std::vector<std::uint32_t> cut = std::move(chosen.patches);
   state_->sortFrontToBack(cut, camera.eye);
   Rendered result;
   LUMIGRID_TRY(state_->orDrop(
@@ -286,7 +347,7 @@ base::Result<void> SceneRenderer::renderMany(const std::vector<base::Camera>& ca
   const auto finest = std::max_element(
       cameras.begin(), cameras.end(),
       [](const base::Camera& a, const base::Camera& b) { return a.pixelsPerUnitAtOne() < b.pixelsPerUnitAtOne(); });
-  std::vector<std::uint32_t> cut = cutFor(state_->hierarchy, *finest, options, false);
+  std::vector<std::uint32_t> cut = cutFor(state_->hierarchy, *finest, options, false).patches;
   state_->sortFrontToBack(cut, cameras[0].eye);
   for (std::size_t i = 0; i < cameras.size(); ++i)
     LUMIGRID_TRY(state_->orDrop(

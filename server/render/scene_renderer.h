@@ -9,6 +9,7 @@
 #include "base/error.h"
 #include "base/image.h"
 #include "base/json/scene_file.h"
+#include "lod/draw/view_modes.h"
 #include "lod/patch/format.h"
 #include "lod/patch/traverse.h"
 
@@ -20,6 +21,7 @@ struct RenderOptions {
   /// Largest render target in samples (8 bytes each); a picture that needs more is drawn in tiles. Default:
   /// 4096 × 4096.
   std::uint64_t max_target_samples = std::uint64_t{1} << 24;
+  lod::draw::ViewModes modes = {};  ///< of render() alone; tints say the patches' projected errors
 };
 
 struct Rendered {

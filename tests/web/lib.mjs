@@ -30,13 +30,16 @@ export function run(program, args) {
   return execFileSync(join(bin, program), args, { encoding: "utf8", stdio: ["ignore", "pipe", "pipe"] });
 }
 
-/// A scene of a generated mesh, built once per test program.
+/// A generated mesh and a scene of it, each made once per test program.
+export function sampleMesh({ shape = "statue", triangles = 60000 } = {}) {
+  const mesh = join(folder, `${shape}-${triangles}.ply`);
+  if (!existsSync(mesh)) run("lumigrid", ["sample", "--shape", shape, "--triangles", String(triangles), "-o", mesh]);
+  return mesh;
+}
 export function sampleScene({ shape = "statue", triangles = 60000, grid = 3, face = 256 } = {}) {
   const scene = join(folder, `${shape}-${triangles}-${grid}.scene`);
   if (existsSync(scene)) return scene;
-  const mesh = join(folder, `${shape}-${triangles}.ply`);
-  run("lumigrid", ["sample", "--shape", shape, "--triangles", String(triangles), "-o", mesh]);
-  run("lumigrid", ["build", mesh, "-o", scene, "--grid", String(grid), "--face", String(face)]);
+  run("lumigrid", ["build", sampleMesh({ shape, triangles }), "-o", scene, "--grid", String(grid), "--face", String(face)]);
   return scene;
 }
 
@@ -117,6 +120,21 @@ export async function nginx(root, lines = "") {
   const server = { url, stop: () => stop(child), requests };
   atEnd(server.stop);
   return server;
+}
+
+/// Ranges of requests() as [name, first, last].
+export const ranges = (requests) => requests.filter(({ range }) => range).map(({ uri, range }) => [uri, ...range.match(/\d+/g).map(Number)]);
+
+/// Bytes that were asked for more than once.
+export function repeated(requests) {
+  let twice = 0;
+  const seen = new Map();
+  for (const [uri, first, last] of ranges(requests)) {
+    const had = seen.get(uri) ?? [];
+    for (const [from, to] of had) twice += Math.max(0, Math.min(to, last) - Math.max(from, first) + 1);
+    seen.set(uri, [...had, [first, last]]);
+  }
+  return twice;
 }
 
 /// A link in front of a server: towards the page at most `bytesPerSecond`, each byte `latency` seconds late (so once per round trip). {url}

@@ -3,7 +3,8 @@ import assert from "node:assert/strict";
 import { cpSync, existsSync, readdirSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
-import { camera, canvasPicture, cleanUp, difference, figures, folder, launch, nginx, open, overlay, run, sampleScene, serve, settled, site, still, until } from "./lib.mjs";
+import { camera, canvasPicture, cleanUp, difference, figures, folder, launch, nginx, open, overlay, ranges, repeated, run, sampleMesh, sampleScene, serve, settled, site, still, until } from "./lib.mjs";
+import { meet, rayOf, readMesh } from "./mesh.mjs";
 
 const kCors = 'add_header Access-Control-Allow-Origin *; add_header Access-Control-Expose-Headers "Content-Range, ETag";';
 let scene, published, browser;
@@ -15,21 +16,6 @@ before(async () => {
   browser = await launch();
 });
 after(cleanUp);
-
-/// Ranges as [name, first, last].
-const ranges = (requests) => requests.filter(({ range }) => range).map(({ uri, range }) => [uri, ...range.match(/\d+/g).map(Number)]);
-
-/// Bytes that were asked for more than once.
-function repeated(requests) {
-  let twice = 0;
-  const seen = new Map();
-  for (const [uri, first, last] of ranges(requests)) {
-    const had = seen.get(uri) ?? [];
-    for (const [from, to] of had) twice += Math.max(0, Math.min(to, last) - Math.max(from, first) + 1);
-    seen.set(uri, [...had, [first, last]]);
-  }
-  return twice;
-}
 
 async function drag(page, dx, dy) {
   await page.mouse.move(320, 180);
@@ -70,6 +56,36 @@ test("the page beside the scene shows it as our server does, and asks for nothin
   // More images are here than in the fresh page; the shape is the same.
   assert.ok(apart.covered > 0.05 && apart.mean < 4, `the pictures differ by ${apart.mean} levels`);
   await ours.close();
+  await page.close();
+});
+
+test("measuring reads the full-resolution patches around the rays, with no server of ours", async () => {
+  const host = await nginx(published);
+  const page = await open(browser, host.url);
+  await settled(page);
+  await page.waitForTimeout(500);
+  const view = await still(page);
+  host.requests();
+  await page.locator("#view").focus();
+  await page.keyboard.press("m");
+  const clicks = [[310, 150], [335, 215]];
+  for (const [x, y] of clicks) await page.mouse.click(x, y);
+  const values = async () => (await overlay(page)).filter((row) => row[0] === "label" && row[1] === "2" && row[6] === "0");
+  await until(async () => (await values()).length === 1, "an exact distance");
+  const [, measured, accuracy] = (await values())[0][8].match(/^([\d.]+) .* \u00b1 ([\d.e-]+)/).map(Number);
+
+  // The scan itself, every triangle of it: another way to the same points.
+  const mesh = readMesh(sampleMesh());
+  const [a, b] = clicks.map(([x, y]) => meet(mesh, rayOf(view, x, y)));
+  const truth = Math.hypot(...a.map((value, i) => value - b[i]));
+  const step = 0.5 * Number(`1e-${(String(measured).split(".")[1] ?? "").length}`); // what the text rounds to
+  console.log(`measured ${measured} ± ${accuracy}, in the scan ${truth}`);
+  assert.ok(Math.abs(measured - truth) <= accuracy + step, `measured ${measured} ± ${accuracy}, in the scan ${truth}`);
+  assert.ok(accuracy < 1e-3 * truth, `± ${accuracy} of ${truth} is no full resolution`);
+  const requests = host.requests();
+  assert.ok(requests.some(({ uri, range }) => uri.endsWith(".lgp") && range), "no patch was read");
+  assert.ok(requests.every(({ method, uri }) => method === "GET" && /\.lg[a-z]$/.test(uri)), JSON.stringify(requests));
+  await page.keyboard.press("Escape");
   await page.close();
 });
 

@@ -4,6 +4,7 @@ import { writeFileSync } from "node:fs";
 import { readFileSync } from "node:fs";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
+import { PNG } from "pngjs";
 import { camera, canvasPicture, cleanUp, difference, figures, launch, open, overlay, sampleScene, serve, settled, still as stillCamera, until } from "./lib.mjs";
 
 let scene, server, browser, page;
@@ -305,8 +306,39 @@ test("P saves a picture from the server at any size, and what is on the screen",
   }
 });
 
+test("the server's picture is what the client shows: cut, tinted, orthographic", async () => {
+  // The client's own picture of patches, as the server draws it with as many samples and the same tolerance.
+  const patches = await open(browser, server.url);
+  await settled(patches);
+  const plain = await patches.evaluate(() => window.lumigrid.permalink());
+  await patches.evaluate((link) => window.lumigrid.open(link), `${plain}&m=patches`);
+  const all = { c: "Colours", x: "Section", o: "Orthographic" };
+  for (const keys of ["", "c", "x", "o", "cxo"]) {
+    for (const key of keys) await patches.keyboard.press(key);
+    await stillCamera(patches);
+    await settled(patches);
+    await patches.waitForTimeout(500);
+    await patches.keyboard.press("p");
+    const asked = patches.waitForRequest(/\/render\?/);
+    const download = patches.waitForEvent("download", { timeout: 60000 });
+    await patches.locator('#picture-form button[type="submit"]').click();
+    const url = new URL((await asked).url());
+    await download;
+    for (const [key, name] of [["c", "colors"], ["x", "section"], ["o", "ortho_height"]]) assert.equal(url.searchParams.has(name), keys.includes(key), `${all[key]}: ${url}`);
+    url.searchParams.set("supersampling", "1");
+    url.searchParams.set("tolerance", "4");
+    const answer = await fetch(url);
+    assert.equal(answer.status, 200, url.href);
+    const apart = difference(PNG.sync.read(Buffer.from(await answer.arrayBuffer())), await canvasPicture(patches));
+    console.log(`${keys || "plain"}: mean ${apart.mean.toFixed(3)}, outliers ${(100 * apart.outliers).toFixed(3)} %`);
+    assert.ok(apart.covered > 0.05 && apart.mean < 1 && apart.outliers < 0.002, `${keys}: the pictures differ by ${apart.mean} levels, ${100 * apart.outliers} % by more than 8`);
+    for (const key of keys) for (let i = 0; i < (key === "x" ? 3 : 1); ++i) await patches.keyboard.press(key);
+  }
+  await patches.close();
+});
+
 test("settings are kept over a reload", async () => {
-  await page.locator("#tool-settings").click();
+  await press("g");
   await page.selectOption('#settings select[name="theme"]', { label: "dark" });
   await page.locator("#settings .close").click();
   assert.equal(await page.evaluate(() => document.documentElement.dataset.theme), "dark");

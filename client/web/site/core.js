@@ -1,14 +1,8 @@
 // The C++ client as JavaScript sees it: text rows taken apart, bytes copied in and out.
 import createViewer from "client_web.js";
+import { callsOf } from "./calls.js";
 import { makeDecoder } from "./decode.js";
 import { parametersOf } from "./static_scene.js";
-
-const utf8 = new TextEncoder();
-
-/// Rows of tab-parted fields (client/web/text_rows.h).
-export function rowsOf(text) {
-  return text === "" ? [] : text.slice(0, -1).split("\n").map((row) => row.split("\t"));
-}
 
 export async function loadCore(files) {
   let module;
@@ -34,28 +28,12 @@ export async function loadCore(files) {
     module.HEAPU8.set(bytes, at);
   }
 
-  /// Calls an exported function; strings among the arguments are handed over as UTF-8.
-  function call(name, ...args) {
-    const held = [];
-    const plain = args.map((arg) => {
-      if (typeof arg !== "string") return arg;
-      const bytes = utf8.encode(arg);
-      const at = module._malloc(bytes.length + 1);
-      module.HEAPU8.set(bytes, at);
-      module.HEAPU8[at + bytes.length] = 0;
-      held.push(at);
-      return at;
-    });
-    const result = module["_" + name](...plain);
-    for (const at of held) module._free(at);
-    return result;
-  }
-  const text = (name, ...args) => module.UTF8ToString(call(name, ...args));
+  const { call, text, rows } = callsOf(module);
 
   const core = {
     call,
     text,
-    rows: (name, ...args) => rowsOf(text(name, ...args)),
+    rows,
     fill,
     /// Calls `use` with the address of these numbers as doubles.
     withNumbers(numbers, use) {
@@ -68,7 +46,7 @@ export async function loadCore(files) {
     /// Set for a static scene.
     fetchRange: () => {},
     cancelRange: () => {},
-    figures: () => Object.fromEntries(rowsOf(text("figures")).map(([name, value]) => [name, Number(value)])),
+    figures: () => ({ ...Object.fromEntries(rows("figures").map(([name, value]) => [name, Number(value)])), wasmBytes: module.HEAPU8.length }),
     /// Set by the page: something arrived that may change the picture.
     changed: () => {},
     connected: () => call("connected"),

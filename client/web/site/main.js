@@ -17,9 +17,10 @@ const kStatisticsMilliseconds = 250;
 /// More device pixels than this per screen pixel cost time and show nothing.
 const kMostRatio = 2;
 
-const kCopyLink = 0, kLinkChanged = 1, kSavePicture = 2, kKeepBookmarks = 3, kKeepSettings = 4, kPick = 5;
+const kCopyLink = 0, kLinkChanged = 1, kSavePicture = 2, kKeepBookmarks = 3, kKeepSettings = 4, kShowSettings = 5, kPick = 6;
 
 // Set when the page is built (client/web/build_site.mjs).
+const checkScript = new URL(CHECK_SCRIPT, document.baseURI).href;
 const files = { viewerWasm: new URL(VIEWER_WASM, document.baseURI).href, decodeWasm: new URL(DECODE_WASM, document.baseURI).href, worker: new URL(DECODE_WORKER, document.baseURI).href };
 
 const canvas = document.getElementById("view");
@@ -79,7 +80,7 @@ const say = (text, error = true) => {
 function tellStaticProblem() {
   if (!pumpStatic) return;
   const problem = core.text("staticProblem");
-  if (problem && problem !== staticProblem) say(problem);
+  if (problem && problem !== staticProblem && !core.refused()) say(problem); // refused: it stands in the middle of the page
   staticProblem = problem;
 }
 
@@ -169,17 +170,12 @@ function carryOut() {
     const kind = Number(kindText);
     if (kind === kCopyLink) copyLink(text);
     else if (kind === kLinkChanged) keepLink(text);
-    else if (kind === kSavePicture) openPicture({ dialog: document.getElementById("picture"), canvas, camera: numbers.slice(6), plain: plainView(), server, draw, name: document.getElementById("name").textContent, say });
+    else if (kind === kSavePicture) openPicture({ dialog: document.getElementById("picture"), canvas, query: text, server, draw, name: document.getElementById("name").textContent, say });
     else if (kind === kKeepBookmarks) keepBookmarks();
     else if (kind === kKeepSettings) keepAndApply();
-    else if (kind === kPick) pick(Number(id), numbers.slice(0, 6).map(Number));
+    else if (kind === kShowSettings) showSettings(document.getElementById("settings"), core, () => schedule());
+    else if (kind === kPick) pick(Number(id), numbers.map(Number));
   }
-}
-
-/// Nothing is cut or tinted.
-function plainView() {
-  const [, , colours, , section] = core.rows("overlay").find((row) => row[0] === "view");
-  return colours !== "1" && section !== "1";
 }
 
 function keepAndApply() {
@@ -264,7 +260,7 @@ async function start() {
   const bare = (title, advice) => {
     early.querySelector("h2").textContent = title;
     early.querySelector("p").textContent = advice;
-    early.querySelector("button").onclick = () => location.reload();
+    early.querySelector(".again").onclick = () => location.reload();
     early.hidden = false;
   };
   if (typeof WebAssembly !== "object" || !("OffscreenCanvas" in window)) return bare("This browser is too old for the viewer", "It needs WebAssembly, WebGL2 and OffscreenCanvas: a Chrome, Edge or Firefox of the last years, or Safari from 16.4 on.");
@@ -274,6 +270,8 @@ async function start() {
     return bare("The viewer could not be loaded", `${error.message}. Check the connection and try again.`);
   }
   core.changed = schedule;
+  const scene = staticBase();
+  const checkHost = () => showHostCheck(scene);
   if (phone) core.text("initialSetting", "memory_megabytes", kPhoneMegabytes);
   restoreSettings(core);
   applyTheme();
@@ -285,16 +283,13 @@ async function start() {
       schedule();
     },
     retry: () => link?.retry(),
+    check: scene && checkHost,
   });
-  makeTools(
-    document.getElementById("tools"),
-    (key) => {
-      core.call("key", `Key${key.toUpperCase()}`, key, 1, 0, now());
-      core.call("key", `Key${key.toUpperCase()}`, key, 0, 0, now());
-      schedule();
-    },
-    () => showSettings(document.getElementById("settings"), core, () => schedule()),
-  );
+  makeTools(document.getElementById("tools"), (key) => {
+    core.call("key", `Key${key.toUpperCase()}`, key, 1, 0, now());
+    core.call("key", `Key${key.toUpperCase()}`, key, 0, 0, now());
+    schedule();
+  });
   watchContext();
   resize();
   watchPage();
@@ -302,9 +297,12 @@ async function start() {
   restoreBookmarks();
   openHash();
   canvas.focus({ preventScroll: true });
-  const scene = staticBase();
-  if (scene) await openStatic(scene);
-  else openServer();
+  if (!scene) return openServer();
+  const button = document.getElementById("settings-check");
+  button.hidden = false;
+  button.onclick = checkHost;
+  if (new URLSearchParams(location.search).has("check")) checkHost();
+  await openStatic(scene);
 }
 
 /// The folder of a published scene: named in the address (?scene=URL), or in the page that lies beside it; null with a server of ours.
@@ -316,6 +314,17 @@ function staticBase() {
   if (url.pathname.endsWith("/scene.json")) url.pathname = url.pathname.slice(0, -"scene.json".length);
   if (!url.pathname.endsWith("/")) url.pathname += "/";
   return url.href;
+}
+
+/// The list of what the scene's host sends: its program comes when it is asked for.
+async function showHostCheck(base) {
+  document.getElementById("settings").close();
+  try {
+    const { showCheck } = await import(checkScript);
+    await showCheck(document.getElementById("check"), base);
+  } catch (error) {
+    say(`the host cannot be checked: ${error.message}`);
+  }
 }
 
 async function openStatic(base) {

@@ -20,7 +20,8 @@ const kLabelClasses = ["pin", "point", "value", "handle"];
 const kStatus = { connecting: 0, loading: 1, ready: 2, lost: 3, refused: 4 };
 const kStatusText = ["Connecting …", "Loading …", "", "Connection lost", "Refused"];
 
-export function makeOverlay(core, { ratio, press, retry }) {
+/// `check()`: shows what the scene's host sends; null with a server of ours.
+export function makeOverlay(core, { ratio, press, retry, check }) {
   const annotations = [];
   let labelsShown = "";
   let closedByUs = false; // the help
@@ -91,9 +92,11 @@ export function makeOverlay(core, { ratio, press, retry }) {
     const box = byId("problem");
     box.querySelector("h2").textContent = title;
     box.querySelector("p").textContent = advice;
-    const button = box.querySelector("button");
+    const button = box.querySelector(".again");
     button.hidden = !again;
     button.onclick = again;
+    byId("problem-check").hidden = !check;
+    byId("problem-check").onclick = check;
     box.hidden = false;
   }
 

@@ -25,29 +25,20 @@ export function screenPicture(canvas, draw) {
   return new Promise((done, fail) => copy.toBlob((blob) => (blob ? done(blob) : fail(new Error("the browser made no picture"))), "image/png"));
 }
 
-/// `camera`: position, direction, up (world), fov_y, ortho_height, as takeRequests() gives them.
-export function renderQuery(camera, width, height) {
-  const [px, py, pz, dx, dy, dz, ux, uy, uz, fov, ortho] = camera;
-  const query = new URLSearchParams({ position: [px, py, pz].join(), direction: [dx, dy, dz].join(), up: [ux, uy, uz].join(), fov_y: fov, width, height });
-  if (Number(ortho) > 0) query.set("ortho_height", ortho);
-  return query.toString();
-}
-
-async function serverPicture(base, camera, width, height) {
-  const answer = await fetch(new URL(`render?${renderQuery(camera, width, height)}`, base));
+async function serverPicture(base, query, width, height) {
+  const answer = await fetch(new URL(`render?${query}&width=${width}&height=${height}`, base));
   if (!answer.ok) throw new Error((await answer.text()).trim() || `the server answered ${answer.status}`);
   return answer.blob();
 }
 
-/// Asks for the size, then saves. `server`: the URL beside which /render is, or null without a server. `plain`: nothing is cut or tinted, which the server
-/// does not know.
-export function openPicture({ dialog, canvas, camera, plain, server, draw, name, say }) {
+/// Asks for the size, then saves. `server`: the URL beside which /render is, or null without a server; `query`: what the client would ask it for.
+export function openPicture({ dialog, canvas, query, server, draw, name, say }) {
   const form = dialog.querySelector("#picture-form");
   const { width, height, source } = form.elements;
   width.value = canvas.width;
   height.value = canvas.height;
   source.options[0].disabled = server === null;
-  source.value = server === null || !plain ? "screen" : "server";
+  source.value = server === null ? "screen" : "server";
   const sizes = () => (width.disabled = height.disabled = source.value === "screen");
   source.onchange = sizes;
   sizes();
@@ -57,7 +48,7 @@ export function openPicture({ dialog, canvas, camera, plain, server, draw, name,
     const fromServer = source.value === "server";
     if (fromServer) say("the server renders the picture …", false);
     try {
-      const blob = fromServer ? await serverPicture(server, camera, Number(width.value), Number(height.value)) : await screenPicture(canvas, draw);
+      const blob = fromServer ? await serverPicture(server, query, Number(width.value), Number(height.value)) : await screenPicture(canvas, draw);
       saveBlob(blob, `${name || "lumigrid"}.png`);
       say(`picture saved as ${name || "lumigrid"}.png`, false);
     } catch (error) {

@@ -30,7 +30,8 @@ async function readJson(url) {
 
 const vector = (value) => (Array.isArray(value) && value.length === 3 && value.every(Number.isFinite) ? value : null);
 
-function partOf(parts, front, end) {
+/// The published part whose name begins and ends so; null when there is none.
+export function partOf(parts, front, end) {
   const part = parts.find(({ file }) => typeof file === "string" && file.startsWith(front) && file.endsWith(end));
   return part && /-[0-9a-f]{32}\./.test(part.file) && Number.isSafeInteger(part.bytes) && part.bytes > 0 ? part : null;
 }

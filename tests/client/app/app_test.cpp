@@ -462,7 +462,23 @@ TEST_F(AppTest, VAsksToCopyTheLinkAndPForAPicture) {
   const auto pictures = requests(RequestKind::kSavePicture);
   ASSERT_EQ(pictures.size(), 1U);
   EXPECT_EQ(pictures[0].camera.width, 800);
-  EXPECT_EQ(pictures[0].camera.position, position());
+  EXPECT_EQ(pictures[0].text.rfind("position=", 0), 0U);
+  for (const char* name : {"section", "colors", "ortho_height"})
+    EXPECT_EQ(pictures[0].text.find(name), std::string::npos) << pictures[0].text;
+
+  // With all that a viewer may lay over it.
+  for (const Key key : {Key::kX, Key::kC, Key::kO}) press(key);
+  press(Key::kP);
+  const auto more = requests(RequestKind::kSavePicture);
+  ASSERT_EQ(more.size(), 1U);
+  for (const char* name : {"&section=", "&colors=resolution&tolerance=4", "&ortho_height="})
+    EXPECT_NE(more[0].text.find(name), std::string::npos) << more[0].text;
+}
+
+TEST_F(AppTest, GAsksForTheSettings) {
+  welcome();
+  press(Key::kG);
+  EXPECT_EQ(requests(RequestKind::kShowSettings).size(), 1U);
 }
 
 TEST_F(AppTest, anotherSceneBeginsAnew) {

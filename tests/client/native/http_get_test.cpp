@@ -32,7 +32,7 @@ class CannedServer {
     knock.connect({asio::ip::address_v4::loopback(), port_}, ignored);
     thread_.join();
   }
-  ServerUrl url() const { return *parseServerUrl("http://127.0.0.1:" + std::to_string(port_) + "/"); }
+  std::string url() const { return "http://127.0.0.1:" + std::to_string(port_); }
 
  private:
   void serve() {

@@ -180,12 +180,12 @@ TEST_F(Lumigraph, ASectionShowsTheInsideOfWhatItCutsOpen) {
   addCube(kEye, 0);
   const base::Camera camera = lookAlong(kEye, glm::vec3(0.0F), 200, 200, 2.4F);
   const base::Image whole = draw(camera);
-  options_.section = {0.0F, -1.0F, 0.0F, 0.0F};  // the viewer's half goes
+  options_.modes.section = {0.0F, -1.0F, 0.0F, 0.0F};  // the viewer's half goes
   const base::Image open = draw(camera);
   EXPECT_EQ(coverageOverlap(whole, open), 1.0) << "a half ball has the ball's outline";
   for (const glm::ivec2 at : {glm::ivec2(100, 100), glm::ivec2(60, 100), glm::ivec2(100, 150)})
-    EXPECT_EQ(pixel(open, at.x, at.y), opaque(client::kSectionColor));
-  EXPECT_NE(pixel(whole, 100, 100), opaque(client::kSectionColor));
+    EXPECT_EQ(pixel(open, at.x, at.y), opaque(lod::draw::kSectionColor));
+  EXPECT_NE(pixel(whole, 100, 100), opaque(lod::draw::kSectionColor));
 }
 
 TEST_F(Lumigraph, ASectionLeavesTheOtherSideAsItWas) {
@@ -193,16 +193,16 @@ TEST_F(Lumigraph, ASectionLeavesTheOtherSideAsItWas) {
   addCube(kEye, 0);
   const base::Camera camera = lookAlong(kEye, glm::vec3(0.0F), 200, 200, 2.4F);
   const base::Image whole = draw(camera);
-  options_.section = {0.0F, 0.0F, 1.0F, 0.1F};  // above 0.1, which is row 100 − 0.1 × 200 / 2.4 = 91.7
+  options_.modes.section = {0.0F, 0.0F, 1.0F, 0.1F};  // above 0.1, which is row 100 − 0.1 × 200 / 2.4 = 91.7
   const base::Image cut = draw(camera);
   for (int x = 0; x < 200; x += 3) {
     EXPECT_EQ(pixel(cut, x, 89).w, 0) << x;
     EXPECT_EQ(pixel(cut, x, 95), pixel(whole, x, 95)) << x;
     EXPECT_EQ(pixel(cut, x, 160), pixel(whole, x, 160)) << x;
   }
-  options_.section = {0.0F, 0.0F, 1.0F, 5.0F};
+  options_.modes.section = {0.0F, 0.0F, 1.0F, 5.0F};
   EXPECT_EQ(draw(camera).pixels, whole.pixels) << "a plane beyond the model cuts nothing";
-  options_.section = {0.0F, 0.0F, 1.0F, -5.0F};
+  options_.modes.section = {0.0F, 0.0F, 1.0F, -5.0F};
   EXPECT_EQ(coverageOverlap(draw(camera), whole), 0.0) << "nothing is left";
 }
 
@@ -214,10 +214,10 @@ TEST_F(Lumigraph, WhatASectionUncoversIsSeenByNoImage) {
   addCube(kEye, 0);
   const base::Camera camera = lookAt(kEye, glm::vec3(0.0F), 200, 200, 50.0F);
   EXPECT_EQ(pixel(draw(camera), 100, 100), pixel(castRays(scene_, camera), 100, 100));
-  options_.section = {0.0F, -1.0F, 0.0F, 0.6F};
+  options_.modes.section = {0.0F, -1.0F, 0.0F, 0.6F};
   const base::Image cut = draw(camera);
   EXPECT_EQ(pixel(cut, 100, 100), glm::ivec4(255)) << "unlit white";
-  EXPECT_EQ(pixel(cut, 100, 130), opaque(client::kSectionColor)) << "the far wall, from within";
+  EXPECT_EQ(pixel(cut, 100, 130), opaque(lod::draw::kSectionColor)) << "the far wall, from within";
 }
 
 TEST_F(Lumigraph, ColoursByResolutionSayHowCoarseThePatchesAre) {
@@ -230,12 +230,12 @@ TEST_F(Lumigraph, ColoursByResolutionSayHowCoarseThePatchesAre) {
                              {}},
                             4, kWhite));
   errors_px_ = {0.5F, 3.0F, 20.0F};
-  options_.resolution_colors = true;
+  options_.modes.resolution_colors = true;
   const base::Camera camera = lookAlong(kEye, glm::vec3(0.0F), 240, 80, 0.8F);
   const base::Image image = draw(camera);
-  EXPECT_EQ(pixel(image, 50, 40), opaque(client::kResolutionLegend[0].color));
-  EXPECT_EQ(pixel(image, 120, 40), opaque(client::kResolutionLegend[2].color));
-  EXPECT_EQ(pixel(image, 190, 40), opaque(client::kResolutionLegend[4].color));
+  EXPECT_EQ(pixel(image, 50, 40), opaque(lod::draw::kResolutionLegend[0].color));
+  EXPECT_EQ(pixel(image, 120, 40), opaque(lod::draw::kResolutionLegend[2].color));
+  EXPECT_EQ(pixel(image, 190, 40), opaque(lod::draw::kResolutionLegend[4].color));
 }
 
 TEST_F(Lumigraph, ColoursByResolutionSayHowCoarseTheImagesAre) {
@@ -244,16 +244,16 @@ TEST_F(Lumigraph, ColoursByResolutionSayHowCoarseTheImagesAre) {
       {glm::vec3(0.0F), glm::vec3(1.0F, 0.0F, 0.0F), glm::vec3(0.0F, 0.0F, 1.0F), constant(glm::vec3(1.0F)), {}}};
   addPatch(rectanglePatch(scene_.rectangles[0], 8, kWhite));
   errors_px_ = {20.0F};
-  options_.resolution_colors = true;
+  options_.modes.resolution_colors = true;
   const base::Camera camera = lookAt(kEye, glm::vec3(0.0F), 160, 160, 30.0F);
   addImage(0, lookAt(kEye, glm::vec3(0.0F), 160, 160, 30.0F));
-  EXPECT_EQ(pixel(draw(camera), 80, 80), opaque(client::kResolutionLegend[0].color));
+  EXPECT_EQ(pixel(draw(camera), 80, 80), opaque(lod::draw::kResolutionLegend[0].color));
   renderer_->removeSample(0);
   addImage(1, lookAt(kEye, glm::vec3(0.0F), 16, 16, 30.0F));
-  EXPECT_EQ(pixel(draw(camera), 80, 80), opaque(client::kResolutionLegend[4].color));
+  EXPECT_EQ(pixel(draw(camera), 80, 80), opaque(lod::draw::kResolutionLegend[4].color));
   renderer_->removeSample(1);
   addImage(2, lookAt(kEye, glm::vec3(0.0F), 50, 50, 30.0F));
-  EXPECT_EQ(pixel(draw(camera), 80, 80), opaque(client::kResolutionLegend[2].color)) << "3.2 pixels";
+  EXPECT_EQ(pixel(draw(camera), 80, 80), opaque(lod::draw::kResolutionLegend[2].color)) << "3.2 pixels";
 }
 
 TEST_F(Lumigraph, ImagesCoarserThanTheProxyDoNotBlurIt) {

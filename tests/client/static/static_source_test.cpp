@@ -5,71 +5,29 @@
 
 #include <cmath>
 
+#include "plan/coarse_sight.h"
 #include "server/session/session.h"
-#include "tests/client/static/memory_host.h"
+#include "tests/client/static/static_viewer.h"
 
 namespace client {
 namespace {
 
 using repository::FaceKey;
 
-SessionOptions smallOptions() {
-  SessionOptions options;
-  options.patch_tolerance_px = 1.0F;
-  options.frames = false;
-  return options;
+/// What a client that reads by itself knows of what hides what.
+lod::patch::ProxySight coarseSightOf(const server::SceneData& data) {
+  const lod::patch::Hierarchy& hierarchy = data.patches->hierarchy();
+  auto sight = plan::coarseSight(hierarchy, plan::coarseGroups(hierarchy, plan::kCoarseBytes),
+                                 [&](std::uint32_t group) { return *data.patches->block(group); });
+  EXPECT_TRUE(sight && sight->triangleCount() > 0);
+  return std::move(*sight);
 }
 
-/// What a session was given between two looks.
-struct Got {
-  std::set<std::uint64_t> faces;
-  std::set<std::uint32_t> groups;
-
-  void add(const SessionEvents& events) {
-    for (const FaceKey& key : events.faces_added) faces.insert(key.code());
-    groups.insert(events.groups_added.begin(), events.groups_added.end());
-  }
-};
-
-/// A client of a published scene, on a clock of its own.
-struct Viewer {
-  explicit Viewer(const PublishedScene& published, const StaticOptions& options = {},
-                  const SessionOptions& session_options = smallOptions())
-      : host(published), session(session_options), source(published.scene, host, published.readParameters(), options) {}
-
-  bool pump(double seconds = 0.01) {
-    now += seconds;
-    const bool came = source.pump(session, now);
-    got.add(session.takeEvents());
-    return came;
-  }
-  /// Until the view is complete, or nothing happens for long.
-  bool complete(const base::ViewCamera& camera) {
-    session.setView(camera);
-    for (int i = 0; i < 5000; ++i) {
-      pump();
-      if (session.complete()) return true;
-      if (session.state() == SessionState::kRefused) return false;
-    }
-    return false;
-  }
-  /// Ahead of need too.
-  void rest() {
-    for (int i = 0; i < 1000 && (pump() || host.waiting() != 0); ++i) {
-    }
-  }
-
-  MemoryHost host;
-  Session session;
-  StaticSource source;
-  Got got;
-  double now = 0.0;
-};
-
-/// A client of our own server.
+/// A client of our own server, which knows no more of what hides what.
 struct ServedViewer {
-  explicit ServedViewer(const server::SceneData& data, const SessionOptions& options = smallOptions())
-      : server(data), session(options) {
+  explicit ServedViewer(const server::SceneData& scene, const SessionOptions& options = smallOptions())
+      : sight(coarseSightOf(scene)), data(scene), server(data), session(options) {
+    data.sight = &sight;
     session.connected();
   }
   Got complete(const base::ViewCamera& camera) {
@@ -85,6 +43,8 @@ struct ServedViewer {
     EXPECT_TRUE(session.complete());
     return got;
   }
+  const lod::patch::ProxySight sight;
+  server::SceneData data;
   server::Session server;
   Session session;
 };
@@ -107,19 +67,13 @@ void makeHoles(server::TestScene& scene) {
   }
 }
 
-StaticOptions pagedOptions() {
-  StaticOptions options;
-  options.eager_table_bytes = 0;
-  return options;
-}
-
 // ---- what comes ----
 
 TEST(StaticSource, everyViewGetsWhatAServerSends) {
   server::TestScene scene(16, 3'000);
   makeHoles(scene);
   const PublishedScene published(scene);
-  Viewer viewer(published);
+  StaticViewer viewer(published);
   ServedViewer served(scene.data);
   for (const base::ViewCamera& camera : pathOver(scene)) {
     const Got expected = served.complete(camera);
@@ -140,7 +94,7 @@ TEST(StaticSource, everyViewGetsWhatAServerSends) {
 TEST(StaticSource, pagesOfTheTablesLeadToTheSameGroups) {
   const server::TestScene scene(32, 1'000);
   const PublishedScene published(scene);
-  Viewer viewer(published, pagedOptions());
+  StaticViewer viewer(published, pagedOptions());
   ServedViewer served(scene.data);
   Got all, expected_all;
   for (const base::ViewCamera& camera : pathOver(scene)) {
@@ -159,7 +113,7 @@ TEST(StaticSource, pagesOfTheTablesLeadToTheSameGroups) {
 TEST(StaticSource, onlyThePagesThatAViewNeedsAreRead) {
   const server::TestScene scene(64, 1'000);
   const PublishedScene published(scene);
-  Viewer viewer(published, pagedOptions());
+  StaticViewer viewer(published, pagedOptions());
   protocol::View far = scene.view(1, {0.0, 0.0, 3.0});
   far.camera.width = 64;
   far.camera.height = 48;
@@ -176,7 +130,7 @@ TEST(StaticSource, theOrderOfArrivalMakesNoDifference) {
   std::vector<Got> expected;
   for (const base::ViewCamera& camera : pathOver(scene)) expected.push_back(served.complete(camera));
   for (unsigned seed = 1; seed <= 5; ++seed) {
-    Viewer viewer(published);
+    StaticViewer viewer(published);
     viewer.host.random.emplace(seed);
     viewer.host.answers_a_take = 1;
     std::size_t at = 0;
@@ -193,7 +147,7 @@ TEST(StaticSource, theOrderOfArrivalMakesNoDifference) {
 TEST(StaticSource, somethingIsDrawnAfterTwoRoundTripsAndFiftyKilobytes) {
   const server::TestScene scene(32);
   const PublishedScene published(scene);
-  Viewer viewer(published, pagedOptions());
+  StaticViewer viewer(published, pagedOptions());
   while (!viewer.session.hasGroup(0)) viewer.pump();
   EXPECT_LE(viewer.host.round_trips, 3U) << "both fronts; pages; the block, which a small file's front brings sooner";
   EXPECT_LE(viewer.host.bytes_sent, 50'000U + 16'384U) << "the index's front is for the images that follow";
@@ -203,7 +157,7 @@ TEST(StaticSource, noByteIsAskedForTwice) {
   server::TestScene scene(16, 3'000);
   makeHoles(scene);
   const PublishedScene published(scene, 37);
-  Viewer viewer(published);
+  StaticViewer viewer(published);
   const auto path = pathOver(scene);
   for (const base::ViewCamera& camera : path) {
     ASSERT_TRUE(viewer.complete(camera));
@@ -219,7 +173,7 @@ TEST(StaticSource, noByteIsAskedForTwice) {
 TEST(StaticSource, neighboursShareARequest) {
   const server::TestScene scene(16, 3'000);
   const PublishedScene published(scene, 1'000);
-  Viewer viewer(published);
+  StaticViewer viewer(published);
   ASSERT_TRUE(viewer.complete(pathOver(scene).front()));
   EXPECT_LT(viewer.host.requests.size(), viewer.got.faces.size() + viewer.got.groups.size());
 }
@@ -232,7 +186,7 @@ TEST(StaticSource, anAdaptiveRepositoryIsReadByItsTree) {
   for (auto it = scene.store.values.begin(); it != scene.store.values.end();)
     it = tree.hasPoint({it->first.x, it->first.y, it->first.z}) ? std::next(it) : scene.store.values.erase(it);
   const PublishedScene published(scene, 100, &tree);
-  Viewer viewer(published);
+  StaticViewer viewer(published);
   ServedViewer served(scene.data);
   for (const base::ViewCamera& camera : pathOver(scene)) {
     const Got expected = served.complete(camera);
@@ -247,7 +201,7 @@ TEST(StaticSource, aSceneWithoutImagesIsItsPatches) {
   const server::TestScene scene(16);
   PublishedScene published(scene);
   published.scene.index.reset();
-  Viewer viewer(published);
+  StaticViewer viewer(published);
   for (const base::ViewCamera& camera : pathOver(scene)) ASSERT_TRUE(viewer.complete(camera));
   EXPECT_TRUE(viewer.got.faces.empty());
   EXPECT_GT(viewer.got.groups.size(), 3U);
@@ -256,7 +210,7 @@ TEST(StaticSource, aSceneWithoutImagesIsItsPatches) {
 TEST(StaticSource, imagesCanBeSwitchedOffAndOn) {
   const server::TestScene scene(16, 3'000);
   const PublishedScene published(scene);
-  Viewer viewer(published);
+  StaticViewer viewer(published);
   const auto camera = pathOver(scene)[0];
   viewer.session.setView(camera);
   viewer.host.answers_a_take = 1;
@@ -278,7 +232,7 @@ TEST(StaticSource, aCacheSmallerThanAViewIsNotFilledForEver) {
   const PublishedScene published(scene);
   SessionOptions options = smallOptions();
   options.cache_bytes = 300'000;
-  Viewer viewer(published, {}, options);
+  StaticViewer viewer(published, {}, options);
   const auto path = pathOver(scene);
   ASSERT_TRUE(viewer.complete(path.front()));
   viewer.rest();
@@ -297,7 +251,7 @@ TEST(StaticSource, aCacheSmallerThanAViewIsNotFilledForEver) {
 TEST(StaticSource, theNewestViewWins) {
   const server::TestScene scene(16, 20'000);
   const PublishedScene published(scene);
-  Viewer viewer(published);
+  StaticViewer viewer(published);
   const auto path = pathOver(scene);
   ASSERT_TRUE(viewer.complete(path[0]));
   viewer.rest();
@@ -330,13 +284,13 @@ const Trouble kLastingTroubles[] = {
 TEST(StaticSource, lastingTroubleIsSaidInPlainWordsAtEveryStep) {
   const server::TestScene scene(16, 3'000);
   const PublishedScene published(scene);
-  Viewer whole(published);
+  StaticViewer whole(published);
   ASSERT_TRUE(whole.complete(pathOver(scene)[0]));
   const std::size_t requests = whole.host.requests.size();
   ASSERT_GT(requests, 5U);
   for (const Trouble& trouble : kLastingTroubles) {
     for (std::size_t step = 1; step <= requests; ++step) {
-      Viewer viewer(published);
+      StaticViewer viewer(published);
       std::size_t seen = 0;
       std::string met;
       viewer.host.trouble = [&](const HostRequest& request) -> std::optional<FetchOutcome> {
@@ -360,7 +314,7 @@ TEST(StaticSource, lastingTroubleIsSaidInPlainWordsAtEveryStep) {
 TEST(StaticSource, aLostPackIsMissedAndTheRestGoesOn) {
   const server::TestScene scene(16, 3'000);
   const PublishedScene published(scene, 50);
-  Viewer viewer(published);
+  StaticViewer viewer(published);
   ServedViewer served(scene.data);
   const auto camera = pathOver(scene)[0];
   const Got expected = served.complete(camera);
@@ -384,7 +338,7 @@ TEST(StaticSource, aLostPackIsMissedAndTheRestGoesOn) {
 TEST(StaticSource, aHostThatComesBackIsNoticed) {
   const server::TestScene scene(16, 3'000);
   const PublishedScene published(scene);
-  Viewer viewer(published);
+  StaticViewer viewer(published);
   const auto path = pathOver(scene);
   bool away = true;
   viewer.host.trouble = [&](const HostRequest&) -> std::optional<FetchOutcome> {
@@ -416,7 +370,7 @@ TEST(StaticSource, oneFailedRequestIsNoNews) {
   const PublishedScene published(scene);
   for (const FetchOutcome outcome : {FetchOutcome::kNetwork, FetchOutcome::kServer}) {
     for (std::size_t step = 1; step < 12; ++step) {
-      Viewer viewer(published);
+      StaticViewer viewer(published);
       std::size_t seen = 0;
       viewer.host.trouble = [&](const HostRequest&) -> std::optional<FetchOutcome> {
         return ++seen == step ? std::optional(outcome) : std::nullopt;
@@ -441,7 +395,7 @@ TEST(StaticSource, flippedBytesAreNoticedAndNamed) {
     const std::size_t at =
         random() % (round % 2 == 0 ? std::min<std::size_t>(it->second.size(), 40'000) : it->second.size());
     it->second[at] ^= static_cast<std::uint8_t>(1U << (random() % 8));
-    Viewer viewer(published);
+    StaticViewer viewer(published);
     for (const base::ViewCamera& camera : pathOver(scene)) {
       const bool done = viewer.complete(camera);
       if (!done) {
@@ -461,14 +415,14 @@ TEST(StaticSource, aDamagedFaceOrIndexBlockCostsItsImagesOnly) {
   for (auto& [name, bytes] : published.objects) {
     if (name == published.indexName()) bytes[16'384 + 100] ^= 1;
   }
-  Viewer viewer(published);
+  StaticViewer viewer(published);
   ASSERT_TRUE(viewer.complete(pathOver(scene)[0]));
   EXPECT_NE(viewer.source.problem().find("block 0"), std::string::npos) << viewer.source.problem();
   EXPECT_GT(viewer.source.stats().broken, 0U);
 
   PublishedScene other(scene);
   for (const std::string& name : other.packNames()) other.objects[name][64 + 1'000] ^= 1;
-  Viewer second(other);
+  StaticViewer second(other);
   for (const base::ViewCamera& camera : pathOver(scene)) ASSERT_TRUE(second.complete(camera));
   EXPECT_GT(second.got.faces.size(), 10U);
 }
@@ -478,7 +432,7 @@ TEST(StaticSource, tablesWithAnotherChecksumAreRefused) {
   PublishedScene published(scene);
   base::Bytes& file = published.objects[published.scene.patches.name];
   file[96 + 56 + 20] ^= 1;  // an attribute error: any number is one
-  Viewer viewer(published);
+  StaticViewer viewer(published);
   EXPECT_FALSE(viewer.complete(pathOver(scene)[0]));
   EXPECT_NE(viewer.session.problem().find("checksum"), std::string::npos) << viewer.session.problem();
 }
@@ -488,7 +442,7 @@ TEST(StaticSource, whatSceneJsonSaysIsChecked) {
   const auto refused = [&](const std::function<void(PublishedScene&)>& change, const std::string& words) {
     PublishedScene published(scene);
     change(published);
-    Viewer viewer(published);
+    StaticViewer viewer(published);
     EXPECT_FALSE(viewer.complete(pathOver(scene)[0]));
     EXPECT_NE(viewer.session.problem().find(words), std::string::npos) << viewer.session.problem();
   };

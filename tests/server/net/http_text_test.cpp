@@ -48,15 +48,6 @@ TEST(HttpText, queriesThatAreNoneAreErrors) {
   EXPECT_FALSE(parseQuery(many));
 }
 
-TEST(HttpText, numbersAreFiniteAndWhole) {
-  EXPECT_EQ(parseNumber("-1.25e2"), -125.0);
-  EXPECT_EQ(parseNumber("+3"), 3.0);
-  for (const char* bad :
-       {"", "+", "--1", "+-1x", "nan", "inf", "-infinity", "1e999", "0x10", "1 ", " 1", "1,5", "1.2.3"})
-    EXPECT_FALSE(parseNumber(bad)) << bad;
-  EXPECT_FALSE(parseNumber(std::string(65, '1')));
-}
-
 TEST(PageNames, hashedNamesAreToldFromOthers) {
   EXPECT_TRUE(isHashedName("lumigrid-1f0c2a9b.js"));
   EXPECT_TRUE(isHashedName("lumigrid.0123456789abcdef.wasm"));

@@ -27,7 +27,7 @@ TEST(PictureRequest, defaultsAreThoseOfTheDocument) {
   EXPECT_DOUBLE_EQ(request->camera.fov_y, std::acos(-1.0) / 4.0);
   EXPECT_EQ(request->format, PictureRequest::Format::kPng);
   EXPECT_EQ(request->supersampling, 2);
-  EXPECT_EQ(request->ortho_height, 0.0);
+  EXPECT_EQ(request->camera.ortho_height, 0.0);
   EXPECT_FALSE(request->background);
 }
 
@@ -38,7 +38,7 @@ TEST(PictureRequest, everyValueIsTaken) {
   ASSERT_TRUE(request) << request.error().message;
   EXPECT_EQ(request->camera.position.x, 500000.001);
   EXPECT_EQ(request->camera.direction, glm::dvec3(0.0, 0.0, 1.0));
-  EXPECT_EQ(request->ortho_height, 12.5);
+  EXPECT_EQ(request->camera.ortho_height, 12.5);
   EXPECT_EQ(request->format, PictureRequest::Format::kJpeg);
   EXPECT_EQ(request->quality, 75);
   EXPECT_EQ(request->supersampling, 4);
@@ -49,6 +49,16 @@ TEST(PictureRequest, theAngleMayBeInRadians) {
   EXPECT_DOUBLE_EQ(parse(kView + "&fov_y=1.25")->camera.fov_y, 1.25);
   for (const char* bad : {"&fov_y=0", "&fov_y=3.15", "&fov_y=nan", "&fov_y=1&fov_y_degrees=57"})
     EXPECT_FALSE(parse(kView + bad)) << bad;
+}
+
+TEST(PictureRequest, aSectionIsAPlaneThatCutsOneSideAway) {
+  const auto below = parse(kView + "&section=y,-120.5,b&colors=resolution&tolerance=4");
+  ASSERT_TRUE(below) << below.error().message;
+  EXPECT_EQ(below->section, (base::SectionPlane{{0.0, 1.0, 0.0}, -120.5}));
+  EXPECT_TRUE(below->resolution_colors);
+  EXPECT_EQ(below->tolerance_px, 4.0F);
+  EXPECT_EQ(parse(kView + "&section=z,4e6,a")->section, (base::SectionPlane{{0.0, 0.0, -1.0}, -4e6}));
+  EXPECT_FALSE(parse(kView)->section);
 }
 
 TEST(PictureRequest, aJpegStandsBeforeWhiteUnlessToldOtherwise) {
@@ -84,6 +94,16 @@ TEST(PictureRequest, whatIsWrongIsNamedInOneLine) {
       {kView + "&supersampling=5", "supersampling"},
       {kView + "&background=blue", "background"},
       {kView + "&background=12345", "background"},
+      {kView + "&section=", "section"},
+      {kView + "&section=x", "section"},
+      {kView + "&section=w,1,a", "section"},
+      {kView + "&section=x,1", "section"},
+      {kView + "&section=x,,b", "section"},
+      {kView + "&section=x,1e13,b", "section"},
+      {kView + "&section=x,1,c", "section"},
+      {kView + "&colors=rainbow", "colors"},
+      {kView + "&tolerance=0.1", "tolerance"},
+      {kView + "&tolerance=1001", "tolerance"},
       {kView + "&colour=1", "none of"},
   };
   for (const auto& [target, piece] : cases) {

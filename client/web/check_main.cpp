@@ -1,0 +1,51 @@
+// What a host's answers say (client/host_check.h), as a WebAssembly module of its own: it is fetched when somebody asks
+// for the list, or when a scene cannot be shown (client/web/site/check.js).
+#include <emscripten/emscripten.h>
+
+#include <string>
+
+#include "client/host_check.h"
+#include "client/web/text_rows.h"
+
+namespace {
+
+client::HostAnswers answers;
+std::string rows;
+
+}  // namespace
+
+extern "C" {
+
+/// Before the first takeAnswer(). `other_origin`: the scene's host is not the page's.
+EMSCRIPTEN_KEEPALIVE void beginCheck(int other_origin) {
+  answers = {};
+  answers.in_browser = true;
+  answers.other_origin = other_origin != 0;
+}
+
+/// `which`: 0 scene.json, 1 bytes 0-15, 2 bytes 16-31. Headers follow by takeHeader().
+EMSCRIPTEN_KEEPALIVE void takeAnswer(int which, int status, int there_without_cors, double bytes) {
+  client::HostAnswer& answer = which == 0 ? answers.scene : which == 1 ? answers.range : answers.again;
+  answer.status = status;
+  answer.there_without_cors = there_without_cors != 0;
+  answer.bytes = static_cast<std::uint64_t>(bytes);
+}
+
+/// `name` in lower case.
+EMSCRIPTEN_KEEPALIVE void takeHeader(int which, const char* name, const char* value) {
+  client::HostAnswer& answer = which == 0 ? answers.scene : which == 1 ? answers.range : answers.again;
+  answer.headers[name] = value;
+}
+
+/// Rows: grade (0 good, 1 could be better, 2 fails), its name, header, what, to do, line of nginx.
+EMSCRIPTEN_KEEPALIVE const char* findings() {
+  client::TextRows out;
+  for (const client::HostFinding& one : client::judgeHost(answers)) {
+    out.add(static_cast<int>(one.grade)).add(client::nameOf(one.grade)).add(one.header);
+    out.add(one.what).add(one.todo).add(one.nginx).end();
+  }
+  rows = out.take();
+  return rows.c_str();
+}
+
+}  // extern "C"
