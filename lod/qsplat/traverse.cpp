@@ -28,11 +28,12 @@ struct View {
   std::uint32_t sides = 0;                ///< planes that nodes are tested against
   glm::vec4 eye{0.0F};                    ///< homogeneous
   glm::vec4 depth{0.0F};                  ///< depth of p = dot(depth.xyz, p) + depth.w
+  glm::mat4 clip{1.0F};                   ///< from the scene
   float fineness = 0.0F;                  ///< a node is fine enough where radius · fineness <= depth
   bool cull_back_faces = false;
 
   explicit View(const TraverseRequest& request) {
-    const glm::mat4 clip = request.camera.clipFromScene();
+    clip = request.camera.clipFromScene();
     const base::Frustum frustum(clip);
     std::copy(frustum.planes.begin(), frustum.planes.end(), planes.begin());
     planes[kPlanes - 1] = glm::vec4(-glm::vec3(request.section), request.section.w);
@@ -148,7 +149,8 @@ class Walk {
     }
     for (std::uint32_t i = 0; i < group.nodes; ++i) {
       const Node node = readNode(group.bytes, i, layout_);
-      const bool inner = group.has_pointer && !node.isLeaf();
+      const bool inner = !node.isLeaf() && group.has_pointer;
+      found_.damaged |= !node.valid() || inner == node.isLeaf();
       const std::uint64_t child = inner ? places.next(layout_.childBytes(node)) : 0;
       consider(group, node, child);
     }
@@ -187,9 +189,9 @@ class Walk {
   }
 
   // With v from the eye to the centre and a the cone's half-angle: all of the surface in the sphere is turned away
-  // where n·v − R > |v| sin a, and all of it faces the eye where −n·v − R > |v| sin a. (The exact bound for a direction
-  // at angle t from the axis is |v| cos(t − a), and cos t + sin a is no less where it is used, at −cos t >= sin a.)
-  // What faces the eye wholly has children that need not be asked.
+  // where n·v − R > |v| sin a, and all of it faces the eye where −n·v − R > |v| sin a. (A direction at an angle of at
+  // most a from n makes at least |v| cos(t + a) with v, t being n's angle; that is no less than |v| (cos t − sin a)
+  // where cos t >= sin a, and elsewhere the test fails.) What faces the eye wholly has children that need not be asked.
   bool facesAway(const base::Sphere& sphere, const Node& node, bool& may_face_away) const {
     const glm::vec3 v = view_.eye.w * sphere.center - glm::vec3(view_.eye);
     const float along = glm::dot(normals_[node.normalCode()], v);
@@ -226,11 +228,13 @@ class Walk {
   }
 
   void want(std::uint64_t number, const base::Sphere& sphere, std::uint32_t level) {
-    Want want{number, level, sphere.radius, projectedDiameter(sphere.center, sphere.radius, camera_), {}};
-    const glm::vec4 clip = camera_.clipFromScene() * glm::vec4(sphere.center, 1.0F);
-    if (clip.w > 0.0F)
+    const glm::vec4 clip = view_.clip * glm::vec4(sphere.center, 1.0F);
+    Want want{number, level, sphere.radius, kInfinity, {}};
+    if (clip.w > 0.0F) {
+      want.size_px = 2.0F * sphere.radius * camera_.pixelsPerUnitAtOne() / clip.w;
       want.at_px = glm::vec2(0.5F * (1.0F + clip.x / clip.w) * static_cast<float>(camera_.width),
                              0.5F * (1.0F - clip.y / clip.w) * static_cast<float>(camera_.height));
+    }
     float priority = priority_(want);
     if (std::isnan(priority))
       priority = -kInfinity;  // of a file whose spheres are no places; it must not spoil the order
