@@ -11,8 +11,10 @@ namespace lod::qsplat {
 namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
-// Subtrees handed out: enough to keep many cores evenly busy, few enough that cutting them off costs nothing.
+// Subtrees to cut off, and pieces of them to hand out: enough to keep many cores evenly busy, few enough to cost
+// nothing.
 constexpr std::size_t kSubtrees = 512;
+constexpr std::size_t kPieces = 64;
 // Groups between two looks at how many nodes all threads together have met.
 constexpr std::uint32_t kGroupsPerLook = 1024;
 
@@ -270,13 +272,27 @@ Traversal recycled(Traversal& used) {
   return empty;
 }
 
-void append(Traversal& all, const Traversal& found) {
-  all.splats.insert(all.splats.end(), found.splats.begin(), found.splats.end());
-  all.wanted.insert(all.wanted.end(), found.wanted.begin(), found.wanted.end());
-  all.nodes += found.nodes;
-  all.outside += found.outside;
-  all.facing_away += found.facing_away;
-  all.damaged |= found.damaged;
+/// One part behind the other; splats in parallel, into memory of `result` that is not cleared first.
+void concatenate(const std::vector<Traversal>& parts, const ForEach& for_each, Traversal& result) {
+  std::vector<std::size_t> begins;
+  std::size_t splats = 0;
+  Traversal sums;
+  for (const Traversal& part : parts) {
+    begins.push_back(splats);
+    splats += part.splats.size();
+    sums.wanted.insert(sums.wanted.end(), part.wanted.begin(), part.wanted.end());
+    sums.nodes += part.nodes;
+    sums.outside += part.outside;
+    sums.facing_away += part.facing_away;
+    sums.damaged |= part.damaged;
+  }
+  sums.splats = std::move(result.splats);
+  sums.splats.resize(splats);
+  for_each(parts.size(), [&](std::size_t i) {
+    std::copy(parts[i].splats.begin(), parts[i].splats.end(),
+              sums.splats.begin() + static_cast<std::ptrdiff_t>(begins[i]));
+  });
+  result = std::move(sums);
 }
 
 // Each block once, the most urgent first.
@@ -316,23 +332,22 @@ void traverse(Blocks& blocks, const TraverseRequest& request, Traversal& result)
   budget.most = blocks.header().nodes;
 
   // What is found above the subtrees comes first, then theirs in their order, whoever walks them.
-  Walk top(blocks, request, priority, budget, recycled(result));
+  Walk top(blocks, request, priority, budget, request.for_each ? Traversal() : recycled(result));
   const std::vector<Group> subtrees = top.cutOff(top.begin());
   if (!request.for_each) {
     for (const Group& subtree : subtrees) top.walk(subtree);
     result = top.take();
   } else {
-    std::vector<Traversal> found(subtrees.size());
-    request.for_each(subtrees.size(), [&](std::size_t i) {
+    const std::size_t pieces = std::min(subtrees.size(), kPieces);
+    std::vector<Traversal> parts(1 + pieces);
+    parts[0] = top.take();
+    request.for_each(pieces, [&](std::size_t i) {
       Walk walk(blocks, request, priority, budget, {});
-      walk.walk(subtrees[i]);
-      found[i] = walk.take();
+      for (std::size_t s = i * subtrees.size() / pieces; s < (i + 1) * subtrees.size() / pieces; ++s)
+        walk.walk(subtrees[s]);
+      parts[1 + i] = walk.take();
     });
-    result = top.take();
-    std::size_t splats = result.splats.size();
-    for (const Traversal& part : found) splats += part.splats.size();
-    result.splats.reserve(splats);
-    for (const Traversal& part : found) append(result, part);
+    concatenate(parts, request.for_each, result);
   }
   settle(result.wanted);
 }
