@@ -123,7 +123,8 @@ base::Result<void> readFov(std::string_view value, ViewState& view) {
 
 base::Result<void> readMethod(std::string_view value, ViewState& view) {
   const auto method = lod::methodFromName(value);
-  if (!method || *method == lod::Method::kFull) return bad("m (method) must be lumigraph or patches");
+  if (!method || (*method != lod::Method::kLumigraph && *method != lod::Method::kPatches))
+    return bad("m (method) must be lumigraph or patches");
   view.method = *method;
   return {};
 }

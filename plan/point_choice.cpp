@@ -39,13 +39,6 @@ Ray rayThrough(const base::Camera& camera, float ndc_x, float ndc_y) {
   return {camera.eye, glm::normalize(glm::transpose(glm::mat3(camera.eye_from_scene)) * eye_direction)};
 }
 
-/// The middle of a tile of the picture, counted from the lower left one by rows: x and y from −1 to 1.
-std::pair<float, float> middleOf(int tile, int columns, int rows) {
-  const float x = (static_cast<float>(tile % columns) + 0.5F) / static_cast<float>(columns);
-  const float y = (static_cast<float>(tile / columns) + 0.5F) / static_cast<float>(rows);
-  return {2.0F * x - 1.0F, 2.0F * y - 1.0F};
-}
-
 /// Where the ray is inside the box, in front of its origin.
 std::optional<std::pair<float, float>> crossing(const Ray& ray, const base::Aabb& box) {
   float enter = 0.0F;
@@ -74,6 +67,23 @@ std::optional<float> meets(const Ray& ray, const lod::patch::Patch& patch) {
   const float margin = 0.05F * patch.bounds.radius;
   if (distance <= 0.0F || distance < enter - margin || distance > leave + margin) return std::nullopt;
   return distance;
+}
+
+using Met = lod::patch::ProxySight::Meeting;
+
+/// What `meet` says of one ray through the middle of each tile of the picture, from the lower left one on by rows.
+template <class Meet>
+std::vector<SurfaceSample> sampleTiles(const base::Camera& camera, int columns, int rows, const Meet& meet) {
+  std::vector<SurfaceSample> samples;
+  const float weight = 1.0F / static_cast<float>(columns * rows);
+  for (int tile = 0; tile < columns * rows; ++tile) {
+    const float x = (static_cast<float>(tile % columns) + 0.5F) / static_cast<float>(columns);
+    const float y = (static_cast<float>(tile / columns) + 0.5F) / static_cast<float>(rows);
+    const Ray ray = rayThrough(camera, 2.0F * x - 1.0F, 2.0F * y - 1.0F);
+    const std::optional<Met> met = meet(ray);
+    if (met) samples.push_back({ray.origin + met->distance * ray.direction, met->normal, weight});
+  }
+  return samples;
 }
 
 // ---- the worth of a set of points ----
@@ -153,6 +163,12 @@ std::vector<Taken> greedyOrder(Greedy& greedy, std::vector<std::size_t> items, s
     items.erase(items.begin() + static_cast<std::ptrdiff_t>(at));
   }
   return chosen;
+}
+
+std::vector<std::size_t> allOf(std::size_t count) {
+  std::vector<std::size_t> items(count);
+  std::iota(items.begin(), items.end(), std::size_t{0});
+  return items;
 }
 
 bool isOfUse(const std::vector<float>& uses) {
@@ -236,37 +252,24 @@ std::vector<glm::uvec3> pointsTowardsSurface(const PointQuery& query, const std:
 std::vector<SurfaceSample> sampleVisibleSurface(const lod::patch::Hierarchy& hierarchy,
                                                 std::span<const std::uint32_t> patches, const base::Camera& camera,
                                                 int columns, int rows) {
-  std::vector<SurfaceSample> samples;
-  const float weight = 1.0F / static_cast<float>(columns * rows);
-  for (int tile = 0; tile < columns * rows; ++tile) {
-    const auto [x, y] = middleOf(tile, columns, rows);
-    const Ray ray = rayThrough(camera, x, y);
-
+  return sampleTiles(camera, columns, rows, [&](const Ray& ray) -> std::optional<Met> {
     const lod::patch::Patch* nearest = nullptr;
     float nearest_distance = std::numeric_limits<float>::max();
     for (std::uint32_t index : patches) {
       const auto distance = meets(ray, hierarchy.patches[index]);
       if (distance && *distance < nearest_distance) nearest = &hierarchy.patches[index], nearest_distance = *distance;
     }
-    if (nearest == nullptr) continue;
+    if (nearest == nullptr) return std::nullopt;
     const bool narrow = nearest->cone.cos_angle >= kNarrowCone;
-    samples.push_back(
-        {ray.origin + nearest_distance * ray.direction, narrow ? nearest->cone.axis : glm::vec3(0.0F), weight});
-  }
-  return samples;
+    return Met{nearest_distance, narrow ? nearest->cone.axis : glm::vec3(0.0F)};
+  });
 }
 
 std::vector<SurfaceSample> sampleVisibleSurface(const lod::patch::ProxySight& sight, const base::Camera& camera,
                                                 int columns, int rows) {
-  std::vector<SurfaceSample> samples;
-  const float weight = 1.0F / static_cast<float>(columns * rows);
-  for (int tile = 0; tile < columns * rows; ++tile) {
-    const auto [x, y] = middleOf(tile, columns, rows);
-    const Ray ray = rayThrough(camera, x, y);
-    const auto met = sight.nearest(ray.origin, ray.direction, std::numeric_limits<float>::max());
-    if (met) samples.push_back({ray.origin + met->distance * ray.direction, met->normal, weight});
-  }
-  return samples;
+  return sampleTiles(camera, columns, rows, [&](const Ray& ray) {
+    return sight.nearest(ray.origin, ray.direction, std::numeric_limits<float>::max());
+  });
 }
 
 bool isInSight(const PointQuery& query, const glm::vec3& point, const SurfaceSample& sample) {
@@ -327,17 +330,14 @@ std::vector<ChosenPoint> choosePointsWithGains(const PointQuery& query, std::vec
       uses[c][s] = useOfPoint(query, query.grid.point(candidates[c].x, candidates[c].y, candidates[c].z), samples[s]);
 
   Greedy greedy(uses, samples, [&](std::size_t c) { dropHidden(query, candidates[c], samples, uses[c]); });
-  std::vector<std::size_t> all(candidates.size());
-  std::iota(all.begin(), all.end(), std::size_t{0});
   std::vector<ChosenPoint> chosen;
-  for (const Taken& taken : greedyOrder(greedy, std::move(all), query.max_points))
+  for (const Taken& taken : greedyOrder(greedy, allOf(candidates.size()), query.max_points))
     if (isOfUse(uses[taken.item])) chosen.push_back({candidates[taken.item], taken.gain});
   return chosen;
 }
 
 std::vector<repository::FaceKey> orderFaces(const PointQuery& query, std::span<const glm::uvec3> points,
-                                            std::vector<SurfaceSample> samples,
-                                            const std::function<bool(const repository::FaceKey&)>& present) {
+                                            std::vector<SurfaceSample> samples) {
   sortSamples(samples);
 
   // A face's uses are its point's, for the samples that lie in it.
@@ -364,18 +364,10 @@ std::vector<repository::FaceKey> orderFaces(const PointQuery& query, std::span<c
     }
   }
 
-  // Those that are there already count, but are not listed.
   Greedy greedy(uses, samples, [](std::size_t) {});
-  std::vector<std::size_t> missing;
-  for (std::size_t f = 0; f < faces.size(); ++f) {
-    if (present && present(faces[f])) {
-      greedy.take(f);
-    } else {
-      missing.push_back(f);
-    }
-  }
   std::vector<repository::FaceKey> ordered;
-  for (const Taken& taken : greedyOrder(greedy, missing, missing.size())) ordered.push_back(faces[taken.item]);
+  for (const Taken& taken : greedyOrder(greedy, allOf(faces.size()), faces.size()))
+    ordered.push_back(faces[taken.item]);
   return ordered;
 }
 

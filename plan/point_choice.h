@@ -89,9 +89,8 @@ struct ChosenPoint {
 std::vector<ChosenPoint> choosePointsWithGains(const PointQuery& query, std::vector<SurfaceSample> samples);
 
 /// The faces of these points that show at least one sample (use above 0), in the order in which each adds most to the
-/// sum above when the faces in `present` are there already. Faces of `present` are not listed.
+/// sum above.
 std::vector<repository::FaceKey> orderFaces(const PointQuery& query, std::span<const glm::uvec3> points,
-                                            std::vector<SurfaceSample> samples,
-                                            const std::function<bool(const repository::FaceKey&)>& present = nullptr);
+                                            std::vector<SurfaceSample> samples);
 
 }  // namespace plan

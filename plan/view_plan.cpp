@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <numeric>
-#include <tuple>
 #include <utility>
 
 #include "lod/patch/traverse.h"
@@ -41,17 +40,21 @@ bool wantsImages(const Scene& scene, const protocol::View& view) {
 }
 
 /// Sampling points and the faces of them that the view needs.
-std::pair<std::vector<glm::uvec3>, std::vector<repository::FaceKey>> chooseFaces(const Scene& scene,
-                                                                                 const protocol::View& view,
-                                                                                 const LocalView& local,
-                                                                                 const HasFace& present) {
+struct Choice {
+  std::vector<glm::uvec3> points;
+  std::vector<repository::FaceKey> faces;
+};
+
+Choice chooseFaces(const Scene& scene, const protocol::View& view, const LocalView& local) {
   const PointQuery query = queryFor(scene, view, local);
   const auto samples = scene.sight != nullptr
                            ? sampleVisibleSurface(*scene.sight, local.request.camera)
                            : sampleVisibleSurface(*scene.hierarchy, local.cut.patches, local.request.camera);
-  auto points = choosePoints(query, samples);
-  auto faces = orderFaces(query, points, samples, present);
-  return {std::move(points), std::move(faces)};
+  Choice choice;
+  choice.points = choosePoints(query, samples);
+  choice.faces = orderFaces(query, choice.points, samples);
+  choice.faces.resize(std::min(choice.faces.size(), std::max(kLeastFaces, kFacesPerPoint * query.max_points)));
+  return choice;
 }
 
 void planGroups(const Scene& scene, const LocalView& local, ViewPlan& plan) {
@@ -91,15 +94,16 @@ ViewPlan planView(const Scene& scene, const protocol::View& view, const HasFace&
   planGroups(scene, local, plan);
   if (!wantsImages(scene, view)) return plan;
 
-  std::vector<glm::uvec3> points;
-  std::tie(points, plan.faces) = chooseFaces(scene, view, local, present);
-  for (const glm::uvec3& p : points) {
+  Choice choice = chooseFaces(scene, view, local);
+  for (const glm::uvec3& p : choice.points) {
     for (std::uint32_t d = 0; d < 6; ++d) {
       const repository::FaceKey key{p.x, p.y, p.z, d};
-      const bool in_view = std::find(plan.faces.begin(), plan.faces.end(), key) != plan.faces.end();
+      const bool in_view = std::find(choice.faces.begin(), choice.faces.end(), key) != choice.faces.end();
       if (!in_view && !present(key)) plan.other_faces.push_back(key);
     }
   }
+  plan.faces = std::move(choice.faces);
+  std::erase_if(plan.faces, present);
   return plan;
 }
 
@@ -116,7 +120,9 @@ std::vector<repository::FaceKey> planMotion(const Scene& scene, const protocol::
   if (glm::length(direction) > 1e-6) next.camera.direction = glm::normalize(direction);
   if (glm::length(glm::cross(next.camera.direction, next.camera.up)) < 1e-6) return {};
 
-  return chooseFaces(scene, next, cutForView(scene, next), present).second;
+  std::vector<repository::FaceKey> faces = chooseFaces(scene, next, cutForView(scene, next)).faces;
+  std::erase_if(faces, present);
+  return faces;
 }
 
 std::vector<std::uint32_t> coarseGroups(const lod::patch::Hierarchy& hierarchy, std::uint64_t bytes) {

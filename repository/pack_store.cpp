@@ -8,6 +8,7 @@
 #include "base/hash/sha256.h"
 #include "base/parallel.h"
 #include "repository/face_value.h"
+#include "repository/in_order.h"
 
 namespace repository {
 namespace {
@@ -26,6 +27,17 @@ std::string nameOf(const FaceKey& key) {
 Error readOnly(const ObjectSource& source) {
   return {ErrorCode::kUnsupported,
           source.place() + ": published images cannot be changed; build a scene and publish it"};
+}
+
+// Pieces of an index that are read at once, and what is read ahead of its check.
+constexpr std::uint64_t kPieceBytes = std::uint64_t{4} << 20;
+constexpr std::uint64_t kAheadBytes = std::uint64_t{128} << 20;
+
+std::vector<FaceKey> keysOf(const PackTable& table) {
+  std::vector<FaceKey> keys;
+  for (const PackEntry& entry : table.entries)
+    if (const auto key = FaceKey::fromCode(entry.code)) keys.push_back(*key);
+  return keys;
 }
 
 bool isOf(const ObjectId& id, const base::Sha256Digest& digest) {
@@ -259,31 +271,49 @@ Result<void> PackStore::forEach(const Visit& visit) const {
 
 // --- Checking
 
+AheadLimits PackStore::aheadLimits() const {
+  return {options_.jobs, kAheadBytes};
+}
+
 // The index: its own hash, its counts, every block.
 void PackStore::checkIndex(const Fault& fault) const {
+  // In pieces of whole blocks behind what lies before the first, and the rows as the last.
+  struct Piece {
+    std::uint64_t offset, length;
+  };
+  std::vector<Piece> pieces{{0, root_.blocks_offset}};
+  const std::uint64_t blocks_at_once = std::max<std::uint64_t>(1, kPieceBytes / root_.block_bytes);
+  for (std::uint64_t number = 0; number < root_.blocks; number += blocks_at_once)
+    pieces.push_back({root_.blockOffset(number), std::min(blocks_at_once, root_.blocks - number) * root_.block_bytes});
+  pieces.push_back({root_.rowsOffset(), root_.packs * kPackRowBytes});
+
   base::Sha256 hash;
+  std::uint64_t number = 0;
   std::uint64_t keys = 0;
   std::uint64_t empty = 0;
-  const auto take = [&](std::uint64_t offset, std::uint64_t length) -> Result<Bytes> {
-    auto bytes = source_->read(index_, offset, length);
-    if (bytes) hash.add(*bytes);
-    return bytes;
-  };
-  if (auto front = take(0, root_.blocks_offset); !front) return fault(front.error().message);
   bool sound = true;
-  for (std::uint64_t number = 0; number < root_.blocks; ++number) {
-    auto bytes = take(root_.blockOffset(number), root_.block_bytes);
-    if (!bytes) return fault(bytes.error().message);
-    auto block = decodeIndexBlock(root_, number, *bytes);
-    if (block) {
-      keys += block->keys();
-      empty += block->emptyFlags();
-    } else {
-      fault(inIndex(block.error()).message);
-      sound = false;
+  bool whole = true;
+  const auto takePiece = [&](std::size_t i, const Result<Bytes>& bytes) {
+    if (!bytes) fault(bytes.error().message);
+    if (!bytes) return whole = false;
+    hash.add(*bytes);
+    if (i == 0 || i + 1 == pieces.size()) return true;
+    for (std::uint64_t at = 0; at < bytes->size(); at += root_.block_bytes) {
+      const auto block = decodeIndexBlock(root_, number++, ByteView(*bytes).subspan(at, root_.block_bytes));
+      if (block) {
+        keys += block->keys();
+        empty += block->emptyFlags();
+      } else {
+        fault(inIndex(block.error()).message);
+        sound = false;
+      }
     }
-  }
-  if (auto rows = take(root_.rowsOffset(), root_.packs * kPackRowBytes); !rows) return fault(rows.error().message);
+    return true;
+  };
+  inOrder(
+      pieces.size(), aheadLimits(), [&](std::size_t i) { return pieces[i].length; },
+      [&](std::size_t i) { return source_->read(index_, pieces[i].offset, pieces[i].length); }, takePiece);
+  if (!whole) return;
 
   const std::string name = source_->place() + "/" + index_;
   if (sound && (keys != root_.keys || empty != root_.empty))
@@ -299,6 +329,7 @@ void PackStore::checkIndex(const Fault& fault) const {
 void PackStore::comparePlaces(const PackRow& row, const PackTable& table, const Fault& fault) const {
   std::uint64_t differ = 0;
   FaceKey first;
+  loadBlocks(keysOf(table));
   for (std::size_t i = 0; i < table.entries.size(); ++i) {
     const auto key = FaceKey::fromCode(table.entries[i].code);
     if (!key) continue;
@@ -314,35 +345,44 @@ void PackStore::comparePlaces(const PackRow& row, const PackTable& table, const 
           std::to_string(differ) + " faces, the first is " + nameOf(first) + "; publish it again with --rewrite");
 }
 
+// A pack's hash, table and values. False when there is no use in going on.
+bool PackStore::checkPack(const PackRow& row, const FarPack& pack, const Fault& fault, const Visit& visit) const {
+  const std::string name = source_->place() + "/" + packName(row.id);
+  if (!pack.bytes) {
+    fault(pack.bytes.error().message);
+    if (pack.bytes.error().code != ErrorCode::kNetwork) return true;
+    fault(source_->place() + ": what comes after that was not looked at; try again later");
+    return false;
+  }
+  if (!pack.is_of_its_name) fault(name + ": its SHA-256 is not the one in its name; publish it again with --rewrite");
+  if (pack.size && *pack.size != row.bytes)
+    fault(name + ": has " + std::to_string(*pack.size) + " bytes, the index says " + std::to_string(row.bytes));
+  auto table = tableOf(row, *pack.bytes);
+  if (!table) {
+    fault(table.error().message);
+    return true;
+  }
+  comparePlaces(row, *table, fault);
+  auto visited = visitPack(*table, *pack.bytes, visit);
+  if (!visited) fault(visited.error().message);
+  return !visited || *visited;
+}
+
+// What checkPack needs from afar, and what takes time.
+PackStore::FarPack PackStore::fetchPack(const PackRow& row) const {
+  FarPack pack{source_->read(packName(row.id), 0, row.bytes), false, source_->size(packName(row.id))};
+  pack.is_of_its_name = pack.bytes && isOf(row.id, base::sha256(*pack.bytes));
+  return pack;
+}
+
 void PackStore::check(const Fault& fault, const Visit& visit) const {
   checkIndex(fault);
   auto rows = packs();
   if (!rows) return fault(rows.error().message);
-  bool more = true;
-  for (const PackRow& row : *rows) {
-    if (!more) return;
-    auto pack = source_->read(packName(row.id), 0, row.bytes);
-    if (!pack) {
-      fault(pack.error().message);
-      continue;
-    }
-    if (!isOf(row.id, base::sha256(*pack)))
-      fault(source_->place() + "/" + packName(row.id) +
-            ": its SHA-256 is not the one in its name; publish it again with --rewrite");
-    if (auto size = source_->size(packName(row.id)); size && *size != row.bytes)
-      fault(source_->place() + "/" + packName(row.id) + ": has " + std::to_string(*size) + " bytes, the index says " +
-            std::to_string(row.bytes));
-    auto table = tableOf(row, *pack);
-    if (!table) {
-      fault(table.error().message);
-      continue;
-    }
-    comparePlaces(row, *table, fault);
-    if (auto visited = visitPack(*table, *pack, visit); !visited)
-      fault(visited.error().message);
-    else
-      more = *visited;
-  }
+  inOrder(
+      rows->size(), aheadLimits(), [&](std::size_t i) { return (*rows)[i].bytes; },
+      [&](std::size_t i) { return fetchPack((*rows)[i]); },
+      [&](std::size_t i, const FarPack& pack) { return checkPack((*rows)[i], pack, fault, visit); });
 }
 
 }  // namespace repository

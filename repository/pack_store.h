@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "repository/cache.h"
+#include "repository/in_order.h"
 #include "repository/objects.h"
 #include "repository/pack_format.h"
 #include "repository/store.h"
@@ -20,7 +21,7 @@ struct PackStoreOptions {
   std::uint64_t gap_bytes = std::uint64_t{64} << 10;
   /// … of at most so many bytes.
   std::uint64_t range_bytes = std::uint64_t{8} << 20;
-  /// getMany: reads under way at a time, 1 or more. More pay where each takes a round trip.
+  /// getMany, check: reads under way at a time, 1 or more. More pay where each takes a round trip.
   unsigned jobs = 1;
 };
 
@@ -58,7 +59,8 @@ class PackStore final : public Store {
 
   /// Reads everything: the index's hash and every block; every pack's hash and table; whether both say the same.
   /// `fault` gets a line for each fault; `visit` every value that can be read, in order of keys, as it is, until it
-  /// returns false.
+  /// returns false; both on this thread. `jobs` packs are read at a time, as many as fit in 128 MB (one always does).
+  /// A place that cannot be reached any more (kNetwork) ends it, with a fault that says so.
   using Fault = std::function<void(std::string)>;
   using Visit = std::function<bool(const FaceKey&, base::ByteView)>;
   void check(const Fault& fault, const Visit& visit) const;
@@ -79,7 +81,16 @@ class PackStore final : public Store {
   void readRange(const Range& range, Values& out) const;
   base::Result<PackTable> tableOf(const PackRow& row, base::ByteView pack) const;
   base::Result<bool> visitPack(const PackTable& table, base::ByteView pack, const Visit& visit) const;
+  /// A whole pack from its place, its SHA-256 compared with its name.
+  struct FarPack {
+    base::Result<base::Bytes> bytes;
+    bool is_of_its_name = false;
+    base::Result<std::uint64_t> size;
+  };
+  AheadLimits aheadLimits() const;
   void checkIndex(const Fault& fault) const;
+  FarPack fetchPack(const PackRow& row) const;
+  bool checkPack(const PackRow& row, const FarPack& pack, const Fault& fault, const Visit& visit) const;
   void comparePlaces(const PackRow& row, const PackTable& table, const Fault& fault) const;
 
   std::shared_ptr<const ObjectSource> source_;

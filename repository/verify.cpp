@@ -133,14 +133,18 @@ base::Result<std::vector<std::string>> verifyShard(const Store& store, const Gri
   return atMost(verifier.finish());
 }
 
-std::vector<std::string> verify(const PackStore& packs, const Grid& grid, const SampleTree* tree, unsigned threads) {
+std::vector<std::string> verify(const PackStore& packs, const Grid& grid, const SampleTree* tree, unsigned threads,
+                                const std::function<bool(std::uint64_t values)>& progress) {
   Verifier verifier(grid, {0, 1}, tree, threads);
   std::vector<std::string> faults;
+  std::uint64_t values = 0;
   packs.check(
       [&](std::string fault) {
         if (faults.size() < kMostFaults) faults.push_back(std::move(fault));
       },
-      [&](const FaceKey& key, base::ByteView bytes) { return verifier.take(key, bytes); });
+      [&](const FaceKey& key, base::ByteView bytes) {
+        return verifier.take(key, bytes) && (++values % kPortion != 0 || !progress || progress(values));
+      });
   for (std::string& fault : verifier.finish()) faults.push_back(std::move(fault));
   return atMost(std::move(faults));
 }

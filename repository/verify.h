@@ -1,6 +1,7 @@
 #pragma once
 // Is a repository whole? And what does it hold? Used by `lumigrid verify` and `lumigrid info`.
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -24,9 +25,10 @@ base::Result<std::vector<std::string>> verify(const Store& store, const Grid& gr
                                               unsigned threads = 0);
 
 /// The same of a published repository, and all that PackStore::check finds: what is damaged or lost is a fault, and
-/// the rest is looked at.
+/// the rest is looked at. `progress` is told how many values were read, now and then, and returns false to stop.
 std::vector<std::string> verify(const PackStore& packs, const Grid& grid, const SampleTree* tree = nullptr,
-                                unsigned threads = 0);
+                                unsigned threads = 0,
+                                const std::function<bool(std::uint64_t values)>& progress = nullptr);
 
 /// The same for the store of one shard: only its points are expected, and keys of other shards are faults.
 base::Result<std::vector<std::string>> verifyShard(const Store& store, const Grid& grid, const Shard& shard,

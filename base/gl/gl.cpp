@@ -91,7 +91,7 @@ std::uint64_t* counterOf(detail::Kind kind) {
 }
 
 std::uint64_t bytesOf(GLenum format, int width, int height) {
-  const std::uint64_t pixel = format == GL_RGBA32UI ? 16 : 4;
+  const std::uint64_t pixel = format == GL_RGBA32UI ? 16 : format == GL_RGBA16F ? 8 : 4;
   return pixel * static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height);
 }
 

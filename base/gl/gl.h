@@ -103,7 +103,7 @@ using Query = Object<NameTraits<glGenQueries, glDeleteQueries, detail::Kind::kNo
 
 /// glBufferData with `bytes` of `data` (null: undefined contents).
 void allocate(Buffer& buffer, GLenum target, const void* data, std::size_t bytes, GLenum usage);
-/// glTexStorage2D and 3D; formats: RGBA8 and DEPTH_COMPONENT24 (4 bytes a pixel), RGBA32UI (16).
+/// glTexStorage2D and 3D; formats: RGBA8 and DEPTH_COMPONENT24 (4 bytes a pixel), RGBA16F (8), RGBA32UI (16).
 void allocate2D(Texture& texture, GLenum target, int levels, GLenum format, int width, int height);
 void allocate3D(Texture& texture, GLenum target, int levels, GLenum format, int width, int height, int layers);
 void allocate(Renderbuffer& renderbuffer, GLenum format, int width, int height);

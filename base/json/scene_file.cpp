@@ -221,6 +221,10 @@ std::string patchPath(const std::string& directory, const Scene& scene) {
   return directory + "/" + partFile(scene, "patch", ".lgp").value_or("patch.lgp");
 }
 
+std::string splatPath(const std::string& directory, const Scene& scene) {
+  return directory + "/" + partFile(scene, "qsplat", ".lgq").value_or("qsplat.lgq");
+}
+
 Result<std::string> sha256OfFile(const std::string& path) {
   // In pieces: a map of a file larger than memory would count as ours.
   const std::unique_ptr<std::FILE, decltype(&std::fclose)> file(std::fopen(path.c_str(), "rbe"), &std::fclose);

@@ -73,6 +73,8 @@ std::string formatScene(const Scene& scene);
 std::optional<std::string> partFile(const Scene& scene, const std::string& stem, const std::string& extension);
 /// Where the patch hierarchy lies: directory/patch.lgp, or what a published scene calls it.
 std::string patchPath(const std::string& directory, const Scene& scene);
+/// The same of the tree of splats, qsplat.lgq.
+std::string splatPath(const std::string& directory, const Scene& scene);
 /// "patch-<id>.lgp" of "patch.lgp", or of what has an id already. `sha256`: of its bytes, lower-case hex.
 std::string publishedName(const std::string& file, const std::string& sha256);
 /// Whether that is a name that publishedName gives: an id before the last dot.

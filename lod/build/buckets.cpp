@@ -452,16 +452,19 @@ void Buckets::addToBorders(std::span<const Corner> corners, const NumberedCorner
 
 base::Result<void> Buckets::sumBorders(unsigned threads) {
   border_.sums.assign(border_.codes.size(), {});
-  if (border_.codes.empty()) return {};
+  flips_.assign(count(), {});
   std::mutex mutex;
   base::Result<void> status;
   base::parallelFor(count(), threads, [&](std::size_t bucket) {
-    const auto corners = read(bucket);
+    auto corners = readAsGiven(bucket);
     if (!corners) {
       const std::lock_guard lock(mutex);
       status = corners.error();
       return;
     }
+    flips_[bucket] = measureFlips(bucket, *corners);
+    if (border_.codes.empty()) return;
+    flip(flips_[bucket], *corners);
     const NumberedCorners mesh(*corners);
     addToBorders(*corners, mesh, onBorder(mesh));
   });
@@ -496,12 +499,24 @@ base::Result<std::vector<Corner>> Buckets::readAsGiven(std::size_t bucket) const
 base::Result<std::vector<Corner>> Buckets::read(std::size_t bucket) const {
   auto corners = readAsGiven(bucket);
   if (!corners || !winding_.mayFlip(bucket)) return corners;
-  const BucketWinding measured =
-      measureWinding(*corners, [this](std::uint64_t code) { return border_.find(code) >= 0; });
-  for (std::size_t t = 0; t < measured.part.size(); ++t)
-    if (measured.part[t] != BucketWinding::kNoPart && winding_.flips(bucket, measured.part[t]))
-      std::swap((*corners)[3 * t + 1], (*corners)[3 * t + 2]);
+  flip(flips_.empty() ? measureFlips(bucket, *corners) : flips_[bucket], *corners);
   return corners;
+}
+
+std::vector<bool> Buckets::measureFlips(std::size_t bucket, std::span<const Corner> corners) const {
+  std::vector<bool> flips;
+  if (!winding_.mayFlip(bucket)) return flips;
+  const BucketWinding measured =
+      measureWinding(corners, [this](std::uint64_t code) { return border_.find(code) >= 0; });
+  flips.resize(measured.part.size());
+  for (std::size_t t = 0; t < flips.size(); ++t)
+    flips[t] = measured.part[t] != BucketWinding::kNoPart && winding_.flips(bucket, measured.part[t]);
+  return flips;
+}
+
+void Buckets::flip(const std::vector<bool>& flips, std::vector<Corner>& corners) {
+  for (std::size_t t = 0; t < flips.size(); ++t)
+    if (flips[t]) std::swap(corners[3 * t + 1], corners[3 * t + 2]);
 }
 
 base::Result<void> Buckets::windAlike(unsigned threads) {

@@ -125,6 +125,9 @@ class Buckets {
   std::size_t cornerBytes() const { return 8 + (has_colors_ ? 4U : 0U) + (has_normals_ ? 4U : 0U); }
   void unpack(base::ByteView bytes, std::vector<Corner>& corners) const;
   base::Result<std::vector<Corner>> readAsGiven(std::size_t bucket) const;
+  /// A bit per triangle that is to be turned over; empty: none.
+  std::vector<bool> measureFlips(std::size_t bucket, std::span<const Corner> corners) const;
+  static void flip(const std::vector<bool>& flips, std::vector<Corner>& corners);
   base::Result<void> windAlike(unsigned threads);
   static Area areaOf(const NumberedCorners& mesh);
   std::vector<std::uint8_t> onBorder(const NumberedCorners& mesh) const;
@@ -139,7 +142,8 @@ class Buckets {
   BucketCounts totals_;
   BorderVertices border_;
   Winding winding_;
-  std::vector<Area> areas_;  // by bucket, until they are summed
+  std::vector<std::vector<bool>> flips_;  // by bucket, where they have been measured in this run; else empty
+  std::vector<Area> areas_;               // by bucket, until they are summed
   bool has_colors_ = false;
   bool has_normals_ = false;
 };

@@ -1,10 +1,7 @@
 #include "lod/build/hierarchy_build.h"
 
-#include <time.h>
-
 #include <algorithm>
 #include <atomic>
-#include <chrono>
 #include <cmath>
 #include <filesystem>
 #include <limits>
@@ -15,7 +12,7 @@
 #include "base/parallel.h"
 #include "lod/build/leaves.h"
 #include "lod/build/levels.h"
-#include "lod/build/stream_mesh.h"
+#include "lod/build/stopwatch.h"
 #include "lod/build/work_directory.h"
 #include "lod/patch/codec.h"
 #include "lod/patch/format.h"
@@ -26,24 +23,6 @@ namespace {
 using base::Error;
 using base::ErrorCode;
 using lod::patch::Hierarchy;
-
-double cpuSeconds() {
-  timespec t{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
-}
-
-class Stopwatch {
- public:
-  void stop(HierarchySummary& summary) const {
-    summary.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
-    summary.cpu_seconds = cpuSeconds() - cpu_start_;
-  }
-
- private:
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
-  double cpu_start_ = cpuSeconds();
-};
 
 base::Result<void> check(const HierarchyOptions& options) {
   // Three vertices a triangle must fit 16-bit indices, and a voxel must fit a patch.
@@ -130,21 +109,8 @@ class Numbering {
   std::vector<std::uint32_t> patch_order_;
 };
 
-using SourceReader = std::function<base::Result<void>(SourceSpool& spool, HierarchySummary& summary)>;
-
 Error cancelled() {
   return {ErrorCode::kCancelled, "building the patch hierarchy was cancelled"};
-}
-
-// Centre of the box, rounded to a power of two of about an eighth of its longest side, so that the number is short and
-// the subtraction exact; 0 for models that lie around 0 anyway.
-glm::dvec3 originFor(const glm::dvec3& low, const glm::dvec3& high) {
-  const glm::dvec3 size = high - low;
-  const double longest = std::max({size.x, size.y, size.z});
-  const glm::dvec3 reach = glm::max(glm::abs(low), glm::abs(high));
-  if (std::max({reach.x, reach.y, reach.z}) <= longest) return glm::dvec3(0.0);
-  const double step = longest > 0.0 ? std::exp2(std::floor(std::log2(longest)) - 2.0) : 1.0;
-  return glm::round(0.5 * (low + high) / step) * step + 0.0;
 }
 
 // One build, stage by stage; each leaves in the work directory what the next one needs.
@@ -156,38 +122,31 @@ class Builder {
     memory_ = options_.memory_bytes != 0 ? options_.memory_bytes : machineMemory() / 10 * 6;
   }
 
-  base::Result<HierarchySummary> run(const SourceReader& read_source, const glm::dvec3* origin,
-                                     std::uint64_t source_bytes) {
+  base::Result<HierarchySummary> run(const SourceInput& input) {
     LUMIGRID_TRY(check(options_));
-    if (memory_ < kLeastMemory)
-      return Error{ErrorCode::kNoSpace, "the memory given, " + sizeText(memory_) + ", is too small: building needs " +
-                                            sizeText(kLeastMemory) + " at least (--memory)"};
+    LUMIGRID_TRY(needMemory(memory_));
     LUMIGRID_TRY(needDescriptors(kDescriptors));
     auto directory = WorkDirectory::open(
         options_.work_directory.empty() ? output_path_ + ".work" : options_.work_directory, resumeKey());
     if (!directory) return directory.error();
     directory_ = std::move(*directory);
     base::removeUnfinished(output_path_);  // nobody else is writing it now
-    const Stopwatch watch;
-    auto done = stages(read_source, origin, source_bytes);
+    auto done = stages(input);
     if (!done) {
-      // What is wrong with the source stays wrong; anything else can go on from the work files.
-      const ErrorCode code = done.error().code;
-      const bool resumable =
-          canResume() && (code == ErrorCode::kCancelled || code == ErrorCode::kNoSpace || code == ErrorCode::kIo);
-      if (!resumable) directory_->remove();
+      if (!(canResume() && mayGoOn(done.error()))) directory_->remove();
       return done.error();
     }
     fillSummary();
     directory_->remove();
-    watch.stop(summary_);
+    summary_.seconds = watch_.seconds();
+    summary_.cpu_seconds = watch_.cpuSeconds();
     return std::move(summary_);
   }
 
  private:
-  base::Result<void> stages(const SourceReader& read_source, const glm::dvec3* origin, std::uint64_t source_bytes) {
-    LUMIGRID_TRY(import(read_source, origin, source_bytes));
-    summary_.import_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+  base::Result<void> stages(const SourceInput& input) {
+    LUMIGRID_TRY(import(input));
+    summary_.import_seconds = watch_.seconds();
     LUMIGRID_TRY(sortTriangles());
     std::vector<WorkPatch> leaves;
     LUMIGRID_TRY(openStore());
@@ -216,63 +175,26 @@ class Builder {
     return key += options_.resume_key;
   }
 
-  base::Result<void> import(const SourceReader& read_source, const glm::dvec3* origin, std::uint64_t source_bytes) {
-    if (directory_->stage() < 1) {
-      if (!report("import", 0.0)) return cancelled();
-      LUMIGRID_TRY(directory_->needSpace(source_bytes, "the source's vertices and triangles"));
-      auto spool = SourceSpool::create(directory_->path());
-      if (!spool) return spool.error();
-      LUMIGRID_TRY(read_source(*spool, summary_));
-      auto info = spool->finish();
-      if (!info) return info.error();
-      info->warnings = summary_.warnings;
-      info->short_faces = summary_.repairs.counts["degenerate_triangles"];
-      info_ = std::move(*info);
-      const glm::dvec3 size = info_.box_max - info_.box_min;
-      const double longest = std::max({size.x, size.y, size.z});
-      if (longest > 0.0 && longest < kLeastSize)
-        return Error{ErrorCode::kInvalidInput,
-                     "the mesh is less than 1e-15 units across, too small for what is computed from it; scale it up"};
-      origin_ = origin != nullptr ? *origin : originFor(info_.box_min, info_.box_max);
-      // A finished stage is not made again, so the disk must have its files before it says so.
-      if (canResume()) LUMIGRID_TRY(spool->sync());
-      LUMIGRID_TRY(directory_->finishStage(1, sourceState(*spool)));
-    } else {
-      LUMIGRID_TRY(readSourceState());
-    }
-    lattice_ = makeLattice(info_, origin_, options_.position_bits);
+  base::Result<void> import(const SourceInput& input) {
+    if (directory_->stage() < 1 && !report("import", 0.0)) return cancelled();
+    auto source = importSource(*directory_, input, canResume());
+    if (!source) return source.error();
+    source_ = std::move(*source);
+    lattice_ = makeLattice(source_.info, source_.origin, options_.position_bits);
     if (options_.on_plan)
-      options_.on_plan({info_.triangles, kOutputBytes * info_.triangles, kWorkBytes * info_.triangles,
-                        static_cast<double>(info_.triangles) / (kTrianglesPerCoreSecond * options_.threads)});
+      options_.on_plan({source_.info.triangles, source_.info.referenced, kOutputBytes * source_.info.triangles,
+                        kWorkBytes * source_.info.triangles,
+                        static_cast<double>(source_.info.triangles) / (kTrianglesPerCoreSecond * options_.threads)});
     return {};
   }
 
   base::Result<void> sortTriangles() {
-    if (directory_->stage() >= 2) {
-      auto state = directory_->state(2);
-      if (!state) return state.error();
-      auto buckets = Buckets::open(directory_->path(), *state);
-      if (!buckets) return buckets.error();
-      buckets_ = std::move(*buckets);
-      return {};
-    }
-    if (!report("sort", 0.0)) return cancelled();
-    const std::uint64_t record = 3 * (8U + (info_.has_colors ? 4U : 0U) + (info_.has_normals ? 4U : 0U));
-    LUMIGRID_TRY(directory_->needSpace(info_.triangles * record, "the triangles sorted by voxels"));
-    auto spool = SourceSpool::open(directory_->path());
-    if (!spool) return spool.error();
-    if (spool_bytes_ != std::pair{spool->vertexBytes(), spool->triangleBytes()}) return directory_->broken();
-    BucketOptions options;
-    options.memory_bytes = (memory_ - kLeastMemory / 2) / 2;
-    options.threads = options_.threads;
-    options.progress = [this](double done) { return report("sort", done); };
-    auto buckets = Buckets::sort(*spool, info_, lattice_, directory_->path(), options);
+    if (directory_->stage() < 2 && !report("sort", 0.0)) return cancelled();
+    const BucketOptions options{(memory_ - kLeastMemory / 2) / 2, options_.threads,
+                                [this](double done) { return report("sort", done); }};
+    auto buckets = sortSource(*directory_, source_, lattice_, options, canResume());
     if (!buckets) return buckets.error();
     buckets_ = std::move(*buckets);
-    if (canResume()) LUMIGRID_TRY(buckets_.sync());
-    LUMIGRID_TRY(directory_->finishStage(2, buckets_.state()));
-    spool->remove();
-    releaseFreedMemory();
     return {};
   }
 
@@ -395,69 +317,22 @@ class Builder {
 
   void fillSummary() {
     summary_.levels = levels_->levels();
-    summary_.origin = origin_;
-    summary_.box_min = info_.box_min;
-    summary_.box_max = info_.box_max;
+    summary_.origin = source_.origin;
+    summary_.box_min = source_.info.box_min;
+    summary_.box_max = source_.info.box_max;
     summary_.facing = buckets_.totals().facing;
     summary_.has_colors = buckets_.hasColors();
-    summary_.warnings = info_.warnings;
+    summary_.warnings = source_.info.warnings;
     summary_.repairs = {};
-    summary_.repairs.add("degenerate_triangles", info_.short_faces + buckets_.totals().degenerate);
-    summary_.repairs.add("lattice_collapsed_triangles", buckets_.totals().collapsed);
+    addRepairs(source_, buckets_, summary_.repairs);
     summary_.repairs.add("duplicate_triangles", duplicates_);
-    summary_.repairs.add("flipped_triangles", buckets_.winding().flipped());
-    summary_.repairs.add("non_orientable_parts", buckets_.winding().nonOrientable());
-    summary_.repairs.add("unreferenced_vertices", info_.vertices - info_.referenced);
     const std::uint64_t distinct = inner_vertices_ + buckets_.border().codes.size();
-    summary_.repairs.add("welded_vertices", info_.referenced - std::min(info_.referenced, distinct));
+    summary_.repairs.add("welded_vertices", source_.info.referenced - std::min(source_.info.referenced, distinct));
     std::error_code ignored;
     summary_.bytes = std::filesystem::file_size(output_path_, ignored);
   }
 
-  base::Bytes sourceState(const SourceSpool& spool) {
-    spool_bytes_ = {spool.vertexBytes(), spool.triangleBytes()};
-    base::ByteWriter out;
-    out.u64(spool_bytes_.first);
-    out.u64(spool_bytes_.second);
-    out.write(origin_);
-    out.u64(info_.vertices);
-    out.u64(info_.triangles);
-    out.u64(info_.referenced);
-    out.u8(info_.has_normals ? 1 : 0);
-    out.u8(info_.has_colors ? 1 : 0);
-    out.write(info_.box_min);
-    out.write(info_.box_max);
-    out.write(info_.mean_edge);
-    out.u64(info_.short_faces);
-    out.u32(static_cast<std::uint32_t>(info_.warnings.size()));
-    for (const std::string& warning : info_.warnings) out.string16(warning);
-    return out.take();
-  }
-
-  base::Result<void> readSourceState() {
-    auto state = directory_->state(1);
-    if (!state) return state.error();
-    base::ByteReader in(*state);
-    spool_bytes_.first = in.u64();
-    spool_bytes_.second = in.u64();
-    origin_ = in.read<glm::dvec3>();
-    info_.vertices = in.u64();
-    info_.triangles = in.u64();
-    info_.referenced = in.u64();
-    info_.has_normals = in.u8() != 0;
-    info_.has_colors = in.u8() != 0;
-    info_.box_min = in.read<glm::dvec3>();
-    info_.box_max = in.read<glm::dvec3>();
-    info_.mean_edge = in.read<double>();
-    info_.short_faces = in.u64();
-    for (std::uint32_t left = in.u32(); left > 0 && in.ok(); --left) info_.warnings.push_back(in.string16());
-    if (!in.atEnd()) return directory_->broken();
-    return {};
-  }
-
   static constexpr std::uint64_t kDescriptors = 32;
-  // Squares of parts of it must stay above float32's smallest.
-  static constexpr double kLeastSize = 1e-15;
   // Per triangle of the source, measured on scans with colours.
   static constexpr std::uint64_t kOutputBytes = 12;
   static constexpr std::uint64_t kWorkBytes = 70;
@@ -471,10 +346,8 @@ class Builder {
   std::uint64_t memory_ = 0;
   std::mutex progress_mutex_;
   std::optional<WorkDirectory> directory_;
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
-  SourceInfo info_;
-  std::pair<std::uint64_t, std::uint64_t> spool_bytes_;  // of its vertices and triangles
-  glm::dvec3 origin_{0.0};
+  const Stopwatch watch_;
+  ImportedSource source_;
   SourceLattice lattice_;
   Buckets buckets_;
   std::optional<WorkStore> store_;
@@ -485,88 +358,24 @@ class Builder {
   HierarchySummary summary_;
 };
 
-base::Result<void> checkMesh(const Mesh& mesh) {
-  if (mesh.indices.size() < 3) return Error{ErrorCode::kInvalidInput, "the mesh has no triangles"};
-  for (std::size_t i = 0; i < mesh.indices.size(); ++i)
-    if (mesh.indices[i] >= mesh.positions.size())
-      return Error{ErrorCode::kInvalidInput, "triangle " + std::to_string(i / 3) + ": vertex " +
-                                                 std::to_string(mesh.indices[i]) + " is out of range (" +
-                                                 std::to_string(mesh.positions.size()) + " vertices)"};
-  return {};
-}
-
-base::Result<void> spoolMesh(const Mesh& mesh, SourceSpool& spool) {
-  constexpr std::size_t kBlock = std::size_t{1} << 16;
-  spool.beginFile("mesh");
-  std::vector<glm::dvec3> positions;
-  for (std::size_t begin = 0; begin < mesh.positions.size(); begin += kBlock) {
-    const std::size_t count = std::min(kBlock, mesh.positions.size() - begin);
-    positions.assign(mesh.positions.begin() + static_cast<std::ptrdiff_t>(begin),
-                     mesh.positions.begin() + static_cast<std::ptrdiff_t>(begin + count));
-    for (glm::dvec3& p : positions) p += mesh.origin;
-    VertexBlock block;
-    block.positions = positions;
-    if (!mesh.normals.empty()) block.normals = std::span(mesh.normals).subspan(begin, count);
-    if (!mesh.colors.empty()) block.colors = std::span(mesh.colors).subspan(begin, count);
-    LUMIGRID_TRY(spool.vertices(block));
-  }
-  std::vector<std::uint64_t> corners;
-  for (std::size_t begin = 0; begin < mesh.indices.size(); begin += 3 * kBlock) {
-    const std::size_t count = std::min(3 * kBlock, mesh.indices.size() - begin);
-    corners.assign(mesh.indices.begin() + static_cast<std::ptrdiff_t>(begin),
-                   mesh.indices.begin() + static_cast<std::ptrdiff_t>(begin + count));
-    LUMIGRID_TRY(spool.triangles({corners, {}, {}}));
-  }
-  return {};
-}
-
 }  // namespace
 
 base::Result<HierarchySummary> buildHierarchyFromFiles(const std::vector<std::string>& paths,
                                                        const HierarchyOptions& options, const std::string& output_path,
                                                        const Progress& progress) {
-  if (paths.empty()) return Error{ErrorCode::kInvalidInput, "no mesh file is named"};
-  std::uint64_t bytes = 0;
-  for (const std::string& path : paths) {
-    std::error_code ignored;
-    const auto size = std::filesystem::file_size(path, ignored);
-    if (!ignored) bytes += size;
-  }
-  const SourceReader read = [&](SourceSpool& spool, HierarchySummary& summary) -> base::Result<void> {
-    std::vector<bool> colored;
-    for (std::size_t i = 0; i < paths.size(); ++i) {
-      StreamOptions stream;
-      stream.progress = [&](double done) {
-        return !progress || progress("import", (static_cast<double>(i) + done) / static_cast<double>(paths.size()));
-      };
-      spool.beginFile(paths[i]);
-      auto file = streamMesh(paths[i], spool, stream);
-      if (!file) return file.error();
-      for (const std::string& warning : file->warnings) summary.warnings.push_back(paths[i] + ": " + warning);
-      summary.repairs.add("degenerate_triangles", file->short_faces);
-      colored.push_back(file->has_colors);
-    }
-    for (std::size_t i = 0; i < paths.size(); ++i)
-      if (!colored[i] && std::find(colored.begin(), colored.end(), true) != colored.end())
-        summary.warnings.push_back(paths[i] + ": has no colours while other files have; it becomes white");
-    return {};
-  };
-  auto summary = Builder(options, output_path, progress).run(read, nullptr, bytes);
+  auto input = sourceFromFiles(paths, progress);
+  if (!input) return input.error();
+  auto summary = Builder(options, output_path, progress).run(*input);
   // Work files that do not hold together are gone by now.
-  if (!summary && isDamage(summary.error()))
-    summary = Builder(options, output_path, progress).run(read, nullptr, bytes);
-  if (summary) return summary;
-  const std::string& message = summary.error().message;
-  const bool of_mesh = message.rfind("the mesh", 0) == 0 || message.rfind("no triangle", 0) == 0;
-  return of_mesh ? base::within(paths.front(), summary.error()) : summary.error();
+  if (!summary && isDamage(summary.error())) summary = Builder(options, output_path, progress).run(*input);
+  return summary ? std::move(summary) : ofSource(paths, summary.error());
 }
 
 base::Result<HierarchySummary> buildHierarchy(const Mesh& mesh, const HierarchyOptions& options,
                                               const std::string& output_path, const Progress& progress) {
-  LUMIGRID_TRY(checkMesh(mesh));
-  const SourceReader read = [&](SourceSpool& spool, HierarchySummary&) { return spoolMesh(mesh, spool); };
-  return Builder(options, output_path, progress)
-      .run(read, &mesh.origin, 16 * (mesh.positions.size() + mesh.triangleCount()));
+  auto input = sourceFromMesh(mesh);
+  if (!input) return input.error();
+  return Builder(options, output_path, progress).run(*input);
 }
 
 base::Result<BuiltHierarchy> buildHierarchyInMemory(const Mesh& mesh, const HierarchyOptions& options,

@@ -9,17 +9,10 @@
 
 #include "base/error.h"
 #include "lod/build/mesh.h"
+#include "lod/build/source_import.h"
 #include "lod/patch/hierarchy.h"
 
 namespace lod::build {
-
-/// What a build is going to take, told once the source has been read. Figures are rough: measured on other scans.
-struct BuildPlan {
-  std::uint64_t triangles = 0;
-  std::uint64_t output_bytes = 0;
-  std::uint64_t work_bytes = 0;  ///< at most, in the work directory
-  double seconds = 0.0;          ///< on the threads given
-};
 
 struct HierarchyOptions {
   std::uint32_t voxel_triangles = 500;  ///< Nv: a voxel over this is subdivided
@@ -38,33 +31,15 @@ struct HierarchyOptions {
   std::function<void(const BuildPlan&)> on_plan;  ///< may be empty
 };
 
-/// Least memory a build needs.
-inline constexpr std::uint64_t kLeastMemory = std::uint64_t{256} << 20;
-
 struct LevelSummary {
   std::uint64_t triangles = 0;
   std::uint64_t patches = 0;
   float max_error = 0.0F;  ///< scene units
 };
 
-struct HierarchySummary {
+struct HierarchySummary : SourceSummary {
   std::vector<LevelSummary> levels;  ///< 0 = leaves
-  RepairCounts repairs;              ///< made on the lattice (collapsed triangles)
-  std::uint64_t triangles = 0;       ///< of the leaves
-  glm::dvec3 origin{0.0};            ///< the scene's, world
-  glm::dvec3 box_min{0.0};           ///< world
-  glm::dvec3 box_max{0.0};
-  glm::dvec3 facing{0.0};  ///< sum of all triangles' normals, by area: which side an open scan shows
-  bool has_colors = false;
-  std::vector<std::string> warnings;
-  double import_seconds = 0.0;  ///< of seconds: reading the sources
-  double seconds = 0.0;
-  double cpu_seconds = 0.0;
-  std::uint64_t bytes = 0;
 };
-
-/// Stage name, 0..1 done. Return false to cancel. Called from worker threads too, but never from two at once.
-using Progress = std::function<bool(const std::string& stage, double done)>;
 
 /// Mesh files to `output_path`, which appears whole or not at all. Errors: what is wrong with a file (kInvalidInput,
 /// kUnsupported, kNotFound), options out of range, kCancelled (progress said so), kNoSpace (disk; memory too small),

@@ -608,7 +608,8 @@ base::Result<void> readPly(base::ByteView bytes, MeshStream& out) {
     has_faces = has_faces || ((element.name == "face" || element.name == "tristrips") && element.count > 0);
   }
   if (vertex_elements != 1) return invalidInput("header: there is not exactly one vertex element");
-  if (!has_faces) return invalidInput("the file has no faces (a point cloud?); mesh it first");
+  if (!has_faces && !out.points_welcome)
+    return invalidInput("the file has no faces (a point cloud?); mesh it first, or build it with --methods qsplat");
 
   const base::ByteView body = bytes.subspan(header->length);
   if (header->encoding == Encoding::kAscii) return readBody(TextSource(textOf(body)), *header, vertex_count, out);

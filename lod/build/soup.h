@@ -66,6 +66,7 @@ class MeshStream {
   std::vector<glm::u8vec4> corner_colors;  ///< empty, or as many as corners; a = 0 where unknown
   std::uint64_t short_faces = 0;
   std::vector<std::string> warnings;
+  bool points_welcome = false;  ///< vertices without faces are a source too
   TextureFiles textures;
   TextureBaker baker;
 

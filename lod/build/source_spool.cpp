@@ -190,10 +190,11 @@ void SourceSpool::sample(std::span<const std::uint64_t> corners) {
   }
 }
 
-base::Result<SourceInfo> SourceSpool::finish() {
+base::Result<SourceInfo> SourceSpool::finish(bool points) {
   LUMIGRID_TRY(vertices_.flush());
   LUMIGRID_TRY(triangles_.flush());
-  if (info_.triangles == 0) return base::Error{base::ErrorCode::kInvalidInput, "the mesh has no triangles"};
+  if (info_.triangles == 0 && !points) return base::Error{base::ErrorCode::kInvalidInput, "the mesh has no triangles"};
+  if (info_.vertices == 0) return base::Error{base::ErrorCode::kInvalidInput, "the mesh has no vertices"};
   LUMIGRID_TRY(measure());
   used_ = std::vector<std::uint64_t>();
   sampled_ = std::vector<std::uint64_t>();
@@ -223,7 +224,7 @@ base::Result<void> SourceSpool::measure() {
   LUMIGRID_TRY(forEachVertexBlock([&](const SpooledVertices& block) -> base::Result<void> {
     for (std::size_t i = 0; i < block.positions.size(); ++i) {
       const std::uint64_t v = block.first + i;
-      if ((used_[static_cast<std::size_t>(v / 64)] >> (v % 64) & 1U) == 0) continue;
+      if (info_.triangles != 0 && (used_[static_cast<std::size_t>(v / 64)] >> (v % 64) & 1U) == 0) continue;
       ++info_.referenced;
       low = glm::min(low, block.positions[i]);
       high = glm::max(high, block.positions[i]);

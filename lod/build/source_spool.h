@@ -55,9 +55,9 @@ class SourceSpool : public MeshSink {
 
   /// Before each file: numbers start from here. `name` is what errors speak of.
   void beginFile(const std::string& name);
-  /// After the last file: flushes, looks at all vertices once more. Errors: those of reading, kInvalidInput when there
-  /// is no triangle.
-  base::Result<SourceInfo> finish();
+  /// After the last file: flushes, looks at all vertices once more. Where there is no triangle but `points` are
+  /// welcome, every vertex counts as referenced. Errors: those of reading, kInvalidInput when there is nothing.
+  base::Result<SourceInfo> finish(bool points = false);
   /// Waits until the disk has both files.
   base::Result<void> sync();
   /// Their sizes in bytes.

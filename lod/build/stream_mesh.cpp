@@ -91,6 +91,7 @@ base::Result<StreamedFile> streamMesh(const std::string& path, MeshSink& sink, c
   if (!format) return base::within(path, format.error());
   const std::size_t slash = path.rfind('/');
   MeshStream stream(sink, file->bytes(), slash == std::string::npos ? "" : path.substr(0, slash), options.progress);
+  stream.points_welcome = options.points;
   if (auto read = readAs(*format, file->bytes(), stream); !read) {
     // The sink's errors name their file already.
     const bool named = read.error().message.rfind(path, 0) == 0 || read.error().code == base::ErrorCode::kNoSpace ||

@@ -10,6 +10,7 @@
 namespace lod::build {
 
 struct StreamOptions {
+  bool points = false;                   ///< a PLY without faces is welcome
   std::function<bool(double)> progress;  ///< share of the file read; false cancels
 };
 

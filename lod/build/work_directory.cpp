@@ -25,8 +25,8 @@ using base::Error;
 using base::ErrorCode;
 
 constexpr const char* kDamaged = ": the work files are damaged; remove this directory and build again";
-constexpr const char* kFiles[] = {"vertices", "triangles", "corners", "buckets", "patches",
-                                  "stage1",   "stage2",    "stage3",  "key"};
+constexpr const char* kFiles[] = {"vertices", "triangles", "corners", "buckets", "patches", "points", "leaves",
+                                  "nodes",    "runs",      "stage1",  "stage2",  "stage3",  "stage4", "key"};
 
 std::string stageFile(const std::string& path, std::uint32_t stage) {
   return path + "/stage" + std::to_string(stage);
@@ -67,7 +67,7 @@ base::Result<WorkDirectory> WorkDirectory::open(const std::string& path, const s
 
   const auto stored = base::readFile(path + "/key");
   if (!key.empty() && stored && std::string(stored->begin(), stored->end()) == key) {
-    while (out.stage_ < 3 && out.state(out.stage_ + 1)) ++out.stage_;
+    while (out.state(out.stage_ + 1)) ++out.stage_;
     if (out.stage_ > 0) return out;
   }
   removeFiles(path);
@@ -123,6 +123,10 @@ bool isDamage(const base::Error& error) {
   return error.message.find(kDamaged) != std::string::npos;
 }
 
+bool mayGoOn(const base::Error& error) {
+  return error.code == ErrorCode::kCancelled || error.code == ErrorCode::kNoSpace || error.code == ErrorCode::kIo;
+}
+
 bool WorkDirectory::has(const std::string& name) const {
   return fs::exists(fs::path(path_) / name);
 }
@@ -162,6 +166,12 @@ base::Result<void> needDescriptors(std::uint64_t count) {
   return Error{ErrorCode::kNoSpace, "this process may have " + std::to_string(limit.rlim_cur) +
                                         " files open, building needs " + std::to_string(count) +
                                         "; raise the limit (ulimit -n) and build again"};
+}
+
+base::Result<void> needMemory(std::uint64_t bytes) {
+  if (bytes >= kLeastMemory) return {};
+  return Error{ErrorCode::kNoSpace, "the memory given, " + sizeText(bytes) + ", is too small: building needs " +
+                                        sizeText(kLeastMemory) + " at least (--memory)"};
 }
 
 std::uint64_t machineMemory() {

@@ -44,6 +44,9 @@ base::Error damagedWorkFiles(const std::string& directory);
 /// Whether an error is that: a build from the source mends it.
 bool isDamage(const base::Error& error);
 
+/// Whether a rerun can go on after it: what is wrong with the source stays wrong.
+bool mayGoOn(const base::Error& error);
+
 /// A new directory under the system's place for temporary files; removed with all that is in it.
 class TemporaryDirectory {
  public:
@@ -62,6 +65,10 @@ class TemporaryDirectory {
 base::Result<void> needOutputSpace(const std::string& path, std::uint64_t bytes);
 /// kNoSpace when this process may not have so many files open.
 base::Result<void> needDescriptors(std::uint64_t count);
+/// Least memory a build needs.
+inline constexpr std::uint64_t kLeastMemory = std::uint64_t{256} << 20;
+/// kNoSpace when less than that is given.
+base::Result<void> needMemory(std::uint64_t bytes);
 /// Physical memory, or the limit set for this process' group where that is less.
 std::uint64_t machineMemory();
 /// Returns to the system what the allocator keeps for later.

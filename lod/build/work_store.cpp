@@ -2,19 +2,8 @@
 
 #include <cstring>
 
-#include "base/crc32c.h"
-
 namespace lod::build {
 namespace {
-
-// "LGWK", then the payload's length and checksum.
-struct RecordHeader {
-  std::uint32_t magic = 0x4B57474CU;
-  std::uint32_t crc = 0;
-  std::uint64_t bytes = 0;
-};
-// So many bytes may be lost to a power cut. A killed process loses none that were written.
-constexpr std::uint64_t kSyncBytes = std::uint64_t{64} << 20;
 
 base::Bytes payloadOf(const WorkUnit& unit, const std::vector<NewPatch>& patches) {
   base::ByteWriter out;
@@ -62,67 +51,38 @@ bool readPayload(base::ByteView payload, std::uint64_t offset, WorkUnit& unit, s
 
 base::Result<WorkStore> WorkStore::open(const std::string& path, bool resume,
                                         const std::function<void(const WorkUnit&, std::vector<WorkPatch>)>& found) {
-  auto file = resume ? SpoolFile::open(path) : SpoolFile::create(path);
-  if (!file) return file.error();
-  WorkStore store;
-  std::uint64_t offset = 0;
-  base::Bytes payload;
-  while (offset + sizeof(RecordHeader) <= file->size()) {
-    RecordHeader header;
-    const RecordHeader expected;
-    std::uint8_t bytes[sizeof(header)];
-    LUMIGRID_TRY(file->readAt(offset, bytes));
-    std::memcpy(&header, bytes, sizeof(header));
-    if (header.magic != expected.magic || header.bytes > file->size() - offset - sizeof(header)) break;
-    payload.resize(static_cast<std::size_t>(header.bytes));
-    LUMIGRID_TRY(file->readAt(offset + sizeof(header), payload));
+  auto log = RecordLog::open(path, resume, [&](std::uint64_t offset, base::ByteView payload) {
     WorkUnit unit;
     std::vector<WorkPatch> patches;
-    if (base::crc32c(payload) != header.crc || !readPayload(payload, offset + sizeof(header), unit, patches)) break;
+    if (!readPayload(payload, offset, unit, patches)) return false;
     found(unit, std::move(patches));
-    offset += sizeof(header) + header.bytes;
-  }
-  LUMIGRID_TRY(file->truncate(offset));
-  store.synced_ = offset;
-  store.file_ = std::move(*file);
+    return true;
+  });
+  if (!log) return log.error();
+  WorkStore store;
+  store.log_ = std::move(*log);
   return store;
 }
 
 base::Result<std::vector<WorkPatch>> WorkStore::add(const WorkUnit& unit, std::vector<NewPatch> patches) {
   const base::Bytes payload = payloadOf(unit, patches);
-  RecordHeader header;
-  header.crc = base::crc32c(payload);
-  header.bytes = payload.size();
-  base::Bytes bytes(sizeof(header));
-  std::memcpy(bytes.data(), &header, sizeof(header));
-
-  std::uint64_t offset = 0;
-  {
-    const std::lock_guard lock(*mutex_);
-    offset = file_.size();
-    LUMIGRID_TRY(file_.append(bytes));
-    LUMIGRID_TRY(file_.append(payload));
-    LUMIGRID_TRY(file_.flush());
-    if (file_.size() - synced_ > kSyncBytes) {
-      synced_ = file_.size();
-      LUMIGRID_TRY(file_.sync());
-    }
-  }
+  const auto offset = log_.add(payload);
+  if (!offset) return offset.error();
   WorkUnit again;
   std::vector<WorkPatch> stored;
-  (void)readPayload(payload, offset + sizeof(header), again, stored);
+  (void)readPayload(payload, *offset, again, stored);
   return stored;
 }
 
 base::Result<base::Bytes> WorkStore::encoded(const WorkPatch& patch) const {
   base::Bytes bytes(patch.encoded_bytes);
-  LUMIGRID_TRY(file_.readAt(patch.offset, bytes));
+  LUMIGRID_TRY(log_.readAt(patch.offset, bytes));
   return bytes;
 }
 
 base::Result<void> WorkStore::readWhole(const WorkPatch& patch, base::Bytes& bytes) const {
   bytes.resize(std::size_t{patch.encoded_bytes} + patch.error_bytes);
-  return file_.readAt(patch.offset, bytes);
+  return log_.readAt(patch.offset, bytes);
 }
 
 }  // namespace lod::build

@@ -4,12 +4,10 @@
 // was killed goes on behind the last whole one.
 #include <cstdint>
 #include <functional>
-#include <memory>
-#include <mutex>
 #include <string>
 #include <vector>
 
-#include "lod/build/spool.h"
+#include "lod/build/record_log.h"
 #include "lod/patch/hierarchy.h"
 
 namespace lod::build {
@@ -52,13 +50,11 @@ class WorkStore {
   /// Those and behind them what its triangles carry along: encoded_bytes + error_bytes in all. `bytes` is written over.
   base::Result<void> readWhole(const WorkPatch& patch, base::Bytes& bytes) const;
   /// Waits until the disk has every record.
-  base::Result<void> sync() { return file_.sync(); }
-  std::uint64_t bytes() const { return file_.size(); }
+  base::Result<void> sync() { return log_.sync(); }
+  std::uint64_t bytes() const { return log_.size(); }
 
  private:
-  SpoolFile file_;
-  std::uint64_t synced_ = 0;
-  std::unique_ptr<std::mutex> mutex_ = std::make_unique<std::mutex>();
+  RecordLog log_;
 };
 
 }  // namespace lod::build

@@ -33,6 +33,7 @@ class PatchFile {
   /// is well.
   std::vector<std::string> verify() const;
   std::uint64_t fileBytes() const { return file_.bytes().size(); }
+  const std::string& path() const { return path_; }
 
  private:
   std::string path_;

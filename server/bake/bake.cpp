@@ -20,12 +20,12 @@
 #include "server/bake/adaptive.h"
 #include "server/bake/committer.h"
 #include "server/bake/demand.h"
-#include "server/bake/draw_thread.h"
-#include "server/bake/face_encoder.h"
+#include "server/bake/draw_processes.h"
+#include "server/bake/face_maker.h"
 
-// Stages, each on its own threads: dealing out grid points (this thread), drawing and reading back (DrawThread),
-// encoding (a pool), committing (the Committer's thread). Queues between them are bounded, so a slow disk slows the
-// drawing down and memory stays small.
+// Stages, each on its own threads or in processes of their own: dealing out grid points (this thread), drawing, reading
+// back and encoding (FaceMaker), committing (the Committer's thread). Queues between them are bounded, so a slow disk
+// slows the drawing down and memory stays small.
 
 namespace server {
 namespace {
@@ -178,19 +178,14 @@ class MovingRate {
 class Baker {
  public:
   Baker(const base::Scene& scene, const lod::patch::PatchFile& patches, repository::Store& store,
-        const BakeOptions& options, const Present& present, const std::vector<glm::uvec3>& points)
+        const BakeOptions& options, bool in_processes, const Present& present, const std::vector<glm::uvec3>& points)
       : options_(options),
         present_(present),
         points_(points),
         threads_(options.threads == 0 ? base::coreCount() : options.threads),
-        committer_(store, options.batch_faces, 2 * std::uint64_t{options.batch_faces} + 8 * threads_),
-        encoders_(threads_, 2 * threads_),
-        draw_(
-            scene, patches, options_.grid, renderOptions(options),
-            [this](std::uint64_t sequence, const repository::FaceKey& key, Rendered rendered) {
-              take(sequence, key, std::move(rendered));
-            },
-            [this](const base::Error& error) { committer_.fail(error); }) {}
+        committer_(store, options.batch_faces, 2 * std::uint64_t{options.batch_faces} + 16 * threads_),
+        faces_(makeFaces({scene, patches, options.grid, renderOptions(options), options.quality, options.subsampling},
+                         in_processes)) {}
 
   base::Result<void> run(const std::function<bool(const BakeProgress&)>& progress) {
     for (const glm::uvec3& point : points_) skipped_ += 6 - missingAt(point).size();
@@ -202,13 +197,12 @@ class Baker {
       if (job.keys.empty()) continue;
       sequence += job.keys.size();
       if (!committer_.waitForRoom(sequence - 1)) break;
-      draw_.submit(std::move(job));
+      faces_->submit(std::move(job));
       cancelled = !progress(progressNow());
     }
 
     // What is drawn is kept, also after a cancellation.
-    draw_.finish();
-    encoders_.drain();
+    faces_->finish();
     LUMIGRID_TRY(committer_.finish());
     if (cancelled)
       return base::Error{base::ErrorCode::kCancelled, "stopped; the same command goes on where it stopped"};
@@ -232,19 +226,25 @@ class Baker {
     return keys;
   }
 
-  // A picture has come back.
-  void take(std::uint64_t sequence, const repository::FaceKey& key, Rendered rendered) {
-    auto picture = std::make_shared<base::Image>(std::move(rendered.rgba));
-    encoders_.submit([this, sequence, key, picture] {
-      auto face = encodeFace(*picture, options_.quality, options_.subsampling);
-      if (!face) return committer_.fail(face.error());
-      counters_.add(*face);
-      if (face->empty) {
-        const std::lock_guard lock(empty_mutex_);
-        ++empty_[repository::FaceKey{key.x, key.y, key.z, 0}.code()];
-      }
-      committer_.deliver(sequence, key, std::move(face->value));
-    });
+  std::unique_ptr<FaceMaker> makeFaces(const FaceWork& work, bool in_processes) {
+    FaceMaker::Take take = [this](std::uint64_t sequence, const repository::FaceKey& key, EncodedFace face) {
+      this->take(sequence, key, std::move(face));
+    };
+    FaceMaker::Fail fail = [this](const base::Error& error) { committer_.fail(error); };
+    if (!in_processes) return makeFacesHere(work, threads_, std::move(take), std::move(fail));
+    const auto processes = std::min<std::size_t>(drawProcessesFor(threads_), points_.size());
+    return makeFacesByProcesses(work, options_.draw_command, static_cast<unsigned>(processes), std::move(take),
+                                std::move(fail));
+  }
+
+  // A face has come.
+  void take(std::uint64_t sequence, const repository::FaceKey& key, EncodedFace face) {
+    counters_.add(face);
+    if (face.empty) {
+      const std::lock_guard lock(empty_mutex_);
+      ++empty_[repository::FaceKey{key.x, key.y, key.z, 0}.code()];
+    }
+    committer_.deliver(sequence, key, std::move(face.value));
   }
 
   BakeProgress progressNow() {
@@ -269,8 +269,7 @@ class Baker {
   Counters counters_;
   MovingRate rate_;
   Committer committer_;
-  base::ThreadPool encoders_;  // its jobs use the others, so it ends before them
-  DrawThread draw_;            // … and this one before it
+  std::unique_ptr<FaceMaker> faces_;  // last: it uses the others
 };
 
 // A store, what it holds and what fills it.
@@ -375,10 +374,24 @@ class Work {
     return {};
   }
 
+  // One context on a GPU, and one where no command for others is given; software GL draws in as many processes as keep
+  // the cores busy.
+  base::Result<void> chooseContexts() {
+    if (in_processes_) return {};
+    in_processes_ = false;
+    if (options_.draw_command.empty() || options_.threads == 1) return {};
+    const auto context = base::HeadlessContext::create();
+    if (!context) return context.error();
+    in_processes_ = (*context)->isSoftware();
+    if (context_ != nullptr) context_->makeCurrent();
+    return {};
+  }
+
   // What is missing at these points; gives those of them that were rendered and see nothing.
   base::Result<std::vector<glm::uvec3>> render(const std::vector<glm::uvec3>& points) {
     if (!isMissing(points)) return std::vector<glm::uvec3>();
-    Baker baker(scene_, patches_, store_, options_, present_, points);
+    LUMIGRID_TRY(chooseContexts());
+    Baker baker(scene_, patches_, store_, options_, *in_processes_, present_, points);
     LUMIGRID_TRY(baker.run(progress_));
     summary_.faces_rendered += baker.counters().done;
     summary_.faces_empty += baker.counters().empty;
@@ -401,6 +414,7 @@ class Work {
   const std::string parameters_;
   Present present_;
   BakeSummary summary_;
+  std::optional<bool> in_processes_;  // how faces are drawn, once it is known
   std::unique_ptr<base::HeadlessContext> context_;
   std::unique_ptr<SceneRenderer> renderer_;  // goes before its context
 };

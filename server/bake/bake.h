@@ -31,7 +31,10 @@ struct BakeOptions {
   float tolerance_px = 0.25F;
   int supersampling = 2;            ///< per face pixel side
   std::uint32_t batch_faces = 300;  ///< faces per commit
-  unsigned threads = 0;             ///< 0: all cores
+  unsigned threads = 0;             ///< 0: all cores; the result does not depend on it
+  /// A program (with its arguments) that calls runDrawProcess: where GL is software, faces are drawn by several of
+  /// them. Empty: by one thread of this process. The result is the same.
+  std::vector<std::string> draw_command;
   /// PSNR that views blended from a cell's corners must reach, or it is split (adaptive sampling, DESIGN section 5);
   /// `grid` is then the finest. 0: every point of the grid is sampled.
   double target_db = 0.0;

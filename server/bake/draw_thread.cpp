@@ -6,18 +6,14 @@
 #include "server/bake/face_sample.h"
 
 namespace server {
-namespace {
-
-constexpr std::uint64_t kGpuBudgetBytes = std::uint64_t{2} << 30;  // uploaded patches
-
-}  // namespace
 
 DrawThread::DrawThread(const base::Scene& scene, const lod::patch::PatchFile& patches, const repository::Grid& grid,
-                       const RenderOptions& options, Take take, Fail fail)
+                       const RenderOptions& options, std::uint64_t gpu_budget_bytes, Take take, Fail fail)
     : scene_(scene),
       patches_(patches),
       grid_(grid),
       options_(options),
+      gpu_budget_bytes_(gpu_budget_bytes),
       take_(std::move(take)),
       fail_(std::move(fail)),
       thread_([this] { work(); }) {}
@@ -60,7 +56,7 @@ void DrawThread::work() {
 base::Result<void> DrawThread::draw() {
   auto context = base::HeadlessContext::create();
   if (!context) return context.error();
-  auto renderer = SceneRenderer::create(scene_, patches_, kGpuBudgetBytes);
+  auto renderer = SceneRenderer::create(scene_, patches_, gpu_budget_bytes_);
   if (!renderer) return renderer.error();
   for (;;) {
     std::optional<DrawJob> job = takeJobAtOnce();

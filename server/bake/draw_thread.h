@@ -1,9 +1,7 @@
 #pragma once
-// The thread that draws faces, with a GL context, a renderer and a cache of patches of its own. One, on a GPU because
-// more are not measured there, with software GL because Mesa's llvmpipe (22.3) crashes in its own code about twice in a
-// hundred bakes when several contexts draw at a time; with one it never did. That leaves cores idle: vertices and
-// triangles are set up by the thread that draws (1.4 of 4 cores busy, a city scan drawn 1.6 times as fast by four
-// contexts), which encoding fills in part (docs/architecture.md, "One drawing context").
+// The thread that draws faces, with a GL context, a renderer and a cache of patches of its own. One in a process: on a
+// GPU more are not measured, and Mesa's llvmpipe (22.3) crashes in its own code about twice in a hundred bakes when
+// several contexts draw at a time. Several processes draw as well as several contexts would (draw_processes.h).
 #include <condition_variable>
 #include <cstdint>
 #include <functional>
@@ -34,9 +32,9 @@ class DrawThread {
   /// Called once, on the thread, when drawing has failed; then nothing more is drawn or taken.
   using Fail = std::function<void(const base::Error&)>;
 
-  /// What is referred to must outlive it.
+  /// What is referred to must outlive it. `gpu_budget_bytes`: uploaded patches (SceneRenderer::create).
   DrawThread(const base::Scene& scene, const lod::patch::PatchFile& patches, const repository::Grid& grid,
-             const RenderOptions& options, Take take, Fail fail);
+             const RenderOptions& options, std::uint64_t gpu_budget_bytes, Take take, Fail fail);
   ~DrawThread();  ///< draws what was submitted
   DrawThread(const DrawThread&) = delete;
   DrawThread& operator=(const DrawThread&) = delete;
@@ -55,8 +53,9 @@ class DrawThread {
 
   const base::Scene& scene_;
   const lod::patch::PatchFile& patches_;
-  const repository::Grid& grid_;
+  const repository::Grid grid_;
   const RenderOptions options_;
+  const std::uint64_t gpu_budget_bytes_;
   const Take take_;
   const Fail fail_;
   std::mutex mutex_;

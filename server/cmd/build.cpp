@@ -6,6 +6,8 @@
 // Any number of processes may work on one scene. What concerns the scene as a whole is done under its lock (SceneLock):
 // making or opening it with its hierarchy, and declaring it finished. Between the two each process renders its shards,
 // each under the lock of the shard's store; who finds that nothing is missing writes scene.json.
+#include <unistd.h>
+
 #include <algorithm>
 #include <array>
 #include <cstdio>
@@ -18,6 +20,7 @@
 #include "base/crc32c.h"
 #include "base/json/scene_file.h"
 #include "lod/build/hierarchy_build.h"
+#include "lod/build/qsplat/build.h"
 #include "lod/patch/format.h"
 #include "repository/grid.h"
 #include "repository/repository.h"
@@ -26,6 +29,7 @@
 #include "repository/verify.h"
 #include "server/bake/adaptive.h"
 #include "server/bake/bake.h"
+#include "server/bake/draw_processes.h"
 #include "server/bake/tune.h"
 #include "server/bake/viewer_use.h"
 #include "server/cmd/commands.h"
@@ -33,6 +37,7 @@
 #include "server/cmd/scene_images.h"
 #include "server/cmd/scene_lock.h"
 #include "server/cmd/shard_choice.h"
+#include "server/cmd/splat_info.h"
 #include "server/cmd/tuned.h"
 
 namespace server::cmd {
@@ -60,13 +65,23 @@ struct BuildArguments {
   BakeOptions bake;
 };
 
-// Work files of the hierarchy, within the scene unless --tmpdir says otherwise.
-constexpr const char* kWorkFiles = "patch.lgp.work";
-constexpr const char* kWrittenWhole[] = {"patch.lgp", "scene.json", base::kBuildingFile};
+// A method that has a file, with its work files beside it unless --tmpdir says otherwise.
+struct FileMethod {
+  const char* method;
+  const char* file;
+  const char* work_files;
+};
+constexpr FileMethod kPatches{"patch", "patch.lgp", "patch.lgp.work"};
+constexpr FileMethod kSplats{"qsplat", "qsplat.lgq", "qsplat.lgq.work"};
+constexpr FileMethod kFileMethods[] = {kPatches, kSplats};
+constexpr const char* kMethods[] = {"patch", "images", "qsplat"};
 
-// Of the options below, those that decide the hierarchy and what scene.json says of it.
-constexpr const char* kHierarchyParameters[] = {
-    "light", "up", "units", "voxel-triangles", "leaf-triangles", "node-triangles", "position-bits", "regroup"};
+constexpr const char* kWrittenWhole[] = {kPatches.file, kSplats.file, "scene.json", base::kBuildingFile};
+
+// Of the options below, those that decide what scene.json says of the source, and the patch hierarchy besides.
+constexpr const char* kSourceParameters[] = {"light", "up", "units"};
+constexpr const char* kHierarchyParameters[] = {"voxel-triangles", "leaf-triangles", "node-triangles", "position-bits",
+                                                "regroup"};
 
 // Where adaptive sampling needs images shows from those that are there: its points cannot be dealt out in advance.
 constexpr const char* kAdaptiveIsWhole =
@@ -74,7 +89,8 @@ constexpr const char* kAdaptiveIsWhole =
 
 /// What the summary tells.
 struct BuildReport {
-  std::optional<lod::build::HierarchySummary> hierarchy;  ///< absent when a resumed build had it already
+  std::optional<lod::build::HierarchySummary> hierarchy;   ///< absent when a resumed build had it already
+  std::optional<lod::build::qsplat::BuildSummary> splats;  ///< the same
   std::optional<TuneChoice> tuned;
   std::optional<BakeSummary> bake;             ///< over all shards that this process did
   repository::Removed removed;                 ///< from a finished scene: rendered again, or not ours
@@ -102,7 +118,7 @@ bool wants(const BuildArguments& a, const char* method) {
 Parameters parametersOf(const BuildArguments& a) {
   auto number = [](auto v) { return nlohmann::json(v).dump(); };
   std::string methods;
-  for (const char* method : {"patch", "images"})
+  for (const char* method : kMethods)
     if (wants(a, method)) methods += (methods.empty() ? "" : ",") + std::string(method);
   Parameters parameters{{"methods", methods},
                         {"grid", number(a.grid)},
@@ -165,8 +181,8 @@ Result<void> clear(const std::string& directory) {
   for (const repository::Shard& shard : layout->shards)
     LUMIGRID_TRY(repository::removeLmdbStore(repository::storeDirectory(images, shard.count, shard.index)));
   if (layout->undivided) LUMIGRID_TRY(repository::removeLmdbStore(images));
-  for (const char* name :
-       {"scene.json", base::kBuildingFile, "patch.lgp", kWorkFiles, "images", "access.lga", "access.lga.lock"}) {
+  for (const char* name : {"scene.json", base::kBuildingFile, kPatches.file, kPatches.work_files, kSplats.file,
+                           kSplats.work_files, "images", "access.lga", "access.lga.lock"}) {
     std::error_code error;
     fs::remove_all(fs::path(directory) / name, error);
     if (error) return Error{ErrorCode::kIo, directory + "/" + name + ": cannot remove: " + error.message()};
@@ -181,25 +197,46 @@ bool isPublished(const base::Scene& scene) {
 
 enum class Fit { kSame, kMore, kOther };
 
-// Whether the scene is what the command makes (kSame: at least that), or has just the hierarchy that it needs (kMore:
-// images are to be added, or none is there yet and they may be encoded in another way), or is another one.
+bool hasMethod(const Parameters& parameters, const std::string& method) {
+  const auto it = parameters.find("methods");
+  if (it == parameters.end()) return false;
+  return ("," + it->second + ",").find("," + method + ",") != std::string::npos;
+}
+
+// Whether the scene is what the command makes (kSame: at least that, but for methods with a file, which are added to
+// any scene), or has just the hierarchy that it needs (kMore: images are to be added, or none is there yet and they may
+// be encoded in another way), or is another one.
 Fit fitOf(const BuildArguments& a, const std::vector<base::SceneSource>& sources, const base::Scene& scene,
           bool has_images) {
   if (!a.meshes.empty() && !sameSources(scene.sources, sources)) return Fit::kOther;
   Parameters recorded = withoutChoice(scene.parameters);
   recorded.erase(kShardsParameter);
-  const Parameters wanted = parametersOf(a);
-  if (recorded == wanted) return Fit::kSame;
-  for (const char* name : kHierarchyParameters)
+  Parameters wanted = parametersOf(a);
+  for (const char* name : kSourceParameters)
     if (recorded[name] != wanted.at(name)) return Fit::kOther;
+  if (wants(a, "patch") && hasMethod(recorded, "patch"))
+    for (const char* name : kHierarchyParameters)
+      if (recorded[name] != wanted.at(name)) return Fit::kOther;
   if (!wants(a, "images")) return Fit::kSame;
   if (!wantsImages(scene)) return Fit::kMore;
+  recorded.erase("methods");
+  wanted.erase("methods");
+  if (recorded == wanted) return Fit::kSame;
   return !has_images && withoutEncoding(recorded) == withoutEncoding(wanted) ? Fit::kMore : Fit::kOther;
 }
 
-// The command's options; the scene's division stays.
+// What the scene has, and what the command adds.
+void addMethods(const Parameters& of, Parameters& to) {
+  std::string methods;
+  for (const char* method : kMethods)
+    if (hasMethod(of, method) || hasMethod(to, method)) methods += (methods.empty() ? "" : ",") + std::string(method);
+  to["methods"] = methods;
+}
+
+// The command's options; the scene's methods and division stay.
 void takeParameters(const BuildArguments& a, base::Scene& scene) {
   Parameters parameters = parametersOf(a);
+  addMethods(scene.parameters, parameters);
   if (const auto it = scene.parameters.find(kShardsParameter); it != scene.parameters.end()) parameters.insert(*it);
   scene.parameters = std::move(parameters);
 }
@@ -240,10 +277,13 @@ Result<Output> openOutput(const BuildArguments& a, const std::vector<base::Scene
     output.scene = std::move(*scene);
     return output;
   }
-  // A hierarchy that was stopped on the way has left its work files, or a patch.lgp that nothing lists yet.
+  // A build that was stopped on the way has left its work files, or a file that nothing lists yet.
   const bool only_work = std::all_of(fs::directory_iterator(a.output), fs::directory_iterator(), [](const auto& entry) {
     const std::string name = entry.path().filename().string();
-    return name == kWorkFiles || name == "patch.lgp" || name == kLockFile || isUnfinished(name);
+    const bool of_method = std::any_of(std::begin(kFileMethods), std::end(kFileMethods), [&](const FileMethod& method) {
+      return name == method.file || name == method.work_files;
+    });
+    return of_method || name == kLockFile || isUnfinished(name);
   });
   if (!only_work)
     return Error{ErrorCode::kExists,
@@ -253,7 +293,7 @@ Result<Output> openOutput(const BuildArguments& a, const std::vector<base::Scene
 
 // Up, when not told: glTF says +y. A flat open scan stands on its shortest axis, on the side its surface faces;
 // anything else is taken for a model with +y up, as scanners of objects write them.
-glm::dvec3 guessUp(const lod::build::HierarchySummary& built, const BuildArguments& a) {
+glm::dvec3 guessUp(const lod::build::SourceSummary& built, const BuildArguments& a) {
   if (a.up != "auto") return {a.up == "x" ? 1 : 0, a.up == "y" ? 1 : 0, a.up == "z" ? 1 : 0};
   const glm::dvec3 size = built.box_max - built.box_min;
   const int flat = size.x <= size.y && size.x <= size.z ? 0 : size.y <= size.z ? 1 : 2;
@@ -275,7 +315,7 @@ base::Light chooseLight(const BuildArguments& a, bool has_colors, const glm::dve
   return light;
 }
 
-void describeMesh(const lod::build::HierarchySummary& built, const BuildArguments& a, base::Scene& scene) {
+void describeMesh(const lod::build::SourceSummary& built, const BuildArguments& a, base::Scene& scene) {
   scene.origin = built.origin;
   scene.box_min = built.box_min;
   scene.box_max = built.box_max;
@@ -296,8 +336,9 @@ Result<void> addPart(base::Scene& scene, const std::string& directory, const std
     part.bytes = fs::file_size(path);
     part.sha256 = *hash;
   }
+  std::erase_if(scene.parts, [&](const base::ScenePart& old) { return old.file == file; });
   scene.parts.push_back(part);
-  return base::writeSceneFile(scene, directory + "/" + base::kBuildingFile);
+  return {};
 }
 
 bool hasPart(const base::Scene& scene, const std::string& file) {
@@ -306,21 +347,25 @@ bool hasPart(const base::Scene& scene, const std::string& file) {
 }
 
 // Listed, and there with the size that is listed.
-bool hasHierarchy(const BuildArguments& a, const base::Scene& scene) {
+bool hasFile(const BuildArguments& a, const base::Scene& scene, const FileMethod& method) {
   return std::any_of(scene.parts.begin(), scene.parts.end(), [&](const base::ScenePart& part) {
     std::error_code error;
-    return part.file == "patch.lgp" && fs::file_size(fs::path(a.output) / part.file, error) == part.bytes;
+    return part.file == method.file && fs::file_size(fs::path(a.output) / part.file, error) == part.bytes;
   });
 }
+bool lacks(const BuildArguments& a, const base::Scene& scene, const FileMethod& method) {
+  return wants(a, method.method) && !hasFile(a, scene, method);
+}
 
-// One place for each output, so that several builds can share a directory.
-std::string workDirectory(const BuildArguments& a) {
-  if (a.tmpdir.empty()) return a.output + "/" + kWorkFiles;
+// One place for each output and method, so that several builds can share a directory.
+std::string workDirectory(const BuildArguments& a, const FileMethod& method) {
+  if (a.tmpdir.empty()) return a.output + "/" + method.work_files;
   const std::string output = fs::absolute(a.output).lexically_normal().string();
   std::array<char, 16> name{};
   std::snprintf(name.data(), name.size(), "%08x",
                 base::crc32c({reinterpret_cast<const std::uint8_t*>(output.data()), output.size()}));
-  return a.tmpdir + "/lumigrid-" + name.data();
+  const std::string suffix = method.file == std::string(kPatches.file) ? "" : std::string("-") + method.method;
+  return a.tmpdir + "/lumigrid-" + name.data() + suffix;
 }
 
 // What decides the hierarchy besides its own options.
@@ -330,39 +375,89 @@ std::string resumeKey(const std::vector<base::SceneSource>& sources) {
   return key;
 }
 
-/// The hierarchy, from the files. What was found wrong with the meshes leaves nothing behind; what can go on later
-/// leaves its work files.
-Result<base::Scene> buildPatches(const BuildArguments& a, const std::vector<base::SceneSource>& sources,
-                                 BuildReport& report, ProgressLine& line) {
-  if (a.meshes.empty()) return Error{ErrorCode::kNotFound, a.output + ": holds no hierarchy yet; give the meshes too"};
-  if (a.force) LUMIGRID_TRY(clear(a.output));
+Result<void> needMeshes(const BuildArguments& a, const std::string& what) {
+  if (!a.meshes.empty()) return {};
+  return Error{ErrorCode::kNotFound, a.output + ": holds no " + what + " yet; give the meshes too"};
+}
 
-  lod::build::HierarchyOptions options = a.hierarchy;
-  options.regroup = a.regroup == "on";
-  options.work_directory = workDirectory(a);
-  options.resume_key = resumeKey(sources);
-  options.on_plan = [&](const lod::build::BuildPlan& plan) {
-    if (a.quiet) return;
-    line.finish();
-    std::fprintf(stderr, "%s triangles: about %s in the scene, up to %s of work files, about %s\n",
-                 formatCount(plan.triangles).c_str(), formatBytes(plan.output_bytes).c_str(),
-                 formatBytes(plan.work_bytes).c_str(), formatSeconds(plan.seconds).c_str());
-  };
-  auto summary = lod::build::buildHierarchyFromFiles(a.meshes, options, a.output + "/patch.lgp",
-                                                     [&](const std::string& stage, double done) {
-                                                       line.show("hierarchy: " + stage, done);
-                                                       return !stopRequested();
-                                                     });
+void printPlan(const BuildArguments& a, ProgressLine& line, const lod::build::BuildPlan& plan) {
+  if (a.quiet) return;
   line.finish();
-  if (!summary) return summary.error();
-  for (const std::string& warning : summary->warnings) std::fprintf(stderr, "lumigrid: warning: %s\n", warning.c_str());
+  const bool points = plan.triangles == 0;
+  std::fprintf(stderr, "%s %s: about %s in the scene, up to %s of work files, about %s\n",
+               formatCount(points ? plan.vertices : plan.triangles).c_str(), points ? "points" : "triangles",
+               formatBytes(plan.output_bytes).c_str(), formatBytes(plan.work_bytes).c_str(),
+               formatSeconds(plan.seconds).c_str());
+}
+
+lod::build::Progress progressOn(ProgressLine& line, const std::string& what) {
+  return [&line, what](const std::string& stage, double done) {
+    line.show(what + ": " + stage, done);
+    return !stopRequested();
+  };
+}
+
+void printWarnings(const lod::build::SourceSummary& summary) {
+  for (const std::string& warning : summary.warnings) std::fprintf(stderr, "lumigrid: warning: %s\n", warning.c_str());
+}
+
+base::Scene sceneOf(const BuildArguments& a, const std::vector<base::SceneSource>& sources,
+                    const lod::build::SourceSummary& summary) {
   base::Scene scene;
   scene.sources = sources;
   scene.parameters = parametersOf(a);
-  describeMesh(*summary, a, scene);
-  report.hierarchy = std::move(*summary);
-  LUMIGRID_TRY(addPart(scene, a.output, "patch.lgp"));
+  describeMesh(summary, a, scene);
   return scene;
+}
+
+/// The hierarchy, from the files. What was found wrong with the meshes leaves nothing behind; what can go on later
+/// leaves its work files.
+Result<void> buildPatches(const BuildArguments& a, const std::vector<base::SceneSource>& sources,
+                          std::optional<base::Scene>& scene, BuildReport& report, ProgressLine& line) {
+  LUMIGRID_TRY(needMeshes(a, "hierarchy"));
+  lod::build::HierarchyOptions options = a.hierarchy;
+  options.regroup = a.regroup == "on";
+  options.work_directory = workDirectory(a, kPatches);
+  options.resume_key = resumeKey(sources);
+  options.on_plan = [&](const lod::build::BuildPlan& plan) { printPlan(a, line, plan); };
+  auto summary = lod::build::buildHierarchyFromFiles(a.meshes, options, a.output + "/" + kPatches.file,
+                                                     progressOn(line, "hierarchy"));
+  line.finish();
+  if (!summary) return summary.error();
+  printWarnings(*summary);
+  // The patches are the scene as it is looked at: what they say of the source counts.
+  base::Scene described = sceneOf(a, sources, *summary);
+  if (scene) {
+    const Parameters wanted = std::move(described.parameters);
+    described.parameters = scene->parameters;  // with the division
+    for (const char* name : kHierarchyParameters) described.parameters[name] = wanted.at(name);
+    described.parts = scene->parts;
+  }
+  scene = std::move(described);
+  report.hierarchy = std::move(*summary);
+  return addPart(*scene, a.output, kPatches.file);
+}
+
+/// The tree of splats, from the files, in the same way.
+Result<void> buildSplats(const BuildArguments& a, const std::vector<base::SceneSource>& sources,
+                         std::optional<base::Scene>& scene, BuildReport& report, ProgressLine& line) {
+  LUMIGRID_TRY(needMeshes(a, "tree of splats"));
+  lod::build::qsplat::BuildOptions options;
+  options.threads = a.hierarchy.threads;
+  options.memory_bytes = a.hierarchy.memory_bytes;
+  options.work_directory = workDirectory(a, kSplats);
+  options.resume_key = resumeKey(sources);
+  options.on_plan = [&](const lod::build::BuildPlan& plan) { printPlan(a, line, plan); };
+  auto summary =
+      lod::build::qsplat::buildFromFiles(a.meshes, options, a.output + "/" + kSplats.file, progressOn(line, "splats"));
+  line.finish();
+  if (!summary) return summary.error();
+  if (!scene) {
+    printWarnings(*summary);
+    scene = sceneOf(a, sources, *summary);
+  }
+  report.splats = std::move(*summary);
+  return addPart(*scene, a.output, kSplats.file);
 }
 
 repository::Subsampling subsamplingOf(const std::string& name) {
@@ -379,12 +474,21 @@ std::string imagesOf(const BuildArguments& a) {
   return a.output + "/images";
 }
 
+// This program, to draw in several processes.
+std::vector<std::string> drawCommand() {
+  std::error_code error;
+  const fs::path program = fs::read_symlink("/proc/self/exe", error);
+  if (error) return {};
+  return {program.string(), kDrawCommand};
+}
+
 // What is drawn, for all shards alike.
 BakeOptions bakeOptions(const BuildArguments& a, const base::Scene& scene) {
   BakeOptions options = a.bake;
   options.grid = gridFor(a, scene);
   options.subsampling = subsamplingOf(a.subsampling);
   options.threads = a.hierarchy.threads;
+  options.draw_command = drawCommand();
   return options;
 }
 
@@ -543,6 +647,14 @@ nlohmann::json summaryJson(const base::Scene& scene, const BuildReport& r) {
       j["hierarchy"]["levels"].push_back(
           {{"triangles", level.triangles}, {"patches", level.patches}, {"max_error", level.max_error}});
   }
+  if (r.splats) {
+    const auto& q = *r.splats;
+    if (!r.hierarchy) j["import_seconds"] = q.import_seconds;
+    j["qsplat"] = splatsJson(q.header);
+    j["qsplat"]["seconds"] = q.seconds;
+    j["qsplat"]["cpu_seconds"] = q.cpu_seconds;
+    j["qsplat"]["leaves_per_cpu_second"] = static_cast<double>(q.header.leaves) / std::max(q.cpu_seconds, 1e-9);
+  }
   if (r.tuned) j["tuned"] = tunedJson(*r.tuned);
   if (r.bake) {
     const auto& b = *r.bake;
@@ -562,11 +674,11 @@ void printOutcome(const BuildArguments& a, const Output& output, const BuildRepo
   if (r.removed.damaged + r.removed.orphans > 0)
     std::printf("repaired: %s damaged images rendered again, %s removed that did not belong here\n",
                 formatCount(r.removed.damaged).c_str(), formatCount(r.removed.orphans).c_str());
-  else if (output.finished && !r.hierarchy && (!r.bake || r.bake->faces_rendered == 0))
+  else if (output.finished && !r.hierarchy && !r.splats && (!r.bake || r.bake->faces_rendered == 0))
     std::printf("%s: finished and whole; nothing was to be done\n", a.output.c_str());
   std::printf("peak memory %s\n", formatBytes(peakResidentBytes()).c_str());
   if (r.missing.empty())
-    std::printf("next: lumigrid serve %s\n", a.output.c_str());
+    std::printf("next: lumigrid %s %s\n", hasPart(*output.scene, kPatches.file) ? "serve" : "info", a.output.c_str());
   else
     std::printf(
         "next: %zu more shards (%s) with the same command; lumigrid build --missing -o %s lists what they lack\n",
@@ -575,7 +687,9 @@ void printOutcome(const BuildArguments& a, const Output& output, const BuildRepo
 
 void printSummary(const BuildArguments& a, const Output& output, const BuildReport& r) {
   const base::Scene& scene = *output.scene;
-  std::printf("%s: %s triangles\n", a.output.c_str(), formatCount(scene.triangles).c_str());
+  const bool points = scene.triangles == 0 && r.splats;
+  std::printf("%s: %s %s\n", a.output.c_str(), formatCount(points ? r.splats->header.leaves : scene.triangles).c_str(),
+              points ? "points" : "triangles");
   for (const auto& [what, count] : scene.repairs)
     std::printf("  repaired: %s %s\n", formatCount(count).c_str(), what.c_str());
   if (r.hierarchy) {
@@ -588,6 +702,13 @@ void printSummary(const BuildArguments& a, const Output& output, const BuildRepo
       std::printf("  level %2zu: %12s triangles %8s patches, error up to %g\n", level,
                   formatCount(h.levels[level].triangles).c_str(), formatCount(h.levels[level].patches).c_str(),
                   static_cast<double>(h.levels[level].max_error));
+  }
+  if (r.splats) {
+    const auto& q = *r.splats;
+    std::printf("splats: %.0f leaves/s (%.0f per core) in %s; %s\n",
+                static_cast<double>(q.header.leaves) / std::max(q.seconds, 1e-9),
+                static_cast<double>(q.header.leaves) / std::max(q.cpu_seconds, 1e-9), formatSeconds(q.seconds).c_str(),
+                describeSplats(splatsJson(q.header)).c_str());
   }
   if (r.tuned) std::printf("tuned to %s dB: %s\n", a.tune.c_str(), describeChoice(*r.tuned).c_str());
   if (r.bake) {
@@ -651,16 +772,30 @@ Result<void> removeOrphanStores(const BuildArguments& a, std::uint32_t shards) {
   return {};
 }
 
-/// The scene with its hierarchy, found or made, and building.json as it should be. Under the scene's lock.
+// What has been built so far is the scene's: a rerun finds it listed.
+Result<void> noteBuilt(const BuildArguments& a, Output& output) {
+  addMethods(parametersOf(a), output.scene->parameters);
+  return base::writeSceneFile(*output.scene, a.output + "/" + (output.finished ? "scene.json" : base::kBuildingFile));
+}
+
+/// The scene with its hierarchies, found or made, and building.json as it should be. Under the scene's lock.
 Result<Output> prepare(const BuildArguments& a, const std::vector<base::SceneSource>& sources, Part& part,
                        BuildReport& report, ProgressLine& line) {
   auto output = openOutput(a, sources);
   if (!output) return output.error();
-  if (!output->scene || !hasHierarchy(a, *output->scene)) {
-    auto built = buildPatches(a, sources, report, line);
-    if (!built) return built.error();
-    if (output->scene) built->parameters = output->scene->parameters;  // with the division
-    output->scene = std::move(*built);
+  if (a.force) {
+    LUMIGRID_TRY(needMeshes(a, "hierarchy"));
+    LUMIGRID_TRY(clear(a.output));
+  }
+  const bool lacks_patches = !output->scene ? wants(a, "patch") : lacks(a, *output->scene, kPatches);
+  if (lacks_patches) {
+    LUMIGRID_TRY(buildPatches(a, sources, output->scene, report, line));
+    LUMIGRID_TRY(noteBuilt(a, *output));
+  }
+  const bool lacks_splats = !output->scene ? wants(a, "qsplat") : lacks(a, *output->scene, kSplats);
+  if (lacks_splats) {
+    LUMIGRID_TRY(buildSplats(a, sources, output->scene, report, line));
+    LUMIGRID_TRY(noteBuilt(a, *output));
   }
   LUMIGRID_TRY(settleDivision(a, *output, part));
   if (wants(a, "images")) {
@@ -747,22 +882,24 @@ Result<MissingParts> findMissingParts(const BuildArguments& a) {
   MissingParts missing;
   missing.shards = part->shards;
   if (!output->scene) {
-    missing.hierarchy = true;
+    missing.hierarchy = wants(a, "patch");
+    missing.splats = wants(a, "qsplat");
     return missing;
   }
   const base::Scene& scene = *output->scene;
   LUMIGRID_TRY(settleDivision(a, *output, *part));
   missing.shards = part->shards;
-  missing.hierarchy = !hasHierarchy(a, scene);
+  missing.hierarchy = lacks(a, scene, kPatches);
+  missing.splats = lacks(a, scene, kSplats);
   if (!wants(a, "images")) {
-    missing.declaration = !missing.hierarchy && !output->finished && !wantsImages(scene);
+    missing.declaration = !missing.files() && !output->finished && !wantsImages(scene);
     return missing;
   }
   auto images = missingImages(a, scene, part->shards);
   if (!images) return images.error();
   missing.images = std::move(*images);
   if (part->index) std::erase_if(missing.images, [&](const auto& one) { return one.shard.index != *part->index; });
-  missing.declaration = !missing.hierarchy && !output->finished && missing.images.empty() && !part->index;
+  missing.declaration = !missing.files() && !output->finished && missing.images.empty() && !part->index;
   return missing;
 }
 
@@ -774,9 +911,11 @@ void declareOptions(CLI::App& command, BuildArguments& a) {
   command.add_option("-o,--output", a.output, "scene directory to make, or to go on with")->required();
   command.add_flag("--force", a.force, "replace a scene that is there");
   command
-      .add_option("--methods", a.methods, "what to build: patch (the hierarchy), images (the repository; needs patch)")
+      .add_option("--methods", a.methods,
+                  "what to build: patch (the hierarchy), images (the repository; needs patch), qsplat (a tree of "
+                  "splats; also from point clouds, PLY files without faces). A scene that is there gets what it lacks")
       ->delimiter(',')
-      ->check(CLI::IsMember({"patch", "images"}))
+      ->check(CLI::IsMember(std::vector<std::string>(std::begin(kMethods), std::end(kMethods))))
       ->capture_default_str();
   command.add_option("--grid", a.grid, "sampling points along the longest side of the viewing box")
       ->check(CLI::Range(2, 1024))
@@ -876,7 +1015,7 @@ void declareOptions(CLI::App& command, BuildArguments& a) {
       ->capture_default_str();
   command
       .add_option("--memory", a.hierarchy.memory_bytes,
-                  "most memory to use while the hierarchy is built, e.g. 4G, at least 256M; 0: 60 % of the machine's; "
+                  "most memory to use while a hierarchy is built, e.g. 4G, at least 256M; 0: 60 % of the machine's; "
                   "the result does not depend on it")
       ->transform(CLI::AsSizeValue(false))
       ->capture_default_str();
@@ -975,6 +1114,10 @@ Result<BuildArguments> withRecordedOptions(const CLI::App& given, const BuildArg
 }
 
 }  // namespace
+
+Run addDraw(CLI::App&) {
+  return [] { return runDrawProcess(STDIN_FILENO); };
+}
 
 Run addBuild(CLI::App& command) {
   auto a = std::make_shared<BuildArguments>();

@@ -8,7 +8,11 @@ namespace server::cmd {
 
 using Run = std::function<int()>;
 
+/// What build starts to draw in several processes (server/bake/draw_processes.h).
+inline constexpr const char* kDrawCommand = "draw-images";
+
 Run addBuild(CLI::App& command);
+Run addDraw(CLI::App& command);
 Run addInfo(CLI::App& command);
 Run addVerify(CLI::App& command);
 Run addPublish(CLI::App& command);

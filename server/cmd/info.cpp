@@ -7,9 +7,11 @@
 
 #include "base/hash/sha256.h"
 #include "base/json/annotations_file.h"
+#include "lod/qsplat/splat_file.h"
 #include "repository/verify.h"
 #include "server/cmd/commands.h"
 #include "server/cmd/console.h"
+#include "server/cmd/splat_info.h"
 #include "server/cmd/tuned.h"
 #include "server/net/open_scene.h"
 
@@ -203,10 +205,14 @@ base::Result<std::string> digestOf(const repository::Store& store) {
   return base::hexOf(hash.finish());
 }
 
-void print(const InfoArguments& a, const nlohmann::json& j, const std::string& tuned) {
+// A scene from points has splats alone.
+void printScene(const InfoArguments& a, const nlohmann::json& j) {
   const auto& s = j["scene"];
-  std::printf("%s: %s triangles, colours: %s, light: %s, units: %s\n", a.scene.c_str(),
-              formatCount(s["triangles"].get<std::uint64_t>()).c_str(), s["has_colors"].get<bool>() ? "yes" : "no",
+  const auto triangles = s["triangles"].get<std::uint64_t>();
+  const bool points = triangles == 0 && j.contains("qsplat");
+  std::printf("%s: %s %s, colours: %s, light: %s, units: %s\n", a.scene.c_str(),
+              formatCount(points ? j["qsplat"]["leaves"].get<std::uint64_t>() : triangles).c_str(),
+              points ? "points" : "triangles", s["has_colors"].get<bool>() ? "yes" : "no",
               s["light"]["mode"].get<std::string>().c_str(), s["units"].get<std::string>().c_str());
   std::printf("box %s to %s\n", s["box_min"].dump().c_str(), s["box_max"].dump().c_str());
   for (const auto& source : s["sources"])
@@ -214,8 +220,9 @@ void print(const InfoArguments& a, const nlohmann::json& j, const std::string& t
                 formatBytes(source["bytes"].get<std::uint64_t>()).c_str());
   for (const auto& [what, count] : s["repairs"].items())
     std::printf("repaired: %s %s\n", formatCount(count.get<std::uint64_t>()).c_str(), what.c_str());
+}
 
-  const auto& h = j["hierarchy"];
+void printHierarchy(const nlohmann::json& h) {
   std::printf("hierarchy: %s patches in %s groups, %s; positions within %g\n",
               formatCount(h["patches"].get<std::uint64_t>()).c_str(),
               formatCount(h["groups"].get<std::uint64_t>()).c_str(),
@@ -225,6 +232,12 @@ void print(const InfoArguments& a, const nlohmann::json& j, const std::string& t
     std::printf("  level %2d: %12s triangles %8s patches, error up to %g\n", number++,
                 formatCount(level["triangles"].get<std::uint64_t>()).c_str(),
                 formatCount(level["patches"].get<std::uint64_t>()).c_str(), level["max_error"].get<double>());
+}
+
+void print(const InfoArguments& a, const nlohmann::json& j, const std::string& tuned) {
+  printScene(a, j);
+  if (j.contains("hierarchy")) printHierarchy(j["hierarchy"]);
+  if (j.contains("qsplat")) std::printf("splats: %s\n", describeSplats(j["qsplat"]).c_str());
   if (j.contains("images"))
     printImages(j["images"], tuned);
   else
@@ -233,7 +246,36 @@ void print(const InfoArguments& a, const nlohmann::json& j, const std::string& t
   if (j.contains("access")) printAccess(j["access"]);
 }
 
+/// Nothing when the scene has no tree of splats, or is not on this machine.
+base::Result<nlohmann::json> describeSplatFile(const std::string& directory, const base::Scene& scene) {
+  if (directory.empty() || !base::partFile(scene, "qsplat", ".lgq")) return nlohmann::json();
+  const auto splats = lod::qsplat::SplatFile::open(base::splatPath(directory, scene));
+  if (!splats) return splats.error();
+  return splatsJson(splats->header());
+}
+
+int finish(const InfoArguments& a, const nlohmann::json& j, const std::string& tuned_line) {
+  if (a.json)
+    std::printf("%s\n", j.dump(2).c_str());
+  else
+    print(a, j, tuned_line);
+  return kDone;
+}
+
+// Without patches nothing else can be in the scene.
+int runOnSplats(const InfoArguments& a, const base::Scene& scene) {
+  auto splats = describeSplatFile(a.scene, scene);
+  if (!splats) return fail(splats.error());
+  const nlohmann::json j{{"scene", nlohmann::json::parse(base::formatScene(scene))},
+                         {"triangles", scene.triangles},
+                         {"qsplat", std::move(*splats)}};
+  return finish(a, j, "");
+}
+
 int run(const InfoArguments& a) {
+  if (const auto scene = base::readScene(a.scene);
+      scene && base::partFile(*scene, "qsplat", ".lgq") && !base::partFile(*scene, "patch", ".lgp"))
+    return runOnSplats(a, *scene);
   auto open = openScene(a.scene);
   if (!open) return fail(open.error());
   nlohmann::json j;
@@ -241,6 +283,9 @@ int run(const InfoArguments& a) {
   j["scene"] = nlohmann::json::parse((*open)->scene_json.begin(), (*open)->scene_json.end());
   j["triangles"] = (*open)->scene.triangles;
   j["hierarchy"] = describeHierarchy(**open);
+  auto splats = describeSplatFile((*open)->directory, (*open)->scene);
+  if (!splats) return fail(splats.error());
+  if (!splats->is_null()) j["qsplat"] = std::move(*splats);
   if ((*open)->images) {
     // A published repository counts what it holds, so that nothing need be fetched.
     auto contents =
@@ -263,11 +308,7 @@ int run(const InfoArguments& a) {
   }
   if (auto annotations = describeAnnotations(**open); !annotations.is_null()) j["annotations"] = std::move(annotations);
   if (auto access = describeAccess(**open, a); !access.is_null()) j["access"] = std::move(access);
-  if (a.json)
-    std::printf("%s\n", j.dump(2).c_str());
-  else
-    print(a, j, tuned_line);
-  return kDone;
+  return finish(a, j, tuned_line);
 }
 
 }  // namespace

@@ -43,6 +43,7 @@ int main(int argc, char** argv) {
   auto add = [&](const char* name, const char* help, Run (*declare)(CLI::App&)) {
     CLI::App* parser = app.add_subcommand(name, help);
     commands.push_back({parser, declare(*parser)});
+    return parser;
   };
   add("build", "Build a scene from meshes: patch hierarchy and image repository. Resumes where it was stopped.",
       addBuild);
@@ -52,6 +53,7 @@ int main(int argc, char** argv) {
   add("verify", "Read everything in a scene; check every checksum, bound and link.", addVerify);
   add("render", "Render a picture of a scene to PNG.", addRender);
   add("tour", "Write a camera path around a scene, for lumigrid-view --headless and lumigrid-compare.", addTour);
+  add(kDrawCommand, "Draw images for a build that started this.", addDraw)->group("");  // not in --help
   add("sample", "Generate a scan-like mesh of any size as PLY.", addSample);
 
   try {

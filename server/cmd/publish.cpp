@@ -51,7 +51,7 @@ constexpr const char* kBinary = "application/octet-stream";
 
 // A scene that `lumigrid build` made is not overwritten: it has what it was built from, we would only add to it.
 Result<void> refuseBuiltScene(repository::ObjectSink& sink) {
-  for (const char* name : {"patch.lgp", base::kBuildingFile, "images/data.mdb"}) {
+  for (const char* name : {"patch.lgp", "qsplat.lgq", base::kBuildingFile, "images/data.mdb"}) {
     auto size = sink.size(name);
     if (!size) return size.error();
     if (size->has_value())

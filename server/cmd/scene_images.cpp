@@ -43,6 +43,7 @@ void printJson(const std::string& scene, const MissingParts& missing) {
                    {"cells_to_judge", cellsOf(missing)},
                    {"missing_shards", missing.shards == 0 ? "" : arrayOf(missing.images)},
                    {"missing", nlohmann::json::array()}};
+  if (missing.splats) j["qsplat"] = "missing";
   for (const repository::ShardGaps& shard : missing.images) {
     nlohmann::json gaps = nlohmann::json::array();
     for (const repository::Gap& gap : shard.gaps)
@@ -58,6 +59,7 @@ void printJson(const std::string& scene, const MissingParts& missing) {
 void printText(const std::string& scene, const MissingParts& missing) {
   if (!missing.any()) std::printf("%s: nothing is missing\n", scene.c_str());
   if (missing.hierarchy) std::printf("hierarchy: missing\n");
+  if (missing.splats) std::printf("tree of splats: missing\n");
   if (missing.declaration)
     std::printf("scene.json: missing, though nothing else is; lumigrid build -o %s writes it\n", scene.c_str());
   for (const repository::ShardGaps& shard : missing.images) {

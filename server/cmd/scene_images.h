@@ -23,11 +23,13 @@ base::Result<std::vector<std::string>> orphanStores(const std::string& images, s
 /// What a scene lacks.
 struct MissingParts {
   bool hierarchy = false;
+  bool splats = false;
   std::uint32_t shards = 0;                   ///< the division; 0: none
   std::vector<repository::ShardGaps> images;  ///< shards that lack faces
   /// All is there, but nobody has looked and written scene.json: any command that builds the scene does.
   bool declaration = false;
-  bool any() const { return hierarchy || declaration || !images.empty(); }
+  bool files() const { return hierarchy || splats; }
+  bool any() const { return files() || declaration || !images.empty(); }
 };
 /// Exit status of `build --missing` when something is.
 inline constexpr int kMissing = 3;

@@ -7,13 +7,17 @@
 
 #include "base/file.h"
 #include "base/json/annotations_file.h"
+#include "lod/qsplat/splat_file.h"
 #include "repository/access.h"
+#include "repository/open_objects.h"
 #include "repository/parameters.h"
 #include "repository/repository.h"
 #include "repository/verify.h"
 #include "server/cmd/commands.h"
 #include "server/cmd/console.h"
 #include "server/cmd/scene_images.h"
+#include "server/cmd/verify_far.h"
+#include "server/cmd/verify_parts.h"
 #include "server/net/open_scene.h"
 
 namespace server::cmd {
@@ -23,10 +27,8 @@ namespace fs = std::filesystem;
 
 struct VerifyArguments {
   std::string scene;
-  bool json = false;
+  bool json = false, quiet = false;
 };
-
-using Faults = std::vector<std::string>;
 
 // Every part that scene.json lists is there, with its size and hash.
 void verifyParts(const std::string& directory, const base::Scene& scene, Faults& faults) {
@@ -52,53 +54,28 @@ void verifyParts(const std::string& directory, const base::Scene& scene, Faults&
   }
 }
 
-void verifyPatches(const std::string& path, const base::Scene& scene, Faults& faults) {
-  auto patches = lod::patch::PatchFile::open(path);
-  if (!patches) {
-    faults.push_back(patches.error().message);
+void verifySplats(const std::string& path, const base::Scene& scene, Faults& faults) {
+  const auto splats = lod::qsplat::SplatFile::open(path);
+  if (!splats) {
+    faults.push_back(splats.error().message);
     return;
   }
-  for (const std::string& fault : patches->verify()) faults.push_back(fault);
-  const lod::patch::Hierarchy& h = patches->hierarchy();
-  if (h.has_colors != scene.has_colors) faults.push_back(path + ": colours do not agree with scene.json");
-  base::Aabb box = scene.localBox();
-  const float slack = static_cast<float>(h.lattice.positionError()) + 1e-6F * box.diagonal();
-  box.min -= slack;
-  box.max += slack;
-  for (std::size_t i = 0; i < h.patches.size(); ++i)
-    if (h.patches[i].level == 0 && !(box.contains(h.patches[i].box.min) && box.contains(h.patches[i].box.max)))
-      faults.push_back(path + ": leaf patch " + std::to_string(i) + " lies outside the scene's box");
+  for (const std::string& fault : splats->verify()) faults.push_back(path + ": " + fault);
+  const lod::qsplat::Header& header = splats->header();
+  if (header.colors != scene.has_colors) faults.push_back(path + ": colours do not agree with scene.json");
+  const base::Aabb box = scene.localBox();
+  const float slack = header.root.radius + 1e-6F * box.diagonal();
+  if (!base::Aabb{box.min - slack, box.max + slack}.contains(header.root.center))
+    faults.push_back(path + ": its root lies outside the scene's box");
 }
 
-// The points that a store samples; nothing, and a fault, when it does not say.
-std::optional<repository::SampledPoints> pointsOf(const repository::Store& store, const std::string& path,
-                                                  Faults& faults) {
-  auto meta = store.readMeta();
-  if (!meta || !meta->has_value()) {
-    faults.push_back(meta ? path + ": does not say which grid it belongs to" : meta.error().message);
-    return std::nullopt;
-  }
-  auto points = repository::sampledPointsFromMeta(**meta, path);
-  if (!points) {
-    faults.push_back(points.error().message);
-    return std::nullopt;
-  }
-  if (points->tree && !points->tree->openLeaves().empty())
-    faults.push_back(path + ": of its cells " + std::to_string(points->tree->openLeaves().size()) +
-                     " are still to be judged");
-  return std::move(*points);
-}
-
-void verifyPacks(const std::string& directory, const std::string& index, Faults& faults) {
+void verifyLocalPacks(const std::string& directory, const std::string& index, const VerifyProgress& progress,
+                      Faults& faults) {
   auto packs = openPacks(directory, index);
-  if (!packs) {
+  if (!packs)
     faults.push_back(packs.error().message);
-    return;
-  }
-  const auto points = pointsOf(**packs, directory + "/" + index, faults);
-  if (!points) return;
-  for (std::string& fault : repository::verify(**packs, points->grid, points->treeOrNull()))
-    faults.push_back(std::move(fault));
+  else
+    verifyPacks(**packs, directory + "/" + index, progress, faults);
 }
 
 // One store: the parameters are those of all, and so are its values.
@@ -110,7 +87,7 @@ void verifyStore(const std::string& path, const repository::Shard& shard, const 
     faults.push_back(store.error().message);
     return;
   }
-  const auto points = pointsOf(**store, path, faults);
+  const auto points = samplesOf(**store, path, faults);
   if (!points) return;
   const std::string own = (*store)->readMeta()->value_or("");
   if (!repository::sameParameters(meta, own)) {
@@ -175,45 +152,68 @@ void verifyAnnotations(const std::string& directory, Faults& faults) {
   if (auto notes = base::readAnnotations(directory); !notes) faults.push_back(notes.error().message);
 }
 
-int run(const VerifyArguments& a) {
-  auto scene = base::readScene(a.scene);
-  if (!scene) return fail(scene.error());
+// What is wrong with a scene on the disk.
+base::Result<Faults> verifyHere(const std::string& directory, const VerifyProgress& progress, bool& is_published) {
+  auto scene = base::readScene(directory);
+  if (!scene) return scene.error();
   Faults faults;
-  verifyParts(a.scene, *scene, faults);
-  verifyPatches(base::patchPath(a.scene, *scene), *scene, faults);
+  verifyParts(directory, *scene, faults);
+  const bool has_splats = base::partFile(*scene, "qsplat", ".lgq").has_value();
+  if (has_splats) verifySplats(base::splatPath(directory, *scene), *scene, faults);
+  if (!has_splats || base::partFile(*scene, "patch", ".lgp"))
+    verifyPatches(base::patchPath(directory, *scene), *scene, faults);
   const auto index = base::partFile(*scene, "images/index", ".lgi");
+  is_published = index.has_value();
   if (index)
-    verifyPacks(a.scene, *index, faults);
-  else if (fs::is_directory(a.scene + "/images"))
-    verifyImages(a.scene + "/images", *scene, faults);
-  verifyAccess(repository::accessFileOf(a.scene), faults);
-  verifyAnnotations(a.scene, faults);
+    verifyLocalPacks(directory, *index, progress, faults);
+  else if (fs::is_directory(directory + "/images"))
+    verifyImages(directory + "/images", *scene, faults);
+  verifyAccess(repository::accessFileOf(directory), faults);
+  verifyAnnotations(directory, faults);
+  return faults;
+}
 
+int run(const VerifyArguments& a) {
+  stopOnSignals();
+  ProgressLine line(a.quiet);
+  const VerifyProgress progress = [&](double done) {
+    line.show("verify", done);
+    return !stopRequested();
+  };
+  bool is_published = repository::isRemotePlace(a.scene);
+  const auto faults = is_published ? verifyFar(a.scene, progress) : verifyHere(a.scene, progress, is_published);
+  line.finish();
+  if (!faults) return fail(faults.error());
+  if (stopRequested()) return fail({base::ErrorCode::kCancelled, "stopped before everything was read"});
   if (a.json) {
-    std::printf("%s\n", nlohmann::json{{"scene", a.scene}, {"faults", faults}}.dump(2).c_str());
+    std::printf("%s\n", nlohmann::json{{"scene", a.scene}, {"faults", *faults}}.dump(2).c_str());
   } else {
-    for (const std::string& fault : faults) std::printf("%s\n", fault.c_str());
-    if (faults.empty())
+    for (const std::string& fault : *faults) std::printf("%s\n", fault.c_str());
+    if (faults->empty())
       std::printf("%s: all is well\n", a.scene.c_str());
-    else if (index)
+    else if (is_published)
       std::printf("%s: %zu faults; `lumigrid publish` of the built scene with --rewrite mends them\n", a.scene.c_str(),
-                  faults.size());
+                  faults->size());
     else
       std::printf(
           "%s: %zu faults; `lumigrid build -o %s` renders missing and broken images again and removes what does not "
-          "belong "
-          "here, other parts need --force\n",
-          a.scene.c_str(), faults.size(), a.scene.c_str());
+          "belong here, other parts need --force\n",
+          a.scene.c_str(), faults->size(), a.scene.c_str());
   }
-  return faults.empty() ? kDone : kFailed;
+  return faults->empty() ? kDone : kFailed;
 }
 
 }  // namespace
 
 Run addVerify(CLI::App& command) {
   auto a = std::make_shared<VerifyArguments>();
-  command.add_option("SCENE", a->scene, "scene directory")->required();
+  command
+      .add_option("SCENE", a->scene,
+                  "scene directory, or where a published scene lies: https://host/scene or s3://bucket/scene, which is "
+                  "read by ranges, several at a time, without a cache")
+      ->required();
   command.add_flag("--json", a->json, "faults as JSON");
+  command.add_flag("--quiet", a->quiet, "no progress");
   return [a] { return run(*a); };
 }
 

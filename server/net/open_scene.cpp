@@ -92,9 +92,18 @@ base::Result<std::unique_ptr<repository::PackStore>> openPacks(const std::string
   return repository::PackStore::open(std::move(*source), index);
 }
 
+base::Result<base::Bytes> readSceneJson(const repository::ObjectSource& source) {
+  constexpr std::uint64_t kMostJsonBytes = std::uint64_t{16} << 20;
+  auto size = source.size("scene.json");
+  if (!size) return size.error();
+  if (*size > kMostJsonBytes)
+    return base::Error{base::ErrorCode::kInvalidInput,
+                       source.place() + "/scene.json: of " + std::to_string(*size) + " bytes, which no scene's is"};
+  return source.read("scene.json", 0, *size);
+}
+
 namespace {
 
-constexpr std::uint64_t kMostJsonBytes = std::uint64_t{16} << 20;
 constexpr unsigned kRemoteReads = 8;  // under way at a time for the images of one view
 
 // Everything but the images.
@@ -112,15 +121,6 @@ base::Result<std::unique_ptr<OpenScene>> openHierarchy(base::Scene scene, base::
   open->data.patches = &open->patches;
   describe(place, *open);
   return open;
-}
-
-base::Result<base::Bytes> readRoot(const repository::ObjectSource& source) {
-  auto size = source.size("scene.json");
-  if (!size) return size.error();
-  if (*size > kMostJsonBytes)
-    return base::Error{base::ErrorCode::kInvalidInput,
-                       source.place() + "/scene.json: of " + std::to_string(*size) + " bytes, which no scene's is"};
-  return source.read("scene.json", 0, *size);
 }
 
 base::Result<std::string> cacheDirectory(const RemoteOptions& options, const std::string& place) {
@@ -146,6 +146,7 @@ base::Result<void> openRemoteImages(std::shared_ptr<const repository::ObjectSour
   repository::PackStore* opened = packs->get();
   LUMIGRID_TRY(takeImages(std::move(*packs), place, open));
   open.packs = opened;
+  open.data.images_are_far = true;
   return {};
 }
 
@@ -173,7 +174,7 @@ base::Result<std::unique_ptr<OpenScene>> openRemoteScene(const std::string& plac
   auto opened = repository::openObjectSource(place);
   if (!opened) return opened.error();
   const std::shared_ptr<const repository::ObjectSource> source = std::move(*opened);
-  auto json_bytes = readRoot(*source);
+  auto json_bytes = readSceneJson(*source);
   if (!json_bytes) return json_bytes.error();
   auto scene = base::parseScene(std::string(json_bytes->begin(), json_bytes->end()), place + "/scene.json");
   if (!scene) return scene.error();

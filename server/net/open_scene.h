@@ -12,6 +12,7 @@
 #include "lod/patch/format.h"
 #include "repository/access.h"
 #include "repository/grid.h"
+#include "repository/objects.h"
 #include "repository/pack_store.h"
 #include "repository/parameters.h"
 #include "repository/store.h"
@@ -52,6 +53,8 @@ struct OpenScene {
 /// (docs/places.md): its hierarchy is mirrored, for it is memory-mapped, and images are read by range through a cache.
 base::Result<std::unique_ptr<OpenScene>> openScene(const std::string& place, const RemoteOptions& options = {});
 
+/// The bytes of scene.json at a place. Errors as ObjectSource::read; kInvalidInput where it is too long to be one.
+base::Result<base::Bytes> readSceneJson(const repository::ObjectSource& source);
 /// The images of a published scene; `index` as scene.json lists it.
 base::Result<std::unique_ptr<repository::PackStore>> openPacks(const std::string& directory, const std::string& index);
 /// What access counts of the scene belong to.

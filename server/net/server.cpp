@@ -19,6 +19,7 @@
 #include <boost/beast/websocket.hpp>
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <csignal>
 #include <filesystem>
@@ -28,6 +29,7 @@
 #include <string_view>
 #include <utility>
 
+#include "base/parallel.h"
 #include "server/net/access_log.h"
 #include "server/net/frame_renderer.h"
 #include "server/net/open_scene.h"
@@ -64,6 +66,7 @@ constexpr auto kPatience = std::chrono::minutes(10);  // for a picture or a pick
 constexpr int kRetrySeconds = 5;
 constexpr std::size_t kMostUnsentPictures = std::size_t{256} << 20;  // bytes; beyond, no further one is begun
 constexpr std::uint32_t kTurnedAway = 64;                            // connections over the limit that still get a 503
+constexpr unsigned kFetchers = 8;                                    // views whose far images are fetched at a time
 
 class Connection;
 
@@ -90,22 +93,26 @@ struct Hub {
   ServerOptions options;
   std::vector<std::unique_ptr<Hosted>> scenes;  // at least one
   std::unique_ptr<FrameRenderer> renderer;      // null: no exact frames
+  std::unique_ptr<base::ThreadPool> fetchers;   // of far images; null: all are here
   std::string place;                            // address:port
   std::set<Connection*> connections;
   std::uint64_t next_client = 1;
   std::size_t viewers = 0;
   std::size_t unsent_picture_bytes = 0;  // rendered, and not yet all taken by their connections
-  bool stopping = false;
+  std::atomic<bool> stopping = false;    // the fetchers look too
   std::optional<Timer> goodbye;
 
   base::Result<void> open(const std::vector<std::string>& places);
   base::Result<void> makeSites();
+  void startFetchers();
   void startRenderer();
   /// The scene that a target is about, and what is asked of it; null: none, or the list of them.
   Hosted* find(std::string_view target, std::string_view& rest) const;
   HttpReply answerForAll(const HttpRequest& request) const;
   /// Their threads post to `io`, which goes last.
   void endThreads() {
+    stopping = true;
+    fetchers.reset();
     renderer.reset();
     for (const auto& hosted : scenes) hosted->picker.reset();
   }
@@ -181,6 +188,15 @@ base::Result<void> Hub::makeSites() {
     hosted->picker = std::make_unique<Picker>(hosted->scene->scene, hosted->scene->patches);
   }
   return {};
+}
+
+/// Each viewer has two requests at most, so nobody waits to put one in.
+void Hub::startFetchers() {
+  const bool far =
+      std::any_of(scenes.begin(), scenes.end(), [](const auto& hosted) { return hosted->scene->data.images_are_far; });
+  if (!far) return;
+  fetchers = std::make_unique<base::ThreadPool>(kFetchers,
+                                                std::size_t{2} * (options.max_connections + kTurnedAway) + kFetchers);
 }
 
 void Hub::startRenderer() {
@@ -329,6 +345,7 @@ class Viewer final : public Connection {
   void doWrite() {
     if (writing_ || closing_) return;
     outgoing_ = session_.nextMessage();
+    while (auto request = session_.takeFaceRequest()) askForFaces(std::move(*request));
     if (outgoing_) {
       writing_ = true;
       socket_.async_write(asio::buffer(*outgoing_), beast::bind_front_handler(&Viewer::onWrite, self<Viewer>()));
@@ -342,6 +359,23 @@ class Viewer final : public Connection {
   void onWrite(error_code ec, std::size_t) {
     writing_ = false;
     if (ec) return fail("write", ec);
+    doWrite();
+  }
+
+  /// All faces of a request at once, so that neighbours come by one range. Whoever waits for a network is not this
+  /// thread.
+  void askForFaces(FaceRequest request) {
+    hub_->fetchers->submit([weak = weak_from_this(), hub = hub_.get(), images = hosted_.scene->images.get(),
+                            request = std::move(request)] {
+      if (hub->stopping) return;
+      asio::post(hub->io, [weak, request, values = images->getMany(request)]() mutable {
+        if (auto viewer = std::static_pointer_cast<Viewer>(weak.lock())) viewer->onFaces(request, std::move(values));
+      });
+    });
+  }
+
+  void onFaces(const FaceRequest& request, Session::FaceValues values) {
+    session_.facesFetched(request, std::move(values));
     doWrite();
   }
 
@@ -752,6 +786,7 @@ base::Result<std::unique_ptr<Server>> Server::open(const std::vector<std::string
   LUMIGRID_TRY(state.listen());
   if (options.count_access)
     for (std::size_t i = 0; i < scenes.size(); ++i) state.hub->scenes[i]->countAccess(options, scenes[i]);
+  state.hub->startFetchers();
   if (options.render_frames) state.hub->startRenderer();
   return server;
 }

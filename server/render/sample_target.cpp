@@ -28,7 +28,7 @@ void main() {
       color += texel.rgb * texel.a;
       covered += texel.a;
     }
-  out_color = vec4(color / max(covered, 1.0), covered / float(u_supersampling * u_supersampling));
+  out_color = vec4(color / max(covered, 1e-3), covered / float(u_supersampling * u_supersampling));
 }
 )";
 

@@ -37,6 +37,7 @@ class SampleTarget {
     return width_ == width && height_ == height && supersampling_ == supersampling;
   }
   int height() const { return height_; }
+  GLuint framebuffer() const { return framebuffer_.name(); }  ///< that begin() binds
 
  private:
   base::gl::Texture samples_;

@@ -17,8 +17,6 @@ namespace {
 
 // Pictures in flight between drawing and reading.
 constexpr std::size_t kReadbackDepth = 4;
-// Longest side of a picture, so that a camera file can't ask for more memory than any machine has.
-constexpr int kMaxPictureSide = 32768;
 
 constexpr const char* kSurfaceVertex = R"(
 uniform mat4 u_clip_from_scene;
@@ -124,16 +122,11 @@ float nearPlaneOf(const base::Camera& camera) {
 }
 
 base::Result<void> check(const base::Camera& camera, const RenderOptions& options) {
-  const auto wrong = [](const std::string& what) {
-    return base::Error{base::ErrorCode::kInvalidInput, "render: " + what};
-  };
-  if (camera.width < 1 || camera.height < 1 || camera.width > kMaxPictureSide || camera.height > kMaxPictureSide)
-    return wrong("a picture of " + std::to_string(camera.width) + " x " + std::to_string(camera.height) +
-                 " pixels; each side must be 1 to " + std::to_string(kMaxPictureSide));
-  if (options.supersampling < 1 || options.supersampling > 8)
-    return wrong("supersampling " + std::to_string(options.supersampling) + "; it must be 1 to 8");
+  LUMIGRID_TRY(checkPicture(camera, options.supersampling));
   if (!(options.tolerance_px >= 0.0F))
-    return wrong("a tolerance of " + std::to_string(options.tolerance_px) + " pixels; it must be 0 or more");
+    return base::Error{base::ErrorCode::kInvalidInput, "render: a tolerance of " +
+                                                           std::to_string(options.tolerance_px) +
+                                                           " pixels; it must be 0 or more"};
   return {};
 }
 

@@ -4,6 +4,25 @@
 #include <limits>
 
 namespace server {
+namespace {
+
+// Longest side of a picture, so that a camera file can't ask for more memory than any machine has.
+constexpr int kMaxPictureSide = 32768;
+
+base::Error wrongPicture(const std::string& what) {
+  return {base::ErrorCode::kInvalidInput, "render: " + what};
+}
+
+}  // namespace
+
+base::Result<void> checkPicture(const base::Camera& camera, int supersampling) {
+  if (camera.width < 1 || camera.height < 1 || camera.width > kMaxPictureSide || camera.height > kMaxPictureSide)
+    return wrongPicture("a picture of " + std::to_string(camera.width) + " x " + std::to_string(camera.height) +
+                        " pixels; each side must be 1 to " + std::to_string(kMaxPictureSide));
+  if (supersampling < 1 || supersampling > 8)
+    return wrongPicture("supersampling " + std::to_string(supersampling) + "; it must be 1 to 8");
+  return {};
+}
 
 TilePlan planTiles(int width, int height, int supersampling, int max_side, std::uint64_t max_samples) {
   TilePlan plan{width, height, {}};

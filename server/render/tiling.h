@@ -5,9 +5,13 @@
 #include <vector>
 
 #include "base/camera.h"
+#include "base/error.h"
 #include "base/geometry.h"
 
 namespace server {
+
+/// Whether such a picture is drawn at all: sides of 1 … 32768 pixels, 1 … 8 squared samples in each. kInvalidInput.
+base::Result<void> checkPicture(const base::Camera& camera, int supersampling);
 
 /// A part of a picture in pixels; y counts rows from the top.
 struct Tile {

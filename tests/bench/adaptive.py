@@ -4,7 +4,7 @@
   adaptive.py --bin DIR --work DIR --chart FILE.svg [--grid 17] [--face 512] [--uniform 5,9,17] [--targets 26,30]
               [--worths 0.85,0.93] MESH
 
-Builds the mesh's images with `lumigrid build` once for each, looks at 16 views from random places that no cell used
+Builds a scene of the mesh with `lumigrid build` for each (those in the work directory are taken as they are), looks at 16 views from random places that no cell used
 (`lumigrid tour --random`), as a client over a socket (`lumigrid-compare`, without exact frames), and prints a row each:
 points, images, bytes, mean and worst PSNR on foreground pixels. The chart has bytes on a logarithmic axis.
 """
@@ -27,12 +27,12 @@ def run(*command):
 
 
 def measure(a, label, options):
-    lumigrid, scene = os.path.join(a.bin, "lumigrid"), os.path.join(a.work, "scene")
-    run(lumigrid, "build", a.mesh, "-o", scene, "--face", a.face, *options, "--force", "--quiet")
+    lumigrid, scene = os.path.join(a.bin, "lumigrid"), os.path.join(a.work, label.replace(" ", "_"))
+    run(lumigrid, "build", a.mesh, "-o", scene, "--face", a.face, *options, "--quiet")
     views = os.path.join(a.work, "held_out.json")
     if not os.path.exists(views):
         run(lumigrid, "tour", scene, "--random", VIEWS, "--size", *SIZE, "-o", views)
-    report = os.path.join(a.work, "report_" + label)
+    report = scene + "_report"
     run(os.path.join(a.bin, "lumigrid-compare"), scene, "--path", views, "--report", report, "--method", "lumigraph",
         "--no-frames", "--proxy-tolerance", 4, "--no-pictures")
     images = json.loads(run(lumigrid, "info", scene, "--json"))["images"]

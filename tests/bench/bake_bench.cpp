@@ -1,12 +1,19 @@
-// How near does a whole bake come to its slower half? Renders all faces and drops them, encodes kept ones again and
-// again, then bakes, and so on: medians of --runs.
+// How near does a whole bake come to its slower half, and how busy are the cores? Renders all faces and drops them,
+// encodes kept ones again and again, then bakes, and so on: medians of --runs.
 //
 //   bake_bench SCENE|MESH [--grid N] [--face PIXELS] [--threads N] [--runs N]
 //
 // With software GL drawing and encoding share the same cores, and no overlap can beat 1 / (1 / render + 1 / encode);
-// with a GPU the limit is the slower of the two. Both are printed.
+// with a GPU the limit is the slower of the two. Both are printed. "Cores busy" is the bake's CPU time over its wall
+// time and the cores it may use; what others take is not in it, so the time that these cores were idle is printed
+// beside it.
+#include <sched.h>
+#include <sys/resource.h>
+
 #include <algorithm>
 #include <cstdio>
+#include <fstream>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -14,8 +21,9 @@
 #include "base/parallel.h"
 #include "repository/store.h"
 #include "server/bake/bake.h"
-#include "server/bake/draw_thread.h"
+#include "server/bake/draw_processes.h"
 #include "server/bake/face_encoder.h"
+#include "server/bake/face_sample.h"
 #include "tests/bench/bench_scene.h"
 
 namespace {
@@ -46,33 +54,57 @@ Arguments parse(int argc, char** argv) {
   return a;
 }
 
-struct Rendering {
-  double faces_per_second = 0.0;
-  std::vector<base::Image> kept;
-};
+// This program, as the bake's drawing process (server/bake/draw_processes.h); "drop": it encodes nothing.
+constexpr const char* kDraw = "draw";
+constexpr const char* kDrop = "drop";
 
-// Every face of the grid, none of them stored. Whole points are kept, evenly over the grid, so that empty faces have
-// their share.
-Rendering renderOnly(const bench::OpenScene& open, const server::BakeOptions& options) {
+std::vector<std::string> self(const char* role) {
+  return {std::filesystem::read_symlink("/proc/self/exe").string(), role};
+}
+
+base::Result<server::EncodedFace> dropPicture(const base::Image&, int, repository::Subsampling) {
+  return server::EncodedFace{};
+}
+
+unsigned coresOf(const server::BakeOptions& options) {
+  return options.threads == 0 ? base::coreCount() : options.threads;
+}
+
+// Every face of the grid, none of them encoded: in as many processes as the bake draws in.
+double renderOnly(const bench::OpenScene& open, const server::BakeOptions& options, bool in_processes) {
+  const server::FaceWork work{open.scene, open.patches, options.grid, server::renderOptions(options)};
+  const auto take = [](std::uint64_t, const repository::FaceKey&, const server::EncodedFace&) {};
+  const auto fail = [](const base::Error& error) { bench::stop(error.message); };
+  const double start = bench::seconds();
+  const auto faces = in_processes ? server::makeFacesByProcesses(work, self(kDrop),
+                                                                 server::drawProcessesFor(coresOf(options)), take, fail)
+                                  : server::makeFacesHere(work, 1, take, fail, dropPicture);
+  std::uint64_t sequence = 0;
+  for (const glm::uvec3& p : repository::pointsInMortonOrder(options.grid)) {
+    server::DrawJob job{sequence, {}};
+    for (std::uint32_t d = 0; d < 6; ++d) job.keys.push_back({p.x, p.y, p.z, d});
+    faces->submit(std::move(job));
+    sequence += 6;
+  }
+  faces->finish();
+  return static_cast<double>(options.grid.faceCount()) / (bench::seconds() - start);
+}
+
+// Faces to encode, those of whole points, evenly over the grid, so that empty ones have their share.
+std::vector<base::Image> keptFaces(const bench::OpenScene& open, const server::BakeOptions& options) {
+  const auto renderer = must(server::SceneRenderer::create(open.scene, open.patches));
   const auto points = repository::pointsInMortonOrder(options.grid);
   const std::size_t stride = std::max<std::size_t>(1, 6 * points.size() / kKeptFaces);
-
-  Rendering result;
-  const double start = bench::seconds();
-  server::DrawThread thread(
-      open.scene, open.patches, options.grid, server::renderOptions(options),
-      [&](std::uint64_t sequence, const repository::FaceKey&, server::Rendered rendered) {
-        if (sequence / 6 % stride == 0) result.kept.push_back(std::move(rendered.rgba));
-      },
-      [](const base::Error& error) { bench::stop(error.message); });
-  for (std::size_t p = 0; p < points.size(); ++p) {
-    server::DrawJob job{6 * p, {}};
-    for (std::uint32_t d = 0; d < 6; ++d) job.keys.push_back({points[p].x, points[p].y, points[p].z, d});
-    thread.submit(std::move(job));
+  std::vector<base::Image> kept;
+  for (std::size_t i = 0; i < points.size(); i += stride) {
+    std::vector<repository::FaceKey> keys;
+    for (std::uint32_t d = 0; d < 6; ++d) keys.push_back({points[i].x, points[i].y, points[i].z, d});
+    must(renderer->renderMany(
+        server::faceCameras(*renderer, options.grid, keys), server::renderOptions(options),
+        [&](std::size_t, server::Rendered rendered) { kept.push_back(std::move(rendered.rgba)); }));
   }
-  thread.finish();
-  result.faces_per_second = static_cast<double>(options.grid.faceCount()) / (bench::seconds() - start);
-  return result;
+  must(renderer->finish());
+  return kept;
 }
 
 double encodeOnly(const std::vector<base::Image>& faces, const server::BakeOptions& options) {
@@ -87,6 +119,36 @@ double encodeOnly(const std::vector<base::Image>& faces, const server::BakeOptio
   return static_cast<double>(count) / (bench::seconds() - start);
 }
 
+// CPU time of this process and its children that have ended.
+double cpuSeconds() {
+  double sum = 0.0;
+  for (const int who : {RUSAGE_SELF, RUSAGE_CHILDREN}) {
+    rusage use{};
+    ::getrusage(who, &use);
+    sum += static_cast<double>(use.ru_utime.tv_sec + use.ru_stime.tv_sec) +
+           1e-6 * static_cast<double>(use.ru_utime.tv_usec + use.ru_stime.tv_usec);
+  }
+  return sum;
+}
+
+// How long the cores that this process may use have been idle, all together (/proc/stat).
+double idleSeconds() {
+  cpu_set_t mine;
+  CPU_ZERO(&mine);
+  ::sched_getaffinity(0, sizeof(mine), &mine);
+  std::ifstream stat("/proc/stat");
+  double ticks = 0.0;
+  for (std::string line; std::getline(stat, line);) {
+    std::istringstream words(line);
+    std::string name;
+    double user = 0.0, nice = 0.0, system = 0.0, idle = 0.0, waiting = 0.0;
+    words >> name >> user >> nice >> system >> idle >> waiting;
+    if (!name.starts_with("cpu") || name == "cpu") continue;
+    if (CPU_ISSET(std::stoul(name.substr(3)), &mine)) ticks += idle + waiting;
+  }
+  return ticks / static_cast<double>(::sysconf(_SC_CLK_TCK));
+}
+
 server::BakeSummary bakeAll(const bench::OpenScene& open, const server::BakeOptions& options,
                             const std::string& directory) {
   auto store = must(repository::openLmdbStore(directory, repository::StoreMode::kWrite));
@@ -96,7 +158,7 @@ server::BakeSummary bakeAll(const bench::OpenScene& open, const server::BakeOpti
 
 // Of several runs, in each of which the three take turns.
 struct Rates {
-  std::vector<double> render, encode, bake, of_slower, of_shared;
+  std::vector<double> render, encode, bake, of_slower, of_shared, busy, idle;
 
   void add(double rendering, double encoding, double baking) {
     render.push_back(rendering), encode.push_back(encoding), bake.push_back(baking);
@@ -114,21 +176,38 @@ void print(const char* name, const std::vector<double>& values, int decimals) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  const std::string role = argc > 1 ? argv[1] : "";
+  if (role == kDraw) return server::runDrawProcess(STDIN_FILENO);
+  if (role == kDrop) return server::runDrawProcess(STDIN_FILENO, dropPicture);
+
   const Arguments a = parse(argc, argv);
   const bench::WorkDirectory work;
   const bench::OpenScene open = bench::openScene(a.input, work);
   server::BakeOptions options;
   options.grid = repository::makeGrid(open.scene.localBox(), a.grid, 0.5F, a.face);
   options.threads = a.threads;
-  std::printf("GL: %s\n", must(base::HeadlessContext::create())->renderer().c_str());
+  options.draw_command = self(kDraw);
+  bool in_processes = false;
+  std::vector<base::Image> kept;
+  {
+    const auto context = must(base::HeadlessContext::create());
+    in_processes = context->isSoftware() && a.threads != 1;
+    std::printf("GL: %s\n", context->renderer().c_str());
+    kept = keptFaces(open, options);
+  }
 
   Rates rates;
   server::BakeSummary summary;
   for (unsigned run = 0; run < a.runs; ++run) {
-    const Rendering rendering = renderOnly(open, options);
-    const double encoding = encodeOnly(rendering.kept, options);
+    const double rendering = renderOnly(open, options, in_processes);
+    const double encoding = encodeOnly(kept, options);
+    const double cpu = cpuSeconds();
+    const double idle = idleSeconds();
     summary = bakeAll(open, options, work / ("images" + std::to_string(run)));
-    rates.add(rendering.faces_per_second, encoding, static_cast<double>(summary.faces_rendered) / summary.seconds);
+    const double core_seconds = summary.seconds * coresOf(options);
+    rates.add(rendering, encoding, static_cast<double>(summary.faces_rendered) / summary.seconds);
+    rates.busy.push_back((cpuSeconds() - cpu) / core_seconds);
+    rates.idle.push_back((idleSeconds() - idle) / core_seconds);
   }
 
   const auto images = static_cast<double>(summary.faces_rendered - summary.faces_empty);
@@ -140,6 +219,8 @@ int main(int argc, char** argv) {
   print("whole bake", rates.bake, 1);
   print("bake / slower of the two", rates.of_slower, 2);
   print("bake / both on the same cores", rates.of_shared, 2);
+  print("cores busy with the bake", rates.busy, 2);
+  print("cores idle meanwhile", rates.idle, 2);
   std::printf("per image: JPEG %.0f bytes, mask %.0f bytes\n",
               static_cast<double>(summary.jpeg_bytes) / std::max(1.0, images),
               static_cast<double>(summary.coverage_bytes) / std::max(1.0, images));

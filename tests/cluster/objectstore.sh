@@ -196,6 +196,8 @@ scene=$work/scene tower=s3://scenes/lab/tower
 expect_error "look at AWS_SECRET_ACCESS_KEY" env AWS_SECRET_ACCESS_KEY=wrong "$bin/lumigrid" publish "$scene" $tower --quiet
 expect_error "there is no bucket 'elsewhere'" "$bin/lumigrid" publish "$scene" s3://elsewhere/tower --quiet
 "$bin/lumigrid" publish "$scene" $tower --quiet >/dev/null || fail "publish"
+"$bin/lumigrid" verify $tower --quiet || fail "verify of the bucket"
+expect_error "no such object" "$bin/lumigrid" verify s3://scenes/lab/none --quiet
 "$bin/lumigrid" tour "$scene" --frames 24 --size 320 180 -o "$work/tour.json" || fail "tour"
 expect_error "no such object" "$bin/lumigrid" serve s3://scenes/lab/none --port 0 --cache "$work/none"
 declare -A url=()

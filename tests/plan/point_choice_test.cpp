@@ -255,16 +255,6 @@ TEST(PointChoice, facesAreThoseThatSeeTheSamples) {
   }
 }
 
-TEST(PointChoice, presentFacesAreLeftOutAndCountAsCovered) {
-  const PointQuery query = wallQuery({0.0F, 0.0F, 9.0F});
-  const auto samples = wallSamples();
-  const auto points = choosePoints(query, samples);
-  const auto all = orderFaces(query, points, samples);
-  ASSERT_GE(all.size(), 4U);
-  const auto rest = orderFaces(query, points, samples, [&](const repository::FaceKey& key) { return key == all[0]; });
-  EXPECT_EQ(rest, std::vector(all.begin() + 1, all.end())) << "greedy: what is left stays in order";
-}
-
 // ---- samples ----
 
 TEST(PointChoice, raysFindTheNearestPatch) {

@@ -88,6 +88,35 @@ TEST(ViewPlan, facesOfAPlanAndItsOtherFacesAreAllFacesOfItsPoints) {
 }
 
 // Viewers that stand inside the model, far away, beside the grid or on one of its points get an answer like all others.
+// A client blends 16 images of 8 points; one point shows all that its faces see.
+TEST(ViewPlan, noMoreFacesThanAClientBlends) {
+  const server::TestScene scene;
+  protocol::View view = scene.view(1, {0.3, 0.3, 0.6});
+  view.camera.fov_y = 2.0;
+  std::size_t before = 0;
+  for (const std::uint16_t points : {1, 2, 4, 8}) {
+    view.max_points = points;
+    const ViewPlan plan = planView(scene.data.toPlan(), view, nothing);
+    EXPECT_LE(plan.faces.size(), std::max<std::size_t>(8, std::size_t{2} * points));
+    EXPECT_GE(plan.faces.size(), before);
+    before = plan.faces.size();
+  }
+  EXPECT_EQ(before, 16U) << "of 8 points more faces see something";
+}
+
+TEST(ViewPlan, facesThatAreThereAreLeftOutAndNoOthersComeInTheirPlace) {
+  const server::TestScene scene;
+  const protocol::View view = scene.view(1, {0.3, 0.3, 0.6});
+  const ViewPlan whole = planView(scene.data.toPlan(), view, nothing);
+  ASSERT_GT(whole.faces.size(), 3U);
+  const auto here = [&](const repository::FaceKey& key) { return key == whole.faces[0] || key == whole.faces[2]; };
+  const ViewPlan rest = planView(scene.data.toPlan(), view, here);
+  std::vector<repository::FaceKey> wanted = whole.faces;
+  std::erase_if(wanted, here);
+  EXPECT_EQ(rest.faces, wanted);
+  EXPECT_EQ(rest.other_faces, whole.other_faces);
+}
+
 TEST(ViewPlan, anyEyeIsServed) {
   const server::TestScene scene;
   for (const glm::dvec3& from :

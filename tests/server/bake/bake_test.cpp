@@ -44,6 +44,16 @@ class BakeTest : public testing::Test {
   BakeOptions options_;
 };
 
+TEST_F(BakeTest, processesOfTheirOwnStoreTheSameBytes) {
+  MemoryStore here, in_processes;
+  ASSERT_TRUE(run(here));
+  options_.draw_command = {DRAW_PROCESS};
+  const auto summary = run(in_processes);
+  ASSERT_TRUE(summary) << summary.error().message;
+  EXPECT_EQ(summary->faces_rendered, 27U * 6U);
+  EXPECT_EQ(in_processes.values, here.values);
+}
+
 TEST_F(BakeTest, everyFaceOfTheGridIsStoredAndVerifies) {
   const support::TemporaryDirectory directory;
   const auto store = std::move(*repository::openLmdbStore(directory / "images", repository::StoreMode::kWrite));

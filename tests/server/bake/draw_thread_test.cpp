@@ -13,6 +13,8 @@ namespace {
 
 using repository::FaceKey;
 
+constexpr std::uint64_t kBudget = 1 << 26;
+
 std::vector<test::Triangle> square() {
   const glm::u8vec4 color(200, 100, 50, 255);
   return {{{-1, -1, 0}, {1, -1, 0}, {1, 1, 0}, color}, {{-1, -1, 0}, {1, 1, 0}, {-1, 1, 0}, color}};
@@ -37,7 +39,7 @@ class DrawThreadTest : public testing::Test {
     std::map<std::uint64_t, base::Image> pictures;
     const std::vector<DrawJob> jobs = allJobs();
     DrawThread thread(
-        scene_.scene(), scene_.file(), grid_, {},
+        scene_.scene(), scene_.file(), grid_, {}, kBudget,
         [&](std::uint64_t sequence, const FaceKey& key, Rendered rendered) {
           const std::lock_guard lock(mutex_);
           EXPECT_EQ(key, jobs[sequence / 6].keys[sequence % 6]);
@@ -54,7 +56,7 @@ class DrawThreadTest : public testing::Test {
   std::mutex mutex_;
 };
 
-// One thread: several contexts that draw at a time can crash within llvmpipe (draw_thread.cpp).
+// One thread: several contexts that draw at a time can crash within llvmpipe (draw_thread.h).
 TEST_F(DrawThreadTest, everyFaceComesOnceAndLooksTheSameEveryTime) {
   const auto one = drawAll();
   ASSERT_EQ(one.size(), grid_.faceCount());
@@ -68,7 +70,7 @@ TEST_F(DrawThreadTest, aThreadWithoutAJobDeliversWhatIsOnItsWay) {
   std::uint64_t taken = 0;
   std::condition_variable changed;
   DrawThread thread(
-      scene_.scene(), scene_.file(), grid_, {},
+      scene_.scene(), scene_.file(), grid_, {}, kBudget,
       [&](std::uint64_t, const FaceKey&, const Rendered&) {
         const std::lock_guard lock(mutex_);
         ++taken;
@@ -91,7 +93,8 @@ TEST_F(DrawThreadTest, aFailureIsToldOnceAndNothingIsWaitedForAfterIt) {
   std::atomic<int> told{0};
   std::atomic<int> taken{0};
   DrawThread thread(
-      scene_.scene(), scene_.file(), grid_, {}, [&](std::uint64_t, const FaceKey&, const Rendered&) { ++taken; },
+      scene_.scene(), scene_.file(), grid_, {}, kBudget,
+      [&](std::uint64_t, const FaceKey&, const Rendered&) { ++taken; },
       [&](const base::Error& error) {
         EXPECT_NE(error.message.find("40000"), std::string::npos) << error.message;
         ++told;

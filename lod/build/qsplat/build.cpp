@@ -1,0 +1,227 @@
+#include "lod/build/qsplat/build.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <mutex>
+#include <optional>
+
+#include "base/file.h"
+#include "base/parallel.h"
+#include "lod/build/qsplat/file_build.h"
+#include "lod/build/qsplat/mesh_leaves.h"
+#include "lod/build/stopwatch.h"
+
+namespace lod::build::qsplat {
+namespace {
+
+using base::Error;
+using base::ErrorCode;
+
+Error cancelled() {
+  return {ErrorCode::kCancelled, "building the splat tree was cancelled"};
+}
+
+// One build, stage by stage; each leaves in the work directory what the next one needs.
+class Builder {
+ public:
+  Builder(const BuildOptions& options, std::string output_path, const Progress& progress)
+      : options_(options), output_path_(std::move(output_path)), progress_(progress) {
+    if (options_.threads == 0) options_.threads = base::coreCount();
+    memory_ = options_.memory_bytes != 0 ? options_.memory_bytes : machineMemory() / 10 * 6;
+  }
+
+  base::Result<BuildSummary> run(const SourceInput& input) {
+    LUMIGRID_TRY(needMemory(memory_));
+    LUMIGRID_TRY(needDescriptors(kDescriptors));
+    auto directory =
+        WorkDirectory::open(options_.work_directory.empty() ? output_path_ + ".work" : options_.work_directory,
+                            canResume() ? "qsplat 1 " + options_.resume_key : "");
+    if (!directory) return directory.error();
+    directory_ = std::move(*directory);
+    base::removeUnfinished(output_path_);  // nobody else is writing it now
+    if (auto done = stages(input); !done) {
+      if (!(canResume() && mayGoOn(done.error()))) directory_->remove();
+      return done.error();
+    }
+    fillSummary();
+    directory_->remove();
+    return std::move(summary_);
+  }
+
+ private:
+  base::Result<void> stages(const SourceInput& input) {
+    LUMIGRID_TRY(import(input));
+    summary_.import_seconds = watch_.seconds();
+    LUMIGRID_TRY(sortTriangles());
+    LUMIGRID_TRY(measureBorder());
+    LUMIGRID_TRY(makeSubtrees());
+    return write();
+  }
+
+  bool report(const std::string& stage, double done) {
+    const std::lock_guard lock(progress_mutex_);
+    return !progress_ || progress_(stage, done);
+  }
+  bool canResume() const { return !options_.resume_key.empty(); }
+  std::uint64_t workMemory() const { return memory_ - kLeastMemory / 2; }
+
+  base::Result<void> import(const SourceInput& input) {
+    if (directory_->stage() < 1 && !report("import", 0.0)) return cancelled();
+    auto source = importSource(*directory_, input, canResume());
+    if (!source) return source.error();
+    source_ = std::move(*source);
+    const std::uint64_t leaves = source_.info.referenced;
+    if (options_.on_plan)
+      options_.on_plan({source_.info.triangles, leaves, kOutputBytes * leaves,
+                        kBucketBytes * source_.info.triangles + kWorkBytes * leaves,
+                        static_cast<double>(leaves) / (kLeavesPerCoreSecond * options_.threads)});
+    return {};
+  }
+
+  base::Result<void> sortTriangles() {
+    lattice_ = makeLattice(source_.info, source_.origin, 0);
+    if (directory_->stage() < 2 && !report("sort", 0.0)) return cancelled();
+    auto buckets = sortSource(
+        *directory_, source_, lattice_,
+        {workMemory() / 2, options_.threads, [this](double done) { return report("sort", done); }}, canResume());
+    if (!buckets) return buckets.error();
+    buckets_ = std::move(*buckets);
+    return {};
+  }
+
+  // Stage 3.
+  base::Result<void> measureBorder() {
+    auto& leaves = leaves_.emplace(buckets_, lattice_);
+    if (directory_->stage() >= 3) {
+      auto state = directory_->state(3);
+      if (!state) return state.error();
+      base::ByteReader in(*state);
+      return leaves.readBorder(in) && in.atEnd() ? base::Result<void>() : directory_->broken();
+    }
+    LUMIGRID_TRY(leaves.measureBorder(tilesAtOnce(leaves), [this](double done) { return report("borders", done); }));
+    base::ByteWriter out;
+    leaves.writeBorder(out);
+    return directory_->finishStage(3, out.view());
+  }
+
+  // As many tiles at a time as memory holds.
+  unsigned tilesAtOnce(const LeafSource& leaves) const {
+    std::uint64_t largest = 1;
+    for (std::size_t t = 0; t < leaves.tiles(); ++t) largest = std::max(largest, leaves.memoryOf(t));
+    return static_cast<unsigned>(std::clamp<std::uint64_t>(workMemory() / largest, 1, options_.threads));
+  }
+
+  // Stage 4.
+  base::Result<void> makeSubtrees() {
+    const LeafSource& leaves = *leaves_;
+    const std::string path = directory_->path() + "/nodes";
+    auto store = SubtreeStore::open(path, directory_->has("nodes"), leaves.tiles());
+    if (!store) return store.error();
+    subtrees_ = std::move(*store);
+    LUMIGRID_TRY(directory_->needSpace(
+        std::max(kWorkBytes * source_.info.referenced, subtrees_->bytes()) - subtrees_->bytes(), "the splat tree"));
+    LUMIGRID_TRY(needOutputSpace(output_path_, kOutputBytes * source_.info.referenced));
+    std::size_t done = 0;
+    for (std::size_t t = 0; t < leaves.tiles(); ++t) {
+      done += subtrees_->has(t) ? 1 : 0;
+      if (!subtrees_->has(t) && directory_->stage() >= 4) return directory_->broken();
+    }
+    std::mutex mutex;
+    base::Result<void> status;
+    std::atomic<bool> stopped = false;
+    base::parallelFor(leaves.tiles(), tilesAtOnce(leaves), [&](std::size_t t) {
+      if (stopped || subtrees_->has(t)) return;
+      auto made = makeTile(leaves, t);
+      const std::lock_guard lock(mutex);
+      ++done;
+      if (made && !report("tree", static_cast<double>(done) / static_cast<double>(leaves.tiles()))) made = cancelled();
+      if (!made) status = made, stopped = true;
+    });
+    LUMIGRID_TRY(status);
+    // From here on the store alone holds the leaves.
+    if (directory_->stage() < 4) {
+      if (canResume()) LUMIGRID_TRY(subtrees_->sync());
+      LUMIGRID_TRY(directory_->finishStage(4, {}));
+      buckets_.release();
+    }
+    releaseFreedMemory();
+    return {};
+  }
+
+  base::Result<void> makeTile(const LeafSource& source, std::size_t tile) {
+    const auto leaves = source.leaves(tile);
+    if (!leaves) return leaves.error();
+    return subtrees_->add(static_cast<std::uint32_t>(tile), leaves->empty() ? Subtree() : makeSubtree(*leaves));
+  }
+
+  base::Result<void> write() {
+    FileBuildOptions options;
+    options.colors = source_.info.has_colors;
+    options.threads = options_.threads;
+    options.runs_path = directory_->path() + "/runs";
+    options.progress = [this](const std::string& stage, double done) { return report(stage, done); };
+    auto header = writeTree(*subtrees_, output_path_, options);
+    if (!header) return header.error();
+    summary_.header = *header;
+    return {};
+  }
+
+  void fillSummary() {
+    const SourceInfo& info = source_.info;
+    summary_.origin = source_.origin;
+    summary_.box_min = info.box_min;
+    summary_.box_max = info.box_max;
+    summary_.warnings = info.warnings;
+    summary_.has_colors = info.has_colors;
+    summary_.bytes = summary_.header.file_bytes;
+    summary_.triangles = buckets_.totals().triangles;
+    summary_.facing = buckets_.totals().facing;
+    addRepairs(source_, buckets_, summary_.repairs);
+    summary_.repairs.add("welded_vertices", info.referenced - std::min(info.referenced, summary_.header.leaves));
+    summary_.seconds = watch_.seconds();
+    summary_.cpu_seconds = watch_.cpuSeconds();
+  }
+
+  static constexpr std::uint64_t kDescriptors = 32;
+  // Per leaf, and per triangle while they are sorted: measured on scans with colours.
+  static constexpr std::uint64_t kOutputBytes = 10;
+  static constexpr std::uint64_t kWorkBytes = 48;
+  static constexpr std::uint64_t kBucketBytes = 60;
+  static constexpr double kLeavesPerCoreSecond = 0.6e6;
+
+  BuildOptions options_;
+  std::string output_path_;
+  const Progress& progress_;
+  std::uint64_t memory_ = 0;
+  std::mutex progress_mutex_;
+  std::optional<WorkDirectory> directory_;
+  const Stopwatch watch_;
+  ImportedSource source_;
+  SourceLattice lattice_;
+  Buckets buckets_;
+  std::optional<MeshLeaves> leaves_;
+  std::optional<SubtreeStore> subtrees_;
+  BuildSummary summary_;
+};
+
+}  // namespace
+
+base::Result<BuildSummary> buildFromFiles(const std::vector<std::string>& paths, const BuildOptions& options,
+                                          const std::string& output_path, const Progress& progress) {
+  auto input = sourceFromFiles(paths, progress);
+  if (!input) return input.error();
+  auto summary = Builder(options, output_path, progress).run(*input);
+  // Work files that do not hold together are gone by now.
+  if (!summary && isDamage(summary.error())) summary = Builder(options, output_path, progress).run(*input);
+  return summary ? std::move(summary) : ofSource(paths, summary.error());
+}
+
+base::Result<BuildSummary> buildFromMesh(const Mesh& mesh, const BuildOptions& options, const std::string& output_path,
+                                         const Progress& progress) {
+  auto input = sourceFromMesh(mesh);
+  if (!input) return input.error();
+  return Builder(options, output_path, progress).run(*input);
+}
+
+}  // namespace lod::build::qsplat

@@ -1,0 +1,150 @@
+#include "lod/qsplat/node.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace lod::qsplat {
+namespace {
+
+constexpr std::uint16_t kNoCode = 0xFFFF;
+
+// Codes by (s, x, y, z); the four numbers have 13 values each.
+struct CodeIndex {
+  std::array<std::uint16_t, kSteps * kSteps * kSteps * kSteps> code;
+  static std::size_t place(int s, int x, int y, int z) {
+    return static_cast<std::size_t>((((s - 1) * kSteps + x) * kSteps + y) * kSteps + z);
+  }
+};
+
+struct SphereTables {
+  SphereTable steps;
+  CodeIndex index;
+
+  SphereTables() {
+    index.code.fill(kNoCode);
+    std::uint16_t code = 0;
+    for (int s = 1; s <= kSteps; ++s)
+      for (int x = 0; x <= kSteps - s; ++x)
+        for (int y = 0; y <= kSteps - s; ++y)
+          for (int z = 0; z <= kSteps - s; ++z) {
+            if (!isSphereStep(s, x, y, z)) continue;
+            const auto thirteenths = [](int v) { return static_cast<float>(static_cast<double>(v) / kSteps); };
+            steps[code] = {
+                {thirteenths(s + 2 * x - kSteps), thirteenths(s + 2 * y - kSteps), thirteenths(s + 2 * z - kSteps)},
+                thirteenths(s)};
+            index.code[CodeIndex::place(s, x, y, z)] = code++;
+          }
+  }
+};
+
+const SphereTables& sphereTables() {
+  static const SphereTables tables;
+  return tables;
+}
+
+// Borders of the 52 cells along a face's side: equal angles seen from the cube's middle.
+double cellBorder(double cell) {
+  return std::tan(0.25 * 3.14159265358979323846 * (2.0 * cell / kNormalSide - 1.0));
+}
+
+struct CellBorders {
+  std::array<float, kNormalSide + 1> at;
+  CellBorders() {
+    for (std::uint32_t i = 0; i <= kNormalSide; ++i) at[i] = static_cast<float>(cellBorder(i));
+  }
+};
+
+std::uint32_t cellOf(float t) {
+  static const CellBorders borders;
+  // A guess by a short arctangent (Rajan et al. 2006, off by 0.0038 rad at most), put right by the borders themselves.
+  const float turns = t * (1.0F + 0.3476F * (1.0F - std::abs(t)));
+  const float guess = 0.5F * static_cast<float>(kNormalSide) * (turns + 1.0F);
+  auto cell = static_cast<std::uint32_t>(std::clamp(guess, 0.0F, static_cast<float>(kNormalSide - 1)));
+  while (cell > 0 && t < borders.at[cell]) --cell;
+  while (cell + 1 < kNormalSide && t >= borders.at[cell + 1]) ++cell;
+  return cell;
+}
+
+}  // namespace
+
+const SphereTable& sphereTable() {
+  return sphereTables().steps;
+}
+
+bool encloses(const base::Sphere& outer, const base::Sphere& inner) {
+  const glm::dvec3 between = glm::dvec3(outer.center) - glm::dvec3(inner.center);
+  const double room = static_cast<double>(outer.radius) * (1.0 + 1e-12) - static_cast<double>(inner.radius);
+  return room >= 0.0 && glm::dot(between, between) <= room * room;
+}
+
+std::uint32_t encodeSphere(const base::Sphere& parent, const base::Sphere& child) {
+  const SphereTables& tables = sphereTables();
+  if (!(parent.radius > 0.0F) || !encloses(parent, child)) return kWholeParent;
+  const double scale = kSteps / static_cast<double>(parent.radius);
+  // In thirteenths, from the corner of the parent's bounding cube: a sphere of code (s, x, y, z) has its centre at
+  // s/2 + (x, y, z) of these, which are twice as wide.
+  const glm::dvec3 at = 0.5 * ((glm::dvec3(child.center) - glm::dvec3(parent.center)) * scale + double{kSteps});
+  const double radius = static_cast<double>(child.radius) * scale;
+  int s = radius < double{kSteps} ? std::max(1, static_cast<int>(std::ceil(radius * (1.0 - 1e-6)))) : kSteps;
+  for (; s < kSteps; ++s) {
+    const double last = kSteps - s;
+    const glm::dvec3 cell = glm::clamp(glm::floor(at - 0.5 * s + 0.5), 0.0, last);
+    const int x = static_cast<int>(cell.x);
+    const int y = static_cast<int>(cell.y);
+    const int z = static_cast<int>(cell.z);
+    const std::uint16_t code = tables.index.code[CodeIndex::place(s, x, y, z)];
+    if (code != kNoCode && encloses(decodeSphere(parent, tables.steps[code]), child)) return code;
+  }
+  return kWholeParent;
+}
+
+const NormalTable& normalTable() {
+  static const NormalTable table = [] {
+    NormalTable normals;
+    normals.fill({0.0F, 0.0F, 1.0F});
+    for (std::uint32_t face = 0; face < 6; ++face)
+      for (std::uint32_t row = 0; row < kNormalSide; ++row)
+        for (std::uint32_t column = 0; column < kNormalSide; ++column) {
+          const std::uint32_t axis = face / 2;
+          glm::dvec3 n(0.0);
+          n[static_cast<int>(axis)] = face % 2 == 0 ? 1.0 : -1.0;
+          n[axis == 0 ? 1 : 0] = cellBorder(row + 0.5);
+          n[axis == 2 ? 1 : 2] = cellBorder(column + 0.5);
+          normals[(face * kNormalSide + row) * kNormalSide + column] = glm::vec3(glm::normalize(n));
+        }
+    return normals;
+  }();
+  return table;
+}
+
+std::uint32_t encodeNormal(const glm::vec3& n) {
+  const glm::vec3 size = glm::abs(n);
+  const std::uint32_t axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
+  const float major = size[static_cast<int>(axis)];
+  if (!(major > 0.0F) || !(size.x + size.y + size.z <= std::numeric_limits<float>::max()))
+    return encodeNormal({0.0F, 0.0F, 1.0F});
+  const std::uint32_t face = 2 * axis + (n[static_cast<int>(axis)] < 0.0F ? 1 : 0);
+  const std::uint32_t row = cellOf(n[axis == 0 ? 1 : 0] / major);
+  const std::uint32_t column = cellOf(n[axis == 2 ? 1 : 2] / major);
+  return (face * kNormalSide + row) * kNormalSide + column;
+}
+
+std::uint32_t encodeCone(double least_cosine) {
+  // A hair narrower than the code's own, for the rounding of the normals that were compared.
+  constexpr double kSlack = 1e-6;
+  if (!(least_cosine > 0.0)) return kAnyDirection;
+  const double sine_squared = 1.0 - least_cosine * least_cosine;
+  for (std::uint32_t code = 0; code < kConeSines.size(); ++code) {
+    const auto sine = static_cast<double>(kConeSines[code]);
+    if (sine_squared <= sine * sine * (1.0 - kSlack)) return code;
+  }
+  return kAnyDirection;
+}
+
+std::uint16_t encodeColor(const glm::u8vec3& color) {
+  const auto nearest = [](std::uint32_t value, std::uint32_t most) { return (value * most * 2 + 255) / (2 * 255); };
+  return static_cast<std::uint16_t>(nearest(color.r, 31) << 11 | nearest(color.g, 63) << 5 | nearest(color.b, 31));
+}
+
+}  // namespace lod::qsplat

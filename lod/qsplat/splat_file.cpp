@@ -1,0 +1,19 @@
+#include "lod/qsplat/splat_file.h"
+
+namespace lod::qsplat {
+
+base::Result<SplatFile> SplatFile::open(const std::string& path) {
+  auto mapped = base::MappedFile::open(path);
+  if (!mapped) return mapped.error();
+  auto header = readHeader(mapped->bytes());
+  if (!header) return base::within(path, header.error());
+  if (header->file_bytes != mapped->bytes().size())
+    return base::within(path, damaged("has " + std::to_string(mapped->bytes().size()) + " bytes, its header says " +
+                                      std::to_string(header->file_bytes)));
+  SplatFile file;
+  file.file_ = std::move(*mapped);
+  file.header_ = *header;
+  return file;
+}
+
+}  // namespace lod::qsplat

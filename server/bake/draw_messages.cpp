@@ -1,0 +1,174 @@
+#include "server/bake/draw_messages.h"
+
+#include <sys/socket.h>
+#include <cerrno>
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <string_view>
+#include <utility>
+
+namespace server {
+namespace {
+
+constexpr std::uint32_t kMostBytes = std::uint32_t{256} << 20;  // of a message; the largest face takes far less
+
+base::Error broken(const std::string& what) {
+  return {base::ErrorCode::kIo, "drawing process: " + what};
+}
+
+base::Result<void> sendAll(int socket, base::ByteView bytes) {
+  while (!bytes.empty()) {
+    const ssize_t sent = ::send(socket, bytes.data(), bytes.size(), MSG_NOSIGNAL);
+    if (sent < 0 && errno == EINTR) continue;
+    if (sent <= 0) return broken(std::string("cannot be told anything: ") + std::strerror(errno));
+    bytes = bytes.subspan(static_cast<std::size_t>(sent));
+  }
+  return {};
+}
+
+/// As many bytes as there are before the other end closes.
+base::Result<std::size_t> receiveUpTo(int socket, std::uint8_t* to, std::size_t count) {
+  std::size_t got = 0;
+  while (got < count) {
+    const ssize_t received = ::recv(socket, to + got, count - got, 0);
+    if (received < 0 && errno == EINTR) continue;
+    if (received < 0) return broken(std::string("cannot be heard: ") + std::strerror(errno));
+    if (received == 0) break;
+    got += static_cast<std::size_t>(received);
+  }
+  return got;
+}
+
+void writeText(base::ByteWriter& out, std::string_view text) {
+  out.u32(static_cast<std::uint32_t>(text.size()));
+  out.bytes({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
+}
+
+std::string readText(base::ByteReader& in) {
+  const base::ByteView text = in.bytes(in.u32());
+  return {text.begin(), text.end()};
+}
+
+}  // namespace
+
+base::Result<void> sendMessage(int socket, DrawMessageKind kind, base::ByteView body) {
+  base::ByteWriter out;
+  out.u32(static_cast<std::uint32_t>(body.size() + 1));
+  out.u8(static_cast<std::uint8_t>(kind));
+  out.bytes(body);
+  return sendAll(socket, out.view());
+}
+
+base::Result<std::optional<DrawMessage>> receiveMessage(int socket) {
+  std::array<std::uint8_t, 5> head{};
+  const auto got = receiveUpTo(socket, head.data(), head.size());
+  if (!got) return got.error();
+  if (*got == 0) return std::optional<DrawMessage>();
+  base::ByteReader in(head);
+  const std::uint32_t length = in.u32();
+  const auto kind = static_cast<DrawMessageKind>(in.u8());
+  if (*got < head.size() || length == 0 || length > kMostBytes) return broken("a message without a sound beginning");
+  DrawMessage message{kind, base::Bytes(length - 1)};
+  const auto rest = receiveUpTo(socket, message.body.data(), message.body.size());
+  if (!rest) return rest.error();
+  if (*rest < message.body.size()) return broken("ended in the middle of a message");
+  return std::optional<DrawMessage>(std::move(message));
+}
+
+base::Bytes encodeOrder(const FaceWork& work, std::uint64_t gpu_budget_bytes) {
+  base::Scene drawn = work.scene;  // where its bytes are from does not matter here
+  drawn.sources.clear();
+  drawn.parts.clear();
+  base::ByteWriter out;
+  writeText(out, base::formatScene(drawn));
+  writeText(out, work.patches.path());
+  work.grid.encode(out);
+  out.f32(work.render.tolerance_px);
+  out.u32(static_cast<std::uint32_t>(work.render.supersampling));
+  out.u64(work.render.max_target_samples);
+  out.u32(static_cast<std::uint32_t>(work.quality));
+  out.u8(static_cast<std::uint8_t>(work.subsampling));
+  out.u64(gpu_budget_bytes);
+  return out.take();
+}
+
+base::Result<DrawOrder> decodeOrder(base::ByteView body) {
+  base::ByteReader in(body);
+  auto scene = base::parseScene(readText(in), "the scene of a drawing process");
+  if (!scene) return scene.error();
+  DrawOrder order;
+  order.scene = std::move(*scene);
+  order.patch_path = readText(in);
+  auto grid = repository::Grid::decode(in);
+  if (!grid) return grid.error();
+  order.grid = *grid;
+  order.render.tolerance_px = in.f32();
+  order.render.supersampling = static_cast<int>(in.u32());
+  order.render.max_target_samples = in.u64();
+  order.quality = static_cast<int>(in.u32());
+  order.subsampling = static_cast<repository::Subsampling>(in.u8());
+  order.gpu_budget_bytes = in.u64();
+  if (!in.atEnd()) return broken("an order of another length");
+  return order;
+}
+
+base::Bytes encodeJob(const DrawJob& job) {
+  base::ByteWriter out;
+  out.u64(job.sequence);
+  for (const repository::FaceKey& key : job.keys) out.u64(key.code());
+  return out.take();
+}
+
+base::Result<DrawJob> decodeJob(base::ByteView body) {
+  base::ByteReader in(body);
+  DrawJob job{in.u64(), {}};
+  while (in.ok() && !in.atEnd()) {
+    auto key = repository::FaceKey::fromCode(in.u64());
+    if (!key) return key.error();
+    job.keys.push_back(*key);
+  }
+  if (!in.ok() || job.keys.empty()) return broken("a job of no faces");
+  return job;
+}
+
+base::Bytes encodeMadeFace(std::uint64_t sequence, const EncodedFace& face) {
+  base::ByteWriter out;
+  out.u64(sequence);
+  out.u8(face.empty ? 1 : 0);
+  out.u64(face.jpeg_bytes);
+  out.u64(face.coverage_bytes);
+  out.bytes(face.value);
+  return out.take();
+}
+
+base::Result<MadeFace> decodeMadeFace(base::ByteView body) {
+  base::ByteReader in(body);
+  MadeFace made;
+  made.sequence = in.u64();
+  made.face.empty = in.u8() != 0;
+  made.face.jpeg_bytes = in.u64();
+  made.face.coverage_bytes = in.u64();
+  const base::ByteView value = in.bytes(in.remaining());
+  made.face.value.assign(value.begin(), value.end());
+  if (!in.ok()) return broken("a face of too few bytes");
+  return made;
+}
+
+base::Bytes encodeError(const base::Error& error) {
+  base::ByteWriter out;
+  out.u8(static_cast<std::uint8_t>(error.code));
+  writeText(out, error.message);
+  return out.take();
+}
+
+base::Error decodeError(base::ByteView body) {
+  base::ByteReader in(body);
+  const std::uint8_t code = in.u8();
+  std::string text = readText(in);
+  if (!in.atEnd() || code > static_cast<std::uint8_t>(base::ErrorCode::kCancelled)) return broken("an unknown error");
+  return {static_cast<base::ErrorCode>(code), std::move(text)};
+}
+
+}  // namespace server

@@ -1,0 +1,27 @@
+#pragma once
+// Faces made by several processes, each with a GL context of its own. With software GL that keeps all cores busy, which
+// one context does not: it sets up vertices and triangles on the thread that draws. Contexts of one process would do
+// as well, but Mesa's llvmpipe (22.3) crashes in its own code about twice in a hundred bakes when several draw at a
+// time. Of processes each has one; and one that dies (a crash, or the kernel out of memory) is started again
+// (docs/architecture.md, "Software GL draws in several processes").
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "server/bake/face_maker.h"
+
+namespace server {
+
+/// What such a process does: serves the bake at the other end of `socket` until that closes. The program that `command`
+/// below starts calls it with its standard input. Returns the exit status.
+int runDrawProcess(int socket, const Encode& encode = encodeFace);
+
+/// `command`: a program and its arguments; it gets the socket as its standard input, its standard output goes to
+/// standard error. `processes`: 1 at least.
+std::unique_ptr<FaceMaker> makeFacesByProcesses(const FaceWork& work, const std::vector<std::string>& command,
+                                                unsigned processes, FaceMaker::Take take, FaceMaker::Fail fail);
+
+/// How many processes keep `threads` cores busy; memory is theirs each, so at most 16.
+unsigned drawProcessesFor(unsigned threads);
+
+}  // namespace server

@@ -1,0 +1,143 @@
+#include "server/bake/draw_processes.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <map>
+#include <mutex>
+
+#include "server/bake/draw_messages.h"
+#include "tests/server/render/two_level_scene.h"
+#include "tests/support/temporary_directory.h"
+
+namespace server {
+namespace {
+
+using repository::FaceKey;
+
+std::vector<test::Triangle> square() {
+  const glm::u8vec4 color(200, 100, 50, 255);
+  return {{{-1, -1, 0}, {1, -1, 0}, {1, 1, 0}, color}, {{-1, -1, 0}, {1, 1, 0}, {-1, 1, 0}, color}};
+}
+
+class DrawProcessesTest : public testing::Test {
+ protected:
+  DrawProcessesTest() : scene_(square(), {square()}, 0.1F) {
+    work_.grid = repository::makeGrid(base::Aabb{{-1, -1, 0}, {1, 1, 0}}, 4, 0.5F, 32);
+  }
+
+  struct Made {
+    std::map<std::uint64_t, EncodedFace> faces;  // by sequence number
+    std::vector<base::Error> errors;
+  };
+  FaceMaker::Take takeInto(Made& made) {
+    return [this, &made](std::uint64_t sequence, const FaceKey& key, EncodedFace face) {
+      const std::lock_guard lock(mutex_);
+      EXPECT_EQ(key, keyOf(sequence));
+      EXPECT_TRUE(made.faces.emplace(sequence, std::move(face)).second) << sequence << " came twice";
+    };
+  }
+  FaceMaker::Fail failInto(Made& made) {
+    return [this, &made](const base::Error& error) {
+      const std::lock_guard lock(mutex_);
+      made.errors.push_back(error);
+    };
+  }
+  FaceKey keyOf(std::uint64_t sequence) const {
+    const glm::uvec3 p = repository::pointsInMortonOrder(work_.grid)[sequence / 6];
+    return {p.x, p.y, p.z, static_cast<std::uint32_t>(sequence % 6)};
+  }
+  void submitAll(FaceMaker& maker) const {
+    for (std::uint64_t sequence = 0; sequence < work_.grid.faceCount(); sequence += 6) {
+      DrawJob job{sequence, {}};
+      for (std::uint64_t d = 0; d < 6; ++d) job.keys.push_back(keyOf(sequence + d));
+      maker.submit(std::move(job));
+    }
+    maker.finish();
+  }
+  Made makeHere() {
+    Made made;
+    submitAll(*makeFacesHere(work_, 2, takeInto(made), failInto(made)));
+    return made;
+  }
+  Made makeBy(unsigned processes, std::vector<std::string> arguments = {}, const std::string& program = DRAW_PROCESS) {
+    Made made;
+    arguments.insert(arguments.begin(), program);
+    submitAll(*makeFacesByProcesses(work_, arguments, processes, takeInto(made), failInto(made)));
+    return made;
+  }
+  static void expectSame(const Made& made, const Made& wanted) {
+    EXPECT_TRUE(made.errors.empty()) << made.errors.front().message;
+    ASSERT_EQ(made.faces.size(), wanted.faces.size());
+    for (const auto& [sequence, face] : wanted.faces) {
+      const EncodedFace& other = made.faces.at(sequence);
+      EXPECT_EQ(other.value, face.value) << sequence;
+      EXPECT_EQ(other.empty, face.empty) << sequence;
+      EXPECT_EQ(other.jpeg_bytes, face.jpeg_bytes) << sequence;
+      EXPECT_EQ(other.coverage_bytes, face.coverage_bytes) << sequence;
+    }
+  }
+
+  test::TwoLevelScene scene_;
+  FaceWork work_{scene_.scene(), scene_.file(), {}, {}};
+  support::TemporaryDirectory directory_;
+  std::mutex mutex_;
+};
+
+TEST_F(DrawProcessesTest, anyNumberOfProcessesMakesTheSameBytesAsOneThread) {
+  const Made here = makeHere();
+  ASSERT_EQ(here.faces.size(), work_.grid.faceCount());
+  for (const unsigned processes : {1U, 2U, 3U}) expectSame(makeBy(processes), here);
+}
+
+TEST_F(DrawProcessesTest, whatADeadProcessLeftIsDoneByItsSuccessor) {
+  const Made here = makeHere();
+  for (const char* face : {"0", "8", "17"}) {
+    const std::string mark = directory_ / ("died at " + std::string(face));
+    expectSame(makeBy(2, {mark, face}), here);
+    EXPECT_TRUE(std::filesystem::exists(mark)) << "no process died";
+  }
+}
+
+TEST_F(DrawProcessesTest, processesThatDieAgainAndAgainAreGivenUp) {
+  const Made made = makeBy(2, {"-", "0"});
+  ASSERT_EQ(made.errors.size(), 1U);
+  EXPECT_NE(made.errors.front().message.find("signal 9"), std::string::npos) << made.errors.front().message;
+  EXPECT_TRUE(made.faces.empty());
+}
+
+TEST_F(DrawProcessesTest, aProgramThatIsNotThereIsAnError) {
+  const Made made = makeBy(2, {}, "/nowhere/draw");
+  ASSERT_EQ(made.errors.size(), 1U);
+  EXPECT_EQ(made.errors.front().code, base::ErrorCode::kIo);
+  EXPECT_NE(made.errors.front().message.find("/nowhere/draw"), std::string::npos) << made.errors.front().message;
+}
+
+TEST_F(DrawProcessesTest, whatCannotBeDrawnIsToldWithItsReason) {
+  work_.grid.face_size = 40000;  // more than a picture may have
+  const Made made = makeBy(2);
+  ASSERT_EQ(made.errors.size(), 1U);
+  EXPECT_NE(made.errors.front().message.find("40000"), std::string::npos) << made.errors.front().message;
+  EXPECT_TRUE(made.faces.empty());
+}
+
+// An order, a job, a face: cut at every length they are errors.
+TEST_F(DrawProcessesTest, messagesCutShortAreRefused) {
+  const base::Bytes order = encodeOrder(work_, 1000);
+  const base::Bytes job = encodeJob({7, {{1, 2, 3, 4}}});
+  const base::Bytes error = encodeError({base::ErrorCode::kIo, "why"});
+  ASSERT_TRUE(decodeOrder(order));
+  EXPECT_EQ(decodeOrder(order)->grid, work_.grid);
+  ASSERT_TRUE(decodeJob(job));
+  EXPECT_EQ(decodeError(error).message, "why");
+  for (std::size_t length = 0; length < order.size(); ++length)
+    EXPECT_FALSE(decodeOrder(base::ByteView(order).first(length))) << length;
+  for (std::size_t length = 0; length < job.size(); ++length)
+    EXPECT_FALSE(decodeJob(base::ByteView(job).first(length))) << length;
+  for (std::size_t length = 0; length < error.size(); ++length)
+    EXPECT_NE(decodeError(base::ByteView(error).first(length)).message, "why") << length;
+  EXPECT_FALSE(decodeMadeFace(base::Bytes(24)));
+}
+
+}  // namespace
+}  // namespace server
