@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include "server/net/page_files.h"
+
 namespace server {
 namespace {
 
@@ -53,6 +55,21 @@ TEST(HttpText, numbersAreFiniteAndWhole) {
        {"", "+", "--1", "+-1x", "nan", "inf", "-infinity", "1e999", "0x10", "1 ", " 1", "1,5", "1.2.3"})
     EXPECT_FALSE(parseNumber(bad)) << bad;
   EXPECT_FALSE(parseNumber(std::string(65, '1')));
+}
+
+TEST(PageNames, hashedNamesAreToldFromOthers) {
+  EXPECT_TRUE(isHashedName("lumigrid-1f0c2a9b.js"));
+  EXPECT_TRUE(isHashedName("lumigrid.0123456789abcdef.wasm"));
+  for (const char* other : {"index.html", "style.css", "icon-512.png", "lumigrid-1f0c2a9.js", "lumigrid-1F0C2A9B.js",
+                            "deadbeef.js", "a-deadbeef", ".js", ""})
+    EXPECT_FALSE(isHashedName(other)) << other;
+}
+
+TEST(PageNames, typesAreThoseThatBrowsersWant) {
+  EXPECT_STREQ(contentTypeOf("lumigrid-1f0c2a9b.wasm"), "application/wasm");
+  EXPECT_STREQ(contentTypeOf("a.js"), "text/javascript; charset=utf-8");
+  EXPECT_STREQ(contentTypeOf("index.html"), "text/html; charset=utf-8");
+  EXPECT_STREQ(contentTypeOf("unknown.xyz"), "application/octet-stream");
 }
 
 }  // namespace
