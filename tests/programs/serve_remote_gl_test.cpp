@@ -15,6 +15,7 @@
 namespace {
 
 namespace fs = std::filesystem;
+using nlohmann::json;
 using programs::expectOneLineError;
 using programs::readText;
 using programs::run;
