@@ -127,9 +127,10 @@ void verifyFarAnnotations(const repository::ObjectSource& source, Faults& faults
   const auto bytes =
       size ? source.read(base::kAnnotationsFile, 0, std::min<std::uint64_t>(*size, base::kMaxAnnotationsBytes + 1))
            : base::Result<base::Bytes>(size.error());
-  const auto notes = bytes ? base::checkAnnotations(*bytes, source.place() + "/" + base::kAnnotationsFile)
-                           : base::Result<std::size_t>(bytes.error());
-  if (!notes) faults.push_back(notes.error().message);
+  if (!bytes)
+    faults.push_back(bytes.error().message);
+  else if (const auto notes = base::parseAnnotations(*bytes, source.place() + "/" + base::kAnnotationsFile); !notes)
+    faults.push_back(notes.error().message);
 }
 
 }  // namespace
