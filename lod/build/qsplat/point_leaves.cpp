@@ -78,6 +78,53 @@ struct PointLeaves::Fitted {
   std::vector<std::pair<std::uint32_t, std::uint32_t>> links;  // own points and neighbours in other tiles
 };
 
+// Of other tiles what lies within the balls around this one's points.
+base::Result<void> PointLeaves::addNeighbours(std::size_t tile, std::span<const glm::vec3> positions,
+                                              std::span<const float> ball, std::vector<Point>& points) const {
+  const float widest = positions.empty() ? 0.0F : std::sqrt(*std::max_element(ball.begin(), ball.end()));
+  for (std::size_t other = 0; other < tiles_.count(); ++other) {
+    const base::Aabb& box = tiles_.box(other);
+    if (other == tile || box.empty()) continue;
+    const base::Aabb& mine = tiles_.box(tile);
+    if (glm::any(glm::greaterThan(mine.min - widest, box.max)) || glm::any(glm::lessThan(mine.max + widest, box.min)))
+      continue;
+    base::Aabb wanted;
+    for (std::size_t i = 0; i < positions.size(); ++i)
+      if (distanceSquared(box, positions[i]) <= ball[i])
+        wanted.add(base::Aabb{positions[i] - std::sqrt(ball[i]), positions[i] + std::sqrt(ball[i])});
+    if (wanted.empty()) continue;
+    auto neighbours = tiles_.read(other);
+    if (!neighbours) return neighbours.error();
+    for (const Point& p : *neighbours)
+      if (wanted.contains(p.position)) points.push_back(p);
+  }
+  return {};
+}
+
+// Along the edges over which normals differ least.
+void PointLeaves::makeSignsAgree(Fitted& out, std::span<const std::uint32_t> tree_neighbours) {
+  struct Edge {
+    float cost;
+    std::uint32_t a, b;
+  };
+  std::vector<Edge> edges;
+  for (std::uint32_t i = 0; i < out.own; ++i)
+    for (std::size_t k = 0; k < kTreeNeighbours; ++k)
+      if (const std::uint32_t j = tree_neighbours[i * kTreeNeighbours + k]; j != i)
+        edges.push_back({1.0F - std::abs(glm::dot(out.normals[i], out.normals[j])), std::min(i, j), std::max(i, j)});
+  std::sort(edges.begin(), edges.end(),
+            [](const Edge& x, const Edge& y) { return std::tie(x.cost, x.a, x.b) < std::tie(y.cost, y.a, y.b); });
+  SignedSets sets(out.own);
+  for (const Edge& edge : edges) sets.unite(edge.a, edge.b, glm::dot(out.normals[edge.a], out.normals[edge.b]) < 0.0F);
+  std::map<std::uint32_t, std::uint32_t> number;
+  for (std::uint32_t i = 0; i < out.own; ++i) {
+    const auto [root, turned] = sets.find(i);
+    out.part.push_back(number.emplace(root, static_cast<std::uint32_t>(number.size())).first->second);
+    if (turned) out.normals[i] = -out.normals[i];
+  }
+  out.parts = static_cast<std::uint32_t>(number.size());
+}
+
 base::Result<PointLeaves::Fitted> PointLeaves::fit(std::size_t tile) const {
   Fitted out;
   auto read = tiles_.read(tile);
@@ -107,31 +154,10 @@ base::Result<PointLeaves::Fitted> PointLeaves::fit(std::size_t tile) const {
     for (float& b : ball) b = std::min(b, kFarOff * kFarOff * usual);
   }
 
-  // Of other tiles what lies within these balls.
-  const float widest = out.own == 0 ? 0.0F : std::sqrt(*std::max_element(ball.begin(), ball.end()));
-  for (std::size_t other = 0; other < tiles_.count(); ++other) {
-    const base::Aabb& box = tiles_.box(other);
-    if (other == tile || box.empty()) continue;
-    const base::Aabb& mine = tiles_.box(tile);
-    if (glm::any(glm::greaterThan(mine.min - widest, box.max)) || glm::any(glm::lessThan(mine.max + widest, box.min)))
-      continue;
-    base::Aabb wanted;
-    for (std::size_t i = 0; i < out.own; ++i)
-      if (distanceSquared(box, positions[i]) <= ball[i])
-        wanted.add(base::Aabb{positions[i] - std::sqrt(ball[i]), positions[i] + std::sqrt(ball[i])});
-    if (wanted.empty()) continue;
-    auto neighbours = tiles_.read(other);
-    if (!neighbours) return neighbours.error();
-    for (const Point& p : *neighbours)
-      if (wanted.contains(p.position)) out.points.push_back(p);
-  }
+  LUMIGRID_TRY(addNeighbours(tile, positions, ball, out.points));
   for (std::size_t i = out.own; i < out.points.size(); ++i) positions.push_back(out.points[i].position);
 
   const NearestPoints near(positions);
-  struct Edge {
-    float cost;
-    std::uint32_t a, b;
-  };
   std::vector<std::uint32_t> tree_neighbours;  // kTreeNeighbours of each, or fewer: itself fills up
   std::vector<glm::dvec3> around;
   for (std::uint32_t i = 0; i < out.own; ++i) {
@@ -161,23 +187,7 @@ base::Result<PointLeaves::Fitted> PointLeaves::fit(std::size_t tile) const {
   }
   if (given_normals_) return out;
 
-  // Signs, along the edges over which normals differ least.
-  std::vector<Edge> edges;
-  for (std::uint32_t i = 0; i < out.own; ++i)
-    for (std::size_t k = 0; k < kTreeNeighbours; ++k)
-      if (const std::uint32_t j = tree_neighbours[i * kTreeNeighbours + k]; j != i)
-        edges.push_back({1.0F - std::abs(glm::dot(out.normals[i], out.normals[j])), std::min(i, j), std::max(i, j)});
-  std::sort(edges.begin(), edges.end(),
-            [](const Edge& x, const Edge& y) { return std::tie(x.cost, x.a, x.b) < std::tie(y.cost, y.a, y.b); });
-  SignedSets sets(out.own);
-  for (const Edge& edge : edges) sets.unite(edge.a, edge.b, glm::dot(out.normals[edge.a], out.normals[edge.b]) < 0.0F);
-  std::map<std::uint32_t, std::uint32_t> number;
-  for (std::uint32_t i = 0; i < out.own; ++i) {
-    const auto [root, turned] = sets.find(i);
-    out.part.push_back(number.emplace(root, static_cast<std::uint32_t>(number.size())).first->second);
-    if (turned) out.normals[i] = -out.normals[i];
-  }
-  out.parts = static_cast<std::uint32_t>(number.size());
+  makeSignsAgree(out, tree_neighbours);
   return out;
 }
 

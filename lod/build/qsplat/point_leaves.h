@@ -37,6 +37,10 @@ class PointLeaves : public LeafSource {
   static constexpr std::uint64_t kBytesPerPoint = 700;
   struct Fitted;
   base::Result<Fitted> fit(std::size_t tile) const;
+  base::Result<void> addNeighbours(std::size_t tile, std::span<const glm::vec3> positions, std::span<const float> ball,
+                                   std::vector<Point>& points) const;
+  // `tree_neighbours`: so many for each of its own points, itself where there are fewer.
+  static void makeSignsAgree(Fitted& out, std::span<const std::uint32_t> tree_neighbours);
 
   const PointTiles& tiles_;
   const SourceLattice& lattice_;
