@@ -7,6 +7,9 @@
 
 namespace base {
 
+inline constexpr double kMaxCoordinate = 1e12;  ///< world units, either sign: what is taken from outside
+inline constexpr double kMinFov = 1e-3;         ///< radians; the largest is π less this
+
 /// A viewer's camera. World coordinates are the mesh's own (double, e.g. UTM metres); what reaches a float is relative
 /// to the scene's origin.
 struct ViewCamera {

@@ -22,8 +22,8 @@
 #include <string_view>
 #include <vector>
 
+#include "base/annotation.h"
 #include "base/error.h"
-#include "client/annotation.h"
 #include "client/decode.h"
 #include "client/input.h"
 #include "client/label.h"
@@ -34,6 +34,9 @@
 #include "client/viewer.h"
 
 namespace client {
+
+using base::Annotation;
+using base::kMaxAnnotations;
 
 struct AppOptions {
   ViewerOptions viewer;
@@ -57,6 +60,7 @@ enum class RequestKind : std::uint8_t {
                  ///< and background (pictureQuery), or read the framebuffer
   kKeepBookmarks,  ///< bookmark(1 … 9) changed: keep them with the scene
   kKeepSettings,   ///< settings() changed: keep them
+  kShowSettings,   ///< G: show settings() to be changed
   kPick,  ///< find the full-resolution surface on the ray `origin` + t `direction`, t ≥ 0; answerPick(`id`, …)
 };
 
@@ -149,6 +153,8 @@ class App {
   const ViewState& view() const;
   std::string permalink() const;
   void showStatistics(bool shown);
+  /// The picture's colour where there is no model: RGBA, 0 … 1.
+  void setBackground(const std::array<float, 4>& color);
   /// Goes to a link's view at once; before the scene is known it becomes the first view. An error changes nothing and
   /// is shown as a toast, too.
   base::Result<void> openPermalink(std::string_view text);

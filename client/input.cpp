@@ -35,7 +35,7 @@ constexpr std::array<Named, 23> kPlaces{{{"KeyW", Key::kW},
 
 /// By what is printed on them, lower case: KeyboardEvent.key.
 using Printed = std::pair<char, Key>;
-constexpr std::array<Printed, 11> kLetters{{{'f', Key::kF},
+constexpr std::array<Printed, 12> kLetters{{{'f', Key::kF},
                                             {'r', Key::kR},
                                             {'i', Key::kI},
                                             {'c', Key::kC},
@@ -45,11 +45,12 @@ constexpr std::array<Printed, 11> kLetters{{{'f', Key::kF},
                                             {'o', Key::kO},
                                             {'p', Key::kP},
                                             {'v', Key::kV},
-                                            {'h', Key::kH}}};
+                                            {'h', Key::kH},
+                                            {'g', Key::kG}}};
 constexpr std::array<Printed, 5> kSigns{
     {{'?', Key::kH}, {'+', Key::kPlus}, {'-', Key::kMinus}, {'.', Key::kPageUp}, {',', Key::kPageDown}}};
 
-constexpr std::array<HelpRow, 26> kHelp{{
+constexpr std::array<HelpRow, 27> kHelp{{
     {"left drag, one finger", "turn around the pivot"},
     {"right or shift drag, two fingers", "move sideways"},
     {"wheel, pinch, + -", "zoom to the cursor"},
@@ -72,6 +73,7 @@ constexpr std::array<HelpRow, 26> kHelp{{
     {"N, shift + N", "next and previous note"},
     {"P", "save a picture"},
     {"V", "copy a link to this view"},
+    {"G", "settings"},
     {"H, ?", "this help"},
     {"Escape", "leave a mode, close what is open"},
     {"click on a pin", "read a note"},

@@ -51,6 +51,7 @@ enum class Key : std::uint8_t {
   kP,
   kV,
   kH,
+  kG,
   kEscape,
   kEnter,
   kBackspace,  ///< Delete, too

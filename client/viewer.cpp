@@ -537,6 +537,10 @@ base::Result<bool> Viewer::update(const base::ViewCamera& camera, double now) {
   return s.more_to_do;
 }
 
+void Viewer::setBackground(const std::array<float, 4>& color) {
+  std::copy(color.begin(), color.end(), state_->options.lumigraph.background);
+}
+
 void Viewer::drawBackground() const {
   if (state_->lost) return;
   const float* color = state_->options.lumigraph.background;

@@ -82,6 +82,8 @@ class Viewer {
   /// Draws the view into the bound framebuffer with what is here now. Never waits for network or decoder. `now` in
   /// seconds.
   base::Result<void> draw(const base::ViewCamera& camera, double now);
+  /// Where there is no model, from the next draw on: RGBA, 0 … 1.
+  void setBackground(const std::array<float, 4>& color);
   /// The bound framebuffer without a model, as long as there is none. Tells the server of no view.
   void drawBackground() const;
   /// The world point of the drawn surface at (x, y), pixels from the upper left corner; nullopt over background. Waits

@@ -23,10 +23,10 @@ inline constexpr std::size_t kMaxKeysPerMessage = 8192;  ///< of each kind
 inline constexpr std::size_t kMaxText = 512;             ///< bytes of a name or reason; encode() cuts longer ones
 inline constexpr std::size_t kMaxUnits = 32;             ///< bytes of the name of a unit of length
 inline constexpr int kMaxViewport = 16384;               ///< pixels a side; also of a face
-inline constexpr double kMinFov = 1e-3;                  ///< radians; the largest is π less this
-inline constexpr double kMaxCoordinate = 1e12;           ///< world units, either sign
-inline constexpr float kMaxTolerance = 1e6F;             ///< pixels
-inline constexpr std::uint32_t kMaxGroups = 1U << 27;    ///< a hierarchy of 10^11 triangles stays below
+using base::kMaxCoordinate;
+using base::kMinFov;
+inline constexpr float kMaxTolerance = 1e6F;           ///< pixels
+inline constexpr std::uint32_t kMaxGroups = 1U << 27;  ///< a hierarchy of 10^11 triangles stays below
 inline constexpr std::uint32_t kMaxPatches = 1U << 29;
 
 // ---- client to server ----

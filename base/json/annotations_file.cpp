@@ -1,10 +1,9 @@
 #include "base/json/annotations_file.h"
 
-#include <cmath>
 #include <filesystem>
 #include <nlohmann/json.hpp>
-#include <string_view>
 #include <system_error>
+#include <utility>
 
 #include "base/file.h"
 #include "base/json/camera_file.h"
@@ -14,68 +13,83 @@ namespace {
 
 using nlohmann::json;
 
-constexpr int kVersion = 1;
-constexpr std::size_t kMostNotes = 500;
-constexpr std::size_t kLongestTitle = 200;    // bytes
-constexpr std::size_t kLongestText = 10'000;  // bytes
-constexpr double kFarthest = 1e12;            // world units, either sign
+/// Deeper than any of these documents is; nlohmann's parser keeps a stack, hostile depth would only cost memory.
+constexpr int kMaxDepth = 16;
 
 Error bad(const std::string& name, const std::string& what) {
   return {ErrorCode::kInvalidInput, name + ": " + what + " (docs/formats/annotations.md)"};
 }
 
-bool isVector(const json& value) {
-  if (!value.is_array() || value.size() != 3) return false;
-  for (const json& number : value)
-    if (!number.is_number() || !(std::abs(number.get<double>()) <= kFarthest)) return false;
+/// A discarded value when it is no JSON in UTF-8, or too deep.
+json parse(ByteView text) {
+  bool deep = false;
+  const auto shallow = [&deep](int depth, json::parse_event_t, json&) {
+    deep = deep || depth > kMaxDepth;
+    return !deep;
+  };
+  json document = json::parse(text.begin(), text.end(), shallow, false);
+  return deep ? json(json::value_t::discarded) : document;
+}
+
+/// Absent is fine; limits are checkedAnnotation()'s.
+bool readVector(const json& note, const char* key, glm::dvec3& v) {
+  const auto it = note.find(key);
+  if (it == note.end()) return true;
+  if (!it->is_array() || it->size() != 3) return false;
+  for (int i = 0; i < 3; ++i) {
+    const json& number = (*it)[static_cast<std::size_t>(i)];
+    if (!number.is_number()) return false;
+    v[i] = number.get<double>();
+  }
   return true;
 }
 
-/// That it is UTF-8 was found by the JSON parser.
-bool isText(const json& value, std::size_t least, std::size_t most, std::string_view allowed_controls) {
-  if (!value.is_string()) return false;
-  const auto& text = value.get_ref<const std::string&>();
-  if (text.size() < least || text.size() > most) return false;
-  for (const char c : text)
-    if ((static_cast<unsigned char>(c) < 0x20 || c == 0x7F) && allowed_controls.find(c) == std::string_view::npos)
-      return false;
-  return true;
+bool readText(const json& note, const char* key, std::string& text) {
+  const auto it = note.find(key);
+  if (it == note.end()) return true;
+  if (it->is_string()) text = it->get<std::string>();
+  return it->is_string();
 }
 
-Result<void> checkNote(const json& note, const std::string& place) {
+Result<Annotation> readNote(const json& note, const std::string& place) {
   if (!note.is_object()) return bad(place, "is not an object");
-  if (!note.contains("position") || !isVector(note["position"]))
-    return bad(place, "position must be three numbers within 1e12");
-  if (note.contains("normal") && !isVector(note["normal"]))
-    return bad(place, "normal must be three numbers within 1e12");
-  if (!note.contains("title") || !isText(note["title"], 1, kLongestTitle, ""))
-    return bad(place, "title must be one line of 1 to " + std::to_string(kLongestTitle) + " bytes");
-  if (note.contains("text") && !isText(note["text"], 0, kLongestText, "\n\t"))
-    return bad(place, "text must be at most " + std::to_string(kLongestText) +
-                          " bytes without control characters but line breaks and tabs");
-  if (!note.contains("camera")) return {};
-  auto camera = parseCamera(note["camera"].dump(), place + ": camera");
-  if (!camera) return camera.error();
-  if (!isVector(note["camera"]["position"])) return bad(place, "camera: position must lie within 1e12");
-  return {};
+  Annotation annotation;
+  if (!note.contains("position") || !readVector(note, "position", annotation.position))
+    return bad(place, "position must be three numbers");
+  if (!readVector(note, "normal", annotation.normal)) return bad(place, "normal must be three numbers");
+  if (!readText(note, "title", annotation.title)) return bad(place, "title must be text");
+  if (!readText(note, "text", annotation.text)) return bad(place, "text must be text");
+  if (const auto it = note.find("camera"); it != note.end()) {
+    auto camera = parseCamera(it->dump(), place + ": camera");
+    if (!camera) return camera.error();
+    annotation.camera = *camera;
+  }
+  auto checked = checkedAnnotation(std::move(annotation));
+  if (!checked) return within(place, checked.error());
+  return checked;
 }
 
 }  // namespace
 
-Result<std::size_t> checkAnnotations(ByteView text, const std::string& name) {
+Result<std::vector<Annotation>> parseAnnotations(ByteView text, const std::string& name) {
   if (text.size() > kMaxAnnotationsBytes)
     return bad(name, "has more than " + std::to_string(kMaxAnnotationsBytes >> 20) + " MiB");
-  const json document = json::parse(text.begin(), text.end(), nullptr, false);
+  const json document = parse(text);
   if (document.is_discarded() || !document.is_object()) return bad(name, "is no JSON object in UTF-8");
-  if (!document.contains("version") || document["version"] != kVersion)
+  if (!document.contains("version") || document["version"] != kAnnotationsVersion)
     return Error{ErrorCode::kVersion, name + ": version must be 1 (docs/formats/annotations.md)"};
   if (!document.contains("annotations") || !document["annotations"].is_array())
     return bad(name, "annotations must be a list");
   const json& notes = document["annotations"];
-  if (notes.size() > kMostNotes) return bad(name, "has more than " + std::to_string(kMostNotes) + " annotations");
-  for (std::size_t i = 0; i < notes.size(); ++i)
-    LUMIGRID_TRY(checkNote(notes[i], name + ": annotation " + std::to_string(i)));
-  return notes.size();
+  if (notes.size() > kMaxAnnotations)
+    return bad(name, "has more than " + std::to_string(kMaxAnnotations) + " annotations");
+  std::vector<Annotation> annotations;
+  for (const json& note : notes) {
+    auto read = readNote(note, name + ": annotation " + std::to_string(annotations.size()));
+    if (!read) return read.error();
+    annotations.push_back(std::move(*read));
+  }
+  return annotations;
 }
 
 Result<std::optional<AnnotationsText>> readAnnotations(const std::string& directory) {
@@ -88,9 +102,9 @@ Result<std::optional<AnnotationsText>> readAnnotations(const std::string& direct
     return bad(path, "has more than " + std::to_string(kMaxAnnotationsBytes >> 20) + " MiB");
   auto bytes = readFile(path);
   if (!bytes) return bytes.error();
-  auto notes = checkAnnotations(*bytes, path);
+  auto notes = parseAnnotations(*bytes, path);
   if (!notes) return notes.error();
-  return std::optional(AnnotationsText{std::string(bytes->begin(), bytes->end()), *notes});
+  return std::optional(AnnotationsText{std::string(bytes->begin(), bytes->end()), notes->size()});
 }
 
 }  // namespace base

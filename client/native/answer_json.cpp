@@ -5,8 +5,6 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "base/json/camera_file.h"
-
 namespace client {
 namespace {
 
@@ -50,31 +48,6 @@ bool readVector(const json& object, const char* key, glm::dvec3& v) {
   return true;
 }
 
-bool readText(const json& object, const char* key, std::string& text) {
-  const auto it = object.find(key);
-  if (it == object.end() || !it->is_string()) return false;
-  text = it->get<std::string>();
-  return true;
-}
-
-base::Result<Annotation> readAnnotation(const json& object, const std::string& place) {
-  if (!object.is_object()) return bad(place, "is not an object");
-  Annotation annotation;
-  if (!readVector(object, "position", annotation.position)) return bad(place, "position must be three numbers");
-  if (object.contains("normal") && !readVector(object, "normal", annotation.normal))
-    return bad(place, "normal must be three numbers");
-  if (!readText(object, "title", annotation.title)) return bad(place, "title must be text");
-  if (object.contains("text") && !readText(object, "text", annotation.text)) return bad(place, "text must be text");
-  if (const auto it = object.find("camera"); it != object.end()) {
-    auto camera = base::parseCamera(it->dump(-1, ' ', false, json::error_handler_t::replace), place + ": camera");
-    if (!camera) return camera.error();
-    annotation.camera = *camera;
-  }
-  auto checked = checkedAnnotation(std::move(annotation));
-  if (!checked) return base::within(place, checked.error());
-  return checked;
-}
-
 }  // namespace
 
 std::string pickTarget(const glm::dvec3& origin, const glm::dvec3& direction) {
@@ -99,24 +72,6 @@ base::Result<PickAnswer> parsePickAnswer(base::ByteView text) {
   if (!readNumber(*document, "accuracy", answer.accuracy) || answer.accuracy < 0.0)
     return bad(name, "accuracy must be a number from 0 on");
   return answer;
-}
-
-base::Result<std::vector<Annotation>> parseAnnotations(base::ByteView text, const std::string& name) {
-  const auto document = parse(text, kMaxAnnotationsFile, name);
-  if (!document) return document.error();
-  if (!document->contains("version") || (*document)["version"] != kAnnotationsVersion)
-    return base::Error{base::ErrorCode::kVersion, name + ": version must be 1 (docs/formats/annotations.md)"};
-  const auto list = document->find("annotations");
-  if (list == document->end() || !list->is_array()) return bad(name, "annotations must be a list");
-  if (list->size() > kMaxAnnotations)
-    return bad(name, "has more than " + std::to_string(kMaxAnnotations) + " annotations");
-  std::vector<Annotation> annotations;
-  for (const json& item : *list) {
-    auto annotation = readAnnotation(item, name + ": annotation " + std::to_string(annotations.size()));
-    if (!annotation) return annotation.error();
-    annotations.push_back(std::move(*annotation));
-  }
-  return annotations;
 }
 
 }  // namespace client

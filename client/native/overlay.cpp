@@ -251,6 +251,17 @@ void setUpOverlay(const OverlayLook& look) {
   }
   if (io.Fonts->Fonts.empty()) io.FontGlobalScale = look.scale;
 
+  ImGuiStyle& style = ImGui::GetStyle();
+  style.WindowRounding = 6.0F;
+  style.FrameRounding = 4.0F;
+  style.FrameBorderSize = 1.0F;
+  style.WindowPadding = {12.0F, 10.0F};
+  style.FramePadding = {10.0F, 4.0F};
+  style.CellPadding = {8.0F, 2.0F};
+  style.ScaleAllSizes(look.scale);
+}
+
+void styleOverlay(const OverlayLook& look) {
   const Colors colors = colorsOf(look.dark);
   ImGuiStyle& style = ImGui::GetStyle();
   if (look.dark)
@@ -260,12 +271,6 @@ void setUpOverlay(const OverlayLook& look) {
   style.Colors[ImGuiCol_WindowBg] = colors.panel;
   style.Colors[ImGuiCol_Text] = colors.text;
   style.Colors[ImGuiCol_Border] = {0.5F, 0.5F, 0.5F, 0.25F};
-  style.WindowRounding = 6.0F;
-  style.FrameRounding = 4.0F;
-  style.WindowPadding = {12.0F, 10.0F};
-  style.FramePadding = {10.0F, 4.0F};
-  style.CellPadding = {8.0F, 2.0F};
-  style.ScaleAllSizes(look.scale);
 }
 
 std::array<float, 4> overlayBackground(bool dark) {

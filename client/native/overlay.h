@@ -11,9 +11,11 @@ struct OverlayLook {
   float scale = 1.0F;  ///< of fonts and distances: the monitor's
 };
 
-/// Loads a font that has Latin, Greek and Cyrillic, when the system has one of the usual ones; sets colours and
-/// distances. Once, after ImGui::CreateContext().
+/// Loads a font that has Latin, Greek and Cyrillic, when the system has one of the usual ones; sets distances. Once,
+/// after ImGui::CreateContext().
 void setUpOverlay(const OverlayLook& look);
+/// Colours; whenever `dark` changes.
+void styleOverlay(const OverlayLook& look);
 /// The picture's colour where there is no model: RGBA, 0 … 1.
 std::array<float, 4> overlayBackground(bool dark);
 /// Opening and closing of cards and help goes to `app`.

@@ -18,6 +18,7 @@
 #include <optional>
 
 #include "base/gl/gl.h"
+#include "base/json/annotations_file.h"
 #include "base/png/png.h"
 #include "client/native/answer_json.h"
 #include "client/native/connection.h"
@@ -25,6 +26,7 @@
 #include "client/native/jpeg_decoder.h"
 #include "client/native/overlay.h"
 #include "client/native/published_scene.h"
+#include "client/native/settings_panel.h"
 #include "client/native/user_files.h"
 
 namespace client {
@@ -140,6 +142,7 @@ class Window {
   bool createWindow(int context_api);
   void startOverlay();
   static Window& of(GLFWwindow* window) { return *static_cast<Window*>(glfwGetWindowUserPointer(window)); }
+  void applyTheme();
   void installCallbacks();
   void onButton(int button, int action, int mods);
   void onMove();
@@ -176,6 +179,9 @@ class Window {
   bool overlay_ready_ = false;
   OverlayLook look_;
   std::array<float, 4> background_{};
+  bool own_background_ = false;  // none was asked for: it goes with the colours of the words
+  bool settings_open_ = false;
+  SettingsPanel settings_panel_;
   std::unique_ptr<App> app_;
   std::unique_ptr<Link> connection_;
   bool published_ = false;            // a scene with no server of ours: it has files, and answers no questions
@@ -233,13 +239,12 @@ base::Result<void> Window::open() {
   installCallbacks();
   startOverlay();
 
-  // A background that was not asked for goes with the colours of the words.
   AppOptions options = options_.app;
-  float* background = options.viewer.lumigraph.background;
-  if (background[3] == 0.0F) std::copy_n(overlayBackground(look_.dark).begin(), 4, background);
-  std::copy_n(background, 4, background_.begin());
+  std::copy_n(options.viewer.lumigraph.background, 4, background_.begin());
+  own_background_ = background_[3] == 0.0F;
   options.clock = [] { return glfwGetTime(); };
   app_ = std::make_unique<App>(options, std::make_unique<JpegDecoder>(std::max(1U, options_.decoder_threads)));
+  applyTheme();
   if (!options_.view.empty()) LUMIGRID_TRY(app_->openPermalink(options_.view));
   if (options_.show_figures) app_->showStatistics(true);
   resized();
@@ -263,12 +268,18 @@ void Window::startOverlay() {
   glfwGetWindowSize(window_, &window_width, nullptr);
   glfwGetFramebufferSize(window_, &pixel_width, nullptr);
   look_.scale = scale * static_cast<float>(std::max(window_width, 1)) / static_cast<float>(std::max(pixel_width, 1));
-  // There is no portable way to ask a desktop; what asks for nothing is dark.
-  look_.dark = static_cast<Theme>(static_cast<int>(options_.app.settings.theme)) != Theme::kLight;
   setUpOverlay(look_);
   ImGui_ImplGlfw_InitForOpenGL(window_, true);
   ImGui_ImplOpenGL3_Init("#version 300 es");
   overlay_ready_ = true;
+}
+
+/// As the settings say. There is no portable way to ask a desktop; what asks for nothing is dark.
+void Window::applyTheme() {
+  look_.dark = static_cast<Theme>(static_cast<int>(app_->settings().theme)) != Theme::kLight;
+  styleOverlay(look_);
+  if (own_background_) background_ = overlayBackground(look_.dark);
+  app_->setBackground(background_);
 }
 
 void Window::installCallbacks() {
@@ -348,7 +359,10 @@ void Window::onWheel(double steps) {
 
 void Window::onKey(int key, int scancode, int action, int mods) {
   picture_changed_ = true;
+  // What is typed into a field is not ours; but a key that goes up there may have gone down here.
+  if (action != GLFW_RELEASE && ImGui::GetIO().WantTextInput) return;
   const Key ours = keyOf(key, scancode, mods);
+  if (ours == Key::kEscape && action == GLFW_PRESS && std::exchange(settings_open_, false)) return;
   if (ours != Key::kNone) app_->key(ours, action != GLFW_RELEASE, modifiersOf(mods), glfwGetTime());
 }
 
@@ -373,7 +387,7 @@ void Window::startScene() {
 
   app_->setAnnotations({});
   asked_[next_question_] = {Question::kNotes, 0, {}};
-  http_->get(next_question_++, "/annotations.json", kMaxAnnotationsFile, kNotesSeconds);
+  http_->get(next_question_++, std::string("/") + base::kAnnotationsFile, base::kMaxAnnotationsBytes, kNotesSeconds);
 }
 
 void Window::say(const base::Result<void>& done) {
@@ -394,7 +408,12 @@ void Window::carryOut(const Request& request) {
     case RequestKind::kKeepBookmarks:
       keepBookmarks();
       break;
+    case RequestKind::kShowSettings:
+      settings_open_ = !settings_open_;
+      picture_changed_ = true;
+      break;
     case RequestKind::kKeepSettings:
+      applyTheme();
       if (!options_.config_directory.empty()) say(writeSettings(options_.config_directory, app_->settings()));
       break;
     case RequestKind::kPick:
@@ -455,7 +474,7 @@ void Window::takeNotes(const HttpGetter::Answer& answer) {
         "The notes cannot be read: " +
             (answer.problem.empty() ? "the server answers " + std::to_string(answer.status) : answer.problem),
         true);
-  auto notes = parseAnnotations(answer.body, "annotations.json");
+  auto notes = base::parseAnnotations(answer.body, base::kAnnotationsFile);
   if (!notes) return app_->say(notes.error().message, true);
   app_->setAnnotations(std::move(*notes));
 }
@@ -514,6 +533,7 @@ void Window::drawWords() {
   ImGui_ImplGlfw_NewFrame();
   ImGui::NewFrame();
   drawOverlay(*app_, look_);
+  if (settings_open_) settings_open_ = settings_panel_.draw(*app_, look_);
   ImGui::Render();
   ImGui_ImplOpenGL3_RenderDrawData(ImGui::GetDrawData());
   glfwSwapBuffers(window_);
@@ -537,6 +557,7 @@ base::Result<void> Window::run() {
     const bool figures = app_->view().statistics && now - shown_at >= kFiguresSeconds;
     if (frame) LUMIGRID_TRY(drawScene(now));
     if (frame || picture_changed_ || figures || app_->overlayVersion() != shown_overlay) words_left = kWordFrames;
+    if (settings_open_) words_left = std::max(words_left, 1);  // its fields blink and follow the mouse
     if (words_left == 0 || picture_.width() == 0) {
       glfwWaitEventsTimeout(kIdleSeconds);
       continue;

@@ -222,7 +222,8 @@ EMSCRIPTEN_KEEPALIVE const char* addAnnotation(const char* title, const char* te
   annotation.normal = {nx, ny, nz};
   annotation.title = title;
   annotation.text = text;
-  auto checked = client::checkedAnnotation(std::move(annotation));
+  if (page.annotations.size() >= base::kMaxAnnotations) return hand("is one more than a scene may have");
+  auto checked = base::checkedAnnotation(std::move(annotation));
   if (checked) page.annotations.push_back(std::move(*checked));
   return handError(checked);
 }
@@ -236,7 +237,7 @@ EMSCRIPTEN_KEEPALIVE const char* addAnnotationCamera(double px, double py, doubl
   annotation.camera->direction = {dx, dy, dz};
   annotation.camera->up = {ux, uy, uz};
   annotation.camera->fov_y = fov;
-  auto checked = client::checkedAnnotation(std::move(annotation));
+  auto checked = base::checkedAnnotation(std::move(annotation));
   if (checked) page.annotations.back() = std::move(*checked);
   return handError(checked);
 }

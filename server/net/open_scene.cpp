@@ -158,8 +158,8 @@ void readRemoteAnnotations(const repository::ObjectSource& source, const RemoteO
   };
   auto bytes = read();
   if (!bytes && bytes.error().code == base::ErrorCode::kNotFound) return;
-  const auto notes = bytes ? base::checkAnnotations(*bytes, source.place() + "/" + base::kAnnotationsFile)
-                           : base::Result<std::size_t>(bytes.error());
+  const auto notes = bytes ? base::parseAnnotations(*bytes, source.place() + "/" + base::kAnnotationsFile)
+                           : base::Result<std::vector<base::Annotation>>(bytes.error());
   if (notes)
     open.annotations_json.assign(bytes->begin(), bytes->end());
   else if (options.warn)

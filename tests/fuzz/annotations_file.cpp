@@ -17,8 +17,13 @@ std::vector<base::Bytes> seeds() {
 }
 
 void fuzzOne(base::ByteView bytes) {
-  const auto notes = base::checkAnnotations(bytes, "annotations");
-  if (!notes) LUMIGRID_CHECK(notes.error().message.find('\n') == std::string::npos);
+  const auto notes = base::parseAnnotations(bytes, "annotations");
+  if (!notes) {
+    LUMIGRID_CHECK(notes.error().message.find('\n') == std::string::npos);
+    return;
+  }
+  LUMIGRID_CHECK(notes->size() <= base::kMaxAnnotations);
+  for (const base::Annotation& note : *notes) LUMIGRID_CHECK(bool(base::checkedAnnotation(note)));
 }
 
 }  // namespace fuzz

@@ -1,4 +1,4 @@
-// annotations.json, settings.json and a server's answer to a pick, as anybody may have written them.
+// settings.json and a server's answer to a pick, as anybody may have written them.
 #include <cmath>
 
 #include "base/check.h"
@@ -11,19 +11,13 @@ namespace fuzz {
 std::vector<base::Bytes> seeds() {
   std::vector<base::Bytes> all;
   for (const std::string text :
-       {R"({"version":1,"annotations":[{"position":[5e5,4e6,103.2],"normal":[0,0,1],"title":"Crack","text":"a\nb",
-        "camera":{"position":[6,5,105],"target":[4,7,103],"up":[0,0,1]}},{"position":[1,2,3],"title":"\u00e9"}]})",
-        R"({"hit":true,"point":[1.5,2,3],"normal":[0,0,1],"distance":3.5,"accuracy":0.001})", R"({"hit":false})",
+       {R"({"hit":true,"point":[1.5,2,3],"normal":[0,0,1],"distance":3.5,"accuracy":0.001})", R"({"hit":false})",
         R"({"version":1,"fov_degrees":60,"points":4,"images":false,"theme":"dark","zoom_speed":-1.5})"})
     all.emplace_back(text.begin(), text.end());
   return all;
 }
 
 void fuzzOne(base::ByteView bytes) {
-  if (const auto notes = client::parseAnnotations(bytes, "annotations.json")) {
-    LUMIGRID_CHECK(notes->size() <= client::kMaxAnnotations);
-    for (const client::Annotation& note : *notes) LUMIGRID_CHECK(bool(client::checkedAnnotation(note)));
-  }
   if (const auto answer = client::parsePickAnswer(bytes))
     for (int i = 0; i < 3; ++i) LUMIGRID_CHECK(std::isfinite(answer->point[i]));
   const client::ReadSettings read = client::parseSettings(std::string(bytes.begin(), bytes.end()));

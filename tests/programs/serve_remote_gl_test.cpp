@@ -1,41 +1,24 @@
 // Published scenes served from behind a network: servers that keep nothing but a cache.
-#include <signal.h>
-
 #include <algorithm>
-#include <chrono>
 #include <filesystem>
 #include <functional>
 #include <limits>
 #include <memory>
-#include <nlohmann/json.hpp>
-#include <sstream>
-#include <thread>
 
 #include "base/json/camera_file.h"
-#include "base/png/png.h"
 #include "protocol/message.h"
 #include "repository/face_value.h"
-#include "tests/programs/run_program.h"
+#include "tests/programs/published_site.h"
 #include "tests/server/net/loopback.h"
-#include "tests/support/nginx.h"
 
 namespace {
 
 namespace fs = std::filesystem;
-using nlohmann::json;
 using programs::expectOneLineError;
 using programs::readText;
 using programs::run;
-
-struct Tour {
-  std::vector<base::Image> pictures;
-  int fewest_images = std::numeric_limits<int>::max();  // blended in one of them
-};
-
-struct Served {
-  std::string url;
-  std::uint16_t port = 0;
-};
+using programs::Served;
+using programs::Tour;
 
 // What a server says of a view.
 struct Told {
@@ -67,44 +50,17 @@ Told askFor(std::uint16_t port, const base::ViewCamera& camera) {
   return told;
 }
 
-class RemoteServe : public programs::ProgramTest {
+class RemoteServe : public programs::PublishedSite {
  protected:
   void SetUp() override {
-    ProgramTest::SetUp();
-    LUMIGRID_SKIP_WITHOUT_NGINX();
-    scene_ = smallScene();
-    ASSERT_EQ(run("lumigrid", {"publish", scene_, path("site/tower"), "--quiet"}).status, 0);
+    PublishedSite::SetUp();
+    if (IsSkipped()) return;
+    makeTour(3, 160, 90);
     nginx_ = std::make_unique<support::Nginx>(path("site"));
     ASSERT_TRUE(nginx_->running());
   }
-  void TearDown() override {
-    for (const pid_t pid : servers_) {
-      ::kill(pid, SIGTERM);
-      programs::wait(pid);
-    }
-    ProgramTest::TearDown();
-  }
   std::string place(const std::string& name) const { return nginx_->url() + "/" + name; }
-  // --no-frames, so that pictures come from the repository alone.
-  Served serve(const std::string& what, const std::vector<std::string>& more = {}) {
-    const std::string log = path("serve" + std::to_string(servers_.size()));
-    std::vector<std::string> arguments{"serve", what, "--port", "0", "--json", "--no-frames"};
-    arguments.insert(arguments.end(), more.begin(), more.end());
-    servers_.push_back(programs::start("lumigrid", arguments, log));
-    for (int i = 0; i < 2000; ++i) {
-      const json j = json::parse(readText(log + ".out"), nullptr, false);
-      if (j.is_object()) return {j["url"], j["port"]};
-      std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    }
-    ADD_FAILURE() << readText(log + ".err");
-    return {};
-  }
   std::vector<base::ViewCamera> cameras() {
-    if (!fs::exists(path("tour.json"))) {
-      const auto made =
-          run("lumigrid", {"tour", scene_, "--frames", "3", "--size", "160", "90", "-o", path("tour.json")});
-      EXPECT_EQ(made.status, 0) << made.err;
-    }
     auto frames = base::readCameraPath(path("tour.json"));
     EXPECT_TRUE(frames && frames->size() == 3);
     return frames ? std::move(*frames) : std::vector<base::ViewCamera>();
@@ -114,35 +70,20 @@ class RemoteServe : public programs::ProgramTest {
     for (const base::ViewCamera& camera : cameras()) all.push_back(askFor(served.port, camera));
     return all;
   }
-  // The pictures of a tour, each of them complete.
-  Tour tour(const Served& served, const std::string& name, const std::string& method = "lumigraph") {
-    cameras();
-    const auto viewed = run("lumigrid-view", {served.url, "--headless", "--method", method, "--path", path("tour.json"),
-                                              "--out", path(name)});
-    EXPECT_EQ(viewed.status, 0) << viewed.err;
-    Tour tour;
-    std::istringstream lines(readText(path(name + "/frames.jsonl")));
-    for (std::string line; std::getline(lines, line);) {
-      const json j = json::parse(line, nullptr, false);
-      EXPECT_TRUE(j.is_object() && j["complete"].get<bool>() && j["broken"] == 0) << line;
-      tour.fewest_images = std::min(tour.fewest_images, j["samples"].get<int>());
-    }
-    for (int frame = 0; frame < 3; ++frame) {
-      auto picture = base::readPng(path(name + "/frame_000" + std::to_string(frame) + ".png"));
-      EXPECT_TRUE(picture) << picture.error().message;
-      tour.pictures.push_back(picture ? std::move(*picture) : base::Image());
-    }
-    return tour;
-  }
   std::size_t requests() const {
     const std::string log = nginx_->accessLog();
     return static_cast<std::size_t>(std::count(log.begin(), log.end(), '\n'));
   }
 
-  std::string scene_;
   std::unique_ptr<support::Nginx> nginx_;
-  std::vector<pid_t> servers_;
 };
+
+/// The fewest that were blended in a picture.
+int fewestImages(const Tour& tour) {
+  int fewest = std::numeric_limits<int>::max();
+  for (const auto& line : tour.lines) fewest = std::min(fewest, line["samples"].get<int>());
+  return fewest;
+}
 
 // What is said is compared, byte by byte, and not the pictures: those also hold what happened to come ahead of need
 // before they were drawn, so that even two of the same server differ (by 0.6 levels in the mean, where leaving all
@@ -159,7 +100,7 @@ TEST_F(RemoteServe, twoServersOfAPlaceShowWhatTheBuiltSceneShows) {
   const auto built = answers(serve(scene_));
   const Served first = serve(place("tower"), {"--cache", path("cache")});
   expectTheSame(answers(first), built);
-  EXPECT_GE(tour(first, "first").fewest_images, 8);
+  EXPECT_GE(fewestImages(tour(first.url, "first")), 8);
   const std::size_t asked = requests();
   EXPECT_GT(asked, 3U);  // scene.json, the hierarchy, the index, images
 
@@ -170,7 +111,7 @@ TEST_F(RemoteServe, twoServersOfAPlaceShowWhatTheBuiltSceneShows) {
   EXPECT_LE(requests(), asked + 3);
   nginx_->stop();
   expectTheSame(answers(second), built);
-  EXPECT_GE(tour(second, "offline").fewest_images, 8);
+  EXPECT_GE(fewestImages(tour(second.url, "offline")), 8);
 }
 
 TEST_F(RemoteServe, whatIsWrongWithAPlaceIsNamed) {
@@ -204,8 +145,8 @@ TEST_F(RemoteServe, aLostPackIsMissedAndTheRestGoesOn) {
     EXPECT_EQ(told.images, 0U);
     EXPECT_GE(told.messages.size(), 2U);  // Welcome, the hierarchy
   }
-  const Tour lost = tour(served, "lost");
-  const Tour patches = tour(served, "patches", "patches");
+  const Tour lost = tour(served.url, "lost");
+  const Tour patches = tour(served.url, "patches", "patches");
   for (std::size_t frame = 0; frame < 3; ++frame)
     EXPECT_TRUE(lost.pictures[frame].pixels == patches.pictures[frame].pixels) << "frame " << frame;
   EXPECT_NE(readText(path("serve0.err")).find(".lgk"), std::string::npos);

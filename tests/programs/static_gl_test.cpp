@@ -1,20 +1,12 @@
 // A published scene in the thin client, with no server of ours: nginx alone.
-#include <signal.h>
-
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <map>
-#include <nlohmann/json.hpp>
 #include <regex>
-#include <set>
 #include <sstream>
-#include <thread>
 
-#include "base/png/png.h"
-#include "tests/programs/run_program.h"
-#include "tests/support/nginx.h"
+#include "tests/programs/published_site.h"
+#include "tests/support/byte_ranges.h"
 
 namespace {
 
@@ -23,55 +15,16 @@ using nlohmann::json;
 using programs::expectOneLineError;
 using programs::readText;
 using programs::run;
+using programs::Tour;
 
 constexpr int kFrames = 4;
 
-struct Tour {
-  std::vector<base::Image> pictures;
-  std::vector<json> lines;
-};
-
-class StaticScene : public programs::ProgramTest {
+class StaticScene : public programs::PublishedSite {
  protected:
   void SetUp() override {
-    ProgramTest::SetUp();
-    LUMIGRID_SKIP_WITHOUT_NGINX();
-    scene_ = smallScene();
-    ASSERT_EQ(run("lumigrid", {"publish", scene_, path("site/tower"), "--quiet"}).status, 0);
-    ASSERT_EQ(run("lumigrid", {"tour", scene_, "--frames", std::to_string(kFrames), "--size", "320", "180", "-o",
-                               path("tour.json")})
-                  .status,
-              0);
-  }
-  Tour tour(const std::string& url, const std::string& name) {
-    const auto viewed = run("lumigrid-view", {url, "--headless", "--path", path("tour.json"), "--out", path(name)});
-    EXPECT_EQ(viewed.status, 0) << viewed.err;
-    Tour out;
-    std::istringstream lines(readText(path(name + "/frames.jsonl")));
-    for (std::string line; std::getline(lines, line);) {
-      out.lines.push_back(json::parse(line, nullptr, false));
-      EXPECT_TRUE(out.lines.back().is_object() && out.lines.back()["complete"].get<bool>()) << line;
-    }
-    for (int frame = 0; frame < kFrames; ++frame) {
-      auto picture = base::readPng(path(name + "/frame_000" + std::to_string(frame) + ".png"));
-      EXPECT_TRUE(picture) << picture.error().message;
-      if (picture) out.pictures.push_back(std::move(*picture));
-    }
-    return out;
-  }
-  Tour served() {
-    const pid_t pid =
-        programs::start("lumigrid", {"serve", scene_, "--port", "0", "--json", "--no-frames"}, path("serve"));
-    std::string url;
-    for (int i = 0; i < 2000 && url.empty(); ++i) {
-      std::this_thread::sleep_for(std::chrono::milliseconds(10));
-      const json j = json::parse(readText(path("serve.out")), nullptr, false);
-      if (j.is_object()) url = j["url"];
-    }
-    Tour out = tour(url, "served");
-    ::kill(pid, SIGTERM);
-    programs::wait(pid);
-    return out;
+    PublishedSite::SetUp();
+    if (IsSkipped()) return;
+    makeTour(kFrames, 320, 180);
   }
   programs::Outcome view(const std::string& url) {
     return run("lumigrid-view", {url, "--headless", "--path", path("tour.json"), "--connect-timeout", "3"});
@@ -81,26 +34,15 @@ class StaticScene : public programs::ProgramTest {
       if (entry.path().extension() == extension) return entry.path().string();
     return "";
   }
-
-  std::string scene_;
 };
 
-// Bytes of objects that went out more than once, from lines "status bytes range uri".
-std::uint64_t bytesRepeated(const std::string& log) {
-  std::map<std::string, std::vector<std::pair<std::uint64_t, std::uint64_t>>> ranges;
+// Of lines "status bytes range uri".
+support::ByteRanges rangesOf(const std::string& log) {
+  support::ByteRanges ranges;
   const std::regex line("206 \\d+ bytes=(\\d+)-(\\d+) (\\S+)");
   for (std::sregex_iterator it(log.begin(), log.end(), line), end; it != end; ++it)
     ranges[(*it)[3]].emplace_back(std::stoull((*it)[1]), std::stoull((*it)[2]) + 1);
-  std::uint64_t repeated = 0;
-  for (auto& [uri, list] : ranges) {
-    std::sort(list.begin(), list.end());
-    std::uint64_t covered = 0;
-    for (const auto& [first, last] : list) {
-      if (first < covered) repeated += std::min(covered, last) - first;
-      covered = std::max(covered, last);
-    }
-  }
-  return repeated;
+  return ranges;
 }
 
 // Images come in another order, so that a blend may differ in its last digit.
@@ -127,7 +69,7 @@ TEST_F(StaticScene, nginxAloneShowsWhatAServerShows) {
       "log_format ranges '$status $body_bytes_sent $http_range $uri';\nserver {\nlisten 127.0.0.1:$PORT0;\nroot " +
       path("site") + ";\naccess_log " + path("ranges.log") + " ranges;\n}\n"});
   const Tour alone = tour(nginx.url() + "/tower/", "static");
-  const Tour with_server = served();
+  const Tour with_server = tour(serve(scene_).url, "served");
   expectAlike(alone, with_server);
   ASSERT_EQ(alone.lines.size(), with_server.lines.size());
   for (std::size_t i = 0; i < alone.lines.size(); ++i) {
@@ -137,7 +79,7 @@ TEST_F(StaticScene, nginxAloneShowsWhatAServerShows) {
 
   // What it cost, by nginx's own words.
   const std::string log = readText(path("ranges.log"));
-  EXPECT_EQ(bytesRepeated(log), 0U) << log;
+  EXPECT_EQ(support::bytesRepeated(rangesOf(log)), 0U) << log;
   std::istringstream lines(log);
   std::size_t requests = 0;
   for (std::string line; std::getline(lines, line); ++requests)

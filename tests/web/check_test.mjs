@@ -39,7 +39,7 @@ test("?check lists what the page's own host sends; the settings have a button fo
   assert.match(await page.locator("#check > p").innerText(), /could be better/);
   await page.keyboard.press("Escape");
   await until(async () => !(await page.locator("#check").isVisible()), "the list to close");
-  await page.locator("#tool-settings").click();
+  await page.locator("#tool-g").click();
   await page.locator("#settings-check").click();
   assert.ok((await list(page)).Range);
   assert.deepEqual(page.faults.filter((fault) => !/404/.test(fault)), []);

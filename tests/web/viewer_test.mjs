@@ -338,7 +338,7 @@ test("the server's picture is what the client shows: cut, tinted, orthographic",
 });
 
 test("settings are kept over a reload", async () => {
-  await page.locator("#tool-settings").click();
+  await press("g");
   await page.selectOption('#settings select[name="theme"]', { label: "dark" });
   await page.locator("#settings .close").click();
   assert.equal(await page.evaluate(() => document.documentElement.dataset.theme), "dark");

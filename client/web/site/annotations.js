@@ -1,7 +1,6 @@
 // Notes of the scene (docs/formats/annotations.md): read as JSON here, checked by the C++ client.
 
 const kMostBytes = 16 * 1024 * 1024;
-const kMostNotes = 500;
 
 const triple = (value) => (Array.isArray(value) && value.length === 3 && value.every((x) => typeof x === "number") ? value : null);
 
@@ -39,7 +38,6 @@ async function read(url) {
   if (Number(answer.headers.get("Content-Length") ?? 0) > kMostBytes) throw new Error("it is larger than 16 MiB");
   const document = await answer.json();
   if (document?.version !== 1 || !Array.isArray(document.annotations)) throw new Error("it is not of version 1");
-  if (document.annotations.length > kMostNotes) throw new Error(`more than ${kMostNotes} notes`);
   return document.annotations;
 }
 

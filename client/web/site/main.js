@@ -17,7 +17,7 @@ const kStatisticsMilliseconds = 250;
 /// More device pixels than this per screen pixel cost time and show nothing.
 const kMostRatio = 2;
 
-const kCopyLink = 0, kLinkChanged = 1, kSavePicture = 2, kKeepBookmarks = 3, kKeepSettings = 4, kPick = 5;
+const kCopyLink = 0, kLinkChanged = 1, kSavePicture = 2, kKeepBookmarks = 3, kKeepSettings = 4, kShowSettings = 5, kPick = 6;
 
 // Set when the page is built (client/web/build_site.mjs).
 const checkScript = new URL(CHECK_SCRIPT, document.baseURI).href;
@@ -173,6 +173,7 @@ function carryOut() {
     else if (kind === kSavePicture) openPicture({ dialog: document.getElementById("picture"), canvas, query: text, server, draw, name: document.getElementById("name").textContent, say });
     else if (kind === kKeepBookmarks) keepBookmarks();
     else if (kind === kKeepSettings) keepAndApply();
+    else if (kind === kShowSettings) showSettings(document.getElementById("settings"), core, () => schedule());
     else if (kind === kPick) pick(Number(id), numbers.map(Number));
   }
 }
@@ -284,15 +285,11 @@ async function start() {
     retry: () => link?.retry(),
     check: scene && checkHost,
   });
-  makeTools(
-    document.getElementById("tools"),
-    (key) => {
-      core.call("key", `Key${key.toUpperCase()}`, key, 1, 0, now());
-      core.call("key", `Key${key.toUpperCase()}`, key, 0, 0, now());
-      schedule();
-    },
-    () => showSettings(document.getElementById("settings"), core, () => schedule()),
-  );
+  makeTools(document.getElementById("tools"), (key) => {
+    core.call("key", `Key${key.toUpperCase()}`, key, 1, 0, now());
+    core.call("key", `Key${key.toUpperCase()}`, key, 0, 0, now());
+    schedule();
+  });
   watchContext();
   resize();
   watchPage();

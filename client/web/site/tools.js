@@ -9,16 +9,16 @@ const kTools = [
   { key: "i", label: "Statistics (I)", toggle: true, wide: true, icon: "M3 17V3M3 17h14M7 14v-4M11 14V6M15 14V9" },
   { key: "p", label: "Save a picture (P)", icon: "M3 6h3l1.5-2h5L14 6h3v10H3zM7 11a3 3 0 1 0 6 0a3 3 0 1 0-6 0" },
   { key: "v", label: "Copy a link to this view (V)", icon: "M8.5 11.5l3-3M7 9l-2 2a3 3 0 0 0 4 4l2-2M9 7l2-2a3 3 0 0 1 4 4l-2 2" },
-  { name: "settings", label: "Settings", icon: "M10 7a3 3 0 1 0 0 6a3 3 0 1 0 0-6M10 2v3M10 15v3M2 10h3M15 10h3M4.3 4.3l2.1 2.1M13.6 13.6l2.1 2.1M4.3 15.7l2.1-2.1M13.6 6.4l2.1-2.1" },
+  { key: "g", label: "Settings (G)", icon: "M10 7a3 3 0 1 0 0 6a3 3 0 1 0 0-6M10 2v3M10 15v3M2 10h3M15 10h3M4.3 4.3l2.1 2.1M13.6 13.6l2.1 2.1M4.3 15.7l2.1-2.1M13.6 6.4l2.1-2.1" },
   { key: "h", label: "Help (H)", icon: "M7 7.5a3 3 0 1 1 4.5 2.6c-1 .6-1.5 1.1-1.5 2.4M10 15.6v.2" },
 ];
 
-/// `press(key)` for those that stand for a key, `open(name)` for the others.
-export function makeTools(nav, press, open) {
-  for (const { key, name, label, toggle, wide, icon } of kTools) {
+/// `press(key)`: as if it had been pressed.
+export function makeTools(nav, press) {
+  for (const { key, label, toggle, wide, icon } of kTools) {
     const button = document.createElement("button");
     button.type = "button";
-    button.id = `tool-${key ?? name}`;
+    button.id = `tool-${key}`;
     button.title = label;
     button.setAttribute("aria-label", label);
     if (toggle) button.setAttribute("aria-pressed", "false");
@@ -29,7 +29,7 @@ export function makeTools(nav, press, open) {
     path.setAttribute("d", icon);
     svg.append(path);
     button.append(svg);
-    button.addEventListener("click", () => (key ? press(key) : open(name)));
+    button.addEventListener("click", () => press(key));
     nav.append(button);
   }
 }

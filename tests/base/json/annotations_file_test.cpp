@@ -7,8 +7,14 @@
 namespace base {
 namespace {
 
+Result<std::vector<Annotation>> parse(const std::string& text) {
+  return parseAnnotations({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}, "notes");
+}
+
+/// How many notes the text holds.
 Result<std::size_t> check(const std::string& text) {
-  return checkAnnotations({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}, "notes");
+  const auto notes = parse(text);
+  return notes ? Result<std::size_t>(notes->size()) : notes.error();
 }
 
 std::string listOf(const std::string& notes) {
@@ -30,6 +36,21 @@ TEST(Annotations, theDocumentsExampleIsTaken) {
       check(R"({"version": 1, "annotations": [{"position": [1, 2, 3], "title": "Säule ☂", "more": 1}], "x": 2})"));
 }
 
+TEST(Annotations, notesComeAsTheyAreWritten) {
+  const auto notes = parse(R"({"version": 1, "annotations": [
+      {"position": [500004.1, 4000007.3, 103.2], "normal": [0, 0, 2], "title": "Crack", "text": "4 mm wide.\nSeen first in May.",
+       "camera": {"position": [500006, 4000005, 105], "target": [500004.1, 4000007.3, 103.2], "up": [0, 0, 1]}},
+      {"position": [1, 2, 3], "title": "Only a title", "author": "passed over"}]})");
+  ASSERT_TRUE(notes) << notes.error().message;
+  ASSERT_EQ(notes->size(), 2U);
+  EXPECT_EQ((*notes)[0].position.x, 500004.1);
+  EXPECT_EQ((*notes)[0].normal, glm::dvec3(0.0, 0.0, 1.0));
+  EXPECT_EQ((*notes)[0].text, "4 mm wide.\nSeen first in May.");
+  ASSERT_TRUE((*notes)[0].camera);
+  EXPECT_NEAR(glm::length((*notes)[0].camera->direction), 1.0, 1e-12);
+  EXPECT_FALSE((*notes)[1].camera);
+}
+
 TEST(Annotations, whatIsWrongIsNamedInOneLine) {
   const std::pair<std::string, std::string> cases[] = {
       {"", "JSON"},
@@ -49,7 +70,9 @@ TEST(Annotations, whatIsWrongIsNamedInOneLine) {
       {listOf(R"({"position": [1, 2, 3], "title": ""})"), "title"},
       {listOf(R"({"position": [1, 2, 3], "title": "two\nlines"})"), "title"},
       {listOf(R"({"position": [1, 2, 3], "title": ")" + std::string(201, 'a') + "\"}"), "title"},
+      {listOf(R"({"position": [1, 2, 3], "title": 7})"), "title"},
       {listOf(R"({"position": [1, 2, 3], "title": "t", "text": 4})"), "text"},
+      {listOf(R"({"position": [1, 2, 3], "title": "t", "normal": [0, 1]})"), "normal"},
       {listOf(R"({"position": [1, 2, 3], "title": "t", "text": "\u0007"})"), "text"},
       {listOf(R"({"position": [1, 2, 3], "title": "t", "text": ")" + std::string(10'001, 'a') + "\"}"), "text"},
       {listOf(R"({"position": [1, 2, 3], "title": "t", "normal": "up"})"), "normal"},

@@ -475,6 +475,12 @@ TEST_F(AppTest, VAsksToCopyTheLinkAndPForAPicture) {
     EXPECT_NE(more[0].text.find(name), std::string::npos) << more[0].text;
 }
 
+TEST_F(AppTest, GAsksForTheSettings) {
+  welcome();
+  press(Key::kG);
+  EXPECT_EQ(requests(RequestKind::kShowSettings).size(), 1U);
+}
+
 TEST_F(AppTest, anotherSceneBeginsAnew) {
   welcome();
   press(Key::k1, kShiftDown);

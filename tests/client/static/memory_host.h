@@ -15,6 +15,7 @@
 #include "client/static_source.h"
 #include "repository/pack_format.h"
 #include "tests/server/session/memory_store.h"
+#include "tests/support/byte_ranges.h"
 
 namespace client {
 
@@ -123,19 +124,7 @@ class MemoryHost final : public RangeFetcher {
   }
 
   /// Bytes that were sent more than once, of all objects.
-  std::uint64_t bytesRepeated() const {
-    std::uint64_t repeated = 0;
-    for (const auto& [name, ranges] : sent_) {
-      auto sorted = ranges;
-      std::sort(sorted.begin(), sorted.end());
-      std::uint64_t end = 0;
-      for (const auto& [first, last] : sorted) {
-        if (first < end) repeated += std::min(end, last) - first;
-        end = std::max(end, last);
-      }
-    }
-    return repeated;
-  }
+  std::uint64_t bytesRepeated() const { return support::bytesRepeated(sent_); }
   std::size_t waiting() const { return waiting_.size(); }
 
   std::map<std::string, base::Bytes> objects;
@@ -168,7 +157,7 @@ class MemoryHost final : public RangeFetcher {
   }
 
   std::deque<std::pair<std::uint64_t, HostRequest>> waiting_;
-  std::map<std::string, std::vector<std::pair<std::uint64_t, std::uint64_t>>> sent_;
+  support::ByteRanges sent_;
 };
 
 }  // namespace client

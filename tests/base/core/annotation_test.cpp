@@ -1,10 +1,10 @@
-#include "client/annotation.h"
+#include "base/annotation.h"
 
 #include <gtest/gtest.h>
 
 #include <limits>
 
-namespace client {
+namespace base {
 namespace {
 
 Annotation note() {
@@ -71,4 +71,4 @@ TEST(Annotation, textThatIsNotUtf8IsRefused) {
 }
 
 }  // namespace
-}  // namespace client
+}  // namespace base

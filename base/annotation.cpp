@@ -1,21 +1,19 @@
-#include "client/annotation.h"
+#include "base/annotation.h"
 
 #include <cmath>
 #include <glm/gtc/constants.hpp>
 #include <string_view>
 
-#include "protocol/message.h"
-
-namespace client {
+namespace base {
 namespace {
 
-base::Error bad(const std::string& what) {
-  return {base::ErrorCode::kInvalidInput, what + " (docs/formats/annotations.md)"};
+Error bad(const std::string& what) {
+  return {ErrorCode::kInvalidInput, what + " (docs/formats/annotations.md)"};
 }
 
 bool isPlace(const glm::dvec3& v) {
   for (int i = 0; i < 3; ++i)
-    if (!(std::abs(v[i]) <= protocol::kMaxCoordinate)) return false;
+    if (!(std::abs(v[i]) <= kMaxCoordinate)) return false;
   return true;
 }
 
@@ -46,19 +44,19 @@ bool isPlainText(std::string_view text, std::string_view allowed) {
   return true;
 }
 
-base::Result<void> checkCamera(base::ViewCamera& camera) {
+Result<void> checkCamera(ViewCamera& camera) {
   if (!isPlace(camera.position)) return bad("camera: position must lie within 1e12");
   const double length = glm::length(camera.direction);
   if (!isPlace(camera.direction) || !(length > 1e-12)) return bad("camera: direction must not be zero");
   camera.direction /= length;
-  if (!(camera.fov_y >= protocol::kMinFov && camera.fov_y <= glm::pi<double>() - protocol::kMinFov))
+  if (!(camera.fov_y >= kMinFov && camera.fov_y <= glm::pi<double>() - kMinFov))
     return bad("camera: the field of view must lie between 0 and 180 degrees");
   return {};
 }
 
 }  // namespace
 
-base::Result<Annotation> checkedAnnotation(Annotation annotation) {
+Result<Annotation> checkedAnnotation(Annotation annotation) {
   if (!isPlace(annotation.position)) return bad("position must be three numbers within 1e12");
   if (!isPlace(annotation.normal)) return bad("normal must be three numbers within 1e12");
   const double length = glm::length(annotation.normal);
@@ -75,4 +73,4 @@ base::Result<Annotation> checkedAnnotation(Annotation annotation) {
   return annotation;
 }
 
-}  // namespace client
+}  // namespace base

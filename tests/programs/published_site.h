@@ -1,0 +1,91 @@
+#pragma once
+// A published scene in a web server's folder, servers of ours beside it, and tours of both with lumigrid-view.
+#include <signal.h>
+
+#include <chrono>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "base/png/png.h"
+#include "tests/programs/run_program.h"
+#include "tests/support/nginx.h"
+
+namespace programs {
+
+struct Served {
+  std::string url;
+  std::uint16_t port = 0;
+};
+
+struct Tour {
+  std::vector<base::Image> pictures;
+  std::vector<nlohmann::json> lines;  ///< of frames.jsonl
+};
+
+/// path("site/tower") is the published form of scene_.
+class PublishedSite : public ProgramTest {
+ protected:
+  void SetUp() override {
+    ProgramTest::SetUp();
+    LUMIGRID_SKIP_WITHOUT_NGINX();
+    scene_ = smallScene();
+    ASSERT_EQ(run("lumigrid", {"publish", scene_, path("site/tower"), "--quiet"}).status, 0);
+  }
+  void TearDown() override {
+    for (const pid_t pid : servers_) {
+      ::kill(pid, SIGTERM);
+      wait(pid);
+    }
+    ProgramTest::TearDown();
+  }
+
+  /// `lumigrid serve` until the test ends; --no-frames, so that pictures come from the repository alone. The n-th
+  /// server's words are in path("serve<n>.err").
+  Served serve(const std::string& what, const std::vector<std::string>& more = {}) {
+    const std::string log = path("serve" + std::to_string(servers_.size()));
+    std::vector<std::string> arguments{"serve", what, "--port", "0", "--json", "--no-frames"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    servers_.push_back(start("lumigrid", arguments, log));
+    for (int i = 0; i < 2000; ++i) {
+      const auto said = nlohmann::json::parse(readText(log + ".out"), nullptr, false);
+      if (said.is_object()) return {said["url"], said["port"]};
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    ADD_FAILURE() << readText(log + ".err");
+    return {};
+  }
+
+  /// path("tour.json"): so many views of the scene.
+  void makeTour(int frames, int width, int height) {
+    if (std::filesystem::exists(path("tour.json"))) return;
+    const auto made = run("lumigrid", {"tour", scene_, "--frames", std::to_string(frames), "--size",
+                                       std::to_string(width), std::to_string(height), "-o", path("tour.json")});
+    EXPECT_EQ(made.status, 0) << made.err;
+  }
+  /// The pictures of that tour, each of them complete and none broken; kept in path(name).
+  Tour tour(const std::string& url, const std::string& name, const std::string& method = "lumigraph") {
+    const auto viewed =
+        run("lumigrid-view", {url, "--headless", "--method", method, "--path", path("tour.json"), "--out", path(name)});
+    EXPECT_EQ(viewed.status, 0) << viewed.err;
+    Tour tour;
+    std::istringstream lines(readText(path(name + "/frames.jsonl")));
+    for (std::string line; std::getline(lines, line);) {
+      tour.lines.push_back(nlohmann::json::parse(line, nullptr, false));
+      const nlohmann::json& frame = tour.lines.back();
+      EXPECT_TRUE(frame.is_object() && frame["complete"].get<bool>() && frame["broken"] == 0) << line;
+      auto picture = base::readPng(path(name + "/frame_000" + std::to_string(tour.pictures.size()) + ".png"));
+      EXPECT_TRUE(picture) << picture.error().message;
+      tour.pictures.push_back(picture ? std::move(*picture) : base::Image());
+    }
+    EXPECT_FALSE(tour.pictures.empty());
+    return tour;
+  }
+
+  std::string scene_;
+  std::vector<pid_t> servers_;
+};
+
+}  // namespace programs
