@@ -30,6 +30,14 @@ void declare(CLI::App& app, Arguments& a) {
       ->delimiter(',')
       ->check(CLI::Range(0.1, 1000.0))
       ->capture_default_str();
+  app.add_option("--splats", o.splats, "kernels of qsplat")
+      ->delimiter(',')
+      ->check(CLI::IsMember({"square", "circle", "fuzzy", "ellipse"}))
+      ->capture_default_str();
+  app.add_option("--cutoffs", o.cutoffs, "pixels: settings of qsplat, each with every kernel")
+      ->delimiter(',')
+      ->check(CLI::Range(0.0, 1000.0))
+      ->capture_default_str();
   app.add_option("--proxy-tolerance", o.proxy_tolerance, "pixels: of the proxy under the images")
       ->check(CLI::Range(0.1, 1000.0))
       ->capture_default_str();
@@ -48,9 +56,12 @@ void declare(CLI::App& app, Arguments& a) {
   app.add_option("--bandwidth", a.bandwidth,
                  "link to emulate, such as 20Mbit or 384kbit (default: the loopback as it is)");
   app.add_option("--latency", a.latency, "round trip of that link, such as 30ms (default: none)");
-  app.add_option("--method", o.methods, "methods to run; the proxy without images goes with lumigraph")
+  app.add_option(
+         "--method", o.methods,
+         "methods to run; the proxy without images goes with lumigraph; qsplat is drawn from the scene's file, and "
+         "its bytes are the blocks that were looked into")
       ->delimiter(',')
-      ->check(CLI::IsMember({"lumigraph", "patches"}))
+      ->check(CLI::IsMember({"lumigraph", "patches", "qsplat"}))
       ->capture_default_str();
   app.add_flag("!--no-pictures", o.pictures, "do not write each method's pictures");
 }
@@ -77,9 +88,8 @@ int main(int argc, char** argv) {
   spdlog::set_default_logger(spdlog::stderr_color_mt("lumigrid-compare"));
   spdlog::set_level(spdlog::level::warn);
   CLI::App app(
-      "Grid-Lumigraph, the same proxy without images, and patches alone, against the truth: accuracy and bytes of "
-      "every "
-      "frame.",
+      "Grid-Lumigraph, the same proxy without images, patches alone, and splats, against the truth: accuracy and bytes "
+      "of every frame.",
       "lumigrid-compare");
   Arguments arguments;
   declare(app, arguments);

@@ -15,16 +15,16 @@ struct FrameResult {
   double draw_ms = 0.0;     ///< client's drawing alone
   std::uint64_t bytes = 0;  ///< received so far
   std::uint64_t bytes_images = 0, bytes_patches = 0, bytes_frames = 0;
-  std::uint64_t triangles = 0;
-  std::uint32_t images = 0;  ///< blended in this frame
-  bool complete = false;     ///< all that the server has for this view was here
+  std::uint64_t triangles = 0;  ///< or splats
+  std::uint32_t images = 0;     ///< blended in this frame
+  bool complete = false;        ///< all that the server has for this view was here
   Accuracy accuracy;
 };
 
 /// One method with one setting along the whole path.
 struct RunResult {
-  std::string method;  ///< "lumigraph", "lumigraph+frames", "proxy", "patches"
-  double patch_tolerance_px = 0.0;
+  std::string method;               ///< "lumigraph", "lumigraph+frames", "proxy", "patches", "qsplat circle"
+  double patch_tolerance_px = 0.0;  ///< of qsplat: the cut-off
   std::vector<FrameResult> frames;
 
   std::string name() const;

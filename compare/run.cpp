@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <filesystem>
 #include <fstream>
 #include <memory>
@@ -17,6 +18,7 @@
 #include "lod/patch/format.h"
 #include "server/net/server.h"
 #include "server/render/scene_renderer.h"
+#include "server/render/splat_scene.h"
 
 namespace compare {
 namespace {
@@ -127,6 +129,7 @@ struct Setting {
   std::string method;
   double tolerance;
   bool images, frames;
+  std::optional<lod::draw::SplatKernel> splats;  ///< drawn here, from the file: nothing travels yet
 };
 
 std::vector<Setting> settingsOf(const RunOptions& options) {
@@ -135,12 +138,16 @@ std::vector<Setting> settingsOf(const RunOptions& options) {
   };
   std::vector<Setting> settings;
   if (wanted("lumigraph")) {
-    settings.push_back({"lumigraph", options.proxy_tolerance, true, false});
-    if (options.frames) settings.push_back({"lumigraph+frames", options.proxy_tolerance, true, true});
-    settings.push_back({"proxy", options.proxy_tolerance, false, false});
+    settings.push_back({"lumigraph", options.proxy_tolerance, true, false, {}});
+    if (options.frames) settings.push_back({"lumigraph+frames", options.proxy_tolerance, true, true, {}});
+    settings.push_back({"proxy", options.proxy_tolerance, false, false, {}});
   }
   if (wanted("patches"))
-    for (double tolerance : options.patch_tolerances) settings.push_back({"patches", tolerance, false, false});
+    for (double tolerance : options.patch_tolerances) settings.push_back({"patches", tolerance, false, false, {}});
+  if (wanted("qsplat"))
+    for (const std::string& kernel : options.splats)
+      for (double cutoff : options.cutoffs)
+        settings.push_back({"qsplat " + kernel, cutoff, false, false, lod::draw::splatKernelFromName(kernel)});
   return settings;
 }
 
@@ -188,7 +195,18 @@ Result<void> writePictures(const std::string& directory, std::size_t frame, cons
   return base::writePng(differencePicture(truth, picture), frameFile(directory, frame, "_difference"));
 }
 
-Result<RunResult> runOne(const RunOptions& options, const Setting& setting, const Truth& truth) {
+/// Judges a frame's picture against the truth, and writes it down where pictures are wanted.
+Result<Accuracy> judge(const RunOptions& options, const std::string& run_name, const Truth& truth, std::size_t index,
+                       const base::Image& picture) {
+  auto reference = truth.picture(index);
+  if (!reference) return reference.error();
+  auto accuracy = measureAccuracy(*reference, picture);
+  if (!accuracy) return base::within("frame " + std::to_string(index), accuracy.error());
+  if (options.pictures) LUMIGRID_TRY(writePictures(options.report + "/" + run_name, index, *reference, picture));
+  return accuracy;
+}
+
+Result<RunResult> runOverSocket(const RunOptions& options, const Setting& setting, const Truth& truth) {
   auto server = LocalServer::start(options.scene, setting.frames);
   if (!server) return server.error();
   RunResult run{setting.method, setting.tolerance, {}};
@@ -196,25 +214,60 @@ Result<RunResult> runOne(const RunOptions& options, const Setting& setting, cons
   client::HeadlessOptions client = clientOptions(options, setting, (*server)->url());
   client.on_frame = [&](const client::HeadlessFrame& frame) {
     if (failed) return;
-    auto reference = truth.picture(frame.index);
-    if (!reference) {
-      failed = reference.error();
-      return;
-    }
-    auto accuracy = measureAccuracy(*reference, frame.image);
+    auto accuracy = judge(options, run.name(), truth, frame.index, frame.image);
     if (!accuracy)
-      failed = base::within("frame " + std::to_string(frame.index), accuracy.error());
+      failed = accuracy.error();
     else
       run.frames.push_back(measure(frame, *accuracy));
-    if (failed || !options.pictures) return;
-    auto written = writePictures(options.report + "/" + run.name(), frame.index, *reference, frame.image);
-    if (!written) failed = written.error();
   };
   client.cancelled = [&] { return failed.has_value(); };
   auto done = client::runHeadless(client);
   if (failed) return *failed;
   if (!done) return done.error();
   return run;
+}
+
+double secondsNow() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+// Bytes are those of all blocks that have been looked into: what a client would have had to fetch so far.
+Result<RunResult> runSplats(const RunOptions& options, const Setting& setting, const Truth& truth) {
+  auto scene = base::readScene(options.scene);
+  if (!scene) return scene.error();
+  auto file = server::openSplats(options.scene, *scene);
+  if (!file) return file.error();
+  auto context = base::HeadlessContext::create();
+  if (!context) return context.error();
+  auto renderer = server::SplatScene::create(*scene, *file);
+  if (!renderer) return renderer.error();
+  server::SplatOptions how;
+  how.kernel = *setting.splats;
+  how.cutoff_px = static_cast<float>(setting.tolerance);
+  RunResult run{setting.method, setting.tolerance, {}};
+  const double begin = secondsNow();
+  for (std::size_t i = 0; i < options.path.size(); ++i) {
+    const double start = secondsNow();
+    auto picture =
+        (*renderer)->render(base::cameraForScene(options.path[i], scene->origin, (*renderer)->bounds()), how);
+    if (!picture) return picture.error();
+    FrameResult frame;
+    frame.draw_ms = 1000.0 * (secondsNow() - start);
+    frame.frame = static_cast<int>(i);
+    frame.seconds = start - begin;
+    frame.bytes = picture->blocks * lod::qsplat::kBlockBytes;
+    frame.triangles = picture->splats;
+    frame.complete = true;
+    auto accuracy = judge(options, run.name(), truth, i, picture->rgba);
+    if (!accuracy) return accuracy.error();
+    frame.accuracy = *accuracy;
+    run.frames.push_back(frame);
+  }
+  return run;
+}
+
+Result<RunResult> runOne(const RunOptions& options, const Setting& setting, const Truth& truth) {
+  return setting.splats ? runSplats(options, setting, truth) : runOverSocket(options, setting, truth);
 }
 
 Result<ReportContext> describe(const RunOptions& options) {

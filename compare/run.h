@@ -17,6 +17,8 @@ struct RunOptions {
   std::vector<std::string> methods{"lumigraph", "patches"};
   std::string report;  ///< directory for the report; truth pictures are kept there and reused
   std::vector<double> patch_tolerances{16, 8, 4, 2, 1, 0.5};  ///< pixels: settings of "patches"
+  std::vector<std::string> splats{"circle", "ellipse"};       ///< kernels of "qsplat"
+  std::vector<double> cutoffs{16, 8, 4, 2, 1};                ///< pixels: settings of each
   double proxy_tolerance = 8.0;                               ///< pixels: of the proxy under the images
   int points = 8;                                             ///< sampling points per view
   int samples = 16;                                           ///< images blended per frame at most

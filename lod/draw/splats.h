@@ -7,6 +7,7 @@
 #include <span>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 #include "base/camera.h"
 #include "base/gl/gl.h"
@@ -41,21 +42,6 @@ enum class SplatColors {
                 ///< (Rusinkiewicz and Levoy 2001, section 4.1), shaded
 };
 
-/// Splats in a GPU buffer, 20 bytes each.
-class SplatBuffer {
- public:
-  /// Replaces all of them.
-  void set(std::span<const qsplat::Splat> splats);
-  std::size_t size() const { return size_; }
-
- private:
-  friend class SplatRenderer;
-  base::gl::Buffer buffer_;
-  base::gl::VertexArray array_;
-  std::size_t size_ = 0;
-  std::size_t capacity_ = 0;
-};
-
 struct SplatView {
   base::Camera camera;  ///< perspective, off-axis too, or parallel
   Shading shading;
@@ -78,9 +64,10 @@ class SplatRenderer {
  public:
   /// Needs a current context, and so do the others.
   static base::Result<std::unique_ptr<SplatRenderer>> create();
-  /// Draws with depth test (less), and leaves it on. kUnsupported, with nothing drawn: kFuzzy where the GL has no
-  /// half-float targets (EXT_color_buffer_float, or _half_float).
-  base::Result<void> draw(const SplatBuffer& splats, SplatKernel kernel, const SplatView& view,
+  /// Uploads and draws, with depth test (less), which stays on; where two are at one depth, either is seen. 20 bytes a
+  /// splat are kept on the GPU, and as many here, until the next call. kUnsupported, with nothing drawn: kFuzzy where
+  /// the GL has no half-float targets (EXT_color_buffer_float or EXT_color_buffer_half_float).
+  base::Result<void> draw(std::span<const qsplat::Splat> splats, SplatKernel kernel, const SplatView& view,
                           const SplatTarget& target);
 
  private:
@@ -91,16 +78,26 @@ class SplatRenderer {
     int width = 0, height = 0;
   };
   SplatRenderer() = default;
+  void upload(std::span<const qsplat::Splat> splats, float most_samples, const SplatView& view,
+              const SplatTarget& target);
   base::Result<const base::gl::Program*> program(const Pass& pass);
-  base::Result<void> drawPass(const SplatBuffer& splats, const Pass& pass, const SplatView& view,
-                              const SplatTarget& target);
-  base::Result<void> drawFuzzy(const SplatBuffer& splats, const SplatView& view, const SplatTarget& target);
+  base::Result<void> drawPass(Pass pass, const SplatView& view, const SplatTarget& target);
+  base::Result<void> drawShape(const Pass& pass, const SplatView& view, const SplatTarget& target);
+  base::Result<void> drawFuzzy(const SplatView& view, const SplatTarget& target);
   base::Result<void> prepareFuzzyTarget(int width, int height);
+  void compose(const SplatTarget& target);
 
-  std::array<base::gl::Program, 16> programs_;  ///< by Pass::number(), made when first needed
+  std::array<base::gl::Program, 32> programs_;  ///< by Pass::number(), made when first needed
   base::gl::Program compose_;
   base::gl::VertexArray no_attributes_;
   FuzzyTarget fuzzy_;
+
+  std::vector<qsplat::Splat> sorted_;  ///< those drawn as points, then the others
+  std::size_t points_ = 0;
+  base::gl::Buffer buffer_;
+  base::gl::VertexArray as_points_, as_quads_;
+  std::size_t capacity_ = 0;
+  float largest_point_ = 1.0F;
 };
 
 }  // namespace lod::draw

@@ -80,7 +80,7 @@ bool encloses(const base::Sphere& outer, const base::Sphere& inner) {
 
 std::uint32_t encodeSphere(const base::Sphere& parent, const base::Sphere& child) {
   const SphereTables& tables = sphereTables();
-  if (!(parent.radius > 0.0F)) return kWholeParent;
+  if (!(parent.radius > 0.0F) || !encloses(parent, child)) return kWholeParent;
   const double scale = kSteps / static_cast<double>(parent.radius);
   // In thirteenths, from the corner of the parent's bounding cube: a sphere of code (s, x, y, z) has its centre at
   // s/2 + (x, y, z) of these, which are twice as wide.

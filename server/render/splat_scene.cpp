@@ -40,7 +40,6 @@ struct SplatScene::State {
 
   lod::qsplat::MappedBlocks blocks;
   std::unique_ptr<lod::draw::SplatRenderer> renderer;
-  lod::draw::SplatBuffer buffer;
   lod::draw::Shading shading;
   ResolvePass resolve;
   SampleTarget target;
@@ -94,15 +93,12 @@ base::Result<lod::qsplat::Traversal> SplatScene::State::splatsFor(const base::Ca
 base::Result<void> SplatScene::State::drawTile(const base::Camera& camera, const lod::qsplat::Traversal& found,
                                                const SplatOptions& options) {
   target.begin();
-  glDisable(GL_SCISSOR_TEST);
-  glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
-  buffer.set(found.splats);
   lod::draw::SplatView view;
   view.camera = camera;
   view.shading = shading;
   view.two_sided = !options.cull_back_faces;
   return renderer->draw(
-      buffer, options.kernel, view,
+      found.splats, options.kernel, view,
       {target.framebuffer(), camera.width * options.supersampling, camera.height * options.supersampling, false});
 }
 

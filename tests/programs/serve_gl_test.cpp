@@ -3,9 +3,11 @@
 
 #include <chrono>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <sstream>
 #include <thread>
 
+#include "base/picture_error.h"
 #include "base/png/png.h"
 #include "tests/programs/run_program.h"
 
@@ -87,6 +89,37 @@ TEST_F(Serve, renderWritesTheGroundTruthAtAnySize) {
     EXPECT_EQ(image->width, 333);
     EXPECT_EQ(image->height, 211);
   }
+}
+
+TEST_F(Serve, renderDrawsSplatsOnceTheSceneHasThem) {
+  const std::string scene = smallScene();
+  ASSERT_EQ(run("lumigrid", {"tour", scene, "--frames", "1", "-o", path("tour.json")}).status, 0);
+  programs::writeText(path("camera.json"), json::parse(programs::readText(path("tour.json")))["frames"][0].dump());
+  const auto render = [&](const std::vector<std::string>& options) {
+    std::vector<std::string> words{"render", scene, "--camera", path("camera.json"), "--size",
+                                   "160",    "120", "-o",       path("x.png")};
+    words.insert(words.end(), options.begin(), options.end());
+    return run("lumigrid", words);
+  };
+  programs::expectOneLineError(render({"--method", "qsplat"}), 1, {scene, "--methods qsplat"});
+  ASSERT_EQ(run("lumigrid", {"build", smallMesh(), "-o", scene, "--methods", "qsplat", "--quiet"}).status, 0);
+
+  ASSERT_EQ(render({"--method", "full"}).status, 0);
+  const auto truth = base::readPng(path("x.png"));
+  ASSERT_TRUE(truth);
+  std::set<std::string> pictures;
+  for (const char* kernel : {"square", "circle", "fuzzy", "ellipse"}) {
+    const auto drawn = render({"--method", "qsplat", "--splat", kernel, "--cutoff", "3"});
+    ASSERT_EQ(drawn.status, 0) << drawn.err;
+    EXPECT_NE(drawn.out.find("splats"), std::string::npos) << drawn.out;
+    const auto picture = base::readPng(path("x.png"));
+    ASSERT_TRUE(picture);
+    EXPECT_GT(base::pictureError(*truth, *picture).psnr(), 15.0) << kernel;
+    pictures.insert(programs::readText(path("x.png")));
+  }
+  EXPECT_EQ(pictures.size(), 4U) << "each kernel has its own look";
+  EXPECT_EQ(render({"--method", "qsplat", "--splat", "round"}).status, 2);
+  EXPECT_EQ(render({"--method", "qsplat", "--cutoff", "-1"}).status, 2);
 }
 
 // The chain from a viewer to the next build: what was sent is counted, and cells are split where that was.

@@ -104,13 +104,16 @@ bool MeshLeaves::readBorder(base::ByteReader& in) {
 }
 
 Splat MeshLeaves::leaf(std::uint64_t code, const VertexSums& sums, const Around& around) const {
-  // Rounded up by more than what positions in float32 are off.
+  // Rounded up by more than what positions are off in float32.
   constexpr double kRoundUp = 1.0 + 1e-6;
+  constexpr double kPlace = 1.1e-7;
   // A vertex whose triangles have no area still counts for something.
   constexpr float kLeastWeight = 1e-3F;
   Splat out;
   out.sphere.center = lattice_.lattice.position(mortonPoint(code));
-  out.sphere.radius = static_cast<float>(std::sqrt(around.radius_squared) * lattice_.lattice.step * kRoundUp);
+  const glm::vec3 far = glm::abs(out.sphere.center);
+  out.sphere.radius = static_cast<float>(std::sqrt(around.radius_squared) * lattice_.lattice.step * kRoundUp +
+                                         kPlace * static_cast<double>(std::max({far.x, far.y, far.z})));
   const glm::vec3 normal = sums.unitNormal();
   out.weight = std::max(kLeastWeight, glm::length(glm::vec3(sums.face[0], sums.face[1], sums.face[2])));
   out.normal = normal * out.weight;

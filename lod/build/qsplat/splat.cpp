@@ -99,13 +99,11 @@ Splat parentOf(std::span<const Splat* const> children) {
   }
   out.sphere = enclosingSphere(std::span(spheres).first(children.size()));
   out.direction = lod::qsplat::encodeNormal(out.normal);
-  const auto& normals = lod::qsplat::normalTable();
-  out.least_cosine = 1.0F;
-  for (const Splat* child : children) {
-    const float between = glm::dot(normals[out.direction], normals[child->direction]);
-    out.least_cosine = std::min(out.least_cosine, cosineOfSum(std::min(1.0F, between), child->least_cosine));
-  }
   return out;
+}
+
+float leastCosine(const glm::vec3& axis, const Splat& leaf) {
+  return cosineOfSum(std::min(1.0F, glm::dot(axis, lod::qsplat::normalTable()[leaf.direction])), leaf.least_cosine);
 }
 
 }  // namespace lod::build::qsplat

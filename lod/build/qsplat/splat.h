@@ -22,7 +22,10 @@ struct Splat {
 /// The smallest sphere around 2 to 4 spheres, or up to a hundredth wider; holds them as lod::qsplat::encloses tells.
 base::Sphere enclosingSphere(std::span<const base::Sphere> spheres);
 
-/// What 2 to 4 children make together. The cone is around the mean normal as it will be decoded.
+/// What 2 to 4 children make together, but for its cone.
 Splat parentOf(std::span<const Splat* const> children);
+
+/// The least cosine between the direction `axis` and the normals in a leaf's cone; -1 beyond a right angle.
+float leastCosine(const glm::vec3& axis, const Splat& leaf);
 
 }  // namespace lod::build::qsplat

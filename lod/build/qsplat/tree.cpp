@@ -1,6 +1,7 @@
 #include "lod/build/qsplat/tree.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "base/check.h"
 
@@ -8,6 +9,9 @@ namespace lod::build::qsplat {
 namespace {
 
 using lod::qsplat::kMostChildren;
+
+// Of the widest cone that has a code, or a little wider.
+const float kWidestCosine = std::sqrt(1.0F - lod::qsplat::kConeSines.back() * lod::qsplat::kConeSines.back()) - 1e-3F;
 
 class TreeMaker {
  public:
@@ -60,8 +64,20 @@ class TreeMaker {
     std::array<const Splat*, kMostChildren> children{};
     for (std::uint32_t i = 0; i < count; ++i) children[i] = &splatOf(node.children[i]);
     node.splat = parentOf(std::span(children).first(count));
+    node.splat.least_cosine = coneOver(whole, lod::qsplat::normalTable()[node.splat.direction]);
     shape_.inner.push_back(node);
     return static_cast<std::uint32_t>(shape_.inner.size() - 1);
+  }
+
+  // Over the splats themselves: cones around cones would widen from level to level. One that is too wide for any code
+  // is given up at the first splat that says so.
+  float coneOver(const Part& part, const glm::vec3& axis) const {
+    float least = 1.0F;
+    for (std::uint32_t i = part.begin; i < part.end; ++i) {
+      least = std::min(least, leastCosine(axis, splats_[keys_[i].index]));
+      if (least < kWidestCosine) return -1.0F;
+    }
+    return least;
   }
 
   const Splat& splatOf(std::uint32_t child) const {

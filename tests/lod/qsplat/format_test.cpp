@@ -1,0 +1,228 @@
+// qsplat.lgq as bytes: what is written is read back, and what is not as it was written is found.
+#include "lod/qsplat/format.h"
+
+#include <gtest/gtest.h>
+
+#include "base/crc32c.h"
+#include "lod/qsplat/splat_file.h"
+#include "tests/support/random_splats.h"
+#include "tests/support/temporary_directory.h"
+
+namespace {
+
+using namespace lod::qsplat;
+
+Header smallHeader() {
+  Header header;
+  header.file_bytes = 3 * kBlockBytes;
+  header.nodes = 101;
+  header.leaves = 70;
+  header.groups = 32;
+  header.pointers = 12;
+  header.colors = true;
+  header.wide_pointers = true;
+  header.levels = 5;
+  header.root = {{1.0F, -2.0F, 3.5F}, 0.25F};
+  return header;
+}
+
+// Checksums made right again, so that what they would find is found by others.
+base::Bytes sealed(base::Bytes bytes) {
+  const std::uint32_t crc = base::crc32c(base::ByteView(bytes).first(kPayloadBytes));
+  std::memcpy(bytes.data() + kPayloadBytes, &crc, sizeof(crc));
+  for (std::size_t at = kBlockBytes; at + kBlockBytes <= bytes.size(); at += kBlockBytes)
+    sealBlock(bytes.data() + at, static_cast<std::uint32_t>(at / kBlockBytes));
+  return bytes;
+}
+
+class QsplatFormat : public ::testing::Test {
+ protected:
+  base::Bytes tree(bool colors, bool wide, unsigned seed = 3) {
+    return support::randomSplats(seed, colors, wide, directory_ / "tree.lgq", 8);
+  }
+  support::TemporaryDirectory directory_;
+};
+
+TEST_F(QsplatFormat, HeadersComeBack) {
+  const Header written = smallHeader();
+  const auto read = readHeader(headerBytes(written));
+  ASSERT_TRUE(read) << read.error().message;
+  EXPECT_EQ(read->file_bytes, written.file_bytes);
+  EXPECT_EQ(read->nodes, written.nodes);
+  EXPECT_EQ(read->leaves, written.leaves);
+  EXPECT_EQ(read->groups, written.groups);
+  EXPECT_EQ(read->pointers, written.pointers);
+  EXPECT_TRUE(read->colors);
+  EXPECT_TRUE(read->wide_pointers);
+  EXPECT_EQ(read->levels, written.levels);
+  EXPECT_EQ(read->root.center, written.root.center);
+  EXPECT_EQ(read->root.radius, written.root.radius);
+  EXPECT_EQ(read->nodeBytes(), 6U);
+  EXPECT_EQ(read->pointerBytes(), 8U);
+}
+
+TEST_F(QsplatFormat, AHeaderWithOneBitTurnedOrCutIsRefused) {
+  const base::Bytes good = headerBytes(smallHeader());
+  for (std::size_t i = 0; i < good.size(); ++i) {
+    base::Bytes bad = good;
+    bad[i] ^= 1U << (i % 8);
+    EXPECT_FALSE(readHeader(bad)) << "byte " << i;
+    EXPECT_FALSE(readHeader(base::ByteView(good).first(i))) << "cut to " << i;
+  }
+}
+
+TEST_F(QsplatFormat, HeadersThatCannotBeAreRefused) {
+  const auto refused = [](auto change) {
+    Header header = smallHeader();
+    change(header);
+    return !readHeader(headerBytes(header));
+  };
+  EXPECT_TRUE(refused([](Header& h) { h.file_bytes += 1; }));
+  EXPECT_TRUE(refused([](Header& h) { h.file_bytes = kBlockBytes; }));
+  EXPECT_TRUE(refused([](Header& h) { h.nodes = 0; }));
+  EXPECT_TRUE(refused([](Header& h) { h.nodes = ~std::uint64_t{0}; }));
+  EXPECT_TRUE(refused([](Header& h) { h.leaves = 102; }));
+  EXPECT_TRUE(refused([](Header& h) { h.groups = 31; }));
+  EXPECT_TRUE(refused([](Header& h) { h.leaves = 30, h.groups = 72; }));
+  EXPECT_TRUE(refused([](Header& h) { h.pointers = 0; }));
+  EXPECT_TRUE(refused([](Header& h) { h.pointers = 32; }));
+  EXPECT_TRUE(refused([](Header& h) { h.levels = 0; }));
+  EXPECT_TRUE(refused([](Header& h) { h.levels = 129; }));
+  EXPECT_TRUE(refused([](Header& h) { h.levels = 1; }));
+  EXPECT_TRUE(refused([](Header& h) { h.root.radius = 0.0F; }));
+  EXPECT_TRUE(refused([](Header& h) { h.root.radius = NAN; }));
+  EXPECT_TRUE(refused([](Header& h) { h.root.center.y = INFINITY; }));
+}
+
+TEST_F(QsplatFormat, AnotherVersionIsNamed) {
+  base::Bytes bytes = headerBytes(smallHeader());
+  bytes[8] = 2;
+  const auto read = readHeader(bytes);
+  ASSERT_FALSE(read);
+  EXPECT_EQ(read.error().code, base::ErrorCode::kVersion);
+}
+
+TEST_F(QsplatFormat, GroupsNeverSpanTwoBlocks) {
+  for (std::uint64_t end = kBlockBytes; end < 3 * kBlockBytes; end += 2)
+    for (const std::uint32_t bytes : {4U, 8U, 12U, 16U, 20U, 24U, 28U, 32U}) {
+      if (end % kBlockBytes > kPayloadBytes) continue;
+      const std::uint64_t at = groupPlace(end, bytes);
+      ASSERT_GE(at, end);
+      ASSERT_LT(at - end, kBlockBytes);
+      ASSERT_LE(at % kBlockBytes + bytes, kPayloadBytes);
+      ASSERT_TRUE(at == end || at % kBlockBytes == 0);
+    }
+}
+
+TEST_F(QsplatFormat, BlocksKnowTheirPlace) {
+  base::Bytes block(kBlockBytes, 7);
+  sealBlock(block.data(), 5);
+  EXPECT_TRUE(isBlock(block, 5));
+  EXPECT_FALSE(isBlock(block, 6));
+  block[100] ^= 4;
+  EXPECT_FALSE(isBlock(block, 5));
+  EXPECT_FALSE(isBlock(base::ByteView(block).first(1000), 5));
+}
+
+TEST_F(QsplatFormat, WholeTreesAreFoundWhole) {
+  for (const bool colors : {false, true})
+    for (const bool wide : {false, true})
+      for (unsigned seed = 0; seed < 20; ++seed) {
+        const base::Bytes bytes = tree(colors, wide, seed);
+        EXPECT_EQ(checkTree(bytes), std::vector<std::string>()) << "seed " << seed;
+        EXPECT_EQ(support::decodeSplats(bytes).size(), readHeader(bytes)->nodes);
+      }
+  const base::Bytes single = support::randomSplats(1, true, false, directory_ / "one.lgq", 1);
+  EXPECT_EQ(checkTree(single), std::vector<std::string>());
+  EXPECT_EQ(readHeader(single)->nodes, 1U);
+}
+
+TEST_F(QsplatFormat, EveryTurnedBitIsFoundByAChecksum) {
+  const base::Bytes good = tree(true, false);
+  for (std::size_t i = 0; i < good.size(); i += 7) {
+    base::Bytes bad = good;
+    bad[i] ^= 1U << (i % 8);
+    EXPECT_FALSE(checkTree(bad).empty()) << "byte " << i;
+  }
+}
+
+TEST_F(QsplatFormat, StructureIsCheckedBehindChecksums) {
+  // Of a bit turned and sealed, only codes and colours may stay: what they should be nobody knows.
+  for (const bool colors : {false, true}) {
+    const base::Bytes good = tree(colors, false);
+    const GroupLayout layout(colors, false);
+    std::size_t silent = 0;
+    std::size_t looked = 0;
+    for (std::size_t i = kBlockBytes; i < good.size(); i += 3) {
+      if (i % kBlockBytes >= kPayloadBytes) continue;
+      base::Bytes bad = good;
+      bad[i] ^= 1U << (i % 8);
+      ++looked;
+      if (!checkTree(sealed(bad)).empty()) continue;
+      ++silent;
+      const auto a = support::decodeSplats(good);
+      const auto b = support::decodeSplats(bad);
+      ASSERT_EQ(a.size(), b.size());
+      for (std::size_t n = 0; n < a.size(); ++n) ASSERT_EQ(a[n].node.bits >> 29, b[n].node.bits >> 29);
+    }
+    EXPECT_LT(silent, looked * 9 / 10);
+  }
+}
+
+TEST_F(QsplatFormat, CutAndGrownFilesAreFound) {
+  const base::Bytes good = tree(false, false);
+  for (std::size_t size = 0; size < good.size(); size += 111)
+    EXPECT_FALSE(checkTree(base::ByteView(good).first(size)).empty());
+  base::Bytes longer = good;
+  longer.resize(good.size() + kBlockBytes, 0);
+  EXPECT_FALSE(checkTree(longer).empty());
+  const std::uint64_t length = longer.size();
+  std::memcpy(longer.data() + 16, &length, sizeof(length));
+  EXPECT_FALSE(checkTree(sealed(longer)).empty());
+}
+
+TEST_F(QsplatFormat, OpeningNamesTheFile) {
+  const std::string path = directory_ / "tree.lgq";
+  EXPECT_EQ(SplatFile::open(path).error().code, base::ErrorCode::kNotFound);
+  const Header header = support::writeRandomSplats(path, 5, true, false);
+  const auto file = SplatFile::open(path);
+  ASSERT_TRUE(file) << file.error().message;
+  EXPECT_EQ(file->header().nodes, header.nodes);
+  EXPECT_TRUE(file->verify().empty());
+  ASSERT_TRUE(base::writeFileAtomically(path, file->bytes().first(file->bytes().size() - 1)));
+  const auto cut = SplatFile::open(path);
+  ASSERT_FALSE(cut);
+  EXPECT_EQ(cut.error().message.rfind(path, 0), 0U) << cut.error().message;
+}
+
+// The first version of the format, as it was written when it was made.
+TEST_F(QsplatFormat, TheGoldenFileIsReadAsEver) {
+  const auto file = SplatFile::open(std::string(LUMIGRID_SOURCE_DIR) + "/tests/golden/qsplat_v1.lgq");
+  ASSERT_TRUE(file) << file.error().message;
+  EXPECT_EQ(file->verify(), std::vector<std::string>());
+  const Header& header = file->header();
+  EXPECT_TRUE(header.colors);
+  EXPECT_EQ(header.leaves, 288U);
+  const auto nodes = support::decodeSplats(file->bytes());
+  ASSERT_EQ(nodes.size(), header.nodes);
+  // Sums over all nodes, to the bit of what every reader decodes.
+  glm::dvec3 centers(0.0);
+  glm::dvec3 normals(0.0);
+  double radii = 0.0;
+  std::uint64_t colors = 0;
+  for (const support::DecodedNode& node : nodes) {
+    centers += glm::dvec3(node.sphere.center);
+    radii += static_cast<double>(node.sphere.radius);
+    normals += glm::dvec3(normalTable()[node.node.normalCode()]);
+    colors += decodeColor(node.node.color).g;
+  }
+  EXPECT_EQ(centers, glm::dvec3(0.15897869318723679, 2.7213654851075262, 0.46516812033951283));
+  EXPECT_EQ(radii, 125.28493669629097);
+  // Directions are made with tangents and square roots of the machine's own.
+  EXPECT_NEAR(normals.x, -0.24251685570925474, 1e-4);
+  EXPECT_NEAR(normals.y, 1.0927810268476605, 1e-4);
+  EXPECT_NEAR(normals.z, 0.44483599904924631, 1e-4);
+  EXPECT_EQ(colors, 50417U);
+}
+
+}  // namespace
