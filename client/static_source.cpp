@@ -11,6 +11,7 @@
 #include "lod/patch/format.h"
 #include "lod/patch/table_pages.h"
 #include "lod/patch/traverse.h"
+#include "plan/coarse_sight.h"
 #include "plan/view_plan.h"
 #include "repository/cache.h"
 #include "repository/face_value.h"
@@ -88,6 +89,9 @@ struct StaticSource::State {
   RangeWish pageWish(std::uint32_t page) const;
   void wishForBlock(std::uint32_t group, std::vector<RangeWish>& wishes);
 
+  void keepForSight(std::uint32_t group, const base::Bytes& block);
+  void lookAround();
+
   // ---- the images ----
   enum class FaceState { kHere, kGone, kWanted };
   FaceState locate(const FaceKey& key, RangeWish& wish);
@@ -147,6 +151,11 @@ struct StaticSource::State {
   std::vector<bool> has_group;
   std::unordered_set<FaceKey> has_face, gone;
   std::vector<std::uint32_t> coarse;
+
+  // What hides what, of the coarse groups: their blocks until it is worked out, once, before the first view is planned.
+  std::vector<base::Bytes> coarse_blocks;  // beside `coarse`
+  std::optional<lod::patch::ProxySight> sight;
+  bool looked_around = false;
 
   // What it looks at.
   std::optional<protocol::View> newest, previous;
@@ -307,7 +316,25 @@ void StaticSource::State::takeBlock(std::uint32_t group, base::ByteView rest) {
   group_bytes += block.size();
   picks.keep(group, block);
   pick_news = true;
+  keepForSight(group, block);
   outgoing.push_back({protocol::encode(protocol::Refine{record->bytes, std::move(block)}), {}, group});
+}
+
+void StaticSource::State::keepForSight(std::uint32_t group, const base::Bytes& block) {
+  if (looked_around || !scene.index) return;
+  coarse_blocks.resize(coarse.size());
+  const auto at = static_cast<std::size_t>(std::find(coarse.begin(), coarse.end(), group) - coarse.begin());
+  if (at < coarse.size()) coarse_blocks[at] = block;
+}
+
+/// Where a block is damaged or lacking, images are chosen as if nothing hid anything.
+void StaticSource::State::lookAround() {
+  if (std::exchange(looked_around, true) || coarse_blocks.empty()) return;
+  auto seen = plan::coarseSight(hierarchy, coarse, [this](std::uint32_t group) -> base::ByteView {
+    return coarse_blocks[static_cast<std::size_t>(std::find(coarse.begin(), coarse.end(), group) - coarse.begin())];
+  });
+  if (seen) sight = std::move(*seen);
+  coarse_blocks = {};
 }
 
 void StaticSource::State::takeIndexBlock(std::uint64_t number, base::ByteView bytes) {
@@ -485,7 +512,7 @@ StaticSource::State::FaceState StaticSource::State::locate(const FaceKey& key, R
 // ---- the plan ----
 
 plan::Scene StaticSource::State::toPlan() const {
-  return {&scene.welcome, &hierarchy, scene.index.has_value(), points.treeOrNull()};
+  return {&scene.welcome, &hierarchy, scene.index.has_value(), points.treeOrNull(), sight ? &*sight : nullptr};
 }
 
 /// Unknown groups that the cut would expand: made patches that it draws, seen, off by more than the tolerance.
@@ -520,6 +547,7 @@ std::vector<std::uint32_t> StaticSource::State::frontierOf(const lod::patch::Cut
 /// Descends as far as the pages here lead, then plans as a server does.
 void StaticSource::State::planNewestView() {
   if (planned && !(replan && !frontier.empty())) return;
+  lookAround();
   const lod::patch::CutRequest request = plan::cutRequestFor(scene.welcome, *newest);
   for (bool learned = true; learned;) {
     learned = false;

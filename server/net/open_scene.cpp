@@ -146,6 +146,7 @@ base::Result<void> openRemoteImages(std::shared_ptr<const repository::ObjectSour
   repository::PackStore* opened = packs->get();
   LUMIGRID_TRY(takeImages(std::move(*packs), place, open));
   open.packs = opened;
+  open.data.images_are_far = true;
   return {};
 }
 

@@ -19,6 +19,7 @@
 #include <boost/beast/websocket.hpp>
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <csignal>
 #include <filesystem>
@@ -28,6 +29,7 @@
 #include <string_view>
 #include <utility>
 
+#include "base/parallel.h"
 #include "server/net/access_log.h"
 #include "server/net/frame_renderer.h"
 #include "server/net/open_scene.h"
@@ -63,6 +65,7 @@ constexpr auto kPatience = std::chrono::minutes(10);  // for a picture or a pick
 constexpr int kRetrySeconds = 5;
 constexpr std::size_t kMostUnsentPictures = std::size_t{256} << 20;  // bytes; beyond, no further one is begun
 constexpr std::uint32_t kTurnedAway = 64;                            // connections over the limit that still get a 503
+constexpr unsigned kFetchers = 8;                                    // views whose far images are fetched at a time
 
 class Connection;
 
@@ -77,19 +80,22 @@ struct Hub {
   std::unique_ptr<Site> site;
   std::unique_ptr<FrameRenderer> renderer;  // null: no exact frames
   std::unique_ptr<Picker> picker;
-  std::unique_ptr<AccessLog> access;  // null: nothing is counted
-  std::string place;                  // address:port
+  std::unique_ptr<base::ThreadPool> fetchers;  // of far images; null: they are here
+  std::unique_ptr<AccessLog> access;           // null: nothing is counted
+  std::string place;                           // address:port
   std::set<Connection*> connections;
   std::uint64_t next_client = 1;
   std::size_t viewers = 0;
   std::size_t unsent_picture_bytes = 0;  // rendered, and not yet all taken by their connections
-  bool stopping = false;
+  std::atomic<bool> stopping = false;    // the fetchers look too
   std::optional<Timer> goodbye;
 
   base::Result<void> makeSite();
   void countAccess(const std::string& scene_directory);
   /// Their threads post to `io`, which goes last.
   void endThreads() {
+    stopping = true;
+    fetchers.reset();
     renderer.reset();
     picker.reset();
   }
@@ -235,6 +241,7 @@ class Viewer final : public Connection {
   void doWrite() {
     if (writing_ || closing_) return;
     outgoing_ = session_.nextMessage();
+    while (auto request = session_.takeFaceRequest()) askForFaces(std::move(*request));
     if (outgoing_) {
       writing_ = true;
       socket_.async_write(asio::buffer(*outgoing_), beast::bind_front_handler(&Viewer::onWrite, self<Viewer>()));
@@ -248,6 +255,22 @@ class Viewer final : public Connection {
   void onWrite(error_code ec, std::size_t) {
     writing_ = false;
     if (ec) return fail("write", ec);
+    doWrite();
+  }
+
+  /// All faces of a request at once, so that neighbours come by one range. Whoever waits for a network is not this
+  /// thread.
+  void askForFaces(FaceRequest request) {
+    hub_->fetchers->submit([weak = weak_from_this(), hub = hub_.get(), request = std::move(request)] {
+      if (hub->stopping) return;
+      asio::post(hub->io, [weak, request, values = hub->scene->images->getMany(request)]() mutable {
+        if (auto viewer = std::static_pointer_cast<Viewer>(weak.lock())) viewer->onFaces(request, std::move(values));
+      });
+    });
+  }
+
+  void onFaces(const FaceRequest& request, Session::FaceValues values) {
+    session_.facesFetched(request, std::move(values));
     doWrite();
   }
 
@@ -669,6 +692,10 @@ base::Result<std::unique_ptr<Server>> Server::open(const std::string& scene_dire
   if (options.count_access) state.hub->countAccess(scene_directory);
 
   state.hub->scene->data.ahead_bytes = options.ahead_bytes;
+  // Each viewer has two requests at most, so nobody waits to put one in.
+  if (state.hub->scene->data.images_are_far)
+    state.hub->fetchers = std::make_unique<base::ThreadPool>(
+        kFetchers, std::size_t{2} * (options.max_connections + kTurnedAway) + kFetchers);
   if (options.render_frames) {
     auto renderer = FrameRenderer::start(*state.hub->scene);
     if (renderer) {

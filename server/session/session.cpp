@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <unordered_map>
 #include <unordered_set>
 #include <utility>
 #include <variant>
@@ -15,6 +16,8 @@ namespace {
 constexpr std::int64_t kMaxFramePixels = 16'000'000;
 // An exact frame still helps after the eye moved by 8 % of the scene (DESIGN section 7).
 constexpr double kFarOff = 0.1;
+constexpr std::size_t kRequestsUnderWay = 2;  // for far faces: a new view need not wait for the last one's
+constexpr std::size_t kFacesAhead = 16;       // that are asked for at a time when the view is complete
 
 std::size_t headroom() {
   return protocol::kMaxServerMessage - 256;
@@ -45,6 +48,12 @@ struct Session::State {
   std::optional<base::Bytes> nextPrefetch();
   std::optional<base::Bytes> groupMessage(std::uint32_t group);
   std::optional<base::Bytes> faceMessage(const repository::FaceKey& key);
+  using Faces = std::vector<repository::FaceKey>;
+  /// The first of the list that can be sent now.
+  Faces::iterator sendable(Faces& faces);
+  std::optional<base::Bytes> takeFaceMessage(Faces& faces, Faces::iterator face);
+  FaceRequest notAskedFor(const Faces& faces, std::size_t most) const;
+  void planPrefetch();
   void planNewestView();
   bool framePossible() const;
 
@@ -62,15 +71,20 @@ struct Session::State {
   std::optional<protocol::View> newest, previous;
   bool planned = false;  // the fields below belong to `newest`
 
-  // What is still to be sent for it; cursors run over the lists, and what the client got meanwhile is passed over.
+  // What is still to be sent for it; a cursor runs over the groups, faces leave their lists; what the client got
+  // meanwhile is passed over.
   plan::ViewPlan view_plan;
-  std::size_t next_coarse = 0, next_group = 0, next_face = 0;
+  std::size_t next_coarse = 0, next_group = 0;
   std::uint64_t group_bytes = 0, face_bytes = 0;
   bool complete_said = false;
   FramePhase frame_phase = FramePhase::kNone;
-  std::optional<std::vector<repository::FaceKey>> prefetch;
-  std::size_t next_prefetch = 0;
+  std::optional<Faces> prefetch;
   std::uint64_t prefetch_bytes = 0;
+
+  // Of far faces: those that came and were not sent yet, and those that are to come.
+  std::unordered_map<repository::FaceKey, base::Result<std::optional<base::Bytes>>> fetched;
+  std::unordered_set<repository::FaceKey> coming;
+  std::size_t requests_under_way = 0;
 
   // Messages that go before all else.
   std::optional<base::Bytes> greeting;  // Welcome or Refusal
@@ -157,6 +171,7 @@ std::optional<base::Bytes> Session::State::next() {
 std::optional<base::Bytes> Session::State::nextForView() {
   if (auto message = nextCoarse()) return message;
   if (auto message = nextWanted()) return message;
+  if (!view_plan.faces.empty()) return std::nullopt;  // they are to come
   if (!complete_said) {
     complete_said = true;
     if (framePossible()) frame_phase = FramePhase::kDue;
@@ -170,7 +185,10 @@ std::optional<base::Bytes> Session::State::nextForView() {
 void Session::State::planNewestView() {
   view_plan = plan::planView(scene.toPlan(), *newest,
                              [this](const repository::FaceKey& key) { return has_face.count(key) != 0; });
-  next_coarse = next_group = next_face = next_prefetch = 0;
+  std::erase_if(fetched, [this](const auto& one) {
+    return std::find(view_plan.faces.begin(), view_plan.faces.end(), one.first) == view_plan.faces.end();
+  });
+  next_coarse = next_group = 0;
   group_bytes = face_bytes = prefetch_bytes = 0;
   complete_said = false;
   frame_phase = FramePhase::kNone;
@@ -187,9 +205,9 @@ std::optional<base::Bytes> Session::State::nextCoarse() {
 std::optional<base::Bytes> Session::State::nextWanted() {
   while (true) {
     while (next_group < view_plan.groups.size() && has_group[view_plan.groups[next_group]]) ++next_group;
-    while (next_face < view_plan.faces.size() && has_face.count(view_plan.faces[next_face]) != 0) ++next_face;
+    const auto face = sendable(view_plan.faces);
     const bool group_left = next_group < view_plan.groups.size();
-    const bool face_left = next_face < view_plan.faces.size();
+    const bool face_left = face != view_plan.faces.end();
     if (!group_left && !face_left) return std::nullopt;
 
     const bool urgent = group_left && plan::isUrgent(view_plan.group_error_px[next_group], *newest);
@@ -198,29 +216,46 @@ std::optional<base::Bytes> Session::State::nextWanted() {
         group_bytes += message->size();
         return message;
       }
-    } else if (auto message = faceMessage(view_plan.faces[next_face++])) {
+    } else if (auto message = takeFaceMessage(view_plan.faces, face)) {
       face_bytes += message->size();
       return message;
     }
   }
 }
 
+void Session::State::planPrefetch() {
+  if (prefetch) return;
+  prefetch = view_plan.other_faces;
+  if (!previous) return;
+  const auto ahead = plan::planMotion(scene.toPlan(), *newest, *previous,
+                                      [this](const repository::FaceKey& key) { return has_face.count(key) != 0; });
+  prefetch->insert(prefetch->end(), ahead.begin(), ahead.end());
+}
+
 std::optional<base::Bytes> Session::State::nextPrefetch() {
-  if (!prefetch) {
-    prefetch = view_plan.other_faces;
-    if (previous) {
-      const auto ahead = plan::planMotion(scene.toPlan(), *newest, *previous,
-                                          [this](const repository::FaceKey& key) { return has_face.count(key) != 0; });
-      prefetch->insert(prefetch->end(), ahead.begin(), ahead.end());
-    }
-  }
-  while (next_prefetch < prefetch->size() && prefetch_bytes < scene.ahead_bytes) {
-    if (auto message = faceMessage((*prefetch)[next_prefetch++])) {
+  planPrefetch();
+  while (prefetch_bytes < scene.ahead_bytes) {
+    const auto face = sendable(*prefetch);
+    if (face == prefetch->end()) return std::nullopt;
+    if (auto message = takeFaceMessage(*prefetch, face)) {
       prefetch_bytes += message->size();
       return message;
     }
   }
   return std::nullopt;
+}
+
+Session::State::Faces::iterator Session::State::sendable(Faces& faces) {
+  std::erase_if(faces, [this](const repository::FaceKey& key) { return has_face.count(key) != 0; });
+  if (!scene.images_are_far) return faces.begin();
+  return std::find_if(faces.begin(), faces.end(),
+                      [this](const repository::FaceKey& key) { return fetched.count(key) != 0; });
+}
+
+std::optional<base::Bytes> Session::State::takeFaceMessage(Faces& faces, Faces::iterator face) {
+  const repository::FaceKey key = *face;
+  faces.erase(face);
+  return faceMessage(key);
 }
 
 /// The Refine message of a group; nothing when the client has it or the block cannot be read.
@@ -243,7 +278,8 @@ std::optional<base::Bytes> Session::State::groupMessage(std::uint32_t group) {
 /// bytes.
 std::optional<base::Bytes> Session::State::faceMessage(const repository::FaceKey& key) {
   if (has_face.count(key) != 0) return std::nullopt;
-  auto value = scene.images->get(key);
+  const auto here = fetched.extract(key);
+  auto value = here ? std::move(here.mapped()) : scene.images->get(key);
   if (value && !value->has_value()) {
     ++counts.missing;
     return std::nullopt;
@@ -256,6 +292,47 @@ std::optional<base::Bytes> Session::State::faceMessage(const repository::FaceKey
   ++counts.faces;
   if (scene.access != nullptr) scene.access->addFace(key);
   return protocol::encode(protocol::Face{key, std::move(**value)});
+}
+
+// ---- far faces ----
+
+FaceRequest Session::State::notAskedFor(const Faces& faces, std::size_t most) const {
+  FaceRequest keys;
+  for (const repository::FaceKey& key : faces) {
+    if (keys.size() == most) break;
+    if (has_face.count(key) == 0 && coming.count(key) == 0 && fetched.count(key) == 0) keys.push_back(key);
+  }
+  return keys;
+}
+
+std::optional<FaceRequest> Session::takeFaceRequest() {
+  State& s = *state_;
+  if (!s.scene.images_are_far || s.phase != State::Phase::kReady || !s.planned) return std::nullopt;
+  if (s.requests_under_way == kRequestsUnderWay) return std::nullopt;
+  FaceRequest request = s.notAskedFor(s.view_plan.faces, s.view_plan.faces.size());
+  const bool at_rest = s.complete_said && s.frame_phase == State::FramePhase::kNone;
+  if (request.empty() && at_rest && s.coming.empty() && s.fetched.empty() && s.prefetch_bytes < s.scene.ahead_bytes) {
+    s.planPrefetch();
+    request = s.notAskedFor(*s.prefetch, kFacesAhead);
+  }
+  if (request.empty()) return std::nullopt;
+  s.coming.insert(request.begin(), request.end());
+  ++s.requests_under_way;
+  return request;
+}
+
+void Session::facesFetched(const FaceRequest& request, FaceValues values) {
+  State& s = *state_;
+  --s.requests_under_way;
+  for (std::size_t i = 0; i < request.size(); ++i) {
+    s.coming.erase(request[i]);
+    const auto wants = [&](const State::Faces& faces) {
+      return std::find(faces.begin(), faces.end(), request[i]) != faces.end();
+    };
+    // What a newer view does not want goes; the next one finds it in the cache.
+    if (wants(s.view_plan.faces) || (s.prefetch && wants(*s.prefetch)))
+      s.fetched.insert_or_assign(request[i], std::move(values[i]));
+  }
 }
 
 // ---- frames ----

@@ -11,12 +11,15 @@
 //   3. Complete; then the exact frame, when the view wants one and somebody renders it
 //   4. at rest: other directions at the same points, then faces along the motion, at most SceneData::ahead_bytes beyond
 //   Complete
-// A new view drops all that was not sent yet. What a client evicts is sent again for the next view that needs it, not
-// before: a client whose cache is too small for its view would otherwise be sent the same bytes for ever.
+// Where images are far away (SceneData::images_are_far) a face is sent when it has been fetched: of those that are here
+// the most useful goes first, and groups go meanwhile. A new view drops all that was not sent yet. What a client evicts
+// is sent again for the next view that needs it, not before: a client whose cache is too small for its view would
+// otherwise be sent the same bytes for ever.
 #include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "base/error.h"
 #include "lod/patch/format.h"
@@ -35,6 +38,7 @@ struct SceneData {
   const lod::patch::PatchFile* patches = nullptr;
   const lod::patch::ProxySight* sight = nullptr;  ///< what hides what, for the choice of images; null: nothing does
   const repository::Store* images = nullptr;      ///< null: no repository
+  bool images_are_far = false;                    ///< each takes round trips: fetched by takeFaceRequest, not read here
   const repository::SampleTree* tree = nullptr;   ///< which points are sampled; null: all of the grid
   repository::AccessCounter* access = nullptr;  ///< told of every face and group that nextMessage() hands out; or null
   std::uint64_t ahead_bytes = plan::kAheadBytes;  ///< sent beyond what a view needs, once it has that; 0: nothing
@@ -48,6 +52,9 @@ struct FrameRequest {
   base::ViewCamera camera;
   int quality = 85;
 };
+
+/// Faces that the session would like to have, the most useful first: of one view, so of a neighbourhood.
+using FaceRequest = std::vector<repository::FaceKey>;
 
 /// What a session did, for the server's log.
 struct SessionCounts {
@@ -70,6 +77,13 @@ class Session {
   /// The next message to send, the most useful first; nullopt when there is nothing to say. Call again once the last
   /// was written: that is the back-pressure.
   std::optional<base::Bytes> nextMessage();
+  /// Where images are far: what is to be fetched now, all that the newest view needs at once; later, when the view is
+  /// complete, what may be needed next. Nothing while two requests are under way. What nextMessage() has to say does
+  /// not wait for it, but for the faces themselves and Complete.
+  std::optional<FaceRequest> takeFaceRequest();
+  /// The answer: one value a key, as Store::getMany gives them. Then nextMessage() may have more to say.
+  using FaceValues = std::vector<base::Result<std::optional<base::Bytes>>>;
+  void facesFetched(const FaceRequest& request, FaceValues values);
   /// Non-null when everything else was sent and the client wants the exact picture of its newest view; asked once per
   /// view.
   std::optional<FrameRequest> takeFrameRequest();

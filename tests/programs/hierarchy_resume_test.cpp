@@ -30,10 +30,6 @@ bool longTests() {
   return std::getenv("LUMIGRID_LONG_TESTS") != nullptr;
 }
 
-std::string workFile(const std::string& scene, const std::string& name) {
-  return scene + "/patch.lgp.work/" + name;
-}
-
 std::uintmax_t sizeOf(const std::string& file) {
   std::error_code error;
   const auto size = fs::file_size(file, error);
@@ -49,8 +45,15 @@ class HierarchyResume : public programs::ProgramTest {
     return mesh;
   }
 
-  static Arguments build(const std::string& mesh, const std::string& scene, const Arguments& more = {}) {
-    Arguments arguments{"build", mesh, "-o", scene, "--methods", "patch", "--quiet"};
+  // What is built, and the file that it becomes.
+  std::string method_ = "patch";
+  std::string file_ = "patch.lgp";
+
+  std::string workFile(const std::string& scene, const std::string& name) const {
+    return scene + "/" + file_ + ".work/" + name;
+  }
+  Arguments build(const std::string& mesh, const std::string& scene, const Arguments& more = {}) const {
+    Arguments arguments{"build", mesh, "-o", scene, "--methods", method_, "--quiet"};
     arguments.insert(arguments.end(), more.begin(), more.end());
     return arguments;
   }
@@ -61,19 +64,19 @@ class HierarchyResume : public programs::ProgramTest {
     const auto built = run("lumigrid", build(mesh, scene, more));
     EXPECT_EQ(built.status, 0) << built.err;
     description_ = readText(scene + "/scene.json");
-    std::string bytes = readText(scene + "/patch.lgp");
+    std::string bytes = readText(scene + "/" + file_);
     EXPECT_FALSE(bytes.empty());
     fs::remove_all(scene);
     return bytes;
   }
 
   void expectFinished(const std::string& scene, const std::string& bytes, const std::string& what) {
-    EXPECT_TRUE(readText(scene + "/patch.lgp") == bytes) << what << ": other bytes than an uninterrupted build";
+    EXPECT_TRUE(readText(scene + "/" + file_) == bytes) << what << ": other bytes than an uninterrupted build";
     EXPECT_EQ(readText(scene + "/scene.json"), description_) << what;  // counts of repairs among it
     std::vector<std::string> names;
     for (const auto& entry : fs::directory_iterator(scene)) names.push_back(entry.path().filename());
     std::sort(names.begin(), names.end());
-    EXPECT_EQ(names, (std::vector<std::string>{"patch.lgp", "scene.json"})) << what << ": work files stayed";
+    EXPECT_EQ(names, (std::vector<std::string>{file_, "scene.json"})) << what << ": work files stayed";
   }
 
   void expectRerunFinishes(const std::string& mesh, const std::string& scene, const std::string& bytes,
@@ -354,6 +357,90 @@ TEST_F(HierarchyResume, WorkFilesElsewhereAreGoneInTheEnd) {
   EXPECT_TRUE(fs::is_empty(path("work")));
 }
 
+class SplatResume : public HierarchyResume {
+ protected:
+  SplatResume() {
+    method_ = "qsplat";
+    file_ = "qsplat.lgq";
+  }
+  void expectRerunsFinishFrom(const std::string& mesh, const std::string& bytes,
+                              std::initializer_list<const char*> files) {
+    const std::string scene = path("scene");
+    for (const char* file : files) {
+      int kills = 0;
+      while (kills < 2 && killWhen(build(mesh, scene), [&] { return fs::exists(workFile(scene, file)); })) ++kills;
+      expectRerunFinishes(mesh, scene, bytes, std::string("killed when there was ") + file);
+      fs::remove_all(scene);
+    }
+  }
+};
+
+TEST_F(SplatResume, KilledInEveryStageItEndsWithTheSameBytes) {
+  const std::string mesh = sample("400000");  // several tiles
+  expectRerunsFinishFrom(mesh, uninterrupted(mesh),
+                         {"vertices", "buckets", "stage1", "stage2", "stage3", "nodes", "stage4", "runs"});
+}
+
+TEST_F(SplatResume, AJournalWithAnyTailEndsWithTheSameBytes) {
+  const std::string mesh = sample("400000");
+  const std::string bytes = uninterrupted(mesh);
+  const std::string stopped = path("stopped"), scene = path("scene");
+  ASSERT_NO_FATAL_FAILURE(killedWhen(mesh, stopped, [&] { return sizeOf(workFile(stopped, "nodes")) > 0; }));
+  const std::string whole = readText(workFile(stopped, "nodes"));
+  std::string rotten = whole;
+  if (!rotten.empty()) rotten[rotten.size() / 2] = static_cast<char>(~rotten[rotten.size() / 2]);
+  for (const auto& [what, text] :
+       {std::pair<const char*, std::string>{"untouched", whole},
+        {"zeros behind", whole + std::string(5000, '\0')},
+        {"cut by a byte", whole.substr(0, whole.size() - std::min<std::size_t>(1, whole.size()))},
+        {"cut in the middle", whole.substr(0, whole.size() / 2)},
+        {"emptied", ""},
+        {"one byte turned", rotten}}) {
+    fs::remove_all(scene);
+    fs::copy(stopped, scene, fs::copy_options::recursive);
+    programs::writeText(workFile(scene, "nodes"), text);
+    expectRerunFinishes(mesh, scene, bytes, what);
+  }
+}
+
+TEST_F(SplatResume, MemoryAndThreadsDoNotChangeTheBytes) {
+  const std::string mesh = sample(longTests() ? "3000000" : "400000");
+  const std::string bytes = uninterrupted(mesh);
+  for (const Arguments& choice :
+       {Arguments{"--memory", "256M", "--threads", "1"}, Arguments{"--memory", "8G", "--threads", "3"}}) {
+    const std::string scene = path("scene");
+    const auto built = run("lumigrid", build(mesh, scene, choice));
+    ASSERT_EQ(built.status, 0) << built.err;
+    expectFinished(scene, bytes, choice[1] + " " + choice[3]);
+    fs::remove_all(scene);
+  }
+}
+
+// A scene that has patches gets splats beside them, the same as alone, and stays finished meanwhile.
+TEST_F(SplatResume, AddedToAFinishedSceneTheyAreTheSame) {
+  const std::string mesh = sample("50000");
+  const std::string bytes = uninterrupted(mesh);
+  const std::string scene = path("scene");
+  ASSERT_EQ(run("lumigrid", {"build", mesh, "-o", scene, "--methods", "patch", "--quiet"}).status, 0);
+  const std::string patches = readText(scene + "/patch.lgp");
+  ASSERT_EQ(run("lumigrid", build(mesh, scene)).status, 0);
+  EXPECT_TRUE(readText(scene + "/qsplat.lgq") == bytes);
+  EXPECT_TRUE(readText(scene + "/patch.lgp") == patches);
+  const auto verified = run("lumigrid", {"verify", scene});
+  EXPECT_EQ(verified.status, 0) << verified.out << verified.err;
+  const auto info = run("lumigrid", {"info", scene});
+  EXPECT_NE(info.out.find("splats:"), std::string::npos) << info.out;
+  EXPECT_NE(info.out.find("hierarchy:"), std::string::npos) << info.out;
+  const auto again = run("lumigrid", {"build", mesh, "-o", scene, "--methods", "patch,qsplat", "--quiet"});
+  EXPECT_EQ(again.status, 0) << again.err;
+  EXPECT_NE(again.out.find("nothing was to be done"), std::string::npos) << again.out;
+  // A byte that is not as it was is found.
+  std::string rotten = bytes;
+  rotten[bytes.size() / 2] = static_cast<char>(~rotten[bytes.size() / 2]);
+  programs::writeText(scene + "/qsplat.lgq", rotten);
+  EXPECT_EQ(run("lumigrid", {"verify", scene}).status, 1);
+}
+
 // Who may not mount file systems may do so in a user namespace of his own, where the kernel allows those.
 bool enterOwnNamespace() {
   const std::string user = "0 " + std::to_string(::getuid()) + " 1";
@@ -402,6 +489,21 @@ TEST_F(HierarchyResume, AFullDiskIsNamedAndTheRerunFinishes) {
   }
 }
 
+TEST_F(SplatResume, AFullDiskIsNamedAndTheRerunFinishes) {
+  const std::string mesh = sample("100000");
+  const std::string bytes = uninterrupted(mesh);
+  for (const std::uint64_t kilobytes : {600, 3000, 5500}) {
+    SmallDisk disk(path("disk"));
+    if (!disk.mount(kilobytes)) GTEST_SKIP() << "cannot mount a small file system here: " << std::strerror(errno);
+    const std::string scene = path("disk/scene");
+    const auto full = run("lumigrid", build(mesh, scene));
+    expectOneLineError(full, 1, {"space"});
+    EXPECT_FALSE(fs::exists(scene + "/qsplat.lgq")) << kilobytes << " kB";
+    ASSERT_TRUE(disk.resize(64000)) << std::strerror(errno);
+    expectRerunFinishes(mesh, scene, bytes, std::to_string(kilobytes) + " kB");
+  }
+}
+
 // Someone else takes all that is left while the build is at work: no look at the free space beforehand helps.
 class FullDisk : public HierarchyResume {
  protected:
@@ -434,8 +536,8 @@ TEST_F(FullDisk, AtEveryMomentItIsNamedAndTheRerunFinishes) {
   const std::string mesh = sample("400000");
   const std::string bytes = uninterrupted(mesh);
   auto work = [](const std::string& name) { return "/patch.lgp.work/" + name; };
-  auto journal = [](const std::string& scene) { return sizeOf(workFile(scene, "patches")); };
-  auto outputBegun = [](const std::string& scene) {
+  auto journal = [this](const std::string& scene) { return sizeOf(workFile(scene, "patches")); };
+  auto outputBegun = [this](const std::string& scene) {
     std::error_code error;
     for (const auto& entry : fs::directory_iterator(scene, error))
       if (entry.path().filename().string().rfind("patch.lgp.part", 0) == 0) return true;
@@ -443,9 +545,11 @@ TEST_F(FullDisk, AtEveryMomentItIsNamedAndTheRerunFinishes) {
   };
   const Moment moments[] = {
       {"spool",
-       [](const std::string& scene) { return fs::exists(workFile(scene, "vertices")); },
+       [this](const std::string& scene) { return fs::exists(workFile(scene, "vertices")); },
        {work("vertices"), work("triangles")}},
-      {"buckets", [](const std::string& scene) { return sizeOf(workFile(scene, "buckets")) > 0; }, {work("buckets")}},
+      {"buckets",
+       [this](const std::string& scene) { return sizeOf(workFile(scene, "buckets")) > 0; },
+       {work("buckets")}},
       {"leaves", [&](const std::string& scene) { return journal(scene) > 0; }, {work("patches")}},
       // Leaves are a little over half of the output's bytes.
       {"a middle level",

@@ -5,6 +5,7 @@
 
 #include <cmath>
 
+#include "plan/coarse_sight.h"
 #include "server/session/session.h"
 #include "tests/client/static/static_viewer.h"
 
@@ -13,10 +14,20 @@ namespace {
 
 using repository::FaceKey;
 
-/// A client of our own server.
+/// What a client that reads by itself knows of what hides what.
+lod::patch::ProxySight coarseSightOf(const server::SceneData& data) {
+  const lod::patch::Hierarchy& hierarchy = data.patches->hierarchy();
+  auto sight = plan::coarseSight(hierarchy, plan::coarseGroups(hierarchy, plan::kCoarseBytes),
+                                 [&](std::uint32_t group) { return *data.patches->block(group); });
+  EXPECT_TRUE(sight && sight->triangleCount() > 0);
+  return std::move(*sight);
+}
+
+/// A client of our own server, which knows no more of what hides what.
 struct ServedViewer {
-  explicit ServedViewer(const server::SceneData& data, const SessionOptions& options = smallOptions())
-      : server(data), session(options) {
+  explicit ServedViewer(const server::SceneData& scene, const SessionOptions& options = smallOptions())
+      : sight(coarseSightOf(scene)), data(scene), server(data), session(options) {
+    data.sight = &sight;
     session.connected();
   }
   Got complete(const base::ViewCamera& camera) {
@@ -32,6 +43,8 @@ struct ServedViewer {
     EXPECT_TRUE(session.complete());
     return got;
   }
+  const lod::patch::ProxySight sight;
+  server::SceneData data;
   server::Session server;
   Session session;
 };

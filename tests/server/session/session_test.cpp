@@ -589,5 +589,113 @@ TEST(Session, whateverAClientDoesNothingItHoldsComesAgain) {
   }
 }
 
+// ---- images that are far away ----
+
+struct FarScene : TestScene {
+  FarScene() { data.images_are_far = true; }
+  void answer(Session& session, const FaceRequest& request) const {
+    session.facesFetched(request, store.getMany(request));
+  }
+};
+
+bool isComplete(const std::vector<ServerMessage>& messages) {
+  return std::any_of(messages.begin(), messages.end(),
+                     [](const auto& message) { return std::holds_alternative<protocol::Complete>(message); });
+}
+
+TEST(FarSession, allFacesOfAViewAreAskedForAtOnceAndGroupsGoMeanwhile) {
+  const FarScene scene;
+  const protocol::View view = scene.view(1, kAbove);
+  const plan::ViewPlan plan =
+      plan::planView(scene.data.toPlan(), view, [](const repository::FaceKey&) { return false; });
+  ASSERT_GT(plan.faces.size(), 4U);
+  Talk talk(scene.data);
+  talk.greet();
+  EXPECT_FALSE(talk.session.takeFaceRequest()) << "nobody looks yet";
+  ASSERT_TRUE(talk.say(view));
+  const auto before = talk.drain();
+  EXPECT_GE(groupsIn(scene.data, before).size(), plan.groups.size());
+  EXPECT_TRUE(facesIn(before).empty());
+  EXPECT_FALSE(isComplete(before));
+
+  const auto request = talk.session.takeFaceRequest();
+  ASSERT_TRUE(request);
+  EXPECT_EQ(*request, plan.faces);
+  EXPECT_FALSE(talk.session.takeFaceRequest()) << "all are asked for";
+  scene.answer(talk.session, *request);
+  const auto after = talk.drain();
+  EXPECT_EQ(facesIn(after), plan.faces);
+  EXPECT_TRUE(isComplete(after));
+}
+
+TEST(FarSession, whatCannotBeFetchedIsLeftOutAndTheViewGetsComplete) {
+  const FarScene scene;
+  Talk talk(scene.data);
+  talk.greet();
+  ASSERT_TRUE(talk.say(scene.view(1, kAbove)));
+  talk.drain();
+  const auto request = talk.session.takeFaceRequest();
+  ASSERT_TRUE(request && request->size() > 3);
+  auto values = scene.store.getMany(*request);
+  values[0] = base::Error{base::ErrorCode::kNetwork, "gone"};
+  values[1] = std::optional<base::Bytes>();
+  values[2] = std::optional<base::Bytes>(base::Bytes{1, 2, 3});
+  talk.session.facesFetched(*request, std::move(values));
+  const auto after = talk.drain();
+  EXPECT_EQ(facesIn(after).size(), request->size() - 3);
+  EXPECT_TRUE(isComplete(after));
+  EXPECT_EQ(talk.session.counts().missing, 1U);
+  EXPECT_EQ(talk.session.counts().corrupt, 2U);
+}
+
+TEST(FarSession, atRestOtherFacesAreFetchedAFewAtATime) {
+  FarScene scene;
+  scene.data.ahead_bytes = 300'000;  // 15 faces
+  Talk talk(scene.data);
+  talk.greet();
+  ASSERT_TRUE(talk.say(scene.view(1, kAbove)));
+  talk.drain();
+  const auto request = talk.session.takeFaceRequest();
+  ASSERT_TRUE(request);
+  EXPECT_FALSE(talk.session.takeFaceRequest()) << "not while the view waits";
+  scene.answer(talk.session, *request);
+  ASSERT_TRUE(isComplete(talk.drain()));
+  std::size_t ahead = 0;
+  while (const auto more = talk.session.takeFaceRequest()) {
+    EXPECT_LE(more->size(), 16U);
+    EXPECT_FALSE(talk.session.takeFaceRequest()) << "one at a time";
+    scene.answer(talk.session, *more);
+    ahead += facesIn(talk.drain()).size();
+  }
+  EXPECT_EQ(ahead, 15U);
+}
+
+// Somebody who turns while faces are on their way: what both views need is not fetched twice, and what only the old one
+// needs is not sent.
+TEST(FarSession, aNewViewAsksForWhatIsNotOnItsWay) {
+  const FarScene scene;
+  const protocol::View there = scene.view(1, kAbove);
+  const protocol::View here = scene.view(2, kAbove, {0.3, 0.2, 0.0});
+  Talk talk(scene.data);
+  talk.greet();
+  ASSERT_TRUE(talk.say(there));
+  talk.drain();
+  const auto first = talk.session.takeFaceRequest();
+  ASSERT_TRUE(first);
+  ASSERT_TRUE(talk.say(here));
+  talk.drain();
+  const auto second = talk.session.takeFaceRequest();
+  std::set<std::uint64_t> asked;
+  for (const auto& key : *first) EXPECT_TRUE(asked.insert(key.code()).second);
+  for (const auto& key : second.value_or(FaceRequest())) EXPECT_TRUE(asked.insert(key.code()).second) << "twice";
+  scene.answer(talk.session, *first);
+  if (second) scene.answer(talk.session, *second);
+  const auto after = talk.drain();
+  EXPECT_TRUE(isComplete(after));
+  const auto plan = plan::planView(scene.data.toPlan(), here, [](const repository::FaceKey&) { return false; });
+  const auto sent = facesIn(after);
+  EXPECT_TRUE(std::is_permutation(sent.begin(), sent.end(), plan.faces.begin(), plan.faces.end()));
+}
+
 }  // namespace
 }  // namespace server

@@ -1,0 +1,195 @@
+// Where splats fail, and how far: each scene at one view, beside patches and the Grid-Lumigraph
+// (docs/results/qsplat.md).
+#include <gtest/gtest.h>
+#include <spdlog/spdlog.h>
+
+#include <cmath>
+#include <cstdio>
+#include <map>
+
+#include "base/json/scene_file.h"
+#include "compare/run.h"
+#include "lod/build/hierarchy_build.h"
+#include "lod/build/qsplat/build.h"
+#include "lod/build/sample.h"
+#include "repository/store.h"
+#include "server/bake/bake.h"
+#include "tests/support/temporary_directory.h"
+#include "tests/support/test_meshes.h"
+
+namespace {
+
+using lod::build::Mesh;
+
+/// Colours that vary smoothly with the place, so that any surface has something to show.
+glm::u8vec4 colorAt(const glm::vec3& p) {
+  const glm::vec3 waves =
+      0.5F + 0.5F * glm::sin(glm::vec3(5.0F * p.x + 2.0F * p.z, 6.0F * p.y, 4.0F * p.z + 3.0F * p.x));
+  return {glm::u8vec3(40.0F + 200.0F * waves), 255};
+}
+
+void append(Mesh& mesh, const Mesh& part) {
+  const auto first = static_cast<std::uint32_t>(mesh.positions.size());
+  mesh.positions.insert(mesh.positions.end(), part.positions.begin(), part.positions.end());
+  for (const std::uint32_t i : part.indices) mesh.indices.push_back(first + i);
+}
+
+/// A closed box of 2 n² triangles a side; 1: twelve in all.
+Mesh box(const glm::vec3& low, const glm::vec3& high, std::uint32_t n) {
+  Mesh mesh;
+  for (int axis = 0; axis < 3; ++axis)
+    for (const bool upper : {false, true}) {
+      Mesh side;
+      for (std::uint32_t v = 0; v <= n; ++v)
+        for (std::uint32_t u = 0; u <= n; ++u) {
+          glm::vec3 share(0.0F);
+          share[axis] = upper ? 1.0F : 0.0F;
+          share[(axis + 1) % 3] = static_cast<float>(u) / static_cast<float>(n);
+          share[(axis + 2) % 3] = static_cast<float>(v) / static_cast<float>(n);
+          side.positions.push_back(low + share * (high - low));
+        }
+      for (std::uint32_t v = 0; v < n; ++v)
+        for (std::uint32_t u = 0; u < n; ++u) {
+          const std::uint32_t a = v * (n + 1) + u, b = a + 1, c = a + n + 2, d = a + n + 1;
+          if (upper)
+            support::addTriangle(side, a, b, c), support::addTriangle(side, a, c, d);
+          else
+            support::addTriangle(side, a, c, b), support::addTriangle(side, a, d, c);
+        }
+      append(mesh, side);
+    }
+  return mesh;
+}
+
+/// A closed ring of wire.
+Mesh wire(float radius, float thickness, const glm::vec3& tilt) {
+  constexpr std::uint32_t kAround = 400, kAcross = 8;
+  Mesh mesh = support::torus(kAround, kAcross);
+  mesh.colors.clear();
+  for (std::uint32_t i = 0; i < kAround; ++i)
+    for (std::uint32_t j = 0; j < kAcross; ++j) {
+      const float u = 6.2831853F * static_cast<float>(i) / kAround, v = 6.2831853F * static_cast<float>(j) / kAcross;
+      const glm::vec3 out(std::cos(u), std::sin(u), tilt.x * std::cos(u) + tilt.y * std::sin(u));
+      mesh.positions[i * kAcross + j] =
+          out * (radius + thickness * std::cos(v)) + glm::vec3(0, 0, thickness * std::sin(v));
+    }
+  return mesh;
+}
+
+class SplatFailures : public testing::Test {
+ protected:
+  using Figures = std::map<std::string, compare::Accuracy>;
+
+  void SetUp() override { spdlog::set_level(spdlog::level::err); }  // servers tell of each client
+
+  /// What each method shows at the view; its PSNR also as a row of docs/results/qsplat.md.
+  Figures compareAt(Mesh mesh, const base::ViewCamera& view, const char* name) {
+    if (mesh.colors.empty())
+      for (const glm::vec3& p : mesh.positions) mesh.colors.push_back(colorAt(p));
+    build(mesh);
+    compare::RunOptions options;
+    options.scene = directory_.path();
+    options.path = {view};
+    options.report = directory_ / "report";
+    options.methods = {"lumigraph", "patches", "qsplat"};
+    options.splats = {"square", "circle", "fuzzy", "ellipse"};
+    options.cutoffs = {1};
+    options.patch_tolerances = {1};
+    options.frames = false;
+    options.pictures = std::getenv("LUMIGRID_PICTURES") != nullptr;
+    auto runs = compare::runComparison(options, [](const std::string&) {});
+    EXPECT_TRUE(runs) << runs.error().message;
+    Figures figures;
+    if (!runs) return figures;
+    std::printf("| %s ", name);
+    for (const compare::RunResult& run : *runs) {
+      figures[run.method] = run.frames.at(0).accuracy;
+      std::printf("| %s %.1f ", run.method.c_str(), figures[run.method].psnr_db);
+    }
+    std::printf("|\n");
+    return figures;
+  }
+
+  /// PSNR, dB, of three kernels; and whatever else is wrong, closed surfaces have no holes.
+  static void expectAtLeast(Figures& figures, double square, double circle, double ellipse) {
+    EXPECT_GT(figures["qsplat square"].psnr_db, square);
+    EXPECT_GT(figures["qsplat circle"].psnr_db, circle);
+    EXPECT_GT(figures["qsplat ellipse"].psnr_db, ellipse);
+    for (const char* kernel : {"qsplat square", "qsplat circle", "qsplat fuzzy"})
+      EXPECT_LT(figures[kernel].missing_share, 0.001) << kernel;
+  }
+
+  static base::ViewCamera lookAt(const glm::dvec3& from, const glm::dvec3& to) {
+    base::ViewCamera view;
+    view.position = from;
+    view.direction = glm::normalize(to - from);
+    view.up = {0, 0, 1};
+    view.width = 320;
+    view.height = 240;
+    return view;
+  }
+
+ private:
+  void build(const Mesh& mesh) {
+    ASSERT_TRUE(lod::build::buildHierarchy(mesh, {}, directory_ / "patch.lgp"));
+    const auto splats = lod::build::qsplat::buildFromMesh(mesh, {}, directory_ / "qsplat.lgq");
+    ASSERT_TRUE(splats) << splats.error().message;
+    base::Scene scene;
+    scene.origin = mesh.origin;
+    scene.box_min = mesh.origin + glm::dvec3(mesh.box().min);
+    scene.box_max = mesh.origin + glm::dvec3(mesh.box().max);
+    scene.has_colors = true;
+    scene.light.mode = base::LightMode::kUnlit;
+    scene.triangles = mesh.triangleCount();
+    ASSERT_TRUE(base::writeSceneFile(scene, directory_ / "scene.json"));
+    auto patches = lod::patch::PatchFile::open(directory_ / "patch.lgp");
+    ASSERT_TRUE(patches) << patches.error().message;
+    auto store = repository::openLmdbStore(directory_ / "images", repository::StoreMode::kWrite);
+    ASSERT_TRUE(store) << store.error().message;
+    server::BakeOptions bake;
+    bake.grid = repository::makeGrid(scene.localBox(), 5, 0.5F, 256);
+    ASSERT_TRUE(server::bake(scene, *patches, **store, bake, [](const server::BakeProgress&) { return true; }));
+  }
+
+  const support::TemporaryDirectory directory_;
+};
+
+// What they are for, to compare with: a scan sampled evenly and finer than the pixels.
+TEST_F(SplatFailures, anEvenlySampledScanFromAfar) {
+  lod::build::SampleOptions sample;
+  sample.triangles = 150'000;
+  const Mesh mesh = lod::build::makeSample(sample);
+  const glm::dvec3 middle(mesh.box().center());
+  const double size = mesh.box().diagonal();
+  auto figures = compareAt(mesh, lookAt(middle + size * glm::dvec3(1.1, 0.5, 0.3), middle), "even scan");
+  expectAtLeast(figures, 22.5, 26.0, 29.5);
+  EXPECT_GT(figures["qsplat ellipse"].psnr_db, figures["patches"].psnr_db - 2.0);
+}
+
+TEST_F(SplatFailures, closeUpBeyondTheSampleSpacing) {
+  const Mesh mesh = support::bumpySphere(100, 200, 0.05F);
+  auto figures = compareAt(mesh, lookAt({1.25, 0.0, 0.0}, {0.9, 0.05, 0.05}), "close-up");
+  expectAtLeast(figures, 30.0, 34.0, 34.0);
+}
+
+TEST_F(SplatFailures, largeFlatsOfFewTriangles) {
+  Mesh mesh = box({-1, -1, -0.1F}, {1, 1, 0}, 1);
+  append(mesh, box({-0.3F, -0.3F, 0.001F}, {0.3F, 0.3F, 0.6F}, 1));
+  auto figures = compareAt(mesh, lookAt({2.2, 1.4, 1.6}, {0, 0, 0.1}), "large flats");
+  expectAtLeast(figures, 11.0, 11.5, 11.0);
+}
+
+TEST_F(SplatFailures, sharpCorners) {
+  auto figures = compareAt(box({-0.5F, -0.5F, -0.5F}, {0.5F, 0.5F, 0.5F}, 60), lookAt({1.3, 1.0, 0.9}, {0.2, 0.2, 0.2}),
+                           "sharp corners");
+  expectAtLeast(figures, 22.0, 24.0, 30.5);
+}
+
+TEST_F(SplatFailures, thinParts) {
+  Mesh mesh;
+  for (const float radius : {0.4F, 0.6F, 0.8F, 1.0F}) append(mesh, wire(radius, 0.01F, {0.5F - radius, 0.3F, 0}));
+  auto figures = compareAt(mesh, lookAt({1.6, 1.2, 1.2}, {0, 0, 0}), "thin parts");
+  expectAtLeast(figures, 11.5, 12.0, 14.5);
+}
+
+}  // namespace
