@@ -129,8 +129,8 @@ void verifyFarAnnotations(const repository::ObjectSource& source, Faults& faults
   const auto bytes =
       size ? source.read(base::kAnnotationsFile, 0, std::min<std::uint64_t>(*size, base::kMaxAnnotationsBytes + 1))
            : base::Result<base::Bytes>(size.error());
-  const auto notes = bytes ? base::checkAnnotations(*bytes, source.place() + "/" + base::kAnnotationsFile)
-                           : base::Result<std::size_t>(bytes.error());
+  const auto notes = bytes ? base::parseAnnotations(*bytes, source.place() + "/" + base::kAnnotationsFile)
+                           : base::Result<std::vector<base::Annotation>>(bytes.error());
   if (!notes) faults.push_back(notes.error().message);
 }
 

@@ -177,7 +177,7 @@ void Stream::received(std::uint64_t id, base::ByteView bytes, double now) {
     all_good &= takeBlock(request.run.first + i, bytes.subspan(static_cast<std::size_t>(i * kBlockBytes), kBlockBytes));
   ++arrivals_;
   if (lacking_ > 0 || frame_ == 0) ++generation_;
-  if (!all_good) return pauseAfterFailure(now);
+  if (!all_good) ++counted_.failures;  // the host answers; how often one block is asked for again has its own end
   failures_in_a_row_ = 0;
 }
 
@@ -264,6 +264,11 @@ std::uint64_t Stream::blocksInUse() {
   return *in_use_;
 }
 
+/// Frames ask for blocks that are not here, too: only those after its arrival count.
+bool Stream::wasDrawn(std::uint64_t number, const Held& held) const {
+  return blocks_->lastUse(number) > held.arrived;
+}
+
 /// False when all that is kept was looked into in the last frame. Who looks into a block has looked into those above
 /// it: so children go before their parents where both were used last in the same frame, and numbers grow downwards.
 bool Stream::makeRoom() {
@@ -280,9 +285,10 @@ bool Stream::makeRoom() {
 }
 
 void Stream::drop(std::uint64_t number) {
-  if (blocks_->lastUse(number) == 0) wasted_ += kBlockBytes;
+  const auto held = held_.find(number);
+  if (!wasDrawn(number, held->second)) wasted_ += kBlockBytes;
   blocks_->drop(number);
-  held_.erase(number);
+  held_.erase(held);
   availability_.set(number, BlockState::kAbsent);
   front_to_back_ = std::min(front_to_back_, number);
 }
@@ -315,7 +321,7 @@ StreamStats Stream::stats() const {
 std::uint64_t Stream::bytesWasted() const {
   std::uint64_t bytes = wasted_;
   for (const auto& [number, held] : held_)
-    if (blocks_->lastUse(number) == 0) bytes += kBlockBytes;
+    if (!wasDrawn(number, held)) bytes += kBlockBytes;
   return bytes;
 }
 

@@ -106,7 +106,7 @@ class Stream {
  private:
   struct Held {
     std::unique_ptr<std::uint8_t[]> bytes;
-    std::uint32_t arrived = 0;  ///< frame
+    std::uint32_t arrived = 0;  ///< after this frame
   };
   struct UnderWay {
     BlockRun run;
@@ -129,6 +129,7 @@ class Stream {
   std::uint64_t freeBlocks() const;
   std::uint64_t blocksInUse();
   std::uint32_t lastUse(std::uint64_t number, const Held& held) const;
+  bool wasDrawn(std::uint64_t number, const Held& held) const;
   bool makeRoom();
   void drop(std::uint64_t number);
 
