@@ -63,6 +63,7 @@ bool StreamedSplats::pump(Session& session, double now) {
   }
   for (const lod::qsplat::ByteRange& range : stream_.requests(now))
     fetcher_->submit(range.id, file_.name, range.offset, range.length);
+  if (stream_.complete()) away_ = false;  // nothing is asked of the host that could show that it is back
   if (session.state() == SessionState::kDisconnected && stream_.header() != nullptr && !away_) greet(session);
   return !answers.empty();
 }
