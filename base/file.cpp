@@ -54,6 +54,10 @@ Result<void> writeFileAtomically(const std::string& path, ByteView bytes) {
   return file->commit();
 }
 
+FileDescriptor::~FileDescriptor() {
+  if (fd_ >= 0) ::close(fd_);
+}
+
 Result<MappedFile> MappedFile::open(const std::string& path) {
   const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
   if (fd < 0) return systemError(path, "open", errno);

@@ -2,6 +2,7 @@
 // Whole files and files that appear only when they are whole.
 #include <cstdint>
 #include <string>
+#include <utility>
 
 #include "base/bytes.h"
 #include "base/error.h"
@@ -14,6 +15,23 @@ Result<void> writeFileAtomically(const std::string& path, ByteView bytes);
 
 /// A rename is durable only once its directory is: fsyncs the directory that holds `path`, where the system lets us.
 void syncDirectoryOf(const std::string& path);
+
+/// A descriptor of an open file, closed with the object. An flock on it goes with it.
+class FileDescriptor {
+ public:
+  explicit FileDescriptor(int fd = -1) : fd_(fd) {}  ///< of open(); below 0: none
+  FileDescriptor(FileDescriptor&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
+  FileDescriptor& operator=(FileDescriptor&& other) noexcept {
+    std::swap(fd_, other.fd_);
+    return *this;
+  }
+  ~FileDescriptor();
+  int get() const { return fd_; }
+  explicit operator bool() const { return fd_ >= 0; }
+
+ private:
+  int fd_;
+};
 
 /// A read-only memory map of a whole file.
 class MappedFile {

@@ -106,7 +106,7 @@ class LocalServer {
     server::ServerOptions options;
     options.port = 0;
     options.render_frames = render_frames;
-    auto opened = server::Server::open(scene, options);
+    auto opened = server::Server::open({scene}, options);
     if (!opened) return opened.error();
     auto local = std::unique_ptr<LocalServer>(new LocalServer);
     local->server_ = std::move(*opened);

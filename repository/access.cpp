@@ -269,10 +269,10 @@ class FileLock {
  public:
   static base::Result<FileLock> take(const std::string& path, double patience_seconds) {
     FileLock lock;
-    lock.fd_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
-    if (lock.fd_ < 0) return base::systemError(path, "open", errno);
+    lock.file_ = base::FileDescriptor(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
+    if (!lock.file_) return base::systemError(path, "open", errno);
     const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(patience_seconds);
-    while (::flock(lock.fd_, LOCK_EX | LOCK_NB) != 0) {
+    while (::flock(lock.file_.get(), LOCK_EX | LOCK_NB) != 0) {
       if (errno != EWOULDBLOCK && errno != EINTR) return base::systemError(path, "lock", errno);
       if (std::chrono::steady_clock::now() >= end)
         return base::Error{base::ErrorCode::kBusy, path + " is held by another process; wait for it or stop it"};
@@ -280,15 +280,10 @@ class FileLock {
     }
     return lock;
   }
-  FileLock(FileLock&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
-  FileLock& operator=(FileLock&&) = delete;
-  ~FileLock() {
-    if (fd_ >= 0) ::close(fd_);
-  }
 
  private:
   FileLock() = default;
-  int fd_ = -1;
+  base::FileDescriptor file_;
 };
 
 }  // namespace

@@ -23,21 +23,10 @@ Error badName(const std::string& place, const std::string& name) {
   return {ErrorCode::kInvalidInput, place + ": no object can be named '" + name + "'"};
 }
 
-// A file or directory that is open for reading.
-class OpenFile {
- public:
-  explicit OpenFile(const std::string& path) : fd_(::open(path.c_str(), O_RDONLY | O_CLOEXEC)) {}
-  OpenFile(OpenFile&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
-  OpenFile(const OpenFile&) = delete;
-  OpenFile& operator=(const OpenFile&) = delete;
-  ~OpenFile() {
-    if (fd_ >= 0) ::close(fd_);
-  }
-  int fd() const { return fd_; }
-
- private:
-  int fd_;
-};
+// A file or directory, open for reading; or errno says why not.
+base::FileDescriptor openToRead(const std::string& path) {
+  return base::FileDescriptor(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+}
 
 class DirectorySource final : public ObjectSource {
  public:
@@ -46,11 +35,11 @@ class DirectorySource final : public ObjectSource {
   Result<base::Bytes> read(const std::string& name, std::uint64_t offset, std::uint64_t length) const override {
     const std::string path = place_ + "/" + name;
     if (!isObjectName(name)) return badName(place_, name);
-    const OpenFile file(path);
-    if (file.fd() < 0) return base::systemError(path, "open", errno);
+    const base::FileDescriptor file = openToRead(path);
+    if (!file) return base::systemError(path, "open", errno);
     // The length may be anything that a damaged index says: no memory before it is known to be there.
     struct stat info {};
-    if (::fstat(file.fd(), &info) != 0 || !S_ISREG(info.st_mode)) return base::systemError(path, "read", EISDIR);
+    if (::fstat(file.get(), &info) != 0 || !S_ISREG(info.st_mode)) return base::systemError(path, "read", EISDIR);
     const auto size = static_cast<std::uint64_t>(info.st_size);
     if (offset > size || length > size - offset)
       return Error{ErrorCode::kInvalidInput, path + ": has " + std::to_string(size) + " bytes, " +
@@ -58,7 +47,7 @@ class DirectorySource final : public ObjectSource {
                                                  std::to_string(offset) + " on; it is truncated, publish it again"};
     base::Bytes bytes(length);
     for (std::uint64_t done = 0; done < length;) {
-      const ssize_t n = ::pread(file.fd(), bytes.data() + done, length - done, static_cast<off_t>(offset + done));
+      const ssize_t n = ::pread(file.get(), bytes.data() + done, length - done, static_cast<off_t>(offset + done));
       if (n < 0 && errno == EINTR) continue;
       if (n <= 0) return base::systemError(path, "read", n == 0 ? EIO : errno);
       done += static_cast<std::uint64_t>(n);
@@ -83,7 +72,7 @@ class DirectorySource final : public ObjectSource {
 
 class DirectorySink final : public ObjectSink {
  public:
-  DirectorySink(std::string place, OpenFile lock) : place_(std::move(place)), lock_(std::move(lock)) {}
+  DirectorySink(std::string place, base::FileDescriptor lock) : place_(std::move(place)), lock_(std::move(lock)) {}
 
   Result<void> put(const std::string& name, base::ByteView bytes, const std::string&) override {
     LUMIGRID_TRY(prepare(name));
@@ -144,7 +133,7 @@ class DirectorySink final : public ObjectSink {
   }
 
   std::string place_;
-  OpenFile lock_;
+  base::FileDescriptor lock_;
 };
 
 }  // namespace
@@ -173,9 +162,9 @@ Result<std::unique_ptr<ObjectSink>> openDirectorySink(const std::string& place) 
   if (error) return base::systemError(place, "make this directory", error.value());
   // Two publishers would take each other's temporary files for those of a killed one. A lock on the directory itself
   // leaves no file behind; where the file system has none (some network ones), we go on without.
-  OpenFile lock(place);
-  if (lock.fd() < 0) return base::systemError(place, "open", errno);
-  if (::flock(lock.fd(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
+  base::FileDescriptor lock = openToRead(place);
+  if (!lock) return base::systemError(place, "open", errno);
+  if (::flock(lock.get(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
     return Error{ErrorCode::kBusy, place + ": another program is publishing there; wait for it or stop it"};
   return std::unique_ptr<ObjectSink>(new DirectorySink(place, std::move(lock)));
 }

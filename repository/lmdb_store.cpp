@@ -65,13 +65,13 @@ class WriterLock {
   static base::Result<WriterLock> take(const std::string& directory) {
     const std::string path = directory + "/writer.lock";
     WriterLock lock;
-    lock.fd_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
-    if (lock.fd_ < 0) return base::systemError(path, "open", errno);
+    lock.file_ = base::FileDescriptor(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
+    if (!lock.file_) return base::systemError(path, "open", errno);
     // Whoever only looks whether it is taken (isBeingWritten) has it for a moment.
-    int refused = ::flock(lock.fd_, LOCK_EX | LOCK_NB);
+    int refused = ::flock(lock.file_.get(), LOCK_EX | LOCK_NB);
     for (int again = 0; refused != 0 && errno == EWOULDBLOCK && again < kLockAttempts; ++again) {
       std::this_thread::sleep_for(kLockPause);
-      refused = ::flock(lock.fd_, LOCK_EX | LOCK_NB);
+      refused = ::flock(lock.file_.get(), LOCK_EX | LOCK_NB);
     }
     if (refused != 0) {
       if (errno != EWOULDBLOCK) return base::systemError(path, "lock", errno);
@@ -79,30 +79,22 @@ class WriterLock {
                                                      "; wait for it or stop it"};
     }
     const std::string pid = std::to_string(::getpid()) + "\n";
-    if (::ftruncate(lock.fd_, 0) == 0 && ::pwrite(lock.fd_, pid.data(), pid.size(), 0) < 0)
+    if (::ftruncate(lock.file_.get(), 0) == 0 && ::pwrite(lock.file_.get(), pid.data(), pid.size(), 0) < 0)
       errno = 0;  // a full disk may not stop us here
     return lock;
   }
   WriterLock() = default;
-  WriterLock(WriterLock&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
-  WriterLock& operator=(WriterLock&& other) noexcept {
-    std::swap(fd_, other.fd_);
-    return *this;
-  }
-  ~WriterLock() {
-    if (fd_ >= 0) ::close(fd_);
-  }
-  bool held() const { return fd_ >= 0; }
+  bool held() const { return static_cast<bool>(file_); }
 
  private:
   std::string owner() const {
     std::array<char, 16> text{};
-    const ssize_t size = ::pread(fd_, text.data(), text.size(), 0);
+    const ssize_t size = ::pread(file_.get(), text.data(), text.size(), 0);
     if (size <= 0) return "";
     const std::string pid(text.data(), static_cast<std::size_t>(size));
     return " (pid " + pid.substr(0, pid.find('\n')) + ")";
   }
-  int fd_ = -1;
+  base::FileDescriptor file_;
 };
 
 // --- The store
@@ -342,11 +334,8 @@ bool isLmdbStore(const std::string& path) {
 }
 
 bool isBeingWritten(const std::string& path) {
-  const int fd = ::open((path + "/writer.lock").c_str(), O_RDONLY | O_CLOEXEC);
-  if (fd < 0) return false;
-  const bool taken = ::flock(fd, LOCK_SH | LOCK_NB) != 0 && errno == EWOULDBLOCK;
-  ::close(fd);
-  return taken;
+  const base::FileDescriptor file(::open((path + "/writer.lock").c_str(), O_RDONLY | O_CLOEXEC));
+  return file && ::flock(file.get(), LOCK_SH | LOCK_NB) != 0 && errno == EWOULDBLOCK;
 }
 
 base::Result<void> removeLmdbStore(const std::string& path) {

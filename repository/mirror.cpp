@@ -25,38 +25,33 @@ using base::Result;
 class PartialFile {
  public:
   explicit PartialFile(std::string path) : path_(std::move(path)) {}
-  PartialFile(const PartialFile&) = delete;
-  PartialFile& operator=(const PartialFile&) = delete;
-  ~PartialFile() {
-    if (fd_ >= 0) ::close(fd_);
-  }
 
   // Waits for whoever has it. When that one has finished meanwhile, its file has another name now, and ours is new.
   Result<void> lock() {
     for (;;) {
-      fd_ = ::open(path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
-      if (fd_ < 0) return base::systemError(path_, "create", errno);
-      while (::flock(fd_, LOCK_EX) != 0)
+      file_ = base::FileDescriptor(::open(path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
+      if (!file_) return base::systemError(path_, "create", errno);
+      while (::flock(file_.get(), LOCK_EX) != 0)
         if (errno != EINTR) return base::systemError(path_, "lock", errno);
       struct stat ours {};
       struct stat named {};
-      if (::fstat(fd_, &ours) == 0 && ::stat(path_.c_str(), &named) == 0 && ours.st_ino == named.st_ino) return {};
-      ::close(fd_);
+      if (::fstat(file_.get(), &ours) == 0 && ::stat(path_.c_str(), &named) == 0 && ours.st_ino == named.st_ino)
+        return {};
     }
   }
 
-  int fd() const { return fd_; }
+  int fd() const { return file_.get(); }
   std::uint64_t size() const {
     struct stat info {};
-    return ::fstat(fd_, &info) == 0 ? static_cast<std::uint64_t>(info.st_size) : 0;
+    return ::fstat(file_.get(), &info) == 0 ? static_cast<std::uint64_t>(info.st_size) : 0;
   }
   Result<void> cut() {
-    if (::ftruncate(fd_, 0) != 0) return base::systemError(path_, "write", errno);
+    if (::ftruncate(file_.get(), 0) != 0) return base::systemError(path_, "write", errno);
     return {};
   }
   Result<void> append(base::ByteView bytes) {
     for (std::uint64_t offset = size(); !bytes.empty();) {
-      const ssize_t done = ::pwrite(fd_, bytes.data(), bytes.size(), static_cast<off_t>(offset));
+      const ssize_t done = ::pwrite(file_.get(), bytes.data(), bytes.size(), static_cast<off_t>(offset));
       if (done < 0 && errno == EINTR) continue;
       if (done <= 0) return base::systemError(path_, "write", done == 0 ? ENOSPC : errno);
       bytes = bytes.subspan(static_cast<std::size_t>(done));
@@ -65,7 +60,7 @@ class PartialFile {
     return {};
   }
   Result<void> finishAs(const std::string& path) {
-    if (::fsync(fd_) != 0) return base::systemError(path, "write", errno);
+    if (::fsync(file_.get()) != 0) return base::systemError(path, "write", errno);
     if (::rename(path_.c_str(), path.c_str()) != 0) return base::systemError(path, "rename into place", errno);
     base::syncDirectoryOf(path);
     return {};
@@ -74,7 +69,7 @@ class PartialFile {
 
  private:
   std::string path_;
-  int fd_ = -1;
+  base::FileDescriptor file_;
 };
 
 Result<void> addFile(int fd, const std::string& path, base::Sha256& hash) {
@@ -91,13 +86,11 @@ Result<void> addFile(int fd, const std::string& path, base::Sha256& hash) {
 
 // Whether the file is there and is that one.
 Result<bool> isThere(const std::string& path, const std::string& sha256) {
-  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
-  if (fd < 0 && errno == ENOENT) return false;
-  if (fd < 0) return base::systemError(path, "open", errno);
+  const base::FileDescriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  if (!file && errno == ENOENT) return false;
+  if (!file) return base::systemError(path, "open", errno);
   base::Sha256 hash;
-  const auto added = addFile(fd, path, hash);
-  ::close(fd);
-  if (!added) return added.error();
+  LUMIGRID_TRY(addFile(file.get(), path, hash));
   return base::hexOf(hash.finish()) == sha256;
 }
 

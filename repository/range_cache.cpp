@@ -75,18 +75,13 @@ MDB_val bytesOf(const T& value) {
 // Held while the files are opened, checked or thrown away, so that no two processes do it at once.
 class OpeningLock {
  public:
-  explicit OpeningLock(const std::string& path) : fd_(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644)) {
-    while (fd_ >= 0 && ::flock(fd_, LOCK_EX) != 0 && errno == EINTR) continue;
+  explicit OpeningLock(const std::string& path) : file_(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644)) {
+    while (file_ && ::flock(file_.get(), LOCK_EX) != 0 && errno == EINTR) continue;
   }
-  OpeningLock(const OpeningLock&) = delete;
-  OpeningLock& operator=(const OpeningLock&) = delete;
-  ~OpeningLock() {
-    if (fd_ >= 0) ::close(fd_);
-  }
-  bool held() const { return fd_ >= 0; }
+  bool held() const { return static_cast<bool>(file_); }
 
  private:
-  int fd_;
+  base::FileDescriptor file_;
 };
 
 // Processes that have the files open keep theirs until they end.

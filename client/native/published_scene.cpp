@@ -113,7 +113,9 @@ base::Result<std::unique_ptr<Link>> openSplatLink(const std::string& url, const 
     return std::unique_ptr<Link>(std::make_unique<SplatLink>(placeOfScene(url), limit, options));
   const auto server = parseServerUrl(url);
   if (!server) return server.error();
-  return std::unique_ptr<Link>(std::make_unique<SplatLink>("http://" + server->authority(), limit, options));
+  // Of a server with several scenes, each lies in a folder of its own.
+  const std::string place = placeOfScene("http://" + server->authority() + server->target);
+  return std::unique_ptr<Link>(std::make_unique<SplatLink>(place, limit, options));
 }
 
 // ---- scene.json ----

@@ -90,6 +90,12 @@ std::string renderTarget(const Request& request, const std::array<float, 4>& bac
   return "/render?" + request.text + rest.data();
 }
 
+/// Where a server with several scenes has what belongs to one: "/tower" of "/tower/" and "/tower/ws".
+std::string folderOf(const std::string& target) {
+  const std::string path = target.substr(0, target.find('?'));
+  return path.substr(0, path.rfind('/'));
+}
+
 Modifiers modifiersOf(int mods) {
   return {(mods & GLFW_MOD_SHIFT) != 0, (mods & (GLFW_MOD_CONTROL | GLFW_MOD_SUPER)) != 0, (mods & GLFW_MOD_ALT) != 0};
 }
@@ -254,7 +260,7 @@ base::Result<void> Window::open() {
   if (published_)
     http_ = std::make_unique<HttpGetter>(placeOfScene(options_.url));
   else if (auto server = parseServerUrl(options_.url))
-    http_ = std::make_unique<HttpGetter>("http://" + server->authority());
+    http_ = std::make_unique<HttpGetter>("http://" + server->authority() + folderOf(server->target));
   return {};
 }
 

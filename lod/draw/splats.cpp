@@ -126,7 +126,7 @@ void main() {
 #else
   float sine_squared = u_eye.w * radius * radius / squared;
   float stretch = inversesqrt(max(1.0 - sine_squared, 1e-6));
-  vec3 right = normalize(cross(u_up, towards));
+  vec3 right = normalize(cross(u_up, towards) + 1e-6 * u_ray_right);  // where the ray goes straight up, too
   vec3 upwards = cross(towards, right);
   float reach = radius * stretch + margin;
   vec3 point = center + REACH * reach * (corner.x * right + corner.y * upwards);
@@ -222,9 +222,8 @@ void main() {
 )";
 
 // How far rims lie behind centres. The paper's splats are flat: where many overlap, the picture shows the foremost
-// ones, at random, and large ones hide what is better known beside them. From 1 radius to 16, at a cut-off of 1 pixel,
-// a statue came from 28.2 to 29.9 dB, a city scan from 16.6 to 19.1 (docs/results/qsplat.md); further on, what lies
-// behind a surface begins to show through it.
+// ones, at random, and large ones hide what is better known beside them (docs/results/qsplat.md has what this is
+// worth). Beyond 16 radii little is gained, and more of what lies behind a surface shows through it.
 constexpr float kRimRadii = 16.0F;
 // What rasterisers may round a corner by: GLES 3.0 promises four bits below the pixel.
 constexpr float kMarginSamples = 1.0F / 16.0F;

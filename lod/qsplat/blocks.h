@@ -20,15 +20,17 @@ class Blocks {
   const Header& header() const { return header_; }
   /// kBlockBytes of a block whose checksum is right, or null: it is not here. number: 1 … header().blocks() − 1.
   const std::uint8_t* find(std::uint64_t number) {
-    if (use_) use_[number].store(frame_, std::memory_order_relaxed);
     const std::uint8_t* at = place_[number].load(std::memory_order_acquire);
-    return at != nullptr ? at : load(number);
+    if (at == nullptr) at = load(number);
+    if (use_ && at != nullptr) use_[number].store(frame_, std::memory_order_relaxed);
+    return at;
   }
 
-  /// Notes from now on in which frame each block was last asked for: which ones to drop first.
+  /// Notes from now on in which frame each block was last found: which ones to drop first.
   void keepUse() { use_.reset(new std::atomic<std::uint32_t>[header_.blocks()]()); }
+  /// Its number from now on, 1 or more; 1 before the first call.
   void beginFrame(std::uint32_t frame) { frame_ = frame; }
-  /// The frame in which it was last asked for; 0: never, or keepUse() was not called.
+  /// The frame in which it was last found; 0: never, or keepUse() was not called.
   std::uint32_t lastUse(std::uint64_t number) const { return use_ ? use_[number].load(std::memory_order_relaxed) : 0; }
 
  protected:

@@ -11,8 +11,10 @@ namespace lod::qsplat {
 namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
-// Subtrees handed out: enough to keep many cores evenly busy, few enough that cutting them off costs nothing.
+// Subtrees to cut off, and pieces of them to hand out: enough to keep many cores evenly busy, few enough to cost
+// nothing.
 constexpr std::size_t kSubtrees = 512;
+constexpr std::size_t kPieces = 64;
 // Groups between two looks at how many nodes all threads together have met.
 constexpr std::uint32_t kGroupsPerLook = 1024;
 
@@ -28,11 +30,12 @@ struct View {
   std::uint32_t sides = 0;                ///< planes that nodes are tested against
   glm::vec4 eye{0.0F};                    ///< homogeneous
   glm::vec4 depth{0.0F};                  ///< depth of p = dot(depth.xyz, p) + depth.w
+  glm::mat4 clip{1.0F};                   ///< from the scene
   float fineness = 0.0F;                  ///< a node is fine enough where radius · fineness <= depth
   bool cull_back_faces = false;
 
   explicit View(const TraverseRequest& request) {
-    const glm::mat4 clip = request.camera.clipFromScene();
+    clip = request.camera.clipFromScene();
     const base::Frustum frustum(clip);
     std::copy(frustum.planes.begin(), frustum.planes.end(), planes.begin());
     planes[kPlanes - 1] = glm::vec4(-glm::vec3(request.section), request.section.w);
@@ -148,7 +151,8 @@ class Walk {
     }
     for (std::uint32_t i = 0; i < group.nodes; ++i) {
       const Node node = readNode(group.bytes, i, layout_);
-      const bool inner = group.has_pointer && !node.isLeaf();
+      const bool inner = !node.isLeaf() && group.has_pointer;
+      found_.damaged |= !node.valid() || inner == node.isLeaf();
       const std::uint64_t child = inner ? places.next(layout_.childBytes(node)) : 0;
       consider(group, node, child);
     }
@@ -187,9 +191,9 @@ class Walk {
   }
 
   // With v from the eye to the centre and a the cone's half-angle: all of the surface in the sphere is turned away
-  // where n·v − R > |v| sin a, and all of it faces the eye where −n·v − R > |v| sin a. (The exact bound for a direction
-  // at angle t from the axis is |v| cos(t − a), and cos t + sin a is no less where it is used, at −cos t >= sin a.)
-  // What faces the eye wholly has children that need not be asked.
+  // where n·v − R > |v| sin a, and all of it faces the eye where −n·v − R > |v| sin a. (A direction at an angle of at
+  // most a from n makes at least |v| cos(t + a) with v, t being n's angle; that is no less than |v| (cos t − sin a)
+  // where cos t >= sin a, and elsewhere the test fails.) What faces the eye wholly has children that need not be asked.
   bool facesAway(const base::Sphere& sphere, const Node& node, bool& may_face_away) const {
     const glm::vec3 v = view_.eye.w * sphere.center - glm::vec3(view_.eye);
     const float along = glm::dot(normals_[node.normalCode()], v);
@@ -226,11 +230,13 @@ class Walk {
   }
 
   void want(std::uint64_t number, const base::Sphere& sphere, std::uint32_t level) {
-    Want want{number, level, sphere.radius, projectedDiameter(sphere.center, sphere.radius, camera_), {}};
-    const glm::vec4 clip = camera_.clipFromScene() * glm::vec4(sphere.center, 1.0F);
-    if (clip.w > 0.0F)
+    const glm::vec4 clip = view_.clip * glm::vec4(sphere.center, 1.0F);
+    Want want{number, level, sphere.radius, kInfinity, {}};
+    if (clip.w > 0.0F) {
+      want.size_px = 2.0F * sphere.radius * camera_.pixelsPerUnitAtOne() / clip.w;
       want.at_px = glm::vec2(0.5F * (1.0F + clip.x / clip.w) * static_cast<float>(camera_.width),
                              0.5F * (1.0F - clip.y / clip.w) * static_cast<float>(camera_.height));
+    }
     float priority = priority_(want);
     if (std::isnan(priority))
       priority = -kInfinity;  // of a file whose spheres are no places; it must not spoil the order
@@ -266,13 +272,27 @@ Traversal recycled(Traversal& used) {
   return empty;
 }
 
-void append(Traversal& all, const Traversal& found) {
-  all.splats.insert(all.splats.end(), found.splats.begin(), found.splats.end());
-  all.wanted.insert(all.wanted.end(), found.wanted.begin(), found.wanted.end());
-  all.nodes += found.nodes;
-  all.outside += found.outside;
-  all.facing_away += found.facing_away;
-  all.damaged |= found.damaged;
+/// One part behind the other; splats in parallel, into memory of `result` that is not cleared first.
+void concatenate(const std::vector<Traversal>& parts, const ForEach& for_each, Traversal& result) {
+  std::vector<std::size_t> begins;
+  std::size_t splats = 0;
+  Traversal sums;
+  for (const Traversal& part : parts) {
+    begins.push_back(splats);
+    splats += part.splats.size();
+    sums.wanted.insert(sums.wanted.end(), part.wanted.begin(), part.wanted.end());
+    sums.nodes += part.nodes;
+    sums.outside += part.outside;
+    sums.facing_away += part.facing_away;
+    sums.damaged |= part.damaged;
+  }
+  sums.splats = std::move(result.splats);
+  sums.splats.resize(splats);
+  for_each(parts.size(), [&](std::size_t i) {
+    std::copy(parts[i].splats.begin(), parts[i].splats.end(),
+              sums.splats.begin() + static_cast<std::ptrdiff_t>(begins[i]));
+  });
+  result = std::move(sums);
 }
 
 // Each block once, the most urgent first.
@@ -312,23 +332,22 @@ void traverse(Blocks& blocks, const TraverseRequest& request, Traversal& result)
   budget.most = blocks.header().nodes;
 
   // What is found above the subtrees comes first, then theirs in their order, whoever walks them.
-  Walk top(blocks, request, priority, budget, recycled(result));
+  Walk top(blocks, request, priority, budget, request.for_each ? Traversal() : recycled(result));
   const std::vector<Group> subtrees = top.cutOff(top.begin());
   if (!request.for_each) {
     for (const Group& subtree : subtrees) top.walk(subtree);
     result = top.take();
   } else {
-    std::vector<Traversal> found(subtrees.size());
-    request.for_each(subtrees.size(), [&](std::size_t i) {
+    const std::size_t pieces = std::min(subtrees.size(), kPieces);
+    std::vector<Traversal> parts(1 + pieces);
+    parts[0] = top.take();
+    request.for_each(pieces, [&](std::size_t i) {
       Walk walk(blocks, request, priority, budget, {});
-      walk.walk(subtrees[i]);
-      found[i] = walk.take();
+      for (std::size_t s = i * subtrees.size() / pieces; s < (i + 1) * subtrees.size() / pieces; ++s)
+        walk.walk(subtrees[s]);
+      parts[1 + i] = walk.take();
     });
-    result = top.take();
-    std::size_t splats = result.splats.size();
-    for (const Traversal& part : found) splats += part.splats.size();
-    result.splats.reserve(splats);
-    for (const Traversal& part : found) append(result, part);
+    concatenate(parts, request.for_each, result);
   }
   settle(result.wanted);
 }

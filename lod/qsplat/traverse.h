@@ -60,8 +60,8 @@ struct Traversal {
   std::uint64_t nodes = 0;          ///< decoded
   std::uint64_t outside = 0;        ///< of them, left out: outside of the frustum or beyond the section
   std::uint64_t facing_away = 0;    ///< … turned away
-  /// The file contradicts itself: a pointer leads back or beyond it, there are more nodes than its header says, or more
-  /// than 128 levels. What was come upon until then is drawn.
+  /// The file contradicts itself: a code is none, a pointer leads back or beyond it or is missing, there are more nodes
+  /// than its header says, or more than 128 levels. What was come upon until then is drawn.
   bool damaged = false;
 };
 

@@ -1,6 +1,5 @@
 #include "server/bake/draw_processes.h"
 
-#include <fcntl.h>
 #include <signal.h>
 #include <spawn.h>
 #include <sys/socket.h>
@@ -9,6 +8,7 @@
 #include <cerrno>
 
 #include <algorithm>
+#include <array>
 #include <condition_variable>
 #include <cstdlib>
 #include <cstring>
@@ -63,7 +63,7 @@ class DrawProcess {
                                      pointersTo(environment).data());
     posix_spawn_file_actions_destroy(&actions);
     ::close(ends[1]);
-    std::unique_ptr<DrawProcess> process(new DrawProcess(ends[0], pid));
+    std::unique_ptr<DrawProcess> process(new DrawProcess(ends[0], failed == 0 ? pid : -1));
     if (failed != 0)
       return base::Error{base::ErrorCode::kIo,
                          command.front() + ": cannot start a drawing process: " + std::strerror(failed)};
@@ -71,18 +71,19 @@ class DrawProcess {
     static_cast<void>(sendMessage(process->socket_, DrawMessageKind::kOrder, order));
     return process;
   }
-  /// Closes the socket, on which it ends, and waits for that.
+  /// Ends it and waits for that.
   ~DrawProcess() {
-    ::close(socket_);
     end();
+    ::close(socket_);
   }
   DrawProcess(const DrawProcess&) = delete;
   DrawProcess& operator=(const DrawProcess&) = delete;
 
   int socket() const { return socket_; }
-  /// How it ended, once its socket has: "signal 11 (Segmentation fault)".
+  /// Nothing is said to it any more, on which it ends, and how: "signal 11 (Segmentation fault)".
   std::string end() {
     if (pid_ <= 0) return "";
+    ::shutdown(socket_, SHUT_RDWR);
     int status = 0;
     while (::waitpid(std::exchange(pid_, -1), &status, 0) < 0 && errno == EINTR) {
     }

@@ -6,6 +6,7 @@
 // Any number of processes may work on one scene. What concerns the scene as a whole is done under its lock (SceneLock):
 // making or opening it with its hierarchy, and declaring it finished. Between the two each process renders its shards,
 // each under the lock of the shard's store; who finds that nothing is missing writes scene.json.
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -1116,7 +1117,12 @@ Result<BuildArguments> withRecordedOptions(const CLI::App& given, const BuildArg
 }  // namespace
 
 Run addDraw(CLI::App&) {
-  return [] { return runDrawProcess(STDIN_FILENO); };
+  return []() -> int {
+    struct stat input {};
+    if (::fstat(STDIN_FILENO, &input) != 0 || !S_ISSOCK(input.st_mode))
+      return fail({ErrorCode::kInvalidInput, std::string(kDrawCommand) + " is what `lumigrid build` starts; use that"});
+    return runDrawProcess(STDIN_FILENO);
+  };
 }
 
 Run addBuild(CLI::App& command) {

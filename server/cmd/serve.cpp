@@ -1,5 +1,6 @@
 #include <cstdio>
 #include <memory>
+#include <nlohmann/json.hpp>
 
 #include "server/cmd/commands.h"
 #include "server/cmd/console.h"
@@ -10,7 +11,7 @@ namespace server::cmd {
 namespace {
 
 struct ServeArguments {
-  std::string scene;
+  std::vector<std::string> scenes;
   ServerOptions options;
   std::string web;
   double max_picture_megapixels = 64.0;
@@ -19,19 +20,38 @@ struct ServeArguments {
   bool json = false;
 };
 
+void tellJson(const Server& server, const std::string& place) {
+  nlohmann::ordered_json told{{"port", server.port()}, {"url", "ws://" + place + "/"}};
+  for (const std::string& name : server.names())
+    if (!name.empty()) told["scenes"].push_back({{"name", name}, {"url", "ws://" + place + "/" + name + "/"}});
+  std::printf("%s\n", told.dump().c_str());
+}
+
+void tell(const ServeArguments& a, const Server& server, const std::string& place) {
+  const char* page = a.options.page_directory.empty() ? "" : " (open it in a browser)";
+  if (a.scenes.size() == 1) {
+    std::printf("serving %s at http://%s/%s\nlook at it with: lumigrid-view ws://%s/\n", a.scenes.front().c_str(),
+                place.c_str(), page, place.c_str());
+    return;
+  }
+  std::printf("serving %zu scenes at http://%s/%s\n", a.scenes.size(), place.c_str(), page);
+  const std::vector<std::string> names = server.names();
+  for (std::size_t i = 0; i < names.size(); ++i)
+    std::printf("%s: lumigrid-view ws://%s/%s/\n", a.scenes[i].c_str(), place.c_str(), names[i].c_str());
+}
+
 int run(ServeArguments& a) {
   a.options.render_frames = !a.no_frames;
   a.options.count_access = !a.no_access;
   a.options.max_picture_pixels = static_cast<std::uint64_t>(a.max_picture_megapixels * 1e6);
   if (a.web != "off") a.options.page_directory = a.web.empty() ? installedPageFiles() : a.web;
-  auto server = Server::open(a.scene, a.options);
+  auto server = Server::open(a.scenes, a.options);
   if (!server) return fail(server.error());
   const std::string place = a.options.address + ":" + std::to_string((*server)->port());
   if (a.json)
-    std::printf("{\"port\":%u,\"url\":\"ws://%s/\"}\n", static_cast<unsigned>((*server)->port()), place.c_str());
+    tellJson(**server, place);
   else
-    std::printf("serving %s at http://%s/%s\nlook at it with: lumigrid-view ws://%s/\n", a.scene.c_str(), place.c_str(),
-                a.options.page_directory.empty() ? "" : " (open it in a browser)", place.c_str());
+    tell(a, **server, place);
   std::fflush(stdout);
   auto ended = (*server)->run(true);
   if (!ended) return fail(ended.error());
@@ -44,9 +64,9 @@ Run addServe(CLI::App& command) {
   auto a = std::make_shared<ServeArguments>();
   command
       .add_option(
-          "SCENE", a->scene,
+          "SCENE", a->scenes,
           "scene directory made by `lumigrid build` or `publish`, or where a published scene lies: https://host/scene, "
-          "s3://bucket/scene (docs/places.md)")
+          "s3://bucket/scene (docs/places.md). Several: each is served below its directory's name, and / lists them")
       ->required();
   command
       .add_option("--address", a->options.address, "address to listen at; 0.0.0.0 for every network of this machine")

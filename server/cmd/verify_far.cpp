@@ -129,9 +129,10 @@ void verifyFarAnnotations(const repository::ObjectSource& source, Faults& faults
   const auto bytes =
       size ? source.read(base::kAnnotationsFile, 0, std::min<std::uint64_t>(*size, base::kMaxAnnotationsBytes + 1))
            : base::Result<base::Bytes>(size.error());
-  const auto notes = bytes ? base::parseAnnotations(*bytes, source.place() + "/" + base::kAnnotationsFile)
-                           : base::Result<std::vector<base::Annotation>>(bytes.error());
-  if (!notes) faults.push_back(notes.error().message);
+  if (!bytes)
+    faults.push_back(bytes.error().message);
+  else if (const auto notes = base::parseAnnotations(*bytes, source.place() + "/" + base::kAnnotationsFile); !notes)
+    faults.push_back(notes.error().message);
 }
 
 }  // namespace

@@ -17,6 +17,7 @@ namespace server {
 namespace {
 
 constexpr int kFullColorQuality = 90;  // from here on colours are not halved: they are what is left to see
+constexpr std::uint64_t kPatchBytes = std::uint64_t{2} << 30;  // uploaded patches, of all scenes together
 constexpr RenderOptions kExact{.tolerance_px = 0.25F, .supersampling = 2};
 
 }  // namespace
@@ -24,24 +25,28 @@ constexpr RenderOptions kExact{.tolerance_px = 0.25F, .supersampling = 2};
 struct FrameRenderer::State {
   struct Job {
     std::uint64_t client = 0;
+    std::size_t scene = 0;
     FrameRequest request;
     Done done;
   };
   struct PictureJob {
     std::uint64_t client = 0;
+    std::size_t scene = 0;
     PictureRequest request;
     Painted done;
     std::unique_ptr<PicturePainter> painter;  // of the thread alone; null: not begun
   };
 
-  explicit State(const OpenScene& opened) : scene(opened) {}
+  explicit State(const std::vector<const OpenScene*>& opened) : scenes(opened) {}
   void work(std::promise<base::Result<void>> started);
   bool waitForWork(std::optional<Job>& frame);
-  base::Bytes render(SceneRenderer& renderer, const FrameRequest& request) const;
-  void paintBand(SceneRenderer& renderer);
-  base::Result<bool> step(SceneRenderer& renderer, PictureJob& job) const;
+  base::Result<void> makeRenderers();
+  base::Bytes render(const Job& job) const;
+  void paintBand();
+  base::Result<bool> step(PictureJob& job) const;
 
-  const OpenScene& scene;
+  const std::vector<const OpenScene*> scenes;
+  std::vector<std::unique_ptr<SceneRenderer>> renderers;  // of the thread alone; beside `scenes`
   std::mutex mutex;
   std::condition_variable changed;
   std::deque<Job> queue;                  // one per client at most, oldest first
@@ -56,18 +61,29 @@ struct FrameRenderer::State {
 void FrameRenderer::State::work(std::promise<base::Result<void>> started) {
   auto context = base::HeadlessContext::create();
   if (!context) return started.set_value(context.error());
-  {
-    // The renderer's GL objects go before the context does.
-    auto renderer = SceneRenderer::create(scene.scene, scene.patches);
-    if (!renderer) return started.set_value(renderer.error());
-    spdlog::info("frames: rendered by {}", (*context)->renderer());
-    started.set_value({});
-    std::optional<Job> frame;
-    while (waitForWork(frame)) {
-      if (frame) frame->done(render(**renderer, frame->request));
-      if (in_hand) paintBand(**renderer);
-    }
+  if (auto made = makeRenderers(); !made) {
+    renderers.clear();
+    return started.set_value(made.error());
   }
+  spdlog::info("frames: rendered by {}", (*context)->renderer());
+  started.set_value({});
+  std::optional<Job> frame;
+  while (waitForWork(frame)) {
+    if (frame) frame->done(render(*frame));
+    if (in_hand) paintBand();
+  }
+  in_hand.reset();
+  renderers.clear();  // their GL objects go before the context does
+}
+
+/// They share what one would take of the GPU's memory.
+base::Result<void> FrameRenderer::State::makeRenderers() {
+  for (const OpenScene* scene : scenes) {
+    auto renderer = SceneRenderer::create(scene->scene, scene->patches, kPatchBytes / scenes.size());
+    if (!renderer) return renderer.error();
+    renderers.push_back(std::move(*renderer));
+  }
+  return {};
 }
 
 /// The next frame, if one waits, and a picture in hand, if any does. False: the end.
@@ -92,8 +108,8 @@ bool FrameRenderer::State::waitForWork(std::optional<Job>& frame) {
   return true;
 }
 
-void FrameRenderer::State::paintBand(SceneRenderer& renderer) {
-  const auto whole = step(renderer, *in_hand);
+void FrameRenderer::State::paintBand() {
+  const auto whole = step(*in_hand);
   if (whole && !*whole) return;
   if (!whole) spdlog::warn("picture: {}", whole.error().message);
   {
@@ -108,20 +124,24 @@ void FrameRenderer::State::paintBand(SceneRenderer& renderer) {
   in_hand.reset();
 }
 
-base::Result<bool> FrameRenderer::State::step(SceneRenderer& renderer, PictureJob& job) const {
+base::Result<bool> FrameRenderer::State::step(PictureJob& job) const {
+  SceneRenderer& renderer = *renderers[job.scene];
   if (!job.painter) {
-    auto begun = PicturePainter::begin(job.request, scene.scene, renderer);
+    auto begun = PicturePainter::begin(job.request, scenes[job.scene]->scene, renderer);
     if (!begun) return begun.error();
     job.painter = std::move(*begun);
   }
   return job.painter->step(renderer);
 }
 
-base::Bytes FrameRenderer::State::render(SceneRenderer& renderer, const FrameRequest& request) const {
-  const glm::vec3 eye(request.camera.position - scene.scene.origin);
+base::Bytes FrameRenderer::State::render(const Job& job) const {
+  const FrameRequest& request = job.request;
+  const glm::dvec3& origin = scenes[job.scene]->scene.origin;
+  SceneRenderer& renderer = *renderers[job.scene];
+  const glm::vec3 eye(request.camera.position - origin);
   const base::DepthRange depth = base::depthRangeFor(eye, renderer.sceneCenter(), renderer.sceneRadius());
-  auto picture = renderer.render(
-      base::cameraFromView(request.camera, scene.scene.origin, depth.near_plane, depth.far_plane), kExact);
+  auto picture =
+      renderer.render(base::cameraFromView(request.camera, origin, depth.near_plane, depth.far_plane), kExact);
   if (!picture) {
     spdlog::warn("frames: {}", picture.error().message);
     return {};
@@ -136,9 +156,9 @@ base::Bytes FrameRenderer::State::render(SceneRenderer& renderer, const FrameReq
   return std::move(encoded->value);
 }
 
-base::Result<std::unique_ptr<FrameRenderer>> FrameRenderer::start(const OpenScene& scene) {
+base::Result<std::unique_ptr<FrameRenderer>> FrameRenderer::start(const std::vector<const OpenScene*>& scenes) {
   std::unique_ptr<FrameRenderer> renderer(new FrameRenderer);
-  renderer->state_ = std::make_unique<State>(scene);
+  renderer->state_ = std::make_unique<State>(scenes);
   std::promise<base::Result<void>> promise;
   auto started = promise.get_future();
   State& state = *renderer->state_;
@@ -159,17 +179,18 @@ FrameRenderer::~FrameRenderer() {
   if (state_->thread.joinable()) state_->thread.join();
 }
 
-void FrameRenderer::submit(std::uint64_t client, const FrameRequest& request, Done done) {
+void FrameRenderer::submit(std::uint64_t client, std::size_t scene, const FrameRequest& request, Done done) {
   cancel(client);
   std::lock_guard lock(state_->mutex);
-  state_->queue.push_back({client, request, std::move(done)});
+  state_->queue.push_back({client, scene, request, std::move(done)});
   state_->changed.notify_one();
 }
 
-bool FrameRenderer::paint(std::uint64_t client, const PictureRequest& request, std::size_t max_waiting, Painted done) {
+bool FrameRenderer::paint(std::uint64_t client, std::size_t scene, const PictureRequest& request,
+                          std::size_t max_waiting, Painted done) {
   const std::lock_guard lock(state_->mutex);
   if (state_->pictures.size() >= max_waiting + (state_->painting ? 0 : 1)) return false;
-  state_->pictures.push_back({client, request, std::move(done), nullptr});
+  state_->pictures.push_back({client, scene, request, std::move(done), nullptr});
   state_->changed.notify_one();
   return true;
 }

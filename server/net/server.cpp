@@ -34,6 +34,7 @@
 #include "server/net/frame_renderer.h"
 #include "server/net/open_scene.h"
 #include "server/net/pick.h"
+#include "server/net/scene_names.h"
 #include "server/net/server.h"
 #include "server/net/site.h"
 #include "spdlog/spdlog.h"
@@ -69,20 +70,31 @@ constexpr unsigned kFetchers = 8;                                    // views wh
 
 class Connection;
 
+/// One scene, and who answers for it.
+struct Hosted {
+  Hosted(std::size_t place_in_list, std::string served_as, std::unique_ptr<OpenScene> opened)
+      : number(place_in_list), name(std::move(served_as)), scene(std::move(opened)) {}
+
+  const std::size_t number;  // the renderer knows it by that
+  const std::string name;    // empty: the only one, at "/"
+  std::unique_ptr<OpenScene> scene;
+  std::unique_ptr<Site> site;
+  std::unique_ptr<Picker> picker;
+  std::unique_ptr<AccessLog> access;  // null: nothing is counted
+
+  void countAccess(const ServerOptions& options, const std::string& scene_directory);
+};
+
 /// What all connections share. One thread (the io thread) uses it, but for the renderer, which has its own lock.
 struct Hub {
-  Hub(asio::io_context& context, ServerOptions chosen, std::unique_ptr<OpenScene> opened)
-      : io(context), options(std::move(chosen)), scene(std::move(opened)) {}
+  Hub(asio::io_context& context, ServerOptions chosen) : io(context), options(std::move(chosen)) {}
 
   asio::io_context& io;
   ServerOptions options;
-  std::unique_ptr<OpenScene> scene;
-  std::unique_ptr<Site> site;
-  std::unique_ptr<FrameRenderer> renderer;  // null: no exact frames
-  std::unique_ptr<Picker> picker;
-  std::unique_ptr<base::ThreadPool> fetchers;  // of far images; null: they are here
-  std::unique_ptr<AccessLog> access;           // null: nothing is counted
-  std::string place;                           // address:port
+  std::vector<std::unique_ptr<Hosted>> scenes;  // at least one
+  std::unique_ptr<FrameRenderer> renderer;      // null: no exact frames
+  std::unique_ptr<base::ThreadPool> fetchers;   // of far images; null: all are here
+  std::string place;                            // address:port
   std::set<Connection*> connections;
   std::uint64_t next_client = 1;
   std::size_t viewers = 0;
@@ -90,23 +102,30 @@ struct Hub {
   std::atomic<bool> stopping = false;    // the fetchers look too
   std::optional<Timer> goodbye;
 
-  base::Result<void> makeSite();
-  void countAccess(const std::string& scene_directory);
+  base::Result<void> open(const std::vector<std::string>& places);
+  base::Result<void> makeSites();
+  void startFetchers();
+  void startRenderer();
+  /// The scene that a target is about, and what is asked of it; null: none, or the list of them.
+  Hosted* find(std::string_view target, std::string_view& rest) const;
+  HttpReply answerForAll(const HttpRequest& request) const;
   /// Their threads post to `io`, which goes last.
   void endThreads() {
     stopping = true;
     fetchers.reset();
     renderer.reset();
-    picker.reset();
+    for (const auto& hosted : scenes) hosted->picker.reset();
   }
   /// Writes what was counted; from here on nothing is.
   void keepAccess() {
-    scene->data.access = nullptr;
-    access.reset();
+    for (const auto& hosted : scenes) {
+      hosted->scene->data.access = nullptr;
+      hosted->access.reset();
+    }
   }
 };
 
-void Hub::countAccess(const std::string& scene_directory) {
+void Hosted::countAccess(const ServerOptions& options, const std::string& scene_directory) {
   std::string path = options.access_file;
   std::error_code ignored;
   if (path.empty()) {
@@ -121,16 +140,96 @@ void Hub::countAccess(const std::string& scene_directory) {
   scene->data.access = &access->counter();
 }
 
-base::Result<void> Hub::makeSite() {
+constexpr std::size_t kMostToldErrors = 100;
+
+// What of published images cannot be read, each thing once: a missing pack holds hundreds of faces, and viewers ask for
+// them again and again.
+void logImageErrors(OpenScene& scene) {
+  if (scene.packs == nullptr) return;
+  struct Told {
+    std::mutex mutex;
+    std::set<std::string> messages;
+  };
+  scene.packs->onError([told = std::make_shared<Told>()](const base::Error& error) {
+    const std::lock_guard guard(told->mutex);
+    if (told->messages.size() < kMostToldErrors && told->messages.insert(error.message).second)
+      spdlog::warn("image: {}", error.message);
+  });
+}
+
+base::Result<void> Hub::open(const std::vector<std::string>& places) {
+  if (places.empty()) return base::Error{base::ErrorCode::kInvalidInput, "there is no scene to serve"};
+  if (places.size() > 1 && !options.access_file.empty())
+    return base::Error{base::ErrorCode::kInvalidInput,
+                       "one --access-file cannot keep the counts of several scenes; leave it out, or serve them apart"};
+  auto names = namesOf(places);
+  if (places.size() > 1 && !names) return names.error();
+  RemoteOptions remote = options.remote;
+  remote.warn = [](const std::string& what) { spdlog::warn("cache: {}", what); };
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    auto scene = openScene(places[i], remote);
+    if (!scene) return scene.error();
+    logImageErrors(**scene);
+    (*scene)->data.ahead_bytes = options.ahead_bytes;
+    scenes.push_back(std::make_unique<Hosted>(i, places.size() > 1 ? (*names)[i] : "", std::move(*scene)));
+  }
+  return {};
+}
+
+base::Result<void> Hub::makeSites() {
   PageFiles pages;
   if (!options.page_directory.empty()) {
     auto read = readPageFiles(options.page_directory);
     if (!read) return read.error();
     pages = std::move(*read);
   }
-  site = std::make_unique<Site>(*scene, std::move(pages));
-  picker = std::make_unique<Picker>(scene->scene, scene->patches);
+  for (const auto& hosted : scenes) {
+    hosted->site = std::make_unique<Site>(*hosted->scene, pages);
+    hosted->picker = std::make_unique<Picker>(hosted->scene->scene, hosted->scene->patches);
+  }
   return {};
+}
+
+/// Each viewer has two requests at most, so nobody waits to put one in.
+void Hub::startFetchers() {
+  const bool far =
+      std::any_of(scenes.begin(), scenes.end(), [](const auto& hosted) { return hosted->scene->data.images_are_far; });
+  if (!far) return;
+  fetchers = std::make_unique<base::ThreadPool>(kFetchers,
+                                                std::size_t{2} * (options.max_connections + kTurnedAway) + kFetchers);
+}
+
+void Hub::startRenderer() {
+  std::vector<const OpenScene*> opened;
+  for (const auto& hosted : scenes) opened.push_back(hosted->scene.get());
+  auto started = FrameRenderer::start(opened);
+  if (!started) return spdlog::warn("no exact frames: {}", started.error().message);
+  renderer = std::move(*started);
+  for (const auto& hosted : scenes) hosted->scene->data.welcome.can_render_frames = true;
+}
+
+Hosted* Hub::find(std::string_view target, std::string_view& rest) const {
+  if (scenes.size() == 1) {
+    rest = target;
+    return scenes.front().get();
+  }
+  const NamedTarget named = splitTarget(target);
+  rest = named.rest;
+  for (const auto& hosted : scenes)
+    if (hosted->name == named.name) return hosted.get();
+  return nullptr;
+}
+
+/// What no single scene answers, where there are several.
+HttpReply Hub::answerForAll(const HttpRequest& request) const {
+  if (request.method != "GET" && request.method != "HEAD") return textReply(405, "only GET and HEAD\n");
+  if (request.path() == "/healthz") return textReply(200, "ok");
+  if (request.path() != "/") return textReply(404, "there is no such scene here; / lists them\n");
+  std::vector<ListedScene> listed;
+  for (const auto& hosted : scenes) listed.push_back({hosted->name, hosted->scene->scene.triangles});
+  HttpReply reply = textReply(200, sceneList(listed, shownHost(request.host, place)));
+  reply.type = "text/html; charset=utf-8";
+  return reply;
 }
 
 /// Anything with a socket. Alive as long as an operation of it is pending.
@@ -160,8 +259,12 @@ class Connection : public std::enable_shared_from_this<Connection> {
 
 class Viewer final : public Connection {
  public:
-  Viewer(std::shared_ptr<Hub> hub, Stream&& stream)
-      : Connection(std::move(hub)), id_(hub_->next_client++), socket_(std::move(stream)), session_(hub_->scene->data) {
+  Viewer(std::shared_ptr<Hub> hub, const Hosted& hosted, Stream&& stream)
+      : Connection(std::move(hub)),
+        hosted_(hosted),
+        id_(hub_->next_client++),
+        socket_(std::move(stream)),
+        session_(hosted.scene->data) {
     error_code ignored;
     const auto endpoint = beast::get_lowest_layer(socket_).socket().remote_endpoint(ignored);
     ++hub_->viewers;
@@ -179,7 +282,8 @@ class Viewer final : public Connection {
   }
 
   void start(const http::request<http::empty_body>& request) {
-    spdlog::info("connect client={} peer={} viewers={}", id_, peer_, hub_->viewers);
+    spdlog::info("connect client={} peer={} viewers={}{}{}", id_, peer_, hub_->viewers,
+                 hosted_.name.empty() ? "" : " scene=", hosted_.name);
     prepareSocket();
     websocket::stream_base::timeout timeout;
     timeout.handshake_timeout = kHandshake;
@@ -261,9 +365,10 @@ class Viewer final : public Connection {
   /// All faces of a request at once, so that neighbours come by one range. Whoever waits for a network is not this
   /// thread.
   void askForFaces(FaceRequest request) {
-    hub_->fetchers->submit([weak = weak_from_this(), hub = hub_.get(), request = std::move(request)] {
+    hub_->fetchers->submit([weak = weak_from_this(), hub = hub_.get(), images = hosted_.scene->images.get(),
+                            request = std::move(request)] {
       if (hub->stopping) return;
-      asio::post(hub->io, [weak, request, values = hub->scene->images->getMany(request)]() mutable {
+      asio::post(hub->io, [weak, request, values = images->getMany(request)]() mutable {
         if (auto viewer = std::static_pointer_cast<Viewer>(weak.lock())) viewer->onFaces(request, std::move(values));
       });
     });
@@ -278,7 +383,7 @@ class Viewer final : public Connection {
   void askForFrame(const FrameRequest& request) {
     if (!hub_->renderer) return;
     std::weak_ptr<Connection> weak = weak_from_this();
-    hub_->renderer->submit(id_, request, [weak, request, &io = hub_->io](base::Bytes value) {
+    hub_->renderer->submit(id_, hosted_.number, request, [weak, request, &io = hub_->io](base::Bytes value) {
       asio::post(io, [weak, request, value = std::move(value)]() mutable {
         if (auto viewer = std::static_pointer_cast<Viewer>(weak.lock())) viewer->onFrame(request, std::move(value));
       });
@@ -311,6 +416,7 @@ class Viewer final : public Connection {
     beast::get_lowest_layer(socket_).close();
   }
 
+  const Hosted& hosted_;
   const std::uint64_t id_;
   const Clock::time_point since_ = Clock::now();
   websocket::stream<Stream, false> socket_;
@@ -354,15 +460,27 @@ class HttpConnection final : public Connection {
   void onRead(error_code ec, std::size_t) {
     if (ec == http::error::end_of_stream) return finish();
     if (ec) return;  // a timeout, a lost peer or no HTTP at all: the socket closes with this
-    const HttpRequest request = requestOf(parser_->get());
-    const std::string_view path = request.path();
+    HttpRequest request = requestOf(parser_->get());
     if (turned_away_)
       return doWrite(tryLater(kRetrySeconds, "this server has as many viewers as it may; try again later\n"));
+    std::string_view rest;
+    hosted_ = hub_->find(request.target, rest);
+    if (hosted_ == nullptr) return doWrite(hub_->answerForAll(request));
+    if (rest.empty()) return doWrite(movedInto(hosted_->name));
+    request.target = rest;
+    const std::string_view path = request.path();
     if (websocket::is_upgrade(parser_->get()) && (path == "/" || path == "/ws")) return becomeViewer();
     const bool reads = request.method == "GET" || request.method == "HEAD";
     if (reads && path == "/render") return askForPicture(request);
     if (reads && path == "/pick") return askForPick(request);
-    doWrite(hub_->site->answer(request, hub_->place));
+    doWrite(hosted_->site->answer(request, hub_->place));
+  }
+
+  /// What the page asks for is relative to its folder.
+  static HttpReply movedInto(const std::string& name) {
+    HttpReply reply = textReply(301, "see /" + name + "/\n");
+    reply.headers.emplace_back("Location", "/" + name + "/");
+    return reply;
   }
 
   static HttpRequest requestOf(const http::request<http::empty_body>& request) {
@@ -378,7 +496,7 @@ class HttpConnection final : public Connection {
 
   void becomeViewer() {
     stream_.expires_never();  // the WebSocket has its own timeouts
-    auto viewer = std::make_shared<Viewer>(hub_, std::move(stream_));
+    auto viewer = std::make_shared<Viewer>(hub_, *hosted_, std::move(stream_));
     viewer->start(parser_->get());
   }
 
@@ -404,8 +522,9 @@ class HttpConnection final : public Connection {
       };
     };
     const std::uint64_t id = hub_->next_client++;
-    const bool taken = hub_->unsent_picture_bytes < kMostUnsentPictures &&
-                       hub_->renderer->paint(id, *picture, hub_->options.max_waiting_pictures, done(id, type));
+    const bool taken =
+        hub_->unsent_picture_bytes < kMostUnsentPictures &&
+        hub_->renderer->paint(id, hosted_->number, *picture, hub_->options.max_waiting_pictures, done(id, type));
     if (!taken) return doWrite(tryLater(kRetrySeconds, "too many pictures are asked for at once; try again later\n"));
     wait(id);
   }
@@ -431,7 +550,7 @@ class HttpConnection final : public Connection {
     if (request.method == "HEAD") return doWrite(headOnly("application/json"));
     const std::uint64_t id = hub_->next_client++;
     const bool taken =
-        hub_->picker->submit(*ray, [weak = weak_from_this(), id, &io = hub_->io](base::Result<std::string> json) {
+        hosted_->picker->submit(*ray, [weak = weak_from_this(), id, &io = hub_->io](base::Result<std::string> json) {
           asio::post(io, [weak, id, json = std::move(json)]() mutable {
             if (auto self = std::static_pointer_cast<HttpConnection>(weak.lock())) self->onPick(id, std::move(json));
           });
@@ -549,6 +668,7 @@ class HttpConnection final : public Connection {
   using Body = http::span_body<const std::uint8_t>;
   Stream stream_;
   const bool turned_away_;
+  Hosted* hosted_ = nullptr;  // that the request in hand is about
   beast::flat_buffer buffer_;
   std::optional<http::request_parser<http::empty_body>> parser_;
   std::optional<std::uint64_t> waiting_;  // for this answer
@@ -655,57 +775,26 @@ void Server::State::shutDown() {
   for (const auto& connection : leaving) connection->leave();
 }
 
-namespace {
-
-constexpr std::size_t kMostToldErrors = 100;
-
-// What of published images cannot be read, each thing once: a missing pack holds hundreds of faces, and viewers ask for
-// them again and again.
-void logImageErrors(OpenScene& scene) {
-  if (scene.packs == nullptr) return;
-  struct Told {
-    std::mutex mutex;
-    std::set<std::string> messages;
-  };
-  scene.packs->onError([told = std::make_shared<Told>()](const base::Error& error) {
-    const std::lock_guard guard(told->mutex);
-    if (told->messages.size() < kMostToldErrors && told->messages.insert(error.message).second)
-      spdlog::warn("image: {}", error.message);
-  });
-}
-
-}  // namespace
-
-base::Result<std::unique_ptr<Server>> Server::open(const std::string& scene_directory, const ServerOptions& options) {
-  RemoteOptions remote = options.remote;
-  remote.warn = [](const std::string& what) { spdlog::warn("cache: {}", what); };
-  auto scene = openScene(scene_directory, remote);
-  if (!scene) return scene.error();
-  logImageErrors(**scene);
-
+base::Result<std::unique_ptr<Server>> Server::open(const std::vector<std::string>& scenes,
+                                                   const ServerOptions& options) {
   std::unique_ptr<Server> server(new Server);
   server->state_ = std::make_unique<State>();
   State& state = *server->state_;
-  state.hub = std::make_shared<Hub>(state.io, options, std::move(*scene));
-  LUMIGRID_TRY(state.hub->makeSite());
+  state.hub = std::make_shared<Hub>(state.io, options);
+  LUMIGRID_TRY(state.hub->open(scenes));
+  LUMIGRID_TRY(state.hub->makeSites());
   LUMIGRID_TRY(state.listen());
-  if (options.count_access) state.hub->countAccess(scene_directory);
-
-  state.hub->scene->data.ahead_bytes = options.ahead_bytes;
-  // Each viewer has two requests at most, so nobody waits to put one in.
-  if (state.hub->scene->data.images_are_far)
-    state.hub->fetchers = std::make_unique<base::ThreadPool>(
-        kFetchers, std::size_t{2} * (options.max_connections + kTurnedAway) + kFetchers);
-  if (options.render_frames) {
-    auto renderer = FrameRenderer::start(*state.hub->scene);
-    if (renderer) {
-      state.hub->renderer = std::move(*renderer);
-      state.hub->scene->data.welcome.can_render_frames = true;
-    } else {
-      spdlog::warn("no exact frames: {}", renderer.error().message);
-    }
-  }
+  if (options.count_access)
+    for (std::size_t i = 0; i < scenes.size(); ++i) state.hub->scenes[i]->countAccess(options, scenes[i]);
+  state.hub->startFetchers();
+  if (options.render_frames) state.hub->startRenderer();
   return server;
+}
+
+std::vector<std::string> Server::names() const {
+  std::vector<std::string> names;
+  for (const auto& hosted : state_->hub->scenes) names.push_back(hosted->name);
+  return names;
 }
 
 Server::~Server() = default;

@@ -4,6 +4,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "base/error.h"
 #include "base/json/scene_file.h"
@@ -38,12 +39,14 @@ struct ServerOptions {
 /// Serves until stop() (any thread) or until SIGINT/SIGTERM when `handle_signals`.
 class Server {
  public:
-  /// Opens the scene, binds the port. Errors: not a scene, port in use ("…port 8080 is in use; choose another with
-  /// --port").
-  /// Frames are switched off with a warning in the log when there is no GL context.
-  static base::Result<std::unique_ptr<Server>> open(const std::string& scene_directory, const ServerOptions& options);
+  /// Opens the scenes, binds the port. One scene is at "/"; of several each is below "/NAME/" (scene_names.h) and "/"
+  /// lists them. Errors: not a scene, port in use ("…port 8080 is in use; choose another with --port"), two of one
+  /// name. Frames are switched off with a warning in the log when there is no GL context.
+  static base::Result<std::unique_ptr<Server>> open(const std::vector<std::string>& scenes,
+                                                    const ServerOptions& options);
   ~Server();
   std::uint16_t port() const;
+  std::vector<std::string> names() const;  ///< of the scenes, in their order; empty for an only one
   base::Result<void> run(bool handle_signals);
   void stop();
 

@@ -23,14 +23,6 @@ std::string escapeHtml(std::string_view text) {
   return out;
 }
 
-/// The Host header as the visitor typed it, or our own place when it is none that could be shown.
-std::string shownHost(std::string_view host, const std::string& place) {
-  const bool plain = !host.empty() && host.size() < 256 &&
-                     host.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789.-:[]") ==
-                         std::string_view::npos;
-  return plain ? std::string(host) : place;
-}
-
 /// 304 without a body when the visitor has these bytes already.
 bool isKnown(const HttpRequest& request, const std::string& etag) {
   return !etag.empty() && namesEntityTag(request.if_none_match, etag);
@@ -83,6 +75,13 @@ HttpReply preflight() {
 }
 
 }  // namespace
+
+std::string shownHost(std::string_view host, const std::string& place) {
+  const bool plain = !host.empty() && host.size() < 256 &&
+                     host.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789.-:[]") ==
+                         std::string_view::npos;
+  return plain ? std::string(host) : place;
+}
 
 base::ByteView HttpReply::body() const {
   if (!bytes.empty()) return bytes;

@@ -39,6 +39,9 @@ HttpReply badRequest(const base::Error& error);
 /// 503: the visitor may ask again in so many seconds.
 HttpReply tryLater(int seconds, std::string text);
 
+/// The Host header as the visitor typed it, or our own place (address:port) when it is none that could be shown.
+std::string shownHost(std::string_view host, const std::string& place);
+
 class Site {
  public:
   /// `scene` outlives this. `pages`: empty for none.

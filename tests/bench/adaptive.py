@@ -69,14 +69,21 @@ def chart(rows, title, path):
     out.append(f'<text x="{width / 2}" y="{height - 12}" text-anchor="middle">MB of images and masks</text>'
                f'<text x="14" y="{height / 2}" transform="rotate(-90 14 {height / 2})" text-anchor="middle">'
                "mean PSNR of held-out views, dB</text>")
-    for kind, color, below in (("uniform", "#1f77b4", -8), ("adaptive", "#d62728", 18), ("by use", "#2ca02c", -8)):
+    kinds = (("uniform", "#1f77b4", "uniform grids: points along the longest side"),
+             ("adaptive", "#d62728", "cells split by --target"), ("by use", "#2ca02c", "points by use: --worth"))
+    for n, (kind, color, meaning) in enumerate(kinds):
         mine = sorted((r for r in rows if r["label"].startswith(kind)), key=lambda r: r["bytes"])
+        if not mine:
+            continue
+        out.append(f'<text x="{width - right - 10}" y="{height - bottom - 10 - 16 * n}" text-anchor="end" fill="{color}">'
+                   f"{meaning}</text>")
         points = " ".join(f"{px(math.log10(r['bytes'])):.1f},{py(r['mean']):.1f}" for r in mine)
         out.append(f'<polyline points="{points}" fill="none" stroke="{color}" stroke-width="2"/>')
-        for i, r in enumerate(mine):
+        for before, r in zip([mine[0]] + mine, mine):
             x, y = px(math.log10(r["bytes"])), py(r["mean"])
+            beside = 18 if r["mean"] < before["mean"] or kind == "adaptive" else -8  # a point that falls: below it
             out.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4" fill="{color}"/>'
-                       f'<text x="{x:.1f}" y="{y + below + 14 * (i % 2) * (below > 0):.1f}" text-anchor="middle">{r["label"]}</text>')
+                       f'<text x="{x:.1f}" y="{y + beside:.1f}" text-anchor="middle">{r["label"][len(kind):].strip()}</text>')
     open(path, "w").write("\n".join(out) + "\n</svg>\n")
 
 

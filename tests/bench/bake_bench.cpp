@@ -34,23 +34,16 @@ constexpr std::size_t kKeptFaces = 240;
 constexpr double kEncodeSeconds = 3.0;
 
 struct Arguments {
-  std::string input;
-  std::uint32_t grid = 6;
-  std::uint32_t face = 512;
+  bench::FaceArguments faces;
   unsigned threads = 0;
   unsigned runs = 3;
 };
 
 Arguments parse(int argc, char** argv) {
-  bench::Arguments given(argc, argv, "SCENE|MESH [--grid 2..1024] [--face PIXELS] [--threads N] [--runs N]");
-  Arguments a;
-  a.input = given.input();
-  a.grid = given.number("--grid", a.grid, 2U, 1024U);
-  a.face = given.number("--face", a.face, 1U, 16384U);
-  a.threads = given.number("--threads", a.threads, 0U, 1024U);
-  a.runs = given.number("--runs", a.runs, 1U, 100U);
+  bench::Arguments given(argc, argv, std::string(bench::kFaceUsage) + " [--threads N] [--runs N]");
+  Arguments a{bench::faceArguments(given, 6), given.number("--threads", 0U, 0U, 1024U),
+              given.number("--runs", 3U, 1U, 100U)};
   given.finish();
-  if (a.input.empty()) given.wrong();
   return a;
 }
 
@@ -182,9 +175,9 @@ int main(int argc, char** argv) {
 
   const Arguments a = parse(argc, argv);
   const bench::WorkDirectory work;
-  const bench::OpenScene open = bench::openScene(a.input, work);
+  const bench::OpenScene open = bench::openScene(a.faces.input, work);
   server::BakeOptions options;
-  options.grid = repository::makeGrid(open.scene.localBox(), a.grid, 0.5F, a.face);
+  options.grid = repository::makeGrid(open.scene.localBox(), a.faces.grid, 0.5F, a.faces.face);
   options.threads = a.threads;
   options.draw_command = self(kDraw);
   bool in_processes = false;
@@ -212,7 +205,7 @@ int main(int argc, char** argv) {
 
   const auto images = static_cast<double>(summary.faces_rendered - summary.faces_empty);
   std::printf("faces %llu of %u pixels, %llu empty; medians of %u runs, faces a second\n",
-              static_cast<unsigned long long>(summary.faces_rendered), a.face,
+              static_cast<unsigned long long>(summary.faces_rendered), a.faces.face,
               static_cast<unsigned long long>(summary.faces_empty), a.runs);
   print("render only", rates.render, 1);
   print("encode only", rates.encode, 1);

@@ -8,6 +8,19 @@
 
 namespace bench {
 
+/// What benchmarks of faces are asked.
+struct FaceArguments {
+  std::string input;         ///< SCENE|MESH
+  std::uint32_t grid = 0;    ///< points along the longest side
+  std::uint32_t face = 512;  ///< pixels
+};
+inline constexpr const char* kFaceUsage = "SCENE|MESH [--grid 2..1024] [--face PIXELS]";
+
+inline FaceArguments faceArguments(Arguments& given, std::uint32_t usual_grid) {
+  if (given.input().empty()) given.wrong();
+  return {given.input(), given.number("--grid", usual_grid, 2U, 1024U), given.number("--face", 512U, 1U, 16384U)};
+}
+
 struct OpenScene {
   base::Scene scene;
   lod::patch::PatchFile patches;

@@ -30,23 +30,16 @@ using bench::must;
 using bench::stop;
 
 struct Arguments {
-  std::string scene;
-  std::uint32_t grid = 12;
-  std::uint32_t face = 512;
+  bench::FaceArguments faces;
   std::uint32_t quality = 85;
-  std::uint32_t faces = 64;
+  std::uint32_t count = 64;
 };
 
 Arguments parse(int argc, char** argv) {
-  bench::Arguments given(argc, argv, "SCENE|MESH [--grid 2..1024] [--face PIXELS] [--quality 2..99] [--faces COUNT]");
-  Arguments a;
-  a.scene = given.input();
-  a.grid = given.number("--grid", a.grid, 2U, 1024U);
-  a.face = given.number("--face", a.face, 1U, 16384U);
-  a.quality = given.number("--quality", a.quality, 2U, 99U);
-  a.faces = given.number("--faces", a.faces, 1U, 100000U);
+  bench::Arguments given(argc, argv, std::string(bench::kFaceUsage) + " [--quality 2..99] [--faces COUNT]");
+  Arguments a{bench::faceArguments(given, 12), given.number("--quality", 85U, 2U, 99U),
+              given.number("--faces", 64U, 1U, 100000U)};
   given.finish();
-  if (a.scene.empty()) given.wrong();
   return a;
 }
 
@@ -63,11 +56,11 @@ base::Image onBackground(const base::Image& rgba, const base::Image& mask, std::
 
 std::vector<Face> sample(const Arguments& a) {
   const bench::WorkDirectory work;
-  const auto [scene, patches] = bench::openScene(a.scene, work);
+  const auto [scene, patches] = bench::openScene(a.faces.input, work);
   const auto context = must(base::HeadlessContext::create());
   const auto renderer = must(server::SceneRenderer::create(scene, patches));
-  const repository::Grid grid = repository::makeGrid(scene.localBox(), a.grid, 0.5F, a.face);
-  auto pictures = must(server::sampleFaces(*renderer, grid, server::renderOptions({}), a.faces));
+  const repository::Grid grid = repository::makeGrid(scene.localBox(), a.faces.grid, 0.5F, a.faces.face);
+  auto pictures = must(server::sampleFaces(*renderer, grid, server::renderOptions({}), a.count));
   if (pictures.empty()) stop("no face shows the model");
   std::vector<Face> faces(pictures.size());
   for (std::size_t i = 0; i < faces.size(); ++i) {
@@ -151,8 +144,8 @@ int main(int argc, char** argv) {
   const Encode stored = [](const Face& face, int q) { return withOwnTables(face.filled, q); };
   const Point ours = measure(faces, stored, quality);
   const double total = ours.bytes + mask_bytes / count;
-  std::printf("%zu faces of %u pixels, %.1f %% model; stored at quality %d, 4:2:0: %.2f dB\n", faces.size(), a.face,
-              100.0 * model / count / a.face / a.face, quality, ours.psnr_db);
+  std::printf("%zu faces of %u pixels, %.1f %% model; stored at quality %d, 4:2:0: %.2f dB\n", faces.size(),
+              a.faces.face, 100.0 * model / count / a.faces.face / a.faces.face, quality, ours.psnr_db);
   std::printf("stored           JPEG %7.0f + mask %4.0f = %7.0f bytes a face\n", ours.bytes, mask_bytes / count, total);
 
   const std::vector<std::pair<const char*, Encode>> others = {

@@ -51,6 +51,21 @@ void compareSpeed(const std::string& path, const Mesh& mesh, const std::string& 
               peak, runs);
 }
 
+// How evenly two threads share the work, whatever else the machine does: the CPU time of both over that of the one that
+// also does what cannot be shared.
+void compareThreads(const std::string& path, const std::string& file, int runs) {
+  std::vector<double> shares;
+  for (int run = 0; run < runs; ++run) {
+    const double all = seconds(CLOCK_PROCESS_CPUTIME_ID);
+    const double main_thread = seconds(CLOCK_THREAD_CPUTIME_ID);
+    lod::build::qsplat::BuildOptions options;
+    options.threads = 2;
+    (void)must(lod::build::qsplat::buildFromFiles({path}, options, file));
+    shares.push_back((seconds(CLOCK_PROCESS_CPUTIME_ID) - all) / (seconds(CLOCK_THREAD_CPUTIME_ID) - main_thread));
+  }
+  std::printf("of two threads' CPU time the busier one has 1/%.2f (wanted 1/1.7)\n", median(shares));
+}
+
 void printSize(const char* what, const Header& h) {
   const auto bytes = static_cast<double>(h.file_bytes);
   std::printf(
@@ -72,7 +87,7 @@ void compareSize(Mesh mesh, const std::string& file) {
 
 int main(int argc, char** argv) {
   bench::Arguments arguments(argc, argv, "MESH [--runs N] [--only speed|size] [--memory BYTES]");
-  const int runs = arguments.number("--runs", 5, 1, 100);
+  const auto runs = static_cast<int>(arguments.number("--runs", 5U, 1U, 100U));
   const std::string only = arguments.text("--only", "");
   const std::string memory = arguments.text("--memory", "");
   arguments.finish();
@@ -82,6 +97,7 @@ int main(int argc, char** argv) {
   std::printf("%s: %zu vertices, %zu triangles\n", arguments.input().c_str(), mesh.positions.size(),
               mesh.triangleCount());
   if (only.empty() || only == "speed") compareSpeed(arguments.input(), mesh, directory / "scene", runs, memory);
+  if (only.empty() || only == "speed") compareThreads(arguments.input(), directory / "threads.lgq", runs);
   if (only.empty() || only == "size") compareSize(mesh, directory / "size.lgq");
   return 0;
 }

@@ -90,7 +90,7 @@ class EndToEnd : public ::testing::Test {
     server::ServerOptions options;
     options.port = 0;
     options.render_frames = false;
-    auto server = server::Server::open(directory_, options);
+    auto server = server::Server::open({directory_}, options);
     EXPECT_TRUE(server) << server.error().message;
     if (!server) return pictures;
     std::thread thread([&] { (void)(*server)->run(false); });

@@ -416,6 +416,16 @@ TEST_F(SplatResume, MemoryAndThreadsDoNotChangeTheBytes) {
   }
 }
 
+TEST_F(SplatResume, MemoryStaysUnderItsCeiling) {
+  const std::string mesh = sample(longTests() ? "20000000" : "2000000");
+  const auto built = run("lumigrid", build(mesh, path("scene"), {"--memory", "256M", "--threads", "4", "--json"}));
+  ASSERT_EQ(built.status, 0) << built.err;
+  const std::string name = "\"peak_memory_bytes\":";
+  const std::size_t at = built.out.find(name);
+  ASSERT_NE(at, std::string::npos) << built.out;
+  EXPECT_LT(std::stoull(built.out.substr(at + name.size())), std::uint64_t{256} << 20);
+}
+
 // A scene that has patches gets splats beside them, the same as alone, and stays finished meanwhile.
 TEST_F(SplatResume, AddedToAFinishedSceneTheyAreTheSame) {
   const std::string mesh = sample("50000");

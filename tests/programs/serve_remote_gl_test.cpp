@@ -4,6 +4,7 @@
 #include <functional>
 #include <limits>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <set>
 
 #include "base/json/camera_file.h"
@@ -15,6 +16,7 @@
 namespace {
 
 namespace fs = std::filesystem;
+using nlohmann::json;
 using programs::expectOneLineError;
 using programs::readText;
 using programs::run;

@@ -42,11 +42,14 @@ test("the page beside the scene shows it as our server does, and asks for nothin
   console.log(`requests and bytes a view: ${frames.map(({ requests, bytes }) => `${requests}: ${bytes}`).join(", ")}`);
   assert.equal(repeated(all), 0, JSON.stringify(ranges(all)));
   assert.ok(all.every(({ status }) => [200, 206, 304, 404].includes(status)));
-  // Back to the first view: all of it is here.
+  // Back to the first view: all that it shows is here; what comes is ahead of need, along the motion, and nothing comes again.
   await page.keyboard.press("Home");
   await still(page);
   await settled(page);
-  assert.equal(ranges(host.requests()).length, 0);
+  const back = host.requests();
+  assert.equal(repeated([...all, ...back]), 0, JSON.stringify(ranges(back)));
+  assert.ok(ranges(back).every(([uri]) => uri.endsWith(".lgk")), "no shape, table or index");
+  assert.ok(back.reduce((sum, { bytes }) => sum + bytes, 0) < 0.1 * frames[0].bytes, JSON.stringify(back));
   assert.deepEqual(page.faults.filter((fault) => !/404/.test(fault)), []);
 
   const server = await serve(scene, { args: ["--no-frames", "--prefetch", "0"] });

@@ -10,6 +10,7 @@
 #include "base/parallel.h"
 #include "lod/build/qsplat/file_build.h"
 #include "lod/build/qsplat/mesh_leaves.h"
+#include "lod/build/qsplat/point_leaves.h"
 #include "lod/build/stopwatch.h"
 
 namespace lod::build::qsplat {
@@ -53,8 +54,8 @@ class Builder {
   base::Result<void> stages(const SourceInput& input) {
     LUMIGRID_TRY(import(input));
     summary_.import_seconds = watch_.seconds();
-    LUMIGRID_TRY(sortTriangles());
-    LUMIGRID_TRY(measureBorder());
+    LUMIGRID_TRY(isMesh() ? sortTriangles() : sortPoints());
+    LUMIGRID_TRY(isMesh() ? measureBorder() : orientPoints());
     LUMIGRID_TRY(makeSubtrees());
     return write();
   }
@@ -64,6 +65,7 @@ class Builder {
     return !progress_ || progress_(stage, done);
   }
   bool canResume() const { return !options_.resume_key.empty(); }
+  bool isMesh() const { return source_.info.triangles > 0; }
   std::uint64_t workMemory() const { return memory_ - kLeastMemory / 2; }
 
   base::Result<void> import(const SourceInput& input) {
@@ -92,7 +94,7 @@ class Builder {
 
   // Stage 3.
   base::Result<void> measureBorder() {
-    auto& leaves = leaves_.emplace(buckets_, lattice_);
+    auto& leaves = mesh_leaves_.emplace(buckets_, lattice_);
     if (directory_->stage() >= 3) {
       auto state = directory_->state(3);
       if (!state) return state.error();
@@ -105,6 +107,59 @@ class Builder {
     return directory_->finishStage(3, out.view());
   }
 
+  // Stage 2 of points.
+  base::Result<void> sortPoints() {
+    lattice_ = makeLattice(source_.info, source_.origin, kMaxLatticeBits);
+    if (directory_->stage() >= 2) {
+      auto state = directory_->state(2);
+      if (!state) return state.error();
+      auto tiles = PointTiles::open(directory_->path(), lattice_, *state);
+      if (!tiles) return tiles.error();
+      points_ = std::move(*tiles);
+      return {};
+    }
+    LUMIGRID_TRY(directory_->needSpace(kPointBytes * source_.info.vertices, "the points sorted by tiles"));
+    auto spool = openSource(*directory_, source_);
+    if (!spool) return spool.error();
+    auto tiles = PointTiles::sort(*spool, source_.info, lattice_, directory_->path(),
+                                  [this](double done) { return report("sort", done); });
+    if (!tiles) return tiles.error();
+    points_ = std::move(*tiles);
+    if (canResume()) LUMIGRID_TRY(points_.sync());
+    LUMIGRID_TRY(directory_->finishStage(2, points_.state()));
+    spool->remove();
+    releaseFreedMemory();
+    return {};
+  }
+
+  // Stage 3 of points.
+  base::Result<void> orientPoints() {
+    auto& leaves = point_leaves_.emplace(points_, lattice_, source_.info.has_normals);
+    for (std::size_t t = 0; t < leaves.tiles(); ++t)
+      if (leaves.memoryOf(t) > workMemory())
+        return Error{ErrorCode::kNoSpace, "the memory given is too small: " + std::to_string(points_.points(t)) +
+                                              " points lie in nearly one place (--memory)"};
+    const std::string path = directory_->path() + "/leaves";
+    if (directory_->stage() >= 3) {
+      auto state = directory_->state(3);
+      if (!state) return state.error();
+      base::ByteReader in(*state);
+      return leaves.reopen(path, in);
+    }
+    LUMIGRID_TRY(directory_->needSpace(kFittedBytes * source_.info.vertices, "the fitted points"));
+    LUMIGRID_TRY(leaves.fitAll(path, tilesAtOnce(leaves), [this](double done) { return report("normals", done); }));
+    if (canResume()) LUMIGRID_TRY(leaves.sync());
+    base::ByteWriter out;
+    leaves.writeSigns(out);
+    LUMIGRID_TRY(directory_->finishStage(3, out.view()));
+    points_.release();
+    return {};
+  }
+
+  const LeafSource& leafSource() const {
+    return isMesh() ? static_cast<const LeafSource&>(*mesh_leaves_) : *point_leaves_;
+  }
+
   // As many tiles at a time as memory holds.
   unsigned tilesAtOnce(const LeafSource& leaves) const {
     std::uint64_t largest = 1;
@@ -114,7 +169,7 @@ class Builder {
 
   // Stage 4.
   base::Result<void> makeSubtrees() {
-    const LeafSource& leaves = *leaves_;
+    const LeafSource& leaves = leafSource();
     const std::string path = directory_->path() + "/nodes";
     auto store = SubtreeStore::open(path, directory_->has("nodes"), leaves.tiles());
     if (!store) return store.error();
@@ -143,7 +198,7 @@ class Builder {
     if (directory_->stage() < 4) {
       if (canResume()) LUMIGRID_TRY(subtrees_->sync());
       LUMIGRID_TRY(directory_->finishStage(4, {}));
-      buckets_.release();
+      if (isMesh()) buckets_.release();
     }
     releaseFreedMemory();
     return {};
@@ -175,9 +230,13 @@ class Builder {
     summary_.warnings = info.warnings;
     summary_.has_colors = info.has_colors;
     summary_.bytes = summary_.header.file_bytes;
-    summary_.triangles = buckets_.totals().triangles;
-    summary_.facing = buckets_.totals().facing;
-    addRepairs(source_, buckets_, summary_.repairs);
+    if (isMesh()) {
+      summary_.triangles = buckets_.totals().triangles;
+      summary_.facing = buckets_.totals().facing;
+      addRepairs(source_, buckets_, summary_.repairs);
+    } else {
+      summary_.facing = point_leaves_->facing();
+    }
     summary_.repairs.add("welded_vertices", info.referenced - std::min(info.referenced, summary_.header.leaves));
     summary_.seconds = watch_.seconds();
     summary_.cpu_seconds = watch_.cpuSeconds();
@@ -188,6 +247,8 @@ class Builder {
   static constexpr std::uint64_t kOutputBytes = 10;
   static constexpr std::uint64_t kWorkBytes = 48;
   static constexpr std::uint64_t kBucketBytes = 60;
+  static constexpr std::uint64_t kPointBytes = 16;
+  static constexpr std::uint64_t kFittedBytes = 36;
   static constexpr double kLeavesPerCoreSecond = 0.6e6;
 
   BuildOptions options_;
@@ -200,7 +261,9 @@ class Builder {
   ImportedSource source_;
   SourceLattice lattice_;
   Buckets buckets_;
-  std::optional<MeshLeaves> leaves_;
+  std::optional<MeshLeaves> mesh_leaves_;
+  PointTiles points_;
+  std::optional<PointLeaves> point_leaves_;
   std::optional<SubtreeStore> subtrees_;
   BuildSummary summary_;
 };
@@ -209,7 +272,7 @@ class Builder {
 
 base::Result<BuildSummary> buildFromFiles(const std::vector<std::string>& paths, const BuildOptions& options,
                                           const std::string& output_path, const Progress& progress) {
-  auto input = sourceFromFiles(paths, progress);
+  auto input = sourceFromFiles(paths, progress, true);
   if (!input) return input.error();
   auto summary = Builder(options, output_path, progress).run(*input);
   // Work files that do not hold together are gone by now.

@@ -135,7 +135,7 @@ TEST(Connection, aServerThatStopsAndComesBackIsFoundAgainAndToldWhatIsHere) {
 
   server::ServerOptions options = RunningServer::quiet();
   options.port = port;
-  auto second = server::Server::open(scene.path, options);
+  auto second = server::Server::open({scene.path}, options);
   ASSERT_TRUE(bool(second)) << second.error().message;
   std::thread runs([&] { (void)(*second)->run(false); });
   EXPECT_TRUE(pumpUntil(*connection, session, [&] { return session.complete(); })) << session.problem();

@@ -44,7 +44,7 @@ class ServerProcess {
     if (pid_ == 0) {
       server::ServerOptions options = RunningServer::quiet();
       options.port = 0;
-      auto opened = server::Server::open(directory, options);
+      auto opened = server::Server::open({directory}, options);
       const std::uint16_t number = opened ? (*opened)->port() : 0;
       if (::write(ends[1], &number, sizeof(number)) != sizeof(number) || !opened) ::_exit(1);
       ::_exit((*opened)->run(false) ? 0 : 1);

@@ -180,7 +180,7 @@ TEST(FrameRendererPictures, framesComeBetweenBands) {
   const SceneDirectory scene(0);
   const auto open = openScene(scene.path);
   ASSERT_TRUE(open);
-  auto renderer = FrameRenderer::start(**open);
+  auto renderer = FrameRenderer::start({open->get()});
   ASSERT_TRUE(renderer) << renderer.error().message;
   std::mutex mutex;
   std::condition_variable changed;
@@ -191,13 +191,13 @@ TEST(FrameRendererPictures, framesComeBetweenBands) {
     changed.notify_all();
   };
   // 20 bands.
-  ASSERT_TRUE((*renderer)->paint(1, requestOf(kAslant + "&width=5000&height=4000&supersampling=1&format=jpeg"), 0,
+  ASSERT_TRUE((*renderer)->paint(1, 0, requestOf(kAslant + "&width=5000&height=4000&supersampling=1&format=jpeg"), 0,
                                  [&](const auto& bytes) { note(bytes ? "picture" : "failed"); }));
   FrameRequest frame;
   frame.camera = requestOf(kAslant + "&width=64&height=64").camera;
   frame.quality = 80;
   for (std::uint64_t client = 2; client < 5; ++client)
-    (*renderer)->submit(client, frame, [&](const base::Bytes&) { note("frame"); });
+    (*renderer)->submit(client, 0, frame, [&](const base::Bytes&) { note("frame"); });
   std::unique_lock lock(mutex);
   changed.wait(lock, [&] { return order.size() == 4; });
   EXPECT_EQ(order, (std::vector<std::string>{"frame", "frame", "frame", "picture"}));
@@ -206,20 +206,20 @@ TEST(FrameRendererPictures, framesComeBetweenBands) {
 TEST(FrameRendererPictures, aPictureThatNobodyWantsIsGivenUp) {
   const SceneDirectory scene(0);
   const auto open = openScene(scene.path);
-  auto renderer = FrameRenderer::start(**open);
+  auto renderer = FrameRenderer::start({open->get()});
   ASSERT_TRUE(renderer) << renderer.error().message;
   std::atomic<bool> unwanted{false};
   const auto fail = [&](const auto&) { unwanted = true; };
   // 64 bands in hand or waiting, and one more in the queue.
   const PictureRequest large = requestOf(kAslant + "&width=8000&height=8000");
-  ASSERT_TRUE((*renderer)->paint(1, large, 2, fail));
-  ASSERT_TRUE((*renderer)->paint(2, large, 2, fail));
+  ASSERT_TRUE((*renderer)->paint(1, 0, large, 2, fail));
+  ASSERT_TRUE((*renderer)->paint(2, 0, large, 2, fail));
   (*renderer)->cancel(1);
   (*renderer)->cancel(2);
   std::mutex mutex;
   std::condition_variable changed;
   bool done = false;
-  ASSERT_TRUE((*renderer)->paint(3, requestOf(kAslant + "&width=64&height=64"), 2, [&](const auto& bytes) {
+  ASSERT_TRUE((*renderer)->paint(3, 0, requestOf(kAslant + "&width=64&height=64"), 2, [&](const auto& bytes) {
     const std::lock_guard lock(mutex);
     done = bool(bytes);
     changed.notify_all();

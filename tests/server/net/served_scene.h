@@ -74,9 +74,11 @@ class SceneDirectory {
 /// Serves until it goes.
 class RunningServer {
  public:
-  explicit RunningServer(const std::string& directory, ServerOptions options = quiet()) {
+  explicit RunningServer(const std::string& directory, const ServerOptions& options = quiet())
+      : RunningServer(std::vector<std::string>{directory}, options) {}
+  explicit RunningServer(const std::vector<std::string>& directories, ServerOptions options = quiet()) {
     options.port = 0;
-    auto opened = Server::open(directory, options);
+    auto opened = Server::open(directories, options);
     server = std::move(*opened);
     thread = std::thread([this] { std::ignore = server->run(false); });
   }

@@ -241,7 +241,7 @@ TEST(Server, aTakenPortIsToldWithWhatToDo) {
   RunningServer server(scene.path);
   ServerOptions options = RunningServer::quiet();
   options.port = server.port();
-  auto second = Server::open(scene.path, options);
+  auto second = Server::open({scene.path}, options);
   ASSERT_FALSE(second);
   EXPECT_EQ(second.error().code, base::ErrorCode::kNetwork);
   EXPECT_EQ(second.error().message, "127.0.0.1:" + std::to_string(server.port()) +
@@ -252,8 +252,8 @@ TEST(Server, wrongAddressesAndFoldersAreErrors) {
   const SceneDirectory scene(0);
   ServerOptions options = RunningServer::quiet();
   options.address = "localhost.nowhere";
-  EXPECT_EQ(Server::open(scene.path, options).error().code, base::ErrorCode::kInvalidInput);
-  EXPECT_FALSE(Server::open(scene.path + "/nothing", RunningServer::quiet()));
+  EXPECT_EQ(Server::open({scene.path}, options).error().code, base::ErrorCode::kInvalidInput);
+  EXPECT_FALSE(Server::open({scene.path + "/nothing"}, RunningServer::quiet()));
 }
 
 TEST(Server, stopSaysGoodbyeAndReturns) {
@@ -276,7 +276,7 @@ TEST(Server, aTerminationSignalEndsRun) {
   const SceneDirectory scene(0);
   ServerOptions options = RunningServer::quiet();
   options.port = 0;
-  auto server = Server::open(scene.path, options);
+  auto server = Server::open({scene.path}, options);
   ASSERT_TRUE(server);
   std::thread thread([&] { EXPECT_TRUE((*server)->run(true)); });
   // Once it answers, its signal handler stands.

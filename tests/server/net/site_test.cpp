@@ -131,7 +131,7 @@ TEST(Site, foldersThatAreNoPageAreRefusedAtStart) {
     ServerOptions options = RunningServer::quiet();
     options.port = 0;
     options.page_directory = directory;
-    auto server = Server::open(scene.path, options);
+    auto server = Server::open({scene.path}, options);
     EXPECT_FALSE(server);
     EXPECT_NE(server.error().message.find(directory), std::string::npos);
     return server.error().code;

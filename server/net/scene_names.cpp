@@ -1,0 +1,77 @@
+#include "server/net/scene_names.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <set>
+
+namespace server {
+namespace {
+
+constexpr std::string_view kPlain = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-";
+
+/// A place in the file system as it really is, so that a scene is not opened by two names: LMDB forbids that.
+std::string realPlace(const std::string& place) {
+  std::error_code failed;
+  const auto canonical = std::filesystem::weakly_canonical(place, failed);
+  return failed || place.find("://") != std::string::npos ? place : canonical.string();
+}
+
+std::string nameOf(std::string place) {
+  while (!place.empty() && place.back() == '/') place.pop_back();
+  std::string name = place.substr(place.rfind('/') + 1);
+  for (char& c : name)
+    if (kPlain.find(c) == std::string_view::npos) c = '-';
+  return name;
+}
+
+/// 3024763 as "3,024,763".
+std::string grouped(std::uint64_t number) {
+  std::string text = std::to_string(number);
+  for (std::size_t at = text.size(); at > 3;) text.insert(at -= 3, 1, ',');
+  return text;
+}
+
+}  // namespace
+
+base::Result<std::vector<std::string>> namesOf(const std::vector<std::string>& places) {
+  std::vector<std::string> names;
+  std::set<std::string> taken;
+  for (const std::string& place : places) {
+    const std::string name = nameOf(realPlace(place));
+    if (name.empty() || name.find_first_not_of('.') == std::string::npos)
+      return base::Error{base::ErrorCode::kInvalidInput,
+                         place + ": has no name to be served under; give its directory one"};
+    if (!taken.insert(name).second)
+      return base::Error{base::ErrorCode::kInvalidInput,
+                         place + ": another scene is served as '" + name +
+                             "' already; names are the last parts of the places, rename one directory or serve it at "
+                             "another port"};
+    names.push_back(name);
+  }
+  return names;
+}
+
+NamedTarget splitTarget(std::string_view target) {
+  if (!target.starts_with('/')) return {};
+  const std::size_t end = target.find_first_of("/?", 1);
+  const std::string_view name = target.substr(1, end == std::string_view::npos ? end : end - 1);
+  if (end == std::string_view::npos || target[end] == '?') return {name, {}};
+  return {name, target.substr(end)};
+}
+
+std::string sceneList(const std::vector<ListedScene>& scenes, const std::string& host) {
+  std::string html =
+      "<!doctype html>\n<html lang=\"en\"><meta charset=\"utf-8\"><meta name=\"viewport\" "
+      "content=\"width=device-width\">"
+      "<meta name=\"color-scheme\" content=\"light dark\"><link rel=\"icon\" href=\"data:,\"><title>Scenes - "
+      "Lumigrid</title>\n"
+      "<style>body { font: 16px/1.6 system-ui, sans-serif; max-width: 42rem; margin: 3rem auto; padding: 0 1rem } "
+      "code, small { opacity: 0.7 } li { margin: 0.6rem 0 }</style>\n<h1>Scenes</h1>\n<ul>\n";
+  // Names hold nothing that HTML or an address would take for more.
+  for (const ListedScene& scene : scenes)
+    html += "<li><a href=\"" + scene.name + "/\">" + scene.name + "</a> <small>" + grouped(scene.triangles) +
+            " triangles</small><br><code>lumigrid-view ws://" + host + "/" + scene.name + "/</code></li>\n";
+  return html + "</ul>\n</html>\n";
+}
+
+}  // namespace server
