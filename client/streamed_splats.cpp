@@ -110,7 +110,12 @@ float StreamedSplats::cutoff() const {
   return std::max(wanted, finest());
 }
 
+/// While what the last traversal found lacking is still being asked for, another one would find little else, and cost
+/// more time than the answers take.
 void StreamedSplats::update(const base::Camera& camera, const SplatLook& look) {
+  const lod::qsplat::StreamStats stats = stream_.stats();
+  const bool same_view = chosen_ && sameCamera(camera, camera_) && look.section == section_ && look.lens == lens_;
+  if (same_view && stats.wanted > 0 && stats.requested > 0) return;
   choose(camera, look);
 }
 

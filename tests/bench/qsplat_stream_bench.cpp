@@ -29,7 +29,7 @@ using namespace lod::qsplat;
 constexpr double kBytesPerSecond = 384'000.0 / 8.0;
 constexpr double kOneWaySeconds = 0.05;
 constexpr double kHeadBytes = 300.0;
-constexpr double kFrameSeconds = 0.1;
+constexpr double kFrameSeconds = 0.2;
 constexpr int kWidth = 1280, kHeight = 720;
 constexpr std::array<double, 14> kLooks{0.0, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0, 90.0, 120.0};
 constexpr double kLastLook = kLooks.back();

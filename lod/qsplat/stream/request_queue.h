@@ -26,9 +26,9 @@ class RequestQueue {
   void add(const WantedBlock& wanted);
   bool empty() const { return availability_.count(BlockState::kWanted) == 0; }
 
-  /// Takes the most urgent block out, with those of its neighbours in the file that are in the queue and nearly as
-  /// urgent (within one sweep of sweepPriority): at most `most` together. They are kRequested then. Count 0: the queue
-  /// is empty, or `most` is 0.
+  /// Takes the most urgent block out, with those of its neighbours in the file that are in the queue and no matter of
+  /// another magnitude (100 000: outside of the lens that it is within): at most `most` together. They are kRequested
+  /// then. Count 0: the queue is empty, or `most` is 0.
   BlockRun take(std::uint64_t most);
 
  private:

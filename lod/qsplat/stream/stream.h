@@ -33,8 +33,10 @@ inline constexpr std::uint64_t kMostFilePerMemory = 64;
 
 struct StreamOptions {
   std::uint64_t memory_bytes = 128'000'000;  ///< blocks kept at most; at least kLeastStreamMemory
-  std::size_t most_requests = 6;             ///< under way; what browsers allow for one host over HTTP/1.1
-  std::uint64_t most_request_blocks = 128;   ///< joined into one range, at least 1
+  /// Under way. More than the six connections that browsers open to a host: the next ones are there when a frame was
+  /// long in coming.
+  std::size_t most_requests = 16;
+  std::uint64_t most_request_blocks = 128;  ///< joined into one range, at least 1
   StreamOrder order = StreamOrder::kSweeps;
   /// Fetched for each view when it has all that it wants: first what is near it, then the file from its front. Only as
   /// far as memory is free. 0: nothing.

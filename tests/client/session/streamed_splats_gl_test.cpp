@@ -96,6 +96,7 @@ class StreamedSplatsTest : public ::testing::Test {
     return target_.read();
   }
   void fetchAll(const base::ViewCamera& camera) {
+    ASSERT_TRUE(bool(viewer_->update(camera, now_)));
     for (int i = 0; i < 5000 && !viewer_->allHere(); ++i) {
       pump();
       ASSERT_TRUE(bool(viewer_->update(camera, now_)));

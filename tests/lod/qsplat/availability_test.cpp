@@ -42,9 +42,14 @@ TEST(RequestQueue, givesTheMostUrgentBlockWithItsNeighbours) {
   Availability availability(100);
   availability.set(14, BlockState::kPresent);
   RequestQueue queue(availability);
-  //            12 13 (14 is here) 15 16 17    40          17 is far less urgent than 16
-  for (const auto& [block, priority] : std::vector<std::pair<std::uint64_t, float>>{
-           {12, 4900.0F}, {13, 5000.0F}, {14, 9000.0F}, {15, 4950.0F}, {16, 5200.0F}, {17, 100.0F}, {40, 5100.0F}})
+  //            12 13 (14 is here) 15 16 17    40          17 is outside of a lens
+  for (const auto& [block, priority] : std::vector<std::pair<std::uint64_t, float>>{{12, 1e6F + 4900.0F},
+                                                                                    {13, 1e6F + 5000.0F},
+                                                                                    {14, 1e6F + 9000.0F},
+                                                                                    {15, 1e6F + 4950.0F},
+                                                                                    {16, 1e6F + 5200.0F},
+                                                                                    {17, 100.0F},
+                                                                                    {40, 1e6F + 5100.0F}})
     queue.add({block, priority});
   EXPECT_EQ(availability.count(BlockState::kWanted), 6U);
 

@@ -392,7 +392,9 @@ TEST(StreamTest, aFailureAtEveryRequestInTurnChangesNothingInTheEnd) {
   const std::vector<Splat> local = localSplats(request);
   std::size_t requests = 0;
   for (std::size_t victim = 0; victim <= requests; ++victim) {
-    Stream stream(file().size(), plainOptions());
+    StreamOptions options = plainOptions();
+    options.most_request_blocks = 3;
+    Stream stream(file().size(), options);
     Host host(stream);
     std::size_t answered = 0;
     host.spoil = [&](const ByteRange&, base::Bytes bytes) -> std::optional<base::Bytes> {
