@@ -8,8 +8,8 @@ namespace {
 
 // After so many busy seconds what was measured counts half.
 constexpr double kHalfLife = 1.0;
-// Beside a round trip's: what a frame at ten a second passes before it asks again.
-constexpr double kAheadSeconds = 0.1;
+// Beside a round trip's: what a slow frame passes before more is asked for.
+constexpr double kAheadSeconds = 0.25;
 // Enough for the first look at an unknown link, and for links so slow that a block takes long.
 constexpr double kLeastRoom = 8.0 * 1024.0;
 constexpr double kMostRoom = 2.0 * 1024.0 * 1024.0;

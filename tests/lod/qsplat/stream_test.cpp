@@ -141,7 +141,7 @@ TEST(StreamTest, answersInAnyOrderFailuresAndNewViewsAreNeverAskedForTwiceAtATim
     Host host(stream);
     std::mt19937 random(seed);
     host.spoil = [&](const ByteRange&, base::Bytes bytes) -> std::optional<base::Bytes> {
-      switch (random() % 12) {
+      switch (random() % 6) {
         case 0:
           return std::nullopt;
         case 1:
