@@ -17,7 +17,8 @@ constexpr double kMostRoom = 2.0 * 1024.0 * 1024.0;
 // pass for the link's, so there is an end to it.
 constexpr double kForget = 1.002;
 constexpr double kMostAhead = 0.7;  // seconds
-// A request has at most this part of what may be under way: while one is on its way the next ones are, too.
+// A request may have this part of what may be under way: while one is on its way the next ones are, too. Until so much
+// room is free none leaves: heads of small answers would fill the link.
 constexpr std::uint64_t kParts = 4;
 
 }  // namespace
@@ -50,7 +51,8 @@ std::uint64_t LinkEstimate::mostUnderWay() const {
 
 std::uint64_t LinkEstimate::room() const {
   const std::uint64_t most = mostUnderWay();
-  return most > under_way_ ? std::min(most - under_way_, most / kParts) : 0;
+  const std::uint64_t part = most / kParts;
+  return under_way_ + part <= most ? part : 0;
 }
 
 }  // namespace lod::qsplat
