@@ -72,7 +72,7 @@ void App::resize(int width_px, int height_px, double pixel_ratio) {
 void App::pointerDown(const PointerEvent& event) {
   State& s = *state_;
   if (isOdd(event.x) || isOdd(event.y) || isOdd(event.now)) return;
-  if (!s.gestures.anyDown() && s.grabHandle(event)) return;
+  if (!s.gestures.anyDown() && (s.grabHandle(event) || s.grabLens(event))) return;
   s.gestures.down(event);
 }
 
@@ -80,6 +80,7 @@ void App::pointerMove(const PointerEvent& event) {
   State& s = *state_;
   if (isOdd(event.x) || isOdd(event.y) || isOdd(event.now)) return;
   if (event.id == s.handle_pointer) return s.dragHandle(event);
+  if (event.id == s.lens_pointer) return s.dragLens(event);
   for (const Gesture& gesture : s.gestures.move(event)) s.act(gesture);
 }
 
@@ -90,11 +91,16 @@ void App::pointerUp(const PointerEvent& event) {
     s.handle_pointer = -1;
     return;
   }
+  if (event.id == s.lens_pointer) {
+    s.lens_pointer = -1;
+    return;
+  }
   for (const Gesture& gesture : s.gestures.up(event)) s.act(gesture);
 }
 
 void App::pointerCancel(int id) {
   if (id == state_->handle_pointer) state_->handle_pointer = -1;
+  if (id == state_->lens_pointer) state_->lens_pointer = -1;
   state_->gestures.cancel(id);
 }
 
@@ -133,6 +139,7 @@ void App::blur() {
   s.shift = false;
   s.gestures.cancelAll();
   s.handle_pointer = -1;
+  s.lens_pointer = -1;
 }
 
 void App::setHidden(bool hidden) {
@@ -250,6 +257,12 @@ base::Result<void> App::openPermalink(std::string_view text) {
   if (!wanted) {
     s.say(wanted.error().message, true);
     return wanted.error();
+  }
+  if ((wanted->method == lod::Method::kQsplat) != (s.view.method == lod::Method::kQsplat)) {
+    const base::Error error{base::ErrorCode::kUnsupported,
+                            "this link is for another method, whose data come from another place; open it anew"};
+    s.say(error.message, true);
+    return error;
   }
   s.last_link = formatPermalink(*wanted);
   if (s.ready())
@@ -398,6 +411,11 @@ Statistics App::statistics() const {
   out.error_px = static_cast<double>(stats.error_px);
   const double asked = s.images_used + s.images_came;
   out.hit_rate = asked > 0.0 ? s.images_used / asked : 0.0;
+  out.splats = stats.splats.splats;
+  out.blocks = stats.splats.stream.blocks;
+  out.blocks_present = stats.splats.stream.present;
+  out.blocks_requested = stats.splats.stream.requested;
+  out.blocks_wanted = stats.splats.stream.wanted;
   out.complete = stats.complete;
   out.broken = stats.broken;
   out.last_fault = stats.last_fault;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <glm/gtc/constants.hpp>
 #include <utility>
 
 namespace client {
@@ -109,6 +110,21 @@ void App::State::addMeasurements() {
   }
 }
 
+/// The glass's rim.
+void App::State::addLens() {
+  if (!lens) return;
+  constexpr int kSides = 64;
+  const auto rim = [this](int side) {
+    const double turn = glm::two_pi<double>() * side / kSides;
+    return *lens + lensRadius() * glm::dvec2(std::cos(turn), std::sin(turn));
+  };
+  for (int i = 0; i < kSides; ++i) {
+    const glm::dvec2 a = rim(i);
+    const glm::dvec2 b = rim(i + 1);
+    lines.push_back({a.x, a.y, b.x, b.y, false});
+  }
+}
+
 void App::State::refreshOverlay() {
   overlay_dirty = false;
   labels.clear();
@@ -116,6 +132,7 @@ void App::State::refreshOverlay() {
   if (!ready() || width <= 0) return;
   addPins();
   addMeasurements();
+  addLens();
   if (view.section.on) labels.push_back(labelAt(LabelKind::kSectionHandle, 0, handlePlace()));
 }
 
@@ -180,6 +197,9 @@ void App::State::updateProgress() {
       share = kShapeShare * (whole > 0.0 ? 1.0 - open / whole : 1.0);
       const double used = stats.lumigraph.samples_used;
       if (open <= 0.0 && used > 0.0) share += (0.95 - kShapeShare) * used / (used + stats.images_requested);
+    } else if (stats.splats.splats > 0) {
+      const auto lacking = static_cast<double>(stats.splats.stream.wanted + stats.splats.stream.requested);
+      share = 1.0 - lacking / (lacking + static_cast<double>(stats.splats.stream.present));
     }
     progress.active = now - incomplete_since >= kProgressSeconds;
     progress.share = std::max(progress.share, share);

@@ -43,6 +43,8 @@ struct App::State {
   bool shift = false, turning = false;  // turning: ctrl was down when an arrow was pressed
   int handle_pointer = -1;              // the pointer that drags the section's handle
   glm::dvec2 handle_at{0.0};
+  std::optional<glm::dvec2> lens;  // the magnifying glass's middle
+  int lens_pointer = -1;           // the pointer that drags it
   struct WheelTarget {
     double at = -1e9, x = 0.0, y = 0.0;
     std::optional<glm::dvec3> surface;
@@ -133,6 +135,10 @@ struct App::State {
   glm::dvec3 handlePlace() const;
   bool grabHandle(const PointerEvent& event);
   void dragHandle(const PointerEvent& event);
+  double lensRadius() const;
+  void toggleLens();
+  bool grabLens(const PointerEvent& event);
+  void dragLens(const PointerEvent& event);
   void stepAnnotation(int by);
   void openCard(std::optional<std::size_t> index);
   bool leave();
@@ -143,6 +149,7 @@ struct App::State {
   void refreshOverlay();
   void addPins();
   void addMeasurements();
+  void addLens();
   void addLine(const glm::dvec3& a, const glm::dvec3& b, bool approximate);
   Label labelAt(LabelKind kind, std::size_t index, const glm::dvec3& world) const;
   void lookAtPins();

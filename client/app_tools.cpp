@@ -18,6 +18,9 @@ constexpr double kWheelSeconds = 0.4;
 /// Pinching to this ratio is one wheel step.
 constexpr double kRatioPerStep = 1.25;
 
+/// The magnifying glass, of the view's shorter side.
+constexpr double kLensShare = 0.18;
+
 }  // namespace
 
 // ---- gestures ----
@@ -223,6 +226,37 @@ void App::State::dragHandle(const PointerEvent& event) {
   cameraMoved();
 }
 
+// ---- the magnifying glass ----
+
+double App::State::lensRadius() const {
+  return kLensShare * std::min(width, height);
+}
+
+void App::State::toggleLens() {
+  if (view.method != lod::Method::kQsplat) return say("The magnifying glass is for splats: method qsplat", false);
+  if (lens)
+    lens.reset();
+  else
+    lens = glm::dvec2(0.5 * width, 0.5 * height);
+  lens_pointer = -1;
+  dirty = true;
+  touched();
+}
+
+bool App::State::grabLens(const PointerEvent& event) {
+  if (!ready() || !lens || lens_pointer >= 0 || event.button != PointerButton::kLeft) return false;
+  if (glm::length(*lens - glm::dvec2(event.x, event.y)) > lensRadius()) return false;
+  lens_pointer = event.id;
+  dragLens(event);
+  return true;
+}
+
+void App::State::dragLens(const PointerEvent& event) {
+  lens = glm::clamp(glm::dvec2(event.x, event.y), glm::dvec2(0.0), glm::dvec2(width, height));
+  dirty = true;
+  touched();
+}
+
 // ---- notes ----
 
 void App::State::openCard(std::optional<std::size_t> index) {
@@ -253,6 +287,8 @@ bool App::State::leave() {
     open_annotation.reset();
   } else if (mode != Mode::kLook) {
     setMode(Mode::kLook);
+  } else if (lens) {
+    toggleLens();
   } else if (view.section.on) {
     view.section.on = false;
     cameraMoved();
@@ -318,6 +354,9 @@ bool App::State::press(Key key, Modifiers modifiers) {
     case Key::kO:
       control.setOrthographic(!control.orthographic());
       cameraMoved();
+      break;
+    case Key::kL:
+      toggleLens();
       break;
     case Key::kM:
       cycleMeasure();

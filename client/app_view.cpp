@@ -41,6 +41,9 @@ base::ViewCamera App::State::drawnCamera() const {
 void App::State::handToViewer() {
   viewer.setMethod(view.method);
   viewer.setResolutionColors(view.colors_by_resolution);
+  std::optional<lod::qsplat::Lens> glass;
+  if (lens) glass = {glm::vec2(*lens), static_cast<float>(lensRadius())};
+  viewer.setLens(glass);
   std::optional<base::SectionPlane> plane;
   if (view.section.on) {
     const double side = view.section.keep_below ? 1.0 : -1.0;
@@ -169,7 +172,7 @@ void App::State::noticeRest() {
 }
 
 void App::State::meter() {
-  const SessionStats& stats = viewer.session().stats();
+  const SessionStats stats = viewer.stats().session;
   byte_rate.add(now, static_cast<double>(stats.bytes_received - seen_bytes));
   seen_bytes = stats.bytes_received;
   round_trip.update(now, stats.messages_received, stats.views_sent);

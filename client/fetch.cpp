@@ -27,10 +27,10 @@ std::string fault(const Fetched& answer) {
       return "may not be read" + inBrackets(answer) + "; sign in, or let the host allow reading";
     case FetchOutcome::kRangeIgnored:
       return "this host ignores Range" + inBrackets(answer) +
-             ", so images cannot be read one by one; switch ranges on there, or in the proxy before it "
+             ", so a scene cannot be read piece by piece; switch ranges on there, or in the proxy before it "
              "(docs/hosting.md)";
     case FetchOutcome::kCompressed:
-      return "the host compresses it" + inBrackets(answer) + "; switch that off for .lgp, .lgi and .lgk files";
+      return "the host compresses it" + inBrackets(answer) + "; switch that off for .lgp, .lgq, .lgi and .lgk files";
     case FetchOutcome::kChanged:
       return "changed while it was read; open the scene anew";
     case FetchOutcome::kTooShort:

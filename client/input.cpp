@@ -35,7 +35,7 @@ constexpr std::array<Named, 23> kPlaces{{{"KeyW", Key::kW},
 
 /// By what is printed on them, lower case: KeyboardEvent.key.
 using Printed = std::pair<char, Key>;
-constexpr std::array<Printed, 12> kLetters{{{'f', Key::kF},
+constexpr std::array<Printed, 13> kLetters{{{'f', Key::kF},
                                             {'r', Key::kR},
                                             {'i', Key::kI},
                                             {'c', Key::kC},
@@ -46,11 +46,12 @@ constexpr std::array<Printed, 12> kLetters{{{'f', Key::kF},
                                             {'p', Key::kP},
                                             {'v', Key::kV},
                                             {'h', Key::kH},
+                                            {'l', Key::kL},
                                             {'g', Key::kG}}};
 constexpr std::array<Printed, 5> kSigns{
     {{'?', Key::kH}, {'+', Key::kPlus}, {'-', Key::kMinus}, {'.', Key::kPageUp}, {',', Key::kPageDown}}};
 
-constexpr std::array<HelpRow, 27> kHelp{{
+constexpr std::array<HelpRow, 28> kHelp{{
     {"left drag, one finger", "turn around the pivot"},
     {"right or shift drag, two fingers", "move sideways"},
     {"wheel, pinch, + -", "zoom to the cursor"},
@@ -64,6 +65,7 @@ constexpr std::array<HelpRow, 27> kHelp{{
     {"shift + 1 to 9", "set a bookmark (ctrl works, too)"},
     {"I", "statistics"},
     {"C", "colours by resolution"},
+    {"L", "magnifying glass for splats: what it shows comes first; drag it"},
     {"M", "measure distances, then angles, then nothing"},
     {"Backspace", "take the last measured point back"},
     {"X", "section plane across up, then the other axes, then none"},

@@ -52,6 +52,7 @@ enum class Key : std::uint8_t {
   kV,
   kH,
   kG,
+  kL,
   kEscape,
   kEnter,
   kBackspace,  ///< Delete, too

@@ -22,7 +22,8 @@ struct Label {
   std::string text;          ///< plain text, not escaped
 };
 
-/// A line between two measured points, framebuffer pixels, cut at the eye's plane.
+/// A line between two measured points, cut at the eye's plane, or a piece of the magnifying glass's rim. Framebuffer
+/// pixels.
 struct LabelLine {
   double x0 = 0.0, y0 = 0.0, x1 = 0.0, y1 = 0.0;
   bool approximate = false;

@@ -123,8 +123,7 @@ base::Result<void> readFov(std::string_view value, ViewState& view) {
 
 base::Result<void> readMethod(std::string_view value, ViewState& view) {
   const auto method = lod::methodFromName(value);
-  if (!method || (*method != lod::Method::kLumigraph && *method != lod::Method::kPatches))
-    return bad("m (method) must be lumigraph or patches");
+  if (!method || *method == lod::Method::kFull) return bad("m (method) must be lumigraph, patches or qsplat");
   view.method = *method;
   return {};
 }
@@ -182,6 +181,7 @@ std::string formatPermalink(const ViewState& view) {
   const std::string fov = fixed(glm::degrees(view.fov_y), kAngleDecimals);
   if (fov != fixed(kDefaultFovDegrees, kAngleDecimals)) text += "&f=" + fov;
   if (view.method == lod::Method::kPatches) text += "&m=patches";
+  if (view.method == lod::Method::kQsplat) text += "&m=qsplat";
   std::string options;
   if (view.statistics) options += 's';
   if (view.colors_by_resolution) options += 'c';

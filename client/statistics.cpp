@@ -32,10 +32,15 @@ std::string view(const Statistics& s) {
   return s.complete ? name + ", complete" : name + ", more on its way";
 }
 
+std::string frames(const Statistics& s) {
+  return s.frames_per_second > 0.0 ? format("%.0f per second, %.1f ms each", s.frames_per_second, s.frame_milliseconds)
+                                   : format("at rest, %.1f ms the last", s.frame_milliseconds);
+}
+
 }  // namespace
 
 std::string_view accuracyName(Accuracy accuracy) {
-  static constexpr std::array<std::string_view, 4> kNames{"nothing yet", "coarse", "blended", "exact"};
+  static constexpr std::array<std::string_view, 5> kNames{"nothing yet", "coarse", "blended", "exact", "fine"};
   return kNames[static_cast<std::size_t>(accuracy)];
 }
 
@@ -45,12 +50,30 @@ std::string formatBytes(std::uint64_t bytes) {
   return bytes < 10'000'000'000 ? format("%.1f MB", 1e-6 * value) : format("%.1f GB", 1e-9 * value);
 }
 
-std::vector<StatisticsLine> statisticsLines(const Statistics& s) {
+namespace {
+
+/// Of a viewer that shows splats.
+std::vector<StatisticsLine> splatLines(const Statistics& s) {
   std::vector<StatisticsLine> lines{
       {"picture", view(s)},
-      {"frames", s.frames_per_second > 0.0
-                     ? format("%.0f per second, %.1f ms each", s.frames_per_second, s.frame_milliseconds)
-                     : format("at rest, %.1f ms the last", s.frame_milliseconds)},
+      {"frames", frames(s)},
+      {"splats", grouped(s.splats) + format(", down to %.1f px", s.error_px)},
+      {"blocks", grouped(s.blocks_present) + " of " + grouped(s.blocks) + " here, " + grouped(s.blocks_requested) +
+                     " requested, " + grouped(s.blocks_wanted) + " wanted"},
+      {"memory", formatBytes(s.memory_bytes) + " of " + formatBytes(s.memory_budget)},
+      {"received", formatBytes(s.received_bytes)},
+      {"link", format("%.1f Mbit/s", s.megabits_per_second)}};
+  if (s.broken > 0) lines.push_back({"broken", s.last_fault});
+  return lines;
+}
+
+}  // namespace
+
+std::vector<StatisticsLine> statisticsLines(const Statistics& s) {
+  if (s.blocks > 0) return splatLines(s);
+  std::vector<StatisticsLine> lines{
+      {"picture", view(s)},
+      {"frames", frames(s)},
       {"images",
        format("%u in use, %u resident, %u requested", s.images_in_use, s.images_resident, s.images_requested)},
       {"found here", format("%.0f %% of images", 1e2 * s.hit_rate)},

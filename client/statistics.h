@@ -25,9 +25,12 @@ struct Statistics {
   std::uint64_t received_images = 0, received_patches = 0, received_frames = 0;  ///< bytes of each kind
   double megabits_per_second = 0.0;                                              ///< received in the last second
   double round_trip_milliseconds = 0.0;  ///< from a view's leaving to the first answer; 0: not measured yet
-  double error_px = 0.0;                 ///< largest projected error of the patches drawn
+  double error_px = 0.0;                 ///< largest projected error of the patches drawn, or splat
   double hit_rate = 0.0;                 ///< of the images that moving views used, the share that was here, 0 … 1
   Accuracy accuracy = Accuracy::kNothing;
+  std::uint64_t splats = 0;  ///< drawn
+  std::uint64_t blocks = 0;  ///< of the file of splats; 0: none is shown
+  std::uint64_t blocks_present = 0, blocks_requested = 0, blocks_wanted = 0;
   bool complete = false;     ///< all for this view is here and shown
   std::uint32_t broken = 0;  ///< pieces that could not be decoded
   std::string last_fault;

@@ -101,6 +101,9 @@ struct Viewer::State {
   std::uint32_t broken = 0;
   std::string last_fault;
 
+  std::shared_ptr<SplatView> splats;  // of kQsplat; null until its link has them
+  std::optional<lod::qsplat::Lens> lens;
+
   std::vector<glm::dvec3> pins;  // world
   std::optional<PinProbe> probe;
   std::vector<bool> pins_visible;
@@ -124,6 +127,12 @@ struct Viewer::State {
   base::Result<void> startPins();
   void probePins();
   std::uint64_t pictureSignature() const;
+  bool showsSplats() const { return options.method == lod::Method::kQsplat; }
+  bool hasSplats() const { return splats && splats->bounds() != nullptr && session.welcome() != nullptr; }
+  SplatLook splatLook() const;
+  void addSplats(ViewerStats& stats) const;
+  base::Result<void> updateSplats(const base::ViewCamera& wanted);
+  base::Result<void> drawSplats(const base::ViewCamera& wanted);
   base::Camera cameraAt(const base::ViewCamera& wanted) const {
     return base::cameraForScene(wanted, session.welcome()->origin, scene);
   }
@@ -149,7 +158,7 @@ base::Result<void> Viewer::State::startScene() {
   scene = sceneSphere(welcome);
   shading = {welcome.unlit, welcome.light_direction};
   if (lost) return {};
-  LUMIGRID_TRY(startRenderer());
+  if (!showsSplats()) LUMIGRID_TRY(startRenderer());
   return startPins();
 }
 
@@ -412,7 +421,7 @@ glm::vec4 Viewer::State::sectionHere() const {
 base::Result<void> Viewer::State::startPins() {
   probe.reset();
   drawn_signature = 0;
-  if (pins.empty() || !renderer) return {};
+  if (pins.empty() || session.welcome() == nullptr || lost) return {};
   auto made = PinProbe::create();
   if (!made) return made.error();
   probe = std::move(*made);
@@ -436,6 +445,11 @@ std::uint64_t Viewer::State::pictureSignature() const {
   mix(&clip, sizeof(clip));
   mix(&cut_plane, sizeof(cut_plane));
   mix(drawn.data(), drawn.size() * sizeof(std::uint32_t));
+  if (hasSplats()) {
+    const SplatStats stats = splats->stats();
+    mix(&stats.nodes, sizeof(stats.nodes));
+    mix(&stats.cutoff_px, sizeof(stats.cutoff_px));
+  }
   return sum;
 }
 
@@ -445,13 +459,65 @@ void Viewer::State::probePins() {
   const std::uint64_t signature = pictureSignature();
   if (signature != drawn_signature) probe->invalidate();
   drawn_signature = signature;
-  probe->draw(camera, sectionHere(), patches.drawn().error_px);
+  probe->draw(camera, sectionHere(), showsSplats() ? splats->stats().cutoff_px : patches.drawn().error_px);
+}
+
+// ---- splats ----
+
+void Viewer::State::addSplats(ViewerStats& stats) const {
+  const bool pins_pending = probe && probe->pending();
+  stats.splats = splats->stats();
+  stats.error_px = stats.splats.cutoff_px;
+  stats.tolerance_px = stats.splats.finest_px;
+  stats.busy = hasSplats() && (splats->busy() || pins_pending);
+  stats.complete = hasSplats() && splats->complete();
+  stats.session.bytes_received = stats.splats.stream.bytes_received;
+  stats.broken += static_cast<std::uint32_t>(stats.splats.stream.given_up);
+  if (!stats.splats.warning.empty()) stats.last_fault = stats.splats.warning;
+}
+
+SplatLook Viewer::State::splatLook() const {
+  SplatLook look;
+  look.shading = shading;
+  look.section = sectionHere();
+  look.resolution_colors = options.lumigraph.modes.resolution_colors;
+  look.lens = lens;
+  std::copy_n(options.lumigraph.background, look.background.size(), look.background.begin());
+  return look;
+}
+
+/// The server is told of no view: all comes by ranges of the file.
+base::Result<void> Viewer::State::updateSplats(const base::ViewCamera& wanted) {
+  LUMIGRID_TRY(takeEvents());
+  view = wanted;
+  if (!hasSplats()) return {};
+  scene = *splats->bounds();
+  camera = cameraAt(wanted);
+  splats->update(camera, splatLook());
+  return {};
+}
+
+base::Result<void> Viewer::State::drawSplats(const base::ViewCamera& wanted) {
+  LUMIGRID_TRY(takeEvents());
+  view = wanted;
+  if (!hasSplats()) return {};
+  scene = *splats->bounds();
+  camera = cameraAt(wanted);
+  LUMIGRID_TRY(splats->draw(camera, splatLook()));
+  probePins();
+  return {};
 }
 
 // ---- figures ----
 
 MemoryUse Viewer::State::memory() const {
   MemoryUse use;
+  if (splats) {
+    const SplatStats stats = splats->stats();
+    use.cache = stats.stream.memory_bytes;
+    use.buffers = stats.buffer_bytes;
+    return use;
+  }
   if (renderer) {
     const base::gl::HeldBytes held = renderer->held();
     use.textures = held.textures;
@@ -478,6 +544,10 @@ bool Viewer::State::showsExactFrame() const {
 }
 
 Accuracy Viewer::State::accuracy() const {
+  if (showsSplats()) {
+    if (!hasSplats() || splats->stats().splats == 0) return Accuracy::kNothing;
+    return splats->complete() ? Accuracy::kFine : Accuracy::kCoarse;
+  }
   if (!renderer || patches.drawn().patches.empty()) return Accuracy::kNothing;
   if (showsExactFrame()) return Accuracy::kExact;
   const bool fine = patches.drawn().error_px <= options.session.patch_tolerance_px;
@@ -496,7 +566,7 @@ Viewer::Viewer(const ViewerOptions& options, std::unique_ptr<ImageDecoder> decod
   wanted.session.frame_bytes = plan.frames;
   wanted.session.max_triangles = std::min(wanted.session.max_triangles, trianglesFor(plan.patches));
   state_ = std::make_unique<State>(wanted, plan, std::move(decoder));
-  if (wanted.method != lod::Method::kLumigraph) setMethod(wanted.method);
+  if (wanted.method == lod::Method::kPatches) setMethod(wanted.method);
 }
 Viewer::~Viewer() = default;
 
@@ -512,6 +582,10 @@ const ViewerOptions& Viewer::options() const {
 
 base::Result<bool> Viewer::update(const base::ViewCamera& camera, double now) {
   State& s = *state_;
+  if (s.showsSplats()) {
+    LUMIGRID_TRY(s.updateSplats(camera));
+    return false;
+  }
   s.session.setView(s.viewForServer(camera));
   LUMIGRID_TRY(s.takeEvents());
   s.more_to_do = false;
@@ -548,7 +622,18 @@ void Viewer::drawBackground() const {
   glClear(GL_COLOR_BUFFER_BIT);
 }
 
+bool Viewer::allHere() const {
+  const State& s = *state_;
+  return s.showsSplats() ? s.hasSplats() && s.splats->complete() : s.session.complete();
+}
+
 base::Result<void> Viewer::draw(const base::ViewCamera& camera, double now) {
+  if (state_->showsSplats()) {
+    if (state_->lost) return {};
+    if (state_->hasSplats()) return state_->drawSplats(camera);
+    drawBackground();
+    return state_->takeEvents();
+  }
   auto updated = update(camera, now);
   if (!updated) return updated.error();
   State& s = *state_;
@@ -572,6 +657,11 @@ base::Result<void> Viewer::draw(const base::ViewCamera& camera, double now) {
 
 std::optional<glm::dvec3> Viewer::surfaceAt(const base::ViewCamera& camera, double x, double y) {
   State& s = *state_;
+  if (s.showsSplats()) {
+    if (!s.hasSplats()) return std::nullopt;
+    const auto point = s.splats->surfaceAt(s.cameraAt(camera), s.splatLook(), x, y);
+    return point ? std::optional(s.session.welcome()->origin + glm::dvec3(*point)) : std::nullopt;
+  }
   if (!s.renderer || s.patches.drawn().patches.empty()) return std::nullopt;
   if (!s.picker) {
     auto picker = Picker::create();
@@ -599,11 +689,20 @@ void Viewer::setResolutionColors(bool on) {
 
 void Viewer::setMethod(lod::Method method) {
   State& s = *state_;
+  if (s.showsSplats() || method == lod::Method::kQsplat) return;
   const SessionOptions& asked = s.options.session;
   const bool images = method == lod::Method::kLumigraph;
   s.options.method = method;
   s.options.lumigraph.use_images = images && (asked.images || asked.frames);
   s.session.setWanted(images && asked.images, images && asked.frames);
+}
+
+void Viewer::setSplats(std::shared_ptr<SplatView> splats) {
+  state_->splats = std::move(splats);
+}
+
+void Viewer::setLens(const std::optional<lod::qsplat::Lens>& lens) {
+  state_->lens = lens;
 }
 
 void Viewer::setPins(std::vector<glm::dvec3> points) {
@@ -631,6 +730,7 @@ void Viewer::contextLost() {
   s.renderer.reset();
   s.picker.reset();
   s.probe.reset();
+  if (s.splats) s.splats->contextLost();
   s.candidates.clear();
   s.patches.forget();
   for (auto& [id, sample] : s.samples)
@@ -642,7 +742,7 @@ base::Result<void> Viewer::contextRestored() {
   if (!s.lost) return {};
   s.lost = false;
   if (s.session.welcome() == nullptr) return {};
-  LUMIGRID_TRY(s.startRenderer());
+  if (!s.showsSplats()) LUMIGRID_TRY(s.startRenderer());
   return s.startPins();
 }
 
@@ -672,6 +772,7 @@ ViewerStats Viewer::stats() const {
   stats.complete = s.renderer && s.session.complete() && !s.more_to_do && !s.renderer->settling();
   stats.broken = s.broken;
   stats.last_fault = s.last_fault;
+  if (s.splats) s.addSplats(stats);
   return stats;
 }
 

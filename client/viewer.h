@@ -16,6 +16,7 @@
 #include "client/decode.h"
 #include "client/render/lumigraph.h"
 #include "client/session.h"
+#include "client/splat_view.h"
 #include "client/statistics.h"
 #include "lod/method.h"
 
@@ -24,7 +25,8 @@ namespace client {
 struct ViewerOptions {
   SessionOptions session;
   LumigraphOptions lumigraph;
-  lod::Method method = lod::Method::kLumigraph;  ///< kLumigraph or kPatches (same client, images off)
+  /// kLumigraph or kPatches (same client, images off); kQsplat: what setSplats() brings, and nothing else.
+  lod::Method method = lod::Method::kLumigraph;
   std::uint64_t gpu_budget_bytes = 512'000'000;  ///< images on the GPU at most
   /// All that grows with the scene, GPU and memory together (MemoryUse::total()) stays below this at every frame. Its
   /// shares (client/memory_plan.h) bound the session's cache and `gpu_budget_bytes` too. What does not fit is drawn
@@ -61,7 +63,8 @@ struct ViewerStats {
   std::uint32_t images_requested = 0;  ///< images of use in this view that are here but not on the GPU yet
   bool complete = false;     ///< the server sent all for this view and all of it is decoded, uploaded and faded in
   bool busy = false;         ///< another draw at the same view would look different, with no byte more from the server
-  std::uint32_t broken = 0;  ///< images and groups whose bytes could not be decoded
+  std::uint32_t broken = 0;  ///< images, groups and blocks of splats whose bytes could not be decoded
+  SplatStats splats;         ///< with kQsplat
   std::string last_fault;    ///< what was wrong with the latest of them
 };
 
@@ -86,6 +89,8 @@ class Viewer {
   void setBackground(const std::array<float, 4>& color);
   /// The bound framebuffer without a model, as long as there is none. Tells the server of no view.
   void drawBackground() const;
+  /// All is here that the view of the last update() or draw() asks for; some of it may still have to be decoded.
+  bool allHere() const;
   /// The world point of the drawn surface at (x, y), pixels from the upper left corner; nullopt over background. Waits
   /// for the GPU. Sees what is drawn: the cut-away side of a section plane is not there.
   std::optional<glm::dvec3> surfaceAt(const base::ViewCamera& camera, double x, double y);
@@ -97,8 +102,13 @@ class Viewer {
   /// Tints every fragment by the resolution of what is shown there; lod::draw::kResolutionLegend says how.
   void setResolutionColors(bool on);
   /// lumigraph or patches, from the next draw on; patches ask the server for no images. Images that
-  /// ViewerOptions::session turns off stay off.
+  /// ViewerOptions::session turns off stay off. A viewer that began with kQsplat stays with it, and no other comes to
+  /// it: the two are fed from different places.
   void setMethod(lod::Method method);
+  /// Where the splats of kQsplat come from; somebody pumps it.
+  void setSplats(std::shared_ptr<SplatView> splats);
+  /// The magnifying glass of kQsplat: what is seen through it comes first. Framebuffer pixels.
+  void setLens(const std::optional<lod::qsplat::Lens>& lens);
 
   /// World points whose visibility the next draws find out, at most kMaxPins (what is beyond is not visible).
   void setPins(std::vector<glm::dvec3> points);

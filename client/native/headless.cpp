@@ -45,7 +45,7 @@ class Run {
   base::Result<void> bindTarget(const base::ViewCamera& camera);
   base::Result<void> frame(std::size_t index);
   base::Result<void> save(const HeadlessFrame& frame);
-  bool pump() { return connection_->pump(viewer_->session()); }
+  bool pump();
 
   const HeadlessOptions& options_;
   std::unique_ptr<base::HeadlessContext> context_;
@@ -81,10 +81,21 @@ base::Result<void> Run::prepare() {
     viewer.upload_milliseconds = 0.0;
   }
   viewer_ = std::make_unique<Viewer>(viewer, std::make_unique<JpegDecoder>(std::max(1U, options_.decoder_threads)));
-  auto link = openLink(options_.url, options_.link);
+  // … and splats are as fine in each.
+  SplatOptions splats = options_.splats;
+  if (options_.realtime_fps <= 0.0) splats.frame_seconds = 0.0;
+  auto link = viewer.method == lod::Method::kQsplat ? openSplatLink(options_.url, options_.link, splats)
+                                                    : openLink(options_.url, options_.link);
   if (!link) return link.error();
   connection_ = std::move(*link);
   return {};
+}
+
+/// What arrived; of a link for splats also those, as soon as it has them.
+bool Run::pump() {
+  const bool arrived = connection_->pump(viewer_->session());
+  if (options_.viewer.method == lod::Method::kQsplat) viewer_->setSplats(connection_->splats());
+  return arrived;
 }
 
 /// Refused, cancelled, or away for longer than connect_timeout: an error. A shorter loss heals by itself.
@@ -140,7 +151,7 @@ base::Result<void> Run::settle(const base::ViewCamera& camera) {
     LUMIGRID_TRY(checkConnection());
     auto more = viewer_->update(camera, secondsSince(start_));
     if (!more) return more.error();
-    if (!*more && viewer_->session().complete()) {
+    if (!*more && viewer_->allHere()) {
       LUMIGRID_TRY(draw(camera));
       if (viewer_->stats().complete) return {};
       continue;
@@ -242,6 +253,17 @@ std::string formatHeadlessFrame(const HeadlessFrame& frame) {
                    {"faces", session.bytes_faces},
                    {"patches", session.bytes_patches},
                    {"frames", session.bytes_frames}};
+  if (const SplatStats& splats = frame.stats.splats; splats.stream.blocks > 0) {
+    line["splats"] = {{"drawn", splats.splats},
+                      {"nodes", splats.nodes},
+                      {"cutoff_px", splats.cutoff_px},
+                      {"blocks", splats.stream.blocks},
+                      {"present", splats.stream.present},
+                      {"requested", splats.stream.requested},
+                      {"wanted", splats.stream.wanted},
+                      {"evicted", splats.stream.evicted},
+                      {"failures", splats.stream.failures}};
+  }
   line["messages"] = session.messages_received;
   if (frame.link.requests > 0) line["link"] = {{"requests", frame.link.requests}, {"bytes", frame.link.bytes}};
   line["broken"] = frame.stats.broken;

@@ -30,6 +30,7 @@ struct HeadlessOptions {
   std::string url;
   std::vector<base::ViewCamera> path;  ///< world coordinates; each frame has its own size
   ViewerOptions viewer;
+  SplatOptions splats;           ///< with ViewerOptions::method kQsplat
   double settle_seconds = 10.0;  ///< wait up to this for each view to be complete; fades are off then
   double realtime_fps = 0.0;     ///< > 0: frames at this rate without waiting for anything
   LinkLimit link;

@@ -11,6 +11,7 @@
 #include "base/error.h"
 #include "client/ray_picks.h"
 #include "client/session.h"
+#include "client/splat_view.h"
 
 namespace client {
 
@@ -63,6 +64,8 @@ class Link {
     return false;
   }
   virtual std::vector<AnsweredPick> takePicks() { return {}; }
+  /// Of a link that was opened for splats, once it knows of them: for Viewer::setSplats(). Null before, and else.
+  virtual std::shared_ptr<SplatView> splats() const { return nullptr; }
   /// Since it began. Nothing where there is one connection, which the session counts.
   virtual LinkCounts counts() const { return {}; }
 };
@@ -74,5 +77,8 @@ bool isPublishedScene(const std::string& url);
 base::Result<void> checkUrl(const std::string& url);
 /// Starts at once.
 base::Result<std::unique_ptr<Link>> openLink(const std::string& url, const LinkLimit& limit = {});
+/// The same for lod::Method::kQsplat: scene.json and qsplat.lgq by HTTP, from a server of ours as from any other host.
+base::Result<std::unique_ptr<Link>> openSplatLink(const std::string& url, const LinkLimit& limit,
+                                                  const SplatOptions& options);
 
 }  // namespace client

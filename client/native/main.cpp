@@ -32,6 +32,12 @@ struct Arguments {
   std::string method = "lumigraph";
   bool images = true;
   bool frames = true;
+  std::string splat = "circle";
+  float cutoff_px = 1.0F;
+  double frame_rate = 10.0;
+  std::string order = "sweeps";
+  bool back_faces = false;
+  std::string idle = "16M";
   std::string cache = "50M";
   std::string gpu_memory = "512M";
   std::string memory = "1G";
@@ -57,6 +63,7 @@ struct Arguments {
 /// The same with every value understood.
 struct Settings {
   client::ViewerOptions viewer;
+  client::SplatOptions splats;
   client::LinkLimit link;
   std::optional<std::pair<int, int>> size;
 };
@@ -84,8 +91,10 @@ void describe(CLI::App& app, Arguments& a) {
       ->required();
   app.option_defaults()->always_capture_default();
 
-  app.add_option("--method", a.method, "lumigraph: patches textured by images; patches: the patches alone")
-      ->check(CLI::IsMember({"lumigraph", "patches"}))
+  app.add_option("--method", a.method,
+                 "lumigraph: patches textured by images; patches: the patches alone; qsplat: splats, streamed from the "
+                 "scene's qsplat.lgq in the order in which the view has use for them")
+      ->check(CLI::IsMember({"lumigraph", "patches", "qsplat"}))
       ->group("What is shown");
   app.add_flag("--images,!--no-images", a.images, "Use images of the repository (on unless --no-images)")
       ->group("What is shown");
@@ -105,6 +114,33 @@ void describe(CLI::App& app, Arguments& a) {
   app.add_option("--max-triangles", a.max_triangles, "... or until this many triangles are drawn")
       ->check(CLI::Range(1'000, 1'000'000'000))
       ->group("What is shown");
+  app.add_option("--splat", a.splat,
+                 "Kernel of --method qsplat. square: the fastest; circle; fuzzy: softly blended; ellipse: lies in the "
+                 "surface, the sharpest, with a hole now and then")
+      ->check(CLI::IsMember({"square", "circle", "fuzzy", "ellipse"}))
+      ->group("What is shown");
+  app.add_option("--cutoff", a.cutoff_px,
+                 "Splats are refined down to this diameter, in pixels, when the view rests; 0: down to the leaves")
+      ->check(CLI::Range(0.0, 1000.0))
+      ->group("What is shown");
+  app.add_option("--frame-rate", a.frame_rate,
+                 "Pictures a second with --method qsplat while the view moves: splats get as large as that asks for. "
+                 "0: as fine as at rest")
+      ->check(CLI::Range(0.0, 1000.0))
+      ->group("What is shown");
+  app.add_option("--order", a.order,
+                 "In which order splats come. sweeps: from the top down, each time twice as fine; level: by level of "
+                 "the tree; radius: the largest of the scene first; size: the largest in the picture first; rows: from "
+                 "the top down, each at its finest")
+      ->check(CLI::IsMember({"sweeps", "level", "radius", "size", "rows"}))
+      ->group("What is shown");
+  app.add_flag("--back-faces", a.back_faces,
+               "Draw splats that turn their backs, too (default: leave them out); for open surfaces that are seen from "
+               "behind")
+      ->group("What is shown");
+  app.add_option("--idle", a.idle,
+                 "Splats fetched ahead once the view has all that it needs, for each view, in bytes; 0: none")
+      ->group("Limits");
   app.add_option("--background", a.background, "#rrggbb, #rrggbbaa or transparent")->group("What is shown");
   app.add_option("--size", a.size,
                  "Window size (default: 1280x720); headless: size of all pictures, whatever the path says")
@@ -177,6 +213,16 @@ base::Result<Settings> understand(const Arguments& a) {
     settings.link.latency_seconds = *latency;
   }
 
+  const auto idle = client::parseByteCount(a.idle);
+  if (!idle) return base::within("--idle", idle.error());
+  settings.splats.kernel = *lod::draw::splatKernelFromName(a.splat);
+  settings.splats.cutoff_px = a.cutoff_px;
+  settings.splats.frame_seconds = a.frame_rate > 0.0 ? 1.0 / a.frame_rate : 0.0;
+  settings.splats.order = *lod::qsplat::streamOrderFromName(a.order);
+  settings.splats.back_faces = a.back_faces;
+  settings.splats.idle_bytes = *idle;
+  settings.splats.memory_bytes = *memory;
+
   client::ViewerOptions& viewer = settings.viewer;
   viewer.method = *lod::methodFromName(a.method);
   viewer.gpu_budget_bytes = *gpu_memory;
@@ -204,6 +250,7 @@ int runHeadlessMode(const Arguments& a, const Settings& settings) {
   if (settings.size)
     for (base::ViewCamera& camera : options.path) std::tie(camera.width, camera.height) = *settings.size;
   options.viewer = settings.viewer;
+  options.splats = settings.splats;
   options.link = settings.link;
   options.settle_seconds = a.settle_seconds;
   options.realtime_fps = a.realtime_fps;
@@ -212,13 +259,15 @@ int runHeadlessMode(const Arguments& a, const Settings& settings) {
   options.out_dir = a.out_dir;
   options.cancelled = [] { return interrupted.load(); };
   const std::size_t count = options.path.size();
+  const bool splats = settings.viewer.method == lod::Method::kQsplat;
   options.on_frame = [&](const client::HeadlessFrame& frame) {
     if (a.json)
       std::printf("%s\n", client::formatHeadlessFrame(frame).c_str());
     else
-      std::printf("frame %zu of %zu: %.2f s, %.1f ms to draw, %llu triangles, %u images, %.2f MB received%s\n",
+      std::printf("frame %zu of %zu: %.2f s, %.1f ms to draw, %llu %s, %u images, %.2f MB received%s\n",
                   frame.index + 1, count, frame.seconds, frame.draw_ms,
-                  static_cast<unsigned long long>(frame.stats.lumigraph.triangles), frame.stats.lumigraph.samples_used,
+                  static_cast<unsigned long long>(splats ? frame.stats.splats.splats : frame.stats.lumigraph.triangles),
+                  splats ? "splats" : "triangles", frame.stats.lumigraph.samples_used,
                   1e-6 * static_cast<double>(frame.stats.session.bytes_received),
                   frame.stats.complete ? "" : " (not complete)");
     std::fflush(stdout);
@@ -275,6 +324,8 @@ int runWindowMode(const CLI::App& app, const Arguments& a, const Settings& setti
   options.app.viewer = settings.viewer;
   options.app.settings_rule = false;
   applyKept(app, options.app.settings, options.app.viewer);
+  options.splats = settings.splats;
+  options.splats.memory_bytes = options.app.viewer.memory_budget_bytes;
   options.link = settings.link;
   options.view = a.view;
   options.picture_directory = a.pictures;
@@ -325,9 +376,13 @@ int main(int argc, char** argv) {
     return app.exit(error) == 0 ? 0 : kWrongUsage;
   }
   if (auto url = client::checkUrl(arguments.url); !url) return complain(url.error().message, kWrongUsage);
-  if (!arguments.view.empty())
-    if (auto view = client::parsePermalink(arguments.view); !view)
-      return complain("--view: " + view.error().message, kWrongUsage);
+  if (!arguments.view.empty()) {
+    const auto view = client::parsePermalink(arguments.view);
+    if (!view) return complain("--view: " + view.error().message, kWrongUsage);
+    // A link says what it shows.
+    for (const auto& [method, name] : lod::kMethodNames)
+      if (method == view->method && app.count("--method") == 0) arguments.method = name;
+  }
   auto settings = understand(arguments);
   if (!settings) return complain(settings.error().message, kWrongUsage);
   if (arguments.check_host) return runHostCheck(arguments);

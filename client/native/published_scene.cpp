@@ -6,9 +6,9 @@
 #include <optional>
 #include <utility>
 
-#include "base/json/scene_file.h"
 #include "client/native/connection.h"
 #include "client/native/curl_fetcher.h"
+#include "client/native/splat_link.h"
 #include "repository/parameters.h"
 
 namespace client {
@@ -22,6 +22,8 @@ std::string nameOf(const std::string& place) {
   return place.substr(place.rfind('/') + 1);
 }
 
+}  // namespace
+
 std::optional<StaticPart> partOf(const base::Scene& scene, const std::string& stem, const std::string& extension) {
   const auto file = base::partFile(scene, stem, extension);
   if (!file) return std::nullopt;
@@ -31,7 +33,19 @@ std::optional<StaticPart> partOf(const base::Scene& scene, const std::string& st
   return StaticPart{part->file, part->bytes};
 }
 
-}  // namespace
+protocol::Welcome welcomeFrom(const base::Scene& scene, const std::string& place) {
+  const base::Aabb box = scene.localBox();
+  protocol::Welcome welcome;
+  welcome.scene_name = nameOf(place);
+  welcome.units = scene.units == "unknown" ? "" : scene.units;
+  welcome.origin = scene.origin;
+  welcome.box_min = box.min;
+  welcome.box_max = box.max;
+  welcome.up = glm::vec3(scene.up);
+  welcome.unlit = scene.light.mode == base::LightMode::kUnlit;
+  welcome.light_direction = scene.light.direction;
+  return welcome;
+}
 
 base::Result<StaticScene> staticSceneFrom(const std::string& scene_json, const std::string& place) {
   const auto scene = base::parseScene(scene_json, place + "/scene.json");
@@ -44,15 +58,7 @@ base::Result<StaticScene> staticSceneFrom(const std::string& scene_json, const s
   out.place = place;
   out.patches = *patches;
   out.index = partOf(*scene, "images/index", ".lgi");
-  const base::Aabb box = scene->localBox();
-  out.welcome.scene_name = nameOf(place);
-  out.welcome.units = scene->units == "unknown" ? "" : scene->units;
-  out.welcome.origin = scene->origin;
-  out.welcome.box_min = box.min;
-  out.welcome.box_max = box.max;
-  out.welcome.up = glm::vec3(scene->up);
-  out.welcome.unlit = scene->light.mode == base::LightMode::kUnlit;
-  out.welcome.light_direction = scene->light.direction;
+  out.welcome = welcomeFrom(*scene, place);
   return out;
 }
 
@@ -100,50 +106,74 @@ base::Result<std::unique_ptr<Link>> openLink(const std::string& url, const LinkL
   return std::unique_ptr<Link>(std::make_unique<Connection>(*server, limit));
 }
 
+base::Result<std::unique_ptr<Link>> openSplatLink(const std::string& url, const LinkLimit& limit,
+                                                  const SplatOptions& options) {
+  LUMIGRID_TRY(checkUrl(url));
+  if (isPublishedScene(url))
+    return std::unique_ptr<Link>(std::make_unique<SplatLink>(placeOfScene(url), limit, options));
+  const auto server = parseServerUrl(url);
+  if (!server) return server.error();
+  // Of a server with several scenes, each lies in a folder of its own.
+  const std::string place = placeOfScene("http://" + server->authority() + server->target);
+  return std::unique_ptr<Link>(std::make_unique<SplatLink>(place, limit, options));
+}
+
+// ---- scene.json ----
+
+SceneJson::SceneJson(CurlFetcher& fetcher, std::string place) : fetcher_(fetcher), place_(std::move(place)) {
+  ask();
+}
+
+void SceneJson::ask() {
+  fetcher_.submitWhole(kSceneJsonId, "scene.json", kMostJsonBytes);
+  asked_ = true;
+}
+
+std::optional<std::string> SceneJson::take(Session& session, double now) {
+  if (!asked_ && now >= retry_at_) ask();
+  const auto answers = fetcher_.take();
+  if (answers.empty()) return std::nullopt;
+  const Fetched& answer = answers.front();
+  if (answer.outcome == FetchOutcome::kBytes) {
+    bytes_ = answer.bytes.size();
+    return std::string(answer.bytes.begin(), answer.bytes.end());
+  }
+  const std::string why = explain(answer, place_ + "/scene.json");
+  asked_ = !mayPass(answer);
+  if (asked_)
+    session.refuse(why);
+  else
+    session.disconnected(why);
+  retry_at_ = now + std::min(kLongestPause, kFirstPause * std::exp2(std::min(failures_++, 8)));
+  return std::nullopt;
+}
+
 // ---- the link ----
 
 struct PublishedSceneLink::State {
-  State(const std::string& url, const LinkLimit& limit) : place(placeOfScene(url)), fetcher(place, limit) { ask(); }
+  State(const std::string& url, const LinkLimit& limit)
+      : place(placeOfScene(url)), fetcher(place, limit), scene_json(fetcher, place) {}
 
-  void ask() {
-    fetcher.submitWhole(kSceneJsonId, "scene.json", kMostJsonBytes);
-    asked = true;
-  }
   double now() const { return std::chrono::duration<double>(LinkClock::Clock::now() - start).count(); }
   bool takeScene(Session& session);
 
   std::string place;
   LinkClock::Clock::time_point start = LinkClock::Clock::now();
   CurlFetcher fetcher;
-  bool asked = false;
-  int failures = 0;
-  std::uint64_t json_bytes = 0;
-  double retry_at = 0.0;
+  SceneJson scene_json;
+  bool refused = false;
   std::unique_ptr<StaticSource> source;
 };
 
 /// scene.json, when it came.
 bool PublishedSceneLink::State::takeScene(Session& session) {
-  if (!asked && now() >= retry_at) ask();
-  const auto answers = fetcher.take();
-  if (answers.empty()) return false;
-  asked = false;
-  const Fetched& answer = answers.front();
-  if (answer.outcome != FetchOutcome::kBytes) {
-    const std::string why = explain(answer, place + "/scene.json");
-    if (mayPass(answer))
-      session.disconnected(why);
-    else
-      session.refuse(why);
-    const double pause = kFirstPause * std::exp2(std::min(failures++, 8));
-    retry_at = mayPass(answer) ? now() + std::min(kLongestPause, pause) : HUGE_VAL;
-    return true;
-  }
-  json_bytes = answer.bytes.size();
-  auto scene = staticSceneFrom(std::string(answer.bytes.begin(), answer.bytes.end()), place);
+  if (refused) return false;
+  const auto text = scene_json.take(session, now());
+  if (!text) return false;
+  auto scene = staticSceneFrom(*text, place);
   if (!scene) {
+    refused = true;
     session.refuse(scene.error().message);
-    retry_at = HUGE_VAL;
     return true;
   }
   source = std::make_unique<StaticSource>(std::move(*scene), fetcher, parametersReader());
@@ -178,7 +208,7 @@ std::vector<AnsweredPick> PublishedSceneLink::takePicks() {
 LinkCounts PublishedSceneLink::counts() const {
   if (state_->source == nullptr) return {1, 0};
   const StaticStats stats = state_->source->stats();
-  return {1 + stats.requests, state_->json_bytes + stats.bytes};
+  return {1 + stats.requests, state_->scene_json.bytes() + stats.bytes};
 }
 
 const StaticSource* PublishedSceneLink::source() const {

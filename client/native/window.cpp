@@ -231,7 +231,9 @@ bool Window::createWindow(int context_api) {
 }
 
 base::Result<void> Window::open() {
-  auto link = openLink(options_.url, options_.link);
+  const bool splats = options_.app.viewer.method == lod::Method::kQsplat;
+  auto link =
+      splats ? openSplatLink(options_.url, options_.link, options_.splats) : openLink(options_.url, options_.link);
   if (!link) return link.error();
   connection_ = std::move(*link);
   if (glfwInit() != GLFW_TRUE)
@@ -440,7 +442,8 @@ void Window::keepBookmarks() {
 
 /// The server's picture is the true one; without a server there is what the window shows.
 void Window::savePicture(const Request& request) {
-  if (published_ || app_->session().state() != SessionState::kReady) return writePicture(readPicture());
+  if (published_ || app_->view().method == lod::Method::kQsplat || app_->session().state() != SessionState::kReady)
+    return writePicture(readPicture());
   app_->say("The server draws the picture\u2026");
   asked_[next_question_] = {Question::kPicture, 0, readPicture()};
   http_->get(next_question_++, renderTarget(request, background_), kMaxPicture, kPictureSeconds);
@@ -552,6 +555,7 @@ base::Result<void> Window::run() {
   while (glfwWindowShouldClose(window_) == GLFW_FALSE) {
     glfwPollEvents();
     connection_->pump(app_->session());
+    if (auto splats = connection_->splats()) app_->viewer().setSplats(std::move(splats));
     takeAnswers();
     const double now = glfwGetTime();
     app_->advance(now);

@@ -13,7 +13,8 @@ struct WindowOptions {
   std::string url;
   AppOptions app;  ///< its clock is set here
   LinkLimit link;
-  int width = 1280;  ///< window size at the start, screen units
+  SplatOptions splats;  ///< with ViewerOptions::method kQsplat
+  int width = 1280;     ///< window size at the start, screen units
   int height = 720;
   unsigned decoder_threads = 2;
   bool show_figures = false;     ///< begins with the statistics that I shows

@@ -14,27 +14,25 @@
 #include <vector>
 
 #include "client/app.h"
+#include "client/web/page.h"
 #include "client/web/text_rows.h"
 #include "client/web/web_decoder.h"
-#include "client/web/web_scene.h"
 
-namespace {
+namespace client::web {
 
-struct Page {
-  client::AppOptions options;
-  std::unique_ptr<client::App> app;
-  EMSCRIPTEN_WEBGL_CONTEXT_HANDLE context = 0;
-  base::Bytes incoming, outgoing;
-  std::unique_ptr<client::WebScene> scene;      // a published one; null with a server
-  std::vector<client::Annotation> annotations;  // on their way in
-  std::string text;                             // what the last call handed out
-};
 Page page;
 
 const char* hand(std::string text) {
   page.text = std::move(text);
   return page.text.c_str();
 }
+
+}  // namespace client::web
+
+namespace {
+
+using client::web::hand;
+using client::web::page;
 
 /// The empty text when all is well, else what is wrong.
 template <class T>
@@ -72,6 +70,7 @@ EMSCRIPTEN_KEEPALIVE int start(const char* canvas) {
   attributes.powerPreference = EM_WEBGL_POWER_PREFERENCE_HIGH_PERFORMANCE;
   page.context = emscripten_webgl_create_context(canvas, &attributes);
   if (page.context <= 0 || emscripten_webgl_make_context_current(page.context) != EMSCRIPTEN_RESULT_SUCCESS) return 0;
+  page.options.viewer.method = client::web::kPageMethod;
   page.options.clock = [] { return emscripten_get_now() / 1000.0; };
   page.app = std::make_unique<client::App>(page.options, std::make_unique<client::WebDecoder>());
   return 1;
@@ -155,8 +154,8 @@ EMSCRIPTEN_KEEPALIVE const char* frame(double now) {
 EMSCRIPTEN_KEEPALIVE const char* takeRequests() {
   client::TextRows rows;
   for (const client::Request& request : page.app->takeRequests()) {
-    if (page.scene && request.kind == client::RequestKind::kPick) {
-      page.scene->source().pick(request.id, request.origin, request.direction);
+    if (page.pick != nullptr && request.kind == client::RequestKind::kPick) {
+      page.pick(request);
       continue;
     }
     rows.add(static_cast<int>(request.kind)).add(static_cast<double>(request.id)).add(request.text);
@@ -308,6 +307,9 @@ EMSCRIPTEN_KEEPALIVE const char* figures() {
   row("receivedPatchBytes", static_cast<double>(s.received_patches));
   row("receivedFrameBytes", static_cast<double>(s.received_frames));
   row("errorPixels", s.error_px);
+  row("splats", static_cast<double>(s.splats));
+  row("blocks", static_cast<double>(s.blocks));
+  row("blocksPresent", static_cast<double>(s.blocks_present));
   row("accuracy", static_cast<double>(s.accuracy));
   row("complete", s.complete ? 1 : 0);
   row("broken", s.broken);
@@ -375,36 +377,6 @@ EMSCRIPTEN_KEEPALIVE std::size_t nextToSend() {
 }
 EMSCRIPTEN_KEEPALIVE const std::uint8_t* messageToSend() {
   return page.outgoing.data();
-}
-
-}  // extern "C"
-
-// ---- a published scene instead of a server ----
-
-extern "C" {
-
-/// `numbers`: client/web/web_scene.h.
-EMSCRIPTEN_KEEPALIVE void openStatic(const char* place, const char* name, const char* units, const char* patches,
-                                     const char* index, const double* numbers) {
-  double plain[client::kSceneNumbers];
-  std::copy_n(numbers, client::kSceneNumbers, plain);
-  page.scene = std::make_unique<client::WebScene>(place, name, units, patches, index, plain);
-}
-
-/// 1 when something came.
-EMSCRIPTEN_KEEPALIVE int pumpStatic(double now) {
-  client::StaticSource& source = page.scene->source();
-  bool came = source.pump(page.app->session(), now);
-  for (const client::AnsweredPick& pick : source.takePicks()) {
-    page.app->answerPick(pick.id, pick.answer);
-    came = true;
-  }
-  return came ? 1 : 0;
-}
-
-/// What cannot be shown though the rest goes on; mostly empty.
-EMSCRIPTEN_KEEPALIVE const char* staticProblem() {
-  return page.scene->source().problem().c_str();
 }
 
 }  // extern "C"

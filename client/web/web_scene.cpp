@@ -52,24 +52,13 @@ base::Result<repository::SampledPoints> readParameters(const std::string& text) 
   return parameters ? *std::exchange(parameters, std::nullopt) : badParameters();
 }
 
-glm::dvec3 vectorAt(const double* numbers) {
-  return {numbers[0], numbers[1], numbers[2]};
-}
-
 StaticScene sceneOf(const std::string& place, const std::string& name, const std::string& units,
                     const std::string& patches, const std::string& index, const double (&n)[kSceneNumbers]) {
   StaticScene scene;
   scene.place = place;
-  scene.welcome.scene_name = name;
-  scene.welcome.units = units == "unknown" ? "" : units;
-  scene.welcome.origin = vectorAt(n);
-  scene.welcome.box_min = glm::vec3(vectorAt(n + 3) - scene.welcome.origin);
-  scene.welcome.box_max = glm::vec3(vectorAt(n + 6) - scene.welcome.origin);
-  scene.welcome.up = glm::vec3(vectorAt(n + 9));
-  scene.welcome.unlit = n[12] != 0.0;
-  scene.welcome.light_direction = glm::vec3(vectorAt(n + 13));
-  scene.patches = {patches, static_cast<std::uint64_t>(n[16])};
-  if (n[17] > 0.0) scene.index = StaticPart{index, static_cast<std::uint64_t>(n[17])};
+  scene.welcome = welcomeOf(name, units, n);
+  scene.patches = {patches, static_cast<std::uint64_t>(n[kWelcomeNumbers])};
+  if (n[kWelcomeNumbers + 1] > 0.0) scene.index = StaticPart{index, static_cast<std::uint64_t>(n[kWelcomeNumbers + 1])};
   return scene;
 }
 

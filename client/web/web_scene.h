@@ -7,12 +7,12 @@
 #include "client/session.h"
 #include "client/static_source.h"
 #include "client/web/web_fetcher.h"
+#include "client/web/web_welcome.h"
 
 namespace client {
 
-/// What JavaScript found in scene.json. Numbers: origin, box_min, box_max, up (world, 3 each), 1 when unlit, the
-/// light's direction (3), bytes of the patches and of the index (0: none).
-inline constexpr int kSceneNumbers = 18;
+/// kWelcomeNumbers, then bytes of the patches and of the index (0: none).
+inline constexpr int kSceneNumbers = kWelcomeNumbers + 2;
 
 class WebScene {
  public:

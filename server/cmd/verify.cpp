@@ -7,7 +7,6 @@
 
 #include "base/file.h"
 #include "base/json/annotations_file.h"
-#include "lod/qsplat/splat_file.h"
 #include "repository/access.h"
 #include "repository/open_objects.h"
 #include "repository/parameters.h"
@@ -52,21 +51,6 @@ void verifyParts(const std::string& directory, const base::Scene& scene, Faults&
     else if (*hash != part.sha256)
       faults.push_back(path + ": its SHA-256 is " + *hash + ", scene.json says " + part.sha256);
   }
-}
-
-void verifySplats(const std::string& path, const base::Scene& scene, Faults& faults) {
-  const auto splats = lod::qsplat::SplatFile::open(path);
-  if (!splats) {
-    faults.push_back(splats.error().message);
-    return;
-  }
-  for (const std::string& fault : splats->verify()) faults.push_back(path + ": " + fault);
-  const lod::qsplat::Header& header = splats->header();
-  if (header.colors != scene.has_colors) faults.push_back(path + ": colours do not agree with scene.json");
-  const base::Aabb box = scene.localBox();
-  const float slack = header.root.radius + 1e-6F * box.diagonal();
-  if (!base::Aabb{box.min - slack, box.max + slack}.contains(header.root.center))
-    faults.push_back(path + ": its root lies outside the scene's box");
 }
 
 void verifyLocalPacks(const std::string& directory, const std::string& index, const VerifyProgress& progress,

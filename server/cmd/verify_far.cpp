@@ -86,9 +86,11 @@ void verifyPart(const repository::ObjectSource& source, const base::ScenePart& p
   }
 }
 
+using VerifyFile = void (*)(const std::string& path, const base::Scene& scene, Faults& faults);
+
 // As a file, for it is looked at through a memory map; its length and SHA-256 are compared on the way.
-void verifyFarPatches(const repository::ObjectSource& source, const base::ScenePart& part, const base::Scene& scene,
-                      const VerifyProgress& progress, Faults& faults) {
+void verifyFarFile(const repository::ObjectSource& source, const base::ScenePart& part, const base::Scene& scene,
+                   VerifyFile verify, const VerifyProgress& progress, Faults& faults) {
   const auto folder = WorkFolder::make();
   if (!folder) {
     faults.push_back(folder.error().message);
@@ -102,7 +104,7 @@ void verifyFarPatches(const repository::ObjectSource& source, const base::SceneP
     return;
   }
   Faults found;
-  verifyPatches(*path, scene, found);
+  verify(*path, scene, found);
   for (std::string& fault : found) {
     // It lies at the place, not where it was looked at.
     if (fault.starts_with(*path)) fault = source.place() + "/" + part.file + fault.substr(path->size());
@@ -144,6 +146,7 @@ base::Result<Faults> verifyFar(const std::string& place, const VerifyProgress& p
   const auto scene = base::parseScene(std::string(json->begin(), json->end()), source->place() + "/scene.json");
   if (!scene) return scene.error();
   const auto patches = base::partFile(*scene, "patch", ".lgp");
+  const auto splats = base::partFile(*scene, "qsplat", ".lgq");
   const auto index = base::partFile(*scene, "images/index", ".lgi");
   if (!patches || !base::isPublishedName(*patches))
     return base::Error{base::ErrorCode::kInvalidInput,
@@ -155,7 +158,9 @@ base::Result<Faults> verifyFar(const std::string& place, const VerifyProgress& p
     if (!repository::isObjectName(part.file))
       faults.push_back(place + ": scene.json lists a part '" + part.file + "', which cannot be");
     else if (part.file == *patches)
-      verifyFarPatches(*source, part, *scene, progress, faults);
+      verifyFarFile(*source, part, *scene, verifyPatches, progress, faults);
+    else if (part.file == splats)
+      verifyFarFile(*source, part, *scene, verifySplats, progress, faults);
     else
       verifyPart(*source, part, faults);
   }

@@ -4,9 +4,25 @@
 #include <utility>
 
 #include "lod/patch/format.h"
+#include "lod/qsplat/splat_file.h"
 #include "repository/verify.h"
 
 namespace server::cmd {
+
+void verifySplats(const std::string& path, const base::Scene& scene, Faults& faults) {
+  const auto splats = lod::qsplat::SplatFile::open(path);
+  if (!splats) {
+    faults.push_back(splats.error().message);
+    return;
+  }
+  for (const std::string& fault : splats->verify()) faults.push_back(path + ": " + fault);
+  const lod::qsplat::Header& header = splats->header();
+  if (header.colors != scene.has_colors) faults.push_back(path + ": colours do not agree with scene.json");
+  const base::Aabb box = scene.localBox();
+  const float slack = header.root.radius + 1e-6F * box.diagonal();
+  if (!base::Aabb{box.min - slack, box.max + slack}.contains(header.root.center))
+    faults.push_back(path + ": its root lies outside the scene's box");
+}
 
 void verifyPatches(const std::string& path, const base::Scene& scene, Faults& faults) {
   auto patches = lod::patch::PatchFile::open(path);

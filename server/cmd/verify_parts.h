@@ -21,6 +21,9 @@ using VerifyProgress = std::function<bool(double done)>;
 /// A patch hierarchy on the disk: all that PatchFile::verify finds, and what does not go with scene.json.
 void verifyPatches(const std::string& path, const base::Scene& scene, Faults& faults);
 
+/// The same of splats.
+void verifySplats(const std::string& path, const base::Scene& scene, Faults& faults);
+
 /// The points that a store samples; nothing, and a fault, when it does not say. `path`: of the store, for messages.
 std::optional<repository::SampledPoints> samplesOf(const repository::Store& store, const std::string& path,
                                                    Faults& faults);

@@ -219,6 +219,11 @@ base::Result<std::unique_ptr<OpenScene>> openScene(const std::string& place, con
   auto open = openHierarchy(std::move(*scene), std::move(*json_bytes), patch_path, place);
   if (!open) return open;
   (*open)->directory = place;
+  if (base::partFile((*open)->scene, "qsplat", ".lgq")) {
+    auto splats = base::MappedFile::open(base::splatPath(place, (*open)->scene));
+    if (!splats) return splats.error();
+    (*open)->splat_bytes = std::move(*splats);
+  }
   LUMIGRID_TRY(openImages(place, **open));
   return open;
 }

@@ -42,6 +42,7 @@ struct OpenScene {
   std::string directory;                          ///< where it lies; empty: behind a network
   std::string annotations_json;                   ///< of a scene behind a network, checked; empty: it has none
   base::MappedFile patch_bytes;                   ///< the file, for byte ranges
+  base::MappedFile splat_bytes;                   ///< qsplat.lgq likewise; empty: not built, or behind a network
   std::unique_ptr<lod::patch::ProxySight> sight;  ///< null: no images, or the hierarchy's coarse patches are damaged
   SceneData data;  ///< what a Session takes; welcome.can_render_frames is false until somebody renders
 };

@@ -110,11 +110,24 @@ Site::Site(const OpenScene& scene, PageFiles pages)
     : scene_(scene),
       pages_(std::move(pages)),
       annotations_(scene.directory, scene.annotations_json),
-      scene_etag_(entityTag(scene.scene_json)),
-      part_name_(base::partFile(scene.scene, "patch", ".lgp").value_or("patch.lgp")) {
-  for (const base::ScenePart& part : scene.scene.parts)
-    if (part.file == part_name_ && part.sha256.size() > kIdDigits)
-      part_etag_ = '"' + part.sha256.substr(0, kIdDigits) + '"';
+      scene_etag_(entityTag(scene.scene_json)) {
+  addPart("patch", ".lgp", scene.patch_bytes.bytes());
+  if (!scene.splat_bytes.bytes().empty()) addPart("qsplat", ".lgq", scene.splat_bytes.bytes());
+}
+
+void Site::addPart(const std::string& stem, const std::string& extension, base::ByteView bytes) {
+  const std::string name = base::partFile(scene_.scene, stem, extension).value_or(stem + extension);
+  Part part{"/" + stem + extension, "/" + name, "", bytes};
+  for (const base::ScenePart& listed : scene_.scene.parts)
+    if (listed.file == name && listed.sha256.size() > kIdDigits)
+      part.etag = '"' + listed.sha256.substr(0, kIdDigits) + '"';
+  parts_.push_back(std::move(part));
+}
+
+const Site::Part* Site::findPart(std::string_view path) const {
+  for (const Part& part : parts_)
+    if (path == part.plain || path == part.path) return &part;
+  return nullptr;
 }
 
 HttpReply Site::answer(const HttpRequest& request, const std::string& place) {
@@ -129,12 +142,13 @@ HttpReply Site::answer(const HttpRequest& request, const std::string& place) {
   if (path == "/") return home(request, place);
   if (path == "/scene.json") return document(request, scene_.scene_json, scene_etag_);
   if (path == "/annotations.json") return annotations(request);
-  if (path == "/patch.lgp" || (path.starts_with('/') && path.substr(1) == part_name_)) return part(request);
+  if (const Part* found = findPart(path)) return part(request, *found);
   // Never a look at the disk: a name is in the list, or it is not here.
   if (path.starts_with('/'))
     if (const auto page = pages_.find(path.substr(1)); page != pages_.end()) return pageReply(request, page->second);
   return textReply(404,
-                   "not here; there are /, /scene.json, /patch.lgp, /annotations.json, /render, /pick, /healthz and "
+                   "not here; there are /, /scene.json, /patch.lgp, /qsplat.lgq (if built), /annotations.json, "
+                   "/render, /pick, /healthz and "
                    "the WebSocket at /\n");
 }
 
@@ -159,19 +173,19 @@ HttpReply Site::annotations(const HttpRequest& request) {
   return reply;
 }
 
-HttpReply Site::part(const HttpRequest& request) const {
-  const base::ByteView whole = scene_.patch_bytes.bytes();
+HttpReply Site::part(const HttpRequest& request, const Part& part) {
+  const base::ByteView whole = part.bytes;
   HttpReply reply;
   reply.type = "application/octet-stream";
   if (base::isPublishedName(std::string(request.path()))) reply.cache = kForever;
   reply.headers.emplace_back("Accept-Ranges", "bytes");
-  if (!part_etag_.empty()) reply.headers.emplace_back("ETag", part_etag_);
-  if (isKnown(request, part_etag_)) {
+  if (!part.etag.empty()) reply.headers.emplace_back("ETag", part.etag);
+  if (isKnown(request, part.etag)) {
     reply.status = 304;
     return reply;
   }
   // A range of other bytes than the visitor knows would be of no use: then all of them.
-  const bool same = request.if_range.empty() || (!part_etag_.empty() && request.if_range == part_etag_);
+  const bool same = request.if_range.empty() || (!part.etag.empty() && request.if_range == part.etag);
   const ByteRange range = parseByteRange(same ? request.range : std::string_view(), whole.size());
   if (range.kind != ByteRange::Kind::kWhole)
     reply.headers.emplace_back("Content-Range", contentRange(range, whole.size()));

@@ -53,13 +53,22 @@ class Site {
  private:
   HttpReply home(const HttpRequest& request, const std::string& place) const;
   HttpReply annotations(const HttpRequest& request);
-  HttpReply part(const HttpRequest& request) const;
+  /// A file of the scene that is answered by byte ranges.
+  struct Part {
+    std::string plain;  ///< "/patch.lgp"
+    std::string path;   ///< the same, or with the name that scene.json has for it
+    std::string etag;   ///< empty where scene.json has no SHA-256
+    base::ByteView bytes;
+  };
+  void addPart(const std::string& stem, const std::string& extension, base::ByteView bytes);
+  const Part* findPart(std::string_view path) const;
+  static HttpReply part(const HttpRequest& request, const Part& part);
 
   const OpenScene& scene_;
   const PageFiles pages_;
   Annotations annotations_;
   std::string scene_etag_;
-  std::string part_name_, part_etag_;  ///< of the hierarchy, as scene.json has them
+  std::vector<Part> parts_;
 };
 
 }  // namespace server

@@ -4,14 +4,15 @@ import { callsOf } from "./calls.js";
 import { makeDecoder } from "./decode.js";
 import { parametersOf } from "./static_scene.js";
 
-export async function loadCore(files) {
+/// `create`: of another WebAssembly than the viewer's own, at files.viewerWasm.
+export async function loadCore(files, create = createViewer) {
   let module;
   const decode = makeDecoder({ worker: files.worker, wasm: files.decodeWasm }, (low, high, image, error) => {
     if (image) fill(module._decodedPixels(low, high, image.width, image.height), image.rgba);
     else core.call("decodedNothing", low, high, error);
     core.changed();
   });
-  module = await createViewer({
+  module = await create({
     locateFile: () => files.viewerWasm,
     // What the C++ code calls (client/web/web_decoder.cpp, web_fetcher.cpp, web_scene.cpp).
     decode,

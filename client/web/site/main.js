@@ -6,7 +6,7 @@ import { makeOverlay } from "./overlay.js";
 import { openPicture } from "./picture.js";
 import { keepSettings, restoreSettings, settingValue, showSettings } from "./settings.js";
 import { openLink, socketUrl } from "./socket.js";
-import { openStaticScene } from "./static_scene.js";
+import { openSplatScene, openStaticScene } from "./static_scene.js";
 import { makeTools } from "./tools.js";
 
 /// On a phone, unless the settings say another: all memory that grows with the scene.
@@ -20,8 +20,18 @@ const kMostRatio = 2;
 const kCopyLink = 0, kLinkChanged = 1, kSavePicture = 2, kKeepBookmarks = 3, kKeepSettings = 4, kShowSettings = 5, kPick = 6;
 
 // Set when the page is built (client/web/build_site.mjs).
+const splatsScript = new URL(SPLATS_SCRIPT, document.baseURI).href;
 const checkScript = new URL(CHECK_SCRIPT, document.baseURI).href;
 const files = { viewerWasm: new URL(VIEWER_WASM, document.baseURI).href, decodeWasm: new URL(DECODE_WASM, document.baseURI).href, worker: new URL(DECODE_WORKER, document.baseURI).href };
+
+/// A link that says m=qsplat shows splats, another does not; without a link the address may ask for them with ?method=qsplat.
+function wantsSplats() {
+  const link = new URLSearchParams(location.hash.slice(1));
+  return (link.get("m") ?? (link.has("v") ? "" : new URLSearchParams(location.search).get("method"))) === "qsplat";
+}
+/// What the page was loaded for: the other method has another program.
+const splats = wantsSplats();
+if (splats) files.viewerWasm = new URL(SPLATS_WASM, document.baseURI).href;
 
 const canvas = document.getElementById("view");
 const now = () => performance.now() / 1000;
@@ -50,7 +60,7 @@ function draw() {
   if (error) return fail("The picture cannot be drawn", error);
   if (first) return;
   const seen = core.figures();
-  if (seen.triangles > 0) first = seen;
+  if (seen.triangles > 0 || seen.splats > 0) first = seen;
 }
 
 function turn() {
@@ -107,7 +117,7 @@ async function copyLink(hash) {
 
 /// Goes to the view that the address names, if any; what is wrong with it the client says.
 function openHash() {
-  if (location.hash.length < 2) return;
+  if (location.hash.length < 2 || location.hash === "#m=qsplat") return;
   let text = location.hash;
   try {
     text = decodeURIComponent(text);
@@ -234,6 +244,7 @@ function watchPage() {
   setMotion();
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", applyTheme);
   addEventListener("hashchange", () => {
+    if (wantsSplats() !== splats) return location.reload();
     openHash();
     schedule();
   });
@@ -265,7 +276,7 @@ async function start() {
   };
   if (typeof WebAssembly !== "object" || !("OffscreenCanvas" in window)) return bare("This browser is too old for the viewer", "It needs WebAssembly, WebGL2 and OffscreenCanvas: a Chrome, Edge or Firefox of the last years, or Safari from 16.4 on.");
   try {
-    core = await loadCore(files);
+    core = await loadCore(files, splats ? (await import(splatsScript)).default : undefined);
   } catch (error) {
     return bare("The viewer could not be loaded", `${error.message}. Check the connection and try again.`);
   }
@@ -297,6 +308,7 @@ async function start() {
   restoreBookmarks();
   openHash();
   canvas.focus({ preventScroll: true });
+  if (!scene && splats) return openStatic(new URL("./", location.href).href);
   if (!scene) return openServer();
   const button = document.getElementById("settings-check");
   button.hidden = false;
@@ -330,7 +342,7 @@ async function showHostCheck(base) {
 async function openStatic(base) {
   try {
     if (!/^https?:/.test(base)) throw Object.assign(new Error(`${base} cannot be read`), { advice: "A scene's address begins with http:// or https://." });
-    pumpStatic = await openStaticScene(base, core, schedule);
+    pumpStatic = await (splats ? openSplatScene : openStaticScene)(base, core, schedule);
   } catch (error) {
     return fail(error.message, error.advice ?? "Try again; if it stays, the page and the scene do not fit together.");
   }

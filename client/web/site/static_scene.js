@@ -36,18 +36,20 @@ export function partOf(parts, front, end) {
   return part && /-[0-9a-f]{32}\./.test(part.file) && Number.isSafeInteger(part.bytes) && part.bytes > 0 ? part : null;
 }
 
-/// Hands the scene to the client. `base`: URL of its folder. Throws SceneError. The result: run(now), to be called each turn, true when something came.
-export async function openStaticScene(base, core, changed) {
+const nameOf = (base) => decodeURIComponent(new URL(base).pathname.split("/").filter(Boolean).at(-1) ?? new URL(base).host);
+
+/// Reads scene.json. `base`: URL of its folder. The result: {scene, parts, numbers}, numbers as client/web/web_welcome.h has them. Throws SceneError.
+async function readScene(base) {
   const url = new URL("scene.json", base).href;
   const scene = await readJson(url);
   if (scene?.version !== 1) throw new SceneError(`${url} is no scene that this viewer knows`, "Its version is not 1; publish the scene again, or update the viewer.");
-  const parts = Array.isArray(scene.parts) ? scene.parts : [];
-  const patches = partOf(parts, "patch-", ".lgp");
-  if (!patches) throw new SceneError(`${url} is not published`, "Its parts have no names by content; put there what lumigrid publish wrote.");
-  const index = partOf(parts, "images/index-", ".lgi");
-  const [origin, low, high, up, light] = [scene.origin, scene.box_min, scene.box_max, scene.up, scene.light?.direction ?? [0, 0, 1]].map(vector);
-  if (!origin || !low || !high || !up || !light) throw new SceneError(`${url} is damaged`, "Origin, box, up or light is not three numbers; publish the scene again.");
+  const vectors = [scene.origin, scene.box_min, scene.box_max, scene.up, scene.light?.direction ?? [0, 0, 1]].map(vector);
+  if (vectors.includes(null)) throw new SceneError(`${url} is damaged`, "Origin, box, up or light is not three numbers; publish the scene again.");
+  const light = vectors.pop();
+  return { url, scene, parts: Array.isArray(scene.parts) ? scene.parts : [], numbers: [...vectors.flat(), scene.light?.mode === "unlit" ? 1 : 0, ...light] };
+}
 
+function fetchRanges(base, core, changed) {
   const ranges = makeRanges(base, (job, outcome, status, bytes, detail) => {
     if (outcome === kBytes) core.fill(core.call("fetchedBytes", job, status, bytes.length), bytes);
     else core.call("fetchFailed", job, outcome, status, detail);
@@ -55,9 +57,27 @@ export async function openStaticScene(base, core, changed) {
   });
   core.fetchRange = ranges.fetch;
   core.cancelRange = ranges.cancel;
-  const name = decodeURIComponent(new URL(base).pathname.split("/").filter(Boolean).at(-1) ?? new URL(base).host);
-  const numbers = [...origin, ...low, ...high, ...up, scene.light?.mode === "unlit" ? 1 : 0, ...light, patches.bytes, index?.bytes ?? 0];
-  core.withNumbers(numbers, (at) => core.call("openStatic", base.replace(/\/$/, ""), name, String(scene.units ?? ""), patches.file, index?.file ?? "", at));
+}
+
+/// As openStaticScene, for the client of splats; a scene that a server of ours shows has them under their plain name.
+export async function openSplatScene(base, core, changed) {
+  const { url, scene, parts, numbers } = await readScene(base);
+  const plain = parts.find(({ file, bytes }) => file === "qsplat.lgq" && Number.isSafeInteger(bytes) && bytes > 0);
+  const splats = partOf(parts, "qsplat-", ".lgq") ?? plain;
+  if (!splats) throw new SceneError(`${url} lists no splats`, "Build them with lumigrid build ... --methods qsplat, and publish the scene again.");
+  fetchRanges(base, core, changed);
+  core.withNumbers([...numbers, splats.bytes], (at) => core.call("openSplats", base.replace(/\/$/, ""), nameOf(base), String(scene.units ?? ""), splats.file, at));
+  return (now) => core.call("pumpStatic", now) !== 0;
+}
+
+/// Hands the scene to the client. `base`: URL of its folder. Throws SceneError. The result: run(now), to be called each turn, true when something came.
+export async function openStaticScene(base, core, changed) {
+  const { url, scene, parts, numbers } = await readScene(base);
+  const patches = partOf(parts, "patch-", ".lgp");
+  if (!patches) throw new SceneError(`${url} is not published`, "Its parts have no names by content; put there what lumigrid publish wrote.");
+  const index = partOf(parts, "images/index-", ".lgi");
+  fetchRanges(base, core, changed);
+  core.withNumbers([...numbers, patches.bytes, index?.bytes ?? 0], (at) => core.call("openStatic", base.replace(/\/$/, ""), nameOf(base), String(scene.units ?? ""), patches.file, index?.file ?? "", at));
   return (now) => core.call("pumpStatic", now) !== 0;
 }
 

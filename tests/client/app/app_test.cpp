@@ -25,9 +25,10 @@ class AppTest : public ::testing::Test {
  protected:
   void SetUp() override { open({}); }
 
-  void open(const Settings& settings) {
+  void open(const Settings& settings, lod::Method method = lod::Method::kLumigraph) {
     AppOptions options;
     options.settings = settings;
+    options.viewer.method = method;
     options.surface = [this](const base::ViewCamera& camera, double x, double y) { return plane(camera, x, y); };
     app = std::make_unique<App>(options, std::make_unique<NoDecoder>());
     app->resize(800, 600, 1.0);
@@ -745,6 +746,50 @@ TEST_F(AppTest, numbersThatAreNoneAreNoEvents) {
   app->resize(800, 600, nan);
   app->advance(nan);
   EXPECT_EQ(app->view(), before);
+}
+
+// ---- splats ----
+
+TEST_F(AppTest, theMagnifyingGlassFollowsItsPointerAndTheViewStandsStill) {
+  open({}, lod::Method::kQsplat);
+  welcome();
+  EXPECT_TRUE(app->lines().empty());
+  press(Key::kL);
+  pass(0.1);
+  ASSERT_EQ(app->lines().size(), 64U);
+  const auto middleOfRim = [this] {
+    glm::dvec2 sum(0.0);
+    for (const LabelLine& line : app->lines()) sum += glm::dvec2(line.x0, line.y0);
+    return sum / 64.0;
+  };
+  EXPECT_LT(glm::length(middleOfRim() - glm::dvec2(400.0, 300.0)), 1e-6);
+
+  // Pressed within, it comes along; beside it, the view turns as ever.
+  const std::string before = app->permalink();
+  drag(mouse(420.0, 310.0), -300.0, -110.0);
+  EXPECT_TRUE(app->wantsFrame());
+  EXPECT_LT(glm::length(middleOfRim() - glm::dvec2(120.0, 200.0)), 1e-6);
+  EXPECT_EQ(app->permalink(), before);
+  drag(mouse(600.0, 200.0), 50.0, 0.0);
+  EXPECT_NE(app->permalink(), before);
+
+  press(Key::kEscape);
+  pass(0.1);
+  EXPECT_TRUE(app->lines().empty());
+}
+
+TEST_F(AppTest, withoutSplatsThereIsNoMagnifyingGlassAndTheirLinksAreForAnotherPlace) {
+  welcome();
+  press(Key::kL);
+  pass(0.1);
+  EXPECT_TRUE(app->lines().empty());
+  ASSERT_FALSE(app->toasts().empty());
+  EXPECT_NE(app->toasts().back().text.find("qsplat"), std::string::npos);
+  const std::string before = app->permalink();
+  const auto opened = app->openPermalink(before + "&m=qsplat");
+  ASSERT_FALSE(opened);
+  EXPECT_NE(opened.error().message.find("another method"), std::string::npos);
+  EXPECT_EQ(app->permalink(), before);
 }
 
 }  // namespace

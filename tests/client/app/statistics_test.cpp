@@ -13,6 +13,26 @@ std::string lineOf(const Statistics& statistics, const std::string& name) {
   return "";
 }
 
+TEST(Statistics, withSplatsBlocksAreCounted) {
+  Statistics s;
+  s.splats = 123'456;
+  s.blocks = 4'000;
+  s.blocks_present = 1'200;
+  s.blocks_requested = 6;
+  s.blocks_wanted = 77;
+  s.error_px = 1.0;
+  s.accuracy = Accuracy::kFine;
+  s.complete = true;
+  EXPECT_EQ(lineOf(s, "picture"), "fine, complete");
+  EXPECT_EQ(lineOf(s, "splats"), "123 456, down to 1.0 px");
+  EXPECT_EQ(lineOf(s, "blocks"), "1 200 of 4 000 here, 6 requested, 77 wanted");
+  EXPECT_EQ(lineOf(s, "images"), "");
+  EXPECT_EQ(lineOf(s, "broken"), "");
+  s.broken = 1;
+  s.last_fault = "block 7 is damaged";
+  EXPECT_EQ(lineOf(s, "broken"), "block 7 is damaged");
+}
+
 TEST(Statistics, everyFigureStandsInALine) {
   Statistics s;
   s.frames_per_second = 58.0;

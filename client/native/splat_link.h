@@ -1,0 +1,26 @@
+#pragma once
+// A scene's splats at an HTTP address: scene.json tells which object they are, and client::StreamedSplats reads it.
+#include <memory>
+#include <string>
+
+#include "client/native/link.h"
+#include "client/streamed_splats.h"
+
+namespace client {
+
+class SplatLink final : public Link {
+ public:
+  /// `place`: the scene's URL, "http://host:port" of a server of ours included.
+  SplatLink(const std::string& place, const LinkLimit& limit, const SplatOptions& options);
+  ~SplatLink() override;
+  bool pump(Session& session) override;
+  void waitForArrival(double seconds) override;
+  LinkCounts counts() const override;
+  std::shared_ptr<SplatView> splats() const override;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace client

@@ -1,0 +1,49 @@
+// A page of splats, from a server of ours as from any other host.
+#include <emscripten/emscripten.h>
+
+#include <memory>
+#include <utility>
+
+#include "client/streamed_splats.h"
+#include "client/web/page.h"
+#include "client/web/web_fetcher.h"
+#include "client/web/web_welcome.h"
+
+namespace client::web {
+
+const lod::Method kPageMethod = lod::Method::kQsplat;
+
+namespace {
+
+std::shared_ptr<StreamedSplats> splats;
+
+}  // namespace
+}  // namespace client::web
+
+extern "C" {
+
+/// `numbers`: client/web/web_welcome.h, then bytes of the file.
+EMSCRIPTEN_KEEPALIVE void openSplats(const char* place, const char* name, const char* units, const char* file,
+                                     const double* numbers) {
+  client::App& app = *client::web::page.app;
+  client::SplatOptions options;
+  options.memory_bytes = app.viewer().options().memory_budget_bytes;
+  options.clock = client::web::page.options.clock;
+  const auto bytes = static_cast<std::uint64_t>(numbers[client::kWelcomeNumbers]);
+  client::web::splats = std::make_shared<client::StreamedSplats>(client::SplatFilePlace{place, file, bytes},
+                                                                 client::welcomeOf(name, units, numbers),
+                                                                 std::make_unique<client::WebFetcher>(), options);
+  app.viewer().setSplats(client::web::splats);
+}
+
+/// 1 when something came.
+EMSCRIPTEN_KEEPALIVE int pumpStatic(double now) {
+  return client::web::splats->pump(client::web::page.app->session(), now) ? 1 : 0;
+}
+
+/// What cannot be shown though the rest goes on; mostly empty.
+EMSCRIPTEN_KEEPALIVE const char* staticProblem() {
+  return client::web::hand(client::web::splats->stats().warning);
+}
+
+}  // extern "C"

@@ -1,0 +1,51 @@
+#include "lod/qsplat/stream/order.h"
+
+#include <limits>
+
+namespace lod::qsplat {
+namespace {
+
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+// More than any sweep has: 2^100 pixels are 200 000.
+constexpr float kThroughLens = 1e6F;
+
+Priority plainPriority(StreamOrder order, int picture_height) {
+  switch (order) {
+    case StreamOrder::kLevel:
+      return [](const Want& want) { return -static_cast<float>(want.level); };
+    case StreamOrder::kRadius:
+      return [](const Want& want) { return want.radius; };
+    case StreamOrder::kSize:
+      return [](const Want& want) { return want.size_px; };
+    case StreamOrder::kTopDown:
+      return [](const Want& want) { return want.size_px < kInfinity ? -want.at_px.y : kInfinity; };
+    case StreamOrder::kSweeps:
+      break;
+  }
+  return sweepPriority(picture_height);
+}
+
+bool isSeenThrough(const Lens& lens, const Want& want) {
+  if (!(want.size_px < kInfinity)) return true;  // around the eye: anywhere on the screen
+  const float reach = lens.radius_px + 0.5F * want.size_px;
+  const glm::vec2 off = want.at_px - lens.center_px;
+  return glm::dot(off, off) <= reach * reach;
+}
+
+}  // namespace
+
+std::optional<StreamOrder> streamOrderFromName(std::string_view name) {
+  for (const auto& [order, text] : kStreamOrderNames)
+    if (text == name) return order;
+  return std::nullopt;
+}
+
+Priority priorityFor(StreamOrder order, const std::optional<Lens>& lens, int picture_height) {
+  const Priority plain = plainPriority(order, picture_height);
+  if (!lens) return plain;
+  return [plain, lens = *lens](const Want& want) {
+    return plain(want) + (isSeenThrough(lens, want) ? kThroughLens : 0.0F);
+  };
+}
+
+}  // namespace lod::qsplat

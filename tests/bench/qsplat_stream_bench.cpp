@@ -1,0 +1,204 @@
+// What a slow link shows of splats, second by second, for each of the five orders of Rusinkiewicz and Levoy 2001,
+// section 4.2, and their figure 2 (after the start, 1, 10 and 60 seconds): PSNR against the fully streamed picture, and
+// what came and was never drawn.
+//
+//   qsplat_stream_bench SCENE/qsplat.lgq [CHART.svg]
+//
+// The link is computed, not waited for: 384 kbit/s, 50 ms each way, a head of 300 bytes before each answer, requests
+// one after the other. So the figures are the same on every machine.
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <deque>
+#include <optional>
+#include <vector>
+
+#include "base/egl/headless.h"
+#include "base/file.h"
+#include "base/gl/gl.h"
+#include "base/picture_error.h"
+#include "compare/chart.h"
+#include "lod/draw/splats.h"
+#include "lod/qsplat/splat_file.h"
+#include "lod/qsplat/stream/stream.h"
+#include "tests/bench/bench.h"
+
+namespace {
+using namespace lod::qsplat;
+
+constexpr double kBytesPerSecond = 384'000.0 / 8.0;
+constexpr double kOneWaySeconds = 0.05;
+constexpr double kHeadBytes = 300.0;
+constexpr double kFrameSeconds = 0.2;
+constexpr int kWidth = 1280, kHeight = 720;
+constexpr std::array<double, 14> kLooks{0.0, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0, 90.0, 120.0};
+constexpr double kLastLook = kLooks.back();
+
+/// Views of the whole and of a part.
+std::vector<base::Camera> viewsOf(const base::Sphere& root) {
+  std::vector<base::Camera> views;
+  for (const auto& [turn, pitch, radii] :
+       {std::array{0.4, 0.6, 1.9}, std::array{2.1, 0.9, 1.2}, std::array{4.0, 0.7, 0.6}}) {
+    const glm::dvec3 away(std::cos(turn) * std::cos(pitch), std::sin(turn) * std::cos(pitch), std::sin(pitch));
+    base::ViewCamera view;
+    view.position = glm::dvec3(root.center) + radii * static_cast<double>(root.radius) * away;
+    view.direction = -away;
+    view.up = {0, 0, 1};
+    view.width = kWidth;
+    view.height = kHeight;
+    views.push_back(base::cameraForScene(view, glm::dvec3(0.0), root));
+  }
+  return views;
+}
+
+class Canvas {
+ public:
+  explicit Canvas(const Header& header) : header_(header) {}
+  base::Image picture(const std::vector<Splat>& splats, const base::Camera& camera) {
+    target_.bind();
+    glClearColor(0, 0, 0, 0);
+    glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
+    lod::draw::SplatView view;
+    view.camera = camera;
+    view.shading = {header_.colors, glm::normalize(glm::vec3(0.4F, 0.3F, 0.85F))};
+    bench::must(renderer_->draw(splats, lod::draw::SplatKernel::kCircle, view,
+                                {target_.framebuffer(), kWidth, kHeight, false}));
+    return target_.read();
+  }
+
+ private:
+  const Header header_;
+  std::unique_ptr<base::HeadlessContext> context_ = bench::must(base::HeadlessContext::create());
+  std::unique_ptr<lod::draw::SplatRenderer> renderer_ = bench::must(lod::draw::SplatRenderer::create());
+  base::gl::RenderTarget target_ = bench::must(base::gl::RenderTarget::create(kWidth, kHeight));
+};
+
+/// Answers come one after the other, at the link's rate.
+class Link {
+ public:
+  explicit Link(base::ByteView file) : file_(file) {}
+  void ask(Stream& stream, double now) {
+    for (const ByteRange& range : stream.requests(now)) {
+      free_ =
+          std::max(free_, now + kOneWaySeconds) + (kHeadBytes + static_cast<double>(range.length)) / kBytesPerSecond;
+      under_way_.push_back({range, free_ + kOneWaySeconds});
+    }
+  }
+  /// The next arrival no later than `until`; what it brings goes to the stream.
+  std::optional<double> arrive(Stream& stream, double until) {
+    if (under_way_.empty() || under_way_.front().due > until) return std::nullopt;
+    const Answer answer = under_way_.front();
+    under_way_.pop_front();
+    stream.received(
+        answer.range.id,
+        file_.subspan(static_cast<std::size_t>(answer.range.offset), static_cast<std::size_t>(answer.range.length)),
+        answer.due);
+    return answer.due;
+  }
+
+ private:
+  struct Answer {
+    ByteRange range;
+    double due;
+  };
+  base::ByteView file_;
+  std::deque<Answer> under_way_;
+  double free_ = 0.0;
+};
+
+struct Run {
+  std::vector<std::pair<double, double>> psnr;  ///< second, dB
+  double first_picture = 0.0, complete = 0.0;   ///< seconds
+  StreamStats at_end;
+  std::uint64_t wasted = 0;
+};
+
+Run streamed(const SplatFile& file, const base::Camera& camera, const base::Image& truth, StreamOrder order,
+             Canvas& canvas) {
+  StreamOptions options;
+  options.order = order;
+  options.idle_bytes = 0;
+  options.memory_bytes = std::max(file.bytes().size(), std::size_t{1} << 20);
+  Stream stream(file.bytes().size(), options);
+  Link link(file.bytes());
+  TraverseRequest request;
+  request.camera = camera;
+  Run run;
+  Traversal found;
+  std::size_t look = 0;
+  for (double frame = 0.0; look < kLooks.size(); frame += kFrameSeconds) {
+    link.ask(stream, frame);
+    while (const auto at = link.arrive(stream, frame)) link.ask(stream, *at);
+    stream.traverse(request, std::nullopt, found);
+    link.ask(stream, frame);
+    const bool all_here = stream.complete();
+    if (run.first_picture == 0.0 && !found.splats.empty()) run.first_picture = frame;
+    if (all_here && run.complete == 0.0) run.complete = frame;
+    // Second 0 is the first picture.
+    const bool due = look == 0 ? run.first_picture > 0.0 : frame + 1e-9 >= kLooks[look];
+    if (!due && !all_here) continue;
+    const double at = all_here ? std::max(frame, look == 0 ? frame : kLooks[look]) : frame;
+    run.psnr.emplace_back(at, base::pictureError(truth, canvas.picture(found.splats, camera)).psnr());
+    ++look;
+  }
+  run.at_end = stream.stats();
+  run.wasted = stream.bytesWasted();
+  return run;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc < 2) {
+    std::fprintf(stderr, "usage: qsplat_stream_bench SCENE/qsplat.lgq [CHART.svg]\n");
+    return 2;
+  }
+  const auto file = bench::must(SplatFile::open(argv[1]));
+  std::printf("%s: %.1f MB, %llu leaves; 384 kbit/s, 100 ms there and back; 1280 x 720\n", argv[1],
+              1e-6 * static_cast<double>(file.bytes().size()), static_cast<unsigned long long>(file.header().leaves));
+  Canvas canvas(file.header());
+  compare::Chart chart;
+  chart.title = "Splats over 384 kbit/s: five orders";
+  chart.x_label = "seconds";
+  chart.y_label = "PSNR against the fully streamed picture, dB (at most 60)";
+  chart.log_x = true;
+
+  const std::vector<base::Camera> views = viewsOf(file.header().root);
+  std::vector<base::Image> truths;
+  for (const base::Camera& camera : views) {
+    MappedBlocks blocks(file.bytes(), file.header());
+    TraverseRequest request;
+    request.camera = camera;
+    truths.push_back(canvas.picture(traverse(blocks, request).splats, camera));
+  }
+  std::printf("%-8s %5s | %7s %6s %6s %6s %6s | %9s %8s %9s %8s\n", "order", "view", "start s", "start", "1 s", "10 s",
+              "60 s", "all at s", "kB", "wasted kB", "requests");
+  for (const auto& [order, name] : kStreamOrderNames) {
+    compare::Series series{std::string(name), {}};
+    for (std::size_t v = 0; v < views.size(); ++v) {
+      const Run run = streamed(file, views[v], truths[v], order, canvas);
+      const auto at = [&](double second) {
+        for (std::size_t i = 0; i < kLooks.size(); ++i)
+          if (kLooks[i] == second) return run.psnr[i].second;
+        return 0.0;
+      };
+      std::printf("%-8s %5zu | %7.1f %6.1f %6.1f %6.1f %6.1f | %9.1f %8llu %9llu %8llu\n", series.name.c_str(), v,
+                  run.first_picture, at(0.0), at(1.0), at(10.0), at(60.0), run.complete,
+                  static_cast<unsigned long long>(run.at_end.bytes_received / 1000),
+                  static_cast<unsigned long long>(run.wasted / 1000),
+                  static_cast<unsigned long long>(run.at_end.requests));
+      // The mean over the views, at the same seconds.
+      for (std::size_t i = 1; i < kLooks.size(); ++i) {
+        if (v == 0) series.points.emplace_back(kLooks[i], 0.0);
+        series.points[i - 1].second += std::min(run.psnr[i].second, 60.0) / static_cast<double>(views.size());
+      }
+    }
+    chart.series.push_back(std::move(series));
+  }
+  if (argc > 2) {
+    const std::string svg = compare::formatChart(chart);
+    bench::must(base::writeFileAtomically(argv[2], {reinterpret_cast<const std::uint8_t*>(svg.data()), svg.size()}));
+  }
+  std::printf("(seconds up to %.0f; 0 in 'all at s': not all came by then)\n", kLastLook);
+  return 0;
+}

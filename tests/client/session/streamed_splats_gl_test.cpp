@@ -1,0 +1,242 @@
+#include "client/streamed_splats.h"
+
+#include <gtest/gtest.h>
+
+#include <deque>
+
+#include "base/egl/headless.h"
+#include "base/gl/gl.h"
+#include "client/viewer.h"
+#include "tests/support/splat_tree.h"
+#include "tests/support/test_meshes.h"
+
+namespace client {
+namespace {
+
+constexpr int kSize = 256;
+
+class NoDecoder : public ImageDecoder {
+ public:
+  void submit(std::uint64_t, base::ByteView) override {}
+  std::vector<Decoded> take() override { return {}; }
+  std::size_t pending() const override { return 0; }
+};
+
+/// Answers so many requests at each take().
+class Host final : public RangeFetcher {
+ public:
+  explicit Host(const base::Bytes& file) : file_(file) {}
+  void submit(std::uint64_t id, const std::string& name, std::uint64_t offset, std::uint64_t length) override {
+    EXPECT_EQ(name, "qsplat.lgq");
+    asked.push_back({id, offset, length});
+  }
+  std::vector<Fetched> take() override {
+    std::vector<Fetched> answers;
+    for (std::size_t i = 0; i < at_a_time && !asked.empty(); ++i, asked.pop_front()) {
+      const lod::qsplat::ByteRange range = asked.front();
+      Fetched answer{range.id, outcome, {}, outcome == FetchOutcome::kBytes ? 206 : 0, ""};
+      const auto begin = file_.begin() + static_cast<std::ptrdiff_t>(range.offset);
+      if (outcome == FetchOutcome::kBytes)
+        answer.bytes.assign(begin, begin + static_cast<std::ptrdiff_t>(range.length));
+      answers.push_back(std::move(answer));
+    }
+    return answers;
+  }
+  void cancel(std::uint64_t) override {}
+
+  std::deque<lod::qsplat::ByteRange> asked;
+  std::size_t at_a_time = 1;
+  FetchOutcome outcome = FetchOutcome::kBytes;
+
+ private:
+  const base::Bytes& file_;
+};
+
+/// A viewer of splats, with no network.
+class StreamedSplatsTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    auto made = base::HeadlessContext::create();
+    if (!made) GTEST_SKIP() << made.error().message;
+    context_ = std::move(*made);
+    auto target = base::gl::RenderTarget::create(kSize, kSize);
+    ASSERT_TRUE(bool(target));
+    target_ = std::move(*target);
+  }
+  static const base::Bytes& file() {
+    static const base::Bytes bytes = support::splatFile(support::bumpySphere(120, 240, 0.1F));
+    return bytes;
+  }
+  void open(SplatOptions options) {
+    ViewerOptions viewer;
+    viewer.method = lod::Method::kQsplat;
+    viewer_ = std::make_unique<Viewer>(viewer, std::make_unique<NoDecoder>());
+    auto host = std::make_unique<Host>(file());
+    host_ = host.get();
+    protocol::Welcome welcome;
+    welcome.scene_name = "ball";
+    welcome.box_min = glm::vec3(-1.2F);
+    welcome.box_max = glm::vec3(1.2F);
+    options.idle_bytes = 0;
+    splats_ = std::make_shared<StreamedSplats>(SplatFilePlace{"http://host/ball", "qsplat.lgq", file().size()}, welcome,
+                                               std::move(host), options);
+    viewer_->setSplats(splats_);
+  }
+  static base::ViewCamera view(double turn = 0.0) {
+    base::ViewCamera camera;
+    camera.position = {3.0 * std::sin(turn), 0.0, 3.0 * std::cos(turn)};
+    camera.direction = -glm::normalize(camera.position);
+    camera.width = camera.height = kSize;
+    return camera;
+  }
+  void pump() { splats_->pump(viewer_->session(), now_ += 0.02); }
+  base::Image draw(const base::ViewCamera& camera) {
+    target_.bind();
+    EXPECT_TRUE(bool(viewer_->draw(camera, now_)));
+    return target_.read();
+  }
+  void fetchAll(const base::ViewCamera& camera) {
+    ASSERT_TRUE(bool(viewer_->update(camera, now_)));
+    for (int i = 0; i < 5000 && !viewer_->allHere(); ++i) {
+      pump();
+      ASSERT_TRUE(bool(viewer_->update(camera, now_)));
+    }
+    ASSERT_TRUE(viewer_->allHere());
+  }
+
+  std::unique_ptr<base::HeadlessContext> context_;
+  base::gl::RenderTarget target_;
+  std::unique_ptr<Viewer> viewer_;
+  std::shared_ptr<StreamedSplats> splats_;
+  Host* host_ = nullptr;
+  double now_ = 0.0;
+};
+
+SplatOptions still() {
+  SplatOptions options;
+  options.frame_seconds = 0.0;
+  return options;
+}
+
+TEST_F(StreamedSplatsTest, theFinishedPictureDoesNotDependOnHowItCame) {
+  open(still());
+  fetchAll(view());
+  const base::Image at_once = draw(view());
+  open(still());
+  host_->at_a_time = 3;
+  for (int i = 0; i < 2000 && !viewer_->allHere(); ++i) {
+    pump();
+    draw(view(i % 2 == 0 ? 0.2 : 0.0));
+  }
+  fetchAll(view());
+  EXPECT_EQ(draw(view()).pixels, at_once.pixels);
+  EXPECT_EQ(viewer_->stats().accuracy, Accuracy::kFine);
+  EXPECT_GT(viewer_->stats().session.bytes_received, 10'000U);
+}
+
+TEST_F(StreamedSplatsTest, aMovingViewIsAsCoarseAsTheRateAsksForAndRestRefinesItStepByStep) {
+  SplatOptions options;
+  double clock = 0.0;
+  options.clock = [&clock] { return clock += 0.2; };  // a frame takes twice what it may
+  options.frame_seconds = 0.1;
+  open(options);
+  host_->at_a_time = 100;
+  for (int i = 0; i < 200; ++i) {
+    pump();
+    draw(view(0.01 * i));
+  }
+  const SplatStats moving = viewer_->stats().splats;
+  EXPECT_GT(moving.cutoff_px, 20.0F);
+  float last = moving.cutoff_px;
+  std::uint64_t splats = moving.splats;
+  int frames = 0;
+  for (; frames < 500 && !viewer_->stats().complete; ++frames) {
+    pump();
+    draw(view(1.99));
+    const SplatStats now = viewer_->stats().splats;
+    EXPECT_LE(now.cutoff_px, last);
+    EXPECT_GE(now.splats, splats);
+    last = now.cutoff_px;
+    splats = now.splats;
+  }
+  EXPECT_GT(frames, 5);
+  EXPECT_EQ(last, 1.0F);
+  EXPECT_FALSE(viewer_->stats().busy);
+}
+
+TEST_F(StreamedSplatsTest, theDrawnSurfaceIsFoundUnderThePointer) {
+  open(still());
+  fetchAll(view());
+  const base::Image picture = draw(view());
+  int hits = 0;
+  int at_the_rim = 0;  // where the rasteriser rounds
+  for (int y = 8; y < kSize; y += 16)
+    for (int x = 8; x < kSize; x += 16) {
+      const bool drawn = picture.pixels[static_cast<std::size_t>(4 * (y * kSize + x) + 3)] != 0;
+      const auto point = viewer_->surfaceAt(view(), x + 0.5, y + 0.5);
+      at_the_rim += point.has_value() != drawn ? 1 : 0;
+      if (!point) continue;
+      ++hits;
+      EXPECT_NEAR(glm::length(*point), 1.0, 0.15);
+      EXPECT_GT(point->z, 0.0);
+    }
+  EXPECT_GT(hits, 30);
+  EXPECT_LE(at_the_rim, 2);
+}
+
+TEST_F(StreamedSplatsTest, whatDoesNotFitTheMemoryIsDrawnCoarser) {
+  SplatOptions options = still();
+  options.memory_bytes = 512 * 1024;
+  open(options);
+  fetchAll(view());
+  draw(view());
+  const ViewerStats stats = viewer_->stats();
+  EXPECT_TRUE(stats.splats.limited);
+  EXPECT_GT(stats.splats.cutoff_px, 1.0F);
+  EXPECT_GT(stats.splats.splats, 500U);
+  EXPECT_LE(stats.memory.total(), options.memory_bytes);
+}
+
+TEST_F(StreamedSplatsTest, aLostContextAndALostHostComeBack) {
+  open(still());
+  fetchAll(view());
+  const base::Image before = draw(view());
+  viewer_->contextLost();
+  ASSERT_TRUE(bool(viewer_->contextRestored()));
+  EXPECT_EQ(draw(view()).pixels, before.pixels);
+
+  host_->outcome = FetchOutcome::kNetwork;
+  EXPECT_TRUE(bool(viewer_->update(view(3.1), now_)));
+  pump();
+  pump();
+  EXPECT_EQ(viewer_->session().state(), SessionState::kDisconnected);
+  EXPECT_NE(viewer_->session().problem().find("http://host/ball/qsplat.lgq: no answer"), std::string::npos);
+  EXPECT_EQ(draw(view()).pixels, before.pixels) << "what is here can be looked at";
+  host_->outcome = FetchOutcome::kBytes;
+  now_ += 10.0;
+  EXPECT_TRUE(bool(viewer_->update(view(3.1), now_)));
+  fetchAll(view(3.1));
+  EXPECT_EQ(viewer_->session().state(), SessionState::kReady);
+}
+
+TEST_F(StreamedSplatsTest, whatNoNewTryMendsIsRefusedWithTheReason) {
+  struct Case {
+    FetchOutcome outcome;
+    const char* words;
+  };
+  for (const Case& one : {Case{FetchOutcome::kRangeIgnored, "ignores Range"}, Case{FetchOutcome::kChanged, "changed"},
+                          Case{FetchOutcome::kTooShort, "is shorter"}, Case{FetchOutcome::kCompressed, "compresses"}}) {
+    open(still());
+    pump();
+    host_->outcome = one.outcome;
+    pump();
+    EXPECT_EQ(viewer_->session().state(), SessionState::kRefused);
+    EXPECT_NE(viewer_->session().problem().find(one.words), std::string::npos) << viewer_->session().problem();
+    const std::size_t asked = host_->asked.size();
+    for (int i = 0; i < 100; ++i) pump();
+    EXPECT_LE(host_->asked.size(), asked) << "nothing more is asked for";
+  }
+}
+
+}  // namespace
+}  // namespace client

@@ -1,0 +1,180 @@
+// Splats streamed by lumigrid-view from nginx and from a server of ours, as a user has it.
+#include <cstdio>
+#include <filesystem>
+#include <regex>
+
+#include "lod/qsplat/format.h"
+#include "tests/programs/published_site.h"
+#include "tests/support/byte_ranges.h"
+
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using programs::expectOneLineError;
+using programs::readText;
+using programs::run;
+using programs::Tour;
+using programs::writeText;
+
+constexpr int kFrames = 4;
+
+/// path("site/tower") is the published form of scene_: patches and splats.
+class StreamedSplatsTest : public programs::PublishedSite {
+ protected:
+  void SetUp() override {
+    ProgramTest::SetUp();
+    LUMIGRID_SKIP_WITHOUT_NGINX();
+    scene_ = path("scene");
+    ASSERT_EQ(run("lumigrid", {"sample", "--triangles", "60000", "-o", path("mesh.ply")}).status, 0);
+    const auto built =
+        run("lumigrid", {"build", path("mesh.ply"), "-o", scene_, "--methods", "patch,qsplat", "--quiet"});
+    ASSERT_EQ(built.status, 0) << built.err;
+    ASSERT_EQ(run("lumigrid", {"publish", scene_, path("site/tower"), "--quiet"}).status, 0);
+    makeTour(kFrames, 320, 180);
+  }
+  programs::Outcome view(const std::string& url, const std::vector<std::string>& more = {}) {
+    std::vector<std::string> arguments{url,      "--headless",      "--method",          "qsplat",
+                                       "--path", path("tour.json"), "--connect-timeout", "3"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return run("lumigrid-view", arguments);
+  }
+  std::string splatFile() const {
+    for (const auto& entry : fs::directory_iterator(path("site/tower")))
+      if (entry.path().extension() == ".lgq") return entry.path().string();
+    return "";
+  }
+  /// What `lumigrid render` makes of the built scene's file on this disk.
+  base::Image localPicture(std::size_t frame) {
+    const json tour = json::parse(readText(path("tour.json")));
+    json camera = tour["frames"][frame];
+    for (const char* name : {"width", "height", "fov_y_degrees", "ortho_height"})
+      if (!camera.contains(name) && tour.contains(name)) camera[name] = tour[name];
+    writeText(path("camera.json"), camera.dump());
+    const auto drawn = run("lumigrid", {"render", scene_, "--method", "qsplat", "--camera", path("camera.json"),
+                                        "--supersampling", "1", "-o", path("local.png")});
+    EXPECT_EQ(drawn.status, 0) << drawn.err;
+    auto picture = base::readPng(path("local.png"));
+    EXPECT_TRUE(picture);
+    return picture ? std::move(*picture) : base::Image();
+  }
+  void expectLocalPictures(const Tour& streamed) {
+    ASSERT_EQ(streamed.pictures.size(), static_cast<std::size_t>(kFrames));
+    for (std::size_t i = 0; i < streamed.pictures.size(); ++i) {
+      const base::Image local = localPicture(i);
+      ASSERT_EQ(streamed.pictures[i].pixels.size(), local.pixels.size());
+      std::size_t different = 0;
+      std::size_t covered = 0;
+      for (std::size_t k = 0; k < local.pixels.size(); ++k) {
+        different += local.pixels[k] != streamed.pictures[i].pixels[k] ? 1 : 0;
+        covered += k % 4 == 3 && local.pixels[k] > 0 ? 1 : 0;
+      }
+      EXPECT_EQ(different, 0U) << "frame " << i;
+      EXPECT_GT(covered, 1000U) << "frame " << i;
+    }
+  }
+};
+
+TEST_F(StreamedSplatsTest, fullyStreamedPicturesEqualLocalOnesPixelForPixelAndNoByteComesTwice) {
+  const support::Nginx nginx(support::Nginx::Configuration{
+      "log_format ranges '$status bytes=$http_range $uri';\nserver {\nlisten 127.0.0.1:$PORT0;\nroot " + path("site") +
+      ";\naccess_log " + path("ranges.log") + " ranges;\n}\n"});
+  const Tour streamed = tour(nginx.url() + "/tower/", "streamed", "qsplat");
+  expectLocalPictures(streamed);
+
+  const std::string log = readText(path("ranges.log"));
+  support::ByteRanges ranges;
+  const std::regex line("206 bytes=bytes=(\\d+)-(\\d+) (\\S+)");
+  for (std::sregex_iterator it(log.begin(), log.end(), line), end; it != end; ++it)
+    ranges[(*it)[3]].emplace_back(std::stoull((*it)[1]), std::stoull((*it)[2]) + 1);
+  ASSERT_EQ(ranges.size(), 1U) << "the splats' file alone is read by ranges";
+  EXPECT_GT(ranges.begin()->second.size(), 10U);
+  EXPECT_EQ(support::bytesRepeated(ranges), 0U);
+  EXPECT_EQ(streamed.lines.back()["splats"]["wanted"], 0);
+  EXPECT_EQ(streamed.lines.back()["splats"]["failures"], 0);
+  EXPECT_GT(streamed.lines.back()["splats"]["drawn"].get<int>(), 1000);
+
+  // An hour later nothing has changed; the kernels are the server's, too.
+  const auto ellipses = view(nginx.url() + "/tower/", {"--splat", "ellipse", "--out", path("ellipses")});
+  ASSERT_EQ(ellipses.status, 0) << ellipses.err;
+  EXPECT_NE(readText(path("ellipses/frame_0000.png")), readText(path("streamed/frame_0000.png")));
+}
+
+TEST_F(StreamedSplatsTest, aServerOfOursStreamsThemToo) {
+  expectLocalPictures(tour(serve(scene_).url, "served", "qsplat"));
+  expectLocalPictures(tour(serve(path("site/tower")).url, "served_published", "qsplat"));
+}
+
+TEST_F(StreamedSplatsTest, connectionsThatAreDroppedNowAndThenChangeNoPicture) {
+  const support::Nginx nginx(support::Nginx::Configuration{
+      "map $request_id $dropped { default 0; ~[0-7]$ 1; }\nserver {\nlisten 127.0.0.1:$PORT0;\nroot " + path("site") +
+      ";\nlocation ~ lgq$ { if ($dropped) { return 444; } }\n}\n"});
+  const Tour streamed = tour(nginx.url() + "/tower/", "dropped", "qsplat");
+  expectLocalPictures(streamed);
+  EXPECT_GT(streamed.lines.back()["splats"]["failures"].get<int>(), 0);
+}
+
+TEST_F(StreamedSplatsTest, aHostThatCannotIsNamedWithWhatToDo) {
+  const support::Nginx nginx(path("site"), "location /whole/ { alias " + path("site/tower") +
+                                               "/; max_ranges 0; }\nlocation /secret/ { deny all; }\n");
+  expectOneLineError(view(nginx.url() + "/whole/"), 1, {"/whole/qsplat-", "ignores Range", "docs/hosting.md"});
+  expectOneLineError(view(nginx.url() + "/nothing/"), 1, {"/nothing/scene.json", "is not there", "404"});
+  expectOneLineError(view(nginx.url() + "/secret/"), 1, {"may not be read", "403"});
+  expectOneLineError(view("http://127.0.0.1:1/tower/"), 1, {"no answer", "check the network"});
+
+  // Cut short; another file; lost; no splats at all.
+  const std::string file = splatFile();
+  const std::string bytes = readText(file);
+  writeText(file, bytes.substr(0, 1'000));
+  expectOneLineError(view(nginx.url() + "/tower/"), 1, {".lgq", "is shorter", "publish the scene again"});
+  writeText(file, bytes.substr(0, 3 * bytes.size() / 4));
+  expectOneLineError(view(nginx.url() + "/tower/"), 1, {".lgq", "is shorter", "publish the scene again"});
+  writeText(file, "no splats" + bytes.substr(9));
+  expectOneLineError(view(nginx.url() + "/tower/"), 1, {".lgq", "not a qsplat.lgq"});
+  fs::remove(file);
+  expectOneLineError(view(nginx.url() + "/tower/"), 1, {".lgq", "is not there"});
+  ASSERT_EQ(
+      run("lumigrid", {"build", path("mesh.ply"), "-o", path("site/plain"), "--methods", "patch", "--quiet"}).status,
+      0);
+  expectOneLineError(view(nginx.url() + "/plain/"), 1, {"has no splats", "--methods qsplat"});
+}
+
+TEST_F(StreamedSplatsTest, aDamagedBlockIsNamedAndCoarserSplatsStandInForIt) {
+  const std::string file = splatFile();
+  std::string bytes = readText(file);
+  const std::size_t last = bytes.size() / lod::qsplat::kBlockBytes - 1;
+  for (std::size_t block = last / 2; block < last; ++block) bytes[block * lod::qsplat::kBlockBytes + 500] ^= 4;
+  writeText(file, bytes);
+  const support::Nginx nginx(path("site"));
+  const auto viewed = view(nginx.url() + "/tower/", {"--out", path("damaged")});
+  EXPECT_EQ(viewed.status, 1);
+  EXPECT_NE(viewed.err.find("damaged: checksum does not match"), std::string::npos) << viewed.err;
+  const json line =
+      json::parse(readText(path("damaged/frames.jsonl")).substr(0, readText(path("damaged/frames.jsonl")).find('\n')));
+  EXPECT_TRUE(line["complete"].get<bool>());
+  EXPECT_GT(line["broken"].get<int>(), 0);
+  EXPECT_GT(line["splats"]["drawn"].get<int>(), 100);
+  const auto verified = run("lumigrid", {"verify", path("site/tower"), "--quiet"});
+  EXPECT_EQ(verified.status, 1);
+  EXPECT_NE(verified.out.find(".lgq: block"), std::string::npos) << verified.out;
+}
+
+TEST_F(StreamedSplatsTest, aFileThatChangesMeanwhileIsNamedAndNothingOfItIsMixedIn) {
+  const support::Nginx nginx(path("site"));
+  const pid_t viewer = programs::start("lumigrid-view",
+                                       {nginx.url() + "/tower/", "--headless", "--method", "qsplat", "--path",
+                                        path("tour.json"), "--bandwidth", "100kbit", "--settle", "60"},
+                                       path("viewer"));
+  // Once it has begun to read.
+  for (int i = 0; i < 2000 && nginx.accessLog().find(".lgq") == std::string::npos; ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  const std::string file = splatFile();
+  fs::copy_file(scene_ + "/qsplat.lgq", path("other.lgq"));
+  fs::last_write_time(path("other.lgq"), fs::file_time_type::clock::now() - std::chrono::hours(1));
+  fs::rename(path("other.lgq"), file);
+  EXPECT_EQ(programs::wait(viewer), 1);
+  EXPECT_NE(readText(path("viewer.err")).find("changed while it was read; open the scene anew"), std::string::npos)
+      << readText(path("viewer.err"));
+}
+
+}  // namespace

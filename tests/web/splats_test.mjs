@@ -1,0 +1,98 @@
+// Splats in the browser: streamed from a server of ours and from nginx, the same pictures as the native client's.
+import assert from "node:assert/strict";
+import { readdirSync, readFileSync } from "node:fs";
+import { join } from "node:path";
+import { after, before, test } from "node:test";
+import { camera, canvasPicture, cleanUp, difference, folder, launch, nativePictures, nginx, open, repeated, run, sampleMesh, serve, site, still, until, waitFor } from "./lib.mjs";
+
+let scene, published, server, browser;
+before(async () => {
+  scene = join(folder, "splats.scene");
+  run("lumigrid", ["build", sampleMesh({ triangles: 60000 }), "-o", scene, "--methods", "patch,qsplat"]);
+  published = join(folder, "splats.published");
+  run("lumigrid", ["publish", scene, published, "--viewer", "on", "--web", site]);
+  server = await serve(scene, { args: ["--no-frames"] });
+  browser = await launch();
+});
+after(cleanUp);
+
+const fine = (page) => waitFor(page, (now) => now.complete === 1 && now.splats > 0, "all splats of the view");
+
+/// Until no block comes any more, those for later included.
+async function quiet(page) {
+  let last = -1;
+  await until(async () => {
+    await page.waitForTimeout(500);
+    const { blocksPresent } = await fine(page);
+    const same = blocksPresent === last;
+    last = blocksPresent;
+    return same;
+  }, "the last block");
+  return last;
+}
+
+async function expectNative(page, url) {
+  const [native] = nativePictures(url, [await camera(page)], ["--method", "qsplat"]);
+  const apart = difference(await canvasPicture(page), native);
+  assert.ok(apart.covered > 0.05, "there is nothing in the pictures");
+  assert.ok(apart.mean < 0.5 && apart.outliers < 0.002, `mean ${apart.mean} levels, outliers ${apart.outliers}`);
+}
+
+test("a server's splats, as the native client draws them, also after a drag", async () => {
+  const page = await open(browser, `${server.url}?method=qsplat`);
+  await fine(page);
+  await expectNative(page, server.url);
+  await page.mouse.move(320, 180);
+  await page.mouse.down();
+  await page.mouse.move(420, 150, { steps: 5 });
+  await page.mouse.up();
+  await still(page);
+  await fine(page);
+  await expectNative(page, server.url);
+  assert.match(await page.evaluate(() => window.lumigrid.permalink()), /&m=qsplat/);
+  assert.deepEqual(page.faults, []);
+  await page.close();
+});
+
+test("a link with m=qsplat opens them on a static host; no byte comes twice; another method loads the page again", async () => {
+  const host = await nginx(published);
+  const first = await open(browser, `${host.url}?method=qsplat`);
+  await quiet(first); // or answers to it would be in the log of the next
+  const link = await first.evaluate(() => window.lumigrid.permalink());
+  await first.close();
+  host.requests();
+  const page = await open(browser, `${host.url}#${link}`);
+  await quiet(page);
+  assert.equal(repeated(host.requests()), 0);
+  await expectNative(page, host.url);
+
+  await Promise.all([page.waitForEvent("load"), page.evaluate((hash) => void (location.hash = hash), link.replace("&m=qsplat", ""))]);
+  await waitFor(page, (now) => now.triangles > 0 && now.splats === 0, "patches");
+  assert.deepEqual(page.faults.filter((fault) => !/404/.test(fault)), []); // it has no annotations
+  await page.close();
+});
+
+test("the magnifying glass and the statistics", async () => {
+  const page = await open(browser, `${server.url}?method=qsplat`);
+  await fine(page);
+  await page.keyboard.press("l");
+  await until(async () => (await page.locator("#lines line").count()) >= 64, "the glass's rim");
+  await page.keyboard.press("l");
+  await until(async () => (await page.locator("#lines line").count()) === 0, "its end");
+  await page.keyboard.press("i");
+  await until(async () => /blocks/.test(await page.locator("#statistics").innerText()), "blocks in the statistics");
+  await page.close();
+});
+
+test("a host without ranges is named", async () => {
+  const host = await nginx(published, "max_ranges 0;");
+  const page = await open(browser, `${host.url}?method=qsplat`);
+  await until(async () => /ignores Range/.test(await page.locator("body").innerText()), "the reason");
+  await page.close();
+});
+
+test("each viewer's WebAssembly has at most 150 kB, compressed", () => {
+  const found = readdirSync(site).filter((name) => /^(viewer|splats)-.*\.wasm\.br$/.test(name));
+  assert.equal(found.length, 2);
+  for (const name of found) assert.ok(readFileSync(join(site, name)).length <= 150_000, name);
+});
