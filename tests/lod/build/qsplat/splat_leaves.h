@@ -11,8 +11,18 @@ namespace support {
 struct MeshSplats {
   lod::build::SourceLattice lattice;
   std::vector<lod::build::qsplat::Splat> leaves;
+  lod::build::Mesh sorted;  ///< the triangles that the leaves are made of: repaired, turned to one side, on the lattice
   std::size_t buckets = 0;
 };
+
+/// Adds a bucket's corners, three a triangle.
+inline void addCorners(std::span<const lod::build::Corner> corners, const lod::build::SourceLattice& lattice,
+                       lod::build::Mesh& mesh) {
+  for (const lod::build::Corner& corner : corners) {
+    mesh.indices.push_back(static_cast<std::uint32_t>(mesh.positions.size()));
+    mesh.positions.push_back(lattice.lattice.position(lod::build::mortonPoint(corner.code)));
+  }
+}
 
 inline MeshSplats splatsOf(const lod::build::Mesh& mesh) {
   using namespace lod::build;
@@ -28,10 +38,14 @@ inline MeshSplats splatsOf(const lod::build::Mesh& mesh) {
   qsplat::MeshLeaves leaves(*buckets, out.lattice);
   EXPECT_TRUE(leaves.measureBorder(1, {}));
   out.buckets = buckets->count();
+  out.sorted.origin = source->origin;
   for (std::size_t b = 0; b < buckets->count(); ++b) {
     auto some = leaves.leaves(b);
     EXPECT_TRUE(some);
     out.leaves.insert(out.leaves.end(), some->begin(), some->end());
+    const auto corners = buckets->read(b);
+    EXPECT_TRUE(corners);
+    addCorners(*corners, out.lattice, out.sorted);
   }
   return out;
 }

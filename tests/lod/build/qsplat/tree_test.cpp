@@ -384,7 +384,7 @@ class Culling {
   explicit Culling(const Mesh& mesh) : splats_(support::splatsOf(mesh)), tree_(makeSubtree(splats_.leaves)) {
     const Links links(tree_.nodes);
     parent_ = links.parent;
-    const AroundVertices around(mesh, splats_.lattice);
+    const AroundVertices around(splats_.sorted, splats_.lattice);
     vertex_cosine_.assign(tree_.nodes.size(), 1.0);
     facet_cosine_.assign(tree_.nodes.size(), 1.0);
     for (std::size_t i = 0; i < tree_.nodes.size(); ++i) {
