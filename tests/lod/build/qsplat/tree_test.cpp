@@ -249,13 +249,16 @@ struct AroundVertices {
   std::map<std::tuple<float, float, float>, Vertex> at;
 
   AroundVertices(const Mesh& mesh, const lod::build::SourceLattice& lattice) {
-    const auto place = [&](std::uint32_t v) {
-      return lattice.lattice.position(lattice.point(mesh.origin + glm::dvec3(mesh.positions[v])));
-    };
     for (std::size_t t = 0; t < mesh.indices.size(); t += 3) {
-      const glm::vec3 p[3] = {place(mesh.indices[t]), place(mesh.indices[t + 1]), place(mesh.indices[t + 2])};
+      glm::dvec3 q[3];  // whole numbers, in which a triangle without an area has exactly none
+      glm::vec3 p[3];
+      for (std::size_t k = 0; k < 3; ++k) {
+        const glm::ivec3 point = lattice.point(mesh.origin + glm::dvec3(mesh.positions[mesh.indices[t + k]]));
+        q[k] = glm::dvec3(point);
+        p[k] = lattice.lattice.position(point);
+      }
       const double radius = enclosingRadius(p);
-      const glm::dvec3 n = glm::cross(glm::dvec3(p[1]) - glm::dvec3(p[0]), glm::dvec3(p[2]) - glm::dvec3(p[0]));
+      const glm::dvec3 n = glm::cross(q[1] - q[0], q[2] - q[0]);
       for (const glm::vec3& corner : p) {
         Vertex& vertex = at[{corner.x, corner.y, corner.z}];
         vertex.radius = std::max(vertex.radius, radius);
