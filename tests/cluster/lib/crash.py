@@ -305,14 +305,19 @@ class Disk:
 
 
 class Witness:
-    """A file written without fsync just before each cut. That it is lost proves that there was one."""
+    """A new file written without fsync just before each cut. That it is lost proves that there was one. (One written over
+    would not do: ext4 flushes a file that was emptied and written again.)"""
 
     def __init__(self, disk):
-        self.path = disk.mount_point + "/witness"
+        self.directory = disk.mount_point
+        self.path = None
         self.bytes = os.urandom(1 << 20)
+        self.written = 0
         self.lost = 0
 
     def write(self):
+        self.written += 1
+        self.path = f"{self.directory}/witness{self.written}"
         with open(self.path, "wb") as file:
             file.write(self.bytes)
 
