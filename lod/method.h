@@ -10,8 +10,10 @@ namespace lod {
 
 enum class Method { kLumigraph, kPatches, kQsplat, kFull };
 
-inline constexpr std::array<std::pair<Method, std::string_view>, 4> kMethodNames{
-    {{Method::kLumigraph, "lumigraph"}, {Method::kPatches, "patches"}, {Method::kQsplat, "qsplat"}, {Method::kFull, "full"}}};
+inline constexpr std::array<std::pair<Method, std::string_view>, 4> kMethodNames{{{Method::kLumigraph, "lumigraph"},
+                                                                                  {Method::kPatches, "patches"},
+                                                                                  {Method::kQsplat, "qsplat"},
+                                                                                  {Method::kFull, "full"}}};
 
 inline std::optional<Method> methodFromName(std::string_view name) {
   for (const auto& [method, text] : kMethodNames)

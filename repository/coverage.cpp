@@ -24,8 +24,7 @@ constexpr int kMaxSide = 16384;
 constexpr std::uint8_t kVersion = 1;
 constexpr std::size_t kHeaderBytes = 1;
 
-// --- The range coder
-// ---------------------------------------------------------------------------------------------------------
+// ---- The range coder ----
 
 constexpr std::uint32_t kTop = 1U << 24;  // range is kept at or above
 constexpr int kProbabilityBits = 16;
@@ -139,8 +138,7 @@ class RangeDecoder {
   bool overran_ = false;
 };
 
-// --- Contexts
-// ----------------------------------------------------------------------------------------------------------------
+// ---- Contexts ----
 
 enum BlockClass : std::uint8_t { kAllBackground = 0, kAllModel = 1, kMixed = 2 };
 
@@ -192,8 +190,7 @@ struct PixelContext {
   void leave(bool bit) { left = (left << 1 | static_cast<std::uint32_t>(bit)) & 3U; }
 };
 
-// --- Encoder
-// -----------------------------------------------------------------------------------------------------------------
+// ---- Encoder ----
 
 BlockClass classOf(const base::Image& mask, int column, int row) {
   const int x1 = std::min(mask.width, (column + 1) * kBlock);
@@ -233,8 +230,7 @@ void encodeLine(const base::Image& mask, int y, const Classes& classes, Lines& l
   }
 }
 
-// --- Decoder
-// -----------------------------------------------------------------------------------------------------------------
+// ---- Decoder ----
 
 void decodeClasses(Classes& classes, Models& models, RangeDecoder& coder) {
   for (std::size_t column = 0; column + 2 < classes.here.size(); ++column) {

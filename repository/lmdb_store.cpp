@@ -34,8 +34,7 @@ base::Error openedForReading(const std::string& path) {
   return {base::ErrorCode::kUnsupported, path + ": opened for reading only"};
 }
 
-// --- Keys
-// --------------------------------------------------------------------------------------------------------------------
+// ---- Keys ----
 
 // Big-endian, so that LMDB's byte order is Morton order.
 using KeyBytes = std::array<std::uint8_t, 8>;
@@ -55,8 +54,7 @@ base::Result<FaceKey> keyFrom(const MDB_val& value) {
   return FaceKey::fromCode(code);
 }
 
-// --- The writer's lock
-// -----------------------------------------------------------------------------------------------------------
+// ---- The writer's lock ----
 
 // An flock on writer.lock: the system gives it back when its process dies. The file holds the writer's pid, for the
 // message only.
@@ -97,8 +95,7 @@ class WriterLock {
   base::FileDescriptor file_;
 };
 
-// --- The store
-// -------------------------------------------------------------------------------------------------------------------
+// ---- The store ----
 
 class LmdbStore final : public Store {
  public:

@@ -64,8 +64,7 @@ Result<Shader> compile(const std::string& place, GLenum stage, const std::string
 
 }  // namespace
 
-// ---- What is held
-// --------------------------------------------------------------------------------------------------------
+// ---- What is held ----
 
 namespace {
 
@@ -156,15 +155,13 @@ void allocate(Renderbuffer& renderbuffer, GLenum format, int width, int height) 
   renderbuffer.hold(bytesOf(format, width, height));
 }
 
-// ---- Objects
-// -------------------------------------------------------------------------------------------------------------
+// ---- Objects ----
 
 void ProgramTraits::destroy(GLuint name) {
   glDeleteProgram(name);
 }
 
-// ---- Program
-// -------------------------------------------------------------------------------------------------------------
+// ---- Program ----
 
 Result<Program> Program::link(const std::string& name, const std::string& vertex_source,
                               const std::string& fragment_source) {
@@ -197,8 +194,7 @@ GLint Program::uniform(const char* name) const {
   return location;
 }
 
-// ---- RenderTarget
-// --------------------------------------------------------------------------------------------------------
+// ---- RenderTarget ----
 
 Result<RenderTarget> RenderTarget::create(int width, int height) {
   GLint limit = 0;

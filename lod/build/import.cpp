@@ -16,8 +16,7 @@ namespace {
 // Squares of coordinates must stay finite in float32.
 constexpr double kMaxCoordinate = 1e18;
 
-// ---- One file
-// -----------------------------------------------------------------------------------------------------------
+// ---- One file ----
 
 /// Runs body(first, last) over [0, count) in blocks on all cores.
 template <class Body>
@@ -114,8 +113,7 @@ base::Result<Soup> readMesh(const std::string& path, std::uint64_t& bytes) {
   return std::move(soup);
 }
 
-// ---- All files
-// ----------------------------------------------------------------------------------------------------------
+// ---- All files ----
 
 struct DoubleBox {
   glm::dvec3 min{std::numeric_limits<double>::max()};

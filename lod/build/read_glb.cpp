@@ -22,8 +22,7 @@ constexpr std::uint32_t kBinChunk = 0x004E4942;   // "BIN\0"
 // Nodes may draw one mesh many times: a small hostile file must not fill the memory.
 constexpr std::uint64_t kMaxInstancedVertices = std::uint64_t{1} << 27;
 
-// ---- JSON that may hold anything
-// ----------------------------------------------------------------------------------------
+// ---- JSON that may hold anything ----
 
 const json kNothing;
 
@@ -57,8 +56,7 @@ std::string text(const json& value) {
   return value.is_string() ? value.get<std::string>() : std::string{};
 }
 
-// ---- Accessors (section 3.6.2)
-// ------------------------------------------------------------------------------------------
+// ---- Accessors (section 3.6.2) ----
 
 enum ComponentType : std::uint64_t {
   kByte = 5120,
@@ -235,8 +233,7 @@ base::Result<Accessor> GlbReader::accessor(std::uint64_t index, const std::strin
   return result;
 }
 
-// ---- Primitives (section 3.7.2)
-// -----------------------------------------------------------------------------------------
+// ---- Primitives (section 3.7.2) ----
 
 // sRGB transfer function (IEC 61966-2-1): glTF's vertex colours and factors are linear, ours are sRGB.
 double srgbFromLinear(double v) {
@@ -413,8 +410,7 @@ base::Result<void> GlbReader::readMesh(std::uint64_t index, const glm::dmat4& sc
   return {};
 }
 
-// ---- Scene graph (section 3.5)
-// ------------------------------------------------------------------------------------------
+// ---- Scene graph (section 3.5) ----
 
 glm::dmat4 nodeMatrix(const json& node) {
   glm::dmat4 matrix(1.0);

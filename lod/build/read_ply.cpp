@@ -64,8 +64,7 @@ std::optional<Scalar> scalarFromName(std::string_view name) {
   return std::nullopt;
 }
 
-// ---- Header
-// -------------------------------------------------------------------------------------------------------------
+// ---- Header ----
 
 base::Result<void> parseFormat(std::string_view line, Header& header) {
   const std::string_view name = nextWord(line);
@@ -151,8 +150,7 @@ base::Result<Header> parseHeader(base::ByteView bytes) {
   return invalidInput("truncated: the header has no end_header line; get the whole file again");
 }
 
-// ---- Sources of scalars: binary and text
-// --------------------------------------------------------------------------------
+// ---- Sources of scalars: binary and text ----
 
 template <class T>
 T loadScalar(const std::uint8_t* data, bool swap) {
@@ -243,8 +241,7 @@ class TextSource {
   std::string_view bad_word_;
 };
 
-// ---- Elements
-// -----------------------------------------------------------------------------------------------------------
+// ---- Elements ----
 
 // What a vertex property means to us.
 enum Slot { kX, kY, kZ, kNx, kNy, kNz, kRed, kGreen, kBlue, kSlots };

@@ -190,8 +190,7 @@ void dropTriangles(Mesh& mesh, RepairCounts& counts) {
   counts.add("duplicate_triangles", duplicate);
 }
 
-// ---- Edges
-// --------------------------------------------------------------------------------------------------------------
+// ---- Edges ----
 
 // Half-edge h runs from corner h of its triangle h / 3 to the next corner.
 std::uint32_t nextCorner(std::uint32_t h) {

@@ -127,8 +127,7 @@ glm::dvec2 directionFromTurn(double turn) {
   return {g[0] * c + g[1] * s, g[2] * c + g[3] * s};
 }
 
-// ---- The table
-// ----------------------------------------------------------------------------------------------------------
+// ---- The table ----
 
 // Radii over (s, turn). s is the share of the mean arc length from the top pole to the bottom one, so that equal steps
 // of s are steps of about equal length on the body.
@@ -219,8 +218,7 @@ const RadiusTable& radiusTable() {
   return table;
 }
 
-// ---- The mesh
-// -----------------------------------------------------------------------------------------------------------
+// ---- The mesh ----
 
 // An octahedron's rings pulled apart by a belt: ring i of the caps has 4 i vertices, the belt's `belt` extra rings 4 n.
 // Triangles: 8 n² in the caps, 8 n belt between.

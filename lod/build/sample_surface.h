@@ -35,8 +35,7 @@ class SampleSurface {
 std::unique_ptr<SampleSurface> makeStatue(std::uint64_t triangles, std::uint64_t seed);
 std::unique_ptr<SampleSurface> makeRelief(std::uint64_t triangles, std::uint64_t seed);
 
-// ---- Tools of both
-// ------------------------------------------------------------------------------------------------------
+// ---- Tools of both ----
 
 std::uint32_t latticeHash(std::int64_t x, std::int64_t y, std::int64_t z, std::uint32_t seed);
 /// Value noise on the integer lattice with quintic blending: in [−1, 1], mean 0, smooth, one bump per unit length.

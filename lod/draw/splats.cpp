@@ -298,8 +298,7 @@ class PointTest {
 
 }  // namespace
 
-// ---- Splats in memory
-// ---------------------------------------------------------------------------------------------------------
+// ---- Splats in memory ----
 
 void SplatRenderer::upload(std::span<const qsplat::Splat> splats, float most_samples, const SplatView& view,
                            const SplatTarget& target) {
@@ -324,8 +323,7 @@ void SplatRenderer::upload(std::span<const qsplat::Splat> splats, float most_sam
   glBindVertexArray(0);
 }
 
-// ---- Programs
-// -----------------------------------------------------------------------------------------------------------------
+// ---- Programs ----
 
 struct SplatRenderer::Pass {
   enum class Shape : std::uint8_t { kSquare, kRound, kFuzzy, kEllipse };
@@ -375,8 +373,7 @@ base::Result<const base::gl::Program*> SplatRenderer::program(const Pass& pass) 
   return &made;
 }
 
-// ---- Drawing
-// -----------------------------------------------------------------------------------------------------------------
+// ---- Drawing ----
 
 base::Result<void> SplatRenderer::draw(std::span<const qsplat::Splat> splats, SplatKernel kernel, const SplatView& view,
                                        const SplatTarget& target) {
@@ -450,8 +447,7 @@ base::Result<void> SplatRenderer::drawShape(const Pass& pass, const SplatView& v
   return {};
 }
 
-// ---- Fuzzy splats
-// -----------------------------------------------------------------------------------------------------------------
+// ---- Fuzzy splats ----
 
 base::Result<void> SplatRenderer::prepareFuzzyTarget(int width, int height) {
   if (fuzzy_.width == width && fuzzy_.height == height) return {};

@@ -38,8 +38,7 @@ double secondsBetween(Clock::time_point from, Clock::time_point to) {
   return std::chrono::duration<double>(to - from).count();
 }
 
-// --- The store's parameters
-// ----------------------------------------------------------------------------------------------------
+// ---- The store's parameters ----
 
 std::string numbers(const glm::vec3& v) {
   std::array<char, 64> text{};
@@ -101,8 +100,7 @@ base::Result<void> claimStore(repository::Store& store, const std::string& wante
   return store.writeMeta(wanted);
 }
 
-// --- What is there already
-// -----------------------------------------------------------------------------------------------------
+// ---- What is there already ----
 
 // One bit a face of the grid: its value is in the store and whole.
 class Present {
@@ -143,8 +141,7 @@ class Present {
   std::uint64_t bytes_ = 0;
 };
 
-// --- Counting
-// ------------------------------------------------------------------------------------------------------------------
+// ---- Counting ----
 
 struct Counters {
   std::atomic<std::uint64_t> done{0}, empty{0}, jpeg_bytes{0}, coverage_bytes{0}, value_bytes{0};
@@ -172,8 +169,7 @@ class MovingRate {
   std::deque<std::pair<Clock::time_point, std::uint64_t>> samples_;
 };
 
-// --- The work
-// ------------------------------------------------------------------------------------------------------------------
+// ---- The work ----
 
 class Baker {
  public:

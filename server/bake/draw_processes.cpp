@@ -28,8 +28,7 @@ constexpr std::uint64_t kLeastGpuBudgetBytes = std::uint64_t{256} << 20;  // one
 constexpr std::size_t kJobsAtATime = 2;                                   // one is drawn, the next is there already
 constexpr unsigned kMostDeaths = 3;                                       // of processes over the same faces
 
-// --- A process
-// -----------------------------------------------------------------------------------------------------------------
+// ---- A process ----
 
 /// The environment with llvmpipe's own threads left out, unless somebody has chosen them: the processes fill the cores,
 /// and each of its threads costs more than it gives then.
@@ -97,8 +96,7 @@ class DrawProcess {
   pid_t pid_;
 };
 
-// --- Who gives them work
-// -------------------------------------------------------------------------------------------------------
+// ---- Who gives them work ----
 
 class MadeByProcesses : public FaceMaker {
  public:
@@ -229,8 +227,7 @@ class MadeByProcesses : public FaceMaker {
   std::vector<std::thread> threads_;  // last: they use the others
 };
 
-// --- Within the process
-// ----------------------------------------------------------------------------------------------------------
+// ---- Within the process ----
 
 base::Result<void> drawFor(int socket, const Encode& encode) {
   auto first = receiveMessage(socket);

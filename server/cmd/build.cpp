@@ -869,8 +869,7 @@ Result<void> build(const BuildArguments& a) {
   return {};
 }
 
-// --- What is missing
-// ------------------------------------------------------------------------------------------------------------
+// ---- What is missing ----
 
 // Cheap, so that it can be asked often: sources are known by their sizes, images by their keys.
 Result<MissingParts> findMissingParts(const BuildArguments& a) {

@@ -124,9 +124,9 @@ float nearPlaneOf(const base::Camera& camera) {
 base::Result<void> check(const base::Camera& camera, const RenderOptions& options) {
   LUMIGRID_TRY(checkPicture(camera, options.supersampling));
   if (!(options.tolerance_px >= 0.0F))
-    return base::Error{base::ErrorCode::kInvalidInput, "render: a tolerance of " +
-                                                           std::to_string(options.tolerance_px) +
-                                                           " pixels; it must be 0 or more"};
+    return base::Error{
+        base::ErrorCode::kInvalidInput,
+        "render: a tolerance of " + std::to_string(options.tolerance_px) + " pixels; it must be 0 or more"};
   return {};
 }
 
@@ -174,8 +174,7 @@ struct SceneRenderer::State {
   int max_side = 0;
 };
 
-// ---- Drawing
-// -------------------------------------------------------------------------------------------------------------
+// ---- Drawing ----
 
 std::vector<std::uint32_t> SceneRenderer::State::visibleFrom(const base::Camera& camera,
                                                              std::span<const std::uint32_t> cut) const {
@@ -285,8 +284,7 @@ base::Result<void> SceneRenderer::State::drawPicture(const base::Camera& camera,
   return {};
 }
 
-// ---- SceneRenderer
-// -------------------------------------------------------------------------------------------------------
+// ---- SceneRenderer ----
 
 SceneRenderer::~SceneRenderer() = default;
 

@@ -154,8 +154,7 @@ TEST(StoreFailure, aLimitOnFileSizeIsNoSpaceAndTheStoreStaysSound) {
   ::setrlimit(RLIMIT_FSIZE, &before);
 }
 
-// --- Damaged files
-// ---------------------------------------------------------------------------------------------------------------
+// ---- Damaged files ----
 
 void writeFile(const std::string& path, const base::Bytes& bytes) {
   std::ofstream out(path, std::ios::binary);

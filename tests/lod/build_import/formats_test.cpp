@@ -194,8 +194,7 @@ TEST(OffImport, PlainColouredAndNormalFormsAreRead) {
   EXPECT_EQ(both->mesh.colors[0], glm::u8vec4(128, 0, 0, 255));
 }
 
-// ---- GLB
-// ----------------------------------------------------------------------------------------------------------------
+// ---- GLB ----
 
 using nlohmann::json;
 
@@ -320,8 +319,7 @@ TEST(GlbImport, WhatCannotBeReadIsRefusedWithItsName) {
   EXPECT_NE(refusal(d).find("indices are not unsigned integers"), std::string::npos);
 }
 
-// ---- All formats
-// --------------------------------------------------------------------------------------------------------
+// ---- All formats ----
 
 TEST(Import, SeveralFilesBecomeOneScene) {
   const std::string second = write("second.obj", "v 5 0 0\nv 6 0 0\nv 5 1 0\nf 1 2 3\n");

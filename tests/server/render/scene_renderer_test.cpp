@@ -97,8 +97,7 @@ class SceneRendererTest : public testing::Test {
   std::unique_ptr<base::HeadlessContext> context_;
 };
 
-// ---- Coverage and colour
-// -------------------------------------------------------------------------------------------------
+// ---- Coverage and colour ----
 
 // On 8 × 8 pixels that show [−8, 8]² a triangle whose edges miss all sample positions:
 //   (−7.25, −6.5), (6.75, −5.5), (−2.25, 7.5)
@@ -186,8 +185,7 @@ TEST_F(SceneRendererTest, softLightDarkensWhatTurnsAwayAndUnlitDoesNot) {
   EXPECT_EQ(soft.rgba.at(3, 4)[3], 255);
 }
 
-// ---- Choosing the cut
-// ----------------------------------------------------------------------------------------------------
+// ---- Choosing the cut ----
 
 // The root shows one orange triangle, the leaves two white ones. An error of 0.5 at distance 8 is about 0.5 pixels of 2
 // units a pixel at 8 pixels, 4 of them at 64.
@@ -223,8 +221,7 @@ TEST_F(SceneRendererTest, parallelViewUsesOneWorldError) {
   EXPECT_EQ(fine.rgba.at(7, 8)[3], 255);
 }
 
-// ---- Tiles
-// ---------------------------------------------------------------------------------------------------------------
+// ---- Tiles ----
 
 TEST_F(SceneRendererTest, tiledPictureEqualsTheWholeOne) {
   const auto leaves = confetti(8, 40);
@@ -256,8 +253,7 @@ TEST_F(SceneRendererTest, tileWithNothingInItStaysTransparent) {
   EXPECT_EQ(std::count(tiled.rgba.pixels.begin(), tiled.rgba.pixels.end(), kOrange.r) > 0, true);
 }
 
-// ---- Budget
-// --------------------------------------------------------------------------------------------------------------
+// ---- Budget ----
 
 TEST_F(SceneRendererTest, pictureDoesNotDependOnTheBudget) {
   const auto leaves = confetti(12, 30);
@@ -271,8 +267,7 @@ TEST_F(SceneRendererTest, pictureDoesNotDependOnTheBudget) {
   }
 }
 
-// ---- Several cameras
-// -----------------------------------------------------------------------------------------------------
+// ---- Several cameras ----
 
 TEST_F(SceneRendererTest, renderManyEqualsRenderForEachFaceInOrder) {
   const auto leaves = confetti(8, 40);
@@ -348,8 +343,7 @@ TEST_F(SceneRendererTest, cutForSeveralCamerasIsThatOfTheFinest) {
   EXPECT_EQ(triangles, (std::vector<std::uint64_t>{2, 2}));
 }
 
-// ---- Threads and errors
-// --------------------------------------------------------------------------------------------------
+// ---- Threads and errors ----
 
 TEST_F(SceneRendererTest, twoRenderersOnTwoThreadsDrawTheSame) {
   const auto leaves = confetti(6, 40);
