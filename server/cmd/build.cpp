@@ -679,7 +679,9 @@ void printOutcome(const BuildArguments& a, const Output& output, const BuildRepo
     std::printf("%s: finished and whole; nothing was to be done\n", a.output.c_str());
   std::printf("peak memory %s\n", formatBytes(peakResidentBytes()).c_str());
   if (r.missing.empty())
-    std::printf("next: lumigrid %s %s\n", hasPart(*output.scene, kPatches.file) ? "serve" : "info", a.output.c_str());
+    std::printf(
+        hasPart(*output.scene, kPatches.file) ? "next: lumigrid serve %s\n" : "next: lumigrid publish %s DEST\n",
+        a.output.c_str());
   else
     std::printf(
         "next: %zu more shards (%s) with the same command; lumigrid build --missing -o %s lists what they lack\n",

@@ -178,6 +178,13 @@ Result<void> publishAnnotations(const PublishArguments& a, const std::optional<b
                   "application/json");
 }
 
+// The scene as a server opens it, whose patches and images belong together. Null: it has splats alone.
+Result<std::unique_ptr<OpenScene>> openImagesOf(const PublishArguments& a, const base::Scene& scene) {
+  if (base::partFile(scene, "patch", ".lgp")) return openScene(a.scene);
+  if (base::partFile(scene, "qsplat", ".lgq")) return std::unique_ptr<OpenScene>();
+  return Error{ErrorCode::kInvalidInput, a.scene + ": scene.json lists no patch.lgp; build the scene again"};
+}
+
 Result<PublishReport> publish(const PublishArguments& a) {
   const auto start = std::chrono::steady_clock::now();
   // What is wrong beside the scene is told before hours of copying.
@@ -185,24 +192,24 @@ Result<PublishReport> publish(const PublishArguments& a) {
   if (!pages) return pages.error();
   auto annotations = base::readAnnotations(a.scene);
   if (!annotations) return annotations.error();
-  auto open = openScene(a.scene);
+  const auto built = base::readScene(a.scene);
+  if (!built) return built.error();
+  auto open = openImagesOf(a, *built);
   if (!open) return open.error();
-  if (!base::partFile((*open)->scene, "patch", ".lgp"))
-    return Error{ErrorCode::kInvalidInput, a.scene + ": scene.json lists no patch.lgp; build the scene again"};
   auto sink = repository::openObjectSink(a.destination);
   if (!sink) return sink.error();
   LUMIGRID_TRY(refuseBuiltScene(**sink));
 
   PublishReport report;
   if (*pages) LUMIGRID_TRY(publishPageTo(a, **pages, **sink, report));
-  base::Scene scene = publicScene((*open)->scene);
-  for (const base::ScenePart& part : (*open)->scene.parts) {
+  base::Scene scene = publicScene(*built);
+  for (const base::ScenePart& part : built->parts) {
     if (isImages(part)) continue;
     auto published = publishPart(a, part, **sink, report);
     if (!published) return published.error();
     scene.parts.push_back(std::move(*published));
   }
-  if ((*open)->images) {
+  if (*open && (*open)->images) {
     ProgressLine line(a.quiet);
     auto published = publishImages(a, **open, **sink, report, line);
     if (!published) return published.error();

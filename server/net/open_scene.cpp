@@ -213,8 +213,8 @@ base::Result<std::unique_ptr<OpenScene>> openScene(const std::string& place, con
   if (base::partFile(*scene, "qsplat", ".lgq") && !base::partFile(*scene, "patch", ".lgp"))
     return base::Error{base::ErrorCode::kUnsupported,
                        place +
-                           ": holds a tree of splats alone, which only `lumigrid render --method qsplat` draws; for "
-                           "all else build patches too (--methods patch,qsplat), which needs a mesh"};
+                           ": holds a tree of splats alone; publish it (`lumigrid publish`) and any web server shows it, "
+                           "or build patches too (--methods patch,qsplat), which needs a mesh"};
   const std::string patch_path = base::patchPath(place, *scene);
   auto open = openHierarchy(std::move(*scene), std::move(*json_bytes), patch_path, place);
   if (!open) return open;

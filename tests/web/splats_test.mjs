@@ -1,6 +1,6 @@
 // Splats in the browser: streamed from a server of ours and from nginx, the same pictures as the native client's.
 import assert from "node:assert/strict";
-import { readdirSync, readFileSync } from "node:fs";
+import { readdirSync, readFileSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
 import { camera, canvasPicture, cleanUp, difference, folder, launch, nativePictures, nginx, open, repeated, run, sampleMesh, serve, site, still, until, waitFor } from "./lib.mjs";
@@ -81,6 +81,29 @@ test("the magnifying glass and the statistics", async () => {
   await until(async () => (await page.locator("#lines line").count()) === 0, "its end");
   await page.keyboard.press("i");
   await until(async () => /blocks/.test(await page.locator("#statistics").innerText()), "blocks in the statistics");
+  await page.close();
+});
+
+test("a point cloud, which has splats alone, is published and shown without being asked for", async () => {
+  const count = 8000;
+  const golden = Math.PI * (3 - Math.sqrt(5));
+  const lines = ["ply", "format ascii 1.0", `element vertex ${count}`, "property float x", "property float y", "property float z", "end_header"];
+  for (let i = 0; i < count; ++i) {
+    const z = 1 - (2 * i + 1) / count;
+    const r = Math.sqrt(1 - z * z);
+    lines.push(`${r * Math.cos(golden * i)} ${r * Math.sin(golden * i)} ${z}`);
+  }
+  const cloud = join(folder, "cloud.ply");
+  writeFileSync(cloud, `${lines.join("\n")}\n`);
+  const alone = join(folder, "cloud.scene");
+  const place = join(folder, "cloud.published");
+  run("lumigrid", ["build", cloud, "-o", alone, "--methods", "qsplat"]);
+  run("lumigrid", ["publish", alone, place, "--viewer", "on", "--web", site]);
+  const host = await nginx(place);
+  const page = await open(browser, host.url);
+  await until(async () => /m=qsplat/.test(page.url()), "the page of splats");
+  await quiet(page);
+  await expectNative(page, host.url);
   await page.close();
 });
 

@@ -6,7 +6,7 @@ import { makeOverlay } from "./overlay.js";
 import { openPicture } from "./picture.js";
 import { keepSettings, restoreSettings, settingValue, showSettings } from "./settings.js";
 import { openLink, socketUrl } from "./socket.js";
-import { openSplatScene, openStaticScene } from "./static_scene.js";
+import { openSplatScene, openStaticScene, SplatsAlone } from "./static_scene.js";
 import { makeTools } from "./tools.js";
 
 /// On a phone, unless the settings say another: all memory that grows with the scene.
@@ -339,11 +339,20 @@ async function showHostCheck(base) {
   }
 }
 
+/// The same page with the other WebAssembly; a link keeps its view.
+function showSplats() {
+  const url = new URL(location.href);
+  url.hash = url.hash.length > 1 ? `${url.hash}&m=qsplat` : "m=qsplat";
+  history.replaceState(null, "", url);
+  location.reload();
+}
+
 async function openStatic(base) {
   try {
     if (!/^https?:/.test(base)) throw Object.assign(new Error(`${base} cannot be read`), { advice: "A scene's address begins with http:// or https://." });
     pumpStatic = await (splats ? openSplatScene : openStaticScene)(base, core, schedule);
   } catch (error) {
+    if (error instanceof SplatsAlone) return showSplats();
     return fail(error.message, error.advice ?? "Try again; if it stays, the page and the scene do not fit together.");
   }
   schedule();
