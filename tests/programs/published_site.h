@@ -67,8 +67,8 @@ class PublishedSite : public ProgramTest {
   }
   /// The pictures of that tour, each of them complete and none broken; kept in path(name).
   Tour tour(const std::string& url, const std::string& name, const std::string& method = "lumigraph") {
-    const auto viewed =
-        run("lumigrid-view", {url, "--headless", "--method", method, "--path", path("tour.json"), "--out", path(name)});
+    const auto viewed = run("lumigrid-view", {url, "--headless", "--method", method, "--settle", "60", "--path",
+                                              path("tour.json"), "--out", path(name)});
     EXPECT_EQ(viewed.status, 0) << viewed.err;
     Tour tour;
     std::istringstream lines(readText(path(name + "/frames.jsonl")));

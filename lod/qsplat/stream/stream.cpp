@@ -231,11 +231,14 @@ void Stream::failed(std::uint64_t id, double now) {
   front_to_back_ = std::min(front_to_back_, request.run.first);
   ++arrivals_;
   ++generation_;
-  pauseAfterFailure(now);
+  pauseAfterFailure(request.sent_at, now);
 }
 
-void Stream::pauseAfterFailure(double now) {
+void Stream::pauseAfterFailure(double sent_at, double now) {
   ++counted_.failures;
+  // What was under way when another one failed is the same trouble, and no reason to wait twice as long.
+  if (sent_at < paused_at_) return;
+  paused_at_ = now;
   const double pause = kFirstPause * std::exp2(std::min(failures_in_a_row_++, 8));
   pause_until_ = now + std::min(pause, kLongestPause);
 }

@@ -125,7 +125,7 @@ class Stream {
   bool takeHeader(base::ByteView block);
   bool takeBlock(std::uint64_t number, base::ByteView block);
   bool keep(std::uint64_t number, base::ByteView block);
-  void pauseAfterFailure(double now);
+  void pauseAfterFailure(double sent_at, double now);
 
   std::uint64_t blocksUnderWay() const { return link_.bytesUnderWay() / kBlockBytes; }
   std::uint64_t freeBlocks() const;
@@ -162,6 +162,7 @@ class Stream {
   std::uint64_t front_to_back_ = 0;
 
   double pause_until_ = -1e300;
+  double paused_at_ = -1e300;  ///< when that pause began
   int failures_in_a_row_ = 0;
   std::string problem_;
   StreamStats counted_;

@@ -424,6 +424,31 @@ TEST(StreamTest, aHostThatIsAwayIsAskedLessAndLess) {
   EXPECT_EQ(stream.problem(), "");
 }
 
+// All that is under way is lost with one connection: that is one trouble, and the first pause is for it.
+TEST(StreamTest, requestsThatFailTogetherArePausedForOnce) {
+  StreamOptions options = plainOptions();
+  options.most_request_blocks = 3;
+  Stream stream(file().size(), options);
+  Host host(stream);
+  const TraverseRequest request = requestFor(cameraFrom({0.4, 0.1, -1.0}));
+  Traversal found;
+  double now = 0.0;
+  while (host.underWay() < 4 && now < 10.0) {
+    stream.traverse(request, std::nullopt, found);
+    host.ask(now);
+    now += 0.01;
+    if (host.underWay() > 0 && host.underWay() < 4) host.answerOne(now);
+  }
+  const std::size_t together = host.underWay();
+  ASSERT_GE(together, 4U);
+  host.spoil = [](const ByteRange&, const base::Bytes&) { return std::nullopt; };
+  while (host.underWay() > 0) host.answerOne(now);
+  EXPECT_EQ(stream.stats().failures, together);
+  stream.traverse(request, std::nullopt, found);
+  EXPECT_TRUE(stream.requests(now + 0.2).empty());
+  EXPECT_FALSE(stream.requests(now + 0.3).empty());
+}
+
 TEST(StreamTest, filesThatCannotBeAreNamed) {
   const auto problemOf = [](std::uint64_t said, const base::Bytes& bytes) {
     Stream stream(said, plainOptions());
