@@ -16,10 +16,16 @@ before(async () => {
 });
 after(cleanUp);
 
-/// The list as {header: {grade, nginx}}, when it is there.
+/// The list as {header: {grade, nginx}}, when it is open and whole.
 async function list(page) {
-  await until(async () => (await page.locator("#check li").count()) > 0, "the list");
-  const rows = await page.locator("#check li").evaluateAll((items) => items.map((item) => [item.querySelector("strong").textContent, { grade: item.className, text: item.innerText, nginx: item.querySelector("code")?.textContent ?? "" }]));
+  let rows;
+  await until(async () => {
+    rows = await page.locator("#check").evaluate((dialog) => {
+      if (!dialog.open || dialog.querySelector("p").textContent.startsWith("Asking")) return [];
+      return [...dialog.querySelectorAll("li")].map((item) => [item.querySelector("strong").textContent, { grade: item.className, text: item.innerText, nginx: item.querySelector("code")?.textContent ?? "" }]);
+    });
+    return rows.length > 0;
+  }, "the list");
   return Object.fromEntries(rows);
 }
 async function checked(url) {
