@@ -126,18 +126,8 @@ class Builder {
     LUMIGRID_TRY(check(options_));
     LUMIGRID_TRY(needMemory(memory_));
     LUMIGRID_TRY(needDescriptors(kDescriptors));
-    auto directory = WorkDirectory::open(
-        options_.work_directory.empty() ? output_path_ + ".work" : options_.work_directory, resumeKey());
-    if (!directory) return directory.error();
-    directory_ = std::move(*directory);
-    base::removeUnfinished(output_path_);  // nobody else is writing it now
-    auto done = stages(input);
-    if (!done) {
-      if (!(canResume() && mayGoOn(done.error()))) directory_->remove();
-      return done.error();
-    }
-    fillSummary();
-    directory_->remove();
+    LUMIGRID_TRY(
+        buildIn(directory_, options_.work_directory, resumeKey(), output_path_, [&] { return stages(input); }));
     summary_.seconds = watch_.seconds();
     summary_.cpu_seconds = watch_.cpuSeconds();
     return std::move(summary_);
@@ -152,7 +142,9 @@ class Builder {
     LUMIGRID_TRY(openStore());
     LUMIGRID_TRY(makeAllLeaves(leaves));
     LUMIGRID_TRY(makeLevels(std::move(leaves)));
-    return write();
+    LUMIGRID_TRY(write());
+    fillSummary();
+    return {};
   }
 
   bool report(const std::string& stage, double done) {

@@ -115,6 +115,17 @@ base::Error WorkDirectory::broken() const {
   return damagedWorkFiles(path_);
 }
 
+base::Result<void> buildIn(std::optional<WorkDirectory>& directory, const std::string& path, const std::string& key,
+                           const std::string& output_path, const std::function<base::Result<void>()>& stages) {
+  auto opened = WorkDirectory::open(path.empty() ? output_path + ".work" : path, key);
+  if (!opened) return opened.error();
+  directory = std::move(*opened);
+  base::removeUnfinished(output_path);  // nobody else is writing it now
+  const auto done = stages();
+  if (done || key.empty() || !mayGoOn(done.error())) directory->remove();
+  return done;
+}
+
 base::Error damagedWorkFiles(const std::string& directory) {
   return {ErrorCode::kInvalidInput, directory + kDamaged};
 }

@@ -1,7 +1,9 @@
 #pragma once
 // Where a build keeps its work files, how far it came, and whether there is room.
 #include <cstdint>
+#include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "base/bytes.h"
@@ -38,6 +40,12 @@ class WorkDirectory {
   std::uint32_t stage_ = 0;
   int lock_ = -1;
 };
+
+/// A whole build: takes the work directory `path` (empty: beside `output_path`) into `directory`, runs `stages` and
+/// removes it again, unless they failed and a rerun under the same key can go on. Errors: those of opening it, and
+/// theirs.
+base::Result<void> buildIn(std::optional<WorkDirectory>& directory, const std::string& path, const std::string& key,
+                           const std::string& output_path, const std::function<base::Result<void>()>& stages);
 
 /// Says that the work files in `directory` are not what their builder wrote.
 base::Error damagedWorkFiles(const std::string& directory);

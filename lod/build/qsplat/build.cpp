@@ -35,18 +35,8 @@ class Builder {
   base::Result<BuildSummary> run(const SourceInput& input) {
     LUMIGRID_TRY(needMemory(memory_));
     LUMIGRID_TRY(needDescriptors(kDescriptors));
-    auto directory =
-        WorkDirectory::open(options_.work_directory.empty() ? output_path_ + ".work" : options_.work_directory,
-                            canResume() ? "qsplat 1 " + options_.resume_key : "");
-    if (!directory) return directory.error();
-    directory_ = std::move(*directory);
-    base::removeUnfinished(output_path_);  // nobody else is writing it now
-    if (auto done = stages(input); !done) {
-      if (!(canResume() && mayGoOn(done.error()))) directory_->remove();
-      return done.error();
-    }
-    fillSummary();
-    directory_->remove();
+    const std::string key = canResume() ? "qsplat 1 " + options_.resume_key : "";
+    LUMIGRID_TRY(buildIn(directory_, options_.work_directory, key, output_path_, [&] { return stages(input); }));
     return std::move(summary_);
   }
 
@@ -57,7 +47,9 @@ class Builder {
     LUMIGRID_TRY(isMesh() ? sortTriangles() : sortPoints());
     LUMIGRID_TRY(isMesh() ? measureBorder() : orientPoints());
     LUMIGRID_TRY(makeSubtrees());
-    return write();
+    LUMIGRID_TRY(write());
+    fillSummary();
+    return {};
   }
 
   bool report(const std::string& stage, double done) {
