@@ -1,7 +1,6 @@
 #include "lod/build/qsplat/mesh_leaves.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <mutex>
 
@@ -54,20 +53,16 @@ base::Result<void> MeshLeaves::measureBorder(unsigned threads, const std::functi
   normals.reserve(border.sums.size());
   for (const VertexSums& sums : border.sums) normals.push_back(decodedNormal(sums));
   std::mutex mutex;
-  base::Result<void> status;
-  std::atomic<bool> stopped = false;
   std::size_t done = 0;
-  base::parallelFor(buckets_.count(), threads, [&](std::size_t bucket) {
-    if (stopped) return;
-    const auto corners = buckets_.read(bucket);
+  return base::tryParallelFor(buckets_.count(), threads, [&](std::size_t bucket) -> base::Result<void> {
+    const auto triangles = buckets_.borderTriangles(bucket);
+    if (!triangles) return triangles.error();
     std::vector<std::pair<std::size_t, Around>> found;
-    for (std::size_t t = 0; corners && t < corners->size(); t += 3) {
-      const Corner* c = &(*corners)[t];
-      const std::int64_t at[3] = {border.find(c[0].code), border.find(c[1].code), border.find(c[2].code)};
-      if (std::max({at[0], at[1], at[2]}) < 0) continue;
-      const Triangle triangle(mortonPoint(c[0].code), mortonPoint(c[1].code), mortonPoint(c[2].code));
-      for (const std::int64_t i : at)
-        if (i >= 0) found.emplace_back(static_cast<std::size_t>(i), triangle.at(normals[static_cast<std::size_t>(i)]));
+    for (const BorderTriangle& t : *triangles) {
+      const Triangle triangle(mortonPoint(t.corner[0].code), mortonPoint(t.corner[1].code),
+                              mortonPoint(t.corner[2].code));
+      for (const std::uint32_t at : t.place)
+        if (at != kNotOnBorder) found.emplace_back(at, triangle.at(normals[at]));
     }
     const std::lock_guard lock(mutex);
     for (const auto& [i, around] : found) {
@@ -75,12 +70,10 @@ base::Result<void> MeshLeaves::measureBorder(unsigned threads, const std::functi
       border_[i].owner = std::min(border_[i].owner, static_cast<std::uint32_t>(bucket));
     }
     ++done;
-    if (!corners)
-      status = corners.error(), stopped = true;
-    else if (progress && !progress(static_cast<double>(done) / static_cast<double>(buckets_.count())))
-      status = base::Error{base::ErrorCode::kCancelled, "measuring the leaves was cancelled"}, stopped = true;
+    if (progress && !progress(static_cast<double>(done) / static_cast<double>(buckets_.count())))
+      return base::Error{base::ErrorCode::kCancelled, "measuring the leaves was cancelled"};
+    return {};
   });
-  return status;
 }
 
 void MeshLeaves::writeBorder(base::ByteWriter& out) const {
