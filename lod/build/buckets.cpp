@@ -16,8 +16,12 @@ namespace {
 using base::Error;
 using base::ErrorCode;
 
-constexpr std::size_t kMaxSamples = std::size_t{1} << 20;
-constexpr std::uint32_t kTableBits = 18;                         // of the codes' top bits, to look a bucket up by
+// Of the vertices' codes, for each bucket: its size is right within a few hundredths. And in all.
+constexpr std::uint64_t kBucketSamples = 2048;
+constexpr std::uint64_t kMostSamples = std::uint64_t{1} << 20;
+constexpr std::uint32_t kTableBits = 18;       // of the codes' top bits, to look a bucket up by
+constexpr std::uint32_t kSmallTableBits = 12;  // the same where there are few
+constexpr std::size_t kFewSplitters = 16;
 constexpr std::size_t kMostBatchBlocks = 16;                     // blocks of triangles that threads share
 constexpr std::uint64_t kBufferBytes = std::uint64_t{64} << 20;  // of all buckets together
 
@@ -119,6 +123,8 @@ class BucketSorter {
     const std::uint64_t vertex_bytes = out_.cornerBytes();
     const std::uint64_t window = std::max<std::uint64_t>(options_.memory_bytes / vertex_bytes, 1U << 16);
     const std::uint64_t windows = (info_.vertices + window - 1) / window;
+    const std::uint64_t samples = std::min(kMostSamples, kBucketSamples * bucketsWanted());
+    stride_ = std::max<std::uint64_t>(1, info_.vertices / samples);
     if (windows > 1) {
       auto corners = SpoolFile::create(directory_ + "/corners");
       if (!corners) return corners.error();
@@ -161,6 +167,7 @@ class BucketSorter {
   }
 
  private:
+  std::uint64_t bucketsWanted() const { return (info_.vertices + Buckets::kVertices - 1) / Buckets::kVertices; }
   bool goOn(double done) const { return !options_.progress || options_.progress(done); }
   static Error cancelled() { return {ErrorCode::kCancelled, "sorting the triangles was cancelled"}; }
 
@@ -180,45 +187,39 @@ class BucketSorter {
       constexpr std::size_t kChunk = std::size_t{1} << 13;  // long enough to be worth a thread
       base::parallelFor((block_codes.size() + kChunk - 1) / kChunk, options_.threads, [&](std::size_t chunk) {
         const std::size_t stop = std::min(block_codes.size(), (chunk + 1) * kChunk);
-        for (std::size_t i = chunk * kChunk; i < stop; ++i)
+        for (std::size_t i = chunk * kChunk; i < stop; ++i) {
           block_codes[i] = mortonCode(lattice_.point(block.positions[i]));
+          if (block.first + i >= first && block.first + i < last) keep(block, i, block_codes[i]);
+        }
       });
-      for (std::uint64_t v = block.first; v < end; ++v) {
-        const bool inside = v >= first && v < last;
-        const bool sampled = sampling && v % stride_ == 0;
-        if (!inside && !sampled) continue;
-        const auto i = static_cast<std::size_t>(v - block.first);
-        const std::uint64_t code = block_codes[i];
-        if (sampled) addSample(code);
-        if (!inside) continue;
-        const auto at = static_cast<std::size_t>(v - first);
-        codes_[at] = code;
-        if (out_.has_colors_ && !block.colors.empty()) colors_[at] = block.colors[i];
-        if (out_.has_normals_ && !block.normals.empty()) normals_[at] = block.normals[i];
-      }
+      if (sampling)
+        for (std::uint64_t v = (block.first + stride_ - 1) / stride_ * stride_; v < end; v += stride_)
+          samples_.push_back(block_codes[static_cast<std::size_t>(v - block.first)]);
       return {};
     });
   }
 
-  void addSample(std::uint64_t code) {
-    samples_.push_back(code);
-    if (samples_.size() < kMaxSamples) return;
-    for (std::size_t i = 0; 2 * i < samples_.size(); ++i) samples_[i] = samples_[2 * i];
-    samples_.resize(samples_.size() / 2);
-    stride_ *= 2;
+  // One of the window's vertices.
+  void keep(const SpooledVertices& block, std::size_t i, std::uint64_t code) {
+    const auto at = static_cast<std::size_t>(block.first + i - first_);
+    codes_[at] = code;
+    if (out_.has_colors_ && !block.colors.empty()) colors_[at] = block.colors[i];
+    if (out_.has_normals_ && !block.normals.empty()) normals_[at] = block.normals[i];
   }
 
   // Splitters at the sample's quantiles, and a table that says for the top bits of a code which it may lie between.
   void split() {
     std::sort(samples_.begin(), samples_.end());
-    const std::uint64_t buckets = (info_.vertices + Buckets::kVertices - 1) / Buckets::kVertices;
+    const std::uint64_t buckets = bucketsWanted();
     for (std::uint64_t b = 1; b < buckets; ++b) {
       const std::uint64_t code = samples_[static_cast<std::size_t>(b * samples_.size() / buckets)];
       if (splitters_.empty() ? code > 0 : code > splitters_.back()) splitters_.push_back(code);
     }
     samples_ = {};
-    shift_ = 3 * lattice_.bits > kTableBits ? 3 * lattice_.bits - kTableBits : 0;
-    table_.resize((std::size_t{1} << kTableBits) + 1);
+    // A table longer than the mesh is not worth making.
+    const std::uint32_t bits = splitters_.size() < kFewSplitters ? kSmallTableBits : kTableBits;
+    shift_ = 3 * lattice_.bits > bits ? 3 * lattice_.bits - bits : 0;
+    table_.resize((std::size_t{1} << bits) + 1);
     for (std::uint64_t cell = 0; cell < table_.size(); ++cell)
       table_[static_cast<std::size_t>(cell)] = static_cast<std::uint32_t>(
           std::upper_bound(splitters_.begin(), splitters_.end(), cell << shift_) - splitters_.begin());

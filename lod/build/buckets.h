@@ -117,8 +117,6 @@ class Buckets {
   base::Result<std::vector<Corner>> read(std::size_t bucket) const;
   /// Those with a corner on the border, as read() has them.
   base::Result<std::vector<BorderTriangle>> borderTriangles(std::size_t bucket) const;
-  /// Waits until the disk has them.
-  base::Result<void> sync() { return file_.sync(); }
   /// Gives the buckets' disk space back; they can no longer be read.
   void release();
 

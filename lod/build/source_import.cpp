@@ -148,7 +148,7 @@ base::Result<SourceInput> sourceFromMesh(const Mesh& mesh) {
   return input;
 }
 
-base::Result<ImportedSource> importSource(WorkDirectory& directory, const SourceInput& input, bool durable) {
+base::Result<ImportedSource> importSource(WorkDirectory& directory, const SourceInput& input) {
   if (directory.stage() >= 1) return readState(directory);
   LUMIGRID_TRY(directory.needSpace(input.bytes, "the source's vertices and triangles"));
   auto spool = SourceSpool::create(directory.path());
@@ -169,9 +169,7 @@ base::Result<ImportedSource> importSource(WorkDirectory& directory, const Source
   source.origin = input.origin != nullptr ? *input.origin : originFor(source.info.box_min, source.info.box_max);
   source.vertex_bytes = spool->vertexBytes();
   source.triangle_bytes = spool->triangleBytes();
-  // A finished stage is not made again, so the disk must have its files before it says so.
-  if (durable) LUMIGRID_TRY(spool->sync());
-  LUMIGRID_TRY(directory.finishStage(1, stateOf(source)));
+  LUMIGRID_TRY(directory.finishStage(1, stateOf(source), {"vertices", "triangles"}));
   return source;
 }
 
@@ -184,7 +182,7 @@ base::Result<SourceSpool> openSource(const WorkDirectory& directory, const Impor
 }
 
 base::Result<Buckets> sortSource(WorkDirectory& directory, const ImportedSource& source, const SourceLattice& lattice,
-                                 const BucketOptions& options, bool durable) {
+                                 const BucketOptions& options) {
   if (directory.stage() >= 2) {
     auto state = directory.state(2);
     if (!state) return state.error();
@@ -197,9 +195,8 @@ base::Result<Buckets> sortSource(WorkDirectory& directory, const ImportedSource&
   if (!spool) return spool.error();
   auto buckets = Buckets::sort(*spool, info, lattice, directory.path(), options);
   if (!buckets) return buckets.error();
-  if (durable) LUMIGRID_TRY(buckets->sync());
-  LUMIGRID_TRY(directory.finishStage(2, buckets->state()));
-  spool->remove();
+  const auto sorted = std::make_shared<SourceSpool>(std::move(*spool));
+  LUMIGRID_TRY(directory.finishStage(2, buckets->state(), {"buckets"}, [sorted] { sorted->remove(); }));
   releaseFreedMemory();
   return buckets;
 }

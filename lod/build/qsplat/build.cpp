@@ -62,7 +62,7 @@ class Builder {
 
   base::Result<void> import(const SourceInput& input) {
     if (directory_->stage() < 1 && !report("import", 0.0)) return cancelled();
-    auto source = importSource(*directory_, input, canResume());
+    auto source = importSource(*directory_, input);
     if (!source) return source.error();
     source_ = std::move(*source);
     const std::uint64_t leaves = source_.info.referenced;
@@ -76,9 +76,9 @@ class Builder {
   base::Result<void> sortTriangles() {
     lattice_ = makeLattice(source_.info, source_.origin, 0);
     if (directory_->stage() < 2 && !report("sort", 0.0)) return cancelled();
-    auto buckets = sortSource(
-        *directory_, source_, lattice_,
-        {workMemory() / 2, options_.threads, [this](double done) { return report("sort", done); }}, canResume());
+    auto buckets =
+        sortSource(*directory_, source_, lattice_,
+                   {workMemory() / 2, options_.threads, [this](double done) { return report("sort", done); }});
     if (!buckets) return buckets.error();
     buckets_ = std::move(*buckets);
     return {};
@@ -96,7 +96,7 @@ class Builder {
     LUMIGRID_TRY(leaves.measureBorder(tilesAtOnce(leaves), [this](double done) { return report("borders", done); }));
     base::ByteWriter out;
     leaves.writeBorder(out);
-    return directory_->finishStage(3, out.view());
+    return directory_->finishStage(3, out.take(), {});
   }
 
   // Stage 2 of points.
@@ -117,9 +117,8 @@ class Builder {
                                   [this](double done) { return report("sort", done); });
     if (!tiles) return tiles.error();
     points_ = std::move(*tiles);
-    if (canResume()) LUMIGRID_TRY(points_.sync());
-    LUMIGRID_TRY(directory_->finishStage(2, points_.state()));
-    spool->remove();
+    const auto sorted = std::make_shared<SourceSpool>(std::move(*spool));
+    LUMIGRID_TRY(directory_->finishStage(2, points_.state(), {"points"}, [sorted] { sorted->remove(); }));
     releaseFreedMemory();
     return {};
   }
@@ -140,12 +139,9 @@ class Builder {
     }
     LUMIGRID_TRY(directory_->needSpace(kFittedBytes * source_.info.vertices, "the fitted points"));
     LUMIGRID_TRY(leaves.fitAll(path, tilesAtOnce(leaves), [this](double done) { return report("normals", done); }));
-    if (canResume()) LUMIGRID_TRY(leaves.sync());
     base::ByteWriter out;
     leaves.writeSigns(out);
-    LUMIGRID_TRY(directory_->finishStage(3, out.view()));
-    points_.release();
-    return {};
+    return directory_->finishStage(3, out.take(), {"leaves"}, [this] { points_.release(); });
   }
 
   const LeafSource& leafSource() const {
@@ -188,9 +184,9 @@ class Builder {
     LUMIGRID_TRY(status);
     // From here on the store alone holds the leaves.
     if (directory_->stage() < 4) {
-      if (canResume()) LUMIGRID_TRY(subtrees_->sync());
-      LUMIGRID_TRY(directory_->finishStage(4, {}));
-      if (isMesh()) buckets_.release();
+      LUMIGRID_TRY(directory_->finishStage(4, {}, {"nodes"}, [this] {
+        if (isMesh()) buckets_.release();
+      }));
     }
     releaseFreedMemory();
     return {};

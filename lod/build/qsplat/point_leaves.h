@@ -25,7 +25,6 @@ class PointLeaves : public LeafSource {
   /// What decides besides that file; and both as an earlier run left them. Errors: kIo, damaged work files.
   void writeSigns(base::ByteWriter& out) const;
   base::Result<void> reopen(const std::string& path, base::ByteReader& signs);
-  base::Result<void> sync() { return fitted_.sync(); }
   /// Sum of all normals by area.
   const glm::dvec3& facing() const { return facing_; }
 

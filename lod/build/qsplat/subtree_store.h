@@ -29,7 +29,6 @@ class SubtreeStore {
   std::size_t tiles() const { return tiles_.size(); }
   /// Breadth first. Safe from several threads. Errors: kIo.
   base::Result<std::vector<TreeNode>> nodes(std::size_t tile) const;
-  base::Result<void> sync() { return log_.sync(); }
   std::uint64_t bytes() const { return log_.size(); }
 
  private:

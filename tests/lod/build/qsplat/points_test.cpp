@@ -104,7 +104,7 @@ class PointCloud : public testing::Test {
     const Progress none;
     auto directory = WorkDirectory::open(directory_ / "work", "");
     const auto input = sourceFromFiles(paths, none, true);
-    const auto source = importSource(*directory, *input, false);
+    const auto source = importSource(*directory, *input);
     EXPECT_TRUE(source) << source.error().message;
     const SourceLattice lattice = makeLattice(source->info, source->origin, kMaxLatticeBits);
     const auto spool = openSource(*directory, *source);

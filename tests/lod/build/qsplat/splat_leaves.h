@@ -30,10 +30,10 @@ inline MeshSplats splatsOf(const lod::build::Mesh& mesh) {
   MeshSplats out;
   auto directory = WorkDirectory::open(scratch.path(), "");
   const auto input = sourceFromMesh(mesh);
-  const auto source = importSource(*directory, *input, false);
+  const auto source = importSource(*directory, *input);
   EXPECT_TRUE(source);
   out.lattice = makeLattice(source->info, source->origin, 0);
-  const auto buckets = sortSource(*directory, *source, out.lattice, {std::uint64_t{64} << 20, 1, {}}, false);
+  const auto buckets = sortSource(*directory, *source, out.lattice, {std::uint64_t{64} << 20, 1, {}});
   EXPECT_TRUE(buckets);
   qsplat::MeshLeaves leaves(*buckets, out.lattice);
   EXPECT_TRUE(leaves.measureBorder(1, {}));
