@@ -6,6 +6,8 @@
 #include <cstring>
 #include <filesystem>
 #include <mutex>
+#include <optional>
+#include <utility>
 
 #include "base/parallel.h"
 #include "lod/build/work_directory.h"
@@ -22,7 +24,7 @@ constexpr std::uint64_t kMostSamples = std::uint64_t{1} << 20;
 constexpr std::uint32_t kTableBits = 18;       // of the codes' top bits, to look a bucket up by
 constexpr std::uint32_t kSmallTableBits = 12;  // the same where there are few
 constexpr std::size_t kFewSplitters = 16;
-constexpr std::size_t kMostBatchBlocks = 16;                     // blocks of triangles that threads share
+constexpr std::size_t kMostBatchBlocks = 8;                      // blocks of triangles that threads share
 constexpr std::uint64_t kBufferBytes = std::uint64_t{64} << 20;  // of all buckets together
 
 // Fewer bits save nothing that counts on a small mesh, and cost accuracy at fine levels.
@@ -244,13 +246,16 @@ class BucketSorter {
     const std::size_t most =
         options_.threads > 1 ? std::min<std::size_t>(kMostBatchBlocks, 2 * std::size_t{options_.threads}) : 1;
     std::vector<SpooledTriangles> batch(most);
-    std::vector<Gathered> results(most);
-    std::size_t blocks = 0;
+    std::vector<Gathered> results(most), before(most);  // of the batch, and of the one before
+    std::size_t blocks = 0, blocks_before = 0;
     std::uint64_t at = 0;  // triangle number of the batch's first
+    const GatherPass pass{first, last};
     auto work = [&]() -> base::Result<void> {
-      LUMIGRID_TRY(gatherBatch(std::span(batch).first(blocks), results, at, first, last));
+      LUMIGRID_TRY(
+          gatherBatch(std::span(batch).first(blocks), results, std::span(before).first(blocks_before), at, pass));
       for (std::size_t b = 0; b < blocks; ++b) at += batch[b].corners.size() / 3;
-      blocks = 0;
+      std::swap(results, before);
+      blocks_before = std::exchange(blocks, 0);
       if (!goOn(done * static_cast<double>(at) / static_cast<double>(info_.triangles))) return cancelled();
       return {};
     };
@@ -258,49 +263,57 @@ class BucketSorter {
       std::swap(batch[blocks++], block);
       return blocks < most ? base::Result<void>() : work();
     }));
-    return work();
+    LUMIGRID_TRY(work());
+    LUMIGRID_TRY(storeAll(std::span(before).first(blocks_before), pass));
+    return first && !last ? corners_.flush() : base::Result<void>();
   }
 
+  struct GatherPass {
+    bool first = false, last = false;
+  };
   struct Gathered {
+    std::uint64_t start = 0;  // number of its first triangle
     std::vector<Record> records;
     base::Bytes packed;                 // of the triangles kept, as the buckets hold them
     std::vector<std::uint32_t> bucket;  // of each
     std::vector<std::uint64_t> border;
     BucketCounts counts;
-    base::Result<void> status;
   };
 
+  // While the threads are at it, one of them stores what they made of the batch before.
   base::Result<void> gatherBatch(std::span<const SpooledTriangles> batch, std::vector<Gathered>& results,
-                                 std::uint64_t at, bool first, bool last) {
-    std::vector<std::uint64_t> start(batch.size());
+                                 std::span<Gathered> before, std::uint64_t at, const GatherPass& pass) {
     for (std::size_t b = 0; b < batch.size(); ++b) {
-      start[b] = at;
+      results[b].start = at;
       at += batch[b].corners.size() / 3;
     }
-    base::parallelFor(batch.size(), options_.threads, [&](std::size_t b) {
-      Gathered& result = results[b];
-      result.records.resize(batch[b].corners.size() / 3);
-      // Where one window is all, each corner is written over.
-      if (first && !last) std::fill(result.records.begin(), result.records.end(), Record{});
-      const std::span<std::uint8_t> bytes(reinterpret_cast<std::uint8_t*>(result.records.data()),
-                                          result.records.size() * sizeof(Record));
-      if (!first) result.status = corners_.readAt(start[b] * sizeof(Record), bytes);
-      if (!result.status) return;
-      fill(batch[b], result.records);
-      if (last) sift(batch[b], result);
+    return base::tryParallelFor(batch.size() + 1, options_.threads, [&](std::size_t i) -> base::Result<void> {
+      return i == 0 ? storeAll(before, pass) : gatherBlock(batch[i - 1], results[i - 1], pass);
     });
-    for (std::size_t b = 0; b < batch.size(); ++b) {
-      Gathered& result = results[b];
-      LUMIGRID_TRY(result.status);
-      if (last) {
+  }
+
+  base::Result<void> gatherBlock(const SpooledTriangles& block, Gathered& result, const GatherPass& pass) const {
+    result.records.resize(block.corners.size() / 3);
+    // Where one window is all, each corner is written over.
+    if (pass.first && !pass.last) std::fill(result.records.begin(), result.records.end(), Record{});
+    const std::span<std::uint8_t> bytes(reinterpret_cast<std::uint8_t*>(result.records.data()),
+                                        result.records.size() * sizeof(Record));
+    if (!pass.first) LUMIGRID_TRY(corners_.readAt(result.start * sizeof(Record), bytes));
+    fill(block, result.records);
+    if (pass.last) sift(block, result);
+    return {};
+  }
+
+  base::Result<void> storeAll(std::span<Gathered> results, const GatherPass& pass) {
+    for (Gathered& result : results) {
+      if (pass.last) {
         LUMIGRID_TRY(store(result));
         continue;
       }
       const base::ByteView bytes(reinterpret_cast<const std::uint8_t*>(result.records.data()),
                                  result.records.size() * sizeof(Record));
-      LUMIGRID_TRY(first ? corners_.append(bytes) : corners_.writeAt(start[b] * sizeof(Record), bytes));
+      LUMIGRID_TRY(pass.first ? corners_.append(bytes) : corners_.writeAt(result.start * sizeof(Record), bytes));
     }
-    if (first && !last) LUMIGRID_TRY(corners_.flush());
     return {};
   }
 

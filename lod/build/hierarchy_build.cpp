@@ -353,7 +353,7 @@ class Builder {
 base::Result<HierarchySummary> buildHierarchyFromFiles(const std::vector<std::string>& paths,
                                                        const HierarchyOptions& options, const std::string& output_path,
                                                        const Progress& progress) {
-  auto input = sourceFromFiles(paths, progress);
+  auto input = sourceFromFiles(paths, progress, options.threads);
   if (!input) return input.error();
   auto summary = Builder(options, output_path, progress).run(*input);
   // Work files that do not hold together are gone by now.

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <filesystem>
 
+#include "lod/build/sink_thread.h"
 #include "lod/build/stream_mesh.h"
 
 namespace lod::build {
@@ -104,10 +105,20 @@ base::Result<ImportedSource> readState(const WorkDirectory& directory) {
   return source;
 }
 
+base::Result<StreamedFile> readFile(const std::string& path, SourceSpool& spool, unsigned threads,
+                                    const StreamOptions& options) {
+  if (threads == 1) return streamMesh(path, spool, options);
+  SinkThread thread(spool);
+  auto file = streamMesh(path, thread, options);
+  // What the spool refused came before whatever the reader stumbled over.
+  LUMIGRID_TRY(thread.finish());
+  return file;
+}
+
 }  // namespace
 
 base::Result<SourceInput> sourceFromFiles(const std::vector<std::string>& paths, const Progress& progress,
-                                          bool points) {
+                                          unsigned threads, bool points) {
   if (paths.empty()) return Error{ErrorCode::kInvalidInput, "no mesh file is named"};
   SourceInput input;
   input.points = points;
@@ -116,7 +127,7 @@ base::Result<SourceInput> sourceFromFiles(const std::vector<std::string>& paths,
     const auto size = std::filesystem::file_size(path, ignored);
     if (!ignored) input.bytes += size;
   }
-  input.read = [&paths, &progress, points](SourceSpool& spool, SourceInfo& notes) -> base::Result<void> {
+  input.read = [&paths, &progress, threads, points](SourceSpool& spool, SourceInfo& notes) -> base::Result<void> {
     std::vector<bool> colored;
     for (std::size_t i = 0; i < paths.size(); ++i) {
       StreamOptions stream;
@@ -125,7 +136,7 @@ base::Result<SourceInput> sourceFromFiles(const std::vector<std::string>& paths,
         return !progress || progress("import", (static_cast<double>(i) + done) / static_cast<double>(paths.size()));
       };
       spool.beginFile(paths[i]);
-      auto file = streamMesh(paths[i], spool, stream);
+      auto file = readFile(paths[i], spool, threads, stream);
       if (!file) return file.error();
       for (const std::string& warning : file->warnings) notes.warnings.push_back(paths[i] + ": " + warning);
       notes.short_faces += file->short_faces;

@@ -23,9 +23,10 @@ struct SourceInput {
   std::uint64_t bytes = 0;             ///< that the spool takes, about
   bool points = false;                 ///< vertices without any triangle are a source too
 };
-/// `points`: files without faces are welcome. `paths` and `progress` must outlive the input. Error: no file is named.
+/// `threads`: with one, reading and taking in take turns. `points`: files without faces are welcome. `paths` and
+/// `progress` must outlive the input. Error: no file is named.
 base::Result<SourceInput> sourceFromFiles(const std::vector<std::string>& paths, const Progress& progress,
-                                          bool points = false);
+                                          unsigned threads, bool points = false);
 /// The mesh must outlive the input. Errors: no triangle, an index out of range.
 base::Result<SourceInput> sourceFromMesh(const Mesh& mesh);
 

@@ -28,7 +28,8 @@ class WorkDirectory {
   std::uint32_t stage() const { return stage_; }
   /// The stage counts for a later run once the disk has `files` (names in here, written and flushed) and then `state`;
   /// after that `then` may give back what it alone needed. Returns before: a thread sees to it while the next stage is
-  /// under way. Without a key nobody goes on, and all of it is `then`, at once. Errors: those of the stage finished before.
+  /// under way. Without a key nobody goes on, and all of it is `then`, at once. Errors: those of the stage finished
+  /// before.
   base::Result<void> finishStage(std::uint32_t stage, base::Bytes state, std::vector<std::string> files,
                                  std::function<void()> then = {});
   /// Waits for that thread. Errors: kNoSpace, kIo.

@@ -260,7 +260,7 @@ class Builder {
 
 base::Result<BuildSummary> buildFromFiles(const std::vector<std::string>& paths, const BuildOptions& options,
                                           const std::string& output_path, const Progress& progress) {
-  auto input = sourceFromFiles(paths, progress, true);
+  auto input = sourceFromFiles(paths, progress, options.threads, true);
   if (!input) return input.error();
   auto summary = Builder(options, output_path, progress).run(*input);
   // Work files that do not hold together are gone by now.

@@ -103,7 +103,7 @@ class PointCloud : public testing::Test {
     const std::vector<std::string> paths{directory_ / "points.ply"};
     const Progress none;
     auto directory = WorkDirectory::open(directory_ / "work", "");
-    const auto input = sourceFromFiles(paths, none, true);
+    const auto input = sourceFromFiles(paths, none, 1, true);
     const auto source = importSource(*directory, *input);
     EXPECT_TRUE(source) << source.error().message;
     const SourceLattice lattice = makeLattice(source->info, source->origin, kMaxLatticeBits);
