@@ -215,7 +215,9 @@ std::uint64_t machineMemory() {
 }
 
 void releaseFreedMemory() {
-  ::malloc_trim(0);
+  // Less than that is sooner used again than returned and fetched.
+  constexpr std::size_t kWorthIt = std::size_t{32} << 20;
+  if (::mallinfo2().fordblks > kWorthIt) ::malloc_trim(0);
 }
 
 std::string sizeText(std::uint64_t bytes) {
