@@ -35,7 +35,7 @@ class Builder {
   base::Result<BuildSummary> run(const SourceInput& input) {
     LUMIGRID_TRY(needMemory(memory_));
     LUMIGRID_TRY(needDescriptors(kDescriptors));
-    const std::string key = canResume() ? "qsplat 1 " + options_.resume_key : "";
+    const std::string key = canResume() ? "qsplat 2 " + std::to_string(options_.dice) + " " + options_.resume_key : "";
     LUMIGRID_TRY(buildIn(directory_, options_.work_directory, key, output_path_, [&] { return stages(input); }));
     return std::move(summary_);
   }
@@ -86,7 +86,7 @@ class Builder {
 
   // Stage 3.
   base::Result<void> measureBorder() {
-    auto& leaves = mesh_leaves_.emplace(buckets_, lattice_);
+    auto& leaves = mesh_leaves_.emplace(buckets_, lattice_, options_.dice);
     if (directory_->stage() >= 3) {
       auto state = directory_->state(3);
       if (!state) return state.error();
@@ -155,6 +155,8 @@ class Builder {
     return static_cast<unsigned>(std::clamp<std::uint64_t>(workMemory() / largest, 1, options_.threads));
   }
 
+  std::uint64_t mostLeaves() const { return source_.info.referenced + (isMesh() ? mesh_leaves_->mostAdded() : 0); }
+
   // Stage 4.
   base::Result<void> makeSubtrees() {
     const LeafSource& leaves = leafSource();
@@ -162,9 +164,9 @@ class Builder {
     auto store = SubtreeStore::open(path, directory_->has("nodes"), leaves.tiles());
     if (!store) return store.error();
     subtrees_ = std::move(*store);
-    LUMIGRID_TRY(directory_->needSpace(
-        std::max(kWorkBytes * source_.info.referenced, subtrees_->bytes()) - subtrees_->bytes(), "the splat tree"));
-    LUMIGRID_TRY(needOutputSpace(output_path_, kOutputBytes * source_.info.referenced));
+    LUMIGRID_TRY(directory_->needSpace(std::max(kWorkBytes * mostLeaves(), subtrees_->bytes()) - subtrees_->bytes(),
+                                       "the splat tree"));
+    LUMIGRID_TRY(needOutputSpace(output_path_, kOutputBytes * mostLeaves()));
     std::size_t done = 0;
     for (std::size_t t = 0; t < leaves.tiles(); ++t) {
       done += subtrees_->has(t) ? 1 : 0;
@@ -195,7 +197,9 @@ class Builder {
   base::Result<void> makeTile(const LeafSource& source, std::size_t tile) {
     const auto leaves = source.leaves(tile);
     if (!leaves) return leaves.error();
-    return subtrees_->add(static_cast<std::uint32_t>(tile), leaves->empty() ? Subtree() : makeSubtree(*leaves));
+    Subtree tree = leaves->splats.empty() ? Subtree() : makeSubtree(leaves->splats);
+    tree.added_leaves = leaves->added;
+    return subtrees_->add(static_cast<std::uint32_t>(tile), tree);
   }
 
   base::Result<void> write() {
@@ -225,7 +229,9 @@ class Builder {
     } else {
       summary_.facing = point_leaves_->facing();
     }
-    summary_.repairs.add("welded_vertices", info.referenced - std::min(info.referenced, summary_.header.leaves));
+    for (std::size_t t = 0; t < subtrees_->tiles(); ++t) summary_.added_leaves += (*subtrees_)[t].added_leaves;
+    const std::uint64_t vertices = summary_.header.leaves - summary_.added_leaves;
+    summary_.repairs.add("welded_vertices", info.referenced - std::min(info.referenced, vertices));
     summary_.seconds = watch_.seconds();
     summary_.cpu_seconds = watch_.cpuSeconds();
   }

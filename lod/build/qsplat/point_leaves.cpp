@@ -341,16 +341,16 @@ base::Result<void> PointLeaves::reopen(const std::string& path, base::ByteReader
   return signs.ok() && all ? base::Result<void>() : broken;
 }
 
-base::Result<std::vector<Splat>> PointLeaves::leaves(std::size_t tile) const {
+base::Result<TileLeaves> PointLeaves::leaves(std::size_t tile) const {
   std::vector<Stored> stored(static_cast<std::size_t>(places_[tile].leaves));
   LUMIGRID_TRY(fitted_.readAt(
       places_[tile].offset, std::span(reinterpret_cast<std::uint8_t*>(stored.data()), stored.size() * sizeof(Stored))));
-  std::vector<Splat> out;
-  out.reserve(stored.size());
+  TileLeaves out;
+  out.splats.reserve(stored.size());
   for (const Stored& from : stored) {
     if (from.part >= flips_[tile].size()) return damagedWorkFiles("points");
     const glm::vec3 normal = flips_[tile][from.part] != 0 ? -from.normal : from.normal;
-    Splat& leaf = out.emplace_back();
+    Splat& leaf = out.splats.emplace_back();
     leaf.sphere = from.sphere;
     leaf.weight = std::max(leaf.sphere.radius * leaf.sphere.radius, std::numeric_limits<float>::min());
     leaf.normal = leaf.weight * normal;

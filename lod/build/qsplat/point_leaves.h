@@ -30,7 +30,7 @@ class PointLeaves : public LeafSource {
 
   std::size_t tiles() const override { return tiles_.count(); }
   std::uint64_t memoryOf(std::size_t tile) const override { return kBytesPerPoint * tiles_.points(tile); }
-  base::Result<std::vector<Splat>> leaves(std::size_t tile) const override;
+  base::Result<TileLeaves> leaves(std::size_t tile) const override;
 
  private:
   static constexpr std::uint64_t kBytesPerPoint = 700;

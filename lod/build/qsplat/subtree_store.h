@@ -14,6 +14,7 @@ struct StoredSubtree {
   Splat root;
   TreeNode root_node;
   std::vector<std::uint32_t> level_nodes;
+  std::uint64_t added_leaves = 0;  ///< as in Subtree
   std::uint64_t nodes = 0;
   std::uint64_t offset = 0;  ///< of its nodes in the store
 };

@@ -116,7 +116,7 @@ class PointCloud : public testing::Test {
     for (std::size_t t = 0; t < fitted.tiles(); ++t) {
       const auto some = fitted.leaves(t);
       EXPECT_TRUE(some);
-      out.insert(out.end(), some->begin(), some->end());
+      out.insert(out.end(), some->splats.begin(), some->splats.end());
     }
     if (tiles != nullptr) *tiles = fitted.tiles();
     directory->remove();
