@@ -118,7 +118,8 @@ class SplatsTest : public testing::Test {
   void expectNoHoles(const build::Mesh& mesh, unsigned seed, int views_count, bool from_near);
   void expectNoHolesIn(const base::Bytes& file, const build::Mesh& mesh, unsigned seed, int views_count,
                        bool from_near);
-  void expectNoHolesWhenDiced(const build::Mesh& mesh, double dice, std::uint64_t least_added, unsigned seed);
+  void expectNoHolesWhenDiced(const build::Mesh& mesh, double dice, std::uint64_t least_added, unsigned seed,
+                              bool from_near);
 
   std::unique_ptr<base::HeadlessContext> context_;
   std::unique_ptr<SplatRenderer> renderer_;
@@ -465,8 +466,8 @@ void SplatsTest::expectNoHolesIn(const base::Bytes& file, const build::Mesh& mes
 }
 
 // The builder's own file, over triangles that lie on its lattice as they are.
-void SplatsTest::expectNoHolesWhenDiced(const build::Mesh& mesh, double dice, std::uint64_t least_added,
-                                        unsigned seed) {
+void SplatsTest::expectNoHolesWhenDiced(const build::Mesh& mesh, double dice, std::uint64_t least_added, unsigned seed,
+                                        bool from_near) {
   const build::Mesh on_lattice = support::splatsOf(mesh).sorted;
   const support::TemporaryDirectory directory;
   build::qsplat::BuildOptions options;
@@ -476,7 +477,7 @@ void SplatsTest::expectNoHolesWhenDiced(const build::Mesh& mesh, double dice, st
   EXPECT_GE(built->added_leaves, least_added);
   const auto file = base::readFile(directory / "out.lgq");
   ASSERT_TRUE(file);
-  expectNoHolesIn(*file, on_lattice, seed, viewsOr(60), true);
+  expectNoHolesIn(*file, on_lattice, seed, viewsOr(60), from_near);
 }
 
 TEST_F(SplatsTest, aBallHasNoHolesAtAnyViewAndCutOff) {
@@ -507,21 +508,21 @@ TEST_F(SplatsTest, aCubeOfTwelveTrianglesHasNoHolesThoughItsSplatsAreHuge) {
 }
 
 TEST_F(SplatsTest, aDicedCubeHasNoHoles) {
-  expectNoHolesWhenDiced(cubeOfTwelveTriangles(), 2.0, 4000, 8);
+  expectNoHolesWhenDiced(cubeOfTwelveTriangles(), 2.0, 4000, 8, true);
 }
 
 TEST_F(SplatsTest, dicedNeedlesHaveNoHoles) {
   // A ring drawn out: needles along it on two sides, and one half of it much coarser than the other.
   build::Mesh ring = support::torus(120, 50);
   for (glm::vec3& p : ring.positions) p.x *= p.x > 0.0F ? 12.0F : 1.0F;
-  expectNoHolesWhenDiced(ring, 2.0, 3000, 9);
+  expectNoHolesWhenDiced(ring, 2.0, 3000, 9, true);
 }
 
 TEST_F(SplatsTest, aDicedStatueHasNoHoles) {
   build::SampleOptions options;
   options.triangles = 30000;
   options.shape = build::SampleShape::kStatue;
-  expectNoHolesWhenDiced(build::makeSample(options), 1.0, 3000, 10);
+  expectNoHolesWhenDiced(build::makeSample(options), 1.0, 3000, 10, false);
 }
 
 // Codes round spheres up, which hides small faults. These just reach the middles of a flat sheet's squares.
