@@ -30,8 +30,8 @@ bool bisect(const std::array<Corner, 3>& t, double longest_squared, Middle& midd
 
 }  // namespace
 
-bool isCut(const glm::ivec3& a, const glm::ivec3& b, const glm::ivec3& c, double longest_edge) {
-  const glm::dvec3 x(a), y(b), z(c);
+bool isCut(const std::array<glm::ivec3, 3>& triangle, double longest_edge) {
+  const glm::dvec3 x(triangle[0]), y(triangle[1]), z(triangle[2]);
   return std::max({squaredLength(x, y), squaredLength(y, z), squaredLength(z, x)}) > longest_edge * longest_edge;
 }
 
@@ -55,12 +55,11 @@ std::optional<std::uint64_t> countCuts(std::span<const glm::ivec3> points, doubl
 Dicer::Dicer(std::span<const glm::ivec3> points, double longest_edge)
     : points_(points), longest_squared_(longest_edge * longest_edge) {}
 
-bool Dicer::cut(const std::array<std::uint32_t, 3>& corners, std::uint32_t triangle) {
+void Dicer::cut(const std::array<std::uint32_t, 3>& corners, std::uint32_t triangle) {
   struct Numbered {
     std::uint32_t number = 0;
     glm::dvec3 position{0.0};
   };
-  const std::size_t before = pieces_.size();
   auto middle = [&](const Numbered& a, const Numbered& b, Numbered& m) {
     m.number = middleOf(a.number, b.number);
     m.position = position(m.number);
@@ -72,9 +71,6 @@ bool Dicer::cut(const std::array<std::uint32_t, 3>& corners, std::uint32_t trian
   std::array<Numbered, 3> whole;
   for (std::size_t k = 0; k < 3; ++k) whole[k] = {corners[k], position(corners[k])};
   (void)bisect(whole, longest_squared_, middle, piece);
-  if (pieces_.size() > before + 1) return true;
-  pieces_.resize(before);
-  return false;
 }
 
 std::uint32_t Dicer::middleOf(std::uint32_t a, std::uint32_t b) {

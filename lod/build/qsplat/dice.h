@@ -1,6 +1,6 @@
 #pragma once
 // Large triangles in pieces, so that no leaf is much larger than those around it (Rusinkiewicz and Levoy 2000, section
-// 5.2, on meshes that are not scans). Private to lod/build/qsplat.
+// 3.4). Private to lod/build/qsplat.
 //
 // A triangle is cut at the middle of its longest edge until no edge is longer than a limit (Rivara 1984). An edge ends
 // up in pieces that its own length alone decides, so that two triangles cut alike with the same limit share the points
@@ -30,8 +30,8 @@ class Dicer {
 
   /// `points` must outlive it; fewer than 2^31 with the middles.
   Dicer(std::span<const glm::ivec3> points, double longest_edge);
-  /// False, and nothing else, when no edge is too long.
-  bool cut(const std::array<std::uint32_t, 3>& corners, std::uint32_t triangle);
+  /// One for which isCut().
+  void cut(const std::array<std::uint32_t, 3>& corners, std::uint32_t triangle);
 
   const std::vector<Middle>& middles() const { return middles_; }
   /// Wound as their triangles, which come one after the other.
@@ -55,6 +55,6 @@ class Dicer {
 std::optional<std::uint64_t> countCuts(std::span<const glm::ivec3> points, double longest_edge, std::uint64_t most);
 
 /// Whether an edge is longer.
-bool isCut(const glm::ivec3& a, const glm::ivec3& b, const glm::ivec3& c, double longest_edge);
+bool isCut(const std::array<glm::ivec3, 3>& triangle, double longest_edge);
 
 }  // namespace lod::build::qsplat

@@ -5,7 +5,6 @@
 #include <mutex>
 
 #include "base/parallel.h"
-#include "lod/build/qsplat/dice.h"
 
 namespace lod::build::qsplat {
 namespace {
@@ -61,6 +60,8 @@ struct MeshLeaves::Triangle {
   Around at(const glm::vec3& vertex_normal) const {
     return {circle_squared, cosine(vertex_normal), wholeArea(), wholeArea()};
   }
+  // The same of a triangle whose pieces come besides.
+  Around dicedAt() const { return {0.0, 1.0F, wholeArea(), 0}; }
 };
 
 // A piece of a triangle that was diced.
@@ -75,21 +76,19 @@ struct MeshLeaves::Piece {
     circle_squared = circleSquared(squaredDistance(a, b), squaredDistance(b, c), squaredDistance(c, a), area_squared);
     area = std::sqrt(area_squared);
   }
-  // The triangle's whole area has to come once, besides.
   Around at(const Triangle& triangle, const glm::vec3& vertex_normal) const {
     return {circle_squared, triangle.cosine(vertex_normal), 0, static_cast<std::uint64_t>(area + 0.5)};
   }
 };
 
 base::Result<MeshLeaves::Cuts> MeshLeaves::chooseCuts(std::size_t bucket) const {
-  Cuts cuts;
   const auto corners = buckets_.read(bucket);
   if (!corners) return corners.error();
   std::vector<glm::ivec3> points;
   points.reserve(corners->size());
   for (const Corner& corner : *corners) points.push_back(mortonPoint(corner.code));
   const std::size_t triangles = points.size() / 3;
-  if (triangles == 0) return cuts;
+  if (triangles == 0) return Cuts();
   std::vector<double> squared(triangles);
   double logs = 0.0;
   for (std::size_t t = 0; t < triangles; ++t) {
@@ -109,8 +108,12 @@ base::Result<MeshLeaves::Cuts> MeshLeaves::chooseCuts(std::size_t bucket) const 
     ++kept;
   }
   points.resize(3 * kept);
-  if (points.empty()) return cuts;
-  // The least length that leaves room: first its factor of two.
+  return kept == 0 ? Cuts() : leastCuts(points, least, most);
+}
+
+// With the least length from `least` on that leaves room: first its factor of two, then within it.
+MeshLeaves::Cuts MeshLeaves::leastCuts(std::span<const glm::ivec3> points, double least, std::uint64_t most) {
+  Cuts cuts;
   int length = -kLengths;
   const auto fits = [&](int at) {
     const double longest = least * std::exp2(static_cast<double>(at) / kLengths);
@@ -118,8 +121,7 @@ base::Result<MeshLeaves::Cuts> MeshLeaves::chooseCuts(std::size_t bucket) const 
     if (count) cuts = {longest, *count}, length = at;
     return count.has_value();
   };
-  for (int at = 0; !fits(at); at += kLengths) {
-  }
+  for (int at = 0; !fits(at);) at += kLengths;
   for (int step = kLengths / 2; step > 0 && length > 0; step /= 2) (void)fits(length - step);
   return cuts;
 }
@@ -162,12 +164,12 @@ std::vector<std::pair<std::uint32_t, MeshLeaves::Around>> MeshLeaves::aroundBord
     const std::array<glm::ivec3, 3> points{mortonPoint(t.corner[0].code), mortonPoint(t.corner[1].code),
                                            mortonPoint(t.corner[2].code)};
     const Triangle triangle(points[0], points[1], points[2]);
+    const bool diced = isCut(points, longest);
+    for (const std::uint32_t at : t.place)
+      if (at != kNotOnBorder) found.emplace_back(at, diced ? triangle.dicedAt() : triangle.at(normals[at]));
+    if (!diced) continue;
     Dicer dicer(points, longest);
-    const bool diced = dicer.cut({0, 1, 2}, 0);
-    for (const std::uint32_t at : t.place) {
-      if (at == kNotOnBorder) continue;
-      found.emplace_back(at, diced ? Around{0.0, 1.0F, triangle.wholeArea(), 0} : triangle.at(normals[at]));
-    }
+    dicer.cut({0, 1, 2}, 0);
     for (const Dicer::Piece& piece : dicer.pieces())
       for (const std::uint32_t corner : piece.corners) {
         if (corner >= 3 || t.place[corner] == kNotOnBorder) continue;
@@ -203,7 +205,10 @@ bool MeshLeaves::readBorder(base::ByteReader& in) {
   }
   if (in.u64() != buckets_.count()) return false;
   cuts_.resize(buckets_.count());
-  for (Cuts& cuts : cuts_) cuts = in.read<Cuts>();
+  for (Cuts& cuts : cuts_) {
+    cuts = in.read<Cuts>();
+    if (!(cuts.longest >= kShortestCut)) return false;
+  }
   return in.ok();
 }
 
@@ -327,10 +332,11 @@ base::Result<TileLeaves> MeshLeaves::leaves(std::size_t bucket) const {
   Dicer dicer(places, cuts_[bucket].longest);
   for (std::size_t t = 0; t < triangles.size(); ++t) {
     const std::uint32_t* v = &mesh.number[3 * t];
-    const bool diced = dicer.cut({v[0], v[1], v[2]}, static_cast<std::uint32_t>(t));
+    const bool diced = isCut(std::array{places[v[0]], places[v[1]], places[v[2]]}, cuts_[bucket].longest);
+    if (diced) dicer.cut({v[0], v[1], v[2]}, static_cast<std::uint32_t>(t));
     for (std::size_t k = 0; k < 3; ++k) {
       Point& point = points[v[k]];
-      point.around.add(diced ? Around{0.0, 1.0F, triangles[t].wholeArea(), 0} : triangles[t].at(point.decoded));
+      point.around.add(diced ? triangles[t].dicedAt() : triangles[t].at(point.decoded));
     }
   }
   addPieces(dicer, triangles, points);

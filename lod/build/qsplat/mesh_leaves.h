@@ -65,6 +65,7 @@ class MeshLeaves : public LeafSource {
   struct Piece;
   struct Point;
   base::Result<Cuts> chooseCuts(std::size_t bucket) const;
+  static Cuts leastCuts(std::span<const glm::ivec3> points, double least, std::uint64_t most);
   std::vector<std::pair<std::uint32_t, Around>> aroundBorder(std::span<const BorderTriangle> triangles,
                                                              std::span<const glm::vec3> normals, double longest) const;
   static Point vertex(const glm::ivec3& place, const VertexSums& sums);

@@ -25,8 +25,9 @@ TEST(Dicer, PiecesAreSmallAndAreTheTriangle) {
   const auto place = [&] { return glm::ivec3(random() % 4000, random() % 4000, random() % 4000); };
   for (int run = 0; run < 50; ++run) {
     const std::vector<glm::ivec3> points{place(), place(), place()};
+    if (!isCut({points[0], points[1], points[2]}, 300.0)) continue;
     Dicer dicer(points, 300.0);
-    if (!dicer.cut({0, 1, 2}, 7)) continue;
+    dicer.cut({0, 1, 2}, 7);
     const glm::dvec3 whole = areaOf(dicer, {0, 1, 2});
     glm::dvec3 sum(0.0);
     for (const Dicer::Piece& piece : dicer.pieces()) {
@@ -45,9 +46,9 @@ TEST(Dicer, TrianglesShareThePointsOfTheirEdge) {
   // A fan of needles around a long edge, given from either end.
   const std::vector<glm::ivec3> points{{0, 0, 0}, {5000, 300, 77}, {2500, 900, 0}, {2400, -30, 0}, {100, 0, 2000}};
   Dicer dicer(points, 400.0);
-  EXPECT_TRUE(dicer.cut({0, 1, 2}, 0));
-  EXPECT_TRUE(dicer.cut({1, 0, 3}, 1));
-  EXPECT_TRUE(dicer.cut({1, 4, 0}, 2));
+  dicer.cut({0, 1, 2}, 0);
+  dicer.cut({1, 0, 3}, 1);
+  dicer.cut({1, 4, 0}, 2);
   // Every piece's edge within the fan is met by another piece, or lies on the outline.
   std::map<std::pair<std::uint32_t, std::uint32_t>, int> uses;
   for (const Dicer::Piece& piece : dicer.pieces())
@@ -69,19 +70,17 @@ TEST(Dicer, TrianglesShareThePointsOfTheirEdge) {
 TEST(Dicer, CountsWhatItWouldCut) {
   const std::vector<glm::ivec3> points{{0, 0, 0}, {3000, 10, 5}, {40, 1700, 900}};
   Dicer dicer(points, 200.0);
-  ASSERT_TRUE(dicer.cut({0, 1, 2}, 0));
+  dicer.cut({0, 1, 2}, 0);
   const std::uint64_t cuts = dicer.pieces().size() - 1;
   EXPECT_EQ(countCuts(points, 200.0, cuts), cuts);
   EXPECT_FALSE(countCuts(points, 200.0, cuts - 1));
   EXPECT_EQ(countCuts(points, 5000.0, 0), 0U);
 }
 
-TEST(Dicer, SmallTrianglesStayWhole) {
-  const std::vector<glm::ivec3> points{{0, 0, 0}, {30, 0, 0}, {0, 40, 0}};
-  Dicer dicer(points, 50.0);
-  EXPECT_FALSE(dicer.cut({0, 1, 2}, 0));
-  EXPECT_TRUE(dicer.middles().empty());
-  EXPECT_TRUE(dicer.pieces().empty());
+TEST(Dicer, TrianglesStayWholeUpToTheLimit) {
+  const std::array<glm::ivec3, 3> triangle{glm::ivec3(0), {30, 0, 0}, {0, 40, 0}};
+  EXPECT_FALSE(isCut(triangle, 50.0));
+  EXPECT_TRUE(isCut(triangle, 49.9));
 }
 
 // A sheet whose columns get wider and wider, so that its triangles are needles of all lengths.
