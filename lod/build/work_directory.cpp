@@ -214,6 +214,12 @@ std::uint64_t machineMemory() {
   return bytes;
 }
 
+void keepFreedMemory() {
+  constexpr int kMegabyte = 1 << 20;
+  ::mallopt(M_MMAP_THRESHOLD, 32 * kMegabyte);
+  ::mallopt(M_TRIM_THRESHOLD, 128 * kMegabyte);
+}
+
 void releaseFreedMemory() {
   // Less than that is sooner used again than returned and fetched.
   constexpr std::size_t kWorthIt = std::size_t{32} << 20;

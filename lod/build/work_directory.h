@@ -89,6 +89,9 @@ inline constexpr std::uint64_t kLeastMemory = std::uint64_t{256} << 20;
 base::Result<void> needMemory(std::uint64_t bytes);
 /// Physical memory, or the limit set for this process' group where that is less.
 std::uint64_t machineMemory();
+/// Lets the allocator keep what one piece of work frees for the next one, which is of its size: fetching it from the
+/// system anew costs a fault for each page. For the whole process.
+void keepFreedMemory();
 /// Returns to the system what the allocator keeps for later.
 void releaseFreedMemory();
 /// "1.5 GB".
