@@ -451,6 +451,22 @@ TEST_F(SplatResume, AddedToAFinishedSceneTheyAreTheSame) {
   EXPECT_EQ(run("lumigrid", {"verify", scene}).status, 1);
 }
 
+// How triangles are diced decides the file: another way is another scene.
+TEST_F(SplatResume, AnotherDicingIsAnotherScene) {
+  programs::writeText(path("two.off"), "OFF\n4 2 0\n0 0 0\n9 0 0\n0 9 0\n9 9 1\n3 0 1 2\n3 1 3 2\n");
+  const std::string mesh = path("two.off"), scene = path("scene");
+  ASSERT_EQ(run("lumigrid", build(mesh, scene)).status, 0);
+  const std::string diced = readText(scene + "/qsplat.lgq");
+  const auto other = run("lumigrid", build(mesh, scene, {"--qsplat-dice", "0"}));
+  EXPECT_EQ(other.status, 1);
+  EXPECT_NE(other.err.find("--force"), std::string::npos) << other.err;
+  ASSERT_EQ(run("lumigrid", build(mesh, scene, {"--qsplat-dice", "0", "--force"})).status, 0);
+  EXPECT_LT(readText(scene + "/qsplat.lgq").size(), diced.size());
+  const auto again = run("lumigrid", build(mesh, scene, {"--qsplat-dice", "0"}));
+  EXPECT_EQ(again.status, 0) << again.err;
+  EXPECT_EQ(run("lumigrid", build(mesh, scene, {"--qsplat-dice", "-1"})).status, 2);
+}
+
 // Who may not mount file systems may do so in a user namespace of his own, where the kernel allows those.
 bool enterOwnNamespace() {
   const std::string user = "0 " + std::to_string(::getuid()) + " 1";
