@@ -1,20 +1,13 @@
 #include "repository/access.h"
 
-#include <fcntl.h>
-#include <sys/file.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <array>
-#include <cerrno>
-#include <chrono>
-#include <filesystem>
 #include <limits>
 #include <map>
-#include <thread>
 
 #include "base/crc32c.h"
 #include "base/file.h"
+#include "base/file_lock.h"
 
 namespace repository {
 namespace {
@@ -264,28 +257,6 @@ base::Result<base::Bytes> withMore(base::ByteView bytes, const AccessIdentity& i
   return assemble(*header, faces.finish(), groups.finish());
 }
 
-// An flock on PATH.lock, as the file itself is replaced. The system gives it back when its process dies.
-class FileLock {
- public:
-  static base::Result<FileLock> take(const std::string& path, double patience_seconds) {
-    FileLock lock;
-    lock.file_ = base::FileDescriptor(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
-    if (!lock.file_) return base::systemError(path, "open", errno);
-    const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(patience_seconds);
-    while (::flock(lock.file_.get(), LOCK_EX | LOCK_NB) != 0) {
-      if (errno != EWOULDBLOCK && errno != EINTR) return base::systemError(path, "lock", errno);
-      if (std::chrono::steady_clock::now() >= end)
-        return base::Error{base::ErrorCode::kBusy, path + " is held by another process; wait for it or stop it"};
-      std::this_thread::sleep_for(std::chrono::milliseconds(2));
-    }
-    return lock;
-  }
-
- private:
-  FileLock() = default;
-  base::FileDescriptor file_;
-};
-
 }  // namespace
 
 std::uint64_t AccessCounts::facesSent() const {
@@ -337,7 +308,7 @@ base::Result<AccessCounts> loadAccess(const std::vector<std::string>& files, con
 
 base::Result<void> addToAccessFile(const std::string& path, const AccessIdentity& identity, const AccessCounts& more,
                                    double patience_seconds) {
-  const auto lock = FileLock::take(path + ".lock", patience_seconds);
+  const auto lock = base::tryLockFile(path + ".lock", patience_seconds);  // the file itself is replaced
   if (!lock) return lock.error();
   base::removeUnfinished(path);  // of one killed while it wrote: only who has the lock writes
 

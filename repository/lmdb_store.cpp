@@ -8,13 +8,12 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <chrono>
 #include <filesystem>
 #include <string>
-#include <thread>
 #include <utility>
 
 #include "base/file.h"
+#include "base/file_lock.h"
 #include "repository/lmdb_environment.h"
 #include "repository/store.h"
 
@@ -24,8 +23,7 @@ namespace {
 constexpr std::size_t kPortionValues = 256;                  // forEach: values copied in one transaction …
 constexpr std::size_t kPortionBytes = std::size_t{8} << 20;  // … and their bytes
 constexpr std::size_t kPortionKeys = 65536;                  // forEachKey: keys copied in one transaction
-constexpr int kLockAttempts = 10;
-constexpr std::chrono::milliseconds kLockPause(20);
+constexpr double kLockPatience = 0.2;                        // seconds
 const std::vector<const char*> kTables{"faces", "meta"};
 constexpr std::size_t kFaces = 0, kMeta = 1;  // places in kTables
 const std::string kMetaKey = "parameters";
@@ -62,20 +60,14 @@ class WriterLock {
  public:
   static base::Result<WriterLock> take(const std::string& directory) {
     const std::string path = directory + "/writer.lock";
-    WriterLock lock;
-    lock.file_ = base::FileDescriptor(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
-    if (!lock.file_) return base::systemError(path, "open", errno);
     // Whoever only looks whether it is taken (isBeingWritten) has it for a moment.
-    int refused = ::flock(lock.file_.get(), LOCK_EX | LOCK_NB);
-    for (int again = 0; refused != 0 && errno == EWOULDBLOCK && again < kLockAttempts; ++again) {
-      std::this_thread::sleep_for(kLockPause);
-      refused = ::flock(lock.file_.get(), LOCK_EX | LOCK_NB);
-    }
-    if (refused != 0) {
-      if (errno != EWOULDBLOCK) return base::systemError(path, "lock", errno);
-      return base::Error{base::ErrorCode::kBusy, directory + " is being written by another process" + lock.owner() +
+    auto file = base::tryLockFile(path, kLockPatience);
+    if (!file && file.error().code != base::ErrorCode::kBusy) return file.error();
+    if (!file)
+      return base::Error{base::ErrorCode::kBusy, directory + " is being written by another process" + ownerOf(path) +
                                                      "; wait for it or stop it"};
-    }
+    WriterLock lock;
+    lock.file_ = std::move(*file);
     const std::string pid = std::to_string(::getpid()) + "\n";
     if (::ftruncate(lock.file_.get(), 0) == 0 && ::pwrite(lock.file_.get(), pid.data(), pid.size(), 0) < 0)
       errno = 0;  // a full disk may not stop us here
@@ -85,9 +77,10 @@ class WriterLock {
   bool held() const { return static_cast<bool>(file_); }
 
  private:
-  std::string owner() const {
+  static std::string ownerOf(const std::string& path) {
+    const base::FileDescriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
     std::array<char, 16> text{};
-    const ssize_t size = ::pread(file_.get(), text.data(), text.size(), 0);
+    const ssize_t size = file ? ::pread(file.get(), text.data(), text.size(), 0) : -1;
     if (size <= 0) return "";
     const std::string pid(text.data(), static_cast<std::size_t>(size));
     return " (pid " + pid.substr(0, pid.find('\n')) + ")";

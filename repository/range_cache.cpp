@@ -1,9 +1,5 @@
 #include "repository/range_cache.h"
 
-#include <fcntl.h>
-#include <sys/file.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
@@ -11,6 +7,7 @@
 
 #include "base/crc32c.h"
 #include "base/file.h"
+#include "base/file_lock.h"
 
 namespace repository {
 namespace {
@@ -71,18 +68,6 @@ template <class T>
 MDB_val bytesOf(const T& value) {
   return valueOf(base::ByteView(reinterpret_cast<const std::uint8_t*>(&value), sizeof(T)));
 }
-
-// Held while the files are opened, checked or thrown away, so that no two processes do it at once.
-class OpeningLock {
- public:
-  explicit OpeningLock(const std::string& path) : file_(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644)) {
-    while (file_ && ::flock(file_.get(), LOCK_EX) != 0 && errno == EINTR) continue;
-  }
-  bool held() const { return static_cast<bool>(file_); }
-
- private:
-  base::FileDescriptor file_;
-};
 
 // Processes that have the files open keep theirs until they end.
 void removeFiles(const std::string& path) {
@@ -219,8 +204,9 @@ Result<std::unique_ptr<RangeCache>> RangeCache::open(const std::string& director
     return Error{ErrorCode::kUnsupported,
                  directory + ": on a network file system, which the cache cannot use; give a local directory"};
 
-  const OpeningLock lock(path + "/opening.lock");
-  if (!lock.held()) return base::systemError(path, "write to this directory", errno);
+  // So that no two processes open, check or throw the files away at once.
+  const auto lock = base::lockFile(path + "/opening.lock");
+  if (!lock) return lock.error();
   const auto size = fs::file_size(path + "/data.mdb", failed);
   if (!failed && size > mapBytes(options.bytes)) removeFiles(path);  // from a time of a larger budget
   auto cache = openSound(path, options);
