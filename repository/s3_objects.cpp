@@ -1,6 +1,7 @@
 #include "repository/s3_objects.h"
 
 #include <algorithm>
+#include <set>
 #include <utility>
 
 #include "base/file.h"
@@ -81,6 +82,7 @@ class S3Sink final : public ObjectSink {
     if (!prefix.empty()) LUMIGRID_TRY(checkName(prefix));
     const std::string front = bucket_.prefix() + (prefix.empty() ? "" : prefix + "/");
     std::vector<std::string> names;
+    std::set<std::string> asked;
     for (std::string token;;) {
       auto page = listPage(front, token, 1000);
       if (!page) return page.error();
@@ -91,7 +93,7 @@ class S3Sink final : public ObjectSink {
         if (isObjectName(name)) names.push_back(std::move(name));
       }
       if (page->next_token.empty()) break;
-      if (page->next_token == token)
+      if (!asked.insert(page->next_token).second)
         return Error{ErrorCode::kNetwork, bucket_.describe(prefix) + ": the store's list of objects does not end"};
       token = page->next_token;
     }
