@@ -401,7 +401,7 @@ class Work {
                             faces / 8,
                             threadsOf(options_),
                             *in_processes,
-                            judges ? JudgeOptions().gpu_budget_bytes : 0};
+                            judges ? judgeBytes(faces, options_.grid.face_size, JudgeOptions().gpu_budget_bytes) : 0};
     const auto limits = limitDrawing(demand, options_.memory_bytes);
     if (!limits) return limits.error();
     limits_ = *limits;

@@ -32,6 +32,9 @@ constexpr std::uint64_t kEncoderBytesPerPixel = 24;  // of each further thread: 
 constexpr std::uint64_t kPixelsPerValueByte =
     8;  // of a face as it is stored: twice what a full one takes at quality 85
 
+// A face on the GPU with its mipmaps and depth map, and as much again while its array grows.
+constexpr std::uint64_t kJudgedBytesPerPixel = 24;
+
 constexpr std::uint64_t kGpuBudgetBytes = 2048 * kMebi;  // of all processes together …
 constexpr std::uint64_t kCutBytes = 256 * kMebi;         // … and of one where it may be: a cut of a large scan
 constexpr std::uint64_t kLeastGpuBudgetBytes = 32 * kMebi;
@@ -92,6 +95,11 @@ base::Error tooLittle(const DrawDemand& demand, std::uint64_t needed, std::uint6
 }
 
 }  // namespace
+
+std::uint64_t judgeBytes(std::uint64_t faces, std::uint32_t face_size, std::uint64_t budget_bytes) {
+  constexpr std::uint64_t kNotStored = 6;  // judged as if they were
+  return std::min(budget_bytes, (faces + kNotStored) * face_size * face_size * kJudgedBytesPerPixel);
+}
 
 base::Result<DrawLimits> limitDrawing(const DrawDemand& demand, std::uint64_t memory_bytes) {
   const unsigned most = demand.in_processes ? drawProcessesFor(demand.threads) : std::max(1U, demand.threads);

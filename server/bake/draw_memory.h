@@ -28,6 +28,9 @@ struct DrawLimits {
   std::uint64_t gpu_budget_bytes = 0;  ///< uploaded patches, of each context
 };
 
+/// What the images take that a CellJudge of this budget keeps, of a grid: no more than there are.
+std::uint64_t judgeBytes(std::uint64_t faces, std::uint32_t face_size, std::uint64_t budget_bytes);
+
 /// Fewer processes first (or encoding threads), then smaller budgets. `memory_bytes`: of all processes together; 0: no
 /// limit. The pictures do not depend on it. Errors: kNoSpace, with what is needed at least.
 base::Result<DrawLimits> limitDrawing(const DrawDemand& demand, std::uint64_t memory_bytes);

@@ -99,6 +99,12 @@ TEST_F(DrawMemoryTest, judgingTakesItsShare) {
   EXPECT_LT(with->processes, without->processes);
 }
 
+TEST_F(DrawMemoryTest, aJudgeKeepsNoMoreImagesThanThereAre) {
+  EXPECT_EQ(judgeBytes(1'000'000, 512, 512 * kMebi), 512 * kMebi);
+  EXPECT_LT(judgeBytes(500, 64, 512 * kMebi), 64 * kMebi);
+  EXPECT_GT(judgeBytes(500, 64, 512 * kMebi), std::uint64_t{500} * 64 * 64 * 4);
+}
+
 TEST_F(DrawMemoryTest, aSampleLeavesTheRestToPatches) {
   const DrawDemand demand = demandOf(large_);
   const auto all = limitSampling(demand, 0, 0);
