@@ -27,39 +27,15 @@ std::uint64_t add(std::uint64_t a, std::uint64_t b) {
   return a > kMost - b ? kMost : a + b;
 }
 
-// --- Variable-length numbers (LEB128): 7 bits a byte, lowest first, bit 7 says that more follow.
-
-void putNumber(base::ByteWriter& out, std::uint64_t value) {
-  for (; value >= 0x80; value >>= 7) out.u8(static_cast<std::uint8_t>(value | 0x80));
-  out.u8(static_cast<std::uint8_t>(value));
-}
-
-// Fails the reader at a number that is longer than it need be or does not fit: one number has one form.
-std::uint64_t takeNumber(base::ByteReader& in) {
-  std::uint64_t value = 0;
-  for (unsigned shift = 0; shift < 64; shift += 7) {
-    const std::uint64_t byte = in.u8();
-    if (!in.ok()) return 0;
-    if (shift == 63 && byte > 1) break;
-    value |= (byte & 0x7F) << shift;
-    if ((byte & 0x80) == 0) {
-      if (byte == 0 && shift != 0) break;
-      return value;
-    }
-  }
-  in.fail();
-  return 0;
-}
-
-// --- Rows: how many numbers lie between the row before and this one, then the count.
+// --- Rows: varints, how many numbers lie between the row before and this one, then the count.
 
 using Row = std::pair<std::uint64_t, std::uint64_t>;  // key's code or group; count
 
 class RowWriter {
  public:
   void put(const Row& row) {
-    putNumber(out_, row.first - next_);
-    putNumber(out_, row.second);
+    out_.varint(row.first - next_);
+    out_.varint(row.second);
     next_ = row.first + 1;
     ++rows_;
   }
@@ -76,8 +52,8 @@ template <class Take>
 base::Result<void> takeRows(base::ByteReader& in, std::uint64_t rows, const char* what, const Take& take) {
   std::uint64_t next = 0;
   for (std::uint64_t row = 0; row < rows; ++row) {
-    const std::uint64_t gap = takeNumber(in);
-    const std::uint64_t count = takeNumber(in);
+    const std::uint64_t gap = in.varint();
+    const std::uint64_t count = in.varint();
     if (!in.ok()) return bad(std::string("a row of ") + what + " is no pair of numbers");
     if (gap > kMost - 1 - next || count == 0) return bad(std::string("a row of ") + what + " is out of range");
     if (!take(Row{next + gap, count})) return bad(std::string("a row names ") + what + " that the scene does not have");

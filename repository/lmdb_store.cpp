@@ -34,15 +34,6 @@ base::Error openedForReading(const std::string& path) {
 
 // ---- Keys ----
 
-// Big-endian, so that LMDB's byte order is Morton order.
-using KeyBytes = std::array<std::uint8_t, 8>;
-
-KeyBytes keyBytes(std::uint64_t code) {
-  KeyBytes bytes;
-  for (std::size_t i = 0; i < 8; ++i) bytes[i] = static_cast<std::uint8_t>(code >> (56 - 8 * i));
-  return bytes;
-}
-
 base::Result<FaceKey> keyFrom(const MDB_val& value) {
   if (value.mv_size != 8)
     return base::Error{base::ErrorCode::kInvalidInput, "a key of " + std::to_string(value.mv_size) + " bytes"};
@@ -97,7 +88,7 @@ class LmdbStore final : public Store {
 
   base::Result<std::optional<base::Bytes>> get(const FaceKey& key) const override {
     std::optional<base::Bytes> value;
-    const KeyBytes bytes = keyBytes(key.code());
+    const NumberKey bytes = bigEndian(key.code());
     const int code = environment_->read(
         [&](MDB_txn* txn) { return copyOut(txn, environment_->table(kFaces), valueOf(bytes), value); });
     if (code != 0 && code != MDB_NOTFOUND) return storeError(path_, "read", code);
@@ -105,7 +96,7 @@ class LmdbStore final : public Store {
   }
 
   base::Result<bool> contains(const FaceKey& key) const override {
-    const KeyBytes bytes = keyBytes(key.code());
+    const NumberKey bytes = bigEndian(key.code());
     const int code = environment_->read([&](MDB_txn* txn) {
       MDB_val name = valueOf(bytes);
       MDB_val value{};
@@ -131,7 +122,7 @@ class LmdbStore final : public Store {
     environment_->dropDeadReaders();
     const int code = environment_->write([&](MDB_txn* txn) {
       for (const auto& [key, value] : sorted) {
-        const KeyBytes bytes = keyBytes(key);
+        const NumberKey bytes = bigEndian(key);
         MDB_val name = valueOf(bytes);
         MDB_val data = valueOf(*value);
         if (const int put = mdb_put(txn, environment_->table(kFaces), &name, &data, 0); put != 0) return put;
@@ -146,7 +137,7 @@ class LmdbStore final : public Store {
     if (!lock_.held()) return openedForReading(path_);
     const int code = environment_->write([&](MDB_txn* txn) {
       for (const FaceKey& key : keys) {
-        const KeyBytes bytes = keyBytes(key.code());
+        const NumberKey bytes = bigEndian(key.code());
         MDB_val name = valueOf(bytes);
         const int erased = mdb_del(txn, environment_->table(kFaces), &name, nullptr);
         if (erased != 0 && erased != MDB_NOTFOUND) return erased;
@@ -234,7 +225,7 @@ class LmdbStore final : public Store {
     if (const int code = mdb_cursor_open(txn, environment_->table(kFaces), &raw); code != 0) return code;
     const std::unique_ptr<MDB_cursor, decltype(&mdb_cursor_close)> cursor(raw, mdb_cursor_close);
 
-    const KeyBytes start = keyBytes(next);
+    const NumberKey start = bigEndian(next);
     MDB_val name = valueOf(start);
     MDB_val value{};
     int code = mdb_cursor_get(raw, &name, &value, MDB_SET_RANGE);

@@ -19,11 +19,6 @@ using base::Error;
 using base::ErrorCode;
 using base::Result;
 
-std::string nameOf(const FaceKey& key) {
-  return "face (" + std::to_string(key.x) + ", " + std::to_string(key.y) + ", " + std::to_string(key.z) + ", " +
-         std::to_string(key.d) + ")";
-}
-
 Error readOnly(const ObjectSource& source) {
   return {ErrorCode::kUnsupported,
           source.place() + ": published images cannot be changed; build a scene and publish it"};

@@ -172,10 +172,8 @@ class MadeByProcesses : public FaceMaker {
     auto message = receiveMessage(process.socket());
     if (!message || !*message)
       return base::Error{base::ErrorCode::kNetwork, "a drawing process ended by " + process.end() +
-                                                        " several times over the same image, point (" +
-                                                        std::to_string(jobs.front().keys.front().x) + ", " +
-                                                        std::to_string(jobs.front().keys.front().y) + ", " +
-                                                        std::to_string(jobs.front().keys.front().z) + ")"};
+                                                        " several times over the same image, " +
+                                                        repository::nameOf(jobs.front().keys.front())};
     if ((*message)->kind == DrawMessageKind::kError) return decodeError((*message)->body);
     auto made = decodeMadeFace((*message)->body);
     if (!made) return made.error();
