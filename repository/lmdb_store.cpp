@@ -35,12 +35,15 @@ base::Error openedForReading(const std::string& path) {
 // ---- Keys ----
 
 base::Result<FaceKey> keyFrom(const MDB_val& value) {
-  if (value.mv_size != 8)
-    return base::Error{base::ErrorCode::kInvalidInput, "a key of " + std::to_string(value.mv_size) + " bytes"};
+  const auto wrong = [](const std::string& what) {
+    return base::Error{base::ErrorCode::kInvalidInput, what + "; delete the directory and build the images again"};
+  };
+  if (value.mv_size != 8) return wrong("a key of " + std::to_string(value.mv_size) + " bytes");
   const auto* bytes = static_cast<const std::uint8_t*>(value.mv_data);
   std::uint64_t code = 0;
   for (std::size_t i = 0; i < 8; ++i) code = code << 8 | bytes[i];
-  return FaceKey::fromCode(code);
+  auto key = FaceKey::fromCode(code);
+  return key ? key : wrong(key.error().message);
 }
 
 // ---- The writer's lock ----
