@@ -333,6 +333,10 @@ std::uint64_t IndexBlock::emptyFlags() const {
   return static_cast<std::uint64_t>(std::count(lengths_.begin(), lengths_.end(), 0U));
 }
 
+std::uint64_t IndexBlock::valueBytes() const {
+  return std::accumulate(lengths_.begin(), lengths_.end(), std::uint64_t{0});
+}
+
 Result<std::vector<PackRow>> decodePackRows(const IndexRoot& root, ByteView bytes) {
   if (bytes.size() != root.packs * kPackRowBytes) return bad("the index's list of packs is cut short");
   if (base::crc32c(bytes) != root.rows_crc) return bad("the index's list of packs: its checksum differs");
