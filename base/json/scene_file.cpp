@@ -1,6 +1,7 @@
 #include "base/json/scene_file.h"
 
 #include <cerrno>
+#include <cmath>
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -148,6 +149,8 @@ Result<Scene> parseScene(const std::string& text, const std::string& name) {
   if (mode != "unlit" && mode != "soft") light.fail("mode is neither unlit nor soft");
   scene.light.mode = mode == "unlit" ? LightMode::kUnlit : LightMode::kSoft;
   scene.light.direction = glm::vec3(light.vector("direction"));
+  for (int i = 0; i < 3; ++i)
+    if (!std::isfinite(scene.light.direction[i])) light.fail("direction is too long");
   readLists(document, scene, problem);
   if (problem.empty() && !glm::all(glm::lessThanEqual(scene.box_min, scene.box_max)))
     problem = "box_min exceeds box_max";

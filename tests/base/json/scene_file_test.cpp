@@ -70,6 +70,17 @@ TEST(SceneFile, repairsAndParametersAreObjectsOfOneType) {
   }
 }
 
+// As a float it would be infinite, and written as null.
+TEST(SceneFile, aDirectionOfLightThatNoFloatHoldsIsRefused) {
+  base::Scene scene = example();
+  scene.light.direction = {0, 0, 0.5F};
+  std::string text = base::formatScene(scene);
+  text.replace(text.rfind("0.5"), 3, "1e300");
+  const auto read = base::parseScene(text, "s");
+  ASSERT_FALSE(read);
+  EXPECT_EQ(read.error().message, "s: light: direction is too long; build the scene again");
+}
+
 TEST(SceneFile, refusesAnotherVersionByNumber) {
   std::string text = base::formatScene(example());
   text.replace(text.find("\"version\": 1"), 12, "\"version\": 9");
