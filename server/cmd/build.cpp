@@ -22,6 +22,7 @@
 #include "base/json/scene_file.h"
 #include "lod/build/hierarchy_build.h"
 #include "lod/build/qsplat/build.h"
+#include "lod/build/work_directory.h"
 #include "lod/patch/format.h"
 #include "repository/grid.h"
 #include "repository/repository.h"
@@ -489,6 +490,8 @@ BakeOptions bakeOptions(const BuildArguments& a, const base::Scene& scene) {
   options.grid = gridFor(a, scene);
   options.subsampling = subsamplingOf(a.subsampling);
   options.threads = a.hierarchy.threads;
+  options.memory_bytes =
+      a.hierarchy.memory_bytes != 0 ? a.hierarchy.memory_bytes : lod::build::machineMemory() / 10 * 6;
   options.draw_command = drawCommand();
   return options;
 }
@@ -1017,8 +1020,8 @@ void declareOptions(CLI::App& command, BuildArguments& a) {
       ->capture_default_str();
   command
       .add_option("--memory", a.hierarchy.memory_bytes,
-                  "most memory to use while a hierarchy is built, e.g. 4G, at least 256M; 0: 60 % of the machine's; "
-                  "the result does not depend on it")
+                  "most memory to use, e.g. 4G, at least 256M: of this process, and of those that draw images with it "
+                  "together; 0: 60 % of the machine's; the result does not depend on it")
       ->transform(CLI::AsSizeValue(false))
       ->capture_default_str();
   command.add_option("--tmpdir", a.tmpdir,
