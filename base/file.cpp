@@ -56,6 +56,14 @@ void syncDirectoryOf(const std::string& path) {
   ::close(fd);
 }
 
+Result<void> syncFile(const std::string& path) {
+  const int fd = ::open(path.c_str(), O_RDWR | O_CLOEXEC);
+  if (fd < 0) return systemError(path, "open", errno);
+  const int error = ::fdatasync(fd) != 0 ? errno : 0;
+  ::close(fd);
+  return error == 0 ? Result<void>() : systemError(path, "write", error);
+}
+
 Result<Bytes> readFile(const std::string& path) {
   // Read, not copied from a map: where the disk fails or somebody cuts the file meanwhile, that would be SIGBUS.
   const auto file = openRegular(path);

@@ -14,6 +14,9 @@ Result<Bytes> readFile(const std::string& path);
 /// Writes to a temporary name beside `path`, fsyncs, renames: `path` holds the old bytes or all of the new ones.
 Result<void> writeFileAtomically(const std::string& path, ByteView bytes);
 
+/// Waits until the disk has what was written to the file, by whomever. Errors: kNoSpace, kIo, kNotFound.
+Result<void> syncFile(const std::string& path);
+
 /// A rename is durable only once its directory is: fsyncs the directory that holds `path`, where the system lets us.
 void syncDirectoryOf(const std::string& path);
 

@@ -52,8 +52,6 @@ class WorkStore {
   base::Result<base::Bytes> encoded(const WorkPatch& patch) const;
   /// Those and behind them what its triangles carry along: encoded_bytes + error_bytes in all. `bytes` is written over.
   base::Result<void> readWhole(const WorkPatch& patch, base::Bytes& bytes) const;
-  /// Waits until the disk has every record.
-  base::Result<void> sync() { return log_.sync(); }
   std::uint64_t bytes() const { return log_.size(); }
 
  private:
