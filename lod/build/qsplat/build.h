@@ -19,6 +19,7 @@ struct BuildOptions {
   std::string work_directory;      ///< for the work files; empty: beside the output
   std::string resume_key;  ///< what decides the output (the sources' checksums); a work directory left under the same
                            ///< key is continued. Empty: every build starts afresh.
+  bool coded = false;      ///< the file in the coded form
   std::function<void(const BuildPlan&)> on_plan;  ///< may be empty
 };
 
