@@ -35,6 +35,7 @@ class BlockModel {
     group.count = kind / 2 + 1;
     group.has_pointer = kind % 2 != 0;
     siblings_.count = 0;
+    middles_ = {};
     for (std::uint32_t i = 0; i < group.count; ++i)
       if (!codeNode(group, i)) return false;
     siblings_.has_pointer = group.has_pointer;
@@ -102,6 +103,7 @@ class BlockModel {
     node.color = static_cast<std::uint16_t>(parts.color[0] << 11 | parts.color[1] << 5 | parts.color[2]);
     siblings_.parts[i] = parts;
     siblings_.count = i + 1;
+    for (std::size_t axis = 0; axis < 3; ++axis) middles_[axis] += parts.middle[axis];
     return true;
   }
 
@@ -183,17 +185,24 @@ class BlockModel {
 
   /// 0: the face of the mean; 1: the one across its nearest edge; the other four in their order.
   int codeFace(const Normal& mean, std::uint32_t cone, int truth) {
-    const std::array<int, 4> to_edge{mean.row, kSide - 1 - mean.row, mean.column, kSide - 1 - mean.column};
-    const int edge = static_cast<int>(std::min_element(to_edge.begin(), to_edge.end()) - to_edge.begin());
-    const int across = 2 * (edge < 2 ? rowAxis(mean.face) : columnAxis(mean.face)) + (edge % 2 == 0 ? 1 : 0);
-    const int distance = to_edge[index(edge)];
-    const std::uint32_t near = distance <= 1 ? 0 : distance <= 3 ? 1 : distance <= 6 ? 2 : distance <= 12 ? 3 : 4;
-    std::array<int, 6> faces{mean.face, across};
-    std::size_t count = 2;
-    for (int face = 0; face < 6; ++face)
-      if (face != mean.face && face != across) faces[count++] = face;
-    const auto symbol = std::find(faces.begin(), faces.end(), truth) - faces.begin();
-    return faces[coder_.code(kFaceKind.first + near * 4 + cone, static_cast<std::uint32_t>(symbol))];
+    const int last = kSide - 1;
+    const bool by_row = std::min(mean.row, last - mean.row) <= std::min(mean.column, last - mean.column);
+    const int at = by_row ? mean.row : mean.column;
+    const bool at_least = at <= last - at;
+    const int across = 2 * (by_row ? rowAxis(mean.face) : columnAxis(mean.face)) + (at_least ? 1 : 0);
+    constexpr std::array<std::uint8_t, kSide / 2> kNear{0, 0, 1, 1, 2, 2, 2, 3, 3, 3, 3, 3, 3,
+                                                        4, 4, 4, 4, 4, 4, 4, 4, 4, 4, 4, 4, 4};
+    const std::uint32_t near = kNear[index(at_least ? at : last - at)];
+
+    const auto among_others = [&](int face) { return face - (face > mean.face ? 1 : 0) - (face > across ? 1 : 0); };
+    const int symbol = truth == mean.face ? 0 : truth == across ? 1 : 2 + among_others(truth);
+    const int coded = number(coder_.code(kFaceKind.first + near * 4 + cone, index(symbol)));
+    if (coded == 0) return mean.face;
+    if (coded == 1) return across;
+    int face = coded - 2;
+    if (face >= std::min(mean.face, across)) ++face;
+    if (face >= std::max(mean.face, across)) ++face;
+    return face;
   }
 
   // ---- spheres ----
@@ -227,15 +236,10 @@ class BlockModel {
     return codes_.code(read);
   }
 
-  int sumOfSiblings(std::uint32_t i, std::size_t axis) const {
-    int sum = 0;
-    for (std::uint32_t k = 0; k < i; ++k) sum += siblings_.parts[k].middle[axis];
-    return sum;
-  }
   /// 0: there are none; else where they are on average: below, about, above the middle.
   std::uint32_t sideOfSiblings(std::uint32_t i, std::size_t axis) const {
     if (i == 0) return 0;
-    const int sum = sumOfSiblings(i, axis);
+    const int sum = middles_[axis];
     const int near = 2 * number(i);
     return sum < -near ? 1 : sum <= near ? 2 : 3;
   }
@@ -246,12 +250,11 @@ class BlockModel {
     const Normal& n = parts.normal;
     const auto along = [&](int axis) {
       const auto a = index(axis);
-      return std::max(number(i), 1) * parts.middle[a] - sumOfSiblings(i, a);
+      return std::max(number(i), 1) * parts.middle[a] - middles_[a];
     };
     const int up = n.face % 2 == 0 ? 1 : -1;
-    const int over =
-        up * (up * 1024 * sumOfSiblings(i, index(n.face / 2)) - tangents_[index(n.row)] * along(rowAxis(n.face)) -
-              tangents_[index(n.column)] * along(columnAxis(n.face)));
+    const int over = up * (up * 1024 * middles_[index(n.face / 2)] - tangents_[index(n.row)] * along(rowAxis(n.face)) -
+                           tangents_[index(n.column)] * along(columnAxis(n.face)));
     // The middle is over / (1024 i) thirteenths from the parent's centre; cell = (middle + 13 − s) / 2, rounded.
     const int siblings = std::max(number(i), 1);
     const int doubled = over + (kSteps + 1 - s) * 1024 * siblings;
@@ -299,6 +302,7 @@ class BlockModel {
   const std::array<int, kNormalSide>& tangents_ = cellTangents();
   Siblings siblings_;                             ///< of the group that is being coded, so far
   Siblings last_;                                 ///< the group before
+  std::array<int, 3> middles_{};                  ///< of siblings_, added up
   std::uint32_t last_turn_ = 3, last_green_ = 3;  ///< magnitudes
 };
 

@@ -156,26 +156,28 @@ bool unpackLevels(base::ByteView bytes, bool colors, SymbolLevels& levels) {
   return good && in.endedWell();
 }
 
-CodeTables::CodeTables(const SymbolLevels& levels)
-    : ranges_(std::size_t{kContexts} * kMostSymbols), symbols_(std::size_t{kContexts} * kFrequencySum) {
+CodeTables::CodeTables(const SymbolLevels& levels) : starts_(std::size_t{kContexts} * kStarts) {
   std::array<std::uint32_t, kMostSymbols> frequencies;
-  for (std::size_t c = 0; c < kContexts; ++c) {
-    share(levels[c], frequencies);
-    std::uint32_t begin = 0;
-    for (std::size_t s = 0; s < kMostSymbols; ++s) {
-      ranges_[c * kMostSymbols + s] = {static_cast<std::uint16_t>(frequencies[s]), static_cast<std::uint16_t>(begin)};
-      std::fill_n(symbols_.begin() + static_cast<std::ptrdiff_t>(c * kFrequencySum + begin), frequencies[s],
-                  static_cast<std::uint8_t>(s));
-      begin += frequencies[s];
+  forEachContext(true, [&](std::uint32_t context, std::uint32_t symbols) {
+    share(levels[context], frequencies);
+    first_[context] = static_cast<std::uint16_t>(begins_.size());
+    std::uint32_t end = 0;
+    std::uint32_t start = 0;
+    for (std::uint32_t s = 0; s < symbols; ++s) {
+      begins_.push_back(static_cast<std::uint16_t>(end));
+      end += frequencies[s];
+      for (; start < kStarts && start << kStartShift < end; ++start)
+        starts_[context * kStarts + start] = static_cast<std::uint8_t>(s);
     }
-  }
+    begins_.push_back(static_cast<std::uint16_t>(end));
+  });
 }
 
 bool SymbolWriter::append(const CodeTables& tables, const std::vector<Symbol>& symbols, base::Bytes& out) {
   std::vector<std::uint16_t> words;
   std::uint32_t state = kLeastState;
   for (auto it = symbols.rbegin(); it != symbols.rend(); ++it) {
-    const CodeTables::Range& range = tables.range(it->context, it->symbol);
+    const CodeTables::Range range = tables.range(it->context, it->symbol);
     if (range.frequency == 0) return false;
     const std::uint64_t most = std::uint64_t{kLeastState >> kFrequencyBits << 16} * range.frequency;
     if (state >= most) {

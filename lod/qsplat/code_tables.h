@@ -57,25 +57,37 @@ base::Bytes packLevels(const SymbolLevels& levels, bool colors);
 /// False when `bytes` are not what packLevels wrote.
 bool unpackLevels(base::ByteView bytes, bool colors, SymbolLevels& levels);
 
-/// A context whose levels are all 0 has symbol 0 alone.
+/// Frequencies as ranges of 0 … kFrequencySum − 1, in as little memory as the fastest cache has. A context whose levels
+/// are all 0 has symbol 0 alone.
 class CodeTables {
  public:
   explicit CodeTables(const SymbolLevels& levels);
 
   struct Range {
-    std::uint16_t frequency = 0, begin = 0;
+    std::uint32_t symbol = 0;
+    std::uint32_t begin = 0, frequency = 0;
   };
-  const Range& range(std::uint32_t context, std::uint32_t symbol) const {
-    return ranges_[context * kMostSymbols + symbol];
+  /// symbol: one that the context's kind has.
+  Range range(std::uint32_t context, std::uint32_t symbol) const {
+    const std::uint16_t* begins = &begins_[first_[context] + symbol];
+    return {symbol, begins[0], static_cast<std::uint32_t>(begins[1] - begins[0])};
   }
-  /// The symbol whose range has `at`, 0 … kFrequencySum − 1.
-  std::uint32_t symbolAt(std::uint32_t context, std::uint32_t at) const {
-    return symbols_[context * kFrequencySum + at];
+  /// The range that has `at`.
+  Range find(std::uint32_t context, std::uint32_t at) const {
+    const std::uint16_t* begins = &begins_[first_[context]];
+    std::uint32_t symbol = starts_[context * kStarts + (at >> kStartShift)];
+    while (begins[symbol + 1] <= at) ++symbol;
+    return {symbol, begins[symbol], static_cast<std::uint32_t>(begins[symbol + 1] - begins[symbol])};
   }
 
  private:
-  std::vector<Range> ranges_;
-  std::vector<std::uint8_t> symbols_;
+  static constexpr std::uint32_t kStarts = 32;
+  static constexpr std::uint32_t kStartShift = kFrequencyBits - 5;
+  static_assert(kStarts << kStartShift == kFrequencySum);
+
+  std::vector<std::uint16_t> begins_;           ///< of each context its symbols' ranges, and kFrequencySum
+  std::array<std::uint16_t, kContexts> first_;  ///< of a context there
+  std::vector<std::uint8_t> starts_;            ///< the first symbol that may have a 32nd of a context's range
 };
 
 /// The coder's state stays in kLeastState … 2^32 − 1; whole 16-bit words go in and out.
@@ -88,11 +100,10 @@ class SymbolReader {
 
   std::uint32_t symbol(std::uint32_t context) {
     const std::uint32_t at = state_ & (kFrequencySum - 1);
-    const std::uint32_t symbol = tables_.symbolAt(context, at);
-    const CodeTables::Range& range = tables_.range(context, symbol);
+    const CodeTables::Range range = tables_.find(context, at);
     state_ = range.frequency * (state_ >> kFrequencyBits) + at - range.begin;
     if (state_ < kLeastState) state_ = state_ << 16 | in_.u16();
-    return symbol;
+    return range.symbol;
   }
   /// All bytes were there and taken, and the state is the one that a writer begins with.
   bool endedWell() const { return in_.atEnd() && state_ == kLeastState; }

@@ -35,20 +35,19 @@ struct BlockShape {
 /// The blocks' shapes, from the first to the last: what is expected of a level's groups is known from their parents.
 class ShapeWalk {
  public:
-  ShapeWalk(base::ByteView plain, const Header& header) : plain_(plain), layout_(header), blocks_(header.blocks()) {
+  explicit ShapeWalk(const Header& header) : layout_(header) {
     level_.push_back({1, header.nodes > 1});
     laid_out_ = kBlockBytes + layout_.bytes(1, header.nodes > 1);
   }
-  bool atEnd() const { return number_ == blocks_; }
-
-  BlockShape next() {
+  /// `plain`: the next block.
+  BlockShape next(const std::uint8_t* plain) {
     BlockShape shape;
     shape.number = number_++;
     while (const GroupShape* group = expected()) {
       const std::uint64_t place = groupPlace(end_, layout_.bytes(group->nodes, group->has_pointer));
       if (place / kBlockBytes != shape.number) break;
       shape.groups.push_back(*group);
-      addChildren(place, *group, shape);
+      addChildren(plain + place % kBlockBytes, *group, shape);
       end_ = place + layout_.bytes(group->nodes, group->has_pointer);
       ++at_;
     }
@@ -65,9 +64,9 @@ class ShapeWalk {
     return at_ < level_.size() ? &level_[at_] : nullptr;
   }
 
-  void addChildren(std::uint64_t place, const GroupShape& group, BlockShape& shape) {
+  void addChildren(const std::uint8_t* bytes, const GroupShape& group, BlockShape& shape) {
     for (std::uint32_t i = 0; i < group.nodes; ++i) {
-      const Node node = lod::qsplat::readNode(plain_.data() + place, i, layout_);
+      const Node node = lod::qsplat::readNode(bytes, i, layout_);
       if (node.isLeaf()) continue;
       shape.last_child = groupPlace(laid_out_, layout_.childBytes(node));
       if (shape.first_child == 0) shape.first_child = shape.last_child;
@@ -76,9 +75,7 @@ class ShapeWalk {
     }
   }
 
-  base::ByteView plain_;
   const GroupLayout layout_;
-  const std::uint64_t blocks_;
   std::uint64_t number_ = 1;
   std::uint64_t end_ = kBlockBytes;       // of the group before
   std::uint64_t laid_out_ = kBlockBytes;  // where the groups known so far end
@@ -88,14 +85,19 @@ class ShapeWalk {
 
 class FileCoder {
  public:
-  FileCoder(base::ByteView plain, const CodeOptions& options,
-            const std::function<base::Result<void>(base::ByteView)>& write)
-      : plain_(plain), options_(options), write_(write) {}
+  FileCoder(const ReadPlain& read, const CodeOptions& options, const WriteCoded& write)
+      : read_(read), options_(options), write_(write) {}
 
   base::Result<Header> run() {
-    auto header = lod::qsplat::readHeader(plain_);
+    base::Bytes front(kBlockBytes);
+    LUMIGRID_TRY(read_(0, front));
+    auto header = lod::qsplat::readHeader(front);
     if (!header) return header.error();
     header_ = *header;
+    if (header_.file_bytes >> 48 != 0)
+      return base::Error{base::ErrorCode::kUnsupported,
+                         "a tree of more than 256 TiB is not coded; leave --qsplat-coded "
+                         "out"};
 
     lod::qsplat::SymbolLevels levels;
     LUMIGRID_TRY(countAll(levels));
@@ -185,7 +187,9 @@ class FileCoder {
     return coded;
   }
 
-  const std::uint8_t* blockAt(std::uint64_t number) const { return plain_.data() + number * kBlockBytes; }
+  const std::uint8_t* blockAt(std::uint64_t number) const {
+    return &batch_bytes_[(number - batch_first_) * kBlockBytes];
+  }
 
   void forEachShare(std::size_t count, const std::function<void(std::size_t begin, std::size_t end)>& body) const {
     base::parallelFor((count + kShare - 1) / kShare, options_.threads,
@@ -193,11 +197,14 @@ class FileCoder {
   }
 
   base::Result<void> forEachBatch(const std::function<base::Result<void>(const std::vector<BlockShape>&)>& body) {
-    ShapeWalk walk(plain_, header_);
+    ShapeWalk walk(header_);
     std::vector<BlockShape> batch;
-    while (!walk.atEnd()) {
+    for (batch_first_ = 1; batch_first_ < header_.blocks(); batch_first_ += batch.size()) {
+      batch_bytes_.resize(static_cast<std::size_t>(std::min(kBatch, header_.blocks() - batch_first_) * kBlockBytes));
+      LUMIGRID_TRY(read_(batch_first_ * kBlockBytes, batch_bytes_));
       batch.clear();
-      while (!walk.atEnd() && batch.size() < kBatch) batch.push_back(walk.next());
+      for (std::size_t at = 0; at < batch_bytes_.size(); at += kBlockBytes)
+        batch.push_back(walk.next(&batch_bytes_[at]));
       LUMIGRID_TRY(body(batch));
       done_ += batch.size();
       if (options_.progress &&
@@ -208,19 +215,20 @@ class FileCoder {
   }
 
   static constexpr double kPasses = 3.0;
-  base::ByteView plain_;
+  const ReadPlain& read_;
   const CodeOptions& options_;
-  const std::function<base::Result<void>(base::ByteView)>& write_;
+  const WriteCoded& write_;
   Header header_;
+  std::uint64_t batch_first_ = 1;       // the batch's first block
+  base::Bytes batch_bytes_;             // its blocks
   std::vector<std::uint16_t> lengths_;  // of the coded blocks, by number
   std::uint64_t done_ = 0;              // blocks, in all passes
 };
 
 }  // namespace
 
-base::Result<Header> codeFile(base::ByteView plain, const CodeOptions& options,
-                              const std::function<base::Result<void>(base::ByteView)>& write) {
-  return FileCoder(plain, options, write).run();
+base::Result<Header> codeFile(const ReadPlain& read, const CodeOptions& options, const WriteCoded& write) {
+  return FileCoder(read, options, write).run();
 }
 
 }  // namespace lod::build::qsplat

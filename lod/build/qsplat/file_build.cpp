@@ -46,14 +46,16 @@ class FileBuilder {
 
   // From the plain file, which nobody needs then.
   base::Result<lod::qsplat::Header> writeCoded(const std::string& path) const {
-    const auto plain = base::MappedFile::open(options_.plain_path);
+    const auto plain = SpoolFile::open(options_.plain_path);
     if (!plain) return plain.error();
     auto file = base::AtomicFile::create(path);
     if (!file) return file.error();
     CodeOptions options;
     options.threads = options_.threads;
     if (options_.progress) options.progress = [this](double done) { return options_.progress("code", done); };
-    auto header = codeFile(plain->bytes(), options, [&](base::ByteView bytes) { return file->write(bytes); });
+    auto header =
+        codeFile([&](std::uint64_t offset, std::span<std::uint8_t> out) { return plain->readAt(offset, out); }, options,
+                 [&](base::ByteView bytes) { return file->write(bytes); });
     if (!header) return header.error();
     LUMIGRID_TRY(file->commit());
     std::remove(options_.plain_path.c_str());

@@ -197,17 +197,20 @@ TEST(QsplatCoded, LevelsComeBackAndFrequenciesAddUp) {
       EXPECT_FALSE(unpackLevels(base::ByteView(packed).first(i), colors, read)) << "cut to " << i;
 
     const CodeTables tables(levels);
-    for (std::uint32_t c = 0; c < kContexts; ++c) {
-      std::uint32_t end = 0;
-      for (std::uint32_t s = 0; s < kMostSymbols; ++s) {
-        ASSERT_EQ(tables.range(c, s).begin, end);
-        end += tables.range(c, s).frequency;
-        if (counts[c][s] > 0) {
-          ASSERT_GT(tables.range(c, s).frequency, 0U);
+    for (const SymbolKind& kind : kSymbolKinds)
+      for (std::uint32_t c = kind.first; c < kind.first + kind.contexts; ++c) {
+        std::uint32_t end = 0;
+        for (std::uint32_t s = 0; s < kind.symbols; ++s) {
+          const CodeTables::Range range = tables.range(c, s);
+          ASSERT_EQ(range.begin, end);
+          ASSERT_TRUE(range.frequency > 0 || counts[c][s] == 0);
+          for (; end < range.begin + range.frequency; ++end) {
+            ASSERT_EQ(tables.find(c, end).symbol, s);
+            ASSERT_EQ(tables.find(c, end).frequency, range.frequency);
+          }
         }
+        ASSERT_EQ(end, kFrequencySum);
       }
-      ASSERT_EQ(end, kFrequencySum);
-    }
   }
 }
 
