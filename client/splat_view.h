@@ -31,6 +31,11 @@ struct SplatOptions {
   lod::qsplat::ForEach for_each;  ///< empty: one thread
 };
 
+/// SplatOptions::frame_seconds of a rate that people ask for; 0 stays 0.
+inline double secondsPerFrame(double rate) {
+  return rate > 0.0 ? 1.0 / rate : 0.0;
+}
+
 /// How a frame is to look.
 struct SplatLook {
   lod::draw::Shading shading;
