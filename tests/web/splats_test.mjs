@@ -79,6 +79,29 @@ test("a link with m=qsplat opens them on a static host; no byte comes twice; ano
   await page.close();
 });
 
+test("what is seen through the magnifying glass is finer, all else the same", async () => {
+  const page = await open(browser, `${server.url}?method=qsplat`);
+  await page.evaluate(() => localStorage.setItem("lumigrid.settings", JSON.stringify({ version: 1, cutoff: 12 })));
+  await page.reload();
+  const before = await fine(page);
+  const without = await canvasPicture(page);
+  await page.keyboard.press("l");
+  await until(async () => (await fine(page)).splats > before.splats * 1.1, "more splats");
+  await fine(page);
+  const through = await canvasPicture(page);
+  const radius = 0.18 * 360; // of the view's shorter side
+  let inside = 0, outside = 0;
+  for (let i = 0; i < through.data.length; i += 4) {
+    const off = Math.hypot(((i / 4) % 640) + 0.5 - 320, Math.floor(i / 4 / 640) + 0.5 - 180);
+    const differs = [0, 1, 2, 3].some((c) => through.data[i + c] !== without.data[i + c]);
+    if (differs && off < radius) ++inside;
+    if (differs && off > radius + 24) ++outside;
+  }
+  assert.ok(inside > 500, `${inside} pixels changed in the glass`);
+  assert.equal(outside, 0);
+  await page.close();
+});
+
 test("the magnifying glass and the statistics", async () => {
   const page = await open(browser, `${server.url}?method=qsplat`);
   await fine(page);
