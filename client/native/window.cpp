@@ -250,7 +250,6 @@ base::Result<void> Window::open() {
   std::copy_n(options_.app.viewer.lumigraph.background, 4, background_.begin());
   own_background_ = background_[3] == 0.0F;
   LUMIGRID_TRY(begin(options_.app.viewer.method));
-  if (!options_.view.empty()) LUMIGRID_TRY(app_->openPermalink(options_.view));
   published_ = isPublishedScene(options_.url);
   if (published_)
     http_ = std::make_unique<HttpGetter>(placeOfScene(options_.url));
@@ -271,6 +270,7 @@ base::Result<void> Window::begin(lod::Method method) {
   options.clock = [] { return glfwGetTime(); };
   app_ = std::make_unique<App>(options, std::make_unique<JpegDecoder>(std::max(1U, options_.decoder_threads)));
   applyTheme();
+  if (!options_.view.empty()) LUMIGRID_TRY(app_->openPermalink(options_.view));
   if (options_.show_figures) app_->showStatistics(true);
   resized();
   return {};
