@@ -388,14 +388,19 @@ PackStore::FarPack PackStore::fetchPack(const PackRow& row) const {
   return pack;
 }
 
-void PackStore::check(const Fault& fault, const Visit& visit) const {
-  checkIndex(fault);
+void PackStore::check(const std::function<bool(std::string)>& fault, const Visit& visit) const {
+  bool enough = false;
+  const Fault tell = [&](std::string line) {
+    if (!enough) enough = !fault(std::move(line));
+  };
+  checkIndex(tell);
+  if (enough) return;
   auto rows = packs();
-  if (!rows) return fault(rows.error().message);
+  if (!rows) return tell(rows.error().message);
   inOrder(
       rows->size(), aheadLimits(), [&](std::size_t i) { return (*rows)[i].bytes; },
       [&](std::size_t i) { return fetchPack((*rows)[i]); },
-      [&](std::size_t i, const FarPack& pack) { return checkPack((*rows)[i], pack, fault, visit); });
+      [&](std::size_t i, const FarPack& pack) { return checkPack((*rows)[i], pack, tell, visit) && !enough; });
 }
 
 }  // namespace repository

@@ -135,7 +135,8 @@ std::vector<std::string> verify(const PackStore& packs, const Grid& grid, const 
   std::uint64_t values = 0;
   packs.check(
       [&](std::string fault) {
-        if (faults.size() < kMostFaults) faults.push_back(std::move(fault));
+        faults.push_back(std::move(fault));
+        return faults.size() < kMostFaults;
       },
       [&](const FaceKey& key, base::ByteView bytes) {
         return verifier.take(key, bytes) && (++values % kPortion != 0 || !progress || progress(values));

@@ -125,7 +125,7 @@ class Publish : public testing::Test {
   }
   std::vector<std::string> faults(const PackStore& packs, std::uint64_t* values = nullptr) {
     std::vector<std::string> found;
-    packs.check([&](std::string fault) { found.push_back(std::move(fault)); },
+    packs.check([&](std::string fault) { return found.push_back(std::move(fault)), true; },
                 [&](const FaceKey&, ByteView) {
                   if (values != nullptr) ++*values;
                   return true;
@@ -497,6 +497,17 @@ TEST_F(Publish, aFlippedByteInTheIndexCostsOneBlock) {
   const auto wrong = PackStore::open(source_, published.index);
   ASSERT_FALSE(wrong);
   EXPECT_NE(wrong.error().message.find("parameters"), std::string::npos) << wrong.error().message;
+}
+
+TEST_F(Publish, aCheckStopsWhenThereAreEnoughFaults) {
+  const PublishedImages published = publish();
+  ASSERT_GT(published.pack_names.size(), 10U);
+  for (const std::string& name : published.pack_names) fs::remove(out() + "/" + name);
+  const auto packs = open(published.index);
+  EXPECT_EQ(faults(*packs).size(), published.pack_names.size());
+  std::size_t told = 0;
+  packs->check([&](const std::string&) { return ++told < 3; }, [](const FaceKey&, ByteView) { return true; });
+  EXPECT_EQ(told, 3U);
 }
 
 TEST_F(Publish, totalsThatAreNotThoseOfItsValuesAreAFault) {
