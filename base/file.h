@@ -9,6 +9,7 @@
 
 namespace base {
 
+/// Errors: kNotFound, kIo; kUnsupported for what is neither file nor directory.
 Result<Bytes> readFile(const std::string& path);
 /// Writes to a temporary name beside `path`, fsyncs, renames: `path` holds the old bytes or all of the new ones.
 Result<void> writeFileAtomically(const std::string& path, ByteView bytes);
@@ -39,6 +40,7 @@ class FileDescriptor {
 /// A read-only memory map of a whole file.
 class MappedFile {
  public:
+  /// Errors as readFile.
   static Result<MappedFile> open(const std::string& path);
   MappedFile() = default;
   MappedFile(MappedFile&& other) noexcept;

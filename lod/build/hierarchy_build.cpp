@@ -157,7 +157,7 @@ class Builder {
   // Everything that decides the work files, their own format first. Threads and memory do not.
   std::string resumeKey() const {
     if (options_.resume_key.empty()) return {};
-    std::string key = "13";
+    std::string key = "14";
     for (const std::uint32_t v : {options_.voxel_triangles, options_.leaf_triangles, options_.node_triangles,
                                   options_.group_patches, options_.position_bits, options_.regroup ? 1U : 0U}) {
       key += ' ';
@@ -236,7 +236,7 @@ class Builder {
           if (finished[b] != 0 || stopped) return;
           auto bucket = makeLeaves(buckets_, b, lattice_, {options_.voxel_triangles, options_.leaf_triangles});
           base::Result<std::vector<WorkPatch>> stored = std::vector<WorkPatch>();
-          WorkUnit unit{0, static_cast<std::uint32_t>(b), {}};
+          WorkUnit unit{0, static_cast<std::uint32_t>(b), {}, {}};
           if (bucket) {
             // A unit of leaves has no group; its counts travel in the record's unused numbers.
             unit.group.first_patch = static_cast<std::uint32_t>(bucket->duplicates);

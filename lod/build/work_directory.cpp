@@ -25,8 +25,8 @@ using base::Error;
 using base::ErrorCode;
 
 constexpr const char* kDamaged = ": the work files are damaged; remove this directory and build again";
-constexpr const char* kFiles[] = {"vertices", "triangles", "corners", "buckets", "patches", "points", "leaves",
-                                  "nodes",    "runs",      "stage1",  "stage2",  "stage3",  "stage4", "key"};
+constexpr const char* kFiles[] = {"vertices", "triangles", "corners", "buckets", "patches", "points", "leaves", "nodes",
+                                  "runs",     "plain",     "stage1",  "stage2",  "stage3",  "stage4", "key"};
 
 std::string stageFile(const std::string& path, std::uint32_t stage) {
   return path + "/stage" + std::to_string(stage);

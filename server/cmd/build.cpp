@@ -22,6 +22,7 @@
 #include "base/json/scene_file.h"
 #include "lod/build/hierarchy_build.h"
 #include "lod/build/qsplat/build.h"
+#include "lod/build/work_directory.h"
 #include "lod/patch/format.h"
 #include "repository/grid.h"
 #include "repository/repository.h"
@@ -53,7 +54,7 @@ struct BuildArguments {
   std::vector<std::string> meshes;
   std::string output;
   std::vector<std::string> methods{"patch", "images"};
-  bool force = false, json = false, quiet = false, missing = false;
+  bool force = false, json = false, quiet = false, missing = false, splats_coded = false;
   std::string shard;         // i/n or auto, as given
   std::uint32_t shards = 0;  // 0: as the scene records, or one store
   std::string light = "auto", up = "auto", units = "unknown", subsampling = "420", tune = "off";
@@ -82,6 +83,8 @@ constexpr const char* kWrittenWhole[] = {kPatches.file, kSplats.file, "scene.jso
 
 // Of the options below, those that decide what scene.json says of the source, and the patch hierarchy besides.
 constexpr const char* kSourceParameters[] = {"light", "up", "units"};
+/// There where the tree of splats is in the coded form.
+constexpr const char* kSplatsCoded = "qsplat-coded";
 constexpr const char* kHierarchyParameters[] = {"voxel-triangles", "leaf-triangles", "node-triangles", "position-bits",
                                                 "regroup"};
 
@@ -151,6 +154,7 @@ Parameters parametersOf(const BuildArguments& a) {
   if (a.bake.budget_bytes != 0) parameters["budget"] = number(a.bake.budget_bytes);
   if (!a.refine_from.empty()) parameters["refine-from"] = a.refine_from;
   if (wants(a, "qsplat")) parameters[kSplatsDice] = number(a.splats_dice);
+  if (a.splats_coded) parameters[kSplatsCoded] = "true";
   return parameters;
 }
 
@@ -224,12 +228,13 @@ Fit fitOf(const BuildArguments& a, const std::vector<base::SceneSource>& sources
     for (const char* name : kHierarchyParameters)
       if (recorded[name] != wanted.at(name)) return Fit::kOther;
   if (wants(a, "qsplat") && hasMethod(recorded, "qsplat")) {
+    if (recorded.contains(kSplatsCoded) != a.splats_coded) return Fit::kOther;
     const auto diced = recorded.find(kSplatsDice);
     if ((diced == recorded.end() ? "0.0" : diced->second) != wanted.at(kSplatsDice)) return Fit::kOther;
   }
   if (!wants(a, "images")) return Fit::kSame;
   if (!wantsImages(scene)) return Fit::kMore;
-  for (const char* name : {"methods", kSplatsDice}) {
+  for (const char* name : {"methods", kSplatsDice, kSplatsCoded}) {
     recorded.erase(name);
     wanted.erase(name);
   }
@@ -239,6 +244,7 @@ Fit fitOf(const BuildArguments& a, const std::vector<base::SceneSource>& sources
 
 // What the scene has, and what the command adds.
 void addMethods(const Parameters& of, Parameters& to) {
+  if (of.contains(kSplatsCoded)) to[kSplatsCoded] = of.at(kSplatsCoded);
   std::string methods;
   for (const char* method : kMethods)
     if (hasMethod(of, method) || hasMethod(to, method)) methods += (methods.empty() ? "" : ",") + std::string(method);
@@ -461,6 +467,7 @@ Result<void> buildSplats(const BuildArguments& a, const std::vector<base::SceneS
   options.dice = a.splats_dice;
   options.work_directory = workDirectory(a, kSplats);
   options.resume_key = resumeKey(sources);
+  options.coded = a.splats_coded;
   options.on_plan = [&](const lod::build::BuildPlan& plan) { printPlan(a, line, plan); };
   auto summary =
       lod::build::qsplat::buildFromFiles(a.meshes, options, a.output + "/" + kSplats.file, progressOn(line, "splats"));
@@ -502,6 +509,8 @@ BakeOptions bakeOptions(const BuildArguments& a, const base::Scene& scene) {
   options.grid = gridFor(a, scene);
   options.subsampling = subsamplingOf(a.subsampling);
   options.threads = a.hierarchy.threads;
+  options.memory_bytes =
+      a.hierarchy.memory_bytes != 0 ? a.hierarchy.memory_bytes : lod::build::machineMemory() / 10 * 6;
   options.draw_command = drawCommand();
   return options;
 }
@@ -933,6 +942,9 @@ void declareOptions(CLI::App& command, BuildArguments& a) {
       ->delimiter(',')
       ->check(CLI::IsMember(std::vector<std::string>(std::begin(kMethods), std::end(kMethods))))
       ->capture_default_str();
+  command.add_flag("--qsplat-coded", a.splats_coded,
+                   "write the tree of splats entropy-coded: about half of the bytes, on disk and over a link, for some "
+                   "time of the viewer's processor (default: as it is looked into)");
   command.add_option("--grid", a.grid, "sampling points along the longest side of the viewing box")
       ->check(CLI::Range(2, 1024))
       ->capture_default_str();
@@ -1037,8 +1049,8 @@ void declareOptions(CLI::App& command, BuildArguments& a) {
       ->capture_default_str();
   command
       .add_option("--memory", a.hierarchy.memory_bytes,
-                  "most memory to use while a hierarchy is built, e.g. 4G, at least 256M; 0: 60 % of the machine's; "
-                  "the result does not depend on it")
+                  "most memory to use, e.g. 4G, at least 256M: of this process, and of those that draw images with it "
+                  "together; 0: 60 % of the machine's; the result does not depend on it")
       ->transform(CLI::AsSizeValue(false))
       ->capture_default_str();
   command.add_option("--tmpdir", a.tmpdir,
@@ -1088,6 +1100,8 @@ std::string wrongUsage(const CLI::App& command, BuildArguments& a) {
   if (isAdaptive(a.bake) && (!a.shard.empty() || a.shards != 0)) return kAdaptiveIsWhole;
   if (a.bake.target_db > 0.0 && a.bake.demand_views > 0)
     return "--target splits cells, --views chooses points: give one of them";
+  if (isGiven(command, "--qsplat-coded") && !wants(a, "qsplat"))
+    return "--qsplat-coded is of the tree of splats: give --methods qsplat too";
   if (a.bake.demand_views == 0 && isGiven(command, "--worth")) return "--worth is of sampling by use: give --views too";
   return "";
 }

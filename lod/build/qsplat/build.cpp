@@ -208,6 +208,10 @@ class Builder {
     options.colors = source_.info.has_colors;
     options.threads = options_.threads;
     options.runs_path = directory_->path() + "/runs";
+    if (options_.coded) {
+      LUMIGRID_TRY(directory_->needSpace(kOutputBytes * mostLeaves(), "the splat tree before it is coded"));
+      options.plain_path = directory_->path() + "/plain";
+    }
     options.progress = [this](const std::string& stage, double done) { return report(stage, done); };
     auto header = writeTree(*subtrees_, output_path_, options);
     if (!header) return header.error();
@@ -222,7 +226,7 @@ class Builder {
     summary_.box_max = info.box_max;
     summary_.warnings = info.warnings;
     summary_.has_colors = info.has_colors;
-    summary_.bytes = summary_.header.file_bytes;
+    summary_.bytes = summary_.header.storedBytes();
     if (isMesh()) {
       summary_.triangles = buckets_.totals().triangles;
       summary_.facing = buckets_.totals().facing;

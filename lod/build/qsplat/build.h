@@ -23,6 +23,7 @@ struct BuildOptions {
   std::string resume_key;  ///< what decides the output (the sources' checksums); a work directory left under the same
                            ///< key is continued. Empty: every build starts afresh.
   double dice = kDice;     ///< of a mesh: an edge longer than so many times what is usual around it is cut; 0: none is
+  bool coded = false;      ///< the file in the coded form
   std::function<void(const BuildPlan&)> on_plan;  ///< may be empty
 };
 

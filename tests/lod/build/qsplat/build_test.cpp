@@ -11,6 +11,7 @@
 
 #include "lod/build/qsplat/file_build.h"
 #include "lod/build/sample.h"
+#include "lod/qsplat/blocks.h"
 #include "lod/qsplat/splat_file.h"
 #include "tests/lod/build/built_file.h"
 #include "tests/support/random_splats.h"
@@ -125,6 +126,32 @@ TEST_F(QsplatBuild, ThreadsAndMemoryDoNotChangeTheBytes) {
     if (first.empty()) first = bytes();
     EXPECT_TRUE(bytes() == first) << threads << " threads, " << memory << " MB";
   }
+}
+
+TEST_F(QsplatBuild, TheCodedFormHoldsThePlainFilesBlocksWhateverTheThreads) {
+  SampleOptions sample;
+  sample.triangles = 100000;
+  const Mesh mesh = makeSample(sample);
+  mustBuild(mesh);
+  const base::Bytes plain = bytes();
+  base::Bytes first;
+  for (const auto& [threads, memory] : {std::pair{1U, 256U}, std::pair{3U, 1024U}}) {
+    qsplat::BuildOptions options;
+    options.threads = threads;
+    options.memory_bytes = std::uint64_t{memory} << 20;
+    options.coded = true;
+    const qsplat::BuildSummary summary = mustBuild(mesh, options);
+    EXPECT_EQ(summary.bytes, bytes().size());
+    EXPECT_LT(summary.bytes, plain.size() * 6 / 10);
+    if (first.empty()) first = bytes();
+    EXPECT_TRUE(bytes() == first) << threads << " threads, " << memory << " MB";
+  }
+  const lod::qsplat::Header header = *lod::qsplat::readHeader(first);
+  const auto blocks = lod::qsplat::blocksOfFile(first, header);
+  ASSERT_TRUE(blocks);
+  ASSERT_EQ(header.file_bytes, plain.size());
+  for (std::uint64_t b = 1; b < header.blocks(); ++b)
+    ASSERT_EQ(std::memcmp((*blocks)->find(b), &plain[b * lod::qsplat::kBlockBytes], lod::qsplat::kBlockBytes), 0) << b;
 }
 
 TEST_F(QsplatBuild, WidePointersMakeTheSameTree) {
