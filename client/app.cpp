@@ -412,6 +412,7 @@ Statistics App::statistics() const {
   const double asked = s.images_used + s.images_came;
   out.hit_rate = asked > 0.0 ? s.images_used / asked : 0.0;
   out.splats = stats.splats.splats;
+  out.lens_px = stats.splats.lens_px;
   out.blocks = stats.splats.stream.blocks;
   out.blocks_present = stats.splats.stream.present;
   out.blocks_requested = stats.splats.stream.requested;

@@ -65,7 +65,7 @@ constexpr std::array<HelpRow, 28> kHelp{{
     {"shift + 1 to 9", "set a bookmark (ctrl works, too)"},
     {"I", "statistics"},
     {"C", "colours by resolution"},
-    {"L", "magnifying glass for splats: what it shows comes first; drag it"},
+    {"L", "magnifying glass for splats: what it shows comes first and is finer; drag it"},
     {"M", "measure distances, then angles, then nothing"},
     {"Backspace", "take the last measured point back"},
     {"X", "section plane across up, then the other axes, then none"},

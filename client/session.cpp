@@ -58,6 +58,7 @@ struct Session::State {
   SessionOptions options;
   SessionState state = SessionState::kDisconnected;
   std::string problem;
+  std::optional<lod::Method> instead;
   std::optional<protocol::Welcome> welcome;
   lod::patch::Hierarchy hierarchy;
 
@@ -231,6 +232,7 @@ base::Result<void> Session::State::take(const protocol::Complete& message) {
 
 base::Result<void> Session::State::take(const protocol::Refusal& message) {
   state = SessionState::kRefused;
+  if (message.splats_alone) instead = lod::Method::kQsplat;
   problem = "the server refused: " + (message.reason.empty() ? "it gave no reason" : message.reason);
   if (message.version != protocol::kVersion)
     problem += " (it speaks protocol " + std::to_string(message.version) + ", this client " +
@@ -322,9 +324,10 @@ void Session::disconnected(const std::string& reason) {
   s.complete_sequence = 0;
 }
 
-void Session::refuse(const std::string& reason) {
+void Session::refuse(const std::string& reason, std::optional<lod::Method> instead) {
   State& s = *state_;
   s.state = SessionState::kRefused;
+  s.instead = instead;
   s.problem = reason;
   s.greetings.clear();
 }
@@ -380,6 +383,10 @@ void Session::setWanted(bool images, bool frames) {
 SessionState Session::state() const {
   return state_->state;
 }
+std::optional<lod::Method> Session::methodInstead() const {
+  return state_->instead;
+}
+
 const std::string& Session::problem() const {
   return state_->problem;
 }

@@ -19,6 +19,7 @@
 
 #include "base/camera.h"
 #include "base/error.h"
+#include "lod/method.h"
 #include "lod/patch/traverse.h"
 #include "protocol/message.h"
 
@@ -63,8 +64,9 @@ class Session {
   // Transport side.
   void connected();
   void disconnected(const std::string& reason);
-  /// There is no use in trying again: as a Refusal, with these very words as the problem.
-  void refuse(const std::string& reason);
+  /// There is no use in trying again: as a Refusal, with these very words as the problem. `instead`: the method that
+  /// this scene has data for.
+  void refuse(const std::string& reason, std::optional<lod::Method> instead = std::nullopt);
   /// An error says what the server did wrong; the caller closes the connection.
   base::Result<void> receive(base::ByteView message);
   /// The next message to send, or nullopt.
@@ -75,7 +77,9 @@ class Session {
   /// From the next view on, which is sent again when this changes something.
   void setWanted(bool images, bool frames);
   SessionState state() const;
-  const std::string& problem() const;        ///< why disconnected or refused; empty when all is well
+  const std::string& problem() const;  ///< why disconnected or refused; empty when all is well
+  /// Of a refusal: a viewer of this method is not refused. The scene has splats alone, or none.
+  std::optional<lod::Method> methodInstead() const;
   const protocol::Welcome* welcome() const;  ///< null before the first Welcome
   /// The server said that everything for the newest view was sent and, where an exact frame was asked for, that came
   /// too.

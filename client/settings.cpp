@@ -9,7 +9,13 @@ namespace {
 
 using Kind = SettingKind;
 
-constexpr std::array<SettingField, 15> kFields{{
+constexpr std::array<SettingField, 19> kFields{{
+    {"method", "What is shown, where the scene has it", Kind::kChoice, 0, 2, &Settings::method,
+     "lumigraph patches qsplat", true},
+    {"splat", "Shape of splats", Kind::kChoice, 0, 3, &Settings::splat, "square circle fuzzy ellipse", true},
+    {"cutoff", "Size of splats at rest, pixels", Kind::kNumber, 0, 1000, &Settings::cutoff, "", true},
+    {"frame_rate", "Pictures of splats a second while moving; 0: as fine as at rest", Kind::kNumber, 0, 1000,
+     &Settings::frame_rate, "", true},
     {"cache_megabytes", "Memory for images and patches as they came, MB", Kind::kInteger, 8, 65536,
      &Settings::cache_megabytes, "", true},
     {"memory_megabytes", "All memory that grows with the scene, MB", SettingKind::kInteger, 16, 65536,
@@ -56,6 +62,10 @@ std::string_view word(std::string_view words, int place) {
 }
 
 }  // namespace
+
+lod::Method methodOf(const Settings& settings) {
+  return *lod::methodFromName(choiceName(*findSetting("method"), settings.method));
+}
 
 std::span<const SettingField> settingFields() {
   return kFields;

@@ -6,6 +6,7 @@
 #include <string_view>
 
 #include "base/error.h"
+#include "lod/method.h"
 
 namespace client {
 
@@ -15,6 +16,10 @@ enum class ReducedMotion : std::uint8_t { kSystem, kOn, kOff };
 enum class Theme : std::uint8_t { kSystem, kLight, kDark };
 
 struct Settings {
+  double method = 0.0;               ///< place in "lumigraph patches qsplat"; from the next start on
+  double splat = 1.0;                ///< lod::draw::SplatKernel; from the next start on
+  double cutoff = 1.0;               ///< pixels of a splat at rest, 0: down to the leaves; from the next start on
+  double frame_rate = 10.0;          ///< pictures of splats a second while the view moves; from the next start on
   double cache_megabytes = 50.0;     ///< compressed images and patches kept; from the next start on
   double memory_megabytes = 1000.0;  ///< of all kinds together, on the GPU and off; from the next start on
   double gpu_megabytes = 512.0;      ///< textures; from the next start on
@@ -45,6 +50,9 @@ struct SettingField {
       choices;  ///< kChoice: names parted by blanks, "system light dark"; the value is the place in the list
   bool from_next_start = false;  ///< takes effect when the viewer is opened again
 };
+
+/// What Settings::method stands for.
+lod::Method methodOf(const Settings& settings);
 
 /// All of them, in the order in which they are shown. The default is that of Settings.
 std::span<const SettingField> settingFields();

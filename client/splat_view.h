@@ -31,6 +31,11 @@ struct SplatOptions {
   lod::qsplat::ForEach for_each;  ///< empty: one thread
 };
 
+/// SplatOptions::frame_seconds of a rate that people ask for; 0 stays 0.
+inline double secondsPerFrame(double rate) {
+  return rate > 0.0 ? 1.0 / rate : 0.0;
+}
+
 /// How a frame is to look.
 struct SplatLook {
   lod::draw::Shading shading;
@@ -44,8 +49,9 @@ struct SplatStats {
   std::uint64_t splats = 0, nodes = 0;  ///< drawn, and looked at for that
   float cutoff_px = 0.0F;               ///< they were refined down to
   float finest_px = 0.0F;               ///< … and will be at rest
-  bool limited = false;                 ///< memory forbids finer ones
-  std::uint64_t buffer_bytes = 0;       ///< of them, on the GPU and off
+  float lens_px = 0.0F;            ///< as cutoff_px, of what is seen through the magnifying glass; 0: there is none
+  bool limited = false;            ///< memory forbids finer ones
+  std::uint64_t buffer_bytes = 0;  ///< of them, on the GPU and off
   lod::qsplat::StreamStats stream;
   std::string warning;  ///< what is lost of the file, one line; mostly empty
 };

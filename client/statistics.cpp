@@ -57,7 +57,8 @@ std::vector<StatisticsLine> splatLines(const Statistics& s) {
   std::vector<StatisticsLine> lines{
       {"picture", view(s)},
       {"frames", frames(s)},
-      {"splats", grouped(s.splats) + format(", down to %.1f px", s.error_px)},
+      {"splats", grouped(s.splats) + format(", down to %.1f px", s.error_px) +
+                     (s.lens_px > 0.0 ? format(", %.1f in the glass", s.lens_px) : std::string())},
       {"blocks", grouped(s.blocks_present) + " of " + grouped(s.blocks) + " here, " + grouped(s.blocks_requested) +
                      " requested, " + grouped(s.blocks_wanted) + " wanted"},
       {"memory", formatBytes(s.memory_bytes) + " of " + formatBytes(s.memory_budget)},

@@ -29,6 +29,7 @@ struct Statistics {
   double hit_rate = 0.0;                 ///< of the images that moving views used, the share that was here, 0 … 1
   Accuracy accuracy = Accuracy::kNothing;
   std::uint64_t splats = 0;  ///< drawn
+  double lens_px = 0.0;      ///< as error_px, through the magnifying glass; 0: there is none
   std::uint64_t blocks = 0;  ///< of the file of splats; 0: none is shown
   std::uint64_t blocks_present = 0, blocks_requested = 0, blocks_wanted = 0;
   bool complete = false;     ///< all for this view is here and shown

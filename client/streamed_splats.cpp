@@ -240,6 +240,7 @@ SplatStats StreamedSplats::stats() const {
   stats.nodes = found_.nodes;
   stats.cutoff_px = cutoff_px_;
   stats.finest_px = finest();
+  stats.lens_px = lens_ ? lod::qsplat::cutoffThroughLens(cutoff_px_) : 0.0F;
   stats.limited = coarser_ > 1.0F || stream_.limited();
   stats.buffer_bytes = found_.splats.size() * kBytesPerSplat;
   stats.stream = stream_.stats();

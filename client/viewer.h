@@ -107,7 +107,7 @@ class Viewer {
   void setMethod(lod::Method method);
   /// Where the splats of kQsplat come from; somebody pumps it.
   void setSplats(std::shared_ptr<SplatView> splats);
-  /// The magnifying glass of kQsplat: what is seen through it comes first. Framebuffer pixels.
+  /// The magnifying glass of kQsplat: what is seen through it comes first and is finer. Framebuffer pixels.
   void setLens(const std::optional<lod::qsplat::Lens>& lens);
 
   /// World points whose visibility the next draws find out, at most kMaxPins (what is beyond is not visible).

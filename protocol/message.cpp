@@ -26,6 +26,7 @@ enum class Type : std::uint8_t {
 };
 
 constexpr double kPi = 3.14159265358979323846;
+constexpr std::uint8_t kSplatsAlone = 1;  // behind a Refusal's reason
 
 base::Error bad(std::string_view message, std::string_view what) {
   return {base::ErrorCode::kInvalidInput, std::string(message) + " message: " + std::string(what)};
@@ -370,15 +371,17 @@ base::Bytes encodeOne(const Refusal& refusal) {
   base::ByteWriter out = begin(Type::kRefusal);
   out.u16(refusal.version);
   writeText(out, refusal.reason, kMaxText);
+  if (refusal.splats_alone) out.u8(kSplatsAlone);
   return out.take();
 }
 
-/// Has the same layout in every version, and later ones may append: bytes after the reason are passed over.
+/// Has the same layout in every version, and later ones may append: bytes that mean nothing here are passed over.
 base::Result<ServerMessage> decodeRefusal(base::ByteReader& in) {
   Refusal refusal;
   refusal.version = in.u16();
   if (!readText(in, kMaxText, refusal.reason))
     return bad("Refusal", "its reason is cut short, too long or not plain text");
+  refusal.splats_alone = !in.atEnd() && in.u8() == kSplatsAlone;
   return ServerMessage(std::move(refusal));
 }
 

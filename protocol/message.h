@@ -109,6 +109,7 @@ struct Complete {
 struct Refusal {
   std::uint16_t version = kVersion;  ///< the server's
   std::string reason;
+  bool splats_alone = false;  ///< the scene has splats and nothing else: they are read over HTTP (/qsplat.lgq)
 };
 
 using ClientMessage = std::variant<Hello, View, Evicted, Have>;

@@ -89,6 +89,7 @@ class PackStore final : public Store {
   };
   AheadLimits aheadLimits() const;
   void checkIndex(const Fault& fault) const;
+  void checkTotals(std::uint64_t value_bytes, const Fault& fault) const;
   FarPack fetchPack(const PackRow& row) const;
   bool checkPack(const PackRow& row, const FarPack& pack, const Fault& fault, const Visit& visit) const;
   void comparePlaces(const PackRow& row, const PackTable& table, const Fault& fault) const;

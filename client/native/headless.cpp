@@ -9,6 +9,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <utility>
 
 #include "base/egl/headless.h"
 #include "base/file.h"
@@ -37,6 +38,7 @@ class Run {
 
  private:
   base::Result<void> prepare();
+  base::Result<void> begin(lod::Method method);
   base::Result<void> greet();
   base::Result<void> checkConnection();
   base::Result<void> settle(const base::ViewCamera& camera);
@@ -74,8 +76,15 @@ base::Result<void> Run::prepare() {
   context_ = std::move(*context);
   summary_.renderer = context_->renderer();
 
+  return begin(options_.viewer.method);
+}
+
+/// A viewer, and the link that feeds it.
+base::Result<void> Run::begin(lod::Method method) {
+  summary_.method = method;
   // Pictures that wait to be complete come in whole; those at a fixed rate come in as they would on a screen.
   ViewerOptions viewer = options_.viewer;
+  viewer.method = method;
   if (options_.realtime_fps <= 0.0) {
     viewer.lumigraph.fade_seconds = 0.0F;
     viewer.upload_milliseconds = 0.0;
@@ -84,8 +93,8 @@ base::Result<void> Run::prepare() {
   // … and splats are as fine in each.
   SplatOptions splats = options_.splats;
   if (options_.realtime_fps <= 0.0) splats.frame_seconds = 0.0;
-  auto link = viewer.method == lod::Method::kQsplat ? openSplatLink(options_.url, options_.link, splats)
-                                                    : openLink(options_.url, options_.link);
+  auto link = method == lod::Method::kQsplat ? openSplatLink(options_.url, options_.link, splats)
+                                             : openLink(options_.url, options_.link);
   if (!link) return link.error();
   connection_ = std::move(*link);
   return {};
@@ -94,7 +103,7 @@ base::Result<void> Run::prepare() {
 /// What arrived; of a link for splats also those, as soon as it has them.
 bool Run::pump() {
   const bool arrived = connection_->pump(viewer_->session());
-  if (options_.viewer.method == lod::Method::kQsplat) viewer_->setSplats(connection_->splats());
+  if (summary_.method == lod::Method::kQsplat) viewer_->setSplats(connection_->splats());
   return arrived;
 }
 
@@ -114,9 +123,12 @@ base::Result<void> Run::checkConnection() {
 }
 
 base::Result<void> Run::greet() {
+  bool may_change = options_.any_method;
   while (viewer_->session().state() != SessionState::kReady) {
     connection_->waitForArrival(0.05);
     pump();
+    if (const auto instead = viewer_->session().methodInstead(); instead && std::exchange(may_change, false))
+      LUMIGRID_TRY(begin(*instead));
     LUMIGRID_TRY(checkConnection());
   }
   start_ = Clock::now();

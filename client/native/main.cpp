@@ -30,6 +30,7 @@ struct Arguments {
   std::string out_dir;
   std::string size;
   std::string method = "lumigraph";
+  bool method_said = false;
   bool images = true;
   bool frames = true;
   std::string splat = "circle";
@@ -93,7 +94,8 @@ void describe(CLI::App& app, Arguments& a) {
 
   app.add_option("--method", a.method,
                  "lumigraph: patches textured by images; patches: the patches alone; qsplat: splats, streamed from the "
-                 "scene's qsplat.lgq in the order in which the view has use for them")
+                 "scene's qsplat.lgq in the order in which the view has use for them. Where it is left out, a scene of "
+                 "splats alone is shown as such")
       ->check(CLI::IsMember({"lumigraph", "patches", "qsplat"}))
       ->group("What is shown");
   app.add_flag("--images,!--no-images", a.images, "Use images of the repository (on unless --no-images)")
@@ -217,7 +219,7 @@ base::Result<Settings> understand(const Arguments& a) {
   if (!idle) return base::within("--idle", idle.error());
   settings.splats.kernel = *lod::draw::splatKernelFromName(a.splat);
   settings.splats.cutoff_px = a.cutoff_px;
-  settings.splats.frame_seconds = a.frame_rate > 0.0 ? 1.0 / a.frame_rate : 0.0;
+  settings.splats.frame_seconds = client::secondsPerFrame(a.frame_rate);
   settings.splats.order = *lod::qsplat::streamOrderFromName(a.order);
   settings.splats.back_faces = a.back_faces;
   settings.splats.idle_bytes = *idle;
@@ -250,6 +252,7 @@ int runHeadlessMode(const Arguments& a, const Settings& settings) {
   if (settings.size)
     for (base::ViewCamera& camera : options.path) std::tie(camera.width, camera.height) = *settings.size;
   options.viewer = settings.viewer;
+  options.any_method = !a.method_said;
   options.splats = settings.splats;
   options.link = settings.link;
   options.settle_seconds = a.settle_seconds;
@@ -259,8 +262,8 @@ int runHeadlessMode(const Arguments& a, const Settings& settings) {
   options.out_dir = a.out_dir;
   options.cancelled = [] { return interrupted.load(); };
   const std::size_t count = options.path.size();
-  const bool splats = settings.viewer.method == lod::Method::kQsplat;
   options.on_frame = [&](const client::HeadlessFrame& frame) {
+    const bool splats = frame.stats.splats.stream.blocks > 0;
     if (a.json)
       std::printf("%s\n", client::formatHeadlessFrame(frame).c_str());
     else
@@ -291,8 +294,14 @@ int runHeadlessMode(const Arguments& a, const Settings& settings) {
 }
 
 /// What the command line does not say is as the user keeps it.
-void applyKept(const CLI::App& app, const client::Settings& kept, client::ViewerOptions& viewer) {
+void applyKept(const CLI::App& app, const client::Settings& kept, client::WindowOptions& options) {
   const auto said = [&app](const char* option) { return app.count(option) > 0; };
+  client::ViewerOptions& viewer = options.app.viewer;
+  client::SplatOptions& splats = options.splats;
+  if (options.any_method) viewer.method = client::methodOf(kept);
+  if (!said("--splat")) splats.kernel = static_cast<lod::draw::SplatKernel>(static_cast<int>(kept.splat));
+  if (!said("--cutoff")) splats.cutoff_px = static_cast<float>(kept.cutoff);
+  if (!said("--frame-rate")) splats.frame_seconds = client::secondsPerFrame(kept.frame_rate);
   if (!said("--cache")) viewer.session.cache_bytes = static_cast<std::uint64_t>(kept.cache_megabytes * 1e6);
   if (!said("--gpu-memory")) viewer.gpu_budget_bytes = static_cast<std::uint64_t>(kept.gpu_megabytes * 1e6);
   if (!said("--memory")) viewer.memory_budget_bytes = static_cast<std::uint64_t>(kept.memory_megabytes * 1e6);
@@ -323,8 +332,9 @@ int runWindowMode(const CLI::App& app, const Arguments& a, const Settings& setti
   }
   options.app.viewer = settings.viewer;
   options.app.settings_rule = false;
-  applyKept(app, options.app.settings, options.app.viewer);
+  options.any_method = !a.method_said;
   options.splats = settings.splats;
+  applyKept(app, options.app.settings, options);
   options.splats.memory_bytes = options.app.viewer.memory_budget_bytes;
   options.link = settings.link;
   options.view = a.view;
@@ -375,6 +385,7 @@ int main(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : kWrongUsage;
   }
+  arguments.method_said = app.count("--method") > 0 || !arguments.view.empty();
   if (auto url = client::checkUrl(arguments.url); !url) return complain(url.error().message, kWrongUsage);
   if (!arguments.view.empty()) {
     const auto view = client::parsePermalink(arguments.view);

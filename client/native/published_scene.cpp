@@ -175,7 +175,8 @@ bool PublishedSceneLink::State::takeScene(Session& session) {
   auto scene = staticSceneFrom(*text, place);
   if (!scene) {
     refused = true;
-    session.refuse(scene.error().message);
+    const bool splats_alone = scene.error().code == base::ErrorCode::kUnsupported;
+    session.refuse(scene.error().message, splats_alone ? std::optional(lod::Method::kQsplat) : std::nullopt);
     return true;
   }
   source = std::make_unique<StaticSource>(std::move(*scene), fetcher, parametersReader());

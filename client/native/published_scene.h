@@ -10,7 +10,8 @@
 
 namespace client {
 
-/// `place`: the URL without "scene.json" and slashes at its end. Errors say what is wrong with the text.
+/// `place`: the URL without "scene.json" and slashes at its end. Errors say what is wrong with the text; kUnsupported:
+/// it has splats alone.
 base::Result<StaticScene> staticSceneFrom(const std::string& scene_json, const std::string& place);
 /// Grid and tree, by nlohmann-json.
 ReadParameters parametersReader();

@@ -44,9 +44,9 @@ void SplatLink::State::takeScene(const std::string& text, Session& session) {
   const auto part = scene ? partOf(*scene, "qsplat", ".lgq") : std::nullopt;
   if (!part) {
     refused = true;
-    session.refuse(scene ? place + ": has no splats (qsplat.lgq); build them with `lumigrid build ... --methods qsplat`"
-                         : scene.error().message);
-    return;
+    if (!scene) return session.refuse(scene.error().message);
+    return session.refuse(place + ": has no splats (qsplat.lgq); build them with `lumigrid build ... --methods qsplat`",
+                          partOf(*scene, "patch", ".lgp") ? std::optional(lod::Method::kLumigraph) : std::nullopt);
   }
   protocol::Welcome welcome = welcomeFrom(*scene, place);
   welcome.has_colors = scene->has_colors;

@@ -45,6 +45,7 @@ constexpr double kPictureSeconds = 300.0;
 constexpr std::size_t kMaxPicture = 256 * 1024 * 1024;
 constexpr int kFound = 200;
 constexpr int kNotFound = 404;
+constexpr int kNotImplemented = 501;  // a scene of splats alone has no surface to be found
 
 std::string lastGlfwError() {
   const char* text = nullptr;
@@ -145,6 +146,8 @@ class Window {
   base::Result<void> run();
 
  private:
+  base::Result<void> begin(lod::Method method);
+  base::Result<void> changeMethod();
   bool createWindow(int context_api);
   void startOverlay();
   static Window& of(GLFWwindow* window) { return *static_cast<Window*>(glfwGetWindowUserPointer(window)); }
@@ -199,6 +202,7 @@ class Window {
   glm::dvec2 cursor_at_{0.0};         // screen units
   int button_down_ = -1;
   bool picture_changed_ = true;
+  bool changed_method_ = false;
 };
 
 // ---- opening and closing ----
@@ -231,11 +235,7 @@ bool Window::createWindow(int context_api) {
 }
 
 base::Result<void> Window::open() {
-  const bool splats = options_.app.viewer.method == lod::Method::kQsplat;
-  auto link =
-      splats ? openSplatLink(options_.url, options_.link, options_.splats) : openLink(options_.url, options_.link);
-  if (!link) return link.error();
-  connection_ = std::move(*link);
+  LUMIGRID_TRY(checkUrl(options_.url));
   if (glfwInit() != GLFW_TRUE)
     return base::Error{base::ErrorCode::kUnsupported,
                        "cannot open a window (" + lastGlfwError() + "); without a display use --headless"};
@@ -247,21 +247,40 @@ base::Result<void> Window::open() {
   installCallbacks();
   startOverlay();
 
-  AppOptions options = options_.app;
-  std::copy_n(options.viewer.lumigraph.background, 4, background_.begin());
+  std::copy_n(options_.app.viewer.lumigraph.background, 4, background_.begin());
   own_background_ = background_[3] == 0.0F;
-  options.clock = [] { return glfwGetTime(); };
-  app_ = std::make_unique<App>(options, std::make_unique<JpegDecoder>(std::max(1U, options_.decoder_threads)));
-  applyTheme();
-  if (!options_.view.empty()) LUMIGRID_TRY(app_->openPermalink(options_.view));
-  if (options_.show_figures) app_->showStatistics(true);
-  resized();
+  LUMIGRID_TRY(begin(options_.app.viewer.method));
   published_ = isPublishedScene(options_.url);
   if (published_)
     http_ = std::make_unique<HttpGetter>(placeOfScene(options_.url));
   else if (auto server = parseServerUrl(options_.url))
     http_ = std::make_unique<HttpGetter>("http://" + server->authority() + folderOf(server->target));
   return {};
+}
+
+/// What shows the scene, and the link that feeds it.
+base::Result<void> Window::begin(lod::Method method) {
+  const bool splats = method == lod::Method::kQsplat;
+  auto link =
+      splats ? openSplatLink(options_.url, options_.link, options_.splats) : openLink(options_.url, options_.link);
+  if (!link) return link.error();
+  connection_ = std::move(*link);
+  AppOptions options = options_.app;
+  options.viewer.method = method;
+  options.clock = [] { return glfwGetTime(); };
+  app_ = std::make_unique<App>(options, std::make_unique<JpegDecoder>(std::max(1U, options_.decoder_threads)));
+  applyTheme();
+  if (!options_.view.empty()) LUMIGRID_TRY(app_->openPermalink(options_.view));
+  if (options_.show_figures) app_->showStatistics(true);
+  resized();
+  return {};
+}
+
+/// Once: the scene has no data for the method, which nobody asked for, and nothing of it was shown.
+base::Result<void> Window::changeMethod() {
+  const auto instead = app_->session().methodInstead();
+  if (!instead || !options_.any_method || std::exchange(changed_method_, true)) return {};
+  return begin(*instead);
 }
 
 /// After our own callbacks, which Dear ImGui then calls before its own.
@@ -497,7 +516,7 @@ void Window::takePick(std::uint32_t pick, const HttpGetter::Answer& answer) {
       found = *parsed;
     else
       problem = parsed.error().message;
-  } else if (problem.empty()) {
+  } else if (problem.empty() && answer.status != kNotImplemented) {
     problem = "the server answers " + std::to_string(answer.status);
   }
   if (!problem.empty()) app_->say("This point stays approximate: " + problem, true);
@@ -556,6 +575,7 @@ base::Result<void> Window::run() {
     glfwPollEvents();
     connection_->pump(app_->session());
     if (auto splats = connection_->splats()) app_->viewer().setSplats(std::move(splats));
+    LUMIGRID_TRY(changeMethod());
     takeAnswers();
     const double now = glfwGetTime();
     app_->advance(now);

@@ -50,9 +50,11 @@ const check = keep("check.js", bundle("check.js", { CHECK_WASM: checkWasm }));
 const main = keep("viewer.js", bundle("main.js", { VIEWER_WASM: viewerWasm, SPLATS_WASM: splatsWasm, SPLATS_SCRIPT: splats, DECODE_WASM: decodeWasm, DECODE_WORKER: worker, CHECK_SCRIPT: check }));
 const style = keep("style.css", bundle("style.css"));
 let html = readFileSync(join(sources, "index.html"), "utf8");
-for (const [from, to] of [["main.js", main], ["style.css", style], ["viewer.wasm", viewerWasm]]) {
+for (const [from, to] of [["main.js", main], ["style.css", style], ["viewer.wasm", viewerWasm], ["splats.wasm", splatsWasm], ["splats.js", splats]]) {
   if (!html.includes(`"${from}"`)) throw new Error(`index.html does not name ${from}`);
   html = html.replaceAll(`"${from}"`, `"${to}"`);
 }
+// As it stands, for the page's policy names it by its hash (server/net/page_files.h).
+html = html.replace(">EARLY<", () => `>${readFileSync(join(sources, "early.js"), "utf8")}<`);
 keep("index.html", Buffer.from(html), { fixed: true });
 rmSync(work, { recursive: true });

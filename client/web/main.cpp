@@ -60,8 +60,8 @@ EMSCRIPTEN_KEEPALIVE const char* initialSetting(const char* name, double value) 
   return handError(client::setSetting(page.options.settings, name, value));
 }
 
-/// 0: no WebGL2 here.
-EMSCRIPTEN_KEEPALIVE int start(const char* canvas) {
+/// 0: no WebGL2 here. `method`: its name; one that is not this program's is passed over.
+EMSCRIPTEN_KEEPALIVE int start(const char* canvas, const char* method) {
   EmscriptenWebGLContextAttributes attributes;
   emscripten_webgl_init_context_attributes(&attributes);
   attributes.majorVersion = 2;
@@ -71,6 +71,8 @@ EMSCRIPTEN_KEEPALIVE int start(const char* canvas) {
   page.context = emscripten_webgl_create_context(canvas, &attributes);
   if (page.context <= 0 || emscripten_webgl_make_context_current(page.context) != EMSCRIPTEN_RESULT_SUCCESS) return 0;
   page.options.viewer.method = client::web::kPageMethod;
+  if (client::web::kPageMethod != lod::Method::kQsplat && lod::methodFromName(method) == lod::Method::kPatches)
+    page.options.viewer.method = lod::Method::kPatches;
   page.options.clock = [] { return emscripten_get_now() / 1000.0; };
   page.app = std::make_unique<client::App>(page.options, std::make_unique<client::WebDecoder>());
   return 1;
@@ -359,6 +361,9 @@ EMSCRIPTEN_KEEPALIVE void disconnected(const char* reason) {
 }
 EMSCRIPTEN_KEEPALIVE int refused() {
   return page.app->session().state() == client::SessionState::kRefused ? 1 : 0;
+}
+EMSCRIPTEN_KEEPALIVE int splatsAlone() {
+  return page.app->session().methodInstead() == lod::Method::kQsplat ? 1 : 0;
 }
 /// Room for one message of the server, to be filled before receiveMessage().
 EMSCRIPTEN_KEEPALIVE std::uint8_t* messageBuffer(std::size_t size) {

@@ -18,6 +18,9 @@ constexpr std::size_t kPieces = 64;
 // Groups between two looks at how many nodes all threads together have met.
 constexpr std::uint32_t kGroupsPerLook = 1024;
 
+constexpr float kLensMagnifies = 3.0F;
+constexpr float kFinestThroughLens = 0.5F;  // pixels; smaller splats look the same
+
 // The six planes of the frustum and the section's.
 constexpr std::size_t kPlanes = 7;
 constexpr std::uint32_t kAllSides = 0x3F;
@@ -32,6 +35,7 @@ struct View {
   glm::vec4 depth{0.0F};                  ///< depth of p = dot(depth.xyz, p) + depth.w
   glm::mat4 clip{1.0F};                   ///< from the scene
   float fineness = 0.0F;                  ///< a node is fine enough where radius · fineness <= depth
+  float lens_fineness = 0.0F;             ///< the same of what is seen through the lens
   bool cull_back_faces = false;
 
   explicit View(const TraverseRequest& request) {
@@ -45,6 +49,7 @@ struct View {
     eye = request.camera.homogeneousEye();
     depth = glm::vec4(clip[0][3], clip[1][3], clip[2][3], clip[3][3]);
     fineness = 2.0F * request.camera.pixelsPerUnitAtOne() / request.cutoff_px;
+    lens_fineness = 2.0F * request.camera.pixelsPerUnitAtOne() / cutoffThroughLens(request.cutoff_px);
   }
 };
 
@@ -82,6 +87,7 @@ class Walk {
         header_(blocks.header()),
         layout_(header_),
         camera_(request.camera),
+        lens_(request.lens),
         view_(request),
         priority_(priority),
         budget_(budget),
@@ -174,7 +180,7 @@ class Walk {
     }
 
     if (child == 0) return draw(sphere, node, Splat::kLeaf);
-    if (sphere.radius * view_.fineness <= depthOf(sphere.center)) return draw(sphere, node, 0);
+    if (isFineEnough(sphere)) return draw(sphere, node, 0);
     descend(group, node, sphere, child, sides, may_face_away);
   }
 
@@ -204,7 +210,25 @@ class Walk {
     return false;
   }
 
-  float depthOf(const glm::vec3& p) const { return glm::dot(glm::vec3(view_.depth), p) + view_.depth.w; }
+  bool isFineEnough(const base::Sphere& sphere) const {
+    const float depth = glm::dot(glm::vec3(view_.depth), sphere.center) + view_.depth.w;
+    if (sphere.radius * view_.fineness > depth) return false;
+    if (!lens_ || sphere.radius * view_.lens_fineness <= depth) return true;
+    const Projection seen = project(sphere);
+    return !isSeenThrough(*lens_, seen.at_px, seen.size_px);
+  }
+
+  struct Projection {
+    float size_px = kInfinity;
+    glm::vec2 at_px{0.0F};
+  };
+  Projection project(const base::Sphere& sphere) const {
+    const glm::vec4 clip = view_.clip * glm::vec4(sphere.center, 1.0F);
+    if (!(clip.w > 0.0F)) return {};
+    return {2.0F * sphere.radius * camera_.pixelsPerUnitAtOne() / clip.w,
+            glm::vec2(0.5F * (1.0F + clip.x / clip.w) * static_cast<float>(camera_.width),
+                      0.5F * (1.0F - clip.y / clip.w) * static_cast<float>(camera_.height))};
+  }
 
   void draw(const base::Sphere& sphere, const Node& node, std::uint16_t flags) {
     found_.splats.push_back({sphere.center, sphere.radius, static_cast<std::uint16_t>(node.normalCode() | flags),
@@ -230,14 +254,8 @@ class Walk {
   }
 
   void want(std::uint64_t number, const base::Sphere& sphere, std::uint32_t level) {
-    const glm::vec4 clip = view_.clip * glm::vec4(sphere.center, 1.0F);
-    Want want{number, level, sphere.radius, kInfinity, {}};
-    if (clip.w > 0.0F) {
-      want.size_px = 2.0F * sphere.radius * camera_.pixelsPerUnitAtOne() / clip.w;
-      want.at_px = glm::vec2(0.5F * (1.0F + clip.x / clip.w) * static_cast<float>(camera_.width),
-                             0.5F * (1.0F - clip.y / clip.w) * static_cast<float>(camera_.height));
-    }
-    float priority = priority_(want);
+    const Projection seen = project(sphere);
+    float priority = priority_({number, level, sphere.radius, seen.size_px, seen.at_px});
     if (std::isnan(priority))
       priority = -kInfinity;  // of a file whose spheres are no places; it must not spoil the order
     // Neighbours tend to want the same block.
@@ -251,6 +269,7 @@ class Walk {
   const Header& header_;
   const GroupLayout layout_;
   const base::Camera& camera_;
+  const std::optional<Lens>& lens_;
   const View view_;
   const Priority& priority_;
   Budget& budget_;
@@ -310,6 +329,17 @@ void settle(std::vector<WantedBlock>& wanted) {
 }
 
 }  // namespace
+
+bool isSeenThrough(const Lens& lens, const glm::vec2& at_px, float size_px) {
+  if (!(size_px < kInfinity)) return true;  // around the eye: anywhere on the screen
+  const float reach = lens.radius_px + 0.5F * size_px;
+  const glm::vec2 off = at_px - lens.center_px;
+  return glm::dot(off, off) <= reach * reach;
+}
+
+float cutoffThroughLens(float cutoff_px) {
+  return std::min(cutoff_px, std::max(cutoff_px / kLensMagnifies, kFinestThroughLens));
+}
 
 Priority sweepPriority(int picture_height) {
   const float height = static_cast<float>(std::max(picture_height, 1));

@@ -8,6 +8,7 @@
 // kernels that cover their sphere's projection leave no hole.
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <vector>
 
 #include "base/camera.h"
@@ -33,6 +34,18 @@ using Priority = std::function<float(const Want&)>;
 /// y = 0 … 999 from the bottom up (Rusinkiewicz and Levoy 2001, section 4.2).
 Priority sweepPriority(int picture_height);
 
+/// A magnifying glass (Rusinkiewicz and Levoy 2001, section 4.3).
+struct Lens {
+  glm::vec2 center_px{0.0F};  ///< from the picture's upper left corner
+  float radius_px = 0.0F;     ///< above 0
+  friend bool operator==(const Lens&, const Lens&) = default;
+};
+/// Whether a sphere is seen through the lens, if only in part. `at_px`, `size_px`: as Want has them.
+bool isSeenThrough(const Lens& lens, const glm::vec2& at_px, float size_px);
+/// The cut-off of what is seen through a lens, where that of the rest is `cutoff_px`: a third of it, but no smaller
+/// than can be told from that.
+float cutoffThroughLens(float cutoff_px);
+
 struct WantedBlock {
   std::uint64_t block = 0;
   float priority = 0.0F;  ///< the highest of its nodes'
@@ -50,8 +63,9 @@ struct TraverseRequest {
   bool cull_back_faces = true;
   /// What lies wholly beyond it is left out. With a section, back faces are drawn, as one sees into the model.
   glm::vec4 section = base::kNoSection;
-  Priority priority;  ///< empty: sweepPriority
-  ForEach for_each;   ///< empty: one after the other. The result does not depend on it.
+  std::optional<Lens> lens;  ///< through it nodes are refined to cutoffThroughLens(cutoff_px)
+  Priority priority;         ///< empty: sweepPriority
+  ForEach for_each;          ///< empty: one after the other. The result does not depend on it.
 };
 
 struct Traversal {

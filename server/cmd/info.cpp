@@ -262,27 +262,14 @@ int finish(const InfoArguments& a, const nlohmann::json& j, const std::string& t
   return kDone;
 }
 
-// Without patches nothing else can be in the scene.
-int runOnSplats(const InfoArguments& a, const base::Scene& scene) {
-  auto splats = describeSplatFile(a.scene, scene);
-  if (!splats) return fail(splats.error());
-  const nlohmann::json j{{"scene", nlohmann::json::parse(base::formatScene(scene))},
-                         {"triangles", scene.triangles},
-                         {"qsplat", std::move(*splats)}};
-  return finish(a, j, "");
-}
-
 int run(const InfoArguments& a) {
-  if (const auto scene = base::readScene(a.scene);
-      scene && base::partFile(*scene, "qsplat", ".lgq") && !base::partFile(*scene, "patch", ".lgp"))
-    return runOnSplats(a, *scene);
   auto open = openScene(a.scene);
   if (!open) return fail(open.error());
   nlohmann::json j;
   std::string tuned_line;
   j["scene"] = nlohmann::json::parse((*open)->scene_json.begin(), (*open)->scene_json.end());
   j["triangles"] = (*open)->scene.triangles;
-  j["hierarchy"] = describeHierarchy(**open);
+  if ((*open)->data.patches != nullptr) j["hierarchy"] = describeHierarchy(**open);
   auto splats = describeSplatFile((*open)->directory, (*open)->scene);
   if (!splats) return fail(splats.error());
   if (!splats->is_null()) j["qsplat"] = std::move(*splats);

@@ -154,9 +154,9 @@ Result<std::optional<PageFiles>> pageFiles(const PublishArguments& a) {
 }
 
 // A place that has a page of somebody's own keeps it, unless ours was asked for.
-Result<void> publishPageTo(const PublishArguments& a, const PageFiles& pages, repository::ObjectSink& sink,
-                           PublishReport& report) {
-  auto page = publishPage(pages, a.destination, sink, a.prune);
+Result<void> publishPageTo(const PublishArguments& a, const PageFiles& pages, bool splats_alone,
+                           repository::ObjectSink& sink, PublishReport& report) {
+  auto page = publishPage(pages, a.destination, sink, splats_alone, a.prune);
   if (!page && page.error().code == ErrorCode::kExists && a.viewer == "auto") {
     std::fprintf(stderr, "lumigrid: the page is left out: %s\n", page.error().message.c_str());
     return {};
@@ -178,10 +178,9 @@ Result<void> publishAnnotations(const PublishArguments& a, const std::optional<b
                   "application/json");
 }
 
-// The scene as a server opens it, whose patches and images belong together. Null: it has splats alone.
-Result<std::unique_ptr<OpenScene>> openImagesOf(const PublishArguments& a, const base::Scene& scene) {
-  if (base::partFile(scene, "patch", ".lgp")) return openScene(a.scene);
-  if (base::partFile(scene, "qsplat", ".lgq")) return std::unique_ptr<OpenScene>();
+// The scene as a server opens it, whose patches and images belong together.
+Result<std::unique_ptr<OpenScene>> openWhole(const PublishArguments& a, const base::Scene& scene) {
+  if (base::partFile(scene, "patch", ".lgp") || base::partFile(scene, "qsplat", ".lgq")) return openScene(a.scene);
   return Error{ErrorCode::kInvalidInput, a.scene + ": scene.json lists no patch.lgp; build the scene again"};
 }
 
@@ -194,14 +193,15 @@ Result<PublishReport> publish(const PublishArguments& a) {
   if (!annotations) return annotations.error();
   const auto built = base::readScene(a.scene);
   if (!built) return built.error();
-  auto open = openImagesOf(a, *built);
+  auto open = openWhole(a, *built);
   if (!open) return open.error();
   auto sink = repository::openObjectSink(a.destination);
   if (!sink) return sink.error();
   LUMIGRID_TRY(refuseBuiltScene(**sink));
 
   PublishReport report;
-  if (*pages) LUMIGRID_TRY(publishPageTo(a, **pages, **sink, report));
+  const bool splats_alone = (*open)->data.patches == nullptr;
+  if (*pages) LUMIGRID_TRY(publishPageTo(a, **pages, splats_alone, **sink, report));
   base::Scene scene = publicScene(*built);
   for (const base::ScenePart& part : built->parts) {
     if (isImages(part)) continue;
@@ -209,7 +209,7 @@ Result<PublishReport> publish(const PublishArguments& a) {
     if (!published) return published.error();
     scene.parts.push_back(std::move(*published));
   }
-  if (*open && (*open)->images) {
+  if ((*open)->images) {
     ProgressLine line(a.quiet);
     auto published = publishImages(a, **open, **sink, report, line);
     if (!published) return published.error();

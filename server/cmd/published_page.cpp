@@ -50,16 +50,22 @@ Objects objectsOf(const PageFiles& pages, base::ByteView root) {
   return objects;
 }
 
-/// index.html that shows the scene beside it.
-Result<base::Bytes> rootBesideScene(const base::Bytes& html) {
-  constexpr std::string_view kAnyScene = "<meta name=\"lumigrid-scene\" content=\"\">";
-  constexpr std::string_view kThisScene = "<meta name=\"lumigrid-scene\" content=\"scene.json\">";
-  std::string text(html.begin(), html.end());
-  const std::size_t at = text.find(kAnyScene);
+Result<void> setMeta(std::string& html, const std::string& name, const std::string& content) {
+  const std::string front = "<meta name=\"" + name + "\" content=\"";
+  const std::size_t at = html.find(front + "\">");
   if (at == std::string::npos)
-    return Error{ErrorCode::kInvalidInput, "the page's index.html lacks " + std::string(kAnyScene) +
-                                               "; build the preset web again, or leave the page out with --viewer off"};
-  text.replace(at, kAnyScene.size(), kThisScene);
+    return Error{ErrorCode::kInvalidInput,
+                 "the page's index.html lacks " + front +
+                     "\">; build the preset web again, or leave the page out with --viewer off"};
+  html.insert(at + front.size(), content);
+  return {};
+}
+
+/// index.html that shows the scene beside it.
+Result<base::Bytes> rootBesideScene(const base::Bytes& html, bool splats_alone) {
+  std::string text(html.begin(), html.end());
+  LUMIGRID_TRY(setMeta(text, "lumigrid-scene", "scene.json"));
+  if (splats_alone) LUMIGRID_TRY(setMeta(text, "lumigrid-method", "qsplat"));
   return base::Bytes(text.begin(), text.end());
 }
 
@@ -69,7 +75,7 @@ bool isCompressedForm(const std::string& name, const Objects& objects) {
 
 bool isScenes(const std::string& name) {
   return name == "scene.json" || name == "annotations.json" || name == kPageList || name.starts_with("images/") ||
-         name.ends_with(".lgp");
+         name.ends_with(".lgp") || name.ends_with(".lgq");
 }
 
 /// What the last publisher wrote; nothing where there is no list.
@@ -142,10 +148,10 @@ Result<void> putList(const Hashes& hashes, repository::ObjectSink& sink) {
 }  // namespace
 
 Result<PublishedPage> publishPage(const PageFiles& pages, const std::string& place, repository::ObjectSink& sink,
-                                  bool prune) {
+                                  bool splats_alone, bool prune) {
   auto source = repository::openObjectSource(place);
   if (!source) return source.error();
-  const auto root = rootBesideScene(pages.at(kRoot).plain.bytes);
+  const auto root = rootBesideScene(pages.at(kRoot).plain.bytes, splats_alone);
   if (!root) return root.error();
   const Objects objects = objectsOf(pages, *root);
   const auto before = readList(sink, **source);

@@ -18,13 +18,14 @@ struct PublishedPage {
   std::uint64_t pruned = 0;
 };
 
-/// index.html is told where its scene is, in the <meta name="lumigrid-scene"> that the page reads; so its compressed
-/// forms are left out. kInvalidInput where it has none.
+/// index.html is told where its scene is, in the <meta name="lumigrid-scene"> that the page reads, and in
+/// <meta name="lumigrid-method"> that it has splats alone; so its compressed forms are left out. kInvalidInput where it
+/// has none.
 /// Writes what is not there already, index.html after all that it names, then the list. Never replaces what an earlier
 /// call did not write: kExists, naming it, before anything is written. `place` is the sink's, to read from. `prune`:
 /// removes files of earlier pages that this one has not; otherwise they stay for pages that are open somewhere, but for
 /// compressed forms of files that this one has: they would be sent in these files' place.
 base::Result<PublishedPage> publishPage(const PageFiles& pages, const std::string& place, repository::ObjectSink& sink,
-                                        bool prune);
+                                        bool splats_alone, bool prune);
 
 }  // namespace server::cmd

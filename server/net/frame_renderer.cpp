@@ -76,9 +76,13 @@ void FrameRenderer::State::work(std::promise<base::Result<void>> started) {
   renderers.clear();  // their GL objects go before the context does
 }
 
-/// They share what one would take of the GPU's memory.
+/// They share what one would take of the GPU's memory. Scenes of splats alone have none.
 base::Result<void> FrameRenderer::State::makeRenderers() {
   for (const OpenScene* scene : scenes) {
+    if (scene->data.patches == nullptr) {
+      renderers.push_back(nullptr);
+      continue;
+    }
     auto renderer = SceneRenderer::create(scene->scene, scene->patches, kPatchBytes / scenes.size());
     if (!renderer) return renderer.error();
     renderers.push_back(std::move(*renderer));

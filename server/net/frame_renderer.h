@@ -20,7 +20,7 @@ class FrameRenderer {
   using Painted = std::function<void(base::Result<base::Bytes> picture)>;
 
   /// Starts the thread and waits for its GL context; the error says why there is none. The scenes outlive this; below
-  /// they go by their place in the list.
+  /// they go by their place in the list. Nothing may be asked of one without patches.
   static base::Result<std::unique_ptr<FrameRenderer>> start(const std::vector<const OpenScene*>& scenes);
   /// Drops what is queued, waits for the picture in hand.
   ~FrameRenderer();

@@ -59,9 +59,8 @@ base::Result<void> openImages(const std::string& directory, OpenScene& open) {
   return takeImages(std::move(*store), path, open);
 }
 
-void describe(const std::string& directory, OpenScene& open) {
+void describeScene(const std::string& directory, OpenScene& open) {
   const base::Scene& scene = open.scene;
-  const lod::patch::Hierarchy& hierarchy = open.patches.hierarchy();
   const base::Aabb box = scene.localBox();
   protocol::Welcome& welcome = open.data.welcome;
   welcome.scene_name = nameOf(directory);
@@ -72,6 +71,9 @@ void describe(const std::string& directory, OpenScene& open) {
   welcome.up = glm::vec3(scene.up);
   welcome.unlit = scene.light.mode == base::LightMode::kUnlit;
   welcome.light_direction = scene.light.direction;
+}
+
+void describeHierarchy(const lod::patch::Hierarchy& hierarchy, protocol::Welcome& welcome) {
   welcome.has_colors = hierarchy.has_colors;
   welcome.lattice_origin = hierarchy.lattice.origin;
   welcome.lattice_step = hierarchy.lattice.step;
@@ -106,21 +108,24 @@ namespace {
 
 constexpr unsigned kRemoteReads = 8;  // under way at a time for the images of one view
 
-// Everything but the images.
-base::Result<std::unique_ptr<OpenScene>> openHierarchy(base::Scene scene, base::Bytes json_bytes,
-                                                       const std::string& patch_path, const std::string& place) {
-  auto patches = lod::patch::PatchFile::open(patch_path);
-  if (!patches) return patches.error();
-  auto mapped = base::MappedFile::open(patch_path);
-  if (!mapped) return mapped.error();
+std::unique_ptr<OpenScene> openDocument(base::Scene scene, base::Bytes json_bytes, const std::string& place) {
   auto open = std::make_unique<OpenScene>();
   open->scene = std::move(scene);
-  open->patches = std::move(*patches);
   open->scene_json = std::move(json_bytes);
-  open->patch_bytes = std::move(*mapped);
-  open->data.patches = &open->patches;
-  describe(place, *open);
+  describeScene(place, *open);
   return open;
+}
+
+base::Result<void> openHierarchy(const std::string& path, OpenScene& open) {
+  auto patches = lod::patch::PatchFile::open(path);
+  if (!patches) return patches.error();
+  auto mapped = base::MappedFile::open(path);
+  if (!mapped) return mapped.error();
+  open.patches = std::move(*patches);
+  open.patch_bytes = std::move(*mapped);
+  open.data.patches = &open.patches;
+  describeHierarchy(open.patches.hierarchy(), open.data.welcome);
+  return {};
 }
 
 base::Result<std::string> cacheDirectory(const RemoteOptions& options, const std::string& place) {
@@ -131,17 +136,22 @@ base::Result<std::string> cacheDirectory(const RemoteOptions& options, const std
   return directory;
 }
 
-base::Result<void> openRemoteImages(std::shared_ptr<const repository::ObjectSource> source, const std::string& index,
-                                    const std::string& directory, const RemoteOptions& options, OpenScene& open) {
+/// What several have of one directory is bounded together.
+base::Result<std::unique_ptr<repository::CachedSource>> cached(std::shared_ptr<const repository::ObjectSource> source,
+                                                               const std::string& directory,
+                                                               const RemoteOptions& options) {
   repository::CachedSourceOptions cache;
   cache.cache.bytes = options.cache_bytes;
   cache.cache.warn = options.warn;
+  return repository::CachedSource::open(std::move(source), directory, cache);
+}
+
+base::Result<void> openRemoteImages(std::unique_ptr<repository::CachedSource> source, const std::string& index,
+                                    OpenScene& open) {
   const std::string place = source->place() + "/" + index;
-  auto cached = repository::CachedSource::open(std::move(source), directory, cache);
-  if (!cached) return cached.error();
   repository::PackStoreOptions reads;
   reads.jobs = kRemoteReads;
-  auto packs = repository::PackStore::open(std::move(*cached), index, reads);
+  auto packs = repository::PackStore::open(std::move(source), index, reads);
   if (!packs) return packs.error();
   repository::PackStore* opened = packs->get();
   LUMIGRID_TRY(takeImages(std::move(*packs), place, open));
@@ -167,6 +177,15 @@ void readRemoteAnnotations(const repository::ObjectSource& source, const RemoteO
     options.warn("no annotations: " + notes.error().message);
 }
 
+/// Null: the scene does not list it, or under a name that does not hold its content's.
+const base::ScenePart* publishedPart(const base::Scene& scene, const std::string& stem, const std::string& extension) {
+  const auto name = base::partFile(scene, stem, extension);
+  if (!name || !base::isPublishedName(*name)) return nullptr;
+  const auto part = std::find_if(scene.parts.begin(), scene.parts.end(),
+                                 [&](const base::ScenePart& one) { return one.file == *name; });
+  return part == scene.parts.end() ? nullptr : &*part;
+}
+
 // A published scene behind a network. Every object but scene.json is named by its content.
 base::Result<std::unique_ptr<OpenScene>> openRemoteScene(const std::string& place, const RemoteOptions& options) {
   const auto directory = cacheDirectory(options, place);
@@ -179,19 +198,29 @@ base::Result<std::unique_ptr<OpenScene>> openRemoteScene(const std::string& plac
   auto scene = base::parseScene(std::string(json_bytes->begin(), json_bytes->end()), place + "/scene.json");
   if (!scene) return scene.error();
 
-  const auto name = base::partFile(*scene, "patch", ".lgp");
-  const auto index = base::partFile(*scene, "images/index", ".lgi");
-  const auto part = std::find_if(scene->parts.begin(), scene->parts.end(),
-                                 [&](const base::ScenePart& p) { return name && p.file == *name; });
-  if (part == scene->parts.end() || !base::isPublishedName(*name))
+  std::unique_ptr<OpenScene> open = openDocument(std::move(*scene), std::move(*json_bytes), place);
+  const base::ScenePart* patches = publishedPart(open->scene, "patch", ".lgp");
+  const base::ScenePart* splats = publishedPart(open->scene, "qsplat", ".lgq");
+  const auto index = base::partFile(open->scene, "images/index", ".lgi");
+  if (patches == nullptr && splats == nullptr)
     return base::Error{base::ErrorCode::kInvalidInput,
                        place + ": is not a published scene; put there what `lumigrid publish` wrote"};
-  const auto patch_path = repository::mirrorObject(*source, *name, *directory + "/hierarchies", part->sha256);
-  if (!patch_path) return patch_path.error();
-  auto open = openHierarchy(std::move(*scene), std::move(*json_bytes), *patch_path, place);
-  if (!open) return open;
-  if (index) LUMIGRID_TRY(openRemoteImages(source, *index, *directory, options, **open));
-  readRemoteAnnotations(*source, options, **open);
+  if (patches != nullptr) {
+    const auto path = repository::mirrorObject(*source, patches->file, *directory + "/hierarchies", patches->sha256);
+    if (!path) return path.error();
+    LUMIGRID_TRY(openHierarchy(*path, *open));
+  }
+  if (splats != nullptr) {
+    auto far = cached(source, *directory, options);
+    if (!far) return far.error();
+    open->far_splats = std::move(*far);
+  }
+  if (patches != nullptr && index) {
+    auto far = cached(source, *directory, options);
+    if (!far) return far.error();
+    LUMIGRID_TRY(openRemoteImages(std::move(*far), *index, *open));
+  }
+  readRemoteAnnotations(*source, options, *open);
   return open;
 }
 
@@ -210,21 +239,17 @@ base::Result<std::unique_ptr<OpenScene>> openScene(const std::string& place, con
   if (!scene) return scene.error();
   auto json_bytes = base::readFile(place + "/scene.json");
   if (!json_bytes) return json_bytes.error();
-  if (base::partFile(*scene, "qsplat", ".lgq") && !base::partFile(*scene, "patch", ".lgp"))
-    return base::Error{base::ErrorCode::kUnsupported,
-                       place +
-                           ": holds a tree of splats alone; publish it (`lumigrid publish`) and any web server shows it, "
-                           "or build patches too (--methods patch,qsplat), which needs a mesh"};
-  const std::string patch_path = base::patchPath(place, *scene);
-  auto open = openHierarchy(std::move(*scene), std::move(*json_bytes), patch_path, place);
-  if (!open) return open;
-  (*open)->directory = place;
-  if (base::partFile((*open)->scene, "qsplat", ".lgq")) {
-    auto splats = base::MappedFile::open(base::splatPath(place, (*open)->scene));
+  std::unique_ptr<OpenScene> open = openDocument(std::move(*scene), std::move(*json_bytes), place);
+  open->directory = place;
+  const bool has_splats = base::partFile(open->scene, "qsplat", ".lgq").has_value();
+  if (has_splats) {
+    auto splats = base::MappedFile::open(base::splatPath(place, open->scene));
     if (!splats) return splats.error();
-    (*open)->splat_bytes = std::move(*splats);
+    open->splat_bytes = std::move(*splats);
   }
-  LUMIGRID_TRY(openImages(place, **open));
+  if (has_splats && !base::partFile(open->scene, "patch", ".lgp")) return open;
+  LUMIGRID_TRY(openHierarchy(base::patchPath(place, open->scene), *open));
+  LUMIGRID_TRY(openImages(place, *open));
   return open;
 }
 

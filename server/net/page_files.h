@@ -40,11 +40,13 @@ const char* contentTypeOf(std::string_view name);
 /// Whether the name holds a hash: "lumigrid-1f0c2a9b.js": '-' or '.', 8 or more lower-case hexadecimal digits, '.'.
 bool isHashedName(std::string_view name);
 
-/// Content-Security-Policy of the page: program and style only from here, WebAssembly allowed, pictures also from
-/// memory, data from any host, since ?scene= may point anywhere. Whether the page may stand in another's frame is not
-/// limited: people embed viewers, and there is nothing here that a click could give away.
+/// Content-Security-Policy of the page: program and style only from here (and client/web/site/early.js, which stands in
+/// index.html, by its SHA-256), WebAssembly allowed, pictures also from memory, data from any host, since ?scene= may
+/// point anywhere. Whether the page may stand in another's frame is not limited: people embed viewers, and there is
+/// nothing here that a click could give away.
 inline constexpr const char* kPagePolicy =
-    "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; style-src 'self' 'unsafe-inline'; img-src 'self' blob: "
+    "default-src 'self'; script-src 'self' 'wasm-unsafe-eval' 'sha256-CG23CXK+6GLE/jnZGbj/7SGNTCCTFj0JL54jAZwUzBU='; "
+    "style-src 'self' 'unsafe-inline'; img-src 'self' blob: "
     "data:; "
     "worker-src 'self' blob:; connect-src 'self' ws: wss: http: https: blob: data:; object-src 'none'; base-uri "
     "'none'; form-action 'none'";

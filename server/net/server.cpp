@@ -66,7 +66,8 @@ constexpr auto kPatience = std::chrono::minutes(10);  // for a picture or a pick
 constexpr int kRetrySeconds = 5;
 constexpr std::size_t kMostUnsentPictures = std::size_t{256} << 20;  // bytes; beyond, no further one is begun
 constexpr std::uint32_t kTurnedAway = 64;                            // connections over the limit that still get a 503
-constexpr unsigned kFetchers = 8;                                    // views whose far images are fetched at a time
+constexpr unsigned kFetchers = 8;  // views whose far images are fetched at a time, or pieces of files
+constexpr std::uint64_t kFarPiece = std::uint64_t{1} << 20;  // bytes of a far file that a connection holds
 
 class Connection;
 
@@ -79,9 +80,10 @@ struct Hosted {
   const std::string name;    // empty: the only one, at "/"
   std::unique_ptr<OpenScene> scene;
   std::unique_ptr<Site> site;
-  std::unique_ptr<Picker> picker;
+  std::unique_ptr<Picker> picker;     // null: the scene has splats alone
   std::unique_ptr<AccessLog> access;  // null: nothing is counted
 
+  bool hasPatches() const { return scene->data.patches != nullptr; }
   void countAccess(const ServerOptions& options, const std::string& scene_directory);
 };
 
@@ -93,7 +95,7 @@ struct Hub {
   ServerOptions options;
   std::vector<std::unique_ptr<Hosted>> scenes;  // at least one
   std::unique_ptr<FrameRenderer> renderer;      // null: no exact frames
-  std::unique_ptr<base::ThreadPool> fetchers;   // of far images; null: all are here
+  std::unique_ptr<base::ThreadPool> fetchers;   // of far images and splats; null: all are here
   std::string place;                            // address:port
   std::set<Connection*> connections;
   std::uint64_t next_client = 1;
@@ -126,6 +128,7 @@ struct Hub {
 };
 
 void Hosted::countAccess(const ServerOptions& options, const std::string& scene_directory) {
+  if (!hasPatches()) return;  // images and groups are what is counted
   std::string path = options.access_file;
   std::error_code ignored;
   if (path.empty()) {
@@ -185,15 +188,16 @@ base::Result<void> Hub::makeSites() {
   }
   for (const auto& hosted : scenes) {
     hosted->site = std::make_unique<Site>(*hosted->scene, pages);
-    hosted->picker = std::make_unique<Picker>(hosted->scene->scene, hosted->scene->patches);
+    if (hosted->hasPatches()) hosted->picker = std::make_unique<Picker>(hosted->scene->scene, hosted->scene->patches);
   }
   return {};
 }
 
-/// Each viewer has two requests at most, so nobody waits to put one in.
+/// Each viewer has two requests at most, other connections one, so nobody waits to put one in.
 void Hub::startFetchers() {
-  const bool far =
-      std::any_of(scenes.begin(), scenes.end(), [](const auto& hosted) { return hosted->scene->data.images_are_far; });
+  const bool far = std::any_of(scenes.begin(), scenes.end(), [](const auto& hosted) {
+    return hosted->scene->data.images_are_far || hosted->scene->far_splats != nullptr;
+  });
   if (!far) return;
   fetchers = std::make_unique<base::ThreadPool>(kFetchers,
                                                 std::size_t{2} * (options.max_connections + kTurnedAway) + kFetchers);
@@ -202,10 +206,11 @@ void Hub::startFetchers() {
 void Hub::startRenderer() {
   std::vector<const OpenScene*> opened;
   for (const auto& hosted : scenes) opened.push_back(hosted->scene.get());
+  if (std::none_of(scenes.begin(), scenes.end(), [](const auto& hosted) { return hosted->hasPatches(); })) return;
   auto started = FrameRenderer::start(opened);
   if (!started) return spdlog::warn("no exact frames: {}", started.error().message);
   renderer = std::move(*started);
-  for (const auto& hosted : scenes) hosted->scene->data.welcome.can_render_frames = true;
+  for (const auto& hosted : scenes) hosted->scene->data.welcome.can_render_frames = hosted->hasPatches();
 }
 
 Hosted* Hub::find(std::string_view target, std::string_view& rest) const {
@@ -471,9 +476,13 @@ class HttpConnection final : public Connection {
     const std::string_view path = request.path();
     if (websocket::is_upgrade(parser_->get()) && (path == "/" || path == "/ws")) return becomeViewer();
     const bool reads = request.method == "GET" || request.method == "HEAD";
+    const bool needs_patches = reads && (path == "/render" || path == "/pick");
+    if (needs_patches && !hosted_->hasPatches()) return doWrite(splatsAloneReply());
     if (reads && path == "/render") return askForPicture(request);
     if (reads && path == "/pick") return askForPick(request);
-    doWrite(hosted_->site->answer(request, hub_->place));
+    HttpReply reply = hosted_->site->answer(request, hub_->place);
+    if (reply.far.length > 0 && request.method != "HEAD") return askForPiece(std::move(reply));
+    doWrite(std::move(reply));
   }
 
   /// What the page asks for is relative to its folder.
@@ -597,6 +606,7 @@ class HttpConnection final : public Connection {
   void onImpatience(std::uint64_t id) {
     if (waiting_ != id) return;
     stopWaiting();
+    if (far_begun_) return leave();
     doWrite(tryLater(kRetrySeconds, "this takes too long; ask for fewer pixels or try again later\n"));
   }
 
@@ -615,6 +625,63 @@ class HttpConnection final : public Connection {
     stream_.socket().cancel(ignored);
   }
 
+  // ---- Bodies that lie behind a network: a piece is read on another thread, then sent; head and errors go with the
+  // first
+
+  void askForPiece(HttpReply reply) {
+    reply_ = std::move(reply);
+    readPiece();
+  }
+
+  void readPiece() {
+    const FarBody& far = reply_.far;
+    const std::uint64_t id = hub_->next_client++;
+    hub_->fetchers->submit([weak = weak_from_this(), id, hub = hub_.get(), source = far.source, name = far.name,
+                            offset = far.offset, length = std::min(far.length, kFarPiece)] {
+      if (hub->stopping) return;
+      asio::post(hub->io, [weak, id, piece = source->read(name, offset, length)]() mutable {
+        if (auto self = std::static_pointer_cast<HttpConnection>(weak.lock())) self->onPiece(id, std::move(piece));
+      });
+    });
+    wait(id);
+  }
+
+  void onPiece(std::uint64_t id, base::Result<base::Bytes> piece) {
+    if (waiting_ != id) return;
+    stopWaiting();
+    if (!piece) {
+      spdlog::warn("far file: {}", piece.error().message);
+      return far_begun_ ? leave() : doWrite(farFault(piece.error()));
+    }
+    reply_.owned = std::move(*piece);
+    if (!std::exchange(far_begun_, true)) return doWrite(std::move(reply_));
+    writePiece();
+  }
+
+  static HttpReply farFault(const base::Error& error) {
+    const std::string text = "this file cannot be read where the scene lies; the server's log says why\n";
+    return error.code == base::ErrorCode::kNetwork ? tryLater(kRetrySeconds, text) : textReply(502, text);
+  }
+
+  void onHead(error_code ec, std::size_t) {
+    if (ec) return onWrite(ec, 0);
+    writePiece();
+  }
+
+  void writePiece() {
+    expireAfter(reply_.owned.size());
+    asio::async_write(stream_, asio::buffer(reply_.owned),
+                      beast::bind_front_handler(&HttpConnection::onPieceWritten, self<HttpConnection>()));
+  }
+
+  void onPieceWritten(error_code ec, std::size_t bytes) {
+    FarBody& far = reply_.far;
+    far.offset += bytes;
+    far.length -= bytes;
+    if (ec || far.length == 0) return onWrite(ec, 0);
+    readPiece();
+  }
+
   // ---- Writing
 
   void doWrite(HttpReply reply) {
@@ -622,17 +689,26 @@ class HttpConnection final : public Connection {
     reply_ = std::move(reply);
     response_.emplace();
     setFields(request);
-    const base::ByteView body = reply_.body();
+    const bool is_far = reply_.far.length > 0;
+    const base::ByteView body = is_far ? base::ByteView() : reply_.body();
     response_->body() = {body.data(), body.size()};
     const bool bodiless = reply_.status == 204 || reply_.status == 304;
-    if (reply_.has_length && !bodiless) response_->content_length(body.size());
+    if (reply_.has_length && !bodiless) response_->content_length(is_far ? reply_.far.length : body.size());
 
-    stream_.expires_after(kHttpIdle + std::chrono::seconds(body.size() / kSlowestBytesPerSecond));
+    expireAfter(body.size());
     serializer_.emplace(*response_);
+    if (far_begun_)
+      return http::async_write_header(stream_, *serializer_,
+                                      beast::bind_front_handler(&HttpConnection::onHead, self<HttpConnection>()));
     auto handler = beast::bind_front_handler(&HttpConnection::onWrite, self<HttpConnection>());
     if (request.method() == http::verb::head)
       return http::async_write_header(stream_, *serializer_, std::move(handler));
     http::async_write(stream_, *serializer_, std::move(handler));
+  }
+
+  /// With so many bytes in hand.
+  void expireAfter(std::size_t bytes) {
+    stream_.expires_after(kHttpIdle + std::chrono::seconds(bytes / kSlowestBytesPerSecond));
   }
 
   void setFields(const http::request<http::empty_body>& request) {
@@ -655,6 +731,7 @@ class HttpConnection final : public Connection {
   void onWrite(error_code ec, std::size_t) {
     hub_->unsent_picture_bytes -= std::exchange(held_bytes_, 0);
     reply_ = {};
+    far_begun_ = false;
     if (ec) return;
     if (!response_->keep_alive()) return finish();
     doRead();
@@ -674,6 +751,7 @@ class HttpConnection final : public Connection {
   std::optional<std::uint64_t> waiting_;  // for this answer
   std::optional<Timer> patience_;
   std::size_t held_bytes_ = 0;  // of a picture
+  bool far_begun_ = false;      // the head of reply_.far's body is said
   HttpReply reply_;
   std::optional<http::response<Body>> response_;
   std::optional<http::response_serializer<Body>> serializer_;

@@ -100,6 +100,12 @@ HttpReply badRequest(const base::Error& error) {
   return textReply(400, error.message + "\n");
 }
 
+HttpReply splatsAloneReply() {
+  return textReply(501,
+                   "this scene has splats alone, and this needs patches; build them too (lumigrid build --methods "
+                   "patch,qsplat), which needs a mesh\n");
+}
+
 HttpReply tryLater(int seconds, std::string text) {
   HttpReply reply = textReply(503, std::move(text));
   reply.headers.emplace_back("Retry-After", std::to_string(seconds));
@@ -111,17 +117,34 @@ Site::Site(const OpenScene& scene, PageFiles pages)
       pages_(std::move(pages)),
       annotations_(scene.directory, scene.annotations_json),
       scene_etag_(entityTag(scene.scene_json)) {
-  addPart("patch", ".lgp", scene.patch_bytes.bytes());
-  if (!scene.splat_bytes.bytes().empty()) addPart("qsplat", ".lgq", scene.splat_bytes.bytes());
+  addParts();
 }
 
-void Site::addPart(const std::string& stem, const std::string& extension, base::ByteView bytes) {
+void Site::addParts() {
+  const auto here = [this](Part part, base::ByteView bytes) {
+    part.bytes = bytes;
+    part.size = bytes.size();
+    parts_.push_back(std::move(part));
+  };
+  if (scene_.data.patches != nullptr) here(partNamed("patch", ".lgp"), scene_.patch_bytes.bytes());
+  Part splats = partNamed("qsplat", ".lgq");
+  splats.source = scene_.far_splats.get();
+  if (splats.source != nullptr)
+    parts_.push_back(std::move(splats));
+  else if (!scene_.splat_bytes.bytes().empty())
+    here(std::move(splats), scene_.splat_bytes.bytes());
+}
+
+/// Size as scene.json says.
+Site::Part Site::partNamed(const std::string& stem, const std::string& extension) const {
   const std::string name = base::partFile(scene_.scene, stem, extension).value_or(stem + extension);
-  Part part{"/" + stem + extension, "/" + name, "", bytes};
-  for (const base::ScenePart& listed : scene_.scene.parts)
-    if (listed.file == name && listed.sha256.size() > kIdDigits)
-      part.etag = '"' + listed.sha256.substr(0, kIdDigits) + '"';
-  parts_.push_back(std::move(part));
+  Part part{"/" + stem + extension, "/" + name, "", {}, nullptr, 0};
+  for (const base::ScenePart& listed : scene_.scene.parts) {
+    if (listed.file != name) continue;
+    part.size = listed.bytes;
+    if (listed.sha256.size() > kIdDigits) part.etag = '"' + listed.sha256.substr(0, kIdDigits) + '"';
+  }
+  return part;
 }
 
 const Site::Part* Site::findPart(std::string_view path) const {
@@ -143,6 +166,7 @@ HttpReply Site::answer(const HttpRequest& request, const std::string& place) {
   if (path == "/scene.json") return document(request, scene_.scene_json, scene_etag_);
   if (path == "/annotations.json") return annotations(request);
   if (const Part* found = findPart(path)) return part(request, *found);
+  if (path == "/patch.lgp") return splatsAloneReply();
   // Never a look at the disk: a name is in the list, or it is not here.
   if (path.starts_with('/'))
     if (const auto page = pages_.find(path.substr(1)); page != pages_.end()) return pageReply(request, page->second);
@@ -152,13 +176,27 @@ HttpReply Site::answer(const HttpRequest& request, const std::string& place) {
                    "the WebSocket at /\n");
 }
 
+/// Of splats alone the page is told at once which of its two programs it needs.
 HttpReply Site::home(const HttpRequest& request, const std::string& place) const {
-  if (const auto page = pages_.find("index.html"); page != pages_.end()) return pageReply(request, page->second);
+  const auto page = pages_.find("index.html");
+  if (page == pages_.end()) return plainHome(request, place);
+  const std::string_view query = request.target.substr(request.path().size());
+  const bool says_what = query.find("method=") != query.npos || query.find("scene=") != query.npos;
+  if (scene_.data.patches != nullptr || says_what) return pageReply(request, page->second);
+  HttpReply reply = textReply(302, "see ?method=qsplat\n");
+  reply.headers.emplace_back("Location", query.size() > 1 ? std::string(query) + "&method=qsplat" : "?method=qsplat");
+  return reply;
+}
+
+HttpReply Site::plainHome(const HttpRequest& request, const std::string& place) const {
   const std::string name = escapeHtml(scene_.data.welcome.scene_name);
+  const std::string size = scene_.data.patches != nullptr
+                               ? std::to_string(scene_.data.welcome.source_triangles) + " triangles"
+                               : std::string("Splats");
   HttpReply reply = textReply(
       200, "<!doctype html>\n<html lang=\"en\"><meta charset=\"utf-8\"><title>" + name + " - Lumigrid</title>\n<h1>" +
-               name + "</h1>\n<p>" + std::to_string(scene_.data.welcome.source_triangles) +
-               " triangles. Look at it with</p>\n<pre>lumigrid-view ws://" + shownHost(request.host, place) +
+               name + "</h1>\n<p>" + size + ". Look at it with</p>\n<pre>lumigrid-view ws://" +
+               shownHost(request.host, place) +
                "/</pre>\n<p>To look at it here, in the browser, the server needs the page's files: build the preset "
                "<code>web</code> and start <code>lumigrid serve</code> with <code>--web DIR</code> "
                "(docs/hosting.md).</p>\n</html>\n");
@@ -174,7 +212,6 @@ HttpReply Site::annotations(const HttpRequest& request) {
 }
 
 HttpReply Site::part(const HttpRequest& request, const Part& part) {
-  const base::ByteView whole = part.bytes;
   HttpReply reply;
   reply.type = "application/octet-stream";
   if (base::isPublishedName(std::string(request.path()))) reply.cache = kForever;
@@ -186,13 +223,15 @@ HttpReply Site::part(const HttpRequest& request, const Part& part) {
   }
   // A range of other bytes than the visitor knows would be of no use: then all of them.
   const bool same = request.if_range.empty() || (!part.etag.empty() && request.if_range == part.etag);
-  const ByteRange range = parseByteRange(same ? request.range : std::string_view(), whole.size());
+  const ByteRange range = parseByteRange(same ? request.range : std::string_view(), part.size);
   if (range.kind != ByteRange::Kind::kWhole)
-    reply.headers.emplace_back("Content-Range", contentRange(range, whole.size()));
+    reply.headers.emplace_back("Content-Range", contentRange(range, part.size));
   if (range.kind == ByteRange::Kind::kUnsatisfiable)
     reply.status = 416;
+  else if (part.source != nullptr)
+    reply.far = {part.source, part.path.substr(1), range.first, range.length};
   else
-    reply.bytes = whole.subspan(range.first, range.length);
+    reply.bytes = part.bytes.subspan(range.first, range.length);
   if (range.kind == ByteRange::Kind::kPart) reply.status = 206;
   return reply;
 }

@@ -20,6 +20,14 @@ struct HttpRequest {
   std::string_view path() const { return target.substr(0, target.find('?')); }
 };
 
+/// A body that lies behind a network and is read piece by piece while it is sent.
+struct FarBody {
+  const repository::ObjectSource* source = nullptr;
+  std::string name;
+  std::uint64_t offset = 0;
+  std::uint64_t length = 0;  ///< 0: there is none
+};
+
 struct HttpReply {
   int status = 200;
   std::string type = "text/plain; charset=utf-8";
@@ -27,6 +35,7 @@ struct HttpReply {
   std::string text;      ///< the body, unless one of the next two has bytes
   base::ByteView bytes;  ///< that live with the site
   base::Bytes owned;
+  FarBody far;                                               ///< of some length: then this is the body
   bool has_length = true;                                    ///< false: a HEAD that does not say how long the body were
   std::vector<std::pair<std::string, std::string>> headers;  ///< besides type and cache
 
@@ -36,6 +45,8 @@ struct HttpReply {
 HttpReply textReply(int status, std::string text);
 /// 400 and the error's line.
 HttpReply badRequest(const base::Error& error);
+/// What a scene of splats alone answers to who asks for more.
+HttpReply splatsAloneReply();
 /// 503: the visitor may ask again in so many seconds.
 HttpReply tryLater(int seconds, std::string text);
 
@@ -52,15 +63,19 @@ class Site {
 
  private:
   HttpReply home(const HttpRequest& request, const std::string& place) const;
+  HttpReply plainHome(const HttpRequest& request, const std::string& place) const;
   HttpReply annotations(const HttpRequest& request);
   /// A file of the scene that is answered by byte ranges.
   struct Part {
-    std::string plain;  ///< "/patch.lgp"
-    std::string path;   ///< the same, or with the name that scene.json has for it
-    std::string etag;   ///< empty where scene.json has no SHA-256
-    base::ByteView bytes;
+    std::string plain;                                 ///< "/patch.lgp"
+    std::string path;                                  ///< the same, or with the name that scene.json has for it
+    std::string etag;                                  ///< empty where scene.json has no SHA-256
+    base::ByteView bytes;                              ///< here, or else
+    const repository::ObjectSource* source = nullptr;  ///< read from there
+    std::uint64_t size = 0;
   };
-  void addPart(const std::string& stem, const std::string& extension, base::ByteView bytes);
+  Part partNamed(const std::string& stem, const std::string& extension) const;
+  void addParts();
   const Part* findPart(std::string_view path) const;
   static HttpReply part(const HttpRequest& request, const Part& part);
 

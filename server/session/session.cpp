@@ -39,6 +39,7 @@ struct Session::State {
   base::Result<void> take(const protocol::Evicted& evicted);
   base::Result<void> take(const protocol::Have& have);
   base::Error refuse(base::ErrorCode code, const std::string& reason);
+  base::Error refuseAsSplatsAlone();
 
   // ---- out ----
   std::optional<base::Bytes> next();
@@ -99,6 +100,14 @@ base::Error Session::State::refuse(base::ErrorCode code, const std::string& reas
   return {code, reason};
 }
 
+/// Clients that know splats read them over HTTP then.
+base::Error Session::State::refuseAsSplatsAlone() {
+  const base::Error error = refuse(base::ErrorCode::kUnsupported,
+                                   "this scene has splats alone; look at it with --method qsplat, or in a browser");
+  greeting = protocol::encode(protocol::Refusal{protocol::kVersion, error.message, true});
+  return error;
+}
+
 base::Result<void> Session::State::receive(base::ByteView bytes) {
   if (phase == Phase::kRefused)
     return base::Error{base::ErrorCode::kInvalidInput, "the connection was refused already"};
@@ -119,6 +128,7 @@ base::Result<void> Session::State::take(const protocol::Hello& hello) {
                                                  "; update the " + (client_older ? "client" : "server"));
   }
   client = hello.client;
+  if (scene.patches == nullptr) return refuseAsSplatsAlone();
   phase = Phase::kReady;
   const lod::patch::Hierarchy& hierarchy = scene.patches->hierarchy();
   has_group.assign(hierarchy.groups.size(), false);

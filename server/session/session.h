@@ -35,12 +35,12 @@ namespace server {
 /// What all sessions share; outlives them. Read-only but for the counter.
 struct SceneData {
   protocol::Welcome welcome;
-  const lod::patch::PatchFile* patches = nullptr;
-  const lod::patch::ProxySight* sight = nullptr;  ///< what hides what, for the choice of images; null: nothing does
-  const repository::Store* images = nullptr;      ///< null: no repository
-  bool images_are_far = false;                    ///< each takes round trips: fetched by takeFaceRequest, not read here
-  const repository::SampleTree* tree = nullptr;   ///< which points are sampled; null: all of the grid
-  repository::AccessCounter* access = nullptr;  ///< told of every face and group that nextMessage() hands out; or null
+  const lod::patch::PatchFile* patches = nullptr;  ///< null: the scene has splats alone; every client is refused
+  const lod::patch::ProxySight* sight = nullptr;   ///< what hides what, for the choice of images; null: nothing does
+  const repository::Store* images = nullptr;       ///< null: no repository
+  bool images_are_far = false;                   ///< each takes round trips: fetched by takeFaceRequest, not read here
+  const repository::SampleTree* tree = nullptr;  ///< which points are sampled; null: all of the grid
+  repository::AccessCounter* access = nullptr;   ///< told of every face and group that nextMessage() hands out; or null
   std::uint64_t ahead_bytes = plan::kAheadBytes;  ///< sent beyond what a view needs, once it has that; 0: nothing
 
   plan::Scene toPlan() const { return {&welcome, &patches->hierarchy(), images != nullptr, tree, sight}; }

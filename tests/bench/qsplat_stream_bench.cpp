@@ -3,14 +3,19 @@
 // what came and was never drawn.
 //
 //   qsplat_stream_bench SCENE/qsplat.lgq [CHART.svg]     (a file in either form)
+//   qsplat_stream_bench SCENE/qsplat.lgq --tours
+//
+// The latter: what came and was never drawn while the view moves, over slow and fast links.
 //
 // The link is computed, not waited for: 384 kbit/s, 50 ms each way, a head of 300 bytes before each answer, requests
 // one after the other. So the figures are the same on every machine.
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdio>
 #include <deque>
 #include <optional>
+#include <string_view>
 #include <vector>
 
 #include "base/egl/headless.h"
@@ -26,8 +31,11 @@
 namespace {
 using namespace lod::qsplat;
 
-constexpr double kBytesPerSecond = 384'000.0 / 8.0;
-constexpr double kOneWaySeconds = 0.05;
+struct Rate {
+  const char* name = "384 kbit/s";
+  double bytes_per_second = 384'000.0 / 8.0;
+  double one_way_seconds = 0.05;
+};
 constexpr double kHeadBytes = 300.0;
 constexpr double kFrameSeconds = 0.2;
 constexpr int kWidth = 1280, kHeight = 720;
@@ -76,12 +84,12 @@ class Canvas {
 /// Answers come one after the other, at the link's rate.
 class Link {
  public:
-  explicit Link(base::ByteView file) : file_(file) {}
+  explicit Link(base::ByteView file, const Rate& rate = {}) : file_(file), rate_(rate) {}
   void ask(Stream& stream, double now) {
     for (const ByteRange& range : stream.requests(now)) {
-      free_ =
-          std::max(free_, now + kOneWaySeconds) + (kHeadBytes + static_cast<double>(range.length)) / kBytesPerSecond;
-      under_way_.push_back({range, free_ + kOneWaySeconds});
+      free_ = std::max(free_, now + rate_.one_way_seconds) +
+              (kHeadBytes + static_cast<double>(range.length)) / rate_.bytes_per_second;
+      under_way_.push_back({range, free_ + rate_.one_way_seconds});
     }
   }
   /// The next arrival no later than `until`; what it brings goes to the stream.
@@ -102,6 +110,7 @@ class Link {
     double due;
   };
   base::ByteView file_;
+  const Rate rate_;
   std::deque<Answer> under_way_;
   double free_ = 0.0;
 };
@@ -146,14 +155,124 @@ Run streamed(const SplatFile& file, const base::Camera& camera, const base::Imag
   return run;
 }
 
+// ---- moving views ----
+
+constexpr double kTourSeconds = 60.0;
+constexpr double kTourFrame = 0.1;
+constexpr float kMovingPx = 4.0F, kRestingPx = 1.0F;
+
+struct Place {
+  double turn = 0.0, pitch = 0.6, radii = 1.0;  ///< of the eye, from the model's middle
+  double look = 0.0;                            ///< to the side of the middle, radians
+};
+struct MovingView {
+  const char* name;
+  Place (*at)(double seconds);
+};
+double between(double a, double b, double share) {
+  const double s = std::clamp(share, 0.0, 1.0);
+  return a + (b - a) * s * s * (3.0 - 2.0 * s);
+}
+constexpr std::array<MovingView, 4> kMovingViews{{
+    // 0.03 radii a second: 1.5 m where the model is 100 m across.
+    {"walk: 0.03 radii/s, nearer and around",
+     [](double t) {
+       return Place{0.4 + 0.02 * t, 0.5, 1.6 - 0.02 * t, 0.0};
+     }},
+    {"flight: 0.3 radii/s, around",
+     [](double t) {
+       return Place{0.4 + 0.3 * t, 0.7, 1.0, 0.0};
+     }},
+    // From one side to the other in half a second, then two and a half seconds of looking.
+    {"glances: 80 degrees in 0.5 s, then 2.5 s of rest",
+     [](double t) {
+       const int glance = static_cast<int>(t / 3.0);
+       const double from = glance % 2 == 0 ? -0.7 : 0.7;
+       return Place{0.4 + 0.9 * (glance / 2), 0.5, 0.8, between(from, -from, (t - 3.0 * glance) / 0.5)};
+     }},
+    {"never at rest: 180 degrees/s",
+     [](double t) {
+       return Place{0.4, 0.5, 0.6, 3.14159 * t};
+     }},
+}};
+
+base::Camera cameraAt(const Place& place, const base::Sphere& root) {
+  const glm::dvec3 away(std::cos(place.turn) * std::cos(place.pitch), std::sin(place.turn) * std::cos(place.pitch),
+                        std::sin(place.pitch));
+  base::ViewCamera view;
+  view.position = glm::dvec3(root.center) + place.radii * static_cast<double>(root.radius) * away;
+  const double c = std::cos(place.look), s = std::sin(place.look);
+  view.direction = {-c * away.x + s * away.y, -s * away.x - c * away.y, -away.z};
+  view.up = {0, 0, 1};
+  view.width = kWidth;
+  view.height = kHeight;
+  return base::cameraForScene(view, glm::dvec3(0.0), root);
+}
+
+struct Toured {
+  StreamStats at_end;
+  std::uint64_t wasted = 0;
+  double lacking = 0.0;  ///< of the splats drawn, the share that stood in for finer ones, mean over the frames
+};
+
+Toured toured(const SplatFile& file, const MovingView& view, const Rate& rate, std::uint64_t idle_bytes) {
+  StreamOptions options;
+  options.idle_bytes = idle_bytes;
+  options.memory_bytes = std::max(file.bytes().size(), std::size_t{1} << 20);
+  Stream stream(file.bytes().size(), options);
+  Link link(file.bytes(), rate);
+  Toured run;
+  Traversal found;
+  std::optional<base::Camera> before;
+  int frames = 0;
+  for (double now = 0.0; now < kTourSeconds; now += kTourFrame) {
+    link.ask(stream, now);
+    while (const auto at = link.arrive(stream, now)) link.ask(stream, *at);
+    TraverseRequest request;
+    request.camera = cameraAt(view.at(now), file.header().root);
+    const bool rests = before && before->eye_from_scene == request.camera.eye_from_scene;
+    request.cutoff_px = rests ? kRestingPx : kMovingPx;
+    before = request.camera;
+    stream.traverse(request, std::nullopt, found);
+    link.ask(stream, now);
+    if (found.splats.empty()) continue;
+    ++frames;
+    const auto stand_ins = std::count_if(found.splats.begin(), found.splats.end(),
+                                         [](const Splat& splat) { return (splat.normal & Splat::kStandIn) != 0; });
+    run.lacking += static_cast<double>(stand_ins) / static_cast<double>(found.splats.size());
+  }
+  run.lacking /= std::max(frames, 1);
+  run.at_end = stream.stats();
+  run.wasted = stream.bytesWasted();
+  return run;
+}
+
+void printTours(const SplatFile& file) {
+  std::printf("%.0f s each, a frame every %.1f s, cut-off %.0f px moving and %.0f px at rest\n", kTourSeconds,
+              kTourFrame, static_cast<double>(kMovingPx), static_cast<double>(kRestingPx));
+  std::printf("%-50s %-12s %-10s | %8s %9s %7s %9s %9s\n", "view", "link", "ahead", "kB", "wasted kB", "%", "stand-ins",
+              "requests");
+  for (const MovingView& view : kMovingViews)
+    for (const Rate& rate : {Rate{}, Rate{"5 Mbit/s", 5e6 / 8.0, 0.02}, Rate{"20 Mbit/s", 2e7 / 8.0, 0.015}})
+      for (const std::uint64_t idle : {std::uint64_t{0}, StreamOptions{}.idle_bytes}) {
+        const Toured run = toured(file, view, rate, idle);
+        const auto received = static_cast<double>(run.at_end.bytes_received);
+        const auto wasted = static_cast<double>(run.wasted);
+        std::printf("%-50s %-12s %-10s | %8.0f %9.0f %6.1f%% %8.1f%% %9llu\n", view.name, rate.name,
+                    idle == 0 ? "nothing" : "as usual", 1e-3 * received, 1e-3 * wasted, 1e2 * wasted / received,
+                    1e2 * run.lacking, static_cast<unsigned long long>(run.at_end.requests));
+      }
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   if (argc < 2) {
-    std::fprintf(stderr, "usage: qsplat_stream_bench SCENE/qsplat.lgq [CHART.svg]\n");
+    std::fprintf(stderr, "usage: qsplat_stream_bench SCENE/qsplat.lgq [CHART.svg | --tours]\n");
     return 2;
   }
   const auto file = bench::must(SplatFile::open(argv[1]));
+  if (argc > 2 && std::string_view(argv[2]) == "--tours") return printTours(file), 0;
   std::printf("%s: %.1f MB%s, %llu leaves; 384 kbit/s, 100 ms there and back; 1280 x 720\n", argv[1],
               1e-6 * static_cast<double>(file.bytes().size()), file.header().coded() ? " coded" : "",
               static_cast<unsigned long long>(file.header().leaves));

@@ -65,10 +65,12 @@ class PublishedSite : public ProgramTest {
                                        std::to_string(width), std::to_string(height), "-o", path("tour.json")});
     EXPECT_EQ(made.status, 0) << made.err;
   }
-  /// The pictures of that tour, each of them complete and none broken; kept in path(name).
+  /// The pictures of that tour, each of them complete and none broken; kept in path(name). `method`: empty: not said.
   Tour tour(const std::string& url, const std::string& name, const std::string& method = "lumigraph") {
-    const auto viewed = run("lumigrid-view", {url, "--headless", "--method", method, "--settle", "60", "--path",
-                                              path("tour.json"), "--out", path(name)});
+    std::vector<std::string> arguments{url,      "--headless",      "--settle", "60",
+                                       "--path", path("tour.json"), "--out",    path(name)};
+    if (!method.empty()) arguments.insert(arguments.end(), {"--method", method});
+    const auto viewed = run("lumigrid-view", arguments);
     EXPECT_EQ(viewed.status, 0) << viewed.err;
     Tour tour;
     std::istringstream lines(readText(path(name + "/frames.jsonl")));

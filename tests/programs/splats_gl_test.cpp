@@ -132,6 +132,47 @@ TEST_F(StreamedSplatsTest, aServerOfOursStreamsThemToo) {
   expectLocalPictures(tour(serve(path("site/tower")).url, "served_published", "qsplat"));
 }
 
+// Servers that keep nothing but a cache.
+TEST_F(StreamedSplatsTest, aServerOfOursPassesOnWhatLiesBehindANetwork) {
+  const support::Nginx nginx(path("site"));
+  const auto served = serve(nginx.url() + "/tower", {"--cache", path("cache")});
+  expectLocalPictures(tour(served.url, "far", "qsplat"));
+  EXPECT_NE(nginx.accessLog().find(".lgq"), std::string::npos);
+}
+
+/// Splats and nothing else, built and published.
+class SplatsAloneTest : public StreamedSplatsTest {
+ protected:
+  void SetUp() override {
+    StreamedSplatsTest::SetUp();
+    if (IsSkipped()) return;
+    scene_ = path("alone");
+    const auto built = run("lumigrid", {"build", path("mesh.ply"), "-o", scene_, "--methods", "qsplat", "--quiet"});
+    ASSERT_EQ(built.status, 0) << built.err;
+    ASSERT_EQ(run("lumigrid", {"publish", scene_, path("site/alone"), "--quiet"}).status, 0);
+  }
+  /// Without a word about the method.
+  Tour plainTour(const std::string& url, const std::string& name) { return tour(url, name, ""); }
+};
+
+TEST_F(SplatsAloneTest, areShownWithoutBeingAskedForAsSuch) {
+  const support::Nginx nginx(path("site"));
+  expectLocalPictures(plainTour(serve(scene_).url, "served"));
+  expectLocalPictures(plainTour(serve(path("site/alone")).url, "served_published"));
+  expectLocalPictures(plainTour(serve(nginx.url() + "/alone", {"--cache", path("cache")}).url, "far"));
+  expectLocalPictures(plainTour(nginx.url() + "/alone/", "published"));
+}
+
+TEST_F(SplatsAloneTest, whoAsksForAnotherMethodIsToldSo) {
+  const support::Nginx nginx(path("site"));
+  for (const std::string& url : {serve(scene_).url, nginx.url() + "/alone/"})
+    expectOneLineError(run("lumigrid-view", {url, "--headless", "--method", "patches", "--path", path("tour.json"),
+                                             "--connect-timeout", "3"}),
+                       1, {"splats alone", "--method qsplat"});
+  EXPECT_EQ(run("lumigrid", {"info", scene_}).status, 0);
+  EXPECT_EQ(run("lumigrid", {"verify", path("site/alone"), "--quiet"}).status, 0);
+}
+
 TEST_F(StreamedSplatsTest, connectionsThatAreDroppedNowAndThenChangeNoPicture) {
   const support::Nginx nginx(support::Nginx::Configuration{
       // By nginx's count of connections, not by chance: every other one, so that who tries again is served.

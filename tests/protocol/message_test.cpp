@@ -196,7 +196,20 @@ TEST(Message, bytesOfVersionTwoStay) {
   EXPECT_EQ(encode(ClientMessage(Evicted{{{1, 0, 0, 3}}, {7}})),
             (base::Bytes{0x03, 1, 0, 0, 0, 1, 0, 0, 0, 0x0B, 0, 0, 0, 0, 0, 0, 0, 7, 0, 0, 0}));
   EXPECT_EQ(encode(ServerMessage(Refusal{2, "no"})), (base::Bytes{0x86, 2, 0, 2, 0, 'n', 'o'}));
+  EXPECT_EQ(encode(ServerMessage(Refusal{2, "no", true})), (base::Bytes{0x86, 2, 0, 2, 0, 'n', 'o', 1}));
   EXPECT_EQ(encode(ClientMessage(View{})).size(), 101U);
+}
+
+TEST(Message, whatFollowsARefusalIsTakenWhereItIsKnown) {
+  for (const auto& [more, splats_alone] : std::vector<std::pair<base::Bytes, bool>>{
+           {{}, false}, {{0}, false}, {{1}, true}, {{1, 7, 7}, true}, {{2}, false}}) {
+    base::Bytes bytes{0x86, 2, 0, 2, 0, 'n', 'o'};
+    bytes.insert(bytes.end(), more.begin(), more.end());
+    const auto message = decodeServerMessage(bytes);
+    ASSERT_TRUE(message);
+    EXPECT_EQ(std::get<Refusal>(*message).reason, "no");
+    EXPECT_EQ(std::get<Refusal>(*message).splats_alone, splats_alone);
+  }
 }
 
 // ---- broken messages ----

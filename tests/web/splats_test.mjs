@@ -3,7 +3,7 @@ import assert from "node:assert/strict";
 import { readdirSync, readFileSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
-import { camera, canvasPicture, cleanUp, difference, folder, launch, nativePictures, nginx, open, repeated, run, sampleMesh, serve, site, still, until, waitFor } from "./lib.mjs";
+import { camera, canvasPicture, cleanUp, difference, figures, folder, launch, nativePictures, nginx, open, repeated, run, sampleMesh, serve, site, still, until, waitFor } from "./lib.mjs";
 
 let scene, published, server, browser;
 before(async () => {
@@ -30,6 +30,13 @@ async function quiet(page) {
   }, "the last block");
   return last;
 }
+
+/// Of a page that finds out by itself that it needs its other program.
+const afterReload = (page, wanted, what) =>
+  until(async () => {
+    const now = await figures(page).catch(() => null); // while it is loaded again
+    return now && wanted(now);
+  }, what);
 
 async function expectNative(page, url) {
   const [native] = nativePictures(url, [await camera(page)], ["--method", "qsplat"]);
@@ -86,6 +93,29 @@ test("a coded tree's splats, from a server of ours and from a static host", asyn
   }
 });
 
+test("what is seen through the magnifying glass is finer, all else the same", async () => {
+  const page = await open(browser, `${server.url}?method=qsplat`);
+  await page.evaluate(() => localStorage.setItem("lumigrid.settings", JSON.stringify({ version: 1, cutoff: 12 })));
+  await page.reload();
+  const before = await fine(page);
+  const without = await canvasPicture(page);
+  await page.keyboard.press("l");
+  await until(async () => (await fine(page)).splats > before.splats * 1.1, "more splats");
+  await fine(page);
+  const through = await canvasPicture(page);
+  const radius = 0.18 * 360; // of the view's shorter side
+  let inside = 0, outside = 0;
+  for (let i = 0; i < through.data.length; i += 4) {
+    const off = Math.hypot(((i / 4) % 640) + 0.5 - 320, Math.floor(i / 4 / 640) + 0.5 - 180);
+    const differs = [0, 1, 2, 3].some((c) => through.data[i + c] !== without.data[i + c]);
+    if (differs && off < radius) ++inside;
+    if (differs && off > radius + 24) ++outside;
+  }
+  assert.ok(inside > 500, `${inside} pixels changed in the glass`);
+  assert.equal(outside, 0);
+  await page.close();
+});
+
 test("the magnifying glass and the statistics", async () => {
   const page = await open(browser, `${server.url}?method=qsplat`);
   await fine(page);
@@ -98,7 +128,70 @@ test("the magnifying glass and the statistics", async () => {
   await page.close();
 });
 
-test("a point cloud, which has splats alone, is published and shown without being asked for", async () => {
+/// Names of the WebAssembly that a page fetches from here on.
+function wasmOf(page) {
+  const names = [];
+  page.on("request", (request) => /\.wasm$/.test(request.url()) && names.push(new URL(request.url()).pathname.split("/").at(-1)));
+  return names;
+}
+
+test("a page of splats fetches the WebAssembly of splats alone, early", async () => {
+  const page = await open(browser, "about:blank");
+  const fetched = wasmOf(page);
+  await page.goto(`${server.url}?method=qsplat`);
+  await fine(page);
+  assert.ok(fetched.length >= 1 && fetched.every((name) => name.startsWith("splats-")), fetched.join());
+  const link = await page.evaluate(() => window.lumigrid.permalink());
+  assert.deepEqual(await page.evaluate(() => [...document.querySelectorAll("link[rel=preload], link[rel=modulepreload]")].map(({ rel }) => rel).sort()), ["modulepreload", "preload"]);
+  await page.close();
+
+  const linked = await open(browser, "about:blank");
+  const again = wasmOf(linked);
+  await linked.goto(`${server.url}#${link}`);
+  await fine(linked);
+  assert.ok(again.every((name) => name.startsWith("splats-")), again.join());
+  assert.deepEqual(linked.faults, []);
+  await linked.close();
+});
+
+test("the method is a setting: it loads the page again, which keeps its view, and is kept for the next visit", async () => {
+  const context = await browser.newContext({ viewport: { width: 640, height: 360 } });
+  const page = await context.newPage();
+  await page.goto(server.url);
+  await waitFor(page, (now) => now.triangles > 0, "patches");
+  await page.mouse.move(320, 180);
+  await page.mouse.down();
+  await page.mouse.move(400, 150, { steps: 3 });
+  await page.mouse.up();
+  const before = await still(page);
+  await until(() => /#v=1/.test(page.url()), "the view in the address");
+  await page.keyboard.press("g");
+  await Promise.all([page.waitForEvent("load"), page.locator("#settings select[name=method]").selectOption({ label: "qsplat" })]);
+  await fine(page);
+  const after = await camera(page);
+  before.forEach((value, k) => assert.ok(Math.abs(value - after[k]) < 1e-5 * Math.max(1, Math.abs(value)), `${k}: ${value}, ${after[k]}`));
+
+  const next = await context.newPage();
+  const fetched = wasmOf(next);
+  await next.goto(server.url);
+  await fine(next);
+  assert.ok(fetched.every((name) => name.startsWith("splats-")), fetched.join());
+
+  // A link rules over it, and so does a scene that has no splats.
+  await next.goto(`${server.url}?method=patches`);
+  await waitFor(next, (now) => now.triangles > 0 && now.splats === 0, "patches");
+  assert.match(await next.evaluate(() => window.lumigrid.permalink()), /m=patches/);
+  const plain = join(folder, "plain.scene");
+  run("lumigrid", ["build", sampleMesh({ triangles: 10000 }), "-o", plain, "--methods", "patch"]);
+  const other = await serve(plain, { args: ["--no-frames"] });
+  await next.goto(other.url);
+  await next.evaluate(() => localStorage.setItem("lumigrid.settings", JSON.stringify({ version: 1, method: "qsplat" })));
+  await next.goto(`${other.url}?again`);
+  await afterReload(next, (now) => now.triangles > 0, "patches, for want of splats");
+  await context.close();
+});
+
+test("a point cloud, which has splats alone, is served and published, and shown without being asked for", async () => {
   const count = 8000;
   const golden = Math.PI * (3 - Math.sqrt(5));
   const lines = ["ply", "format ascii 1.0", `element vertex ${count}`, "property float x", "property float y", "property float z", "end_header"];
@@ -114,11 +207,25 @@ test("a point cloud, which has splats alone, is published and shown without bein
   run("lumigrid", ["build", cloud, "-o", alone, "--methods", "qsplat"]);
   run("lumigrid", ["publish", alone, place, "--viewer", "on", "--web", site]);
   const host = await nginx(place);
-  const page = await open(browser, host.url);
-  await until(async () => /m=qsplat/.test(page.url()), "the page of splats");
-  await quiet(page);
-  await expectNative(page, host.url);
-  await page.close();
+  const own = await serve(alone);
+  for (const { url } of [host, own]) {
+    const page = await open(browser, "about:blank");
+    const fetched = wasmOf(page);
+    await page.goto(url);
+    await quiet(page);
+    await expectNative(page, url);
+    assert.ok(fetched.every((name) => name.startsWith("splats-")), fetched.join());
+    await page.close();
+  }
+
+  // A link that says otherwise, and a page that does not know.
+  const { url: elsewhere } = await serve(place);
+  for (const url of [`${own.url}#m=lumigraph`, `${server.url}?scene=${elsewhere}`]) {
+    const page = await open(browser, "about:blank");
+    await page.goto(url);
+    await afterReload(page, (now) => now.splats > 0, "splats");
+    await page.close();
+  }
 });
 
 test("a host without ranges is named", async () => {

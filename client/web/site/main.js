@@ -1,4 +1,5 @@
 // The page: finds the scene, starts the client, and carries out what it asks for.
+import "./early.js";
 import { loadAnnotations } from "./annotations.js";
 import { loadCore } from "./core.js";
 import { listen } from "./input.js";
@@ -6,7 +7,7 @@ import { makeOverlay } from "./overlay.js";
 import { openPicture } from "./picture.js";
 import { keepSettings, restoreSettings, settingValue, showSettings } from "./settings.js";
 import { openLink, socketUrl } from "./socket.js";
-import { openSplatScene, openStaticScene, SplatsAlone } from "./static_scene.js";
+import { NoSplats, openSplatScene, openStaticScene, SplatsAlone } from "./static_scene.js";
 import { makeTools } from "./tools.js";
 
 /// On a phone, unless the settings say another: all memory that grows with the scene.
@@ -24,13 +25,9 @@ const splatsScript = new URL(SPLATS_SCRIPT, document.baseURI).href;
 const checkScript = new URL(CHECK_SCRIPT, document.baseURI).href;
 const files = { viewerWasm: new URL(VIEWER_WASM, document.baseURI).href, decodeWasm: new URL(DECODE_WASM, document.baseURI).href, worker: new URL(DECODE_WORKER, document.baseURI).href };
 
-/// A link that says m=qsplat shows splats, another does not; without a link the address may ask for them with ?method=qsplat.
-function wantsSplats() {
-  const link = new URLSearchParams(location.hash.slice(1));
-  return (link.get("m") ?? (link.has("v") ? "" : new URLSearchParams(location.search).get("method"))) === "qsplat";
-}
-/// What the page was loaded for: the other method has another program.
-const splats = wantsSplats();
+/// What the page was loaded for: splats have another program.
+const method = window.lumigridMethod();
+const splats = method.name === "qsplat";
 if (splats) files.viewerWasm = new URL(SPLATS_WASM, document.baseURI).href;
 
 const canvas = document.getElementById("view");
@@ -117,7 +114,7 @@ async function copyLink(hash) {
 
 /// Goes to the view that the address names, if any; what is wrong with it the client says.
 function openHash() {
-  if (location.hash.length < 2 || location.hash === "#m=qsplat") return;
+  if (location.hash.length < 2 || /^#m=[a-z]*$/.test(location.hash)) return;
   let text = location.hash;
   try {
     text = decodeURIComponent(text);
@@ -180,10 +177,10 @@ function carryOut() {
     const kind = Number(kindText);
     if (kind === kCopyLink) copyLink(text);
     else if (kind === kLinkChanged) keepLink(text);
-    else if (kind === kSavePicture) openPicture({ dialog: document.getElementById("picture"), canvas, query: text, server, draw, name: document.getElementById("name").textContent, say });
+    else if (kind === kSavePicture) openPicture({ dialog: document.getElementById("picture"), canvas, query: text, server: splats ? null : server, draw, name: document.getElementById("name").textContent, say });
     else if (kind === kKeepBookmarks) keepBookmarks();
     else if (kind === kKeepSettings) keepAndApply();
-    else if (kind === kShowSettings) showSettings(document.getElementById("settings"), core, () => schedule());
+    else if (kind === kShowSettings) showSettings(document.getElementById("settings"), core, settingChanged);
     else if (kind === kPick) pick(Number(id), numbers.map(Number));
   }
 }
@@ -192,6 +189,13 @@ function keepAndApply() {
   const error = keepSettings(core);
   if (error) say(error);
   applyTheme();
+}
+
+function settingChanged(error, name) {
+  schedule();
+  if (error || name !== "method") return;
+  carryOut(); // keeps it
+  load(settingValue(core, name));
 }
 
 // ---- the page around it ----
@@ -244,7 +248,7 @@ function watchPage() {
   setMotion();
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", applyTheme);
   addEventListener("hashchange", () => {
-    if (wantsSplats() !== splats) return location.reload();
+    if ((window.lumigridMethod().name === "qsplat") !== splats) return location.reload();
     openHash();
     schedule();
   });
@@ -286,7 +290,7 @@ async function start() {
   if (phone) core.text("initialSetting", "memory_megabytes", kPhoneMegabytes);
   restoreSettings(core);
   applyTheme();
-  if (!core.call("start", "#view")) return bare("There is no WebGL2 here", "Switch on hardware acceleration in the browser's settings, update the graphics driver, or try another browser.");
+  if (!core.call("start", "#view", method.name)) return bare("There is no WebGL2 here", "Switch on hardware acceleration in the browser's settings, update the graphics driver, or try another browser.");
   overlay = makeOverlay(core, {
     ratio: () => ratio,
     press: (act) => {
@@ -308,7 +312,6 @@ async function start() {
   restoreBookmarks();
   openHash();
   canvas.focus({ preventScroll: true });
-  if (!scene && splats) return openStatic(new URL("./", location.href).href);
   if (!scene) return openServer();
   const button = document.getElementById("settings-check");
   button.hidden = false;
@@ -339,10 +342,11 @@ async function showHostCheck(base) {
   }
 }
 
-/// The same page with the other WebAssembly; a link keeps its view.
-function showSplats() {
+/// The same page again, with another method; a link keeps its view.
+function load(other) {
   const url = new URL(location.href);
-  url.hash = url.hash.length > 1 ? `${url.hash}&m=qsplat` : "m=qsplat";
+  const view = url.hash.slice(1).replace(/(^|&)m=[^&]*/, "");
+  url.hash = view ? `${view}&m=${other}` : `m=${other}`;
   history.replaceState(null, "", url);
   location.reload();
 }
@@ -352,7 +356,8 @@ async function openStatic(base) {
     if (!/^https?:/.test(base)) throw Object.assign(new Error(`${base} cannot be read`), { advice: "A scene's address begins with http:// or https://." });
     pumpStatic = await (splats ? openSplatScene : openStaticScene)(base, core, schedule);
   } catch (error) {
-    if (error instanceof SplatsAlone) return showSplats();
+    if (error instanceof SplatsAlone) return load("qsplat");
+    if (error instanceof NoSplats && !method.said) return load("lumigraph");
     return fail(error.message, error.advice ?? "Try again; if it stays, the page and the scene do not fit together.");
   }
   schedule();
@@ -361,7 +366,8 @@ async function openStatic(base) {
 
 function openServer() {
   server = new URL("./", location.href);
-  link = openLink(socketUrl(server), core, schedule);
+  if (splats) return openStatic(server.href);
+  link = openLink(socketUrl(server), core, schedule, () => load("qsplat"));
   loadAnnotations(new URL("annotations.json", server), core, overlay.annotations, say);
 }
 

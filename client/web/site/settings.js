@@ -87,7 +87,7 @@ export function showSettings(dialog, core, changed) {
       const error = core.text("changeSetting", field.name, value);
       input.setCustomValidity?.(error);
       input.reportValidity?.();
-      changed(error);
+      changed(error, field.name);
     });
     label.append(words, input);
     return label;

@@ -12,8 +12,9 @@ export function socketUrl(page) {
   return url.href;
 }
 
-/// `core`: connected(), disconnected(reason), receive(bytes) -> error text, next() -> bytes or null, refused() -> whether trying again is of no use.
-export function openLink(url, core, changed) {
+/// `core`: connected(), disconnected(reason), receive(bytes) -> error text, next() -> bytes or null, refused() -> whether trying again is of no use,
+/// splatsAlone() -> whether that is since the scene has nothing else: then `showSplats()`.
+export function openLink(url, core, changed, showSplats) {
   let socket = null;
   let delay = kFirstDelay;
   let timer = 0;
@@ -50,6 +51,7 @@ export function openLink(url, core, changed) {
         mine.close();
         return lost(error);
       }
+      if (core.splatsAlone()) return showSplats();
       flush();
       changed();
     };

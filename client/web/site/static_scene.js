@@ -14,6 +14,9 @@ class SceneError extends Error {
   }
 }
 
+/// Thrown by openSplatScene where a scene has patches and no splats.
+export class NoSplats extends SceneError {}
+
 async function readJson(url) {
   let answer;
   try {
@@ -67,7 +70,9 @@ export async function openSplatScene(base, core, changed) {
   const { url, scene, parts, numbers } = await readScene(base);
   const plain = parts.find(({ file, bytes }) => file === "qsplat.lgq" && Number.isSafeInteger(bytes) && bytes > 0);
   const splats = partOf(parts, "qsplat-", ".lgq") ?? plain;
-  if (!splats) throw new SceneError(`${url} lists no splats`, "Build them with lumigrid build ... --methods qsplat, and publish the scene again.");
+  const advice = "Build them with lumigrid build ... --methods qsplat, and publish the scene again.";
+  if (!splats && parts.some(({ file }) => /^patch.*\.lgp$/.test(file))) throw new NoSplats(`${url} lists no splats`, advice);
+  if (!splats) throw new SceneError(`${url} lists no splats`, advice);
   fetchRanges(base, core, changed);
   core.withNumbers([...numbers, splats.bytes], (at) => core.call("openSplats", base.replace(/\/$/, ""), nameOf(base), String(scene.units ?? ""), splats.file, at));
   return (now) => core.call("pumpStatic", now) !== 0;

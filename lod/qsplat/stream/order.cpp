@@ -25,13 +25,6 @@ Priority plainPriority(StreamOrder order, int picture_height) {
   return sweepPriority(picture_height);
 }
 
-bool isSeenThrough(const Lens& lens, const Want& want) {
-  if (!(want.size_px < kInfinity)) return true;  // around the eye: anywhere on the screen
-  const float reach = lens.radius_px + 0.5F * want.size_px;
-  const glm::vec2 off = want.at_px - lens.center_px;
-  return glm::dot(off, off) <= reach * reach;
-}
-
 }  // namespace
 
 std::optional<StreamOrder> streamOrderFromName(std::string_view name) {
@@ -44,7 +37,7 @@ Priority priorityFor(StreamOrder order, const std::optional<Lens>& lens, int pic
   const Priority plain = plainPriority(order, picture_height);
   if (!lens) return plain;
   return [plain, lens = *lens](const Want& want) {
-    return plain(want) + (isSeenThrough(lens, want) ? kThroughLens : 0.0F);
+    return plain(want) + (isSeenThrough(lens, want.at_px, want.size_px) ? kThroughLens : 0.0F);
   };
 }
 

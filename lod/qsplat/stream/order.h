@@ -25,13 +25,7 @@ inline constexpr std::array<std::pair<StreamOrder, std::string_view>, 5> kStream
      {StreamOrder::kSweeps, "sweeps"}}};
 std::optional<StreamOrder> streamOrderFromName(std::string_view name);
 
-/// A magnifying glass: what is seen through it comes before all else.
-struct Lens {
-  glm::vec2 center_px{0.0F};  ///< from the picture's upper left corner
-  float radius_px = 0.0F;     ///< above 0
-  friend bool operator==(const Lens&, const Lens&) = default;
-};
-
+/// What is seen through the lens comes before all else.
 Priority priorityFor(StreamOrder order, const std::optional<Lens>& lens, int picture_height);
 
 }  // namespace lod::qsplat

@@ -35,6 +35,7 @@ TraverseRequest widened(TraverseRequest request) {
   camera.width = static_cast<int>(kNearby * static_cast<float>(camera.width));
   camera.height = static_cast<int>(kNearby * static_cast<float>(camera.height));
   request.cull_back_faces = false;
+  request.lens.reset();
   return request;
 }
 
@@ -72,6 +73,7 @@ void Stream::traverse(const TraverseRequest& request, const std::optional<Lens>&
   }
   blocks_->beginFrame(++frame_);
   TraverseRequest ordered = request;
+  ordered.lens = lens;
   ordered.priority = priorityFor(options_.order, lens, request.camera.height);
   qsplat::traverse(*blocks_, ordered, result);
   if (result.damaged) giveUp("its groups don't make a tree; copy or build the file again");

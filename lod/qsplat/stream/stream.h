@@ -76,8 +76,8 @@ class Stream {
 
   // ---- frames ----
 
-  /// What to draw of what is here. `request.priority` is not looked at; what is lacking is queued by the stream's
-  /// order, after all that earlier frames wanted was forgotten. Nothing is drawn before header().
+  /// What to draw of what is here. `request`'s priority and lens are not looked at; what is lacking is queued by the
+  /// stream's order, after all that earlier frames wanted was forgotten. Nothing is drawn before header().
   void traverse(const TraverseRequest& request, const std::optional<Lens>& lens, Traversal& result);
   /// Counts up when another traversal of the same view may find more.
   std::uint64_t generation() const { return generation_; }

@@ -6,6 +6,8 @@
 #include <set>
 #include <string>
 
+#include "lod/draw/splats.h"
+
 namespace client {
 namespace {
 
@@ -47,6 +49,24 @@ TEST(Settings, fractionsAreForNumbersOnly) {
   EXPECT_FALSE(bool(setSetting(settings, "images", 0.5)));
   EXPECT_FALSE(bool(setSetting(settings, "no_such", 1.0)));
   EXPECT_EQ(findSetting("no_such"), nullptr);
+}
+
+TEST(Settings, methodsAreThoseOfTheViewer) {
+  Settings settings;
+  EXPECT_EQ(methodOf(settings), lod::Method::kLumigraph);
+  for (const auto method : {lod::Method::kLumigraph, lod::Method::kPatches, lod::Method::kQsplat}) {
+    for (const auto& [known, name] : lod::kMethodNames)
+      if (known == method) settings.method = *choiceValue(*findSetting("method"), name);
+    EXPECT_EQ(methodOf(settings), method);
+  }
+}
+
+TEST(Settings, kernelsAreThoseOfTheRenderer) {
+  const SettingField& splat = *findSetting("splat");
+  EXPECT_EQ(splat.largest, static_cast<double>(lod::draw::SplatKernel::kEllipse));
+  for (double place = 0.0; place <= splat.largest; ++place)
+    EXPECT_EQ(lod::draw::splatKernelFromName(choiceName(splat, place)),
+              static_cast<lod::draw::SplatKernel>(static_cast<int>(place)));
 }
 
 TEST(Settings, choicesHaveNames) {

@@ -85,6 +85,21 @@ TEST(Session, aRefusalIsKeptWithItsReasonAfterTheConnectionCloses) {
   EXPECT_TRUE(session.problem().empty());
 }
 
+TEST(Session, aRefusalTellsWhichOtherMethodTheSceneHasDataFor) {
+  Session session({});
+  session.connected();
+  hear(session, server().sayRefusal(protocol::kVersion, "full up"));
+  EXPECT_EQ(session.methodInstead(), std::nullopt);
+  Session other({});
+  other.connected();
+  hear(other, protocol::encode(protocol::ServerMessage(protocol::Refusal{protocol::kVersion, "no patches", true})));
+  EXPECT_EQ(other.methodInstead(), lod::Method::kQsplat);
+  Session read({});
+  read.refuse("no splats", lod::Method::kLumigraph);
+  EXPECT_EQ(read.methodInstead(), lod::Method::kLumigraph);
+  EXPECT_EQ(read.problem(), "no splats");
+}
+
 TEST(Session, anotherVersionIsNamedWithBothNumbers) {
   Session session({});
   session.connected();

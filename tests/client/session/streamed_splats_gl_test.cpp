@@ -164,6 +164,50 @@ TEST_F(StreamedSplatsTest, aMovingViewIsAsCoarseAsTheRateAsksForAndRestRefinesIt
   EXPECT_FALSE(viewer_->stats().busy);
 }
 
+TEST_F(StreamedSplatsTest, throughTheLensThePictureIsFinerAndElsewhereTheSame) {
+  SplatOptions options = still();
+  options.cutoff_px = 12.0F;
+  open(options);
+  fetchAll(view());
+  const base::Image without = draw(view());
+  const std::uint64_t splats = viewer_->stats().splats.splats;
+  EXPECT_EQ(viewer_->stats().splats.lens_px, 0.0F);
+
+  const lod::qsplat::Lens lens{{110.0F, 140.0F}, 40.0F};
+  viewer_->setLens(lens);
+  fetchAll(view());
+  const base::Image with = draw(view());
+  EXPECT_EQ(viewer_->stats().splats.lens_px, 4.0F);
+  EXPECT_GT(viewer_->stats().splats.splats, splats + splats / 20);
+
+  options.cutoff_px = 4.0F;
+  open(options);
+  fetchAll(view());
+  const base::Image fine = draw(view());
+
+  // Splats at the rim reach out of it, by their own size on either side.
+  int inside = 0, outside = 0, changed = 0;
+  for (int y = 0; y < kSize; ++y)
+    for (int x = 0; x < kSize; ++x) {
+      const float off = glm::length(glm::vec2(x + 0.5F, y + 0.5F) - lens.center_px);
+      const auto at = with.pixels.begin() + 4 * (static_cast<std::ptrdiff_t>(y) * kSize + x);
+      const auto same = [&](const base::Image& other) {
+        return std::equal(at, at + 4, other.pixels.begin() + (at - with.pixels.begin()));
+      };
+      if (off < lens.radius_px - 2.0F * options.cutoff_px) {
+        ++inside;
+        EXPECT_TRUE(same(fine)) << x << ", " << y;
+        changed += same(without) ? 0 : 1;
+      } else if (off > lens.radius_px + 2.0F * 12.0F) {
+        ++outside;
+        EXPECT_TRUE(same(without)) << x << ", " << y;
+      }
+    }
+  EXPECT_GT(inside, 3000);
+  EXPECT_GT(outside, 40'000);
+  EXPECT_GT(changed, inside / 2);
+}
+
 TEST_F(StreamedSplatsTest, theDrawnSurfaceIsFoundUnderThePointer) {
   open(still());
   fetchAll(view());

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
 #include <set>
@@ -240,6 +241,60 @@ TEST(TraverseTest, aFinerCutOffMeetsAllNodesThatACoarserOneMet) {
       }
     }
   }
+}
+
+// Through the lens a third of the size, and outside of it the splats that would be drawn without one.
+TEST(TraverseTest, aLensRefinesWhatIsSeenThroughItAndNothingElse) {
+  MappedBlocks blocks(ball().file, ball().header);
+  support::RandomViews views(31, ball().header.root, 512);
+  std::size_t replaced = 0, came = 0;
+  for (int i = 0; i < 20; ++i) {
+    const float cutoff_px = i % 2 == 0 ? 40.0F : 12.0F;
+    TraverseRequest request = requestFor(views.next(), cutoff_px);
+    const Traversal without = traverse(blocks, request);
+    if (without.splats.empty()) continue;
+    // Around the splat that is seen nearest to the middle.
+    const auto seenAt = [&](const Splat& splat) {
+      const glm::vec4 clip = request.camera.clipFromScene() * glm::vec4(splat.center, 1.0F);
+      return 256.0F * glm::vec2(1.0F + clip.x / clip.w, 1.0F - clip.y / clip.w);
+    };
+    const auto offMiddle = [&](const Splat& splat) { return glm::length(seenAt(splat) - glm::vec2(256.0F)); };
+    const Splat& target =
+        *std::min_element(without.splats.begin(), without.splats.end(),
+                          [&](const Splat& a, const Splat& b) { return offMiddle(a) < offMiddle(b); });
+    const Lens lens{seenAt(target), 60.0F};
+    request.lens = lens;
+    const Traversal with = traverse(blocks, request);
+    EXPECT_GE(with.nodes, without.nodes);
+
+    std::set<std::array<float, 4>> plain, refined;
+    const auto keyOf = [](const Splat& splat) {
+      return std::array{splat.center.x, splat.center.y, splat.center.z, splat.radius};
+    };
+    for (const Splat& splat : without.splats) plain.insert(keyOf(splat));
+    for (const Splat& splat : with.splats) {
+      refined.insert(keyOf(splat));
+      const float size = projectedDiameter(splat.center, splat.radius, request.camera);
+      const bool leaf = (splat.normal & Splat::kLeaf) != 0;
+      EXPECT_TRUE(leaf || size <= cutoff_px / 3.0F * 1.0001F || !isSeenThrough(lens, seenAt(splat), size)) << size;
+    }
+    for (const Splat& splat : without.splats) {
+      const float size = projectedDiameter(splat.center, splat.radius, request.camera);
+      EXPECT_TRUE(refined.contains(keyOf(splat)) || isSeenThrough(lens, seenAt(splat), size));
+      replaced += refined.contains(keyOf(splat)) ? 0 : 1;
+    }
+    for (const auto& splat : refined) came += plain.contains(splat) ? 0 : 1;
+  }
+  // Up to the square of three for each of them, but for leaves and what turns its back.
+  EXPECT_GT(replaced, 100U);
+  EXPECT_GT(came, 3 * replaced);
+}
+
+TEST(TraverseTest, aLensIsNoFinerThanCanBeSeenAndNeverCoarser) {
+  EXPECT_EQ(cutoffThroughLens(12.0F), 4.0F);
+  EXPECT_EQ(cutoffThroughLens(1.0F), 0.5F);
+  EXPECT_EQ(cutoffThroughLens(0.25F), 0.25F);
+  EXPECT_EQ(cutoffThroughLens(0.0F), 0.0F);
 }
 
 TEST(TraverseTest, theResultDoesNotDependOnThreadsOrTheirOrder) {

@@ -123,6 +123,18 @@ TEST(Session, anotherVersionIsRefusedInPlainWords) {
       "this server speaks protocol " + std::to_string(protocol::kVersion) + ", the client speaks 0; update the client");
 }
 
+TEST(Session, aSceneOfSplatsAloneIsRefusedAsSuch) {
+  SceneData data;
+  Talk talk(data);
+  const auto taken = talk.say(protocol::Hello{protocol::kVersion, "test 1"});
+  ASSERT_FALSE(taken);
+  EXPECT_EQ(taken.error().code, base::ErrorCode::kUnsupported);
+  const auto refusal = std::get<protocol::Refusal>(*talk.next());
+  EXPECT_TRUE(refusal.splats_alone);
+  EXPECT_EQ(refusal.reason, taken.error().message);
+  EXPECT_TRUE(talk.session.finished());
+}
+
 TEST(Session, whatComesBeforeHelloIsRefused) {
   const TestScene scene;
   for (const protocol::ClientMessage& early :

@@ -1,0 +1,205 @@
+// Scenes of splats alone, and splats of scenes that lie behind a network.
+#include <gtest/gtest.h>
+#include <openssl/evp.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "base/hash/sha256.h"
+#include "server/net/site.h"
+#include "tests/server/net/loopback.h"
+#include "tests/server/net/page_folder.h"
+#include "tests/server/net/served_scene.h"
+#include "tests/support/nginx.h"
+#include "tests/support/temporary_directory.h"
+
+namespace server {
+namespace {
+
+namespace fs = std::filesystem;
+
+void write(const std::string& path, const std::string& text) {
+  ASSERT_TRUE(base::writeFileAtomically(path, {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}));
+}
+
+/// A published scene of splats alone in `directory`; a server does not look into the file.
+class SplatsAlone {
+ public:
+  explicit SplatsAlone(const std::string& directory, std::size_t bytes) {
+    fs::create_directories(directory);
+    file.resize(bytes);
+    for (std::size_t i = 0; i < bytes; ++i) file[i] = static_cast<char>(i * i % 251);
+    const std::string hash =
+        base::hexOf(base::sha256({reinterpret_cast<const std::uint8_t*>(file.data()), file.size()}));
+    name = base::publishedName("qsplat.lgq", hash);
+    path = directory + "/" + name;
+    write(path, file);
+    base::Scene scene;
+    scene.box_max = glm::dvec3(1.0);
+    scene.parts = {{name, bytes, hash}};
+    EXPECT_TRUE(base::writeSceneFile(scene, directory + "/scene.json"));
+  }
+  std::string name, path, file;
+};
+
+TEST(SplatsAlone, theFileIsServedAndWhatNeedsPatchesSaysSo) {
+  const support::TemporaryDirectory directory;
+  const SplatsAlone scene(directory / "cloud", 5000);
+  const PageFolder page;
+  ServerOptions options = RunningServer::quiet();
+  options.page_directory = page.path;
+  const RunningServer server(directory / "cloud", options);
+
+  EXPECT_EQ(httpRequest(server.port(), "/qsplat.lgq").body, scene.file);
+  EXPECT_EQ(httpRequest(server.port(), "/" + scene.name, {{"Range", "bytes=1000-1009"}}).body,
+            scene.file.substr(1000, 10));
+  for (const std::string target :
+       {"/patch.lgp", "/render?position=0,0,9&direction=0,0,-1", "/pick?ox=0&oy=0&oz=9&dx=0&dy=0&dz=-1"}) {
+    const HttpAnswer answer = httpRequest(server.port(), target);
+    EXPECT_EQ(answer.status, 501) << target;
+    EXPECT_NE(answer.body.find("splats alone"), std::string::npos) << answer.body;
+    EXPECT_NE(answer.body.find("--methods patch,qsplat"), std::string::npos) << answer.body;
+    EXPECT_EQ(answer.body.find('\n'), answer.body.size() - 1) << answer.body;
+  }
+}
+
+TEST(SplatsAlone, thePageIsToldWhichOfItsProgramsToFetch) {
+  const support::TemporaryDirectory directory;
+  const SplatsAlone scene(directory / "cloud", 5000);
+  const SceneDirectory patches(0);
+  const PageFolder page;
+  ServerOptions options = RunningServer::quiet();
+  options.page_directory = page.path;
+  const RunningServer server(std::vector<std::string>{directory / "cloud", patches.path}, options);
+
+  const HttpAnswer moved = httpRequest(server.port(), "/cloud/");
+  EXPECT_EQ(moved.status, 302);
+  EXPECT_EQ(moved.headers.at("location"), "?method=qsplat");
+  EXPECT_EQ(httpRequest(server.port(), "/cloud/?check").headers.at("location"), "?check&method=qsplat");
+  EXPECT_EQ(httpRequest(server.port(), "/cloud/?method=qsplat").status, 200);
+  EXPECT_EQ(httpRequest(server.port(), "/cloud/?scene=https://elsewhere/tower").status, 200);
+  const std::string other = "/" + fs::path(patches.path).filename().string() + "/";
+  EXPECT_EQ(httpRequest(server.port(), other).status, 200);
+}
+
+TEST(SplatsAlone, viewersOfOtherMethodsAreRefusedWithWhatShowsTheScene) {
+  const support::TemporaryDirectory directory;
+  const SplatsAlone scene(directory / "cloud", 5000);
+  const RunningServer server(directory / "cloud");
+  const auto client = LoopbackClient::connect(server.port());
+  ASSERT_TRUE(client);
+  ASSERT_TRUE(client->send(protocol::Hello{protocol::kVersion, "test"}));
+  const auto message = client->receive();
+  ASSERT_TRUE(message && std::holds_alternative<protocol::Refusal>(*message));
+  const auto& refusal = std::get<protocol::Refusal>(*message);
+  EXPECT_TRUE(refusal.splats_alone);
+  EXPECT_NE(refusal.reason.find("--method qsplat"), std::string::npos) << refusal.reason;
+  EXPECT_FALSE(client->receive());
+}
+
+/// A server of ours of what nginx has in path("site/cloud"), with a cache of its own.
+class FarSplats : public ::testing::Test {
+ protected:
+  static constexpr std::size_t kBytes = 3'500'000;  // some pieces
+  void SetUp() override {
+    LUMIGRID_SKIP_WITHOUT_NGINX();
+    scene = std::make_unique<SplatsAlone>(directory / "site/cloud", kBytes);
+    nginx = std::make_unique<support::Nginx>(directory / "site");
+    ASSERT_TRUE(nginx->running());
+    ServerOptions options = RunningServer::quiet();
+    options.remote.cache_directory = directory / "cache";
+    server = std::make_unique<RunningServer>(nginx->url() + "/cloud", options);
+  }
+  HttpAnswer ask(const std::map<std::string, std::string>& headers = {}, const std::string& method = "GET") const {
+    return httpRequest(server->port(), "/qsplat.lgq", headers, method);
+  }
+
+  const support::TemporaryDirectory directory;
+  std::unique_ptr<SplatsAlone> scene;
+  std::unique_ptr<support::Nginx> nginx;
+  std::unique_ptr<RunningServer> server;
+};
+
+TEST_F(FarSplats, allOfItOrAnyRangeIsPassedOn) {
+  const HttpAnswer whole = ask();
+  EXPECT_EQ(whole.status, 200);
+  EXPECT_TRUE(whole.body == scene->file);
+  EXPECT_EQ(whole.headers.at("accept-ranges"), "bytes");
+  for (const auto& [first, last] : {std::pair<std::size_t, std::size_t>{0, 0}, {1000, 70'000}, {100'000, 2'600'000}}) {
+    const HttpAnswer part = ask({{"Range", "bytes=" + std::to_string(first) + "-" + std::to_string(last)}});
+    EXPECT_EQ(part.status, 206);
+    EXPECT_TRUE(part.body == scene->file.substr(first, last - first + 1)) << first;
+    EXPECT_EQ(part.headers.at("content-range"),
+              "bytes " + std::to_string(first) + "-" + std::to_string(last) + "/" + std::to_string(kBytes));
+  }
+  EXPECT_EQ(ask({{"Range", "bytes=4000000-"}}).status, 416);
+  const HttpAnswer head = ask({}, "HEAD");
+  EXPECT_EQ(head.headers.at("content-length"), std::to_string(kBytes));
+  EXPECT_EQ(head.body, "");
+}
+
+TEST_F(FarSplats, theTagIsTheContents) {
+  const std::string etag = ask({{"Range", "bytes=0-9"}}).headers.at("etag");
+  EXPECT_EQ(etag, "\"" + scene->name.substr(7, 32) + "\"");
+  EXPECT_EQ(ask({{"If-None-Match", etag}}).status, 304);
+  EXPECT_EQ(ask({{"Range", "bytes=0-9"}, {"If-Range", etag}}).status, 206);
+  EXPECT_EQ(ask({{"Range", "bytes=0-9"}, {"If-Range", "\"other\""}}).status, 200);
+}
+
+TEST_F(FarSplats, whatWasReadOnceIsInTheCache) {
+  const auto requests = [this] {
+    const std::string log = nginx->accessLog();
+    return std::count(log.begin(), log.end(), '\n');
+  };
+  const HttpAnswer first = ask({{"Range", "bytes=5000-9000"}});
+  const auto asked = requests();
+  EXPECT_EQ(ask({{"Range", "bytes=6000-9999"}}).body, scene->file.substr(6000, 4000));
+  EXPECT_EQ(requests(), asked);
+  nginx->stop();
+  EXPECT_EQ(ask({{"Range", "bytes=5000-9000"}}).body, first.body);
+}
+
+TEST_F(FarSplats, aPlaceThatIsAwayOrLostItIsAnErrorInOneLine) {
+  const auto expectLine = [](const HttpAnswer& answer, int status) {
+    EXPECT_EQ(answer.status, status);
+    EXPECT_NE(answer.body.find("where the scene lies"), std::string::npos) << answer.body;
+    EXPECT_EQ(answer.body.find('\n'), answer.body.size() - 1) << answer.body;
+  };
+  fs::remove(scene->path);
+  expectLine(ask({{"Range", "bytes=0-9"}}), 502);
+  write(scene->path, scene->file);
+  EXPECT_EQ(ask({{"Range", "bytes=0-9"}}).status, 206) << "it came back";
+  nginx->stop();
+  const HttpAnswer away = ask({{"Range", "bytes=3000000-3000009"}});
+  expectLine(away, 503);
+  EXPECT_EQ(away.headers.count("retry-after"), 1U);
+}
+
+// The rest of the body cannot be made up: the connection ends, and the visitor sees that it is short.
+TEST_F(FarSplats, aBodyThatBreaksOffEndsTheConnection) {
+  EXPECT_EQ(ask({{"Range", "bytes=0-2000000"}}).body.size(), 2'000'001U);
+  nginx->stop();
+  const std::string answer = rawExchange(server->port(), "GET /qsplat.lgq HTTP/1.1\r\nHost: x\r\n\r\n");
+  EXPECT_NE(answer.find("Content-Length: " + std::to_string(kBytes)), std::string::npos);
+  EXPECT_GT(answer.size(), 1'000'000U);
+  EXPECT_LT(answer.size(), kBytes);
+}
+
+std::string base64Of(base::ByteView bytes) {
+  std::string text(4 * ((bytes.size() + 2) / 3) + 1, '\0');
+  const int length =
+      EVP_EncodeBlock(reinterpret_cast<unsigned char*>(text.data()), bytes.data(), static_cast<int>(bytes.size()));
+  text.resize(static_cast<std::size_t>(length));
+  return text;
+}
+
+TEST(PagePolicy, allowsTheScriptThatStandsInThePage) {
+  const auto bytes = base::readFile(LUMIGRID_SOURCE_DIR "/client/web/site/early.js");
+  ASSERT_TRUE(bytes);
+  const base::Sha256Digest digest = base::sha256(*bytes);
+  EXPECT_NE(std::string(kPagePolicy).find("'sha256-" + base64Of(digest) + "'"), std::string::npos)
+      << "kPagePolicy and docs/hosting.md must name sha256-" << base64Of(digest);
+}
+
+}  // namespace
+}  // namespace server
