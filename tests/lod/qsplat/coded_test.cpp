@@ -123,6 +123,22 @@ TEST(QsplatCoded, EveryTurnedBitIsFound) {
     EXPECT_FALSE(checkTree(base::ByteView(good).first(length)).empty()) << "cut to " << length;
 }
 
+// Places of children among them: who asks again for what was damaged on its way must ask for the right block.
+TEST(QsplatCoded, ABlockFindsEveryTurnedBitOfItsOwn) {
+  const base::Bytes coded = support::codedSplats(surface());
+  const Header header = *readHeader(coded);
+  const BlockCoder coder = *BlockCoder::fromHeader(coded, header);
+  const auto first = coded.begin() + header.header_bytes;
+  const base::Bytes good(first, first + header.first_block_bytes);
+  base::Bytes plain(kBlockBytes);
+  ChildBlocks children;
+  for (std::size_t bit = 0; bit < 8 * good.size(); ++bit) {
+    base::Bytes bad = good;
+    bad[bit / 8] ^= 1U << bit % 8;
+    EXPECT_FALSE(coder.decode(1, bad, plain.data(), children)) << "bit " << bit;
+  }
+}
+
 // What no checksum of the header finds.
 TEST(QsplatCoded, HeadersThatCannotBeAreRefused) {
   const base::Bytes good = support::codedSplats(surface());
