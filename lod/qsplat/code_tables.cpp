@@ -124,6 +124,24 @@ void levelsFrom(const SymbolCounts& counts, SymbolLevels& levels) {
   }
 }
 
+void flattenRarest(const SymbolCounts& counts, bool colors, std::size_t most_bytes, SymbolLevels& levels) {
+  struct Context {
+    std::uint64_t count;
+    std::uint32_t number, symbols;
+  };
+  std::vector<Context> contexts;
+  forEachContext(colors, [&](std::uint32_t context, std::uint32_t symbols) {
+    const std::uint64_t all = std::accumulate(counts[context].begin(), counts[context].end(), std::uint64_t{0});
+    if (all > 0) contexts.push_back({all, context, symbols});
+  });
+  std::stable_sort(contexts.begin(), contexts.end(),
+                   [](const Context& a, const Context& b) { return a.count < b.count; });
+  for (const Context& rarest : contexts) {
+    if (packLevels(levels, colors).size() <= most_bytes) return;
+    std::fill_n(levels[rarest.number].begin(), rarest.symbols, std::uint8_t{1});
+  }
+}
+
 base::Bytes packLevels(const SymbolLevels& levels, bool colors) {
   BitWriter out;
   forEachContext(colors, [&](std::uint32_t context, std::uint32_t symbols) {

@@ -53,6 +53,9 @@ using SymbolCounts = std::array<std::array<std::uint64_t, kMostSymbols>, kContex
 
 /// The nearest levels.
 void levelsFrom(const SymbolCounts& counts, SymbolLevels& levels);
+/// So that packLevels takes no more than `most_bytes`, at least 2048: the rarest contexts' symbols all get level 1, as
+/// many of them as it needs. No file that was seen needed it.
+void flattenRarest(const SymbolCounts& counts, bool colors, std::size_t most_bytes, SymbolLevels& levels);
 base::Bytes packLevels(const SymbolLevels& levels, bool colors);
 /// False when `bytes` are not what packLevels wrote.
 bool unpackLevels(base::ByteView bytes, bool colors, SymbolLevels& levels);

@@ -3,6 +3,8 @@
 #include <cmath>
 #include <utility>
 
+#include "base/crc32c.h"
+
 namespace lod::qsplat {
 namespace {
 
@@ -26,6 +28,15 @@ struct CountingCoder {
     return symbol;
   }
 };
+
+constexpr std::size_t kChecksumBytes = sizeof(std::uint32_t);
+
+/// Of a coded block and of the plain one that it stands for, which knows its number.
+std::uint32_t checksumOf(base::ByteView coded, const std::uint8_t* plain) {
+  std::uint32_t of_plain = 0;
+  std::memcpy(&of_plain, plain + kPayloadBytes, sizeof(of_plain));
+  return base::crc32c(coded.subspan(kChecksumBytes), of_plain);
+}
 
 std::uint64_t readSix(base::ByteReader& in) {
   const std::uint64_t low = in.u32();
@@ -115,8 +126,8 @@ bool BlockCoder::decode(std::uint64_t number, base::ByteView coded, std::uint8_t
   } else if (!decodeGroups(groups, rest, children, plain)) {
     return false;
   }
-  std::memcpy(plain + kPayloadBytes, &checksum, sizeof(checksum));
-  return isBlock({plain, kBlockBytes}, static_cast<std::uint32_t>(number));
+  sealBlock(plain, static_cast<std::uint32_t>(number));
+  return checksum == checksumOf(coded, plain);
 }
 
 bool BlockCoder::readChildren(std::uint64_t number, std::uint32_t count, base::ByteReader& in,
@@ -170,10 +181,7 @@ base::Bytes BlockCoder::encode(const std::uint8_t* plain, std::span<const GroupS
   const bool fits = SymbolWriter::append(tables_, symbols, coded) && coded.size() < kPayloadBytes;
   if (!fits) coded.assign(plain, plain + kPayloadBytes);
 
-  std::uint32_t checksum = 0;
-  std::memcpy(&checksum, plain + kPayloadBytes, sizeof(checksum));
-  base::Bytes out;
-  append(out, checksum, 4);
+  base::Bytes out(kChecksumBytes);
   append(out, fits ? groups.size() : 0, 1);
   append(out, children.count, 1);
   if (children.count > 0) {
@@ -182,6 +190,8 @@ base::Bytes BlockCoder::encode(const std::uint8_t* plain, std::span<const GroupS
   }
   for (std::uint32_t i = 0; i < children.count; ++i) append(out, children.bytes[i], 2);
   out.insert(out.end(), coded.begin(), coded.end());
+  const std::uint32_t checksum = checksumOf(out, plain);
+  std::memcpy(out.data(), &checksum, kChecksumBytes);
   return out;
 }
 

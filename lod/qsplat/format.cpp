@@ -3,10 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <deque>
 
 #include "base/crc32c.h"
-#include "lod/qsplat/coded_block.h"
 
 namespace lod::qsplat {
 namespace {
@@ -17,10 +15,6 @@ constexpr std::uint32_t kCodedVersion = 2;
 constexpr std::uint32_t kHasColors = 1;
 constexpr std::uint32_t kWidePointers = 2;
 constexpr std::size_t kFieldsEnd = 80;  // zeros from here to the checksum
-
-bool allZero(base::ByteView bytes) {
-  return std::all_of(bytes.begin(), bytes.end(), [](std::uint8_t b) { return b == 0; });
-}
 
 std::uint32_t checksumAt(const std::uint8_t* at) {
   std::uint32_t crc = 0;
@@ -101,6 +95,10 @@ base::Bytes withChecksum(base::Bytes bytes) {
 }
 
 }  // namespace
+
+bool allZero(base::ByteView bytes) {
+  return std::all_of(bytes.begin(), bytes.end(), [](std::uint8_t b) { return b == 0; });
+}
 
 base::Error damaged(const std::string& what) {
   return {base::ErrorCode::kInvalidInput, what + "; copy or build the file again"};
@@ -195,239 +193,6 @@ const char* groupFault(const std::uint8_t* block, std::uint64_t offset, std::uin
   if (target <= offset || target >= header.file_bytes) return "points back or beyond the file";
   if (groupPlace(target, first_child_bytes) != target) return "points to where no group fits";
   return nullptr;
-}
-
-namespace {
-
-/// Blocks of a file one after the other, 1 and on; who asks for an earlier one begins again.
-class BlockSource {
- public:
-  virtual ~BlockSource() = default;
-  /// kBlockBytes until the next call; null: damaged.
-  virtual const std::uint8_t* block(std::uint64_t number) = 0;
-  /// Whether a place is known for it.
-  virtual bool knows(std::uint64_t) { return true; }
-  /// What is wrong with the file beside its blocks, one line; mostly empty. After the last block.
-  virtual std::string fault() { return ""; }
-};
-
-class PlainSource final : public BlockSource {
- public:
-  explicit PlainSource(base::ByteView file) : file_(file) {}
-  const std::uint8_t* block(std::uint64_t number) override {
-    const base::ByteView block = file_.subspan(static_cast<std::size_t>(number * kBlockBytes), kBlockBytes);
-    return isBlock(block, static_cast<std::uint32_t>(number)) ? block.data() : nullptr;
-  }
-
- private:
-  base::ByteView file_;
-};
-
-/// Decodes; and sees to it that coded blocks stand one behind the other, where their parents say, and nothing else
-/// does.
-class CodedSource final : public BlockSource {
- public:
-  CodedSource(base::ByteView file, const Header& header, const BlockCoder& coder)
-      : file_(file), header_(header), coder_(coder) {
-    restart();
-  }
-
-  const std::uint8_t* block(std::uint64_t number) override {
-    if (number < number_) restart();
-    while (number_ < number)
-      if (!next()) return nullptr;
-    return plain_.data();
-  }
-  bool knows(std::uint64_t number) override { return number <= known_; }
-
-  std::string fault() override {
-    if (!fault_.empty()) return fault_;
-    const std::uint64_t end = (told_ + kBlockBytes - 1) / kBlockBytes * kBlockBytes;
-    return end == header_.coded_bytes && allZero(file_.subspan(static_cast<std::size_t>(told_)))
-               ? ""
-               : "something stands behind its last block";
-  }
-
- private:
-  void restart() {
-    number_ = 0;
-    known_ = 1;
-    lengths_.assign(1, header_.first_block_bytes);
-    at_ = header_.header_bytes;
-    told_ = at_ + header_.first_block_bytes;
-  }
-
-  bool next() {
-    if (lengths_.empty()) return false;
-    const std::uint32_t length = lengths_.front();
-    ChildBlocks children;
-    ++number_;
-    const std::uint64_t at = at_;
-    const bool good =
-        coder_.decode(number_, file_.subspan(static_cast<std::size_t>(at), length), plain_.data(), children);
-    if (good) forEachChildBlock(children, [this](std::uint64_t child, const CodedPlace& place) { told(child, place); });
-    lengths_.pop_front();
-    at_ += length;
-    return good;
-  }
-
-  // lengths_ are of blocks number_ … known_, of which the first begins at at_.
-  void told(std::uint64_t child, const CodedPlace& place) {
-    if (child == known_ + 1 && place.offset == told_ && place.bytes <= header_.coded_bytes - told_) {
-      lengths_.push_back(place.bytes);
-      ++known_;
-      told_ += place.bytes;
-      return;
-    }
-    // Told of before: mostly the last one, in which the children of one block end and those of the next begin.
-    std::uint64_t offset = told_;
-    for (std::uint64_t b = known_; child <= known_ && b >= child; --b) offset -= lengths_[b - number_];
-    if (child > known_ || place != CodedPlace{offset, lengths_[child - number_]})
-      fault_ = "block " + std::to_string(number_) + " says of block " + std::to_string(child) +
-               " that it is where it is not";
-  }
-
-  base::ByteView file_;
-  const Header& header_;
-  const BlockCoder& coder_;
-  std::array<std::uint8_t, kBlockBytes> plain_{};
-  std::uint64_t number_ = 0;  // of the block in plain_
-  std::uint64_t known_ = 0;   // blocks that somebody has told of
-  std::deque<std::uint32_t> lengths_;
-  std::uint64_t at_ = 0, told_ = 0;
-  std::string fault_;
-};
-
-// One walk of checkTree: groups in the file's order; what is expected of the next level's is known from their parents.
-class TreeChecker {
- public:
-  TreeChecker(BlockSource& source, const Header& header) : source_(source), header_(header), layout_(header) {}
-
-  std::vector<std::string> run() {
-    checkBlocks();
-    if (faults_.empty()) walk();
-    return std::move(faults_);
-  }
-
- private:
-  static constexpr std::size_t kMostFaults = 10;
-  // A group's nodes, and bit 3 where it has a pointer.
-  static constexpr std::uint8_t kPointerBit = 8;
-
-  void fault(const std::string& text) {
-    if (faults_.size() < kMostFaults) faults_.push_back(text);
-  }
-
-  void checkBlocks() {
-    for (std::uint64_t b = 1; b < header_.blocks(); ++b) {
-      if (!source_.knows(b)) return fault("block " + std::to_string(b) + ": nothing tells where it is; build it again");
-      if (source_.block(b) == nullptr)
-        fault("block " + std::to_string(b) + ": checksum does not match; copy or build the file again");
-    }
-    if (const std::string wrong = source_.fault(); !wrong.empty()) fault(wrong + "; build the file again");
-  }
-
-  void walk() {
-    std::vector<std::uint8_t> level{static_cast<std::uint8_t>(1 | (header_.nodes > 1 ? kPointerBit : 0))};
-    laid_out_ = kBlockBytes + layout_.bytes(1, header_.nodes > 1);
-    while (!level.empty()) {
-      if (++levels_ > kMostLevels) return fault("more than 128 levels; build the file again");
-      next_.clear();
-      for (const std::uint8_t expected : level)
-        if (!checkGroup(expected & (kPointerBit - 1), (expected & kPointerBit) != 0)) return;
-      std::swap(level, next_);
-    }
-    checkEnd();
-  }
-
-  // False when nothing behind it can be trusted.
-  bool checkGroup(std::uint32_t nodes, bool has_pointer) {
-    const std::uint32_t bytes = layout_.bytes(nodes, has_pointer);
-    const std::uint64_t offset = groupPlace(end_, bytes);
-    const std::string place = "group " + std::to_string(groups_) + " at byte " + std::to_string(offset) + ": ";
-    if (offset >= header_.file_bytes) return fault(place + "the file ends before it; build it again"), false;
-    checkZeros(end_, offset);
-    end_ = offset + bytes;
-    ++groups_;
-    if (block_ == nullptr || offset / kBlockBytes != number_) block_ = source_.block(number_ = offset / kBlockBytes);
-    if (block_ == nullptr) return fault(place + "its block is gone; copy the file again"), false;
-    if (const char* wrong = groupFault(block_, offset, nodes, has_pointer, header_))
-      return fault(place + wrong + "; build the file again"), false;
-
-    const std::uint8_t* group = block_ + offset % kBlockBytes;
-    bool first = true;
-    for (std::uint32_t i = 0; i < nodes; ++i) {
-      const Node node = readNode(group, i, layout_);
-      ++nodes_;
-      if (i == 0 && groups_ == 1 && node.sphereCode() != kWholeParent)
-        fault(place + "the root's sphere is not the header's; build the file again");
-      if (node.isLeaf()) {
-        ++leaves_;
-        continue;
-      }
-      const std::uint32_t child_bytes = layout_.childBytes(node);
-      const std::uint64_t child = groupPlace(laid_out_, child_bytes);
-      if (first && readPointer(group, nodes, layout_) != child)
-        return fault(place + "does not point to its children; build the file again"), false;
-      first = false;
-      laid_out_ = child + child_bytes;
-      next_.push_back(static_cast<std::uint8_t>(node.children() | (node.childrenAreLeaves() ? 0 : kPointerBit)));
-    }
-    pointers_ += has_pointer ? 1 : 0;
-    return true;
-  }
-
-  // Between two groups, but for the checksum; `from` is in the block of the last group, or at its end.
-  void checkZeros(std::uint64_t from, std::uint64_t to) {
-    const std::uint64_t within = from % kBlockBytes;
-    if (from == to || block_ == nullptr || within == 0) return;
-    if (within < kPayloadBytes && !allZero({block_ + within, static_cast<std::size_t>(kPayloadBytes - within)}))
-      fault("block " + std::to_string(from / kBlockBytes) + ": something stands behind its groups");
-  }
-
-  void checkEnd() {
-    const std::uint64_t file_end = (end_ + kBlockBytes - 1) / kBlockBytes * kBlockBytes;
-    checkZeros(end_, file_end);
-    if (file_end != header_.file_bytes) fault("the file goes on behind its last group");
-    const auto compare = [this](const char* what, std::uint64_t found, std::uint64_t said) {
-      if (found != said)
-        fault("header: " + std::to_string(said) + " " + what + ", the file has " + std::to_string(found));
-    };
-    compare("nodes", nodes_, header_.nodes);
-    compare("leaves", leaves_, header_.leaves);
-    compare("groups", groups_, header_.groups);
-    compare("pointers", pointers_, header_.pointers);
-    compare("levels", levels_, header_.levels);
-  }
-
-  BlockSource& source_;
-  const Header& header_;
-  const GroupLayout layout_;
-  const std::uint8_t* block_ = nullptr;  // of the last group
-  std::uint64_t number_ = 0;             // its number
-  std::vector<std::string> faults_;
-  std::vector<std::uint8_t> next_;        // of the next level, its groups
-  std::uint64_t end_ = kBlockBytes;       // of the group before
-  std::uint64_t laid_out_ = kBlockBytes;  // where the groups known so far end
-  std::uint64_t nodes_ = 0, leaves_ = 0, groups_ = 0, pointers_ = 0;
-  std::uint32_t levels_ = 0;
-};
-
-}  // namespace
-
-std::vector<std::string> checkTree(base::ByteView file) {
-  const auto header = readHeader(file);
-  if (!header) return {header.error().message};
-  if (header->storedBytes() != file.size())
-    return {"has " + std::to_string(file.size()) + " bytes, its header says " + std::to_string(header->storedBytes())};
-  if (!header->coded()) {
-    PlainSource source(file);
-    return TreeChecker(source, *header).run();
-  }
-  const auto coder = BlockCoder::fromHeader(file, *header);
-  if (!coder) return {coder.error().message};
-  CodedSource source(file, *header, *coder);
-  return TreeChecker(source, *header).run();
 }
 
 }  // namespace lod::qsplat

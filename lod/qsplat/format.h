@@ -118,10 +118,12 @@ inline std::uint64_t readPointer(const std::uint8_t* group, std::uint32_t nodes,
 const char* groupFault(const std::uint8_t* block, std::uint64_t offset, std::uint32_t nodes, bool has_pointer,
                        const Header& header);
 
-/// Walks a whole file: each block's checksum, every group reached exactly once and in order, counts as the header says,
-/// zeros where zeros are due, each "all children are leaves". One line a fault, the first few; empty when all is well.
-/// Memory: a byte for each inner node of a level or two.
+/// Walks a whole file in either form: each block's checksum, every group reached exactly once and in order, counts as
+/// the header says, zeros where zeros are due, each "all children are leaves". One line a fault, the first few; empty
+/// when all is well. Memory: a byte for each inner node of a level or two, and four for each block of one.
 std::vector<std::string> checkTree(base::ByteView file);
+
+bool allZero(base::ByteView bytes);
 
 /// Errors about a file's bytes: place, what is wrong, what to do.
 base::Error damaged(const std::string& what);

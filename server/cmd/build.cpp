@@ -944,7 +944,7 @@ void declareOptions(CLI::App& command, BuildArguments& a) {
       ->capture_default_str();
   command.add_flag("--qsplat-coded", a.splats_coded,
                    "write the tree of splats entropy-coded: about half of the bytes, on disk and over a link, for some "
-                   "time of the viewer's processor (default: as it is looked into)");
+                   "of the viewer's time (default: plain)");
   command.add_option("--grid", a.grid, "sampling points along the longest side of the viewing box")
       ->check(CLI::Range(2, 1024))
       ->capture_default_str();

@@ -1,6 +1,7 @@
 #include "lod/build/qsplat/code_file.h"
 
 #include <algorithm>
+#include <memory>
 #include <mutex>
 #include <utility>
 #include <vector>
@@ -96,17 +97,12 @@ class FileCoder {
     header_ = *header;
     if (header_.file_bytes >> 48 != 0)
       return base::Error{base::ErrorCode::kUnsupported,
-                         "a tree of more than 256 TiB is not coded; leave --qsplat-coded "
-                         "out"};
+                         "a tree of more than 256 TiB is not coded; leave --qsplat-coded out"};
 
     lod::qsplat::SymbolLevels levels;
     LUMIGRID_TRY(countAll(levels));
     const base::Bytes tables = lod::qsplat::packLevels(levels, header_.colors);
     header_.header_bytes = lod::qsplat::codedHeaderLength(tables.size());
-    if (header_.header_bytes > lod::qsplat::kMostCodedHeaderBytes)
-      return base::Error{base::ErrorCode::kUnsupported,
-                         "the tables of its entropy coding are too long; leave "
-                         "--qsplat-coded out"};
 
     // Twice: a block's bytes tell how long blocks behind it are. How long a block is does not depend on what it tells.
     const BlockCoder coder(header_, levels);
@@ -145,6 +141,8 @@ class FileCoder {
       return {};
     }));
     lod::qsplat::levelsFrom(*sums, levels);
+    lod::qsplat::flattenRarest(*sums, header_.colors,
+                               lod::qsplat::kMostCodedHeaderBytes - lod::qsplat::codedHeaderLength(0), levels);
     return {};
   }
 

@@ -9,6 +9,7 @@ namespace {
 
 // The first request: header and the top of the tree, one round trip for both.
 constexpr std::uint64_t kFrontBlocks = 8;
+static_assert(kFrontBlocks * kBlockBytes > kMostCodedHeaderBytes + kMostCodedBytes);
 // What comes damaged so often stays so.
 constexpr int kMostDamages = 3;
 constexpr double kFirstPause = 0.25, kLongestPause = 5.0;  // seconds

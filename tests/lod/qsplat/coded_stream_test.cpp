@@ -167,7 +167,23 @@ TEST(CodedStreamTest, atRestTheWholeFileComes) {
   EXPECT_TRUE(stream.requests(now + 1.0).empty());
 }
 
-TEST(CodedStreamTest, aHeaderOfAnotherFileOrOfTooManyBlocksIsTold) {
+// By their number alone: coded they would fit.
+TEST(CodedStreamTest, aFileOfTooManyBlocksForTheMemoryIsTold) {
+  const base::Bytes large = support::codedSplats(support::splatFile(support::bumpySphere(600, 1200)));
+  ASSERT_LT(large.size(), kMostFilePerMemory * kLeastStreamMemory);
+  StreamOptions options = withoutIdling();
+  options.memory_bytes = kLeastStreamMemory;
+  Stream stream(large.size(), options);
+  EXPECT_EQ(stream.problem(), "");
+  Host host(stream, large);
+  host.ask(0.0);
+  host.answerOne(0.1);
+  EXPECT_NE(stream.problem().find("are too many for 65536 bytes of memory; allow at least"), std::string::npos)
+      << stream.problem();
+  EXPECT_EQ(stream.header(), nullptr);
+}
+
+TEST(CodedStreamTest, aHeaderOfAnotherFileOrDamagedIsTold) {
   {
     base::Bytes longer = codedFile();
     longer.resize(longer.size() + kBlockBytes, 0);

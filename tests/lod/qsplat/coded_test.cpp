@@ -114,13 +114,29 @@ TEST(QsplatCoded, MemoryIsGivenBackAndWhatWasDroppedComesAgain) {
 
 TEST(QsplatCoded, EveryTurnedBitIsFound) {
   const base::Bytes good = support::codedSplats(surface());
-  for (std::size_t i = 0; i < good.size(); i += 5) {
+  for (std::size_t i = 0; i < good.size(); i += 41) {
     base::Bytes bad = good;
     bad[i] ^= 1U << (i % 8);
     EXPECT_FALSE(checkTree(bad).empty()) << "byte " << i;
   }
   for (std::size_t length = 0; length < good.size(); length += 97)
     EXPECT_FALSE(checkTree(base::ByteView(good).first(length)).empty()) << "cut to " << length;
+}
+
+// Places of children among them: who asks again for what was damaged on its way must ask for the right block.
+TEST(QsplatCoded, ABlockFindsEveryTurnedBitOfItsOwn) {
+  const base::Bytes coded = support::codedSplats(surface());
+  const Header header = *readHeader(coded);
+  const BlockCoder coder = *BlockCoder::fromHeader(coded, header);
+  const auto first = coded.begin() + header.header_bytes;
+  const base::Bytes good(first, first + header.first_block_bytes);
+  base::Bytes plain(kBlockBytes);
+  ChildBlocks children;
+  for (std::size_t bit = 0; bit < 8 * good.size(); ++bit) {
+    base::Bytes bad = good;
+    bad[bit / 8] ^= 1U << bit % 8;
+    EXPECT_FALSE(coder.decode(1, bad, plain.data(), children)) << "bit " << bit;
+  }
 }
 
 // What no checksum of the header finds.
@@ -211,6 +227,32 @@ TEST(QsplatCoded, LevelsComeBackAndFrequenciesAddUp) {
         }
         ASSERT_EQ(end, kFrequencySum);
       }
+  }
+}
+
+TEST(QsplatCoded, TablesThatAreTooLongAreFlattenedFromTheRarestOn) {
+  std::mt19937 random(5);
+  SymbolCounts counts;
+  for (auto& context : counts) context.fill(0);
+  for (const SymbolKind& kind : kSymbolKinds)
+    for (std::uint32_t c = kind.first; c < kind.first + kind.contexts; ++c)
+      for (std::uint32_t s = 0; s < kind.symbols; ++s)
+        counts[c][s] = random() % 2 == 0 ? 0 : (c + 1) * (std::uint64_t{1} << random() % 12);
+  SymbolLevels levels;
+  levelsFrom(counts, levels);
+  const std::size_t before = packLevels(levels, true).size();
+  const SymbolLevels exact = levels;
+  flattenRarest(counts, true, before, levels);
+  EXPECT_EQ(levels, exact) << "they fit";
+  for (const std::size_t most : {before - 1, std::size_t{4000}, std::size_t{2048}}) {
+    ASSERT_LT(most, before);
+    flattenRarest(counts, true, most, levels);
+    EXPECT_LE(packLevels(levels, true).size(), most);
+    for (std::size_t c = 0; c < kContexts; ++c)
+      for (std::size_t s = 0; s < kMostSymbols; ++s)
+        if (counts[c][s] > 0) {
+          ASSERT_GT(levels[c][s], 0);
+        }
   }
 }
 
