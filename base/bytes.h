@@ -26,6 +26,13 @@ constexpr To bitCast(const From& from) {
   return __builtin_bit_cast(To, from);
 }
 
+inline ByteView viewOfText(std::string_view text) {
+  return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
+}
+inline std::string_view textOf(ByteView bytes) {
+  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
+
 /// Two lower-case hexadecimal digits a byte.
 inline std::string hexOf(ByteView bytes) {
   constexpr const char* kDigits = "0123456789abcdef";
@@ -74,6 +81,22 @@ class ByteReader {
   float f32() { return read<float>(); }
   double f64() { return read<double>(); }
 
+  /// A number of variable length (LEB128): 7 bits a byte, lowest first, bit 7 says that more follow. Bad where it is
+  /// longer than it need be or does not fit: one number has one form.
+  std::uint64_t varint() {
+    std::uint64_t value = 0;
+    for (unsigned shift = 0; shift < 64; shift += 7) {
+      const std::uint64_t byte = u8();
+      if (!ok_ || (shift == 63 && byte > 1)) break;
+      value |= (byte & 0x7F) << shift;
+      if ((byte & 0x80) == 0) {
+        if (byte == 0 && shift != 0) break;
+        return value;
+      }
+    }
+    ok_ = false;
+    return 0;
+  }
   /// The next `count` bytes, or an empty view (and a bad reader) when fewer are left.
   ByteView bytes(std::size_t count) {
     if (!need(count)) return {};
@@ -118,6 +141,10 @@ class ByteWriter {
   void u64(std::uint64_t v) { write(v); }
   void f32(float v) { write(v); }
   void f64(double v) { write(v); }
+  void varint(std::uint64_t v) {  ///< ByteReader::varint()
+    for (; v >= 0x80; v >>= 7) u8(static_cast<std::uint8_t>(v | 0x80));
+    u8(static_cast<std::uint8_t>(v));
+  }
   void bytes(ByteView v) { bytes_.insert(bytes_.end(), v.begin(), v.end()); }
   /// A string with a u16 length before it; longer than 65535 bytes is cut.
   void string16(std::string_view v) {

@@ -24,6 +24,21 @@ std::string directoryOf(const std::string& path) {
   return slash == 0 ? "/" : path.substr(0, slash);
 }
 
+// Opened for reading, with its size; refuses what is no file. Does not wait for a pipe's writer.
+struct OpenFile {
+  FileDescriptor descriptor;
+  std::size_t size = 0;
+};
+Result<OpenFile> openRegular(const std::string& path) {
+  FileDescriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
+  if (!file) return systemError(path, "open", errno);
+  struct stat info {};
+  if (::fstat(file.get(), &info) != 0) return systemError(path, "read", errno);
+  if (S_ISDIR(info.st_mode)) return systemError(path, "read", EISDIR);
+  if (!S_ISREG(info.st_mode)) return Error{ErrorCode::kUnsupported, path + ": is a pipe or a device; give a file"};
+  return OpenFile{std::move(file), static_cast<std::size_t>(info.st_size)};
+}
+
 }  // namespace
 
 Error systemError(const std::string& path, const std::string& action, int errno_value) {
@@ -41,10 +56,27 @@ void syncDirectoryOf(const std::string& path) {
   ::close(fd);
 }
 
+Result<void> syncFile(const std::string& path) {
+  const int fd = ::open(path.c_str(), O_RDWR | O_CLOEXEC);
+  if (fd < 0) return systemError(path, "open", errno);
+  const int error = ::fdatasync(fd) != 0 ? errno : 0;
+  ::close(fd);
+  return error == 0 ? Result<void>() : systemError(path, "write", error);
+}
+
 Result<Bytes> readFile(const std::string& path) {
-  auto mapped = MappedFile::open(path);
-  if (!mapped) return mapped.error();
-  return Bytes(mapped->bytes().begin(), mapped->bytes().end());
+  // Read, not copied from a map: where the disk fails or somebody cuts the file meanwhile, that would be SIGBUS.
+  const auto file = openRegular(path);
+  if (!file) return file.error();
+  Bytes bytes(file->size);
+  for (std::size_t done = 0; done < bytes.size();) {
+    const ssize_t n = ::read(file->descriptor.get(), bytes.data() + done, bytes.size() - done);
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) return systemError(path, "read", errno);
+    if (n == 0) bytes.resize(done);
+    done += static_cast<std::size_t>(n);
+  }
+  return bytes;
 }
 
 Result<void> writeFileAtomically(const std::string& path, ByteView bytes) {
@@ -59,27 +91,14 @@ FileDescriptor::~FileDescriptor() {
 }
 
 Result<MappedFile> MappedFile::open(const std::string& path) {
-  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
-  if (fd < 0) return systemError(path, "open", errno);
-  struct stat info {};
-  if (::fstat(fd, &info) != 0 || !S_ISREG(info.st_mode)) {
-    const int error = S_ISDIR(info.st_mode) ? EISDIR : (errno != 0 ? errno : EINVAL);
-    ::close(fd);
-    return systemError(path, "read", error);
-  }
+  const auto opened = openRegular(path);
+  if (!opened) return opened.error();
   MappedFile file;
-  file.size_ = static_cast<std::size_t>(info.st_size);
-  if (file.size_ > 0) {
-    void* data = ::mmap(nullptr, file.size_, PROT_READ, MAP_SHARED, fd, 0);
-    if (data == MAP_FAILED) {
-      const int error = errno;
-      ::close(fd);
-      file.size_ = 0;
-      return systemError(path, "map", error);
-    }
-    file.data_ = static_cast<const std::uint8_t*>(data);
-  }
-  ::close(fd);
+  if (opened->size == 0) return file;
+  void* data = ::mmap(nullptr, opened->size, PROT_READ, MAP_SHARED, opened->descriptor.get(), 0);
+  if (data == MAP_FAILED) return systemError(path, "map", errno);
+  file.data_ = static_cast<const std::uint8_t*>(data);
+  file.size_ = opened->size;
   return file;
 }
 

@@ -9,9 +9,13 @@
 
 namespace base {
 
+/// Errors: kNotFound, kIo; kUnsupported for what is neither file nor directory.
 Result<Bytes> readFile(const std::string& path);
 /// Writes to a temporary name beside `path`, fsyncs, renames: `path` holds the old bytes or all of the new ones.
 Result<void> writeFileAtomically(const std::string& path, ByteView bytes);
+
+/// Waits until the disk has what was written to the file, by whomever. Errors: kNoSpace, kIo, kNotFound.
+Result<void> syncFile(const std::string& path);
 
 /// A rename is durable only once its directory is: fsyncs the directory that holds `path`, where the system lets us.
 void syncDirectoryOf(const std::string& path);
@@ -36,6 +40,7 @@ class FileDescriptor {
 /// A read-only memory map of a whole file.
 class MappedFile {
  public:
+  /// Errors as readFile.
   static Result<MappedFile> open(const std::string& path);
   MappedFile() = default;
   MappedFile(MappedFile&& other) noexcept;

@@ -30,6 +30,21 @@ void parallelFor(std::size_t count, unsigned threads, const std::function<void(s
   for (std::thread& t : others) t.join();
 }
 
+Result<void> tryParallelFor(std::size_t count, unsigned threads, const std::function<Result<void>(std::size_t)>& body) {
+  std::mutex mutex;
+  Result<void> status;
+  std::atomic<bool> stopped = false;
+  parallelFor(count, threads, [&](std::size_t i) {
+    if (stopped) return;
+    const Result<void> done = body(i);
+    if (done) return;
+    const std::lock_guard lock(mutex);
+    if (status) status = done;
+    stopped = true;
+  });
+  return status;
+}
+
 ThreadPool::ThreadPool(unsigned threads, std::size_t queue_limit)
     : queue_limit_(std::max<std::size_t>(1, queue_limit)) {
   for (unsigned t = 0; t < std::max(1U, threads); ++t) threads_.emplace_back([this] { work(); });

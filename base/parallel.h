@@ -8,6 +8,8 @@
 #include <thread>
 #include <vector>
 
+#include "base/error.h"
+
 namespace base {
 
 /// Cores that this process may use, at least 1.
@@ -16,6 +18,9 @@ unsigned coreCount();
 /// Runs body(i) for i in [0, count) on up to `threads` threads (0: all cores); returns when all are done. Pieces are
 /// handed out in order, one at a time. The body must not throw.
 void parallelFor(std::size_t count, unsigned threads, const std::function<void(std::size_t)>& body);
+
+/// The same of a body that may fail: returns the first error met, and hands out no more pieces after it.
+Result<void> tryParallelFor(std::size_t count, unsigned threads, const std::function<Result<void>(std::size_t)>& body);
 
 /// Threads that take jobs from a bounded queue. submit() blocks while the queue is full (back-pressure).
 class ThreadPool {

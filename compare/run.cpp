@@ -255,7 +255,7 @@ Result<RunResult> runSplats(const RunOptions& options, const Setting& setting, c
     frame.draw_ms = 1000.0 * (secondsNow() - start);
     frame.frame = static_cast<int>(i);
     frame.seconds = start - begin;
-    frame.bytes = picture->blocks * lod::qsplat::kBlockBytes;
+    frame.bytes = picture->bytes;
     frame.triangles = picture->splats;
     frame.complete = true;
     auto accuracy = judge(options, run.name(), truth, i, picture->rgba);

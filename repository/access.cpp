@@ -1,20 +1,13 @@
 #include "repository/access.h"
 
-#include <fcntl.h>
-#include <sys/file.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <array>
-#include <cerrno>
-#include <chrono>
-#include <filesystem>
 #include <limits>
 #include <map>
-#include <thread>
 
 #include "base/crc32c.h"
 #include "base/file.h"
+#include "base/file_lock.h"
 
 namespace repository {
 namespace {
@@ -34,39 +27,15 @@ std::uint64_t add(std::uint64_t a, std::uint64_t b) {
   return a > kMost - b ? kMost : a + b;
 }
 
-// --- Variable-length numbers (LEB128): 7 bits a byte, lowest first, bit 7 says that more follow.
-
-void putNumber(base::ByteWriter& out, std::uint64_t value) {
-  for (; value >= 0x80; value >>= 7) out.u8(static_cast<std::uint8_t>(value | 0x80));
-  out.u8(static_cast<std::uint8_t>(value));
-}
-
-// Fails the reader at a number that is longer than it need be or does not fit: one number has one form.
-std::uint64_t takeNumber(base::ByteReader& in) {
-  std::uint64_t value = 0;
-  for (unsigned shift = 0; shift < 64; shift += 7) {
-    const std::uint64_t byte = in.u8();
-    if (!in.ok()) return 0;
-    if (shift == 63 && byte > 1) break;
-    value |= (byte & 0x7F) << shift;
-    if ((byte & 0x80) == 0) {
-      if (byte == 0 && shift != 0) break;
-      return value;
-    }
-  }
-  in.fail();
-  return 0;
-}
-
-// --- Rows: how many numbers lie between the row before and this one, then the count.
+// --- Rows: varints, how many numbers lie between the row before and this one, then the count.
 
 using Row = std::pair<std::uint64_t, std::uint64_t>;  // key's code or group; count
 
 class RowWriter {
  public:
   void put(const Row& row) {
-    putNumber(out_, row.first - next_);
-    putNumber(out_, row.second);
+    out_.varint(row.first - next_);
+    out_.varint(row.second);
     next_ = row.first + 1;
     ++rows_;
   }
@@ -83,8 +52,8 @@ template <class Take>
 base::Result<void> takeRows(base::ByteReader& in, std::uint64_t rows, const char* what, const Take& take) {
   std::uint64_t next = 0;
   for (std::uint64_t row = 0; row < rows; ++row) {
-    const std::uint64_t gap = takeNumber(in);
-    const std::uint64_t count = takeNumber(in);
+    const std::uint64_t gap = in.varint();
+    const std::uint64_t count = in.varint();
     if (!in.ok()) return bad(std::string("a row of ") + what + " is no pair of numbers");
     if (gap > kMost - 1 - next || count == 0) return bad(std::string("a row of ") + what + " is out of range");
     if (!take(Row{next + gap, count})) return bad(std::string("a row names ") + what + " that the scene does not have");
@@ -264,28 +233,6 @@ base::Result<base::Bytes> withMore(base::ByteView bytes, const AccessIdentity& i
   return assemble(*header, faces.finish(), groups.finish());
 }
 
-// An flock on PATH.lock, as the file itself is replaced. The system gives it back when its process dies.
-class FileLock {
- public:
-  static base::Result<FileLock> take(const std::string& path, double patience_seconds) {
-    FileLock lock;
-    lock.file_ = base::FileDescriptor(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
-    if (!lock.file_) return base::systemError(path, "open", errno);
-    const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(patience_seconds);
-    while (::flock(lock.file_.get(), LOCK_EX | LOCK_NB) != 0) {
-      if (errno != EWOULDBLOCK && errno != EINTR) return base::systemError(path, "lock", errno);
-      if (std::chrono::steady_clock::now() >= end)
-        return base::Error{base::ErrorCode::kBusy, path + " is held by another process; wait for it or stop it"};
-      std::this_thread::sleep_for(std::chrono::milliseconds(2));
-    }
-    return lock;
-  }
-
- private:
-  FileLock() = default;
-  base::FileDescriptor file_;
-};
-
 }  // namespace
 
 std::uint64_t AccessCounts::facesSent() const {
@@ -337,7 +284,7 @@ base::Result<AccessCounts> loadAccess(const std::vector<std::string>& files, con
 
 base::Result<void> addToAccessFile(const std::string& path, const AccessIdentity& identity, const AccessCounts& more,
                                    double patience_seconds) {
-  const auto lock = FileLock::take(path + ".lock", patience_seconds);
+  const auto lock = base::tryLockFile(path + ".lock", patience_seconds);  // the file itself is replaced
   if (!lock) return lock.error();
   base::removeUnfinished(path);  // of one killed while it wrote: only who has the lock writes
 

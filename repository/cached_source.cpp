@@ -5,7 +5,6 @@
 #include <optional>
 
 #include "base/hash/sha256.h"
-#include "repository/hmac.h"
 
 namespace repository {
 
@@ -32,7 +31,7 @@ Result<std::unique_ptr<CachedSource>> CachedSource::open(std::shared_ptr<const O
 
 PieceId CachedSource::idOf(const std::string& name, const std::string& piece) const {
   const base::Sha256Digest digest =
-      base::sha256(viewOfText(source_->place() + "\n" + options_.version + "\n" + name + "\n" + piece));
+      base::sha256(base::viewOfText(source_->place() + "\n" + options_.version + "\n" + name + "\n" + piece));
   PieceId id;
   std::copy_n(digest.begin(), id.size(), id.begin());
   return id;

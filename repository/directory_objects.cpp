@@ -39,7 +39,8 @@ class DirectorySource final : public ObjectSource {
     if (!file) return base::systemError(path, "open", errno);
     // The length may be anything that a damaged index says: no memory before it is known to be there.
     struct stat info {};
-    if (::fstat(file.get(), &info) != 0 || !S_ISREG(info.st_mode)) return base::systemError(path, "read", EISDIR);
+    if (::fstat(file.get(), &info) != 0) return base::systemError(path, "read", errno);
+    if (!S_ISREG(info.st_mode)) return base::systemError(path, "read", EISDIR);
     const auto size = static_cast<std::uint64_t>(info.st_size);
     if (offset > size || length > size - offset)
       return Error{ErrorCode::kInvalidInput, path + ": has " + std::to_string(size) + " bytes, " +
@@ -103,9 +104,16 @@ class DirectorySink final : public ObjectSink {
     std::vector<std::string> names;
     std::error_code error;
     const fs::path root(place_);
-    if (!fs::exists(root / prefix, error)) return names;
-    for (fs::recursive_directory_iterator it(root / prefix, error), end; !error && it != end; it.increment(error))
-      if (it->is_regular_file(error)) names.push_back(it->path().lexically_relative(root).generic_string());
+    const bool exists = fs::exists(root / prefix, error);
+    if (error) return base::systemError(place_, "list", error.value());
+    if (!exists) return names;
+    // Others may keep here what is not ours: folders that we may not read (lost+found), links to nothing.
+    constexpr auto kSkip = fs::directory_options::skip_permission_denied;
+    for (fs::recursive_directory_iterator it(root / prefix, kSkip, error), end; !error && it != end;
+         it.increment(error)) {
+      std::error_code gone;
+      if (it->is_regular_file(gone)) names.push_back(it->path().lexically_relative(root).generic_string());
+    }
     if (error) return base::systemError(place_, "list", error.value());
     std::sort(names.begin(), names.end());
     return names;

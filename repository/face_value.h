@@ -6,6 +6,9 @@
 
 namespace repository {
 
+/// Of a value that is no empty flag, before its JPEG and mask.
+inline constexpr std::size_t kImageHeaderBytes = 16;
+
 /// Views into the value's bytes; valid as long as they are.
 struct FaceValue {
   bool empty = true;        ///< the face sees nothing: no image, no mask

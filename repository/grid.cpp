@@ -30,7 +30,7 @@ void visitInMortonOrder(const glm::uvec3& corner, std::uint32_t side, const glm:
   }
   const std::uint32_t half = side / 2;
   for (std::uint32_t child = 0; child < 8; ++child) {
-    visitInMortonOrder(corner + half * glm::uvec3(child & 1U, child >> 1 & 1U, child >> 2), half, count, out);
+    visitInMortonOrder(childCorner(corner, half, child), half, count, out);
   }
 }
 

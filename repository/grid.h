@@ -41,6 +41,11 @@ struct Grid {
 /// at least as dense along the others.
 Grid makeGrid(const base::Aabb& model, std::uint32_t points_per_longest_side, float margin, std::uint32_t face_size);
 
+/// The lower corner of child c of a cube at `corner`, children being cubes of side `half` in Morton order.
+inline glm::uvec3 childCorner(const glm::uvec3& corner, std::uint32_t half, std::uint32_t c) {
+  return corner + half * glm::uvec3(c & 1U, c >> 1 & 1U, c >> 2);
+}
+
 /// Every grid point in Morton order.
 std::vector<glm::uvec3> pointsInMortonOrder(const Grid& grid);
 

@@ -10,8 +10,4 @@ namespace repository {
 
 base::Sha256Digest hmacSha256(base::ByteView key, std::string_view text);
 
-inline base::ByteView viewOfText(std::string_view text) {
-  return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
-}
-
 }  // namespace repository

@@ -40,12 +40,6 @@ std::string lowerCase(std::string text) {
   return text;
 }
 
-std::string trimmed(const std::string& text) {
-  const auto begin = text.find_first_not_of(" \t\r\n");
-  if (begin == std::string::npos) return "";
-  return text.substr(begin, text.find_last_not_of(" \t\r\n") - begin + 1);
-}
-
 // --- Receiving
 
 // What one try has received so far. Nothing in it grows beyond its bound, whatever the server sends.
@@ -347,6 +341,12 @@ std::string percentEncoded(const std::string& text, bool keep_slash) {
     }
   }
   return encoded;
+}
+
+std::string trimmed(const std::string& text) {
+  const auto begin = text.find_first_not_of(" \t\r\n");
+  if (begin == std::string::npos) return "";
+  return text.substr(begin, text.find_last_not_of(" \t\r\n") - begin + 1);
 }
 
 std::string printable(const std::string& text) {

@@ -81,6 +81,9 @@ class HttpClient {
 /// Percent-encoded for a URL: letters, digits and -._~ stay (RFC 3986, 2.3), and "/" where `keep_slash`.
 std::string percentEncoded(const std::string& text, bool keep_slash);
 
+/// Without the spaces, tabs and ends of lines around it.
+std::string trimmed(const std::string& text);
+
 /// What a server wrote, fit for a one-line message: printable ASCII, at most 200 characters.
 std::string printable(const std::string& text);
 

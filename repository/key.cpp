@@ -44,4 +44,9 @@ base::Result<FaceKey> FaceKey::fromCode(std::uint64_t code) {
   return FaceKey{gather(morton), gather(morton >> 1), gather(morton >> 2), d};
 }
 
+std::string nameOf(const FaceKey& key) {
+  return "face (" + std::to_string(key.x) + ", " + std::to_string(key.y) + ", " + std::to_string(key.z) + ", " +
+         std::to_string(key.d) + ")";
+}
+
 }  // namespace repository

@@ -3,6 +3,7 @@
 #include <compare>
 #include <cstdint>
 #include <functional>
+#include <string>
 
 #include "base/error.h"
 
@@ -22,6 +23,9 @@ struct FaceKey {
   friend bool operator==(const FaceKey&, const FaceKey&) = default;
   friend auto operator<=>(const FaceKey& a, const FaceKey& b) { return a.code() <=> b.code(); }
 };
+
+/// "face (3, 0, 7, 5)", for messages.
+std::string nameOf(const FaceKey& key);
 
 }  // namespace repository
 

@@ -89,6 +89,7 @@ class Walk {
       : file_(file),
         depth_(depth),
         page_bytes_(meta.free_pages.pad),
+        last_page_(meta.last_page),
         pages_(std::min<std::uint64_t>(meta.last_page + 1, file.size() / page_bytes_)),
         met_(pages_) {
     if (pages_ >= 2) met_[0] = met_[1] = true;
@@ -213,6 +214,7 @@ class Walk {
     for (std::uint64_t i = 0; i < count; ++i) {
       const std::uint64_t page = in.u64();
       if (page >= before || page < 2) return fail("a free list out of order", number);
+      if (page > last_page_) return fail("a free page out of the file", number);  // a writer would take it
       if (page < pages_ && met_[page]) return fail("a page in use and free", page);
       if (page < pages_) met_[page] = true;
       before = page;
@@ -222,7 +224,8 @@ class Walk {
   base::ByteView file_;
   CheckDepth depth_;
   std::uint64_t page_bytes_;
-  std::uint64_t pages_;
+  std::uint64_t last_page_;
+  std::uint64_t pages_;  // of these the ones that the file has
   std::vector<bool> met_;
   bool in_free_table_ = false;
   std::string fault_;

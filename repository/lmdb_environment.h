@@ -3,6 +3,7 @@
 // opening, MDB_NOTLS, one environment a process, files looked at before they are trusted.
 #include <lmdb.h>
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <mutex>
@@ -134,6 +135,14 @@ int reasonOfFailedWrite(const std::string& path, int code, std::size_t bytes);
 /// LMDB's locks and map need a local disk: on a network file system two machines would ruin the store (lmdb.h,
 /// "Caveats").
 bool isOnNetwork(const std::string& path);
+
+/// A number as a key of which LMDB's order of bytes is the order of numbers.
+using NumberKey = std::array<std::uint8_t, 8>;
+inline NumberKey bigEndian(std::uint64_t number) {
+  NumberKey bytes;
+  for (std::size_t i = 0; i < bytes.size(); ++i) bytes[i] = static_cast<std::uint8_t>(number >> (56 - 8 * i));
+  return bytes;
+}
 
 /// LMDB takes pointers to what it only reads without const.
 template <class Range>

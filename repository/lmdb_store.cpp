@@ -8,13 +8,12 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <chrono>
 #include <filesystem>
 #include <string>
-#include <thread>
 #include <utility>
 
 #include "base/file.h"
+#include "base/file_lock.h"
 #include "repository/lmdb_environment.h"
 #include "repository/store.h"
 
@@ -24,8 +23,7 @@ namespace {
 constexpr std::size_t kPortionValues = 256;                  // forEach: values copied in one transaction …
 constexpr std::size_t kPortionBytes = std::size_t{8} << 20;  // … and their bytes
 constexpr std::size_t kPortionKeys = 65536;                  // forEachKey: keys copied in one transaction
-constexpr int kLockAttempts = 10;
-constexpr std::chrono::milliseconds kLockPause(20);
+constexpr double kLockPatience = 0.2;                        // seconds
 const std::vector<const char*> kTables{"faces", "meta"};
 constexpr std::size_t kFaces = 0, kMeta = 1;  // places in kTables
 const std::string kMetaKey = "parameters";
@@ -36,22 +34,16 @@ base::Error openedForReading(const std::string& path) {
 
 // ---- Keys ----
 
-// Big-endian, so that LMDB's byte order is Morton order.
-using KeyBytes = std::array<std::uint8_t, 8>;
-
-KeyBytes keyBytes(std::uint64_t code) {
-  KeyBytes bytes;
-  for (std::size_t i = 0; i < 8; ++i) bytes[i] = static_cast<std::uint8_t>(code >> (56 - 8 * i));
-  return bytes;
-}
-
 base::Result<FaceKey> keyFrom(const MDB_val& value) {
-  if (value.mv_size != 8)
-    return base::Error{base::ErrorCode::kInvalidInput, "a key of " + std::to_string(value.mv_size) + " bytes"};
+  const auto wrong = [](const std::string& what) {
+    return base::Error{base::ErrorCode::kInvalidInput, what + "; delete the directory and build the images again"};
+  };
+  if (value.mv_size != 8) return wrong("a key of " + std::to_string(value.mv_size) + " bytes");
   const auto* bytes = static_cast<const std::uint8_t*>(value.mv_data);
   std::uint64_t code = 0;
   for (std::size_t i = 0; i < 8; ++i) code = code << 8 | bytes[i];
-  return FaceKey::fromCode(code);
+  auto key = FaceKey::fromCode(code);
+  return key ? key : wrong(key.error().message);
 }
 
 // ---- The writer's lock ----
@@ -62,20 +54,14 @@ class WriterLock {
  public:
   static base::Result<WriterLock> take(const std::string& directory) {
     const std::string path = directory + "/writer.lock";
-    WriterLock lock;
-    lock.file_ = base::FileDescriptor(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
-    if (!lock.file_) return base::systemError(path, "open", errno);
     // Whoever only looks whether it is taken (isBeingWritten) has it for a moment.
-    int refused = ::flock(lock.file_.get(), LOCK_EX | LOCK_NB);
-    for (int again = 0; refused != 0 && errno == EWOULDBLOCK && again < kLockAttempts; ++again) {
-      std::this_thread::sleep_for(kLockPause);
-      refused = ::flock(lock.file_.get(), LOCK_EX | LOCK_NB);
-    }
-    if (refused != 0) {
-      if (errno != EWOULDBLOCK) return base::systemError(path, "lock", errno);
-      return base::Error{base::ErrorCode::kBusy, directory + " is being written by another process" + lock.owner() +
+    auto file = base::tryLockFile(path, kLockPatience);
+    if (!file && file.error().code != base::ErrorCode::kBusy) return file.error();
+    if (!file)
+      return base::Error{base::ErrorCode::kBusy, directory + " is being written by another process" + ownerOf(path) +
                                                      "; wait for it or stop it"};
-    }
+    WriterLock lock;
+    lock.file_ = std::move(*file);
     const std::string pid = std::to_string(::getpid()) + "\n";
     if (::ftruncate(lock.file_.get(), 0) == 0 && ::pwrite(lock.file_.get(), pid.data(), pid.size(), 0) < 0)
       errno = 0;  // a full disk may not stop us here
@@ -85,9 +71,10 @@ class WriterLock {
   bool held() const { return static_cast<bool>(file_); }
 
  private:
-  std::string owner() const {
+  static std::string ownerOf(const std::string& path) {
+    const base::FileDescriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
     std::array<char, 16> text{};
-    const ssize_t size = ::pread(file_.get(), text.data(), text.size(), 0);
+    const ssize_t size = file ? ::pread(file.get(), text.data(), text.size(), 0) : -1;
     if (size <= 0) return "";
     const std::string pid(text.data(), static_cast<std::size_t>(size));
     return " (pid " + pid.substr(0, pid.find('\n')) + ")";
@@ -104,7 +91,7 @@ class LmdbStore final : public Store {
 
   base::Result<std::optional<base::Bytes>> get(const FaceKey& key) const override {
     std::optional<base::Bytes> value;
-    const KeyBytes bytes = keyBytes(key.code());
+    const NumberKey bytes = bigEndian(key.code());
     const int code = environment_->read(
         [&](MDB_txn* txn) { return copyOut(txn, environment_->table(kFaces), valueOf(bytes), value); });
     if (code != 0 && code != MDB_NOTFOUND) return storeError(path_, "read", code);
@@ -112,7 +99,7 @@ class LmdbStore final : public Store {
   }
 
   base::Result<bool> contains(const FaceKey& key) const override {
-    const KeyBytes bytes = keyBytes(key.code());
+    const NumberKey bytes = bigEndian(key.code());
     const int code = environment_->read([&](MDB_txn* txn) {
       MDB_val name = valueOf(bytes);
       MDB_val value{};
@@ -138,7 +125,7 @@ class LmdbStore final : public Store {
     environment_->dropDeadReaders();
     const int code = environment_->write([&](MDB_txn* txn) {
       for (const auto& [key, value] : sorted) {
-        const KeyBytes bytes = keyBytes(key);
+        const NumberKey bytes = bigEndian(key);
         MDB_val name = valueOf(bytes);
         MDB_val data = valueOf(*value);
         if (const int put = mdb_put(txn, environment_->table(kFaces), &name, &data, 0); put != 0) return put;
@@ -153,7 +140,7 @@ class LmdbStore final : public Store {
     if (!lock_.held()) return openedForReading(path_);
     const int code = environment_->write([&](MDB_txn* txn) {
       for (const FaceKey& key : keys) {
-        const KeyBytes bytes = keyBytes(key.code());
+        const NumberKey bytes = bigEndian(key.code());
         MDB_val name = valueOf(bytes);
         const int erased = mdb_del(txn, environment_->table(kFaces), &name, nullptr);
         if (erased != 0 && erased != MDB_NOTFOUND) return erased;
@@ -241,7 +228,7 @@ class LmdbStore final : public Store {
     if (const int code = mdb_cursor_open(txn, environment_->table(kFaces), &raw); code != 0) return code;
     const std::unique_ptr<MDB_cursor, decltype(&mdb_cursor_close)> cursor(raw, mdb_cursor_close);
 
-    const KeyBytes start = keyBytes(next);
+    const NumberKey start = bigEndian(next);
     MDB_val name = valueOf(start);
     MDB_val value{};
     int code = mdb_cursor_get(raw, &name, &value, MDB_SET_RANGE);

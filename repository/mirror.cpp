@@ -1,7 +1,6 @@
 #include "repository/mirror.h"
 
 #include <fcntl.h>
-#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -9,8 +8,10 @@
 #include <cerrno>
 #include <cstdio>
 #include <filesystem>
+#include <utility>
 
 #include "base/file.h"
+#include "base/file_lock.h"
 #include "base/hash/sha256.h"
 
 namespace repository {
@@ -28,16 +29,10 @@ class PartialFile {
 
   // Waits for whoever has it. When that one has finished meanwhile, its file has another name now, and ours is new.
   Result<void> lock() {
-    for (;;) {
-      file_ = base::FileDescriptor(::open(path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
-      if (!file_) return base::systemError(path_, "create", errno);
-      while (::flock(file_.get(), LOCK_EX) != 0)
-        if (errno != EINTR) return base::systemError(path_, "lock", errno);
-      struct stat ours {};
-      struct stat named {};
-      if (::fstat(file_.get(), &ours) == 0 && ::stat(path_.c_str(), &named) == 0 && ours.st_ino == named.st_ino)
-        return {};
-    }
+    auto locked = base::lockFile(path_);
+    if (!locked) return locked.error();
+    file_ = std::move(*locked);
+    return {};
   }
 
   int fd() const { return file_.get(); }

@@ -44,10 +44,6 @@ Error bad(const std::string& what) {
   return {ErrorCode::kInvalidInput, what + "; publish it again"};
 }
 
-ByteView viewOf(const std::string& text) {
-  return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
-}
-
 std::uint64_t alignUp(std::uint64_t offset, std::uint64_t step) {
   return (offset + step - 1) / step * step;
 }
@@ -65,28 +61,7 @@ std::uint64_t blocksOffsetFor(std::uint64_t parameter_bytes, std::uint64_t block
   return alignUp(std::max(kIndexFrontBytes, kIndexHeaderBytes + parameter_bytes), block_bytes);
 }
 
-// --- Varints and runs
-
-void writeVarint(ByteWriter& out, std::uint32_t value) {
-  for (; value >= 0x80; value >>= 7) out.u8(static_cast<std::uint8_t>(value | 0x80U));
-  out.u8(static_cast<std::uint8_t>(value));
-}
-
-// Turns the reader bad where there is none, or one that is longer than needed.
-std::uint32_t readVarint(ByteReader& in) {
-  std::uint64_t value = 0;
-  for (unsigned shift = 0; shift < 35; shift += 7) {
-    const std::uint8_t byte = in.u8();
-    value |= std::uint64_t{byte & 0x7FU} << shift;
-    if (byte < 0x80) {
-      if (byte == 0 && shift != 0) in.fail();
-      if (value > kMostValueBytes) in.fail();
-      return static_cast<std::uint32_t>(value);
-    }
-  }
-  in.fail();
-  return 0;
-}
+// --- Runs
 
 // How many of the first entries share a cell.
 std::size_t cellEnd(std::span<const PackEntry> entries) {
@@ -104,7 +79,7 @@ std::uint32_t writeRun(std::span<const PackEntry> entries, std::uint32_t offset,
   out.u32(offset);
   std::uint32_t bytes = 0;
   for (const PackEntry& entry : entries) {
-    writeVarint(out, entry.length);
+    out.varint(entry.length);
     bytes += entry.length;
   }
   return bytes;
@@ -120,10 +95,10 @@ const char* readRun(ByteReader& in, Run& run, std::vector<std::uint32_t>& length
   if (run.present == 0 || (run.present & kNoDirection) != 0) return "a run's faces are none";
   std::uint64_t end = run.offset;
   for (int i = std::popcount(run.present); i > 0; --i) {
-    const std::uint32_t length = readVarint(in);
-    if (length != 0 && length < kSmallestValue) in.fail();
+    const std::uint64_t length = in.varint();
+    if ((length != 0 && length < kSmallestValue) || length > kMostValueBytes) in.fail();
     end += length;
-    lengths.push_back(length);
+    lengths.push_back(static_cast<std::uint32_t>(length));
   }
   if (!in.ok()) return "a run's lengths are none";
   if (run.offset < kPackHeaderBytes || end > kMostPackBytes) return "a run's values do not lie in a pack";
@@ -174,12 +149,9 @@ std::optional<ObjectId> idIn(const std::string& name, std::string_view front, st
   ObjectId id{};
   if (name.size() != front.size() + 2 * id.size() + back.size() || !name.starts_with(front) || !name.ends_with(back))
     return std::nullopt;
-  for (std::size_t i = 0; i < 2 * id.size(); ++i) {
-    const char c = name[front.size() + i];
-    const int digit = c >= '0' && c <= '9' ? c - '0' : c >= 'a' && c <= 'f' ? c - 'a' + 10 : -1;
-    if (digit < 0) return std::nullopt;
-    id[i / 2] = static_cast<std::uint8_t>(id[i / 2] << 4 | digit);
-  }
+  const auto bytes = base::bytesOfHex(std::string_view(name).substr(front.size(), 2 * id.size()));
+  if (!bytes) return std::nullopt;
+  std::copy(bytes->begin(), bytes->end(), id.begin());
   return id;
 }
 
@@ -361,6 +333,10 @@ std::uint64_t IndexBlock::emptyFlags() const {
   return static_cast<std::uint64_t>(std::count(lengths_.begin(), lengths_.end(), 0U));
 }
 
+std::uint64_t IndexBlock::valueBytes() const {
+  return std::accumulate(lengths_.begin(), lengths_.end(), std::uint64_t{0});
+}
+
 Result<std::vector<PackRow>> decodePackRows(const IndexRoot& root, ByteView bytes) {
   if (bytes.size() != root.packs * kPackRowBytes) return bad("the index's list of packs is cut short");
   if (base::crc32c(bytes) != root.rows_crc) return bad("the index's list of packs: its checksum differs");
@@ -498,12 +474,12 @@ Result<Bytes> IndexBuilder::build(const std::vector<PackRow>& packs, const std::
   header.u32(kBlockBytes);
   header.u32(kHashShift);
   header.u32(static_cast<std::uint32_t>(parameters.size()));
-  header.u32(base::crc32c(viewOf(parameters)));
+  header.u32(base::crc32c(base::viewOfText(parameters)));
   header.u32(base::crc32c(rows.view()));
   header.bytes(Bytes(16));
   header.u32(base::crc32c(header.view()));
   LUMIGRID_CHECK_EQ(header.size(), kIndexHeaderBytes);
-  header.bytes(viewOf(parameters));
+  header.bytes(base::viewOfText(parameters));
 
   Bytes out = header.take();
   out.reserve(root.rowsOffset() + rows.size());

@@ -108,6 +108,7 @@ class IndexBlock {
   std::uint64_t bytes() const;
   std::uint64_t keys() const { return lengths_.size(); }
   std::uint64_t emptyFlags() const;
+  std::uint64_t valueBytes() const;  ///< of its faces, in packs
 
  private:
   friend base::Result<IndexBlock> decodeIndexBlock(const IndexRoot& root, std::uint64_t number, base::ByteView block);

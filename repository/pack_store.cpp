@@ -19,11 +19,6 @@ using base::Error;
 using base::ErrorCode;
 using base::Result;
 
-std::string nameOf(const FaceKey& key) {
-  return "face (" + std::to_string(key.x) + ", " + std::to_string(key.y) + ", " + std::to_string(key.z) + ", " +
-         std::to_string(key.d) + ")";
-}
-
 Error readOnly(const ObjectSource& source) {
   return {ErrorCode::kUnsupported,
           source.place() + ": published images cannot be changed; build a scene and publish it"};
@@ -291,6 +286,7 @@ void PackStore::checkIndex(const Fault& fault) const {
   std::uint64_t number = 0;
   std::uint64_t keys = 0;
   std::uint64_t empty = 0;
+  std::uint64_t value_bytes = 0;
   bool sound = true;
   bool whole = true;
   const auto takePiece = [&](std::size_t i, const Result<Bytes>& bytes) {
@@ -303,6 +299,7 @@ void PackStore::checkIndex(const Fault& fault) const {
       if (block) {
         keys += block->keys();
         empty += block->emptyFlags();
+        value_bytes += block->valueBytes();
       } else {
         fault(inIndex(block.error()).message);
         sound = false;
@@ -319,10 +316,26 @@ void PackStore::checkIndex(const Fault& fault) const {
   if (sound && (keys != root_.keys || empty != root_.empty))
     fault(name + ": its blocks hold " + std::to_string(keys) + " keys with " + std::to_string(empty) +
           " empty flags, its root says " + std::to_string(root_.keys) + " and " + std::to_string(root_.empty));
+  if (sound) checkTotals(value_bytes, fault);
   if (const auto id = idOfIndexName(index_); !id || !isOf(*id, hash.finish()))
     fault(name + ": its SHA-256 is not the one in its name; publish it again with --rewrite");
   if (auto size = source_->size(index_); size && *size != root_.object_bytes)
     fault(name + ": has " + std::to_string(*size) + " bytes, its root says " + std::to_string(root_.object_bytes));
+}
+
+// What its root says of all values, which `info` shows, against what its blocks say.
+void PackStore::checkTotals(std::uint64_t value_bytes, const Fault& fault) const {
+  const ValueTotals& said = root_.totals;
+  const bool parts_fit =
+      said.jpeg_bytes <= said.value_bytes && said.coverage_bytes <= said.value_bytes - said.jpeg_bytes &&
+      said.value_bytes - said.jpeg_bytes - said.coverage_bytes == kImageHeaderBytes * (root_.keys - root_.empty);
+  if (said.value_bytes == value_bytes && parts_fit) return;
+  fault(inIndex({ErrorCode::kInvalidInput, "its blocks hold " + std::to_string(value_bytes) +
+                                               " bytes of values, its root says " + std::to_string(said.value_bytes) +
+                                               ", of them " + std::to_string(said.jpeg_bytes) + " in JPEGs and " +
+                                               std::to_string(said.coverage_bytes) +
+                                               " in masks; publish it again with --rewrite"})
+            .message);
 }
 
 // What the index says of each of a pack's faces.
@@ -375,14 +388,19 @@ PackStore::FarPack PackStore::fetchPack(const PackRow& row) const {
   return pack;
 }
 
-void PackStore::check(const Fault& fault, const Visit& visit) const {
-  checkIndex(fault);
+void PackStore::check(const std::function<bool(std::string)>& fault, const Visit& visit) const {
+  bool enough = false;
+  const Fault tell = [&](std::string line) {
+    if (!enough) enough = !fault(std::move(line));
+  };
+  checkIndex(tell);
+  if (enough) return;
   auto rows = packs();
-  if (!rows) return fault(rows.error().message);
+  if (!rows) return tell(rows.error().message);
   inOrder(
       rows->size(), aheadLimits(), [&](std::size_t i) { return (*rows)[i].bytes; },
       [&](std::size_t i) { return fetchPack((*rows)[i]); },
-      [&](std::size_t i, const FarPack& pack) { return checkPack((*rows)[i], pack, fault, visit); });
+      [&](std::size_t i, const FarPack& pack) { return checkPack((*rows)[i], pack, tell, visit) && !enough; });
 }
 
 }  // namespace repository

@@ -58,15 +58,16 @@ class PackStore final : public Store {
   base::Result<std::vector<PackRow>> packs() const;
 
   /// Reads everything: the index's hash and every block; every pack's hash and table; whether both say the same.
-  /// `fault` gets a line for each fault; `visit` every value that can be read, in order of keys, as it is, until it
-  /// returns false; both on this thread. `jobs` packs are read at a time, as many as fit in 128 MB (one always does).
-  /// A place that cannot be reached any more (kNetwork) ends it, with a fault that says so.
-  using Fault = std::function<void(std::string)>;
+  /// `fault` gets a line for each fault and returns false when that is enough; `visit` every value that can be read, in
+  /// order of keys, as it is, until it returns false; both on this thread. `jobs` packs are read at a time, as many as
+  /// fit in 128 MB (one always does). A place that cannot be reached any more (kNetwork) ends it, with a fault that
+  /// says so.
   using Visit = std::function<bool(const FaceKey&, base::ByteView)>;
-  void check(const Fault& fault, const Visit& visit) const;
+  void check(const std::function<bool(std::string)>& fault, const Visit& visit) const;
 
  private:
   using Block = std::shared_ptr<const IndexBlock>;
+  using Fault = std::function<void(std::string)>;
   struct Wanted;
   struct Range;
   PackStore(std::shared_ptr<const ObjectSource> source, std::string index, const PackStoreOptions& options)
@@ -89,6 +90,7 @@ class PackStore final : public Store {
   };
   AheadLimits aheadLimits() const;
   void checkIndex(const Fault& fault) const;
+  void checkTotals(std::uint64_t value_bytes, const Fault& fault) const;
   FarPack fetchPack(const PackRow& row) const;
   bool checkPack(const PackRow& row, const FarPack& pack, const Fault& fault, const Visit& visit) const;
   void comparePlaces(const PackRow& row, const PackTable& table, const Fault& fault) const;

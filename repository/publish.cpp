@@ -108,8 +108,8 @@ class Publisher {
     const auto value = decodeFaceValue(bytes);
     if (!value) return fail(damaged(key, value.error()));
     if (bytes.size() > kMostValueBytes)
-      return fail({ErrorCode::kUnsupported,
-                   place(key) + ": has " + std::to_string(bytes.size()) + " bytes, packs hold values of up to 64 MiB"});
+      return fail({ErrorCode::kUnsupported, nameOf(key) + ": has " + std::to_string(bytes.size()) +
+                                                " bytes, packs hold values of up to 64 MiB"});
     const std::uint64_t code = key.code();
     const std::uint32_t length = value->empty ? 0 : static_cast<std::uint32_t>(bytes.size());
     if (!portion_.entries.empty() && portion_.bytes() + kTableBytes + length > options_.pack_bytes)
@@ -176,12 +176,8 @@ class Publisher {
     return std::move(result_);
   }
 
-  static std::string place(const FaceKey& key) {
-    return "face (" + std::to_string(key.x) + ", " + std::to_string(key.y) + ", " + std::to_string(key.z) + ", " +
-           std::to_string(key.d) + ")";
-  }
   static Error damaged(const FaceKey& key, const Error& error) {
-    return {error.code, place(key) + ": " + error.message +
+    return {error.code, nameOf(key) + ": " + error.message +
                             "; nothing was published: `lumigrid verify` lists what is damaged, `lumigrid build` makes "
                             "it again"};
   }

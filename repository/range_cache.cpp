@@ -1,9 +1,5 @@
 #include "repository/range_cache.h"
 
-#include <fcntl.h>
-#include <sys/file.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
@@ -11,6 +7,7 @@
 
 #include "base/crc32c.h"
 #include "base/file.h"
+#include "base/file_lock.h"
 
 namespace repository {
 namespace {
@@ -44,16 +41,9 @@ std::uint32_t checksumOf(const PieceId& id, base::ByteView bytes) {
   return base::crc32c(bytes, base::crc32c(id));
 }
 
-// Big-endian, so that LMDB's order is the order of use.
-std::array<std::uint8_t, 8> orderKey(std::uint64_t sequence) {
-  std::array<std::uint8_t, 8> bytes;
-  for (std::size_t i = 0; i < 8; ++i) bytes[i] = static_cast<std::uint8_t>(sequence >> (56 - 8 * i));
-  return bytes;
-}
-
 // A piece's record in table "index".
 struct Record {
-  std::uint64_t sequence = 0;  // of its last use: its key in table "order"
+  std::uint64_t sequence = 0;  // of its last use: its key, big-endian, in table "order"
   std::uint32_t bytes = 0;
   std::uint32_t checksum = 0;
 };
@@ -71,18 +61,6 @@ template <class T>
 MDB_val bytesOf(const T& value) {
   return valueOf(base::ByteView(reinterpret_cast<const std::uint8_t*>(&value), sizeof(T)));
 }
-
-// Held while the files are opened, checked or thrown away, so that no two processes do it at once.
-class OpeningLock {
- public:
-  explicit OpeningLock(const std::string& path) : file_(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644)) {
-    while (file_ && ::flock(file_.get(), LOCK_EX) != 0 && errno == EINTR) continue;
-  }
-  bool held() const { return static_cast<bool>(file_); }
-
- private:
-  base::FileDescriptor file_;
-};
 
 // Processes that have the files open keep theirs until they end.
 void removeFiles(const std::string& path) {
@@ -126,9 +104,9 @@ class Transaction {
   int use(const PieceId& id) {
     Record record;
     if (const int code = find(id, record); code != 0) return code == MDB_NOTFOUND ? 0 : code;
-    if (const int code = drop(kOrder, orderKey(record.sequence)); code != 0) return code;
+    if (const int code = drop(kOrder, bigEndian(record.sequence)); code != 0) return code;
     record.sequence = state.next_sequence++;
-    if (const int code = put(kOrder, orderKey(record.sequence), valueOf(id)); code != 0) return code;
+    if (const int code = put(kOrder, bigEndian(record.sequence), valueOf(id)); code != 0) return code;
     return put(kIndex, id, bytesOf(record));
   }
 
@@ -137,7 +115,7 @@ class Transaction {
     const Record record{state.next_sequence++, static_cast<std::uint32_t>(bytes.size()), checksumOf(id, bytes)};
     if (const int code = put(kData, id, valueOf(bytes)); code != 0) return code;
     if (const int code = put(kIndex, id, bytesOf(record)); code != 0) return code;
-    if (const int code = put(kOrder, orderKey(record.sequence), valueOf(id)); code != 0) return code;
+    if (const int code = put(kOrder, bigEndian(record.sequence), valueOf(id)); code != 0) return code;
     state.bytes += costOf(bytes.size());
     return 0;
   }
@@ -146,7 +124,7 @@ class Transaction {
   int remove(const PieceId& id) {
     Record record;
     if (const int code = find(id, record); code != 0) return code == MDB_NOTFOUND ? 0 : code;
-    for (const int code : {drop(kOrder, orderKey(record.sequence)), drop(kIndex, id), drop(kData, id)})
+    for (const int code : {drop(kOrder, bigEndian(record.sequence)), drop(kIndex, id), drop(kData, id)})
       if (code != 0) return code;
     state.bytes -= std::min(state.bytes, costOf(record.bytes));
     return 0;
@@ -156,7 +134,7 @@ class Transaction {
   int evictTo(std::uint64_t most) {
     while (state.bytes > most) {
       PieceId id;
-      std::array<std::uint8_t, 8> key;
+      NumberKey key;
       if (const int code = oldest(key, id); code != 0) return code == MDB_NOTFOUND ? 0 : code;
       if (const int code = remove(id); code != 0) return code;
       if (const int code = drop(kOrder, key); code != 0) return code;  // an order without a piece would stay first
@@ -176,14 +154,14 @@ class Transaction {
     record = *read;
     return 0;
   }
-  int oldest(std::array<std::uint8_t, 8>& sequence, PieceId& id) {
+  int oldest(NumberKey& sequence, PieceId& id) {
     MDB_cursor* raw = nullptr;
     if (const int code = mdb_cursor_open(txn_, environment_->table(kOrder), &raw); code != 0) return code;
     const std::unique_ptr<MDB_cursor, decltype(&mdb_cursor_close)> cursor(raw, mdb_cursor_close);
     MDB_val key{};
     MDB_val value{};
     if (const int code = mdb_cursor_get(raw, &key, &value, MDB_FIRST); code != 0) return code;
-    const auto read_key = copyOf<std::array<std::uint8_t, 8>>(key);
+    const auto read_key = copyOf<NumberKey>(key);
     const auto read_id = copyOf<PieceId>(value);
     if (!read_key || !read_id) return MDB_CORRUPTED;
     sequence = *read_key;
@@ -219,8 +197,9 @@ Result<std::unique_ptr<RangeCache>> RangeCache::open(const std::string& director
     return Error{ErrorCode::kUnsupported,
                  directory + ": on a network file system, which the cache cannot use; give a local directory"};
 
-  const OpeningLock lock(path + "/opening.lock");
-  if (!lock.held()) return base::systemError(path, "write to this directory", errno);
+  // So that no two processes open, check or throw the files away at once.
+  const auto lock = base::lockFile(path + "/opening.lock");
+  if (!lock) return lock.error();
   const auto size = fs::file_size(path + "/data.mdb", failed);
   if (!failed && size > mapBytes(options.bytes)) removeFiles(path);  // from a time of a larger budget
   auto cache = openSound(path, options);

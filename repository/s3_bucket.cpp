@@ -40,10 +40,6 @@ bool fitsHost(const std::string& bucket) {
   return bucket.size() <= 63 && bucket.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789-") == std::string::npos;
 }
 
-std::string textOf(const base::Bytes& bytes) {
-  return {bytes.begin(), bytes.end()};
-}
-
 }  // namespace
 
 Result<S3Bucket> S3Bucket::open(const std::string& place, const S3Config& config) {
@@ -115,12 +111,12 @@ Error S3Bucket::refusal(const std::string& name, const HttpResponse& response) c
   if (response.body.empty() && response.status >= 300 && response.status < 500) {
     S3Exchange again{"GET", name, {}, {{"range", "bytes=0-0"}}, {}, 1};
     const auto whole = send(again);
-    if (whole && whole->status >= 300) return explain(name, whole->status, textOf(whole->body));
+    if (whole && whole->status >= 300) return explain(name, whole->status, base::textOf(whole->body));
   }
-  return explain(name, response.status, textOf(response.body));
+  return explain(name, response.status, base::textOf(response.body));
 }
 
-Error S3Bucket::explain(const std::string& name, int status, const std::string& xml) const {
+Error S3Bucket::explain(const std::string& name, int status, std::string_view xml) const {
   const std::string code = printable(xmlText(xml, "Code").value_or(""));
   const std::string store = config_.endpoint.empty() ? "Amazon S3" : config_.endpoint;
   const std::string key = "access key " + printable(config_.credentials.access_key);

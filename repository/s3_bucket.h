@@ -2,6 +2,7 @@
 // One place in a bucket: signed requests to it, and what the store's errors mean.
 #include <map>
 #include <string>
+#include <string_view>
 
 #include "base/bytes.h"
 #include "base/error.h"
@@ -41,7 +42,7 @@ class S3Bucket {
 
  private:
   S3Bucket(std::string place, std::string bucket, std::string prefix, const S3Config& config);
-  base::Error explain(const std::string& name, int status, const std::string& xml) const;
+  base::Error explain(const std::string& name, int status, std::string_view xml) const;
 
   std::string place_, bucket_, prefix_;
   S3Config config_;

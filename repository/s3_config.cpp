@@ -15,12 +15,6 @@ using base::ErrorCode;
 using base::Result;
 using Section = std::map<std::string, std::string>;
 
-std::string trimmed(const std::string& text) {
-  const auto begin = text.find_first_not_of(" \t\r");
-  if (begin == std::string::npos) return "";
-  return text.substr(begin, text.find_last_not_of(" \t\r") - begin + 1);
-}
-
 // Lines "[section]", "key = value", "# comment"; nested lines (indented, as in "s3 =") are not ours.
 std::map<std::string, Section> parseSections(const std::string& text) {
   std::map<std::string, Section> sections;

@@ -1,6 +1,7 @@
 #include "repository/s3_objects.h"
 
 #include <algorithm>
+#include <set>
 #include <utility>
 
 #include "base/file.h"
@@ -18,10 +19,6 @@ using base::Result;
 
 constexpr std::uint64_t kMostAnswerBytes = std::uint64_t{8} << 20;  // a page of 1000 keys of 1000 bytes, and more
 constexpr std::uint64_t kMostParts = 10000;                         // S3's limit
-
-std::string textOf(const base::Bytes& bytes) {
-  return {bytes.begin(), bytes.end()};
-}
 
 class S3Server final : public ObjectServer {
  public:
@@ -81,6 +78,7 @@ class S3Sink final : public ObjectSink {
     if (!prefix.empty()) LUMIGRID_TRY(checkName(prefix));
     const std::string front = bucket_.prefix() + (prefix.empty() ? "" : prefix + "/");
     std::vector<std::string> names;
+    std::set<std::string> asked;
     for (std::string token;;) {
       auto page = listPage(front, token, 1000);
       if (!page) return page.error();
@@ -91,7 +89,7 @@ class S3Sink final : public ObjectSink {
         if (isObjectName(name)) names.push_back(std::move(name));
       }
       if (page->next_token.empty()) break;
-      if (page->next_token == token)
+      if (!asked.insert(page->next_token).second)
         return Error{ErrorCode::kNetwork, bucket_.describe(prefix) + ": the store's list of objects does not end"};
       token = page->next_token;
     }
@@ -116,7 +114,7 @@ class S3Sink final : public ObjectSink {
     if (!token.empty()) exchange.query["continuation-token"] = token;
     const auto response = ask(exchange);
     if (!response) return response.error();
-    auto page = parseS3Page(textOf(response->body));
+    auto page = parseS3Page(base::textOf(response->body));
     if (!page) return base::within(bucket_.place(), page.error());
     return page;
   }
@@ -131,7 +129,7 @@ class S3Sink final : public ObjectSink {
   Result<HttpResponse> ask(const S3Exchange& exchange) const {
     auto response = bucket_.send(exchange);
     if (!response) return response.error();
-    const bool failed_late = xmlText(textOf(response->body), "Code").has_value();
+    const bool failed_late = xmlText(base::textOf(response->body), "Code").has_value();
     if (response->status < 200 || response->status >= 300 || failed_late)
       return bucket_.refusal(exchange.name, *response);
     return response;
@@ -144,7 +142,7 @@ class S3Sink final : public ObjectSink {
     if (!content_type.empty()) begin.headers["content-type"] = content_type;
     const auto begun = ask(begin);
     if (!begun) return begun.error();
-    const auto upload = xmlText(textOf(begun->body), "UploadId");
+    const auto upload = xmlText(base::textOf(begun->body), "UploadId");
     if (!upload || upload->empty())
       return Error{ErrorCode::kNetwork, bucket_.describe(name) + ": the store begins no upload; is this an S3 store?"};
 

@@ -33,7 +33,7 @@ std::string canonicalRequest(const S3Request& request) {
 }
 
 std::string hexOfText(std::string_view text) {
-  return base::hexOf(base::sha256(viewOfText(text)));
+  return base::hexOf(base::sha256(base::viewOfText(text)));
 }
 
 }  // namespace
@@ -55,7 +55,7 @@ std::string authorization(const S3Request& request, const S3Credentials& credent
   const std::string scope = day + "/" + region + "/" + service + "/aws4_request";
   const std::string to_sign = "AWS4-HMAC-SHA256\n" + time + "\n" + scope + "\n" + hexOfText(canonicalRequest(request));
 
-  base::Sha256Digest key = hmacSha256(viewOfText("AWS4" + credentials.secret_key), day);
+  base::Sha256Digest key = hmacSha256(base::viewOfText("AWS4" + credentials.secret_key), day);
   for (const std::string& part : {region, service, std::string("aws4_request")}) key = hmacSha256(key, part);
   return "AWS4-HMAC-SHA256 Credential=" + credentials.access_key + "/" + scope +
          ", SignedHeaders=" + signedHeaders(request) + ", Signature=" + base::hexOf(hmacSha256(key, to_sign));

@@ -13,10 +13,6 @@ namespace {
 constexpr std::uint8_t kMagic = 'T';
 constexpr std::uint8_t kVersion = 1;
 
-glm::uvec3 childCorner(const glm::uvec3& corner, std::uint32_t half, std::uint32_t child) {
-  return corner + half * glm::uvec3(child & 1U, child >> 1 & 1U, child >> 2);
-}
-
 std::uint64_t codeOf(const glm::uvec3& point) {
   return FaceKey{point.x, point.y, point.z, 0}.code();
 }

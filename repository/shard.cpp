@@ -29,11 +29,6 @@ std::uint64_t pointsInCube(const glm::uvec3& corner, std::uint32_t side, const g
   return points;
 }
 
-// Children of a cube of side 2 · half, in Morton order.
-glm::uvec3 childCorner(const glm::uvec3& corner, std::uint32_t half, std::uint32_t child) {
-  return corner + half * glm::uvec3(child & 1U, child >> 1 & 1U, child >> 2);
-}
-
 // Half the side of the smallest cube, a power of two, that holds the grid's points.
 std::uint32_t halfOfRoot(const glm::uvec3& count) {
   return std::bit_ceil(std::max({count.x, count.y, count.z})) / 2;

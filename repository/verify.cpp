@@ -15,11 +15,6 @@ namespace {
 
 constexpr std::size_t kPortion = 256;  // values decoded side by side
 
-std::string nameOf(const FaceKey& key) {
-  return "face (" + std::to_string(key.x) + ", " + std::to_string(key.y) + ", " + std::to_string(key.z) + ", " +
-         std::to_string(key.d) + ")";
-}
-
 // What is wrong with one value; nothing when it is well.
 std::optional<std::string> faultOf(const FaceKey& key, base::ByteView bytes, std::uint32_t face_size) {
   const auto pixels = decodeFacePixels(bytes, static_cast<int>(face_size));
@@ -140,7 +135,8 @@ std::vector<std::string> verify(const PackStore& packs, const Grid& grid, const 
   std::uint64_t values = 0;
   packs.check(
       [&](std::string fault) {
-        if (faults.size() < kMostFaults) faults.push_back(std::move(fault));
+        faults.push_back(std::move(fault));
+        return faults.size() < kMostFaults;
       },
       [&](const FaceKey& key, base::ByteView bytes) {
         return verifier.take(key, bytes) && (++values % kPortion != 0 || !progress || progress(values));

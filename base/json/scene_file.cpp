@@ -1,6 +1,7 @@
 #include "base/json/scene_file.h"
 
 #include <cerrno>
+#include <cmath>
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -32,15 +33,25 @@ class Fields {
   T get(const char* key) {
     const json* member = find(key);
     if (member == nullptr) return T{};
-    if constexpr (std::is_same_v<T, std::string>) {
-      if (member->is_string()) return member->get<std::string>();
-    } else if constexpr (std::is_same_v<T, bool>) {
-      if (member->is_boolean()) return member->get<bool>();
-    } else if constexpr (std::is_same_v<T, std::uint64_t>) {
-      if (member->is_number_unsigned()) return member->get<std::uint64_t>();
-    }
+    if (isA<T>(*member)) return member->get<T>();
     fail(std::string(key) + " has the wrong type");
     return T{};
+  }
+  /// An object whose members all are of that type.
+  template <class T>
+  std::map<std::string, T> map(const char* key) {
+    std::map<std::string, T> all;
+    const json* member = find(key);
+    if (member == nullptr) return all;
+    if (!member->is_object()) return fail(std::string(key) + " is not an object"), all;
+    for (auto it = member->begin(); it != member->end(); ++it) {
+      const json& value = *it;
+      if (isA<T>(value))
+        all[it.key()] = value.get<T>();
+      else
+        fail(std::string(key) + ": a value has the wrong type");
+    }
+    return all;
   }
   glm::dvec3 vector(const char* key) {
     const json* member = find(key);
@@ -65,6 +76,12 @@ class Fields {
   }
 
  private:
+  template <class T>
+  static bool isA(const json& value) {
+    if constexpr (std::is_same_v<T, std::string>) return value.is_string();
+    if constexpr (std::is_same_v<T, bool>) return value.is_boolean();
+    if constexpr (std::is_same_v<T, std::uint64_t>) return value.is_number_unsigned();
+  }
   const json* find(const char* key) {
     if (!object_.is_object()) return nullptr;
     auto it = object_.find(key);
@@ -77,14 +94,6 @@ class Fields {
   std::string& problem_;
 };
 
-template <class Map, class Get>
-Map readMap(const json& object, Get get) {
-  Map map;
-  if (object.is_object())
-    for (const auto& [key, value] : object.items()) get(map, key, value);
-  return map;
-}
-
 void readLists(const json& document, Scene& scene, std::string& problem) {
   Fields top(document, "", problem);
   for (const json& item : top.child("sources")) {
@@ -95,14 +104,8 @@ void readLists(const json& document, Scene& scene, std::string& problem) {
     Fields f(item, "parts: ", problem);
     scene.parts.push_back({f.get<std::string>("file"), f.get<std::uint64_t>("bytes"), f.get<std::string>("sha256")});
   }
-  scene.repairs =
-      readMap<decltype(scene.repairs)>(top.child("repairs"), [&](auto& map, const std::string& key, const json& value) {
-        if (value.is_number_unsigned()) map[key] = value.get<std::uint64_t>();
-      });
-  scene.parameters = readMap<decltype(scene.parameters)>(top.child("parameters"),
-                                                         [&](auto& map, const std::string& key, const json& value) {
-                                                           if (value.is_string()) map[key] = value.get<std::string>();
-                                                         });
+  scene.repairs = top.map<std::uint64_t>("repairs");
+  scene.parameters = top.map<std::string>("parameters");
 }
 
 }  // namespace
@@ -146,6 +149,8 @@ Result<Scene> parseScene(const std::string& text, const std::string& name) {
   if (mode != "unlit" && mode != "soft") light.fail("mode is neither unlit nor soft");
   scene.light.mode = mode == "unlit" ? LightMode::kUnlit : LightMode::kSoft;
   scene.light.direction = glm::vec3(light.vector("direction"));
+  for (int i = 0; i < 3; ++i)
+    if (!std::isfinite(scene.light.direction[i])) light.fail("direction is too long");
   readLists(document, scene, problem);
   if (problem.empty() && !glm::all(glm::lessThanEqual(scene.box_min, scene.box_max)))
     problem = "box_min exceeds box_max";

@@ -6,6 +6,8 @@
 #include <cstring>
 #include <filesystem>
 #include <mutex>
+#include <optional>
+#include <utility>
 
 #include "base/parallel.h"
 #include "lod/build/work_directory.h"
@@ -16,9 +18,13 @@ namespace {
 using base::Error;
 using base::ErrorCode;
 
-constexpr std::size_t kMaxSamples = std::size_t{1} << 20;
-constexpr std::uint32_t kTableBits = 18;                         // of the codes' top bits, to look a bucket up by
-constexpr std::size_t kMostBatchBlocks = 16;                     // blocks of triangles that threads share
+// Of the vertices' codes, for each bucket: its size is right within a few hundredths. And in all.
+constexpr std::uint64_t kBucketSamples = 2048;
+constexpr std::uint64_t kMostSamples = std::uint64_t{1} << 20;
+constexpr std::uint32_t kTableBits = 18;       // of the codes' top bits, to look a bucket up by
+constexpr std::uint32_t kSmallTableBits = 12;  // the same where there are few
+constexpr std::size_t kFewSplitters = 16;
+constexpr std::size_t kMostBatchBlocks = 8;                      // blocks of triangles that threads share
 constexpr std::uint64_t kBufferBytes = std::uint64_t{64} << 20;  // of all buckets together
 
 // Fewer bits save nothing that counts on a small mesh, and cost accuracy at fine levels.
@@ -26,9 +32,20 @@ constexpr std::uint32_t kLeastChosenBits = 14;
 // What measureWinding takes for a bucket, about.
 constexpr std::uint64_t kWindingBytes = std::uint64_t{80} << 20;
 
+constexpr std::uint8_t kStateVersion = 2;
+
 struct Record {
   Corner corner[3];
 };
+
+void turn(const std::vector<bool>& flips, std::vector<BorderTriangle>& triangles) {
+  if (flips.empty()) return;
+  for (BorderTriangle& t : triangles) {
+    if (!flips[t.triangle]) continue;
+    std::swap(t.place[1], t.place[2]);
+    std::swap(t.corner[1], t.corner[2]);
+  }
+}
 
 }  // namespace
 
@@ -108,6 +125,8 @@ class BucketSorter {
     const std::uint64_t vertex_bytes = out_.cornerBytes();
     const std::uint64_t window = std::max<std::uint64_t>(options_.memory_bytes / vertex_bytes, 1U << 16);
     const std::uint64_t windows = (info_.vertices + window - 1) / window;
+    const std::uint64_t samples = std::min(kMostSamples, kBucketSamples * bucketsWanted());
+    stride_ = std::max<std::uint64_t>(1, info_.vertices / samples);
     if (windows > 1) {
       auto corners = SpoolFile::create(directory_ + "/corners");
       if (!corners) return corners.error();
@@ -132,8 +151,7 @@ class BucketSorter {
     border_.erase(std::unique(border_.begin(), border_.end()), border_.end());
     out_.border_.codes = std::move(border_);
     out_.border_.makeFilter();
-    const std::uint64_t at_once = std::max<std::uint64_t>(1, options_.memory_bytes / kWindingBytes);
-    LUMIGRID_TRY(out_.windAlike(static_cast<unsigned>(std::min<std::uint64_t>(options_.threads, at_once))));
+    LUMIGRID_TRY(out_.windAlike(options_.threads, options_.memory_bytes));
     std::uint64_t with_area = 0;
     for (const Buckets::Area& area : out_.areas_) {
       with_area += area.triangles;
@@ -151,6 +169,7 @@ class BucketSorter {
   }
 
  private:
+  std::uint64_t bucketsWanted() const { return (info_.vertices + Buckets::kVertices - 1) / Buckets::kVertices; }
   bool goOn(double done) const { return !options_.progress || options_.progress(done); }
   static Error cancelled() { return {ErrorCode::kCancelled, "sorting the triangles was cancelled"}; }
 
@@ -170,45 +189,39 @@ class BucketSorter {
       constexpr std::size_t kChunk = std::size_t{1} << 13;  // long enough to be worth a thread
       base::parallelFor((block_codes.size() + kChunk - 1) / kChunk, options_.threads, [&](std::size_t chunk) {
         const std::size_t stop = std::min(block_codes.size(), (chunk + 1) * kChunk);
-        for (std::size_t i = chunk * kChunk; i < stop; ++i)
+        for (std::size_t i = chunk * kChunk; i < stop; ++i) {
           block_codes[i] = mortonCode(lattice_.point(block.positions[i]));
+          if (block.first + i >= first && block.first + i < last) keep(block, i, block_codes[i]);
+        }
       });
-      for (std::uint64_t v = block.first; v < end; ++v) {
-        const bool inside = v >= first && v < last;
-        const bool sampled = sampling && v % stride_ == 0;
-        if (!inside && !sampled) continue;
-        const auto i = static_cast<std::size_t>(v - block.first);
-        const std::uint64_t code = block_codes[i];
-        if (sampled) addSample(code);
-        if (!inside) continue;
-        const auto at = static_cast<std::size_t>(v - first);
-        codes_[at] = code;
-        if (out_.has_colors_ && !block.colors.empty()) colors_[at] = block.colors[i];
-        if (out_.has_normals_ && !block.normals.empty()) normals_[at] = block.normals[i];
-      }
+      if (sampling)
+        for (std::uint64_t v = (block.first + stride_ - 1) / stride_ * stride_; v < end; v += stride_)
+          samples_.push_back(block_codes[static_cast<std::size_t>(v - block.first)]);
       return {};
     });
   }
 
-  void addSample(std::uint64_t code) {
-    samples_.push_back(code);
-    if (samples_.size() < kMaxSamples) return;
-    for (std::size_t i = 0; 2 * i < samples_.size(); ++i) samples_[i] = samples_[2 * i];
-    samples_.resize(samples_.size() / 2);
-    stride_ *= 2;
+  // One of the window's vertices.
+  void keep(const SpooledVertices& block, std::size_t i, std::uint64_t code) {
+    const auto at = static_cast<std::size_t>(block.first + i - first_);
+    codes_[at] = code;
+    if (out_.has_colors_ && !block.colors.empty()) colors_[at] = block.colors[i];
+    if (out_.has_normals_ && !block.normals.empty()) normals_[at] = block.normals[i];
   }
 
   // Splitters at the sample's quantiles, and a table that says for the top bits of a code which it may lie between.
   void split() {
     std::sort(samples_.begin(), samples_.end());
-    const std::uint64_t buckets = (info_.vertices + Buckets::kVertices - 1) / Buckets::kVertices;
+    const std::uint64_t buckets = bucketsWanted();
     for (std::uint64_t b = 1; b < buckets; ++b) {
       const std::uint64_t code = samples_[static_cast<std::size_t>(b * samples_.size() / buckets)];
       if (splitters_.empty() ? code > 0 : code > splitters_.back()) splitters_.push_back(code);
     }
     samples_ = {};
-    shift_ = 3 * lattice_.bits > kTableBits ? 3 * lattice_.bits - kTableBits : 0;
-    table_.resize((std::size_t{1} << kTableBits) + 1);
+    // A table longer than the mesh is not worth making.
+    const std::uint32_t bits = splitters_.size() < kFewSplitters ? kSmallTableBits : kTableBits;
+    shift_ = 3 * lattice_.bits > bits ? 3 * lattice_.bits - bits : 0;
+    table_.resize((std::size_t{1} << bits) + 1);
     for (std::uint64_t cell = 0; cell < table_.size(); ++cell)
       table_[static_cast<std::size_t>(cell)] = static_cast<std::uint32_t>(
           std::upper_bound(splitters_.begin(), splitters_.end(), cell << shift_) - splitters_.begin());
@@ -233,13 +246,16 @@ class BucketSorter {
     const std::size_t most =
         options_.threads > 1 ? std::min<std::size_t>(kMostBatchBlocks, 2 * std::size_t{options_.threads}) : 1;
     std::vector<SpooledTriangles> batch(most);
-    std::vector<Gathered> results(most);
-    std::size_t blocks = 0;
+    std::vector<Gathered> results(most), before(most);  // of the batch, and of the one before
+    std::size_t blocks = 0, blocks_before = 0;
     std::uint64_t at = 0;  // triangle number of the batch's first
+    const GatherPass pass{first, last};
     auto work = [&]() -> base::Result<void> {
-      LUMIGRID_TRY(gatherBatch(std::span(batch).first(blocks), results, at, first, last));
+      LUMIGRID_TRY(
+          gatherBatch(std::span(batch).first(blocks), results, std::span(before).first(blocks_before), at, pass));
       for (std::size_t b = 0; b < blocks; ++b) at += batch[b].corners.size() / 3;
-      blocks = 0;
+      std::swap(results, before);
+      blocks_before = std::exchange(blocks, 0);
       if (!goOn(done * static_cast<double>(at) / static_cast<double>(info_.triangles))) return cancelled();
       return {};
     };
@@ -247,49 +263,57 @@ class BucketSorter {
       std::swap(batch[blocks++], block);
       return blocks < most ? base::Result<void>() : work();
     }));
-    return work();
+    LUMIGRID_TRY(work());
+    LUMIGRID_TRY(storeAll(std::span(before).first(blocks_before), pass));
+    return first && !last ? corners_.flush() : base::Result<void>();
   }
 
+  struct GatherPass {
+    bool first = false, last = false;
+  };
   struct Gathered {
+    std::uint64_t start = 0;  // number of its first triangle
     std::vector<Record> records;
     base::Bytes packed;                 // of the triangles kept, as the buckets hold them
     std::vector<std::uint32_t> bucket;  // of each
     std::vector<std::uint64_t> border;
     BucketCounts counts;
-    base::Result<void> status;
   };
 
+  // While the threads are at it, one of them stores what they made of the batch before.
   base::Result<void> gatherBatch(std::span<const SpooledTriangles> batch, std::vector<Gathered>& results,
-                                 std::uint64_t at, bool first, bool last) {
-    std::vector<std::uint64_t> start(batch.size());
+                                 std::span<Gathered> before, std::uint64_t at, const GatherPass& pass) {
     for (std::size_t b = 0; b < batch.size(); ++b) {
-      start[b] = at;
+      results[b].start = at;
       at += batch[b].corners.size() / 3;
     }
-    base::parallelFor(batch.size(), options_.threads, [&](std::size_t b) {
-      Gathered& result = results[b];
-      result.records.resize(batch[b].corners.size() / 3);
-      // Where one window is all, each corner is written over.
-      if (first && !last) std::fill(result.records.begin(), result.records.end(), Record{});
-      const std::span<std::uint8_t> bytes(reinterpret_cast<std::uint8_t*>(result.records.data()),
-                                          result.records.size() * sizeof(Record));
-      if (!first) result.status = corners_.readAt(start[b] * sizeof(Record), bytes);
-      if (!result.status) return;
-      fill(batch[b], result.records);
-      if (last) sift(batch[b], result);
+    return base::tryParallelFor(batch.size() + 1, options_.threads, [&](std::size_t i) -> base::Result<void> {
+      return i == 0 ? storeAll(before, pass) : gatherBlock(batch[i - 1], results[i - 1], pass);
     });
-    for (std::size_t b = 0; b < batch.size(); ++b) {
-      Gathered& result = results[b];
-      LUMIGRID_TRY(result.status);
-      if (last) {
+  }
+
+  base::Result<void> gatherBlock(const SpooledTriangles& block, Gathered& result, const GatherPass& pass) const {
+    result.records.resize(block.corners.size() / 3);
+    // Where one window is all, each corner is written over.
+    if (pass.first && !pass.last) std::fill(result.records.begin(), result.records.end(), Record{});
+    const std::span<std::uint8_t> bytes(reinterpret_cast<std::uint8_t*>(result.records.data()),
+                                        result.records.size() * sizeof(Record));
+    if (!pass.first) LUMIGRID_TRY(corners_.readAt(result.start * sizeof(Record), bytes));
+    fill(block, result.records);
+    if (pass.last) sift(block, result);
+    return {};
+  }
+
+  base::Result<void> storeAll(std::span<Gathered> results, const GatherPass& pass) {
+    for (Gathered& result : results) {
+      if (pass.last) {
         LUMIGRID_TRY(store(result));
         continue;
       }
       const base::ByteView bytes(reinterpret_cast<const std::uint8_t*>(result.records.data()),
                                  result.records.size() * sizeof(Record));
-      LUMIGRID_TRY(first ? corners_.append(bytes) : corners_.writeAt(start[b] * sizeof(Record), bytes));
+      LUMIGRID_TRY(pass.first ? corners_.append(bytes) : corners_.writeAt(result.start * sizeof(Record), bytes));
     }
-    if (first && !last) LUMIGRID_TRY(corners_.flush());
     return {};
   }
 
@@ -334,15 +358,8 @@ class BucketSorter {
         for (const std::uint64_t code : {a, b, c})
           if (bucketOf(code) != bucket) result.border.push_back(code);
       result.bucket.push_back(bucket);
-      for (const Corner& corner : record.corner) to = pack(corner, to);
+      for (const Corner& corner : record.corner) to = out_.pack(corner, to);
     }
-  }
-
-  std::uint8_t* pack(const Corner& corner, std::uint8_t* to) const {
-    std::memcpy(to, &corner.code, 8), to += 8;
-    if (out_.has_colors_) std::memcpy(to, &corner.color, 4), to += 4;
-    if (out_.has_normals_) std::memcpy(to, &corner.normal, 4), to += 4;
-    return to;
   }
 
   base::Result<void> store(const Gathered& result) {
@@ -407,10 +424,17 @@ base::Result<Buckets> Buckets::sort(const SourceSpool& source, const SourceInfo&
   return BucketSorter(source, info, lattice, directory, options).run();
 }
 
-std::vector<std::uint8_t> Buckets::onBorder(const NumberedCorners& mesh) const {
-  std::vector<std::uint8_t> on(mesh.codes.size());
-  for (std::size_t v = 0; v < on.size(); ++v) on[v] = border_.find(mesh.codes[v]) >= 0 ? 1 : 0;
-  return on;
+std::uint8_t* Buckets::pack(const Corner& corner, std::uint8_t* to) const {
+  std::memcpy(to, &corner.code, 8), to += 8;
+  if (has_colors_) std::memcpy(to, &corner.color, 4), to += 4;
+  if (has_normals_) std::memcpy(to, &corner.normal, 4), to += 4;
+  return to;
+}
+
+void Buckets::unpack(const std::uint8_t* from, Corner& corner) const {
+  std::memcpy(&corner.code, from, 8);
+  if (has_colors_) std::memcpy(&corner.color, from + 8, 4);
+  if (has_normals_) std::memcpy(&corner.normal, from + cornerBytes() - 4, 4);
 }
 
 // Which way a bucket's triangles face, and how many have an area at all.
@@ -428,148 +452,214 @@ Buckets::Area Buckets::areaOf(const NumberedCorners& mesh) {
   return area;
 }
 
-// Colours and normals of border vertices, over all the triangles that use them. Any number of threads at a time.
-void Buckets::addToBorders(std::span<const Corner> corners, const NumberedCorners& mesh,
-                           std::span<const std::uint8_t> on_border) {
-  for (std::size_t i = 0; i < corners.size(); ++i) {
-    if (on_border[mesh.number[i]] == 0) continue;
-    const Corner& corner = corners[i];
-    VertexSums& sums = border_.sums[static_cast<std::size_t>(border_.find(corner.code))];
-    const Corner* t = &corners[i - i % 3];
-    VertexSums share;
-    share.add(latticeNormal(mortonPoint(t[0].code), mortonPoint(t[1].code), mortonPoint(t[2].code)), corner);
-    auto add = [](std::int64_t& sum, std::int64_t value) {
-      if (value != 0) std::atomic_ref(sum).fetch_add(value, std::memory_order_relaxed);
-    };
-    for (int k = 0; k < 3; ++k) {
-      add(sums.face[k], share.face[k]);
-      add(sums.normal[k], share.normal[k]);
-      add(sums.color[k], share.color[k]);
-    }
-    add(sums.colored, share.colored);
-  }
-}
-
-base::Result<void> Buckets::sumBorders(unsigned threads) {
-  border_.sums.assign(border_.codes.size(), {});
-  flips_.assign(count(), {});
-  std::mutex mutex;
-  base::Result<void> status;
-  base::parallelFor(count(), threads, [&](std::size_t bucket) {
-    auto corners = readAsGiven(bucket);
-    if (!corners) {
-      const std::lock_guard lock(mutex);
-      status = corners.error();
-      return;
-    }
-    flips_[bucket] = measureFlips(bucket, *corners);
-    if (border_.codes.empty()) return;
-    flip(flips_[bucket], *corners);
-    const NumberedCorners mesh(*corners);
-    addToBorders(*corners, mesh, onBorder(mesh));
-  });
-  return status;
-}
-
-void Buckets::unpack(base::ByteView bytes, std::vector<Corner>& corners) const {
-  const std::size_t size = cornerBytes();
-  const std::size_t first = corners.size();
-  corners.resize(first + bytes.size() / size);
-  const std::uint8_t* from = bytes.data();
-  for (std::size_t i = first; i < corners.size(); ++i, from += size) {
-    Corner& corner = corners[i];
-    std::memcpy(&corner.code, from, 8);
-    if (has_colors_) std::memcpy(&corner.color, from + 8, 4);
-    if (has_normals_) std::memcpy(&corner.normal, from + size - 4, 4);
-  }
-}
-
 base::Result<std::vector<Corner>> Buckets::readAsGiven(std::size_t bucket) const {
-  std::vector<Corner> corners;
-  corners.reserve(3 * static_cast<std::size_t>(counts_[bucket]));
+  std::vector<Corner> corners(3 * static_cast<std::size_t>(counts_[bucket]));
+  const std::size_t size = cornerBytes();
+  auto to = corners.begin();
   base::Bytes bytes;
   for (const Extent& extent : extents_[bucket]) {
     bytes.resize(static_cast<std::size_t>(extent.bytes));
     LUMIGRID_TRY(file_.readAt(extent.offset, bytes));
-    unpack(bytes, corners);
+    for (std::size_t at = 0; at + size <= bytes.size() && to != corners.end(); at += size) unpack(&bytes[at], *to++);
   }
   return corners;
 }
 
 base::Result<std::vector<Corner>> Buckets::read(std::size_t bucket) const {
+  const auto flips = measureFlips(bucket);
+  if (!flips) return flips.error();
   auto corners = readAsGiven(bucket);
-  if (!corners || !winding_.mayFlip(bucket)) return corners;
-  flip(flips_.empty() ? measureFlips(bucket, *corners) : flips_[bucket], *corners);
+  if (!corners) return corners;
+  for (std::size_t t = 0; t < flips->size(); ++t)
+    if ((*flips)[t]) std::swap((*corners)[3 * t + 1], (*corners)[3 * t + 2]);
   return corners;
 }
 
-std::vector<bool> Buckets::measureFlips(std::size_t bucket, std::span<const Corner> corners) const {
-  std::vector<bool> flips;
+std::vector<std::uint32_t> Buckets::borderPlaces(const NumberedCorners& mesh) const {
+  std::vector<std::uint32_t> places;
+  places.reserve(mesh.codes.size());
+  for (const std::uint64_t code : mesh.codes) {
+    const std::int64_t at = border_.find(code);
+    places.push_back(at < 0 ? kNotOnBorder : static_cast<std::uint32_t>(at));
+  }
+  return places;
+}
+
+// Not safe from several threads. Of each triangle: its place, those of its corners, its corners.
+base::Result<void> Buckets::storeBorder(std::size_t bucket, std::span<const BorderTriangle> triangles) {
+  base::Bytes packed(triangles.size() * borderTriangleBytes());
+  std::uint8_t* to = packed.data();
+  for (const BorderTriangle& t : triangles) {
+    std::memcpy(to, &t.triangle, sizeof(t.triangle)), to += sizeof(t.triangle);
+    std::memcpy(to, t.place, sizeof(t.place)), to += sizeof(t.place);
+    for (const Corner& corner : t.corner) to = pack(corner, to);
+  }
+  border_extents_[bucket] = {file_.size(), packed.size()};
+  return file_.append(packed);
+}
+
+base::Result<std::vector<BorderTriangle>> Buckets::borderAsGiven(std::size_t bucket) const {
+  base::Bytes packed(static_cast<std::size_t>(border_extents_[bucket].bytes));
+  LUMIGRID_TRY(file_.readAt(border_extents_[bucket].offset, packed));
+  std::vector<BorderTriangle> out(packed.size() / borderTriangleBytes());
+  const std::uint8_t* from = packed.data();
+  for (BorderTriangle& t : out) {
+    std::memcpy(&t.triangle, from, sizeof(t.triangle)), from += sizeof(t.triangle);
+    std::memcpy(t.place, from, sizeof(t.place)), from += sizeof(t.place);
+    for (Corner& corner : t.corner) unpack(from, corner), from += cornerBytes();
+    const bool inside = std::all_of(std::begin(t.place), std::end(t.place), [this](std::uint32_t place) {
+      return place == kNotOnBorder || place < border_.codes.size();
+    });
+    if (!inside || t.triangle >= counts_[bucket])
+      return damagedWorkFiles(std::filesystem::path(file_.path()).parent_path());
+  }
+  return out;
+}
+
+base::Result<std::vector<BorderTriangle>> Buckets::borderTriangles(std::size_t bucket) const {
+  const auto flips = measureFlips(bucket);
+  if (!flips) return flips.error();
+  auto triangles = borderAsGiven(bucket);
+  if (triangles) turn(*flips, *triangles);
+  return triangles;
+}
+
+// Colours and normals of border vertices, over all the triangles that use them. Any number of threads at a time.
+void Buckets::addToBorders(std::span<const BorderTriangle> triangles) {
+  const auto add = [](std::int64_t& sum, std::int64_t value) {
+    if (value != 0) std::atomic_ref(sum).fetch_add(value, std::memory_order_relaxed);
+  };
+  for (const BorderTriangle& t : triangles) {
+    const glm::i64vec3 normal =
+        latticeNormal(mortonPoint(t.corner[0].code), mortonPoint(t.corner[1].code), mortonPoint(t.corner[2].code));
+    for (std::size_t c = 0; c < 3; ++c) {
+      if (t.place[c] == kNotOnBorder) continue;
+      VertexSums share;
+      share.add(normal, t.corner[c]);
+      VertexSums& sums = border_.sums[t.place[c]];
+      for (int k = 0; k < 3; ++k) {
+        add(sums.face[k], share.face[k]);
+        add(sums.normal[k], share.normal[k]);
+        add(sums.color[k], share.color[k]);
+      }
+      add(sums.colored, share.colored);
+    }
+  }
+}
+
+// Which triangles to turn over is known in the run that found it out; a later one finds it out once more.
+base::Result<Buckets::Flips> Buckets::measureFlips(std::size_t bucket) const {
+  if (!winding_.mayFlip(bucket)) return Flips();
+  if (!flips_.empty()) return flips_[bucket];
+  const auto corners = readAsGiven(bucket);
+  if (!corners) return corners.error();
+  const NumberedCorners mesh(*corners);
+  return flipsOf(bucket, measureWinding(mesh, borderPlaces(mesh)).part);
+}
+
+Buckets::Flips Buckets::flipsOf(std::size_t bucket, std::span<const std::uint32_t> part) const {
+  Flips flips;
   if (!winding_.mayFlip(bucket)) return flips;
-  const BucketWinding measured =
-      measureWinding(corners, [this](std::uint64_t code) { return border_.find(code) >= 0; });
-  flips.resize(measured.part.size());
+  flips.resize(part.size());
   for (std::size_t t = 0; t < flips.size(); ++t)
-    flips[t] = measured.part[t] != BucketWinding::kNoPart && winding_.flips(bucket, measured.part[t]);
+    flips[t] = part[t] != BucketWinding::kNoPart && winding_.flips(bucket, part[t]);
   return flips;
 }
 
-void Buckets::flip(const std::vector<bool>& flips, std::vector<Corner>& corners) {
-  for (std::size_t t = 0; t < flips.size(); ++t)
-    if (flips[t]) std::swap(corners[3 * t + 1], corners[3 * t + 2]);
+// What the first look at all buckets finds.
+struct Buckets::FirstLook {
+  std::atomic<bool> alike = true;
+  std::mutex mutex;
+  std::vector<QuickWinding::Edge> open;                // while they are alike
+  std::vector<std::optional<BucketWinding>> measured;  // by bucket, where they are not
+  std::uint64_t most_parts = 0;                        // triangles whose part may be kept
+  std::atomic<std::uint64_t> parts = 0;
+};
+
+// Most meshes are wound alike as they are: that needs a look at the edges, no more, and the sums of what is read for it
+// hold as well. Where they are not, the rest is measured at once.
+base::Result<void> Buckets::lookAt(std::size_t bucket, FirstLook& look) {
+  const auto corners = readAsGiven(bucket);
+  if (!corners) return corners.error();
+  const NumberedCorners mesh(*corners);
+  const std::vector<std::uint32_t> places = borderPlaces(mesh);
+  areas_[bucket] = areaOf(mesh);
+  std::vector<BorderTriangle> on_border;
+  for (std::size_t i = 0; i < corners->size(); i += 3) {
+    const std::uint32_t place[3] = {places[mesh.number[i]], places[mesh.number[i + 1]], places[mesh.number[i + 2]]};
+    if (std::min({place[0], place[1], place[2]}) == kNotOnBorder) continue;
+    const Corner* c = &(*corners)[i];
+    on_border.push_back({static_cast<std::uint32_t>(i / 3), {place[0], place[1], place[2]}, {c[0], c[1], c[2]}});
+  }
+  QuickWinding quick;
+  if (look.alike) quick = lookAtWinding(mesh, places);
+  if (!quick.alike) look.alike = false;
+  if (look.alike)
+    addToBorders(on_border);
+  else
+    look.measured[bucket] = measure(mesh, places, look);
+  const std::lock_guard lock(look.mutex);
+  look.open.insert(look.open.end(), quick.open.begin(), quick.open.end());
+  return storeBorder(bucket, on_border);
 }
 
-base::Result<void> Buckets::windAlike(unsigned threads) {
-  // Most meshes are wound alike as they are: that needs a look at the edges, no more, and the sums of what is read for
-  // it hold as well.
-  std::mutex mutex;
-  base::Result<void> status;
-  std::atomic<bool> alike = true;
+BucketWinding Buckets::measure(const NumberedCorners& mesh, std::span<const std::uint32_t> places,
+                               FirstLook& look) const {
+  BucketWinding measured = measureWinding(mesh, places);
+  // What memory does not hold is worked out once more.
+  if (look.parts.fetch_add(measured.part.size()) + measured.part.size() > look.most_parts) measured.part = {};
+  return measured;
+}
+
+base::Result<void> Buckets::windAlike(unsigned threads, std::uint64_t memory_bytes) {
+  FirstLook look;
+  look.measured.resize(count());
+  look.most_parts = memory_bytes / 4 / sizeof(std::uint32_t);
+  const std::uint64_t at_once = std::max<std::uint64_t>(1, memory_bytes / 4 * 3 / kWindingBytes);
+  threads = static_cast<unsigned>(std::min<std::uint64_t>(std::max(1U, threads), at_once));
   border_.sums.assign(border_.codes.size(), {});
+  border_extents_.resize(count());
   areas_.resize(count());
-  std::vector<QuickWinding::Edge> open;
-  base::parallelFor(count(), threads, [&](std::size_t bucket) {
-    const auto corners = readAsGiven(bucket);
-    QuickWinding look;
-    if (corners) {
-      const NumberedCorners mesh(*corners);
-      const std::vector<std::uint8_t> on_border = onBorder(mesh);
-      areas_[bucket] = areaOf(mesh);
-      look = lookAtWinding(mesh, on_border);
-      if (!look.alike) alike = false;
-      if (alike) addToBorders(*corners, mesh, on_border);
-    }
-    const std::lock_guard lock(mutex);
-    if (!corners) status = corners.error();
-    open.insert(open.end(), look.open.begin(), look.open.end());
-  });
-  LUMIGRID_TRY(status);
-  if (alike && lod::build::windAlike(open)) {
+  LUMIGRID_TRY(base::tryParallelFor(count(), threads, [&](std::size_t bucket) { return lookAt(bucket, look); }));
+  LUMIGRID_TRY(file_.flush());
+  if (look.alike && lod::build::windAlike(look.open)) {
     winding_.setAlike(count());
     return {};
   }
-  open = {};
+  look.open = {};
+  return turnOver(look, threads);
+}
 
-  // Some buckets at a time, added in their order.
-  const auto isOnBorder = [this](std::uint64_t code) { return border_.find(code) >= 0; };
-  const std::size_t step = 4 * std::size_t{std::max(1U, threads)};
-  for (std::size_t begin = 0; begin < count(); begin += step) {
-    std::vector<BucketWinding> measured(std::min(step, count() - begin));
-    base::parallelFor(measured.size(), threads, [&](std::size_t i) {
-      const auto corners = readAsGiven(begin + i);
-      if (corners) {
-        measured[i] = measureWinding(*corners, isOnBorder);
-        measured[i].part = {};
-        return;
-      }
-      const std::lock_guard lock(mutex);
-      status = corners.error();
-    });
-    LUMIGRID_TRY(status);
-    for (const BucketWinding& m : measured) winding_.add(m);
+base::Result<void> Buckets::turnOver(FirstLook& look, unsigned threads) {
+  LUMIGRID_TRY(base::tryParallelFor(count(), threads, [&](std::size_t bucket) -> base::Result<void> {
+    if (look.measured[bucket]) return {};
+    const auto corners = readAsGiven(bucket);
+    if (!corners) return corners.error();
+    const NumberedCorners mesh(*corners);
+    look.measured[bucket] = measure(mesh, borderPlaces(mesh), look);
+    return {};
+  }));
+  for (std::optional<BucketWinding>& measured : look.measured) {
+    winding_.add(*measured);
+    measured->parts = {}, measured->open = {}, measured->opposing = {};
   }
   winding_.finish();
-  return sumBorders(threads);
+
+  std::vector<Flips> flips(count());
+  border_.sums.assign(border_.codes.size(), {});
+  LUMIGRID_TRY(base::tryParallelFor(count(), threads, [&](std::size_t bucket) -> base::Result<void> {
+    const std::vector<std::uint32_t>& part = look.measured[bucket]->part;
+    auto found = part.empty() ? measureFlips(bucket) : flipsOf(bucket, part);
+    if (!found) return found.error();
+    flips[bucket] = std::move(*found);
+    auto triangles = borderAsGiven(bucket);
+    if (!triangles) return triangles.error();
+    turn(flips[bucket], *triangles);
+    addToBorders(*triangles);
+    return {};
+  }));
+  flips_ = std::move(flips);
+  return {};
 }
 
 void Buckets::release() {
@@ -578,6 +668,7 @@ void Buckets::release() {
 
 base::Bytes Buckets::state() const {
   base::ByteWriter out;
+  out.u8(kStateVersion);
   out.u8(has_colors_ ? 1 : 0);
   out.u8(has_normals_ ? 1 : 0);
   out.write(totals_);
@@ -587,6 +678,7 @@ base::Bytes Buckets::state() const {
     out.u64(counts_[b]);
     out.u64(extents_[b].size());
     for (const Extent& extent : extents_[b]) out.write(extent);
+    out.write(border_extents_[b]);
   }
   out.u64(border_.codes.size());
   for (const std::uint64_t code : border_.codes) out.u64(code);
@@ -601,6 +693,7 @@ base::Result<Buckets> Buckets::open(const std::string& directory, base::ByteView
   if (!file) return file.error();
   Buckets out;
   base::ByteReader in(state);
+  if (in.u8() != kStateVersion) return broken;
   out.has_colors_ = in.u8() != 0;
   out.has_normals_ = in.u8() != 0;
   out.totals_ = in.read<BucketCounts>();
@@ -609,11 +702,13 @@ base::Result<Buckets> Buckets::open(const std::string& directory, base::ByteView
   if (!in.ok() || buckets > in.remaining() / 16) return broken;
   out.extents_.resize(static_cast<std::size_t>(buckets));
   out.counts_.resize(static_cast<std::size_t>(buckets));
+  out.border_extents_.resize(static_cast<std::size_t>(buckets));
   for (std::size_t b = 0; b < buckets; ++b) {
     out.counts_[b] = in.u64();
     const std::uint64_t extents = in.u64();
     if (!in.ok() || extents > in.remaining() / sizeof(Extent)) return broken;
     for (std::uint64_t e = 0; e < extents; ++e) out.extents_[b].push_back(in.read<Extent>());
+    out.border_extents_[b] = in.read<Extent>();
   }
   const std::uint64_t border = in.u64();
   if (!in.ok() || border > in.remaining() / (8 + sizeof(VertexSums))) return broken;

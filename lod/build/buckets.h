@@ -70,6 +70,13 @@ struct BorderVertices {
   std::int64_t find(std::uint64_t code) const;
 };
 
+/// A triangle with a corner on the border.
+struct BorderTriangle {
+  std::uint32_t triangle = 0;                                           ///< its place in the bucket
+  std::uint32_t place[3] = {kNotOnBorder, kNotOnBorder, kNotOnBorder};  ///< of its corners in the border
+  Corner corner[3];
+};
+
 struct BucketCounts {
   std::uint64_t triangles = 0;   ///< in buckets
   std::uint64_t degenerate = 0;  ///< left out: a corner named twice
@@ -108,8 +115,8 @@ class Buckets {
 
   /// 3 corners per triangle, in the source's order, wound alike.
   base::Result<std::vector<Corner>> read(std::size_t bucket) const;
-  /// Waits until the disk has them.
-  base::Result<void> sync() { return file_.sync(); }
+  /// Those with a corner on the border, as read() has them.
+  base::Result<std::vector<BorderTriangle>> borderTriangles(std::size_t bucket) const;
   /// Gives the buckets' disk space back; they can no longer be read.
   void release();
 
@@ -123,17 +130,26 @@ class Buckets {
     glm::dvec3 facing{0.0};
   };
   std::size_t cornerBytes() const { return 8 + (has_colors_ ? 4U : 0U) + (has_normals_ ? 4U : 0U); }
-  void unpack(base::ByteView bytes, std::vector<Corner>& corners) const;
+  std::size_t borderTriangleBytes() const { return 16 + 3 * cornerBytes(); }
+  std::uint8_t* pack(const Corner& corner, std::uint8_t* to) const;
+  void unpack(const std::uint8_t* from, Corner& corner) const;
   base::Result<std::vector<Corner>> readAsGiven(std::size_t bucket) const;
+  /// Of each vertex on the border; kNotOnBorder for others.
+  std::vector<std::uint32_t> borderPlaces(const NumberedCorners& mesh) const;
+  base::Result<void> storeBorder(std::size_t bucket, std::span<const BorderTriangle> triangles);
+  base::Result<std::vector<BorderTriangle>> borderAsGiven(std::size_t bucket) const;
+  void addToBorders(std::span<const BorderTriangle> triangles);
+
   /// A bit per triangle that is to be turned over; empty: none.
-  std::vector<bool> measureFlips(std::size_t bucket, std::span<const Corner> corners) const;
-  static void flip(const std::vector<bool>& flips, std::vector<Corner>& corners);
-  base::Result<void> windAlike(unsigned threads);
+  using Flips = std::vector<bool>;
+  Flips flipsOf(std::size_t bucket, std::span<const std::uint32_t> part) const;
+  base::Result<Flips> measureFlips(std::size_t bucket) const;
+  base::Result<void> windAlike(unsigned threads, std::uint64_t memory_bytes);
+  struct FirstLook;
+  base::Result<void> lookAt(std::size_t bucket, FirstLook& look);
+  BucketWinding measure(const NumberedCorners& mesh, std::span<const std::uint32_t> places, FirstLook& look) const;
+  base::Result<void> turnOver(FirstLook& look, unsigned threads);
   static Area areaOf(const NumberedCorners& mesh);
-  std::vector<std::uint8_t> onBorder(const NumberedCorners& mesh) const;
-  void addToBorders(std::span<const Corner> corners, const NumberedCorners& mesh,
-                    std::span<const std::uint8_t> on_border);
-  base::Result<void> sumBorders(unsigned threads);
 
   friend class BucketSorter;
   SpoolFile file_;
@@ -141,9 +157,10 @@ class Buckets {
   std::vector<std::uint64_t> counts_;
   BucketCounts totals_;
   BorderVertices border_;
+  std::vector<Extent> border_extents_;  // by bucket: its BorderTriangles
   Winding winding_;
-  std::vector<std::vector<bool>> flips_;  // by bucket, where they have been measured in this run; else empty
-  std::vector<Area> areas_;               // by bucket, until they are summed
+  std::vector<Flips> flips_;  // by bucket, where they have been measured in this run; else empty
+  std::vector<Area> areas_;   // by bucket, until they are summed
   bool has_colors_ = false;
   bool has_normals_ = false;
 };

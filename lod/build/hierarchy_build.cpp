@@ -157,7 +157,7 @@ class Builder {
   // Everything that decides the work files, their own format first. Threads and memory do not.
   std::string resumeKey() const {
     if (options_.resume_key.empty()) return {};
-    std::string key = "13";
+    std::string key = "14";
     for (const std::uint32_t v : {options_.voxel_triangles, options_.leaf_triangles, options_.node_triangles,
                                   options_.group_patches, options_.position_bits, options_.regroup ? 1U : 0U}) {
       key += ' ';
@@ -169,7 +169,7 @@ class Builder {
 
   base::Result<void> import(const SourceInput& input) {
     if (directory_->stage() < 1 && !report("import", 0.0)) return cancelled();
-    auto source = importSource(*directory_, input, canResume());
+    auto source = importSource(*directory_, input);
     if (!source) return source.error();
     source_ = std::move(*source);
     lattice_ = makeLattice(source_.info, source_.origin, options_.position_bits);
@@ -184,7 +184,7 @@ class Builder {
     if (directory_->stage() < 2 && !report("sort", 0.0)) return cancelled();
     const BucketOptions options{(memory_ - kLeastMemory / 2) / 2, options_.threads,
                                 [this](double done) { return report("sort", done); }};
-    auto buckets = sortSource(*directory_, source_, lattice_, options, canResume());
+    auto buckets = sortSource(*directory_, source_, lattice_, options);
     if (!buckets) return buckets.error();
     buckets_ = std::move(*buckets);
     return {};
@@ -236,7 +236,7 @@ class Builder {
           if (finished[b] != 0 || stopped) return;
           auto bucket = makeLeaves(buckets_, b, lattice_, {options_.voxel_triangles, options_.leaf_triangles});
           base::Result<std::vector<WorkPatch>> stored = std::vector<WorkPatch>();
-          WorkUnit unit{0, static_cast<std::uint32_t>(b), {}};
+          WorkUnit unit{0, static_cast<std::uint32_t>(b), {}, {}};
           if (bucket) {
             // A unit of leaves has no group; its counts travel in the record's unused numbers.
             unit.group.first_patch = static_cast<std::uint32_t>(bucket->duplicates);
@@ -258,9 +258,7 @@ class Builder {
     LUMIGRID_TRY(status);
     // From here on the store alone holds the mesh.
     if (directory_->stage() < 3) {
-      LUMIGRID_TRY(store_->sync());
-      LUMIGRID_TRY(directory_->finishStage(3, {}));
-      buckets_.release();
+      LUMIGRID_TRY(directory_->finishStage(3, {}, {"patches"}, [this] { buckets_.release(); }));
     }
     for (auto& patches : made)
       for (WorkPatch& patch : patches) leaves.push_back(std::move(patch));
@@ -355,7 +353,7 @@ class Builder {
 base::Result<HierarchySummary> buildHierarchyFromFiles(const std::vector<std::string>& paths,
                                                        const HierarchyOptions& options, const std::string& output_path,
                                                        const Progress& progress) {
-  auto input = sourceFromFiles(paths, progress);
+  auto input = sourceFromFiles(paths, progress, options.threads);
   if (!input) return input.error();
   auto summary = Builder(options, output_path, progress).run(*input);
   // Work files that do not hold together are gone by now.

@@ -24,6 +24,10 @@ namespace {
 constexpr std::size_t keptOf(std::size_t triangles) {
   return 2 * triangles / 5;
 }
+// Where a group stands out, it keeps the least of these shares that does.
+constexpr std::array<double, 4> kMoreKept{0.75, 0.6, 0.5, 0.44};
+// A level of fewer groups has none that stands out.
+constexpr std::size_t kLeastGroups = 6;
 // Distances below this share of a group's error so far do not matter.
 constexpr float kNegligible = 0.05F;
 // A group's output is split along voxels of about this share of a patch: fine enough for even parts, coarse enough that
@@ -200,6 +204,56 @@ CodedMesh codedMesh(Merged& merged, Simplified& simplified, std::vector<std::uin
   return out;
 }
 
+// A group's triangles when there are fewer, and how far they are off, in lattice steps.
+struct Coarser {
+  CodedMesh mesh;                    // without triangles where all came to lie on lines
+  std::vector<std::uint8_t> outer;   // per vertex: shared with another group
+  std::vector<std::uint16_t> codes;  // kErrorCodes a triangle
+  ErrorHistogram errors;
+  float error = 0.0F;  // the largest
+  float color_error = 0.0F;
+};
+
+float doubledArea(const CodedMesh& mesh, std::size_t t) {
+  const auto corner = [&](std::size_t k) { return glm::vec3(mesh.positions[mesh.indices[3 * t + k]]); };
+  const glm::vec3 a = corner(0);
+  return glm::length(glm::cross(corner(1) - a, corner(2) - a));
+}
+
+Coarser coarserOf(const Merged& before, const SurfaceError& before_error, SimplifiedGroup& group, std::uint32_t bits,
+                  float negligible) {
+  Merged merged{std::move(group.vertices), {}, before.corner};
+  keepOnLattice(merged, bits);
+  Coarser out;
+  out.mesh = codedMesh(merged, group.simplified, out.outer);
+  if (out.mesh.indices.empty()) return out;
+  const GroupMesh& mesh = before.mesh;
+  const SurfaceError error =
+      carryError({mesh.positions, mesh.indices, mesh.colors}, before_error,
+                 {merged.mesh.positions, group.simplified.indices, merged.mesh.colors}, group.simplified, negligible);
+  out.codes.reserve(kErrorCodes * error.toward.size());
+  for (std::size_t t = 0; t < error.toward.size(); ++t) {
+    for (const float e : {error.toward[t], error.from[t], error.color.empty() ? 0.0F : error.color[t]})
+      out.codes.push_back(errorCode(e));
+    const float area = doubledArea(out.mesh, t);
+    out.errors.add(error.toward[t], area);
+    out.errors.add(error.from[t], area);
+    out.error = std::max({out.error, error.toward[t], error.from[t]});
+    if (!error.color.empty()) out.color_error = std::max(out.color_error, error.color[t]);
+  }
+  out.error = errorOfCode(errorCode(out.error));
+  out.color_error = errorOfCode(errorCode(out.color_error));
+  return out;
+}
+
+// What no group of a level should be off by, in lattice steps, when `errors` are those of all: stated bounds are to be
+// at most four times the 99.9th percentile of true distances. That percentile is about half of the 90th of the bounds,
+// which are sums, and more on the lowest levels, which add up less (docs/results/hierarchy.md, "Stated errors").
+float usualLimit(const ErrorHistogram& errors, std::uint32_t level) {
+  const double cube = static_cast<double>(level) * level * level;
+  return std::max(4.0F, static_cast<float>(1.75 + 3.75 / cube) * errors.quantile(0.9));
+}
+
 }  // namespace
 
 LevelBuilder::LevelBuilder(const SourceLattice& lattice, const HierarchyOptions& options, WorkStore& store,
@@ -207,7 +261,7 @@ LevelBuilder::LevelBuilder(const SourceLattice& lattice, const HierarchyOptions&
     : lattice_(lattice), options_(options), store_(store), advance_(std::move(advance)) {}
 
 void LevelBuilder::know(const WorkUnit& unit, std::vector<WorkPatch> patches) {
-  known_[unitKey(unit.level, unit.index)] = {unit.group, std::move(patches)};
+  known_[unitKey(unit.level, unit.index)] = {unit.group, unit.errors, std::move(patches)};
 }
 
 base::Result<void> LevelBuilder::makeLevels(std::vector<WorkPatch> leaves) {
@@ -299,60 +353,41 @@ std::vector<std::uint32_t> LevelBuilder::groupOfPatches(std::span<const std::uin
   return part;
 }
 
+// The level's patches in groups.
+std::vector<LevelBuilder::Piece> LevelBuilder::piecesOf(std::span<const std::uint32_t> level) const {
+  const std::vector<SharedVertex> shared = sharedVertices(level);
+  std::uint32_t groups = 0;
+  const std::vector<std::uint32_t> part = groupOfPatches(level, shared, groups);
+  std::vector<Piece> pieces(groups);
+  for (std::uint32_t i = 0; i < level.size(); ++i) pieces[part[i]].consumed.push_back(level[i]);
+  // Shared between groups: locked in each of them.
+  for (std::size_t begin = 0, end = 0; begin < shared.size(); begin = end) {
+    bool several = false;
+    for (end = begin; end < shared.size() && shared[end].code == shared[begin].code; ++end)
+      several |= part[shared[end].patch] != part[shared[begin].patch];
+    if (!several) continue;
+    for (std::size_t i = begin; i < end; ++i)
+      if (auto& list = pieces[part[shared[i].patch]].locked; list.empty() || list.back() != shared[i].code)
+        list.push_back(shared[i].code);
+  }
+  return pieces;
+}
+
 base::Result<void> LevelBuilder::makeLevel(std::vector<std::uint32_t>& level) {
   const std::uint32_t number = patches_[level[0]].record.level + 1;
-  std::vector<std::vector<std::uint32_t>> consumed;
-  std::vector<std::vector<std::uint64_t>> locked;
-  {
-    const std::vector<SharedVertex> shared = sharedVertices(level);
-    std::uint32_t groups = 0;
-    const std::vector<std::uint32_t> part = groupOfPatches(level, shared, groups);
-    consumed.resize(groups);
-    locked.resize(groups);
-    for (std::uint32_t i = 0; i < level.size(); ++i) consumed[part[i]].push_back(level[i]);
-    // Shared between groups: locked in each of them.
-    for (std::size_t begin = 0, end = 0; begin < shared.size(); begin = end) {
-      bool several = false;
-      for (end = begin; end < shared.size() && shared[end].code == shared[begin].code; ++end)
-        several |= part[shared[end].patch] != part[shared[begin].patch];
-      if (!several) continue;
-      for (std::size_t i = begin; i < end; ++i)
-        if (auto& list = locked[part[shared[i].patch]]; list.empty() || list.back() != shared[i].code)
-          list.push_back(shared[i].code);
-    }
-  }
+  std::vector<Piece> pieces = piecesOf(level);
   for (const std::uint32_t p : level) std::vector<std::uint64_t>().swap(patches_[p].border);
-
-  // The groups, each on its own; their results in order.
-  std::vector<Made> made(consumed.size());
-  std::mutex mutex;
-  std::atomic<bool> stopped = false;
-  base::Result<void> status;
-  base::parallelFor(consumed.size(), options_.threads, [&](std::size_t g) {
-    if (stopped) return;
-    const auto index = static_cast<std::uint32_t>(g);
-    base::Result<Made> result = Made{};
-    if (const auto at = known_.find(unitKey(number, index)); at != known_.end())
-      result = std::move(at->second);
-    else
-      result = makeGroup(consumed[g], locked[g], number, index);
-    std::uint64_t triangles = 0;
-    for (const std::uint32_t p : consumed[g]) triangles += patches_[p].record.triangles;
-    const std::lock_guard lock(mutex);
-    if (stopped) return;
-    if (!result)
-      status = result.error(), stopped = true;
-    else if (made[g] = std::move(*result); !advance_(triangles))
-      status = base::Error{base::ErrorCode::kCancelled, "building the patch hierarchy was cancelled"}, stopped = true;
-  });
-  LUMIGRID_TRY(status);
+  auto made = makeGroups(number, pieces);
+  if (!made) return made.error();
+  // At the first level nothing is added up yet: what stands out there is the mesh's.
+  if (options_.regroup && number > 1 && pieces.size() >= kLeastGroups) LUMIGRID_TRY(makeAgain(number, pieces, *made));
 
   level.clear();
-  for (std::size_t g = 0; g < made.size(); ++g) {
+  for (std::size_t g = 0; g < made->size(); ++g) {
     const auto group = static_cast<std::uint32_t>(groups_.size());
-    WorkGroup work{made[g].record, std::move(consumed[g]), {}};
+    WorkGroup work{(*made)[g].record, std::move(pieces[g].consumed), {}};
     for (const std::uint32_t p : work.consumed) patches_[p].record.consumer = group;
-    for (WorkPatch& patch : made[g].produced) {
+    for (WorkPatch& patch : (*made)[g].produced) {
       patch.record.producer = group;
       work.produced.push_back(static_cast<std::uint32_t>(patches_.size()));
       level.push_back(work.produced.back());
@@ -363,14 +398,72 @@ base::Result<void> LevelBuilder::makeLevel(std::vector<std::uint32_t>& level) {
   return {};
 }
 
-base::Result<LevelBuilder::Made> LevelBuilder::makeGroup(std::span<const std::uint32_t> consumed,
-                                                         std::span<const std::uint64_t> locked, std::uint32_t level,
-                                                         std::uint32_t index) {
-  // Merge and simplify.
+// `make` in parallel for 0 … count - 1, until one fails; it returns how much work that was.
+base::Result<void> LevelBuilder::forEachPiece(std::size_t count,
+                                              const std::function<base::Result<std::uint64_t>(std::size_t)>& make) {
+  std::mutex mutex;
+  std::atomic<bool> stopped = false;
+  base::Result<void> status;
+  base::parallelFor(count, options_.threads, [&](std::size_t i) {
+    if (stopped) return;
+    const base::Result<std::uint64_t> triangles = make(i);
+    const std::lock_guard lock(mutex);
+    if (stopped) return;
+    if (!triangles)
+      status = triangles.error(), stopped = true;
+    else if (!advance_(*triangles))
+      status = base::Error{base::ErrorCode::kCancelled, "building the patch hierarchy was cancelled"}, stopped = true;
+  });
+  return status;
+}
+
+// The groups, each on its own; their results in order.
+base::Result<std::vector<LevelBuilder::Made>> LevelBuilder::makeGroups(std::uint32_t level,
+                                                                       std::span<const Piece> pieces) {
+  std::vector<Made> made(pieces.size());
+  LUMIGRID_TRY(forEachPiece(pieces.size(), [&](std::size_t g) -> base::Result<std::uint64_t> {
+    auto result = knownOrMade(pieces[g], {level, static_cast<std::uint32_t>(g), {}, {}}, std::nullopt);
+    if (!result) return result.error();
+    made[g] = std::move(*result);
+    std::uint64_t triangles = 0;
+    for (const std::uint32_t p : pieces[g].consumed) triangles += patches_[p].record.triangles;
+    return triangles;
+  }));
+  return made;
+}
+
+// Groups whose bound stands out, once more with more triangles; the better one counts.
+base::Result<void> LevelBuilder::makeAgain(std::uint32_t level, std::span<const Piece> pieces,
+                                           std::vector<Made>& made) {
+  ErrorHistogram errors;
+  for (const Made& group : made) errors.add(group.errors);
+  const auto limit = static_cast<float>(static_cast<double>(usualLimit(errors, level)) * lattice_.lattice.step);
+  std::vector<std::size_t> out;
+  for (std::size_t g = 0; g < made.size(); ++g)
+    if (made[g].record.error > limit) out.push_back(g);
+  return forEachPiece(out.size(), [&](std::size_t i) -> base::Result<std::uint64_t> {
+    const std::size_t g = out[i];
+    auto result = knownOrMade(pieces[g], {level, static_cast<std::uint32_t>(pieces.size() + g), {}, {}}, limit);
+    if (!result) return result.error();
+    if (result->record.error < made[g].record.error) made[g] = std::move(*result);
+    return 0;
+  });
+}
+
+base::Result<LevelBuilder::Made> LevelBuilder::knownOrMade(const Piece& piece, WorkUnit unit,
+                                                           std::optional<float> limit) {
+  if (const auto at = known_.find(unitKey(unit.level, unit.index)); at != known_.end()) return std::move(at->second);
+  return makeGroup(piece, std::move(unit), limit);
+}
+
+// Keeps the usual share of the triangles, or with a `limit` for the error (world units) as many as it takes.
+base::Result<LevelBuilder::Made> LevelBuilder::makeGroup(const Piece& piece, WorkUnit unit,
+                                                         std::optional<float> limit) {
+  // Merge.
   std::vector<lod::patch::PatchGeometry> geometry;
   SurfaceError before_error;
   base::Bytes bytes;
-  for (const std::uint32_t p : consumed) {
+  for (const std::uint32_t p : piece.consumed) {
     LUMIGRID_TRY(store_.readWhole(patches_[p], bytes));
     const base::ByteView encoded = base::ByteView(bytes).first(patches_[p].encoded_bytes);
     auto decoded = lod::patch::decodePatch(encoded);
@@ -379,27 +472,14 @@ base::Result<LevelBuilder::Made> LevelBuilder::makeGroup(std::span<const std::ui
     LUMIGRID_TRY(addErrors(codes, decoded->indices.size() / 3, before_error));
     geometry.push_back(std::move(*decoded));
   }
-  Merged merged = mergePatches(geometry, locked);
+  const Merged merged = mergePatches(geometry, piece.locked);
   geometry.clear();
-  const std::vector<glm::vec3> before = merged.mesh.positions;
-  const std::vector<std::uint32_t> before_indices = merged.mesh.indices;
-  const std::vector<glm::vec3> before_colors = merged.mesh.colors;
-  const std::size_t target = options_.regroup ? keptOf(before_indices.size() / 3) : options_.node_triangles;
-  Simplified simplified = simplifyGroup(merged.mesh, target);
-  keepOnLattice(merged, lattice_.bits);
-  std::vector<std::uint8_t> outer;
-  const CodedMesh mesh = codedMesh(merged, simplified, outer);
-  if (mesh.indices.empty())
-    return base::Error{
-        base::ErrorCode::kInvalidInput,
-        "the mesh has a part whose triangles all lie on lines; remove that part, or raise --position-bits"};
 
   // What it cost so far, all levels together: never less than below.
-  WorkUnit unit{level, index, {}};
   lod::patch::Group& record = unit.group;
-  record.level = level;
+  record.level = unit.level;
   std::vector<base::Sphere> spheres;
-  for (const std::uint32_t p : consumed) {
+  for (const std::uint32_t p : piece.consumed) {
     spheres.push_back(patches_[p].record.bounds);
     if (const std::uint32_t producer = patches_[p].record.producer; producer != lod::patch::kNoGroup) {
       const lod::patch::Group& below = groups_[producer].record;
@@ -410,34 +490,44 @@ base::Result<LevelBuilder::Made> LevelBuilder::makeGroup(std::span<const std::ui
   }
   const double step = lattice_.lattice.step;
   const auto below = static_cast<float>(static_cast<double>(record.error) / step);
-  const SurfaceError error = carryError({before, before_indices, before_colors}, before_error,
-                                        {merged.mesh.positions, simplified.indices, merged.mesh.colors}, simplified,
-                                        std::max(0.5F, kNegligible * below));
-  std::vector<std::uint16_t> codes;
-  codes.reserve(kErrorCodes * error.toward.size());
-  float largest = 0.0F;
-  float largest_color = 0.0F;
-  for (std::size_t t = 0; t < error.toward.size(); ++t) {
-    for (const float e : {error.toward[t], error.from[t], error.color.empty() ? 0.0F : error.color[t]})
-      codes.push_back(errorCode(e));
-    largest = std::max({largest, error.toward[t], error.from[t]});
-    if (!error.color.empty()) largest_color = std::max(largest_color, error.color[t]);
+  const float negligible = std::max(0.5F, kNegligible * below);
+
+  // Simplify: the least that keeps within the limit, or else what is off the least.
+  const std::size_t triangles = merged.mesh.indices.size() / 3;
+  std::vector<std::size_t> targets{options_.regroup ? keptOf(triangles) : options_.node_triangles};
+  if (limit) {
+    targets.clear();
+    for (const double share : kMoreKept)
+      targets.push_back(static_cast<std::size_t>(share * static_cast<double>(triangles)));
   }
-  record.error = std::max(record.error, roundedUp(static_cast<double>(errorOfCode(errorCode(largest))) * step));
-  record.attribute_error =
-      std::max(record.attribute_error, std::min(1.0F, errorOfCode(errorCode(largest_color)) / kLargestColor));
+  std::vector<SimplifiedGroup> steps = simplifyGroup(merged.mesh, targets);
+  Coarser best;
+  for (; !steps.empty(); steps.pop_back()) {
+    Coarser next = coarserOf(merged, before_error, steps.back(), lattice_.bits, negligible);
+    if (next.mesh.indices.empty()) continue;
+    if (best.mesh.indices.empty() || next.error < best.error) best = std::move(next);
+    if (limit && static_cast<double>(best.error) * step <= static_cast<double>(*limit)) break;
+  }
+  if (best.mesh.indices.empty())
+    return base::Error{
+        base::ErrorCode::kInvalidInput,
+        "the mesh has a part whose triangles all lie on lines; remove that part, or raise --position-bits"};
+  record.error = std::max(record.error, roundedUp(static_cast<double>(best.error) * step));
+  record.attribute_error = std::max(record.attribute_error, std::min(1.0F, best.color_error / kLargestColor));
+  unit.errors = std::move(best.errors);
 
   // Split into new patches.
-  const std::vector<KeyedIndex> sorted = sortedByVoxel(mesh, lattice_.bits);
+  const std::vector<KeyedIndex> sorted = sortedByVoxel(best.mesh, lattice_.bits);
   const std::uint32_t most = options_.regroup ? options_.node_triangles : lod::patch::kMaxPatchVertices / 3;
   std::vector<NewPatch> patches = makePatches(
-      mesh, splitTriangles(mesh, sorted, lattice_.bits, most / kVoxelsPerPatch, most, TieWeight::kSharedVertices),
-      outer, codes, lattice_.lattice, level);
+      best.mesh,
+      splitTriangles(best.mesh, sorted, lattice_.bits, most / kVoxelsPerPatch, most, TieWeight::kSharedVertices),
+      best.outer, best.codes, lattice_.lattice, unit.level);
   for (const NewPatch& patch : patches) spheres.push_back(patch.record.bounds);
   record.bounds = base::boundingSphere(spheres);
   auto stored = store_.add(unit, std::move(patches));
   if (!stored) return stored.error();
-  return Made{record, std::move(*stored)};
+  return Made{record, std::move(unit.errors), std::move(*stored)};
 }
 
 void LevelBuilder::addLevelSummary(std::span<const std::uint32_t> level) {

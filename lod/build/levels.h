@@ -7,6 +7,7 @@
 // meet share vertices by code.
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <span>
 #include <unordered_map>
 #include <vector>
@@ -39,8 +40,13 @@ class LevelBuilder {
   const std::vector<LevelSummary>& levels() const { return levels_; }
 
  private:
+  struct Piece {
+    std::vector<std::uint32_t> consumed;  // work numbers of patches
+    std::vector<std::uint64_t> locked;    // codes of the vertices shared with other groups
+  };
   struct Made {
     lod::patch::Group record;
+    ErrorHistogram errors;
     std::vector<WorkPatch> produced;
   };
   struct SharedVertex {
@@ -51,9 +57,14 @@ class LevelBuilder {
   std::vector<SharedVertex> sharedVertices(std::span<const std::uint32_t> level) const;
   std::vector<std::uint32_t> groupOfPatches(std::span<const std::uint32_t> level, std::span<const SharedVertex> shared,
                                             std::uint32_t& groups) const;
+  std::vector<Piece> piecesOf(std::span<const std::uint32_t> level) const;
   base::Result<void> makeLevel(std::vector<std::uint32_t>& level);
-  base::Result<Made> makeGroup(std::span<const std::uint32_t> consumed, std::span<const std::uint64_t> locked,
-                               std::uint32_t level, std::uint32_t index);
+  base::Result<std::vector<Made>> makeGroups(std::uint32_t level, std::span<const Piece> pieces);
+  base::Result<void> makeAgain(std::uint32_t level, std::span<const Piece> pieces, std::vector<Made>& made);
+  base::Result<Made> makeGroup(const Piece& piece, WorkUnit unit, std::optional<float> limit);
+  base::Result<Made> knownOrMade(const Piece& piece, WorkUnit unit, std::optional<float> limit);
+  base::Result<void> forEachPiece(std::size_t count,
+                                  const std::function<base::Result<std::uint64_t>(std::size_t)>& make);
   void addLevelSummary(std::span<const std::uint32_t> level);
 
   const SourceLattice& lattice_;

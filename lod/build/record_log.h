@@ -26,8 +26,6 @@ class RecordLog {
   base::Result<void> readAt(std::uint64_t offset, std::span<std::uint8_t> out) const {
     return file_.readAt(offset, out);
   }
-  /// Waits until the disk has all of it.
-  base::Result<void> sync() { return file_.sync(); }
   std::uint64_t size() const { return file_.size(); }
 
  private:

@@ -75,6 +75,7 @@ std::string PlyWriter::header() const {
   for (const char* axis : {"x", "y", "z"}) text += "property " + type + " " + axis + "\n";
   if (options_.colors)
     for (const char* channel : {"red", "green", "blue"}) text += std::string("property uchar ") + channel + "\n";
+  if (!options_.faces) return text + "end_header\n";
   return text + "element face " + std::to_string(surface_->triangleCount()) +
          "\nproperty list uchar int vertex_indices\nend_header\n";
 }
@@ -123,7 +124,7 @@ base::Result<void> PlyWriter::writeBlocks(base::AtomicFile& file, double done_be
     });
     for (std::size_t i = 0; i < count; ++i) LUMIGRID_TRY(file.write(encoded[i]));
     const double done = static_cast<double>(first + count) / static_cast<double>(blocks_.size());
-    if (progress_ && !progress_(done_before + 0.5 * done))
+    if (progress_ && !progress_(done_before + (options_.faces ? 0.5 : 1.0) * done))
       return base::Error{base::ErrorCode::kCancelled, "stopped on request"};
   }
   return {};
@@ -133,6 +134,7 @@ base::Result<void> PlyWriter::write(base::AtomicFile& file) {
   const std::string text = header();
   LUMIGRID_TRY(file.write({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}));
   LUMIGRID_TRY(writeBlocks(file, 0.0, [&](const Block& b, base::Bytes& out) { encodeVertices(b, out); }));
+  if (!options_.faces) return {};
   return writeBlocks(file, 0.5, [&](const Block& b, base::Bytes& out) { encodeFaces(b, out); });
 }
 

@@ -20,13 +20,14 @@ struct SampleOptions {
   std::uint64_t triangles = 1'000'000;  ///< 10^4 … 10^9; the result has within 2 % of it
   std::uint64_t seed = 1;
   bool colors = true;
+  bool faces = true;       ///< false: a point cloud of its vertices, half as many as triangles
   glm::dvec3 origin{0.0};  ///< added to every position (survey coordinates); written as double then
 };
 
 /// Binary little-endian PLY at `path`; appears whole or not at all.
 base::Result<void> writeSamplePly(const SampleOptions& options, const std::string& path,
                                   const std::function<bool(double done)>& progress = nullptr);
-/// The same mesh in memory (small counts; for tests).
+/// The same mesh in memory, always with faces (small counts; for tests).
 Mesh makeSample(const SampleOptions& options);
 
 }  // namespace lod::build

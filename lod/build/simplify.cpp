@@ -278,9 +278,10 @@ glm::dvec3 crossOf(const glm::vec3& a, const glm::vec3& b, const glm::vec3& c) {
 
 class Simplifier {
  public:
-  Simplifier(GroupMesh& mesh, std::size_t target) : mesh_(mesh), target_(std::max<std::size_t>(1, target)) {}
+  Simplifier(GroupMesh& mesh, std::span<const std::size_t> targets)
+      : mesh_(mesh), targets_(targets), target_(std::max<std::size_t>(1, targets.back())) {}
 
-  Simplified run() {
+  std::vector<SimplifiedGroup> run() {
     buildFans();
     findEdges();
     addTriangleQuadrics();
@@ -290,14 +291,15 @@ class Simplifier {
     std::size_t stage = 0;
     for (;;) {
       const std::size_t before = live_;
-      collapseAll(kStages[stage]);
+      collapseAll(kStages[stage], stage > 0);
       if (live_ <= target_) break;
       const bool last = stage + 1 == kStages.size();
       if (last && live_ == before) break;
       if (!last && before - live_ < std::max<std::size_t>(1, before / 50)) ++stage;
       refillQueue();
     }
-    return result(stage > 0);
+    while (reached_.size() < targets_.size()) keepResult(stage > 0);
+    return std::move(reached_);
   }
 
  private:
@@ -477,7 +479,7 @@ class Simplifier {
 
   // Cheapest first. Quadrics only grow, so a cost computed earlier is a lower bound: it is computed anew when its turn
   // comes, and the edge waits again if it has become dearer.
-  void collapseAll(const Stage& stage) {
+  void collapseAll(const Stage& stage, bool rough) {
     const double most = stage.largest_move * stage.largest_move * mean_edge_ * mean_edge_ * mean_edge_ * mean_edge_;
     while (live_ > target_ && fillQueue() && queue_.lowest() <= most) {
       const EdgeQueue::Entry entry = queue_.top();
@@ -513,7 +515,12 @@ class Simplifier {
         if (waits(entry, static_cast<float>(foldCost(collapse)))) continue;
       }
       apply(collapse);
+      while (reached_.size() + 1 < targets_.size() && live_ <= targets_[reached_.size()]) keepResult(rough);
     }
+  }
+
+  void keepResult(bool rough) {
+    reached_.push_back({{mesh_.positions, mesh_.normals, mesh_.colors, mesh_.locked, {}}, result(rough)});
   }
 
   // At least two edges in the queue's heap if there are as many; false if there is none at all. Edges that waited are
@@ -873,7 +880,9 @@ class Simplifier {
   }
 
   GroupMesh& mesh_;
-  std::size_t target_;
+  std::span<const std::size_t> targets_;
+  std::size_t target_;  // the last of them
+  std::vector<SimplifiedGroup> reached_;
   std::size_t live_ = 0;
   std::uint32_t collapses_ = 0;  // done so far
   std::vector<Fan> fans_;
@@ -903,8 +912,16 @@ class Simplifier {
 
 }  // namespace
 
-Simplified simplifyGroup(GroupMesh& mesh, std::size_t target_triangles) {
+std::vector<SimplifiedGroup> simplifyGroup(GroupMesh mesh, std::span<const std::size_t> target_triangles) {
   return Simplifier(mesh, target_triangles).run();
+}
+
+Simplified simplifyGroup(GroupMesh& mesh, std::size_t target_triangles) {
+  std::vector<SimplifiedGroup> reached = simplifyGroup(GroupMesh(mesh), std::span(&target_triangles, 1));
+  mesh.positions = std::move(reached[0].vertices.positions);
+  mesh.normals = std::move(reached[0].vertices.normals);
+  mesh.colors = std::move(reached[0].vertices.colors);
+  return std::move(reached[0].simplified);
 }
 
 }  // namespace lod::build

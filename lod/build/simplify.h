@@ -6,6 +6,7 @@
 // removed are those that lost their area to a collapse, and pairs that came to lie on each other with opposite sides.
 #include <cstdint>
 #include <glm/glm.hpp>
+#include <span>
 #include <vector>
 
 namespace lod::build {
@@ -27,6 +28,12 @@ struct Simplified {
   bool rough = false;                   ///< more than the first stage was needed
 };
 
+/// A group at some number of triangles: where its vertices are then, without triangles of its own, and which are left.
+struct SimplifiedGroup {
+  GroupMesh vertices;
+  Simplified simplified;
+};
+
 /// Collapses edges, cheapest first, until at most `target_triangles` (≥ 1) are left or nothing can be collapsed. Moves
 /// surviving vertices to the best lattice point and gives them colours and normals from between (normals are not
 /// normalised).
@@ -36,5 +43,8 @@ struct Simplified {
 /// those on orientation too, so that soup and tiny components shrink whatever it costs. A component vanishes only at
 /// the price of its distance to what stays. Locked vertices stay in all stages.
 Simplified simplifyGroup(GroupMesh& mesh, std::size_t target_triangles);
+
+/// The same for each of `target_triangles` (one or more, falling), in the time of the last.
+std::vector<SimplifiedGroup> simplifyGroup(GroupMesh mesh, std::span<const std::size_t> target_triangles);
 
 }  // namespace lod::build

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <filesystem>
 
+#include "lod/build/sink_thread.h"
 #include "lod/build/stream_mesh.h"
 
 namespace lod::build {
@@ -104,10 +105,20 @@ base::Result<ImportedSource> readState(const WorkDirectory& directory) {
   return source;
 }
 
+base::Result<StreamedFile> readFile(const std::string& path, SourceSpool& spool, unsigned threads,
+                                    const StreamOptions& options) {
+  if (threads == 1) return streamMesh(path, spool, options);
+  SinkThread thread(spool);
+  auto file = streamMesh(path, thread, options);
+  // What the spool refused came before whatever the reader stumbled over.
+  LUMIGRID_TRY(thread.finish());
+  return file;
+}
+
 }  // namespace
 
 base::Result<SourceInput> sourceFromFiles(const std::vector<std::string>& paths, const Progress& progress,
-                                          bool points) {
+                                          unsigned threads, bool points) {
   if (paths.empty()) return Error{ErrorCode::kInvalidInput, "no mesh file is named"};
   SourceInput input;
   input.points = points;
@@ -116,7 +127,7 @@ base::Result<SourceInput> sourceFromFiles(const std::vector<std::string>& paths,
     const auto size = std::filesystem::file_size(path, ignored);
     if (!ignored) input.bytes += size;
   }
-  input.read = [&paths, &progress, points](SourceSpool& spool, SourceInfo& notes) -> base::Result<void> {
+  input.read = [&paths, &progress, threads, points](SourceSpool& spool, SourceInfo& notes) -> base::Result<void> {
     std::vector<bool> colored;
     for (std::size_t i = 0; i < paths.size(); ++i) {
       StreamOptions stream;
@@ -125,7 +136,7 @@ base::Result<SourceInput> sourceFromFiles(const std::vector<std::string>& paths,
         return !progress || progress("import", (static_cast<double>(i) + done) / static_cast<double>(paths.size()));
       };
       spool.beginFile(paths[i]);
-      auto file = streamMesh(paths[i], spool, stream);
+      auto file = readFile(paths[i], spool, threads, stream);
       if (!file) return file.error();
       for (const std::string& warning : file->warnings) notes.warnings.push_back(paths[i] + ": " + warning);
       notes.short_faces += file->short_faces;
@@ -148,7 +159,7 @@ base::Result<SourceInput> sourceFromMesh(const Mesh& mesh) {
   return input;
 }
 
-base::Result<ImportedSource> importSource(WorkDirectory& directory, const SourceInput& input, bool durable) {
+base::Result<ImportedSource> importSource(WorkDirectory& directory, const SourceInput& input) {
   if (directory.stage() >= 1) return readState(directory);
   LUMIGRID_TRY(directory.needSpace(input.bytes, "the source's vertices and triangles"));
   auto spool = SourceSpool::create(directory.path());
@@ -169,9 +180,7 @@ base::Result<ImportedSource> importSource(WorkDirectory& directory, const Source
   source.origin = input.origin != nullptr ? *input.origin : originFor(source.info.box_min, source.info.box_max);
   source.vertex_bytes = spool->vertexBytes();
   source.triangle_bytes = spool->triangleBytes();
-  // A finished stage is not made again, so the disk must have its files before it says so.
-  if (durable) LUMIGRID_TRY(spool->sync());
-  LUMIGRID_TRY(directory.finishStage(1, stateOf(source)));
+  LUMIGRID_TRY(directory.finishStage(1, stateOf(source), {"vertices", "triangles"}));
   return source;
 }
 
@@ -184,7 +193,7 @@ base::Result<SourceSpool> openSource(const WorkDirectory& directory, const Impor
 }
 
 base::Result<Buckets> sortSource(WorkDirectory& directory, const ImportedSource& source, const SourceLattice& lattice,
-                                 const BucketOptions& options, bool durable) {
+                                 const BucketOptions& options) {
   if (directory.stage() >= 2) {
     auto state = directory.state(2);
     if (!state) return state.error();
@@ -197,9 +206,8 @@ base::Result<Buckets> sortSource(WorkDirectory& directory, const ImportedSource&
   if (!spool) return spool.error();
   auto buckets = Buckets::sort(*spool, info, lattice, directory.path(), options);
   if (!buckets) return buckets.error();
-  if (durable) LUMIGRID_TRY(buckets->sync());
-  LUMIGRID_TRY(directory.finishStage(2, buckets->state()));
-  spool->remove();
+  const auto sorted = std::make_shared<SourceSpool>(std::move(*spool));
+  LUMIGRID_TRY(directory.finishStage(2, buckets->state(), {"buckets"}, [sorted] { sorted->remove(); }));
   releaseFreedMemory();
   return buckets;
 }

@@ -23,9 +23,10 @@ struct SourceInput {
   std::uint64_t bytes = 0;             ///< that the spool takes, about
   bool points = false;                 ///< vertices without any triangle are a source too
 };
-/// `points`: files without faces are welcome. `paths` and `progress` must outlive the input. Error: no file is named.
+/// `threads`: with one, reading and taking in take turns. `points`: files without faces are welcome. `paths` and
+/// `progress` must outlive the input. Error: no file is named.
 base::Result<SourceInput> sourceFromFiles(const std::vector<std::string>& paths, const Progress& progress,
-                                          bool points = false);
+                                          unsigned threads, bool points = false);
 /// The mesh must outlive the input. Errors: no triangle, an index out of range.
 base::Result<SourceInput> sourceFromMesh(const Mesh& mesh);
 
@@ -60,16 +61,15 @@ struct ImportedSource {
   std::uint64_t vertex_bytes = 0;  ///< of the spool
   std::uint64_t triangle_bytes = 0;
 };
-/// Stage 1 of the work directory: done, or as an earlier run left it. `durable`: the disk has the spool before the
-/// stage counts as finished. Errors: those of reading, kNoSpace, kIo.
-base::Result<ImportedSource> importSource(WorkDirectory& directory, const SourceInput& input, bool durable);
+/// Stage 1 of the work directory: done, or as an earlier run left it. Errors: those of reading, kNoSpace, kIo.
+base::Result<ImportedSource> importSource(WorkDirectory& directory, const SourceInput& input);
 /// The spool that importSource left. Errors: kIo, damaged work files.
 base::Result<SourceSpool> openSource(const WorkDirectory& directory, const ImportedSource& source);
 
-/// Stage 2: the triangles in buckets, the spool gone; done, or as an earlier run left it. `durable` as above. Errors:
+/// Stage 2: the triangles in buckets, the spool gone; done, or as an earlier run left it. Errors:
 /// those of Buckets::sort, kNoSpace, damaged work files.
 base::Result<Buckets> sortSource(WorkDirectory& directory, const ImportedSource& source, const SourceLattice& lattice,
-                                 const BucketOptions& options, bool durable);
+                                 const BucketOptions& options);
 
 /// What reading and sorting put right, added to `repairs`.
 void addRepairs(const ImportedSource& source, const Buckets& buckets, RepairCounts& repairs);

@@ -11,7 +11,7 @@ namespace {
 
 // Squares of coordinates must stay finite in float32.
 constexpr double kMaxCoordinate = 1e18;
-constexpr std::size_t kMaxSampledTriangles = std::size_t{1} << 17;
+constexpr std::size_t kMaxSampledTriangles = std::size_t{1} << 14;
 constexpr std::uint32_t kDouble = 1, kNormals = 2, kColors = 4, kWide = 8;
 
 struct BlockHeader {
@@ -199,11 +199,6 @@ base::Result<SourceInfo> SourceSpool::finish(bool points) {
   used_ = std::vector<std::uint64_t>();
   sampled_ = std::vector<std::uint64_t>();
   return info_;
-}
-
-base::Result<void> SourceSpool::sync() {
-  LUMIGRID_TRY(vertices_.sync());
-  return triangles_.sync();
 }
 
 // Box of what is in use, and the mean edge of the sample: its corners' positions are met in one pass.

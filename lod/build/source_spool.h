@@ -58,8 +58,6 @@ class SourceSpool : public MeshSink {
   /// After the last file: flushes, looks at all vertices once more. Where there is no triangle but `points` are
   /// welcome, every vertex counts as referenced. Errors: those of reading, kInvalidInput when there is nothing.
   base::Result<SourceInfo> finish(bool points = false);
-  /// Waits until the disk has both files.
-  base::Result<void> sync();
   /// Their sizes in bytes.
   std::uint64_t vertexBytes() const { return vertices_.size(); }
   std::uint64_t triangleBytes() const { return triangles_.size(); }

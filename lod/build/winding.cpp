@@ -40,6 +40,25 @@ class OppositeSets {
   std::vector<std::uint32_t> size_;
 };
 
+// Sets of triangles, the least of each its root.
+class Sets {
+ public:
+  explicit Sets(std::uint32_t size) : parent_(size) {
+    for (std::uint32_t i = 0; i < size; ++i) parent_[i] = i;
+  }
+  std::uint32_t find(std::uint32_t i) {
+    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
+    return i;
+  }
+  void unite(std::uint32_t a, std::uint32_t b) {
+    a = find(a), b = find(b);
+    parent_[std::max(a, b)] = std::min(a, b);
+  }
+
+ private:
+  std::vector<std::uint32_t> parent_;
+};
+
 // body(triangle, lesser vertex, greater vertex, whether it runs from the greater to the lesser) for every triangle's
 // edges.
 template <class Body>
@@ -125,13 +144,13 @@ NumberedCorners::NumberedCorners(std::span<const Corner> corners) : number(corne
   }
 }
 
-QuickWinding lookAtWinding(const NumberedCorners& mesh, std::span<const std::uint8_t> on_border) {
+QuickWinding lookAtWinding(const NumberedCorners& mesh, std::span<const std::uint32_t> border_place) {
   QuickWinding out;
   EdgeUses edges(mesh, unevenVertices(mesh));
   edges.forEach(
       [&](std::uint32_t low, std::uint32_t high, std::uint32_t first, std::uint32_t second, std::uint32_t count) {
         if (count == 2) out.alike &= ((first ^ second) & 1U) != 0;
-        if (count != 1 || on_border[low] == 0 || on_border[high] == 0) return;
+        if (count != 1 || border_place[low] == kNotOnBorder || border_place[high] == kNotOnBorder) return;
         const std::uint64_t a = mesh.codes[low], b = mesh.codes[high];
         out.open.push_back({std::min(a, b), std::max(a, b), ((first & 1U) != 0) != (a > b)});
       });
@@ -149,21 +168,20 @@ bool windAlike(std::vector<QuickWinding::Edge>& edges) {
   return true;
 }
 
-BucketWinding measureWinding(std::span<const Corner> corners, const std::function<bool(std::uint64_t)>& onBorder) {
+BucketWinding measureWinding(const NumberedCorners& mesh, std::span<const std::uint32_t> border_place) {
   BucketWinding out;
-  const auto triangles = static_cast<std::uint32_t>(corners.size() / 3);
+  const auto triangles = static_cast<std::uint32_t>(mesh.number.size() / 3);
   if (triangles == 0) return out;
   struct Loose {
     std::uint32_t low = 0, high = 0, first = 0, second = 0, count = 0;
   };
   std::vector<Loose> loose;  // edges that tie nothing together
-  OppositeSets sets(triangles);
-  const NumberedCorners mesh(corners);
+  Sets sets(triangles);
   EdgeUses edges(mesh);
   edges.forEach(
       [&](std::uint32_t low, std::uint32_t high, std::uint32_t first, std::uint32_t second, std::uint32_t count) {
         if (count == 2 && ((first ^ second) & 1U) != 0)
-          sets.unite(first / 2, second / 2, 0);
+          sets.unite(first / 2, second / 2);
         else
           loose.push_back({low, high, first, second, count});
       });
@@ -173,14 +191,14 @@ BucketWinding measureWinding(std::span<const Corner> corners, const std::functio
   std::vector<std::uint8_t> border(loose.size(), 0);
   for (std::size_t i = 0; i < loose.size(); ++i) {
     const Loose& e = loose[i];
-    border[i] = e.count == 1 && onBorder(mesh.codes[e.low]) && onBorder(mesh.codes[e.high]) ? 1 : 0;
-    if (border[i] != 0 || e.count == 2) matters[sets.find(e.first / 2).first] = 1;
-    if (e.count == 2) matters[sets.find(e.second / 2).first] = 1;
+    border[i] = e.count == 1 && border_place[e.low] != kNotOnBorder && border_place[e.high] != kNotOnBorder ? 1 : 0;
+    if (border[i] != 0 || e.count == 2) matters[sets.find(e.first / 2)] = 1;
+    if (e.count == 2) matters[sets.find(e.second / 2)] = 1;
   }
   std::vector<std::uint32_t> number(triangles, BucketWinding::kNoPart);
   out.part.assign(triangles, BucketWinding::kNoPart);
   for (std::uint32_t t = 0; t < triangles; ++t) {
-    const std::uint32_t root = sets.find(t).first;
+    const std::uint32_t root = sets.find(t);
     if (matters[root] == 0) continue;
     if (number[root] == BucketWinding::kNoPart) {
       number[root] = static_cast<std::uint32_t>(out.parts.size());

@@ -2,7 +2,6 @@
 // Triangles of a connected part are wound alike, after the part's majority. Worked out bucket by bucket: inside, edges
 // tell; between buckets, only the edges on the border travel. Memory: the parts that reach a border or need turning.
 #include <cstdint>
-#include <functional>
 #include <span>
 #include <utility>
 #include <vector>
@@ -21,6 +20,9 @@ struct NumberedCorners {
 
   explicit NumberedCorners(std::span<const Corner> corners);
 };
+
+/// Place of a vertex among those on bucket borders: no other bucket uses it.
+inline constexpr std::uint32_t kNotOnBorder = 0xFFFFFFFFU;
 
 /// What a bucket's own edges say. A part is what hangs together by edges along which two triangles run in opposite
 /// directions, as triangles wound alike do. Parts without an edge that says otherwise, and without one on the border,
@@ -52,13 +54,12 @@ struct QuickWinding {
   bool alike = true;
   std::vector<Edge> open;
 };
-/// `on_border`: per vertex, != 0 where another bucket may use it.
-QuickWinding lookAtWinding(const NumberedCorners& mesh, std::span<const std::uint8_t> on_border);
+/// `border_place`: per vertex, kNotOnBorder or not.
+QuickWinding lookAtWinding(const NumberedCorners& mesh, std::span<const std::uint32_t> border_place);
 /// Whether edges that two buckets share run in opposite directions. Reorders `edges`.
 bool windAlike(std::vector<QuickWinding::Edge>& edges);
 
-/// `corners`: 3 per triangle. `onBorder(code)`: another bucket may use this vertex.
-BucketWinding measureWinding(std::span<const Corner> corners, const std::function<bool(std::uint64_t)>& onBorder);
+BucketWinding measureWinding(const NumberedCorners& mesh, std::span<const std::uint32_t> border_place);
 
 /// All buckets together. A part is turned when most of its perimeter runs against its neighbours and more triangles are
 /// wound like those: where tiles of a scan overlap a few edges coincide by chance, and they must not turn a whole tile.

@@ -25,8 +25,8 @@ using base::Error;
 using base::ErrorCode;
 
 constexpr const char* kDamaged = ": the work files are damaged; remove this directory and build again";
-constexpr const char* kFiles[] = {"vertices", "triangles", "corners", "buckets", "patches", "points", "leaves",
-                                  "nodes",    "runs",      "stage1",  "stage2",  "stage3",  "stage4", "key"};
+constexpr const char* kFiles[] = {"vertices", "triangles", "corners", "buckets", "patches", "points", "leaves", "nodes",
+                                  "runs",     "plain",     "stage1",  "stage2",  "stage3",  "stage4", "key"};
 
 std::string stageFile(const std::string& path, std::uint32_t stage) {
   return path + "/stage" + std::to_string(stage);
@@ -85,20 +85,40 @@ WorkDirectory& WorkDirectory::operator=(WorkDirectory&& other) noexcept {
   std::swap(key_, other.key_);
   std::swap(stage_, other.stage_);
   std::swap(lock_, other.lock_);
+  std::swap(finishing_, other.finishing_);
   return *this;
 }
 
 WorkDirectory::~WorkDirectory() {
+  (void)settle();
   if (lock_ >= 0) ::close(lock_);
 }
 
-base::Result<void> WorkDirectory::finishStage(std::uint32_t stage, const base::Bytes& state) {
-  base::ByteWriter out;
-  out.u32(base::crc32c(state));
-  out.bytes(state);
-  LUMIGRID_TRY(base::writeFileAtomically(stageFile(path_, stage), out.view()));
+base::Result<void> WorkDirectory::finishStage(std::uint32_t stage, base::Bytes state, std::vector<std::string> files,
+                                              std::function<void()> then) {
+  LUMIGRID_TRY(settle());
   stage_ = stage;
+  // Nobody goes on from what has no key.
+  if (key_.empty()) {
+    if (then) then();
+    return {};
+  }
+  const auto finish = [path = path_, stage, state = std::move(state), files = std::move(files),
+                       then = std::move(then)]() -> base::Result<void> {
+    for (const std::string& file : files) LUMIGRID_TRY(base::syncFile(path + "/" + file));
+    base::ByteWriter out;
+    out.u32(base::crc32c(state));
+    out.bytes(state);
+    LUMIGRID_TRY(base::writeFileAtomically(stageFile(path, stage), out.view()));
+    if (then) then();
+    return {};
+  };
+  finishing_ = std::async(std::launch::async, finish);
   return {};
+}
+
+base::Result<void> WorkDirectory::settle() {
+  return finishing_.valid() ? finishing_.get() : base::Result<void>();
 }
 
 base::Result<base::Bytes> WorkDirectory::state(std::uint32_t stage) const {
@@ -121,7 +141,8 @@ base::Result<void> buildIn(std::optional<WorkDirectory>& directory, const std::s
   if (!opened) return opened.error();
   directory = std::move(*opened);
   base::removeUnfinished(output_path);  // nobody else is writing it now
-  const auto done = stages();
+  auto done = stages();
+  if (const auto settled = directory->settle(); done && !settled) done = settled;
   if (done || key.empty() || !mayGoOn(done.error())) directory->remove();
   return done;
 }
@@ -194,7 +215,9 @@ std::uint64_t machineMemory() {
 }
 
 void releaseFreedMemory() {
-  ::malloc_trim(0);
+  // Less than that is sooner used again than returned and fetched.
+  constexpr std::size_t kWorthIt = std::size_t{32} << 20;
+  if (::mallinfo2().fordblks > kWorthIt) ::malloc_trim(0);
 }
 
 std::string sizeText(std::uint64_t bytes) {

@@ -2,9 +2,11 @@
 // Where a build keeps its work files, how far it came, and whether there is room.
 #include <cstdint>
 #include <functional>
+#include <future>
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "base/bytes.h"
 #include "base/error.h"
@@ -24,7 +26,14 @@ class WorkDirectory {
 
   const std::string& path() const { return path_; }
   std::uint32_t stage() const { return stage_; }
-  base::Result<void> finishStage(std::uint32_t stage, const base::Bytes& state);
+  /// The stage counts for a later run once the disk has `files` (names in here, written and flushed) and then `state`;
+  /// after that `then` may give back what it alone needed. Returns before: a thread sees to it while the next stage is
+  /// under way. Without a key nobody goes on, and all of it is `then`, at once. Errors: those of the stage finished
+  /// before.
+  base::Result<void> finishStage(std::uint32_t stage, base::Bytes state, std::vector<std::string> files,
+                                 std::function<void()> then = {});
+  /// Waits for that thread. Errors: kNoSpace, kIo.
+  base::Result<void> settle();
   base::Result<base::Bytes> state(std::uint32_t stage) const;
   bool has(const std::string& name) const;
   /// Removes the work files, and the directory where nothing else lies in it.
@@ -39,6 +48,7 @@ class WorkDirectory {
   std::string key_;
   std::uint32_t stage_ = 0;
   int lock_ = -1;
+  std::future<base::Result<void>> finishing_;
 };
 
 /// A whole build: takes the work directory `path` (empty: beside `output_path`) into `directory`, runs `stages` and

@@ -10,6 +10,7 @@ base::Bytes payloadOf(const WorkUnit& unit, const std::vector<NewPatch>& patches
   out.u32(unit.level);
   out.u32(unit.index);
   out.write(unit.group);
+  unit.errors.write(out);
   out.u32(static_cast<std::uint32_t>(patches.size()));
   for (const NewPatch& patch : patches) {
     out.write(patch.record);
@@ -29,6 +30,7 @@ bool readPayload(base::ByteView payload, std::uint64_t offset, WorkUnit& unit, s
   unit.level = in.u32();
   unit.index = in.u32();
   unit.group = in.read<lod::patch::Group>();
+  if (!unit.errors.read(in)) return false;
   const std::uint32_t count = in.u32();
   if (!in.ok() || count > in.remaining() / sizeof(lod::patch::Patch)) return false;
   patches.resize(count);

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "lod/build/error_histogram.h"
 #include "lod/build/record_log.h"
 #include "lod/patch/hierarchy.h"
 
@@ -29,11 +30,13 @@ struct WorkPatch {
   std::uint32_t error_bytes = 0;
 };
 
-/// One piece of work: the leaves of a bucket (level 0), or what a group made (level of its products).
+/// One piece of work: the leaves of a bucket (level 0), or what a group made (level of its products). A group that was
+/// made again with more triangles has two units; the second one's index is behind those of all groups of the level.
 struct WorkUnit {
   std::uint32_t level = 0;
   std::uint32_t index = 0;  ///< of the bucket, or of the group within its level
   lod::patch::Group group;  ///< bounds and errors; of no meaning at level 0
+  ErrorHistogram errors;    ///< of the group's products, in lattice steps and squares of them
 };
 
 class WorkStore {
@@ -49,8 +52,6 @@ class WorkStore {
   base::Result<base::Bytes> encoded(const WorkPatch& patch) const;
   /// Those and behind them what its triangles carry along: encoded_bytes + error_bytes in all. `bytes` is written over.
   base::Result<void> readWhole(const WorkPatch& patch, base::Bytes& bytes) const;
-  /// Waits until the disk has every record.
-  base::Result<void> sync() { return log_.sync(); }
   std::uint64_t bytes() const { return log_.size(); }
 
  private:

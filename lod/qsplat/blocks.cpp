@@ -1,22 +1,90 @@
 #include "lod/qsplat/blocks.h"
 
+#include <algorithm>
+#include <utility>
+
 #include "base/check.h"
 
 namespace lod::qsplat {
 
-MappedBlocks::MappedBlocks(base::ByteView file, const Header& header) : Blocks(header), file_(file) {
+PlaceTable::PlaceTable(const Header& header) : places_(new std::atomic<std::uint64_t>[header.blocks()]()) {
+  places_[1] = std::uint64_t{header.header_bytes} << kLengthBits | header.first_block_bytes;
+}
+
+CodedPlace PlaceTable::find(std::uint64_t number) const {
+  const std::uint64_t place = places_[number].load(std::memory_order_relaxed);
+  return {place >> kLengthBits, static_cast<std::uint32_t>(place & ((1U << kLengthBits) - 1))};
+}
+
+void PlaceTable::add(const ChildBlocks& children) {
+  forEachChildBlock(children, [this](std::uint64_t number, const CodedPlace& place) {
+    std::uint64_t none = 0;
+    places_[number].compare_exchange_strong(none, place.offset << kLengthBits | place.bytes, std::memory_order_relaxed);
+  });
+}
+
+base::Result<std::unique_ptr<FileBlocks>> blocksOfFile(base::ByteView file, const Header& header) {
+  if (!header.coded()) return std::unique_ptr<FileBlocks>(std::make_unique<MappedBlocks>(file, header));
+  auto coder = BlockCoder::fromHeader(file, header);
+  if (!coder) return coder.error();
+  return std::unique_ptr<FileBlocks>(std::make_unique<CodedBlocks>(file, header, std::move(*coder)));
+}
+
+MappedBlocks::MappedBlocks(base::ByteView file, const Header& header) : FileBlocks(header), file_(file) {
   LUMIGRID_CHECK_EQ(file.size(), header.file_bytes);
 }
 
 const std::uint8_t* MappedBlocks::load(std::uint64_t number) {
   const base::ByteView block = file_.subspan(static_cast<std::size_t>(number * kBlockBytes), kBlockBytes);
   if (!isBlock(block, static_cast<std::uint32_t>(number))) {
-    std::uint64_t none = 0;
-    damaged_.compare_exchange_strong(none, number, std::memory_order_relaxed);
+    noteDamage(number);
     return nullptr;
   }
   setPlace(number, block.data());
   return block.data();
+}
+
+CodedBlocks::CodedBlocks(base::ByteView file, const Header& header, BlockCoder coder)
+    : FileBlocks(header), file_(file), coder_(std::move(coder)), places_(header) {
+  LUMIGRID_CHECK_EQ(file.size(), header.coded_bytes);
+}
+
+CodedBlocks::~CodedBlocks() {
+  for (std::uint64_t b = 1; b < header().blocks(); ++b) delete[] place(b);
+}
+
+const std::uint8_t* CodedBlocks::load(std::uint64_t number) {
+  const CodedPlace at = places_.find(number);
+  if (at.bytes == 0) return nullptr;
+  std::unique_ptr<std::uint8_t[]> plain(new std::uint8_t[kBlockBytes]);
+  ChildBlocks children;
+  if (!coder_.decode(number, file_.subspan(static_cast<std::size_t>(at.offset), at.bytes), plain.get(), children)) {
+    noteDamage(number);
+    return nullptr;
+  }
+  places_.add(children);  // before anybody can find the block, and want them
+  const std::uint8_t* const made = plain.get();
+  const std::uint8_t* const here = offerPlace(number, made);
+  if (here == made) {
+    plain.release();
+    held_.fetch_add(1, std::memory_order_relaxed);
+  }
+  return here;
+}
+
+void CodedBlocks::trim(std::uint64_t bytes) {
+  const std::uint64_t most = bytes / kBlockBytes;
+  if (held_ <= most) return;
+  std::vector<std::pair<std::uint32_t, std::uint64_t>> by_use;  // frame, number
+  for (std::uint64_t b = 1; b < header().blocks(); ++b)
+    if (place(b) != nullptr && lastUse(b) < frame()) by_use.emplace_back(lastUse(b), b);
+  const auto going = std::min<std::size_t>(by_use.size(), static_cast<std::size_t>(held_ - most));
+  std::nth_element(by_use.begin(), by_use.begin() + static_cast<std::ptrdiff_t>(going), by_use.end());
+  for (std::size_t i = 0; i < going; ++i) {
+    delete[] place(by_use[i].second);
+    setPlace(by_use[i].second, nullptr);
+  }
+  held_ -= going;
 }
 
 }  // namespace lod::qsplat

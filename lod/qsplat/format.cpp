@@ -3,14 +3,17 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <deque>
 
 #include "base/crc32c.h"
+#include "lod/qsplat/coded_block.h"
 
 namespace lod::qsplat {
 namespace {
 
 constexpr std::array<char, 8> kMagic{'L', 'G', 'Q', 'S', 'P', 'L', 'T', '\n'};
 constexpr std::uint32_t kVersion = 1;
+constexpr std::uint32_t kCodedVersion = 2;
 constexpr std::uint32_t kHasColors = 1;
 constexpr std::uint32_t kWidePointers = 2;
 constexpr std::size_t kFieldsEnd = 80;  // zeros from here to the checksum
@@ -59,6 +62,44 @@ base::Result<void> checkHeader(const Header& header, std::uint32_t flags) {
   return {};
 }
 
+// … and in so many of them, coded.
+base::Result<void> checkCoded(const Header& header) {
+  if (header.coded_bytes % kBlockBytes != 0 || header.coded_bytes < header.header_bytes + kLeastCodedBytes)
+    return damaged("header: the file's length cannot be");
+  if (header.file_bytes >> 48 != 0 || header.coded_bytes >> 48 != 0)  // places have six bytes
+    return damaged("header: the file's length cannot be");
+  if (header.blocks() < 2 || header.blocks() - 1 > (header.coded_bytes - header.header_bytes) / kLeastCodedBytes)
+    return damaged("header: the blocks don't fit the file's length");
+  if (header.first_block_bytes < kLeastCodedBytes || header.first_block_bytes > kMostCodedBytes ||
+      header.first_block_bytes > header.coded_bytes - header.header_bytes)
+    return damaged("header: the first block's length cannot be");
+  return {};
+}
+
+// Those that both forms have.
+base::Bytes fields(const Header& header, std::uint32_t version, std::uint32_t header_bytes) {
+  base::ByteWriter out;
+  out.write(kMagic);
+  out.u32(version);
+  out.u32(header_bytes);
+  out.u64(header.storedBytes());
+  out.u64(header.nodes);
+  out.u64(header.leaves);
+  out.u64(header.groups);
+  out.u64(header.pointers);
+  out.u32((header.colors ? kHasColors : 0U) | (header.wide_pointers ? kWidePointers : 0U));
+  out.u32(header.levels);
+  out.write(header.root.center);
+  out.f32(header.root.radius);
+  return out.take();
+}
+
+base::Bytes withChecksum(base::Bytes bytes) {
+  const auto crc = base::bitCast<std::array<std::uint8_t, 4>>(base::crc32c(bytes));
+  bytes.insert(bytes.end(), crc.begin(), crc.end());
+  return bytes;
+}
+
 }  // namespace
 
 base::Error damaged(const std::string& what) {
@@ -70,19 +111,25 @@ base::Result<Header> readHeader(base::ByteView front) {
   base::ByteReader in(front);
   if (in.read<std::array<char, 8>>() != kMagic || !in.ok()) return damaged("not a qsplat.lgq");
   const std::uint32_t version = in.u32();
-  if (in.ok() && version != kVersion)
+  if (in.ok() && version != kVersion && version != kCodedVersion)
     return base::Error{base::ErrorCode::kVersion, "format version " + std::to_string(version) +
-                                                      ", this program reads " + std::to_string(kVersion) +
-                                                      "; use a newer program or build the scene again"};
+                                                      ", this program reads 1 and 2; use a newer program or build the "
+                                                      "scene again"};
+  const bool coded = version == kCodedVersion;
   const std::uint32_t header_bytes = in.u32();
-  if (!in.ok() || front.size() < kBlockBytes) return damaged("header: cut short");
-  if (header_bytes != kBlockBytes)
-    return damaged("header: says that it has " + std::to_string(header_bytes) + " bytes instead of 1024");
-  if (checksumAt(front.data() + kPayloadBytes) != base::crc32c(front.first(kPayloadBytes)))
+  if (!in.ok()) return damaged("header: cut short");
+  if (coded ? header_bytes <= codedHeaderLength(0) || header_bytes > kMostCodedHeaderBytes
+            : header_bytes != kBlockBytes)
+    return damaged("header: says that it has " + std::to_string(header_bytes) + " bytes" +
+                   (coded ? "" : " instead of 1024"));
+  if (front.size() < header_bytes) return damaged("header: cut short");
+  const std::size_t checked = header_bytes - sizeof(std::uint32_t);
+  if (checksumAt(front.data() + checked) != base::crc32c(front.first(checked)))
     return damaged("header: checksum does not match");
 
   Header header;
-  header.file_bytes = in.u64();
+  header.header_bytes = header_bytes;
+  (coded ? header.coded_bytes : header.file_bytes) = in.u64();
   header.nodes = in.u64();
   header.leaves = in.u64();
   header.groups = in.u64();
@@ -93,31 +140,31 @@ base::Result<Header> readHeader(base::ByteView front) {
   header.levels = in.u32();
   header.root.center = in.read<glm::vec3>();
   header.root.radius = in.f32();
-  if (!allZero(front.subspan(kFieldsEnd, kPayloadBytes - kFieldsEnd)))
+  if (coded) {
+    header.file_bytes = in.u64();
+    header.first_block_bytes = in.u32();
+    LUMIGRID_TRY(checkCoded(header));
+  } else if (!allZero(front.subspan(kFieldsEnd, kPayloadBytes - kFieldsEnd))) {
     return damaged("header: bytes that are to be zero are not");
+  }
   LUMIGRID_TRY(checkHeader(header, flags));
   return header;
 }
 
 base::Bytes headerBytes(const Header& header) {
-  base::ByteWriter out;
-  out.write(kMagic);
-  out.u32(kVersion);
-  out.u32(kBlockBytes);
-  out.u64(header.file_bytes);
-  out.u64(header.nodes);
-  out.u64(header.leaves);
-  out.u64(header.groups);
-  out.u64(header.pointers);
-  out.u32((header.colors ? kHasColors : 0U) | (header.wide_pointers ? kWidePointers : 0U));
-  out.u32(header.levels);
-  out.write(header.root.center);
-  out.f32(header.root.radius);
-  base::Bytes bytes = out.take();
+  base::Bytes bytes = fields(header, kVersion, kBlockBytes);
   bytes.resize(kPayloadBytes, 0);
-  const auto crc = base::bitCast<std::array<std::uint8_t, 4>>(base::crc32c(bytes));
-  bytes.insert(bytes.end(), crc.begin(), crc.end());
-  return bytes;
+  return withChecksum(std::move(bytes));
+}
+
+base::Bytes codedHeaderBytes(const Header& header, base::ByteView tables) {
+  base::Bytes bytes = fields(header, kCodedVersion, codedHeaderLength(tables.size()));
+  base::ByteWriter more;
+  more.u64(header.file_bytes);
+  more.u32(header.first_block_bytes);
+  bytes.insert(bytes.end(), more.view().begin(), more.view().end());
+  bytes.insert(bytes.end(), tables.begin(), tables.end());
+  return withChecksum(std::move(bytes));
 }
 
 bool isBlock(base::ByteView block, std::uint32_t number) {
@@ -152,10 +199,109 @@ const char* groupFault(const std::uint8_t* block, std::uint64_t offset, std::uin
 
 namespace {
 
+/// Blocks of a file one after the other, 1 and on; who asks for an earlier one begins again.
+class BlockSource {
+ public:
+  virtual ~BlockSource() = default;
+  /// kBlockBytes until the next call; null: damaged.
+  virtual const std::uint8_t* block(std::uint64_t number) = 0;
+  /// Whether a place is known for it.
+  virtual bool knows(std::uint64_t) { return true; }
+  /// What is wrong with the file beside its blocks, one line; mostly empty. After the last block.
+  virtual std::string fault() { return ""; }
+};
+
+class PlainSource final : public BlockSource {
+ public:
+  explicit PlainSource(base::ByteView file) : file_(file) {}
+  const std::uint8_t* block(std::uint64_t number) override {
+    const base::ByteView block = file_.subspan(static_cast<std::size_t>(number * kBlockBytes), kBlockBytes);
+    return isBlock(block, static_cast<std::uint32_t>(number)) ? block.data() : nullptr;
+  }
+
+ private:
+  base::ByteView file_;
+};
+
+/// Decodes; and sees to it that coded blocks stand one behind the other, where their parents say, and nothing else
+/// does.
+class CodedSource final : public BlockSource {
+ public:
+  CodedSource(base::ByteView file, const Header& header, const BlockCoder& coder)
+      : file_(file), header_(header), coder_(coder) {
+    restart();
+  }
+
+  const std::uint8_t* block(std::uint64_t number) override {
+    if (number < number_) restart();
+    while (number_ < number)
+      if (!next()) return nullptr;
+    return plain_.data();
+  }
+  bool knows(std::uint64_t number) override { return number <= known_; }
+
+  std::string fault() override {
+    if (!fault_.empty()) return fault_;
+    const std::uint64_t end = (told_ + kBlockBytes - 1) / kBlockBytes * kBlockBytes;
+    return end == header_.coded_bytes && allZero(file_.subspan(static_cast<std::size_t>(told_)))
+               ? ""
+               : "something stands behind its last block";
+  }
+
+ private:
+  void restart() {
+    number_ = 0;
+    known_ = 1;
+    lengths_.assign(1, header_.first_block_bytes);
+    at_ = header_.header_bytes;
+    told_ = at_ + header_.first_block_bytes;
+  }
+
+  bool next() {
+    if (lengths_.empty()) return false;
+    const std::uint32_t length = lengths_.front();
+    ChildBlocks children;
+    ++number_;
+    const std::uint64_t at = at_;
+    const bool good =
+        coder_.decode(number_, file_.subspan(static_cast<std::size_t>(at), length), plain_.data(), children);
+    if (good) forEachChildBlock(children, [this](std::uint64_t child, const CodedPlace& place) { told(child, place); });
+    lengths_.pop_front();
+    at_ += length;
+    return good;
+  }
+
+  // lengths_ are of blocks number_ … known_, of which the first begins at at_.
+  void told(std::uint64_t child, const CodedPlace& place) {
+    if (child == known_ + 1 && place.offset == told_ && place.bytes <= header_.coded_bytes - told_) {
+      lengths_.push_back(place.bytes);
+      ++known_;
+      told_ += place.bytes;
+      return;
+    }
+    // Told of before: mostly the last one, in which the children of one block end and those of the next begin.
+    std::uint64_t offset = told_;
+    for (std::uint64_t b = known_; child <= known_ && b >= child; --b) offset -= lengths_[b - number_];
+    if (child > known_ || place != CodedPlace{offset, lengths_[child - number_]})
+      fault_ = "block " + std::to_string(number_) + " says of block " + std::to_string(child) +
+               " that it is where it is not";
+  }
+
+  base::ByteView file_;
+  const Header& header_;
+  const BlockCoder& coder_;
+  std::array<std::uint8_t, kBlockBytes> plain_{};
+  std::uint64_t number_ = 0;  // of the block in plain_
+  std::uint64_t known_ = 0;   // blocks that somebody has told of
+  std::deque<std::uint32_t> lengths_;
+  std::uint64_t at_ = 0, told_ = 0;
+  std::string fault_;
+};
+
 // One walk of checkTree: groups in the file's order; what is expected of the next level's is known from their parents.
 class TreeChecker {
  public:
-  TreeChecker(base::ByteView file, const Header& header) : file_(file), header_(header), layout_(header) {}
+  TreeChecker(BlockSource& source, const Header& header) : source_(source), header_(header), layout_(header) {}
 
   std::vector<std::string> run() {
     checkBlocks();
@@ -173,10 +319,12 @@ class TreeChecker {
   }
 
   void checkBlocks() {
-    for (std::uint64_t b = 1; b < header_.blocks(); ++b)
-      if (!isBlock(file_.subspan(static_cast<std::size_t>(b * kBlockBytes), kBlockBytes),
-                   static_cast<std::uint32_t>(b)))
+    for (std::uint64_t b = 1; b < header_.blocks(); ++b) {
+      if (!source_.knows(b)) return fault("block " + std::to_string(b) + ": nothing tells where it is; build it again");
+      if (source_.block(b) == nullptr)
         fault("block " + std::to_string(b) + ": checksum does not match; copy or build the file again");
+    }
+    if (const std::string wrong = source_.fault(); !wrong.empty()) fault(wrong + "; build the file again");
   }
 
   void walk() {
@@ -201,11 +349,12 @@ class TreeChecker {
     checkZeros(end_, offset);
     end_ = offset + bytes;
     ++groups_;
-    const std::uint8_t* block = file_.data() + (offset - offset % kBlockBytes);
-    if (const char* wrong = groupFault(block, offset, nodes, has_pointer, header_))
+    if (block_ == nullptr || offset / kBlockBytes != number_) block_ = source_.block(number_ = offset / kBlockBytes);
+    if (block_ == nullptr) return fault(place + "its block is gone; copy the file again"), false;
+    if (const char* wrong = groupFault(block_, offset, nodes, has_pointer, header_))
       return fault(place + wrong + "; build the file again"), false;
 
-    const std::uint8_t* group = file_.data() + offset;
+    const std::uint8_t* group = block_ + offset % kBlockBytes;
     bool first = true;
     for (std::uint32_t i = 0; i < nodes; ++i) {
       const Node node = readNode(group, i, layout_);
@@ -228,12 +377,11 @@ class TreeChecker {
     return true;
   }
 
-  // Between two groups, but for the checksum.
+  // Between two groups, but for the checksum; `from` is in the block of the last group, or at its end.
   void checkZeros(std::uint64_t from, std::uint64_t to) {
-    if (from == to) return;
-    const std::uint64_t payload_end = from - from % kBlockBytes + kPayloadBytes;
-    if (from < payload_end &&
-        !allZero(file_.subspan(static_cast<std::size_t>(from), static_cast<std::size_t>(payload_end - from))))
+    const std::uint64_t within = from % kBlockBytes;
+    if (from == to || block_ == nullptr || within == 0) return;
+    if (within < kPayloadBytes && !allZero({block_ + within, static_cast<std::size_t>(kPayloadBytes - within)}))
       fault("block " + std::to_string(from / kBlockBytes) + ": something stands behind its groups");
   }
 
@@ -252,9 +400,11 @@ class TreeChecker {
     compare("levels", levels_, header_.levels);
   }
 
-  base::ByteView file_;
+  BlockSource& source_;
   const Header& header_;
   const GroupLayout layout_;
+  const std::uint8_t* block_ = nullptr;  // of the last group
+  std::uint64_t number_ = 0;             // its number
   std::vector<std::string> faults_;
   std::vector<std::uint8_t> next_;        // of the next level, its groups
   std::uint64_t end_ = kBlockBytes;       // of the group before
@@ -268,9 +418,16 @@ class TreeChecker {
 std::vector<std::string> checkTree(base::ByteView file) {
   const auto header = readHeader(file);
   if (!header) return {header.error().message};
-  if (header->file_bytes != file.size())
-    return {"has " + std::to_string(file.size()) + " bytes, its header says " + std::to_string(header->file_bytes)};
-  return TreeChecker(file, *header).run();
+  if (header->storedBytes() != file.size())
+    return {"has " + std::to_string(file.size()) + " bytes, its header says " + std::to_string(header->storedBytes())};
+  if (!header->coded()) {
+    PlainSource source(file);
+    return TreeChecker(source, *header).run();
+  }
+  const auto coder = BlockCoder::fromHeader(file, *header);
+  if (!coder) return {coder.error().message};
+  CodedSource source(file, *header, *coder);
+  return TreeChecker(source, *header).run();
 }
 
 }  // namespace lod::qsplat

@@ -1,6 +1,7 @@
 #pragma once
 // qsplat.lgq: a header, then blocks of 1024 bytes with sibling groups, breadth first (docs/formats/qsplat.md;
-// Rusinkiewicz and Levoy 2000, section 3.2, and 2001, section 3.3).
+// Rusinkiewicz and Levoy 2000, section 3.2, and 2001, section 3.3). A file in the coded form has the same blocks, each
+// entropy-coded by itself (coded_block.h); offsets and lengths are of the plain form where nothing else is said.
 //
 // What a traversal does for each group is inline; what is done once for each block or file is not.
 #include <cstdint>
@@ -20,8 +21,13 @@ inline constexpr std::uint32_t kBlockBytes = 1024;
 inline constexpr std::uint32_t kPayloadBytes = kBlockBytes - 4;
 inline constexpr std::uint32_t kMostLevels = 128;
 
+/// A coded file's header with its tables has this at most, so that a first request brings more than it.
+inline constexpr std::uint32_t kMostCodedHeaderBytes = 4096;
+/// A block's length in the coded form.
+inline constexpr std::uint32_t kLeastCodedBytes = 10, kMostCodedBytes = 1068;
+
 struct Header {
-  std::uint64_t file_bytes = 0;
+  std::uint64_t file_bytes = 0;  ///< in the plain form
   std::uint64_t nodes = 0;
   std::uint64_t leaves = 0;
   std::uint64_t groups = 0;
@@ -31,16 +37,34 @@ struct Header {
   std::uint32_t levels = 0;  ///< the root is level 0
   base::Sphere root;         ///< scene-local
 
+  std::uint64_t coded_bytes = 0;             ///< of a file in the coded form, all of it; 0: in the plain form
+  std::uint32_t header_bytes = kBlockBytes;  ///< in the file
+  std::uint32_t first_block_bytes = 0;       ///< of block 1 in the coded form; it stands behind the header
+
+  bool coded() const { return coded_bytes != 0; }
+  /// How long the file is.
+  std::uint64_t storedBytes() const { return coded() ? coded_bytes : file_bytes; }
   std::uint64_t blocks() const { return file_bytes / kBlockBytes; }
   std::uint32_t nodeBytes() const { return colors ? 6 : 4; }
   std::uint32_t pointerBytes() const { return wide_pointers ? 8 : 4; }
 };
 
-/// From the file's first 1024 bytes or more. Errors: kVersion for another version; kInvalidInput for what is no
-/// qsplat.lgq, cut short, damaged, or says what cannot be.
+/// From the file's front: 1024 bytes or more in the plain form, kMostCodedHeaderBytes or more (or all there is) in the
+/// coded one. Errors: kVersion for another version; kInvalidInput for what is no qsplat.lgq, cut short, damaged, or
+/// says what cannot be.
 base::Result<Header> readHeader(base::ByteView front);
-/// 1024 bytes.
+/// Of a file in the plain form: 1024 bytes.
 base::Bytes headerBytes(const Header& header);
+/// Of one in the coded form, with packLevels' bytes at its end; header.header_bytes is not looked at.
+base::Bytes codedHeaderBytes(const Header& header, base::ByteView tables);
+/// codedHeaderBytes has so many, checksum included.
+inline constexpr std::uint32_t codedHeaderLength(std::size_t tables) {
+  return 96 + static_cast<std::uint32_t>(tables);
+}
+/// The tables in a header that readHeader took.
+inline base::ByteView codedTables(base::ByteView front, const Header& header) {
+  return front.subspan(92, header.header_bytes - codedHeaderLength(0));
+}
 
 /// Whether `block`, kBlockBytes long, is block `number` (1 for the first after the header) as it was written.
 bool isBlock(base::ByteView block, std::uint32_t number);
@@ -56,6 +80,7 @@ struct GroupLayout {
   explicit GroupLayout(const Header& header) : node_bytes(header.nodeBytes()), pointer_bytes(header.pointerBytes()) {}
   GroupLayout(bool colors, bool wide_pointers) : node_bytes(colors ? 6 : 4), pointer_bytes(wide_pointers ? 8 : 4) {}
 
+  bool hasColors() const { return node_bytes > 4; }
   std::uint32_t bytes(std::uint32_t nodes, bool has_pointer) const {
     return nodes * node_bytes + (has_pointer ? pointer_bytes : 0);
   }

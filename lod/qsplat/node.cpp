@@ -5,48 +5,13 @@
 #include <limits>
 
 namespace lod::qsplat {
-namespace {
 
-constexpr std::uint16_t kNoCode = 0xFFFF;
-
-// Codes by (s, x, y, z); the four numbers have 13 values each.
-struct CodeIndex {
-  std::array<std::uint16_t, kSteps * kSteps * kSteps * kSteps> code;
-  static std::size_t place(int s, int x, int y, int z) {
-    return static_cast<std::size_t>((((s - 1) * kSteps + x) * kSteps + y) * kSteps + z);
-  }
-};
-
-struct SphereTables {
-  SphereTable steps;
-  CodeIndex index;
-
-  SphereTables() {
-    index.code.fill(kNoCode);
-    std::uint16_t code = 0;
-    for (int s = 1; s <= kSteps; ++s)
-      for (int x = 0; x <= kSteps - s; ++x)
-        for (int y = 0; y <= kSteps - s; ++y)
-          for (int z = 0; z <= kSteps - s; ++z) {
-            if (!isSphereStep(s, x, y, z)) continue;
-            const auto thirteenths = [](int v) { return static_cast<float>(static_cast<double>(v) / kSteps); };
-            steps[code] = {
-                {thirteenths(s + 2 * x - kSteps), thirteenths(s + 2 * y - kSteps), thirteenths(s + 2 * z - kSteps)},
-                thirteenths(s)};
-            index.code[CodeIndex::place(s, x, y, z)] = code++;
-          }
-  }
-};
-
-const SphereTables& sphereTables() {
-  static const SphereTables tables;
-  return tables;
-}
-
-// Borders of the 52 cells along a face's side: equal angles seen from the cube's middle.
+// Equal angles seen from the cube's middle.
 double cellBorder(double cell) {
   return std::tan(0.25 * 3.14159265358979323846 * (2.0 * cell / kNormalSide - 1.0));
 }
+
+namespace {
 
 struct CellBorders {
   std::array<float, kNormalSide + 1> at;
@@ -68,8 +33,38 @@ std::uint32_t cellOf(float t) {
 
 }  // namespace
 
+SphereCodes::SphereCodes() {
+  codes_.fill(static_cast<std::uint16_t>(kSphereCodes));
+  std::uint16_t code = 0;
+  for (int s = 1; s <= kSteps; ++s)
+    for (int x = 0; x <= kSteps - s; ++x)
+      for (int y = 0; y <= kSteps - s; ++y)
+        for (int z = 0; z <= kSteps - s; ++z) {
+          if (!isSphereStep(s, x, y, z)) continue;
+          steps_[code] = {s, {x, y, z}};
+          codes_[place(steps_[code])] = code;
+          ++code;
+        }
+}
+
+const SphereCodes& sphereCodes() {
+  static const SphereCodes codes;
+  return codes;
+}
+
 const SphereTable& sphereTable() {
-  return sphereTables().steps;
+  static const SphereTable table = [] {
+    const auto thirteenths = [](int v) { return static_cast<float>(static_cast<double>(v) / kSteps); };
+    SphereTable steps;
+    for (std::uint32_t code = 0; code < kSphereCodes; ++code) {
+      const auto& [s, cell] = sphereCodes().steps(code);
+      steps[code] = {{thirteenths(s + 2 * cell[0] - kSteps), thirteenths(s + 2 * cell[1] - kSteps),
+                      thirteenths(s + 2 * cell[2] - kSteps)},
+                     thirteenths(s)};
+    }
+    return steps;
+  }();
+  return table;
 }
 
 bool encloses(const base::Sphere& outer, const base::Sphere& inner) {
@@ -79,7 +74,8 @@ bool encloses(const base::Sphere& outer, const base::Sphere& inner) {
 }
 
 std::uint32_t encodeSphere(const base::Sphere& parent, const base::Sphere& child) {
-  const SphereTables& tables = sphereTables();
+  const SphereCodes& codes = sphereCodes();
+  const SphereTable& table = sphereTable();
   if (!(parent.radius > 0.0F) || !encloses(parent, child)) return kWholeParent;
   const double scale = kSteps / static_cast<double>(parent.radius);
   // In thirteenths, from the corner of the parent's bounding cube: a sphere of code (s, x, y, z) has its centre at
@@ -90,11 +86,9 @@ std::uint32_t encodeSphere(const base::Sphere& parent, const base::Sphere& child
   for (; s < kSteps; ++s) {
     const double last = kSteps - s;
     const glm::dvec3 cell = glm::clamp(glm::floor(at - 0.5 * s + 0.5), 0.0, last);
-    const int x = static_cast<int>(cell.x);
-    const int y = static_cast<int>(cell.y);
-    const int z = static_cast<int>(cell.z);
-    const std::uint16_t code = tables.index.code[CodeIndex::place(s, x, y, z)];
-    if (code != kNoCode && encloses(decodeSphere(parent, tables.steps[code]), child)) return code;
+    const std::uint32_t code =
+        codes.code({s, {static_cast<int>(cell.x), static_cast<int>(cell.y), static_cast<int>(cell.z)}});
+    if (code < kSphereCodes && encloses(decodeSphere(parent, table[code]), child)) return code;
   }
   return kWholeParent;
 }

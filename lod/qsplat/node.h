@@ -50,6 +50,30 @@ const SphereTable& sphereTable();
 /// The code of a sphere equal to its parent's: the last one.
 inline constexpr std::uint32_t kWholeParent = kSphereCodes - 1;
 
+/// What a code says, in thirteenths: the diameter of the sphere's bounding cube, and where on the parent's its least
+/// corner is.
+struct SphereSteps {
+  int s = kSteps;             ///< 1 … 13
+  std::array<int, 3> cell{};  ///< 0 … 13 − s
+};
+class SphereCodes {
+ public:
+  SphereCodes();
+  /// code: below 2^13; what is no code stands for the parent's own sphere.
+  const SphereSteps& steps(std::uint32_t code) const { return steps_[code]; }
+  /// kSphereCodes where there is no such sphere. s: 1 … 13; cell: each 0 … 12.
+  std::uint32_t code(const SphereSteps& of) const { return codes_[place(of)]; }
+
+ private:
+  static std::size_t place(const SphereSteps& of) {
+    return static_cast<std::size_t>((((of.s - 1) * kSteps + of.cell[0]) * kSteps + of.cell[1]) * kSteps + of.cell[2]);
+  }
+  std::array<SphereSteps, std::size_t{1} << kSphereBits> steps_;
+  std::array<std::uint16_t, kSteps * kSteps * kSteps * kSteps> codes_;
+};
+/// Made at the first call; keep the reference in loops.
+const SphereCodes& sphereCodes();
+
 /// What every reader computes, in float32. Sources that call it are compiled with -ffp-contract=off.
 inline base::Sphere decodeSphere(const base::Sphere& parent, const SphereStep& step) {
   return {parent.center + parent.radius * step.offset, parent.radius * step.ratio};
@@ -68,6 +92,9 @@ inline constexpr std::uint32_t kNormalSide = 52;
 inline constexpr std::uint32_t kNormalCodes = 6 * kNormalSide * kNormalSide;
 inline constexpr std::uint32_t kNormalBits = 14;
 static_assert(kNormalCodes <= 1U << kNormalBits);
+
+/// Where a cell of a face begins, 0 … 52 and between: as a tangent, −1 … 1.
+double cellBorder(double cell);
 
 using NormalTable = std::array<glm::vec3, std::size_t{1} << kNormalBits>;
 /// Unit vectors by code; +z for what is no code. Made at the first call.

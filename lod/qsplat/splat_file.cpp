@@ -7,9 +7,9 @@ base::Result<SplatFile> SplatFile::open(const std::string& path) {
   if (!mapped) return mapped.error();
   auto header = readHeader(mapped->bytes());
   if (!header) return base::within(path, header.error());
-  if (header->file_bytes != mapped->bytes().size())
+  if (header->storedBytes() != mapped->bytes().size())
     return base::within(path, damaged("has " + std::to_string(mapped->bytes().size()) + " bytes, its header says " +
-                                      std::to_string(header->file_bytes)));
+                                      std::to_string(header->storedBytes())));
   SplatFile file;
   file.file_ = std::move(*mapped);
   file.header_ = *header;

@@ -14,12 +14,13 @@
 #include <vector>
 
 #include "base/egl/headless.h"
-#include "base/parallel.h"
 #include "repository/face_value.h"
 #include "repository/parameters.h"
 #include "server/bake/adaptive.h"
+#include "server/bake/cell_judge.h"
 #include "server/bake/committer.h"
 #include "server/bake/demand.h"
+#include "server/bake/draw_memory.h"
 #include "server/bake/draw_processes.h"
 #include "server/bake/face_maker.h"
 
@@ -171,17 +172,23 @@ class MovingRate {
 
 // ---- The work ----
 
+/// Faces that may be under way at a time.
+std::uint64_t windowOf(const BakeOptions& options) {
+  return 2 * std::uint64_t{options.batch_faces} + 16 * threadsOf(options);
+}
+
 class Baker {
  public:
   Baker(const base::Scene& scene, const lod::patch::PatchFile& patches, repository::Store& store,
-        const BakeOptions& options, bool in_processes, const Present& present, const std::vector<glm::uvec3>& points)
+        const BakeOptions& options, const DrawLimits& limits, const Present& present,
+        const std::vector<glm::uvec3>& points)
       : options_(options),
         present_(present),
         points_(points),
-        threads_(options.threads == 0 ? base::coreCount() : options.threads),
-        committer_(store, options.batch_faces, 2 * std::uint64_t{options.batch_faces} + 16 * threads_),
-        faces_(makeFaces({scene, patches, options.grid, renderOptions(options), options.quality, options.subsampling},
-                         in_processes)) {}
+        committer_(store, options.batch_faces, windowOf(options)),
+        faces_(makeFaces({scene, patches, options.grid, renderOptions(options), options.quality, options.subsampling,
+                          limits.gpu_budget_bytes},
+                         limits)) {}
 
   base::Result<void> run(const std::function<bool(const BakeProgress&)>& progress) {
     for (const glm::uvec3& point : points_) skipped_ += 6 - missingAt(point).size();
@@ -222,13 +229,13 @@ class Baker {
     return keys;
   }
 
-  std::unique_ptr<FaceMaker> makeFaces(const FaceWork& work, bool in_processes) {
+  std::unique_ptr<FaceMaker> makeFaces(const FaceWork& work, const DrawLimits& limits) {
     FaceMaker::Take take = [this](std::uint64_t sequence, const repository::FaceKey& key, EncodedFace face) {
       this->take(sequence, key, std::move(face));
     };
     FaceMaker::Fail fail = [this](const base::Error& error) { committer_.fail(error); };
-    if (!in_processes) return makeFacesHere(work, threads_, std::move(take), std::move(fail));
-    const auto processes = std::min<std::size_t>(drawProcessesFor(threads_), points_.size());
+    if (limits.processes == 0) return makeFacesHere(work, limits.encoders, std::move(take), std::move(fail));
+    const auto processes = std::min<std::size_t>(limits.processes, points_.size());
     return makeFacesByProcesses(work, options_.draw_command, static_cast<unsigned>(processes), std::move(take),
                                 std::move(fail));
   }
@@ -258,7 +265,6 @@ class Baker {
   const BakeOptions& options_;
   const Present& present_;
   const std::vector<glm::uvec3>& points_;
-  const unsigned threads_;
   std::uint64_t skipped_ = 0;
   std::mutex empty_mutex_;
   std::unordered_map<std::uint64_t, std::uint32_t> empty_;  // by the point's first key: faces that see nothing
@@ -361,10 +367,11 @@ class Work {
 
   // A context and a renderer of this thread's own, for what is judged.
   base::Result<void> start() {
+    LUMIGRID_TRY(chooseLimits());
     auto context = base::HeadlessContext::create();
     if (!context) return context.error();
     context_ = std::move(*context);
-    auto renderer = SceneRenderer::create(scene_, patches_);
+    auto renderer = SceneRenderer::create(scene_, patches_, limits_->gpu_budget_bytes);
     if (!renderer) return renderer.error();
     renderer_ = std::move(*renderer);
     return {};
@@ -372,22 +379,40 @@ class Work {
 
   // One context on a GPU, and one where no command for others is given; software GL draws in as many processes as keep
   // the cores busy.
-  base::Result<void> chooseContexts() {
-    if (in_processes_) return {};
-    in_processes_ = false;
-    if (options_.draw_command.empty() || options_.threads == 1) return {};
+  base::Result<bool> needsProcesses() const {
+    if (options_.draw_command.empty() || options_.threads == 1) return false;
     const auto context = base::HeadlessContext::create();
     if (!context) return context.error();
-    in_processes_ = (*context)->isSoftware();
-    if (context_ != nullptr) context_->makeCurrent();
+    return (*context)->isSoftware();
+  }
+
+  // Once, before the first context is made that is kept.
+  base::Result<void> chooseLimits() {
+    if (limits_) return {};
+    const auto in_processes = needsProcesses();
+    if (!in_processes) return in_processes.error();
+    const bool judges = options_.target_db > 0.0;
+    const std::uint64_t faces = options_.grid.faceCount();
+    const DrawDemand demand{patches_.hierarchy(),
+                            options_.grid.face_size,
+                            renderOptions(options_),
+                            static_cast<std::uint32_t>(std::min<std::uint64_t>(options_.batch_faces, faces)),
+                            std::min(windowOf(options_), faces),
+                            faces / 8,
+                            threadsOf(options_),
+                            *in_processes,
+                            judges ? judgeBytes(faces, options_.grid.face_size, JudgeOptions().gpu_budget_bytes) : 0};
+    const auto limits = limitDrawing(demand, options_.memory_bytes);
+    if (!limits) return limits.error();
+    limits_ = *limits;
     return {};
   }
 
   // What is missing at these points; gives those of them that were rendered and see nothing.
   base::Result<std::vector<glm::uvec3>> render(const std::vector<glm::uvec3>& points) {
     if (!isMissing(points)) return std::vector<glm::uvec3>();
-    LUMIGRID_TRY(chooseContexts());
-    Baker baker(scene_, patches_, store_, options_, *in_processes_, present_, points);
+    LUMIGRID_TRY(chooseLimits());
+    Baker baker(scene_, patches_, store_, options_, *limits_, present_, points);
     LUMIGRID_TRY(baker.run(progress_));
     summary_.faces_rendered += baker.counters().done;
     summary_.faces_empty += baker.counters().empty;
@@ -410,7 +435,7 @@ class Work {
   const std::string parameters_;
   Present present_;
   BakeSummary summary_;
-  std::optional<bool> in_processes_;  // how faces are drawn, once it is known
+  std::optional<DrawLimits> limits_;  // how faces are drawn, once it is known
   std::unique_ptr<base::HeadlessContext> context_;
   std::unique_ptr<SceneRenderer> renderer_;  // goes before its context
 };

@@ -10,6 +10,7 @@
 
 #include "base/error.h"
 #include "base/json/scene_file.h"
+#include "base/parallel.h"
 #include "lod/patch/format.h"
 #include "repository/grid.h"
 #include "repository/jpeg.h"
@@ -32,6 +33,9 @@ struct BakeOptions {
   int supersampling = 2;            ///< per face pixel side
   std::uint32_t batch_faces = 300;  ///< faces per commit
   unsigned threads = 0;             ///< 0: all cores; the result does not depend on it
+  /// Of this process and those that draw for it, together (draw_memory.h); 0: no limit. The result does not depend on
+  /// it.
+  std::uint64_t memory_bytes = 0;
   /// A program (with its arguments) that calls runDrawProcess: where GL is software, faces are drawn by several of
   /// them. Empty: by one thread of this process. The result is the same.
   std::vector<std::string> draw_command;
@@ -70,13 +74,19 @@ inline bool isAdaptive(const BakeOptions& options) {
   return options.target_db > 0.0 || options.demand_views > 0;
 }
 
+/// The cores that a bake keeps busy.
+inline unsigned threadsOf(const BakeOptions& options) {
+  return options.threads == 0 ? base::coreCount() : options.threads;
+}
+
 /// A grid and options that can be baked: kInvalidInput says what cannot.
 base::Result<void> checkBakeOptions(const BakeOptions& options);
 
 /// How its faces are drawn.
 RenderOptions renderOptions(const BakeOptions& options);
 
-/// `progress` may return false to stop cleanly after the batch in hand (kCancelled).
+/// `progress` may return false to stop cleanly after the batch in hand (kCancelled). Errors also: kNoSpace where
+/// `memory_bytes` are too few to draw with.
 base::Result<BakeSummary> bake(const base::Scene& scene, const lod::patch::PatchFile& patches, repository::Store& store,
                                const BakeOptions& options, const std::function<bool(const BakeProgress&)>& progress);
 

@@ -77,7 +77,7 @@ base::Result<std::optional<DrawMessage>> receiveMessage(int socket) {
   return std::optional<DrawMessage>(std::move(message));
 }
 
-base::Bytes encodeOrder(const FaceWork& work, std::uint64_t gpu_budget_bytes) {
+base::Bytes encodeOrder(const FaceWork& work) {
   base::Scene drawn = work.scene;  // where its bytes are from does not matter here
   drawn.sources.clear();
   drawn.parts.clear();
@@ -90,7 +90,7 @@ base::Bytes encodeOrder(const FaceWork& work, std::uint64_t gpu_budget_bytes) {
   out.u64(work.render.max_target_samples);
   out.u32(static_cast<std::uint32_t>(work.quality));
   out.u8(static_cast<std::uint8_t>(work.subsampling));
-  out.u64(gpu_budget_bytes);
+  out.u64(work.gpu_budget_bytes);
   return out.take();
 }
 

@@ -47,7 +47,7 @@ struct MadeFace {
   EncodedFace face;
 };
 
-base::Bytes encodeOrder(const FaceWork& work, std::uint64_t gpu_budget_bytes);
+base::Bytes encodeOrder(const FaceWork& work);
 base::Result<DrawOrder> decodeOrder(base::ByteView body);
 base::Bytes encodeJob(const DrawJob& job);
 base::Result<DrawJob> decodeJob(base::ByteView body);

@@ -24,9 +24,8 @@ namespace server {
 namespace {
 
 constexpr unsigned kMostProcesses = 16;
-constexpr std::uint64_t kLeastGpuBudgetBytes = std::uint64_t{256} << 20;  // one cut of a large scan
-constexpr std::size_t kJobsAtATime = 2;                                   // one is drawn, the next is there already
-constexpr unsigned kMostDeaths = 3;                                       // of processes over the same faces
+constexpr std::size_t kJobsAtATime = 2;  // one is drawn, the next is there already
+constexpr unsigned kMostDeaths = 3;      // of processes over the same faces
 
 // ---- A process ----
 
@@ -101,10 +100,7 @@ class DrawProcess {
 class MadeByProcesses : public FaceMaker {
  public:
   MadeByProcesses(const FaceWork& work, std::vector<std::string> command, unsigned processes, Take take, Fail fail)
-      : command_(std::move(command)),
-        order_(encodeOrder(work, std::max(kLeastGpuBudgetBytes, work.gpu_budget_bytes / processes))),
-        take_(std::move(take)),
-        fail_(std::move(fail)) {
+      : command_(std::move(command)), order_(encodeOrder(work)), take_(std::move(take)), fail_(std::move(fail)) {
     for (unsigned i = 0; i < processes; ++i) threads_.emplace_back([this] { serveAll(); });
   }
   ~MadeByProcesses() override { MadeByProcesses::finish(); }
@@ -176,10 +172,8 @@ class MadeByProcesses : public FaceMaker {
     auto message = receiveMessage(process.socket());
     if (!message || !*message)
       return base::Error{base::ErrorCode::kNetwork, "a drawing process ended by " + process.end() +
-                                                        " several times over the same image, point (" +
-                                                        std::to_string(jobs.front().keys.front().x) + ", " +
-                                                        std::to_string(jobs.front().keys.front().y) + ", " +
-                                                        std::to_string(jobs.front().keys.front().z) + ")"};
+                                                        " several times over the same image, " +
+                                                        repository::nameOf(jobs.front().keys.front())};
     if ((*message)->kind == DrawMessageKind::kError) return decodeError((*message)->body);
     auto made = decodeMadeFace((*message)->body);
     if (!made) return made.error();

@@ -21,7 +21,7 @@ int runDrawProcess(int socket, const Encode& encode = encodeFace);
 std::unique_ptr<FaceMaker> makeFacesByProcesses(const FaceWork& work, const std::vector<std::string>& command,
                                                 unsigned processes, FaceMaker::Take take, FaceMaker::Fail fail);
 
-/// How many processes keep `threads` cores busy; memory is theirs each, so at most 16.
+/// How many processes keep `threads` cores busy, where there is the memory (draw_memory.h): at most 16.
 unsigned drawProcessesFor(unsigned threads);
 
 }  // namespace server

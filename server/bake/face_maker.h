@@ -25,7 +25,7 @@ struct FaceWork {
   RenderOptions render;
   int quality = 85;  ///< JPEG, 1..100
   repository::Subsampling subsampling = repository::Subsampling::k420;
-  std::uint64_t gpu_budget_bytes = std::uint64_t{2} << 30;  ///< uploaded patches, of all contexts together
+  std::uint64_t gpu_budget_bytes = std::uint64_t{2} << 30;  ///< uploaded patches, of each context
 };
 
 class FaceMaker {

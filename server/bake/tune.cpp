@@ -11,6 +11,7 @@
 #include "base/egl/headless.h"
 #include "base/parallel.h"
 #include "base/picture_error.h"
+#include "server/bake/draw_memory.h"
 #include "server/bake/face_encoder.h"
 #include "server/bake/face_sample.h"
 
@@ -87,6 +88,13 @@ base::Result<TuneChoice> lowestQuality(const std::vector<PreparedFace>& faces, d
   return TuneChoice{reaches, subsampling, best->psnr_db, best->jpeg_bytes, faces.size()};
 }
 
+/// The sample as it was drawn and as it is encoded, the list of points that it is taken from, and what each thread
+/// encodes and decodes.
+std::uint64_t sampleBytes(const BakeOptions& options, std::size_t faces) {
+  const std::uint64_t pixels = std::uint64_t{options.grid.face_size} * options.grid.face_size;
+  return pixels * (7 * faces + 16 * std::uint64_t{threadsOf(options)}) + options.grid.pointCount() * sizeof(glm::uvec3);
+}
+
 base::Error outOfReach(double psnr_db, double best_db) {
   std::array<char, 160> text{};
   std::snprintf(text.data(), text.size(),
@@ -127,9 +135,13 @@ base::Result<TuneChoice> tuneScene(const base::Scene& scene, const lod::patch::P
   LUMIGRID_TRY(checkBakeOptions(options));
   auto context = base::HeadlessContext::create();
   if (!context) return context.error();
-  auto renderer = SceneRenderer::create(scene, patches);
+  const std::size_t wanted = tuneFacesOf(options.grid.face_size);
+  const auto budget = limitSampling({patches.hierarchy(), options.grid.face_size, renderOptions(options)},
+                                    sampleBytes(options, wanted), options.memory_bytes);
+  if (!budget) return budget.error();
+  auto renderer = SceneRenderer::create(scene, patches, *budget);
   if (!renderer) return renderer.error();
-  auto faces = sampleFaces(**renderer, options.grid, renderOptions(options), tuneFacesOf(options.grid.face_size));
+  auto faces = sampleFaces(**renderer, options.grid, renderOptions(options), wanted);
   if (!faces) return faces.error();
   if (faces->empty())
     return base::Error{base::ErrorCode::kInvalidInput,

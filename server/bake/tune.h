@@ -42,7 +42,7 @@ base::Result<TunePoint> measureQuality(const std::vector<base::Image>& faces, in
 base::Result<TuneChoice> tuneQuality(const std::vector<base::Image>& faces, double psnr_db, unsigned threads);
 
 /// tuneQuality() on a sample of the scene's own faces (sampleFaces, tuneFacesOf), drawn as options say; their quality
-/// and subsampling are not looked at. kInvalidInput when no face shows the model.
+/// and subsampling are not looked at. kInvalidInput when no face shows the model; kNoSpace as bake().
 base::Result<TuneChoice> tuneScene(const base::Scene& scene, const lod::patch::PatchFile& patches,
                                    const BakeOptions& options, double psnr_db);
 

@@ -22,6 +22,7 @@
 #include "base/json/scene_file.h"
 #include "lod/build/hierarchy_build.h"
 #include "lod/build/qsplat/build.h"
+#include "lod/build/work_directory.h"
 #include "lod/patch/format.h"
 #include "repository/grid.h"
 #include "repository/repository.h"
@@ -53,7 +54,7 @@ struct BuildArguments {
   std::vector<std::string> meshes;
   std::string output;
   std::vector<std::string> methods{"patch", "images"};
-  bool force = false, json = false, quiet = false, missing = false;
+  bool force = false, json = false, quiet = false, missing = false, splats_coded = false;
   std::string shard;         // i/n or auto, as given
   std::uint32_t shards = 0;  // 0: as the scene records, or one store
   std::string light = "auto", up = "auto", units = "unknown", subsampling = "420", tune = "off";
@@ -63,6 +64,7 @@ struct BuildArguments {
   std::string tmpdir, regroup = "on";
   std::string refine_from;  // a scene; empty: none
   lod::build::HierarchyOptions hierarchy;
+  double splats_dice = lod::build::qsplat::kDice;
   BakeOptions bake;
 };
 
@@ -81,8 +83,13 @@ constexpr const char* kWrittenWhole[] = {kPatches.file, kSplats.file, "scene.jso
 
 // Of the options below, those that decide what scene.json says of the source, and the patch hierarchy besides.
 constexpr const char* kSourceParameters[] = {"light", "up", "units"};
+/// There where the tree of splats is in the coded form.
+constexpr const char* kSplatsCoded = "qsplat-coded";
 constexpr const char* kHierarchyParameters[] = {"voxel-triangles", "leaf-triangles", "node-triangles", "position-bits",
                                                 "regroup"};
+
+/// How the triangles of a tree of splats were diced, where the scene has one. Trees from before this was kept were not.
+constexpr const char* kSplatsDice = "qsplat-dice";
 
 // Where adaptive sampling needs images shows from those that are there: its points cannot be dealt out in advance.
 constexpr const char* kAdaptiveIsWhole =
@@ -146,6 +153,8 @@ Parameters parametersOf(const BuildArguments& a) {
   }
   if (a.bake.budget_bytes != 0) parameters["budget"] = number(a.bake.budget_bytes);
   if (!a.refine_from.empty()) parameters["refine-from"] = a.refine_from;
+  if (wants(a, "qsplat")) parameters[kSplatsDice] = number(a.splats_dice);
+  if (a.splats_coded) parameters[kSplatsCoded] = "true";
   return parameters;
 }
 
@@ -218,20 +227,29 @@ Fit fitOf(const BuildArguments& a, const std::vector<base::SceneSource>& sources
   if (wants(a, "patch") && hasMethod(recorded, "patch"))
     for (const char* name : kHierarchyParameters)
       if (recorded[name] != wanted.at(name)) return Fit::kOther;
+  if (wants(a, "qsplat") && hasMethod(recorded, "qsplat")) {
+    if (recorded.contains(kSplatsCoded) != a.splats_coded) return Fit::kOther;
+    const auto diced = recorded.find(kSplatsDice);
+    if ((diced == recorded.end() ? "0.0" : diced->second) != wanted.at(kSplatsDice)) return Fit::kOther;
+  }
   if (!wants(a, "images")) return Fit::kSame;
   if (!wantsImages(scene)) return Fit::kMore;
-  recorded.erase("methods");
-  wanted.erase("methods");
+  for (const char* name : {"methods", kSplatsDice, kSplatsCoded}) {
+    recorded.erase(name);
+    wanted.erase(name);
+  }
   if (recorded == wanted) return Fit::kSame;
   return !has_images && withoutEncoding(recorded) == withoutEncoding(wanted) ? Fit::kMore : Fit::kOther;
 }
 
 // What the scene has, and what the command adds.
 void addMethods(const Parameters& of, Parameters& to) {
+  if (of.contains(kSplatsCoded)) to[kSplatsCoded] = of.at(kSplatsCoded);
   std::string methods;
   for (const char* method : kMethods)
     if (hasMethod(of, method) || hasMethod(to, method)) methods += (methods.empty() ? "" : ",") + std::string(method);
   to["methods"] = methods;
+  if (const auto it = of.find(kSplatsDice); it != of.end()) to.insert(*it);
 }
 
 // The command's options; the scene's methods and division stay.
@@ -446,8 +464,10 @@ Result<void> buildSplats(const BuildArguments& a, const std::vector<base::SceneS
   lod::build::qsplat::BuildOptions options;
   options.threads = a.hierarchy.threads;
   options.memory_bytes = a.hierarchy.memory_bytes;
+  options.dice = a.splats_dice;
   options.work_directory = workDirectory(a, kSplats);
   options.resume_key = resumeKey(sources);
+  options.coded = a.splats_coded;
   options.on_plan = [&](const lod::build::BuildPlan& plan) { printPlan(a, line, plan); };
   auto summary =
       lod::build::qsplat::buildFromFiles(a.meshes, options, a.output + "/" + kSplats.file, progressOn(line, "splats"));
@@ -489,6 +509,8 @@ BakeOptions bakeOptions(const BuildArguments& a, const base::Scene& scene) {
   options.grid = gridFor(a, scene);
   options.subsampling = subsamplingOf(a.subsampling);
   options.threads = a.hierarchy.threads;
+  options.memory_bytes =
+      a.hierarchy.memory_bytes != 0 ? a.hierarchy.memory_bytes : lod::build::machineMemory() / 10 * 6;
   options.draw_command = drawCommand();
   return options;
 }
@@ -652,6 +674,7 @@ nlohmann::json summaryJson(const base::Scene& scene, const BuildReport& r) {
     const auto& q = *r.splats;
     if (!r.hierarchy) j["import_seconds"] = q.import_seconds;
     j["qsplat"] = splatsJson(q.header);
+    j["qsplat"]["added_leaves"] = q.added_leaves;
     j["qsplat"]["seconds"] = q.seconds;
     j["qsplat"]["cpu_seconds"] = q.cpu_seconds;
     j["qsplat"]["leaves_per_cpu_second"] = static_cast<double>(q.header.leaves) / std::max(q.cpu_seconds, 1e-9);
@@ -919,6 +942,9 @@ void declareOptions(CLI::App& command, BuildArguments& a) {
       ->delimiter(',')
       ->check(CLI::IsMember(std::vector<std::string>(std::begin(kMethods), std::end(kMethods))))
       ->capture_default_str();
+  command.add_flag("--qsplat-coded", a.splats_coded,
+                   "write the tree of splats entropy-coded: about half of the bytes, on disk and over a link, for some "
+                   "time of the viewer's processor (default: as it is looked into)");
   command.add_option("--grid", a.grid, "sampling points along the longest side of the viewing box")
       ->check(CLI::Range(2, 1024))
       ->capture_default_str();
@@ -1013,12 +1039,18 @@ void declareOptions(CLI::App& command, BuildArguments& a) {
                   "lattice steps along the longest side, as a power of two, 10 to 21; 0: chosen from the mean edge")
       ->check(CLI::Range(0, 21))
       ->capture_default_str();
+  command
+      .add_option("--qsplat-dice", a.splats_dice,
+                  "tree of splats from a mesh: edges longer than so many times what is usual around them are cut, so "
+                  "that large triangles make no large splats; adds up to as many splats again; 0: none are")
+      ->check(CLI::Range(0.0, 1e6))
+      ->capture_default_str();
   command.add_option("--threads", a.hierarchy.threads, "0: all cores; the result does not depend on it")
       ->capture_default_str();
   command
       .add_option("--memory", a.hierarchy.memory_bytes,
-                  "most memory to use while a hierarchy is built, e.g. 4G, at least 256M; 0: 60 % of the machine's; "
-                  "the result does not depend on it")
+                  "most memory to use, e.g. 4G, at least 256M: of this process, and of those that draw images with it "
+                  "together; 0: 60 % of the machine's; the result does not depend on it")
       ->transform(CLI::AsSizeValue(false))
       ->capture_default_str();
   command.add_option("--tmpdir", a.tmpdir,
@@ -1068,6 +1100,8 @@ std::string wrongUsage(const CLI::App& command, BuildArguments& a) {
   if (isAdaptive(a.bake) && (!a.shard.empty() || a.shards != 0)) return kAdaptiveIsWhole;
   if (a.bake.target_db > 0.0 && a.bake.demand_views > 0)
     return "--target splits cells, --views chooses points: give one of them";
+  if (isGiven(command, "--qsplat-coded") && !wants(a, "qsplat"))
+    return "--qsplat-coded is of the tree of splats: give --methods qsplat too";
   if (a.bake.demand_views == 0 && isGiven(command, "--worth")) return "--worth is of sampling by use: give --views too";
   return "";
 }

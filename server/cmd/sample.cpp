@@ -14,6 +14,7 @@ struct SampleArguments {
   std::string shape = "statue";
   std::vector<double> origin{0.0, 0.0, 0.0};
   bool no_colors = false;
+  bool points = false;
   bool force = false;
   lod::build::SampleOptions options;
 };
@@ -21,6 +22,7 @@ struct SampleArguments {
 int run(SampleArguments& a) {
   a.options.shape = a.shape == "relief" ? lod::build::SampleShape::kRelief : lod::build::SampleShape::kStatue;
   a.options.colors = !a.no_colors;
+  a.options.faces = !a.points;
   a.options.origin = {a.origin[0], a.origin[1], a.origin[2]};
   if (!a.force && std::ifstream(a.output).good())
     return fail({base::ErrorCode::kExists, a.output + ": exists already; choose another name or say --force"});
@@ -52,6 +54,7 @@ Run addSample(CLI::App& command) {
       ->expected(3)
       ->capture_default_str();
   command.add_flag("--no-colors", a->no_colors, "leave vertex colours out");
+  command.add_flag("--points", a->points, "a point cloud: leave faces out (vertices are half as many as triangles)");
   command.add_flag("--force", a->force, "replace the output");
   return [a] { return run(*a); };
 }

@@ -11,7 +11,7 @@ namespace {
 
 constexpr std::size_t kGapsTold = 10;  // on a terminal; JSON has all
 
-std::string nameOf(const repository::FaceKey& key) {
+std::string placeOf(const repository::FaceKey& key) {
   std::ostringstream name;
   name << '(' << key.x << ", " << key.y << ", " << key.z << ", " << key.d << ')';
   return name.str();
@@ -70,7 +70,7 @@ void printText(const std::string& scene, const MissingParts& missing) {
     }
     std::printf("%s faces missing\n", formatCount(shard.faces).c_str());
     for (std::size_t i = 0; i < shard.gaps.size() && i < kGapsTold; ++i)
-      std::printf("  %s to %s: %s faces\n", nameOf(shard.gaps[i].first).c_str(), nameOf(shard.gaps[i].last).c_str(),
+      std::printf("  %s to %s: %s faces\n", placeOf(shard.gaps[i].first).c_str(), placeOf(shard.gaps[i].last).c_str(),
                   formatCount(shard.gaps[i].faces).c_str());
     if (shard.gaps.size() > kGapsTold)
       std::printf("  and %zu more ranges (--json lists them)\n", shard.gaps.size() - kGapsTold);

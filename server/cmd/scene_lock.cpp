@@ -1,8 +1,6 @@
 #include "server/cmd/scene_lock.h"
 
 #include <fcntl.h>
-#include <sys/file.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <array>
@@ -13,6 +11,7 @@
 #include <utility>
 
 #include "base/file.h"
+#include "base/file_lock.h"
 #include "server/cmd/console.h"
 
 namespace server::cmd {
@@ -27,18 +26,11 @@ std::string holderName() {
   return "pid " + std::to_string(::getpid()) + " on " + host.data();
 }
 
-std::string readHolder(int fd) {
+std::string readHolder(const std::string& path) {
+  const base::FileDescriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
   std::array<char, 300> text{};
-  const ssize_t size = ::pread(fd, text.data(), text.size(), 0);
+  const ssize_t size = file ? ::pread(file.get(), text.data(), text.size(), 0) : -1;
   return size <= 0 ? "another process" : std::string(text.data(), static_cast<std::size_t>(size));
-}
-
-// Its last holder removes the file: a lock on what is gone from the directory is none.
-bool isStillThere(int fd, const std::string& path) {
-  struct stat ours {};
-  struct stat named {};
-  return ::fstat(fd, &ours) == 0 && ::stat(path.c_str(), &named) == 0 && ours.st_dev == named.st_dev &&
-         ours.st_ino == named.st_ino;
 }
 
 base::Result<bool> makeDirectory(const std::string& directory) {
@@ -63,34 +55,33 @@ base::Result<SceneLock> SceneLock::take(const std::string& directory,
     auto made = makeDirectory(directory);
     if (!made) return made.error();
     lock.made_directory_ = lock.made_directory_ || *made;
-    const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
-    if (fd < 0 && errno == ENOENT) continue;  // somebody removed the directory that nothing was in
-    if (fd < 0) return base::systemError(path, "create", errno);
-    if (::flock(fd, LOCK_EX | LOCK_NB) == 0 && isStillThere(fd, path)) {
-      lock.fd_ = fd;
+    auto file = base::tryLockFile(path);
+    if (file) {
+      lock.file_ = std::move(*file);
       break;
     }
-    if (!std::exchange(told, true)) on_wait(readHolder(fd));
-    ::close(fd);
+    if (file.error().code == base::ErrorCode::kNotFound) continue;  // somebody removed the directory that was empty
+    if (file.error().code != base::ErrorCode::kBusy) return file.error();
+    if (!std::exchange(told, true)) on_wait(readHolder(path));
     if (stopRequested())
       return base::Error{base::ErrorCode::kCancelled, "stopped; the same command goes on where it stopped"};
     std::this_thread::sleep_for(kPollInterval);
   }
   const std::string holder = holderName();
-  if (::ftruncate(lock.fd_, 0) == 0 && ::pwrite(lock.fd_, holder.data(), holder.size(), 0) < 0)
+  if (::ftruncate(lock.file_.get(), 0) == 0 && ::pwrite(lock.file_.get(), holder.data(), holder.size(), 0) < 0)
     errno = 0;  // only for the message that others give: a full disk may not stop us here
   return lock;
 }
 
 SceneLock::SceneLock(SceneLock&& other) noexcept
     : directory_(std::move(other.directory_)),
-      fd_(std::exchange(other.fd_, -1)),
+      file_(std::move(other.file_)),
       made_directory_(std::exchange(other.made_directory_, false)) {}
 
 SceneLock::~SceneLock() {
-  if (fd_ < 0) return;
+  if (!file_) return;
   ::unlink((directory_ + "/" + kLockFile).c_str());
-  ::close(fd_);
+  { const base::FileDescriptor freed = std::move(file_); }
   std::error_code ignored;
   if (made_directory_) fs::remove(directory_, ignored);
 }

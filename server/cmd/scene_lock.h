@@ -5,6 +5,7 @@
 #include <string>
 
 #include "base/error.h"
+#include "base/file.h"
 
 namespace server::cmd {
 
@@ -24,7 +25,7 @@ class SceneLock {
  private:
   SceneLock() = default;
   std::string directory_;
-  int fd_ = -1;
+  base::FileDescriptor file_;
   bool made_directory_ = false;
 };
 

@@ -14,6 +14,8 @@ namespace {
 
 // Tiles on their way back while the next ones are drawn.
 constexpr std::size_t kReadbackDepth = 2;
+// Of blocks of a coded file, kept for the next picture.
+constexpr std::uint64_t kDecodedBytes = 512 << 20;
 
 }  // namespace
 
@@ -26,9 +28,9 @@ base::Result<lod::qsplat::SplatFile> openSplats(const std::string& directory, co
 }
 
 struct SplatScene::State {
-  explicit State(const lod::qsplat::SplatFile& file)
-      : blocks(file.bytes(), file.header()), readback(kReadbackDepth), max_side(SampleTarget::maxSide()) {
-    blocks.keepUse();
+  explicit State(std::unique_ptr<lod::qsplat::FileBlocks> of_file)
+      : blocks(std::move(of_file)), readback(kReadbackDepth), max_side(SampleTarget::maxSide()) {
+    blocks->keepUse();
   }
 
   base::Result<lod::qsplat::Traversal> splatsFor(const base::Camera& camera, const SplatOptions& options);
@@ -36,9 +38,10 @@ struct SplatScene::State {
                               const SplatOptions& options);
   base::Result<void> drawPicture(const base::Camera& camera, const SplatOptions& options, SplatPicture& picture,
                                  const std::shared_ptr<PendingPicture>& pending);
-  std::uint64_t blocksUsed() const;
+  void countBlocks(SplatPicture& picture) const;
 
-  lod::qsplat::MappedBlocks blocks;
+  std::unique_ptr<lod::qsplat::FileBlocks> blocks;
+  std::uint32_t frame = 0;
   std::unique_ptr<lod::draw::SplatRenderer> renderer;
   lod::draw::Shading shading;
   ResolvePass resolve;
@@ -51,8 +54,10 @@ SplatScene::~SplatScene() = default;
 
 base::Result<std::unique_ptr<SplatScene>> SplatScene::create(const base::Scene& scene,
                                                              const lod::qsplat::SplatFile& file) {
+  auto blocks = lod::qsplat::blocksOfFile(file.bytes(), file.header());
+  if (!blocks) return blocks.error();
   std::unique_ptr<SplatScene> made(new SplatScene());
-  made->state_ = std::make_unique<State>(file);
+  made->state_ = std::make_unique<State>(std::move(*blocks));
   auto renderer = lod::draw::SplatRenderer::create();
   if (!renderer) return renderer.error();
   auto resolve = ResolvePass::create();
@@ -64,13 +69,15 @@ base::Result<std::unique_ptr<SplatScene>> SplatScene::create(const base::Scene& 
 }
 
 const base::Sphere& SplatScene::bounds() const {
-  return state_->blocks.header().root;
+  return state_->blocks->header().root;
 }
 
-std::uint64_t SplatScene::State::blocksUsed() const {
-  std::uint64_t used = 0;
-  for (std::uint64_t b = 1; b < blocks.header().blocks(); ++b) used += blocks.lastUse(b) != 0 ? 1 : 0;
-  return used;
+void SplatScene::State::countBlocks(SplatPicture& picture) const {
+  for (std::uint64_t b = 1; b < blocks->header().blocks(); ++b) {
+    if (blocks->lastUse(b) == 0) continue;
+    ++picture.blocks;
+    picture.bytes += blocks->storedBytes(b);
+  }
 }
 
 base::Result<lod::qsplat::Traversal> SplatScene::State::splatsFor(const base::Camera& camera,
@@ -82,9 +89,11 @@ base::Result<lod::qsplat::Traversal> SplatScene::State::splatsFor(const base::Ca
   request.for_each = [](std::size_t count, const std::function<void(std::size_t)>& body) {
     base::parallelFor(count, 0, body);
   };
-  lod::qsplat::Traversal found = lod::qsplat::traverse(blocks, request);
-  if (blocks.damagedBlock() != 0)
-    return lod::qsplat::damaged("qsplat.lgq: block " + std::to_string(blocks.damagedBlock()) +
+  blocks->beginFrame(++frame);
+  lod::qsplat::Traversal found = lod::qsplat::traverse(*blocks, request);
+  blocks->trim(kDecodedBytes);
+  if (blocks->damagedBlock() != 0)
+    return lod::qsplat::damaged("qsplat.lgq: block " + std::to_string(blocks->damagedBlock()) +
                                 ": checksum does not match");
   if (found.damaged) return lod::qsplat::damaged("qsplat.lgq: its groups don't make a tree");
   return found;
@@ -140,7 +149,7 @@ base::Result<SplatPicture> SplatScene::render(const base::Camera& camera, const 
     state_->readback.drop();
     return drawn.error();
   }
-  picture.blocks = state_->blocksUsed();
+  state_->countBlocks(picture);
   return picture;
 }
 

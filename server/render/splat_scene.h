@@ -30,6 +30,7 @@ struct SplatPicture {
   std::uint64_t splats = 0;
   std::uint64_t nodes = 0;   ///< visited
   std::uint64_t blocks = 0;  ///< of the file that were looked into, each counted once since the renderer was made
+  std::uint64_t bytes = 0;   ///< these blocks have in the file
 };
 
 /// Draws a scene's qsplat.lgq. Needs a GL context that is current, from create() to the destructor; one thread, though

@@ -59,19 +59,16 @@ base::Result<server::EncodedFace> dropPicture(const base::Image&, int, repositor
   return server::EncodedFace{};
 }
 
-unsigned coresOf(const server::BakeOptions& options) {
-  return options.threads == 0 ? base::coreCount() : options.threads;
-}
-
 // Every face of the grid, none of them encoded: in as many processes as the bake draws in.
 double renderOnly(const bench::OpenScene& open, const server::BakeOptions& options, bool in_processes) {
   const server::FaceWork work{open.scene, open.patches, options.grid, server::renderOptions(options)};
   const auto take = [](std::uint64_t, const repository::FaceKey&, const server::EncodedFace&) {};
   const auto fail = [](const base::Error& error) { bench::stop(error.message); };
   const double start = bench::seconds();
-  const auto faces = in_processes ? server::makeFacesByProcesses(work, self(kDrop),
-                                                                 server::drawProcessesFor(coresOf(options)), take, fail)
-                                  : server::makeFacesHere(work, 1, take, fail, dropPicture);
+  const auto faces = in_processes
+                         ? server::makeFacesByProcesses(
+                               work, self(kDrop), server::drawProcessesFor(server::threadsOf(options)), take, fail)
+                         : server::makeFacesHere(work, 1, take, fail, dropPicture);
   std::uint64_t sequence = 0;
   for (const glm::uvec3& p : repository::pointsInMortonOrder(options.grid)) {
     server::DrawJob job{sequence, {}};
@@ -197,7 +194,7 @@ int main(int argc, char** argv) {
     const double cpu = cpuSeconds();
     const double idle = idleSeconds();
     summary = bakeAll(open, options, work / ("images" + std::to_string(run)));
-    const double core_seconds = summary.seconds * coresOf(options);
+    const double core_seconds = summary.seconds * server::threadsOf(options);
     rates.add(rendering, encoding, static_cast<double>(summary.faces_rendered) / summary.seconds);
     rates.busy.push_back((cpuSeconds() - cpu) / core_seconds);
     rates.idle.push_back((idleSeconds() - idle) / core_seconds);

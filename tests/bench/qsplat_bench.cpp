@@ -1,7 +1,8 @@
-// qsplat_bench MESH [--runs N] [--only speed|size] [--memory BYTES]
+// qsplat_bench MESH [--runs N] [--only speed|size] [--memory BYTES] [--dice FACTOR]
 // speed: `lumigrid build --methods qsplat`, disk to disk, on one core and on two, beside meshopt_simplify to 10 % of
 // the same mesh in memory, run in turn; size: the file's nodes, pointers and bytes, with and without colours, as in
 // figure 6 of Rusinkiewicz and Levoy 2000. With --memory the build of speed gets that much, and its peak is printed.
+// --dice: as --qsplat-dice; 0 makes of each vertex a leaf, as the original qsplat_make does.
 #include <cstdio>
 #include <string>
 #include <vector>
@@ -25,9 +26,9 @@ Header headerOf(const std::string& scene) {
 }
 
 void compareSpeed(const std::string& path, const Mesh& mesh, const std::string& scene, int runs,
-                  const std::string& memory) {
-  std::vector<std::string> more;
-  if (!memory.empty()) more = {"--memory", memory};
+                  const std::string& memory, double dice) {
+  std::vector<std::string> more{"--qsplat-dice", std::to_string(dice)};
+  if (!memory.empty()) more.insert(more.end(), {"--memory", memory});
   std::vector<double> ours, theirs, one, two;
   double peak = 0.0;
   for (int run = 0; run < runs; ++run) {
@@ -44,7 +45,7 @@ void compareSpeed(const std::string& path, const Mesh& mesh, const std::string& 
   const double our_rate = 1e-6 * triangles / median(ours);
   const double their_rate = 1e-6 * triangles / median(theirs);
   std::printf(
-      "speed, disk to disk: %.2f M vertices/s and %.2f Mtri/s per core; meshopt_simplify to 10 %% in memory: %.2f "
+      "speed, disk to disk: %.2f M leaves/s and %.2f Mtri/s per core; meshopt_simplify to 10 %% in memory: %.2f "
       "Mtri/s; ratio %.2f (wanted 0.60)\n",
       1e-6 * leaves / median(ours), our_rate, their_rate, our_rate / their_rate);
   std::printf("two cores %.2f times one (wanted 1.7); peak memory %.0f MB; medians of %d\n", median(one) / median(two),
@@ -53,13 +54,14 @@ void compareSpeed(const std::string& path, const Mesh& mesh, const std::string& 
 
 // How evenly two threads share the work, whatever else the machine does: the CPU time of both over that of the one that
 // also does what cannot be shared.
-void compareThreads(const std::string& path, const std::string& file, int runs) {
+void compareThreads(const std::string& path, const std::string& file, int runs, double dice) {
   std::vector<double> shares;
   for (int run = 0; run < runs; ++run) {
     const double all = seconds(CLOCK_PROCESS_CPUTIME_ID);
     const double main_thread = seconds(CLOCK_THREAD_CPUTIME_ID);
     lod::build::qsplat::BuildOptions options;
     options.threads = 2;
+    options.dice = dice;
     (void)must(lod::build::qsplat::buildFromFiles({path}, options, file));
     shares.push_back((seconds(CLOCK_PROCESS_CPUTIME_ID) - all) / (seconds(CLOCK_THREAD_CPUTIME_ID) - main_thread));
   }
@@ -77,27 +79,31 @@ void printSize(const char* what, const Header& h) {
       bytes / static_cast<double>(h.leaves));
 }
 
-void compareSize(Mesh mesh, const std::string& file) {
-  if (!mesh.colors.empty()) printSize("with colours", must(lod::build::qsplat::buildFromMesh(mesh, {}, file)).header);
+void compareSize(Mesh mesh, const std::string& file, double dice) {
+  lod::build::qsplat::BuildOptions options;
+  options.dice = dice;
+  if (!mesh.colors.empty())
+    printSize("with colours", must(lod::build::qsplat::buildFromMesh(mesh, options, file)).header);
   mesh.colors.clear();
-  printSize("without colours", must(lod::build::qsplat::buildFromMesh(mesh, {}, file)).header);
+  printSize("without colours", must(lod::build::qsplat::buildFromMesh(mesh, options, file)).header);
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  bench::Arguments arguments(argc, argv, "MESH [--runs N] [--only speed|size] [--memory BYTES]");
+  bench::Arguments arguments(argc, argv, "MESH [--runs N] [--only speed|size] [--memory BYTES] [--dice FACTOR]");
   const auto runs = static_cast<int>(arguments.number("--runs", 5U, 1U, 100U));
   const std::string only = arguments.text("--only", "");
   const std::string memory = arguments.text("--memory", "");
+  const double dice = arguments.number("--dice", lod::build::qsplat::kDice, 0.0, 1e6);
   arguments.finish();
   if (arguments.input().empty() || (!only.empty() && only != "speed" && only != "size")) arguments.wrong();
   const bench::WorkDirectory directory;
   const Mesh mesh = std::move(must(lod::build::importMeshes({arguments.input()}, {})).mesh);
   std::printf("%s: %zu vertices, %zu triangles\n", arguments.input().c_str(), mesh.positions.size(),
               mesh.triangleCount());
-  if (only.empty() || only == "speed") compareSpeed(arguments.input(), mesh, directory / "scene", runs, memory);
-  if (only.empty() || only == "speed") compareThreads(arguments.input(), directory / "threads.lgq", runs);
-  if (only.empty() || only == "size") compareSize(mesh, directory / "size.lgq");
+  if (only.empty() || only == "speed") compareSpeed(arguments.input(), mesh, directory / "scene", runs, memory, dice);
+  if (only.empty() || only == "speed") compareThreads(arguments.input(), directory / "threads.lgq", runs, dice);
+  if (only.empty() || only == "size") compareSize(mesh, directory / "size.lgq", dice);
   return 0;
 }

@@ -2,7 +2,7 @@
 // section 4.2, and their figure 2 (after the start, 1, 10 and 60 seconds): PSNR against the fully streamed picture, and
 // what came and was never drawn.
 //
-//   qsplat_stream_bench SCENE/qsplat.lgq [CHART.svg]
+//   qsplat_stream_bench SCENE/qsplat.lgq [CHART.svg]     (a file in either form)
 //   qsplat_stream_bench SCENE/qsplat.lgq --tours
 //
 // The latter: what came and was never drawn while the view moves, over slow and fast links.
@@ -127,7 +127,7 @@ Run streamed(const SplatFile& file, const base::Camera& camera, const base::Imag
   StreamOptions options;
   options.order = order;
   options.idle_bytes = 0;
-  options.memory_bytes = std::max(file.bytes().size(), std::size_t{1} << 20);
+  options.memory_bytes = std::max(file.header().file_bytes, std::uint64_t{1} << 20);
   Stream stream(file.bytes().size(), options);
   Link link(file.bytes());
   TraverseRequest request;
@@ -273,8 +273,9 @@ int main(int argc, char** argv) {
   }
   const auto file = bench::must(SplatFile::open(argv[1]));
   if (argc > 2 && std::string_view(argv[2]) == "--tours") return printTours(file), 0;
-  std::printf("%s: %.1f MB, %llu leaves; 384 kbit/s, 100 ms there and back; 1280 x 720\n", argv[1],
-              1e-6 * static_cast<double>(file.bytes().size()), static_cast<unsigned long long>(file.header().leaves));
+  std::printf("%s: %.1f MB%s, %llu leaves; 384 kbit/s, 100 ms there and back; 1280 x 720\n", argv[1],
+              1e-6 * static_cast<double>(file.bytes().size()), file.header().coded() ? " coded" : "",
+              static_cast<unsigned long long>(file.header().leaves));
   Canvas canvas(file.header());
   compare::Chart chart;
   chart.title = "Splats over 384 kbit/s: five orders";
@@ -285,10 +286,10 @@ int main(int argc, char** argv) {
   const std::vector<base::Camera> views = viewsOf(file.header().root);
   std::vector<base::Image> truths;
   for (const base::Camera& camera : views) {
-    MappedBlocks blocks(file.bytes(), file.header());
+    const auto blocks = bench::must(blocksOfFile(file.bytes(), file.header()));
     TraverseRequest request;
     request.camera = camera;
-    truths.push_back(canvas.picture(traverse(blocks, request).splats, camera));
+    truths.push_back(canvas.picture(traverse(*blocks, request).splats, camera));
   }
   std::printf("%-8s %5s | %7s %6s %6s %6s %6s | %9s %8s %9s %8s\n", "order", "view", "start s", "start", "1 s", "10 s",
               "60 s", "all at s", "kB", "wasted kB", "requests");

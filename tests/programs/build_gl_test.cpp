@@ -51,6 +51,26 @@ TEST_F(Build, aFinishedSceneIsDescribedAndVerified) {
   EXPECT_EQ(verified.status, 0) << verified.out << verified.err;
 }
 
+TEST_F(Build, imagesThatDoNotFitTheMemoryAreRefusedWithWhatTheyNeed) {
+  const std::string mesh = smallMesh();
+  const auto command = [&](const std::string& scene, const std::string& memory) {
+    return std::vector<std::string>{"build",  mesh,   "-o",       scene,  "--grid", "2",
+                                    "--face", "1024", "--memory", memory, "--quiet"};
+  };
+  const auto refused = run("lumigrid", command(path("scene"), "256M"));
+  EXPECT_EQ(refused.status, 1);
+  const std::string advice = "give --memory ";
+  const std::size_t at = refused.err.find(advice);
+  ASSERT_NE(at, std::string::npos) << refused.err;
+  const std::string rest = refused.err.substr(at + advice.size());
+
+  // That much does, and the images do not depend on it.
+  const auto built = run("lumigrid", command(path("scene"), rest.substr(0, rest.find(' '))));
+  ASSERT_EQ(built.status, 0) << built.err;
+  ASSERT_EQ(run("lumigrid", command(path("free"), "64G")).status, 0);
+  EXPECT_EQ(values(path("scene")), values(path("free")));
+}
+
 TEST_F(Build, killedInTheMiddleItGoesOnAndEndsTheSame) {
   const std::string mesh = smallMesh();
   const std::vector<std::string> options{"--grid", "6", "--face", "64", "--batch", "100", "--quiet"};

@@ -47,6 +47,7 @@ class HierarchyResume : public programs::ProgramTest {
 
   // What is built, and the file that it becomes.
   std::string method_ = "patch";
+  Arguments options_;  // of every build
   std::string file_ = "patch.lgp";
 
   std::string workFile(const std::string& scene, const std::string& name) const {
@@ -54,6 +55,7 @@ class HierarchyResume : public programs::ProgramTest {
   }
   Arguments build(const std::string& mesh, const std::string& scene, const Arguments& more = {}) const {
     Arguments arguments{"build", mesh, "-o", scene, "--methods", method_, "--quiet"};
+    arguments.insert(arguments.end(), options_.begin(), options_.end());
     arguments.insert(arguments.end(), more.begin(), more.end());
     return arguments;
   }
@@ -424,6 +426,38 @@ TEST_F(SplatResume, MemoryStaysUnderItsCeiling) {
   const std::size_t at = built.out.find(name);
   ASSERT_NE(at, std::string::npos) << built.out;
   EXPECT_LT(std::stoull(built.out.substr(at + name.size())), std::uint64_t{256} << 20);
+}
+
+class CodedSplatResume : public SplatResume {
+ protected:
+  CodedSplatResume() { options_ = {"--qsplat-coded"}; }
+};
+
+TEST_F(CodedSplatResume, KilledInALateStageItEndsWithTheSameBytes) {
+  const std::string mesh = sample("400000");
+  expectRerunsFinishFrom(mesh, uninterrupted(mesh), {"nodes", "stage4", "runs", "plain"});
+}
+
+TEST_F(CodedSplatResume, TheFormIsTheScenesAndAnotherOneIsRefused) {
+  const std::string mesh = sample("20000");
+  const std::string bytes = uninterrupted(mesh);
+  const std::string scene = path("scene");
+  ASSERT_EQ(run("lumigrid", build(mesh, scene)).status, 0);
+  const auto plain = run("lumigrid", {"build", mesh, "-o", scene, "--methods", "qsplat", "--quiet"});
+  EXPECT_EQ(plain.status, 1);
+  EXPECT_NE(plain.err.find("of other meshes or options"), std::string::npos) << plain.err;
+  // Without meshes the scene's own options count, and patches may be added.
+  const auto again = run("lumigrid", {"build", "-o", scene, "--quiet"});
+  EXPECT_EQ(again.status, 0) << again.err;
+  EXPECT_NE(again.out.find("nothing was to be done"), std::string::npos) << again.out;
+  ASSERT_EQ(run("lumigrid", {"build", mesh, "-o", scene, "--methods", "patch", "--quiet"}).status, 0);
+  EXPECT_TRUE(readText(scene + "/qsplat.lgq") == bytes);
+  const auto both = run("lumigrid", build(mesh, scene));
+  EXPECT_NE(both.out.find("nothing was to be done"), std::string::npos) << both.out << both.err;
+  const auto info = run("lumigrid", {"info", scene});
+  EXPECT_NE(info.out.find(" coded, "), std::string::npos) << info.out;
+  EXPECT_EQ(run("lumigrid", {"verify", scene}).status, 0);
+  EXPECT_EQ(run("lumigrid", {"build", mesh, "-o", path("no"), "--methods", "patch", "--qsplat-coded"}).status, 2);
 }
 
 // A scene that has patches gets splats beside them, the same as alone, and stays finished meanwhile.

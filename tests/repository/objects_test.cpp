@@ -1,6 +1,10 @@
 #include "repository/objects.h"
 
 #include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <filesystem>
 
 #include "repository/open_objects.h"
 #include "tests/support/temporary_directory.h"
@@ -46,6 +50,27 @@ TEST(Objects, ADirectoryGivesBackWhatWasPut) {
   ASSERT_TRUE((*sink)->remove("images/one"));
   EXPECT_EQ((*source)->size("images/one").error().code, ErrorCode::kNotFound);
   EXPECT_EQ(repository::openDirectorySource(directory.path() + "/none").error().code, ErrorCode::kNotFound);
+}
+
+// Links to nothing, folders that only somebody else may read (lost+found).
+TEST(Objects, WhatOthersKeepThereIsNoHindrance) {
+  const support::TemporaryDirectory directory;
+  auto sink = repository::openDirectorySink(directory.path());
+  ASSERT_TRUE(sink);
+  std::filesystem::create_symlink("/nowhere/at/all", directory / "broken");
+  std::filesystem::create_directory(directory / "theirs");
+  ASSERT_TRUE((*sink)->put("scene.json", Bytes{1}, ""));
+  ASSERT_EQ(::chmod((directory / "theirs").c_str(), 0), 0);
+  ASSERT_EQ(::chmod(directory.path().c_str(), 0755), 0);
+
+  const uid_t before = ::geteuid();
+  if (before == 0) {  // root may read everything
+    ASSERT_EQ(::seteuid(65534), 0);
+  }
+  const auto names = (*sink)->list("");
+  ASSERT_EQ(::seteuid(before), 0);
+  ASSERT_TRUE(names) << names.error().message;
+  EXPECT_EQ(*names, std::vector<std::string>{"scene.json"});
 }
 
 TEST(Objects, OneSinkOfADirectoryAtATime) {

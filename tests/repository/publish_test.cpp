@@ -11,6 +11,7 @@
 #include <map>
 
 #include "base/file.h"
+#include "base/hash/sha256.h"
 #include "base/parallel.h"
 #include "repository/pack_store.h"
 #include "repository/verify.h"
@@ -124,7 +125,7 @@ class Publish : public testing::Test {
   }
   std::vector<std::string> faults(const PackStore& packs, std::uint64_t* values = nullptr) {
     std::vector<std::string> found;
-    packs.check([&](std::string fault) { found.push_back(std::move(fault)); },
+    packs.check([&](std::string fault) { return found.push_back(std::move(fault)), true; },
                 [&](const FaceKey&, ByteView) {
                   if (values != nullptr) ++*values;
                   return true;
@@ -496,6 +497,46 @@ TEST_F(Publish, aFlippedByteInTheIndexCostsOneBlock) {
   const auto wrong = PackStore::open(source_, published.index);
   ASSERT_FALSE(wrong);
   EXPECT_NE(wrong.error().message.find("parameters"), std::string::npos) << wrong.error().message;
+}
+
+TEST_F(Publish, aCheckStopsWhenThereAreEnoughFaults) {
+  const PublishedImages published = publish();
+  ASSERT_GT(published.pack_names.size(), 10U);
+  for (const std::string& name : published.pack_names) fs::remove(out() + "/" + name);
+  const auto packs = open(published.index);
+  EXPECT_EQ(faults(*packs).size(), published.pack_names.size());
+  std::size_t told = 0;
+  packs->check([&](const std::string&) { return ++told < 3; }, [](const FaceKey&, ByteView) { return true; });
+  EXPECT_EQ(told, 3U);
+}
+
+TEST_F(Publish, totalsThatAreNotThoseOfItsValuesAreAFault) {
+  auto sink = openDirectorySink(out());
+  const Bytes value = valueOf(1);
+  const std::vector<PackEntry> entries{{0, static_cast<std::uint32_t>(value.size())}};
+  const Bytes pack = encodePack(entries, value);
+  const auto idOf = [](ByteView bytes) {
+    ObjectId id{};
+    const base::Sha256Digest digest = base::sha256(bytes);
+    std::copy_n(digest.begin(), id.size(), id.begin());
+    return id;
+  };
+  ASSERT_TRUE((*sink)->put(packName(idOf(pack)), pack, ""));
+  IndexBuilder builder;
+  builder.add(entries);
+  const auto faultsWith = [&](const ValueTotals& totals) {
+    const Bytes index = *builder.build({{idOf(pack), pack.size(), 0, 0, 1}}, "", totals);
+    EXPECT_TRUE((*sink)->put(indexName(idOf(index)), index, ""));
+    return faults(*open(indexName(idOf(index))));
+  };
+  EXPECT_EQ(faultsWith({value.size(), value.size() - 16, 0}), std::vector<std::string>());
+  for (const ValueTotals& wrong :
+       {ValueTotals{value.size() + 1, value.size() - 15, 0}, ValueTotals{value.size(), value.size(), 0},
+        ValueTotals{value.size(), value.size() - 16, ~std::uint64_t{0}}}) {
+    const auto found = faultsWith(wrong);
+    ASSERT_EQ(found.size(), 1U);
+    EXPECT_NE(found[0].find("its root says " + std::to_string(wrong.value_bytes)), std::string::npos) << found[0];
+  }
 }
 
 }  // namespace

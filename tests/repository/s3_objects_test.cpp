@@ -274,6 +274,21 @@ TEST(S3Sink, aListThatNeverEndsIsAnError) {
   EXPECT_EQ(mustOpenSink(server)->list("").error().code, ErrorCode::kNetwork);
 }
 
+// After t1 comes t2, and after that t1 again.
+TEST(S3Sink, aListThatGoesInCirclesIsAnError) {
+  const ScriptedServer server([](const std::string& request, int number) {
+    EXPECT_LT(number, 10);
+    if (number >= 10) return answer("200 OK", "", kEmptyList);
+    const std::string next = lineOf(request).find("continuation-token=t1") == std::string::npos ? "t1" : "t2";
+    return answer("200 OK", "",
+                  "<ListBucketResult><IsTruncated>true</IsTruncated><NextContinuationToken>" + next +
+                      "</NextContinuationToken></ListBucketResult>");
+  });
+  const auto names = mustOpenSink(server)->list("");
+  ASSERT_FALSE(names);
+  EXPECT_NE(names.error().message.find("does not end"), std::string::npos) << names.error().message;
+}
+
 TEST(S3Sink, removesWhatIsThereOrNot) {
   const ScriptedServer server([](const std::string& request, int) {
     if (isListing(request)) return answer("200 OK", "", kEmptyList);

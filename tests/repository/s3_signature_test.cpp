@@ -21,15 +21,15 @@ std::string signatureOf(const S3Request& request, const std::string& service, co
 
 TEST(Digest, knowsTheStandardsExamples) {
   // FIPS 180-4: "abc"; RFC 4231, test case 2.
-  EXPECT_EQ(base::hexOf(base::sha256(viewOfText("abc"))),
+  EXPECT_EQ(base::hexOf(base::sha256(base::viewOfText("abc"))),
             "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
-  EXPECT_EQ(base::hexOf(hmacSha256(viewOfText("Jefe"), "what do ya want for nothing?")),
+  EXPECT_EQ(base::hexOf(hmacSha256(base::viewOfText("Jefe"), "what do ya want for nothing?")),
             "5bdcc146bf60754e6a042426089575c75a003f089d2739839dec58b964ec3843");
   base::Sha256 pieces;
-  pieces.add(viewOfText("a"));
+  pieces.add(base::viewOfText("a"));
   pieces.add({});
-  pieces.add(viewOfText("bc"));
-  EXPECT_EQ(pieces.finish(), base::sha256(viewOfText("abc")));
+  pieces.add(base::viewOfText("bc"));
+  EXPECT_EQ(pieces.finish(), base::sha256(base::viewOfText("abc")));
 }
 
 // The Signature Version 4 test suite (aws-sig-v4-test-suite), the cases that objects meet.
@@ -72,7 +72,7 @@ TEST(S3Signature, isThatOfTheTestSuite) {
         "/",
         {},
         with("content-type", "application/x-www-form-urlencoded"),
-        base::hexOf(base::sha256(viewOfText("Param1=value1")))},
+        base::hexOf(base::sha256(base::viewOfText("Param1=value1")))},
        "ff11897932ad3f4e8b18135d722051e5ac45fc38421b1da7b9d196a0fe09473a"},
   };
   for (const Case& c : cases) EXPECT_EQ(signatureOf(c.request, "service", date), c.signature) << c.name;
@@ -105,7 +105,7 @@ TEST(S3Signature, isThatOfTheS3Manual) {
       kNothing};
   EXPECT_EQ(signatureOf(get, "s3", date), "f0e8bdb87c964420e857bd35b5d6ed310bd44f0170aba48dd91039c6036bdb41");
 
-  const std::string welcome = base::hexOf(base::sha256(viewOfText("Welcome to Amazon S3.")));
+  const std::string welcome = base::hexOf(base::sha256(base::viewOfText("Welcome to Amazon S3.")));
   const S3Request put{"PUT",
                       "/test%24file.text",
                       {},

@@ -4,6 +4,7 @@
 #include <sys/resource.h>
 
 #include <csignal>
+#include <cstring>
 #include <fstream>
 #include <random>
 #include <set>
@@ -218,6 +219,32 @@ TEST(StoreFailure, aTruncatedFileIsAnErrorAndNeverACrash) {
     EXPECT_TRUE(useDamaged(directory, base::Bytes(good.begin(), good.begin() + static_cast<std::ptrdiff_t>(size))))
         << size;
   }
+}
+
+// A writer would put its next page there, terabytes behind the end.
+TEST(StoreFailure, aFreePageBehindTheLastIsNoticed) {
+  const TemporaryDirectory directory;
+  base::Bytes bytes = smallStore(directory);
+  const auto at = [&](std::size_t offset) {
+    std::uint64_t number = 0;
+    std::memcpy(&number, &bytes[offset], sizeof(number));
+    return number;
+  };
+  // Of the newer meta page the root of the free list (repository/lmdb_check.cpp has the layout), its first value.
+  const std::size_t meta = at(144) > at(4096 + 144) ? 0 : 4096;
+  const std::size_t leaf = 4096 * at(meta + 80);
+  ASSERT_LT(leaf, bytes.size());
+  ASSERT_EQ(bytes[leaf + 10], 2) << "no leaf";
+  const std::size_t value = leaf + bytes[leaf + 16] + 256U * bytes[leaf + 17] + 16;
+  ASSERT_GT(at(value), 0U) << "no page is free";
+  const std::uint64_t far = std::uint64_t{1} << 32;
+  std::memcpy(&bytes[value + 8], &far, sizeof(far));
+
+  std::filesystem::create_directory(directory / "far");
+  writeFile(directory / "far/data.mdb", bytes);
+  const auto store = openLmdbStore(directory / "far", StoreMode::kWrite);
+  ASSERT_FALSE(store);
+  EXPECT_NE(store.error().message.find("a free page out of the file"), std::string::npos) << store.error().message;
 }
 
 TEST(StoreFailure, otherBytesAreAnError) {

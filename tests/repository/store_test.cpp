@@ -4,9 +4,11 @@
 
 #include <algorithm>
 #include <atomic>
+#include <filesystem>
 #include <random>
 #include <thread>
 
+#include "repository/lmdb_environment.h"
 #include "tests/repository/sample_values.h"
 #include "tests/support/temporary_directory.h"
 
@@ -199,6 +201,27 @@ TEST(LmdbStore, manyThreadsReadWhileOneWritesAndTheMapGrows) {
   for (std::thread& reader : readers) reader.join();
   EXPECT_EQ(torn, 0U);
   EXPECT_GT(found, 0U);
+}
+
+// Nobody writes such keys; what finds one says what to do.
+TEST(LmdbStore, aKeyThatIsNoneIsNamedWithWhatToDo) {
+  for (const std::string& key : {std::string("abc"), std::string("\0\0\0\0\0\0\0\7", 8)}) {
+    const TemporaryDirectory directory;
+    const auto store = mustOpen(directory / "images", StoreMode::kWrite);
+    auto environment = SharedLmdb::open(std::filesystem::canonical(directory / "images").string(), {});
+    ASSERT_TRUE(environment);
+    ASSERT_EQ((*environment)->write([&](MDB_txn* txn) {
+      MDB_val name = repository::valueOf(key);
+      MDB_val value = name;
+      return mdb_put(txn, (*environment)->table(0), &name, &value, 0);
+    }),
+              0);
+    const auto walked = store->forEach([](const FaceKey&, base::ByteView) { return true; });
+    ASSERT_FALSE(walked);
+    EXPECT_EQ(walked.error().code, base::ErrorCode::kInvalidInput);
+    EXPECT_NE(walked.error().message.find("images: "), std::string::npos) << walked.error().message;
+    EXPECT_NE(walked.error().message.find("build the images again"), std::string::npos) << walked.error().message;
+  }
 }
 
 }  // namespace

@@ -79,6 +79,20 @@ test("a link with m=qsplat opens them on a static host; no byte comes twice; ano
   await page.close();
 });
 
+test("a coded tree's splats, from a server of ours and from a static host", async () => {
+  const coded = join(folder, "coded.scene");
+  const place = join(folder, "coded.published");
+  run("lumigrid", ["build", sampleMesh({ triangles: 60000 }), "-o", coded, "--methods", "patch,qsplat", "--qsplat-coded"]);
+  run("lumigrid", ["publish", coded, place, "--viewer", "on", "--web", site]);
+  for (const host of [await serve(coded, { args: ["--no-frames"] }), await nginx(place)]) {
+    const page = await open(browser, `${host.url}?method=qsplat`);
+    await fine(page);
+    await expectNative(page, host.url);
+    assert.deepEqual(page.faults.filter((fault) => !/404/.test(fault)), []); // it has no annotations
+    await page.close();
+  }
+});
+
 test("what is seen through the magnifying glass is finer, all else the same", async () => {
   const page = await open(browser, `${server.url}?method=qsplat`);
   await page.evaluate(() => localStorage.setItem("lumigrid.settings", JSON.stringify({ version: 1, cutoff: 12 })));

@@ -35,7 +35,7 @@ class Builder {
   base::Result<BuildSummary> run(const SourceInput& input) {
     LUMIGRID_TRY(needMemory(memory_));
     LUMIGRID_TRY(needDescriptors(kDescriptors));
-    const std::string key = canResume() ? "qsplat 1 " + options_.resume_key : "";
+    const std::string key = canResume() ? "qsplat 2 " + std::to_string(options_.dice) + " " + options_.resume_key : "";
     LUMIGRID_TRY(buildIn(directory_, options_.work_directory, key, output_path_, [&] { return stages(input); }));
     return std::move(summary_);
   }
@@ -62,7 +62,7 @@ class Builder {
 
   base::Result<void> import(const SourceInput& input) {
     if (directory_->stage() < 1 && !report("import", 0.0)) return cancelled();
-    auto source = importSource(*directory_, input, canResume());
+    auto source = importSource(*directory_, input);
     if (!source) return source.error();
     source_ = std::move(*source);
     const std::uint64_t leaves = source_.info.referenced;
@@ -76,9 +76,9 @@ class Builder {
   base::Result<void> sortTriangles() {
     lattice_ = makeLattice(source_.info, source_.origin, 0);
     if (directory_->stage() < 2 && !report("sort", 0.0)) return cancelled();
-    auto buckets = sortSource(
-        *directory_, source_, lattice_,
-        {workMemory() / 2, options_.threads, [this](double done) { return report("sort", done); }}, canResume());
+    auto buckets =
+        sortSource(*directory_, source_, lattice_,
+                   {workMemory() / 2, options_.threads, [this](double done) { return report("sort", done); }});
     if (!buckets) return buckets.error();
     buckets_ = std::move(*buckets);
     return {};
@@ -86,7 +86,7 @@ class Builder {
 
   // Stage 3.
   base::Result<void> measureBorder() {
-    auto& leaves = mesh_leaves_.emplace(buckets_, lattice_);
+    auto& leaves = mesh_leaves_.emplace(buckets_, lattice_, options_.dice);
     if (directory_->stage() >= 3) {
       auto state = directory_->state(3);
       if (!state) return state.error();
@@ -96,7 +96,7 @@ class Builder {
     LUMIGRID_TRY(leaves.measureBorder(tilesAtOnce(leaves), [this](double done) { return report("borders", done); }));
     base::ByteWriter out;
     leaves.writeBorder(out);
-    return directory_->finishStage(3, out.view());
+    return directory_->finishStage(3, out.take(), {});
   }
 
   // Stage 2 of points.
@@ -117,9 +117,8 @@ class Builder {
                                   [this](double done) { return report("sort", done); });
     if (!tiles) return tiles.error();
     points_ = std::move(*tiles);
-    if (canResume()) LUMIGRID_TRY(points_.sync());
-    LUMIGRID_TRY(directory_->finishStage(2, points_.state()));
-    spool->remove();
+    const auto sorted = std::make_shared<SourceSpool>(std::move(*spool));
+    LUMIGRID_TRY(directory_->finishStage(2, points_.state(), {"points"}, [sorted] { sorted->remove(); }));
     releaseFreedMemory();
     return {};
   }
@@ -140,12 +139,9 @@ class Builder {
     }
     LUMIGRID_TRY(directory_->needSpace(kFittedBytes * source_.info.vertices, "the fitted points"));
     LUMIGRID_TRY(leaves.fitAll(path, tilesAtOnce(leaves), [this](double done) { return report("normals", done); }));
-    if (canResume()) LUMIGRID_TRY(leaves.sync());
     base::ByteWriter out;
     leaves.writeSigns(out);
-    LUMIGRID_TRY(directory_->finishStage(3, out.view()));
-    points_.release();
-    return {};
+    return directory_->finishStage(3, out.take(), {"leaves"}, [this] { points_.release(); });
   }
 
   const LeafSource& leafSource() const {
@@ -159,6 +155,8 @@ class Builder {
     return static_cast<unsigned>(std::clamp<std::uint64_t>(workMemory() / largest, 1, options_.threads));
   }
 
+  std::uint64_t mostLeaves() const { return source_.info.referenced + (isMesh() ? mesh_leaves_->mostAdded() : 0); }
+
   // Stage 4.
   base::Result<void> makeSubtrees() {
     const LeafSource& leaves = leafSource();
@@ -166,9 +164,9 @@ class Builder {
     auto store = SubtreeStore::open(path, directory_->has("nodes"), leaves.tiles());
     if (!store) return store.error();
     subtrees_ = std::move(*store);
-    LUMIGRID_TRY(directory_->needSpace(
-        std::max(kWorkBytes * source_.info.referenced, subtrees_->bytes()) - subtrees_->bytes(), "the splat tree"));
-    LUMIGRID_TRY(needOutputSpace(output_path_, kOutputBytes * source_.info.referenced));
+    LUMIGRID_TRY(directory_->needSpace(std::max(kWorkBytes * mostLeaves(), subtrees_->bytes()) - subtrees_->bytes(),
+                                       "the splat tree"));
+    LUMIGRID_TRY(needOutputSpace(output_path_, kOutputBytes * mostLeaves()));
     std::size_t done = 0;
     for (std::size_t t = 0; t < leaves.tiles(); ++t) {
       done += subtrees_->has(t) ? 1 : 0;
@@ -188,9 +186,9 @@ class Builder {
     LUMIGRID_TRY(status);
     // From here on the store alone holds the leaves.
     if (directory_->stage() < 4) {
-      if (canResume()) LUMIGRID_TRY(subtrees_->sync());
-      LUMIGRID_TRY(directory_->finishStage(4, {}));
-      if (isMesh()) buckets_.release();
+      LUMIGRID_TRY(directory_->finishStage(4, {}, {"nodes"}, [this] {
+        if (isMesh()) buckets_.release();
+      }));
     }
     releaseFreedMemory();
     return {};
@@ -199,7 +197,9 @@ class Builder {
   base::Result<void> makeTile(const LeafSource& source, std::size_t tile) {
     const auto leaves = source.leaves(tile);
     if (!leaves) return leaves.error();
-    return subtrees_->add(static_cast<std::uint32_t>(tile), leaves->empty() ? Subtree() : makeSubtree(*leaves));
+    Subtree tree = leaves->splats.empty() ? Subtree() : makeSubtree(leaves->splats);
+    tree.added_leaves = leaves->added;
+    return subtrees_->add(static_cast<std::uint32_t>(tile), tree);
   }
 
   base::Result<void> write() {
@@ -207,6 +207,10 @@ class Builder {
     options.colors = source_.info.has_colors;
     options.threads = options_.threads;
     options.runs_path = directory_->path() + "/runs";
+    if (options_.coded) {
+      LUMIGRID_TRY(directory_->needSpace(kOutputBytes * source_.info.referenced, "the splat tree before it is coded"));
+      options.plain_path = directory_->path() + "/plain";
+    }
     options.progress = [this](const std::string& stage, double done) { return report(stage, done); };
     auto header = writeTree(*subtrees_, output_path_, options);
     if (!header) return header.error();
@@ -221,7 +225,7 @@ class Builder {
     summary_.box_max = info.box_max;
     summary_.warnings = info.warnings;
     summary_.has_colors = info.has_colors;
-    summary_.bytes = summary_.header.file_bytes;
+    summary_.bytes = summary_.header.storedBytes();
     if (isMesh()) {
       summary_.triangles = buckets_.totals().triangles;
       summary_.facing = buckets_.totals().facing;
@@ -229,7 +233,9 @@ class Builder {
     } else {
       summary_.facing = point_leaves_->facing();
     }
-    summary_.repairs.add("welded_vertices", info.referenced - std::min(info.referenced, summary_.header.leaves));
+    for (std::size_t t = 0; t < subtrees_->tiles(); ++t) summary_.added_leaves += (*subtrees_)[t].added_leaves;
+    const std::uint64_t vertices = summary_.header.leaves - summary_.added_leaves;
+    summary_.repairs.add("welded_vertices", info.referenced - std::min(info.referenced, vertices));
     summary_.seconds = watch_.seconds();
     summary_.cpu_seconds = watch_.cpuSeconds();
   }
@@ -264,7 +270,7 @@ class Builder {
 
 base::Result<BuildSummary> buildFromFiles(const std::vector<std::string>& paths, const BuildOptions& options,
                                           const std::string& output_path, const Progress& progress) {
-  auto input = sourceFromFiles(paths, progress, true);
+  auto input = sourceFromFiles(paths, progress, options.threads, true);
   if (!input) return input.error();
   auto summary = Builder(options, output_path, progress).run(*input);
   // Work files that do not hold together are gone by now.

@@ -13,16 +13,22 @@
 
 namespace lod::build::qsplat {
 
+/// Found by trying (docs/results/qsplat.md).
+inline constexpr double kDice = 2.0;
+
 struct BuildOptions {
   unsigned threads = 0;            ///< 0: all cores. The output does not depend on it.
   std::uint64_t memory_bytes = 0;  ///< of the whole process; 0: 60 % of the machine's. Nor on this.
   std::string work_directory;      ///< for the work files; empty: beside the output
   std::string resume_key;  ///< what decides the output (the sources' checksums); a work directory left under the same
                            ///< key is continued. Empty: every build starts afresh.
+  double dice = kDice;     ///< of a mesh: an edge longer than so many times what is usual around it is cut; 0: none is
+  bool coded = false;      ///< the file in the coded form
   std::function<void(const BuildPlan&)> on_plan;  ///< may be empty
 };
 
 struct BuildSummary : SourceSummary {
+  std::uint64_t added_leaves = 0;  ///< by dicing large triangles
   lod::qsplat::Header header;
 };
 

@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cstdio>
 #include <mutex>
 
 #include "base/parallel.h"
+#include "lod/build/qsplat/code_file.h"
 #include "lod/build/qsplat/encode.h"
 #include "lod/build/qsplat/tree_writer.h"
 #include "lod/build/spool.h"
@@ -29,13 +31,37 @@ class FileBuilder {
   base::Result<lod::qsplat::Header> run(const std::string& path) {
     encodeTop();
     LUMIGRID_TRY(encodeTiles());
+    if (options_.plain_path.empty()) return writePlain(path);
+    LUMIGRID_TRY(writePlain(options_.plain_path));
+    return writeCoded(path);
+  }
+
+ private:
+  base::Result<lod::qsplat::Header> writePlain(const std::string& path) {
     auto header = write(path, options_.wide_pointers);
     if (!header && header.error().code == ErrorCode::kUnsupported && !options_.wide_pointers)
       header = write(path, true);
     return header;
   }
 
- private:
+  // From the plain file, which nobody needs then.
+  base::Result<lod::qsplat::Header> writeCoded(const std::string& path) const {
+    const auto plain = SpoolFile::open(options_.plain_path);
+    if (!plain) return plain.error();
+    auto file = base::AtomicFile::create(path);
+    if (!file) return file.error();
+    CodeOptions options;
+    options.threads = options_.threads;
+    if (options_.progress) options.progress = [this](double done) { return options_.progress("code", done); };
+    auto header =
+        codeFile([&](std::uint64_t offset, std::span<std::uint8_t> out) { return plain->readAt(offset, out); }, options,
+                 [&](base::ByteView bytes) { return file->write(bytes); });
+    if (!header) return header.error();
+    LUMIGRID_TRY(file->commit());
+    std::remove(options_.plain_path.c_str());
+    return header;
+  }
+
   // A place in the top tree: an inner node of it, or TreeShape::kLeaf + a place in tiles_.
   using Ref = std::uint32_t;
   static bool isTile(Ref ref) { return (ref & TreeShape::kLeaf) != 0; }

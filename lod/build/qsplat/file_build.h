@@ -13,7 +13,8 @@ struct FileBuildOptions {
   bool colors = false;
   bool wide_pointers = false;  ///< also where offsets are short; they are taken by themselves where they must be
   unsigned threads = 0;
-  std::string runs_path;                                                ///< of the work file
+  std::string runs_path;   ///< of the work file
+  std::string plain_path;  ///< of another one; empty: the file is in the plain form, else in the coded one
   std::function<bool(const std::string& stage, double done)> progress;  ///< may be empty; false cancels
 };
 

@@ -1,7 +1,6 @@
 #include "lod/build/qsplat/mesh_leaves.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <mutex>
 
@@ -9,6 +8,15 @@
 
 namespace lod::build::qsplat {
 namespace {
+
+// Coarse meshes too get leaves of at most this share of the longest side, as far as there is room for them.
+constexpr double kWidestShare = 1.0 / 128.0;
+// Lattice units: places in between mean nothing any more.
+constexpr double kShortestCut = 4.0;
+// Leaves that are added to a bucket: one for each two triangles, or so many where that is less.
+constexpr std::uint64_t kLeastRoom = std::uint64_t{1} << 14;
+// Edge lengths that are tried, for each factor of two. A power of two.
+constexpr int kLengths = 8;
 
 // Squared radius of the smallest circle around a triangle with these squared sides and twice this area, squared.
 double circleSquared(double a, double b, double c, double twice_area_squared) {
@@ -18,8 +26,13 @@ double circleSquared(double a, double b, double c, double twice_area_squared) {
   return 0.25 * a * b * c / twice_area_squared;
 }
 
-const glm::vec3& decodedNormal(const VertexSums& sums) {
-  return lod::qsplat::normalTable()[lod::qsplat::encodeNormal(sums.unitNormal())];
+const glm::vec3& decodedNormal(const glm::vec3& normal) {
+  return lod::qsplat::normalTable()[lod::qsplat::encodeNormal(normal)];
+}
+
+double squaredDistance(const glm::dvec3& a, const glm::dvec3& b) {
+  const glm::dvec3 d = b - a;
+  return glm::dot(d, d);
 }
 
 }  // namespace
@@ -27,60 +40,144 @@ const glm::vec3& decodedNormal(const VertexSums& sums) {
 // A triangle on the lattice.
 struct MeshLeaves::Triangle {
   glm::i64vec3 normal{0};  // twice the area
+  double area = 0.0;       // twice
   double circle_squared = 0.0;
   glm::vec3 unit{0.0F};  // zero where the corners lie on a line
 
   explicit Triangle(const glm::ivec3& a, const glm::ivec3& b, const glm::ivec3& c) : normal(latticeNormal(a, b, c)) {
-    const auto squared = [](const glm::ivec3& v) {
-      const glm::dvec3 d(v);
-      return glm::dot(d, d);
-    };
     const glm::dvec3 n(normal);
     const double area_squared = glm::dot(n, n);
-    circle_squared = circleSquared(squared(b - a), squared(c - b), squared(a - c), area_squared);
-    if (area_squared > 0.0) unit = glm::vec3(n / std::sqrt(area_squared));
+    const glm::dvec3 x(a), y(b), z(c);
+    circle_squared = circleSquared(squaredDistance(x, y), squaredDistance(y, z), squaredDistance(z, x), area_squared);
+    area = std::sqrt(area_squared);
+    if (area > 0.0) unit = glm::vec3(n / area);
   }
+  // A triangle without an area shows nothing of itself.
+  float cosine(const glm::vec3& vertex_normal) const {
+    return unit == glm::vec3(0.0F) ? 1.0F : glm::dot(unit, vertex_normal);
+  }
+  std::uint64_t wholeArea() const { return static_cast<std::uint64_t>(area + 0.5); }
   Around at(const glm::vec3& vertex_normal) const {
-    // A triangle without an area shows nothing of itself.
-    return {circle_squared, unit == glm::vec3(0.0F) ? 1.0F : glm::dot(unit, vertex_normal)};
+    return {circle_squared, cosine(vertex_normal), wholeArea(), wholeArea()};
+  }
+  // The same of a triangle whose pieces come besides.
+  Around dicedAt() const { return {0.0, 1.0F, wholeArea(), 0}; }
+};
+
+// A piece of a triangle that was diced.
+struct MeshLeaves::Piece {
+  double area = 0.0;  // twice
+  double circle_squared = 0.0;
+
+  Piece(const Dicer& dicer, const std::array<std::uint32_t, 3>& corners) {
+    const glm::dvec3 a = dicer.position(corners[0]), b = dicer.position(corners[1]), c = dicer.position(corners[2]);
+    const glm::dvec3 n = glm::cross(b - a, c - a);
+    const double area_squared = glm::dot(n, n);
+    circle_squared = circleSquared(squaredDistance(a, b), squaredDistance(b, c), squaredDistance(c, a), area_squared);
+    area = std::sqrt(area_squared);
+  }
+  Around at(const Triangle& triangle, const glm::vec3& vertex_normal) const {
+    return {circle_squared, triangle.cosine(vertex_normal), 0, static_cast<std::uint64_t>(area + 0.5)};
   }
 };
+
+base::Result<MeshLeaves::Cuts> MeshLeaves::chooseCuts(std::size_t bucket) const {
+  const auto corners = buckets_.read(bucket);
+  if (!corners) return corners.error();
+  std::vector<glm::ivec3> points;
+  points.reserve(corners->size());
+  for (const Corner& corner : *corners) points.push_back(mortonPoint(corner.code));
+  const std::size_t triangles = points.size() / 3;
+  if (triangles == 0) return Cuts();
+  std::vector<double> squared(triangles);
+  double logs = 0.0;
+  for (std::size_t t = 0; t < triangles; ++t) {
+    const glm::dvec3 a(points[3 * t]), b(points[3 * t + 1]), c(points[3 * t + 2]);
+    squared[t] = std::max({squaredDistance(a, b), squaredDistance(b, c), squaredDistance(c, a)});
+    logs += std::log2(squared[t]);
+  }
+  const double mean = std::exp2(0.5 * logs / static_cast<double>(triangles));
+  const double least = std::max(kShortestCut, std::min(dice_ * mean, kWidestShare * std::exp2(lattice_.bits)));
+  const std::uint64_t most = std::max<std::uint64_t>(kLeastRoom, triangles / 2);
+
+  // From here on, those that are cut only.
+  std::size_t kept = 0;
+  for (std::size_t t = 0; t < triangles; ++t) {
+    if (squared[t] <= least * least) continue;
+    for (std::size_t k = 0; k < 3; ++k) points[3 * kept + k] = points[3 * t + k];
+    ++kept;
+  }
+  points.resize(3 * kept);
+  return kept == 0 ? Cuts() : leastCuts(points, least, most);
+}
+
+// With the least length from `least` on that leaves room: first its factor of two, then within it.
+MeshLeaves::Cuts MeshLeaves::leastCuts(std::span<const glm::ivec3> points, double least, std::uint64_t most) {
+  Cuts cuts;
+  int length = -kLengths;
+  const auto fits = [&](int at) {
+    const double longest = least * std::exp2(static_cast<double>(at) / kLengths);
+    const auto count = countCuts(points, longest, most);
+    if (count) cuts = {longest, *count}, length = at;
+    return count.has_value();
+  };
+  for (int at = 0; !fits(at);) at += kLengths;
+  for (int step = kLengths / 2; step > 0 && length > 0; step /= 2) (void)fits(length - step);
+  return cuts;
+}
 
 base::Result<void> MeshLeaves::measureBorder(unsigned threads, const std::function<bool(double)>& progress) {
   const BorderVertices& border = buckets_.border();
   border_.assign(border.codes.size(), {});
-  if (border_.empty()) return {};
+  cuts_.assign(buckets_.count(), {});
   std::vector<glm::vec3> normals;
   normals.reserve(border.sums.size());
-  for (const VertexSums& sums : border.sums) normals.push_back(decodedNormal(sums));
+  for (const VertexSums& sums : border.sums) normals.push_back(decodedNormal(sums.unitNormal()));
   std::mutex mutex;
-  base::Result<void> status;
-  std::atomic<bool> stopped = false;
   std::size_t done = 0;
-  base::parallelFor(buckets_.count(), threads, [&](std::size_t bucket) {
-    if (stopped) return;
-    const auto corners = buckets_.read(bucket);
-    std::vector<std::pair<std::size_t, Around>> found;
-    for (std::size_t t = 0; corners && t < corners->size(); t += 3) {
-      const Corner* c = &(*corners)[t];
-      const std::int64_t at[3] = {border.find(c[0].code), border.find(c[1].code), border.find(c[2].code)};
-      if (std::max({at[0], at[1], at[2]}) < 0) continue;
-      const Triangle triangle(mortonPoint(c[0].code), mortonPoint(c[1].code), mortonPoint(c[2].code));
-      for (const std::int64_t i : at)
-        if (i >= 0) found.emplace_back(static_cast<std::size_t>(i), triangle.at(normals[static_cast<std::size_t>(i)]));
+  return base::tryParallelFor(buckets_.count(), threads, [&](std::size_t bucket) -> base::Result<void> {
+    if (dice_ > 0.0) {
+      const auto cuts = chooseCuts(bucket);
+      if (!cuts) return cuts.error();
+      cuts_[bucket] = *cuts;
     }
+    const auto triangles = buckets_.borderTriangles(bucket);
+    if (!triangles) return triangles.error();
+    const auto found = aroundBorder(*triangles, normals, cuts_[bucket].longest);
     const std::lock_guard lock(mutex);
     for (const auto& [i, around] : found) {
       border_[i].around.add(around);
       border_[i].owner = std::min(border_[i].owner, static_cast<std::uint32_t>(bucket));
     }
     ++done;
-    if (!corners)
-      status = corners.error(), stopped = true;
-    else if (progress && !progress(static_cast<double>(done) / static_cast<double>(buckets_.count())))
-      status = base::Error{base::ErrorCode::kCancelled, "measuring the leaves was cancelled"}, stopped = true;
+    if (progress && !progress(static_cast<double>(done) / static_cast<double>(buckets_.count())))
+      return base::Error{base::ErrorCode::kCancelled, "measuring the leaves was cancelled"};
+    return {};
   });
-  return status;
+}
+
+// What a bucket's triangles ask for at vertices on the border.
+std::vector<std::pair<std::uint32_t, MeshLeaves::Around>> MeshLeaves::aroundBorder(
+    std::span<const BorderTriangle> triangles, std::span<const glm::vec3> normals, double longest) const {
+  std::vector<std::pair<std::uint32_t, Around>> found;
+  for (const BorderTriangle& t : triangles) {
+    const std::array<glm::ivec3, 3> points{mortonPoint(t.corner[0].code), mortonPoint(t.corner[1].code),
+                                           mortonPoint(t.corner[2].code)};
+    const Triangle triangle(points[0], points[1], points[2]);
+    const bool diced = isCut(points, longest);
+    for (const std::uint32_t at : t.place)
+      if (at != kNotOnBorder) found.emplace_back(at, diced ? triangle.dicedAt() : triangle.at(normals[at]));
+    if (!diced) continue;
+    Dicer dicer(points, longest);
+    dicer.cut({0, 1, 2}, 0);
+    for (const Dicer::Piece& piece : dicer.pieces())
+      for (const std::uint32_t corner : piece.corners) {
+        if (corner >= 3 || t.place[corner] == kNotOnBorder) continue;
+        const std::uint32_t at = t.place[corner];
+        found.emplace_back(at, Piece(dicer, piece.corners).at(triangle, normals[at]));
+      }
+  }
+  return found;
 }
 
 void MeshLeaves::writeBorder(base::ByteWriter& out) const {
@@ -88,8 +185,12 @@ void MeshLeaves::writeBorder(base::ByteWriter& out) const {
   for (const Border& vertex : border_) {
     out.f64(vertex.around.radius_squared);
     out.f32(vertex.around.least_cosine);
+    out.u64(vertex.around.area);
+    out.u64(vertex.around.own);
     out.u32(vertex.owner);
   }
+  out.u64(cuts_.size());
+  for (const Cuts& cuts : cuts_) out.write(cuts);
 }
 
 bool MeshLeaves::readBorder(base::ByteReader& in) {
@@ -98,70 +199,155 @@ bool MeshLeaves::readBorder(base::ByteReader& in) {
   for (Border& vertex : border_) {
     vertex.around.radius_squared = in.f64();
     vertex.around.least_cosine = in.f32();
+    vertex.around.area = in.u64();
+    vertex.around.own = in.u64();
     vertex.owner = in.u32();
+  }
+  if (in.u64() != buckets_.count()) return false;
+  cuts_.resize(buckets_.count());
+  for (Cuts& cuts : cuts_) {
+    cuts = in.read<Cuts>();
+    if (!(cuts.longest >= kShortestCut)) return false;
   }
   return in.ok();
 }
 
-Splat MeshLeaves::leaf(std::uint64_t code, const VertexSums& sums, const Around& around) const {
+std::uint64_t MeshLeaves::mostAdded() const {
+  std::uint64_t cuts = 0;
+  for (const Cuts& of_bucket : cuts_) cuts += of_bucket.count;
+  return cuts;
+}
+
+// What a leaf is made of besides what its triangles ask for.
+struct MeshLeaves::Point {
+  glm::dvec3 place{0.0};    // on the lattice
+  glm::vec3 normal{0.0F};   // unit
+  glm::vec3 decoded{0.0F};  // the same as its code says
+  glm::vec3 given{0.0F};    // unit normal of the source; zero: none
+  glm::vec3 color{0.0F};
+  glm::dvec3 face{0.0};  // sum of the triangles' normals
+  Around around;
+
+  void setNormal(const glm::vec3& unit) {
+    normal = unit;
+    decoded = decodedNormal(unit);
+  }
+};
+
+Splat MeshLeaves::leaf(const Point& point, const Around& around) const {
   // Rounded up by more than what positions are off in float32.
   constexpr double kRoundUp = 1.0 + 1e-6;
   constexpr double kPlace = 1.1e-7;
   // A vertex whose triangles have no area still counts for something.
   constexpr float kLeastWeight = 1e-3F;
   Splat out;
-  out.sphere.center = lattice_.lattice.position(mortonPoint(code));
+  out.sphere.center = glm::vec3(lattice_.lattice.origin + lattice_.lattice.step * point.place);
   const glm::vec3 far = glm::abs(out.sphere.center);
   out.sphere.radius = static_cast<float>(std::sqrt(around.radius_squared) * lattice_.lattice.step * kRoundUp +
                                          kPlace * static_cast<double>(std::max({far.x, far.y, far.z})));
-  const glm::vec3 normal = sums.unitNormal();
-  out.weight = std::max(kLeastWeight, glm::length(glm::vec3(sums.face[0], sums.face[1], sums.face[2])));
-  out.normal = normal * out.weight;
-  out.color = glm::vec3(sums.meanColor()) * out.weight;
-  out.direction = lod::qsplat::encodeNormal(normal);
+  // Of its triangles' area what is nearer to other leaves is theirs.
+  const double share =
+      around.own < around.area ? static_cast<double>(around.own) / static_cast<double>(around.area) : 1.0;
+  out.weight = std::max(kLeastWeight, static_cast<float>(share) * glm::length(glm::vec3(point.face)));
+  out.normal = point.normal * out.weight;
+  out.color = point.color * out.weight;
+  out.direction = lod::qsplat::encodeNormal(point.normal);
   out.least_cosine = around.least_cosine;
   return out;
 }
 
-base::Result<std::vector<Splat>> MeshLeaves::leaves(std::size_t bucket) const {
+// A vertex: `sums` over all triangles around it.
+MeshLeaves::Point MeshLeaves::vertex(const glm::ivec3& place, const VertexSums& sums) {
+  Point point;
+  point.place = glm::dvec3(place);
+  point.setNormal(sums.unitNormal());
+  if (sums.normal[0] != 0 || sums.normal[1] != 0 || sums.normal[2] != 0) point.given = point.normal;
+  point.color = glm::vec3(sums.meanColor());
+  point.face = glm::dvec3(sums.face[0], sums.face[1], sums.face[2]);
+  return point;
+}
+
+// The points between pieces: colours and given normals are means of those at the ends of the edge, else normals are
+// their pieces'. Then what the pieces ask for.
+void MeshLeaves::addPieces(const Dicer& dicer, std::span<const Triangle> triangles, std::vector<Point>& points) {
+  const std::size_t vertices = points.size();
+  for (const Dicer::Middle& middle : dicer.middles()) {
+    Point point;
+    const Point &a = points[middle.a], &b = points[middle.b];
+    point.place = middle.position;
+    point.color = 0.5F * (a.color + b.color);
+    if (const glm::vec3 sum = a.given + b.given;
+        a.given != glm::vec3(0.0F) && b.given != glm::vec3(0.0F) && glm::dot(sum, sum) > 0.0F)
+      point.given = glm::normalize(sum);
+    points.push_back(point);
+  }
+  std::vector<Piece> pieces;
+  pieces.reserve(dicer.pieces().size());
+  for (const Dicer::Piece& p : dicer.pieces()) {
+    pieces.emplace_back(dicer, p.corners);
+    const glm::dvec3 face = pieces.back().area * glm::dvec3(triangles[p.triangle].unit);
+    for (const std::uint32_t corner : p.corners)
+      if (corner >= vertices) points[corner].face += face;
+  }
+  for (std::size_t i = vertices; i < points.size(); ++i) {
+    Point& point = points[i];
+    const glm::dvec3 sum = point.given != glm::vec3(0.0F) ? glm::dvec3(point.given) : point.face;
+    point.setNormal(glm::dot(sum, sum) > 0.0 ? glm::vec3(glm::normalize(sum)) : glm::vec3(0.0F, 0.0F, 1.0F));
+  }
+  for (std::size_t i = 0; i < pieces.size(); ++i) {
+    const Dicer::Piece& p = dicer.pieces()[i];
+    for (const std::uint32_t corner : p.corners)
+      points[corner].around.add(pieces[i].at(triangles[p.triangle], points[corner].decoded));
+  }
+}
+
+base::Result<TileLeaves> MeshLeaves::leaves(std::size_t bucket) const {
   auto corners = buckets_.read(bucket);
   if (!corners) return corners.error();
   const NumberedCorners mesh(*corners);
-  std::vector<glm::ivec3> points;
-  points.reserve(mesh.codes.size());
-  for (const std::uint64_t code : mesh.codes) points.push_back(mortonPoint(code));
+  std::vector<glm::ivec3> places;
+  places.reserve(mesh.codes.size());
+  for (const std::uint64_t code : mesh.codes) places.push_back(mortonPoint(code));
 
   std::vector<Triangle> triangles;
   triangles.reserve(corners->size() / 3);
   std::vector<VertexSums> sums(mesh.codes.size());
   for (std::size_t i = 0; i < corners->size(); i += 3) {
     const std::uint32_t* v = &mesh.number[i];
-    const Triangle& triangle = triangles.emplace_back(points[v[0]], points[v[1]], points[v[2]]);
+    const Triangle& triangle = triangles.emplace_back(places[v[0]], places[v[1]], places[v[2]]);
     for (std::size_t k = 0; k < 3; ++k) sums[v[k]].add(triangle.normal, (*corners)[i + k]);
   }
   *corners = std::vector<Corner>();
 
   const BorderVertices& border = buckets_.border();
-  std::vector<glm::vec3> normals;
-  normals.reserve(sums.size());
-  for (const VertexSums& sum : sums) normals.push_back(decodedNormal(sum));
-  std::vector<Around> around(sums.size());
-  for (std::size_t i = 0; i < mesh.number.size(); ++i) {
-    const std::uint32_t v = mesh.number[i];
-    around[v].add(triangles[i / 3].at(normals[v]));
+  std::vector<Point> points;
+  points.reserve(places.size() + static_cast<std::size_t>(cuts_[bucket].count));
+  std::vector<std::int64_t> at(places.size());
+  for (std::size_t v = 0; v < places.size(); ++v) {
+    at[v] = border.find(mesh.codes[v]);
+    points.push_back(vertex(places[v], at[v] < 0 ? sums[v] : border.sums[static_cast<std::size_t>(at[v])]));
   }
+  sums = std::vector<VertexSums>();
 
-  std::vector<Splat> out;
-  out.reserve(sums.size());
-  for (std::size_t v = 0; v < sums.size(); ++v) {
-    const std::int64_t at = border.find(mesh.codes[v]);
-    if (at < 0) {
-      out.push_back(leaf(mesh.codes[v], sums[v], around[v]));
-      continue;
+  Dicer dicer(places, cuts_[bucket].longest);
+  for (std::size_t t = 0; t < triangles.size(); ++t) {
+    const std::uint32_t* v = &mesh.number[3 * t];
+    const bool diced = isCut(std::array{places[v[0]], places[v[1]], places[v[2]]}, cuts_[bucket].longest);
+    if (diced) dicer.cut({v[0], v[1], v[2]}, static_cast<std::uint32_t>(t));
+    for (std::size_t k = 0; k < 3; ++k) {
+      Point& point = points[v[k]];
+      point.around.add(diced ? triangles[t].dicedAt() : triangles[t].at(point.decoded));
     }
-    const Border& shared = border_[static_cast<std::size_t>(at)];
-    if (shared.owner == bucket)
-      out.push_back(leaf(mesh.codes[v], border.sums[static_cast<std::size_t>(at)], shared.around));
+  }
+  addPieces(dicer, triangles, points);
+
+  TileLeaves out;
+  out.added = points.size() - places.size();
+  out.splats.reserve(points.size());
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const Border* shared = i < at.size() && at[i] >= 0 ? &border_[static_cast<std::size_t>(at[i])] : nullptr;
+    if (shared == nullptr || shared->owner == bucket)
+      out.splats.push_back(leaf(points[i], shared != nullptr ? shared->around : points[i].around));
   }
   return out;
 }

@@ -2,19 +2,26 @@
 // A bucket's vertices become leaves (Rusinkiewicz and Levoy 2000, section 2.2): a sphere around each, as large as the
 // largest bounding sphere of the triangles that touch it, so that no hole is left. Private to lod/build/qsplat.
 //
+// Triangles much larger than is usual around them would make leaves of their size: they are diced first (dice.h), and
+// the points between their pieces are leaves too.
+//
 // Vertices on bucket borders are leaves of the first bucket that uses them. What their triangles in other buckets ask
 // for is gathered before, in one look at all buckets.
+#include <limits>
 #include <vector>
 
 #include "lod/build/buckets.h"
+#include "lod/build/qsplat/dice.h"
 #include "lod/build/qsplat/leaf_source.h"
 
 namespace lod::build::qsplat {
 
 class MeshLeaves : public LeafSource {
  public:
-  /// Both must outlive it.
-  MeshLeaves(const Buckets& buckets, const SourceLattice& lattice) : buckets_(buckets), lattice_(lattice) {}
+  /// The first two must outlive it. `dice`: an edge of so many times its bucket's mean (geometric, of the triangles'
+  /// longest edges) is cut, or of more where that would add too many leaves (docs/formats/qsplat.md); 0: none is.
+  MeshLeaves(const Buckets& buckets, const SourceLattice& lattice, double dice)
+      : buckets_(buckets), lattice_(lattice), dice_(dice) {}
   /// Before anything else, or readBorder(). `threads`: as many buckets are in memory at a time. Errors: those of
   /// reading buckets; kCancelled when `progress`, told the share done, says so.
   base::Result<void> measureBorder(unsigned threads, const std::function<bool(double)>& progress);
@@ -23,8 +30,12 @@ class MeshLeaves : public LeafSource {
   bool readBorder(base::ByteReader& in);
 
   std::size_t tiles() const override { return buckets_.count(); }
-  std::uint64_t memoryOf(std::size_t bucket) const override { return kBytesPerTriangle * buckets_.triangles(bucket); }
-  base::Result<std::vector<Splat>> leaves(std::size_t bucket) const override;
+  std::uint64_t memoryOf(std::size_t bucket) const override {
+    return kBytesPerTriangle * (buckets_.triangles(bucket) + (cuts_.empty() ? 0 : cuts_[bucket].count));
+  }
+  base::Result<TileLeaves> leaves(std::size_t bucket) const override;
+  /// At most so many leaves are added by dicing. After measureBorder() or readBorder().
+  std::uint64_t mostAdded() const;
 
  private:
   static constexpr std::uint64_t kBytesPerTriangle = 300;
@@ -32,20 +43,39 @@ class MeshLeaves : public LeafSource {
   struct Around {
     double radius_squared = 0.0;  // lattice units
     float least_cosine = 1.0F;    // between its normal, as decoded, and the triangles'
+    std::uint64_t area = 0;       // of the triangles, lattice units, twice
+    std::uint64_t own = 0;        // of their pieces around the vertex
     void add(const Around& other) {
       radius_squared = std::max(radius_squared, other.radius_squared);
       least_cosine = std::min(least_cosine, other.least_cosine);
+      area += other.area;
+      own += other.own;
     }
+  };
+  // How a bucket's triangles are diced.
+  struct Cuts {
+    double longest = std::numeric_limits<double>::infinity();  // edge that is left whole, lattice units
+    std::uint64_t count = 0;
   };
   struct Border {
     Around around;
     std::uint32_t owner = 0xFFFFFFFFU;  // bucket
   };
   struct Triangle;
-  Splat leaf(std::uint64_t code, const VertexSums& sums, const Around& around) const;
+  struct Piece;
+  struct Point;
+  base::Result<Cuts> chooseCuts(std::size_t bucket) const;
+  static Cuts leastCuts(std::span<const glm::ivec3> points, double least, std::uint64_t most);
+  std::vector<std::pair<std::uint32_t, Around>> aroundBorder(std::span<const BorderTriangle> triangles,
+                                                             std::span<const glm::vec3> normals, double longest) const;
+  static Point vertex(const glm::ivec3& place, const VertexSums& sums);
+  static void addPieces(const Dicer& dicer, std::span<const Triangle> triangles, std::vector<Point>& points);
+  Splat leaf(const Point& point, const Around& around) const;
 
   const Buckets& buckets_;
   const SourceLattice& lattice_;
+  const double dice_;
+  std::vector<Cuts> cuts_;      // by bucket
   std::vector<Border> border_;  // as many as buckets_.border()
 };
 

@@ -19,11 +19,10 @@ class NearestPoints {
     }
   };
 
-  /// The positions must outlive it.
-  explicit NearestPoints(std::span<const glm::vec3> positions) : positions_(positions), order_(positions.size()) {
-    for (std::uint32_t i = 0; i < order_.size(); ++i) order_[i] = i;
+  explicit NearestPoints(std::span<const glm::vec3> positions) : points_(positions.size()) {
+    for (std::uint32_t i = 0; i < points_.size(); ++i) points_[i] = {positions[i], i};
     nodes_.reserve(2 * positions.size() / kBucket + 1);
-    if (!order_.empty()) build(0, static_cast<std::uint32_t>(order_.size()));
+    if (!points_.empty()) build(0, static_cast<std::uint32_t>(points_.size()));
   }
 
   /// The `count` nearest to `p`, no farther than `reach` (squared), nearest first; equal ones by number.
@@ -31,11 +30,14 @@ class NearestPoints {
     found.clear();
     if (nodes_.empty() || count == 0) return;
     search(0, p, count, reach_squared, found);
-    std::sort_heap(found.begin(), found.end());
   }
 
  private:
   static constexpr std::uint32_t kBucket = 8;
+  struct Point {
+    glm::vec3 position{0.0F};
+    std::uint32_t index = 0;
+  };
   struct Node {
     std::uint32_t begin = 0, end = 0;
     std::uint32_t right = 0;  // 0: a bucket; the left one follows its parent
@@ -48,17 +50,17 @@ class NearestPoints {
     nodes_.push_back({begin, end, 0, 0, 0.0F});
     if (end - begin <= kBucket) return;
     base::Aabb box;
-    for (std::uint32_t i = begin; i < end; ++i) box.add(positions_[order_[i]]);
+    for (std::uint32_t i = begin; i < end; ++i) box.add(points_[i].position);
     const glm::vec3 size = box.size();
     const int axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
     const std::uint32_t middle = begin + (end - begin) / 2;
-    std::nth_element(order_.begin() + begin, order_.begin() + middle, order_.begin() + end,
-                     [&](std::uint32_t a, std::uint32_t b) {
-                       const float x = positions_[a][axis], y = positions_[b][axis];
-                       return x != y ? x < y : a < b;
+    std::nth_element(points_.begin() + begin, points_.begin() + middle, points_.begin() + end,
+                     [axis](const Point& a, const Point& b) {
+                       const float x = a.position[axis], y = b.position[axis];
+                       return x != y ? x < y : a.index < b.index;
                      });
     nodes_[number].axis = axis;
-    nodes_[number].at = positions_[order_[middle]][axis];
+    nodes_[number].at = points_[middle].position[axis];
     build(begin, middle);
     nodes_[number].right = static_cast<std::uint32_t>(nodes_.size());
     build(middle, end);
@@ -67,31 +69,28 @@ class NearestPoints {
   void search(std::uint32_t number, const glm::vec3& p, std::size_t count, float reach_squared,
               std::vector<Found>& found) const {
     const Node& node = nodes_[number];
-    const auto limit = [&] {
-      return found.size() < count ? reach_squared : std::min(reach_squared, found.front().distance_squared);
-    };
     if (node.right == 0) {
       for (std::uint32_t i = node.begin; i < node.end; ++i) {
-        const glm::vec3 d = positions_[order_[i]] - p;
-        const Found one{glm::dot(d, d), order_[i]};
+        const glm::vec3 d = points_[i].position - p;
+        const Found one{glm::dot(d, d), points_[i].index};
         if (one.distance_squared > reach_squared) continue;
-        if (found.size() == count) {
-          if (!(one < found.front())) continue;
-          std::pop_heap(found.begin(), found.end());
-          found.pop_back();
-        }
-        found.push_back(one);
-        std::push_heap(found.begin(), found.end());
+        if (found.size() < count)
+          found.push_back(one);
+        else if (one < found.back())
+          found.back() = one;
+        else
+          continue;
+        for (std::size_t k = found.size() - 1; k > 0 && found[k] < found[k - 1]; --k) std::swap(found[k], found[k - 1]);
       }
       return;
     }
     const float beyond = p[node.axis] - node.at;
     search(beyond < 0.0F ? number + 1 : node.right, p, count, reach_squared, found);
-    if (beyond * beyond <= limit()) search(beyond < 0.0F ? node.right : number + 1, p, count, reach_squared, found);
+    const float limit = found.size() < count ? reach_squared : found.back().distance_squared;
+    if (beyond * beyond <= limit) search(beyond < 0.0F ? node.right : number + 1, p, count, reach_squared, found);
   }
 
-  std::span<const glm::vec3> positions_;
-  std::vector<std::uint32_t> order_;
+  std::vector<Point> points_;  // in the order of the nodes
   std::vector<Node> nodes_;
 };
 

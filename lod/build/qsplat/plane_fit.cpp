@@ -56,6 +56,7 @@ double cellReach(const glm::dvec3& center, const glm::dvec3& normal, std::span<c
   // A square that holds the circle of radius `most`, cut by each neighbour's bisector.
   std::vector<glm::dvec2> cell{{-most, -most}, {most, -most}, {most, most}, {-most, most}};
   std::vector<glm::dvec2> cut;
+  for (auto* corners : {&cell, &cut}) corners->reserve(others.size() + 4);
   for (const glm::dvec3& other : others) {
     const glm::dvec3 d = other - center;
     const glm::dvec2 p(glm::dot(d, u), glm::dot(d, v));

@@ -2,15 +2,17 @@
 
 #include <algorithm>
 #include <atomic>
+#include <bit>
 #include <cmath>
 #include <limits>
 #include <map>
 #include <mutex>
-#include <tuple>
+#include <ranges>
 
 #include "base/parallel.h"
 #include "lod/build/qsplat/neighbours.h"
 #include "lod/build/qsplat/plane_fit.h"
+#include "lod/build/voxels.h"
 #include "lod/build/work_directory.h"
 
 namespace lod::build::qsplat {
@@ -60,6 +62,43 @@ class SignedSets {
   std::vector<std::uint8_t> turned_;
 };
 
+// The nearest of each point, itself among them, nearest first.
+class Neighbourhoods {
+ public:
+  explicit Neighbourhoods(std::size_t points) : found_(points * kMost), count_(points, 0) {}
+  std::span<const NearestPoints::Found> of(std::size_t i) const {
+    return std::span(found_).subspan(i * kMost, count_[i]);
+  }
+  void set(std::size_t i, std::span<const NearestPoints::Found> found) {
+    std::copy(found.begin(), found.end(), found_.begin() + static_cast<std::ptrdiff_t>(i * kMost));
+    count_[i] = static_cast<std::uint8_t>(found.size());
+  }
+  // Those of `positions` beyond the points too, which are its first ones; and none any more beyond `ball` (squared).
+  void add(std::span<const glm::vec3> positions, std::span<const float> ball) {
+    const std::size_t points = count_.size();
+    const NearestPoints others(positions.subspan(points));
+    std::vector<NearestPoints::Found> more, all;
+    for (std::size_t i = 0; i < points; ++i) {
+      all.clear();
+      for (const NearestPoints::Found& f : of(i))
+        if (f.distance_squared <= ball[i]) all.push_back(f);
+      others.find(positions[i], kMost, ball[i], more);
+      for (NearestPoints::Found f : more) {
+        f.index += static_cast<std::uint32_t>(points);
+        all.push_back(f);
+      }
+      if (!more.empty()) std::sort(all.begin(), all.end());
+      all.resize(std::min(all.size(), kMost));
+      set(i, all);
+    }
+  }
+
+ private:
+  static constexpr std::size_t kMost = kNeighbours + 1;
+  std::vector<NearestPoints::Found> found_;  // kMost of each
+  std::vector<std::uint8_t> count_;
+};
+
 float distanceSquared(const base::Aabb& box, const glm::vec3& p) {
   const glm::vec3 d = glm::max(glm::max(box.min - p, p - box.max), glm::vec3(0.0F));
   return glm::dot(d, d);
@@ -104,18 +143,26 @@ base::Result<void> PointLeaves::addNeighbours(std::size_t tile, std::span<const 
 // Along the edges over which normals differ least.
 void PointLeaves::makeSignsAgree(Fitted& out, std::span<const std::uint32_t> tree_neighbours) {
   struct Edge {
-    float cost;
     std::uint32_t a, b;
   };
   std::vector<Edge> edges;
+  std::vector<KeyedIndex> order;
+  const auto ofPoint = [&](std::uint32_t i) { return tree_neighbours.subspan(i * kTreeNeighbours, kTreeNeighbours); };
   for (std::uint32_t i = 0; i < out.own; ++i)
-    for (std::size_t k = 0; k < kTreeNeighbours; ++k)
-      if (const std::uint32_t j = tree_neighbours[i * kTreeNeighbours + k]; j != i)
-        edges.push_back({1.0F - std::abs(glm::dot(out.normals[i], out.normals[j])), std::min(i, j), std::max(i, j)});
-  std::sort(edges.begin(), edges.end(),
-            [](const Edge& x, const Edge& y) { return std::tie(x.cost, x.a, x.b) < std::tie(y.cost, y.a, y.b); });
+    for (const std::uint32_t j : ofPoint(i)) {
+      // Once, where each is the other's neighbour.
+      if (j == i || (j < i && std::ranges::find(ofPoint(j), i) != ofPoint(j).end())) continue;
+      const float cost = std::max(0.0F, 1.0F - std::abs(glm::dot(out.normals[i], out.normals[j])));
+      order.push_back({std::bit_cast<std::uint32_t>(cost), static_cast<std::uint32_t>(edges.size())});
+      edges.push_back({i, j});
+    }
+  // Of floats that are not negative the bits are in their order.
+  radixSort(order, 32);
   SignedSets sets(out.own);
-  for (const Edge& edge : edges) sets.unite(edge.a, edge.b, glm::dot(out.normals[edge.a], out.normals[edge.b]) < 0.0F);
+  for (const KeyedIndex& next : order) {
+    const Edge& edge = edges[next.index];
+    sets.unite(edge.a, edge.b, glm::dot(out.normals[edge.a], out.normals[edge.b]) < 0.0F);
+  }
   std::map<std::uint32_t, std::uint32_t> number;
   for (std::uint32_t i = 0; i < out.own; ++i) {
     const auto [root, turned] = sets.find(i);
@@ -136,13 +183,15 @@ base::Result<PointLeaves::Fitted> PointLeaves::fit(std::size_t tile) const {
 
   // Neighbours within the tile, and how far off they usually are.
   constexpr float kAnywhere = std::numeric_limits<float>::max();
+  Neighbourhoods near(out.own);
   std::vector<float> ball(out.own, 0.0F);  // squared distance within which a neighbour would count
-  std::vector<NearestPoints::Found> found;
   {
-    const NearestPoints near(positions);
+    const NearestPoints own(positions);
+    std::vector<NearestPoints::Found> found;
     std::vector<float> rims;
     for (std::size_t i = 0; i < out.own; ++i) {
-      near.find(positions[i], kNeighbours + 1, kAnywhere, found);
+      own.find(positions[i], kNeighbours + 1, kAnywhere, found);
+      near.set(i, found);
       if (found.size() > kRimNeighbour) rims.push_back(found[kRimNeighbour].distance_squared);
       ball[i] = found.size() > kNeighbours ? found.back().distance_squared : kAnywhere;
     }
@@ -156,21 +205,27 @@ base::Result<PointLeaves::Fitted> PointLeaves::fit(std::size_t tile) const {
 
   LUMIGRID_TRY(addNeighbours(tile, positions, ball, out.points));
   for (std::size_t i = out.own; i < out.points.size(); ++i) positions.push_back(out.points[i].position);
+  near.add(positions, ball);
 
-  const NearestPoints near(positions);
   std::vector<std::uint32_t> tree_neighbours;  // kTreeNeighbours of each, or fewer: itself fills up
-  std::vector<glm::dvec3> around;
+  tree_neighbours.reserve(kTreeNeighbours * out.own);
+  std::vector<glm::dvec3> around, plane;
   for (std::uint32_t i = 0; i < out.own; ++i) {
-    near.find(positions[i], kNeighbours + 1, ball[i], found);
+    const auto found = near.of(i);
     around.clear();
     for (const auto& f : found)
       if (f.index != i) around.emplace_back(positions[f.index]);
     const glm::dvec3 center(positions[i]);
-    std::vector<glm::dvec3> plane(
-        around.begin(), around.begin() + static_cast<std::ptrdiff_t>(std::min(around.size(), kPlaneNeighbours)));
-    plane.push_back(center);
     const glm::vec3 given = out.points[i].normal;
-    const glm::dvec3 normal = glm::length(given) > 0.0F ? glm::dvec3(glm::normalize(given)) : planeNormal(plane);
+    glm::dvec3 normal(0.0);
+    if (glm::length(given) > 0.0F) {
+      normal = glm::dvec3(glm::normalize(given));
+    } else {
+      plane.assign(around.begin(),
+                   around.begin() + static_cast<std::ptrdiff_t>(std::min(around.size(), kPlaneNeighbours)));
+      plane.push_back(center);
+      normal = planeNormal(plane);
+    }
     out.normals.emplace_back(normal);
     const double alone = 0.5 * lattice_.lattice.step;
     const double rim =
@@ -341,16 +396,16 @@ base::Result<void> PointLeaves::reopen(const std::string& path, base::ByteReader
   return signs.ok() && all ? base::Result<void>() : broken;
 }
 
-base::Result<std::vector<Splat>> PointLeaves::leaves(std::size_t tile) const {
+base::Result<TileLeaves> PointLeaves::leaves(std::size_t tile) const {
   std::vector<Stored> stored(static_cast<std::size_t>(places_[tile].leaves));
   LUMIGRID_TRY(fitted_.readAt(
       places_[tile].offset, std::span(reinterpret_cast<std::uint8_t*>(stored.data()), stored.size() * sizeof(Stored))));
-  std::vector<Splat> out;
-  out.reserve(stored.size());
+  TileLeaves out;
+  out.splats.reserve(stored.size());
   for (const Stored& from : stored) {
     if (from.part >= flips_[tile].size()) return damagedWorkFiles("points");
     const glm::vec3 normal = flips_[tile][from.part] != 0 ? -from.normal : from.normal;
-    Splat& leaf = out.emplace_back();
+    Splat& leaf = out.splats.emplace_back();
     leaf.sphere = from.sphere;
     leaf.weight = std::max(leaf.sphere.radius * leaf.sphere.radius, std::numeric_limits<float>::min());
     leaf.normal = leaf.weight * normal;

@@ -25,13 +25,12 @@ class PointLeaves : public LeafSource {
   /// What decides besides that file; and both as an earlier run left them. Errors: kIo, damaged work files.
   void writeSigns(base::ByteWriter& out) const;
   base::Result<void> reopen(const std::string& path, base::ByteReader& signs);
-  base::Result<void> sync() { return fitted_.sync(); }
   /// Sum of all normals by area.
   const glm::dvec3& facing() const { return facing_; }
 
   std::size_t tiles() const override { return tiles_.count(); }
   std::uint64_t memoryOf(std::size_t tile) const override { return kBytesPerPoint * tiles_.points(tile); }
-  base::Result<std::vector<Splat>> leaves(std::size_t tile) const override;
+  base::Result<TileLeaves> leaves(std::size_t tile) const override;
 
  private:
   static constexpr std::uint64_t kBytesPerPoint = 700;

@@ -37,7 +37,6 @@ class PointTiles {
   const base::Aabb& box(std::size_t tile) const { return tiles_[tile].box; }
   /// In the order of their codes. Safe from several threads. Errors: those of reading.
   base::Result<std::vector<Point>> read(std::size_t tile) const;
-  base::Result<void> sync() { return file_.sync(); }
   /// Gives the disk space back; the points can no longer be read.
   void release() { file_.release(0, file_.size()); }
 

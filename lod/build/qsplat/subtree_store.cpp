@@ -15,6 +15,7 @@ bool readRecord(std::uint64_t offset, base::ByteView payload, Record& record) {
   base::ByteReader in(payload);
   record.tile = in.u32();
   record.subtree.root = in.read<Splat>();
+  record.subtree.added_leaves = in.u64();
   const std::uint32_t levels = in.u32();
   if (!in.ok() || levels > in.remaining() / 4) return false;
   for (std::uint32_t l = 0; l < levels; ++l) {
@@ -47,6 +48,7 @@ base::Result<void> SubtreeStore::add(std::uint32_t tile, const Subtree& tree) {
   base::ByteWriter out;
   out.u32(tile);
   out.write(tree.root);
+  out.u64(tree.added_leaves);
   out.u32(static_cast<std::uint32_t>(tree.level_nodes.size()));
   for (const std::uint32_t nodes : tree.level_nodes) out.u32(nodes);
   out.bytes(

@@ -14,6 +14,7 @@ struct StoredSubtree {
   Splat root;
   TreeNode root_node;
   std::vector<std::uint32_t> level_nodes;
+  std::uint64_t added_leaves = 0;  ///< as in Subtree
   std::uint64_t nodes = 0;
   std::uint64_t offset = 0;  ///< of its nodes in the store
 };
@@ -29,7 +30,6 @@ class SubtreeStore {
   std::size_t tiles() const { return tiles_.size(); }
   /// Breadth first. Safe from several threads. Errors: kIo.
   base::Result<std::vector<TreeNode>> nodes(std::size_t tile) const;
-  base::Result<void> sync() { return log_.sync(); }
   std::uint64_t bytes() const { return log_.size(); }
 
  private:

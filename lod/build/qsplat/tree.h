@@ -45,6 +45,7 @@ struct Subtree {
   Splat root;
   std::vector<TreeNode> nodes;             ///< the root first
   std::vector<std::uint32_t> level_nodes;  ///< how many of them are of each level
+  std::uint64_t added_leaves = 0;          ///< that are no vertex or point of the source
 };
 Subtree makeSubtree(std::span<const Splat> leaves);
 

@@ -14,6 +14,8 @@ constexpr int kMostDamages = 3;
 constexpr double kFirstPause = 0.25, kLongestPause = 5.0;  // seconds
 // A table's bytes for each block of the file: its place, its last use, two bits of state.
 constexpr std::uint64_t kTableBytes = sizeof(void*) + sizeof(std::uint32_t) + 1;
+// … and of a coded one, its place there.
+constexpr std::uint64_t kPlaceBytes = sizeof(std::uint64_t);
 // When memory is full, this part of it goes at a time.
 constexpr std::uint64_t kEvictedPart = 64;
 // "Near the view": so many times its width and height.
@@ -51,8 +53,12 @@ Stream::Stream(std::uint64_t file_bytes, const StreamOptions& options)
   if (file_bytes < 2 * kBlockBytes || file_bytes % kBlockBytes != 0)
     problem_ = "its " + inBytes(file_bytes) + " are no number of blocks; publish the scene again";
   else if (availability_.blocks() == 0)
-    problem_ = "its " + inBytes(file_bytes) + " are too many for " + inBytes(most_held_ * kBlockBytes) +
-               " of memory; allow at least " + inBytes(file_bytes / kMostFilePerMemory);
+    giveUpForMemory(file_bytes);
+}
+
+void Stream::giveUpForMemory(std::uint64_t plain_bytes) {
+  giveUp("its " + inBytes(plain_bytes) + " are too many for " + inBytes(most_held_ * kBlockBytes) +
+         " of memory; allow at least " + inBytes(plain_bytes / kMostFilePerMemory));
 }
 
 // ---- frames ----
@@ -106,12 +112,37 @@ std::vector<ByteRange> Stream::requests(double now) {
   if (!problem_.empty() || now < pause_until_) return ranges;
   while (under_way_.size() < options_.most_requests) {
     const std::uint64_t most =
-        std::min(link_.room() / kBlockBytes, std::max<std::uint64_t>(options_.most_request_blocks, 1));
-    const BlockRun run = most == 0 ? BlockRun{} : next(most);
+        std::min(link_.room() / typicalBlockBytes(), std::max<std::uint64_t>(options_.most_request_blocks, 1));
+    const BlockRun run = most == 0 ? BlockRun{} : sideBySide(next(most));
     if (run.count == 0) break;
     ranges.push_back(send(run, now));
   }
   return ranges;
+}
+
+/// What room for one more block is: coded ones are shorter.
+std::uint64_t Stream::typicalBlockBytes() const {
+  return coder_ ? (header()->coded_bytes - header()->header_bytes) / (header()->blocks() - 1) : kBlockBytes;
+}
+
+/// In the file; bytes 0: not known.
+CodedPlace Stream::placeOf(std::uint64_t number) const {
+  return coder_ ? places_->find(number) : CodedPlace{number * kBlockBytes, kBlockBytes};
+}
+
+/// Blocks whose parents are here have a place, and stand side by side in the file: else it contradicts itself.
+BlockRun Stream::sideBySide(const BlockRun& run) {
+  if (!coder_ || run.count == 0) return run;
+  std::uint64_t end = placeOf(run.first).offset;
+  bool good = true;
+  for (std::uint64_t b = run.first; b < run.first + run.count; ++b) {
+    const CodedPlace place = placeOf(b);
+    good &= place.bytes != 0 && place.offset == end;
+    end = place.offset + place.bytes;
+  }
+  if (good) return run;
+  giveUp("its blocks are not where it says; copy or build the file again");
+  return {};
 }
 
 BlockRun Stream::next(std::uint64_t most) {
@@ -122,7 +153,7 @@ BlockRun Stream::next(std::uint64_t most) {
     return front;
   }
   if (idle_ || queue_.empty()) return nextIdle(std::min(most, freeBlocks()));
-  const std::uint64_t taken = blocksInUse() + blocksUnderWay();
+  const std::uint64_t taken = blocksInUse() + blocks_under_way_;
   return queue_.take(taken < most_held_ ? std::min(most, most_held_ - taken) : 0);
 }
 
@@ -146,21 +177,25 @@ BlockRun Stream::nextIdle(std::uint64_t most) {
 }
 
 BlockRun Stream::nextFromFront(std::uint64_t most) {
+  const auto canCome = [this](std::uint64_t number) { return !isGivenUp(number) && placeOf(number).bytes != 0; };
   while ((front_to_back_ = availability_.nextAbsent(front_to_back_)) < availability_.blocks() &&
-         isGivenUp(front_to_back_))
+         !canCome(front_to_back_))
     ++front_to_back_;
   BlockRun run{front_to_back_, 0};
   while (run.count < most && run.first + run.count < availability_.blocks() &&
-         availability_.state(run.first + run.count) == BlockState::kAbsent && !isGivenUp(run.first + run.count))
+         availability_.state(run.first + run.count) == BlockState::kAbsent && canCome(run.first + run.count))
     availability_.set(run.first + run.count++, BlockState::kRequested);
   return run;
 }
 
 ByteRange Stream::send(const BlockRun& run, double now) {
-  const std::uint64_t id = ++counted_.requests;
-  under_way_[id] = {run, now};
-  link_.sent(run.count * kBlockBytes, now);
-  return {id, run.first * kBlockBytes, run.count * kBlockBytes};
+  const CodedPlace last = placeOf(run.first + run.count - 1);
+  ByteRange range{++counted_.requests, placeOf(run.first).offset, 0};
+  range.length = last.offset + last.bytes - range.offset;
+  under_way_[range.id] = {run, range.length, now};
+  blocks_under_way_ += run.count;
+  link_.sent(range.length, now);
+  return range;
 }
 
 // ---- what comes ----
@@ -169,56 +204,112 @@ void Stream::received(std::uint64_t id, base::ByteView bytes, double now) {
   const auto found = under_way_.find(id);
   if (found == under_way_.end()) return;
   const UnderWay request = found->second;
-  if (bytes.size() != request.run.count * kBlockBytes) return failed(id, now);
+  if (bytes.size() != request.bytes) return failed(id, now);
   under_way_.erase(found);
+  blocks_under_way_ -= request.run.count;
   link_.came(bytes.size(), bytes.size(), request.sent_at, now);
   counted_.bytes_received += bytes.size();
 
   bool all_good = true;
-  for (std::uint64_t i = 0; i < request.run.count; ++i)
-    all_good &= takeBlock(request.run.first + i, bytes.subspan(static_cast<std::size_t>(i * kBlockBytes), kBlockBytes));
+  if (request.run.first == 0)
+    all_good = takeFront(bytes);
+  else
+    takeBlocks(request.run, bytes, all_good);
   ++arrivals_;
   if (lacking_ > 0 || frame_ == 0) ++generation_;
   if (!all_good) ++counted_.failures;  // the host answers; how often one block is asked for again has its own end
   failures_in_a_row_ = 0;
 }
 
-/// False when it is damaged.
-bool Stream::takeBlock(std::uint64_t number, base::ByteView block) {
-  const bool good = number == 0 ? takeHeader(block) : blocks_ && isBlock(block, static_cast<std::uint32_t>(number));
-  if (good && (number == 0 || keep(number, block))) {
-    availability_.set(number, BlockState::kPresent);
-    return true;
-  }
-  availability_.set(number, BlockState::kAbsent);
-  wasted_ += kBlockBytes;
-  if (good || (number > 0 && !blocks_)) return true;  // no place for it; or the header that stands before it is bad
-  ++damages_[number];
-  return false;
-}
-
-bool Stream::takeHeader(base::ByteView block) {
-  auto header = readHeader(block);
-  if (!header) {
-    if (damages_[0] + 1 >= kMostDamages) giveUp(header.error().message);
+/// The header and as many blocks as came with it. False when something is damaged.
+bool Stream::takeFront(base::ByteView bytes) {
+  for (std::uint64_t b = 0; b < bytes.size() / kBlockBytes; ++b) availability_.set(b, BlockState::kAbsent);
+  if (!takeHeader(bytes)) {
+    ++damages_[0];
+    wasted_ += bytes.size();
     return false;
   }
-  if (header->file_bytes == file_bytes_) {
-    blocks_ = std::make_unique<GrowingBlocks>(*header);
-    blocks_->keepUse();
-  } else {
-    giveUp("has " + inBytes(file_bytes_) + ", but its header says " + std::to_string(header->file_bytes) +
+  if (!blocks_) return true;
+  availability_.set(0, BlockState::kPresent);
+  bool all_good = true;
+  BlockRun run{1, 0};
+  std::uint64_t end = header()->header_bytes;
+  // A block of a coded file may tell of the next ones: one after the other.
+  for (; run.first < header()->blocks(); ++run.first) {
+    const CodedPlace place = placeOf(run.first);
+    if (place.bytes == 0 || place.offset != end || place.offset + place.bytes > bytes.size()) break;
+    end = place.offset + place.bytes;
+    takeBlocks({run.first, 1}, bytes.first(static_cast<std::size_t>(end)).last(place.bytes), all_good);
+  }
+  wasted_ += bytes.size() - end;
+  return all_good;
+}
+
+/// False when it is damaged.
+bool Stream::takeHeader(base::ByteView front) {
+  auto header = readHeader(front);
+  auto coder = header && header->coded() ? BlockCoder::fromHeader(front, *header) : damaged("");
+  if (!header || (header->coded() && !coder)) {
+    if (damages_[0] + 1 >= kMostDamages) giveUp(!header ? header.error().message : coder.error().message);
+    return false;
+  }
+  if (header->storedBytes() != file_bytes_) {
+    giveUp("has " + inBytes(file_bytes_) + ", but its header says " + std::to_string(header->storedBytes()) +
            "; publish the scene again");
+    return true;
+  }
+  if (header->blocks() > kMostFilePerMemory * most_held_) {
+    giveUpForMemory(header->file_bytes);
+    return true;
+  }
+  blocks_ = std::make_unique<GrowingBlocks>(*header);
+  blocks_->keepUse();
+  if (header->coded()) {
+    coder_ = std::make_unique<BlockCoder>(std::move(*coder));
+    places_ = std::make_unique<PlaceTable>(*header);
+    availability_ = Availability(header->blocks());
   }
   return true;
 }
 
-bool Stream::keep(std::uint64_t number, base::ByteView block) {
+void Stream::takeBlocks(const BlockRun& run, base::ByteView bytes, bool& all_good) {
+  const std::uint64_t begin = placeOf(run.first).offset;
+  for (std::uint64_t b = run.first; b < run.first + run.count; ++b) {
+    const CodedPlace place = placeOf(b);
+    all_good &= takeBlock(b, bytes.subspan(static_cast<std::size_t>(place.offset - begin), place.bytes));
+  }
+}
+
+/// `stored`: as it is in the file. False when it is damaged.
+bool Stream::takeBlock(std::uint64_t number, base::ByteView stored) {
+  std::unique_ptr<std::uint8_t[]> plain(new std::uint8_t[kBlockBytes]);
+  const bool good = decode(number, stored, plain.get());
+  if (good && keep(number, std::move(plain))) {
+    availability_.set(number, BlockState::kPresent);
+    return true;
+  }
+  availability_.set(number, BlockState::kAbsent);
+  wasted_ += stored.size();
+  if (good) return true;  // no place for it
+  ++damages_[number];
+  return false;
+}
+
+bool Stream::decode(std::uint64_t number, base::ByteView stored, std::uint8_t* plain) {
+  if (!coder_) {
+    std::copy(stored.begin(), stored.end(), plain);
+    return isBlock(stored, static_cast<std::uint32_t>(number));
+  }
+  ChildBlocks children;
+  if (!coder_->decode(number, stored, plain, children)) return false;
+  places_->add(children);
+  return true;
+}
+
+bool Stream::keep(std::uint64_t number, std::unique_ptr<std::uint8_t[]> plain) {
   if (held_.size() >= most_held_ && !makeRoom()) return false;
-  Held held{std::unique_ptr<std::uint8_t[]>(new std::uint8_t[kBlockBytes]), frame_};
-  std::copy(block.begin(), block.end(), held.bytes.get());
-  blocks_->put(number, held.bytes.get());
-  held_[number] = std::move(held);
+  blocks_->put(number, plain.get());
+  held_[number] = {std::move(plain), frame_};
   if (in_use_) ++*in_use_;
   return true;
 }
@@ -228,7 +319,8 @@ void Stream::failed(std::uint64_t id, double now) {
   if (found == under_way_.end()) return;
   const UnderWay request = found->second;
   under_way_.erase(found);
-  link_.came(request.run.count * kBlockBytes, 0, request.sent_at, now);
+  blocks_under_way_ -= request.run.count;
+  link_.came(request.bytes, 0, request.sent_at, now);
   for (std::uint64_t i = 0; i < request.run.count; ++i) availability_.set(request.run.first + i, BlockState::kAbsent);
   front_to_back_ = std::min(front_to_back_, request.run.first);
   ++arrivals_;
@@ -252,7 +344,7 @@ void Stream::giveUp(std::string reason) {
 // ---- memory ----
 
 std::uint64_t Stream::freeBlocks() const {
-  const std::uint64_t taken = held_.size() + blocksUnderWay();
+  const std::uint64_t taken = held_.size() + blocks_under_way_;
   return taken < most_held_ ? most_held_ - taken : 0;
 }
 
@@ -262,7 +354,7 @@ std::uint32_t Stream::lastUse(std::uint64_t number, const Held& held) const {
 }
 
 std::uint64_t Stream::blocksInUse() {
-  if (held_.size() + blocksUnderWay() + options_.most_request_blocks < most_held_) return held_.size();
+  if (held_.size() + blocks_under_way_ + options_.most_request_blocks < most_held_) return held_.size();
   if (!in_use_)
     in_use_ = static_cast<std::uint64_t>(std::count_if(
         held_.begin(), held_.end(), [this](const auto& one) { return lastUse(one.first, one.second) >= frame_; }));
@@ -291,7 +383,7 @@ bool Stream::makeRoom() {
 
 void Stream::drop(std::uint64_t number) {
   const auto held = held_.find(number);
-  if (!wasDrawn(number, held->second)) wasted_ += kBlockBytes;
+  if (!wasDrawn(number, held->second)) wasted_ += placeOf(number).bytes;
   blocks_->drop(number);
   held_.erase(held);
   availability_.set(number, BlockState::kAbsent);
@@ -318,7 +410,8 @@ StreamStats Stream::stats() const {
   stats.requested = availability_.count(BlockState::kRequested);
   stats.wanted = availability_.count(BlockState::kWanted);
   for (const auto& [number, times] : damages_) stats.given_up += times >= kMostDamages ? 1 : 0;
-  stats.memory_bytes = held_.size() * kBlockBytes + (blocks_ ? availability_.blocks() * kTableBytes : 0);
+  stats.memory_bytes =
+      held_.size() * kBlockBytes + (blocks_ ? availability_.blocks() * (kTableBytes + (coder_ ? kPlaceBytes : 0)) : 0);
   stats.bytes_per_second = link_.bytesPerSecond();
   return stats;
 }
@@ -326,7 +419,7 @@ StreamStats Stream::stats() const {
 std::uint64_t Stream::bytesWasted() const {
   std::uint64_t bytes = wasted_;
   for (const auto& [number, held] : held_)
-    if (!wasDrawn(number, held)) bytes += kBlockBytes;
+    if (!wasDrawn(number, held)) bytes += placeOf(number).bytes;
   return bytes;
 }
 

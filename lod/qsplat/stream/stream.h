@@ -7,6 +7,9 @@
 //   for (const ByteRange& range : stream.requests(now)) …  // as often as answers come: send these
 //   stream.received(id, bytes, now) or stream.failed(id, now)
 //
+// A file in either form may come: what is asked for and comes is a coded file's coded blocks, all else is of blocks as
+// they are in the plain form.
+//
 // In place of the paper's temporary file, blocks are kept in memory up to a number of bytes; the ones that no frame
 // has looked into for the longest time go. What this frame looked into stays, so a drawn cut never loses a block.
 #include <cstdint>
@@ -28,7 +31,8 @@
 namespace lod::qsplat {
 
 inline constexpr std::uint64_t kLeastStreamMemory = 64 * 1024;
-/// A file may have this many times StreamOptions::memory_bytes: tables have 13 bytes for each of its blocks.
+/// A file may have this many times StreamOptions::memory_bytes, in the plain form: tables have 13 bytes for each of its
+/// blocks, 21 in the coded one.
 inline constexpr std::uint64_t kMostFilePerMemory = 64;
 
 struct StreamOptions {
@@ -111,7 +115,8 @@ class Stream {
     std::uint32_t arrived = 0;  ///< after this frame
   };
   struct UnderWay {
-    BlockRun run;
+    BlockRun run;  ///< first 0: the file's front, whatever it turns out to hold
+    std::uint64_t bytes = 0;
     double sent_at = 0.0;
   };
 
@@ -122,12 +127,18 @@ class Stream {
   BlockRun nextIdle(std::uint64_t most);
   BlockRun nextFromFront(std::uint64_t most);
   ByteRange send(const BlockRun& run, double now);
-  bool takeHeader(base::ByteView block);
-  bool takeBlock(std::uint64_t number, base::ByteView block);
-  bool keep(std::uint64_t number, base::ByteView block);
+  void giveUpForMemory(std::uint64_t plain_bytes);
+  CodedPlace placeOf(std::uint64_t number) const;
+  std::uint64_t typicalBlockBytes() const;
+  BlockRun sideBySide(const BlockRun& run);
+  bool takeFront(base::ByteView bytes);
+  bool takeHeader(base::ByteView front);
+  void takeBlocks(const BlockRun& run, base::ByteView bytes, bool& all_good);
+  bool takeBlock(std::uint64_t number, base::ByteView stored);
+  bool decode(std::uint64_t number, base::ByteView stored, std::uint8_t* plain);
+  bool keep(std::uint64_t number, std::unique_ptr<std::uint8_t[]> plain);
   void pauseAfterFailure(double sent_at, double now);
 
-  std::uint64_t blocksUnderWay() const { return link_.bytesUnderWay() / kBlockBytes; }
   std::uint64_t freeBlocks() const;
   std::uint64_t blocksInUse();
   std::uint32_t lastUse(std::uint64_t number, const Held& held) const;
@@ -142,8 +153,11 @@ class Stream {
   RequestQueue queue_;
   LinkEstimate link_;
   std::unique_ptr<GrowingBlocks> blocks_;
+  std::unique_ptr<BlockCoder> coder_;   ///< of a coded file, and …
+  std::unique_ptr<PlaceTable> places_;  ///< … where its blocks are
   std::unordered_map<std::uint64_t, Held> held_;
   std::map<std::uint64_t, UnderWay> under_way_;
+  std::uint64_t blocks_under_way_ = 0;
   std::unordered_map<std::uint64_t, int> damages_;  ///< how often a block came damaged
 
   std::uint32_t frame_ = 0;

@@ -44,4 +44,26 @@ TEST(Bytes, aLengthNearTheLimitOfSizeDoesNotWrap) {
   EXPECT_FALSE(in.ok());
 }
 
+TEST(Bytes, numbersOfVariableLengthHaveOneForm) {
+  for (const std::uint64_t number : {std::uint64_t{0}, std::uint64_t{127}, std::uint64_t{128}, std::uint64_t{300},
+                                     std::uint64_t{1} << 63, ~std::uint64_t{0}}) {
+    base::ByteWriter out;
+    out.varint(number);
+    base::ByteReader in(out.view());
+    EXPECT_EQ(in.varint(), number);
+    EXPECT_TRUE(in.atEnd());
+    base::ByteReader cut(base::ByteView(out.view()).first(out.size() - 1));
+    cut.varint();
+    EXPECT_FALSE(cut.ok()) << number;
+  }
+  const base::Bytes padded{0x80, 0x00};
+  const base::Bytes too_large{0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0x02};
+  const base::Bytes endless(11, 0x80);
+  for (const base::Bytes& bytes : {padded, too_large, endless}) {
+    base::ByteReader in(bytes);
+    in.varint();
+    EXPECT_FALSE(in.ok());
+  }
+}
+
 }  // namespace

@@ -2,9 +2,11 @@
 
 #include <gtest/gtest.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <csignal>
 #include <filesystem>
 
@@ -73,6 +75,19 @@ TEST_F(FileTest, errorsNameTheFileAndTheReason) {
   auto directory = base::readFile(directory_.string());
   ASSERT_FALSE(directory);
   EXPECT_NE(directory.error().message.find("Is a directory"), std::string::npos) << directory.error().message;
+}
+
+// Nobody writes into the pipe: opening it must not wait. What errno was before must not matter.
+TEST_F(FileTest, pipesAndDevicesAreRefusedAtOnce) {
+  ASSERT_EQ(::mkfifo(path("pipe").c_str(), 0600), 0);
+  for (const std::string& name : {path("pipe"), std::string("/dev/null")}) {
+    errno = ENOENT;
+    const auto read = base::readFile(name);
+    ASSERT_FALSE(read);
+    EXPECT_EQ(read.error().code, base::ErrorCode::kUnsupported);
+    EXPECT_EQ(read.error().message, name + ": is a pipe or a device; give a file");
+    EXPECT_FALSE(base::MappedFile::open(name));
+  }
 }
 
 TEST_F(FileTest, aFullDiskIsNamedAndLeavesTheOldFile) {

@@ -54,6 +54,33 @@ TEST(SceneFile, saysWhichFieldIsWrong) {
   EXPECT_NE(read.error().message.find("has_colors has the wrong type"), std::string::npos);
 }
 
+// What was passed over here stopped `info` later.
+TEST(SceneFile, repairsAndParametersAreObjectsOfOneType) {
+  const std::string good = base::formatScene(example());
+  const auto with = [&](const std::string& is, const std::string& becomes) {
+    std::string text = good;
+    return text.replace(text.find(is), is.size(), becomes);
+  };
+  for (const auto& [text, what] : {std::pair(with("\"welded_vertices\": 4", "\"welded_vertices\": \"4\""), "repairs"),
+                                   std::pair(with("\"grid\": \"12\"", "\"grid\": 12"), "parameters"),
+                                   std::pair(with("\"repairs\": {", "\"repairs\": \"x\", \"more\": {"), "repairs")}) {
+    const auto read = base::parseScene(text, "s");
+    ASSERT_FALSE(read) << text;
+    EXPECT_EQ(read.error().message.find("s: " + std::string(what)), 0U) << read.error().message;
+  }
+}
+
+// As a float it would be infinite, and written as null.
+TEST(SceneFile, aDirectionOfLightThatNoFloatHoldsIsRefused) {
+  base::Scene scene = example();
+  scene.light.direction = {0, 0, 0.5F};
+  std::string text = base::formatScene(scene);
+  text.replace(text.rfind("0.5"), 3, "1e300");
+  const auto read = base::parseScene(text, "s");
+  ASSERT_FALSE(read);
+  EXPECT_EQ(read.error().message, "s: light: direction is too long; build the scene again");
+}
+
 TEST(SceneFile, refusesAnotherVersionByNumber) {
   std::string text = base::formatScene(example());
   text.replace(text.find("\"version\": 1"), 12, "\"version\": 9");

@@ -166,6 +166,30 @@ TEST(HierarchyBuild, SoupAndTinyComponentsEndInOnePatch) {
   }
 }
 
+// A corner of the ground is full of needles that two fifths of the triangles cannot hold.
+TEST(HierarchyBuild, GroupsThatStandOutKeepMoreSoThatTheirLevelIsNotAsFarOffAsTheyWouldBe) {
+  Mesh mesh = support::openGrid(220);
+  const auto needle = [&](const glm::vec3& foot) {
+    const auto first = static_cast<std::uint32_t>(mesh.positions.size());
+    const float width = 0.001F;
+    for (const glm::vec3& d : {glm::vec3(0, 0, 0), glm::vec3(width, 0, 0), glm::vec3(0, width, 0)})
+      mesh.positions.push_back(foot + d);
+    mesh.positions.push_back(foot + glm::vec3(0, 0, 0.05F));
+    for (const auto& t : {glm::uvec3(0, 2, 1), glm::uvec3(0, 1, 3), glm::uvec3(1, 2, 3), glm::uvec3(2, 0, 3)})
+      for (int k = 0; k < 3; ++k) mesh.indices.push_back(first + t[k]);
+  };
+  for (int y = 0; y < 30; ++y)
+    for (int x = 0; x < 30; ++x) needle({0.01F * static_cast<float>(x), 0.01F * static_cast<float>(y), 0.5F});
+  const BuiltHierarchy built = mustBuild(mesh, support::smallPatches());
+  expectSound(built, support::smallPatches());
+  // Two fifths each would be off by 1.8 times the first level at the third, since needles go.
+  const auto& levels = built.summary.levels;
+  ASSERT_GE(levels.size(), 4U);
+  EXPECT_LT(levels[3].max_error, 1.2F * levels[1].max_error);
+  EXPECT_LT(levels[3].triangles, levels[2].triangles / 2);
+  expectErrorsHold(mesh, built, 20'000);
+}
+
 TEST(HierarchyBuild, OneGiantTriangleAmongManySmallOnesIsNoTrouble) {
   Mesh mesh = support::bumpySphere(60, 90);
   const auto base = static_cast<std::uint32_t>(mesh.positions.size());

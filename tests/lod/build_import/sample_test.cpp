@@ -1,6 +1,7 @@
 // Generated meshes: the asked size, the same bytes every time, closed where they say so.
 #include "lod/build/sample.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "base/crc32c.h"
@@ -54,6 +55,24 @@ TEST(Sample, ImportFindsNothingToRepair) {
     EXPECT_EQ(isClosed(result->mesh), shape == SampleShape::kStatue);
     std::remove(path.c_str());
   }
+}
+
+TEST(Sample, PointsAreTheVerticesOfTheMesh) {
+  SampleOptions o = options(SampleShape::kStatue, 20'000, 3);
+  const std::string mesh = written(o);
+  const auto whole = base::readFile(mesh);
+  o.faces = false;
+  const auto points = base::readFile(written(o));
+  ASSERT_TRUE(whole && points);
+  const auto bodyOf = [](const base::Bytes& file) {
+    const std::string end = "end_header\n";
+    return std::search(file.begin(), file.end(), end.begin(), end.end()) + static_cast<std::ptrdiff_t>(end.size());
+  };
+  const auto body = bodyOf(*points);
+  EXPECT_EQ(std::string(points->begin(), body).find("face"), std::string::npos);
+  EXPECT_EQ(points->end() - body, 15 * static_cast<std::ptrdiff_t>(makeSample(o).positions.size()));
+  EXPECT_TRUE(std::equal(body, points->end(), bodyOf(*whole)));
+  std::remove(mesh.c_str());
 }
 
 TEST(Sample, FileAndMemoryHoldTheSameMesh) {

@@ -9,11 +9,14 @@
 #include <filesystem>
 
 #include "base/egl/headless.h"
+#include "base/file.h"
 #include "lod/build/import.h"
+#include "lod/build/qsplat/build.h"
 #include "lod/build/sample.h"
 #include "lod/draw/view_modes.h"
 #include "lod/qsplat/node.h"
 #include "lod/qsplat/traverse.h"
+#include "tests/lod/build/qsplat/splat_leaves.h"
 #include "tests/support/random_views.h"
 #include "tests/support/splat_tree.h"
 #include "tests/support/test_meshes.h"
@@ -114,6 +117,10 @@ class SplatsTest : public testing::Test {
   /// `from_near`: a third of the views is from within half a unit of the surface, where splats are large and the eye
   /// may be in their spheres; for meshes that are outside of themselves there.
   void expectNoHoles(const build::Mesh& mesh, unsigned seed, int views_count, bool from_near);
+  void expectNoHolesIn(const base::Bytes& file, const build::Mesh& mesh, unsigned seed, int views_count,
+                       bool from_near);
+  void expectNoHolesWhenDiced(const build::Mesh& mesh, double dice, std::uint64_t least_added, unsigned seed,
+                              bool from_near);
 
   std::unique_ptr<base::HeadlessContext> context_;
   std::unique_ptr<SplatRenderer> renderer_;
@@ -430,7 +437,11 @@ base::Camera viewFromNear(const build::Mesh& mesh, const base::Sphere& bounds, s
 constexpr std::array kClosedKernels{SplatKernel::kSquare, SplatKernel::kCircle, SplatKernel::kFuzzy};
 
 void SplatsTest::expectNoHoles(const build::Mesh& mesh, unsigned seed, int views_count, bool from_near) {
-  const base::Bytes file = support::splatFile(mesh);
+  expectNoHolesIn(support::splatFile(mesh), mesh, seed, views_count, from_near);
+}
+
+void SplatsTest::expectNoHolesIn(const base::Bytes& file, const build::Mesh& mesh, unsigned seed, int views_count,
+                                 bool from_near) {
   const qsplat::Header header = *qsplat::readHeader(file);
   qsplat::MappedBlocks blocks(file, header);
   setMesh(mesh);
@@ -455,6 +466,21 @@ void SplatsTest::expectNoHoles(const build::Mesh& mesh, unsigned seed, int views
   EXPECT_GT(seen, std::int64_t{views_count} * kSize * kSize / 10);
 }
 
+// The builder's own file, over triangles that lie on its lattice as they are.
+void SplatsTest::expectNoHolesWhenDiced(const build::Mesh& mesh, double dice, std::uint64_t least_added, unsigned seed,
+                                        bool from_near) {
+  const build::Mesh on_lattice = support::splatsOf(mesh).sorted;
+  const support::TemporaryDirectory directory;
+  build::qsplat::BuildOptions options;
+  options.dice = dice;
+  const auto built = build::qsplat::buildFromMesh(on_lattice, options, directory / "out.lgq");
+  ASSERT_TRUE(built) << built.error().message;
+  EXPECT_GE(built->added_leaves, least_added);
+  const auto file = base::readFile(directory / "out.lgq");
+  ASSERT_TRUE(file);
+  expectNoHolesIn(*file, on_lattice, seed, viewsOr(60), from_near);
+}
+
 TEST_F(SplatsTest, aBallHasNoHolesAtAnyViewAndCutOff) {
   expectNoHoles(support::bumpySphere(60, 120, 0.1F), 1, viewsOr(80), true);
 }
@@ -463,7 +489,7 @@ TEST_F(SplatsTest, aRingHasNoHolesAtAnyViewAndCutOff) {
   expectNoHoles(support::torus(120, 50), 2, viewsOr(60), true);
 }
 
-TEST_F(SplatsTest, aCubeOfTwelveTrianglesHasNoHolesThoughItsSplatsAreHuge) {
+build::Mesh cubeOfTwelveTriangles() {
   build::Mesh cube;
   for (int i = 0; i < 8; ++i) cube.positions.push_back({i & 1 ? 1 : -1, i & 2 ? 1 : -1, i & 4 ? 1 : -1});
   for (const auto& [a, b, c, d] : {std::array<std::uint32_t, 4>{0, 2, 3, 1},
@@ -475,7 +501,29 @@ TEST_F(SplatsTest, aCubeOfTwelveTrianglesHasNoHolesThoughItsSplatsAreHuge) {
     support::addTriangle(cube, a, b, c);
     support::addTriangle(cube, a, c, d);
   }
-  expectNoHoles(cube, 3, viewsOr(60), true);
+  return cube;
+}
+
+TEST_F(SplatsTest, aCubeOfTwelveTrianglesHasNoHolesThoughItsSplatsAreHuge) {
+  expectNoHoles(cubeOfTwelveTriangles(), 3, viewsOr(60), true);
+}
+
+TEST_F(SplatsTest, aDicedCubeHasNoHoles) {
+  expectNoHolesWhenDiced(cubeOfTwelveTriangles(), 2.0, 4000, 8, true);
+}
+
+TEST_F(SplatsTest, dicedNeedlesHaveNoHoles) {
+  // A ring drawn out: needles along it on two sides, and one half of it much coarser than the other.
+  build::Mesh ring = support::torus(120, 50);
+  for (glm::vec3& p : ring.positions) p.x *= p.x > 0.0F ? 12.0F : 1.0F;
+  expectNoHolesWhenDiced(ring, 2.0, 3000, 9, true);
+}
+
+TEST_F(SplatsTest, aDicedStatueHasNoHoles) {
+  build::SampleOptions options;
+  options.triangles = 30000;
+  options.shape = build::SampleShape::kStatue;
+  expectNoHolesWhenDiced(build::makeSample(options), 1.0, 3000, 10, false);
 }
 
 // Codes round spheres up, which hides small faults. These just reach the middles of a flat sheet's squares.

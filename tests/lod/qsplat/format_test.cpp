@@ -96,7 +96,7 @@ TEST_F(QsplatFormat, HeadersThatCannotBeAreRefused) {
 
 TEST_F(QsplatFormat, AnotherVersionIsNamed) {
   base::Bytes bytes = headerBytes(smallHeader());
-  bytes[8] = 2;
+  bytes[8] = 3;
   const auto read = readHeader(bytes);
   ASSERT_FALSE(read);
   EXPECT_EQ(read.error().code, base::ErrorCode::kVersion);

@@ -4,10 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <deque>
 #include <functional>
-#include <set>
 
+#include "tests/lod/qsplat/stream_host.h"
 #include "tests/support/random_views.h"
 #include "tests/support/splat_tree.h"
 #include "tests/support/test_meshes.h"
@@ -42,80 +41,14 @@ TraverseRequest requestFor(const base::Camera& camera, float cutoff_px = 1.0F) {
   return request;
 }
 
-/// A host of the file's bytes that looks at what it is asked for.
-class Host {
- public:
-  explicit Host(Stream& stream, base::Bytes bytes = file()) : stream_(stream), bytes_(std::move(bytes)) {}
-
-  /// What of an answer comes; the bytes may be changed, nullopt: it failed.
-  std::function<std::optional<base::Bytes>(const ByteRange&, base::Bytes)> spoil;
-  std::vector<ByteRange> asked;
-  std::uint64_t sent = 0;
-
-  /// Takes new requests. No block may be among those under way, nor be here already.
-  void ask(double now) {
-    for (const ByteRange& range : stream_.requests(now)) {
-      ASSERT_EQ(range.offset % kBlockBytes, 0U);
-      ASSERT_EQ(range.length % kBlockBytes, 0U);
-      ASSERT_GT(range.length, 0U);
-      ASSERT_LE(range.offset + range.length, bytes_.size());
-      for (std::uint64_t b = range.offset / kBlockBytes; b < (range.offset + range.length) / kBlockBytes; ++b)
-        ASSERT_TRUE(under_way_.insert(b).second) << "block " << b << " is under way already";
-      queue_.push_back(range);
-      asked.push_back(range);
-    }
-  }
-  /// Answers the oldest request, or the newest.
-  void answerOne(double now, bool newest = false) {
-    const ByteRange range = newest ? queue_.back() : queue_.front();
-    newest ? queue_.pop_back() : queue_.pop_front();
-    for (std::uint64_t b = range.offset / kBlockBytes; b < (range.offset + range.length) / kBlockBytes; ++b)
-      under_way_.erase(b);
-    base::Bytes answer(bytes_.begin() + static_cast<std::ptrdiff_t>(range.offset),
-                       bytes_.begin() + static_cast<std::ptrdiff_t>(range.offset + range.length));
-    std::optional<base::Bytes> spoiled = spoil ? spoil(range, answer) : std::optional(answer);
-    if (!spoiled) return stream_.failed(range.id, now);
-    sent += spoiled->size();
-    stream_.received(range.id, *spoiled, now);
-  }
-  std::size_t underWay() const { return queue_.size(); }
-
- private:
-  Stream& stream_;
-  const base::Bytes bytes_;
-  std::deque<ByteRange> queue_;
-  std::set<std::uint64_t> under_way_;
-};
-
-StreamOptions plainOptions() {
-  StreamOptions options;
-  options.idle_bytes = 0;
-  return options;
-}
-
-/// One view until nothing more comes for it; the picture at last.
-Traversal fetchAll(Stream& stream, Host& host, const TraverseRequest& request, double& now,
-                   const std::function<void(const Traversal&)>& each = {}) {
-  Traversal found;
-  for (int turn = 0; turn < 20'000; ++turn) {
-    stream.traverse(request, std::nullopt, found);
-    if (each) each(found);
-    if (stream.complete() || !stream.problem().empty()) break;
-    host.ask(now);
-    now += 0.01;
-    if (host.underWay() > 0) host.answerOne(now);
-  }
-  return found;
-}
-
 std::vector<Splat> localSplats(const TraverseRequest& request) {
   MappedBlocks blocks(file(), header());
   return traverse(blocks, request).splats;
 }
 
 TEST(StreamTest, theFullyStreamedCutEqualsTheLocalOne) {
-  Stream stream(file().size(), plainOptions());
-  Host host(stream);
+  Stream stream(file().size(), withoutIdling());
+  Host host(stream, file());
   double now = 0.0;
   support::RandomViews views(5, header().root, 300);
   for (int i = 0; i < 30; ++i) {
@@ -138,7 +71,7 @@ TEST(StreamTest, answersInAnyOrderFailuresAndNewViewsAreNeverAskedForTwiceAtATim
     options.idle_bytes = seed % 2 == 0 ? 1'000'000 : 0;
     options.memory_bytes = seed % 3 == 0 ? kLeastStreamMemory : 10'000'000;
     Stream stream(file().size(), options);
-    Host host(stream);
+    Host host(stream, file());
     std::mt19937 random(seed);
     host.spoil = [&](const ByteRange&, base::Bytes bytes) -> std::optional<base::Bytes> {
       switch (random() % 6) {
@@ -178,8 +111,8 @@ TEST(StreamTest, answersInAnyOrderFailuresAndNewViewsAreNeverAskedForTwiceAtATim
 }
 
 TEST(StreamTest, refinementIsMonotone) {
-  Stream stream(file().size(), plainOptions());
-  Host host(stream);
+  Stream stream(file().size(), withoutIdling());
+  Host host(stream, file());
   double now = 0.0;
   std::size_t nodes = 0;
   float coarsest = 1e30F;
@@ -201,12 +134,12 @@ TEST(StreamTest, eachOrderBringsAllAndBySizeTheLargestFirst) {
   const TraverseRequest request = requestFor(cameraFrom({0.2, 0.5, -1.0}, 1.6, 512));
   const std::vector<Splat> local = localSplats(request);
   for (const auto& [order, name] : kStreamOrderNames) {
-    StreamOptions options = plainOptions();
+    StreamOptions options = withoutIdling();
     options.order = order;
     options.most_requests = 1;
     options.most_request_blocks = 1;
     Stream stream(file().size(), options);
-    Host host(stream);
+    Host host(stream, file());
     double now = 0.0;
     float last = 1e30F;
     const Traversal found = fetchAll(stream, host, request, now, [&](const Traversal& picture) {
@@ -231,11 +164,11 @@ TEST(StreamTest, sweepsGoFromTheTopDownEachFinerThanTheOneBefore) {
 }
 
 TEST(StreamTest, whatIsSeenThroughTheLensComesFirst) {
-  StreamOptions options = plainOptions();
+  StreamOptions options = withoutIdling();
   options.most_request_blocks = 1;
   options.most_requests = 1;
   Stream stream(file().size(), options);
-  Host host(stream);
+  Host host(stream, file());
   const base::Camera camera = cameraFrom({0.0, 0.0, -1.0}, 2.5, 512);
   const TraverseRequest request = requestFor(camera);
   const Lens lens{{256.0F, 400.0F}, 40.0F};
@@ -268,7 +201,7 @@ TEST(StreamTest, theBudgetHoldsTheRootStaysAndNoDrawnBlockGoes) {
   StreamOptions options;
   options.memory_bytes = kLeastStreamMemory;
   Stream stream(file().size(), options);
-  Host host(stream);
+  Host host(stream, file());
   support::RandomViews views(9, header().root, 400);
   double now = 0.0;
   std::size_t least_splats = ~std::size_t{0};
@@ -292,7 +225,7 @@ TEST(StreamTest, atRestTheSurroundingsComeAndThenTheWholeFile) {
   StreamOptions options;
   options.idle_bytes = file().size();
   Stream stream(file().size(), options);
-  Host host(stream);
+  Host host(stream, file());
   double now = 0.0;
   const base::Camera camera = cameraFrom({0.0, 0.0, -1.0}, 1.3);
   fetchAll(stream, host, requestFor(camera), now);
@@ -319,7 +252,7 @@ TEST(StreamTest, aSmallTurnAtRestFindsItsBlocksHere) {
   StreamOptions options;
   options.idle_bytes = 60 * kBlockBytes;
   Stream stream(file().size(), options);
-  Host host(stream);
+  Host host(stream, file());
   double now = 0.0;
   fetchAll(stream, host, requestFor(cameraFrom({0.0, 0.0, -1.0}, 1.15)), now);
   const auto lacking = [&](const base::Camera& camera) {
@@ -347,8 +280,8 @@ TEST(StreamTest, aDamagedBlockIsAskedForAgainThenGivenUpAndItsParentsStandIn) {
   const TraverseRequest request = requestFor(cameraFrom({0.0, 0.0, -1.0}));
   const std::uint64_t bad = 20;
   for (const int times : {1, 2, 1000}) {
-    Stream stream(file().size(), plainOptions());
-    Host host(stream);
+    Stream stream(file().size(), withoutIdling());
+    Host host(stream, file());
     int left = times;
     int asked = 0;
     host.spoil = [&](const ByteRange& range, base::Bytes bytes) -> std::optional<base::Bytes> {
@@ -379,7 +312,7 @@ TEST(StreamTest, aBlockInAnothersPlaceIsNotTaken) {
   base::Bytes swapped = file();
   std::swap_ranges(swapped.begin() + 30 * kBlockBytes, swapped.begin() + 31 * kBlockBytes,
                    swapped.begin() + 31 * kBlockBytes);
-  Stream stream(swapped.size(), plainOptions());
+  Stream stream(swapped.size(), withoutIdling());
   Host host(stream, swapped);
   double now = 0.0;
   fetchAll(stream, host, requestFor(cameraFrom({0.0, 0.0, -1.0})), now);
@@ -392,10 +325,10 @@ TEST(StreamTest, aFailureAtEveryRequestInTurnChangesNothingInTheEnd) {
   const std::vector<Splat> local = localSplats(request);
   std::size_t requests = 0;
   for (std::size_t victim = 0; victim <= requests; ++victim) {
-    StreamOptions options = plainOptions();
+    StreamOptions options = withoutIdling();
     options.most_request_blocks = 3;
     Stream stream(file().size(), options);
-    Host host(stream);
+    Host host(stream, file());
     std::size_t answered = 0;
     host.spoil = [&](const ByteRange&, base::Bytes bytes) -> std::optional<base::Bytes> {
       if (answered++ == victim) return std::nullopt;
@@ -412,8 +345,8 @@ TEST(StreamTest, aFailureAtEveryRequestInTurnChangesNothingInTheEnd) {
 }
 
 TEST(StreamTest, aHostThatIsAwayIsAskedLessAndLess) {
-  Stream stream(file().size(), plainOptions());
-  Host host(stream);
+  Stream stream(file().size(), withoutIdling());
+  Host host(stream, file());
   host.spoil = [](const ByteRange&, const base::Bytes&) { return std::nullopt; };
   for (double now = 0.0; now < 30.0; now += 0.01) {
     host.ask(now);
@@ -426,10 +359,10 @@ TEST(StreamTest, aHostThatIsAwayIsAskedLessAndLess) {
 
 // All that is under way is lost with one connection: that is one trouble, and the first pause is for it.
 TEST(StreamTest, requestsThatFailTogetherArePausedForOnce) {
-  StreamOptions options = plainOptions();
+  StreamOptions options = withoutIdling();
   options.most_request_blocks = 3;
   Stream stream(file().size(), options);
-  Host host(stream);
+  Host host(stream, file());
   const TraverseRequest request = requestFor(cameraFrom({0.4, 0.1, -1.0}));
   Traversal found;
   double now = 0.0;
@@ -451,7 +384,7 @@ TEST(StreamTest, requestsThatFailTogetherArePausedForOnce) {
 
 TEST(StreamTest, filesThatCannotBeAreNamed) {
   const auto problemOf = [](std::uint64_t said, const base::Bytes& bytes) {
-    Stream stream(said, plainOptions());
+    Stream stream(said, withoutIdling());
     Host host(stream, bytes);
     for (double now = 0.0; now < 20.0 && stream.problem().empty(); now += 0.05) {
       host.ask(now);
@@ -479,7 +412,7 @@ TEST(StreamTest, aFileThatContradictsItselfIsNamedWhateverItsChecksumsSay) {
   const std::uint32_t half = kBlockBytes / 2;
   std::memcpy(&loop[kBlockBytes + header().nodeBytes()], &half, sizeof(half));
   sealBlock(&loop[kBlockBytes], 1);
-  Stream stream(loop.size(), plainOptions());
+  Stream stream(loop.size(), withoutIdling());
   Host host(stream, loop);
   double now = 0.0;
   fetchAll(stream, host, requestFor(cameraFrom({0.0, 0.0, -1.0})), now);
@@ -488,8 +421,8 @@ TEST(StreamTest, aFileThatContradictsItselfIsNamedWhateverItsChecksumsSay) {
 }
 
 TEST(StreamTest, wastedBytesAreThoseThatNoFrameLookedInto) {
-  Stream stream(file().size(), plainOptions());
-  Host host(stream);
+  Stream stream(file().size(), withoutIdling());
+  Host host(stream, file());
   double now = 0.0;
   const TraverseRequest from_afar = requestFor(cameraFrom({0.0, 0.0, -1.0}, 30.0), 4.0F);
   fetchAll(stream, host, from_afar, now);

@@ -123,7 +123,7 @@ TEST_F(DrawProcessesTest, whatCannotBeDrawnIsToldWithItsReason) {
 
 // An order, a job, a face: cut at every length they are errors.
 TEST_F(DrawProcessesTest, messagesCutShortAreRefused) {
-  const base::Bytes order = encodeOrder(work_, 1000);
+  const base::Bytes order = encodeOrder(work_);
   const base::Bytes job = encodeJob({7, {{1, 2, 3, 4}}});
   const base::Bytes error = encodeError({base::ErrorCode::kIo, "why"});
   ASSERT_TRUE(decodeOrder(order));

@@ -4,12 +4,14 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <limits>
 
 #include "lod/build/qsplat/file_build.h"
 #include "lod/build/sample.h"
+#include "lod/qsplat/blocks.h"
 #include "lod/qsplat/splat_file.h"
 #include "tests/lod/build/built_file.h"
 #include "tests/support/random_splats.h"
@@ -34,9 +36,11 @@ class QsplatBuild : public testing::Test {
     expectSound(*summary);
     return std::move(*summary);
   }
-  qsplat::BuildSummary mustBuild(const PlyMesh& mesh) {
+  qsplat::BuildSummary mustBuild(const PlyMesh& mesh, double dice = qsplat::kDice) {
     writePly(directory_ / "mesh.ply", mesh);
-    auto summary = qsplat::buildFromFiles({directory_ / "mesh.ply"}, {}, path());
+    qsplat::BuildOptions options;
+    options.dice = dice;
+    auto summary = qsplat::buildFromFiles({directory_ / "mesh.ply"}, options, path());
     EXPECT_TRUE(summary) << summary.error().message;
     if (!summary) return {};
     expectSound(*summary);
@@ -124,6 +128,32 @@ TEST_F(QsplatBuild, ThreadsAndMemoryDoNotChangeTheBytes) {
   }
 }
 
+TEST_F(QsplatBuild, TheCodedFormHoldsThePlainFilesBlocksWhateverTheThreads) {
+  SampleOptions sample;
+  sample.triangles = 100000;
+  const Mesh mesh = makeSample(sample);
+  mustBuild(mesh);
+  const base::Bytes plain = bytes();
+  base::Bytes first;
+  for (const auto& [threads, memory] : {std::pair{1U, 256U}, std::pair{3U, 1024U}}) {
+    qsplat::BuildOptions options;
+    options.threads = threads;
+    options.memory_bytes = std::uint64_t{memory} << 20;
+    options.coded = true;
+    const qsplat::BuildSummary summary = mustBuild(mesh, options);
+    EXPECT_EQ(summary.bytes, bytes().size());
+    EXPECT_LT(summary.bytes, plain.size() * 6 / 10);
+    if (first.empty()) first = bytes();
+    EXPECT_TRUE(bytes() == first) << threads << " threads, " << memory << " MB";
+  }
+  const lod::qsplat::Header header = *lod::qsplat::readHeader(first);
+  const auto blocks = lod::qsplat::blocksOfFile(first, header);
+  ASSERT_TRUE(blocks);
+  ASSERT_EQ(header.file_bytes, plain.size());
+  for (std::uint64_t b = 1; b < header.blocks(); ++b)
+    ASSERT_EQ(std::memcmp((*blocks)->find(b), &plain[b * lod::qsplat::kBlockBytes], lod::qsplat::kBlockBytes), 0) << b;
+}
+
 TEST_F(QsplatBuild, WidePointersMakeTheSameTree) {
   const Mesh mesh = support::torus(60, 30);
   mustBuild(mesh);
@@ -206,7 +236,7 @@ TEST_F(QsplatBuild, TwoTrianglesAreATree) {
   for (const glm::dvec3& p : {glm::dvec3(0), glm::dvec3(1, 0, 0), glm::dvec3(0, 1, 0), glm::dvec3(1, 1, 0.1)})
     mesh.add(p);
   mesh.add(0, 1, 2), mesh.add(1, 3, 2);
-  const auto summary = mustBuild(mesh);
+  const auto summary = mustBuild(mesh, 0.0);
   EXPECT_EQ(summary.header.leaves, 4U);
   EXPECT_EQ(summary.header.nodes, 5U);
   EXPECT_EQ(summary.triangles, 2U);
@@ -232,10 +262,10 @@ TEST_F(QsplatBuild, MeshesWithoutExtentAreRefused) {
 }
 
 TEST_F(QsplatBuild, SizesFarFromOneAreNoMatter) {
-  mustBuild(PlyMesh(support::torus(20, 12)));
+  mustBuild(PlyMesh(support::torus(20, 12)), 0.0);
   const auto one = nodes();
   for (const double scale : {1e-14, 1e-6, 1e6, 1e14}) {
-    mustBuild(PlyMesh(support::torus(20, 12), scale));
+    mustBuild(PlyMesh(support::torus(20, 12), scale), 0.0);
     const auto scaled = nodes();
     EXPECT_NEAR(static_cast<double>(scaled[0].sphere.radius) / scale, static_cast<double>(one[0].sphere.radius), 1e-3);
     EXPECT_NEAR(static_cast<double>(scaled.size()), static_cast<double>(one.size()), 8.0);
@@ -252,22 +282,31 @@ TEST_F(QsplatBuild, DuplicatesAndStrayVerticesAreCounted) {
   mesh.add(glm::dvec3(100.0)), mesh.add(glm::dvec3(-100.0));
   mesh.add(3, 3, 4);
   const auto summary = mustBuild(mesh);
-  EXPECT_EQ(summary.header.leaves, vertices);
+  EXPECT_EQ(summary.header.leaves - summary.added_leaves, vertices);
   EXPECT_EQ(summary.repairs.counts.at("welded_vertices"), vertices);
   EXPECT_EQ(summary.repairs.counts.at("unreferenced_vertices"), 2U);
   EXPECT_EQ(summary.repairs.counts.at("degenerate_triangles"), 1U);
   EXPECT_LT(nodes()[0].sphere.radius, 3.0F);
 }
 
-TEST_F(QsplatBuild, AGiantTriangleAmongSmallOnesIsALargeLeaf) {
+TEST_F(QsplatBuild, AGiantTriangleAmongSmallOnesIsDicedOrALargeLeaf) {
   PlyMesh mesh(support::bumpySphere(30, 40));
   const std::uint32_t a = mesh.add({-500, 0, 0}), b = mesh.add({500, 0, 0}), c = mesh.add({0, 900, 0});
   mesh.add(a, b, c);
-  const auto summary = mustBuild(mesh);
-  std::size_t giants = 0;
-  for (const support::DecodedNode& node : nodes()) giants += node.node.isLeaf() && node.sphere.radius > 400.0F ? 1 : 0;
-  EXPECT_EQ(giants, 3U);
-  EXPECT_LE(summary.header.levels, 40U);
+  const auto giants = [this](float radius) {
+    const auto all = nodes();
+    return std::count_if(all.begin(), all.end(),
+                         [&](const auto& node) { return node.node.isLeaf() && node.sphere.radius > radius; });
+  };
+  const auto whole = mustBuild(mesh, 0.0);
+  EXPECT_EQ(giants(400.0F), 3);
+  EXPECT_EQ(whole.added_leaves, 0U);
+  EXPECT_LE(whole.header.levels, 40U);
+  const auto diced = mustBuild(mesh);
+  EXPECT_EQ(giants(20.0F), 0);
+  EXPECT_GT(diced.added_leaves, 5'000U);
+  EXPECT_EQ(diced.header.leaves, whole.header.leaves + diced.added_leaves);
+  EXPECT_LE(diced.header.levels, 40U);
 }
 
 TEST_F(QsplatBuild, CancellingLeavesNoFile) {

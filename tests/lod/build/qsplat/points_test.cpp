@@ -103,8 +103,8 @@ class PointCloud : public testing::Test {
     const std::vector<std::string> paths{directory_ / "points.ply"};
     const Progress none;
     auto directory = WorkDirectory::open(directory_ / "work", "");
-    const auto input = sourceFromFiles(paths, none, true);
-    const auto source = importSource(*directory, *input, false);
+    const auto input = sourceFromFiles(paths, none, 1, true);
+    const auto source = importSource(*directory, *input);
     EXPECT_TRUE(source) << source.error().message;
     const SourceLattice lattice = makeLattice(source->info, source->origin, kMaxLatticeBits);
     const auto spool = openSource(*directory, *source);
@@ -116,7 +116,7 @@ class PointCloud : public testing::Test {
     for (std::size_t t = 0; t < fitted.tiles(); ++t) {
       const auto some = fitted.leaves(t);
       EXPECT_TRUE(some);
-      out.insert(out.end(), some->begin(), some->end());
+      out.insert(out.end(), some->splats.begin(), some->splats.end());
     }
     if (tiles != nullptr) *tiles = fitted.tiles();
     directory->remove();

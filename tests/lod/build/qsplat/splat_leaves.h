@@ -24,25 +24,26 @@ inline void addCorners(std::span<const lod::build::Corner> corners, const lod::b
   }
 }
 
-inline MeshSplats splatsOf(const lod::build::Mesh& mesh) {
+/// `dice`: as in BuildOptions.
+inline MeshSplats splatsOf(const lod::build::Mesh& mesh, double dice = 0.0) {
   using namespace lod::build;
   const TemporaryDirectory scratch;
   MeshSplats out;
   auto directory = WorkDirectory::open(scratch.path(), "");
   const auto input = sourceFromMesh(mesh);
-  const auto source = importSource(*directory, *input, false);
+  const auto source = importSource(*directory, *input);
   EXPECT_TRUE(source);
   out.lattice = makeLattice(source->info, source->origin, 0);
-  const auto buckets = sortSource(*directory, *source, out.lattice, {std::uint64_t{64} << 20, 1, {}}, false);
+  const auto buckets = sortSource(*directory, *source, out.lattice, {std::uint64_t{64} << 20, 1, {}});
   EXPECT_TRUE(buckets);
-  qsplat::MeshLeaves leaves(*buckets, out.lattice);
+  qsplat::MeshLeaves leaves(*buckets, out.lattice, dice);
   EXPECT_TRUE(leaves.measureBorder(1, {}));
   out.buckets = buckets->count();
   out.sorted.origin = source->origin;
   for (std::size_t b = 0; b < buckets->count(); ++b) {
     auto some = leaves.leaves(b);
     EXPECT_TRUE(some);
-    out.leaves.insert(out.leaves.end(), some->begin(), some->end());
+    out.leaves.insert(out.leaves.end(), some->splats.begin(), some->splats.end());
     const auto corners = buckets->read(b);
     EXPECT_TRUE(corners);
     addCorners(*corners, out.lattice, out.sorted);

@@ -1,0 +1,19 @@
+#pragma once
+// Locks between processes (flock): the system gives them back when their holder dies, of whatever machine that shares
+// the file system's locks.
+#include <string>
+
+#include "base/error.h"
+#include "base/file.h"
+
+namespace base {
+
+/// Opens the file `path`, made when it is not there, for reading and writing, and locks it, waiting until it is free;
+/// the lock goes with the descriptor. Its holder may remove the file: whoever waited for it then locks the new one of
+/// that name, so that no two hold what is called `path`. Errors: kIo, kNotFound, kNoSpace when it cannot be made or
+/// locked.
+Result<FileDescriptor> lockFile(const std::string& path);
+/// The same, but kBusy when somebody else still holds it after `patience_seconds`. 0: tries once.
+Result<FileDescriptor> tryLockFile(const std::string& path, double patience_seconds = 0.0);
+
+}  // namespace base

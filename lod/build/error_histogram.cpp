@@ -1,0 +1,52 @@
+#include "lod/build/error_histogram.h"
+
+#include <algorithm>
+#include <limits>
+
+#include "lod/build/distance_bound.h"
+
+namespace lod::build {
+namespace {
+
+// Sixteen bins an octave of errors.
+constexpr std::uint32_t kBinBits = 7;
+constexpr std::uint32_t kMostBins = (std::numeric_limits<std::uint16_t>::max() >> kBinBits) + 1;
+
+}  // namespace
+
+void ErrorHistogram::add(float error, float area) {
+  const std::size_t bin = errorCode(error) >> kBinBits;
+  if (bin >= areas_.size()) areas_.resize(bin + 1, 0.0);
+  areas_[bin] += static_cast<double>(area);
+}
+
+void ErrorHistogram::add(const ErrorHistogram& other) {
+  areas_.resize(std::max(areas_.size(), other.areas_.size()), 0.0);
+  for (std::size_t bin = 0; bin < other.areas_.size(); ++bin) areas_[bin] += other.areas_[bin];
+}
+
+float ErrorHistogram::quantile(double share) const {
+  double all = 0.0;
+  for (const double area : areas_) all += area;
+  double sum = 0.0;
+  for (std::uint32_t bin = 0; bin < areas_.size(); ++bin) {
+    sum += areas_[bin];
+    if (sum < share * all && bin + 1 < areas_.size()) continue;
+    return errorOfCode(static_cast<std::uint16_t>(((bin + 1) << kBinBits) - 1));
+  }
+  return 0.0F;
+}
+
+void ErrorHistogram::write(base::ByteWriter& out) const {
+  out.u16(static_cast<std::uint16_t>(areas_.size()));
+  for (const double area : areas_) out.f64(area);
+}
+
+bool ErrorHistogram::read(base::ByteReader& in) {
+  areas_.assign(in.u16(), 0.0);
+  if (areas_.size() > kMostBins) return false;
+  for (double& area : areas_) area = in.f64();
+  return in.ok();
+}
+
+}  // namespace lod::build

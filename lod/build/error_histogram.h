@@ -1,0 +1,26 @@
+#pragma once
+// How much of a surface has which stated error: what tells places that stand out from a level that is coarse.
+#include <cstdint>
+#include <vector>
+
+#include "base/bytes.h"
+
+namespace lod::build {
+
+class ErrorHistogram {
+ public:
+  /// `area` ≥ 0, in whatever unit, whose bound is `error` ≥ 0 (as errorCode takes it).
+  void add(float error, float area);
+  void add(const ErrorHistogram& other);
+  /// The least error that `share` (0 … 1) of the area keeps within, rounded up by at most 7 %; 0 of nothing.
+  float quantile(double share) const;
+
+  void write(base::ByteWriter& out) const;
+  /// False where the bytes are none of write's.
+  bool read(base::ByteReader& in);
+
+ private:
+  std::vector<double> areas_;  // by bin, up to the last that has any
+};
+
+}  // namespace lod::build

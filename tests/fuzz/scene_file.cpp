@@ -1,0 +1,39 @@
+// scene.json, which `serve`, `verify` and viewers fetch from hosts of others.
+#include <string>
+
+#include "base/check.h"
+#include "base/json/scene_file.h"
+#include "tests/fuzz/fuzz.h"
+
+namespace fuzz {
+
+std::vector<base::Bytes> seeds() {
+  base::Scene scene;
+  const std::string empty = base::formatScene(scene);
+  scene.sources.push_back({"a.ply", 12, "ab"});
+  scene.box_min = {500000.125, 4000000.25, -3};
+  scene.box_max = {500010.5, 4000020.75, 7};
+  scene.origin = {500005, 4000010, 2};
+  scene.repairs["welded_vertices"] = 4;
+  scene.parameters["grid"] = "12";
+  scene.parts.push_back({"patch-0123456789abcdef0123456789abcdef.lgp", 77, "cd"});
+  const std::string full = base::formatScene(scene);
+  return {{empty.begin(), empty.end()}, {full.begin(), full.end()}};
+}
+
+void fuzzOne(base::ByteView bytes) {
+  const auto scene = base::parseScene(std::string(base::textOf(bytes)), "scene.json");
+  if (!scene) {
+    LUMIGRID_CHECK(scene.error().message.find('\n') == std::string::npos);
+    return;
+  }
+  // What is taken can be written and read again, as it was.
+  const std::string text = base::formatScene(*scene);
+  const auto again = base::parseScene(text, "again");
+  LUMIGRID_CHECK(bool(again));
+  LUMIGRID_CHECK(base::formatScene(*again) == text);
+  (void)base::patchPath("place", *scene);
+  (void)base::splatPath("place", *scene);
+}
+
+}  // namespace fuzz

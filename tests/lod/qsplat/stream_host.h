@@ -1,0 +1,77 @@
+#pragma once
+// The other end of a stream's link, for its tests.
+#include <gtest/gtest.h>
+
+#include <deque>
+#include <functional>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "lod/qsplat/stream/stream.h"
+
+namespace lod::qsplat {
+
+/// A host of a file's bytes that looks at what it is asked for.
+class Host {
+ public:
+  Host(Stream& stream, base::Bytes bytes) : stream_(stream), bytes_(std::move(bytes)) {}
+
+  /// What of an answer comes; the bytes may be changed, nullopt: it failed.
+  std::function<std::optional<base::Bytes>(const ByteRange&, base::Bytes)> spoil;
+  std::vector<ByteRange> asked;
+  std::uint64_t sent = 0;
+
+  /// Takes new requests. No byte may be under way already.
+  void ask(double now) {
+    for (const ByteRange& range : stream_.requests(now)) {
+      ASSERT_GT(range.length, 0U);
+      ASSERT_LE(range.offset + range.length, bytes_.size());
+      for (const ByteRange& other : queue_)
+        ASSERT_TRUE(range.offset >= other.offset + other.length || other.offset >= range.offset + range.length)
+            << "bytes from " << range.offset << " are under way already";
+      queue_.push_back(range);
+      asked.push_back(range);
+    }
+  }
+  /// Answers the oldest request, or the newest.
+  void answerOne(double now, bool newest = false) {
+    const ByteRange range = newest ? queue_.back() : queue_.front();
+    newest ? queue_.pop_back() : queue_.pop_front();
+    base::Bytes answer(bytes_.begin() + static_cast<std::ptrdiff_t>(range.offset),
+                       bytes_.begin() + static_cast<std::ptrdiff_t>(range.offset + range.length));
+    std::optional<base::Bytes> spoiled = spoil ? spoil(range, answer) : std::optional(answer);
+    if (!spoiled) return stream_.failed(range.id, now);
+    sent += spoiled->size();
+    stream_.received(range.id, *spoiled, now);
+  }
+  std::size_t underWay() const { return queue_.size(); }
+
+ private:
+  Stream& stream_;
+  const base::Bytes bytes_;
+  std::deque<ByteRange> queue_;
+};
+
+inline StreamOptions withoutIdling() {
+  StreamOptions options;
+  options.idle_bytes = 0;
+  return options;
+}
+
+/// One view until nothing more comes for it; the picture at last.
+inline Traversal fetchAll(Stream& stream, Host& host, const TraverseRequest& request, double& now,
+                          const std::function<void(const Traversal&)>& each = {}) {
+  Traversal found;
+  for (int turn = 0; turn < 20'000; ++turn) {
+    stream.traverse(request, std::nullopt, found);
+    if (each) each(found);
+    if (stream.complete() || !stream.problem().empty()) break;
+    host.ask(now);
+    now += 0.01;
+    if (host.underWay() > 0) host.answerOne(now);
+  }
+  return found;
+}
+
+}  // namespace lod::qsplat

@@ -1,0 +1,45 @@
+#pragma once
+// A qsplat.lgq in the plain form as one in the coded form, in memory.
+#include <algorithm>
+#include <cstring>
+
+#include "base/check.h"
+#include "base/crc32c.h"
+#include "lod/build/qsplat/code_file.h"
+
+namespace support {
+
+inline base::Bytes codedSplats(base::ByteView plain, unsigned threads = 1) {
+  base::Bytes coded;
+  lod::build::qsplat::CodeOptions options;
+  options.threads = threads;
+  const auto header = lod::build::qsplat::codeFile(
+      [&](std::uint64_t offset, std::span<std::uint8_t> out) {
+        std::copy_n(plain.begin() + static_cast<std::ptrdiff_t>(offset), out.size(), out.begin());
+        return base::Result<void>();
+      },
+      options,
+      [&](base::ByteView bytes) {
+        coded.insert(coded.end(), bytes.begin(), bytes.end());
+        return base::Result<void>();
+      });
+  LUMIGRID_CHECK(static_cast<bool>(header));
+  return coded;
+}
+
+/// Any bytes as such a file whose header's checksum, and with `length_too` the length that it says the file has, are
+/// right.
+inline base::Bytes sealedHeader(base::ByteView bytes, bool length_too = true) {
+  base::Bytes sealed(bytes.begin(), bytes.end());
+  if (sealed.size() < 24) return sealed;
+  const std::uint64_t file_bytes = sealed.size();
+  if (length_too) std::memcpy(&sealed[16], &file_bytes, sizeof(file_bytes));
+  std::uint32_t length = 0;
+  std::memcpy(&length, &sealed[12], sizeof(length));
+  if (length < 24 || length > sealed.size()) return sealed;
+  const std::uint32_t crc = base::crc32c(base::ByteView(sealed).first(length - 4));
+  std::memcpy(&sealed[length - 4], &crc, sizeof(crc));
+  return sealed;
+}
+
+}  // namespace support
