@@ -241,6 +241,10 @@ std::string App::permalink() const {
   return formatPermalink(state_->view);
 }
 
+bool App::lensShown() const {
+  return state_->lens.has_value();
+}
+
 void App::showStatistics(bool shown) {
   state_->view.statistics = shown;
   state_->touched();
@@ -413,6 +417,7 @@ Statistics App::statistics() const {
   out.hit_rate = asked > 0.0 ? s.images_used / asked : 0.0;
   out.splats = stats.splats.splats;
   out.lens_px = stats.splats.lens_px;
+  out.limited = stats.splats.limited;
   out.blocks = stats.splats.stream.blocks;
   out.blocks_present = stats.splats.stream.present;
   out.blocks_requested = stats.splats.stream.requested;

@@ -153,6 +153,7 @@ class App {
   const ViewState& view() const;
   std::string permalink() const;
   void showStatistics(bool shown);
+  bool lensShown() const;  ///< the magnifying glass
   /// The picture's colour where there is no model: RGBA, 0 … 1.
   void setBackground(const std::array<float, 4>& color);
   /// Goes to a link's view at once; before the scene is known it becomes the first view. An error changes nothing and

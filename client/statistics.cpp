@@ -61,7 +61,8 @@ std::vector<StatisticsLine> splatLines(const Statistics& s) {
                      (s.lens_px > 0.0 ? format(", %.1f in the glass", s.lens_px) : std::string())},
       {"blocks", grouped(s.blocks_present) + " of " + grouped(s.blocks) + " here, " + grouped(s.blocks_requested) +
                      " requested, " + grouped(s.blocks_wanted) + " wanted"},
-      {"memory", formatBytes(s.memory_bytes) + " of " + formatBytes(s.memory_budget)},
+      {"memory", formatBytes(s.memory_bytes) + " of " + formatBytes(s.memory_budget) +
+                     (s.limited ? ": finer splats need more" : "")},
       {"received", formatBytes(s.received_bytes)},
       {"link", format("%.1f Mbit/s", s.megabits_per_second)}};
   if (s.broken > 0) lines.push_back({"broken", s.last_fault});

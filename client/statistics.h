@@ -30,6 +30,7 @@ struct Statistics {
   Accuracy accuracy = Accuracy::kNothing;
   std::uint64_t splats = 0;  ///< drawn
   double lens_px = 0.0;      ///< as error_px, through the magnifying glass; 0: there is none
+  bool limited = false;      ///< memory forbids finer splats
   std::uint64_t blocks = 0;  ///< of the file of splats; 0: none is shown
   std::uint64_t blocks_present = 0, blocks_requested = 0, blocks_wanted = 0;
   bool complete = false;     ///< all for this view is here and shown

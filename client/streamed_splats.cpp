@@ -11,6 +11,9 @@ namespace {
 // As found, as the renderer sorts them, and on the GPU, with what buffers keep in reserve.
 constexpr std::uint64_t kBytesPerSplat = 4 * sizeof(lod::qsplat::Splat);
 constexpr int kMostTries = 4;
+// At rest, while blocks come, drawing gets one part of the time and what they need so many: a page has one thread for
+// both, and a frame of a million splats takes a second on some machines.
+constexpr double kPartsForBlocks = 3.0;
 
 bool sameCamera(const base::Camera& a, const base::Camera& b) {
   return a.clip_from_eye == b.clip_from_eye && a.eye_from_scene == b.eye_from_scene && a.width == b.width &&
@@ -110,12 +113,16 @@ float StreamedSplats::cutoff() const {
   return std::max(wanted, finest());
 }
 
-/// While what the last traversal found lacking is still being asked for, another one would find little else, and cost
-/// more time than the answers take.
-void StreamedSplats::update(const base::Camera& camera, const SplatLook& look) {
+/// Of what the last traversal found lacking: as long as that is being asked for, another one would find little else,
+/// and cost more time than the answers take.
+bool StreamedSplats::moreIsComing() const {
   const lod::qsplat::StreamStats stats = stream_.stats();
+  return stats.wanted > 0 && stats.requested > 0;
+}
+
+void StreamedSplats::update(const base::Camera& camera, const SplatLook& look) {
   const bool same_view = chosen_ && sameCamera(camera, camera_) && look.section == section_ && look.lens == lens_;
-  if (same_view && stats.wanted > 0 && stats.requested > 0) return;
+  if (same_view && moreIsComing()) return;
   choose(camera, look);
 }
 
@@ -159,12 +166,21 @@ void StreamedSplats::setPace(const base::Camera& camera) {
 
 base::Result<void> StreamedSplats::draw(const base::Camera& camera, const SplatLook& look) {
   const bool moved = !drawn_from_ || !sameCamera(*drawn_from_, camera);
-  const bool timed = moved && options_.clock && options_.frame_seconds > 0.0;
-  const double begin = timed ? options_.clock() : 0.0;
+  const double begin = now();
   setPace(camera);
   choose(camera, look);
   drawn_from_ = camera;
+  LUMIGRID_TRY(drawFound(camera, look));
+  if (moved && stream_.header() != nullptr && options_.clock && options_.frame_seconds > 0.0) {
+    waitForGpu();
+    rate_.measured(now() - begin);
+  }
+  drawn_at_ = now();
+  draw_seconds_ = drawn_at_ - begin;
+  return {};
+}
 
+base::Result<void> StreamedSplats::drawFound(const base::Camera& camera, const SplatLook& look) {
   GLint framebuffer = 0;
   glGetIntegerv(GL_FRAMEBUFFER_BINDING, &framebuffer);
   glDisable(GL_SCISSOR_TEST);
@@ -185,15 +201,8 @@ base::Result<void> StreamedSplats::draw(const base::Camera& camera, const SplatL
   view.section = look.section;
   view.two_sided = options_.back_faces || look.section != base::kNoSection;
   view.colors = look.resolution_colors ? lod::draw::SplatColors::kResolution : lod::draw::SplatColors::kSurface;
-  view.model_radius = stream_.header()->root.radius;
-  LUMIGRID_TRY(
-      renderer_->draw(found_.splats, options_.kernel, view,
-                      {static_cast<GLuint>(framebuffer), camera.width, camera.height, look.background[3] > 0.0F}));
-  if (timed) {
-    waitForGpu();
-    rate_.measured(options_.clock() - begin);
-  }
-  return {};
+  return renderer_->draw(found_.splats, options_.kernel, view,
+                         {static_cast<GLuint>(framebuffer), camera.width, camera.height, look.background[3] > 0.0F});
 }
 
 std::optional<glm::vec3> StreamedSplats::surfaceAt(const base::Camera& camera, const SplatLook& look, double x,
@@ -231,7 +240,9 @@ bool StreamedSplats::complete() const {
 }
 
 bool StreamedSplats::busy() const {
-  return chosen_ && (found_generation_ != stream_.generation() || cutoff_px_ > finest());
+  if (!chosen_ || cutoff_px_ > finest()) return chosen_;
+  if (found_generation_ == stream_.generation()) return false;
+  return !moreIsComing() || !options_.clock || now() - drawn_at_ >= kPartsForBlocks * draw_seconds_;
 }
 
 SplatStats StreamedSplats::stats() const {

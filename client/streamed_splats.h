@@ -44,6 +44,9 @@ class StreamedSplats final : public SplatView {
   float finest() const;
   void choose(const base::Camera& camera, const SplatLook& look);
   void setPace(const base::Camera& camera);
+  base::Result<void> drawFound(const base::Camera& camera, const SplatLook& look);
+  bool moreIsComing() const;
+  double now() const { return options_.clock ? options_.clock() : 0.0; }
 
   const SplatFilePlace file_;
   const base::Bytes welcome_;
@@ -64,6 +67,8 @@ class StreamedSplats final : public SplatView {
   float coarser_ = 1.0F;  ///< factor of the cut-off that memory asks for in this view
 
   std::optional<base::Camera> drawn_from_;
+  double drawn_at_ = -1e300;   ///< when the last drawing ended
+  double draw_seconds_ = 0.0;  ///< that it took
   std::unique_ptr<lod::draw::SplatRenderer> renderer_;
 };
 

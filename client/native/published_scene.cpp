@@ -18,8 +18,15 @@ constexpr std::uint64_t kMostJsonBytes = std::uint64_t{16} << 20;
 constexpr std::uint64_t kSceneJsonId = ~std::uint64_t{0};  // no range's
 constexpr double kFirstPause = 0.25, kLongestPause = 5.0;  // seconds
 
-std::string nameOf(const std::string& place) {
-  return place.substr(place.rfind('/') + 1);
+/// The last part of the address; where it has none, what the scene was made of: "tower" of "/scans/tower.ply".
+std::string nameOf(const std::string& place, const base::Scene& scene) {
+  const std::size_t host = place.find("://");
+  const bool has_folder = host == std::string::npos || place.find('/', host + 3) != std::string::npos;
+  const std::string last = place.substr(place.rfind('/') + 1);
+  if (has_folder || scene.sources.empty()) return last;
+  const std::string& source = scene.sources.front().path;
+  const std::string stem = source.substr(source.rfind('/') + 1);
+  return stem.empty() ? last : stem.substr(0, stem.rfind('.'));
 }
 
 }  // namespace
@@ -36,7 +43,7 @@ std::optional<StaticPart> partOf(const base::Scene& scene, const std::string& st
 protocol::Welcome welcomeFrom(const base::Scene& scene, const std::string& place) {
   const base::Aabb box = scene.localBox();
   protocol::Welcome welcome;
-  welcome.scene_name = nameOf(place);
+  welcome.scene_name = nameOf(place, scene);
   welcome.units = scene.units == "unknown" ? "" : scene.units;
   welcome.origin = scene.origin;
   welcome.box_min = box.min;

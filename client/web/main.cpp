@@ -184,6 +184,11 @@ EMSCRIPTEN_KEEPALIVE void say(const char* text, int error) {
 
 // ---- state that comes from the page and goes there ----
 
+EMSCRIPTEN_KEEPALIVE const char* method() {
+  for (const auto& [known, name] : lod::kMethodNames)
+    if (known == page.app->view().method) return name.data();
+  return "";
+}
 EMSCRIPTEN_KEEPALIVE const char* permalink() {
   return hand(page.app->permalink());
 }
@@ -254,7 +259,7 @@ EMSCRIPTEN_KEEPALIVE double overlayVersion() {
 
 /// Rows that begin with what they are:
 ///   scene name unit | status kind text advice | progress active share | mode mode hint | help shown
-///   view statistics colours orthographic section | toast id error text | annotation index
+///   view statistics colours orthographic section lens | toast id error text | annotation index
 ///   label kind index x y visible approximate open text | line x0 y0 x1 y1 approximate
 EMSCRIPTEN_KEEPALIVE const char* overlay() {
   const client::App& app = *page.app;
@@ -268,7 +273,7 @@ EMSCRIPTEN_KEEPALIVE const char* overlay() {
   rows.add("help").add(app.helpShown() ? 1 : 0).end();
   const client::ViewState& view = app.view();
   rows.add("view").add(view.statistics ? 1 : 0).add(view.colors_by_resolution ? 1 : 0);
-  rows.add(view.orthographic ? 1 : 0).add(view.section.on ? 1 : 0).end();
+  rows.add(view.orthographic ? 1 : 0).add(view.section.on ? 1 : 0).add(app.lensShown() ? 1 : 0).end();
   for (const client::Toast& toast : app.toasts())
     rows.add("toast").add(static_cast<double>(toast.id)).add(toast.error ? 1 : 0).add(toast.text).end();
   if (auto open = app.openAnnotation()) rows.add("annotation").add(static_cast<double>(*open)).end();

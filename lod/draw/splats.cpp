@@ -7,6 +7,7 @@
 #include <limits>
 #include <string>
 
+#include "lod/draw/view_modes.h"
 #include "lod/qsplat/node.h"
 
 namespace lod::draw {
@@ -32,7 +33,7 @@ uniform vec3 u_ray_right;
 uniform vec3 u_ray_up;
 uniform float u_margin;                // of a quad at depth 1: what rasterisers may round corners by
 uniform float u_cells[52];             // where the cells of a normal's face have their middles
-uniform float u_model_radius;
+uniform float u_pixels;                // that a length of 1 spans at depth 1
 uniform bool u_two_sided;
 uniform float u_push;                  // depth is that of a point so many radii behind the centre
 uniform float u_rim;                   // and of the rim so many behind that
@@ -63,14 +64,8 @@ vec3 decodeNormal(uint code) {
   return normalize(n);
 }
 
-vec3 surfaceColor(float radius) {
-#ifdef RESOLUTION
-  float halvings = clamp(log2(u_model_radius / radius) / 14.0, 0.0, 1.0);
-  vec3 ramp = abs(fract(vec3(0.0, 2.0 / 3.0, 1.0 / 3.0) + 0.7 * halvings) * 6.0 - 3.0) - 1.0;
-  return clamp(ramp, 0.0, 1.0);
-#else
+vec3 surfaceColor() {
   return vec3(uvec3(look.y >> 11, look.y >> 5 & 63u, look.y & 31u)) / vec3(31.0, 63.0, 31.0);
-#endif
 }
 
 // Of a point at this place, whatever the quad's corners are.
@@ -90,12 +85,15 @@ void main() {
   // over instead, it would be lit from the wrong side, and silhouettes would get dark fringes.
   float lean = dot(normal, towards);
   if (!u_two_sided && lean < 0.0) normal -= (lean - 1e-3) * towards;
-  v_color = shadeSurface(surfaceColor(radius), normal, to_eye);
+  v_color = shadeSurface(surfaceColor(), normal, to_eye);
 #ifndef POINTS
   vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0;
 #endif
   float depth = dot(vec4(u_clip_from_scene[0].w, u_clip_from_scene[1].w, u_clip_from_scene[2].w,
                          u_clip_from_scene[3].w), vec4(center, 1.0));
+#ifdef RESOLUTION
+  v_color = tinted(v_color, depth > 0.0 ? 2.0 * radius * u_pixels / depth : 1e9);
+#endif
   float margin = u_margin * max(depth, 0.0);
   // The step: a splat whose depth is clamped shall also lie before itself.
   float behind = u_push > 0.0 ? kStep : 0.0;
@@ -364,7 +362,8 @@ base::Result<const base::gl::Program*> SplatRenderer::program(const Pass& pass) 
   base::gl::Program& made = programs_[pass.number()];
   if (made.name() != 0) return &made;
   const std::string defines = pass.defines();
-  auto linked = base::gl::Program::link("splats", defines + shadingSource() + kSplatVertex, defines + kSplatFragment);
+  auto linked = base::gl::Program::link("splats", defines + shadingSource() + tintSource() + kSplatVertex,
+                                        defines + kSplatFragment);
   if (!linked) return linked.error();
   made = std::move(*linked);
   made.use();
@@ -435,7 +434,10 @@ base::Result<void> SplatRenderer::drawShape(const Pass& pass, const SplatView& v
   glUniform1f(used.uniform("u_push"), pass.push);
   glUniform1f(used.uniform("u_rim"), kRimRadii);
   glUniform1i(used.uniform("u_two_sided"), view.two_sided ? 1 : 0);
-  glUniform1f(used.uniform("u_model_radius"), view.model_radius);
+  if (pass.resolution) {
+    setTint(used);
+    glUniform1f(used.uniform("u_pixels"), view.camera.pixelsPerUnitAtOne());
+  }
   glUniform4f(used.uniform("u_section"), view.section.x, view.section.y, view.section.z, view.section.w);
 
   glBindVertexArray(pass.points ? as_points_.name() : as_quads_.name());

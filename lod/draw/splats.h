@@ -38,8 +38,7 @@ inline std::optional<SplatKernel> splatKernelFromName(std::string_view name) {
 
 enum class SplatColors {
   kSurface,     ///< the scan's, shaded
-  kResolution,  ///< by the splat's radius: red for the model's own, through yellow, green and blue as they halve
-                ///< (Rusinkiewicz and Levoy 2001, section 4.1), shaded
+  kResolution,  ///< kResolutionLegend's, by the pixels that a splat spans (Rusinkiewicz and Levoy 2001, section 4.1)
 };
 
 struct SplatView {
@@ -48,7 +47,6 @@ struct SplatView {
   glm::vec4 section = base::kNoSection;  ///< what lies beyond is cut away
   bool two_sided = false;                ///< normals that lean away are turned over: where back faces were not culled
   SplatColors colors = SplatColors::kSurface;
-  float model_radius = 1.0F;  ///< of the root sphere, scene units: what kResolution is relative to
 };
 
 struct SplatTarget {

@@ -2,20 +2,34 @@
 
 namespace lod::draw {
 
-std::string viewModesSource() {
+std::string tintSource() {
   return R"(
-uniform vec4 u_section;                // what has dot(xyz, position) > w is cut away
-uniform bool u_cut_open;
-uniform vec3 u_section_color;
-uniform bool u_show_resolution;
 uniform vec4 u_steps[5];               // colour, and up to how many pixels
-bool isCutAway(vec3 position) {
-  return dot(u_section.xyz, position) > u_section.w;
-}
 vec3 tinted(vec3 color, float pixels) {
   int step = 0;
   while (step < 4 && pixels > 1.1 * u_steps[step].w) ++step;   // a texel a pixel is as fine as it gets, roundings aside
   return u_steps[step].rgb * (0.35 + 0.65 * dot(color, vec3(0.299, 0.587, 0.114)));
+}
+)";
+}
+
+void setTint(const base::gl::Program& program) {
+  std::array<glm::vec4, kResolutionLegend.size()> steps{};
+  for (std::size_t i = 0; i < steps.size(); ++i) {
+    const ResolutionStep& step = kResolutionLegend[i];
+    steps[i] = glm::vec4(glm::vec3(step.color[0], step.color[1], step.color[2]) / 255.0F, step.up_to_px);
+  }
+  glUniform4fv(program.uniform("u_steps[0]"), static_cast<GLsizei>(steps.size()), &steps[0][0]);
+}
+
+std::string viewModesSource() {
+  return tintSource() + R"(
+uniform vec4 u_section;                // what has dot(xyz, position) > w is cut away
+uniform bool u_cut_open;
+uniform vec3 u_section_color;
+uniform bool u_show_resolution;
+bool isCutAway(vec3 position) {
+  return dot(u_section.xyz, position) > u_section.w;
 }
 )";
 }
@@ -31,12 +45,7 @@ void setViewModes(const base::gl::Program& program, const ViewModes& modes, cons
   const glm::vec3 cut_color = glm::vec3(kSectionColor[0], kSectionColor[1], kSectionColor[2]) / 255.0F;
   glUniform3f(program.uniform("u_section_color"), cut_color.r, cut_color.g, cut_color.b);
   glUniform1i(program.uniform("u_show_resolution"), modes.resolution_colors ? 1 : 0);
-  std::array<glm::vec4, kResolutionLegend.size()> steps{};
-  for (std::size_t i = 0; i < steps.size(); ++i) {
-    const ResolutionStep& step = kResolutionLegend[i];
-    steps[i] = glm::vec4(glm::vec3(step.color[0], step.color[1], step.color[2]) / 255.0F, step.up_to_px);
-  }
-  glUniform4fv(program.uniform("u_steps[0]"), static_cast<GLsizei>(steps.size()), &steps[0][0]);
+  setTint(program);
 }
 
 bool isCutAway(const glm::vec4& section, const base::Aabb& box) {

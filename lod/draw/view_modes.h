@@ -1,5 +1,5 @@
 #pragma once
-// What a viewer may lay over any picture of patches: a section plane, and colours by resolution. One piece of GLSL for
+// What a viewer may lay over any picture: a section plane, and colours by resolution. One piece of GLSL for
 // the client's renderer and the server's, so that both show the same.
 #include <array>
 #include <cstdint>
@@ -13,7 +13,7 @@
 namespace lod::draw {
 
 /// Colours by resolution: each fragment is tinted by how many screen pixels the detail shown there spans. From images,
-/// their texels (with what the proxy's error shifts); from patches, their projected error.
+/// their texels (with what the proxy's error shifts); from patches, their projected error; splats, their diameter.
 struct ResolutionStep {
   float up_to_px;                     ///< the last step has no end
   std::array<std::uint8_t, 3> color;  ///< sRGB
@@ -34,11 +34,17 @@ struct ViewModes {
 };
 
 /// Fragment GLSL and its uniforms: `bool isCutAway(vec3 position)`; `bool u_cut_open`: view rays come through what is
-/// cut away, so back faces are the inside of what is left and have `u_section_color`; `bool u_show_resolution`;
-/// `vec3 tinted(vec3 color, float pixels)`: the legend's colour with the picture's light and dark.
+/// cut away, so back faces are the inside of what is left and have `u_section_color`; `bool u_show_resolution`; and
+/// tintSource().
 std::string viewModesSource();
 /// Sets them; leaves `program` in use.
 void setViewModes(const base::gl::Program& program, const ViewModes& modes, const base::Camera& camera);
+
+/// For shaders of both kinds: `vec3 tinted(vec3 color, float pixels)`, the legend's colour with the picture's light and
+/// dark.
+std::string tintSource();
+/// Sets its uniforms; `program` is in use.
+void setTint(const base::gl::Program& program);
 
 /// True when all of the box is on the side that the section cuts away.
 bool isCutAway(const glm::vec4& section, const base::Aabb& box);

@@ -116,15 +116,20 @@ test("what is seen through the magnifying glass is finer, all else the same", as
   await page.close();
 });
 
-test("the magnifying glass and the statistics", async () => {
+test("the magnifying glass, by key and by button, and the statistics", async () => {
   const page = await open(browser, `${server.url}?method=qsplat`);
   await fine(page);
   await page.keyboard.press("l");
   await until(async () => (await page.locator("#lines line").count()) >= 64, "the glass's rim");
-  await page.keyboard.press("l");
+  assert.equal(await page.locator("#tool-l").getAttribute("aria-pressed"), "true");
+  await page.locator("#tool-l").click();
   await until(async () => (await page.locator("#lines line").count()) === 0, "its end");
   await page.keyboard.press("i");
   await until(async () => /blocks/.test(await page.locator("#statistics").innerText()), "blocks in the statistics");
+  assert.equal(await page.locator("#name").innerText(), "statue-60000", "of the mesh: the address has no folder");
+  await page.goto(`${server.url}?method=patches`);
+  await waitFor(page, (now) => now.triangles > 0, "patches");
+  assert.equal(await page.locator("#tool-l").count(), 0);
   await page.close();
 });
 

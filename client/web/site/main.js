@@ -180,7 +180,7 @@ function carryOut() {
     else if (kind === kSavePicture) openPicture({ dialog: document.getElementById("picture"), canvas, query: text, server: splats ? null : server, draw, name: document.getElementById("name").textContent, say });
     else if (kind === kKeepBookmarks) keepBookmarks();
     else if (kind === kKeepSettings) keepAndApply();
-    else if (kind === kShowSettings) showSettings(document.getElementById("settings"), core, settingChanged);
+    else if (kind === kShowSettings) showSettings(document.getElementById("settings"), core, { method: splats ? "qsplat" : core.text("method") }, settingChanged);
     else if (kind === kPick) pick(Number(id), numbers.map(Number));
   }
 }
@@ -195,7 +195,7 @@ function settingChanged(error, name) {
   schedule();
   if (error || name !== "method") return;
   carryOut(); // keeps it
-  load(settingValue(core, name));
+  load(settingValue(core, name)); // at once: what is shown stands in the address
 }
 
 // ---- the page around it ----
@@ -300,7 +300,7 @@ async function start() {
     retry: () => link?.retry(),
     check: scene && checkHost,
   });
-  makeTools(document.getElementById("tools"), (key) => {
+  makeTools(document.getElementById("tools"), splats, (key) => {
     core.call("key", `Key${key.toUpperCase()}`, key, 1, 0, now());
     core.call("key", `Key${key.toUpperCase()}`, key, 0, 0, now());
     schedule();

@@ -179,10 +179,10 @@ export function makeOverlay(core, { ratio, press, retry, check }) {
       byId("hint").hidden = hint === "";
       if (byId("hint").textContent !== hint) byId("hint").textContent = hint;
       byId("view").classList.toggle("measuring", mode !== "0");
-      const [, statistics, colours, orthographic, section] = one("view");
+      const [, statistics, colours, orthographic, section, lens] = one("view");
       byId("statistics").hidden = statistics !== "1";
       showLegend(colours === "1");
-      const pressed = { i: statistics, c: colours, o: orthographic, x: section, m: mode === "0" ? "0" : "1" };
+      const pressed = { i: statistics, c: colours, o: orthographic, x: section, l: lens, m: mode === "0" ? "0" : "1" };
       for (const [key, on] of Object.entries(pressed)) byId(`tool-${key}`)?.setAttribute("aria-pressed", on === "1" ? "true" : "false");
       showToasts(all("toast"));
       showLabels(all("label"));

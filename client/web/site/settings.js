@@ -70,8 +70,10 @@ function inputFor(field) {
   return input;
 }
 
-export function showSettings(dialog, core, changed) {
+/// `shown`: values by name that rule over what is kept, and take effect at once.
+export function showSettings(dialog, core, shown, changed) {
   const rows = fieldsOf(core).map((field) => {
+    if (field.name in shown) Object.assign(field, { value: field.choices.indexOf(shown[field.name]), later: false });
     const label = document.createElement("label");
     const words = document.createElement("span");
     words.textContent = field.label;

@@ -42,7 +42,14 @@ export function partOf(parts, front, end) {
   return part && /-[0-9a-f]{32}\./.test(part.file) && Number.isSafeInteger(part.bytes) && part.bytes > 0 ? part : null;
 }
 
-const nameOf = (base) => decodeURIComponent(new URL(base).pathname.split("/").filter(Boolean).at(-1) ?? new URL(base).host);
+/// The last part of the address; where it has none, what the scene was made of: "tower" of "/scans/tower.ply".
+function nameOf(base, scene) {
+  const { pathname, host } = new URL(base);
+  const folder = pathname.split("/").filter(Boolean).at(-1);
+  if (folder) return decodeURIComponent(folder);
+  const source = String(scene.sources?.[0]?.path ?? "").split("/").at(-1);
+  return source.replace(/\.[^.]*$/, "") || host;
+}
 
 /// Reads scene.json. `base`: URL of its folder. The result: {scene, parts, numbers}, numbers as client/web/web_welcome.h has them. Throws SceneError.
 async function readScene(base) {
@@ -74,7 +81,7 @@ export async function openSplatScene(base, core, changed) {
   if (!splats && parts.some(({ file }) => /^patch.*\.lgp$/.test(file))) throw new NoSplats(`${url} lists no splats`, advice);
   if (!splats) throw new SceneError(`${url} lists no splats`, advice);
   fetchRanges(base, core, changed);
-  core.withNumbers([...numbers, splats.bytes], (at) => core.call("openSplats", base.replace(/\/$/, ""), nameOf(base), String(scene.units ?? ""), splats.file, at));
+  core.withNumbers([...numbers, splats.bytes], (at) => core.call("openSplats", base.replace(/\/$/, ""), nameOf(base, scene), String(scene.units ?? ""), splats.file, at));
   return (now) => core.call("pumpStatic", now) !== 0;
 }
 
@@ -86,7 +93,7 @@ export async function openStaticScene(base, core, changed) {
   if (!patches) throw new SceneError(`${url} is not published`, "Its parts have no names by content; put there what lumigrid publish wrote.");
   const index = partOf(parts, "images/index-", ".lgi");
   fetchRanges(base, core, changed);
-  core.withNumbers([...numbers, patches.bytes, index?.bytes ?? 0], (at) => core.call("openStatic", base.replace(/\/$/, ""), nameOf(base), String(scene.units ?? ""), patches.file, index?.file ?? "", at));
+  core.withNumbers([...numbers, patches.bytes, index?.bytes ?? 0], (at) => core.call("openStatic", base.replace(/\/$/, ""), nameOf(base, scene), String(scene.units ?? ""), patches.file, index?.file ?? "", at));
   return (now) => core.call("pumpStatic", now) !== 0;
 }
 

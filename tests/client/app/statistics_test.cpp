@@ -27,6 +27,9 @@ TEST(Statistics, withSplatsBlocksAreCounted) {
   EXPECT_EQ(lineOf(s, "splats"), "123 456, down to 1.0 px");
   s.lens_px = 0.5;
   EXPECT_EQ(lineOf(s, "splats"), "123 456, down to 1.0 px, 0.5 in the glass");
+  EXPECT_EQ(lineOf(s, "memory").find("finer"), std::string::npos);
+  s.limited = true;
+  EXPECT_NE(lineOf(s, "memory").find(": finer splats need more"), std::string::npos);
   EXPECT_EQ(lineOf(s, "blocks"), "1 200 of 4 000 here, 6 requested, 77 wanted");
   EXPECT_EQ(lineOf(s, "images"), "");
   EXPECT_EQ(lineOf(s, "broken"), "");

@@ -164,6 +164,36 @@ TEST_F(StreamedSplatsTest, aMovingViewIsAsCoarseAsTheRateAsksForAndRestRefinesIt
   EXPECT_FALSE(viewer_->stats().busy);
 }
 
+// A page has one thread for drawing and for what comes.
+TEST_F(StreamedSplatsTest, aPictureAtRestIsDrawnAgainWhenAllIsHereOrDrawingHadItsPart) {
+  SplatOptions options = still();
+  double clock = 0.0, drawing = 0.5;
+  options.clock = [&] { return clock += drawing; };
+  open(options);
+  // A link so slow that little may be under way; until a picture lacks more than that.
+  const auto stream = [&] { return splats_->stats().stream; };
+  const auto next = [&] { splats_->pump(viewer_->session(), now_ += 1.0); };
+  do {
+    next();
+    draw(view());
+  } while (stream().wanted < 40);
+  drawing = 0.0;
+  const double drawn = clock;
+  for (int i = 0; i < 2; ++i) next();
+  ASSERT_GT(stream().wanted, 0U);
+  ASSERT_GT(stream().requested, 0U);
+  EXPECT_FALSE(viewer_->stats().busy);
+  clock = drawn + 1.4;
+  EXPECT_FALSE(viewer_->stats().busy);
+  clock = drawn + 1.6;
+  EXPECT_TRUE(viewer_->stats().busy) << "three times what drawing took";
+  draw(view());
+  EXPECT_FALSE(viewer_->stats().busy) << "nothing came";
+  while (stream().wanted > 0) next();
+  next();
+  EXPECT_TRUE(viewer_->stats().busy) << "all that it lacked";
+}
+
 TEST_F(StreamedSplatsTest, throughTheLensThePictureIsFinerAndElsewhereTheSame) {
   SplatOptions options = still();
   options.cutoff_px = 12.0F;

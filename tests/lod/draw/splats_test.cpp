@@ -13,6 +13,7 @@
 #include "lod/build/import.h"
 #include "lod/build/qsplat/build.h"
 #include "lod/build/sample.h"
+#include "lod/draw/view_modes.h"
 #include "lod/qsplat/node.h"
 #include "lod/qsplat/traverse.h"
 #include "tests/lod/build/qsplat/splat_leaves.h"
@@ -382,21 +383,21 @@ TEST_F(SplatsTest, aSectionCutsSplatsInTwo) {
   }
 }
 
-TEST_F(SplatsTest, resolutionShowsAsColour) {
+TEST_F(SplatsTest, resolutionShowsInTheLegendsColours) {
   SplatView view;
   view.camera = cameraOf(30.0);
   view.shading.unlit = true;
   view.colors = SplatColors::kResolution;
-  view.model_radius = 1.0F;
-  std::vector<glm::ivec3> colors;
-  for (const float radius : {1.0F, 0.25F, 0.0625F, 0.0156F}) {
-    const base::Image picture = this->picture(std::array{splatAt({0, 0, -1}, radius)}, SplatKernel::kSquare, view);
-    const std::uint8_t* pixel = picture.at(kSize / 2, kSize / 2);
-    colors.emplace_back(pixel[0], pixel[1], pixel[2]);
-  }
-  EXPECT_EQ(colors[0], glm::ivec3(255, 0, 0));
-  for (std::size_t i = 1; i < colors.size(); ++i)
-    EXPECT_GT(glm::length(glm::vec3(colors[i] - colors[i - 1])), 60.0F) << i;
+  constexpr float kDepth = 10.0F;
+  const float pixel = kDepth / view.camera.pixelsPerUnitAtOne();
+  const std::array<float, 5> pixels{0.9F, 1.8F, 3.5F, 7.0F, 20.0F};
+  for (const SplatKernel kernel : {SplatKernel::kSquare, SplatKernel::kCircle, SplatKernel::kEllipse})
+    for (std::size_t i = 0; i < pixels.size(); ++i) {
+      const glm::vec3 middle(0.5F * pixel, -0.5F * pixel, -kDepth);  // of a pixel
+      const base::Image picture = this->picture(std::array{splatAt(middle, 0.5F * pixels[i] * pixel)}, kernel, view);
+      const std::uint8_t* shown = picture.at(kSize / 2, kSize / 2);
+      for (std::size_t k = 0; k < 3; ++k) EXPECT_NEAR(shown[k], kResolutionLegend[i].color[k], 1) << pixels[i];
+    }
 }
 
 TEST_F(SplatsTest, oneRendererDrawsManyAndFewAndNone) {
