@@ -251,7 +251,7 @@ Coarser coarserOf(const Merged& before, const SurfaceError& before_error, Simpli
 // which are sums, and more on the lowest levels, which add up less (docs/results/hierarchy.md, "Stated errors").
 float usualLimit(const ErrorHistogram& errors, std::uint32_t level) {
   const double cube = static_cast<double>(level) * level * level;
-  return std::max(4.0F, static_cast<float>(1.75 + 3.75 / cube) * errors.quantile(0.9));
+  return std::max(4.0F, static_cast<float>(1.8 + 5.6 / cube) * errors.quantile(0.9));
 }
 
 }  // namespace

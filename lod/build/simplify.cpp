@@ -298,7 +298,10 @@ class Simplifier {
       if (!last && before - live_ < std::max<std::size_t>(1, before / 50)) ++stage;
       refillQueue();
     }
-    while (reached_.size() < targets_.size()) keepResult(stage > 0);
+    while (reached_.size() + 1 < targets_.size()) keepResult(stage > 0);
+    Simplified last = result(stage > 0);
+    mesh_.indices.clear();
+    reached_.push_back({std::move(mesh_), std::move(last)});
     return std::move(reached_);
   }
 
