@@ -51,6 +51,11 @@ base::Result<void> needFree(const std::string& directory, std::uint64_t bytes, c
                                         " are needed, " + sizeText(space.available) + " are free; " + advice};
 }
 
+// Whether a rerun can: what is wrong with the source stays wrong.
+bool mayGoOn(const base::Error& error) {
+  return error.code == ErrorCode::kCancelled || error.code == ErrorCode::kNoSpace || error.code == ErrorCode::kIo;
+}
+
 }  // namespace
 
 base::Result<WorkDirectory> WorkDirectory::open(const std::string& path, const std::string& key) {
@@ -153,10 +158,6 @@ base::Error damagedWorkFiles(const std::string& directory) {
 
 bool isDamage(const base::Error& error) {
   return error.message.find(kDamaged) != std::string::npos;
-}
-
-bool mayGoOn(const base::Error& error) {
-  return error.code == ErrorCode::kCancelled || error.code == ErrorCode::kNoSpace || error.code == ErrorCode::kIo;
 }
 
 bool WorkDirectory::has(const std::string& name) const {

@@ -62,9 +62,6 @@ base::Error damagedWorkFiles(const std::string& directory);
 /// Whether an error is that: a build from the source mends it.
 bool isDamage(const base::Error& error);
 
-/// Whether a rerun can go on after it: what is wrong with the source stays wrong.
-bool mayGoOn(const base::Error& error);
-
 /// A new directory under the system's place for temporary files; removed with all that is in it.
 class TemporaryDirectory {
  public:

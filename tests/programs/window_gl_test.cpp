@@ -37,8 +37,8 @@ class Display {
     // Whichever display is free; its number comes back in a file.
     const std::string screen = std::to_string(kWidth) + "x" + std::to_string(kHeight) + "x24";
     pid_ = spawn({"/bin/sh", "-c",
-                  std::string("exec ") + kXvfb + " -displayfd 1 -nocursor -nolisten tcp -screen 0 " + screen + " -fbdir '" +
-                      directory + "' >'" + directory + "/number' 2>/dev/null"});
+                  std::string("exec ") + kXvfb + " -displayfd 1 -nocursor -nolisten tcp -screen 0 " + screen +
+                      " -fbdir '" + directory + "' >'" + directory + "/number' 2>/dev/null"});
     for (int i = 0; i < 1000 && readText(directory + "/number").find('\n') == std::string::npos; ++i)
       std::this_thread::sleep_for(std::chrono::milliseconds(10));
     const std::string number = readText(directory + "/number");
