@@ -1,8 +1,6 @@
 #include "lod/build/work_directory.h"
 
-#include <fcntl.h>
 #include <malloc.h>
-#include <sys/file.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
@@ -16,6 +14,7 @@
 
 #include "base/crc32c.h"
 #include "base/file.h"
+#include "base/file_lock.h"
 
 namespace lod::build {
 namespace {
@@ -65,10 +64,11 @@ base::Result<WorkDirectory> WorkDirectory::open(const std::string& path, const s
   WorkDirectory out;
   out.path_ = path;
   out.key_ = key;
-  out.lock_ = ::open((path + "/lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
-  if (out.lock_ < 0) return base::systemError(path + "/lock", "create", errno);
-  if (::flock(out.lock_, LOCK_EX | LOCK_NB) != 0)
+  auto lock = base::tryLockFile(path + "/lock");
+  if (!lock && lock.error().code == ErrorCode::kBusy)
     return Error{ErrorCode::kBusy, path + ": another build is at work here; wait for it, or choose another directory"};
+  if (!lock) return lock.error();
+  out.lock_ = std::move(*lock);
 
   const auto stored = base::readFile(path + "/key");
   if (!key.empty() && stored && std::string(stored->begin(), stored->end()) == key) {
@@ -96,7 +96,6 @@ WorkDirectory& WorkDirectory::operator=(WorkDirectory&& other) noexcept {
 
 WorkDirectory::~WorkDirectory() {
   (void)settle();
-  if (lock_ >= 0) ::close(lock_);
 }
 
 base::Result<void> WorkDirectory::finishStage(std::uint32_t stage, base::Bytes state, std::vector<std::string> files,

@@ -10,6 +10,7 @@
 
 #include "base/bytes.h"
 #include "base/error.h"
+#include "base/file.h"
 
 namespace lod::build {
 
@@ -47,7 +48,7 @@ class WorkDirectory {
   std::string path_;
   std::string key_;
   std::uint32_t stage_ = 0;
-  int lock_ = -1;
+  base::FileDescriptor lock_;
   std::future<base::Result<void>> finishing_;
 };
 

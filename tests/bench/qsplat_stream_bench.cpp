@@ -27,6 +27,7 @@
 #include "lod/qsplat/splat_file.h"
 #include "lod/qsplat/stream/stream.h"
 #include "tests/bench/bench.h"
+#include "tests/bench/splat_view.h"
 
 namespace {
 using namespace lod::qsplat;
@@ -47,14 +48,7 @@ std::vector<base::Camera> viewsOf(const base::Sphere& root) {
   std::vector<base::Camera> views;
   for (const auto& [turn, pitch, radii] :
        {std::array{0.4, 0.6, 1.9}, std::array{2.1, 0.9, 1.2}, std::array{4.0, 0.7, 0.6}}) {
-    const glm::dvec3 away(std::cos(turn) * std::cos(pitch), std::sin(turn) * std::cos(pitch), std::sin(pitch));
-    base::ViewCamera view;
-    view.position = glm::dvec3(root.center) + radii * static_cast<double>(root.radius) * away;
-    view.direction = -away;
-    view.up = {0, 0, 1};
-    view.width = kWidth;
-    view.height = kHeight;
-    views.push_back(base::cameraForScene(view, glm::dvec3(0.0), root));
+    views.push_back(bench::orbitCamera(root, turn, pitch, radii, kWidth));
   }
   return views;
 }
@@ -197,16 +191,7 @@ constexpr std::array<MovingView, 4> kMovingViews{{
 }};
 
 base::Camera cameraAt(const Place& place, const base::Sphere& root) {
-  const glm::dvec3 away(std::cos(place.turn) * std::cos(place.pitch), std::sin(place.turn) * std::cos(place.pitch),
-                        std::sin(place.pitch));
-  base::ViewCamera view;
-  view.position = glm::dvec3(root.center) + place.radii * static_cast<double>(root.radius) * away;
-  const double c = std::cos(place.look), s = std::sin(place.look);
-  view.direction = {-c * away.x + s * away.y, -s * away.x - c * away.y, -away.z};
-  view.up = {0, 0, 1};
-  view.width = kWidth;
-  view.height = kHeight;
-  return base::cameraForScene(view, glm::dvec3(0.0), root);
+  return bench::orbitCamera(root, place.turn, place.pitch, place.radii, kWidth, place.look);
 }
 
 struct Toured {

@@ -14,6 +14,7 @@
 #include "lod/qsplat/splat_file.h"
 #include "lod/qsplat/traverse.h"
 #include "tests/bench/bench.h"
+#include "tests/bench/splat_view.h"
 #include "tests/support/coded_splats.h"
 #include "tests/support/splat_tree.h"
 #include "tests/support/test_meshes.h"
@@ -25,14 +26,7 @@ using lod::draw::SplatKernel;
 constexpr int kViews = 9;
 
 base::Camera cameraOf(const base::Sphere& root, double turn, double radii, int width) {
-  base::ViewCamera view;
-  const glm::dvec3 away = glm::normalize(glm::dvec3(std::cos(turn), std::sin(turn), 0.3));
-  view.position = glm::dvec3(root.center) + radii * static_cast<double>(root.radius) * away;
-  view.direction = -away;
-  view.up = {0, 0, 1};
-  view.width = width;
-  view.height = width * 9 / 16;
-  return base::cameraForScene(view, glm::dvec3(0.0), root);
+  return bench::orbitCamera(root, turn, std::atan(0.3), radii, width);
 }
 
 /// An off-screen picture and what draws into it.

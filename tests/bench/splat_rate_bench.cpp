@@ -18,6 +18,7 @@
 #include "client/streamed_splats.h"
 #include "lod/qsplat/splat_file.h"
 #include "tests/bench/bench.h"
+#include "tests/bench/splat_view.h"
 #include "tests/support/splat_tree.h"
 #include "tests/support/test_meshes.h"
 
@@ -53,14 +54,7 @@ constexpr std::array<Step, 6> kSteps{
     {{"the whole", 2.5}, {"near", 1.2}, {"small", 6.0}, {"inside", 0.5}, {"the whole", 2.5}, {"near", 1.2}}};
 
 base::Camera cameraAt(double radii, double turn, const base::Sphere& root, int width) {
-  base::ViewCamera view;
-  const glm::dvec3 away = glm::normalize(glm::dvec3(std::cos(turn), std::sin(turn), 0.5));
-  view.position = glm::dvec3(root.center) + radii * static_cast<double>(root.radius) * away;
-  view.direction = -away;
-  view.up = {0, 0, 1};
-  view.width = width;
-  view.height = width * 9 / 16;
-  return base::cameraForScene(view, glm::dvec3(0.0), root);
+  return bench::orbitCamera(root, turn, std::atan(0.5), radii, width);
 }
 
 struct Drawn {

@@ -46,70 +46,6 @@ std::vector<Splat> localSplats(const TraverseRequest& request) {
   return traverse(blocks, request).splats;
 }
 
-TEST(StreamTest, theFullyStreamedCutEqualsTheLocalOne) {
-  Stream stream(file().size(), withoutIdling());
-  Host host(stream, file());
-  double now = 0.0;
-  support::RandomViews views(5, header().root, 300);
-  for (int i = 0; i < 30; ++i) {
-    const TraverseRequest request = requestFor(views.next(), 0.7F);
-    const Traversal found = fetchAll(stream, host, request, now);
-    ASSERT_TRUE(stream.complete());
-    ASSERT_EQ(stream.problem(), "");
-    EXPECT_EQ(found.splats, localSplats(request)) << "view " << i;
-  }
-  // No byte came twice.
-  EXPECT_LE(host.sent, file().size());
-  EXPECT_EQ(stream.stats().present * kBlockBytes, host.sent);
-}
-
-TEST(StreamTest, answersInAnyOrderFailuresAndNewViewsAreNeverAskedForTwiceAtATime) {
-  for (unsigned seed = 1; seed <= 20; ++seed) {
-    StreamOptions options;
-    options.most_requests = 1 + seed % 7;
-    options.most_request_blocks = 1 + seed * 3 % 17;
-    options.idle_bytes = seed % 2 == 0 ? 1'000'000 : 0;
-    options.memory_bytes = seed % 3 == 0 ? kLeastStreamMemory : 10'000'000;
-    Stream stream(file().size(), options);
-    Host host(stream, file());
-    std::mt19937 random(seed);
-    host.spoil = [&](const ByteRange&, base::Bytes bytes) -> std::optional<base::Bytes> {
-      switch (random() % 6) {
-        case 0:
-          return std::nullopt;
-        case 1:
-          bytes.resize(random() % bytes.size());
-          return bytes;
-        default:
-          return bytes;
-      }
-    };
-    support::RandomViews views(seed, header().root, 400);
-    TraverseRequest request = requestFor(views.next());
-    Traversal found;
-    double now = 0.0;
-    for (int turn = 0; turn < 800; ++turn) {
-      now += 0.05;
-      if (random() % 40 == 0) request = requestFor(views.next(), 0.5F);
-      if (random() % 2 == 0) stream.traverse(request, std::nullopt, found);
-      host.ask(now);
-      ASSERT_FALSE(HasFatalFailure());
-      if (host.underWay() > 0 && random() % 3 != 0) host.answerOne(now, random() % 2 == 0);
-      ASSERT_LE(host.underWay(), options.most_requests);
-      ASSERT_EQ(stream.problem(), "");
-    }
-    EXPECT_GT(stream.stats().failures, 5U);
-    host.spoil = {};
-    while (host.underWay() > 0) host.answerOne(now);
-    fetchAll(stream, host, request, now);
-    EXPECT_TRUE(stream.complete()) << "seed " << seed;
-    if (options.memory_bytes > file().size()) {
-      stream.traverse(request, std::nullopt, found);
-      EXPECT_EQ(found.splats, localSplats(request));
-    }
-  }
-}
-
 TEST(StreamTest, refinementIsMonotone) {
   Stream stream(file().size(), withoutIdling());
   Host host(stream, file());
@@ -318,30 +254,6 @@ TEST(StreamTest, aBlockInAnothersPlaceIsNotTaken) {
   fetchAll(stream, host, requestFor(cameraFrom({0.0, 0.0, -1.0})), now);
   fetchAll(stream, host, requestFor(cameraFrom({0.0, 0.0, 1.0})), now);
   EXPECT_EQ(stream.stats().given_up, 2U);
-}
-
-TEST(StreamTest, aFailureAtEveryRequestInTurnChangesNothingInTheEnd) {
-  const TraverseRequest request = requestFor(cameraFrom({0.4, 0.1, -1.0}));
-  const std::vector<Splat> local = localSplats(request);
-  std::size_t requests = 0;
-  for (std::size_t victim = 0; victim <= requests; ++victim) {
-    StreamOptions options = withoutIdling();
-    options.most_request_blocks = 3;
-    Stream stream(file().size(), options);
-    Host host(stream, file());
-    std::size_t answered = 0;
-    host.spoil = [&](const ByteRange&, base::Bytes bytes) -> std::optional<base::Bytes> {
-      if (answered++ == victim) return std::nullopt;
-      return bytes;
-    };
-    double now = 0.0;
-    const Traversal found = fetchAll(stream, host, request, now);
-    EXPECT_EQ(found.splats, local) << "failed at " << victim;
-    EXPECT_EQ(stream.stats().failures, 1U);
-    requests = host.asked.size() - 1;
-    if (victim > 60) break;
-  }
-  EXPECT_GT(requests, 10U);
 }
 
 TEST(StreamTest, aHostThatIsAwayIsAskedLessAndLess) {
