@@ -8,6 +8,7 @@
 #include <memory>
 #include <optional>
 
+#include "base/geometry.h"
 #include "lod/build/facet_surface.h"
 #include "lod/build/overlay.h"
 
@@ -17,6 +18,8 @@ namespace {
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 constexpr float kFar = std::numeric_limits<float>::max();
 constexpr float kEpsilon = std::numeric_limits<float>::epsilon();
+// Where rounding may hide so much, in lattice steps, distances are measured in double.
+constexpr float kSlack = 0.05F;
 // Most facets that one walk visits; how often a triangle that no walk covers well is quartered, and how many walks all
 // its parts may take.
 constexpr int kMaxVisits = 60;
@@ -226,8 +229,8 @@ class Layer {
     float needed = allowed_;
     for (int k = 0; k < 3; ++k)
       needed = std::max(needed, std::sqrt(target_.facet(nearFacet(c[k], 0.0F)).distance2(source_.positions[c[k]])));
-    for (float limit = kRaise * needed + 1e-3F; limit < best_; limit *= kRaise) {
-      pieces_.clear(), abort_ = limit, worst_ = 0.0F, walks_ = kMaxWalks;
+    for (float limit = kRaise * needed + 1e-3F; limit < best_; limit = kRaise * std::max(limit, beyond_)) {
+      pieces_.clear(), abort_ = limit, worst_ = 0.0F, walks_ = kMaxWalks, beyond_ = 0.0F;
       if (!quarters(p, c, kMaxQuartering)) continue;
       best_ = worst_, kept_.swap(pieces_);
       break;
@@ -270,13 +273,30 @@ class Layer {
     return best_ <= allowed_;
   }
 
-  bool record(std::uint32_t t, const Facet& facet, float distance) {
-    const float slack = facet.roughness * (reach_ + facet.longest + glm::length(facet.corner[0] - origin_));
+  bool record(std::uint32_t t, const Facet& facet, const Polygon& polygon, float distance) {
+    float slack = facet.roughness * (reach_ + facet.longest + glm::length(facet.corner[0] - origin_));
+    if (slack > kSlack) {
+      distance = exactDistance(polygon, facet);
+      slack = 8.0F * kEpsilon * reach_;
+    }
     distance = distance * (1.0F + 8.0F * kEpsilon) + slack;
     if (distance >= abort_) return false;
     worst_ = std::max(worst_, distance);
     pieces_.push_back({t, distance});
     return true;
+  }
+
+  // The largest distance of its corners, in double: of a polygon, no point is farther from a triangle.
+  float exactDistance(const Polygon& polygon, const Facet& facet) const {
+    double worst2 = 0.0;
+    const glm::dvec3 corner[3] = {glm::dvec3(facet.corner[0]), glm::dvec3(facet.corner[1]),
+                                  glm::dvec3(facet.corner[2])};
+    for (int i = 0; i < polygon.size; ++i) {
+      const glm::dvec3 p = glm::dvec3(origin_) + glm::dvec3(polygon.point(i));
+      const glm::dvec3 d = p - base::closestPointOnTriangle(p, corner[0], corner[1], corner[2]);
+      worst2 = std::max(worst2, glm::dot(d, d));
+    }
+    return static_cast<float>(std::sqrt(worst2));
   }
 
   // The largest distance of its corners, or something above `enough` when that is exceeded.
@@ -307,7 +327,7 @@ class Layer {
   // Lays a polygon on the target from facet t on. False: some piece is too far from where it came to lie.
   bool walk(const Polygon& polygon, std::uint32_t t, std::uint32_t from) {
     const Facet& facet = target_.facet(t);
-    if (facet.flat) return record(t, facet, distanceOf(polygon, facet, kFar));
+    if (facet.flat) return record(t, facet, polygon, distanceOf(polygon, facet, kFar));
     float side[3][Polygon::kMax];
     float at[3];
     float low[3];
@@ -318,10 +338,10 @@ class Layer {
     const float plane = glm::dot(facet.normal, facet.corner[0] - origin_);
     const float height = largest(polygon, facet.normal, plane);
     const float lowest = std::min({low[0], low[1], low[2]});
-    if (lowest >= 0.0F) return record(t, facet, facet.thin ? distanceOf(polygon, facet, kFar) : height);
+    if (lowest >= 0.0F) return record(t, facet, polygon, facet.thin ? distanceOf(polygon, facet, kFar) : height);
     if (height <= enough_ && lowest >= -enough_)
-      if (const float d = distanceOf(polygon, facet, side, height); d <= enough_) return record(t, facet, d);
-    if (--visits_ < 0) return record(t, facet, distanceOf(polygon, facet, abort_));
+      if (const float d = distanceOf(polygon, facet, side, height); d <= enough_) return record(t, facet, polygon, d);
+    if (--visits_ < 0) return record(t, facet, polygon, distanceOf(polygon, facet, abort_));
 
     // The part beyond each wall walks on; the wall it came over is the last. What is beyond that one alone lies in the
     // wedge over the shared edge, where no neighbour is nearer than the facet.
@@ -345,7 +365,7 @@ class Layer {
       const float enough = goes_on ? enough_ : abort_;
       const float d = -low[k] <= enough && (!goes_on || height <= enough_) ? distanceOf(outside, facet, enough) : kFar;
       if (d <= enough || !goes_on) {
-        if (!record(t, facet, d)) return false;
+        if (!record(t, facet, outside, d)) return false;
       } else if (!walk(outside, next, t)) {
         return false;
       }
@@ -355,7 +375,7 @@ class Layer {
       turn = 1 - turn;
     }
     const bool over = 2 * rest->size > Polygon::kMax || facet.thin;
-    return record(t, facet, over ? distanceOf(*rest, facet, abort_) : largest(*rest, facet.normal, plane));
+    return record(t, facet, *rest, over ? distanceOf(*rest, facet, abort_) : largest(*rest, facet.normal, plane));
   }
 
   // A facet near a source vertex; looked for until one within `enough` is found.
@@ -377,18 +397,18 @@ class Layer {
     const glm::vec3 m[3] = {0.5F * (p[0] + p[1]), 0.5F * (p[1] + p[2]), 0.5F * (p[2] + p[0])};
     const glm::vec3 parts[4][3] = {{p[0], m[0], m[2]}, {m[0], p[1], m[1]}, {m[2], m[1], p[2]}, {m[0], m[1], m[2]}};
     for (const auto& part : parts)
-      if (!quarter(part, c) && (depth <= 1 || walks_ < 0 || !quarters(part, c, depth - 1))) return false;
+      if (!quarter(part, c) && (depth <= 1 || walks_ < 0 || beyond_ > 0.0F || !quarters(part, c, depth - 1)))
+        return false;
     return true;
   }
   bool quarter(const glm::vec3* part, const std::uint32_t* c) {
     const glm::vec3 center = origin_ + (part[0] + part[1] + part[2]) / 3.0F;
-    for (int k = 0; k < 3; ++k) {
-      float d2 = target_.facet(facet_[c[k]]).distance2(center);
-      if (tryWalk(part, target_.descend(facet_[c[k]], center, d2, 0.0F))) return true;
-    }
-    // Last, as most surfaces never need the grid.
-    float d2 = kFar;
-    return tryWalk(part, target_.search(center, d2));
+    float d2 = target_.facet(facet_[c[0]]).distance2(center);
+    if (tryWalk(part, target_.descend(facet_[c[0]], center, d2, 0.0F))) return true;
+    const std::uint32_t nearest = target_.search(center, d2);
+    // Wherever this place is laid, it is not nearer.
+    if (d2 > abort_ * abort_) beyond_ = std::sqrt(d2);
+    return beyond_ == 0.0F && tryWalk(part, nearest);
   }
   bool tryWalk(const glm::vec3* part, std::uint32_t start) {
     const std::size_t pieces = pieces_.size();
@@ -418,6 +438,7 @@ class Layer {
   float worst_ = 0.0F;
   int visits_ = 0;
   int walks_ = 0;
+  float beyond_ = 0.0F;  // some place of the triangle is so far, more than abort_; 0: none is known
 };
 
 void forwardHints(const SurfaceView& before, const Simplified& history, Hints& hints) {

@@ -5,6 +5,7 @@
 namespace lod::build {
 namespace {
 
+constexpr float kFar = std::numeric_limits<float>::max();
 constexpr float kEpsilon = std::numeric_limits<float>::epsilon();
 // Facets thinner than this share of their length are measured by their edges: their walls say little.
 constexpr double kThin = 2.4e-3;
@@ -18,7 +19,7 @@ void FacetSurface::reset(const SurfaceView& surface) {
   const std::size_t triangles = surface.indices.size() / 3;
   made_.assign(triangles, 0);
   if (facets_.size() < triangles) facets_.resize(triangles);
-  grid_.reset();
+  tree_.reset();
   makeFans();
   makeEdges();
 }
@@ -172,16 +173,9 @@ std::uint32_t FacetSurface::descend(std::uint32_t t, const glm::vec3& p, float& 
 }
 
 std::uint32_t FacetSurface::search(const glm::vec3& p, float& distance2) {
-  if (!grid_) fillGrid();
-  const std::uint32_t v = grid_->nearest(p, [](std::uint32_t) { return true; });
-  return nearestAround(v, p, distance2, around_[fan_[v]]);
-}
-
-void FacetSurface::fillGrid() {
-  std::vector<std::uint32_t> used;
-  for (std::uint32_t v = 0; v + 1 < fan_.size(); ++v)
-    if (fan_[v] != fan_[v + 1]) used.push_back(v);
-  grid_.emplace(surface_.positions, used);
+  if (!tree_) tree_.emplace(surface_.positions, surface_.indices);
+  distance2 = kFar;
+  return tree_->nearest(p, distance2, [&](std::uint32_t t) { return facet(t).distance2(p); });
 }
 
 }  // namespace lod::build

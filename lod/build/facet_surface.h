@@ -9,7 +9,7 @@
 #include <span>
 #include <vector>
 
-#include "lod/build/point_grid.h"
+#include "lod/build/facet_tree.h"
 
 namespace lod::build {
 
@@ -140,14 +140,13 @@ class FacetSurface {
   std::uint32_t over(std::uint32_t v, const glm::vec3& p, float enough, Spot& spot);
   /// From a facet on to nearer ones around its corners, while that helps and it is not near enough.
   std::uint32_t descend(std::uint32_t t, const glm::vec3& p, float& distance2, float enough2);
-  /// A facet near p, found without history.
+  /// The facet nearest to p, found without history.
   std::uint32_t search(const glm::vec3& p, float& distance2);
 
  private:
   void make(std::uint32_t t, Facet& f);
   void makeFans();
   void makeEdges();
-  void fillGrid();
 
   SurfaceView surface_;
   // Facets are made when first asked for: many never are.
@@ -171,7 +170,7 @@ class FacetSurface {
   std::vector<std::uint32_t> next_;
   std::vector<std::uint32_t> corners_;
   std::vector<Seen> seen_;
-  std::optional<PointGrid> grid_;
+  std::optional<FacetTree> tree_;
 };
 
 }  // namespace lod::build

@@ -379,6 +379,12 @@ class Simplifier {
       if (alive_[pool_[i]] != 0) body(pool_[i]);
   }
 
+  // By a triangle that lives.
+  bool isUsed(std::uint32_t v) const {
+    const auto fan = std::span(pool_).subspan(fans_[v].first, fans_[v].count);
+    return std::any_of(fan.begin(), fan.end(), [&](std::uint32_t t) { return alive_[t] != 0; });
+  }
+
   bool touches(std::uint32_t t, std::uint32_t v) const {
     const std::uint32_t* c = &mesh_.indices[3 * std::size_t{t}];
     return c[0] == v || c[1] == v || c[2] == v;
@@ -648,7 +654,7 @@ class Simplifier {
     double distance2 = 0.0;
     for (const std::uint32_t v : {a, b}) {
       const std::uint32_t near = grid_->nearest(mesh_.positions[v], [&](std::uint32_t w) {
-        return component_[w] != component_[v] && survivor_[w] == w && fans_[w].count != 0;
+        return component_[w] != component_[v] && survivor_[w] == w && isUsed(w);
       });
       if (near == PointGrid::kNone) return std::numeric_limits<float>::max();
       const glm::dvec3 d(mesh_.positions[near] - mesh_.positions[v]);
@@ -673,7 +679,7 @@ class Simplifier {
     std::vector<std::uint32_t> living;
     for (std::uint32_t v = 0; v < survivor_.size(); ++v) {
       component_[v] = root(v);
-      if (survivor_[v] == v && fans_[v].count != 0) living.push_back(v);
+      if (survivor_[v] == v && isUsed(v)) living.push_back(v);
     }
     grid_.emplace(mesh_.positions, living);
   }

@@ -180,6 +180,23 @@ TEST(Simplify, AFarComponentOutlivesANearOne) {
   EXPECT_EQ(out.origin, (std::vector<std::uint32_t>{0, 2}));
 }
 
+// A component that went tells nothing about what stays: the one beside it is as far from the rest as it is.
+TEST(Simplify, TheLastOfAFarClusterOutlivesTheRest) {
+  GroupMesh group = groupOf(support::bumpySphere(20, 30), 700.0F);
+  const std::size_t sphere = group.indices.size() / 3;
+  const auto far = static_cast<float>(1 << 20);
+  for (int i = 0; i < 8; ++i)
+    for (const glm::vec3& d : {glm::vec3(0), glm::vec3(6, 0, 0), glm::vec3(0, 6, 0)}) {
+      group.indices.push_back(static_cast<std::uint32_t>(group.positions.size()));
+      group.positions.push_back(glm::vec3(far, far + static_cast<float>(4 * i), far) + d);
+      group.normals.emplace_back(0, 0, 1);
+      group.locked.push_back(0);
+    }
+  const Simplified out = simplifyGroup(group, 100);
+  EXPECT_LE(out.origin.size(), 100U);
+  EXPECT_TRUE(std::any_of(out.origin.begin(), out.origin.end(), [&](std::uint32_t t) { return t >= sphere; }));
+}
+
 TEST(Simplify, TheWorkIsRecorded) {
   GroupMesh group = groupOf(support::bumpySphere(20, 30), 700.0F);
   const Simplified out = simplifyGroup(group, 500);
