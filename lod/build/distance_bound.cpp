@@ -147,6 +147,7 @@ class Layer {
   Layer(const SurfaceView& source, FacetSurface& target, const Hints& hints, std::vector<std::uint32_t>& facet)
       : source_(source), target_(target), hints_(hints), facet_(facet) {
     facet_.assign(source.positions.size(), kNone);
+    is_nearest_.assign(source.positions.size(), 0);
   }
 
   // Where each vertex lies; returns the largest distance from there, or `known`.
@@ -181,9 +182,9 @@ class Layer {
 
   float usual() const { return usual_; }
 
-  // The facet nearest to vertex v, as far as is known.
-  Laid nearest(std::uint32_t v) {
-    const std::uint32_t facet = nearFacet(v, 0.0F);
+  // The facet nearest to vertex v, or one within `enough`.
+  Laid nearest(std::uint32_t v, float enough) {
+    const std::uint32_t facet = nearFacet(v, enough);
     return {facet, std::sqrt(target_.facet(facet).distance2(source_.positions[v]))};
   }
 
@@ -227,8 +228,11 @@ class Layer {
 
     // What the corners need at least.
     float needed = allowed_;
-    for (int k = 0; k < 3; ++k)
-      needed = std::max(needed, std::sqrt(target_.facet(nearFacet(c[k], 0.0F)).distance2(source_.positions[c[k]])));
+    for (int k = 0; k < 3; ++k) {
+      const std::uint32_t nearest = nearFacet(c[k], 0.0F);
+      if (nearest != near[k] && better(whole, nearest)) return;
+      needed = std::max(needed, std::sqrt(target_.facet(nearest).distance2(source_.positions[c[k]])));
+    }
     for (float limit = kRaise * needed + 1e-3F; limit < best_; limit = kRaise * std::max(limit, beyond_)) {
       pieces_.clear(), abort_ = limit, worst_ = 0.0F, walks_ = kMaxWalks, beyond_ = 0.0F;
       if (!quarters(p, c, kMaxQuartering)) continue;
@@ -378,19 +382,23 @@ class Layer {
     return record(t, facet, *rest, over ? distanceOf(*rest, facet, abort_) : largest(*rest, facet.normal, plane));
   }
 
-  // A facet near a source vertex; looked for until one within `enough` is found.
+  // A facet near a source vertex: one within `enough`, or else the nearest.
   std::uint32_t nearFacet(std::uint32_t v, float enough) {
     const glm::vec3& p = source_.positions[v];
-    if (facet_[v] == kNone) {
-      float d2 = kFar;
+    const float enough2 = enough * enough;
+    std::uint32_t& near = facet_[v];
+    if (is_nearest_[v] != 0) return near;
+    float d2 = kFar;
+    if (near != kNone)
+      d2 = target_.facet(near).distance2(p);
+    else
       for (std::uint32_t i = hints_.first[v]; i < hints_.first[v + 1]; ++i)
-        facet_[v] = target_.nearestAround(hints_.member[i], p, d2, facet_[v], 0.5F * enough * enough);
-      if (facet_[v] == kNone) facet_[v] = target_.search(p, d2);
-      return facet_[v] = target_.descend(facet_[v], p, d2, enough * enough);
-    }
-    if (enough > 0.0F) return facet_[v];
-    float d2 = target_.facet(facet_[v]).distance2(p);
-    return facet_[v] = target_.descend(facet_[v], p, d2, 0.0F);
+        near = target_.nearestAround(hints_.member[i], p, d2, near, 0.5F * enough2);
+    if (near != kNone && d2 > enough2) near = target_.descend(near, p, d2, enough2);
+    if (d2 <= enough2) return near;
+    near = target_.search(p, d2, near, enough2);
+    is_nearest_[v] = d2 > enough2 ? 1 : 0;
+    return near;
   }
 
   bool quarters(const glm::vec3* p, const std::uint32_t* c, int depth) {
@@ -404,11 +412,20 @@ class Layer {
   bool quarter(const glm::vec3* part, const std::uint32_t* c) {
     const glm::vec3 center = origin_ + (part[0] + part[1] + part[2]) / 3.0F;
     float d2 = target_.facet(facet_[c[0]]).distance2(center);
-    if (tryWalk(part, target_.descend(facet_[c[0]], center, d2, 0.0F))) return true;
-    const std::uint32_t nearest = target_.search(center, d2);
+    const std::uint32_t near = target_.descend(facet_[c[0]], center, d2, 0.0F);
+    if (tryWalk(part, near)) return true;
+    const std::uint32_t nearest = target_.search(center, d2, near);
     // Wherever this place is laid, it is not nearer.
-    if (d2 > abort_ * abort_) beyond_ = std::sqrt(d2);
-    return beyond_ == 0.0F && tryWalk(part, nearest);
+    if (d2 > abort_ * abort_) {
+      beyond_ = std::sqrt(d2);
+      return false;
+    }
+    if (nearest != near && tryWalk(part, nearest)) return true;
+    for (const int k : {1, 2}) {
+      d2 = target_.facet(facet_[c[k]]).distance2(center);
+      if (tryWalk(part, target_.descend(facet_[c[k]], center, d2, 0.0F))) return true;
+    }
+    return false;
   }
   bool tryWalk(const glm::vec3* part, std::uint32_t start) {
     const std::size_t pieces = pieces_.size();
@@ -423,7 +440,8 @@ class Layer {
   SurfaceView source_;
   FacetSurface& target_;
   const Hints& hints_;
-  std::vector<std::uint32_t>& facet_;  // per source vertex: the nearest facet found so far
+  std::vector<std::uint32_t>& facet_;     // per source vertex: the nearest facet found so far
+  std::vector<std::uint8_t> is_nearest_;  // of all
   float enough_ = 0.0F;
   float usual_ = 0.0F;
   float allowed_ = 0.0F;
@@ -524,11 +542,9 @@ float neededBelow(const SurfaceView& before, const SurfaceError& error, Layer& f
   for (std::uint32_t i = 0; i < before.indices.size(); ++i) {
     const std::uint32_t v = before.indices[i];
     const float toward = carried(error.toward, i / 3);
-    if (gap[v].distance == 0.0F || toward + gap[v].distance <= needed) {
-      needed = std::max(needed, toward);
-      continue;
-    }
-    needed = std::max(needed, toward + std::min(gap[v].distance, forward.nearest(v).distance));
+    needed = std::max(needed, toward);
+    if (toward + gap[v].distance > needed)
+      needed = std::max(needed, toward + std::min(gap[v].distance, forward.nearest(v, needed - toward).distance));
   }
   return needed;
 }
@@ -538,7 +554,7 @@ float neededAbove(const SurfaceError& error, Overlay& overlay, Layer& backward, 
   const float carries = error.from.empty() ? 0.0F : *std::max_element(error.from.begin(), error.from.end());
   overlay.forEachEnclosed([&](std::uint32_t v, float distance) {
     if (carries + distance <= known) return;
-    const Laid near = backward.nearest(v);
+    const Laid near = backward.nearest(v, std::max(known - carries, 0.0F));
     known = std::max(known, carried(error.from, near.facet) + near.distance);
   });
   return known;

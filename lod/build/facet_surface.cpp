@@ -5,7 +5,6 @@
 namespace lod::build {
 namespace {
 
-constexpr float kFar = std::numeric_limits<float>::max();
 constexpr float kEpsilon = std::numeric_limits<float>::epsilon();
 // Facets thinner than this share of their length are measured by their edges: their walls say little.
 constexpr double kThin = 2.4e-3;
@@ -172,10 +171,11 @@ std::uint32_t FacetSurface::descend(std::uint32_t t, const glm::vec3& p, float& 
   return t;
 }
 
-std::uint32_t FacetSurface::search(const glm::vec3& p, float& distance2) {
+std::uint32_t FacetSurface::search(const glm::vec3& p, float& distance2, std::uint32_t best, float enough2) {
   if (!tree_) tree_.emplace(surface_.positions, surface_.indices);
-  distance2 = kFar;
-  return tree_->nearest(p, distance2, [&](std::uint32_t t) { return facet(t).distance2(p); });
+  const auto distance2To = [&](std::uint32_t t) { return facet(t).distance2(p); };
+  const std::uint32_t nearer = tree_->nearest(p, distance2, enough2, distance2To);
+  return nearer != FacetTree::kNone ? nearer : best;
 }
 
 }  // namespace lod::build

@@ -140,8 +140,8 @@ class FacetSurface {
   std::uint32_t over(std::uint32_t v, const glm::vec3& p, float enough, Spot& spot);
   /// From a facet on to nearer ones around its corners, while that helps and it is not near enough.
   std::uint32_t descend(std::uint32_t t, const glm::vec3& p, float& distance2, float enough2);
-  /// The facet nearest to p, found without history.
-  std::uint32_t search(const glm::vec3& p, float& distance2);
+  /// Of all facets the one nearest to p (or near enough), if nearer than distance2 (which is updated); else `best`.
+  std::uint32_t search(const glm::vec3& p, float& distance2, std::uint32_t best, float enough2 = 0.0F);
 
  private:
   void make(std::uint32_t t, Facet& f);

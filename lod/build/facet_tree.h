@@ -18,9 +18,9 @@ class FacetTree {
   FacetTree(std::span<const glm::vec3> positions, std::span<const std::uint32_t> indices);
 
   /// The triangle t of least measure(t), the squared distance of p from it, if that is below distance2 (which is
-  /// updated); else kNone.
+  /// updated); else kNone. One at most enough2 is as good as any.
   template <class Measure>
-  std::uint32_t nearest(const glm::vec3& p, float& distance2, Measure&& measure) const {
+  std::uint32_t nearest(const glm::vec3& p, float& distance2, float enough2, Measure&& measure) const {
     struct Open {
       std::uint32_t node;
       float distance2;
@@ -29,7 +29,7 @@ class FacetTree {
     std::size_t count = 0;
     open[count++] = {1, boxes_[1].distance2(p)};
     std::uint32_t best = kNone;
-    while (count > 0) {
+    while (count > 0 && (best == kNone || distance2 > enough2)) {
       const Open at = open[--count];
       if (!(at.distance2 < distance2)) continue;
       if (at.node >= leaves_) {

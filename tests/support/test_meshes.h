@@ -84,6 +84,46 @@ inline Mesh openGrid(std::uint32_t n, float height = 0.05F) {
   return mesh;
 }
 
+/// What is built, not grown: subdivided flat sides of boxes on flat ground, and round pipes, in a unit square. About
+/// 20 000 triangles.
+inline Mesh plant() {
+  Mesh mesh;
+  const auto sheet = [&](std::uint32_t n, std::uint32_t m, auto&& at) {
+    const auto first = static_cast<std::uint32_t>(mesh.positions.size());
+    for (std::uint32_t i = 0; i <= n; ++i)
+      for (std::uint32_t j = 0; j <= m; ++j)
+        mesh.positions.push_back(
+            at(static_cast<float>(i) / static_cast<float>(n), static_cast<float>(j) / static_cast<float>(m)));
+    for (std::uint32_t i = 0; i < n; ++i)
+      for (std::uint32_t j = 0; j < m; ++j) {
+        const std::uint32_t a = first + i * (m + 1) + j;
+        addTriangle(mesh, a, a + m + 1, a + m + 2), addTriangle(mesh, a, a + m + 2, a + 1);
+      }
+  };
+  std::mt19937 random(11);
+  std::uniform_real_distribution<float> unit(0.0F, 1.0F);
+  sheet(40, 40, [](float u, float v) { return glm::vec3(u, v, 0.0F); });
+  for (int b = 0; b < 20; ++b) {
+    const glm::vec3 foot(0.9F * unit(random), 0.9F * unit(random), 0.0F);
+    const glm::vec3 size = 0.02F + 0.08F * glm::vec3(unit(random), unit(random), unit(random));
+    for (int axis = 0; axis < 3; ++axis)
+      for (const float side : {0.0F, 1.0F})
+        sheet(8, 8, [&](float u, float v) {
+          glm::vec3 share;
+          share[axis] = side, share[(axis + 1) % 3] = u, share[(axis + 2) % 3] = v;
+          return foot + size * share;
+        });
+  }
+  for (int i = 0; i < 5; ++i) {
+    const float y = unit(random), z = 0.12F + 0.1F * unit(random), radius = 0.005F + 0.01F * unit(random);
+    sheet(60, 16, [&](float u, float v) {
+      const float turn = 6.2831853F * v;
+      return glm::vec3(u, y + radius * std::cos(turn), z + radius * std::sin(turn));
+    });
+  }
+  return mesh;
+}
+
 /// Nothing shares a vertex: small random triangles in a unit cube.
 inline Mesh triangleSoup(std::uint32_t count, float size = 0.02F) {
   Mesh mesh;

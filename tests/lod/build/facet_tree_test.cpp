@@ -29,12 +29,15 @@ TEST(FacetTree, FindsTheNearestOfAll) {
       float least2 = std::numeric_limits<float>::max();
       for (std::uint32_t t = 0; 3 * t < mesh.indices.size(); ++t) least2 = std::min(least2, distance2To(t));
       float found2 = std::numeric_limits<float>::max();
-      const std::uint32_t found = tree.nearest(p, found2, distance2To);
+      const std::uint32_t found = tree.nearest(p, found2, 0.0F, distance2To);
       ASSERT_NE(found, FacetTree::kNone);
       EXPECT_EQ(distance2To(found), found2);
       EXPECT_NEAR(found2, least2, 1e-5F * least2);
       // Nothing is nearer than the nearest.
-      EXPECT_EQ(tree.nearest(p, found2, distance2To), FacetTree::kNone);
+      EXPECT_EQ(tree.nearest(p, found2, 0.0F, distance2To), FacetTree::kNone);
+      float near2 = std::numeric_limits<float>::max();
+      EXPECT_NE(tree.nearest(p, near2, 4.0F * found2, distance2To), FacetTree::kNone);
+      EXPECT_LE(near2, 4.0F * found2);
     }
   }
 }

@@ -190,6 +190,19 @@ TEST(HierarchyBuild, GroupsThatStandOutKeepMoreSoThatTheirLevelIsNotAsFarOffAsTh
   expectErrorsHold(mesh, built, 20'000);
 }
 
+// Sides that are flat or straight take next to no triangles, and no rounding is stated as an error.
+TEST(HierarchyBuild, WhatIsBuiltOfFlatSidesAndPipesStaysExactForLong) {
+  const Mesh mesh = support::plant();
+  const BuiltHierarchy built = mustBuild(mesh, support::smallPatches());
+  expectSound(built, support::smallPatches());
+  expectErrorsHold(mesh, built, 8'000);
+  const auto& levels = built.summary.levels;
+  ASSERT_GE(levels.size(), 4U);
+  EXPECT_LT(levels[2].triangles, levels[0].triangles / 5);
+  EXPECT_LT(levels[1].max_error, 1e-4F);
+  EXPECT_LT(levels[2].max_error, 0.0015F);
+}
+
 TEST(HierarchyBuild, OneGiantTriangleAmongManySmallOnesIsNoTrouble) {
   Mesh mesh = support::bumpySphere(60, 90);
   const auto base = static_cast<std::uint32_t>(mesh.positions.size());
