@@ -45,6 +45,78 @@ Result<void> tryParallelFor(std::size_t count, unsigned threads, const std::func
   return status;
 }
 
+namespace {
+
+// Which pieces are made, and which taken.
+class OrderedPieces {
+ public:
+  using Body = std::function<Result<void>(std::size_t i, std::size_t slot)>;
+  OrderedPieces(std::size_t count, std::size_t slots, const Body& make, const Body& take)
+      : count_(count), slots_(slots), make_(make), take_(take), made_(slots, false) {}
+
+  // What each thread does.
+  void work() {
+    std::unique_lock lock(mutex_);
+    while (status_ && taken_ < count_) {
+      if (!taking_ && taken_ < next_ && made_[taken_ % slots_]) {
+        takeOne(lock);
+      } else if (next_ < count_ && next_ < taken_ + slots_) {
+        makeOne(lock);
+      } else {
+        changed_.wait(lock);
+      }
+    }
+  }
+  Result<void> status() const { return status_; }
+
+ private:
+  void makeOne(std::unique_lock<std::mutex>& lock) {
+    const std::size_t i = next_++;
+    lock.unlock();
+    const Result<void> done = make_(i, i % slots_);
+    lock.lock();
+    made_[i % slots_] = true;
+    note(done);
+  }
+  void takeOne(std::unique_lock<std::mutex>& lock) {
+    const std::size_t i = taken_;
+    taking_ = true;
+    lock.unlock();
+    const Result<void> done = take_(i, i % slots_);
+    lock.lock();
+    made_[i % slots_] = false;
+    taking_ = false;
+    ++taken_;
+    note(done);
+  }
+  void note(const Result<void>& done) {
+    if (status_ && !done) status_ = done;
+    changed_.notify_all();
+  }
+
+  const std::size_t count_, slots_;
+  const Body& make_;
+  const Body& take_;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::vector<bool> made_;  // by slot
+  std::size_t next_ = 0;    // to be made
+  std::size_t taken_ = 0;
+  bool taking_ = false;
+  Result<void> status_;
+};
+
+}  // namespace
+
+Result<void> parallelInOrder(std::size_t count, unsigned threads, std::size_t slots,
+                             const std::function<Result<void>(std::size_t i, std::size_t slot)>& make,
+                             const std::function<Result<void>(std::size_t i, std::size_t slot)>& take) {
+  OrderedPieces pieces(count, std::max<std::size_t>(1, slots), make, take);
+  if (threads == 0) threads = coreCount();
+  parallelFor(std::min<std::size_t>(threads, count), threads, [&](std::size_t) { pieces.work(); });
+  return pieces.status();
+}
+
 ThreadPool::ThreadPool(unsigned threads, std::size_t queue_limit)
     : queue_limit_(std::max<std::size_t>(1, queue_limit)) {
   for (unsigned t = 0; t < std::max(1U, threads); ++t) threads_.emplace_back([this] { work(); });

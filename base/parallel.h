@@ -22,6 +22,13 @@ void parallelFor(std::size_t count, unsigned threads, const std::function<void(s
 /// The same of a body that may fail: returns the first error met, and hands out no more pieces after it.
 Result<void> tryParallelFor(std::size_t count, unsigned threads, const std::function<Result<void>(std::size_t)>& body);
 
+/// Makes pieces 0 … count − 1 on up to `threads` threads (0: all cores), and takes them in that order, one at a time,
+/// on whichever of them is free. Piece i lies in slot i % slots from make(i, slot) to the end of take(i, slot); so many
+/// are there at a time (at least 1). Returns the first error met, after which nothing more is begun.
+Result<void> parallelInOrder(std::size_t count, unsigned threads, std::size_t slots,
+                             const std::function<Result<void>(std::size_t i, std::size_t slot)>& make,
+                             const std::function<Result<void>(std::size_t i, std::size_t slot)>& take);
+
 /// Threads that take jobs from a bounded queue. submit() blocks while the queue is full (back-pressure).
 class ThreadPool {
  public:

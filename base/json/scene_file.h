@@ -1,6 +1,7 @@
 #pragma once
 // scene.json: what a scene is and what it holds (DESIGN section 3; docs/formats/scene.md).
 #include <cstdint>
+#include <functional>
 #include <glm/glm.hpp>
 #include <map>
 #include <optional>
@@ -80,7 +81,8 @@ std::string publishedName(const std::string& file, const std::string& sha256);
 /// Whether that is a name that publishedName gives: an id before the last dot.
 bool isPublishedName(const std::string& file);
 
-/// SHA-256 of a file as lower-case hex.
-Result<std::string> sha256OfFile(const std::string& path);
+/// SHA-256 of a file as lower-case hex. `go_on` may be empty; it is asked now and then, and false cancels. Errors: kIo,
+/// kNotFound, kCancelled.
+Result<std::string> sha256OfFile(const std::string& path, const std::function<bool()>& go_on = nullptr);
 
 }  // namespace base

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 #include <filesystem>
+#include <memory>
 #include <mutex>
 #include <optional>
 #include <utility>
@@ -24,7 +25,7 @@ constexpr std::uint64_t kMostSamples = std::uint64_t{1} << 20;
 constexpr std::uint32_t kTableBits = 18;       // of the codes' top bits, to look a bucket up by
 constexpr std::uint32_t kSmallTableBits = 12;  // the same where there are few
 constexpr std::size_t kFewSplitters = 16;
-constexpr std::size_t kMostBatchBlocks = 8;                      // blocks of triangles that threads share
+constexpr std::size_t kMostBlocks = 10;                          // of triangles, at a time
 constexpr std::uint64_t kBufferBytes = std::uint64_t{64} << 20;  // of all buckets together
 
 // Fewer bits save nothing that counts on a small mesh, and cost accuracy at fine levels.
@@ -137,9 +138,9 @@ class BucketSorter {
       if (w == 0) split();
       LUMIGRID_TRY(gather(w == 0, w + 1 == windows, (static_cast<double>(w) + 1.0) / static_cast<double>(windows)));
     }
-    codes_ = std::vector<std::uint64_t>();
-    colors_ = std::vector<std::uint32_t>();
-    normals_ = std::vector<std::uint32_t>();
+    codes_.reset();
+    colors_.reset();
+    normals_.reset();
     if (windows > 1) {
       std::error_code ignored;
       std::filesystem::remove(corners_.path(), ignored);
@@ -178,35 +179,38 @@ class BucketSorter {
     first_ = first;
     last_ = last;
     const auto size = static_cast<std::size_t>(last - first);
-    codes_.assign(size, 0);
-    if (out_.has_colors_) colors_.assign(size, 0xFFFFFFFFU);
-    if (out_.has_normals_) normals_.assign(size, 0);
-    std::vector<std::uint64_t> block_codes;
-    return source_.forEachVertexBlock([&](const SpooledVertices& block) -> base::Result<void> {
-      const std::uint64_t end = block.first + block.positions.size();
-      if (!sampling && (end <= first || block.first >= last)) return {};
-      block_codes.resize(block.positions.size());
-      constexpr std::size_t kChunk = std::size_t{1} << 13;  // long enough to be worth a thread
-      base::parallelFor((block_codes.size() + kChunk - 1) / kChunk, options_.threads, [&](std::size_t chunk) {
-        const std::size_t stop = std::min(block_codes.size(), (chunk + 1) * kChunk);
-        for (std::size_t i = chunk * kChunk; i < stop; ++i) {
-          block_codes[i] = mortonCode(lattice_.point(block.positions[i]));
-          if (block.first + i >= first && block.first + i < last) keep(block, i, block_codes[i]);
-        }
-      });
+    // The threads fill them, all of them.
+    if (!codes_ || size > room_) {
+      room_ = size;
+      codes_ = std::make_unique_for_overwrite<std::uint64_t[]>(size);
+      if (out_.has_colors_) colors_ = std::make_unique_for_overwrite<std::uint32_t[]>(size);
+      if (out_.has_normals_) normals_ = std::make_unique_for_overwrite<std::uint32_t[]>(size);
+    }
+    if (sampling) samples_.resize(static_cast<std::size_t>((info_.vertices + stride_ - 1) / stride_));
+    return base::tryParallelFor(source_.vertexBlocks(), options_.threads, [&](std::size_t b) -> base::Result<void> {
+      const std::uint64_t begin = source_.firstVertex(b), end = begin + source_.vertexCount(b);
+      if (!sampling && (end <= first || begin >= last)) return {};
+      SpooledVertices block;
+      LUMIGRID_TRY(source_.readVertices(b, block));
+      for (std::uint64_t v = std::max(begin, first); v < std::min(end, last); ++v) keep(block, v);
       if (sampling)
-        for (std::uint64_t v = (block.first + stride_ - 1) / stride_ * stride_; v < end; v += stride_)
-          samples_.push_back(block_codes[static_cast<std::size_t>(v - block.first)]);
+        for (std::uint64_t v = (begin + stride_ - 1) / stride_ * stride_; v < end; v += stride_)
+          samples_[static_cast<std::size_t>(v / stride_)] = codeOf(block, v);
       return {};
     });
   }
 
+  std::uint64_t codeOf(const SpooledVertices& block, std::uint64_t vertex) const {
+    return mortonCode(lattice_.point(block.positions[static_cast<std::size_t>(vertex - block.first)]));
+  }
+
   // One of the window's vertices.
-  void keep(const SpooledVertices& block, std::size_t i, std::uint64_t code) {
-    const auto at = static_cast<std::size_t>(block.first + i - first_);
-    codes_[at] = code;
-    if (out_.has_colors_ && !block.colors.empty()) colors_[at] = block.colors[i];
-    if (out_.has_normals_ && !block.normals.empty()) normals_[at] = block.normals[i];
+  void keep(const SpooledVertices& block, std::uint64_t vertex) {
+    const auto i = static_cast<std::size_t>(vertex - block.first);
+    const auto at = static_cast<std::size_t>(vertex - first_);
+    codes_[at] = codeOf(block, vertex);
+    if (out_.has_colors_) colors_[at] = block.colors.empty() ? 0xFFFFFFFFU : block.colors[i];
+    if (out_.has_normals_) normals_[at] = block.normals.empty() ? 0 : block.normals[i];
   }
 
   // Splitters at the sample's quantiles, and a table that says for the top bits of a code which it may lie between.
@@ -240,107 +244,83 @@ class BucketSorter {
     return low;
   }
 
-  // Triangles with what this window knows of their corners.
-  base::Result<void> gather(bool first, bool last, double done) {
-    // A block is some ten megabytes here: no more of them than keep the threads busy.
-    const std::size_t most =
-        options_.threads > 1 ? std::min<std::size_t>(kMostBatchBlocks, 2 * std::size_t{options_.threads}) : 1;
-    std::vector<SpooledTriangles> batch(most);
-    std::vector<Gathered> results(most), before(most);  // of the batch, and of the one before
-    std::size_t blocks = 0, blocks_before = 0;
-    std::uint64_t at = 0;  // triangle number of the batch's first
-    const GatherPass pass{first, last};
-    auto work = [&]() -> base::Result<void> {
-      LUMIGRID_TRY(
-          gatherBatch(std::span(batch).first(blocks), results, std::span(before).first(blocks_before), at, pass));
-      for (std::size_t b = 0; b < blocks; ++b) at += batch[b].corners.size() / 3;
-      std::swap(results, before);
-      blocks_before = std::exchange(blocks, 0);
-      if (!goOn(done * static_cast<double>(at) / static_cast<double>(info_.triangles))) return cancelled();
-      return {};
-    };
-    LUMIGRID_TRY(source_.forEachTriangleBlock([&](SpooledTriangles& block) -> base::Result<void> {
-      std::swap(batch[blocks++], block);
-      return blocks < most ? base::Result<void>() : work();
-    }));
-    LUMIGRID_TRY(work());
-    LUMIGRID_TRY(storeAll(std::span(before).first(blocks_before), pass));
-    return first && !last ? corners_.flush() : base::Result<void>();
-  }
-
   struct GatherPass {
     bool first = false, last = false;
   };
   struct Gathered {
-    std::uint64_t start = 0;  // number of its first triangle
-    std::vector<Record> records;
+    SpooledTriangles block;
+    std::vector<Record> records;        // where another window needs them or has left them
     base::Bytes packed;                 // of the triangles kept, as the buckets hold them
     std::vector<std::uint32_t> bucket;  // of each
     std::vector<std::uint64_t> border;
     BucketCounts counts;
   };
 
-  // While the threads are at it, one of them stores what they made of the batch before.
-  base::Result<void> gatherBatch(std::span<const SpooledTriangles> batch, std::vector<Gathered>& results,
-                                 std::span<Gathered> before, std::uint64_t at, const GatherPass& pass) {
-    for (std::size_t b = 0; b < batch.size(); ++b) {
-      results[b].start = at;
-      at += batch[b].corners.size() / 3;
-    }
-    return base::tryParallelFor(batch.size() + 1, options_.threads, [&](std::size_t i) -> base::Result<void> {
-      return i == 0 ? storeAll(before, pass) : gatherBlock(batch[i - 1], results[i - 1], pass);
-    });
+  // Triangles with what this window knows of their corners.
+  base::Result<void> gather(bool first, bool last, double done) {
+    const GatherPass pass{first, last};
+    // A block is some ten megabytes here: no more of them than keep the threads busy.
+    std::vector<Gathered> slots(options_.threads > 1 ? std::min<std::size_t>(kMostBlocks, options_.threads + 2) : 1);
+    const auto make = [&](std::size_t block, std::size_t slot) { return gatherBlock(block, slots[slot], pass); };
+    const auto take = [&](std::size_t, std::size_t slot) -> base::Result<void> {
+      Gathered& gathered = slots[slot];
+      LUMIGRID_TRY(storeAny(gathered, pass));
+      const std::uint64_t stored = gathered.block.first + gathered.block.corners.size() / 3;
+      const double share = static_cast<double>(stored) / static_cast<double>(info_.triangles);
+      return goOn(done * share) ? base::Result<void>() : cancelled();
+    };
+    LUMIGRID_TRY(base::parallelInOrder(source_.triangleBlocks(), options_.threads, slots.size(), make, take));
+    return first && !last ? corners_.flush() : base::Result<void>();
   }
 
-  base::Result<void> gatherBlock(const SpooledTriangles& block, Gathered& result, const GatherPass& pass) const {
-    result.records.resize(block.corners.size() / 3);
-    // Where one window is all, each corner is written over.
-    if (pass.first && !pass.last) std::fill(result.records.begin(), result.records.end(), Record{});
-    const std::span<std::uint8_t> bytes(reinterpret_cast<std::uint8_t*>(result.records.data()),
-                                        result.records.size() * sizeof(Record));
-    if (!pass.first) LUMIGRID_TRY(corners_.readAt(result.start * sizeof(Record), bytes));
-    fill(block, result.records);
-    if (pass.last) sift(block, result);
+  base::Result<void> gatherBlock(std::size_t number, Gathered& result, const GatherPass& pass) const {
+    SpooledTriangles& block = result.block;
+    LUMIGRID_TRY(source_.readTriangles(number, block));
+    if (!pass.first || !pass.last) result.records.assign(block.corners.size() / 3, Record{});
+    if (!pass.first) LUMIGRID_TRY(corners_.readAt(block.first * sizeof(Record), recordBytes(result)));
+    if (pass.last) {
+      sift(block, result);
+      return {};
+    }
+    for (std::size_t t = 0; t < result.records.size(); ++t) fill(&block.corners[3 * t], result.records[t]);
     return {};
   }
 
-  base::Result<void> storeAll(std::span<Gathered> results, const GatherPass& pass) {
-    for (Gathered& result : results) {
-      if (pass.last) {
-        LUMIGRID_TRY(store(result));
-        continue;
-      }
-      const base::ByteView bytes(reinterpret_cast<const std::uint8_t*>(result.records.data()),
-                                 result.records.size() * sizeof(Record));
-      LUMIGRID_TRY(pass.first ? corners_.append(bytes) : corners_.writeAt(result.start * sizeof(Record), bytes));
-    }
-    return {};
+  static std::span<std::uint8_t> recordBytes(Gathered& gathered) {
+    return {reinterpret_cast<std::uint8_t*>(gathered.records.data()), gathered.records.size() * sizeof(Record)};
   }
 
-  void fill(const SpooledTriangles& block, std::vector<Record>& records) const {
-    for (std::size_t i = 0; i < block.corners.size(); ++i) {
-      Corner& corner = records[i / 3].corner[i % 3];
-      const std::uint64_t v = block.corners[i];
-      if (v >= first_ && v < last_) {
-        const auto at = static_cast<std::size_t>(v - first_);
-        corner.code = codes_[at];
-        if (out_.has_colors_) corner.color = colors_[at];
-        if (out_.has_normals_) corner.normal = normals_[at];
-      }
+  base::Result<void> storeAny(Gathered& gathered, const GatherPass& pass) {
+    if (pass.last) return store(gathered);
+    return pass.first ? corners_.append(recordBytes(gathered))
+                      : corners_.writeAt(gathered.block.first * sizeof(Record), recordBytes(gathered));
+  }
+
+  // What this window knows of a triangle's corners.
+  void fill(const std::uint64_t* corners, Record& record) const {
+    for (std::size_t k = 0; k < 3; ++k) {
+      const std::uint64_t v = corners[k];
+      if (v < first_ || v >= last_) continue;
+      const auto at = static_cast<std::size_t>(v - first_);
+      record.corner[k].code = codes_[at];
+      if (out_.has_colors_) record.corner[k].color = colors_[at];
+      if (out_.has_normals_) record.corner[k].normal = normals_[at];
     }
   }
 
   // Leaves out triangles that are none, packs the others and says where they go.
   void sift(const SpooledTriangles& block, Gathered& result) const {
     const std::size_t size = 3 * out_.cornerBytes();
-    result.packed.resize(size * result.records.size());
+    const std::size_t triangles = block.corners.size() / 3;
+    result.packed.resize(size * triangles);
     result.bucket.clear();
     result.border.clear();
     result.counts = {};
     std::uint8_t* to = result.packed.data();
-    for (std::size_t t = 0; t < result.records.size(); ++t) {
-      Record& record = result.records[t];
+    for (std::size_t t = 0; t < triangles; ++t) {
       const std::uint64_t* v = &block.corners[3 * t];
+      Record record = result.records.empty() ? Record{} : result.records[t];
+      fill(v, record);
       const std::uint64_t a = record.corner[0].code, b = record.corner[1].code, c = record.corner[2].code;
       if (a == b || b == c || c == a) {
         const bool named_twice = v[0] == v[1] || v[1] == v[2] || v[2] == v[0];
@@ -405,9 +385,10 @@ class BucketSorter {
   Buckets out_;
   SpoolFile corners_;
   std::uint64_t first_ = 0, last_ = 0;  // the window
-  std::vector<std::uint64_t> codes_;
-  std::vector<std::uint32_t> colors_;
-  std::vector<std::uint32_t> normals_;
+  std::size_t room_ = 0;                // vertices, of the following
+  std::unique_ptr<std::uint64_t[]> codes_;
+  std::unique_ptr<std::uint32_t[]> colors_;
+  std::unique_ptr<std::uint32_t[]> normals_;
   std::vector<std::uint64_t> samples_;
   std::uint64_t stride_ = 1;
   std::vector<std::uint64_t> splitters_;
@@ -465,7 +446,16 @@ base::Result<std::vector<Corner>> Buckets::readAsGiven(std::size_t bucket) const
   return corners;
 }
 
+base::Result<Buckets::Numbered> Buckets::readNumbered(std::size_t bucket) const {
+  if (only_) return *std::exchange(only_, std::nullopt);
+  auto corners = read(bucket);
+  if (!corners) return corners.error();
+  NumberedCorners mesh(*corners);
+  return Numbered{std::move(*corners), std::move(mesh)};
+}
+
 base::Result<std::vector<Corner>> Buckets::read(std::size_t bucket) const {
+  if (only_) return only_->corners;
   const auto flips = measureFlips(bucket);
   if (!flips) return flips.error();
   auto corners = readAsGiven(bucket);
@@ -579,9 +569,9 @@ struct Buckets::FirstLook {
 // Most meshes are wound alike as they are: that needs a look at the edges, no more, and the sums of what is read for it
 // hold as well. Where they are not, the rest is measured at once.
 base::Result<void> Buckets::lookAt(std::size_t bucket, FirstLook& look) {
-  const auto corners = readAsGiven(bucket);
+  auto corners = readAsGiven(bucket);
   if (!corners) return corners.error();
-  const NumberedCorners mesh(*corners);
+  NumberedCorners mesh(*corners);
   const std::vector<std::uint32_t> places = borderPlaces(mesh);
   areas_[bucket] = areaOf(mesh);
   std::vector<BorderTriangle> on_border;
@@ -598,6 +588,7 @@ base::Result<void> Buckets::lookAt(std::size_t bucket, FirstLook& look) {
     addToBorders(on_border);
   else
     look.measured[bucket] = measure(mesh, places, look);
+  if (count() == 1 && look.alike) only_ = Numbered{std::move(*corners), std::move(mesh)};
   const std::lock_guard lock(look.mutex);
   look.open.insert(look.open.end(), quick.open.begin(), quick.open.end());
   return storeBorder(bucket, on_border);
@@ -627,6 +618,7 @@ base::Result<void> Buckets::windAlike(unsigned threads, std::uint64_t memory_byt
     return {};
   }
   look.open = {};
+  only_.reset();
   return turnOver(look, threads);
 }
 
@@ -663,6 +655,7 @@ base::Result<void> Buckets::turnOver(FirstLook& look, unsigned threads) {
 }
 
 void Buckets::release() {
+  only_.reset();
   file_.release(0, file_.size());
 }
 

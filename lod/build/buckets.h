@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <functional>
 #include <glm/glm.hpp>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -115,6 +116,12 @@ class Buckets {
 
   /// 3 corners per triangle, in the source's order, wound alike.
   base::Result<std::vector<Corner>> read(std::size_t bucket) const;
+  /// The same with its vertices numbered. A mesh of a single bucket lies ready for the first call; one call at a time.
+  struct Numbered {
+    std::vector<Corner> corners;
+    NumberedCorners mesh;
+  };
+  base::Result<Numbered> readNumbered(std::size_t bucket) const;
   /// Those with a corner on the border, as read() has them.
   base::Result<std::vector<BorderTriangle>> borderTriangles(std::size_t bucket) const;
   /// Gives the buckets' disk space back; they can no longer be read.
@@ -159,8 +166,9 @@ class Buckets {
   BorderVertices border_;
   std::vector<Extent> border_extents_;  // by bucket: its BorderTriangles
   Winding winding_;
-  std::vector<Flips> flips_;  // by bucket, where they have been measured in this run; else empty
-  std::vector<Area> areas_;   // by bucket, until they are summed
+  std::vector<Flips> flips_;              // by bucket, where they have been measured in this run; else empty
+  std::vector<Area> areas_;               // by bucket, until they are summed
+  mutable std::optional<Numbered> only_;  // of a single bucket, until it is asked for
   bool has_colors_ = false;
   bool has_normals_ = false;
 };

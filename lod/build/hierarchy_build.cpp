@@ -143,6 +143,7 @@ class Builder {
     LUMIGRID_TRY(makeAllLeaves(leaves));
     LUMIGRID_TRY(makeLevels(std::move(leaves)));
     LUMIGRID_TRY(write());
+    if (options_.on_written) options_.on_written();
     fillSummary();
     return {};
   }
@@ -152,24 +153,20 @@ class Builder {
     return !progress_ || progress_(stage, done);
   }
 
-  bool canResume() const { return !options_.resume_key.empty(); }
-
   // Everything that decides the work files, their own format first. Threads and memory do not.
-  std::string resumeKey() const {
-    if (options_.resume_key.empty()) return {};
+  ResumeKey resumeKey() const {
     std::string key = "14";
     for (const std::uint32_t v : {options_.voxel_triangles, options_.leaf_triangles, options_.node_triangles,
                                   options_.group_patches, options_.position_bits, options_.regroup ? 1U : 0U}) {
       key += ' ';
       key += std::to_string(v);
     }
-    key += ' ';
-    return key += options_.resume_key;
+    return keyAfter(key + ' ', options_.resume_key);
   }
 
   base::Result<void> import(const SourceInput& input) {
     if (directory_->stage() < 1 && !report("import", 0.0)) return cancelled();
-    auto source = importSource(*directory_, input);
+    auto source = importSource(*directory_, input, options_.threads);
     if (!source) return source.error();
     source_ = std::move(*source);
     lattice_ = makeLattice(source_.info, source_.origin, options_.position_bits);

@@ -26,9 +26,10 @@ struct HierarchyOptions {
   std::uint64_t memory_bytes =
       0;                       ///< of the whole process; 0: 60 % of the machine's. The output does not depend on it.
   std::string work_directory;  ///< for the work files; empty: beside the output
-  std::string resume_key;  ///< what decides the output besides these options (the sources' checksums); a work directory
-                           ///< left under the same key is continued. Empty: every build starts afresh.
+  ResumeKey resume_key;  ///< what decides the output besides these options (the sources' checksums); a work directory
+                         ///< left under the same key is continued. None: every build starts afresh.
   std::function<void(const BuildPlan&)> on_plan;  ///< may be empty
+  std::function<void()> on_written;  ///< may be empty; the output is in its place, and work files are still removed
 };
 
 struct LevelSummary {

@@ -18,9 +18,9 @@ struct ObjReader {
 
   MeshStream& out;
   std::vector<glm::vec3> file_normals;  // as the vn lines give them
-  std::vector<std::uint64_t> corners;   // of the face being read, with their normals
-  std::vector<glm::vec3> normals;
-  std::int64_t highest_index = -1;  // of all faces, checked once every vertex is known
+  std::vector<std::uint64_t> corners;   // of the face being read
+  std::vector<glm::vec3> normals;       // of its corners, up to the last one that names one
+  std::int64_t highest_index = -1;      // of all faces, checked once every vertex is known
   std::uint64_t highest_index_line = 0;
   std::uint64_t line_number = 0;
   TextColors colors;
@@ -28,13 +28,14 @@ struct ObjReader {
   bool has_normals = false;
   bool too_many_normals = false;
   std::vector<glm::vec2> file_uv;  // as the vt lines give them
-  std::vector<glm::dvec2> uv;      // of the face being read; NaN where a corner names none
+  std::vector<glm::dvec2> uv;      // of its corners, with a texture; NaN where one names none
   std::vector<glm::u8vec4> baked;
   std::map<std::string, std::string> texture_of;  // material -> picture
   const Texture* texture = nullptr;               // of the material in use
   bool too_many_uv = false;
 
-  std::string place() const { return "line " + std::to_string(line_number); }
+  std::string place() const { return placeOf(line_number); }
+  static std::string placeOf(std::uint64_t line) { return "line " + std::to_string(line); }
   base::Result<void> readFile(std::string_view text);
   base::Result<void> readLine(std::string_view line);
   base::Result<void> readVertex(std::string_view line);
@@ -47,20 +48,21 @@ struct ObjReader {
 };
 
 // "v x y z", "v x y z w", "v x y z r g b"; returns how many numbers, or an error.
-base::Result<std::size_t> readNumbers(std::string_view line, std::array<double, 7>& numbers, const std::string& place) {
+base::Result<std::size_t> readNumbers(std::string_view line, std::array<double, 7>& numbers, std::uint64_t number) {
   std::size_t count = 0;
   for (std::string_view word = nextWord(line); !word.empty() && count < numbers.size(); word = nextWord(line)) {
     if (word.front() == '#') break;
-    if (!parseNumber(word, numbers[count])) return invalidInput(place + ": " + quoted(word) + " is not a number");
+    if (!parseNumber(word, numbers[count]))
+      return invalidInput(ObjReader::placeOf(number) + ": " + quoted(word) + " is not a number");
     ++count;
   }
-  if (count < 3) return invalidInput(place + ": three numbers are needed (a truncated file?)");
+  if (count < 3) return invalidInput(ObjReader::placeOf(number) + ": three numbers are needed (a truncated file?)");
   return count;
 }
 
 base::Result<void> ObjReader::readVertex(std::string_view line) {
   std::array<double, 7> n{};
-  auto count = readNumbers(line, n, place());
+  auto count = readNumbers(line, n, line_number);
   if (!count) return count.error();
   out.positions.emplace_back(n[0], n[1], n[2]);
 
@@ -76,7 +78,7 @@ base::Result<void> ObjReader::readVertex(std::string_view line) {
 
 base::Result<void> ObjReader::readNormal(std::string_view line) {
   std::array<double, 7> n{};
-  auto count = readNumbers(line, n, place());
+  auto count = readNumbers(line, n, line_number);
   if (!count) return count.error();
   if (file_normals.size() < kMaxNormals)
     file_normals.emplace_back(glm::dvec3(n[0], n[1], n[2]));
@@ -95,30 +97,33 @@ bool resolveIndex(std::int64_t number, std::uint64_t count, std::int64_t& index)
 base::Result<void> ObjReader::readCorner(std::string_view word) {
   std::int64_t number = 0;
   std::int64_t index = 0;
-  const std::size_t slash = word.find('/');
-  if (!parseNumber(word.substr(0, slash), number))
+  // Most are digits alone.
+  const bool plain = leadingDigits(word, number) == word.size();
+  const std::size_t slash = plain ? std::string_view::npos : word.find('/');
+  if (!plain && !parseNumber(word.substr(0, slash), number))
     return invalidInput(place() + ": " + quoted(word) + " is not a vertex index");
   if (!resolveIndex(number, out.vertexCount(), index) || index >= std::int64_t{1} << 48)
     return indexOutOfRange(place(), number, out.vertexCount());
   if (index > highest_index) highest_index = index, highest_index_line = line_number;
   corners.push_back(static_cast<std::uint64_t>(index));
-  normals.emplace_back(0.0F);
-  uv.emplace_back(std::numeric_limits<double>::quiet_NaN());
+  if (texture != nullptr) uv.emplace_back(std::numeric_limits<double>::quiet_NaN());
+  if (slash == std::string_view::npos) return {};
 
   const std::size_t last_slash = word.rfind('/');
-  if (slash != std::string_view::npos && texture != nullptr) {
+  if (texture != nullptr) {
     const std::size_t end = last_slash == slash ? word.size() : last_slash;
     std::int64_t at = 0;
     if (parseNumber(word.substr(slash + 1, end - slash - 1), number) && resolveIndex(number, file_uv.size(), at) &&
         at < static_cast<std::int64_t>(file_uv.size()))
       uv.back() = glm::dvec2(file_uv[static_cast<std::size_t>(at)]);
   }
-  if (slash == std::string_view::npos || last_slash == slash || too_many_normals) return {};
+  if (last_slash == slash || too_many_normals) return {};
   std::int64_t normal = 0;
   if (!parseNumber(word.substr(last_slash + 1), number) || !resolveIndex(number, file_normals.size(), normal) ||
       normal >= static_cast<std::int64_t>(file_normals.size()))
     return invalidInput(place() + ": " + quoted(word) + " names a normal that is not there (" +
                         std::to_string(file_normals.size()) + " normals)");
+  normals.resize(corners.size(), glm::vec3(0.0F));
   normals.back() = file_normals[static_cast<std::size_t>(normal)];
   has_normals = true;
   return {};
@@ -137,6 +142,7 @@ base::Result<void> ObjReader::readFace(std::string_view line) {
     out.baker.bake(*texture, uv, baked);
     colors_of_corners = baked;
   }
+  if (has_normals) normals.resize(corners.size(), glm::vec3(0.0F));
   out.addPolygon(corners, has_normals ? std::span<const glm::vec3>(normals) : std::span<const glm::vec3>(),
                  colors_of_corners);
   return {};

@@ -141,7 +141,7 @@ inline std::string_view textOf(base::ByteView bytes) {
 }
 
 inline bool isSpace(char c) {
-  return c == ' ' || c == '\t' || c == '\r' || c == '\n' || c == '\v' || c == '\f';
+  return c == ' ' || (c >= '\t' && c <= '\r');
 }
 
 /// Cuts the next word off the front of `text`; empty when none is left.
@@ -170,6 +170,16 @@ bool parseNumber(std::string_view word, T& value) {
   if (!word.empty() && word.front() == '+') word.remove_prefix(1);
   const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
   return error == std::errc{} && end == word.data() + word.size();
+}
+
+/// How many digits the word begins with, up to 18, and what they say: `value` then needs no check for overflow.
+inline std::size_t leadingDigits(std::string_view word, std::int64_t& value) {
+  constexpr std::size_t kMost = 18;
+  std::size_t count = 0;
+  value = 0;
+  for (; count < word.size() && count < kMost && word[count] >= '0' && word[count] <= '9'; ++count)
+    value = 10 * value + (word[count] - '0');
+  return count;
 }
 
 /// A word from a hostile file, cut to a length that an error line can carry, unprintable bytes replaced.

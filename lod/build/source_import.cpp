@@ -159,14 +159,14 @@ base::Result<SourceInput> sourceFromMesh(const Mesh& mesh) {
   return input;
 }
 
-base::Result<ImportedSource> importSource(WorkDirectory& directory, const SourceInput& input) {
+base::Result<ImportedSource> importSource(WorkDirectory& directory, const SourceInput& input, unsigned threads) {
   if (directory.stage() >= 1) return readState(directory);
   LUMIGRID_TRY(directory.needSpace(input.bytes, "the source's vertices and triangles"));
   auto spool = SourceSpool::create(directory.path());
   if (!spool) return spool.error();
   SourceInfo notes;
   LUMIGRID_TRY(input.read(*spool, notes));
-  auto info = spool->finish(input.points);
+  auto info = spool->finish(input.points, threads);
   if (!info) return info.error();
   ImportedSource source;
   source.info = std::move(*info);
@@ -208,7 +208,7 @@ base::Result<Buckets> sortSource(WorkDirectory& directory, const ImportedSource&
   if (!buckets) return buckets.error();
   const auto sorted = std::make_shared<SourceSpool>(std::move(*spool));
   LUMIGRID_TRY(directory.finishStage(2, buckets->state(), {"buckets"}, [sorted] { sorted->remove(); }));
-  releaseFreedMemory();
+  releaseFreedMemory(2 * options.memory_bytes);
   return buckets;
 }
 

@@ -62,7 +62,7 @@ struct ImportedSource {
   std::uint64_t triangle_bytes = 0;
 };
 /// Stage 1 of the work directory: done, or as an earlier run left it. Errors: those of reading, kNoSpace, kIo.
-base::Result<ImportedSource> importSource(WorkDirectory& directory, const SourceInput& input);
+base::Result<ImportedSource> importSource(WorkDirectory& directory, const SourceInput& input, unsigned threads);
 /// The spool that importSource left. Errors: kIo, damaged work files.
 base::Result<SourceSpool> openSource(const WorkDirectory& directory, const ImportedSource& source);
 

@@ -5,6 +5,10 @@
 #include <cstring>
 #include <filesystem>
 #include <limits>
+#include <numeric>
+
+#include "base/parallel.h"
+#include "lod/build/work_directory.h"
 
 namespace lod::build {
 namespace {
@@ -33,12 +37,14 @@ void take(base::ByteView& in, std::vector<T>& values, std::size_t count) {
   in = in.subspan(count * sizeof(T));
 }
 
-base::Result<BlockHeader> readHeader(SpoolReader& reader) {
-  const auto bytes = reader.next(sizeof(BlockHeader));
-  if (!bytes) return bytes.error();
-  BlockHeader header;
-  std::memcpy(&header, bytes->data(), sizeof(header));
-  return header;
+// Of what comes after the header.
+std::uint64_t vertexBlockBytes(std::uint64_t count, std::uint32_t flags) {
+  return count * (((flags & kDouble) != 0 ? 24U : 12U) + ((flags & kNormals) != 0 ? 4U : 0U) +
+                  ((flags & kColors) != 0 ? 4U : 0U));
+}
+std::uint64_t triangleBlockBytes(std::uint64_t count, std::uint32_t flags) {
+  return 3 * count *
+         (((flags & kWide) != 0 ? 8U : 4U) + ((flags & kColors) != 0 ? 4U : 0U) + ((flags & kNormals) != 0 ? 4U : 0U));
 }
 
 bool fitsFloat(std::span<const glm::dvec3> positions) {
@@ -74,7 +80,30 @@ base::Result<SourceSpool> SourceSpool::open(const std::string& directory) {
   if (!vertices) return vertices.error();
   auto triangles = SpoolFile::open(directory + "/triangles");
   if (!triangles) return triangles.error();
-  return SourceSpool(std::move(*vertices), std::move(*triangles));
+  SourceSpool spool(std::move(*vertices), std::move(*triangles));
+  LUMIGRID_TRY(spool.findBlocks(directory));
+  return spool;
+}
+
+base::Result<void> SourceSpool::findBlocks(const std::string& directory) {
+  const auto find = [&](const SpoolFile& file, std::vector<Block>& blocks, auto bytes) -> base::Result<void> {
+    Block block;
+    while (block.offset < file.size()) {
+      BlockHeader header;
+      if (file.size() - block.offset < sizeof(header)) return damagedWorkFiles(directory);
+      std::uint8_t room[sizeof(header)];
+      LUMIGRID_TRY(file.readAt(block.offset, room));
+      std::memcpy(&header, room, sizeof(header));
+      block.count = header.count, block.flags = header.flags;
+      const std::uint64_t end = block.offset + sizeof(header) + bytes(header.count, header.flags);
+      if (end > file.size()) return damagedWorkFiles(directory);
+      blocks.push_back(block);
+      block.first += header.count, block.offset = end;
+    }
+    return {};
+  };
+  LUMIGRID_TRY(find(vertices_, vertex_blocks_, vertexBlockBytes));
+  return find(triangles_, triangle_blocks_, triangleBlockBytes);
 }
 
 void SourceSpool::beginFile(const std::string& name) {
@@ -89,6 +118,8 @@ base::Result<void> SourceSpool::restart() {
   LUMIGRID_TRY(triangles_.truncate(file_.triangle_bytes));
   info_.vertices = file_.vertices;
   info_.triangles = file_.triangles;
+  std::erase_if(vertex_blocks_, [this](const Block& block) { return block.offset >= file_.vertex_bytes; });
+  std::erase_if(triangle_blocks_, [this](const Block& block) { return block.offset >= file_.triangle_bytes; });
   // Marks of the first try would only say that more vertices are in use; numbers beyond this file's first are cleared.
   for (std::uint64_t v = file_.vertices; v < 64 * used_.size(); ++v) used_[v / 64] &= ~(std::uint64_t{1} << (v % 64));
   while (!sampled_.empty() && *std::max_element(sampled_.end() - 3, sampled_.end()) >= file_.vertices)
@@ -132,6 +163,7 @@ base::Result<void> SourceSpool::vertices(const VertexBlock& block) {
     c.a = 255;
     put(scratch_, &c, 1);
   }
+  vertex_blocks_.push_back({info_.vertices, vertices_.size(), header.count, header.flags});
   info_.vertices += count;
   info_.has_normals |= !block.normals.empty();
   info_.has_colors |= !block.colors.empty();
@@ -167,6 +199,7 @@ base::Result<void> SourceSpool::triangles(const TriangleBlock& block) {
     put(scratch_, &packed, 1);
   }
   sample(block.corners);
+  triangle_blocks_.push_back({info_.triangles, triangles_.size(), header.count, header.flags});
   info_.triangles += corners / 3;
   info_.has_colors |= !block.colors.empty();
   info_.has_normals |= !block.normals.empty();
@@ -190,46 +223,63 @@ void SourceSpool::sample(std::span<const std::uint64_t> corners) {
   }
 }
 
-base::Result<SourceInfo> SourceSpool::finish(bool points) {
+base::Result<SourceInfo> SourceSpool::finish(bool points, unsigned threads) {
   LUMIGRID_TRY(vertices_.flush());
   LUMIGRID_TRY(triangles_.flush());
   if (info_.triangles == 0 && !points) return base::Error{base::ErrorCode::kInvalidInput, "the mesh has no triangles"};
   if (info_.vertices == 0) return base::Error{base::ErrorCode::kInvalidInput, "the mesh has no vertices"};
-  LUMIGRID_TRY(measure());
+  LUMIGRID_TRY(measure(threads));
   used_ = std::vector<std::uint64_t>();
   sampled_ = std::vector<std::uint64_t>();
   return info_;
 }
 
+struct SourceSpool::Measured {
+  std::uint64_t referenced = 0;
+  glm::dvec3 low{std::numeric_limits<double>::max()};
+  glm::dvec3 high{std::numeric_limits<double>::lowest()};
+};
+
+// The sampled corners, those of each block together, and their positions once they are found.
+struct SourceSpool::Sampled {
+  std::vector<std::uint32_t> corners;  // places in sampled_
+  std::vector<std::size_t> begin;      // by block: the first of its own
+  std::vector<glm::dvec3> found;       // as many as sampled_
+};
+
 // Box of what is in use, and the mean edge of the sample: its corners' positions are met in one pass.
-base::Result<void> SourceSpool::measure() {
-  struct Corner {
-    std::uint64_t vertex = 0;
-    std::uint32_t place = 0;
-  };
-  std::vector<Corner> wanted(sampled_.size());
-  for (std::uint32_t i = 0; i < wanted.size(); ++i) wanted[i] = {sampled_[i], i};
-  std::sort(wanted.begin(), wanted.end(), [](const Corner& a, const Corner& b) { return a.vertex < b.vertex; });
-  std::vector<glm::dvec3> found(wanted.size());
-
-  glm::dvec3 low(std::numeric_limits<double>::max());
-  glm::dvec3 high(std::numeric_limits<double>::lowest());
-  std::size_t next = 0;
+base::Result<void> SourceSpool::measure(unsigned threads) {
   used_.resize(static_cast<std::size_t>(info_.vertices / 64 + 1), 0);
-  LUMIGRID_TRY(forEachVertexBlock([&](const SpooledVertices& block) -> base::Result<void> {
-    for (std::size_t i = 0; i < block.positions.size(); ++i) {
-      const std::uint64_t v = block.first + i;
-      if (info_.triangles != 0 && (used_[static_cast<std::size_t>(v / 64)] >> (v % 64) & 1U) == 0) continue;
-      ++info_.referenced;
-      low = glm::min(low, block.positions[i]);
-      high = glm::max(high, block.positions[i]);
-      for (; next < wanted.size() && wanted[next].vertex == v; ++next) found[wanted[next].place] = block.positions[i];
-    }
-    return {};
-  }));
-  info_.box_min = low;
-  info_.box_max = high;
+  const auto blockOf = [this](std::uint64_t vertex) {
+    const auto after = std::upper_bound(vertex_blocks_.begin(), vertex_blocks_.end(), vertex,
+                                        [](std::uint64_t v, const Block& block) { return v < block.first; });
+    return static_cast<std::size_t>(after - vertex_blocks_.begin()) - 1;
+  };
+  Sampled sampled;
+  sampled.found.resize(sampled_.size());
+  sampled.corners.resize(sampled_.size());
+  sampled.begin.assign(vertexBlocks() + 1, 0);
+  std::vector<std::size_t> blocks;
+  blocks.reserve(sampled_.size());
+  for (const std::uint64_t vertex : sampled_) ++sampled.begin[blocks.emplace_back(blockOf(vertex)) + 1];
+  std::partial_sum(sampled.begin.begin(), sampled.begin.end(), sampled.begin.begin());
+  std::vector<std::size_t> next = sampled.begin;
+  for (std::uint32_t i = 0; i < blocks.size(); ++i) sampled.corners[next[blocks[i]]++] = i;
 
+  std::vector<Measured> measured(vertexBlocks());
+  LUMIGRID_TRY(base::tryParallelFor(vertexBlocks(), threads,
+                                    [&](std::size_t block) { return measureBlock(block, measured[block], sampled); }));
+  Measured all;
+  for (const Measured& block : measured) {
+    all.referenced += block.referenced;
+    all.low = glm::min(all.low, block.low);
+    all.high = glm::max(all.high, block.high);
+  }
+  info_.referenced = all.referenced;
+  info_.box_min = all.low;
+  info_.box_max = all.high;
+
+  const std::vector<glm::dvec3>& found = sampled.found;
   double log_sum = 0.0;
   double count = 0.0;
   for (std::size_t i = 0; i < found.size(); ++i) {
@@ -240,55 +290,64 @@ base::Result<void> SourceSpool::measure() {
   return {};
 }
 
-base::Result<void> SourceSpool::readVertices(SpoolReader& reader, SpooledVertices& block) {
-  const auto header = readHeader(reader);
-  if (!header) return header.error();
-  const bool wide = (header->flags & kDouble) != 0;
-  const std::size_t count = header->count;
-  const std::size_t normals = (header->flags & kNormals) != 0 ? count : 0;
-  const std::size_t colors = (header->flags & kColors) != 0 ? count : 0;
-  auto bytes = reader.next(count * (wide ? 24U : 12U) + 4 * (normals + colors));
-  if (!bytes) return bytes.error();
-  base::ByteView in = *bytes;
-  if (wide) {
-    take(in, block.positions, count);
-  } else {
-    block.positions.resize(count);
-    for (std::size_t i = 0; i < count; ++i) {
-      glm::vec3 p;
-      std::memcpy(&p, in.data() + i * sizeof(p), sizeof(p));
-      block.positions[i] = glm::dvec3(p);
-    }
-    in = in.subspan(count * sizeof(glm::vec3));
+base::Result<void> SourceSpool::measureBlock(std::size_t block, Measured& out, Sampled& sampled) const {
+  SpooledVertices vertices;
+  LUMIGRID_TRY(readVertices(block, vertices));
+  for (std::size_t i = 0; i < vertices.positions.size(); ++i) {
+    const std::uint64_t v = vertices.first + i;
+    if (info_.triangles != 0 && (used_[static_cast<std::size_t>(v / 64)] >> (v % 64) & 1U) == 0) continue;
+    ++out.referenced;
+    out.low = glm::min(out.low, vertices.positions[i]);
+    out.high = glm::max(out.high, vertices.positions[i]);
   }
-  take(in, block.normals, normals);
-  take(in, block.colors, colors);
+  for (std::size_t c = sampled.begin[block]; c < sampled.begin[block + 1]; ++c)
+    sampled.found[sampled.corners[c]] =
+        vertices.positions[static_cast<std::size_t>(sampled_[sampled.corners[c]] - vertices.first)];
   return {};
 }
 
-base::Result<void> SourceSpool::readTriangles(SpoolReader& reader, SpooledTriangles& block) {
-  const auto header = readHeader(reader);
-  if (!header) return header.error();
-  const bool wide = (header->flags & kWide) != 0;
-  const std::size_t corners = 3 * std::size_t{header->count};
-  const std::size_t colors = (header->flags & kColors) != 0 ? corners : 0;
-  const std::size_t normals = (header->flags & kNormals) != 0 ? corners : 0;
-  auto bytes = reader.next(corners * (wide ? 8U : 4U) + 4 * (colors + normals));
-  if (!bytes) return bytes.error();
-  base::ByteView in = *bytes;
-  if (wide) {
-    take(in, block.corners, corners);
+base::Result<void> SourceSpool::readVertices(std::size_t block, SpooledVertices& out) const {
+  const Block& at = vertex_blocks_[block];
+  out.first = at.first;
+  out.packed.resize(static_cast<std::size_t>(vertexBlockBytes(at.count, at.flags)));
+  LUMIGRID_TRY(vertices_.readAt(at.offset + sizeof(BlockHeader), out.packed));
+  base::ByteView in = out.packed;
+  if ((at.flags & kDouble) != 0) {
+    take(in, out.positions, at.count);
   } else {
-    block.corners.resize(corners);
+    out.positions.resize(at.count);
+    for (std::size_t i = 0; i < at.count; ++i) {
+      glm::vec3 p;
+      std::memcpy(&p, in.data() + i * sizeof(p), sizeof(p));
+      out.positions[i] = glm::dvec3(p);
+    }
+    in = in.subspan(at.count * sizeof(glm::vec3));
+  }
+  take(in, out.normals, (at.flags & kNormals) != 0 ? at.count : 0);
+  take(in, out.colors, (at.flags & kColors) != 0 ? at.count : 0);
+  return {};
+}
+
+base::Result<void> SourceSpool::readTriangles(std::size_t block, SpooledTriangles& out) const {
+  const Block& at = triangle_blocks_[block];
+  out.first = at.first;
+  out.packed.resize(static_cast<std::size_t>(triangleBlockBytes(at.count, at.flags)));
+  LUMIGRID_TRY(triangles_.readAt(at.offset + sizeof(BlockHeader), out.packed));
+  base::ByteView in = out.packed;
+  const std::size_t corners = 3 * std::size_t{at.count};
+  if ((at.flags & kWide) != 0) {
+    take(in, out.corners, corners);
+  } else {
+    out.corners.resize(corners);
     for (std::size_t i = 0; i < corners; ++i) {
       std::uint32_t v = 0;
       std::memcpy(&v, in.data() + 4 * i, 4);
-      block.corners[i] = v;
+      out.corners[i] = v;
     }
     in = in.subspan(4 * corners);
   }
-  take(in, block.colors, colors);
-  take(in, block.normals, normals);
+  take(in, out.colors, (at.flags & kColors) != 0 ? corners : 0);
+  take(in, out.normals, (at.flags & kNormals) != 0 ? corners : 0);
   return {};
 }
 

@@ -121,17 +121,4 @@ void SpoolFile::release([[maybe_unused]] std::uint64_t offset, [[maybe_unused]] 
 #endif
 }
 
-base::Result<base::ByteView> SpoolReader::next(std::size_t count) {
-  if (position_ + count > buffer_at_ + buffer_.size()) {
-    const std::size_t wanted = std::max(count, buffer_bytes_);
-    const std::uint64_t left = file_.size() - std::min(file_.size(), position_);
-    buffer_.resize(static_cast<std::size_t>(std::min<std::uint64_t>(std::max<std::uint64_t>(count, left), wanted)));
-    buffer_at_ = position_;
-    LUMIGRID_TRY(file_.readAt(position_, buffer_));
-  }
-  const base::ByteView view = base::ByteView(buffer_).subspan(static_cast<std::size_t>(position_ - buffer_at_), count);
-  position_ += count;
-  return view;
-}
-
 }  // namespace lod::build

@@ -43,21 +43,4 @@ class SpoolFile {
   base::Bytes buffer_;
 };
 
-/// Reads a SpoolFile from front to back through a buffer of its own.
-class SpoolReader {
- public:
-  explicit SpoolReader(const SpoolFile& file, std::size_t buffer_bytes = std::size_t{1} << 20)
-      : file_(file), buffer_bytes_(buffer_bytes) {}
-  bool atEnd() const { return position_ == file_.size(); }
-  /// The next `count` bytes, valid until the next call.
-  base::Result<base::ByteView> next(std::size_t count);
-
- private:
-  const SpoolFile& file_;
-  std::size_t buffer_bytes_;
-  base::Bytes buffer_;
-  std::uint64_t buffer_at_ = 0;
-  std::uint64_t position_ = 0;
-};
-
 }  // namespace lod::build

@@ -1,11 +1,14 @@
 #include "lod/build/work_directory.h"
 
 #include <malloc.h>
+#include <sys/mman.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
+#include <chrono>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
@@ -50,6 +53,32 @@ base::Result<void> needFree(const std::string& directory, std::uint64_t bytes, c
                                         " are needed, " + sizeText(space.available) + " are free; " + advice};
 }
 
+base::Result<void> writeKey(const std::string& directory, const ResumeKey& key) {
+  const auto text = key();
+  if (!text) return text.error();
+  return base::writeFileAtomically(directory + "/key",
+                                   base::ByteView(reinterpret_cast<const std::uint8_t*>(text->data()), text->size()));
+}
+
+// Lets the first `bytes` that the allocator fetches from now on come in large pages, where the system has them: a fault
+// for each page of 4 kB takes an eighth of a small build. It is address space, not memory, that is taken.
+void useLargePages([[maybe_unused]] int bytes) {
+#ifdef MADV_HUGEPAGE
+  constexpr std::uintptr_t kPage = std::uintptr_t{2} << 20;
+  const auto heapEnd = [] { return reinterpret_cast<std::uintptr_t>(::sbrk(0)); };
+  const std::uintptr_t begin = (heapEnd() + kPage - 1) / kPage * kPage;
+  ::mallopt(M_TOP_PAD, bytes);
+  // What is as large as this the allocator has not at hand.
+  if (void* room = std::malloc(16 << 20)) {
+    *static_cast<volatile char*>(room) = 0;
+    std::free(room);
+  }
+  ::mallopt(M_TOP_PAD, 1 << 17);
+  const std::uintptr_t end = heapEnd() / kPage * kPage;
+  if (begin < end) (void)::madvise(reinterpret_cast<void*>(begin), end - begin, MADV_HUGEPAGE);
+#endif
+}
+
 // Whether a rerun can: what is wrong with the source stays wrong.
 bool mayGoOn(const base::Error& error) {
   return error.code == ErrorCode::kCancelled || error.code == ErrorCode::kNoSpace || error.code == ErrorCode::kIo;
@@ -57,27 +86,36 @@ bool mayGoOn(const base::Error& error) {
 
 }  // namespace
 
-base::Result<WorkDirectory> WorkDirectory::open(const std::string& path, const std::string& key) {
+ResumeKey keyAfter(std::string before, ResumeKey key) {
+  if (!key) return {};
+  return [before = std::move(before), key = std::move(key)]() -> base::Result<std::string> {
+    auto text = key();
+    return text ? before + *text : std::move(text);
+  };
+}
+
+base::Result<WorkDirectory> WorkDirectory::open(const std::string& path, ResumeKey key) {
   std::error_code error;
   fs::create_directories(path, error);
   if (error) return base::systemError(path, "make this directory", error.value());
   WorkDirectory out;
   out.path_ = path;
-  out.key_ = key;
+  out.key_ = std::move(key);
   auto lock = base::tryLockFile(path + "/lock");
   if (!lock && lock.error().code == ErrorCode::kBusy)
     return Error{ErrorCode::kBusy, path + ": another build is at work here; wait for it, or choose another directory"};
   if (!lock) return lock.error();
   out.lock_ = std::move(*lock);
 
-  const auto stored = base::readFile(path + "/key");
-  if (!key.empty() && stored && std::string(stored->begin(), stored->end()) == key) {
-    while (out.state(out.stage_ + 1)) ++out.stage_;
+  // A stage that counts has a key beside it.
+  if (const auto stored = base::readFile(path + "/key"); out.key_ && stored) {
+    const auto asked = out.key_();
+    if (!asked) return asked.error();
+    if (std::string(stored->begin(), stored->end()) == *asked)
+      while (out.state(out.stage_ + 1)) ++out.stage_;
     if (out.stage_ > 0) return out;
   }
   removeFiles(path);
-  LUMIGRID_TRY(base::writeFileAtomically(
-      path + "/key", base::ByteView(reinterpret_cast<const std::uint8_t*>(key.data()), key.size())));
   return out;
 }
 
@@ -90,6 +128,7 @@ WorkDirectory& WorkDirectory::operator=(WorkDirectory&& other) noexcept {
   std::swap(key_, other.key_);
   std::swap(stage_, other.stage_);
   std::swap(lock_, other.lock_);
+  std::swap(abandoned_, other.abandoned_);
   std::swap(finishing_, other.finishing_);
   return *this;
 }
@@ -100,16 +139,24 @@ WorkDirectory::~WorkDirectory() {
 
 base::Result<void> WorkDirectory::finishStage(std::uint32_t stage, base::Bytes state, std::vector<std::string> files,
                                               std::function<void()> then) {
-  LUMIGRID_TRY(settle());
+  if (finishing_.valid() && finishing_.wait_for(std::chrono::seconds(0)) == std::future_status::ready)
+    LUMIGRID_TRY(settle());
   stage_ = stage;
   // Nobody goes on from what has no key.
-  if (key_.empty()) {
+  if (!key_) {
     if (then) then();
     return {};
   }
-  const auto finish = [path = path_, stage, state = std::move(state), files = std::move(files),
-                       then = std::move(then)]() -> base::Result<void> {
-    for (const std::string& file : files) LUMIGRID_TRY(base::syncFile(path + "/" + file));
+  auto finish = [path = path_, key = key_, abandoned = abandoned_, stage, state = std::move(state),
+                 files = std::move(files), then = std::move(then),
+                 before = std::move(finishing_)]() mutable -> base::Result<void> {
+    if (before.valid()) LUMIGRID_TRY(before.get());
+    for (const std::string& file : files) {
+      if (*abandoned) return {};
+      LUMIGRID_TRY(base::syncFile(path + "/" + file));
+    }
+    if (*abandoned) return {};
+    if (stage == 1) LUMIGRID_TRY(writeKey(path, key));
     base::ByteWriter out;
     out.u32(base::crc32c(state));
     out.bytes(state);
@@ -117,7 +164,7 @@ base::Result<void> WorkDirectory::finishStage(std::uint32_t stage, base::Bytes s
     if (then) then();
     return {};
   };
-  finishing_ = std::async(std::launch::async, finish);
+  finishing_ = std::async(std::launch::async, std::move(finish));
   return {};
 }
 
@@ -139,15 +186,17 @@ base::Error WorkDirectory::broken() const {
   return damagedWorkFiles(path_);
 }
 
-base::Result<void> buildIn(std::optional<WorkDirectory>& directory, const std::string& path, const std::string& key,
+base::Result<void> buildIn(std::optional<WorkDirectory>& directory, const std::string& path, const ResumeKey& key,
                            const std::string& output_path, const std::function<base::Result<void>()>& stages) {
   auto opened = WorkDirectory::open(path.empty() ? output_path + ".work" : path, key);
   if (!opened) return opened.error();
   directory = std::move(*opened);
   base::removeUnfinished(output_path);  // nobody else is writing it now
   auto done = stages();
-  if (const auto settled = directory->settle(); done && !settled) done = settled;
-  if (done || key.empty() || !mayGoOn(done.error())) directory->remove();
+  // What is whole needs no work files, nor that they hold together.
+  if (done) directory->abandonStages();
+  (void)directory->settle();
+  if (done || !key || !mayGoOn(done.error())) directory->remove();
   return done;
 }
 
@@ -218,12 +267,13 @@ void keepFreedMemory() {
   constexpr int kMegabyte = 1 << 20;
   ::mallopt(M_MMAP_THRESHOLD, 32 * kMegabyte);
   ::mallopt(M_TRIM_THRESHOLD, 128 * kMegabyte);
+  useLargePages(64 * kMegabyte);
 }
 
-void releaseFreedMemory() {
+void releaseFreedMemory(std::uint64_t memory_bytes) {
   // Less than that is sooner used again than returned and fetched.
-  constexpr std::size_t kWorthIt = std::size_t{32} << 20;
-  if (::mallinfo2().fordblks > kWorthIt) ::malloc_trim(0);
+  constexpr std::uint64_t kWorthIt = std::uint64_t{32} << 20;
+  if (::mallinfo2().fordblks > std::max(kWorthIt, memory_bytes / 16)) ::malloc_trim(0);
 }
 
 std::string sizeText(std::uint64_t bytes) {

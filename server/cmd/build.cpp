@@ -14,6 +14,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
+#include <future>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -38,6 +39,7 @@
 #include "server/cmd/console.h"
 #include "server/cmd/scene_images.h"
 #include "server/cmd/scene_lock.h"
+#include "server/cmd/scene_sources.h"
 #include "server/cmd/shard_choice.h"
 #include "server/cmd/splat_info.h"
 #include "server/cmd/tuned.h"
@@ -109,6 +111,7 @@ struct BuildReport {
 struct Output {
   std::optional<base::Scene> scene;  ///< with its hierarchy; nothing for a fresh start
   bool finished = false;             ///< as scene.json; only faults are looked for
+  std::string noted;                 ///< what this process last wrote of it
 };
 
 /// Which part of the images a command is about.
@@ -156,18 +159,6 @@ Parameters parametersOf(const BuildArguments& a) {
   if (wants(a, "qsplat")) parameters[kSplatsDice] = number(a.splats_dice);
   if (a.splats_coded) parameters[kSplatsCoded] = "true";
   return parameters;
-}
-
-// With their hashes, unless the question is only what is missing.
-Result<std::vector<base::SceneSource>> describeSources(const BuildArguments& a) {
-  std::vector<base::SceneSource> sources;
-  for (const std::string& path : a.meshes) {
-    auto hash = a.missing ? Result<std::string>("") : base::sha256OfFile(path);
-    if (!hash) return hash.error();
-    std::error_code ignored;
-    sources.push_back({path, fs::file_size(path, ignored), *hash});
-  }
-  return sources;
 }
 
 // A source whose hash was not worked out is known by its size.
@@ -261,7 +252,7 @@ void takeParameters(const BuildArguments& a, base::Scene& scene) {
 }
 
 /// The scene to go on with or to look over, or nothing for a fresh start; an error when the output may not be touched.
-Result<Output> openOutput(const BuildArguments& a, const std::vector<base::SceneSource>& sources) {
+Result<Output> openOutput(const BuildArguments& a, const SceneSources& sources) {
   Output output;
   if (a.force || !fs::exists(a.output)) return output;
   if (!fs::is_directory(a.output))
@@ -278,7 +269,9 @@ Result<Output> openOutput(const BuildArguments& a, const std::vector<base::Scene
     const auto layout = repository::layoutOf(a.output + "/images");
     if (!layout) return layout.error();
     const bool has_images = output.finished || layout->undivided || !layout->shards.empty();
-    const Fit fit = fitOf(a, sources, *scene, has_images);
+    const auto list = sources.all();
+    if (!list) return list.error();
+    const Fit fit = fitOf(a, *list, *scene, has_images);
     if (fit == Fit::kOther && output.finished)
       return Error{ErrorCode::kExists,
                    a.output +
@@ -346,19 +339,28 @@ void describeMesh(const lod::build::SourceSummary& built, const BuildArguments& 
   scene.repairs = built.repairs.counts;
 }
 
-Result<void> addPart(base::Scene& scene, const std::string& directory, const std::string& file) {
-  const std::string path = directory + "/" + file;
-  base::ScenePart part{file, 0, ""};
-  if (!fs::is_directory(path)) {
-    auto hash = base::sha256OfFile(path);
-    if (!hash) return hash.error();
-    part.bytes = fs::file_size(path);
-    part.sha256 = *hash;
+// A file that was built, as the scene lists it: hashed as soon as it is there.
+class BuiltPart {
+ public:
+  BuiltPart(const std::string& directory, const std::string& file) : path_(directory + "/" + file), file_(file) {}
+  /// What a build calls then.
+  std::function<void()> onWritten() {
+    return [this] { hash_ = std::async(std::launch::async, [this] { return base::sha256OfFile(path_); }); };
   }
-  std::erase_if(scene.parts, [&](const base::ScenePart& old) { return old.file == file; });
-  scene.parts.push_back(part);
-  return {};
-}
+  /// After the build.
+  Result<void> addTo(base::Scene& scene) {
+    auto hash = hash_.get();
+    if (!hash) return hash.error();
+    std::erase_if(scene.parts, [&](const base::ScenePart& old) { return old.file == file_; });
+    scene.parts.push_back({file_, fs::file_size(path_), *hash});
+    return {};
+  }
+
+ private:
+  std::string path_;
+  std::string file_;
+  std::future<Result<std::string>> hash_;
+};
 
 bool hasPart(const base::Scene& scene, const std::string& file) {
   return std::any_of(scene.parts.begin(), scene.parts.end(),
@@ -387,11 +389,15 @@ std::string workDirectory(const BuildArguments& a, const FileMethod& method) {
   return a.tmpdir + "/lumigrid-" + name.data() + suffix;
 }
 
-// What decides the hierarchy besides its own options.
-std::string resumeKey(const std::vector<base::SceneSource>& sources) {
-  std::string key;
-  for (const base::SceneSource& source : sources) key += source.sha256 + " ";
-  return key;
+// What decides the hierarchy besides its own options. To be called while `sources` are there.
+lod::build::ResumeKey resumeKey(const SceneSources& sources) {
+  return [&sources]() -> Result<std::string> {
+    const auto list = sources.all();
+    if (!list) return list.error();
+    std::string key;
+    for (const base::SceneSource& source : *list) key += source.sha256 + " ";
+    return key;
+  };
 }
 
 Result<void> needMeshes(const BuildArguments& a, const std::string& what) {
@@ -420,10 +426,12 @@ void printWarnings(const lod::build::SourceSummary& summary) {
   for (const std::string& warning : summary.warnings) std::fprintf(stderr, "lumigrid: warning: %s\n", warning.c_str());
 }
 
-base::Scene sceneOf(const BuildArguments& a, const std::vector<base::SceneSource>& sources,
-                    const lod::build::SourceSummary& summary) {
+Result<base::Scene> sceneOf(const BuildArguments& a, const SceneSources& sources,
+                            const lod::build::SourceSummary& summary) {
+  auto list = sources.all();
+  if (!list) return list.error();
   base::Scene scene;
-  scene.sources = sources;
+  scene.sources = std::move(*list);
   scene.parameters = parametersOf(a);
   describeMesh(summary, a, scene);
   return scene;
@@ -431,35 +439,38 @@ base::Scene sceneOf(const BuildArguments& a, const std::vector<base::SceneSource
 
 /// The hierarchy, from the files. What was found wrong with the meshes leaves nothing behind; what can go on later
 /// leaves its work files.
-Result<void> buildPatches(const BuildArguments& a, const std::vector<base::SceneSource>& sources,
-                          std::optional<base::Scene>& scene, BuildReport& report, ProgressLine& line) {
+Result<void> buildPatches(const BuildArguments& a, const SceneSources& sources, std::optional<base::Scene>& scene,
+                          BuildReport& report, ProgressLine& line) {
   LUMIGRID_TRY(needMeshes(a, "hierarchy"));
   lod::build::HierarchyOptions options = a.hierarchy;
   options.regroup = a.regroup == "on";
   options.work_directory = workDirectory(a, kPatches);
   options.resume_key = resumeKey(sources);
   options.on_plan = [&](const lod::build::BuildPlan& plan) { printPlan(a, line, plan); };
+  BuiltPart part(a.output, kPatches.file);
+  options.on_written = part.onWritten();
   auto summary = lod::build::buildHierarchyFromFiles(a.meshes, options, a.output + "/" + kPatches.file,
                                                      progressOn(line, "hierarchy"));
   line.finish();
   if (!summary) return summary.error();
   printWarnings(*summary);
   // The patches are the scene as it is looked at: what they say of the source counts.
-  base::Scene described = sceneOf(a, sources, *summary);
+  auto described = sceneOf(a, sources, *summary);
+  if (!described) return described.error();
   if (scene) {
-    const Parameters wanted = std::move(described.parameters);
-    described.parameters = scene->parameters;  // with the division
-    for (const char* name : kHierarchyParameters) described.parameters[name] = wanted.at(name);
-    described.parts = scene->parts;
+    const Parameters wanted = std::move(described->parameters);
+    described->parameters = scene->parameters;  // with the division
+    for (const char* name : kHierarchyParameters) described->parameters[name] = wanted.at(name);
+    described->parts = scene->parts;
   }
-  scene = std::move(described);
+  scene = std::move(*described);
   report.hierarchy = std::move(*summary);
-  return addPart(*scene, a.output, kPatches.file);
+  return part.addTo(*scene);
 }
 
 /// The tree of splats, from the files, in the same way.
-Result<void> buildSplats(const BuildArguments& a, const std::vector<base::SceneSource>& sources,
-                         std::optional<base::Scene>& scene, BuildReport& report, ProgressLine& line) {
+Result<void> buildSplats(const BuildArguments& a, const SceneSources& sources, std::optional<base::Scene>& scene,
+                         BuildReport& report, ProgressLine& line) {
   LUMIGRID_TRY(needMeshes(a, "tree of splats"));
   lod::build::qsplat::BuildOptions options;
   options.threads = a.hierarchy.threads;
@@ -469,16 +480,20 @@ Result<void> buildSplats(const BuildArguments& a, const std::vector<base::SceneS
   options.resume_key = resumeKey(sources);
   options.coded = a.splats_coded;
   options.on_plan = [&](const lod::build::BuildPlan& plan) { printPlan(a, line, plan); };
+  BuiltPart part(a.output, kSplats.file);
+  options.on_written = part.onWritten();
   auto summary =
       lod::build::qsplat::buildFromFiles(a.meshes, options, a.output + "/" + kSplats.file, progressOn(line, "splats"));
   line.finish();
   if (!summary) return summary.error();
   if (!scene) {
     printWarnings(*summary);
-    scene = sceneOf(a, sources, *summary);
+    auto described = sceneOf(a, sources, *summary);
+    if (!described) return described.error();
+    scene = std::move(*described);
   }
   report.splats = std::move(*summary);
-  return addPart(*scene, a.output, kSplats.file);
+  return part.addTo(*scene);
 }
 
 repository::Subsampling subsamplingOf(const std::string& name) {
@@ -798,15 +813,24 @@ Result<void> removeOrphanStores(const BuildArguments& a, std::uint32_t shards) {
   return {};
 }
 
+Result<void> note(const BuildArguments& a, Output& output) {
+  const std::string text = base::formatScene(*output.scene);
+  if (text == output.noted) return {};
+  LUMIGRID_TRY(
+      base::writeSceneFile(*output.scene, a.output + "/" + (output.finished ? "scene.json" : base::kBuildingFile)));
+  output.noted = text;
+  return {};
+}
+
 // What has been built so far is the scene's: a rerun finds it listed.
 Result<void> noteBuilt(const BuildArguments& a, Output& output) {
   addMethods(parametersOf(a), output.scene->parameters);
-  return base::writeSceneFile(*output.scene, a.output + "/" + (output.finished ? "scene.json" : base::kBuildingFile));
+  return note(a, output);
 }
 
 /// The scene with its hierarchies, found or made, and building.json as it should be. Under the scene's lock.
-Result<Output> prepare(const BuildArguments& a, const std::vector<base::SceneSource>& sources, Part& part,
-                       BuildReport& report, ProgressLine& line) {
+Result<Output> prepare(const BuildArguments& a, const SceneSources& sources, Part& part, BuildReport& report,
+                       ProgressLine& line) {
   auto output = openOutput(a, sources);
   if (!output) return output.error();
   if (a.force) {
@@ -830,7 +854,7 @@ Result<Output> prepare(const BuildArguments& a, const std::vector<base::SceneSou
   }
   if (output->finished) return output;
   if (part.shards != 0) output->scene->parameters[kShardsParameter] = std::to_string(part.shards);
-  LUMIGRID_TRY(base::writeSceneFile(*output->scene, a.output + "/" + base::kBuildingFile));
+  LUMIGRID_TRY(note(a, *output));
   std::error_code ignored;
   fs::remove(fs::path(a.output) / "scene.json", ignored);  // a scene that gets images is unfinished again
   return output;
@@ -870,15 +894,15 @@ Result<void> build(const BuildArguments& a) {
   if (a.force && part->index)
     return Error{ErrorCode::kInvalidInput,
                  "--force would remove what other shards made; make the hierarchy anew first: --methods patch --force"};
-  auto sources = describeSources(a);
-  if (!sources) return sources.error();
+  const SceneSources sources(a.meshes, true);
+  LUMIGRID_TRY(sources.check());
   ProgressLine line(a.quiet);
   BuildReport report;
   Result<Output> output = Output{};
   {
     auto lock = lockScene(a);
     if (!lock) return lock.error();
-    output = prepare(a, *sources, *part, report, line);
+    output = prepare(a, sources, *part, report, line);
     if (!output) return output.error();
   }
   if (wants(a, "images")) LUMIGRID_TRY(buildImages(a, *output->scene, *part, output->finished, report, line));
@@ -900,9 +924,9 @@ Result<void> build(const BuildArguments& a) {
 Result<MissingParts> findMissingParts(const BuildArguments& a) {
   auto part = partOf(a);
   if (!part) return part.error();
-  auto sources = describeSources(a);
-  if (!sources) return sources.error();
-  auto output = openOutput(a, *sources);
+  const SceneSources sources(a.meshes, false);
+  LUMIGRID_TRY(sources.check());
+  auto output = openOutput(a, sources);
   if (!output) return output.error();
   MissingParts missing;
   missing.shards = part->shards;

@@ -36,7 +36,7 @@ class Builder {
     LUMIGRID_TRY(needMemory(memory_));
     LUMIGRID_TRY(needDescriptors(kDescriptors));
     keepFreedMemory();
-    const std::string key = canResume() ? "qsplat 2 " + std::to_string(options_.dice) + " " + options_.resume_key : "";
+    const ResumeKey key = keyAfter("qsplat 2 " + std::to_string(options_.dice) + " ", options_.resume_key);
     LUMIGRID_TRY(buildIn(directory_, options_.work_directory, key, output_path_, [&] { return stages(input); }));
     return std::move(summary_);
   }
@@ -49,6 +49,7 @@ class Builder {
     LUMIGRID_TRY(isMesh() ? measureBorder() : orientPoints());
     LUMIGRID_TRY(makeSubtrees());
     LUMIGRID_TRY(write());
+    if (options_.on_written) options_.on_written();
     fillSummary();
     return {};
   }
@@ -57,13 +58,12 @@ class Builder {
     const std::lock_guard lock(progress_mutex_);
     return !progress_ || progress_(stage, done);
   }
-  bool canResume() const { return !options_.resume_key.empty(); }
   bool isMesh() const { return source_.info.triangles > 0; }
   std::uint64_t workMemory() const { return memory_ - kLeastMemory / 2; }
 
   base::Result<void> import(const SourceInput& input) {
     if (directory_->stage() < 1 && !report("import", 0.0)) return cancelled();
-    auto source = importSource(*directory_, input);
+    auto source = importSource(*directory_, input, options_.threads);
     if (!source) return source.error();
     source_ = std::move(*source);
     const std::uint64_t leaves = source_.info.referenced;
@@ -120,7 +120,7 @@ class Builder {
     points_ = std::move(*tiles);
     const auto sorted = std::make_shared<SourceSpool>(std::move(*spool));
     LUMIGRID_TRY(directory_->finishStage(2, points_.state(), {"points"}, [sorted] { sorted->remove(); }));
-    releaseFreedMemory();
+    releaseFreedMemory(memory_);
     return {};
   }
 
@@ -191,7 +191,7 @@ class Builder {
         if (isMesh()) buckets_.release();
       }));
     }
-    releaseFreedMemory();
+    releaseFreedMemory(memory_);
     return {};
   }
 

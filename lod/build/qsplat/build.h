@@ -20,11 +20,12 @@ struct BuildOptions {
   unsigned threads = 0;            ///< 0: all cores. The output does not depend on it.
   std::uint64_t memory_bytes = 0;  ///< of the whole process; 0: 60 % of the machine's. Nor on this.
   std::string work_directory;      ///< for the work files; empty: beside the output
-  std::string resume_key;  ///< what decides the output (the sources' checksums); a work directory left under the same
-                           ///< key is continued. Empty: every build starts afresh.
-  double dice = kDice;     ///< of a mesh: an edge longer than so many times what is usual around it is cut; 0: none is
-  bool coded = false;      ///< the file in the coded form
+  ResumeKey resume_key;  ///< what decides the output (the sources' checksums); a work directory left under the same
+                         ///< key is continued. None: every build starts afresh.
+  double dice = kDice;   ///< of a mesh: an edge longer than so many times what is usual around it is cut; 0: none is
+  bool coded = false;    ///< the file in the coded form
   std::function<void(const BuildPlan&)> on_plan;  ///< may be empty
+  std::function<void()> on_written;  ///< may be empty; the output is in its place, and work files are still removed
 };
 
 struct BuildSummary : SourceSummary {

@@ -39,16 +39,19 @@ double squaredDistance(const glm::dvec3& a, const glm::dvec3& b) {
 
 // A triangle on the lattice.
 struct MeshLeaves::Triangle {
-  glm::i64vec3 normal{0};  // twice the area
-  double area = 0.0;       // twice
+  double area = 0.0;  // twice
   double circle_squared = 0.0;
   glm::vec3 unit{0.0F};  // zero where the corners lie on a line
+  bool diced = false;
 
-  explicit Triangle(const glm::ivec3& a, const glm::ivec3& b, const glm::ivec3& c) : normal(latticeNormal(a, b, c)) {
+  // `normal`: its latticeNormal(). `longest`: an edge longer than that is cut.
+  Triangle(const std::array<glm::ivec3, 3>& corners, const glm::i64vec3& normal, double longest) {
     const glm::dvec3 n(normal);
     const double area_squared = glm::dot(n, n);
-    const glm::dvec3 x(a), y(b), z(c);
-    circle_squared = circleSquared(squaredDistance(x, y), squaredDistance(y, z), squaredDistance(z, x), area_squared);
+    const glm::dvec3 x(corners[0]), y(corners[1]), z(corners[2]);
+    const double a = squaredDistance(x, y), b = squaredDistance(y, z), c = squaredDistance(z, x);
+    circle_squared = circleSquared(a, b, c, area_squared);
+    diced = std::max({a, b, c}) > longest * longest;
     area = std::sqrt(area_squared);
     if (area > 0.0) unit = glm::vec3(n / area);
   }
@@ -57,11 +60,11 @@ struct MeshLeaves::Triangle {
     return unit == glm::vec3(0.0F) ? 1.0F : glm::dot(unit, vertex_normal);
   }
   std::uint64_t wholeArea() const { return static_cast<std::uint64_t>(area + 0.5); }
+  // The pieces of one that is diced come besides.
   Around at(const glm::vec3& vertex_normal) const {
-    return {circle_squared, cosine(vertex_normal), wholeArea(), wholeArea()};
+    return diced ? Around{0.0, 1.0F, wholeArea(), 0}
+                 : Around{circle_squared, cosine(vertex_normal), wholeArea(), wholeArea()};
   }
-  // The same of a triangle whose pieces come besides.
-  Around dicedAt() const { return {0.0, 1.0F, wholeArea(), 0}; }
 };
 
 // A piece of a triangle that was diced.
@@ -163,11 +166,10 @@ std::vector<std::pair<std::uint32_t, MeshLeaves::Around>> MeshLeaves::aroundBord
   for (const BorderTriangle& t : triangles) {
     const std::array<glm::ivec3, 3> points{mortonPoint(t.corner[0].code), mortonPoint(t.corner[1].code),
                                            mortonPoint(t.corner[2].code)};
-    const Triangle triangle(points[0], points[1], points[2]);
-    const bool diced = isCut(points, longest);
+    const Triangle triangle(points, latticeNormal(points[0], points[1], points[2]), longest);
     for (const std::uint32_t at : t.place)
-      if (at != kNotOnBorder) found.emplace_back(at, diced ? triangle.dicedAt() : triangle.at(normals[at]));
-    if (!diced) continue;
+      if (at != kNotOnBorder) found.emplace_back(at, triangle.at(normals[at]));
+    if (!triangle.diced) continue;
     Dicer dicer(points, longest);
     dicer.cut({0, 1, 2}, 0);
     for (const Dicer::Piece& piece : dicer.pieces())
@@ -220,28 +222,30 @@ std::uint64_t MeshLeaves::mostAdded() const {
 
 // What a leaf is made of besides what its triangles ask for.
 struct MeshLeaves::Point {
-  glm::dvec3 place{0.0};    // on the lattice
-  glm::vec3 normal{0.0F};   // unit
-  glm::vec3 decoded{0.0F};  // the same as its code says
-  glm::vec3 given{0.0F};    // unit normal of the source; zero: none
+  Around around;
+  glm::vec3 decoded{0.0F};      // the normal as its code says
+  std::uint32_t direction = 0;  // that code
+  glm::vec3 normal{0.0F};       // unit
+  glm::vec3 given{0.0F};        // unit normal of the source; zero: none
   glm::vec3 color{0.0F};
   glm::dvec3 face{0.0};  // sum of the triangles' normals
-  Around around;
 
   void setNormal(const glm::vec3& unit) {
     normal = unit;
-    decoded = decodedNormal(unit);
+    direction = lod::qsplat::encodeNormal(unit);
+    decoded = lod::qsplat::normalTable()[direction];
   }
 };
 
-Splat MeshLeaves::leaf(const Point& point, const Around& around) const {
+// `place` is on the lattice.
+Splat MeshLeaves::leaf(const glm::dvec3& place, const Point& point, const Around& around) const {
   // Rounded up by more than what positions are off in float32.
   constexpr double kRoundUp = 1.0 + 1e-6;
   constexpr double kPlace = 1.1e-7;
   // A vertex whose triangles have no area still counts for something.
   constexpr float kLeastWeight = 1e-3F;
   Splat out;
-  out.sphere.center = glm::vec3(lattice_.lattice.origin + lattice_.lattice.step * point.place);
+  out.sphere.center = glm::vec3(lattice_.lattice.origin + lattice_.lattice.step * place);
   const glm::vec3 far = glm::abs(out.sphere.center);
   out.sphere.radius = static_cast<float>(std::sqrt(around.radius_squared) * lattice_.lattice.step * kRoundUp +
                                          kPlace * static_cast<double>(std::max({far.x, far.y, far.z})));
@@ -251,15 +255,14 @@ Splat MeshLeaves::leaf(const Point& point, const Around& around) const {
   out.weight = std::max(kLeastWeight, static_cast<float>(share) * glm::length(glm::vec3(point.face)));
   out.normal = point.normal * out.weight;
   out.color = point.color * out.weight;
-  out.direction = lod::qsplat::encodeNormal(point.normal);
+  out.direction = point.direction;
   out.least_cosine = around.least_cosine;
   return out;
 }
 
 // A vertex: `sums` over all triangles around it.
-MeshLeaves::Point MeshLeaves::vertex(const glm::ivec3& place, const VertexSums& sums) {
+MeshLeaves::Point MeshLeaves::vertex(const VertexSums& sums) {
   Point point;
-  point.place = glm::dvec3(place);
   point.setNormal(sums.unitNormal());
   if (sums.normal[0] != 0 || sums.normal[1] != 0 || sums.normal[2] != 0) point.given = point.normal;
   point.color = glm::vec3(sums.meanColor());
@@ -274,7 +277,6 @@ void MeshLeaves::addPieces(const Dicer& dicer, std::span<const Triangle> triangl
   for (const Dicer::Middle& middle : dicer.middles()) {
     Point point;
     const Point &a = points[middle.a], &b = points[middle.b];
-    point.place = middle.position;
     point.color = 0.5F * (a.color + b.color);
     if (const glm::vec3 sum = a.given + b.given;
         a.given != glm::vec3(0.0F) && b.given != glm::vec3(0.0F) && glm::dot(sum, sum) > 0.0F)
@@ -302,22 +304,41 @@ void MeshLeaves::addPieces(const Dicer& dicer, std::span<const Triangle> triangl
 }
 
 base::Result<TileLeaves> MeshLeaves::leaves(std::size_t bucket) const {
-  auto corners = buckets_.read(bucket);
-  if (!corners) return corners.error();
-  const NumberedCorners mesh(*corners);
+  auto read = buckets_.readNumbered(bucket);
+  if (!read) return read.error();
+  std::vector<Corner>& corners = read->corners;
+  const NumberedCorners& mesh = read->mesh;
   std::vector<glm::ivec3> places;
   places.reserve(mesh.codes.size());
   for (const std::uint64_t code : mesh.codes) places.push_back(mortonPoint(code));
 
+  const double longest = cuts_[bucket].longest;
   std::vector<Triangle> triangles;
-  triangles.reserve(corners->size() / 3);
-  std::vector<VertexSums> sums(mesh.codes.size());
-  for (std::size_t i = 0; i < corners->size(); i += 3) {
+  triangles.reserve(corners.size() / 3);
+  // Of a mesh without colours and normals, their sums would be so much memory to fetch for nothing.
+  const bool attributes = buckets_.hasColors() || buckets_.hasNormals();
+  std::vector<VertexSums> sums(attributes ? mesh.codes.size() : 0);
+  std::vector<glm::i64vec3> faces(attributes ? 0 : mesh.codes.size(), glm::i64vec3(0));
+  // Where the source's triangles are in no order, most of the time goes into waiting for their vertices.
+  const auto expect = [&](std::size_t corner, auto&& placeOf) {
+    constexpr std::size_t kAhead = 24;
+    if (corner + kAhead + 3 > mesh.number.size()) return;
+    for (std::size_t k = 0; k < 3; ++k) __builtin_prefetch(placeOf(mesh.number[corner + kAhead + k]), 1);
+  };
+  for (std::size_t i = 0; i < corners.size(); i += 3) {
+    expect(i, [&](std::uint32_t v) -> const void* { return attributes ? &sums[v].face[0] : &faces[v].x; });
     const std::uint32_t* v = &mesh.number[i];
-    const Triangle& triangle = triangles.emplace_back(places[v[0]], places[v[1]], places[v[2]]);
-    for (std::size_t k = 0; k < 3; ++k) sums[v[k]].add(triangle.normal, (*corners)[i + k]);
+    const std::array<glm::ivec3, 3> points{places[v[0]], places[v[1]], places[v[2]]};
+    const glm::i64vec3 normal = latticeNormal(points[0], points[1], points[2]);
+    triangles.emplace_back(points, normal, longest);
+    for (std::size_t k = 0; k < 3; ++k) {
+      if (attributes)
+        sums[v[k]].add(normal, corners[i + k]);
+      else
+        faces[v[k]] += normal;
+    }
   }
-  *corners = std::vector<Corner>();
+  corners = std::vector<Corner>();
 
   const BorderVertices& border = buckets_.border();
   std::vector<Point> points;
@@ -325,18 +346,22 @@ base::Result<TileLeaves> MeshLeaves::leaves(std::size_t bucket) const {
   std::vector<std::int64_t> at(places.size());
   for (std::size_t v = 0; v < places.size(); ++v) {
     at[v] = border.find(mesh.codes[v]);
-    points.push_back(vertex(places[v], at[v] < 0 ? sums[v] : border.sums[static_cast<std::size_t>(at[v])]));
+    if (at[v] >= 0)
+      points.push_back(vertex(border.sums[static_cast<std::size_t>(at[v])]));
+    else
+      points.push_back(vertex(attributes ? sums[v] : VertexSums{{faces[v].x, faces[v].y, faces[v].z}}));
   }
   sums = std::vector<VertexSums>();
+  faces = std::vector<glm::i64vec3>();
 
-  Dicer dicer(places, cuts_[bucket].longest);
+  Dicer dicer(places, longest);
   for (std::size_t t = 0; t < triangles.size(); ++t) {
+    expect(3 * t, [&](std::uint32_t v) { return &points[v].around; });
     const std::uint32_t* v = &mesh.number[3 * t];
-    const bool diced = isCut(std::array{places[v[0]], places[v[1]], places[v[2]]}, cuts_[bucket].longest);
-    if (diced) dicer.cut({v[0], v[1], v[2]}, static_cast<std::uint32_t>(t));
+    if (triangles[t].diced) dicer.cut({v[0], v[1], v[2]}, static_cast<std::uint32_t>(t));
     for (std::size_t k = 0; k < 3; ++k) {
       Point& point = points[v[k]];
-      point.around.add(diced ? triangles[t].dicedAt() : triangles[t].at(point.decoded));
+      point.around.add(triangles[t].at(point.decoded));
     }
   }
   addPieces(dicer, triangles, points);
@@ -347,7 +372,8 @@ base::Result<TileLeaves> MeshLeaves::leaves(std::size_t bucket) const {
   for (std::size_t i = 0; i < points.size(); ++i) {
     const Border* shared = i < at.size() && at[i] >= 0 ? &border_[static_cast<std::size_t>(at[i])] : nullptr;
     if (shared == nullptr || shared->owner == bucket)
-      out.splats.push_back(leaf(points[i], shared != nullptr ? shared->around : points[i].around));
+      out.splats.push_back(leaf(dicer.position(static_cast<std::uint32_t>(i)), points[i],
+                                shared != nullptr ? shared->around : points[i].around));
   }
   return out;
 }

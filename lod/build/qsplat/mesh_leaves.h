@@ -68,9 +68,9 @@ class MeshLeaves : public LeafSource {
   static Cuts leastCuts(std::span<const glm::ivec3> points, double least, std::uint64_t most);
   std::vector<std::pair<std::uint32_t, Around>> aroundBorder(std::span<const BorderTriangle> triangles,
                                                              std::span<const glm::vec3> normals, double longest) const;
-  static Point vertex(const glm::ivec3& place, const VertexSums& sums);
+  static Point vertex(const VertexSums& sums);
   static void addPieces(const Dicer& dicer, std::span<const Triangle> triangles, std::vector<Point>& points);
-  Splat leaf(const Point& point, const Around& around) const;
+  Splat leaf(const glm::dvec3& place, const Point& point, const Around& around) const;
 
   const Buckets& buckets_;
   const SourceLattice& lattice_;

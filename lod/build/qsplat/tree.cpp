@@ -13,6 +13,9 @@ using lod::qsplat::kMostChildren;
 // Of the widest cone that has a code, or a little wider.
 const float kWidestCosine = std::sqrt(1.0F - lod::qsplat::kConeSines.back() * lod::qsplat::kConeSines.back()) - 1e-3F;
 
+// Leaves lie in the source's order, which may be none: they are asked for so many ahead.
+constexpr std::uint32_t kAhead = 8;
+
 class TreeMaker {
  public:
   explicit TreeMaker(std::span<const Splat> splats) : splats_(splats), keys_(splats.size()) {
@@ -74,6 +77,7 @@ class TreeMaker {
   float coneOver(const Part& part, const glm::vec3& axis) const {
     float least = 1.0F;
     for (std::uint32_t i = part.begin; i < part.end; ++i) {
+      if (i + kAhead < part.end) __builtin_prefetch(&splats_[keys_[i + kAhead].index].direction);
       least = std::min(least, leastCosine(axis, splats_[keys_[i].index]));
       if (least < kWidestCosine) return -1.0F;
     }
@@ -143,7 +147,10 @@ Subtree makeSubtree(std::span<const Splat> leaves) {
   std::vector<std::uint32_t> next;
   while (!level.empty()) {
     next.clear();
-    for (const std::uint32_t child : level) {
+    for (std::size_t i = 0; i < level.size(); ++i) {
+      const std::uint32_t child = level[i];
+      if (i + kAhead < level.size() && isLeaf(level[i + kAhead]))
+        __builtin_prefetch(&leaves[level[i + kAhead] & ~TreeShape::kLeaf]);
       if (isLeaf(child)) {
         out.nodes.push_back(nodeFor(leaves[child & ~TreeShape::kLeaf], 0, false));
         continue;

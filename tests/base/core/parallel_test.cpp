@@ -14,6 +14,51 @@ TEST(ParallelFor, doesEveryPieceOnce) {
   }
 }
 
+// What lies in a slot stays there until it has been taken, and is taken in its turn.
+TEST(ParallelInOrder, takesEveryPieceInOrderFromItsSlot) {
+  constexpr std::size_t kCount = 500;
+  for (unsigned threads : {1U, 2U, 7U})
+    for (std::size_t slots : {std::size_t{1}, std::size_t{3}, std::size_t{2000}}) {
+      std::vector<std::size_t> room(slots);
+      std::vector<std::size_t> taken;
+      std::atomic<std::size_t> made{0};
+      const auto make = [&](std::size_t i, std::size_t slot) -> base::Result<void> {
+        ++made;
+        room[slot] = i * i;
+        return {};
+      };
+      const auto take = [&](std::size_t i, std::size_t slot) -> base::Result<void> {
+        EXPECT_EQ(room[slot], i * i);
+        EXPECT_LE(made.load(), i + slots) << "more than there is room for";
+        taken.push_back(i);
+        return {};
+      };
+      ASSERT_TRUE(base::parallelInOrder(kCount, threads, slots, make, take));
+      ASSERT_EQ(taken.size(), kCount);
+      for (std::size_t i = 0; i < kCount; ++i) EXPECT_EQ(taken[i], i);
+    }
+}
+
+TEST(ParallelInOrder, stopsAtTheFirstErrorOfEither) {
+  for (unsigned threads : {1U, 3U})
+    for (const bool while_made : {true, false}) {
+      std::size_t taken = 0;
+      const auto failAt = [](bool fails, std::size_t i) -> base::Result<void> {
+        if (fails && i == 20) return base::Error{base::ErrorCode::kNoSpace, "the twentieth"};
+        return {};
+      };
+      const auto made = [&](std::size_t i, std::size_t) { return failAt(while_made, i); };
+      const auto take = [&](std::size_t i, std::size_t) {
+        ++taken;
+        return failAt(!while_made, i);
+      };
+      const auto done = base::parallelInOrder(1000, threads, 4, made, take);
+      ASSERT_FALSE(done);
+      EXPECT_EQ(done.error().message, "the twentieth");
+      EXPECT_LE(taken, 21U);
+    }
+}
+
 TEST(ThreadPool, drainWaitsForAllAndTheQueueStaysBounded) {
   base::ThreadPool pool(3, 4);
   std::atomic<int> done{0};

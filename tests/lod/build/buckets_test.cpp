@@ -35,9 +35,9 @@ struct Sorted {
   base::Result<Buckets> buckets = base::Error{base::ErrorCode::kIo, "not sorted"};
 
   Sorted(const Mesh& mesh, std::uint64_t memory, unsigned threads) {
-    auto directory = WorkDirectory::open(scratch.path(), "");
+    auto directory = WorkDirectory::open(scratch.path(), {});
     const auto input = sourceFromMesh(mesh);
-    const auto source = importSource(*directory, *input);
+    const auto source = importSource(*directory, *input, 2);
     const SourceLattice lattice = makeLattice(source->info, source->origin, 0);
     buckets = sortSource(*directory, *source, lattice, {memory, threads, {}});
   }

@@ -102,9 +102,9 @@ class PointCloud : public testing::Test {
     writePly(directory_ / "points.ply", ply);
     const std::vector<std::string> paths{directory_ / "points.ply"};
     const Progress none;
-    auto directory = WorkDirectory::open(directory_ / "work", "");
+    auto directory = WorkDirectory::open(directory_ / "work", {});
     const auto input = sourceFromFiles(paths, none, 1, true);
-    const auto source = importSource(*directory, *input);
+    const auto source = importSource(*directory, *input, 2);
     EXPECT_TRUE(source) << source.error().message;
     const SourceLattice lattice = makeLattice(source->info, source->origin, kMaxLatticeBits);
     const auto spool = openSource(*directory, *source);

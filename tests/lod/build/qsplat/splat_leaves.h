@@ -29,9 +29,9 @@ inline MeshSplats splatsOf(const lod::build::Mesh& mesh, double dice = 0.0) {
   using namespace lod::build;
   const TemporaryDirectory scratch;
   MeshSplats out;
-  auto directory = WorkDirectory::open(scratch.path(), "");
+  auto directory = WorkDirectory::open(scratch.path(), {});
   const auto input = sourceFromMesh(mesh);
-  const auto source = importSource(*directory, *input);
+  const auto source = importSource(*directory, *input, 2);
   EXPECT_TRUE(source);
   out.lattice = makeLattice(source->info, source->origin, 0);
   const auto buckets = sortSource(*directory, *source, out.lattice, {std::uint64_t{64} << 20, 1, {}});
