@@ -421,11 +421,10 @@ class Layer {
       return false;
     }
     if (nearest != near && tryWalk(part, nearest)) return true;
-    for (const int k : {1, 2}) {
-      d2 = target_.facet(facet_[c[k]]).distance2(center);
-      if (tryWalk(part, target_.descend(facet_[c[k]], center, d2, 0.0F))) return true;
-    }
-    return false;
+    // Beside an edge that many facets meet at, walks may lead around it; the facet itself may do.
+    const Polygon whole = triangle(part);
+    const Facet& facet = target_.facet(nearest);
+    return record(nearest, facet, whole, distanceOf(whole, facet, abort_));
   }
   bool tryWalk(const glm::vec3* part, std::uint32_t start) {
     const std::size_t pieces = pieces_.size();
