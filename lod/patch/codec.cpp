@@ -33,6 +33,12 @@ using Float4 = float __attribute__((vector_size(16)));
 
 // Decoding is compiled twice, for any machine and for one with AVX2: everything on its way has to be inlined.
 #define LUMIGRID_INLINE [[gnu::always_inline]] inline
+// What is rare on a page's way through this file, the rest of which is built for speed there.
+#if defined(__EMSCRIPTEN__)
+#define LUMIGRID_RARE [[gnu::noinline]]
+#else
+#define LUMIGRID_RARE LUMIGRID_INLINE
+#endif
 #define LUMIGRID_AVX2 target("avx2,bmi,bmi2,popcnt")
 
 struct PatchHeader {
@@ -1186,15 +1192,10 @@ class Machine {
     const std::uint32_t count = header_.steps;
     const std::uint32_t most_vertices = header_.vertices;
     const std::uint16_t* const last = indices + 3 * std::size_t{header_.triangles};
-    std::uint32_t i = 0;
-    for (; i + 4 <= count; i += 4) {
-      const std::uint32_t byte = steps[i / 4];
-      const bool good = advance(i, byte & 3U) && advance(i + 1, byte >> 2 & 3U) && advance(i + 2, byte >> 4 & 3U) &&
-                        advance(i + 3, byte >> 6);
+    for (std::uint32_t i = 0; i < count; ++i) {
+      const bool good = advance(i, steps[i / 4] >> (2 * (i % 4)) & 3U);
       if (!good || vertices > most_vertices || corner > last) return false;
     }
-    for (; i < count; ++i)
-      if (!advance(i, stepAt(i))) return false;
     return vertices == most_vertices && corner == last && escape_ == escapes_end_ && tail - head <= longest;
   }
 
@@ -1382,12 +1383,12 @@ class Machine {
     _mm256_store_si256(reinterpret_cast<__m256i*>(before.data()), new_before);
     for (; rare != 0; rare &= rare - 1) {
       const auto i = static_cast<std::uint32_t>(std::countr_zero(rare));
-      const std::uint32_t here = vertices + before[i];
+      std::uint32_t here = vertices + before[i];
       const std::uint32_t kind = rows[i] - kFirstRow;
       if (kind == kKnown) {
-        std::uint32_t known = 0;
-        if (!takeKnown(here, known)) return false;
-        block.third[i] = static_cast<std::uint16_t>(known);
+        std::array<std::uint32_t, 3> known{};
+        if (!takeCorners(1, 1, here, known)) return false;
+        block.third[i] = static_cast<std::uint16_t>(known[0]);
       } else {
         std::uint64_t& at = block.step[placeOf(i)];
         at = (at & ~std::uint64_t{0xFFFF0000}) | std::uint64_t{room} << 16;
@@ -1439,23 +1440,22 @@ class Machine {
     const std::uint32_t byte = *escape_++;
     const std::uint64_t a = s.gate & 0xFFFF;
     const std::uint64_t b = s.gate >> 16 & 0xFFFF;
-    std::uint32_t third = s.vertices - 1U - byte;
-    std::uint32_t kind = byte - kFirstKind;
-    bool near = byte < kFirstKind;
+    std::array<std::uint32_t, 3> third{s.vertices - 1U - byte};
+    const std::uint32_t first_kind = isOld() ? kOldFirstKind : kFirstKind;
+    const bool near = byte < first_kind;
+    std::uint32_t kind = byte - first_kind;
     if (isOld()) {
-      near = byte < kOldFirstKind;
-      kind = byte - kOldFirstKind;
-      if (!near && kind < kOldPrevious) return startOld(kind - kOldStart);
+      if (!near && kind < kOldPrevious) return start(kind - kOldStart);
       kind -= kOldPrevious;
       if (!near && kind > kCloseFirst) kind = kind == kCloseFirst + 1 ? kKnown : ~0U;
-    } else if (near || kind < kStart) {
-      if (s.tail - s.head > mask_) return false;
+    } else if ((near || kind < kStart) && s.tail - s.head > mask_) {
+      return false;
     }
     if (near || kind == kKnown) {
-      if (near ? third >= s.vertices : !takeKnown(s.vertices, third)) return false;
-      attach(a, b, third);
-      front_[s.tail++ & mask_] = packEdge(a, third, b);
-      s.gate = packEdge(third, b, a);
+      if (near ? third[0] >= s.vertices : !takeCorners(1, 1, s.vertices, third)) return false;
+      attach(a, b, third[0]);
+      push(a, third[0], b);
+      s.gate = packEdge(third[0], b, a);
       return true;
     }
     switch (kind) {
@@ -1484,82 +1484,68 @@ class Machine {
     }
   }
 
-  bool start(std::uint32_t known_corners) {
-    State& s = state_;
-    std::uint64_t edge = 0;
-    if (s.tail - s.head != ~0U || !takeEdge(known_corners, step_, s.vertices, edge)) return false;
-    const std::uint64_t a = edge & 0xFFFF;
-    const std::uint64_t b = edge >> 16 & 0xFFFF;
-    s.vertices += 2U - (known_corners & 1U) - (known_corners >> 1);
-    --s.head;
-    front_[s.tail++ & mask_] = packEdge(b, a, edge >> 32);
-    s.gate = packEdge(a, b, a);
-    return true;
-  }
-
-  // The edge of a start: its corners, and the third corner of its triangle if that is new, as the next step says, else
-  // the first again. New corners are foreseen from the corner before, the first from the newest vertex. Which are new
-  // cannot be foreseen: what is written for one that is not is written again.
-  LUMIGRID_INLINE bool takeEdge(std::uint32_t known_corners, std::uint32_t step, std::uint32_t vertices,
-                                std::uint64_t& edge) {
-    std::array<std::uint32_t, 2> c{};
-    bool good = true;
-    std::uint64_t before = vertices > 0 ? vertices - 1 : 0;
-    for (std::uint32_t k = 0; k < 2; ++k) {
-      const std::uint32_t is_known = known_corners >> k & 1U;
-      from_[vertices] = packEdge(before, before, before);
-      const std::uint8_t* const at = escapes_end_ - 2;
-      const std::uint32_t known = at[0] | static_cast<std::uint32_t>(at[1]) << 8;
-      good = good && (is_known == 0 || known < vertices);
-      escapes_end_ -= 2 * is_known;
-      c[k] = is_known != 0 ? known : vertices;
-      vertices += 1 - is_known;
-      before = c[k];
-    }
-    const bool is_new = step + 1 < header_.steps && stepAt(step + 1) == kNewVertex;
-    edge = packEdge(c[0], c[1], is_new ? vertices : c[0]);
-    return good && escapes_end_ >= escape_;
-  }
-
-  // A start before version 4: a triangle.
-  bool startOld(std::uint32_t known_corners) {
+  LUMIGRID_RARE bool start(std::uint32_t known_corners) {
     State& s = state_;
     std::array<std::uint32_t, 3> c{};
-    std::uint32_t before = s.vertices > 0 ? s.vertices - 1 : 0;
-    for (std::uint32_t k = 0; k < 3; ++k) {
-      if ((known_corners >> k & 1U) == 0) {
-        from_[s.vertices] = packEdge(before, before, before);
-        c[k] = s.vertices++;
-      } else if (!takeKnown(s.vertices, c[k])) {
-        return false;
-      }
-      before = c[k];
+    if (!isOld()) {
+      std::uint64_t edge = 0;
+      if (s.tail - s.head != ~0U || !takeEdge(known_corners, step_, s.vertices, edge)) return false;
+      --s.head;
+      push(edge >> 16, edge, edge >> 32);
+      s.gate = packEdge(edge & 0xFFFF, edge >> 16 & 0xFFFF, edge & 0xFFFF);
+      return true;
     }
+    // A triangle.
+    if (!takeCorners(known_corners, 3, s.vertices, c)) return false;
     attach(c[0], c[1], c[2]);
     s.head = s.tail;
-    front_[s.tail++ & mask_] = packEdge(c[0], c[2], c[1]);
-    front_[s.tail++ & mask_] = packEdge(c[2], c[1], c[0]);
+    push(c[0], c[2], c[1]);
+    push(c[2], c[1], c[0]);
     s.gate = packEdge(c[1], c[0], c[2]);
     return true;
   }
 
-  void attach(std::uint64_t a, std::uint64_t b, std::uint64_t c) {
+  // The edge of a start: its corners, and the third corner of its triangle if that is new, as the next step says, else
+  // the first again. `vertices` counts the new ones of the two.
+  LUMIGRID_INLINE bool takeEdge(std::uint32_t known_corners, std::uint32_t step, std::uint32_t& vertices,
+                                std::uint64_t& edge) {
+    std::array<std::uint32_t, 3> c{};
+    const bool good = takeCorners(known_corners, 2, vertices, c);
+    const bool is_new = step + 1 < header_.steps && stepAt(step + 1) == kNewVertex;
+    edge = packEdge(c[0], c[1], is_new ? vertices : c[0]);
+    return good;
+  }
+
+  // Corners that are known, by their bits, come from the escapes' end, or are the next escapes before version 4. New
+  // ones are foreseen from the corner before, the first from the newest vertex. Which are which cannot be foreseen:
+  // what is written for one that is not new is written again.
+  LUMIGRID_RARE bool takeCorners(std::uint32_t known_corners, std::uint32_t count, std::uint32_t& vertices,
+                                 std::array<std::uint32_t, 3>& c) {
+    bool good = true;
+    std::uint64_t before = vertices > 0 ? vertices - 1 : 0;
+    for (std::uint32_t k = 0; k < count; ++k) {
+      const std::uint32_t is_known = known_corners >> k & 1U;
+      from_[vertices] = packEdge(before, before, before);
+      const std::uint8_t* const at = isOld() ? escape_ : escapes_end_ - 2;
+      const std::uint32_t known = at[0] | static_cast<std::uint32_t>(at[1]) << 8;
+      good = good && (is_known == 0 || known < vertices);
+      (isOld() ? escape_ : escapes_end_) += isOld() ? 2 * is_known : 0 - std::size_t{2 * is_known};
+      c[k] = is_known != 0 ? known : vertices;
+      vertices += 1 - is_known;
+      before = c[k];
+    }
+    return good && escape_ <= escapes_end_;
+  }
+
+  LUMIGRID_RARE void push(std::uint64_t a, std::uint64_t b, std::uint64_t opposite) {
+    front_[state_.tail++ & mask_] = packEdge(a & 0xFFFF, b & 0xFFFF, opposite);
+  }
+
+  LUMIGRID_RARE void attach(std::uint64_t a, std::uint64_t b, std::uint64_t c) {
     std::uint16_t* corner = indices_ + 3 * std::size_t{state_.triangles++};
     corner[0] = static_cast<std::uint16_t>(a);
     corner[1] = static_cast<std::uint16_t>(b);
     corner[2] = static_cast<std::uint16_t>(c);
-  }
-
-  // From the escapes' end, or the next ones before version 4.
-  bool takeKnown(std::uint32_t vertices, std::uint32_t& vertex) {
-    if (escapes_end_ - escape_ < 2) return false;
-    const std::uint8_t* at = escape_;
-    if (isOld())
-      escape_ += 2;
-    else
-      at = escapes_end_ -= 2;
-    vertex = at[0] | static_cast<std::uint32_t>(at[1]) << 8;
-    return vertex < vertices;
   }
 
   const PatchHeader& header_;
@@ -1774,7 +1760,7 @@ base::Error broken(const std::string& what) {
 
 base::Result<PatchHeader> readHeader(base::ByteView bytes) {
   if (bytes.size() < kHeaderBytes)
-    return broken("cut short: " + std::to_string(bytes.size()) + " bytes, the header alone has 32");
+    return broken("cut short: the header alone has 32 bytes");
   base::ByteReader in(bytes);
   PatchHeader header;
   header.version = in.u8();
@@ -1798,8 +1784,7 @@ base::Result<PatchHeader> readHeader(base::ByteView bytes) {
   if (header.facet_shift > kMaxFacetShift || header.front_bits > kMaxFrontBits) return broken("unknown parameters");
   const std::uint64_t stated = kHeaderBytes + header.stepBytes() + std::uint64_t{header.escape_bytes};
   if (stated > bytes.size())
-    return broken("cut short: " + std::to_string(bytes.size()) + " bytes, the header says more than " +
-                  std::to_string(stated));
+    return broken("cut short: the header says more than " + std::to_string(stated) + " bytes");
   return header;
 }
 
@@ -2001,8 +1986,10 @@ Decoder fastestDecoder([[maybe_unused]] bool may_use_avx512) {
 base::Result<PatchGeometry> decodeBy(Decoder decode, base::ByteView bytes) {
   const auto header = readHeader(bytes);
   if (!header) return header.error();
+#if !defined(__EMSCRIPTEN__)
   // All of it is on its way before the checksum waits for the first of it.
   for (std::size_t i = 0; i < bytes.size(); i += 64) __builtin_prefetch(bytes.data() + i);
+#endif
   if (checksum(bytes) != header->crc) return broken("checksum does not match");
   PatchGeometry geometry;
   if (const char* fault = decode(*header, bytes, geometry)) return broken(fault);
