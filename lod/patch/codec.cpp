@@ -1759,8 +1759,7 @@ base::Error broken(const std::string& what) {
 }
 
 base::Result<PatchHeader> readHeader(base::ByteView bytes) {
-  if (bytes.size() < kHeaderBytes)
-    return broken("cut short: the header alone has 32 bytes");
+  if (bytes.size() < kHeaderBytes) return broken("cut short: the header alone has 32 bytes");
   base::ByteReader in(bytes);
   PatchHeader header;
   header.version = in.u8();
@@ -1783,8 +1782,7 @@ base::Result<PatchHeader> readHeader(base::ByteView bytes) {
   if (header.vertices == 0 || header.triangles == 0) return broken("no triangles");
   if (header.facet_shift > kMaxFacetShift || header.front_bits > kMaxFrontBits) return broken("unknown parameters");
   const std::uint64_t stated = kHeaderBytes + header.stepBytes() + std::uint64_t{header.escape_bytes};
-  if (stated > bytes.size())
-    return broken("cut short: the header says more than " + std::to_string(stated) + " bytes");
+  if (stated > bytes.size()) return broken("cut short: the header says more than " + std::to_string(stated) + " bytes");
   return header;
 }
 
