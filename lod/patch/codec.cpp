@@ -18,7 +18,7 @@
 namespace lod::patch {
 namespace {
 
-constexpr std::uint8_t kCodecVersion = 3;
+constexpr std::uint8_t kCodecVersion = 4;
 constexpr std::uint8_t kOldestVersion = 2;
 constexpr std::uint8_t kHasColors = 1;
 constexpr std::uint8_t kHasAlpha = 2;
@@ -33,6 +33,12 @@ using Float4 = float __attribute__((vector_size(16)));
 
 // Decoding is compiled twice, for any machine and for one with AVX2: everything on its way has to be inlined.
 #define LUMIGRID_INLINE [[gnu::always_inline]] inline
+// What is rare on a page's way through this file, the rest of which is built for speed there.
+#if defined(__EMSCRIPTEN__)
+#define LUMIGRID_RARE [[gnu::noinline]]
+#else
+#define LUMIGRID_RARE LUMIGRID_INLINE
+#endif
 #define LUMIGRID_AVX2 target("avx2,bmi,bmi2,popcnt")
 
 struct PatchHeader {
@@ -531,17 +537,12 @@ constexpr auto kOnes = [] {
   return places;
 }();
 
-// The same by vectors, a group at once, when the places of all ones are known. They are modulo 256; a group that looks
-// short and is not is missed in the sum of lengths.
-__attribute__((LUMIGRID_AVX2)) bool readPlaneByAvx2(base::ByteView in, std::size_t& at, std::size_t groups,
-                                                    const PlaneRoom& room, std::uint32_t* out) {
-  PlaneParts plane;
-  if (!findPlane(in, at, groups, room.widths, plane)) return false;
-  std::uint8_t* const places = room.places;
-  places[0] = 0xFF;
+// Places of the ones in a plane's unary bits, modulo 256, behind places[0]; their count. No more than `most` and a few.
+__attribute__((LUMIGRID_AVX2)) std::size_t findOnesByAvx2(const PlaneParts& plane, std::size_t most,
+                                                          std::uint8_t* places) {
   std::size_t ones = 0;
   __m128i first_bit = _mm_setzero_si128();
-  for (std::size_t i = 0; i < plane.unary_bytes && ones < kGroup * groups; i += 8) {
+  for (std::size_t i = 0; i < plane.unary_bytes && ones < most; i += 8) {
     std::uint64_t word = load64(plane.unary + i);
 #pragma GCC unroll 8
     for (std::size_t k = 0; k < 8; ++k, word >>= 8) {
@@ -552,6 +553,40 @@ __attribute__((LUMIGRID_AVX2)) bool readPlaneByAvx2(base::ByteView in, std::size
       first_bit = _mm_add_epi8(first_bit, _mm_set1_epi8(8));
     }
   }
+  return ones;
+}
+
+// The same, 64 bits at a time.
+constexpr auto kEveryPlace = [] {
+  std::array<std::uint8_t, 64> places{};
+  for (std::size_t bit = 0; bit < 64; ++bit) places[bit] = static_cast<std::uint8_t>(bit);
+  return places;
+}();
+__attribute__((target("avx512f,avx512bw,avx512vbmi2,popcnt"))) std::size_t findOnesByAvx512(const PlaneParts& plane,
+                                                                                            std::size_t most,
+                                                                                            std::uint8_t* places) {
+  std::size_t ones = 0;
+  __m512i every = _mm512_loadu_si512(kEveryPlace.data());
+  for (std::size_t i = 0; i < plane.unary_bytes && ones < most; i += 8) {
+    const std::uint64_t word = load64(plane.unary + i);
+    _mm512_storeu_si512(places + 1 + ones, _mm512_maskz_compress_epi8(word, every));
+    ones += static_cast<std::size_t>(_mm_popcnt_u64(word));
+    every = _mm512_add_epi8(every, _mm512_set1_epi8(64));
+  }
+  return ones;
+}
+
+// The same by vectors, a group at once, when the places of all ones are known. They are modulo 256; a group that looks
+// short and is not is missed in the sum of lengths.
+using OnesFinder = std::size_t (*)(const PlaneParts& plane, std::size_t most, std::uint8_t* places);
+template <OnesFinder kFindOnes>
+__attribute__((LUMIGRID_AVX2)) bool readPlaneByAvx2(base::ByteView in, std::size_t& at, std::size_t groups,
+                                                    const PlaneRoom& room, std::uint32_t* out) {
+  PlaneParts plane;
+  if (!findPlane(in, at, groups, room.widths, plane)) return false;
+  std::uint8_t* const places = room.places;
+  places[0] = 0xFF;
+  const std::size_t ones = kFindOnes(plane, kGroup * groups, places);
 
   std::size_t bits = 0;
   std::size_t used = 0;
@@ -629,12 +664,20 @@ constexpr std::uint32_t kNext = 1;       // … the end of the front's first edg
 constexpr std::uint32_t kGiveUp = 2;     // no triangle: the front's first edge becomes the gate
 constexpr std::uint32_t kEscape = 3;     // a byte of the escapes says
 
-// Escapes. Below kStart: a vertex that many before the newest.
-constexpr std::uint8_t kStart = 240;        // + 1, 2, 4: first, second, third corner is a known one, u16 each
-constexpr std::uint8_t kPrevious = 248;     // the start of the front's last edge
-constexpr std::uint8_t kCloseLast = 249;    // no triangle: drop the front's last edge too, then as kGiveUp
-constexpr std::uint8_t kCloseFirst = 250;   // … the front's first edge
-constexpr std::uint8_t kKnownVertex = 251;  // any known vertex, u16
+// What an escape does, from the byte kFirstKind on; bytes below: a vertex that many before the newest. Known vertices
+// are u16 from the escapes' end backwards.
+constexpr std::uint32_t kFirstKind = 247;
+constexpr std::uint32_t kPrevious = 0;    // the start of the front's last edge
+constexpr std::uint32_t kCloseLast = 1;   // no triangle: drop the front's last edge too, then as kGiveUp
+constexpr std::uint32_t kCloseFirst = 2;  // … the front's first edge
+constexpr std::uint32_t kFold = 3;        // a triangle on the front's first two edges, not on the gate
+constexpr std::uint32_t kKnown = 4;       // any known vertex
+constexpr std::uint32_t kStart = 5;       // an edge from nowhere; + 1, 2: its first, second corner is a known one
+
+// The same before version 4, where known vertices followed at once and a start was a whole triangle.
+constexpr std::uint32_t kOldFirstKind = 240;
+constexpr std::uint32_t kOldStart = 0;  // + 1, 2, 4: first, second, third corner is a known one
+constexpr std::uint32_t kOldPrevious = 8;
 
 // What a new vertex is predicted from: a + b − opposite.
 struct Connectivity {
@@ -734,6 +777,10 @@ class Walk {
     out_.from.resize(numbered_);
     out_.steps = steps_.count();
     out_.step_bytes = steps_.take();
+    for (std::size_t i = known_.size(); i-- > 0;) {
+      out_.escapes.push_back(static_cast<std::uint8_t>(known_[i] & 255U));
+      out_.escapes.push_back(static_cast<std::uint8_t>(known_[i] >> 8));
+    }
     out_.front_bits = static_cast<std::uint8_t>(std::bit_width(longest_ + 1));
     LUMIGRID_CHECK_LE(out_.front_bits, kMaxFrontBits);
     return std::move(out_);
@@ -753,9 +800,9 @@ class Walk {
     next_[at] = next;
   }
   bool empty() const { return head_ == tail_; }
-  void escape(std::uint8_t e) {
+  void escape(std::uint32_t kind) {
     steps_.put(kEscape);
-    out_.escapes.push_back(e);
+    out_.escapes.push_back(static_cast<std::uint8_t>(kFirstKind + kind));
   }
   void push(const Edge& e) {
     front_[tail_++] = e;
@@ -777,29 +824,33 @@ class Walk {
     corner[0] = numberOf(a), corner[1] = numberOf(b), corner[2] = numberOf(c);
     out_.triangles[used_++] = t;
   }
-  void u16(std::uint16_t v) {
-    out_.escapes.push_back(static_cast<std::uint8_t>(v & 255U));
-    out_.escapes.push_back(static_cast<std::uint8_t>(v >> 8));
-  }
+  bool isKnown(std::uint16_t v) const { return number_[v] != kUnnumbered; }
 
+  // Corners that are known come first: an edge, then the triangle on it.
   void start(std::uint32_t t) {
-    const std::uint16_t* c = &geometry_.indices[3 * std::size_t{t}];
+    std::array<std::uint16_t, 3> c{};
+    std::memcpy(c.data(), &geometry_.indices[3 * std::size_t{t}], sizeof(c));
+    const auto later = [&](std::size_t a, std::size_t b) { return !isKnown(c[a]) && isKnown(c[b]); };
+    while (later(0, 1) || later(1, 2)) std::rotate(c.begin(), c.begin() + 1, c.end());
+
     const std::size_t at = out_.escapes.size();
     escape(kStart);
     std::uint16_t before = numbered_ == 0 ? std::uint16_t{0} : static_cast<std::uint16_t>(numbered_ - 1);
-    for (std::size_t k = 0; k < 3; ++k) {
-      if (number_[c[k]] == kUnnumbered) {
-        addVertex(c[k], {before, before, before});
-      } else {
+    for (std::size_t k = 0; k < 2; ++k) {
+      if (isKnown(c[k])) {
         out_.escapes[at] = static_cast<std::uint8_t>(out_.escapes[at] + (1U << k));
-        u16(numberOf(c[k]));
+        known_.push_back(numberOf(c[k]));
+      } else {
+        addVertex(c[k], {before, before, before});
       }
       before = numberOf(c[k]);
     }
-    addTriangle(t, c[0], c[1], c[2]);
-    push({c[0], c[2], c[1]});
-    push({c[2], c[1], c[0]});
-    gate_ = {c[1], c[0], c[2]};
+    push({c[1], c[0], isKnown(c[2]) ? c[0] : c[2]});
+    gate_ = {c[0], c[1], c[0]};
+    if (isKnown(c[2]))
+      attachOther({{static_cast<std::uint16_t>(t), c[2]}, 0});
+    else
+      attachNewOrNext({static_cast<std::uint16_t>(t), c[2]}, true);
     open_ = true;
   }
 
@@ -811,15 +862,15 @@ class Walk {
     return rank;
   }
 
-  // The unused triangle with the gate's edge; kSeveralTriangles where triangles share it, used or not.
-  FoundTriangle findOnly() const {
-    const std::uint32_t begin = first_[gate_.a];
-    const std::uint32_t end = first_[std::size_t{gate_.a} + 1];
+  // The unused triangle with that edge; kSeveralTriangles where triangles share it, used or not.
+  FoundTriangle findOnly(const Edge& edge) const {
+    const std::uint32_t begin = first_[edge.a];
+    const std::uint32_t end = first_[std::size_t{edge.a} + 1];
     std::uint32_t place = end;
     for (std::uint32_t i = begin; i < end; i += kLanes) {
       Short8 next;
       std::memcpy(&next, &next_[i], sizeof(next));
-      auto same = base::bitCast<std::uint64_t>(__builtin_convertvector(next == gate_.b, Byte8));
+      auto same = base::bitCast<std::uint64_t>(__builtin_convertvector(next == edge.b, Byte8));
       if (end - i < kLanes) same &= (std::uint64_t{1} << (8 * (end - i))) - 1;
       if (same == 0) continue;
       const auto lane = static_cast<std::uint32_t>(std::countr_zero(same)) / 8;
@@ -853,8 +904,9 @@ class Walk {
   }
 
   bool advance() {
-    const FoundTriangle found = careful_ ? findBest() : findOnly();
+    FoundTriangle found = careful_ ? findBest() : findOnly(gate_);
     if (found.rank == kSeveralTriangles) return false;
+    if (found.rank == 0 && !careful_ && foldTo(found.use.third)) found.rank = 3;
     if (found.rank == kNoTriangle)
       giveUp();
     else if (found.rank == 1 || found.rank == 3)
@@ -862,6 +914,34 @@ class Walk {
     else
       attachOther(found);
     return true;
+  }
+
+  // Where the third corner is a little ahead on the front and triangles of the gate's end fill what lies between, they
+  // are folded away: the front's first edge ends there then. A split and all that closes it again would cost more.
+  bool foldTo(std::uint16_t third) {
+    constexpr std::size_t kMostFolds = 3;
+    std::array<FoundTriangle, kMostFolds> between;
+    std::size_t folds = 0;
+    for (std::uint16_t end = gate_.b; folds <= kMostFolds && head_ + folds < tail_; ++folds) {
+      const Edge& edge = front_[head_ + folds];
+      if (edge.a != end) return false;
+      end = edge.b;
+      if (folds > 0) {
+        FoundTriangle& found = between[folds - 1];
+        found = findOnly(edge);
+        // An edge at the gate's end would make it a triangle counted twice.
+        const bool touches = edge.a == gate_.b || edge.b == gate_.b;
+        if (touches || found.rank < 0 || found.use.third != gate_.b) return false;
+      }
+      if (end != third) continue;
+      for (std::size_t i = 0; i < folds; ++i) {
+        escape(kFold);
+        const Edge& folded = front_[++head_];
+        addTriangle(between[i].use.triangle, gate_.b, folded.a, folded.b);
+      }
+      return true;
+    }
+    return false;
   }
 
   void giveUp() {
@@ -902,11 +982,12 @@ class Walk {
       escape(kPrevious);
       --tail_;
     } else {
-      if (const std::uint32_t back = numbered_ - 1 - number_[third]; back < kStart) {
-        escape(static_cast<std::uint8_t>(back));
+      if (const std::uint32_t back = numbered_ - 1 - number_[third]; back < kFirstKind) {
+        steps_.put(kEscape);
+        out_.escapes.push_back(static_cast<std::uint8_t>(back));
       } else {
-        escape(kKnownVertex);
-        u16(numberOf(third));
+        escape(kKnown);
+        known_.push_back(numberOf(third));
       }
       push({gate.a, third, gate.b});
     }
@@ -933,6 +1014,7 @@ class Walk {
   std::uint32_t numbered_ = 0;  // vertices
   std::uint32_t used_ = 0;      // triangles
   StepWriter steps_;
+  std::vector<std::uint16_t> known_;
   Connectivity out_;
 };
 
@@ -943,8 +1025,8 @@ Connectivity walk(const PatchGeometry& geometry) {
 }
 
 // Steps decoded between two looks at the counts, hence the room that arrays need behind their ends.
-constexpr std::size_t kStepsAtOnce = 4;
-constexpr std::size_t kSlack = 4 * kStepsAtOnce;
+constexpr std::size_t kStepsAtOnce = 32;
+constexpr std::size_t kSlack = 4 + kStepsAtOnce;
 
 // What decoding needs beyond its result. Kept by thread: patches come by the thousand.
 struct Scratch {
@@ -985,39 +1067,76 @@ constexpr std::array<Choice, 3> kChoices{
     {{~0ULL, 0, 0, 1, 0, 3, 0}, {0, ~0ULL, 0, 0, 1, 3, 0}, {0, 0, ~0ULL, 0, 1, 0, 0}}};
 
 #if defined(__x86_64__)
-// The same for words in a register: gate's a, b, opposite, count of vertices, then a, b, opposite of the front's first.
-struct alignas(64) WordChoice {
-  std::array<std::uint8_t, 16> gate;     // which bytes make up the next gate, the count behind it
-  std::array<std::uint8_t, 16> corners;  // which ones the triangle
-  std::array<std::uint16_t, 8> more;     // what is added to the gate: one to the count
-  std::uint32_t pushed, taken, corners_kept, unused;
-};
-constexpr std::array<std::uint8_t, 16> fourWords(std::uint8_t a, std::uint8_t b, std::uint8_t c, std::uint8_t d) {
-  std::array<std::uint8_t, 16> bytes{};
-  const std::array<std::uint8_t, 4> words{a, b, c, d};
-  for (std::size_t k = 0; k < 8; ++k) {
-    bytes[k] = static_cast<std::uint8_t>(2 * words[k / 2] + k % 2);
-    bytes[k + 8] = 0x80;  // zero
-  }
+// Steps and escapes by vectors: 32 are told apart at once, and where each reads and writes follows from sums over
+// those before it, whatever their edges are. Then each is a shuffle of eight words: gate's a, b, opposite, nothing,
+// then a, b, opposite of the edge it reads, a vertex. No branch has to be foreseen but for known vertices and starts.
+enum : std::uint8_t { kTake, kAttach, kAttachFirst, kAttachLast, kFold2, kStartEdge, kPatternCount };
+constexpr std::size_t kPatternBytes = 64;
+constexpr std::size_t kCornerBytes = 6;
+// 48 bits of a register; what is above them is zero.
+using Shuffle = std::array<std::uint8_t, 16>;
+constexpr Shuffle threeWords(std::uint8_t a, std::uint8_t b, std::uint8_t c) {
+  Shuffle bytes{};
+  const std::array<std::uint8_t, 3> words{a, b, c};
+  for (std::size_t k = 0; k < bytes.size(); ++k)
+    bytes[k] = k < kCornerBytes ? static_cast<std::uint8_t>(2 * words[k / 2] + k % 2) : std::uint8_t{0x80};
   return bytes;
 }
-constexpr std::array<WordChoice, 3> kWordChoices{
-    {{fourWords(3, 1, 0, 3), fourWords(0, 1, 3, 3), {0, 0, 0, 1}, 1, 0, 3, 0},
-     {fourWords(0, 5, 1, 3), fourWords(0, 1, 5, 3), {}, 0, 1, 3, 0},
-     {fourWords(4, 5, 6, 3), fourWords(0, 1, 5, 3), {}, 0, 1, 0, 0}}};
-// (a, third, b) of a triangle's corners (a, b, third).
-constexpr std::array<std::uint8_t, 16> kPushedWords = fourWords(0, 2, 1, 3);
+// Which words make up its triangle, and which ones the next gate. A pattern with a triangle lies that many bytes off
+// its multiple of kPatternBytes that the triangle takes.
+alignas(64) constexpr auto kPatterns = [] {
+  struct Words {
+    Shuffle triangle, gate;
+    bool has_triangle;
+  };
+  const std::array<Words, kPatternCount> all{{{threeWords(0, 1, 5), threeWords(4, 5, 6), false},
+                                              {threeWords(0, 1, 7), threeWords(7, 1, 0), true},
+                                              {threeWords(0, 1, 5), threeWords(0, 5, 1), true},
+                                              {threeWords(0, 1, 4), threeWords(4, 1, 0), true},
+                                              {threeWords(1, 4, 5), threeWords(0, 1, 2), true},
+                                              {threeWords(5, 6, 4), threeWords(4, 5, 4), false}}};
+  std::array<std::uint8_t, kPatternCount * kPatternBytes> bytes{};
+  for (std::size_t p = 0; p < all.size(); ++p)
+    for (std::size_t k = 0; k < 16; ++k) {
+      const std::size_t at = kPatternBytes * p + (all[p].has_triangle ? kCornerBytes : 0);
+      bytes[at + k] = all[p].triangle[k];
+      bytes[at + 16 + k] = all[p].gate[k];
+    }
+  return bytes;
+}();
+// What a corner triple (a, b, third) pushes: (a, third, b).
+alignas(16) constexpr Shuffle kPushedWords = threeWords(0, 2, 1);
+
+// By step, 0 to 2; a vertex before the newest, 3; kinds of escapes, from 4 on. Starts have their rows by known corners.
+struct StepTables {
+  using Row = std::array<std::int8_t, 16>;
+  Row pattern{kAttach, kAttachFirst, kTake,      kAttach,    kAttachLast, kTake,     kTake,
+              kFold2,  kAttach,      kStartEdge, kStartEdge, kStartEdge,  kStartEdge};
+  Row corner_bytes{6, 6, 0, 6, 6, 0, 0, 6, 6};
+  Row vertices{1, 0, 0, 0, 0, 0, 0, 0, 0, 2, 1, 1, 0};
+  Row pushed{1, 0, 0, 1, -1, -1, 0, 0, 1, 1, 1, 1, 1};
+  Row taken{0, 1, 1, 0, 0, 1, 2, 1, 0, -1, -1, -1, -1};
+  Row second{0, 0, 0, 0, 0, 0, 1, 1};  // reads the front's second edge, not the first
+  Row last{0, 0, 0, 0, -1};            // … or the last
+};
+alignas(16) constexpr StepTables kStepTables{};
+constexpr std::uint32_t kFirstRow = 4;
+constexpr std::uint8_t kNoStep = 0x80;  // zero in every table
 #endif
 
 class Machine {
  public:
-  // `front` has one place more than the ring, `indices` room for `triangles` and kSlack more, `from` for `vertices` and
-  // kSlack more.
+  // Places that the front needs behind its ring, for starts.
+  static constexpr std::size_t kBlocks = 4;
+  static constexpr std::size_t kBehindRing = kBlocks * kStepsAtOnce;
+
+  // `indices` has room for `triangles` and kSlack more, `from` for `vertices` and kSlack more.
   Machine(const PatchHeader& header, base::ByteView steps, base::ByteView escapes, std::uint64_t* front,
           std::uint16_t* indices, std::uint64_t* from)
       : header_(header),
-        steps_(steps),
-        escapes_(escapes),
+        steps_(steps.data()),
+        escape_(escapes.data()),
+        escapes_end_(escapes.data() + escapes.size()),
         mask_((1U << header.front_bits) - 1),
         front_(front),
         indices_(indices),
@@ -1032,18 +1151,22 @@ class Machine {
     std::uint16_t* const indices = indices_;
     const std::uint32_t mask = mask_;
     std::uint64_t gate = 0;
-    std::uint32_t head = 0;
+    // A start takes back what was taken from an empty front.
+    std::uint32_t head = isOld() ? 0 : 1;
     std::uint32_t tail = 0;
     std::uint32_t vertices = 0;
     std::uint16_t* corner = indices;
-    const auto advance = [&](std::uint32_t step) __attribute__((always_inline)) {
+    const std::uint32_t longest = isOld() ? ~0U : mask;
+    const auto advance = [&](std::uint32_t i, std::uint32_t step) __attribute__((always_inline)) {
       if (step == kEscape) [[unlikely]] {
+        step_ = i;
         state_ = {gate, head, tail, vertices, static_cast<std::uint32_t>((corner - indices) / 3)};
         const bool good = leave();
         gate = state_.gate, head = state_.head, tail = state_.tail;
         vertices = state_.vertices, corner = indices + 3 * std::size_t{state_.triangles};
         return good;
       }
+      if (tail - head > longest) return false;
       // All three at once, and masks keep one: which it is cannot be foreseen.
       constexpr std::uint64_t kA = 0xFFFF, kB = kA << 16, kOpposite = kA << 32;
       const Choice& choice = kChoices[step];
@@ -1065,108 +1188,38 @@ class Machine {
       return true;
     };
 
-    const std::uint8_t* const steps = steps_.data();
-    const std::uint32_t bytes = header_.steps / kStepsAtOnce;
+    const std::uint8_t* const steps = steps_;
+    const std::uint32_t count = header_.steps;
     const std::uint32_t most_vertices = header_.vertices;
     const std::uint16_t* const last = indices + 3 * std::size_t{header_.triangles};
-    for (std::uint32_t i = 0; i < bytes; ++i) {
-      const std::uint32_t byte = steps[i];
-      const bool good = advance(byte & 3U) && advance(byte >> 2 & 3U) && advance(byte >> 4 & 3U) && advance(byte >> 6);
+    for (std::uint32_t i = 0; i < count; ++i) {
+      const bool good = advance(i, steps[i / 4] >> (2 * (i % 4)) & 3U);
       if (!good || vertices > most_vertices || corner > last) return false;
     }
-    for (std::uint32_t i = bytes * kStepsAtOnce; i < header_.steps; ++i)
-      if (!advance(steps[bytes] >> (2 * (i % kStepsAtOnce)) & 3U)) return false;
-    return vertices == most_vertices && corner == last && escape_ == escapes_.size();
+    return vertices == most_vertices && corner == last && escape_ == escapes_end_ && tail - head <= longest;
   }
 
 #if defined(__x86_64__)
-  // The same; an edge is four words of a register, and a shuffle chooses. The loop over steps stands here again, as a
-  // function for any machine can't take in a step compiled for this one.
+  // The same.
   __attribute__((LUMIGRID_AVX2)) bool runByAvx2() {
-    std::uint64_t* const front = front_;
-    std::uint64_t* const from = from_;
-    std::uint16_t* const indices = indices_;
-    const std::uint32_t mask = mask_;
+    if (isOld() || header_.front_bits > kMostBits) return run();
+    const std::uint16_t* const last = indices_ + 3 * std::size_t{header_.triangles};
     __m128i gate = _mm_setzero_si128();
-    std::uint32_t head = 0;
-    std::uint32_t tail = 0;
-    std::uint32_t vertices = 0;
-    std::uint16_t* corner = indices;
-    const auto load = [](const void* at) __attribute__((always_inline, LUMIGRID_AVX2)) {
-      return _mm_load_si128(static_cast<const __m128i*>(at));
-    };
-    const auto store = [](void* at, __m128i words) __attribute__((always_inline, LUMIGRID_AVX2)) {
-      _mm_storel_epi64(static_cast<__m128i*>(at), words);
-    };
-    alignas(16) static constexpr std::array<std::uint8_t, 16> kPushed = kPushedWords;
-    const __m128i pushed_words = load(kPushed.data());
-    const auto with = [&](__m128i edge, std::uint32_t place) __attribute__((always_inline, LUMIGRID_AVX2)) {
-      return _mm_castpd_si128(
-          _mm_loadh_pd(_mm_castsi128_pd(edge), reinterpret_cast<const double*>(front + (place & mask))));
-    };
-
-    const auto escape = [&]() __attribute__((always_inline, LUMIGRID_AVX2)) {
-      if (escape_ >= escapes_.size()) return false;
-      const std::uint32_t kind = escapes_[escape_];
-      if (kind >= kStart && kind != kPrevious && kind != kCloseFirst) [[unlikely]] {
-        state_ = {static_cast<std::uint64_t>(_mm_cvtsi128_si64(gate)) & 0xFFFFFFFFFFFFU, head, tail, vertices,
-                  static_cast<std::uint32_t>((corner - indices) / 3)};
-        const bool good = leave();
-        gate = _mm_cvtsi64_si128(
-            static_cast<long long>((state_.gate & 0xFFFFFFFFFFFFU) | std::uint64_t{state_.vertices} << 48));
-        head = state_.head, tail = state_.tail;
-        vertices = state_.vertices, corner = indices + 3 * std::size_t{state_.triangles};
-        return good;
+    std::uint16_t* corner = indices_;
+    std::array<Block, kBlocks> blocks;
+    state_ = {0, 1, 0, 0, 0};
+    __m256i wrong = _mm256_setzero_si256();
+    for (step_ = 0; step_ < header_.steps;) {
+      std::size_t planned = 0;
+      for (; planned < kBlocks && step_ < header_.steps; ++planned, step_ += kStepsAtOnce)
+        if (!plan(blocks[planned], mask_ + 1 + static_cast<std::uint32_t>(kStepsAtOnce * planned), wrong)) return false;
+      for (std::size_t b = 0; b < planned; ++b) {
+        follow(blocks[b], gate, corner);
+        if (corner > last) return false;
       }
-      // The frequent ones at once: which it is cannot be foreseen either.
-      ++escape_;
-      const bool previous = kind == kPrevious;
-      const bool close = kind == kCloseFirst;
-      const bool known = kind < kStart;
-      if (known && kind >= vertices) return false;
-      const auto last = static_cast<std::uint32_t>(front[(tail - 1) & mask] & 0xFFFF);
-      const std::uint32_t third = previous ? last : vertices - 1U - kind;
-      const __m128i words = _mm_insert_epi16(with(gate, head + 1), static_cast<int>(third), 3);
-      const WordChoice& choice = kWordChoices[close ? 2 : 0];
-      const __m128i corners = _mm_shuffle_epi8(words, load(kWordChoices[0].corners.data()));
-      store(corner, corners);
-      // What is not pushed goes behind the ring.
-      store(front + (known ? tail & mask : mask + 1), _mm_shuffle_epi8(corners, pushed_words));
-      gate = _mm_insert_epi16(_mm_shuffle_epi8(words, load(choice.gate.data())), static_cast<int>(vertices), 3);
-      corner += close ? 0 : 3;
-      tail += (known ? 1U : 0U) - (previous ? 1U : 0U);
-      head += close ? 2U : 0U;
-      return true;
-    };
-    const auto advance = [&](std::uint32_t step) __attribute__((always_inline, LUMIGRID_AVX2)) {
-      if (step == kEscape) [[unlikely]]
-        return escape();
-      const WordChoice& choice = kWordChoices[step];
-      const __m128i words = with(gate, head);
-      const __m128i corners = _mm_shuffle_epi8(words, load(choice.corners.data()));
-      store(from + vertices, gate);
-      store(corner, corners);
-      store(front + (tail & mask), _mm_shuffle_epi8(corners, pushed_words));
-      gate = _mm_add_epi16(_mm_shuffle_epi8(words, load(choice.gate.data())), load(choice.more.data()));
-      tail += choice.pushed;
-      vertices += choice.pushed;
-      head += choice.taken;
-      corner += choice.corners_kept;
-      return true;
-    };
-
-    const std::uint8_t* const steps = steps_.data();
-    const std::uint32_t bytes = header_.steps / kStepsAtOnce;
-    const std::uint32_t most_vertices = header_.vertices;
-    const std::uint16_t* const last = indices + 3 * std::size_t{header_.triangles};
-    for (std::uint32_t i = 0; i < bytes; ++i) {
-      const std::uint32_t byte = steps[i];
-      const bool good = advance(byte & 3U) && advance(byte >> 2 & 3U) && advance(byte >> 4 & 3U) && advance(byte >> 6);
-      if (!good || vertices > most_vertices || corner > last) return false;
     }
-    for (std::uint32_t i = bytes * kStepsAtOnce; i < header_.steps; ++i)
-      if (!advance(steps[bytes] >> (2 * (i % kStepsAtOnce)) & 3U)) return false;
-    return vertices == most_vertices && corner == last && escape_ == escapes_.size();
+    return state_.vertices == header_.vertices && corner == last && escape_ == escapes_end_ &&
+           state_.tail - state_.head <= mask_ && _mm256_testz_si256(wrong, wrong) != 0;
   }
 #endif
 
@@ -1179,24 +1232,238 @@ class Machine {
     std::uint32_t triangles = 0;
   };
 
-  static std::uint64_t select(std::uint64_t mask, std::uint64_t yes, std::uint64_t no) {
-    return no ^ ((yes ^ no) & mask);
+  bool isOld() const {
+    return header_.version < 4;
   }
+  std::uint32_t stepAt(std::uint32_t i) const {
+    return steps_[i / 4] >> (2 * (i % 4)) & 3U;
+  }
+
+#if defined(__x86_64__)
+  static constexpr std::uint8_t kMostBits = 14;
+
+  // What steps do, and where. Of each the new or known vertex of its triangle, and in one word, from the lowest 16 bits
+  // up, its pattern's offset, where it reads the front, where it writes it, and where the gate goes that a new vertex
+  // is foreseen from: memory is asked for eight things a step as it is.
+  struct alignas(32) Block {
+    std::array<std::uint16_t, kStepsAtOnce> third;
+    std::array<std::uint64_t, kStepsAtOnce> step;
+  };
+  // Of sixteen steps that were interleaved within halves of registers.
+  static constexpr std::size_t placeOf(std::size_t i) {
+    return i / 16 * 16 + i % 8 / 2 * 4 + i / 8 % 2 * 2 + i % 2;
+  }
+
+#define LUMIGRID_HERE __attribute__((always_inline, LUMIGRID_AVX2))
+  LUMIGRID_HERE static __m128i load(const void* at) {
+    return _mm_loadu_si128(static_cast<const __m128i*>(at));
+  }
+  LUMIGRID_HERE static __m256i words(std::uint32_t x) {
+    return _mm256_set1_epi16(static_cast<short>(x));
+  }
+  LUMIGRID_HERE static __m256i bytes(std::uint32_t x) {
+    return _mm256_set1_epi8(static_cast<char>(x));
+  }
+  // Of each byte and all before it.
+  LUMIGRID_HERE static __m256i sumsOf(__m256i x) {
+    x = _mm256_add_epi8(x, _mm256_slli_si256(x, 1));
+    x = _mm256_add_epi8(x, _mm256_slli_si256(x, 2));
+    x = _mm256_add_epi8(x, _mm256_slli_si256(x, 4));
+    x = _mm256_add_epi8(x, _mm256_slli_si256(x, 8));
+    return _mm256_add_epi8(x, _mm256_shuffle_epi8(_mm256_permute2x128_si256(x, x, 0x08), _mm256_set1_epi8(15)));
+  }
+  LUMIGRID_HERE static std::uint32_t lastOf(__m256i sums) {
+    return static_cast<std::uint32_t>(static_cast<std::int8_t>(_mm256_extract_epi8(sums, 31)));
+  }
+
+  // The next steps' rows in kStepTables, and their escapes where the steps are. False when escapes run out.
+  LUMIGRID_HERE bool tellApart(__m256i& row, __m256i& escape) {
+    std::uint64_t steps = load64(steps_ + step_ / 4);
+    const std::uint32_t left = header_.steps - step_;
+    __m256i none = _mm256_setzero_si256();
+    if (left < kStepsAtOnce) {
+      steps = _bzhi_u64(steps, 2 * left);
+      const __m256i places = _mm256_setr_epi8(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20,
+                                              21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31);
+      none = _mm256_and_si256(_mm256_cmpgt_epi8(places, bytes(left - 1)), bytes(kNoStep));
+    }
+    std::array<long long, 4> step_bytes{}, escape_bytes{};
+#pragma GCC unroll 4
+    for (std::size_t eight = 0; eight < 4; ++eight) {
+      const std::uint64_t step = _pdep_u64(steps >> (16 * eight), 0x0303030303030303);
+      const std::uint64_t is_escape = step & step >> 1 & 0x0101010101010101;
+      step_bytes[eight] = static_cast<long long>(step);
+      escape_bytes[eight] = static_cast<long long>(_pdep_u64(load64(escape_), is_escape * 255));
+      escape_ += _mm_popcnt_u64(is_escape);
+    }
+    // Registers are put together: a load would wait for these stores, as it takes several of them.
+    escape = _mm256_set_epi64x(escape_bytes[3], escape_bytes[2], escape_bytes[1], escape_bytes[0]);
+    const __m256i step = _mm256_set_epi64x(step_bytes[3], step_bytes[2], step_bytes[1], step_bytes[0]);
+    row = _mm256_or_si256(_mm256_add_epi8(step, _mm256_subs_epu8(escape, bytes(kFirstKind - 1))), none);
+    return escape_ <= escapes_end_;
+  }
+
+  // False when escapes or room run out. `wrong`: not zero when a vertex is not known, or the front empty or too long.
+  // Edges of starts are laid at `room`.
+  LUMIGRID_HERE bool plan(Block& block, std::uint32_t room, __m256i& wrong) {
+    __m256i row, escape;
+    if (!tellApart(row, escape)) return false;
+    const auto look = [&](const StepTables::Row& table) __attribute__((always_inline, LUMIGRID_AVX2)) {
+      return _mm256_shuffle_epi8(_mm256_broadcastsi128_si256(load(table.data())), row);
+    };
+
+    // Counts before each.
+    const __m256i new_here = look(kStepTables.vertices);
+    const __m256i pushed_here = look(kStepTables.pushed);
+    const __m256i taken_here = look(kStepTables.taken);
+    const __m256i new_sums = sumsOf(new_here);
+    const __m256i pushed_sums = sumsOf(pushed_here);
+    const __m256i taken_sums = sumsOf(taken_here);
+    const __m256i vertices = words(state_.vertices), tails = words(state_.tail), heads = words(state_.head);
+    state_.vertices += lastOf(new_sums);
+    state_.tail += lastOf(pushed_sums);
+    state_.head += lastOf(taken_sums);
+    if (state_.vertices > header_.vertices) return false;
+
+    const __m256i new_before = _mm256_sub_epi8(new_sums, new_here);
+    const __m256i pushed_before = _mm256_sub_epi8(pushed_sums, pushed_here);
+    const __m256i taken_before = _mm256_sub_epi8(taken_sums, taken_here);
+    const __m256i is_near = _mm256_cmpeq_epi8(row, bytes(kEscape));
+    const __m256i back = _mm256_and_si256(escape, is_near);
+    const __m256i is_start = _mm256_cmpgt_epi8(row, bytes(kFirstRow + kStart - 1));
+    const __m256i is_new = _mm256_cmpeq_epi8(row, _mm256_setzero_si256());
+    const __m256i pattern = look(kStepTables.pattern);
+    const __m256i corner_bytes = look(kStepTables.corner_bytes);
+    const __m256i second = look(kStepTables.second);
+    const __m256i is_last = look(kStepTables.last);
+    const __m256i ring = words(mask_);
+#pragma GCC unroll 2
+    for (std::size_t half = 0; half < 2; ++half) {
+      const auto part = [&](__m256i x) LUMIGRID_HERE {
+        return half == 0 ? _mm256_castsi256_si128(x) : _mm256_extracti128_si256(x, 1);
+      };
+      const auto wide = [&](__m256i x) LUMIGRID_HERE { return _mm256_cvtepi8_epi16(part(x)); };
+      // Vertices: the newest less what the escape says.
+      const __m256i vertex = _mm256_add_epi16(vertices, wide(new_before));
+      const __m256i third = _mm256_sub_epi16(_mm256_add_epi16(vertex, wide(is_near)), _mm256_cvtepu8_epi16(part(back)));
+      _mm256_store_si256(reinterpret_cast<__m256i*>(block.third.data() + 16 * half), third);
+      // The gates of others go behind all vertices, or to vertex 0, which is foreseen from nothing.
+      const __m256i from = _mm256_blendv_epi8(words(header_.vertices + 1), third, wide(is_new));
+      // A start stands where one edge too many was taken, and nowhere else.
+      const __m256i tail = _mm256_add_epi16(tails, wide(pushed_before));
+      const __m256i head = _mm256_add_epi16(heads, wide(taken_before));
+      const __m256i starts = wide(is_start);
+      const __m256i length = _mm256_sub_epi16(_mm256_sub_epi16(tail, head), starts);
+      wrong = _mm256_or_si256(wrong, _mm256_subs_epu16(third, vertex));
+      wrong = _mm256_or_si256(wrong, _mm256_subs_epu16(length, _mm256_andnot_si256(starts, ring)));
+      // Places.
+      const __m256i write = _mm256_and_si256(tail, ring);
+      const __m256i first = _mm256_add_epi16(head, wide(second));
+      const __m256i last = _mm256_sub_epi16(tail, words(1));
+      const __m256i read = _mm256_and_si256(_mm256_blendv_epi8(first, last, wide(is_last)), ring);
+      const __m256i offset = _mm256_add_epi16(_mm256_slli_epi16(wide(pattern), 6), wide(corner_bytes));
+      const __m256i low0 = _mm256_unpacklo_epi16(offset, read), high0 = _mm256_unpacklo_epi16(write, from);
+      const __m256i low4 = _mm256_unpackhi_epi16(offset, read), high4 = _mm256_unpackhi_epi16(write, from);
+      auto* const to = reinterpret_cast<__m256i*>(block.step.data() + 16 * half);
+      _mm256_store_si256(to, _mm256_unpacklo_epi32(low0, high0));
+      _mm256_store_si256(to + 1, _mm256_unpackhi_epi32(low0, high0));
+      _mm256_store_si256(to + 2, _mm256_unpacklo_epi32(low4, high4));
+      _mm256_store_si256(to + 3, _mm256_unpackhi_epi32(low4, high4));
+    }
+    const auto rare =
+        static_cast<std::uint32_t>(_mm256_movemask_epi8(_mm256_cmpgt_epi8(row, bytes(kFirstRow + kKnown - 1))));
+    return rare == 0 || planRare(block, rare, row, new_before, state_.vertices - lastOf(new_sums), room);
+  }
+
+  // Known vertices and starts. `new_before`: vertices before each step, beyond `vertices`.
+  LUMIGRID_HERE bool planRare(Block& block, std::uint32_t rare, __m256i row, __m256i new_before, std::uint32_t vertices,
+                              std::uint32_t room) {
+    alignas(32) std::array<std::uint8_t, kStepsAtOnce> rows, before;
+    _mm256_store_si256(reinterpret_cast<__m256i*>(rows.data()), row);
+    _mm256_store_si256(reinterpret_cast<__m256i*>(before.data()), new_before);
+    for (; rare != 0; rare &= rare - 1) {
+      const auto i = static_cast<std::uint32_t>(std::countr_zero(rare));
+      std::uint32_t here = vertices + before[i];
+      const std::uint32_t kind = rows[i] - kFirstRow;
+      if (kind == kKnown) {
+        std::array<std::uint32_t, 3> known{};
+        if (!takeCorners(1, 1, here, known)) return false;
+        block.third[i] = static_cast<std::uint16_t>(known[0]);
+      } else {
+        std::uint64_t& at = block.step[placeOf(i)];
+        at = (at & ~std::uint64_t{0xFFFF0000}) | std::uint64_t{room} << 16;
+        if (!takeEdge(kind - kStart, step_ + i, here, front_[room++])) return false;
+      }
+    }
+    return true;
+  }
+
+  // The steps of a block, one after the other.
+  LUMIGRID_HERE void follow(const Block& block, __m128i& gate, std::uint16_t*& corner) {
+    std::uint64_t* const front = front_;
+    std::uint64_t* const from = from_;
+    const std::uint8_t* const patterns = kPatterns.data();
+    const __m128i pushed_words = load(kPushedWords.data());
+    __m128i edge = gate;
+    auto* at = reinterpret_cast<std::uint8_t*>(corner);
+    const auto store_edge = [](void* to, __m128i words) __attribute__((always_inline, LUMIGRID_AVX2)) {
+      _mm_storel_epi64(static_cast<__m128i*>(to), words);
+    };
+    for (std::size_t half = 0; half < kStepsAtOnce; half += 16) {
+      const std::uint64_t* const steps = block.step.data() + half;
+      const std::uint16_t* const thirds = block.third.data() + half;
+#pragma GCC unroll 16
+      for (std::size_t i = 0; i < 16; ++i) {
+        const std::uint64_t step = steps[placeOf(i)];
+        const std::size_t offset = step & 0xFFFF;
+        const std::uint8_t* const pattern = patterns + offset;
+        const __m128i here = _mm_insert_epi16(
+            _mm_loadl_epi64(reinterpret_cast<const __m128i*>(front + (step >> 16 & 0xFFFF))), thirds[i], 3);
+        const __m128i eight = _mm_unpacklo_epi64(edge, here);
+        const __m128i corners = _mm_shuffle_epi8(eight, load(pattern));
+        store_edge(from + (step >> 48), edge);
+        store_edge(at, corners);
+        store_edge(front + (step >> 32 & 0xFFFF), _mm_shuffle_epi8(corners, pushed_words));
+        edge = _mm_shuffle_epi8(eight, load(pattern + 16));
+        at += offset % 8;
+      }
+    }
+    gate = edge;
+    corner = reinterpret_cast<std::uint16_t*>(at);
+  }
+#endif
 
   // One escape, on state_. Rare, and kept out of the way of the others.
   [[gnu::noinline]] bool leave() {
     State& s = state_;
-    if (escape_ >= escapes_.size()) return false;
-    const std::uint8_t kind = escapes_[escape_++];
+    if (escape_ >= escapes_end_) return false;
+    const std::uint32_t byte = *escape_++;
     const std::uint64_t a = s.gate & 0xFFFF;
     const std::uint64_t b = s.gate >> 16 & 0xFFFF;
-    if (kind >= kStart && kind < kPrevious) return start(kind - kStart);
+    std::array<std::uint32_t, 3> third{s.vertices - 1U - byte};
+    const std::uint32_t first_kind = isOld() ? kOldFirstKind : kFirstKind;
+    const bool near = byte < first_kind;
+    std::uint32_t kind = byte - first_kind;
+    if (isOld()) {
+      if (!near && kind < kOldPrevious) return start(kind - kOldStart);
+      kind -= kOldPrevious;
+      if (!near && kind > kCloseFirst) kind = kind == kCloseFirst + 1 ? kKnown : ~0U;
+    } else if ((near || kind < kStart) && s.tail - s.head > mask_) {
+      return false;
+    }
+    if (near || kind == kKnown) {
+      if (near ? third[0] >= s.vertices : !takeCorners(1, 1, s.vertices, third)) return false;
+      attach(a, b, third[0]);
+      push(a, third[0], b);
+      s.gate = packEdge(third[0], b, a);
+      return true;
+    }
     switch (kind) {
       case kPrevious: {
         --s.tail;
-        const std::uint64_t third = front_[s.tail & mask_] & 0xFFFF;
-        attach(a, b, third);
-        s.gate = packEdge(third, b, a);
+        const std::uint64_t previous = front_[s.tail & mask_] & 0xFFFF;
+        attach(a, b, previous);
+        s.gate = packEdge(previous, b, a);
         return true;
       }
       case kCloseLast:
@@ -1207,61 +1474,89 @@ class Machine {
         ++s.head;
         s.gate = front_[s.head++ & mask_];
         return true;
-      default: {
-        std::uint32_t third = s.vertices - 1U - kind;
-        if (kind == kKnownVertex && !known(third)) return false;
-        if (kind > kKnownVertex || third >= s.vertices) return false;
-        attach(a, b, third);
-        front_[s.tail++ & mask_] = packEdge(a, third, b);
-        s.gate = packEdge(third, b, a);
+      case kFold: {
+        const std::uint64_t second = front_[++s.head & mask_];
+        attach(b, second & 0xFFFF, second >> 16 & 0xFFFF);
         return true;
       }
+      default:
+        return kind - kStart < 4 && start(kind - kStart);
     }
   }
 
-  bool start(std::uint32_t known_corners) {
+  LUMIGRID_RARE bool start(std::uint32_t known_corners) {
     State& s = state_;
     std::array<std::uint32_t, 3> c{};
-    std::uint32_t before = s.vertices > 0 ? s.vertices - 1 : 0;
-    for (std::uint32_t k = 0; k < 3; ++k) {
-      if ((known_corners >> k & 1U) == 0) {
-        from_[s.vertices] = packEdge(before, before, before);
-        c[k] = s.vertices++;
-      } else if (!known(c[k])) {
-        return false;
-      }
-      before = c[k];
+    if (!isOld()) {
+      std::uint64_t edge = 0;
+      if (s.tail - s.head != ~0U || !takeEdge(known_corners, step_, s.vertices, edge)) return false;
+      --s.head;
+      push(edge >> 16, edge, edge >> 32);
+      s.gate = packEdge(edge & 0xFFFF, edge >> 16 & 0xFFFF, edge & 0xFFFF);
+      return true;
     }
+    // A triangle.
+    if (!takeCorners(known_corners, 3, s.vertices, c)) return false;
     attach(c[0], c[1], c[2]);
     s.head = s.tail;
-    front_[s.tail++ & mask_] = packEdge(c[0], c[2], c[1]);
-    front_[s.tail++ & mask_] = packEdge(c[2], c[1], c[0]);
+    push(c[0], c[2], c[1]);
+    push(c[2], c[1], c[0]);
     s.gate = packEdge(c[1], c[0], c[2]);
     return true;
   }
 
-  void attach(std::uint64_t a, std::uint64_t b, std::uint64_t c) {
+  // The edge of a start: its corners, and the third corner of its triangle if that is new, as the next step says, else
+  // the first again. `vertices` counts the new ones of the two.
+  LUMIGRID_INLINE bool takeEdge(std::uint32_t known_corners, std::uint32_t step, std::uint32_t& vertices,
+                                std::uint64_t& edge) {
+    std::array<std::uint32_t, 3> c{};
+    const bool good = takeCorners(known_corners, 2, vertices, c);
+    const bool is_new = step + 1 < header_.steps && stepAt(step + 1) == kNewVertex;
+    edge = packEdge(c[0], c[1], is_new ? vertices : c[0]);
+    return good;
+  }
+
+  // Corners that are known, by their bits, come from the escapes' end, or are the next escapes before version 4. New
+  // ones are foreseen from the corner before, the first from the newest vertex. Which are which cannot be foreseen:
+  // what is written for one that is not new is written again.
+  LUMIGRID_RARE bool takeCorners(std::uint32_t known_corners, std::uint32_t count, std::uint32_t& vertices,
+                                 std::array<std::uint32_t, 3>& c) {
+    bool good = true;
+    std::uint64_t before = vertices > 0 ? vertices - 1 : 0;
+    for (std::uint32_t k = 0; k < count; ++k) {
+      const std::uint32_t is_known = known_corners >> k & 1U;
+      from_[vertices] = packEdge(before, before, before);
+      const std::uint8_t* const at = isOld() ? escape_ : escapes_end_ - 2;
+      const std::uint32_t known = at[0] | static_cast<std::uint32_t>(at[1]) << 8;
+      good = good && (is_known == 0 || known < vertices);
+      (isOld() ? escape_ : escapes_end_) += isOld() ? 2 * is_known : 0 - std::size_t{2 * is_known};
+      c[k] = is_known != 0 ? known : vertices;
+      vertices += 1 - is_known;
+      before = c[k];
+    }
+    return good && escape_ <= escapes_end_;
+  }
+
+  LUMIGRID_RARE void push(std::uint64_t a, std::uint64_t b, std::uint64_t opposite) {
+    front_[state_.tail++ & mask_] = packEdge(a & 0xFFFF, b & 0xFFFF, opposite);
+  }
+
+  LUMIGRID_RARE void attach(std::uint64_t a, std::uint64_t b, std::uint64_t c) {
     std::uint16_t* corner = indices_ + 3 * std::size_t{state_.triangles++};
     corner[0] = static_cast<std::uint16_t>(a);
     corner[1] = static_cast<std::uint16_t>(b);
     corner[2] = static_cast<std::uint16_t>(c);
   }
 
-  bool known(std::uint32_t& vertex) {
-    if (escapes_.size() - escape_ < 2) return false;
-    vertex = escapes_[escape_] | static_cast<std::uint32_t>(escapes_[escape_ + 1]) << 8;
-    escape_ += 2;
-    return vertex < state_.vertices;
-  }
-
   const PatchHeader& header_;
-  base::ByteView steps_;
-  base::ByteView escapes_;
+  const std::uint8_t* steps_;
+  const std::uint8_t* escape_;
+  const std::uint8_t* escapes_end_;
   std::uint32_t mask_;
   std::uint64_t* front_;
   std::uint16_t* indices_;
   std::uint64_t* from_;
-  std::size_t escape_ = 0;
+  std::uint32_t step_ = 0;
   State state_;
 };
 
@@ -1464,14 +1759,13 @@ base::Error broken(const std::string& what) {
 }
 
 base::Result<PatchHeader> readHeader(base::ByteView bytes) {
-  if (bytes.size() < kHeaderBytes)
-    return broken("cut short: " + std::to_string(bytes.size()) + " bytes, the header alone has 32");
+  if (bytes.size() < kHeaderBytes) return broken("cut short: the header alone has 32 bytes");
   base::ByteReader in(bytes);
   PatchHeader header;
   header.version = in.u8();
   if (header.version < kOldestVersion || header.version > kCodecVersion)
     return base::Error{base::ErrorCode::kVersion,
-                       "patch bytes: codec version " + std::to_string(header.version) + ", this program reads 2 and 3"};
+                       "patch bytes: codec version " + std::to_string(header.version) + ", this program reads 2 to 4"};
 
   header.flags = in.u8();
   header.vertices = in.u16();
@@ -1488,9 +1782,7 @@ base::Result<PatchHeader> readHeader(base::ByteView bytes) {
   if (header.vertices == 0 || header.triangles == 0) return broken("no triangles");
   if (header.facet_shift > kMaxFacetShift || header.front_bits > kMaxFrontBits) return broken("unknown parameters");
   const std::uint64_t stated = kHeaderBytes + header.stepBytes() + std::uint64_t{header.escape_bytes};
-  if (stated > bytes.size())
-    return broken("cut short: " + std::to_string(bytes.size()) + " bytes, the header says more than " +
-                  std::to_string(stated));
+  if (stated > bytes.size()) return broken("cut short: the header says more than " + std::to_string(stated) + " bytes");
   return header;
 }
 
@@ -1612,16 +1904,16 @@ LUMIGRID_INLINE bool readLanes(PlaneReader readPlane, base::ByteView in, std::si
 // What stands in the way, or null.
 LUMIGRID_INLINE const char* decodeParts(const PatchHeader& header, base::ByteView bytes, PlaneReader readPlane,
                                         bool (Machine::*run)(), PatchGeometry& geometry) {
-  // A copy with eight bytes behind it: whole words are read at any place.
+  // A copy with sixteen bytes behind it: whole words are read at any place.
   thread_local Scratch scratch;
-  std::uint8_t* copy = Scratch::room(scratch.bytes, bytes.size() + 8);
+  std::uint8_t* copy = Scratch::room(scratch.bytes, bytes.size() + 16);
   std::memcpy(copy, bytes.data(), bytes.size());
-  std::memset(copy + bytes.size(), 0, 8);
+  std::memset(copy + bytes.size(), 0, 16);
   const base::ByteView in(copy, bytes.size());
 
   // Triangles, and what each vertex is predicted from.
   std::uint16_t* indices = Scratch::room(scratch.indices, (std::size_t{header.triangles} + kSlack) * 3);
-  scratch.front.assign((std::size_t{1} << header.front_bits) + 1, 0);
+  scratch.front.assign((std::size_t{1} << header.front_bits) + Machine::kBehindRing, 0);
   std::uint64_t* from = Scratch::room(scratch.from, header.vertices + kSlack);
   const base::ByteView steps = in.subspan(kHeaderBytes, header.stepBytes());
   const base::ByteView escapes = in.subspan(kHeaderBytes + steps.size(), header.escape_bytes);
@@ -1663,7 +1955,12 @@ LUMIGRID_INLINE const char* decodeParts(const PatchHeader& header, base::ByteVie
 #if defined(__x86_64__)
 __attribute__((LUMIGRID_AVX2)) const char* decodeByAvx2(const PatchHeader& header, base::ByteView bytes,
                                                         PatchGeometry& geometry) {
-  return decodeParts(header, bytes, readPlaneByAvx2, &Machine::runByAvx2, geometry);
+  return decodeParts(header, bytes, readPlaneByAvx2<findOnesByAvx2>, &Machine::runByAvx2, geometry);
+}
+
+__attribute__((LUMIGRID_AVX2)) const char* decodeByAvx512(const PatchHeader& header, base::ByteView bytes,
+                                                          PatchGeometry& geometry) {
+  return decodeParts(header, bytes, readPlaneByAvx2<findOnesByAvx512>, &Machine::runByAvx2, geometry);
 }
 #endif
 
@@ -1673,11 +1970,13 @@ const char* decodeAnywhere(const PatchHeader& header, base::ByteView bytes, Patc
 
 using Decoder = const char* (*)(const PatchHeader&, base::ByteView, PatchGeometry&);
 
-Decoder fastestDecoder() {
+Decoder fastestDecoder([[maybe_unused]] bool may_use_avx512) {
 #if defined(__x86_64__)
-  if (__builtin_cpu_supports("avx2") != 0 && __builtin_cpu_supports("bmi") != 0 &&
-      __builtin_cpu_supports("bmi2") != 0 && __builtin_cpu_supports("popcnt") != 0)
-    return decodeByAvx2;
+  const bool has_avx2 = __builtin_cpu_supports("avx2") != 0 && __builtin_cpu_supports("bmi") != 0 &&
+                        __builtin_cpu_supports("bmi2") != 0 && __builtin_cpu_supports("popcnt") != 0;
+  const bool has_avx512 = __builtin_cpu_supports("avx512f") != 0 && __builtin_cpu_supports("avx512bw") != 0 &&
+                          __builtin_cpu_supports("avx512vbmi2") != 0;
+  if (has_avx2) return has_avx512 && may_use_avx512 ? decodeByAvx512 : decodeByAvx2;
 #endif
   return decodeAnywhere;
 }
@@ -1685,6 +1984,10 @@ Decoder fastestDecoder() {
 base::Result<PatchGeometry> decodeBy(Decoder decode, base::ByteView bytes) {
   const auto header = readHeader(bytes);
   if (!header) return header.error();
+#if !defined(__EMSCRIPTEN__)
+  // All of it is on its way before the checksum waits for the first of it.
+  for (std::size_t i = 0; i < bytes.size(); i += 64) __builtin_prefetch(bytes.data() + i);
+#endif
   if (checksum(bytes) != header->crc) return broken("checksum does not match");
   PatchGeometry geometry;
   if (const char* fault = decode(*header, bytes, geometry)) return broken(fault);
@@ -1732,8 +2035,12 @@ base::Bytes encodePatch(const PatchGeometry& geometry, std::vector<std::uint32_t
 }
 
 base::Result<PatchGeometry> decodePatch(base::ByteView bytes) {
-  static const Decoder decoder = fastestDecoder();
+  static const Decoder decoder = fastestDecoder(true);
   return decodeBy(decoder, bytes);
+}
+
+base::Result<PatchGeometry> decodePatchByAvx2(base::ByteView bytes) {
+  return decodeBy(fastestDecoder(false), bytes);
 }
 
 base::Result<PatchGeometry> decodePatchPortably(base::ByteView bytes) {

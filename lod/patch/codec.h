@@ -39,6 +39,8 @@ base::Bytes encodePatch(const PatchGeometry& geometry, std::vector<std::uint32_t
 base::Result<PatchGeometry> decodePatch(base::ByteView bytes);
 /// The same without AVX2, as machines that lack it do: all that differs is speed.
 base::Result<PatchGeometry> decodePatchPortably(base::ByteView bytes);
+/// … or with AVX2 alone, as machines that lack AVX-512 do.
+base::Result<PatchGeometry> decodePatchByAvx2(base::ByteView bytes);
 
 /// What a patch's bytes say about its size, read from their header alone (the checksum is not looked at).
 struct PatchCounts {

@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "base/crc32c.h"
+#include "base/file.h"
 #include "tests/lod/patch/patch_testing.h"
 
 namespace lod::patch {
@@ -57,6 +58,14 @@ std::string faultOf(base::ByteView bytes) {
   return decoded ? "" : decoded.error().message;
 }
 
+// Where the first plane starts.
+std::size_t firstPlane(base::ByteView bytes) {
+  std::uint32_t steps = 0, escapes = 0;
+  std::memcpy(&steps, &bytes[20], sizeof(steps));
+  std::memcpy(&escapes, &bytes[24], sizeof(escapes));
+  return 32 + (std::size_t{steps} + 3) / 4 + escapes;
+}
+
 TEST(PatchCodec, anySurfaceComesBack) {
   std::mt19937 random(1);
   for (const Shape& shape : shapes()) {
@@ -68,25 +77,26 @@ TEST(PatchCodec, anySurfaceComesBack) {
   }
 }
 
-// Both ways of decoding: bit for bit the same surface, and the same refusals of broken bytes.
+// All ways of decoding: bit for bit the same surface, and the same refusals of broken bytes.
 TEST(PatchCodec, everyMachineDecodesTheSame) {
   std::mt19937 random(5);
   std::size_t refused = 0, read = 0;
   const auto compare = [&](base::ByteView bytes) {
     const auto one = decodePatch(bytes);
-    const auto other = decodePatchPortably(bytes);
-    ASSERT_EQ(static_cast<bool>(one), static_cast<bool>(other));
-    if (!one) {
-      EXPECT_EQ(one.error().message, other.error().message);
-      ++refused;
-      return;
+    ++(one ? read : refused);
+    for (const auto decode : {decodePatchPortably, decodePatchByAvx2}) {
+      const auto other = decode(bytes);
+      ASSERT_EQ(static_cast<bool>(one), static_cast<bool>(other));
+      if (!one) {
+        EXPECT_EQ(one.error().message, other.error().message);
+        continue;
+      }
+      EXPECT_EQ(one->indices, other->indices);
+      EXPECT_EQ(one->positions, other->positions);
+      EXPECT_EQ(one->colors, other->colors);
+      ASSERT_EQ(one->normals.size(), other->normals.size());
+      for (std::size_t v = 0; v < one->normals.size(); ++v) EXPECT_TRUE(sameBits(one->normals[v], other->normals[v]));
     }
-    ++read;
-    EXPECT_EQ(one->indices, other->indices);
-    EXPECT_EQ(one->positions, other->positions);
-    EXPECT_EQ(one->colors, other->colors);
-    ASSERT_EQ(one->normals.size(), other->normals.size());
-    for (std::size_t v = 0; v < one->normals.size(); ++v) EXPECT_TRUE(sameBits(one->normals[v], other->normals[v]));
   };
   for (const Shape& shape : shapes()) {
     const base::Bytes bytes = encodePatch(drawPatch(shape, random));
@@ -101,6 +111,15 @@ TEST(PatchCodec, everyMachineDecodesTheSame) {
     for (std::uint8_t bits = 0; bits < bytes[7]; ++bits) compare(withField(bytes, 7, bits));
   }
   compare(encodePatch(gridPatch(60)));
+  const base::Bytes torn = encodePatch(patch_testing::tornGrid());
+  const base::Bytes old = *base::readFile(std::string(LUMIGRID_SOURCE_DIR) + "/tests/golden/patch_bytes_v3.bin");
+  for (const base::Bytes& bytes : {torn, old})
+    for (std::size_t at = 32; at < firstPlane(bytes); ++at)
+      for (int bit = 0; bit < 8; ++bit) {
+        base::Bytes hurt = bytes;
+        hurt[at] = static_cast<std::uint8_t>(hurt[at] ^ 1U << bit);
+        compare(sealed(std::move(hurt)));
+      }
   EXPECT_GT(refused, 100U);
   EXPECT_GT(read, 100U);
 }
@@ -128,21 +147,16 @@ TEST(PatchCodec, strayUnaryBytesAreRefused) {
     longer = withField(std::move(longer), plane, static_cast<std::uint16_t>(unary_bytes + count));
     const auto one = decodePatch(longer);
     const auto other = decodePatchPortably(longer);
-    return (one ? "" : one.error().message) + "; " + (other ? "" : other.error().message);
+    const auto third = decodePatchByAvx2(longer);
+    return (one ? "" : one.error().message) + "; " + (other ? "" : other.error().message) + "; " +
+           (third ? "" : third.error().message);
   };
-  const std::string refused = "patch bytes: the vertices do not decode; patch bytes: the vertices do not decode";
-  EXPECT_EQ(faults(unary + unary_bytes, 0, 0), "; ");
+  const std::string fault = "patch bytes: the vertices do not decode";
+  const std::string refused = fault + "; " + fault + "; " + fault;
+  EXPECT_EQ(faults(unary + unary_bytes, 0, 0), "; ; ");
   for (const std::uint8_t value : {0, 1, 255}) EXPECT_EQ(faults(unary + unary_bytes, 1, value), refused);
   // 32 bytes are 256 bits, which a place in one byte does not see.
   for (const std::size_t count : {6, 8, 31, 32, 33, 64, 8192}) EXPECT_EQ(faults(unary, count, 0), refused) << count;
-}
-
-// Where the first plane starts, and its first three bytes' say: widths in two bits above the third.
-std::size_t firstPlane(base::ByteView bytes) {
-  std::uint32_t steps = 0, escapes = 0;
-  std::memcpy(&steps, &bytes[20], sizeof(steps));
-  std::memcpy(&escapes, &bytes[24], sizeof(escapes));
-  return 32 + (std::size_t{steps} + 3) / 4 + escapes;
 }
 
 TEST(PatchCodec, widthsNearEachOtherTakeTwoBitsAndTheLeastIsChecked) {
@@ -183,6 +197,33 @@ TEST(PatchCodec, aFlatGridCostsLittle) {
   ASSERT_TRUE(decoded);
   EXPECT_TRUE(surfaceOf(*decoded) == surfaceOf(grid));
   EXPECT_LT(bytes.size(), grid.indices.size() / 3);
+}
+
+// A vertex y of three triangles on the front, edges b y and y v of it: the gate a b sees the third, a b v, first. It is
+// no split of the front when b y v is written before it, as a fold.
+TEST(PatchCodec, whatLiesBetweenIsFoldedAway) {
+  PatchGeometry grid = gridPatch(30);
+  // Every tenth triangle gets a vertex in its middle.
+  std::vector<std::uint16_t> indices;
+  for (std::size_t t = 0; t < grid.indices.size(); t += 3) {
+    const std::uint16_t a = grid.indices[t], b = grid.indices[t + 1], c = grid.indices[t + 2];
+    if (t % 30 != 0) {
+      indices.insert(indices.end(), {a, b, c});
+      continue;
+    }
+    const auto middle = static_cast<std::uint16_t>(grid.positions.size());
+    grid.positions.push_back((grid.positions[a] + grid.positions[b] + grid.positions[c]) / 3);
+    grid.normals.push_back(grid.normals[a]);
+    indices.insert(indices.end(), {a, b, middle, b, c, middle, c, a, middle});
+  }
+  grid.indices = indices;
+  const base::Bytes bytes = encodePatch(grid);
+  EXPECT_TRUE(surfaceOf(*decodePatch(bytes)) == surfaceOf(grid));
+  std::uint32_t steps = 0;
+  std::memcpy(&steps, &bytes[20], sizeof(steps));
+  std::size_t folds = 0;
+  for (std::size_t at = 32 + (std::size_t{steps} + 3) / 4; at < firstPlane(bytes); ++at) folds += bytes[at] == 250;
+  EXPECT_GT(folds, 10U);
 }
 
 TEST(PatchCodec, anyAlphaComesBack) {
@@ -402,7 +443,7 @@ TEST(PatchCodec, wrongFieldsUnderARightChecksumAreNamed) {
     EXPECT_NE(fault.find(what), std::string::npos) << fault << ", not " << what;
   };
   names(withField<std::uint8_t>(bytes, 0, 1), "version 1");
-  names(withField<std::uint8_t>(bytes, 0, 4), "version 4");
+  names(withField<std::uint8_t>(bytes, 0, 5), "version 5");
   names(withField<std::uint8_t>(withField<std::uint8_t>(bytes, 0, 2), 1, 5), "unknown flags");
   names(withField<std::uint8_t>(bytes, 1, 8), "unknown flags");
   names(withField<std::uint8_t>(bytes, 1, 6), "unknown flags");
@@ -425,10 +466,10 @@ TEST(PatchCodec, escapesThatNameNoVertexAreRefused) {
   std::uint32_t steps = 0;
   std::memcpy(&steps, bytes.data() + 20, 4);
   const std::size_t escapes = 32 + (steps + 3) / 4;
-  ASSERT_EQ(bytes[escapes], 240) << "a start with three new vertices";
+  ASSERT_EQ(bytes[escapes], 252) << "a start with two new vertices";
   EXPECT_NE(faultOf(withField<std::uint8_t>(bytes, escapes, 0)).find("triangles do not decode"), std::string::npos);
-  EXPECT_NE(faultOf(withField<std::uint8_t>(bytes, escapes, 247)).find("triangles do not decode"), std::string::npos);
-  EXPECT_NE(faultOf(withField<std::uint8_t>(bytes, escapes, 252)).find("triangles do not decode"), std::string::npos);
+  EXPECT_NE(faultOf(withField<std::uint8_t>(bytes, escapes, 251)).find("triangles do not decode"), std::string::npos);
+  EXPECT_NE(faultOf(withField<std::uint8_t>(bytes, escapes, 255)).find("triangles do not decode"), std::string::npos);
 }
 
 using PatchCodecDeathTest = ::testing::Test;

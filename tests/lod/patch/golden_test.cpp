@@ -1,4 +1,4 @@
-// tests/golden/patch_v2.lgp and patch_v3.lgp, written by the first writers of codec versions 2 and 3. They must stay
+// tests/golden/patch_v2.lgp to patch_v4.lgp, written by the first writers of codec versions 2 to 4. They must stay
 // readable, and the same input must give the bytes of the latest; a change of format gets a new version and a new file
 // beside them. LUMIGRID_WRITE_GOLDEN=1 writes the latest anew.
 #include <gtest/gtest.h>
@@ -14,7 +14,7 @@ namespace lod::patch {
 namespace {
 
 const std::string kFolder = std::string(LUMIGRID_SOURCE_DIR) + "/tests/golden/";
-const std::string kGolden = kFolder + "patch_v3.lgp";
+const std::string kGolden = kFolder + "patch_v4.lgp";
 
 // A diamond of three levels: two leaves, one group that merges them, the root.
 //
@@ -79,9 +79,22 @@ TEST(PatchGolden, filesOfEachVersionStillReadTheSame) {
   if (std::getenv("LUMIGRID_WRITE_GOLDEN") != nullptr) {
     ASSERT_TRUE(support::writeSynthetic(goldenScene(), kGolden));
   }
-  for (const char* name : {"patch_v2.lgp", "patch_v3.lgp"}) {
+  for (const char* name : {"patch_v2.lgp", "patch_v3.lgp", "patch_v4.lgp"}) {
     SCOPED_TRACE(name);
     expectGoldenScene(kFolder + name);
+  }
+}
+
+// Connectivity changed with version 4. What the older one had for surfaces that are none is still read, both ways.
+TEST(PatchGolden, everyEscapeOfVersionThreeIsStillRead) {
+  const auto bytes = base::readFile(kFolder + "patch_bytes_v3.bin");
+  ASSERT_TRUE(bytes);
+  ASSERT_EQ((*bytes)[0], 3);
+  const auto expected = patch_testing::surfaceOf(patch_testing::tornGrid());
+  for (const auto decode : {decodePatch, decodePatchPortably}) {
+    const auto decoded = decode(*bytes);
+    ASSERT_TRUE(decoded) << decoded.error().message;
+    EXPECT_TRUE(patch_testing::surfaceOf(*decoded) == expected);
   }
 }
 

@@ -60,6 +60,45 @@ inline lod::patch::PatchGeometry drawPatch(const Shape& shape, std::mt19937& ran
   return g;
 }
 
+/// A grid with holes of every shape, edges of many triangles and pieces that hang by a corner: whatever the writer of
+/// connectivity knows. tests/golden/patch_bytes_v3.bin are its bytes by the writer of codec version 3.
+inline lod::patch::PatchGeometry tornGrid() {
+  constexpr int kSide = 24;
+  std::mt19937 random(17);
+  lod::patch::PatchGeometry g;
+  for (int y = 0; y < kSide; ++y)
+    for (int x = 0; x < kSide; ++x) {
+      g.positions.emplace_back(10 * x, 10 * y, static_cast<int>(random() % 9));
+      g.normals.emplace_back(0.0F, 0.0F, 1.0F);
+    }
+  const auto add = [&](int a, int b, int c) {
+    for (const int v : {a, b, c}) g.indices.push_back(static_cast<std::uint16_t>(v));
+  };
+  for (int y = 0; y + 1 < kSide; ++y)
+    for (int x = 0; x + 1 < kSide; ++x) {
+      const int v = y * kSide + x;
+      if (random() % 8 != 0) add(v, v + 1, v + kSide + 1);
+      if (random() % 8 != 0) add(v, v + kSide + 1, v + kSide);
+    }
+  constexpr std::uint32_t kVertices = kSide * kSide;
+  for (int i = 0; i < 30; ++i)
+    add(static_cast<int>(random() % kVertices), static_cast<int>(random() % kVertices),
+        static_cast<int>(random() % kVertices));
+  // Pieces with new and known corners in every order.
+  for (int i = 0; i < 24; ++i) {
+    std::array<int, 3> corners{};
+    for (int k = 0; k < 3; ++k) {
+      const bool is_new = (i >> k & 1) != 0;
+      corners[static_cast<std::size_t>(k)] = static_cast<int>(is_new ? g.positions.size() : random() % kVertices);
+      if (!is_new) continue;
+      g.positions.emplace_back(10 * i, -20, 5 * k);
+      g.normals.emplace_back(0.0F, 0.0F, 1.0F);
+    }
+    add(corners[0], corners[1], corners[2]);
+  }
+  return g;
+}
+
 inline std::vector<Shape> shapes() {
   constexpr int kFar = lod::patch::kMaxLattice;
   return {{1, 1, 0},
