@@ -305,6 +305,14 @@ base::Result<void> App::changeSetting(std::string_view name, double value) {
     s.control.setFov(glm::radians(s.settings.fov_degrees));
     s.cameraMoved();
   }
+  if (SplatView* splats = s.viewer.splats()) {
+    SplatQuality quality = splats->quality();
+    takeChanges(before, s.settings, quality);
+    if (quality != splats->quality()) {
+      splats->setQuality(quality);
+      s.dirty = true;
+    }
+  }
   Request request;
   request.kind = RequestKind::kKeepSettings;
   s.requests.push_back(std::move(request));

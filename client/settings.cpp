@@ -12,10 +12,10 @@ using Kind = SettingKind;
 constexpr std::array<SettingField, 19> kFields{{
     {"method", "What is shown, where the scene has it", Kind::kChoice, 0, 2, &Settings::method,
      "lumigraph patches qsplat", true},
-    {"splat", "Shape of splats", Kind::kChoice, 0, 3, &Settings::splat, "square circle fuzzy ellipse", true},
-    {"cutoff", "Size of splats at rest, pixels", Kind::kNumber, 0, 1000, &Settings::cutoff, "", true},
+    {"splat", "Shape of splats", Kind::kChoice, 0, 3, &Settings::splat, "square circle fuzzy ellipse", false},
+    {"cutoff", "Size of splats at rest, pixels", Kind::kNumber, 0, 1000, &Settings::cutoff, "", false},
     {"frame_rate", "Pictures of splats a second while moving; 0: as fine as at rest", Kind::kNumber, 0, 1000,
-     &Settings::frame_rate, "", true},
+     &Settings::frame_rate, "", false},
     {"cache_megabytes", "Memory for images and patches as they came, MB", Kind::kInteger, 8, 65536,
      &Settings::cache_megabytes, "", true},
     {"memory_megabytes", "All memory that grows with the scene, MB", SettingKind::kInteger, 16, 65536,

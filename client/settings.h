@@ -17,9 +17,9 @@ enum class Theme : std::uint8_t { kSystem, kLight, kDark };
 
 struct Settings {
   double method = 0.0;               ///< place in "lumigraph patches qsplat"; from the next start on
-  double splat = 1.0;                ///< lod::draw::SplatKernel; from the next start on
-  double cutoff = 1.0;               ///< pixels of a splat at rest, 0: down to the leaves; from the next start on
-  double frame_rate = 10.0;          ///< pictures of splats a second while the view moves; from the next start on
+  double splat = 1.0;                ///< lod::draw::SplatKernel
+  double cutoff = 1.0;               ///< pixels of a splat at rest, 0: down to the leaves
+  double frame_rate = 10.0;          ///< pictures of splats a second while the view moves
   double cache_megabytes = 50.0;     ///< compressed images and patches kept; from the next start on
   double memory_megabytes = 1000.0;  ///< of all kinds together, on the GPU and off; from the next start on
   double gpu_megabytes = 512.0;      ///< textures; from the next start on

@@ -10,30 +10,49 @@
 #include "base/camera.h"
 #include "base/error.h"
 #include "client/session.h"
+#include "client/settings.h"
 #include "lod/draw/splats.h"
 #include "lod/qsplat/stream/stream.h"
 
 namespace client {
 
-struct SplatOptions {
+/// What may change while splats are shown.
+struct SplatQuality {
   lod::draw::SplatKernel kernel = lod::draw::SplatKernel::kCircle;
-  float cutoff_px = 1.0F;   ///< splats are refined down to this diameter, pixels; 0: to the leaves
+  float cutoff_px = 1.0F;  ///< splats are refined down to this diameter, pixels; 0: to the leaves
+  /// That a frame may take while the view moves: splats are as large as that asks for, and get finer when it rests. 0:
+  /// each frame goes down to cutoff_px.
+  double frame_seconds = 0.1;
+  friend bool operator==(const SplatQuality&, const SplatQuality&) = default;
+};
+
+struct SplatOptions : SplatQuality {
   bool back_faces = false;  ///< drawn, too: for open surfaces that are seen from behind
   /// Blocks as they came get a quarter of it, and what is drawn two quarters: with more splats than fit, the cut-off
   /// grows.
   std::uint64_t memory_bytes = 512'000'000;
   lod::qsplat::StreamOrder order = lod::qsplat::StreamOrder::kSweeps;
   std::uint64_t idle_bytes = 16'000'000;  ///< lod::qsplat::StreamOptions has it
-  /// That a frame may take while the view moves: splats are as large as that asks for, and get finer when it rests. 0:
-  /// each frame goes down to cutoff_px.
-  double frame_seconds = 0.1;
-  std::function<double()> clock;  ///< seconds, to time frames with; empty: as if each took frame_seconds
-  lod::qsplat::ForEach for_each;  ///< empty: one thread
+  std::function<double()> clock;          ///< seconds, to time frames with; empty: as if each took frame_seconds
+  lod::qsplat::ForEach for_each;          ///< empty: one thread
 };
 
-/// SplatOptions::frame_seconds of a rate that people ask for; 0 stays 0.
+/// SplatQuality::frame_seconds of a rate that people ask for; 0 stays 0.
 inline double secondsPerFrame(double rate) {
   return rate > 0.0 ? 1.0 / rate : 0.0;
+}
+
+/// What settings say of it.
+inline SplatQuality qualityOf(const Settings& settings) {
+  return {static_cast<lod::draw::SplatKernel>(static_cast<int>(settings.splat)), static_cast<float>(settings.cutoff),
+          secondsPerFrame(settings.frame_rate)};
+}
+/// The same where `after` differs from `before`; the rest stays as it is, which a command line may have set.
+inline void takeChanges(const Settings& before, const Settings& after, SplatQuality& quality) {
+  const SplatQuality wanted = qualityOf(after);
+  if (after.splat != before.splat) quality.kernel = wanted.kernel;
+  if (after.cutoff != before.cutoff) quality.cutoff_px = wanted.cutoff_px;
+  if (after.frame_rate != before.frame_rate) quality.frame_seconds = wanted.frame_seconds;
 }
 
 /// How a frame is to look.
@@ -78,6 +97,9 @@ class SplatView {
   virtual bool complete() const = 0;
   /// Another draw of the same view would be finer.
   virtual bool busy() const = 0;
+  /// From the next frame on.
+  virtual void setQuality(const SplatQuality& quality) = 0;
+  virtual const SplatQuality& quality() const = 0;
   /// The GL context is gone, with all that was in it.
   virtual void contextLost() = 0;
   virtual SplatStats stats() const = 0;

@@ -229,6 +229,12 @@ std::optional<glm::vec3> StreamedSplats::surfaceAt(const base::Camera& camera, c
   return glm::vec3(origin + nearest * direction);
 }
 
+void StreamedSplats::setQuality(const SplatQuality& quality) {
+  static_cast<SplatQuality&>(options_) = quality;
+  coarser_ = 1.0F;  // in units of the cut-off that was
+  rate_.setGoal(goalOf(options_));
+}
+
 void StreamedSplats::contextLost() {
   renderer_.reset();
 }

@@ -30,6 +30,8 @@ class StreamedSplats final : public SplatView {
                                      double y) const override;
   bool complete() const override;
   bool busy() const override;
+  void setQuality(const SplatQuality& quality) override;
+  const SplatQuality& quality() const override { return options_; }
   void contextLost() override;
   SplatStats stats() const override;
 
@@ -51,7 +53,7 @@ class StreamedSplats final : public SplatView {
   const SplatFilePlace file_;
   const base::Bytes welcome_;
   const std::unique_ptr<RangeFetcher> fetcher_;
-  const SplatOptions options_;
+  SplatOptions options_;
   lod::qsplat::Stream stream_;
   bool away_ = false;    ///< the host, as the last answer has it
   std::string refused_;  ///< what no new try mends

@@ -701,6 +701,10 @@ void Viewer::setSplats(std::shared_ptr<SplatView> splats) {
   state_->splats = std::move(splats);
 }
 
+SplatView* Viewer::splats() {
+  return state_->splats.get();
+}
+
 void Viewer::setLens(const std::optional<lod::qsplat::Lens>& lens) {
   state_->lens = lens;
 }

@@ -107,6 +107,7 @@ class Viewer {
   void setMethod(lod::Method method);
   /// Where the splats of kQsplat come from; somebody pumps it.
   void setSplats(std::shared_ptr<SplatView> splats);
+  SplatView* splats();  ///< null while there are none
   /// The magnifying glass of kQsplat: what is seen through it comes first and is finer. Framebuffer pixels.
   void setLens(const std::optional<lod::qsplat::Lens>& lens);
 

@@ -261,11 +261,15 @@ base::Result<void> Window::open() {
 /// What shows the scene, and the link that feeds it.
 base::Result<void> Window::begin(lod::Method method) {
   const bool splats = method == lod::Method::kQsplat;
+  const Settings settings = app_ ? app_->settings() : options_.app.settings;
+  SplatOptions splat_options = options_.splats;
+  takeChanges(options_.app.settings, settings, splat_options);
   auto link =
-      splats ? openSplatLink(options_.url, options_.link, options_.splats) : openLink(options_.url, options_.link);
+      splats ? openSplatLink(options_.url, options_.link, splat_options) : openLink(options_.url, options_.link);
   if (!link) return link.error();
   connection_ = std::move(*link);
   AppOptions options = options_.app;
+  options.settings = settings;
   options.viewer.method = method;
   options.clock = [] { return glfwGetTime(); };
   app_ = std::make_unique<App>(options, std::make_unique<JpegDecoder>(std::max(1U, options_.decoder_threads)));

@@ -27,10 +27,7 @@ EMSCRIPTEN_KEEPALIVE void openSplats(const char* place, const char* name, const 
                                      const double* numbers) {
   client::App& app = *client::web::page.app;
   client::SplatOptions options;
-  const client::Settings& settings = app.settings();
-  options.kernel = static_cast<lod::draw::SplatKernel>(static_cast<int>(settings.splat));
-  options.cutoff_px = static_cast<float>(settings.cutoff);
-  options.frame_seconds = client::secondsPerFrame(settings.frame_rate);
+  static_cast<client::SplatQuality&>(options) = client::qualityOf(app.settings());
   options.memory_bytes = app.viewer().options().memory_budget_bytes;
   options.clock = client::web::page.options.clock;
   const auto bytes = static_cast<std::uint64_t>(numbers[client::kWelcomeNumbers]);

@@ -10,16 +10,9 @@
 #include <utility>
 
 #include "lod/qsplat/code_tables.h"
-#include "lod/qsplat/node.h"
+#include "lod/qsplat/format.h"
 
 namespace lod::qsplat {
-
-/// Siblings as they stand in a block, without their pointer.
-struct GroupNodes {
-  std::uint32_t count = 0;  ///< 1 … 4
-  bool has_pointer = false;
-  std::array<Node, kMostChildren> nodes;
-};
 
 /// The tangents at the middles of a face's 52 cells, in 1024ths.
 const std::array<int, kNormalSide>& cellTangents();
@@ -27,7 +20,7 @@ const std::array<int, kNormalSide>& cellTangents();
 template <class Coder>
 class BlockModel {
  public:
-  BlockModel(Coder& coder, bool colors) : coder_(coder), colors_(colors) {}
+  BlockModel(Coder& coder, const SymbolSet& set) : coder_(coder), set_(set) {}
 
   /// The block's next group: is written, or becomes what is read. False for what is read and cannot be.
   bool code(GroupNodes& group) {
@@ -51,7 +44,8 @@ class BlockModel {
   };
   /// A node, taken to pieces.
   struct Parts {
-    std::uint32_t cone = 0;
+    std::uint32_t cone = 0;   ///< its code; of a leaf among leaves, how wide it is: one of four classes
+    std::uint32_t width = 0;  ///< its code as a leaf's among leaves, or what comes near
     std::uint32_t children_kind = 0;
     Normal normal;
     std::array<int, 3> middle{};  ///< of the sphere, s + 2 cell − 13: in thirteenths from the parent's centre
@@ -91,15 +85,16 @@ class BlockModel {
     Node& node = group.nodes[i];
     Parts parts;
     codeChildren(group, i, parts);
-    codeCone(node, i, parts);
+    hasLeafCones(group) ? codeLeafCone(node, i, parts) : codeCone(node, i, parts);
     codeNormal(node, i, parts);
     const std::uint32_t sphere = codeSphere(node, i, parts);
     if (sphere >= kSphereCodes) return false;
-    if (colors_) codeColor(node, i, parts);
+    if (set_.colors) codeColor(node, i, parts);
     const auto& [face, row, column] = parts.normal;
+    const std::uint32_t normal = index((face * kSide + row) * kSide + column);
     const std::uint32_t children = parts.children_kind == 0 ? 0 : (parts.children_kind - 1) % 3 + 2;
-    node.bits =
-        packNode(sphere, index((face * kSide + row) * kSide + column), parts.cone, children, parts.children_kind > 3);
+    node.bits = hasLeafCones(group) ? packLeaf(sphere, normal, parts.width)
+                                    : packNode(sphere, normal, parts.cone, children, parts.children_kind > 3);
     node.color = static_cast<std::uint16_t>(parts.color[0] << 11 | parts.color[1] << 5 | parts.color[2]);
     siblings_.parts[i] = parts;
     siblings_.count = i + 1;
@@ -127,12 +122,32 @@ class BlockModel {
     parts.children_kind = coder_.code(kChildrenKind.first + context, childrenKindOf(group.nodes[i]));
   }
 
+  bool hasLeafCones(const GroupNodes& group) const { return set_.leaf_cones && !group.has_pointer; }
+
+  /// The sibling two before; of a first one, the first of the group before; or null.
+  const Parts* other(std::uint32_t i) const { return i > 1 ? &siblings_.parts[i - 2] : i == 0 ? beside(0) : nullptr; }
+
   void codeCone(const Node& node, std::uint32_t i, Parts& parts) {
     const Parts* last = before(i);
+    const Parts* also = other(i);
     const std::uint32_t generation = parts.children_kind == 0 ? 0 : parts.children_kind > 3 ? 1 : 2;
-    const Parts* other = i > 1 ? &siblings_.parts[i - 2] : i == 0 ? beside(0) : nullptr;
-    const std::uint32_t context = ((last ? last->cone : 4) * 3 + generation) * 5 + (other ? other->cone : 4);
+    const std::uint32_t context = ((last ? last->cone : 4) * 3 + generation) * 5 + (also ? also->cone : 4);
     parts.cone = coder_.code(kConeKind.first + context, node.coneCode());
+    parts.width = 8 * parts.cone + 7;
+  }
+
+  /// Told from the mean of two nodes before.
+  void codeLeafCone(const Node& node, std::uint32_t i, Parts& parts) {
+    constexpr std::array<std::uint8_t, kLeafConeCodes> kContext{0, 1, 2, 3, 4, 4, 5, 5, 6, 6, 6, 6, 7,  7,  7,  7,
+                                                                8, 8, 8, 8, 8, 8, 9, 9, 9, 9, 9, 9, 10, 10, 10, 11};
+    const Parts* last = before(i);
+    const Parts* also = other(i);
+    const std::uint32_t width = last == nullptr   ? 0
+                                : also == nullptr ? last->width
+                                                  : (last->width + also->width + 1) / 2;
+    parts.width = coder_.code(kLeafConeKind.first + kContext[width], node.coneField());
+    // Sines to 1/16, 4/16, 9/16.
+    parts.cone = parts.width < 2 ? 0 : parts.width < 8 ? 1 : parts.width < 18 ? 2 : 3;
   }
 
   // ---- normals ----
@@ -297,7 +312,7 @@ class BlockModel {
   }
 
   Coder& coder_;
-  const bool colors_;
+  const SymbolSet set_;
   const SphereCodes& codes_ = sphereCodes();
   const std::array<int, kNormalSide>& tangents_ = cellTangents();
   Siblings siblings_;                             ///< of the group that is being coded, so far

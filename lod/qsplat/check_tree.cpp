@@ -170,7 +170,7 @@ class TreeChecker {
       ++nodes_;
       if (i == 0 && groups_ == 1 && node.sphereCode() != kWholeParent)
         fault(place + "the root's sphere is not the header's; build the file again");
-      if (node.isLeaf()) {
+      if (!has_pointer || node.isLeaf()) {
         ++leaves_;
         continue;
       }

@@ -50,8 +50,9 @@ void append(base::Bytes& out, std::uint64_t value, int count) {
 
 /// Hands all groups of a block to a model of this coder.
 template <class Coder>
-void codeGroups(const std::uint8_t* plain, std::span<const GroupShape> groups, const GroupLayout& layout, Coder coder) {
-  BlockModel<Coder> model(coder, layout.hasColors());
+void codeGroups(const std::uint8_t* plain, std::span<const GroupShape> groups, const Header& header, Coder coder) {
+  const GroupLayout layout(header);
+  BlockModel<Coder> model(coder, symbolSet(header));
   for (const GroupShape& shape : groups) {
     GroupNodes group;
     group.count = shape.nodes;
@@ -73,7 +74,7 @@ void writeNodes(const GroupNodes& group, const GroupLayout& layout, std::uint8_t
 class PointerMaker {
  public:
   PointerMaker(const GroupLayout& layout, std::uint64_t first_group) : layout_(layout), end_(first_group) {}
-  /// The next group's pointer; 0: it has no children.
+  /// The pointer of the next group that has one; 0: it has no children.
   std::uint64_t next(const GroupNodes& group) {
     std::uint64_t pointer = 0;
     for (std::uint32_t i = 0; i < group.count; ++i) {
@@ -108,7 +109,8 @@ const std::array<int, kNormalSide>& cellTangents() {
 
 base::Result<BlockCoder> BlockCoder::fromHeader(base::ByteView front, const Header& header) {
   SymbolLevels levels;
-  if (!unpackLevels(codedTables(front, header), header.colors, levels)) return damaged("header: its tables are none");
+  if (!unpackLevels(codedTables(front, header), symbolSet(header), levels))
+    return damaged("header: its tables are none");
   return BlockCoder(header, levels);
 }
 
@@ -152,7 +154,7 @@ bool BlockCoder::decodeGroups(std::uint32_t groups, base::ByteView symbols, cons
                               std::uint8_t* plain) const {
   SymbolReader reader(tables_, symbols);
   ReadingCoder coder{reader};
-  BlockModel<ReadingCoder> model(coder, layout_.hasColors());
+  BlockModel<ReadingCoder> model(coder, symbolSet(header_));
   PointerMaker pointers(layout_, children.first_group);
   std::fill_n(plain, kPayloadBytes, std::uint8_t{0});
   std::uint32_t within = 0;
@@ -176,7 +178,7 @@ bool BlockCoder::decodeGroups(std::uint32_t groups, base::ByteView symbols, cons
 base::Bytes BlockCoder::encode(const std::uint8_t* plain, std::span<const GroupShape> groups,
                                const ChildBlocks& children) const {
   std::vector<SymbolWriter::Symbol> symbols;
-  codeGroups(plain, groups, layout_, CollectingCoder{symbols});
+  codeGroups(plain, groups, header_, CollectingCoder{symbols});
   base::Bytes coded;
   const bool fits = SymbolWriter::append(tables_, symbols, coded) && coded.size() < kPayloadBytes;
   if (!fits) coded.assign(plain, plain + kPayloadBytes);
@@ -197,7 +199,7 @@ base::Bytes BlockCoder::encode(const std::uint8_t* plain, std::span<const GroupS
 
 void countSymbols(const std::uint8_t* plain, std::span<const GroupShape> groups, const Header& header,
                   SymbolCounts& counts) {
-  codeGroups(plain, groups, GroupLayout(header), CountingCoder{counts});
+  codeGroups(plain, groups, header, CountingCoder{counts});
 }
 
 }  // namespace lod::qsplat

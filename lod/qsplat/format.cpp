@@ -10,8 +10,10 @@ namespace lod::qsplat {
 namespace {
 
 constexpr std::array<char, 8> kMagic{'L', 'G', 'Q', 'S', 'P', 'L', 'T', '\n'};
-constexpr std::uint32_t kVersion = 1;
-constexpr std::uint32_t kCodedVersion = 2;
+constexpr std::uint32_t kPaperVersion = 1;  // cones as in the paper
+constexpr std::uint32_t kPaperCodedVersion = 2;
+constexpr std::uint32_t kVersion = 3;
+constexpr std::uint32_t kCodedVersion = 4;
 constexpr std::uint32_t kHasColors = 1;
 constexpr std::uint32_t kWidePointers = 2;
 constexpr std::size_t kFieldsEnd = 80;  // zeros from here to the checksum
@@ -109,11 +111,11 @@ base::Result<Header> readHeader(base::ByteView front) {
   base::ByteReader in(front);
   if (in.read<std::array<char, 8>>() != kMagic || !in.ok()) return damaged("not a qsplat.lgq");
   const std::uint32_t version = in.u32();
-  if (in.ok() && version != kVersion && version != kCodedVersion)
+  if (in.ok() && (version < kPaperVersion || version > kCodedVersion))
     return base::Error{base::ErrorCode::kVersion, "format version " + std::to_string(version) +
-                                                      ", this program reads 1 and 2; use a newer program or build the "
+                                                      ", this program reads 1 to 4; use a newer program or build the "
                                                       "scene again"};
-  const bool coded = version == kCodedVersion;
+  const bool coded = version == kCodedVersion || version == kPaperCodedVersion;
   const std::uint32_t header_bytes = in.u32();
   if (!in.ok()) return damaged("header: cut short");
   if (coded ? header_bytes <= codedHeaderLength(0) || header_bytes > kMostCodedHeaderBytes
@@ -127,6 +129,7 @@ base::Result<Header> readHeader(base::ByteView front) {
 
   Header header;
   header.header_bytes = header_bytes;
+  header.paper_cones = version == kPaperVersion || version == kPaperCodedVersion;
   (coded ? header.coded_bytes : header.file_bytes) = in.u64();
   header.nodes = in.u64();
   header.leaves = in.u64();
@@ -150,13 +153,14 @@ base::Result<Header> readHeader(base::ByteView front) {
 }
 
 base::Bytes headerBytes(const Header& header) {
-  base::Bytes bytes = fields(header, kVersion, kBlockBytes);
+  base::Bytes bytes = fields(header, header.paper_cones ? kPaperVersion : kVersion, kBlockBytes);
   bytes.resize(kPayloadBytes, 0);
   return withChecksum(std::move(bytes));
 }
 
 base::Bytes codedHeaderBytes(const Header& header, base::ByteView tables) {
-  base::Bytes bytes = fields(header, kCodedVersion, codedHeaderLength(tables.size()));
+  base::Bytes bytes =
+      fields(header, header.paper_cones ? kPaperCodedVersion : kCodedVersion, codedHeaderLength(tables.size()));
   base::ByteWriter more;
   more.u64(header.file_bytes);
   more.u32(header.first_block_bytes);
@@ -183,12 +187,12 @@ const char* groupFault(const std::uint8_t* block, std::uint64_t offset, std::uin
   std::uint32_t first_child_bytes = 0;
   for (std::uint32_t i = 0; i < nodes; ++i) {
     const Node node = readNode(group, i, layout);
-    if (!node.valid()) return "a node's code is none";
-    if (!node.isLeaf() && first_child_bytes == 0) first_child_bytes = layout.childBytes(node);
+    if (has_pointer ? !node.valid() : !node.hasCodes()) return "a node's code is none";
+    if (has_pointer && !node.isLeaf() && first_child_bytes == 0) first_child_bytes = layout.childBytes(node);
+    if (!has_pointer && header.paper_cones && node.coneField() >= kConeCodes) return "has children but no pointer";
   }
-  if (has_pointer != (first_child_bytes != 0))
-    return has_pointer ? "has a pointer but no children" : "has children but no pointer";
   if (!has_pointer) return nullptr;
+  if (first_child_bytes == 0) return "has a pointer but no children";
   const std::uint64_t target = readPointer(group, nodes, layout);
   if (target <= offset || target >= header.file_bytes) return "points back or beyond the file";
   if (groupPlace(target, first_child_bytes) != target) return "points to where no group fits";

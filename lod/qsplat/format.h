@@ -4,8 +4,10 @@
 // entropy-coded by itself (coded_block.h); offsets and lengths are of the plain form where nothing else is said.
 //
 // What a traversal does for each group is inline; what is done once for each block or file is not.
+#include <array>
 #include <cstdint>
 #include <cstring>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -34,6 +36,7 @@ struct Header {
   std::uint64_t pointers = 0;  ///< groups with one
   bool colors = false;
   bool wide_pointers = false;
+  bool paper_cones = false;  ///< versions 1 and 2
   std::uint32_t levels = 0;  ///< the root is level 0
   base::Sphere root;         ///< scene-local
 
@@ -84,8 +87,17 @@ struct GroupLayout {
   std::uint32_t bytes(std::uint32_t nodes, bool has_pointer) const {
     return nodes * node_bytes + (has_pointer ? pointer_bytes : 0);
   }
-  /// Of the group of this node's children.
+  /// Of the group of this node's children; the node's own group has a pointer.
   std::uint32_t childBytes(const Node& node) const { return bytes(node.children(), !node.childrenAreLeaves()); }
+};
+
+/// Siblings, without their pointer.
+struct GroupNodes {
+  std::uint32_t count = 0;  ///< 1 … 4
+  bool has_pointer = false;
+  std::array<Node, kMostChildren> nodes;
+
+  std::span<const Node> view() const { return std::span(nodes).first(count); }
 };
 
 /// Where in the file a group of `bytes` begins when the one before it ends at `end`: there, or at the next block.

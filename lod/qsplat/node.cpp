@@ -124,16 +124,53 @@ std::uint32_t encodeNormal(const glm::vec3& n) {
   return (face * kNormalSide + row) * kNormalSide + column;
 }
 
+namespace {
+
+constexpr float kAnySine = std::numeric_limits<float>::infinity();
+
+// The last of `codes` is any direction.
+std::uint32_t encodeSine(double least_cosine, std::uint32_t codes) {
+  // What products of two normals in float32 are off by.
+  constexpr double kRounding = 3e-7;
+  const double cosine = least_cosine - kRounding;
+  if (!(cosine > 0.0)) return codes - 1;
+  const double sine = std::sqrt(std::max(0.0, 1.0 - cosine * cosine));
+  return std::min(codes - 1, static_cast<std::uint32_t>(std::ceil(std::max(sine * codes, 1.0))) - 1);
+}
+
+}  // namespace
+
+const ConeSines& coneSines(bool has_pointer) {
+  static const std::array<ConeSines, 2> tables = [] {
+    std::array<ConeSines, 2> made{};
+    for (std::uint32_t field = 0; field < made[0].size(); ++field) {
+      const auto sine = [](std::uint32_t code, std::uint32_t codes) {
+        return code + 1 == codes ? kAnySine : static_cast<float>(code + 1) / static_cast<float>(codes);
+      };
+      made[0][field] = sine(field, kLeafConeCodes);
+      made[1][field] = sine(field % kConeCodes, kConeCodes);
+    }
+    return made;
+  }();
+  return tables[has_pointer ? 1 : 0];
+}
+
+const ConeSines& paperConeSines() {
+  static const ConeSines table = [] {
+    constexpr std::array<float, kConeCodes> kSines{1.0F / 16.0F, 4.0F / 16.0F, 9.0F / 16.0F, kAnySine};
+    ConeSines made{};
+    for (std::size_t field = 0; field < made.size(); ++field) made[field] = kSines[field % kConeCodes];
+    return made;
+  }();
+  return table;
+}
+
 std::uint32_t encodeCone(double least_cosine) {
-  // A hair narrower than the code's own, for the rounding of the normals that were compared.
-  constexpr double kSlack = 1e-6;
-  if (!(least_cosine > 0.0)) return kAnyDirection;
-  const double sine_squared = 1.0 - least_cosine * least_cosine;
-  for (std::uint32_t code = 0; code < kConeSines.size(); ++code) {
-    const auto sine = static_cast<double>(kConeSines[code]);
-    if (sine_squared <= sine * sine * (1.0 - kSlack)) return code;
-  }
-  return kAnyDirection;
+  return encodeSine(least_cosine, kConeCodes);
+}
+
+std::uint32_t encodeLeafCone(double least_cosine) {
+  return encodeSine(least_cosine, kLeafConeCodes);
 }
 
 std::uint16_t encodeColor(const glm::u8vec3& color) {

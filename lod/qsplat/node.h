@@ -104,14 +104,30 @@ const NormalTable& normalTable();
 std::uint32_t encodeNormal(const glm::vec3& n);
 
 // Cones of normals --------------------------------------------------------------------------------
+//
+// Sines of half-angles are evenly spaced: what a code gives away is then the same wherever the cone lies, and least in
+// all where nothing is known of the widths. (The paper's are 1/16, 4/16, 9/16: they suit smooth scans.) Two bits are
+// few. But where all of a group are leaves, as its parent says, the three bits that tell of children tell nothing; with
+// them nineteen leaves in twenty have a cone of five bits.
 
-/// Sines of the half-angles of cone codes 0, 1, 2. Code 3 is any direction: never culled.
-inline constexpr std::array<float, 3> kConeSines{1.0F / 16.0F, 4.0F / 16.0F, 9.0F / 16.0F};
-inline constexpr std::uint32_t kAnyDirection = 3;
+/// The last code of either kind is any direction: never culled.
+inline constexpr std::uint32_t kConeCodes = 4;
+inline constexpr std::uint32_t kAnyDirection = kConeCodes - 1;
+inline constexpr std::uint32_t kLeafConeCodes = 32;
+inline constexpr std::uint32_t kAnyLeafDirection = kLeafConeCodes - 1;
+
+/// By the node's bits 27 … 31, the sine of its cone's half-angle; infinite for any direction.
+using ConeSines = std::array<float, 32>;
+/// Of nodes in groups with a pointer, or without one.
+const ConeSines& coneSines(bool has_pointer);
+/// The same in files of versions 1 and 2, which have the paper's: of two bits in all groups.
+const ConeSines& paperConeSines();
 
 /// The narrowest code whose half-angle is at least the one with this cosine: the least cosine between the node's
 /// decoded normal and the normals below it. NaN: any direction.
 std::uint32_t encodeCone(double least_cosine);
+/// The same of a leaf among leaves.
+std::uint32_t encodeLeafCone(double least_cosine);
 
 // Colours -----------------------------------------------------------------------------------------
 
@@ -129,12 +145,20 @@ inline glm::u8vec3 decodeColor(std::uint16_t bits) {
 
 inline constexpr std::uint32_t kMostChildren = 4;
 
+/// What the bits from 27 on say depends on the node's group: where that has a pointer, they are cone and children;
+/// where it has none, all of it are leaves, and they are a leaf's cone.
 struct Node {
   std::uint32_t bits = 0;
   std::uint16_t color = 0;  ///< of no meaning in files without colours
 
   std::uint32_t sphereCode() const { return bits & ((1U << kSphereBits) - 1); }
   std::uint32_t normalCode() const { return bits >> kSphereBits & ((1U << kNormalBits) - 1); }
+  /// The place of its cone among ConeSines.
+  std::uint32_t coneField() const { return bits >> 27; }
+  /// Sphere and normal are codes.
+  bool hasCodes() const { return sphereCode() < kSphereCodes && normalCode() < kNormalCodes; }
+
+  // Of nodes in groups with a pointer.
   std::uint32_t coneCode() const { return bits >> 27 & 3U; }
   bool isLeaf() const { return (bits >> 29 & 3U) == 0; }
   /// 0, 2, 3 or 4.
@@ -143,17 +167,19 @@ struct Node {
     return field == 0 ? 0 : field + 1;
   }
   bool childrenAreLeaves() const { return bits >> 31 != 0; }
-  /// Sphere and normal are codes, and a leaf says nothing of children.
-  bool valid() const {
-    return sphereCode() < kSphereCodes && normalCode() < kNormalCodes && !(isLeaf() && childrenAreLeaves());
-  }
+  /// … and a leaf says nothing of children.
+  bool valid() const { return hasCodes() && !(isLeaf() && childrenAreLeaves()); }
 };
 
-/// `children`: 0, 2, 3 or 4.
+/// Of a group with a pointer. `children`: 0, 2, 3 or 4.
 constexpr std::uint32_t packNode(std::uint32_t sphere, std::uint32_t normal, std::uint32_t cone, std::uint32_t children,
                                  bool children_are_leaves) {
   return sphere | normal << kSphereBits | cone << 27 | (children == 0 ? 0 : children - 1) << 29 |
          (children_are_leaves ? 1U << 31 : 0U);
+}
+/// A leaf among leaves.
+constexpr std::uint32_t packLeaf(std::uint32_t sphere, std::uint32_t normal, std::uint32_t cone) {
+  return sphere | normal << kSphereBits | cone << 27;
 }
 
 }  // namespace lod::qsplat

@@ -20,12 +20,23 @@ constexpr double kMostAreaChange = 8.0;
 constexpr double kRefinement = 0.70710678118654752;
 constexpr float kFirstPx = 8.0F;
 
+void check(const RateGoal& goal) {
+  LUMIGRID_CHECK(goal.frame_seconds > 0.0 && goal.finest_px > 0.0F && goal.finest_px <= goal.coarsest_px);
+}
+
 }  // namespace
 
 RateControl::RateControl(const RateGoal& goal) : goal_(goal) {
-  LUMIGRID_CHECK(goal.frame_seconds > 0.0 && goal.finest_px > 0.0F && goal.finest_px <= goal.coarsest_px);
+  check(goal);
   motion_px_ = std::clamp(kFirstPx, goal.finest_px, goal.coarsest_px);
   rest_px_ = motion_px_;
+}
+
+void RateControl::setGoal(const RateGoal& goal) {
+  check(goal);
+  goal_ = goal;
+  for (double* px : {&motion_px_, &rest_px_})
+    *px = std::clamp(*px, static_cast<double>(goal.finest_px), static_cast<double>(goal.coarsest_px));
 }
 
 void RateControl::measured(double seconds) {

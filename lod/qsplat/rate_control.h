@@ -28,8 +28,8 @@ class RateControl {
   bool refine();
 
   const RateGoal& goal() const { return goal_; }
-  /// Another rate from now on.
-  void setFrameSeconds(double seconds) { goal_.frame_seconds = seconds; }
+  /// Another one from now on; what was learnt of the view stays.
+  void setGoal(const RateGoal& goal);
 
  private:
   RateGoal goal_;

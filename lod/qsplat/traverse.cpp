@@ -65,12 +65,10 @@ struct Group {
   bool may_face_away = false;
 };
 
-/// Sines of half-angles, squared, and a hair more: rounding must not turn anything away. Any direction: never reached.
-std::array<float, 4> squaredSines() {
-  std::array<float, 4> squares{};
-  squares.fill(kInfinity);
-  for (std::size_t i = 0; i < kConeSines.size(); ++i) squares[i] = kConeSines[i] * kConeSines[i] * (1.0F + 1e-5F);
-  return squares;
+/// Squared, and a hair more: rounding must not turn anything away. Any direction: never reached.
+ConeSines squared(ConeSines sines) {
+  for (float& sine : sines) sine *= sine * (1.0F + 1e-5F);
+  return sines;
 }
 
 /// Nodes that all threads together have met: a tree has as many as its header says, and what has more goes round in
@@ -157,8 +155,8 @@ class Walk {
     }
     for (std::uint32_t i = 0; i < group.nodes; ++i) {
       const Node node = readNode(group.bytes, i, layout_);
-      const bool inner = !node.isLeaf() && group.has_pointer;
-      found_.damaged |= !node.valid() || inner == node.isLeaf();
+      const bool inner = group.has_pointer && !node.isLeaf();
+      found_.damaged |= group.has_pointer ? !node.valid() : !node.hasCodes();
       const std::uint64_t child = inner ? places.next(layout_.childBytes(node)) : 0;
       consider(group, node, child);
     }
@@ -174,7 +172,7 @@ class Walk {
       return;
     }
     bool may_face_away = group.may_face_away;
-    if (may_face_away && facesAway(sphere, node, may_face_away)) {
+    if (may_face_away && facesAway(sphere, node, group.has_pointer ? sines_ : leaf_sines_, may_face_away)) {
       ++found_.facing_away;
       return;
     }
@@ -200,11 +198,11 @@ class Walk {
   // where n·v − R > |v| sin a, and all of it faces the eye where −n·v − R > |v| sin a. (A direction at an angle of at
   // most a from n makes at least |v| cos(t + a) with v, t being n's angle; that is no less than |v| (cos t − sin a)
   // where cos t >= sin a, and elsewhere the test fails.) What faces the eye wholly has children that need not be asked.
-  bool facesAway(const base::Sphere& sphere, const Node& node, bool& may_face_away) const {
+  bool facesAway(const base::Sphere& sphere, const Node& node, const ConeSines& sines, bool& may_face_away) const {
     const glm::vec3 v = view_.eye.w * sphere.center - glm::vec3(view_.eye);
     const float along = glm::dot(normals_[node.normalCode()], v);
     const float beyond = std::abs(along) - view_.eye.w * sphere.radius;
-    if (!(beyond > 0.0F) || !(beyond * beyond > sines_[node.coneCode()] * glm::dot(v, v))) return false;
+    if (!(beyond > 0.0F) || !(beyond * beyond > sines[node.coneField()] * glm::dot(v, v))) return false;
     if (along > 0.0F) return true;
     may_face_away = false;
     return false;
@@ -275,7 +273,8 @@ class Walk {
   Budget& budget_;
   const SphereTable& spheres_ = sphereTable();
   const NormalTable& normals_ = normalTable();
-  const std::array<float, 4> sines_ = squaredSines();
+  const ConeSines sines_ = squared(header_.paper_cones ? paperConeSines() : coneSines(true));
+  const ConeSines leaf_sines_ = squared(header_.paper_cones ? paperConeSines() : coneSines(false));
   std::vector<Group> stack_;
   Traversal found_;  ///< `wanted` not settled yet
   std::uint64_t spent_ = 0;

@@ -1,6 +1,7 @@
 // A coded file of any bytes, as it is and with its header's checksum made right: what is said of it, decoding and
 // traversal end, within it. And its blocks from any bytes.
 #include "base/check.h"
+#include "base/file.h"
 #include "lod/qsplat/blocks.h"
 #include "lod/qsplat/traverse.h"
 #include "tests/fuzz/fuzz.h"
@@ -58,6 +59,7 @@ std::vector<base::Bytes> seeds() {
   const Header header = *readHeader(goodFile());
   const auto first = goodFile().begin() + header.header_bytes;
   return {goodFile(), support::codedSplats(support::splatFile(support::bumpySphere(12, 16), true)),
+          *base::readFile(std::string(LUMIGRID_SOURCE_DIR) + "/tests/golden/qsplat_v2.lgq"),
           base::Bytes(first, first + header.first_block_bytes)};
 }
 

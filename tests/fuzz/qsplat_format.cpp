@@ -20,7 +20,7 @@ void checkAndUse(base::ByteView bytes) {
   const auto nodes = support::decodeSplats(bytes);
   LUMIGRID_CHECK_EQ(nodes.size(), readHeader(bytes)->nodes);
   for (const support::DecodedNode& node : nodes) {
-    LUMIGRID_CHECK(node.node.valid());
+    LUMIGRID_CHECK(node.among_leaves ? node.node.hasCodes() : node.node.valid());
     LUMIGRID_CHECK(node.sphere.radius >= 0.0F);
   }
 }
@@ -45,7 +45,9 @@ std::vector<base::Bytes> seeds() {
   const char* folder = std::getenv("TMPDIR");
   const std::string scratch =
       std::string(folder != nullptr ? folder : "/tmp") + "/fuzz_qsplat_format_" + std::to_string(::getpid());
-  std::vector<base::Bytes> all{*base::readFile(std::string(LUMIGRID_SOURCE_DIR) + "/tests/golden/qsplat_v1.lgq")};
+  std::vector<base::Bytes> all;
+  for (const char* golden : {"qsplat_v1.lgq", "qsplat_v3.lgq"})
+    all.push_back(*base::readFile(std::string(LUMIGRID_SOURCE_DIR) + "/tests/golden/" + golden));
   for (const bool colors : {false, true})
     for (const bool wide : {false, true}) all.push_back(support::randomSplats(9, colors, wide, scratch, 5));
   return all;

@@ -6,6 +6,7 @@
 #include "base/check.h"
 #include "base/crc32c.h"
 #include "lod/build/qsplat/code_file.h"
+#include "lod/qsplat/blocks.h"
 
 namespace support {
 
@@ -25,6 +26,21 @@ inline base::Bytes codedSplats(base::ByteView plain, unsigned threads = 1) {
       });
   LUMIGRID_CHECK(static_cast<bool>(header));
   return coded;
+}
+
+/// The other way round: all blocks decoded, behind a plain header.
+inline base::Bytes plainSplats(base::ByteView coded) {
+  lod::qsplat::Header header = *lod::qsplat::readHeader(coded);
+  const auto blocks = lod::qsplat::blocksOfFile(coded, header);
+  LUMIGRID_CHECK(static_cast<bool>(blocks));
+  header.coded_bytes = 0;
+  base::Bytes plain = lod::qsplat::headerBytes(header);
+  for (std::uint64_t b = 1; b < header.blocks(); ++b) {
+    const std::uint8_t* block = (*blocks)->find(b);
+    LUMIGRID_CHECK(block != nullptr);
+    plain.insert(plain.end(), block, block + lod::qsplat::kBlockBytes);
+  }
+  return plain;
 }
 
 /// Any bytes as such a file whose header's checksum, and with `length_too` the length that it says the file has, are

@@ -29,15 +29,19 @@ inline lod::qsplat::Header writeRandomSplats(const std::string& path, unsigned s
   std::vector<Waiting> queue{{1, levels <= 1, 0}};
   for (std::size_t i = 0; i < queue.size(); ++i) {
     const Waiting waiting = queue[i];
-    std::vector<Node> group(waiting.nodes);
-    for (std::size_t n = 0; n < group.size(); ++n) {
+    lod::qsplat::GroupNodes group;
+    group.count = waiting.nodes;
+    group.has_pointer = !waiting.leaves;
+    for (std::uint32_t n = 0; n < group.count; ++n) {
       // A group that is not all leaves has one that is none.
       const bool inner = !waiting.leaves && (n == 0 || below(3) > 0);
       const std::uint32_t children = inner ? 2 + below(3) : 0;
       const bool last = inner && (waiting.level + 2 >= levels || below(4) == 0);
       const std::uint32_t sphere = i == 0 ? lod::qsplat::kWholeParent : below(lod::qsplat::kSphereCodes);
-      group[n] = {lod::qsplat::packNode(sphere, below(lod::qsplat::kNormalCodes), below(4), children, last),
-                  static_cast<std::uint16_t>(below(65536))};
+      const std::uint32_t normal = below(lod::qsplat::kNormalCodes);
+      group.nodes[n] = {waiting.leaves ? lod::qsplat::packLeaf(sphere, normal, below(lod::qsplat::kLeafConeCodes))
+                                       : lod::qsplat::packNode(sphere, normal, below(4), children, last),
+                        static_cast<std::uint16_t>(below(65536))};
       if (inner) queue.push_back({children, last, waiting.level + 1});
     }
     LUMIGRID_CHECK(static_cast<bool>(writer->add(group)));
@@ -59,7 +63,9 @@ inline base::Bytes randomSplats(unsigned seed, bool colors, bool wide_pointers, 
 struct DecodedNode {
   base::Sphere sphere;
   lod::qsplat::Node node;
-  std::uint32_t parent = 0;  ///< place among the nodes; the root's own
+  bool leaf = false;
+  bool among_leaves = false;  ///< its group has no pointer
+  std::uint32_t parent = 0;   ///< place among the nodes; the root's own
   std::uint32_t level = 0;
 };
 
@@ -76,14 +82,15 @@ inline std::vector<DecodedNode> decodeSplats(base::ByteView file) {
     const std::uint64_t offset = groupPlace(end, bytes);
     for (std::uint32_t i = 0; i < count; ++i) {
       const Node node = readNode(file.data() + offset, i, layout);
-      nodes.push_back({decodeSphere(around, sphereTable()[node.sphereCode()]), node, parent, level});
+      nodes.push_back({decodeSphere(around, sphereTable()[node.sphereCode()]), node, !has_pointer || node.isLeaf(),
+                       !has_pointer, parent, level});
     }
     end = offset + bytes;
   };
   readGroup(0, 1, header.nodes > 1, 0, header.root);
   for (std::uint32_t i = 0; i < nodes.size(); ++i) {
     const DecodedNode parent = nodes[i];
-    if (!parent.node.isLeaf())
+    if (!parent.leaf)
       readGroup(i, parent.node.children(), !parent.node.childrenAreLeaves(), parent.level + 1, parent.sphere);
   }
   return nodes;

@@ -102,12 +102,13 @@ struct Tree {
     return number;
   }
 
-  std::uint32_t coneOf(const TrueNode& node, std::uint32_t normal_code) const {
+  /// Between the normal of this code and those of the surface below.
+  double leastCosine(const TrueNode& node, std::uint32_t normal_code) const {
     const glm::dvec3 axis(lod::qsplat::normalTable()[normal_code]);
     double least = 1.0;
     for (std::uint32_t i = node.begin; i < node.end; ++i)
       for (const glm::vec3& facet : leaves[order[i]].facets) least = std::min(least, glm::dot(axis, glm::dvec3(facet)));
-    return lod::qsplat::encodeCone(least);
+    return least;
   }
 };
 
@@ -175,8 +176,11 @@ inline base::Bytes splatFile(const lod::build::Mesh& mesh, bool wide_pointers = 
       const bool leaf = node.children.empty();
       const bool above_leaves = !leaf && std::all_of(node.children.begin(), node.children.end(), isLeaf);
       const std::uint32_t sphere = group.offset == kBlockBytes ? kWholeParent : encodeSphere(group.parent, node.sphere);
-      const std::uint32_t bits = packNode(sphere, normal, tree.coneOf(node, normal),
-                                          static_cast<std::uint32_t>(node.children.size()), above_leaves);
+      const double least = tree.leastCosine(node, normal);
+      const std::uint32_t bits = hasPointer(group)
+                                     ? packNode(sphere, normal, encodeCone(least),
+                                                static_cast<std::uint32_t>(node.children.size()), above_leaves)
+                                     : packLeaf(sphere, normal, encodeLeafCone(least));
       std::memcpy(&file[at], &bits, sizeof(bits));
       const std::uint16_t color = encodeColor(glm::u8vec3(node.color + 0.5F));
       if (header.colors) std::memcpy(&file[at + sizeof(bits)], &color, sizeof(color));

@@ -159,6 +159,30 @@ test("a page of splats fetches the WebAssembly of splats alone, early", async ()
   await linked.close();
 });
 
+test("shape and size of splats are settings that take effect without loading the page again", async () => {
+  const page = await open(browser, `${server.url}?method=qsplat`);
+  const before = await fine(page);
+  const circles = await canvasPicture(page);
+  await page.evaluate(() => (window.sameDocument = true));
+  await page.keyboard.press("g");
+  const differs = async (from) => {
+    const { data } = await canvasPicture(page);
+    return data.some((value, i) => value !== from.data[i]);
+  };
+  await page.locator("#settings select[name=splat]").selectOption({ label: "square" });
+  await until(() => differs(circles), "squares");
+  await page.locator("#settings input[name=cutoff]").fill("12");
+  await page.locator("#settings input[name=cutoff]").blur();
+  await until(async () => (await fine(page)).splats < before.splats / 2, "fewer splats");
+  await page.locator("#settings input[name=cutoff]").fill("1");
+  await page.locator("#settings input[name=cutoff]").blur();
+  await until(async () => (await fine(page)).splats === before.splats, "as many as before");
+  await page.locator("#settings select[name=splat]").selectOption({ label: "circle" });
+  await until(async () => !(await differs(circles)), "circles");
+  assert.equal(await page.evaluate(() => window.sameDocument), true);
+  await page.close();
+});
+
 test("the method is a setting: it loads the page again, which keeps its view, and is kept for the next visit", async () => {
   const context = await browser.newContext({ viewport: { width: 640, height: 360 } });
   const page = await context.newPage();

@@ -36,7 +36,7 @@ class Builder {
     LUMIGRID_TRY(needMemory(memory_));
     LUMIGRID_TRY(needDescriptors(kDescriptors));
     keepFreedMemory();
-    const ResumeKey key = keyAfter("qsplat 2 " + std::to_string(options_.dice) + " ", options_.resume_key);
+    const ResumeKey key = keyAfter("qsplat 3 " + std::to_string(options_.dice) + " ", options_.resume_key);
     LUMIGRID_TRY(buildIn(directory_, options_.work_directory, key, output_path_, [&] { return stages(input); }));
     return std::move(summary_);
   }

@@ -66,7 +66,7 @@ class ShapeWalk {
   }
 
   void addChildren(const std::uint8_t* bytes, const GroupShape& group, BlockShape& shape) {
-    for (std::uint32_t i = 0; i < group.nodes; ++i) {
+    for (std::uint32_t i = 0; group.has_pointer && i < group.nodes; ++i) {
       const Node node = lod::qsplat::readNode(bytes, i, layout_);
       if (node.isLeaf()) continue;
       shape.last_child = groupPlace(laid_out_, layout_.childBytes(node));
@@ -101,7 +101,7 @@ class FileCoder {
 
     lod::qsplat::SymbolLevels levels;
     LUMIGRID_TRY(countAll(levels));
-    const base::Bytes tables = lod::qsplat::packLevels(levels, header_.colors);
+    const base::Bytes tables = lod::qsplat::packLevels(levels, lod::qsplat::symbolSet(header_));
     header_.header_bytes = lod::qsplat::codedHeaderLength(tables.size());
 
     // Twice: a block's bytes tell how long blocks behind it are. How long a block is does not depend on what it tells.
@@ -141,7 +141,7 @@ class FileCoder {
       return {};
     }));
     lod::qsplat::levelsFrom(*sums, levels);
-    lod::qsplat::flattenRarest(*sums, header_.colors,
+    lod::qsplat::flattenRarest(*sums, lod::qsplat::symbolSet(header_),
                                lod::qsplat::kMostCodedHeaderBytes - lod::qsplat::codedHeaderLength(0), levels);
     return {};
   }

@@ -5,18 +5,19 @@
 
 #include "base/bytes.h"
 #include "lod/build/qsplat/tree.h"
+#include "lod/qsplat/format.h"
 
 namespace lod::build::qsplat {
 
-/// The groups of one level in a row, as they wait for being written: for each a byte with its number of nodes, then its
-/// nodes, 4 bytes each or 6 with colours.
+/// The groups of one level in a row, as they wait for being written: for each a byte with its number of nodes, and bit
+/// 7 where it has a pointer, then its nodes, 4 bytes each or 6 with colours.
 using Run = base::Bytes;
-void appendGroup(Run& run, std::span<const lod::qsplat::Node> group, bool colors);
-/// The group that begins at `at`; `at` then stands behind it. Empty at the end, or where there is none.
-std::span<const lod::qsplat::Node> nextGroup(base::ByteView run, std::size_t& at, bool colors,
-                                             std::array<lod::qsplat::Node, lod::qsplat::kMostChildren>& room);
+void appendGroup(Run& run, const lod::qsplat::GroupNodes& group, bool colors);
+/// The group that begins at `at`; `at` then stands behind it. Of no nodes at the end, or where there is none.
+lod::qsplat::GroupNodes nextGroup(base::ByteView run, std::size_t& at, bool colors);
 
 /// Level by level below the root (run 0: its children). `root` is the root's sphere as it will be decoded.
-std::vector<Run> encodeSubtree(std::span<const TreeNode> nodes, const base::Sphere& root, bool colors);
+std::vector<Run> encodeSubtree(std::span<const TreeNode> nodes, const base::Sphere& root, bool colors,
+                               LeafCones leaf_cones);
 
 }  // namespace lod::build::qsplat

@@ -16,6 +16,7 @@ namespace {
 
 using base::Error;
 using base::ErrorCode;
+using lod::qsplat::GroupNodes;
 using lod::qsplat::Node;
 
 class FileBuilder {
@@ -62,6 +63,8 @@ class FileBuilder {
     return header;
   }
 
+  LeafCones leafCones() const { return options_.plain_path.empty() ? LeafCones::kEach : LeafCones::kEveryFourth; }
+
   // A place in the top tree: an inner node of it, or TreeShape::kLeaf + a place in tiles_.
   using Ref = std::uint32_t;
   static bool isTile(Ref ref) { return (ref & TreeShape::kLeaf) != 0; }
@@ -74,6 +77,10 @@ class FileBuilder {
   }
   bool isLeafNode(Ref ref) const { return isTile(ref) && tile(ref).nodes == 1; }
 
+  bool areLeaves(std::span<const Ref> refs) const {
+    return std::all_of(refs.begin(), refs.end(), [this](Ref ref) { return isLeafNode(ref); });
+  }
+
   Node& nodeOf(Ref ref) { return isTile(ref) ? tile_nodes_[ref & ~TreeShape::kLeaf] : top_nodes_[ref]; }
 
   // The top tree's nodes, and the tiles' roots with them.
@@ -81,23 +88,21 @@ class FileBuilder {
     top_nodes_.resize(top_.inner.size());
     tile_nodes_.resize(tiles_.size());
     tile_spheres_.resize(tiles_.size());
-    encodeAt(top_.root, lod::qsplat::kWholeParent, sphereOf(top_.root));
+    encodeAt(top_.root, !isLeafNode(top_.root), lod::qsplat::kWholeParent, sphereOf(top_.root));
   }
-  void encodeAt(Ref ref, std::uint32_t code, const base::Sphere& decoded) {
+  // has_pointer: the group that it is in.
+  void encodeAt(Ref ref, bool has_pointer, std::uint32_t code, const base::Sphere& decoded) {
     if (isTile(ref)) {
-      const TreeNode& root = tile(ref).root_node;
-      nodeOf(ref) = {root.bits | code, root.color};
+      nodeOf(ref) = tile(ref).root_node.encoded(code, has_pointer, leafCones());
       tile_spheres_[ref & ~TreeShape::kLeaf] = decoded;
       return;
     }
     const auto children = childrenOf(ref);
-    const TreeNode node =
-        nodeFor(top_.inner[ref].splat, top_.inner[ref].count,
-                std::all_of(children.begin(), children.end(), [this](Ref child) { return isLeafNode(child); }));
-    nodeOf(ref) = {node.bits | code, node.color};
+    const bool leaves = areLeaves(children);
+    nodeOf(ref) = nodeFor(top_.inner[ref].splat, top_.inner[ref].count, leaves).encoded(code, has_pointer, leafCones());
     for (const Ref child : children) {
       const std::uint32_t child_code = lod::qsplat::encodeSphere(decoded, sphereOf(child));
-      encodeAt(child, child_code, lod::qsplat::decodeSphere(decoded, lod::qsplat::sphereTable()[child_code]));
+      encodeAt(child, !leaves, child_code, lod::qsplat::decodeSphere(decoded, lod::qsplat::sphereTable()[child_code]));
     }
   }
 
@@ -114,7 +119,7 @@ class FileBuilder {
       if (stopped) return;
       const auto nodes = subtrees_.nodes(tiles_[i]);
       std::vector<Run> runs;
-      if (nodes) runs = encodeSubtree(*nodes, tile_spheres_[i], options_.colors);
+      if (nodes) runs = encodeSubtree(*nodes, tile_spheres_[i], options_.colors, leafCones());
       const std::lock_guard lock(mutex);
       base::Result<void> stored = nodes ? base::Result<void>() : nodes.error();
       for (const Run& run : runs) {
@@ -151,9 +156,10 @@ class FileBuilder {
   }
 
   base::Result<void> writeTop(const Segment& segment, TreeWriter& writer, std::vector<Segment>& next) {
-    std::vector<Node> group;
+    GroupNodes group;
+    group.has_pointer = !areLeaves(segment.group);
     for (const Ref ref : segment.group) {
-      group.push_back(nodeOf(ref));
+      group.nodes[group.count++] = nodeOf(ref);
       if (isTile(ref)) {
         addRun(ref & ~TreeShape::kLeaf, 0, next);
         continue;
@@ -172,11 +178,10 @@ class FileBuilder {
     const Extent& extent = extents_[segment.tile][segment.run];
     buffer_.resize(static_cast<std::size_t>(extent.bytes));
     LUMIGRID_TRY(runs_.readAt(extent.offset, buffer_));
-    std::array<Node, lod::qsplat::kMostChildren> room;
     std::size_t at = 0;
     while (true) {
-      const auto group = nextGroup(buffer_, at, options_.colors, room);
-      if (group.empty()) break;
+      const GroupNodes group = nextGroup(buffer_, at, options_.colors);
+      if (group.count == 0) break;
       LUMIGRID_TRY(writer.add(group));
     }
     addRun(segment.tile, segment.run + 1, next);

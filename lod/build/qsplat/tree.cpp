@@ -11,7 +11,10 @@ namespace {
 using lod::qsplat::kMostChildren;
 
 // Of the widest cone that has a code, or a little wider.
-const float kWidestCosine = std::sqrt(1.0F - lod::qsplat::kConeSines.back() * lod::qsplat::kConeSines.back()) - 1e-3F;
+const float kWidestCosine = [] {
+  const float sine = lod::qsplat::coneSines(true)[lod::qsplat::kAnyDirection - 1];
+  return std::sqrt(1.0F - sine * sine) - 1e-3F;
+}();
 
 // Leaves lie in the source's order, which may be none: they are asked for so many ahead.
 constexpr std::uint32_t kAhead = 8;
@@ -129,6 +132,8 @@ TreeNode nodeFor(const Splat& splat, std::uint32_t children, bool children_are_l
       lod::qsplat::packNode(0, splat.direction, lod::qsplat::encodeCone(static_cast<double>(splat.least_cosine)),
                             children, children_are_leaves);
   node.color = lod::qsplat::encodeColor(splat.meanColor());
+  if (children == 0)
+    node.leaf_cone = static_cast<std::uint16_t>(lod::qsplat::encodeLeafCone(static_cast<double>(splat.least_cosine)));
   return node;
 }
 

@@ -11,12 +11,24 @@
 
 namespace lod::build::qsplat {
 
+/// What is kept of the widths of leaves' cones among leaves: each, or every fourth. The coded form is 4 % longer with
+/// each (docs/results/qsplat.md), the plain one as long.
+enum class LeafCones : std::uint8_t { kEach, kEveryFourth };
+
 /// As it lies on disk between building and encoding.
 struct TreeNode {
   base::Sphere sphere;
   std::uint32_t bits = 0;  ///< lod::qsplat::packNode with sphere code 0
   std::uint16_t color = 0;
-  std::uint16_t unused = 0;
+  std::uint16_t leaf_cone = 0;  ///< of a leaf, its code among leaves
+
+  /// As it stands in the file, in a group with a pointer or without.
+  lod::qsplat::Node encoded(std::uint32_t sphere_code, bool has_pointer, LeafCones leaf_cones) const {
+    const lod::qsplat::Node node{bits | sphere_code, color};
+    if (has_pointer) return node;
+    const std::uint32_t cone = leaf_cones == LeafCones::kEach ? leaf_cone : leaf_cone | 3U;
+    return {lod::qsplat::packLeaf(sphere_code, node.normalCode(), cone), color};
+  }
 };
 static_assert(sizeof(TreeNode) == 24);
 

@@ -22,29 +22,28 @@ base::Result<TreeWriter> TreeWriter::create(const std::string& path, const Optio
   return writer;
 }
 
-base::Result<void> TreeWriter::add(std::span<const Node> group) {
-  const bool has_pointer = std::any_of(group.begin(), group.end(), [](const Node& node) { return !node.isLeaf(); });
-  const std::uint32_t bytes = layout_.bytes(static_cast<std::uint32_t>(group.size()), has_pointer);
+base::Result<void> TreeWriter::add(const lod::qsplat::GroupNodes& group) {
+  const std::uint32_t bytes = layout_.bytes(group.count, group.has_pointer);
   if (groups_ == 0) laid_out_ = groupPlace(laid_out_, bytes) + bytes;
   LUMIGRID_TRY(place(bytes));
 
   std::uint8_t* at = block_.data() + offset_ % kBlockBytes;
-  for (const Node& node : group) {
+  for (const Node& node : group.view()) {
     std::memcpy(at, &node.bits, sizeof(node.bits));
     if (options_.colors) std::memcpy(at + sizeof(node.bits), &node.color, sizeof(node.color));
     at += layout_.node_bytes;
     ++nodes_;
-    leaves_ += node.isLeaf() ? 1 : 0;
+    leaves_ += !group.has_pointer || node.isLeaf() ? 1 : 0;
   }
   std::uint64_t first_child = 0;
-  for (const Node& node : group) {
-    if (node.isLeaf()) continue;
+  for (const Node& node : group.view()) {
+    if (!group.has_pointer || node.isLeaf()) continue;
     const std::uint32_t child_bytes = layout_.childBytes(node);
     const std::uint64_t child = groupPlace(laid_out_, child_bytes);
     if (first_child == 0) first_child = child;
     laid_out_ = child + child_bytes;
   }
-  if (has_pointer) {
+  if (group.has_pointer) {
     const std::uint64_t half = first_child / 2;
     if (!options_.wide_pointers && half >> 32 != 0)
       return base::Error{base::ErrorCode::kUnsupported, "the tree takes more than 8 GiB: it needs wide pointers"};

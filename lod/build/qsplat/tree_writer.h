@@ -19,7 +19,7 @@ class TreeWriter {
   static base::Result<TreeWriter> create(const std::string& path, const Options& options);
   /// The next group; the first holds the root alone, its sphere code kWholeParent. Errors: kNoSpace, kIo; kUnsupported
   /// where an offset needs wide pointers, or the tree has more than 128 levels.
-  base::Result<void> add(std::span<const lod::qsplat::Node> group);
+  base::Result<void> add(const lod::qsplat::GroupNodes& group);
   /// Whether all children told of have come.
   bool whole() const { return offset_ == laid_out_ && nodes_ > 0; }
   /// After the last group. Errors: kNoSpace, kIo.

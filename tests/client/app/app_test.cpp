@@ -734,6 +734,49 @@ TEST_F(AppTest, settingsRuleTheViewer) {
   EXPECT_TRUE(requests(RequestKind::kKeepSettings).empty());
 }
 
+/// Only takes what it is told.
+class PlainSplats final : public SplatView {
+ public:
+  bool pump(Session&, double) override { return false; }
+  const base::Sphere* bounds() const override { return nullptr; }
+  void update(const base::Camera&, const SplatLook&) override {}
+  base::Result<void> draw(const base::Camera&, const SplatLook&) override { return {}; }
+  std::optional<glm::vec3> surfaceAt(const base::Camera&, const SplatLook&, double, double) const override {
+    return std::nullopt;
+  }
+  bool complete() const override { return true; }
+  bool busy() const override { return false; }
+  void setQuality(const SplatQuality& quality) override {
+    quality_ = quality;
+    ++times;
+  }
+  const SplatQuality& quality() const override { return quality_; }
+  void contextLost() override {}
+  SplatStats stats() const override { return {}; }
+
+  int times = 0;
+
+ private:
+  SplatQuality quality_{lod::draw::SplatKernel::kSquare, 3.0F, 0.5};  // a command line's
+};
+
+TEST_F(AppTest, settingsOfSplatsTakeEffectAtOnceAndLeaveWhatACommandLineSaid) {
+  open({}, lod::Method::kQsplat);
+  const auto splats = std::make_shared<PlainSplats>();
+  app->viewer().setSplats(splats);
+  EXPECT_EQ(splats->times, 0);
+  ASSERT_TRUE(bool(app->changeSetting("cutoff", 2.0)));
+  EXPECT_EQ(splats->quality(), (SplatQuality{lod::draw::SplatKernel::kSquare, 2.0F, 0.5}));
+  ASSERT_TRUE(bool(app->changeSetting("splat", 3.0)));
+  ASSERT_TRUE(bool(app->changeSetting("frame_rate", 20.0)));
+  EXPECT_EQ(splats->quality(), (SplatQuality{lod::draw::SplatKernel::kEllipse, 2.0F, 0.05}));
+  EXPECT_EQ(splats->times, 3);
+  ASSERT_TRUE(bool(app->changeSetting("orbit_speed", 2.0)));
+  ASSERT_TRUE(bool(app->changeSetting("frame_rate", 20.0)));
+  EXPECT_EQ(splats->times, 3) << "nothing changed for them";
+  for (const char* name : {"splat", "cutoff", "frame_rate"}) EXPECT_FALSE(findSetting(name)->from_next_start) << name;
+}
+
 TEST_F(AppTest, numbersThatAreNoneAreNoEvents) {
   welcome();
   const ViewState before = app->view();

@@ -134,6 +134,30 @@ TEST_F(StreamedSplatsTest, theFinishedPictureDoesNotDependOnHowItCame) {
   EXPECT_GT(viewer_->stats().session.bytes_received, 10'000U);
 }
 
+TEST_F(StreamedSplatsTest, anotherQualityShowsInTheNextPictureAsIfItHadBeenThereFromTheBeginning) {
+  std::vector<SplatQuality> qualities(4, SplatQuality{lod::draw::SplatKernel::kCircle, 10.0F, 0.0});
+  qualities[1].kernel = lod::draw::SplatKernel::kSquare;
+  qualities[2].cutoff_px = 20.0F;
+  qualities[3].cutoff_px = 0.0F;
+  std::vector<base::Image> pictures;
+  for (const SplatQuality& quality : qualities) {
+    SplatOptions options;
+    static_cast<SplatQuality&>(options) = quality;
+    open(options);
+    fetchAll(view());
+    pictures.push_back(draw(view()));
+    EXPECT_EQ(pictures.back().pixels == pictures.front().pixels, pictures.size() == 1);
+  }
+  // All blocks are here now.
+  for (const std::size_t i : {0U, 2U, 1U, 3U, 0U}) {
+    splats_->setQuality(qualities[i]);
+    EXPECT_EQ(splats_->quality(), qualities[i]);
+    EXPECT_EQ(draw(view()).pixels, pictures[i].pixels) << "quality " << i;
+    EXPECT_FALSE(splats_->busy());
+    EXPECT_TRUE(splats_->complete());
+  }
+}
+
 TEST_F(StreamedSplatsTest, aMovingViewIsAsCoarseAsTheRateAsksForAndRestRefinesItStepByStep) {
   SplatOptions options;
   double clock = 0.0;
@@ -148,16 +172,17 @@ TEST_F(StreamedSplatsTest, aMovingViewIsAsCoarseAsTheRateAsksForAndRestRefinesIt
   const SplatStats moving = viewer_->stats().splats;
   EXPECT_GT(moving.cutoff_px, 20.0F);
   float last = moving.cutoff_px;
-  std::uint64_t splats = moving.splats;
+  std::uint64_t nodes = moving.nodes;
   int frames = 0;
   for (; frames < 500 && !viewer_->stats().complete; ++frames) {
     pump();
     draw(view(1.99));
     const SplatStats now = viewer_->stats().splats;
     EXPECT_LE(now.cutoff_px, last);
-    EXPECT_GE(now.splats, splats);
+    // Not of splats: what is split shows more exactly which part of it is turned away.
+    EXPECT_GE(now.nodes, nodes);
     last = now.cutoff_px;
-    splats = now.splats;
+    nodes = now.nodes;
   }
   EXPECT_GT(frames, 5);
   EXPECT_EQ(last, 1.0F);

@@ -96,7 +96,7 @@ TEST_F(QsplatFormat, HeadersThatCannotBeAreRefused) {
 
 TEST_F(QsplatFormat, AnotherVersionIsNamed) {
   base::Bytes bytes = headerBytes(smallHeader());
-  bytes[8] = 3;
+  bytes[8] = 5;
   const auto read = readHeader(bytes);
   ASSERT_FALSE(read);
   EXPECT_EQ(read.error().code, base::ErrorCode::kVersion);
@@ -163,7 +163,12 @@ TEST_F(QsplatFormat, StructureIsCheckedBehindChecksums) {
       const auto a = support::decodeSplats(good);
       const auto b = support::decodeSplats(bad);
       ASSERT_EQ(a.size(), b.size());
-      for (std::size_t n = 0; n < a.size(); ++n) ASSERT_EQ(a[n].node.bits >> 29, b[n].node.bits >> 29);
+      for (std::size_t n = 0; n < a.size(); ++n) {
+        ASSERT_EQ(a[n].among_leaves, b[n].among_leaves);
+        if (!a[n].among_leaves) {
+          ASSERT_EQ(a[n].node.bits >> 29, b[n].node.bits >> 29);
+        }
+      }
     }
     EXPECT_LT(silent, looked * 9 / 10);
   }
@@ -195,34 +200,74 @@ TEST_F(QsplatFormat, OpeningNamesTheFile) {
   EXPECT_EQ(cut.error().message.rfind(path, 0), 0U) << cut.error().message;
 }
 
-// The first version of the format, as it was written when it was made.
-TEST_F(QsplatFormat, TheGoldenFileIsReadAsEver) {
-  const auto file = SplatFile::open(std::string(LUMIGRID_SOURCE_DIR) + "/tests/golden/qsplat_v1.lgq");
-  ASSERT_TRUE(file) << file.error().message;
-  EXPECT_EQ(file->verify(), std::vector<std::string>());
-  const Header& header = file->header();
-  EXPECT_TRUE(header.colors);
-  EXPECT_EQ(header.leaves, 288U);
-  const auto nodes = support::decodeSplats(file->bytes());
-  ASSERT_EQ(nodes.size(), header.nodes);
-  // Sums over all nodes, to the bit of what every reader decodes.
-  glm::dvec3 centers(0.0);
-  glm::dvec3 normals(0.0);
-  double radii = 0.0;
-  std::uint64_t colors = 0;
-  for (const support::DecodedNode& node : nodes) {
-    centers += glm::dvec3(node.sphere.center);
-    radii += static_cast<double>(node.sphere.radius);
-    normals += glm::dvec3(normalTable()[node.node.normalCode()]);
-    colors += decodeColor(node.node.color).g;
+// Each version of the plain form, as it was written when it was made.
+struct Golden {
+  const char* name;
+  // Sums over all nodes: centres, radii and colours to the bit of what every reader decodes.
+  glm::dvec3 centers;
+  double radii;
+  glm::dvec3 normals;
+  std::uint64_t greens;
+  double sines;  ///< of cones; 1 for any direction
+};
+
+TEST_F(QsplatFormat, TheGoldenFilesAreReadAsEver) {
+  for (const Golden& golden : {Golden{"qsplat_v1.lgq",
+                                      {0.15897869318723679, 2.7213654851075262, 0.46516812033951283},
+                                      125.28493669629097,
+                                      {-0.24251685570925474, 1.0927810268476605, 0.44483599904924631},
+                                      50417,
+                                      266.25},
+                               Golden{"qsplat_v3.lgq",
+                                      {-0.31949779624119401, 0.96264469251036644, -0.9982700040563941},
+                                      136.32769356667995,
+                                      {-1.3988757329061627, 0.8066740557551384, -0.28824020456522703},
+                                      50201,
+                                      206.875}}) {
+    const auto file = SplatFile::open(std::string(LUMIGRID_SOURCE_DIR) + "/tests/golden/" + golden.name);
+    ASSERT_TRUE(file) << file.error().message;
+    EXPECT_EQ(file->verify(), std::vector<std::string>());
+    const Header& header = file->header();
+    EXPECT_TRUE(header.colors);
+    EXPECT_EQ(header.leaves, 288U);
+    const auto nodes = support::decodeSplats(file->bytes());
+    ASSERT_EQ(nodes.size(), header.nodes);
+    glm::dvec3 centers(0.0);
+    glm::dvec3 normals(0.0);
+    double radii = 0.0, sines = 0.0;
+    std::uint64_t greens = 0;
+    for (const support::DecodedNode& node : nodes) {
+      centers += glm::dvec3(node.sphere.center);
+      radii += static_cast<double>(node.sphere.radius);
+      normals += glm::dvec3(normalTable()[node.node.normalCode()]);
+      greens += decodeColor(node.node.color).g;
+      const ConeSines& table = header.paper_cones ? paperConeSines() : coneSines(!node.among_leaves);
+      sines += static_cast<double>(std::min(1.0F, table[node.node.coneField()]));
+    }
+    EXPECT_EQ(centers, golden.centers) << golden.name;
+    EXPECT_EQ(radii, golden.radii) << golden.name;
+    // Directions are made with tangents and square roots of the machine's own.
+    for (int axis = 0; axis < 3; ++axis) EXPECT_NEAR(normals[axis], golden.normals[axis], 1e-4) << golden.name;
+    EXPECT_EQ(greens, golden.greens) << golden.name;
+    EXPECT_EQ(sines, golden.sines) << golden.name;
   }
-  EXPECT_EQ(centers, glm::dvec3(0.15897869318723679, 2.7213654851075262, 0.46516812033951283));
-  EXPECT_EQ(radii, 125.28493669629097);
-  // Directions are made with tangents and square roots of the machine's own.
-  EXPECT_NEAR(normals.x, -0.24251685570925474, 1e-4);
-  EXPECT_NEAR(normals.y, 1.0927810268476605, 1e-4);
-  EXPECT_NEAR(normals.z, 0.44483599904924631, 1e-4);
-  EXPECT_EQ(colors, 50417U);
+}
+
+TEST_F(QsplatFormat, InOldVersionsLeavesAmongLeavesHaveTwoBitsOnly) {
+  for (const bool paper_cones : {false, true}) {
+    Header header;
+    header.file_bytes = 2 * kBlockBytes;
+    header.nodes = header.leaves = header.groups = header.levels = 1;
+    header.root.radius = 1.0F;
+    header.paper_cones = paper_cones;
+    for (const std::uint32_t cone : {0U, 3U, 4U, 16U, 31U}) {
+      base::Bytes file = headerBytes(header);
+      file.resize(header.file_bytes, 0);
+      const std::uint32_t bits = packLeaf(kWholeParent, 0, cone);
+      std::memcpy(&file[kBlockBytes], &bits, sizeof(bits));
+      EXPECT_EQ(checkTree(sealed(file)).empty(), !paper_cones || cone < 4) << cone;
+    }
+  }
 }
 
 }  // namespace

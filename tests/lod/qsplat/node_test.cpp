@@ -149,21 +149,50 @@ TEST(NormalCodes, WhatIsNoDirectionPointsUp) {
 }
 
 TEST(ConeCodes, AreTheNarrowestThatHold) {
-  for (int i = 0; i <= 1000; ++i) {
-    const double angle = i / 1000.0 * 3.2;
-    const std::uint32_t code = encodeCone(std::cos(angle));
-    ASSERT_LE(code, kAnyDirection);
-    if (code != kAnyDirection) {
-      EXPECT_LE(std::sin(angle), static_cast<double>(kConeSines[code]));
-      EXPECT_LT(angle, 1.6);
+  for (const bool leaves : {false, true}) {
+    const auto encode = leaves ? encodeLeafCone : encodeCone;
+    const ConeSines& sines = coneSines(!leaves);
+    const std::uint32_t any = leaves ? kAnyLeafDirection : kAnyDirection;
+    std::uint32_t codes = 0;
+    for (int i = 0; i <= 5000; ++i) {
+      const double angle = i / 5000.0 * 3.2;
+      const std::uint32_t code = encode(std::cos(angle));
+      ASSERT_LE(code, any);
+      codes |= 1U << code;
+      if (code != any) {
+        EXPECT_LE(std::sin(angle), static_cast<double>(sines[code]));
+        EXPECT_LT(angle, 1.6);
+      }
+      if (code > 0 && angle < 1.57) {
+        EXPECT_GT(std::sin(angle), static_cast<double>(sines[code - 1]) * (1.0 - 1e-3));
+      }
     }
-    if (code > 0 && angle < 1.57) {
-      EXPECT_GT(std::sin(angle), static_cast<double>(kConeSines[code - 1]) * (1.0 - 1e-6));
+    EXPECT_EQ(codes, leaves ? 0xFFFFFFFFU : 0xFU) << "each of them comes";
+    EXPECT_EQ(encode(1.0), 0U);
+    EXPECT_EQ(encode(1.0 + 1e-6), 0U) << "rounded up";
+    EXPECT_EQ(encode(NAN), any);
+    EXPECT_EQ(encode(-1.0), any);
+    EXPECT_TRUE(std::isinf(sines[any]));
+  }
+}
+
+TEST(ConeCodes, AreReadFromTheBitsOfTheirGroup) {
+  for (std::uint32_t code = 0; code < kLeafConeCodes; ++code) {
+    const Node leaf{packLeaf(7000, 16000, code), 0};
+    EXPECT_EQ(leaf.sphereCode(), 7000U);
+    EXPECT_EQ(leaf.normalCode(), 16000U);
+    EXPECT_TRUE(leaf.hasCodes());
+    EXPECT_EQ(leaf.coneField(), code);
+    if (code < kAnyLeafDirection) {
+      EXPECT_EQ(coneSines(false)[leaf.coneField()], static_cast<float>(code + 1) / 32.0F);
+    }
+    for (const std::uint32_t children : {0U, 2U, 3U, 4U}) {
+      const Node node{packNode(7000, 16000, code % 4, children, children == 3), 0};
+      EXPECT_EQ(coneSines(true)[node.coneField()], coneSines(true)[code % 4]);
+      EXPECT_EQ(paperConeSines()[node.coneField()], paperConeSines()[code % 4]);
     }
   }
-  EXPECT_EQ(encodeCone(1.0), 0U);
-  EXPECT_EQ(encodeCone(NAN), kAnyDirection);
-  EXPECT_EQ(encodeCone(-1.0), kAnyDirection);
+  EXPECT_EQ(paperConeSines()[1], 4.0F / 16.0F);
 }
 
 TEST(ColorCodes, KeepTheirValueAndTakeTheNearest) {

@@ -115,6 +115,18 @@ TEST(RateControlTest, restRefinesWithoutABackwardStepDownToTheFinestAndMotionTak
   EXPECT_EQ(control.cutoffPx(), moving);
 }
 
+TEST(RateControlTest, anotherGoalIsMetFromThereOn) {
+  ModelledRenderer renderer;
+  RateControl control({0.2, 1.0F, 100.0F});
+  rateOver(control, renderer, 30);
+  control.setGoal({0.05, 1.0F, 100.0F});
+  rateOver(control, renderer, 15);
+  EXPECT_NEAR(rateOver(control, renderer, 30), 20.0, 2.0);
+  control.setGoal({0.05, 30.0F, 100.0F});
+  EXPECT_EQ(control.cutoffPx(), 30.0F) << "no finer than it may be";
+  EXPECT_TRUE(!control.refine() && control.cutoffPx() == 30.0F);
+}
+
 TEST(RateControlTest, whatIsNoTimeChangesNothing) {
   RateControl control({0.1, 1.0F, 100.0F});
   const float before = control.cutoffPx();

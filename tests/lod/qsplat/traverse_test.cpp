@@ -161,13 +161,13 @@ class PlainTraversal {
   }
 
   // Each direction of the cone against each ray to the sphere: by angles.
-  bool isTurnedAway(const base::Sphere& s, const Node& node) const {
-    if (node.coneCode() == kAnyDirection) return false;
+  bool isTurnedAway(const base::Sphere& s, const Node& node, bool has_pointer) const {
+    const double sine = static_cast<double>(coneSines(has_pointer)[node.coneField()]);
+    if (sine > 1.0) return false;
     const glm::dvec4 eye(request_.camera.homogeneousEye());
     const glm::dvec3 ray = eye.w * glm::dvec3(s.center) - glm::dvec3(eye);
     const double distance = glm::length(ray);
-    const double spread = std::asin(std::min(1.0, eye.w * static_cast<double>(s.radius) / distance)) +
-                          std::asin(static_cast<double>(kConeSines[node.coneCode()]));
+    const double spread = std::asin(std::min(1.0, eye.w * static_cast<double>(s.radius) / distance)) + std::asin(sine);
     const double between =
         std::acos(std::clamp(glm::dot(ray, glm::dvec3(normalTable()[node.normalCode()])) / distance, -1.0, 1.0));
     return between + spread < 1.5707963;
@@ -178,10 +178,10 @@ class PlainTraversal {
     std::uint64_t end = has_pointer ? readPointer(group, nodes, layout_) : 0;
     for (std::uint32_t i = 0; i < nodes; ++i) {
       const Node node = readNode(group, i, layout_);
-      const std::uint64_t child = node.isLeaf() ? 0 : groupPlace(end, layout_.childBytes(node));
+      const std::uint64_t child = !has_pointer || node.isLeaf() ? 0 : groupPlace(end, layout_.childBytes(node));
       if (child != 0) end = child + layout_.childBytes(node);
       const base::Sphere sphere = decodeSphere(parent, sphereTable()[node.sphereCode()]);
-      if (isOutside(sphere) || isTurnedAway(sphere, node)) continue;
+      if (isOutside(sphere) || isTurnedAway(sphere, node, has_pointer)) continue;
       if (child == 0 || projectedDiameter(sphere.center, sphere.radius, request_.camera) <= request_.cutoff_px)
         splats_.push_back({sphere.center, sphere.radius, static_cast<std::uint16_t>(node.normalCode()), node.color});
       else
@@ -476,7 +476,7 @@ TEST(TraverseTest, aRootThatIsALeafIsDrawn) {
   header.root = {{0, 0, 0}, 1.0F};
   base::Bytes file = headerBytes(header);
   file.resize(header.file_bytes, 0);
-  const std::uint32_t bits = packNode(kWholeParent, encodeNormal({0, 1, 0}), kAnyDirection, 0, false);
+  const std::uint32_t bits = packLeaf(kWholeParent, encodeNormal({0, 1, 0}), kAnyLeafDirection);
   std::memcpy(&file[kBlockBytes], &bits, sizeof(bits));
   sealBlock(&file[kBlockBytes], 1);
   ASSERT_TRUE(checkTree(file).empty()) << checkTree(file)[0];

@@ -14,6 +14,7 @@
 #include "lod/qsplat/blocks.h"
 #include "lod/qsplat/splat_file.h"
 #include "tests/lod/build/built_file.h"
+#include "tests/support/coded_splats.h"
 #include "tests/support/random_splats.h"
 #include "tests/support/temporary_directory.h"
 #include "tests/support/test_meshes.h"
@@ -84,7 +85,7 @@ TEST_F(QsplatBuild, LeavesCoverTheSurface) {
                               u * mesh.positions[mesh.indices[t + 1]] + v * mesh.positions[mesh.indices[t + 2]];
           // The lattice moves vertices by a sixteenth of an edge at most.
           const bool covered = std::any_of(all.begin(), all.end(), [&](const support::DecodedNode& node) {
-            return node.node.isLeaf() && glm::distance(node.sphere.center, p) <= node.sphere.radius * 1.07F;
+            return node.leaf && glm::distance(node.sphere.center, p) <= node.sphere.radius * 1.07F;
           });
           uncovered += covered ? 0 : 1;
         }
@@ -128,7 +129,7 @@ TEST_F(QsplatBuild, ThreadsAndMemoryDoNotChangeTheBytes) {
   }
 }
 
-TEST_F(QsplatBuild, TheCodedFormHoldsThePlainFilesBlocksWhateverTheThreads) {
+TEST_F(QsplatBuild, TheCodedFormHoldsThePlainFilesNodesWhateverTheThreads) {
   SampleOptions sample;
   sample.triangles = 100000;
   const Mesh mesh = makeSample(sample);
@@ -146,12 +147,16 @@ TEST_F(QsplatBuild, TheCodedFormHoldsThePlainFilesBlocksWhateverTheThreads) {
     if (first.empty()) first = bytes();
     EXPECT_TRUE(bytes() == first) << threads << " threads, " << memory << " MB";
   }
-  const lod::qsplat::Header header = *lod::qsplat::readHeader(first);
-  const auto blocks = lod::qsplat::blocksOfFile(first, header);
-  ASSERT_TRUE(blocks);
-  ASSERT_EQ(header.file_bytes, plain.size());
-  for (std::uint64_t b = 1; b < header.blocks(); ++b)
-    ASSERT_EQ(std::memcmp((*blocks)->find(b), &plain[b * lod::qsplat::kBlockBytes], lod::qsplat::kBlockBytes), 0) << b;
+  ASSERT_EQ(lod::qsplat::readHeader(first)->file_bytes, plain.size());
+  const auto nodes = support::decodeSplats(plain);
+  const auto coded = support::decodeSplats(support::plainSplats(first));
+  ASSERT_EQ(coded.size(), nodes.size());
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    // Of leaves' cones among leaves every fourth width is left.
+    const std::uint32_t coarse = nodes[i].among_leaves ? 3U << 27 : 0U;
+    ASSERT_EQ(coded[i].node.bits, nodes[i].node.bits | coarse) << i;
+    ASSERT_EQ(coded[i].node.color, nodes[i].node.color) << i;
+  }
 }
 
 TEST_F(QsplatBuild, WidePointersMakeTheSameTree) {
@@ -164,7 +169,7 @@ TEST_F(QsplatBuild, WidePointersMakeTheSameTree) {
   // The same nodes from three tiles, one of them empty and one of a single leaf.
   std::vector<qsplat::Splat> leaves;
   for (const support::DecodedNode& node : narrow) {
-    if (!node.node.isLeaf()) continue;
+    if (!node.leaf) continue;
     qsplat::Splat leaf;
     leaf.sphere = node.sphere;
     leaf.weight = 1.0F;
@@ -296,7 +301,7 @@ TEST_F(QsplatBuild, AGiantTriangleAmongSmallOnesIsDicedOrALargeLeaf) {
   const auto giants = [this](float radius) {
     const auto all = nodes();
     return std::count_if(all.begin(), all.end(),
-                         [&](const auto& node) { return node.node.isLeaf() && node.sphere.radius > radius; });
+                         [&](const auto& node) { return node.leaf && node.sphere.radius > radius; });
   };
   const auto whole = mustBuild(mesh, 0.0);
   EXPECT_EQ(giants(400.0F), 3);
