@@ -247,11 +247,10 @@ Coarser coarserOf(const Merged& before, const SurfaceError& before_error, Simpli
 }
 
 // What no group of a level should be off by, in lattice steps, when `errors` are those of all: stated bounds are to be
-// at most four times the 99.9th percentile of true distances. That percentile is about half of the 90th of the bounds,
-// which are sums, and more on the lowest levels, which add up less (docs/results/hierarchy.md, "Stated errors").
+// at most four times the 99.9th percentile of true distances. That percentile is about 0.4 of the 90th of the bounds,
+// which are sums, and more on the lower levels, which add up less (docs/results/hierarchy.md, "Stated errors").
 float usualLimit(const ErrorHistogram& errors, std::uint32_t level) {
-  const double cube = static_cast<double>(level) * level * level;
-  return std::max(4.0F, static_cast<float>(1.8 + 5.6 / cube) * errors.quantile(0.9));
+  return std::max(4.0F, (1.1F + 2.4F / static_cast<float>(level)) * errors.quantile(0.9));
 }
 
 }  // namespace

@@ -43,9 +43,10 @@ class PointGrid {
     for (const std::uint32_t m : members) members_[next[cellNumber(cellOf(positions[m]))]++] = m;
   }
 
-  /// The member nearest to p for which accept(member) holds, or kNone.
+  /// The member nearest to p for which accept(member) holds, or kNone. Any is near enough at a squared distance of
+  /// `enough2`.
   template <class Accept>
-  std::uint32_t nearest(const glm::vec3& p, Accept&& accept) const {
+  std::uint32_t nearest(const glm::vec3& p, Accept&& accept, float enough2 = 0.0F) const {
     const glm::ivec3 center = cellOf(p);
     // What is outside the grid is searched from its border: that much farther away.
     const int rings = std::max({count_.x, count_.y, count_.z});
@@ -53,7 +54,7 @@ class PointGrid {
     float best2 = std::numeric_limits<float>::max();
     for (int ring = 0; ring <= rings; ++ring) {
       const float reach = static_cast<float>(ring - 1) * cell_;
-      if (best != kNone && reach > 0.0F && reach * reach > best2) break;
+      if (best2 <= enough2 || (best != kNone && reach > 0.0F && reach * reach > best2)) break;
       forRing(center, ring, [&](std::size_t cell) {
         for (std::uint32_t i = start_[cell]; i < start_[cell + 1]; ++i) {
           const glm::vec3 d = positions_[members_[i]] - p;

@@ -256,7 +256,7 @@ struct Collapse {
   std::uint32_t kept = 0;
   glm::vec3 position{0.0F};
   float along = 0.0F;  // 0 at kept, 1 at gone: where attributes are taken
-  float sunk = 0.0F;   // how far the surface leaves what it stood for; measured where it is folded
+  float sunk = 0.0F;   // how far the surface leaves what it stood for; measured where it is folded or lost
 };
 
 // To the nearest lattice point, halves up, and what misses a half by less than such systems err. Adding and taking away
@@ -478,6 +478,7 @@ class Simplifier {
 
   // All edges of the triangles that live.
   void refillQueue() {
+    grid_.reset();  // many of its vertices are gone
     edges_.clear();
     std::vector<std::uint32_t> neighbors;
     for (std::uint32_t v = 0; v < survivor_.size(); ++v) {
@@ -516,14 +517,14 @@ class Simplifier {
       const std::size_t triangles = around_.on_edge.size();
       if (triangles == 0) continue;
       if (keepOf(edge.a, edge.b, triangles != 2 || !stage.keep_topology) == Keep::kNone) continue;
-      if (isLast() && waits(entry, static_cast<float>(vanishingCost(edge.a, edge.b)))) continue;
       if (stage.keep_topology && around_.common != triangles) continue;
       Collapse collapse{edge.keeps_a != 0 ? edge.b : edge.a, edge.keeps_a != 0 ? edge.a : edge.b, edge.position,
                         edge.along};
       if (flips(collapse.position, stage.keep_orientation)) continue;
       if (live_ <= triangles) continue;
-      if (isFolded(collapse)) {
-        collapse.sunk = sinking(collapse);
+      if (isFolded(collapse) || losesTriangles(collapse)) {
+        findLost(collapse);
+        collapse.sunk = sinking(collapse, std::sqrt(static_cast<double>(entry.cost) / foldWeight(collapse)));
         if (waits(entry, static_cast<float>(foldCost(collapse)))) continue;
       }
       apply(collapse);
@@ -636,13 +637,6 @@ class Simplifier {
     });
   }
 
-  // Would the whole component vanish? A lone triangle, or two that lie on each other; a tetrahedron.
-  bool isLast() const {
-    const std::size_t others = around_.around_a.size() + around_.around_b.size();
-    return others == 0 || (others == 2 && around_.on_edge.size() == 2 && around_.common == 2 &&
-                           countBetween(around_.around_a) + countBetween(around_.around_b) == 2);
-  }
-
   // How many of these triangles lie between vertices that were next to both ends, after lookAt.
   std::uint32_t countBetween(const std::vector<Wedge>& wedges) const {
     std::uint32_t between = 0;
@@ -650,20 +644,16 @@ class Simplifier {
     return between;
   }
 
-  // What is lost with a component is its distance to what stays, not its area: the nearest vertex of another component
-  // tells.
-  double vanishingCost(std::uint32_t a, std::uint32_t b) {
+  // From a place of a component that vanishes to what stays: the nearest vertex of another component tells. Squared,
+  // exact where it is more than `enough2`.
+  double distance2ToOthers(std::uint32_t v, const glm::vec3& from, double enough2) {
     if (!grid_) findComponents();
-    double distance2 = 0.0;
-    for (const std::uint32_t v : {a, b}) {
-      const std::uint32_t near = grid_->nearest(mesh_.positions[v], [&](std::uint32_t w) {
-        return component_[w] != component_[v] && survivor_[w] == w && isUsed(w);
-      });
-      if (near == PointGrid::kNone) return std::numeric_limits<float>::max();
-      const glm::dvec3 d(mesh_.positions[near] - mesh_.positions[v]);
-      distance2 = std::max(distance2, glm::dot(d, d));
-    }
-    return distance2 * std::max(mean_edge_ * mean_edge_, vertices_[a].quadric.weight + vertices_[b].quadric.weight);
+    const std::uint32_t near = grid_->nearest(
+        from, [&](std::uint32_t w) { return component_[w] != component_[v] && survivor_[w] == w && isUsed(w); },
+        static_cast<float>(enough2));
+    if (near == PointGrid::kNone) return std::numeric_limits<float>::max();
+    const glm::dvec3 d(mesh_.positions[near] - from);
+    return glm::dot(d, d);
   }
 
   void findComponents() {
@@ -675,9 +665,10 @@ class Simplifier {
     };
     auto join = [&](std::uint32_t v, std::uint32_t w) { component_[root(v)] = root(w); };
     for (std::uint32_t v = 0; v < survivor_.size(); ++v) join(v, survivor_[v]);
-    for (std::size_t i = 0; i < mesh_.indices.size(); i += 3) {
-      join(mesh_.indices[i], mesh_.indices[i + 1]);
-      join(mesh_.indices[i], mesh_.indices[i + 2]);
+    for (std::size_t t = 0; t < alive_.size(); ++t) {
+      if (alive_[t] == 0) continue;
+      join(mesh_.indices[3 * t], mesh_.indices[3 * t + 1]);
+      join(mesh_.indices[3 * t], mesh_.indices[3 * t + 2]);
     }
     std::vector<std::uint32_t> living;
     for (std::uint32_t v = 0; v < survivor_.size(); ++v) {
@@ -783,31 +774,103 @@ class Simplifier {
 
   bool isFolded(const Collapse& c) const { return folded_[c.gone] != 0 || folded_[c.kept] != 0; }
 
-  // How far the two old places are from the new fan, on top of what they had sunk: a needle must not go down in steps.
-  float sinking(const Collapse& c) const {
-    float most = 0.0F;
-    for (const std::uint32_t v : {c.gone, c.kept})
-      most = std::max(most, sunk_[v] + static_cast<float>(std::sqrt(distance2ToNewFan(c, mesh_.positions[v]))));
-    return most;
+  // Do triangles go that nothing takes the place of? Such are two that come to lie on each other with opposite sides,
+  // and one on the edge where no other holds its third corner.
+  bool losesTriangles(const Collapse& c) const {
+    if (countBetween(around_.around_a) + countBetween(around_.around_b) >= 2) return true;
+    return std::any_of(around_.on_edge.begin(), around_.on_edge.end(), [&](std::uint32_t t) {
+      const std::uint32_t third = thirdCorner(t, c);
+      return !holds(around_.around_a, third) && !holds(around_.around_b, third);
+    });
+  }
+  std::uint32_t thirdCorner(std::uint32_t t, const Collapse& c) const {
+    const auto [one, two] = otherCorners(t, c.gone);
+    return one == c.kept ? two : one;
+  }
+  static bool holds(const std::vector<Wedge>& wedges, std::uint32_t v) {
+    return std::any_of(wedges.begin(), wedges.end(), [&](const Wedge& w) { return w.second == v || w.third == v; });
   }
 
-  // Weighted as distances from planes are; but a thin spike counts like any other.
+  // Which of the triangles around the edge stay (left_), and which are lost so (lost_).
+  void findLost(const Collapse& c) {
+    left_ = around_.around_a;
+    left_.insert(left_.end(), around_.around_b.begin(), around_.around_b.end());
+    lost_.clear();
+    for (std::size_t i = 0; i < left_.size();) {
+      const auto isOpposite = [&](const Wedge& w) { return w.second == left_[i].third && w.third == left_[i].second; };
+      const auto first = left_.begin() + static_cast<std::ptrdiff_t>(i);
+      const auto other = std::find_if(first + 1, left_.end(), isOpposite);
+      if (other == left_.end()) {
+        ++i;
+        continue;
+      }
+      lost_.push_back(first->triangle);
+      lost_.push_back(other->triangle);
+      left_.erase(other);
+      left_.erase(first);
+    }
+    for (const std::uint32_t t : around_.on_edge)
+      if (!holds(left_, thirdCorner(t, c))) lost_.push_back(t);
+  }
+
+  // How far the two old places, on top of what they had sunk (a needle must not go down in steps), and what is lost are
+  // from what stays. What is no farther than `enough` need not be exact.
+  float sinking(const Collapse& c, double enough) {
+    double most = 0.0;
+    for (const std::uint32_t v : {c.gone, c.kept})
+      if (!left_.empty())
+        most = std::max(most, static_cast<double>(sunk_[v]) + std::sqrt(distance2ToNewFan(c, mesh_.positions[v])));
+    double most2 = most * most;
+    for (const std::uint32_t t : lost_)
+      for (std::size_t k = 0; k < 3; ++k) {
+        const std::uint32_t v = mesh_.indices[3 * std::size_t{t} + k];
+        const std::uint32_t w = mesh_.indices[3 * std::size_t{t} + (k + 1) % 3];
+        const glm::vec3& p = mesh_.positions[v];
+        const double near2 = distance2ToRest(c, t, p);
+        if (near2 == std::numeric_limits<double>::max()) {
+          most2 = std::max(most2, distance2ToOthers(v, p, std::max(most2, enough * enough)));
+          continue;
+        }
+        most2 = std::max({most2, near2, distance2ToRest(c, t, 0.5F * (p + mesh_.positions[w]))});
+      }
+    return static_cast<float>(std::sqrt(most2));
+  }
+
+  // From a place of triangle t, which is lost, to the new fan and what else hangs on its corners. Squared; the largest
+  // number where nothing is left.
+  double distance2ToRest(const Collapse& c, std::uint32_t t, const glm::vec3& from) const {
+    double near2 = distance2ToNewFan(c, from);
+    for (std::size_t k = 0; k < 3; ++k) {
+      const std::uint32_t v = mesh_.indices[3 * std::size_t{t} + k];
+      if (v == c.gone || v == c.kept) continue;
+      forEachTriangle(v, [&](std::uint32_t s) {
+        if (touches(s, c.gone) || touches(s, c.kept)) return;
+        const std::uint32_t* n = &mesh_.indices[3 * std::size_t{s}];
+        near2 = std::min(near2, distance2(from, mesh_.positions[n[0]], mesh_.positions[n[1]], mesh_.positions[n[2]]));
+      });
+    }
+    return near2;
+  }
+
+  // Weighted as distances from planes are; but a thin spike, and what is lost, counts like any other.
+  double foldWeight(const Collapse& c) const {
+    return std::max(mean_fan_, vertices_[c.gone].quadric.weight + vertices_[c.kept].quadric.weight);
+  }
   double foldCost(const Collapse& c) const {
     const double far = c.sunk;
-    return far * far * std::max(mean_fan_, vertices_[c.gone].quadric.weight + vertices_[c.kept].quadric.weight);
+    return std::min(far * far * foldWeight(c), static_cast<double>(std::numeric_limits<float>::max()));
   }
 
   double distance2ToNewFan(const Collapse& c, const glm::vec3& from) const {
-    const glm::dvec3 p(from);
-    const glm::dvec3 apex(c.position);
-    double near2 = glm::dot(apex - p, apex - p);
-    for (const std::vector<Wedge>* wedges : {&around_.around_a, &around_.around_b})
-      for (const auto& [triangle, second, third] : *wedges) {
-        const glm::dvec3 q = base::closestPointOnTriangle(p, apex, glm::dvec3(mesh_.positions[second]),
-                                                          glm::dvec3(mesh_.positions[third]));
-        near2 = std::min(near2, glm::dot(q - p, q - p));
-      }
+    double near2 = std::numeric_limits<double>::max();
+    for (const Wedge& w : left_)
+      near2 = std::min(near2, distance2(from, c.position, mesh_.positions[w.second], mesh_.positions[w.third]));
     return near2;
+  }
+  static double distance2(const glm::vec3& from, const glm::vec3& a, const glm::vec3& b, const glm::vec3& c) {
+    const glm::dvec3 p(from);
+    const glm::dvec3 d = base::closestPointOnTriangle(p, glm::dvec3(a), glm::dvec3(b), glm::dvec3(c)) - p;
+    return glm::dot(d, d);
   }
 
   void apply(const Collapse& c) {
@@ -913,6 +976,8 @@ class Simplifier {
   std::vector<std::uint32_t> uses_;
   std::uint32_t stamp_ = 0;
   Neighborhood around_;
+  std::vector<Wedge> left_;  // as findLost finds them
+  std::vector<std::uint32_t> lost_;
   std::vector<std::uint32_t> component_;  // per vertex; made when first asked for
   std::optional<PointGrid> grid_;
   std::vector<std::uint8_t> folded_;  // per vertex

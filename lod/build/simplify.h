@@ -40,8 +40,8 @@ struct SimplifiedGroup {
 ///
 /// Stage 1 keeps topology (link condition) and orientation, and lets border vertices move along the border only. Stage
 /// 2, where stage 1 could go on only by moving the surface far, drops the conditions on topology and borders; stage 3
-/// those on orientation too, so that soup and tiny components shrink whatever it costs. A component vanishes only at
-/// the price of its distance to what stays. Locked vertices stay in all stages.
+/// those on orientation too, so that soup and tiny components shrink whatever it costs. What vanishes (a component, a
+/// flap, an ear) does so only at the price of its distance to what stays. Locked vertices stay in all stages.
 Simplified simplifyGroup(GroupMesh& mesh, std::size_t target_triangles);
 
 /// The same for each of `target_triangles` (one or more, falling), in the time of the last.

@@ -182,10 +182,10 @@ TEST(HierarchyBuild, GroupsThatStandOutKeepMoreSoThatTheirLevelIsNotAsFarOffAsTh
     for (int x = 0; x < 30; ++x) needle({0.01F * static_cast<float>(x), 0.01F * static_cast<float>(y), 0.5F});
   const BuiltHierarchy built = mustBuild(mesh, support::smallPatches());
   expectSound(built, support::smallPatches());
-  // Two fifths each would be off by 2.4 times the first level at the third, since needles go.
+  // Two fifths each would be off by 2.6 times the first level at the third, since needles go.
   const auto& levels = built.summary.levels;
   ASSERT_GE(levels.size(), 4U);
-  EXPECT_LT(levels[3].max_error, 2.0F * levels[1].max_error);
+  EXPECT_LT(levels[3].max_error, 2.2F * levels[1].max_error);
   EXPECT_LT(levels[3].triangles, levels[2].triangles / 2);
   expectErrorsHold(mesh, built, 20'000);
 }

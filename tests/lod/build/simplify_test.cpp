@@ -214,6 +214,29 @@ TEST(Simplify, TheLastOfAFarClusterOutlivesTheRest) {
   EXPECT_TRUE(std::any_of(out.origin.begin(), out.origin.end(), [&](std::uint32_t t) { return t >= sphere; }));
 }
 
+// Flaps (both sides of one upright triangle) on every second edge of a row: where a foot collapses, the flap is gone
+// with all it stood for, and no plane says so. The few tall ones are the last to go.
+TEST(Simplify, TallFlapsOutliveLowOnes) {
+  constexpr std::uint32_t kRow = 41;
+  GroupMesh group = groupOf(support::openGrid(40, 0.0F), 4000.0F);
+  std::vector<glm::vec3> tall;
+  for (std::uint32_t y = 1; y < 40; y += 2)
+    for (std::uint32_t x = 1; x + 1 < 40; x += 3) {
+      const std::uint32_t a = y * kRow + x;
+      const bool is_tall = (x * 7 + y) % 17 == 0;
+      const glm::vec3 foot = 0.5F * (group.positions[a] + group.positions[a + 1]);
+      const auto top = static_cast<std::uint32_t>(group.positions.size());
+      group.positions.push_back(glm::round(foot + glm::vec3(0, 0, is_tall ? 2000.0F : 20.0F)));
+      group.normals.push_back({0, 1, 0});
+      group.locked.push_back(0);
+      group.indices.insert(group.indices.end(), {a, a + 1, top, a + 1, a, top});
+      if (is_tall) tall.push_back(group.positions.back());
+    }
+  ASSERT_GT(tall.size(), 10U);
+  const Simplified out = simplifyGroup(group, group.indices.size() / 3 / 10);
+  for (const glm::vec3& top : tall) EXPECT_LT(distanceTo(group, out, top), 100.0);
+}
+
 TEST(Simplify, TheWorkIsRecorded) {
   GroupMesh group = groupOf(support::bumpySphere(20, 30), 700.0F);
   const Simplified out = simplifyGroup(group, 500);
