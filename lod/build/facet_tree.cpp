@@ -1,5 +1,6 @@
 #include "lod/build/facet_tree.h"
 
+#include <algorithm>
 #include <bit>
 
 #include "lod/build/voxels.h"
@@ -17,15 +18,16 @@ FacetTree::FacetTree(std::span<const glm::vec3> positions, std::span<const std::
     return box;
   };
 
-  std::vector<KeyedIndex> sorted(triangles);
+  // By the cell of a corner: a fine order would cost more than it saves.
+  constexpr unsigned kCellBits = 5;
   std::uint32_t highest = 1;
-  for (std::uint32_t t = 0; t < triangles; ++t) {
-    const Box box = boxOf(t);
-    const glm::ivec3 center(0.5F * (box.low + box.high));
-    highest |= static_cast<std::uint32_t>(center.x | center.y | center.z);
-    sorted[t] = {mortonCode(center), t};
-  }
-  radixSort(sorted, 3 * static_cast<std::uint32_t>(std::bit_width(highest)));
+  for (const glm::vec3& p : positions) highest |= static_cast<std::uint32_t>(std::max({p.x, p.y, p.z}));
+  const auto bits = static_cast<unsigned>(std::bit_width(highest));
+  const int shift = bits > kCellBits ? static_cast<int>(bits - kCellBits) : 0;
+  std::vector<KeyedIndex> sorted(triangles);
+  for (std::uint32_t t = 0; t < triangles; ++t)
+    sorted[t] = {mortonCode(glm::ivec3(positions[indices[3 * std::size_t{t}]]) >> shift), t};
+  radixSort(sorted, 3 * kCellBits);
   order_.reserve(triangles);
   for (const KeyedIndex& item : sorted) order_.push_back(item.index);
 
