@@ -27,7 +27,7 @@ constexpr std::size_t keptOf(std::size_t triangles) {
 // Where a group stands out, it keeps the least of these shares that does.
 constexpr std::array<double, 4> kMoreKept{0.75, 0.6, 0.5, 0.44};
 // A level of fewer groups has none that stands out.
-constexpr std::size_t kLeastGroups = 4;
+constexpr std::size_t kLeastGroups = 5;
 // Distances below this share of a group's error so far do not matter.
 constexpr float kNegligible = 0.05F;
 // A group's output is split along voxels of about this share of a patch: fine enough for even parts, coarse enough that

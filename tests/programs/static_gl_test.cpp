@@ -116,6 +116,7 @@ TEST_F(StaticScene, aHostThatCannotIsNamedWithWhatToDo) {
   EXPECT_EQ(view("https://").status, 2);
 
   // A built scene, and one that lost its hierarchy.
+  const std::string patches = objectOf(".lgp");
   fs::copy(scene_, path("site/tower/built"), fs::copy_options::recursive);
   expectOneLineError(view(nginx.url() + "/tower/built/"), 1, {"lumigrid publish"});
   fs::copy(path("site/tower"), path("site/lost"), fs::copy_options::recursive);
@@ -124,7 +125,6 @@ TEST_F(StaticScene, aHostThatCannotIsNamedWithWhatToDo) {
   expectOneLineError(view(nginx.url() + "/lost/"), 1, {".lgp", "is not there", "lumigrid publish"});
 
   // Cut short and damaged.
-  const std::string patches = objectOf(".lgp");
   const std::string bytes = readText(patches);
   programs::writeText(patches, bytes.substr(0, 1'000));
   expectOneLineError(view(nginx.url() + "/tower/"), 1, {".lgp", "publish the scene again"});
