@@ -37,6 +37,19 @@ void take(base::ByteView& in, std::vector<T>& values, std::size_t count) {
   in = in.subspan(count * sizeof(T));
 }
 
+// Of Stored that become T, or as they are.
+template <class Stored, class T>
+void takeNarrow(base::ByteView& in, std::vector<T>& values, std::size_t count, bool narrow) {
+  if (!narrow) return take(in, values, count);
+  values.resize(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    Stored stored;
+    std::memcpy(&stored, in.data() + i * sizeof(stored), sizeof(stored));
+    values[i] = T(stored);
+  }
+  in = in.subspan(count * sizeof(Stored));
+}
+
 // Of what comes after the header.
 std::uint64_t vertexBlockBytes(std::uint64_t count, std::uint32_t flags) {
   return count * (((flags & kDouble) != 0 ? 24U : 12U) + ((flags & kNormals) != 0 ? 4U : 0U) +
@@ -312,17 +325,7 @@ base::Result<void> SourceSpool::readVertices(std::size_t block, SpooledVertices&
   out.packed.resize(static_cast<std::size_t>(vertexBlockBytes(at.count, at.flags)));
   LUMIGRID_TRY(vertices_.readAt(at.offset + sizeof(BlockHeader), out.packed));
   base::ByteView in = out.packed;
-  if ((at.flags & kDouble) != 0) {
-    take(in, out.positions, at.count);
-  } else {
-    out.positions.resize(at.count);
-    for (std::size_t i = 0; i < at.count; ++i) {
-      glm::vec3 p;
-      std::memcpy(&p, in.data() + i * sizeof(p), sizeof(p));
-      out.positions[i] = glm::dvec3(p);
-    }
-    in = in.subspan(at.count * sizeof(glm::vec3));
-  }
+  takeNarrow<glm::vec3>(in, out.positions, at.count, (at.flags & kDouble) == 0);
   take(in, out.normals, (at.flags & kNormals) != 0 ? at.count : 0);
   take(in, out.colors, (at.flags & kColors) != 0 ? at.count : 0);
   return {};
@@ -335,17 +338,7 @@ base::Result<void> SourceSpool::readTriangles(std::size_t block, SpooledTriangle
   LUMIGRID_TRY(triangles_.readAt(at.offset + sizeof(BlockHeader), out.packed));
   base::ByteView in = out.packed;
   const std::size_t corners = 3 * std::size_t{at.count};
-  if ((at.flags & kWide) != 0) {
-    take(in, out.corners, corners);
-  } else {
-    out.corners.resize(corners);
-    for (std::size_t i = 0; i < corners; ++i) {
-      std::uint32_t v = 0;
-      std::memcpy(&v, in.data() + 4 * i, 4);
-      out.corners[i] = v;
-    }
-    in = in.subspan(4 * corners);
-  }
+  takeNarrow<std::uint32_t>(in, out.corners, corners, (at.flags & kWide) == 0);
   take(in, out.colors, (at.flags & kColors) != 0 ? corners : 0);
   take(in, out.normals, (at.flags & kNormals) != 0 ? corners : 0);
   return {};
