@@ -7,12 +7,14 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cerrno>
-#include <chrono>
+#include <condition_variable>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <mutex>
 #include <utility>
 
 #include "base/crc32c.h"
@@ -37,11 +39,13 @@ std::string stageFile(const std::string& path, std::uint32_t stage) {
 // What a builder wrote into `path`, whole or not; others' files stay.
 void removeFiles(const std::string& path) {
   std::error_code ignored;
-  for (const char* name : kFiles) {
-    const fs::path file = fs::path(path) / name;
-    fs::remove(file, ignored);
-    base::removeUnfinished(file.string());
+  std::vector<fs::path> found;
+  for (const auto& entry : fs::directory_iterator(path, ignored)) {
+    const std::string file = entry.path().filename().string();
+    const auto isOurs = [&](const char* name) { return file == name || base::isUnfinished(file, name); };
+    if (std::any_of(std::begin(kFiles), std::end(kFiles), isOurs)) found.push_back(entry.path());
   }
+  for (const fs::path& file : found) fs::remove(file, ignored);
 }
 
 base::Result<void> needFree(const std::string& directory, std::uint64_t bytes, const std::string& what,
@@ -86,6 +90,31 @@ bool mayGoOn(const base::Error& error) {
 
 }  // namespace
 
+// What the threads that finish stages wait for.
+struct WorkDirectory::Delay {
+  std::mutex mutex;
+  std::condition_variable changed;
+  bool at_once = false;
+  std::atomic<bool> abandoned = false;
+
+  void set(bool now) {
+    const std::lock_guard lock(mutex);
+    at_once = now;
+    changed.notify_all();
+  }
+  void wait() {
+    std::unique_lock lock(mutex);
+    changed.wait_for(lock, kStageDelay, [this] { return at_once || abandoned; });
+  }
+};
+
+WorkDirectory::WorkDirectory() : delay_(std::make_shared<Delay>()) {}
+
+void WorkDirectory::abandonStages() {
+  delay_->abandoned = true;
+  delay_->set(true);
+}
+
 ResumeKey keyAfter(std::string before, ResumeKey key) {
   if (!key) return {};
   return [before = std::move(before), key = std::move(key)]() -> base::Result<std::string> {
@@ -128,7 +157,7 @@ WorkDirectory& WorkDirectory::operator=(WorkDirectory&& other) noexcept {
   std::swap(key_, other.key_);
   std::swap(stage_, other.stage_);
   std::swap(lock_, other.lock_);
-  std::swap(abandoned_, other.abandoned_);
+  std::swap(delay_, other.delay_);
   std::swap(finishing_, other.finishing_);
   return *this;
 }
@@ -140,22 +169,22 @@ WorkDirectory::~WorkDirectory() {
 base::Result<void> WorkDirectory::finishStage(std::uint32_t stage, base::Bytes state, std::vector<std::string> files,
                                               std::function<void()> then) {
   if (finishing_.valid() && finishing_.wait_for(std::chrono::seconds(0)) == std::future_status::ready)
-    LUMIGRID_TRY(settle());
+    LUMIGRID_TRY(finishing_.get());
   stage_ = stage;
   // Nobody goes on from what has no key.
   if (!key_) {
     if (then) then();
     return {};
   }
-  auto finish = [path = path_, key = key_, abandoned = abandoned_, stage, state = std::move(state),
-                 files = std::move(files), then = std::move(then),
-                 before = std::move(finishing_)]() mutable -> base::Result<void> {
+  auto finish = [path = path_, key = key_, delay = delay_, stage, state = std::move(state), files = std::move(files),
+                 then = std::move(then), before = std::move(finishing_)]() mutable -> base::Result<void> {
+    delay->wait();
     if (before.valid()) LUMIGRID_TRY(before.get());
     for (const std::string& file : files) {
-      if (*abandoned) return {};
+      if (delay->abandoned) return {};
       LUMIGRID_TRY(base::syncFile(path + "/" + file));
     }
-    if (*abandoned) return {};
+    if (delay->abandoned) return {};
     if (stage == 1) LUMIGRID_TRY(writeKey(path, key));
     base::ByteWriter out;
     out.u32(base::crc32c(state));
@@ -169,7 +198,11 @@ base::Result<void> WorkDirectory::finishStage(std::uint32_t stage, base::Bytes s
 }
 
 base::Result<void> WorkDirectory::settle() {
-  return finishing_.valid() ? finishing_.get() : base::Result<void>();
+  if (!finishing_.valid()) return {};
+  delay_->set(true);
+  auto finished = finishing_.get();
+  delay_->set(false);
+  return finished;
 }
 
 base::Result<base::Bytes> WorkDirectory::state(std::uint32_t stage) const {

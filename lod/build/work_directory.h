@@ -1,6 +1,6 @@
 #pragma once
 // Where a build keeps its work files, how far it came, and whether there is room.
-#include <atomic>
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <future>
@@ -37,16 +37,20 @@ class WorkDirectory {
   std::uint32_t stage() const { return stage_; }
   /// The stage counts for a later run once the disk has `files` (names in here, written and flushed) and then `state`;
   /// after that `then` may give back what it alone needed. Returns before: threads see to it, stage by stage, while
-  /// later ones are under way. Without a key nobody goes on, and all of it is `then`, at once. Errors: those of stages
-  /// finished before, where they are known already.
+  /// later ones are under way, and after kStageDelay: a build that is done by then never waits for the disk. Without a
+  /// key nobody goes on, and all of it is `then`, at once. Errors: those of stages finished before, where they are
+  /// known already.
   base::Result<void> finishStage(std::uint32_t stage, base::Bytes state, std::vector<std::string> files,
                                  std::function<void()> then = {});
-  /// Waits for those threads. The first error: kNoSpace, kIo, the key's.
+  /// What a build that is killed may have to do once more, though it was done: less than syncing it would cost is not
+  /// worth syncing.
+  static constexpr std::chrono::milliseconds kStageDelay{200};
+  /// Waits for those threads, which see to it at once. The first error: kNoSpace, kIo, the key's.
   base::Result<void> settle();
   base::Result<base::Bytes> state(std::uint32_t stage) const;
   bool has(const std::string& name) const;
   /// The stages are no longer worth going on from: of what is still to be done for them only what is under way is.
-  void abandonStages() { *abandoned_ = true; }
+  void abandonStages();
   /// Removes the work files, and the directory where nothing else lies in it.
   void remove();
   /// kNoSpace when the disk has fewer bytes free than that; `what` they are for.
@@ -54,12 +58,13 @@ class WorkDirectory {
   base::Error broken() const;
 
  private:
-  WorkDirectory() = default;
+  WorkDirectory();
   std::string path_;
   ResumeKey key_;
   std::uint32_t stage_ = 0;
   base::FileDescriptor lock_;
-  std::shared_ptr<std::atomic<bool>> abandoned_ = std::make_shared<std::atomic<bool>>(false);
+  struct Delay;
+  std::shared_ptr<Delay> delay_;
   std::future<base::Result<void>> finishing_;
 };
 

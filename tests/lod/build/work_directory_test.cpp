@@ -3,9 +3,11 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <filesystem>
 #include <future>
 #include <memory>
+#include <thread>
 
 #include "base/file.h"
 
@@ -88,6 +90,32 @@ TEST_F(WorkDirectoryTest, aKeyThatCannotBeWorkedOutIsAnErrorAndLeavesNoStage) {
   ASSERT_FALSE(settled);
   EXPECT_EQ(settled.error().message, "the source cannot be read");
   EXPECT_FALSE(fs::exists(path_ + "/stage1"));
+}
+
+// Syncing costs a small build more than it would cost to do the work once more.
+TEST_F(WorkDirectoryTest, aBuildThatIsDoneAtOnceWritesNoStages) {
+  const auto begin = std::chrono::steady_clock::now();
+  auto directory = WorkDirectory::open(path_, key("one"));
+  ASSERT_TRUE(directory);
+  ASSERT_TRUE(directory->finishStage(1, {1}, {}));
+  ASSERT_TRUE(directory->finishStage(2, {2}, {}));
+  directory->abandonStages();
+  const bool late = std::chrono::steady_clock::now() - begin > WorkDirectory::kStageDelay;
+  ASSERT_TRUE(directory->settle());
+  if (late) GTEST_SKIP() << "this machine is busy";
+  EXPECT_EQ(asked_, 0);
+  EXPECT_FALSE(fs::exists(path_ + "/key"));
+  EXPECT_FALSE(fs::exists(path_ + "/stage1"));
+}
+
+TEST_F(WorkDirectoryTest, aStageIsWrittenThoughNobodySettlesIt) {
+  auto directory = WorkDirectory::open(path_, key("one"));
+  ASSERT_TRUE(directory);
+  ASSERT_TRUE(directory->finishStage(1, {1}, {}));
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+  while (!fs::exists(path_ + "/stage1") && std::chrono::steady_clock::now() < end)
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  EXPECT_TRUE(fs::exists(path_ + "/stage1"));
 }
 
 // The first stage's file is missing: no later one may count, nor give back what it needed.
