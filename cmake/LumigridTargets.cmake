@@ -30,7 +30,7 @@ _lumigrid_allow(cache          "base"                                           
 _lumigrid_allow(jpeg           "base;grid"                                         "turbojpeg;JPEG::JPEG")
 _lumigrid_allow(meta           "base;grid"                                         "nlohmann_json::nlohmann_json")
 _lumigrid_allow(repository     "base;base_hash;grid;meta;cache;jpeg;objects"       "lmdb;nlohmann_json::nlohmann_json")
-_lumigrid_allow(objects        "base;base_hash;grid"                               "CURL::libcurl;OpenSSL::Crypto")
+_lumigrid_allow(objects        "base;base_hash;grid"                               "OpenSSL::Crypto")
 _lumigrid_allow(protocol       "base;grid"                                         "")
 _lumigrid_allow(plan           "base;lod;lod_patch;grid;protocol"                  "")
 _lumigrid_allow(server_render  "${_any_base};lod;lod_patch;lod_qsplat;lod_draw;grid"          "")

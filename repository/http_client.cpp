@@ -1,7 +1,5 @@
 #include "repository/http_client.h"
 
-#include <curl/curl.h>
-
 #include <algorithm>
 #include <array>
 #include <cctype>
@@ -12,6 +10,7 @@
 #include <utility>
 
 #include "base/check.h"
+#include "repository/curl_library.h"
 
 namespace repository {
 namespace {
@@ -26,12 +25,17 @@ constexpr std::size_t kMostErrorBytes = std::size_t{64} << 10;
 constexpr std::size_t kFirstReserve = std::size_t{1} << 20;  // taken at once; the rest as it comes
 constexpr long kStallBytesPerSecond = 1024;
 
+// What has a handle has the library.
+const CurlLibrary& curl() {
+  return *curlLibrary();
+}
+
 struct CloseHandle {
-  void operator()(CURL* handle) const { curl_easy_cleanup(handle); }
+  void operator()(CURL* handle) const { curl().easy_cleanup(handle); }
 };
 using Handle = std::unique_ptr<CURL, CloseHandle>;
 struct FreeList {
-  void operator()(curl_slist* list) const { curl_slist_free_all(list); }
+  void operator()(curl_slist* list) const { curl().slist_free_all(list); }
 };
 using HeaderList = std::unique_ptr<curl_slist, FreeList>;
 
@@ -113,7 +117,7 @@ extern "C" std::size_t receiveBody(char* data, std::size_t size, std::size_t cou
 
 template <class Value>
 void set(const Handle& handle, CURLoption option, Value value) {
-  LUMIGRID_CHECK(curl_easy_setopt(handle.get(), option, value) == CURLE_OK);
+  LUMIGRID_CHECK(curl().easy_setopt(handle.get(), option, value) == CURLE_OK);
 }
 
 void setLimits(const Handle& handle, const HttpOptions& options) {
@@ -151,9 +155,9 @@ HeaderList headerList(const HttpRequest& request) {
   HeaderList list;
   // Waiting for "100 Continue" costs a second where a server does not know it.
   for (const char* line : {"Expect:", "Accept-Encoding: identity", "User-Agent: lumigrid"})
-    list.reset(curl_slist_append(list.release(), line));
+    list.reset(curl().slist_append(list.release(), line));
   if (request.headers)
-    for (const std::string& line : request.headers()) list.reset(curl_slist_append(list.release(), line.c_str()));
+    for (const std::string& line : request.headers()) list.reset(curl().slist_append(list.release(), line.c_str()));
   return list;
 }
 
@@ -168,7 +172,7 @@ Try tryOnce(const Handle& handle, const HttpRequest& request, const HttpOptions&
   Try result;
   result.receipt.most_bytes = request.most_bytes;
   std::array<char, CURL_ERROR_SIZE> words{};
-  curl_easy_reset(handle.get());
+  curl().easy_reset(handle.get());
   setLimits(handle, options);
   setRedirects(handle, request, options);
   setMethod(handle, request);
@@ -182,10 +186,10 @@ Try tryOnce(const Handle& handle, const HttpRequest& request, const HttpOptions&
   set(handle, CURLOPT_WRITEFUNCTION, &receiveBody);
   set(handle, CURLOPT_WRITEDATA, &result.receipt);
 
-  result.code = curl_easy_perform(handle.get());
-  result.detail = words[0] != '\0' ? words.data() : curl_easy_strerror(result.code);
+  result.code = curl().easy_perform(handle.get());
+  result.detail = words[0] != '\0' ? words.data() : curl().easy_strerror(result.code);
   curl_off_t seconds = 0;
-  if (curl_easy_getinfo(handle.get(), CURLINFO_RETRY_AFTER, &seconds) == CURLE_OK && seconds > 0)
+  if (curl().easy_getinfo(handle.get(), CURLINFO_RETRY_AFTER, &seconds) == CURLE_OK && seconds > 0)
     result.retry_after = milliseconds(std::min<curl_off_t>(seconds, 1000000) * 1000);
   // We stopped it ourselves: what came is the answer.
   if (result.code == CURLE_WRITE_ERROR && !result.receipt.headers_too_long) result.code = CURLE_OK;
@@ -267,14 +271,11 @@ Error transportError(const Try& tried, const HttpOptions& options) {
 // libcurl's handles, each with its connections; a request borrows one.
 class HttpClient::Pool {
  public:
-  explicit Pool(std::size_t most) : most_(most) {
-    static const CURLcode initialized = curl_global_init(CURL_GLOBAL_DEFAULT);
-    LUMIGRID_CHECK(initialized == CURLE_OK);
-  }
+  explicit Pool(std::size_t most) : most_(most) {}
   Handle take() {
     const std::lock_guard lock(mutex_);
     if (idle_.empty()) {
-      Handle made(curl_easy_init());
+      Handle made(curl().easy_init());
       LUMIGRID_CHECK(made != nullptr);  // only without memory
       return made;
     }
@@ -299,6 +300,7 @@ HttpClient::HttpClient(const HttpOptions& options)
 HttpClient::~HttpClient() = default;
 
 Result<HttpResponse> HttpClient::send(const HttpRequest& request) const {
+  if (const auto& library = curlLibrary(); !library) return library.error();
   const auto begin = std::chrono::steady_clock::now();
   Handle handle = pool_->take();
   Try tried = tryOnce(handle, request, options_);
