@@ -42,6 +42,7 @@ struct ObjReader {
   base::Result<void> readNormal(std::string_view line);
   base::Result<void> readFace(std::string_view line);
   base::Result<void> readCorner(std::string_view word);
+  base::Result<void> addVertex(std::int64_t number);
   void readMaterials(std::string_view name);
   void useMaterial(std::string_view name);
   base::Result<void> finish();
@@ -50,11 +51,13 @@ struct ObjReader {
 // "v x y z", "v x y z w", "v x y z r g b"; returns how many numbers, or an error.
 base::Result<std::size_t> readNumbers(std::string_view line, std::array<double, 7>& numbers, std::uint64_t number) {
   std::size_t count = 0;
-  for (std::string_view word = nextWord(line); !word.empty() && count < numbers.size(); word = nextWord(line)) {
-    if (word.front() == '#') break;
-    if (!parseNumber(word, numbers[count]))
+  for (; skipSpaces(line) && line.front() != '#' && count < numbers.size(); ++count) {
+    if (const std::size_t plain = leadingDecimal(line, numbers[count]); plain > 0) {
+      line.remove_prefix(plain);
+      continue;
+    }
+    if (const std::string_view word = nextWord(line); !parseNumber(word, numbers[count]))
       return invalidInput(ObjReader::placeOf(number) + ": " + quoted(word) + " is not a number");
-    ++count;
   }
   if (count < 3) return invalidInput(ObjReader::placeOf(number) + ": three numbers are needed (a truncated file?)");
   return count;
@@ -93,20 +96,24 @@ bool resolveIndex(std::int64_t number, std::uint64_t count, std::int64_t& index)
   return number != 0 && index >= 0;
 }
 
-// "7", "7/2", "7//3" or "7/2/3": vertex, texture, normal.
-base::Result<void> ObjReader::readCorner(std::string_view word) {
-  std::int64_t number = 0;
+// A corner's, by its number in the file.
+base::Result<void> ObjReader::addVertex(std::int64_t number) {
   std::int64_t index = 0;
-  // Most are digits alone.
-  const bool plain = leadingDigits(word, number) == word.size();
-  const std::size_t slash = plain ? std::string_view::npos : word.find('/');
-  if (!plain && !parseNumber(word.substr(0, slash), number))
-    return invalidInput(place() + ": " + quoted(word) + " is not a vertex index");
   if (!resolveIndex(number, out.vertexCount(), index) || index >= std::int64_t{1} << 48)
     return indexOutOfRange(place(), number, out.vertexCount());
   if (index > highest_index) highest_index = index, highest_index_line = line_number;
   corners.push_back(static_cast<std::uint64_t>(index));
   if (texture != nullptr) uv.emplace_back(std::numeric_limits<double>::quiet_NaN());
+  return {};
+}
+
+// "7", "7/2", "7//3" or "7/2/3": vertex, texture, normal.
+base::Result<void> ObjReader::readCorner(std::string_view word) {
+  std::int64_t number = 0;
+  const std::size_t slash = word.find('/');
+  if (!parseNumber(word.substr(0, slash), number))
+    return invalidInput(place() + ": " + quoted(word) + " is not a vertex index");
+  LUMIGRID_TRY(addVertex(number));
   if (slash == std::string_view::npos) return {};
 
   const std::size_t last_slash = word.rfind('/');
@@ -133,8 +140,17 @@ base::Result<void> ObjReader::readFace(std::string_view line) {
   corners.clear();
   normals.clear();
   uv.clear();
-  for (std::string_view word = nextWord(line); !word.empty() && word.front() != '#'; word = nextWord(line))
-    LUMIGRID_TRY(readCorner(word));
+  while (skipSpaces(line) && line.front() != '#') {
+    // Most are digits alone.
+    std::int64_t number = 0;
+    const std::size_t digits = leadingDigits(line, number);
+    if (digits > 0 && (digits == line.size() || isSpace(line[digits]))) {
+      line.remove_prefix(digits);
+      LUMIGRID_TRY(addVertex(number));
+    } else {
+      LUMIGRID_TRY(readCorner(nextWord(line)));
+    }
+  }
   std::span<const glm::u8vec4> colors_of_corners;
   const auto known = [](const glm::dvec2& p) { return std::isfinite(p.x) && std::isfinite(p.y); };
   if (texture != nullptr && uv.size() >= 3 && std::all_of(uv.begin(), uv.end(), known)) {

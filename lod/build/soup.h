@@ -7,6 +7,7 @@
 #include <glm/glm.hpp>
 #include <string>
 #include <string_view>
+#include <type_traits>
 #include <vector>
 
 #include "base/bytes.h"
@@ -144,13 +145,20 @@ inline bool isSpace(char c) {
   return c == ' ' || (c >= '\t' && c <= '\r');
 }
 
-/// Cuts the next word off the front of `text`; empty when none is left.
-inline std::string_view nextWord(std::string_view& text) {
+/// Cuts spaces off the front of `text`; false when nothing is left.
+inline bool skipSpaces(std::string_view& text) {
   std::size_t begin = 0;
   while (begin < text.size() && isSpace(text[begin])) ++begin;
-  std::size_t end = begin;
+  text.remove_prefix(begin);
+  return !text.empty();
+}
+
+/// Cuts the next word off the front of `text`; empty when none is left.
+inline std::string_view nextWord(std::string_view& text) {
+  skipSpaces(text);
+  std::size_t end = 0;
   while (end < text.size() && !isSpace(text[end])) ++end;
-  std::string_view word = text.substr(begin, end - begin);
+  std::string_view word = text.substr(0, end);
   text.remove_prefix(end);
   return word;
 }
@@ -164,9 +172,43 @@ inline std::string_view nextLine(std::string_view& text) {
   return line;
 }
 
+/// How many characters of the front of `text` are a decimal without an exponent, of so few digits that `value` is
+/// rounded once and rightly: whole number and power of ten are both exact (Clinger 1990, "How to read floating point
+/// numbers accurately"). 0: none, or one that std::from_chars has to read.
+inline std::size_t leadingDecimal(std::string_view text, double& value) {
+  static constexpr double kTens[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,  1e8, 1e9,
+                                     1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18};
+  constexpr std::size_t kMostDigits = 18;
+  const bool negative = !text.empty() && text.front() == '-';
+  std::size_t at = negative ? 1 : 0;
+  std::uint64_t whole = 0;
+  std::size_t digits = 0;
+  std::size_t point = 0;  // digits before it
+  bool pointed = false;
+  for (; at < text.size(); ++at) {
+    const char c = text[at];
+    if (c >= '0' && c <= '9') {
+      if (++digits > kMostDigits) return 0;
+      whole = 10 * whole + static_cast<std::uint64_t>(c - '0');
+    } else if (c == '.' && !pointed) {
+      pointed = true;
+      point = digits;
+    } else {
+      break;
+    }
+  }
+  if (digits == 0 || whole > std::uint64_t{1} << 53) return 0;
+  if (at < text.size() && !isSpace(text[at])) return 0;
+  const double size = static_cast<double>(whole) / kTens[pointed ? digits - point : 0];
+  value = negative ? -size : size;
+  return at;
+}
+
 /// The whole word as a number; false when it is none.
 template <class T>
 bool parseNumber(std::string_view word, T& value) {
+  if constexpr (std::is_same_v<T, double>)
+    if (leadingDecimal(word, value) == word.size() && !word.empty()) return true;
   if (!word.empty() && word.front() == '+') word.remove_prefix(1);
   const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
   return error == std::errc{} && end == word.data() + word.size();
