@@ -17,18 +17,19 @@ struct CellBorders {
   std::array<float, kNormalSide + 1> at;
   CellBorders() {
     for (std::uint32_t i = 0; i <= kNormalSide; ++i) at[i] = static_cast<float>(cellBorder(i));
+    // The outermost cells have all that lies beyond, too.
+    at.front() = -std::numeric_limits<float>::infinity();
+    at.back() = std::numeric_limits<float>::infinity();
   }
 };
 
-std::uint32_t cellOf(float t) {
-  static const CellBorders borders;
-  // A guess by a short arctangent (Rajan et al. 2006, off by 0.0038 rad at most), put right by the borders themselves.
+std::uint32_t cellOf(const CellBorders& borders, float t) {
+  // A guess by a short arctangent (Rajan et al. 2006, off by 0.0038 rad at most: an eighth of a cell), put right by the
+  // borders themselves.
   const float turns = t * (1.0F + 0.3476F * (1.0F - std::abs(t)));
   const float guess = 0.5F * static_cast<float>(kNormalSide) * (turns + 1.0F);
-  auto cell = static_cast<std::uint32_t>(std::clamp(guess, 0.0F, static_cast<float>(kNormalSide - 1)));
-  while (cell > 0 && t < borders.at[cell]) --cell;
-  while (cell + 1 < kNormalSide && t >= borders.at[cell + 1]) ++cell;
-  return cell;
+  const auto cell = static_cast<std::uint32_t>(std::clamp(guess, 0.0F, static_cast<float>(kNormalSide - 1)));
+  return cell + (t >= borders.at[cell + 1] ? 1U : 0U) - (t < borders.at[cell] ? 1U : 0U);
 }
 
 }  // namespace
@@ -84,10 +85,9 @@ std::uint32_t encodeSphere(const base::Sphere& parent, const base::Sphere& child
   const double radius = static_cast<double>(child.radius) * scale;
   int s = radius < double{kSteps} ? std::max(1, static_cast<int>(std::ceil(radius * (1.0 - 1e-6)))) : kSteps;
   for (; s < kSteps; ++s) {
-    const double last = kSteps - s;
-    const glm::dvec3 cell = glm::clamp(glm::floor(at - 0.5 * s + 0.5), 0.0, last);
-    const std::uint32_t code =
-        codes.code({s, {static_cast<int>(cell.x), static_cast<int>(cell.y), static_cast<int>(cell.z)}});
+    // The nearest cell, halves up; what is below 0 becomes 0.
+    const glm::ivec3 cell = glm::min(glm::ivec3(glm::max(at - 0.5 * s + 0.5, 0.0)), kSteps - s);
+    const std::uint32_t code = codes.code({s, {cell.x, cell.y, cell.z}});
     if (code < kSphereCodes && encloses(decodeSphere(parent, table[code]), child)) return code;
   }
   return kWholeParent;
@@ -114,13 +114,16 @@ const NormalTable& normalTable() {
 
 std::uint32_t encodeNormal(const glm::vec3& n) {
   const glm::vec3 size = glm::abs(n);
-  const std::uint32_t axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
-  const float major = size[static_cast<int>(axis)];
+  // Which one it is cannot be foretold: no branches.
+  const bool is_x = (size.x >= size.y) & (size.x >= size.z);
+  const std::uint32_t axis = is_x ? 0U : 2U - static_cast<std::uint32_t>(size.y >= size.z);
+  const float major = std::max(size.x, std::max(size.y, size.z));
   if (!(major > 0.0F) || !(size.x + size.y + size.z <= std::numeric_limits<float>::max()))
     return encodeNormal({0.0F, 0.0F, 1.0F});
   const std::uint32_t face = 2 * axis + (n[static_cast<int>(axis)] < 0.0F ? 1 : 0);
-  const std::uint32_t row = cellOf(n[axis == 0 ? 1 : 0] / major);
-  const std::uint32_t column = cellOf(n[axis == 2 ? 1 : 2] / major);
+  static const CellBorders borders;
+  const std::uint32_t row = cellOf(borders, n[axis == 0 ? 1 : 0] / major);
+  const std::uint32_t column = cellOf(borders, n[axis == 2 ? 1 : 2] / major);
   return (face * kNormalSide + row) * kNormalSide + column;
 }
 
