@@ -36,7 +36,7 @@ class Builder {
     LUMIGRID_TRY(needMemory(memory_));
     LUMIGRID_TRY(needDescriptors(kDescriptors));
     keepFreedMemory();
-    const ResumeKey key = keyAfter("qsplat 3 " + std::to_string(options_.dice) + " ", options_.resume_key);
+    const ResumeKey key = keyAfter("qsplat 4 " + std::to_string(options_.dice) + " ", options_.resume_key);
     LUMIGRID_TRY(buildIn(directory_, options_.work_directory, key, output_path_, [&] { return stages(input); }));
     return std::move(summary_);
   }
@@ -198,7 +198,7 @@ class Builder {
   base::Result<void> makeTile(const LeafSource& source, std::size_t tile) {
     const auto leaves = source.leaves(tile);
     if (!leaves) return leaves.error();
-    Subtree tree = leaves->splats.empty() ? Subtree() : makeSubtree(leaves->splats);
+    Subtree tree = leaves->splats.empty() ? Subtree() : makeSubtree(leaves->splats, leaves->facets);
     tree.added_leaves = leaves->added;
     return subtrees_->add(static_cast<std::uint32_t>(tile), tree);
   }

@@ -9,6 +9,7 @@ namespace lod::build::qsplat {
 
 struct TileLeaves {
   std::vector<Splat> splats;  ///< in an order that only the source decides; may be none
+  LeafFacets facets;          ///< around them
   std::uint64_t added = 0;    ///< how many of them are no vertex or point of the source
 };
 

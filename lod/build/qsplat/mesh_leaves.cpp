@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <mutex>
+#include <numeric>
 
 #include "base/parallel.h"
 
@@ -15,6 +16,7 @@ constexpr double kWidestShare = 1.0 / 128.0;
 constexpr double kShortestCut = 4.0;
 // Leaves that are added to a bucket: one for each two triangles, or so many where that is less.
 constexpr std::uint64_t kLeastRoom = std::uint64_t{1} << 14;
+constexpr std::uint32_t kNoLeaf = std::numeric_limits<std::uint32_t>::max();
 // Edge lengths that are tried, for each factor of two. A power of two.
 constexpr int kLengths = 8;
 
@@ -272,7 +274,8 @@ MeshLeaves::Point MeshLeaves::vertex(const VertexSums& sums) {
 
 // The points between pieces: colours and given normals are means of those at the ends of the edge, else normals are
 // their pieces'. Then what the pieces ask for.
-void MeshLeaves::addPieces(const Dicer& dicer, std::span<const Triangle> triangles, std::vector<Point>& points) {
+void MeshLeaves::addPieces(const Dicer& dicer, std::span<const Triangle> triangles, std::vector<Point>& points,
+                           std::vector<Outlier>& outliers) {
   const std::size_t vertices = points.size();
   for (const Dicer::Middle& middle : dicer.middles()) {
     Point point;
@@ -298,9 +301,29 @@ void MeshLeaves::addPieces(const Dicer& dicer, std::span<const Triangle> triangl
   }
   for (std::size_t i = 0; i < pieces.size(); ++i) {
     const Dicer::Piece& p = dicer.pieces()[i];
-    for (const std::uint32_t corner : p.corners)
-      points[corner].around.add(pieces[i].at(triangles[p.triangle], points[corner].decoded));
+    for (const std::uint32_t corner : p.corners) {
+      const Around around = pieces[i].at(triangles[p.triangle], points[corner].decoded);
+      points[corner].around.add(around);
+      if (around.least_cosine < LeafFacets::kCoreCosine) outliers.push_back({corner, p.triangle});
+    }
   }
+}
+
+// Leaf by leaf; `leaf_of_point`: kNoLeaf where they are of no use.
+LeafFacets MeshLeaves::facetsOf(std::span<const Outlier> outliers, std::span<const std::uint32_t> leaf_of_point,
+                                std::size_t leaves, std::span<const Triangle> triangles) {
+  LeafFacets out;
+  if (outliers.empty()) return out;
+  // The end of each, then by filling from there its beginning.
+  out.first.assign(leaves + 1, 0);
+  for (const Outlier& outlier : outliers)
+    if (const std::uint32_t leaf = leaf_of_point[outlier.point]; leaf != kNoLeaf) ++out.first[leaf];
+  std::partial_sum(out.first.begin(), out.first.end(), out.first.begin());
+  out.normals.resize(out.first.back());
+  for (const Outlier& outlier : outliers)
+    if (const std::uint32_t leaf = leaf_of_point[outlier.point]; leaf != kNoLeaf)
+      out.normals[--out.first[leaf]] = triangles[outlier.triangle].unit;
+  return out;
 }
 
 base::Result<TileLeaves> MeshLeaves::leaves(std::size_t bucket) const {
@@ -354,6 +377,7 @@ base::Result<TileLeaves> MeshLeaves::leaves(std::size_t bucket) const {
   sums = std::vector<VertexSums>();
   faces = std::vector<glm::i64vec3>();
 
+  std::vector<Outlier> outliers;
   Dicer dicer(places, longest);
   for (std::size_t t = 0; t < triangles.size(); ++t) {
     expect(3 * t, [&](std::uint32_t v) { return &points[v].around; });
@@ -361,20 +385,26 @@ base::Result<TileLeaves> MeshLeaves::leaves(std::size_t bucket) const {
     if (triangles[t].diced) dicer.cut({v[0], v[1], v[2]}, static_cast<std::uint32_t>(t));
     for (std::size_t k = 0; k < 3; ++k) {
       Point& point = points[v[k]];
-      point.around.add(triangles[t].at(point.decoded));
+      const Around around = triangles[t].at(point.decoded);
+      point.around.add(around);
+      if (around.least_cosine < LeafFacets::kCoreCosine) outliers.push_back({v[k], static_cast<std::uint32_t>(t)});
     }
   }
-  addPieces(dicer, triangles, points);
+  addPieces(dicer, triangles, points, outliers);
 
   TileLeaves out;
   out.added = points.size() - places.size();
   out.splats.reserve(points.size());
+  std::vector<std::uint32_t> leaf_of_point(points.size(), kNoLeaf);
   for (std::size_t i = 0; i < points.size(); ++i) {
     const Border* shared = i < at.size() && at[i] >= 0 ? &border_[static_cast<std::size_t>(at[i])] : nullptr;
+    // Other buckets' facets around it are not known here one by one.
+    if (shared == nullptr) leaf_of_point[i] = static_cast<std::uint32_t>(out.splats.size());
     if (shared == nullptr || shared->owner == bucket)
       out.splats.push_back(leaf(dicer.position(static_cast<std::uint32_t>(i)), points[i],
                                 shared != nullptr ? shared->around : points[i].around));
   }
+  out.facets = facetsOf(outliers, leaf_of_point, out.splats.size(), triangles);
   return out;
 }
 

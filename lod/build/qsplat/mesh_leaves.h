@@ -69,7 +69,15 @@ class MeshLeaves : public LeafSource {
   std::vector<std::pair<std::uint32_t, Around>> aroundBorder(std::span<const BorderTriangle> triangles,
                                                              std::span<const glm::vec3> normals, double longest) const;
   static Point vertex(const VertexSums& sums);
-  static void addPieces(const Dicer& dicer, std::span<const Triangle> triangles, std::vector<Point>& points);
+  // A triangle that lies outside the narrow cone around a point's normal (LeafFacets).
+  struct Outlier {
+    std::uint32_t point = 0;
+    std::uint32_t triangle = 0;
+  };
+  static void addPieces(const Dicer& dicer, std::span<const Triangle> triangles, std::vector<Point>& points,
+                        std::vector<Outlier>& outliers);
+  static LeafFacets facetsOf(std::span<const Outlier> outliers, std::span<const std::uint32_t> leaf_of_point,
+                             std::size_t leaves, std::span<const Triangle> triangles);
   Splat leaf(const glm::dvec3& place, const Point& point, const Around& around) const;
 
   const Buckets& buckets_;

@@ -4,71 +4,82 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <tuple>
 
 namespace lod::build::qsplat {
 namespace {
 
-double reach(const glm::dvec3& center, const base::Sphere& sphere) {
-  return glm::length(glm::dvec3(sphere.center) - center) + static_cast<double>(sphere.radius);
-}
+// Up to four spheres, coordinate by coordinate, so that all four are looked at in the time of one or two. Places
+// without one hold the first once more.
+struct Spheres {
+  static constexpr std::size_t kRoom = lod::qsplat::kMostChildren;
+  std::array<double, kRoom> x, y, z, radius;
 
-// How far a sphere around `center` must reach, and the sphere that asks for it.
-std::pair<double, const base::Sphere*> farthest(const glm::dvec3& center, std::span<const base::Sphere> spheres) {
-  std::pair<double, const base::Sphere*> most{-1.0, nullptr};
-  for (const base::Sphere& sphere : spheres)
-    if (const double r = reach(center, sphere); r > most.first) most = {r, &sphere};
-  return most;
-}
+  explicit Spheres(std::span<const base::Sphere> spheres) {
+    for (std::size_t i = 0; i < kRoom; ++i) {
+      const base::Sphere& sphere = spheres[i < spheres.size() ? i : 0];
+      x[i] = static_cast<double>(sphere.center.x);
+      y[i] = static_cast<double>(sphere.center.y);
+      z[i] = static_cast<double>(sphere.center.z);
+      radius[i] = static_cast<double>(sphere.radius);
+    }
+  }
+  glm::dvec3 center(std::size_t i) const { return {x[i], y[i], z[i]}; }
 
-// Centre of the smallest sphere around two, neither of which holds the other.
-glm::dvec3 betweenTwo(const base::Sphere& a, const base::Sphere& b) {
-  const glm::dvec3 along = glm::dvec3(b.center) - glm::dvec3(a.center);
-  const double distance = glm::length(along);
-  const double apart = distance + static_cast<double>(b.radius) - static_cast<double>(a.radius);
-  return distance > 0.0 ? glm::dvec3(a.center) + along * std::clamp(0.5 * apart / distance, 0.0, 1.0)
-                        : glm::dvec3(a.center);
-}
+  // The sphere that asks one around `from` to reach farthest, how far, and how far its centre is.
+  struct Farthest {
+    std::size_t sphere = 0;
+    double reach = 0.0;
+    double distance = 0.0;
+  };
+  Farthest farthest(const glm::dvec3& from) const {
+    std::array<double, kRoom> distance;
+    for (std::size_t i = 0; i < kRoom; ++i) {
+      const double dx = x[i] - from.x, dy = y[i] - from.y, dz = z[i] - from.z;
+      distance[i] = std::sqrt(dx * dx + dy * dy + dz * dz);
+    }
+    Farthest most{0, distance[0] + radius[0], distance[0]};
+    for (std::size_t i = 1; i < kRoom; ++i)
+      if (const double reach = distance[i] + radius[i]; reach > most.reach) most = {i, reach, distance[i]};
+    return most;
+  }
+  // Centre of the smallest sphere around two, neither of which holds the other.
+  glm::dvec3 between(std::size_t a, std::size_t b) const {
+    const glm::dvec3 along = center(b) - center(a);
+    const double distance = glm::length(along);
+    const double apart = distance + radius[b] - radius[a];
+    return distance > 0.0 ? center(a) + along * std::clamp(0.5 * apart / distance, 0.0, 1.0) : center(a);
+  }
+};
 
-glm::dvec3 bestCenter(std::span<const base::Sphere> spheres) {
+glm::dvec3 bestCenter(const Spheres& spheres, std::size_t count) {
   // Two of them often decide. Otherwise the widest pair is where to begin.
   std::pair<double, glm::dvec3> best{-1.0, glm::dvec3(0.0)};
-  for (std::size_t i = 0; i < spheres.size(); ++i)
+  for (std::size_t i = 0; i < count; ++i)
     for (std::size_t j = 0; j < i; ++j) {
-      const glm::dvec3 center = betweenTwo(spheres[i], spheres[j]);
-      const double radius = std::max(reach(center, spheres[i]), reach(center, spheres[j]));
+      const glm::dvec3 center = spheres.between(i, j);
+      const auto reach = [&](std::size_t k) { return glm::length(spheres.center(k) - center) + spheres.radius[k]; };
+      const double radius = std::max(reach(i), reach(j));
       if (radius > best.first) best = {radius, center};
     }
   glm::dvec3 center = best.second;
-  auto [radius, sphere] = farthest(center, spheres);
-  if (radius <= best.first * (1.0 + 1e-9)) return center;
+  Spheres::Farthest most = spheres.farthest(center);
+  if (most.reach <= best.first * (1.0 + 1e-9)) return center;
 
   // Towards the farthest by what it is farther than the lower bound, less and less (Badoiu and Clarkson 2003).
   glm::dvec3 least_center = center;
-  double least = radius;
-  double step = 0.5 * (radius - best.first);
-  for (int i = 0; i < 12; ++i) {
-    const glm::dvec3 towards = glm::dvec3(sphere->center) - center;
-    const double length = glm::length(towards);
-    if (!(length > 0.0)) break;
-    center += towards * std::min(1.0, step / length);
-    std::tie(radius, sphere) = farthest(center, spheres);
-    if (radius < least) {
-      least = radius;
+  double least = most.reach;
+  double step = 0.5 * (most.reach - best.first);
+  for (int i = 0; i < 12 && most.distance > 0.0; ++i) {
+    center += (spheres.center(most.sphere) - center) * std::min(1.0, step / most.distance);
+    most = spheres.farthest(center);
+    if (most.reach < least) {
+      least = most.reach;
       least_center = center;
     } else {
       step *= 0.6;
     }
   }
   return least_center;
-}
-
-// Cosine of the sum of two angles, neither above a right angle; -1 where the sum is.
-float cosineOfSum(float cosine_a, float cosine_b) {
-  if (cosine_a <= 0.0F || cosine_b <= 0.0F) return -1.0F;
-  const float sines =
-      std::sqrt(std::max(0.0F, 1.0F - cosine_a * cosine_a)) * std::sqrt(std::max(0.0F, 1.0F - cosine_b * cosine_b));
-  return cosine_a * cosine_b - sines;
 }
 
 }  // namespace
@@ -80,8 +91,9 @@ base::Sphere enclosingSphere(std::span<const base::Sphere> spheres) {
   if (std::all_of(spheres.begin(), spheres.end(),
                   [&](const base::Sphere& sphere) { return lod::qsplat::encloses(*largest, sphere); }))
     return *largest;
-  base::Sphere out{glm::vec3(bestCenter(spheres)), 0.0F};
-  const double radius = farthest(glm::dvec3(out.center), spheres).first;
+  const Spheres all(spheres);
+  base::Sphere out{glm::vec3(bestCenter(all, spheres.size())), 0.0F};
+  const double radius = all.farthest(glm::dvec3(out.center)).reach;
   out.radius = static_cast<float>(radius);
   if (static_cast<double>(out.radius) < radius)
     out.radius = std::nextafter(out.radius, std::numeric_limits<float>::max());
@@ -100,10 +112,6 @@ Splat parentOf(std::span<const Splat* const> children) {
   out.sphere = enclosingSphere(std::span(spheres).first(children.size()));
   out.direction = lod::qsplat::encodeNormal(out.normal);
   return out;
-}
-
-float leastCosine(const glm::vec3& axis, const Splat& leaf) {
-  return cosineOfSum(std::min(1.0F, glm::dot(axis, lod::qsplat::normalTable()[leaf.direction])), leaf.least_cosine);
 }
 
 }  // namespace lod::build::qsplat

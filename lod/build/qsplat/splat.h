@@ -1,7 +1,10 @@
 #pragma once
 // What a node of the tree stands for while it is built (Rusinkiewicz and Levoy 2000, section 2.2): a leaf, or all that
 // lies below an inner node. Private to lod/build/qsplat.
+#include <algorithm>
+#include <cmath>
 #include <span>
+#include <vector>
 
 #include "base/geometry.h"
 #include "lod/qsplat/node.h"
@@ -25,7 +28,29 @@ base::Sphere enclosingSphere(std::span<const base::Sphere> spheres);
 /// What 2 to 4 children make together, but for its cone.
 Splat parentOf(std::span<const Splat* const> children);
 
-/// The least cosine between the direction `axis` and the normals in a leaf's cone; -1 beyond a right angle.
-float leastCosine(const glm::vec3& axis, const Splat& leaf);
+/// Normals of facets around leaves, of each those that lie outside a narrow cone around its decoded normal: of the cone
+/// that holds them all, they tell which part is empty. Leaves from points have none.
+struct LeafFacets {
+  /// Cosine and sine of the narrow cone's half-angle, 0.1 rad: few facets of a smooth surface lie outside.
+  static constexpr float kCoreCosine = 0.9950042F;
+  static constexpr float kCoreSine = 0.0998334F;
+  std::vector<std::uint32_t> first;  ///< by leaf, and the end: its first one among the normals; empty: none has any
+  std::vector<glm::vec3> normals;    ///< unit
+
+  bool empty() const { return normals.empty(); }
+};
+
+/// What cosines of angles between two normals in float32 are off by, about. Near 0 that is much of an angle.
+inline constexpr float kCosineRounding = 3e-7F;
+/// Sine of an angle known by its cosine: not less than it is.
+inline float sineOf(float cosine) {
+  return std::sqrt(std::max(0.0F, 1.0F - cosine * cosine) + 2.0F * kCosineRounding);
+}
+/// Cosine of the sum of two angles, given by cosine and by cosine and sine, not more than it is; -1 where one of them,
+/// or the sum, is above a right angle.
+inline float cosineOfSum(float cosine_a, float cosine_b, float sine_b) {
+  if (cosine_a <= 0.0F || cosine_b <= 0.0F) return -1.0F;
+  return cosine_a * cosine_b - sineOf(cosine_a) * sine_b;
+}
 
 }  // namespace lod::build::qsplat

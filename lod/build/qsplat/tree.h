@@ -49,8 +49,9 @@ struct TreeShape {
 
 /// Over at least one splat, fewer than 2^31. A part is split at the middle of its box's longest side; in halves by
 /// count where that would leave less than a sixteenth on one side, so that no tree is deep (section 3.2 says why not
-/// always).
-TreeShape makeTree(std::span<const Splat> splats);
+/// always). An inner node's normal is the mean of those below, or up to 0.07 rad from it where its cone then has a
+/// narrower code. `facets`: around the splats; none: their cones are all that is known.
+TreeShape makeTree(std::span<const Splat> splats, const LeafFacets& facets = {});
 
 /// A tile's nodes, breadth first.
 struct Subtree {
@@ -59,6 +60,6 @@ struct Subtree {
   std::vector<std::uint32_t> level_nodes;  ///< how many of them are of each level
   std::uint64_t added_leaves = 0;          ///< that are no vertex or point of the source
 };
-Subtree makeSubtree(std::span<const Splat> leaves);
+Subtree makeSubtree(std::span<const Splat> leaves, const LeafFacets& facets = {});
 
 }  // namespace lod::build::qsplat

@@ -11,6 +11,7 @@ namespace support {
 struct MeshSplats {
   lod::build::SourceLattice lattice;
   std::vector<lod::build::qsplat::Splat> leaves;
+  lod::build::qsplat::LeafFacets facets;  ///< around them
   lod::build::Mesh sorted;  ///< the triangles that the leaves are made of: repaired, turned to one side, on the lattice
   std::size_t buckets = 0;
 };
@@ -22,6 +23,15 @@ inline void addCorners(std::span<const lod::build::Corner> corners, const lod::b
     mesh.indices.push_back(static_cast<std::uint32_t>(mesh.positions.size()));
     mesh.positions.push_back(lattice.lattice.position(lod::build::mortonPoint(corner.code)));
   }
+}
+
+/// Adds those of so many more leaves.
+inline void addFacets(const lod::build::qsplat::LeafFacets& more, std::size_t leaves_before, std::size_t leaves,
+                      lod::build::qsplat::LeafFacets& facets) {
+  facets.first.resize(leaves_before + leaves + 1, static_cast<std::uint32_t>(facets.normals.size()));
+  for (std::size_t i = 0; !more.empty() && i <= leaves; ++i)
+    facets.first[leaves_before + i] = static_cast<std::uint32_t>(facets.normals.size()) + more.first[i];
+  facets.normals.insert(facets.normals.end(), more.normals.begin(), more.normals.end());
 }
 
 /// `dice`: as in BuildOptions.
@@ -43,6 +53,7 @@ inline MeshSplats splatsOf(const lod::build::Mesh& mesh, double dice = 0.0) {
   for (std::size_t b = 0; b < buckets->count(); ++b) {
     auto some = leaves.leaves(b);
     EXPECT_TRUE(some);
+    addFacets(some->facets, out.leaves.size(), some->splats.size(), out.facets);
     out.leaves.insert(out.leaves.end(), some->splats.begin(), some->splats.end());
     const auto corners = buckets->read(b);
     EXPECT_TRUE(corners);

@@ -204,6 +204,70 @@ TEST(SplatTree, ConesHoldEveryNormalBelow) {
   EXPECT_GT(narrow, 50U);
 }
 
+// Leaves on a ridge: of each the cone holds both sides, its facets are two. What lies between belongs to nobody.
+TEST(SplatTree, ConesOfInnerNodesHoldFacetsRatherThanLeavesCones) {
+  std::vector<Splat> leaves = randomLeaves(64, 3);
+  LeafFacets facets;
+  facets.first.push_back(0);
+  const glm::vec3 sides[2] = {glm::normalize(glm::vec3(0.5F, 0.0F, 1.0F)),
+                              glm::normalize(glm::vec3(-0.3F, 0.2F, 1.0F))};
+  for (std::size_t i = 0; i < leaves.size(); ++i) {
+    // Each leaf's own normal is that of one of its sides.
+    Splat& leaf = leaves[i];
+    leaf.direction = lod::qsplat::encodeNormal(sides[i % 2]);
+    leaf.normal = sides[i % 2];
+    leaf.weight = 1.0F;
+    leaf.least_cosine = 1.0F;
+    for (const glm::vec3& side : sides) {
+      const float cosine = glm::dot(normalTable()[leaf.direction], side);
+      leaf.least_cosine = std::min(leaf.least_cosine, cosine);
+      if (cosine < LeafFacets::kCoreCosine) facets.normals.push_back(side);
+    }
+    facets.first.push_back(static_cast<std::uint32_t>(facets.normals.size()));
+  }
+  const TreeShape shape = makeTree(leaves, facets);
+  const TreeShape of_cones = makeTree(leaves);
+  ASSERT_EQ(shape.inner.size(), of_cones.inner.size());
+  const auto codeOf = [](const TreeShape::Inner& inner) {
+    return lod::qsplat::encodeCone(static_cast<double>(inner.splat.least_cosine));
+  };
+  std::size_t narrower = 0;
+  for (std::size_t i = 0; i < shape.inner.size(); ++i) {
+    const TreeShape::Inner& inner = shape.inner[i];
+    const glm::vec3 axis = normalTable()[inner.splat.direction];
+    float angle = 0.0F;
+    for (const glm::vec3& side : sides) angle = std::max(angle, std::acos(glm::dot(axis, side)));
+    EXPECT_GE(std::cos(angle), inner.splat.least_cosine);
+    // Leaves say of facets near their own normals only that they are near.
+    const double cosine = std::cos(static_cast<double>(angle + std::acos(LeafFacets::kCoreCosine)));
+    EXPECT_LE(codeOf(inner), lod::qsplat::encodeCone(cosine));
+    narrower += codeOf(inner) < codeOf(of_cones.inner[i]) ? 1 : 0;
+  }
+  EXPECT_GT(narrower, shape.inner.size() / 2);
+}
+
+// All but one facet within the narrowest code: its normal turns a little, and nothing leaves the cone.
+TEST(SplatTree, ANormalTurnsWhereThatMakesItsConeNarrower) {
+  const float limit = std::asin(lod::qsplat::coneSines(true)[0]);
+  for (const float beyond : {0.005F, 0.02F, 0.2F}) {
+    std::vector<Splat> leaves = randomLeaves(4, 7);
+    for (std::size_t i = 0; i < leaves.size(); ++i) {
+      const float angle = i == 0 ? limit + beyond : 0.0F;
+      const glm::vec3 n(std::sin(angle), 0.0F, std::cos(angle));
+      leaves[i].weight = i == 0 ? 1e-3F : 1.0F;
+      leaves[i].normal = leaves[i].weight * n;
+      leaves[i].direction = lod::qsplat::encodeNormal(n);
+      leaves[i].least_cosine = 1.0F;
+    }
+    const Splat root = makeSubtree(leaves).root;
+    const std::uint32_t code = lod::qsplat::encodeCone(static_cast<double>(root.least_cosine));
+    EXPECT_EQ(code, beyond < 0.1F ? 0U : 1U) << beyond;
+    const glm::vec3 axis = normalTable()[root.direction];
+    for (const Splat& leaf : leaves) EXPECT_GE(glm::dot(axis, normalTable()[leaf.direction]), root.least_cosine);
+    EXPECT_GT(axis.z, std::cos(0.08F));
+  }
+}
+
 TEST(SplatTree, PropertiesAreMeansOverTheLeaves) {
   std::vector<Splat> leaves = randomLeaves(500, 23);
   glm::dvec3 color(0.0);
@@ -331,7 +395,7 @@ class Quantised : public testing::Test {
     if (tree_ != nullptr) return;
     mesh_ = new Mesh(statue(300000));
     splats_ = new support::MeshSplats(support::splatsOf(*mesh_));
-    tree_ = new Subtree(makeSubtree(splats_->leaves));
+    tree_ = new Subtree(makeSubtree(splats_->leaves, splats_->facets));
   }
   static void TearDownTestSuite() {
     delete tree_;
@@ -385,7 +449,8 @@ struct Kept {
 
 class Culling {
  public:
-  explicit Culling(const Mesh& mesh) : splats_(support::splatsOf(mesh)), tree_(makeSubtree(splats_.leaves)) {
+  explicit Culling(const Mesh& mesh)
+      : splats_(support::splatsOf(mesh)), tree_(makeSubtree(splats_.leaves, splats_.facets)) {
     const Links links(tree_.nodes);
     parent_ = links.parent;
     const AroundVertices around(splats_.sorted, splats_.lattice);
@@ -465,21 +530,21 @@ TEST(SplatCones, KeepNineTenthsOfTheCulling) {
   EXPECT_GT(smooth.of_facets, 0.9);
   const Kept carved = Culling(statue(300000)).measure();
   EXPECT_GT(carved.of_vertex_normals, 0.9);
-  EXPECT_GT(carved.of_facets, 0.9);
+  EXPECT_GT(carved.of_facets, 0.933);  // 0.929 where inner nodes know their leaves' cones only
 }
 
 TEST(SplatCones, KeepNineTenthsOfTheCullingOnScans) {
   const char* folder = std::getenv("LUMIGRID_MESHES");
   if (folder == nullptr) GTEST_SKIP() << "LUMIGRID_MESHES names no folder of meshes";
-  // Photogrammetry is rough from vertex to vertex: there inner nodes have cones that no code of two bits does justice.
+  // Where inner nodes know their leaves' cones only, each is below these; cedar_creek, a rough scan, is at 0.88.
   struct Expected {
     const char* name;
     double of_vertex_normals, of_facets;
   };
   for (const Expected& expected :
-       {Expected{"bun_zipper.ply", 0.9, 0.9}, Expected{"skull.obj", 0.9, 0.9}, Expected{"lucy_100k.ply", 0.9, 0.9},
-        Expected{"scorpion.obj", 0.9, 0.9}, Expected{"refinery_shihua.ply", 0.9, 0.9},
-        Expected{"machangara.ply", 0.9, 0.9}, Expected{"cedar_creek.ply", 0.9, 0.86}}) {
+       {Expected{"bun_zipper.ply", 0.9, 0.94}, Expected{"skull.obj", 0.9, 0.935}, Expected{"lucy_100k.ply", 0.9, 0.925},
+        Expected{"scorpion.obj", 0.9, 0.925}, Expected{"refinery_shihua.ply", 0.9, 0.92},
+        Expected{"machangara.ply", 0.9, 0.925}, Expected{"cedar_creek.ply", 0.9, 0.9}}) {
     auto imported = lod::build::importMeshes({std::string(folder) + "/" + expected.name}, {});
     if (!imported) continue;
     std::printf("%s: ", expected.name);
