@@ -50,8 +50,13 @@ struct Step {
   const char* name;
   double radii;
 };
-constexpr std::array<Step, 6> kSteps{
-    {{"the whole", 2.5}, {"near", 1.2}, {"small", 6.0}, {"inside", 0.5}, {"the whole", 2.5}, {"near", 1.2}}};
+constexpr std::array<Step, 7> kSteps{{{"the whole", 2.5},
+                                      {"near", 1.2},
+                                      {"small", 6.0},
+                                      {"inside", 0.5},
+                                      {"middle", 0.2},
+                                      {"the whole", 2.5},
+                                      {"near", 1.2}}};
 
 base::Camera cameraAt(double radii, double turn, const base::Sphere& root, int width) {
   return bench::orbitCamera(root, turn, std::atan(0.5), radii, width);
@@ -133,11 +138,11 @@ void measure(base::ByteView file, SplatKernel kernel, const char* kernel_name, d
       all += spent;
       count += frames.size();
     }
-    std::printf("%-8s %5.0f  %-10s %6zu %8.2f %8.2f %9.1f%% %8zu %7.1f %9llu%s\n", kernel_name, rate, step.name,
+    std::printf("%-8s %5.0f  %-10s %6zu %8.2f %8.2f %9.1f%% %8zu %7.1f %6.1f %9llu%s\n", kernel_name, rate, step.name,
                 frames.size(), static_cast<double>(frames.size()) / spent,
                 static_cast<double>(frames.size()) / spent / rate, 1e2 * bench::median(off),
                 settledAfter(frames, asked), static_cast<double>(last.stats.cutoff_px),
-                static_cast<unsigned long long>(last.stats.splats),
+                static_cast<double>(last.stats.reduction), static_cast<unsigned long long>(last.stats.splats),
                 finest     ? "  (as fine as it gets)"
                 : coarsest ? "  (as coarse as it gets)"
                            : "");
@@ -162,7 +167,7 @@ int main(int argc, char** argv) {
   const auto context = bench::must(base::HeadlessContext::create());
   std::printf("%s, %u cores; %d x %d; %.0f s a step, the view turning all the while\n", context->renderer().c_str(),
               base::coreCount(), width, width * 9 / 16, kStepSeconds);
-  std::printf("kernel    asked step       frames   rate  of asked  off, med.  settled  px     splats\n");
+  std::printf("kernel    asked step       frames   rate  of asked  off, med.  settled     px  px/smp    splats\n");
   const base::ByteView bytes = opened ? opened->bytes() : base::ByteView(made);
   for (const double rate : {5.0, 10.0, 20.0}) measure(bytes, SplatKernel::kCircle, "circle", rate, width);
   measure(bytes, SplatKernel::kSquare, "square", 10.0, width);
