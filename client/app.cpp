@@ -424,6 +424,7 @@ Statistics App::statistics() const {
   const double asked = s.images_used + s.images_came;
   out.hit_rate = asked > 0.0 ? s.images_used / asked : 0.0;
   out.splats = stats.splats.splats;
+  out.reduction = stats.splats.reduction;
   out.lens_px = stats.splats.lens_px;
   out.limited = stats.splats.limited;
   out.blocks = stats.splats.stream.blocks;

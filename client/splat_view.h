@@ -68,6 +68,7 @@ struct SplatStats {
   std::uint64_t splats = 0, nodes = 0;  ///< drawn, and looked at for that
   float cutoff_px = 0.0F;               ///< they were refined down to
   float finest_px = 0.0F;               ///< … and will be at rest
+  float reduction = 1.0F;               ///< pixels a side for each sample: above 1 while the view moves and just after
   float lens_px = 0.0F;            ///< as cutoff_px, of what is seen through the magnifying glass; 0: there is none
   bool limited = false;            ///< memory forbids finer ones
   std::uint64_t buffer_bytes = 0;  ///< of them, on the GPU and off

@@ -58,6 +58,7 @@ std::vector<StatisticsLine> splatLines(const Statistics& s) {
       {"picture", view(s)},
       {"frames", frames(s)},
       {"splats", grouped(s.splats) + format(", down to %.1f px", s.error_px) +
+                     (s.reduction > 1.0 ? format(", one sample for %.1f px", s.reduction) : std::string()) +
                      (s.lens_px > 0.0 ? format(", %.1f in the glass", s.lens_px) : std::string())},
       {"blocks", grouped(s.blocks_present) + " of " + grouped(s.blocks) + " here, " + grouped(s.blocks_requested) +
                      " requested, " + grouped(s.blocks_wanted) + " wanted"},

@@ -29,6 +29,7 @@ struct Statistics {
   double hit_rate = 0.0;                 ///< of the images that moving views used, the share that was here, 0 … 1
   Accuracy accuracy = Accuracy::kNothing;
   std::uint64_t splats = 0;  ///< drawn
+  double reduction = 1.0;    ///< pixels a side for each sample that was drawn
   double lens_px = 0.0;      ///< as error_px, through the magnifying glass; 0: there is none
   bool limited = false;      ///< memory forbids finer splats
   std::uint64_t blocks = 0;  ///< of the file of splats; 0: none is shown

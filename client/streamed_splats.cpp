@@ -146,7 +146,12 @@ void StreamedSplats::choose(const base::Camera& camera, const SplatLook& look) {
     found_generation_ = stream_.generation();
     cutoff_px_ = request.cutoff_px = cutoff();
     stream_.traverse(request, look.lens, found_);
-    if (found_.splats.size() <= most) return;
+    const bool last = attempt + 1 == kMostTries;
+    const bool affords = last || options_.frame_seconds <= 0.0 || rate_.affords(found_.splats.size());
+    if (found_.splats.size() <= most) {
+      if (affords) return;
+      continue;
+    }
     // Splats go with 1 / area.
     const float factor = std::sqrt(static_cast<float>(found_.splats.size()) / static_cast<float>(most));
     coarser_ = 1.05F * factor * std::max(cutoff_px_, 0.1F) / std::max(options_.cutoff_px, 0.1F);
@@ -173,7 +178,7 @@ base::Result<void> StreamedSplats::draw(const base::Camera& camera, const SplatL
   LUMIGRID_TRY(drawFound(camera, look));
   if (moved && stream_.header() != nullptr && options_.clock && options_.frame_seconds > 0.0) {
     waitForGpu();
-    rate_.measured(now() - begin);
+    rate_.measured(now() - begin, found_.splats.size());
   }
   drawn_at_ = now();
   draw_seconds_ = drawn_at_ - begin;
@@ -201,8 +206,10 @@ base::Result<void> StreamedSplats::drawFound(const base::Camera& camera, const S
   view.section = look.section;
   view.two_sided = options_.back_faces || look.section != base::kNoSection;
   view.colors = look.resolution_colors ? lod::draw::SplatColors::kResolution : lod::draw::SplatColors::kSurface;
-  return renderer_->draw(found_.splats, options_.kernel, view,
-                         {static_cast<GLuint>(framebuffer), camera.width, camera.height, look.background[3] > 0.0F});
+  reduction_ = options_.frame_seconds > 0.0 ? rate_.reduction() : 1.0F;
+  return renderer_->draw(
+      found_.splats, options_.kernel, view,
+      {static_cast<GLuint>(framebuffer), camera.width, camera.height, look.background[3] > 0.0F, reduction_});
 }
 
 std::optional<glm::vec3> StreamedSplats::surfaceAt(const base::Camera& camera, const SplatLook& look, double x,
@@ -257,6 +264,7 @@ SplatStats StreamedSplats::stats() const {
   stats.nodes = found_.nodes;
   stats.cutoff_px = cutoff_px_;
   stats.finest_px = finest();
+  stats.reduction = reduction_;
   stats.lens_px = lens_ ? lod::qsplat::cutoffThroughLens(cutoff_px_) : 0.0F;
   stats.limited = coarser_ > 1.0F || stream_.limited();
   stats.buffer_bytes = found_.splats.size() * kBytesPerSplat;

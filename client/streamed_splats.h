@@ -71,6 +71,7 @@ class StreamedSplats final : public SplatView {
   std::optional<base::Camera> drawn_from_;
   double drawn_at_ = -1e300;   ///< when the last drawing ended
   double draw_seconds_ = 0.0;  ///< that it took
+  float reduction_ = 1.0F;     ///< that it was drawn with
   std::unique_ptr<lod::draw::SplatRenderer> renderer_;
 };
 

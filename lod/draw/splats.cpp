@@ -208,14 +208,16 @@ void main() {
 constexpr const char* kComposeFragment = R"(
 uniform highp sampler2D u_sums;
 uniform highp sampler2D u_depth;
+uniform vec2 u_scale;  // from the target's pixels to the canvas
+uniform vec2 u_last;   // the middle of the last sample that was drawn on it
 layout(location = 0) out vec4 out_color;
 void main() {
-  ivec2 at = ivec2(gl_FragCoord.xy);
-  vec4 sum = texelFetch(u_sums, at, 0);
+  vec2 at = min(gl_FragCoord.xy * u_scale, u_last);
+  vec4 sum = texture(u_sums, at);
   if (sum.a < 1.0 / 512.0) discard;
   out_color = vec4(sum.rgb / sum.a, min(sum.a, 1.0));
   // At soft edges nothing is known but the splats' colour.
-  gl_FragDepth = min(texelFetch(u_depth, at, 0).r, 0.9999998);
+  gl_FragDepth = min(texture(u_depth, at).r, 0.9999998);
 }
 )";
 
@@ -387,15 +389,33 @@ base::Result<void> SplatRenderer::draw(std::span<const qsplat::Splat> splats, Sp
   // Fuzzy ones are twice as wide; ellipses and what a section cuts have corners of their own.
   const bool quads = kernel == SplatKernel::kEllipse || glm::vec3(view.section) != glm::vec3(0.0F);
   const float most_samples = quads ? 0.0F : kernel == SplatKernel::kFuzzy ? 0.5F * largest_point_ : largest_point_;
-  if (kernel == SplatKernel::kFuzzy) LUMIGRID_TRY(prepareFuzzyTarget(target.width, target.height));
-  upload(splats, most_samples, view, target);
+  const bool fuzzy = kernel == SplatKernel::kFuzzy;
+  const bool direct = !fuzzy && !(target.reduction > 1.0F);
+  SplatTarget drawn = target;
+  if (!direct) {
+    LUMIGRID_TRY(prepareCanvas(fuzzy ? GL_RGBA16F : GL_RGBA8, target.width, target.height));
+    const auto reduced = [&](int samples) {
+      return static_cast<int>(std::ceil(static_cast<float>(samples) / std::max(target.reduction, 1.0F)));
+    };
+    drawn = {canvas_.framebuffer.name(), reduced(target.width), reduced(target.height), false};
+    glBindFramebuffer(GL_FRAMEBUFFER, drawn.framebuffer);
+    glClearColor(0.0F, 0.0F, 0.0F, 0.0F);
+    glClearDepthf(1.0F);
+    glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
+  }
+  upload(splats, most_samples, view, drawn);
 
-  if (kernel == SplatKernel::kFuzzy) return drawFuzzy(view, target);
-  Pass pass;
-  pass.shape = kernel == SplatKernel::kSquare   ? Pass::Shape::kSquare
-               : kernel == SplatKernel::kCircle ? Pass::Shape::kRound
-                                                : Pass::Shape::kEllipse;
-  return drawPass(pass, view, target);
+  if (fuzzy) {
+    LUMIGRID_TRY(drawFuzzy(view, drawn));
+  } else {
+    Pass pass;
+    pass.shape = kernel == SplatKernel::kSquare   ? Pass::Shape::kSquare
+                 : kernel == SplatKernel::kCircle ? Pass::Shape::kRound
+                                                  : Pass::Shape::kEllipse;
+    LUMIGRID_TRY(drawPass(pass, view, drawn));
+  }
+  if (!direct) compose(drawn, target);
+  return {};
 }
 
 base::Result<void> SplatRenderer::drawPass(Pass pass, const SplatView& view, const SplatTarget& target) {
@@ -449,11 +469,11 @@ base::Result<void> SplatRenderer::drawShape(const Pass& pass, const SplatView& v
   return {};
 }
 
-// ---- Fuzzy splats ----
+// ---- Fuzzy splats, and pictures of fewer samples ----
 
-base::Result<void> SplatRenderer::prepareFuzzyTarget(int width, int height) {
-  if (fuzzy_.width == width && fuzzy_.height == height) return {};
-  if (!hasHalfFloatTargets())
+base::Result<void> SplatRenderer::prepareCanvas(GLenum format, int width, int height) {
+  if (canvas_.format == format && canvas_.width == width && canvas_.height == height) return {};
+  if (format == GL_RGBA16F && !hasHalfFloatTargets())
     return base::Error{
         base::ErrorCode::kUnsupported,
         "fuzzy splats need half-float targets (EXT_color_buffer_float), which this GL lacks; use circle"};
@@ -462,41 +482,32 @@ base::Result<void> SplatRenderer::prepareFuzzyTarget(int width, int height) {
     if (!compose) return compose.error();
     compose_ = std::move(*compose);
   }
-  fuzzy_ = {};
-  fuzzy_.color = base::gl::Texture::create();
-  base::gl::allocate2D(fuzzy_.color, GL_TEXTURE_2D, 1, GL_RGBA16F, width, height);
-  fuzzy_.depth = base::gl::Texture::create();
-  base::gl::allocate2D(fuzzy_.depth, GL_TEXTURE_2D, 1, GL_DEPTH_COMPONENT24, width, height);
-  for (const base::gl::Texture* texture : {&fuzzy_.color, &fuzzy_.depth}) {
-    glBindTexture(GL_TEXTURE_2D, texture->name());
-    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
-    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
-  }
+  canvas_ = {};
+  canvas_.color = base::gl::Texture::create();
+  base::gl::allocate2D(canvas_.color, GL_TEXTURE_2D, 1, format, width, height);
+  canvas_.depth = base::gl::Texture::create();
+  base::gl::allocate2D(canvas_.depth, GL_TEXTURE_2D, 1, GL_DEPTH_COMPONENT24, width, height);
+  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
+  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
   glBindTexture(GL_TEXTURE_2D, 0);
-  fuzzy_.framebuffer = base::gl::Framebuffer::create();
-  glBindFramebuffer(GL_FRAMEBUFFER, fuzzy_.framebuffer.name());
-  glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, fuzzy_.color.name(), 0);
-  glFramebufferTexture2D(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_TEXTURE_2D, fuzzy_.depth.name(), 0);
+  canvas_.framebuffer = base::gl::Framebuffer::create();
+  glBindFramebuffer(GL_FRAMEBUFFER, canvas_.framebuffer.name());
+  glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, canvas_.color.name(), 0);
+  glFramebufferTexture2D(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_TEXTURE_2D, canvas_.depth.name(), 0);
   if (glCheckFramebufferStatus(GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE) {
-    fuzzy_ = {};
-    return base::Error{base::ErrorCode::kUnsupported, "fuzzy splats: the GL refuses a half-float target of " +
-                                                          std::to_string(width) + " x " + std::to_string(height) +
-                                                          " samples; use circle"};
+    canvas_ = {};
+    return base::Error{base::ErrorCode::kUnsupported, "splats: the GL refuses a target of " + std::to_string(width) +
+                                                          " x " + std::to_string(height) + " samples"};
   }
-  fuzzy_.width = width;
-  fuzzy_.height = height;
+  canvas_.format = format;
+  canvas_.width = width;
+  canvas_.height = height;
   return {};
 }
 
 // The paper's two passes: depth alone, pushed away from the viewer, so that the second pass adds up all splats that lie
 // within that distance of the nearest. What it added is divided by the sum of opacities in a third.
-base::Result<void> SplatRenderer::drawFuzzy(const SplatView& view, const SplatTarget& target) {
-  const SplatTarget own{fuzzy_.framebuffer.name(), target.width, target.height, false};
-  glBindFramebuffer(GL_FRAMEBUFFER, own.framebuffer);
-  glClearColor(0.0F, 0.0F, 0.0F, 0.0F);
-  glClearDepthf(1.0F);
-  glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
-
+base::Result<void> SplatRenderer::drawFuzzy(const SplatView& view, const SplatTarget& own) {
   // Up to two radii: neighbours on a surface seen at 45 degrees.
   constexpr float kPushRadii = 2.0F;
   Pass pass;
@@ -517,11 +528,10 @@ base::Result<void> SplatRenderer::drawFuzzy(const SplatView& view, const SplatTa
   glDepthMask(GL_TRUE);
   glDepthFunc(GL_LESS);
   glDisable(GL_BLEND);
-  if (added) compose(target);
   return added;
 }
 
-void SplatRenderer::compose(const SplatTarget& target) {
+void SplatRenderer::compose(const SplatTarget& own, const SplatTarget& target) {
   glBindFramebuffer(GL_FRAMEBUFFER, target.framebuffer);
   glViewport(0, 0, target.width, target.height);
   if (target.mix) glEnable(GL_BLEND);
@@ -529,12 +539,23 @@ void SplatRenderer::compose(const SplatTarget& target) {
   compose_.use();
   glUniform1i(compose_.uniform("u_sums"), 0);
   glUniform1i(compose_.uniform("u_depth"), 1);
+  const glm::vec2 size(canvas_.width, canvas_.height);
+  const glm::vec2 drawn(own.width, own.height);
+  const glm::vec2 scale = drawn / (size * size);
+  const glm::vec2 last = (drawn - 0.51F) / size;  // rounded, too, it is not mixed with the next
+  glUniform2f(compose_.uniform("u_scale"), scale.x, scale.y);
+  glUniform2f(compose_.uniform("u_last"), last.x, last.y);
   const auto bind = [](GLenum unit, GLuint texture) {
     glActiveTexture(unit);
     glBindTexture(GL_TEXTURE_2D, texture);
   };
-  bind(GL_TEXTURE1, fuzzy_.depth.name());
-  bind(GL_TEXTURE0, fuzzy_.color.name());
+  bind(GL_TEXTURE1, canvas_.depth.name());
+  bind(GL_TEXTURE0, canvas_.color.name());
+  const GLint filter = target.reduction > 1.0F ? GL_LINEAR : GL_NEAREST;
+  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, filter);
+  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, filter);
+  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
+  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
   glBindVertexArray(no_attributes_.name());
   glDrawArrays(GL_TRIANGLES, 0, 3);
   glBindVertexArray(0);

@@ -53,9 +53,12 @@ struct SplatTarget {
   GLuint framebuffer = 0;  ///< with colour and depth; both cleared, or with a picture to draw into
   int width = 0;           ///< samples: the camera's picture is drawn over all of them
   int height = 0;
-  /// Fuzzy edges are mixed with what is there; otherwise they are written as they are, with coverage as alpha and
-  /// colour not multiplied by it.
+  /// Fuzzy and enlarged edges are mixed with what is there; otherwise they are written as they are, with coverage as
+  /// alpha and colour not multiplied by it.
   bool mix = true;
+  /// At least 1. Above, the picture is drawn with so many times fewer samples a side, and enlarged: where large splats
+  /// fill it many times over, that is most of the time.
+  float reduction = 1.0F;
 };
 
 class SplatRenderer {
@@ -63,16 +66,19 @@ class SplatRenderer {
   /// Needs a current context, and so do the others.
   static base::Result<std::unique_ptr<SplatRenderer>> create();
   /// Uploads and draws, with depth test (less), which stays on; where two are at one depth, either is seen. 20 bytes a
-  /// splat are kept on the GPU, and as many here, until the next call. kUnsupported, with nothing drawn: kFuzzy where
-  /// the GL has no half-float targets (EXT_color_buffer_float or EXT_color_buffer_half_float).
+  /// splat are kept on the GPU, and as many here, until the next call; and 8 bytes a pixel of the last target that was
+  /// reduced (kFuzzy: 12, of any). kUnsupported, with nothing drawn: kFuzzy where the GL has no half-float targets
+  /// (EXT_color_buffer_float or EXT_color_buffer_half_float).
   base::Result<void> draw(std::span<const qsplat::Splat> splats, SplatKernel kernel, const SplatView& view,
                           const SplatTarget& target);
 
  private:
   struct Pass;
-  struct FuzzyTarget {
+  /// What is not drawn into the target itself.
+  struct Canvas {
     base::gl::Texture color, depth;
     base::gl::Framebuffer framebuffer;
+    GLenum format = 0;
     int width = 0, height = 0;
   };
   SplatRenderer() = default;
@@ -81,14 +87,14 @@ class SplatRenderer {
   base::Result<const base::gl::Program*> program(const Pass& pass);
   base::Result<void> drawPass(Pass pass, const SplatView& view, const SplatTarget& target);
   base::Result<void> drawShape(const Pass& pass, const SplatView& view, const SplatTarget& target);
-  base::Result<void> drawFuzzy(const SplatView& view, const SplatTarget& target);
-  base::Result<void> prepareFuzzyTarget(int width, int height);
-  void compose(const SplatTarget& target);
+  base::Result<void> drawFuzzy(const SplatView& view, const SplatTarget& own);
+  base::Result<void> prepareCanvas(GLenum format, int width, int height);
+  void compose(const SplatTarget& own, const SplatTarget& target);
 
   std::array<base::gl::Program, 32> programs_;  ///< by Pass::number(), made when first needed
   base::gl::Program compose_;
   base::gl::VertexArray no_attributes_;
-  FuzzyTarget fuzzy_;
+  Canvas canvas_;
 
   std::vector<qsplat::Splat> sorted_;  ///< those drawn as points, then the others
   std::size_t points_ = 0;

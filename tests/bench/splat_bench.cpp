@@ -1,6 +1,7 @@
 // Nodes a second of a traversal, on one core and on all, and splats a second drawn by each kernel. Judged by the
 // paper's figure: 1.5 to 2.5 million points a second, traversal and drawing together. Before these: nodes a second that
-// decoding the same blocks of the coded form makes, beside the traversal of all of them.
+// decoding the same blocks of the coded form makes, beside the traversal of all of them. With --saving 1, in place of
+// all that: what saves how much of a frame's time, and what it does to the picture.
 #include <array>
 #include <cmath>
 #include <cstdio>
@@ -10,6 +11,7 @@
 
 #include "base/egl/headless.h"
 #include "base/parallel.h"
+#include "base/picture_error.h"
 #include "lod/draw/splats.h"
 #include "lod/qsplat/splat_file.h"
 #include "lod/qsplat/traverse.h"
@@ -41,15 +43,15 @@ struct Canvas {
         target(bench::must(base::gl::RenderTarget::create(width, width * 9 / 16))) {}
 
   // Upload and drawing, waited for.
-  double seconds(const Traversal& found, SplatKernel kernel, const base::Camera& camera) {
+  double seconds(const Traversal& found, SplatKernel kernel, const base::Camera& camera, float reduction = 1.0F) {
     target.bind();
     glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
     glFinish();
     const double start = bench::seconds();
     lod::draw::SplatView view;
     view.camera = camera;
-    bench::must(
-        renderer->draw(found.splats, kernel, view, {target.framebuffer(), target.width(), target.height(), true}));
+    bench::must(renderer->draw(found.splats, kernel, view,
+                               {target.framebuffer(), target.width(), target.height(), true, reduction}));
     glFinish();
     return bench::seconds() - start;
   }
@@ -87,6 +89,36 @@ void measure(Blocks& blocks, Canvas& canvas, double radii, float cutoff_px, int 
   std::printf("\n");
 }
 
+/// What a frame costs, traversal on all cores included, and how near it is to the finest circles: coarser splats, fewer
+/// samples, and squares.
+void measureSaving(Blocks& blocks, Canvas& canvas, double radii, int width) {
+  constexpr int kRuns = 3;
+  TraverseRequest request;
+  request.camera = cameraOf(blocks.header().root, 0.7, radii, width);
+  request.for_each = [](std::size_t n, const std::function<void(std::size_t)>& body) { base::parallelFor(n, 0, body); };
+  Traversal found;
+  traverse(blocks, request, found);
+  canvas.seconds(found, SplatKernel::kCircle, request.camera);
+  const base::Image finest = canvas.target.read();
+  for (const float cutoff_px : {4.0F, 8.0F, 16.0F, 32.0F, 64.0F, 100.0F}) {
+    request.cutoff_px = cutoff_px;
+    std::printf("%5.1f %5.0f", radii, static_cast<double>(cutoff_px));
+    for (const SplatKernel kernel : {SplatKernel::kCircle, SplatKernel::kSquare})
+      for (const float reduction : {1.0F, 2.0F, 4.0F, 8.0F}) {
+        std::vector<double> taken;
+        for (int i = 0; i < kRuns; ++i) {
+          const double start = bench::seconds();
+          traverse(blocks, request, found);
+          const double walking = bench::seconds() - start;
+          taken.push_back(walking + canvas.seconds(found, kernel, request.camera, reduction));
+        }
+        std::printf("  %5.0f %5.1f", 1e3 * bench::median(taken),
+                    base::pictureError(finest, canvas.target.read()).psnr());
+      }
+    std::printf("\n");
+  }
+}
+
 /// CPU seconds of one core: every block decoded, and every node of decoded blocks met by a traversal. In turn.
 void measureDecoding(const FileBlocks& opened, base::ByteView stored) {
   constexpr int kRuns = 5;
@@ -122,8 +154,9 @@ void measureDecoding(const FileBlocks& opened, base::ByteView stored) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  bench::Arguments arguments(argc, argv, "[qsplat.lgq] [--width PIXELS]");
+  bench::Arguments arguments(argc, argv, "[qsplat.lgq] [--width PIXELS] [--saving 0|1]");
   const int width = static_cast<int>(arguments.number<unsigned>("--width", 1280U, 16U, 8192U));
+  const bool saving = arguments.number<unsigned>("--saving", 0U, 0U, 1U) != 0;
   arguments.finish();
   base::Bytes made;
   std::optional<SplatFile> opened;
@@ -136,6 +169,14 @@ int main(int argc, char** argv) {
   FileBlocks& blocks = *opened_blocks;
   Canvas canvas(width);
 
+  if (saving) {
+    std::printf(
+        "%s, %u cores; one view each\nradii    px  ms and dB of circles with 1, 2, 4 and 8 pixels a sample; of "
+        "squares\n",
+        canvas.context->renderer().c_str(), base::coreCount());
+    for (const double radii : {2.5, 1.2, 0.5, 0.2}) measureSaving(blocks, canvas, radii, width);
+    return 0;
+  }
   std::printf("%s, %u cores; %llu nodes; medians of %d views\n", canvas.context->renderer().c_str(), base::coreCount(),
               static_cast<unsigned long long>(blocks.header().nodes), kViews);
   measureDecoding(blocks, bytes);

@@ -25,6 +25,9 @@ TEST(Statistics, withSplatsBlocksAreCounted) {
   s.complete = true;
   EXPECT_EQ(lineOf(s, "picture"), "fine, complete");
   EXPECT_EQ(lineOf(s, "splats"), "123 456, down to 1.0 px");
+  s.reduction = 2.5;
+  EXPECT_EQ(lineOf(s, "splats"), "123 456, down to 1.0 px, one sample for 2.5 px");
+  s.reduction = 1.0;
   s.lens_px = 0.5;
   EXPECT_EQ(lineOf(s, "splats"), "123 456, down to 1.0 px, 0.5 in the glass");
   EXPECT_EQ(lineOf(s, "memory").find("finer"), std::string::npos);

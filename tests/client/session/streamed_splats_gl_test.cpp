@@ -189,6 +189,40 @@ TEST_F(StreamedSplatsTest, aMovingViewIsAsCoarseAsTheRateAsksForAndRestRefinesIt
   EXPECT_FALSE(viewer_->stats().busy);
 }
 
+TEST_F(StreamedSplatsTest, aMovingViewThatIsLateIsDrawnWithFewerSamplesAndAtRestIsThePictureThatItAlwaysWas) {
+  using lod::draw::SplatKernel;
+  for (const SplatKernel kernel : {SplatKernel::kSquare, SplatKernel::kCircle, SplatKernel::kEllipse}) {
+    SplatOptions options = still();
+    options.kernel = kernel;
+    open(options);
+    fetchAll(view(0.5));
+    const base::Image wanted = draw(view(0.5));
+    EXPECT_EQ(viewer_->stats().splats.reduction, 1.0F);
+
+    double clock = 0.0;
+    options.clock = [&clock] { return clock += 0.2; };  // a frame takes twice what it may
+    options.frame_seconds = 0.1;
+    open(options);
+    host_->at_a_time = 100;
+    for (int i = 0; i < 50; ++i) {
+      pump();
+      draw(view(0.01 * i));
+    }
+    EXPECT_GT(viewer_->stats().splats.reduction, 4.0F);
+    const base::Image moving = draw(view(0.5));
+    float last = viewer_->stats().splats.reduction;
+    for (int i = 0; i < 300 && !(viewer_->stats().complete && !viewer_->stats().busy); ++i) {
+      pump();
+      draw(view(0.5));
+      EXPECT_LE(viewer_->stats().splats.reduction, last);
+      last = viewer_->stats().splats.reduction;
+    }
+    EXPECT_EQ(last, 1.0F);
+    EXPECT_NE(moving.pixels, wanted.pixels);
+    EXPECT_EQ(draw(view(0.5)).pixels, wanted.pixels);
+  }
+}
+
 // A page has one thread for drawing and for what comes.
 TEST_F(StreamedSplatsTest, aPictureAtRestIsDrawnAgainWhenAllIsHereOrDrawingHadItsPart) {
   SplatOptions options = still();

@@ -71,9 +71,10 @@ class SplatsTest : public testing::Test {
     glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
   }
 
-  base::Image picture(std::span<const qsplat::Splat> splats, SplatKernel kernel, const SplatView& view) {
+  base::Image picture(std::span<const qsplat::Splat> splats, SplatKernel kernel, const SplatView& view,
+                      float reduction = 1.0F) {
     clear();
-    auto drawn = renderer_->draw(splats, kernel, view, {target_.framebuffer(), kSize, kSize, false});
+    auto drawn = renderer_->draw(splats, kernel, view, {target_.framebuffer(), kSize, kSize, false, reduction});
     EXPECT_TRUE(drawn) << drawn.error().message;
     target_.bind();
     return target_.read();
@@ -409,6 +410,94 @@ TEST_F(SplatsTest, oneRendererDrawsManyAndFewAndNone) {
   EXPECT_LT(5 * one, wide);
   EXPECT_EQ(covered(unlit({}, SplatKernel::kSquare, camera)), 0);
   EXPECT_EQ(covered(unlit(row, SplatKernel::kSquare, camera)), wide);
+}
+
+// ---- Fewer samples than pixels
+
+// A surface across the view, in colours that change little by little, at the same depth everywhere.
+std::vector<qsplat::Splat> tiles(float half_width) {
+  constexpr int kTiles = 24;
+  std::vector<qsplat::Splat> splats;
+  for (int y = 0; y < kTiles; ++y)
+    for (int x = 0; x < kTiles; ++x) {
+      const glm::vec2 at = (glm::vec2(x, y) + 0.5F) * (2.0F / kTiles) - 1.0F;
+      const auto color = static_cast<std::uint16_t>((31 * x / kTiles) << 11 | (63 * y / kTiles) << 5);
+      splats.push_back(
+          splatAt({half_width * at.x, half_width * at.y, -10}, 1.6F * half_width / kTiles, {0, 0, 1}, color));
+    }
+  return splats;
+}
+
+TEST_F(SplatsTest, drawnWithFewerSamplesAPictureIsTheSameButForDetail) {
+  SplatView view;
+  view.camera = cameraOf(30.0);
+  view.shading.unlit = true;
+  const std::vector<qsplat::Splat> splats = tiles(1.5F);
+  for (const SplatKernel kernel : kAllKernels) {
+    const base::Image full = picture(splats, kernel, view);
+    for (const float reduction : {1.3F, 2.0F, 3.7F, 8.0F}) {
+      const base::Image reduced = picture(splats, kernel, view, reduction);
+      // Within a sample of the full picture's outline either may be there; all else is.
+      const int reach = static_cast<int>(std::ceil(reduction)) + 1;
+      const auto sameAround = [&](int x, int y) {
+        for (int v = std::max(y - reach, 0); v <= std::min(y + reach, kSize - 1); ++v)
+          for (int u = std::max(x - reach, 0); u <= std::min(x + reach, kSize - 1); ++u)
+            if (full.at(u, v)[3] != full.at(x, y)[3]) return false;
+        return full.at(x, y)[3] == 0 || full.at(x, y)[3] == 255;
+      };
+      int judged = 0, differing = 0;
+      double error = 0.0;
+      for (int y = 0; y < kSize; ++y)
+        for (int x = 0; x < kSize; ++x) {
+          if (!sameAround(x, y)) continue;
+          ++judged;
+          differing += reduced.at(x, y)[3] != full.at(x, y)[3] ? 1 : 0;
+          for (int c = 0; full.at(x, y)[3] != 0 && c < 3; ++c)
+            error += std::abs(full.at(x, y)[c] - reduced.at(x, y)[c]) / 3.0;
+        }
+      EXPECT_GT(judged, kSize * kSize / 3);
+      EXPECT_EQ(differing, 0) << static_cast<int>(kernel) << ", " << reduction;
+      EXPECT_LT(error / judged, 4.0 + reduction) << static_cast<int>(kernel) << ", " << reduction;
+      EXPECT_NE(reduced.pixels, full.pixels);
+    }
+    EXPECT_EQ(picture(splats, kernel, view).pixels, full.pixels) << "all samples again";
+  }
+}
+
+TEST_F(SplatsTest, fewerSamplesFillAPictureUpToItsRims) {
+  SplatView view;
+  view.camera = cameraOf(30.0);
+  view.shading.unlit = true;
+  const std::vector<qsplat::Splat> splats = tiles(4.0F);
+  for (const SplatKernel kernel : kAllKernels)
+    for (const float reduction : {1.01F, 1.9F, 3.0F, 7.3F}) {
+      const base::Image reduced = picture(splats, kernel, view, reduction);
+      EXPECT_EQ(count(reduced, [](const std::uint8_t* pixel, int, int) { return pixel[3] != 255; }), 0)
+          << static_cast<int>(kernel) << ", " << reduction;
+    }
+}
+
+TEST_F(SplatsTest, fewerSamplesLieBehindAndBeforeWhatIsThereAsAllDo) {
+  SplatView view;
+  view.camera = cameraOf(30.0);
+  view.shading.unlit = true;
+  for (const SplatKernel kernel : kAllKernels) {
+    clear();
+    const std::array wall{splatAt({-2, 0, -10}, 2.0F, {0, 0, 1}, 0x001F)};
+    ASSERT_TRUE(renderer_->draw(wall, kernel, view, {target_.framebuffer(), kSize, kSize, true}));
+    const std::array red{splatAt({0, 0, -14}, 3.0F, {0, 0, 1}, 0xF800)};
+    ASSERT_TRUE(renderer_->draw(red, kernel, view, {target_.framebuffer(), kSize, kSize, true, 4.0F}));
+    target_.bind();
+    base::Image picture = target_.read();
+    EXPECT_GT(picture.at(kSize / 4, kSize / 2)[2], 200) << "the wall, still";
+    EXPECT_GT(picture.at(kSize * 5 / 8, kSize / 2)[0], 200) << "the splat beside it";
+    auto nearer = red;
+    nearer[0].center = {-2, 0, -5};
+    ASSERT_TRUE(renderer_->draw(nearer, kernel, view, {target_.framebuffer(), kSize, kSize, true, 4.0F}));
+    target_.bind();
+    picture = target_.read();
+    EXPECT_GT(picture.at(kSize / 4, kSize / 2)[0], 200) << "before it";
+  }
 }
 
 // ---- Closed surfaces have no holes
