@@ -580,7 +580,7 @@ float errorOfCode(std::uint16_t code) {
 }
 
 SurfaceError carryError(const SurfaceView& before, const SurfaceError& before_error, const SurfaceView& after,
-                        const Simplified& history, float negligible) {
+                        const Simplified& history, float negligible, float hopeless) {
   thread_local std::unique_ptr<Scratch> kept;
   if (!kept) kept = std::make_unique<Scratch>();
   Scratch& scratch = *kept;
@@ -592,6 +592,9 @@ SurfaceError carryError(const SurfaceView& before, const SurfaceError& before_er
   Layer backward(after, scratch.before, scratch.backward, scratch.facet[1]);
   Placed& placed = scratch.placed;
   float usual = forward.place(scratch.before, history, negligible, placed);
+  if (hopeless < std::numeric_limits<float>::infinity() &&
+      neededBelow(before, before_error, forward, placed.gap) > hopeless)
+    return {};
   Overlay& overlay = scratch.overlay;
   overlay.make(scratch.before, scratch.after, scratch.facet[0], placed.gap, placed.twin, placed.border);
   // What the vertices of both need; some of those that the overlay put farther off are nearer to another triangle.

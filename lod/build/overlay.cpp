@@ -27,6 +27,16 @@ constexpr std::uint8_t kNeverPinned = 4;
 // Either side of a cut is tried so far before one is followed to the limit.
 constexpr std::size_t kFew = 3;
 
+// One value of each of several crossings: the compiler does them in step.
+constexpr std::size_t kLanes = 8;
+using Lanes = std::array<float, kLanes>;
+struct LanePoints {
+  Lanes x{};
+  Lanes y{};
+  Lanes z{};
+  void set(std::size_t lane, const glm::vec3& p) { x[lane] = p.x, y[lane] = p.y, z[lane] = p.z; }
+};
+
 bool contains(const std::vector<std::uint32_t>& list, std::uint32_t x) {
   return std::find(list.begin(), list.end(), x) != list.end();
 }
@@ -78,7 +88,6 @@ void Overlay::walk(std::uint32_t e, Path& path) {
   origin_ = above_->view().positions[a];
   whole_ = above_->view().positions[b] - origin_;
   length2_ = glm::dot(whole_, whole_);
-  if (has_color_) color_[0] = above_->view().colors[a], color_[1] = above_->view().colors[b];
   path = {facet_of_[a], facet_of_[b], static_cast<std::uint32_t>(crossings_.size()), 0, 0.0F, true, false};
   path.last = path.first;
   if (edge.triangles == 1 && border_of_[a] != kNone && border_of_[b] != kNone && walkBorder(e, path)) return;
@@ -240,7 +249,10 @@ Overlay::Gap Overlay::gapAt(std::uint32_t v, const FacetSurface::Edge& edge) con
   const float share = closestShare(to, whole_);
   Gap gap{glm::length(to - share * whole_), 0.0F};
   gap.distance += 16.0F * kEpsilon * (gap.distance + std::sqrt(length2_));
-  if (has_color_) gap.color = glm::length(below_->view().colors[v] - glm::mix(color_[0], color_[1], share));
+  if (has_color_) {
+    const auto& colors = above_->view().colors;
+    gap.color = glm::length(below_->view().colors[v] - glm::mix(colors[edge.vertex[0]], colors[edge.vertex[1]], share));
+  }
   return gap;
 }
 
@@ -267,28 +279,14 @@ void Overlay::cross(std::uint32_t edge, std::uint32_t facet, float along) {
   crossings_.push_back({edge, facet, {along, 0.0F}});
 }
 
-namespace {
-
-// One value of each of several crossings: the compiler does them in step.
-constexpr std::size_t kLanes = 8;
-using Lanes = std::array<float, kLanes>;
-struct LanePoints {
-  Lanes x{};
-  Lanes y{};
-  Lanes z{};
-  void set(std::size_t lane, const glm::vec3& p) { x[lane] = p.x, y[lane] = p.y, z[lane] = p.z; }
-};
-
-}  // namespace
-
 // Pairs the points where the edge above and the edge below are nearest to each other; where they are as good as
 // parallel, the point at share `along` above with the nearest one below.
 struct Overlay::CrossingLanes {
   std::size_t count = 0;
   std::array<Crossing*, kLanes> crossing{};
-  LanePoints above;       // from one end of it to the other
-  LanePoints below;       // the same
-  LanePoints apart;       // from the first end above to the first below
+  LanePoints above;  // from one end of it to the other
+  LanePoints below;  // the same
+  LanePoints apart;  // from the first end above to the first below
   LanePoints color_above[2];
   LanePoints color_below[2];
 

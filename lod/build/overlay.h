@@ -183,7 +183,6 @@ class Overlay {
   glm::vec3 origin_{0.0F};
   glm::vec3 whole_{0.0F};
   float length2_ = 0.0F;
-  glm::vec3 color_[2];              // of its ends
   std::vector<std::uint32_t> cut_;  // edges below that go in or out
   std::vector<std::uint8_t> is_cut_;
   std::vector<std::uint32_t> inside_;

@@ -647,7 +647,8 @@ class Simplifier {
   // From a place of a component that vanishes to what stays: the nearest vertex of another component tells. Squared,
   // exact where it is more than `enough2`.
   double distance2ToOthers(std::uint32_t v, const glm::vec3& from, double enough2) {
-    if (!grid_) findComponents();
+    // Of a grid whose points are mostly gone, empty cells would be searched.
+    if (!grid_ || 2 * live_ < grid_triangles_) findComponents();
     const std::uint32_t near = grid_->nearest(
         from, [&](std::uint32_t w) { return component_[w] != component_[v] && survivor_[w] == w && isUsed(w); },
         static_cast<float>(enough2));
@@ -676,6 +677,7 @@ class Simplifier {
       if (survivor_[v] == v && isUsed(v)) living.push_back(v);
     }
     grid_.emplace(mesh_.positions, living);
+    grid_triangles_ = live_;
   }
 
   Keep keepOf(std::uint32_t a, std::uint32_t b, bool border_edge) const {
@@ -980,6 +982,7 @@ class Simplifier {
   std::vector<std::uint32_t> lost_;
   std::vector<std::uint32_t> component_;  // per vertex; made when first asked for
   std::optional<PointGrid> grid_;
+  std::size_t grid_triangles_ = 0;    // that lived when it was made
   std::vector<std::uint8_t> folded_;  // per vertex
   std::vector<float> sunk_;           // per vertex: how far what it stands for may be from the surface, where folded
   double mean_fan_ = 0.0;             // area

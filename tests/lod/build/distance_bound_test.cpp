@@ -168,6 +168,25 @@ TEST(CarriedError, KeepsWhatWasLostInEarlierRounds) {
   EXPECT_EQ(two.from, one.from);
 }
 
+// A tip 80 above what is left is at least as far from it.
+TEST(CarriedError, IsGivenUpEarlyWhereHopeless) {
+  const std::vector<glm::vec3> points{{0, 0, 0}, {100, 0, 0}, {100, 100, 0}, {0, 100, 0}, {50, 50, 80}};
+  const std::vector<std::uint32_t> spike{0, 1, 4, 1, 2, 4, 2, 3, 4, 3, 0, 4};
+  const std::vector<std::uint32_t> flat{0, 1, 2, 2, 3, 0};
+  Simplified history;
+  history.indices = flat;
+  history.origin = {0, 2};
+  history.survivor = {0, 1, 2, 3, 0};
+  EXPECT_TRUE(carryError({points, spike}, {}, {points, flat}, history, 0.1F, 79.0F).toward.empty());
+  // Also with what was lost before.
+  const SurfaceError lost{{5.0F, 5.0F, 5.0F, 5.0F}, {5.0F, 5.0F, 5.0F, 5.0F}, {}};
+  EXPECT_TRUE(carryError({points, spike}, lost, {points, flat}, history, 0.1F, 84.0F).toward.empty());
+  const SurfaceError all = carryError({points, spike}, lost, {points, flat}, history, 0.1F);
+  const SurfaceError looked = carryError({points, spike}, lost, {points, flat}, history, 0.1F, 86.0F);
+  EXPECT_EQ(looked.toward, all.toward);
+  EXPECT_EQ(looked.from, all.from);
+}
+
 // Two far corners of a strip lose 10 and 20: no triangle is said to have lost 30.
 TEST(CarriedError, OfDifferentPlacesNeverAddsUp) {
   std::vector<glm::vec3> points;
