@@ -281,8 +281,8 @@ glm::dvec3 crossOf(const glm::vec3& a, const glm::vec3& b, const glm::vec3& c) {
 
 class Simplifier {
  public:
-  Simplifier(GroupMesh& mesh, std::span<const std::size_t> targets)
-      : mesh_(mesh), targets_(targets), target_(std::max<std::size_t>(1, targets.back())) {}
+  Simplifier(GroupMesh& mesh, const FacetSurface& surface, std::span<const std::size_t> targets)
+      : mesh_(mesh), surface_(surface), targets_(targets), target_(std::max<std::size_t>(1, targets.back())) {}
 
   std::vector<SimplifiedGroup> run() {
     buildFans();
@@ -317,21 +317,17 @@ class Simplifier {
   // Triangles around each vertex, as ranges of one pool; a collapse appends the joined fan at its end.
   void buildFans() {
     const std::size_t vertices = mesh_.positions.size();
-    fans_.assign(vertices, {});
-    for (const std::uint32_t v : mesh_.indices) ++fans_[v].count;
-    std::uint32_t sum = 0;
-    for (Fan& fan : fans_) fan.first = sum, sum += fan.count, fan.count = 0;
-    pool_.reserve(3 * std::size_t{sum});
-    pool_.resize(sum);
-    for (std::uint32_t i = 0; i < mesh_.indices.size(); ++i) {
-      Fan& fan = fans_[mesh_.indices[i]];
-      pool_[fan.first + fan.count++] = i / 3;
+    fans_.resize(vertices);
+    pool_.reserve(3 * mesh_.indices.size());
+    for (std::uint32_t v = 0; v < vertices; ++v) {
+      const auto around = surface_.around(v);
+      fans_[v] = {static_cast<std::uint32_t>(pool_.size()), static_cast<std::uint32_t>(around.size())};
+      pool_.insert(pool_.end(), around.begin(), around.end());
     }
     alive_.assign(mesh_.indices.size() / 3, 1);
     survivor_.resize(vertices);
     for (std::uint32_t v = 0; v < vertices; ++v) survivor_[v] = v;
     mark_.assign(vertices, 0);
-    uses_.assign(vertices, 0);
     changed_.assign(vertices, 0);
   }
 
@@ -340,19 +336,18 @@ class Simplifier {
     const std::size_t vertices = mesh_.positions.size();
     kinds_.assign(vertices, Kind::kInterior);
     vertices_.assign(vertices, {});
-    edges_.reserve(mesh_.indices.size() / 2 + vertices / 8);
-    std::vector<std::uint32_t> neighbors;
-    double length_sum = 0.0;
     for (std::uint32_t v = 0; v < vertices; ++v) {
       if (mesh_.locked[v] != 0) kinds_[v] = Kind::kLocked;
       readVertex(v);
-      neighborsAbove(v, neighbors);
-      for (const std::uint32_t w : neighbors) {
-        if (mesh_.locked[v] != 0 && mesh_.locked[w] != 0) continue;
-        length_sum += glm::length(mesh_.positions[v] - mesh_.positions[w]);
-        edges_.push_back({.a = v, .b = w});
-        if (uses_[w] != 2) markBorderEdge(v, w);
-      }
+    }
+    edges_.reserve(surface_.edges().size());
+    double length_sum = 0.0;
+    for (const FacetSurface::Edge& edge : surface_.edges()) {
+      const auto [v, w] = edge.vertex;
+      if (mesh_.locked[v] != 0 && mesh_.locked[w] != 0) continue;
+      length_sum += glm::length(mesh_.positions[v] - mesh_.positions[w]);
+      edges_.push_back({.a = v, .b = w});
+      if (edge.triangles != 2) markBorderEdge(v, w);
     }
     const double mean =
         edges_.empty() ? 1.0 : length_sum / static_cast<double>(std::max<std::size_t>(1, edges_.size()));
@@ -361,7 +356,7 @@ class Simplifier {
     normal_scale_ = kNormalLength * mean;
   }
 
-  // The vertices above v that share a triangle with it, each once; uses_[w] is the number of triangles on edge (v, w).
+  // The vertices above v that share a triangle with it, each once.
   void neighborsAbove(std::uint32_t v, std::vector<std::uint32_t>& neighbors) {
     neighbors.clear();
     ++stamp_;
@@ -369,8 +364,7 @@ class Simplifier {
       for (std::size_t k = 0; k < 3; ++k) {
         const std::uint32_t w = mesh_.indices[3 * std::size_t{t} + k];
         if (w <= v) continue;
-        if (mark_[w] != stamp_) mark_[w] = stamp_, uses_[w] = 0, neighbors.push_back(w);
-        ++uses_[w];
+        if (mark_[w] != stamp_) mark_[w] = stamp_, neighbors.push_back(w);
       }
     });
   }
@@ -958,6 +952,7 @@ class Simplifier {
   }
 
   GroupMesh& mesh_;
+  const FacetSurface& surface_;  // of the mesh as it was given
   std::span<const std::size_t> targets_;
   std::size_t target_;  // the last of them
   std::vector<SimplifiedGroup> reached_;
@@ -975,7 +970,6 @@ class Simplifier {
   std::vector<EdgeQueue::Entry> opened_;
   std::vector<std::uint32_t> known_;
   std::vector<std::uint32_t> mark_;
-  std::vector<std::uint32_t> uses_;
   std::uint32_t stamp_ = 0;
   Neighborhood around_;
   std::vector<Wedge> left_;  // as findLost finds them
@@ -994,7 +988,14 @@ class Simplifier {
 }  // namespace
 
 std::vector<SimplifiedGroup> simplifyGroup(GroupMesh mesh, std::span<const std::size_t> target_triangles) {
-  return Simplifier(mesh, target_triangles).run();
+  FacetSurface surface;
+  surface.reset({mesh.positions, mesh.indices});
+  return simplifyGroup(std::move(mesh), surface, target_triangles);
+}
+
+std::vector<SimplifiedGroup> simplifyGroup(GroupMesh mesh, const FacetSurface& surface,
+                                           std::span<const std::size_t> target_triangles) {
+  return Simplifier(mesh, surface, target_triangles).run();
 }
 
 Simplified simplifyGroup(GroupMesh& mesh, std::size_t target_triangles) {
