@@ -24,6 +24,11 @@ constexpr double kShortFirst = 1e-8;
 // cover less than this share of their longest edge's square is tied to its place by this share of a mean edge's square.
 constexpr double kThinFan = 0.3;
 constexpr double kPointWeight = 5e-3;
+// Weighted by area, the tip of a small fan goes far for little, and it is what is off the most in the end: where two
+// fans cover less than this many mean ones, costs are divided by the root of their share of it. The mean distance
+// hardly minds, as such fans are few.
+constexpr double kSmallFans = 2.0;
+constexpr double kLeastShare = 1e-4;  // of kSmallFans mean fans, so that fans without area cost something finite
 // Planes do not say how far a spike sticks out, as those of its sides all hold its axis. Where the vector sum of a
 // fan's areas is less than this share of their plain sum, distances are measured.
 constexpr double kFolded = 0.6;
@@ -51,6 +56,12 @@ struct Quadric {
     a00 += w, a11 += w, a22 += w;
     b0 -= w * p.x, b1 -= w * p.y, b2 -= w * p.z, c += w * glm::dot(p, p);
   }
+  double at(const glm::dvec3& p) const {
+    const double x = a00 * p.x + a01 * p.y + a02 * p.z + 2.0 * b0;
+    const double y = a01 * p.x + a11 * p.y + a12 * p.z + 2.0 * b1;
+    const double z = a02 * p.x + a12 * p.y + a22 * p.z + 2.0 * b2;
+    return std::max(0.0, p.x * x + p.y * y + p.z * z + c);
+  }
   void add(const Quadric& q) {
     a00 += q.a00, a01 += q.a01, a02 += q.a02, a11 += q.a11, a12 += q.a12, a22 += q.a22;
     b0 += q.b0, b1 += q.b1, b2 += q.b2, c += q.c, weight += q.weight;
@@ -64,6 +75,15 @@ struct PairPoint {
   Pair x, y, z;
   PairPoint operator-(const PairPoint& p) const { return {x - p.x, y - p.y, z - p.z}; }
 };
+Pair larger(const Pair& p, const Pair& q) {
+  return p > q ? p : q;
+}
+Pair smaller(const Pair& p, const Pair& q) {
+  return p < q ? p : q;
+}
+Pair rootOf(const Pair& p) {
+  return Pair{std::sqrt(p[0]), std::sqrt(p[1])};
+}
 Pair dot(const PairPoint& p, const PairPoint& q) {
   return p.x * q.x + p.y * q.y + p.z * q.z;
 }
@@ -86,7 +106,7 @@ struct QuadricPair {
     const Pair y = a01 * p.x + a11 * p.y + a12 * p.z + 2.0 * b1;
     const Pair z = a02 * p.x + a12 * p.y + a22 * p.z + 2.0 * b2;
     const Pair sum = p.x * x + p.y * y + p.z * z + c;
-    return sum > 0.0 ? sum : Pair{0.0, 0.0};
+    return larger(sum, Pair{0.0, 0.0});
   }
   // The point of least error; false where the planes are too parallel to say.
   PairMask minimum(PairPoint& p) const {
@@ -148,6 +168,7 @@ struct alignas(64) Vertex {
   glm::vec3 position{0.0F};
   glm::vec3 normal{0.0F};
   glm::vec3 color{0.0F};  // zero when the mesh has none
+  float paid = 0.0F;      // the quadric where the vertex is
 };
 static_assert(sizeof(Vertex) == 128);
 
@@ -450,12 +471,14 @@ class Simplifier {
     folded_.assign(vertices_.size(), 0);
     sunk_.assign(vertices_.size(), 0.0F);
     double sum = 0.0;
+    std::size_t free = 0;
     for (std::size_t v = 0; v < vertices_.size(); ++v) {
       const double area = vertices_[v].quadric.weight;
       folded_[v] = glm::length(shapes[v].vector_area) < kFolded * area ? 1 : 0;
-      sum += area;
+      if (kinds_[v] != Kind::kLocked) sum += area, ++free;
     }
-    mean_fan_ = sum / static_cast<double>(std::max<std::size_t>(1, vertices_.size()));
+    mean_fan_ = sum / static_cast<double>(std::max<std::size_t>(1, free));
+    small_fans_ = mean_fan_ > 0.0 ? kSmallFans * mean_fan_ : 1.0;
   }
 
   void tieThinFans(const std::vector<FanShape>& shapes) {
@@ -484,8 +507,8 @@ class Simplifier {
     queueEdges();
   }
 
-  // Cheapest first. Quadrics only grow, so a cost computed earlier is a lower bound: it is computed anew when its turn
-  // comes, and the edge waits again if it has become dearer.
+  // Cheapest first. Quadrics only grow, so that costs seldom fall: a cost is computed anew when its turn comes, and the
+  // edge waits again if it has become dearer.
   void collapseAll(const Stage& stage, bool rough) {
     const double most = stage.largest_move * stage.largest_move * mean_edge_ * mean_edge_ * mean_edge_ * mean_edge_;
     while (live_ > target_ && fillQueue() && queue_.lowest() <= most) {
@@ -707,9 +730,14 @@ class Simplifier {
     const PairPoint lattice = rounded(best);
     const Pair at_best = q.at(lattice);
 
-    // Of these three the cheapest; the kept end when it must not move. Which end is the better one is a matter of
-    // chance, that the best point beats both is not: so that is asked first.
-    const Pair at_end = at_gone < at_kept ? at_gone : at_kept;
+    // Of these three the cheapest, and what that adds to what both ends are off already: so the sum over all is lowered
+    // greedily, and places that are off once do not keep good collapses beside them waiting. The kept end when it must
+    // not move. Which end is the better one is a matter of chance, that the best point beats both is not: so that is
+    // asked first.
+    const Pair at_end = smaller(at_gone, at_kept);
+    const Pair weight{kept0.quadric.weight + gone0.quadric.weight, kept1.quadric.weight + gone1.quadric.weight};
+    const Pair divisor = rootOf(larger(smaller(weight / small_fans_, Pair{1.0, 1.0}), Pair{kLeastShare, kLeastShare}));
+    const Pair short_first = kShortFirst * length2 * weight;
     const auto choose = [&](Edge& edge, const Vertex& k, const Vertex& g, int lane) {
       double least = at_kept[lane];
       edge.position = k.position;
@@ -721,8 +749,8 @@ class Simplifier {
         least = at_gone[lane], edge.position = g.position, edge.along = 1.0F;
       }
       edge.planned = collapses_ & 0x7fffffffU;
-      edge.cost = static_cast<float>(least + attributeCost(k, g) +
-                                     kShortFirst * length2[lane] * (k.quadric.weight + g.quadric.weight));
+      const double added = std::max(0.0, least - (static_cast<double>(k.paid) + static_cast<double>(g.paid)));
+      edge.cost = static_cast<float>((added + attributeCost(k, g) + short_first[lane]) / divisor[lane]);
     };
     choose(first, kept0, gone0, 0);
     choose(second, kept1, gone1, 1);
@@ -875,6 +903,7 @@ class Simplifier {
     sunk_[c.kept] = std::max({sunk_[c.kept], sunk_[c.gone], c.sunk});
     survivor_[c.gone] = c.kept;
     vertices_[c.kept].quadric.add(vertices_[c.gone].quadric);
+    vertices_[c.kept].paid = static_cast<float>(vertices_[c.kept].quadric.at(glm::dvec3(c.position)));
     changed_[c.kept] = ++collapses_;
     if (kinds_[c.gone] == Kind::kBorder && kinds_[c.kept] == Kind::kInterior) kinds_[c.kept] = Kind::kBorder;
     joinFans(c.gone, c.kept);
@@ -979,7 +1008,8 @@ class Simplifier {
   std::size_t grid_triangles_ = 0;    // that lived when it was made
   std::vector<std::uint8_t> folded_;  // per vertex
   std::vector<float> sunk_;           // per vertex: how far what it stands for may be from the surface, where folded
-  double mean_fan_ = 0.0;             // area
+  double mean_fan_ = 0.0;             // area, of vertices that are not locked
+  double small_fans_ = 1.0;           // area of two
   double mean_edge_ = 1.0;
   double color_scale_ = 0.0;
   double normal_scale_ = 0.0;
