@@ -75,15 +75,6 @@ struct PairPoint {
   Pair x, y, z;
   PairPoint operator-(const PairPoint& p) const { return {x - p.x, y - p.y, z - p.z}; }
 };
-Pair larger(const Pair& p, const Pair& q) {
-  return p > q ? p : q;
-}
-Pair smaller(const Pair& p, const Pair& q) {
-  return p < q ? p : q;
-}
-Pair rootOf(const Pair& p) {
-  return Pair{std::sqrt(p[0]), std::sqrt(p[1])};
-}
 Pair dot(const PairPoint& p, const PairPoint& q) {
   return p.x * q.x + p.y * q.y + p.z * q.z;
 }
@@ -106,7 +97,7 @@ struct QuadricPair {
     const Pair y = a01 * p.x + a11 * p.y + a12 * p.z + 2.0 * b1;
     const Pair z = a02 * p.x + a12 * p.y + a22 * p.z + 2.0 * b2;
     const Pair sum = p.x * x + p.y * y + p.z * z + c;
-    return larger(sum, Pair{0.0, 0.0});
+    return sum > 0.0 ? sum : Pair{0.0, 0.0};
   }
   // The point of least error; false where the planes are too parallel to say.
   PairMask minimum(PairPoint& p) const {
@@ -734,9 +725,8 @@ class Simplifier {
     // greedily, and places that are off once do not keep good collapses beside them waiting. The kept end when it must
     // not move. Which end is the better one is a matter of chance, that the best point beats both is not: so that is
     // asked first.
-    const Pair at_end = smaller(at_gone, at_kept);
+    const Pair at_end = at_gone < at_kept ? at_gone : at_kept;
     const Pair weight{kept0.quadric.weight + gone0.quadric.weight, kept1.quadric.weight + gone1.quadric.weight};
-    const Pair divisor = rootOf(larger(smaller(weight / small_fans_, Pair{1.0, 1.0}), Pair{kLeastShare, kLeastShare}));
     const Pair short_first = kShortFirst * length2 * weight;
     const auto choose = [&](Edge& edge, const Vertex& k, const Vertex& g, int lane) {
       double least = at_kept[lane];
@@ -750,7 +740,9 @@ class Simplifier {
       }
       edge.planned = collapses_ & 0x7fffffffU;
       const double added = std::max(0.0, least - (static_cast<double>(k.paid) + static_cast<double>(g.paid)));
-      edge.cost = static_cast<float>((added + attributeCost(k, g) + short_first[lane]) / divisor[lane]);
+      double cost = added + attributeCost(k, g) + short_first[lane];
+      if (weight[lane] < small_fans_) cost /= std::sqrt(std::max(weight[lane] / small_fans_, kLeastShare));
+      edge.cost = static_cast<float>(cost);
     };
     choose(first, kept0, gone0, 0);
     choose(second, kept1, gone1, 1);
