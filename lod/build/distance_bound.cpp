@@ -483,7 +483,6 @@ constexpr Raised kNothing{-kFar, -kFar, -kFar, -kFar};
 
 // What one call needs, kept for the next one of the thread.
 struct Scratch {
-  FacetSurface before;
   FacetSurface after;
   Hints forward;
   Hints backward;
@@ -579,21 +578,24 @@ float errorOfCode(std::uint16_t code) {
   return std::bit_cast<float>(kLeastBits + ((code - 1U) << kDroppedBits));
 }
 
-SurfaceError carryError(const SurfaceView& before, const SurfaceError& before_error, const SurfaceView& after,
-                        const Simplified& history, float negligible) {
+SurfaceError carryError(FacetSurface& surface, const SurfaceError& before_error, const SurfaceView& after,
+                        const Simplified& history, float negligible, float hopeless) {
   thread_local std::unique_ptr<Scratch> kept;
   if (!kept) kept = std::make_unique<Scratch>();
   Scratch& scratch = *kept;
-  scratch.before.reset(before);
+  const SurfaceView& before = surface.view();
   scratch.after.reset(after);
   forwardHints(before, history, scratch.forward);
   backwardHints(history, scratch.backward);
   Layer forward(before, scratch.after, scratch.forward, scratch.facet[0]);
-  Layer backward(after, scratch.before, scratch.backward, scratch.facet[1]);
+  Layer backward(after, surface, scratch.backward, scratch.facet[1]);
   Placed& placed = scratch.placed;
-  float usual = forward.place(scratch.before, history, negligible, placed);
+  float usual = forward.place(surface, history, negligible, placed);
+  if (hopeless < std::numeric_limits<float>::infinity() &&
+      neededBelow(before, before_error, forward, placed.gap) > hopeless)
+    return {};
   Overlay& overlay = scratch.overlay;
-  overlay.make(scratch.before, scratch.after, scratch.facet[0], placed.gap, placed.twin, placed.border);
+  overlay.make(surface, scratch.after, scratch.facet[0], placed.gap, placed.twin, placed.border);
   // What the vertices of both need; some of those that the overlay put farther off are nearer to another triangle.
   overlay.forEachEnclosed([&](std::uint32_t v, float distance) {
     if (distance > usual) usual = backward.farther(v, usual);
@@ -621,7 +623,7 @@ SurfaceError carryError(const SurfaceView& before, const SurfaceError& before_er
 
   // What an edge before had to carry: the most of its triangles, which share its pairs.
   std::vector<Raised>& had = scratch.had;
-  had.assign(scratch.before.edges().size(), kNothing);
+  had.assign(surface.edges().size(), kNothing);
   std::vector<Raised>& raised = scratch.raised;
   raised.assign(triangles, Raised{});
   const auto raisePair = [&](const Raised& from, std::uint32_t t, const Overlay::Gap& gap) {
@@ -651,7 +653,7 @@ SurfaceError carryError(const SurfaceView& before, const SurfaceError& before_er
                         carried(before_error.color, s)};
       overlay.forEachPairWithin(s, [&](std::uint32_t t, const Overlay::Gap& gap) { raisePair(of_s, t, gap); });
       for (std::size_t k = 0; k < 3; ++k) {
-        Raised& of_edge = had[scratch.before.edgeOf(s, k)];
+        Raised& of_edge = had[surface.edgeOf(s, k)];
         of_edge = of_s > of_edge ? of_s : of_edge;
       }
     }
@@ -688,6 +690,13 @@ SurfaceError carryError(const SurfaceView& before, const SurfaceError& before_er
     for (const Laid& piece : pieces) raiseColor(t, piece.facet, largestDifference(before, piece.facet, after, t));
   }
   return result;
+}
+
+SurfaceError carryError(const SurfaceView& before, const SurfaceError& before_error, const SurfaceView& after,
+                        const Simplified& history, float negligible, float hopeless) {
+  FacetSurface surface;
+  surface.reset(before);
+  return carryError(surface, before_error, after, history, negligible, hopeless);
 }
 
 }  // namespace lod::build

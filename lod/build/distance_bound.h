@@ -11,6 +11,7 @@
 // different places never add up.
 #include <cstdint>
 #include <glm/glm.hpp>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -30,9 +31,13 @@ struct SurfaceError {
 
 /// The bounds of `after`, which simplifyGroup made of `before`, rounding included. Distances below `negligible` are not
 /// looked into. Triangles that stayed as they were carry on what they had. Both surfaces have triangles, and both
-/// colours or neither.
+/// colours or neither. Empty where vertices alone show early that some distance is more than `hopeless`.
+SurfaceError carryError(FacetSurface& before, const SurfaceError& before_error, const SurfaceView& after,
+                        const Simplified& history, float negligible,
+                        float hopeless = std::numeric_limits<float>::infinity());
 SurfaceError carryError(const SurfaceView& before, const SurfaceError& before_error, const SurfaceView& after,
-                        const Simplified& history, float negligible);
+                        const Simplified& history, float negligible,
+                        float hopeless = std::numeric_limits<float>::infinity());
 
 /// A distance or a difference of colours in two bytes, rounded up by at most 0.05 % from 1/16 to 2^22; less counts as
 /// 1/16, 0 stays 0. No two points of a lattice (21 bits) are farther from each other than 2^22.

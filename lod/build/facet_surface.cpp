@@ -126,8 +126,10 @@ void FacetSurface::makeEdges() {
       const std::uint32_t here = corners_[i];
       const std::uint32_t next = here == 3 * t + 2 ? 3 * t : here + 1;
       const std::uint32_t last = here == 3 * t ? 3 * t + 2 : here - 1;
-      add(a, surface_.indices[next], t, here);
-      add(a, surface_.indices[last], t, last);
+      // In the order of corners.
+      const bool is_second = here == 3 * t + 1;
+      add(a, surface_.indices[is_second ? last : next], t, is_second ? last : here);
+      add(a, surface_.indices[is_second ? next : last], t, is_second ? here : last);
     }
   for (std::uint32_t e = 0; e < edges_.size(); ++e) {
     if (edges_[e].triangles != 1) continue;

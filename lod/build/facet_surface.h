@@ -103,6 +103,7 @@ class FacetSurface {
   /// Only where there are colours.
   glm::vec3 colorAt(std::uint32_t t, const Spot& spot) const;
 
+  /// Each once: those of vertex 0, then the others of vertex 1, …; at a vertex in the order of triangles and corners.
   std::span<const Edge> edges() const { return edges_; }
   /// The edge of corners k and k + 1.
   std::uint32_t edgeOf(std::uint32_t t, std::size_t k) const { return edge_of_[3 * std::size_t{t} + k]; }
@@ -115,6 +116,7 @@ class FacetSurface {
   /// Some triangle beyond that edge, or kNone.
   std::uint32_t neighbor(std::uint32_t t, std::size_t k) const { return edges_[edgeOf(t, k)].across(t); }
 
+  /// Its triangles, in rising order.
   std::span<const std::uint32_t> around(std::uint32_t v) const {
     return {around_.data() + fan_[v], fan_[v + 1] - fan_[v]};
   }

@@ -1,43 +1,39 @@
 #include "lod/build/facet_tree.h"
 
-#include <algorithm>
-#include <bit>
-
-#include "lod/build/voxels.h"
-
 namespace lod::build {
 
 FacetTree::FacetTree(std::span<const glm::vec3> positions, std::span<const std::uint32_t> indices) {
-  const std::size_t triangles = indices.size() / 3;
-  const auto boxOf = [&](std::size_t t) {
-    Box box;
-    for (std::size_t k = 0; k < 3; ++k) {
-      const glm::vec3& p = positions[indices[3 * t + k]];
-      box.low = glm::min(box.low, p), box.high = glm::max(box.high, p);
+  struct Box {
+    glm::vec3 low{std::numeric_limits<float>::infinity()};
+    glm::vec3 high{-std::numeric_limits<float>::infinity()};
+  };
+  std::vector<Box> below(indices.size() / 3);
+  for (std::size_t t = 0; t < below.size(); ++t) {
+    const glm::vec3& a = positions[indices[3 * t]];
+    const glm::vec3& b = positions[indices[3 * t + 1]];
+    const glm::vec3& c = positions[indices[3 * t + 2]];
+    below[t] = {glm::min(glm::min(a, b), c), glm::max(glm::max(a, b), c)};
+  }
+  boxes_.reserve(below.size() / 3 + kMaxLevels);
+  do {
+    first_.push_back(boxes_.size());
+    std::size_t joined = 0;
+    for (std::size_t first = 0; first < below.size(); first += kSiblings) {
+      Boxes& boxes = boxes_.emplace_back();
+      Box all;
+      for (std::size_t i = 0; i < kSiblings && first + i < below.size(); ++i) {
+        const Box& box = below[first + i];
+        for (std::size_t k = 0; k < 3; ++k) {
+          const auto axis = static_cast<glm::length_t>(k);
+          boxes.center[k][i] = 0.5F * (box.low[axis] + box.high[axis]);
+          boxes.half[k][i] = 0.5F * (box.high[axis] - box.low[axis]);
+        }
+        all.low = glm::min(all.low, box.low), all.high = glm::max(all.high, box.high);
+      }
+      below[joined++] = all;
     }
-    return box;
-  };
-
-  // By the cell of a corner: a fine order would cost more than it saves.
-  constexpr unsigned kCellBits = 5;
-  std::uint32_t highest = 1;
-  for (const glm::vec3& p : positions) highest |= static_cast<std::uint32_t>(std::max({p.x, p.y, p.z}));
-  const auto bits = static_cast<unsigned>(std::bit_width(highest));
-  const int shift = bits > kCellBits ? static_cast<int>(bits - kCellBits) : 0;
-  std::vector<KeyedIndex> sorted(triangles);
-  for (std::uint32_t t = 0; t < triangles; ++t)
-    sorted[t] = {mortonCode(glm::ivec3(positions[indices[3 * std::size_t{t}]]) >> shift), t};
-  radixSort(sorted, 3 * kCellBits);
-  order_.reserve(triangles);
-  for (const KeyedIndex& item : sorted) order_.push_back(item.index);
-
-  leaves_ = std::bit_ceil(static_cast<std::uint32_t>((triangles + kLeaf - 1) / kLeaf));
-  boxes_.resize(2 * std::size_t{leaves_});
-  const auto grow = [](Box& box, const Box& by) {
-    box.low = glm::min(box.low, by.low), box.high = glm::max(box.high, by.high);
-  };
-  for (std::size_t i = 0; i < triangles; ++i) grow(boxes_[leaves_ + i / kLeaf], boxOf(order_[i]));
-  for (std::size_t n = leaves_ - 1; n > 0; --n) boxes_[n] = boxes_[2 * n], grow(boxes_[n], boxes_[2 * n + 1]);
+    below.resize(joined);
+  } while (below.size() > 1);
 }
 
 }  // namespace lod::build

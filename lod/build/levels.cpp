@@ -220,17 +220,21 @@ float doubledArea(const CodedMesh& mesh, std::size_t t) {
   return glm::length(glm::cross(corner(1) - a, corner(2) - a));
 }
 
-Coarser coarserOf(const Merged& before, const SurfaceError& before_error, SimplifiedGroup& group, std::uint32_t bits,
-                  float negligible) {
+// Where it is soon clear that they are off by more than `hopeless`, that is infinite.
+Coarser coarserOf(const Merged& before, FacetSurface& surface, const SurfaceError& before_error, SimplifiedGroup& group,
+                  std::uint32_t bits, float negligible, float hopeless) {
   Merged merged{std::move(group.vertices), {}, before.corner};
   keepOnLattice(merged, bits);
   Coarser out;
   out.mesh = codedMesh(merged, group.simplified, out.outer);
   if (out.mesh.indices.empty()) return out;
-  const GroupMesh& mesh = before.mesh;
   const SurfaceError error =
-      carryError({mesh.positions, mesh.indices, mesh.colors}, before_error,
-                 {merged.mesh.positions, group.simplified.indices, merged.mesh.colors}, group.simplified, negligible);
+      carryError(surface, before_error, {merged.mesh.positions, group.simplified.indices, merged.mesh.colors},
+                 group.simplified, negligible, hopeless);
+  if (error.toward.empty()) {
+    out.error = std::numeric_limits<float>::infinity();
+    return out;
+  }
   out.codes.reserve(kErrorCodes * error.toward.size());
   for (std::size_t t = 0; t < error.toward.size(); ++t) {
     for (const float e : {error.toward[t], error.from[t], error.color.empty() ? 0.0F : error.color[t]})
@@ -499,10 +503,15 @@ base::Result<LevelBuilder::Made> LevelBuilder::makeGroup(const Piece& piece, Wor
     for (const double share : kMoreKept)
       targets.push_back(static_cast<std::size_t>(share * static_cast<double>(triangles)));
   }
-  std::vector<SimplifiedGroup> steps = simplifyGroup(merged.mesh, targets);
+  thread_local FacetSurface surface;  // whose memory is kept
+  surface.reset({merged.mesh.positions, merged.mesh.indices, merged.mesh.colors});
+  std::vector<SimplifiedGroup> steps = simplifyGroup(merged.mesh, surface, targets);
   Coarser best;
   for (; !steps.empty(); steps.pop_back()) {
-    Coarser next = coarserOf(merged, before_error, steps.back(), lattice_.bits, negligible);
+    const bool is_last = !limit || steps.size() == 1;
+    const float hopeless =
+        is_last ? std::numeric_limits<float>::infinity() : static_cast<float>(static_cast<double>(*limit) / step);
+    Coarser next = coarserOf(merged, surface, before_error, steps.back(), lattice_.bits, negligible, hopeless);
     if (next.mesh.indices.empty()) continue;
     if (best.mesh.indices.empty() || next.error < best.error) best = std::move(next);
     if (limit && static_cast<double>(best.error) * step <= static_cast<double>(*limit)) break;

@@ -27,6 +27,16 @@ constexpr std::uint8_t kNeverPinned = 4;
 // Either side of a cut is tried so far before one is followed to the limit.
 constexpr std::size_t kFew = 3;
 
+// One value of each of several crossings: the compiler does them in step.
+constexpr std::size_t kLanes = 8;
+using Lanes = std::array<float, kLanes>;
+struct LanePoints {
+  Lanes x{};
+  Lanes y{};
+  Lanes z{};
+  void set(std::size_t lane, const glm::vec3& p) { x[lane] = p.x, y[lane] = p.y, z[lane] = p.z; }
+};
+
 bool contains(const std::vector<std::uint32_t>& list, std::uint32_t x) {
   return std::find(list.begin(), list.end(), x) != list.end();
 }
@@ -43,6 +53,7 @@ void Overlay::make(FacetSurface& above, FacetSurface& below, std::span<const std
   turns_.clear();
   paths_.resize(above.edges().size());
   for (std::uint32_t e = 0; e < paths_.size(); ++e) walk(e, paths_[e]);
+  measureCrossings();
 
   const std::uint32_t triangles = above.triangleCount();
   is_good_.assign(triangles, 0);
@@ -77,8 +88,6 @@ void Overlay::walk(std::uint32_t e, Path& path) {
   origin_ = above_->view().positions[a];
   whole_ = above_->view().positions[b] - origin_;
   length2_ = glm::dot(whole_, whole_);
-  length_ = std::sqrt(length2_);
-  if (has_color_) color_[0] = above_->view().colors[a], color_[1] = above_->view().colors[b];
   path = {facet_of_[a], facet_of_[b], static_cast<std::uint32_t>(crossings_.size()), 0, 0.0F, true, false};
   path.last = path.first;
   if (edge.triangles == 1 && border_of_[a] != kNone && border_of_[b] != kNone && walkBorder(e, path)) return;
@@ -97,26 +106,27 @@ void Overlay::walk(std::uint32_t e, Path& path) {
     std::size_t out = 3;
     float first = std::numeric_limits<float>::max();
     for (std::size_t k = 0; k < 3 && !facet.flat; ++k) {
-      const std::uint32_t over = below_->edgeOf(t, k);
-      // Beyond a border is nothing: the edge stays where it is.
-      const FacetSurface::Edge& wall = below_->edges()[over];
-      if (over == came_over || !wall.isInner() || wall.endsAt(twin_a)) continue;
       const float from = glm::dot(facet.wall[k], origin_ - facet.corner[k]);
       const float to = from + glm::dot(facet.wall[k], whole_);
       if (to >= 0.0F) continue;
+      const std::uint32_t over = below_->edgeOf(t, k);
+      if (over == came_over) continue;
+      // Beyond a border is nothing: the edge stays where it is.
+      const FacetSurface::Edge& wall = below_->edges()[over];
+      if (!wall.isInner() || wall.endsAt(twin_a)) continue;
       // Beyond it from the start: before all others, the farthest first.
       const float when = from <= 0.0F ? from : from / (from - to);
       if (when < first) first = when, out = k;
     }
     if (out == 3 || step == kMaxSteps) {
       // Over a facet that is not that of its end: in a fold or over a ridge, near one border, or over a flat facet.
-      path.arrives = link(t, goal, step < kMaxSteps && !facet.flat ? 1.0F : along, path);
+      path.arrives = link(t, goal, step < kMaxSteps && !facet.flat ? 1.0F : along);
       break;
     }
     along = std::max(along, std::clamp(first, 0.0F, 1.0F));
     came_over = below_->edgeOf(t, out);
     t = below_->edges()[came_over].across(t);
-    cross(came_over, t, along, path);
+    cross(came_over, t, along);
   }
   path.last = static_cast<std::uint32_t>(crossings_.size());
   if (path.last != path.first)
@@ -238,8 +248,11 @@ Overlay::Gap Overlay::gapAt(std::uint32_t v, const FacetSurface::Edge& edge) con
   const glm::vec3 to = below_->view().positions[v] - origin_;
   const float share = closestShare(to, whole_);
   Gap gap{glm::length(to - share * whole_), 0.0F};
-  gap.distance += 16.0F * kEpsilon * (gap.distance + length_);
-  if (has_color_) gap.color = glm::length(below_->view().colors[v] - glm::mix(color_[0], color_[1], share));
+  gap.distance += 16.0F * kEpsilon * (gap.distance + std::sqrt(length2_));
+  if (has_color_) {
+    const auto& colors = above_->view().colors;
+    gap.color = glm::length(below_->view().colors[v] - glm::mix(colors[edge.vertex[0]], colors[edge.vertex[1]], share));
+  }
   return gap;
 }
 
@@ -261,32 +274,97 @@ bool Overlay::isSame(std::uint32_t e, Path& path) const {
   return is_found;
 }
 
-// Pairs the points where the edge above and an edge below are nearest to each other; where they are as good as
+// Crossings wait for their gaps, so that several are measured at once.
+void Overlay::cross(std::uint32_t edge, std::uint32_t facet, float along) {
+  crossings_.push_back({edge, facet, {along, 0.0F}});
+}
+
+// Pairs the points where the edge above and the edge below are nearest to each other; where they are as good as
 // parallel, the point at share `along` above with the nearest one below.
-void Overlay::cross(std::uint32_t edge, std::uint32_t facet, float along, Path& path) {
-  const auto [a, b] = below_->edges()[edge].vertex;
-  const auto& positions = below_->view().positions;
-  const glm::vec3 p = positions[a] - origin_;
-  const glm::vec3 pq = positions[b] - origin_ - p;
-  const float below2 = glm::dot(pq, pq);
-  const float both = glm::dot(whole_, pq);
-  const float to_above = glm::dot(whole_, p);
-  const float to_below = glm::dot(pq, p);
-  // The nearest points of the lines; then of the edges, where those lie beyond an end.
-  // Into [0, 1]; what is no number becomes 0.
-  const auto clamped = [](float share) { return std::min(1.0F, std::max(0.0F, share)); };
-  if (const float area2 = length2_ * below2 - both * both; area2 > kParallel * length2_ * below2) {
-    const float below = clamped((both * to_above - length2_ * to_below) / area2);
-    along = clamped((to_above + below * both) / length2_);
+struct Overlay::CrossingLanes {
+  std::size_t count = 0;
+  std::array<Crossing*, kLanes> crossing{};
+  LanePoints above;  // from one end of it to the other
+  LanePoints below;  // the same
+  LanePoints apart;  // from the first end above to the first below
+  LanePoints color_above[2];
+  LanePoints color_below[2];
+
+  void measure(bool has_color) {
+    Lanes along{};
+    Lanes share;
+    Lanes distance;
+    Lanes color{};
+    for (std::size_t i = 0; i < count; ++i) along[i] = crossing[i]->gap.distance;
+    // Into [0, 1]; what is no number becomes 0.
+    const auto clamped = [](float s) {
+      const float positive = s > 0.0F ? s : 0.0F;
+      return positive < 1.0F ? positive : 1.0F;
+    };
+    for (std::size_t i = 0; i < kLanes; ++i) {
+      const glm::vec3 whole(above.x[i], above.y[i], above.z[i]);
+      const glm::vec3 pq(below.x[i], below.y[i], below.z[i]);
+      const glm::vec3 p(apart.x[i], apart.y[i], apart.z[i]);
+      const float above2 = whole.x * whole.x + whole.y * whole.y + whole.z * whole.z;
+      const float below2 = pq.x * pq.x + pq.y * pq.y + pq.z * pq.z;
+      const float both = whole.x * pq.x + whole.y * pq.y + whole.z * pq.z;
+      const float to_above = whole.x * p.x + whole.y * p.y + whole.z * p.z;
+      const float to_below = pq.x * p.x + pq.y * p.y + pq.z * p.z;
+      // The nearest points of the lines; then of the edges, where those lie beyond an end.
+      const float area2 = above2 * below2 - both * both;
+      const float line = clamped((both * to_above - above2 * to_below) / area2);
+      const float nearest = clamped((to_above + line * both) / above2);
+      along[i] = area2 > kParallel * above2 * below2 ? nearest : along[i];
+      share[i] = clamped((along[i] * both - to_below) / below2);
+      const float dx = along[i] * whole.x - p.x - share[i] * pq.x;
+      const float dy = along[i] * whole.y - p.y - share[i] * pq.y;
+      const float dz = along[i] * whole.z - p.z - share[i] * pq.z;
+      const float d = std::sqrt(dx * dx + dy * dy + dz * dz);
+      const float size = d + std::sqrt(above2) + std::abs(pq.x) + std::abs(pq.y) + std::abs(pq.z);
+      distance[i] = d + 32.0F * kEpsilon * size;
+    }
+    for (std::size_t i = 0; has_color && i < kLanes; ++i) {
+      const auto difference2 = [&](const Lanes& a0, const Lanes& a1, const Lanes& b0, const Lanes& b1) {
+        const float d = a0[i] * (1.0F - along[i]) + a1[i] * along[i] - (b0[i] * (1.0F - share[i]) + b1[i] * share[i]);
+        return d * d;
+      };
+      color[i] = std::sqrt(difference2(color_above[0].x, color_above[1].x, color_below[0].x, color_below[1].x) +
+                           difference2(color_above[0].y, color_above[1].y, color_below[0].y, color_below[1].y) +
+                           difference2(color_above[0].z, color_above[1].z, color_below[0].z, color_below[1].z));
+    }
+    for (std::size_t i = 0; i < count; ++i) crossing[i]->gap = {distance[i], color[i]};
+    count = 0;
   }
-  const float share = clamped((along * both - to_below) / below2);
-  const glm::vec3 d = along * whole_ - p - share * pq;
-  Gap gap{std::sqrt(glm::dot(d, d)), 0.0F};
-  gap.distance += 32.0F * kEpsilon * (gap.distance + length_ + std::abs(pq.x) + std::abs(pq.y) + std::abs(pq.z));
-  if (const auto& colors = below_->view().colors; has_color_)
-    gap.color = glm::length(glm::mix(color_[0], color_[1], along) - glm::mix(colors[a], colors[b], share));
-  path.distance = std::max(path.distance, gap.distance);
-  crossings_.push_back({edge, facet, gap});
+};
+
+void Overlay::measureCrossings() {
+  CrossingLanes lanes;
+  const SurfaceView& above = above_->view();
+  const SurfaceView& below = below_->view();
+  for (std::uint32_t e = 0; e < paths_.size(); ++e) {
+    const Path& path = paths_[e];
+    if (path.is_on_border) continue;
+    for (std::uint32_t i = path.first; i < path.last; ++i) {
+      const auto [a, b] = above_->edges()[e].vertex;
+      const auto [p, q] = below_->edges()[crossings_[i].edge].vertex;
+      const std::size_t lane = lanes.count++;
+      lanes.crossing[lane] = &crossings_[i];
+      lanes.above.set(lane, above.positions[b] - above.positions[a]);
+      lanes.below.set(lane, below.positions[q] - below.positions[p]);
+      lanes.apart.set(lane, below.positions[p] - above.positions[a]);
+      if (has_color_) {
+        lanes.color_above[0].set(lane, above.colors[a]);
+        lanes.color_above[1].set(lane, above.colors[b]);
+        lanes.color_below[0].set(lane, below.colors[p]);
+        lanes.color_below[1].set(lane, below.colors[q]);
+      }
+      if (lanes.count == kLanes) lanes.measure(has_color_);
+    }
+  }
+  lanes.measure(has_color_);
+  for (Path& path : paths_)
+    for (std::uint32_t i = path.first; i < path.last; ++i)
+      path.distance = std::max(path.distance, crossings_[i].gap.distance);
 }
 
 // The shorter way around vertex v from facet t to `goal`, or null: they do not lie in one fan there.
@@ -313,7 +391,7 @@ const std::vector<Overlay::Step>* Overlay::turn(std::uint32_t t, std::uint32_t g
 }
 
 // The shortest way from facet t to the goal, crossed at one point.
-bool Overlay::link(std::uint32_t t, const Goal& goal, float along, Path& path) {
+bool Overlay::link(std::uint32_t t, const Goal& goal, float along) {
   struct Seen {
     std::uint32_t facet, over;
     std::size_t before;
@@ -338,7 +416,7 @@ bool Overlay::link(std::uint32_t t, const Goal& goal, float along, Path& path) {
   std::array<std::size_t, kMaxLink> way;
   std::size_t length = 0;
   for (std::size_t j = count - 1; j != 0; j = seen[j].before) way[length++] = j;
-  while (length > 0) --length, cross(seen[way[length]].over, seen[way[length]].facet, along, path);
+  while (length > 0) --length, cross(seen[way[length]].over, seen[way[length]].facet, along);
   return true;
 }
 

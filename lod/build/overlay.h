@@ -134,9 +134,11 @@ class Overlay {
   Gap gapAt(std::uint32_t v, const FacetSurface::Edge& edge) const;
   std::uint32_t nextOnBorder(std::uint32_t edge, std::uint32_t end) const;
   bool isSame(std::uint32_t e, Path& path) const;
-  void cross(std::uint32_t edge, std::uint32_t facet, float along, Path& path);
+  struct CrossingLanes;
+  void cross(std::uint32_t edge, std::uint32_t facet, float along);
+  void measureCrossings();
   const std::vector<Step>* turn(std::uint32_t t, std::uint32_t goal, std::uint32_t v);
-  bool link(std::uint32_t t, const Goal& goal, float along, Path& path);
+  bool link(std::uint32_t t, const Goal& goal, float along);
   bool enclose(std::uint32_t s);
   bool turnCorners(std::uint32_t s);
   std::uint32_t endAt(std::uint32_t e, std::uint32_t v) const;
@@ -180,9 +182,7 @@ class Overlay {
   // Of the walk or the triangle at hand.
   glm::vec3 origin_{0.0F};
   glm::vec3 whole_{0.0F};
-  float length_ = 0.0F;
   float length2_ = 0.0F;
-  glm::vec3 color_[2];              // of its ends
   std::vector<std::uint32_t> cut_;  // edges below that go in or out
   std::vector<std::uint8_t> is_cut_;
   std::vector<std::uint32_t> inside_;

@@ -24,6 +24,11 @@ constexpr double kShortFirst = 1e-8;
 // cover less than this share of their longest edge's square is tied to its place by this share of a mean edge's square.
 constexpr double kThinFan = 0.3;
 constexpr double kPointWeight = 5e-3;
+// Weighted by area, the tip of a small fan goes far for little, and it is what is off the most in the end: where two
+// fans cover less than this many mean ones, costs are divided by the root of their share of it. The mean distance
+// hardly minds, as such fans are few.
+constexpr double kSmallFans = 2.0;
+constexpr double kLeastShare = 1e-4;  // of kSmallFans mean fans, so that fans without area cost something finite
 // Planes do not say how far a spike sticks out, as those of its sides all hold its axis. Where the vector sum of a
 // fan's areas is less than this share of their plain sum, distances are measured.
 constexpr double kFolded = 0.6;
@@ -50,6 +55,12 @@ struct Quadric {
   void addPoint(const glm::dvec3& p, double w) {
     a00 += w, a11 += w, a22 += w;
     b0 -= w * p.x, b1 -= w * p.y, b2 -= w * p.z, c += w * glm::dot(p, p);
+  }
+  double at(const glm::dvec3& p) const {
+    const double x = a00 * p.x + a01 * p.y + a02 * p.z + 2.0 * b0;
+    const double y = a01 * p.x + a11 * p.y + a12 * p.z + 2.0 * b1;
+    const double z = a02 * p.x + a12 * p.y + a22 * p.z + 2.0 * b2;
+    return std::max(0.0, p.x * x + p.y * y + p.z * z + c);
   }
   void add(const Quadric& q) {
     a00 += q.a00, a01 += q.a01, a02 += q.a02, a11 += q.a11, a12 += q.a12, a22 += q.a22;
@@ -148,6 +159,7 @@ struct alignas(64) Vertex {
   glm::vec3 position{0.0F};
   glm::vec3 normal{0.0F};
   glm::vec3 color{0.0F};  // zero when the mesh has none
+  float paid = 0.0F;      // the quadric where the vertex is
 };
 static_assert(sizeof(Vertex) == 128);
 
@@ -281,8 +293,8 @@ glm::dvec3 crossOf(const glm::vec3& a, const glm::vec3& b, const glm::vec3& c) {
 
 class Simplifier {
  public:
-  Simplifier(GroupMesh& mesh, std::span<const std::size_t> targets)
-      : mesh_(mesh), targets_(targets), target_(std::max<std::size_t>(1, targets.back())) {}
+  Simplifier(GroupMesh& mesh, const FacetSurface& surface, std::span<const std::size_t> targets)
+      : mesh_(mesh), surface_(surface), targets_(targets), target_(std::max<std::size_t>(1, targets.back())) {}
 
   std::vector<SimplifiedGroup> run() {
     buildFans();
@@ -317,21 +329,17 @@ class Simplifier {
   // Triangles around each vertex, as ranges of one pool; a collapse appends the joined fan at its end.
   void buildFans() {
     const std::size_t vertices = mesh_.positions.size();
-    fans_.assign(vertices, {});
-    for (const std::uint32_t v : mesh_.indices) ++fans_[v].count;
-    std::uint32_t sum = 0;
-    for (Fan& fan : fans_) fan.first = sum, sum += fan.count, fan.count = 0;
-    pool_.reserve(3 * std::size_t{sum});
-    pool_.resize(sum);
-    for (std::uint32_t i = 0; i < mesh_.indices.size(); ++i) {
-      Fan& fan = fans_[mesh_.indices[i]];
-      pool_[fan.first + fan.count++] = i / 3;
+    fans_.resize(vertices);
+    pool_.reserve(3 * mesh_.indices.size());
+    for (std::uint32_t v = 0; v < vertices; ++v) {
+      const auto around = surface_.around(v);
+      fans_[v] = {static_cast<std::uint32_t>(pool_.size()), static_cast<std::uint32_t>(around.size())};
+      pool_.insert(pool_.end(), around.begin(), around.end());
     }
     alive_.assign(mesh_.indices.size() / 3, 1);
     survivor_.resize(vertices);
     for (std::uint32_t v = 0; v < vertices; ++v) survivor_[v] = v;
     mark_.assign(vertices, 0);
-    uses_.assign(vertices, 0);
     changed_.assign(vertices, 0);
   }
 
@@ -340,19 +348,18 @@ class Simplifier {
     const std::size_t vertices = mesh_.positions.size();
     kinds_.assign(vertices, Kind::kInterior);
     vertices_.assign(vertices, {});
-    edges_.reserve(mesh_.indices.size() / 2 + vertices / 8);
-    std::vector<std::uint32_t> neighbors;
-    double length_sum = 0.0;
     for (std::uint32_t v = 0; v < vertices; ++v) {
       if (mesh_.locked[v] != 0) kinds_[v] = Kind::kLocked;
       readVertex(v);
-      neighborsAbove(v, neighbors);
-      for (const std::uint32_t w : neighbors) {
-        if (mesh_.locked[v] != 0 && mesh_.locked[w] != 0) continue;
-        length_sum += glm::length(mesh_.positions[v] - mesh_.positions[w]);
-        edges_.push_back({.a = v, .b = w});
-        if (uses_[w] != 2) markBorderEdge(v, w);
-      }
+    }
+    edges_.reserve(surface_.edges().size());
+    double length_sum = 0.0;
+    for (const FacetSurface::Edge& edge : surface_.edges()) {
+      const auto [v, w] = edge.vertex;
+      if (mesh_.locked[v] != 0 && mesh_.locked[w] != 0) continue;
+      length_sum += glm::length(mesh_.positions[v] - mesh_.positions[w]);
+      edges_.push_back({.a = v, .b = w});
+      if (edge.triangles != 2) markBorderEdge(v, w);
     }
     const double mean =
         edges_.empty() ? 1.0 : length_sum / static_cast<double>(std::max<std::size_t>(1, edges_.size()));
@@ -361,7 +368,7 @@ class Simplifier {
     normal_scale_ = kNormalLength * mean;
   }
 
-  // The vertices above v that share a triangle with it, each once; uses_[w] is the number of triangles on edge (v, w).
+  // The vertices above v that share a triangle with it, each once.
   void neighborsAbove(std::uint32_t v, std::vector<std::uint32_t>& neighbors) {
     neighbors.clear();
     ++stamp_;
@@ -369,8 +376,7 @@ class Simplifier {
       for (std::size_t k = 0; k < 3; ++k) {
         const std::uint32_t w = mesh_.indices[3 * std::size_t{t} + k];
         if (w <= v) continue;
-        if (mark_[w] != stamp_) mark_[w] = stamp_, uses_[w] = 0, neighbors.push_back(w);
-        ++uses_[w];
+        if (mark_[w] != stamp_) mark_[w] = stamp_, neighbors.push_back(w);
       }
     });
   }
@@ -456,12 +462,14 @@ class Simplifier {
     folded_.assign(vertices_.size(), 0);
     sunk_.assign(vertices_.size(), 0.0F);
     double sum = 0.0;
+    std::size_t free = 0;
     for (std::size_t v = 0; v < vertices_.size(); ++v) {
       const double area = vertices_[v].quadric.weight;
       folded_[v] = glm::length(shapes[v].vector_area) < kFolded * area ? 1 : 0;
-      sum += area;
+      if (kinds_[v] != Kind::kLocked) sum += area, ++free;
     }
-    mean_fan_ = sum / static_cast<double>(std::max<std::size_t>(1, vertices_.size()));
+    mean_fan_ = sum / static_cast<double>(std::max<std::size_t>(1, free));
+    small_fans_ = mean_fan_ > 0.0 ? kSmallFans * mean_fan_ : 1.0;
   }
 
   void tieThinFans(const std::vector<FanShape>& shapes) {
@@ -490,8 +498,8 @@ class Simplifier {
     queueEdges();
   }
 
-  // Cheapest first. Quadrics only grow, so a cost computed earlier is a lower bound: it is computed anew when its turn
-  // comes, and the edge waits again if it has become dearer.
+  // Cheapest first. Quadrics only grow, so that costs seldom fall: a cost is computed anew when its turn comes, and the
+  // edge waits again if it has become dearer.
   void collapseAll(const Stage& stage, bool rough) {
     const double most = stage.largest_move * stage.largest_move * mean_edge_ * mean_edge_ * mean_edge_ * mean_edge_;
     while (live_ > target_ && fillQueue() && queue_.lowest() <= most) {
@@ -647,7 +655,8 @@ class Simplifier {
   // From a place of a component that vanishes to what stays: the nearest vertex of another component tells. Squared,
   // exact where it is more than `enough2`.
   double distance2ToOthers(std::uint32_t v, const glm::vec3& from, double enough2) {
-    if (!grid_) findComponents();
+    // Of a grid whose points are mostly gone, empty cells would be searched.
+    if (!grid_ || 2 * live_ < grid_triangles_) findComponents();
     const std::uint32_t near = grid_->nearest(
         from, [&](std::uint32_t w) { return component_[w] != component_[v] && survivor_[w] == w && isUsed(w); },
         static_cast<float>(enough2));
@@ -676,6 +685,7 @@ class Simplifier {
       if (survivor_[v] == v && isUsed(v)) living.push_back(v);
     }
     grid_.emplace(mesh_.positions, living);
+    grid_triangles_ = live_;
   }
 
   Keep keepOf(std::uint32_t a, std::uint32_t b, bool border_edge) const {
@@ -711,9 +721,13 @@ class Simplifier {
     const PairPoint lattice = rounded(best);
     const Pair at_best = q.at(lattice);
 
-    // Of these three the cheapest; the kept end when it must not move. Which end is the better one is a matter of
-    // chance, that the best point beats both is not: so that is asked first.
+    // Of these three the cheapest, and what that adds to what both ends are off already: so the sum over all is lowered
+    // greedily, and places that are off once do not keep good collapses beside them waiting. The kept end when it must
+    // not move. Which end is the better one is a matter of chance, that the best point beats both is not: so that is
+    // asked first.
     const Pair at_end = at_gone < at_kept ? at_gone : at_kept;
+    const Pair weight{kept0.quadric.weight + gone0.quadric.weight, kept1.quadric.weight + gone1.quadric.weight};
+    const Pair short_first = kShortFirst * length2 * weight;
     const auto choose = [&](Edge& edge, const Vertex& k, const Vertex& g, int lane) {
       double least = at_kept[lane];
       edge.position = k.position;
@@ -725,8 +739,10 @@ class Simplifier {
         least = at_gone[lane], edge.position = g.position, edge.along = 1.0F;
       }
       edge.planned = collapses_ & 0x7fffffffU;
-      edge.cost = static_cast<float>(least + attributeCost(k, g) +
-                                     kShortFirst * length2[lane] * (k.quadric.weight + g.quadric.weight));
+      const double added = std::max(0.0, least - (static_cast<double>(k.paid) + static_cast<double>(g.paid)));
+      double cost = added + attributeCost(k, g) + short_first[lane];
+      if (weight[lane] < small_fans_) cost /= std::sqrt(std::max(weight[lane] / small_fans_, kLeastShare));
+      edge.cost = static_cast<float>(cost);
     };
     choose(first, kept0, gone0, 0);
     choose(second, kept1, gone1, 1);
@@ -879,6 +895,7 @@ class Simplifier {
     sunk_[c.kept] = std::max({sunk_[c.kept], sunk_[c.gone], c.sunk});
     survivor_[c.gone] = c.kept;
     vertices_[c.kept].quadric.add(vertices_[c.gone].quadric);
+    vertices_[c.kept].paid = static_cast<float>(vertices_[c.kept].quadric.at(glm::dvec3(c.position)));
     changed_[c.kept] = ++collapses_;
     if (kinds_[c.gone] == Kind::kBorder && kinds_[c.kept] == Kind::kInterior) kinds_[c.kept] = Kind::kBorder;
     joinFans(c.gone, c.kept);
@@ -956,6 +973,7 @@ class Simplifier {
   }
 
   GroupMesh& mesh_;
+  const FacetSurface& surface_;  // of the mesh as it was given
   std::span<const std::size_t> targets_;
   std::size_t target_;  // the last of them
   std::vector<SimplifiedGroup> reached_;
@@ -973,16 +991,17 @@ class Simplifier {
   std::vector<EdgeQueue::Entry> opened_;
   std::vector<std::uint32_t> known_;
   std::vector<std::uint32_t> mark_;
-  std::vector<std::uint32_t> uses_;
   std::uint32_t stamp_ = 0;
   Neighborhood around_;
   std::vector<Wedge> left_;  // as findLost finds them
   std::vector<std::uint32_t> lost_;
   std::vector<std::uint32_t> component_;  // per vertex; made when first asked for
   std::optional<PointGrid> grid_;
+  std::size_t grid_triangles_ = 0;    // that lived when it was made
   std::vector<std::uint8_t> folded_;  // per vertex
   std::vector<float> sunk_;           // per vertex: how far what it stands for may be from the surface, where folded
-  double mean_fan_ = 0.0;             // area
+  double mean_fan_ = 0.0;             // area, of vertices that are not locked
+  double small_fans_ = 1.0;           // area of two
   double mean_edge_ = 1.0;
   double color_scale_ = 0.0;
   double normal_scale_ = 0.0;
@@ -991,7 +1010,14 @@ class Simplifier {
 }  // namespace
 
 std::vector<SimplifiedGroup> simplifyGroup(GroupMesh mesh, std::span<const std::size_t> target_triangles) {
-  return Simplifier(mesh, target_triangles).run();
+  FacetSurface surface;
+  surface.reset({mesh.positions, mesh.indices});
+  return simplifyGroup(std::move(mesh), surface, target_triangles);
+}
+
+std::vector<SimplifiedGroup> simplifyGroup(GroupMesh mesh, const FacetSurface& surface,
+                                           std::span<const std::size_t> target_triangles) {
+  return Simplifier(mesh, surface, target_triangles).run();
 }
 
 Simplified simplifyGroup(GroupMesh& mesh, std::size_t target_triangles) {

@@ -9,6 +9,8 @@
 #include <span>
 #include <vector>
 
+#include "lod/build/facet_surface.h"
+
 namespace lod::build {
 
 /// The merged triangles of a group. Positions are lattice points relative to some corner of the group: whole numbers
@@ -46,5 +48,8 @@ Simplified simplifyGroup(GroupMesh& mesh, std::size_t target_triangles);
 
 /// The same for each of `target_triangles` (one or more, falling), in the time of the last.
 std::vector<SimplifiedGroup> simplifyGroup(GroupMesh mesh, std::span<const std::size_t> target_triangles);
+/// With the edges and fans of the mesh, where the caller has them.
+std::vector<SimplifiedGroup> simplifyGroup(GroupMesh mesh, const FacetSurface& surface,
+                                           std::span<const std::size_t> target_triangles);
 
 }  // namespace lod::build

@@ -91,19 +91,24 @@ TEST(CarriedError, HoldsOverManyRounds) {
     }
 }
 
-// On a sheet of noise many edges find a poor way from facet to facet. What that adds stays small (1.89 and 3.15 times
-// the largest sample when no triangle gets a second look).
+// On sheets of noise many edges find a poor way from facet to facet. What that adds stays small (in the mean 1.84 and
+// 2.93 times the largest sample when no triangle gets a second look, 1.72 and 2.73 as it is).
 TEST(CarriedError, OfNoiseIsAboutWhatVerticesNeed) {
-  std::mt19937 random(7);
-  std::uniform_real_distribution<float> height(0.0F, 0.03F);
-  Mesh mesh = support::openGrid(120);
-  for (glm::vec3& p : mesh.positions) p.z += height(random);
-  for (const auto& [rounds, most] : {std::pair{2, 1.75}, std::pair{4, 3.1}}) {
-    const Rounds r = simplified(mesh, 2000.0F, 0.4, rounds, 0.5F);
-    const Sampled s = sampled(r);
-    EXPECT_LE(std::max(r.largest_toward, r.largest_from), most * std::max(s.toward, s.from));
-    EXPECT_GE(r.largest_toward, s.toward - kSampleRounding);
-    EXPECT_GE(r.largest_from, s.from - kSampleRounding);
+  constexpr unsigned kSheets = 4;
+  for (const auto& [rounds, most] : {std::pair{2, 1.78}, std::pair{4, 2.83}}) {
+    double sum = 0.0;
+    for (unsigned seed = 1; seed <= kSheets; ++seed) {
+      std::mt19937 random(seed);
+      std::uniform_real_distribution<float> height(0.0F, 0.03F);
+      Mesh mesh = support::openGrid(120);
+      for (glm::vec3& p : mesh.positions) p.z += height(random);
+      const Rounds r = simplified(mesh, 2000.0F, 0.4, rounds, 0.5F);
+      const Sampled s = sampled(r);
+      sum += std::max(r.largest_toward, r.largest_from) / std::max(s.toward, s.from);
+      EXPECT_GE(r.largest_toward, s.toward - kSampleRounding);
+      EXPECT_GE(r.largest_from, s.from - kSampleRounding);
+    }
+    EXPECT_LE(sum, most * kSheets);
   }
 }
 
@@ -166,6 +171,25 @@ TEST(CarriedError, KeepsWhatWasLostInEarlierRounds) {
   const SurfaceError two = carryError({points, flat}, one, {points, flat}, second, 0.1F);
   EXPECT_EQ(two.toward, one.toward);
   EXPECT_EQ(two.from, one.from);
+}
+
+// A tip 80 above what is left is at least as far from it.
+TEST(CarriedError, IsGivenUpEarlyWhereHopeless) {
+  const std::vector<glm::vec3> points{{0, 0, 0}, {100, 0, 0}, {100, 100, 0}, {0, 100, 0}, {50, 50, 80}};
+  const std::vector<std::uint32_t> spike{0, 1, 4, 1, 2, 4, 2, 3, 4, 3, 0, 4};
+  const std::vector<std::uint32_t> flat{0, 1, 2, 2, 3, 0};
+  Simplified history;
+  history.indices = flat;
+  history.origin = {0, 2};
+  history.survivor = {0, 1, 2, 3, 0};
+  EXPECT_TRUE(carryError({points, spike}, {}, {points, flat}, history, 0.1F, 79.0F).toward.empty());
+  // Also with what was lost before.
+  const SurfaceError lost{{5.0F, 5.0F, 5.0F, 5.0F}, {5.0F, 5.0F, 5.0F, 5.0F}, {}};
+  EXPECT_TRUE(carryError({points, spike}, lost, {points, flat}, history, 0.1F, 84.0F).toward.empty());
+  const SurfaceError all = carryError({points, spike}, lost, {points, flat}, history, 0.1F);
+  const SurfaceError looked = carryError({points, spike}, lost, {points, flat}, history, 0.1F, 86.0F);
+  EXPECT_EQ(looked.toward, all.toward);
+  EXPECT_EQ(looked.from, all.from);
 }
 
 // Two far corners of a strip lose 10 and 20: no triangle is said to have lost 30.

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <map>
 #include <random>
@@ -165,6 +166,30 @@ TEST(Simplify, NeedlesOutliveTheRoughGroundTheyStandOn) {
     }
   const Simplified out = simplifyGroup(group, 2 * 3200 / 5);
   for (const glm::vec3& tip : tips) EXPECT_LT(distanceTo(group, out, tip), 60.0);
+}
+
+// By area times squared height the wide cone counts more than the small one, which is three times as high.
+TEST(Simplify, TheTipOfASmallFanOutlivesALowerOneOfAWide) {
+  GroupMesh group;
+  const auto addCone = [&](const glm::vec3& middle, float radius, float height) {
+    const auto tip = static_cast<std::uint32_t>(group.positions.size());
+    group.positions.push_back(middle + glm::vec3(0, 0, height));
+    group.locked.push_back(0);
+    for (std::uint32_t i = 0; i < 6; ++i) {
+      const float angle = glm::radians(60.0F * static_cast<float>(i));
+      group.positions.push_back(glm::round(middle + radius * glm::vec3(std::cos(angle), std::sin(angle), 0.0F)));
+      group.locked.push_back(1);
+      group.indices.insert(group.indices.end(), {tip, tip + 1 + i, tip + 1 + (i + 1) % 6});
+    }
+    return tip;
+  };
+  const std::uint32_t small = addCone({1000, 1000, 100}, 100.0F, 30.0F);
+  const std::uint32_t wide = addCone({3000, 1000, 100}, 400.0F, 10.0F);
+  group.normals.assign(group.positions.size(), glm::vec3(0, 0, 1));
+  const Simplified out = simplifyGroup(group, 10);
+  EXPECT_EQ(out.indices.size() / 3, 10U);
+  EXPECT_EQ(out.survivor[small], small);
+  EXPECT_NE(out.survivor[wide], wide);
 }
 
 TEST(Simplify, StillHalvesSoupWhereNothingIsShared) {
