@@ -134,8 +134,10 @@ struct Laid {
   float distance = 0.0F;
 };
 
-// Where source vertices lie on a target, besides the facet: as Overlay::make() wants it.
+// Where source vertices lie on a target, as Overlay::make() wants it. Nearer facets found later are no part of it: a
+// border vertex lies on the facet of its border edge.
 struct Placed {
+  std::vector<std::uint32_t> facet;
   std::vector<std::uint32_t> twin;
   std::vector<std::uint32_t> border;
   std::vector<Overlay::Gap> gap;
@@ -177,6 +179,7 @@ class Layer {
       if (has_color) gap.color = glm::length(source_.colors[v] - target_.colorAt(facet_[v], spot));
       if (leaving != kNone && source.leavingBorder(v) != kNone) placeOnBorder(v, kept, known, placed);
     }
+    placed.facet = facet_;
     return known;
   }
 
@@ -591,11 +594,10 @@ SurfaceError carryError(FacetSurface& surface, const SurfaceError& before_error,
   Layer backward(after, surface, scratch.backward, scratch.facet[1]);
   Placed& placed = scratch.placed;
   float usual = forward.place(surface, history, negligible, placed);
-  if (hopeless < std::numeric_limits<float>::infinity() &&
-      neededBelow(before, before_error, forward, placed.gap) > hopeless)
-    return {};
+  const float needed = std::max(negligible, neededBelow(before, before_error, forward, placed.gap));
+  if (needed > hopeless) return {};
   Overlay& overlay = scratch.overlay;
-  overlay.make(surface, scratch.after, scratch.facet[0], placed.gap, placed.twin, placed.border);
+  overlay.make(surface, scratch.after, placed.facet, placed.gap, placed.twin, placed.border);
   // What the vertices of both need; some of those that the overlay put farther off are nearer to another triangle.
   overlay.forEachEnclosed([&](std::uint32_t v, float distance) {
     if (distance > usual) usual = backward.farther(v, usual);
@@ -618,7 +620,6 @@ SurfaceError carryError(FacetSurface& surface, const SurfaceError& before_error,
     return image != kNone && unchanged(before, s, after, image);
   };
 
-  const float needed = std::max(negligible, neededBelow(before, before_error, forward, placed.gap));
   const float most = neededAbove(before_error, overlay, backward, needed);
 
   // What an edge before had to carry: the most of its triangles, which share its pairs.
@@ -690,13 +691,6 @@ SurfaceError carryError(FacetSurface& surface, const SurfaceError& before_error,
     for (const Laid& piece : pieces) raiseColor(t, piece.facet, largestDifference(before, piece.facet, after, t));
   }
   return result;
-}
-
-SurfaceError carryError(const SurfaceView& before, const SurfaceError& before_error, const SurfaceView& after,
-                        const Simplified& history, float negligible, float hopeless) {
-  FacetSurface surface;
-  surface.reset(before);
-  return carryError(surface, before_error, after, history, negligible, hopeless);
 }
 
 }  // namespace lod::build

@@ -31,11 +31,9 @@ struct SurfaceError {
 
 /// The bounds of `after`, which simplifyGroup made of `before`, rounding included. Distances below `negligible` are not
 /// looked into. Triangles that stayed as they were carry on what they had. Both surfaces have triangles, and both
-/// colours or neither. Empty where vertices alone show early that some distance is more than `hopeless`.
+/// colours or neither. Empty where vertices alone show early that some distance is more than `hopeless`
+/// (in units of the positions, not below `negligible`). Of `before` facets and boxes are made as they are needed.
 SurfaceError carryError(FacetSurface& before, const SurfaceError& before_error, const SurfaceView& after,
-                        const Simplified& history, float negligible,
-                        float hopeless = std::numeric_limits<float>::infinity());
-SurfaceError carryError(const SurfaceView& before, const SurfaceError& before_error, const SurfaceView& after,
                         const Simplified& history, float negligible,
                         float hopeless = std::numeric_limits<float>::infinity());
 

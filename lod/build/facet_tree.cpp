@@ -1,34 +1,28 @@
 #include "lod/build/facet_tree.h"
 
+#include "base/check.h"
+#include "base/geometry.h"
+
 namespace lod::build {
 
 FacetTree::FacetTree(std::span<const glm::vec3> positions, std::span<const std::uint32_t> indices) {
-  struct Box {
-    glm::vec3 low{std::numeric_limits<float>::infinity()};
-    glm::vec3 high{-std::numeric_limits<float>::infinity()};
-  };
-  std::vector<Box> below(indices.size() / 3);
-  for (std::size_t t = 0; t < below.size(); ++t) {
-    const glm::vec3& a = positions[indices[3 * t]];
-    const glm::vec3& b = positions[indices[3 * t + 1]];
-    const glm::vec3& c = positions[indices[3 * t + 2]];
-    below[t] = {glm::min(glm::min(a, b), c), glm::max(glm::max(a, b), c)};
-  }
+  LUMIGRID_CHECK(!indices.empty());
+  std::vector<base::Aabb> below(indices.size() / 3);
+  for (std::size_t i = 0; i < indices.size(); ++i) below[i / 3].add(positions[indices[i]]);
   boxes_.reserve(below.size() / 3 + kMaxLevels);
   do {
     first_.push_back(boxes_.size());
     std::size_t joined = 0;
     for (std::size_t first = 0; first < below.size(); first += kSiblings) {
       Boxes& boxes = boxes_.emplace_back();
-      Box all;
+      base::Aabb all;
       for (std::size_t i = 0; i < kSiblings && first + i < below.size(); ++i) {
-        const Box& box = below[first + i];
-        for (std::size_t k = 0; k < 3; ++k) {
-          const auto axis = static_cast<glm::length_t>(k);
-          boxes.center[k][i] = 0.5F * (box.low[axis] + box.high[axis]);
-          boxes.half[k][i] = 0.5F * (box.high[axis] - box.low[axis]);
-        }
-        all.low = glm::min(all.low, box.low), all.high = glm::max(all.high, box.high);
+        const base::Aabb& box = below[first + i];
+        const glm::vec3 center = box.center();
+        const glm::vec3 half = 0.5F * box.size();
+        boxes.center[0][i] = center.x, boxes.center[1][i] = center.y, boxes.center[2][i] = center.z;
+        boxes.half[0][i] = half.x, boxes.half[1][i] = half.y, boxes.half[2][i] = half.z;
+        all.add(box);
       }
       below[joined++] = all;
     }

@@ -16,7 +16,7 @@ class FacetTree {
  public:
   static constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 
-  /// positions: whole numbers, 0 … 2^21 − 1. indices: 3 per triangle.
+  /// positions: whole numbers below 2^22. indices: 3 per triangle; one triangle or more, at most 4^16.
   FacetTree(std::span<const glm::vec3> positions, std::span<const std::uint32_t> indices);
 
   /// The triangle t of least measure(t), the squared distance of p from it, if that is below distance2 (which is

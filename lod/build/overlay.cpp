@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "base/check.h"
+
 namespace lod::build {
 namespace {
 
@@ -49,6 +51,9 @@ void Overlay::make(FacetSurface& above, FacetSurface& below, std::span<const std
   above_ = &above, below_ = &below;
   facet_of_ = facet_of, gap_of_ = gap_of, twin_of_ = twin_of, border_of_ = border_of;
   has_color_ = !above.view().colors.empty() && !below.view().colors.empty();
+  // Walks along a border and into the surface begin in one facet.
+  for (std::uint32_t v = 0; v < border_of.size(); ++v)
+    LUMIGRID_CHECK(border_of[v] == kNone || facet_of[v] == below.edges()[border_of[v]].triangle[0]);
   crossings_.clear();
   turns_.clear();
   paths_.resize(above.edges().size());
@@ -274,7 +279,7 @@ bool Overlay::isSame(std::uint32_t e, Path& path) const {
   return is_found;
 }
 
-// Crossings wait for their gaps, so that several are measured at once.
+// Crossings wait for their gaps, so that several are measured at once; until then `along` lies in the distance's place.
 void Overlay::cross(std::uint32_t edge, std::uint32_t facet, float along) {
   crossings_.push_back({edge, facet, {along, 0.0F}});
 }
@@ -305,21 +310,19 @@ struct Overlay::CrossingLanes {
       const glm::vec3 whole(above.x[i], above.y[i], above.z[i]);
       const glm::vec3 pq(below.x[i], below.y[i], below.z[i]);
       const glm::vec3 p(apart.x[i], apart.y[i], apart.z[i]);
-      const float above2 = whole.x * whole.x + whole.y * whole.y + whole.z * whole.z;
-      const float below2 = pq.x * pq.x + pq.y * pq.y + pq.z * pq.z;
-      const float both = whole.x * pq.x + whole.y * pq.y + whole.z * pq.z;
-      const float to_above = whole.x * p.x + whole.y * p.y + whole.z * p.z;
-      const float to_below = pq.x * p.x + pq.y * p.y + pq.z * p.z;
+      const float above2 = glm::dot(whole, whole);
+      const float below2 = glm::dot(pq, pq);
+      const float both = glm::dot(whole, pq);
+      const float to_above = glm::dot(whole, p);
+      const float to_below = glm::dot(pq, p);
       // The nearest points of the lines; then of the edges, where those lie beyond an end.
       const float area2 = above2 * below2 - both * both;
       const float line = clamped((both * to_above - above2 * to_below) / area2);
       const float nearest = clamped((to_above + line * both) / above2);
       along[i] = area2 > kParallel * above2 * below2 ? nearest : along[i];
       share[i] = clamped((along[i] * both - to_below) / below2);
-      const float dx = along[i] * whole.x - p.x - share[i] * pq.x;
-      const float dy = along[i] * whole.y - p.y - share[i] * pq.y;
-      const float dz = along[i] * whole.z - p.z - share[i] * pq.z;
-      const float d = std::sqrt(dx * dx + dy * dy + dz * dz);
+      const glm::vec3 gap = along[i] * whole - p - share[i] * pq;
+      const float d = std::sqrt(glm::dot(gap, gap));
       const float size = d + std::sqrt(above2) + std::abs(pq.x) + std::abs(pq.y) + std::abs(pq.z);
       distance[i] = d + 32.0F * kEpsilon * size;
     }

@@ -29,7 +29,9 @@ int main(int count, char** arguments) {
     const double start = bench::seconds(CLOCK_THREAD_CPUTIME_ID);
     const Simplified made = simplifyGroup(group, indices.size() / 6);
     const double middle = bench::seconds(CLOCK_THREAD_CPUTIME_ID);
-    error = carryError({positions, indices}, error, {group.positions, made.indices}, made, 0.5F);
+    FacetSurface surface;
+    surface.reset({positions, indices});
+    error = carryError(surface, error, {group.positions, made.indices}, made, 0.5F);
     const double end = bench::seconds(CLOCK_THREAD_CPUTIME_ID);
     group.indices = made.indices;
     std::printf("%9zu triangles to %9zu: simplify %.3f s, bound %.3f s (%.2f); toward %.1f, from %.1f steps\n",

@@ -118,6 +118,12 @@ SplatOptions still() {
   return options;
 }
 
+// Each frame takes twice what it may.
+void makeLate(SplatOptions& options, double& clock) {
+  options.clock = [&clock] { return clock += 0.2; };
+  options.frame_seconds = 0.1;
+}
+
 TEST_F(StreamedSplatsTest, theFinishedPictureDoesNotDependOnHowItCame) {
   open(still());
   fetchAll(view());
@@ -161,8 +167,7 @@ TEST_F(StreamedSplatsTest, anotherQualityShowsInTheNextPictureAsIfItHadBeenThere
 TEST_F(StreamedSplatsTest, aMovingViewIsAsCoarseAsTheRateAsksForAndRestRefinesItStepByStep) {
   SplatOptions options;
   double clock = 0.0;
-  options.clock = [&clock] { return clock += 0.2; };  // a frame takes twice what it may
-  options.frame_seconds = 0.1;
+  makeLate(options, clock);
   open(options);
   host_->at_a_time = 100;
   for (int i = 0; i < 200; ++i) {
@@ -200,8 +205,7 @@ TEST_F(StreamedSplatsTest, aMovingViewThatIsLateIsDrawnWithFewerSamplesAndAtRest
     EXPECT_EQ(viewer_->stats().splats.reduction, 1.0F);
 
     double clock = 0.0;
-    options.clock = [&clock] { return clock += 0.2; };  // a frame takes twice what it may
-    options.frame_seconds = 0.1;
+    makeLate(options, clock);
     open(options);
     host_->at_a_time = 100;
     for (int i = 0; i < 50; ++i) {

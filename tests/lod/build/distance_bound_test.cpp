@@ -23,6 +23,14 @@ GroupMesh onLattice(const Mesh& mesh, float scale) {
   return group;
 }
 
+SurfaceError carried(const SurfaceView& before, const SurfaceError& error, const SurfaceView& after,
+                     const Simplified& history, float negligible,
+                     float hopeless = std::numeric_limits<float>::infinity()) {
+  FacetSurface surface;
+  surface.reset(before);
+  return carryError(surface, error, after, history, negligible, hopeless);
+}
+
 // The source, what several rounds of simplification left of it, and the error carried along.
 struct Rounds {
   support::Surface source;
@@ -42,7 +50,7 @@ Rounds simplified(const Mesh& mesh, float scale, double share, int rounds, float
     const std::vector<std::uint32_t> indices = group.indices;
     const Simplified made =
         simplifyGroup(group, static_cast<std::size_t>(share * static_cast<double>(indices.size() / 3)));
-    out.error = carryError({positions, indices}, out.error, {group.positions, made.indices}, made, negligible);
+    out.error = carried({positions, indices}, out.error, {group.positions, made.indices}, made, negligible);
     group.indices = made.indices;
   }
   out.result = {group.positions, group.indices};
@@ -52,6 +60,14 @@ Rounds simplified(const Mesh& mesh, float scale, double share, int rounds, float
   }
   return out;
 }
+
+// A pyramid 80 high whose tip went into a corner of its base.
+struct SpikeGone {
+  std::vector<glm::vec3> points{{0, 0, 0}, {100, 0, 0}, {100, 100, 0}, {0, 100, 0}, {50, 50, 80}};
+  std::vector<std::uint32_t> spike{0, 1, 4, 1, 2, 4, 2, 3, 4, 3, 0, 4};
+  std::vector<std::uint32_t> flat{0, 1, 2, 2, 3, 0};
+  Simplified history{flat, {0, 2}, {0, 1, 2, 3, 0}, false};
+};
 
 struct Sampled {
   double toward = 0.0;
@@ -154,40 +170,45 @@ TEST(CarriedError, HoldsTriangleByTriangle) {
 // A spike as high as the sheet is wide goes in the first round; in the second nothing moves. Whoever forgets what was
 // carried says zero.
 TEST(CarriedError, KeepsWhatWasLostInEarlierRounds) {
-  const std::vector<glm::vec3> points{{0, 0, 0}, {100, 0, 0}, {100, 100, 0}, {0, 100, 0}, {50, 50, 80}};
-  const std::vector<std::uint32_t> spike{0, 1, 4, 1, 2, 4, 2, 3, 4, 3, 0, 4};
-  const std::vector<std::uint32_t> flat{0, 1, 2, 2, 3, 0};
-  Simplified first;
-  first.indices = flat;
-  first.origin = {0, 2};
-  first.survivor = {0, 1, 2, 3, 0};
-  const SurfaceError one = carryError({points, spike}, {}, {points, flat}, first, 0.1F);
+  const auto& [points, spike, flat, first] = SpikeGone();
+  const SurfaceError one = carried({points, spike}, {}, {points, flat}, first, 0.1F);
   EXPECT_GE(*std::max_element(one.toward.begin(), one.toward.end()), 80.0F);
   EXPECT_LE(*std::max_element(one.toward.begin(), one.toward.end()), 81.0F);
   Simplified second;
   second.indices = flat;
   second.origin = {0, 1};
   second.survivor = {0, 1, 2, 3, 4};
-  const SurfaceError two = carryError({points, flat}, one, {points, flat}, second, 0.1F);
+  const SurfaceError two = carried({points, flat}, one, {points, flat}, second, 0.1F);
   EXPECT_EQ(two.toward, one.toward);
   EXPECT_EQ(two.from, one.from);
 }
 
 // A tip 80 above what is left is at least as far from it.
 TEST(CarriedError, IsGivenUpEarlyWhereHopeless) {
-  const std::vector<glm::vec3> points{{0, 0, 0}, {100, 0, 0}, {100, 100, 0}, {0, 100, 0}, {50, 50, 80}};
-  const std::vector<std::uint32_t> spike{0, 1, 4, 1, 2, 4, 2, 3, 4, 3, 0, 4};
-  const std::vector<std::uint32_t> flat{0, 1, 2, 2, 3, 0};
-  Simplified history;
-  history.indices = flat;
-  history.origin = {0, 2};
-  history.survivor = {0, 1, 2, 3, 0};
-  EXPECT_TRUE(carryError({points, spike}, {}, {points, flat}, history, 0.1F, 79.0F).toward.empty());
+  const auto& [points, spike, flat, history] = SpikeGone();
+  EXPECT_TRUE(carried({points, spike}, {}, {points, flat}, history, 0.1F, 79.0F).toward.empty());
   // Also with what was lost before.
   const SurfaceError lost{{5.0F, 5.0F, 5.0F, 5.0F}, {5.0F, 5.0F, 5.0F, 5.0F}, {}};
-  EXPECT_TRUE(carryError({points, spike}, lost, {points, flat}, history, 0.1F, 84.0F).toward.empty());
-  const SurfaceError all = carryError({points, spike}, lost, {points, flat}, history, 0.1F);
-  const SurfaceError looked = carryError({points, spike}, lost, {points, flat}, history, 0.1F, 86.0F);
+  EXPECT_TRUE(carried({points, spike}, lost, {points, flat}, history, 0.1F, 84.0F).toward.empty());
+  const SurfaceError all = carried({points, spike}, lost, {points, flat}, history, 0.1F);
+  const SurfaceError looked = carried({points, spike}, lost, {points, flat}, history, 0.1F, 86.0F);
+  EXPECT_EQ(looked.toward, all.toward);
+  EXPECT_EQ(looked.from, all.from);
+}
+
+// To see whether it is hopeless changes nothing where it is not, on a border neither.
+TEST(CarriedError, IsTheSameWhereHopeWasLookedInto) {
+  std::mt19937 random(3);
+  std::uniform_real_distribution<float> height(0.0F, 0.03F);
+  Mesh mesh = support::openGrid(60);
+  for (glm::vec3& p : mesh.positions) p += glm::vec3(height(random), height(random), height(random));
+  GroupMesh group = onLattice(mesh, 2000.0F);
+  const std::vector<glm::vec3> before = group.positions;
+  const Simplified made = simplifyGroup(group, group.indices.size() / 3 * 2 / 5);
+  const SurfaceView from{before, group.indices};
+  const SurfaceView to{group.positions, made.indices};
+  const SurfaceError all = carried(from, {}, to, made, 0.5F);
+  const SurfaceError looked = carried(from, {}, to, made, 0.5F, 1e6F);
   EXPECT_EQ(looked.toward, all.toward);
   EXPECT_EQ(looked.from, all.from);
 }
@@ -204,15 +225,15 @@ TEST(CarriedError, OfDifferentPlacesNeverAddsUp) {
       const std::uint32_t a = 3 * i + j;
       indices.insert(indices.end(), {a, a + 3, a + 4, a, a + 4, a + 1});
     }
-  SurfaceError carried{std::vector<float>(indices.size() / 3, 0.0F), std::vector<float>(indices.size() / 3, 0.0F), {}};
-  carried.toward.back() = carried.from.back() = 10.0F;
+  SurfaceError lost{std::vector<float>(indices.size() / 3, 0.0F), std::vector<float>(indices.size() / 3, 0.0F), {}};
+  lost.toward.back() = lost.from.back() = 10.0F;
   std::vector<glm::vec3> after = points;
   after[3 * 1 + 1].z = 0;
   Simplified history;
   history.indices = indices;
   for (std::uint32_t t = 0; t < indices.size() / 3; ++t) history.origin.push_back(t);
   for (std::uint32_t v = 0; v < points.size(); ++v) history.survivor.push_back(v);
-  const SurfaceError error = carryError({points, indices}, carried, {after, indices}, history, 0.1F);
+  const SurfaceError error = carried({points, indices}, lost, {after, indices}, history, 0.1F);
   EXPECT_GE(*std::max_element(error.toward.begin(), error.toward.end()), 20.0F);
   EXPECT_LE(*std::max_element(error.toward.begin(), error.toward.end()), 20.1F);
   EXPECT_LE(*std::max_element(error.from.begin(), error.from.end()), 20.1F);
@@ -250,8 +271,8 @@ TEST(CarriedError, BoundsTheColorsOfASheetTriangleByTriangle) {
   for (int round = 0; round < 3; ++round) {
     const GroupMesh before = group;
     const Simplified made = simplifyGroup(group, group.indices.size() / 6);
-    error = carryError({before.positions, before.indices, before.colors}, error,
-                       {group.positions, made.indices, group.colors}, made, 0.01F);
+    error = carried({before.positions, before.indices, before.colors}, error,
+                    {group.positions, made.indices, group.colors}, made, 0.01F);
     group.indices = made.indices;
     ASSERT_EQ(error.color.size(), group.indices.size() / 3);
     for (std::size_t t = 0; t < error.color.size(); ++t) {
