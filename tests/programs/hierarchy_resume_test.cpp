@@ -111,7 +111,7 @@ class HierarchyResume : public programs::ProgramTest {
   };
   Late late_;
   void stopLate() {
-    late_.mesh = sample("100000");
+    late_.mesh = sample("300000");
     late_.bytes = uninterrupted(late_.mesh);
     late_.stopped = path("stopped");
     const std::string journal = workFile(late_.stopped, "patches");
@@ -138,6 +138,7 @@ class HierarchyResume : public programs::ProgramTest {
   }
 
   // A scene whose build, on one thread, was killed when `now` said so. A machine that is busy may look too late.
+  // What is killed once a stage counts has to take a good deal longer than stages take to reach the disk.
   void killedWhen(const std::string& mesh, const std::string& scene, const std::function<bool()>& now,
                   Arguments more = {}) {
     more.insert(more.end(), {"--threads", "1"});
@@ -190,7 +191,7 @@ TEST_F(HierarchyResume, KilledInEveryStageItEndsWithTheSameBytes) {
 
 // A disk that lost power may have a stage's statement and not all of its files.
 TEST_F(HierarchyResume, WorkFilesThatAreCutAreMadeAgain) {
-  const std::string mesh = sample("100000");
+  const std::string mesh = sample("300000");
   const std::string bytes = uninterrupted(mesh);
   const std::string stopped = path("stopped"), scene = path("scene");
   ASSERT_NO_FATAL_FAILURE(killedWhen(mesh, stopped, [&] {
@@ -209,7 +210,7 @@ TEST_F(HierarchyResume, WorkFilesThatAreCutAreMadeAgain) {
 
 // The output appears whole, but its directory is not a finished scene at once.
 TEST_F(HierarchyResume, KilledWhileTheOutputIsWrittenItEndsWithTheSameBytes) {
-  const std::string mesh = sample("100000");
+  const std::string mesh = sample("300000");
   const std::string bytes = uninterrupted(mesh);
   const std::string scene = path("scene");
   auto anyFileOf = [&](const std::string& front) {
@@ -255,7 +256,7 @@ TEST_F(HierarchyResume, AJournalWithAnyTailGoesOnBehindItsLastWholeRecord) {
   std::string noise(5000, '\0');
   std::mt19937 random(3);
   for (char& c : noise) c = static_cast<char>(random());
-  // Leaves are a little over half of the output's bytes, so these lose groups.
+  // The journal's leaves take two thirds of the output's bytes, so these lose groups.
   const std::size_t cut = bytes.size() / 10 * 7;
   std::string rotten = whole;
   rotten[cut] = static_cast<char>(~rotten[cut]);
@@ -285,7 +286,7 @@ TEST_F(HierarchyResume, AJournalThatLostLeavesEndsWithTheSameBytesToo) {
 }
 
 TEST_F(HierarchyResume, CutWorkFilesNeverEndInOtherBytes) {
-  const std::string mesh = sample("100000");
+  const std::string mesh = sample("300000");
   const std::string bytes = uninterrupted(mesh);
   const std::string stopped = path("stopped");
   ASSERT_NO_FATAL_FAILURE(killedWhen(
@@ -312,7 +313,7 @@ TEST_F(HierarchyResume, CutWorkFilesNeverEndInOtherBytes) {
 }
 
 TEST_F(HierarchyResume, ARerunOfAnotherMeshDoesNotTakeTheWorkFiles) {
-  const std::string mesh = sample("100000");
+  const std::string mesh = sample("300000");
   const std::string scene = path("scene");
   ASSERT_NO_FATAL_FAILURE(
       killedWhen(mesh, scene, [&] { return sizeOf(workFile(scene, "patches")) > 100000 && hasStage(scene, 2); }));
