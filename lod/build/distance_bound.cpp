@@ -29,6 +29,8 @@ constexpr int kMaxWalks = 400;
 constexpr float kEnough = 0.7F;
 // A bound so much above what the corners need is worth other walks; those try limits raised by this factor.
 constexpr float kRaise = 1.1F;
+// What is off by more than this share of what vertices need is told apart from the rest.
+constexpr float kOutlying = 0.8F;
 // A border vertex is laid on the other border where that is at most so many times what some vertex needs.
 constexpr float kBorder = 2.0F;
 
@@ -582,7 +584,7 @@ float errorOfCode(std::uint16_t code) {
 }
 
 SurfaceError carryError(FacetSurface& surface, const SurfaceError& before_error, const SurfaceView& after,
-                        const Simplified& history, float negligible, float hopeless) {
+                        const Simplified& history, float negligible, std::vector<Outlier>& outliers) {
   thread_local std::unique_ptr<Scratch> kept;
   if (!kept) kept = std::make_unique<Scratch>();
   Scratch& scratch = *kept;
@@ -595,13 +597,13 @@ SurfaceError carryError(FacetSurface& surface, const SurfaceError& before_error,
   Placed& placed = scratch.placed;
   float usual = forward.place(surface, history, negligible, placed);
   const float needed = std::max(negligible, neededBelow(before, before_error, forward, placed.gap));
-  if (needed > hopeless) return {};
   Overlay& overlay = scratch.overlay;
   overlay.make(surface, scratch.after, placed.facet, placed.gap, placed.twin, placed.border);
   // What the vertices of both need; some of those that the overlay put farther off are nearer to another triangle.
   overlay.forEachEnclosed([&](std::uint32_t v, float distance) {
     if (distance > usual) usual = backward.farther(v, usual);
   });
+  usual *= kOutlying;
   const float enough = std::max(negligible, kEnough * usual);
   forward.expect(enough, usual);
   backward.expect(enough, usual);
@@ -620,7 +622,12 @@ SurfaceError carryError(FacetSurface& surface, const SurfaceError& before_error,
     return image != kNone && unchanged(before, s, after, image);
   };
 
-  const float most = neededAbove(before_error, overlay, backward, needed);
+  const float most = kOutlying * neededAbove(before_error, overlay, backward, needed);
+  outliers.clear();
+  const auto raiseBy = [&](std::uint32_t s, float& to, float value) {
+    raise(to, value);
+    if (value > most) outliers.push_back({s, value});
+  };
 
   // What an edge before had to carry: the most of its triangles, which share its pairs.
   std::vector<Raised>& had = scratch.had;
@@ -660,7 +667,7 @@ SurfaceError carryError(FacetSurface& surface, const SurfaceError& before_error,
     }
     if (is_near || is_same) continue;
     for (const Laid& piece : *pieces) {
-      raise(result.toward[piece.facet], sum(toward, piece.distance));
+      raiseBy(s, result.toward[piece.facet], sum(toward, piece.distance));
       raiseColor(piece.facet, s, largestDifference(before, s, after, piece.facet));
     }
   }
@@ -683,12 +690,25 @@ SurfaceError carryError(FacetSurface& surface, const SurfaceError& before_error,
     const float allowed = std::max(most - carried(before_error.from, history.origin[t]), 0.0F);
     const std::vector<Laid>& pieces = backward.lay(t, allowed);
     for (const Laid& piece : pieces)
-      raise(result.from[t], sum(carried(before_error.from, piece.facet), piece.distance));
+      raiseBy(piece.facet, result.from[t], sum(carried(before_error.from, piece.facet), piece.distance));
     if (is_good && raised[t][1] <= result.from[t]) {
       result.from[t] = raised[t][1];
       continue;
     }
     for (const Laid& piece : pieces) raiseColor(t, piece.facet, largestDifference(before, piece.facet, after, t));
+  }
+  // Of the pairs.
+  for (std::uint32_t s = 0; s < sources; ++s) {
+    const float toward = carried(before_error.toward, s);
+    const float from = carried(before_error.from, s);
+    if (!overlay.coversAbove(s) || std::max(toward, from) + overlay.distance(s) <= most || isSame(s)) continue;
+    const auto look = [&](std::uint32_t t, const Overlay::Gap& gap) {
+      const float error = std::max(std::min(sum(toward, gap.distance), result.toward[t]),
+                                   std::min(sum(from, gap.distance), result.from[t]));
+      if (error > most) outliers.push_back({s, error});
+    };
+    overlay.forEachPairWithin(s, look);
+    for (std::size_t k = 0; k < 3; ++k) overlay.forEachPairOfEdge(surface.edgeOf(s, k), look);
   }
   return result;
 }

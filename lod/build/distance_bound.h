@@ -29,13 +29,18 @@ struct SurfaceError {
   std::vector<float> color;
 };
 
+/// A triangle of the surface before that came out so far off, or that something is so far off from.
+struct Outlier {
+  std::uint32_t triangle = 0;
+  float error = 0.0F;
+};
+
 /// The bounds of `after`, which simplifyGroup made of `before`, rounding included. Distances below `negligible` are not
 /// looked into. Triangles that stayed as they were carry on what they had. Both surfaces have triangles, and both
-/// colours or neither. Empty where vertices alone show early that some distance is more than `hopeless`
-/// (in units of the positions, not below `negligible`). Of `before` facets and boxes are made as they are needed.
+/// colours or neither. Of `before` facets and boxes are made as they are needed.
+/// `outliers`: the triangles of `before` that are nearly as far off as any has to be, or farther, several times some.
 SurfaceError carryError(FacetSurface& before, const SurfaceError& before_error, const SurfaceView& after,
-                        const Simplified& history, float negligible,
-                        float hopeless = std::numeric_limits<float>::infinity());
+                        const Simplified& history, float negligible, std::vector<Outlier>& outliers);
 
 /// A distance or a difference of colours in two bytes, rounded up by at most 0.05 % from 1/16 to 2^22; less counts as
 /// 1/16, 0 stays 0. No two points of a lattice (21 bits) are farther from each other than 2^22.

@@ -21,11 +21,12 @@ namespace {
 
 // A group keeps two fifths of its triangles. Halves cut finer, thirds are built faster and take less room: all levels
 // together have 2 and 1.5 times the source's triangles. Two fifths make 1.67, and cuts nearer to halves'.
-constexpr std::size_t keptOf(std::size_t triangles) {
-  return 2 * triangles / 5;
-}
-// Where a group stands out, it keeps the least of these shares that does.
-constexpr std::array<double, 4> kMoreKept{0.75, 0.6, 0.5, 0.44};
+constexpr double kKept = 0.4;
+// A group that stands out is made again so often with the same share, and what was far off kept as it was, that is from
+// this share of its limit on; then with larger shares.
+constexpr int kRounds = 3;
+constexpr float kKeptAsTheyAre = 0.95F;
+constexpr std::array<double, 3> kMoreKept{0.5, 0.6, 0.75};
 // A level of fewer groups has none that stands out.
 constexpr std::size_t kLeastGroups = 5;
 // Distances below this share of a group's error so far do not matter.
@@ -212,6 +213,7 @@ struct Coarser {
   ErrorHistogram errors;
   float error = 0.0F;  // the largest
   float color_error = 0.0F;
+  std::vector<Outlier> outliers;
 };
 
 float doubledArea(const CodedMesh& mesh, std::size_t t) {
@@ -220,9 +222,8 @@ float doubledArea(const CodedMesh& mesh, std::size_t t) {
   return glm::length(glm::cross(corner(1) - a, corner(2) - a));
 }
 
-// Where it is soon clear that they are off by more than `hopeless`, that is infinite.
 Coarser coarserOf(const Merged& before, FacetSurface& surface, const SurfaceError& before_error, SimplifiedGroup& group,
-                  std::uint32_t bits, float negligible, float hopeless) {
+                  std::uint32_t bits, float negligible) {
   Merged merged{std::move(group.vertices), {}, before.corner};
   keepOnLattice(merged, bits);
   Coarser out;
@@ -230,11 +231,7 @@ Coarser coarserOf(const Merged& before, FacetSurface& surface, const SurfaceErro
   if (out.mesh.indices.empty()) return out;
   const SurfaceError error =
       carryError(surface, before_error, {merged.mesh.positions, group.simplified.indices, merged.mesh.colors},
-                 group.simplified, negligible, hopeless);
-  if (error.toward.empty()) {
-    out.error = std::numeric_limits<float>::infinity();
-    return out;
-  }
+                 group.simplified, negligible, out.outliers);
   out.codes.reserve(kErrorCodes * error.toward.size());
   for (std::size_t t = 0; t < error.toward.size(); ++t) {
     for (const float e : {error.toward[t], error.from[t], error.color.empty() ? 0.0F : error.color[t]})
@@ -250,11 +247,47 @@ Coarser coarserOf(const Merged& before, FacetSurface& surface, const SurfaceErro
   return out;
 }
 
+// Makes a group until it is off by at most `allowed`; else the best that was made, without triangles if none was.
+// First each time with what was off by more kept as it was: mostly such places are few, and it has no more triangles
+// for it. `make` makes it of a mesh, with a share of its triangles; `outliers` are those of `mesh` with the usual
+// share.
+template <class Make>
+Coarser keptWithin(float allowed, const GroupMesh& mesh, std::vector<Outlier> outliers, Make&& make) {
+  Coarser best;
+  const auto isWithin = [&](Coarser next) {
+    outliers = next.outliers;
+    // Levels end only where groups shrink.
+    const std::size_t triangles = next.mesh.indices.size();
+    if (static_cast<double>(triangles) > kMoreKept.back() * static_cast<double>(mesh.indices.size())) return false;
+    if (triangles > 0 && (best.mesh.indices.empty() || next.error < best.error)) best = std::move(next);
+    return !best.mesh.indices.empty() && best.error <= allowed;
+  };
+  GroupMesh kept = mesh;
+  for (int round = 0; round < kRounds; ++round) {
+    bool is_new = false;
+    for (const Outlier& outlier : outliers)
+      for (std::size_t k = 0; k < 3 && outlier.error > kKeptAsTheyAre * allowed; ++k) {
+        std::uint8_t& locked = kept.locked[mesh.indices[3 * std::size_t{outlier.triangle} + k]];
+        is_new |= locked == 0;
+        locked = 1;
+      }
+    if (!is_new || isWithin(make(kept, kKept))) break;
+  }
+  if (!best.mesh.indices.empty() && best.error <= allowed) return best;
+  for (const double share : kMoreKept)
+    if (isWithin(make(mesh, share))) break;
+  return best;
+}
+
 // What no group of a level should be off by, in lattice steps, when `errors` are those of all: stated bounds are to be
 // at most four times the 99.9th percentile of true distances. That percentile is about 0.4 of the 90th of the bounds,
-// which are sums, and more on the lower levels, which add up less (docs/results/hierarchy.md, "Stated errors").
+// which are sums, and more on the lower levels, which add up less. At the first nothing is added up, and the 90th may
+// be that of planes that were simplified for nothing (docs/results/hierarchy.md, "Stated errors").
 float usualLimit(const ErrorHistogram& errors, std::uint32_t level) {
-  return std::max(4.0F, (1.1F + 2.4F / static_cast<float>(level)) * errors.quantile(0.9));
+  const float usual = errors.quantile(0.9);
+  if (level == 1) return std::max(4.0F, std::min(11.0F * usual, 1.9F * errors.quantile(0.999)));
+  const auto l = static_cast<float>(level);
+  return std::max(4.0F, std::min((1.1F + 4.2F / (l * std::sqrt(l))) * usual, 1.7F * errors.quantile(0.99)));
 }
 
 }  // namespace
@@ -264,7 +297,7 @@ LevelBuilder::LevelBuilder(const SourceLattice& lattice, const HierarchyOptions&
     : lattice_(lattice), options_(options), store_(store), advance_(std::move(advance)) {}
 
 void LevelBuilder::know(const WorkUnit& unit, std::vector<WorkPatch> patches) {
-  known_[unitKey(unit.level, unit.index)] = {unit.group, unit.errors, std::move(patches)};
+  known_[unitKey(unit.level, unit.index)] = {unit.group, unit.errors, std::move(patches), std::nullopt};
 }
 
 base::Result<void> LevelBuilder::makeLevels(std::vector<WorkPatch> leaves) {
@@ -382,8 +415,7 @@ base::Result<void> LevelBuilder::makeLevel(std::vector<std::uint32_t>& level) {
   for (const std::uint32_t p : level) std::vector<std::uint64_t>().swap(patches_[p].border);
   auto made = makeGroups(number, pieces);
   if (!made) return made.error();
-  // At the first level nothing is added up yet: what stands out there is the mesh's.
-  if (options_.regroup && number > 1 && pieces.size() >= kLeastGroups) LUMIGRID_TRY(makeAgain(number, pieces, *made));
+  if (options_.regroup && pieces.size() >= kLeastGroups) LUMIGRID_TRY(makeAgain(number, pieces, *made));
 
   level.clear();
   for (std::size_t g = 0; g < made->size(); ++g) {
@@ -425,7 +457,7 @@ base::Result<std::vector<LevelBuilder::Made>> LevelBuilder::makeGroups(std::uint
                                                                        std::span<const Piece> pieces) {
   std::vector<Made> made(pieces.size());
   LUMIGRID_TRY(forEachPiece(pieces.size(), [&](std::size_t g) -> base::Result<std::uint64_t> {
-    auto result = knownOrMade(pieces[g], {level, static_cast<std::uint32_t>(g), {}, {}}, std::nullopt);
+    auto result = knownOrMade(pieces[g], {level, static_cast<std::uint32_t>(g), {}, {}}, nullptr);
     if (!result) return result.error();
     made[g] = std::move(*result);
     std::uint64_t triangles = 0;
@@ -435,7 +467,7 @@ base::Result<std::vector<LevelBuilder::Made>> LevelBuilder::makeGroups(std::uint
   return made;
 }
 
-// Groups whose bound stands out, once more with more triangles; the better one counts.
+// Groups whose bound stands out, once more; the better one counts.
 base::Result<void> LevelBuilder::makeAgain(std::uint32_t level, std::span<const Piece> pieces,
                                            std::vector<Made>& made) {
   ErrorHistogram errors;
@@ -446,22 +478,20 @@ base::Result<void> LevelBuilder::makeAgain(std::uint32_t level, std::span<const 
     if (made[g].record.error > limit) out.push_back(g);
   return forEachPiece(out.size(), [&](std::size_t i) -> base::Result<std::uint64_t> {
     const std::size_t g = out[i];
-    auto result = knownOrMade(pieces[g], {level, static_cast<std::uint32_t>(pieces.size() + g), {}, {}}, limit);
+    const Again again{limit, std::move(made[g].outliers)};
+    auto result = knownOrMade(pieces[g], {level, static_cast<std::uint32_t>(pieces.size() + g), {}, {}}, &again);
     if (!result) return result.error();
     if (result->record.error < made[g].record.error) made[g] = std::move(*result);
     return 0;
   });
 }
 
-base::Result<LevelBuilder::Made> LevelBuilder::knownOrMade(const Piece& piece, WorkUnit unit,
-                                                           std::optional<float> limit) {
+base::Result<LevelBuilder::Made> LevelBuilder::knownOrMade(const Piece& piece, WorkUnit unit, const Again* again) {
   if (const auto at = known_.find(unitKey(unit.level, unit.index)); at != known_.end()) return std::move(at->second);
-  return makeGroup(piece, std::move(unit), limit);
+  return makeGroup(piece, std::move(unit), again);
 }
 
-// Keeps the usual share of the triangles, or with a `limit` for the error (world units) as many as it takes.
-base::Result<LevelBuilder::Made> LevelBuilder::makeGroup(const Piece& piece, WorkUnit unit,
-                                                         std::optional<float> limit) {
+base::Result<LevelBuilder::Made> LevelBuilder::makeGroup(const Piece& piece, WorkUnit unit, const Again* again) {
   // Merge.
   std::vector<lod::patch::PatchGeometry> geometry;
   SurfaceError before_error;
@@ -495,26 +525,23 @@ base::Result<LevelBuilder::Made> LevelBuilder::makeGroup(const Piece& piece, Wor
   const auto below = static_cast<float>(static_cast<double>(record.error) / step);
   const float negligible = std::max(0.5F, kNegligible * below);
 
-  // Simplify: the least that keeps within the limit, or else what is off the least.
-  const std::size_t triangles = merged.mesh.indices.size() / 3;
-  std::vector<std::size_t> targets{options_.regroup ? keptOf(triangles) : options_.node_triangles};
-  if (limit) {
-    targets.clear();
-    for (const double share : kMoreKept)
-      targets.push_back(static_cast<std::size_t>(share * static_cast<double>(triangles)));
-  }
+  // Simplify.
   thread_local FacetSurface surface;  // whose memory is kept
   surface.reset({merged.mesh.positions, merged.mesh.indices, merged.mesh.colors});
-  std::vector<SimplifiedGroup> steps = simplifyGroup(merged.mesh, surface, targets);
+  const auto make = [&](const GroupMesh& mesh, double share) {
+    const std::size_t target = options_.regroup
+                                   ? static_cast<std::size_t>(share * static_cast<double>(mesh.indices.size() / 3))
+                                   : options_.node_triangles;
+    SimplifiedGroup simplified = std::move(simplifyGroup(mesh, surface, std::span(&target, 1))[0]);
+    simplified.vertices.locked = merged.mesh.locked;
+    return coarserOf(merged, surface, before_error, simplified, lattice_.bits, negligible);
+  };
   Coarser best;
-  for (; !steps.empty(); steps.pop_back()) {
-    const bool is_last = !limit || steps.size() == 1;
-    const float hopeless =
-        is_last ? std::numeric_limits<float>::infinity() : static_cast<float>(static_cast<double>(*limit) / step);
-    Coarser next = coarserOf(merged, surface, before_error, steps.back(), lattice_.bits, negligible, hopeless);
-    if (next.mesh.indices.empty()) continue;
-    if (best.mesh.indices.empty() || next.error < best.error) best = std::move(next);
-    if (limit && static_cast<double>(best.error) * step <= static_cast<double>(*limit)) break;
+  if (again == nullptr || !again->outliers) best = make(merged.mesh, kKept);
+  if (again != nullptr) {
+    const auto allowed = static_cast<float>(static_cast<double>(again->limit) / step);
+    best = keptWithin(allowed, merged.mesh, again->outliers ? *again->outliers : best.outliers, make);
+    if (best.mesh.indices.empty()) best = make(merged.mesh, kKept);
   }
   if (best.mesh.indices.empty())
     return base::Error{
@@ -535,7 +562,7 @@ base::Result<LevelBuilder::Made> LevelBuilder::makeGroup(const Piece& piece, Wor
   record.bounds = base::boundingSphere(spheres);
   auto stored = store_.add(unit, std::move(patches));
   if (!stored) return stored.error();
-  return Made{record, std::move(unit.errors), std::move(*stored)};
+  return Made{record, std::move(unit.errors), std::move(*stored), std::move(best.outliers)};
 }
 
 void LevelBuilder::addLevelSummary(std::span<const std::uint32_t> level) {

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "lod/build/buckets.h"
+#include "lod/build/distance_bound.h"
 #include "lod/build/hierarchy_build.h"
 #include "lod/build/work_store.h"
 
@@ -48,6 +49,12 @@ class LevelBuilder {
     lod::patch::Group record;
     ErrorHistogram errors;
     std::vector<WorkPatch> produced;
+    std::optional<std::vector<Outlier>> outliers;  // unknown of what an earlier run made
+  };
+  /// What a group that stands out is made again with.
+  struct Again {
+    float limit = 0.0F;  // world units
+    std::optional<std::vector<Outlier>> outliers;
   };
   struct SharedVertex {
     std::uint64_t code = 0;
@@ -61,8 +68,8 @@ class LevelBuilder {
   base::Result<void> makeLevel(std::vector<std::uint32_t>& level);
   base::Result<std::vector<Made>> makeGroups(std::uint32_t level, std::span<const Piece> pieces);
   base::Result<void> makeAgain(std::uint32_t level, std::span<const Piece> pieces, std::vector<Made>& made);
-  base::Result<Made> makeGroup(const Piece& piece, WorkUnit unit, std::optional<float> limit);
-  base::Result<Made> knownOrMade(const Piece& piece, WorkUnit unit, std::optional<float> limit);
+  base::Result<Made> makeGroup(const Piece& piece, WorkUnit unit, const Again* again);
+  base::Result<Made> knownOrMade(const Piece& piece, WorkUnit unit, const Again* again);
   base::Result<void> forEachPiece(std::size_t count,
                                   const std::function<base::Result<std::uint64_t>(std::size_t)>& make);
   void addLevelSummary(std::span<const std::uint32_t> level);

@@ -31,7 +31,8 @@ int main(int count, char** arguments) {
     const double middle = bench::seconds(CLOCK_THREAD_CPUTIME_ID);
     FacetSurface surface;
     surface.reset({positions, indices});
-    error = carryError(surface, error, {group.positions, made.indices}, made, 0.5F);
+    std::vector<Outlier> outliers;
+    error = carryError(surface, error, {group.positions, made.indices}, made, 0.5F, outliers);
     const double end = bench::seconds(CLOCK_THREAD_CPUTIME_ID);
     group.indices = made.indices;
     std::printf("%9zu triangles to %9zu: simplify %.3f s, bound %.3f s (%.2f); toward %.1f, from %.1f steps\n",

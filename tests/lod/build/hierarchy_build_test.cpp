@@ -167,7 +167,7 @@ TEST(HierarchyBuild, SoupAndTinyComponentsEndInOnePatch) {
 }
 
 // A corner of the ground is full of needles that two fifths of the triangles cannot hold.
-TEST(HierarchyBuild, GroupsThatStandOutKeepMoreSoThatTheirLevelIsNotAsFarOffAsTheyWouldBe) {
+TEST(HierarchyBuild, GroupsThatStandOutKeepWhatDoesSoThatTheirLevelIsNotAsFarOffAsTheyWouldBe) {
   Mesh mesh = support::openGrid(220);
   const auto needle = [&](const glm::vec3& foot) {
     const auto first = static_cast<std::uint32_t>(mesh.positions.size());
@@ -182,10 +182,11 @@ TEST(HierarchyBuild, GroupsThatStandOutKeepMoreSoThatTheirLevelIsNotAsFarOffAsTh
     for (int x = 0; x < 30; ++x) needle({0.01F * static_cast<float>(x), 0.01F * static_cast<float>(y), 0.5F});
   const BuiltHierarchy built = mustBuild(mesh, support::smallPatches());
   expectSound(built, support::smallPatches());
-  // Two fifths each would be off by 2.6 times the first level at the third, since needles go.
+  // With no group made again the first level is off by 0.022, and the third by 0.066, since needles go.
   const auto& levels = built.summary.levels;
   ASSERT_GE(levels.size(), 4U);
-  EXPECT_LT(levels[3].max_error, 2.2F * levels[1].max_error);
+  EXPECT_LT(levels[1].max_error, 0.018F);
+  EXPECT_LT(levels[3].max_error, 0.045F);
   EXPECT_LT(levels[3].triangles, levels[2].triangles / 2);
   expectErrorsHold(mesh, built, 20'000);
 }
@@ -200,7 +201,7 @@ TEST(HierarchyBuild, WhatIsBuiltOfFlatSidesAndPipesStaysExactForLong) {
   ASSERT_GE(levels.size(), 4U);
   EXPECT_LT(levels[2].triangles, levels[0].triangles / 5);
   EXPECT_LT(levels[1].max_error, 1e-4F);
-  EXPECT_LT(levels[2].max_error, 0.0015F);
+  EXPECT_LT(levels[2].max_error, 0.002F);
 }
 
 TEST(HierarchyBuild, OneGiantTriangleAmongManySmallOnesIsNoTrouble) {
