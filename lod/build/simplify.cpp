@@ -7,6 +7,7 @@
 #include <limits>
 #include <numeric>
 #include <optional>
+#include <utility>
 
 #include "base/geometry.h"
 #include "lod/build/point_grid.h"
@@ -165,7 +166,7 @@ static_assert(sizeof(Vertex) == 128);
 
 // Edges, cheapest first. None is put in that is cheaper than the last taken out, so only those next in turn need to be
 // in order: they lie in a heap of four children to a node. The others wait unordered, by buckets of costs an eighth of
-// an octave wide, and most never leave them. In the heap cost and edge number are one 64-bit key (the bits of a float
+// an octave wide, and most never leave them; a bucket is a chain of blocks. In the heap cost and edge number are one 64-bit key (the bits of a float
 // that is not negative sort as it does), so that a comparison is one instruction and ties go by number.
 class EdgeQueue {
  public:
@@ -173,26 +174,35 @@ class EdgeQueue {
     float cost = 0.0F;
     std::uint32_t edge = 0;
   };
-  // Empty, for edges numbered below `edges`.
+  // Empty, with room for about so many edges.
   void reset(std::size_t edges) {
     keys_.clear();
     open_ = 0;
-    first_.assign(kBuckets, kNone);
-    waiting_.resize(edges);
+    newest_.assign(kBuckets, kNone);
+    blocks_.clear();
+    blocks_.reserve(edges / kBlockEntries + 128);
+    free_ = kNone;
   }
   void push(float cost, std::uint32_t edge) {
     const std::uint32_t bucket = bits(cost) >> kBucketShift;
     if (bucket < open_) return pushKey(keyOf(cost, edge));
-    waiting_[edge] = {cost, first_[bucket]};
-    first_[bucket] = edge;
+    std::uint32_t& newest = newest_[bucket];
+    if (newest == kNone || blocks_[newest].count == kBlockEntries) newest = blockBefore(newest);
+    Block& block = blocks_[newest];
+    block.entries[block.count++] = {cost, edge};
   }
-  // Hands out the cheapest edges that wait; they and all as cheap belong in the heap from now on. False if none waits.
+  // Hands out the cheapest edges that wait, latest first; they and all as cheap belong in the heap from now on. False if
+  // none waits.
   bool open(std::vector<Entry>& entries) {
     entries.clear();
-    while (open_ < kBuckets && first_[open_] == kNone) ++open_;
+    while (open_ < kBuckets && newest_[open_] == kNone) ++open_;
     if (open_ == kBuckets) return false;
-    for (std::uint32_t e = first_[open_]; e != kNone; e = waiting_[e].next) entries.push_back({waiting_[e].cost, e});
-    first_[open_++] = kNone;
+    for (std::uint32_t b = newest_[open_++]; b != kNone;) {
+      Block& block = blocks_[b];
+      for (std::size_t i = block.count; i-- > 0;) entries.push_back(block.entries[i]);
+      const std::uint32_t next = std::exchange(block.older, free_);
+      free_ = std::exchange(b, next);
+    }
     return true;
   }
 
@@ -224,11 +234,25 @@ class EdgeQueue {
   static constexpr std::uint32_t kBucketShift = 20;
   static constexpr std::uint32_t kBuckets = 1U << (31 - kBucketShift);
   static constexpr std::uint32_t kNone = ~0U;
-  struct Waiting {
-    float cost = 0.0F;
-    std::uint32_t next = kNone;
+  static constexpr std::size_t kBlockEntries = 15;
+  struct Block {
+    std::uint32_t count = 0;
+    std::uint32_t older = kNone;  // block of the bucket; or the next free one
+    std::array<Entry, kBlockEntries> entries;
   };
 
+  std::uint32_t blockBefore(std::uint32_t older) {
+    std::uint32_t block = free_;
+    if (block != kNone) {
+      free_ = blocks_[block].older;
+    } else {
+      block = static_cast<std::uint32_t>(blocks_.size());
+      blocks_.emplace_back();
+    }
+    blocks_[block].count = 0;
+    blocks_[block].older = older;
+    return block;
+  }
   static std::uint32_t bits(float cost) { return std::bit_cast<std::uint32_t>(std::max(0.0F, cost)); }
   static std::uint64_t keyOf(float cost, std::uint32_t edge) { return std::uint64_t{bits(cost)} << 32 | edge; }
   static float costOf(std::uint64_t key) { return std::bit_cast<float>(static_cast<std::uint32_t>(key >> 32)); }
@@ -257,9 +281,10 @@ class EdgeQueue {
   }
 
   std::vector<std::uint64_t> keys_;
-  std::uint32_t open_ = 0;            // buckets below are empty
-  std::vector<std::uint32_t> first_;  // per bucket: an edge of it
-  std::vector<Waiting> waiting_;      // per edge
+  std::uint32_t open_ = 0;             // buckets below are empty
+  std::vector<std::uint32_t> newest_;  // per bucket: its block that is not full
+  std::vector<Block> blocks_;
+  std::uint32_t free_ = kNone;
 };
 
 // What a collapse of edge (a, b) would do: a goes, b stays.
@@ -550,12 +575,14 @@ class Simplifier {
     while (queue_.size() < 2 && queue_.open(opened_)) {
       std::size_t stale = 0;
       forgetEdges(opened_.size());
-      for (const EdgeQueue::Entry& entry : opened_) {
+      for (std::size_t i = 0; i < opened_.size(); ++i) {
+        __builtin_prefetch(&edges_[opened_[std::min(i + kEdgesAhead, opened_.size() - 1)].edge]);
+        const EdgeQueue::Entry entry = opened_[i];
         Edge& edge = edges_[entry.edge];
         findEnds(edge);
         if (edge.a == edge.b) continue;
         const bool moved = (changed_[edge.a] | changed_[edge.b]) != 0;
-        if (moved && isKnown(entry.edge)) continue;
+        if (moved && isKnown(edge)) continue;
         if (isStale(edge))
           opened_[stale++] = entry;
         else
@@ -571,17 +598,16 @@ class Simplifier {
   }
 
   // A hash table of the edges seen since, by their ends: collapses lay edges on each other.
-  void forgetEdges(std::size_t expected) { known_.assign(std::bit_ceil(2 * expected), ~0U); }
-  bool isKnown(std::uint32_t e) {
-    const auto [low, high] = std::minmax(edges_[e].a, edges_[e].b);
+  void forgetEdges(std::size_t expected) { known_.assign(std::bit_ceil(2 * expected), kNoEnds); }
+  bool isKnown(const Edge& edge) {
+    const auto [low, high] = std::minmax(edge.a, edge.b);
+    const std::uint64_t ends = std::uint64_t{low} << 32 | high;
     for (std::size_t slot = low * 0x9e3779b1U + high;; ++slot) {
-      std::uint32_t& known = known_[slot & (known_.size() - 1)];
-      if (known == ~0U) {
-        known = e;
-        return false;
-      }
-      if (std::min(edges_[known].a, edges_[known].b) == low && std::max(edges_[known].a, edges_[known].b) == high)
-        return true;
+      std::uint64_t& known = known_[slot & (known_.size() - 1)];
+      if (known == ends) return true;
+      if (known != kNoEnds) continue;
+      known = ends;
+      return false;
     }
   }
 
@@ -972,6 +998,10 @@ class Simplifier {
     return out;
   }
 
+  static constexpr std::uint64_t kNoEnds = ~0ULL;
+  // Edges wait in memory far from each other: how many ahead their own data is asked for.
+  static constexpr std::size_t kEdgesAhead = 8;
+
   GroupMesh& mesh_;
   const FacetSurface& surface_;  // of the mesh as it was given
   std::span<const std::size_t> targets_;
@@ -989,7 +1019,7 @@ class Simplifier {
   std::vector<Edge> edges_;
   EdgeQueue queue_;
   std::vector<EdgeQueue::Entry> opened_;
-  std::vector<std::uint32_t> known_;
+  std::vector<std::uint64_t> known_;
   std::vector<std::uint32_t> mark_;
   std::uint32_t stamp_ = 0;
   Neighborhood around_;
