@@ -166,8 +166,9 @@ static_assert(sizeof(Vertex) == 128);
 
 // Edges, cheapest first. None is put in that is cheaper than the last taken out, so only those next in turn need to be
 // in order: they lie in a heap of four children to a node. The others wait unordered, by buckets of costs an eighth of
-// an octave wide, and most never leave them; a bucket is a chain of blocks. In the heap cost and edge number are one 64-bit key (the bits of a float
-// that is not negative sort as it does), so that a comparison is one instruction and ties go by number.
+// an octave wide, and most never leave them; a bucket is a chain of blocks. In the heap cost and edge number are one
+// 64-bit key (the bits of a float that is not negative sort as it does), so that a comparison is one instruction and
+// ties go by number.
 class EdgeQueue {
  public:
   struct Entry {
@@ -191,8 +192,8 @@ class EdgeQueue {
     Block& block = blocks_[newest];
     block.entries[block.count++] = {cost, edge};
   }
-  // Hands out the cheapest edges that wait, latest first; they and all as cheap belong in the heap from now on. False if
-  // none waits.
+  // Hands out the cheapest edges that wait, latest first; they and all as cheap belong in the heap from now on. False
+  // if none waits.
   bool open(std::vector<Entry>& entries) {
     entries.clear();
     while (open_ < kBuckets && newest_[open_] == kNone) ++open_;
@@ -318,14 +319,17 @@ glm::dvec3 crossOf(const glm::vec3& a, const glm::vec3& b, const glm::vec3& c) {
 
 class Simplifier {
  public:
-  Simplifier(GroupMesh& mesh, const FacetSurface& surface, std::span<const std::size_t> targets)
-      : mesh_(mesh), surface_(surface), targets_(targets), target_(std::max<std::size_t>(1, targets.back())) {}
+  Simplifier(const GroupMesh& mesh, const FacetSurface& surface, std::span<const std::size_t> targets)
+      : mesh_{mesh.positions, mesh.normals, mesh.colors, mesh.locked, {}},
+        surface_(surface),
+        targets_(targets),
+        target_(std::max<std::size_t>(1, targets.back())) {}
 
   std::vector<SimplifiedGroup> run() {
     buildFans();
     findEdges();
     addTriangleQuadrics();
-    live_ = mesh_.indices.size() / 3;
+    live_ = triangles_.size();
 
     // Each stage again while edges refused earlier become possible; then the next.
     std::size_t stage = 0;
@@ -340,12 +344,20 @@ class Simplifier {
     }
     while (reached_.size() + 1 < targets_.size()) keepResult(stage > 0);
     Simplified last = result(stage > 0);
-    mesh_.indices.clear();
     reached_.push_back({std::move(mesh_), std::move(last)});
     return std::move(reached_);
   }
 
  private:
+  struct Triangle {
+    std::array<std::uint32_t, 3> corner{};
+    std::uint32_t alive = 1;  // or 0
+  };
+  // One of a triangle's corners.
+  struct Corner {
+    std::uint32_t triangle : 30 = 0;
+    std::uint32_t place : 2 = 0;
+  };
   struct Fan {
     std::uint32_t first = 0;
     std::uint32_t count = 0;
@@ -353,15 +365,19 @@ class Simplifier {
 
   // Triangles around each vertex, as ranges of one pool; a collapse appends the joined fan at its end.
   void buildFans() {
+    const std::span<const std::uint32_t> indices = surface_.view().indices;
+    triangles_.resize(indices.size() / 3);
+    for (std::size_t t = 0; t < triangles_.size(); ++t)
+      triangles_[t].corner = {indices[3 * t], indices[3 * t + 1], indices[3 * t + 2]};
     const std::size_t vertices = mesh_.positions.size();
     fans_.resize(vertices);
-    pool_.reserve(3 * mesh_.indices.size());
+    pool_.reserve(3 * indices.size());
     for (std::uint32_t v = 0; v < vertices; ++v) {
       const auto around = surface_.around(v);
       fans_[v] = {static_cast<std::uint32_t>(pool_.size()), static_cast<std::uint32_t>(around.size())};
-      pool_.insert(pool_.end(), around.begin(), around.end());
+      for (const std::uint32_t t : around)
+        pool_.push_back({.triangle = t, .place = static_cast<std::uint32_t>(surface_.cornerOf(t, v))});
     }
-    alive_.assign(mesh_.indices.size() / 3, 1);
     survivor_.resize(vertices);
     for (std::uint32_t v = 0; v < vertices; ++v) survivor_[v] = v;
     mark_.assign(vertices, 0);
@@ -399,28 +415,32 @@ class Simplifier {
     ++stamp_;
     forEachTriangle(v, [&](std::uint32_t t) {
       for (std::size_t k = 0; k < 3; ++k) {
-        const std::uint32_t w = mesh_.indices[3 * std::size_t{t} + k];
+        const std::uint32_t w = triangles_[t].corner[k];
         if (w <= v) continue;
         if (mark_[w] != stamp_) mark_[w] = stamp_, neighbors.push_back(w);
       }
     });
   }
 
+  // Of triangles that live or did.
+  std::span<const Corner> cornersAround(std::uint32_t v) const {
+    return {pool_.data() + fans_[v].first, fans_[v].count};
+  }
+
   template <class Body>
   void forEachTriangle(std::uint32_t v, Body&& body) const {
-    const Fan fan = fans_[v];
-    for (std::uint32_t i = fan.first; i < fan.first + fan.count; ++i)
-      if (alive_[pool_[i]] != 0) body(pool_[i]);
+    for (const Corner& c : cornersAround(v))
+      if (triangles_[c.triangle].alive != 0) body(c.triangle);
   }
 
   // By a triangle that lives.
   bool isUsed(std::uint32_t v) const {
-    const auto fan = std::span(pool_).subspan(fans_[v].first, fans_[v].count);
-    return std::any_of(fan.begin(), fan.end(), [&](std::uint32_t t) { return alive_[t] != 0; });
+    const auto fan = cornersAround(v);
+    return std::any_of(fan.begin(), fan.end(), [&](const Corner& c) { return triangles_[c.triangle].alive != 0; });
   }
 
   bool touches(std::uint32_t t, std::uint32_t v) const {
-    const std::uint32_t* c = &mesh_.indices[3 * std::size_t{t}];
+    const auto& c = triangles_[t].corner;
     return c[0] == v || c[1] == v || c[2] == v;
   }
 
@@ -446,7 +466,7 @@ class Simplifier {
   }
 
   glm::dvec3 triangleNormal(std::uint32_t t) const {
-    const std::uint32_t* c = &mesh_.indices[3 * std::size_t{t}];
+    const auto& c = triangles_[t].corner;
     return crossOf(mesh_.positions[c[0]], mesh_.positions[c[1]], mesh_.positions[c[2]]);
   }
 
@@ -458,8 +478,8 @@ class Simplifier {
 
   void addTriangleQuadrics() {
     std::vector<FanShape> shapes(vertices_.size());
-    for (std::uint32_t t = 0; 3 * std::size_t{t} < mesh_.indices.size(); ++t) {
-      const std::uint32_t* c = &mesh_.indices[3 * std::size_t{t}];
+    for (const Triangle& triangle : triangles_) {
+      const auto& c = triangle.corner;
       const glm::dvec3 p(mesh_.positions[c[0]]);
       const glm::dvec3 edges[3] = {glm::dvec3(mesh_.positions[c[1]]) - p,
                                    glm::dvec3(mesh_.positions[c[2]]) - glm::dvec3(mesh_.positions[c[1]]),
@@ -536,6 +556,12 @@ class Simplifier {
         continue;
       }
       const EdgeQueue::Entry next = queue_.second();
+      // Fans lie anywhere in memory: of this edge the triangles are asked for before they are looked at, of the next
+      // one which they are.
+      for (const std::uint32_t v : {edge.a, edge.b})
+        for (const Corner& c : cornersAround(v)) __builtin_prefetch(&triangles_[c.triangle]);
+      for (const std::uint32_t v : {edges_[next.edge].a, edges_[next.edge].b})
+        __builtin_prefetch(cornersAround(v).data());
       if (isStale(edge)) {
         Edge& other = edges_[next.edge];
         findEnds(other);
@@ -631,7 +657,7 @@ class Simplifier {
 
   // A living triangle around a vertex, and its corners after it.
   struct Wedge {
-    std::uint32_t triangle = 0;
+    Corner corner;
     std::uint32_t second = 0;
     std::uint32_t third = 0;
   };
@@ -640,39 +666,70 @@ class Simplifier {
   struct Neighborhood {
     std::uint32_t a = 0;
     std::uint32_t b = 0;
-    std::vector<Wedge> around_a, around_b;  // without those on the edge
-    std::vector<std::uint32_t> on_edge;     // triangles
-    std::uint32_t common = 0;               // vertices next to both ends
+    std::span<const Wedge> around_a, around_b;  // without those on the edge
+    std::span<const std::uint32_t> on_edge;     // triangles
+    std::uint32_t common = 0;                   // vertices next to both ends
+    std::vector<Wedge> wedges_a, wedges_b;      // where these lie
+    std::vector<std::uint32_t> triangles;
   };
 
-  // Fills around_; leaves mark_ == stamp_ on the vertices next to both ends.
+  // Fills around_; leaves mark_ == stamp_ on the vertices next to both ends. Which triangles live is a matter of
+  // chance: all are written, and the next one over those that do not count.
   void lookAt(std::uint32_t a, std::uint32_t b) {
     around_.a = a;
     around_.b = b;
-    around_.common = 0;
-    around_.on_edge.clear();
-    around_.around_a.clear();
-    around_.around_b.clear();
     stamp_ += 2;
-    forEachTriangle(a, [&](std::uint32_t t) {
-      const auto [second, third] = otherCorners(t, a);
-      if (second == b || third == b)
-        around_.on_edge.push_back(t);
-      else
-        around_.around_a.push_back({t, second, third});
-      mark_[second] = mark_[third] = stamp_ - 1;
-    });
-    mark_[a] = mark_[b] = 0;
-    forEachTriangle(b, [&](std::uint32_t t) {
-      const auto [second, third] = otherCorners(t, b);
-      if (second != a && third != a) around_.around_b.push_back({t, second, third});
-      for (const std::uint32_t v : {second, third})
-        if (std::uint32_t& mark = mark_[v]; mark == stamp_ - 1) mark = stamp_, ++around_.common;
-    });
+    const std::uint32_t stamp = stamp_;
+    const std::span<const Corner> fan_a = cornersAround(a);
+    const std::span<const Corner> fan_b = cornersAround(b);
+    if (around_.wedges_a.size() < fan_a.size()) around_.wedges_a.resize(2 * fan_a.size());
+    if (around_.wedges_b.size() < fan_b.size()) around_.wedges_b.resize(2 * fan_b.size());
+    if (around_.triangles.size() < fan_a.size()) around_.triangles.resize(2 * fan_a.size());
+    const Triangle* const triangles = triangles_.data();
+    std::uint32_t* const marks = mark_.data();
+
+    Wedge* wedge = around_.wedges_a.data();
+    std::uint32_t* on_edge = around_.triangles.data();
+    for (const Corner& corner : fan_a) {
+      const Triangle& t = triangles[corner.triangle];
+      const std::uint32_t second = t.corner[kSecond[corner.place]];
+      const std::uint32_t third = t.corner[kThird[corner.place]];
+      const std::uint32_t on = t.alive & static_cast<std::uint32_t>((second == b) | (third == b));
+      wedge->corner = corner, wedge->second = second, wedge->third = third;
+      wedge += t.alive ^ on;
+      *on_edge = corner.triangle;
+      on_edge += on;
+      marks[t.alive != 0 ? second : a] = stamp - 1;
+      marks[t.alive != 0 ? third : a] = stamp - 1;
+    }
+    marks[a] = marks[b] = 0;
+    around_.around_a = {around_.wedges_a.data(), wedge};
+    around_.on_edge = {around_.triangles.data(), on_edge};
+
+    wedge = around_.wedges_b.data();
+    std::uint32_t common = 0;
+    for (const Corner& corner : fan_b) {
+      const Triangle& t = triangles[corner.triangle];
+      const std::uint32_t second = t.corner[kSecond[corner.place]];
+      const std::uint32_t third = t.corner[kThird[corner.place]];
+      wedge->corner = corner, wedge->second = second, wedge->third = third;
+      wedge += t.alive & static_cast<std::uint32_t>((second != a) & (third != a));
+      for (const std::uint32_t v : {t.alive != 0 ? second : b, t.alive != 0 ? third : b}) {
+        const std::uint32_t next_to_both = marks[v] == stamp - 1 ? 1 : 0;
+        marks[v] += next_to_both;
+        common += next_to_both;
+      }
+    }
+    around_.around_b = {around_.wedges_b.data(), wedge};
+    around_.common = common;
+  }
+  Wedge wedgeOf(const Corner& corner) const {
+    const auto& c = triangles_[corner.triangle].corner;
+    return {corner, c[kSecond[corner.place]], c[kThird[corner.place]]};
   }
 
   // How many of these triangles lie between vertices that were next to both ends, after lookAt.
-  std::uint32_t countBetween(const std::vector<Wedge>& wedges) const {
+  std::uint32_t countBetween(std::span<const Wedge> wedges) const {
     std::uint32_t between = 0;
     for (const Wedge& w : wedges) between += mark_[w.second] == stamp_ && mark_[w.third] == stamp_ ? 1 : 0;
     return between;
@@ -700,10 +757,10 @@ class Simplifier {
     };
     auto join = [&](std::uint32_t v, std::uint32_t w) { component_[root(v)] = root(w); };
     for (std::uint32_t v = 0; v < survivor_.size(); ++v) join(v, survivor_[v]);
-    for (std::size_t t = 0; t < alive_.size(); ++t) {
-      if (alive_[t] == 0) continue;
-      join(mesh_.indices[3 * t], mesh_.indices[3 * t + 1]);
-      join(mesh_.indices[3 * t], mesh_.indices[3 * t + 2]);
+    for (const Triangle& t : triangles_) {
+      if (t.alive == 0) continue;
+      join(t.corner[0], t.corner[1]);
+      join(t.corner[0], t.corner[2]);
     }
     std::vector<std::uint32_t> living;
     for (std::uint32_t v = 0; v < survivor_.size(); ++v) {
@@ -795,11 +852,11 @@ class Simplifier {
   bool flips(const glm::vec3& to, bool strict) const {
     return flipsAround(around_.a, around_.around_a, to, strict) || flipsAround(around_.b, around_.around_b, to, strict);
   }
-  bool flipsAround(std::uint32_t moved, const std::vector<Wedge>& wedges, const glm::vec3& to, bool strict) const {
+  bool flipsAround(std::uint32_t moved, std::span<const Wedge> wedges, const glm::vec3& to, bool strict) const {
     const glm::vec3 from = mesh_.positions[moved];
     if (from == to) return false;
     const PairPoint ends = pairOf(from, to);
-    for (const auto& [triangle, second, third] : wedges) {
+    for (const auto& [corner, second, third] : wedges) {
       const PairPoint b = pairOf(mesh_.positions[second], mesh_.positions[second]) - ends;
       const PairPoint c = pairOf(mesh_.positions[third], mesh_.positions[third]) - ends;
       const PairPoint n{b.y * c.z - c.y * b.z, b.z * c.x - c.z * b.x, b.x * c.y - c.x * b.y};
@@ -829,13 +886,13 @@ class Simplifier {
     const auto [one, two] = otherCorners(t, c.gone);
     return one == c.kept ? two : one;
   }
-  static bool holds(const std::vector<Wedge>& wedges, std::uint32_t v) {
+  static bool holds(std::span<const Wedge> wedges, std::uint32_t v) {
     return std::any_of(wedges.begin(), wedges.end(), [&](const Wedge& w) { return w.second == v || w.third == v; });
   }
 
   // Which of the triangles around the edge stay (left_), and which are lost so (lost_).
   void findLost(const Collapse& c) {
-    left_ = around_.around_a;
+    left_.assign(around_.around_a.begin(), around_.around_a.end());
     left_.insert(left_.end(), around_.around_b.begin(), around_.around_b.end());
     lost_.clear();
     for (std::size_t i = 0; i < left_.size();) {
@@ -846,8 +903,8 @@ class Simplifier {
         ++i;
         continue;
       }
-      lost_.push_back(first->triangle);
-      lost_.push_back(other->triangle);
+      lost_.push_back(first->corner.triangle);
+      lost_.push_back(other->corner.triangle);
       left_.erase(other);
       left_.erase(first);
     }
@@ -865,8 +922,8 @@ class Simplifier {
     double most2 = most * most;
     for (const std::uint32_t t : lost_)
       for (std::size_t k = 0; k < 3; ++k) {
-        const std::uint32_t v = mesh_.indices[3 * std::size_t{t} + k];
-        const std::uint32_t w = mesh_.indices[3 * std::size_t{t} + (k + 1) % 3];
+        const std::uint32_t v = triangles_[t].corner[k];
+        const std::uint32_t w = triangles_[t].corner[(k + 1) % 3];
         const glm::vec3& p = mesh_.positions[v];
         const double near2 = distance2ToRest(c, t, p);
         if (near2 == std::numeric_limits<double>::max()) {
@@ -882,12 +939,11 @@ class Simplifier {
   // number where nothing is left.
   double distance2ToRest(const Collapse& c, std::uint32_t t, const glm::vec3& from) const {
     double near2 = distance2ToNewFan(c, from);
-    for (std::size_t k = 0; k < 3; ++k) {
-      const std::uint32_t v = mesh_.indices[3 * std::size_t{t} + k];
+    for (const std::uint32_t v : triangles_[t].corner) {
       if (v == c.gone || v == c.kept) continue;
       forEachTriangle(v, [&](std::uint32_t s) {
         if (touches(s, c.gone) || touches(s, c.kept)) return;
-        const std::uint32_t* n = &mesh_.indices[3 * std::size_t{s}];
+        const auto& n = triangles_[s].corner;
         near2 = std::min(near2, distance2(from, mesh_.positions[n[0]], mesh_.positions[n[1]], mesh_.positions[n[2]]));
       });
     }
@@ -944,15 +1000,18 @@ class Simplifier {
 
   // Triangles on the edge vanish, the others of `gone` hang on `kept` from now on.
   void joinFans(std::uint32_t gone, std::uint32_t kept) {
-    for (const std::uint32_t t : around_.on_edge) alive_[t] = 0;
+    for (const std::uint32_t t : around_.on_edge) triangles_[t].alive = 0;
     live_ -= around_.on_edge.size();
     const bool keeps_a = kept == around_.a;
+    const std::span<const Wedge> stay = keeps_a ? around_.around_a : around_.around_b;
+    const std::span<const Wedge> move = keeps_a ? around_.around_b : around_.around_a;
     const auto first = static_cast<std::uint32_t>(pool_.size());
-    for (const Wedge& w : keeps_a ? around_.around_a : around_.around_b) pool_.push_back(w.triangle);
-    for (const Wedge& w : keeps_a ? around_.around_b : around_.around_a) {
-      pool_.push_back(w.triangle);
-      std::uint32_t* c = &mesh_.indices[3 * std::size_t{w.triangle}];
-      for (std::size_t k = 0; k < 3; ++k) c[k] = c[k] == gone ? kept : c[k];
+    pool_.resize(first + stay.size() + move.size());
+    Corner* corner = &pool_[first];
+    for (const Wedge& w : stay) *corner++ = w.corner;
+    for (const Wedge& w : move) {
+      *corner++ = w.corner;
+      triangles_[w.corner.triangle].corner[w.corner.place] = kept;
     }
     fans_[kept] = {first, static_cast<std::uint32_t>(pool_.size()) - first};
     fans_[gone] = {};
@@ -961,25 +1020,25 @@ class Simplifier {
   // Two triangles on the same corners with opposite sides enclose nothing: both go. Only triangles whose other corners
   // were next to both ends (marked by lookAt) can have met a partner. At least one triangle of the group stays.
   void removeOpposites(std::uint32_t v) {
-    const Fan fan = fans_[v];
-    for (std::uint32_t i = fan.first; i < fan.first + fan.count; ++i) {
-      const std::uint32_t t = pool_[i];
-      if (alive_[t] == 0) continue;
-      const auto [t1, t2] = otherCorners(t, v);
-      if (mark_[t1] != stamp_ || mark_[t2] != stamp_) continue;
-      for (std::uint32_t j = i + 1; j < fan.first + fan.count; ++j) {
-        const std::uint32_t s = pool_[j];
-        if (alive_[s] == 0 || live_ <= 2) continue;
-        const auto [s1, s2] = otherCorners(s, v);
-        if (s1 != t2 || s2 != t1) continue;
-        alive_[t] = alive_[s] = 0;
+    const auto fan = cornersAround(v);
+    for (std::size_t i = 0; i < fan.size(); ++i) {
+      Triangle& one = triangles_[fan[i].triangle];
+      if (one.alive == 0) continue;
+      const Wedge w = wedgeOf(fan[i]);
+      if (mark_[w.second] != stamp_ || mark_[w.third] != stamp_) continue;
+      for (const Corner& corner : fan.subspan(i + 1)) {
+        Triangle& other = triangles_[corner.triangle];
+        if (other.alive == 0 || live_ <= 2) continue;
+        const Wedge x = wedgeOf(corner);
+        if (x.second != w.third || x.third != w.second) continue;
+        one.alive = other.alive = 0;
         live_ -= 2;
         break;
       }
     }
   }
   std::pair<std::uint32_t, std::uint32_t> otherCorners(std::uint32_t t, std::uint32_t v) const {
-    const std::uint32_t* c = &mesh_.indices[3 * std::size_t{t}];
+    const auto& c = triangles_[t].corner;
     if (c[0] == v) return {c[1], c[2]};
     return c[1] == v ? std::pair{c[2], c[0]} : std::pair{c[0], c[1]};
   }
@@ -987,9 +1046,10 @@ class Simplifier {
   Simplified result(bool rough) {
     Simplified out;
     out.indices.reserve(3 * live_);
-    for (std::uint32_t t = 0; t < alive_.size(); ++t) {
-      if (alive_[t] == 0) continue;
-      out.indices.insert(out.indices.end(), &mesh_.indices[3 * std::size_t{t}], &mesh_.indices[3 * std::size_t{t}] + 3);
+    out.origin.reserve(live_);
+    for (std::uint32_t t = 0; t < triangles_.size(); ++t) {
+      if (triangles_[t].alive == 0) continue;
+      out.indices.insert(out.indices.end(), triangles_[t].corner.begin(), triangles_[t].corner.end());
       out.origin.push_back(t);
     }
     out.survivor.resize(survivor_.size());
@@ -998,11 +1058,14 @@ class Simplifier {
     return out;
   }
 
+  // The corners after one, in a triangle.
+  static constexpr std::uint8_t kSecond[3] = {1, 2, 0};
+  static constexpr std::uint8_t kThird[3] = {2, 0, 1};
   static constexpr std::uint64_t kNoEnds = ~0ULL;
   // Edges wait in memory far from each other: how many ahead their own data is asked for.
   static constexpr std::size_t kEdgesAhead = 8;
 
-  GroupMesh& mesh_;
+  GroupMesh mesh_;               // without triangles
   const FacetSurface& surface_;  // of the mesh as it was given
   std::span<const std::size_t> targets_;
   std::size_t target_;  // the last of them
@@ -1010,8 +1073,8 @@ class Simplifier {
   std::size_t live_ = 0;
   std::uint32_t collapses_ = 0;  // done so far
   std::vector<Fan> fans_;
-  std::vector<std::uint32_t> pool_;
-  std::vector<std::uint8_t> alive_;
+  std::vector<Corner> pool_;
+  std::vector<Triangle> triangles_;
   std::vector<std::uint32_t> survivor_;
   std::vector<Kind> kinds_;
   std::vector<Vertex> vertices_;
@@ -1039,19 +1102,19 @@ class Simplifier {
 
 }  // namespace
 
-std::vector<SimplifiedGroup> simplifyGroup(GroupMesh mesh, std::span<const std::size_t> target_triangles) {
+std::vector<SimplifiedGroup> simplifyGroup(const GroupMesh& mesh, std::span<const std::size_t> target_triangles) {
   FacetSurface surface;
   surface.reset({mesh.positions, mesh.indices});
-  return simplifyGroup(std::move(mesh), surface, target_triangles);
+  return simplifyGroup(mesh, surface, target_triangles);
 }
 
-std::vector<SimplifiedGroup> simplifyGroup(GroupMesh mesh, const FacetSurface& surface,
+std::vector<SimplifiedGroup> simplifyGroup(const GroupMesh& mesh, const FacetSurface& surface,
                                            std::span<const std::size_t> target_triangles) {
   return Simplifier(mesh, surface, target_triangles).run();
 }
 
 Simplified simplifyGroup(GroupMesh& mesh, std::size_t target_triangles) {
-  std::vector<SimplifiedGroup> reached = simplifyGroup(GroupMesh(mesh), std::span(&target_triangles, 1));
+  std::vector<SimplifiedGroup> reached = simplifyGroup(mesh, std::span(&target_triangles, 1));
   mesh.positions = std::move(reached[0].vertices.positions);
   mesh.normals = std::move(reached[0].vertices.normals);
   mesh.colors = std::move(reached[0].vertices.colors);
