@@ -4,6 +4,7 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <numeric>
 #include <optional>
@@ -88,10 +89,23 @@ struct QuadricPair {
 
   // The sums p + q and r + s.
   QuadricPair(const Quadric& p, const Quadric& q, const Quadric& r, const Quadric& s) {
-    const auto sum = [&](double Quadric::*m) { return Pair{p.*m, r.*m} + Pair{q.*m, s.*m}; };
-    a00 = sum(&Quadric::a00), a01 = sum(&Quadric::a01), a02 = sum(&Quadric::a02);
-    a11 = sum(&Quadric::a11), a12 = sum(&Quadric::a12), a22 = sum(&Quadric::a22);
-    b0 = sum(&Quadric::b0), b1 = sum(&Quadric::b1), b2 = sum(&Quadric::b2), c = sum(&Quadric::c);
+    const auto sum = [&](std::size_t k, Pair& one, Pair& two) {
+      const Pair first = twoOf(p, k) + twoOf(q, k);
+      const Pair second = twoOf(r, k) + twoOf(s, k);
+      one = __builtin_shufflevector(first, second, 0, 2);
+      two = __builtin_shufflevector(first, second, 1, 3);
+    };
+    sum(0, a00, a01);
+    sum(1, a02, a11);
+    sum(2, a12, a22);
+    sum(3, b0, b1);
+    sum(4, b2, c);
+  }
+  // Numbers 2 k and 2 k + 1 of a quadric.
+  static Pair twoOf(const Quadric& q, std::size_t k) {
+    Pair two;
+    std::memcpy(&two, reinterpret_cast<const char*>(&q) + k * sizeof two, sizeof two);
+    return two;
   }
   Pair at(const PairPoint& p) const {
     const Pair x = a00 * p.x + a01 * p.y + a02 * p.z + 2.0 * b0;
@@ -833,8 +847,7 @@ class Simplifier {
 
   // Whether the kept end may move.
   bool chooseKept(Edge& edge) const {
-    Keep keep = keepOf(edge.a, edge.b, true);
-    if (kinds_[edge.a] == Kind::kBorder && kinds_[edge.b] == Kind::kInterior) keep = Keep::kA;
+    const Keep keep = keepOf(edge.a, edge.b, true);
     edge.keeps_a = keep == Keep::kA ? 1 : 0;
     return keep == Keep::kBest;
   }
