@@ -13,6 +13,9 @@
 #include "base/geometry.h"
 #include "lod/build/point_grid.h"
 
+// Vectors of four doubles go in and out of functions that become part of their caller only: no ABI says how.
+#pragma GCC diagnostic ignored "-Wpsabi"
+
 namespace lod::build {
 namespace {
 
@@ -70,64 +73,101 @@ struct Quadric {
   }
 };
 
-// Two edges are planned at once, one in each lane; every operation is IEEE's, so that machines agree.
+// Two or four edges are planned at once, one in each lane; every operation is IEEE's, so that machines agree.
 using Pair = double __attribute__((vector_size(16)));
-using PairMask = std::int64_t __attribute__((vector_size(16)));
-struct PairPoint {
-  Pair x, y, z;
-  PairPoint operator-(const PairPoint& p) const { return {x - p.x, y - p.y, z - p.z}; }
+using Four = double __attribute__((vector_size(32)));
+template <class Lanes>
+using MaskOf = decltype(Lanes{} < Lanes{});
+template <class Lanes>
+constexpr std::size_t kCount = sizeof(Lanes) / sizeof(double);
+// All of it becomes part of its caller, which says for which processors it is.
+#define LUMIGRID_LANES inline __attribute__((always_inline))
+
+template <class Lanes>
+struct PointLanes {
+  Lanes x, y, z;
+  LUMIGRID_LANES PointLanes operator-(const PointLanes& p) const { return {x - p.x, y - p.y, z - p.z}; }
 };
-Pair dot(const PairPoint& p, const PairPoint& q) {
+template <class Lanes>
+LUMIGRID_LANES Lanes dot(const PointLanes<Lanes>& p, const PointLanes<Lanes>& q) {
   return p.x * q.x + p.y * q.y + p.z * q.z;
 }
+template <class Lanes>
+LUMIGRID_LANES PointLanes<Lanes> either(const MaskOf<Lanes>& mask, const PointLanes<Lanes>& p,
+                                        const PointLanes<Lanes>& q) {
+  return {mask ? p.x : q.x, mask ? p.y : q.y, mask ? p.z : q.z};
+}
+// value(0), value(1), …
+template <class Lanes, class Value>
+LUMIGRID_LANES Lanes lanesOf(Value&& value) {
+  if constexpr (kCount<Lanes> == 2)
+    return Lanes{static_cast<double>(value(0)), static_cast<double>(value(1))};
+  else
+    return Lanes{static_cast<double>(value(0)), static_cast<double>(value(1)), static_cast<double>(value(2)),
+                 static_cast<double>(value(3))};
+}
+using PairPoint = PointLanes<Pair>;
 PairPoint pairOf(const glm::vec3& p, const glm::vec3& q) {
   return {Pair{p.x, q.x}, Pair{p.y, q.y}, Pair{p.z, q.z}};
 }
 
-struct QuadricPair {
-  Pair a00, a01, a02, a11, a12, a22, b0, b1, b2, c;
+template <class Lanes>
+struct QuadricLanes {
+  Lanes a00, a01, a02, a11, a12, a22, b0, b1, b2, c;
 
-  // The sums p + q and r + s.
-  QuadricPair(const Quadric& p, const Quadric& q, const Quadric& r, const Quadric& s) {
-    const auto sum = [&](std::size_t k, Pair& one, Pair& two) {
-      const Pair first = twoOf(p, k) + twoOf(q, k);
-      const Pair second = twoOf(r, k) + twoOf(s, k);
-      one = __builtin_shufflevector(first, second, 0, 2);
-      two = __builtin_shufflevector(first, second, 1, 3);
-    };
-    sum(0, a00, a01);
-    sum(1, a02, a11);
-    sum(2, a12, a22);
-    sum(3, b0, b1);
-    sum(4, b2, c);
+  // In each lane the sum of one(lane) and other(lane).
+  template <class One, class Other>
+  LUMIGRID_LANES QuadricLanes(One&& one, Other&& other) {
+    sum(one, other, 0, a00, a01);
+    sum(one, other, 1, a02, a11);
+    sum(one, other, 2, a12, a22);
+    sum(one, other, 3, b0, b1);
+    sum(one, other, 4, b2, c);
   }
-  // Numbers 2 k and 2 k + 1 of a quadric.
-  static Pair twoOf(const Quadric& q, std::size_t k) {
-    Pair two;
-    std::memcpy(&two, reinterpret_cast<const char*>(&q) + k * sizeof two, sizeof two);
-    return two;
-  }
-  Pair at(const PairPoint& p) const {
-    const Pair x = a00 * p.x + a01 * p.y + a02 * p.z + 2.0 * b0;
-    const Pair y = a01 * p.x + a11 * p.y + a12 * p.z + 2.0 * b1;
-    const Pair z = a02 * p.x + a12 * p.y + a22 * p.z + 2.0 * b2;
-    const Pair sum = p.x * x + p.y * y + p.z * z + c;
-    return sum > 0.0 ? sum : Pair{0.0, 0.0};
+  LUMIGRID_LANES Lanes at(const PointLanes<Lanes>& p) const {
+    const Lanes x = a00 * p.x + a01 * p.y + a02 * p.z + 2.0 * b0;
+    const Lanes y = a01 * p.x + a11 * p.y + a12 * p.z + 2.0 * b1;
+    const Lanes z = a02 * p.x + a12 * p.y + a22 * p.z + 2.0 * b2;
+    const Lanes sum = p.x * x + p.y * y + p.z * z + c;
+    return sum > 0.0 ? sum : Lanes{};
   }
   // The point of least error; false where the planes are too parallel to say.
-  PairMask minimum(PairPoint& p) const {
-    const Pair m00 = a11 * a22 - a12 * a12;
-    const Pair m01 = a02 * a12 - a01 * a22;
-    const Pair m02 = a01 * a12 - a02 * a11;
-    const Pair determinant = a00 * m00 + a01 * m01 + a02 * m02;
-    const Pair trace = a00 + a11 + a22;
-    const Pair m11 = a00 * a22 - a02 * a02;
-    const Pair m12 = a01 * a02 - a00 * a12;
-    const Pair m22 = a00 * a11 - a01 * a01;
-    const Pair scale = -1.0 / determinant;
+  LUMIGRID_LANES MaskOf<Lanes> minimum(PointLanes<Lanes>& p) const {
+    const Lanes m00 = a11 * a22 - a12 * a12;
+    const Lanes m01 = a02 * a12 - a01 * a22;
+    const Lanes m02 = a01 * a12 - a02 * a11;
+    const Lanes determinant = a00 * m00 + a01 * m01 + a02 * m02;
+    const Lanes trace = a00 + a11 + a22;
+    const Lanes m11 = a00 * a22 - a02 * a02;
+    const Lanes m12 = a01 * a02 - a00 * a12;
+    const Lanes m22 = a00 * a11 - a01 * a01;
+    const Lanes scale = -1.0 / determinant;
     p = {(m00 * b0 + m01 * b1 + m02 * b2) * scale, (m01 * b0 + m11 * b1 + m12 * b2) * scale,
          (m02 * b0 + m12 * b1 + m22 * b2) * scale};
     return determinant > 1e-4 * trace * trace * trace / 27.0;
+  }
+
+ private:
+  // Numbers 2 k and 2 k + 1 of all.
+  template <class One, class Other>
+  LUMIGRID_LANES static void sum(const One& one, const Other& other, std::size_t k, Lanes& even, Lanes& odd) {
+    const Pair first = twoOf(one(0), k) + twoOf(other(0), k);
+    const Pair second = twoOf(one(1), k) + twoOf(other(1), k);
+    const Pair low_even = __builtin_shufflevector(first, second, 0, 2);
+    const Pair low_odd = __builtin_shufflevector(first, second, 1, 3);
+    if constexpr (kCount<Lanes> == 2) {
+      even = low_even, odd = low_odd;
+    } else {
+      const Pair third = twoOf(one(2), k) + twoOf(other(2), k);
+      const Pair fourth = twoOf(one(3), k) + twoOf(other(3), k);
+      even = __builtin_shufflevector(low_even, __builtin_shufflevector(third, fourth, 0, 2), 0, 1, 2, 3);
+      odd = __builtin_shufflevector(low_odd, __builtin_shufflevector(third, fourth, 1, 3), 0, 1, 2, 3);
+    }
+  }
+  LUMIGRID_LANES static Pair twoOf(const Quadric& q, std::size_t k) {
+    Pair two;
+    std::memcpy(&two, reinterpret_cast<const char*>(&q) + k * sizeof two, sizeof two);
+    return two;
   }
 };
 
@@ -313,18 +353,13 @@ struct Collapse {
 
 // To the nearest lattice point, halves up, and what misses a half by less than such systems err. Adding and taking away
 // a number so large leaves no room for fractions; that rounds halves to even, put right where it went up too far.
-Pair rounded(const Pair& value) {
+template <class Lanes>
+LUMIGRID_LANES Lanes rounded(const Lanes& value) {
   constexpr double kAbove = 1 << 24;  // no coordinate is larger; sums with it keep 28 bits of fraction
   constexpr double kNoFractions = 3.0 * (1LL << 51);
-  const Pair raised = value + (kAbove + 0.5);
-  const Pair near = (raised + kNoFractions) - kNoFractions;
+  const Lanes raised = value + (kAbove + 0.5);
+  const Lanes near = (raised + kNoFractions) - kNoFractions;
   return (near > raised ? near - 1.0 : near) - kAbove;
-}
-PairPoint rounded(const PairPoint& p) {
-  return {rounded(p.x), rounded(p.y), rounded(p.z)};
-}
-glm::vec3 laneOf(const PairPoint& p, int lane) {
-  return {static_cast<float>(p.x[lane]), static_cast<float>(p.y[lane]), static_cast<float>(p.z[lane])};
 }
 
 glm::dvec3 crossOf(const glm::vec3& a, const glm::vec3& b, const glm::vec3& c) {
@@ -539,7 +574,7 @@ class Simplifier {
 
   void queueEdges() {
     queue_.reset(edges_.size());
-    for (std::size_t e = 0; e < edges_.size(); e += 2) plan(edges_[e], edges_[std::min(e + 1, edges_.size() - 1)]);
+    planAll(edges_.size(), [&](std::size_t e) -> Edge& { return edges_[e]; });
     for (std::uint32_t e = 0; e < edges_.size(); ++e) queue_.push(edges_[e].cost, e);
   }
 
@@ -629,8 +664,7 @@ class Simplifier {
           queue_.push(entry.cost, entry.edge);
       }
       opened_.resize(stale);
-      for (std::size_t i = 0; i < stale; i += 2)
-        plan(edges_[opened_[i].edge], edges_[opened_[std::min(i + 1, stale - 1)].edge]);
+      planAll(stale, [&](std::size_t i) -> Edge& { return edges_[opened_[i].edge]; });
       for (const EdgeQueue::Entry& entry : opened_)
         queue_.push(std::max(entry.cost, edges_[entry.edge].cost), entry.edge);
     }
@@ -791,73 +825,106 @@ class Simplifier {
     return border_edge ? kKeepOnBorderEdge[row][column] : kKeepOnInnerEdge[row][column];
   }
 
-  // Which end stays, where, and at what cost, for two edges (or one twice). Without knowing an edge's triangles: the
-  // kinds decide as on a border edge, but an interior end always yields.
+  // plan of edge(0) … edge(count - 1).
+  template <class EdgeAt>
+  void planAll(std::size_t count, EdgeAt&& edge) const {
+    std::size_t i = 0;
+#if defined(__x86_64__)
+    static const bool has_avx2 = __builtin_cpu_supports("avx2") != 0;
+    for (; has_avx2 && i + 4 <= count; i += 4) planFour(edge(i), edge(i + 1), edge(i + 2), edge(i + 3));
+#endif
+    for (; i < count; i += 2) plan(edge(i), edge(std::min(i + 1, count - 1)));
+  }
+  // Two edges, or one twice.
   void plan(Edge& first, Edge& second) const {
-    const bool free[2] = {chooseKept(first), chooseKept(second)};
-    const Vertex& kept0 = vertices_[first.keeps_a != 0 ? first.a : first.b];
-    const Vertex& gone0 = vertices_[first.keeps_a != 0 ? first.b : first.a];
-    const Vertex& kept1 = vertices_[second.keeps_a != 0 ? second.a : second.b];
-    const Vertex& gone1 = vertices_[second.keeps_a != 0 ? second.b : second.a];
-    const QuadricPair q(kept0.quadric, gone0.quadric, kept1.quadric, gone1.quadric);
-    const PairPoint kept = pairOf(kept0.position, kept1.position);
-    const PairPoint gone = pairOf(gone0.position, gone1.position);
-    const Pair at_kept = q.at(kept);
-    const Pair at_gone = q.at(gone);
+    planLanes<Pair>({&first, &second});
+  }
+#if defined(__x86_64__)
+  __attribute__((target("avx2"))) void planFour(Edge& first, Edge& second, Edge& third, Edge& fourth) const {
+    planLanes<Four>({&first, &second, &third, &fourth});
+  }
+#endif
+
+  // Which end stays, where, and at what cost. Without knowing an edge's triangles: the kinds decide as on a border
+  // edge. What is the better choice is a matter of chance, so that none is a branch.
+  template <class Lanes>
+  LUMIGRID_LANES void planLanes(const std::array<Edge*, kCount<Lanes>>& edges) const {
+    constexpr std::size_t kLanes = kCount<Lanes>;
+    MaskOf<Lanes> free{};
+    std::array<const Vertex*, kLanes> kept_end;
+    std::array<const Vertex*, kLanes> gone_end;
+    for (std::size_t i = 0; i < kLanes; ++i) {
+      Edge& edge = *edges[i];
+      const Keep keep = keepOf(edge.a, edge.b, true);
+      edge.keeps_a = keep == Keep::kA ? 1 : 0;
+      free[i] = keep == Keep::kBest ? -1 : 0;
+      kept_end[i] = &vertices_[keep == Keep::kA ? edge.a : edge.b];
+      gone_end[i] = &vertices_[keep == Keep::kA ? edge.b : edge.a];
+    }
+    const auto place_of = [](const auto& ends) __attribute__((always_inline)) {
+      return PointLanes<Lanes>{lanesOf<Lanes>([&](std::size_t i) { return ends[i]->position.x; }),
+                               lanesOf<Lanes>([&](std::size_t i) { return ends[i]->position.y; }),
+                               lanesOf<Lanes>([&](std::size_t i) { return ends[i]->position.z; })};
+    };
+    const QuadricLanes<Lanes> q([&](std::size_t i) -> const Quadric& { return kept_end[i]->quadric; },
+                                [&](std::size_t i) -> const Quadric& { return gone_end[i]->quadric; });
+    const PointLanes<Lanes> kept = place_of(kept_end);
+    const PointLanes<Lanes> gone = place_of(gone_end);
+    const Lanes at_kept = q.at(kept);
+    const Lanes at_gone = q.at(gone);
 
     // The point of least error, on the lattice; the middle where there is none.
-    const PairPoint middle{0.5 * (kept.x + gone.x), 0.5 * (kept.y + gone.y), 0.5 * (kept.z + gone.z)};
-    const PairPoint span = gone - kept;
-    const Pair length2 = dot(span, span);
-    PairPoint best;
-    const PairMask determined = q.minimum(best);
-    const PairPoint reach = best - middle;
-    const PairMask solved = determined & (dot(reach, reach) <= kMaxPlacementReach * kMaxPlacementReach * length2);
-    best = {solved ? best.x : middle.x, solved ? best.y : middle.y, solved ? best.z : middle.z};
-    const Pair along = dot(best - kept, span) / length2;
-    const PairPoint lattice = rounded(best);
-    const Pair at_best = q.at(lattice);
+    const PointLanes<Lanes> middle{0.5 * (kept.x + gone.x), 0.5 * (kept.y + gone.y), 0.5 * (kept.z + gone.z)};
+    const PointLanes<Lanes> span = gone - kept;
+    const Lanes length2 = dot(span, span);
+    PointLanes<Lanes> best;
+    const MaskOf<Lanes> determined = q.minimum(best);
+    const PointLanes<Lanes> reach = best - middle;
+    const MaskOf<Lanes> solved = determined & (dot(reach, reach) <= kMaxPlacementReach * kMaxPlacementReach * length2);
+    best = either<Lanes>(solved, best, middle);
+    const Lanes along = dot(best - kept, span) / length2;
+    const PointLanes<Lanes> lattice{rounded(best.x), rounded(best.y), rounded(best.z)};
+    const Lanes at_best = q.at(lattice);
 
     // Of these three the cheapest, and what that adds to what both ends are off already: so the sum over all is lowered
     // greedily, and places that are off once do not keep good collapses beside them waiting. The kept end when it must
-    // not move. Which end is the better one is a matter of chance, that the best point beats both is not: so that is
-    // asked first.
-    const Pair at_end = at_gone < at_kept ? at_gone : at_kept;
-    const Pair weight{kept0.quadric.weight + gone0.quadric.weight, kept1.quadric.weight + gone1.quadric.weight};
-    const Pair short_first = kShortFirst * length2 * weight;
-    const auto choose = [&](Edge& edge, const Vertex& k, const Vertex& g, int lane) {
-      double least = at_kept[lane];
-      edge.position = k.position;
-      edge.along = 0.0F;
-      if (free[lane] && at_best[lane] < at_end[lane]) {
-        least = at_best[lane], edge.position = laneOf(lattice, lane);
-        edge.along = length2[lane] > 0.0 ? static_cast<float>(std::clamp(along[lane], 0.0, 1.0)) : 0.0F;
-      } else if (free[lane] && at_gone[lane] < least) {
-        least = at_gone[lane], edge.position = g.position, edge.along = 1.0F;
-      }
+    // not move.
+    const Lanes one = Lanes{} + 1.0;
+    const MaskOf<Lanes> takes_best = free & (at_best < at_kept) & (at_best < at_gone);
+    const MaskOf<Lanes> takes_gone = free & (at_gone < at_kept);
+    const Lanes least = takes_best ? at_best : takes_gone ? at_gone : at_kept;
+    const PointLanes<Lanes> place = either<Lanes>(takes_best, lattice, either<Lanes>(takes_gone, gone, kept));
+    const Lanes share = along > one ? one : along > 0.0 ? along : Lanes{};
+    const Lanes taken_at = takes_best ? share : takes_gone ? one : Lanes{};
+    const Lanes paid = lanesOf<Lanes>([&](std::size_t i) { return kept_end[i]->paid; }) +
+                       lanesOf<Lanes>([&](std::size_t i) { return gone_end[i]->paid; });
+    const Lanes added = least > paid ? least - paid : Lanes{};
+
+    // Colours and normals that differ make an edge dearer, by the smaller of the areas that would change.
+    const Lanes kept_weight = lanesOf<Lanes>([&](std::size_t i) { return kept_end[i]->quadric.weight; });
+    const Lanes gone_weight = lanesOf<Lanes>([&](std::size_t i) { return gone_end[i]->quadric.weight; });
+    const Lanes smaller = gone_weight < kept_weight ? gone_weight : kept_weight;
+    const auto distance2 = [](const glm::vec3& d) { return glm::dot(d, d); };
+    const Lanes normals2 =
+        lanesOf<Lanes>([&](std::size_t i) { return distance2(kept_end[i]->normal - gone_end[i]->normal); });
+    const Lanes colors2 =
+        lanesOf<Lanes>([&](std::size_t i) { return distance2(kept_end[i]->color - gone_end[i]->color); });
+    const Lanes attributes =
+        smaller * (normal_scale_ * normal_scale_ * normals2 + color_scale_ * color_scale_ * colors2);
+    const Lanes weight = kept_weight + gone_weight;
+    const Lanes short_first = kShortFirst * length2 * weight;
+    const Lanes fans = weight / small_fans_;
+    const Lanes sized = fans < kLeastShare ? Lanes{} + kLeastShare : fans < one ? fans : one;
+    const Lanes cost =
+        (added + attributes + short_first) / lanesOf<Lanes>([&](std::size_t i) { return std::sqrt(sized[i]); });
+
+    for (std::size_t i = 0; i < kLanes; ++i) {
+      Edge& edge = *edges[i];
       edge.planned = collapses_ & 0x7fffffffU;
-      const double added = std::max(0.0, least - (static_cast<double>(k.paid) + static_cast<double>(g.paid)));
-      double cost = added + attributeCost(k, g) + short_first[lane];
-      if (weight[lane] < small_fans_) cost /= std::sqrt(std::max(weight[lane] / small_fans_, kLeastShare));
-      edge.cost = static_cast<float>(cost);
-    };
-    choose(first, kept0, gone0, 0);
-    choose(second, kept1, gone1, 1);
-  }
-
-  // Whether the kept end may move.
-  bool chooseKept(Edge& edge) const {
-    const Keep keep = keepOf(edge.a, edge.b, true);
-    edge.keeps_a = keep == Keep::kA ? 1 : 0;
-    return keep == Keep::kBest;
-  }
-
-  // Colours and normals that differ make an edge dearer, by the smaller of the areas that would change.
-  double attributeCost(const Vertex& a, const Vertex& b) const {
-    const double area = std::min(a.quadric.weight, b.quadric.weight);
-    const auto distance2 = [](const glm::vec3& d) { return static_cast<double>(glm::dot(d, d)); };
-    return area * (normal_scale_ * normal_scale_ * distance2(a.normal - b.normal) +
-                   color_scale_ * color_scale_ * distance2(a.color - b.color));
+      edge.cost = static_cast<float>(cost[i]);
+      edge.position = {static_cast<float>(place.x[i]), static_cast<float>(place.y[i]), static_cast<float>(place.z[i])};
+      edge.along = static_cast<float>(taken_at[i]);
+    }
   }
 
   // Would a triangle turn over or lose its area? The last stage minds only the loss of area, which says nothing about a
@@ -884,7 +951,9 @@ class Simplifier {
     return false;
   }
 
-  bool isFolded(const Collapse& c) const { return folded_[c.gone] != 0 || folded_[c.kept] != 0; }
+  bool isFolded(const Collapse& c) const {
+    return folded_[c.gone] != 0 || folded_[c.kept] != 0;
+  }
 
   // Do triangles go that nothing takes the place of? Such are two that come to lie on each other with opposite sides,
   // and one on the edge where no other holds its third corner.
