@@ -254,7 +254,8 @@ class EdgeQueue {
     if (open_ == kBuckets) return false;
     for (std::uint32_t b = newest_[open_++]; b != kNone;) {
       Block& block = blocks_[b];
-      for (std::size_t i = block.count; i-- > 0;) entries.push_back(block.entries[i]);
+      const auto end = std::make_reverse_iterator(block.entries.begin());
+      entries.insert(entries.end(), end - block.count, end);
       const std::uint32_t next = std::exchange(block.older, free_);
       free_ = std::exchange(b, next);
     }
@@ -369,7 +370,8 @@ glm::dvec3 crossOf(const glm::vec3& a, const glm::vec3& b, const glm::vec3& c) {
 class Simplifier {
  public:
   Simplifier(const GroupMesh& mesh, const FacetSurface& surface, std::span<const std::size_t> targets)
-      : mesh_{mesh.positions, mesh.normals, mesh.colors, mesh.locked, {}},
+      : mesh_(mesh),
+        positions_(mesh.positions),
         surface_(surface),
         targets_(targets),
         target_(std::max<std::size_t>(1, targets.back())) {}
@@ -391,9 +393,7 @@ class Simplifier {
       if (!last && before - live_ < std::max<std::size_t>(1, before / 50)) ++stage;
       refillQueue();
     }
-    while (reached_.size() + 1 < targets_.size()) keepResult(stage > 0);
-    Simplified last = result(stage > 0);
-    reached_.push_back({std::move(mesh_), std::move(last)});
+    while (reached_.size() < targets_.size()) keepResult(stage > 0);
     return std::move(reached_);
   }
 
@@ -418,14 +418,16 @@ class Simplifier {
     triangles_.resize(indices.size() / 3);
     for (std::size_t t = 0; t < triangles_.size(); ++t)
       triangles_[t].corner = {indices[3 * t], indices[3 * t + 1], indices[3 * t + 2]};
-    const std::size_t vertices = mesh_.positions.size();
+    const std::size_t vertices = positions_.size();
     fans_.resize(vertices);
     pool_.reserve(3 * indices.size());
     for (std::uint32_t v = 0; v < vertices; ++v) {
       const auto around = surface_.around(v);
       fans_[v] = {static_cast<std::uint32_t>(pool_.size()), static_cast<std::uint32_t>(around.size())};
-      for (const std::uint32_t t : around)
-        pool_.push_back({.triangle = t, .place = static_cast<std::uint32_t>(surface_.cornerOf(t, v))});
+      for (const std::uint32_t t : around) {
+        const auto& c = triangles_[t].corner;
+        pool_.push_back({.triangle = t, .place = (c[1] == v ? 1U : 0U) + (c[2] == v ? 2U : 0U)});
+      }
     }
     survivor_.resize(vertices);
     for (std::uint32_t v = 0; v < vertices; ++v) survivor_[v] = v;
@@ -435,19 +437,21 @@ class Simplifier {
 
   // Every edge once, and what its number of triangles says about its ends.
   void findEdges() {
-    const std::size_t vertices = mesh_.positions.size();
+    const std::size_t vertices = positions_.size();
     kinds_.assign(vertices, Kind::kInterior);
     vertices_.assign(vertices, {});
     for (std::uint32_t v = 0; v < vertices; ++v) {
       if (mesh_.locked[v] != 0) kinds_[v] = Kind::kLocked;
-      readVertex(v);
+      vertices_[v].position = positions_[v];
+      vertices_[v].normal = mesh_.normals[v];
+      if (!mesh_.colors.empty()) vertices_[v].color = mesh_.colors[v];
     }
     edges_.reserve(surface_.edges().size());
     double length_sum = 0.0;
     for (const FacetSurface::Edge& edge : surface_.edges()) {
       const auto [v, w] = edge.vertex;
       if (mesh_.locked[v] != 0 && mesh_.locked[w] != 0) continue;
-      length_sum += glm::length(mesh_.positions[v] - mesh_.positions[w]);
+      length_sum += glm::length(positions_[v] - positions_[w]);
       edges_.push_back({.a = v, .b = w});
       if (edge.triangles != 2) markBorderEdge(v, w);
     }
@@ -503,8 +507,8 @@ class Simplifier {
 
   // The plane through the edge, perpendicular to the triangle: what keeps a border where it is.
   void addBorderQuadric(std::uint32_t v, std::uint32_t w, std::uint32_t t) {
-    const glm::dvec3 from(mesh_.positions[v]);
-    const glm::dvec3 edge = glm::dvec3(mesh_.positions[w]) - from;
+    const glm::dvec3 from(positions_[v]);
+    const glm::dvec3 edge = glm::dvec3(positions_[w]) - from;
     glm::dvec3 n = glm::cross(edge, triangleNormal(t));
     const double length = glm::length(n);
     if (length == 0.0) return;
@@ -516,7 +520,7 @@ class Simplifier {
 
   glm::dvec3 triangleNormal(std::uint32_t t) const {
     const auto& c = triangles_[t].corner;
-    return crossOf(mesh_.positions[c[0]], mesh_.positions[c[1]], mesh_.positions[c[2]]);
+    return crossOf(positions_[c[0]], positions_[c[1]], positions_[c[2]]);
   }
 
   // What the triangles around a vertex say together.
@@ -529,10 +533,10 @@ class Simplifier {
     std::vector<FanShape> shapes(vertices_.size());
     for (const Triangle& triangle : triangles_) {
       const auto& c = triangle.corner;
-      const glm::dvec3 p(mesh_.positions[c[0]]);
-      const glm::dvec3 edges[3] = {glm::dvec3(mesh_.positions[c[1]]) - p,
-                                   glm::dvec3(mesh_.positions[c[2]]) - glm::dvec3(mesh_.positions[c[1]]),
-                                   p - glm::dvec3(mesh_.positions[c[2]])};
+      const glm::dvec3 p(positions_[c[0]]);
+      const glm::dvec3 edges[3] = {glm::dvec3(positions_[c[1]]) - p,
+                                   glm::dvec3(positions_[c[2]]) - glm::dvec3(positions_[c[1]]),
+                                   p - glm::dvec3(positions_[c[2]])};
       const double length2[3] = {glm::dot(edges[0], edges[0]), glm::dot(edges[1], edges[1]),
                                  glm::dot(edges[2], edges[2])};
       for (std::size_t k = 0; k < 3; ++k)
@@ -569,13 +573,17 @@ class Simplifier {
   void tieThinFans(const std::vector<FanShape>& shapes) {
     for (std::size_t v = 0; v < vertices_.size(); ++v)
       if (vertices_[v].quadric.weight < kThinFan * shapes[v].longest2)
-        vertices_[v].quadric.addPoint(glm::dvec3(mesh_.positions[v]), kPointWeight * mean_edge_ * mean_edge_);
+        vertices_[v].quadric.addPoint(glm::dvec3(positions_[v]), kPointWeight * mean_edge_ * mean_edge_);
   }
 
   void queueEdges() {
     queue_.reset(edges_.size());
-    planAll(edges_.size(), [&](std::size_t e) -> Edge& { return edges_[e]; });
-    for (std::uint32_t e = 0; e < edges_.size(); ++e) queue_.push(edges_[e].cost, e);
+    constexpr std::size_t kRun = 512;  // of edges, that are in the nearest cache still when they are pushed
+    for (std::size_t first = 0; first < edges_.size(); first += kRun) {
+      const std::span<Edge> run = std::span(edges_).subspan(first, std::min(kRun, edges_.size() - first));
+      planAll(run.size(), [&](std::size_t i) -> Edge& { return run[i]; });
+      for (std::size_t i = 0; i < run.size(); ++i) queue_.push(run[i].cost, static_cast<std::uint32_t>(first + i));
+    }
   }
 
   // All edges of the triangles that live.
@@ -630,18 +638,25 @@ class Simplifier {
                         edge.along};
       if (flips(collapse.position, stage.keep_orientation)) continue;
       if (live_ <= triangles) continue;
-      if (isFolded(collapse) || losesTriangles(collapse)) {
+      const bool meets = countBetween(around_.around_a) + countBetween(around_.around_b) >= 2;
+      if (isFolded(collapse) || meets || losesThirdCorner(collapse)) {
         findLost(collapse);
         collapse.sunk = sinking(collapse, std::sqrt(static_cast<double>(entry.cost) / foldWeight(collapse)));
         if (waits(entry, static_cast<float>(foldCost(collapse)))) continue;
       }
       apply(collapse);
+      if (meets) removeOpposites(collapse.kept);
       while (reached_.size() + 1 < targets_.size() && live_ <= targets_[reached_.size()]) keepResult(rough);
     }
   }
 
   void keepResult(bool rough) {
-    reached_.push_back({{mesh_.positions, mesh_.normals, mesh_.colors, mesh_.locked, {}}, result(rough)});
+    GroupMesh vertices{positions_, {}, {}, mesh_.locked, {}};
+    vertices.normals.reserve(vertices_.size());
+    for (const Vertex& v : vertices_) vertices.normals.push_back(v.normal);
+    if (!mesh_.colors.empty()) vertices.colors.reserve(vertices_.size());
+    for (const Vertex& v : std::span(vertices_).first(mesh_.colors.size())) vertices.colors.push_back(v.color);
+    reached_.push_back({std::move(vertices), result(rough)});
   }
 
   // At least two edges in the queue's heap if there are as many; false if there is none at all. Edges that waited are
@@ -792,7 +807,7 @@ class Simplifier {
         from, [&](std::uint32_t w) { return component_[w] != component_[v] && survivor_[w] == w && isUsed(w); },
         static_cast<float>(enough2));
     if (near == PointGrid::kNone) return std::numeric_limits<float>::max();
-    const glm::dvec3 d(mesh_.positions[near] - from);
+    const glm::dvec3 d(positions_[near] - from);
     return glm::dot(d, d);
   }
 
@@ -815,7 +830,7 @@ class Simplifier {
       component_[v] = root(v);
       if (survivor_[v] == v && isUsed(v)) living.push_back(v);
     }
-    grid_.emplace(mesh_.positions, living);
+    grid_.emplace(positions_, living);
     grid_triangles_ = live_;
   }
 
@@ -933,12 +948,12 @@ class Simplifier {
     return flipsAround(around_.a, around_.around_a, to, strict) || flipsAround(around_.b, around_.around_b, to, strict);
   }
   bool flipsAround(std::uint32_t moved, std::span<const Wedge> wedges, const glm::vec3& to, bool strict) const {
-    const glm::vec3 from = mesh_.positions[moved];
+    const glm::vec3 from = positions_[moved];
     if (from == to) return false;
     const PairPoint ends = pairOf(from, to);
     for (const auto& [corner, second, third] : wedges) {
-      const PairPoint b = pairOf(mesh_.positions[second], mesh_.positions[second]) - ends;
-      const PairPoint c = pairOf(mesh_.positions[third], mesh_.positions[third]) - ends;
+      const PairPoint b = pairOf(positions_[second], positions_[second]) - ends;
+      const PairPoint c = pairOf(positions_[third], positions_[third]) - ends;
       const PairPoint n{b.y * c.z - c.y * b.z, b.z * c.x - c.z * b.x, b.x * c.y - c.x * b.y};
       const Pair length2 = dot(n, n);
       const double before2 = length2[0];
@@ -955,10 +970,9 @@ class Simplifier {
     return folded_[c.gone] != 0 || folded_[c.kept] != 0;
   }
 
-  // Do triangles go that nothing takes the place of? Such are two that come to lie on each other with opposite sides,
-  // and one on the edge where no other holds its third corner.
-  bool losesTriangles(const Collapse& c) const {
-    if (countBetween(around_.around_a) + countBetween(around_.around_b) >= 2) return true;
+  // Does a triangle on the edge go that nothing takes the place of, as no other holds its third corner? The others so
+  // lost are two that come to lie on each other with opposite sides.
+  bool losesThirdCorner(const Collapse& c) const {
     return std::any_of(around_.on_edge.begin(), around_.on_edge.end(), [&](std::uint32_t t) {
       const std::uint32_t third = thirdCorner(t, c);
       return !holds(around_.around_a, third) && !holds(around_.around_b, third);
@@ -1000,19 +1014,19 @@ class Simplifier {
     double most = 0.0;
     for (const std::uint32_t v : {c.gone, c.kept})
       if (!left_.empty())
-        most = std::max(most, static_cast<double>(sunk_[v]) + std::sqrt(distance2ToNewFan(c, mesh_.positions[v])));
+        most = std::max(most, static_cast<double>(sunk_[v]) + std::sqrt(distance2ToNewFan(c, positions_[v])));
     double most2 = most * most;
     for (const std::uint32_t t : lost_)
       for (std::size_t k = 0; k < 3; ++k) {
         const std::uint32_t v = triangles_[t].corner[k];
         const std::uint32_t w = triangles_[t].corner[(k + 1) % 3];
-        const glm::vec3& p = mesh_.positions[v];
+        const glm::vec3& p = positions_[v];
         const double near2 = distance2ToRest(c, t, p);
         if (near2 == std::numeric_limits<double>::max()) {
           most2 = std::max(most2, distance2ToOthers(v, p, std::max(most2, enough * enough)));
           continue;
         }
-        most2 = std::max({most2, near2, distance2ToRest(c, t, 0.5F * (p + mesh_.positions[w]))});
+        most2 = std::max({most2, near2, distance2ToRest(c, t, 0.5F * (p + positions_[w]))});
       }
     return static_cast<float>(std::sqrt(most2));
   }
@@ -1026,7 +1040,7 @@ class Simplifier {
       forEachTriangle(v, [&](std::uint32_t s) {
         if (touches(s, c.gone) || touches(s, c.kept)) return;
         const auto& n = triangles_[s].corner;
-        near2 = std::min(near2, distance2(from, mesh_.positions[n[0]], mesh_.positions[n[1]], mesh_.positions[n[2]]));
+        near2 = std::min(near2, distance2(from, positions_[n[0]], positions_[n[1]], positions_[n[2]]));
       });
     }
     return near2;
@@ -1044,7 +1058,7 @@ class Simplifier {
   double distance2ToNewFan(const Collapse& c, const glm::vec3& from) const {
     double near2 = std::numeric_limits<double>::max();
     for (const Wedge& w : left_)
-      near2 = std::min(near2, distance2(from, c.position, mesh_.positions[w.second], mesh_.positions[w.third]));
+      near2 = std::min(near2, distance2(from, c.position, positions_[w.second], positions_[w.third]));
     return near2;
   }
   static double distance2(const glm::vec3& from, const glm::vec3& a, const glm::vec3& b, const glm::vec3& c) {
@@ -1063,21 +1077,15 @@ class Simplifier {
     changed_[c.kept] = ++collapses_;
     if (kinds_[c.gone] == Kind::kBorder && kinds_[c.kept] == Kind::kInterior) kinds_[c.kept] = Kind::kBorder;
     joinFans(c.gone, c.kept);
-    if (countBetween(around_.around_a) + countBetween(around_.around_b) >= 2) removeOpposites(c.kept);
   }
 
   void moveAttributes(const Collapse& c) {
     if (kinds_[c.kept] == Kind::kLocked) return;
-    if (!mesh_.colors.empty()) mesh_.colors[c.kept] = glm::mix(mesh_.colors[c.kept], mesh_.colors[c.gone], c.along);
-    mesh_.normals[c.kept] = glm::mix(mesh_.normals[c.kept], mesh_.normals[c.gone], c.along);
-    mesh_.positions[c.kept] = c.position;
-    readVertex(c.kept);
-  }
-
-  void readVertex(std::uint32_t v) {
-    vertices_[v].position = mesh_.positions[v];
-    vertices_[v].normal = mesh_.normals[v];
-    if (!mesh_.colors.empty()) vertices_[v].color = mesh_.colors[v];
+    Vertex& kept = vertices_[c.kept];
+    const Vertex& gone = vertices_[c.gone];
+    kept.color = glm::mix(kept.color, gone.color, c.along);
+    kept.normal = glm::mix(kept.normal, gone.normal, c.along);
+    kept.position = positions_[c.kept] = c.position;
   }
 
   // Triangles on the edge vanish, the others of `gone` hang on `kept` from now on.
@@ -1147,8 +1155,9 @@ class Simplifier {
   // Edges wait in memory far from each other: how many ahead their own data is asked for.
   static constexpr std::size_t kEdgesAhead = 8;
 
-  GroupMesh mesh_;               // without triangles
-  const FacetSurface& surface_;  // of the mesh as it was given
+  const GroupMesh& mesh_;
+  std::vector<glm::vec3> positions_;  // as in vertices_, for what asks for nothing else
+  const FacetSurface& surface_;       // of the mesh as it was given
   std::span<const std::size_t> targets_;
   std::size_t target_;  // the last of them
   std::vector<SimplifiedGroup> reached_;
