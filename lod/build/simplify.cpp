@@ -4,12 +4,17 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <numeric>
 #include <optional>
+#include <utility>
 
 #include "base/geometry.h"
 #include "lod/build/point_grid.h"
+
+// Vectors of four doubles go in and out of functions that become part of their caller only: no ABI says how.
+#pragma GCC diagnostic ignored "-Wpsabi"
 
 namespace lod::build {
 namespace {
@@ -68,51 +73,101 @@ struct Quadric {
   }
 };
 
-// Two edges are planned at once, one in each lane; every operation is IEEE's, so that machines agree.
+// Two or four edges are planned at once, one in each lane; every operation is IEEE's, so that machines agree.
 using Pair = double __attribute__((vector_size(16)));
-using PairMask = std::int64_t __attribute__((vector_size(16)));
-struct PairPoint {
-  Pair x, y, z;
-  PairPoint operator-(const PairPoint& p) const { return {x - p.x, y - p.y, z - p.z}; }
+using Four = double __attribute__((vector_size(32)));
+template <class Lanes>
+using MaskOf = decltype(Lanes{} < Lanes{});
+template <class Lanes>
+constexpr std::size_t kCount = sizeof(Lanes) / sizeof(double);
+// All of it becomes part of its caller, which says for which processors it is.
+#define LUMIGRID_LANES inline __attribute__((always_inline))
+
+template <class Lanes>
+struct PointLanes {
+  Lanes x, y, z;
+  LUMIGRID_LANES PointLanes operator-(const PointLanes& p) const { return {x - p.x, y - p.y, z - p.z}; }
 };
-Pair dot(const PairPoint& p, const PairPoint& q) {
+template <class Lanes>
+LUMIGRID_LANES Lanes dot(const PointLanes<Lanes>& p, const PointLanes<Lanes>& q) {
   return p.x * q.x + p.y * q.y + p.z * q.z;
 }
+template <class Lanes>
+LUMIGRID_LANES PointLanes<Lanes> either(const MaskOf<Lanes>& mask, const PointLanes<Lanes>& p,
+                                        const PointLanes<Lanes>& q) {
+  return {mask ? p.x : q.x, mask ? p.y : q.y, mask ? p.z : q.z};
+}
+// value(0), value(1), …
+template <class Lanes, class Value>
+LUMIGRID_LANES Lanes lanesOf(Value&& value) {
+  if constexpr (kCount<Lanes> == 2)
+    return Lanes{static_cast<double>(value(0)), static_cast<double>(value(1))};
+  else
+    return Lanes{static_cast<double>(value(0)), static_cast<double>(value(1)), static_cast<double>(value(2)),
+                 static_cast<double>(value(3))};
+}
+using PairPoint = PointLanes<Pair>;
 PairPoint pairOf(const glm::vec3& p, const glm::vec3& q) {
   return {Pair{p.x, q.x}, Pair{p.y, q.y}, Pair{p.z, q.z}};
 }
 
-struct QuadricPair {
-  Pair a00, a01, a02, a11, a12, a22, b0, b1, b2, c;
+template <class Lanes>
+struct QuadricLanes {
+  Lanes a00, a01, a02, a11, a12, a22, b0, b1, b2, c;
 
-  // The sums p + q and r + s.
-  QuadricPair(const Quadric& p, const Quadric& q, const Quadric& r, const Quadric& s) {
-    const auto sum = [&](double Quadric::*m) { return Pair{p.*m, r.*m} + Pair{q.*m, s.*m}; };
-    a00 = sum(&Quadric::a00), a01 = sum(&Quadric::a01), a02 = sum(&Quadric::a02);
-    a11 = sum(&Quadric::a11), a12 = sum(&Quadric::a12), a22 = sum(&Quadric::a22);
-    b0 = sum(&Quadric::b0), b1 = sum(&Quadric::b1), b2 = sum(&Quadric::b2), c = sum(&Quadric::c);
+  // In each lane the sum of one(lane) and other(lane).
+  template <class One, class Other>
+  LUMIGRID_LANES QuadricLanes(One&& one, Other&& other) {
+    sum(one, other, 0, a00, a01);
+    sum(one, other, 1, a02, a11);
+    sum(one, other, 2, a12, a22);
+    sum(one, other, 3, b0, b1);
+    sum(one, other, 4, b2, c);
   }
-  Pair at(const PairPoint& p) const {
-    const Pair x = a00 * p.x + a01 * p.y + a02 * p.z + 2.0 * b0;
-    const Pair y = a01 * p.x + a11 * p.y + a12 * p.z + 2.0 * b1;
-    const Pair z = a02 * p.x + a12 * p.y + a22 * p.z + 2.0 * b2;
-    const Pair sum = p.x * x + p.y * y + p.z * z + c;
-    return sum > 0.0 ? sum : Pair{0.0, 0.0};
+  LUMIGRID_LANES Lanes at(const PointLanes<Lanes>& p) const {
+    const Lanes x = a00 * p.x + a01 * p.y + a02 * p.z + 2.0 * b0;
+    const Lanes y = a01 * p.x + a11 * p.y + a12 * p.z + 2.0 * b1;
+    const Lanes z = a02 * p.x + a12 * p.y + a22 * p.z + 2.0 * b2;
+    const Lanes sum = p.x * x + p.y * y + p.z * z + c;
+    return sum > 0.0 ? sum : Lanes{};
   }
   // The point of least error; false where the planes are too parallel to say.
-  PairMask minimum(PairPoint& p) const {
-    const Pair m00 = a11 * a22 - a12 * a12;
-    const Pair m01 = a02 * a12 - a01 * a22;
-    const Pair m02 = a01 * a12 - a02 * a11;
-    const Pair determinant = a00 * m00 + a01 * m01 + a02 * m02;
-    const Pair trace = a00 + a11 + a22;
-    const Pair m11 = a00 * a22 - a02 * a02;
-    const Pair m12 = a01 * a02 - a00 * a12;
-    const Pair m22 = a00 * a11 - a01 * a01;
-    const Pair scale = -1.0 / determinant;
+  LUMIGRID_LANES MaskOf<Lanes> minimum(PointLanes<Lanes>& p) const {
+    const Lanes m00 = a11 * a22 - a12 * a12;
+    const Lanes m01 = a02 * a12 - a01 * a22;
+    const Lanes m02 = a01 * a12 - a02 * a11;
+    const Lanes determinant = a00 * m00 + a01 * m01 + a02 * m02;
+    const Lanes trace = a00 + a11 + a22;
+    const Lanes m11 = a00 * a22 - a02 * a02;
+    const Lanes m12 = a01 * a02 - a00 * a12;
+    const Lanes m22 = a00 * a11 - a01 * a01;
+    const Lanes scale = -1.0 / determinant;
     p = {(m00 * b0 + m01 * b1 + m02 * b2) * scale, (m01 * b0 + m11 * b1 + m12 * b2) * scale,
          (m02 * b0 + m12 * b1 + m22 * b2) * scale};
     return determinant > 1e-4 * trace * trace * trace / 27.0;
+  }
+
+ private:
+  // Numbers 2 k and 2 k + 1 of all.
+  template <class One, class Other>
+  LUMIGRID_LANES static void sum(const One& one, const Other& other, std::size_t k, Lanes& even, Lanes& odd) {
+    const Pair first = twoOf(one(0), k) + twoOf(other(0), k);
+    const Pair second = twoOf(one(1), k) + twoOf(other(1), k);
+    const Pair low_even = __builtin_shufflevector(first, second, 0, 2);
+    const Pair low_odd = __builtin_shufflevector(first, second, 1, 3);
+    if constexpr (kCount<Lanes> == 2) {
+      even = low_even, odd = low_odd;
+    } else {
+      const Pair third = twoOf(one(2), k) + twoOf(other(2), k);
+      const Pair fourth = twoOf(one(3), k) + twoOf(other(3), k);
+      even = __builtin_shufflevector(low_even, __builtin_shufflevector(third, fourth, 0, 2), 0, 1, 2, 3);
+      odd = __builtin_shufflevector(low_odd, __builtin_shufflevector(third, fourth, 1, 3), 0, 1, 2, 3);
+    }
+  }
+  LUMIGRID_LANES static Pair twoOf(const Quadric& q, std::size_t k) {
+    Pair two;
+    std::memcpy(&two, reinterpret_cast<const char*>(&q) + k * sizeof two, sizeof two);
+    return two;
   }
 };
 
@@ -160,39 +215,56 @@ struct alignas(64) Vertex {
   glm::vec3 normal{0.0F};
   glm::vec3 color{0.0F};  // zero when the mesh has none
   float paid = 0.0F;      // the quadric where the vertex is
+
+  // Part of its caller: a call of what does no more than this is taken for one that does nothing.
+  __attribute__((always_inline)) void prefetch() const {
+    __builtin_prefetch(&quadric);
+    __builtin_prefetch(&normal);
+  }
 };
 static_assert(sizeof(Vertex) == 128);
 
 // Edges, cheapest first. None is put in that is cheaper than the last taken out, so only those next in turn need to be
 // in order: they lie in a heap of four children to a node. The others wait unordered, by buckets of costs an eighth of
-// an octave wide, and most never leave them. In the heap cost and edge number are one 64-bit key (the bits of a float
-// that is not negative sort as it does), so that a comparison is one instruction and ties go by number.
+// an octave wide, and most never leave them; a bucket is a chain of blocks. In the heap cost and edge number are one
+// 64-bit key (the bits of a float that is not negative sort as it does), so that a comparison is one instruction and
+// ties go by number.
 class EdgeQueue {
  public:
   struct Entry {
     float cost = 0.0F;
     std::uint32_t edge = 0;
   };
-  // Empty, for edges numbered below `edges`.
+  // Empty, with room for about so many edges.
   void reset(std::size_t edges) {
     keys_.clear();
     open_ = 0;
-    first_.assign(kBuckets, kNone);
-    waiting_.resize(edges);
+    newest_.assign(kBuckets, kNone);
+    blocks_.clear();
+    blocks_.reserve(edges / kBlockEntries + 128);
+    free_ = kNone;
   }
   void push(float cost, std::uint32_t edge) {
     const std::uint32_t bucket = bits(cost) >> kBucketShift;
     if (bucket < open_) return pushKey(keyOf(cost, edge));
-    waiting_[edge] = {cost, first_[bucket]};
-    first_[bucket] = edge;
+    std::uint32_t& newest = newest_[bucket];
+    if (newest == kNone || blocks_[newest].count == kBlockEntries) newest = blockBefore(newest);
+    Block& block = blocks_[newest];
+    block.entries[block.count++] = {cost, edge};
   }
-  // Hands out the cheapest edges that wait; they and all as cheap belong in the heap from now on. False if none waits.
+  // Hands out the cheapest edges that wait, latest first; they and all as cheap belong in the heap from now on. False
+  // if none waits.
   bool open(std::vector<Entry>& entries) {
     entries.clear();
-    while (open_ < kBuckets && first_[open_] == kNone) ++open_;
+    while (open_ < kBuckets && newest_[open_] == kNone) ++open_;
     if (open_ == kBuckets) return false;
-    for (std::uint32_t e = first_[open_]; e != kNone; e = waiting_[e].next) entries.push_back({waiting_[e].cost, e});
-    first_[open_++] = kNone;
+    for (std::uint32_t b = newest_[open_++]; b != kNone;) {
+      Block& block = blocks_[b];
+      const auto end = std::make_reverse_iterator(block.entries.begin());
+      entries.insert(entries.end(), end - block.count, end);
+      const std::uint32_t next = std::exchange(block.older, free_);
+      free_ = std::exchange(b, next);
+    }
     return true;
   }
 
@@ -224,11 +296,25 @@ class EdgeQueue {
   static constexpr std::uint32_t kBucketShift = 20;
   static constexpr std::uint32_t kBuckets = 1U << (31 - kBucketShift);
   static constexpr std::uint32_t kNone = ~0U;
-  struct Waiting {
-    float cost = 0.0F;
-    std::uint32_t next = kNone;
+  static constexpr std::size_t kBlockEntries = 15;
+  struct Block {
+    std::uint32_t count = 0;
+    std::uint32_t older = kNone;  // block of the bucket; or the next free one
+    std::array<Entry, kBlockEntries> entries;
   };
 
+  std::uint32_t blockBefore(std::uint32_t older) {
+    std::uint32_t block = free_;
+    if (block != kNone) {
+      free_ = blocks_[block].older;
+    } else {
+      block = static_cast<std::uint32_t>(blocks_.size());
+      blocks_.emplace_back();
+    }
+    blocks_[block].count = 0;
+    blocks_[block].older = older;
+    return block;
+  }
   static std::uint32_t bits(float cost) { return std::bit_cast<std::uint32_t>(std::max(0.0F, cost)); }
   static std::uint64_t keyOf(float cost, std::uint32_t edge) { return std::uint64_t{bits(cost)} << 32 | edge; }
   static float costOf(std::uint64_t key) { return std::bit_cast<float>(static_cast<std::uint32_t>(key >> 32)); }
@@ -257,9 +343,10 @@ class EdgeQueue {
   }
 
   std::vector<std::uint64_t> keys_;
-  std::uint32_t open_ = 0;            // buckets below are empty
-  std::vector<std::uint32_t> first_;  // per bucket: an edge of it
-  std::vector<Waiting> waiting_;      // per edge
+  std::uint32_t open_ = 0;             // buckets below are empty
+  std::vector<std::uint32_t> newest_;  // per bucket: its block that is not full
+  std::vector<Block> blocks_;
+  std::uint32_t free_ = kNone;
 };
 
 // What a collapse of edge (a, b) would do: a goes, b stays.
@@ -273,18 +360,13 @@ struct Collapse {
 
 // To the nearest lattice point, halves up, and what misses a half by less than such systems err. Adding and taking away
 // a number so large leaves no room for fractions; that rounds halves to even, put right where it went up too far.
-Pair rounded(const Pair& value) {
+template <class Lanes>
+LUMIGRID_LANES Lanes rounded(const Lanes& value) {
   constexpr double kAbove = 1 << 24;  // no coordinate is larger; sums with it keep 28 bits of fraction
   constexpr double kNoFractions = 3.0 * (1LL << 51);
-  const Pair raised = value + (kAbove + 0.5);
-  const Pair near = (raised + kNoFractions) - kNoFractions;
+  const Lanes raised = value + (kAbove + 0.5);
+  const Lanes near = (raised + kNoFractions) - kNoFractions;
   return (near > raised ? near - 1.0 : near) - kAbove;
-}
-PairPoint rounded(const PairPoint& p) {
-  return {rounded(p.x), rounded(p.y), rounded(p.z)};
-}
-glm::vec3 laneOf(const PairPoint& p, int lane) {
-  return {static_cast<float>(p.x[lane]), static_cast<float>(p.y[lane]), static_cast<float>(p.z[lane])};
 }
 
 glm::dvec3 crossOf(const glm::vec3& a, const glm::vec3& b, const glm::vec3& c) {
@@ -293,14 +375,18 @@ glm::dvec3 crossOf(const glm::vec3& a, const glm::vec3& b, const glm::vec3& c) {
 
 class Simplifier {
  public:
-  Simplifier(GroupMesh& mesh, const FacetSurface& surface, std::span<const std::size_t> targets)
-      : mesh_(mesh), surface_(surface), targets_(targets), target_(std::max<std::size_t>(1, targets.back())) {}
+  Simplifier(const GroupMesh& mesh, const FacetSurface& surface, std::span<const std::size_t> targets)
+      : mesh_(mesh),
+        positions_(mesh.positions),
+        surface_(surface),
+        targets_(targets),
+        target_(std::max<std::size_t>(1, targets.back())) {}
 
   std::vector<SimplifiedGroup> run() {
     buildFans();
     findEdges();
     addTriangleQuadrics();
-    live_ = mesh_.indices.size() / 3;
+    live_ = triangles_.size();
 
     // Each stage again while edges refused earlier become possible; then the next.
     std::size_t stage = 0;
@@ -313,14 +399,20 @@ class Simplifier {
       if (!last && before - live_ < std::max<std::size_t>(1, before / 50)) ++stage;
       refillQueue();
     }
-    while (reached_.size() + 1 < targets_.size()) keepResult(stage > 0);
-    Simplified last = result(stage > 0);
-    mesh_.indices.clear();
-    reached_.push_back({std::move(mesh_), std::move(last)});
+    while (reached_.size() < targets_.size()) keepResult(stage > 0);
     return std::move(reached_);
   }
 
  private:
+  struct Triangle {
+    std::array<std::uint32_t, 3> corner{};
+    std::uint32_t alive = 1;  // or 0
+  };
+  // One of a triangle's corners.
+  struct Corner {
+    std::uint32_t triangle : 30 = 0;
+    std::uint32_t place : 2 = 0;
+  };
   struct Fan {
     std::uint32_t first = 0;
     std::uint32_t count = 0;
@@ -328,15 +420,21 @@ class Simplifier {
 
   // Triangles around each vertex, as ranges of one pool; a collapse appends the joined fan at its end.
   void buildFans() {
-    const std::size_t vertices = mesh_.positions.size();
+    const std::span<const std::uint32_t> indices = surface_.view().indices;
+    triangles_.resize(indices.size() / 3);
+    for (std::size_t t = 0; t < triangles_.size(); ++t)
+      triangles_[t].corner = {indices[3 * t], indices[3 * t + 1], indices[3 * t + 2]};
+    const std::size_t vertices = positions_.size();
     fans_.resize(vertices);
-    pool_.reserve(3 * mesh_.indices.size());
+    pool_.reserve(3 * indices.size());
     for (std::uint32_t v = 0; v < vertices; ++v) {
       const auto around = surface_.around(v);
       fans_[v] = {static_cast<std::uint32_t>(pool_.size()), static_cast<std::uint32_t>(around.size())};
-      pool_.insert(pool_.end(), around.begin(), around.end());
+      for (const std::uint32_t t : around) {
+        const auto& c = triangles_[t].corner;
+        pool_.push_back({.triangle = t, .place = (c[1] == v ? 1U : 0U) + (c[2] == v ? 2U : 0U)});
+      }
     }
-    alive_.assign(mesh_.indices.size() / 3, 1);
     survivor_.resize(vertices);
     for (std::uint32_t v = 0; v < vertices; ++v) survivor_[v] = v;
     mark_.assign(vertices, 0);
@@ -345,19 +443,21 @@ class Simplifier {
 
   // Every edge once, and what its number of triangles says about its ends.
   void findEdges() {
-    const std::size_t vertices = mesh_.positions.size();
+    const std::size_t vertices = positions_.size();
     kinds_.assign(vertices, Kind::kInterior);
     vertices_.assign(vertices, {});
     for (std::uint32_t v = 0; v < vertices; ++v) {
       if (mesh_.locked[v] != 0) kinds_[v] = Kind::kLocked;
-      readVertex(v);
+      vertices_[v].position = positions_[v];
+      vertices_[v].normal = mesh_.normals[v];
+      if (!mesh_.colors.empty()) vertices_[v].color = mesh_.colors[v];
     }
     edges_.reserve(surface_.edges().size());
     double length_sum = 0.0;
     for (const FacetSurface::Edge& edge : surface_.edges()) {
       const auto [v, w] = edge.vertex;
       if (mesh_.locked[v] != 0 && mesh_.locked[w] != 0) continue;
-      length_sum += glm::length(mesh_.positions[v] - mesh_.positions[w]);
+      length_sum += glm::length(positions_[v] - positions_[w]);
       edges_.push_back({.a = v, .b = w});
       if (edge.triangles != 2) markBorderEdge(v, w);
     }
@@ -374,28 +474,32 @@ class Simplifier {
     ++stamp_;
     forEachTriangle(v, [&](std::uint32_t t) {
       for (std::size_t k = 0; k < 3; ++k) {
-        const std::uint32_t w = mesh_.indices[3 * std::size_t{t} + k];
+        const std::uint32_t w = triangles_[t].corner[k];
         if (w <= v) continue;
         if (mark_[w] != stamp_) mark_[w] = stamp_, neighbors.push_back(w);
       }
     });
   }
 
+  // Of triangles that live or did.
+  std::span<const Corner> cornersAround(std::uint32_t v) const {
+    return {pool_.data() + fans_[v].first, fans_[v].count};
+  }
+
   template <class Body>
   void forEachTriangle(std::uint32_t v, Body&& body) const {
-    const Fan fan = fans_[v];
-    for (std::uint32_t i = fan.first; i < fan.first + fan.count; ++i)
-      if (alive_[pool_[i]] != 0) body(pool_[i]);
+    for (const Corner& c : cornersAround(v))
+      if (triangles_[c.triangle].alive != 0) body(c.triangle);
   }
 
   // By a triangle that lives.
   bool isUsed(std::uint32_t v) const {
-    const auto fan = std::span(pool_).subspan(fans_[v].first, fans_[v].count);
-    return std::any_of(fan.begin(), fan.end(), [&](std::uint32_t t) { return alive_[t] != 0; });
+    const auto fan = cornersAround(v);
+    return std::any_of(fan.begin(), fan.end(), [&](const Corner& c) { return triangles_[c.triangle].alive != 0; });
   }
 
   bool touches(std::uint32_t t, std::uint32_t v) const {
-    const std::uint32_t* c = &mesh_.indices[3 * std::size_t{t}];
+    const auto& c = triangles_[t].corner;
     return c[0] == v || c[1] == v || c[2] == v;
   }
 
@@ -409,8 +513,8 @@ class Simplifier {
 
   // The plane through the edge, perpendicular to the triangle: what keeps a border where it is.
   void addBorderQuadric(std::uint32_t v, std::uint32_t w, std::uint32_t t) {
-    const glm::dvec3 from(mesh_.positions[v]);
-    const glm::dvec3 edge = glm::dvec3(mesh_.positions[w]) - from;
+    const glm::dvec3 from(positions_[v]);
+    const glm::dvec3 edge = glm::dvec3(positions_[w]) - from;
     glm::dvec3 n = glm::cross(edge, triangleNormal(t));
     const double length = glm::length(n);
     if (length == 0.0) return;
@@ -421,8 +525,8 @@ class Simplifier {
   }
 
   glm::dvec3 triangleNormal(std::uint32_t t) const {
-    const std::uint32_t* c = &mesh_.indices[3 * std::size_t{t}];
-    return crossOf(mesh_.positions[c[0]], mesh_.positions[c[1]], mesh_.positions[c[2]]);
+    const auto& c = triangles_[t].corner;
+    return crossOf(positions_[c[0]], positions_[c[1]], positions_[c[2]]);
   }
 
   // What the triangles around a vertex say together.
@@ -433,12 +537,12 @@ class Simplifier {
 
   void addTriangleQuadrics() {
     std::vector<FanShape> shapes(vertices_.size());
-    for (std::uint32_t t = 0; 3 * std::size_t{t} < mesh_.indices.size(); ++t) {
-      const std::uint32_t* c = &mesh_.indices[3 * std::size_t{t}];
-      const glm::dvec3 p(mesh_.positions[c[0]]);
-      const glm::dvec3 edges[3] = {glm::dvec3(mesh_.positions[c[1]]) - p,
-                                   glm::dvec3(mesh_.positions[c[2]]) - glm::dvec3(mesh_.positions[c[1]]),
-                                   p - glm::dvec3(mesh_.positions[c[2]])};
+    for (const Triangle& triangle : triangles_) {
+      const auto& c = triangle.corner;
+      const glm::dvec3 p(positions_[c[0]]);
+      const glm::dvec3 edges[3] = {glm::dvec3(positions_[c[1]]) - p,
+                                   glm::dvec3(positions_[c[2]]) - glm::dvec3(positions_[c[1]]),
+                                   p - glm::dvec3(positions_[c[2]])};
       const double length2[3] = {glm::dot(edges[0], edges[0]), glm::dot(edges[1], edges[1]),
                                  glm::dot(edges[2], edges[2])};
       for (std::size_t k = 0; k < 3; ++k)
@@ -475,13 +579,17 @@ class Simplifier {
   void tieThinFans(const std::vector<FanShape>& shapes) {
     for (std::size_t v = 0; v < vertices_.size(); ++v)
       if (vertices_[v].quadric.weight < kThinFan * shapes[v].longest2)
-        vertices_[v].quadric.addPoint(glm::dvec3(mesh_.positions[v]), kPointWeight * mean_edge_ * mean_edge_);
+        vertices_[v].quadric.addPoint(glm::dvec3(positions_[v]), kPointWeight * mean_edge_ * mean_edge_);
   }
 
   void queueEdges() {
     queue_.reset(edges_.size());
-    for (std::size_t e = 0; e < edges_.size(); e += 2) plan(edges_[e], edges_[std::min(e + 1, edges_.size() - 1)]);
-    for (std::uint32_t e = 0; e < edges_.size(); ++e) queue_.push(edges_[e].cost, e);
+    constexpr std::size_t kRun = 512;  // of edges, that are in the nearest cache still when they are pushed
+    for (std::size_t first = 0; first < edges_.size(); first += kRun) {
+      const std::span<Edge> run = std::span(edges_).subspan(first, std::min(kRun, edges_.size() - first));
+      planAll(run.size(), [&](std::size_t i) -> Edge& { return run[i]; });
+      for (std::size_t i = 0; i < run.size(); ++i) queue_.push(run[i].cost, static_cast<std::uint32_t>(first + i));
+    }
   }
 
   // All edges of the triangles that live.
@@ -511,6 +619,14 @@ class Simplifier {
         continue;
       }
       const EdgeQueue::Entry next = queue_.second();
+      // Fans lie anywhere in memory: of this edge the triangles are asked for before they are looked at, of the next
+      // one which they are.
+      for (const std::uint32_t v : {edge.a, edge.b}) {
+        vertices_[v].prefetch();
+        for (const Corner& c : cornersAround(v)) __builtin_prefetch(&triangles_[c.triangle]);
+      }
+      for (const std::uint32_t v : {edges_[next.edge].a, edges_[next.edge].b})
+        __builtin_prefetch(cornersAround(v).data());
       if (isStale(edge)) {
         Edge& other = edges_[next.edge];
         findEnds(other);
@@ -530,18 +646,25 @@ class Simplifier {
                         edge.along};
       if (flips(collapse.position, stage.keep_orientation)) continue;
       if (live_ <= triangles) continue;
-      if (isFolded(collapse) || losesTriangles(collapse)) {
+      const bool meets = countBetween(around_.around_a) + countBetween(around_.around_b) >= 2;
+      if (isFolded(collapse) || meets || losesThirdCorner(collapse)) {
         findLost(collapse);
         collapse.sunk = sinking(collapse, std::sqrt(static_cast<double>(entry.cost) / foldWeight(collapse)));
         if (waits(entry, static_cast<float>(foldCost(collapse)))) continue;
       }
       apply(collapse);
+      if (meets) removeOpposites(collapse.kept);
       while (reached_.size() + 1 < targets_.size() && live_ <= targets_[reached_.size()]) keepResult(rough);
     }
   }
 
   void keepResult(bool rough) {
-    reached_.push_back({{mesh_.positions, mesh_.normals, mesh_.colors, mesh_.locked, {}}, result(rough)});
+    GroupMesh vertices{positions_, {}, {}, mesh_.locked, {}};
+    vertices.normals.reserve(vertices_.size());
+    for (const Vertex& v : vertices_) vertices.normals.push_back(v.normal);
+    if (!mesh_.colors.empty()) vertices.colors.reserve(vertices_.size());
+    for (const Vertex& v : std::span(vertices_).first(mesh_.colors.size())) vertices.colors.push_back(v.color);
+    reached_.push_back({std::move(vertices), result(rough)});
   }
 
   // At least two edges in the queue's heap if there are as many; false if there is none at all. Edges that waited are
@@ -550,20 +673,23 @@ class Simplifier {
     while (queue_.size() < 2 && queue_.open(opened_)) {
       std::size_t stale = 0;
       forgetEdges(opened_.size());
-      for (const EdgeQueue::Entry& entry : opened_) {
+      for (std::size_t i = 0; i < opened_.size(); ++i) {
+        __builtin_prefetch(&edges_[opened_[std::min(i + kEdgesAhead, opened_.size() - 1)].edge]);
+        const EdgeQueue::Entry entry = opened_[i];
         Edge& edge = edges_[entry.edge];
         findEnds(edge);
         if (edge.a == edge.b) continue;
         const bool moved = (changed_[edge.a] | changed_[edge.b]) != 0;
-        if (moved && isKnown(entry.edge)) continue;
-        if (isStale(edge))
+        if (moved && isKnown(edge)) continue;
+        if (isStale(edge)) {
           opened_[stale++] = entry;
-        else
+          for (const std::uint32_t v : {edge.a, edge.b}) vertices_[v].prefetch();
+        } else {
           queue_.push(entry.cost, entry.edge);
+        }
       }
       opened_.resize(stale);
-      for (std::size_t i = 0; i < stale; i += 2)
-        plan(edges_[opened_[i].edge], edges_[opened_[std::min(i + 1, stale - 1)].edge]);
+      planAll(stale, [&](std::size_t i) -> Edge& { return edges_[opened_[i].edge]; });
       for (const EdgeQueue::Entry& entry : opened_)
         queue_.push(std::max(entry.cost, edges_[entry.edge].cost), entry.edge);
     }
@@ -571,17 +697,16 @@ class Simplifier {
   }
 
   // A hash table of the edges seen since, by their ends: collapses lay edges on each other.
-  void forgetEdges(std::size_t expected) { known_.assign(std::bit_ceil(2 * expected), ~0U); }
-  bool isKnown(std::uint32_t e) {
-    const auto [low, high] = std::minmax(edges_[e].a, edges_[e].b);
+  void forgetEdges(std::size_t expected) { known_.assign(std::bit_ceil(2 * expected), kNoEnds); }
+  bool isKnown(const Edge& edge) {
+    const auto [low, high] = std::minmax(edge.a, edge.b);
+    const std::uint64_t ends = std::uint64_t{low} << 32 | high;
     for (std::size_t slot = low * 0x9e3779b1U + high;; ++slot) {
-      std::uint32_t& known = known_[slot & (known_.size() - 1)];
-      if (known == ~0U) {
-        known = e;
-        return false;
-      }
-      if (std::min(edges_[known].a, edges_[known].b) == low && std::max(edges_[known].a, edges_[known].b) == high)
-        return true;
+      std::uint64_t& known = known_[slot & (known_.size() - 1)];
+      if (known == ends) return true;
+      if (known != kNoEnds) continue;
+      known = ends;
+      return false;
     }
   }
 
@@ -605,7 +730,7 @@ class Simplifier {
 
   // A living triangle around a vertex, and its corners after it.
   struct Wedge {
-    std::uint32_t triangle = 0;
+    Corner corner;
     std::uint32_t second = 0;
     std::uint32_t third = 0;
   };
@@ -614,39 +739,70 @@ class Simplifier {
   struct Neighborhood {
     std::uint32_t a = 0;
     std::uint32_t b = 0;
-    std::vector<Wedge> around_a, around_b;  // without those on the edge
-    std::vector<std::uint32_t> on_edge;     // triangles
-    std::uint32_t common = 0;               // vertices next to both ends
+    std::span<const Wedge> around_a, around_b;  // without those on the edge
+    std::span<const std::uint32_t> on_edge;     // triangles
+    std::uint32_t common = 0;                   // vertices next to both ends
+    std::vector<Wedge> wedges_a, wedges_b;      // where these lie
+    std::vector<std::uint32_t> triangles;
   };
 
-  // Fills around_; leaves mark_ == stamp_ on the vertices next to both ends.
+  // Fills around_; leaves mark_ == stamp_ on the vertices next to both ends. Which triangles live is a matter of
+  // chance: all are written, and the next one over those that do not count.
   void lookAt(std::uint32_t a, std::uint32_t b) {
     around_.a = a;
     around_.b = b;
-    around_.common = 0;
-    around_.on_edge.clear();
-    around_.around_a.clear();
-    around_.around_b.clear();
     stamp_ += 2;
-    forEachTriangle(a, [&](std::uint32_t t) {
-      const auto [second, third] = otherCorners(t, a);
-      if (second == b || third == b)
-        around_.on_edge.push_back(t);
-      else
-        around_.around_a.push_back({t, second, third});
-      mark_[second] = mark_[third] = stamp_ - 1;
-    });
-    mark_[a] = mark_[b] = 0;
-    forEachTriangle(b, [&](std::uint32_t t) {
-      const auto [second, third] = otherCorners(t, b);
-      if (second != a && third != a) around_.around_b.push_back({t, second, third});
-      for (const std::uint32_t v : {second, third})
-        if (std::uint32_t& mark = mark_[v]; mark == stamp_ - 1) mark = stamp_, ++around_.common;
-    });
+    const std::uint32_t stamp = stamp_;
+    const std::span<const Corner> fan_a = cornersAround(a);
+    const std::span<const Corner> fan_b = cornersAround(b);
+    if (around_.wedges_a.size() < fan_a.size()) around_.wedges_a.resize(2 * fan_a.size());
+    if (around_.wedges_b.size() < fan_b.size()) around_.wedges_b.resize(2 * fan_b.size());
+    if (around_.triangles.size() < fan_a.size()) around_.triangles.resize(2 * fan_a.size());
+    const Triangle* const triangles = triangles_.data();
+    std::uint32_t* const marks = mark_.data();
+
+    Wedge* wedge = around_.wedges_a.data();
+    std::uint32_t* on_edge = around_.triangles.data();
+    for (const Corner& corner : fan_a) {
+      const Triangle& t = triangles[corner.triangle];
+      const std::uint32_t second = t.corner[kSecond[corner.place]];
+      const std::uint32_t third = t.corner[kThird[corner.place]];
+      const std::uint32_t on = t.alive & static_cast<std::uint32_t>((second == b) | (third == b));
+      wedge->corner = corner, wedge->second = second, wedge->third = third;
+      wedge += t.alive ^ on;
+      *on_edge = corner.triangle;
+      on_edge += on;
+      marks[t.alive != 0 ? second : a] = stamp - 1;
+      marks[t.alive != 0 ? third : a] = stamp - 1;
+    }
+    marks[a] = marks[b] = 0;
+    around_.around_a = {around_.wedges_a.data(), wedge};
+    around_.on_edge = {around_.triangles.data(), on_edge};
+
+    wedge = around_.wedges_b.data();
+    std::uint32_t common = 0;
+    for (const Corner& corner : fan_b) {
+      const Triangle& t = triangles[corner.triangle];
+      const std::uint32_t second = t.corner[kSecond[corner.place]];
+      const std::uint32_t third = t.corner[kThird[corner.place]];
+      wedge->corner = corner, wedge->second = second, wedge->third = third;
+      wedge += t.alive & static_cast<std::uint32_t>((second != a) & (third != a));
+      for (const std::uint32_t v : {t.alive != 0 ? second : b, t.alive != 0 ? third : b}) {
+        const std::uint32_t next_to_both = marks[v] == stamp - 1 ? 1 : 0;
+        marks[v] += next_to_both;
+        common += next_to_both;
+      }
+    }
+    around_.around_b = {around_.wedges_b.data(), wedge};
+    around_.common = common;
+  }
+  Wedge wedgeOf(const Corner& corner) const {
+    const auto& c = triangles_[corner.triangle].corner;
+    return {corner, c[kSecond[corner.place]], c[kThird[corner.place]]};
   }
 
   // How many of these triangles lie between vertices that were next to both ends, after lookAt.
-  std::uint32_t countBetween(const std::vector<Wedge>& wedges) const {
+  std::uint32_t countBetween(std::span<const Wedge> wedges) const {
     std::uint32_t between = 0;
     for (const Wedge& w : wedges) between += mark_[w.second] == stamp_ && mark_[w.third] == stamp_ ? 1 : 0;
     return between;
@@ -661,7 +817,7 @@ class Simplifier {
         from, [&](std::uint32_t w) { return component_[w] != component_[v] && survivor_[w] == w && isUsed(w); },
         static_cast<float>(enough2));
     if (near == PointGrid::kNone) return std::numeric_limits<float>::max();
-    const glm::dvec3 d(mesh_.positions[near] - from);
+    const glm::dvec3 d(positions_[near] - from);
     return glm::dot(d, d);
   }
 
@@ -674,17 +830,17 @@ class Simplifier {
     };
     auto join = [&](std::uint32_t v, std::uint32_t w) { component_[root(v)] = root(w); };
     for (std::uint32_t v = 0; v < survivor_.size(); ++v) join(v, survivor_[v]);
-    for (std::size_t t = 0; t < alive_.size(); ++t) {
-      if (alive_[t] == 0) continue;
-      join(mesh_.indices[3 * t], mesh_.indices[3 * t + 1]);
-      join(mesh_.indices[3 * t], mesh_.indices[3 * t + 2]);
+    for (const Triangle& t : triangles_) {
+      if (t.alive == 0) continue;
+      join(t.corner[0], t.corner[1]);
+      join(t.corner[0], t.corner[2]);
     }
     std::vector<std::uint32_t> living;
     for (std::uint32_t v = 0; v < survivor_.size(); ++v) {
       component_[v] = root(v);
       if (survivor_[v] == v && isUsed(v)) living.push_back(v);
     }
-    grid_.emplace(mesh_.positions, living);
+    grid_.emplace(positions_, living);
     grid_triangles_ = live_;
   }
 
@@ -694,74 +850,106 @@ class Simplifier {
     return border_edge ? kKeepOnBorderEdge[row][column] : kKeepOnInnerEdge[row][column];
   }
 
-  // Which end stays, where, and at what cost, for two edges (or one twice). Without knowing an edge's triangles: the
-  // kinds decide as on a border edge, but an interior end always yields.
+  // plan of edge(0) … edge(count - 1).
+  template <class EdgeAt>
+  void planAll(std::size_t count, EdgeAt&& edge) const {
+    std::size_t i = 0;
+#if defined(__x86_64__)
+    static const bool has_avx2 = __builtin_cpu_supports("avx2") != 0;
+    for (; has_avx2 && i + 4 <= count; i += 4) planFour(edge(i), edge(i + 1), edge(i + 2), edge(i + 3));
+#endif
+    for (; i < count; i += 2) plan(edge(i), edge(std::min(i + 1, count - 1)));
+  }
+  // Two edges, or one twice.
   void plan(Edge& first, Edge& second) const {
-    const bool free[2] = {chooseKept(first), chooseKept(second)};
-    const Vertex& kept0 = vertices_[first.keeps_a != 0 ? first.a : first.b];
-    const Vertex& gone0 = vertices_[first.keeps_a != 0 ? first.b : first.a];
-    const Vertex& kept1 = vertices_[second.keeps_a != 0 ? second.a : second.b];
-    const Vertex& gone1 = vertices_[second.keeps_a != 0 ? second.b : second.a];
-    const QuadricPair q(kept0.quadric, gone0.quadric, kept1.quadric, gone1.quadric);
-    const PairPoint kept = pairOf(kept0.position, kept1.position);
-    const PairPoint gone = pairOf(gone0.position, gone1.position);
-    const Pair at_kept = q.at(kept);
-    const Pair at_gone = q.at(gone);
+    planLanes<Pair>({&first, &second});
+  }
+#if defined(__x86_64__)
+  __attribute__((target("avx2"))) void planFour(Edge& first, Edge& second, Edge& third, Edge& fourth) const {
+    planLanes<Four>({&first, &second, &third, &fourth});
+  }
+#endif
+
+  // Which end stays, where, and at what cost. Without knowing an edge's triangles: the kinds decide as on a border
+  // edge. What is the better choice is a matter of chance, so that none is a branch.
+  template <class Lanes>
+  LUMIGRID_LANES void planLanes(const std::array<Edge*, kCount<Lanes>>& edges) const {
+    constexpr std::size_t kLanes = kCount<Lanes>;
+    MaskOf<Lanes> free{};
+    std::array<const Vertex*, kLanes> kept_end;
+    std::array<const Vertex*, kLanes> gone_end;
+    for (std::size_t i = 0; i < kLanes; ++i) {
+      Edge& edge = *edges[i];
+      const Keep keep = keepOf(edge.a, edge.b, true);
+      edge.keeps_a = keep == Keep::kA ? 1 : 0;
+      free[i] = keep == Keep::kBest ? -1 : 0;
+      kept_end[i] = &vertices_[keep == Keep::kA ? edge.a : edge.b];
+      gone_end[i] = &vertices_[keep == Keep::kA ? edge.b : edge.a];
+    }
+    const auto place_of = [](const auto& ends) __attribute__((always_inline)) {
+      return PointLanes<Lanes>{lanesOf<Lanes>([&](std::size_t i) { return ends[i]->position.x; }),
+                               lanesOf<Lanes>([&](std::size_t i) { return ends[i]->position.y; }),
+                               lanesOf<Lanes>([&](std::size_t i) { return ends[i]->position.z; })};
+    };
+    const QuadricLanes<Lanes> q([&](std::size_t i) -> const Quadric& { return kept_end[i]->quadric; },
+                                [&](std::size_t i) -> const Quadric& { return gone_end[i]->quadric; });
+    const PointLanes<Lanes> kept = place_of(kept_end);
+    const PointLanes<Lanes> gone = place_of(gone_end);
+    const Lanes at_kept = q.at(kept);
+    const Lanes at_gone = q.at(gone);
 
     // The point of least error, on the lattice; the middle where there is none.
-    const PairPoint middle{0.5 * (kept.x + gone.x), 0.5 * (kept.y + gone.y), 0.5 * (kept.z + gone.z)};
-    const PairPoint span = gone - kept;
-    const Pair length2 = dot(span, span);
-    PairPoint best;
-    const PairMask determined = q.minimum(best);
-    const PairPoint reach = best - middle;
-    const PairMask solved = determined & (dot(reach, reach) <= kMaxPlacementReach * kMaxPlacementReach * length2);
-    best = {solved ? best.x : middle.x, solved ? best.y : middle.y, solved ? best.z : middle.z};
-    const Pair along = dot(best - kept, span) / length2;
-    const PairPoint lattice = rounded(best);
-    const Pair at_best = q.at(lattice);
+    const PointLanes<Lanes> middle{0.5 * (kept.x + gone.x), 0.5 * (kept.y + gone.y), 0.5 * (kept.z + gone.z)};
+    const PointLanes<Lanes> span = gone - kept;
+    const Lanes length2 = dot(span, span);
+    PointLanes<Lanes> best;
+    const MaskOf<Lanes> determined = q.minimum(best);
+    const PointLanes<Lanes> reach = best - middle;
+    const MaskOf<Lanes> solved = determined & (dot(reach, reach) <= kMaxPlacementReach * kMaxPlacementReach * length2);
+    best = either<Lanes>(solved, best, middle);
+    const Lanes along = dot(best - kept, span) / length2;
+    const PointLanes<Lanes> lattice{rounded(best.x), rounded(best.y), rounded(best.z)};
+    const Lanes at_best = q.at(lattice);
 
     // Of these three the cheapest, and what that adds to what both ends are off already: so the sum over all is lowered
     // greedily, and places that are off once do not keep good collapses beside them waiting. The kept end when it must
-    // not move. Which end is the better one is a matter of chance, that the best point beats both is not: so that is
-    // asked first.
-    const Pair at_end = at_gone < at_kept ? at_gone : at_kept;
-    const Pair weight{kept0.quadric.weight + gone0.quadric.weight, kept1.quadric.weight + gone1.quadric.weight};
-    const Pair short_first = kShortFirst * length2 * weight;
-    const auto choose = [&](Edge& edge, const Vertex& k, const Vertex& g, int lane) {
-      double least = at_kept[lane];
-      edge.position = k.position;
-      edge.along = 0.0F;
-      if (free[lane] && at_best[lane] < at_end[lane]) {
-        least = at_best[lane], edge.position = laneOf(lattice, lane);
-        edge.along = length2[lane] > 0.0 ? static_cast<float>(std::clamp(along[lane], 0.0, 1.0)) : 0.0F;
-      } else if (free[lane] && at_gone[lane] < least) {
-        least = at_gone[lane], edge.position = g.position, edge.along = 1.0F;
-      }
+    // not move.
+    const Lanes one = Lanes{} + 1.0;
+    const MaskOf<Lanes> takes_best = free & (at_best < at_kept) & (at_best < at_gone);
+    const MaskOf<Lanes> takes_gone = free & (at_gone < at_kept);
+    const Lanes least = takes_best ? at_best : takes_gone ? at_gone : at_kept;
+    const PointLanes<Lanes> place = either<Lanes>(takes_best, lattice, either<Lanes>(takes_gone, gone, kept));
+    const Lanes share = along > one ? one : along > 0.0 ? along : Lanes{};
+    const Lanes taken_at = takes_best ? share : takes_gone ? one : Lanes{};
+    const Lanes paid = lanesOf<Lanes>([&](std::size_t i) { return kept_end[i]->paid; }) +
+                       lanesOf<Lanes>([&](std::size_t i) { return gone_end[i]->paid; });
+    const Lanes added = least > paid ? least - paid : Lanes{};
+
+    // Colours and normals that differ make an edge dearer, by the smaller of the areas that would change.
+    const Lanes kept_weight = lanesOf<Lanes>([&](std::size_t i) { return kept_end[i]->quadric.weight; });
+    const Lanes gone_weight = lanesOf<Lanes>([&](std::size_t i) { return gone_end[i]->quadric.weight; });
+    const Lanes smaller = gone_weight < kept_weight ? gone_weight : kept_weight;
+    const auto distance2 = [](const glm::vec3& d) { return glm::dot(d, d); };
+    const Lanes normals2 =
+        lanesOf<Lanes>([&](std::size_t i) { return distance2(kept_end[i]->normal - gone_end[i]->normal); });
+    const Lanes colors2 =
+        lanesOf<Lanes>([&](std::size_t i) { return distance2(kept_end[i]->color - gone_end[i]->color); });
+    const Lanes attributes =
+        smaller * (normal_scale_ * normal_scale_ * normals2 + color_scale_ * color_scale_ * colors2);
+    const Lanes weight = kept_weight + gone_weight;
+    const Lanes short_first = kShortFirst * length2 * weight;
+    const Lanes fans = weight / small_fans_;
+    const Lanes sized = fans < kLeastShare ? Lanes{} + kLeastShare : fans < one ? fans : one;
+    const Lanes cost =
+        (added + attributes + short_first) / lanesOf<Lanes>([&](std::size_t i) { return std::sqrt(sized[i]); });
+
+    for (std::size_t i = 0; i < kLanes; ++i) {
+      Edge& edge = *edges[i];
       edge.planned = collapses_ & 0x7fffffffU;
-      const double added = std::max(0.0, least - (static_cast<double>(k.paid) + static_cast<double>(g.paid)));
-      double cost = added + attributeCost(k, g) + short_first[lane];
-      if (weight[lane] < small_fans_) cost /= std::sqrt(std::max(weight[lane] / small_fans_, kLeastShare));
-      edge.cost = static_cast<float>(cost);
-    };
-    choose(first, kept0, gone0, 0);
-    choose(second, kept1, gone1, 1);
-  }
-
-  // Whether the kept end may move.
-  bool chooseKept(Edge& edge) const {
-    Keep keep = keepOf(edge.a, edge.b, true);
-    if (kinds_[edge.a] == Kind::kBorder && kinds_[edge.b] == Kind::kInterior) keep = Keep::kA;
-    edge.keeps_a = keep == Keep::kA ? 1 : 0;
-    return keep == Keep::kBest;
-  }
-
-  // Colours and normals that differ make an edge dearer, by the smaller of the areas that would change.
-  double attributeCost(const Vertex& a, const Vertex& b) const {
-    const double area = std::min(a.quadric.weight, b.quadric.weight);
-    const auto distance2 = [](const glm::vec3& d) { return static_cast<double>(glm::dot(d, d)); };
-    return area * (normal_scale_ * normal_scale_ * distance2(a.normal - b.normal) +
-                   color_scale_ * color_scale_ * distance2(a.color - b.color));
+      edge.cost = static_cast<float>(cost[i]);
+      edge.position = {static_cast<float>(place.x[i]), static_cast<float>(place.y[i]), static_cast<float>(place.z[i])};
+      edge.along = static_cast<float>(taken_at[i]);
+    }
   }
 
   // Would a triangle turn over or lose its area? The last stage minds only the loss of area, which says nothing about a
@@ -769,13 +957,13 @@ class Simplifier {
   bool flips(const glm::vec3& to, bool strict) const {
     return flipsAround(around_.a, around_.around_a, to, strict) || flipsAround(around_.b, around_.around_b, to, strict);
   }
-  bool flipsAround(std::uint32_t moved, const std::vector<Wedge>& wedges, const glm::vec3& to, bool strict) const {
-    const glm::vec3 from = mesh_.positions[moved];
+  bool flipsAround(std::uint32_t moved, std::span<const Wedge> wedges, const glm::vec3& to, bool strict) const {
+    const glm::vec3 from = positions_[moved];
     if (from == to) return false;
     const PairPoint ends = pairOf(from, to);
-    for (const auto& [triangle, second, third] : wedges) {
-      const PairPoint b = pairOf(mesh_.positions[second], mesh_.positions[second]) - ends;
-      const PairPoint c = pairOf(mesh_.positions[third], mesh_.positions[third]) - ends;
+    for (const auto& [corner, second, third] : wedges) {
+      const PairPoint b = pairOf(positions_[second], positions_[second]) - ends;
+      const PairPoint c = pairOf(positions_[third], positions_[third]) - ends;
       const PairPoint n{b.y * c.z - c.y * b.z, b.z * c.x - c.z * b.x, b.x * c.y - c.x * b.y};
       const Pair length2 = dot(n, n);
       const double before2 = length2[0];
@@ -788,12 +976,13 @@ class Simplifier {
     return false;
   }
 
-  bool isFolded(const Collapse& c) const { return folded_[c.gone] != 0 || folded_[c.kept] != 0; }
+  bool isFolded(const Collapse& c) const {
+    return folded_[c.gone] != 0 || folded_[c.kept] != 0;
+  }
 
-  // Do triangles go that nothing takes the place of? Such are two that come to lie on each other with opposite sides,
-  // and one on the edge where no other holds its third corner.
-  bool losesTriangles(const Collapse& c) const {
-    if (countBetween(around_.around_a) + countBetween(around_.around_b) >= 2) return true;
+  // Does a triangle on the edge go that nothing takes the place of, as no other holds its third corner? The others so
+  // lost are two that come to lie on each other with opposite sides.
+  bool losesThirdCorner(const Collapse& c) const {
     return std::any_of(around_.on_edge.begin(), around_.on_edge.end(), [&](std::uint32_t t) {
       const std::uint32_t third = thirdCorner(t, c);
       return !holds(around_.around_a, third) && !holds(around_.around_b, third);
@@ -803,13 +992,13 @@ class Simplifier {
     const auto [one, two] = otherCorners(t, c.gone);
     return one == c.kept ? two : one;
   }
-  static bool holds(const std::vector<Wedge>& wedges, std::uint32_t v) {
+  static bool holds(std::span<const Wedge> wedges, std::uint32_t v) {
     return std::any_of(wedges.begin(), wedges.end(), [&](const Wedge& w) { return w.second == v || w.third == v; });
   }
 
   // Which of the triangles around the edge stay (left_), and which are lost so (lost_).
   void findLost(const Collapse& c) {
-    left_ = around_.around_a;
+    left_.assign(around_.around_a.begin(), around_.around_a.end());
     left_.insert(left_.end(), around_.around_b.begin(), around_.around_b.end());
     lost_.clear();
     for (std::size_t i = 0; i < left_.size();) {
@@ -820,8 +1009,8 @@ class Simplifier {
         ++i;
         continue;
       }
-      lost_.push_back(first->triangle);
-      lost_.push_back(other->triangle);
+      lost_.push_back(first->corner.triangle);
+      lost_.push_back(other->corner.triangle);
       left_.erase(other);
       left_.erase(first);
     }
@@ -835,19 +1024,19 @@ class Simplifier {
     double most = 0.0;
     for (const std::uint32_t v : {c.gone, c.kept})
       if (!left_.empty())
-        most = std::max(most, static_cast<double>(sunk_[v]) + std::sqrt(distance2ToNewFan(c, mesh_.positions[v])));
+        most = std::max(most, static_cast<double>(sunk_[v]) + std::sqrt(distance2ToNewFan(c, positions_[v])));
     double most2 = most * most;
     for (const std::uint32_t t : lost_)
       for (std::size_t k = 0; k < 3; ++k) {
-        const std::uint32_t v = mesh_.indices[3 * std::size_t{t} + k];
-        const std::uint32_t w = mesh_.indices[3 * std::size_t{t} + (k + 1) % 3];
-        const glm::vec3& p = mesh_.positions[v];
+        const std::uint32_t v = triangles_[t].corner[k];
+        const std::uint32_t w = triangles_[t].corner[(k + 1) % 3];
+        const glm::vec3& p = positions_[v];
         const double near2 = distance2ToRest(c, t, p);
         if (near2 == std::numeric_limits<double>::max()) {
           most2 = std::max(most2, distance2ToOthers(v, p, std::max(most2, enough * enough)));
           continue;
         }
-        most2 = std::max({most2, near2, distance2ToRest(c, t, 0.5F * (p + mesh_.positions[w]))});
+        most2 = std::max({most2, near2, distance2ToRest(c, t, 0.5F * (p + positions_[w]))});
       }
     return static_cast<float>(std::sqrt(most2));
   }
@@ -856,13 +1045,12 @@ class Simplifier {
   // number where nothing is left.
   double distance2ToRest(const Collapse& c, std::uint32_t t, const glm::vec3& from) const {
     double near2 = distance2ToNewFan(c, from);
-    for (std::size_t k = 0; k < 3; ++k) {
-      const std::uint32_t v = mesh_.indices[3 * std::size_t{t} + k];
+    for (const std::uint32_t v : triangles_[t].corner) {
       if (v == c.gone || v == c.kept) continue;
       forEachTriangle(v, [&](std::uint32_t s) {
         if (touches(s, c.gone) || touches(s, c.kept)) return;
-        const std::uint32_t* n = &mesh_.indices[3 * std::size_t{s}];
-        near2 = std::min(near2, distance2(from, mesh_.positions[n[0]], mesh_.positions[n[1]], mesh_.positions[n[2]]));
+        const auto& n = triangles_[s].corner;
+        near2 = std::min(near2, distance2(from, positions_[n[0]], positions_[n[1]], positions_[n[2]]));
       });
     }
     return near2;
@@ -880,7 +1068,7 @@ class Simplifier {
   double distance2ToNewFan(const Collapse& c, const glm::vec3& from) const {
     double near2 = std::numeric_limits<double>::max();
     for (const Wedge& w : left_)
-      near2 = std::min(near2, distance2(from, c.position, mesh_.positions[w.second], mesh_.positions[w.third]));
+      near2 = std::min(near2, distance2(from, c.position, positions_[w.second], positions_[w.third]));
     return near2;
   }
   static double distance2(const glm::vec3& from, const glm::vec3& a, const glm::vec3& b, const glm::vec3& c) {
@@ -899,34 +1087,31 @@ class Simplifier {
     changed_[c.kept] = ++collapses_;
     if (kinds_[c.gone] == Kind::kBorder && kinds_[c.kept] == Kind::kInterior) kinds_[c.kept] = Kind::kBorder;
     joinFans(c.gone, c.kept);
-    if (countBetween(around_.around_a) + countBetween(around_.around_b) >= 2) removeOpposites(c.kept);
   }
 
   void moveAttributes(const Collapse& c) {
     if (kinds_[c.kept] == Kind::kLocked) return;
-    if (!mesh_.colors.empty()) mesh_.colors[c.kept] = glm::mix(mesh_.colors[c.kept], mesh_.colors[c.gone], c.along);
-    mesh_.normals[c.kept] = glm::mix(mesh_.normals[c.kept], mesh_.normals[c.gone], c.along);
-    mesh_.positions[c.kept] = c.position;
-    readVertex(c.kept);
-  }
-
-  void readVertex(std::uint32_t v) {
-    vertices_[v].position = mesh_.positions[v];
-    vertices_[v].normal = mesh_.normals[v];
-    if (!mesh_.colors.empty()) vertices_[v].color = mesh_.colors[v];
+    Vertex& kept = vertices_[c.kept];
+    const Vertex& gone = vertices_[c.gone];
+    kept.color = glm::mix(kept.color, gone.color, c.along);
+    kept.normal = glm::mix(kept.normal, gone.normal, c.along);
+    kept.position = positions_[c.kept] = c.position;
   }
 
   // Triangles on the edge vanish, the others of `gone` hang on `kept` from now on.
   void joinFans(std::uint32_t gone, std::uint32_t kept) {
-    for (const std::uint32_t t : around_.on_edge) alive_[t] = 0;
+    for (const std::uint32_t t : around_.on_edge) triangles_[t].alive = 0;
     live_ -= around_.on_edge.size();
     const bool keeps_a = kept == around_.a;
+    const std::span<const Wedge> stay = keeps_a ? around_.around_a : around_.around_b;
+    const std::span<const Wedge> move = keeps_a ? around_.around_b : around_.around_a;
     const auto first = static_cast<std::uint32_t>(pool_.size());
-    for (const Wedge& w : keeps_a ? around_.around_a : around_.around_b) pool_.push_back(w.triangle);
-    for (const Wedge& w : keeps_a ? around_.around_b : around_.around_a) {
-      pool_.push_back(w.triangle);
-      std::uint32_t* c = &mesh_.indices[3 * std::size_t{w.triangle}];
-      for (std::size_t k = 0; k < 3; ++k) c[k] = c[k] == gone ? kept : c[k];
+    pool_.resize(first + stay.size() + move.size());
+    Corner* corner = &pool_[first];
+    for (const Wedge& w : stay) *corner++ = w.corner;
+    for (const Wedge& w : move) {
+      *corner++ = w.corner;
+      triangles_[w.corner.triangle].corner[w.corner.place] = kept;
     }
     fans_[kept] = {first, static_cast<std::uint32_t>(pool_.size()) - first};
     fans_[gone] = {};
@@ -935,25 +1120,25 @@ class Simplifier {
   // Two triangles on the same corners with opposite sides enclose nothing: both go. Only triangles whose other corners
   // were next to both ends (marked by lookAt) can have met a partner. At least one triangle of the group stays.
   void removeOpposites(std::uint32_t v) {
-    const Fan fan = fans_[v];
-    for (std::uint32_t i = fan.first; i < fan.first + fan.count; ++i) {
-      const std::uint32_t t = pool_[i];
-      if (alive_[t] == 0) continue;
-      const auto [t1, t2] = otherCorners(t, v);
-      if (mark_[t1] != stamp_ || mark_[t2] != stamp_) continue;
-      for (std::uint32_t j = i + 1; j < fan.first + fan.count; ++j) {
-        const std::uint32_t s = pool_[j];
-        if (alive_[s] == 0 || live_ <= 2) continue;
-        const auto [s1, s2] = otherCorners(s, v);
-        if (s1 != t2 || s2 != t1) continue;
-        alive_[t] = alive_[s] = 0;
+    const auto fan = cornersAround(v);
+    for (std::size_t i = 0; i < fan.size(); ++i) {
+      Triangle& one = triangles_[fan[i].triangle];
+      if (one.alive == 0) continue;
+      const Wedge w = wedgeOf(fan[i]);
+      if (mark_[w.second] != stamp_ || mark_[w.third] != stamp_) continue;
+      for (const Corner& corner : fan.subspan(i + 1)) {
+        Triangle& other = triangles_[corner.triangle];
+        if (other.alive == 0 || live_ <= 2) continue;
+        const Wedge x = wedgeOf(corner);
+        if (x.second != w.third || x.third != w.second) continue;
+        one.alive = other.alive = 0;
         live_ -= 2;
         break;
       }
     }
   }
   std::pair<std::uint32_t, std::uint32_t> otherCorners(std::uint32_t t, std::uint32_t v) const {
-    const std::uint32_t* c = &mesh_.indices[3 * std::size_t{t}];
+    const auto& c = triangles_[t].corner;
     if (c[0] == v) return {c[1], c[2]};
     return c[1] == v ? std::pair{c[2], c[0]} : std::pair{c[0], c[1]};
   }
@@ -961,9 +1146,10 @@ class Simplifier {
   Simplified result(bool rough) {
     Simplified out;
     out.indices.reserve(3 * live_);
-    for (std::uint32_t t = 0; t < alive_.size(); ++t) {
-      if (alive_[t] == 0) continue;
-      out.indices.insert(out.indices.end(), &mesh_.indices[3 * std::size_t{t}], &mesh_.indices[3 * std::size_t{t}] + 3);
+    out.origin.reserve(live_);
+    for (std::uint32_t t = 0; t < triangles_.size(); ++t) {
+      if (triangles_[t].alive == 0) continue;
+      out.indices.insert(out.indices.end(), triangles_[t].corner.begin(), triangles_[t].corner.end());
       out.origin.push_back(t);
     }
     out.survivor.resize(survivor_.size());
@@ -972,16 +1158,24 @@ class Simplifier {
     return out;
   }
 
-  GroupMesh& mesh_;
-  const FacetSurface& surface_;  // of the mesh as it was given
+  // The corners after one, in a triangle.
+  static constexpr std::uint8_t kSecond[3] = {1, 2, 0};
+  static constexpr std::uint8_t kThird[3] = {2, 0, 1};
+  static constexpr std::uint64_t kNoEnds = ~0ULL;
+  // Edges wait in memory far from each other: how many ahead their own data is asked for.
+  static constexpr std::size_t kEdgesAhead = 8;
+
+  const GroupMesh& mesh_;
+  std::vector<glm::vec3> positions_;  // as in vertices_, for what asks for nothing else
+  const FacetSurface& surface_;       // of the mesh as it was given
   std::span<const std::size_t> targets_;
   std::size_t target_;  // the last of them
   std::vector<SimplifiedGroup> reached_;
   std::size_t live_ = 0;
   std::uint32_t collapses_ = 0;  // done so far
   std::vector<Fan> fans_;
-  std::vector<std::uint32_t> pool_;
-  std::vector<std::uint8_t> alive_;
+  std::vector<Corner> pool_;
+  std::vector<Triangle> triangles_;
   std::vector<std::uint32_t> survivor_;
   std::vector<Kind> kinds_;
   std::vector<Vertex> vertices_;
@@ -989,7 +1183,7 @@ class Simplifier {
   std::vector<Edge> edges_;
   EdgeQueue queue_;
   std::vector<EdgeQueue::Entry> opened_;
-  std::vector<std::uint32_t> known_;
+  std::vector<std::uint64_t> known_;
   std::vector<std::uint32_t> mark_;
   std::uint32_t stamp_ = 0;
   Neighborhood around_;
@@ -1009,19 +1203,19 @@ class Simplifier {
 
 }  // namespace
 
-std::vector<SimplifiedGroup> simplifyGroup(GroupMesh mesh, std::span<const std::size_t> target_triangles) {
+std::vector<SimplifiedGroup> simplifyGroup(const GroupMesh& mesh, std::span<const std::size_t> target_triangles) {
   FacetSurface surface;
   surface.reset({mesh.positions, mesh.indices});
-  return simplifyGroup(std::move(mesh), surface, target_triangles);
+  return simplifyGroup(mesh, surface, target_triangles);
 }
 
-std::vector<SimplifiedGroup> simplifyGroup(GroupMesh mesh, const FacetSurface& surface,
+std::vector<SimplifiedGroup> simplifyGroup(const GroupMesh& mesh, const FacetSurface& surface,
                                            std::span<const std::size_t> target_triangles) {
   return Simplifier(mesh, surface, target_triangles).run();
 }
 
 Simplified simplifyGroup(GroupMesh& mesh, std::size_t target_triangles) {
-  std::vector<SimplifiedGroup> reached = simplifyGroup(GroupMesh(mesh), std::span(&target_triangles, 1));
+  std::vector<SimplifiedGroup> reached = simplifyGroup(mesh, std::span(&target_triangles, 1));
   mesh.positions = std::move(reached[0].vertices.positions);
   mesh.normals = std::move(reached[0].vertices.normals);
   mesh.colors = std::move(reached[0].vertices.colors);

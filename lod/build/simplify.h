@@ -47,9 +47,9 @@ struct SimplifiedGroup {
 Simplified simplifyGroup(GroupMesh& mesh, std::size_t target_triangles);
 
 /// The same for each of `target_triangles` (one or more, falling), in the time of the last.
-std::vector<SimplifiedGroup> simplifyGroup(GroupMesh mesh, std::span<const std::size_t> target_triangles);
+std::vector<SimplifiedGroup> simplifyGroup(const GroupMesh& mesh, std::span<const std::size_t> target_triangles);
 /// With the edges and fans of the mesh, where the caller has them.
-std::vector<SimplifiedGroup> simplifyGroup(GroupMesh mesh, const FacetSurface& surface,
+std::vector<SimplifiedGroup> simplifyGroup(const GroupMesh& mesh, const FacetSurface& surface,
                                            std::span<const std::size_t> target_triangles);
 
 }  // namespace lod::build
