@@ -18,7 +18,7 @@ void FacetSurface::reset(const SurfaceView& surface) {
   const std::size_t triangles = surface.indices.size() / 3;
   made_.assign(triangles, 0);
   if (facets_.size() < triangles) facets_.resize(triangles);
-  tree_.reset();
+  tree_.clear();
   makeFans();
   makeEdges();
 }
@@ -187,9 +187,9 @@ std::uint32_t FacetSurface::descend(std::uint32_t t, const glm::vec3& p, float& 
 }
 
 std::uint32_t FacetSurface::search(const glm::vec3& p, float& distance2, std::uint32_t best, float enough2) {
-  if (!tree_) tree_.emplace(surface_.positions, surface_.indices);
+  if (tree_.isEmpty()) tree_.make(surface_.positions, surface_.indices);
   const auto distance2To = [&](std::uint32_t t) { return facet(t).distance2(p); };
-  const std::uint32_t nearer = tree_->nearest(p, distance2, enough2, distance2To);
+  const std::uint32_t nearer = tree_.nearest(p, distance2, enough2, distance2To);
   return nearer != FacetTree::kNone ? nearer : best;
 }
 

@@ -5,7 +5,6 @@
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <limits>
-#include <optional>
 #include <span>
 #include <vector>
 
@@ -176,7 +175,7 @@ class FacetSurface {
   std::vector<std::uint32_t> next_side_;
   std::vector<Side> sides_;
   std::vector<std::uint32_t> seen_;
-  std::optional<FacetTree> tree_;
+  FacetTree tree_;  // made when first asked
 };
 
 }  // namespace lod::build
