@@ -139,20 +139,31 @@ bool Overlay::isReached(const Goal& goal, std::uint32_t t) const {
 
 // The facet around vertex v below that the edge above runs along best.
 std::uint32_t Overlay::facetToward(std::uint32_t v) {
+  const auto before = [](std::size_t k) { return k == 0 ? 2 : k - 1; };
+  // Between both walls at corner k?
+  const auto runsOver = [&](const Facet& facet, std::size_t k) {
+    return !facet.flat && glm::dot(facet.wall[k], whole_) >= 0.0F && glm::dot(facet.wall[before(k)], whole_) >= 0.0F;
+  };
+  // The square of its shadow on the plane.
+  const auto shadow2On = [&](const Facet& facet) {
+    const float height = glm::dot(facet.normal, whole_);
+    return length2_ - height * height;
+  };
+  // Mostly one is clear.
+  for (const std::uint32_t t : below_->around(v)) {
+    const Facet& facet = below_->facet(t);
+    if (runsOver(facet, below_->cornerOf(t, v)) && shadow2On(facet) > kClear * length2_) return t;
+  }
   std::uint32_t best = kNone;
   float most = -1.0F;
   for (const std::uint32_t t : below_->around(v)) {
     const Facet& facet = below_->facet(t);
     const std::size_t k = below_->cornerOf(t, v);
-    const std::size_t last = k == 0 ? 2 : k - 1;
-    // The square of its shadow on the wedge between both walls.
     float shadow2 = 0.0F;
-    if (!facet.flat && glm::dot(facet.wall[k], whole_) >= 0.0F && glm::dot(facet.wall[last], whole_) >= 0.0F) {
-      const float height = glm::dot(facet.normal, whole_);
-      shadow2 = length2_ - height * height;
-      if (shadow2 > kClear * length2_) return t;
+    if (runsOver(facet, k)) {
+      shadow2 = shadow2On(facet);
     } else {
-      for (const std::size_t other : {k == 2 ? 0 : k + 1, last}) {
+      for (const std::size_t other : {k == 2 ? 0 : k + 1, before(k)}) {
         const glm::vec3 side = facet.corner[other] - facet.corner[k];
         const float ahead = std::max(0.0F, glm::dot(side, whole_));
         shadow2 = std::max(shadow2, ahead * ahead / glm::dot(side, side));
