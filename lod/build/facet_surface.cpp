@@ -162,11 +162,12 @@ std::uint32_t FacetSurface::over(std::uint32_t v, const glm::vec3& p, float enou
     const Facet& f = facet(t);
     if (f.thin) continue;
     const glm::vec3 to = p - f.corner[0];
-    const float height = std::abs(glm::dot(f.normal, to));
     const float from_c = glm::dot(f.wall[0], to);
     const float from_b = glm::dot(f.wall[2], to);
     const float from_a = glm::dot(f.wall[1], p - f.corner[1]);
-    if (std::min({from_a, from_b, from_c}) < 0.0F || height > enough) continue;
+    if (std::min({from_a, from_b, from_c}) < 0.0F) continue;
+    const float height = std::abs(glm::dot(f.normal, to));
+    if (height > enough) continue;
     // Each corner's share is the distance from the wall opposite, as a part of the corner's own.
     spot.share = {from_b / glm::dot(f.wall[2], f.corner[1] - f.corner[0]),
                   from_c / glm::dot(f.wall[0], f.corner[2] - f.corner[0])};
