@@ -44,7 +44,7 @@ void Overlay::make(FacetSurface& above, FacetSurface& below, std::span<const std
   // Walks along a border and into the surface begin in one facet.
   for (std::uint32_t v = 0; v < border_of.size(); ++v)
     LUMIGRID_CHECK(border_of[v] == kNone || facet_of[v] == below.edges()[border_of[v]].triangle[0]);
-  crossings_.clear();
+  crossed_.clear(), crossings_.clear();
   turns_.clear();
   paths_.resize(above.edges().size());
   for (std::uint32_t e = 0; e < paths_.size(); ++e) walk(e, paths_[e]);
@@ -210,7 +210,7 @@ bool Overlay::walkBorderFrom(std::uint32_t e, std::uint32_t at, std::uint32_t v,
   const auto [a, b] = edge.vertex;
   const std::size_t first_turn = turns_.size();
   const auto giveUp = [&] {
-    crossings_.resize(path.first);
+    crossed_.resize(path.first), crossings_.resize(path.first);
     turns_.resize(first_turn);
     path.distance = 0.0F;
     return false;
@@ -226,7 +226,7 @@ bool Overlay::walkBorderFrom(std::uint32_t e, std::uint32_t at, std::uint32_t v,
     // Where no edge leads into the surface no crossing keeps the pair.
     if (way == nullptr || way->empty()) return giveUp();
     const Gap gap = gapAt(v, edge);
-    for (const Step& step : *way) crossings_.push_back({step.edge, step.facet, gap});
+    for (const Step& step : *way) crossed_.push_back(step.edge), crossings_.push_back({step.facet, gap});
     path.distance = std::max(path.distance, gap.distance);
     turns_.push_back({e, v, at, next, first, crossed()});
     at = next;
@@ -300,7 +300,8 @@ void Overlay::cross(std::uint32_t edge, std::uint32_t facet, float along) {
     lanes_.color_below[0].set(lane, below.colors[p]);
     lanes_.color_below[1].set(lane, below.colors[q]);
   }
-  crossings_.push_back({edge, facet, {}});
+  crossed_.push_back(edge);
+  crossings_.push_back({facet, {}});
   if (lanes_.count == kLanes) measureCrossings();
 }
 
@@ -436,7 +437,7 @@ bool Overlay::enclose(std::uint32_t s) {
     odd = is_cut[e] != 0 ? odd + 1 : odd - 1;
   };
   for (const Path* path : border)
-    for (std::uint32_t i = path->first; i < path->last; ++i) meet(crossings_[i].edge);
+    for (std::uint32_t i = path->first; i < path->last; ++i) meet(crossed_[i]);
   for (const Corner& corner : corners_) meet(corner.edge);
   if (odd == 0) return true;
 
@@ -555,8 +556,7 @@ void Overlay::findPinned() {
     if (!isGood(turn.above)) continue;
     for (const std::uint32_t e : {turn.from, turn.to})
       if (e != kNone) is_passed_[e] ^= endBit(e, turn.vertex);
-    for (std::uint32_t i = turn.first; i < turn.last; ++i)
-      is_turned_[crossings_[i].edge] ^= endBit(crossings_[i].edge, turn.vertex);
+    for (std::uint32_t i = turn.first; i < turn.last; ++i) is_turned_[crossed_[i]] ^= endBit(crossed_[i], turn.vertex);
   }
   for (std::uint32_t e = 0; e < paths_.size(); ++e)
     if (paths_[e].is_on_border && isGood(e))

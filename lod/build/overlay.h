@@ -84,9 +84,8 @@ class Overlay {
  private:
   static constexpr std::uint32_t kNone = FacetSurface::kNone;
 
-  /// An edge above goes over an edge below, into a facet.
+  /// An edge above goes over an edge below (crossed_), into a facet.
   struct Crossing {
-    std::uint32_t edge = 0;
     std::uint32_t facet = 0;
     Gap gap;
   };
@@ -157,6 +156,7 @@ class Overlay {
   bool has_color_ = false;
   std::vector<Path> paths_;  // per edge above
   std::vector<Crossing> crossings_;
+  std::vector<std::uint32_t> crossed_;  // edges below: what triangles above look at alone, so that it stays in cache
   std::vector<Enclosed> enclosed_;
   std::vector<std::uint32_t> first_enclosed_;
   std::vector<Passed> passed_;
