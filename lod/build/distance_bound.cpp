@@ -542,12 +542,13 @@ float carried(const std::vector<float>& error, std::uint32_t s) {
 float neededBelow(const SurfaceView& before, const SurfaceError& error, Layer& forward,
                   const std::vector<Overlay::Gap>& gap) {
   float needed = 0.0F;
-  for (std::uint32_t i = 0; i < before.indices.size(); ++i) {
-    const std::uint32_t v = before.indices[i];
-    const float toward = carried(error.toward, i / 3);
+  for (std::size_t i = 0; i < before.indices.size(); i += 3) {
+    const float toward = carried(error.toward, static_cast<std::uint32_t>(i / 3));
     needed = std::max(needed, toward);
-    if (toward + gap[v].distance > needed)
+    for (const std::uint32_t v : before.indices.subspan(i, 3)) {
+      if (toward + gap[v].distance <= needed) continue;
       needed = std::max(needed, toward + std::min(gap[v].distance, forward.nearest(v, needed - toward).distance));
+    }
   }
   return needed;
 }

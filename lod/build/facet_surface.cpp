@@ -18,7 +18,7 @@ void FacetSurface::reset(const SurfaceView& surface) {
   const std::size_t triangles = surface.indices.size() / 3;
   made_.assign(triangles, 0);
   if (facets_.size() < triangles) facets_.resize(triangles);
-  tree_.reset();
+  tree_.clear();
   makeFans();
   makeEdges();
 }
@@ -87,55 +87,68 @@ glm::vec3 FacetSurface::colorAt(std::uint32_t t, const Spot& spot) const {
          spot.share.x * surface_.colors[corner(t, 1)] + spot.share.y * surface_.colors[corner(t, 2)];
 }
 
+// Triangles are sorted by their corners and sides by the lower of their ends, both by counting.
 void FacetSurface::makeFans() {
-  fan_.assign(surface_.positions.size() + 1, 0);
-  for (const std::uint32_t v : surface_.indices) ++fan_[v + 1];
-  for (std::size_t v = 1; v < fan_.size(); ++v) fan_[v] += fan_[v - 1];
+  const std::size_t vertices = surface_.positions.size();
+  fan_.assign(vertices + 1, 0);
+  first_side_.assign(vertices + 1, 0);
+  for (std::size_t i = 0; i < surface_.indices.size(); i += 3) {
+    const std::uint32_t a = surface_.indices[i];
+    const std::uint32_t b = surface_.indices[i + 1];
+    const std::uint32_t c = surface_.indices[i + 2];
+    ++fan_[a + 1], ++fan_[b + 1], ++fan_[c + 1];
+    ++first_side_[std::min(a, b) + 1], ++first_side_[std::min(b, c) + 1], ++first_side_[std::min(c, a) + 1];
+  }
+  for (std::size_t v = 1; v <= vertices; ++v) fan_[v] += fan_[v - 1], first_side_[v] += first_side_[v - 1];
   around_.resize(surface_.indices.size());
-  corners_.resize(surface_.indices.size());
+  sides_.resize(surface_.indices.size());
   next_.assign(fan_.begin(), fan_.end() - 1);
-  for (std::uint32_t t = 0; t < triangleCount(); ++t)
-    for (std::uint32_t k = 0; k < 3; ++k) {
-      const std::uint32_t i = next_[corner(t, k)]++;
-      around_[i] = t;
-      corners_[i] = 3 * t + k;
-    }
+  next_side_.assign(first_side_.begin(), first_side_.end() - 1);
+  const auto addSide = [&](std::uint32_t v, std::uint32_t w, std::uint32_t t, std::uint32_t k) {
+    sides_[next_side_[std::min(v, w)]++] = {std::max(v, w), t, 3 * t + k};
+  };
+  for (std::uint32_t t = 0; t < triangleCount(); ++t) {
+    const std::uint32_t a = corner(t, 0);
+    const std::uint32_t b = corner(t, 1);
+    const std::uint32_t c = corner(t, 2);
+    for (const std::uint32_t v : {a, b, c}) around_[next_[v]++] = t;
+    // From each corner to the others in their order.
+    addSide(a, b, t, 0), addSide(c, a, t, 2), addSide(b, c, t, 1);
+  }
 }
 
 void FacetSurface::makeEdges() {
-  const std::size_t vertices = surface_.positions.size();
-  edges_.clear();
-  edge_of_.resize(surface_.indices.size());
+  const auto vertices = static_cast<std::uint32_t>(surface_.positions.size());
+  if (edges_.size() < sides_.size() + 1) edges_.resize(sides_.size() + 1);
+  edge_of_.resize(sides_.size());
   border_.assign(vertices, {});
-  seen_.assign(vertices, {});
-  const auto add = [&](std::uint32_t a, std::uint32_t b, std::uint32_t t, std::uint32_t side) {
-    if (b < a) return;
-    Seen& seen = seen_[b];
-    if (seen.from != a) {
-      seen = {a, static_cast<std::uint32_t>(edges_.size())};
-      edges_.push_back({{a, b}, {kNone, kNone}, 0});
+  seen_.assign(vertices, 0);
+  std::uint32_t count = 0;
+  Edge* const edges = edges_.data();
+  std::uint32_t* const edge_of = edge_of_.data();
+  std::uint32_t* const seen = seen_.data();
+  for (std::uint32_t a = 0; a < vertices; ++a) {
+    const std::uint32_t first = count;
+    for (std::uint32_t i = first_side_[a]; i < first_side_[a + 1]; ++i) {
+      const auto [b, t, side] = sides_[i];
+      // Whether the edge is new is as good as random: it is written, and kept if it is.
+      const std::uint32_t number = seen[b];
+      edges[count] = {{a, b}, {kNone, kNone}, 0};
+      count += number <= first ? 1 : 0;
+      const std::uint32_t e = (number <= first ? count : number) - 1;
+      seen[b] = e + 1;
+      edge_of[side] = e;
+      Edge& edge = edges[e];
+      if (edge.triangles < 2) edge.triangle[edge.triangles] = t;
+      ++edge.triangles;
     }
-    Edge& edge = edges_[seen.edge];
-    if (edge.triangles < 2) edge.triangle[edge.triangles] = t;
-    ++edge.triangles;
-    edge_of_[side] = seen.edge;
-  };
-  for (std::uint32_t a = 0; a < vertices; ++a)
-    for (std::uint32_t i = fan_[a]; i < fan_[a + 1]; ++i) {
-      const std::uint32_t t = around_[i];
-      const std::uint32_t here = corners_[i];
-      const std::uint32_t next = here == 3 * t + 2 ? 3 * t : here + 1;
-      const std::uint32_t last = here == 3 * t ? 3 * t + 2 : here - 1;
-      // In the order of corners.
-      const bool is_second = here == 3 * t + 1;
-      add(a, surface_.indices[is_second ? last : next], t, is_second ? last : here);
-      add(a, surface_.indices[is_second ? next : last], t, is_second ? here : last);
-    }
-  for (std::uint32_t e = 0; e < edges_.size(); ++e) {
-    if (edges_[e].triangles != 1) continue;
+  }
+  edge_count_ = count;
+  for (std::uint32_t e = 0; e < count; ++e) {
+    if (edges[e].triangles != 1) continue;
     const std::uint32_t start = borderStart(e);
     border_[start].leaving = e;
-    border_[edges_[e].otherEnd(start)].arriving = e;
+    border_[edges[e].otherEnd(start)].arriving = e;
   }
 }
 
@@ -149,11 +162,12 @@ std::uint32_t FacetSurface::over(std::uint32_t v, const glm::vec3& p, float enou
     const Facet& f = facet(t);
     if (f.thin) continue;
     const glm::vec3 to = p - f.corner[0];
-    const float height = std::abs(glm::dot(f.normal, to));
     const float from_c = glm::dot(f.wall[0], to);
     const float from_b = glm::dot(f.wall[2], to);
     const float from_a = glm::dot(f.wall[1], p - f.corner[1]);
-    if (std::min({from_a, from_b, from_c}) < 0.0F || height > enough) continue;
+    if (std::min({from_a, from_b, from_c}) < 0.0F) continue;
+    const float height = std::abs(glm::dot(f.normal, to));
+    if (height > enough) continue;
     // Each corner's share is the distance from the wall opposite, as a part of the corner's own.
     spot.share = {from_b / glm::dot(f.wall[2], f.corner[1] - f.corner[0]),
                   from_c / glm::dot(f.wall[0], f.corner[2] - f.corner[0])};
@@ -174,9 +188,9 @@ std::uint32_t FacetSurface::descend(std::uint32_t t, const glm::vec3& p, float& 
 }
 
 std::uint32_t FacetSurface::search(const glm::vec3& p, float& distance2, std::uint32_t best, float enough2) {
-  if (!tree_) tree_.emplace(surface_.positions, surface_.indices);
+  if (tree_.isEmpty()) tree_.make(surface_.positions, surface_.indices);
   const auto distance2To = [&](std::uint32_t t) { return facet(t).distance2(p); };
-  const std::uint32_t nearer = tree_->nearest(p, distance2, enough2, distance2To);
+  const std::uint32_t nearer = tree_.nearest(p, distance2, enough2, distance2To);
   return nearer != FacetTree::kNone ? nearer : best;
 }
 

@@ -5,7 +5,6 @@
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <limits>
-#include <optional>
 #include <span>
 #include <vector>
 
@@ -104,7 +103,7 @@ class FacetSurface {
   glm::vec3 colorAt(std::uint32_t t, const Spot& spot) const;
 
   /// Each once: those of vertex 0, then the others of vertex 1, …; at a vertex in the order of triangles and corners.
-  std::span<const Edge> edges() const { return edges_; }
+  std::span<const Edge> edges() const { return {edges_.data(), edge_count_}; }
   /// The edge of corners k and k + 1.
   std::uint32_t edgeOf(std::uint32_t t, std::size_t k) const { return edge_of_[3 * std::size_t{t} + k]; }
   /// The edge of t at its corner v that is not e.
@@ -156,23 +155,27 @@ class FacetSurface {
   std::vector<std::uint8_t> made_;
   std::vector<std::uint32_t> fan_;
   std::vector<std::uint32_t> around_;
-  std::vector<Edge> edges_;
+  std::vector<Edge> edges_;  // and room for more
+  std::uint32_t edge_count_ = 0;
   std::vector<std::uint32_t> edge_of_;
   struct Border {
     std::uint32_t leaving = kNone;
     std::uint32_t arriving = kNone;
   };
   std::vector<Border> border_;  // per vertex
-  // While it is made: the corners (3 * triangle + k) around each vertex; which edge leads from the vertex at hand to
-  // this one.
-  struct Seen {
-    std::uint32_t from = kNone;
-    std::uint32_t edge = kNone;
+  // While it is made: the sides of triangles at each vertex that lead to a later one; one more than the edge that led
+  // to each vertex last.
+  struct Side {
+    std::uint32_t end = 0;
+    std::uint32_t triangle = 0;
+    std::uint32_t number = 0;  // 3 * triangle + k
   };
   std::vector<std::uint32_t> next_;
-  std::vector<std::uint32_t> corners_;
-  std::vector<Seen> seen_;
-  std::optional<FacetTree> tree_;
+  std::vector<std::uint32_t> first_side_;
+  std::vector<std::uint32_t> next_side_;
+  std::vector<Side> sides_;
+  std::vector<std::uint32_t> seen_;
+  FacetTree tree_;  // made when first asked
 };
 
 }  // namespace lod::build

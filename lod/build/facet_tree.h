@@ -10,14 +10,20 @@
 #include <span>
 #include <vector>
 
+#include "base/geometry.h"
+
 namespace lod::build {
 
 class FacetTree {
  public:
   static constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 
+  /// Is nothing in it?
+  bool isEmpty() const { return first_.empty(); }
+  /// Forgets the triangles; memory is kept.
+  void clear() { first_.clear(); }
   /// positions: whole numbers below 2^22. indices: 3 per triangle; one triangle or more, at most 4^16.
-  FacetTree(std::span<const glm::vec3> positions, std::span<const std::uint32_t> indices);
+  void make(std::span<const glm::vec3> positions, std::span<const std::uint32_t> indices);
 
   /// The triangle t of least measure(t), the squared distance of p from it, if that is below distance2 (which is
   /// updated); else kNone. One at most enough2 is as good as any.
@@ -87,6 +93,7 @@ class FacetTree {
   // The last has one node.
   std::vector<Boxes> boxes_;
   std::vector<std::size_t> first_;  // per level: its first in boxes_
+  std::vector<base::Aabb> below_;   // while it is made: of the level at hand
 };
 
 }  // namespace lod::build

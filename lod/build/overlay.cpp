@@ -29,16 +29,6 @@ constexpr std::uint8_t kNeverPinned = 4;
 // Either side of a cut is tried so far before one is followed to the limit.
 constexpr std::size_t kFew = 3;
 
-// One value of each of several crossings: the compiler does them in step.
-constexpr std::size_t kLanes = 8;
-using Lanes = std::array<float, kLanes>;
-struct LanePoints {
-  Lanes x{};
-  Lanes y{};
-  Lanes z{};
-  void set(std::size_t lane, const glm::vec3& p) { x[lane] = p.x, y[lane] = p.y, z[lane] = p.z; }
-};
-
 bool contains(const std::vector<std::uint32_t>& list, std::uint32_t x) {
   return std::find(list.begin(), list.end(), x) != list.end();
 }
@@ -54,7 +44,7 @@ void Overlay::make(FacetSurface& above, FacetSurface& below, std::span<const std
   // Walks along a border and into the surface begin in one facet.
   for (std::uint32_t v = 0; v < border_of.size(); ++v)
     LUMIGRID_CHECK(border_of[v] == kNone || facet_of[v] == below.edges()[border_of[v]].triangle[0]);
-  crossings_.clear();
+  crossed_.clear(), crossings_.clear();
   turns_.clear();
   paths_.resize(above.edges().size());
   for (std::uint32_t e = 0; e < paths_.size(); ++e) walk(e, paths_[e]);
@@ -90,6 +80,7 @@ void Overlay::make(FacetSurface& above, FacetSurface& below, std::span<const std
 void Overlay::walk(std::uint32_t e, Path& path) {
   const FacetSurface::Edge& edge = above_->edges()[e];
   const auto [a, b] = edge.vertex;
+  walked_ = e;
   origin_ = above_->view().positions[a];
   whole_ = above_->view().positions[b] - origin_;
   length2_ = glm::dot(whole_, whole_);
@@ -148,20 +139,31 @@ bool Overlay::isReached(const Goal& goal, std::uint32_t t) const {
 
 // The facet around vertex v below that the edge above runs along best.
 std::uint32_t Overlay::facetToward(std::uint32_t v) {
+  const auto before = [](std::size_t k) { return k == 0 ? 2 : k - 1; };
+  // Between both walls at corner k?
+  const auto runsOver = [&](const Facet& facet, std::size_t k) {
+    return !facet.flat && glm::dot(facet.wall[k], whole_) >= 0.0F && glm::dot(facet.wall[before(k)], whole_) >= 0.0F;
+  };
+  // The square of its shadow on the plane.
+  const auto shadow2On = [&](const Facet& facet) {
+    const float height = glm::dot(facet.normal, whole_);
+    return length2_ - height * height;
+  };
+  // Mostly one is clear.
+  for (const std::uint32_t t : below_->around(v)) {
+    const Facet& facet = below_->facet(t);
+    if (runsOver(facet, below_->cornerOf(t, v)) && shadow2On(facet) > kClear * length2_) return t;
+  }
   std::uint32_t best = kNone;
   float most = -1.0F;
   for (const std::uint32_t t : below_->around(v)) {
     const Facet& facet = below_->facet(t);
     const std::size_t k = below_->cornerOf(t, v);
-    const std::size_t last = k == 0 ? 2 : k - 1;
-    // The square of its shadow on the wedge between both walls.
     float shadow2 = 0.0F;
-    if (!facet.flat && glm::dot(facet.wall[k], whole_) >= 0.0F && glm::dot(facet.wall[last], whole_) >= 0.0F) {
-      const float height = glm::dot(facet.normal, whole_);
-      shadow2 = length2_ - height * height;
-      if (shadow2 > kClear * length2_) return t;
+    if (runsOver(facet, k)) {
+      shadow2 = shadow2On(facet);
     } else {
-      for (const std::size_t other : {k == 2 ? 0 : k + 1, last}) {
+      for (const std::size_t other : {k == 2 ? 0 : k + 1, before(k)}) {
         const glm::vec3 side = facet.corner[other] - facet.corner[k];
         const float ahead = std::max(0.0F, glm::dot(side, whole_));
         shadow2 = std::max(shadow2, ahead * ahead / glm::dot(side, side));
@@ -208,7 +210,7 @@ bool Overlay::walkBorderFrom(std::uint32_t e, std::uint32_t at, std::uint32_t v,
   const auto [a, b] = edge.vertex;
   const std::size_t first_turn = turns_.size();
   const auto giveUp = [&] {
-    crossings_.resize(path.first);
+    crossed_.resize(path.first), crossings_.resize(path.first);
     turns_.resize(first_turn);
     path.distance = 0.0F;
     return false;
@@ -224,7 +226,7 @@ bool Overlay::walkBorderFrom(std::uint32_t e, std::uint32_t at, std::uint32_t v,
     // Where no edge leads into the surface no crossing keeps the pair.
     if (way == nullptr || way->empty()) return giveUp();
     const Gap gap = gapAt(v, edge);
-    for (const Step& step : *way) crossings_.push_back({step.edge, step.facet, gap});
+    for (const Step& step : *way) crossed_.push_back(step.edge), crossings_.push_back({step.facet, gap});
     path.distance = std::max(path.distance, gap.distance);
     turns_.push_back({e, v, at, next, first, crossed()});
     at = next;
@@ -279,95 +281,78 @@ bool Overlay::isSame(std::uint32_t e, Path& path) const {
   return is_found;
 }
 
-// Crossings wait for their gaps, so that several are measured at once; until then `along` lies in the distance's place.
+// Crossings wait for their gaps, so that several are measured at once.
 void Overlay::cross(std::uint32_t edge, std::uint32_t facet, float along) {
-  crossings_.push_back({edge, facet, {along, 0.0F}});
+  const SurfaceView& below = below_->view();
+  const auto [p, q] = below_->edges()[edge].vertex;
+  const std::size_t lane = lanes_.count++;
+  lanes_.crossing[lane] = static_cast<std::uint32_t>(crossings_.size());
+  lanes_.walked[lane] = walked_;
+  lanes_.along[lane] = along;
+  lanes_.above.set(lane, whole_);
+  lanes_.below.set(lane, below.positions[q] - below.positions[p]);
+  lanes_.apart.set(lane, below.positions[p] - origin_);
+  if (has_color_) {
+    const SurfaceView& above = above_->view();
+    const auto [a, b] = above_->edges()[walked_].vertex;
+    lanes_.color_above[0].set(lane, above.colors[a]);
+    lanes_.color_above[1].set(lane, above.colors[b]);
+    lanes_.color_below[0].set(lane, below.colors[p]);
+    lanes_.color_below[1].set(lane, below.colors[q]);
+  }
+  crossed_.push_back(edge);
+  crossings_.push_back({facet, {}});
+  if (lanes_.count == kLanes) measureCrossings();
 }
 
 // Pairs the points where the edge above and the edge below are nearest to each other; where they are as good as
 // parallel, the point at share `along` above with the nearest one below.
-struct Overlay::CrossingLanes {
-  std::size_t count = 0;
-  std::array<Crossing*, kLanes> crossing{};
-  LanePoints above;  // from one end of it to the other
-  LanePoints below;  // the same
-  LanePoints apart;  // from the first end above to the first below
-  LanePoints color_above[2];
-  LanePoints color_below[2];
-
-  void measure(bool has_color) {
-    Lanes along{};
-    Lanes share;
-    Lanes distance;
-    Lanes color{};
-    for (std::size_t i = 0; i < count; ++i) along[i] = crossing[i]->gap.distance;
-    // Into [0, 1]; what is no number becomes 0.
-    const auto clamped = [](float s) {
-      const float positive = s > 0.0F ? s : 0.0F;
-      return positive < 1.0F ? positive : 1.0F;
-    };
-    for (std::size_t i = 0; i < kLanes; ++i) {
-      const glm::vec3 whole(above.x[i], above.y[i], above.z[i]);
-      const glm::vec3 pq(below.x[i], below.y[i], below.z[i]);
-      const glm::vec3 p(apart.x[i], apart.y[i], apart.z[i]);
-      const float above2 = glm::dot(whole, whole);
-      const float below2 = glm::dot(pq, pq);
-      const float both = glm::dot(whole, pq);
-      const float to_above = glm::dot(whole, p);
-      const float to_below = glm::dot(pq, p);
-      // The nearest points of the lines; then of the edges, where those lie beyond an end.
-      const float area2 = above2 * below2 - both * both;
-      const float line = clamped((both * to_above - above2 * to_below) / area2);
-      const float nearest = clamped((to_above + line * both) / above2);
-      along[i] = area2 > kParallel * above2 * below2 ? nearest : along[i];
-      share[i] = clamped((along[i] * both - to_below) / below2);
-      const glm::vec3 gap = along[i] * whole - p - share[i] * pq;
-      const float d = std::sqrt(glm::dot(gap, gap));
-      const float size = d + std::sqrt(above2) + std::abs(pq.x) + std::abs(pq.y) + std::abs(pq.z);
-      distance[i] = d + 32.0F * kEpsilon * size;
-    }
-    for (std::size_t i = 0; has_color && i < kLanes; ++i) {
-      const auto difference2 = [&](const Lanes& a0, const Lanes& a1, const Lanes& b0, const Lanes& b1) {
-        const float d = a0[i] * (1.0F - along[i]) + a1[i] * along[i] - (b0[i] * (1.0F - share[i]) + b1[i] * share[i]);
-        return d * d;
-      };
-      color[i] = std::sqrt(difference2(color_above[0].x, color_above[1].x, color_below[0].x, color_below[1].x) +
-                           difference2(color_above[0].y, color_above[1].y, color_below[0].y, color_below[1].y) +
-                           difference2(color_above[0].z, color_above[1].z, color_below[0].z, color_below[1].z));
-    }
-    for (std::size_t i = 0; i < count; ++i) crossing[i]->gap = {distance[i], color[i]};
-    count = 0;
-  }
-};
-
 void Overlay::measureCrossings() {
-  CrossingLanes lanes;
-  const SurfaceView& above = above_->view();
-  const SurfaceView& below = below_->view();
-  for (std::uint32_t e = 0; e < paths_.size(); ++e) {
-    const Path& path = paths_[e];
-    if (path.is_on_border) continue;
-    for (std::uint32_t i = path.first; i < path.last; ++i) {
-      const auto [a, b] = above_->edges()[e].vertex;
-      const auto [p, q] = below_->edges()[crossings_[i].edge].vertex;
-      const std::size_t lane = lanes.count++;
-      lanes.crossing[lane] = &crossings_[i];
-      lanes.above.set(lane, above.positions[b] - above.positions[a]);
-      lanes.below.set(lane, below.positions[q] - below.positions[p]);
-      lanes.apart.set(lane, below.positions[p] - above.positions[a]);
-      if (has_color_) {
-        lanes.color_above[0].set(lane, above.colors[a]);
-        lanes.color_above[1].set(lane, above.colors[b]);
-        lanes.color_below[0].set(lane, below.colors[p]);
-        lanes.color_below[1].set(lane, below.colors[q]);
-      }
-      if (lanes.count == kLanes) lanes.measure(has_color_);
-    }
+  const auto& [count, crossing, walked, given, above, below, apart, color_above, color_below] = lanes_;
+  Lanes along = given;
+  Lanes share;
+  Lanes distance;
+  Lanes color{};
+  // Into [0, 1]; what is no number becomes 0.
+  const auto clamped = [](float s) {
+    const float positive = s > 0.0F ? s : 0.0F;
+    return positive < 1.0F ? positive : 1.0F;
+  };
+  for (std::size_t i = 0; i < kLanes; ++i) {
+    const glm::vec3 whole(above.x[i], above.y[i], above.z[i]);
+    const glm::vec3 pq(below.x[i], below.y[i], below.z[i]);
+    const glm::vec3 p(apart.x[i], apart.y[i], apart.z[i]);
+    const float above2 = glm::dot(whole, whole);
+    const float below2 = glm::dot(pq, pq);
+    const float both = glm::dot(whole, pq);
+    const float to_above = glm::dot(whole, p);
+    const float to_below = glm::dot(pq, p);
+    // The nearest points of the lines; then of the edges, where those lie beyond an end.
+    const float area2 = above2 * below2 - both * both;
+    const float line = clamped((both * to_above - above2 * to_below) / area2);
+    const float nearest = clamped((to_above + line * both) / above2);
+    along[i] = area2 > kParallel * above2 * below2 ? nearest : along[i];
+    share[i] = clamped((along[i] * both - to_below) / below2);
+    const glm::vec3 gap = along[i] * whole - p - share[i] * pq;
+    const float d = std::sqrt(glm::dot(gap, gap));
+    const float size = d + std::sqrt(above2) + std::abs(pq.x) + std::abs(pq.y) + std::abs(pq.z);
+    distance[i] = d + 32.0F * kEpsilon * size;
   }
-  lanes.measure(has_color_);
-  for (Path& path : paths_)
-    for (std::uint32_t i = path.first; i < path.last; ++i)
-      path.distance = std::max(path.distance, crossings_[i].gap.distance);
+  for (std::size_t i = 0; has_color_ && i < kLanes; ++i) {
+    const auto difference2 = [&](const Lanes& a0, const Lanes& a1, const Lanes& b0, const Lanes& b1) {
+      const float d = a0[i] * (1.0F - along[i]) + a1[i] * along[i] - (b0[i] * (1.0F - share[i]) + b1[i] * share[i]);
+      return d * d;
+    };
+    color[i] = std::sqrt(difference2(color_above[0].x, color_above[1].x, color_below[0].x, color_below[1].x) +
+                         difference2(color_above[0].y, color_above[1].y, color_below[0].y, color_below[1].y) +
+                         difference2(color_above[0].z, color_above[1].z, color_below[0].z, color_below[1].z));
+  }
+  for (std::size_t i = 0; i < count; ++i) {
+    crossings_[crossing[i]].gap = {distance[i], color[i]};
+    float& largest = paths_[walked[i]].distance;
+    largest = std::max(largest, distance[i]);
+  }
+  lanes_.count = 0;
 }
 
 // The shorter way around vertex v from facet t to `goal`, or null: they do not lie in one fan there.
@@ -452,7 +437,7 @@ bool Overlay::enclose(std::uint32_t s) {
     odd = is_cut[e] != 0 ? odd + 1 : odd - 1;
   };
   for (const Path* path : border)
-    for (std::uint32_t i = path->first; i < path->last; ++i) meet(crossings_[i].edge);
+    for (std::uint32_t i = path->first; i < path->last; ++i) meet(crossed_[i]);
   for (const Corner& corner : corners_) meet(corner.edge);
   if (odd == 0) return true;
 
@@ -571,8 +556,7 @@ void Overlay::findPinned() {
     if (!isGood(turn.above)) continue;
     for (const std::uint32_t e : {turn.from, turn.to})
       if (e != kNone) is_passed_[e] ^= endBit(e, turn.vertex);
-    for (std::uint32_t i = turn.first; i < turn.last; ++i)
-      is_turned_[crossings_[i].edge] ^= endBit(crossings_[i].edge, turn.vertex);
+    for (std::uint32_t i = turn.first; i < turn.last; ++i) is_turned_[crossed_[i]] ^= endBit(crossed_[i], turn.vertex);
   }
   for (std::uint32_t e = 0; e < paths_.size(); ++e)
     if (paths_[e].is_on_border && isGood(e))

@@ -21,6 +21,7 @@
 // or its end be enclosed.
 //
 // Compare the successive mappings of Cohen, Manocha and Olano 1997, which project every collapse onto a plane.
+#include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -83,9 +84,8 @@ class Overlay {
  private:
   static constexpr std::uint32_t kNone = FacetSurface::kNone;
 
-  /// An edge above goes over an edge below, into a facet.
+  /// An edge above goes over an edge below (crossed_), into a facet.
   struct Crossing {
-    std::uint32_t edge = 0;
     std::uint32_t facet = 0;
     Gap gap;
   };
@@ -134,7 +134,6 @@ class Overlay {
   Gap gapAt(std::uint32_t v, const FacetSurface::Edge& edge) const;
   std::uint32_t nextOnBorder(std::uint32_t edge, std::uint32_t end) const;
   bool isSame(std::uint32_t e, Path& path) const;
-  struct CrossingLanes;
   void cross(std::uint32_t edge, std::uint32_t facet, float along);
   void measureCrossings();
   const std::vector<Step>* turn(std::uint32_t t, std::uint32_t goal, std::uint32_t v);
@@ -157,6 +156,7 @@ class Overlay {
   bool has_color_ = false;
   std::vector<Path> paths_;  // per edge above
   std::vector<Crossing> crossings_;
+  std::vector<std::uint32_t> crossed_;  // edges below: what triangles above look at alone, so that it stays in cache
   std::vector<Enclosed> enclosed_;
   std::vector<std::uint32_t> first_enclosed_;
   std::vector<Passed> passed_;
@@ -179,7 +179,29 @@ class Overlay {
   std::vector<std::uint8_t>
       is_loose_;  // per vertex above: an odd number of walks along the border end there, between vertices
   std::vector<std::uint8_t> is_passed_;  // per edge below: of what ends of it an odd number of walks goes around
+  // Crossings that wait for their gaps, value by value: the compiler measures them in step.
+  static constexpr std::size_t kLanes = 8;
+  using Lanes = std::array<float, kLanes>;
+  struct LanePoints {
+    Lanes x{};
+    Lanes y{};
+    Lanes z{};
+    void set(std::size_t lane, const glm::vec3& p) { x[lane] = p.x, y[lane] = p.y, z[lane] = p.z; }
+  };
+  struct CrossingLanes {
+    std::size_t count = 0;
+    std::array<std::uint32_t, kLanes> crossing{};
+    std::array<std::uint32_t, kLanes> walked{};  // edge above
+    Lanes along{};                               // the share of it
+    LanePoints above;                            // from one end of it to the other
+    LanePoints below;                            // the same
+    LanePoints apart;                            // from the first end above to the first below
+    LanePoints color_above[2];
+    LanePoints color_below[2];
+  };
+  CrossingLanes lanes_;
   // Of the walk or the triangle at hand.
+  std::uint32_t walked_ = 0;  // edge above
   glm::vec3 origin_{0.0F};
   glm::vec3 whole_{0.0F};
   float length2_ = 0.0F;

@@ -16,7 +16,8 @@ TEST(FacetTree, FindsTheNearestOfAll) {
   for (const Mesh& mesh : {support::bumpySphere(20, 30), support::triangleSoup(700), support::tinyComponents(1)}) {
     std::vector<glm::vec3> positions;
     for (const glm::vec3& p : mesh.positions) positions.push_back(glm::round((p + 2.0F) * 1000.0F));
-    const FacetTree tree(positions, mesh.indices);
+    FacetTree tree;
+    tree.make(positions, mesh.indices);
     std::uniform_real_distribution<float> at(-1000.0F, 5000.0F);
     for (int i = 0; i < 300; ++i) {
       const glm::vec3 p(at(random), at(random), at(random));
