@@ -447,11 +447,20 @@ base::Result<std::vector<Corner>> Buckets::readAsGiven(std::size_t bucket) const
 }
 
 base::Result<Buckets::Numbered> Buckets::readNumbered(std::size_t bucket) const {
-  if (only_) return *std::exchange(only_, std::nullopt);
+  auto once = readOnce(bucket);
+  if (once && once->mesh.number.empty()) once->mesh = NumberedCorners(once->corners);
+  return once;
+}
+
+base::Result<Buckets::Numbered> Buckets::readOnce(std::size_t bucket) const {
+  if (only_) {
+    Numbered ready = std::move(*only_);
+    only_.reset();
+    return ready;
+  }
   auto corners = read(bucket);
   if (!corners) return corners.error();
-  NumberedCorners mesh(*corners);
-  return Numbered{std::move(*corners), std::move(mesh)};
+  return Numbered{std::move(*corners), NumberedCorners()};
 }
 
 base::Result<std::vector<Corner>> Buckets::read(std::size_t bucket) const {
