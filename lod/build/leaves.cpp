@@ -79,19 +79,15 @@ void numberVertices(const Buckets::Numbered& read, std::span<const KeyedIndex> s
     }
     return;
   }
-  mesh.codes.reserve(read.corners.size() / 5);
   CodeMap map(read.corners.size() / 6);
   for (std::size_t i = 0; i < sorted.size(); ++i) {
     __builtin_prefetch(&read.corners[first(i + kAhead)]);
     const Corner* ahead = &read.corners[first(i + CodeMap::kAhead / 3)];
     for (std::size_t k = 0; k < 3; ++k) map.expect(ahead[k].code);
     const Corner* c = &read.corners[first(i)];
-    for (std::size_t k = 0; k < 3; ++k) {
-      const auto [v, is_new] = map.insert(c[k].code, static_cast<std::uint32_t>(mesh.codes.size()));
-      if (is_new) mesh.codes.push_back(c[k].code);
-      *index++ = v;
-    }
+    for (std::size_t k = 0; k < 3; ++k) *index++ = map.insert(c[k].code).first;
   }
+  mesh.codes = map.takeCodes();
 }
 
 }  // namespace
