@@ -230,13 +230,15 @@ Coarser coarserOf(const Merged& before, FacetSurface& surface, const SurfaceErro
     out.error = std::numeric_limits<float>::infinity();
     return out;
   }
-  out.codes.reserve(kErrorCodes * error.toward.size());
+  out.codes.resize(kErrorCodes * error.toward.size());
   for (std::size_t t = 0; t < error.toward.size(); ++t) {
-    for (const float e : {error.toward[t], error.from[t], error.color.empty() ? 0.0F : error.color[t]})
-      out.codes.push_back(errorCode(e));
+    std::uint16_t* code = &out.codes[kErrorCodes * t];
+    code[0] = errorCode(error.toward[t]);
+    code[1] = errorCode(error.from[t]);
+    code[2] = error.color.empty() ? std::uint16_t{0} : errorCode(error.color[t]);
     const float area = doubledArea(out.mesh, t);
-    out.errors.add(error.toward[t], area);
-    out.errors.add(error.from[t], area);
+    out.errors.addCoded(code[0], area);
+    out.errors.addCoded(code[1], area);
     out.error = std::max({out.error, error.toward[t], error.from[t]});
     if (!error.color.empty()) out.color_error = std::max(out.color_error, error.color[t]);
   }

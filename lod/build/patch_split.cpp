@@ -12,12 +12,17 @@ namespace {
 
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 
+template <class T>
+void takeAll(const std::vector<T>& from, std::span<const std::uint32_t> places, std::vector<T>& to) {
+  to.resize(places.size());
+  for (std::size_t i = 0; i < places.size(); ++i) to[i] = from[places[i]];
+}
+
 // Box, sphere and cone of the geometry as it will be drawn.
 void describe(const lod::patch::PatchGeometry& geometry, const lod::patch::Lattice& lattice,
               lod::patch::Patch& record) {
-  std::vector<glm::vec3> points;
-  points.reserve(geometry.positions.size());
-  for (const glm::ivec3& q : geometry.positions) points.push_back(lattice.position(q));
+  std::vector<glm::vec3> points(geometry.positions.size());
+  for (std::size_t v = 0; v < points.size(); ++v) points[v] = lattice.position(geometry.positions[v]);
   for (const glm::vec3& p : points) record.box.add(p);
   record.bounds = base::boundingSphere(points);
   std::vector<glm::vec3> normals;
@@ -119,15 +124,11 @@ std::vector<NewPatch> makePatches(const CodedMesh& mesh, const std::vector<std::
     }
     first_number += count;
     used.resize(count);
-    geometry.positions.reserve(used.size());
-    geometry.normals.reserve(used.size());
-    if (!mesh.colors.empty()) geometry.colors.reserve(used.size());
-    for (const std::uint32_t v : used) {
+    takeAll(mesh.positions, used, geometry.positions);
+    takeAll(mesh.normals, used, geometry.normals);
+    if (!mesh.colors.empty()) takeAll(mesh.colors, used, geometry.colors);
+    for (const std::uint32_t v : used)
       if (border[v] != 0) patch.border.push_back(mesh.codes[v]);
-      geometry.positions.push_back(mesh.positions[v]);
-      geometry.normals.push_back(mesh.normals[v]);
-      if (!mesh.colors.empty()) geometry.colors.push_back(mesh.colors[v]);
-    }
     std::sort(patch.border.begin(), patch.border.end());
     describe(geometry, lattice, patch.record);
     patch.record.level = level;
