@@ -231,11 +231,11 @@ std::string splatPath(const std::string& directory, const Scene& scene) {
 }
 
 Result<std::string> sha256OfFile(const std::string& path, const std::function<bool()>& go_on) {
-  // In pieces: a map of a file larger than memory would count as ours.
+  // In pieces that the cache holds: a map of a file larger than memory would count as ours.
   const std::unique_ptr<std::FILE, decltype(&std::fclose)> file(std::fopen(path.c_str(), "rbe"), &std::fclose);
   if (!file) return systemError(path, "open", errno);
   Sha256 hash;
-  Bytes buffer(std::size_t{1} << 20);
+  Bytes buffer(std::size_t{1} << 17);
   for (std::size_t n = 0; (n = std::fread(buffer.data(), 1, buffer.size(), file.get())) > 0;) {
     if (go_on && !go_on()) return Error{ErrorCode::kCancelled, path + ": reading it was cancelled"};
     hash.add(ByteView(buffer).first(n));

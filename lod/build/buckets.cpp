@@ -437,21 +437,35 @@ base::Result<std::vector<Corner>> Buckets::readAsGiven(std::size_t bucket) const
   std::vector<Corner> corners(3 * static_cast<std::size_t>(counts_[bucket]));
   const std::size_t size = cornerBytes();
   auto to = corners.begin();
-  base::Bytes bytes;
+  // So many at a time stay in the cache.
+  constexpr std::size_t kCorners = std::size_t{1} << 13;
+  base::Bytes room(kCorners * size);
   for (const Extent& extent : extents_[bucket]) {
-    bytes.resize(static_cast<std::size_t>(extent.bytes));
-    LUMIGRID_TRY(file_.readAt(extent.offset, bytes));
-    for (std::size_t at = 0; at + size <= bytes.size() && to != corners.end(); at += size) unpack(&bytes[at], *to++);
+    for (std::uint64_t at = 0; at < extent.bytes; at += room.size()) {
+      const auto bytes =
+          std::span(room).first(static_cast<std::size_t>(std::min<std::uint64_t>(room.size(), extent.bytes - at)));
+      LUMIGRID_TRY(file_.readAt(extent.offset + at, bytes));
+      for (std::size_t i = 0; i + size <= bytes.size() && to != corners.end(); i += size) unpack(&bytes[i], *to++);
+    }
   }
   return corners;
 }
 
 base::Result<Buckets::Numbered> Buckets::readNumbered(std::size_t bucket) const {
-  if (only_) return *std::exchange(only_, std::nullopt);
+  auto once = readOnce(bucket);
+  if (once && once->mesh.number.empty()) once->mesh = NumberedCorners(once->corners);
+  return once;
+}
+
+base::Result<Buckets::Numbered> Buckets::readOnce(std::size_t bucket) const {
+  if (only_) {
+    Numbered ready = std::move(*only_);
+    only_.reset();
+    return ready;
+  }
   auto corners = read(bucket);
   if (!corners) return corners.error();
-  NumberedCorners mesh(*corners);
-  return Numbered{std::move(*corners), std::move(mesh)};
+  return Numbered{std::move(*corners), NumberedCorners()};
 }
 
 base::Result<std::vector<Corner>> Buckets::read(std::size_t bucket) const {

@@ -122,6 +122,8 @@ class Buckets {
     NumberedCorners mesh;
   };
   base::Result<Numbered> readNumbered(std::size_t bucket) const;
+  /// The same with its vertices numbered where they lie ready so; else `mesh` is empty.
+  base::Result<Numbered> readOnce(std::size_t bucket) const;
   /// Those with a corner on the border, as read() has them.
   base::Result<std::vector<BorderTriangle>> borderTriangles(std::size_t bucket) const;
   /// Gives the buckets' disk space back; they can no longer be read.

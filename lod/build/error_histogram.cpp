@@ -6,18 +6,9 @@
 #include "lod/build/distance_bound.h"
 
 namespace lod::build {
-namespace {
-
-// Sixteen bins an octave of errors.
-constexpr std::uint32_t kBinBits = 7;
-constexpr std::uint32_t kMostBins = (std::numeric_limits<std::uint16_t>::max() >> kBinBits) + 1;
-
-}  // namespace
 
 void ErrorHistogram::add(float error, float area) {
-  const std::size_t bin = errorCode(error) >> kBinBits;
-  if (bin >= areas_.size()) areas_.resize(bin + 1, 0.0);
-  areas_[bin] += static_cast<double>(area);
+  addCoded(errorCode(error), area);
 }
 
 void ErrorHistogram::add(const ErrorHistogram& other) {
@@ -43,6 +34,7 @@ void ErrorHistogram::write(base::ByteWriter& out) const {
 }
 
 bool ErrorHistogram::read(base::ByteReader& in) {
+  constexpr std::uint32_t kMostBins = (std::numeric_limits<std::uint16_t>::max() >> kBinBits) + 1;
   areas_.assign(in.u16(), 0.0);
   if (areas_.size() > kMostBins) return false;
   for (double& area : areas_) area = in.f64();

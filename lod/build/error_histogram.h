@@ -11,6 +11,12 @@ class ErrorHistogram {
  public:
   /// `area` ≥ 0, in whatever unit, whose bound is `error` ≥ 0 (as errorCode takes it).
   void add(float error, float area);
+  /// The same of an errorCode().
+  void addCoded(std::uint16_t error, float area) {
+    const std::size_t bin = error >> kBinBits;
+    if (bin >= areas_.size()) areas_.resize(bin + 1, 0.0);
+    areas_[bin] += static_cast<double>(area);
+  }
   void add(const ErrorHistogram& other);
   /// The least error that `share` (0 … 1) of the area keeps within, rounded up by at most 7 %; 0 of nothing.
   float quantile(double share) const;
@@ -20,7 +26,8 @@ class ErrorHistogram {
   bool read(base::ByteReader& in);
 
  private:
-  std::vector<double> areas_;  // by bin, up to the last that has any
+  static constexpr std::uint32_t kBinBits = 7;  // of a code: sixteen bins an octave of errors
+  std::vector<double> areas_;                   // by bin, up to the last that has any
 };
 
 }  // namespace lod::build

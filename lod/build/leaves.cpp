@@ -10,6 +10,8 @@
 namespace lod::build {
 namespace {
 
+constexpr std::size_t kAhead = 24;  // triangles to be fetched: they lie anywhere
+
 using Triple = std::array<std::uint32_t, 3>;
 
 // The corners from the smallest on, in their winding.
@@ -55,71 +57,95 @@ std::uint64_t dropDuplicates(const CodedMesh& mesh, std::vector<KeyedIndex>& sor
   return dropped;
 }
 
+// The mesh's vertices, and the sorted triangles' corners by them, in the order in which they come there.
+void numberVertices(const Buckets::Numbered& read, std::span<const KeyedIndex> sorted, CodedMesh& mesh) {
+  mesh.indices.resize(3 * sorted.size());
+  std::uint32_t* index = mesh.indices.data();
+  const auto first = [&](std::size_t i) { return 3 * std::size_t{sorted[std::min(i, sorted.size() - 1)].index}; };
+  // Those that have a number get another; else their codes tell.
+  if (const std::vector<std::uint32_t>& known = read.mesh.number; !known.empty()) {
+    std::vector<std::uint32_t> number(read.mesh.codes.size(), CodeMap::kNone);
+    mesh.codes.reserve(number.size());
+    for (std::size_t i = 0; i < sorted.size(); ++i) {
+      __builtin_prefetch(&known[first(i + kAhead)]);
+      for (std::size_t k = 0; k < 3; ++k) {
+        const std::uint32_t v = known[first(i) + k];
+        if (number[v] == CodeMap::kNone) {
+          number[v] = static_cast<std::uint32_t>(mesh.codes.size());
+          mesh.codes.push_back(read.mesh.codes[v]);
+        }
+        *index++ = number[v];
+      }
+    }
+    return;
+  }
+  CodeMap map(read.corners.size() / 6);
+  for (std::size_t i = 0; i < sorted.size(); ++i) {
+    __builtin_prefetch(&read.corners[first(i + kAhead)]);
+    const Corner* ahead = &read.corners[first(i + CodeMap::kAhead / 3)];
+    for (std::size_t k = 0; k < 3; ++k) map.expect(ahead[k].code);
+    const Corner* c = &read.corners[first(i)];
+    for (std::size_t k = 0; k < 3; ++k) *index++ = map.insert(c[k].code).first;
+  }
+  mesh.codes = map.takeCodes();
+}
+
 }  // namespace
 
 base::Result<BucketLeaves> makeLeaves(const Buckets& buckets, std::size_t bucket, const SourceLattice& lattice,
                                       const LeafOptions& options) {
   BucketLeaves out;
   if (buckets.triangles(bucket) == 0) return out;
-  auto corners = buckets.read(bucket);
-  if (!corners) return corners.error();
+  auto read = buckets.readOnce(bucket);
+  if (!read) return read.error();
 
   // Triangles by voxels first: whatever looks at them or at their vertices later finds neighbours side by side.
-  const std::size_t triangles = corners->size() / 3;
+  const std::size_t triangles = read->corners.size() / 3;
   std::vector<KeyedIndex> sorted(triangles);
   for (std::uint32_t t = 0; t < triangles; ++t) {
-    const Corner* c = &(*corners)[3 * std::size_t{t}];
+    const Corner* c = &read->corners[3 * std::size_t{t}];
     sorted[t] = {medianCode(c[0].code, c[1].code, c[2].code), t};
   }
   radixSort(sorted, 3 * lattice.bits);
 
-  // Vertices by their codes, in the order of the triangles.
   CodedMesh mesh;
-  mesh.indices.resize(corners->size());
-  mesh.codes.reserve(corners->size() / 5);
-  const auto sortedCorners = [&](std::size_t i) { return &(*corners)[3 * std::size_t{sorted[i].index}]; };
-  {
-    CodeMap map(corners->size() / 6);
-    for (std::size_t i = 0; i < triangles; ++i) {
-      __builtin_prefetch(sortedCorners(std::min(i + 2 * CodeMap::kAhead, triangles - 1)));
-      const Corner* ahead = sortedCorners(std::min(i + CodeMap::kAhead / 3, triangles - 1));
-      for (std::size_t k = 0; k < 3; ++k) map.expect(ahead[k].code);
-      const Corner* c = sortedCorners(i);
-      for (std::size_t k = 0; k < 3; ++k) {
-        const auto [v, is_new] = map.insert(c[k].code, static_cast<std::uint32_t>(mesh.codes.size()));
-        if (is_new) mesh.codes.push_back(c[k].code);
-        mesh.indices[3 * i + k] = v;
-      }
-    }
-  }
-  mesh.positions.reserve(mesh.codes.size());
+  numberVertices(*read, sorted, mesh);
+  const std::size_t vertices = mesh.codes.size();
+  mesh.positions.reserve(vertices);
   for (const std::uint64_t code : mesh.codes) mesh.positions.push_back(mortonPoint(code));
-  std::vector<VertexSums> sums(mesh.codes.size());
+  // Of a mesh without colours and normals, their sums would be so much memory to fetch for nothing.
+  const bool attributes = buckets.hasColors() || buckets.hasNormals();
+  std::vector<VertexSums> sums(attributes ? vertices : 0);
+  std::vector<glm::i64vec3> faces(attributes ? 0 : vertices, glm::i64vec3(0));
   for (std::size_t i = 0; i < triangles; ++i) {
-    __builtin_prefetch(sortedCorners(std::min(i + CodeMap::kAhead, triangles - 1)));
-    const Corner* c = sortedCorners(i);
     const std::uint32_t* v = &mesh.indices[3 * i];
     const glm::i64vec3 face = latticeNormal(mesh.positions[v[0]], mesh.positions[v[1]], mesh.positions[v[2]]);
-    for (std::size_t k = 0; k < 3; ++k) sums[v[k]].add(face, c[k]);
+    if (!attributes) {
+      for (std::size_t k = 0; k < 3; ++k) faces[v[k]] += face;
+      continue;
+    }
+    __builtin_prefetch(&read->corners[3 * std::size_t{sorted[std::min(i + kAhead, triangles - 1)].index}]);
+    for (std::size_t k = 0; k < 3; ++k) sums[v[k]].add(face, read->corners[3 * std::size_t{sorted[i].index} + k]);
   }
   for (std::uint32_t t = 0; t < triangles; ++t) sorted[t].index = t;
-  *corners = std::vector<Corner>();
+  *read = {};
 
   // Border vertices take what all buckets together say of them.
-  std::vector<std::uint8_t> outer(mesh.codes.size(), 0);
+  std::vector<std::uint8_t> outer(vertices, 0);
   const BorderVertices& border = buckets.border();
-  mesh.normals.reserve(mesh.codes.size());
-  if (buckets.hasColors()) mesh.colors.reserve(mesh.codes.size());
-  for (std::size_t v = 0; v < mesh.codes.size(); ++v) {
-    if (!border.codes.empty())
-      if (const std::int64_t at = border.find(mesh.codes[v]); at >= 0) {
-        outer[v] = 1;
-        sums[v] = border.sums[static_cast<std::size_t>(at)];
-      }
-    mesh.normals.push_back(sums[v].unitNormal());
-    if (buckets.hasColors()) mesh.colors.push_back(lod::patch::quantizedColor(sums[v].meanColor()));
+  mesh.normals.reserve(vertices);
+  if (buckets.hasColors()) mesh.colors.reserve(vertices);
+  for (std::size_t v = 0; v < vertices; ++v) {
+    VertexSums sum = attributes ? sums[v] : VertexSums{{faces[v].x, faces[v].y, faces[v].z}};
+    if (const std::int64_t at = border.find(mesh.codes[v]); at >= 0) {
+      outer[v] = 1;
+      sum = border.sums[static_cast<std::size_t>(at)];
+    }
+    mesh.normals.push_back(sum.unitNormal());
+    if (buckets.hasColors()) mesh.colors.push_back(lod::patch::quantizedColor(sum.meanColor()));
   }
   sums = std::vector<VertexSums>();
+  faces = std::vector<glm::i64vec3>();
   lod::patch::quantizeNormals(mesh.normals);
   out.vertices = mesh.codes.size();
 

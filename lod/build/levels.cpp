@@ -38,10 +38,9 @@ constexpr std::uint32_t kVoxelsPerPatch = 32;
 // The length of a change from black to white.
 constexpr float kLargestColor = 441.673F;
 
-// The merged triangles of a group, the codes of its vertices, and where its coordinates start.
+// The merged triangles of a group, and where its coordinates start.
 struct Merged {
   GroupMesh mesh;
-  std::vector<std::uint64_t> codes;
   glm::ivec3 corner{0};
 };
 
@@ -67,7 +66,6 @@ Merged mergePatches(const std::vector<lod::patch::PatchGeometry>& patches, std::
   GroupMesh& mesh = merged.mesh;
   const bool colored = !patches.empty() && !patches.front().colors.empty();
   merged.corner = low;
-  merged.codes.resize(most);
   mesh.indices.resize(indices);
   mesh.positions.resize(most);
   mesh.normals.resize(most);
@@ -84,10 +82,9 @@ Merged mergePatches(const std::vector<lod::patch::PatchGeometry>& patches, std::
     for (std::size_t i = 0; i < vertices; ++i) codes[i] = mortonCode(patch.positions[i]);
     for (std::size_t i = 0; i < vertices; ++i) {
       map.expect(codes[std::min(i + CodeMap::kAhead, vertices - 1)]);
-      const auto [number, is_new] = map.insert(codes[i], count);
+      const auto [number, is_new] = map.insert(codes[i]);
       local[i] = number;
       if (!is_new) continue;
-      merged.codes[count] = codes[i];
       mesh.positions[count] = glm::vec3(patch.positions[i] - low);
       mesh.normals[count] = patch.normals[i];
       if (colored) mesh.colors[count] = glm::vec3(glm::u8vec3(patch.colors[i]));
@@ -95,13 +92,12 @@ Merged mergePatches(const std::vector<lod::patch::PatchGeometry>& patches, std::
     }
     for (const std::uint16_t index : patch.indices) *corner++ = local[index];
   }
-  merged.codes.resize(count);
   mesh.positions.resize(count);
   mesh.normals.resize(count);
   if (colored) mesh.colors.resize(count);
-  merged.mesh.locked.assign(merged.codes.size(), 0);
+  mesh.locked.assign(count, 0);
   for (const std::uint64_t code : locked)
-    if (const std::uint32_t v = map.at(code); v != CodeMap::kNone) merged.mesh.locked[v] = 1;
+    if (const std::uint32_t v = map.at(code); v != CodeMap::kNone) mesh.locked[v] = 1;
   return merged;
 }
 
@@ -128,18 +124,16 @@ void keepOnLattice(Merged& merged, std::uint32_t bits) {
   for (glm::vec3& p : merged.mesh.positions) p = glm::clamp(p, low, high);
 }
 
-// The group's vertices `source`, by code, as they will be stored; those locked stay as they are stored already.
-void takeVertices(const Merged& merged, std::span<const std::uint64_t> codes, std::span<const std::uint32_t> source,
-                  std::span<const std::uint8_t> locked, CodedMesh& out) {
+// The group's vertices `source` as they will be stored; those locked stay as they are stored already.
+void takeVertices(const Merged& merged, std::span<const std::uint32_t> source, std::span<const std::uint8_t> locked,
+                  CodedMesh& out) {
   const GroupMesh& group = merged.mesh;
   const bool colored = !group.colors.empty();
-  out.codes.resize(source.size());
   out.positions.resize(source.size());
   out.normals.resize(source.size());
   if (colored) out.colors.resize(source.size());
   for (std::size_t i = 0; i < source.size(); ++i) {
     const std::uint32_t v = source[i];
-    out.codes[i] = codes[v];
     out.positions[i] = merged.corner + glm::ivec3(group.positions[v]);
     const float length = glm::length(group.normals[v]);
     const glm::vec3 unit = length > 1e-6F ? group.normals[v] / length : glm::vec3(0.0F, 0.0F, 1.0F);
@@ -180,7 +174,7 @@ CodedMesh codedMesh(Merged& merged, Simplified& simplified, std::vector<std::uin
       const std::uint32_t v = c[k];
       simplified.indices[3 * kept + k] = v;
       if (number[v] == CodeMap::kNone) {
-        const auto [at, is_new] = map.insert(code[k], static_cast<std::uint32_t>(source.size()));
+        const auto [at, is_new] = map.insert(code[k]);
         number[v] = at;
         if (is_new) {
           source.push_back(v);
@@ -196,7 +190,8 @@ CodedMesh codedMesh(Merged& merged, Simplified& simplified, std::vector<std::uin
     }
     simplified.origin[kept++] = simplified.origin[t];
   }
-  takeVertices(merged, codes, source, locked, out);
+  out.codes = map.takeCodes();
+  takeVertices(merged, source, locked, out);
   simplified.indices.resize(3 * kept);
   simplified.origin.resize(kept);
   const bool colored = !group.colors.empty();
@@ -224,7 +219,7 @@ float doubledArea(const CodedMesh& mesh, std::size_t t) {
 
 Coarser coarserOf(const Merged& before, FacetSurface& surface, const SurfaceError& before_error, SimplifiedGroup& group,
                   std::uint32_t bits, float negligible) {
-  Merged merged{std::move(group.vertices), {}, before.corner};
+  Merged merged{std::move(group.vertices), before.corner};
   keepOnLattice(merged, bits);
   Coarser out;
   out.mesh = codedMesh(merged, group.simplified, out.outer);
@@ -232,13 +227,15 @@ Coarser coarserOf(const Merged& before, FacetSurface& surface, const SurfaceErro
   const SurfaceError error =
       carryError(surface, before_error, {merged.mesh.positions, group.simplified.indices, merged.mesh.colors},
                  group.simplified, negligible, out.outliers);
-  out.codes.reserve(kErrorCodes * error.toward.size());
+  out.codes.resize(kErrorCodes * error.toward.size());
   for (std::size_t t = 0; t < error.toward.size(); ++t) {
-    for (const float e : {error.toward[t], error.from[t], error.color.empty() ? 0.0F : error.color[t]})
-      out.codes.push_back(errorCode(e));
+    std::uint16_t* code = &out.codes[kErrorCodes * t];
+    code[0] = errorCode(error.toward[t]);
+    code[1] = errorCode(error.from[t]);
+    code[2] = error.color.empty() ? std::uint16_t{0} : errorCode(error.color[t]);
     const float area = doubledArea(out.mesh, t);
-    out.errors.add(error.toward[t], area);
-    out.errors.add(error.from[t], area);
+    out.errors.addCoded(code[0], area);
+    out.errors.addCoded(code[1], area);
     out.error = std::max({out.error, error.toward[t], error.from[t]});
     if (!error.color.empty()) out.color_error = std::max(out.color_error, error.color[t]);
   }

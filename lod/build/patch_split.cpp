@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 #include <limits>
+#include <memory>
 
 #include "lod/build/partition.h"
 #include "lod/patch/codec.h"
@@ -12,12 +13,17 @@ namespace {
 
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 
+template <class T>
+void takeAll(const std::vector<T>& from, std::span<const std::uint32_t> places, std::vector<T>& to) {
+  to.resize(places.size());
+  for (std::size_t i = 0; i < places.size(); ++i) to[i] = from[places[i]];
+}
+
 // Box, sphere and cone of the geometry as it will be drawn.
 void describe(const lod::patch::PatchGeometry& geometry, const lod::patch::Lattice& lattice,
               lod::patch::Patch& record) {
-  std::vector<glm::vec3> points;
-  points.reserve(geometry.positions.size());
-  for (const glm::ivec3& q : geometry.positions) points.push_back(lattice.position(q));
+  std::vector<glm::vec3> points(geometry.positions.size());
+  for (std::size_t v = 0; v < points.size(); ++v) points[v] = lattice.position(geometry.positions[v]);
   for (const glm::vec3& p : points) record.box.add(p);
   record.bounds = base::boundingSphere(points);
   std::vector<glm::vec3> normals;
@@ -78,8 +84,9 @@ std::vector<NewPatch> makePatches(const CodedMesh& mesh, const std::vector<std::
   // Which vertices several parts use.
   std::vector<std::uint8_t> border(outer.begin(), outer.end());
   std::vector<std::uint32_t> owner(mesh.positions.size(), kNone);
-  std::vector<std::uint32_t> corners(mesh.indices.size());  // of the parts' triangles one after another
-  constexpr std::size_t kAhead = 16;                        // triangles to be fetched: they lie anywhere
+  // Of the parts' triangles one after another.
+  const auto corners = std::make_unique_for_overwrite<std::uint32_t[]>(mesh.indices.size());
+  constexpr std::size_t kAhead = 16;  // triangles to be fetched: they lie anywhere
   std::size_t next = 0;
   for (std::uint32_t p = 0; p < parts.size(); ++p)
     for (std::size_t i = 0; i < parts[p].size(); ++i) {
@@ -98,14 +105,14 @@ std::vector<NewPatch> makePatches(const CodedMesh& mesh, const std::vector<std::
   std::vector<std::uint32_t>& local = owner;
   std::fill(local.begin(), local.end(), 0);
   std::uint32_t first_number = 1;
-  std::vector<std::uint32_t> used;
+  std::vector<std::uint32_t> room;  // for the vertices that a patch uses
   std::vector<std::uint32_t> order;
   next = 0;
   for (const auto& part : parts) {
     NewPatch patch;
     lod::patch::PatchGeometry geometry;
     geometry.indices.resize(3 * part.size());
-    used.resize(3 * part.size());
+    if (room.size() < 3 * part.size()) room.resize(3 * part.size());
     std::uint32_t count = 0;
     for (std::uint16_t& index : geometry.indices) {
       // Which vertices are new cannot be foreseen: a mask chooses.
@@ -113,21 +120,17 @@ std::vector<NewPatch> makePatches(const CodedMesh& mesh, const std::vector<std::
       const std::uint32_t is_new = local[v] < first_number ? 1 : 0;
       const std::uint32_t number = local[v] ^ ((local[v] ^ (first_number + count)) & (0U - is_new));
       local[v] = number;
-      used[count] = v;
+      room[count] = v;
       count += is_new;
       index = static_cast<std::uint16_t>(number - first_number);
     }
     first_number += count;
-    used.resize(count);
-    geometry.positions.reserve(used.size());
-    geometry.normals.reserve(used.size());
-    if (!mesh.colors.empty()) geometry.colors.reserve(used.size());
-    for (const std::uint32_t v : used) {
+    const std::span<const std::uint32_t> used(room.data(), count);
+    takeAll(mesh.positions, used, geometry.positions);
+    takeAll(mesh.normals, used, geometry.normals);
+    if (!mesh.colors.empty()) takeAll(mesh.colors, used, geometry.colors);
+    for (const std::uint32_t v : used)
       if (border[v] != 0) patch.border.push_back(mesh.codes[v]);
-      geometry.positions.push_back(mesh.positions[v]);
-      geometry.normals.push_back(mesh.normals[v]);
-      if (!mesh.colors.empty()) geometry.colors.push_back(mesh.colors[v]);
-    }
     std::sort(patch.border.begin(), patch.border.end());
     describe(geometry, lattice, patch.record);
     patch.record.level = level;

@@ -57,7 +57,10 @@ class MeshStream {
   /// `file`: the whole mapped file. `progress` gets the share read; false cancels. May be empty.
   /// `directory`: where the file lies, for textures beside it.
   MeshStream(MeshSink& sink, base::ByteView file, std::string directory, std::function<bool(double)> progress)
-      : textures(std::move(directory)), sink_(sink), file_(file), progress_(std::move(progress)) {}
+      : textures(std::move(directory)), sink_(sink), file_(file), progress_(std::move(progress)) {
+    positions.reserve(kBlock);
+    corners.reserve(3 * kBlock);
+  }
 
   std::vector<glm::dvec3> positions;  ///< of the block being filled
   std::vector<glm::vec3> normals;     ///< empty, or as many

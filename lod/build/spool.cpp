@@ -64,7 +64,7 @@ SpoolFile::~SpoolFile() {
 
 base::Result<void> SpoolFile::append(base::ByteView bytes) {
   // What is not worth a copy goes straight to the file, behind what came before it.
-  const bool large = bytes.size() > kBufferBytes / 2;
+  const bool large = bytes.size() > kBufferBytes / 8;
   if (large || buffer_.size() + bytes.size() > kBufferBytes) LUMIGRID_TRY(flush());
   if (large) {
     LUMIGRID_TRY(writeAll(fd_, path_, flushed_, bytes));

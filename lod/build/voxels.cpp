@@ -46,12 +46,15 @@ constexpr std::size_t kAhead = 16;  // triangles to be fetched: they lie anywher
 
 // The voxel whose cell contains a lattice point, or kNone where no triangle is.
 std::uint32_t voxelAt(std::span<const Voxel> voxels, std::uint64_t code) {
-  const auto after =
-      std::upper_bound(voxels.begin(), voxels.end(), code, [](std::uint64_t c, const Voxel& v) { return c < v.code; });
-  if (after == voxels.begin()) return kNone;
-  const Voxel& voxel = *(after - 1);
-  if (code >> (3 * voxel.size_bits) != voxel.code >> (3 * voxel.size_bits)) return kNone;
-  return static_cast<std::uint32_t>(after - 1 - voxels.begin());
+  // The last that begins at or before it. No branches: which way the search goes cannot be foreseen.
+  const Voxel* voxel = voxels.data();
+  for (std::size_t left = voxels.size(); left > 1;) {
+    const std::size_t half = left / 2;
+    voxel += voxel[half].code <= code ? half : 0;
+    left -= half;
+  }
+  if (code >> (3 * voxel->size_bits) != voxel->code >> (3 * voxel->size_bits)) return kNone;
+  return static_cast<std::uint32_t>(voxel - voxels.data());
 }
 
 // Every pair of voxels whose cells share a face, once: each voxel asks for neighbours of at least its own size.
@@ -89,7 +92,7 @@ std::vector<WeightedEdge> meshAdjacency(const TriangleView& triangles, std::span
       __builtin_prefetch(&triangles.indices[3 * std::size_t{sorted[std::min(i + kAhead, sorted.size() - 1)].index}]);
       for (std::size_t k = 0; k < 3; ++k) {
         std::uint32_t& first = first_voxel[triangles.indices[3 * std::size_t{sorted[i].index} + k]];
-        const std::uint32_t other = first == kNone ? v : first;
+        const std::uint32_t other = std::min(first, v);  // they come in order
         first = other;
         if (static_cast<int>(other == v) | static_cast<int>(other == last)) continue;
         last = other;

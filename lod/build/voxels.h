@@ -5,6 +5,8 @@
 // that holds two of them, at every depth; so the median code alone names the triangle's voxel at each depth of the
 // octree, and sorting triangles by it sorts them into voxels of every size at once.
 #include <algorithm>
+#include <array>
+#include <cstddef>
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <span>
@@ -17,15 +19,13 @@ namespace lod::build {
 /// Most bits per axis of a lattice point: three of them fill a 63-bit Morton code.
 inline constexpr std::uint32_t kMaxLatticeBits = 21;
 
-// Puts two zero bits before each of the lowest 21 bits.
-inline std::uint64_t spreadBits(std::uint64_t x) {
-  x &= 0x1fffff;
-  x = (x | x << 32) & 0x1f00000000ffff;
-  x = (x | x << 16) & 0x1f0000ff0000ff;
-  x = (x | x << 8) & 0x100f00f00f00f00f;
-  x = (x | x << 4) & 0x10c30c30c30c30c3;
-  return (x | x << 2) & 0x1249249249249249;
-}
+// Of each byte, two zero bits put before each of its bits.
+inline constexpr std::array<std::uint32_t, 256> kSpreadBytes = [] {
+  std::array<std::uint32_t, 256> spread{};
+  for (std::uint32_t byte = 0; byte < spread.size(); ++byte)
+    for (std::uint32_t bit = 0; bit < 8; ++bit) spread[byte] |= (byte >> bit & 1U) << (3 * bit);
+  return spread;
+}();
 
 // The way back: every third bit, from the lowest on.
 inline std::uint64_t gatherBits(std::uint64_t x) {
@@ -39,8 +39,11 @@ inline std::uint64_t gatherBits(std::uint64_t x) {
 
 /// Bits of x, y and z interleaved, x lowest. Coordinates 0 … 2^21 − 1.
 inline std::uint64_t mortonCode(const glm::ivec3& q) {
-  return spreadBits(static_cast<std::uint64_t>(q.x)) | spreadBits(static_cast<std::uint64_t>(q.y)) << 1 |
-         spreadBits(static_cast<std::uint64_t>(q.z)) << 2;
+  const auto bits = [&q](int first, int mask) -> std::uint64_t {
+    const auto spread = [&](int x) { return kSpreadBytes[static_cast<std::size_t>(x >> first & mask)]; };
+    return spread(q.x) | spread(q.y) << 1 | spread(q.z) << 2;
+  };
+  return bits(0, 255) | bits(8, 255) << 24 | bits(16, 31) << 48;
 }
 inline glm::ivec3 mortonPoint(std::uint64_t code) {
   return {static_cast<int>(gatherBits(code)), static_cast<int>(gatherBits(code >> 1)),

@@ -135,13 +135,11 @@ struct EdgeUses {
 
 NumberedCorners::NumberedCorners(std::span<const Corner> corners) : number(corners.size()) {
   CodeMap map(corners.size() / 6);
-  codes.reserve(corners.size() / 5);
   for (std::size_t i = 0; i < corners.size(); ++i) {
     map.expect(corners[std::min(i + CodeMap::kAhead, corners.size() - 1)].code);
-    const auto [v, is_new] = map.insert(corners[i].code, static_cast<std::uint32_t>(codes.size()));
-    if (is_new) codes.push_back(corners[i].code);
-    number[i] = v;
+    number[i] = map.insert(corners[i].code).first;
   }
+  codes = map.takeCodes();
 }
 
 QuickWinding lookAtWinding(const NumberedCorners& mesh, std::span<const std::uint32_t> border_place) {

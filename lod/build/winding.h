@@ -18,6 +18,7 @@ struct NumberedCorners {
   std::vector<std::uint64_t> codes;   ///< of the vertices, in the order in which corners name them
   std::vector<std::uint32_t> number;  ///< of each corner's vertex
 
+  NumberedCorners() = default;
   explicit NumberedCorners(std::span<const Corner> corners);
 };
 

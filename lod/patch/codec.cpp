@@ -734,24 +734,28 @@ class Walk {
       : geometry_(geometry),
         triangles_(static_cast<std::uint32_t>(geometry.indices.size() / 3)),
         careful_(careful),
-        first_(geometry.positions.size() + 1, 0),
-        left_(geometry.positions.size(), 0),
+        first_(geometry.positions.size() + 2, 0),
         uses_(geometry.indices.size()),
         next_(geometry.indices.size() + kLanes, 0),
         done_(triangles_, 0),
         number_(geometry.positions.size(), kUnnumbered),
         front_(2 * std::size_t{triangles_} + 1) {
-    for (const std::uint16_t v : geometry.indices) ++first_[std::size_t{v} + 1];
-    for (std::size_t v = 0; v + 1 < first_.size(); ++v) {
+    // Each vertex's first comes to stand one place behind, and moves to the next one's as uses are added.
+    for (const std::uint16_t v : geometry.indices) ++first_[std::size_t{v} + 2];
+    for (std::size_t v = 2; v < first_.size(); ++v) {
       // A fan of more is not looked at to its end.
-      careful_ = careful_ || first_[v + 1] > kMostLooked;
-      first_[v + 1] += first_[v];
+      careful_ = careful_ || first_[v] > kMostLooked;
+      first_[v] += first_[v - 1];
     }
     for (std::uint32_t t = 0; t < triangles_; ++t) {
       const std::uint16_t* c = &geometry.indices[3 * std::size_t{t}];
       addUse(c[0], c[1], {static_cast<std::uint16_t>(t), c[2]});
       addUse(c[1], c[2], {static_cast<std::uint16_t>(t), c[0]});
       addUse(c[2], c[0], {static_cast<std::uint16_t>(t), c[1]});
+    }
+    if (careful_) {
+      left_.resize(geometry.positions.size());
+      for (std::size_t v = 0; v < left_.size(); ++v) left_[v] = first_[v + 1] - first_[v];
     }
     out_.indices.resize(geometry.indices.size());
     out_.triangles.resize(triangles_);
@@ -795,7 +799,7 @@ class Walk {
   using Byte8 = std::int8_t __attribute__((vector_size(8)));
 
   void addUse(std::uint16_t v, std::uint16_t next, const TriangleUse& use) {
-    const std::uint32_t at = first_[v] + left_[v]++;
+    const std::uint32_t at = first_[std::size_t{v} + 1]++;
     uses_[at] = use;
     next_[at] = next;
   }
@@ -998,7 +1002,7 @@ class Walk {
   const PatchGeometry& geometry_;
   std::uint32_t triangles_;
   bool careful_;
-  // Triangles by vertex: left_ of them from first_ on. A careful walk drops used ones when it meets them.
+  // Triangles by vertex, from first_ on. A careful walk drops used ones when it meets them: left_ are left.
   std::vector<std::uint32_t> first_;
   std::vector<std::uint32_t> left_;
   std::vector<TriangleUse> uses_;

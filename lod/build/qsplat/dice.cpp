@@ -75,10 +75,9 @@ void Dicer::cut(const std::array<std::uint32_t, 3>& corners, std::uint32_t trian
 
 std::uint32_t Dicer::middleOf(std::uint32_t a, std::uint32_t b) {
   const std::uint64_t edge = std::uint64_t{std::min(a, b)} << 32 | std::max(a, b);
-  const auto next = static_cast<std::uint32_t>(points_.size() + middles_.size());
-  const auto [number, is_new] = by_edge_.insert(edge, next);
+  const auto [number, is_new] = by_edge_.insert(edge);
   if (is_new) middles_.push_back({a, b, 0.5 * (position(a) + position(b))});
-  return number;
+  return static_cast<std::uint32_t>(points_.size()) + number;
 }
 
 }  // namespace lod::build::qsplat
