@@ -29,7 +29,7 @@ constexpr int kMaxWalks = 400;
 constexpr float kEnough = 0.7F;
 // A bound so much above what the corners need is worth other walks; those try limits raised by this factor.
 constexpr float kRaise = 1.1F;
-// What is off by more than this share of what vertices need is told apart from the rest.
+// What is off by more than this share of what vertices need is an outlier.
 constexpr float kOutlying = 0.8F;
 // A border vertex is laid on the other border where that is at most so many times what some vertex needs.
 constexpr float kBorder = 2.0F;
@@ -585,7 +585,7 @@ float errorOfCode(std::uint16_t code) {
 }
 
 SurfaceError carryError(FacetSurface& surface, const SurfaceError& before_error, const SurfaceView& after,
-                        const Simplified& history, float negligible, std::vector<Outlier>& outliers) {
+                        const Simplified& history, float negligible, std::vector<Outlier>& outliers, float precise) {
   thread_local std::unique_ptr<Scratch> kept;
   if (!kept) kept = std::make_unique<Scratch>();
   Scratch& scratch = *kept;
@@ -604,7 +604,7 @@ SurfaceError carryError(FacetSurface& surface, const SurfaceError& before_error,
   overlay.forEachEnclosed([&](std::uint32_t v, float distance) {
     if (distance > usual) usual = backward.farther(v, usual);
   });
-  usual *= kOutlying;
+  usual = std::min(usual, precise);
   const float enough = std::max(negligible, kEnough * usual);
   forward.expect(enough, usual);
   backward.expect(enough, usual);
@@ -623,11 +623,13 @@ SurfaceError carryError(FacetSurface& surface, const SurfaceError& before_error,
     return image != kNone && unchanged(before, s, after, image);
   };
 
-  const float most = kOutlying * neededAbove(before_error, overlay, backward, needed);
+  const float most_needed = neededAbove(before_error, overlay, backward, needed);
+  const float most = std::min(most_needed, precise);
+  const float far = std::min(kOutlying * most_needed, precise);
   outliers.clear();
   const auto raiseBy = [&](std::uint32_t s, float& to, float value) {
     raise(to, value);
-    if (value > most) outliers.push_back({s, value});
+    if (value > far) outliers.push_back({s, value});
   };
 
   // What an edge before had to carry: the most of its triangles, which share its pairs.
@@ -702,11 +704,11 @@ SurfaceError carryError(FacetSurface& surface, const SurfaceError& before_error,
   for (std::uint32_t s = 0; s < sources; ++s) {
     const float toward = carried(before_error.toward, s);
     const float from = carried(before_error.from, s);
-    if (!overlay.coversAbove(s) || std::max(toward, from) + overlay.distance(s) <= most || isSame(s)) continue;
+    if (!overlay.coversAbove(s) || std::max(toward, from) + overlay.distance(s) <= far || isSame(s)) continue;
     const auto look = [&](std::uint32_t t, const Overlay::Gap& gap) {
       const float error = std::max(std::min(sum(toward, gap.distance), result.toward[t]),
                                    std::min(sum(from, gap.distance), result.from[t]));
-      if (error > most) outliers.push_back({s, error});
+      if (error > far) outliers.push_back({s, error});
     };
     overlay.forEachPairWithin(s, look);
     for (std::size_t k = 0; k < 3; ++k) overlay.forEachPairOfEdge(surface.edgeOf(s, k), look);

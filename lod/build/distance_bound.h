@@ -38,9 +38,12 @@ struct Outlier {
 /// The bounds of `after`, which simplifyGroup made of `before`, rounding included. Distances below `negligible` are not
 /// looked into. Triangles that stayed as they were carry on what they had. Both surfaces have triangles, and both
 /// colours or neither. Of `before` facets and boxes are made as they are needed.
-/// `outliers`: the triangles of `before` that are nearly as far off as any has to be, or farther, several times some.
+/// `outliers`: the triangles of `before` that come out off by more than `precise`, and all that do by nearly as much as
+/// the vertices need; several times some. Above `precise` bounds are as tight as can be, which takes time; else those
+/// up to what the vertices need are not tried to be lowered, so that triangles may be outliers for nothing.
 SurfaceError carryError(FacetSurface& before, const SurfaceError& before_error, const SurfaceView& after,
-                        const Simplified& history, float negligible, std::vector<Outlier>& outliers);
+                        const Simplified& history, float negligible, std::vector<Outlier>& outliers,
+                        float precise = std::numeric_limits<float>::infinity());
 
 /// A distance or a difference of colours in two bytes, rounded up by at most 0.05 % from 1/16 to 2^22; less counts as
 /// 1/16, 0 stays 0. No two points of a lattice (21 bits) are farther from each other than 2^22.

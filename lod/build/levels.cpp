@@ -26,9 +26,12 @@ constexpr double kKept = 0.4;
 // this share of its limit on; then with larger shares.
 constexpr int kRounds = 3;
 constexpr float kKeptAsTheyAre = 0.95F;
+// Of more outliers most are none, when they were not looked into.
+constexpr std::ptrdiff_t kFewOutliers = 30;
+constexpr float kNotPrecise = std::numeric_limits<float>::infinity();
 constexpr std::array<double, 3> kMoreKept{0.5, 0.6, 0.75};
-// A level of fewer groups has none that stands out.
-constexpr std::size_t kLeastGroups = 5;
+// A level of one group has none that stands out.
+constexpr std::size_t kLeastGroups = 2;
 // Distances below this share of a group's error so far do not matter.
 constexpr float kNegligible = 0.05F;
 // A group's output is split along voxels of about this share of a patch: fine enough for even parts, coarse enough that
@@ -218,7 +221,7 @@ float doubledArea(const CodedMesh& mesh, std::size_t t) {
 }
 
 Coarser coarserOf(const Merged& before, FacetSurface& surface, const SurfaceError& before_error, SimplifiedGroup& group,
-                  std::uint32_t bits, float negligible) {
+                  std::uint32_t bits, float negligible, float precise) {
   Merged merged{std::move(group.vertices), before.corner};
   keepOnLattice(merged, bits);
   Coarser out;
@@ -226,7 +229,7 @@ Coarser coarserOf(const Merged& before, FacetSurface& surface, const SurfaceErro
   if (out.mesh.indices.empty()) return out;
   const SurfaceError error =
       carryError(surface, before_error, {merged.mesh.positions, group.simplified.indices, merged.mesh.colors},
-                 group.simplified, negligible, out.outliers);
+                 group.simplified, negligible, out.outliers, precise);
   out.codes.resize(kErrorCodes * error.toward.size());
   for (std::size_t t = 0; t < error.toward.size(); ++t) {
     std::uint16_t* code = &out.codes[kErrorCodes * t];
@@ -251,6 +254,9 @@ Coarser coarserOf(const Merged& before, FacetSurface& surface, const SurfaceErro
 template <class Make>
 Coarser keptWithin(float allowed, const GroupMesh& mesh, std::vector<Outlier> outliers, Make&& make) {
   Coarser best;
+  const float far = kKeptAsTheyAre * allowed;
+  const auto isFar = [&](const Outlier& outlier) { return outlier.error > far; };
+  if (std::count_if(outliers.begin(), outliers.end(), isFar) > kFewOutliers) outliers = make(mesh, kKept, far).outliers;
   const auto isWithin = [&](Coarser next) {
     outliers = next.outliers;
     // Levels end only where groups shrink.
@@ -263,16 +269,16 @@ Coarser keptWithin(float allowed, const GroupMesh& mesh, std::vector<Outlier> ou
   for (int round = 0; round < kRounds; ++round) {
     bool is_new = false;
     for (const Outlier& outlier : outliers)
-      for (std::size_t k = 0; k < 3 && outlier.error > kKeptAsTheyAre * allowed; ++k) {
+      for (std::size_t k = 0; k < 3 && isFar(outlier); ++k) {
         std::uint8_t& locked = kept.locked[mesh.indices[3 * std::size_t{outlier.triangle} + k]];
         is_new |= locked == 0;
         locked = 1;
       }
-    if (!is_new || isWithin(make(kept, kKept))) break;
+    if (!is_new || isWithin(make(kept, kKept, far))) break;
   }
   if (!best.mesh.indices.empty() && best.error <= allowed) return best;
   for (const double share : kMoreKept)
-    if (isWithin(make(mesh, share))) break;
+    if (isWithin(make(mesh, share, kNotPrecise))) break;
   return best;
 }
 
@@ -282,7 +288,7 @@ Coarser keptWithin(float allowed, const GroupMesh& mesh, std::vector<Outlier> ou
 // be that of planes that were simplified for nothing (docs/results/hierarchy.md, "Stated errors").
 float usualLimit(const ErrorHistogram& errors, std::uint32_t level) {
   const float usual = errors.quantile(0.9);
-  if (level == 1) return std::max(4.0F, std::min(11.0F * usual, 1.9F * errors.quantile(0.999)));
+  if (level == 1) return std::max(4.0F, std::min(12.0F * usual, 1.9F * errors.quantile(0.999)));
   const auto l = static_cast<float>(level);
   return std::max(4.0F, std::min((1.1F + 4.2F / (l * std::sqrt(l))) * usual, 1.7F * errors.quantile(0.99)));
 }
@@ -525,20 +531,20 @@ base::Result<LevelBuilder::Made> LevelBuilder::makeGroup(const Piece& piece, Wor
   // Simplify.
   thread_local FacetSurface surface;  // whose memory is kept
   surface.reset({merged.mesh.positions, merged.mesh.indices, merged.mesh.colors});
-  const auto make = [&](const GroupMesh& mesh, double share) {
+  const auto make = [&](const GroupMesh& mesh, double share, float precise) {
     const std::size_t target = options_.regroup
                                    ? static_cast<std::size_t>(share * static_cast<double>(mesh.indices.size() / 3))
                                    : options_.node_triangles;
     SimplifiedGroup simplified = std::move(simplifyGroup(mesh, surface, std::span(&target, 1))[0]);
     simplified.vertices.locked = merged.mesh.locked;
-    return coarserOf(merged, surface, before_error, simplified, lattice_.bits, negligible);
+    return coarserOf(merged, surface, before_error, simplified, lattice_.bits, negligible, precise);
   };
   Coarser best;
-  if (again == nullptr || !again->outliers) best = make(merged.mesh, kKept);
+  if (again == nullptr || !again->outliers) best = make(merged.mesh, kKept, kNotPrecise);
   if (again != nullptr) {
     const auto allowed = static_cast<float>(static_cast<double>(again->limit) / step);
     best = keptWithin(allowed, merged.mesh, again->outliers ? *again->outliers : best.outliers, make);
-    if (best.mesh.indices.empty()) best = make(merged.mesh, kKept);
+    if (best.mesh.indices.empty()) best = make(merged.mesh, kKept, kNotPrecise);
   }
   if (best.mesh.indices.empty())
     return base::Error{
