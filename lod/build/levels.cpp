@@ -535,7 +535,7 @@ base::Result<LevelBuilder::Made> LevelBuilder::makeGroup(const Piece& piece, Wor
     const std::size_t target = options_.regroup
                                    ? static_cast<std::size_t>(share * static_cast<double>(mesh.indices.size() / 3))
                                    : options_.node_triangles;
-    SimplifiedGroup simplified = std::move(simplifyGroup(mesh, surface, std::span(&target, 1))[0]);
+    SimplifiedGroup simplified = simplifyGroup(mesh, surface, target);
     simplified.vertices.locked = merged.mesh.locked;
     return coarserOf(merged, surface, before_error, simplified, lattice_.bits, negligible, precise);
   };

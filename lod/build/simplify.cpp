@@ -375,14 +375,10 @@ glm::dvec3 crossOf(const glm::vec3& a, const glm::vec3& b, const glm::vec3& c) {
 
 class Simplifier {
  public:
-  Simplifier(const GroupMesh& mesh, const FacetSurface& surface, std::span<const std::size_t> targets)
-      : mesh_(mesh),
-        positions_(mesh.positions),
-        surface_(surface),
-        targets_(targets),
-        target_(std::max<std::size_t>(1, targets.back())) {}
+  Simplifier(const GroupMesh& mesh, const FacetSurface& surface, std::size_t target)
+      : mesh_(mesh), positions_(mesh.positions), surface_(surface), target_(std::max<std::size_t>(1, target)) {}
 
-  std::vector<SimplifiedGroup> run() {
+  SimplifiedGroup run() {
     buildFans();
     findEdges();
     addTriangleQuadrics();
@@ -392,15 +388,14 @@ class Simplifier {
     std::size_t stage = 0;
     for (;;) {
       const std::size_t before = live_;
-      collapseAll(kStages[stage], stage > 0);
+      collapseAll(kStages[stage]);
       if (live_ <= target_) break;
       const bool last = stage + 1 == kStages.size();
       if (last && live_ == before) break;
       if (!last && before - live_ < std::max<std::size_t>(1, before / 50)) ++stage;
       refillQueue();
     }
-    while (reached_.size() < targets_.size()) keepResult(stage > 0);
-    return std::move(reached_);
+    return result(stage > 0);
   }
 
  private:
@@ -608,7 +603,7 @@ class Simplifier {
 
   // Cheapest first. Quadrics only grow, so that costs seldom fall: a cost is computed anew when its turn comes, and the
   // edge waits again if it has become dearer.
-  void collapseAll(const Stage& stage, bool rough) {
+  void collapseAll(const Stage& stage) {
     const double most = stage.largest_move * stage.largest_move * mean_edge_ * mean_edge_ * mean_edge_ * mean_edge_;
     while (live_ > target_ && fillQueue() && queue_.lowest() <= most) {
       const EdgeQueue::Entry entry = queue_.top();
@@ -654,17 +649,16 @@ class Simplifier {
       }
       apply(collapse);
       if (meets) removeOpposites(collapse.kept);
-      while (reached_.size() + 1 < targets_.size() && live_ <= targets_[reached_.size()]) keepResult(rough);
     }
   }
 
-  void keepResult(bool rough) {
+  SimplifiedGroup result(bool rough) {
     GroupMesh vertices{positions_, {}, {}, mesh_.locked, {}};
     vertices.normals.reserve(vertices_.size());
     for (const Vertex& v : vertices_) vertices.normals.push_back(v.normal);
     if (!mesh_.colors.empty()) vertices.colors.reserve(vertices_.size());
     for (const Vertex& v : std::span(vertices_).first(mesh_.colors.size())) vertices.colors.push_back(v.color);
-    reached_.push_back({std::move(vertices), result(rough)});
+    return {std::move(vertices), history(rough)};
   }
 
   // At least two edges in the queue's heap if there are as many; false if there is none at all. Edges that waited are
@@ -1143,7 +1137,7 @@ class Simplifier {
     return c[1] == v ? std::pair{c[2], c[0]} : std::pair{c[0], c[1]};
   }
 
-  Simplified result(bool rough) {
+  Simplified history(bool rough) {
     Simplified out;
     out.indices.reserve(3 * live_);
     out.origin.reserve(live_);
@@ -1168,9 +1162,7 @@ class Simplifier {
   const GroupMesh& mesh_;
   std::vector<glm::vec3> positions_;  // as in vertices_, for what asks for nothing else
   const FacetSurface& surface_;       // of the mesh as it was given
-  std::span<const std::size_t> targets_;
-  std::size_t target_;  // the last of them
-  std::vector<SimplifiedGroup> reached_;
+  std::size_t target_;
   std::size_t live_ = 0;
   std::uint32_t collapses_ = 0;  // done so far
   std::vector<Fan> fans_;
@@ -1203,23 +1195,18 @@ class Simplifier {
 
 }  // namespace
 
-std::vector<SimplifiedGroup> simplifyGroup(const GroupMesh& mesh, std::span<const std::size_t> target_triangles) {
-  FacetSurface surface;
-  surface.reset({mesh.positions, mesh.indices});
-  return simplifyGroup(mesh, surface, target_triangles);
-}
-
-std::vector<SimplifiedGroup> simplifyGroup(const GroupMesh& mesh, const FacetSurface& surface,
-                                           std::span<const std::size_t> target_triangles) {
+SimplifiedGroup simplifyGroup(const GroupMesh& mesh, const FacetSurface& surface, std::size_t target_triangles) {
   return Simplifier(mesh, surface, target_triangles).run();
 }
 
 Simplified simplifyGroup(GroupMesh& mesh, std::size_t target_triangles) {
-  std::vector<SimplifiedGroup> reached = simplifyGroup(mesh, std::span(&target_triangles, 1));
-  mesh.positions = std::move(reached[0].vertices.positions);
-  mesh.normals = std::move(reached[0].vertices.normals);
-  mesh.colors = std::move(reached[0].vertices.colors);
-  return std::move(reached[0].simplified);
+  FacetSurface surface;
+  surface.reset({mesh.positions, mesh.indices});
+  SimplifiedGroup made = simplifyGroup(mesh, surface, target_triangles);
+  mesh.positions = std::move(made.vertices.positions);
+  mesh.normals = std::move(made.vertices.normals);
+  mesh.colors = std::move(made.vertices.colors);
+  return std::move(made.simplified);
 }
 
 }  // namespace lod::build

@@ -46,10 +46,7 @@ struct SimplifiedGroup {
 /// flap, an ear) does so only at the price of its distance to what stays. Locked vertices stay in all stages.
 Simplified simplifyGroup(GroupMesh& mesh, std::size_t target_triangles);
 
-/// The same for each of `target_triangles` (one or more, falling), in the time of the last.
-std::vector<SimplifiedGroup> simplifyGroup(const GroupMesh& mesh, std::span<const std::size_t> target_triangles);
-/// With the edges and fans of the mesh, where the caller has them.
-std::vector<SimplifiedGroup> simplifyGroup(const GroupMesh& mesh, const FacetSurface& surface,
-                                           std::span<const std::size_t> target_triangles);
+/// The same with the edges and fans of the mesh, where the caller has them.
+SimplifiedGroup simplifyGroup(const GroupMesh& mesh, const FacetSurface& surface, std::size_t target_triangles);
 
 }  // namespace lod::build
