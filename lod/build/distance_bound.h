@@ -29,7 +29,8 @@ struct SurfaceError {
   std::vector<float> color;
 };
 
-/// A triangle of the surface before that came out so far off, or that something is so far off from.
+/// A triangle of the surface before, with a place that came out so far off, or that a place after is so far off from:
+/// in units of the positions, what was carried included.
 struct Outlier {
   std::uint32_t triangle = 0;
   float error = 0.0F;

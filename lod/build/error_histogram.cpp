@@ -7,10 +7,6 @@
 
 namespace lod::build {
 
-void ErrorHistogram::add(float error, float area) {
-  addCoded(errorCode(error), area);
-}
-
 void ErrorHistogram::add(const ErrorHistogram& other) {
   areas_.resize(std::max(areas_.size(), other.areas_.size()), 0.0);
   for (std::size_t bin = 0; bin < other.areas_.size(); ++bin) areas_[bin] += other.areas_[bin];

@@ -9,11 +9,9 @@ namespace lod::build {
 
 class ErrorHistogram {
  public:
-  /// `area` ≥ 0, in whatever unit, whose bound is `error` ≥ 0 (as errorCode takes it).
-  void add(float error, float area);
-  /// The same of an errorCode().
-  void addCoded(std::uint16_t error, float area) {
-    const std::size_t bin = error >> kBinBits;
+  /// `area` ≥ 0, in whatever unit, whose bound is the error that `code` (errorCode()) stands for.
+  void add(std::uint16_t code, float area) {
+    const std::size_t bin = code >> kBinBits;
     if (bin >= areas_.size()) areas_.resize(bin + 1, 0.0);
     areas_[bin] += static_cast<double>(area);
   }

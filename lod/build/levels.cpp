@@ -22,14 +22,14 @@ namespace {
 // A group keeps two fifths of its triangles. Halves cut finer, thirds are built faster and take less room: all levels
 // together have 2 and 1.5 times the source's triangles. Two fifths make 1.67, and cuts nearer to halves'.
 constexpr double kKept = 0.4;
-// A group that stands out is made again so often with the same share, and what was far off kept as it was, that is from
-// this share of its limit on; then with larger shares.
+// A group that stands out is made again so often with the same share, and with what was off by this share of its limit
+// or more kept as it was; then with larger shares.
 constexpr int kRounds = 3;
 constexpr float kKeptAsTheyAre = 0.95F;
-// Of more outliers most are none, when they were not looked into.
+constexpr std::array<double, 3> kMoreKept{0.5, 0.6, 0.75};
+// So many outliers are mostly none, where bounds are not precise.
 constexpr std::ptrdiff_t kFewOutliers = 30;
 constexpr float kNotPrecise = std::numeric_limits<float>::infinity();
-constexpr std::array<double, 3> kMoreKept{0.5, 0.6, 0.75};
 // A level of one group has none that stands out.
 constexpr std::size_t kLeastGroups = 2;
 // Distances below this share of a group's error so far do not matter.
@@ -223,6 +223,7 @@ float doubledArea(const CodedMesh& mesh, std::size_t t) {
 Coarser coarserOf(const Merged& before, FacetSurface& surface, const SurfaceError& before_error, SimplifiedGroup& group,
                   std::uint32_t bits, float negligible, float precise) {
   Merged merged{std::move(group.vertices), before.corner};
+  merged.mesh.locked = before.mesh.locked;
   keepOnLattice(merged, bits);
   Coarser out;
   out.mesh = codedMesh(merged, group.simplified, out.outer);
@@ -237,8 +238,8 @@ Coarser coarserOf(const Merged& before, FacetSurface& surface, const SurfaceErro
     code[1] = errorCode(error.from[t]);
     code[2] = error.color.empty() ? std::uint16_t{0} : errorCode(error.color[t]);
     const float area = doubledArea(out.mesh, t);
-    out.errors.addCoded(code[0], area);
-    out.errors.addCoded(code[1], area);
+    out.errors.add(code[0], area);
+    out.errors.add(code[1], area);
     out.error = std::max({out.error, error.toward[t], error.from[t]});
     if (!error.color.empty()) out.color_error = std::max(out.color_error, error.color[t]);
   }
@@ -257,16 +258,17 @@ Coarser keptWithin(float allowed, const GroupMesh& mesh, std::vector<Outlier> ou
   const float far = kKeptAsTheyAre * allowed;
   const auto isFar = [&](const Outlier& outlier) { return outlier.error > far; };
   if (std::count_if(outliers.begin(), outliers.end(), isFar) > kFewOutliers) outliers = make(mesh, kKept, far).outliers;
-  const auto isWithin = [&](Coarser next) {
+  const auto isWithin = [&] { return !best.mesh.indices.empty() && best.error <= allowed; };
+  // Levels end only where groups shrink.
+  const double most = kMoreKept.back() * static_cast<double>(mesh.indices.size());
+  const auto take = [&](Coarser next) {
     outliers = next.outliers;
-    // Levels end only where groups shrink.
-    const std::size_t triangles = next.mesh.indices.size();
-    if (static_cast<double>(triangles) > kMoreKept.back() * static_cast<double>(mesh.indices.size())) return false;
-    if (triangles > 0 && (best.mesh.indices.empty() || next.error < best.error)) best = std::move(next);
-    return !best.mesh.indices.empty() && best.error <= allowed;
+    const std::size_t indices = next.mesh.indices.size();
+    if (indices == 0 || static_cast<double>(indices) > most) return;
+    if (best.mesh.indices.empty() || next.error < best.error) best = std::move(next);
   };
   GroupMesh kept = mesh;
-  for (int round = 0; round < kRounds; ++round) {
+  for (int round = 0; round < kRounds && !isWithin(); ++round) {
     bool is_new = false;
     for (const Outlier& outlier : outliers)
       for (std::size_t k = 0; k < 3 && isFar(outlier); ++k) {
@@ -274,11 +276,11 @@ Coarser keptWithin(float allowed, const GroupMesh& mesh, std::vector<Outlier> ou
         is_new |= locked == 0;
         locked = 1;
       }
-    if (!is_new || isWithin(make(kept, kKept, far))) break;
+    if (!is_new) break;
+    take(make(kept, kKept, far));
   }
-  if (!best.mesh.indices.empty() && best.error <= allowed) return best;
-  for (const double share : kMoreKept)
-    if (isWithin(make(mesh, share, kNotPrecise))) break;
+  for (auto share = kMoreKept.begin(); share != kMoreKept.end() && !isWithin(); ++share)
+    take(make(mesh, *share, kNotPrecise));
   return best;
 }
 
@@ -536,7 +538,6 @@ base::Result<LevelBuilder::Made> LevelBuilder::makeGroup(const Piece& piece, Wor
                                    ? static_cast<std::size_t>(share * static_cast<double>(mesh.indices.size() / 3))
                                    : options_.node_triangles;
     SimplifiedGroup simplified = simplifyGroup(mesh, surface, target);
-    simplified.vertices.locked = merged.mesh.locked;
     return coarserOf(merged, surface, before_error, simplified, lattice_.bits, negligible, precise);
   };
   Coarser best;

@@ -653,7 +653,7 @@ class Simplifier {
   }
 
   SimplifiedGroup result(bool rough) {
-    GroupMesh vertices{positions_, {}, {}, mesh_.locked, {}};
+    GroupMesh vertices{std::move(positions_), {}, {}, {}, {}};
     vertices.normals.reserve(vertices_.size());
     for (const Vertex& v : vertices_) vertices.normals.push_back(v.normal);
     if (!mesh_.colors.empty()) vertices.colors.reserve(vertices_.size());

@@ -30,7 +30,8 @@ struct Simplified {
   bool rough = false;                   ///< more than the first stage was needed
 };
 
-/// A group at some number of triangles: where its vertices are then, without triangles of its own, and which are left.
+/// A group at some number of triangles: its vertices as they are then (no triangles, nothing locked), and which are
+/// left.
 struct SimplifiedGroup {
   GroupMesh vertices;
   Simplified simplified;

@@ -6,8 +6,11 @@
 #include <random>
 #include <vector>
 
+#include "lod/build/distance_bound.h"
+
 namespace {
 
+using lod::build::errorCode;
 using lod::build::ErrorHistogram;
 
 TEST(ErrorHistogram, QuantilesAreThoseOfTheAreasRoundedUp) {
@@ -19,7 +22,7 @@ TEST(ErrorHistogram, QuantilesAreThoseOfTheAreasRoundedUp) {
   for (int i = 0; i < 2000; ++i) {
     all.emplace_back(std::exp2(exponent(random)), area(random));
     sum += static_cast<double>(all.back().second);
-    (i % 3 == 0 ? first : second).add(all.back().first, all.back().second);
+    (i % 3 == 0 ? first : second).add(errorCode(all.back().first), all.back().second);
   }
   first.add(second);
   std::sort(all.begin(), all.end());
@@ -38,16 +41,16 @@ TEST(ErrorHistogram, QuantilesAreThoseOfTheAreasRoundedUp) {
 TEST(ErrorHistogram, OfNothingIsZeroAndSmallErrorsCountAsTheLeast) {
   ErrorHistogram errors;
   EXPECT_EQ(errors.quantile(0.9), 0.0F);
-  errors.add(0.0F, 3.0F);
+  errors.add(errorCode(0.0F), 3.0F);
   EXPECT_LE(errors.quantile(0.9), 1.07F / 16.0F);
-  errors.add(1e30F, 1000.0F);
+  errors.add(errorCode(1e30F), 1000.0F);
   EXPECT_GE(errors.quantile(0.9), 4'194'304.0F);
   EXPECT_LE(errors.quantile(0.9), 1.07F * 4'194'304.0F);
 }
 
 TEST(ErrorHistogram, ReadsBackWhatItWroteAndRefusesWhatItDidNot) {
   ErrorHistogram errors;
-  for (const float error : {0.5F, 3.0F, 3.0F, 900.0F}) errors.add(error, error);
+  for (const float error : {0.5F, 3.0F, 3.0F, 900.0F}) errors.add(errorCode(error), error);
   base::ByteWriter out;
   errors.write(out);
   const base::Bytes bytes = out.take();
