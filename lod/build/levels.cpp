@@ -22,8 +22,8 @@ namespace {
 // A group keeps two fifths of its triangles. Halves cut finer, thirds are built faster and take less room: all levels
 // together have 2 and 1.5 times the source's triangles. Two fifths make 1.67, and cuts nearer to halves'.
 constexpr double kKept = 0.4;
-// A group that stands out is made again so often with the same share, and with what was off by this share of its limit
-// or more kept as it was; then with larger shares.
+// A group that stands out is made again so often with the same share of what may change, and with what was off by this
+// share of its limit or more kept as it was; then with larger shares.
 constexpr int kRounds = 3;
 constexpr float kKeptAsTheyAre = 0.95F;
 constexpr std::array<double, 3> kMoreKept{0.5, 0.6, 0.75};
@@ -248,10 +248,18 @@ Coarser coarserOf(const Merged& before, FacetSurface& surface, const SurfaceErro
   return out;
 }
 
+// The share of a mesh's triangles that is left when those whose corners are all locked stay, and of the others the
+// usual share does: were the others to pay for them, they would be off by more than before.
+double shareAround(const GroupMesh& mesh) {
+  std::size_t stay = 0;
+  for (std::size_t i = 0; i < mesh.indices.size(); i += 3)
+    stay += mesh.locked[mesh.indices[i]] & mesh.locked[mesh.indices[i + 1]] & mesh.locked[mesh.indices[i + 2]];
+  return kKept + (1.0 - kKept) * static_cast<double>(3 * stay) / static_cast<double>(mesh.indices.size());
+}
+
 // Makes a group until it is off by at most `allowed`; else the best that was made, without triangles if none was.
-// First each time with what was off by more kept as it was: mostly such places are few, and it has no more triangles
-// for it. `make` makes it of a mesh, with a share of its triangles; `outliers` are those of `mesh` with the usual
-// share.
+// First each time with what was off by more kept as it was: mostly such places are few. `make` makes it of a mesh, with
+// a share of its triangles; `outliers` are those of `mesh` with the usual share.
 template <class Make>
 Coarser keptWithin(float allowed, const GroupMesh& mesh, std::vector<Outlier> outliers, Make&& make) {
   Coarser best;
@@ -277,7 +285,7 @@ Coarser keptWithin(float allowed, const GroupMesh& mesh, std::vector<Outlier> ou
         locked = 1;
       }
     if (!is_new) break;
-    take(make(kept, kKept, far));
+    take(make(kept, shareAround(kept), far));
   }
   for (auto share = kMoreKept.begin(); share != kMoreKept.end() && !isWithin(); ++share)
     take(make(mesh, *share, kNotPrecise));
@@ -286,13 +294,17 @@ Coarser keptWithin(float allowed, const GroupMesh& mesh, std::vector<Outlier> ou
 
 // What no group of a level should be off by, in lattice steps, when `errors` are those of all: stated bounds are to be
 // at most four times the 99.9th percentile of true distances. That percentile is about 0.4 of the 90th of the bounds,
-// which are sums, and more on the lower levels, which add up less. At the first nothing is added up, and the 90th may
-// be that of planes that were simplified for nothing (docs/results/hierarchy.md, "Stated errors").
+// which are sums, and more on the lower levels, which add up less; there it also rises with how far the 99th is from
+// the 90th. At the first level nothing is added up, and the 90th may be that of planes that were simplified for nothing
+// (docs/results/hierarchy.md, "Stated errors").
 float usualLimit(const ErrorHistogram& errors, std::uint32_t level) {
   const float usual = errors.quantile(0.9);
   if (level == 1) return std::max(4.0F, std::min(12.0F * usual, 1.9F * errors.quantile(0.999)));
   const auto l = static_cast<float>(level);
-  return std::max(4.0F, std::min((1.1F + 4.2F / (l * std::sqrt(l))) * usual, 1.7F * errors.quantile(0.99)));
+  const float high = errors.quantile(0.99);
+  const float by_usual = (1.1F + 4.2F / (l * std::sqrt(l))) * usual;
+  const float by_high = 1.2F * high + 8.0F / (l * l) * (high - usual);
+  return std::max(4.0F, std::min(by_usual, by_high));
 }
 
 }  // namespace
