@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <bit>
 #include <cmath>
 #include <cstring>
 #include <filesystem>
@@ -25,7 +26,8 @@ constexpr std::uint64_t kMostSamples = std::uint64_t{1} << 20;
 constexpr std::uint32_t kTableBits = 18;       // of the codes' top bits, to look a bucket up by
 constexpr std::uint32_t kSmallTableBits = 12;  // the same where there are few
 constexpr std::size_t kFewSplitters = 16;
-constexpr std::size_t kMostBlocks = 10;                          // of triangles, at a time
+constexpr std::size_t kMostBlocks = 10;    // of triangles, at a time
+constexpr std::uint32_t kMostOfRun = 256;  // triangles, so that no buffer grows far over its limit
 constexpr std::uint64_t kBufferBytes = std::uint64_t{64} << 20;  // of all buckets together
 
 // Fewer bits save nothing that counts on a small mesh, and cost accuracy at fine levels.
@@ -33,11 +35,35 @@ constexpr std::uint32_t kLeastChosenBits = 14;
 // What measureWinding takes for a bucket, about.
 constexpr std::uint64_t kWindingBytes = std::uint64_t{80} << 20;
 
-constexpr std::uint8_t kStateVersion = 2;
+constexpr std::uint8_t kStateVersion = 3;
 
 struct Record {
   Corner corner[3];
 };
+
+// A triangle in the buckets' file: two bytes that say how many bytes each code takes (four bits each) and whether the
+// triangle starts a run; the codes' differing bytes, the first corner's from that of the triangle before it in the run,
+// the others' from the first's; what else there is of each corner. Neighbours differ in few low bytes: half the bytes
+// of whole codes.
+constexpr std::uint32_t kStartsRun = 1U << 12;
+constexpr std::size_t kHeadBytes = 2;
+constexpr std::size_t kMostTriangleBytes = kHeadBytes + 3 * sizeof(Corner);
+constexpr std::size_t kSlack = 8;  // bytes that may be read or written past what counts
+
+std::uint32_t bytesOf(std::uint64_t x) {
+  return (static_cast<std::uint32_t>(std::bit_width(x)) + 7) / 8;
+}
+
+std::uint8_t* putLowBytes(std::uint64_t x, std::uint32_t bytes, std::uint8_t* to) {
+  std::memcpy(to, &x, sizeof(x));
+  return to + bytes;
+}
+
+std::uint64_t lowBytes(const std::uint8_t* from, std::uint32_t bytes) {
+  std::uint64_t x = 0;
+  std::memcpy(&x, from, sizeof(x));
+  return bytes == 0 ? 0 : x & ~std::uint64_t{0} >> (64 - 8 * bytes);
+}
 
 void turn(const std::vector<bool>& flips, std::vector<BorderTriangle>& triangles) {
   if (flips.empty()) return;
@@ -247,11 +273,17 @@ class BucketSorter {
   struct GatherPass {
     bool first = false, last = false;
   };
+  // Triangles on end that go to the same bucket: mostly neighbours.
+  struct Run {
+    std::uint32_t bucket = 0;
+    std::uint32_t triangles = 0;
+    std::size_t bytes = 0;
+  };
   struct Gathered {
     SpooledTriangles block;
-    std::vector<Record> records;        // where another window needs them or has left them
-    base::Bytes packed;                 // of the triangles kept, as the buckets hold them
-    std::vector<std::uint32_t> bucket;  // of each
+    std::vector<Record> records;  // where another window needs them or has left them
+    base::Bytes packed;           // of the triangles kept, as the buckets hold them
+    std::vector<Run> runs;        // of them
     std::vector<std::uint64_t> border;
     BucketCounts counts;
   };
@@ -310,13 +342,13 @@ class BucketSorter {
 
   // Leaves out triangles that are none, packs the others and says where they go.
   void sift(const SpooledTriangles& block, Gathered& result) const {
-    const std::size_t size = 3 * out_.cornerBytes();
     const std::size_t triangles = block.corners.size() / 3;
-    result.packed.resize(size * triangles);
-    result.bucket.clear();
+    result.packed.resize((kHeadBytes + 3 * out_.cornerBytes()) * triangles + kSlack);
+    result.runs.clear();
     result.border.clear();
     result.counts = {};
     std::uint8_t* to = result.packed.data();
+    std::uint64_t before = 0;
     for (std::size_t t = 0; t < triangles; ++t) {
       const std::uint64_t* v = &block.corners[3 * t];
       Record record = result.records.empty() ? Record{} : result.records[t];
@@ -337,26 +369,30 @@ class BucketSorter {
       if (!splitters_.empty())
         for (const std::uint64_t code : {a, b, c})
           if (bucketOf(code) != bucket) result.border.push_back(code);
-      result.bucket.push_back(bucket);
-      for (const Corner& corner : record.corner) to = out_.pack(corner, to);
+      const bool starts_run =
+          result.runs.empty() || result.runs.back().bucket != bucket || result.runs.back().triangles == kMostOfRun;
+      if (starts_run) {
+        result.runs.push_back({bucket, 0, 0});
+        before = 0;
+      }
+      std::uint8_t* const end = out_.packTriangle(record.corner, starts_run, before, to);
+      before = a;
+      ++result.runs.back().triangles;
+      result.runs.back().bytes += static_cast<std::size_t>(end - to);
+      to = end;
     }
   }
 
   base::Result<void> store(const Gathered& result) {
-    const std::size_t size = 3 * out_.cornerBytes();
-    const std::size_t triangles = result.bucket.size();
-    // Neighbours mostly go to the same bucket: some at a time.
-    constexpr std::size_t kRun = 256;
-    for (std::size_t begin = 0, end = 0; begin < triangles; begin = end) {
-      const std::uint32_t bucket = result.bucket[begin];
-      const std::size_t most = std::min(triangles, begin + kRun);
-      for (end = begin + 1; end < most && result.bucket[end] == bucket;) ++end;
-      base::Bytes& buffer = buffers_[bucket];
-      buffer.insert(buffer.end(), result.packed.data() + begin * size, result.packed.data() + end * size);
-      out_.counts_[bucket] += end - begin;
-      if (buffer.size() >= buffer_limit_) LUMIGRID_TRY(flush(bucket));
+    const std::uint8_t* from = result.packed.data();
+    for (const Run& run : result.runs) {
+      base::Bytes& buffer = buffers_[run.bucket];
+      buffer.insert(buffer.end(), from, from + run.bytes);
+      from += run.bytes;
+      out_.counts_[run.bucket] += run.triangles;
+      out_.totals_.triangles += run.triangles;
+      if (buffer.size() >= buffer_limit_) LUMIGRID_TRY(flush(run.bucket));
     }
-    out_.totals_.triangles += triangles;
     out_.totals_.degenerate += result.counts.degenerate;
     out_.totals_.collapsed += result.counts.collapsed;
     border_.insert(border_.end(), result.border.begin(), result.border.end());
@@ -407,15 +443,24 @@ base::Result<Buckets> Buckets::sort(const SourceSpool& source, const SourceInfo&
 
 std::uint8_t* Buckets::pack(const Corner& corner, std::uint8_t* to) const {
   std::memcpy(to, &corner.code, 8), to += 8;
+  return packAttributes(corner, to);
+}
+
+std::uint8_t* Buckets::packAttributes(const Corner& corner, std::uint8_t* to) const {
   if (has_colors_) std::memcpy(to, &corner.color, 4), to += 4;
   if (has_normals_) std::memcpy(to, &corner.normal, 4), to += 4;
   return to;
 }
 
-void Buckets::unpack(const std::uint8_t* from, Corner& corner) const {
-  std::memcpy(&corner.code, from, 8);
-  if (has_colors_) std::memcpy(&corner.color, from + 8, 4);
-  if (has_normals_) std::memcpy(&corner.normal, from + cornerBytes() - 4, 4);
+const std::uint8_t* Buckets::unpack(const std::uint8_t* from, Corner& corner) const {
+  std::memcpy(&corner.code, from, 8), from += 8;
+  return unpackAttributes(from, corner);
+}
+
+const std::uint8_t* Buckets::unpackAttributes(const std::uint8_t* from, Corner& corner) const {
+  if (has_colors_) std::memcpy(&corner.color, from, 4), from += 4;
+  if (has_normals_) std::memcpy(&corner.normal, from, 4), from += 4;
+  return from;
 }
 
 // Which way a bucket's triangles face, and how many have an area at all.
@@ -433,21 +478,58 @@ Buckets::Area Buckets::areaOf(const NumberedCorners& mesh) {
   return area;
 }
 
-base::Result<std::vector<Corner>> Buckets::readAsGiven(std::size_t bucket) const {
-  std::vector<Corner> corners(3 * static_cast<std::size_t>(counts_[bucket]));
-  const std::size_t size = cornerBytes();
-  auto to = corners.begin();
-  // So many at a time stay in the cache.
-  constexpr std::size_t kCorners = std::size_t{1} << 13;
-  base::Bytes room(kCorners * size);
-  for (const Extent& extent : extents_[bucket]) {
-    for (std::uint64_t at = 0; at < extent.bytes; at += room.size()) {
-      const auto bytes =
-          std::span(room).first(static_cast<std::size_t>(std::min<std::uint64_t>(room.size(), extent.bytes - at)));
-      LUMIGRID_TRY(file_.readAt(extent.offset + at, bytes));
-      for (std::size_t i = 0; i + size <= bytes.size() && to != corners.end(); i += size) unpack(&bytes[i], *to++);
-    }
+std::uint8_t* Buckets::packTriangle(std::span<const Corner, 3> corner, bool starts_run, std::uint64_t before,
+                                    std::uint8_t* to) const {
+  std::uint8_t* const head = to;
+  to += kHeadBytes;
+  std::uint32_t lengths = starts_run ? kStartsRun : 0;
+  for (std::uint32_t k = 0; k < 3; ++k) {
+    const std::uint64_t differs = corner[k].code ^ (k == 0 ? before : corner[0].code);
+    const std::uint32_t bytes = bytesOf(differs);
+    lengths |= bytes << (4 * k);
+    to = putLowBytes(differs, bytes, to);
   }
+  const auto stored = static_cast<std::uint16_t>(lengths);
+  std::memcpy(head, &stored, sizeof(stored));
+  for (const Corner& c : corner) to = packAttributes(c, to);
+  return to;
+}
+
+// At most kMostTriangleBytes, whatever lies there.
+const std::uint8_t* Buckets::unpackTriangle(const std::uint8_t* from, std::span<Corner, 3> corner,
+                                            std::uint64_t& before) const {
+  std::uint16_t head = 0;
+  std::memcpy(&head, from, sizeof(head)), from += sizeof(head);
+  if ((head & kStartsRun) != 0) before = 0;
+  for (std::uint32_t k = 0; k < 3; ++k) {
+    const std::uint32_t bytes = std::min(head >> (4 * k) & 15U, 8U);
+    corner[k].code = lowBytes(from, bytes) ^ (k == 0 ? before : corner[0].code);
+    from += bytes;
+  }
+  before = corner[0].code;
+  for (Corner& c : corner) from = unpackAttributes(from, c);
+  return from;
+}
+
+base::Result<std::vector<Corner>> Buckets::readAsGiven(std::size_t bucket) const {
+  const Error broken = damagedWorkFiles(std::filesystem::path(file_.path()).parent_path());
+  std::vector<Corner> corners(3 * static_cast<std::size_t>(counts_[bucket]));
+  std::size_t count = 0;
+  base::Bytes packed;
+  for (const Extent& extent : extents_[bucket]) {
+    const auto bytes = static_cast<std::size_t>(extent.bytes);
+    packed.resize(std::max(packed.size(), bytes + kMostTriangleBytes + kSlack));
+    LUMIGRID_TRY(file_.readAt(extent.offset, std::span(packed).first(bytes)));
+    const std::uint8_t* from = packed.data();
+    const std::uint8_t* const end = from + bytes;
+    std::uint64_t before = 0;
+    for (; from < end; count += 3) {
+      if (count == corners.size()) return broken;
+      from = unpackTriangle(from, std::span<Corner, 3>(&corners[count], 3), before);
+    }
+    if (from != end) return broken;
+  }
+  if (count != corners.size()) return broken;
   return corners;
 }
 
@@ -510,7 +592,7 @@ base::Result<std::vector<BorderTriangle>> Buckets::borderAsGiven(std::size_t buc
   for (BorderTriangle& t : out) {
     std::memcpy(&t.triangle, from, sizeof(t.triangle)), from += sizeof(t.triangle);
     std::memcpy(t.place, from, sizeof(t.place)), from += sizeof(t.place);
-    for (Corner& corner : t.corner) unpack(from, corner), from += cornerBytes();
+    for (Corner& corner : t.corner) from = unpack(from, corner);
     const bool inside = std::all_of(std::begin(t.place), std::end(t.place), [this](std::uint32_t place) {
       return place == kNotOnBorder || place < border_.codes.size();
     });

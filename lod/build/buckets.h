@@ -141,7 +141,13 @@ class Buckets {
   std::size_t cornerBytes() const { return 8 + (has_colors_ ? 4U : 0U) + (has_normals_ ? 4U : 0U); }
   std::size_t borderTriangleBytes() const { return 16 + 3 * cornerBytes(); }
   std::uint8_t* pack(const Corner& corner, std::uint8_t* to) const;
-  void unpack(const std::uint8_t* from, Corner& corner) const;
+  std::uint8_t* packAttributes(const Corner& corner, std::uint8_t* to) const;
+  std::uint8_t* packTriangle(std::span<const Corner, 3> corner, bool starts_run, std::uint64_t before,
+                             std::uint8_t* to) const;
+  const std::uint8_t* unpack(const std::uint8_t* from, Corner& corner) const;
+  const std::uint8_t* unpackAttributes(const std::uint8_t* from, Corner& corner) const;
+  const std::uint8_t* unpackTriangle(const std::uint8_t* from, std::span<Corner, 3> corner,
+                                     std::uint64_t& before) const;
   base::Result<std::vector<Corner>> readAsGiven(std::size_t bucket) const;
   /// Of each vertex on the border; kNotOnBorder for others.
   std::vector<std::uint32_t> borderPlaces(const NumberedCorners& mesh) const;
