@@ -3,8 +3,11 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cstring>
 #include <random>
 
+#include "base/file.h"
 #include "lod/build/source_import.h"
 #include "tests/support/temporary_directory.h"
 
@@ -116,6 +119,88 @@ TEST(Buckets, BorderTrianglesAreThoseThatReadFindsAtTheBorder) {
     }
     EXPECT_GT(found, 300U);
   }
+}
+
+// Every triangle with its corners' points, colours and normals, whatever order the mesh comes in: neighbours, or none.
+TEST(Buckets, CornersComeBackWithColorsAndNormalsInWhateverOrderTrianglesCome) {
+  for (const bool shuffled : {false, true}) {
+    Mesh mesh = turnedSheet(300);
+    for (const glm::vec3& p : mesh.positions) {
+      mesh.normals.push_back(glm::normalize(glm::vec3(p.x - 150.0F, p.y - 150.0F, 90.0F)));
+      mesh.colors.emplace_back(static_cast<int>(p.x) % 256, static_cast<int>(p.y) % 256, 7, 255);
+    }
+    if (shuffled) {
+      std::vector<std::array<std::uint32_t, 3>> triangles(mesh.triangleCount());
+      std::memcpy(triangles.data(), mesh.indices.data(), mesh.indices.size() * sizeof(std::uint32_t));
+      std::shuffle(triangles.begin(), triangles.end(), std::minstd_rand(5));
+      std::memcpy(mesh.indices.data(), triangles.data(), mesh.indices.size() * sizeof(std::uint32_t));
+    }
+    const Sorted sorted(mesh, std::uint64_t{64} << 20, 2);
+    ASSERT_TRUE(sorted.buckets) << sorted.buckets.error().message;
+    const auto input = sourceFromMesh(mesh);
+    support::TemporaryDirectory scratch;
+    auto directory = WorkDirectory::open(scratch.path(), {});
+    const auto source = importSource(*directory, *input, 1);
+    const SourceLattice lattice = makeLattice(source->info, source->origin, 0);
+    using Key = std::array<std::uint64_t, 9>;
+    const auto keyOf = [](const std::array<Corner, 3>& c) {
+      Key key{};
+      for (std::size_t k = 0; k < 3; ++k)
+        key[3 * k] = c[k].code, key[3 * k + 1] = c[k].color, key[3 * k + 2] = c[k].normal;
+      return key;
+    };
+    std::vector<Key> given, found;
+    for (std::size_t t = 0; t < mesh.triangleCount(); ++t) {
+      std::array<Corner, 3> corner{};
+      for (std::size_t k = 0; k < 3; ++k) {
+        const std::uint32_t v = mesh.indices[3 * t + k];
+        const glm::u8vec4 c = mesh.colors[v];
+        corner[k].code = mortonCode(lattice.point(glm::dvec3(mesh.positions[v])));
+        corner[k].color = std::uint32_t{c.r} | std::uint32_t{c.g} << 8 | std::uint32_t{c.b} << 16 | 255U << 24;
+        corner[k].normal = packNormal(mesh.normals[v]);
+      }
+      given.push_back(keyOf(corner));
+    }
+    for (std::size_t bucket = 0; bucket < sorted.buckets->count(); ++bucket) {
+      const auto corners = sorted.buckets->read(bucket);
+      ASSERT_TRUE(corners) << corners.error().message;
+      for (std::size_t i = 0; i < corners->size(); i += 3)
+        found.push_back(keyOf({(*corners)[i], (*corners)[i + 1], (*corners)[i + 2]}));
+    }
+    // A third are turned over on the way; so the first corner decides how both begin, the lesser of the others follows.
+    const auto unwind = [](Key& key) {
+      if (key[3] > key[6]) std::swap_ranges(key.begin() + 3, key.begin() + 6, key.begin() + 6);
+    };
+    for (auto* keys : {&given, &found}) {
+      std::for_each(keys->begin(), keys->end(), unwind);
+      std::sort(keys->begin(), keys->end());
+    }
+    EXPECT_EQ(given, found);
+  }
+}
+
+TEST(Buckets, DamageOnDiskIsNamedWhereverItLies) {
+  const Sorted sorted(turnedSheet(300), std::uint64_t{64} << 20, 2);
+  ASSERT_TRUE(sorted.buckets);
+  const std::string path = sorted.scratch.path() + "/buckets";
+  const auto whole = base::readFile(path);
+  ASSERT_TRUE(whole);
+  std::minstd_rand random(9);
+  std::size_t named = 0;
+  for (int i = 0; i < 60; ++i) {
+    base::Bytes bytes = *whole;
+    for (int k = 0; k < 64; ++k) bytes[random() % bytes.size()] = static_cast<std::uint8_t>(random());
+    ASSERT_TRUE(base::writeFileAtomically(path, bytes));
+    const auto opened = Buckets::open(sorted.scratch.path(), sorted.buckets->state());
+    ASSERT_TRUE(opened);
+    for (std::size_t bucket = 0; bucket < opened->count(); ++bucket) {
+      const auto corners = opened->read(bucket);
+      if (corners) continue;
+      ++named;
+      EXPECT_NE(corners.error().message.find(sorted.scratch.path()), std::string::npos) << corners.error().message;
+    }
+  }
+  EXPECT_GT(named, 30U);
 }
 
 }  // namespace
