@@ -264,17 +264,20 @@ class Builder {
 
   base::Result<void> makeLevels(std::vector<WorkPatch> leaves) {
     for (const WorkPatch& leaf : leaves) summary_.triangles += leaf.record.triangles;
-    // Groups keep two fifths, pairs of the binary tree a half: that often the leaves' in all.
+    // Groups keep two fifths, pairs of the binary tree a half: that often the leaves' in all. Some keep more, and some
+    // are made again.
+    constexpr double kNearlyDone = 0.99;
     const double all = static_cast<double>(summary_.triangles) * (options_.regroup ? 5.0 / 3.0 : 2.0);
     std::uint64_t finished = 0;
     levels_.emplace(lattice_, options_, *store_, [&, this](std::uint64_t more) {
       finished += more;
-      return report("simplify", std::min(1.0, static_cast<double>(finished) / all));
+      return report("simplify", std::min(kNearlyDone, static_cast<double>(finished) / all));
     });
     for (auto& [unit, patches] : known_)
       if (unit.level != 0) levels_->know(unit, std::move(patches));
     known_.clear();
-    return levels_->makeLevels(std::move(leaves));
+    LUMIGRID_TRY(levels_->makeLevels(std::move(leaves)));
+    return report("simplify", 1.0) ? base::Result<void>() : cancelled();
   }
 
   base::Result<void> write() {

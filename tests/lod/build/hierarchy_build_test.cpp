@@ -6,6 +6,7 @@
 
 #include <cstdlib>
 #include <filesystem>
+#include <map>
 
 #include "base/file.h"
 #include "lod/build/import.h"
@@ -289,6 +290,22 @@ TEST_F(WrittenHierarchy, FileReadsBackAndVerifies) {
   EXPECT_EQ(summary->bytes, file->fileBytes());
   EXPECT_TRUE(file->hierarchy().has_colors);
   for (const std::string& fault : file->verify()) ADD_FAILURE() << fault;
+}
+
+TEST_F(WrittenHierarchy, EachStageIsDoneOnceAndNeverGoesBack) {
+  std::vector<std::pair<std::string, double>> seen;
+  ASSERT_TRUE(buildHierarchy(support::torus(90, 60), support::smallPatches(), path("t.lgp"),
+                             [&](const auto& stage, double done) {
+                               seen.emplace_back(stage, done);
+                               return true;
+                             }));
+  std::map<std::string, int> ends;
+  for (std::size_t i = 0; i < seen.size(); ++i) {
+    if (seen[i].second >= 1.0) ++ends[seen[i].first];
+    const bool goes_on = i > 0 && seen[i].first == seen[i - 1].first;
+    EXPECT_TRUE(!goes_on || seen[i].second >= seen[i - 1].second) << seen[i].first;
+  }
+  EXPECT_EQ(ends["simplify"], 1);
 }
 
 TEST_F(WrittenHierarchy, CancelledAtAnyMomentLeavesNothing) {
