@@ -332,13 +332,17 @@ base::Result<void> LevelBuilder::makeLevels(std::vector<WorkPatch> leaves) {
 }
 
 // Border vertices that several patches of the level use, with each of them, by code.
-std::vector<LevelBuilder::SharedVertex> LevelBuilder::sharedVertices(std::span<const std::uint32_t> level) const {
+base::Result<std::vector<LevelBuilder::SharedVertex>> LevelBuilder::sharedVertices(
+    std::span<const std::uint32_t> level) const {
   std::vector<KeyedIndex> uses;
   std::size_t count = 0;
-  for (const std::uint32_t p : level) count += patches_[p].border.size();
+  for (const std::uint32_t p : level) count += patches_[p].border_codes;
   uses.reserve(count);
-  for (std::uint32_t i = 0; i < level.size(); ++i)
-    for (const std::uint64_t code : patches_[level[i]].border) uses.push_back({code, i});
+  std::vector<std::uint64_t> codes;
+  for (std::uint32_t i = 0; i < level.size(); ++i) {
+    LUMIGRID_TRY(store_.readBorder(patches_[level[i]], codes));
+    for (const std::uint64_t code : codes) uses.push_back({code, i});
+  }
   radixSort(uses, 3 * lattice_.bits);
   std::vector<SharedVertex> shared;
   for (std::size_t begin = 0, end = 0; begin < uses.size(); begin = end) {
@@ -407,8 +411,10 @@ std::vector<std::uint32_t> LevelBuilder::groupOfPatches(std::span<const std::uin
 }
 
 // The level's patches in groups.
-std::vector<LevelBuilder::Piece> LevelBuilder::piecesOf(std::span<const std::uint32_t> level) const {
-  const std::vector<SharedVertex> shared = sharedVertices(level);
+base::Result<std::vector<LevelBuilder::Piece>> LevelBuilder::piecesOf(std::span<const std::uint32_t> level) const {
+  const auto read = sharedVertices(level);
+  if (!read) return read.error();
+  const std::vector<SharedVertex>& shared = *read;
   std::uint32_t groups = 0;
   const std::vector<std::uint32_t> part = groupOfPatches(level, shared, groups);
   std::vector<Piece> pieces(groups);
@@ -428,16 +434,16 @@ std::vector<LevelBuilder::Piece> LevelBuilder::piecesOf(std::span<const std::uin
 
 base::Result<void> LevelBuilder::makeLevel(std::vector<std::uint32_t>& level) {
   const std::uint32_t number = patches_[level[0]].record.level + 1;
-  std::vector<Piece> pieces = piecesOf(level);
-  for (const std::uint32_t p : level) std::vector<std::uint64_t>().swap(patches_[p].border);
-  auto made = makeGroups(number, pieces);
+  auto pieces = piecesOf(level);
+  if (!pieces) return pieces.error();
+  auto made = makeGroups(number, *pieces);
   if (!made) return made.error();
-  if (options_.regroup && pieces.size() >= kLeastGroups) LUMIGRID_TRY(makeAgain(number, pieces, *made));
+  if (options_.regroup && pieces->size() >= kLeastGroups) LUMIGRID_TRY(makeAgain(number, *pieces, *made));
 
   level.clear();
   for (std::size_t g = 0; g < made->size(); ++g) {
     const auto group = static_cast<std::uint32_t>(groups_.size());
-    WorkGroup work{(*made)[g].record, std::move(pieces[g].consumed), {}};
+    WorkGroup work{(*made)[g].record, std::move((*pieces)[g].consumed), {}};
     for (const std::uint32_t p : work.consumed) patches_[p].record.consumer = group;
     for (WorkPatch& patch : (*made)[g].produced) {
       patch.record.producer = group;

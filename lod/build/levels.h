@@ -61,10 +61,10 @@ class LevelBuilder {
     std::uint32_t patch = 0;  // place in the level
   };
 
-  std::vector<SharedVertex> sharedVertices(std::span<const std::uint32_t> level) const;
+  base::Result<std::vector<SharedVertex>> sharedVertices(std::span<const std::uint32_t> level) const;
   std::vector<std::uint32_t> groupOfPatches(std::span<const std::uint32_t> level, std::span<const SharedVertex> shared,
                                             std::uint32_t& groups) const;
-  std::vector<Piece> piecesOf(std::span<const std::uint32_t> level) const;
+  base::Result<std::vector<Piece>> piecesOf(std::span<const std::uint32_t> level) const;
   base::Result<void> makeLevel(std::vector<std::uint32_t>& level);
   base::Result<std::vector<Made>> makeGroups(std::uint32_t level, std::span<const Piece> pieces);
   base::Result<void> makeAgain(std::uint32_t level, std::span<const Piece> pieces, std::vector<Made>& made);

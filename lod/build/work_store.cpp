@@ -1,7 +1,5 @@
 #include "lod/build/work_store.h"
 
-#include <cstring>
-
 namespace lod::build {
 namespace {
 
@@ -24,6 +22,10 @@ base::Bytes payloadOf(const WorkUnit& unit, const std::vector<NewPatch>& patches
   return out.take();
 }
 
+std::size_t borderBytes(const WorkPatch& patch) {
+  return sizeof(std::uint64_t) * patch.border_codes;
+}
+
 // `offset` is where the payload lies in the file. False when it is no payload.
 bool readPayload(base::ByteView payload, std::uint64_t offset, WorkUnit& unit, std::vector<WorkPatch>& patches) {
   base::ByteReader in(payload);
@@ -36,15 +38,11 @@ bool readPayload(base::ByteView payload, std::uint64_t offset, WorkUnit& unit, s
   patches.resize(count);
   for (WorkPatch& patch : patches) {
     patch.record = in.read<lod::patch::Patch>();
-    const std::uint32_t border = in.u32();
+    patch.border_codes = in.u32();
     patch.encoded_bytes = in.u32();
     patch.error_bytes = in.u32();
-    const base::ByteView codes = in.bytes(8 * std::size_t{border});
-    if (!in.ok()) return false;
-    patch.border.resize(border);
-    if (border > 0) std::memcpy(patch.border.data(), codes.data(), codes.size());
     patch.offset = offset + in.offset();
-    (void)in.bytes(std::size_t{patch.encoded_bytes} + patch.error_bytes);
+    (void)in.bytes(borderBytes(patch) + patch.encoded_bytes + patch.error_bytes);
   }
   return in.atEnd();
 }
@@ -76,15 +74,20 @@ base::Result<std::vector<WorkPatch>> WorkStore::add(const WorkUnit& unit, std::v
   return stored;
 }
 
+base::Result<void> WorkStore::readBorder(const WorkPatch& patch, std::vector<std::uint64_t>& codes) const {
+  codes.resize(patch.border_codes);
+  return log_.readAt(patch.offset, {reinterpret_cast<std::uint8_t*>(codes.data()), borderBytes(patch)});
+}
+
 base::Result<base::Bytes> WorkStore::encoded(const WorkPatch& patch) const {
   base::Bytes bytes(patch.encoded_bytes);
-  LUMIGRID_TRY(log_.readAt(patch.offset, bytes));
+  LUMIGRID_TRY(log_.readAt(patch.offset + borderBytes(patch), bytes));
   return bytes;
 }
 
 base::Result<void> WorkStore::readWhole(const WorkPatch& patch, base::Bytes& bytes) const {
   bytes.resize(std::size_t{patch.encoded_bytes} + patch.error_bytes);
-  return log_.readAt(patch.offset, bytes);
+  return log_.readAt(patch.offset + borderBytes(patch), bytes);
 }
 
 }  // namespace lod::build

@@ -24,8 +24,8 @@ struct NewPatch {
 /// A patch in the store. Numbers of producer and consumer are of the order in which groups are made.
 struct WorkPatch {
   lod::patch::Patch record;
-  std::vector<std::uint64_t> border;  ///< as above; emptied when its group is done
-  std::uint64_t offset = 0;           ///< of its bytes in the store, errors behind them
+  std::uint64_t offset = 0;  ///< of its bytes in the store: border codes, encoded, errors
+  std::uint32_t border_codes = 0;
   std::uint32_t encoded_bytes = 0;
   std::uint32_t error_bytes = 0;
 };
@@ -48,6 +48,8 @@ class WorkStore {
 
   /// Writes one record; safe from several threads. Returns the patches as they lie in the store.
   base::Result<std::vector<WorkPatch>> add(const WorkUnit& unit, std::vector<NewPatch> patches);
+  /// The codes of its border vertices, as its maker gave them. `codes` is written over.
+  base::Result<void> readBorder(const WorkPatch& patch, std::vector<std::uint64_t>& codes) const;
   /// The encoded bytes of a patch.
   base::Result<base::Bytes> encoded(const WorkPatch& patch) const;
   /// Those and behind them what its triangles carry along: encoded_bytes + error_bytes in all. `bytes` is written over.
