@@ -656,8 +656,10 @@ class Simplifier {
     GroupMesh vertices{std::move(positions_), {}, {}, {}, {}};
     vertices.normals.reserve(vertices_.size());
     for (const Vertex& v : vertices_) vertices.normals.push_back(v.normal);
-    if (!mesh_.colors.empty()) vertices.colors.reserve(vertices_.size());
-    for (const Vertex& v : std::span(vertices_).first(mesh_.colors.size())) vertices.colors.push_back(v.color);
+    if (!mesh_.colors.empty()) {
+      vertices.colors.reserve(vertices_.size());
+      for (const Vertex& v : vertices_) vertices.colors.push_back(v.color);
+    }
     return {std::move(vertices), history(rough)};
   }
 

@@ -69,6 +69,7 @@ TEST(Simplify, LockedVerticesStayWhereTheyAre) {
 // What colours cost is scaled by the mean edge; edges that cannot collapse, however long, are none of it.
 TEST(Simplify, LockedTrianglesHaveNoSayInWhatTheOthersBecome) {
   GroupMesh alone = groupOf(support::torus(60, 40), 500.0F);
+  alone.colors.clear();
   for (std::uint32_t v = 0; v < alone.positions.size(); ++v)
     alone.colors.push_back({static_cast<float>(v * 37 % 256), static_cast<float>(v * 91 % 256), 0.0F});
   GroupMesh beside = alone;
