@@ -371,12 +371,8 @@ class BucketSorter {
           if (bucketOf(code) != bucket) result.border.push_back(code);
       const bool starts_run =
           result.runs.empty() || result.runs.back().bucket != bucket || result.runs.back().triangles == kMostOfRun;
-      if (starts_run) {
-        result.runs.push_back({bucket, 0, 0});
-        before = 0;
-      }
+      if (starts_run) result.runs.push_back({bucket, 0, 0});
       std::uint8_t* const end = out_.packTriangle(record.corner, starts_run, before, to);
-      before = a;
       ++result.runs.back().triangles;
       result.runs.back().bytes += static_cast<std::size_t>(end - to);
       to = end;
@@ -478,8 +474,9 @@ Buckets::Area Buckets::areaOf(const NumberedCorners& mesh) {
   return area;
 }
 
-std::uint8_t* Buckets::packTriangle(std::span<const Corner, 3> corner, bool starts_run, std::uint64_t before,
+std::uint8_t* Buckets::packTriangle(std::span<const Corner, 3> corner, bool starts_run, std::uint64_t& before,
                                     std::uint8_t* to) const {
+  if (starts_run) before = 0;
   std::uint8_t* const head = to;
   to += kHeadBytes;
   std::uint32_t lengths = starts_run ? kStartsRun : 0;
@@ -489,13 +486,14 @@ std::uint8_t* Buckets::packTriangle(std::span<const Corner, 3> corner, bool star
     lengths |= bytes << (4 * k);
     to = putLowBytes(differs, bytes, to);
   }
+  before = corner[0].code;
   const auto stored = static_cast<std::uint16_t>(lengths);
   std::memcpy(head, &stored, sizeof(stored));
   for (const Corner& c : corner) to = packAttributes(c, to);
   return to;
 }
 
-// At most kMostTriangleBytes, whatever lies there.
+// Goes on by at most kMostTriangleBytes, whatever lies there.
 const std::uint8_t* Buckets::unpackTriangle(const std::uint8_t* from, std::span<Corner, 3> corner,
                                             std::uint64_t& before) const {
   std::uint16_t head = 0;

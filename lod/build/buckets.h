@@ -142,7 +142,8 @@ class Buckets {
   std::size_t borderTriangleBytes() const { return 16 + 3 * cornerBytes(); }
   std::uint8_t* pack(const Corner& corner, std::uint8_t* to) const;
   std::uint8_t* packAttributes(const Corner& corner, std::uint8_t* to) const;
-  std::uint8_t* packTriangle(std::span<const Corner, 3> corner, bool starts_run, std::uint64_t before,
+  /// `before`: the first corner's code of the triangle before in the run, and then of this one.
+  std::uint8_t* packTriangle(std::span<const Corner, 3> corner, bool starts_run, std::uint64_t& before,
                              std::uint8_t* to) const;
   const std::uint8_t* unpack(const std::uint8_t* from, Corner& corner) const;
   const std::uint8_t* unpackAttributes(const std::uint8_t* from, Corner& corner) const;

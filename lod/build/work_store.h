@@ -31,7 +31,7 @@ struct WorkPatch {
 };
 
 /// One piece of work: the leaves of a bucket (level 0), or what a group made (level of its products). A group that was
-/// made again with more triangles has two units; the second one's index is behind those of all groups of the level.
+/// made again has two units; the second one's index is behind those of all groups of the level.
 struct WorkUnit {
   std::uint32_t level = 0;
   std::uint32_t index = 0;  ///< of the bucket, or of the group within its level
