@@ -44,6 +44,8 @@ async function reset() {
   await still();
 }
 const still = () => stillCamera(page);
+const linked = () =>
+  until(() => page.evaluate(() => decodeURIComponent(location.hash.slice(1)) === window.lumigrid.permalink()), "this view's permalink in the address");
 
 test("loads, draws and is at rest without a fault", async () => {
   const now = await figures(page);
@@ -193,7 +195,7 @@ test("a permalink leads back to the same view in another page", async () => {
   await page.mouse.up();
   await still();
   await settled(page);
-  await until(() => page.evaluate(() => decodeURIComponent(location.hash.slice(1)) === window.lumigrid.permalink()), "this view's permalink in the address");
+  await linked();
   const here = await camera(page);
   const link = page.url();
   assert.match(link, /#.{10,}/, "the page's address does not hold the view");
@@ -219,11 +221,31 @@ test("a bad link is refused in plain words and changes nothing", async () => {
   await reset();
   const start = await camera(page);
   for (const hash of ["#v1;nonsense=99999999999999999999", "#%zz"]) {
+    await until(async () => (await rows("toast")).length === 0, "what was said before to go");
     await page.evaluate((text) => (location.hash = text), hash);
-    await until(async () => (await rows("toast")).length > 0, "what is wrong to be said");
+    await until(async () => (await rows("toast")).some(([, , error]) => error === "1"), "what is wrong to be said");
     assert.deepEqual(await camera(page), start);
   }
   await page.reload();
+  await settled(page);
+});
+
+test("a link is followed though the view's own comes into the address at once", async () => {
+  await reset();
+  const home = await page.evaluate(() => window.lumigrid.permalink());
+  await page.mouse.move(320, 180);
+  await page.mouse.down();
+  await page.mouse.move(250, 140, { steps: 3 });
+  await page.mouse.up();
+  await still();
+  await linked();
+  const own = await page.evaluate(() => window.lumigrid.permalink());
+  assert.notEqual(own, home);
+  await page.evaluate(([to, back]) => {
+    location.hash = to;
+    history.replaceState(null, "", `#${back}`);
+  }, [home, own]);
+  await until(() => page.evaluate((to) => window.lumigrid.permalink() === to, home), "the view that the link names");
   await settled(page);
 });
 

@@ -247,7 +247,9 @@ function watchPage() {
   motion.addEventListener("change", setMotion);
   setMotion();
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", applyTheme);
-  addEventListener("hashchange", () => {
+  addEventListener("hashchange", (event) => {
+    // As it was set: since then keepLink() may have put the view's own link into the address again.
+    history.replaceState(null, "", event.newURL);
     if ((window.lumigridMethod().name === "qsplat") !== splats) return location.reload();
     openHash();
     schedule();
