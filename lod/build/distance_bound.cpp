@@ -283,7 +283,7 @@ class Layer {
   }
 
   bool record(std::uint32_t t, const Facet& facet, const Polygon& polygon, float distance) {
-    float slack = facet.roughness * (reach_ + facet.longest + glm::length(facet.corner[0] - origin_));
+    float slack = facet.roughness * (reach_ + facet.longest + glm::length(facet.corner(0) - origin_));
     if (slack > kSlack) {
       distance = exactDistance(polygon, facet);
       slack = 8.0F * kEpsilon * reach_;
@@ -298,8 +298,8 @@ class Layer {
   // The largest distance of its corners, in double: of a polygon, no point is farther from a triangle.
   float exactDistance(const Polygon& polygon, const Facet& facet) const {
     double worst2 = 0.0;
-    const glm::dvec3 corner[3] = {glm::dvec3(facet.corner[0]), glm::dvec3(facet.corner[1]),
-                                  glm::dvec3(facet.corner[2])};
+    const glm::dvec3 corner[3] = {glm::dvec3(facet.corner(0)), glm::dvec3(facet.corner(1)),
+                                  glm::dvec3(facet.corner(2))};
     for (int i = 0; i < polygon.size; ++i) {
       const glm::dvec3 p = glm::dvec3(origin_) + glm::dvec3(polygon.point(i));
       const glm::dvec3 d = p - base::closestPointOnTriangle(p, corner[0], corner[1], corner[2]);
@@ -323,11 +323,10 @@ class Layer {
     const float enough2 = enough_ * enough_;
     float worst2 = height * height;
     for (int i = 0; i < polygon.size && worst2 <= enough2; ++i) {
+      const Facet::Four edges2 = facet.edgeDistances2(origin_ + polygon.point(i));
       float best2 = kFar;
       for (int k = 0; k < 3; ++k)
-        if (side[k][i] < 0.0F)
-          best2 =
-              std::min(best2, segmentDistance2(origin_ + polygon.point(i), facet.corner[k], facet.corner[(k + 1) % 3]));
+        if (side[k][i] < 0.0F) best2 = std::min(best2, edges2[k]);
       if (best2 < kFar) worst2 = std::max(worst2, best2);
     }
     return std::sqrt(worst2);
@@ -341,11 +340,11 @@ class Layer {
     float at[3];
     float low[3];
     for (int k = 0; k < 3; ++k) {
-      at[k] = glm::dot(facet.wall[k], facet.corner[k] - origin_);
-      low[k] = along(polygon, facet.wall[k], at[k], side[k]);
+      at[k] = glm::dot(facet.wall(k), facet.corner(k) - origin_);
+      low[k] = along(polygon, facet.wall(k), at[k], side[k]);
     }
-    const float plane = glm::dot(facet.normal, facet.corner[0] - origin_);
-    const float height = largest(polygon, facet.normal, plane);
+    const float plane = glm::dot(facet.normal(), facet.corner(0) - origin_);
+    const float height = largest(polygon, facet.normal(), plane);
     const float lowest = std::min({low[0], low[1], low[2]});
     if (lowest >= 0.0F) return record(t, facet, polygon, facet.thin ? distanceOf(polygon, facet, kFar) : height);
     if (height <= enough_ && lowest >= -enough_)
@@ -365,7 +364,7 @@ class Layer {
     bool is_cut = false;
     for (const int k : order) {
       if (low[k] >= 0.0F) continue;
-      if (is_cut) low[k] = along(*rest, facet.wall[k], at[k], side[k]);
+      if (is_cut) low[k] = along(*rest, facet.wall(k), at[k], side[k]);
       if (!(low[k] < 0.0F)) continue;
       if (2 * rest->size > Polygon::kMax) break;
       cut(*rest, side[k], inside[turn], outside);
@@ -384,7 +383,7 @@ class Layer {
       turn = 1 - turn;
     }
     const bool over = 2 * rest->size > Polygon::kMax || facet.thin;
-    return record(t, facet, *rest, over ? distanceOf(*rest, facet, abort_) : largest(*rest, facet.normal, plane));
+    return record(t, facet, *rest, over ? distanceOf(*rest, facet, abort_) : largest(*rest, facet.normal(), plane));
   }
 
   // A facet near a source vertex: one within `enough`, or else the nearest.

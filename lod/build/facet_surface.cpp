@@ -28,12 +28,14 @@ void FacetSurface::make(std::uint32_t t, Facet& f) {
   const glm::vec3 a = surface_.positions[corner(t, 0)];
   const glm::vec3 b = surface_.positions[corner(t, 1)];
   const glm::vec3 c = surface_.positions[corner(t, 2)];
-  f.corner = {a, b, c};
-  const glm::vec3 edge[3] = {b - a, c - b, a - c};
+  f.corners = {Facet::Four{a.x, b.x, c.x, a.x}, Facet::Four{a.y, b.y, c.y, a.y}, Facet::Four{a.z, b.z, c.z, a.z}};
+  const Facet::FourPoints edge{Facet::Four{b.x, c.x, a.x, a.x} - f.corners.x,
+                               Facet::Four{b.y, c.y, a.y, a.y} - f.corners.y,
+                               Facet::Four{b.z, c.z, a.z, a.z} - f.corners.z};
   // In double, where products of lattice vectors are exact: a sliver's plane is as good as any.
   const glm::dvec3 n = glm::cross(glm::dvec3(edge[0]), glm::dvec3(edge[1]));
   const double area = std::sqrt(glm::dot(n, n));
-  const float length2[3] = {glm::dot(edge[0], edge[0]), glm::dot(edge[1], edge[1]), glm::dot(edge[2], edge[2])};
+  const Facet::Four length2 = edge.dot(edge);
   const float longest2 = std::max({length2[0], length2[1], length2[2]});
   f.longest = std::sqrt(longest2);
   f.flat = !(area > 0.0);
@@ -41,8 +43,13 @@ void FacetSurface::make(std::uint32_t t, Facet& f) {
   f.roughness = kEpsilon * 64.0F;
   if (f.flat) return;
   if (!f.thin) f.roughness += kEpsilon * 8.0F * longest2 / static_cast<float>(area);
-  f.normal = glm::vec3(n * (1.0 / area));
-  for (std::size_t k = 0; k < 3; ++k) f.wall[k] = glm::cross(f.normal, edge[k]) * (1.0F / std::sqrt(length2[k]));
+  const glm::vec3 normal(n * (1.0 / area));
+  Facet::Four length;
+  for (std::size_t k = 0; k < 4; ++k) length[k] = std::sqrt(length2[k]);
+  const Facet::Four scale = 1.0F / length;
+  f.planes = {(normal.y * edge.z - edge.y * normal.z) * scale, (normal.z * edge.x - edge.z * normal.x) * scale,
+              (normal.x * edge.y - edge.x * normal.y) * scale};
+  f.planes.x[3] = normal.x, f.planes.y[3] = normal.y, f.planes.z[3] = normal.z;
 }
 
 FacetSurface::Spot FacetSurface::closest(std::uint32_t t, const glm::vec3& p) const {
@@ -161,17 +168,14 @@ std::uint32_t FacetSurface::over(std::uint32_t v, const glm::vec3& p, float enou
   for (const std::uint32_t t : around(v)) {
     const Facet& f = facet(t);
     if (f.thin) continue;
-    const glm::vec3 to = p - f.corner[0];
-    const float from_c = glm::dot(f.wall[0], to);
-    const float from_b = glm::dot(f.wall[2], to);
-    const float from_a = glm::dot(f.wall[1], p - f.corner[1]);
-    if (std::min({from_a, from_b, from_c}) < 0.0F) continue;
-    const float height = std::abs(glm::dot(f.normal, to));
+    const Facet::Four in = f.inside(p);
+    if (Facet::wallsWhere(in < 0.0F) != 0) continue;
+    const float height = std::abs(in[3]);
     if (height > enough) continue;
     // Each corner's share is the distance from the wall opposite, as a part of the corner's own.
-    spot.share = {from_b / glm::dot(f.wall[2], f.corner[1] - f.corner[0]),
-                  from_c / glm::dot(f.wall[0], f.corner[2] - f.corner[0])};
-    spot.distance = height * (1.0F + 8.0F * kEpsilon) + f.roughness * (f.longest + glm::length(to));
+    spot.share = {in[2] / glm::dot(f.wall(2), f.corner(1) - f.corner(0)),
+                  in[0] / glm::dot(f.wall(0), f.corner(2) - f.corner(0))};
+    spot.distance = height * (1.0F + 8.0F * kEpsilon) + f.roughness * (f.longest + glm::length(p - f.corner(0)));
     return t;
   }
   return kNone;

@@ -2,11 +2,16 @@
 // A triangle mesh to measure distances to: facets with their planes and walls, edges, and what lies around a vertex.
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <limits>
 #include <span>
 #include <vector>
+
+#if defined(__SSE__)
+#include <xmmintrin.h>
+#endif
 
 #include "lod/build/facet_tree.h"
 
@@ -24,39 +29,76 @@ inline float closestShare(const glm::vec3& ap, const glm::vec3& ab) {
   return length2 > 0.0F ? std::clamp(glm::dot(ap, ab) / length2, 0.0F, 1.0F) : 0.0F;
 }
 
-inline float segmentDistance2(const glm::vec3& p, const glm::vec3& a, const glm::vec3& b) {
-  const glm::vec3 ab = b - a;
-  const glm::vec3 ap = p - a;
-  const glm::vec3 d = ap - closestShare(ap, ab) * ab;
-  return glm::dot(d, d);
-}
-
 /// One triangle with its plane and the three walls: planes through an edge (of corners k and k + 1), upright on the
-/// triangle, positive inside, in units of length.
+/// triangle, positive inside, in units of length. Walls and plane lie lane by lane: all four are measured at once.
 struct Facet {
-  std::array<glm::vec3, 3> corner;
-  glm::vec3 normal{0.0F};
-  std::array<glm::vec3, 3> wall;
+  using Four = float __attribute__((vector_size(16)));
+  using FourMasks = std::int32_t __attribute__((vector_size(16)));
+  struct FourPoints {
+    Four x{};
+    Four y{};
+    Four z{};
+    glm::vec3 operator[](std::size_t lane) const { return {x[lane], y[lane], z[lane]}; }
+    Four dot(const FourPoints& p) const { return x * p.x + y * p.y + z * p.z; }
+    Four dot(const glm::vec3& p) const { return x * p.x + y * p.y + z * p.z; }
+  };
+
+  FourPoints corners;      ///< lane 3: corner 0
+  FourPoints planes;       ///< the walls; lane 3: the normal
   float longest = 0.0F;    ///< of the edges
   float roughness = 0.0F;  ///< rounding of what plane and walls say, per length
   bool flat = false;       ///< has no area: plane and walls mean nothing
   bool thin = false;       ///< measured by its edges
 
-  float beyond(std::size_t k, const glm::vec3& p) const { return glm::dot(wall[k], p - corner[k]); }
+  glm::vec3 corner(std::size_t k) const { return corners[k]; }
+  glm::vec3 wall(std::size_t k) const { return planes[k]; }
+  glm::vec3 normal() const { return planes[3]; }
+
+  /// How far p lies inside of each wall; lane 3: how high over the plane.
+  Four inside(const glm::vec3& p) const { return planes.dot(toward(p)); }
+
+  /// The walls whose lanes are set, as bits.
+  static std::uint32_t wallsWhere(const FourMasks& mask) {
+#if defined(__SSE__)
+    return static_cast<std::uint32_t>(_mm_movemask_ps(std::bit_cast<__m128>(mask))) & 7U;
+#else
+    return static_cast<std::uint32_t>((mask[0] & 1) | (mask[1] & 2) | (mask[2] & 4));
+#endif
+  }
 
   /// Over the triangle: the distance to its plane. Else: to the nearest of the edges that p lies beyond; one of them
   /// holds the closest point. Squared.
   float distance2(const glm::vec3& p) const {
-    float best = std::numeric_limits<float>::max();
-    bool inside = !thin;
-    for (std::size_t k = 0; k < 3; ++k) {
-      if (!thin && beyond(k, p) >= 0.0F) continue;
-      inside = false;
-      best = std::min(best, segmentDistance2(p, corner[k], corner[(k + 1) % 3]));
-    }
-    if (!inside) return best;
-    const float h = glm::dot(normal, p - corner[0]);
-    return h * h;
+    const FourPoints to = toward(p);
+    const Four in = planes.dot(to);
+    if (!thin && wallsWhere(in >= 0.0F) == 7) return in[3] * in[3];
+    const Four d2 = edgeDistances2(to);
+    const Four far = Four{} + std::numeric_limits<float>::max();
+    const Four counted = thin ? d2 : in >= 0.0F ? far : d2;
+    return std::min({counted[0], counted[1], counted[2]});
+  }
+
+  /// From p to the edge of corners k and k + 1, squared.
+  Four edgeDistances2(const glm::vec3& p) const {
+    return edgeDistances2(toward(p));
+  }
+
+ private:
+  FourPoints toward(const glm::vec3& p) const {
+    return {p.x - corners.x, p.y - corners.y, p.z - corners.z};
+  }
+  static Four next(const Four& of) {
+    return __builtin_shufflevector(of, of, 1, 2, 0, 0);
+  }
+  Four edgeDistances2(const FourPoints& to) const {
+    const FourPoints edge{next(corners.x) - corners.x, next(corners.y) - corners.y, next(corners.z) - corners.z};
+    const Four length2 = edge.dot(edge);
+    const Four ratio = to.dot(edge) / length2;
+    const Four raised = ratio < 0.0F ? Four{} : ratio;
+    const Four one = Four{} + 1.0F;
+    const Four share = length2 > 0.0F ? (one < raised ? one : raised) : Four{};
+    const FourPoints d{to.x - share * edge.x, to.y - share * edge.y, to.z - share * edge.z};
+    return d.dot(d);
   }
 };
 
@@ -106,6 +148,9 @@ class FacetSurface {
   std::span<const Edge> edges() const { return {edges_.data(), edge_count_}; }
   /// The edge of corners k and k + 1.
   std::uint32_t edgeOf(std::uint32_t t, std::size_t k) const { return edge_of_[3 * std::size_t{t} + k]; }
+  std::span<const std::uint32_t, 3> edgesOf(std::uint32_t t) const {
+    return std::span<const std::uint32_t, 3>(edge_of_.data() + 3 * std::size_t{t}, 3);
+  }
   /// The edge of t at its corner v that is not e.
   std::uint32_t otherEdge(std::uint32_t t, std::uint32_t v, std::uint32_t e) const {
     const std::size_t k = cornerOf(t, v);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <limits>
 
@@ -94,6 +95,8 @@ void Overlay::walk(std::uint32_t e, Path& path) {
   // From a vertex that is the same below it leaves by any facet there, and at one it may arrive by any.
   if (twin_a != kNone) path.start = facetToward(twin_a);
   const Goal goal{facet_of_[b], twin_b};
+  const glm::vec3 origin = origin_;
+  const glm::vec3 whole = whole_;
   std::uint32_t t = path.start;
   std::uint32_t came_over = kNone;
   float along = 0.0F;
@@ -101,18 +104,21 @@ void Overlay::walk(std::uint32_t e, Path& path) {
     const Facet& facet = below_->facet(t);
     std::size_t out = 3;
     float first = std::numeric_limits<float>::max();
-    for (std::size_t k = 0; k < 3 && !facet.flat; ++k) {
-      const float from = glm::dot(facet.wall[k], origin_ - facet.corner[k]);
-      const float to = from + glm::dot(facet.wall[k], whole_);
-      if (to >= 0.0F) continue;
-      const std::uint32_t over = below_->edgeOf(t, k);
-      if (over == came_over) continue;
-      // Beyond a border is nothing: the edge stays where it is.
-      const FacetSurface::Edge& wall = below_->edges()[over];
-      if (!wall.isInner() || wall.endsAt(twin_a)) continue;
+    if (!facet.flat) {
+      const Facet::Four from = facet.inside(origin);
+      const Facet::Four to = from + facet.planes.dot(whole);
       // Beyond it from the start: before all others, the farthest first.
-      const float when = from <= 0.0F ? from : from / (from - to);
-      if (when < first) first = when, out = k;
+      const Facet::Four when = from <= 0.0F ? from : from / (from - to);
+      const auto over = below_->edgesOf(t);
+      std::uint32_t walls = Facet::wallsWhere(to < 0.0F);
+      for (std::size_t k = 0; k < 3; ++k) walls &= ~(static_cast<std::uint32_t>(over[k] == came_over) << k);
+      for (; walls != 0; walls &= walls - 1) {
+        const auto k = static_cast<std::size_t>(std::countr_zero(walls));
+        // Beyond a border is nothing: the edge stays where it is.
+        const FacetSurface::Edge& wall = below_->edges()[over[k]];
+        if (!wall.isInner() || wall.endsAt(twin_a)) continue;
+        if (when[k] < first) first = when[k], out = k;
+      }
     }
     if (out == 3 || step == kMaxSteps) {
       // Over a facet that is not that of its end: in a fold or over a ridge, near one border, or over a flat facet.
@@ -131,28 +137,21 @@ void Overlay::walk(std::uint32_t e, Path& path) {
     path.end = path.start;
 }
 
-// Is this the facet of the goal, or any at its vertex?
-bool Overlay::isReached(const Goal& goal, std::uint32_t t) const {
-  if (goal.twin == kNone) return t == goal.facet;
-  return below_->corner(t, 0) == goal.twin || below_->corner(t, 1) == goal.twin || below_->corner(t, 2) == goal.twin;
-}
-
 // The facet around vertex v below that the edge above runs along best.
 std::uint32_t Overlay::facetToward(std::uint32_t v) {
   const auto before = [](std::size_t k) { return k == 0 ? 2 : k - 1; };
   // Between both walls at corner k?
-  const auto runsOver = [&](const Facet& facet, std::size_t k) {
-    return !facet.flat && glm::dot(facet.wall[k], whole_) >= 0.0F && glm::dot(facet.wall[before(k)], whole_) >= 0.0F;
+  const auto runsOver = [&](const Facet& facet, const Facet::Four& rise, std::size_t k) {
+    const std::uint32_t both = 1U << k | 1U << before(k);
+    return !facet.flat && (Facet::wallsWhere(rise >= 0.0F) & both) == both;
   };
   // The square of its shadow on the plane.
-  const auto shadow2On = [&](const Facet& facet) {
-    const float height = glm::dot(facet.normal, whole_);
-    return length2_ - height * height;
-  };
+  const auto shadow2On = [&](const Facet::Four& rise) { return length2_ - rise[3] * rise[3]; };
   // Mostly one is clear.
   for (const std::uint32_t t : below_->around(v)) {
     const Facet& facet = below_->facet(t);
-    if (runsOver(facet, below_->cornerOf(t, v)) && shadow2On(facet) > kClear * length2_) return t;
+    const Facet::Four rise = facet.planes.dot(whole_);
+    if (runsOver(facet, rise, below_->cornerOf(t, v)) && shadow2On(rise) > kClear * length2_) return t;
   }
   std::uint32_t best = kNone;
   float most = -1.0F;
@@ -160,11 +159,11 @@ std::uint32_t Overlay::facetToward(std::uint32_t v) {
     const Facet& facet = below_->facet(t);
     const std::size_t k = below_->cornerOf(t, v);
     float shadow2 = 0.0F;
-    if (runsOver(facet, k)) {
-      shadow2 = shadow2On(facet);
+    if (const Facet::Four rise = facet.planes.dot(whole_); runsOver(facet, rise, k)) {
+      shadow2 = shadow2On(rise);
     } else {
       for (const std::size_t other : {k == 2 ? 0 : k + 1, before(k)}) {
-        const glm::vec3 side = facet.corner[other] - facet.corner[k];
+        const glm::vec3 side = facet.corner(other) - facet.corner(k);
         const float ahead = std::max(0.0F, glm::dot(side, whole_));
         shadow2 = std::max(shadow2, ahead * ahead / glm::dot(side, side));
       }

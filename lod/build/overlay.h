@@ -125,7 +125,11 @@ class Overlay {
   }
 
   void walk(std::uint32_t e, Path& path);
-  bool isReached(const Goal& goal, std::uint32_t t) const;
+  // Is this the facet of the goal, or any at its vertex?
+  bool isReached(const Goal& goal, std::uint32_t t) const {
+    if (goal.twin == kNone) return t == goal.facet;
+    return below_->corner(t, 0) == goal.twin || below_->corner(t, 1) == goal.twin || below_->corner(t, 2) == goal.twin;
+  }
   std::uint32_t facetToward(std::uint32_t v);
   bool walkBorder(std::uint32_t e, Path& path);
   bool walkBorderFrom(std::uint32_t e, std::uint32_t at, std::uint32_t v, Path& path);

@@ -83,7 +83,10 @@ struct Laid {
     for (std::uint32_t e = 0; e < below.edges().size(); ++e) {
       if (below.edges()[e].triangles != 1) continue;
       const auto [a, b] = below.edges()[e].vertex;
-      const float d2 = segmentDistance2(p, below.view().positions[a], below.view().positions[b]);
+      const glm::vec3 from = below.view().positions[a];
+      const glm::vec3 ab = below.view().positions[b] - from;
+      const glm::vec3 d = p - from - closestShare(p - from, ab) * ab;
+      const float d2 = glm::dot(d, d);
       if (d2 < 4.0F) return distance2 = d2, e;
     }
     return FacetSurface::kNone;
