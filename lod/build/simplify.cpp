@@ -106,6 +106,10 @@ LUMIGRID_LANES Lanes lanesOf(Value&& value) {
     return Lanes{static_cast<double>(value(0)), static_cast<double>(value(1)), static_cast<double>(value(2)),
                  static_cast<double>(value(3))};
 }
+template <class Lanes>
+LUMIGRID_LANES PointLanes<Lanes> cross(const PointLanes<Lanes>& p, const PointLanes<Lanes>& q) {
+  return {p.y * q.z - q.y * p.z, p.z * q.x - q.z * p.x, p.x * q.y - q.x * p.y};
+}
 using PairPoint = PointLanes<Pair>;
 PairPoint pairOf(const glm::vec3& p, const glm::vec3& q) {
   return {Pair{p.x, q.x}, Pair{p.y, q.y}, Pair{p.z, q.z}};
@@ -169,6 +173,39 @@ struct QuadricLanes {
     std::memcpy(&two, reinterpret_cast<const char*>(&q) + k * sizeof two, sizeof two);
     return two;
   }
+};
+
+// The quadrics of two planes.
+class PlanePair {
+ public:
+  LUMIGRID_LANES PlanePair(const PairPoint& n, const Pair& d, const Pair& weight) {
+    const Pair x = weight * n.x;
+    const Pair y = weight * n.y;
+    const Pair z = weight * n.z;
+    const Pair w = weight * d;
+    put(0, x * n.x, x * n.y), put(1, x * n.z, y * n.y), put(2, y * n.z, z * n.z);
+    put(3, x * d, y * d), put(4, z * d, w * d);
+    weight_ = weight;
+  }
+  LUMIGRID_LANES void addTo(Quadric& q, std::size_t plane) const {
+    for (std::size_t k = 0; k < 5; ++k) {
+      char* const at = reinterpret_cast<char*>(&q) + k * sizeof(Pair);
+      Pair two;
+      std::memcpy(&two, at, sizeof two);
+      two += values_[plane][k];
+      std::memcpy(at, &two, sizeof two);
+    }
+    q.weight += weight_[plane];
+  }
+
+ private:
+  // Numbers 2 k and 2 k + 1 of a quadric.
+  LUMIGRID_LANES void put(std::size_t k, const Pair& even, const Pair& odd) {
+    values_[0][k] = __builtin_shufflevector(even, odd, 0, 2);
+    values_[1][k] = __builtin_shufflevector(even, odd, 1, 3);
+  }
+  Pair values_[2][5];
+  Pair weight_;
 };
 
 enum class Kind : std::uint8_t { kInterior, kBorder, kLocked };
@@ -532,25 +569,33 @@ class Simplifier {
 
   void addTriangleQuadrics() {
     std::vector<FanShape> shapes(vertices_.size());
-    for (const Triangle& triangle : triangles_) {
-      const auto& c = triangle.corner;
-      const glm::dvec3 p(positions_[c[0]]);
-      const glm::dvec3 edges[3] = {glm::dvec3(positions_[c[1]]) - p,
-                                   glm::dvec3(positions_[c[2]]) - glm::dvec3(positions_[c[1]]),
-                                   p - glm::dvec3(positions_[c[2]])};
-      const double length2[3] = {glm::dot(edges[0], edges[0]), glm::dot(edges[1], edges[1]),
-                                 glm::dot(edges[2], edges[2])};
-      for (std::size_t k = 0; k < 3; ++k)
-        shapes[c[k]].longest2 = std::max({shapes[c[k]].longest2, length2[k], length2[(k + 2) % 3]});
-      glm::dvec3 n = glm::cross(edges[0], -edges[2]);
-      const double length = glm::length(n);
-      if (length == 0.0) continue;
-      n /= length;
-      const double area = 0.5 * length;
-      Quadric q;
-      q.addPlane(n, -glm::dot(n, p), area);
-      q.weight = area;
-      for (std::size_t k = 0; k < 3; ++k) vertices_[c[k]].quadric.add(q), shapes[c[k]].vector_area += area * n;
+    // Two triangles at once, added one after the other.
+    for (std::size_t t = 0; t < triangles_.size(); t += 2) {
+      const std::array<const Triangle*, 2> two{&triangles_[t], &triangles_[std::min(t + 1, triangles_.size() - 1)]};
+      const auto place = [&](std::size_t k) {
+        return pairOf(positions_[two[0]->corner[k]], positions_[two[1]->corner[k]]);
+      };
+      const PairPoint p = place(0);
+      const PairPoint q = place(1);
+      const PairPoint r = place(2);
+      const std::array<PairPoint, 3> edges{q - p, r - q, p - r};
+      const std::array<Pair, 3> length2{dot(edges[0], edges[0]), dot(edges[1], edges[1]), dot(edges[2], edges[2])};
+      PairPoint n = cross(edges[2], edges[0]);
+      const Pair length2_of_n = dot(n, n);
+      const Pair length{std::sqrt(length2_of_n[0]), std::sqrt(length2_of_n[1])};
+      n = {n.x / length, n.y / length, n.z / length};
+      const PlanePair planes(n, -dot(n, p), 0.5 * length);
+      for (std::size_t i = 0; i < std::min<std::size_t>(2, triangles_.size() - t); ++i) {
+        const auto& c = two[i]->corner;
+        for (std::size_t k = 0; k < 3; ++k)
+          shapes[c[k]].longest2 = std::max({shapes[c[k]].longest2, length2[k][i], length2[(k + 2) % 3][i]});
+        if (length[i] == 0.0) continue;
+        const double area = 0.5 * length[i];
+        for (std::size_t k = 0; k < 3; ++k) {
+          planes.addTo(vertices_[c[k]].quadric, i);
+          shapes[c[k]].vector_area += area * glm::dvec3(n.x[i], n.y[i], n.z[i]);
+        }
+      }
     }
     findFolds(shapes);
     tieThinFans(shapes);
