@@ -257,6 +257,10 @@ double shareAround(const GroupMesh& mesh) {
   return kKept + (1.0 - kKept) * static_cast<double>(3 * stay) / static_cast<double>(mesh.indices.size());
 }
 
+bool isAny(const std::vector<Outlier>& outliers, float far) {
+  return std::any_of(outliers.begin(), outliers.end(), [&](const Outlier& outlier) { return outlier.error > far; });
+}
+
 // Makes a group until it is off by at most `allowed`; else the best that was made, without triangles if none was.
 // First each time with what was off by more kept as it was: mostly such places are few. `make` makes it of a mesh, with
 // a share of its triangles; `outliers` are those of `mesh` with the usual share.
@@ -265,7 +269,6 @@ Coarser keptWithin(float allowed, const GroupMesh& mesh, std::vector<Outlier> ou
   Coarser best;
   const float far = kKeptAsTheyAre * allowed;
   const auto isFar = [&](const Outlier& outlier) { return outlier.error > far; };
-  if (std::count_if(outliers.begin(), outliers.end(), isFar) > kFewOutliers) outliers = make(mesh, kKept, far).outliers;
   const auto isWithin = [&] { return !best.mesh.indices.empty() && best.error <= allowed; };
   // Levels end only where groups shrink.
   const double most = kMoreKept.back() * static_cast<double>(mesh.indices.size());
@@ -275,6 +278,8 @@ Coarser keptWithin(float allowed, const GroupMesh& mesh, std::vector<Outlier> ou
     if (indices == 0 || static_cast<double>(indices) > most) return;
     if (best.mesh.indices.empty() || next.error < best.error) best = std::move(next);
   };
+  if (std::count_if(outliers.begin(), outliers.end(), isFar) > kFewOutliers) take(make(mesh, kKept, far));
+  if (!isAny(outliers, far)) return best;
   GroupMesh kept = mesh;
   for (int round = 0; round < kRounds && !isWithin(); ++round) {
     bool is_new = false;
@@ -496,9 +501,11 @@ base::Result<void> LevelBuilder::makeAgain(std::uint32_t level, std::span<const 
   ErrorHistogram errors;
   for (const Made& group : made) errors.add(group.errors);
   const auto limit = static_cast<float>(static_cast<double>(usualLimit(errors, level)) * lattice_.lattice.step);
+  // Some are off by what they took over from the level below: that stays.
+  const float far = kKeptAsTheyAre * static_cast<float>(static_cast<double>(limit) / lattice_.lattice.step);
   std::vector<std::size_t> out;
   for (std::size_t g = 0; g < made.size(); ++g)
-    if (made[g].record.error > limit) out.push_back(g);
+    if (made[g].record.error > limit && (!made[g].outliers || isAny(*made[g].outliers, far))) out.push_back(g);
   return forEachPiece(out.size(), [&](std::size_t i) -> base::Result<std::uint64_t> {
     const std::size_t g = out[i];
     const Again again{limit, std::move(made[g].outliers)};
