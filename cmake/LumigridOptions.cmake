@@ -8,6 +8,8 @@ if(EMSCRIPTEN)
   add_compile_options(-msimd128 -fno-exceptions -fno-rtti)
 else()
   set(CMAKE_POSITION_INDEPENDENT_CODE ON)
+  # Nothing of ours is a shared library, whose functions others may put theirs in place of: calls may become part of their callers.
+  add_compile_options(-fno-semantic-interposition)
 endif()
 
 option(LUMIGRID_TESTS "Build the tests" ON)
