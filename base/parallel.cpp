@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <numeric>
 
 namespace base {
 
@@ -43,6 +44,13 @@ Result<void> tryParallelFor(std::size_t count, unsigned threads, const std::func
     stopped = true;
   });
   return status;
+}
+
+std::vector<std::size_t> largestFirst(std::span<const std::uint64_t> sizes) {
+  std::vector<std::size_t> order(sizes.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return sizes[a] > sizes[b]; });
+  return order;
 }
 
 namespace {

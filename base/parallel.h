@@ -2,9 +2,11 @@
 // A pool of threads for independent pieces of work.
 #include <condition_variable>
 #include <cstddef>
+#include <cstdint>
 #include <deque>
 #include <functional>
 #include <mutex>
+#include <span>
 #include <thread>
 #include <vector>
 
@@ -21,6 +23,10 @@ void parallelFor(std::size_t count, unsigned threads, const std::function<void(s
 
 /// The same of a body that may fail: returns the first error met, and hands out no more pieces after it.
 Result<void> tryParallelFor(std::size_t count, unsigned threads, const std::function<Result<void>(std::size_t)>& body);
+
+/// The numbers of pieces of such sizes in the order to hand them out in: the largest first, so that none of those is
+/// left to one thread in the end; those of one size in their order.
+std::vector<std::size_t> largestFirst(std::span<const std::uint64_t> sizes);
 
 /// Makes pieces 0 … count − 1 on up to `threads` threads (0: all cores), and takes them in that order, one at a time,
 /// on whichever of them is free. Piece i lies in slot i % slots from make(i, slot) to the end of take(i, slot); so many

@@ -209,7 +209,7 @@ class Builder {
       inner_vertices_ += unit.group.block_offset;
     };
     std::uint64_t done = 0;
-    std::uint64_t largest = 1;
+    std::vector<std::uint64_t> triangles(made.size());
     for (auto& [unit, patches] : known_) {
       if (unit.level != 0 || unit.index >= made.size()) continue;
       note(unit);
@@ -218,18 +218,21 @@ class Builder {
       done += buckets_.triangles(unit.index);
     }
     for (std::size_t b = 0; b < made.size(); ++b) {
-      largest = std::max(largest, buckets_.triangles(b));
+      triangles[b] = buckets_.triangles(b);
       if (finished[b] == 0 && directory_->stage() >= 3) return directory_->broken();
     }
 
     // As many buckets at a time as memory holds.
+    const std::vector<std::size_t> order = base::largestFirst(triangles);
+    const std::uint64_t largest = order.empty() ? 1 : std::max<std::uint64_t>(1, triangles[order.front()]);
     const std::uint64_t at_once =
         std::max<std::uint64_t>(1, (memory_ - kLeastMemory / 2) / (kBytesPerTriangle * largest));
     std::mutex mutex;
     std::atomic<bool> stopped = false;
     base::Result<void> status;
     base::parallelFor(
-        made.size(), static_cast<unsigned>(std::min<std::uint64_t>(options_.threads, at_once)), [&](std::size_t b) {
+        made.size(), static_cast<unsigned>(std::min<std::uint64_t>(options_.threads, at_once)), [&](std::size_t i) {
+          const std::size_t b = order[i];
           if (finished[b] != 0 || stopped) return;
           auto bucket = makeLeaves(buckets_, b, lattice_, {options_.voxel_triangles, options_.leaf_triangles});
           base::Result<std::vector<WorkPatch>> stored = std::vector<WorkPatch>();

@@ -30,6 +30,8 @@ constexpr std::array<double, 3> kMoreKept{0.5, 0.6, 0.75};
 // So many outliers are mostly none, where bounds are not precise.
 constexpr std::ptrdiff_t kFewOutliers = 30;
 constexpr float kNotPrecise = std::numeric_limits<float>::infinity();
+// Of so many groups the last ones take next to nothing of the time: they are made as they lie in the work files.
+constexpr std::size_t kManyGroups = 500;
 // A level of one group has none that stands out.
 constexpr std::size_t kLeastGroups = 2;
 // Distances below this share of a group's error so far do not matter.
@@ -484,13 +486,17 @@ base::Result<void> LevelBuilder::forEachPiece(std::size_t count,
 base::Result<std::vector<LevelBuilder::Made>> LevelBuilder::makeGroups(std::uint32_t level,
                                                                        std::span<const Piece> pieces) {
   std::vector<Made> made(pieces.size());
-  LUMIGRID_TRY(forEachPiece(pieces.size(), [&](std::size_t g) -> base::Result<std::uint64_t> {
+  std::vector<std::uint64_t> triangles(pieces.size(), 0);
+  for (std::size_t g = 0; g < pieces.size(); ++g)
+    for (const std::uint32_t p : pieces[g].consumed) triangles[g] += patches_[p].record.triangles;
+  const std::vector<std::size_t> order =
+      pieces.size() < kManyGroups ? base::largestFirst(triangles) : std::vector<std::size_t>();
+  LUMIGRID_TRY(forEachPiece(pieces.size(), [&](std::size_t i) -> base::Result<std::uint64_t> {
+    const std::size_t g = order.empty() ? i : order[i];
     auto result = knownOrMade(pieces[g], {level, static_cast<std::uint32_t>(g), {}, {}}, nullptr);
     if (!result) return result.error();
     made[g] = std::move(*result);
-    std::uint64_t triangles = 0;
-    for (const std::uint32_t p : pieces[g].consumed) triangles += patches_[p].record.triangles;
-    return triangles;
+    return triangles[g];
   }));
   return made;
 }

@@ -6,6 +6,12 @@
 
 namespace {
 
+TEST(LargestFirst, OrdersBySizeAndThenAsTheyCame) {
+  const std::vector<std::uint64_t> sizes{3, 7, 0, 7, std::uint64_t{1} << 40, 3};
+  EXPECT_EQ(base::largestFirst(sizes), (std::vector<std::size_t>{4, 1, 3, 0, 5, 2}));
+  EXPECT_TRUE(base::largestFirst({}).empty());
+}
+
 TEST(ParallelFor, doesEveryPieceOnce) {
   for (unsigned threads : {1U, 2U, 7U}) {
     std::vector<std::atomic<int>> done(1000);
