@@ -148,6 +148,7 @@ class FacetSurface {
   std::span<const Edge> edges() const { return {edges_.data(), edge_count_}; }
   /// The edge of corners k and k + 1.
   std::uint32_t edgeOf(std::uint32_t t, std::size_t k) const { return edge_of_[3 * std::size_t{t} + k]; }
+  /// Those of corners 0 and 1, 1 and 2, 2 and 0.
   std::span<const std::uint32_t, 3> edgesOf(std::uint32_t t) const {
     return std::span<const std::uint32_t, 3>(edge_of_.data() + 3 * std::size_t{t}, 3);
   }
