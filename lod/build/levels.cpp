@@ -259,8 +259,13 @@ double shareAround(const GroupMesh& mesh) {
   return kKept + (1.0 - kKept) * static_cast<double>(3 * stay) / static_cast<double>(mesh.indices.size());
 }
 
-bool isAny(const std::vector<Outlier>& outliers, float far) {
-  return std::any_of(outliers.begin(), outliers.end(), [&](const Outlier& outlier) { return outlier.error > far; });
+// Does it stay as it was when the group is to be off by at most `allowed`?
+bool isFar(const Outlier& outlier, float allowed) {
+  return outlier.error > kKeptAsTheyAre * allowed;
+}
+
+bool isAnyFar(const std::vector<Outlier>& outliers, float allowed) {
+  return std::any_of(outliers.begin(), outliers.end(), [&](const Outlier& outlier) { return isFar(outlier, allowed); });
 }
 
 // Makes a group until it is off by at most `allowed`; else the best that was made, without triangles if none was.
@@ -270,7 +275,6 @@ template <class Make>
 Coarser keptWithin(float allowed, const GroupMesh& mesh, std::vector<Outlier> outliers, Make&& make) {
   Coarser best;
   const float far = kKeptAsTheyAre * allowed;
-  const auto isFar = [&](const Outlier& outlier) { return outlier.error > far; };
   const auto isWithin = [&] { return !best.mesh.indices.empty() && best.error <= allowed; };
   // Levels end only where groups shrink.
   const double most = kMoreKept.back() * static_cast<double>(mesh.indices.size());
@@ -280,13 +284,15 @@ Coarser keptWithin(float allowed, const GroupMesh& mesh, std::vector<Outlier> ou
     if (indices == 0 || static_cast<double>(indices) > most) return;
     if (best.mesh.indices.empty() || next.error < best.error) best = std::move(next);
   };
-  if (std::count_if(outliers.begin(), outliers.end(), isFar) > kFewOutliers) take(make(mesh, kKept, far));
-  if (!isAny(outliers, far)) return best;
+  const auto count =
+      std::count_if(outliers.begin(), outliers.end(), [&](const Outlier& outlier) { return isFar(outlier, allowed); });
+  if (count > kFewOutliers) take(make(mesh, kKept, far));
+  if (!isAnyFar(outliers, allowed)) return best;
   GroupMesh kept = mesh;
   for (int round = 0; round < kRounds && !isWithin(); ++round) {
     bool is_new = false;
     for (const Outlier& outlier : outliers)
-      for (std::size_t k = 0; k < 3 && isFar(outlier); ++k) {
+      for (std::size_t k = 0; k < 3 && isFar(outlier, allowed); ++k) {
         std::uint8_t& locked = kept.locked[mesh.indices[3 * std::size_t{outlier.triangle} + k]];
         is_new |= locked == 0;
         locked = 1;
@@ -506,15 +512,15 @@ base::Result<void> LevelBuilder::makeAgain(std::uint32_t level, std::span<const 
                                            std::vector<Made>& made) {
   ErrorHistogram errors;
   for (const Made& group : made) errors.add(group.errors);
-  const auto limit = static_cast<float>(static_cast<double>(usualLimit(errors, level)) * lattice_.lattice.step);
-  // Some are off by what they took over from the level below: that stays.
-  const float far = kKeptAsTheyAre * static_cast<float>(static_cast<double>(limit) / lattice_.lattice.step);
+  const float allowed = usualLimit(errors, level);
+  const auto limit = static_cast<float>(static_cast<double>(allowed) * lattice_.lattice.step);
   std::vector<std::size_t> out;
   for (std::size_t g = 0; g < made.size(); ++g)
-    if (made[g].record.error > limit && (!made[g].outliers || isAny(*made[g].outliers, far))) out.push_back(g);
+    // Some are off by what they took over from the level below: that stays.
+    if (made[g].record.error > limit && (!made[g].outliers || isAnyFar(*made[g].outliers, allowed))) out.push_back(g);
   return forEachPiece(out.size(), [&](std::size_t i) -> base::Result<std::uint64_t> {
     const std::size_t g = out[i];
-    const Again again{limit, std::move(made[g].outliers)};
+    const Again again{allowed, std::move(made[g].outliers)};
     auto result = knownOrMade(pieces[g], {level, static_cast<std::uint32_t>(pieces.size() + g), {}, {}}, &again);
     if (!result) return result.error();
     if (result->record.error < made[g].record.error) made[g] = std::move(*result);
@@ -574,8 +580,7 @@ base::Result<LevelBuilder::Made> LevelBuilder::makeGroup(const Piece& piece, Wor
   Coarser best;
   if (again == nullptr || !again->outliers) best = make(merged.mesh, kKept, kNotPrecise);
   if (again != nullptr) {
-    const auto allowed = static_cast<float>(static_cast<double>(again->limit) / step);
-    best = keptWithin(allowed, merged.mesh, again->outliers ? *again->outliers : best.outliers, make);
+    best = keptWithin(again->allowed, merged.mesh, again->outliers ? *again->outliers : best.outliers, make);
     if (best.mesh.indices.empty()) best = make(merged.mesh, kKept, kNotPrecise);
   }
   if (best.mesh.indices.empty())

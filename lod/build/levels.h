@@ -53,7 +53,7 @@ class LevelBuilder {
   };
   /// What a group that stands out is made again with.
   struct Again {
-    float limit = 0.0F;  // world units
+    float allowed = 0.0F;  // lattice steps
     std::optional<std::vector<Outlier>> outliers;
   };
   struct SharedVertex {

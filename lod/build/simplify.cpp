@@ -115,6 +115,13 @@ PairPoint pairOf(const glm::vec3& p, const glm::vec3& q) {
   return {Pair{p.x, q.x}, Pair{p.y, q.y}, Pair{p.z, q.z}};
 }
 
+// Numbers 2 k and 2 k + 1 of a quadric.
+LUMIGRID_LANES Pair twoOf(const Quadric& q, std::size_t k) {
+  Pair two;
+  std::memcpy(&two, reinterpret_cast<const char*>(&q) + k * sizeof two, sizeof two);
+  return two;
+}
+
 template <class Lanes>
 struct QuadricLanes {
   Lanes a00, a01, a02, a11, a12, a22, b0, b1, b2, c;
@@ -168,14 +175,9 @@ struct QuadricLanes {
       odd = __builtin_shufflevector(low_odd, __builtin_shufflevector(third, fourth, 1, 3), 0, 1, 2, 3);
     }
   }
-  LUMIGRID_LANES static Pair twoOf(const Quadric& q, std::size_t k) {
-    Pair two;
-    std::memcpy(&two, reinterpret_cast<const char*>(&q) + k * sizeof two, sizeof two);
-    return two;
-  }
 };
 
-// The quadrics of two planes.
+// The quadrics of two planes, as Quadric::addPlane() makes them, with their weights.
 class PlanePair {
  public:
   LUMIGRID_LANES PlanePair(const PairPoint& n, const Pair& d, const Pair& weight) {
@@ -189,17 +191,14 @@ class PlanePair {
   }
   LUMIGRID_LANES void addTo(Quadric& q, std::size_t plane) const {
     for (std::size_t k = 0; k < 5; ++k) {
-      char* const at = reinterpret_cast<char*>(&q) + k * sizeof(Pair);
-      Pair two;
-      std::memcpy(&two, at, sizeof two);
-      two += values_[plane][k];
-      std::memcpy(at, &two, sizeof two);
+      const Pair two = twoOf(q, k) + values_[plane][k];
+      std::memcpy(reinterpret_cast<char*>(&q) + k * sizeof two, &two, sizeof two);
     }
     q.weight += weight_[plane];
   }
 
  private:
-  // Numbers 2 k and 2 k + 1 of a quadric.
+  // Numbers 2 k and 2 k + 1 of both quadrics.
   LUMIGRID_LANES void put(std::size_t k, const Pair& even, const Pair& odd) {
     values_[0][k] = __builtin_shufflevector(even, odd, 0, 2);
     values_[1][k] = __builtin_shufflevector(even, odd, 1, 3);
