@@ -80,7 +80,18 @@ class [[nodiscard]] Result<void> {
 }  // namespace base
 
 /// Returns the error of a Result<...> expression from the enclosing function, if it has one.
-#define LUMIGRID_TRY(expression)                                                \
-  do {                                                                          \
-    if (auto try_result = (expression); !try_result) return try_result.error(); \
+#define LUMIGRID_TRY(...)                                                        \
+  do {                                                                           \
+    if (auto try_result = (__VA_ARGS__); !try_result) return try_result.error(); \
   } while (false)
+
+/// Declares a variable with the value of a Result<T> expression, or returns its error from the enclosing function:
+/// LUMIGRID_ASSIGN_OR_RETURN(const auto scene, readScene(path)); with auto&& nothing is moved.
+#define LUMIGRID_ASSIGN_OR_RETURN(declaration, ...) \
+  LUMIGRID_ASSIGN_OR_RETURN_AS(LUMIGRID_JOIN(result_of_line_, __LINE__), declaration, __VA_ARGS__)
+#define LUMIGRID_ASSIGN_OR_RETURN_AS(result, declaration, ...) \
+  auto result = (__VA_ARGS__);                                 \
+  if (!result) return result.error();                          \
+  declaration = std::move(result).value()
+#define LUMIGRID_JOIN(a, b) LUMIGRID_JOIN_EXPANDED(a, b)
+#define LUMIGRID_JOIN_EXPANDED(a, b) a##b

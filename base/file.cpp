@@ -66,11 +66,10 @@ Result<void> syncFile(const std::string& path) {
 
 Result<Bytes> readFile(const std::string& path) {
   // Read, not copied from a map: where the disk fails or somebody cuts the file meanwhile, that would be SIGBUS.
-  const auto file = openRegular(path);
-  if (!file) return file.error();
-  Bytes bytes(file->size);
+  LUMIGRID_ASSIGN_OR_RETURN(const auto file, openRegular(path));
+  Bytes bytes(file.size);
   for (std::size_t done = 0; done < bytes.size();) {
-    const ssize_t n = ::read(file->descriptor.get(), bytes.data() + done, bytes.size() - done);
+    const ssize_t n = ::read(file.descriptor.get(), bytes.data() + done, bytes.size() - done);
     if (n < 0 && errno == EINTR) continue;
     if (n < 0) return systemError(path, "read", errno);
     if (n == 0) bytes.resize(done);
@@ -80,10 +79,9 @@ Result<Bytes> readFile(const std::string& path) {
 }
 
 Result<void> writeFileAtomically(const std::string& path, ByteView bytes) {
-  auto file = AtomicFile::create(path);
-  if (!file) return file.error();
-  LUMIGRID_TRY(file->write(bytes));
-  return file->commit();
+  LUMIGRID_ASSIGN_OR_RETURN(auto file, AtomicFile::create(path));
+  LUMIGRID_TRY(file.write(bytes));
+  return file.commit();
 }
 
 FileDescriptor::~FileDescriptor() {
@@ -91,14 +89,13 @@ FileDescriptor::~FileDescriptor() {
 }
 
 Result<MappedFile> MappedFile::open(const std::string& path) {
-  const auto opened = openRegular(path);
-  if (!opened) return opened.error();
+  LUMIGRID_ASSIGN_OR_RETURN(const auto opened, openRegular(path));
   MappedFile file;
-  if (opened->size == 0) return file;
-  void* data = ::mmap(nullptr, opened->size, PROT_READ, MAP_SHARED, opened->descriptor.get(), 0);
+  if (opened.size == 0) return file;
+  void* data = ::mmap(nullptr, opened.size, PROT_READ, MAP_SHARED, opened.descriptor.get(), 0);
   if (data == MAP_FAILED) return systemError(path, "map", errno);
   file.data_ = static_cast<const std::uint8_t*>(data);
-  file.size_ = opened->size;
+  file.size_ = opened.size;
   return file;
 }
 

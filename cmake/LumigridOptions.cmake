@@ -17,6 +17,9 @@ option(LUMIGRID_BENCH "Build the benchmarks in tests/bench" ON)
 option(LUMIGRID_WERROR "Treat warnings as errors" ON)
 set(LUMIGRID_SANITIZE "" CACHE STRING "Sanitizers to build with, e.g. address,undefined or thread")
 
+# Nobody asks errno about a square root, and with it none can be vectorised.
+set(LUMIGRID_VECTOR_MATH -fno-math-errno -fno-trapping-math)
+
 add_library(lumigrid_flags INTERFACE)
 target_compile_options(lumigrid_flags INTERFACE -Wall -Wextra -Wshadow -Wnon-virtual-dtor -Wold-style-cast -Wcast-qual -Wpedantic)
 if(LUMIGRID_WERROR)

@@ -38,9 +38,8 @@ class Truth {
  public:
   static Result<Truth> render(const RunOptions& options, const std::function<void(const std::string&)>& say) {
     Truth truth{options.report + "/truth"};
-    auto scene = base::readScene(options.scene);
-    if (!scene) return scene.error();
-    const std::string stamp = stampOf(*scene, options);
+    LUMIGRID_ASSIGN_OR_RETURN(auto scene, base::readScene(options.scene));
+    const std::string stamp = stampOf(scene, options);
     if (readText(truth.directory_ + "/views.txt") == stamp) {
       say("truth: using the pictures in " + truth.directory_);
       return truth;
@@ -49,7 +48,7 @@ class Truth {
     fs::create_directories(truth.directory_, error);
     if (error)
       return base::Error{base::ErrorCode::kIo, truth.directory_ + ": cannot make this directory: " + error.message()};
-    LUMIGRID_TRY(truth.renderAll(*scene, options, say));
+    LUMIGRID_TRY(truth.renderAll(scene, options, say));
     std::ofstream(truth.directory_ + "/views.txt") << stamp;
     return truth;
   }
@@ -78,18 +77,15 @@ class Truth {
 
   Result<void> renderAll(const base::Scene& scene, const RunOptions& options,
                          const std::function<void(const std::string&)>& say) const {
-    auto patches = lod::patch::PatchFile::open(base::patchPath(options.scene, scene));
-    if (!patches) return patches.error();
-    auto context = base::HeadlessContext::create();
-    if (!context) return context.error();
-    auto renderer = server::SceneRenderer::create(scene, *patches);
-    if (!renderer) return renderer.error();
+    LUMIGRID_ASSIGN_OR_RETURN(auto patches, lod::patch::PatchFile::open(base::patchPath(options.scene, scene)));
+    LUMIGRID_ASSIGN_OR_RETURN(const auto context, base::HeadlessContext::create());
+    LUMIGRID_ASSIGN_OR_RETURN(auto renderer, server::SceneRenderer::create(scene, patches));
     for (std::size_t i = 0; i < options.path.size(); ++i) {
       say("truth: frame " + std::to_string(i + 1) + " of " + std::to_string(options.path.size()));
       const base::ViewCamera& view = options.path[i];
-      const base::Sphere bounds{(*renderer)->sceneCenter(), (*renderer)->sceneRadius()};
+      const base::Sphere bounds{renderer->sceneCenter(), renderer->sceneRadius()};
       auto picture =
-          (*renderer)->render(base::cameraForScene(view, scene.origin, bounds), {0.0F, options.truth_supersampling});
+          renderer->render(base::cameraForScene(view, scene.origin, bounds), {0.0F, options.truth_supersampling});
       if (!picture) return picture.error();
       LUMIGRID_TRY(base::writePng(picture->rgba, frameFile(directory_, i)));
     }
@@ -106,10 +102,9 @@ class LocalServer {
     server::ServerOptions options;
     options.port = 0;
     options.render_frames = render_frames;
-    auto opened = server::Server::open({scene}, options);
-    if (!opened) return opened.error();
+    LUMIGRID_ASSIGN_OR_RETURN(auto opened, server::Server::open({scene}, options));
     auto local = std::unique_ptr<LocalServer>(new LocalServer);
-    local->server_ = std::move(*opened);
+    local->server_ = std::move(opened);
     local->thread_ = std::thread([raw = local.get()] { (void)raw->server_->run(false); });
     return local;
   }
@@ -198,20 +193,18 @@ Result<void> writePictures(const std::string& directory, std::size_t frame, cons
 /// Judges a frame's picture against the truth, and writes it down where pictures are wanted.
 Result<Accuracy> judge(const RunOptions& options, const std::string& run_name, const Truth& truth, std::size_t index,
                        const base::Image& picture) {
-  auto reference = truth.picture(index);
-  if (!reference) return reference.error();
-  auto accuracy = measureAccuracy(*reference, picture);
+  LUMIGRID_ASSIGN_OR_RETURN(auto reference, truth.picture(index));
+  auto accuracy = measureAccuracy(reference, picture);
   if (!accuracy) return base::within("frame " + std::to_string(index), accuracy.error());
-  if (options.pictures) LUMIGRID_TRY(writePictures(options.report + "/" + run_name, index, *reference, picture));
+  if (options.pictures) LUMIGRID_TRY(writePictures(options.report + "/" + run_name, index, reference, picture));
   return accuracy;
 }
 
 Result<RunResult> runOverSocket(const RunOptions& options, const Setting& setting, const Truth& truth) {
-  auto server = LocalServer::start(options.scene, setting.frames);
-  if (!server) return server.error();
+  LUMIGRID_ASSIGN_OR_RETURN(auto server, LocalServer::start(options.scene, setting.frames));
   RunResult run{setting.method, setting.tolerance, {}};
   std::optional<base::Error> failed;
-  client::HeadlessOptions client = clientOptions(options, setting, (*server)->url());
+  client::HeadlessOptions client = clientOptions(options, setting, server->url());
   client.on_frame = [&](const client::HeadlessFrame& frame) {
     if (failed) return;
     auto accuracy = judge(options, run.name(), truth, frame.index, frame.image);
@@ -233,14 +226,10 @@ double secondsNow() {
 
 // Bytes are those of all blocks that have been looked into: what a client would have had to fetch so far.
 Result<RunResult> runSplats(const RunOptions& options, const Setting& setting, const Truth& truth) {
-  auto scene = base::readScene(options.scene);
-  if (!scene) return scene.error();
-  auto file = server::openSplats(options.scene, *scene);
-  if (!file) return file.error();
-  auto context = base::HeadlessContext::create();
-  if (!context) return context.error();
-  auto renderer = server::SplatScene::create(*scene, *file);
-  if (!renderer) return renderer.error();
+  LUMIGRID_ASSIGN_OR_RETURN(auto scene, base::readScene(options.scene));
+  LUMIGRID_ASSIGN_OR_RETURN(auto file, server::openSplats(options.scene, scene));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto context, base::HeadlessContext::create());
+  LUMIGRID_ASSIGN_OR_RETURN(auto renderer, server::SplatScene::create(scene, file));
   server::SplatOptions how;
   how.kernel = *setting.splats;
   how.cutoff_px = static_cast<float>(setting.tolerance);
@@ -248,8 +237,7 @@ Result<RunResult> runSplats(const RunOptions& options, const Setting& setting, c
   const double begin = secondsNow();
   for (std::size_t i = 0; i < options.path.size(); ++i) {
     const double start = secondsNow();
-    auto picture =
-        (*renderer)->render(base::cameraForScene(options.path[i], scene->origin, (*renderer)->bounds()), how);
+    auto picture = renderer->render(base::cameraForScene(options.path[i], scene.origin, renderer->bounds()), how);
     if (!picture) return picture.error();
     FrameResult frame;
     frame.draw_ms = 1000.0 * (secondsNow() - start);
@@ -258,9 +246,8 @@ Result<RunResult> runSplats(const RunOptions& options, const Setting& setting, c
     frame.bytes = picture->bytes;
     frame.triangles = picture->splats;
     frame.complete = true;
-    auto accuracy = judge(options, run.name(), truth, i, picture->rgba);
-    if (!accuracy) return accuracy.error();
-    frame.accuracy = *accuracy;
+    LUMIGRID_ASSIGN_OR_RETURN(auto accuracy, judge(options, run.name(), truth, i, picture->rgba));
+    frame.accuracy = accuracy;
     run.frames.push_back(frame);
   }
   return run;
@@ -275,9 +262,8 @@ Result<ReportContext> describe(const RunOptions& options) {
   context.scene = fs::path(options.scene).lexically_normal().filename().string();
   context.machine = machineName();
   context.commit = LUMIGRID_COMMIT;
-  auto gl = base::HeadlessContext::create();
-  if (!gl) return gl.error();
-  context.renderer = (*gl)->renderer();
+  LUMIGRID_ASSIGN_OR_RETURN(auto gl, base::HeadlessContext::create());
+  context.renderer = gl->renderer();
   context.width = options.path[0].width;
   context.height = options.path[0].height;
   context.link = "loopback";
@@ -303,11 +289,10 @@ std::string machineName() {
 Result<std::vector<RunResult>> runComparison(const RunOptions& options,
                                              const std::function<void(const std::string&)>& say) {
   if (options.path.empty()) return base::Error{base::ErrorCode::kInvalidInput, "the camera path is empty"};
-  auto truth = Truth::render(options, say);
-  if (!truth) return truth.error();
+  LUMIGRID_ASSIGN_OR_RETURN(auto truth, Truth::render(options, say));
   std::vector<RunResult> runs;
   for (const Setting& setting : settingsOf(options)) {
-    auto run = runOne(options, setting, *truth);
+    auto run = runOne(options, setting, truth);
     if (!run) return base::within(setting.method, run.error());
     std::array<char, 128> line{};
     std::snprintf(line.data(), line.size(), "%-28s %8.2f MB  %6.2f dB  SSIM %.4f  %7.1f ms", run->name().c_str(),
@@ -315,9 +300,8 @@ Result<std::vector<RunResult>> runComparison(const RunOptions& options,
     say(line.data());
     runs.push_back(std::move(*run));
   }
-  auto context = describe(options);
-  if (!context) return context.error();
-  LUMIGRID_TRY(writeReport(options.report, *context, runs));
+  LUMIGRID_ASSIGN_OR_RETURN(auto context, describe(options));
+  LUMIGRID_TRY(writeReport(options.report, context, runs));
   return runs;
 }
 

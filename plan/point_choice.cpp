@@ -10,7 +10,7 @@
 #include <unordered_map>
 #include <utility>
 
-#include "repository/cube_face.h"
+#include "repository/sampling/cube_face.h"
 
 namespace plan {
 namespace {

@@ -27,8 +27,8 @@
 #include "base/camera.h"
 #include "lod/patch/hierarchy.h"
 #include "lod/patch/proxy_sight.h"
-#include "repository/grid.h"
-#include "repository/sample_tree.h"
+#include "repository/sampling/grid.h"
+#include "repository/sampling/sample_tree.h"
 
 namespace plan {
 

@@ -53,7 +53,7 @@ Choice chooseFaces(const Scene& scene, const protocol::View& view, const LocalVi
   Choice choice;
   choice.points = choosePoints(query, samples);
   choice.faces = orderFaces(query, choice.points, samples);
-  choice.faces.resize(std::min(choice.faces.size(), std::max(kLeastFaces, kFacesPerPoint * query.max_points)));
+  choice.faces.resize(std::min(choice.faces.size(), std::max(kMinFaces, kFacesPerPoint * query.max_points)));
   return choice;
 }
 
@@ -126,11 +126,11 @@ std::vector<repository::FaceKey> planMotion(const Scene& scene, const protocol::
 }
 
 std::vector<std::uint32_t> coarseGroups(const lod::patch::Hierarchy& hierarchy, std::uint64_t bytes) {
-  constexpr std::size_t kMost = 4096;
+  constexpr std::size_t kMax = 4096;
   std::vector<std::uint32_t> order(hierarchy.groups.size());
   std::iota(order.begin(), order.end(), 0U);
   // Errors are monotone and parents have smaller numbers, so this order puts parents first.
-  const auto end = order.begin() + static_cast<std::ptrdiff_t>(std::min(kMost, order.size()));
+  const auto end = order.begin() + static_cast<std::ptrdiff_t>(std::min(kMax, order.size()));
   std::partial_sort(order.begin(), end, order.end(), [&](std::uint32_t a, std::uint32_t b) {
     const float error_a = hierarchy.groups[a].error;
     const float error_b = hierarchy.groups[b].error;

@@ -11,7 +11,7 @@
 #include "lod/patch/proxy_sight.h"
 #include "lod/patch/traverse.h"
 #include "protocol/message.h"
-#include "repository/sample_tree.h"
+#include "repository/sampling/sample_tree.h"
 
 namespace plan {
 
@@ -36,7 +36,7 @@ inline constexpr float kUrgent = 4.0F;
 /// that the points show (30 faces) instead were 8.0 MB for 16 views over machangara in place of 6.6, for 0.02 dB more.
 inline constexpr std::size_t kFacesPerPoint = 2;
 /// ... but so many where it asks for few: a point or two must show all that is in view.
-inline constexpr std::size_t kLeastFaces = 8;
+inline constexpr std::size_t kMinFaces = 8;
 
 struct ViewPlan {
   std::vector<std::uint32_t> groups;  ///< that the client's cut expands: parents first, largest projected error first

@@ -10,8 +10,8 @@
 #include "base/bytes.h"
 #include "base/camera.h"
 #include "base/error.h"
-#include "repository/grid.h"
-#include "repository/key.h"
+#include "repository/sampling/grid.h"
+#include "repository/sampling/key.h"
 
 namespace protocol {
 

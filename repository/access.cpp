@@ -17,14 +17,14 @@ constexpr std::uint16_t kVersion = 1;
 constexpr std::size_t kHeaderBytes = 112;
 constexpr std::size_t kHeaderCrc = 8;  // offsets
 constexpr std::size_t kBodyCrc = 12;
-constexpr std::uint64_t kMost = std::numeric_limits<std::uint64_t>::max();
+constexpr std::uint64_t kMax = std::numeric_limits<std::uint64_t>::max();
 
 base::Error bad(const std::string& what) {
   return {base::ErrorCode::kInvalidInput, "access counts: " + what + "; move the file away, servers begin a new one"};
 }
 
 std::uint64_t add(std::uint64_t a, std::uint64_t b) {
-  return a > kMost - b ? kMost : a + b;
+  return a > kMax - b ? kMax : a + b;
 }
 
 // --- Rows: varints, how many numbers lie between the row before and this one, then the count.
@@ -55,7 +55,7 @@ base::Result<void> takeRows(base::ByteReader& in, std::uint64_t rows, const char
     const std::uint64_t gap = in.varint();
     const std::uint64_t count = in.varint();
     if (!in.ok()) return bad(std::string("a row of ") + what + " is no pair of numbers");
-    if (gap > kMost - 1 - next || count == 0) return bad(std::string("a row of ") + what + " is out of range");
+    if (gap > kMax - 1 - next || count == 0) return bad(std::string("a row of ") + what + " is out of range");
     if (!take(Row{next + gap, count})) return bad(std::string("a row names ") + what + " that the scene does not have");
     next += gap + 1;
   }
@@ -187,9 +187,8 @@ base::Error anotherScene() {
 }
 
 base::Result<AccessFile> readAccess(const std::string& path, const AccessIdentity& identity) {
-  auto mapped = base::MappedFile::open(path);
-  if (!mapped) return mapped.error();
-  auto file = decodeAccess(mapped->bytes());
+  LUMIGRID_ASSIGN_OR_RETURN(auto mapped, base::MappedFile::open(path));
+  auto file = decodeAccess(mapped.bytes());
   if (!file) return base::within(path, file.error());
   if (file->identity != identity) return base::within(path, anotherScene());
   return file;
@@ -275,9 +274,8 @@ std::string accessFileOf(const std::string& scene_directory) {
 base::Result<AccessCounts> loadAccess(const std::vector<std::string>& files, const AccessIdentity& identity) {
   AccessCounts sum;
   for (const std::string& path : files) {
-    auto file = readAccess(path, identity);
-    if (!file) return file.error();
-    sum = addCounts(sum, file->counts);
+    LUMIGRID_ASSIGN_OR_RETURN(auto file, readAccess(path, identity));
+    sum = addCounts(sum, file.counts);
   }
   return sum;
 }

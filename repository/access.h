@@ -9,8 +9,8 @@
 
 #include "base/bytes.h"
 #include "base/error.h"
-#include "repository/grid.h"
-#include "repository/key.h"
+#include "repository/sampling/grid.h"
+#include "repository/sampling/key.h"
 
 namespace repository {
 

@@ -30,8 +30,8 @@ constexpr std::uint16_t kBigData = 0x01, kSubTable = 0x02;                      
 constexpr std::uint16_t kIntegerKeys = 0x08;                                               // table flags
 constexpr std::uint64_t kNoPage = ~std::uint64_t{0};
 constexpr std::uint64_t kPageHeader = 16, kNodeHeader = 8, kTableBytes = 48;
-constexpr std::uint64_t kMostBytes = std::uint64_t{1} << 46;  // no file is larger: half of what the system can map
-constexpr int kMostDepth = 32;                                // LMDB's CURSOR_STACK
+constexpr std::uint64_t kMaxBytes = std::uint64_t{1} << 46;  // no file is larger: half of what the system can map
+constexpr int kMaxDepth = 32;                                // LMDB's CURSOR_STACK
 
 struct Table {
   std::uint32_t pad = 0;
@@ -73,7 +73,7 @@ std::optional<Meta> readMeta(base::ByteView file, std::uint64_t offset) {
 
   const std::uint32_t page_bytes = meta.free_pages.pad;
   const bool usable = std::has_single_bit(page_bytes) && page_bytes >= 512 && page_bytes <= 65536;
-  if (!usable || meta.last_page < 1 || meta.last_page >= kMostBytes / page_bytes) return std::nullopt;
+  if (!usable || meta.last_page < 1 || meta.last_page >= kMaxBytes / page_bytes) return std::nullopt;
   return meta;
 }
 
@@ -127,7 +127,7 @@ class Walk {
 
   void walkTable(const Table& table, bool holds_tables, std::uint64_t from) {
     if (table.root == kNoPage) return;
-    if (table.flags != 0 || table.depth < 1 || table.depth > kMostDepth) return fail("a table of another kind", from);
+    if (table.flags != 0 || table.depth < 1 || table.depth > kMaxDepth) return fail("a table of another kind", from);
     walkPage(table.root, table.depth, holds_tables);
   }
 
@@ -247,15 +247,14 @@ base::Result<void> checkLmdbHeader(const std::string& directory) {
 }
 
 base::Result<void> checkLmdbTrees(const std::string& directory, std::uint64_t txn_id, CheckDepth depth) {
-  const auto file = base::MappedFile::open(directory + "/data.mdb");
-  if (!file) return file.error();
-  const auto first = readMeta(file->bytes(), 0);
-  const auto second = first ? readMeta(file->bytes(), first->free_pages.pad) : first;
+  LUMIGRID_ASSIGN_OR_RETURN(const auto file, base::MappedFile::open(directory + "/data.mdb"));
+  const auto first = readMeta(file.bytes(), 0);
+  const auto second = first ? readMeta(file.bytes(), first->free_pages.pad) : first;
   if (!first || !second) return damaged(directory, "no meta page");
   const Meta& meta = first->txn_id == txn_id ? *first : *second;
   if (meta.txn_id != txn_id)
     return base::Error{base::ErrorCode::kBusy, directory + ": its writer is quicker than we can look; try again"};
-  Walk walk(file->bytes(), meta, depth);
+  Walk walk(file.bytes(), meta, depth);
   walk.walk(meta);
   if (!walk.fault().empty()) return damaged(directory, walk.fault());
   return {};

@@ -226,9 +226,8 @@ base::Result<SharedLmdb> SharedLmdb::open(const std::string& directory, const Lm
   const std::lock_guard guard(registry().mutex);
   auto it = registry().open.find(directory);
   if (it == registry().open.end()) {
-    auto opened = LmdbEnvironment::open(directory, options);
-    if (!opened) return opened.error();
-    it = registry().open.emplace(directory, std::pair(std::move(*opened), 0)).first;
+    LUMIGRID_ASSIGN_OR_RETURN(auto opened, LmdbEnvironment::open(directory, options));
+    it = registry().open.emplace(directory, std::pair(std::move(opened), 0)).first;
   }
   ++it->second.second;
   return SharedLmdb(directory, it->second.first);

@@ -286,30 +286,27 @@ base::Result<std::string> directoryOf(const std::string& path, StoreMode mode) {
 
 base::Result<std::unique_ptr<Store>> openLmdbStore(const std::string& path, StoreMode mode,
                                                    const LmdbOptions& options) {
-  auto directory = directoryOf(path, mode);
-  if (!directory) return directory.error();
+  LUMIGRID_ASSIGN_OR_RETURN(auto directory, directoryOf(path, mode));
   WriterLock lock;
   if (mode == StoreMode::kWrite) {
-    auto taken = WriterLock::take(*directory);
-    if (!taken) return taken.error();
-    lock = std::move(*taken);
+    LUMIGRID_ASSIGN_OR_RETURN(auto taken, WriterLock::take(directory));
+    lock = std::move(taken);
   }
 
   LmdbEnvironmentOptions environment_options;
   environment_options.map_bytes = options.map_bytes;
-  auto environment = SharedLmdb::open(*directory, environment_options);
-  if (!environment) return environment.error();
+  LUMIGRID_ASSIGN_OR_RETURN(auto environment, SharedLmdb::open(directory, environment_options));
   if (mode == StoreMode::kWrite) {
-    if ((*environment)->readOnly()) return storeError(path, "write", EROFS);
-    LUMIGRID_TRY((*environment)->checkTrees(CheckDepth::kValues));
+    if (environment->readOnly()) return storeError(path, "write", EROFS);
+    LUMIGRID_TRY(environment->checkTrees(CheckDepth::kValues));
   }
 
-  const int code = (*environment)->openTables(kTables, mode == StoreMode::kWrite);
+  const int code = environment->openTables(kTables, mode == StoreMode::kWrite);
   if (code == MDB_NOTFOUND)
     return base::Error{base::ErrorCode::kNotFound,
                        path + ": the image repository is empty; build it with lumigrid build"};
   if (code != 0) return storeError(path, "open", code);
-  return std::unique_ptr<Store>(std::make_unique<LmdbStore>(*directory, std::move(*environment), std::move(lock)));
+  return std::unique_ptr<Store>(std::make_unique<LmdbStore>(directory, std::move(environment), std::move(lock)));
 }
 
 bool isLmdbStore(const std::string& path) {
@@ -325,8 +322,7 @@ bool isBeingWritten(const std::string& path) {
 base::Result<void> removeLmdbStore(const std::string& path) {
   std::error_code failed;
   if (!std::filesystem::is_directory(path, failed)) return {};
-  auto lock = WriterLock::take(path);
-  if (!lock) return lock.error();
+  LUMIGRID_TRY(WriterLock::take(path));
   for (const char* name : {"data.mdb", "lock.mdb", "writer.lock"}) {
     std::filesystem::remove(std::filesystem::path(path) / name, failed);
     if (failed) return base::systemError(path + "/" + name, "remove", failed.value());

@@ -7,9 +7,9 @@
 #include <utility>
 
 #include "base/file.h"
-#include "repository/expected_points.h"
-#include "repository/parameters.h"
-#include "repository/tree_text.h"
+#include "repository/sampling/expected_points.h"
+#include "repository/sampling/parameters.h"
+#include "repository/sampling/tree_text.h"
 
 namespace repository {
 namespace {
@@ -35,15 +35,14 @@ Error otherParameters(const std::string& images, const Shard& shard, const std::
 
 // The one division that the directories show; 0: not divided.
 Result<std::uint32_t> divisionOf(const std::string& images) {
-  auto layout = layoutOf(images);
-  if (!layout) return layout.error();
-  if (layout->shards.empty()) return std::uint32_t{0};
-  const std::uint32_t count = layout->shards.front().count;
-  if (layout->undivided)
+  LUMIGRID_ASSIGN_OR_RETURN(auto layout, layoutOf(images));
+  if (layout.shards.empty()) return std::uint32_t{0};
+  const std::uint32_t count = layout.shards.front().count;
+  if (layout.undivided)
     return mixed(images, "holds both an undivided repository and one in " + std::to_string(count) + " shards");
-  if (layout->shards.back().count != count)
+  if (layout.shards.back().count != count)
     return mixed(images,
-                 "holds shards of " + std::to_string(count) + " and of " + std::to_string(layout->shards.back().count));
+                 "holds shards of " + std::to_string(count) + " and of " + std::to_string(layout.shards.back().count));
   return count;
 }
 
@@ -63,14 +62,12 @@ class ShardedStore final : public Store {
   }
 
   Result<std::optional<base::Bytes>> get(const FaceKey& key) const override {
-    auto store = storeOf(key);
-    if (!store) return store.error();
-    return *store == nullptr ? Result<std::optional<base::Bytes>>(std::optional<base::Bytes>()) : (*store)->get(key);
+    LUMIGRID_ASSIGN_OR_RETURN(auto store, storeOf(key));
+    return store == nullptr ? Result<std::optional<base::Bytes>>(std::optional<base::Bytes>()) : store->get(key);
   }
   Result<bool> contains(const FaceKey& key) const override {
-    auto store = storeOf(key);
-    if (!store) return store.error();
-    return *store == nullptr ? Result<bool>(false) : (*store)->contains(key);
+    LUMIGRID_ASSIGN_OR_RETURN(auto store, storeOf(key));
+    return store == nullptr ? Result<bool>(false) : store->contains(key);
   }
   Result<void> putBatch(const std::vector<std::pair<FaceKey, base::Bytes>>&) override { return readingOnly(); }
   Result<void> erase(const std::vector<FaceKey>&) override { return readingOnly(); }
@@ -91,9 +88,8 @@ class ShardedStore final : public Store {
   Result<std::uint64_t> size() const override {
     std::uint64_t sum = 0;
     LUMIGRID_TRY(inEachShard([&](const Store& store, std::uint32_t, bool&) -> Result<void> {
-      auto one = store.size();
-      if (!one) return one.error();
-      sum += *one;
+      LUMIGRID_ASSIGN_OR_RETURN(auto one, store.size());
+      sum += one;
       return {};
     }));
     return sum;
@@ -117,9 +113,8 @@ class ShardedStore final : public Store {
   Result<void> inEachShard(const Body& body) const {
     bool going = true;
     for (std::uint32_t i = 0; going && i < stores_.size(); ++i) {
-      auto store = shard(i);
-      if (!store) return store.error();
-      if (*store != nullptr) LUMIGRID_TRY(body(**store, i, going));
+      LUMIGRID_ASSIGN_OR_RETURN(auto store, shard(i));
+      if (store != nullptr) LUMIGRID_TRY(body(*store, i, going));
     }
     return {};
   }
@@ -150,17 +145,15 @@ class ShardedStore final : public Store {
   Result<void> open(std::uint32_t index, const std::string& path) const {
     auto store = openLmdbStore(path, StoreMode::kRead, kShardMap);
     if (!store) return store.error().code == ErrorCode::kNotFound ? Result<void>() : Result<void>(store.error());
-    auto meta = (*store)->readMeta();
-    if (!meta) return meta.error();
-    if (!*meta) return {};
+    LUMIGRID_ASSIGN_OR_RETURN(auto meta, (*store)->readMeta());
+    if (!meta) return {};
     if (meta_.empty()) {
-      auto grid = gridFromMeta(**meta, path);
-      if (!grid) return grid.error();
-      grid_ = *grid;
+      LUMIGRID_ASSIGN_OR_RETURN(auto grid, gridFromMeta(*meta, path));
+      grid_ = grid;
       division_.emplace(grid_, static_cast<std::uint32_t>(stores_.size()));
-      meta_ = std::move(**meta);
-    } else if (!sameParameters(meta_, **meta)) {
-      return otherParameters(images_, {index, static_cast<std::uint32_t>(stores_.size())}, meta_, **meta);
+      meta_ = std::move(*meta);
+    } else if (!sameParameters(meta_, *meta)) {
+      return otherParameters(images_, {index, static_cast<std::uint32_t>(stores_.size())}, meta_, *meta);
     }
     stores_[index] = std::move(*store);
     return {};
@@ -179,10 +172,9 @@ Result<void> checkMeta(const std::string& own, const Grid& grid, const std::stri
                        std::string& meta) {
   if (!meta.empty())
     return sameParameters(meta, own) ? Result<void>() : Result<void>(otherParameters(images, shard, meta, own));
-  auto recorded = gridFromMeta(own, images);
-  if (!recorded) return recorded.error();
+  LUMIGRID_ASSIGN_OR_RETURN(auto recorded, gridFromMeta(own, images));
   meta = own;
-  if (*recorded == grid) return {};
+  if (recorded == grid) return {};
   return Error{ErrorCode::kInvalidInput,
                images + ": holds images of another grid than the scene's; build the scene again with --force"};
 }
@@ -201,9 +193,8 @@ class MissingFinder {
       if (!opened && opened.error().code != ErrorCode::kNotFound) return opened.error();
       if (opened) store = std::move(*opened);
     }
-    auto own_tree = treeOf(store.get(), shard);
-    if (!own_tree) return own_tree.error();
-    const SampleTree* tree = *own_tree ? &**own_tree : first_tree_;
+    LUMIGRID_ASSIGN_OR_RETURN(auto own_tree, treeOf(store.get(), shard));
+    const SampleTree* tree = own_tree ? &*own_tree : first_tree_;
     if (tree != nullptr) missing.cells = tree->openLeaves().size();
 
     const ExpectedPoints points(grid_, shard, tree);
@@ -223,11 +214,10 @@ class MissingFinder {
   // A store that was made a moment ago says nothing yet.
   Result<std::optional<SampleTree>> treeOf(const Store* store, const Shard& shard) {
     if (store == nullptr) return std::optional<SampleTree>();
-    auto own = store->readMeta();
-    if (!own) return own.error();
-    if (!*own) return std::optional<SampleTree>();
-    LUMIGRID_TRY(checkMeta(**own, grid_, images_, shard, meta_));
-    return treeFromText(**own, grid_, images_);
+    LUMIGRID_ASSIGN_OR_RETURN(auto own, store->readMeta());
+    if (!own) return std::optional<SampleTree>();
+    LUMIGRID_TRY(checkMeta(*own, grid_, images_, shard, meta_));
+    return treeFromText(*own, grid_, images_);
   }
 
   const std::string& images_;
@@ -257,9 +247,8 @@ std::string storeDirectory(const std::string& images, std::uint32_t shards, std:
 
 Result<std::unique_ptr<Store>> openRepository(const std::string& images, std::optional<std::uint32_t> shards) {
   if (!shards) {
-    auto found = divisionOf(images);
-    if (!found) return found.error();
-    shards = *found;
+    LUMIGRID_ASSIGN_OR_RETURN(auto found, divisionOf(images));
+    shards = found;
   }
   if (*shards == 0) return openLmdbStore(images, StoreMode::kRead);
   auto store = std::make_unique<ShardedStore>(images, *shards);
@@ -273,9 +262,8 @@ Result<std::vector<ShardGaps>> findMissing(const std::string& images, std::uint3
   std::vector<ShardGaps> missing;
   MissingFinder finder(images, grid, first_tree);
   for (std::uint32_t i = 0; i < count; ++i) {
-    auto one = finder.look(storeDirectory(images, shards, i), {i, count});
-    if (!one) return one.error();
-    if (one->faces > 0 || one->cells > 0) missing.push_back(std::move(*one));
+    LUMIGRID_ASSIGN_OR_RETURN(auto one, finder.look(storeDirectory(images, shards, i), {i, count}));
+    if (one.faces > 0 || one.cells > 0) missing.push_back(std::move(one));
   }
   return missing;
 }

@@ -8,10 +8,10 @@
 #include <vector>
 
 #include "base/error.h"
-#include "repository/gaps.h"
-#include "repository/grid.h"
-#include "repository/sample_tree.h"
-#include "repository/shard.h"
+#include "repository/sampling/gaps.h"
+#include "repository/sampling/grid.h"
+#include "repository/sampling/sample_tree.h"
+#include "repository/sampling/shard.h"
 #include "repository/store.h"
 
 namespace repository {

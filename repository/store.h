@@ -11,7 +11,7 @@
 
 #include "base/bytes.h"
 #include "base/error.h"
-#include "repository/key.h"
+#include "repository/sampling/key.h"
 
 namespace repository {
 

@@ -5,10 +5,10 @@
 #include <utility>
 
 #include "base/parallel.h"
-#include "repository/expected_points.h"
-#include "repository/face_image.h"
-#include "repository/face_value.h"
-#include "repository/gaps.h"
+#include "repository/faces/face_image.h"
+#include "repository/faces/face_value.h"
+#include "repository/sampling/expected_points.h"
+#include "repository/sampling/gaps.h"
 
 namespace repository {
 namespace {
@@ -99,7 +99,7 @@ class Verifier {
   }
 
  private:
-  bool enough() const { return faults_.size() + gaps_.found() >= kMostFaults; }
+  bool enough() const { return faults_.size() + gaps_.found() >= kMaxFaults; }
 
   const ExpectedPoints points_;
   std::vector<std::string> faults_;
@@ -108,9 +108,9 @@ class Verifier {
 };
 
 std::vector<std::string> atMost(std::vector<std::string> faults) {
-  if (faults.size() < kMostFaults) return faults;
-  faults.resize(kMostFaults);
-  faults.emplace_back("and perhaps more: stopped at " + std::to_string(kMostFaults) + " faults");
+  if (faults.size() < kMaxFaults) return faults;
+  faults.resize(kMaxFaults);
+  faults.emplace_back("and perhaps more: stopped at " + std::to_string(kMaxFaults) + " faults");
   return faults;
 }
 
@@ -136,7 +136,7 @@ std::vector<std::string> verify(const PackStore& packs, const Grid& grid, const 
   packs.check(
       [&](std::string fault) {
         faults.push_back(std::move(fault));
-        return faults.size() < kMostFaults;
+        return faults.size() < kMaxFaults;
       },
       [&](const FaceKey& key, base::ByteView bytes) {
         return verifier.take(key, bytes) && (++values % kPortion != 0 || !progress || progress(values));

@@ -6,16 +6,16 @@
 #include <vector>
 
 #include "base/error.h"
-#include "repository/grid.h"
-#include "repository/pack_store.h"
-#include "repository/sample_tree.h"
-#include "repository/shard.h"
+#include "repository/packs/pack_store.h"
+#include "repository/sampling/grid.h"
+#include "repository/sampling/sample_tree.h"
+#include "repository/sampling/shard.h"
 #include "repository/store.h"
 
 namespace repository {
 
 /// Faults after which verify() stops looking for more.
-inline constexpr std::size_t kMostFaults = 100;
+inline constexpr std::size_t kMaxFaults = 100;
 
 /// One line for each fault, none when all is well: a face of the grid that is missing, a value whose checksum or
 /// lengths are wrong, a JPEG or mask that cannot be decoded or is of another size than grid.face_size, a key that is no

@@ -165,15 +165,15 @@ void ProgramTraits::destroy(GLuint name) {
 
 Result<Program> Program::link(const std::string& name, const std::string& vertex_source,
                               const std::string& fragment_source) {
-  auto vertex = compile("GL program '" + name + "': vertex shader", GL_VERTEX_SHADER, vertex_source);
-  if (!vertex) return vertex.error();
-  auto fragment = compile("GL program '" + name + "': fragment shader", GL_FRAGMENT_SHADER, fragment_source);
-  if (!fragment) return fragment.error();
+  LUMIGRID_ASSIGN_OR_RETURN(auto vertex,
+                            compile("GL program '" + name + "': vertex shader", GL_VERTEX_SHADER, vertex_source));
+  LUMIGRID_ASSIGN_OR_RETURN(auto fragment,
+                            compile("GL program '" + name + "': fragment shader", GL_FRAGMENT_SHADER, fragment_source));
 
   Program program;
   program.program_ = Object<ProgramTraits>(glCreateProgram());
-  glAttachShader(program.name(), vertex->name());
-  glAttachShader(program.name(), fragment->name());
+  glAttachShader(program.name(), vertex.name());
+  glAttachShader(program.name(), fragment.name());
   glLinkProgram(program.name());
   GLint linked = GL_FALSE;
   glGetProgramiv(program.name(), GL_LINK_STATUS, &linked);

@@ -60,9 +60,8 @@ Result<Annotation> readNote(const json& note, const std::string& place) {
   if (!readText(note, "title", annotation.title)) return bad(place, "title must be text");
   if (!readText(note, "text", annotation.text)) return bad(place, "text must be text");
   if (const auto it = note.find("camera"); it != note.end()) {
-    auto camera = parseCamera(it->dump(), place + ": camera");
-    if (!camera) return camera.error();
-    annotation.camera = *camera;
+    LUMIGRID_ASSIGN_OR_RETURN(auto camera, parseCamera(it->dump(), place + ": camera"));
+    annotation.camera = camera;
   }
   auto checked = checkedAnnotation(std::move(annotation));
   if (!checked) return within(place, checked.error());
@@ -85,9 +84,8 @@ Result<std::vector<Annotation>> parseAnnotations(ByteView text, const std::strin
     return bad(name, "has more than " + std::to_string(kMaxAnnotations) + " annotations");
   std::vector<Annotation> annotations;
   for (const json& note : notes) {
-    auto read = readNote(note, name + ": annotation " + std::to_string(annotations.size()));
-    if (!read) return read.error();
-    annotations.push_back(std::move(*read));
+    LUMIGRID_ASSIGN_OR_RETURN(auto read, readNote(note, name + ": annotation " + std::to_string(annotations.size())));
+    annotations.push_back(std::move(read));
   }
   return annotations;
 }
@@ -100,11 +98,9 @@ Result<std::optional<AnnotationsText>> readAnnotations(const std::string& direct
   // A directory, a pipe, one that may not be read: the reader names it.
   if (!ec && size > kMaxAnnotationsBytes)
     return bad(path, "has more than " + std::to_string(kMaxAnnotationsBytes >> 20) + " MiB");
-  auto bytes = readFile(path);
-  if (!bytes) return bytes.error();
-  auto notes = parseAnnotations(*bytes, path);
-  if (!notes) return notes.error();
-  return std::optional(AnnotationsText{std::string(bytes->begin(), bytes->end()), notes->size()});
+  LUMIGRID_ASSIGN_OR_RETURN(auto bytes, readFile(path));
+  LUMIGRID_ASSIGN_OR_RETURN(auto notes, parseAnnotations(bytes, path));
+  return std::optional(AnnotationsText{std::string(bytes.begin(), bytes.end()), notes.size()});
 }
 
 }  // namespace base

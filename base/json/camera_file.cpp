@@ -73,9 +73,8 @@ Result<ViewCamera> cameraFrom(const json& object, const std::string& name, ViewC
 }
 
 Result<json> parseFile(const std::string& path) {
-  auto bytes = readFile(path);
-  if (!bytes) return bytes.error();
-  json document = json::parse(bytes->begin(), bytes->end(), nullptr, false);
+  LUMIGRID_ASSIGN_OR_RETURN(auto bytes, readFile(path));
+  json document = json::parse(bytes.begin(), bytes.end(), nullptr, false);
   if (document.is_discarded()) return bad(path, "not valid JSON");
   return document;
 }
@@ -83,9 +82,8 @@ Result<json> parseFile(const std::string& path) {
 }  // namespace
 
 Result<ViewCamera> readCamera(const std::string& path) {
-  auto document = parseFile(path);
-  if (!document) return document.error();
-  return cameraFrom(*document, path, {});
+  LUMIGRID_ASSIGN_OR_RETURN(auto document, parseFile(path));
+  return cameraFrom(document, path, {});
 }
 
 Result<ViewCamera> parseCamera(const std::string& text, const std::string& name) {
@@ -95,17 +93,15 @@ Result<ViewCamera> parseCamera(const std::string& text, const std::string& name)
 }
 
 Result<std::vector<ViewCamera>> readCameraPath(const std::string& path) {
-  auto document = parseFile(path);
-  if (!document) return document.error();
-  if (!document->is_object() || !document->contains("frames") || !(*document)["frames"].is_array())
+  LUMIGRID_ASSIGN_OR_RETURN(auto document, parseFile(path));
+  if (!document.is_object() || !document.contains("frames") || !document["frames"].is_array())
     return bad(path, "no list of frames");
   ViewCamera common;
-  LUMIGRID_TRY(readLens(*document, path, common));
+  LUMIGRID_TRY(readLens(document, path, common));
   std::vector<ViewCamera> frames;
-  for (const json& item : (*document)["frames"]) {
-    auto camera = cameraFrom(item, path + ": frame " + std::to_string(frames.size()), common);
-    if (!camera) return camera.error();
-    frames.push_back(*camera);
+  for (const json& item : document["frames"]) {
+    LUMIGRID_ASSIGN_OR_RETURN(auto camera, cameraFrom(item, path + ": frame " + std::to_string(frames.size()), common));
+    frames.push_back(camera);
   }
   if (frames.empty()) return bad(path, "the list of frames is empty");
   return frames;

@@ -122,9 +122,8 @@ Result<Scene> readScene(const std::string& directory) {
 }
 
 Result<Scene> readSceneFile(const std::string& path) {
-  auto bytes = readFile(path);
-  if (!bytes) return bytes.error();
-  return parseScene(std::string(bytes->begin(), bytes->end()), path);
+  LUMIGRID_ASSIGN_OR_RETURN(auto bytes, readFile(path));
+  return parseScene(std::string(bytes.begin(), bytes.end()), path);
 }
 
 Result<Scene> parseScene(const std::string& text, const std::string& name) {

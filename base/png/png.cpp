@@ -50,9 +50,8 @@ Result<void> writePng(const Image& image, const std::string& path) {
 }
 
 Result<Image> readPng(const std::string& path) {
-  auto file = MappedFile::open(path);
-  if (!file) return file.error();
-  auto image = decodePng(file->bytes());
+  LUMIGRID_ASSIGN_OR_RETURN(auto file, MappedFile::open(path));
+  auto image = decodePng(file.bytes());
   return image ? std::move(image) : within(path, image.error());
 }
 

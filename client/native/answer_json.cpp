@@ -59,17 +59,16 @@ std::string pickTarget(const glm::dvec3& origin, const glm::dvec3& direction) {
 
 base::Result<PickAnswer> parsePickAnswer(base::ByteView text) {
   const std::string name = "the server's answer to a pick";
-  const auto document = parse(text, kMaxPickAnswer, name);
-  if (!document) return document.error();
-  const auto hit = document->find("hit");
-  if (hit == document->end() || !hit->is_boolean()) return bad(name, "hit must be true or false");
+  LUMIGRID_ASSIGN_OR_RETURN(const auto document, parse(text, kMaxPickAnswer, name));
+  const auto hit = document.find("hit");
+  if (hit == document.end() || !hit->is_boolean()) return bad(name, "hit must be true or false");
   PickAnswer answer;
   answer.kind = PickAnswer::Kind::kNone;
   if (!hit->get<bool>()) return answer;
   answer.kind = PickAnswer::Kind::kHit;
-  if (!readVector(*document, "point", answer.point)) return bad(name, "point must be three numbers");
-  if (!readVector(*document, "normal", answer.normal)) return bad(name, "normal must be three numbers");
-  if (!readNumber(*document, "accuracy", answer.accuracy) || answer.accuracy < 0.0)
+  if (!readVector(document, "point", answer.point)) return bad(name, "point must be three numbers");
+  if (!readVector(document, "normal", answer.normal)) return bad(name, "normal must be three numbers");
+  if (!readNumber(document, "accuracy", answer.accuracy) || answer.accuracy < 0.0)
     return bad(name, "accuracy must be a number from 0 on");
   return answer;
 }

@@ -4,7 +4,7 @@
 
 #include "base/bytes.h"
 #include "base/error.h"
-#include "client/measure.h"
+#include "client/app/measure.h"
 
 namespace client {
 

@@ -12,8 +12,8 @@
 #include <unordered_set>
 #include <utility>
 
+#include "base/content_range.h"
 #include "client/native/http_request.h"
-#include "repository/content_range.h"
 
 namespace client {
 namespace {
@@ -53,7 +53,7 @@ void Transfer::judge() {
   constexpr int kOk = 200, kPartial = 206;
   const int status = head.status;
   const std::string encoding = head.header("content-encoding");
-  const auto size = repository::parseDecimal(head.header("content-length"));
+  const auto size = base::parseDecimal(head.header("content-length"));
   if (status == 404 || status == 410) {
     verdict = answer(FetchOutcome::kNotFound);
   } else if (status == 401 || status == 403) {
@@ -72,7 +72,7 @@ void Transfer::judge() {
     // The whole object is the range that was asked for.
     if (order.offset != 0 || !size || *size != order.length) verdict = answer(FetchOutcome::kRangeIgnored);
   } else {
-    const auto range = repository::parseContentRange(head.header("content-range"));
+    const auto range = base::parseContentRange(head.header("content-range"));
     const std::uint64_t last = order.offset + order.length - 1;
     if (range && range->has_bytes && range->first == order.offset && range->last < last)
       verdict = answer(FetchOutcome::kTooShort);

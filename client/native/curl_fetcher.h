@@ -3,8 +3,8 @@
 #include <memory>
 #include <string>
 
-#include "client/fetch.h"
 #include "client/native/link.h"
+#include "client/source/fetch.h"
 
 namespace client {
 

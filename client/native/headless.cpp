@@ -71,9 +71,8 @@ base::Result<void> Run::prepare() {
     if (error)
       return base::Error{base::ErrorCode::kIo, options_.out_dir + ": cannot make the folder: " + error.message()};
   }
-  auto context = base::HeadlessContext::create();
-  if (!context) return context.error();
-  context_ = std::move(*context);
+  LUMIGRID_ASSIGN_OR_RETURN(auto context, base::HeadlessContext::create());
+  context_ = std::move(context);
   summary_.renderer = context_->renderer();
 
   return begin(options_.viewer.method);
@@ -93,10 +92,10 @@ base::Result<void> Run::begin(lod::Method method) {
   // … and splats are as fine in each.
   SplatOptions splats = options_.splats;
   if (options_.realtime_fps <= 0.0) splats.frame_seconds = 0.0;
-  auto link = method == lod::Method::kQsplat ? openSplatLink(options_.url, options_.link, splats)
-                                             : openLink(options_.url, options_.link);
-  if (!link) return link.error();
-  connection_ = std::move(*link);
+  LUMIGRID_ASSIGN_OR_RETURN(auto link, method == lod::Method::kQsplat
+                                           ? openSplatLink(options_.url, options_.link, splats)
+                                           : openLink(options_.url, options_.link));
+  connection_ = std::move(link);
   return {};
 }
 
@@ -137,9 +136,8 @@ base::Result<void> Run::greet() {
 
 base::Result<void> Run::bindTarget(const base::ViewCamera& camera) {
   if (!target_ || target_->width() != camera.width || target_->height() != camera.height) {
-    auto target = base::gl::RenderTarget::create(camera.width, camera.height);
-    if (!target) return target.error();
-    target_ = std::move(*target);
+    LUMIGRID_ASSIGN_OR_RETURN(auto target, base::gl::RenderTarget::create(camera.width, camera.height));
+    target_ = std::move(target);
   }
   target_->bind();
   return {};
@@ -161,9 +159,8 @@ base::Result<void> Run::settle(const base::ViewCamera& camera) {
   while (secondsSince(begin) < options_.settle_seconds) {
     pump();
     LUMIGRID_TRY(checkConnection());
-    auto more = viewer_->update(camera, secondsSince(start_));
-    if (!more) return more.error();
-    if (!*more && viewer_->allHere()) {
+    LUMIGRID_ASSIGN_OR_RETURN(auto more, viewer_->update(camera, secondsSince(start_)));
+    if (!more && viewer_->allHere()) {
       LUMIGRID_TRY(draw(camera));
       if (viewer_->stats().complete) return {};
       continue;
@@ -180,8 +177,7 @@ base::Result<void> Run::waitUntil(double seconds, const base::ViewCamera& camera
     LUMIGRID_TRY(checkConnection());
     const double left = seconds - secondsSince(start_);
     if (left <= 0.0) return {};
-    auto more = viewer_->update(camera, secondsSince(start_));
-    if (!more) return more.error();
+    LUMIGRID_TRY(viewer_->update(camera, secondsSince(start_)));
     connection_->waitForArrival(std::min(left, kPollSeconds));
   }
 }

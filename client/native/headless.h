@@ -10,7 +10,7 @@
 #include "base/error.h"
 #include "base/image.h"
 #include "client/native/link.h"
-#include "client/viewer.h"
+#include "client/viewer/viewer.h"
 
 namespace client {
 

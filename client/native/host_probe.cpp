@@ -6,7 +6,7 @@
 namespace client {
 namespace {
 
-constexpr std::size_t kMostSceneBytes = std::size_t{16} << 20;
+constexpr std::size_t kMaxSceneBytes = std::size_t{16} << 20;
 
 HostAnswer answerOf(const HttpReply& reply) {
   HostAnswer answer;
@@ -28,14 +28,13 @@ base::Result<HostAnswers> askHost(const std::string& url) {
   HttpQuestion question;
   question.headers = {"Origin: https://lumigrid.invalid"};
   question.url = place + "/scene.json";
-  question.most_bytes = kMostSceneBytes;
+  question.most_bytes = kMaxSceneBytes;
   const HttpReply json = client.ask(question);
   answers.scene = answerOf(json);
   if (answers.scene.status < 200 || answers.scene.status >= 300) return answers;
-  const auto scene = staticSceneFrom(std::string(json.body.begin(), json.body.end()), place);
-  if (!scene) return scene.error();
+  LUMIGRID_ASSIGN_OR_RETURN(const auto scene, staticSceneFrom(std::string(json.body.begin(), json.body.end()), place));
 
-  question.url = place + "/" + scene->patches.name;
+  question.url = place + "/" + scene.patches.name;
   question.most_bytes = 16;
   question.headers.emplace_back("Accept-Encoding: gzip, deflate, br");
   question.range = "0-15";

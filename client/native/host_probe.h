@@ -3,7 +3,7 @@
 #include <string>
 
 #include "base/error.h"
-#include "client/host_check.h"
+#include "client/source/host_check.h"
 
 namespace client {
 

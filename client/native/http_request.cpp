@@ -5,12 +5,12 @@
 #include <cstdlib>
 #include <memory>
 
-#include "repository/content_range.h"
+#include "base/content_range.h"
 
 namespace client {
 namespace {
 
-constexpr std::size_t kMostHeadBytes = 64 * 1024;
+constexpr std::size_t kMaxHeadBytes = 64 * 1024;
 constexpr long kRedirects = 4;
 
 std::string trimmed(std::string_view text) {
@@ -32,7 +32,7 @@ struct Incoming {
   std::size_t most = 0;
 
   bool add(base::ByteView bytes) {
-    const auto length = repository::parseDecimal(reply.head.header("content-length"));
+    const auto length = base::parseDecimal(reply.head.header("content-length"));
     reply.too_long = (length && *length > most) || bytes.size() > most - reply.body.size();
     if (!reply.too_long) reply.body.insert(reply.body.end(), bytes.begin(), bytes.end());
     return !reply.too_long;
@@ -51,7 +51,7 @@ extern "C" std::size_t incomingBody(char* data, std::size_t size, std::size_t co
 
 bool HttpHead::add(std::string_view line) {
   bytes_ += line.size();
-  if (bytes_ > kMostHeadBytes) return false;
+  if (bytes_ > kMaxHeadBytes) return false;
   if (line.substr(0, 5) == "HTTP/") {
     headers.clear();
     ended = false;

@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "base/parallel.h"
-#include "repository/face_image.h"
+#include "repository/faces/face_image.h"
 
 namespace client {
 

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <memory>
 
-#include "client/decode.h"
+#include "client/viewer/decode.h"
 
 namespace client {
 

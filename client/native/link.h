@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "base/error.h"
-#include "client/ray_picks.h"
-#include "client/session.h"
-#include "client/splat_view.h"
+#include "client/source/ray_picks.h"
+#include "client/source/session.h"
+#include "client/source/splat_view.h"
 
 namespace client {
 

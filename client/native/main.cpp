@@ -10,12 +10,13 @@
 #include <tuple>
 
 #include "base/json/camera_file.h"
+#include "client/app/permalink.h"
+#include "client/app/splat_settings.h"
 #include "client/native/headless.h"
 #include "client/native/host_probe.h"
 #include "client/native/units.h"
 #include "client/native/user_files.h"
 #include "client/native/window.h"
-#include "client/permalink.h"
 
 namespace {
 

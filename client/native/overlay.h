@@ -2,7 +2,7 @@
 // What stands over the picture in the native window, drawn by Dear ImGui from what client::App says: statistics, help,
 // toasts, pins and their cards, measured values, the section plane's handle, progress and problems. Between ImGui's
 // NewFrame and Render.
-#include "client/app.h"
+#include "client/app/app.h"
 
 namespace client {
 

@@ -9,12 +9,12 @@
 #include "client/native/connection.h"
 #include "client/native/curl_fetcher.h"
 #include "client/native/splat_link.h"
-#include "repository/parameters.h"
+#include "repository/sampling/parameters.h"
 
 namespace client {
 namespace {
 
-constexpr std::uint64_t kMostJsonBytes = std::uint64_t{16} << 20;
+constexpr std::uint64_t kMaxJsonBytes = std::uint64_t{16} << 20;
 constexpr std::uint64_t kSceneJsonId = ~std::uint64_t{0};  // no range's
 constexpr double kFirstPause = 0.25, kLongestPause = 5.0;  // seconds
 
@@ -55,10 +55,9 @@ protocol::Welcome welcomeFrom(const base::Scene& scene, const std::string& place
 }
 
 base::Result<StaticScene> staticSceneFrom(const std::string& scene_json, const std::string& place) {
-  const auto scene = base::parseScene(scene_json, place + "/scene.json");
-  if (!scene) return scene.error();
-  const auto patches = partOf(*scene, "patch", ".lgp");
-  if (!patches && partOf(*scene, "qsplat", ".lgq"))
+  LUMIGRID_ASSIGN_OR_RETURN(const auto scene, base::parseScene(scene_json, place + "/scene.json"));
+  const auto patches = partOf(scene, "patch", ".lgp");
+  if (!patches && partOf(scene, "qsplat", ".lgq"))
     return base::Error{base::ErrorCode::kUnsupported, place + ": holds splats alone; --method qsplat shows them"};
   if (!patches || !base::isPublishedName(patches->name))
     return base::Error{base::ErrorCode::kInvalidInput,
@@ -66,8 +65,8 @@ base::Result<StaticScene> staticSceneFrom(const std::string& scene_json, const s
   StaticScene out;
   out.place = place;
   out.patches = *patches;
-  out.index = partOf(*scene, "images/index", ".lgi");
-  out.welcome = welcomeFrom(*scene, place);
+  out.index = partOf(scene, "images/index", ".lgi");
+  out.welcome = welcomeFrom(scene, place);
   return out;
 }
 
@@ -110,9 +109,8 @@ base::Result<void> checkUrl(const std::string& url) {
 
 base::Result<std::unique_ptr<Link>> openLink(const std::string& url, const LinkLimit& limit) {
   if (isPublishedScene(url)) return std::unique_ptr<Link>(std::make_unique<PublishedSceneLink>(url, limit));
-  auto server = parseServerUrl(url);
-  if (!server) return server.error();
-  return std::unique_ptr<Link>(std::make_unique<Connection>(*server, limit));
+  LUMIGRID_ASSIGN_OR_RETURN(auto server, parseServerUrl(url));
+  return std::unique_ptr<Link>(std::make_unique<Connection>(server, limit));
 }
 
 base::Result<std::unique_ptr<Link>> openSplatLink(const std::string& url, const LinkLimit& limit,
@@ -120,10 +118,9 @@ base::Result<std::unique_ptr<Link>> openSplatLink(const std::string& url, const 
   LUMIGRID_TRY(checkUrl(url));
   if (isPublishedScene(url))
     return std::unique_ptr<Link>(std::make_unique<SplatLink>(placeOfScene(url), limit, options));
-  const auto server = parseServerUrl(url);
-  if (!server) return server.error();
+  LUMIGRID_ASSIGN_OR_RETURN(const auto server, parseServerUrl(url));
   // Of a server with several scenes, each lies in a folder of its own.
-  const std::string place = placeOfScene("http://" + server->authority() + server->target);
+  const std::string place = placeOfScene("http://" + server.authority() + server.target);
   return std::unique_ptr<Link>(std::make_unique<SplatLink>(place, limit, options));
 }
 
@@ -134,7 +131,7 @@ SceneJson::SceneJson(CurlFetcher& fetcher, std::string place) : fetcher_(fetcher
 }
 
 void SceneJson::ask() {
-  fetcher_.submitWhole(kSceneJsonId, "scene.json", kMostJsonBytes);
+  fetcher_.submitWhole(kSceneJsonId, "scene.json", kMaxJsonBytes);
   asked_ = true;
 }
 

@@ -6,7 +6,7 @@
 
 #include "base/json/scene_file.h"
 #include "client/native/link.h"
-#include "client/static_source.h"
+#include "client/source/static_source.h"
 
 namespace client {
 

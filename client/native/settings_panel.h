@@ -4,7 +4,7 @@
 #include <string>
 #include <string_view>
 
-#include "client/app.h"
+#include "client/app/app.h"
 #include "client/native/overlay.h"
 
 namespace client {

@@ -4,7 +4,7 @@
 #include <string>
 
 #include "client/native/link.h"
-#include "client/streamed_splats.h"
+#include "client/source/streamed_splats.h"
 
 namespace client {
 

@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/file.h"
-#include "client/permalink.h"
+#include "client/app/permalink.h"
 
 namespace client {
 namespace {
@@ -30,9 +30,8 @@ base::Result<std::string> textOf(const std::string& path, std::size_t limit) {
   if (!std::filesystem::exists(path, error)) return std::string();
   if (std::filesystem::file_size(path, error) > limit)
     return base::Error{base::ErrorCode::kInvalidInput, path + ": has more than " + std::to_string(limit) + " bytes"};
-  const auto bytes = base::readFile(path);
-  if (!bytes) return bytes.error();
-  return std::string(bytes->begin(), bytes->end());
+  LUMIGRID_ASSIGN_OR_RETURN(const auto bytes, base::readFile(path));
+  return std::string(bytes.begin(), bytes.end());
 }
 
 base::Result<void> writeText(const std::string& directory, const char* file, const std::string& text) {
@@ -71,10 +70,9 @@ json settingTo(const SettingField& field, double value) {
 
 base::Result<json> bookmarksIn(const std::string& directory) {
   const std::string path = directory + kBookmarksFile;
-  const auto text = textOf(path, kMaxBookmarksFile);
-  if (!text) return text.error();
-  if (text->empty()) return json{{"version", kBookmarksVersion}, {"scenes", json::object()}};
-  json document = json::parse(*text, nullptr, false);
+  LUMIGRID_ASSIGN_OR_RETURN(const auto text, textOf(path, kMaxBookmarksFile));
+  if (text.empty()) return json{{"version", kBookmarksVersion}, {"scenes", json::object()}};
+  json document = json::parse(text, nullptr, false);
   const bool fine = document.is_object() && document.contains("version") && document["version"] == kBookmarksVersion &&
                     document.contains("scenes") && document["scenes"].is_object();
   if (!fine)
@@ -143,9 +141,8 @@ std::string bookmarkKey(const protocol::Welcome& welcome) {
 base::Result<Bookmarks> readBookmarks(const std::string& directory, const std::string& scene) {
   Bookmarks bookmarks;
   if (directory.empty()) return bookmarks;
-  const auto document = bookmarksIn(directory);
-  if (!document) return document.error();
-  const json& scenes = (*document)["scenes"];
+  LUMIGRID_ASSIGN_OR_RETURN(const auto document, bookmarksIn(directory));
+  const json& scenes = document["scenes"];
   const auto mine = scenes.find(scene);
   if (mine == scenes.end() || !mine->is_object()) return bookmarks;
   for (std::size_t slot = 1; slot < bookmarks.size(); ++slot) {
@@ -157,13 +154,12 @@ base::Result<Bookmarks> readBookmarks(const std::string& directory, const std::s
 }
 
 base::Result<void> writeBookmarks(const std::string& directory, const std::string& scene, const Bookmarks& bookmarks) {
-  auto document = bookmarksIn(directory);
-  if (!document) return document.error();
+  LUMIGRID_ASSIGN_OR_RETURN(auto document, bookmarksIn(directory));
   json mine = json::object();
   for (std::size_t slot = 1; slot < bookmarks.size(); ++slot)
     if (!bookmarks[slot].empty()) mine[std::to_string(slot)] = bookmarks[slot];
-  (*document)["scenes"][scene] = std::move(mine);
-  return writeText(directory, kBookmarksFile, document->dump(1, ' ', false, json::error_handler_t::replace) + "\n");
+  document["scenes"][scene] = std::move(mine);
+  return writeText(directory, kBookmarksFile, document.dump(1, ' ', false, json::error_handler_t::replace) + "\n");
 }
 
 }  // namespace client

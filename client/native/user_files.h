@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "base/error.h"
-#include "client/app.h"
-#include "client/settings.h"
+#include "client/app/app.h"
+#include "client/app/settings.h"
 
 namespace client {
 

@@ -1,4 +1,5 @@
 #include "client/native/window.h"
+#include "client/app/splat_settings.h"
 
 #include <GLES3/gl3.h>
 #define GLFW_INCLUDE_NONE
@@ -543,9 +544,8 @@ base::Image Window::readPicture() const {
 base::Result<void> Window::drawScene(double now) {
   const base::ViewCamera camera = app_->camera();
   if (picture_.width() != camera.width || picture_.height() != camera.height) {
-    auto made = base::gl::RenderTarget::create(camera.width, camera.height);
-    if (!made) return made.error();
-    picture_ = std::move(*made);
+    LUMIGRID_ASSIGN_OR_RETURN(auto made, base::gl::RenderTarget::create(camera.width, camera.height));
+    picture_ = std::move(made);
   }
   picture_.bind();
   return app_->frame(now);

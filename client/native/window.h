@@ -4,7 +4,7 @@
 #include <string>
 
 #include "base/error.h"
-#include "client/app.h"
+#include "client/app/app.h"
 #include "client/native/link.h"
 
 namespace client {

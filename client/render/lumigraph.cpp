@@ -66,7 +66,7 @@ std::uint64_t mixed(std::uint64_t x) {
 }  // namespace
 
 struct LumigraphRenderer::State {
-  State(const lod::patch::Lattice& lattice, int size, std::uint64_t budget, std::uint64_t others)
+  State(const lod::Lattice& lattice, int size, std::uint64_t budget, std::uint64_t others)
       : patches(lattice), face_size(size), budget_bytes(budget), for_other_sizes(std::min(others, budget)) {}
 
   lod::draw::PatchMeshes patches;
@@ -153,20 +153,19 @@ std::vector<std::size_t> frontToBack(std::span<const std::uint32_t> cut, const l
 
 }  // namespace
 
-base::Result<std::unique_ptr<LumigraphRenderer>> LumigraphRenderer::create(const lod::patch::Lattice& lattice,
-                                                                           int face_size,
+base::Result<std::unique_ptr<LumigraphRenderer>> LumigraphRenderer::create(const lod::Lattice& lattice, int face_size,
                                                                            std::uint64_t gpu_budget_bytes,
                                                                            std::uint64_t for_other_sizes) {
   auto renderer = std::unique_ptr<LumigraphRenderer>(new LumigraphRenderer);
   renderer->state_ = std::make_unique<State>(lattice, face_size, gpu_budget_bytes, for_other_sizes);
   State& state = *renderer->state_;
 
-  auto blend = base::gl::Program::link("lumigraph blend", blendVertexSource(), blendFragmentSource());
-  if (!blend) return blend.error();
-  auto depth = base::gl::Program::link("lumigraph depth", depthVertexSource(), depthFragmentSource());
-  if (!depth) return depth.error();
-  state.blend = std::move(blend.value());
-  state.depth = std::move(depth.value());
+  LUMIGRID_ASSIGN_OR_RETURN(auto blend,
+                            base::gl::Program::link("lumigraph blend", blendVertexSource(), blendFragmentSource()));
+  LUMIGRID_ASSIGN_OR_RETURN(auto depth,
+                            base::gl::Program::link("lumigraph depth", depthVertexSource(), depthFragmentSource()));
+  state.blend = std::move(blend);
+  state.depth = std::move(depth);
 
   state.block = base::gl::Buffer::create();
   state.no_color = emptyArray(GL_RGBA8);

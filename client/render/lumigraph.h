@@ -69,7 +69,7 @@ class LumigraphRenderer {
  public:
   /// `gpu_budget_bytes` bounds textures; layers beyond it are refused by addSample (returns false). Images of
   /// face_size × face_size leave `for_other_sizes` of it to others.
-  static base::Result<std::unique_ptr<LumigraphRenderer>> create(const lod::patch::Lattice& lattice, int face_size,
+  static base::Result<std::unique_ptr<LumigraphRenderer>> create(const lod::Lattice& lattice, int face_size,
                                                                  std::uint64_t gpu_budget_bytes,
                                                                  std::uint64_t for_other_sizes = 0);
   ~LumigraphRenderer();

@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include "client/host_check.h"
+#include "client/source/host_check.h"
 #include "client/web/text_rows.h"
 
 namespace {

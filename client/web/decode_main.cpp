@@ -8,8 +8,8 @@
 
 #include "base/bytes.h"
 #include "base/image.h"
-#include "repository/coverage.h"
-#include "repository/face_value.h"
+#include "repository/faces/coverage.h"
+#include "repository/faces/face_value.h"
 
 namespace {
 

@@ -13,7 +13,7 @@
 #include <utility>
 #include <vector>
 
-#include "client/app.h"
+#include "client/app/app.h"
 #include "client/web/page.h"
 #include "client/web/text_rows.h"
 #include "client/web/web_decoder.h"

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "client/app.h"
+#include "client/app/app.h"
 
 namespace client::web {
 

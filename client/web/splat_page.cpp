@@ -4,7 +4,8 @@
 #include <memory>
 #include <utility>
 
-#include "client/streamed_splats.h"
+#include "client/app/splat_settings.h"
+#include "client/source/streamed_splats.h"
 #include "client/web/page.h"
 #include "client/web/web_fetcher.h"
 #include "client/web/web_welcome.h"

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "client/decode.h"
+#include "client/viewer/decode.h"
 
 namespace client {
 

@@ -13,7 +13,7 @@ namespace client {
 namespace {
 
 WebFetcher* the_fetcher = nullptr;
-constexpr int kMostOutcome = static_cast<int>(FetchOutcome::kServer);
+constexpr int kMaxOutcome = static_cast<int>(FetchOutcome::kServer);
 
 }  // namespace
 
@@ -68,7 +68,7 @@ EMSCRIPTEN_KEEPALIVE std::uint8_t* fetchedBytes(double id, int status, std::size
 
 EMSCRIPTEN_KEEPALIVE void fetchFailed(double id, int outcome, int status, const char* detail) {
   auto* fetcher = client::WebFetcher::instance();
-  if (fetcher == nullptr || outcome < 1 || outcome > client::kMostOutcome) return;
+  if (fetcher == nullptr || outcome < 1 || outcome > client::kMaxOutcome) return;
   fetcher->fail(static_cast<std::uint64_t>(id), static_cast<client::FetchOutcome>(outcome), status, detail);
 }
 

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "client/fetch.h"
+#include "client/source/fetch.h"
 
 namespace client {
 

@@ -34,15 +34,13 @@ base::Result<repository::Grid> gridOf(const double* n) {
 }
 
 base::Result<repository::SampledPoints> pointsOf(const double* numbers, const std::string& tree_digits) {
-  auto grid = gridOf(numbers);
-  if (!grid) return grid.error();
-  repository::SampledPoints points{*grid, std::nullopt};
+  LUMIGRID_ASSIGN_OR_RETURN(auto grid, gridOf(numbers));
+  repository::SampledPoints points{grid, std::nullopt};
   if (tree_digits.empty()) return points;
   const auto bytes = base::bytesOfHex(tree_digits);
   if (!bytes) return badParameters();
-  auto tree = repository::SampleTree::decode(*grid, *bytes);
-  if (!tree) return tree.error();
-  points.tree = std::move(*tree);
+  LUMIGRID_ASSIGN_OR_RETURN(auto tree, repository::SampleTree::decode(grid, *bytes));
+  points.tree = std::move(tree);
   return points;
 }
 

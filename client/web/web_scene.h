@@ -4,8 +4,8 @@
 #include <memory>
 #include <string>
 
-#include "client/session.h"
-#include "client/static_source.h"
+#include "client/source/session.h"
+#include "client/source/static_source.h"
 #include "client/web/web_fetcher.h"
 #include "client/web/web_welcome.h"
 

@@ -364,10 +364,10 @@ base::Result<const base::gl::Program*> SplatRenderer::program(const Pass& pass) 
   base::gl::Program& made = programs_[pass.number()];
   if (made.name() != 0) return &made;
   const std::string defines = pass.defines();
-  auto linked = base::gl::Program::link("splats", defines + shadingSource() + tintSource() + kSplatVertex,
-                                        defines + kSplatFragment);
-  if (!linked) return linked.error();
-  made = std::move(*linked);
+  LUMIGRID_ASSIGN_OR_RETURN(auto linked,
+                            base::gl::Program::link("splats", defines + shadingSource() + tintSource() + kSplatVertex,
+                                                    defines + kSplatFragment));
+  made = std::move(linked);
   made.use();
   const auto cells = cellMiddles();
   glUniform1fv(made.uniform("u_cells"), static_cast<GLsizei>(cells.size()), cells.data());
@@ -429,9 +429,8 @@ base::Result<void> SplatRenderer::drawPass(Pass pass, const SplatView& view, con
 }
 
 base::Result<void> SplatRenderer::drawShape(const Pass& pass, const SplatView& view, const SplatTarget& target) {
-  auto found = program(pass);
-  if (!found) return found.error();
-  const base::gl::Program& used = **found;
+  LUMIGRID_ASSIGN_OR_RETURN(auto found, program(pass));
+  const base::gl::Program& used = *found;
   setShading(used, view.shading);
 
   const glm::mat4 clip_from_scene = view.camera.clipFromScene();
@@ -478,9 +477,9 @@ base::Result<void> SplatRenderer::prepareCanvas(GLenum format, int width, int he
         base::ErrorCode::kUnsupported,
         "fuzzy splats need half-float targets (EXT_color_buffer_float), which this GL lacks; use circle"};
   if (compose_.name() == 0) {
-    auto compose = base::gl::Program::link("compose splats", kComposeVertex, kComposeFragment);
-    if (!compose) return compose.error();
-    compose_ = std::move(*compose);
+    LUMIGRID_ASSIGN_OR_RETURN(auto compose,
+                              base::gl::Program::link("compose splats", kComposeVertex, kComposeFragment));
+    compose_ = std::move(compose);
   }
   canvas_ = {};
   canvas_.color = base::gl::Texture::create();

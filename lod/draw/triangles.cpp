@@ -40,7 +40,7 @@ std::int8_t edgeCode(float steps) {
   return static_cast<std::int8_t>(std::lround(std::clamp(code, 0.0F, 127.0F)));
 }
 
-std::vector<Vertex> verticesOf(const patch::PatchGeometry& geometry, const patch::Lattice& lattice) {
+std::vector<Vertex> verticesOf(const patch::PatchGeometry& geometry, const Lattice& lattice) {
   std::vector<Vertex> vertices(geometry.positions.size());
   const std::vector<float> edges = edgeLengths(geometry);
   for (std::size_t i = 0; i < vertices.size(); ++i) {

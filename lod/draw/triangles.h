@@ -25,8 +25,8 @@ inline constexpr float kEdgeCodesPerOctave = 4.0F;
 /// a patch one large shared buffer would save some 5 %.
 class PatchMeshes {
  public:
-  explicit PatchMeshes(const patch::Lattice& lattice) : lattice_(lattice) {}
-  const patch::Lattice& lattice() const { return lattice_; }
+  explicit PatchMeshes(const Lattice& lattice) : lattice_(lattice) {}
+  const Lattice& lattice() const { return lattice_; }
   bool contains(std::uint32_t patch) const { return meshes_.count(patch) != 0; }
   void upload(std::uint32_t patch, const patch::PatchGeometry& geometry);
   void remove(std::uint32_t patch);
@@ -50,7 +50,7 @@ class PatchMeshes {
     base::Aabb box;
   };
   const Mesh& mesh(std::uint32_t patch) const;
-  patch::Lattice lattice_;
+  Lattice lattice_;
   std::unordered_map<std::uint32_t, Mesh> meshes_;
   std::uint64_t bytes_ = 0;
 };

@@ -105,10 +105,9 @@ base::Result<void> checkMonotone(const Hierarchy& h, const std::vector<Link>& li
 base::Result<void> checkHierarchy(const Hierarchy& hierarchy) {
   if (hierarchy.groups.empty() || hierarchy.patches.empty()) return damaged("no groups or no patches");
   LUMIGRID_TRY(checkRows(hierarchy));
-  const auto links = checkPatches(hierarchy);
-  if (!links) return links.error();
-  LUMIGRID_TRY(checkParents(hierarchy, *links));
-  return checkMonotone(hierarchy, *links);
+  LUMIGRID_ASSIGN_OR_RETURN(const auto links, checkPatches(hierarchy));
+  LUMIGRID_TRY(checkParents(hierarchy, links));
+  return checkMonotone(hierarchy, links);
 }
 
 }  // namespace lod::patch

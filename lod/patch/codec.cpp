@@ -744,7 +744,7 @@ class Walk {
     for (const std::uint16_t v : geometry.indices) ++first_[std::size_t{v} + 2];
     for (std::size_t v = 2; v < first_.size(); ++v) {
       // A fan of more is not looked at to its end.
-      careful_ = careful_ || first_[v] > kMostLooked;
+      careful_ = careful_ || first_[v] > kMaxLooked;
       first_[v] += first_[v - 1];
     }
     for (std::uint32_t t = 0; t < triangles_; ++t) {
@@ -793,7 +793,7 @@ class Walk {
  private:
   static constexpr std::uint32_t kUnnumbered = ~0U;
   // Most unused triangles looked at around one vertex; more than any scan has, and a fan of thousands stays cheap.
-  static constexpr std::uint32_t kMostLooked = 64;
+  static constexpr std::uint32_t kMaxLooked = 64;
   static constexpr std::uint32_t kLanes = 8;
   using Short8 = std::uint16_t __attribute__((vector_size(16)));
   using Byte8 = std::int8_t __attribute__((vector_size(8)));
@@ -892,7 +892,7 @@ class Walk {
     std::uint16_t* next = next_.data() + first_[gate_.a];
     std::uint32_t& left = left_[gate_.a];
     std::uint32_t looked = 0;
-    for (std::uint32_t i = 0; i < left && looked < kMostLooked;) {
+    for (std::uint32_t i = 0; i < left && looked < kMaxLooked;) {
       if (done_[uses[i].triangle] != 0) {
         --left;
         uses[i] = uses[left];
@@ -923,10 +923,10 @@ class Walk {
   // Where the third corner is a little ahead on the front and triangles of the gate's end fill what lies between, they
   // are folded away: the front's first edge ends there then. A split and all that closes it again would cost more.
   bool foldTo(std::uint16_t third) {
-    constexpr std::size_t kMostFolds = 3;
-    std::array<FoundTriangle, kMostFolds> between;
+    constexpr std::size_t kMaxFolds = 3;
+    std::array<FoundTriangle, kMaxFolds> between;
     std::size_t folds = 0;
-    for (std::uint16_t end = gate_.b; folds <= kMostFolds && head_ + folds < tail_; ++folds) {
+    for (std::uint16_t end = gate_.b; folds <= kMaxFolds && head_ + folds < tail_; ++folds) {
       const Edge& edge = front_[head_ + folds];
       if (edge.a != end) return false;
       end = edge.b;
@@ -1206,7 +1206,7 @@ class Machine {
 #if defined(__x86_64__)
   // The same.
   __attribute__((LUMIGRID_AVX2)) bool runByAvx2() {
-    if (isOld() || header_.front_bits > kMostBits) return run();
+    if (isOld() || header_.front_bits > kMaxBits) return run();
     const std::uint16_t* const last = indices_ + 3 * std::size_t{header_.triangles};
     __m128i gate = _mm_setzero_si128();
     std::uint16_t* corner = indices_;
@@ -1244,7 +1244,7 @@ class Machine {
   }
 
 #if defined(__x86_64__)
-  static constexpr std::uint8_t kMostBits = 14;
+  static constexpr std::uint8_t kMaxBits = 14;
 
   // What steps do, and where. Of each the new or known vertex of its triangle, and in one word, from the lowest 16 bits
   // up, its pattern's offset, where it reads the front, where it writes it, and where the gate goes that a new vertex
@@ -1986,15 +1986,14 @@ Decoder fastestDecoder([[maybe_unused]] bool may_use_avx512) {
 }
 
 base::Result<PatchGeometry> decodeBy(Decoder decode, base::ByteView bytes) {
-  const auto header = readHeader(bytes);
-  if (!header) return header.error();
+  LUMIGRID_ASSIGN_OR_RETURN(const auto header, readHeader(bytes));
 #if !defined(__EMSCRIPTEN__)
   // All of it is on its way before the checksum waits for the first of it.
   for (std::size_t i = 0; i < bytes.size(); i += 64) __builtin_prefetch(bytes.data() + i);
 #endif
-  if (checksum(bytes) != header->crc) return broken("checksum does not match");
+  if (checksum(bytes) != header.crc) return broken("checksum does not match");
   PatchGeometry geometry;
-  if (const char* fault = decode(*header, bytes, geometry)) return broken(fault);
+  if (const char* fault = decode(header, bytes, geometry)) return broken(fault);
   return geometry;
 }
 
@@ -2052,9 +2051,8 @@ base::Result<PatchGeometry> decodePatchPortably(base::ByteView bytes) {
 }
 
 base::Result<PatchCounts> encodedCounts(base::ByteView bytes) {
-  const auto header = readHeader(bytes);
-  if (!header) return header.error();
-  return PatchCounts{header->vertices, header->triangles};
+  LUMIGRID_ASSIGN_OR_RETURN(const auto header, readHeader(bytes));
+  return PatchCounts{header.vertices, header.triangles};
 }
 
 void quantizeNormals(std::span<glm::vec3> normals) {

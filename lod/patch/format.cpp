@@ -164,43 +164,39 @@ base::Result<Hierarchy> readTablesBehind(const FileHeader& header, base::ByteVie
 }  // namespace
 
 base::Result<Hierarchy> readTables(base::ByteView front) {
-  const auto header = readHeader(front);
-  if (!header) return header.error();
-  return readTablesBehind(*header, front);
+  LUMIGRID_ASSIGN_OR_RETURN(const auto header, readHeader(front));
+  return readTablesBehind(header, front);
 }
 
 base::Result<std::uint64_t> headerAndTableBytes(base::ByteView front) {
-  const auto header = readHeader(front);
-  if (!header) return header.error();
-  return header->blocks_offset;
+  LUMIGRID_ASSIGN_OR_RETURN(const auto header, readHeader(front));
+  return header.blocks_offset;
 }
 
 base::Result<TableCounts> readTableCounts(base::ByteView front) {
-  const auto header = readHeader(front);
-  if (!header) return header.error();
-  return TableCounts{header->lattice,          (header->flags & kHasColors) != 0,
-                     header->source_triangles, header->file_bytes,
-                     header->blocks_offset,    header->groups,
-                     header->patches,          header->parents,
-                     header->tables_crc};
+  LUMIGRID_ASSIGN_OR_RETURN(const auto header, readHeader(front));
+  return TableCounts{header.lattice,          (header.flags & kHasColors) != 0,
+                     header.source_triangles, header.file_bytes,
+                     header.blocks_offset,    header.groups,
+                     header.patches,          header.parents,
+                     header.tables_crc};
 }
 
 // Reading -----------------------------------------------------------------------------------------
 
 base::Result<PatchFile> PatchFile::open(const std::string& path) {
-  auto mapped = base::MappedFile::open(path);
-  if (!mapped) return mapped.error();
-  const auto header = readHeader(mapped->bytes());
+  LUMIGRID_ASSIGN_OR_RETURN(auto mapped, base::MappedFile::open(path));
+  const auto header = readHeader(mapped.bytes());
   if (!header) return base::within(path, header.error());
-  if (header->file_bytes != mapped->bytes().size())
-    return base::within(path, damaged("has " + std::to_string(mapped->bytes().size()) + " bytes, its header says " +
+  if (header->file_bytes != mapped.bytes().size())
+    return base::within(path, damaged("has " + std::to_string(mapped.bytes().size()) + " bytes, its header says " +
                                       std::to_string(header->file_bytes)));
-  auto hierarchy = readTablesBehind(*header, mapped->bytes());
+  auto hierarchy = readTablesBehind(*header, mapped.bytes());
   if (!hierarchy) return base::within(path, hierarchy.error());
 
   PatchFile file;
   file.path_ = path;
-  file.file_ = std::move(*mapped);
+  file.file_ = std::move(mapped);
   file.hierarchy_ = std::move(*hierarchy);
   return file;
 }
@@ -354,28 +350,26 @@ base::Result<void> writePatchFile(
   FileHeader header = headerOf(hierarchy);
   header.file_bytes = header.blocks_offset;
   if (auto sound = checkHeader(header); !sound) return base::within(path, sound.error());
-  auto file = base::AtomicFile::create(path);
-  if (!file) return file.error();
+  LUMIGRID_ASSIGN_OR_RETURN(auto file, base::AtomicFile::create(path));
 
   // Room for header and tables, whose lengths are known; then the blocks as they come.
-  LUMIGRID_TRY(writeZeros(*file, header.blocks_offset));
+  LUMIGRID_TRY(writeZeros(file, header.blocks_offset));
   for (std::uint32_t g = 0; g < hierarchy.groups.size(); ++g) {
-    const auto patches = blocks(g);
-    if (!patches) return patches.error();
-    LUMIGRID_TRY(writeZeros(*file, alignedUp(file->size())));
-    if (auto placed = placeBlock(hierarchy, g, *patches, file->size()); !placed)
+    LUMIGRID_ASSIGN_OR_RETURN(const auto patches, blocks(g));
+    LUMIGRID_TRY(writeZeros(file, alignedUp(file.size())));
+    if (auto placed = placeBlock(hierarchy, g, patches, file.size()); !placed)
       return base::within(path, placed.error());
-    for (const base::Bytes& patch : *patches) LUMIGRID_TRY(file->write(patch));
+    for (const base::Bytes& patch : patches) LUMIGRID_TRY(file.write(patch));
   }
 
   // Now the tables know where everything is.
   base::Bytes tables = tableBytes(hierarchy);
   tables.resize(header.blocks_offset - kHeaderBytes, 0);
   header.tables_crc = base::crc32c(tables);
-  header.file_bytes = file->size();
-  LUMIGRID_TRY(file->writeAt(kHeaderBytes, tables));
-  LUMIGRID_TRY(file->writeAt(0, headerBytes(header)));
-  return file->commit();
+  header.file_bytes = file.size();
+  LUMIGRID_TRY(file.writeAt(kHeaderBytes, tables));
+  LUMIGRID_TRY(file.writeAt(0, headerBytes(header)));
+  return file.commit();
 }
 
 }  // namespace lod::patch

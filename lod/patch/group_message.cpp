@@ -88,11 +88,10 @@ base::Result<void> checkGroupMessage(const GroupMessage& message, std::uint32_t 
 
 base::Result<std::uint32_t> addGroup(base::ByteReader& in, Hierarchy& growing, std::uint32_t max_groups,
                                      std::uint32_t max_patches) {
-  auto message = readGroupMessage(in);
-  if (!message) return message.error();
-  LUMIGRID_TRY(checkGroupMessage(*message, max_groups, max_patches));
-  const std::uint32_t index = message->index;
-  Group& group = message->group;
+  LUMIGRID_ASSIGN_OR_RETURN(auto message, readGroupMessage(in));
+  LUMIGRID_TRY(checkGroupMessage(message, max_groups, max_patches));
+  const std::uint32_t index = message.index;
+  Group& group = message.group;
   if (index < growing.known.size() && growing.known[index] != 0) return index;
 
   // A patch that another group consumes already (a row with triangles) can't be consumed again.
@@ -105,8 +104,8 @@ base::Result<std::uint32_t> addGroup(base::ByteReader& in, Hierarchy& growing, s
   if (growing.known.size() < growing.groups.size()) growing.known.resize(growing.groups.size(), 0);
   if (growing.patches.size() < patches_end) growing.patches.resize(patches_end);
   group.first_parent = static_cast<std::uint32_t>(growing.parents.size());
-  growing.parents.insert(growing.parents.end(), message->parents.begin(), message->parents.end());
-  std::copy(message->patches.begin(), message->patches.end(), growing.patches.begin() + group.first_patch);
+  growing.parents.insert(growing.parents.end(), message.parents.begin(), message.parents.end());
+  std::copy(message.patches.begin(), message.patches.end(), growing.patches.begin() + group.first_patch);
   growing.groups[index] = group;
   growing.known[index] = 1;
   return index;

@@ -11,7 +11,7 @@ namespace lod::patch {
 namespace {
 
 constexpr std::uint32_t kLeafTriangles = 4;
-constexpr std::size_t kMostLevels = 40;  // halves of at most 2^32 triangles
+constexpr std::size_t kMaxLevels = 40;  // halves of at most 2^32 triangles
 
 }  // namespace
 
@@ -20,12 +20,11 @@ base::Result<ProxySight> ProxySight::ofPatches(const Hierarchy& hierarchy, std::
   ProxySight sight;
   sight.error_ = error;
   for (const std::uint32_t patch : patches) {
-    const auto geometry = geometry_of(patch);
-    if (!geometry) return geometry.error();
+    LUMIGRID_ASSIGN_OR_RETURN(const auto geometry, geometry_of(patch));
     const auto corner = [&](std::size_t i) {
-      return hierarchy.lattice.position(geometry->positions[geometry->indices[i]]);
+      return hierarchy.lattice.position(geometry.positions[geometry.indices[i]]);
     };
-    for (std::size_t i = 0; i + 2 < geometry->indices.size(); i += 3)
+    for (std::size_t i = 0; i + 2 < geometry.indices.size(); i += 3)
       sight.triangles_.push_back({corner(i), corner(i + 1), corner(i + 2)});
   }
   if (!sight.triangles_.empty()) sight.build(0, static_cast<std::uint32_t>(sight.triangles_.size()));
@@ -94,7 +93,7 @@ void ProxySight::walk(const glm::dvec3& origin, const glm::dvec3& direction, dou
     std::uint32_t node;
     float entry;
   };
-  std::array<Pending, kMostLevels> stack;
+  std::array<Pending, kMaxLevels> stack;
   std::size_t depth = 0;
   const float root = entryOf(nodes_[0].box);
   if (std::isfinite(root)) stack[depth++] = {0, root};

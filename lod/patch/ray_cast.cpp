@@ -168,15 +168,13 @@ class RayWalk {
 
   base::Result<void> testPatch(const Stop& stop) {
     const Patch& patch = hierarchy_.patches[stop.index];
-    const auto block = blocks_(patch.consumer);
-    if (!block) return block.error();
-    if (!block->has_value()) {
+    LUMIGRID_ASSIGN_OR_RETURN(const auto block, blocks_(patch.consumer));
+    if (!block.has_value()) {
       needed_.push_back({stop.entry, false, patch.consumer});
       return {};
     }
-    const auto geometry = decode(stop.index, **block);
-    if (!geometry) return geometry.error();
-    intersect(stop.index, *geometry);
+    LUMIGRID_ASSIGN_OR_RETURN(const auto geometry, decode(stop.index, *block));
+    intersect(stop.index, geometry);
     return {};
   }
 
@@ -256,9 +254,8 @@ base::Result<void> checkRay(const Ray& ray) {
 
 BlockSource blocksOf(const PatchFile& file) {
   return [&file](std::uint32_t group) -> base::Result<std::optional<base::ByteView>> {
-    const auto block = file.block(group);
-    if (!block) return block.error();
-    return std::optional(*block);
+    LUMIGRID_ASSIGN_OR_RETURN(const auto block, file.block(group));
+    return std::optional(block);
   };
 }
 

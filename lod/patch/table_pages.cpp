@@ -101,9 +101,8 @@ base::Result<TablePages::Record> TablePages::record(std::uint32_t group) const {
   Record record;
   const auto row_bytes = read(rowOffset(group), kGroupRowBytes, &record.missing);
   if (!row_bytes) return record;
-  const auto row = this->row(group);
-  if (!row) return row.error();
-  const Group& g = **row;
+  LUMIGRID_ASSIGN_OR_RETURN(const auto row, this->row(group));
+  const Group& g = *row;
 
   // Its patches and parents, then the rows of the groups that made the patches.
   const auto patch_bytes =
@@ -120,9 +119,8 @@ base::Result<TablePages::Record> TablePages::record(std::uint32_t group) const {
       }
       if (patch.producer >= counts_.groups) return patchError(g.first_patch + i, "its producer is not there");
       if (!read(rowOffset(patch.producer), kGroupRowBytes, &record.missing)) continue;
-      const auto producer = this->row(patch.producer);
-      if (!producer) return producer.error();
-      errors.f32((*producer)->error);
+      LUMIGRID_ASSIGN_OR_RETURN(const auto producer, this->row(patch.producer));
+      errors.f32(producer->error);
     }
   }
   std::sort(record.missing.begin(), record.missing.end());

@@ -55,7 +55,7 @@ class BlockModel {
   struct Siblings {
     std::uint32_t count = 0;
     bool has_pointer = false;
-    std::array<Parts, kMostChildren> parts;
+    std::array<Parts, kMaxChildren> parts;
   };
 
   template <class Group>

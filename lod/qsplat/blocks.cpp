@@ -25,9 +25,8 @@ void PlaceTable::add(const ChildBlocks& children) {
 
 base::Result<std::unique_ptr<FileBlocks>> blocksOfFile(base::ByteView file, const Header& header) {
   if (!header.coded()) return std::unique_ptr<FileBlocks>(std::make_unique<MappedBlocks>(file, header));
-  auto coder = BlockCoder::fromHeader(file, header);
-  if (!coder) return coder.error();
-  return std::unique_ptr<FileBlocks>(std::make_unique<CodedBlocks>(file, header, std::move(*coder)));
+  LUMIGRID_ASSIGN_OR_RETURN(auto coder, BlockCoder::fromHeader(file, header));
+  return std::unique_ptr<FileBlocks>(std::make_unique<CodedBlocks>(file, header, std::move(coder)));
 }
 
 MappedBlocks::MappedBlocks(base::ByteView file, const Header& header) : FileBlocks(header), file_(file) {

@@ -66,7 +66,7 @@ class PlaceTable {
 
  private:
   static constexpr unsigned kLengthBits = 11;
-  static_assert(kMostCodedBytes < 1U << kLengthBits);
+  static_assert(kMaxCodedBytes < 1U << kLengthBits);
   std::unique_ptr<std::atomic<std::uint64_t>[]> places_;  ///< offset · 2^11 + length; 0: not known
 };
 

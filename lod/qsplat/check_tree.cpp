@@ -119,12 +119,12 @@ class TreeChecker {
   }
 
  private:
-  static constexpr std::size_t kMostFaults = 10;
+  static constexpr std::size_t kMaxFaults = 10;
   // A group's nodes, and bit 3 where it has a pointer.
   static constexpr std::uint8_t kPointerBit = 8;
 
   void fault(const std::string& text) {
-    if (faults_.size() < kMostFaults) faults_.push_back(text);
+    if (faults_.size() < kMaxFaults) faults_.push_back(text);
   }
 
   void checkBlocks() {
@@ -140,7 +140,7 @@ class TreeChecker {
     std::vector<std::uint8_t> level{static_cast<std::uint8_t>(1 | (header_.nodes > 1 ? kPointerBit : 0))};
     laid_out_ = kBlockBytes + layout_.bytes(1, header_.nodes > 1);
     while (!level.empty()) {
-      if (++levels_ > kMostLevels) return fault("more than 128 levels; build the file again");
+      if (++levels_ > kMaxLevels) return fault("more than 128 levels; build the file again");
       next_.clear();
       for (const std::uint8_t expected : level)
         if (!checkGroup(expected & (kPointerBit - 1), (expected & kPointerBit) != 0)) return;

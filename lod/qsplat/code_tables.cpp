@@ -7,10 +7,10 @@ namespace lod::qsplat {
 namespace {
 
 // 16 · 2^(level/2 − 1/2), rounded.
-constexpr std::array<std::uint32_t, kMostLevel + 1> kWeights{
+constexpr std::array<std::uint32_t, kMaxLevel + 1> kWeights{
     0, 16, 23, 32, 45, 64, 91, 128, 181, 256, 362, 512, 724, 1024, 1448, 2048, 2896, 4096, 5793, 8192, 11585, 16384};
 
-bool allZero(const std::array<std::uint8_t, kMostSymbols>& levels) {
+bool allZero(const std::array<std::uint8_t, kMaxSymbols>& levels) {
   return std::all_of(levels.begin(), levels.end(), [](std::uint8_t level) { return level == 0; });
 }
 
@@ -51,7 +51,7 @@ class BitReader {
   std::uint32_t gamma() {
     int bits = 0;
     while (ok_ && bit() == 0)
-      if (++bits > kMostGammaBits) ok_ = false;
+      if (++bits > kMaxGammaBits) ok_ = false;
     std::uint32_t value = 1;
     for (int i = 0; ok_ && i < bits; ++i) value = value << 1 | bit();
     return value - 1;
@@ -65,7 +65,7 @@ class BitReader {
   bool ok() const { return ok_; }
 
  private:
-  static constexpr int kMostGammaBits = 8;
+  static constexpr int kMaxGammaBits = 8;
   base::ByteView bytes_;
   std::size_t at_ = 0;
   bool ok_ = true;
@@ -84,7 +84,7 @@ void forEachContext(const SymbolSet& set, const Visit& visit) {
 }
 
 /// Frequencies by the weights; each symbol that comes has at least 1.
-void share(const std::array<std::uint8_t, kMostSymbols>& levels, std::array<std::uint32_t, kMostSymbols>& frequencies) {
+void share(const std::array<std::uint8_t, kMaxSymbols>& levels, std::array<std::uint32_t, kMaxSymbols>& frequencies) {
   frequencies.fill(0);
   std::uint32_t sum = 0;
   for (const std::uint8_t level : levels) sum += kWeights[level];
@@ -112,13 +112,13 @@ void share(const std::array<std::uint8_t, kMostSymbols>& levels, std::array<std:
 void levelsFrom(const SymbolCounts& counts, SymbolLevels& levels) {
   for (std::size_t c = 0; c < kContexts; ++c) {
     const std::uint64_t all = std::accumulate(counts[c].begin(), counts[c].end(), std::uint64_t{0});
-    for (std::size_t s = 0; s < kMostSymbols; ++s) {
+    for (std::size_t s = 0; s < kMaxSymbols; ++s) {
       levels[c][s] = 0;
       if (counts[c][s] == 0) continue;
       // In units of the weights; the border between two levels is their geometric mean.
-      const double weight = kWeights[kMostLevel] * (static_cast<double>(counts[c][s]) / static_cast<double>(all));
+      const double weight = kWeights[kMaxLevel] * (static_cast<double>(counts[c][s]) / static_cast<double>(all));
       std::uint8_t level = 1;
-      while (level < kMostLevel && weight * weight >= 1.0 * kWeights[level] * kWeights[level + 1U]) ++level;
+      while (level < kMaxLevel && weight * weight >= 1.0 * kWeights[level] * kWeights[level + 1U]) ++level;
       levels[c][s] = level;
     }
   }
@@ -167,7 +167,7 @@ bool unpackLevels(base::ByteView bytes, const SymbolSet& set, SymbolLevels& leve
     for (std::uint32_t s = 0; good && in.ok() && s < symbols; ++s) {
       const std::uint32_t step = in.gamma();
       level = step % 2 != 0 ? level + (step + 1) / 2 : level - step / 2;
-      good = level <= kMostLevel;
+      good = level <= kMaxLevel;
       if (good) levels[context][s] = static_cast<std::uint8_t>(level);
     }
   });
@@ -175,7 +175,7 @@ bool unpackLevels(base::ByteView bytes, const SymbolSet& set, SymbolLevels& leve
 }
 
 CodeTables::CodeTables(const SymbolLevels& levels) : starts_(std::size_t{kContexts} * kStarts) {
-  std::array<std::uint32_t, kMostSymbols> frequencies;
+  std::array<std::uint32_t, kMaxSymbols> frequencies;
   forEachContext({true, true}, [&](std::uint32_t context, std::uint32_t symbols) {
     share(levels[context], frequencies);
     first_[context] = static_cast<std::uint16_t>(begins_.size());
@@ -193,11 +193,11 @@ CodeTables::CodeTables(const SymbolLevels& levels) : starts_(std::size_t{kContex
 
 bool SymbolWriter::append(const CodeTables& tables, const std::vector<Symbol>& symbols, base::Bytes& out) {
   std::vector<std::uint16_t> words;
-  std::uint32_t state = kLeastState;
+  std::uint32_t state = kMinState;
   for (auto it = symbols.rbegin(); it != symbols.rend(); ++it) {
     const CodeTables::Range range = tables.range(it->context, it->symbol);
     if (range.frequency == 0) return false;
-    const std::uint64_t most = std::uint64_t{kLeastState >> kFrequencyBits << 16} * range.frequency;
+    const std::uint64_t most = std::uint64_t{kMinState >> kFrequencyBits << 16} * range.frequency;
     if (state >= most) {
       words.push_back(static_cast<std::uint16_t>(state));
       state >>= 16;

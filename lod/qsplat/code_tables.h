@@ -38,7 +38,7 @@ inline constexpr std::array<SymbolKind, 13> kSymbolKinds{
     kGroupKind, kChildrenKind, kConeKind,  kFaceKind, kRowKind,  kColumnKind,  kSizeKind,
     kSideKind,  kDepthKind,    kGreenKind, kRedKind,  kBlueKind, kLeafConeKind};
 inline constexpr std::uint32_t kContexts = kLeafConeKind.first + kLeafConeKind.contexts;
-inline constexpr std::uint32_t kMostSymbols = 64;
+inline constexpr std::uint32_t kMaxSymbols = 64;
 
 /// Which kinds of symbols a file has.
 struct SymbolSet {
@@ -50,12 +50,12 @@ struct SymbolSet {
 inline constexpr std::uint32_t kFrequencyBits = 10;
 inline constexpr std::uint32_t kFrequencySum = 1U << kFrequencyBits;
 /// Frequencies are kept as half-octaves: 0 for a symbol that never comes, else 1 … 21.
-inline constexpr std::uint32_t kMostLevel = 21;
+inline constexpr std::uint32_t kMaxLevel = 21;
 
 /// One level for each symbol of each context.
-using SymbolLevels = std::array<std::array<std::uint8_t, kMostSymbols>, kContexts>;
+using SymbolLevels = std::array<std::array<std::uint8_t, kMaxSymbols>, kContexts>;
 /// How often each came.
-using SymbolCounts = std::array<std::array<std::uint64_t, kMostSymbols>, kContexts>;
+using SymbolCounts = std::array<std::array<std::uint64_t, kMaxSymbols>, kContexts>;
 
 /// The nearest levels.
 void levelsFrom(const SymbolCounts& counts, SymbolLevels& levels);
@@ -99,8 +99,8 @@ class CodeTables {
   std::vector<std::uint8_t> starts_;            ///< the first symbol that may have a 32nd of a context's range
 };
 
-/// The coder's state stays in kLeastState … 2^32 − 1; whole 16-bit words go in and out.
-inline constexpr std::uint32_t kLeastState = 1U << 16;
+/// The coder's state stays in kMinState … 2^32 − 1; whole 16-bit words go in and out.
+inline constexpr std::uint32_t kMinState = 1U << 16;
 
 /// Takes symbols out of bytes; past their end it yields zeros and ends badly.
 class SymbolReader {
@@ -111,11 +111,11 @@ class SymbolReader {
     const std::uint32_t at = state_ & (kFrequencySum - 1);
     const CodeTables::Range range = tables_.find(context, at);
     state_ = range.frequency * (state_ >> kFrequencyBits) + at - range.begin;
-    if (state_ < kLeastState) state_ = state_ << 16 | in_.u16();
+    if (state_ < kMinState) state_ = state_ << 16 | in_.u16();
     return range.symbol;
   }
   /// All bytes were there and taken, and the state is the one that a writer begins with.
-  bool endedWell() const { return in_.atEnd() && state_ == kLeastState; }
+  bool endedWell() const { return in_.atEnd() && state_ == kMinState; }
 
  private:
   const CodeTables& tables_;

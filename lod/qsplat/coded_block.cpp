@@ -136,7 +136,7 @@ bool BlockCoder::readChildren(std::uint64_t number, std::uint32_t count, base::B
                               ChildBlocks& children) const {
   children = {};
   if (count == 0) return in.ok();
-  if (count > kMostChildBlocks) return false;
+  if (count > kMaxChildBlocks) return false;
   children.first_group = readSix(in);
   children.offset = readSix(in);
   children.count = count;
@@ -144,7 +144,7 @@ bool BlockCoder::readChildren(std::uint64_t number, std::uint32_t count, base::B
   for (std::uint32_t i = 0; i < count; ++i) {
     children.bytes[i] = in.u16();
     end += children.bytes[i];
-    if (children.bytes[i] < kLeastCodedBytes || children.bytes[i] > kMostCodedBytes) return false;
+    if (children.bytes[i] < kMinCodedBytes || children.bytes[i] > kMaxCodedBytes) return false;
   }
   return in.ok() && children.firstBlock() >= number && children.firstBlock() + count <= header_.blocks() &&
          children.offset >= header_.header_bytes && end <= header_.coded_bytes;

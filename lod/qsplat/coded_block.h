@@ -22,14 +22,14 @@ struct CodedPlace {
 };
 
 /// Children of a block's groups lie in at most so many blocks: it has at most 255 nodes, of 4 bytes.
-inline constexpr std::size_t kMostChildBlocks = 15;
+inline constexpr std::size_t kMaxChildBlocks = 15;
 
 /// The blocks that the children of a block's groups lie in: side by side, in both forms of the file.
 struct ChildBlocks {
   std::uint64_t first_group = 0;  ///< offset of the first group of children in the plain form; 0: there are none
   std::uint64_t offset = 0;       ///< of the first of these blocks in the coded form
   std::uint32_t count = 0;
-  std::array<std::uint16_t, kMostChildBlocks> bytes{};  ///< their lengths there
+  std::array<std::uint16_t, kMaxChildBlocks> bytes{};  ///< their lengths there
 
   std::uint64_t firstBlock() const { return first_group / kBlockBytes; }
 };
@@ -68,7 +68,7 @@ class BlockCoder {
   bool decode(std::uint64_t number, base::ByteView coded, std::uint8_t* plain, ChildBlocks& children) const;
 
   /// `plain`: a block of a file that checkTree finds nothing in, `groups` what it holds, `children` the same of their
-  /// children. At most kMostCodedBytes.
+  /// children. At most kMaxCodedBytes.
   base::Bytes encode(const std::uint8_t* plain, std::span<const GroupShape> groups, const ChildBlocks& children) const;
 
  private:

@@ -41,14 +41,14 @@ base::Result<void> checkHeader(const Header& header, std::uint32_t flags) {
   if (header.leaves == 0 || header.leaves > header.nodes || header.groups != header.nodes - header.leaves + 1)
     return damaged("header: nodes, leaves and groups don't make a tree");
   const std::uint64_t inner = header.groups - 1;
-  if (header.nodes - 1 < 2 * inner || header.nodes - 1 > kMostChildren * inner)
+  if (header.nodes - 1 < 2 * inner || header.nodes - 1 > kMaxChildren * inner)
     return damaged("header: nodes, leaves and groups don't make a tree");
   if (header.pointers > inner || (inner > 0) != (header.pointers > 0))
     return damaged("header: the number of pointers cannot be");
   if (header.nodes * header.nodeBytes() + header.pointers * header.pointerBytes() > payload ||
       header.blocks() - 1 > header.groups)
     return damaged("header: nodes and pointers don't fit the file's length");
-  if (header.levels == 0 || header.levels > kMostLevels || (header.levels > 1) != (inner > 0) ||
+  if (header.levels == 0 || header.levels > kMaxLevels || (header.levels > 1) != (inner > 0) ||
       header.levels - 1 > inner)
     return damaged("header: the number of levels cannot be");
   const glm::vec3& c = header.root.center;
@@ -60,13 +60,13 @@ base::Result<void> checkHeader(const Header& header, std::uint32_t flags) {
 
 // … and in so many of them, coded.
 base::Result<void> checkCoded(const Header& header) {
-  if (header.coded_bytes % kBlockBytes != 0 || header.coded_bytes < header.header_bytes + kLeastCodedBytes)
+  if (header.coded_bytes % kBlockBytes != 0 || header.coded_bytes < header.header_bytes + kMinCodedBytes)
     return damaged("header: the file's length cannot be");
   if (header.file_bytes >> 48 != 0 || header.coded_bytes >> 48 != 0)  // places have six bytes
     return damaged("header: the file's length cannot be");
-  if (header.blocks() < 2 || header.blocks() - 1 > (header.coded_bytes - header.header_bytes) / kLeastCodedBytes)
+  if (header.blocks() < 2 || header.blocks() - 1 > (header.coded_bytes - header.header_bytes) / kMinCodedBytes)
     return damaged("header: the blocks don't fit the file's length");
-  if (header.first_block_bytes < kLeastCodedBytes || header.first_block_bytes > kMostCodedBytes ||
+  if (header.first_block_bytes < kMinCodedBytes || header.first_block_bytes > kMaxCodedBytes ||
       header.first_block_bytes > header.coded_bytes - header.header_bytes)
     return damaged("header: the first block's length cannot be");
   return {};
@@ -118,8 +118,7 @@ base::Result<Header> readHeader(base::ByteView front) {
   const bool coded = version == kCodedVersion || version == kPaperCodedVersion;
   const std::uint32_t header_bytes = in.u32();
   if (!in.ok()) return damaged("header: cut short");
-  if (coded ? header_bytes <= codedHeaderLength(0) || header_bytes > kMostCodedHeaderBytes
-            : header_bytes != kBlockBytes)
+  if (coded ? header_bytes <= codedHeaderLength(0) || header_bytes > kMaxCodedHeaderBytes : header_bytes != kBlockBytes)
     return damaged("header: says that it has " + std::to_string(header_bytes) + " bytes" +
                    (coded ? "" : " instead of 1024"));
   if (front.size() < header_bytes) return damaged("header: cut short");

@@ -21,12 +21,12 @@ namespace lod::qsplat {
 inline constexpr std::uint32_t kBlockBytes = 1024;
 /// Of these are groups; the checksum stands behind them.
 inline constexpr std::uint32_t kPayloadBytes = kBlockBytes - 4;
-inline constexpr std::uint32_t kMostLevels = 128;
+inline constexpr std::uint32_t kMaxLevels = 128;
 
 /// A coded file's header with its tables has this at most, so that a first request brings more than it.
-inline constexpr std::uint32_t kMostCodedHeaderBytes = 4096;
+inline constexpr std::uint32_t kMaxCodedHeaderBytes = 4096;
 /// A block's length in the coded form.
-inline constexpr std::uint32_t kLeastCodedBytes = 10, kMostCodedBytes = 1068;
+inline constexpr std::uint32_t kMinCodedBytes = 10, kMaxCodedBytes = 1068;
 
 struct Header {
   std::uint64_t file_bytes = 0;  ///< in the plain form
@@ -52,7 +52,7 @@ struct Header {
   std::uint32_t pointerBytes() const { return wide_pointers ? 8 : 4; }
 };
 
-/// From the file's front: 1024 bytes or more in the plain form, kMostCodedHeaderBytes or more (or all there is) in the
+/// From the file's front: 1024 bytes or more in the plain form, kMaxCodedHeaderBytes or more (or all there is) in the
 /// coded one. Errors: kVersion for another version; kInvalidInput for what is no qsplat.lgq, cut short, damaged, or
 /// says what cannot be.
 base::Result<Header> readHeader(base::ByteView front);
@@ -95,7 +95,7 @@ struct GroupLayout {
 struct GroupNodes {
   std::uint32_t count = 0;  ///< 1 … 4
   bool has_pointer = false;
-  std::array<Node, kMostChildren> nodes;
+  std::array<Node, kMaxChildren> nodes;
 
   std::span<const Node> view() const { return std::span(nodes).first(count); }
 };

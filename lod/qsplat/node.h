@@ -143,7 +143,7 @@ inline glm::u8vec3 decodeColor(std::uint16_t bits) {
 
 // The node ----------------------------------------------------------------------------------------
 
-inline constexpr std::uint32_t kMostChildren = 4;
+inline constexpr std::uint32_t kMaxChildren = 4;
 
 /// What the bits from 27 on say depends on the node's group: where that has a pointer, they are cone and children;
 /// where it has none, all of it are leaves, and they are a leaf's cone.

@@ -15,7 +15,7 @@ namespace {
 constexpr double kDampingEarly = 0.6;
 constexpr double kDampingLate = 1.0;
 // One frame that the system held up, or the first with a cold cache, must not throw the picture away.
-constexpr double kMostAreaChange = 8.0;
+constexpr double kMaxAreaChange = 8.0;
 // A frame is not drawn when its splats are more than the last frame's time for each allows, by more than the control
 // would swing: where the view leaps to the model, or all that is seen are leaves, which stay as many until the cut-off
 // has passed them, each frame of feeling the way would be a late one. Traversal takes a tenth of a frame.
@@ -28,7 +28,7 @@ constexpr float kFirstPx = 8.0F;
 // pixels wide, and time goes with 1 / area again. Finer splats on fewer samples look better than coarser ones on all of
 // them; beyond eight pixels a sample there is little left to save (docs/results/qsplat.md has the figures).
 constexpr double kPixelsPerSample = 6.0;
-constexpr double kMostReduction = 8.0;
+constexpr double kMaxReduction = 8.0;
 
 void check(const RateGoal& goal) {
   LUMIGRID_CHECK(goal.frame_seconds > 0.0 && goal.finest_px > 0.0F && goal.finest_px <= goal.coarsest_px);
@@ -44,7 +44,7 @@ RateControl::RateControl(const RateGoal& goal) : goal_(goal) {
 
 float RateControl::reduction() const {
   const double splat_px = std::max(kPixelsPerSample, static_cast<double>(goal_.finest_px));
-  return static_cast<float>(std::clamp(px() / splat_px, 1.0, kMostReduction));
+  return static_cast<float>(std::clamp(px() / splat_px, 1.0, kMaxReduction));
 }
 
 void RateControl::setGoal(const RateGoal& goal) {
@@ -66,11 +66,11 @@ void RateControl::measured(double seconds, std::uint64_t splats) {
   if (!(seconds > 0.0) || !std::isfinite(seconds)) return;
   const double late = seconds / goal_.frame_seconds;
   scaleArea(std::pow(late, late > 1.0 ? kDampingLate : kDampingEarly));
-  most_splats_ = kForesight * static_cast<double>(std::max<std::uint64_t>(splats, 1)) / std::min(late, kMostAreaChange);
+  most_splats_ = kForesight * static_cast<double>(std::max<std::uint64_t>(splats, 1)) / std::min(late, kMaxAreaChange);
 }
 
 void RateControl::scaleArea(double ratio) {
-  const double area = motion_px_ * motion_px_ * std::clamp(ratio, 1.0 / kMostAreaChange, kMostAreaChange);
+  const double area = motion_px_ * motion_px_ * std::clamp(ratio, 1.0 / kMaxAreaChange, kMaxAreaChange);
   motion_px_ =
       std::clamp(std::sqrt(area), static_cast<double>(goal_.finest_px), static_cast<double>(goal_.coarsest_px));
 }

@@ -3,15 +3,14 @@
 namespace lod::qsplat {
 
 base::Result<SplatFile> SplatFile::open(const std::string& path) {
-  auto mapped = base::MappedFile::open(path);
-  if (!mapped) return mapped.error();
-  auto header = readHeader(mapped->bytes());
+  LUMIGRID_ASSIGN_OR_RETURN(auto mapped, base::MappedFile::open(path));
+  auto header = readHeader(mapped.bytes());
   if (!header) return base::within(path, header.error());
-  if (header->storedBytes() != mapped->bytes().size())
-    return base::within(path, damaged("has " + std::to_string(mapped->bytes().size()) + " bytes, its header says " +
+  if (header->storedBytes() != mapped.bytes().size())
+    return base::within(path, damaged("has " + std::to_string(mapped.bytes().size()) + " bytes, its header says " +
                                       std::to_string(header->storedBytes())));
   SplatFile file;
-  file.file_ = std::move(*mapped);
+  file.file_ = std::move(mapped);
   file.header_ = *header;
   return file;
 }

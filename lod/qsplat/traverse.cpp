@@ -236,7 +236,7 @@ class Walk {
   void descend(const Group& group, const Node& node, const base::Sphere& sphere, std::uint64_t child,
                std::uint32_t sides, bool may_face_away) {
     const std::uint64_t number = child / kBlockBytes;
-    if (number >= header_.blocks() || group.level + 1 >= kMostLevels) {
+    if (number >= header_.blocks() || group.level + 1 >= kMaxLevels) {
       found_.damaged = true;
       return draw(sphere, node, Splat::kStandIn);
     }

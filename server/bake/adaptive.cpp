@@ -51,10 +51,9 @@ class Sampler {
       if (enclosed[i] != 0) tree_.leaveOut(fresh[i]);
     LUMIGRID_TRY(save());
 
-    const auto blind = work_.render(tree_.points());
-    if (!blind) return blind.error();
+    LUMIGRID_ASSIGN_OR_RETURN(const auto blind, work_.render(tree_.points()));
     std::vector<repository::FaceKey> gone;
-    for (const glm::uvec3& p : *blind) {
+    for (const glm::uvec3& p : blind) {
       tree_.leaveOut(p);
       for (std::uint32_t d = 0; d < 6; ++d) gone.push_back({p.x, p.y, p.z, d});
     }
@@ -101,15 +100,13 @@ class Sampler {
         LUMIGRID_TRY(save());
         return base::Error{base::ErrorCode::kCancelled, "stopped; the same command goes on where it stopped"};
       }
-      const auto error = judge(round[i]);
-      if (!error) return error.error();
-      all.add(*error);
-      row.worst_psnr_db = std::min(row.worst_psnr_db, error->psnr());
-      bool split = error->psnr() < work_.options.target_db && !isSpent(row);
+      LUMIGRID_ASSIGN_OR_RETURN(const auto error, judge(round[i]));
+      all.add(error);
+      row.worst_psnr_db = std::min(row.worst_psnr_db, error.psnr());
+      bool split = error.psnr() < work_.options.target_db && !isSpent(row);
       if (split) {
-        const auto gain = gainOf(round[i]);
-        if (!gain) return gain.error();
-        split = *gain >= work_.options.least_gain_db;
+        LUMIGRID_ASSIGN_OR_RETURN(const auto gain, gainOf(round[i]));
+        split = gain >= work_.options.least_gain_db;
       }
       if (split) {
         tree_.split(round[i]);
@@ -164,9 +161,9 @@ class Sampler {
   base::Result<double> gainOf(const Cell& cell) {
     const auto eye = placeToLookFrom(cell, 1);
     if (!eye) return 0.0;
-    const auto errors = judge_.judgeWith(work_.renderer, *eye, pointsOf(cell), within(cell, glm::vec3(0.5F)));
-    if (!errors) return errors.error();
-    return errors->second.psnr() - errors->first.psnr();
+    LUMIGRID_ASSIGN_OR_RETURN(const auto errors,
+                              judge_.judgeWith(work_.renderer, *eye, pointsOf(cell), within(cell, glm::vec3(0.5F))));
+    return errors.second.psnr() - errors.first.psnr();
   }
 
   // The centre (0), then places half-way to the corners (1 …), from number `first` on.
@@ -207,18 +204,16 @@ std::uint32_t coarseCellSize(const repository::Grid& grid, std::uint32_t cells) 
 }
 
 base::Result<std::vector<repository::TreeGrowth>> sampleAdaptively(AdaptiveWork& work, repository::SampleTree& tree) {
-  auto enclosure = Enclosure::create(work.patches);
-  if (!enclosure) return enclosure.error();
+  LUMIGRID_ASSIGN_OR_RETURN(auto enclosure, Enclosure::create(work.patches));
   JudgeOptions options;
   options.truth.tolerance_px = work.options.tolerance_px;
   options.truth.supersampling = work.options.supersampling;
   options.view_size = std::min(options.view_size, static_cast<int>(work.options.grid.face_size));
-  auto judge = CellJudge::create(work.scene, work.patches, work.store, work.options.grid, options);
-  if (!judge) return judge.error();
-  const auto text = work.store.readMeta();
-  if (!text) return text.error();
-  return Sampler(work, tree, *enclosure, **judge,
-                 *text ? repository::growthFromText(**text) : std::vector<repository::TreeGrowth>())
+  LUMIGRID_ASSIGN_OR_RETURN(auto judge,
+                            CellJudge::create(work.scene, work.patches, work.store, work.options.grid, options));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto text, work.store.readMeta());
+  return Sampler(work, tree, enclosure, *judge,
+                 text ? repository::growthFromText(*text) : std::vector<repository::TreeGrowth>())
       .run();
 }
 

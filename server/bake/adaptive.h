@@ -10,7 +10,7 @@
 #include "base/error.h"
 #include "base/json/scene_file.h"
 #include "lod/patch/format.h"
-#include "repository/sample_tree.h"
+#include "repository/sampling/sample_tree.h"
 #include "repository/store.h"
 #include "server/bake/bake.h"
 #include "server/render/scene_renderer.h"

@@ -14,8 +14,8 @@
 #include <vector>
 
 #include "base/egl/headless.h"
-#include "repository/face_value.h"
-#include "repository/parameters.h"
+#include "repository/faces/face_value.h"
+#include "repository/sampling/parameters.h"
 #include "server/bake/adaptive.h"
 #include "server/bake/cell_judge.h"
 #include "server/bake/committer.h"
@@ -89,15 +89,13 @@ base::Result<void> claimStore(repository::Store& store, const std::string& wante
     return base::Error{base::ErrorCode::kExists, "the image repository was built with " + what +
                                                      "; give the same options, or --force to build it anew"};
   };
-  auto stored = store.readMeta();
-  if (!stored) return stored.error();
-  if (*stored)
-    return repository::sameParameters(**stored, wanted)
+  LUMIGRID_ASSIGN_OR_RETURN(auto stored, store.readMeta());
+  if (stored)
+    return repository::sameParameters(*stored, wanted)
                ? base::Result<void>()
-               : base::Result<void>(other(repository::firstDifference(**stored, wanted)));
-  auto size = store.size();
-  if (!size) return size.error();
-  if (*size > 0) return other("unknown parameters");
+               : base::Result<void>(other(repository::firstDifference(*stored, wanted)));
+  LUMIGRID_ASSIGN_OR_RETURN(auto size, store.size());
+  if (size > 0) return other("unknown parameters");
   return store.writeMeta(wanted);
 }
 
@@ -321,19 +319,17 @@ class Work {
   }
 
   base::Result<void> sampleTree() {
-    const auto meta = store_.readMeta();
-    if (!meta) return meta.error();
-    const std::string text = meta->value_or("");
-    auto stored = repository::treeFromText(text, options_.grid, "the image repository");
-    if (!stored) return stored.error();
-    if (*stored && isComplete(**stored)) {
+    LUMIGRID_ASSIGN_OR_RETURN(const auto meta, store_.readMeta());
+    const std::string text = meta.value_or("");
+    LUMIGRID_ASSIGN_OR_RETURN(auto stored, repository::treeFromText(text, options_.grid, "the image repository"));
+    if (stored && isComplete(*stored)) {
       summary_.growth = repository::growthFromText(text);
-      summary_.points = (*stored)->points().size();
+      summary_.points = stored->points().size();
       return {};
     }
-    auto first = *stored ? base::Result<repository::SampleTree>(std::move(**stored)) : firstTree();
-    if (!first) return first.error();
-    repository::SampleTree tree = std::move(*first);
+    LUMIGRID_ASSIGN_OR_RETURN(auto first,
+                              stored ? base::Result<repository::SampleTree>(std::move(*stored)) : firstTree());
+    repository::SampleTree tree = std::move(first);
     LUMIGRID_TRY(start());
     AdaptiveWork work{scene_,
                       patches_,
@@ -344,9 +340,8 @@ class Work {
                       [this](const std::vector<glm::uvec3>& points) { return render(points); },
                       [this] { return present_.bytes(); },
                       progress_};
-    auto growth = sampleAdaptively(work, tree);
-    if (!growth) return growth.error();
-    summary_.growth = std::move(*growth);
+    LUMIGRID_ASSIGN_OR_RETURN(auto growth, sampleAdaptively(work, tree));
+    summary_.growth = std::move(growth);
     summary_.points = tree.points().size();
     return {};
   }
@@ -368,12 +363,10 @@ class Work {
   // A context and a renderer of this thread's own, for what is judged.
   base::Result<void> start() {
     LUMIGRID_TRY(chooseLimits());
-    auto context = base::HeadlessContext::create();
-    if (!context) return context.error();
-    context_ = std::move(*context);
-    auto renderer = SceneRenderer::create(scene_, patches_, limits_->gpu_budget_bytes);
-    if (!renderer) return renderer.error();
-    renderer_ = std::move(*renderer);
+    LUMIGRID_ASSIGN_OR_RETURN(auto context, base::HeadlessContext::create());
+    context_ = std::move(context);
+    LUMIGRID_ASSIGN_OR_RETURN(auto renderer, SceneRenderer::create(scene_, patches_, limits_->gpu_budget_bytes));
+    renderer_ = std::move(renderer);
     return {};
   }
 
@@ -381,16 +374,14 @@ class Work {
   // the cores busy.
   base::Result<bool> needsProcesses() const {
     if (options_.draw_command.empty() || options_.threads == 1) return false;
-    const auto context = base::HeadlessContext::create();
-    if (!context) return context.error();
-    return (*context)->isSoftware();
+    LUMIGRID_ASSIGN_OR_RETURN(const auto context, base::HeadlessContext::create());
+    return context->isSoftware();
   }
 
   // Once, before the first context is made that is kept.
   base::Result<void> chooseLimits() {
     if (limits_) return {};
-    const auto in_processes = needsProcesses();
-    if (!in_processes) return in_processes.error();
+    LUMIGRID_ASSIGN_OR_RETURN(const auto in_processes, needsProcesses());
     const bool judges = options_.target_db > 0.0;
     const std::uint64_t faces = options_.grid.faceCount();
     const DrawDemand demand{patches_.hierarchy(),
@@ -400,11 +391,10 @@ class Work {
                             std::min(windowOf(options_), faces),
                             faces / 8,
                             threadsOf(options_),
-                            *in_processes,
+                            in_processes,
                             judges ? judgeBytes(faces, options_.grid.face_size, JudgeOptions().gpu_budget_bytes) : 0};
-    const auto limits = limitDrawing(demand, options_.memory_bytes);
-    if (!limits) return limits.error();
-    limits_ = *limits;
+    LUMIGRID_ASSIGN_OR_RETURN(const auto limits, limitDrawing(demand, options_.memory_bytes));
+    limits_ = limits;
     return {};
   }
 

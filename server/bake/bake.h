@@ -12,11 +12,11 @@
 #include "base/json/scene_file.h"
 #include "base/parallel.h"
 #include "lod/patch/format.h"
-#include "repository/grid.h"
-#include "repository/jpeg.h"
-#include "repository/shard.h"
+#include "repository/faces/jpeg.h"
+#include "repository/sampling/grid.h"
+#include "repository/sampling/shard.h"
+#include "repository/sampling/tree_text.h"
 #include "repository/store.h"
-#include "repository/tree_text.h"
 #include "server/render/scene_renderer.h"
 
 namespace server {

@@ -12,8 +12,8 @@
 #include "base/gl/gl.h"
 #include "client/render/lumigraph.h"
 #include "lod/patch/traverse.h"
-#include "repository/cube_face.h"
-#include "repository/face_image.h"
+#include "repository/faces/face_image.h"
+#include "repository/sampling/cube_face.h"
 
 namespace server {
 namespace {
@@ -61,19 +61,18 @@ base::Result<std::unique_ptr<CellJudge>> CellJudge::create(const base::Scene& sc
                                                            const lod::patch::PatchFile& patches,
                                                            const repository::Store& store, const repository::Grid& grid,
                                                            const JudgeOptions& options) {
-  auto lumigraph = client::LumigraphRenderer::create(patches.hierarchy().lattice, static_cast<int>(grid.face_size),
-                                                     options.gpu_budget_bytes);
-  if (!lumigraph) return lumigraph.error();
-  auto target = base::gl::RenderTarget::create(options.view_size, options.view_size);
-  if (!target) return target.error();
+  LUMIGRID_ASSIGN_OR_RETURN(
+      auto lumigraph, client::LumigraphRenderer::create(patches.hierarchy().lattice, static_cast<int>(grid.face_size),
+                                                        options.gpu_budget_bytes));
+  LUMIGRID_ASSIGN_OR_RETURN(auto target, base::gl::RenderTarget::create(options.view_size, options.view_size));
   std::unique_ptr<CellJudge> judge(new CellJudge);
   judge->state_.reset(new State{patches,
                                 store,
                                 grid,
                                 options,
                                 {scene.light.mode == base::LightMode::kUnlit, scene.light.direction},
-                                std::move(*lumigraph),
-                                std::move(*target),
+                                std::move(lumigraph),
+                                std::move(target),
                                 {},
                                 {},
                                 {}});
@@ -90,9 +89,8 @@ base::Result<void> CellJudge::State::bringPatches(const std::vector<std::uint32_
   }
   for (const std::uint32_t patch : wanted) {
     if (uploaded.count(patch) != 0) continue;
-    auto geometry = patches.geometry(patch);
-    if (!geometry) return geometry.error();
-    lumigraph->patches().upload(patch, *geometry);
+    LUMIGRID_ASSIGN_OR_RETURN(auto geometry, patches.geometry(patch));
+    lumigraph->patches().upload(patch, geometry);
     uploaded.insert(patch);
   }
   return {};
@@ -124,16 +122,13 @@ base::Result<bool> CellJudge::State::bringFace(const repository::FaceKey& key, c
     by_age.splice(by_age.end(), by_age, found->second.age);
     return found->second.image;
   }
-  auto value = store.get(key);
-  if (!value) return value.error();
+  LUMIGRID_ASSIGN_OR_RETURN(auto value, store.get(key));
   bool image = false;
-  if (*value) {
-    auto rgba = repository::decodeFaceImage(**value, static_cast<int>(grid.face_size));
-    if (!rgba) return rgba.error();
-    if (!rgba->empty()) {
-      auto added = addImage(key, *rgba, depth);
-      if (!added) return added.error();
-      image = *added;
+  if (value) {
+    LUMIGRID_ASSIGN_OR_RETURN(auto rgba, repository::decodeFaceImage(*value, static_cast<int>(grid.face_size)));
+    if (!rgba.empty()) {
+      LUMIGRID_ASSIGN_OR_RETURN(auto added, addImage(key, rgba, depth));
+      image = added;
     }
   }
   by_age.push_back(code);
@@ -185,9 +180,8 @@ base::Result<std::vector<client::SampleId>> CellJudge::State::bringFaces(SceneRe
         base::depthRangeFor(grid.point(p.x, p.y, p.z), renderer.sceneCenter(), renderer.sceneRadius());
     for (std::uint32_t d = 0; d < 6; ++d) {
       const repository::FaceKey key{p.x, p.y, p.z, d};
-      auto image = bringFace(key, depth);
-      if (!image) return image.error();
-      if (*image) images.push_back(key.code());
+      LUMIGRID_ASSIGN_OR_RETURN(auto image, bringFace(key, depth));
+      if (image) images.push_back(key.code());
     }
   }
   return images;
@@ -220,13 +214,10 @@ base::Result<base::PictureError> CellJudge::judge(SceneRenderer& renderer, const
                                                   std::span<const glm::uvec3> points) {
   State& s = *state_;
   const auto views = s.viewsFrom(renderer, eye, s.options.view_size);
-  const auto truth = s.truthOf(renderer, views);
-  if (!truth) return truth.error();
-  const auto cut = s.bringProxy(renderer, views.front());
-  if (!cut) return cut.error();
-  const auto images = s.bringFaces(renderer, points);
-  if (!images) return images.error();
-  return s.blend(views, *truth, *cut, *images);
+  LUMIGRID_ASSIGN_OR_RETURN(const auto truth, s.truthOf(renderer, views));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto cut, s.bringProxy(renderer, views.front()));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto images, s.bringFaces(renderer, points));
+  return s.blend(views, truth, cut, images);
 }
 
 base::Result<std::pair<base::PictureError, base::PictureError>> CellJudge::judgeWith(SceneRenderer& renderer,
@@ -235,28 +226,23 @@ base::Result<std::pair<base::PictureError, base::PictureError>> CellJudge::judge
                                                                                      const glm::vec3& another) {
   State& s = *state_;
   const auto views = s.viewsFrom(renderer, eye, s.options.view_size);
-  const auto truth = s.truthOf(renderer, views);
-  if (!truth) return truth.error();
+  LUMIGRID_ASSIGN_OR_RETURN(const auto truth, s.truthOf(renderer, views));
   const auto faces = s.viewsFrom(renderer, another, static_cast<int>(s.grid.face_size));
-  const auto pictures = s.truthOf(renderer, faces);
-  if (!pictures) return pictures.error();
-  const auto cut = s.bringProxy(renderer, views.front());
-  if (!cut) return cut.error();
-  auto images = s.bringFaces(renderer, points);
-  if (!images) return images.error();
-  const auto without = s.blend(views, *truth, *cut, *images);
-  if (!without) return without.error();
+  LUMIGRID_ASSIGN_OR_RETURN(const auto pictures, s.truthOf(renderer, faces));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto cut, s.bringProxy(renderer, views.front()));
+  LUMIGRID_ASSIGN_OR_RETURN(auto images, s.bringFaces(renderer, points));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto without, s.blend(views, truth, cut, images));
 
   for (std::size_t d = 0; d < faces.size(); ++d) {
     const client::SampleId id = kNotStored | d;
-    while (!s.lumigraph->addSample(id, faces[d], (*pictures)[d], 0.0))
+    while (!s.lumigraph->addSample(id, faces[d], pictures[d], 0.0))
       if (!s.dropOldest(s.in_use)) break;
-    images->push_back(id);
+    images.push_back(id);
   }
-  const auto with = s.blend(views, *truth, *cut, *images);
+  const auto with = s.blend(views, truth, cut, images);
   for (std::size_t d = 0; d < faces.size(); ++d) s.lumigraph->removeSample(kNotStored | d);
   if (!with) return with.error();
-  return std::pair(*without, *with);
+  return std::pair(without, *with);
 }
 
 }  // namespace server

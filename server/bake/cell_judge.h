@@ -12,7 +12,7 @@
 #include "base/json/scene_file.h"
 #include "base/picture_error.h"
 #include "lod/patch/format.h"
-#include "repository/grid.h"
+#include "repository/sampling/grid.h"
 #include "repository/store.h"
 #include "server/render/scene_renderer.h"
 

@@ -22,7 +22,7 @@ constexpr std::uint32_t kSeed = 20111;     // other views than those that `lumig
 constexpr std::size_t kPointsPerView = 8;  // a client's default
 constexpr float kProxyError = 4.0F;        // pixels, of its proxy
 constexpr double kFirstShare = 0.25;       // of the points: so many of the least used go at a time,
-constexpr double kLeastShare = 0.01;       // and where that is too many half as many, down to this
+constexpr double kMinShare = 0.01;         // and where that is too many half as many, down to this
 
 bool comesFirst(const glm::uvec3& a, const glm::uvec3& b) {
   return std::tie(a.x, a.y, a.z) < std::tie(b.x, b.y, b.z);
@@ -127,15 +127,13 @@ std::vector<glm::uvec3> mostUsed(const Worth& worth, double share) {
 base::Result<repository::SampleTree> treeInDemand(const base::Scene& scene, const lod::patch::PatchFile& patches,
                                                   const repository::Grid& grid, const DemandOptions& options,
                                                   const std::function<bool(double done)>& progress) {
-  const auto enclosure = Enclosure::create(patches);
-  if (!enclosure) return enclosure.error();
-  const auto sight = lod::patch::ProxySight::ofFile(patches);
-  if (!sight) return sight.error();
+  LUMIGRID_ASSIGN_OR_RETURN(const auto enclosure, Enclosure::create(patches));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto sight, lod::patch::ProxySight::ofFile(patches));
   const glm::dvec3 size = scene.box_max - scene.box_min;
   const double margin =
       (scene.box_min.x - scene.origin.x - static_cast<double>(grid.first.x)) / std::max({size.x, size.y, size.z});
-  const auto views = randomViews(scene, *enclosure, {options.views, kSeed, std::max(0.0, margin)});
-  const auto looks = looksOf(scene, grid, views, *sight, options.threads);
+  const auto views = randomViews(scene, enclosure, {options.views, kSeed, std::max(0.0, margin)});
+  const auto looks = looksOf(scene, grid, views, sight, options.threads);
 
   // The whole grid first; then fewer and fewer, as long as what is left does nearly as well.
   Worth worth = worthWith(nullptr, looks, options.threads);
@@ -145,7 +143,7 @@ base::Result<repository::SampleTree> treeInDemand(const base::Scene& scene, cons
   const double enough = options.worth * worth.all;
   const auto all_chosen = static_cast<double>(worth.of_points.size());
   repository::SampleTree tree = treeOf(grid, mostUsed(worth, 0.0));
-  for (double share = kFirstShare; share >= kLeastShare && worth.of_points.size() > 1;) {
+  for (double share = kFirstShare; share >= kMinShare && worth.of_points.size() > 1;) {
     if (progress && !progress(1.0 - static_cast<double>(worth.of_points.size()) / all_chosen))
       return base::Error{base::ErrorCode::kCancelled, "stopped; the same command begins to choose points again"};
     repository::SampleTree fewer = treeOf(grid, mostUsed(worth, share));

@@ -9,8 +9,8 @@
 #include "base/error.h"
 #include "base/json/scene_file.h"
 #include "lod/patch/format.h"
-#include "repository/grid.h"
-#include "repository/sample_tree.h"
+#include "repository/sampling/grid.h"
+#include "repository/sampling/sample_tree.h"
 
 namespace server {
 

@@ -23,7 +23,7 @@ constexpr std::uint64_t kMebi = std::uint64_t{1} << 20;
 constexpr std::uint64_t kProgramBytes = 96 * kMebi;
 constexpr std::uint64_t kContextBytes = 48 * kMebi;
 constexpr std::uint64_t kDrawnBytesPerTriangle = 100;
-constexpr std::uint64_t kMostDrawnBytes = 256 * kMebi;
+constexpr std::uint64_t kMaxDrawnBytes = 256 * kMebi;
 constexpr std::uint64_t kTargetBytesPerSample = 8;
 // Of RGBA: the resolved picture, four being read back, five under way and two waiting; encoding one (half as much
 // again).
@@ -37,7 +37,7 @@ constexpr std::uint64_t kJudgedBytesPerPixel = 24;
 
 constexpr std::uint64_t kGpuBudgetBytes = 2048 * kMebi;  // of all processes together …
 constexpr std::uint64_t kCutBytes = 256 * kMebi;         // … and of one where it may be: a cut of a large scan
-constexpr std::uint64_t kLeastGpuBudgetBytes = 32 * kMebi;
+constexpr std::uint64_t kMinGpuBudgetBytes = 32 * kMebi;
 
 std::uint64_t pixelsOf(const DrawDemand& demand) {
   return std::uint64_t{demand.face_size} * demand.face_size;
@@ -59,7 +59,7 @@ std::uint64_t geometryBytes(const lod::patch::Hierarchy& hierarchy) {
 std::uint64_t contextBytes(const DrawDemand& demand) {
   const auto side = static_cast<std::uint64_t>(demand.render.supersampling);
   const std::uint64_t samples = std::min(pixelsOf(demand) * side * side, demand.render.max_target_samples);
-  return std::min(kDrawnBytesPerTriangle * demand.hierarchy.source_triangles, kMostDrawnBytes) +
+  return std::min(kDrawnBytesPerTriangle * demand.hierarchy.source_triangles, kMaxDrawnBytes) +
          samples * kTargetBytesPerSample + pixelsOf(demand) * kPictureBytesPerPixel;
 }
 
@@ -115,7 +115,7 @@ base::Result<DrawLimits> limitDrawing(const DrawDemand& demand, std::uint64_t me
   };
   unsigned workers = most;
   while (workers > 1 && takes(workers, cut) > memory_bytes) --workers;
-  const std::uint64_t least = takes(workers, std::min(kLeastGpuBudgetBytes, geometry));
+  const std::uint64_t least = takes(workers, std::min(kMinGpuBudgetBytes, geometry));
   if (least > memory_bytes) return tooLittle(demand, least, memory_bytes);
   const std::uint64_t share = (memory_bytes - bytesBesidePatches(demand, workers)) / contextsOf(demand, workers);
   return limitsOf(demand, workers, std::min(share, wanted(workers)));
@@ -126,7 +126,7 @@ base::Result<std::uint64_t> limitSampling(const DrawDemand& demand, std::uint64_
   if (memory_bytes == 0) return kGpuBudgetBytes;
   const std::uint64_t beside =
       kProgramBytes + tableBytes(demand.hierarchy) + demand.own_bytes + contextBytes(demand) + other_bytes;
-  const std::uint64_t least = beside + std::min(kLeastGpuBudgetBytes, geometryBytes(demand.hierarchy));
+  const std::uint64_t least = beside + std::min(kMinGpuBudgetBytes, geometryBytes(demand.hierarchy));
   if (least > memory_bytes) return tooLittle(demand, least, memory_bytes);
   return std::min(memory_bytes - beside, kGpuBudgetBytes);
 }

@@ -12,7 +12,7 @@
 namespace server {
 namespace {
 
-constexpr std::uint32_t kMostBytes = std::uint32_t{256} << 20;  // of a message; the largest face takes far less
+constexpr std::uint32_t kMaxBytes = std::uint32_t{256} << 20;  // of a message; the largest face takes far less
 
 base::Error broken(const std::string& what) {
   return {base::ErrorCode::kIo, "drawing process: " + what};
@@ -63,17 +63,15 @@ base::Result<void> sendMessage(int socket, DrawMessageKind kind, base::ByteView 
 
 base::Result<std::optional<DrawMessage>> receiveMessage(int socket) {
   std::array<std::uint8_t, 5> head{};
-  const auto got = receiveUpTo(socket, head.data(), head.size());
-  if (!got) return got.error();
-  if (*got == 0) return std::optional<DrawMessage>();
+  LUMIGRID_ASSIGN_OR_RETURN(const auto got, receiveUpTo(socket, head.data(), head.size()));
+  if (got == 0) return std::optional<DrawMessage>();
   base::ByteReader in(head);
   const std::uint32_t length = in.u32();
   const auto kind = static_cast<DrawMessageKind>(in.u8());
-  if (*got < head.size() || length == 0 || length > kMostBytes) return broken("a message without a sound beginning");
+  if (got < head.size() || length == 0 || length > kMaxBytes) return broken("a message without a sound beginning");
   DrawMessage message{kind, base::Bytes(length - 1)};
-  const auto rest = receiveUpTo(socket, message.body.data(), message.body.size());
-  if (!rest) return rest.error();
-  if (*rest < message.body.size()) return broken("ended in the middle of a message");
+  LUMIGRID_ASSIGN_OR_RETURN(const auto rest, receiveUpTo(socket, message.body.data(), message.body.size()));
+  if (rest < message.body.size()) return broken("ended in the middle of a message");
   return std::optional<DrawMessage>(std::move(message));
 }
 
@@ -96,14 +94,12 @@ base::Bytes encodeOrder(const FaceWork& work) {
 
 base::Result<DrawOrder> decodeOrder(base::ByteView body) {
   base::ByteReader in(body);
-  auto scene = base::parseScene(readText(in), "the scene of a drawing process");
-  if (!scene) return scene.error();
+  LUMIGRID_ASSIGN_OR_RETURN(auto scene, base::parseScene(readText(in), "the scene of a drawing process"));
   DrawOrder order;
-  order.scene = std::move(*scene);
+  order.scene = std::move(scene);
   order.patch_path = readText(in);
-  auto grid = repository::Grid::decode(in);
-  if (!grid) return grid.error();
-  order.grid = *grid;
+  LUMIGRID_ASSIGN_OR_RETURN(auto grid, repository::Grid::decode(in));
+  order.grid = grid;
   order.render.tolerance_px = in.f32();
   order.render.supersampling = static_cast<int>(in.u32());
   order.render.max_target_samples = in.u64();
@@ -125,9 +121,8 @@ base::Result<DrawJob> decodeJob(base::ByteView body) {
   base::ByteReader in(body);
   DrawJob job{in.u64(), {}};
   while (in.ok() && !in.atEnd()) {
-    auto key = repository::FaceKey::fromCode(in.u64());
-    if (!key) return key.error();
-    job.keys.push_back(*key);
+    LUMIGRID_ASSIGN_OR_RETURN(auto key, repository::FaceKey::fromCode(in.u64()));
+    job.keys.push_back(key);
   }
   if (!in.ok() || job.keys.empty()) return broken("a job of no faces");
   return job;

@@ -8,7 +8,7 @@
 #include "base/bytes.h"
 #include "base/error.h"
 #include "base/json/scene_file.h"
-#include "repository/grid.h"
+#include "repository/sampling/grid.h"
 #include "server/bake/face_maker.h"
 
 namespace server {

@@ -23,9 +23,9 @@
 namespace server {
 namespace {
 
-constexpr unsigned kMostProcesses = 16;
+constexpr unsigned kMaxProcesses = 16;
 constexpr std::size_t kJobsAtATime = 2;  // one is drawn, the next is there already
-constexpr unsigned kMostDeaths = 3;      // of processes over the same faces
+constexpr unsigned kMaxDeaths = 3;       // of processes over the same faces
 
 // ---- A process ----
 
@@ -136,7 +136,7 @@ class MadeByProcesses : public FaceMaker {
       const base::Result<void> served = serve(jobs);
       if (served) return;
       deaths = !jobs.empty() && jobs.front().sequence == before ? deaths + 1 : 1;
-      if (served.error().code == base::ErrorCode::kNetwork && deaths < kMostDeaths) continue;
+      if (served.error().code == base::ErrorCode::kNetwork && deaths < kMaxDeaths) continue;
       return stop(served.error());
     }
   }
@@ -148,18 +148,17 @@ class MadeByProcesses : public FaceMaker {
       if (!first) return {};
       jobs.push_back(std::move(*first));
     }
-    auto process = DrawProcess::start(command_, order_);
-    if (!process) return process.error();
-    for (const DrawJob& job : jobs) give(**process, job);
+    LUMIGRID_ASSIGN_OR_RETURN(auto process, DrawProcess::start(command_, order_));
+    for (const DrawJob& job : jobs) give(*process, job);
     for (;;) {
       while (jobs.size() < kJobsAtATime) {
         auto job = takeJob(jobs.empty());
         if (!job) break;
-        give(**process, *job);
+        give(*process, *job);
         jobs.push_back(std::move(*job));
       }
       if (jobs.empty()) return {};
-      LUMIGRID_TRY(takeFace(**process, jobs));
+      LUMIGRID_TRY(takeFace(*process, jobs));
     }
   }
 
@@ -175,12 +174,11 @@ class MadeByProcesses : public FaceMaker {
                                                         " several times over the same image, " +
                                                         repository::nameOf(jobs.front().keys.front())};
     if ((*message)->kind == DrawMessageKind::kError) return decodeError((*message)->body);
-    auto made = decodeMadeFace((*message)->body);
-    if (!made) return made.error();
+    LUMIGRID_ASSIGN_OR_RETURN(auto made, decodeMadeFace((*message)->body));
     DrawJob& job = jobs.front();
-    if ((*message)->kind != DrawMessageKind::kFace || made->sequence != job.sequence)
+    if ((*message)->kind != DrawMessageKind::kFace || made.sequence != job.sequence)
       return base::Error{base::ErrorCode::kIo, "a drawing process answers with what it was not asked for"};
-    take_(job.sequence, job.keys.front(), std::move(made->face));
+    take_(job.sequence, job.keys.front(), std::move(made.face));
     ++job.sequence;
     job.keys.erase(job.keys.begin());
     if (job.keys.empty()) jobs.pop_front();
@@ -224,18 +222,15 @@ class MadeByProcesses : public FaceMaker {
 // ---- Within the process ----
 
 base::Result<void> drawFor(int socket, const Encode& encode) {
-  auto first = receiveMessage(socket);
-  if (!first) return first.error();
-  if (!*first || (*first)->kind != DrawMessageKind::kOrder)
+  LUMIGRID_ASSIGN_OR_RETURN(auto first, receiveMessage(socket));
+  if (!first || first->kind != DrawMessageKind::kOrder)
     return base::Error{base::ErrorCode::kInvalidInput, "the first message to a drawing process is no order"};
-  auto order = decodeOrder((*first)->body);
-  if (!order) return order.error();
-  auto patches = lod::patch::PatchFile::open(order->patch_path);
-  if (!patches) return patches.error();
+  LUMIGRID_ASSIGN_OR_RETURN(auto order, decodeOrder(first->body));
+  LUMIGRID_ASSIGN_OR_RETURN(auto patches, lod::patch::PatchFile::open(order.patch_path));
 
   // Faces come from one thread that encodes, so in order.
-  const FaceWork work{order->scene,           *patches, order->grid, order->render, order->quality, order->subsampling,
-                      order->gpu_budget_bytes};
+  const FaceWork work{order.scene,           patches, order.grid, order.render, order.quality, order.subsampling,
+                      order.gpu_budget_bytes};
   std::mutex mutex;
   std::optional<base::Error> failed;
   const auto fail = [&](const base::Error& error) {
@@ -281,7 +276,7 @@ std::unique_ptr<FaceMaker> makeFacesByProcesses(const FaceWork& work, const std:
 }
 
 unsigned drawProcessesFor(unsigned threads) {
-  return std::clamp(threads, 1U, kMostProcesses);
+  return std::clamp(threads, 1U, kMaxProcesses);
 }
 
 }  // namespace server

@@ -54,21 +54,19 @@ void DrawThread::work() {
 }
 
 base::Result<void> DrawThread::draw() {
-  auto context = base::HeadlessContext::create();
-  if (!context) return context.error();
-  auto renderer = SceneRenderer::create(scene_, patches_, gpu_budget_bytes_);
-  if (!renderer) return renderer.error();
+  LUMIGRID_ASSIGN_OR_RETURN(const auto context, base::HeadlessContext::create());
+  LUMIGRID_ASSIGN_OR_RETURN(auto renderer, SceneRenderer::create(scene_, patches_, gpu_budget_bytes_));
   for (;;) {
     std::optional<DrawJob> job = takeJobAtOnce();
     if (!job) {
-      LUMIGRID_TRY((*renderer)->finish());
+      LUMIGRID_TRY(renderer->finish());
       job = takeJob();
     }
     if (!job) return {};
-    LUMIGRID_TRY((*renderer)->renderMany(faceCameras(**renderer, grid_, job->keys), options_,
-                                         [this, job = *job](std::size_t i, Rendered rendered) {
-                                           take_(job.sequence + i, job.keys[i], std::move(rendered));
-                                         }));
+    LUMIGRID_TRY(renderer->renderMany(faceCameras(*renderer, grid_, job->keys), options_,
+                                      [this, job = *job](std::size_t i, Rendered rendered) {
+                                        take_(job.sequence + i, job.keys[i], std::move(rendered));
+                                      }));
   }
 }
 

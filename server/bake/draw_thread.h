@@ -13,8 +13,8 @@
 #include "base/error.h"
 #include "base/json/scene_file.h"
 #include "lod/patch/format.h"
-#include "repository/grid.h"
-#include "repository/key.h"
+#include "repository/sampling/grid.h"
+#include "repository/sampling/key.h"
 #include "server/render/scene_renderer.h"
 
 namespace server {

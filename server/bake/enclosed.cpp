@@ -32,12 +32,11 @@ base::Result<Enclosure> Enclosure::create(const lod::patch::PatchFile& patches, 
   Enclosure enclosure;
   enclosure.error_ = finest.error;
   for (const std::uint32_t patch : finest.cut.patches) {
-    const auto geometry = patches.geometry(patch);
-    if (!geometry) return geometry.error();
+    LUMIGRID_ASSIGN_OR_RETURN(const auto geometry, patches.geometry(patch));
     const auto corner = [&](std::size_t i) {
-      return hierarchy.lattice.position(geometry->positions[geometry->indices[i]]);
+      return hierarchy.lattice.position(geometry.positions[geometry.indices[i]]);
     };
-    for (std::size_t i = 0; i + 2 < geometry->indices.size(); i += 3)
+    for (std::size_t i = 0; i + 2 < geometry.indices.size(); i += 3)
       enclosure.triangles_.push_back({corner(i), corner(i + 1), corner(i + 2)});
   }
   return enclosure;

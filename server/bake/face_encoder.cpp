@@ -4,8 +4,8 @@
 
 #include "base/check.h"
 #include "base/picture_error.h"
-#include "repository/coverage.h"
-#include "repository/face_value.h"
+#include "repository/faces/coverage.h"
+#include "repository/faces/face_value.h"
 
 namespace server {
 namespace {
@@ -113,12 +113,11 @@ base::Result<EncodedFace> encodeFace(const base::Image& rgba, int quality, repos
   }
 
   const base::Image mask = coverageMask(rgba);
-  auto jpeg = repository::encodeJpeg(fillBackground(rgba, mask), quality, subsampling);
-  if (!jpeg) return jpeg.error();
+  LUMIGRID_ASSIGN_OR_RETURN(auto jpeg, repository::encodeJpeg(fillBackground(rgba, mask), quality, subsampling));
   const base::Bytes coverage = repository::encodeCoverage(mask);
-  face.jpeg_bytes = jpeg->size();
+  face.jpeg_bytes = jpeg.size();
   face.coverage_bytes = coverage.size();
-  face.value = repository::encodeFaceValue({false, *jpeg, coverage});
+  face.value = repository::encodeFaceValue({false, jpeg, coverage});
   return face;
 }
 

@@ -6,7 +6,7 @@
 #include "base/bytes.h"
 #include "base/error.h"
 #include "base/image.h"
-#include "repository/jpeg.h"
+#include "repository/faces/jpeg.h"
 
 namespace server {
 

@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "base/check.h"
-#include "repository/cube_face.h"
+#include "repository/sampling/cube_face.h"
 #include "server/bake/face_encoder.h"
 
 namespace server {
@@ -42,7 +42,7 @@ repository::FaceKey FaceOrder::face(std::uint64_t n) const {
 base::Result<std::vector<base::Image>> sampleFaces(SceneRenderer& renderer, const repository::Grid& grid,
                                                    const RenderOptions& options, std::size_t wanted) {
   const FaceOrder order(grid);
-  const std::uint64_t tries = std::min(order.count(), kMostSampleTries);
+  const std::uint64_t tries = std::min(order.count(), kMaxSampleTries);
   std::vector<base::Image> faces;
   const auto keep = [&](std::size_t, Rendered rendered) {
     if (faces.size() < wanted && showsModel(rendered.rgba)) faces.push_back(std::move(rendered.rgba));

@@ -7,8 +7,8 @@
 #include "base/camera.h"
 #include "base/error.h"
 #include "base/image.h"
-#include "repository/grid.h"
-#include "repository/key.h"
+#include "repository/sampling/grid.h"
+#include "repository/sampling/key.h"
 #include "server/render/scene_renderer.h"
 
 namespace server {
@@ -34,10 +34,10 @@ class FaceOrder {
 };
 
 /// Faces that a sample looks at before it takes what it has: a scene that most faces miss is not searched to its end.
-inline constexpr std::uint64_t kMostSampleTries = 4096;
+inline constexpr std::uint64_t kMaxSampleTries = 4096;
 
 /// Renders faces in FaceOrder until `wanted` of them show something (a pixel that is stored as model), or
-/// kMostSampleTries were looked at. The same faces, and bytes, as a bake of these options draws. Images as
+/// kMaxSampleTries were looked at. The same faces, and bytes, as a bake of these options draws. Images as
 /// Rendered::rgba; none when nothing is seen.
 base::Result<std::vector<base::Image>> sampleFaces(SceneRenderer& renderer, const repository::Grid& grid,
                                                    const RenderOptions& options, std::size_t wanted);

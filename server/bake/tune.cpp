@@ -46,11 +46,9 @@ std::vector<PreparedFace> prepare(const std::vector<base::Image>& faces, unsigne
 }
 
 base::Result<Measured> measureFace(const PreparedFace& face, int quality, repository::Subsampling subsampling) {
-  auto jpeg = repository::encodeJpeg(face.filled, quality, subsampling);
-  if (!jpeg) return jpeg.error();
-  auto back = repository::decodeJpeg(*jpeg);
-  if (!back) return back.error();
-  return Measured{jpeg->size(), base::modelError(*face.rgba, *back)};
+  LUMIGRID_ASSIGN_OR_RETURN(auto jpeg, repository::encodeJpeg(face.filled, quality, subsampling));
+  LUMIGRID_ASSIGN_OR_RETURN(auto back, repository::decodeJpeg(jpeg));
+  return Measured{jpeg.size(), base::modelError(*face.rgba, back)};
 }
 
 base::Result<TunePoint> measure(const std::vector<PreparedFace>& faces, int quality,
@@ -121,10 +119,9 @@ base::Result<TuneChoice> tuneQuality(const std::vector<base::Image>& faces, doub
   std::optional<TuneChoice> chosen;
   double best_db = 0.0;
   for (const repository::Subsampling subsampling : kSubsamplings) {
-    auto lowest = lowestQuality(prepared, psnr_db, subsampling, threads);
-    if (!lowest) return lowest.error();
-    best_db = std::max(best_db, lowest->psnr_db);
-    if (lowest->psnr_db >= psnr_db && (!chosen || lowest->jpeg_bytes < chosen->jpeg_bytes)) chosen = *lowest;
+    LUMIGRID_ASSIGN_OR_RETURN(auto lowest, lowestQuality(prepared, psnr_db, subsampling, threads));
+    best_db = std::max(best_db, lowest.psnr_db);
+    if (lowest.psnr_db >= psnr_db && (!chosen || lowest.jpeg_bytes < chosen->jpeg_bytes)) chosen = lowest;
   }
   if (!chosen) return outOfReach(psnr_db, best_db);
   return *chosen;
@@ -133,20 +130,17 @@ base::Result<TuneChoice> tuneQuality(const std::vector<base::Image>& faces, doub
 base::Result<TuneChoice> tuneScene(const base::Scene& scene, const lod::patch::PatchFile& patches,
                                    const BakeOptions& options, double psnr_db) {
   LUMIGRID_TRY(checkBakeOptions(options));
-  auto context = base::HeadlessContext::create();
-  if (!context) return context.error();
+  LUMIGRID_ASSIGN_OR_RETURN(const auto context, base::HeadlessContext::create());
   const std::size_t wanted = tuneFacesOf(options.grid.face_size);
-  const auto budget = limitSampling({patches.hierarchy(), options.grid.face_size, renderOptions(options)},
-                                    sampleBytes(options, wanted), options.memory_bytes);
-  if (!budget) return budget.error();
-  auto renderer = SceneRenderer::create(scene, patches, *budget);
-  if (!renderer) return renderer.error();
-  auto faces = sampleFaces(**renderer, options.grid, renderOptions(options), wanted);
-  if (!faces) return faces.error();
-  if (faces->empty())
+  LUMIGRID_ASSIGN_OR_RETURN(const auto budget,
+                            limitSampling({patches.hierarchy(), options.grid.face_size, renderOptions(options)},
+                                          sampleBytes(options, wanted), options.memory_bytes));
+  LUMIGRID_ASSIGN_OR_RETURN(auto renderer, SceneRenderer::create(scene, patches, budget));
+  LUMIGRID_ASSIGN_OR_RETURN(auto faces, sampleFaces(*renderer, options.grid, renderOptions(options), wanted));
+  if (faces.empty())
     return base::Error{base::ErrorCode::kInvalidInput,
                        "none of the faces looked at shows the model; build without --tune, or with another --grid"};
-  return tuneQuality(*faces, psnr_db, options.threads);
+  return tuneQuality(faces, psnr_db, options.threads);
 }
 
 }  // namespace server

@@ -8,7 +8,7 @@
 #include "base/image.h"
 #include "base/json/scene_file.h"
 #include "lod/patch/format.h"
-#include "repository/jpeg.h"
+#include "repository/faces/jpeg.h"
 #include "server/bake/bake.h"
 
 namespace server {

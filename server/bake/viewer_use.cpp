@@ -13,8 +13,7 @@ ViewerUse::ViewerUse(const repository::AccessFile& file, const glm::vec3& offset
 }
 
 base::Result<ViewerUse> ViewerUse::ofScene(const std::string& directory, const glm::dvec3& origin) {
-  const auto scene = base::readScene(directory);
-  if (!scene) return scene.error();
+  LUMIGRID_ASSIGN_OR_RETURN(const auto scene, base::readScene(directory));
   const std::string path = repository::accessFileOf(directory);
   const auto bytes = base::readFile(path);
   if (!bytes) {
@@ -26,7 +25,7 @@ base::Result<ViewerUse> ViewerUse::ofScene(const std::string& directory, const g
   if (!file) return base::within(path, file.error());
   if (file->counts.faces.empty())
     return base::Error{base::ErrorCode::kInvalidInput, path + ": no image was sent to any viewer yet"};
-  return ViewerUse(*file, glm::vec3(scene->origin - origin));
+  return ViewerUse(*file, glm::vec3(scene.origin - origin));
 }
 
 double ViewerUse::within(const glm::vec3& low, const glm::vec3& high) const {

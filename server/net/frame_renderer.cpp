@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "base/egl/headless.h"
-#include "repository/jpeg.h"
+#include "repository/faces/jpeg.h"
 #include "server/bake/face_encoder.h"
 #include "server/render/scene_renderer.h"
 #include "spdlog/spdlog.h"
@@ -83,9 +83,9 @@ base::Result<void> FrameRenderer::State::makeRenderers() {
       renderers.push_back(nullptr);
       continue;
     }
-    auto renderer = SceneRenderer::create(scene->scene, scene->patches, kPatchBytes / scenes.size());
-    if (!renderer) return renderer.error();
-    renderers.push_back(std::move(*renderer));
+    LUMIGRID_ASSIGN_OR_RETURN(auto renderer,
+                              SceneRenderer::create(scene->scene, scene->patches, kPatchBytes / scenes.size()));
+    renderers.push_back(std::move(renderer));
   }
   return {};
 }
@@ -131,9 +131,8 @@ void FrameRenderer::State::paintBand() {
 base::Result<bool> FrameRenderer::State::step(PictureJob& job) const {
   SceneRenderer& renderer = *renderers[job.scene];
   if (!job.painter) {
-    auto begun = PicturePainter::begin(job.request, scenes[job.scene]->scene, renderer);
-    if (!begun) return begun.error();
-    job.painter = std::move(*begun);
+    LUMIGRID_ASSIGN_OR_RETURN(auto begun, PicturePainter::begin(job.request, scenes[job.scene]->scene, renderer));
+    job.painter = std::move(begun);
   }
   return job.painter->step(renderer);
 }
@@ -167,8 +166,7 @@ base::Result<std::unique_ptr<FrameRenderer>> FrameRenderer::start(const std::vec
   auto started = promise.get_future();
   State& state = *renderer->state_;
   state.thread = std::thread([&state, p = std::move(promise)]() mutable { state.work(std::move(p)); });
-  const base::Result<void> result = started.get();
-  if (!result) return result.error();
+  LUMIGRID_TRY(started.get());
   return renderer;
 }
 

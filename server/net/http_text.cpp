@@ -8,7 +8,7 @@
 namespace server {
 namespace {
 
-constexpr std::size_t kMostParameters = 32;
+constexpr std::size_t kMaxParameters = 32;
 constexpr std::size_t kTagBytes = 16;  // of the 32: more than chance can match
 constexpr std::string_view kSpace = " \t";
 
@@ -107,13 +107,11 @@ base::Result<Query> parseQuery(std::string_view target) {
     std::string_view value = takeUntil(target, '&');
     if (value.empty()) continue;
     const bool has_value = value.find('=') != std::string_view::npos;
-    auto name = percentDecoded(takeUntil(value, '='));
-    if (!name) return name.error();
-    if (!has_value || name->empty()) return badQuery("a part is not of the form name=value");
-    auto decoded = percentDecoded(value);
-    if (!decoded) return decoded.error();
-    if (query.size() == kMostParameters) return badQuery("more than " + std::to_string(kMostParameters) + " values");
-    if (!query.emplace(std::move(*name), std::move(*decoded)).second) return badQuery("a name stands there twice");
+    LUMIGRID_ASSIGN_OR_RETURN(auto name, percentDecoded(takeUntil(value, '=')));
+    if (!has_value || name.empty()) return badQuery("a part is not of the form name=value");
+    LUMIGRID_ASSIGN_OR_RETURN(auto decoded, percentDecoded(value));
+    if (query.size() == kMaxParameters) return badQuery("more than " + std::to_string(kMaxParameters) + " values");
+    if (!query.emplace(std::move(name), std::move(decoded)).second) return badQuery("a name stands there twice");
   }
   return query;
 }

@@ -6,12 +6,12 @@
 #include <utility>
 
 #include "base/json/annotations_file.h"
-#include "repository/cached_source.h"
-#include "repository/mirror.h"
-#include "repository/objects.h"
-#include "repository/open_objects.h"
-#include "repository/parameters.h"
+#include "repository/objects/cached_source.h"
+#include "repository/objects/mirror.h"
+#include "repository/objects/objects.h"
+#include "repository/objects/open_objects.h"
 #include "repository/repository.h"
+#include "repository/sampling/parameters.h"
 
 namespace server {
 namespace {
@@ -26,9 +26,8 @@ base::Result<void> takeImages(std::unique_ptr<repository::Store> store, const st
   auto meta = store->readMeta();
   if (!meta) return base::within(path, meta.error());
   if (!meta->has_value()) return {};  // a bake that was stopped before its first batch
-  auto points = repository::sampledPointsFromMeta(**meta, path);
-  if (!points) return points.error();
-  open.points = std::move(*points);
+  LUMIGRID_ASSIGN_OR_RETURN(auto points, repository::sampledPointsFromMeta(**meta, path));
+  open.points = std::move(points);
   open.growth = repository::growthFromText(**meta);
   open.data.tree = open.points.treeOrNull();
   open.images = std::move(store);
@@ -44,19 +43,17 @@ base::Result<void> takeImages(std::unique_ptr<repository::Store> store, const st
 
 base::Result<void> openImages(const std::string& directory, OpenScene& open) {
   if (const auto index = base::partFile(open.scene, "images/index", ".lgi")) {
-    auto packs = openPacks(directory, *index);
-    if (!packs) return packs.error();
-    repository::PackStore* opened = packs->get();
-    LUMIGRID_TRY(takeImages(std::move(*packs), directory + "/" + *index, open));
+    LUMIGRID_ASSIGN_OR_RETURN(auto packs, openPacks(directory, *index));
+    repository::PackStore* opened = packs.get();
+    LUMIGRID_TRY(takeImages(std::move(packs), directory + "/" + *index, open));
     open.packs = opened;
     return {};
   }
   const std::string path = directory + "/images";
   std::error_code ignored;
   if (!std::filesystem::is_directory(path, ignored)) return {};
-  auto store = repository::openRepository(path);
-  if (!store) return store.error();
-  return takeImages(std::move(*store), path, open);
+  LUMIGRID_ASSIGN_OR_RETURN(auto store, repository::openRepository(path));
+  return takeImages(std::move(store), path, open);
 }
 
 void describeScene(const std::string& directory, OpenScene& open) {
@@ -89,19 +86,17 @@ repository::AccessIdentity accessIdentityOf(const OpenScene& open) {
 }
 
 base::Result<std::unique_ptr<repository::PackStore>> openPacks(const std::string& directory, const std::string& index) {
-  auto source = repository::openDirectorySource(directory);
-  if (!source) return source.error();
-  return repository::PackStore::open(std::move(*source), index);
+  LUMIGRID_ASSIGN_OR_RETURN(auto source, repository::openDirectorySource(directory));
+  return repository::PackStore::open(std::move(source), index);
 }
 
 base::Result<base::Bytes> readSceneJson(const repository::ObjectSource& source) {
-  constexpr std::uint64_t kMostJsonBytes = std::uint64_t{16} << 20;
-  auto size = source.size("scene.json");
-  if (!size) return size.error();
-  if (*size > kMostJsonBytes)
+  constexpr std::uint64_t kMaxJsonBytes = std::uint64_t{16} << 20;
+  LUMIGRID_ASSIGN_OR_RETURN(auto size, source.size("scene.json"));
+  if (size > kMaxJsonBytes)
     return base::Error{base::ErrorCode::kInvalidInput,
-                       source.place() + "/scene.json: of " + std::to_string(*size) + " bytes, which no scene's is"};
-  return source.read("scene.json", 0, *size);
+                       source.place() + "/scene.json: of " + std::to_string(size) + " bytes, which no scene's is"};
+  return source.read("scene.json", 0, size);
 }
 
 namespace {
@@ -117,12 +112,10 @@ std::unique_ptr<OpenScene> openDocument(base::Scene scene, base::Bytes json_byte
 }
 
 base::Result<void> openHierarchy(const std::string& path, OpenScene& open) {
-  auto patches = lod::patch::PatchFile::open(path);
-  if (!patches) return patches.error();
-  auto mapped = base::MappedFile::open(path);
-  if (!mapped) return mapped.error();
-  open.patches = std::move(*patches);
-  open.patch_bytes = std::move(*mapped);
+  LUMIGRID_ASSIGN_OR_RETURN(auto patches, lod::patch::PatchFile::open(path));
+  LUMIGRID_ASSIGN_OR_RETURN(auto mapped, base::MappedFile::open(path));
+  open.patches = std::move(patches);
+  open.patch_bytes = std::move(mapped);
   open.data.patches = &open.patches;
   describeHierarchy(open.patches.hierarchy(), open.data.welcome);
   return {};
@@ -151,10 +144,9 @@ base::Result<void> openRemoteImages(std::unique_ptr<repository::CachedSource> so
   const std::string place = source->place() + "/" + index;
   repository::PackStoreOptions reads;
   reads.jobs = kRemoteReads;
-  auto packs = repository::PackStore::open(std::move(source), index, reads);
-  if (!packs) return packs.error();
-  repository::PackStore* opened = packs->get();
-  LUMIGRID_TRY(takeImages(std::move(*packs), place, open));
+  LUMIGRID_ASSIGN_OR_RETURN(auto packs, repository::PackStore::open(std::move(source), index, reads));
+  repository::PackStore* opened = packs.get();
+  LUMIGRID_TRY(takeImages(std::move(packs), place, open));
   open.packs = opened;
   open.data.images_are_far = true;
   return {};
@@ -163,9 +155,8 @@ base::Result<void> openRemoteImages(std::unique_ptr<repository::CachedSource> so
 // They are no part of the scene: without them, or with bad ones, it is served all the same.
 void readRemoteAnnotations(const repository::ObjectSource& source, const RemoteOptions& options, OpenScene& open) {
   const auto read = [&]() -> base::Result<base::Bytes> {
-    auto size = source.size(base::kAnnotationsFile);
-    if (!size) return size.error();
-    return source.read(base::kAnnotationsFile, 0, std::min<std::uint64_t>(*size, base::kMaxAnnotationsBytes + 1));
+    LUMIGRID_ASSIGN_OR_RETURN(auto size, source.size(base::kAnnotationsFile));
+    return source.read(base::kAnnotationsFile, 0, std::min<std::uint64_t>(size, base::kMaxAnnotationsBytes + 1));
   };
   auto bytes = read();
   if (!bytes && bytes.error().code == base::ErrorCode::kNotFound) return;
@@ -188,17 +179,14 @@ const base::ScenePart* publishedPart(const base::Scene& scene, const std::string
 
 // A published scene behind a network. Every object but scene.json is named by its content.
 base::Result<std::unique_ptr<OpenScene>> openRemoteScene(const std::string& place, const RemoteOptions& options) {
-  const auto directory = cacheDirectory(options, place);
-  if (!directory) return directory.error();
-  auto opened = repository::openObjectSource(place);
-  if (!opened) return opened.error();
-  const std::shared_ptr<const repository::ObjectSource> source = std::move(*opened);
-  auto json_bytes = readSceneJson(*source);
-  if (!json_bytes) return json_bytes.error();
-  auto scene = base::parseScene(std::string(json_bytes->begin(), json_bytes->end()), place + "/scene.json");
-  if (!scene) return scene.error();
+  LUMIGRID_ASSIGN_OR_RETURN(const auto directory, cacheDirectory(options, place));
+  LUMIGRID_ASSIGN_OR_RETURN(auto opened, repository::openObjectSource(place));
+  const std::shared_ptr<const repository::ObjectSource> source = std::move(opened);
+  LUMIGRID_ASSIGN_OR_RETURN(auto json_bytes, readSceneJson(*source));
+  LUMIGRID_ASSIGN_OR_RETURN(auto scene,
+                            base::parseScene(std::string(json_bytes.begin(), json_bytes.end()), place + "/scene.json"));
 
-  std::unique_ptr<OpenScene> open = openDocument(std::move(*scene), std::move(*json_bytes), place);
+  std::unique_ptr<OpenScene> open = openDocument(std::move(scene), std::move(json_bytes), place);
   const base::ScenePart* patches = publishedPart(open->scene, "patch", ".lgp");
   const base::ScenePart* splats = publishedPart(open->scene, "qsplat", ".lgq");
   const auto index = base::partFile(open->scene, "images/index", ".lgi");
@@ -206,19 +194,17 @@ base::Result<std::unique_ptr<OpenScene>> openRemoteScene(const std::string& plac
     return base::Error{base::ErrorCode::kInvalidInput,
                        place + ": is not a published scene; put there what `lumigrid publish` wrote"};
   if (patches != nullptr) {
-    const auto path = repository::mirrorObject(*source, patches->file, *directory + "/hierarchies", patches->sha256);
-    if (!path) return path.error();
-    LUMIGRID_TRY(openHierarchy(*path, *open));
+    LUMIGRID_ASSIGN_OR_RETURN(
+        const auto path, repository::mirrorObject(*source, patches->file, directory + "/hierarchies", patches->sha256));
+    LUMIGRID_TRY(openHierarchy(path, *open));
   }
   if (splats != nullptr) {
-    auto far = cached(source, *directory, options);
-    if (!far) return far.error();
-    open->far_splats = std::move(*far);
+    LUMIGRID_ASSIGN_OR_RETURN(auto far, cached(source, directory, options));
+    open->far_splats = std::move(far);
   }
   if (patches != nullptr && index) {
-    auto far = cached(source, *directory, options);
-    if (!far) return far.error();
-    LUMIGRID_TRY(openRemoteImages(std::move(*far), *index, *open));
+    LUMIGRID_ASSIGN_OR_RETURN(auto far, cached(source, directory, options));
+    LUMIGRID_TRY(openRemoteImages(std::move(far), *index, *open));
   }
   readRemoteAnnotations(*source, options, *open);
   return open;
@@ -235,17 +221,14 @@ std::string defaultCacheDirectory() {
 
 base::Result<std::unique_ptr<OpenScene>> openScene(const std::string& place, const RemoteOptions& options) {
   if (repository::isRemotePlace(place)) return openRemoteScene(place, options);
-  auto scene = base::readScene(place);
-  if (!scene) return scene.error();
-  auto json_bytes = base::readFile(place + "/scene.json");
-  if (!json_bytes) return json_bytes.error();
-  std::unique_ptr<OpenScene> open = openDocument(std::move(*scene), std::move(*json_bytes), place);
+  LUMIGRID_ASSIGN_OR_RETURN(auto scene, base::readScene(place));
+  LUMIGRID_ASSIGN_OR_RETURN(auto json_bytes, base::readFile(place + "/scene.json"));
+  std::unique_ptr<OpenScene> open = openDocument(std::move(scene), std::move(json_bytes), place);
   open->directory = place;
   const bool has_splats = base::partFile(open->scene, "qsplat", ".lgq").has_value();
   if (has_splats) {
-    auto splats = base::MappedFile::open(base::splatPath(place, open->scene));
-    if (!splats) return splats.error();
-    open->splat_bytes = std::move(*splats);
+    LUMIGRID_ASSIGN_OR_RETURN(auto splats, base::MappedFile::open(base::splatPath(place, open->scene)));
+    open->splat_bytes = std::move(splats);
   }
   if (has_splats && !base::partFile(open->scene, "patch", ".lgp")) return open;
   LUMIGRID_TRY(openHierarchy(base::patchPath(place, open->scene), *open));

@@ -11,12 +11,12 @@
 #include "base/json/scene_file.h"
 #include "lod/patch/format.h"
 #include "repository/access.h"
-#include "repository/grid.h"
-#include "repository/objects.h"
-#include "repository/pack_store.h"
-#include "repository/parameters.h"
+#include "repository/objects/objects.h"
+#include "repository/packs/pack_store.h"
+#include "repository/sampling/grid.h"
+#include "repository/sampling/parameters.h"
+#include "repository/sampling/tree_text.h"
 #include "repository/store.h"
-#include "repository/tree_text.h"
 #include "server/session/session.h"
 
 namespace server {

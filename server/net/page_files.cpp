@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "base/file.h"
-#include "repository/objects.h"
+#include "repository/objects/objects.h"
 #include "server/net/http_text.h"
 
 namespace server {
@@ -15,8 +15,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kMostFiles = 256;
-constexpr std::uint64_t kMostBytes = std::uint64_t{64} << 20;
+constexpr std::size_t kMaxFiles = 256;
+constexpr std::uint64_t kMaxBytes = std::uint64_t{64} << 20;
 constexpr std::size_t kShortestHash = 8;
 constexpr std::string_view kHexDigits = "0123456789abcdef";
 
@@ -41,18 +41,17 @@ base::Result<std::vector<std::string>> namesIn(const std::string& directory) {
     names.push_back(entry->path().lexically_relative(directory).generic_string());
     if (!repository::isObjectName(names.back())) return wrong(directory, "holds a file whose name no URL can have");
     bytes += entry->file_size(ec);
-    if (names.size() > kMostFiles || bytes > kMostBytes)
-      return wrong(directory, "holds more than " + std::to_string(kMostFiles) + " files or " +
-                                  std::to_string(kMostBytes >> 20) + " MiB");
+    if (names.size() > kMaxFiles || bytes > kMaxBytes)
+      return wrong(directory, "holds more than " + std::to_string(kMaxFiles) + " files or " +
+                                  std::to_string(kMaxBytes >> 20) + " MiB");
   }
   if (ec) return base::Error{base::ErrorCode::kIo, directory + ": cannot be read: " + ec.message()};
   return names;
 }
 
 base::Result<PageForm> readForm(const std::string& path) {
-  auto bytes = base::readFile(path);
-  if (!bytes) return bytes.error();
-  PageForm form{std::move(*bytes), {}};
+  LUMIGRID_ASSIGN_OR_RETURN(auto bytes, base::readFile(path));
+  PageForm form{std::move(bytes), {}};
   form.etag = entityTag(form.bytes);
   return form;
 }
@@ -94,17 +93,15 @@ bool isHashedName(std::string_view name) {
 }
 
 base::Result<PageFiles> readPageFiles(const std::string& directory) {
-  auto names = namesIn(directory);
-  if (!names) return names.error();
+  LUMIGRID_ASSIGN_OR_RETURN(auto names, namesIn(directory));
   PageFiles files;
-  for (const std::string& name : *names) {
+  for (const std::string& name : names) {
     const std::string_view of_gzip = without(name, ".gz");
     const std::string_view of_brotli = without(name, ".br");
     const std::string plain(!of_gzip.empty() ? of_gzip : !of_brotli.empty() ? of_brotli : std::string_view(name));
-    auto form = readForm(directory + "/" + name);
-    if (!form) return form.error();
+    LUMIGRID_ASSIGN_OR_RETURN(auto form, readForm(directory + "/" + name));
     PageFile& file = files[plain];
-    (!of_gzip.empty() ? file.gzip : !of_brotli.empty() ? file.brotli : file.plain) = std::move(*form);
+    (!of_gzip.empty() ? file.gzip : !of_brotli.empty() ? file.brotli : file.plain) = std::move(form);
   }
   for (auto& [name, file] : files) {
     if (file.plain.etag.empty()) return wrong(directory, "holds a compressed form of " + name + " but not the file");

@@ -47,14 +47,13 @@ base::Result<std::string> pick(const base::Scene& scene, const lod::patch::Patch
                                const lod::patch::Ray& ray) {
   lod::patch::Ray local = ray;
   local.origin -= scene.origin;
-  auto cast = lod::patch::castRay(patches.hierarchy(), local, lod::patch::blocksOf(patches));
-  if (!cast) return cast.error();
-  nlohmann::ordered_json answer{{"hit", cast->hit.has_value()}};
-  if (cast->hit) {
-    answer["point"] = triple(scene.origin + cast->hit->point);
-    answer["normal"] = triple(cast->hit->front ? cast->hit->normal : -cast->hit->normal);
-    answer["distance"] = cast->hit->distance;
-    answer["accuracy"] = cast->hit->accuracy;
+  LUMIGRID_ASSIGN_OR_RETURN(auto cast, lod::patch::castRay(patches.hierarchy(), local, lod::patch::blocksOf(patches)));
+  nlohmann::ordered_json answer{{"hit", cast.hit.has_value()}};
+  if (cast.hit) {
+    answer["point"] = triple(scene.origin + cast.hit->point);
+    answer["normal"] = triple(cast.hit->front ? cast.hit->normal : -cast.hit->normal);
+    answer["distance"] = cast.hit->distance;
+    answer["accuracy"] = cast.hit->accuracy;
   }
   answer["unit"] = scene.units;
   return answer.dump() + "\n";

@@ -12,7 +12,7 @@
 #include "base/number.h"
 #include "base/png/png_rows.h"
 #include "protocol/message.h"
-#include "repository/jpeg_rows.h"
+#include "repository/faces/jpeg_rows.h"
 #include "server/render/tiling.h"
 
 namespace server {
@@ -21,9 +21,9 @@ namespace {
 constexpr int kMaxSide = 32'768;       // what SceneRenderer draws
 constexpr int kFullColorQuality = 90;  // from here on a JPEG's colours are not halved
 constexpr Rgb kWhite{255, 255, 255};   // what has no alpha stands before this
-constexpr double kLeastFovDegrees = 0.05, kMostFovDegrees = 179.9;
-constexpr double kFinerThanAny = 0.2, kMostTolerance = 1000.0;  // pixels
-constexpr double kLeastSine = 1e-6;                             // of the angle between up and direction
+constexpr double kMinFovDegrees = 0.05, kMaxFovDegrees = 179.9;
+constexpr double kFinerThanAny = 0.2, kMaxTolerance = 1000.0;  // pixels
+constexpr double kMinSine = 1e-6;                              // of the angle between up and direction
 
 base::Error wrong(const std::string& what) {
   return {base::ErrorCode::kInvalidInput, "/render: " + what + " (docs/formats/http.md)"};
@@ -99,22 +99,19 @@ bool canBeUnit(const glm::dvec3& v) {
 }
 
 base::Result<void> readCamera(Values& values, base::ViewCamera& camera) {
-  auto position = readVector(values, "position", camera.position);
-  if (!position) return position.error();
-  if (!*position) return wrong("position=x,y,z is needed");
+  LUMIGRID_ASSIGN_OR_RETURN(auto position, readVector(values, "position", camera.position));
+  if (!position) return wrong("position=x,y,z is needed");
   glm::dvec3 target(0.0);
-  auto by_target = readVector(values, "target", target);
-  if (!by_target) return by_target.error();
-  auto by_direction = readVector(values, "direction", camera.direction);
-  if (!by_direction) return by_direction.error();
-  if (*by_target == *by_direction) return wrong("either direction=x,y,z or target=x,y,z is needed");
-  if (*by_target) camera.direction = target - camera.position;
+  LUMIGRID_ASSIGN_OR_RETURN(auto by_target, readVector(values, "target", target));
+  LUMIGRID_ASSIGN_OR_RETURN(auto by_direction, readVector(values, "direction", camera.direction));
+  if (by_target == by_direction) return wrong("either direction=x,y,z or target=x,y,z is needed");
+  if (by_target) camera.direction = target - camera.position;
   if (auto up = readVector(values, "up", camera.up); !up) return up.error();
   if (!canBeUnit(camera.direction)) return wrong("the direction has no length");
   if (!canBeUnit(camera.up)) return wrong("up has no length");
   camera.direction = glm::normalize(camera.direction);
   camera.up = glm::normalize(camera.up);
-  if (glm::length(glm::cross(camera.direction, camera.up)) < kLeastSine)
+  if (glm::length(glm::cross(camera.direction, camera.up)) < kMinSine)
     return wrong("up must not be parallel to the direction");
   return {};
 }
@@ -123,13 +120,13 @@ base::Result<void> readFov(Values& values, base::ViewCamera& camera) {
   auto radians = values.take("fov_y");
   if (!radians) {
     double degrees = 45.0;
-    LUMIGRID_TRY(readNumber(values, "fov_y_degrees", kLeastFovDegrees, kMostFovDegrees, degrees));
+    LUMIGRID_TRY(readNumber(values, "fov_y_degrees", kMinFovDegrees, kMaxFovDegrees, degrees));
     camera.fov_y = glm::radians(degrees);
     return {};
   }
   if (values.take("fov_y_degrees")) return wrong("fov_y (radians) and fov_y_degrees say the same; give one of them");
   const auto number = base::parseNumber(*radians);
-  if (!number || !(*number > glm::radians(kLeastFovDegrees)) || *number > glm::radians(kMostFovDegrees))
+  if (!number || !(*number > glm::radians(kMinFovDegrees)) || *number > glm::radians(kMaxFovDegrees))
     return wrong("fov_y must be an angle in radians above 0.0009 and at most 3.139");
   camera.fov_y = *number;
   return {};
@@ -201,7 +198,7 @@ base::Result<void> readColors(Values& values, PictureRequest& request) {
   if (colors != "scene" && colors != "resolution") return wrong("colors must be scene or resolution");
   request.resolution_colors = colors == "resolution";
   double tolerance = static_cast<double>(request.tolerance_px);
-  LUMIGRID_TRY(readNumber(values, "tolerance", kFinerThanAny, kMostTolerance, tolerance));
+  LUMIGRID_TRY(readNumber(values, "tolerance", kFinerThanAny, kMaxTolerance, tolerance));
   request.tolerance_px = static_cast<float>(tolerance);
   return {};
 }
@@ -217,15 +214,15 @@ using Rows = std::variant<std::unique_ptr<base::PngRows>, std::unique_ptr<reposi
 base::Result<Rows> beginRows(const PictureRequest& request, base::Bytes& out) {
   const base::ViewCamera& camera = request.camera;
   if (request.format == PictureRequest::Format::kPng) {
-    auto rows = base::PngRows::begin(camera.width, camera.height, request.background ? 3 : 4, out);
-    if (!rows) return rows.error();
-    return Rows(std::move(*rows));
+    LUMIGRID_ASSIGN_OR_RETURN(auto rows,
+                              base::PngRows::begin(camera.width, camera.height, request.background ? 3 : 4, out));
+    return Rows(std::move(rows));
   }
   const auto subsampling =
       request.quality >= kFullColorQuality ? repository::Subsampling::k444 : repository::Subsampling::k420;
-  auto rows = repository::JpegRows::begin(camera.width, camera.height, request.quality, subsampling, out);
-  if (!rows) return rows.error();
-  return Rows(std::move(*rows));
+  LUMIGRID_ASSIGN_OR_RETURN(
+      auto rows, repository::JpegRows::begin(camera.width, camera.height, request.quality, subsampling, out));
+  return Rows(std::move(rows));
 }
 
 }  // namespace
@@ -281,9 +278,8 @@ base::Result<std::unique_ptr<PicturePainter>> PicturePainter::begin(const Pictur
   const std::uint64_t rows = band_pixels / static_cast<std::uint64_t>(request.camera.width);
   state.band_height =
       static_cast<int>(std::clamp<std::uint64_t>(rows, 1, static_cast<std::uint64_t>(request.camera.height)));
-  auto encoder = beginRows(request, state.bytes);
-  if (!encoder) return encoder.error();
-  state.rows = std::move(*encoder);
+  LUMIGRID_ASSIGN_OR_RETURN(auto encoder, beginRows(request, state.bytes));
+  state.rows = std::move(encoder);
   return painter;
 }
 
@@ -291,10 +287,11 @@ base::Result<bool> PicturePainter::step(SceneRenderer& renderer) {
   State& state = *state_;
   const int height = std::min(state.band_height, state.camera.height - state.next_row);
   // Which patches are drawn depends on the eye and the pixels a unit covers, which all bands share: no seams.
-  auto band = renderer.render(tileCamera(state.camera, 0, state.next_row, state.camera.width, height), state.options);
-  if (!band) return band.error();
+  LUMIGRID_ASSIGN_OR_RETURN(
+      auto band,
+      renderer.render(tileCamera(state.camera, 0, state.next_row, state.camera.width, height), state.options));
   const base::Image pixels =
-      state.request.background ? over(band->rgba, *state.request.background) : std::move(band->rgba);
+      state.request.background ? over(band.rgba, *state.request.background) : std::move(band.rgba);
   LUMIGRID_TRY(std::visit([&](auto& rows) { return rows->add(pixels); }, state.rows));
   state.next_row += height;
   return state.next_row == state.camera.height;

@@ -64,8 +64,8 @@ constexpr std::uint64_t kSlowestBytesPerSecond = 16 * 1024;  // a slower HTTP do
 constexpr std::uint32_t kHeaderLimit = 8 * 1024;
 constexpr auto kPatience = std::chrono::minutes(10);  // for a picture or a picked point
 constexpr int kRetrySeconds = 5;
-constexpr std::size_t kMostUnsentPictures = std::size_t{256} << 20;  // bytes; beyond, no further one is begun
-constexpr std::uint32_t kTurnedAway = 64;                            // connections over the limit that still get a 503
+constexpr std::size_t kMaxUnsentPictures = std::size_t{256} << 20;  // bytes; beyond, no further one is begun
+constexpr std::uint32_t kTurnedAway = 64;                           // connections over the limit that still get a 503
 constexpr unsigned kFetchers = 8;  // views whose far images are fetched at a time, or pieces of files
 constexpr std::uint64_t kFarPiece = std::uint64_t{1} << 20;  // bytes of a far file that a connection holds
 
@@ -143,7 +143,7 @@ void Hosted::countAccess(const ServerOptions& options, const std::string& scene_
   scene->data.access = &access->counter();
 }
 
-constexpr std::size_t kMostToldErrors = 100;
+constexpr std::size_t kMaxToldErrors = 100;
 
 // What of published images cannot be read, each thing once: a missing pack holds hundreds of faces, and viewers ask for
 // them again and again.
@@ -155,7 +155,7 @@ void logImageErrors(OpenScene& scene) {
   };
   scene.packs->onError([told = std::make_shared<Told>()](const base::Error& error) {
     const std::lock_guard guard(told->mutex);
-    if (told->messages.size() < kMostToldErrors && told->messages.insert(error.message).second)
+    if (told->messages.size() < kMaxToldErrors && told->messages.insert(error.message).second)
       spdlog::warn("image: {}", error.message);
   });
 }
@@ -170,11 +170,10 @@ base::Result<void> Hub::open(const std::vector<std::string>& places) {
   RemoteOptions remote = options.remote;
   remote.warn = [](const std::string& what) { spdlog::warn("cache: {}", what); };
   for (std::size_t i = 0; i < places.size(); ++i) {
-    auto scene = openScene(places[i], remote);
-    if (!scene) return scene.error();
-    logImageErrors(**scene);
-    (*scene)->data.ahead_bytes = options.ahead_bytes;
-    scenes.push_back(std::make_unique<Hosted>(i, places.size() > 1 ? (*names)[i] : "", std::move(*scene)));
+    LUMIGRID_ASSIGN_OR_RETURN(auto scene, openScene(places[i], remote));
+    logImageErrors(*scene);
+    scene->data.ahead_bytes = options.ahead_bytes;
+    scenes.push_back(std::make_unique<Hosted>(i, places.size() > 1 ? (*names)[i] : "", std::move(scene)));
   }
   return {};
 }
@@ -182,9 +181,8 @@ base::Result<void> Hub::open(const std::vector<std::string>& places) {
 base::Result<void> Hub::makeSites() {
   PageFiles pages;
   if (!options.page_directory.empty()) {
-    auto read = readPageFiles(options.page_directory);
-    if (!read) return read.error();
-    pages = std::move(*read);
+    LUMIGRID_ASSIGN_OR_RETURN(auto read, readPageFiles(options.page_directory));
+    pages = std::move(read);
   }
   for (const auto& hosted : scenes) {
     hosted->site = std::make_unique<Site>(*hosted->scene, pages);
@@ -532,7 +530,7 @@ class HttpConnection final : public Connection {
     };
     const std::uint64_t id = hub_->next_client++;
     const bool taken =
-        hub_->unsent_picture_bytes < kMostUnsentPictures &&
+        hub_->unsent_picture_bytes < kMaxUnsentPictures &&
         hub_->renderer->paint(id, hosted_->number, *picture, hub_->options.max_waiting_pictures, done(id, type));
     if (!taken) return doWrite(tryLater(kRetrySeconds, "too many pictures are asked for at once; try again later\n"));
     wait(id);

@@ -7,7 +7,7 @@ namespace {
 
 // A picture that takes longer than this is not coming.
 constexpr GLuint64 kWaitNanoseconds = 1'000'000'000;
-constexpr int kMostWaits = 120;
+constexpr int kMaxWaits = 120;
 
 base::Error lost(const char* what) {
   return {base::ErrorCode::kIo, std::string("reading a picture back: ") + what + " (" + base::gl::takeError() +
@@ -81,7 +81,7 @@ base::Result<void> ReadbackQueue::deliverOldest() {
 
 base::Result<void> ReadbackQueue::copyPixels(const Entry& entry) {
   GLenum state = GL_TIMEOUT_EXPIRED;
-  for (int i = 0; i < kMostWaits && state == GL_TIMEOUT_EXPIRED; ++i)
+  for (int i = 0; i < kMaxWaits && state == GL_TIMEOUT_EXPIRED; ++i)
     state = glClientWaitSync(entry.fence, GL_SYNC_FLUSH_COMMANDS_BIT, kWaitNanoseconds);
   if (state != GL_ALREADY_SIGNALED && state != GL_CONDITION_SATISFIED) return lost("the GPU does not answer");
 

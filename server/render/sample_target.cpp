@@ -39,10 +39,9 @@ bool complete() {
 }  // namespace
 
 base::Result<ResolvePass> ResolvePass::create() {
-  auto program = base::gl::Program::link("resolve", kResolveVertex, kResolveFragment);
-  if (!program) return program.error();
+  LUMIGRID_ASSIGN_OR_RETURN(auto program, base::gl::Program::link("resolve", kResolveVertex, kResolveFragment));
   ResolvePass pass;
-  pass.program_ = std::move(*program);
+  pass.program_ = std::move(program);
   pass.array_ = base::gl::VertexArray::create();
   return pass;
 }

@@ -209,9 +209,8 @@ Tile SceneRenderer::State::touchedPart(const base::Camera& tile_camera, std::spa
 base::Result<void> SceneRenderer::State::prepareTarget(int width, int height, int supersampling) {
   if (target.matches(width, height, supersampling)) return {};
   target = {};
-  auto made = SampleTarget::create(width, height, supersampling);
-  if (!made) return made.error();
-  target = std::move(*made);
+  LUMIGRID_ASSIGN_OR_RETURN(auto made, SampleTarget::create(width, height, supersampling));
+  target = std::move(made);
   return {};
 }
 
@@ -296,18 +295,15 @@ base::Result<std::unique_ptr<SceneRenderer>> SceneRenderer::create(const base::S
                        "render: no GL context is current on this thread; make a base::HeadlessContext first"};
   std::unique_ptr<SceneRenderer> renderer(new SceneRenderer());
   renderer->state_ = std::make_unique<State>(patches, gpu_budget_bytes);
-  auto surface = linkSurface(scene.light);
-  if (!surface) return surface.error();
-  auto with_modes = linkModes(scene.light);
-  if (!with_modes) return with_modes.error();
-  auto resolve = ResolvePass::create();
-  if (!resolve) return resolve.error();
+  LUMIGRID_ASSIGN_OR_RETURN(auto surface, linkSurface(scene.light));
+  LUMIGRID_ASSIGN_OR_RETURN(auto with_modes, linkModes(scene.light));
+  LUMIGRID_ASSIGN_OR_RETURN(auto resolve, ResolvePass::create());
 
   State& state = *renderer->state_;
   state.lit = scene.light.mode != base::LightMode::kUnlit;
-  state.surface = std::move(*surface);
-  state.with_modes = std::move(*with_modes);
-  state.resolve = std::move(*resolve);
+  state.surface = std::move(surface);
+  state.with_modes = std::move(with_modes);
+  state.resolve = std::move(resolve);
   return renderer;
 }
 

@@ -54,16 +54,13 @@ SplatScene::~SplatScene() = default;
 
 base::Result<std::unique_ptr<SplatScene>> SplatScene::create(const base::Scene& scene,
                                                              const lod::qsplat::SplatFile& file) {
-  auto blocks = lod::qsplat::blocksOfFile(file.bytes(), file.header());
-  if (!blocks) return blocks.error();
+  LUMIGRID_ASSIGN_OR_RETURN(auto blocks, lod::qsplat::blocksOfFile(file.bytes(), file.header()));
   std::unique_ptr<SplatScene> made(new SplatScene());
-  made->state_ = std::make_unique<State>(std::move(*blocks));
-  auto renderer = lod::draw::SplatRenderer::create();
-  if (!renderer) return renderer.error();
-  auto resolve = ResolvePass::create();
-  if (!resolve) return resolve.error();
-  made->state_->renderer = std::move(*renderer);
-  made->state_->resolve = std::move(*resolve);
+  made->state_ = std::make_unique<State>(std::move(blocks));
+  LUMIGRID_ASSIGN_OR_RETURN(auto renderer, lod::draw::SplatRenderer::create());
+  LUMIGRID_ASSIGN_OR_RETURN(auto resolve, ResolvePass::create());
+  made->state_->renderer = std::move(renderer);
+  made->state_->resolve = std::move(resolve);
   made->state_->shading = {scene.light.mode == base::LightMode::kUnlit, scene.light.direction};
   return made;
 }
@@ -118,18 +115,17 @@ base::Result<void> SplatScene::State::drawPicture(const base::Camera& camera, co
       planTiles(camera.width, camera.height, options.supersampling, max_side, options.max_target_samples);
   if (!target.matches(plan.tile_width, plan.tile_height, options.supersampling)) {
     target = {};
-    auto made = SampleTarget::create(plan.tile_width, plan.tile_height, options.supersampling);
-    if (!made) return made.error();
-    target = std::move(*made);
+    LUMIGRID_ASSIGN_OR_RETURN(auto made,
+                              SampleTarget::create(plan.tile_width, plan.tile_height, options.supersampling));
+    target = std::move(made);
   }
   pending->tiles_left = plan.tiles.size();
   for (const Tile& tile : plan.tiles) {
     const base::Camera tile_camera = tileCamera(camera, tile.x, tile.y, plan.tile_width, plan.tile_height);
-    auto found = splatsFor(tile_camera, options);
-    if (!found) return found.error();
-    picture.splats += found->splats.size();
-    picture.nodes += found->nodes;
-    LUMIGRID_TRY(drawTile(tile_camera, *found, options));
+    LUMIGRID_ASSIGN_OR_RETURN(auto found, splatsFor(tile_camera, options));
+    picture.splats += found.splats.size();
+    picture.nodes += found.nodes;
+    LUMIGRID_TRY(drawTile(tile_camera, found, options));
     LUMIGRID_TRY(readback.read(pending, tile, target.resolve(resolve), 0, target.height() - tile.height));
   }
   return readback.finish();

@@ -8,7 +8,7 @@
 #include <variant>
 #include <vector>
 
-#include "repository/face_value.h"
+#include "repository/faces/face_value.h"
 
 namespace server {
 namespace {

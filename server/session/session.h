@@ -27,7 +27,7 @@
 #include "plan/view_plan.h"
 #include "protocol/message.h"
 #include "repository/access_counter.h"
-#include "repository/sample_tree.h"
+#include "repository/sampling/sample_tree.h"
 #include "repository/store.h"
 
 namespace server {

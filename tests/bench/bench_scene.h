@@ -1,9 +1,9 @@
 #pragma once
 // A scene for a benchmark: as it lies on disk, or built from a mesh for it.
 #include "base/json/scene_file.h"
-#include "lod/build/hierarchy_build.h"
-#include "lod/build/import.h"
+#include "lod/patch/builder/hierarchy_build.h"
 #include "lod/patch/format.h"
+#include "mesh/import.h"
 #include "tests/bench/bench.h"
 
 namespace bench {
@@ -27,8 +27,8 @@ struct OpenScene {
 };
 
 inline base::Scene buildScene(const std::string& mesh_path, const std::string& patch_path) {
-  const lod::build::Imported imported = must(lod::build::importMeshes({mesh_path}, {}));
-  must(lod::build::buildHierarchy(imported.mesh, {}, patch_path));
+  const mesh::Imported imported = must(mesh::importMeshes({mesh_path}, {}));
+  must(lod::patch::builder::buildHierarchy(imported.mesh, {}, patch_path));
   base::Scene scene;
   scene.origin = imported.mesh.origin;
   scene.box_min = scene.origin + glm::dvec3(imported.mesh.box().min);

@@ -4,12 +4,13 @@
 #include <cstdio>
 #include <cstdlib>
 
-#include "lod/build/distance_bound.h"
-#include "lod/build/import.h"
+#include "lod/patch/builder/distance_bound.h"
+#include "mesh/import.h"
 #include "tests/bench/bench.h"
 
 int main(int count, char** arguments) {
-  using namespace lod::build;
+  using namespace lod::patch::builder;
+  using namespace mesh;
   if (count < 2) return std::fprintf(stderr, "usage: bound_bench MESH [ROUNDS]\n"), 2;
   const int rounds = count > 2 ? std::max(1, std::atoi(arguments[2])) : 5;
   const auto imported = importMeshes({arguments[1]}, {});

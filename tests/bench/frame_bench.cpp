@@ -17,7 +17,7 @@ namespace {
 constexpr int kFace = 512;
 
 /// A bumpy sphere of radius 1 in bands of at most 4 000 triangles.
-std::vector<lod::patch::PatchGeometry> makeProxy(int triangles, const lod::patch::Lattice& lattice) {
+std::vector<lod::patch::PatchGeometry> makeProxy(int triangles, const lod::Lattice& lattice) {
   const int rings = static_cast<int>(std::sqrt(static_cast<double>(triangles) / 4.0));
   const int columns = 2 * rings;
   const int band = std::max(1, 2000 / columns);
@@ -87,7 +87,7 @@ int main(int argc, char** argv) {
   const int frames = argc > 2 ? std::atoi(argv[2]) : 9;
   auto context = base::HeadlessContext::create();
   if (!context) return std::fprintf(stderr, "%s\n", context.error().message.c_str()), 1;
-  const lod::patch::Lattice lattice{glm::dvec3(-2.0), 1.0 / 65536.0};
+  const lod::Lattice lattice{glm::dvec3(-2.0), 1.0 / 65536.0};
   auto renderer = client::LumigraphRenderer::create(lattice, kFace, std::uint64_t{1} << 30);
   if (!renderer) return std::fprintf(stderr, "%s\n", renderer.error().message.c_str()), 1;
 

@@ -19,20 +19,22 @@
 #include <vector>
 
 #include "compare/chart.h"
-#include "lod/build/hierarchy_build.h"
-#include "lod/build/import.h"
+#include "lod/patch/builder/hierarchy_build.h"
 #include "lod/patch/codec.h"
 #include "lod/patch/format.h"
 #include "lod/patch/traverse.h"
+#include "mesh/import.h"
 #include "tests/bench/bench.h"
 #include "tests/bench/build_run.h"
-#include "tests/lod/build/built_cut.h"
+#include "tests/lod/patch/builder/built_cut.h"
 
 namespace {
 
 using bench::median;
 using bench::seconds;
-using namespace lod::build;
+using namespace lod::patch::builder;
+using namespace lod::qsplat::builder;
+using namespace mesh;
 
 Mesh mustImport(const std::string& path) {
   auto imported = importMeshes({path}, {});

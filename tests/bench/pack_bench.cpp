@@ -11,9 +11,9 @@
 #include <vector>
 
 #include "base/file.h"
-#include "repository/face_value.h"
-#include "repository/pack_store.h"
-#include "repository/publish.h"
+#include "repository/faces/face_value.h"
+#include "repository/packs/pack_store.h"
+#include "repository/packs/publish.h"
 #include "repository/store.h"
 #include "tests/bench/bench.h"
 

@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "lod/build/import.h"
-#include "lod/build/qsplat/build.h"
+#include "lod/qsplat/builder/build.h"
 #include "lod/qsplat/splat_file.h"
+#include "mesh/import.h"
 #include "tests/bench/bench.h"
 #include "tests/bench/build_run.h"
 
@@ -18,8 +18,8 @@ namespace {
 using bench::median;
 using bench::must;
 using bench::seconds;
-using lod::build::Mesh;
 using lod::qsplat::Header;
+using mesh::Mesh;
 
 Header headerOf(const std::string& scene) {
   return must(lod::qsplat::SplatFile::open(scene + "/qsplat.lgq")).header();
@@ -59,10 +59,10 @@ void compareThreads(const std::string& path, const std::string& file, int runs, 
   for (int run = 0; run < runs; ++run) {
     const double all = seconds(CLOCK_PROCESS_CPUTIME_ID);
     const double main_thread = seconds(CLOCK_THREAD_CPUTIME_ID);
-    lod::build::qsplat::BuildOptions options;
+    lod::qsplat::builder::BuildOptions options;
     options.threads = 2;
     options.dice = dice;
-    (void)must(lod::build::qsplat::buildFromFiles({path}, options, file));
+    (void)must(lod::qsplat::builder::buildFromFiles({path}, options, file));
     shares.push_back((seconds(CLOCK_PROCESS_CPUTIME_ID) - all) / (seconds(CLOCK_THREAD_CPUTIME_ID) - main_thread));
   }
   std::printf("of two threads' CPU time the busier one has 1/%.2f (wanted 1/1.7)\n", median(shares));
@@ -80,12 +80,12 @@ void printSize(const char* what, const Header& h) {
 }
 
 void compareSize(Mesh mesh, const std::string& file, double dice) {
-  lod::build::qsplat::BuildOptions options;
+  lod::qsplat::builder::BuildOptions options;
   options.dice = dice;
   if (!mesh.colors.empty())
-    printSize("with colours", must(lod::build::qsplat::buildFromMesh(mesh, options, file)).header);
+    printSize("with colours", must(lod::qsplat::builder::buildFromMesh(mesh, options, file)).header);
   mesh.colors.clear();
-  printSize("without colours", must(lod::build::qsplat::buildFromMesh(mesh, options, file)).header);
+  printSize("without colours", must(lod::qsplat::builder::buildFromMesh(mesh, options, file)).header);
 }
 
 }  // namespace
@@ -95,11 +95,11 @@ int main(int argc, char** argv) {
   const auto runs = static_cast<int>(arguments.number("--runs", 5U, 1U, 100U));
   const std::string only = arguments.text("--only", "");
   const std::string memory = arguments.text("--memory", "");
-  const double dice = arguments.number("--dice", lod::build::qsplat::kDice, 0.0, 1e6);
+  const double dice = arguments.number("--dice", lod::qsplat::builder::kDice, 0.0, 1e6);
   arguments.finish();
   if (arguments.input().empty() || (!only.empty() && only != "speed" && only != "size")) arguments.wrong();
   const bench::WorkDirectory directory;
-  const Mesh mesh = std::move(must(lod::build::importMeshes({arguments.input()}, {})).mesh);
+  const Mesh mesh = std::move(must(mesh::importMeshes({arguments.input()}, {})).mesh);
   std::printf("%s: %zu vertices, %zu triangles\n", arguments.input().c_str(), mesh.positions.size(),
               mesh.triangleCount());
   if (only.empty() || only == "speed") compareSpeed(arguments.input(), mesh, directory / "scene", runs, memory, dice);

@@ -9,12 +9,12 @@
 #include "client/native/headless.h"
 #include "compare/accuracy.h"
 #include "compare/run.h"
-#include "lod/build/hierarchy_build.h"
-#include "lod/build/sample.h"
-#include "repository/coverage.h"
-#include "repository/cube_face.h"
-#include "repository/face_value.h"
-#include "repository/jpeg.h"
+#include "lod/patch/builder/hierarchy_build.h"
+#include "mesh/generate/sample.h"
+#include "repository/faces/coverage.h"
+#include "repository/faces/face_value.h"
+#include "repository/faces/jpeg.h"
+#include "repository/sampling/cube_face.h"
 #include "server/bake/bake.h"
 #include "server/net/server.h"
 
@@ -28,10 +28,10 @@ class EndToEnd : public ::testing::Test {
   static void SetUpTestSuite() {
     directory_ = (fs::temp_directory_path() / ("lumigrid_end_to_end_" + std::to_string(::getpid()))).string();
     fs::create_directories(directory_);
-    lod::build::SampleOptions sample;
+    mesh::generate::SampleOptions sample;
     sample.triangles = 40'000;
-    const lod::build::Mesh mesh = lod::build::makeSample(sample);
-    ASSERT_TRUE(lod::build::buildHierarchy(mesh, {}, directory_ + "/patch.lgp"));
+    const mesh::Mesh mesh = mesh::generate::makeSample(sample);
+    ASSERT_TRUE(lod::patch::builder::buildHierarchy(mesh, {}, directory_ + "/patch.lgp"));
     base::Scene scene;
     scene.origin = mesh.origin;
     scene.box_min = mesh.origin + glm::dvec3(mesh.box().min);

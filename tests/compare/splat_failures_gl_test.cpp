@@ -9,9 +9,9 @@
 
 #include "base/json/scene_file.h"
 #include "compare/run.h"
-#include "lod/build/hierarchy_build.h"
-#include "lod/build/qsplat/build.h"
-#include "lod/build/sample.h"
+#include "lod/patch/builder/hierarchy_build.h"
+#include "lod/qsplat/builder/build.h"
+#include "mesh/generate/sample.h"
 #include "repository/store.h"
 #include "server/bake/bake.h"
 #include "tests/support/temporary_directory.h"
@@ -19,7 +19,7 @@
 
 namespace {
 
-using lod::build::Mesh;
+using mesh::Mesh;
 
 /// Colours that vary smoothly with the place, so that any surface has something to show.
 glm::u8vec4 colorAt(const glm::vec3& p) {
@@ -131,8 +131,8 @@ class SplatFailures : public testing::Test {
 
  private:
   void build(const Mesh& mesh) {
-    ASSERT_TRUE(lod::build::buildHierarchy(mesh, {}, directory_ / "patch.lgp"));
-    const auto splats = lod::build::qsplat::buildFromMesh(mesh, {}, directory_ / "qsplat.lgq");
+    ASSERT_TRUE(lod::patch::builder::buildHierarchy(mesh, {}, directory_ / "patch.lgp"));
+    const auto splats = lod::qsplat::builder::buildFromMesh(mesh, {}, directory_ / "qsplat.lgq");
     ASSERT_TRUE(splats) << splats.error().message;
     base::Scene scene;
     scene.origin = mesh.origin;
@@ -156,9 +156,9 @@ class SplatFailures : public testing::Test {
 
 // What they are for, to compare with: a scan sampled evenly and finer than the pixels.
 TEST_F(SplatFailures, anEvenlySampledScanFromAfar) {
-  lod::build::SampleOptions sample;
+  mesh::generate::SampleOptions sample;
   sample.triangles = 150'000;
-  const Mesh mesh = lod::build::makeSample(sample);
+  const Mesh mesh = mesh::generate::makeSample(sample);
   const glm::dvec3 middle(mesh.box().center());
   const double size = mesh.box().diagonal();
   auto figures = compareAt(mesh, lookAt(middle + size * glm::dvec3(1.1, 0.5, 0.3), middle), "even scan");

@@ -1,12 +1,12 @@
 // decodeCoverage on any bytes. The first two bytes choose the size of the mask.
-#include "repository/coverage.h"
+#include "repository/faces/coverage.h"
 
 #include "base/check.h"
 #include "tests/fuzz/fuzz.h"
 
 namespace {
 
-constexpr int kMostSide = 96;
+constexpr int kMaxSide = 96;
 
 base::Bytes seed(int width, int height, int period) {
   base::Image mask(width, height, 1);
@@ -29,8 +29,8 @@ std::vector<base::Bytes> seeds() {
 
 void fuzzOne(base::ByteView bytes) {
   if (bytes.size() < 2) return;
-  const int width = 1 + bytes[0] % kMostSide;
-  const int height = 1 + bytes[1] % kMostSide;
+  const int width = 1 + bytes[0] % kMaxSide;
+  const int height = 1 + bytes[1] % kMaxSide;
   const auto mask = repository::decodeCoverage(bytes.subspan(2), width, height);
   if (!mask) return;
   LUMIGRID_CHECK_EQ(mask->pixels.size(), static_cast<std::size_t>(width) * static_cast<std::size_t>(height));

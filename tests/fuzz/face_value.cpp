@@ -1,13 +1,13 @@
 // decodeFaceValue and decodeFaceImage on any bytes: as they are, and with their checksum made right.
-#include "repository/face_value.h"
+#include "repository/faces/face_value.h"
 
 #include <algorithm>
 
 #include "base/check.h"
 #include "base/crc32c.h"
-#include "repository/coverage.h"
-#include "repository/face_image.h"
-#include "repository/jpeg.h"
+#include "repository/faces/coverage.h"
+#include "repository/faces/face_image.h"
+#include "repository/faces/jpeg.h"
 #include "tests/fuzz/fuzz.h"
 
 namespace {

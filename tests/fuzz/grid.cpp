@@ -1,5 +1,5 @@
 // Grid::decode on any bytes; what is accepted must be usable.
-#include "repository/grid.h"
+#include "repository/sampling/grid.h"
 
 #include <cmath>
 

@@ -12,7 +12,7 @@
 namespace fuzz {
 namespace {
 
-constexpr std::uint64_t kMostPixels = 64'000'000;
+constexpr std::uint64_t kMaxPixels = 64'000'000;
 
 bool isFinite(const glm::dvec3& v) {
   return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
@@ -24,7 +24,7 @@ void check(const server::PictureRequest& request) {
   LUMIGRID_CHECK(std::abs(glm::length(camera.direction) - 1.0) < 1e-9);
   LUMIGRID_CHECK(glm::length(glm::cross(camera.direction, camera.up)) > 0.0);
   LUMIGRID_CHECK(camera.width >= 1 && camera.height >= 1);
-  LUMIGRID_CHECK(static_cast<std::uint64_t>(camera.width) * static_cast<std::uint64_t>(camera.height) <= kMostPixels);
+  LUMIGRID_CHECK(static_cast<std::uint64_t>(camera.width) * static_cast<std::uint64_t>(camera.height) <= kMaxPixels);
   LUMIGRID_CHECK(request.quality >= 1 && request.quality <= 100);
 }
 
@@ -47,7 +47,7 @@ void fuzzOne(base::ByteView bytes) {
   (void)server::isHashedName(text);
   const auto query = server::parseQuery(text);
   if (!query) return;
-  const auto picture = server::parsePictureRequest(*query, kMostPixels);
+  const auto picture = server::parsePictureRequest(*query, kMaxPixels);
   if (picture)
     check(*picture);
   else

@@ -2,7 +2,7 @@
 // made right. Seeds end where their zeros begin, so that mutations meet what is read.
 #include "base/check.h"
 #include "base/crc32c.h"
-#include "repository/pack_format.h"
+#include "repository/packs/pack_format.h"
 #include "tests/fuzz/fuzz.h"
 
 namespace {
@@ -26,7 +26,7 @@ void decode(base::ByteView bytes) {
     if (!place) continue;
     ++found;
     LUMIGRID_CHECK(place->offset >= repository::kPackHeaderBytes);
-    LUMIGRID_CHECK(place->offset + place->length <= repository::kMostPackBytes);
+    LUMIGRID_CHECK(place->offset + place->length <= repository::kMaxPackBytes);
   }
   LUMIGRID_CHECK(found <= block->keys());
 }

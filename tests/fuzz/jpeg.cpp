@@ -1,12 +1,12 @@
 // decodeJpeg on any bytes.
-#include "repository/jpeg.h"
+#include "repository/faces/jpeg.h"
 
 #include "base/check.h"
 #include "tests/fuzz/fuzz.h"
 
 namespace {
 
-constexpr int kMostSide = 128;
+constexpr int kMaxSide = 128;
 
 base::Bytes seed(int width, int height, repository::Subsampling subsampling) {
   base::Image image(width, height, 3);
@@ -24,9 +24,9 @@ std::vector<base::Bytes> seeds() {
 }
 
 void fuzzOne(base::ByteView bytes) {
-  const auto image = repository::decodeJpeg(bytes, kMostSide);
+  const auto image = repository::decodeJpeg(bytes, kMaxSide);
   if (!image) return;
-  LUMIGRID_CHECK(image->width >= 1 && image->width <= kMostSide && image->height >= 1 && image->height <= kMostSide);
+  LUMIGRID_CHECK(image->width >= 1 && image->width <= kMaxSide && image->height >= 1 && image->height <= kMaxSide);
   LUMIGRID_CHECK_EQ(image->pixels.size(),
                     static_cast<std::size_t>(image->width) * static_cast<std::size_t>(image->height) * 3);
 }

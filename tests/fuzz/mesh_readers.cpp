@@ -2,16 +2,16 @@
 #include <algorithm>
 
 #include "base/check.h"
-#include "lod/build/read_glb.h"
-#include "lod/build/read_obj.h"
-#include "lod/build/read_off.h"
-#include "lod/build/read_ply.h"
-#include "lod/build/read_stl.h"
+#include "mesh/read_glb.h"
+#include "mesh/read_obj.h"
+#include "mesh/read_off.h"
+#include "mesh/read_ply.h"
+#include "mesh/read_stl.h"
 #include "tests/fuzz/fuzz.h"
 
 namespace {
 
-using namespace lod::build;
+using namespace mesh;
 
 class CheckingSink : public MeshSink {
  public:

@@ -1,7 +1,7 @@
 // decodePack on any bytes: as they are, and with the checksums of header and table made right.
 #include "base/check.h"
 #include "base/crc32c.h"
-#include "repository/pack_format.h"
+#include "repository/packs/pack_format.h"
 #include "tests/fuzz/fuzz.h"
 
 namespace {

@@ -5,7 +5,7 @@
 
 #include "base/check.h"
 #include "base/crc32c.h"
-#include "repository/pack_format.h"
+#include "repository/packs/pack_format.h"
 #include "tests/fuzz/fuzz.h"
 
 namespace {

@@ -1,6 +1,6 @@
 // Links that anybody may write: a view within its limits or one line of complaint, and what was read is written and
 // read again as the same view.
-#include "client/permalink.h"
+#include "client/app/permalink.h"
 
 #include <cmath>
 

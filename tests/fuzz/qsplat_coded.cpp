@@ -43,7 +43,7 @@ void decodeBlock(base::ByteView bytes) {
   static const BlockCoder coder = *BlockCoder::fromHeader(goodFile(), header);
   base::Bytes plain(kBlockBytes);
   ChildBlocks children;
-  const base::ByteView coded = bytes.first(std::min<std::size_t>(bytes.size(), kMostCodedBytes));
+  const base::ByteView coded = bytes.first(std::min<std::size_t>(bytes.size(), kMaxCodedBytes));
   if (!coder.decode(1, coded, plain.data(), children)) return;
   LUMIGRID_CHECK(isBlock(plain, 1));
   forEachChildBlock(children, [&](std::uint64_t number, const CodedPlace& place) {

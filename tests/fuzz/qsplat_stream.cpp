@@ -68,7 +68,7 @@ struct Host {
 void streamAll(base::ByteView file) {
   Dice dice(file);
   StreamOptions options;
-  options.memory_bytes = kLeastStreamMemory;
+  options.memory_bytes = kMinStreamMemory;
   options.idle_bytes = dice.roll(2) * 4096;
   options.order = static_cast<StreamOrder>(dice.roll(5));
   Stream stream(file.size(), options);

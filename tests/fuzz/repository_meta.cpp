@@ -2,9 +2,9 @@
 #include <string>
 
 #include "base/check.h"
-#include "repository/parameters.h"
-#include "repository/shard.h"
-#include "repository/tree_text.h"
+#include "repository/sampling/parameters.h"
+#include "repository/sampling/shard.h"
+#include "repository/sampling/tree_text.h"
 #include "tests/fuzz/fuzz.h"
 
 namespace fuzz {

@@ -1,8 +1,8 @@
 // What an S3 store answers, as any bytes: the scan comes back, and what it found lies within its bounds.
-#include "repository/s3_xml.h"
+#include "repository/objects/s3_xml.h"
 
 #include "base/check.h"
-#include "repository/content_range.h"
+#include "base/content_range.h"
 #include "tests/fuzz/fuzz.h"
 
 namespace fuzz {
@@ -28,7 +28,7 @@ void fuzzOne(base::ByteView bytes) {
     for (const std::string& key : page->keys) total += key.size();
     LUMIGRID_CHECK(total <= 2 * text.size());
   }
-  if (const auto range = repository::parseContentRange(text); range && range->has_bytes) {
+  if (const auto range = base::parseContentRange(text); range && range->has_bytes) {
     LUMIGRID_CHECK(range->first <= range->last);
     LUMIGRID_CHECK(!range->size || range->last < *range->size);
   }

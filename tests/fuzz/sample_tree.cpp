@@ -1,5 +1,5 @@
 // SampleTree::decode on any bytes, as they are and with their checksum made right; what is accepted must be usable.
-#include "repository/sample_tree.h"
+#include "repository/sampling/sample_tree.h"
 
 #include <cstring>
 

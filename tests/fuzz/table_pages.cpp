@@ -15,7 +15,7 @@
 
 namespace {
 
-constexpr std::uint32_t kMostRecords = 64;
+constexpr std::uint32_t kMaxRecords = 64;
 
 void walk(base::ByteView file) {
   using lod::patch::TablePages;
@@ -25,7 +25,7 @@ void walk(base::ByteView file) {
   TablePages tables(*counts);
   lod::patch::Hierarchy growing;
   growing.lattice = counts->lattice;
-  for (std::uint32_t group = 0; group < std::min(counts->groups, kMostRecords); ++group) {
+  for (std::uint32_t group = 0; group < std::min(counts->groups, kMaxRecords); ++group) {
     for (int round = 0; round < 4; ++round) {
       const auto record = tables.record(group);
       if (!record) break;

@@ -1,5 +1,5 @@
 // Texture::decode on any bytes, and what it yields asked for means.
-#include "lod/build/texture.h"
+#include "mesh/texture.h"
 
 #include "base/check.h"
 #include "tests/fuzz/fuzz.h"
@@ -16,7 +16,7 @@ std::vector<base::Bytes> seeds() {
 }
 
 void fuzzOne(base::ByteView bytes) {
-  const auto texture = lod::build::Texture::decode(bytes);
+  const auto texture = mesh::Texture::decode(bytes);
   if (!texture) return;
   LUMIGRID_CHECK(texture->width() > 0 && texture->height() > 0);
   for (const double texels : {0.0, 3.0, 1e9})

@@ -7,7 +7,7 @@
 #include <set>
 #include <tuple>
 
-#include "repository/cube_face.h"
+#include "repository/sampling/cube_face.h"
 
 namespace plan {
 namespace {

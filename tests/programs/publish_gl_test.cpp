@@ -12,8 +12,8 @@
 
 #include "base/file.h"
 #include "base/json/scene_file.h"
-#include "repository/face_value.h"
-#include "repository/pack_store.h"
+#include "repository/faces/face_value.h"
+#include "repository/packs/pack_store.h"
 #include "tests/programs/run_program.h"
 
 namespace {

@@ -9,7 +9,7 @@
 
 #include "base/json/camera_file.h"
 #include "protocol/message.h"
-#include "repository/face_value.h"
+#include "repository/faces/face_value.h"
 #include "tests/programs/published_site.h"
 #include "tests/server/net/loopback.h"
 

@@ -8,10 +8,10 @@
 #include <thread>
 
 #include "base/json/scene_file.h"
-#include "repository/face_value.h"
-#include "repository/parameters.h"
+#include "repository/faces/face_value.h"
 #include "repository/repository.h"
-#include "repository/tree_text.h"
+#include "repository/sampling/parameters.h"
+#include "repository/sampling/tree_text.h"
 #include "tests/programs/run_program.h"
 
 namespace {

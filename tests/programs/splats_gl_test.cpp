@@ -117,7 +117,7 @@ class CodedSplatsTest : public StreamedSplatsTest {
 
 // What comes twice is the piece of a block at the end of the first answer.
 TEST_F(CodedSplatsTest, fullyStreamedPicturesEqualLocalOnesPixelForPixel) {
-  expectLocalPicturesFromNginx(lod::qsplat::kMostCodedBytes);
+  expectLocalPicturesFromNginx(lod::qsplat::kMaxCodedBytes);
   const auto verified = run("lumigrid", {"verify", path("site/tower")});
   EXPECT_EQ(verified.status, 0) << verified.out << verified.err;
 }

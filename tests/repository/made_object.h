@@ -2,7 +2,7 @@
 // A source with one object, whose bytes are made from their offset.
 #include <string>
 
-#include "repository/objects.h"
+#include "repository/objects/objects.h"
 
 namespace repository::test {
 

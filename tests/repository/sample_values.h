@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "base/bytes.h"
-#include "repository/face_value.h"
-#include "repository/key.h"
+#include "repository/faces/face_value.h"
+#include "repository/sampling/key.h"
 
 namespace repository::test {
 

@@ -17,9 +17,9 @@
 #include <thread>
 
 #include "base/crc32c.h"
-#include "repository/coverage.h"
-#include "repository/face_value.h"
-#include "repository/jpeg.h"
+#include "repository/faces/coverage.h"
+#include "repository/faces/face_value.h"
+#include "repository/faces/jpeg.h"
 #include "repository/store.h"
 
 namespace {

@@ -2,9 +2,9 @@
 
 #include <gtest/gtest.h>
 
-#include "repository/coverage.h"
-#include "repository/face_value.h"
-#include "repository/jpeg.h"
+#include "repository/faces/coverage.h"
+#include "repository/faces/face_value.h"
+#include "repository/faces/jpeg.h"
 #include "tests/support/temporary_directory.h"
 
 namespace repository {
@@ -104,7 +104,7 @@ TEST_F(VerifyTest, aKeyOutsideTheGridIsFound) {
 TEST_F(VerifyTest, manyFaultsEndInOneLineThatSaysSo) {
   for (std::uint32_t x = 0; x < 120; ++x) put({x, 3, 0, 0}, goodValue());
   const auto found = faults();
-  ASSERT_EQ(found.size(), kMostFaults + 1);
+  ASSERT_EQ(found.size(), kMaxFaults + 1);
   EXPECT_NE(found.back().find("stopped"), std::string::npos);
 }
 

@@ -5,16 +5,16 @@
 
 #include "base/check.h"
 #include "base/crc32c.h"
-#include "lod/build/qsplat/code_file.h"
 #include "lod/qsplat/blocks.h"
+#include "lod/qsplat/builder/code_file.h"
 
 namespace support {
 
 inline base::Bytes codedSplats(base::ByteView plain, unsigned threads = 1) {
   base::Bytes coded;
-  lod::build::qsplat::CodeOptions options;
+  lod::qsplat::builder::CodeOptions options;
   options.threads = threads;
-  const auto header = lod::build::qsplat::codeFile(
+  const auto header = lod::qsplat::builder::codeFile(
       [&](std::uint64_t offset, std::span<std::uint8_t> out) {
         std::copy_n(plain.begin() + static_cast<std::ptrdiff_t>(offset), out.size(), out.begin());
         return base::Result<void>();

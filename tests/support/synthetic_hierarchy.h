@@ -182,7 +182,7 @@ inline lod::patch::PatchGeometry fan(const DraftPatch& patch, bool colors) {
   return *lod::patch::decodePatch(lod::patch::encodePatch(geometry));
 }
 
-inline lod::patch::Patch record(const lod::patch::PatchGeometry& geometry, const lod::patch::Lattice& lattice) {
+inline lod::patch::Patch record(const lod::patch::PatchGeometry& geometry, const lod::Lattice& lattice) {
   lod::patch::Patch row;
   std::vector<glm::vec3> positions;
   for (const glm::ivec3& q : geometry.positions) positions.push_back(lattice.position(q));

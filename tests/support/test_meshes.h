@@ -7,11 +7,11 @@
 #include <map>
 #include <random>
 
-#include "lod/build/mesh.h"
+#include "mesh/mesh.h"
 
 namespace support {
 
-using lod::build::Mesh;
+using mesh::Mesh;
 
 inline void addTriangle(Mesh& mesh, std::uint32_t a, std::uint32_t b, std::uint32_t c) {
   mesh.indices.insert(mesh.indices.end(), {a, b, c});

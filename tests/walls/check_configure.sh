@@ -9,7 +9,7 @@ try() {  # try CMAKE_LINES EXPECTED
 cmake_minimum_required(VERSION 3.25)
 project(walls LANGUAGES CXX)
 add_library(lumigrid_flags INTERFACE)
-foreach(t base grid lod_build client metis)
+foreach(t base sampling lod_patch_builder client metis)
   add_library(\${t} STATIC one.cpp)
 endforeach()
 include($1/cmake/LumigridTargets.cmake)
@@ -24,8 +24,8 @@ END
   echo "expected '$3', got status $status: $out"
   exit 1
 }
-try "$1" 'lumigrid_library(protocol SOURCES one.cpp USES base grid)' ok
-try "$1" 'lumigrid_library(protocol SOURCES one.cpp USES base lod_build)' "wall: target 'protocol' must not use 'lod_build'"
+try "$1" 'lumigrid_library(protocol SOURCES one.cpp USES base sampling)' ok
+try "$1" 'lumigrid_library(protocol SOURCES one.cpp USES base lod_patch_builder)' "wall: target 'protocol' must not use 'lod_patch_builder'"
 try "$1" 'lumigrid_library(protocol SOURCES one.cpp USES base LIBRARIES metis)' "wall: target 'protocol' must not link 'metis'"
 try "$1" 'lumigrid_library(unheard_of SOURCES one.cpp)' "wall: target 'unheard_of' has no row"
 try "$1" 'target_link_libraries(client PUBLIC metis)' "wall: the thin client 'client' reaches 'metis'"

@@ -12,24 +12,44 @@ forbid() {  # forbid FOLDER REGEX: no file under FOLDER includes a path that mat
     bad=1
   fi
 }
-forbid base '(lod|repository|protocol|plan|server|client|compare|tests)/'
-forbid lod '(repository|protocol|plan|server|client|compare|tests)/'
-forbid lod/patch '(lod/build|lod/draw|base/gl|base/egl|base/json|base/png)/'
-forbid repository '(lod|protocol|plan|server|client|compare|tests)/'
-forbid protocol '(lod|plan|server|client|compare|tests)/|repository/(store|jpeg|cache)'
-forbid plan '(server|client|compare|tests)/|repository/(store|jpeg|cache)'
-forbid server '(compare|tests)/|client/([a-z_]*[.]h|native/|web/)'
-for room in cmd net render session; do forbid server/$room 'client/'; done
-forbid server/session 'server/(net|render|bake|cmd)/'
-forbid server/net 'lod/build/'
-forbid client '(server|compare|tests|lod/build)/|repository/store'
-forbid client/render 'client/(native|session|viewer)'
+forbid_own() {  # as forbid, but not for the builder that lies in the folder
+  local found
+  found=$(grep -rnE "#include \"($2)" "$root/$1" --include='*.h' --include='*.cpp' --exclude-dir=builder 2>/dev/null)
+  if [ -n "$found" ]; then
+    echo "wall: $1 must not include $2:"
+    echo "$found"
+    bad=1
+  fi
+}
+forbid base '(mesh|lod|repository|protocol|plan|server|client|compare|tests)/'
+forbid mesh '(lod|repository|protocol|plan|server|client|compare|tests)/|base/(gl|egl|json|hash)/'
+forbid lod '(repository|protocol|plan|server|client|compare|tests)/|base/(egl|json|png)/'
+for room in patch qsplat; do forbid_own lod/$room 'mesh/|lod/ingest/|lod/[a-z]+/builder/|lod/draw/|base/gl/'; done
+forbid lod/ingest 'lod/(patch|qsplat|draw)/|base/gl/'
+forbid lod/patch/builder 'lod/(qsplat|draw)/|base/gl/'
+forbid lod/qsplat/builder 'lod/(patch|draw)/|base/gl/'
+forbid lod/draw 'mesh/|lod/ingest/|lod/[a-z]+/builder/'
+forbid repository '(mesh|lod|protocol|plan|server|client|compare|tests)/'
+forbid repository/sampling 'repository/(faces|packs|objects|[a-z_]+[.]h)'
+forbid repository/faces 'repository/(sampling|packs|objects|[a-z_]+[.]h)'
+forbid repository/objects 'repository/(sampling|faces|packs|store|repository|verify|access)'
+forbid protocol '(mesh|lod|plan|server|client|compare|tests)/|repository/(faces|packs|objects|[a-z_]+[.]h)'
+forbid plan '(mesh|server|client|compare|tests)/|lod/ingest/|lod/[a-z]+/builder/|repository/(faces|packs|objects|[a-z_]+[.]h)'
+forbid server '(compare|tests)/|client/(app|source|viewer|native|web)/'
+for room in cli net render session; do forbid server/$room 'client/'; done
+forbid server/session 'server/(net|render|bake|cli)/'
+for room in bake net render session; do forbid server/$room 'mesh/|lod/ingest/|lod/[a-z]+/builder/|server/cli/'; done
+forbid client '(mesh|server|compare|tests)/|lod/ingest/|lod/[a-z]+/builder/|repository/(objects|packs/(pack_store|publish)|store|repository|verify|access)'
+forbid client/render 'client/(app|source|viewer|native|web)/'
+forbid client/source 'client/(app|viewer|native|web)/'
+forbid client/viewer 'client/(app|native|web)/'
+forbid client/app 'client/(native|web)/'
 forbid compare 'tests/'
 # Outside libraries have one home.
 home() {  # home REGEX FOLDER...: only these folders include it
   local pattern=$1 found
   shift
-  found=$(grep -rnE "#include <($pattern)" "$root"/{base,lod,repository,protocol,plan,server,client,compare} --include='*.h' --include='*.cpp' 2>/dev/null)
+  found=$(grep -rnE "#include <($pattern)" "$root"/{base,mesh,lod,repository,protocol,plan,server,client,compare} --include='*.h' --include='*.cpp' 2>/dev/null)
   for folder in "$@"; do found=$(printf '%s' "$found" | grep -v "^$root/$folder" || true); done
   if [ -n "$found" ]; then
     echo "wall: <$pattern> belongs to: $*"
@@ -37,14 +57,15 @@ home() {  # home REGEX FOLDER...: only these folders include it
     bad=1
   fi
 }
-home 'OpenMesh/|metis' lod/build
+home 'metis' lod/patch/builder
+home 'OpenMesh/'
 home 'boost/' server/net client/native
 home 'lmdb' repository
-home 'curl/' repository client/native
+home 'curl/' repository/objects client/native
 home 'EGL/' base/egl
-home 'turbojpeg|jpeglib' repository lod/build
+home 'turbojpeg|jpeglib' repository/faces mesh
 home 'GLES3/' base/gl base/egl client/native client/web
 home 'meshoptimizer'  # a peer in benchmarks only
 home 'GLFW|imgui' client/native
-home 'opencv' server/image
+home 'opencv' compare
 exit $bad

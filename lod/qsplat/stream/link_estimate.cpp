@@ -11,12 +11,12 @@ constexpr double kHalfLife = 1.0;
 // Beside a round trip's: what a slow frame passes before more is asked for.
 constexpr double kAheadSeconds = 0.25;
 // Enough for the first look at an unknown link, and for links so slow that a block takes long.
-constexpr double kLeastRoom = 8.0 * 1024.0;
-constexpr double kMostRoom = 2.0 * 1024.0 * 1024.0;
+constexpr double kMinRoom = 8.0 * 1024.0;
+constexpr double kMaxRoom = 2.0 * 1024.0 * 1024.0;
 // The shortest round trip that was seen is forgotten by so much with each answer: links change. Its own queue may then
 // pass for the link's, so there is an end to it.
 constexpr double kForget = 1.002;
-constexpr double kMostAhead = 0.7;  // seconds
+constexpr double kMaxAhead = 0.7;  // seconds
 // A request may have this part of what may be under way: while one is on its way the next ones are, too. Until so much
 // room is free none leaves: heads of small answers would fill the link.
 constexpr std::uint64_t kParts = 4;
@@ -45,8 +45,8 @@ double LinkEstimate::bytesPerSecond() const {
 }
 
 std::uint64_t LinkEstimate::mostUnderWay() const {
-  const double seconds = std::min(std::max(round_trip_, 0.0) + kAheadSeconds, kMostAhead);
-  return static_cast<std::uint64_t>(std::clamp(bytesPerSecond() * seconds, kLeastRoom, kMostRoom));
+  const double seconds = std::min(std::max(round_trip_, 0.0) + kAheadSeconds, kMaxAhead);
+  return static_cast<std::uint64_t>(std::clamp(bytesPerSecond() * seconds, kMinRoom, kMaxRoom));
 }
 
 std::uint64_t LinkEstimate::room() const {

@@ -9,9 +9,9 @@ namespace {
 
 // The first request: header and the top of the tree, one round trip for both.
 constexpr std::uint64_t kFrontBlocks = 8;
-static_assert(kFrontBlocks * kBlockBytes > kMostCodedHeaderBytes + kMostCodedBytes);
+static_assert(kFrontBlocks * kBlockBytes > kMaxCodedHeaderBytes + kMaxCodedBytes);
 // What comes damaged so often stays so.
-constexpr int kMostDamages = 3;
+constexpr int kMaxDamages = 3;
 constexpr double kFirstPause = 0.25, kLongestPause = 5.0;  // seconds
 // A table's bytes for each block of the file: its place, its last use, two bits of state.
 constexpr std::uint64_t kTableBytes = sizeof(void*) + sizeof(std::uint32_t) + 1;
@@ -48,8 +48,8 @@ std::string inBytes(std::uint64_t bytes) {
 Stream::Stream(std::uint64_t file_bytes, const StreamOptions& options)
     : options_(options),
       file_bytes_(file_bytes),
-      most_held_(std::max(options.memory_bytes, kLeastStreamMemory) / kBlockBytes),
-      availability_(file_bytes / kBlockBytes <= kMostFilePerMemory * most_held_ ? file_bytes / kBlockBytes : 0),
+      most_held_(std::max(options.memory_bytes, kMinStreamMemory) / kBlockBytes),
+      availability_(file_bytes / kBlockBytes <= kMaxFilePerMemory * most_held_ ? file_bytes / kBlockBytes : 0),
       queue_(availability_) {
   if (file_bytes < 2 * kBlockBytes || file_bytes % kBlockBytes != 0)
     problem_ = "its " + inBytes(file_bytes) + " are no number of blocks; publish the scene again";
@@ -59,7 +59,7 @@ Stream::Stream(std::uint64_t file_bytes, const StreamOptions& options)
 
 void Stream::giveUpForMemory(std::uint64_t plain_bytes) {
   giveUp("its " + inBytes(plain_bytes) + " are too many for " + inBytes(most_held_ * kBlockBytes) +
-         " of memory; allow at least " + inBytes(plain_bytes / kMostFilePerMemory));
+         " of memory; allow at least " + inBytes(plain_bytes / kMaxFilePerMemory));
 }
 
 // ---- frames ----
@@ -99,7 +99,7 @@ void Stream::queueWanted(const std::vector<WantedBlock>& wanted) {
 
 bool Stream::isGivenUp(std::uint64_t number) const {
   const auto found = damages_.find(number);
-  return found != damages_.end() && found->second >= kMostDamages;
+  return found != damages_.end() && found->second >= kMaxDamages;
 }
 
 bool Stream::complete() const {
@@ -251,7 +251,7 @@ bool Stream::takeHeader(base::ByteView front) {
   auto header = readHeader(front);
   auto coder = header && header->coded() ? BlockCoder::fromHeader(front, *header) : damaged("");
   if (!header || (header->coded() && !coder)) {
-    if (damages_[0] + 1 >= kMostDamages) giveUp(!header ? header.error().message : coder.error().message);
+    if (damages_[0] + 1 >= kMaxDamages) giveUp(!header ? header.error().message : coder.error().message);
     return false;
   }
   if (header->storedBytes() != file_bytes_) {
@@ -259,7 +259,7 @@ bool Stream::takeHeader(base::ByteView front) {
            "; publish the scene again");
     return true;
   }
-  if (header->blocks() > kMostFilePerMemory * most_held_) {
+  if (header->blocks() > kMaxFilePerMemory * most_held_) {
     giveUpForMemory(header->file_bytes);
     return true;
   }
@@ -396,7 +396,7 @@ void Stream::drop(std::uint64_t number) {
 std::string Stream::warning() const {
   std::uint64_t lost = 0, first = 0;
   for (const auto& [number, times] : damages_) {
-    if (times < kMostDamages) continue;
+    if (times < kMaxDamages) continue;
     first = lost++ == 0 ? number : std::min(first, number);
   }
   if (lost == 0) return "";
@@ -410,7 +410,7 @@ StreamStats Stream::stats() const {
   stats.present = availability_.count(BlockState::kPresent);
   stats.requested = availability_.count(BlockState::kRequested);
   stats.wanted = availability_.count(BlockState::kWanted);
-  for (const auto& [number, times] : damages_) stats.given_up += times >= kMostDamages ? 1 : 0;
+  for (const auto& [number, times] : damages_) stats.given_up += times >= kMaxDamages ? 1 : 0;
   stats.memory_bytes =
       held_.size() * kBlockBytes + (blocks_ ? availability_.blocks() * (kTableBytes + (coder_ ? kPlaceBytes : 0)) : 0);
   stats.bytes_per_second = link_.bytesPerSecond();

@@ -30,13 +30,13 @@
 
 namespace lod::qsplat {
 
-inline constexpr std::uint64_t kLeastStreamMemory = 64 * 1024;
+inline constexpr std::uint64_t kMinStreamMemory = 64 * 1024;
 /// A file may have this many times StreamOptions::memory_bytes, in the plain form: tables have 13 bytes for each of its
 /// blocks, 21 in the coded one.
-inline constexpr std::uint64_t kMostFilePerMemory = 64;
+inline constexpr std::uint64_t kMaxFilePerMemory = 64;
 
 struct StreamOptions {
-  std::uint64_t memory_bytes = 128'000'000;  ///< blocks kept at most; at least kLeastStreamMemory
+  std::uint64_t memory_bytes = 128'000'000;  ///< blocks kept at most; at least kMinStreamMemory
   /// Under way. More than the six connections that browsers open to a host: the next ones are there when a frame was
   /// long in coming.
   std::size_t most_requests = 16;

@@ -21,7 +21,7 @@ std::string listOf(const std::string& notes) {
   return "{\"version\": 1, \"annotations\": [" + notes + "]}";
 }
 
-const std::string kLeast = R"({"position": [1, 2, 3], "title": "t"})";
+const std::string kMin = R"({"position": [1, 2, 3], "title": "t"})";
 
 TEST(Annotations, theDocumentsExampleIsTaken) {
   const auto notes = check(
@@ -31,7 +31,7 @@ TEST(Annotations, theDocumentsExampleIsTaken) {
   ASSERT_TRUE(notes) << notes.error().message;
   EXPECT_EQ(*notes, 1U);
   EXPECT_EQ(*check(listOf("")), 0U);
-  EXPECT_EQ(*check(listOf(kLeast + ", " + kLeast)), 2U);
+  EXPECT_EQ(*check(listOf(kMin + ", " + kMin)), 2U);
   EXPECT_TRUE(
       check(R"({"version": 1, "annotations": [{"position": [1, 2, 3], "title": "Säule ☂", "more": 1}], "x": 2})"));
 }
@@ -61,7 +61,7 @@ TEST(Annotations, whatIsWrongIsNamedInOneLine) {
       {"{\"version\": 1}", "annotations"},
       {"{\"version\": 1, \"annotations\": {}}", "annotations"},
       {listOf("3"), "annotation 0"},
-      {listOf(kLeast + ", {}"), "annotation 1: position"},
+      {listOf(kMin + ", {}"), "annotation 1: position"},
       {listOf(R"({"position": [1, 2], "title": "t"})"), "position"},
       {listOf(R"({"position": [1, 2, "3"], "title": "t"})"), "position"},
       {listOf(R"({"position": [1, 2, 1e13], "title": "t"})"), "position"},
@@ -91,10 +91,10 @@ TEST(Annotations, whatIsWrongIsNamedInOneLine) {
 }
 
 TEST(Annotations, thereAreLimits) {
-  std::string most = kLeast;
-  for (int i = 1; i < 500; ++i) most += "," + kLeast;
+  std::string most = kMin;
+  for (int i = 1; i < 500; ++i) most += "," + kMin;
   EXPECT_EQ(*check(listOf(most)), 500U);
-  EXPECT_FALSE(check(listOf(most + "," + kLeast)));
+  EXPECT_FALSE(check(listOf(most + "," + kMin)));
   EXPECT_FALSE(check(listOf("") + std::string(kMaxAnnotationsBytes, ' ')));
   EXPECT_FALSE(check(std::string(1 << 20, '[')));
 }

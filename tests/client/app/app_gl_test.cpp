@@ -2,9 +2,9 @@
 #include <gtest/gtest.h>
 
 #include "base/egl/headless.h"
-#include "client/app.h"
+#include "client/app/app.h"
 #include "client/native/jpeg_decoder.h"
-#include "tests/client/session/scripted_server.h"
+#include "tests/client/source/scripted_server.h"
 
 namespace client {
 namespace {

@@ -1,12 +1,12 @@
 // The viewer's behaviour by scripted events; no GL: the surface is a plane that the test knows.
-#include "client/app.h"
+#include "client/app/app.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "client/permalink.h"
-#include "tests/client/session/scripted_server.h"
+#include "client/app/permalink.h"
+#include "tests/client/source/scripted_server.h"
 
 namespace client {
 namespace {

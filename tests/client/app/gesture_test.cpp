@@ -1,4 +1,4 @@
-#include "client/gesture.h"
+#include "client/app/gesture.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "client/measure.h"
+#include "client/app/measure.h"
 
 #include <gtest/gtest.h>
 

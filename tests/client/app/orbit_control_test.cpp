@@ -1,4 +1,4 @@
-#include "client/orbit_control.h"
+#include "client/app/orbit_control.h"
 
 #include <gtest/gtest.h>
 

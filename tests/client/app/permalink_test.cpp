@@ -1,4 +1,4 @@
-#include "client/permalink.h"
+#include "client/app/permalink.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "client/settings.h"
+#include "client/app/settings.h"
 
 #include <gtest/gtest.h>
 

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "client/native/published_scene.h"
-#include "tests/repository/scripted_server.h"
+#include "tests/repository/objects/scripted_server.h"
 
 namespace client {
 namespace {

@@ -7,9 +7,9 @@
 #include <map>
 #include <thread>
 
-#include "repository/coverage.h"
-#include "repository/face_value.h"
-#include "repository/jpeg.h"
+#include "repository/faces/coverage.h"
+#include "repository/faces/face_value.h"
+#include "repository/faces/jpeg.h"
 
 namespace client {
 namespace {

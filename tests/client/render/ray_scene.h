@@ -35,7 +35,7 @@ struct Scene {
 /// covered rays.
 base::Image castRays(const Scene& scene, const base::Camera& camera, int rays = 2);
 
-inline const lod::patch::Lattice kLattice{glm::dvec3(-8.0), 1.0 / 65536.0};
+inline const lod::Lattice kLattice{glm::dvec3(-8.0), 1.0 / 65536.0};
 
 /// A sphere of 2 · rings² triangles (rings ≤ 120), vertices at the given radius, outward normals, one colour.
 lod::patch::PatchGeometry ballPatch(const glm::vec3& center, float radius, int rings, glm::u8vec4 color);

@@ -33,7 +33,7 @@ void main() { out_color = vec4(shadeSurface(v_color, v_normal, vec3(0.0, 0.0, 1.
 )";
 
 // A square over the left half of clip space (or the right one), through a lattice with step 1/4 from −1: q = 0..8.
-patch::Lattice clipLattice() {
+lod::Lattice clipLattice() {
   return {glm::dvec3(-1.0), 0.25};
 }
 

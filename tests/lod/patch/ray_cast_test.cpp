@@ -103,14 +103,14 @@ void expectTriangleNamed(const PatchFile& file, const RayHit& hit, double slack)
   EXPECT_LT(glm::length(point - hit.point), slack);
 }
 
-build::Mesh movedFar(build::Mesh mesh) {
+mesh::Mesh movedFar(mesh::Mesh mesh) {
   for (glm::vec3& p : mesh.positions) p += glm::vec3(700.0F, -900.0F, 300.0F);
   return mesh;
 }
 
 struct NamedMesh {
   std::string name;
-  build::Mesh mesh;
+  mesh::Mesh mesh;
 };
 
 std::vector<NamedMesh> meshes() {

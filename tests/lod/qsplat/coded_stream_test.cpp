@@ -81,9 +81,9 @@ TEST(CodedStreamTest, atRestTheWholeFileComes) {
 // By their number alone: coded they would fit.
 TEST(CodedStreamTest, aFileOfTooManyBlocksForTheMemoryIsTold) {
   const base::Bytes large = support::codedSplats(support::splatFile(support::bumpySphere(600, 1200)));
-  ASSERT_LT(large.size(), kMostFilePerMemory * kLeastStreamMemory);
+  ASSERT_LT(large.size(), kMaxFilePerMemory * kMinStreamMemory);
   StreamOptions options = withoutIdling();
-  options.memory_bytes = kLeastStreamMemory;
+  options.memory_bytes = kMinStreamMemory;
   Stream stream(large.size(), options);
   EXPECT_EQ(stream.problem(), "");
   Host host(stream, large);

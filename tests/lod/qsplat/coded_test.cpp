@@ -23,7 +23,7 @@ std::vector<base::Bytes> plainFiles() {
   for (const bool colors : {false, true})
     for (const bool wide : {false, true}) {
       files.push_back(support::randomSplats(3, colors, wide, directory / "tree.lgq", 7));
-      lod::build::Mesh mesh = support::bumpySphere(40, 80, 0.1F);
+      mesh::Mesh mesh = support::bumpySphere(40, 80, 0.1F);
       if (colors) mesh.colors.assign(mesh.positions.size(), {200, 100, 50, 255});
       files.push_back(support::splatFile(mesh, wide));
     }
@@ -50,7 +50,7 @@ TEST(QsplatCoded, EveryBlockComesBackAsItWas) {
       const std::uint8_t* block = (*blocks)->find(b);
       ASSERT_NE(block, nullptr) << "block " << b;
       ASSERT_EQ(std::memcmp(block, &plain[b * kBlockBytes], kBlockBytes), 0) << "block " << b;
-      EXPECT_LE((*blocks)->storedBytes(b), kMostCodedBytes);
+      EXPECT_LE((*blocks)->storedBytes(b), kMaxCodedBytes);
     }
   }
 }
@@ -151,9 +151,9 @@ TEST(QsplatCoded, HeadersThatCannotBeAreRefused) {
   EXPECT_TRUE(refused(16, 1024, 8)) << "shorter than its header";
   EXPECT_TRUE(refused(80, std::uint64_t{1} << 50, 8)) << "more blocks than can be in it";
   EXPECT_TRUE(refused(80, 1024, 8)) << "no block";
-  EXPECT_TRUE(refused(88, kLeastCodedBytes - 1, 4));
-  EXPECT_TRUE(refused(88, kMostCodedBytes + 1, 4));
-  for (const std::uint32_t length : {0U, 95U, 96U, kMostCodedHeaderBytes + 1, 0xFFFFFFFFU}) {
+  EXPECT_TRUE(refused(88, kMinCodedBytes - 1, 4));
+  EXPECT_TRUE(refused(88, kMaxCodedBytes + 1, 4));
+  for (const std::uint32_t length : {0U, 95U, 96U, kMaxCodedHeaderBytes + 1, 0xFFFFFFFFU}) {
     base::Bytes bad = good;
     std::memcpy(bad.data() + 12, &length, sizeof(length));
     EXPECT_FALSE(readHeader(bad)) << length;
@@ -185,7 +185,7 @@ TEST(QsplatCoded, BlocksOfAnyBytesAreDecodedWithoutHarm) {
   base::Bytes plain(kBlockBytes);
   ChildBlocks children;
   for (int i = 0; i < 20'000; ++i) {
-    base::Bytes bytes(random() % kMostCodedBytes);
+    base::Bytes bytes(random() % kMaxCodedBytes);
     for (std::uint8_t& byte : bytes) byte = static_cast<std::uint8_t>(random());
     if (bytes.size() > 5) bytes[5] = static_cast<std::uint8_t>(random() % 3);
     EXPECT_FALSE(coder.decode(1, bytes, plain.data(), children));
@@ -250,7 +250,7 @@ TEST(QsplatCoded, TablesThatAreTooLongAreFlattenedFromTheRarestOn) {
     flattenRarest(counts, {true}, most, levels);
     EXPECT_LE(packLevels(levels, {true}).size(), most);
     for (std::size_t c = 0; c < kContexts; ++c)
-      for (std::size_t s = 0; s < kMostSymbols; ++s)
+      for (std::size_t s = 0; s < kMaxSymbols; ++s)
         if (counts[c][s] > 0) {
           ASSERT_GT(levels[c][s], 0);
         }

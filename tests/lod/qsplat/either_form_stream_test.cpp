@@ -57,7 +57,7 @@ TEST_P(StreamOfEitherForm, theFullyStreamedCutEqualsTheLocalOne) {
     EXPECT_EQ(found.splats, localSplats(request)) << "view " << i;
   }
   // No byte came twice; coded, the piece of a block at the first answer's end did.
-  EXPECT_LE(host.sent, file().size() + (coded() ? kMostCodedBytes : 0));
+  EXPECT_LE(host.sent, file().size() + (coded() ? kMaxCodedBytes : 0));
   EXPECT_EQ(stream.stats().bytes_received, host.sent);
   if (!coded()) {
     EXPECT_EQ(stream.stats().present * kBlockBytes, host.sent);
@@ -70,7 +70,7 @@ TEST_P(StreamOfEitherForm, answersInAnyOrderFailuresAndNewViewsAreNeverAskedForT
     options.most_requests = 1 + seed % 7;
     options.most_request_blocks = 1 + seed * 3 % 17;
     options.idle_bytes = seed % 2 == 0 ? 1'000'000 : 0;
-    options.memory_bytes = seed % 3 == 0 ? kLeastStreamMemory : 10'000'000;
+    options.memory_bytes = seed % 3 == 0 ? kMinStreamMemory : 10'000'000;
     Stream stream(file().size(), options);
     Host host(stream, file());
     std::mt19937 random(seed);

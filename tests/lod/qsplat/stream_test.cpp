@@ -135,7 +135,7 @@ TEST(StreamTest, whatIsSeenThroughTheLensComesFirst) {
 
 TEST(StreamTest, theBudgetHoldsTheRootStaysAndNoDrawnBlockGoes) {
   StreamOptions options;
-  options.memory_bytes = kLeastStreamMemory;
+  options.memory_bytes = kMinStreamMemory;
   Stream stream(file().size(), options);
   Host host(stream, file());
   support::RandomViews views(9, header().root, 400);

@@ -6,8 +6,8 @@
 #include <cmath>
 
 #include "base/egl/headless.h"
-#include "repository/coverage.h"
-#include "repository/face_value.h"
+#include "repository/faces/coverage.h"
+#include "repository/faces/face_value.h"
 #include "repository/verify.h"
 #include "server/bake/adaptive.h"
 #include "server/bake/cell_judge.h"

@@ -3,8 +3,8 @@
 #include <gtest/gtest.h>
 
 #include "base/picture_error.h"
-#include "repository/coverage.h"
-#include "repository/face_value.h"
+#include "repository/faces/coverage.h"
+#include "repository/faces/face_value.h"
 
 namespace server {
 namespace {

@@ -5,7 +5,7 @@
 #include <set>
 
 #include "base/egl/headless.h"
-#include "repository/cube_face.h"
+#include "repository/sampling/cube_face.h"
 #include "server/bake/face_encoder.h"
 #include "tests/server/render/two_level_scene.h"
 

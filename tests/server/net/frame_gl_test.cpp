@@ -1,8 +1,8 @@
 #include <gtest/gtest.h>
 
-#include "repository/coverage.h"
-#include "repository/face_value.h"
-#include "repository/jpeg.h"
+#include "repository/faces/coverage.h"
+#include "repository/faces/face_value.h"
+#include "repository/faces/jpeg.h"
 #include "tests/server/net/loopback.h"
 #include "tests/server/net/served_scene.h"
 

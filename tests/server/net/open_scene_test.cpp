@@ -2,8 +2,8 @@
 
 #include <gtest/gtest.h>
 
-#include "repository/parameters.h"
-#include "repository/publish.h"
+#include "repository/packs/publish.h"
+#include "repository/sampling/parameters.h"
 #include "tests/server/net/loopback.h"
 #include "tests/server/net/served_scene.h"
 

@@ -8,13 +8,13 @@
 namespace server {
 namespace {
 
-constexpr std::uint64_t kMost = 64'000'000;
+constexpr std::uint64_t kMax = 64'000'000;
 const std::string kView = "/render?position=1,2,3&direction=0,1,0&up=0,0,1";
 
 base::Result<PictureRequest> parse(const std::string& target) {
   const auto query = parseQuery(target);
   if (!query) return query.error();
-  return parsePictureRequest(*query, kMost);
+  return parsePictureRequest(*query, kMax);
 }
 
 TEST(PictureRequest, defaultsAreThoseOfTheDocument) {

@@ -6,7 +6,7 @@
 
 #include "base/egl/headless.h"
 #include "base/png/png.h"
-#include "repository/jpeg.h"
+#include "repository/faces/jpeg.h"
 #include "server/net/frame_renderer.h"
 #include "server/net/picture.h"
 #include "tests/server/net/loopback.h"

@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "base/json/scene_file.h"
-#include "repository/face_value.h"
-#include "repository/grid.h"
+#include "repository/faces/face_value.h"
+#include "repository/sampling/grid.h"
 #include "repository/store.h"
 #include "server/net/server.h"
 #include "tests/support/synthetic_hierarchy.h"

@@ -15,7 +15,7 @@
 namespace server::test {
 
 /// Corners on the lattice of step 1/64 around the origin, in units of 1 (rounded to the lattice).
-inline lod::patch::Lattice testLattice() {
+inline lod::Lattice testLattice() {
   return {glm::dvec3(-32.0), 1.0 / 64.0};
 }
 inline glm::ivec3 latticePoint(const glm::vec3& p) {

@@ -8,7 +8,7 @@
 #include <memory>
 #include <string>
 
-#include "repository/face_value.h"
+#include "repository/faces/face_value.h"
 #include "repository/store.h"
 #include "server/session/session.h"
 #include "tests/support/synthetic_hierarchy.h"

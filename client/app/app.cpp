@@ -1,0 +1,442 @@
+#include "client/app/app.h"
+#include "client/app/splat_settings.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "client/app/app_state.h"
+#include "client/app/permalink.h"
+
+namespace client {
+namespace {
+
+/// What of the settings the viewer is made with.
+ViewerOptions viewerOptions(const AppOptions& options) {
+  ViewerOptions viewer = options.viewer;
+  if (!options.settings_rule) return viewer;
+  const Settings& s = options.settings;
+  viewer.session.cache_bytes = static_cast<std::uint64_t>(s.cache_megabytes * 1e6);
+  viewer.gpu_budget_bytes = static_cast<std::uint64_t>(s.gpu_megabytes * 1e6);
+  viewer.memory_budget_bytes = static_cast<std::uint64_t>(s.memory_megabytes * 1e6);
+  viewer.session.patch_tolerance_px = static_cast<float>(s.patch_tolerance);
+  viewer.session.max_triangles = static_cast<std::uint32_t>(s.max_triangles);
+  viewer.session.max_points = static_cast<std::uint16_t>(s.points);
+  viewer.lumigraph.max_samples = static_cast<int>(s.samples);
+  viewer.session.images = s.images != 0.0;
+  viewer.session.frames = s.frames != 0.0;
+  viewer.lumigraph.use_images = viewer.session.images || viewer.session.frames;
+  return viewer;
+}
+
+bool isOdd(double value) {
+  return !std::isfinite(value);
+}
+
+}  // namespace
+
+// ---- the public face: events ----
+
+App::State::State(const AppOptions& wanted, std::unique_ptr<ImageDecoder> decoder)
+    : options(wanted), settings(wanted.settings), viewer(viewerOptions(wanted), std::move(decoder)) {
+  view.method = viewer.options().method;
+  control.setFov(glm::radians(settings.fov_degrees));
+}
+
+App::App(const AppOptions& options, std::unique_ptr<ImageDecoder> decoder)
+    : state_(std::make_unique<State>(options, std::move(decoder))) {}
+App::~App() = default;
+
+Session& App::session() {
+  return state_->viewer.session();
+}
+Viewer& App::viewer() {
+  return state_->viewer;
+}
+
+void App::resize(int width_px, int height_px, double pixel_ratio) {
+  State& s = *state_;
+  const int width = std::clamp(width_px, 0, protocol::kMaxViewport);
+  const int height = std::clamp(height_px, 0, protocol::kMaxViewport);
+  const double ratio = pixel_ratio > 0.0 && pixel_ratio < 100.0 ? pixel_ratio : 1.0;
+  if (width == s.width && height == s.height && ratio == s.pixel_ratio) return;
+  s.width = width;
+  s.height = height;
+  s.pixel_ratio = ratio;
+  s.gestures.setPixelRatio(ratio);
+  if (width == 0 || height == 0) return;
+  s.control.setViewport(width, height);
+  s.frameNewScene();
+  s.cameraMoved();
+}
+
+void App::pointerDown(const PointerEvent& event) {
+  State& s = *state_;
+  if (isOdd(event.x) || isOdd(event.y) || isOdd(event.now)) return;
+  if (!s.gestures.anyDown() && (s.grabHandle(event) || s.grabLens(event))) return;
+  s.gestures.down(event);
+}
+
+void App::pointerMove(const PointerEvent& event) {
+  State& s = *state_;
+  if (isOdd(event.x) || isOdd(event.y) || isOdd(event.now)) return;
+  if (event.id == s.handle_pointer) return s.dragHandle(event);
+  if (event.id == s.lens_pointer) return s.dragLens(event);
+  for (const Gesture& gesture : s.gestures.move(event)) s.act(gesture);
+}
+
+void App::pointerUp(const PointerEvent& event) {
+  State& s = *state_;
+  if (isOdd(event.x) || isOdd(event.y) || isOdd(event.now)) return pointerCancel(event.id);
+  if (event.id == s.handle_pointer) {
+    s.handle_pointer = -1;
+    return;
+  }
+  if (event.id == s.lens_pointer) {
+    s.lens_pointer = -1;
+    return;
+  }
+  for (const Gesture& gesture : s.gestures.up(event)) s.act(gesture);
+}
+
+void App::pointerCancel(int id) {
+  if (id == state_->handle_pointer) state_->handle_pointer = -1;
+  if (id == state_->lens_pointer) state_->lens_pointer = -1;
+  state_->gestures.cancel(id);
+}
+
+void App::wheel(double steps, double x, double y, double now) {
+  if (isOdd(steps) || isOdd(x) || isOdd(y) || isOdd(now)) return;
+  state_->now = std::max(state_->now, now);
+  state_->zoom(std::clamp(steps, -20.0, 20.0), x, y);
+}
+
+bool App::key(Key key, bool down, Modifiers modifiers, double now) {
+  State& s = *state_;
+  if (!isOdd(now)) s.now = std::max(s.now, now);
+  bool& held = s.held[static_cast<std::size_t>(key)];
+  s.shift = key == Key::kShift ? down : modifiers.shift;
+  if (!down) return std::exchange(held, false);
+  if (key == Key::kNone || key == Key::kShift) return false;
+
+  const bool arrow = key >= Key::kUp && key <= Key::kRight;
+  const bool moves = (key >= Key::kW && key <= Key::kRight) || key == Key::kPlus || key == Key::kMinus ||
+                     ((key == Key::kPageUp || key == Key::kPageDown) && s.view.section.on);
+  if (moves) {
+    if (modifiers.alt || (modifiers.ctrl && !arrow)) return false;
+    s.turning = modifiers.ctrl;
+    held = true;
+    return true;
+  }
+  if (held) return true;  // the keyboard repeats itself
+  const bool taken = s.press(key, modifiers);
+  held = taken;
+  return taken;
+}
+
+void App::blur() {
+  State& s = *state_;
+  s.held.fill(false);
+  s.shift = false;
+  s.gestures.cancelAll();
+  s.handle_pointer = -1;
+  s.lens_pointer = -1;
+}
+
+void App::setHidden(bool hidden) {
+  State& s = *state_;
+  if (hidden) blur();
+  if (!hidden && s.hidden) {
+    s.dirty = true;
+    s.started = false;  // the time between is no motion
+  }
+  s.hidden = hidden;
+}
+
+void App::setReducedMotion(bool system_wants) {
+  state_->system_reduces_motion = system_wants;
+}
+
+void App::contextLost() {
+  state_->viewer.contextLost();
+}
+
+base::Result<void> App::contextRestored() {
+  state_->dirty = true;
+  state_->pins_changed = true;
+  return state_->viewer.contextRestored();
+}
+
+// ---- the public face: the loop ----
+
+void App::advance(double now) {
+  state_->keepUp(now);
+}
+
+bool App::wantsFrame() const {
+  const State& s = *state_;
+  if (!s.drawable()) return false;
+  if (s.dirty || s.flight.active() || s.flying()) return true;
+  const ViewerStats stats = s.viewer.stats();
+  return stats.busy || stats.session.messages_received != s.drawn_messages;
+}
+
+base::Result<void> App::frame(double now) {
+  State& s = *state_;
+  s.keepUp(now);
+  if (!s.drawable()) return {};
+  const double begin = s.options.clock ? s.options.clock() : 0.0;
+  s.drawn_messages = s.viewer.session().stats().messages_received;
+  if (!s.ready()) {
+    // The first view is chosen when the scene is known; a server that heard of any other would send what it shows.
+    s.viewer.drawBackground();
+    s.dirty = false;
+    return {};
+  }
+  s.handToViewer();
+  LUMIGRID_TRY(s.viewer.draw(s.drawnCamera(), s.now));
+  if (s.options.clock) s.draw_seconds += 0.2 * (s.options.clock() - begin - s.draw_seconds);
+  s.frame_rate.add(s.now, 1.0);
+
+  // Of the images that a moving view uses, how many came for it.
+  const ViewerStats stats = s.viewer.stats();
+  const std::uint64_t images = stats.session.faces_received + stats.session.frames_received;
+  s.images_came += static_cast<double>(images - s.seen_images);
+  s.seen_images = images;
+  if (s.moved_since_frame) s.images_used += stats.lumigraph.samples_used;
+  s.moved_since_frame = false;
+  s.dirty = false;
+  s.lookAtPins();
+  s.refreshOverlay();
+  ++s.overlay_version;
+  return {};
+}
+
+// ---- the public face: requests ----
+
+std::vector<Request> App::takeRequests() {
+  return std::exchange(state_->requests, {});
+}
+
+void App::answerPick(std::uint32_t id, const PickAnswer& answer) {
+  State& s = *state_;
+  PickAnswer taken = answer;
+  if (taken.kind == PickAnswer::Kind::kHit &&
+      (isOdd(glm::dot(taken.point, taken.point)) || isOdd(taken.accuracy) || s.hiddenBySection(taken.point)))
+    taken.kind = PickAnswer::Kind::kUnknown;
+  if (!s.measure.answer(id, taken)) return;
+  s.dirty = true;
+  s.touched();
+}
+
+void App::say(std::string text, bool error) {
+  state_->say(std::move(text), error);
+}
+
+// ---- the public face: state ----
+
+const ViewState& App::view() const {
+  return state_->view;
+}
+std::string App::permalink() const {
+  return formatPermalink(state_->view);
+}
+
+bool App::lensShown() const {
+  return state_->lens.has_value();
+}
+
+void App::showStatistics(bool shown) {
+  state_->view.statistics = shown;
+  state_->touched();
+}
+
+void App::setBackground(const std::array<float, 4>& color) {
+  state_->viewer.setBackground(color);
+  state_->dirty = true;
+}
+
+base::Result<void> App::openPermalink(std::string_view text) {
+  State& s = *state_;
+  auto wanted = parsePermalink(text);
+  if (!wanted) {
+    s.say(wanted.error().message, true);
+    return wanted.error();
+  }
+  if ((wanted->method == lod::Method::kQsplat) != (s.view.method == lod::Method::kQsplat)) {
+    const base::Error error{base::ErrorCode::kUnsupported,
+                            "this link is for another method, whose data come from another place; open it anew"};
+    s.say(error.message, true);
+    return error;
+  }
+  s.last_link = formatPermalink(*wanted);
+  if (s.ready())
+    s.showView(*wanted, true, false);
+  else
+    s.wanted_view = *wanted;
+  return {};
+}
+
+const std::string& App::bookmark(int slot) const {
+  LUMIGRID_CHECK(slot >= 0 && slot < kBookmarks);
+  return state_->bookmarks[static_cast<std::size_t>(slot)];
+}
+
+base::Result<void> App::setBookmark(int slot, std::string_view permalink) {
+  if (slot < 1 || slot >= kBookmarks)
+    return base::Error{base::ErrorCode::kInvalidInput, "bookmarks are numbered from 1 to 9"};
+  if (!permalink.empty()) {
+    const auto parsed = parsePermalink(permalink);
+    if (!parsed) return base::within("bookmark " + std::to_string(slot), parsed.error());
+  }
+  state_->bookmarks[static_cast<std::size_t>(slot)] = permalink;
+  return {};
+}
+
+const Settings& App::settings() const {
+  return state_->settings;
+}
+
+base::Result<void> App::changeSetting(std::string_view name, double value) {
+  State& s = *state_;
+  const Settings before = s.settings;
+  LUMIGRID_TRY(setSetting(s.settings, name, value));
+  if (s.settings == before) return {};
+  if (s.settings.fov_degrees != before.fov_degrees) {
+    s.control.setFov(glm::radians(s.settings.fov_degrees));
+    s.cameraMoved();
+  }
+  if (SplatView* splats = s.viewer.splats()) {
+    SplatQuality quality = splats->quality();
+    takeChanges(before, s.settings, quality);
+    if (quality != splats->quality()) {
+      splats->setQuality(quality);
+      s.dirty = true;
+    }
+  }
+  Request request;
+  request.kind = RequestKind::kKeepSettings;
+  s.requests.push_back(std::move(request));
+  s.touched();
+  return {};
+}
+
+void App::setAnnotations(std::vector<Annotation> annotations) {
+  State& s = *state_;
+  if (annotations.size() > kMaxAnnotations) {
+    annotations.resize(kMaxAnnotations);
+    s.say("Only the first " + std::to_string(kMaxAnnotations) + " notes are shown", true);
+  }
+  s.annotations = std::move(annotations);
+  s.open_annotation.reset();
+  s.pins_visible.clear();
+  s.pins_changed = true;
+  s.dirty = true;
+  s.touched();
+}
+
+const std::vector<Annotation>& App::annotations() const {
+  return state_->annotations;
+}
+
+// ---- the public face: the overlay ----
+
+std::uint64_t App::overlayVersion() const {
+  return state_->overlay_version;
+}
+const std::vector<Label>& App::labels() const {
+  return state_->labels;
+}
+const std::vector<LabelLine>& App::lines() const {
+  return state_->lines;
+}
+const std::vector<Toast>& App::toasts() const {
+  return state_->toasts;
+}
+Status App::status() const {
+  return state_->status();
+}
+Progress App::progress() const {
+  return state_->progress;
+}
+Mode App::mode() const {
+  return state_->mode;
+}
+
+std::string App::modeHint() const {
+  if (state_->mode == Mode::kDistance)
+    return "Distance: click point after point, double click ends. Enter takes the middle. M: angles. Escape: done.";
+  if (state_->mode == Mode::kAngle)
+    return "Angle: click one arm's end, the corner, the other arm's end. Backspace takes one back. Escape: done.";
+  return "";
+}
+
+bool App::helpShown() const {
+  return state_->help;
+}
+
+void App::showHelp(bool shown) {
+  if (state_->help != shown) state_->touched();
+  state_->help = shown;
+}
+
+std::optional<std::size_t> App::openAnnotation() const {
+  return state_->open_annotation;
+}
+void App::showAnnotation(std::optional<std::size_t> index) {
+  state_->openCard(index);
+}
+const std::vector<Measurement>& App::measurements() const {
+  return state_->measure.all();
+}
+
+const std::string& App::unit() const {
+  static const std::string kUnknown;
+  return state_->framed ? state_->framed->units : kUnknown;
+}
+std::string App::sceneName() const {
+  return state_->framed ? state_->framed->scene_name : "";
+}
+base::ViewCamera App::camera() const {
+  return state_->drawnCamera();
+}
+
+Statistics App::statistics() const {
+  const State& s = *state_;
+  const ViewerStats stats = s.viewer.stats();
+  Statistics out;
+  out.frames_per_second = s.frame_rate.perSecond(s.now);
+  out.frame_milliseconds = 1e3 * s.draw_seconds;
+  out.images_in_use = stats.lumigraph.samples_used;
+  out.images_resident = stats.lumigraph.samples_resident;
+  out.images_requested = stats.images_requested;
+  out.patches = stats.lumigraph.patches;
+  out.triangles = stats.lumigraph.triangles;
+  out.memory_bytes = stats.memory.total();
+  out.memory_budget = stats.memory_budget;
+  out.gpu_bytes = stats.memory.gpu();
+  out.received_bytes = stats.session.bytes_received;
+  out.received_images = stats.session.bytes_faces;
+  out.received_patches = stats.session.bytes_patches;
+  out.received_frames = stats.session.bytes_frames;
+  out.megabits_per_second = 8e-6 * s.byte_rate.perSecond(s.now);
+  out.round_trip_milliseconds = 1e3 * s.round_trip.seconds();
+  out.error_px = static_cast<double>(stats.error_px);
+  const double asked = s.images_used + s.images_came;
+  out.hit_rate = asked > 0.0 ? s.images_used / asked : 0.0;
+  out.splats = stats.splats.splats;
+  out.reduction = stats.splats.reduction;
+  out.lens_px = stats.splats.lens_px;
+  out.limited = stats.splats.limited;
+  out.blocks = stats.splats.stream.blocks;
+  out.blocks_present = stats.splats.stream.present;
+  out.blocks_requested = stats.splats.stream.requested;
+  out.blocks_wanted = stats.splats.stream.wanted;
+  out.complete = stats.complete;
+  out.broken = stats.broken;
+  out.last_fault = stats.last_fault;
+  out.accuracy = stats.accuracy;
+  return out;
+}
+
+}  // namespace client

@@ -1,0 +1,415 @@
+#include "client/app/app_state.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "client/app/permalink.h"
+#include "client/app/picture_query.h"
+
+namespace client {
+namespace {
+
+/// How near a press must be to a pin or handle, screen units: mice, and fingers and pens.
+constexpr double kMouseReach = 12.0;
+constexpr double kFingerReach = 24.0;
+/// Wheel steps within this time at one place go to the same surface point, which is looked for only once.
+constexpr double kWheelSeconds = 0.4;
+/// Pinching to this ratio is one wheel step.
+constexpr double kRatioPerStep = 1.25;
+
+/// The magnifying glass, of the view's shorter side.
+constexpr double kLensShare = 0.18;
+
+}  // namespace
+
+// ---- gestures ----
+
+void App::State::act(const Gesture& g) {
+  if (!ready()) return;
+  flight.end();
+  switch (g.kind) {
+    case GestureKind::kOrbit:
+      control.orbit(g.dx * settings.orbit_speed, g.dy * settings.orbit_speed);
+      break;
+    case GestureKind::kGrab:
+      control.grab(g.x, g.y, surfaceAt(g.x, g.y));
+      return;
+    case GestureKind::kPan:
+      control.dragTo(g.x, g.y);
+      break;
+    case GestureKind::kPinch:
+      control.zoom(std::log(g.factor) / std::log(kRatioPerStep), g.x, g.y, control.grabbed());
+      break;
+    case GestureKind::kClick:
+    case GestureKind::kDoubleClick:
+      click(g);
+      return;
+  }
+  cameraMoved();
+}
+
+void App::State::click(const Gesture& g) {
+  const bool twice = g.kind == GestureKind::kDoubleClick;
+  if (mode != Mode::kLook) {
+    if (twice && mode == Mode::kDistance) {
+      measure.finish();
+      touched();
+    } else {
+      measureAt(g.x, g.y);
+    }
+    return;
+  }
+  if (const auto pin = pinAt(g.x, g.y, g.pointer)) {
+    if (!twice) openCard(pin);
+    return;
+  }
+  if (twice) setPivotAt(g.x, g.y);
+}
+
+void App::State::setPivotAt(double x, double y) {
+  if (const auto surface = surfaceAt(x, y)) goTo(control.centredOn(*surface), true);
+}
+
+double App::State::reach(PointerKind kind) const {
+  return pixel_ratio * (kind == PointerKind::kMouse ? kMouseReach : kFingerReach);
+}
+
+/// The nearest one that can be seen.
+std::optional<std::size_t> App::State::pinAt(double x, double y, PointerKind kind) const {
+  std::optional<std::size_t> found;
+  double nearest = reach(kind);
+  for (const Label& label : labels) {
+    if (label.kind != LabelKind::kPin || !label.visible) continue;
+    const double distance = std::hypot(label.x - x, label.y - y);
+    if (distance > nearest) continue;
+    nearest = distance;
+    found = label.index;
+  }
+  return found;
+}
+
+void App::State::zoom(double steps, double x, double y) {
+  if (!ready() || steps == 0.0) return;
+  flight.end();
+  WheelTarget& target = wheel_target;
+  const bool same = now - target.at < kWheelSeconds && std::hypot(target.x - x, target.y - y) <= 2.0 * pixel_ratio;
+  if (!same) target.surface = surfaceAt(x, y);
+  target.at = now;
+  target.x = x;
+  target.y = y;
+  control.zoom(steps * settings.zoom_speed, x, y, target.surface);
+  cameraMoved();
+}
+
+// ---- measuring ----
+
+void App::State::cycleMeasure() {
+  setMode(mode == Mode::kLook ? Mode::kDistance : mode == Mode::kDistance ? Mode::kAngle : Mode::kLook);
+}
+
+void App::State::setMode(Mode wanted) {
+  mode = wanted;
+  if (mode == Mode::kLook)
+    measure.clear();
+  else
+    measure.start(mode == Mode::kDistance ? MeasureKind::kDistance : MeasureKind::kAngle);
+  dirty = true;
+  touched();
+}
+
+/// From where the section cuts off nothing any more.
+Ray App::State::pickRay(double x, double y) const {
+  Ray ray = control.rayAt(x, y);
+  if (!hiddenBySection(ray.origin)) return ray;
+  const double towards = ray.direction[view.section.axis];
+  const double gap = view.section.offset - ray.origin[view.section.axis];
+  if (gap * towards > 0.0) ray.origin += gap / towards * ray.direction;
+  return ray;
+}
+
+void App::State::measureAt(double x, double y) {
+  const auto surface = surfaceAt(x, y);
+  if (!surface) return say("There is no surface at this place", false);
+
+  // What is on the screen, until the answer is here.
+  MeasuredPoint point;
+  point.position = *surface;
+  point.accuracy = control.pixelSizeAt(*surface) * (0.5 + static_cast<double>(viewer.stats().error_px));
+  point.pick_id = next_pick;
+  if (!measure.add(point)) {
+    if (measure.full()) say("There are too many points; Escape clears them", false);
+    return;
+  }
+  const Ray ray = pickRay(x, y);
+  Request request;
+  request.kind = RequestKind::kPick;
+  request.id = next_pick++;
+  request.origin = ray.origin;
+  request.direction = ray.direction;
+  requests.push_back(std::move(request));
+  dirty = true;
+  touched();
+}
+
+// ---- the section plane ----
+
+bool App::State::hiddenBySection(const glm::dvec3& world) const {
+  const Section& s = view.section;
+  if (!s.on) return false;
+  // A hair on the hidden side is the plane itself.
+  const double beyond = (world[s.axis] - s.offset) * (s.keep_below ? 1.0 : -1.0);
+  return beyond > 1e-9 * control.sceneSize();
+}
+
+/// The scene's up axis first, then the other two.
+int App::State::axisInOrder(int place) const {
+  const glm::vec3 up = glm::abs(framed->up);
+  const int first = up.x > up.y && up.x > up.z ? 0 : up.y > up.z ? 1 : 2;
+  return (first + place) % 3;
+}
+
+void App::State::cycleSection() {
+  int place = 0;
+  if (view.section.on)
+    while (axisInOrder(place++) != view.section.axis) {
+    }
+  if (place == 3) {
+    view.section.on = false;
+    cameraMoved();
+    return;
+  }
+  turnOnSection(axisInOrder(place));
+}
+
+/// Through the middle of the model, with the near half cut off.
+void App::State::turnOnSection(int axis) {
+  view.section = {true, axis, control.camera().direction[axis] < 0.0, 0.5 * (box_min[axis] + box_max[axis])};
+  cameraMoved();
+}
+
+void App::State::moveSection(double distance) {
+  Section& s = view.section;
+  s.offset = std::clamp(s.offset + distance, box_min[s.axis], box_max[s.axis]);
+}
+
+glm::dvec3 App::State::handlePlace() const {
+  glm::dvec3 place = 0.5 * (box_min + box_max);
+  place[view.section.axis] = view.section.offset;
+  return place;
+}
+
+bool App::State::grabHandle(const PointerEvent& event) {
+  if (!ready() || !view.section.on || handle_pointer >= 0 || event.button != PointerButton::kLeft) return false;
+  const ScreenPoint at = control.project(handlePlace());
+  if (at.depth <= 0.0 && !control.orthographic()) return false;
+  if (std::hypot(at.x - event.x, at.y - event.y) > reach(event.kind)) return false;
+  handle_pointer = event.id;
+  handle_at = {event.x, event.y};
+  return true;
+}
+
+/// The plane follows the pointer as far as the axis can be seen; seen along the axis, up and down move it.
+void App::State::dragHandle(const PointerEvent& event) {
+  const glm::dvec2 drag = glm::dvec2(event.x, event.y) - handle_at;
+  handle_at = {event.x, event.y};
+  const glm::dvec3 place = handlePlace();
+  const double pixel = control.pixelSizeAt(place);
+  if (pixel <= 0.0) return;
+  glm::dvec3 further = place;
+  further[view.section.axis] += pixel;
+  const ScreenPoint a = control.project(place);
+  const ScreenPoint b = control.project(further);
+  const glm::dvec2 along(b.x - a.x, b.y - a.y);  // pixels that the plane moves on the screen for one pixel's size
+  const double length = glm::length(along);
+  moveSection(length > 0.1 ? pixel * glm::dot(drag, along) / (length * length) : -pixel * drag.y);
+  cameraMoved();
+}
+
+// ---- the magnifying glass ----
+
+double App::State::lensRadius() const {
+  return kLensShare * std::min(width, height);
+}
+
+void App::State::toggleLens() {
+  if (view.method != lod::Method::kQsplat) return say("The magnifying glass is for splats: method qsplat", false);
+  if (lens)
+    lens.reset();
+  else
+    lens = glm::dvec2(0.5 * width, 0.5 * height);
+  lens_pointer = -1;
+  dirty = true;
+  touched();
+}
+
+bool App::State::grabLens(const PointerEvent& event) {
+  if (!ready() || !lens || lens_pointer >= 0 || event.button != PointerButton::kLeft) return false;
+  if (glm::length(*lens - glm::dvec2(event.x, event.y)) > lensRadius()) return false;
+  lens_pointer = event.id;
+  dragLens(event);
+  return true;
+}
+
+void App::State::dragLens(const PointerEvent& event) {
+  lens = glm::clamp(glm::dvec2(event.x, event.y), glm::dvec2(0.0), glm::dvec2(width, height));
+  dirty = true;
+  touched();
+}
+
+// ---- notes ----
+
+void App::State::openCard(std::optional<std::size_t> index) {
+  if (index && *index >= annotations.size()) index.reset();
+  open_annotation = index;
+  touched();
+  if (!index || !annotations[*index].camera || !ready()) return;
+  const base::ViewCamera& camera = *annotations[*index].camera;
+  const double depth = glm::dot(annotations[*index].position - camera.position, camera.direction);
+  goTo({camera.position, camera.direction, depth > 0.0 ? depth : control.place().distance}, true);
+}
+
+void App::State::stepAnnotation(int by) {
+  if (annotations.empty()) return say("This scene has no notes", false);
+  const auto count = static_cast<std::ptrdiff_t>(annotations.size());
+  const std::ptrdiff_t from = open_annotation ? static_cast<std::ptrdiff_t>(*open_annotation)
+                                              : (by > 0 ? std::ptrdiff_t{-1} : std::ptrdiff_t{0});
+  openCard(static_cast<std::size_t>((from + by + count) % count));
+}
+
+// ---- keys ----
+
+/// Leaves the innermost thing that is open. False when there is none.
+bool App::State::leave() {
+  if (help) {
+    help = false;
+  } else if (open_annotation) {
+    open_annotation.reset();
+  } else if (mode != Mode::kLook) {
+    setMode(Mode::kLook);
+  } else if (lens) {
+    toggleLens();
+  } else if (view.section.on) {
+    view.section.on = false;
+    cameraMoved();
+  } else {
+    return false;
+  }
+  dirty = true;
+  touched();
+  return true;
+}
+
+void App::State::useBookmark(int slot, bool store) {
+  const std::string number = std::to_string(slot);
+  std::string& link = bookmarks[static_cast<std::size_t>(slot)];
+  if (!ready()) return;
+  if (slot == 0) {
+    if (store) return say("0 is always the first view; 1 to 9 can be set", false);
+    return goTo(control.firstPlace(), true);
+  }
+  if (store) {
+    link = formatPermalink(view);
+    Request request;
+    request.kind = RequestKind::kKeepBookmarks;
+    requests.push_back(std::move(request));
+    return say("Bookmark " + number + " set", false);
+  }
+  const auto wanted = parsePermalink(link);
+  if (!wanted) return say("Bookmark " + number + " is empty; shift + " + number + " sets it", false);
+  showView(*wanted, false, true);
+}
+
+bool App::State::press(Key key, Modifiers modifiers) {
+  if (key >= Key::k0 && key <= Key::k9) {
+    useBookmark(static_cast<int>(key) - static_cast<int>(Key::k0), modifiers.shift || modifiers.ctrl);
+    return true;
+  }
+  // Everything else with ctrl is the system's: copy, print, reload.
+  if (modifiers.ctrl || modifiers.alt) return false;
+  if (key == Key::kEscape) return leave();
+  if (key == Key::kH) {
+    help = !help;
+    touched();
+    return true;
+  }
+  if (!ready()) return false;
+  switch (key) {
+    case Key::kF:
+      goTo(control.framingPlace(), true);
+      break;
+    case Key::kR:
+    case Key::kHome:
+      goTo(control.firstPlace(), true);
+      break;
+    case Key::kI:
+      view.statistics = !view.statistics;
+      last_motion = now;
+      touched();
+      break;
+    case Key::kC:
+      view.colors_by_resolution = !view.colors_by_resolution;
+      cameraMoved();
+      break;
+    case Key::kO:
+      control.setOrthographic(!control.orthographic());
+      cameraMoved();
+      break;
+    case Key::kL:
+      toggleLens();
+      break;
+    case Key::kM:
+      cycleMeasure();
+      break;
+    case Key::kX:
+      if (modifiers.shift && view.section.on) {
+        view.section.keep_below = !view.section.keep_below;
+        cameraMoved();
+      } else {
+        cycleSection();
+      }
+      break;
+    case Key::kN:
+      stepAnnotation(modifiers.shift ? -1 : 1);
+      break;
+    case Key::kEnter:
+      if (mode == Mode::kLook)
+        setPivotAt(0.5 * width, 0.5 * height);
+      else
+        measureAt(0.5 * width, 0.5 * height);
+      break;
+    case Key::kBackspace:
+      if (mode == Mode::kLook) return false;
+      measure.removeLast();
+      dirty = true;
+      touched();
+      break;
+    case Key::kG: {
+      Request request;
+      request.kind = RequestKind::kShowSettings;
+      requests.push_back(std::move(request));
+      break;
+    }
+    case Key::kV: {
+      Request request;
+      request.kind = RequestKind::kCopyLink;
+      request.text = formatPermalink(view);
+      requests.push_back(std::move(request));
+      break;
+    }
+    case Key::kP: {
+      Request request;
+      request.kind = RequestKind::kSavePicture;
+      request.camera = drawnCamera();
+      request.text =
+          pictureQuery(request.camera, view, static_cast<double>(viewer.options().session.patch_tolerance_px));
+      requests.push_back(std::move(request));
+      break;
+    }
+    default:
+      return false;
+  }
+  return true;
+}
+
+}  // namespace client

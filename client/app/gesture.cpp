@@ -1,0 +1,137 @@
+#include "client/app/gesture.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace client {
+namespace {
+
+/// How far a press may tremble and still be a click, screen units: mice, and fingers and pens.
+constexpr double kMouseSlop = 3.0;
+constexpr double kFingerSlop = 8.0;
+/// Longer presses are no clicks.
+constexpr double kClickSeconds = 0.5;
+constexpr double kDoubleSeconds = 0.35;
+/// How far two clicks may be apart, in slops.
+constexpr double kDoubleSlops = 3.0;
+/// Two fingers on one spot would magnify without end; pixels.
+constexpr double kMinSpread = 8.0;
+
+bool pans(const PointerEvent& event) {
+  return event.button != PointerButton::kLeft || event.modifiers.shift;
+}
+
+}  // namespace
+
+double GestureReader::slop(PointerKind kind) const {
+  return ratio_ * (kind == PointerKind::kMouse ? kMouseSlop : kFingerSlop);
+}
+
+GestureReader::Pointer* GestureReader::find(int id) {
+  for (Pointer& pointer : pointers_)
+    if (pointer.first.id == id) return &pointer;
+  return nullptr;
+}
+
+void GestureReader::down(const PointerEvent& event) {
+  if (find(event.id) != nullptr) return;  // a second button of the same mouse
+  pointers_.push_back({event, event.x, event.y});
+  if (pointers_.size() == 2) beginPair();
+}
+
+/// From here on neither of the two is a click or a drag of its own.
+void GestureReader::beginPair() {
+  for (Pointer& pointer : pointers_) pointer.clickable = false;
+  pair_grabbed_ = false;
+  pair_distance_ = 0.0;
+}
+
+std::vector<Gesture> GestureReader::move(const PointerEvent& event) {
+  Pointer* pointer = find(event.id);
+  if (pointer == nullptr) return {};
+  const double dx = event.x - pointer->x;
+  const double dy = event.y - pointer->y;
+  pointer->x = event.x;
+  pointer->y = event.y;
+  if (pointers_.size() >= 2) return movePair();
+
+  // The drag begins at the edge of the circle.
+  std::vector<Gesture> gestures;
+  const PointerEvent& first = pointer->first;
+  const PointerKind kind = first.kind;
+  if (!pointer->dragging) {
+    if (std::hypot(event.x - first.x, event.y - first.y) <= slop(kind)) return {};
+    pointer->dragging = true;
+    pointer->clickable = false;
+    if (pans(first)) gestures.push_back({.kind = GestureKind::kGrab, .x = event.x, .y = event.y, .pointer = kind});
+    return gestures;
+  }
+  if (pans(first))
+    gestures.push_back({.kind = GestureKind::kPan, .x = event.x, .y = event.y, .pointer = kind});
+  else
+    gestures.push_back({.kind = GestureKind::kOrbit, .x = event.x, .y = event.y, .dx = dx, .dy = dy, .pointer = kind});
+  return gestures;
+}
+
+std::vector<Gesture> GestureReader::movePair() {
+  const Pointer& a = pointers_[0];
+  const Pointer& b = pointers_[1];
+  const PointerKind kind = a.first.kind;
+  const double x = 0.5 * (a.x + b.x);
+  const double y = 0.5 * (a.y + b.y);
+  const double distance = std::max(std::hypot(a.x - b.x, a.y - b.y), kMinSpread * ratio_);
+  if (!pair_grabbed_) {
+    pair_grabbed_ = true;
+    pair_distance_ = distance;
+    return {{.kind = GestureKind::kGrab, .x = x, .y = y, .pointer = kind}};
+  }
+  std::vector<Gesture> gestures{{.kind = GestureKind::kPan, .x = x, .y = y, .pointer = kind}};
+  if (distance != pair_distance_)
+    gestures.push_back(
+        {.kind = GestureKind::kPinch, .x = x, .y = y, .factor = distance / pair_distance_, .pointer = kind});
+  pair_distance_ = distance;
+  return gestures;
+}
+
+void GestureReader::dropPointer(int id) {
+  std::erase_if(pointers_, [id](const Pointer& pointer) { return pointer.first.id == id; });
+  // What stays of a pair begins anew from where it is; of three fingers, the two left.
+  if (pointers_.size() >= 2) beginPair();
+  if (pointers_.size() != 1) return;
+  Pointer& left = pointers_.front();
+  if (left.clickable || left.dragging) return;
+  left.first.x = left.x;
+  left.first.y = left.y;
+}
+
+std::vector<Gesture> GestureReader::up(const PointerEvent& event) {
+  const Pointer* found = find(event.id);
+  if (found == nullptr) return {};
+  const Pointer pointer = *found;
+  dropPointer(event.id);
+  const PointerEvent& first = pointer.first;
+  const bool click = pointer.clickable && first.button == PointerButton::kLeft &&
+                     event.now - first.now <= kClickSeconds &&
+                     std::hypot(event.x - first.x, event.y - first.y) <= slop(first.kind);
+  if (!click) return {};
+
+  const bool again = event.now - last_click_ <= kDoubleSeconds &&
+                     std::hypot(event.x - last_click_x_, event.y - last_click_y_) <= kDoubleSlops * slop(first.kind);
+  last_click_ = again ? -1e9 : event.now;  // a third one begins anew
+  last_click_x_ = event.x;
+  last_click_y_ = event.y;
+  return {{.kind = again ? GestureKind::kDoubleClick : GestureKind::kClick,
+           .x = first.x,
+           .y = first.y,
+           .pointer = first.kind}};
+}
+
+void GestureReader::cancel(int id) {
+  dropPointer(id);
+}
+
+void GestureReader::cancelAll() {
+  pointers_.clear();
+}
+
+}  // namespace client

@@ -1,0 +1,228 @@
+#include "client/app/orbit_control.h"
+
+#include <algorithm>
+#include <cmath>
+#include <glm/gtc/constants.hpp>
+#include <glm/gtx/rotate_vector.hpp>
+
+namespace client {
+namespace {
+
+constexpr double kZoomPerStep = 0.8;
+/// How near zooming comes to its target, in box diagonals: far below anything a scan resolves, far above what doubles
+/// do.
+constexpr double kNearest = 1e-7;
+/// And how far away from it.
+constexpr double kFarthest = 100.0;
+/// The view direction stays this far from straight up and down (radians), where "up" would lose its meaning.
+constexpr double kPoleMargin = 0.01;
+/// The first view looks down by this angle (radians).
+constexpr double kFirstElevation = 0.35;
+
+/// Largest angle between two directions that are as good as one.
+constexpr double kTiny = 1e-12;
+
+/// Any unit vector at a right angle to a unit vector.
+glm::dvec3 anyPerpendicular(const glm::dvec3& v) {
+  const glm::dvec3 other = std::abs(v.x) < 0.9 ? glm::dvec3(1.0, 0.0, 0.0) : glm::dvec3(0.0, 1.0, 0.0);
+  return glm::normalize(glm::cross(v, other));
+}
+
+}  // namespace
+
+void OrbitControl::frameBox(const glm::dvec3& box_min, const glm::dvec3& box_max, const glm::dvec3& up) {
+  up_ = glm::normalize(up);
+  box_min_ = box_min;
+  box_max_ = box_max;
+  pivot_ = 0.5 * (box_min + box_max);
+  size_ = std::max(glm::length(box_max - box_min), 1e-12);
+
+  const glm::dvec3 from = glm::rotate(anyPerpendicular(up_), 0.6, up_);
+  camera_.direction = -glm::normalize(std::cos(kFirstElevation) * from + std::sin(kFirstElevation) * up_);
+  camera_.up = up_;
+  first_ = framingPlace();
+  setPlace(first_);
+}
+
+Place OrbitControl::framingPlace() const {
+  // The box's sphere just fits the smaller of the two angles of view.
+  const double aspect = std::min(1.0, static_cast<double>(camera_.width) / static_cast<double>(camera_.height));
+  const double half_angle = std::atan(std::tan(0.5 * camera_.fov_y) * aspect);
+  const double distance = 0.5 * size_ / std::sin(half_angle);
+  return {0.5 * (box_min_ + box_max_) - distance * camera_.direction, camera_.direction, distance};
+}
+
+Place OrbitControl::centredOn(const glm::dvec3& world) const {
+  const double distance = std::max(orthographic_ ? depthOf(pivot_) : depthOf(world), kNearest * size_);
+  return {world - distance * camera_.direction, camera_.direction, distance};
+}
+
+Place OrbitControl::place() const {
+  return {camera_.position, camera_.direction, std::max(depthOf(pivot_), kNearest * size_)};
+}
+
+void OrbitControl::setPlace(const Place& place) {
+  camera_.direction = awayFromPoles(glm::normalize(place.direction));
+  camera_.position = place.position;
+  pivot_ = place.position + place.distance * camera_.direction;
+}
+
+Place OrbitControl::between(const Place& from, const Place& to, double share) const {
+  if (share <= 0.0) return from;
+  if (share >= 1.0) return to;
+
+  // Heading and elevation on their own, so that the horizon stays level and no pole is crossed.
+  const glm::dvec3 east = anyPerpendicular(up_);
+  const glm::dvec3 north = glm::cross(up_, east);
+  const auto heading = [&](const glm::dvec3& d) { return std::atan2(glm::dot(d, north), glm::dot(d, east)); };
+  const auto elevation = [&](const glm::dvec3& d) { return std::asin(std::clamp(glm::dot(d, up_), -1.0, 1.0)); };
+  const double turn = std::remainder(heading(to.direction) - heading(from.direction), glm::two_pi<double>());
+  const double h = heading(from.direction) + share * turn;
+  const double e = glm::mix(elevation(from.direction), elevation(to.direction), share);
+
+  Place place;
+  place.direction = std::cos(e) * (std::cos(h) * east + std::sin(h) * north) + std::sin(e) * up_;
+  place.distance = from.distance * std::pow(to.distance / from.distance, share);
+  const glm::dvec3 pivot =
+      glm::mix(from.position + from.distance * from.direction, to.position + to.distance * to.direction, share);
+  place.position = pivot - place.distance * place.direction;
+  return place;
+}
+
+glm::dvec3 OrbitControl::awayFromPoles(const glm::dvec3& direction) const {
+  const double along = std::clamp(glm::dot(direction, up_), -1.0, 1.0);
+  const double angle = std::acos(along);
+  const double allowed = std::clamp(angle, kPoleMargin, glm::pi<double>() - kPoleMargin);
+  if (allowed == angle) return direction;
+  const glm::dvec3 level = direction - along * up_;
+  const double length = glm::length(level);
+  const glm::dvec3 side = length > kTiny ? level / length : anyPerpendicular(up_);
+  return std::cos(allowed) * up_ + std::sin(allowed) * side;
+}
+
+void OrbitControl::setFov(double fov_y) {
+  camera_.fov_y = fov_y;
+}
+
+void OrbitControl::setViewport(int width, int height) {
+  camera_.width = std::max(width, 1);
+  camera_.height = std::max(height, 1);
+}
+
+void OrbitControl::reset() {
+  setPlace(first_);
+}
+
+glm::dvec3 OrbitControl::right() const {
+  return glm::normalize(glm::cross(camera_.direction, up_));
+}
+glm::dvec3 OrbitControl::upInView() const {
+  return glm::cross(right(), camera_.direction);
+}
+
+void OrbitControl::orbit(double dx_px, double dy_px) {
+  const double angle_per_px = glm::pi<double>() / static_cast<double>(camera_.height);
+  const double yaw = -dx_px * angle_per_px;
+
+  // Pitch, as far as the poles allow: the angle between direction and up stays between the margins.
+  const double to_up = std::acos(std::clamp(glm::dot(camera_.direction, up_), -1.0, 1.0));
+  const double wanted = to_up + dy_px * angle_per_px;
+  const double pitch = to_up - std::clamp(wanted, kPoleMargin, glm::pi<double>() - kPoleMargin);
+
+  // The same turn for the arm from the pivot and for the direction.
+  const glm::dvec3 axis = right();
+  const auto turn = [&](const glm::dvec3& v) { return glm::rotate(glm::rotate(v, pitch, axis), yaw, up_); };
+  camera_.position = pivot_ + turn(camera_.position - pivot_);
+  camera_.direction = glm::normalize(turn(camera_.direction));
+}
+
+double OrbitControl::depthOf(const glm::dvec3& world) const {
+  return glm::dot(world - camera_.position, camera_.direction);
+}
+
+/// World units that a pixel covers at distance 1.
+double OrbitControl::pixelScale() const {
+  return 2.0 * std::tan(0.5 * camera_.fov_y) / static_cast<double>(camera_.height);
+}
+
+double OrbitControl::orthoHeight() const {
+  return orthographic_ ? pixelScale() * camera_.height * place().distance : 0.0;
+}
+
+glm::dvec3 OrbitControl::pointAt(double x, double y, double depth) const {
+  const double scale = pixelScale() * (orthographic_ ? place().distance : depth);
+  const double side = (x - 0.5 * camera_.width) * scale;
+  const double height = (0.5 * camera_.height - y) * scale;
+  return camera_.position + depth * camera_.direction + side * right() + height * upInView();
+}
+
+ScreenPoint OrbitControl::project(const glm::dvec3& world) const {
+  ScreenPoint point;
+  point.depth = depthOf(world);
+  const double pixel = pixelScale() * (orthographic_ ? place().distance : point.depth);
+  if (pixel <= 0.0) return point;
+  const glm::dvec3 from_eye = world - camera_.position;
+  point.x = 0.5 * camera_.width + glm::dot(from_eye, right()) / pixel;
+  point.y = 0.5 * camera_.height - glm::dot(from_eye, upInView()) / pixel;
+  return point;
+}
+
+Ray OrbitControl::rayAt(double x, double y) const {
+  if (!orthographic_) return {camera_.position, glm::normalize(pointAt(x, y, 1.0) - camera_.position)};
+  // Behind the farther end of the box and so outside of it, wherever the camera stands.
+  const double behind = glm::length(0.5 * (box_min_ + box_max_) - camera_.position) + size_;
+  return {pointAt(x, y, -behind), camera_.direction};
+}
+
+double OrbitControl::pixelSizeAt(const glm::dvec3& world) const {
+  return pixelScale() * (orthographic_ ? place().distance : std::max(depthOf(world), 0.0));
+}
+
+void OrbitControl::move(const glm::dvec3& offset) {
+  camera_.position += offset;
+  pivot_ += offset;
+}
+
+void OrbitControl::grab(double x, double y, const std::optional<glm::dvec3>& surface) {
+  const double depth = depthOf(surface.value_or(pivot_));
+  grabbed_ = pointAt(x, y, std::max(depth, kNearest * size_));
+}
+
+void OrbitControl::dragTo(double x, double y) {
+  move(grabbed_ - pointAt(x, y, depthOf(grabbed_)));
+}
+
+void OrbitControl::zoom(double steps, double x, double y, const std::optional<glm::dvec3>& surface) {
+  const double pivot_depth = std::max(depthOf(pivot_), kNearest * size_);
+  // In an orthographic picture all depths are alike; magnifying keeps what is shown at (x, y) where the pivot's plane
+  // is.
+  const glm::dvec3 shown = pointAt(x, y, pivot_depth);
+  const glm::dvec3 target = orthographic_ ? shown : surface.value_or(shown);
+
+  // Towards the target on a straight line: its place on the screen stays. The pivot keeps its place, too, and comes
+  // nearer alike; where the surface is known, to the surface's depth, so that the next turn goes around what is looked
+  // at and not through it.
+  const double distance = glm::length(target - camera_.position);
+  if (distance <= 0.0) return;
+  const double wanted = std::clamp(distance * std::pow(kZoomPerStep, steps), std::min(distance, kNearest * size_),
+                                   std::max(distance, kFarthest * size_));
+  const double factor = wanted / distance;
+  const glm::dvec3 arm = pivot_ - camera_.position;
+  camera_.position = target - factor * (target - camera_.position);
+  const double arm_depth = glm::dot(factor * arm, camera_.direction);
+  const double surface_depth = glm::dot(target - camera_.position, camera_.direction);
+  const bool on_surface = surface && !orthographic_ && arm_depth > 0.0 && surface_depth > 0.0;
+  pivot_ = camera_.position + (on_surface ? surface_depth / arm_depth : 1.0) * factor * arm;
+}
+
+void OrbitControl::fly(const glm::dvec3& distance) {
+  const double unit = std::max(glm::length(pivot_ - camera_.position), kNearest * size_);
+  if (orthographic_) {
+    move(unit * (distance.x * right() + distance.y * upInView()));
+    zoom(distance.z / -std::log(kZoomPerStep), 0.5 * camera_.width, 0.5 * camera_.height, std::nullopt);
+    return;
+  }
+  move(unit * (distance.x * right() + distance.y * upInView() + distance.z * camera_.direction));
+}
+
+}  // namespace client

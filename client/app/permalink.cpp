@@ -1,0 +1,226 @@
+#include "client/app/permalink.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <glm/gtc/constants.hpp>
+#include <optional>
+
+#include "base/number.h"
+#include "protocol/message.h"
+
+namespace client {
+namespace {
+
+constexpr int kVersion = 1;
+constexpr std::size_t kMaxNumber = 40;  // characters; the longest that is written has 32
+constexpr int kAngleDecimals = 6;       // of degrees
+constexpr int kMaxDecimals = 17;
+constexpr double kDefaultFovDegrees = 45.0;
+constexpr double kMinFovDegrees = 0.1;
+constexpr double kMaxFovDegrees = 170.0;
+constexpr double kMinDistance = 1e-9;  // world units
+constexpr std::string_view kAxes = "xyz";
+
+base::Error bad(const std::string& what) {
+  return {base::ErrorCode::kInvalidInput, "this link cannot be read: " + what};
+}
+
+// ---- numbers ----
+
+/// Fixed point without zeros at the end, and no minus before a zero.
+std::string fixed(double value, int decimals) {
+  std::array<char, 400> buffer{};
+  std::snprintf(buffer.data(), buffer.size(), "%.*f", decimals, value);
+  std::string text = buffer.data();
+  if (text.find('.') != std::string::npos) {
+    text.erase(text.find_last_not_of('0') + 1);
+    if (text.back() == '.') text.pop_back();
+  }
+  return text == "-0" ? "0" : text;
+}
+
+std::string significant(double value) {
+  std::array<char, 40> buffer{};
+  std::snprintf(buffer.data(), buffer.size(), "%.9g", value);
+  return buffer.data();
+}
+
+/// A number within ±limit that is all of the text.
+std::optional<double> number(std::string_view text, double limit) {
+  if (text.size() > kMaxNumber) return std::nullopt;
+  const auto value = base::parseNumber(text);
+  return value && std::abs(*value) <= limit ? value : std::nullopt;
+}
+
+/// Decimals that leave a hundred-millionth of `distance`.
+int decimalsFor(double distance) {
+  return std::clamp(static_cast<int>(std::ceil(8.0 - std::log10(distance))), 0, kMaxDecimals);
+}
+
+/// Near the poles a degree of heading is a small turn, and its digits mean less.
+int headingDecimals(double pitch_degrees) {
+  const double width = std::max(std::cos(glm::radians(pitch_degrees)), 1e-30);
+  return std::clamp(kAngleDecimals + static_cast<int>(std::floor(std::log10(width))) + 1, 0, kAngleDecimals);
+}
+
+/// What remains of a number in the text, so that whoever reads it chooses the same digits for the rest.
+double asRead(const std::string& text) {
+  return base::parseNumber(text).value_or(0.0);
+}
+
+// ---- the parts of a link ----
+
+/// Splits at `separator`; nullopt when there are not exactly N pieces.
+template <std::size_t N>
+std::optional<std::array<std::string_view, N>> split(std::string_view text, char separator) {
+  std::array<std::string_view, N> pieces;
+  for (std::size_t i = 0; i < N; ++i) {
+    const std::size_t end = text.find(separator);
+    if ((end == std::string_view::npos) != (i + 1 == N)) return std::nullopt;
+    pieces[i] = text.substr(0, end);
+    if (i + 1 < N) text.remove_prefix(end + 1);
+  }
+  return pieces;
+}
+
+base::Result<void> readPosition(std::string_view value, ViewState& view) {
+  const auto pieces = split<3>(value, ',');
+  if (!pieces) return bad("p (position) must be three numbers");
+  for (int i = 0; i < 3; ++i) {
+    const auto coordinate = number((*pieces)[static_cast<std::size_t>(i)], protocol::kMaxCoordinate);
+    if (!coordinate) return bad("p (position) must be three numbers within 1e12");
+    view.position[i] = *coordinate;
+  }
+  return {};
+}
+
+base::Result<void> readDirection(std::string_view value, ViewState& view) {
+  const auto pieces = split<2>(value, ',');
+  const auto heading = pieces ? number((*pieces)[0], 360.0) : std::nullopt;
+  const auto pitch = pieces ? number((*pieces)[1], 90.0) : std::nullopt;
+  if (!heading || !pitch) return bad("a (direction) must be a heading within 360 and a pitch within 90 degrees");
+  const double h = glm::radians(*heading);
+  const double p = glm::radians(*pitch);
+  view.direction = {std::cos(p) * std::cos(h), std::cos(p) * std::sin(h), std::sin(p)};
+  return {};
+}
+
+base::Result<void> readDistance(std::string_view value, ViewState& view) {
+  const auto distance = number(value, protocol::kMaxCoordinate);
+  if (!distance || *distance < kMinDistance) return bad("r (distance of the pivot) must be above 0 and at most 1e12");
+  view.pivot_distance = *distance;
+  return {};
+}
+
+base::Result<void> readFov(std::string_view value, ViewState& view) {
+  const auto degrees = number(value, kMaxFovDegrees);
+  if (!degrees || *degrees < kMinFovDegrees) return bad("f (field of view) must lie between 0.1 and 170 degrees");
+  view.fov_y = glm::radians(*degrees);
+  return {};
+}
+
+base::Result<void> readMethod(std::string_view value, ViewState& view) {
+  const auto method = lod::methodFromName(value);
+  if (!method || *method == lod::Method::kFull) return bad("m (method) must be lumigraph, patches or qsplat");
+  view.method = *method;
+  return {};
+}
+
+base::Result<void> readOptions(std::string_view value, ViewState& view) {
+  for (const char letter : value) {
+    bool* option = letter == 's'   ? &view.statistics
+                   : letter == 'c' ? &view.colors_by_resolution
+                   : letter == 'o' ? &view.orthographic
+                                   : nullptr;
+    if (option == nullptr || *option) return bad("o (options) may hold s, c and o, each once");
+    *option = true;
+  }
+  return {};
+}
+
+base::Result<void> readSection(std::string_view value, ViewState& view) {
+  const auto pieces = split<3>(value, ',');
+  const auto offset = pieces ? number((*pieces)[1], protocol::kMaxCoordinate) : std::nullopt;
+  const bool axis = offset && (*pieces)[0].size() == 1 && kAxes.find((*pieces)[0]) != std::string_view::npos;
+  if (!axis || ((*pieces)[2] != "a" && (*pieces)[2] != "b"))
+    return bad("x (section) must be an axis, an offset within 1e12, and a or b");
+  view.section = {true, static_cast<int>(kAxes.find((*pieces)[0])), (*pieces)[2] == "b", *offset};
+  return {};
+}
+
+using Reader = base::Result<void> (*)(std::string_view, ViewState&);
+struct Part {
+  char name;
+  bool needed;
+  Reader read;
+};
+constexpr std::array<Part, 7> kParts{{{'p', true, readPosition},
+                                      {'a', true, readDirection},
+                                      {'r', true, readDistance},
+                                      {'f', false, readFov},
+                                      {'m', false, readMethod},
+                                      {'o', false, readOptions},
+                                      {'x', false, readSection}}};
+
+}  // namespace
+
+std::string formatPermalink(const ViewState& view) {
+  // Where from and where to.
+  const std::string distance = significant(view.pivot_distance);
+  const int decimals = decimalsFor(std::max(asRead(distance), kMinDistance));
+  const glm::dvec3& d = view.direction;
+  const std::string pitch = fixed(glm::degrees(std::atan2(d.z, std::hypot(d.x, d.y))), kAngleDecimals);
+  const std::string heading = fixed(glm::degrees(std::atan2(d.y, d.x)), headingDecimals(asRead(pitch)));
+  std::string text = "v=" + std::to_string(kVersion) + "&p=" + fixed(view.position.x, decimals) + "," +
+                     fixed(view.position.y, decimals) + "," + fixed(view.position.z, decimals) + "&a=" + heading + "," +
+                     pitch + "&r=" + distance;
+
+  // What is not as usual.
+  const std::string fov = fixed(glm::degrees(view.fov_y), kAngleDecimals);
+  if (fov != fixed(kDefaultFovDegrees, kAngleDecimals)) text += "&f=" + fov;
+  if (view.method == lod::Method::kPatches) text += "&m=patches";
+  if (view.method == lod::Method::kQsplat) text += "&m=qsplat";
+  std::string options;
+  if (view.statistics) options += 's';
+  if (view.colors_by_resolution) options += 'c';
+  if (view.orthographic) options += 'o';
+  if (!options.empty()) text += "&o=" + options;
+  if (view.section.on)
+    text += std::string("&x=") + kAxes[static_cast<std::size_t>(view.section.axis)] + "," +
+            fixed(view.section.offset, decimals) + (view.section.keep_below ? ",b" : ",a");
+  return text;
+}
+
+base::Result<ViewState> parsePermalink(std::string_view text) {
+  if (!text.empty() && text.front() == '#') text.remove_prefix(1);
+  if (text.size() > kMaxPermalink) return bad("it is longer than " + std::to_string(kMaxPermalink) + " characters");
+  if (text.substr(0, 2) != "v=") return bad("it does not begin with v=1");
+  const std::string_view version =
+      text.substr(2, text.find('&') == std::string_view::npos ? text.npos : text.find('&') - 2);
+  if (version != "1") return bad("it is of another version; this viewer knows version 1");
+  text.remove_prefix(std::min(text.size(), 2 + version.size()));
+
+  // Each part once, in any order.
+  ViewState view;
+  std::array<bool, kParts.size()> seen{};
+  while (!text.empty()) {
+    text.remove_prefix(1);  // '&'
+    const std::string_view part = text.substr(0, text.find('&'));
+    text.remove_prefix(part.size());
+    const auto known = std::find_if(kParts.begin(), kParts.end(), [&](const Part& p) {
+      return part.size() >= 2 && part[0] == p.name && part[1] == '=';
+    });
+    if (known == kParts.end()) return bad("it has a part that is not known");
+    bool& again = seen[static_cast<std::size_t>(known - kParts.begin())];
+    if (again) return bad(std::string(1, known->name) + " stands in it twice");
+    again = true;
+    LUMIGRID_TRY(known->read(part.substr(2), view));
+  }
+  for (std::size_t i = 0; i < kParts.size(); ++i)
+    if (kParts[i].needed && !seen[i]) return bad(std::string(1, kParts[i].name) + " is missing");
+  return view;
+}
+
+}  // namespace client

@@ -1,0 +1,21 @@
+#pragma once
+// A view as a short text for a URL's hash (docs/formats/permalink.md).
+#include <string>
+#include <string_view>
+
+#include "base/error.h"
+#include "client/app/view_state.h"
+
+namespace client {
+
+inline constexpr std::size_t kMaxPermalink = 512;  ///< bytes; longer ones are refused unread
+
+/// Without '#'. Numbers are rounded, the position to a hundred-millionth of the pivot's distance and the direction to
+/// 10^-8: a thousandth of a pixel of a picture 10 000 pixels high is more. What was read from a permalink is written as
+/// the same text again.
+std::string formatPermalink(const ViewState& view);
+
+/// With or without '#'. Errors say in one line what is wrong.
+base::Result<ViewState> parsePermalink(std::string_view text);
+
+}  // namespace client

@@ -1,0 +1,100 @@
+#include "client/app/settings.h"
+
+#include <array>
+#include <cmath>
+#include <string>
+
+namespace client {
+namespace {
+
+using Kind = SettingKind;
+
+constexpr std::array<SettingField, 19> kFields{{
+    {"method", "What is shown, where the scene has it", Kind::kChoice, 0, 2, &Settings::method,
+     "lumigraph patches qsplat", true},
+    {"splat", "Shape of splats", Kind::kChoice, 0, 3, &Settings::splat, "square circle fuzzy ellipse", false},
+    {"cutoff", "Size of splats at rest, pixels", Kind::kNumber, 0, 1000, &Settings::cutoff, "", false},
+    {"frame_rate", "Pictures of splats a second while moving; 0: as fine as at rest", Kind::kNumber, 0, 1000,
+     &Settings::frame_rate, "", false},
+    {"cache_megabytes", "Memory for images and patches as they came, MB", Kind::kInteger, 8, 65536,
+     &Settings::cache_megabytes, "", true},
+    {"memory_megabytes", "All memory that grows with the scene, MB", SettingKind::kInteger, 16, 65536,
+     &Settings::memory_megabytes, "", true},
+    {"gpu_megabytes", "Graphics memory, MB", Kind::kInteger, 16, 65536, &Settings::gpu_megabytes, "", true},
+    {"patch_tolerance", "Error up to which shape is refined, pixels", Kind::kNumber, 0, 1000,
+     &Settings::patch_tolerance, "", true},
+    {"max_triangles", "Most triangles in a picture", Kind::kInteger, 1'000, 1'000'000'000, &Settings::max_triangles, "",
+     true},
+    {"points", "Places whose images are asked for", Kind::kInteger, 1, 64, &Settings::points, "", true},
+    {"samples", "Images blended in a picture", Kind::kInteger, 1, 32, &Settings::samples, "", true},
+    {"images", "Use images", Kind::kFlag, 0, 1, &Settings::images, "", true},
+    {"frames", "Ask for the exact picture at rest", Kind::kFlag, 0, 1, &Settings::frames, "", true},
+    {"fov_degrees", "Vertical angle of view, degrees", Kind::kNumber, 5, 120, &Settings::fov_degrees, "", false},
+    {"orbit_speed", "Speed of turning", Kind::kNumber, 0.1, 10, &Settings::orbit_speed, "", false},
+    {"zoom_speed", "Speed of zooming; below 0 the wheel works the other way", Kind::kNumber, -10, 10,
+     &Settings::zoom_speed, "", false},
+    {"fly_speed", "Speed of flying", Kind::kNumber, 0.1, 10, &Settings::fly_speed, "", false},
+    {"reduced_motion", "Jump instead of gliding", Kind::kChoice, 0, 2, &Settings::reduced_motion, "system on off",
+     false},
+    {"theme", "Light or dark", Kind::kChoice, 0, 2, &Settings::theme, "system light dark", false},
+}};
+
+base::Error bad(std::string_view name, const std::string& what) {
+  return {base::ErrorCode::kInvalidInput, "setting " + std::string(name.substr(0, 64)) + ": " + what};
+}
+
+/// A bound as people write it: no decimals that say nothing.
+std::string plain(double value) {
+  std::string text = std::to_string(value);
+  text.erase(text.find_last_not_of('0') + 1);
+  if (text.back() == '.') text.pop_back();
+  return text;
+}
+
+/// The place-th word of a list parted by blanks; empty behind the last.
+std::string_view word(std::string_view words, int place) {
+  for (; place > 0; --place) {
+    const std::size_t blank = words.find(' ');
+    if (blank == std::string_view::npos) return {};
+    words.remove_prefix(blank + 1);
+  }
+  return words.substr(0, words.find(' '));
+}
+
+}  // namespace
+
+lod::Method methodOf(const Settings& settings) {
+  return *lod::methodFromName(choiceName(*findSetting("method"), settings.method));
+}
+
+std::span<const SettingField> settingFields() {
+  return kFields;
+}
+
+const SettingField* findSetting(std::string_view name) {
+  for (const SettingField& field : kFields)
+    if (field.name == name) return &field;
+  return nullptr;
+}
+
+base::Result<void> setSetting(Settings& settings, std::string_view name, double value) {
+  const SettingField* field = findSetting(name);
+  if (field == nullptr) return bad(name, "there is no such setting");
+  if (!(value >= field->smallest && value <= field->largest))
+    return bad(name, "must lie between " + plain(field->smallest) + " and " + plain(field->largest));
+  if (field->kind != Kind::kNumber && value != std::floor(value)) return bad(name, "must be a whole number");
+  settings.*(field->value) = value;
+  return {};
+}
+
+base::Result<double> choiceValue(const SettingField& field, std::string_view choice) {
+  for (int place = 0; place <= static_cast<int>(field.largest); ++place)
+    if (!choice.empty() && word(field.choices, place) == choice) return static_cast<double>(place);
+  return bad(field.name, "must be one of: " + std::string(field.choices));
+}
+
+std::string_view choiceName(const SettingField& field, double value) {
+  return word(field.choices, static_cast<int>(value));
+}
+
+}  // namespace client

@@ -1,0 +1,92 @@
+#include "client/source/range_queue.h"
+
+#include <algorithm>
+
+namespace client {
+
+RangeQueue::~RangeQueue() {
+  for (const auto& [id, request] : requests_) fetcher_.cancel(id);
+}
+
+/// `first` and those that can share its request: same object, near enough, not too much together.
+std::vector<std::size_t> RangeQueue::neighboursOf(const std::vector<RangeWish>& wishes, std::size_t first) const {
+  std::vector<std::size_t> chosen{first};
+  if (wishes[first].alone) return chosen;
+  std::vector<std::size_t> others;
+  for (std::size_t i = 0; i < wishes.size(); ++i)
+    if (i != first && !wishes[i].alone && wishes[i].object == wishes[first].object &&
+        !underWay(wishes[i].kind, wishes[i].key))
+      others.push_back(i);
+  std::sort(others.begin(), others.end(),
+            [&](std::size_t a, std::size_t b) { return wishes[a].offset < wishes[b].offset; });
+
+  // Outwards from the first, behind it and then before it.
+  std::uint64_t begin = wishes[first].offset;
+  std::uint64_t end = begin + wishes[first].length;
+  const auto fits = [&](const RangeWish& wish) {
+    return std::max(end, wish.offset + wish.length) - std::min(begin, wish.offset) <= options_.most_bytes;
+  };
+  for (const std::size_t i : others) {
+    const RangeWish& wish = wishes[i];
+    if (wish.offset < begin || wish.offset > end + options_.most_gap || !fits(wish)) continue;
+    end = std::max(end, wish.offset + wish.length);
+    chosen.push_back(i);
+  }
+  for (auto i = others.rbegin(); i != others.rend(); ++i) {
+    const RangeWish& wish = wishes[*i];
+    if (wish.offset >= begin || wish.offset + wish.length + options_.most_gap < begin || !fits(wish)) continue;
+    begin = wish.offset;
+    end = std::max(end, wish.offset + wish.length);
+    chosen.push_back(*i);
+  }
+  return chosen;
+}
+
+void RangeQueue::send(std::vector<RangeWish> wishes) {
+  std::uint64_t begin = wishes.front().offset;
+  std::uint64_t end = begin;
+  const std::uint64_t id = ++sent_;
+  for (const RangeWish& wish : wishes) {
+    begin = std::min(begin, wish.offset);
+    end = std::max(end, wish.offset + wish.length);
+    under_way_[{wish.kind, wish.key}] = id;
+  }
+  const std::string object = wishes.front().object;
+  requests_[id] = {begin, std::move(wishes)};
+  fetcher_.submit(id, object, begin, end - begin);
+}
+
+void RangeQueue::ask(const std::vector<RangeWish>& wishes, std::size_t limit) {
+  limit = std::min(limit, options_.most_requests);
+  for (std::size_t i = 0; i < wishes.size() && requests_.size() < limit; ++i) {
+    if (underWay(wishes[i].kind, wishes[i].key)) continue;
+    std::vector<RangeWish> together;
+    for (const std::size_t n : neighboursOf(wishes, i)) together.push_back(wishes[n]);
+    send(std::move(together));
+  }
+}
+
+std::vector<RangeArrival> RangeQueue::take() {
+  std::vector<RangeArrival> arrivals;
+  for (Fetched& answer : fetcher_.take()) {
+    const auto it = requests_.find(answer.id);
+    if (it == requests_.end()) continue;
+    const Request request = std::move(it->second);
+    requests_.erase(it);
+    bytes_ += answer.bytes.size();
+    for (const RangeWish& wish : request.wishes) {
+      under_way_.erase({wish.kind, wish.key});
+      RangeArrival arrival{wish, {answer.id, answer.outcome, {}, answer.status, answer.detail}};
+      const std::uint64_t begin = wish.offset - request.offset;
+      if (answer.outcome == FetchOutcome::kBytes && answer.bytes.size() < begin + wish.length)
+        arrival.answer.outcome = FetchOutcome::kNetwork;  // a fetcher that does not keep its word
+      if (arrival.answer.outcome == FetchOutcome::kBytes)
+        arrival.answer.bytes.assign(answer.bytes.begin() + static_cast<std::ptrdiff_t>(begin),
+                                    answer.bytes.begin() + static_cast<std::ptrdiff_t>(begin + wish.length));
+      arrivals.push_back(std::move(arrival));
+    }
+  }
+  return arrivals;
+}
+
+}  // namespace client

@@ -1,0 +1,86 @@
+#include "client/source/ray_picks.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace client {
+namespace {
+
+PickAnswer answerOf(const std::optional<lod::patch::RayHit>& hit) {
+  PickAnswer answer;
+  answer.kind = hit ? PickAnswer::Kind::kHit : PickAnswer::Kind::kNone;
+  if (!hit) return answer;
+  answer.point = hit->point;
+  answer.normal = hit->front ? hit->normal : -hit->normal;
+  answer.accuracy = hit->accuracy;
+  return answer;
+}
+
+}  // namespace
+
+void RayPicks::add(std::uint32_t id, const lod::patch::Ray& ray) {
+  if (rays_.size() >= kLongestQueue)
+    answered_.push_back({id, {}});
+  else
+    rays_.push_back({id, ray});
+}
+
+void RayPicks::keep(std::uint32_t group, base::ByteView block) {
+  if (!waiting()) return;
+  if (!blocks_.emplace(group, base::Bytes(block.begin(), block.end())).second) return;
+  block_bytes_ += block.size();
+}
+
+/// The next ray may lie elsewhere: its blocks come anew, mostly from the session's cache.
+void RayPicks::answer(const PickAnswer& found) {
+  answered_.push_back({rays_.front().id, found});
+  rays_.pop_front();
+  needed_.clear();
+  blocks_.clear();
+  block_bytes_ = 0;
+}
+
+void RayPicks::work(const lod::patch::Hierarchy& hierarchy, const lod::patch::BlockSource& elsewhere,
+                    const Learn& learn) {
+  const lod::patch::BlockSource blocks = [&](std::uint32_t group) -> base::Result<std::optional<base::ByteView>> {
+    if (const auto kept = blocks_.find(group); kept != blocks_.end())
+      return std::optional<base::ByteView>(kept->second);
+    return elsewhere(group);
+  };
+  while (waiting()) {
+    auto cast = lod::patch::castRay(hierarchy, rays_.front().ray, blocks);
+    if (!cast) {
+      problem_ = cast.error().message;
+      answer({});
+      continue;
+    }
+    if (cast->needed.empty()) {
+      answer(answerOf(cast->hit));
+      continue;
+    }
+    needed_ = std::move(cast->needed);
+    needed_.resize(std::min(needed_.size(), kGroupsAhead));
+    bool learned = false;
+    bool broken = block_bytes_ > kMaxBytes;
+    for (const std::uint32_t group : needed_) {
+      if (group < hierarchy.groups.size() && hierarchy.isKnown(group)) continue;
+      const Record record = learn(group);
+      learned |= record == Record::kHere;
+      broken |= record == Record::kBroken;
+    }
+    if (broken)
+      answer({});
+    else if (!learned)
+      return;
+  }
+}
+
+void RayPicks::giveUp() {
+  while (waiting()) answer({});
+}
+
+std::vector<AnsweredPick> RayPicks::take() {
+  return std::exchange(answered_, {});
+}
+
+}  // namespace client

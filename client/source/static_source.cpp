@@ -1,0 +1,766 @@
+#include "client/source/static_source.h"
+
+#include <algorithm>
+#include <cmath>
+#include <deque>
+#include <unordered_set>
+#include <utility>
+#include <vector>
+
+#include "base/geometry.h"
+#include "lod/patch/format.h"
+#include "lod/patch/table_pages.h"
+#include "lod/patch/traverse.h"
+#include "plan/coarse_sight.h"
+#include "plan/view_plan.h"
+#include "repository/cache.h"
+#include "repository/faces/face_value.h"
+#include "repository/packs/pack_format.h"
+
+namespace client {
+namespace {
+
+using lod::patch::TablePages;
+using repository::FaceKey;
+
+enum Kind : std::uint32_t { kPatchFront, kIndexFront, kParameters, kPage, kBlock, kIndexBlock, kFace };
+
+constexpr std::uint64_t kPatchFrontBytes = 16 * 1024;
+constexpr std::size_t kWishesAhead = 64;         // that are looked through for neighbours
+constexpr std::size_t kRequestsAheadOfNeed = 2;  // so that a new view finds room
+constexpr std::uint64_t kTypicalFaceBytes = 20'000;
+constexpr double kFirstPause = 0.25, kLongestPause = 5.0;  // seconds
+/// A request that fails is no news yet: kept connections are closed by the other side now and then.
+constexpr int kFailuresToTell = 2;
+
+/// Room for a message's own fields.
+std::size_t headroom() {
+  return protocol::kMaxServerMessage - 256;
+}
+
+base::Error bad(const std::string& what) {
+  return {base::ErrorCode::kInvalidInput, what + "; publish the scene again"};
+}
+
+}  // namespace
+
+struct StaticSource::State {
+  enum class Phase { kOpening, kOpen, kFailed };
+
+  State(StaticScene what, RangeFetcher& fetcher, ReadParameters reader, const StaticOptions& wanted)
+      : scene(std::move(what)),
+        read_parameters(std::move(reader)),
+        options(wanted),
+        queue(fetcher, wanted.queue),
+        index_blocks(wanted.index_cache_bytes) {
+    if (auto sound = checkScene(); !sound) fail(scene.place + ": " + sound.error().message);
+  }
+
+  base::Result<void> checkScene() const;
+
+  // ---- what comes ----
+  void arrived(RangeArrival&& arrival);
+  base::Result<void> take(const RangeArrival& arrival);
+  base::Result<void> takePatchFront(base::ByteView bytes);
+  base::Result<void> takeIndexFront(base::ByteView bytes);
+  base::Result<void> takeParameters(base::ByteView bytes);
+  base::Result<void> takePage(std::uint32_t page, base::ByteView bytes);
+  base::Result<void> checkTables();
+  void takeBlock(std::uint32_t group, base::ByteView rest);
+  void takeIndexBlock(std::uint64_t number, base::ByteView bytes);
+  void takeFace(const FaceKey& key, base::Bytes bytes);
+  void failed(const RangeArrival& arrival);
+  void lose(const std::string& object, const std::string& why);
+  void note(const std::string& what) { problem = what; }
+  void fail(const std::string& why);
+
+  // ---- what the session says ----
+  void talk(Session& session);
+  void hear(const protocol::ClientMessage& message);
+  void deliver(Session& session);
+
+  // ---- the hierarchy ----
+  void open();
+  bool learn(std::uint32_t group, std::vector<RangeWish>* wishes);
+  bool isKnown(std::uint32_t group) const { return group < hierarchy.known.size() && hierarchy.known[group] != 0; }
+  bool tablesFirst() const { return tables->counts().blocks_offset <= options.eager_table_bytes; }
+  bool tablesWhole() const { return tables->pagesHere() == tables->pageCount(); }
+  void wishForTables(std::vector<RangeWish>& wishes) const;
+  RangeWish pageWish(std::uint32_t page) const;
+  void wishForBlock(std::uint32_t group, std::vector<RangeWish>& wishes);
+
+  void keepForSight(std::uint32_t group, const base::Bytes& block);
+  void lookAround();
+
+  // ---- the images ----
+  enum class FaceState { kHere, kGone, kWanted };
+  FaceState locate(const FaceKey& key, RangeWish& wish);
+  bool settled(const FaceKey& key) const { return has_face.count(key) != 0 || gone.count(key) != 0; }
+
+  // ---- the plan ----
+  plan::Scene toPlan() const;
+  void planNewestView();
+  std::vector<std::uint32_t> frontierOf(const lod::patch::Cut& cut, const lod::patch::CutRequest& request);
+  bool settled(std::uint32_t group) const { return has_group[group] || broken_groups.count(group) != 0; }
+  std::vector<RangeWish> wishes();
+  void wishForCoarse(std::vector<RangeWish>& wishes);
+  void wishForView(std::vector<RangeWish>& wishes);
+  std::vector<RangeWish> wishesAhead();
+
+  // ---- picked rays ----
+  void workOnPicks(Session& session);
+  void wishForPick(std::vector<RangeWish>& wishes);
+
+  StaticScene scene;
+  ReadParameters read_parameters;
+  StaticOptions options;
+  RangeQueue queue;
+  Phase phase = Phase::kOpening;
+  std::string problem, failure;
+  StaticStats stats;
+
+  // The link, as the session sees it.
+  bool linked = false;       // connected() was said
+  bool welcome_due = false;  // Hello was heard and not answered
+  int failures = 0;          // one after the other
+  std::string last_failure;
+  bool succeeded = false;  // since the last look
+  bool retry_set = false;
+  double retry_at = 0.0;
+  struct Outgoing {
+    base::Bytes bytes;
+    std::optional<FaceKey> face = {};
+    std::optional<std::uint32_t> group = {};
+  };
+  std::deque<Outgoing> outgoing;
+
+  // What was read.
+  base::Bytes front;  // of the hierarchy's file: of a small one it holds blocks too
+  std::optional<TablePages> tables;
+  lod::patch::Hierarchy hierarchy;  // as far as it is known
+  bool tables_checked = false;
+  std::unordered_set<std::uint32_t> broken_groups;
+  std::optional<repository::IndexRoot> root;
+  repository::SampledPoints points;
+  bool points_known = false;
+  repository::LruCache<std::uint64_t, repository::IndexBlock> index_blocks;
+  std::unordered_set<std::uint64_t> broken_index_blocks;
+  std::unordered_set<std::string> lost_objects;
+
+  // What the session holds, and what there is no use in asking for.
+  std::vector<bool> has_group;
+  std::unordered_set<FaceKey> has_face, gone;
+  std::vector<std::uint32_t> coarse;
+
+  // What hides what, of the coarse groups: their blocks until it is worked out, once, before the first view is planned.
+  std::vector<base::Bytes> coarse_blocks;  // beside `coarse`
+  std::optional<lod::patch::ProxySight> sight;
+  bool looked_around = false;
+
+  // What it looks at.
+  std::optional<protocol::View> newest, previous;
+  bool planned = false, replan = false;
+  plan::ViewPlan view_plan;
+  std::vector<std::uint32_t> frontier;  // unknown groups that the cut leads to
+  bool frontier_urgent = false;
+  std::uint64_t group_bytes = 0, face_bytes = 0;  // handed over for this view
+  bool complete_said = false;
+  std::optional<std::vector<FaceKey>> ahead;
+
+  RayPicks picks;
+  bool pick_news = false;  // something came that may bring the first one further
+};
+
+/// Names come from outside: only such as `lumigrid publish` gives lead to requests.
+base::Result<void> StaticSource::State::checkScene() const {
+  const auto notPublished = [](const std::string& what) {
+    return base::Error{base::ErrorCode::kInvalidInput, what + "; put there what `lumigrid publish` wrote"};
+  };
+  const std::string& patches = scene.patches.name;
+  const std::string begin = "patch-";
+  const std::string end = ".lgp";
+  const bool named = patches.size() == begin.size() + 32 + end.size() && patches.compare(0, begin.size(), begin) == 0 &&
+                     patches.compare(patches.size() - end.size(), end.size(), end) == 0 &&
+                     patches.find_first_not_of("0123456789abcdef", begin.size()) == patches.size() - end.size();
+  if (!named || scene.patches.bytes == 0) return notPublished("this scene.json names no published hierarchy");
+  if (scene.index && (!repository::idOfIndexName(scene.index->name) || scene.index->bytes == 0))
+    return notPublished("this scene.json names no published images");
+  return {};
+}
+
+// ---- what comes ----
+
+void StaticSource::State::fail(const std::string& why) {
+  if (phase == Phase::kFailed) return;
+  phase = Phase::kFailed;
+  failure = why;
+}
+
+/// Faces in this object are gone.
+void StaticSource::State::lose(const std::string& object, const std::string& why) {
+  lost_objects.insert(object);
+  note(why);
+}
+
+void StaticSource::State::failed(const RangeArrival& arrival) {
+  const std::string why = explain(arrival.answer, scene.place + "/" + arrival.wish.object);
+  if (mayPass(arrival.answer)) {
+    last_failure = why;
+    retry_set = true;
+    return;
+  }
+  const FetchOutcome outcome = arrival.answer.outcome;
+  const bool of_one_pack =
+      outcome == FetchOutcome::kNotFound || outcome == FetchOutcome::kForbidden || outcome == FetchOutcome::kTooShort;
+  if (arrival.wish.kind == kFace && of_one_pack) return lose(arrival.wish.object, why);
+  fail(why);
+}
+
+void StaticSource::State::arrived(RangeArrival&& arrival) {
+  if (arrival.answer.outcome != FetchOutcome::kBytes) return failed(arrival);
+  succeeded = true;
+  if (arrival.wish.kind == kBlock) return takeBlock(static_cast<std::uint32_t>(arrival.wish.key), arrival.answer.bytes);
+  if (arrival.wish.kind == kIndexBlock) return takeIndexBlock(arrival.wish.key, arrival.answer.bytes);
+  if (arrival.wish.kind == kFace) {
+    if (const auto key = FaceKey::fromCode(arrival.wish.key)) takeFace(*key, std::move(arrival.answer.bytes));
+    return;
+  }
+  if (auto taken = take(arrival); !taken) fail(scene.place + "/" + arrival.wish.object + ": " + taken.error().message);
+}
+
+base::Result<void> StaticSource::State::take(const RangeArrival& arrival) {
+  switch (arrival.wish.kind) {
+    case kPatchFront:
+      return takePatchFront(arrival.answer.bytes);
+    case kIndexFront:
+      return takeIndexFront(arrival.answer.bytes);
+    case kParameters:
+      return takeParameters(arrival.answer.bytes);
+    default:
+      return takePage(static_cast<std::uint32_t>(arrival.wish.key), arrival.answer.bytes);
+  }
+}
+
+base::Result<void> StaticSource::State::takePatchFront(base::ByteView bytes) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto counts, lod::patch::readTableCounts(bytes));
+  if (counts.file_bytes != scene.patches.bytes) return bad("is not as long as scene.json says");
+  if (counts.groups > protocol::kMaxGroups || counts.patches > protocol::kMaxPatches)
+    return bad("has more groups than a client takes");
+  front.assign(bytes.begin(), bytes.end());
+  tables.emplace(counts);
+  tables->add(0, bytes);
+  stats.table_bytes += std::min<std::uint64_t>(bytes.size(), counts.blocks_offset);
+  hierarchy.lattice = counts.lattice;
+  hierarchy.has_colors = counts.has_colors;
+  hierarchy.source_triangles = counts.source_triangles;
+  has_group.assign(counts.groups, false);
+
+  // The coarsest of the groups whose rows are here; top down numbers make these the first ones.
+  lod::patch::Hierarchy rows;
+  for (std::uint32_t g = 0; g < tables->leadingRows(); ++g) {
+    LUMIGRID_ASSIGN_OR_RETURN(auto row, tables->row(g));
+    rows.groups.push_back(*row);
+  }
+  if (rows.groups.empty()) rows.groups.resize(1);
+  coarse = plan::coarseGroups(rows, plan::kCoarseBytes);
+  return checkTables();
+}
+
+base::Result<void> StaticSource::State::takeIndexFront(base::ByteView bytes) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto decoded, repository::decodeIndexRoot(bytes));
+  if (decoded.object_bytes != scene.index->bytes) return bad("is not as long as scene.json says");
+  root = std::move(decoded);
+  stats.index_bytes += bytes.size();
+  const std::uint64_t end = repository::parameterOffset() + root->parameter_bytes;
+  if (end > bytes.size()) return {};  // a large tree: asked for apart
+  return takeParameters(bytes.subspan(repository::parameterOffset(), root->parameter_bytes));
+}
+
+base::Result<void> StaticSource::State::takeParameters(base::ByteView bytes) {
+  LUMIGRID_TRY(repository::checkParameters(*root, bytes));
+  LUMIGRID_ASSIGN_OR_RETURN(auto read, read_parameters(std::string(bytes.begin(), bytes.end())));
+  points = std::move(read);
+  points_known = true;
+  return {};
+}
+
+base::Result<void> StaticSource::State::takePage(std::uint32_t page, base::ByteView bytes) {
+  tables->add(tables->pageOffset(page), bytes);
+  stats.table_bytes += bytes.size();
+  replan = pick_news = true;
+  return checkTables();
+}
+
+/// What single rows cannot tell, once all are here.
+base::Result<void> StaticSource::State::checkTables() {
+  if (!tablesWhole() || tables_checked) return {};
+  tables_checked = true;
+  return tables->checkWhole();
+}
+
+/// `rest`: what lies behind the front.
+void StaticSource::State::takeBlock(std::uint32_t group, base::ByteView rest) {
+  const auto record = tables->record(group);
+  if (!record || has_group[group]) return;
+  const lod::patch::Group& row = hierarchy.groups[group];
+  const std::uint64_t begin = std::min<std::uint64_t>(row.block_offset, front.size());
+  const std::uint64_t end = std::min<std::uint64_t>(row.block_offset + row.block_bytes, front.size());
+  base::Bytes block(front.begin() + static_cast<std::ptrdiff_t>(begin),
+                    front.begin() + static_cast<std::ptrdiff_t>(end));
+  block.insert(block.end(), rest.begin(), rest.end());
+  has_group[group] = true;
+  group_bytes += block.size();
+  picks.keep(group, block);
+  pick_news = true;
+  keepForSight(group, block);
+  outgoing.push_back({protocol::encode(protocol::Refine{record->bytes, std::move(block)}), {}, group});
+}
+
+void StaticSource::State::keepForSight(std::uint32_t group, const base::Bytes& block) {
+  if (looked_around || !scene.index) return;
+  coarse_blocks.resize(coarse.size());
+  const auto at = static_cast<std::size_t>(std::find(coarse.begin(), coarse.end(), group) - coarse.begin());
+  if (at < coarse.size()) coarse_blocks[at] = block;
+}
+
+/// Where a block is damaged or lacking, images are chosen as if nothing hid anything.
+void StaticSource::State::lookAround() {
+  if (std::exchange(looked_around, true) || coarse_blocks.empty()) return;
+  auto seen = plan::coarseSight(hierarchy, coarse, [this](std::uint32_t group) -> base::ByteView {
+    return coarse_blocks[static_cast<std::size_t>(std::find(coarse.begin(), coarse.end(), group) - coarse.begin())];
+  });
+  if (seen) sight = std::move(*seen);
+  coarse_blocks = {};
+}
+
+void StaticSource::State::takeIndexBlock(std::uint64_t number, base::ByteView bytes) {
+  stats.index_bytes += bytes.size();
+  auto block = repository::decodeIndexBlock(*root, number, bytes);
+  if (!block) {
+    broken_index_blocks.insert(number);
+    ++stats.broken;
+    return note(scene.place + "/" + scene.index->name + ": block " + std::to_string(number) + ": " +
+                block.error().message + "; its images are not shown");
+  }
+  const std::uint64_t taken = block->bytes();
+  index_blocks.insert(number, std::move(*block), taken);
+  index_blocks.evict([number](std::uint64_t other) { return other == number; });
+}
+
+void StaticSource::State::takeFace(const FaceKey& key, base::Bytes bytes) {
+  if (has_face.count(key) != 0) return;
+  if (bytes.size() > headroom() || !repository::decodeFaceValue(bytes)) {
+    gone.insert(key);
+    ++stats.broken;
+    return note(scene.place + ": an image is damaged; publish the scene again with `lumigrid publish --rewrite`");
+  }
+  has_face.insert(key);
+  face_bytes += bytes.size();
+  outgoing.push_back({protocol::encode(protocol::Face{key, std::move(bytes)}), key, {}});
+}
+
+// ---- what the session says ----
+
+void StaticSource::State::hear(const protocol::ClientMessage& message) {
+  if (std::get_if<protocol::Hello>(&message) != nullptr) {
+    welcome_due = true;
+    // Have tells what it holds, unless it is on its way.
+    has_face.clear();
+    has_group.assign(has_group.size(), false);
+    for (const Outgoing& queued : outgoing) {
+      if (queued.face) has_face.insert(*queued.face);
+      if (queued.group) has_group[*queued.group] = true;
+    }
+  } else if (const auto* view = std::get_if<protocol::View>(&message)) {
+    if (planned) previous = newest;
+    newest = *view;
+    planned = complete_said = false;
+  } else if (const auto* evicted = std::get_if<protocol::Evicted>(&message)) {
+    for (const FaceKey& key : evicted->faces) has_face.erase(key);
+    for (const std::uint32_t group : evicted->groups)
+      if (group < has_group.size()) has_group[group] = false;
+  } else if (const auto* have = std::get_if<protocol::Have>(&message)) {
+    has_face.insert(have->faces.begin(), have->faces.end());
+    for (const std::uint32_t group : have->groups)
+      if (group < has_group.size()) has_group[group] = true;
+  }
+}
+
+void StaticSource::State::talk(Session& session) {
+  while (const auto bytes = session.nextToSend())
+    if (const auto message = protocol::decodeClientMessage(*bytes)) hear(*message);
+}
+
+void StaticSource::State::deliver(Session& session) {
+  if (!linked || phase != Phase::kOpen) return;
+  if (std::exchange(welcome_due, false)) outgoing.push_front({protocol::encode(scene.welcome)});
+  while (!outgoing.empty()) {
+    const Outgoing message = std::move(outgoing.front());
+    outgoing.pop_front();
+    if (message.face && !session.options().images) {  // switched off meanwhile
+      has_face.erase(*message.face);
+      continue;
+    }
+    if (auto taken = session.receive(message.bytes); !taken) return fail(scene.place + ": " + taken.error().message);
+    talk(session);
+  }
+}
+
+// ---- the hierarchy ----
+
+/// Both fronts are here: the scene can be described.
+void StaticSource::State::open() {
+  if (phase != Phase::kOpening || !tables || (scene.index && !points_known)) return;
+  const lod::patch::TableCounts& counts = tables->counts();
+  protocol::Welcome& welcome = scene.welcome;
+  welcome.version = protocol::kVersion;
+  welcome.has_colors = counts.has_colors;
+  welcome.lattice_origin = counts.lattice.origin;
+  welcome.lattice_step = counts.lattice.step;
+  welcome.group_count = counts.groups;
+  welcome.patch_count = counts.patches;
+  welcome.source_triangles = counts.source_triangles;
+  welcome.can_render_frames = false;
+  if (scene.index) welcome.grid = points.grid;
+  phase = Phase::kOpen;
+}
+
+RangeWish StaticSource::State::pageWish(std::uint32_t page) const {
+  return {kPage, page, scene.patches.name, tables->pageOffset(page), tables->pageLength(page)};
+}
+
+/// What of a block is not in the front that was read first; a block that is all there is handed over.
+void StaticSource::State::wishForBlock(std::uint32_t group, std::vector<RangeWish>& wishes) {
+  const lod::patch::Group& row = hierarchy.groups[group];
+  const std::uint64_t end = row.block_offset + row.block_bytes;
+  if (end <= front.size()) return takeBlock(group, {});
+  const std::uint64_t begin = std::max<std::uint64_t>(row.block_offset, front.size());
+  wishes.push_back({kBlock, group, scene.patches.name, begin, end - begin, group == 0});
+}
+
+/// Takes a group into the hierarchy if all that its record needs is here; else adds what is missing to `wishes`.
+bool StaticSource::State::learn(std::uint32_t group, std::vector<RangeWish>* wishes) {
+  if (isKnown(group)) return true;
+  if (broken_groups.count(group) != 0) return false;
+  const auto record = tables->record(group);
+  std::optional<base::Error> error;
+  if (!record) {
+    error = record.error();
+  } else if (!record->missing.empty()) {
+    if (wishes != nullptr)
+      for (const std::uint32_t page : record->missing) wishes->push_back(pageWish(page));
+    return false;
+  } else {
+    base::ByteReader in(record->bytes);
+    auto added = lod::patch::addGroup(in, hierarchy, tables->counts().groups, tables->counts().patches);
+    if (!added)
+      error = added.error();
+    else if (record->bytes.size() + hierarchy.groups[group].block_bytes > headroom() ||
+             hierarchy.groups[group].block_bytes == 0)
+      error = bad("group " + std::to_string(group) + " is too large to be taken");
+  }
+  if (!error) return true;
+  broken_groups.insert(group);
+  ++stats.broken;
+  const std::string why = scene.place + "/" + scene.patches.name + ": " + error->message;
+  if (group == 0)
+    fail(why);
+  else
+    note(why);
+  return false;
+}
+
+void StaticSource::State::wishForTables(std::vector<RangeWish>& wishes) const {
+  for (std::uint32_t page = 0; page < tables->pageCount(); ++page)
+    if (!tables->has(page)) wishes.push_back(pageWish(page));
+}
+
+// ---- the images ----
+
+/// Where a face stands; with kWanted `wish` is what brings it nearer. An empty face is handed over at once.
+StaticSource::State::FaceState StaticSource::State::locate(const FaceKey& key, RangeWish& wish) {
+  const std::uint64_t code = key.code();
+  const std::uint64_t number = repository::blockOfCode(*root, code);
+  if (broken_index_blocks.count(number) != 0) {
+    gone.insert(key);
+    return FaceState::kGone;
+  }
+  const repository::IndexBlock* block = index_blocks.find(number);
+  if (block == nullptr) {
+    wish = {kIndexBlock, number, scene.index->name, root->blockOffset(number), root->block_bytes};
+    return FaceState::kWanted;
+  }
+  const auto place = block->find(code);
+  const std::string pack = place ? repository::packName(place->pack) : "";
+  if (!place || lost_objects.count(pack) != 0) {
+    gone.insert(key);
+    ++stats.missing;
+    return FaceState::kGone;
+  }
+  if (place->length == 0) {
+    takeFace(key, repository::encodeFaceValue({}));
+    return FaceState::kHere;
+  }
+  wish = {kFace, code, pack, place->offset, place->length};
+  return FaceState::kWanted;
+}
+
+// ---- the plan ----
+
+plan::Scene StaticSource::State::toPlan() const {
+  return {&scene.welcome, &hierarchy, scene.index.has_value(), points.treeOrNull(), sight ? &*sight : nullptr};
+}
+
+/// Unknown groups that the cut would expand: made patches that it draws, seen, off by more than the tolerance.
+std::vector<std::uint32_t> StaticSource::State::frontierOf(const lod::patch::Cut& cut,
+                                                           const lod::patch::CutRequest& request) {
+  const base::Frustum frustum(request.camera.clipFromScene());
+  const float pixels = request.camera.pixelsPerUnitAtOne();
+  std::vector<std::pair<float, std::uint32_t>> found;
+  std::unordered_set<std::uint32_t> seen;
+  for (const std::uint32_t group : cut.expanded) {
+    const lod::patch::Group& g = hierarchy.groups[group];
+    for (std::uint32_t i = g.first_patch; i < g.first_patch + g.patch_count; ++i) {
+      const std::uint32_t producer = hierarchy.patches[i].producer;
+      if (producer == lod::patch::kNoGroup || isKnown(producer) || broken_groups.count(producer) != 0) continue;
+      if (!seen.insert(producer).second) continue;
+      // Its row is here: the record of the group above needed it.
+      const auto row = tables->row(producer);
+      if (!row || !row->has_value() || !frustum.mayOverlap((*row)->bounds)) continue;
+      const float error_px = base::projectedError((*row)->error, (*row)->bounds.center, (*row)->bounds.radius,
+                                                  request.camera.eye, pixels, request.near_plane);
+      if (error_px > request.tolerance_px || request.tolerance_px <= 0.0F) found.emplace_back(error_px, producer);
+    }
+  }
+  std::sort(found.begin(), found.end(),
+            [](const auto& a, const auto& b) { return a.first != b.first ? a.first > b.first : a.second < b.second; });
+  frontier_urgent = !found.empty() && plan::isUrgent(found.front().first, *newest);
+  std::vector<std::uint32_t> groups;
+  for (const auto& [error_px, group] : found) groups.push_back(group);
+  return groups;
+}
+
+/// Descends as far as the pages here lead, then plans as a server does.
+void StaticSource::State::planNewestView() {
+  if (planned && !(replan && !frontier.empty())) return;
+  lookAround();
+  const lod::patch::CutRequest request = plan::cutRequestFor(scene.welcome, *newest);
+  for (bool learned = true; learned;) {
+    learned = false;
+    frontier = frontierOf(lod::patch::selectCut(hierarchy, request), request);
+    for (const std::uint32_t group : frontier) learned |= learn(group, nullptr);
+  }
+  std::erase_if(frontier, [this](std::uint32_t group) { return broken_groups.count(group) != 0; });
+  view_plan = plan::planView(toPlan(), *newest, [this](const FaceKey& key) { return settled(key); });
+  if (!planned) {
+    group_bytes = face_bytes = 0;
+    ahead.reset();
+  }
+  planned = true;
+  replan = false;
+}
+
+void StaticSource::State::wishForCoarse(std::vector<RangeWish>& wishes) {
+  for (const std::uint32_t group : coarse)
+    if (!settled(group) && learn(group, &wishes) && !has_group[group]) wishForBlock(group, wishes);
+}
+
+/// In a server's order (server::Session::nextWanted), as far ahead as requests are put together.
+void StaticSource::State::wishForView(std::vector<RangeWish>& wishes) {
+  for (const std::uint32_t group : frontier) {
+    if (wishes.size() >= kWishesAhead) break;
+    learn(group, &wishes);
+  }
+  std::uint64_t groups_ahead = group_bytes;
+  std::uint64_t faces_ahead = face_bytes;
+  std::size_t g = 0;
+  std::size_t f = 0;
+  stats.wanted = static_cast<std::uint32_t>(frontier.size());
+  while (wishes.size() < kWishesAhead) {
+    while (g < view_plan.groups.size() && settled(view_plan.groups[g])) ++g;
+    while (f < view_plan.faces.size() && settled(view_plan.faces[f])) ++f;
+    const bool group_left = g < view_plan.groups.size();
+    const bool face_left = f < view_plan.faces.size() && !frontier_urgent;
+    if (!group_left && !face_left) break;
+    ++stats.wanted;
+
+    const bool urgent = group_left && plan::isUrgent(view_plan.group_error_px[g], *newest);
+    if (group_left && (!face_left || urgent || groups_ahead <= faces_ahead)) {
+      const std::uint32_t group = view_plan.groups[g++];
+      groups_ahead += hierarchy.groups[group].block_bytes;
+      wishForBlock(group, wishes);
+      continue;
+    }
+    RangeWish wish;
+    if (locate(view_plan.faces[f++], wish) != FaceState::kWanted) continue;
+    faces_ahead += wish.kind == kFace ? wish.length : kTypicalFaceBytes;
+    wishes.push_back(wish);
+  }
+  if (!wishes.empty() || complete_said) return;
+  complete_said = true;
+  outgoing.push_back({protocol::encode(protocol::Complete{newest->sequence})});
+}
+
+/// Everything that is needed now, the most urgent first.
+std::vector<RangeWish> StaticSource::State::wishes() {
+  std::vector<RangeWish> wishes;
+  if (!tables)
+    wishes.push_back({kPatchFront, 0, scene.patches.name, 0, std::min(kPatchFrontBytes, scene.patches.bytes)});
+  if (scene.index && !root)
+    wishes.push_back(
+        {kIndexFront, 0, scene.index->name, 0, std::min(repository::kIndexFrontBytes, scene.index->bytes)});
+  if (root && !points_known)
+    wishes.push_back({kParameters, 0, scene.index->name, repository::parameterOffset(), root->parameter_bytes});
+  if (!tables || phase == Phase::kFailed) return wishes;
+
+  wishForCoarse(wishes);
+  if (phase == Phase::kFailed || (!has_group[0] && !wishes.empty())) return wishes;
+  if (tablesFirst() && !tablesWhole()) {
+    wishForTables(wishes);
+    return wishes;
+  }
+  if (phase != Phase::kOpen || !wishes.empty()) return wishes;
+  std::vector<RangeWish> of_view;
+  if (newest) {
+    planNewestView();
+    wishForView(of_view);
+  }
+  wishForPick(wishes);
+  wishes.insert(wishes.end(), of_view.begin(), of_view.end());
+  return wishes;
+}
+
+/// What later views may need. Small tables to their end too: only then their checksum can be looked at.
+std::vector<RangeWish> StaticSource::State::wishesAhead() {
+  std::vector<RangeWish> wishes;
+  if (!complete_said || !planned || phase != Phase::kOpen) return wishes;
+  std::uint64_t bytes = 0;
+  if (tables->counts().blocks_offset <= plan::kAheadBytes) {
+    wishForTables(wishes);
+    bytes += tables->counts().blocks_offset;
+  }
+  if (!ahead) {
+    ahead = view_plan.other_faces;
+    if (previous) {
+      const auto along =
+          plan::planMotion(toPlan(), *newest, *previous, [this](const FaceKey& key) { return settled(key); });
+      ahead->insert(ahead->end(), along.begin(), along.end());
+    }
+  }
+  for (const FaceKey& key : *ahead) {
+    if (bytes >= plan::kAheadBytes || wishes.size() >= kWishesAhead) break;
+    RangeWish wish;
+    if (gone.count(key) != 0) continue;
+    const FaceState state = has_face.count(key) != 0 ? FaceState::kHere : locate(key, wish);
+    if (state == FaceState::kWanted) wishes.push_back(wish);
+    bytes += wish.kind == kFace ? wish.length : kTypicalFaceBytes;
+  }
+  return wishes;
+}
+
+// ---- picked rays ----
+
+void StaticSource::State::workOnPicks(Session& session) {
+  if (phase == Phase::kFailed) return picks.giveUp();
+  if (!picks.waiting() || !pick_news || !linked || phase != Phase::kOpen || !isKnown(0)) return;
+  pick_news = false;
+  const std::string before = picks.problem();
+  picks.work(
+      hierarchy,
+      [&session](std::uint32_t group) -> base::Result<std::optional<base::ByteView>> {
+        const base::Bytes* block = session.block(group);
+        return block != nullptr ? std::optional<base::ByteView>(*block) : std::nullopt;
+      },
+      [this](std::uint32_t group) {
+        if (learn(group, nullptr)) return RayPicks::Record::kHere;
+        return broken_groups.count(group) != 0 ? RayPicks::Record::kBroken : RayPicks::Record::kMissing;
+      });
+  if (picks.problem() != before) note(scene.place + "/" + scene.patches.name + ": " + picks.problem());
+  // What the session dropped since it last spoke of a view.
+  for (const std::uint32_t group : picks.needed())
+    if (!session.hasGroup(group)) has_group[group] = false;
+}
+
+void StaticSource::State::wishForPick(std::vector<RangeWish>& wishes) {
+  for (const std::uint32_t group : picks.needed())
+    if (learn(group, &wishes) && !has_group[group]) wishForBlock(group, wishes);
+}
+
+// ---- the public face ----
+
+StaticSource::StaticSource(StaticScene scene, RangeFetcher& fetcher, ReadParameters read_parameters,
+                           const StaticOptions& options)
+    : state_(std::make_unique<State>(std::move(scene), fetcher, std::move(read_parameters), options)) {}
+StaticSource::~StaticSource() = default;
+
+bool StaticSource::pump(Session& session, double now) {
+  State& s = *state_;
+  if (s.phase == State::Phase::kFailed) {
+    if (session.state() != SessionState::kRefused) session.refuse(s.failure);
+    return false;
+  }
+  if (!s.linked && s.failures == 0) {
+    s.linked = true;
+    session.connected();
+  }
+
+  // In.
+  s.succeeded = s.retry_set = false;
+  auto arrivals = s.queue.take();
+  for (RangeArrival& arrival : arrivals) s.arrived(std::move(arrival));
+  if (s.succeeded) {
+    s.failures = 0;
+    if (!std::exchange(s.linked, true)) session.connected();
+  } else if (s.retry_set) {
+    s.retry_at = now + std::min(kLongestPause, kFirstPause * std::exp2(std::min(s.failures, 8)));
+    ++s.failures;
+    if (s.linked && s.failures >= kFailuresToTell) {
+      s.linked = false;
+      session.disconnected(s.last_failure);
+    }
+  }
+  s.open();
+  s.talk(session);
+  s.deliver(session);
+  s.workOnPicks(session);
+
+  // Out.
+  if (s.phase != State::Phase::kFailed && (s.failures == 0 || now >= s.retry_at)) {
+    const bool was_complete = s.complete_said;
+    const std::vector<RangeWish> wishes = s.wishes();
+    s.queue.ask(wishes);
+    if (was_complete && wishes.empty()) s.queue.ask(s.wishesAhead(), kRequestsAheadOfNeed);
+    s.deliver(session);
+  }
+  if (s.phase == State::Phase::kFailed) session.refuse(s.failure);
+  return !arrivals.empty();
+}
+
+void StaticSource::pick(std::uint32_t id, const glm::dvec3& origin, const glm::dvec3& direction) {
+  lod::patch::Ray ray;
+  ray.origin = origin - state_->scene.welcome.origin;
+  ray.direction = direction;
+  state_->picks.add(id, ray);
+  state_->pick_news = true;
+}
+
+std::vector<AnsweredPick> StaticSource::takePicks() {
+  std::vector<AnsweredPick> answered = state_->picks.take();
+  for (AnsweredPick& one : answered)
+    if (one.answer.kind == PickAnswer::Kind::kHit) one.answer.point += state_->scene.welcome.origin;
+  return answered;
+}
+
+const std::string& StaticSource::problem() const {
+  return state_->failure.empty() ? state_->problem : state_->failure;
+}
+
+StaticStats StaticSource::stats() const {
+  StaticStats stats = state_->stats;
+  stats.requests = state_->queue.requestsSent();
+  stats.bytes = state_->queue.bytesReceived();
+  stats.requests_under_way = static_cast<std::uint32_t>(state_->queue.requestsUnderWay());
+  return stats;
+}
+
+}  // namespace client

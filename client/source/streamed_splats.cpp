@@ -1,0 +1,275 @@
+#include "client/source/streamed_splats.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+namespace client {
+namespace {
+
+// As found, as the renderer sorts them, and on the GPU, with what buffers keep in reserve.
+constexpr std::uint64_t kBytesPerSplat = 4 * sizeof(lod::qsplat::Splat);
+constexpr int kMaxTries = 4;
+// At rest, while blocks come, drawing gets one part of the time and what they need so many: a page has one thread for
+// both, and a frame of a million splats takes a second on some machines.
+constexpr double kPartsForBlocks = 3.0;
+
+bool sameCamera(const base::Camera& a, const base::Camera& b) {
+  return a.clip_from_eye == b.clip_from_eye && a.eye_from_scene == b.eye_from_scene && a.width == b.width &&
+         a.height == b.height;
+}
+
+lod::qsplat::StreamOptions streamOptions(const SplatOptions& options) {
+  lod::qsplat::StreamOptions stream;
+  stream.memory_bytes = options.memory_bytes / 4;
+  stream.order = options.order;
+  stream.idle_bytes = options.idle_bytes;
+  return stream;
+}
+
+lod::qsplat::RateGoal goalOf(const SplatOptions& options) {
+  lod::qsplat::RateGoal goal;
+  if (options.frame_seconds > 0.0) goal.frame_seconds = options.frame_seconds;
+  goal.finest_px = std::max(options.cutoff_px, 0.1F);
+  goal.coarsest_px = std::max(goal.coarsest_px, goal.finest_px);
+  return goal;
+}
+
+/// Until the GPU is done with the framebuffer bound now. What is read is waited for everywhere; glFinish is not.
+void waitForGpu() {
+  std::array<std::uint8_t, 4> pixel{};
+  glReadPixels(0, 0, 1, 1, GL_RGBA, GL_UNSIGNED_BYTE, pixel.data());
+}
+
+}  // namespace
+
+StreamedSplats::StreamedSplats(SplatFilePlace file, protocol::Welcome welcome, std::unique_ptr<RangeFetcher> fetcher,
+                               const SplatOptions& options)
+    : file_(std::move(file)),
+      welcome_(protocol::encode(welcome)),
+      fetcher_(std::move(fetcher)),
+      options_(options),
+      stream_(file_.bytes, streamOptions(options)),
+      rate_(goalOf(options)) {}
+
+// ---- the link ----
+
+bool StreamedSplats::pump(Session& session, double now) {
+  std::vector<Fetched> answers = fetcher_->take();
+  for (Fetched& answer : answers) take(session, answer, now);
+  if (refused_.empty() && !stream_.problem().empty())
+    refused_ = file_.place + "/" + file_.name + ": " + stream_.problem();
+  if (!refused_.empty()) {
+    if (session.state() != SessionState::kRefused) session.refuse(refused_);
+    return !answers.empty();
+  }
+  for (const lod::qsplat::ByteRange& range : stream_.requests(now))
+    fetcher_->submit(range.id, file_.name, range.offset, range.length);
+  if (stream_.complete()) away_ = false;  // nothing is asked of the host that could show that it is back
+  if (session.state() == SessionState::kDisconnected && stream_.header() != nullptr && !away_) greet(session);
+  return !answers.empty();
+}
+
+void StreamedSplats::take(Session& session, Fetched& answer, double now) {
+  if (answer.outcome == FetchOutcome::kBytes) {
+    away_ = false;
+    stream_.received(answer.id, answer.bytes, now);
+    return;
+  }
+  const std::string why = explain(answer, file_.place + "/" + file_.name);
+  if (mayPass(answer)) {
+    away_ = true;
+    stream_.failed(answer.id, now);
+    session.disconnected(why);
+  } else {
+    if (refused_.empty()) refused_ = why;
+    stream_.giveUp(why);
+  }
+}
+
+/// As a server would; what the session would answer nobody asks for.
+void StreamedSplats::greet(Session& session) {
+  session.connected();
+  if (auto taken = session.receive(welcome_); !taken) refused_ = file_.place + ": " + taken.error().message;
+  while (session.nextToSend()) {
+  }
+}
+
+// ---- which splats ----
+
+const base::Sphere* StreamedSplats::bounds() const {
+  return stream_.header() != nullptr ? &stream_.header()->root : nullptr;
+}
+
+float StreamedSplats::finest() const {
+  return coarser_ > 1.0F ? coarser_ * std::max(options_.cutoff_px, 0.1F) : options_.cutoff_px;
+}
+
+float StreamedSplats::cutoff() const {
+  if (options_.frame_seconds <= 0.0) return finest();
+  // At its finest the control may be a hair above what was asked for; 0 it does not know at all.
+  const float wanted = rate_.cutoffPx() <= rate_.goal().finest_px ? options_.cutoff_px : rate_.cutoffPx();
+  return std::max(wanted, finest());
+}
+
+/// Of what the last traversal found lacking: as long as that is being asked for, another one would find little else,
+/// and cost more time than the answers take.
+bool StreamedSplats::moreIsComing() const {
+  const lod::qsplat::StreamStats stats = stream_.stats();
+  return stats.wanted > 0 && stats.requested > 0;
+}
+
+void StreamedSplats::update(const base::Camera& camera, const SplatLook& look) {
+  const bool same_view = chosen_ && sameCamera(camera, camera_) && look.section == section_ && look.lens == lens_;
+  if (same_view && moreIsComing()) return;
+  choose(camera, look);
+}
+
+void StreamedSplats::choose(const base::Camera& camera, const SplatLook& look) {
+  if (stream_.header() == nullptr) return;
+  const bool same_view = chosen_ && sameCamera(camera, camera_) && look.section == section_;
+  if (!same_view) coarser_ = 1.0F;
+  if (same_view && look.lens == lens_ && cutoff() == cutoff_px_ && stream_.generation() == found_generation_) return;
+  camera_ = camera;
+  section_ = look.section;
+  lens_ = look.lens;
+  chosen_ = true;
+
+  lod::qsplat::TraverseRequest request;
+  request.camera = camera;
+  request.cull_back_faces = !options_.back_faces;
+  request.section = look.section;
+  request.for_each = options_.for_each;
+  const std::uint64_t most = std::max<std::uint64_t>(options_.memory_bytes / 2 / kBytesPerSplat, 1);
+  for (int attempt = 0; attempt < kMaxTries; ++attempt) {
+    found_generation_ = stream_.generation();
+    cutoff_px_ = request.cutoff_px = cutoff();
+    stream_.traverse(request, look.lens, found_);
+    const bool last = attempt + 1 == kMaxTries;
+    const bool affords = last || options_.frame_seconds <= 0.0 || rate_.affords(found_.splats.size());
+    if (found_.splats.size() <= most) {
+      if (affords) return;
+      continue;
+    }
+    // Splats go with 1 / area.
+    const float factor = std::sqrt(static_cast<float>(found_.splats.size()) / static_cast<float>(most));
+    coarser_ = 1.05F * factor * std::max(cutoff_px_, 0.1F) / std::max(options_.cutoff_px, 0.1F);
+  }
+}
+
+/// A frame of the same view is finer than the one before.
+void StreamedSplats::setPace(const base::Camera& camera) {
+  if (options_.frame_seconds <= 0.0) return;
+  if (drawn_from_ && sameCamera(*drawn_from_, camera))
+    rate_.refine();
+  else
+    rate_.move();
+}
+
+// ---- drawing ----
+
+base::Result<void> StreamedSplats::draw(const base::Camera& camera, const SplatLook& look) {
+  const bool moved = !drawn_from_ || !sameCamera(*drawn_from_, camera);
+  const double begin = now();
+  setPace(camera);
+  choose(camera, look);
+  drawn_from_ = camera;
+  LUMIGRID_TRY(drawFound(camera, look));
+  if (moved && stream_.header() != nullptr && options_.clock && options_.frame_seconds > 0.0) {
+    waitForGpu();
+    rate_.measured(now() - begin, found_.splats.size());
+  }
+  drawn_at_ = now();
+  draw_seconds_ = drawn_at_ - begin;
+  return {};
+}
+
+base::Result<void> StreamedSplats::drawFound(const base::Camera& camera, const SplatLook& look) {
+  GLint framebuffer = 0;
+  glGetIntegerv(GL_FRAMEBUFFER_BINDING, &framebuffer);
+  glDisable(GL_SCISSOR_TEST);
+  glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
+  glDepthMask(GL_TRUE);
+  glClearColor(look.background[0], look.background[1], look.background[2], look.background[3]);
+  glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
+  if (stream_.header() == nullptr) return {};
+
+  if (!renderer_) {
+    LUMIGRID_ASSIGN_OR_RETURN(auto made, lod::draw::SplatRenderer::create());
+    renderer_ = std::move(made);
+  }
+  lod::draw::SplatView view;
+  view.camera = camera;
+  view.shading = look.shading;
+  view.section = look.section;
+  view.two_sided = options_.back_faces || look.section != base::kNoSection;
+  view.colors = look.resolution_colors ? lod::draw::SplatColors::kResolution : lod::draw::SplatColors::kSurface;
+  reduction_ = options_.frame_seconds > 0.0 ? rate_.reduction() : 1.0F;
+  return renderer_->draw(
+      found_.splats, options_.kernel, view,
+      {static_cast<GLuint>(framebuffer), camera.width, camera.height, look.background[3] > 0.0F, reduction_});
+}
+
+std::optional<glm::vec3> StreamedSplats::surfaceAt(const base::Camera& camera, const SplatLook& look, double x,
+                                                   double y) const {
+  const glm::dmat4 scene_from_clip = glm::inverse(glm::dmat4(camera.clip_from_eye) * glm::dmat4(camera.eye_from_scene));
+  const double u = 2.0 * (x / camera.width) - 1.0;
+  const double v = 1.0 - 2.0 * (y / camera.height);
+  const glm::dvec4 near_point = scene_from_clip * glm::dvec4(u, v, -1.0, 1.0);
+  const glm::dvec4 far_point = scene_from_clip * glm::dvec4(u, v, 1.0, 1.0);
+  const glm::dvec3 origin = glm::dvec3(near_point) / near_point.w;
+  const glm::dvec3 direction = glm::normalize(glm::dvec3(far_point) / far_point.w - origin);
+
+  // The disc of each splat across the ray, as a circle is drawn.
+  double nearest = std::numeric_limits<double>::infinity();
+  for (const lod::qsplat::Splat& splat : found_.splats) {
+    const glm::dvec3 to_center = glm::dvec3(splat.center) - origin;
+    const double along = glm::dot(to_center, direction);
+    const double radius = static_cast<double>(splat.radius);
+    if (along < 0.0 || along >= nearest || glm::dot(to_center, to_center) - along * along > radius * radius) continue;
+    const glm::vec3 point(origin + along * direction);
+    if (glm::dot(glm::vec3(look.section), point) - look.section.w <= 0.0F) nearest = along;
+  }
+  if (!std::isfinite(nearest)) return std::nullopt;
+  return glm::vec3(origin + nearest * direction);
+}
+
+void StreamedSplats::setQuality(const SplatQuality& quality) {
+  static_cast<SplatQuality&>(options_) = quality;
+  coarser_ = 1.0F;  // in units of the cut-off that was
+  rate_.setGoal(goalOf(options_));
+}
+
+void StreamedSplats::contextLost() {
+  renderer_.reset();
+}
+
+// ---- figures ----
+
+bool StreamedSplats::complete() const {
+  return chosen_ && stream_.complete() && found_generation_ == stream_.generation() && cutoff_px_ <= finest();
+}
+
+bool StreamedSplats::busy() const {
+  if (!chosen_ || cutoff_px_ > finest()) return chosen_;
+  if (found_generation_ == stream_.generation()) return false;
+  return !moreIsComing() || !options_.clock || now() - drawn_at_ >= kPartsForBlocks * draw_seconds_;
+}
+
+SplatStats StreamedSplats::stats() const {
+  SplatStats stats;
+  stats.splats = found_.splats.size();
+  stats.nodes = found_.nodes;
+  stats.cutoff_px = cutoff_px_;
+  stats.finest_px = finest();
+  stats.reduction = reduction_;
+  stats.lens_px = lens_ ? lod::qsplat::cutoffThroughLens(cutoff_px_) : 0.0F;
+  stats.limited = coarser_ > 1.0F || stream_.limited();
+  stats.buffer_bytes = found_.splats.size() * kBytesPerSplat;
+  stats.stream = stream_.stats();
+  stats.warning = stream_.warning();
+  return stats;
+}
+
+}  // namespace client

@@ -1,0 +1,78 @@
+#pragma once
+// A qsplat.lgq streamed from any host that answers byte ranges, and drawn (Rusinkiewicz and Levoy 2001).
+#include <memory>
+#include <string>
+
+#include "client/source/fetch.h"
+#include "client/source/splat_view.h"
+#include "lod/qsplat/rate_control.h"
+
+namespace client {
+
+/// Where it is.
+struct SplatFilePlace {
+  std::string place;  ///< the scene's URL without a slash at its end, for messages
+  std::string name;   ///< of the object, "qsplat.lgq" or "qsplat-….lgq"
+  std::uint64_t bytes = 0;
+};
+
+class StreamedSplats final : public SplatView {
+ public:
+  /// `welcome`: what scene.json says; only what is in SplatView is asked of it.
+  StreamedSplats(SplatFilePlace file, protocol::Welcome welcome, std::unique_ptr<RangeFetcher> fetcher,
+                 const SplatOptions& options);
+
+  bool pump(Session& session, double now) override;
+  const base::Sphere* bounds() const override;
+  void update(const base::Camera& camera, const SplatLook& look) override;
+  base::Result<void> draw(const base::Camera& camera, const SplatLook& look) override;
+  std::optional<glm::vec3> surfaceAt(const base::Camera& camera, const SplatLook& look, double x,
+                                     double y) const override;
+  bool complete() const override;
+  bool busy() const override;
+  void setQuality(const SplatQuality& quality) override;
+  const SplatQuality& quality() const override { return options_; }
+  void contextLost() override;
+  SplatStats stats() const override;
+
+  const lod::qsplat::Stream& stream() const { return stream_; }
+  /// What is drawn now.
+  const lod::qsplat::Traversal& found() const { return found_; }
+
+ private:
+  void take(Session& session, Fetched& answer, double now);
+  void greet(Session& session);
+  float cutoff() const;
+  float finest() const;
+  void choose(const base::Camera& camera, const SplatLook& look);
+  void setPace(const base::Camera& camera);
+  base::Result<void> drawFound(const base::Camera& camera, const SplatLook& look);
+  bool moreIsComing() const;
+  double now() const { return options_.clock ? options_.clock() : 0.0; }
+
+  const SplatFilePlace file_;
+  const base::Bytes welcome_;
+  const std::unique_ptr<RangeFetcher> fetcher_;
+  SplatOptions options_;
+  lod::qsplat::Stream stream_;
+  bool away_ = false;    ///< the host, as the last answer has it
+  std::string refused_;  ///< what no new try mends
+
+  lod::qsplat::RateControl rate_;
+  lod::qsplat::Traversal found_;
+  std::uint64_t found_generation_ = 0;  ///< of the stream, when found_ was chosen
+  bool chosen_ = false;
+  base::Camera camera_;  ///< of found_, and the rest of what it depends on
+  glm::vec4 section_ = base::kNoSection;
+  std::optional<lod::qsplat::Lens> lens_;
+  float cutoff_px_ = 0.0F;
+  float coarser_ = 1.0F;  ///< factor of the cut-off that memory asks for in this view
+
+  std::optional<base::Camera> drawn_from_;
+  double drawn_at_ = -1e300;   ///< when the last drawing ended
+  double draw_seconds_ = 0.0;  ///< that it took
+  float reduction_ = 1.0F;     ///< that it was drawn with
+  std::unique_ptr<lod::draw::SplatRenderer> renderer_;
+};
+
+}  // namespace client

@@ -1,0 +1,111 @@
+#include "client/viewer/pins.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace client {
+namespace {
+
+constexpr std::size_t kPinsPerFrame = 128;  ///< a query costs some microseconds of calls in a browser
+/// A pin lies on the true surface, the picture shows a proxy: it is lifted towards the viewer by this much of the
+/// proxy's error, which is a bound, and by some pixels for the depth buffer's rounding at slants.
+constexpr float kLiftErrors = 1.5F;
+constexpr float kLiftPixels = 2.0F;
+
+constexpr const char* kVertexSource = R"(
+uniform vec4 u_clip;
+void main() {
+  gl_Position = u_clip;
+  gl_PointSize = 3.0;
+}
+)";
+
+constexpr const char* kFragmentSource = R"(
+out vec4 o_color;
+void main() {
+  o_color = vec4(1.0);
+}
+)";
+
+}  // namespace
+
+base::Result<PinProbe> PinProbe::create() {
+  LUMIGRID_ASSIGN_OR_RETURN(auto program, base::gl::Program::link("pins", kVertexSource, kFragmentSource));
+  PinProbe probe;
+  probe.program_ = std::move(program);
+  probe.no_attributes_ = base::gl::VertexArray::create();
+  return probe;
+}
+
+void PinProbe::setPoints(std::vector<glm::vec3> points) {
+  points_ = std::move(points);
+  visible_.assign(points_.size(), false);
+  for (InFlight& asked : in_flight_) asked.point = points_.size();  // nobody's
+  invalidate();
+}
+
+void PinProbe::invalidate() {
+  wanted_ = points_.size();
+  if (next_ >= points_.size()) next_ = 0;
+}
+
+void PinProbe::ask(std::size_t point, const glm::vec4& clip) {
+  base::gl::Query query;
+  if (spare_.empty()) {
+    query = base::gl::Query::create();
+  } else {
+    query = std::move(spare_.back());
+    spare_.pop_back();
+  }
+  glUniform4f(program_.uniform("u_clip"), clip.x, clip.y, clip.z, clip.w);
+  glBeginQuery(GL_ANY_SAMPLES_PASSED, query.name());
+  glDrawArrays(GL_POINTS, 0, 1);
+  glEndQuery(GL_ANY_SAMPLES_PASSED);
+  in_flight_.push_back({point, std::move(query)});
+}
+
+void PinProbe::draw(const base::Camera& camera, const glm::vec4& section, float error_px) {
+  if (wanted_ == 0 || !in_flight_.empty()) return;
+  const glm::mat4 clip_from_scene = camera.clipFromScene();
+  program_.use();
+  glBindVertexArray(no_attributes_.name());
+  glEnable(GL_DEPTH_TEST);
+  glDepthFunc(GL_LEQUAL);
+  glDepthMask(GL_FALSE);
+  glColorMask(GL_FALSE, GL_FALSE, GL_FALSE, GL_FALSE);
+  for (std::size_t i = 0; i < std::min(kPinsPerFrame, points_.size()) && wanted_ > 0; ++i) {
+    const glm::vec3& point = points_[next_];
+    const glm::vec3 to_viewer = camera.towardsViewer(point);
+    const float lift = (kLiftErrors * error_px + kLiftPixels) / camera.pixelsPerUnit(point);
+    const float length = glm::length(to_viewer);
+    const bool cut_away = glm::dot(glm::vec3(section), point) > section.w + lift;
+    if (cut_away || !(length > 0.0F))
+      visible_[next_] = false;
+    else
+      ask(next_, clip_from_scene * glm::vec4(point + to_viewer * (lift / length), 1.0F));
+    next_ = (next_ + 1) % points_.size();
+    --wanted_;
+  }
+  glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
+  glDepthMask(GL_TRUE);
+  glDepthFunc(GL_LESS);
+  glBindVertexArray(0);
+}
+
+void PinProbe::poll() {
+  // In order: what was asked later is not answered earlier.
+  std::size_t answered = 0;
+  for (; answered < in_flight_.size(); ++answered) {
+    InFlight& asked = in_flight_[answered];
+    GLuint available = GL_FALSE;
+    glGetQueryObjectuiv(asked.query.name(), GL_QUERY_RESULT_AVAILABLE, &available);
+    if (available == GL_FALSE) break;
+    GLuint passed = GL_FALSE;
+    glGetQueryObjectuiv(asked.query.name(), GL_QUERY_RESULT, &passed);
+    if (asked.point < visible_.size()) visible_[asked.point] = passed != GL_FALSE;
+    spare_.push_back(std::move(asked.query));
+  }
+  in_flight_.erase(in_flight_.begin(), in_flight_.begin() + static_cast<std::ptrdiff_t>(answered));
+}
+
+}  // namespace client

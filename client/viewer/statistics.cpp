@@ -1,0 +1,96 @@
+#include "client/viewer/statistics.h"
+
+#include <array>
+#include <cstdarg>
+#include <cstdio>
+
+namespace client {
+namespace {
+
+__attribute__((format(printf, 1, 2))) std::string format(const char* pattern, ...) {
+  std::array<char, 256> buffer{};
+  va_list values;
+  va_start(values, pattern);
+  std::vsnprintf(buffer.data(), buffer.size(), pattern, values);
+  va_end(values);
+  return buffer.data();
+}
+
+/// "1 234 567": three digits at a time.
+std::string grouped(std::uint64_t value) {
+  const std::string digits = std::to_string(value);
+  std::string text;
+  for (std::size_t i = 0; i < digits.size(); ++i) {
+    if (i > 0 && (digits.size() - i) % 3 == 0) text += ' ';
+    text += digits[i];
+  }
+  return text;
+}
+
+std::string view(const Statistics& s) {
+  const std::string name(accuracyName(s.accuracy));
+  return s.complete ? name + ", complete" : name + ", more on its way";
+}
+
+std::string frames(const Statistics& s) {
+  return s.frames_per_second > 0.0 ? format("%.0f per second, %.1f ms each", s.frames_per_second, s.frame_milliseconds)
+                                   : format("at rest, %.1f ms the last", s.frame_milliseconds);
+}
+
+}  // namespace
+
+std::string_view accuracyName(Accuracy accuracy) {
+  static constexpr std::array<std::string_view, 5> kNames{"nothing yet", "coarse", "blended", "exact", "fine"};
+  return kNames[static_cast<std::size_t>(accuracy)];
+}
+
+std::string formatBytes(std::uint64_t bytes) {
+  const auto value = static_cast<double>(bytes);
+  if (bytes < 1'000'000) return format("%.0f kB", 1e-3 * value);
+  return bytes < 10'000'000'000 ? format("%.1f MB", 1e-6 * value) : format("%.1f GB", 1e-9 * value);
+}
+
+namespace {
+
+/// Of a viewer that shows splats.
+std::vector<StatisticsLine> splatLines(const Statistics& s) {
+  std::vector<StatisticsLine> lines{
+      {"picture", view(s)},
+      {"frames", frames(s)},
+      {"splats", grouped(s.splats) + format(", down to %.1f px", s.error_px) +
+                     (s.reduction > 1.0 ? format(", one sample for %.1f px", s.reduction) : std::string()) +
+                     (s.lens_px > 0.0 ? format(", %.1f in the glass", s.lens_px) : std::string())},
+      {"blocks", grouped(s.blocks_present) + " of " + grouped(s.blocks) + " here, " + grouped(s.blocks_requested) +
+                     " requested, " + grouped(s.blocks_wanted) + " wanted"},
+      {"memory", formatBytes(s.memory_bytes) + " of " + formatBytes(s.memory_budget) +
+                     (s.limited ? ": finer splats need more" : "")},
+      {"received", formatBytes(s.received_bytes)},
+      {"link", format("%.1f Mbit/s", s.megabits_per_second)}};
+  if (s.broken > 0) lines.push_back({"broken", s.last_fault});
+  return lines;
+}
+
+}  // namespace
+
+std::vector<StatisticsLine> statisticsLines(const Statistics& s) {
+  if (s.blocks > 0) return splatLines(s);
+  std::vector<StatisticsLine> lines{
+      {"picture", view(s)},
+      {"frames", frames(s)},
+      {"images",
+       format("%u in use, %u resident, %u requested", s.images_in_use, s.images_resident, s.images_requested)},
+      {"found here", format("%.0f %% of images", 1e2 * s.hit_rate)},
+      {"patches", format("%u, ", s.patches) + grouped(s.triangles) + " triangles"},
+      {"screen error", format("%.2f px", s.error_px)},
+      {"memory", formatBytes(s.memory_bytes) + " of " + formatBytes(s.memory_budget)},
+      {"graphics", formatBytes(s.gpu_bytes) + " of these"},
+      {"received", formatBytes(s.received_bytes) + ": images " + formatBytes(s.received_images) + ", patches " +
+                       formatBytes(s.received_patches) + ", exact " + formatBytes(s.received_frames)},
+      {"link", format("%.1f Mbit/s, ", s.megabits_per_second) +
+                   (s.round_trip_milliseconds > 0.0 ? format("%.0f ms round trip", s.round_trip_milliseconds)
+                                                    : std::string("round trip not measured"))}};
+  if (s.broken > 0) lines.push_back({"broken", format("%u, the last: ", s.broken) + s.last_fault});
+  return lines;
+}
+
+}  // namespace client

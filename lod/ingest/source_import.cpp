@@ -1,0 +1,220 @@
+#include "lod/ingest/source_import.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include "mesh/sink_thread.h"
+#include "mesh/stream_mesh.h"
+
+namespace lod::ingest {
+namespace {
+
+using base::Error;
+using base::ErrorCode;
+
+// Squares of parts of it must stay above float32's smallest.
+constexpr double kMinSize = 1e-15;
+
+// Centre of the box, rounded to a power of two of about an eighth of its longest side, so that the number is short and
+// the subtraction exact; 0 for models that lie around 0 anyway.
+glm::dvec3 originFor(const glm::dvec3& low, const glm::dvec3& high) {
+  const glm::dvec3 size = high - low;
+  const double longest = std::max({size.x, size.y, size.z});
+  const glm::dvec3 reach = glm::max(glm::abs(low), glm::abs(high));
+  if (std::max({reach.x, reach.y, reach.z}) <= longest) return glm::dvec3(0.0);
+  const double step = longest > 0.0 ? std::exp2(std::floor(std::log2(longest)) - 2.0) : 1.0;
+  return glm::round(0.5 * (low + high) / step) * step + 0.0;
+}
+
+base::Result<void> checkMesh(const mesh::Mesh& mesh) {
+  if (mesh.indices.size() < 3) return Error{ErrorCode::kInvalidInput, "the mesh has no triangles"};
+  for (std::size_t i = 0; i < mesh.indices.size(); ++i)
+    if (mesh.indices[i] >= mesh.positions.size())
+      return Error{ErrorCode::kInvalidInput, "triangle " + std::to_string(i / 3) + ": vertex " +
+                                                 std::to_string(mesh.indices[i]) + " is out of range (" +
+                                                 std::to_string(mesh.positions.size()) + " vertices)"};
+  return {};
+}
+
+base::Result<void> spoolMesh(const mesh::Mesh& mesh, SourceSpool& spool) {
+  constexpr std::size_t kBlock = std::size_t{1} << 16;
+  spool.beginFile("mesh");
+  std::vector<glm::dvec3> positions;
+  for (std::size_t begin = 0; begin < mesh.positions.size(); begin += kBlock) {
+    const std::size_t count = std::min(kBlock, mesh.positions.size() - begin);
+    positions.assign(mesh.positions.begin() + static_cast<std::ptrdiff_t>(begin),
+                     mesh.positions.begin() + static_cast<std::ptrdiff_t>(begin + count));
+    for (glm::dvec3& p : positions) p += mesh.origin;
+    mesh::VertexBlock block;
+    block.positions = positions;
+    if (!mesh.normals.empty()) block.normals = std::span(mesh.normals).subspan(begin, count);
+    if (!mesh.colors.empty()) block.colors = std::span(mesh.colors).subspan(begin, count);
+    LUMIGRID_TRY(spool.vertices(block));
+  }
+  std::vector<std::uint64_t> corners;
+  for (std::size_t begin = 0; begin < mesh.indices.size(); begin += 3 * kBlock) {
+    const std::size_t count = std::min(3 * kBlock, mesh.indices.size() - begin);
+    corners.assign(mesh.indices.begin() + static_cast<std::ptrdiff_t>(begin),
+                   mesh.indices.begin() + static_cast<std::ptrdiff_t>(begin + count));
+    LUMIGRID_TRY(spool.triangles({corners, {}, {}}));
+  }
+  return {};
+}
+
+base::Bytes stateOf(const ImportedSource& source) {
+  const SourceInfo& info = source.info;
+  base::ByteWriter out;
+  out.u64(source.vertex_bytes);
+  out.u64(source.triangle_bytes);
+  out.write(source.origin);
+  out.u64(info.vertices);
+  out.u64(info.triangles);
+  out.u64(info.referenced);
+  out.u8(info.has_normals ? 1 : 0);
+  out.u8(info.has_colors ? 1 : 0);
+  out.write(info.box_min);
+  out.write(info.box_max);
+  out.write(info.mean_edge);
+  out.u64(info.short_faces);
+  out.u32(static_cast<std::uint32_t>(info.warnings.size()));
+  for (const std::string& warning : info.warnings) out.string16(warning);
+  return out.take();
+}
+
+base::Result<ImportedSource> readState(const WorkDirectory& directory) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto state, directory.state(1));
+  base::ByteReader in(state);
+  ImportedSource source;
+  SourceInfo& info = source.info;
+  source.vertex_bytes = in.u64();
+  source.triangle_bytes = in.u64();
+  source.origin = in.read<glm::dvec3>();
+  info.vertices = in.u64();
+  info.triangles = in.u64();
+  info.referenced = in.u64();
+  info.has_normals = in.u8() != 0;
+  info.has_colors = in.u8() != 0;
+  info.box_min = in.read<glm::dvec3>();
+  info.box_max = in.read<glm::dvec3>();
+  info.mean_edge = in.read<double>();
+  info.short_faces = in.u64();
+  for (std::uint32_t left = in.u32(); left > 0 && in.ok(); --left) info.warnings.push_back(in.string16());
+  if (!in.atEnd()) return directory.broken();
+  return source;
+}
+
+base::Result<mesh::StreamedFile> readFile(const std::string& path, SourceSpool& spool, unsigned threads,
+                                          const mesh::StreamOptions& options) {
+  if (threads == 1) return mesh::streamMesh(path, spool, options);
+  mesh::SinkThread thread(spool);
+  auto file = mesh::streamMesh(path, thread, options);
+  // What the spool refused came before whatever the reader stumbled over.
+  LUMIGRID_TRY(thread.finish());
+  return file;
+}
+
+}  // namespace
+
+base::Result<SourceInput> sourceFromFiles(const std::vector<std::string>& paths, const Progress& progress,
+                                          unsigned threads, bool points) {
+  if (paths.empty()) return Error{ErrorCode::kInvalidInput, "no mesh file is named"};
+  SourceInput input;
+  input.points = points;
+  for (const std::string& path : paths) {
+    std::error_code ignored;
+    const auto size = std::filesystem::file_size(path, ignored);
+    if (!ignored) input.bytes += size;
+  }
+  input.read = [&paths, &progress, threads, points](SourceSpool& spool, SourceInfo& notes) -> base::Result<void> {
+    std::vector<bool> colored;
+    for (std::size_t i = 0; i < paths.size(); ++i) {
+      mesh::StreamOptions stream;
+      stream.points = points;
+      stream.progress = [&](double done) {
+        return !progress || progress("import", (static_cast<double>(i) + done) / static_cast<double>(paths.size()));
+      };
+      spool.beginFile(paths[i]);
+      LUMIGRID_ASSIGN_OR_RETURN(auto file, readFile(paths[i], spool, threads, stream));
+      for (const std::string& warning : file.warnings) notes.warnings.push_back(paths[i] + ": " + warning);
+      notes.short_faces += file.short_faces;
+      colored.push_back(file.has_colors);
+    }
+    for (std::size_t i = 0; i < paths.size(); ++i)
+      if (!colored[i] && std::find(colored.begin(), colored.end(), true) != colored.end())
+        notes.warnings.push_back(paths[i] + ": has no colours while other files have; it becomes white");
+    return {};
+  };
+  return input;
+}
+
+base::Result<SourceInput> sourceFromMesh(const mesh::Mesh& mesh) {
+  LUMIGRID_TRY(checkMesh(mesh));
+  SourceInput input;
+  input.origin = &mesh.origin;
+  input.bytes = 16 * (mesh.positions.size() + mesh.triangleCount());
+  input.read = [&mesh](SourceSpool& spool, SourceInfo&) { return spoolMesh(mesh, spool); };
+  return input;
+}
+
+base::Result<ImportedSource> importSource(WorkDirectory& directory, const SourceInput& input, unsigned threads) {
+  if (directory.stage() >= 1) return readState(directory);
+  LUMIGRID_TRY(directory.needSpace(input.bytes, "the source's vertices and triangles"));
+  LUMIGRID_ASSIGN_OR_RETURN(auto spool, SourceSpool::create(directory.path()));
+  SourceInfo notes;
+  LUMIGRID_TRY(input.read(spool, notes));
+  LUMIGRID_ASSIGN_OR_RETURN(auto info, spool.finish(input.points, threads));
+  ImportedSource source;
+  source.info = std::move(info);
+  source.info.warnings = std::move(notes.warnings);
+  source.info.short_faces = notes.short_faces;
+  const glm::dvec3 size = source.info.box_max - source.info.box_min;
+  const double longest = std::max({size.x, size.y, size.z});
+  if (longest > 0.0 && longest < kMinSize)
+    return Error{ErrorCode::kInvalidInput,
+                 "the mesh is less than 1e-15 units across, too small for what is computed from it; scale it up"};
+  source.origin = input.origin != nullptr ? *input.origin : originFor(source.info.box_min, source.info.box_max);
+  source.vertex_bytes = spool.vertexBytes();
+  source.triangle_bytes = spool.triangleBytes();
+  LUMIGRID_TRY(directory.finishStage(1, stateOf(source), {"vertices", "triangles"}));
+  return source;
+}
+
+base::Result<SourceSpool> openSource(const WorkDirectory& directory, const ImportedSource& source) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto spool, SourceSpool::open(directory.path()));
+  if (source.vertex_bytes != spool.vertexBytes() || source.triangle_bytes != spool.triangleBytes())
+    return directory.broken();
+  return spool;
+}
+
+base::Result<Buckets> sortSource(WorkDirectory& directory, const ImportedSource& source, const SourceLattice& lattice,
+                                 const BucketOptions& options) {
+  if (directory.stage() >= 2) {
+    LUMIGRID_ASSIGN_OR_RETURN(auto state, directory.state(2));
+    return Buckets::open(directory.path(), state);
+  }
+  const SourceInfo& info = source.info;
+  const std::uint64_t record = 3 * (8U + (info.has_colors ? 4U : 0U) + (info.has_normals ? 4U : 0U));
+  LUMIGRID_TRY(directory.needSpace(info.triangles * record, "the triangles sorted by voxels"));
+  LUMIGRID_ASSIGN_OR_RETURN(auto spool, openSource(directory, source));
+  LUMIGRID_ASSIGN_OR_RETURN(auto buckets, Buckets::sort(spool, info, lattice, directory.path(), options));
+  const auto sorted = std::make_shared<SourceSpool>(std::move(spool));
+  LUMIGRID_TRY(directory.finishStage(2, buckets.state(), {"buckets"}, [sorted] { sorted->remove(); }));
+  releaseFreedMemory(2 * options.memory_bytes);
+  return buckets;
+}
+
+void addRepairs(const ImportedSource& source, const Buckets& buckets, mesh::RepairCounts& repairs) {
+  repairs.add("degenerate_triangles", source.info.short_faces + buckets.totals().degenerate);
+  repairs.add("lattice_collapsed_triangles", buckets.totals().collapsed);
+  repairs.add("flipped_triangles", buckets.winding().flipped());
+  repairs.add("non_orientable_parts", buckets.winding().nonOrientable());
+  repairs.add("unreferenced_vertices", source.info.vertices - source.info.referenced);
+}
+
+base::Error ofSource(const std::vector<std::string>& paths, base::Error error) {
+  const bool of_mesh = error.message.rfind("the mesh", 0) == 0 || error.message.rfind("no triangle", 0) == 0;
+  return of_mesh && !paths.empty() ? base::within(paths.front(), std::move(error)) : error;
+}
+
+}  // namespace lod::ingest

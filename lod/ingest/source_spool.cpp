@@ -1,0 +1,349 @@
+#include "lod/ingest/source_spool.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <limits>
+#include <numeric>
+
+#include "base/parallel.h"
+#include "lod/ingest/work_directory.h"
+
+namespace lod::ingest {
+namespace {
+
+// Squares of coordinates must stay finite in float32.
+constexpr double kMaxCoordinate = 1e18;
+constexpr std::size_t kMaxSampledTriangles = std::size_t{1} << 14;
+constexpr std::uint32_t kDouble = 1, kNormals = 2, kColors = 4, kWide = 8;
+
+struct BlockHeader {
+  std::uint32_t count = 0;
+  std::uint32_t flags = 0;
+};
+
+template <class T>
+void put(base::Bytes& out, const T* values, std::size_t count) {
+  const std::size_t at = out.size();
+  out.resize(at + count * sizeof(T));
+  if (count > 0) std::memcpy(out.data() + at, values, count * sizeof(T));
+}
+
+template <class T>
+void take(base::ByteView& in, std::vector<T>& values, std::size_t count) {
+  values.resize(count);
+  if (count > 0) std::memcpy(values.data(), in.data(), count * sizeof(T));
+  in = in.subspan(count * sizeof(T));
+}
+
+// Of Stored that become T, or as they are.
+template <class Stored, class T>
+void takeNarrow(base::ByteView& in, std::vector<T>& values, std::size_t count, bool narrow) {
+  if (!narrow) return take(in, values, count);
+  values.resize(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    Stored stored;
+    std::memcpy(&stored, in.data() + i * sizeof(stored), sizeof(stored));
+    values[i] = T(stored);
+  }
+  in = in.subspan(count * sizeof(Stored));
+}
+
+// Of what comes after the header.
+std::uint64_t vertexBlockBytes(std::uint64_t count, std::uint32_t flags) {
+  return count * (((flags & kDouble) != 0 ? 24U : 12U) + ((flags & kNormals) != 0 ? 4U : 0U) +
+                  ((flags & kColors) != 0 ? 4U : 0U));
+}
+std::uint64_t triangleBlockBytes(std::uint64_t count, std::uint32_t flags) {
+  return 3 * count *
+         (((flags & kWide) != 0 ? 8U : 4U) + ((flags & kColors) != 0 ? 4U : 0U) + ((flags & kNormals) != 0 ? 4U : 0U));
+}
+
+bool fitsFloat(std::span<const glm::dvec3> positions) {
+  return std::all_of(positions.begin(), positions.end(),
+                     [](const glm::dvec3& p) { return glm::dvec3(glm::vec3(p)) == p; });
+}
+
+}  // namespace
+
+std::uint32_t packNormal(const glm::vec3& n) {
+  const float length = glm::length(n);
+  if (!(length > 0.0F) || !std::isfinite(length)) return 0;
+  const glm::ivec3 q(glm::round(127.0F * (n / length)));
+  auto byte = [](int v) { return static_cast<std::uint32_t>(static_cast<std::uint8_t>(static_cast<std::int8_t>(v))); };
+  return byte(q.x) | byte(q.y) << 8 | byte(q.z) << 16 | 0xFF000000U;
+}
+
+glm::ivec3 unpackNormal(std::uint32_t packed) {
+  auto part = [packed](int shift) { return static_cast<int>(static_cast<std::int8_t>(packed >> shift)); };
+  return packed == 0 ? glm::ivec3(0) : glm::ivec3(part(0), part(8), part(16));
+}
+
+base::Result<SourceSpool> SourceSpool::create(const std::string& directory) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto vertices, SpoolFile::create(directory + "/vertices"));
+  LUMIGRID_ASSIGN_OR_RETURN(auto triangles, SpoolFile::create(directory + "/triangles"));
+  return SourceSpool(std::move(vertices), std::move(triangles));
+}
+
+base::Result<SourceSpool> SourceSpool::open(const std::string& directory) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto vertices, SpoolFile::open(directory + "/vertices"));
+  LUMIGRID_ASSIGN_OR_RETURN(auto triangles, SpoolFile::open(directory + "/triangles"));
+  SourceSpool spool(std::move(vertices), std::move(triangles));
+  LUMIGRID_TRY(spool.findBlocks(directory));
+  return spool;
+}
+
+base::Result<void> SourceSpool::findBlocks(const std::string& directory) {
+  const auto find = [&](const SpoolFile& file, std::vector<Block>& blocks, auto bytes) -> base::Result<void> {
+    Block block;
+    while (block.offset < file.size()) {
+      BlockHeader header;
+      if (file.size() - block.offset < sizeof(header)) return damagedWorkFiles(directory);
+      std::uint8_t room[sizeof(header)];
+      LUMIGRID_TRY(file.readAt(block.offset, room));
+      std::memcpy(&header, room, sizeof(header));
+      block.count = header.count, block.flags = header.flags;
+      const std::uint64_t end = block.offset + sizeof(header) + bytes(header.count, header.flags);
+      if (end > file.size()) return damagedWorkFiles(directory);
+      blocks.push_back(block);
+      block.first += header.count, block.offset = end;
+    }
+    return {};
+  };
+  LUMIGRID_TRY(find(vertices_, vertex_blocks_, vertexBlockBytes));
+  return find(triangles_, triangle_blocks_, triangleBlockBytes);
+}
+
+void SourceSpool::beginFile(const std::string& name) {
+  name_ = name;
+  file_ = {info_.vertices, info_.triangles, vertices_.size(), triangles_.size()};
+}
+
+base::Result<void> SourceSpool::restart() {
+  LUMIGRID_TRY(vertices_.flush());
+  LUMIGRID_TRY(triangles_.flush());
+  LUMIGRID_TRY(vertices_.truncate(file_.vertex_bytes));
+  LUMIGRID_TRY(triangles_.truncate(file_.triangle_bytes));
+  info_.vertices = file_.vertices;
+  info_.triangles = file_.triangles;
+  std::erase_if(vertex_blocks_, [this](const Block& block) { return block.offset >= file_.vertex_bytes; });
+  std::erase_if(triangle_blocks_, [this](const Block& block) { return block.offset >= file_.triangle_bytes; });
+  // Marks of the first try would only say that more vertices are in use; numbers beyond this file's first are cleared.
+  for (std::uint64_t v = file_.vertices; v < 64 * used_.size(); ++v) used_[v / 64] &= ~(std::uint64_t{1} << (v % 64));
+  while (!sampled_.empty() && *std::max_element(sampled_.end() - 3, sampled_.end()) >= file_.vertices)
+    sampled_.resize(sampled_.size() - 3);
+  return {};
+}
+
+base::Result<void> SourceSpool::vertices(const mesh::VertexBlock& block) {
+  const std::size_t count = block.positions.size();
+  if (count == 0) return {};
+  for (std::size_t i = 0; i < count; ++i) {
+    const glm::dvec3& p = block.positions[i];
+    if (std::abs(p.x) <= kMaxCoordinate && std::abs(p.y) <= kMaxCoordinate && std::abs(p.z) <= kMaxCoordinate) continue;
+    const bool finite = std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z);
+    return base::Error{base::ErrorCode::kInvalidInput,
+                       name_ + ": vertex " + std::to_string(info_.vertices - file_.vertices + i) +
+                           ": a coordinate is " + (finite ? "larger than 1e18" : "not finite (NaN or infinite)") +
+                           "; mend or remove the vertex"};
+  }
+  const bool wide = !fitsFloat(block.positions);
+  scratch_.clear();
+  const BlockHeader header{static_cast<std::uint32_t>(count), (wide ? kDouble : 0U) |
+                                                                  (block.normals.empty() ? 0U : kNormals) |
+                                                                  (block.colors.empty() ? 0U : kColors)};
+  put(scratch_, &header, 1);
+  if (wide) {
+    put(scratch_, block.positions.data(), count);
+  } else {
+    const std::size_t at = scratch_.size();
+    scratch_.resize(at + count * sizeof(glm::vec3));
+    for (std::size_t i = 0; i < count; ++i) {
+      const glm::vec3 p(block.positions[i]);
+      std::memcpy(scratch_.data() + at + i * sizeof(p), &p, sizeof(p));
+    }
+  }
+  for (const glm::vec3& n : block.normals) {
+    const std::uint32_t packed = packNormal(n);
+    put(scratch_, &packed, 1);
+  }
+  for (glm::u8vec4 c : block.colors) {
+    c.a = 255;
+    put(scratch_, &c, 1);
+  }
+  vertex_blocks_.push_back({info_.vertices, vertices_.size(), header.count, header.flags});
+  info_.vertices += count;
+  info_.has_normals |= !block.normals.empty();
+  info_.has_colors |= !block.colors.empty();
+  return vertices_.append(scratch_);
+}
+
+base::Result<void> SourceSpool::triangles(const mesh::TriangleBlock& block) {
+  const std::size_t corners = block.corners.size();
+  if (corners == 0) return {};
+  std::uint64_t highest = 0;
+  for (const std::uint64_t c : block.corners) highest = std::max(highest, c + file_.vertices);
+  if (highest / 64 >= used_.size()) used_.resize(std::max<std::size_t>(highest / 64 + 1, used_.size() * 3 / 2), 0);
+  const bool wide = highest > std::numeric_limits<std::uint32_t>::max();
+  scratch_.clear();
+  const BlockHeader header{static_cast<std::uint32_t>(corners / 3), (wide ? kWide : 0U) |
+                                                                        (block.colors.empty() ? 0U : kColors) |
+                                                                        (block.normals.empty() ? 0U : kNormals)};
+  put(scratch_, &header, 1);
+  const std::size_t at = scratch_.size();
+  scratch_.resize(at + corners * (wide ? 8U : 4U));
+  for (std::size_t i = 0; i < corners; ++i) {
+    const std::uint64_t v = block.corners[i] + file_.vertices;
+    used_[v / 64] |= std::uint64_t{1} << (v % 64);
+    const auto narrow = static_cast<std::uint32_t>(v);
+    if (wide)
+      std::memcpy(scratch_.data() + at + 8 * i, &v, 8);
+    else
+      std::memcpy(scratch_.data() + at + 4 * i, &narrow, 4);
+  }
+  put(scratch_, block.colors.data(), block.colors.size());
+  for (const glm::vec3& n : block.normals) {
+    const std::uint32_t packed = packNormal(n);
+    put(scratch_, &packed, 1);
+  }
+  sample(block.corners);
+  triangle_blocks_.push_back({info_.triangles, triangles_.size(), header.count, header.flags});
+  info_.triangles += corners / 3;
+  info_.has_colors |= !block.colors.empty();
+  info_.has_normals |= !block.normals.empty();
+  return triangles_.append(scratch_);
+}
+
+// Every so many triangles; twice as many when there are too many.
+void SourceSpool::sample(std::span<const std::uint64_t> corners) {
+  const std::uint64_t first = (info_.triangles + sample_stride_ - 1) / sample_stride_ * sample_stride_;
+  for (std::uint64_t t = first; t < info_.triangles + corners.size() / 3; t += sample_stride_) {
+    if (t % sample_stride_ != 0) t += sample_stride_ - t % sample_stride_;
+    if (t >= info_.triangles + corners.size() / 3) break;
+    for (std::size_t k = 0; k < 3; ++k)
+      sampled_.push_back(corners[3 * static_cast<std::size_t>(t - info_.triangles) + k] + file_.vertices);
+    if (sampled_.size() < 3 * kMaxSampledTriangles) continue;
+    std::size_t kept = 0;
+    for (std::size_t i = 0; i < sampled_.size(); i += 6)
+      for (std::size_t k = 0; k < 3; ++k) sampled_[kept++] = sampled_[i + k];
+    sampled_.resize(kept);
+    sample_stride_ *= 2;
+  }
+}
+
+base::Result<SourceInfo> SourceSpool::finish(bool points, unsigned threads) {
+  LUMIGRID_TRY(vertices_.flush());
+  LUMIGRID_TRY(triangles_.flush());
+  if (info_.triangles == 0 && !points) return base::Error{base::ErrorCode::kInvalidInput, "the mesh has no triangles"};
+  if (info_.vertices == 0) return base::Error{base::ErrorCode::kInvalidInput, "the mesh has no vertices"};
+  LUMIGRID_TRY(measure(threads));
+  used_ = std::vector<std::uint64_t>();
+  sampled_ = std::vector<std::uint64_t>();
+  return info_;
+}
+
+struct SourceSpool::Measured {
+  std::uint64_t referenced = 0;
+  glm::dvec3 low{std::numeric_limits<double>::max()};
+  glm::dvec3 high{std::numeric_limits<double>::lowest()};
+};
+
+// The sampled corners, those of each block together, and their positions once they are found.
+struct SourceSpool::Sampled {
+  std::vector<std::uint32_t> corners;  // places in sampled_
+  std::vector<std::size_t> begin;      // by block: the first of its own
+  std::vector<glm::dvec3> found;       // as many as sampled_
+};
+
+// Box of what is in use, and the mean edge of the sample: its corners' positions are met in one pass.
+base::Result<void> SourceSpool::measure(unsigned threads) {
+  used_.resize(static_cast<std::size_t>(info_.vertices / 64 + 1), 0);
+  const auto blockOf = [this](std::uint64_t vertex) {
+    const auto after = std::upper_bound(vertex_blocks_.begin(), vertex_blocks_.end(), vertex,
+                                        [](std::uint64_t v, const Block& block) { return v < block.first; });
+    return static_cast<std::size_t>(after - vertex_blocks_.begin()) - 1;
+  };
+  Sampled sampled;
+  sampled.found.resize(sampled_.size());
+  sampled.corners.resize(sampled_.size());
+  sampled.begin.assign(vertexBlocks() + 1, 0);
+  std::vector<std::size_t> blocks;
+  blocks.reserve(sampled_.size());
+  for (const std::uint64_t vertex : sampled_) ++sampled.begin[blocks.emplace_back(blockOf(vertex)) + 1];
+  std::partial_sum(sampled.begin.begin(), sampled.begin.end(), sampled.begin.begin());
+  std::vector<std::size_t> next = sampled.begin;
+  for (std::uint32_t i = 0; i < blocks.size(); ++i) sampled.corners[next[blocks[i]]++] = i;
+
+  std::vector<Measured> measured(vertexBlocks());
+  LUMIGRID_TRY(base::tryParallelFor(vertexBlocks(), threads,
+                                    [&](std::size_t block) { return measureBlock(block, measured[block], sampled); }));
+  Measured all;
+  for (const Measured& block : measured) {
+    all.referenced += block.referenced;
+    all.low = glm::min(all.low, block.low);
+    all.high = glm::max(all.high, block.high);
+  }
+  info_.referenced = all.referenced;
+  info_.box_min = all.low;
+  info_.box_max = all.high;
+
+  const std::vector<glm::dvec3>& found = sampled.found;
+  double log_sum = 0.0;
+  double count = 0.0;
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    const glm::dvec3 edge = found[i % 3 == 2 ? i - 2 : i + 1] - found[i];
+    if (const double length = glm::length(edge); length > 0.0) log_sum += std::log(length), count += 1.0;
+  }
+  info_.mean_edge = count > 0.0 ? std::exp(log_sum / count) : 0.0;
+  return {};
+}
+
+base::Result<void> SourceSpool::measureBlock(std::size_t block, Measured& out, Sampled& sampled) const {
+  SpooledVertices vertices;
+  LUMIGRID_TRY(readVertices(block, vertices));
+  for (std::size_t i = 0; i < vertices.positions.size(); ++i) {
+    const std::uint64_t v = vertices.first + i;
+    if (info_.triangles != 0 && (used_[static_cast<std::size_t>(v / 64)] >> (v % 64) & 1U) == 0) continue;
+    ++out.referenced;
+    out.low = glm::min(out.low, vertices.positions[i]);
+    out.high = glm::max(out.high, vertices.positions[i]);
+  }
+  for (std::size_t c = sampled.begin[block]; c < sampled.begin[block + 1]; ++c)
+    sampled.found[sampled.corners[c]] =
+        vertices.positions[static_cast<std::size_t>(sampled_[sampled.corners[c]] - vertices.first)];
+  return {};
+}
+
+base::Result<void> SourceSpool::readVertices(std::size_t block, SpooledVertices& out) const {
+  const Block& at = vertex_blocks_[block];
+  out.first = at.first;
+  out.packed.resize(static_cast<std::size_t>(vertexBlockBytes(at.count, at.flags)));
+  LUMIGRID_TRY(vertices_.readAt(at.offset + sizeof(BlockHeader), out.packed));
+  base::ByteView in = out.packed;
+  takeNarrow<glm::vec3>(in, out.positions, at.count, (at.flags & kDouble) == 0);
+  take(in, out.normals, (at.flags & kNormals) != 0 ? at.count : 0);
+  take(in, out.colors, (at.flags & kColors) != 0 ? at.count : 0);
+  return {};
+}
+
+base::Result<void> SourceSpool::readTriangles(std::size_t block, SpooledTriangles& out) const {
+  const Block& at = triangle_blocks_[block];
+  out.first = at.first;
+  out.packed.resize(static_cast<std::size_t>(triangleBlockBytes(at.count, at.flags)));
+  LUMIGRID_TRY(triangles_.readAt(at.offset + sizeof(BlockHeader), out.packed));
+  base::ByteView in = out.packed;
+  const std::size_t corners = 3 * std::size_t{at.count};
+  takeNarrow<std::uint32_t>(in, out.corners, corners, (at.flags & kWide) == 0);
+  take(in, out.colors, (at.flags & kColors) != 0 ? corners : 0);
+  take(in, out.normals, (at.flags & kNormals) != 0 ? corners : 0);
+  return {};
+}
+
+void SourceSpool::remove() {
+  std::error_code ignored;
+  std::filesystem::remove(vertices_.path(), ignored);
+  std::filesystem::remove(triangles_.path(), ignored);
+}
+
+}  // namespace lod::ingest

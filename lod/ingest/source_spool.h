@@ -1,0 +1,122 @@
+#pragma once
+// The source as the builder keeps it on disk: all files' vertices and triangles in their order, before anything is
+// known about the whole. Memory: one bit per vertex and a fixed buffer.
+#include <string>
+#include <vector>
+
+#include "lod/ingest/spool.h"
+#include "mesh/mesh.h"
+#include "mesh/mesh_sink.h"
+
+namespace lod::ingest {
+
+/// What all source files together turned out to be.
+struct SourceInfo {
+  std::uint64_t vertices = 0;    ///< of all files
+  std::uint64_t triangles = 0;   ///< of all files
+  std::uint64_t referenced = 0;  ///< vertices that some triangle uses
+  bool has_normals = false;      ///< some vertices came with one
+  bool has_colors = false;
+  glm::dvec3 box_min{0.0};  ///< of the referenced vertices, world
+  glm::dvec3 box_max{0.0};
+  double mean_edge = 0.0;  ///< geometric mean over a sample of the edges; 0 when all are points
+  std::vector<std::string> warnings;
+  std::uint64_t short_faces = 0;  ///< left out by the readers
+};
+
+/// Vertices and triangles of a block, numbered through all files. What a read leaves in `packed` is room for the next.
+struct SpooledVertices {
+  std::uint64_t first = 0;
+  std::vector<glm::dvec3> positions;
+  std::vector<std::uint32_t> normals;  ///< packed, 0 where unknown; empty when the block has none
+  std::vector<std::uint32_t> colors;   ///< R G B A from the lowest byte, A = 255; empty when the block has none
+  base::Bytes packed;
+};
+struct SpooledTriangles {
+  std::uint64_t first = 0;
+  std::vector<std::uint64_t> corners;
+  std::vector<std::uint32_t> colors;   ///< per corner, A = 0 where unknown; empty when the block has none
+  std::vector<std::uint32_t> normals;  ///< per corner, packed, 0 where unknown; empty when the block has none
+  base::Bytes packed;
+};
+
+/// A unit vector in 3 x 8 bits with a mark that it is one; 0 for a zero vector or NaN.
+std::uint32_t packNormal(const glm::vec3& n);
+/// As whole numbers -127 … 127; zero for 0.
+glm::ivec3 unpackNormal(std::uint32_t packed);
+
+class SourceSpool : public mesh::MeshSink {
+ public:
+  /// Files `vertices` and `triangles` in `directory`. Errors: kNoSpace, kIo.
+  static base::Result<SourceSpool> create(const std::string& directory);
+  /// As an earlier run left them after finish(). Errors: kNotFound, kIo, damaged work files.
+  static base::Result<SourceSpool> open(const std::string& directory);
+
+  base::Result<void> vertices(const mesh::VertexBlock& block) override;
+  base::Result<void> triangles(const mesh::TriangleBlock& block) override;
+  base::Result<void> restart() override;
+
+  /// Before each file: numbers start from here. `name` is what errors speak of.
+  void beginFile(const std::string& name);
+  /// After the last file: flushes, looks at all vertices once more, on so many threads. Where there is no triangle but
+  /// `points` are welcome, every vertex counts as referenced. Errors: those of reading, kInvalidInput when there is
+  /// nothing.
+  base::Result<SourceInfo> finish(bool points, unsigned threads);
+  /// Their sizes in bytes.
+  std::uint64_t vertexBytes() const { return vertices_.size(); }
+  std::uint64_t triangleBytes() const { return triangles_.size(); }
+
+  /// Blocks of some ten thousand, in the source's order. Reading is safe from several threads. Errors: kIo.
+  std::size_t vertexBlocks() const { return vertex_blocks_.size(); }
+  std::size_t triangleBlocks() const { return triangle_blocks_.size(); }
+  base::Result<void> readVertices(std::size_t block, SpooledVertices& out) const;
+  base::Result<void> readTriangles(std::size_t block, SpooledTriangles& out) const;
+  /// Vertices of a block are first … first + count − 1.
+  std::uint64_t firstVertex(std::size_t block) const { return vertex_blocks_[block].first; }
+  std::uint64_t vertexCount(std::size_t block) const { return vertex_blocks_[block].count; }
+  /// Calls body(SpooledVertices) for each block in order; body returns Result<void>.
+  template <class Body>
+  base::Result<void> forEachVertexBlock(Body&& body) const {
+    SpooledVertices block;
+    for (std::size_t b = 0; b < vertexBlocks(); ++b) {
+      LUMIGRID_TRY(readVertices(b, block));
+      LUMIGRID_TRY(body(static_cast<const SpooledVertices&>(block)));
+    }
+    return {};
+  }
+  /// Deletes both files.
+  void remove();
+
+ private:
+  struct Mark {  // where a file began
+    std::uint64_t vertices = 0, triangles = 0, vertex_bytes = 0, triangle_bytes = 0;
+  };
+  struct Block {
+    std::uint64_t first = 0;   // vertex or triangle
+    std::uint64_t offset = 0;  // of its header
+    std::uint32_t count = 0;
+    std::uint32_t flags = 0;
+  };
+  SourceSpool(SpoolFile vertices, SpoolFile triangles)
+      : vertices_(std::move(vertices)), triangles_(std::move(triangles)) {}
+  base::Result<void> findBlocks(const std::string& directory);
+  void sample(std::span<const std::uint64_t> corners);
+  base::Result<void> measure(unsigned threads);
+  struct Measured;
+  struct Sampled;
+  base::Result<void> measureBlock(std::size_t block, Measured& out, Sampled& sampled) const;
+
+  SpoolFile vertices_;
+  SpoolFile triangles_;
+  std::vector<Block> vertex_blocks_;
+  std::vector<Block> triangle_blocks_;
+  SourceInfo info_;
+  Mark file_;
+  std::string name_;
+  std::vector<std::uint64_t> used_;     // one bit per vertex
+  std::vector<std::uint64_t> sampled_;  // corners of every sample_stride_-th triangle
+  std::uint64_t sample_stride_ = 1;
+  base::Bytes scratch_;
+};
+
+}  // namespace lod::ingest

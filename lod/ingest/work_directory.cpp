@@ -1,0 +1,318 @@
+#include "lod/ingest/work_directory.h"
+
+#include <malloc.h>
+#include <sys/mman.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cerrno>
+#include <condition_variable>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <mutex>
+#include <utility>
+
+#include "base/crc32c.h"
+#include "base/file.h"
+#include "base/file_lock.h"
+
+namespace lod::ingest {
+namespace {
+
+namespace fs = std::filesystem;
+using base::Error;
+using base::ErrorCode;
+
+constexpr const char* kDamaged = ": the work files are damaged; remove this directory and build again";
+constexpr const char* kFiles[] = {"vertices", "triangles", "corners", "buckets", "patches", "points", "leaves", "nodes",
+                                  "runs",     "plain",     "stage1",  "stage2",  "stage3",  "stage4", "key"};
+
+std::string stageFile(const std::string& path, std::uint32_t stage) {
+  return path + "/stage" + std::to_string(stage);
+}
+
+// What a builder wrote into `path`, whole or not; others' files stay.
+void removeFiles(const std::string& path) {
+  std::error_code ignored;
+  std::vector<fs::path> found;
+  for (const auto& entry : fs::directory_iterator(path, ignored)) {
+    const std::string file = entry.path().filename().string();
+    const auto isOurs = [&](const char* name) { return file == name || base::isUnfinished(file, name); };
+    if (std::any_of(std::begin(kFiles), std::end(kFiles), isOurs)) found.push_back(entry.path());
+  }
+  for (const fs::path& file : found) fs::remove(file, ignored);
+}
+
+base::Result<void> needFree(const std::string& directory, std::uint64_t bytes, const std::string& what,
+                            const std::string& advice) {
+  std::error_code error;
+  const fs::space_info space = fs::space(directory, error);
+  if (error || space.available >= bytes) return {};
+  return Error{ErrorCode::kNoSpace, directory + ": no space left on device for " + what + ": about " + sizeText(bytes) +
+                                        " are needed, " + sizeText(space.available) + " are free; " + advice};
+}
+
+base::Result<void> writeKey(const std::string& directory, const ResumeKey& key) {
+  LUMIGRID_ASSIGN_OR_RETURN(const auto text, key());
+  return base::writeFileAtomically(directory + "/key",
+                                   base::ByteView(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
+}
+
+// Lets the first `bytes` that the allocator fetches from now on come in large pages, where the system has them: a fault
+// for each page of 4 kB takes an eighth of a small build. It is address space, not memory, that is taken.
+void useLargePages([[maybe_unused]] int bytes) {
+#ifdef MADV_HUGEPAGE
+  constexpr std::uintptr_t kPage = std::uintptr_t{2} << 20;
+  const auto heapEnd = [] { return reinterpret_cast<std::uintptr_t>(::sbrk(0)); };
+  const std::uintptr_t begin = (heapEnd() + kPage - 1) / kPage * kPage;
+  ::mallopt(M_TOP_PAD, bytes);
+  // What is as large as this the allocator has not at hand.
+  if (void* room = std::malloc(16 << 20)) {
+    *static_cast<volatile char*>(room) = 0;
+    std::free(room);
+  }
+  ::mallopt(M_TOP_PAD, 1 << 17);
+  const std::uintptr_t end = heapEnd() / kPage * kPage;
+  if (begin < end) (void)::madvise(reinterpret_cast<void*>(begin), end - begin, MADV_HUGEPAGE);
+#endif
+}
+
+// Whether a rerun can: what is wrong with the source stays wrong.
+bool mayGoOn(const base::Error& error) {
+  return error.code == ErrorCode::kCancelled || error.code == ErrorCode::kNoSpace || error.code == ErrorCode::kIo;
+}
+
+}  // namespace
+
+// What the threads that finish stages wait for.
+struct WorkDirectory::Delay {
+  std::mutex mutex;
+  std::condition_variable changed;
+  bool at_once = false;
+  std::atomic<bool> abandoned = false;
+
+  void set(bool now) {
+    const std::lock_guard lock(mutex);
+    at_once = now;
+    changed.notify_all();
+  }
+  void wait() {
+    std::unique_lock lock(mutex);
+    changed.wait_for(lock, kStageDelay, [this] { return at_once || abandoned; });
+  }
+};
+
+WorkDirectory::WorkDirectory() : delay_(std::make_shared<Delay>()) {}
+
+void WorkDirectory::abandonStages() {
+  delay_->abandoned = true;
+  delay_->set(true);
+}
+
+ResumeKey keyAfter(std::string before, ResumeKey key) {
+  if (!key) return {};
+  return [before = std::move(before), key = std::move(key)]() -> base::Result<std::string> {
+    auto text = key();
+    return text ? before + *text : std::move(text);
+  };
+}
+
+base::Result<WorkDirectory> WorkDirectory::open(const std::string& path, ResumeKey key) {
+  std::error_code error;
+  fs::create_directories(path, error);
+  if (error) return base::systemError(path, "make this directory", error.value());
+  WorkDirectory out;
+  out.path_ = path;
+  out.key_ = std::move(key);
+  auto lock = base::tryLockFile(path + "/lock");
+  if (!lock && lock.error().code == ErrorCode::kBusy)
+    return Error{ErrorCode::kBusy, path + ": another build is at work here; wait for it, or choose another directory"};
+  if (!lock) return lock.error();
+  out.lock_ = std::move(*lock);
+
+  // A stage that counts has a key beside it.
+  if (const auto stored = base::readFile(path + "/key"); out.key_ && stored) {
+    LUMIGRID_ASSIGN_OR_RETURN(const auto asked, out.key_());
+    if (std::string(stored->begin(), stored->end()) == asked)
+      while (out.state(out.stage_ + 1)) ++out.stage_;
+    if (out.stage_ > 0) return out;
+  }
+  removeFiles(path);
+  return out;
+}
+
+WorkDirectory::WorkDirectory(WorkDirectory&& other) noexcept {
+  *this = std::move(other);
+}
+
+WorkDirectory& WorkDirectory::operator=(WorkDirectory&& other) noexcept {
+  std::swap(path_, other.path_);
+  std::swap(key_, other.key_);
+  std::swap(stage_, other.stage_);
+  std::swap(lock_, other.lock_);
+  std::swap(delay_, other.delay_);
+  std::swap(finishing_, other.finishing_);
+  return *this;
+}
+
+WorkDirectory::~WorkDirectory() {
+  (void)settle();
+}
+
+base::Result<void> WorkDirectory::finishStage(std::uint32_t stage, base::Bytes state, std::vector<std::string> files,
+                                              std::function<void()> then) {
+  if (finishing_.valid() && finishing_.wait_for(std::chrono::seconds(0)) == std::future_status::ready)
+    LUMIGRID_TRY(finishing_.get());
+  stage_ = stage;
+  // Nobody goes on from what has no key.
+  if (!key_) {
+    if (then) then();
+    return {};
+  }
+  auto finish = [path = path_, key = key_, delay = delay_, stage, state = std::move(state), files = std::move(files),
+                 then = std::move(then), before = std::move(finishing_)]() mutable -> base::Result<void> {
+    delay->wait();
+    if (before.valid()) LUMIGRID_TRY(before.get());
+    for (const std::string& file : files) {
+      if (delay->abandoned) return {};
+      LUMIGRID_TRY(base::syncFile(path + "/" + file));
+    }
+    if (delay->abandoned) return {};
+    if (stage == 1) LUMIGRID_TRY(writeKey(path, key));
+    base::ByteWriter out;
+    out.u32(base::crc32c(state));
+    out.bytes(state);
+    LUMIGRID_TRY(base::writeFileAtomically(stageFile(path, stage), out.view()));
+    if (then) then();
+    return {};
+  };
+  finishing_ = std::async(std::launch::async, std::move(finish));
+  return {};
+}
+
+base::Result<void> WorkDirectory::settle() {
+  if (!finishing_.valid()) return {};
+  delay_->set(true);
+  auto finished = finishing_.get();
+  delay_->set(false);
+  return finished;
+}
+
+base::Result<base::Bytes> WorkDirectory::state(std::uint32_t stage) const {
+  LUMIGRID_ASSIGN_OR_RETURN(auto bytes, base::readFile(stageFile(path_, stage)));
+  base::ByteReader in(bytes);
+  const std::uint32_t crc = in.u32();
+  const base::ByteView rest = in.bytes(in.remaining());
+  if (!in.ok() || base::crc32c(rest) != crc) return broken();
+  return base::Bytes(rest.begin(), rest.end());
+}
+
+base::Error WorkDirectory::broken() const {
+  return damagedWorkFiles(path_);
+}
+
+base::Result<void> buildIn(std::optional<WorkDirectory>& directory, const std::string& path, const ResumeKey& key,
+                           const std::string& output_path, const std::function<base::Result<void>()>& stages) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto opened, WorkDirectory::open(path.empty() ? output_path + ".work" : path, key));
+  directory = std::move(opened);
+  base::removeUnfinished(output_path);  // nobody else is writing it now
+  auto done = stages();
+  // What is whole needs no work files, nor that they hold together.
+  if (done) directory->abandonStages();
+  (void)directory->settle();
+  if (done || !key || !mayGoOn(done.error())) directory->remove();
+  return done;
+}
+
+base::Error damagedWorkFiles(const std::string& directory) {
+  return {ErrorCode::kInvalidInput, directory + kDamaged};
+}
+
+bool isDamage(const base::Error& error) {
+  return error.message.find(kDamaged) != std::string::npos;
+}
+
+bool WorkDirectory::has(const std::string& name) const {
+  return fs::exists(fs::path(path_) / name);
+}
+
+void WorkDirectory::remove() {
+  removeFiles(path_);
+  std::error_code ignored;
+  fs::remove(fs::path(path_) / "lock", ignored);
+  fs::remove(path_, ignored);
+}
+
+base::Result<void> WorkDirectory::needSpace(std::uint64_t bytes, const std::string& what) const {
+  return needFree(path_, bytes, what, "free some, or name a roomier place with --tmpdir, and build again");
+}
+
+base::Result<TemporaryDirectory> TemporaryDirectory::make() {
+  std::error_code error;
+  std::string pattern = (fs::temp_directory_path(error) / "lumigrid-XXXXXX").string();
+  if (::mkdtemp(pattern.data()) == nullptr) return base::systemError(pattern, "create", errno);
+  return TemporaryDirectory(pattern);
+}
+
+TemporaryDirectory::~TemporaryDirectory() {
+  std::error_code ignored;
+  if (!path_.empty()) fs::remove_all(path_, ignored);
+}
+
+base::Result<void> needOutputSpace(const std::string& path, std::uint64_t bytes) {
+  const fs::path directory = fs::path(path).parent_path();
+  return needFree(directory.empty() ? "." : directory.string(), bytes, "the hierarchy",
+                  "free some, or choose another output, and build again");
+}
+
+base::Result<void> needDescriptors(std::uint64_t count) {
+  rlimit limit{};
+  if (::getrlimit(RLIMIT_NOFILE, &limit) != 0 || limit.rlim_cur >= count) return {};
+  return Error{ErrorCode::kNoSpace, "this process may have " + std::to_string(limit.rlim_cur) +
+                                        " files open, building needs " + std::to_string(count) +
+                                        "; raise the limit (ulimit -n) and build again"};
+}
+
+base::Result<void> needMemory(std::uint64_t bytes) {
+  if (bytes >= kMinMemory) return {};
+  return Error{ErrorCode::kNoSpace, "the memory given, " + sizeText(bytes) + ", is too small: building needs " +
+                                        sizeText(kMinMemory) + " at least (--memory)"};
+}
+
+std::uint64_t machineMemory() {
+  std::uint64_t bytes =
+      static_cast<std::uint64_t>(::sysconf(_SC_PHYS_PAGES)) * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE));
+  std::ifstream limit("/sys/fs/cgroup/memory.max");
+  if (std::uint64_t most = 0; limit >> most) bytes = std::min(bytes, most);
+  return bytes;
+}
+
+void keepFreedMemory() {
+  constexpr int kMegabyte = 1 << 20;
+  ::mallopt(M_MMAP_THRESHOLD, 32 * kMegabyte);
+  ::mallopt(M_TRIM_THRESHOLD, 128 * kMegabyte);
+  useLargePages(64 * kMegabyte);
+}
+
+void releaseFreedMemory(std::uint64_t memory_bytes) {
+  // Less than that is sooner used again than returned and fetched.
+  constexpr std::uint64_t kWorthIt = std::uint64_t{32} << 20;
+  if (::mallinfo2().fordblks > std::max(kWorthIt, memory_bytes / 16)) ::malloc_trim(0);
+}
+
+std::string sizeText(std::uint64_t bytes) {
+  std::array<char, 32> text{};
+  const auto value = static_cast<double>(bytes);
+  if (value >= 1e9)
+    std::snprintf(text.data(), text.size(), "%.1f GB", value / 1e9);
+  else
+    std::snprintf(text.data(), text.size(), "%.1f MB", value / 1e6);
+  return text.data();
+}
+
+}  // namespace lod::ingest

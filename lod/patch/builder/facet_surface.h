@@ -1,0 +1,227 @@
+#pragma once
+// A triangle mesh to measure distances to: facets with their planes and walls, edges, and what lies around a vertex.
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cstdint>
+#include <glm/glm.hpp>
+#include <limits>
+#include <span>
+#include <vector>
+
+#if defined(__SSE__)
+#include <xmmintrin.h>
+#endif
+
+#include "lod/patch/builder/facet_tree.h"
+
+namespace lod::patch::builder {
+
+struct SurfaceView {
+  std::span<const glm::vec3> positions;    ///< whole numbers below 2^22
+  std::span<const std::uint32_t> indices;  ///< 3 per triangle, of different vertices
+  std::span<const glm::vec3> colors = {};  ///< per vertex, 0 … 255; or none
+};
+
+/// The share of ab at which the closest point to a + ap lies, in [0, 1].
+inline float closestShare(const glm::vec3& ap, const glm::vec3& ab) {
+  const float length2 = glm::dot(ab, ab);
+  return length2 > 0.0F ? std::clamp(glm::dot(ap, ab) / length2, 0.0F, 1.0F) : 0.0F;
+}
+
+/// One triangle with its plane and the three walls: planes through an edge (of corners k and k + 1), upright on the
+/// triangle, positive inside, in units of length. Walls and plane lie lane by lane: all four are measured at once.
+struct Facet {
+  using Four = float __attribute__((vector_size(16)));
+  using FourMasks = std::int32_t __attribute__((vector_size(16)));
+  struct FourPoints {
+    Four x{};
+    Four y{};
+    Four z{};
+    glm::vec3 operator[](std::size_t lane) const { return {x[lane], y[lane], z[lane]}; }
+    Four dot(const FourPoints& p) const { return x * p.x + y * p.y + z * p.z; }
+    Four dot(const glm::vec3& p) const { return x * p.x + y * p.y + z * p.z; }
+  };
+
+  FourPoints corners;      ///< lane 3: corner 0
+  FourPoints planes;       ///< the walls; lane 3: the normal
+  float longest = 0.0F;    ///< of the edges
+  float roughness = 0.0F;  ///< rounding of what plane and walls say, per length
+  bool flat = false;       ///< has no area: plane and walls mean nothing
+  bool thin = false;       ///< measured by its edges
+
+  glm::vec3 corner(std::size_t k) const { return corners[k]; }
+  glm::vec3 wall(std::size_t k) const { return planes[k]; }
+  glm::vec3 normal() const { return planes[3]; }
+
+  /// How far p lies inside of each wall; lane 3: how high over the plane.
+  Four inside(const glm::vec3& p) const { return planes.dot(toward(p)); }
+
+  /// The walls whose lanes are set, as bits.
+  static std::uint32_t wallsWhere(const FourMasks& mask) {
+#if defined(__SSE__)
+    return static_cast<std::uint32_t>(_mm_movemask_ps(std::bit_cast<__m128>(mask))) & 7U;
+#else
+    return static_cast<std::uint32_t>((mask[0] & 1) | (mask[1] & 2) | (mask[2] & 4));
+#endif
+  }
+
+  /// Over the triangle: the distance to its plane. Else: to the nearest of the edges that p lies beyond; one of them
+  /// holds the closest point. Squared.
+  float distance2(const glm::vec3& p) const {
+    const FourPoints to = toward(p);
+    const Four in = planes.dot(to);
+    if (!thin && wallsWhere(in >= 0.0F) == 7) return in[3] * in[3];
+    const Four d2 = edgeDistances2(to);
+    const Four far = Four{} + std::numeric_limits<float>::max();
+    const Four counted = thin ? d2 : in >= 0.0F ? far : d2;
+    return std::min({counted[0], counted[1], counted[2]});
+  }
+
+  /// From p to the edge of corners k and k + 1, squared.
+  Four edgeDistances2(const glm::vec3& p) const {
+    return edgeDistances2(toward(p));
+  }
+
+ private:
+  FourPoints toward(const glm::vec3& p) const {
+    return {p.x - corners.x, p.y - corners.y, p.z - corners.z};
+  }
+  static Four next(const Four& of) {
+    return __builtin_shufflevector(of, of, 1, 2, 0, 0);
+  }
+  Four edgeDistances2(const FourPoints& to) const {
+    const FourPoints edge{next(corners.x) - corners.x, next(corners.y) - corners.y, next(corners.z) - corners.z};
+    const Four length2 = edge.dot(edge);
+    const Four ratio = to.dot(edge) / length2;
+    const Four raised = ratio < 0.0F ? Four{} : ratio;
+    const Four one = Four{} + 1.0F;
+    const Four share = length2 > 0.0F ? (one < raised ? one : raised) : Four{};
+    const FourPoints d{to.x - share * edge.x, to.y - share * edge.y, to.z - share * edge.z};
+    return d.dot(d);
+  }
+};
+
+class FacetSurface {
+ public:
+  static constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
+
+  struct Edge {
+    std::array<std::uint32_t, 2> vertex{kNone, kNone};
+    std::array<std::uint32_t, 2> triangle{kNone, kNone};  ///< the first two
+    std::uint32_t triangles = 0;                          ///< 1: a border
+
+    bool isInner() const { return triangles == 2; }
+    std::uint32_t across(std::uint32_t t) const { return triangle[0] == t ? triangle[1] : triangle[0]; }
+    bool endsAt(std::uint32_t v) const { return vertex[0] == v || vertex[1] == v; }
+    std::uint32_t otherEnd(std::uint32_t v) const { return vertex[0] == v ? vertex[1] : vertex[0]; }
+  };
+
+  /// Everything of an earlier surface is forgotten; memory is kept.
+  void reset(const SurfaceView& surface);
+
+  const SurfaceView& view() const { return surface_; }
+  std::uint32_t triangleCount() const { return static_cast<std::uint32_t>(made_.size()); }
+  std::uint32_t corner(std::uint32_t t, std::size_t k) const { return surface_.indices[3 * std::size_t{t} + k]; }
+
+  /// Which corner of t is v, one of the three.
+  std::size_t cornerOf(std::uint32_t t, std::uint32_t v) const {
+    return corner(t, 0) == v ? 0 : corner(t, 1) == v ? 1 : 2;
+  }
+
+  const Facet& facet(std::uint32_t t) {
+    if (made_[t] == 0) make(t, facets_[t]);
+    return facets_[t];
+  }
+
+  /// A point of a triangle, its corner 0 + share[0] * edge to corner 1 + share[1] * edge to corner 2.
+  struct Spot {
+    glm::vec2 share{0.0F};
+    float distance = 0.0F;
+  };
+  /// The point of triangle t closest to p, or nearly; no farther from p than `distance`.
+  Spot closest(std::uint32_t t, const glm::vec3& p) const;
+  /// Only where there are colours.
+  glm::vec3 colorAt(std::uint32_t t, const Spot& spot) const;
+
+  /// Each once: those of vertex 0, then the others of vertex 1, …; at a vertex in the order of triangles and corners.
+  std::span<const Edge> edges() const { return {edges_.data(), edge_count_}; }
+  /// The edge of corners k and k + 1.
+  std::uint32_t edgeOf(std::uint32_t t, std::size_t k) const { return edge_of_[3 * std::size_t{t} + k]; }
+  /// Those of corners 0 and 1, 1 and 2, 2 and 0.
+  std::span<const std::uint32_t, 3> edgesOf(std::uint32_t t) const {
+    return std::span<const std::uint32_t, 3>(edge_of_.data() + 3 * std::size_t{t}, 3);
+  }
+  /// The edge of t at its corner v that is not e.
+  std::uint32_t otherEdge(std::uint32_t t, std::uint32_t v, std::uint32_t e) const {
+    const std::size_t k = cornerOf(t, v);
+    const std::uint32_t one = edgeOf(t, k);
+    return one != e ? one : edgeOf(t, k == 0 ? 2 : k - 1);
+  }
+  /// Some triangle beyond that edge, or kNone.
+  std::uint32_t neighbor(std::uint32_t t, std::size_t k) const { return edges_[edgeOf(t, k)].across(t); }
+
+  /// Its triangles, in rising order.
+  std::span<const std::uint32_t> around(std::uint32_t v) const {
+    return {around_.data() + fan_[v], fan_[v + 1] - fan_[v]};
+  }
+  /// A border edge that leads away from v in the sense of its triangle, and one that leads to it; kNone: v is not on a
+  /// border.
+  std::uint32_t leavingBorder(std::uint32_t v) const { return border_[v].leaving; }
+  std::uint32_t arrivingBorder(std::uint32_t v) const { return border_[v].arriving; }
+  /// Where border edge e begins in that sense.
+  std::uint32_t borderStart(std::uint32_t e) const;
+
+  /// The facet around vertex v that is nearest to p (or near enough), if nearer than distance2 (which is updated); else
+  /// `best`.
+  std::uint32_t nearestAround(std::uint32_t v, const glm::vec3& p, float& distance2, std::uint32_t best,
+                              float enough2 = 0.0F) {
+    for (const std::uint32_t t : around(v)) {
+      if (distance2 <= enough2) break;
+      if (const float d2 = facet(t).distance2(p); d2 < distance2) best = t, distance2 = d2;
+    }
+    return best;
+  }
+  /// The first facet around vertex v that p lies over, no higher than `enough`, with the point of it that p lies over;
+  /// kNone: none. Thin ones are not asked.
+  std::uint32_t over(std::uint32_t v, const glm::vec3& p, float enough, Spot& spot);
+  /// From a facet on to nearer ones around its corners, while that helps and it is not near enough.
+  std::uint32_t descend(std::uint32_t t, const glm::vec3& p, float& distance2, float enough2);
+  /// Of all facets the one nearest to p (or near enough), if nearer than distance2 (which is updated); else `best`.
+  std::uint32_t search(const glm::vec3& p, float& distance2, std::uint32_t best, float enough2 = 0.0F);
+
+ private:
+  void make(std::uint32_t t, Facet& f);
+  void makeFans();
+  void makeEdges();
+
+  SurfaceView surface_;
+  // Facets are made when first asked for: many never are.
+  std::vector<Facet> facets_;
+  std::vector<std::uint8_t> made_;
+  std::vector<std::uint32_t> fan_;
+  std::vector<std::uint32_t> around_;
+  std::vector<Edge> edges_;  // and room for more
+  std::uint32_t edge_count_ = 0;
+  std::vector<std::uint32_t> edge_of_;
+  struct Border {
+    std::uint32_t leaving = kNone;
+    std::uint32_t arriving = kNone;
+  };
+  std::vector<Border> border_;  // per vertex
+  // While it is made: the sides of triangles at each vertex that lead to a later one; one more than the edge that led
+  // to each vertex last.
+  struct Side {
+    std::uint32_t end = 0;
+    std::uint32_t triangle = 0;
+    std::uint32_t number = 0;  // 3 * triangle + k
+  };
+  std::vector<std::uint32_t> next_;
+  std::vector<std::uint32_t> first_side_;
+  std::vector<std::uint32_t> next_side_;
+  std::vector<Side> sides_;
+  std::vector<std::uint32_t> seen_;
+  FacetTree tree_;  // made when first asked
+};
+
+}  // namespace lod::patch::builder

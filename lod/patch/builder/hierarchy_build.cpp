@@ -1,0 +1,385 @@
+#include "lod/patch/builder/hierarchy_build.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <mutex>
+#include <optional>
+
+#include "base/file.h"
+#include "base/parallel.h"
+#include "base/stopwatch.h"
+#include "lod/ingest/work_directory.h"
+#include "lod/patch/builder/leaves.h"
+#include "lod/patch/builder/levels.h"
+#include "lod/patch/codec.h"
+#include "lod/patch/format.h"
+
+namespace lod::patch::builder {
+namespace {
+
+using base::Error;
+using base::ErrorCode;
+using lod::patch::Hierarchy;
+
+base::Result<void> check(const HierarchyOptions& options) {
+  // Three vertices a triangle must fit 16-bit indices, and a voxel must fit a patch.
+  constexpr std::uint32_t kMax = lod::patch::kMaxPatchVertices / 3;
+  auto inRange = [](std::uint32_t value, std::uint32_t low, std::uint32_t high) {
+    return low <= value && value <= high;
+  };
+  if (!inRange(options.leaf_triangles, 16, kMax) || !inRange(options.node_triangles, 16, kMax))
+    return Error{ErrorCode::kInvalidInput, "triangles per patch must be 16 to " + std::to_string(kMax)};
+  if (!inRange(options.voxel_triangles, 1, options.leaf_triangles))
+    return Error{ErrorCode::kInvalidInput, "triangles per voxel must be 1 to the triangles per leaf patch"};
+  if (!inRange(options.group_patches, 2, 64))
+    return Error{ErrorCode::kInvalidInput, "patches per group must be 2 to 64"};
+  if (options.position_bits != 0 && !inRange(options.position_bits, 10, ingest::kMaxLatticeBits))
+    return Error{ErrorCode::kInvalidInput, "position bits must be 10 to 21, or 0 to choose"};
+  return {};
+}
+
+// The hierarchy's numbers: groups from the top level down after the virtual group 0, patches by the group that consumes
+// them.
+class Numbering {
+ public:
+  Numbering(const std::vector<WorkPatch>& patches, const std::vector<WorkGroup>& groups)
+      : patches_(patches), groups_(groups) {
+    // Work groups were made level by level, bottom up.
+    for (std::uint32_t g = 0; g < groups.size(); ++g) group_order_.push_back(g);
+    std::stable_sort(group_order_.begin(), group_order_.end(),
+                     [&](std::uint32_t a, std::uint32_t b) { return groups[a].record.level > groups[b].record.level; });
+    group_number_.resize(groups.size());
+    for (std::uint32_t i = 0; i < group_order_.size(); ++i) group_number_[group_order_[i]] = i + 1;
+    patch_order_.push_back(static_cast<std::uint32_t>(patches.size() - 1));
+    for (const std::uint32_t g : group_order_)
+      patch_order_.insert(patch_order_.end(), groups[g].consumed.begin(), groups[g].consumed.end());
+  }
+
+  void fill(Hierarchy& hierarchy) const {
+    addRoot(hierarchy);
+    for (const std::uint32_t g : group_order_) addGroup(hierarchy, groups_[g]);
+    for (const std::uint32_t p : patch_order_) addPatch(hierarchy, patches_[p]);
+  }
+  const std::vector<std::uint32_t>& patchOrder() const { return patch_order_; }
+
+ private:
+  // Expands always, consumes the last patch made; it contains all, as the top group does.
+  void addRoot(Hierarchy& hierarchy) const {
+    lod::patch::Group root;
+    const WorkPatch& top = patches_.back();
+    root.bounds = groups_.empty() ? top.record.bounds : groups_.back().record.bounds;
+    root.error = std::numeric_limits<float>::infinity();
+    root.attribute_error = groups_.empty() ? 0.0F : groups_.back().record.attribute_error;
+    root.level = top.record.level + 1;
+    root.patch_count = 1;
+    hierarchy.groups.push_back(root);
+  }
+
+  void addGroup(Hierarchy& hierarchy, const WorkGroup& work) const {
+    lod::patch::Group group = work.record;
+    group.first_patch = hierarchy.groups.back().first_patch + hierarchy.groups.back().patch_count;
+    group.patch_count = static_cast<std::uint32_t>(work.consumed.size());
+    std::vector<std::uint32_t> parents;
+    for (const std::uint32_t p : work.produced) parents.push_back(consumerOf(patches_[p]));
+    std::sort(parents.begin(), parents.end());
+    parents.erase(std::unique(parents.begin(), parents.end()), parents.end());
+    group.first_parent = static_cast<std::uint32_t>(hierarchy.parents.size());
+    group.parent_count = static_cast<std::uint32_t>(parents.size());
+    hierarchy.parents.insert(hierarchy.parents.end(), parents.begin(), parents.end());
+    hierarchy.groups.push_back(group);
+  }
+
+  void addPatch(Hierarchy& hierarchy, const WorkPatch& work) const {
+    lod::patch::Patch patch = work.record;
+    patch.consumer = consumerOf(work);
+    if (patch.producer != lod::patch::kNoGroup) patch.producer = group_number_[patch.producer];
+    hierarchy.patches.push_back(patch);
+  }
+  std::uint32_t consumerOf(const WorkPatch& work) const {
+    return &work == &patches_.back() ? 0 : group_number_[work.record.consumer];
+  }
+
+  const std::vector<WorkPatch>& patches_;
+  const std::vector<WorkGroup>& groups_;
+  std::vector<std::uint32_t> group_order_;
+  std::vector<std::uint32_t> group_number_;
+  std::vector<std::uint32_t> patch_order_;
+};
+
+Error cancelled() {
+  return {ErrorCode::kCancelled, "building the patch hierarchy was cancelled"};
+}
+
+// One build, stage by stage; each leaves in the work directory what the next one needs.
+class Builder {
+ public:
+  Builder(const HierarchyOptions& options, std::string output_path, const ingest::Progress& progress)
+      : options_(options), output_path_(std::move(output_path)), progress_(progress) {
+    if (options_.threads == 0) options_.threads = base::coreCount();
+    memory_ = options_.memory_bytes != 0 ? options_.memory_bytes : ingest::machineMemory() / 10 * 6;
+  }
+
+  base::Result<HierarchySummary> run(const ingest::SourceInput& input) {
+    LUMIGRID_TRY(check(options_));
+    LUMIGRID_TRY(ingest::needMemory(memory_));
+    LUMIGRID_TRY(ingest::needDescriptors(kDescriptors));
+    LUMIGRID_TRY(
+        ingest::buildIn(directory_, options_.work_directory, resumeKey(), output_path_, [&] { return stages(input); }));
+    summary_.seconds = watch_.seconds();
+    summary_.cpu_seconds = watch_.cpuSeconds();
+    return std::move(summary_);
+  }
+
+ private:
+  base::Result<void> stages(const ingest::SourceInput& input) {
+    LUMIGRID_TRY(import(input));
+    summary_.import_seconds = watch_.seconds();
+    LUMIGRID_TRY(sortTriangles());
+    std::vector<WorkPatch> leaves;
+    LUMIGRID_TRY(openStore());
+    LUMIGRID_TRY(makeAllLeaves(leaves));
+    LUMIGRID_TRY(makeLevels(std::move(leaves)));
+    LUMIGRID_TRY(write());
+    if (options_.on_written) options_.on_written();
+    fillSummary();
+    return {};
+  }
+
+  bool report(const std::string& stage, double done) {
+    const std::lock_guard lock(progress_mutex_);
+    return !progress_ || progress_(stage, done);
+  }
+
+  // Everything that decides the work files, their own format first. Threads and memory do not.
+  ingest::ResumeKey resumeKey() const {
+    std::string key = "14";
+    for (const std::uint32_t v : {options_.voxel_triangles, options_.leaf_triangles, options_.node_triangles,
+                                  options_.group_patches, options_.position_bits, options_.regroup ? 1U : 0U}) {
+      key += ' ';
+      key += std::to_string(v);
+    }
+    return ingest::keyAfter(key + ' ', options_.resume_key);
+  }
+
+  base::Result<void> import(const ingest::SourceInput& input) {
+    if (directory_->stage() < 1 && !report("import", 0.0)) return cancelled();
+    LUMIGRID_ASSIGN_OR_RETURN(auto source, ingest::importSource(*directory_, input, options_.threads));
+    source_ = std::move(source);
+    lattice_ = ingest::makeLattice(source_.info, source_.origin, options_.position_bits);
+    if (options_.on_plan)
+      options_.on_plan({source_.info.triangles, source_.info.referenced, kOutputBytes * source_.info.triangles,
+                        kWorkBytes * source_.info.triangles,
+                        static_cast<double>(source_.info.triangles) / (kTrianglesPerCoreSecond * options_.threads)});
+    return {};
+  }
+
+  base::Result<void> sortTriangles() {
+    if (directory_->stage() < 2 && !report("sort", 0.0)) return cancelled();
+    const ingest::BucketOptions options{(memory_ - ingest::kMinMemory / 2) / 2, options_.threads,
+                                        [this](double done) { return report("sort", done); }};
+    LUMIGRID_ASSIGN_OR_RETURN(auto buckets, ingest::sortSource(*directory_, source_, lattice_, options));
+    buckets_ = std::move(buckets);
+    return {};
+  }
+
+  base::Result<void> openStore() {
+    const bool resume = directory_->has("patches");
+    auto store = WorkStore::open(directory_->path() + "/patches", resume,
+                                 [this](const WorkUnit& unit, std::vector<WorkPatch> patches) {
+                                   known_.emplace_back(unit, std::move(patches));
+                                 });
+    if (!store) return store.error();
+    store_ = std::move(*store);
+    // What is still to come: about 7 bytes for each of twice the triangles, and the same again as patch.lgp.
+    LUMIGRID_TRY(directory_->needSpace(
+        std::max<std::uint64_t>(14 * buckets_.totals().triangles, store_->bytes()) - store_->bytes(), "the patches"));
+    return ingest::needOutputSpace(output_path_, kOutputBytes * buckets_.totals().triangles);
+  }
+
+  base::Result<void> makeAllLeaves(std::vector<WorkPatch>& leaves) {
+    std::vector<std::vector<WorkPatch>> made(buckets_.count());
+    std::vector<std::uint8_t> finished(buckets_.count(), 0);
+    auto note = [this](const WorkUnit& unit) {
+      duplicates_ += unit.group.first_patch;
+      inner_vertices_ += unit.group.block_offset;
+    };
+    std::uint64_t done = 0;
+    std::vector<std::uint64_t> triangles(made.size());
+    for (auto& [unit, patches] : known_) {
+      if (unit.level != 0 || unit.index >= made.size()) continue;
+      note(unit);
+      made[unit.index] = std::move(patches);
+      finished[unit.index] = 1;
+      done += buckets_.triangles(unit.index);
+    }
+    for (std::size_t b = 0; b < made.size(); ++b) {
+      triangles[b] = buckets_.triangles(b);
+      if (finished[b] == 0 && directory_->stage() >= 3) return directory_->broken();
+    }
+
+    // As many buckets at a time as memory holds.
+    const std::vector<std::size_t> order = base::largestFirst(triangles);
+    const std::uint64_t largest = order.empty() ? 1 : std::max<std::uint64_t>(1, triangles[order.front()]);
+    const std::uint64_t at_once =
+        std::max<std::uint64_t>(1, (memory_ - ingest::kMinMemory / 2) / (kBytesPerTriangle * largest));
+    std::mutex mutex;
+    std::atomic<bool> stopped = false;
+    base::Result<void> status;
+    base::parallelFor(
+        made.size(), static_cast<unsigned>(std::min<std::uint64_t>(options_.threads, at_once)), [&](std::size_t i) {
+          const std::size_t b = order[i];
+          if (finished[b] != 0 || stopped) return;
+          auto bucket = makeLeaves(buckets_, b, lattice_, {options_.voxel_triangles, options_.leaf_triangles});
+          base::Result<std::vector<WorkPatch>> stored = std::vector<WorkPatch>();
+          WorkUnit unit{0, static_cast<std::uint32_t>(b), {}, {}};
+          if (bucket) {
+            // A unit of leaves has no group; its counts travel in the record's unused numbers.
+            unit.group.first_patch = static_cast<std::uint32_t>(bucket->duplicates);
+            unit.group.block_offset = bucket->vertices;
+            stored = store_->add(unit, std::move(bucket->patches));
+          }
+          const std::lock_guard lock(mutex);
+          if (!bucket || !stored) {
+            status = bucket ? stored.error() : bucket.error();
+            stopped = true;
+            return;
+          }
+          note(unit);
+          made[b] = std::move(*stored);
+          done += buckets_.triangles(b);
+          if (!report("leaves", static_cast<double>(done) / static_cast<double>(buckets_.totals().triangles)))
+            status = cancelled(), stopped = true;
+        });
+    LUMIGRID_TRY(status);
+    // From here on the store alone holds the mesh.
+    if (directory_->stage() < 3) {
+      LUMIGRID_TRY(directory_->finishStage(3, {}, {"patches"}, [this] { buckets_.release(); }));
+    }
+    for (auto& patches : made)
+      for (WorkPatch& patch : patches) leaves.push_back(std::move(patch));
+    return {};
+  }
+
+  base::Result<void> makeLevels(std::vector<WorkPatch> leaves) {
+    for (const WorkPatch& leaf : leaves) summary_.triangles += leaf.record.triangles;
+    // Groups keep two fifths, pairs of the binary tree a half: that often the leaves' in all. Some keep more, and some
+    // are made again.
+    constexpr double kNearlyDone = 0.99;
+    const double all = static_cast<double>(summary_.triangles) * (options_.regroup ? 5.0 / 3.0 : 2.0);
+    std::uint64_t finished = 0;
+    levels_.emplace(lattice_, options_, *store_, [&, this](std::uint64_t more) {
+      finished += more;
+      return report("simplify", std::min(kNearlyDone, static_cast<double>(finished) / all));
+    });
+    for (auto& [unit, patches] : known_)
+      if (unit.level != 0) levels_->know(unit, std::move(patches));
+    known_.clear();
+    LUMIGRID_TRY(levels_->makeLevels(std::move(leaves)));
+    return report("simplify", 1.0) ? base::Result<void>() : cancelled();
+  }
+
+  base::Result<void> write() {
+    if (!report("write", 0.0)) return cancelled();
+    Hierarchy hierarchy;
+    hierarchy.lattice = lattice_.lattice;
+    hierarchy.has_colors = buckets_.hasColors();
+    hierarchy.source_triangles = summary_.triangles;
+    const std::vector<WorkPatch>& patches = levels_->patches();
+    const Numbering numbering(patches, levels_->groups());
+    numbering.fill(hierarchy);
+    const std::vector<std::uint32_t> order = numbering.patchOrder();
+    std::vector<std::uint32_t> first;
+    for (const lod::patch::Group& group : hierarchy.groups) first.push_back(group.first_patch);
+    first.push_back(static_cast<std::uint32_t>(order.size()));
+    return lod::patch::writePatchFile(output_path_, std::move(hierarchy),
+                                      [&](std::uint32_t group) -> base::Result<std::vector<base::Bytes>> {
+                                        std::vector<base::Bytes> block;
+                                        for (std::uint32_t p = first[group]; p < first[group + 1]; ++p) {
+                                          LUMIGRID_ASSIGN_OR_RETURN(auto bytes, store_->encoded(patches[order[p]]));
+                                          block.push_back(std::move(bytes));
+                                        }
+                                        return block;
+                                      });
+  }
+
+  void fillSummary() {
+    summary_.levels = levels_->levels();
+    summary_.origin = source_.origin;
+    summary_.box_min = source_.info.box_min;
+    summary_.box_max = source_.info.box_max;
+    summary_.facing = buckets_.totals().facing;
+    summary_.has_colors = buckets_.hasColors();
+    summary_.warnings = source_.info.warnings;
+    summary_.repairs = {};
+    ingest::addRepairs(source_, buckets_, summary_.repairs);
+    summary_.repairs.add("duplicate_triangles", duplicates_);
+    const std::uint64_t distinct = inner_vertices_ + buckets_.border().codes.size();
+    summary_.repairs.add("welded_vertices", source_.info.referenced - std::min(source_.info.referenced, distinct));
+    std::error_code ignored;
+    summary_.bytes = std::filesystem::file_size(output_path_, ignored);
+  }
+
+  static constexpr std::uint64_t kDescriptors = 32;
+  // Per triangle of the source, measured on scans with colours.
+  static constexpr std::uint64_t kOutputBytes = 12;
+  static constexpr std::uint64_t kWorkBytes = 70;
+  static constexpr double kTrianglesPerCoreSecond = 0.3e6;
+  // What a bucket takes while leaves are made of it, bytes per triangle, measured.
+  static constexpr std::uint64_t kBytesPerTriangle = 420;
+
+  HierarchyOptions options_;
+  std::string output_path_;
+  const ingest::Progress& progress_;
+  std::uint64_t memory_ = 0;
+  std::mutex progress_mutex_;
+  std::optional<ingest::WorkDirectory> directory_;
+  const base::Stopwatch watch_;
+  ingest::ImportedSource source_;
+  ingest::SourceLattice lattice_;
+  ingest::Buckets buckets_;
+  std::optional<WorkStore> store_;
+  std::vector<std::pair<WorkUnit, std::vector<WorkPatch>>> known_;
+  std::optional<LevelBuilder> levels_;
+  std::uint64_t duplicates_ = 0;
+  std::uint64_t inner_vertices_ = 0;
+  HierarchySummary summary_;
+};
+
+}  // namespace
+
+base::Result<HierarchySummary> buildHierarchyFromFiles(const std::vector<std::string>& paths,
+                                                       const HierarchyOptions& options, const std::string& output_path,
+                                                       const ingest::Progress& progress) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto input, ingest::sourceFromFiles(paths, progress, options.threads));
+  auto summary = Builder(options, output_path, progress).run(input);
+  // Work files that do not hold together are gone by now.
+  if (!summary && ingest::isDamage(summary.error())) summary = Builder(options, output_path, progress).run(input);
+  return summary ? std::move(summary) : ingest::ofSource(paths, summary.error());
+}
+
+base::Result<HierarchySummary> buildHierarchy(const mesh::Mesh& mesh, const HierarchyOptions& options,
+                                              const std::string& output_path, const ingest::Progress& progress) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto input, ingest::sourceFromMesh(mesh));
+  return Builder(options, output_path, progress).run(input);
+}
+
+base::Result<BuiltHierarchy> buildHierarchyInMemory(const mesh::Mesh& mesh, const HierarchyOptions& options,
+                                                    const ingest::Progress& progress) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto directory, ingest::TemporaryDirectory::make());
+  const std::string path = directory.path() + "/patch.lgp";
+  LUMIGRID_ASSIGN_OR_RETURN(auto summary, buildHierarchy(mesh, options, path, progress));
+  LUMIGRID_ASSIGN_OR_RETURN(auto file, lod::patch::PatchFile::open(path));
+  BuiltHierarchy out;
+  out.summary = std::move(summary);
+  out.hierarchy = file.hierarchy();
+  for (std::uint32_t p = 0; p < out.hierarchy.patches.size(); ++p) {
+    LUMIGRID_ASSIGN_OR_RETURN(auto geometry, file.geometry(p));
+    out.geometry.push_back(std::move(geometry));
+  }
+  return out;
+}
+
+}  // namespace lod::patch::builder

@@ -1,0 +1,67 @@
+#pragma once
+// Mesh in, patch.lgp out (Okamoto 2011, section 4.1; DESIGN section 4): triangles sorted to disk by voxels, METIS
+// bisection, levels regrouped and simplified. Out of core: what does not fit the memory given lies in files of a work
+// directory, and a build that was stopped or killed goes on from there.
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "base/error.h"
+#include "lod/ingest/source_import.h"
+#include "lod/patch/hierarchy.h"
+#include "mesh/mesh.h"
+
+namespace lod::patch::builder {
+
+struct HierarchyOptions {
+  std::uint32_t voxel_triangles = 500;  ///< Nv: a voxel over this is subdivided
+  std::uint32_t leaf_triangles = 4000;  ///< Nl: most triangles of a leaf patch
+  std::uint32_t node_triangles = 2000;  ///< Nn: most triangles of any other patch
+  std::uint32_t group_patches = 6;      ///< about how many patches make a group
+  std::uint32_t position_bits = 0;  ///< 10..21 along the longest side; 0: chosen so that the step is at most 1/16 of
+                                    ///< the mean edge, at least 14
+  bool regroup = true;              ///< false: the paper's binary tree, whose locked borders pile up (for the chart)
+  unsigned threads = 0;             ///< 0: all cores. The output does not depend on it.
+  std::uint64_t memory_bytes =
+      0;                         ///< of the whole process; 0: 60 % of the machine's. The output does not depend on it.
+  std::string work_directory;    ///< for the work files; empty: beside the output
+  ingest::ResumeKey resume_key;  ///< what decides the output besides these options (the sources' checksums); a work
+                                 ///< directory left under the same key is continued. None: every build starts afresh.
+  std::function<void(const ingest::BuildPlan&)> on_plan;  ///< may be empty
+  std::function<void()> on_written;  ///< may be empty; the output is in its place, and work files are still removed
+};
+
+struct LevelSummary {
+  std::uint64_t triangles = 0;
+  std::uint64_t patches = 0;
+  float max_error = 0.0F;  ///< scene units
+};
+
+struct HierarchySummary : ingest::SourceSummary {
+  std::vector<LevelSummary> levels;  ///< 0 = leaves
+};
+
+/// Mesh files to `output_path`, which appears whole or not at all. Errors: what is wrong with a file (kInvalidInput,
+/// kUnsupported, kNotFound), options out of range, kCancelled (progress said so), kNoSpace (disk; memory too small),
+/// kBusy (another builder is at work there), kIo. After kCancelled, kNoSpace and kIo a rerun with the same resume_key
+/// goes on.
+base::Result<HierarchySummary> buildHierarchyFromFiles(const std::vector<std::string>& paths,
+                                                       const HierarchyOptions& options, const std::string& output_path,
+                                                       const ingest::Progress& progress = nullptr);
+
+/// The same from a mesh in memory; the scene's origin is the mesh's. Errors also: a bad index or position.
+base::Result<HierarchySummary> buildHierarchy(const mesh::Mesh& mesh, const HierarchyOptions& options,
+                                              const std::string& output_path,
+                                              const ingest::Progress& progress = nullptr);
+
+/// The same hierarchy read back: geometry[p] is patch p's. For tests and for small scenes.
+struct BuiltHierarchy {
+  lod::patch::Hierarchy hierarchy;
+  std::vector<lod::patch::PatchGeometry> geometry;
+  HierarchySummary summary;
+};
+base::Result<BuiltHierarchy> buildHierarchyInMemory(const mesh::Mesh& mesh, const HierarchyOptions& options,
+                                                    const ingest::Progress& progress = nullptr);
+
+}  // namespace lod::patch::builder

@@ -1,0 +1,45 @@
+#pragma once
+// Triangles cut into patches (Okamoto 2011, section 4.1, step 2), and what a patch's record says about its geometry.
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "lod/patch/builder/voxels.h"
+#include "lod/patch/builder/work_store.h"
+#include "lod/patch/hierarchy.h"
+
+namespace lod::patch::builder {
+
+/// What a triangle carries from level to level: errorCode() of SurfaceError's toward, from and color.
+inline constexpr std::size_t kErrorCodes = 3;
+inline constexpr std::size_t kErrorBytes = kErrorCodes * sizeof(std::uint16_t);
+
+/// A surface on the lattice, vertices known by their Morton codes.
+struct CodedMesh {
+  std::vector<glm::ivec3> positions;
+  std::vector<std::uint64_t> codes;    ///< of the positions; no two are equal
+  std::vector<glm::vec3> normals;      ///< as stored (quantised)
+  std::vector<glm::u8vec4> colors;     ///< empty, or as stored
+  std::vector<std::uint32_t> indices;  ///< 3 per triangle
+
+  TriangleView view() const { return {positions, indices}; }
+};
+
+/// Triangles by the voxels they belong to.
+std::vector<ingest::KeyedIndex> sortedByVoxel(const CodedMesh& mesh, std::uint32_t bits);
+
+/// Triangle numbers of each part: voxels of at most `voxel_triangles`, their graph, bisection until no part has
+/// more than `max_triangles`.
+std::vector<std::vector<std::uint32_t>> splitTriangles(const CodedMesh& mesh,
+                                                       std::span<const ingest::KeyedIndex> sorted, std::uint32_t bits,
+                                                       std::uint32_t voxel_triangles, std::uint32_t max_triangles,
+                                                       TieWeight weight);
+
+/// The parts as encoded patches of a level. `outer[v]` != 0: the vertex may be shared with patches that are not among
+/// the parts; it and those shared between parts are listed as border. `errors`: kErrorCodes codes per triangle of the
+/// mesh, or empty.
+std::vector<NewPatch> makePatches(const CodedMesh& mesh, const std::vector<std::vector<std::uint32_t>>& parts,
+                                  std::span<const std::uint8_t> outer, std::span<const std::uint16_t> errors,
+                                  const Lattice& lattice, std::uint32_t level);
+
+}  // namespace lod::patch::builder

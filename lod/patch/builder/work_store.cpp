@@ -1,0 +1,92 @@
+#include "lod/patch/builder/work_store.h"
+
+namespace lod::patch::builder {
+namespace {
+
+base::Bytes payloadOf(const WorkUnit& unit, const std::vector<NewPatch>& patches) {
+  base::ByteWriter out;
+  out.u32(unit.level);
+  out.u32(unit.index);
+  out.write(unit.group);
+  unit.errors.write(out);
+  out.u32(static_cast<std::uint32_t>(patches.size()));
+  for (const NewPatch& patch : patches) {
+    out.write(patch.record);
+    out.u32(static_cast<std::uint32_t>(patch.border.size()));
+    out.u32(static_cast<std::uint32_t>(patch.encoded.size()));
+    out.u32(static_cast<std::uint32_t>(patch.errors.size()));
+    out.bytes(base::ByteView(reinterpret_cast<const std::uint8_t*>(patch.border.data()), 8 * patch.border.size()));
+    out.bytes(patch.encoded);
+    out.bytes(patch.errors);
+  }
+  return out.take();
+}
+
+std::size_t borderBytes(const WorkPatch& patch) {
+  return sizeof(std::uint64_t) * patch.border_codes;
+}
+
+// `offset` is where the payload lies in the file. False when it is no payload.
+bool readPayload(base::ByteView payload, std::uint64_t offset, WorkUnit& unit, std::vector<WorkPatch>& patches) {
+  base::ByteReader in(payload);
+  unit.level = in.u32();
+  unit.index = in.u32();
+  unit.group = in.read<lod::patch::Group>();
+  if (!unit.errors.read(in)) return false;
+  const std::uint32_t count = in.u32();
+  if (!in.ok() || count > in.remaining() / sizeof(lod::patch::Patch)) return false;
+  patches.resize(count);
+  for (WorkPatch& patch : patches) {
+    patch.record = in.read<lod::patch::Patch>();
+    patch.border_codes = in.u32();
+    patch.encoded_bytes = in.u32();
+    patch.error_bytes = in.u32();
+    patch.offset = offset + in.offset();
+    (void)in.bytes(borderBytes(patch) + patch.encoded_bytes + patch.error_bytes);
+  }
+  return in.atEnd();
+}
+
+}  // namespace
+
+base::Result<WorkStore> WorkStore::open(const std::string& path, bool resume,
+                                        const std::function<void(const WorkUnit&, std::vector<WorkPatch>)>& found) {
+  auto log = ingest::RecordLog::open(path, resume, [&](std::uint64_t offset, base::ByteView payload) {
+    WorkUnit unit;
+    std::vector<WorkPatch> patches;
+    if (!readPayload(payload, offset, unit, patches)) return false;
+    found(unit, std::move(patches));
+    return true;
+  });
+  if (!log) return log.error();
+  WorkStore store;
+  store.log_ = std::move(*log);
+  return store;
+}
+
+base::Result<std::vector<WorkPatch>> WorkStore::add(const WorkUnit& unit, std::vector<NewPatch> patches) {
+  const base::Bytes payload = payloadOf(unit, patches);
+  LUMIGRID_ASSIGN_OR_RETURN(const auto offset, log_.add(payload));
+  WorkUnit again;
+  std::vector<WorkPatch> stored;
+  (void)readPayload(payload, offset, again, stored);
+  return stored;
+}
+
+base::Result<void> WorkStore::readBorder(const WorkPatch& patch, std::vector<std::uint64_t>& codes) const {
+  codes.resize(patch.border_codes);
+  return log_.readAt(patch.offset, {reinterpret_cast<std::uint8_t*>(codes.data()), borderBytes(patch)});
+}
+
+base::Result<base::Bytes> WorkStore::encoded(const WorkPatch& patch) const {
+  base::Bytes bytes(patch.encoded_bytes);
+  LUMIGRID_TRY(log_.readAt(patch.offset + borderBytes(patch), bytes));
+  return bytes;
+}
+
+base::Result<void> WorkStore::readWhole(const WorkPatch& patch, base::Bytes& bytes) const {
+  bytes.resize(std::size_t{patch.encoded_bytes} + patch.error_bytes);
+  return log_.readAt(patch.offset + borderBytes(patch), bytes);
+}
+
+}  // namespace lod::patch::builder

@@ -1,0 +1,83 @@
+#include "lod/qsplat/builder/dice.h"
+
+#include <algorithm>
+
+namespace lod::qsplat::builder {
+namespace {
+
+double squaredLength(const glm::dvec3& a, const glm::dvec3& b) {
+  const glm::dvec3 d = b - a;
+  return glm::dot(d, d);
+}
+
+// middle(a, b) makes the corner between two, or says false to stop; piece(corners) takes what is small enough. Corners
+// have a position. False when it was stopped.
+template <class Corner, class Middle, class Piece>
+bool bisect(const std::array<Corner, 3>& t, double longest_squared, Middle& middle, Piece& piece) {
+  const std::array<double, 3> edge{squaredLength(t[0].position, t[1].position),
+                                   squaredLength(t[1].position, t[2].position),
+                                   squaredLength(t[2].position, t[0].position)};
+  const auto k = static_cast<std::size_t>(std::max_element(edge.begin(), edge.end()) - edge.begin());
+  if (edge[k] <= longest_squared) {
+    piece(t);
+    return true;
+  }
+  const Corner &a = t[k], &b = t[(k + 1) % 3], &c = t[(k + 2) % 3];
+  Corner m;
+  return middle(a, b, m) && bisect<Corner>({a, m, c}, longest_squared, middle, piece) &&
+         bisect<Corner>({m, b, c}, longest_squared, middle, piece);
+}
+
+}  // namespace
+
+bool isCut(const std::array<glm::ivec3, 3>& triangle, double longest_edge) {
+  const glm::dvec3 x(triangle[0]), y(triangle[1]), z(triangle[2]);
+  return std::max({squaredLength(x, y), squaredLength(y, z), squaredLength(z, x)}) > longest_edge * longest_edge;
+}
+
+std::optional<std::uint64_t> countCuts(std::span<const glm::ivec3> points, double longest_edge, std::uint64_t most) {
+  struct Place {
+    glm::dvec3 position{0.0};
+  };
+  std::uint64_t cuts = 0;
+  auto middle = [&](const Place& a, const Place& b, Place& m) {
+    m.position = 0.5 * (a.position + b.position);
+    return ++cuts <= most;
+  };
+  auto piece = [](const std::array<Place, 3>&) {};
+  for (std::size_t i = 0; i < points.size(); i += 3)
+    if (!bisect<Place>({Place{glm::dvec3(points[i])}, {glm::dvec3(points[i + 1])}, {glm::dvec3(points[i + 2])}},
+                       longest_edge * longest_edge, middle, piece))
+      return std::nullopt;
+  return cuts;
+}
+
+Dicer::Dicer(std::span<const glm::ivec3> points, double longest_edge)
+    : points_(points), longest_squared_(longest_edge * longest_edge) {}
+
+void Dicer::cut(const std::array<std::uint32_t, 3>& corners, std::uint32_t triangle) {
+  struct Numbered {
+    std::uint32_t number = 0;
+    glm::dvec3 position{0.0};
+  };
+  auto middle = [&](const Numbered& a, const Numbered& b, Numbered& m) {
+    m.number = middleOf(a.number, b.number);
+    m.position = position(m.number);
+    return true;
+  };
+  auto piece = [&](const std::array<Numbered, 3>& t) {
+    pieces_.push_back({{t[0].number, t[1].number, t[2].number}, triangle});
+  };
+  std::array<Numbered, 3> whole;
+  for (std::size_t k = 0; k < 3; ++k) whole[k] = {corners[k], position(corners[k])};
+  (void)bisect(whole, longest_squared_, middle, piece);
+}
+
+std::uint32_t Dicer::middleOf(std::uint32_t a, std::uint32_t b) {
+  const std::uint64_t edge = std::uint64_t{std::min(a, b)} << 32 | std::max(a, b);
+  const auto [number, is_new] = by_edge_.insert(edge);
+  if (is_new) middles_.push_back({a, b, 0.5 * (position(a) + position(b))});
+  return static_cast<std::uint32_t>(points_.size()) + number;
+}
+
+}  // namespace lod::qsplat::builder

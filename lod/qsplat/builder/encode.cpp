@@ -1,0 +1,73 @@
+#include "lod/qsplat/builder/encode.h"
+
+#include <cstring>
+
+namespace lod::qsplat::builder {
+
+using lod::qsplat::GroupNodes;
+using lod::qsplat::Node;
+
+namespace {
+constexpr std::uint8_t kPointerBit = 0x80;
+}
+
+void appendGroup(Run& run, const GroupNodes& group, bool colors) {
+  const std::size_t node_bytes = colors ? 6 : 4;
+  std::size_t at = run.size();
+  run.resize(at + 1 + node_bytes * group.count);
+  run[at++] = static_cast<std::uint8_t>(group.count | (group.has_pointer ? kPointerBit : 0U));
+  for (const Node& node : group.view()) {
+    std::memcpy(run.data() + at, &node.bits, sizeof(node.bits));
+    if (colors) std::memcpy(run.data() + at + sizeof(node.bits), &node.color, sizeof(node.color));
+    at += node_bytes;
+  }
+}
+
+GroupNodes nextGroup(base::ByteView run, std::size_t& at, bool colors) {
+  const std::size_t node_bytes = colors ? 6 : 4;
+  if (at >= run.size()) return {};
+  GroupNodes group;
+  group.count = run[at] & (kPointerBit - 1U);
+  group.has_pointer = (run[at] & kPointerBit) != 0;
+  if (group.count > group.nodes.size() || run.size() - at < 1 + node_bytes * group.count) return {};
+  ++at;
+  for (std::uint32_t i = 0; i < group.count; ++i, at += node_bytes) {
+    Node& node = group.nodes[i];
+    std::memcpy(&node.bits, run.data() + at, sizeof(node.bits));
+    if (colors) std::memcpy(&node.color, run.data() + at + sizeof(node.bits), sizeof(node.color));
+  }
+  return group;
+}
+
+std::vector<Run> encodeSubtree(std::span<const TreeNode> nodes, const base::Sphere& root, bool colors,
+                               LeafCones leaf_cones) {
+  const lod::qsplat::SphereTable& table = lod::qsplat::sphereTable();
+  std::vector<Run> runs;
+  std::vector<base::Sphere> level{root};  // decoded
+  std::vector<base::Sphere> next;
+  GroupNodes group;
+  std::size_t first = 0;  // of the level
+  while (true) {
+    next.clear();
+    Run run;
+    std::size_t child = first + level.size();
+    for (std::size_t i = 0; i < level.size(); ++i) {
+      const Node parent{nodes[first + i].bits, 0};
+      group.count = parent.children();
+      group.has_pointer = !parent.childrenAreLeaves();
+      if (group.count == 0) continue;
+      for (std::uint32_t c = 0; c < group.count; ++c, ++child) {
+        const std::uint32_t code = lod::qsplat::encodeSphere(level[i], nodes[child].sphere);
+        group.nodes[c] = nodes[child].encoded(code, group.has_pointer, leaf_cones);
+        next.push_back(lod::qsplat::decodeSphere(level[i], table[code]));
+      }
+      appendGroup(run, group, colors);
+    }
+    if (next.empty()) return runs;
+    runs.push_back(std::move(run));
+    first += level.size();
+    std::swap(level, next);
+  }
+}
+
+}  // namespace lod::qsplat::builder

@@ -1,0 +1,217 @@
+#include "lod/qsplat/builder/file_build.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cstdio>
+#include <mutex>
+
+#include "base/parallel.h"
+#include "lod/ingest/spool.h"
+#include "lod/qsplat/builder/code_file.h"
+#include "lod/qsplat/builder/encode.h"
+#include "lod/qsplat/builder/tree_writer.h"
+
+namespace lod::qsplat::builder {
+namespace {
+
+using base::Error;
+using base::ErrorCode;
+using lod::qsplat::GroupNodes;
+using lod::qsplat::Node;
+
+class FileBuilder {
+ public:
+  FileBuilder(const SubtreeStore& subtrees, const FileBuildOptions& options) : subtrees_(subtrees), options_(options) {
+    for (std::uint32_t t = 0; t < subtrees.tiles(); ++t)
+      if (subtrees[t].nodes > 0) tiles_.push_back(t);
+    std::vector<Splat> roots;
+    for (const std::uint32_t t : tiles_) roots.push_back(subtrees[t].root);
+    top_ = makeTree(roots);
+  }
+
+  base::Result<lod::qsplat::Header> run(const std::string& path) {
+    encodeTop();
+    LUMIGRID_TRY(encodeTiles());
+    if (options_.plain_path.empty()) return writePlain(path);
+    LUMIGRID_TRY(writePlain(options_.plain_path));
+    return writeCoded(path);
+  }
+
+ private:
+  base::Result<lod::qsplat::Header> writePlain(const std::string& path) {
+    auto header = write(path, options_.wide_pointers);
+    if (!header && header.error().code == ErrorCode::kUnsupported && !options_.wide_pointers)
+      header = write(path, true);
+    return header;
+  }
+
+  // From the plain file, which nobody needs then.
+  base::Result<lod::qsplat::Header> writeCoded(const std::string& path) const {
+    LUMIGRID_ASSIGN_OR_RETURN(const auto plain, ingest::SpoolFile::open(options_.plain_path));
+    LUMIGRID_ASSIGN_OR_RETURN(auto file, base::AtomicFile::create(path));
+    CodeOptions options;
+    options.threads = options_.threads;
+    if (options_.progress) options.progress = [this](double done) { return options_.progress("code", done); };
+    auto header = codeFile([&](std::uint64_t offset, std::span<std::uint8_t> out) { return plain.readAt(offset, out); },
+                           options, [&](base::ByteView bytes) { return file.write(bytes); });
+    if (!header) return header.error();
+    LUMIGRID_TRY(file.commit());
+    std::remove(options_.plain_path.c_str());
+    return header;
+  }
+
+  LeafCones leafCones() const { return options_.plain_path.empty() ? LeafCones::kEach : LeafCones::kEveryFourth; }
+
+  // A place in the top tree: an inner node of it, or TreeShape::kLeaf + a place in tiles_.
+  using Ref = std::uint32_t;
+  static bool isTile(Ref ref) { return (ref & TreeShape::kLeaf) != 0; }
+  const StoredSubtree& tile(Ref ref) const { return subtrees_[tiles_[ref & ~TreeShape::kLeaf]]; }
+  const base::Sphere& sphereOf(Ref ref) const {
+    return isTile(ref) ? tile(ref).root.sphere : top_.inner[ref].splat.sphere;
+  }
+  std::span<const Ref> childrenOf(Ref inner) const {
+    return std::span(top_.inner[inner].children).first(top_.inner[inner].count);
+  }
+  bool isLeafNode(Ref ref) const { return isTile(ref) && tile(ref).nodes == 1; }
+
+  bool areLeaves(std::span<const Ref> refs) const {
+    return std::all_of(refs.begin(), refs.end(), [this](Ref ref) { return isLeafNode(ref); });
+  }
+
+  Node& nodeOf(Ref ref) { return isTile(ref) ? tile_nodes_[ref & ~TreeShape::kLeaf] : top_nodes_[ref]; }
+
+  // The top tree's nodes, and the tiles' roots with them.
+  void encodeTop() {
+    top_nodes_.resize(top_.inner.size());
+    tile_nodes_.resize(tiles_.size());
+    tile_spheres_.resize(tiles_.size());
+    encodeAt(top_.root, !isLeafNode(top_.root), lod::qsplat::kWholeParent, sphereOf(top_.root));
+  }
+  // has_pointer: the group that it is in.
+  void encodeAt(Ref ref, bool has_pointer, std::uint32_t code, const base::Sphere& decoded) {
+    if (isTile(ref)) {
+      nodeOf(ref) = tile(ref).root_node.encoded(code, has_pointer, leafCones());
+      tile_spheres_[ref & ~TreeShape::kLeaf] = decoded;
+      return;
+    }
+    const auto children = childrenOf(ref);
+    const bool leaves = areLeaves(children);
+    nodeOf(ref) = nodeFor(top_.inner[ref].splat, top_.inner[ref].count, leaves).encoded(code, has_pointer, leafCones());
+    for (const Ref child : children) {
+      const std::uint32_t child_code = lod::qsplat::encodeSphere(decoded, sphereOf(child));
+      encodeAt(child, !leaves, child_code, lod::qsplat::decodeSphere(decoded, lod::qsplat::sphereTable()[child_code]));
+    }
+  }
+
+  base::Result<void> encodeTiles() {
+    LUMIGRID_ASSIGN_OR_RETURN(auto file, ingest::SpoolFile::create(options_.runs_path));
+    runs_ = std::move(file);
+    extents_.resize(tiles_.size());
+    std::mutex mutex;
+    base::Result<void> status;
+    std::atomic<bool> stopped = false;
+    std::size_t done = 0;
+    base::parallelFor(tiles_.size(), options_.threads, [&](std::size_t i) {
+      if (stopped) return;
+      const auto nodes = subtrees_.nodes(tiles_[i]);
+      std::vector<Run> runs;
+      if (nodes) runs = encodeSubtree(*nodes, tile_spheres_[i], options_.colors, leafCones());
+      const std::lock_guard lock(mutex);
+      base::Result<void> stored = nodes ? base::Result<void>() : nodes.error();
+      for (const Run& run : runs) {
+        extents_[i].push_back({runs_.size(), run.size()});
+        if (stored) stored = runs_.append(run);
+      }
+      if (stored && !goOn("encode", ++done, tiles_.size())) stored = cancelled();
+      if (!stored) status = stored, stopped = true;
+    });
+    LUMIGRID_TRY(status);
+    return runs_.flush();
+  }
+
+  // What lies side by side in a level: a group of the top tree, or all groups of a tile's level.
+  struct Segment {
+    std::vector<Ref> group;  // empty: a tile's
+    std::uint32_t tile = 0;  // place in tiles_
+    std::uint32_t run = 0;
+  };
+
+  base::Result<lod::qsplat::Header> write(const std::string& path, bool wide_pointers) {
+    LUMIGRID_ASSIGN_OR_RETURN(auto writer,
+                              TreeWriter::create(path, {options_.colors, wide_pointers, sphereOf(top_.root)}));
+    written_ = 0;
+    std::vector<Segment> level{{{top_.root}, 0, 0}};
+    std::vector<Segment> next;
+    while (!level.empty()) {
+      next.clear();
+      for (const Segment& segment : level)
+        LUMIGRID_TRY(segment.group.empty() ? writeRun(segment, writer, next) : writeTop(segment, writer, next));
+      std::swap(level, next);
+    }
+    return writer.finish();
+  }
+
+  base::Result<void> writeTop(const Segment& segment, TreeWriter& writer, std::vector<Segment>& next) {
+    GroupNodes group;
+    group.has_pointer = !areLeaves(segment.group);
+    for (const Ref ref : segment.group) {
+      group.nodes[group.count++] = nodeOf(ref);
+      if (isTile(ref)) {
+        addRun(ref & ~TreeShape::kLeaf, 0, next);
+        continue;
+      }
+      const auto children = childrenOf(ref);
+      next.push_back({{children.begin(), children.end()}, 0, 0});
+    }
+    return writer.add(group);
+  }
+
+  void addRun(std::uint32_t tile, std::uint32_t run, std::vector<Segment>& next) const {
+    if (run < extents_[tile].size()) next.push_back({{}, tile, run});
+  }
+
+  base::Result<void> writeRun(const Segment& segment, TreeWriter& writer, std::vector<Segment>& next) {
+    const Extent& extent = extents_[segment.tile][segment.run];
+    buffer_.resize(static_cast<std::size_t>(extent.bytes));
+    LUMIGRID_TRY(runs_.readAt(extent.offset, buffer_));
+    std::size_t at = 0;
+    while (true) {
+      const GroupNodes group = nextGroup(buffer_, at, options_.colors);
+      if (group.count == 0) break;
+      LUMIGRID_TRY(writer.add(group));
+    }
+    addRun(segment.tile, segment.run + 1, next);
+    written_ += extent.bytes;
+    return goOn("write", written_, runs_.size()) ? base::Result<void>() : cancelled();
+  }
+
+  bool goOn(const std::string& stage, std::uint64_t done, std::uint64_t all) const {
+    return !options_.progress || options_.progress(stage, static_cast<double>(done) / static_cast<double>(all));
+  }
+  static Error cancelled() { return {ErrorCode::kCancelled, "building the splat tree was cancelled"}; }
+
+  struct Extent {
+    std::uint64_t offset = 0;
+    std::uint64_t bytes = 0;
+  };
+  const SubtreeStore& subtrees_;
+  const FileBuildOptions& options_;
+  std::vector<std::uint32_t> tiles_;  // those with nodes
+  TreeShape top_;
+  std::vector<Node> top_nodes_;
+  std::vector<Node> tile_nodes_;
+  std::vector<base::Sphere> tile_spheres_;  // decoded roots
+  ingest::SpoolFile runs_;
+  std::vector<std::vector<Extent>> extents_;
+  base::Bytes buffer_;
+  std::uint64_t written_ = 0;
+};
+
+}  // namespace
+
+base::Result<lod::qsplat::Header> writeTree(const SubtreeStore& subtrees, const std::string& path,
+                                            const FileBuildOptions& options) {
+  return FileBuilder(subtrees, options).run(path);
+}
+
+}  // namespace lod::qsplat::builder

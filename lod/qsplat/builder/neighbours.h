@@ -1,0 +1,97 @@
+#pragma once
+// The k nearest of a set of points: a k-d tree over all of them. Private to lod/build/qsplat.
+#include <algorithm>
+#include <glm/glm.hpp>
+#include <span>
+#include <vector>
+
+#include "base/geometry.h"
+
+namespace lod::qsplat::builder {
+
+class NearestPoints {
+ public:
+  struct Found {
+    float distance_squared = 0.0F;
+    std::uint32_t index = 0;
+    friend bool operator<(const Found& a, const Found& b) {
+      return a.distance_squared != b.distance_squared ? a.distance_squared < b.distance_squared : a.index < b.index;
+    }
+  };
+
+  explicit NearestPoints(std::span<const glm::vec3> positions) : points_(positions.size()) {
+    for (std::uint32_t i = 0; i < points_.size(); ++i) points_[i] = {positions[i], i};
+    nodes_.reserve(2 * positions.size() / kBucket + 1);
+    if (!points_.empty()) build(0, static_cast<std::uint32_t>(points_.size()));
+  }
+
+  /// The `count` nearest to `p`, no farther than `reach` (squared), nearest first; equal ones by number.
+  void find(const glm::vec3& p, std::size_t count, float reach_squared, std::vector<Found>& found) const {
+    found.clear();
+    if (nodes_.empty() || count == 0) return;
+    search(0, p, count, reach_squared, found);
+  }
+
+ private:
+  static constexpr std::uint32_t kBucket = 8;
+  struct Point {
+    glm::vec3 position{0.0F};
+    std::uint32_t index = 0;
+  };
+  struct Node {
+    std::uint32_t begin = 0, end = 0;
+    std::uint32_t right = 0;  // 0: a bucket; the left one follows its parent
+    int axis = 0;
+    float at = 0.0F;
+  };
+
+  void build(std::uint32_t begin, std::uint32_t end) {
+    const auto number = static_cast<std::uint32_t>(nodes_.size());
+    nodes_.push_back({begin, end, 0, 0, 0.0F});
+    if (end - begin <= kBucket) return;
+    base::Aabb box;
+    for (std::uint32_t i = begin; i < end; ++i) box.add(points_[i].position);
+    const glm::vec3 size = box.size();
+    const int axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
+    const std::uint32_t middle = begin + (end - begin) / 2;
+    std::nth_element(points_.begin() + begin, points_.begin() + middle, points_.begin() + end,
+                     [axis](const Point& a, const Point& b) {
+                       const float x = a.position[axis], y = b.position[axis];
+                       return x != y ? x < y : a.index < b.index;
+                     });
+    nodes_[number].axis = axis;
+    nodes_[number].at = points_[middle].position[axis];
+    build(begin, middle);
+    nodes_[number].right = static_cast<std::uint32_t>(nodes_.size());
+    build(middle, end);
+  }
+
+  void search(std::uint32_t number, const glm::vec3& p, std::size_t count, float reach_squared,
+              std::vector<Found>& found) const {
+    const Node& node = nodes_[number];
+    if (node.right == 0) {
+      for (std::uint32_t i = node.begin; i < node.end; ++i) {
+        const glm::vec3 d = points_[i].position - p;
+        const Found one{glm::dot(d, d), points_[i].index};
+        if (one.distance_squared > reach_squared) continue;
+        if (found.size() < count)
+          found.push_back(one);
+        else if (one < found.back())
+          found.back() = one;
+        else
+          continue;
+        for (std::size_t k = found.size() - 1; k > 0 && found[k] < found[k - 1]; --k) std::swap(found[k], found[k - 1]);
+      }
+      return;
+    }
+    const float beyond = p[node.axis] - node.at;
+    search(beyond < 0.0F ? number + 1 : node.right, p, count, reach_squared, found);
+    const float limit = found.size() < count ? reach_squared : found.back().distance_squared;
+    if (beyond * beyond <= limit) search(beyond < 0.0F ? node.right : number + 1, p, count, reach_squared, found);
+  }
+
+  std::vector<Point> points_;  // in the order of the nodes
+  std::vector<Node> nodes_;
+};
+
+}  // namespace lod::qsplat::builder

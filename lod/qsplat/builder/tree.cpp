@@ -1,0 +1,296 @@
+#include "lod/qsplat/builder/tree.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/check.h"
+
+namespace lod::qsplat::builder {
+namespace {
+
+using lod::qsplat::kAnyDirection;
+using lod::qsplat::kMaxChildren;
+
+// Inner nodes' normals are turned by so much at most, in radians, for a narrower code, and before they are coded: half
+// as much again as the side of a normal's cell.
+constexpr float kMaxTurn = 0.05F;
+// That a coded normal has turned as far as was asked for: half a cell.
+constexpr float kHalfCell = 0.012F;
+
+// A cone that a node may have: by code those that have one, then the widest that a turn may bring among them.
+struct Width {
+  float angle = 0.0F;
+  float cosine = 0.0F;  // larger by what encodeCone() makes smaller, and more
+  float sine = 0.0F;
+  float core = 0.0F;  // cosine of the angle less that of LeafFacets' narrow cone
+};
+const std::array<Width, kAnyDirection + 1> kWidths = [] {
+  std::array<Width, kAnyDirection + 1> widths{};
+  for (std::uint32_t code = 0; code <= kAnyDirection; ++code) {
+    Width& width = widths[code];
+    width.angle =
+        code < kAnyDirection ? std::asin(lod::qsplat::coneSines(true)[code]) : widths[code - 1].angle + kMaxTurn;
+    width.cosine = std::cos(width.angle) + 2e-6F;
+    width.sine = std::sin(width.angle);
+    width.core = width.cosine * LeafFacets::kCoreCosine + width.sine * LeafFacets::kCoreSine;
+  }
+  return widths;
+}();
+constexpr std::uint32_t kHopeless = kAnyDirection + 1;
+
+// Leaves lie in the source's order, which may be none: they are asked for so many ahead.
+constexpr std::uint32_t kAhead = 8;
+
+class TreeMaker {
+ public:
+  TreeMaker(std::span<const Splat> splats, const LeafFacets& facets)
+      : splats_(splats), facets_(facets), keys_(splats.size()), cones_(splats.size()) {
+    for (std::uint32_t i = 0; i < keys_.size(); ++i) keys_[i] = {splats[i].sphere.center, i};
+    shape_.inner.reserve(splats.size() / 2);
+    farthest_.reserve(splats.size() / 2);
+  }
+  TreeShape run() {
+    shape_.root = make({0, static_cast<std::uint32_t>(keys_.size())});
+    return std::move(shape_);
+  }
+
+ private:
+  struct Key {
+    glm::vec3 center;
+    std::uint32_t index;
+  };
+  struct Part {
+    std::uint32_t begin = 0, end = 0;
+    std::uint32_t size() const { return end - begin; }
+  };
+
+  // Binary splits merged: the part with most splats is split until there are four. Parts that are all a node's children
+  // stay together, so that nodes are full where there is most of them; with the places left, smaller ones are opened.
+  std::uint32_t make(const Part& whole) {
+    if (whole.size() == 1) {
+      const std::uint32_t leaf = keys_[whole.begin].index;
+      cones_[whole.begin] = coneOf(leaf);
+      return TreeShape::kLeaf | leaf;
+    }
+    expect(whole);
+    std::array<Part, kMaxChildren> parts{whole};
+    std::uint32_t count = 1;
+    const auto bySize = [](const Part& a, const Part& b) { return a.size() < b.size(); };
+    while (count < kMaxChildren) {
+      const auto largest = std::max_element(parts.begin(), parts.begin() + count, bySize);
+      if (largest->size() <= kMaxChildren) break;
+      const std::uint32_t middle = split(*largest);
+      parts[count++] = {middle, largest->end};
+      largest->end = middle;
+    }
+    while (count < kMaxChildren) {
+      Part* opened = nullptr;
+      for (std::uint32_t i = 0; i < count; ++i)
+        if (parts[i].size() > 1 && count + parts[i].size() - 1 <= kMaxChildren &&
+            (opened == nullptr || bySize(*opened, parts[i])))
+          opened = &parts[i];
+      if (opened == nullptr) break;
+      while (opened->size() > 1) parts[count++] = {opened->end - 1, opened->end}, --opened->end;
+    }
+
+    TreeShape::Inner node;
+    node.count = count;
+    for (std::uint32_t i = 0; i < count; ++i) node.children[i] = make(parts[i]);
+    std::array<const Splat*, kMaxChildren> children{};
+    for (std::uint32_t i = 0; i < count; ++i) children[i] = &splatOf(node.children[i]);
+    node.splat = parentOf(std::span(children).first(count));
+    std::array<glm::vec3, kMaxChildren> farthest{};
+    std::uint32_t known = 0;
+    for (std::uint32_t i = 0; i < count; ++i)
+      if ((node.children[i] & TreeShape::kLeaf) == 0) farthest[known++] = farthest_[node.children[i]];
+    farthest_.push_back(setCone(whole, std::span(farthest).first(known), node.splat));
+    shape_.inner.push_back(node);
+    return static_cast<std::uint32_t>(shape_.inner.size() - 1);
+  }
+
+  // A leaf's, as inner nodes look at it again and again: in their order.
+  struct LeafCone {
+    glm::vec3 axis{0.0F};  // the decoded normal
+    float cosine = 0.0F;   // of its half-angle
+    float sine = 0.0F;
+    std::uint32_t first = 0, last = 0;  // its facets
+  };
+  LeafCone coneOf(std::uint32_t leaf) const {
+    const Splat& splat = splats_[leaf];
+    const float cosine = splat.least_cosine;
+    LeafCone cone{lod::qsplat::normalTable()[splat.direction], cosine, sineOf(cosine)};
+    if (!facets_.empty()) cone.first = facets_.first[leaf], cone.last = facets_.first[leaf + 1];
+    return cone;
+  }
+
+  // The cone that a part of the leaves needs around an axis.
+  struct Cone {
+    std::uint32_t width = 0;  // among kWidths; or kHopeless
+    float farthest = 1.0F;    // cosine of the farthest normal, of those that asked for more width
+    glm::vec3 towards{0.0F};  // it, or the axis of its leaf's cone; none: that axis
+
+    void add(float cosine, const glm::vec3& normal) {
+      if (cosine >= farthest) return;
+      farthest = cosine;
+      towards = normal;
+      while (width < kHopeless && !(cosine >= kWidths[width].cosine)) ++width;
+    }
+    float least() const { return width < kAnyDirection ? kWidths[width].cosine : -1.0F; }
+  };
+
+  // Over the leaves themselves: cones around cones would widen from level to level. And of a leaf whose own cone asks
+  // for more width its facets, which leave most of that cone empty. Stops where it is wider than `most`. `farthest`:
+  // what was farthest from the children's axes decides most nodes at once.
+  Cone coneAround(const Part& part, const glm::vec3& axis, std::span<const glm::vec3> farthest,
+                  std::uint32_t most) const {
+    Cone out{0, 1.0F, axis};
+    for (const glm::vec3& normal : farthest) out.add(glm::dot(axis, normal), normal);
+    for (std::uint32_t i = part.begin; i < part.end && out.width <= most; ++i) {
+      const LeafCone& leaf = cones_[i];
+      const Width& width = kWidths[out.width];
+      const float along = glm::dot(axis, leaf.axis);
+      // The angle between the axes and the leaf's half-angle are together no more than the width.
+      if (leaf.cosine >= width.cosine && along - kCosineRounding >= width.cosine * leaf.cosine + width.sine * leaf.sine)
+        continue;
+      if (leaf.first == leaf.last) {
+        out.add(cosineOfSum(std::min(1.0F, along), leaf.cosine, leaf.sine), leaf.axis);
+        continue;
+      }
+      const bool core_fits = along >= width.core;
+      float least = core_fits ? 1.0F : cosineOfSum(along, LeafFacets::kCoreCosine, LeafFacets::kCoreSine);
+      const glm::vec3* towards = &leaf.axis;
+      for (std::uint32_t f = leaf.first; f < leaf.last; ++f) {
+        const float cosine = glm::dot(axis, facets_.normals[f]);
+        towards = cosine < least ? &facets_.normals[f] : towards;
+        least = std::min(cosine, least);
+      }
+      out.add(least, *towards);
+    }
+    return out;
+  }
+
+  // The cone around a node's normal. There are few codes: where a small turn makes do with a narrower one, the normal
+  // is turned towards what is farthest from it. Returns that.
+  glm::vec3 setCone(const Part& part, std::span<const glm::vec3> farthest, Splat& splat) const {
+    const glm::vec3& axis = lod::qsplat::normalTable()[splat.direction];
+    const Cone cone = coneAround(part, axis, farthest, kAnyDirection);
+    splat.least_cosine = cone.least();
+    if (cone.width == 0 || cone.width == kHopeless) return cone.towards;
+    const Width& narrower = kWidths[cone.width - 1];
+    const float turn = std::acos(cone.farthest) - narrower.angle + kHalfCell;
+    const glm::vec3 across = cone.towards - axis * glm::dot(axis, cone.towards);
+    if (turn > kMaxTurn || !(glm::dot(across, across) > 0.0F)) return cone.towards;
+    const std::uint32_t turned =
+        lod::qsplat::encodeNormal(std::cos(turn) * axis + std::sin(turn) * glm::normalize(across));
+    const Cone other = coneAround(part, lod::qsplat::normalTable()[turned], farthest, cone.width - 1);
+    if (other.width >= cone.width) return cone.towards;
+    splat.direction = turned;
+    splat.least_cosine = other.least();
+    return other.towards;
+  }
+
+  // Asks the memory for what coneOf() looks at soon, from a few leaves on; then for what these point to.
+  void expect(const Part& part) const {
+    if (part.size() > 4 * kAhead) return;
+    for (std::uint32_t i = part.begin; i < part.end; ++i) {
+      const std::uint32_t leaf = keys_[i].index;
+      const Splat& splat = splats_[leaf];
+      if (part.size() > kAhead) {
+        __builtin_prefetch(&splat);
+        __builtin_prefetch(&splat.least_cosine);
+        if (!facets_.empty()) __builtin_prefetch(&facets_.first[leaf]);
+      } else {
+        __builtin_prefetch(&lod::qsplat::normalTable()[splat.direction]);
+        if (!facets_.empty()) __builtin_prefetch(facets_.normals.data() + facets_.first[leaf]);
+      }
+    }
+  }
+
+  const Splat& splatOf(std::uint32_t child) const {
+    return (child & TreeShape::kLeaf) != 0 ? splats_[child & ~TreeShape::kLeaf] : shape_.inner[child].splat;
+  }
+
+  // Reorders the part so that what is before the place returned, and what is not, are its two halves.
+  std::uint32_t split(const Part& part) {
+    base::Aabb box;
+    for (std::uint32_t i = part.begin; i < part.end; ++i) box.add(keys_[i].center);
+    const glm::vec3 size = box.size();
+    const int axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
+    const float middle = box.min[axis] + 0.5F * size[axis];
+    const auto first = keys_.begin() + part.begin;
+    const auto last = keys_.begin() + part.end;
+    const auto at = std::partition(first, last, [&](const Key& key) { return key.center[axis] < middle; });
+    const auto before = static_cast<std::uint32_t>(at - first);
+    const bool degenerate = std::min(before, part.size() - before) <= part.size() / 16;
+    const std::uint32_t place = wholeNodes(degenerate ? part.size() / 2 : before, part.size());
+    if (place != before)
+      std::nth_element(first, first + place, last, [&](const Key& a, const Key& b) {
+        return a.center[axis] != b.center[axis] ? a.center[axis] < b.center[axis] : a.index < b.index;
+      });
+    return part.begin + place;
+  }
+
+  // Few splats are split where full nodes of leaves come out: the nearest such number to `before`. (Among more of them
+  // it saves no bytes that count, and spheres get larger.)
+  static std::uint32_t wholeNodes(std::uint32_t before, std::uint32_t all) {
+    const std::uint32_t step = all >= 8 && all < 32 ? kMaxChildren : 1;
+    return std::clamp((before + step / 2) / step * step, step, all - step);
+  }
+
+  std::span<const Splat> splats_;
+  const LeafFacets& facets_;
+  std::vector<Key> keys_;
+  std::vector<LeafCone> cones_;  // in the order of keys_, where that is final
+  TreeShape shape_;
+  std::vector<glm::vec3> farthest_;  // by inner node: from its axis, of the normals that were looked at
+};
+
+}  // namespace
+
+TreeNode nodeFor(const Splat& splat, std::uint32_t children, bool children_are_leaves) {
+  TreeNode node;
+  node.sphere = splat.sphere;
+  node.bits =
+      lod::qsplat::packNode(0, splat.direction, lod::qsplat::encodeCone(static_cast<double>(splat.least_cosine)),
+                            children, children_are_leaves);
+  node.color = lod::qsplat::encodeColor(splat.meanColor());
+  if (children == 0)
+    node.leaf_cone = static_cast<std::uint16_t>(lod::qsplat::encodeLeafCone(static_cast<double>(splat.least_cosine)));
+  return node;
+}
+
+TreeShape makeTree(std::span<const Splat> splats, const LeafFacets& facets) {
+  LUMIGRID_CHECK(!splats.empty());
+  return TreeMaker(splats, facets).run();
+}
+
+Subtree makeSubtree(std::span<const Splat> leaves, const LeafFacets& facets) {
+  const TreeShape shape = makeTree(leaves, facets);
+  Subtree out;
+  out.nodes.reserve(leaves.size() + shape.inner.size());
+  const auto isLeaf = [](std::uint32_t child) { return (child & TreeShape::kLeaf) != 0; };
+  out.root = isLeaf(shape.root) ? leaves[shape.root & ~TreeShape::kLeaf] : shape.inner[shape.root].splat;
+  std::vector<std::uint32_t> level{shape.root};
+  std::vector<std::uint32_t> next;
+  while (!level.empty()) {
+    next.clear();
+    for (std::size_t i = 0; i < level.size(); ++i) {
+      const std::uint32_t child = level[i];
+      if (i + kAhead < level.size() && isLeaf(level[i + kAhead]))
+        __builtin_prefetch(&leaves[level[i + kAhead] & ~TreeShape::kLeaf]);
+      if (isLeaf(child)) {
+        out.nodes.push_back(nodeFor(leaves[child & ~TreeShape::kLeaf], 0, false));
+        continue;
+      }
+      const TreeShape::Inner& inner = shape.inner[child];
+      const auto children = std::span(inner.children).first(inner.count);
+      out.nodes.push_back(nodeFor(inner.splat, inner.count, std::all_of(children.begin(), children.end(), isLeaf)));
+      next.insert(next.end(), children.begin(), children.end());
+    }
+    out.level_nodes.push_back(static_cast<std::uint32_t>(level.size()));
+    std::swap(level, next);
+  }
+  return out;
+}
+
+}  // namespace lod::qsplat::builder

@@ -1,0 +1,101 @@
+#include "lod/qsplat/builder/tree_writer.h"
+
+#include <algorithm>
+#include <cstring>
+
+namespace lod::qsplat::builder {
+
+using lod::qsplat::groupPlace;
+using lod::qsplat::kBlockBytes;
+using lod::qsplat::Node;
+
+namespace {
+constexpr std::size_t kMaxSealed = std::size_t{256} * kBlockBytes;
+}
+
+base::Result<TreeWriter> TreeWriter::create(const std::string& path, const Options& options) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto file, base::AtomicFile::create(path));
+  TreeWriter writer(std::move(file), options);
+  const base::Bytes no_header(kBlockBytes, 0);  // it comes last
+  LUMIGRID_TRY(writer.file_.write(no_header));
+  return writer;
+}
+
+base::Result<void> TreeWriter::add(const lod::qsplat::GroupNodes& group) {
+  const std::uint32_t bytes = layout_.bytes(group.count, group.has_pointer);
+  if (groups_ == 0) laid_out_ = groupPlace(laid_out_, bytes) + bytes;
+  LUMIGRID_TRY(place(bytes));
+
+  std::uint8_t* at = block_.data() + offset_ % kBlockBytes;
+  for (const Node& node : group.view()) {
+    std::memcpy(at, &node.bits, sizeof(node.bits));
+    if (options_.colors) std::memcpy(at + sizeof(node.bits), &node.color, sizeof(node.color));
+    at += layout_.node_bytes;
+    ++nodes_;
+    leaves_ += !group.has_pointer || node.isLeaf() ? 1 : 0;
+  }
+  std::uint64_t first_child = 0;
+  for (const Node& node : group.view()) {
+    if (!group.has_pointer || node.isLeaf()) continue;
+    const std::uint32_t child_bytes = layout_.childBytes(node);
+    const std::uint64_t child = groupPlace(laid_out_, child_bytes);
+    if (first_child == 0) first_child = child;
+    laid_out_ = child + child_bytes;
+  }
+  if (group.has_pointer) {
+    const std::uint64_t half = first_child / 2;
+    if (!options_.wide_pointers && half >> 32 != 0)
+      return base::Error{base::ErrorCode::kUnsupported, "the tree takes more than 8 GiB: it needs wide pointers"};
+    std::memcpy(at, &half, layout_.pointer_bytes);
+    ++pointers_;
+  }
+  offset_ += bytes;
+  ++groups_;
+  return {};
+}
+
+// Goes on to the next block where the group needs that, and counts levels.
+base::Result<void> TreeWriter::place(std::uint32_t bytes) {
+  if (offset_ == level_end_) {
+    level_end_ = laid_out_;
+    if (++levels_ > lod::qsplat::kMaxLevels)
+      return base::Error{base::ErrorCode::kUnsupported, "the tree has more than 128 levels"};
+  }
+  const std::uint64_t where = groupPlace(offset_, bytes);
+  if (where != offset_ && offset_ % kBlockBytes != 0) LUMIGRID_TRY(seal());
+  offset_ = where;
+  return {};
+}
+
+base::Result<void> TreeWriter::seal() {
+  lod::qsplat::sealBlock(block_.data(), static_cast<std::uint32_t>(block_number_++));
+  sealed_.insert(sealed_.end(), block_.begin(), block_.end());
+  block_.fill(0);
+  return sealed_.size() < kMaxSealed ? base::Result<void>() : flush();
+}
+
+base::Result<void> TreeWriter::flush() {
+  LUMIGRID_TRY(file_.write(sealed_));
+  sealed_.clear();
+  return {};
+}
+
+base::Result<lod::qsplat::Header> TreeWriter::finish() {
+  LUMIGRID_TRY(seal());
+  LUMIGRID_TRY(flush());
+  lod::qsplat::Header header;
+  header.file_bytes = file_.size();
+  header.nodes = nodes_;
+  header.leaves = leaves_;
+  header.groups = groups_;
+  header.pointers = pointers_;
+  header.colors = options_.colors;
+  header.wide_pointers = options_.wide_pointers;
+  header.levels = levels_;
+  header.root = options_.root;
+  LUMIGRID_TRY(file_.writeAt(0, lod::qsplat::headerBytes(header)));
+  LUMIGRID_TRY(file_.commit());
+  return header;
+}
+
+}  // namespace lod::qsplat::builder

@@ -1,0 +1,48 @@
+#pragma once
+// qsplat.lgq from its groups in breadth-first order (docs/formats/qsplat.md). Memory: some blocks.
+#include <optional>
+#include <string>
+
+#include "base/file.h"
+#include "lod/qsplat/format.h"
+
+namespace lod::qsplat::builder {
+
+class TreeWriter {
+ public:
+  struct Options {
+    bool colors = false;
+    bool wide_pointers = false;
+    base::Sphere root;
+  };
+  /// A file that appears at `path` when it is whole. Errors: kNoSpace, kIo.
+  static base::Result<TreeWriter> create(const std::string& path, const Options& options);
+  /// The next group; the first holds the root alone, its sphere code kWholeParent. Errors: kNoSpace, kIo; kUnsupported
+  /// where an offset needs wide pointers, or the tree has more than 128 levels.
+  base::Result<void> add(const lod::qsplat::GroupNodes& group);
+  /// Whether all children told of have come.
+  bool whole() const { return offset_ == laid_out_ && nodes_ > 0; }
+  /// After the last group. Errors: kNoSpace, kIo.
+  base::Result<lod::qsplat::Header> finish();
+
+ private:
+  explicit TreeWriter(base::AtomicFile file, const Options& options)
+      : file_(std::move(file)), options_(options), layout_(options.colors, options.wide_pointers) {}
+  base::Result<void> place(std::uint32_t bytes);
+  base::Result<void> seal();
+  base::Result<void> flush();
+
+  base::AtomicFile file_;
+  Options options_;
+  lod::qsplat::GroupLayout layout_;
+  std::array<std::uint8_t, lod::qsplat::kBlockBytes> block_{};
+  base::Bytes sealed_;  // blocks to be written
+  std::uint64_t block_number_ = 1;
+  std::uint64_t offset_ = lod::qsplat::kBlockBytes;     // where the groups written end
+  std::uint64_t laid_out_ = lod::qsplat::kBlockBytes;   // where the groups told of end
+  std::uint64_t level_end_ = lod::qsplat::kBlockBytes;  // where the level being written ends
+  std::uint64_t nodes_ = 0, leaves_ = 0, groups_ = 0, pointers_ = 0;
+  std::uint32_t levels_ = 0;
+};
+
+}  // namespace lod::qsplat::builder

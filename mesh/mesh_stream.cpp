@@ -1,0 +1,75 @@
+#include "mesh/mesh_stream.h"
+
+#include <sys/mman.h>
+
+#include <algorithm>
+#include <utility>
+
+namespace mesh {
+
+base::Result<void> MeshStream::flush(const void* at) {
+  if (!corner_normals.empty()) corner_normals.resize(corners.size(), glm::vec3(0.0F));
+  if (!corner_colors.empty()) corner_colors.resize(corners.size(), glm::u8vec4(0));
+  has_normals_ |= !normals.empty() || !corner_normals.empty();
+  has_colors_ |= !colors.empty() || !corner_colors.empty();
+  if (!positions.empty()) {
+    VertexBlock block;
+    block.positions = positions, block.normals = normals, block.colors = colors;
+    LUMIGRID_TRY(sink_.vertices(block));
+  }
+  if (!corners.empty()) {
+    TriangleBlock block;
+    block.corners = corners, block.normals = corner_normals, block.colors = corner_colors;
+    LUMIGRID_TRY(sink_.triangles(block));
+  }
+  vertices_ += positions.size();
+  triangles_ += corners.size() / 3;
+  positions.clear(), normals.clear(), colors.clear(), corners.clear(), corner_normals.clear(), corner_colors.clear();
+
+  // Pages behind us are clean: the system reads them again should anybody ask.
+  constexpr std::size_t kPage = 4096;
+  const auto offset = static_cast<std::size_t>(static_cast<const std::uint8_t*>(at) - file_.data());
+  const std::size_t end = std::min(offset, file_.size()) / kPage * kPage;
+  constexpr std::size_t kStep = std::size_t{8} << 20;
+  if (end >= dropped_ + kStep) {
+    ::madvise(const_cast<std::uint8_t*>(file_.data()) + dropped_, end - dropped_, MADV_DONTNEED);
+    dropped_ = end;
+    if (progress_ && !progress_(static_cast<double>(end) / static_cast<double>(file_.size())))
+      return base::Error{base::ErrorCode::kCancelled, "reading the mesh was cancelled"};
+  }
+  return {};
+}
+
+base::Result<void> MeshStream::restart() {
+  positions.clear(), normals.clear(), colors.clear(), corners.clear(), corner_normals.clear(), corner_colors.clear();
+  vertices_ = triangles_ = short_faces = dropped_ = 0;
+  has_colors_ = has_normals_ = false;
+  warnings.clear();
+  baker = {};
+  return sink_.restart();
+}
+
+glm::u8vec4 TextColors::color(const glm::dvec3& given) {
+  if (!bytes_) {
+    if (std::max({given.r, given.g, given.b}) > 1.0) {
+      bytes_ = true;
+      wrong_ = seen_;
+    }
+    seen_ = true;
+  }
+  const glm::dvec3 unit = bytes_ ? given / 255.0 : given;
+  return {byteFromUnit(unit.r), byteFromUnit(unit.g), byteFromUnit(unit.b), 255};
+}
+
+bool TextColors::mustRestart() {
+  return std::exchange(wrong_, false);
+}
+
+std::string quoted(std::string_view word) {
+  constexpr std::size_t kLongest = 40;
+  std::string text = "\"";
+  for (const char c : word.substr(0, kLongest)) text += c >= ' ' && c <= '~' ? c : '?';
+  return text + (word.size() > kLongest ? "...\"" : "\"");
+}
+
+}  // namespace mesh

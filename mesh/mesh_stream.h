@@ -1,0 +1,233 @@
+#pragma once
+// What a mesh reader yields before anything is merged or repaired, and the small tools the readers share. Private to
+// lod/build.
+#include <charconv>
+#include <cstdint>
+#include <functional>
+#include <glm/glm.hpp>
+#include <string>
+#include <string_view>
+#include <type_traits>
+#include <vector>
+
+#include "base/bytes.h"
+#include "base/error.h"
+#include "mesh/mesh_sink.h"
+#include "mesh/texture.h"
+
+namespace mesh {
+
+/// Vertices and triangles exactly as one file gives them, in the file's own (double) coordinates.
+struct Soup {
+  std::vector<glm::dvec3> positions;  ///< world
+  std::vector<glm::vec3> normals;   ///< empty, or as many as positions; any length, zero or NaN where the file has none
+  std::vector<glm::u8vec4> colors;  ///< empty, or as many as positions; sRGB, a = 255
+  std::vector<std::uint32_t> indices;  ///< 3 per triangle, each below positions.size()
+  std::uint64_t short_faces = 0;       ///< faces with fewer than three corners: left out, to be counted as degenerate
+  std::vector<std::string> warnings;   ///< one line each, without the file's name
+};
+
+/// In memory, indices are 32 bits and 2^32 − 1 is kept as "none".
+inline constexpr std::uint64_t kMaxVertices = 0xFFFFFFFEULL;
+/// Corner numbers (3 per triangle) have to fit into 32 bits too.
+inline constexpr std::uint64_t kMaxTriangles = kMaxVertices / 3;
+
+inline base::Error invalidInput(std::string message) {
+  return {base::ErrorCode::kInvalidInput, std::move(message)};
+}
+inline base::Error unsupported(std::string message) {
+  return {base::ErrorCode::kUnsupported, std::move(message)};
+}
+inline base::Error indexOutOfRange(const std::string& place, std::int64_t index, std::uint64_t vertex_count) {
+  return invalidInput(place + ": index " + std::to_string(index) + " is out of range (" + std::to_string(vertex_count) +
+                      " vertices)");
+}
+inline base::Error truncatedIn(const std::string& place) {
+  return invalidInput("truncated: the file ends in " + place + "; get the whole file again");
+}
+inline base::Error tooManyVertices(std::uint64_t count) {
+  return unsupported(std::to_string(count) + " vertices are more than " + std::to_string(kMaxVertices) +
+                     "; split the mesh into several scenes");
+}
+
+/// Where a reader puts what it reads: blocks are handed to the sink when they are full, and pages of the mapped file
+/// that lie behind are let go, so that memory stays bounded whatever the file's length.
+class MeshStream {
+ public:
+  /// `file`: the whole mapped file. `progress` gets the share read; false cancels. May be empty.
+  /// `directory`: where the file lies, for textures beside it.
+  MeshStream(MeshSink& sink, base::ByteView file, std::string directory, std::function<bool(double)> progress)
+      : textures(std::move(directory)), sink_(sink), file_(file), progress_(std::move(progress)) {
+    positions.reserve(kBlock);
+    corners.reserve(3 * kBlock);
+  }
+
+  std::vector<glm::dvec3> positions;  ///< of the block being filled
+  std::vector<glm::vec3> normals;     ///< empty, or as many
+  std::vector<glm::u8vec4> colors;    ///< empty, or as many
+  std::vector<std::uint64_t> corners;
+  std::vector<glm::vec3> corner_normals;   ///< empty, or as many as corners
+  std::vector<glm::u8vec4> corner_colors;  ///< empty, or as many as corners; a = 0 where unknown
+  std::uint64_t short_faces = 0;
+  std::vector<std::string> warnings;
+  bool points_welcome = false;  ///< vertices without faces are a source too
+  TextureFiles textures;
+  TextureBaker baker;
+
+  std::uint64_t vertexCount() const { return vertices_ + positions.size(); }
+  std::uint64_t triangleCount() const { return triangles_ + corners.size() / 3; }
+  bool hasColors() const { return has_colors_; }
+  bool hasNormals() const { return has_normals_; }
+
+  /// Adds the polygon as a fan around its first corner. Corners must be checked already. `its_normals`, `its_colors`:
+  /// empty, or one per corner.
+  void addPolygon(std::span<const std::uint64_t> polygon, std::span<const glm::vec3> its_normals = {},
+                  std::span<const glm::u8vec4> its_colors = {}) {
+    if (polygon.size() < 3) {
+      ++short_faces;
+      return;
+    }
+    // Attributes begin in the middle of a block: those before are unknown.
+    if (!its_normals.empty() || !corner_normals.empty()) corner_normals.resize(corners.size(), glm::vec3(0.0F));
+    if (!its_colors.empty() || !corner_colors.empty()) corner_colors.resize(corners.size(), glm::u8vec4(0));
+    for (std::size_t i = 2; i < polygon.size(); ++i) {
+      corners.insert(corners.end(), {polygon[0], polygon[i - 1], polygon[i]});
+      if (!its_normals.empty())
+        corner_normals.insert(corner_normals.end(), {its_normals[0], its_normals[i - 1], its_normals[i]});
+      if (!its_colors.empty())
+        corner_colors.insert(corner_colors.end(), {its_colors[0], its_colors[i - 1], its_colors[i]});
+    }
+  }
+  /// To be called now and then with the place in the file: hands on full blocks.
+  base::Result<void> advance(const void* at) {
+    if (positions.size() < kBlock && corners.size() < 3 * kBlock) return {};
+    return flush(at);
+  }
+  base::Result<void> flush(const void* at);
+  /// Everything so far was read the wrong way.
+  base::Result<void> restart();
+
+  static constexpr std::size_t kBlock = std::size_t{1} << 16;
+
+ private:
+  MeshSink& sink_;
+  base::ByteView file_;
+  std::function<bool(double)> progress_;
+  std::size_t dropped_ = 0;
+  std::uint64_t vertices_ = 0;
+  std::uint64_t triangles_ = 0;
+  bool has_colors_ = false;
+  bool has_normals_ = false;
+};
+
+/// Colour component in 0..1 (more is cut, NaN is 0) as a byte.
+inline std::uint8_t byteFromUnit(double value) {
+  if (!(value > 0.0)) return 0;
+  return value >= 1.0 ? std::uint8_t{255} : static_cast<std::uint8_t>(value * 255.0 + 0.5);
+}
+
+/// Text formats write colours as 0..1 or as 0..255 without saying which: one component above 1 anywhere means the
+/// latter. A reader takes them for 0..1 until it meets one that is above; then it begins again.
+class TextColors {
+ public:
+  glm::u8vec4 color(const glm::dvec3& given);
+  /// True once, when what was read so far must be read again.
+  bool mustRestart();
+
+ private:
+  bool bytes_ = false;
+  bool seen_ = false;  // colours were taken for 0..1
+  bool wrong_ = false;
+};
+
+inline std::string_view textOf(base::ByteView bytes) {
+  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
+
+inline bool isSpace(char c) {
+  return c == ' ' || (c >= '\t' && c <= '\r');
+}
+
+/// Cuts spaces off the front of `text`; false when nothing is left.
+inline bool skipSpaces(std::string_view& text) {
+  std::size_t begin = 0;
+  while (begin < text.size() && isSpace(text[begin])) ++begin;
+  text.remove_prefix(begin);
+  return !text.empty();
+}
+
+/// Cuts the next word off the front of `text`; empty when none is left.
+inline std::string_view nextWord(std::string_view& text) {
+  skipSpaces(text);
+  std::size_t end = 0;
+  while (end < text.size() && !isSpace(text[end])) ++end;
+  std::string_view word = text.substr(0, end);
+  text.remove_prefix(end);
+  return word;
+}
+
+/// Cuts the next line off the front of `text`, without its "\n" or "\r\n".
+inline std::string_view nextLine(std::string_view& text) {
+  const std::size_t end = text.find('\n');
+  std::string_view line = text.substr(0, end);
+  text.remove_prefix(end == std::string_view::npos ? text.size() : end + 1);
+  if (!line.empty() && line.back() == '\r') line.remove_suffix(1);
+  return line;
+}
+
+/// How many characters of the front of `text` are a decimal without an exponent, of so few digits that `value` is
+/// rounded once and rightly: whole number and power of ten are both exact (Clinger 1990, "How to read floating point
+/// numbers accurately"). 0: none, or one that std::from_chars has to read.
+inline std::size_t leadingDecimal(std::string_view text, double& value) {
+  static constexpr double kTens[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,  1e8, 1e9,
+                                     1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18};
+  constexpr std::size_t kMaxDigits = 18;
+  const bool negative = !text.empty() && text.front() == '-';
+  std::size_t at = negative ? 1 : 0;
+  std::uint64_t whole = 0;
+  std::size_t digits = 0;
+  std::size_t point = 0;  // digits before it
+  bool pointed = false;
+  for (; at < text.size(); ++at) {
+    const char c = text[at];
+    if (c >= '0' && c <= '9') {
+      if (++digits > kMaxDigits) return 0;
+      whole = 10 * whole + static_cast<std::uint64_t>(c - '0');
+    } else if (c == '.' && !pointed) {
+      pointed = true;
+      point = digits;
+    } else {
+      break;
+    }
+  }
+  if (digits == 0 || whole > std::uint64_t{1} << 53) return 0;
+  if (at < text.size() && !isSpace(text[at])) return 0;
+  const double size = static_cast<double>(whole) / kTens[pointed ? digits - point : 0];
+  value = negative ? -size : size;
+  return at;
+}
+
+/// The whole word as a number; false when it is none.
+template <class T>
+bool parseNumber(std::string_view word, T& value) {
+  if constexpr (std::is_same_v<T, double>)
+    if (leadingDecimal(word, value) == word.size() && !word.empty()) return true;
+  if (!word.empty() && word.front() == '+') word.remove_prefix(1);
+  const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
+  return error == std::errc{} && end == word.data() + word.size();
+}
+
+/// How many digits the word begins with, up to 18, and what they say: `value` then needs no check for overflow.
+inline std::size_t leadingDigits(std::string_view word, std::int64_t& value) {
+  constexpr std::size_t kMax = 18;
+  std::size_t count = 0;
+  value = 0;
+  for (; count < word.size() && count < kMax && word[count] >= '0' && word[count] <= '9'; ++count)
+    value = 10 * value + (word[count] - '0');
+  return count;
+}
+
+/// A word from a hostile file, cut to a length that an error line can carry, unprintable bytes replaced.
+std::string quoted(std::string_view word);
+
+}  // namespace mesh

@@ -1,0 +1,112 @@
+#include "mesh/stream_mesh.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "base/file.h"
+#include "mesh/read_glb.h"
+#include "mesh/read_obj.h"
+#include "mesh/read_off.h"
+#include "mesh/read_ply.h"
+#include "mesh/read_stl.h"
+
+namespace mesh {
+namespace {
+
+std::string extensionOf(const std::string& path) {
+  const std::size_t dot = path.rfind('.');
+  if (dot == std::string::npos || path.find('/', dot) != std::string::npos) return {};
+  std::string extension = path.substr(dot + 1);
+  for (char& c : extension) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  return extension;
+}
+
+bool looksLikeBinaryStl(base::ByteView bytes) {
+  if (bytes.size() < 84 + 50) return false;
+  std::uint32_t count = 0;
+  std::memcpy(&count, bytes.data() + 80, sizeof(count));
+  return bytes.size() == 84 + 50 * std::uint64_t{count};
+}
+
+// The first lines that are no comments begin with OBJ's keywords.
+bool looksLikeObj(std::string_view text) {
+  text = text.substr(0, 1 << 16);
+  while (!text.empty()) {
+    std::string_view line = nextLine(text);
+    const std::string_view word = nextWord(line);
+    if (word.empty() || word.front() == '#') continue;
+    constexpr std::string_view kKeywords[] = {"v", "vn", "vt", "vp", "f", "o", "g", "s", "mtllib", "usemtl"};
+    return std::find(std::begin(kKeywords), std::end(kKeywords), word) != std::end(kKeywords);
+  }
+  return false;
+}
+
+enum class Format { kPly, kObj, kStl, kOff, kGlb };
+
+// The content decides; only where it says nothing, the file's name.
+base::Result<Format> formatOf(const std::string& path, base::ByteView bytes) {
+  if (bytes.empty()) return invalidInput("the file is empty");
+  const std::string_view text = textOf(bytes);
+  if (text.substr(0, 4) == "glTF") return Format::kGlb;
+  if (looksLikeBinaryStl(bytes)) return Format::kStl;
+  std::string_view rest = text.substr(0, 1 << 16);
+  const std::string_view word = nextWord(rest);
+  if (word == "ply") return Format::kPly;
+  if (word == "solid") return Format::kStl;
+  if (word.size() >= 3 && word.size() <= 8 && word.substr(word.size() - 3) == "OFF") return Format::kOff;
+  if (looksLikeObj(text)) return Format::kObj;
+
+  const std::string extension = extensionOf(path);
+  if (extension == "gltf") return unsupported("glTF with outside buffers is not read; write it as one GLB file");
+  if (extension == "ply") return Format::kPly;
+  if (extension == "obj") return Format::kObj;
+  if (extension == "stl") return Format::kStl;
+  if (extension == "off") return Format::kOff;
+  if (extension == "glb") return Format::kGlb;
+  return unsupported("neither the content nor the name is that of a mesh (PLY, OBJ, STL, OFF and GLB are read)");
+}
+
+base::Result<void> readAs(Format format, base::ByteView bytes, MeshStream& out) {
+  switch (format) {
+    case Format::kPly:
+      return readPly(bytes, out);
+    case Format::kObj:
+      return readObj(bytes, out);
+    case Format::kStl:
+      return readStl(bytes, out);
+    case Format::kOff:
+      return readOff(bytes, out);
+    case Format::kGlb:
+      return readGlb(bytes, out);
+  }
+  return invalidInput("unknown format");
+}
+
+}  // namespace
+
+base::Result<StreamedFile> streamMesh(const std::string& path, MeshSink& sink, const StreamOptions& options) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto file, base::MappedFile::open(path));
+  auto format = formatOf(path, file.bytes());
+  if (!format) return base::within(path, format.error());
+  const std::size_t slash = path.rfind('/');
+  MeshStream stream(sink, file.bytes(), slash == std::string::npos ? "" : path.substr(0, slash), options.progress);
+  stream.points_welcome = options.points;
+  if (auto read = readAs(*format, file.bytes(), stream); !read) {
+    // The sink's errors name their file already.
+    const bool named = read.error().message.rfind(path, 0) == 0 || read.error().code == base::ErrorCode::kNoSpace ||
+                       read.error().code == base::ErrorCode::kIo || read.error().code == base::ErrorCode::kCancelled;
+    return named ? read.error() : base::within(path, read.error());
+  }
+  StreamedFile out;
+  out.bytes = file.bytes().size();
+  out.vertices = stream.vertexCount();
+  out.triangles = stream.triangleCount();
+  out.short_faces = stream.short_faces;
+  out.has_normals = stream.hasNormals();
+  out.has_colors = stream.hasColors();
+  out.warnings = std::move(stream.warnings);
+  if (const std::string lost = stream.baker.warning(stream.vertexCount()); !lost.empty()) out.warnings.push_back(lost);
+  return out;
+}
+
+}  // namespace mesh

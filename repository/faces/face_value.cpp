@@ -1,0 +1,76 @@
+#include "repository/faces/face_value.h"
+
+#include <string>
+
+#include "base/check.h"
+#include "base/crc32c.h"
+
+namespace repository {
+namespace {
+
+constexpr std::uint8_t kMagic = 0x46;  // 'F'
+constexpr std::uint8_t kVersion = 1;
+constexpr std::uint8_t kEmpty = 0;
+constexpr std::uint8_t kImage = 1;
+constexpr std::size_t kCrcOffset = 4;
+constexpr std::size_t kHeaderBytes = 8;
+
+// Over everything but the CRC itself.
+std::uint32_t checksum(base::ByteView bytes) {
+  return base::crc32c(bytes.subspan(kHeaderBytes), base::crc32c(bytes.first(kCrcOffset)));
+}
+
+base::Error badValue(const std::string& what) {
+  return {base::ErrorCode::kInvalidInput, "face value: " + what};
+}
+
+}  // namespace
+
+base::Bytes encodeFaceValue(const FaceValue& value) {
+  LUMIGRID_CHECK_LE(value.jpeg.size(), std::size_t{0xFFFFFFFF});
+  LUMIGRID_CHECK_LE(value.coverage.size(), std::size_t{0xFFFFFFFF});
+  base::ByteWriter out;
+  out.u8(kMagic);
+  out.u8(kVersion);
+  out.u8(value.empty ? kEmpty : kImage);
+  out.u8(0);
+  out.u32(0);
+  if (!value.empty) {
+    out.u32(static_cast<std::uint32_t>(value.jpeg.size()));
+    out.u32(static_cast<std::uint32_t>(value.coverage.size()));
+    out.bytes(value.jpeg);
+    out.bytes(value.coverage);
+  }
+  out.patch(kCrcOffset, checksum(out.view()));
+  return out.take();
+}
+
+base::Result<FaceValue> decodeFaceValue(base::ByteView bytes) {
+  base::ByteReader in(bytes);
+  const std::uint8_t magic = in.u8();
+  const std::uint8_t version = in.u8();
+  const std::uint8_t kind = in.u8();
+  const std::uint8_t reserved = in.u8();
+  const std::uint32_t crc = in.u32();
+  if (!in.ok()) return badValue("cut short");
+  if (magic != kMagic) return badValue("not one (wrong magic)");
+  if (version != kVersion)
+    return base::Error{base::ErrorCode::kVersion, "face value: version " + std::to_string(version) +
+                                                      ", this program reads " + std::to_string(kVersion)};
+  if (crc != checksum(bytes)) return badValue("checksum differs");
+  if (kind > kImage || reserved != 0) return badValue("unknown kind " + std::to_string(kind));
+
+  FaceValue value;
+  value.empty = kind == kEmpty;
+  if (!value.empty) {
+    const std::uint32_t jpeg_bytes = in.u32();
+    const std::uint32_t coverage_bytes = in.u32();
+    value.jpeg = in.bytes(jpeg_bytes);
+    value.coverage = in.bytes(coverage_bytes);
+    if (in.ok() && value.jpeg.empty()) return badValue("an image of no bytes");
+  }
+  if (!in.atEnd()) return badValue("lengths do not add up");
+  return value;
+}
+
+}  // namespace repository

@@ -1,0 +1,87 @@
+#include "repository/objects/open_objects.h"
+
+#include "repository/objects/s3_objects.h"
+#include "repository/objects/web_source.h"
+
+namespace repository {
+namespace {
+
+using base::Error;
+using base::ErrorCode;
+using base::Result;
+
+// "https" of "https://host", "" of a path.
+std::string schemeOf(const std::string& place) {
+  const auto end = place.find("://");
+  return end == std::string::npos ? "" : place.substr(0, end);
+}
+
+bool isWeb(const std::string& scheme) {
+  return scheme == "http" || scheme == "https";
+}
+
+// The path in "file:///a%20b". RFC 8089: nobody, or "localhost", between the second and the third slash.
+Result<std::string> pathOfFileUrl(const std::string& place) {
+  std::string rest = place.substr(7);
+  if (rest.rfind("localhost/", 0) == 0) rest.erase(0, 9);
+  if (rest.empty() || rest[0] != '/')
+    return Error{ErrorCode::kInvalidInput, place + ": a file on another machine; write file:///path"};
+  std::string path;
+  for (std::size_t i = 0; i < rest.size(); ++i) {
+    if (rest[i] != '%') {
+      path += rest[i];
+      continue;
+    }
+    const std::string digits = rest.substr(i + 1, 2);
+    if (digits.size() != 2 || digits.find_first_not_of("0123456789abcdefABCDEF") != std::string::npos || digits == "00")
+      return Error{ErrorCode::kInvalidInput,
+                   place + ": '%' without two hexadecimal digits; write %25 for a percent sign"};
+    path += static_cast<char>(std::stoi(digits, nullptr, 16));
+    i += 2;
+  }
+  return path;
+}
+
+Error unknownScheme(const std::string& place) {
+  return {ErrorCode::kInvalidInput,
+          place + ": no place that we know; write a directory, file:///…, http://…, https://… or s3://bucket/prefix"};
+}
+
+}  // namespace
+
+bool isRemotePlace(const std::string& place) {
+  const std::string scheme = schemeOf(place);
+  return isWeb(scheme) || scheme == "s3";
+}
+
+Result<std::unique_ptr<ObjectSource>> openObjectSource(const std::string& place) {
+  const std::string scheme = schemeOf(place);
+  if (scheme.empty()) return openDirectorySource(place);
+  if (isWeb(scheme)) return openHttpSource(place, httpOptionsFromEnvironment());
+  if (scheme == "s3") {
+    const auto config = readS3Config();
+    if (!config) return base::within(place, config.error());
+    return openS3Source(place, *config);
+  }
+  if (scheme != "file") return unknownScheme(place);
+  LUMIGRID_ASSIGN_OR_RETURN(const auto path, pathOfFileUrl(place));
+  return openDirectorySource(path);
+}
+
+Result<std::unique_ptr<ObjectSink>> openObjectSink(const std::string& place) {
+  const std::string scheme = schemeOf(place);
+  if (scheme.empty()) return openDirectorySink(place);
+  if (isWeb(scheme))
+    return Error{ErrorCode::kUnsupported,
+                 place + ": a web server takes no objects; publish to a directory that it serves, or to s3://…"};
+  if (scheme == "s3") {
+    const auto config = readS3Config();
+    if (!config) return base::within(place, config.error());
+    return openS3Sink(place, *config);
+  }
+  if (scheme != "file") return unknownScheme(place);
+  LUMIGRID_ASSIGN_OR_RETURN(const auto path, pathOfFileUrl(place));
+  return openDirectorySink(path);
+}
+
+}  // namespace repository

@@ -1,0 +1,205 @@
+#include "repository/objects/s3_objects.h"
+
+#include <algorithm>
+#include <set>
+#include <utility>
+
+#include "base/content_range.h"
+#include "base/file.h"
+#include "repository/objects/s3_bucket.h"
+#include "repository/objects/s3_xml.h"
+#include "repository/objects/web_source.h"
+
+namespace repository {
+namespace {
+
+using base::Error;
+using base::ErrorCode;
+using base::Result;
+
+constexpr std::uint64_t kMaxAnswerBytes = std::uint64_t{8} << 20;  // a page of 1000 keys of 1000 bytes, and more
+constexpr std::uint64_t kMaxParts = 10000;                         // S3's limit
+
+class S3Server final : public ObjectServer {
+ public:
+  explicit S3Server(S3Bucket bucket) : bucket_(std::move(bucket)) {}
+
+  Result<HttpResponse> ask(const std::string& method, const std::string& name, const std::vector<std::string>& headers,
+                           std::uint64_t most_bytes) const override {
+    S3Exchange exchange{method, name, {}, {}, {}, most_bytes};
+    for (const std::string& line : headers) {
+      const auto colon = line.find(": ");
+      exchange.headers[line.substr(0, colon)] = line.substr(colon + 2);
+    }
+    return bucket_.send(exchange);
+  }
+  Error refusal(const std::string& name, const HttpResponse& response) const override {
+    return bucket_.refusal(name, response);
+  }
+  std::string describe(const std::string& name) const override { return bucket_.describe(name); }
+
+ private:
+  S3Bucket bucket_;
+};
+
+class S3Sink final : public ObjectSink {
+ public:
+  explicit S3Sink(S3Bucket bucket) : bucket_(std::move(bucket)) {}
+
+  Result<void> put(const std::string& name, base::ByteView bytes, const std::string& content_type) override {
+    LUMIGRID_TRY(checkName(name));
+    S3Exchange exchange{"PUT", name, {}, {}, bytes, kMaxAnswerBytes};
+    if (!content_type.empty()) exchange.headers["content-type"] = content_type;
+    LUMIGRID_TRY(ask(exchange));
+    return {};
+  }
+
+  Result<void> putFile(const std::string& name, const std::string& path, const std::string& content_type) override {
+    LUMIGRID_ASSIGN_OR_RETURN(const auto file, base::MappedFile::open(path));
+    if (file.bytes().size() <= bucket_.config().part_bytes) return put(name, file.bytes(), content_type);
+    LUMIGRID_TRY(checkName(name));
+    return putParts(name, file.bytes(), content_type);
+  }
+
+  Result<std::optional<std::uint64_t>> size(const std::string& name) override {
+    LUMIGRID_TRY(checkName(name));
+    LUMIGRID_ASSIGN_OR_RETURN(const auto response, bucket_.send({"HEAD", name, {}, {}, {}, 0}));
+    if (response.status == 404) return std::optional<std::uint64_t>();  // the bucket was there when we opened it
+    if (response.status != 200) return bucket_.refusal(name, response);
+    const auto bytes = base::parseDecimal(response.header("content-length"));
+    if (!bytes) return Error{ErrorCode::kNetwork, bucket_.describe(name) + ": the store does not say how long it is"};
+    return std::optional(*bytes);
+  }
+
+  Result<std::vector<std::string>> list(const std::string& prefix) override {
+    if (!prefix.empty()) LUMIGRID_TRY(checkName(prefix));
+    const std::string front = bucket_.prefix() + (prefix.empty() ? "" : prefix + "/");
+    std::vector<std::string> names;
+    std::set<std::string> asked;
+    for (std::string token;;) {
+      LUMIGRID_ASSIGN_OR_RETURN(auto page, listPage(front, token, 1000));
+      for (const std::string& key : page.keys) {
+        // Others may keep in the bucket what cannot be ours.
+        if (key.rfind(front, 0) != 0) continue;
+        std::string name = key.substr(bucket_.prefix().size());
+        if (isObjectName(name)) names.push_back(std::move(name));
+      }
+      if (page.next_token.empty()) break;
+      if (!asked.insert(page.next_token).second)
+        return Error{ErrorCode::kNetwork, bucket_.describe(prefix) + ": the store's list of objects does not end"};
+      token = page.next_token;
+    }
+    std::sort(names.begin(), names.end());
+    return names;
+  }
+
+  Result<void> remove(const std::string& name) override {
+    LUMIGRID_TRY(checkName(name));
+    LUMIGRID_ASSIGN_OR_RETURN(const auto response, bucket_.send({"DELETE", name, {}, {}, {}, kMaxAnswerBytes}));
+    if (response.status >= 300 && response.status != 404) return bucket_.refusal(name, response);
+    return {};
+  }
+
+  const std::string& place() const override { return bucket_.place(); }
+
+  Result<S3Page> listPage(const std::string& prefix, const std::string& token, int most_keys) const {
+    S3Exchange exchange{"GET", "", {{"list-type", "2"}, {"max-keys", std::to_string(most_keys)}},
+                        {},    {}, kMaxAnswerBytes};
+    if (!prefix.empty()) exchange.query["prefix"] = prefix;
+    if (!token.empty()) exchange.query["continuation-token"] = token;
+    LUMIGRID_ASSIGN_OR_RETURN(const auto response, ask(exchange));
+    auto page = parseS3Page(base::textOf(response.body));
+    if (!page) return base::within(bucket_.place(), page.error());
+    return page;
+  }
+
+ private:
+  Result<void> checkName(const std::string& name) const {
+    if (isObjectName(name)) return {};
+    return Error{ErrorCode::kInvalidInput, bucket_.place() + ": no object can be named '" + name + "'"};
+  }
+
+  // Success or an error. A store may find out after its "200 OK" that it cannot: then the body is an <Error>.
+  Result<HttpResponse> ask(const S3Exchange& exchange) const {
+    LUMIGRID_ASSIGN_OR_RETURN(auto response, bucket_.send(exchange));
+    const bool failed_late = xmlText(base::textOf(response.body), "Code").has_value();
+    if (response.status < 200 || response.status >= 300 || failed_late) return bucket_.refusal(exchange.name, response);
+    return response;
+  }
+
+  // All parts under one upload, which shows as an object only when it is completed. What fails is aborted, or its parts
+  // would be kept and charged for.
+  Result<void> putParts(const std::string& name, base::ByteView bytes, const std::string& content_type) {
+    S3Exchange begin{"POST", name, {{"uploads", ""}}, {}, {}, kMaxAnswerBytes};
+    if (!content_type.empty()) begin.headers["content-type"] = content_type;
+    LUMIGRID_ASSIGN_OR_RETURN(const auto begun, ask(begin));
+    const auto upload = xmlText(base::textOf(begun.body), "UploadId");
+    if (!upload || upload->empty())
+      return Error{ErrorCode::kNetwork, bucket_.describe(name) + ": the store begins no upload; is this an S3 store?"};
+
+    const auto done = sendParts(name, bytes, *upload);
+    if (done) return {};
+    const auto aborted = bucket_.send({"DELETE", name, {{"uploadId", *upload}}, {}, {}, kMaxAnswerBytes});
+    Error error = done.error();
+    if (!aborted || (aborted->status >= 300 && aborted->status != 404))
+      error.message += "; an unfinished upload is left in the bucket, abort upload " + printable(*upload);
+    return error;
+  }
+
+  Result<void> sendParts(const std::string& name, base::ByteView bytes, const std::string& upload) {
+    const std::uint64_t part_bytes = std::max(bucket_.config().part_bytes, (bytes.size() + kMaxParts - 1) / kMaxParts);
+    std::string list;
+    for (std::uint64_t offset = 0, number = 1; offset < bytes.size(); offset += part_bytes, ++number) {
+      const auto body = bytes.subspan(offset, std::min<std::uint64_t>(part_bytes, bytes.size() - offset));
+      LUMIGRID_ASSIGN_OR_RETURN(const auto sent, ask({"PUT",
+                                                      name,
+                                                      {{"partNumber", std::to_string(number)}, {"uploadId", upload}},
+                                                      {},
+                                                      body,
+                                                      kMaxAnswerBytes}));
+      const std::string tag = sent.header("etag");
+      if (tag.empty() || tag.find_first_of("<&") != std::string::npos)
+        return Error{ErrorCode::kNetwork, bucket_.describe(name) + ": the store gives no tag for a part"};
+      list += "<Part><PartNumber>" + std::to_string(number) + "</PartNumber><ETag>" + tag + "</ETag></Part>";
+    }
+    return complete(name, upload, "<CompleteMultipartUpload>" + list + "</CompleteMultipartUpload>", bytes.size());
+  }
+
+  Result<void> complete(const std::string& name, const std::string& upload, const std::string& xml,
+                        std::uint64_t bytes) {
+    const base::Bytes body(xml.begin(), xml.end());
+    const auto answered =
+        ask({"POST", name, {{"uploadId", upload}}, {{"content-type", "application/xml"}}, body, kMaxAnswerBytes});
+    if (answered) return {};
+    // Perhaps a try before did it and only its answer was lost: then the upload is gone and the object is there.
+    if (answered.error().message.find("NoSuchUpload") != std::string::npos)
+      if (const auto there = size(name); there && *there == bytes) return {};
+    return answered.error();
+  }
+
+  S3Bucket bucket_;
+};
+
+}  // namespace
+
+Result<std::unique_ptr<ObjectSource>> openS3Source(const std::string& place, const S3Config& config) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto bucket, S3Bucket::open(place, config));
+  const std::string clean = bucket.place();
+  return makeWebSource(clean, std::make_unique<S3Server>(std::move(bucket)));
+}
+
+Result<std::unique_ptr<ObjectSink>> openS3Sink(const std::string& place, const S3Config& config) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto bucket, S3Bucket::open(place, config));
+  if (!bucket.isSigned())
+    return Error{
+        ErrorCode::kInvalidInput,
+        place + ": no credentials to write with; set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or AWS_PROFILE"};
+  const std::string bucket_prefix = bucket.prefix();
+  auto sink = std::make_unique<S3Sink>(std::move(bucket));
+  const auto page = sink->listPage(bucket_prefix, "", 1);
+  // Who may write need not be allowed to list.
+  if (!page && page.error().message.find(": AccessDenied: ") == std::string::npos) return page.error();
+  return std::unique_ptr<ObjectSink>(std::move(sink));
+}
+
+}  // namespace repository

@@ -1,0 +1,492 @@
+#include "repository/packs/pack_format.h"
+
+#include <algorithm>
+#include <bit>
+#include <cstring>
+#include <numeric>
+#include <utility>
+
+#include "base/check.h"
+#include "base/crc32c.h"
+
+namespace repository {
+namespace {
+
+using base::ByteReader;
+using base::Bytes;
+using base::ByteView;
+using base::ByteWriter;
+using base::Error;
+using base::ErrorCode;
+using base::Result;
+
+constexpr char kPackMagic[9] = "LGPACKS\n";
+constexpr char kIndexMagic[9] = "LGINDEX\n";
+constexpr std::size_t kMagicBytes = 8;
+constexpr std::uint32_t kVersion = 1;
+constexpr std::uint32_t kIndexHeaderBytes = 128;
+constexpr std::uint32_t kMaxParameterBytes = std::uint32_t{16} << 20;
+constexpr std::uint64_t kMaxPacks = std::uint64_t{1} << 24;
+constexpr std::uint64_t kMaxBlocks = std::uint64_t{1} << 32;
+constexpr std::uint32_t kSmallestBlock = 4096;
+constexpr std::uint32_t kLargestBlock = 65536;
+constexpr std::uint32_t kBlockHeaderBytes = 8;
+constexpr std::uint32_t kCellBits = 6;
+constexpr std::uint64_t kCellMask = (1U << kCellBits) - 1;
+// Directions 6 and 7 are none.
+constexpr std::uint64_t kNoDirection = 0xC0C0C0C0C0C0C0C0ULL;
+constexpr std::uint32_t kSmallestValue = 8;
+// What the writer chooses (docs/formats/packs.md says why).
+constexpr std::uint32_t kBlockBytes = 16384;
+constexpr std::uint32_t kHashShift = 9;
+
+Error bad(const std::string& what) {
+  return {ErrorCode::kInvalidInput, what + "; publish it again"};
+}
+
+std::uint64_t alignUp(std::uint64_t offset, std::uint64_t step) {
+  return (offset + step - 1) / step * step;
+}
+
+// Stafford's thirteenth mixer: every bit of x moves half of the result's.
+std::uint64_t mix(std::uint64_t x) {
+  x ^= x >> 30;
+  x *= 0xbf58476d1ce4e5b9ULL;
+  x ^= x >> 27;
+  x *= 0x94d049bb133111ebULL;
+  return x ^ x >> 31;
+}
+
+std::uint64_t blocksOffsetFor(std::uint64_t parameter_bytes, std::uint64_t block_bytes) {
+  return alignUp(std::max(kIndexFrontBytes, kIndexHeaderBytes + parameter_bytes), block_bytes);
+}
+
+// --- Runs
+
+// How many of the first entries share a cell.
+std::size_t cellEnd(std::span<const PackEntry> entries) {
+  std::size_t end = 1;
+  while (end < entries.size() && entries[end].code >> kCellBits == entries[0].code >> kCellBits) ++end;
+  return end;
+}
+
+// One run: entries of one cell. Returns the bytes of its values.
+std::uint32_t writeRun(std::span<const PackEntry> entries, std::uint32_t offset, ByteWriter& out) {
+  std::uint64_t present = 0;
+  for (const PackEntry& entry : entries) present |= std::uint64_t{1} << (entry.code & kCellMask);
+  out.u64(entries[0].code >> kCellBits);
+  out.u64(present);
+  out.u32(offset);
+  std::uint32_t bytes = 0;
+  for (const PackEntry& entry : entries) {
+    out.varint(entry.length);
+    bytes += entry.length;
+  }
+  return bytes;
+}
+
+// Reads a run and appends its lengths. What is wrong, or nothing.
+const char* readRun(ByteReader& in, Run& run, std::vector<std::uint32_t>& lengths) {
+  run.cell = in.u64();
+  run.present = in.u64();
+  run.offset = in.u32();
+  if (!in.ok()) return "a run is cut short";
+  if (run.cell >> (63 - kCellBits) != 0) return "a run's cell is none";
+  if (run.present == 0 || (run.present & kNoDirection) != 0) return "a run's faces are none";
+  std::uint64_t end = run.offset;
+  for (int i = std::popcount(run.present); i > 0; --i) {
+    const std::uint64_t length = in.varint();
+    if ((length != 0 && length < kSmallestValue) || length > kMaxValueBytes) in.fail();
+    end += length;
+    lengths.push_back(static_cast<std::uint32_t>(length));
+  }
+  if (!in.ok()) return "a run's lengths are none";
+  if (run.offset < kPackHeaderBytes || end > kMaxPackBytes) return "a run's values do not lie in a pack";
+  return nullptr;
+}
+
+// Codes of a run, ascending.
+template <class Take>
+void forEachCode(const Run& run, Take take) {
+  for (std::uint64_t left = run.present; left != 0; left &= left - 1)
+    take(run.cell << kCellBits | static_cast<std::uint64_t>(std::countr_zero(left)));
+}
+
+std::uint64_t firstCode(const Run& run) {
+  return run.cell << kCellBits | static_cast<std::uint64_t>(std::countr_zero(run.present));
+}
+std::uint64_t lastCode(const Run& run) {
+  return run.cell << kCellBits | static_cast<std::uint64_t>(63 - std::countl_zero(run.present));
+}
+
+// Magic, version and the header's own checksum, which is its last word.
+Result<void> checkHeader(ByteView bytes, const char* magic, std::uint32_t header_bytes, const std::string& what) {
+  if (bytes.size() < header_bytes) return bad(what + " is cut short");
+  ByteReader in(bytes);
+  if (std::memcmp(in.bytes(kMagicBytes).data(), magic, kMagicBytes) != 0) return bad("not " + what + " (wrong magic)");
+  const std::uint32_t version = in.u32();
+  if (version != kVersion)
+    return Error{ErrorCode::kVersion, what + " is of version " + std::to_string(version) + ", this program reads " +
+                                          std::to_string(kVersion)};
+  if (in.u32() != header_bytes) return bad(what + " has a header of another length");
+  ByteReader end(bytes.subspan(header_bytes - 4));
+  if (end.u32() != base::crc32c(bytes.first(header_bytes - 4))) return bad(what + ": its header's checksum differs");
+  return {};
+}
+
+// --- Names
+
+std::string nameOf(const char* front, const ObjectId& id, const char* back) {
+  return front + base::hexOf(id) + back;
+}
+
+constexpr const char* kPackFront = "images/pack-";
+constexpr const char* kPackBack = ".lgk";
+constexpr const char* kIndexFront = "images/index-";
+constexpr const char* kIndexBack = ".lgi";
+
+std::optional<ObjectId> idIn(const std::string& name, std::string_view front, std::string_view back) {
+  ObjectId id{};
+  if (name.size() != front.size() + 2 * id.size() + back.size() || !name.starts_with(front) || !name.ends_with(back))
+    return std::nullopt;
+  const auto bytes = base::bytesOfHex(std::string_view(name).substr(front.size(), 2 * id.size()));
+  if (!bytes) return std::nullopt;
+  std::copy(bytes->begin(), bytes->end(), id.begin());
+  return id;
+}
+
+}  // namespace
+
+std::string packName(const ObjectId& id) {
+  return nameOf(kPackFront, id, kPackBack);
+}
+std::string indexName(const ObjectId& id) {
+  return nameOf(kIndexFront, id, kIndexBack);
+}
+std::optional<ObjectId> idOfPackName(const std::string& name) {
+  return idIn(name, kPackFront, kPackBack);
+}
+std::optional<ObjectId> idOfIndexName(const std::string& name) {
+  return idIn(name, kIndexFront, kIndexBack);
+}
+
+// --- Packs
+
+Bytes encodePack(std::span<const PackEntry> entries, ByteView values) {
+  LUMIGRID_CHECK(!entries.empty());
+  ByteWriter table;
+  auto offset = static_cast<std::uint32_t>(kPackHeaderBytes);
+  for (auto rest = entries; !rest.empty();) {
+    const std::size_t end = cellEnd(rest);
+    offset += writeRun(rest.first(end), offset, table);
+    rest = rest.subspan(end);
+  }
+  LUMIGRID_CHECK_EQ(offset, kPackHeaderBytes + values.size());
+
+  ByteWriter out;
+  out.bytes({reinterpret_cast<const std::uint8_t*>(kPackMagic), kMagicBytes});
+  out.u32(kVersion);
+  out.u32(static_cast<std::uint32_t>(kPackHeaderBytes));
+  out.u64(kPackHeaderBytes + values.size() + table.size());
+  out.u64(kPackHeaderBytes + values.size());
+  out.u64(entries.size());
+  out.u64(entries.front().code);
+  out.u64(entries.back().code);
+  out.u32(base::crc32c(table.view()));
+  out.u32(base::crc32c(out.view()));
+  out.bytes(values);
+  out.bytes(table.view());
+  return out.take();
+}
+
+Result<PackTable> decodePack(ByteView pack) {
+  LUMIGRID_TRY(checkHeader(pack, kPackMagic, kPackHeaderBytes, "a pack"));
+  ByteReader header(pack.subspan(kMagicBytes + 8));
+  const std::uint64_t bytes = header.u64();
+  const std::uint64_t table_offset = header.u64();
+  const std::uint64_t keys = header.u64();
+  const std::uint64_t first = header.u64();
+  const std::uint64_t last = header.u64();
+  const std::uint32_t crc = header.u32();
+  if (bytes != pack.size())
+    return bad("has " + std::to_string(pack.size()) + " bytes, its header says " + std::to_string(bytes));
+  if (table_offset < kPackHeaderBytes || table_offset > bytes) return bad("its table does not lie in it");
+  const ByteView table = pack.subspan(table_offset);
+  if (base::crc32c(table) != crc) return bad("its table's checksum differs");
+
+  PackTable out;
+  ByteReader in(table);
+  std::uint64_t offset = kPackHeaderBytes;
+  std::vector<std::uint32_t> lengths;
+  while (!in.atEnd()) {
+    Run run;
+    lengths.clear();
+    if (const char* wrong = readRun(in, run, lengths)) return bad(std::string("its table: ") + wrong);
+    if (run.offset != offset) return bad("its table: values do not lie side by side");
+    if (!out.entries.empty() && out.entries.back().code >> kCellBits >= run.cell)
+      return bad("its table: runs are out of order");
+    std::size_t i = 0;
+    forEachCode(run, [&](std::uint64_t code) {
+      out.entries.push_back({code, lengths[i]});
+      out.offsets.push_back(static_cast<std::uint32_t>(offset));
+      offset += lengths[i++];
+    });
+  }
+  if (out.entries.empty() || out.entries.size() != keys || out.entries.front().code != first ||
+      out.entries.back().code != last || offset != table_offset)
+    return bad("its table and its header differ");
+  return out;
+}
+
+// --- Reading the index
+
+Result<IndexRoot> decodeIndexRoot(ByteView front) {
+  LUMIGRID_TRY(checkHeader(front, kIndexMagic, kIndexHeaderBytes, "an index"));
+  ByteReader in(front.subspan(kMagicBytes + 8));
+  IndexRoot root;
+  root.object_bytes = in.u64();
+  root.keys = in.u64();
+  root.empty = in.u64();
+  root.totals.value_bytes = in.u64();
+  root.totals.jpeg_bytes = in.u64();
+  root.totals.coverage_bytes = in.u64();
+  root.blocks = in.u64();
+  root.blocks_offset = in.u64();
+  root.packs = in.u64();
+  root.block_bytes = in.u32();
+  root.hash_shift = in.u32();
+  root.parameter_bytes = in.u32();
+  root.parameter_crc = in.u32();
+  root.rows_crc = in.u32();
+
+  if (root.empty > root.keys) return bad("the index counts more empty flags than keys");
+  if (!std::has_single_bit(root.block_bytes) || root.block_bytes < kSmallestBlock || root.block_bytes > kLargestBlock)
+    return bad("the index has blocks of " + std::to_string(root.block_bytes) + " bytes");
+  if (root.hash_shift < kCellBits || root.hash_shift > 62)
+    return bad("the index's hash shift is " + std::to_string(root.hash_shift));
+  if (root.parameter_bytes > kMaxParameterBytes) return bad("the index's parameters are too long");
+  if (root.blocks == 0 || root.blocks > kMaxBlocks) return bad("the index has no blocks or too many");
+  if (root.packs > kMaxPacks || root.packs > root.keys) return bad("the index has too many packs");
+  if (root.blocks_offset != blocksOffsetFor(root.parameter_bytes, root.block_bytes))
+    return bad("the index's blocks do not lie behind its parameters");
+  if (root.object_bytes != root.rowsOffset() + root.packs * kPackRowBytes)
+    return bad("the index's lengths do not add up");
+  return root;
+}
+
+Result<void> checkParameters(const IndexRoot& root, ByteView text) {
+  if (text.size() != root.parameter_bytes) return bad("the parameters are cut short");
+  if (base::crc32c(text) != root.parameter_crc) return bad("the parameters' checksum differs");
+  return {};
+}
+
+std::uint64_t blockOfCode(const IndexRoot& root, std::uint64_t code) {
+  return mix(code >> root.hash_shift) % root.blocks;
+}
+
+Result<IndexBlock> decodeIndexBlock(const IndexRoot& root, std::uint64_t number, ByteView block) {
+  const std::string name = "block " + std::to_string(number) + " of the index";
+  if (block.size() != root.block_bytes) return bad(name + " is cut short");
+  ByteReader in(block);
+  if (in.u32() != base::crc32c(block.subspan(4))) return bad(name + ": its checksum differs");
+  const std::uint16_t packs = in.u16();
+  const std::uint16_t runs = in.u16();
+
+  IndexBlock out;
+  for (std::uint16_t i = 0; i < packs && in.ok(); ++i) out.packs_.push_back(in.read<ObjectId>());
+  for (std::uint16_t i = 0; i < runs; ++i) {
+    IndexBlock::Row row;
+    row.pack = in.u16();
+    row.first_length = static_cast<std::uint32_t>(out.lengths_.size());
+    if (const char* wrong = readRun(in, row.run, out.lengths_)) return bad(name + ": " + wrong);
+    if (row.pack >= out.packs_.size()) return bad(name + ": a run's pack is none");
+    if (blockOfCode(root, firstCode(row.run)) != number) return bad(name + ": a run belongs in another block");
+    if (!out.rows_.empty() && lastCode(out.rows_.back().run) >= firstCode(row.run))
+      return bad(name + ": runs are out of order");
+    out.rows_.push_back(row);
+  }
+  const ByteView rest = block.subspan(in.offset());
+  if (!in.ok() || std::any_of(rest.begin(), rest.end(), [](std::uint8_t byte) { return byte != 0; }))
+    return bad(name + ": its lengths do not add up");
+  return out;
+}
+
+std::optional<FacePlace> IndexBlock::find(std::uint64_t code) const {
+  // The first run that does not end before the code; runs of one cell do not overlap.
+  const auto row = std::partition_point(rows_.begin(), rows_.end(),
+                                        [&](const Row& candidate) { return lastCode(candidate.run) < code; });
+  if (row == rows_.end() || row->run.cell != code >> kCellBits) return std::nullopt;
+  const std::uint64_t bit = std::uint64_t{1} << (code & kCellMask);
+  if ((row->run.present & bit) == 0) return std::nullopt;
+  const auto before = static_cast<std::ptrdiff_t>(std::popcount(row->run.present & (bit - 1)));
+  const auto first = lengths_.begin() + row->first_length;
+  return FacePlace{packs_[row->pack], std::accumulate(first, first + before, std::uint64_t{row->run.offset}),
+                   first[before]};
+}
+
+std::uint64_t IndexBlock::bytes() const {
+  return sizeof(*this) + packs_.size() * sizeof(ObjectId) + rows_.size() * sizeof(Row) +
+         lengths_.size() * sizeof(std::uint32_t);
+}
+
+std::uint64_t IndexBlock::emptyFlags() const {
+  return static_cast<std::uint64_t>(std::count(lengths_.begin(), lengths_.end(), 0U));
+}
+
+std::uint64_t IndexBlock::valueBytes() const {
+  return std::accumulate(lengths_.begin(), lengths_.end(), std::uint64_t{0});
+}
+
+Result<std::vector<PackRow>> decodePackRows(const IndexRoot& root, ByteView bytes) {
+  if (bytes.size() != root.packs * kPackRowBytes) return bad("the index's list of packs is cut short");
+  if (base::crc32c(bytes) != root.rows_crc) return bad("the index's list of packs: its checksum differs");
+  ByteReader in(bytes);
+  std::vector<PackRow> rows(root.packs);
+  std::uint64_t keys = 0;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    PackRow& row = rows[i];
+    row.id = in.read<ObjectId>();
+    row.bytes = in.u64();
+    row.first_code = in.u64();
+    row.last_code = in.u64();
+    row.keys = in.u64();
+    if (row.bytes < kPackHeaderBytes || row.bytes > kMaxPackBytes || row.keys == 0 || row.keys > root.keys - keys ||
+        row.first_code > row.last_code || (i > 0 && rows[i - 1].last_code >= row.first_code))
+      return bad("the index's list of packs: row " + std::to_string(i) + " cannot be");
+    keys += row.keys;
+  }
+  if (keys != root.keys)
+    return bad("the index's list of packs counts " + std::to_string(keys) + " keys, its header " +
+               std::to_string(root.keys));
+  return rows;
+}
+
+// --- Writing the index
+
+void IndexBuilder::add(std::span<const PackEntry> entries) {
+  ByteWriter run;
+  auto offset = static_cast<std::uint32_t>(kPackHeaderBytes);
+  for (auto rest = entries; !rest.empty();) {
+    const std::size_t end = cellEnd(rest);
+    run = {};
+    offset += writeRun(rest.first(end), offset, run);
+    runs_.push_back({rest[0].code >> kCellBits, bytes_.size(), static_cast<std::uint32_t>(run.size()), packs_});
+    bytes_.insert(bytes_.end(), run.view().begin(), run.view().end());
+    rest = rest.subspan(end);
+  }
+  for (const PackEntry& entry : entries) empty_ += entry.length == 0 ? 1U : 0U;
+  keys_ += entries.size();
+  ++packs_;
+}
+
+ByteView IndexBuilder::bytesOf(const EncodedRun& run) const {
+  return ByteView(bytes_).subspan(run.begin, run.size);
+}
+
+// Runs come in order of packs, so within a block a pack's runs follow each other.
+bool IndexBuilder::fits(const IndexRoot& root) const {
+  constexpr std::uint32_t kNone = ~std::uint32_t{0};
+  std::vector<std::uint32_t> filled(root.blocks, kBlockHeaderBytes);
+  std::vector<std::uint32_t> last_pack(root.blocks, kNone);
+  for (const EncodedRun& run : runs_) {
+    const std::uint64_t block = blockOfCode(root, run.cell << kCellBits);
+    filled[block] += 2 + run.size;
+    if (last_pack[block] != run.pack) filled[block] += sizeof(ObjectId);
+    last_pack[block] = run.pack;
+    if (filled[block] > root.block_bytes) return false;
+  }
+  return true;
+}
+
+void IndexBuilder::writeBlocks(const IndexRoot& root, const std::vector<PackRow>& packs, Bytes& out) const {
+  std::vector<std::pair<std::uint64_t, std::uint64_t>> order;  // block, run
+  order.reserve(runs_.size());
+  for (std::size_t i = 0; i < runs_.size(); ++i) order.emplace_back(blockOfCode(root, runs_[i].cell << kCellBits), i);
+  std::sort(order.begin(), order.end());
+
+  auto next = order.begin();
+  for (std::uint64_t block = 0; block < root.blocks; ++block) {
+    ByteWriter ids;
+    ByteWriter runs;
+    std::uint16_t id_count = 0;
+    std::uint16_t run_count = 0;
+    std::optional<std::uint32_t> last_pack;
+    for (; next != order.end() && next->first == block; ++next, ++run_count) {
+      const EncodedRun& run = runs_[next->second];
+      if (last_pack != run.pack) {
+        ids.write(packs[run.pack].id);
+        ++id_count;
+        last_pack = run.pack;
+      }
+      runs.u16(static_cast<std::uint16_t>(id_count - 1));
+      runs.bytes(bytesOf(run));
+    }
+    ByteWriter content;
+    content.u16(id_count);
+    content.u16(run_count);
+    content.bytes(ids.view());
+    content.bytes(runs.view());
+    Bytes rest = content.take();
+    rest.resize(root.block_bytes - 4);
+    const std::uint32_t crc = base::crc32c(rest);
+    const auto at = out.size();
+    out.resize(at + 4);
+    std::memcpy(out.data() + at, &crc, sizeof(crc));
+    out.insert(out.end(), rest.begin(), rest.end());
+  }
+}
+
+Result<Bytes> IndexBuilder::build(const std::vector<PackRow>& packs, const std::string& parameters,
+                                  const ValueTotals& totals) const {
+  LUMIGRID_CHECK_EQ(packs.size(), packs_);
+  if (parameters.size() > kMaxParameterBytes)
+    return Error{ErrorCode::kUnsupported, "the repository's parameters exceed 16 MiB"};
+  IndexRoot root;
+  root.block_bytes = kBlockBytes;
+  root.hash_shift = kHashShift;
+  // The fewest blocks with which none overflows. Different neighbourhoods never share their whole hash, so it ends.
+  root.blocks = 1 + bytes_.size() / kBlockBytes;
+  while (!fits(root)) root.blocks += 1 + root.blocks / 8;
+
+  ByteWriter rows;
+  for (const PackRow& pack : packs) {
+    rows.write(pack.id);
+    rows.u64(pack.bytes);
+    rows.u64(pack.first_code);
+    rows.u64(pack.last_code);
+    rows.u64(pack.keys);
+  }
+  root.blocks_offset = blocksOffsetFor(parameters.size(), kBlockBytes);
+
+  ByteWriter header;
+  header.bytes({reinterpret_cast<const std::uint8_t*>(kIndexMagic), kMagicBytes});
+  header.u32(kVersion);
+  header.u32(kIndexHeaderBytes);
+  header.u64(root.rowsOffset() + rows.size());
+  header.u64(keys_);
+  header.u64(empty_);
+  header.u64(totals.value_bytes);
+  header.u64(totals.jpeg_bytes);
+  header.u64(totals.coverage_bytes);
+  header.u64(root.blocks);
+  header.u64(root.blocks_offset);
+  header.u64(packs.size());
+  header.u32(kBlockBytes);
+  header.u32(kHashShift);
+  header.u32(static_cast<std::uint32_t>(parameters.size()));
+  header.u32(base::crc32c(base::viewOfText(parameters)));
+  header.u32(base::crc32c(rows.view()));
+  header.bytes(Bytes(16));
+  header.u32(base::crc32c(header.view()));
+  LUMIGRID_CHECK_EQ(header.size(), kIndexHeaderBytes);
+  header.bytes(base::viewOfText(parameters));
+
+  Bytes out = header.take();
+  out.reserve(root.rowsOffset() + rows.size());
+  out.resize(root.blocks_offset);
+  writeBlocks(root, packs, out);
+  out.insert(out.end(), rows.view().begin(), rows.view().end());
+  return out;
+}
+
+}  // namespace repository

@@ -1,0 +1,45 @@
+#pragma once
+// A repository written as packs and index (docs/formats/packs.md).
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "repository/objects/objects.h"
+#include "repository/store.h"
+
+namespace repository {
+
+inline constexpr std::uint64_t kSmallestPack = std::uint64_t{1} << 20;
+inline constexpr std::uint64_t kLargestPack = std::uint64_t{64} << 20;
+
+struct PublishOptions {
+  std::uint64_t pack_bytes = std::uint64_t{16} << 20;  ///< fill packs up to this; kSmallestPack … kLargestPack
+  unsigned jobs = 4;     ///< packs hashed and written side by side, 1 or more; each takes pack_bytes of memory, twice
+  bool rewrite = false;  ///< write objects that are there already too (a damaged place is mended)
+};
+
+struct PublishProgress {
+  std::uint64_t keys_done = 0, keys_total = 0;
+  std::uint64_t bytes = 0;  ///< of packs made so far
+};
+
+struct PublishedImages {
+  std::string index;         ///< the index object's name
+  std::string index_sha256;  ///< of the whole object, lower-case hex
+  std::uint64_t index_bytes = 0;
+  std::vector<std::string> pack_names;  ///< in order of keys
+  std::uint64_t keys = 0, empty = 0;
+  std::uint64_t pack_bytes = 0;     ///< all packs
+  std::uint64_t packs_written = 0;  ///< the others were there
+  std::uint64_t bytes_written = 0;  ///< packs and index
+};
+
+/// Streams the store's values into packs and writes those that `sink` lacks, then the index. Nothing that was there
+/// before changes, so it may be stopped at any moment and run again. The objects depend on the values, the parameters
+/// and pack_bytes alone. `go_on` is asked now and then; false ends with kCancelled.
+/// Errors: the store's and the sink's; kInvalidInput for a value that is damaged; kUnsupported for one beyond 64 MiB.
+base::Result<PublishedImages> publishImages(const Store& store, ObjectSink& sink, const PublishOptions& options,
+                                            const std::function<bool(const PublishProgress&)>& go_on = {});
+
+}  // namespace repository

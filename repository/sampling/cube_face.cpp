@@ -1,0 +1,62 @@
+#include "repository/sampling/cube_face.h"
+
+#include <array>
+#include <cmath>
+
+#include "base/check.h"
+
+namespace repository {
+namespace {
+
+struct Axes {
+  glm::vec3 direction;
+  glm::vec3 up;
+};
+
+// d = 0..5: +x −x +y −y +z −z (Okamoto 2011, figure 5). Faces around the horizon stand upright in a scene whose up is
+// +z; the two vertical ones have +y at the top.
+const std::array<Axes, 6> kFaces = {{
+    {glm::vec3(1.0F, 0.0F, 0.0F), glm::vec3(0.0F, 0.0F, 1.0F)},
+    {glm::vec3(-1.0F, 0.0F, 0.0F), glm::vec3(0.0F, 0.0F, 1.0F)},
+    {glm::vec3(0.0F, 1.0F, 0.0F), glm::vec3(0.0F, 0.0F, 1.0F)},
+    {glm::vec3(0.0F, -1.0F, 0.0F), glm::vec3(0.0F, 0.0F, 1.0F)},
+    {glm::vec3(0.0F, 0.0F, 1.0F), glm::vec3(0.0F, 1.0F, 0.0F)},
+    {glm::vec3(0.0F, 0.0F, -1.0F), glm::vec3(0.0F, 1.0F, 0.0F)},
+}};
+
+}  // namespace
+
+glm::vec3 faceDirection(std::uint32_t d) {
+  LUMIGRID_CHECK_LT(d, kFaces.size());
+  return kFaces[d].direction;
+}
+
+glm::vec3 faceUp(std::uint32_t d) {
+  LUMIGRID_CHECK_LT(d, kFaces.size());
+  return kFaces[d].up;
+}
+
+base::Camera faceCamera(const Grid& grid, const FaceKey& key, float near_plane, float far_plane) {
+  base::Camera camera;
+  camera.eye = grid.point(key.x, key.y, key.z);
+  camera.width = camera.height = static_cast<int>(grid.face_size);
+
+  // The axes are signed unit vectors, so the rotation is exact and the six faces meet without a gap.
+  const glm::vec3 back = -faceDirection(key.d);
+  const glm::vec3 up = faceUp(key.d);
+  const glm::vec3 right = glm::cross(up, back);
+  camera.eye_from_scene = glm::mat4(glm::transpose(glm::mat3(right, up, back)));
+  camera.eye_from_scene[3] = glm::vec4(-(glm::mat3(camera.eye_from_scene) * camera.eye), 1.0F);
+
+  // 90° and aspect 1 (section 4.3) written as a frustum, so that x and y scale by 1 and not by 1 / tan(float π/4).
+  camera.clip_from_eye = glm::frustum(-near_plane, near_plane, -near_plane, near_plane, near_plane, far_plane);
+  return camera;
+}
+
+std::uint32_t faceOfDirection(const glm::vec3& direction) {
+  const glm::vec3 size = glm::abs(direction);
+  const int axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
+  return static_cast<std::uint32_t>(2 * axis) + (direction[axis] < 0.0F ? 1U : 0U);
+}
+
+}  // namespace repository

@@ -1,0 +1,80 @@
+#include "repository/sampling/parameters.h"
+
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <utility>
+
+#include "repository/sampling/tree_text.h"
+
+namespace repository {
+namespace {
+
+using nlohmann::json;
+
+/// Three numbers, or false.
+template <class Vector>
+bool readVector(const json& parent, const char* key, Vector& v) {
+  const auto it = parent.find(key);
+  if (it == parent.end() || !it->is_array() || it->size() != 3) return false;
+  for (int axis = 0; axis < 3; ++axis) {
+    const json& number = (*it)[static_cast<std::size_t>(axis)];
+    if (std::is_integral_v<typename Vector::value_type> ? !number.is_number_unsigned() : !number.is_number())
+      return false;
+    v[axis] = number.get<typename Vector::value_type>();
+  }
+  return true;
+}
+
+}  // namespace
+
+base::Result<Grid> gridFromMeta(const std::string& meta, const std::string& name) {
+  const base::Error wrong{
+      base::ErrorCode::kInvalidInput,
+      name + ": the repository's parameters hold no valid grid; build the images again with `lumigrid build`"};
+  const json root = json::parse(meta, nullptr, false);
+  if (!root.is_object() || !root.contains("grid") || !root["grid"].is_object()) return wrong;
+  const json& object = root["grid"];
+  Grid grid;
+  if (!readVector(object, "first", grid.first) || !readVector(object, "count", grid.count)) return wrong;
+  const auto spacing = object.find("spacing");
+  const auto face_size = object.find("face_size");
+  if (spacing == object.end() || !spacing->is_number() || face_size == object.end() || !face_size->is_number_unsigned())
+    return wrong;
+  grid.spacing = spacing->get<float>();
+  grid.face_size = face_size->get<std::uint32_t>();
+
+  // The checks of values live in one place: where a grid is decoded.
+  base::ByteWriter out;
+  grid.encode(out);
+  base::ByteReader in(out.view());
+  auto checked = Grid::decode(in);
+  return checked ? std::move(checked) : base::within(name, checked.error());
+}
+
+base::Result<SampledPoints> sampledPointsFromMeta(const std::string& meta, const std::string& name) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto grid, gridFromMeta(meta, name));
+  LUMIGRID_ASSIGN_OR_RETURN(auto tree, treeFromText(meta, grid, name));
+  return SampledPoints{grid, std::move(tree)};
+}
+
+bool sameParameters(const std::string& stored, const std::string& wanted) {
+  return withoutTree(stored) == withoutTree(wanted);
+}
+
+std::string firstDifference(const std::string& stored, const std::string& wanted) {
+  std::istringstream a(withoutTree(stored));
+  std::istringstream b(withoutTree(wanted));
+  std::string line_a;
+  std::string line_b;
+  while (std::getline(a, line_a) && std::getline(b, line_b)) {
+    for (std::string* line : {&line_a, &line_b}) {
+      if (line->ends_with(',')) line->pop_back();
+    }
+    if (line_a == line_b) continue;
+    if (line_a == "}") return "nothing said of " + line_b;
+    return line_a + (line_b == "}" ? ", now nothing said of it" : ", now " + line_b);
+  }
+  return "other parameters";
+}
+
+}  // namespace repository

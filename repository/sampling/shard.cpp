@@ -1,0 +1,120 @@
+#include "repository/sampling/shard.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <charconv>
+#include <cstdio>
+
+#include "base/check.h"
+
+namespace repository {
+namespace {
+
+// All of `text` as a number of digits only.
+std::optional<std::uint32_t> wholeNumber(const std::string& text) {
+  std::uint32_t value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
+  return value;
+}
+
+// Points of the grid in the cube of `side` at `corner`.
+std::uint64_t pointsInCube(const glm::uvec3& corner, std::uint32_t side, const glm::uvec3& count) {
+  std::uint64_t points = 1;
+  for (int axis = 0; axis < 3; ++axis) {
+    const std::uint32_t left = count[axis] > corner[axis] ? count[axis] - corner[axis] : 0;
+    points *= std::min(left, side);
+  }
+  return points;
+}
+
+// Half the side of the smallest cube, a power of two, that holds the grid's points.
+std::uint32_t halfOfRoot(const glm::uvec3& count) {
+  return std::bit_ceil(std::max({count.x, count.y, count.z})) / 2;
+}
+
+// First rank of shard i: floor(points · i / n), without overflow.
+std::uint64_t firstRank(std::uint64_t points, std::uint32_t index, std::uint32_t count) {
+  return points / count * index + points % count * index / count;
+}
+
+}  // namespace
+
+base::Result<Shard> parseShard(const std::string& text) {
+  const auto wrong = [&](const std::string& what) {
+    return base::Error{base::ErrorCode::kInvalidInput, "shard '" + text + "': " + what};
+  };
+  const std::size_t slash = text.find('/');
+  const auto index = wholeNumber(text.substr(0, slash));
+  const auto count = slash == std::string::npos ? std::nullopt : wholeNumber(text.substr(slash + 1));
+  if (!index || !count) return wrong("say i/n, such as 3/16");
+  if (*count < 1 || *count > kMaxShards) return wrong("n must be 1 to " + std::to_string(kMaxShards));
+  if (*index >= *count) return wrong("i must be 0 to n - 1, here " + std::to_string(*count - 1));
+  return Shard{*index, *count};
+}
+
+std::string directoryNameOf(const Shard& shard) {
+  std::array<char, 40> name{};
+  std::snprintf(name.data(), name.size(), "shard-%04u-of-%04u", shard.index, shard.count);
+  return name.data();
+}
+
+std::optional<Shard> shardOfDirectoryName(const std::string& name) {
+  if (name.size() != 18 || !name.starts_with("shard-") || name.substr(10, 4) != "-of-") return std::nullopt;
+  const auto index = wholeNumber(name.substr(6, 4));
+  const auto count = wholeNumber(name.substr(14));
+  if (!index || !count || *count > kMaxShards || *index >= *count) return std::nullopt;
+  return Shard{*index, *count};
+}
+
+PointRange pointsOf(const Shard& shard, const Grid& grid) {
+  const std::uint64_t points = grid.pointCount();
+  return {firstRank(points, shard.index, shard.count), firstRank(points, shard.index + 1, shard.count)};
+}
+
+std::uint64_t mortonRank(const Grid& grid, const glm::uvec3& point) {
+  LUMIGRID_CHECK(grid.contains({point.x, point.y, point.z, 0}));
+  std::uint64_t rank = 0;
+  glm::uvec3 corner(0);
+  for (std::uint32_t half = halfOfRoot(grid.count); half > 0; half /= 2) {
+    std::uint32_t child = 0;
+    for (int axis = 0; axis < 3; ++axis) child |= point[axis] >= corner[axis] + half ? 1U << axis : 0U;
+    for (std::uint32_t before = 0; before < child; ++before)
+      rank += pointsInCube(childCorner(corner, half, before), half, grid.count);
+    corner = childCorner(corner, half, child);
+  }
+  return rank;
+}
+
+glm::uvec3 pointAtMortonRank(const Grid& grid, std::uint64_t rank) {
+  LUMIGRID_CHECK_LT(rank, grid.pointCount());
+  glm::uvec3 corner(0);
+  for (std::uint32_t half = halfOfRoot(grid.count); half > 0; half /= 2) {
+    std::uint32_t child = 0;
+    for (;; ++child) {
+      const std::uint64_t points = pointsInCube(childCorner(corner, half, child), half, grid.count);
+      if (rank < points) break;
+      rank -= points;
+    }
+    corner = childCorner(corner, half, child);
+  }
+  return corner;
+}
+
+Division::Division(const Grid& grid, std::uint32_t count) {
+  for (std::uint32_t index = 0; index < count; ++index) {
+    const std::uint64_t first = pointsOf({index, count}, grid).first;
+    if (first == grid.pointCount()) break;  // only empty shards follow
+    const glm::uvec3 point = pointAtMortonRank(grid, first);
+    first_codes_.push_back(FaceKey{point.x, point.y, point.z, 0}.code());
+  }
+}
+
+std::uint32_t Division::shardOf(const FaceKey& key) const {
+  const auto next = std::upper_bound(first_codes_.begin(), first_codes_.end(), key.code());
+  LUMIGRID_CHECK(next != first_codes_.begin());
+  return static_cast<std::uint32_t>(next - first_codes_.begin()) - 1;
+}
+
+}  // namespace repository

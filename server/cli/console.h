@@ -1,0 +1,47 @@
+#pragma once
+// What every command of the program shares: errors, progress, sizes, signals. Only programs print; libraries do not.
+#include <chrono>
+#include <cstdint>
+#include <string>
+
+#include "base/error.h"
+
+namespace server::cli {
+
+/// Exit statuses (DESIGN section 1).
+inline constexpr int kDone = 0, kFailed = 1, kWrongUsage = 2;
+
+/// Prints "lumigrid: message" to standard error; returns kFailed.
+int fail(const base::Error& error);
+
+/// Progress on standard error: a bar that is redrawn on a terminal, a plain line every few seconds otherwise. Shows
+/// rate, time left and this process's memory.
+class ProgressLine {
+ public:
+  explicit ProgressLine(bool quiet);
+  ~ProgressLine();
+  /// `done` in 0..1; `detail` is put behind, e.g. "41.2 images/s".
+  void show(const std::string& stage, double done, const std::string& detail = "");
+  void finish();  ///< ends the line
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  bool quiet_;
+  bool terminal_;
+  bool open_line_ = false;
+  std::string stage_;
+  Clock::time_point stage_start_, last_shown_;
+};
+
+std::string formatBytes(std::uint64_t bytes);  ///< "12.3 MB"
+std::string formatCount(std::uint64_t count);  ///< "3,029,285"
+std::string formatSeconds(double seconds);     ///< "2 min 10 s"
+std::uint64_t residentBytes();                 ///< of this process, now
+std::uint64_t peakResidentBytes();             ///< of this process, so far
+
+/// After this, SIGINT and SIGTERM only set a flag, so that work stops at a clean place; a second one ends the process
+/// at once.
+void stopOnSignals();
+bool stopRequested();
+
+}  // namespace server::cli

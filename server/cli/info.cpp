@@ -1,0 +1,313 @@
+#include <array>
+#include <cstdio>
+#include <ctime>
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "base/hash/sha256.h"
+#include "base/json/annotations_file.h"
+#include "lod/qsplat/splat_file.h"
+#include "repository/verify.h"
+#include "server/cli/commands.h"
+#include "server/cli/console.h"
+#include "server/cli/splat_info.h"
+#include "server/cli/tuned.h"
+#include "server/net/open_scene.h"
+
+namespace server::cli {
+namespace {
+
+constexpr std::size_t kMaxVisited = 10;
+
+struct InfoArguments {
+  std::string scene;
+  std::vector<std::string> access_files;
+  bool json = false;
+  bool digest = false;
+};
+
+struct Level {
+  std::uint64_t triangles = 0, patches = 0;
+  float max_error = 0.0F;
+  float max_color_error = 0.0F;  // 0 … 1
+};
+
+std::vector<Level> levelsOf(const lod::patch::Hierarchy& hierarchy) {
+  std::vector<Level> levels;
+  for (const lod::patch::Patch& patch : hierarchy.patches) {
+    if (levels.size() <= patch.level) levels.resize(patch.level + 1);
+    Level& level = levels[patch.level];
+    level.triangles += patch.triangles;
+    ++level.patches;
+    if (patch.producer == lod::patch::kNoGroup) continue;
+    const lod::patch::Group& group = hierarchy.groups[patch.producer];
+    level.max_error = std::max(level.max_error, group.error);
+    level.max_color_error = std::max(level.max_color_error, group.attribute_error);
+  }
+  return levels;
+}
+
+nlohmann::json describeHierarchy(const OpenScene& open) {
+  const lod::patch::Hierarchy& h = open.patches.hierarchy();
+  nlohmann::json j{{"bytes", open.patches.fileBytes()},
+                   {"groups", h.groups.size()},
+                   {"patches", h.patches.size()},
+                   {"lattice_step", h.lattice.step},
+                   {"position_error", h.lattice.positionError()},
+                   {"levels", nlohmann::json::array()}};
+  for (const Level& level : levelsOf(h))
+    j["levels"].push_back({{"triangles", level.triangles},
+                           {"patches", level.patches},
+                           {"max_error", level.max_error},
+                           {"max_color_error", level.max_color_error}});
+  return j;
+}
+
+base::Result<repository::Contents> contentsOf(const repository::IndexRoot& root) {
+  return repository::Contents{root.keys, root.empty, root.totals.jpeg_bytes, root.totals.coverage_bytes, 0};
+}
+
+nlohmann::json describeImages(const OpenScene& open, const repository::Contents& contents) {
+  const repository::Grid& grid = open.data.welcome.grid;
+  const std::uint64_t points = open.points.count();
+  nlohmann::json growth = nlohmann::json::array();
+  for (const repository::TreeGrowth& g : open.growth)
+    growth.push_back({{"cell", g.cell},
+                      {"cells", g.cells},
+                      {"points", g.points},
+                      {"bytes", g.bytes},
+                      {"psnr_db", g.psnr_db},
+                      {"worst_psnr_db", g.worst_psnr_db},
+                      {"split", g.split}});
+  return {{"images", contents.faces - contents.empty},
+          {"empty", contents.empty},
+          {"points", points},
+          {"grid_points", grid.pointCount()},
+          {"expected", 6 * points},
+          {"growth", growth},
+          {"jpeg_bytes", contents.jpeg_bytes},
+          {"coverage_bytes", contents.coverage_bytes},
+          {"unreadable", contents.unreadable},
+          {"grid", {grid.count.x, grid.count.y, grid.count.z}},
+          {"spacing", grid.spacing},
+          {"face_size", grid.face_size}};
+}
+
+/// Nothing when no server has counted. Counts that cannot be read are said to be so: they are no part of the scene.
+nlohmann::json describeAccess(const OpenScene& open, const InfoArguments& a) {
+  std::vector<std::string> files = a.access_files;
+  if (files.empty()) files.push_back(repository::accessFileOf(a.scene));
+  std::error_code ignored;
+  if (a.access_files.empty() && !std::filesystem::exists(files.front(), ignored)) return nullptr;
+  const auto counts = repository::loadAccess(files, accessIdentityOf(open));
+  if (!counts) return {{"error", counts.error().message}};
+
+  nlohmann::json j{{"faces_sent", counts->facesSent()},
+                   {"groups_sent", counts->groupsSent()},
+                   {"uncounted", counts->uncounted},
+                   {"faces", counts->faces.size()},
+                   {"since", counts->since},
+                   {"until", counts->until},
+                   {"points", nlohmann::json::array()}};
+  const auto points = repository::rankPoints(*counts);
+  for (std::size_t i = 0; i < std::min(points.size(), kMaxVisited); ++i) {
+    const glm::uvec3 p = points[i].point;
+    const glm::dvec3 at = open.scene.origin + glm::dvec3(open.data.welcome.grid.point(p.x, p.y, p.z));
+    j["points"].push_back({{"point", {p.x, p.y, p.z}}, {"position", {at.x, at.y, at.z}}, {"sent", points[i].sent}});
+  }
+  return j;
+}
+
+/// Nothing when the scene has none.
+nlohmann::json describeAnnotations(const OpenScene& open) {
+  if (open.directory.empty())
+    return open.annotations_json.empty() ? nlohmann::json() : nlohmann::json{{"bytes", open.annotations_json.size()}};
+  const auto read = base::readAnnotations(open.directory);
+  if (!read) return {{"error", read.error().message}};
+  if (!*read) return nullptr;
+  return {{"count", (*read)->notes}, {"bytes", (*read)->text.size()}};
+}
+
+void printAnnotations(const nlohmann::json& annotations) {
+  if (annotations.contains("error"))
+    std::printf("annotations: not served: %s\n", annotations["error"].get<std::string>().c_str());
+  else if (annotations.contains("count"))
+    std::printf("annotations: %s\n", formatCount(annotations["count"].get<std::uint64_t>()).c_str());
+}
+
+std::string dateOf(std::int64_t unix_seconds) {
+  const std::time_t time = unix_seconds;
+  std::tm parts{};
+  std::array<char, 64> text{};
+  if (::gmtime_r(&time, &parts) == nullptr || std::strftime(text.data(), text.size(), "%F %T UTC", &parts) == 0)
+    return "an unknown time";
+  return text.data();
+}
+
+void printAccess(const nlohmann::json& access) {
+  if (access.contains("error")) {
+    std::printf("sent to viewers: %s\n", access["error"].get<std::string>().c_str());
+    return;
+  }
+  const auto count = [&](const char* name) { return formatCount(access[name].get<std::uint64_t>()); };
+  std::printf("sent to viewers from %s to %s: %s images (%s different ones), %s groups\n",
+              dateOf(access["since"].get<std::int64_t>()).c_str(), dateOf(access["until"].get<std::int64_t>()).c_str(),
+              count("faces_sent").c_str(), count("faces").c_str(), count("groups_sent").c_str());
+  if (access["uncounted"].get<std::uint64_t>() != 0)
+    std::printf("  and %s more, not kept apart for want of memory\n", count("uncounted").c_str());
+  for (const auto& point : access["points"])
+    std::printf("  %12s from point %s at %s\n", formatCount(point["sent"].get<std::uint64_t>()).c_str(),
+                point["point"].dump().c_str(), point["position"].dump().c_str());
+}
+
+void printImages(const nlohmann::json& i, const std::string& tuned) {
+  const auto images = i["images"].get<std::uint64_t>();
+  const auto expected = i["expected"].get<std::uint64_t>();
+  std::printf("images: %s of %d x %d pixels, %s faces see nothing; grid %s, spacing %g\n", formatCount(images).c_str(),
+              i["face_size"].get<int>(), i["face_size"].get<int>(),
+              formatCount(i["empty"].get<std::uint64_t>()).c_str(), i["grid"].dump().c_str(),
+              i["spacing"].get<double>());
+  std::printf(
+      "  %s JPEG, %s coverage, %s an image\n", formatBytes(i["jpeg_bytes"].get<std::uint64_t>()).c_str(),
+      formatBytes(i["coverage_bytes"].get<std::uint64_t>()).c_str(),
+      formatBytes(
+          images == 0 ? 0 : (i["jpeg_bytes"].get<std::uint64_t>() + i["coverage_bytes"].get<std::uint64_t>()) / images)
+          .c_str());
+  if (!tuned.empty()) std::printf("  %s\n", tuned.c_str());
+  if (i.contains("sha256")) std::printf("  SHA-256 of all values %s\n", i["sha256"].get<std::string>().c_str());
+  if (i["points"] != i["grid_points"])
+    std::printf("  %s of the grid's %s points are sampled\n", formatCount(i["points"].get<std::uint64_t>()).c_str(),
+                formatCount(i["grid_points"].get<std::uint64_t>()).c_str());
+  for (const auto& g : i["growth"])
+    std::printf("  cells of %3u steps: %8s points, %9s; held-out views %.1f dB, the worst %.1f; %s of %s cells split\n",
+                g["cell"].get<unsigned>(), formatCount(g["points"].get<std::uint64_t>()).c_str(),
+                formatBytes(g["bytes"].get<std::uint64_t>()).c_str(), g["psnr_db"].get<double>(),
+                g["worst_psnr_db"].get<double>(), formatCount(g["split"].get<std::uint64_t>()).c_str(),
+                formatCount(g["cells"].get<std::uint64_t>()).c_str());
+  if (images + i["empty"].get<std::uint64_t>() != expected)
+    std::printf("  %s faces are missing; run the same `lumigrid build` again\n",
+                formatCount(expected - images - i["empty"].get<std::uint64_t>()).c_str());
+}
+
+// SHA-256 over every key (8 bytes, big-endian), length (8, little-endian) and value in the order of keys: equal exactly
+// when the repositories are, value by value, however they are divided into shards or packs.
+base::Result<std::string> digestOf(const repository::Store& store) {
+  base::Sha256 hash;
+  LUMIGRID_TRY(store.forEach([&](const repository::FaceKey& key, base::ByteView value) {
+    base::ByteWriter head;
+    for (int shift = 56; shift >= 0; shift -= 8) head.u8(static_cast<std::uint8_t>(key.code() >> shift));
+    head.u64(value.size());
+    hash.add(head.view());
+    hash.add(value);
+    return true;
+  }));
+  return base::hexOf(hash.finish());
+}
+
+// A scene from points has splats alone.
+void printScene(const InfoArguments& a, const nlohmann::json& j) {
+  const auto& s = j["scene"];
+  const auto triangles = s["triangles"].get<std::uint64_t>();
+  const bool points = triangles == 0 && j.contains("qsplat");
+  std::printf("%s: %s %s, colours: %s, light: %s, units: %s\n", a.scene.c_str(),
+              formatCount(points ? j["qsplat"]["leaves"].get<std::uint64_t>() : triangles).c_str(),
+              points ? "points" : "triangles", s["has_colors"].get<bool>() ? "yes" : "no",
+              s["light"]["mode"].get<std::string>().c_str(), s["units"].get<std::string>().c_str());
+  std::printf("box %s to %s\n", s["box_min"].dump().c_str(), s["box_max"].dump().c_str());
+  for (const auto& source : s["sources"])
+    std::printf("source %s, %s\n", source["path"].get<std::string>().c_str(),
+                formatBytes(source["bytes"].get<std::uint64_t>()).c_str());
+  for (const auto& [what, count] : s["repairs"].items())
+    std::printf("repaired: %s %s\n", formatCount(count.get<std::uint64_t>()).c_str(), what.c_str());
+}
+
+void printHierarchy(const nlohmann::json& h) {
+  std::printf("hierarchy: %s patches in %s groups, %s; positions within %g\n",
+              formatCount(h["patches"].get<std::uint64_t>()).c_str(),
+              formatCount(h["groups"].get<std::uint64_t>()).c_str(),
+              formatBytes(h["bytes"].get<std::uint64_t>()).c_str(), h["position_error"].get<double>());
+  int number = 0;
+  for (const auto& level : h["levels"])
+    std::printf("  level %2d: %12s triangles %8s patches, error up to %g\n", number++,
+                formatCount(level["triangles"].get<std::uint64_t>()).c_str(),
+                formatCount(level["patches"].get<std::uint64_t>()).c_str(), level["max_error"].get<double>());
+}
+
+void print(const InfoArguments& a, const nlohmann::json& j, const std::string& tuned) {
+  printScene(a, j);
+  if (j.contains("hierarchy")) printHierarchy(j["hierarchy"]);
+  if (j.contains("qsplat")) std::printf("splats: %s\n", describeSplats(j["qsplat"]).c_str());
+  if (j.contains("images"))
+    printImages(j["images"], tuned);
+  else
+    std::printf("images: none\n");
+  if (j.contains("annotations")) printAnnotations(j["annotations"]);
+  if (j.contains("access")) printAccess(j["access"]);
+}
+
+/// Nothing when the scene has no tree of splats, or is not on this machine.
+base::Result<nlohmann::json> describeSplatFile(const std::string& directory, const base::Scene& scene) {
+  if (directory.empty() || !base::partFile(scene, "qsplat", ".lgq")) return nlohmann::json();
+  LUMIGRID_ASSIGN_OR_RETURN(const auto splats, lod::qsplat::SplatFile::open(base::splatPath(directory, scene)));
+  return splatsJson(splats.header());
+}
+
+int finish(const InfoArguments& a, const nlohmann::json& j, const std::string& tuned_line) {
+  if (a.json)
+    std::printf("%s\n", j.dump(2).c_str());
+  else
+    print(a, j, tuned_line);
+  return kDone;
+}
+
+int run(const InfoArguments& a) {
+  auto open = openScene(a.scene);
+  if (!open) return fail(open.error());
+  nlohmann::json j;
+  std::string tuned_line;
+  j["scene"] = nlohmann::json::parse((*open)->scene_json.begin(), (*open)->scene_json.end());
+  j["triangles"] = (*open)->scene.triangles;
+  if ((*open)->data.patches != nullptr) j["hierarchy"] = describeHierarchy(**open);
+  auto splats = describeSplatFile((*open)->directory, (*open)->scene);
+  if (!splats) return fail(splats.error());
+  if (!splats->is_null()) j["qsplat"] = std::move(*splats);
+  if ((*open)->images) {
+    // A published repository counts what it holds, so that nothing need be fetched.
+    auto contents =
+        (*open)->packs != nullptr ? contentsOf((*open)->packs->root()) : repository::contentsOf(*(*open)->images);
+    if (!contents) return fail(contents.error());
+    j["images"] = describeImages(**open, *contents);
+    if (a.digest) {
+      auto digest = digestOf(*(*open)->images);
+      if (!digest) return fail(digest.error());
+      j["images"]["sha256"] = *digest;
+    }
+    const Parameters& parameters = (*open)->scene.parameters;
+    const auto tuned = storedChoice(parameters);
+    if (!tuned) return fail(base::within(a.scene + "/scene.json", tuned.error()));
+    if (*tuned) {
+      j["images"]["tuned"] = tunedJson(**tuned);
+      const auto asked = parameters.find("tune");
+      tuned_line = "tuned to " + (asked == parameters.end() ? "?" : asked->second) + " dB: " + describeChoice(**tuned);
+    }
+  }
+  if (auto annotations = describeAnnotations(**open); !annotations.is_null()) j["annotations"] = std::move(annotations);
+  if (auto access = describeAccess(**open, a); !access.is_null()) j["access"] = std::move(access);
+  return finish(a, j, tuned_line);
+}
+
+}  // namespace
+
+Run addInfo(CLI::App& command) {
+  auto a = std::make_shared<InfoArguments>();
+  command.add_option("SCENE", a->scene, "scene directory")->required();
+  command.add_option("--access-file", a->access_files,
+                     "files of access counts to add up; default: access.lga in the scene, when it is there");
+  command.add_flag("--digest", a->digest,
+                   "also a SHA-256 over the keys and values of all images, the same however they are divided");
+  command.add_flag("--json", a->json, "as JSON");
+  return [a] { return run(*a); };
+}
+
+}  // namespace server::cli

@@ -1,0 +1,298 @@
+// lumigrid publish: a scene as objects that never change, and scene.json, which says which of them are the current
+// version, last (docs/formats/packs.md).
+#include "repository/packs/publish.h"
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "base/file.h"
+#include "base/json/annotations_file.h"
+#include "repository/objects/open_objects.h"
+#include "repository/packs/pack_format.h"
+#include "server/cli/commands.h"
+#include "server/cli/console.h"
+#include "server/cli/published_page.h"
+#include "server/net/open_scene.h"
+#include "server/net/page_files.h"
+
+namespace server::cli {
+namespace {
+
+namespace fs = std::filesystem;
+using base::Error;
+using base::ErrorCode;
+using base::Result;
+
+struct PublishArguments {
+  std::string scene, destination;
+  repository::PublishOptions images;
+  std::string viewer = "auto";  // or "on", "off"
+  std::string web;              // folder of the page's files; empty: where they are installed
+  bool prune = false, json = false, quiet = false;
+};
+
+struct PublishReport {
+  std::optional<repository::PublishedImages> images;
+  std::optional<PublishedPage> page;
+  std::optional<std::size_t> annotations;
+  std::uint64_t part_bytes = 0;     ///< patch.lgp and its like
+  std::uint64_t bytes_written = 0;  ///< of parts and images
+  std::uint64_t pruned = 0;
+  double seconds = 0.0;
+};
+
+constexpr const char* kBinary = "application/octet-stream";
+
+// A scene that `lumigrid build` made is not overwritten: it has what it was built from, we would only add to it.
+Result<void> refuseBuiltScene(repository::ObjectSink& sink) {
+  for (const char* name : {"patch.lgp", "qsplat.lgq", base::kBuildingFile, "images/data.mdb"}) {
+    LUMIGRID_ASSIGN_OR_RETURN(auto size, sink.size(name));
+    if (size.has_value())
+      return Error{ErrorCode::kExists,
+                   sink.place() + ": holds a scene that `lumigrid build` made; publish to another place"};
+  }
+  return {};
+}
+
+// One file of the scene under a name that says its content.
+Result<base::ScenePart> publishPart(const PublishArguments& a, const base::ScenePart& part,
+                                    repository::ObjectSink& sink, PublishReport& report) {
+  const std::string path = a.scene + "/" + part.file;
+  if (!repository::isObjectName(part.file))
+    return Error{ErrorCode::kInvalidInput, a.scene + ": scene.json lists a part '" + part.file + "', which cannot be"};
+  LUMIGRID_ASSIGN_OR_RETURN(auto hash, base::sha256OfFile(path));
+  if (hash != part.sha256)
+    return Error{ErrorCode::kInvalidInput,
+                 path + ": is not the file that scene.json lists (SHA-256 differs); build the scene again"};
+  const base::ScenePart published{base::publishedName(part.file, hash), part.bytes, hash};
+  report.part_bytes += part.bytes;
+  LUMIGRID_ASSIGN_OR_RETURN(auto there, sink.size(published.file));
+  if (!a.images.rewrite && there == part.bytes) return published;
+  LUMIGRID_TRY(sink.putFile(published.file, path, kBinary));
+  report.bytes_written += part.bytes;
+  return published;
+}
+
+bool isImages(const base::ScenePart& part) {
+  return part.sha256.empty() || repository::idOfIndexName(part.file);
+}
+
+Result<base::ScenePart> publishImages(const PublishArguments& a, const OpenScene& scene, repository::ObjectSink& sink,
+                                      PublishReport& report, ProgressLine& line) {
+  const auto start = std::chrono::steady_clock::now();
+  auto images = repository::publishImages(*scene.images, sink, a.images, [&](const repository::PublishProgress& p) {
+    const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    line.show("publishing images",
+              static_cast<double>(p.keys_done) / static_cast<double>(std::max<std::uint64_t>(p.keys_total, 1)),
+              formatBytes(p.bytes) + ", " +
+                  formatBytes(static_cast<std::uint64_t>(static_cast<double>(p.bytes) / std::max(seconds, 1e-3))) +
+                  "/s");
+    return !stopRequested();
+  });
+  line.finish();
+  if (!images) return images.error();
+  report.bytes_written += images->bytes_written;
+  base::ScenePart part{images->index, images->index_bytes, images->index_sha256};
+  report.images = std::move(*images);
+  return part;
+}
+
+// scene.json as others shall see it: where the meshes lay on this machine is not their business.
+base::Scene publicScene(base::Scene scene) {
+  for (base::SceneSource& source : scene.sources) source.path = fs::path(source.path).filename().string();
+  scene.parts.clear();
+  return scene;
+}
+
+// A name that only a publisher gives, or what a killed one left of it.
+bool isOurs(const std::string& name) {
+  const std::size_t part = name.rfind(".part");
+  const std::string whole =
+      part != std::string::npos && base::isUnfinished(name, name.substr(0, part)) ? name.substr(0, part) : name;
+  if (repository::idOfPackName(whole) || repository::idOfIndexName(whole)) return true;
+  const std::string extension = fs::path(whole).extension().string();
+  return whole.find('/') == std::string::npos && extension.size() == 4 && extension.starts_with(".lg") &&
+         base::isPublishedName(whole);
+}
+
+// Removes what earlier versions had and this one has not.
+Result<void> prune(const base::Scene& scene, repository::ObjectSink& sink, PublishReport& report) {
+  std::set<std::string> current;
+  for (const base::ScenePart& part : scene.parts) current.insert(part.file);
+  if (report.images) current.insert(report.images->pack_names.begin(), report.images->pack_names.end());
+  LUMIGRID_ASSIGN_OR_RETURN(auto names, sink.list(""));
+  for (const std::string& name : names) {
+    if (!isOurs(name) || current.contains(name)) continue;
+    LUMIGRID_TRY(sink.remove(name));
+    ++report.pruned;
+  }
+  return {};
+}
+
+// The page's files, if they are asked for or at least there.
+Result<std::optional<PageFiles>> pageFiles(const PublishArguments& a) {
+  if (a.viewer == "off") return std::optional<PageFiles>();
+  const std::string directory = a.web.empty() ? installedPageFiles() : a.web;
+  if (directory.empty()) {
+    if (a.viewer == "auto") return std::optional<PageFiles>();
+    return Error{ErrorCode::kNotFound,
+                 "there are no page files beside this program; --web names the folder that the preset web builds"};
+  }
+  LUMIGRID_ASSIGN_OR_RETURN(auto pages, readPageFiles(directory));
+  return std::optional(std::move(pages));
+}
+
+// A place that has a page of somebody's own keeps it, unless ours was asked for.
+Result<void> publishPageTo(const PublishArguments& a, const PageFiles& pages, bool splats_alone,
+                           repository::ObjectSink& sink, PublishReport& report) {
+  auto page = publishPage(pages, a.destination, sink, splats_alone, a.prune);
+  if (!page && page.error().code == ErrorCode::kExists && a.viewer == "auto") {
+    std::fprintf(stderr, "lumigrid: the page is left out: %s\n", page.error().message.c_str());
+    return {};
+  }
+  if (!page) return page.error();
+  report.bytes_written += page->bytes_written;
+  report.pruned += page->pruned;
+  report.page = *page;
+  return {};
+}
+
+// Annotations go along under their own name: they may change without the scene.
+Result<void> publishAnnotations(const PublishArguments& a, const std::optional<base::AnnotationsText>& annotations,
+                                repository::ObjectSink& sink, PublishReport& report) {
+  if (!annotations || fs::path(a.scene).lexically_normal() == fs::path(a.destination).lexically_normal()) return {};
+  report.annotations = annotations->notes;
+  const std::string& text = annotations->text;
+  return sink.put(base::kAnnotationsFile, {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()},
+                  "application/json");
+}
+
+// The scene as a server opens it, whose patches and images belong together.
+Result<std::unique_ptr<OpenScene>> openWhole(const PublishArguments& a, const base::Scene& scene) {
+  if (base::partFile(scene, "patch", ".lgp") || base::partFile(scene, "qsplat", ".lgq")) return openScene(a.scene);
+  return Error{ErrorCode::kInvalidInput, a.scene + ": scene.json lists no patch.lgp; build the scene again"};
+}
+
+Result<PublishReport> publish(const PublishArguments& a) {
+  const auto start = std::chrono::steady_clock::now();
+  // What is wrong beside the scene is told before hours of copying.
+  LUMIGRID_ASSIGN_OR_RETURN(auto pages, pageFiles(a));
+  LUMIGRID_ASSIGN_OR_RETURN(auto annotations, base::readAnnotations(a.scene));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto built, base::readScene(a.scene));
+  LUMIGRID_ASSIGN_OR_RETURN(auto open, openWhole(a, built));
+  LUMIGRID_ASSIGN_OR_RETURN(auto sink, repository::openObjectSink(a.destination));
+  LUMIGRID_TRY(refuseBuiltScene(*sink));
+
+  PublishReport report;
+  const bool splats_alone = open->data.patches == nullptr;
+  if (pages) LUMIGRID_TRY(publishPageTo(a, *pages, splats_alone, *sink, report));
+  base::Scene scene = publicScene(built);
+  for (const base::ScenePart& part : built.parts) {
+    if (isImages(part)) continue;
+    LUMIGRID_ASSIGN_OR_RETURN(auto published, publishPart(a, part, *sink, report));
+    scene.parts.push_back(std::move(published));
+  }
+  if (open->images) {
+    ProgressLine line(a.quiet);
+    LUMIGRID_ASSIGN_OR_RETURN(auto published, publishImages(a, *open, *sink, report, line));
+    scene.parts.push_back(std::move(published));
+  }
+
+  LUMIGRID_TRY(publishAnnotations(a, annotations, *sink, report));
+  // All that it names is there: now it may be seen.
+  const std::string text = base::formatScene(scene);
+  LUMIGRID_TRY(
+      sink->put("scene.json", {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}, "application/json"));
+  if (a.prune) LUMIGRID_TRY(prune(scene, *sink, report));
+  report.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return report;
+}
+
+void print(const PublishArguments& a, const PublishReport& r) {
+  if (a.json) {
+    nlohmann::json j{{"scene", a.scene},           {"destination", a.destination},
+                     {"part_bytes", r.part_bytes}, {"bytes_written", r.bytes_written},
+                     {"pruned", r.pruned},         {"seconds", r.seconds}};
+    if (r.page) j["page_files"] = r.page->files;
+    if (r.annotations) j["annotations"] = *r.annotations;
+    if (r.images)
+      j["images"] = {{"images", r.images->keys - r.images->empty},
+                     {"empty", r.images->empty},
+                     {"index", r.images->index},
+                     {"index_bytes", r.images->index_bytes},
+                     {"packs", r.images->pack_names.size()},
+                     {"packs_written", r.images->packs_written},
+                     {"pack_bytes", r.images->pack_bytes}};
+    std::printf("%s\n", j.dump(2).c_str());
+    return;
+  }
+  if (a.quiet) return;
+  std::printf("%s: published at %s in %s; %s written\n", a.scene.c_str(), a.destination.c_str(),
+              formatSeconds(r.seconds).c_str(), formatBytes(r.bytes_written).c_str());
+  if (r.images)
+    std::printf("  %s images and %s empty faces in %zu packs of %s together, %s of them new; index %s\n",
+                formatCount(r.images->keys - r.images->empty).c_str(), formatCount(r.images->empty).c_str(),
+                r.images->pack_names.size(), formatBytes(r.images->pack_bytes).c_str(),
+                formatCount(r.images->packs_written).c_str(), formatBytes(r.images->index_bytes).c_str());
+  if (r.annotations) std::printf("  %s annotations\n", formatCount(*r.annotations).c_str());
+  if (r.page)
+    std::printf("  the page that shows it in a browser: index.html and %s more files\n",
+                formatCount(r.page->files - 1).c_str());
+  if (a.prune) std::printf("  %s objects of earlier versions removed\n", formatCount(r.pruned).c_str());
+}
+
+}  // namespace
+
+Run addPublish(CLI::App& command) {
+  auto a = std::make_shared<PublishArguments>();
+  command.add_option("SCENE", a->scene, "scene directory, built or published")->required();
+  command
+      .add_option("DEST", a->destination,
+                  "a directory, made when it is not there. A web server or CDN that serves it, or a copy in a bucket, "
+                  "serves the scene (docs/hosting.md). What is there of an earlier version stays readable, and what "
+                  "did not change is not written again; a run that was stopped goes on")
+      ->required();
+  command
+      .add_option("--pack-size", a->images.pack_bytes,
+                  "fill packs of images up to this, 1M to 64M; smaller ones make a change cheaper to publish, larger "
+                  "ones make fewer objects")
+      ->transform(CLI::AsSizeValue(false))
+      ->check(CLI::Range(repository::kSmallestPack, repository::kLargestPack))
+      ->default_str("16M");
+  command
+      .add_option("--jobs", a->images.jobs,
+                  "packs written side by side, 1 to 64; each takes twice its size in memory. More help a distant store")
+      ->check(CLI::Range(1U, 64U))
+      ->capture_default_str();
+  command.add_flag("--rewrite", a->images.rewrite,
+                   "write what is there already too: mends a place where `lumigrid verify` found damage");
+  command
+      .add_option("--viewer", a->viewer,
+                  "on, off: whether to put the browser client's files beside the scene too, so that the place opens in "
+                  "a browser; auto: where they are found, and nothing of somebody else's is in their place")
+      ->check(CLI::IsMember({"auto", "on", "off"}))
+      ->capture_default_str();
+  command.add_option("--web", a->web,
+                     "folder with those files; default: ../share/lumigrid/web beside the folder of this program, where "
+                     "installing puts them");
+  command.add_flag("--prune", a->prune,
+                   "when all is done remove what earlier versions had and this one has not; viewers and servers that "
+                   "still read those lose them");
+  command.add_flag("--json", a->json, "summary as JSON");
+  command.add_flag("--quiet", a->quiet, "no progress and no summary");
+  return [a]() -> int {
+    stopOnSignals();
+    auto report = publish(*a);
+    if (!report) return fail(report.error());
+    print(*a, *report);
+    return kDone;
+  };
+}
+
+}  // namespace server::cli

@@ -1,0 +1,134 @@
+#include <algorithm>
+#include <cstdio>
+#include <memory>
+
+#include "base/egl/headless.h"
+#include "base/json/camera_file.h"
+#include "base/png/png.h"
+#include "lod/method.h"
+#include "server/cli/commands.h"
+#include "server/cli/console.h"
+#include "server/render/background.h"
+#include "server/render/scene_renderer.h"
+#include "server/render/splat_scene.h"
+
+namespace server::cli {
+namespace {
+
+struct RenderArguments {
+  std::string scene;
+  std::string camera;
+  std::string output;
+  std::string method = "full";
+  std::vector<int> size;
+  double tolerance_px = 1.0;
+  std::string splat = "circle";
+  double cutoff_px = 1.0;
+  bool back_faces = false;
+  int supersampling = 4;
+  std::vector<int> background;
+};
+
+/// What was drawn, and how much of what: "1,234 triangles".
+struct Drawn {
+  base::Image rgba;
+  std::string amount;
+};
+
+Rgb colorOf(const std::vector<int>& values) {
+  Rgb color{};
+  for (std::size_t c = 0; c < color.size(); ++c) color[c] = static_cast<std::uint8_t>(values[c]);
+  return color;
+}
+
+base::Result<Drawn> drawPatches(const RenderArguments& a, const base::Scene& scene, const base::ViewCamera& view) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto patches, lod::patch::PatchFile::open(base::patchPath(a.scene, scene)));
+  LUMIGRID_ASSIGN_OR_RETURN(auto renderer, SceneRenderer::create(scene, patches));
+  RenderOptions options;
+  options.tolerance_px =
+      lod::methodFromName(a.method) == lod::Method::kFull ? 0.0F : static_cast<float>(a.tolerance_px);
+  options.supersampling = a.supersampling;
+  const base::Sphere bounds{renderer->sceneCenter(), renderer->sceneRadius()};
+  LUMIGRID_ASSIGN_OR_RETURN(auto picture, renderer->render(base::cameraForScene(view, scene.origin, bounds), options));
+  return Drawn{std::move(picture.rgba), formatCount(picture.triangles) + " triangles"};
+}
+
+base::Result<Drawn> drawSplats(const RenderArguments& a, const base::Scene& scene, const base::ViewCamera& view) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto file, openSplats(a.scene, scene));
+  LUMIGRID_ASSIGN_OR_RETURN(auto renderer, SplatScene::create(scene, file));
+  SplatOptions options;
+  options.kernel = *lod::draw::splatKernelFromName(a.splat);
+  options.cutoff_px = static_cast<float>(a.cutoff_px);
+  options.cull_back_faces = !a.back_faces;
+  options.supersampling = a.supersampling;
+  auto picture = renderer->render(base::cameraForScene(view, scene.origin, renderer->bounds()), options);
+  if (!picture) return base::within(a.scene, picture.error());
+  return Drawn{std::move(picture->rgba),
+               formatCount(picture->splats) + " splats of " + formatCount(picture->nodes) + " nodes"};
+}
+
+int run(const RenderArguments& a) {
+  auto scene = base::readScene(a.scene);
+  if (!scene) return fail(scene.error());
+  auto view = base::readCamera(a.camera);
+  if (!view) return fail(view.error());
+  if (a.size.size() == 2) {
+    view->width = a.size[0];
+    view->height = a.size[1];
+  }
+  auto context = base::HeadlessContext::create();
+  if (!context) return fail(context.error());
+  const bool splats = lod::methodFromName(a.method) == lod::Method::kQsplat;
+  auto drawn = splats ? drawSplats(a, *scene, *view) : drawPatches(a, *scene, *view);
+  if (!drawn) return fail(drawn.error());
+  auto written =
+      base::writePng(a.background.size() == 3 ? over(drawn->rgba, colorOf(a.background)) : drawn->rgba, a.output);
+  if (!written) return fail(written.error());
+  std::printf("%s: %d x %d, %s drawn\n", a.output.c_str(), view->width, view->height, drawn->amount.c_str());
+  return kDone;
+}
+
+}  // namespace
+
+Run addRender(CLI::App& command) {
+  auto a = std::make_shared<RenderArguments>();
+  command.add_option("SCENE", a->scene, "scene directory")->required();
+  command.add_option("--camera", a->camera, "camera as JSON (docs/formats/camera.md)")->required();
+  command
+      .add_option("-o,--output", a->output,
+                  "PNG file to write (transparent where nothing is seen, unless --background)")
+      ->required();
+  command
+      .add_option("--method", a->method,
+                  "full: leaf geometry, the ground truth; patches: the hierarchy at --tolerance; qsplat: splats at "
+                  "--cutoff")
+      ->check(CLI::IsMember({"full", "patches", "qsplat"}))
+      ->capture_default_str();
+  command.add_option("--tolerance", a->tolerance_px, "largest projected error of --method patches, pixels")
+      ->check(CLI::Range(0.0, 1000.0))
+      ->capture_default_str();
+  command
+      .add_option("--splat", a->splat,
+                  "kernel of --method qsplat. square: the fastest; circle; fuzzy: softly blended; ellipse: lies in the "
+                  "surface, the sharpest, with a hole now and then")
+      ->check(CLI::IsMember({"square", "circle", "fuzzy", "ellipse"}))
+      ->capture_default_str();
+  command
+      .add_option("--cutoff", a->cutoff_px,
+                  "splats of --method qsplat are refined down to this diameter, pixels; 0: down to the leaves")
+      ->check(CLI::Range(0.0, 1000.0))
+      ->capture_default_str();
+  command.add_flag("--back-faces", a->back_faces,
+                   "--method qsplat: draw what turns its back, too (default: leave it out); for open surfaces that are "
+                   "seen from behind");
+  command.add_option("--size", a->size, "width and height in pixels, instead of the camera's")
+      ->expected(2)
+      ->check(CLI::Range(1, 65536));
+  command.add_option("--supersampling", a->supersampling, "n x n samples a pixel")
+      ->check(CLI::Range(1, 8))
+      ->capture_default_str();
+  command.add_option("--background", a->background, "red green blue, 0 to 255")->expected(3)->check(CLI::Range(0, 255));
+  return [a] { return run(*a); };
+}
+
+}  // namespace server::cli

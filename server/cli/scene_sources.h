@@ -1,0 +1,36 @@
+#pragma once
+// The meshes that a command names, with their hashes, which take as long as reading them.
+#include <atomic>
+#include <future>
+#include <string>
+#include <vector>
+
+#include "base/error.h"
+#include "base/json/scene_file.h"
+
+namespace server::cli {
+
+/// A thread works out the hashes from the constructor on, so that what needs none of them can go on meanwhile. Its
+/// destructor stops it.
+class SceneSources {
+ public:
+  using List = std::vector<base::SceneSource>;
+  /// `hashed`: else all() has sizes only.
+  SceneSources(std::vector<std::string> paths, bool hashed);
+  ~SceneSources() { abandoned_ = true; }
+  SceneSources(const SceneSources&) = delete;
+  SceneSources& operator=(const SceneSources&) = delete;
+
+  /// Whether all of them are files that can be opened. Does not wait.
+  base::Result<void> check() const;
+  /// Waits for the hashes. Errors: kNotFound, kIo; kCancelled after stopOnSignals(). Safe from any thread.
+  base::Result<List> all() const { return list_.get(); }
+
+ private:
+  base::Result<List> describe(bool hashed) const;
+  std::vector<std::string> paths_;
+  std::atomic<bool> abandoned_{false};
+  std::shared_future<base::Result<List>> list_;  // the last member: it ends before the others
+};
+
+}  // namespace server::cli

@@ -1,0 +1,120 @@
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "server/cli/commands.h"
+#include "server/cli/console.h"
+#include "server/net/page_files.h"
+#include "server/net/server.h"
+
+namespace server::cli {
+namespace {
+
+struct ServeArguments {
+  std::vector<std::string> scenes;
+  ServerOptions options;
+  std::string web;
+  double max_picture_megapixels = 64.0;
+  bool no_frames = false;
+  bool no_access = false;
+  bool json = false;
+};
+
+void tellJson(const Server& server, const std::string& place) {
+  nlohmann::ordered_json told{{"port", server.port()}, {"url", "ws://" + place + "/"}};
+  for (const std::string& name : server.names())
+    if (!name.empty()) told["scenes"].push_back({{"name", name}, {"url", "ws://" + place + "/" + name + "/"}});
+  std::printf("%s\n", told.dump().c_str());
+}
+
+void tell(const ServeArguments& a, const Server& server, const std::string& place) {
+  const char* page = a.options.page_directory.empty() ? "" : " (open it in a browser)";
+  if (a.scenes.size() == 1) {
+    std::printf("serving %s at http://%s/%s\nlook at it with: lumigrid-view ws://%s/\n", a.scenes.front().c_str(),
+                place.c_str(), page, place.c_str());
+    return;
+  }
+  std::printf("serving %zu scenes at http://%s/%s\n", a.scenes.size(), place.c_str(), page);
+  const std::vector<std::string> names = server.names();
+  for (std::size_t i = 0; i < names.size(); ++i)
+    std::printf("%s: lumigrid-view ws://%s/%s/\n", a.scenes[i].c_str(), place.c_str(), names[i].c_str());
+}
+
+int run(ServeArguments& a) {
+  a.options.render_frames = !a.no_frames;
+  a.options.count_access = !a.no_access;
+  a.options.max_picture_pixels = static_cast<std::uint64_t>(a.max_picture_megapixels * 1e6);
+  if (a.web != "off") a.options.page_directory = a.web.empty() ? installedPageFiles() : a.web;
+  auto server = Server::open(a.scenes, a.options);
+  if (!server) return fail(server.error());
+  const std::string place = a.options.address + ":" + std::to_string((*server)->port());
+  if (a.json)
+    tellJson(**server, place);
+  else
+    tell(a, **server, place);
+  std::fflush(stdout);
+  auto ended = (*server)->run(true);
+  if (!ended) return fail(ended.error());
+  return kDone;
+}
+
+}  // namespace
+
+Run addServe(CLI::App& command) {
+  auto a = std::make_shared<ServeArguments>();
+  command
+      .add_option(
+          "SCENE", a->scenes,
+          "scene directory made by `lumigrid build` or `publish`, or where a published scene lies: https://host/scene, "
+          "s3://bucket/scene (docs/places.md). Several: each is served below its directory's name, and / lists them")
+      ->required();
+  command
+      .add_option("--address", a->options.address, "address to listen at; 0.0.0.0 for every network of this machine")
+      ->capture_default_str();
+  command.add_option("--port", a->options.port, "port; 0 picks a free one and prints it")->capture_default_str();
+  command.add_option("--max-connections", a->options.max_connections, "viewers at a time; more are answered 503")
+      ->capture_default_str();
+  command.add_option("--idle", a->options.idle_seconds, "seconds after which a silent viewer is let go")
+      ->capture_default_str();
+  command.add_option("--web", a->web,
+                     "folder with the browser client's files, served at /; off: none. Default: ../share/lumigrid/web "
+                     "beside the folder of this program, where installing puts them");
+  command
+      .add_option("--max-picture", a->max_picture_megapixels,
+                  "most megapixels of a picture asked for at /render; 0: render none")
+      ->check(CLI::Range(0.0, 1000.0))
+      ->capture_default_str();
+  command
+      .add_option("--max-waiting-pictures", a->options.max_waiting_pictures,
+                  "pictures that may wait while one is rendered; further ones are answered 503")
+      ->check(CLI::Range(0, 1000))
+      ->capture_default_str();
+  command.add_flag("--no-frames", a->no_frames,
+                   "never render exact frames for viewers at rest, nor pictures (saves CPU or GPU)");
+  command
+      .add_option("--prefetch", a->options.ahead_bytes,
+                  "bytes that a viewer at rest is sent beyond what its view needs, e.g. 4M; 0: none, which makes "
+                  "pictures repeatable")
+      ->transform(CLI::AsSizeValue(true))
+      ->capture_default_str();
+  command.add_option("--access-file", a->options.access_file,
+                     "file that keeps how often each image and patch group was sent to viewers; default: access.lga in "
+                     "the scene; servers may share it");
+  command
+      .add_option("--access-interval", a->options.access_interval_seconds,
+                  "seconds between writes of that file: the most that a killed server forgets")
+      ->check(CLI::Range(0.01, 86400.0))
+      ->capture_default_str();
+  command.add_flag("--no-access", a->no_access, "count nothing and write nothing");
+  command.add_option(
+      "--cache", a->options.remote.cache_directory,
+      "directory that keeps what was read of a scene behind a network; default: $XDG_CACHE_HOME/lumigrid "
+      "or ~/.cache/lumigrid; servers may share it");
+  command.add_option("--cache-size", a->options.remote.cache_bytes, "most bytes of images to keep there, e.g. 4G")
+      ->transform(CLI::AsSizeValue(false))
+      ->capture_default_str();
+  command.add_flag("--json", a->json, "print port and URL as JSON");
+  return [a] { return run(*a); };
+}
+
+}  // namespace server::cli

@@ -1,0 +1,89 @@
+#include <algorithm>
+#include <cstdio>
+#include <memory>
+#include <vector>
+
+#include "base/file.h"
+#include "base/json/camera_file.h"
+#include "base/json/scene_file.h"
+#include "lod/patch/format.h"
+#include "server/bake/enclosed.h"
+#include "server/bake/random_views.h"
+#include "server/cli/commands.h"
+#include "server/cli/console.h"
+
+namespace server::cli {
+namespace {
+
+struct TourArguments {
+  std::string scene;
+  std::string output;
+  int frames = 24;
+  double turns = 1.0;
+  double elevation_degrees = 30.0;
+  double distance = 1.2;
+  std::vector<int> size{1280, 720};
+  int random = 0;
+  unsigned seed = 1;
+  double margin = 0.5;
+};
+
+base::Result<std::vector<base::ViewCamera>> heldOutViews(const TourArguments& a, const base::Scene& scene) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto patches, lod::patch::PatchFile::open(a.scene + "/patch.lgp"));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto enclosure, Enclosure::create(patches));
+  auto views =
+      randomViews(scene, enclosure, {static_cast<std::size_t>(a.random), a.seed, a.margin, a.size[0], a.size[1]});
+  if (views.empty())
+    return base::Error{base::ErrorCode::kInvalidInput,
+                       a.scene + ": the model leaves no room for a view; raise --margin"};
+  return views;
+}
+
+int run(const TourArguments& a) {
+  auto scene = base::readScene(a.scene);
+  if (!scene) return fail(scene.error());
+  auto path = base::orbitPath(scene->box_min, scene->box_max, scene->up, a.frames, a.turns,
+                              glm::radians(a.elevation_degrees), a.distance, a.size[0], a.size[1]);
+  if (a.random > 0) {
+    auto views = heldOutViews(a, *scene);
+    if (!views) return fail(views.error());
+    path = std::move(*views);
+  }
+  const std::string text = base::formatCameraPath(path);
+  auto written = base::writeFileAtomically(a.output, {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
+  if (!written) return fail(written.error());
+  return kDone;
+}
+
+}  // namespace
+
+Run addTour(CLI::App& command) {
+  auto a = std::make_shared<TourArguments>();
+  command.add_option("SCENE", a->scene, "scene directory")->required();
+  command.add_option("-o,--output", a->output, "JSON file to write")->required();
+  command.add_option("--frames", a->frames, "number of cameras")->check(CLI::Range(1, 100000))->capture_default_str();
+  command.add_option("--turns", a->turns, "turns around the model")->capture_default_str();
+  command.add_option("--elevation", a->elevation_degrees, "degrees above the horizon")
+      ->check(CLI::Range(-89.0, 89.0))
+      ->capture_default_str();
+  command.add_option("--distance", a->distance, "from the centre, in diagonals of the bounding box")
+      ->check(CLI::Range(0.01, 100.0))
+      ->capture_default_str();
+  command.add_option("--size", a->size, "width and height in pixels")
+      ->expected(2)
+      ->check(CLI::Range(1, 16384))
+      ->capture_default_str();
+  command
+      .add_option(
+          "--random", a->random,
+          "so many views from random places in the viewing box, but behind its surface, instead of an orbit; 0: none")
+      ->check(CLI::Range(0, 100000))
+      ->capture_default_str();
+  command.add_option("--seed", a->seed, "of the random views")->capture_default_str();
+  command.add_option("--margin", a->margin, "of the viewing box, as of `lumigrid build`")
+      ->check(CLI::Range(0.0, 100.0))
+      ->capture_default_str();
+  return [a] { return run(*a); };
+}
+
+}  // namespace server::cli

@@ -1,0 +1,35 @@
+#pragma once
+// What `build --tune` chose, as scene.json keeps it among the parameters: under names that begin with "tuned-", apart
+// from what was asked for (docs/formats/scene.md).
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+
+#include "base/error.h"
+#include "server/bake/tune.h"
+
+namespace server::cli {
+
+using Parameters = std::map<std::string, std::string>;
+
+/// What was asked for, without what was chosen.
+Parameters withoutChoice(Parameters parameters);
+/// Without all that says how images are encoded: tune, quality, subsampling, and the choice.
+Parameters withoutEncoding(Parameters parameters);
+
+void storeChoice(const TuneChoice& choice, Parameters& parameters);
+/// The choice, or nothing when there is none. An error, naming the parameter, when it is not one that storeChoice
+/// writes.
+base::Result<std::optional<TuneChoice>> storedChoice(const Parameters& parameters);
+
+/// "quality 78, 4:2:0: 36.02 dB on 64 faces, 6.1 kB an image"
+std::string describeChoice(const TuneChoice& choice);
+
+/// The same for machines: quality, subsampling, psnr_db, faces, jpeg_bytes (of the sample).
+nlohmann::json tunedJson(const TuneChoice& choice);
+
+/// The value of --tune: decibels, or nothing for "off". False when it is neither, or not above 0 and below 99.
+bool parseTune(const std::string& text, std::optional<double>& psnr_db);
+
+}  // namespace server::cli

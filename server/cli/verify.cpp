@@ -1,0 +1,203 @@
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "base/file.h"
+#include "base/json/annotations_file.h"
+#include "repository/access.h"
+#include "repository/objects/open_objects.h"
+#include "repository/repository.h"
+#include "repository/sampling/parameters.h"
+#include "repository/verify.h"
+#include "server/cli/commands.h"
+#include "server/cli/console.h"
+#include "server/cli/scene_images.h"
+#include "server/cli/verify_far.h"
+#include "server/cli/verify_parts.h"
+#include "server/net/open_scene.h"
+
+namespace server::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct VerifyArguments {
+  std::string scene;
+  bool json = false, quiet = false;
+};
+
+// Every part that scene.json lists is there, with its size and hash.
+void verifyParts(const std::string& directory, const base::Scene& scene, Faults& faults) {
+  for (const base::ScenePart& part : scene.parts) {
+    if (!repository::isObjectName(part.file)) {
+      faults.push_back(directory + ": scene.json lists a part '" + part.file + "', which cannot be");
+      continue;
+    }
+    const std::string path = directory + "/" + part.file;
+    if (!fs::exists(path)) {
+      faults.push_back(path + ": is missing, but scene.json lists it");
+      continue;
+    }
+    if (fs::is_directory(path)) continue;
+    if (fs::file_size(path) != part.bytes)
+      faults.push_back(path + ": has " + std::to_string(fs::file_size(path)) + " bytes, scene.json says " +
+                       std::to_string(part.bytes));
+    auto hash = base::sha256OfFile(path);
+    if (!hash)
+      faults.push_back(hash.error().message);
+    else if (*hash != part.sha256)
+      faults.push_back(path + ": its SHA-256 is " + *hash + ", scene.json says " + part.sha256);
+  }
+}
+
+void verifyLocalPacks(const std::string& directory, const std::string& index, const VerifyProgress& progress,
+                      Faults& faults) {
+  auto packs = openPacks(directory, index);
+  if (!packs)
+    faults.push_back(packs.error().message);
+  else
+    verifyPacks(**packs, directory + "/" + index, progress, faults);
+}
+
+// One store: the parameters are those of all, and so are its values.
+void verifyStore(const std::string& path, const repository::Shard& shard, const std::string& meta,
+                 const repository::Grid& grid, Faults& faults) {
+  if (!repository::isLmdbStore(path) && repository::pointsOf(shard, grid).size() == 0) return;
+  auto store = repository::openLmdbStore(path, repository::StoreMode::kRead);
+  if (!store) {
+    faults.push_back(store.error().message);
+    return;
+  }
+  const auto points = samplesOf(**store, path, faults);
+  if (!points) return;
+  const std::string own = (*store)->readMeta()->value_or("");
+  if (!repository::sameParameters(meta, own)) {
+    faults.push_back(path +
+                     ": was built with other parameters than other shards: " + repository::firstDifference(meta, own));
+    return;
+  }
+  auto found = repository::verifyShard(**store, grid, shard, points->treeOrNull());
+  if (!found)
+    faults.push_back(found.error().message);
+  else
+    for (const std::string& fault : *found) faults.push_back(path + ": " + fault);
+}
+
+// The parameters of the first store that can be read; why others cannot be is told where they are looked at.
+std::optional<std::string> firstMeta(const std::string& images, std::uint32_t shards) {
+  for (std::uint32_t i = 0; i < std::max(shards, 1U); ++i) {
+    auto store = repository::openLmdbStore(repository::storeDirectory(images, shards, i), repository::StoreMode::kRead);
+    if (!store) continue;
+    if (auto meta = (*store)->readMeta(); meta && meta->has_value()) return **meta;
+  }
+  return std::nullopt;
+}
+
+// Every store of the scene's division, and none besides.
+void verifyImages(const std::string& images, const base::Scene& scene, Faults& faults) {
+  auto shards = shardsOf(scene);
+  auto orphans = shards ? orphanStores(images, *shards) : shards.error();
+  if (!orphans) {
+    faults.push_back(orphans.error().message);
+    return;
+  }
+  for (const std::string& orphan : *orphans)
+    faults.push_back(orphan + ": is not of this scene's division of the images");
+  const auto meta = firstMeta(images, *shards);
+  if (!meta) {
+    faults.push_back(images + ": no store here says which grid it belongs to");
+    return;
+  }
+  auto grid = repository::gridFromMeta(*meta, images);
+  if (!grid) {
+    faults.push_back(grid.error().message);
+    return;
+  }
+  const std::uint32_t count = std::max(*shards, 1U);
+  for (std::uint32_t i = 0; i < count; ++i)
+    verifyStore(repository::storeDirectory(images, *shards, i), {i, count}, *meta, *grid, faults);
+}
+
+// Servers keep it; a scene has none until one was served.
+void verifyAccess(const std::string& path, Faults& faults) {
+  if (!fs::exists(path)) return;
+  auto bytes = base::readFile(path);
+  if (!bytes) {
+    faults.push_back(bytes.error().message);
+    return;
+  }
+  if (const auto file = repository::decodeAccess(*bytes); !file) faults.push_back(path + ": " + file.error().message);
+}
+
+void verifyAnnotations(const std::string& directory, Faults& faults) {
+  if (auto notes = base::readAnnotations(directory); !notes) faults.push_back(notes.error().message);
+}
+
+// What is wrong with a scene on the disk.
+base::Result<Faults> verifyHere(const std::string& directory, const VerifyProgress& progress, bool& is_published) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto scene, base::readScene(directory));
+  Faults faults;
+  verifyParts(directory, scene, faults);
+  const bool has_splats = base::partFile(scene, "qsplat", ".lgq").has_value();
+  if (has_splats) verifySplats(base::splatPath(directory, scene), scene, faults);
+  if (!has_splats || base::partFile(scene, "patch", ".lgp"))
+    verifyPatches(base::patchPath(directory, scene), scene, faults);
+  const auto index = base::partFile(scene, "images/index", ".lgi");
+  is_published = index.has_value();
+  if (index)
+    verifyLocalPacks(directory, *index, progress, faults);
+  else if (fs::is_directory(directory + "/images"))
+    verifyImages(directory + "/images", scene, faults);
+  verifyAccess(repository::accessFileOf(directory), faults);
+  verifyAnnotations(directory, faults);
+  return faults;
+}
+
+int run(const VerifyArguments& a) {
+  stopOnSignals();
+  ProgressLine line(a.quiet);
+  const VerifyProgress progress = [&](double done) {
+    line.show("verify", done);
+    return !stopRequested();
+  };
+  bool is_published = repository::isRemotePlace(a.scene);
+  const auto faults = is_published ? verifyFar(a.scene, progress) : verifyHere(a.scene, progress, is_published);
+  line.finish();
+  if (!faults) return fail(faults.error());
+  if (stopRequested()) return fail({base::ErrorCode::kCancelled, "stopped before everything was read"});
+  if (a.json) {
+    std::printf("%s\n", nlohmann::json{{"scene", a.scene}, {"faults", *faults}}.dump(2).c_str());
+  } else {
+    for (const std::string& fault : *faults) std::printf("%s\n", fault.c_str());
+    if (faults->empty())
+      std::printf("%s: all is well\n", a.scene.c_str());
+    else if (is_published)
+      std::printf("%s: %zu faults; `lumigrid publish` of the built scene with --rewrite mends them\n", a.scene.c_str(),
+                  faults->size());
+    else
+      std::printf(
+          "%s: %zu faults; `lumigrid build -o %s` renders missing and broken images again and removes what does not "
+          "belong here, other parts need --force\n",
+          a.scene.c_str(), faults->size(), a.scene.c_str());
+  }
+  return faults->empty() ? kDone : kFailed;
+}
+
+}  // namespace
+
+Run addVerify(CLI::App& command) {
+  auto a = std::make_shared<VerifyArguments>();
+  command
+      .add_option("SCENE", a->scene,
+                  "scene directory, or where a published scene lies: https://host/scene or s3://bucket/scene, which is "
+                  "read by ranges, several at a time, without a cache")
+      ->required();
+  command.add_flag("--json", a->json, "faults as JSON");
+  command.add_flag("--quiet", a->quiet, "no progress");
+  return [a] { return run(*a); };
+}
+
+}  // namespace server::cli

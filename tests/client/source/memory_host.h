@@ -1,0 +1,163 @@
+#pragma once
+// A published scene in memory, and a host that hands out ranges of it as a test wants: in any order, late, wrong.
+#include <algorithm>
+#include <deque>
+#include <functional>
+#include <map>
+#include <optional>
+#include <random>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "base/file.h"
+#include "client/source/static_source.h"
+#include "repository/packs/pack_format.h"
+#include "tests/server/session/memory_store.h"
+#include "tests/support/byte_ranges.h"
+
+namespace client {
+
+/// What lies at the host, made from the same scene that a server::Session is given.
+struct PublishedScene {
+  /// `values_a_pack`: how many faces lie in each pack. With a tree only its points have images.
+  explicit PublishedScene(const server::TestScene& from, std::size_t values_a_pack = 100,
+                          const repository::SampleTree* tree = nullptr)
+      : points{from.data.welcome.grid, std::nullopt} {
+    if (tree != nullptr) points.tree = *tree;
+    scene.place = "https://host/scene";
+    scene.welcome = from.data.welcome;
+    scene.welcome.group_count = scene.welcome.patch_count = 0;  // told by the file
+    scene.welcome.grid = {};
+
+    const auto patches = base::readFile(from.path);
+    LUMIGRID_CHECK(bool(patches));
+    scene.patches = {"patch-0123456789abcdef0123456789abcdef.lgp", patches->size()};
+    objects[scene.patches.name] = *patches;
+    addImages(from, values_a_pack);
+  }
+
+  ReadParameters readParameters() const {
+    return [points = points](const std::string& text) -> base::Result<repository::SampledPoints> {
+      if (text != kParameters) return base::Error{base::ErrorCode::kInvalidInput, "other parameters"};
+      return points;
+    };
+  }
+  std::string indexName() const { return scene.index->name; }
+  std::vector<std::string> packNames() const {
+    std::vector<std::string> names;
+    for (const auto& [name, bytes] : objects)
+      if (repository::idOfPackName(name)) names.push_back(name);
+    return names;
+  }
+
+  static constexpr const char* kParameters = "{\"grid\": \"as the test says\"}";
+  StaticScene scene;
+  repository::SampledPoints points;
+  std::map<std::string, base::Bytes> objects;
+
+ private:
+  void addImages(const server::TestScene& from, std::size_t values_a_pack) {
+    std::map<std::uint64_t, base::Bytes> values;
+    for (const auto& [key, value] : from.store.values)
+      if (points.treeOrNull() == nullptr || points.tree->hasPoint({key.x, key.y, key.z})) values[key.code()] = value;
+    repository::IndexBuilder builder;
+    std::vector<repository::PackRow> rows;
+    std::vector<repository::PackEntry> entries;
+    base::Bytes bytes;
+    const auto flush = [&] {
+      if (entries.empty()) return;
+      repository::ObjectId id{};
+      id[0] = static_cast<std::uint8_t>(rows.size());
+      id[1] = 0x77;
+      const base::Bytes pack = repository::encodePack(entries, bytes);
+      rows.push_back({id, pack.size(), entries.front().code, entries.back().code, entries.size()});
+      builder.add(entries);
+      objects[repository::packName(id)] = pack;
+      entries.clear();
+      bytes.clear();
+    };
+    for (const auto& [code, value] : values) {
+      const bool empty = value == repository::encodeFaceValue({});
+      entries.push_back({code, empty ? 0U : static_cast<std::uint32_t>(value.size())});
+      if (!empty) bytes.insert(bytes.end(), value.begin(), value.end());
+      if (entries.size() == values_a_pack) flush();
+    }
+    flush();
+    auto index = builder.build(rows, kParameters, {});
+    LUMIGRID_CHECK(bool(index));
+    scene.index = StaticPart{repository::indexName({9, 9, 9}), index->size()};
+    objects[scene.index->name] = std::move(*index);
+  }
+};
+
+struct HostRequest {
+  std::string name;
+  std::uint64_t offset = 0, length = 0;
+};
+
+class MemoryHost final : public RangeFetcher {
+ public:
+  explicit MemoryHost(const PublishedScene& published) : objects(published.objects) {}
+
+  void submit(std::uint64_t id, const std::string& name, std::uint64_t offset, std::uint64_t length) override {
+    LUMIGRID_CHECK(length > 0 && length < (1U << 20));
+    requests.push_back({name, offset, length});
+    waiting_.push_back({id, requests.back()});
+    most_under_way = std::max(most_under_way, waiting_.size());
+  }
+  /// All that wait, or the next `answers_a_take` in random order when a seed was given.
+  std::vector<Fetched> take() override {
+    std::vector<Fetched> out;
+    if (held) return out;
+    if (random) std::shuffle(waiting_.begin(), waiting_.end(), *random);
+    while (!waiting_.empty() && out.size() < answers_a_take) {
+      out.push_back(answer(waiting_.front().first, waiting_.front().second));
+      waiting_.pop_front();
+    }
+    if (!out.empty()) ++round_trips;
+    return out;
+  }
+  void cancel(std::uint64_t id) override {
+    std::erase_if(waiting_, [id](const auto& one) { return one.first == id; });
+  }
+
+  /// Bytes that were sent more than once, of all objects.
+  std::uint64_t bytesRepeated() const { return support::bytesRepeated(sent_); }
+  std::size_t waiting() const { return waiting_.size(); }
+
+  std::map<std::string, base::Bytes> objects;
+  std::vector<HostRequest> requests;
+  std::uint64_t bytes_sent = 0;
+  std::size_t round_trips = 0, most_under_way = 0;
+  std::size_t answers_a_take = 1000;
+  bool held = false;  ///< no answers for now
+  std::optional<std::mt19937> random;
+  /// What goes wrong with a request.
+  std::function<std::optional<FetchOutcome>(const HostRequest&)> trouble;
+
+ private:
+  Fetched answer(std::uint64_t id, const HostRequest& request) {
+    if (const auto outcome = trouble ? trouble(request) : std::nullopt) {
+      const std::map<FetchOutcome, int> statuses{{FetchOutcome::kNotFound, 404},     {FetchOutcome::kForbidden, 403},
+                                                 {FetchOutcome::kRangeIgnored, 200}, {FetchOutcome::kCompressed, 206},
+                                                 {FetchOutcome::kChanged, 206},      {FetchOutcome::kTooShort, 416},
+                                                 {FetchOutcome::kServer, 503}};
+      const auto status = statuses.find(*outcome);
+      return {id, *outcome, {}, status == statuses.end() ? 0 : status->second, "made up"};
+    }
+    const auto it = objects.find(request.name);
+    if (it == objects.end()) return {id, FetchOutcome::kNotFound, {}, 404, ""};
+    if (request.offset + request.length > it->second.size()) return {id, FetchOutcome::kTooShort, {}, 416, ""};
+    bytes_sent += request.length;
+    sent_[request.name].emplace_back(request.offset, request.offset + request.length);
+    const auto first = it->second.begin() + static_cast<std::ptrdiff_t>(request.offset);
+    return {id, FetchOutcome::kBytes, {first, first + static_cast<std::ptrdiff_t>(request.length)}, 206, ""};
+  }
+
+  std::deque<std::pair<std::uint64_t, HostRequest>> waiting_;
+  support::ByteRanges sent_;
+};
+
+}  // namespace client

@@ -1,0 +1,507 @@
+#include "client/source/session.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <random>
+#include <set>
+
+#include "tests/client/source/scripted_server.h"
+
+namespace client {
+namespace {
+
+const ScriptedServer& server() {
+  static const ScriptedServer made;
+  return made;
+}
+
+/// A session that was welcomed.
+Session ready(const SessionOptions& options = {}) {
+  Session session(options);
+  session.connected();
+  sent(session);
+  EXPECT_TRUE(bool(session.receive(server().sayWelcome())));
+  return session;
+}
+
+void hear(Session& session, const base::Bytes& message) {
+  auto taken = session.receive(message);
+  EXPECT_TRUE(bool(taken)) << taken.error().message;
+}
+
+void refuses(Session& session, const base::Bytes& message) {
+  EXPECT_FALSE(bool(session.receive(message)));
+  EXPECT_FALSE(session.problem().empty());
+}
+
+SessionOptions cacheOf(std::uint64_t bytes) {
+  SessionOptions options;
+  options.cache_bytes = bytes;
+  return options;
+}
+
+/// Every cached group's parents are cached, up to group 0: a cut can be drawn.
+bool drawable(const Session& session) {
+  for (std::uint32_t g = 0; g < server().hierarchy().groups.size(); ++g) {
+    if (!session.hasGroup(g)) continue;
+    for (std::uint32_t parent : server().hierarchy().parentsOf(g))
+      if (!session.hasGroup(parent)) return false;
+  }
+  return true;
+}
+
+TEST(Session, helloComesFirstAndAloneUntilTheServerWelcomes) {
+  Session session({});
+  session.setView(server().lookDown(20.0));
+  EXPECT_TRUE(sent(session).empty()) << "nothing is said to nobody";
+
+  session.connected();
+  EXPECT_EQ(session.state(), SessionState::kGreeting);
+  const auto greeting = sent(session);
+  ASSERT_EQ(greeting.size(), 1U);
+  EXPECT_EQ(std::get<protocol::Hello>(greeting[0]).version, protocol::kVersion);
+  EXPECT_EQ(session.welcome(), nullptr);
+
+  hear(session, server().sayWelcome());
+  EXPECT_EQ(session.state(), SessionState::kReady);
+  EXPECT_TRUE(session.takeEvents().welcomed);
+  EXPECT_EQ(session.welcome()->scene_name, "synthetic");
+  const auto views = only<protocol::View>(sent(session));
+  ASSERT_EQ(views.size(), 1U) << "the view that was set before is sent now";
+  EXPECT_EQ(views[0].sequence, 1U);
+}
+
+TEST(Session, aRefusalIsKeptWithItsReasonAfterTheConnectionCloses) {
+  Session session({});
+  session.connected();
+  hear(session, server().sayRefusal(protocol::kVersion, "full up"));
+  session.disconnected("end of file");
+  EXPECT_EQ(session.state(), SessionState::kRefused);
+  EXPECT_NE(session.problem().find("full up"), std::string::npos) << session.problem();
+
+  session.connected();
+  EXPECT_EQ(session.state(), SessionState::kGreeting) << "the next attempt starts afresh";
+  EXPECT_TRUE(session.problem().empty());
+}
+
+TEST(Session, aRefusalTellsWhichOtherMethodTheSceneHasDataFor) {
+  Session session({});
+  session.connected();
+  hear(session, server().sayRefusal(protocol::kVersion, "full up"));
+  EXPECT_EQ(session.methodInstead(), std::nullopt);
+  Session other({});
+  other.connected();
+  hear(other, protocol::encode(protocol::ServerMessage(protocol::Refusal{protocol::kVersion, "no patches", true})));
+  EXPECT_EQ(other.methodInstead(), lod::Method::kQsplat);
+  Session read({});
+  read.refuse("no splats", lod::Method::kLumigraph);
+  EXPECT_EQ(read.methodInstead(), lod::Method::kLumigraph);
+  EXPECT_EQ(read.problem(), "no splats");
+}
+
+TEST(Session, anotherVersionIsNamedWithBothNumbers) {
+  Session session({});
+  session.connected();
+  hear(session, server().sayRefusal(7, "too old"));
+  EXPECT_NE(session.problem().find("protocol 7, this client 2"), std::string::npos) << session.problem();
+
+  Session other({});
+  other.connected();
+  protocol::Welcome welcome = server().welcome;
+  welcome.version = 9;
+  refuses(other, protocol::encode(protocol::ServerMessage(welcome)));
+}
+
+TEST(Session, aViewIsSentOnceAndTheNewestWins) {
+  Session session = ready();
+  session.setView(server().lookDown(20.0));
+  session.setView(server().lookDown(21.0));
+  session.setView(server().lookDown(22.0));
+  auto views = only<protocol::View>(sent(session));
+  ASSERT_EQ(views.size(), 1U);
+  EXPECT_EQ(views[0].camera.position, server().lookDown(22.0).position);
+
+  session.setView(server().lookDown(22.0));
+  EXPECT_TRUE(sent(session).empty()) << "the same view again";
+
+  session.setView(server().lookDown(23.0));
+  const auto later = only<protocol::View>(sent(session));
+  ASSERT_EQ(later.size(), 1U);
+  EXPECT_GT(later[0].sequence, views[0].sequence);
+}
+
+TEST(Session, theViewCarriesWhatTheOptionsSay) {
+  SessionOptions options;
+  options.images = false;
+  options.frames = false;
+  options.patch_tolerance_px = 2.5F;
+  options.max_triangles = 1234;
+  Session session = ready(options);
+  session.setView(server().lookDown(20.0));
+  const auto views = only<protocol::View>(sent(session));
+  ASSERT_EQ(views.size(), 1U);
+  EXPECT_EQ(views[0].max_points, 0);
+  EXPECT_FALSE(views[0].want_frame);
+  EXPECT_EQ(views[0].patch_tolerance_px, 2.5F);
+  EXPECT_EQ(views[0].max_triangles, 1234U);
+}
+
+TEST(Session, aViewIsCompleteWhenTheServerSaysSoOfTheNewest) {
+  Session session = ready();
+  session.setView(server().lookDown(20.0));
+  EXPECT_FALSE(session.complete());
+  sent(session);
+  EXPECT_FALSE(session.complete());
+  hear(session, server().sayComplete(1));
+  EXPECT_TRUE(session.complete());
+
+  session.setView(server().lookDown(21.0));
+  EXPECT_FALSE(session.complete()) << "the new view is not even sent";
+  sent(session);
+  hear(session, server().sayComplete(1));
+  EXPECT_FALSE(session.complete()) << "that was the old one";
+  hear(session, server().sayComplete(2));
+  EXPECT_TRUE(session.complete());
+}
+
+TEST(Session, withExactFramesAViewIsCompleteOnceItsFrameIsThere) {
+  ScriptedServer frames;
+  frames.welcome.can_render_frames = true;
+  Session session({});
+  session.connected();
+  hear(session, frames.sayWelcome());
+  session.setView(frames.lookDown(20.0));
+  EXPECT_TRUE(only<protocol::View>(sent(session)).at(0).want_frame);
+  hear(session, frames.sayComplete(1));
+  EXPECT_FALSE(session.complete());
+  hear(session, frames.sayFrame(1, 100));
+  EXPECT_TRUE(session.complete());
+  ASSERT_NE(session.frame(1), nullptr);
+  EXPECT_EQ(session.takeEvents().frames_added, std::vector<std::uint32_t>{1});
+}
+
+TEST(Session, onlyTheFourNewestFramesAreKept) {
+  ScriptedServer frames;
+  frames.welcome.can_render_frames = true;
+  Session session({});
+  session.connected();
+  hear(session, frames.sayWelcome());
+  for (std::uint32_t i = 1; i <= 6; ++i) {
+    session.setView(frames.lookDown(20.0 + i));
+    sent(session);
+    hear(session, frames.sayFrame(i, 100));
+  }
+  EXPECT_EQ(session.frame(2), nullptr);
+  for (std::uint32_t i = 3; i <= 6; ++i) EXPECT_NE(session.frame(i), nullptr) << i;
+}
+
+TEST(Session, framesAreKeptAsFarAsTheirBytesAllow) {
+  ScriptedServer frames;
+  frames.welcome.can_render_frames = true;
+  SessionOptions options;
+  options.frame_bytes = 250;
+  Session session(options);
+  session.connected();
+  hear(session, frames.sayWelcome());
+  for (std::uint32_t i = 1; i <= 3; ++i) {
+    session.setView(frames.lookDown(20.0 + i));
+    sent(session);
+    hear(session, frames.sayFrame(i, 100));
+  }
+  EXPECT_EQ(session.frame(1), nullptr);
+  EXPECT_NE(session.frame(2), nullptr);
+  EXPECT_EQ(session.stats().frame_bytes, 200U);
+
+  // One that is too large alone came nevertheless: nothing more is to be waited for.
+  session.setView(frames.lookDown(30.0));
+  sent(session);
+  hear(session, frames.sayFrame(4, 300));
+  hear(session, frames.sayComplete(4));
+  EXPECT_EQ(session.frame(4), nullptr);
+  EXPECT_EQ(session.stats().frame_bytes, 0U);
+  EXPECT_TRUE(session.complete());
+}
+
+TEST(Session, bytesAreCountedByKind) {
+  ScriptedServer frames;
+  frames.welcome.can_render_frames = true;
+  Session session({});
+  session.connected();
+  sent(session);
+  std::uint64_t total = 0;
+  const auto say = [&](const base::Bytes& message) {
+    total += message.size();
+    hear(session, message);
+    return message.size();
+  };
+  say(frames.sayWelcome());
+  session.setView(frames.lookDown(20.0));
+  sent(session);
+  const std::uint64_t group = say(frames.sayGroup(0));
+  const std::uint64_t face = say(frames.sayFace({1, 1, 1, 3}, 1000)) + say(frames.sayFace({1, 1, 1, 4}, 500));
+  const std::uint64_t frame = say(frames.sayFrame(1, 700));
+  say(frames.sayComplete(1));
+
+  const SessionStats& stats = session.stats();
+  EXPECT_EQ(stats.bytes_received, total);
+  EXPECT_EQ(stats.bytes_patches, group);
+  EXPECT_EQ(stats.bytes_faces, face);
+  EXPECT_EQ(stats.bytes_frames, frame);
+  EXPECT_EQ(stats.messages_received, 6U);
+  EXPECT_EQ(stats.faces_received, 2U);
+  EXPECT_EQ(stats.groups_received, 1U);
+  EXPECT_GE(stats.cache_bytes, 1500U);
+}
+
+TEST(Session, theLeastRecentlyUsedFaceGoesFirstAndTheServerIsToldWithTheNextView) {
+  Session session = ready(cacheOf(3500));
+  session.setView(server().lookDown(20.0));
+  sent(session);
+  hear(session, server().sayFace({0, 0, 0, 0}, 1000));
+  hear(session, server().sayFace({0, 0, 0, 1}, 1000));
+  hear(session, server().sayFace({0, 0, 0, 2}, 1000));
+  ASSERT_NE(session.face({0, 0, 0, 0}), nullptr) << "and is used";
+  session.takeEvents();
+  hear(session, server().sayFace({0, 0, 0, 3}, 1000));
+
+  const repository::FaceKey gone{0, 0, 0, 1};
+  EXPECT_EQ(session.face(gone), nullptr);
+  EXPECT_NE(session.face({0, 0, 0, 0}), nullptr);
+  EXPECT_LE(session.stats().cache_bytes, 3500U);
+  EXPECT_EQ(session.takeEvents().faces_evicted, std::vector<repository::FaceKey>{gone});
+  EXPECT_TRUE(sent(session).empty()) << "told at once, the server would send it again for the same view";
+
+  session.setView(server().lookDown(21.0));
+  const auto messages = sent(session);
+  ASSERT_EQ(messages.size(), 2U);
+  EXPECT_EQ(std::get<protocol::Evicted>(messages[0]).faces, std::vector<repository::FaceKey>{gone});
+  EXPECT_TRUE(std::holds_alternative<protocol::View>(messages[1]));
+}
+
+TEST(Session, whatComesAgainIsNotToldAsEvicted) {
+  Session session = ready(cacheOf(2500));
+  session.setView(server().lookDown(20.0));
+  sent(session);
+  for (std::uint32_t d : {0U, 1U, 2U, 0U}) hear(session, server().sayFace({0, 0, 0, d}, 1000));
+  session.setView(server().lookDown(21.0));
+  const auto evicted = only<protocol::Evicted>(sent(session));
+  ASSERT_EQ(evicted.size(), 1U);
+  EXPECT_EQ(evicted[0].faces, (std::vector<repository::FaceKey>{{0, 0, 0, 1}}));
+}
+
+TEST(Session, whatIsInUseStaysAndTheNewcomerGoes) {
+  Session session = ready(cacheOf(2500));
+  hear(session, server().sayFace({0, 0, 0, 0}, 1000));
+  hear(session, server().sayFace({0, 0, 0, 1}, 1000));
+  session.setInUse({{0, 0, 0, 0}, {0, 0, 0, 1}}, {});
+  hear(session, server().sayFace({0, 0, 0, 2}, 1000));
+  EXPECT_NE(session.face({0, 0, 0, 0}), nullptr);
+  EXPECT_NE(session.face({0, 0, 0, 1}), nullptr);
+  EXPECT_EQ(session.face({0, 0, 0, 2}), nullptr);
+
+  session.setInUse({}, {});
+  hear(session, server().sayFace({0, 0, 0, 2}, 1000));
+  EXPECT_NE(session.face({0, 0, 0, 2}), nullptr);
+}
+
+TEST(Session, evictionKeepsEveryCutDrawable) {
+  // A cache of 12 kB gets the whole hierarchy and many faces, in an order that a server could choose, with some groups
+  // used.
+  Session session = ready(cacheOf(12'000));
+  std::mt19937 random(4);
+  const auto count = static_cast<std::uint32_t>(server().hierarchy().groups.size());
+  std::set<std::uint32_t> told;
+  for (int round = 0; round < 20; ++round) {
+    for (std::uint32_t g = 0; g < count; ++g) {
+      if (session.hasGroup(g) || random() % 3 == 0) continue;
+      const auto parents = server().hierarchy().parentsOf(g);
+      if (!std::all_of(parents.begin(), parents.end(), [&](std::uint32_t p) { return session.hasGroup(p); })) continue;
+      hear(session, server().sayGroup(g));
+      EXPECT_TRUE(drawable(session)) << "after group " << g << " in round " << round;
+      if (random() % 2 == 0) session.block(static_cast<std::uint32_t>(random() % count));
+    }
+    for (std::uint32_t d = 0; d < 6; ++d)
+      hear(session, server().sayFace({static_cast<std::uint32_t>(random() % 4), 1, 1, d}, 400));
+    EXPECT_TRUE(session.hasGroup(0));
+    EXPECT_TRUE(drawable(session));
+    EXPECT_LE(session.stats().cache_bytes, 12'000U);
+    for (std::uint32_t g : session.takeEvents().groups_evicted) told.insert(g);
+  }
+  EXPECT_GT(told.size(), 3U) << "groups have to go at all for this test to say something";
+}
+
+TEST(Session, aCutInUseOutlivesAFloodOfFaces) {
+  Session session = ready(cacheOf(20'000));
+  std::vector<std::uint32_t> cut;
+  for (std::uint32_t g = 0; g < 4; ++g) {
+    hear(session, server().sayGroup(g));
+    cut.push_back(g);
+  }
+  session.setInUse({}, cut);
+  for (std::uint32_t x = 0; x < 4; ++x)
+    for (std::uint32_t y = 0; y < 4; ++y)
+      for (std::uint32_t d = 0; d < 6; ++d) hear(session, server().sayFace({x, y, 0, d}, 1000));
+  for (std::uint32_t g : cut) EXPECT_TRUE(session.hasGroup(g)) << g;
+}
+
+TEST(Session, aReconnectTellsWhatIsHereAndSendsTheViewAgain) {
+  Session session = ready();
+  session.setView(server().lookDown(20.0));
+  sent(session);
+  hear(session, server().sayGroup(0));
+  hear(session, server().sayGroup(1));
+  hear(session, server().sayFace({1, 2, 1, 5}, 100));
+  hear(session, server().sayComplete(1));
+  session.takeEvents();
+
+  session.disconnected("the cable was pulled");
+  EXPECT_EQ(session.state(), SessionState::kDisconnected);
+  EXPECT_EQ(session.problem(), "the cable was pulled");
+  EXPECT_FALSE(session.complete());
+  EXPECT_TRUE(session.hasGroup(1)) << "what is here can be looked at meanwhile";
+  EXPECT_NE(session.welcome(), nullptr);
+  EXPECT_TRUE(sent(session).empty());
+
+  session.connected();
+  EXPECT_EQ(only<protocol::Hello>(sent(session)).size(), 1U);
+  hear(session, server().sayWelcome());
+  EXPECT_FALSE(session.takeEvents().welcomed) << "nothing changed for the viewer";
+  const auto messages = sent(session);
+  ASSERT_EQ(messages.size(), 2U);
+  protocol::Have have = std::get<protocol::Have>(messages[0]);
+  std::sort(have.groups.begin(), have.groups.end());
+  EXPECT_EQ(have.groups, (std::vector<std::uint32_t>{0, 1}));
+  EXPECT_EQ(have.faces, (std::vector<repository::FaceKey>{{1, 2, 1, 5}}));
+  EXPECT_GT(std::get<protocol::View>(messages[1]).sequence, 1U);
+  EXPECT_FALSE(session.complete()) << "Complete 1 was another connection's";
+}
+
+TEST(Session, aLongListOfWhatIsHereIsSentInParts) {
+  ScriptedServer large;
+  large.welcome.grid.count = {30, 30, 30};
+  Session session({});
+  session.connected();
+  hear(session, large.sayWelcome());
+  std::set<std::uint64_t> all;
+  for (std::uint32_t i = 0; i < 10'000; ++i) {
+    const repository::FaceKey key{i % 30, i / 30 % 30, i / 900, i % 6};
+    all.insert(key.code());
+    hear(session, large.sayFace(key, 10));
+  }
+  session.disconnected("");
+  session.connected();
+  hear(session, large.sayWelcome());
+  std::set<std::uint64_t> told;
+  const auto parts = only<protocol::Have>(sent(session));
+  EXPECT_EQ(parts.size(), 2U);
+  for (const protocol::Have& have : parts)
+    for (const repository::FaceKey& key : have.faces) told.insert(key.code());
+  EXPECT_EQ(told, all);
+}
+
+TEST(Session, anotherSceneAfterAReconnectDropsEverything) {
+  Session session = ready();
+  hear(session, server().sayGroup(0));
+  hear(session, server().sayFace({1, 2, 1, 5}, 100));
+  session.disconnected("gone");
+  session.connected();
+  sent(session);
+
+  ScriptedServer other;
+  other.welcome.scene_name = "another";
+  hear(session, other.sayWelcome());
+  const SessionEvents events = session.takeEvents();
+  EXPECT_TRUE(events.welcomed);
+  EXPECT_TRUE(events.faces_added.empty());
+  EXPECT_FALSE(session.hasGroup(0));
+  EXPECT_EQ(session.face({1, 2, 1, 5}), nullptr);
+  EXPECT_EQ(session.stats().cache_bytes, 0U);
+  EXPECT_TRUE(session.hierarchy().groups.empty());
+  EXPECT_TRUE(only<protocol::Have>(sent(session)).empty());
+}
+
+TEST(Session, aServerThatBreaksTheRulesIsRefused) {
+  const auto& s = server();
+  struct Row {
+    const char* what;
+    base::Bytes message;
+  };
+  protocol::Refine short_block = s.refine(0);
+  short_block.block.pop_back();
+  protocol::Refine long_record = s.refine(0);
+  long_record.record.push_back(0);
+  ScriptedServer bigger;
+  bigger.welcome.group_count = 3;
+  const Row rows[] = {
+      {"Welcome twice", s.sayWelcome()},
+      {"a face outside the grid", s.sayFace({4, 0, 0, 0}, 10)},
+      {"a block shorter than its record says", protocol::encode(protocol::ServerMessage(short_block))},
+      {"a record with more behind it", protocol::encode(protocol::ServerMessage(long_record))},
+      {"Complete for a view never sent", s.sayComplete(5)},
+      {"a frame for a view never sent", s.sayFrame(5, 10)},
+      {"nothing", {}},
+      {"an unknown type", {0x42, 1, 2, 3}},
+  };
+  for (const Row& row : rows) {
+    SCOPED_TRACE(row.what);
+    Session session = ready();
+    refuses(session, row.message);
+  }
+
+  Session early({});
+  early.connected();
+  refuses(early, s.sayGroup(0));
+
+  SessionOptions patches_only;
+  patches_only.images = false;
+  Session session = ready(patches_only);
+  refuses(session, s.sayFace({0, 0, 0, 0}, 10));
+}
+
+TEST(Session, groupsBeyondTheAnnouncedCountsAreRefused) {
+  ScriptedServer small;
+  small.welcome.group_count = 3;
+  Session session({});
+  session.connected();
+  hear(session, small.sayWelcome());
+  refuses(session, small.sayGroup(static_cast<std::uint32_t>(small.hierarchy().groups.size()) - 1));
+}
+
+TEST(Session, everyTruncationAndManyFlipsOfGoodMessagesDoNoHarm) {
+  const std::vector<base::Bytes> good{server().sayWelcome(), server().sayGroup(2), server().sayFace({0, 0, 0, 0}, 30),
+                                      server().sayFrame(1, 30), server().sayRefusal(1, "no")};
+  std::mt19937 random(11);
+  for (const base::Bytes& message : good) {
+    for (std::size_t length = 0; length < message.size(); length += 1 + length / 64) {
+      Session session = ready();
+      (void)session.receive(base::ByteView(message).first(length));
+    }
+    for (int i = 0; i < 300; ++i) {
+      base::Bytes flipped = message;
+      flipped[random() % flipped.size()] ^= static_cast<std::uint8_t>(1U << (random() % 8));
+      Session session = ready();
+      (void)session.receive(flipped);
+      EXPECT_TRUE(drawable(session) || !session.hasGroup(0));
+    }
+  }
+}
+
+TEST(Session, aFloodOfFacesNeitherGrowsTheCacheNorTheListOfWhatWent) {
+  ScriptedServer large;
+  large.welcome.grid.count = {40, 40, 40};
+  Session session(cacheOf(10'000));
+  session.connected();
+  hear(session, large.sayWelcome());
+  sent(session);
+  std::size_t told = 0;
+  for (std::uint32_t i = 0; i < 30'000; ++i) {
+    hear(session, large.sayFace({i % 40, i / 40 % 40, i / 1600, i % 6}, 1));
+    EXPECT_LE(session.stats().cache_bytes, 10'000U);
+    for (const auto& evicted : only<protocol::Evicted>(sent(session))) told += evicted.faces.size();
+  }
+  EXPECT_GE(told, 2 * protocol::kMaxKeysPerMessage) << "long lists go out without waiting for a view";
+}
+
+}  // namespace
+}  // namespace client

@@ -1,0 +1,379 @@
+#include "client/source/streamed_splats.h"
+
+#include <gtest/gtest.h>
+
+#include <deque>
+
+#include "base/egl/headless.h"
+#include "base/gl/gl.h"
+#include "client/viewer/viewer.h"
+#include "tests/support/splat_tree.h"
+#include "tests/support/test_meshes.h"
+
+namespace client {
+namespace {
+
+constexpr int kSize = 256;
+
+class NoDecoder : public ImageDecoder {
+ public:
+  void submit(std::uint64_t, base::ByteView) override {}
+  std::vector<Decoded> take() override { return {}; }
+  std::size_t pending() const override { return 0; }
+};
+
+/// Answers so many requests at each take().
+class Host final : public RangeFetcher {
+ public:
+  explicit Host(const base::Bytes& file) : file_(file) {}
+  void submit(std::uint64_t id, const std::string& name, std::uint64_t offset, std::uint64_t length) override {
+    EXPECT_EQ(name, "qsplat.lgq");
+    asked.push_back({id, offset, length});
+  }
+  std::vector<Fetched> take() override {
+    std::vector<Fetched> answers;
+    for (std::size_t i = 0; i < at_a_time && !asked.empty(); ++i, asked.pop_front()) {
+      const lod::qsplat::ByteRange range = asked.front();
+      Fetched answer{range.id, outcome, {}, outcome == FetchOutcome::kBytes ? 206 : 0, ""};
+      const auto begin = file_.begin() + static_cast<std::ptrdiff_t>(range.offset);
+      if (outcome == FetchOutcome::kBytes)
+        answer.bytes.assign(begin, begin + static_cast<std::ptrdiff_t>(range.length));
+      answers.push_back(std::move(answer));
+    }
+    return answers;
+  }
+  void cancel(std::uint64_t) override {}
+
+  std::deque<lod::qsplat::ByteRange> asked;
+  std::size_t at_a_time = 1;
+  FetchOutcome outcome = FetchOutcome::kBytes;
+
+ private:
+  const base::Bytes& file_;
+};
+
+/// A viewer of splats, with no network.
+class StreamedSplatsTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    auto made = base::HeadlessContext::create();
+    if (!made) GTEST_SKIP() << made.error().message;
+    context_ = std::move(*made);
+    auto target = base::gl::RenderTarget::create(kSize, kSize);
+    ASSERT_TRUE(bool(target));
+    target_ = std::move(*target);
+  }
+  static const base::Bytes& file() {
+    static const base::Bytes bytes = support::splatFile(support::bumpySphere(120, 240, 0.1F));
+    return bytes;
+  }
+  void open(SplatOptions options) {
+    ViewerOptions viewer;
+    viewer.method = lod::Method::kQsplat;
+    viewer_ = std::make_unique<Viewer>(viewer, std::make_unique<NoDecoder>());
+    auto host = std::make_unique<Host>(file());
+    host_ = host.get();
+    protocol::Welcome welcome;
+    welcome.scene_name = "ball";
+    welcome.box_min = glm::vec3(-1.2F);
+    welcome.box_max = glm::vec3(1.2F);
+    options.idle_bytes = 0;
+    splats_ = std::make_shared<StreamedSplats>(SplatFilePlace{"http://host/ball", "qsplat.lgq", file().size()}, welcome,
+                                               std::move(host), options);
+    viewer_->setSplats(splats_);
+  }
+  static base::ViewCamera view(double turn = 0.0) {
+    base::ViewCamera camera;
+    camera.position = {3.0 * std::sin(turn), 0.0, 3.0 * std::cos(turn)};
+    camera.direction = -glm::normalize(camera.position);
+    camera.width = camera.height = kSize;
+    return camera;
+  }
+  void pump() { splats_->pump(viewer_->session(), now_ += 0.02); }
+  base::Image draw(const base::ViewCamera& camera) {
+    target_.bind();
+    EXPECT_TRUE(bool(viewer_->draw(camera, now_)));
+    return target_.read();
+  }
+  void fetchAll(const base::ViewCamera& camera) {
+    ASSERT_TRUE(bool(viewer_->update(camera, now_)));
+    for (int i = 0; i < 5000 && !viewer_->allHere(); ++i) {
+      pump();
+      ASSERT_TRUE(bool(viewer_->update(camera, now_)));
+    }
+    ASSERT_TRUE(viewer_->allHere());
+  }
+
+  std::unique_ptr<base::HeadlessContext> context_;
+  base::gl::RenderTarget target_;
+  std::unique_ptr<Viewer> viewer_;
+  std::shared_ptr<StreamedSplats> splats_;
+  Host* host_ = nullptr;
+  double now_ = 0.0;
+};
+
+SplatOptions still() {
+  SplatOptions options;
+  options.frame_seconds = 0.0;
+  return options;
+}
+
+// Each frame takes twice what it may.
+void makeLate(SplatOptions& options, double& clock) {
+  options.clock = [&clock] { return clock += 0.2; };
+  options.frame_seconds = 0.1;
+}
+
+TEST_F(StreamedSplatsTest, theFinishedPictureDoesNotDependOnHowItCame) {
+  open(still());
+  fetchAll(view());
+  const base::Image at_once = draw(view());
+  open(still());
+  host_->at_a_time = 3;
+  for (int i = 0; i < 2000 && !viewer_->allHere(); ++i) {
+    pump();
+    draw(view(i % 2 == 0 ? 0.2 : 0.0));
+  }
+  fetchAll(view());
+  EXPECT_EQ(draw(view()).pixels, at_once.pixels);
+  EXPECT_EQ(viewer_->stats().accuracy, Accuracy::kFine);
+  EXPECT_GT(viewer_->stats().session.bytes_received, 10'000U);
+}
+
+TEST_F(StreamedSplatsTest, anotherQualityShowsInTheNextPictureAsIfItHadBeenThereFromTheBeginning) {
+  std::vector<SplatQuality> qualities(4, SplatQuality{lod::draw::SplatKernel::kCircle, 10.0F, 0.0});
+  qualities[1].kernel = lod::draw::SplatKernel::kSquare;
+  qualities[2].cutoff_px = 20.0F;
+  qualities[3].cutoff_px = 0.0F;
+  std::vector<base::Image> pictures;
+  for (const SplatQuality& quality : qualities) {
+    SplatOptions options;
+    static_cast<SplatQuality&>(options) = quality;
+    open(options);
+    fetchAll(view());
+    pictures.push_back(draw(view()));
+    EXPECT_EQ(pictures.back().pixels == pictures.front().pixels, pictures.size() == 1);
+  }
+  // All blocks are here now.
+  for (const std::size_t i : {0U, 2U, 1U, 3U, 0U}) {
+    splats_->setQuality(qualities[i]);
+    EXPECT_EQ(splats_->quality(), qualities[i]);
+    EXPECT_EQ(draw(view()).pixels, pictures[i].pixels) << "quality " << i;
+    EXPECT_FALSE(splats_->busy());
+    EXPECT_TRUE(splats_->complete());
+  }
+}
+
+TEST_F(StreamedSplatsTest, aMovingViewIsAsCoarseAsTheRateAsksForAndRestRefinesItStepByStep) {
+  SplatOptions options;
+  double clock = 0.0;
+  makeLate(options, clock);
+  open(options);
+  host_->at_a_time = 100;
+  for (int i = 0; i < 200; ++i) {
+    pump();
+    draw(view(0.01 * i));
+  }
+  const SplatStats moving = viewer_->stats().splats;
+  EXPECT_GT(moving.cutoff_px, 20.0F);
+  float last = moving.cutoff_px;
+  std::uint64_t nodes = moving.nodes;
+  int frames = 0;
+  for (; frames < 500 && !viewer_->stats().complete; ++frames) {
+    pump();
+    draw(view(1.99));
+    const SplatStats now = viewer_->stats().splats;
+    EXPECT_LE(now.cutoff_px, last);
+    // Not of splats: what is split shows more exactly which part of it is turned away.
+    EXPECT_GE(now.nodes, nodes);
+    last = now.cutoff_px;
+    nodes = now.nodes;
+  }
+  EXPECT_GT(frames, 5);
+  EXPECT_EQ(last, 1.0F);
+  EXPECT_FALSE(viewer_->stats().busy);
+}
+
+TEST_F(StreamedSplatsTest, aMovingViewThatIsLateIsDrawnWithFewerSamplesAndAtRestIsThePictureThatItAlwaysWas) {
+  using lod::draw::SplatKernel;
+  for (const SplatKernel kernel : {SplatKernel::kSquare, SplatKernel::kCircle, SplatKernel::kEllipse}) {
+    SplatOptions options = still();
+    options.kernel = kernel;
+    open(options);
+    fetchAll(view(0.5));
+    const base::Image wanted = draw(view(0.5));
+    EXPECT_EQ(viewer_->stats().splats.reduction, 1.0F);
+
+    double clock = 0.0;
+    makeLate(options, clock);
+    open(options);
+    host_->at_a_time = 100;
+    for (int i = 0; i < 50; ++i) {
+      pump();
+      draw(view(0.01 * i));
+    }
+    EXPECT_GT(viewer_->stats().splats.reduction, 4.0F);
+    const base::Image moving = draw(view(0.5));
+    float last = viewer_->stats().splats.reduction;
+    for (int i = 0; i < 300 && !(viewer_->stats().complete && !viewer_->stats().busy); ++i) {
+      pump();
+      draw(view(0.5));
+      EXPECT_LE(viewer_->stats().splats.reduction, last);
+      last = viewer_->stats().splats.reduction;
+    }
+    EXPECT_EQ(last, 1.0F);
+    EXPECT_NE(moving.pixels, wanted.pixels);
+    EXPECT_EQ(draw(view(0.5)).pixels, wanted.pixels);
+  }
+}
+
+// A page has one thread for drawing and for what comes.
+TEST_F(StreamedSplatsTest, aPictureAtRestIsDrawnAgainWhenAllIsHereOrDrawingHadItsPart) {
+  SplatOptions options = still();
+  double clock = 0.0, drawing = 0.5;
+  options.clock = [&] { return clock += drawing; };
+  open(options);
+  // A link so slow that little may be under way; until a picture lacks more than that.
+  const auto stream = [&] { return splats_->stats().stream; };
+  const auto next = [&] { splats_->pump(viewer_->session(), now_ += 1.0); };
+  do {
+    next();
+    draw(view());
+  } while (stream().wanted < 40);
+  drawing = 0.0;
+  const double drawn = clock;
+  for (int i = 0; i < 2; ++i) next();
+  ASSERT_GT(stream().wanted, 0U);
+  ASSERT_GT(stream().requested, 0U);
+  EXPECT_FALSE(viewer_->stats().busy);
+  clock = drawn + 1.4;
+  EXPECT_FALSE(viewer_->stats().busy);
+  clock = drawn + 1.6;
+  EXPECT_TRUE(viewer_->stats().busy) << "three times what drawing took";
+  draw(view());
+  EXPECT_FALSE(viewer_->stats().busy) << "nothing came";
+  while (stream().wanted > 0) next();
+  next();
+  EXPECT_TRUE(viewer_->stats().busy) << "all that it lacked";
+}
+
+TEST_F(StreamedSplatsTest, throughTheLensThePictureIsFinerAndElsewhereTheSame) {
+  SplatOptions options = still();
+  options.cutoff_px = 12.0F;
+  open(options);
+  fetchAll(view());
+  const base::Image without = draw(view());
+  const std::uint64_t splats = viewer_->stats().splats.splats;
+  EXPECT_EQ(viewer_->stats().splats.lens_px, 0.0F);
+
+  const lod::qsplat::Lens lens{{110.0F, 140.0F}, 40.0F};
+  viewer_->setLens(lens);
+  fetchAll(view());
+  const base::Image with = draw(view());
+  EXPECT_EQ(viewer_->stats().splats.lens_px, 4.0F);
+  EXPECT_GT(viewer_->stats().splats.splats, splats + splats / 20);
+
+  options.cutoff_px = 4.0F;
+  open(options);
+  fetchAll(view());
+  const base::Image fine = draw(view());
+
+  // Splats at the rim reach out of it, by their own size on either side.
+  int inside = 0, outside = 0, changed = 0;
+  for (int y = 0; y < kSize; ++y)
+    for (int x = 0; x < kSize; ++x) {
+      const float off = glm::length(glm::vec2(x + 0.5F, y + 0.5F) - lens.center_px);
+      const auto at = with.pixels.begin() + 4 * (static_cast<std::ptrdiff_t>(y) * kSize + x);
+      const auto same = [&](const base::Image& other) {
+        return std::equal(at, at + 4, other.pixels.begin() + (at - with.pixels.begin()));
+      };
+      if (off < lens.radius_px - 2.0F * options.cutoff_px) {
+        ++inside;
+        EXPECT_TRUE(same(fine)) << x << ", " << y;
+        changed += same(without) ? 0 : 1;
+      } else if (off > lens.radius_px + 2.0F * 12.0F) {
+        ++outside;
+        EXPECT_TRUE(same(without)) << x << ", " << y;
+      }
+    }
+  EXPECT_GT(inside, 3000);
+  EXPECT_GT(outside, 40'000);
+  EXPECT_GT(changed, inside / 2);
+}
+
+TEST_F(StreamedSplatsTest, theDrawnSurfaceIsFoundUnderThePointer) {
+  open(still());
+  fetchAll(view());
+  const base::Image picture = draw(view());
+  int hits = 0;
+  int at_the_rim = 0;  // where the rasteriser rounds
+  for (int y = 8; y < kSize; y += 16)
+    for (int x = 8; x < kSize; x += 16) {
+      const bool drawn = picture.pixels[static_cast<std::size_t>(4 * (y * kSize + x) + 3)] != 0;
+      const auto point = viewer_->surfaceAt(view(), x + 0.5, y + 0.5);
+      at_the_rim += point.has_value() != drawn ? 1 : 0;
+      if (!point) continue;
+      ++hits;
+      EXPECT_NEAR(glm::length(*point), 1.0, 0.15);
+      EXPECT_GT(point->z, 0.0);
+    }
+  EXPECT_GT(hits, 30);
+  EXPECT_LE(at_the_rim, 2);
+}
+
+TEST_F(StreamedSplatsTest, whatDoesNotFitTheMemoryIsDrawnCoarser) {
+  SplatOptions options = still();
+  options.memory_bytes = 512 * 1024;
+  open(options);
+  fetchAll(view());
+  draw(view());
+  const ViewerStats stats = viewer_->stats();
+  EXPECT_TRUE(stats.splats.limited);
+  EXPECT_GT(stats.splats.cutoff_px, 1.0F);
+  EXPECT_GT(stats.splats.splats, 500U);
+  EXPECT_LE(stats.memory.total(), options.memory_bytes);
+}
+
+TEST_F(StreamedSplatsTest, aLostContextAndALostHostComeBack) {
+  open(still());
+  fetchAll(view());
+  const base::Image before = draw(view());
+  viewer_->contextLost();
+  ASSERT_TRUE(bool(viewer_->contextRestored()));
+  EXPECT_EQ(draw(view()).pixels, before.pixels);
+
+  host_->outcome = FetchOutcome::kNetwork;
+  EXPECT_TRUE(bool(viewer_->update(view(3.1), now_)));
+  pump();
+  pump();
+  EXPECT_EQ(viewer_->session().state(), SessionState::kDisconnected);
+  EXPECT_NE(viewer_->session().problem().find("http://host/ball/qsplat.lgq: no answer"), std::string::npos);
+  EXPECT_EQ(draw(view()).pixels, before.pixels) << "what is here can be looked at";
+  host_->outcome = FetchOutcome::kBytes;
+  now_ += 10.0;
+  EXPECT_TRUE(bool(viewer_->update(view(3.1), now_)));
+  fetchAll(view(3.1));
+  EXPECT_EQ(viewer_->session().state(), SessionState::kReady);
+}
+
+TEST_F(StreamedSplatsTest, whatNoNewTryMendsIsRefusedWithTheReason) {
+  struct Case {
+    FetchOutcome outcome;
+    const char* words;
+  };
+  for (const Case& one : {Case{FetchOutcome::kRangeIgnored, "ignores Range"}, Case{FetchOutcome::kChanged, "changed"},
+                          Case{FetchOutcome::kTooShort, "is shorter"}, Case{FetchOutcome::kCompressed, "compresses"}}) {
+    open(still());
+    pump();
+    host_->outcome = one.outcome;
+    pump();
+    EXPECT_EQ(viewer_->session().state(), SessionState::kRefused);
+    EXPECT_NE(viewer_->session().problem().find(one.words), std::string::npos) << viewer_->session().problem();
+    const std::size_t asked = host_->asked.size();
+    for (int i = 0; i < 100; ++i) pump();
+    EXPECT_LE(host_->asked.size(), asked) << "nothing more is asked for";
+  }
+}
+
+}  // namespace
+}  // namespace client

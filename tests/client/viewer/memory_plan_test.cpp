@@ -1,0 +1,34 @@
+#include "client/viewer/memory_plan.h"
+
+#include <gtest/gtest.h>
+
+namespace client {
+namespace {
+
+TEST(MemoryPlan, theSharesNeverExceedTheBudget) {
+  for (const std::uint64_t budget : {16'000'000ULL, 64'000'000ULL, 1'000'000'000ULL, 63'999'999ULL}) {
+    const MemoryPlan plan = planMemory(budget, 1ULL << 40U, 1ULL << 40U, true);
+    EXPECT_LE(plan.cache + plan.frames + plan.patches + plan.images + plan.decoded, budget) << budget;
+    EXPECT_LE(plan.frame_images, plan.images);
+  }
+}
+
+TEST(MemoryPlan, nobodyGetsMoreThanIsWanted) {
+  const MemoryPlan plan = planMemory(1'000'000'000, 50'000'000, 80'000'000, false);
+  EXPECT_EQ(plan.cache, 50'000'000U);
+  EXPECT_EQ(plan.images, 80'000'000U);
+  EXPECT_EQ(plan.frame_images, 0U) << "no frames, no share for them";
+}
+
+TEST(MemoryPlan, aPhoneHoldsAFaceOfAThousandPixelsAndTheUsualTriangles) {
+  const MemoryPlan plan = planMemory(64'000'000, 50'000'000, 512'000'000, true);
+  EXPECT_GE(plan.decoded, 4U * 1024 * 1024);
+  // Twelve faces of 512 pixels with their mip levels and depth maps of 256, and a frame of 1.5 million pixels.
+  EXPECT_GE(plan.images - plan.frame_images, 12U * (512U * 512U * 16U / 3U + 256U * 256U * 4U));
+  EXPECT_GE(plan.frame_images, 1'500'000U * 16U / 3U + 256U * 256U * 4U);
+  EXPECT_GE(plan.decoded, 1'500'000U * 4U);
+  EXPECT_GE(trianglesFor(plan.patches), 200'000U);
+}
+
+}  // namespace
+}  // namespace client

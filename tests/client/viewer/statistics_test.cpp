@@ -1,0 +1,116 @@
+#include "client/viewer/statistics.h"
+
+#include <gtest/gtest.h>
+
+#include "client/app/meters.h"
+
+namespace client {
+namespace {
+
+std::string lineOf(const Statistics& statistics, const std::string& name) {
+  for (const StatisticsLine& line : statisticsLines(statistics))
+    if (line.name == name) return line.value;
+  return "";
+}
+
+TEST(Statistics, withSplatsBlocksAreCounted) {
+  Statistics s;
+  s.splats = 123'456;
+  s.blocks = 4'000;
+  s.blocks_present = 1'200;
+  s.blocks_requested = 6;
+  s.blocks_wanted = 77;
+  s.error_px = 1.0;
+  s.accuracy = Accuracy::kFine;
+  s.complete = true;
+  EXPECT_EQ(lineOf(s, "picture"), "fine, complete");
+  EXPECT_EQ(lineOf(s, "splats"), "123 456, down to 1.0 px");
+  s.reduction = 2.5;
+  EXPECT_EQ(lineOf(s, "splats"), "123 456, down to 1.0 px, one sample for 2.5 px");
+  s.reduction = 1.0;
+  s.lens_px = 0.5;
+  EXPECT_EQ(lineOf(s, "splats"), "123 456, down to 1.0 px, 0.5 in the glass");
+  EXPECT_EQ(lineOf(s, "memory").find("finer"), std::string::npos);
+  s.limited = true;
+  EXPECT_NE(lineOf(s, "memory").find(": finer splats need more"), std::string::npos);
+  EXPECT_EQ(lineOf(s, "blocks"), "1 200 of 4 000 here, 6 requested, 77 wanted");
+  EXPECT_EQ(lineOf(s, "images"), "");
+  EXPECT_EQ(lineOf(s, "broken"), "");
+  s.broken = 1;
+  s.last_fault = "block 7 is damaged";
+  EXPECT_EQ(lineOf(s, "broken"), "block 7 is damaged");
+}
+
+TEST(Statistics, everyFigureStandsInALine) {
+  Statistics s;
+  s.frames_per_second = 58.0;
+  s.frame_milliseconds = 3.25;
+  s.images_in_use = 11;
+  s.images_resident = 22;
+  s.images_requested = 33;
+  s.patches = 44;
+  s.triangles = 1'234'567;
+  s.memory_bytes = 12'300'000;
+  s.memory_budget = 50'000'000;
+  s.gpu_bytes = 90'000'000;
+  s.received_bytes = 2'000'000;
+  s.megabits_per_second = 4.5;
+  s.round_trip_milliseconds = 31.0;
+  s.error_px = 1.75;
+  s.hit_rate = 0.92;
+  s.accuracy = Accuracy::kBlended;
+  EXPECT_EQ(lineOf(s, "picture"), "blended, more on its way");
+  EXPECT_EQ(lineOf(s, "frames"), "58 per second, 3.2 ms each");
+  EXPECT_EQ(lineOf(s, "images"), "11 in use, 22 resident, 33 requested");
+  EXPECT_EQ(lineOf(s, "found here"), "92 % of images");
+  EXPECT_EQ(lineOf(s, "patches"), "44, 1 234 567 triangles");
+  EXPECT_EQ(lineOf(s, "screen error"), "1.75 px");
+  EXPECT_EQ(lineOf(s, "memory"), "12.3 MB of 50.0 MB");
+  EXPECT_EQ(lineOf(s, "graphics"), "90.0 MB of these");
+  EXPECT_EQ(lineOf(s, "link"), "4.5 Mbit/s, 31 ms round trip");
+  EXPECT_EQ(lineOf(s, "broken"), "") << "only when something is";
+  s.broken = 2;
+  s.last_fault = "patch 3";
+  s.accuracy = Accuracy::kExact;
+  s.complete = true;
+  EXPECT_EQ(lineOf(s, "broken"), "2, the last: patch 3");
+  EXPECT_EQ(lineOf(s, "picture"), "exact, complete");
+}
+
+TEST(Statistics, bytesAreWrittenForPeople) {
+  EXPECT_EQ(formatBytes(999), "1 kB");
+  EXPECT_EQ(formatBytes(350'000), "350 kB");
+  EXPECT_EQ(formatBytes(1'500'000), "1.5 MB");
+  EXPECT_EQ(formatBytes(12'000'000'000), "12.0 GB");
+}
+
+TEST(RateMeter, countsTheLastSecond) {
+  RateMeter meter;
+  EXPECT_EQ(meter.perSecond(0.0), 0.0);
+  for (int i = 0; i < 30; ++i) meter.add(0.1 * i, 5.0);
+  EXPECT_NEAR(meter.perSecond(2.9), 50.0, 5.0);
+  EXPECT_EQ(meter.perSecond(4.0), 0.0) << "nothing for a second";
+}
+
+TEST(RoundTrip, isTakenFromAViewToTheFirstAnswerOnAQuietLink) {
+  RoundTripMeter meter;
+  meter.update(1.0, 0, 1);
+  meter.update(1.1, 0, 1);
+  EXPECT_EQ(meter.seconds(), 0.0);
+  meter.update(1.2, 3, 1);
+  EXPECT_NEAR(meter.seconds(), 0.2, 1e-12);
+}
+
+TEST(RoundTrip, answersToAnOlderViewDoNotCount) {
+  RoundTripMeter meter;
+  meter.update(1.0, 5, 0);
+  meter.update(1.1, 6, 1);  // a message at the very time, and one just before
+  meter.update(1.15, 7, 1);
+  EXPECT_EQ(meter.seconds(), 0.0);
+  meter.update(3.0, 7, 2);
+  meter.update(3.05, 8, 2);
+  EXPECT_NEAR(meter.seconds(), 0.05, 1e-12);
+}
+
+}  // namespace
+}  // namespace client

@@ -1,0 +1,125 @@
+// The byte budget of the viewer: counted bytes, at every frame of a tour.
+#include <cmath>
+
+#include "tests/client/viewer/viewer_fixture.h"
+
+namespace client {
+namespace {
+
+/// More patches than the smallest budget holds, and images for many times that budget.
+class ViewerBudget : public ViewerFixture {
+ protected:
+  ViewerBudget() : ViewerFixture(96) { server.welcome.grid.face_size = 256; }
+  void SetUp() override {
+    ViewerFixture::SetUp();
+    outside_ = base::gl::heldBytes();
+  }
+  void openSmall(std::uint64_t budget = kMinMemory, float tolerance_px = 0.1F) {
+    ViewerOptions options;
+    options.memory_budget_bytes = budget;
+    options.session.patch_tolerance_px = tolerance_px;
+    options.session.max_triangles = 10'000'000;
+    open(options);
+  }
+  /// What the viewer says it holds is what the GL holds, and with all else less than the budget.
+  void expectWithinBudget(const std::string& when) {
+    const ViewerStats stats = viewer->stats();
+    const base::gl::HeldBytes& held = base::gl::heldBytes();
+    EXPECT_EQ(stats.memory.textures, held.textures - outside_.textures) << when;
+    EXPECT_EQ(stats.memory.buffers, held.buffers - outside_.buffers) << when;
+    EXPECT_EQ(stats.memory.renderbuffers, held.renderbuffers - outside_.renderbuffers) << when;
+    EXPECT_LE(stats.memory.total(), stats.memory_budget) << when;
+    most_ = std::max(most_, stats.memory.total());
+  }
+  base::gl::HeldBytes outside_;
+  std::uint64_t most_ = 0;
+};
+
+TEST_F(ViewerBudget, aTourNeverExceedsItAndAlwaysShowsSomething) {
+  openSmall();
+  const std::size_t groups = server.hierarchy().groups.size();
+  const glm::dvec3 middle = server.lookDown(0.0).position;
+  std::uint32_t group = 0, face = 0;
+  hear(server.sayGroup(group++));
+  base::gl::resetPeak();
+  constexpr int kFrames = 60;
+  for (int frame = 0; frame < kFrames; ++frame) {
+    // A spiral down to the surface and up again, while data pours in.
+    const double share = static_cast<double>(frame) / kFrames;
+    base::ViewCamera view = server.lookDown(10.0 + 240.0 * std::abs(1.0 - 2.0 * share));
+    view.position += 80.0 * glm::dvec3(std::cos(9.0 * share), std::sin(9.0 * share), 0.0);
+    view.direction = glm::normalize(middle - view.position);
+    for (std::size_t i = 0; i < groups / kFrames + 1 && group < groups; ++i) hear(server.sayGroup(group++));
+    for (int i = 0; i < 6; ++i, ++face)
+      hear(server.sayFace({face % 4, face / 4 % 4, face / 16 % 3, face / 48 % 6}, 9'000));
+    EXPECT_GT(covered(draw(view)), 0U) << frame;
+    if (frame % 7 == 0) viewer->surfaceAt(view, 30.0, 20.0);
+    expectWithinBudget("frame " + std::to_string(frame));
+  }
+  EXPECT_LE(base::gl::peakHeldBytes() - outside_.total(), kMinMemory) << "nor in between, while arrays grow";
+  EXPECT_GE(most_, kMinMemory / 2) << "the test must come near the budget to say anything";
+  EXPECT_GT(viewer->stats().lumigraph.samples_used, 0U);
+  EXPECT_EQ(viewer->stats().broken, 0U) << viewer->stats().last_fault;
+}
+
+TEST_F(ViewerBudget, whatDoesNotFitIsCoarserAndSaidToBeSo) {
+  openSmall(40'000'000, 0.0F);
+  hearAllGroups();
+  settle(server.lookDown(200.0));
+  expectWithinBudget("far");
+  const ViewerStats far = viewer->stats();
+  EXPECT_GT(far.error_px, 0.0F);
+  EXPECT_EQ(far.tolerance_px, far.error_px);
+  EXPECT_EQ(far.accuracy, Accuracy::kCoarse);
+
+  // Near by, less is in view: all of it fits.
+  settle(server.lookDown(8.0));
+  expectWithinBudget("near");
+  EXPECT_EQ(viewer->stats().error_px, 0.0F);
+  EXPECT_EQ(viewer->stats().tolerance_px, 0.0F);
+}
+
+TEST_F(ViewerBudget, atTheLimitNothingFlickers) {
+  openSmall();
+  hearAllGroups();
+  for (std::uint32_t i = 0; i < 96; ++i) hear(server.sayFace({i % 4, i / 4 % 4, i / 16 % 3, 4 + i / 48}, 9'000));
+  const base::ViewCamera view = server.lookDown(150.0);
+  const base::Image there = settle(view);
+  for (int i = 0; i < 5; ++i) EXPECT_EQ(draw(view).pixels, there.pixels) << i;
+  EXPECT_FALSE(viewer->stats().busy);
+
+  // Away and back again: the same cut.
+  const ViewerStats before = viewer->stats();
+  settle(server.lookDown(12.0));
+  settle(view);
+  EXPECT_EQ(viewer->stats().lumigraph.triangles, before.lumigraph.triangles);
+  EXPECT_EQ(viewer->stats().error_px, before.error_px);
+}
+
+TEST_F(ViewerBudget, theServerIsAskedForNoMoreThanFits) {
+  openSmall();
+  draw(server.lookDown(50.0));
+  const auto views = only<protocol::View>(sent(viewer->session()));
+  ASSERT_FALSE(views.empty());
+  EXPECT_LT(views[0].max_triangles, 100'000U);
+}
+
+TEST_F(ViewerBudget, anExactFrameLargerThanItsShareIsLeftOutForGood) {
+  server.welcome.can_render_frames = true;
+  openSmall();
+  hear(server.sayGroup(0));
+  base::ViewCamera view = server.lookDown(20.0);
+  draw(view);
+  sent(viewer->session());
+  protocol::Frame frame{1, view, base::Bytes(100, 0x5A)};
+  frame.camera.width = 2000;
+  frame.camera.height = 1500;
+  hear(protocol::encode(protocol::ServerMessage(frame)));
+  settle(view);
+  expectWithinBudget("with the frame");
+  EXPECT_NE(viewer->stats().accuracy, Accuracy::kExact);
+  EXPECT_TRUE(viewer->session().complete() || viewer->stats().session.frames_received == 1);
+}
+
+}  // namespace
+}  // namespace client

@@ -1,0 +1,203 @@
+// Triangles come out of their buckets alike, however much memory there was and whichever run asks.
+#include "lod/ingest/buckets.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstring>
+#include <random>
+
+#include "base/file.h"
+#include "lod/ingest/source_import.h"
+#include "tests/support/temporary_directory.h"
+
+namespace {
+
+using namespace lod::ingest;
+using namespace mesh;
+
+// A bent sheet of side² quads, a third of its triangles turned over, without pattern.
+Mesh turnedSheet(std::uint32_t side) {
+  Mesh mesh;
+  for (std::uint32_t y = 0; y <= side; ++y)
+    for (std::uint32_t x = 0; x <= side; ++x)
+      mesh.positions.emplace_back(x, y, 20.0F * std::sin(0.02F * static_cast<float>(x + 2 * y)));
+  std::minstd_rand random(3);
+  for (std::uint32_t y = 0; y < side; ++y)
+    for (std::uint32_t x = 0; x < side; ++x) {
+      const std::uint32_t a = y * (side + 1) + x, b = a + side + 1;
+      for (const std::array<std::uint32_t, 3> t : {std::array{a, a + 1, b}, std::array{a + 1, b + 1, b}}) {
+        const bool turned = random() % 3 == 0;
+        mesh.indices.insert(mesh.indices.end(), {t[0], turned ? t[2] : t[1], turned ? t[1] : t[2]});
+      }
+    }
+  return mesh;
+}
+
+struct Sorted {
+  support::TemporaryDirectory scratch;
+  SourceLattice lattice;
+  base::Result<Buckets> buckets = base::Error{base::ErrorCode::kIo, "not sorted"};
+
+  Sorted(const Mesh& mesh, std::uint64_t memory, unsigned threads) {
+    auto directory = WorkDirectory::open(scratch.path(), {});
+    const auto input = sourceFromMesh(mesh);
+    const auto source = importSource(*directory, *input, 2);
+    lattice = makeLattice(source->info, source->origin, 0);
+    buckets = sortSource(*directory, *source, lattice, {memory, threads, {}});
+  }
+};
+
+void expectSame(const Buckets& a, const Buckets& b) {
+  ASSERT_EQ(a.count(), b.count());
+  ASSERT_EQ(a.border().codes, b.border().codes);
+  for (std::size_t i = 0; i < a.border().sums.size(); ++i)
+    for (int k = 0; k < 3; ++k) ASSERT_EQ(a.border().sums[i].face[k], b.border().sums[i].face[k]);
+  for (std::size_t bucket = 0; bucket < a.count(); ++bucket) {
+    const auto x = a.read(bucket), y = b.read(bucket);
+    ASSERT_TRUE(x && y);
+    ASSERT_EQ(x->size(), y->size());
+    for (std::size_t i = 0; i < x->size(); ++i) ASSERT_EQ((*x)[i].code, (*y)[i].code);
+  }
+}
+
+TEST(Buckets, NeitherMemoryNorThreadsDecideWhichTrianglesAreTurned) {
+  const Mesh mesh = turnedSheet(500);
+  const Sorted roomy(mesh, std::uint64_t{64} << 20, 2);
+  ASSERT_TRUE(roomy.buckets) << roomy.buckets.error().message;
+  ASSERT_GT(roomy.buckets->count(), 1U);
+  EXPECT_GT(roomy.buckets->winding().flipped(), mesh.triangleCount() / 4);
+  // All look up, but for a triangle at a corner of the sheet, which has one neighbour only.
+  std::size_t down = 0;
+  for (std::size_t bucket = 0; bucket < roomy.buckets->count(); ++bucket) {
+    const auto corners = roomy.buckets->read(bucket);
+    ASSERT_TRUE(corners);
+    for (std::size_t i = 0; i < corners->size(); i += 3) {
+      const Corner* c = &(*corners)[i];
+      down += latticeNormal(mortonPoint(c[0].code), mortonPoint(c[1].code), mortonPoint(c[2].code)).z < 0 ? 1 : 0;
+    }
+  }
+  EXPECT_LE(down, 4U);
+  // Too little to remember what each triangle is part of.
+  const Sorted tight(mesh, std::uint64_t{1} << 20, 1);
+  ASSERT_TRUE(tight.buckets) << tight.buckets.error().message;
+  expectSame(*roomy.buckets, *tight.buckets);
+}
+
+TEST(Buckets, ALaterRunReadsThemAsTheFirstOne) {
+  const Sorted first(turnedSheet(400), std::uint64_t{64} << 20, 2);
+  ASSERT_TRUE(first.buckets) << first.buckets.error().message;
+  const auto later = Buckets::open(first.scratch.path(), first.buckets->state());
+  ASSERT_TRUE(later) << later.error().message;
+  expectSame(*first.buckets, *later);
+}
+
+TEST(Buckets, BorderTrianglesAreThoseThatReadFindsAtTheBorder) {
+  for (const bool later : {false, true}) {
+    const Sorted sorted(turnedSheet(400), std::uint64_t{64} << 20, 2);
+    ASSERT_TRUE(sorted.buckets);
+    const auto opened = Buckets::open(sorted.scratch.path(), sorted.buckets->state());
+    const Buckets& buckets = later ? *opened : *sorted.buckets;
+    std::size_t found = 0;
+    for (std::size_t bucket = 0; bucket < buckets.count(); ++bucket) {
+      const auto corners = buckets.read(bucket);
+      const auto triangles = buckets.borderTriangles(bucket);
+      ASSERT_TRUE(corners && triangles);
+      auto next = triangles->begin();
+      for (std::uint32_t t = 0; 3 * std::size_t{t} < corners->size(); ++t) {
+        const Corner* c = &(*corners)[3 * std::size_t{t}];
+        std::int64_t at[3];
+        for (int k = 0; k < 3; ++k) at[k] = buckets.border().find(c[k].code);
+        if (std::max({at[0], at[1], at[2]}) < 0) continue;
+        ASSERT_NE(next, triangles->end());
+        ASSERT_EQ(next->triangle, t);
+        for (int k = 0; k < 3; ++k) {
+          ASSERT_EQ(next->corner[k].code, c[k].code);
+          ASSERT_EQ(next->place[k], at[k] < 0 ? kNotOnBorder : static_cast<std::uint32_t>(at[k]));
+        }
+        ++next, ++found;
+      }
+      EXPECT_EQ(next, triangles->end());
+    }
+    EXPECT_GT(found, 300U);
+  }
+}
+
+// Every triangle with its corners' points, colours and normals, whatever order the mesh comes in: neighbours, or none.
+TEST(Buckets, CornersComeBackWithColorsAndNormalsInWhateverOrderTrianglesCome) {
+  for (const bool shuffled : {false, true}) {
+    Mesh mesh = turnedSheet(300);
+    for (const glm::vec3& p : mesh.positions) {
+      mesh.normals.push_back(glm::normalize(glm::vec3(p.x - 150.0F, p.y - 150.0F, 90.0F)));
+      mesh.colors.emplace_back(static_cast<int>(p.x) % 256, static_cast<int>(p.y) % 256, 7, 255);
+    }
+    if (shuffled) {
+      std::vector<std::array<std::uint32_t, 3>> triangles(mesh.triangleCount());
+      std::memcpy(triangles.data(), mesh.indices.data(), mesh.indices.size() * sizeof(std::uint32_t));
+      std::shuffle(triangles.begin(), triangles.end(), std::minstd_rand(5));
+      std::memcpy(mesh.indices.data(), triangles.data(), mesh.indices.size() * sizeof(std::uint32_t));
+    }
+    const Sorted sorted(mesh, std::uint64_t{64} << 20, 2);
+    ASSERT_TRUE(sorted.buckets) << sorted.buckets.error().message;
+    using Key = std::array<std::uint64_t, 9>;
+    const auto keyOf = [](const std::array<Corner, 3>& c) {
+      Key key{};
+      for (std::size_t k = 0; k < 3; ++k)
+        key[3 * k] = c[k].code, key[3 * k + 1] = c[k].color, key[3 * k + 2] = c[k].normal;
+      return key;
+    };
+    std::vector<Key> given, found;
+    for (std::size_t t = 0; t < mesh.triangleCount(); ++t) {
+      std::array<Corner, 3> corner{};
+      for (std::size_t k = 0; k < 3; ++k) {
+        const std::uint32_t v = mesh.indices[3 * t + k];
+        const glm::u8vec4 c = mesh.colors[v];
+        corner[k].code = mortonCode(sorted.lattice.point(glm::dvec3(mesh.positions[v])));
+        corner[k].color = std::uint32_t{c.r} | std::uint32_t{c.g} << 8 | std::uint32_t{c.b} << 16 | 255U << 24;
+        corner[k].normal = packNormal(mesh.normals[v]);
+      }
+      given.push_back(keyOf(corner));
+    }
+    for (std::size_t bucket = 0; bucket < sorted.buckets->count(); ++bucket) {
+      const auto corners = sorted.buckets->read(bucket);
+      ASSERT_TRUE(corners) << corners.error().message;
+      for (std::size_t i = 0; i < corners->size(); i += 3)
+        found.push_back(keyOf({(*corners)[i], (*corners)[i + 1], (*corners)[i + 2]}));
+    }
+    // A third are turned over on the way: the first corner stays, of the others the lesser comes first here.
+    const auto unwind = [](Key& key) {
+      if (key[3] > key[6]) std::swap_ranges(key.begin() + 3, key.begin() + 6, key.begin() + 6);
+    };
+    for (auto* keys : {&given, &found}) {
+      std::for_each(keys->begin(), keys->end(), unwind);
+      std::sort(keys->begin(), keys->end());
+    }
+    EXPECT_TRUE(given == found) << (shuffled ? "shuffled" : "in order");
+  }
+}
+
+TEST(Buckets, DamageOnDiskIsNamedWhereverItLies) {
+  const Sorted sorted(turnedSheet(300), std::uint64_t{64} << 20, 2);
+  ASSERT_TRUE(sorted.buckets);
+  const std::string path = sorted.scratch.path() + "/buckets";
+  const auto whole = base::readFile(path);
+  ASSERT_TRUE(whole);
+  std::minstd_rand random(9);
+  std::size_t named = 0;
+  for (int i = 0; i < 60; ++i) {
+    base::Bytes bytes = *whole;
+    for (int k = 0; k < 64; ++k) bytes[random() % bytes.size()] = static_cast<std::uint8_t>(random());
+    ASSERT_TRUE(base::writeFileAtomically(path, bytes));
+    const auto opened = Buckets::open(sorted.scratch.path(), sorted.buckets->state());
+    ASSERT_TRUE(opened);
+    for (std::size_t bucket = 0; bucket < opened->count(); ++bucket) {
+      const auto corners = opened->read(bucket);
+      if (corners) continue;
+      ++named;
+      EXPECT_NE(corners.error().message.find(sorted.scratch.path()), std::string::npos) << corners.error().message;
+    }
+  }
+  EXPECT_GT(named, 30U);
+}
+
+}  // namespace

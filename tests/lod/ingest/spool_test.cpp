@@ -1,0 +1,32 @@
+// A spool file gives back what was appended, in the order in which it was.
+#include "lod/ingest/spool.h"
+
+#include <gtest/gtest.h>
+
+#include "lod/ingest/work_directory.h"
+
+namespace {
+
+using namespace lod::ingest;
+
+TEST(SpoolFile, PiecesOfAnySizeStayInTheirOrder) {
+  auto directory = TemporaryDirectory::make();
+  ASSERT_TRUE(directory);
+  auto file = SpoolFile::create(directory->path() + "/pieces");
+  ASSERT_TRUE(file);
+  // Around the buffer's size of 1 MB and the half from which on pieces are not copied.
+  base::Bytes all;
+  std::uint8_t mark = 0;
+  for (const std::size_t size : {16, 600'000, 100'000, 530'000, 1, 2'000'000, 0, 500'000, 500'000, 500'000}) {
+    const base::Bytes piece(size, ++mark);
+    ASSERT_TRUE(file->append(piece));
+    all.insert(all.end(), piece.begin(), piece.end());
+    EXPECT_EQ(file->size(), all.size());
+  }
+  ASSERT_TRUE(file->flush());
+  base::Bytes read(all.size());
+  ASSERT_TRUE(file->readAt(0, read));
+  EXPECT_TRUE(read == all);
+}
+
+}  // namespace

@@ -1,0 +1,67 @@
+#pragma once
+// The leaves that a mesh has, as the builder makes them, bucket by bucket.
+#include <gtest/gtest.h>
+
+#include "lod/ingest/source_import.h"
+#include "lod/qsplat/builder/mesh_leaves.h"
+#include "tests/support/temporary_directory.h"
+
+namespace support {
+
+struct MeshSplats {
+  lod::ingest::SourceLattice lattice;
+  std::vector<lod::qsplat::builder::Splat> leaves;
+  lod::qsplat::builder::LeafFacets facets;  ///< around them
+  mesh::Mesh sorted;  ///< the triangles that the leaves are made of: repaired, turned to one side, on the lattice
+  std::size_t buckets = 0;
+};
+
+/// Adds a bucket's corners, three a triangle.
+inline void addCorners(std::span<const lod::ingest::Corner> corners, const lod::ingest::SourceLattice& lattice,
+                       mesh::Mesh& mesh) {
+  for (const lod::ingest::Corner& corner : corners) {
+    mesh.indices.push_back(static_cast<std::uint32_t>(mesh.positions.size()));
+    mesh.positions.push_back(lattice.lattice.position(lod::ingest::mortonPoint(corner.code)));
+  }
+}
+
+/// Adds those of so many more leaves.
+inline void addFacets(const lod::qsplat::builder::LeafFacets& more, std::size_t leaves_before, std::size_t leaves,
+                      lod::qsplat::builder::LeafFacets& facets) {
+  facets.first.resize(leaves_before + leaves + 1, static_cast<std::uint32_t>(facets.normals.size()));
+  for (std::size_t i = 0; !more.empty() && i <= leaves; ++i)
+    facets.first[leaves_before + i] = static_cast<std::uint32_t>(facets.normals.size()) + more.first[i];
+  facets.normals.insert(facets.normals.end(), more.normals.begin(), more.normals.end());
+}
+
+/// `dice`: as in BuildOptions.
+inline MeshSplats splatsOf(const mesh::Mesh& mesh, double dice = 0.0) {
+  using namespace lod::ingest;
+  using namespace lod::qsplat::builder;
+  using namespace mesh;
+  const TemporaryDirectory scratch;
+  MeshSplats out;
+  auto directory = WorkDirectory::open(scratch.path(), {});
+  const auto input = sourceFromMesh(mesh);
+  const auto source = importSource(*directory, *input, 2);
+  EXPECT_TRUE(source);
+  out.lattice = makeLattice(source->info, source->origin, 0);
+  const auto buckets = sortSource(*directory, *source, out.lattice, {std::uint64_t{64} << 20, 1, {}});
+  EXPECT_TRUE(buckets);
+  qsplat::MeshLeaves leaves(*buckets, out.lattice, dice);
+  EXPECT_TRUE(leaves.measureBorder(1, {}));
+  out.buckets = buckets->count();
+  out.sorted.origin = source->origin;
+  for (std::size_t b = 0; b < buckets->count(); ++b) {
+    auto some = leaves.leaves(b);
+    EXPECT_TRUE(some);
+    addFacets(some->facets, out.leaves.size(), some->splats.size(), out.facets);
+    out.leaves.insert(out.leaves.end(), some->splats.begin(), some->splats.end());
+    const auto corners = buckets->read(b);
+    EXPECT_TRUE(corners);
+    addCorners(*corners, out.lattice, out.sorted);
+  }
+  return out;
+}
+
+}  // namespace support

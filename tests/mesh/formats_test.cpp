@@ -1,0 +1,369 @@
+// Each format, written out by hand: a unit square as two triangles, or a tetrahedron, comes in as drawn.
+//
+//   3 --- 2
+//   |   / |
+//   | /   |
+//   0 --- 1
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "tests/mesh/mesh_files.h"
+
+namespace {
+
+using namespace mesh_files;
+
+const std::string kAsciiSquare =
+    "ply\nformat ascii 1.0\ncomment square\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+    "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    "0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n";
+
+void expectSquare(const base::Result<Imported>& result) {
+  ASSERT_TRUE(result) << result.error().message;
+  const Mesh& mesh = result->mesh;
+  ASSERT_EQ(mesh.positions.size(), 4U);
+  const std::vector<std::uint32_t> two_triangles{0, 1, 2, 0, 2, 3};
+  EXPECT_EQ(mesh.indices, two_triangles);
+  const std::array<glm::dvec3, 4> corners{{{0.0, 0.0, 0.0}, {1.0, 0.0, 0.0}, {1.0, 1.0, 0.0}, {0.0, 1.0, 0.0}}};
+  for (std::size_t v = 0; v < 4; ++v)
+    EXPECT_LT(glm::distance(glm::dvec3(mesh.positions[v]) + mesh.origin, corners[v]), 1e-6) << v;
+  ASSERT_EQ(mesh.normals.size(), 4U);
+  for (const glm::vec3& n : mesh.normals) EXPECT_LT(glm::distance(n, glm::vec3(0.0F, 0.0F, 1.0F)), 1e-6F);
+}
+
+/// A binary square with every property kind we know, and some we don't.
+std::string binarySquare(bool big) {
+  std::string b = "ply\nformat ";
+  b += big ? "binary_big_endian" : "binary_little_endian";
+  b += " 1.0\nobj_info x\nelement camera 2\nproperty double fov\nproperty list uchar short tags\n"
+       "element vertex 4\nproperty double x\nproperty double y\nproperty double z\nproperty float confidence\n"
+       "property float nx\nproperty float ny\nproperty float nz\nproperty uchar red\nproperty uchar green\nproperty "
+       "uchar blue\n"
+       "property uchar alpha\nelement face 2\nproperty uchar flags\nproperty list uchar uint vertex_index\n"
+       "property list uchar float texcoord\nend_header\n";
+  for (int camera = 0; camera < 2; ++camera) {
+    put(b, 0.5, big);
+    put(b, std::uint8_t{2});
+    put(b, std::int16_t{7}, big);
+    put(b, std::int16_t{8}, big);
+  }
+  const double xy[4][2] = {{0, 0}, {1, 0}, {1, 1}, {0, 1}};
+  for (int v = 0; v < 4; ++v) {
+    for (const double x : {xy[v][0], xy[v][1], 0.0}) put(b, x, big);
+    for (const float x : {0.5F, 0.0F, 0.0F, 2.0F}) put(b, x, big);
+    for (const int c : {10 * v, 200, 255, 128}) put(b, static_cast<std::uint8_t>(c));
+  }
+  for (const auto& t : {std::array<std::uint32_t, 3>{0, 1, 2}, std::array<std::uint32_t, 3>{0, 2, 3}}) {
+    put(b, std::uint8_t{1});
+    put(b, std::uint8_t{3});
+    for (const std::uint32_t i : t) put(b, i, big);
+    put(b, std::uint8_t{2});
+    put(b, 0.25F, big);
+    put(b, 0.75F, big);
+  }
+  return b;
+}
+
+TEST(PlyImport, AsciiPolygonsBecomeFans) {
+  expectSquare(import("square.ply", kAsciiSquare));
+}
+
+TEST(PlyImport, WindowsLineEndsAreRead) {
+  std::string windows;
+  for (const char c : kAsciiSquare) windows += c == '\n' ? std::string("\r\n") : std::string(1, c);
+  expectSquare(import("square.ply", windows));
+}
+
+TEST(PlyImport, ContentDecidesOverTheName) {
+  expectSquare(import("square.stl", kAsciiSquare));
+}
+
+TEST(PlyImport, BothBinaryOrdersGiveTheSameMeshAndSkipWhatIsUnknown) {
+  for (const bool big : {false, true}) {
+    auto result = import("square.ply", binarySquare(big));
+    expectSquare(result);
+    ASSERT_TRUE(result);
+    EXPECT_TRUE(result->has_normals);
+    ASSERT_EQ(result->mesh.colors.size(), 4U);
+    for (int v = 0; v < 4; ++v) EXPECT_EQ(result->mesh.colors[v], glm::u8vec4(10 * v, 200, 255, 255)) << big;
+  }
+}
+
+TEST(PlyImport, FloatAndDiffuseColoursAreRead) {
+  auto result = import("c.ply",
+                       "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+                       "property float diffuse_red\nproperty float diffuse_green\nproperty float diffuse_blue\n"
+                       "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+                       "0 0 0 1 0.5 0\n1 0 0 0 0 0\n0 1 0 2 -1 nan\n3 0 1 2\n");
+  ASSERT_TRUE(result) << result.error().message;
+  EXPECT_EQ(result->mesh.colors[0], glm::u8vec4(255, 128, 0, 255));
+  EXPECT_EQ(result->mesh.colors[2], glm::u8vec4(255, 0, 0, 255));
+}
+
+TEST(PlyImport, TriangleStripsTurnEveryOtherTriangle) {
+  // 0-1-3-2 as a strip: (0 1 3), (1 2 3); then a restart and a single triangle the other way.
+  auto result = import("strip.ply",
+                       "ply\nformat ascii 1.0\nelement vertex 5\nproperty int x\nproperty int y\nproperty int z\n"
+                       "element tristrips 1\nproperty list int int vertex_indices\nend_header\n"
+                       "0 0 0\n1 0 0\n1 1 0\n0 1 0\n2 0 0\n8 0 1 3 2 -1 1 4 2\n");
+  ASSERT_TRUE(result) << result.error().message;
+  const std::vector<std::uint32_t> triangles{0, 1, 3, 1, 2, 3, 1, 4, 2};
+  EXPECT_EQ(result->mesh.indices, triangles);
+}
+
+TEST(PlyImport, TexturesGiveOneWarningLine) {
+  std::string textured = kAsciiSquare;
+  textured.replace(textured.find("comment square"), 14, "comment TextureFile a.png");
+  auto result = import("square.ply", textured);
+  expectSquare(result);
+  ASSERT_EQ(result->warnings.size(), 1U);
+  EXPECT_NE(result->warnings[0].find("textures are not used"), std::string::npos);
+}
+
+TEST(ObjImport, PolygonsNegativeIndicesAndContinuedLinesAreRead) {
+  expectSquare(import("square.obj", "# square\no thing\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n"));
+  expectSquare(import("square.obj", "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf -4 -3 \\\n -2 -1"));
+}
+
+TEST(ObjImport, ColoursAndNormalsGoToTheirVertices) {
+  auto result =
+      import("c.obj",
+             "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\nvn 0 0 2\nvn 0 3 0\nvt 0 0\nmtllib a.mtl\nusemtl b\n"
+             "f 1/1/1 2//1 3/1/2\n");
+  ASSERT_TRUE(result) << result.error().message;
+  EXPECT_EQ(result->mesh.colors[1], glm::u8vec4(0, 255, 0, 255));
+  EXPECT_EQ(result->mesh.normals[0], glm::vec3(0.0F, 0.0F, 1.0F));
+  EXPECT_EQ(result->mesh.normals[2], glm::vec3(0.0F, 1.0F, 0.0F));
+  ASSERT_EQ(result->warnings.size(), 1U);
+  EXPECT_NE(result->warnings[0].find("its materials cannot be read, vertex colours stay"), std::string::npos);
+}
+
+TEST(ObjImport, ColoursUpTo255AreRecognised) {
+  auto result = import("c.obj", "v 0 0 0 255 0 51\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\nf 1 2 3\n");
+  ASSERT_TRUE(result) << result.error().message;
+  EXPECT_EQ(result->mesh.colors[0], glm::u8vec4(255, 0, 51, 255));
+  EXPECT_EQ(result->mesh.colors[1], glm::u8vec4(0, 1, 0, 255));
+}
+
+const float kTwoTriangles[2][3][3] = {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}}, {{0, 0, 0}, {1, 1, 0}, {0, 1, 0}}};
+
+std::string binaryStl(const std::string& header) {
+  std::string b = header;
+  b.resize(80, ' ');
+  put(b, std::uint32_t{2});
+  for (const auto& triangle : kTwoTriangles) {
+    for (int k = 0; k < 3; ++k) put(b, 0.0F);
+    for (const auto& corner : triangle)
+      for (const float x : corner) put(b, x);
+    put(b, std::uint16_t{0});
+  }
+  return b;
+}
+
+TEST(StlImport, TextAndBinaryWeldToTheSameSquare) {
+  std::string text = "solid square\n";
+  for (const auto& triangle : kTwoTriangles) {
+    text += " facet normal 0 0 1\n  outer loop\n";
+    for (const auto& c : triangle)
+      text += "   vertex " + std::to_string(c[0]) + " " + std::to_string(c[1]) + " " + std::to_string(c[2]) + "\n";
+    text += "  endloop\n endfacet\n";
+  }
+  auto from_text = import("square.stl", text + "endsolid square\n");
+  expectSquare(from_text);
+  EXPECT_EQ(count(*from_text, "welded_vertices"), 2U);
+  expectSquare(import("square.stl", binaryStl("made by a scanner")));
+}
+
+TEST(StlImport, BinaryFilesThatBeginWithSolidAreKnownByTheirSize) {
+  expectSquare(import("square.stl", binaryStl("solid but binary")));
+}
+
+TEST(OffImport, PlainColouredAndNormalFormsAreRead) {
+  expectSquare(
+      import("square.off", "OFF\n# comment\n4 1 0\n\n0 0 0\n1 0 0 # corner\n1 1 0\n0 1 0\n4 0 1 2 3 255 0 0\n"));
+  auto coloured =
+      import("square.off",
+             "COFF 4 1 0\n0 0 0 255 0 0 255\n1 0 0 0 255 0 255\n1 1 0 0 0 255 255\n0 1 0 9 9 9 255\n4 0 1 2 3\n");
+  expectSquare(coloured);
+  EXPECT_EQ(coloured->mesh.colors[2], glm::u8vec4(0, 0, 255, 255));
+  auto both = import(
+      "square.off",
+      "CNOFF\n4 1 0\n0 0 0 0 0 5 .5 0 0\n1 0 0 0 0 5 1 0 0 1\n1 1 0 0 0 5 0 1 0 1\n0 1 0 0 0 5 0 0 1\n4 0 1 2 3\n");
+  expectSquare(both);
+  EXPECT_TRUE(both->has_normals);
+  EXPECT_EQ(both->mesh.colors[0], glm::u8vec4(128, 0, 0, 255));
+}
+
+// ---- GLB ----
+
+using nlohmann::json;
+
+std::string glb(const json& document, std::string binary) {
+  std::string text = document.dump();
+  text.resize((text.size() + 3) / 4 * 4, ' ');
+  binary.resize((binary.size() + 3) / 4 * 4, '\0');
+  std::string b = "glTF";
+  put(b, std::uint32_t{2});
+  put(b, static_cast<std::uint32_t>(12 + 8 + text.size() + 8 + binary.size()));
+  put(b, static_cast<std::uint32_t>(text.size()));
+  b += "JSON" + text;
+  put(b, static_cast<std::uint32_t>(binary.size()));
+  return b + std::string("BIN\0", 4) + binary;
+}
+
+/// The square: positions with a stride of 16, 16-bit indices, byte colours.
+json squareDocument(std::string& binary) {
+  const float xy[4][2] = {{0, 0}, {1, 0}, {1, 1}, {0, 1}};
+  for (const auto& p : xy)
+    for (const float x : {p[0], p[1], 0.0F, 99.0F}) put(binary, x);
+  for (const int i : {0, 1, 2, 0, 2, 3}) put(binary, static_cast<std::uint16_t>(i));
+  for (int v = 0; v < 4; ++v)
+    for (const int c : {255, 0, 55, 255}) put(binary, static_cast<std::uint8_t>(c));
+  return json{{"asset", {{"version", "2.0"}}},
+              {"buffers", {{{"byteLength", binary.size()}}}},
+              {"bufferViews",
+               {{{"buffer", 0}, {"byteOffset", 0}, {"byteLength", 64}, {"byteStride", 16}},
+                {{"buffer", 0}, {"byteOffset", 64}, {"byteLength", 12}},
+                {{"buffer", 0}, {"byteOffset", 76}, {"byteLength", 16}}}},
+              {"accessors",
+               {{{"bufferView", 0}, {"componentType", 5126}, {"count", 4}, {"type", "VEC3"}},
+                {{"bufferView", 1}, {"componentType", 5123}, {"count", 6}, {"type", "SCALAR"}},
+                {{"bufferView", 2}, {"componentType", 5121}, {"count", 4}, {"type", "VEC4"}, {"normalized", true}}}},
+              {"meshes", {{{"primitives", {{{"attributes", {{"POSITION", 0}}}, {"indices", 1}}}}}}},
+              {"nodes", {{{"mesh", 0}}}},
+              {"scenes", {{{"nodes", {0}}}}},
+              {"scene", 0}};
+}
+
+TEST(GlbImport, StridesIndicesAndByteColoursAreRead) {
+  std::string binary;
+  json document = squareDocument(binary);
+  document["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = 2;
+  auto result = import("square.glb", glb(document, binary));
+  expectSquare(result);
+
+  // Linear 55/255 is sRGB 128: glTF's colours are linear.
+  EXPECT_EQ(result->mesh.colors[0], glm::u8vec4(255, 0, 128, 255));
+}
+
+TEST(GlbImport, NodesMoveTurnScaleAndMirrorTheirMeshes) {
+  std::string binary;
+  json document = squareDocument(binary);
+  // A parent at survey coordinates; a child turned 90° about z (x to y) and mirrored in z.
+  const double h = std::sqrt(0.5);
+  document["nodes"] = {{{"translation", {431000.25, 5410000.5, 0}}, {"children", {1}}},
+                       {{"mesh", 0}, {"rotation", {0, 0, h, h}}, {"scale", {2, 2, -1}}}};
+  auto result = import("square.glb", glb(document, binary));
+  ASSERT_TRUE(result) << result.error().message;
+  const auto world = [&](std::size_t v) { return result->mesh.origin + glm::dvec3(result->mesh.positions[v]); };
+  EXPECT_LT(glm::distance(world(1), glm::dvec3(431000.25, 5410002.5, 0.0)), 1e-5);
+  EXPECT_LT(glm::distance(world(2), glm::dvec3(430998.25, 5410002.5, 0.0)), 1e-5);
+
+  // Mirrored, the square faces the other way: its winding has to be turned to agree.
+  for (const glm::vec3& n : result->mesh.normals) EXPECT_NEAR(n.z, -1.0F, 1e-5F);
+}
+
+TEST(GlbImport, StripsFansAndMeshesWithoutIndicesAreRead) {
+  std::string binary;
+  for (const auto& p : {std::array{0.F, 0.F}, std::array{1.F, 0.F}, std::array{1.F, 1.F}, std::array{0.F, 1.F}})
+    for (const float x : {p[0], p[1], 0.0F}) put(binary, x);
+  json document = {{"asset", {{"version", "2.0"}}},
+                   {"buffers", {{{"byteLength", 48}}}},
+                   {"bufferViews", {{{"buffer", 0}, {"byteLength", 48}}}},
+                   {"accessors", {{{"bufferView", 0}, {"componentType", 5126}, {"count", 4}, {"type", "VEC3"}}}},
+                   {"meshes", {{{"primitives", {{{"attributes", {{"POSITION", 0}}}, {"mode", 6}}}}}}}};
+  expectSquare(import("fan.glb", glb(document, binary)));
+  document["meshes"][0]["primitives"][0]["mode"] = 5;
+  auto strip = import("strip.glb", glb(document, binary));
+  ASSERT_TRUE(strip) << strip.error().message;
+  EXPECT_EQ(strip->mesh.triangleCount(), 2U);
+}
+
+TEST(GlbImport, MaterialColoursStandInAndTexturesWarn) {
+  std::string binary;
+  json document = squareDocument(binary);
+  document["meshes"][0]["primitives"][0]["material"] = 0;
+  document["materials"] = {
+      {{"pbrMetallicRoughness", {{"baseColorFactor", {1, 0, 0, 1}}, {"baseColorTexture", {{"index", 0}}}}}}};
+  auto result = import("square.glb", glb(document, binary));
+  expectSquare(result);
+  EXPECT_EQ(result->mesh.colors[3], glm::u8vec4(255, 0, 0, 255));
+  ASSERT_EQ(result->warnings.size(), 1U);
+  EXPECT_NE(result->warnings[0].find("textures are not used"), std::string::npos);
+}
+
+TEST(GlbImport, WhatCannotBeReadIsRefusedWithItsName) {
+  std::string binary;
+  const json good = squareDocument(binary);
+  const auto refusal = [&](const json& document) { return errorOf("bad.glb", glb(document, binary)); };
+  json d = good;
+  d["extensionsRequired"] = {"KHR_draco_mesh_compression"};
+  EXPECT_NE(refusal(d).find("compressed by KHR_draco_mesh_compression, which is not read"), std::string::npos);
+  d["extensionsRequired"] = {"EXT_meshopt_compression"};
+  EXPECT_NE(refusal(d).find("compressed by EXT_meshopt_compression, which is not read"), std::string::npos);
+  d = good;
+  d["accessors"][0]["sparse"] = {{"count", 1}};
+  EXPECT_NE(refusal(d).find("mesh 0 primitive 0: POSITION: accessor 0 is sparse, which is not read"),
+            std::string::npos);
+  d = good;
+  d["accessors"][0]["count"] = 5;
+  EXPECT_NE(refusal(d).find("POSITION: accessor 0 reaches past its buffer"), std::string::npos);
+  d = good;
+  d["buffers"][0]["uri"] = "a.bin";
+  EXPECT_NE(refusal(d).find("lies outside the file"), std::string::npos);
+  d = good;
+  d["nodes"] = {{{"children", {0}}, {"mesh", 0}}};
+  EXPECT_NE(refusal(d).find("node 0 has two parents or is its own child"), std::string::npos);
+  d = good;
+  d["meshes"][0]["primitives"][0]["indices"] = 0;
+  EXPECT_NE(refusal(d).find("indices are not unsigned integers"), std::string::npos);
+}
+
+// ---- All formats ----
+
+TEST(Import, SeveralFilesBecomeOneScene) {
+  const std::string second = write("second.obj", "v 5 0 0\nv 6 0 0\nv 5 1 0\nf 1 2 3\n");
+  const std::string first = write("first.ply", binarySquare(false));
+  auto result = mesh::importMeshes({first, second}, {});
+  ASSERT_TRUE(result) << result.error().message;
+  EXPECT_EQ(result->mesh.triangleCount(), 3U);
+  ASSERT_EQ(result->sources.size(), 2U);
+  EXPECT_EQ(result->sources[0].triangles, 2U);
+  EXPECT_EQ(result->sources[1].bytes, 32U);
+  EXPECT_EQ(result->mesh.colors[5], glm::u8vec4(255));
+  ASSERT_EQ(result->warnings.size(), 1U);
+  EXPECT_NE(result->warnings[0].find("second.obj: has no colours"), std::string::npos);
+}
+
+TEST(Import, SurveyCoordinatesKeepTheirMillimetresWhenTheFileHasThem) {
+  // A 300 m wide field at UTM size, heights in millimetres; the doubles must come back to a tenth of one.
+  std::string b =
+      "ply\nformat binary_little_endian 1.0\nelement vertex 300\nproperty double x\nproperty double y\nproperty double "
+      "z\n"
+      "element face 100\nproperty list uchar int vertex_indices\nend_header\n";
+  std::vector<glm::dvec3> truth;
+  for (int v = 0; v < 300; ++v)
+    truth.emplace_back(4e5 + v + 0.001 * v, 5e6 + 0.377 * ((v * 7919) % 300), 100.0 + 0.001 * (v % 97));
+  for (const glm::dvec3& p : truth)
+    for (int k = 0; k < 3; ++k) put(b, p[k]);
+  for (std::uint32_t t = 0; t < 100; ++t) {
+    put(b, std::uint8_t{3});
+    for (std::uint32_t k = 0; k < 3; ++k) put(b, 3 * t + k);
+  }
+  auto result = import("utm.ply", b);
+  ASSERT_TRUE(result) << result.error().message;
+  ASSERT_EQ(result->mesh.positions.size(), 300U);
+  for (std::size_t v = 0; v < 300; ++v)
+    EXPECT_LT(glm::distance(result->mesh.origin + glm::dvec3(result->mesh.positions[v]), truth[v]), 1e-4) << v;
+  for (int k = 0; k < 3; ++k) EXPECT_EQ(result->mesh.origin[k], std::round(result->mesh.origin[k]));
+}
+
+TEST(Import, ModelsAroundZeroKeepTheirFloatsBitForBit) {
+  auto result = import("t.obj", "v 0.1 -0.2 0.3\nv 1 0 0.7\nv 0.123456789 1 0\nf 1 2 3\n");
+  ASSERT_TRUE(result);
+  EXPECT_EQ(result->mesh.origin, glm::dvec3(0.0));
+  EXPECT_EQ(result->mesh.positions[0], glm::vec3(0.1F, -0.2F, 0.3F));
+  EXPECT_EQ(result->mesh.positions[2].x, 0.123456789F);
+}
+
+}  // namespace

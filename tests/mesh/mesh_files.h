@@ -1,0 +1,94 @@
+#pragma once
+// Small mesh files written for one test, and questions asked of meshes.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <fstream>
+#include <map>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "mesh/import.h"
+#include "tests/support/temporary_directory.h"
+
+namespace mesh_files {
+
+using mesh::Imported;
+using mesh::ImportOptions;
+using mesh::Mesh;
+
+/// Of this process, so that tests can run side by side.
+inline const support::TemporaryDirectory& directory() {
+  static const support::TemporaryDirectory made;
+  return made;
+}
+
+/// Path of a new file with these bytes.
+inline std::string write(const std::string& name, const std::string& bytes) {
+  std::string path = directory() / name;
+  std::ofstream(path, std::ios::binary) << bytes;
+  return path;
+}
+
+inline base::Result<Imported> import(const std::string& name, const std::string& bytes,
+                                     const ImportOptions& options = {}) {
+  const std::string path = write(name, bytes);
+  auto result = mesh::importMeshes({path}, options);
+  std::remove(path.c_str());
+  return result;
+}
+
+/// The error line of bytes that must not be read; empty (and a failed test) when they are.
+inline std::string errorOf(const std::string& name, const std::string& bytes) {
+  auto result = import(name, bytes);
+  if (result) {
+    ADD_FAILURE() << name << " was read";
+    return {};
+  }
+  EXPECT_EQ(result.error().message.find('\n'), std::string::npos) << "more than one line";
+  EXPECT_NE(result.error().message.find(name), std::string::npos) << "the line does not name the file";
+  return result.error().message;
+}
+
+template <class T>
+void put(std::string& bytes, T value, bool big_endian = false) {
+  std::array<char, sizeof(T)> raw;
+  std::memcpy(raw.data(), &value, sizeof(T));
+  if (big_endian) std::reverse(raw.begin(), raw.end());
+  bytes.append(raw.data(), raw.size());
+}
+
+inline std::uint64_t count(const Imported& m, const std::string& repair) {
+  const auto found = m.repairs.counts.find(repair);
+  return found == m.repairs.counts.end() ? 0 : found->second;
+}
+
+/// Directed edges and how many triangles run along each.
+inline std::map<std::pair<std::uint32_t, std::uint32_t>, int> directedEdges(const Mesh& mesh) {
+  std::map<std::pair<std::uint32_t, std::uint32_t>, int> edges;
+  for (std::size_t i = 0; i < mesh.indices.size(); i += 3)
+    for (std::size_t k = 0; k < 3; ++k) ++edges[{mesh.indices[i + k], mesh.indices[i + (k + 1) % 3]}];
+  return edges;
+}
+
+/// Every edge is run along once in each direction.
+inline bool isClosed(const Mesh& mesh) {
+  const auto edges = directedEdges(mesh);
+  return std::all_of(edges.begin(), edges.end(), [&](const auto& e) {
+    return e.second == 1 && edges.contains({e.first.second, e.first.first});
+  });
+}
+
+inline double signedVolume(const Mesh& mesh) {
+  double volume = 0.0;
+  for (std::size_t i = 0; i < mesh.indices.size(); i += 3) {
+    const auto p = [&](std::size_t k) { return glm::dvec3(mesh.positions[mesh.indices[i + k]]); };
+    volume += glm::dot(p(0), glm::cross(p(1), p(2))) / 6.0;
+  }
+  return volume;
+}
+
+}  // namespace mesh_files

@@ -1,0 +1,132 @@
+// Textures become colours of vertices, and the reader says what is lost.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "base/png/png.h"
+#include "lod/patch/builder/hierarchy_build.h"
+#include "lod/patch/format.h"
+#include "tests/mesh/mesh_files.h"
+
+namespace {
+
+// A folder with a picture in it: left half red, right half blue, the top rows of both green.
+class Textures : public testing::Test {
+ protected:
+  void SetUp() override {
+    base::Image image(64, 64, 3);
+    for (int y = 0; y < 64; ++y)
+      for (int x = 0; x < 64; ++x) {
+        image.at(x, y)[0] = y >= 16 && x < 32 ? 255 : 0;
+        image.at(x, y)[1] = y < 16 ? 255 : 0;
+        image.at(x, y)[2] = y >= 16 && x >= 32 ? 255 : 0;
+      }
+    ASSERT_TRUE(base::writePng(image, folder / "picture.png"));
+  }
+
+  base::Result<mesh::Imported> import(const std::string& name, const std::string& text) {
+    std::ofstream(folder / name, std::ios::binary) << text;
+    return mesh::importMeshes({folder / name}, {});
+  }
+
+  const support::TemporaryDirectory folder;
+};
+
+glm::u8vec4 colorAt(const mesh::Imported& mesh, const glm::vec3& p) {
+  for (std::size_t v = 0; v < mesh.mesh.positions.size(); ++v)
+    if (mesh.mesh.positions[v] == p) return mesh.mesh.colors[v];
+  ADD_FAILURE() << "no vertex there";
+  return {};
+}
+
+// A strip of three quads, textured from left to right; v = 0.25 below, 0.3 above, so within the red and blue rows.
+std::string objStrip(const std::string& library) {
+  std::string text = "mtllib " + library + "\nusemtl skin\n";
+  for (int i = 0; i < 4; ++i)
+    for (int j = 0; j < 2; ++j)
+      text += "v " + std::to_string(i) + " " + std::to_string(j) + " 0\nvt " + std::to_string(0.05 + 0.3 * i) + " " +
+              (j == 0 ? "0.25" : "0.3") + "\n";
+  for (int i = 0; i < 3; ++i) {
+    const auto corner = [&](int k) { return std::to_string(k) + "/" + std::to_string(k) + " "; };
+    text += "f " + corner(2 * i + 1) + corner(2 * i + 3) + corner(2 * i + 4) + corner(2 * i + 2) + "\n";
+  }
+  return text;
+}
+
+TEST_F(Textures, OfAnObjGoToItsVertices) {
+  std::ofstream(folder / "skin.mtl") << "newmtl other\nKd 1 1 1\nnewmtl skin\nmap_Kd -s 1 1 1 picture.png\n";
+  const auto mesh = import("strip.obj", objStrip("skin.mtl"));
+  ASSERT_TRUE(mesh) << mesh.error().message;
+  EXPECT_EQ(colorAt(*mesh, {0, 0, 0}), glm::u8vec4(255, 0, 0, 255));
+  EXPECT_EQ(colorAt(*mesh, {3, 0, 0}), glm::u8vec4(0, 0, 255, 255));
+  // 57.6 x 3.2 texels, 8 vertices: one line says so.
+  ASSERT_EQ(mesh->warnings.size(), 1U);
+  EXPECT_NE(mesh->warnings[0].find("23.0 texels for every vertex"), std::string::npos) << mesh->warnings[0];
+}
+
+TEST_F(Textures, OfAnObjReachTheHierarchy) {
+  std::ofstream(folder / "skin.mtl") << "newmtl skin\nmap_Kd picture.png\n";
+  std::ofstream(folder / "strip.obj") << objStrip("skin.mtl");
+  const std::string out = folder / "patch.lgp";
+  const auto summary = lod::patch::builder::buildHierarchyFromFiles({folder / "strip.obj"}, {}, out);
+  ASSERT_TRUE(summary) << summary.error().message;
+  EXPECT_EQ(summary->warnings.size(), 1U);
+  const auto file = lod::patch::PatchFile::open(out);
+  ASSERT_TRUE(file) << file.error().message;
+  const auto geometry = file->geometry(0);
+  ASSERT_TRUE(geometry);
+  for (std::size_t v = 0; v < geometry->positions.size(); ++v) {
+    const float x = file->hierarchy().lattice.position(geometry->positions[v]).x;
+    if (x < 0.5F) {
+      EXPECT_GT(geometry->colors[v].r, 245);
+    } else if (x > 2.5F) {
+      EXPECT_GT(geometry->colors[v].b, 245);
+    }
+  }
+}
+
+TEST_F(Textures, ThatAreMissingWarnAndTheMeshStays) {
+  std::ofstream(folder / "skin.mtl") << "newmtl skin\nmap_Kd nowhere.png\n";
+  const auto mesh = import("strip.obj", objStrip("skin.mtl"));
+  ASSERT_TRUE(mesh) << mesh.error().message;
+  EXPECT_TRUE(mesh->mesh.colors.empty());
+  ASSERT_EQ(mesh->warnings.size(), 1U);
+  EXPECT_NE(mesh->warnings[0].find("nowhere.png"), std::string::npos);
+
+  std::ofstream(folder / "picture.png") << "no picture at all";
+  std::ofstream(folder / "skin.mtl") << "newmtl skin\nmap_Kd picture.png\n";
+  const auto broken = import("strip.obj", objStrip("skin.mtl"));
+  ASSERT_TRUE(broken) << broken.error().message;
+  EXPECT_TRUE(broken->mesh.colors.empty());
+  EXPECT_EQ(broken->warnings.size(), 1U);
+}
+
+TEST_F(Textures, OfAPlyWithCoordinatesAtItsFaces) {
+  const auto mesh = import(
+      "quad.ply",
+      "ply\nformat ascii 1.0\ncomment TextureFile picture.png\nelement vertex 4\nproperty float x\nproperty float y\n"
+      "property float z\nelement face 2\nproperty list uchar int vertex_indices\nproperty list uchar float texcoord\n"
+      "end_header\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n"
+      "3 0 1 2 6 0.1 0.1 0.9 0.1 0.9 0.2\n3 0 2 3 6 0.1 0.1 0.9 0.2 0.1 0.2\n");
+  ASSERT_TRUE(mesh) << mesh.error().message;
+  ASSERT_FALSE(mesh->mesh.colors.empty());
+  EXPECT_GT(colorAt(*mesh, {0, 1, 0}).r, 200);
+  EXPECT_GT(colorAt(*mesh, {1, 0, 0}).b, 150);
+  EXPECT_EQ(colorAt(*mesh, {0, 1, 0}).g, 0);
+}
+
+TEST_F(Textures, AreAveragedOverWhatAVertexStandsFor) {
+  // One triangle over the whole picture: no corner may take a single texel's colour.
+  std::ofstream(folder / "skin.mtl") << "newmtl skin\nmap_Kd picture.png\n";
+  const auto mesh = import("one.obj",
+                           "mtllib skin.mtl\nusemtl skin\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\n"
+                           "f 1/1 2/2 3/3\n");
+  ASSERT_TRUE(mesh) << mesh.error().message;
+  for (const glm::u8vec4& c : mesh->mesh.colors) {
+    EXPECT_GT(c.r + c.g + c.b, 200);
+    EXPECT_LT(std::max({c.r, c.g, c.b}), 250);
+  }
+}
+
+}  // namespace

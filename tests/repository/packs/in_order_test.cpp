@@ -1,0 +1,67 @@
+#include "repository/packs/in_order.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <chrono>
+#include <thread>
+#include <vector>
+
+namespace repository {
+namespace {
+
+std::uint64_t one(std::size_t) {
+  return 1;
+}
+
+TEST(InOrder, piecesAreTakenInTheirOrderWhicheverIsReadyFirst) {
+  std::vector<std::size_t> taken;
+  inOrder(
+      20, {4, 100}, one,
+      [](std::size_t i) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(i % 4 == 0 ? 8 : 0));
+        return 10 * i;
+      },
+      [&](std::size_t i, std::size_t made) {
+        EXPECT_EQ(made, 10 * i);
+        taken.push_back(i);
+        return true;
+      });
+  ASSERT_EQ(taken.size(), 20U);
+  for (std::size_t i = 0; i < taken.size(); ++i) EXPECT_EQ(taken[i], i);
+}
+
+// Pieces that were begun and not taken yet, at most.
+std::size_t mostAhead(const AheadLimits& limits, const std::function<std::uint64_t(std::size_t)>& bytes_of) {
+  std::atomic<std::size_t> begun{0};
+  std::size_t most = 0;
+  inOrder(
+      30, limits, bytes_of, [&](std::size_t i) { return ++begun, i; },
+      [&](std::size_t i, std::size_t) {
+        most = std::max(most, begun.load() - i);
+        return true;
+      });
+  return most;
+}
+
+TEST(InOrder, noMorePiecesThanTheLimitsAllowAreAhead) {
+  EXPECT_LE(mostAhead({4, 100}, one), 4U);
+  EXPECT_LE(mostAhead({8, 3}, one), 3U) << "of three bytes";
+  EXPECT_EQ(mostAhead({0, 0}, one), 1U) << "one always goes";
+  EXPECT_EQ(mostAhead({4, 100}, [](std::size_t) { return std::uint64_t{1000}; }), 1U);
+}
+
+TEST(InOrder, whoeverTakesMayStop) {
+  std::atomic<std::size_t> begun{0};
+  std::size_t taken = 0;
+  inOrder(
+      1000, {4, 100}, one, [&](std::size_t i) { return ++begun, i; },
+      [&](std::size_t, std::size_t) { return ++taken < 5; });
+  EXPECT_EQ(taken, 5U);
+  EXPECT_LE(begun, 9U);
+  inOrder(
+      0, {4, 100}, one, [](std::size_t i) { return i; }, [](std::size_t, std::size_t) { return ADD_FAILURE(), true; });
+}
+
+}  // namespace
+}  // namespace repository

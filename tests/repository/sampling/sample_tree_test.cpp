@@ -1,0 +1,141 @@
+#include "repository/sampling/sample_tree.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <random>
+#include <set>
+
+namespace {
+
+using repository::Grid;
+using repository::SampleTree;
+
+Grid gridOf(const glm::uvec3& count) {
+  Grid grid;
+  grid.count = count;
+  grid.face_size = 64;
+  return grid;
+}
+
+std::set<std::uint64_t> codesOf(const std::vector<glm::uvec3>& points) {
+  std::set<std::uint64_t> codes;
+  for (const glm::uvec3& p : points) codes.insert(repository::FaceKey{p.x, p.y, p.z, 0}.code());
+  return codes;
+}
+
+// Some cells split, some closed, some points left out.
+SampleTree randomTree(const Grid& grid, unsigned seed) {
+  std::mt19937 random(seed);
+  SampleTree tree(grid, 8);
+  for (int round = 0; round < 3; ++round)
+    for (const SampleTree::Cell& cell : tree.openLeaves()) {
+      const auto choice = random() % 3;
+      if (choice == 0) tree.split(cell);
+      if (choice == 1) tree.close(cell);
+    }
+  const auto points = tree.points();
+  for (const glm::uvec3& p : points)
+    if (random() % 9 == 0) tree.leaveOut(p);
+  return tree;
+}
+
+TEST(SampleTree, CellsOfOneStepAreTheWholeGrid) {
+  for (const glm::uvec3& count : {glm::uvec3(2), glm::uvec3(5, 9, 2), glm::uvec3(17, 6, 11)}) {
+    const Grid grid = gridOf(count);
+    const SampleTree tree(grid, 1);
+    EXPECT_EQ(tree.points(), repository::pointsInMortonOrder(grid));
+    EXPECT_EQ(tree.leafCount(), std::uint64_t{count.x - 1} * (count.y - 1) * (count.z - 1));
+    EXPECT_TRUE(tree.openLeaves().empty());
+  }
+}
+
+TEST(SampleTree, ACoarseTreeHasTheCornersOfItsCells) {
+  const SampleTree tree(gridOf({9, 9, 6}), 4);
+  EXPECT_EQ(tree.leafCount(), 8U);
+  EXPECT_EQ(tree.points().size(), 27U);  // x, y: 0 4 8; z: 0 4 and the grid's end, 5
+  EXPECT_TRUE(tree.hasPoint({4, 8, 5}));
+  EXPECT_FALSE(tree.hasPoint({4, 8, 3}));
+  EXPECT_FALSE(tree.hasPoint({4, 2, 4}));
+  EXPECT_EQ(tree.leafOf({7, 3, 4}), (SampleTree::Cell{{4, 0, 4}, 4}));
+  EXPECT_EQ(tree.cornersOf({{4, 0, 4}, 4})[7], glm::uvec3(8, 4, 5));
+}
+
+TEST(SampleTree, SplittingAddsTheCornersOfTheEight) {
+  SampleTree tree(gridOf({9, 9, 9}), 8);
+  ASSERT_EQ(tree.openLeaves(), (std::vector<SampleTree::Cell>{{{0, 0, 0}, 8}}));
+  tree.split({{0, 0, 0}, 8});
+  EXPECT_EQ(tree.points().size(), 27U);
+  tree.close({{4, 4, 4}, 4});
+  tree.split({{0, 0, 0}, 4});
+  EXPECT_EQ(tree.points().size(), 27U + 19U);
+  EXPECT_EQ(tree.leafCount(), 7U + 8U);
+  EXPECT_EQ(tree.openLeaves().size(), 6U + 8U);
+  EXPECT_TRUE(tree.hasPoint({2, 4, 2}));  // on the side of a leaf that is twice as large
+  EXPECT_FALSE(tree.hasPoint({6, 4, 2}));
+  tree.leaveOut({2, 4, 2});
+  EXPECT_FALSE(tree.hasPoint({2, 4, 2}));
+  EXPECT_EQ(tree.points().size(), 45U);
+}
+
+TEST(SampleTree, EveryPointIsFoundAndNoOther) {
+  for (unsigned seed = 0; seed < 20; ++seed) {
+    const Grid grid = gridOf({17, 12, 9});
+    const SampleTree tree = randomTree(grid, seed);
+    const auto points = codesOf(tree.points());
+    for (const glm::uvec3& p : repository::pointsInMortonOrder(grid))
+      EXPECT_EQ(tree.hasPoint(p), points.count(repository::FaceKey{p.x, p.y, p.z, 0}.code()) != 0);
+    // Leaves cover each grid cell once.
+    std::uint64_t cells = 0;
+    std::set<std::uint64_t> leaves;
+    for (std::uint32_t z = 0; z + 1 < grid.count.z; ++z)
+      for (std::uint32_t y = 0; y + 1 < grid.count.y; ++y)
+        for (std::uint32_t x = 0; x + 1 < grid.count.x; ++x, ++cells) {
+          const SampleTree::Cell leaf = tree.leafOf({x, y, z});
+          EXPECT_TRUE(leaf.corner.x <= x && x < leaf.corner.x + leaf.size);
+          leaves.insert(repository::FaceKey{leaf.corner.x, leaf.corner.y, leaf.corner.z, 0}.code());
+        }
+    EXPECT_EQ(leaves.size(), tree.leafCount());
+  }
+}
+
+TEST(SampleTree, ComesBackFromItsBytes) {
+  for (unsigned seed = 0; seed < 20; ++seed) {
+    const Grid grid = gridOf({17, 12, 9});
+    const SampleTree tree = randomTree(grid, seed);
+    const base::Bytes bytes = tree.encode();
+    const auto back = SampleTree::decode(grid, bytes);
+    ASSERT_TRUE(back) << back.error().message;
+    EXPECT_EQ(back->encode(), bytes);
+    EXPECT_EQ(back->points(), tree.points());
+    EXPECT_EQ(back->openLeaves(), tree.openLeaves());
+  }
+}
+
+TEST(SampleTree, WorkedRowOfTheDocument) {
+  SampleTree tree(gridOf({3, 3, 2}), 2);
+  tree.split({{0, 0, 0}, 2});
+  tree.leaveOut({1, 1, 0});
+  const base::Bytes bytes = tree.encode();
+  // Split, four open leaves of one step (z ends there), one point left out.
+  const base::Bytes expected{0x54, 0x01, 2, 0, 0, 0, 1, 0, 0, 0, 0x02, 0x00, 0x18, 0, 0, 0, 0, 0, 0, 0};
+  ASSERT_EQ(bytes.size(), expected.size() + 4);
+  EXPECT_TRUE(std::equal(expected.begin(), expected.end(), bytes.begin()));
+}
+
+TEST(SampleTree, DamagedBytesAreRefused) {
+  const Grid grid = gridOf({17, 12, 9});
+  const base::Bytes bytes = randomTree(grid, 3).encode();
+  for (std::size_t length = 0; length < bytes.size(); ++length)
+    EXPECT_FALSE(SampleTree::decode(grid, base::ByteView(bytes).first(length)));
+  for (std::size_t i = 0; i < bytes.size(); ++i)
+    for (const std::uint8_t flip : {0x01, 0x80}) {
+      base::Bytes wrong = bytes;
+      wrong[i] = static_cast<std::uint8_t>(wrong[i] ^ flip);
+      EXPECT_FALSE(SampleTree::decode(grid, wrong)) << i;
+    }
+  EXPECT_FALSE(SampleTree::decode(gridOf({2, 2, 2}), bytes));
+  EXPECT_FALSE(SampleTree::decode(Grid{}, bytes));
+}
+
+}  // namespace
