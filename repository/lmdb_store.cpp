@@ -322,7 +322,7 @@ bool isBeingWritten(const std::string& path) {
 base::Result<void> removeLmdbStore(const std::string& path) {
   std::error_code failed;
   if (!std::filesystem::is_directory(path, failed)) return {};
-  LUMIGRID_TRY(WriterLock::take(path));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto lock, WriterLock::take(path));
   for (const char* name : {"data.mdb", "lock.mdb", "writer.lock"}) {
     std::filesystem::remove(std::filesystem::path(path) / name, failed);
     if (failed) return base::systemError(path + "/" + name, "remove", failed.value());
