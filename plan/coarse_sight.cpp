@@ -16,9 +16,9 @@ float errorOf(const lod::patch::Hierarchy& hierarchy, const lod::patch::Patch& p
 
 }  // namespace
 
-base::Result<lod::patch::ProxySight> coarseSight(const lod::patch::Hierarchy& hierarchy,
-                                                 std::span<const std::uint32_t> groups,
-                                                 const std::function<base::ByteView(std::uint32_t group)>& block_of) {
+base::Result<lod::patch::ProxySight> makeCoarseSight(
+    const lod::patch::Hierarchy& hierarchy, std::span<const std::uint32_t> groups,
+    const std::function<base::ByteView(std::uint32_t group)>& block_of) {
   // Drawn are the patches whose producer is not expanded.
   std::vector<std::uint32_t> patches;
   float error = 0.0F;

@@ -14,8 +14,8 @@ namespace plan {
 
 /// Of the cut in which just these groups are expanded (coarseGroups), whose rows are known. `block_of`: a group's
 /// block, as long as this runs. kInvalidInput for damaged bytes.
-base::Result<lod::patch::ProxySight> coarseSight(const lod::patch::Hierarchy& hierarchy,
-                                                 std::span<const std::uint32_t> groups,
-                                                 const std::function<base::ByteView(std::uint32_t group)>& block_of);
+base::Result<lod::patch::ProxySight> makeCoarseSight(
+    const lod::patch::Hierarchy& hierarchy, std::span<const std::uint32_t> groups,
+    const std::function<base::ByteView(std::uint32_t group)>& block_of);
 
 }  // namespace plan

@@ -27,7 +27,7 @@ struct Scene {
 /// What both send or fetch first: a coarse whole model of so many bytes, 0.1 s at 4 Mbit/s.
 inline constexpr std::uint64_t kCoarseBytes = 50'000;
 /// ... and ahead of need, for one view, when all that it needs is there.
-inline constexpr std::uint64_t kAheadBytes = 1'000'000;
+inline constexpr std::uint64_t kPrefetchBytes = 1'000'000;
 /// An image thrown on a proxy that is off by more than this many times the tolerance is a blur: groups alone until
 /// then.
 inline constexpr float kUrgent = 4.0F;

@@ -8,25 +8,26 @@
 #include "base/check.h"
 
 // Layout: one type byte, then the fields in the order of docs/formats/protocol.md, little-endian and unpadded. The last
-// field of Face, Refine and Frame runs to the end of the message: the transport frames messages, so it needs no length.
+// field of Face, Refinement and Frame runs to the end of the message: the transport frames messages, so it needs no
+// length.
 namespace protocol {
 namespace {
 
 enum class Type : std::uint8_t {
   kHello = 0x01,
   kView = 0x02,
-  kEvicted = 0x03,
-  kHave = 0x04,
+  kEviction = 0x03,
+  kHoldings = 0x04,
   kWelcome = 0x81,
   kFace = 0x82,
-  kRefine = 0x83,
+  kRefinement = 0x83,
   kFrame = 0x84,
-  kComplete = 0x85,
+  kCompletion = 0x85,
   kRefusal = 0x86,
 };
 
 constexpr double kPi = 3.14159265358979323846;
-constexpr std::uint8_t kSplatsAlone = 1;  // behind a Refusal's reason
+constexpr std::uint8_t kSplatsOnly = 1;  // behind a Refusal's reason
 
 base::Error bad(std::string_view message, std::string_view what) {
   return {base::ErrorCode::kInvalidInput, std::string(message) + " message: " + std::string(what)};
@@ -119,7 +120,7 @@ const char* readCamera(base::ByteReader& in, base::ViewCamera& camera) {
   return nullptr;
 }
 
-// ---- lists of keys: Evicted and Have ----
+// ---- lists of keys: Eviction and Holdings ----
 
 template <class Keys>
 base::Bytes encodeKeys(Type type, const Keys& keys) {
@@ -209,11 +210,11 @@ base::Result<ClientMessage> decodeView(base::ByteReader& in) {
   return ClientMessage(view);
 }
 
-base::Bytes encodeOne(const Evicted& keys) {
-  return encodeKeys(Type::kEvicted, keys);
+base::Bytes encodeOne(const Eviction& keys) {
+  return encodeKeys(Type::kEviction, keys);
 }
-base::Bytes encodeOne(const Have& keys) {
-  return encodeKeys(Type::kHave, keys);
+base::Bytes encodeOne(const Holdings& keys) {
+  return encodeKeys(Type::kHoldings, keys);
 }
 
 // ---- server to client ----
@@ -319,8 +320,8 @@ base::Result<ServerMessage> decodeFace(base::ByteReader& in) {
   return ServerMessage(Face{*key, rest(in)});
 }
 
-base::Bytes encodeOne(const Refine& refine) {
-  base::ByteWriter out = begin(Type::kRefine);
+base::Bytes encodeOne(const Refinement& refine) {
+  base::ByteWriter out = begin(Type::kRefinement);
   out.u32(static_cast<std::uint32_t>(refine.record.size()));
   out.bytes(refine.record);
   out.bytes(refine.block);
@@ -328,9 +329,9 @@ base::Bytes encodeOne(const Refine& refine) {
 }
 
 base::Result<ServerMessage> decodeRefine(base::ByteReader& in) {
-  Refine refine;
+  Refinement refine;
   base::ByteView record = in.bytes(in.u32());
-  if (!in.ok() || record.empty() || in.remaining() == 0) return bad("Refine", "is cut short");
+  if (!in.ok() || record.empty() || in.remaining() == 0) return bad("Refinement", "is cut short");
   refine.record.assign(record.begin(), record.end());
   refine.block = rest(in);
   return ServerMessage(std::move(refine));
@@ -354,16 +355,16 @@ base::Result<ServerMessage> decodeFrame(base::ByteReader& in) {
   return ServerMessage(std::move(frame));
 }
 
-base::Bytes encodeOne(const Complete& complete) {
-  base::ByteWriter out = begin(Type::kComplete);
+base::Bytes encodeOne(const Completion& complete) {
+  base::ByteWriter out = begin(Type::kCompletion);
   out.u32(complete.sequence);
   return out.take();
 }
 
 base::Result<ServerMessage> decodeComplete(base::ByteReader& in) {
-  Complete complete{in.u32()};
-  if (!in.atEnd()) return bad("Complete", "its length is not 5 bytes");
-  if (complete.sequence == 0) return bad("Complete", "its sequence number is 0; they count from 1");
+  Completion complete{in.u32()};
+  if (!in.atEnd()) return bad("Completion", "its length is not 5 bytes");
+  if (complete.sequence == 0) return bad("Completion", "its sequence number is 0; they count from 1");
   return ServerMessage(complete);
 }
 
@@ -371,7 +372,7 @@ base::Bytes encodeOne(const Refusal& refusal) {
   base::ByteWriter out = begin(Type::kRefusal);
   out.u16(refusal.version);
   writeText(out, refusal.reason, kMaxText);
-  if (refusal.splats_alone) out.u8(kSplatsAlone);
+  if (refusal.splats_only) out.u8(kSplatsOnly);
   return out.take();
 }
 
@@ -381,7 +382,7 @@ base::Result<ServerMessage> decodeRefusal(base::ByteReader& in) {
   refusal.version = in.u16();
   if (!readText(in, kMaxText, refusal.reason))
     return bad("Refusal", "its reason is cut short, too long or not plain text");
-  refusal.splats_alone = !in.atEnd() && in.u8() == kSplatsAlone;
+  refusal.splats_only = !in.atEnd() && in.u8() == kSplatsOnly;
   return ServerMessage(std::move(refusal));
 }
 
@@ -405,10 +406,10 @@ base::Result<ClientMessage> decodeClientMessage(base::ByteView bytes) {
       return decodeHello(in);
     case Type::kView:
       return decodeView(in);
-    case Type::kEvicted:
-      return decodeKeys<Evicted>("Evicted", in);
-    case Type::kHave:
-      return decodeKeys<Have>("Have", in);
+    case Type::kEviction:
+      return decodeKeys<Eviction>("Eviction", in);
+    case Type::kHoldings:
+      return decodeKeys<Holdings>("Holdings", in);
     default:
       return bad("client", "has the unknown type " + std::to_string(bytes[0]));
   }
@@ -424,11 +425,11 @@ base::Result<ServerMessage> decodeServerMessage(base::ByteView bytes) {
       return decodeWelcome(in);
     case Type::kFace:
       return decodeFace(in);
-    case Type::kRefine:
+    case Type::kRefinement:
       return decodeRefine(in);
     case Type::kFrame:
       return decodeFrame(in);
-    case Type::kComplete:
+    case Type::kCompletion:
       return decodeComplete(in);
     case Type::kRefusal:
       return decodeRefusal(in);

@@ -15,7 +15,7 @@
 
 namespace protocol {
 
-inline constexpr std::uint16_t kVersion = 2;
+inline constexpr std::uint16_t kVersion = 1;
 /// Limits on what is accepted; a longer message is an error and ends the connection.
 inline constexpr std::size_t kMaxClientMessage = 256 * 1024;
 inline constexpr std::size_t kMaxServerMessage = 16 * 1024 * 1024;
@@ -49,13 +49,13 @@ struct View {
 };
 
 /// "I no longer have these."
-struct Evicted {
+struct Eviction {
   std::vector<repository::FaceKey> faces;
   std::vector<std::uint32_t> groups;
 };
 
-/// "I already have these", after Hello on a reconnect: the server need not send them again. Same shape as Evicted.
-struct Have {
+/// "I already have these", after Hello on a reconnect: the server need not send them again. Same shape as Eviction.
+struct Holdings {
   std::vector<repository::FaceKey> faces;
   std::vector<std::uint32_t> groups;
 };
@@ -74,7 +74,7 @@ struct Welcome {
   bool has_colors = false;
   glm::dvec3 lattice_origin{0.0};
   double lattice_step = 1.0;
-  std::uint32_t group_count = 0, patch_count = 0;  ///< of the whole hierarchy: the limits for Refine
+  std::uint32_t group_count = 0, patch_count = 0;  ///< of the whole hierarchy: the limits for Refinement
   std::uint64_t source_triangles = 0;
   repository::Grid grid;  ///< count 0: no images
   bool can_render_frames = false;
@@ -88,7 +88,7 @@ struct Face {
 
 /// All that is needed to expand one group: its record, its consumed patches' records (lod/patch/format.h encodeGroup)
 /// and geometry.
-struct Refine {
+struct Refinement {
   base::Bytes record;
   base::Bytes block;
 };
@@ -101,7 +101,7 @@ struct Frame {
 };
 
 /// Everything the server has for this view was sent.
-struct Complete {
+struct Completion {
   std::uint32_t sequence = 0;
 };
 
@@ -109,11 +109,11 @@ struct Complete {
 struct Refusal {
   std::uint16_t version = kVersion;  ///< the server's
   std::string reason;
-  bool splats_alone = false;  ///< the scene has splats and nothing else: they are read over HTTP (/qsplat.lgq)
+  bool splats_only = false;  ///< the scene has splats and nothing else: they are read over HTTP (/qsplat.lgq)
 };
 
-using ClientMessage = std::variant<Hello, View, Evicted, Have>;
-using ServerMessage = std::variant<Welcome, Face, Refine, Frame, Complete, Refusal>;
+using ClientMessage = std::variant<Hello, View, Eviction, Holdings>;
+using ServerMessage = std::variant<Welcome, Face, Refinement, Frame, Completion, Refusal>;
 
 /// Control characters in texts become blanks. Key lists over kMaxKeysPerMessage are a caller's mistake: split them.
 base::Bytes encode(const ClientMessage& message);

@@ -36,7 +36,7 @@ void AccessCounter::add(std::uint64_t number) {
   if (say_full && when_full_) when_full_();
 }
 
-AccessCounts AccessCounter::take() {
+AccessCounts AccessCounter::takeCounts() {
   std::unordered_map<std::uint64_t, std::uint64_t> taken;
   AccessCounts counts;
   {

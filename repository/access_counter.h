@@ -13,12 +13,12 @@ namespace repository {
 class AccessCounter {
  public:
   /// `most_keys`: different faces and groups kept at a time (about 40 bytes each); the others are `uncounted`.
-  /// `when_full` is called once, by the thread that counts, when that many are there; take() arms it again.
+  /// `when_full` is called once, by the thread that counts, when that many are there; takeCounts() arms it again.
   explicit AccessCounter(std::size_t most_keys = 1'000'000, std::function<void()> when_full = nullptr);
   void addFace(const FaceKey& key);
   void addGroup(std::uint32_t group);
-  /// What came since the last take(); `since` and `until` are 0.
-  AccessCounts take();
+  /// What came since the last takeCounts(); `since` and `until` are 0.
+  AccessCounts takeCounts();
 
  private:
   void add(std::uint64_t number);

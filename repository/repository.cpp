@@ -164,7 +164,7 @@ class ShardedStore final : public Store {
   mutable std::vector<std::unique_ptr<Store>> stores_;
   mutable std::string meta_;  // of all shards; empty before the first is open
   mutable Grid grid_;         // this and the next are set together with meta_, and never changed again
-  mutable std::optional<Division> division_;
+  mutable std::optional<ShardLookup> division_;
 };
 
 // What a store says it was made with is what the others say, `meta`, and of the scene's grid.

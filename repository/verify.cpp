@@ -145,9 +145,9 @@ std::vector<std::string> verify(const PackStore& packs, const Grid& grid, const 
   return atMost(std::move(faults));
 }
 
-base::Result<Removed> removeFaulty(Store& store, const Grid& grid, const Shard& shard, const SampleTree* tree,
-                                   unsigned threads) {
-  Removed removed;
+base::Result<RemovalCounts> removeFaulty(Store& store, const Grid& grid, const Shard& shard, const SampleTree* tree,
+                                         unsigned threads) {
+  RemovalCounts removed;
   std::vector<FaceKey> keys;
   const ExpectedPoints points(grid, shard, tree);
   Checker checker(grid, shard, points, threads, [&](const FaceKey& key, FaultKind kind, const std::string&) {
@@ -163,8 +163,8 @@ base::Result<Removed> removeFaulty(Store& store, const Grid& grid, const Shard& 
   return removed;
 }
 
-base::Result<Contents> contentsOf(const Store& store) {
-  Contents contents;
+base::Result<StoreContents> contentsOf(const Store& store) {
+  StoreContents contents;
   LUMIGRID_TRY(store.forEach([&](const FaceKey&, base::ByteView bytes) {
     ++contents.faces;
     const auto value = decodeFaceValue(bytes);

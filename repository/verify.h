@@ -34,16 +34,16 @@ std::vector<std::string> verify(const PackStore& packs, const Grid& grid, const 
 base::Result<std::vector<std::string>> verifyShard(const Store& store, const Grid& grid, const Shard& shard,
                                                    const SampleTree* tree = nullptr, unsigned threads = 0);
 
-struct Removed {
+struct RemovalCounts {
   std::uint64_t damaged = 0;  ///< values that verify would call wrong
   std::uint64_t orphans = 0;  ///< values whose key is no face of the shard, or not at a sampling point
 };
 /// Erases what verifyShard finds wrong, so that only missing faces are left to render. The checks are verify's, all of
 /// them: every value is decoded.
-base::Result<Removed> removeFaulty(Store& store, const Grid& grid, const Shard& shard, const SampleTree* tree = nullptr,
-                                   unsigned threads = 0);
+base::Result<RemovalCounts> removeFaulty(Store& store, const Grid& grid, const Shard& shard,
+                                         const SampleTree* tree = nullptr, unsigned threads = 0);
 
-struct Contents {
+struct StoreContents {
   std::uint64_t faces = 0;  ///< values, empty flags included
   std::uint64_t empty = 0;  ///< empty flags
   std::uint64_t jpeg_bytes = 0;
@@ -51,6 +51,6 @@ struct Contents {
   std::uint64_t unreadable = 0;  ///< values that decodeFaceValue refuses
 };
 /// Reads every value once.
-base::Result<Contents> contentsOf(const Store& store);
+base::Result<StoreContents> contentsOf(const Store& store);
 
 }  // namespace repository

@@ -12,7 +12,7 @@
 #include <unordered_set>
 #include <utility>
 
-#include "base/content_range.h"
+#include "base/byte_range.h"
 #include "client/native/http_request.h"
 
 namespace client {

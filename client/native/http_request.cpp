@@ -5,7 +5,7 @@
 #include <cstdlib>
 #include <memory>
 
-#include "base/content_range.h"
+#include "base/byte_range.h"
 
 namespace client {
 namespace {

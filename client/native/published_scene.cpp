@@ -179,8 +179,8 @@ bool PublishedSceneLink::State::takeScene(Session& session) {
   auto scene = staticSceneFrom(*text, place);
   if (!scene) {
     refused = true;
-    const bool splats_alone = scene.error().code == base::ErrorCode::kUnsupported;
-    session.refuse(scene.error().message, splats_alone ? std::optional(lod::Method::kQsplat) : std::nullopt);
+    const bool splats_only = scene.error().code == base::ErrorCode::kUnsupported;
+    session.refuse(scene.error().message, splats_only ? std::optional(lod::Method::kQsplat) : std::nullopt);
     return true;
   }
   source = std::make_unique<StaticSource>(std::move(*scene), fetcher, parametersReader());

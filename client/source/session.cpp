@@ -63,14 +63,14 @@ struct Session::State {
   lod::patch::Hierarchy hierarchy;
 
   repository::LruCache<CacheKey, base::Bytes> cache;
-  std::unordered_set<CacheKey> cached;  // the cache's keys, for Have
+  std::unordered_set<CacheKey> cached;  // the cache's keys, for Holdings
   std::unordered_map<std::uint32_t, std::uint32_t>
       cached_children;  // per group: cached groups that have it as a parent
   std::unordered_set<CacheKey> in_use;
   std::deque<protocol::Frame> frames;  // oldest first
   std::uint32_t frame_sequence = 0;    // of the frame that came last, kept or not
 
-  std::deque<base::Bytes> greetings;       // Hello or Have, to be sent before anything else
+  std::deque<base::Bytes> greetings;       // Hello or Holdings, to be sent before anything else
   std::unordered_set<CacheKey> untold;     // evicted, and the server doesn't know
   std::optional<base::ViewCamera> camera;  // the newest
   std::uint32_t sequence = 0;              // of the newest view
@@ -82,9 +82,9 @@ struct Session::State {
 
   base::Result<void> take(protocol::Welcome&& message);
   base::Result<void> take(protocol::Face&& message, std::size_t bytes);
-  base::Result<void> take(protocol::Refine&& message, std::size_t bytes);
+  base::Result<void> take(protocol::Refinement&& message, std::size_t bytes);
   base::Result<void> take(protocol::Frame&& message, std::size_t bytes);
-  base::Result<void> take(const protocol::Complete& message);
+  base::Result<void> take(const protocol::Completion& message);
   base::Result<void> take(const protocol::Refusal& message);
   base::Result<void> dispatch(protocol::ServerMessage&& message, std::size_t bytes);
 
@@ -196,7 +196,7 @@ base::Result<void> Session::State::take(protocol::Face&& message, std::size_t by
   return {};
 }
 
-base::Result<void> Session::State::take(protocol::Refine&& message, std::size_t bytes) {
+base::Result<void> Session::State::take(protocol::Refinement&& message, std::size_t bytes) {
   base::ByteReader in(message.record);
   auto group = lod::patch::addGroup(in, hierarchy, welcome->group_count, welcome->patch_count);
   if (!group) return base::within("the server sent a bad group", group.error());
@@ -224,7 +224,7 @@ base::Result<void> Session::State::take(protocol::Frame&& message, std::size_t b
   return {};
 }
 
-base::Result<void> Session::State::take(const protocol::Complete& message) {
+base::Result<void> Session::State::take(const protocol::Completion& message) {
   if (message.sequence > sequence) return badServer("completed a view that was never asked for");
   complete_sequence = std::max(complete_sequence, message.sequence);
   return {};
@@ -232,7 +232,7 @@ base::Result<void> Session::State::take(const protocol::Complete& message) {
 
 base::Result<void> Session::State::take(const protocol::Refusal& message) {
   state = SessionState::kRefused;
-  if (message.splats_alone) instead = lod::Method::kQsplat;
+  if (message.splats_only) instead = lod::Method::kQsplat;
   problem = "the server refused: " + (message.reason.empty() ? "it gave no reason" : message.reason);
   if (message.version != protocol::kVersion)
     problem += " (it speaks protocol " + std::to_string(message.version) + ", this client " +
@@ -247,16 +247,16 @@ base::Result<void> Session::State::dispatch(protocol::ServerMessage&& message, s
   if (state != SessionState::kReady) return badServer("sent data before its Welcome");
 
   if (auto* face = std::get_if<protocol::Face>(&message)) return take(std::move(*face), bytes);
-  if (auto* refine = std::get_if<protocol::Refine>(&message)) return take(std::move(*refine), bytes);
+  if (auto* refine = std::get_if<protocol::Refinement>(&message)) return take(std::move(*refine), bytes);
   if (auto* frame = std::get_if<protocol::Frame>(&message)) return take(std::move(*frame), bytes);
-  if (auto* complete = std::get_if<protocol::Complete>(&message)) return take(*complete);
+  if (auto* complete = std::get_if<protocol::Completion>(&message)) return take(*complete);
   return badServer("sent a message that this client does not know");
 }
 
 // ---- messages to the server ----
 
 void Session::State::queueHave() {
-  protocol::Have have;
+  protocol::Holdings have;
   const auto flush = [&] {
     if (have.faces.empty() && have.groups.empty()) return;
     greetings.push_back(protocol::encode(std::exchange(have, {})));
@@ -272,7 +272,7 @@ void Session::State::queueHave() {
 }
 
 base::Bytes Session::State::evictedMessage() {
-  protocol::Evicted evicted;
+  protocol::Eviction evicted;
   while (!untold.empty() && evicted.faces.size() + evicted.groups.size() < protocol::kMaxKeysPerMessage) {
     const CacheKey key = *untold.begin();
     untold.erase(untold.begin());
@@ -308,7 +308,7 @@ void Session::connected() {
   State& s = *state_;
   s.state = SessionState::kGreeting;
   s.problem.clear();
-  s.untold.clear();  // a new connection starts with Have, which says it all
+  s.untold.clear();  // a new connection starts with Holdings, which says it all
   s.greetings.clear();
   s.greetings.push_back(protocol::encode(protocol::Hello{protocol::kVersion, "lumigrid-view"}));
   s.view_unsent = false;

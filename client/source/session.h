@@ -4,10 +4,10 @@
 //
 // States: kDisconnected → (connected()) kGreeting → (Welcome) kReady; (disconnected()) → kDisconnected, keeping all
 // data; (Refusal) → kRefused. What is cached survives a reconnect: once the new Welcome shows that the scene is the
-// same one, the session tells what it holds (protocol.md, "Have") before its first View. A Welcome that describes
+// same one, the session tells what it holds (protocol.md, "Holdings") before its first View. A Welcome that describes
 // another scene drops everything.
 //
-// What goes out, in order: Hello; after Welcome Have; then, when the view changed, what was evicted since and the
+// What goes out, in order: Hello; after Welcome Holdings; then, when the view changed, what was evicted since and the
 // newest View. Evictions wait for a View on purpose: a server that hears of one while the view stands still would send
 // the same bytes again, and with a cache smaller than the view's needs the two would go on for ever.
 #include <cstdint>

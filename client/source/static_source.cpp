@@ -313,7 +313,7 @@ void StaticSource::State::takeBlock(std::uint32_t group, base::ByteView rest) {
   picks.keep(group, block);
   pick_news = true;
   keepForSight(group, block);
-  outgoing.push_back({protocol::encode(protocol::Refine{record->bytes, std::move(block)}), {}, group});
+  outgoing.push_back({protocol::encode(protocol::Refinement{record->bytes, std::move(block)}), {}, group});
 }
 
 void StaticSource::State::keepForSight(std::uint32_t group, const base::Bytes& block) {
@@ -326,7 +326,7 @@ void StaticSource::State::keepForSight(std::uint32_t group, const base::Bytes& b
 /// Where a block is damaged or lacking, images are chosen as if nothing hid anything.
 void StaticSource::State::lookAround() {
   if (std::exchange(looked_around, true) || coarse_blocks.empty()) return;
-  auto seen = plan::coarseSight(hierarchy, coarse, [this](std::uint32_t group) -> base::ByteView {
+  auto seen = plan::makeCoarseSight(hierarchy, coarse, [this](std::uint32_t group) -> base::ByteView {
     return coarse_blocks[static_cast<std::size_t>(std::find(coarse.begin(), coarse.end(), group) - coarse.begin())];
   });
   if (seen) sight = std::move(*seen);
@@ -364,7 +364,7 @@ void StaticSource::State::takeFace(const FaceKey& key, base::Bytes bytes) {
 void StaticSource::State::hear(const protocol::ClientMessage& message) {
   if (std::get_if<protocol::Hello>(&message) != nullptr) {
     welcome_due = true;
-    // Have tells what it holds, unless it is on its way.
+    // Holdings tells what it holds, unless it is on its way.
     has_face.clear();
     has_group.assign(has_group.size(), false);
     for (const Outgoing& queued : outgoing) {
@@ -375,11 +375,11 @@ void StaticSource::State::hear(const protocol::ClientMessage& message) {
     if (planned) previous = newest;
     newest = *view;
     planned = complete_said = false;
-  } else if (const auto* evicted = std::get_if<protocol::Evicted>(&message)) {
+  } else if (const auto* evicted = std::get_if<protocol::Eviction>(&message)) {
     for (const FaceKey& key : evicted->faces) has_face.erase(key);
     for (const std::uint32_t group : evicted->groups)
       if (group < has_group.size()) has_group[group] = false;
-  } else if (const auto* have = std::get_if<protocol::Have>(&message)) {
+  } else if (const auto* have = std::get_if<protocol::Holdings>(&message)) {
     has_face.insert(have->faces.begin(), have->faces.end());
     for (const std::uint32_t group : have->groups)
       if (group < has_group.size()) has_group[group] = true;
@@ -598,7 +598,7 @@ void StaticSource::State::wishForView(std::vector<RangeWish>& wishes) {
   }
   if (!wishes.empty() || complete_said) return;
   complete_said = true;
-  outgoing.push_back({protocol::encode(protocol::Complete{newest->sequence})});
+  outgoing.push_back({protocol::encode(protocol::Completion{newest->sequence})});
 }
 
 /// Everything that is needed now, the most urgent first.
@@ -635,7 +635,7 @@ std::vector<RangeWish> StaticSource::State::wishesAhead() {
   std::vector<RangeWish> wishes;
   if (!complete_said || !planned || phase != Phase::kOpen) return wishes;
   std::uint64_t bytes = 0;
-  if (tables->counts().blocks_offset <= plan::kAheadBytes) {
+  if (tables->counts().blocks_offset <= plan::kPrefetchBytes) {
     wishForTables(wishes);
     bytes += tables->counts().blocks_offset;
   }
@@ -648,7 +648,7 @@ std::vector<RangeWish> StaticSource::State::wishesAhead() {
     }
   }
   for (const FaceKey& key : *ahead) {
-    if (bytes >= plan::kAheadBytes || wishes.size() >= kWishesAhead) break;
+    if (bytes >= plan::kPrefetchBytes || wishes.size() >= kWishesAhead) break;
     RangeWish wish;
     if (gone.count(key) != 0) continue;
     const FaceState state = has_face.count(key) != 0 ? FaceState::kHere : locate(key, wish);

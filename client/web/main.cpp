@@ -367,7 +367,7 @@ EMSCRIPTEN_KEEPALIVE void disconnected(const char* reason) {
 EMSCRIPTEN_KEEPALIVE int refused() {
   return page.app->session().state() == client::SessionState::kRefused ? 1 : 0;
 }
-EMSCRIPTEN_KEEPALIVE int splatsAlone() {
+EMSCRIPTEN_KEEPALIVE int splatsOnly() {
   return page.app->session().methodInstead() == lod::Method::kQsplat ? 1 : 0;
 }
 /// Room for one message of the server, to be filled before receiveMessage().

@@ -60,7 +60,7 @@ base::Result<void> writePatchFile(
     const std::string& path, Hierarchy hierarchy,
     const std::function<base::Result<std::vector<base::Bytes>>(std::uint32_t group)>& blocks);
 
-/// A group's record, its patches' records and its parents as bytes (protocol message Refine; docs/formats/patch.md,
+/// A group's record, its patches' records and its parents as bytes (protocol message Refinement; docs/formats/patch.md,
 /// "One group as bytes"). `group` must be known in `hierarchy`.
 void encodeGroup(const Hierarchy& hierarchy, std::uint32_t group, base::ByteWriter& out);
 

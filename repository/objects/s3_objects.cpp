@@ -4,7 +4,7 @@
 #include <set>
 #include <utility>
 
-#include "base/content_range.h"
+#include "base/byte_range.h"
 #include "base/file.h"
 #include "repository/objects/s3_bucket.h"
 #include "repository/objects/s3_xml.h"

@@ -6,7 +6,7 @@
 #include <optional>
 #include <utility>
 
-#include "base/content_range.h"
+#include "base/byte_range.h"
 
 namespace repository {
 namespace {

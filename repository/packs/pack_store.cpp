@@ -8,7 +8,7 @@
 #include "base/hash/sha256.h"
 #include "base/parallel.h"
 #include "repository/faces/face_value.h"
-#include "repository/packs/in_order.h"
+#include "repository/packs/prefetch.h"
 
 namespace repository {
 namespace {
@@ -26,7 +26,7 @@ Error readOnly(const ObjectSource& source) {
 
 // Pieces of an index that are read at once, and what is read ahead of its check.
 constexpr std::uint64_t kPieceBytes = std::uint64_t{4} << 20;
-constexpr std::uint64_t kAheadBytes = std::uint64_t{128} << 20;
+constexpr std::uint64_t kPrefetchBytes = std::uint64_t{128} << 20;
 
 std::vector<FaceKey> keysOf(const PackTable& table) {
   std::vector<FaceKey> keys;
@@ -111,7 +111,7 @@ Result<std::optional<Bytes>> checkedValue(const ObjectSource& source, const Face
 
 Result<std::optional<Bytes>> PackStore::get(const FaceKey& key) const {
   auto value = read(key);
-  if (!value && told_) told_(value.error());
+  if (!value && error_listener_) error_listener_(value.error());
   return value;
 }
 
@@ -175,7 +175,7 @@ PackStore::Values PackStore::getMany(const std::vector<FaceKey>& keys) const {
   const std::vector<Range> ranges = rangesOf(wanted);
   base::parallelFor(ranges.size(), options_.jobs, [&](std::size_t i) { readRange(ranges[i], out); });
   for (const auto& value : out)
-    if (!value && told_) told_(value.error());
+    if (!value && error_listener_) error_listener_(value.error());
   return out;
 }
 
@@ -255,8 +255,8 @@ Result<void> PackStore::forEach(const Visit& visit) const {
 
 // --- Checking
 
-AheadLimits PackStore::aheadLimits() const {
-  return {options_.jobs, kAheadBytes};
+PrefetchLimits PackStore::prefetchLimits() const {
+  return {options_.jobs, kPrefetchBytes};
 }
 
 // The index: its own hash, its counts, every block.
@@ -296,8 +296,8 @@ void PackStore::checkIndex(const Fault& fault) const {
     }
     return true;
   };
-  inOrder(
-      pieces.size(), aheadLimits(), [&](std::size_t i) { return pieces[i].length; },
+  prefetchInOrder(
+      pieces.size(), prefetchLimits(), [&](std::size_t i) { return pieces[i].length; },
       [&](std::size_t i) { return source_->read(index_, pieces[i].offset, pieces[i].length); }, takePiece);
   if (!whole) return;
 
@@ -386,8 +386,8 @@ void PackStore::check(const std::function<bool(std::string)>& fault, const Visit
   if (enough) return;
   auto rows = packs();
   if (!rows) return tell(rows.error().message);
-  inOrder(
-      rows->size(), aheadLimits(), [&](std::size_t i) { return (*rows)[i].bytes; },
+  prefetchInOrder(
+      rows->size(), prefetchLimits(), [&](std::size_t i) { return (*rows)[i].bytes; },
       [&](std::size_t i) { return fetchPack((*rows)[i]); },
       [&](std::size_t i, const FarPack& pack) { return checkPack((*rows)[i], pack, tell, visit) && !enough; });
 }

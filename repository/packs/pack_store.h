@@ -9,8 +9,8 @@
 
 #include "repository/cache.h"
 #include "repository/objects/objects.h"
-#include "repository/packs/in_order.h"
 #include "repository/packs/pack_format.h"
+#include "repository/packs/prefetch.h"
 #include "repository/store.h"
 
 namespace repository {
@@ -51,7 +51,7 @@ class PackStore final : public Store {
   base::Result<void> writeMeta(const std::string& text) override;
 
   /// Is told what get and getMany could not read, from their threads; set it before they run.
-  void onError(std::function<void(const base::Error&)> told) { told_ = std::move(told); }
+  void setErrorListener(std::function<void(const base::Error&)> listener) { error_listener_ = std::move(listener); }
   /// The counts of its root; costs nothing.
   const IndexRoot& root() const { return root_; }
   /// The names of all packs, in order of their keys.
@@ -88,7 +88,7 @@ class PackStore final : public Store {
     bool is_of_its_name = false;
     base::Result<std::uint64_t> size;
   };
-  AheadLimits aheadLimits() const;
+  PrefetchLimits prefetchLimits() const;
   void checkIndex(const Fault& fault) const;
   void checkTotals(std::uint64_t value_bytes, const Fault& fault) const;
   FarPack fetchPack(const PackRow& row) const;
@@ -100,7 +100,7 @@ class PackStore final : public Store {
   PackStoreOptions options_;
   IndexRoot root_;
   std::string parameters_;
-  std::function<void(const base::Error&)> told_;
+  std::function<void(const base::Error&)> error_listener_;
   mutable std::mutex mutex_;  // of blocks_
   mutable LruCache<std::uint64_t, Block> blocks_;
 };

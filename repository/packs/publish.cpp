@@ -208,8 +208,8 @@ class Publisher {
 
 Result<PublishedImages> publishImages(const Store& store, ObjectSink& sink, const PublishOptions& options,
                                       const std::function<bool(const PublishProgress&)>& go_on) {
-  LUMIGRID_CHECK_LE(kSmallestPack, options.pack_bytes);
-  LUMIGRID_CHECK_LE(options.pack_bytes, kLargestPack);
+  LUMIGRID_CHECK_LE(kMinPackTarget, options.pack_bytes);
+  LUMIGRID_CHECK_LE(options.pack_bytes, kMaxPackTarget);
   LUMIGRID_CHECK(options.jobs != 0);
   return Publisher(store, sink, options, go_on).run();
 }

@@ -10,11 +10,11 @@
 
 namespace repository {
 
-inline constexpr std::uint64_t kSmallestPack = std::uint64_t{1} << 20;
-inline constexpr std::uint64_t kLargestPack = std::uint64_t{64} << 20;
+inline constexpr std::uint64_t kMinPackTarget = std::uint64_t{1} << 20;
+inline constexpr std::uint64_t kMaxPackTarget = std::uint64_t{64} << 20;
 
 struct PublishOptions {
-  std::uint64_t pack_bytes = std::uint64_t{16} << 20;  ///< fill packs up to this; kSmallestPack … kLargestPack
+  std::uint64_t pack_bytes = std::uint64_t{16} << 20;  ///< fill packs up to this; kMinPackTarget … kMaxPackTarget
   unsigned jobs = 4;     ///< packs hashed and written side by side, 1 or more; each takes pack_bytes of memory, twice
   bool rewrite = false;  ///< write objects that are there already too (a damaged place is mended)
 };

@@ -102,7 +102,7 @@ glm::uvec3 pointAtMortonRank(const Grid& grid, std::uint64_t rank) {
   return corner;
 }
 
-Division::Division(const Grid& grid, std::uint32_t count) {
+ShardLookup::ShardLookup(const Grid& grid, std::uint32_t count) {
   for (std::uint32_t index = 0; index < count; ++index) {
     const std::uint64_t first = pointsOf({index, count}, grid).first;
     if (first == grid.pointCount()) break;  // only empty shards follow
@@ -111,7 +111,7 @@ Division::Division(const Grid& grid, std::uint32_t count) {
   }
 }
 
-std::uint32_t Division::shardOf(const FaceKey& key) const {
+std::uint32_t ShardLookup::shardOf(const FaceKey& key) const {
   const auto next = std::upper_bound(first_codes_.begin(), first_codes_.end(), key.code());
   LUMIGRID_CHECK(next != first_codes_.begin());
   return static_cast<std::uint32_t>(next - first_codes_.begin()) - 1;

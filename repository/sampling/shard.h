@@ -48,9 +48,9 @@ std::uint64_t mortonRank(const Grid& grid, const glm::uvec3& point);
 glm::uvec3 pointAtMortonRank(const Grid& grid, std::uint64_t rank);
 
 /// Which key belongs to which shard, by the first key of each.
-class Division {
+class ShardLookup {
  public:
-  Division(const Grid& grid, std::uint32_t count);
+  ShardLookup(const Grid& grid, std::uint32_t count);
   /// Of a key of the grid's.
   std::uint32_t shardOf(const FaceKey& key) const;
 

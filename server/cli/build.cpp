@@ -106,7 +106,7 @@ struct BuildReport {
   std::optional<lod::qsplat::builder::BuildSummary> splats;        ///< the same
   std::optional<TuneChoice> tuned;
   std::optional<BakeSummary> bake;             ///< over all shards that this process did
-  repository::Removed removed;                 ///< from a finished scene: rendered again, or not ours
+  repository::RemovalCounts removed;           ///< from a finished scene: rendered again, or not ours
   std::vector<repository::ShardGaps> missing;  ///< when it was over: other shards' faces
 };
 
@@ -557,8 +557,8 @@ Result<std::vector<repository::ShardGaps>> missingImages(const BuildArguments& a
 }
 
 // Faults of a store that is thought to be whole; its tree, if it has one, stays as it is.
-Result<repository::Removed> removeFaulty(repository::Store& store, const BakeOptions& options,
-                                         const std::string& directory) {
+Result<repository::RemovalCounts> removeFaulty(repository::Store& store, const BakeOptions& options,
+                                               const std::string& directory) {
   LUMIGRID_ASSIGN_OR_RETURN(auto meta, store.readMeta());
   LUMIGRID_ASSIGN_OR_RETURN(auto tree, repository::treeFromText(meta.value_or(""), options.grid, directory));
   return repository::removeFaulty(store, options.grid, options.shard, tree ? &*tree : nullptr, options.threads);

@@ -64,11 +64,11 @@ nlohmann::json describeHierarchy(const OpenScene& open) {
   return j;
 }
 
-base::Result<repository::Contents> contentsOf(const repository::IndexRoot& root) {
-  return repository::Contents{root.keys, root.empty, root.totals.jpeg_bytes, root.totals.coverage_bytes, 0};
+base::Result<repository::StoreContents> contentsOf(const repository::IndexRoot& root) {
+  return repository::StoreContents{root.keys, root.empty, root.totals.jpeg_bytes, root.totals.coverage_bytes, 0};
 }
 
-nlohmann::json describeImages(const OpenScene& open, const repository::Contents& contents) {
+nlohmann::json describeImages(const OpenScene& open, const repository::StoreContents& contents) {
   const repository::Grid& grid = open.data.welcome.grid;
   const std::uint64_t points = open.points.count();
   nlohmann::json growth = nlohmann::json::array();

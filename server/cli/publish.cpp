@@ -149,9 +149,9 @@ Result<std::optional<PageFiles>> pageFiles(const PublishArguments& a) {
 }
 
 // A place that has a page of somebody's own keeps it, unless ours was asked for.
-Result<void> publishPageTo(const PublishArguments& a, const PageFiles& pages, bool splats_alone,
+Result<void> publishPageTo(const PublishArguments& a, const PageFiles& pages, bool splats_only,
                            repository::ObjectSink& sink, PublishReport& report) {
-  auto page = publishPage(pages, a.destination, sink, splats_alone, a.prune);
+  auto page = publishPage(pages, a.destination, sink, splats_only, a.prune);
   if (!page && page.error().code == ErrorCode::kExists && a.viewer == "auto") {
     std::fprintf(stderr, "lumigrid: the page is left out: %s\n", page.error().message.c_str());
     return {};
@@ -190,8 +190,8 @@ Result<PublishReport> publish(const PublishArguments& a) {
   LUMIGRID_TRY(refuseBuiltScene(*sink));
 
   PublishReport report;
-  const bool splats_alone = open->data.patches == nullptr;
-  if (pages) LUMIGRID_TRY(publishPageTo(a, *pages, splats_alone, *sink, report));
+  const bool splats_only = open->data.patches == nullptr;
+  if (pages) LUMIGRID_TRY(publishPageTo(a, *pages, splats_only, *sink, report));
   base::Scene scene = publicScene(built);
   for (const base::ScenePart& part : built.parts) {
     if (isImages(part)) continue;
@@ -263,7 +263,7 @@ Run addPublish(CLI::App& command) {
                   "fill packs of images up to this, 1M to 64M; smaller ones make a change cheaper to publish, larger "
                   "ones make fewer objects")
       ->transform(CLI::AsSizeValue(false))
-      ->check(CLI::Range(repository::kSmallestPack, repository::kLargestPack))
+      ->check(CLI::Range(repository::kMinPackTarget, repository::kMaxPackTarget))
       ->default_str("16M");
   command
       .add_option("--jobs", a->images.jobs,

@@ -62,10 +62,10 @@ Result<void> setMeta(std::string& html, const std::string& name, const std::stri
 }
 
 /// index.html that shows the scene beside it.
-Result<base::Bytes> rootBesideScene(const base::Bytes& html, bool splats_alone) {
+Result<base::Bytes> rootBesideScene(const base::Bytes& html, bool splats_only) {
   std::string text(html.begin(), html.end());
   LUMIGRID_TRY(setMeta(text, "lumigrid-scene", "scene.json"));
-  if (splats_alone) LUMIGRID_TRY(setMeta(text, "lumigrid-method", "qsplat"));
+  if (splats_only) LUMIGRID_TRY(setMeta(text, "lumigrid-method", "qsplat"));
   return base::Bytes(text.begin(), text.end());
 }
 
@@ -142,9 +142,9 @@ Result<void> putList(const Hashes& hashes, repository::ObjectSink& sink) {
 }  // namespace
 
 Result<PublishedPage> publishPage(const PageFiles& pages, const std::string& place, repository::ObjectSink& sink,
-                                  bool splats_alone, bool prune) {
+                                  bool splats_only, bool prune) {
   LUMIGRID_ASSIGN_OR_RETURN(auto source, repository::openObjectSource(place));
-  LUMIGRID_ASSIGN_OR_RETURN(const auto root, rootBesideScene(pages.at(kRoot).plain.bytes, splats_alone));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto root, rootBesideScene(pages.at(kRoot).plain.bytes, splats_only));
   const Objects objects = objectsOf(pages, root);
   LUMIGRID_ASSIGN_OR_RETURN(const auto before, readList(sink, *source));
   LUMIGRID_ASSIGN_OR_RETURN(auto names, namesToWrite(objects, before, sink, *source));

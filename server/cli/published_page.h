@@ -26,6 +26,6 @@ struct PublishedPage {
 /// removes files of earlier pages that this one has not; otherwise they stay for pages that are open somewhere, but for
 /// compressed forms of files that this one has: they would be sent in these files' place.
 base::Result<PublishedPage> publishPage(const PageFiles& pages, const std::string& place, repository::ObjectSink& sink,
-                                        bool splats_alone, bool prune);
+                                        bool splats_only, bool prune);
 
 }  // namespace server::cli

@@ -14,7 +14,7 @@
 #include "base/json/annotations_file.h"
 #include "repository/objects/mirror.h"
 #include "repository/objects/open_objects.h"
-#include "repository/packs/in_order.h"
+#include "repository/packs/prefetch.h"
 #include "server/net/open_scene.h"
 
 namespace server::cli {
@@ -55,15 +55,15 @@ base::Result<std::string> hashOf(const repository::ObjectSource& source, const s
   std::optional<base::Error> failed;
   const auto offset = [](std::size_t i) { return i * kRangeBytes; };
   const auto length = [&](std::size_t i) { return std::min(kRangeBytes, bytes - offset(i)); };
-  repository::inOrder((bytes + kRangeBytes - 1) / kRangeBytes, {kReads, kReads * kRangeBytes}, length,
-                      [&](std::size_t i) { return source.read(name, offset(i), length(i)); },
-                      [&](std::size_t, const base::Result<base::Bytes>& piece) {
-                        if (piece)
-                          hash.add(*piece);
-                        else
-                          failed = piece.error();
-                        return piece.operator bool();
-                      });
+  repository::prefetchInOrder((bytes + kRangeBytes - 1) / kRangeBytes, {kReads, kReads * kRangeBytes}, length,
+                              [&](std::size_t i) { return source.read(name, offset(i), length(i)); },
+                              [&](std::size_t, const base::Result<base::Bytes>& piece) {
+                                if (piece)
+                                  hash.add(*piece);
+                                else
+                                  failed = piece.error();
+                                return piece.operator bool();
+                              });
   if (failed) return *failed;
   return base::hexOf(hash.finish());
 }

@@ -62,7 +62,7 @@ void AccessLog::work() {
 }
 
 void AccessLog::write(double patience_seconds) {
-  repository::AccessCounts taken = counter_.take();
+  repository::AccessCounts taken = counter_.takeCounts();
   const std::int64_t time = now();
   taken.since = std::min(taken_at_, time);
   taken.until = time;

@@ -153,7 +153,7 @@ void logImageErrors(OpenScene& scene) {
     std::mutex mutex;
     std::set<std::string> messages;
   };
-  scene.packs->onError([told = std::make_shared<Told>()](const base::Error& error) {
+  scene.packs->setErrorListener([told = std::make_shared<Told>()](const base::Error& error) {
     const std::lock_guard guard(told->mutex);
     if (told->messages.size() < kMaxToldErrors && told->messages.insert(error.message).second)
       spdlog::warn("image: {}", error.message);
@@ -475,7 +475,7 @@ class HttpConnection final : public Connection {
     if (websocket::is_upgrade(parser_->get()) && (path == "/" || path == "/ws")) return becomeViewer();
     const bool reads = request.method == "GET" || request.method == "HEAD";
     const bool needs_patches = reads && (path == "/render" || path == "/pick");
-    if (needs_patches && !hosted_->hasPatches()) return doWrite(splatsAloneReply());
+    if (needs_patches && !hosted_->hasPatches()) return doWrite(splatsOnlyReply());
     if (reads && path == "/render") return askForPicture(request);
     if (reads && path == "/pick") return askForPick(request);
     HttpReply reply = hosted_->site->answer(request, hub_->place);

@@ -21,9 +21,9 @@ struct ServerOptions {
   /// Small, so that a new view's data does not queue behind an old one's; large links stay busy, for what is under way
   /// does not count.
   std::uint64_t max_unsent_bytes = 128 * 1024;
-  double idle_seconds = 300.0;                    ///< a viewer that answers no ping for so long is dropped
-  std::uint64_t ahead_bytes = plan::kAheadBytes;  ///< sent to each viewer beyond what its view needs
-  bool render_frames = true;                      ///< exact frames, on a thread with its own GL context
+  double idle_seconds = 300.0;                       ///< a viewer that answers no ping for so long is dropped
+  std::uint64_t ahead_bytes = plan::kPrefetchBytes;  ///< sent to each viewer beyond what its view needs
+  bool render_frames = true;                         ///< exact frames, on a thread with its own GL context
   std::string page_directory;  ///< files of the browser client (page_files.h); empty: a plain page at "/"
   /// Of one picture asked for at /render, width times height; 0: none are rendered.
   std::uint64_t max_picture_pixels = 64'000'000;

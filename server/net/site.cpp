@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "server/net/byte_range.h"
+#include "base/byte_range.h"
 #include "server/net/http_text.h"
 
 namespace server {
@@ -100,7 +100,7 @@ HttpReply badRequest(const base::Error& error) {
   return textReply(400, error.message + "\n");
 }
 
-HttpReply splatsAloneReply() {
+HttpReply splatsOnlyReply() {
   return textReply(501,
                    "this scene has splats alone, and this needs patches; build them too (lumigrid build --methods "
                    "patch,qsplat), which needs a mesh\n");
@@ -166,7 +166,7 @@ HttpReply Site::answer(const HttpRequest& request, const std::string& place) {
   if (path == "/scene.json") return document(request, scene_.scene_json, scene_etag_);
   if (path == "/annotations.json") return annotations(request);
   if (const Part* found = findPart(path)) return part(request, *found);
-  if (path == "/patch.lgp") return splatsAloneReply();
+  if (path == "/patch.lgp") return splatsOnlyReply();
   // Never a look at the disk: a name is in the list, or it is not here.
   if (path.starts_with('/'))
     if (const auto page = pages_.find(path.substr(1)); page != pages_.end()) return pageReply(request, page->second);
@@ -223,16 +223,16 @@ HttpReply Site::part(const HttpRequest& request, const Part& part) {
   }
   // A range of other bytes than the visitor knows would be of no use: then all of them.
   const bool same = request.if_range.empty() || (!part.etag.empty() && request.if_range == part.etag);
-  const ByteRange range = parseByteRange(same ? request.range : std::string_view(), part.size);
-  if (range.kind != ByteRange::Kind::kWhole)
-    reply.headers.emplace_back("Content-Range", contentRange(range, part.size));
-  if (range.kind == ByteRange::Kind::kUnsatisfiable)
+  const base::RangeRequest range = base::parseRange(same ? request.range : std::string_view(), part.size);
+  if (range.kind != base::RangeRequest::Kind::kWhole)
+    reply.headers.emplace_back("Content-Range", base::formatContentRange(range, part.size));
+  if (range.kind == base::RangeRequest::Kind::kUnsatisfiable)
     reply.status = 416;
   else if (part.source != nullptr)
     reply.far = {part.source, part.path.substr(1), range.first, range.length};
   else
     reply.bytes = part.bytes.subspan(range.first, range.length);
-  if (range.kind == ByteRange::Kind::kPart) reply.status = 206;
+  if (range.kind == base::RangeRequest::Kind::kPart) reply.status = 206;
   return reply;
 }
 

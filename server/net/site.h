@@ -46,7 +46,7 @@ HttpReply textReply(int status, std::string text);
 /// 400 and the error's line.
 HttpReply badRequest(const base::Error& error);
 /// What a scene of splats alone answers to who asks for more.
-HttpReply splatsAloneReply();
+HttpReply splatsOnlyReply();
 /// 503: the visitor may ask again in so many seconds.
 HttpReply tryLater(int seconds, std::string text);
 

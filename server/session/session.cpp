@@ -36,10 +36,10 @@ struct Session::State {
   base::Result<void> receive(base::ByteView bytes);
   base::Result<void> take(const protocol::Hello& hello);
   base::Result<void> take(const protocol::View& view);
-  base::Result<void> take(const protocol::Evicted& evicted);
-  base::Result<void> take(const protocol::Have& have);
+  base::Result<void> take(const protocol::Eviction& evicted);
+  base::Result<void> take(const protocol::Holdings& have);
   base::Error refuse(base::ErrorCode code, const std::string& reason);
-  base::Error refuseAsSplatsAlone();
+  base::Error refuseAsSplatsOnly();
 
   // ---- out ----
   std::optional<base::Bytes> next();
@@ -101,7 +101,7 @@ base::Error Session::State::refuse(base::ErrorCode code, const std::string& reas
 }
 
 /// Clients that know splats read them over HTTP then.
-base::Error Session::State::refuseAsSplatsAlone() {
+base::Error Session::State::refuseAsSplatsOnly() {
   const base::Error error = refuse(base::ErrorCode::kUnsupported,
                                    "this scene has splats alone; look at it with --method qsplat, or in a browser");
   greeting = protocol::encode(protocol::Refusal{protocol::kVersion, error.message, true});
@@ -128,7 +128,7 @@ base::Result<void> Session::State::take(const protocol::Hello& hello) {
                                                  "; update the " + (client_older ? "client" : "server"));
   }
   client = hello.client;
-  if (scene.patches == nullptr) return refuseAsSplatsAlone();
+  if (scene.patches == nullptr) return refuseAsSplatsOnly();
   phase = Phase::kReady;
   const lod::patch::Hierarchy& hierarchy = scene.patches->hierarchy();
   has_group.assign(hierarchy.groups.size(), false);
@@ -145,7 +145,7 @@ base::Result<void> Session::State::take(const protocol::View& view) {
   return {};
 }
 
-base::Result<void> Session::State::take(const protocol::Evicted& evicted) {
+base::Result<void> Session::State::take(const protocol::Eviction& evicted) {
   for (const repository::FaceKey& key : evicted.faces) has_face.erase(key);
   for (std::uint32_t group : evicted.groups)
     if (group < has_group.size()) has_group[group] = false;
@@ -153,7 +153,7 @@ base::Result<void> Session::State::take(const protocol::Evicted& evicted) {
 }
 
 /// Keys that this scene does not have are passed over: the client may come from an older build of it.
-base::Result<void> Session::State::take(const protocol::Have& have) {
+base::Result<void> Session::State::take(const protocol::Holdings& have) {
   for (const repository::FaceKey& key : have.faces)
     if (scene.welcome.grid.contains(key)) has_face.insert(key);
   for (std::uint32_t group : have.groups)
@@ -185,7 +185,7 @@ std::optional<base::Bytes> Session::State::nextForView() {
   if (!complete_said) {
     complete_said = true;
     if (framePossible()) frame_phase = FramePhase::kDue;
-    return protocol::encode(protocol::Complete{newest->sequence});
+    return protocol::encode(protocol::Completion{newest->sequence});
   }
   // The frame comes before anything that is not needed yet.
   if (frame_phase != FramePhase::kNone) return std::nullopt;
@@ -268,7 +268,7 @@ std::optional<base::Bytes> Session::State::takeFaceMessage(Faces& faces, Faces::
   return faceMessage(key);
 }
 
-/// The Refine message of a group; nothing when the client has it or the block cannot be read.
+/// The Refinement message of a group; nothing when the client has it or the block cannot be read.
 std::optional<base::Bytes> Session::State::groupMessage(std::uint32_t group) {
   if (has_group[group]) return std::nullopt;
   auto block = scene.patches->block(group);
@@ -281,7 +281,7 @@ std::optional<base::Bytes> Session::State::groupMessage(std::uint32_t group) {
   has_group[group] = true;
   ++counts.groups;
   if (scene.access != nullptr) scene.access->addGroup(group);
-  return protocol::encode(protocol::Refine{record.take(), {block->begin(), block->end()}});
+  return protocol::encode(protocol::Refinement{record.take(), {block->begin(), block->end()}});
 }
 
 /// The Face message of a key; nothing when the client has it, or the store lacks it (it is being built) or holds broken

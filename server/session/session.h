@@ -8,9 +8,9 @@
 //   the tolerance (an
 //      image thrown on a proxy that far off is a blur); then whichever of the two kinds had fewer bytes in this view
 //      goes next
-//   3. Complete; then the exact frame, when the view wants one and somebody renders it
+//   3. Completion; then the exact frame, when the view wants one and somebody renders it
 //   4. at rest: other directions at the same points, then faces along the motion, at most SceneData::ahead_bytes beyond
-//   Complete
+//   Completion
 // Where images are far away (SceneData::images_are_far) a face is sent when it has been fetched: of those that are here
 // the most useful goes first, and groups go meanwhile. A new view drops all that was not sent yet. What a client evicts
 // is sent again for the next view that needs it, not before: a client whose cache is too small for its view would
@@ -41,7 +41,7 @@ struct SceneData {
   bool images_are_far = false;                   ///< each takes round trips: fetched by takeFaceRequest, not read here
   const repository::SampleTree* tree = nullptr;  ///< which points are sampled; null: all of the grid
   repository::AccessCounter* access = nullptr;   ///< told of every face and group that nextMessage() hands out; or null
-  std::uint64_t ahead_bytes = plan::kAheadBytes;  ///< sent beyond what a view needs, once it has that; 0: nothing
+  std::uint64_t ahead_bytes = plan::kPrefetchBytes;  ///< sent beyond what a view needs, once it has that; 0: nothing
 
   plan::Scene toPlan() const { return {&welcome, &patches->hierarchy(), images != nullptr, tree, sight}; }
 };
@@ -79,7 +79,7 @@ class Session {
   std::optional<base::Bytes> nextMessage();
   /// Where images are far: what is to be fetched now, all that the newest view needs at once; later, when the view is
   /// complete, what may be needed next. Nothing while two requests are under way. What nextMessage() has to say does
-  /// not wait for it, but for the faces themselves and Complete.
+  /// not wait for it, but for the faces themselves and Completion.
   std::optional<FaceRequest> takeFaceRequest();
   /// The answer: one value a key, as Store::getMany gives them. Then nextMessage() may have more to say.
   using FaceValues = std::vector<base::Result<std::optional<base::Bytes>>>;

@@ -38,7 +38,7 @@ Arguments parse(int argc, char** argv) {
   a.bytes = given.number("--bytes", a.bytes, 1U, 1U << 24);
   a.work = given.text("--work", a.work);
   a.publish.pack_bytes =
-      given.number("--pack-size", a.publish.pack_bytes, repository::kSmallestPack, repository::kLargestPack);
+      given.number("--pack-size", a.publish.pack_bytes, repository::kMinPackTarget, repository::kMaxPackTarget);
   given.finish();
   if (!given.input().empty()) given.wrong();
   return a;

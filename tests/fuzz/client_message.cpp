@@ -12,8 +12,8 @@ std::vector<base::Bytes> seeds() {
   view.sequence = 1;
   return {protocol::encode(ClientMessage(protocol::Hello{protocol::kVersion, "viewer 1"})),
           protocol::encode(ClientMessage(view)),
-          protocol::encode(ClientMessage(protocol::Evicted{{{1, 2, 3, 4}, {5, 6, 7, 0}}, {8, 9}})),
-          protocol::encode(ClientMessage(protocol::Have{{{1, 2, 3, 4}}, {}}))};
+          protocol::encode(ClientMessage(protocol::Eviction{{{1, 2, 3, 4}, {5, 6, 7, 0}}, {8, 9}})),
+          protocol::encode(ClientMessage(protocol::Holdings{{{1, 2, 3, 4}}, {}}))};
 }
 
 void fuzzOne(base::ByteView bytes) {

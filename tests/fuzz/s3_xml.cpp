@@ -1,8 +1,8 @@
 // What an S3 store answers, as any bytes: the scan comes back, and what it found lies within its bounds.
 #include "repository/objects/s3_xml.h"
 
+#include "base/byte_range.h"
 #include "base/check.h"
-#include "base/content_range.h"
 #include "tests/fuzz/fuzz.h"
 
 namespace fuzz {

@@ -15,9 +15,9 @@ std::vector<base::Bytes> seeds() {
   const base::Bytes some(20, 0x5A);
   return {protocol::encode(ServerMessage(welcome)),
           protocol::encode(ServerMessage(protocol::Face{{1, 2, 3, 4}, some})),
-          protocol::encode(ServerMessage(protocol::Refine{some, some})),
+          protocol::encode(ServerMessage(protocol::Refinement{some, some})),
           protocol::encode(ServerMessage(protocol::Frame{1, {}, some})),
-          protocol::encode(ServerMessage(protocol::Complete{7})),
+          protocol::encode(ServerMessage(protocol::Completion{7})),
           protocol::encode(ServerMessage(protocol::Refusal{2, "update the client"}))};
 }
 

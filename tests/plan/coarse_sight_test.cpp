@@ -14,7 +14,7 @@ class CoarseSight : public testing::Test {
  protected:
   base::ByteView blockOf(std::uint32_t group) const { return *scene_.patches->block(group); }
   base::Result<lod::patch::ProxySight> sightOf(const std::vector<std::uint32_t>& groups) const {
-    return coarseSight(scene_.patches->hierarchy(), groups, [this](std::uint32_t group) { return blockOf(group); });
+    return makeCoarseSight(scene_.patches->hierarchy(), groups, [this](std::uint32_t group) { return blockOf(group); });
   }
   const server::TestScene scene_{16};
 };
@@ -55,7 +55,7 @@ TEST_F(CoarseSight, seesTheSurfaceBetweenAboveAndBelow) {
 TEST_F(CoarseSight, blocksCutShortAreAnError) {
   const std::vector<std::uint32_t> groups = coarseGroups(scene_.patches->hierarchy(), 10'000);
   for (std::size_t cut = 1; cut <= 8; ++cut)
-    EXPECT_FALSE(coarseSight(scene_.patches->hierarchy(), groups, [&](std::uint32_t group) {
+    EXPECT_FALSE(makeCoarseSight(scene_.patches->hierarchy(), groups, [&](std::uint32_t group) {
       const base::ByteView block = blockOf(group);
       return block.first(block.size() - std::min(block.size(), cut * block.size() / 8));
     }));

@@ -41,7 +41,7 @@ Told askFor(std::uint16_t port, const base::ViewCamera& camera) {
     return told;
   }
   while (auto message = client->receive()) {
-    if (std::holds_alternative<protocol::Complete>(*message)) return told;
+    if (std::holds_alternative<protocol::Completion>(*message)) return told;
     if (auto* welcome = std::get_if<protocol::Welcome>(&*message)) welcome->scene_name.clear();
     if (const auto* face = std::get_if<protocol::Face>(&*message)) {
       const auto value = repository::decodeFaceValue(face->value);

@@ -141,7 +141,7 @@ TEST_F(StreamedSplatsTest, aServerOfOursPassesOnWhatLiesBehindANetwork) {
 }
 
 /// Splats and nothing else, built and published.
-class SplatsAloneTest : public StreamedSplatsTest {
+class SplatsOnlyTest : public StreamedSplatsTest {
  protected:
   void SetUp() override {
     StreamedSplatsTest::SetUp();
@@ -155,7 +155,7 @@ class SplatsAloneTest : public StreamedSplatsTest {
   Tour plainTour(const std::string& url, const std::string& name) { return tour(url, name, ""); }
 };
 
-TEST_F(SplatsAloneTest, areShownWithoutBeingAskedForAsSuch) {
+TEST_F(SplatsOnlyTest, areShownWithoutBeingAskedForAsSuch) {
   const support::Nginx nginx(path("site"));
   expectLocalPictures(plainTour(serve(scene_).url, "served"));
   expectLocalPictures(plainTour(serve(path("site/alone")).url, "served_published"));
@@ -163,7 +163,7 @@ TEST_F(SplatsAloneTest, areShownWithoutBeingAskedForAsSuch) {
   expectLocalPictures(plainTour(nginx.url() + "/alone/", "published"));
 }
 
-TEST_F(SplatsAloneTest, whoAsksForAnotherMethodIsToldSo) {
+TEST_F(SplatsOnlyTest, whoAsksForAnotherMethodIsToldSo) {
   const support::Nginx nginx(path("site"));
   for (const std::string& url : {serve(scene_).url, nginx.url() + "/alone/"})
     expectOneLineError(run("lumigrid-view", {url, "--headless", "--method", "patches", "--path", path("tour.json"),

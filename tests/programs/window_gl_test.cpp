@@ -200,7 +200,7 @@ TEST_F(WindowTest, splatsAreThoseOfAHeadlessRunAndTheGlassIsDrawnOnThem) {
   EXPECT_TRUE(waitFor([&](const base::Image& shown) { return differing(shown, expected) == 0; }));
 }
 
-TEST_F(WindowTest, aSceneOfSplatsAloneIsShownWithoutBeingAskedFor) {
+TEST_F(WindowTest, aSceneOfSplatsOnlyIsShownWithoutBeingAskedFor) {
   build("qsplat");
   open(serve(scene_).url, {"--no-settings"});
   EXPECT_TRUE(waitFor(showsModel)) << readText(path("window.err"));

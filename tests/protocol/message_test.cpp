@@ -95,13 +95,13 @@ class Drawing {
                     whole(1, 2048)};
     return drawn;
   }
-  std::vector<ClientMessage> clientMessages() { return {hello(), view(), keys<Evicted>(), keys<Have>()}; }
+  std::vector<ClientMessage> clientMessages() { return {hello(), view(), keys<Eviction>(), keys<Holdings>()}; }
   std::vector<ServerMessage> serverMessages() {
     return {welcome(),
             Face{key(), bytes(1, 300)},
-            Refine{bytes(1, 99), bytes(1, 300)},
+            Refinement{bytes(1, 99), bytes(1, 300)},
             Frame{whole(1, 0xFFFFFFFF), camera(), bytes(1, 300)},
-            Complete{whole(1, 0xFFFFFFFF)},
+            Completion{whole(1, 0xFFFFFFFF)},
             Refusal{static_cast<std::uint16_t>(whole(0, 0xFFFF)), text()}};
   }
 
@@ -189,11 +189,11 @@ TEST(Message, decodeReadsEveryFieldOfAWelcome) {
   EXPECT_EQ(got.can_render_frames, sent.can_render_frames);
 }
 
-// The bytes of docs/formats/protocol.md, "A worked row": version 2 of the format must never read otherwise.
-TEST(Message, bytesOfVersionTwoStay) {
+// The bytes of docs/formats/protocol.md, "A worked row": version 1 of the format must never read otherwise.
+TEST(Message, bytesOfVersionOneStay) {
   EXPECT_EQ(encode(ClientMessage(Hello{2, "ab"})), (base::Bytes{0x01, 2, 0, 2, 0, 'a', 'b'}));
-  EXPECT_EQ(encode(ServerMessage(Complete{258})), (base::Bytes{0x85, 2, 1, 0, 0}));
-  EXPECT_EQ(encode(ClientMessage(Evicted{{{1, 0, 0, 3}}, {7}})),
+  EXPECT_EQ(encode(ServerMessage(Completion{258})), (base::Bytes{0x85, 2, 1, 0, 0}));
+  EXPECT_EQ(encode(ClientMessage(Eviction{{{1, 0, 0, 3}}, {7}})),
             (base::Bytes{0x03, 1, 0, 0, 0, 1, 0, 0, 0, 0x0B, 0, 0, 0, 0, 0, 0, 0, 7, 0, 0, 0}));
   EXPECT_EQ(encode(ServerMessage(Refusal{2, "no"})), (base::Bytes{0x86, 2, 0, 2, 0, 'n', 'o'}));
   EXPECT_EQ(encode(ServerMessage(Refusal{2, "no", true})), (base::Bytes{0x86, 2, 0, 2, 0, 'n', 'o', 1}));
@@ -201,14 +201,14 @@ TEST(Message, bytesOfVersionTwoStay) {
 }
 
 TEST(Message, whatFollowsARefusalIsTakenWhereItIsKnown) {
-  for (const auto& [more, splats_alone] : std::vector<std::pair<base::Bytes, bool>>{
+  for (const auto& [more, splats_only] : std::vector<std::pair<base::Bytes, bool>>{
            {{}, false}, {{0}, false}, {{1}, true}, {{1, 7, 7}, true}, {{2}, false}}) {
     base::Bytes bytes{0x86, 2, 0, 2, 0, 'n', 'o'};
     bytes.insert(bytes.end(), more.begin(), more.end());
     const auto message = decodeServerMessage(bytes);
     ASSERT_TRUE(message);
     EXPECT_EQ(std::get<Refusal>(*message).reason, "no");
-    EXPECT_EQ(std::get<Refusal>(*message).splats_alone, splats_alone);
+    EXPECT_EQ(std::get<Refusal>(*message).splats_only, splats_only);
   }
 }
 
@@ -233,7 +233,7 @@ TEST(Message, serverMessageCutAnywhereIsRefusedOrShorter) {
     for (std::size_t length = 0; length < whole.size(); ++length) {
       auto decoded = decodeServerMessage(base::ByteView(whole).first(length));
       if (!decoded) continue;
-      const bool open_ended = std::holds_alternative<Face>(*decoded) || std::holds_alternative<Refine>(*decoded) ||
+      const bool open_ended = std::holds_alternative<Face>(*decoded) || std::holds_alternative<Refinement>(*decoded) ||
                               std::holds_alternative<Frame>(*decoded);
       EXPECT_TRUE(open_ended) << "type " << int{whole[0]} << " at " << length;
       EXPECT_EQ(encode(*decoded).size(), length);
@@ -268,7 +268,7 @@ TEST(Message, anyByteFlippedIsReadWithoutHarm) {
 TEST(Message, unknownTypesAreRefusedOnTheirSide) {
   EXPECT_FALSE(decodeClientMessage({}));
   EXPECT_FALSE(decodeServerMessage({}));
-  EXPECT_FALSE(decodeClientMessage(encode(ServerMessage(Complete{1}))));
+  EXPECT_FALSE(decodeClientMessage(encode(ServerMessage(Completion{1}))));
   EXPECT_FALSE(decodeServerMessage(encode(ClientMessage(Hello{}))));
   EXPECT_NE(decodeClientMessage(base::Bytes{0x7F}).error().message.find("127"), std::string::npos);
 }
@@ -333,7 +333,7 @@ TEST(Message, welcomesThatMakeNoSenseAreRefused) {
 }
 
 TEST(Message, keysOutOfRangeAreRefused) {
-  base::Bytes bytes = encode(ClientMessage(Have{{{1, 2, 3, 5}}, {}}));
+  base::Bytes bytes = encode(ClientMessage(Holdings{{{1, 2, 3, 5}}, {}}));
   EXPECT_TRUE(decodeClientMessage(bytes));
   bytes[9] |= 7;  // direction 7
   EXPECT_FALSE(decodeClientMessage(bytes));
@@ -342,7 +342,7 @@ TEST(Message, keysOutOfRangeAreRefused) {
 // A count that promises more than is there must not be believed before it is checked.
 TEST(Message, longListsAreRefused) {
   EXPECT_TRUE(
-      decodeClientMessage(encode(ClientMessage(Evicted{std::vector<repository::FaceKey>(kMaxKeysPerMessage), {}}))));
+      decodeClientMessage(encode(ClientMessage(Eviction{std::vector<repository::FaceKey>(kMaxKeysPerMessage), {}}))));
   base::ByteWriter out;
   out.u8(0x03);
   out.u32(0);

@@ -199,12 +199,12 @@ TEST(AccessCounter, countsFromSeveralThreadsAddUp) {
       }
     });
   for (std::thread& thread : threads) thread.join();
-  const AccessCounts counts = counter.take();
+  const AccessCounts counts = counter.takeCounts();
   EXPECT_EQ(counts.facesSent(), 24'000U);
   EXPECT_EQ(counts.groups.size(), 20U);
   EXPECT_EQ(counts.groupsSent(), 24'000U);
   EXPECT_TRUE(decodeAccess(encodeAccess(smallIdentity(), counts))) << "in order";
-  EXPECT_EQ(counter.take(), AccessCounts{});
+  EXPECT_EQ(counter.takeCounts(), AccessCounts{});
 }
 
 TEST(AccessCounter, itKeepsSoManyKeysAndCountsTheOthersTogether) {
@@ -215,7 +215,7 @@ TEST(AccessCounter, itKeepsSoManyKeysAndCountsTheOthersTogether) {
     counter.addFace({0, 0, 0, 0});
   }
   EXPECT_EQ(calls, 1);
-  const AccessCounts counts = counter.take();
+  const AccessCounts counts = counter.takeCounts();
   EXPECT_EQ(counts.faces.size(), 3U);
   EXPECT_EQ(counts.facesSent(), 9U);
   EXPECT_EQ(counts.uncounted, 3U);

@@ -167,7 +167,7 @@ TEST_F(VerifyTest, contentsAddUp) {
   base::Bytes bad = goodValue();
   bad.back() ^= 1;
   put({0, 0, 0, 0}, bad);
-  const Contents contents = *contentsOf(*store_);
+  const StoreContents contents = *contentsOf(*store_);
   EXPECT_EQ(contents.faces, 72U);
   EXPECT_EQ(contents.empty, 12U);
   EXPECT_EQ(contents.unreadable, 1U);

@@ -53,7 +53,7 @@ export async function loadCore(files, create = createViewer) {
     connected: () => call("connected"),
     disconnected: (reason) => call("disconnected", reason),
     refused: () => call("refused") !== 0,
-    splatsAlone: () => call("splatsAlone") !== 0,
+    splatsOnly: () => call("splatsOnly") !== 0,
     receive(bytes) {
       fill(call("messageBuffer", bytes.length), bytes);
       return text("receiveMessage");

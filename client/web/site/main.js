@@ -7,7 +7,7 @@ import { makeOverlay } from "./overlay.js";
 import { openPicture } from "./picture.js";
 import { keepSettings, restoreSettings, settingValue, showSettings } from "./settings.js";
 import { openLink, socketUrl } from "./socket.js";
-import { NoSplats, openSplatScene, openStaticScene, SplatsAlone } from "./static_scene.js";
+import { NoSplats, openSplatScene, openStaticScene, SplatsOnly } from "./static_scene.js";
 import { makeTools } from "./tools.js";
 
 /// On a phone, unless the settings say another: all memory that grows with the scene.
@@ -358,7 +358,7 @@ async function openStatic(base) {
     if (!/^https?:/.test(base)) throw Object.assign(new Error(`${base} cannot be read`), { advice: "A scene's address begins with http:// or https://." });
     pumpStatic = await (splats ? openSplatScene : openStaticScene)(base, core, schedule);
   } catch (error) {
-    if (error instanceof SplatsAlone) return load("qsplat");
+    if (error instanceof SplatsOnly) return load("qsplat");
     if (error instanceof NoSplats && !method.said) return load("lumigraph");
     return fail(error.message, error.advice ?? "Try again; if it stays, the page and the scene do not fit together.");
   }

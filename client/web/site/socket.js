@@ -13,7 +13,7 @@ export function socketUrl(page) {
 }
 
 /// `core`: connected(), disconnected(reason), receive(bytes) -> error text, next() -> bytes or null, refused() -> whether trying again is of no use,
-/// splatsAlone() -> whether that is since the scene has nothing else: then `showSplats()`.
+/// splatsOnly() -> whether that is since the scene has nothing else: then `showSplats()`.
 export function openLink(url, core, changed, showSplats) {
   let socket = null;
   let delay = kFirstDelay;
@@ -51,7 +51,7 @@ export function openLink(url, core, changed, showSplats) {
         mine.close();
         return lost(error);
       }
-      if (core.splatsAlone()) return showSplats();
+      if (core.splatsOnly()) return showSplats();
       flush();
       changed();
     };

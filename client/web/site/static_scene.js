@@ -4,7 +4,7 @@ import { kBytes, makeRanges } from "./ranges.js";
 const kMostBytes = 16_000_000;
 
 /// Thrown by openStaticScene where a scene has splats and no patches: the viewer of splats shows it.
-export class SplatsAlone extends Error {}
+export class SplatsOnly extends Error {}
 
 /// An error with what to do about it.
 class SceneError extends Error {
@@ -85,11 +85,11 @@ export async function openSplatScene(base, core, changed) {
   return (now) => core.call("pumpStatic", now) !== 0;
 }
 
-/// Hands the scene to the client. `base`: URL of its folder. Throws SceneError, SplatsAlone. The result: run(now), to be called each turn, true when something came.
+/// Hands the scene to the client. `base`: URL of its folder. Throws SceneError, SplatsOnly. The result: run(now), to be called each turn, true when something came.
 export async function openStaticScene(base, core, changed) {
   const { url, scene, parts, numbers } = await readScene(base);
   const patches = partOf(parts, "patch-", ".lgp");
-  if (!patches && partOf(parts, "qsplat-", ".lgq")) throw new SplatsAlone();
+  if (!patches && partOf(parts, "qsplat-", ".lgq")) throw new SplatsOnly();
   if (!patches) throw new SceneError(`${url} is not published`, "Its parts have no names by content; put there what lumigrid publish wrote.");
   const index = partOf(parts, "images/index-", ".lgi");
   fetchRanges(base, core, changed);

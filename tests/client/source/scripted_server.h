@@ -53,14 +53,14 @@ class ScriptedServer {
   base::Bytes sayFace(const repository::FaceKey& key, std::size_t bytes) const {
     return protocol::encode(protocol::ServerMessage(protocol::Face{key, base::Bytes(bytes, 0x5A)}));
   }
-  protocol::Refine refine(std::uint32_t group) const {
+  protocol::Refinement refine(std::uint32_t group) const {
     base::ByteWriter record;
     lod::patch::encodeGroup(scene_.hierarchy, group, record);
     return {record.take(), blocks_[group]};
   }
   base::Bytes sayGroup(std::uint32_t group) const { return protocol::encode(protocol::ServerMessage(refine(group))); }
   base::Bytes sayComplete(std::uint32_t sequence) const {
-    return protocol::encode(protocol::ServerMessage(protocol::Complete{sequence}));
+    return protocol::encode(protocol::ServerMessage(protocol::Completion{sequence}));
   }
   base::Bytes sayRefusal(std::uint16_t version, const std::string& reason) const {
     return protocol::encode(protocol::ServerMessage(protocol::Refusal{version, reason}));

@@ -275,7 +275,7 @@ TEST(Session, theLeastRecentlyUsedFaceGoesFirstAndTheServerIsToldWithTheNextView
   session.setView(server().lookDown(21.0));
   const auto messages = sent(session);
   ASSERT_EQ(messages.size(), 2U);
-  EXPECT_EQ(std::get<protocol::Evicted>(messages[0]).faces, std::vector<repository::FaceKey>{gone});
+  EXPECT_EQ(std::get<protocol::Eviction>(messages[0]).faces, std::vector<repository::FaceKey>{gone});
   EXPECT_TRUE(std::holds_alternative<protocol::View>(messages[1]));
 }
 
@@ -285,7 +285,7 @@ TEST(Session, whatComesAgainIsNotToldAsEvicted) {
   sent(session);
   for (std::uint32_t d : {0U, 1U, 2U, 0U}) hear(session, server().sayFace({0, 0, 0, d}, 1000));
   session.setView(server().lookDown(21.0));
-  const auto evicted = only<protocol::Evicted>(sent(session));
+  const auto evicted = only<protocol::Eviction>(sent(session));
   ASSERT_EQ(evicted.size(), 1U);
   EXPECT_EQ(evicted[0].faces, (std::vector<repository::FaceKey>{{0, 0, 0, 1}}));
 }
@@ -369,12 +369,12 @@ TEST(Session, aReconnectTellsWhatIsHereAndSendsTheViewAgain) {
   EXPECT_FALSE(session.takeEvents().welcomed) << "nothing changed for the viewer";
   const auto messages = sent(session);
   ASSERT_EQ(messages.size(), 2U);
-  protocol::Have have = std::get<protocol::Have>(messages[0]);
+  protocol::Holdings have = std::get<protocol::Holdings>(messages[0]);
   std::sort(have.groups.begin(), have.groups.end());
   EXPECT_EQ(have.groups, (std::vector<std::uint32_t>{0, 1}));
   EXPECT_EQ(have.faces, (std::vector<repository::FaceKey>{{1, 2, 1, 5}}));
   EXPECT_GT(std::get<protocol::View>(messages[1]).sequence, 1U);
-  EXPECT_FALSE(session.complete()) << "Complete 1 was another connection's";
+  EXPECT_FALSE(session.complete()) << "Completion 1 was another connection's";
 }
 
 TEST(Session, aLongListOfWhatIsHereIsSentInParts) {
@@ -393,9 +393,9 @@ TEST(Session, aLongListOfWhatIsHereIsSentInParts) {
   session.connected();
   hear(session, large.sayWelcome());
   std::set<std::uint64_t> told;
-  const auto parts = only<protocol::Have>(sent(session));
+  const auto parts = only<protocol::Holdings>(sent(session));
   EXPECT_EQ(parts.size(), 2U);
-  for (const protocol::Have& have : parts)
+  for (const protocol::Holdings& have : parts)
     for (const repository::FaceKey& key : have.faces) told.insert(key.code());
   EXPECT_EQ(told, all);
 }
@@ -418,7 +418,7 @@ TEST(Session, anotherSceneAfterAReconnectDropsEverything) {
   EXPECT_EQ(session.face({1, 2, 1, 5}), nullptr);
   EXPECT_EQ(session.stats().cache_bytes, 0U);
   EXPECT_TRUE(session.hierarchy().groups.empty());
-  EXPECT_TRUE(only<protocol::Have>(sent(session)).empty());
+  EXPECT_TRUE(only<protocol::Holdings>(sent(session)).empty());
 }
 
 TEST(Session, aServerThatBreaksTheRulesIsRefused) {
@@ -427,9 +427,9 @@ TEST(Session, aServerThatBreaksTheRulesIsRefused) {
     const char* what;
     base::Bytes message;
   };
-  protocol::Refine short_block = s.refine(0);
+  protocol::Refinement short_block = s.refine(0);
   short_block.block.pop_back();
-  protocol::Refine long_record = s.refine(0);
+  protocol::Refinement long_record = s.refine(0);
   long_record.record.push_back(0);
   ScriptedServer bigger;
   bigger.welcome.group_count = 3;
@@ -438,7 +438,7 @@ TEST(Session, aServerThatBreaksTheRulesIsRefused) {
       {"a face outside the grid", s.sayFace({4, 0, 0, 0}, 10)},
       {"a block shorter than its record says", protocol::encode(protocol::ServerMessage(short_block))},
       {"a record with more behind it", protocol::encode(protocol::ServerMessage(long_record))},
-      {"Complete for a view never sent", s.sayComplete(5)},
+      {"Completion for a view never sent", s.sayComplete(5)},
       {"a frame for a view never sent", s.sayFrame(5, 10)},
       {"nothing", {}},
       {"an unknown type", {0x42, 1, 2, 3}},
@@ -498,7 +498,7 @@ TEST(Session, aFloodOfFacesNeitherGrowsTheCacheNorTheListOfWhatWent) {
   for (std::uint32_t i = 0; i < 30'000; ++i) {
     hear(session, large.sayFace({i % 40, i / 40 % 40, i / 1600, i % 6}, 1));
     EXPECT_LE(session.stats().cache_bytes, 10'000U);
-    for (const auto& evicted : only<protocol::Evicted>(sent(session))) told += evicted.faces.size();
+    for (const auto& evicted : only<protocol::Eviction>(sent(session))) told += evicted.faces.size();
   }
   EXPECT_GE(told, 2 * protocol::kMaxKeysPerMessage) << "long lists go out without waiting for a view";
 }

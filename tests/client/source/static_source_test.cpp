@@ -17,8 +17,8 @@ using repository::FaceKey;
 /// What a client that reads by itself knows of what hides what.
 lod::patch::ProxySight coarseSightOf(const server::SceneData& data) {
   const lod::patch::Hierarchy& hierarchy = data.patches->hierarchy();
-  auto sight = plan::coarseSight(hierarchy, plan::coarseGroups(hierarchy, plan::kCoarseBytes),
-                                 [&](std::uint32_t group) { return *data.patches->block(group); });
+  auto sight = plan::makeCoarseSight(hierarchy, plan::coarseGroups(hierarchy, plan::kCoarseBytes),
+                                     [&](std::uint32_t group) { return *data.patches->block(group); });
   EXPECT_TRUE(sight && sight->triangleCount() > 0);
   return std::move(*sight);
 }

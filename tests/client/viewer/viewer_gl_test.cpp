@@ -106,7 +106,7 @@ TEST_F(ViewerGl, aSmallUploadShareSpreadsTheWorkOverFrames) {
 TEST_F(ViewerGl, aBrokenGroupIsCountedAndLeftOut) {
   open(patches());
   hear(server.sayGroup(0));
-  protocol::Refine refine = server.refine(1);
+  protocol::Refinement refine = server.refine(1);
   refine.block[refine.block.size() / 2] ^= 0xFFU;
   hear(protocol::encode(protocol::ServerMessage(refine)));
   EXPECT_GT(covered(draw(server.lookDown(40.0))), 0U) << "the coarser form is drawn";

@@ -5,7 +5,7 @@
 #include <limits>
 #include <thread>
 
-#include "base/content_range.h"
+#include "base/byte_range.h"
 #include "repository/objects/open_objects.h"
 #include "tests/repository/objects/scripted_server.h"
 
@@ -342,19 +342,6 @@ TEST(OpenObjects, eachPlaceIsKnownByItsName) {
   }
   EXPECT_EQ(openObjectSource("/nowhere/at/all").error().code, ErrorCode::kNotFound);
   EXPECT_EQ(openObjectSink("https://example.org/scene").error().code, ErrorCode::kUnsupported);
-}
-
-TEST(ContentRange, isReadAsTheStandardSays) {
-  const auto range = parseContentRange("bytes 2-5/26");
-  ASSERT_TRUE(range && range->has_bytes);
-  EXPECT_EQ(range->first, 2U);
-  EXPECT_EQ(range->last, 5U);
-  EXPECT_EQ(range->size, 26U);
-  EXPECT_FALSE(parseContentRange("bytes 2-5/*")->size);
-  EXPECT_FALSE(parseContentRange("bytes */26")->has_bytes);
-  for (const char* wrong : {"", "bytes", "bytes /", "bytes 5-2/26", "bytes 2-26/26", "bytes 2-5", "bytes -5/26",
-                            "items 2-5/26", "bytes 2-5/26 ", "bytes 2-5/99999999999999999999", "bytes +2-5/26"})
-    EXPECT_FALSE(parseContentRange(wrong)) << wrong;
 }
 
 }  // namespace

@@ -99,7 +99,7 @@ class Publish : public testing::Test {
     for (std::uint32_t i = 0; i < kSide * kSide * kSide * 6; ++i) batch.emplace_back(keyOf(i), valueOf(i));
     EXPECT_TRUE(store_->putBatch(batch));
     EXPECT_TRUE(store_->writeMeta("{\"some\": 1}"));
-    options_.pack_bytes = kSmallestPack;
+    options_.pack_bytes = kMinPackTarget;
   }
   static FaceKey keyOf(std::uint32_t number) {
     const std::uint32_t point = number / 6;
@@ -295,10 +295,10 @@ TEST_F(Publish, packsKeepToTheirSizeAndSmallScenesHaveOne) {
   const PublishedImages published = publish();
   for (std::size_t i = 0; i < published.pack_names.size(); ++i) {
     const auto bytes = fs::file_size(out() + "/" + published.pack_names[i]);
-    EXPECT_LE(bytes, kSmallestPack) << i;
-    EXPECT_TRUE(i + 1 == published.pack_names.size() || bytes >= kSmallestPack / 2 - 8192) << i << ": " << bytes;
+    EXPECT_LE(bytes, kMinPackTarget) << i;
+    EXPECT_TRUE(i + 1 == published.pack_names.size() || bytes >= kMinPackTarget / 2 - 8192) << i << ": " << bytes;
   }
-  options_.pack_bytes = kLargestPack;
+  options_.pack_bytes = kMaxPackTarget;
   EXPECT_EQ(publish().pack_names.size(), 1U);
 }
 
@@ -439,7 +439,7 @@ TEST_F(Publish, aFlippedByteInAValueIsThatValuesError) {
   const auto packs = open(published.index);
   flip(published.pack_names[1], 5000);
   std::vector<std::string> told;
-  packs->onError([&](const base::Error& error) { told.push_back(error.message); });
+  packs->setErrorListener([&](const base::Error& error) { told.push_back(error.message); });
   EXPECT_EQ(served(*packs, published.pack_names[1] + ": face ("), 10367U);
   const auto found = faults(*packs);
   ASSERT_EQ(found.size(), 1U);

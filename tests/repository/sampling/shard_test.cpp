@@ -63,7 +63,7 @@ TEST(Shard, shardsDivideThePointsWithoutGapOrOverlap) {
 TEST(Shard, everyKeyBelongsToTheShardWhoseRangeHoldsItsPoint) {
   for (const Grid& grid : grids()) {
     for (const std::uint32_t count : {1U, 2U, 3U, 7U, 100U}) {
-      const Division division(grid, count);
+      const ShardLookup division(grid, count);
       std::uint64_t rank = 0;
       for (const glm::uvec3& p : pointsInMortonOrder(grid)) {
         const std::uint32_t index = division.shardOf({p.x, p.y, p.z, 5});

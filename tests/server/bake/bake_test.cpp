@@ -62,7 +62,7 @@ TEST_F(BakeTest, everyFaceOfTheGridIsStoredAndVerifies) {
   EXPECT_EQ(summary->faces_rendered, 27U * 6U);
   EXPECT_EQ(*store->size(), 27U * 6U);
   EXPECT_TRUE(repository::verify(*store, options_.grid)->empty());
-  const repository::Contents contents = *repository::contentsOf(*store);
+  const repository::StoreContents contents = *repository::contentsOf(*store);
   EXPECT_EQ(contents.empty, summary->faces_empty);
   EXPECT_EQ(contents.jpeg_bytes, summary->jpeg_bytes);
   EXPECT_EQ(contents.coverage_bytes, summary->coverage_bytes);

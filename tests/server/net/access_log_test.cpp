@@ -27,7 +27,7 @@ struct Received {
   std::uint64_t groups = 0;
   void take(const protocol::ServerMessage& message) {
     if (const auto* face = std::get_if<protocol::Face>(&message)) ++faces[face->key.code()];
-    if (std::holds_alternative<protocol::Refine>(message)) ++groups;
+    if (std::holds_alternative<protocol::Refinement>(message)) ++groups;
   }
   std::uint64_t faceTotal() const {
     std::uint64_t sum = 0;
@@ -55,7 +55,7 @@ void lookAndBeRefused(std::uint16_t port, Received& received) {
   bool complete = false, refused = false;
   while (auto message = client->receive()) {
     received.take(*message);
-    if (std::holds_alternative<protocol::Complete>(*message)) {
+    if (std::holds_alternative<protocol::Completion>(*message)) {
       complete = true;
       ASSERT_TRUE(client->send(protocol::Hello{protocol::kVersion, "again"}));
     }

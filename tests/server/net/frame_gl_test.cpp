@@ -28,7 +28,7 @@ TEST(Frame, theExactPictureOfAViewComesAfterComplete) {
   while (!frame) {
     auto message = client->receive();
     ASSERT_TRUE(message);
-    complete |= std::holds_alternative<protocol::Complete>(*message);
+    complete |= std::holds_alternative<protocol::Completion>(*message);
     if (auto* got = std::get_if<protocol::Frame>(&*message)) frame = std::move(*got);
   }
   EXPECT_TRUE(complete);

@@ -24,13 +24,14 @@ struct Received {
   bool complete = false;
 };
 
-/// Everything up to Complete(sequence) or the end of the connection.
+/// Everything up to Completion(sequence) or the end of the connection.
 Received receiveAll(LoopbackClient& client, std::uint32_t sequence) {
   Received received;
   while (auto message = client.receive()) {
-    if (std::holds_alternative<protocol::Refine>(*message)) ++received.groups;
+    if (std::holds_alternative<protocol::Refinement>(*message)) ++received.groups;
     if (std::holds_alternative<protocol::Face>(*message)) ++received.faces;
-    if (const auto* complete = std::get_if<protocol::Complete>(&*message); complete && complete->sequence == sequence) {
+    if (const auto* complete = std::get_if<protocol::Completion>(&*message);
+        complete && complete->sequence == sequence) {
       received.complete = true;
       break;
     }

@@ -45,7 +45,7 @@ struct Talk {
   Session session;
 };
 
-std::uint32_t groupOf(const SceneData& scene, const protocol::Refine& refine) {
+std::uint32_t groupOf(const SceneData& scene, const protocol::Refinement& refine) {
   lod::patch::Hierarchy growing;
   base::ByteReader in(refine.record);
   auto group = lod::patch::addGroup(in, growing, scene.welcome.group_count, scene.welcome.patch_count);
@@ -56,7 +56,7 @@ std::uint32_t groupOf(const SceneData& scene, const protocol::Refine& refine) {
 std::vector<std::uint32_t> groupsIn(const SceneData& scene, const std::vector<ServerMessage>& messages) {
   std::vector<std::uint32_t> groups;
   for (const auto& message : messages)
-    if (const auto* refine = std::get_if<protocol::Refine>(&message)) groups.push_back(groupOf(scene, *refine));
+    if (const auto* refine = std::get_if<protocol::Refinement>(&message)) groups.push_back(groupOf(scene, *refine));
   return groups;
 }
 
@@ -67,10 +67,10 @@ std::vector<repository::FaceKey> facesIn(const std::vector<ServerMessage>& messa
   return faces;
 }
 
-/// Index of Complete(sequence), or the number of messages.
+/// Index of Completion(sequence), or the number of messages.
 std::size_t completeAt(const std::vector<ServerMessage>& messages, std::uint32_t sequence) {
   for (std::size_t i = 0; i < messages.size(); ++i)
-    if (const auto* complete = std::get_if<protocol::Complete>(&messages[i]);
+    if (const auto* complete = std::get_if<protocol::Completion>(&messages[i]);
         complete && complete->sequence == sequence)
       return i;
   return messages.size();
@@ -100,7 +100,7 @@ TEST(Session, welcomeDescribesTheScene) {
   EXPECT_EQ(welcome.grid, scene.data.welcome.grid);
   EXPECT_EQ(welcome.group_count, scene.data.welcome.group_count);
   EXPECT_EQ(talk.session.clientName(), "test 1");
-  EXPECT_FALSE(talk.next()) << "nothing is sent before a view, for a Have may come first";
+  EXPECT_FALSE(talk.next()) << "nothing is sent before a view, for a Holdings may come first";
 }
 
 TEST(Session, anotherVersionIsRefusedInPlainWords) {
@@ -123,14 +123,14 @@ TEST(Session, anotherVersionIsRefusedInPlainWords) {
       "this server speaks protocol " + std::to_string(protocol::kVersion) + ", the client speaks 0; update the client");
 }
 
-TEST(Session, aSceneOfSplatsAloneIsRefusedAsSuch) {
+TEST(Session, aSceneOfSplatsOnlyIsRefusedAsSuch) {
   SceneData data;
   Talk talk(data);
   const auto taken = talk.say(protocol::Hello{protocol::kVersion, "test 1"});
   ASSERT_FALSE(taken);
   EXPECT_EQ(taken.error().code, base::ErrorCode::kUnsupported);
   const auto refusal = std::get<protocol::Refusal>(*talk.next());
-  EXPECT_TRUE(refusal.splats_alone);
+  EXPECT_TRUE(refusal.splats_only);
   EXPECT_EQ(refusal.reason, taken.error().message);
   EXPECT_TRUE(talk.session.finished());
 }
@@ -138,7 +138,7 @@ TEST(Session, aSceneOfSplatsAloneIsRefusedAsSuch) {
 TEST(Session, whatComesBeforeHelloIsRefused) {
   const TestScene scene;
   for (const protocol::ClientMessage& early :
-       {protocol::ClientMessage(scene.view(1, kAbove)), protocol::ClientMessage(protocol::Have{})}) {
+       {protocol::ClientMessage(scene.view(1, kAbove)), protocol::ClientMessage(protocol::Holdings{})}) {
     Talk talk(scene.data);
     EXPECT_FALSE(talk.say(early));
     EXPECT_TRUE(std::holds_alternative<protocol::Refusal>(*talk.next()));
@@ -216,7 +216,7 @@ TEST(Session, completeComesOnceAndLastOfWhatTheViewNeeds) {
   for (const auto& key : plan.faces) EXPECT_EQ(std::count(faces.begin(), faces.end(), key), 1);
   for (std::uint32_t group : plan.groups) EXPECT_EQ(std::count(groups.begin(), groups.end(), group), 1);
   EXPECT_EQ(std::count_if(messages.begin(), messages.end(),
-                          [](const auto& m) { return std::holds_alternative<protocol::Complete>(m); }),
+                          [](const auto& m) { return std::holds_alternative<protocol::Completion>(m); }),
             1);
 }
 
@@ -227,7 +227,7 @@ TEST(Session, theSameViewAgainIsCompleteAtOnce) {
   ASSERT_TRUE(talk.say(scene.view(1, kAbove)));
   talk.drain();
   ASSERT_TRUE(talk.say(scene.view(2, kAbove)));
-  EXPECT_EQ(std::get<protocol::Complete>(*talk.next()).sequence, 2U);
+  EXPECT_EQ(std::get<protocol::Completion>(*talk.next()).sequence, 2U);
 }
 
 TEST(Session, aNewViewDropsTheOldOnesWork) {
@@ -341,7 +341,7 @@ TEST(Session, evictedThingsComeAgainWithTheNextView) {
   const auto first = talk.drain();
   const auto faces = facesIn(before(first, completeAt(first, 1)));
   ASSERT_FALSE(faces.empty());
-  ASSERT_TRUE(talk.say(protocol::Evicted{{faces[0]}, {0}}));
+  ASSERT_TRUE(talk.say(protocol::Eviction{{faces[0]}, {0}}));
   EXPECT_FALSE(talk.next()) << "not before the next view asks for it";
   ASSERT_TRUE(talk.say(scene.view(2, kAbove)));
   const auto second = talk.drain();
@@ -356,19 +356,19 @@ TEST(Session, whatTheClientHasIsNotSent) {
       plan::planView(scene.data.toPlan(), view, [](const repository::FaceKey&) { return false; });
   Talk talk(scene.data);
   talk.greet();
-  ASSERT_TRUE(talk.say(protocol::Have{plan.faces, plan.groups}));
+  ASSERT_TRUE(talk.say(protocol::Holdings{plan.faces, plan.groups}));
   for (std::uint32_t group : plan::coarseGroups(scene.patches->hierarchy(), 50'000))
-    ASSERT_TRUE(talk.say(protocol::Have{{}, {group}}));
+    ASSERT_TRUE(talk.say(protocol::Holdings{{}, {group}}));
   ASSERT_TRUE(talk.say(view));
-  EXPECT_EQ(std::get<protocol::Complete>(*talk.next()).sequence, 1U);
+  EXPECT_EQ(std::get<protocol::Completion>(*talk.next()).sequence, 1U);
 }
 
 TEST(Session, keysOfAnotherSceneArePassedOver) {
   const TestScene scene;
   Talk talk(scene.data);
   talk.greet();
-  EXPECT_TRUE(talk.say(protocol::Have{{{9999, 0, 0, 0}}, {0xFFFFFFFF}}));
-  EXPECT_TRUE(talk.say(protocol::Evicted{{{9999, 0, 0, 0}}, {0xFFFFFFFF}}));
+  EXPECT_TRUE(talk.say(protocol::Holdings{{{9999, 0, 0, 0}}, {0xFFFFFFFF}}));
+  EXPECT_TRUE(talk.say(protocol::Eviction{{{9999, 0, 0, 0}}, {0xFFFFFFFF}}));
 }
 
 TEST(Session, aClientCannotClaimWithoutEnd) {
@@ -379,7 +379,7 @@ TEST(Session, aClientCannotClaimWithoutEnd) {
   std::size_t claimed = 0;
   bool refused = false;
   while (!refused && claimed < 2 * kMaxFacesHeld) {
-    protocol::Have have;
+    protocol::Holdings have;
     for (std::size_t i = 0; i < protocol::kMaxKeysPerMessage; ++i, ++claimed) {
       const auto n = static_cast<std::uint32_t>(claimed);
       have.faces.push_back({n / 6 % 64, n / 384 % 64, n / 24576 % 64, n % 6});
@@ -406,7 +406,7 @@ TEST(Session, whatIsHandedOutIsCountedAndNothingElse) {
     for (const auto& key : facesIn(messages)) ++faces[key];
     for (const std::uint32_t group : groupsIn(scene.data, messages)) ++groups[group];
   }
-  const auto counts = counter.take();
+  const auto counts = counter.takeCounts();
   EXPECT_EQ((std::map<repository::FaceKey, std::uint64_t>(counts.faces.begin(), counts.faces.end())), faces);
   EXPECT_EQ((std::map<std::uint32_t, std::uint64_t>(counts.groups.begin(), counts.groups.end())), groups);
   EXPECT_GT(faces.size(), 8U);
@@ -548,7 +548,7 @@ struct DrawnClient {
     ASSERT_TRUE(talk.say(view));
   }
   void evict() {
-    protocol::Evicted evicted;
+    protocol::Eviction evicted;
     for (const auto& key : faces)
       if (whole(0, 2) == 0) evicted.faces.push_back(key);
     for (std::uint32_t group : groups)
@@ -564,10 +564,10 @@ struct DrawnClient {
       if (const auto* face = std::get_if<protocol::Face>(&*message)) {
         EXPECT_TRUE(faces.insert(face->key).second);
       }
-      if (const auto* refine = std::get_if<protocol::Refine>(&*message)) {
+      if (const auto* refine = std::get_if<protocol::Refinement>(&*message)) {
         EXPECT_TRUE(groups.insert(groupOf(scene.data, *refine)).second);
       }
-      if (const auto* complete = std::get_if<protocol::Complete>(&*message)) {
+      if (const auto* complete = std::get_if<protocol::Completion>(&*message)) {
         EXPECT_EQ(complete->sequence, sequence);
       }
     }
@@ -612,7 +612,7 @@ struct FarScene : TestScene {
 
 bool isComplete(const std::vector<ServerMessage>& messages) {
   return std::any_of(messages.begin(), messages.end(),
-                     [](const auto& message) { return std::holds_alternative<protocol::Complete>(message); });
+                     [](const auto& message) { return std::holds_alternative<protocol::Completion>(message); });
 }
 
 TEST(FarSession, allFacesOfAViewAreAskedForAtOnceAndGroupsGoMeanwhile) {

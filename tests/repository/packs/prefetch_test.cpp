@@ -1,4 +1,4 @@
-#include "repository/packs/in_order.h"
+#include "repository/packs/prefetch.h"
 
 #include <gtest/gtest.h>
 
@@ -16,7 +16,7 @@ std::uint64_t one(std::size_t) {
 
 TEST(InOrder, piecesAreTakenInTheirOrderWhicheverIsReadyFirst) {
   std::vector<std::size_t> taken;
-  inOrder(
+  prefetchInOrder(
       20, {4, 100}, one,
       [](std::size_t i) {
         std::this_thread::sleep_for(std::chrono::milliseconds(i % 4 == 0 ? 8 : 0));
@@ -32,10 +32,10 @@ TEST(InOrder, piecesAreTakenInTheirOrderWhicheverIsReadyFirst) {
 }
 
 // Pieces that were begun and not taken yet, at most.
-std::size_t mostAhead(const AheadLimits& limits, const std::function<std::uint64_t(std::size_t)>& bytes_of) {
+std::size_t mostAhead(const PrefetchLimits& limits, const std::function<std::uint64_t(std::size_t)>& bytes_of) {
   std::atomic<std::size_t> begun{0};
   std::size_t most = 0;
-  inOrder(
+  prefetchInOrder(
       30, limits, bytes_of, [&](std::size_t i) { return ++begun, i; },
       [&](std::size_t i, std::size_t) {
         most = std::max(most, begun.load() - i);
@@ -54,12 +54,12 @@ TEST(InOrder, noMorePiecesThanTheLimitsAllowAreAhead) {
 TEST(InOrder, whoeverTakesMayStop) {
   std::atomic<std::size_t> begun{0};
   std::size_t taken = 0;
-  inOrder(
+  prefetchInOrder(
       1000, {4, 100}, one, [&](std::size_t i) { return ++begun, i; },
       [&](std::size_t, std::size_t) { return ++taken < 5; });
   EXPECT_EQ(taken, 5U);
   EXPECT_LE(begun, 9U);
-  inOrder(
+  prefetchInOrder(
       0, {4, 100}, one, [](std::size_t i) { return i; }, [](std::size_t, std::size_t) { return ADD_FAILURE(), true; });
 }
 

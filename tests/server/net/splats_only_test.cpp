@@ -23,9 +23,9 @@ void write(const std::string& path, const std::string& text) {
 }
 
 /// A published scene of splats alone in `directory`; a server does not look into the file.
-class SplatsAlone {
+class SplatsOnly {
  public:
-  explicit SplatsAlone(const std::string& directory, std::size_t bytes) {
+  explicit SplatsOnly(const std::string& directory, std::size_t bytes) {
     fs::create_directories(directory);
     file.resize(bytes);
     for (std::size_t i = 0; i < bytes; ++i) file[i] = static_cast<char>(i * i % 251);
@@ -42,9 +42,9 @@ class SplatsAlone {
   std::string name, path, file;
 };
 
-TEST(SplatsAlone, theFileIsServedAndWhatNeedsPatchesSaysSo) {
+TEST(SplatsOnly, theFileIsServedAndWhatNeedsPatchesSaysSo) {
   const support::TemporaryDirectory directory;
-  const SplatsAlone scene(directory / "cloud", 5000);
+  const SplatsOnly scene(directory / "cloud", 5000);
   const PageFolder page;
   ServerOptions options = RunningServer::quiet();
   options.page_directory = page.path;
@@ -63,9 +63,9 @@ TEST(SplatsAlone, theFileIsServedAndWhatNeedsPatchesSaysSo) {
   }
 }
 
-TEST(SplatsAlone, thePageIsToldWhichOfItsProgramsToFetch) {
+TEST(SplatsOnly, thePageIsToldWhichOfItsProgramsToFetch) {
   const support::TemporaryDirectory directory;
-  const SplatsAlone scene(directory / "cloud", 5000);
+  const SplatsOnly scene(directory / "cloud", 5000);
   const SceneDirectory patches(0);
   const PageFolder page;
   ServerOptions options = RunningServer::quiet();
@@ -82,9 +82,9 @@ TEST(SplatsAlone, thePageIsToldWhichOfItsProgramsToFetch) {
   EXPECT_EQ(httpRequest(server.port(), other).status, 200);
 }
 
-TEST(SplatsAlone, viewersOfOtherMethodsAreRefusedWithWhatShowsTheScene) {
+TEST(SplatsOnly, viewersOfOtherMethodsAreRefusedWithWhatShowsTheScene) {
   const support::TemporaryDirectory directory;
-  const SplatsAlone scene(directory / "cloud", 5000);
+  const SplatsOnly scene(directory / "cloud", 5000);
   const RunningServer server(directory / "cloud");
   const auto client = LoopbackClient::connect(server.port());
   ASSERT_TRUE(client);
@@ -92,7 +92,7 @@ TEST(SplatsAlone, viewersOfOtherMethodsAreRefusedWithWhatShowsTheScene) {
   const auto message = client->receive();
   ASSERT_TRUE(message && std::holds_alternative<protocol::Refusal>(*message));
   const auto& refusal = std::get<protocol::Refusal>(*message);
-  EXPECT_TRUE(refusal.splats_alone);
+  EXPECT_TRUE(refusal.splats_only);
   EXPECT_NE(refusal.reason.find("--method qsplat"), std::string::npos) << refusal.reason;
   EXPECT_FALSE(client->receive());
 }
@@ -103,7 +103,7 @@ class FarSplats : public ::testing::Test {
   static constexpr std::size_t kBytes = 3'500'000;  // some pieces
   void SetUp() override {
     LUMIGRID_SKIP_WITHOUT_NGINX();
-    scene = std::make_unique<SplatsAlone>(directory / "site/cloud", kBytes);
+    scene = std::make_unique<SplatsOnly>(directory / "site/cloud", kBytes);
     nginx = std::make_unique<support::Nginx>(directory / "site");
     ASSERT_TRUE(nginx->running());
     ServerOptions options = RunningServer::quiet();
@@ -115,7 +115,7 @@ class FarSplats : public ::testing::Test {
   }
 
   const support::TemporaryDirectory directory;
-  std::unique_ptr<SplatsAlone> scene;
+  std::unique_ptr<SplatsOnly> scene;
   std::unique_ptr<support::Nginx> nginx;
   std::unique_ptr<RunningServer> server;
 };

@@ -10,7 +10,7 @@
 
 namespace repository {
 
-struct AheadLimits {
+struct PrefetchLimits {
   unsigned jobs = 1;        ///< pieces under way at a time
   std::uint64_t bytes = 0;  ///< … and bytes that they take in memory together; one piece always goes
 };
@@ -18,8 +18,8 @@ struct AheadLimits {
 /// take(i, make(i)) for i = 0 … count − 1, on this thread and in this order, until it returns false; make() runs on
 /// threads of its own, ahead within the limits. `bytes_of(i)`: what a piece takes.
 template <class Make, class Take>
-void inOrder(std::size_t count, const AheadLimits& limits, const std::function<std::uint64_t(std::size_t)>& bytes_of,
-             const Make& make, const Take& take) {
+void prefetchInOrder(std::size_t count, const PrefetchLimits& limits,
+                     const std::function<std::uint64_t(std::size_t)>& bytes_of, const Make& make, const Take& take) {
   struct Piece {
     std::uint64_t bytes;
     std::future<decltype(make(std::size_t{0}))> made;

@@ -1,0 +1,43 @@
+#pragma once
+// HTTP byte ranges (RFC 9110, section 14): the header Range that a reader sends, and the header Content-Range that a
+// server answers with.
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+
+namespace base {
+
+/// The part of a body that a Range header asks for.
+struct RangeRequest {
+  enum class Kind {
+    kWhole,         ///< no header, or one to be ignored (other units, several ranges, bad syntax): answer 200
+    kPart,          ///< answer 206 with [first, first + length)
+    kUnsatisfiable  ///< answer 416
+  };
+  Kind kind = Kind::kWhole;
+  std::uint64_t first = 0;
+  std::uint64_t length = 0;  ///< never reaches past the body
+};
+
+/// `header` is the value of Range ("bytes=0-99", "bytes=100-", "bytes=-5"), empty when there is none; `size` is the
+/// length of the body in bytes.
+RangeRequest parseRange(std::string_view header, std::uint64_t size);
+
+/// The value of Content-Range in the answer: "bytes 0-99/1234", or "bytes */1234" for an unsatisfiable request.
+std::string formatContentRange(const RangeRequest& range, std::uint64_t size);
+
+/// A Content-Range header as a reader meets it: "bytes 0-99/1234", "bytes 0-99/*", "bytes */1234".
+struct ContentRange {
+  bool has_bytes = false;  ///< false for "bytes */1234"
+  std::uint64_t first = 0, last = 0;
+  std::optional<std::uint64_t> size;  ///< of the whole object
+};
+
+/// Nothing for any other text, and nothing where last < first or last >= size.
+std::optional<ContentRange> parseContentRange(const std::string& text);
+
+/// A number of 1 to 18 decimal digits, so below 2^63; nothing for any other text.
+std::optional<std::uint64_t> parseDecimal(const std::string& text);
+
+}  // namespace base
