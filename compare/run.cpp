@@ -153,7 +153,7 @@ client::HeadlessOptions clientOptions(const RunOptions& options, const Setting& 
   client.settle_seconds = options.settle_seconds;
   client.realtime_fps = options.realtime_fps;
   client.link = {options.bytes_per_second, options.latency_seconds};
-  client.viewer.method = setting.images ? lod::Method::kLumigraph : lod::Method::kPatches;
+  client.viewer.method = setting.images ? client::Method::kLumigraph : client::Method::kPatches;
   client.viewer.session.images = setting.images;
   client.viewer.session.frames = setting.frames;
   client.viewer.session.patch_tolerance_px = static_cast<float>(setting.tolerance);

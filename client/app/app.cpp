@@ -5,7 +5,7 @@
 #include <cmath>
 #include <utility>
 
-#include "client/app/app_state.h"
+#include "client/app/app_impl.h"
 #include "client/app/permalink.h"
 
 namespace client {
@@ -14,7 +14,7 @@ namespace {
 /// What of the settings the viewer is made with.
 ViewerOptions viewerOptions(const AppOptions& options) {
   ViewerOptions viewer = options.viewer;
-  if (!options.settings_rule) return viewer;
+  if (!options.apply_settings) return viewer;
   const Settings& s = options.settings;
   viewer.session.cache_bytes = static_cast<std::uint64_t>(s.cache_megabytes * 1e6);
   viewer.gpu_budget_bytes = static_cast<std::uint64_t>(s.gpu_megabytes * 1e6);
@@ -29,7 +29,7 @@ ViewerOptions viewerOptions(const AppOptions& options) {
   return viewer;
 }
 
-bool isOdd(double value) {
+bool isNotFinite(double value) {
   return !std::isfinite(value);
 }
 
@@ -37,25 +37,25 @@ bool isOdd(double value) {
 
 // ---- the public face: events ----
 
-App::State::State(const AppOptions& wanted, std::unique_ptr<ImageDecoder> decoder)
+App::Impl::Impl(const AppOptions& wanted, std::unique_ptr<ImageDecoder> decoder)
     : options(wanted), settings(wanted.settings), viewer(viewerOptions(wanted), std::move(decoder)) {
   view.method = viewer.options().method;
   control.setFov(glm::radians(settings.fov_degrees));
 }
 
 App::App(const AppOptions& options, std::unique_ptr<ImageDecoder> decoder)
-    : state_(std::make_unique<State>(options, std::move(decoder))) {}
+    : impl_(std::make_unique<Impl>(options, std::move(decoder))) {}
 App::~App() = default;
 
 Session& App::session() {
-  return state_->viewer.session();
+  return impl_->viewer.session();
 }
 Viewer& App::viewer() {
-  return state_->viewer;
+  return impl_->viewer;
 }
 
 void App::resize(int width_px, int height_px, double pixel_ratio) {
-  State& s = *state_;
+  Impl& s = *impl_;
   const int width = std::clamp(width_px, 0, protocol::kMaxViewport);
   const int height = std::clamp(height_px, 0, protocol::kMaxViewport);
   const double ratio = pixel_ratio > 0.0 && pixel_ratio < 100.0 ? pixel_ratio : 1.0;
@@ -71,23 +71,23 @@ void App::resize(int width_px, int height_px, double pixel_ratio) {
 }
 
 void App::pointerDown(const PointerEvent& event) {
-  State& s = *state_;
-  if (isOdd(event.x) || isOdd(event.y) || isOdd(event.now)) return;
+  Impl& s = *impl_;
+  if (isNotFinite(event.x) || isNotFinite(event.y) || isNotFinite(event.now)) return;
   if (!s.gestures.anyDown() && (s.grabHandle(event) || s.grabLens(event))) return;
   s.gestures.down(event);
 }
 
 void App::pointerMove(const PointerEvent& event) {
-  State& s = *state_;
-  if (isOdd(event.x) || isOdd(event.y) || isOdd(event.now)) return;
+  Impl& s = *impl_;
+  if (isNotFinite(event.x) || isNotFinite(event.y) || isNotFinite(event.now)) return;
   if (event.id == s.handle_pointer) return s.dragHandle(event);
   if (event.id == s.lens_pointer) return s.dragLens(event);
-  for (const Gesture& gesture : s.gestures.move(event)) s.act(gesture);
+  for (const Gesture& gesture : s.gestures.move(event)) s.applyGesture(gesture);
 }
 
 void App::pointerUp(const PointerEvent& event) {
-  State& s = *state_;
-  if (isOdd(event.x) || isOdd(event.y) || isOdd(event.now)) return pointerCancel(event.id);
+  Impl& s = *impl_;
+  if (isNotFinite(event.x) || isNotFinite(event.y) || isNotFinite(event.now)) return pointerCancel(event.id);
   if (event.id == s.handle_pointer) {
     s.handle_pointer = -1;
     return;
@@ -96,24 +96,24 @@ void App::pointerUp(const PointerEvent& event) {
     s.lens_pointer = -1;
     return;
   }
-  for (const Gesture& gesture : s.gestures.up(event)) s.act(gesture);
+  for (const Gesture& gesture : s.gestures.up(event)) s.applyGesture(gesture);
 }
 
 void App::pointerCancel(int id) {
-  if (id == state_->handle_pointer) state_->handle_pointer = -1;
-  if (id == state_->lens_pointer) state_->lens_pointer = -1;
-  state_->gestures.cancel(id);
+  if (id == impl_->handle_pointer) impl_->handle_pointer = -1;
+  if (id == impl_->lens_pointer) impl_->lens_pointer = -1;
+  impl_->gestures.cancel(id);
 }
 
 void App::wheel(double steps, double x, double y, double now) {
-  if (isOdd(steps) || isOdd(x) || isOdd(y) || isOdd(now)) return;
-  state_->now = std::max(state_->now, now);
-  state_->zoom(std::clamp(steps, -20.0, 20.0), x, y);
+  if (isNotFinite(steps) || isNotFinite(x) || isNotFinite(y) || isNotFinite(now)) return;
+  impl_->now = std::max(impl_->now, now);
+  impl_->zoom(std::clamp(steps, -20.0, 20.0), x, y);
 }
 
 bool App::key(Key key, bool down, Modifiers modifiers, double now) {
-  State& s = *state_;
-  if (!isOdd(now)) s.now = std::max(s.now, now);
+  Impl& s = *impl_;
+  if (!isNotFinite(now)) s.now = std::max(s.now, now);
   bool& held = s.held[static_cast<std::size_t>(key)];
   s.shift = key == Key::kShift ? down : modifiers.shift;
   if (!down) return std::exchange(held, false);
@@ -129,13 +129,13 @@ bool App::key(Key key, bool down, Modifiers modifiers, double now) {
     return true;
   }
   if (held) return true;  // the keyboard repeats itself
-  const bool taken = s.press(key, modifiers);
+  const bool taken = s.pressKey(key, modifiers);
   held = taken;
   return taken;
 }
 
 void App::blur() {
-  State& s = *state_;
+  Impl& s = *impl_;
   s.held.fill(false);
   s.shift = false;
   s.gestures.cancelAll();
@@ -144,7 +144,7 @@ void App::blur() {
 }
 
 void App::setHidden(bool hidden) {
-  State& s = *state_;
+  Impl& s = *impl_;
   if (hidden) blur();
   if (!hidden && s.hidden) {
     s.dirty = true;
@@ -154,27 +154,27 @@ void App::setHidden(bool hidden) {
 }
 
 void App::setReducedMotion(bool system_wants) {
-  state_->system_reduces_motion = system_wants;
+  impl_->system_reduces_motion = system_wants;
 }
 
 void App::contextLost() {
-  state_->viewer.contextLost();
+  impl_->viewer.contextLost();
 }
 
 base::Result<void> App::contextRestored() {
-  state_->dirty = true;
-  state_->pins_changed = true;
-  return state_->viewer.contextRestored();
+  impl_->dirty = true;
+  impl_->pins_changed = true;
+  return impl_->viewer.contextRestored();
 }
 
 // ---- the public face: the loop ----
 
 void App::advance(double now) {
-  state_->keepUp(now);
+  impl_->advanceTo(now);
 }
 
 bool App::wantsFrame() const {
-  const State& s = *state_;
+  const Impl& s = *impl_;
   if (!s.drawable()) return false;
   if (s.dirty || s.flight.active() || s.flying()) return true;
   const ViewerStats stats = s.viewer.stats();
@@ -182,8 +182,8 @@ bool App::wantsFrame() const {
 }
 
 base::Result<void> App::frame(double now) {
-  State& s = *state_;
-  s.keepUp(now);
+  Impl& s = *impl_;
+  s.advanceTo(now);
   if (!s.drawable()) return {};
   const double begin = s.options.clock ? s.options.clock() : 0.0;
   s.drawn_messages = s.viewer.session().stats().messages_received;
@@ -193,7 +193,7 @@ base::Result<void> App::frame(double now) {
     s.dirty = false;
     return {};
   }
-  s.handToViewer();
+  s.configureViewer();
   LUMIGRID_TRY(s.viewer.draw(s.drawnCamera(), s.now));
   if (s.options.clock) s.draw_seconds += 0.2 * (s.options.clock() - begin - s.draw_seconds);
   s.frame_rate.add(s.now, 1.0);
@@ -206,7 +206,7 @@ base::Result<void> App::frame(double now) {
   if (s.moved_since_frame) s.images_used += stats.lumigraph.samples_used;
   s.moved_since_frame = false;
   s.dirty = false;
-  s.lookAtPins();
+  s.readPinAnswers();
   s.refreshOverlay();
   ++s.overlay_version;
   return {};
@@ -215,58 +215,58 @@ base::Result<void> App::frame(double now) {
 // ---- the public face: requests ----
 
 std::vector<Request> App::takeRequests() {
-  return std::exchange(state_->requests, {});
+  return std::exchange(impl_->requests, {});
 }
 
 void App::answerPick(std::uint32_t id, const PickAnswer& answer) {
-  State& s = *state_;
+  Impl& s = *impl_;
   PickAnswer taken = answer;
-  if (taken.kind == PickAnswer::Kind::kHit &&
-      (isOdd(glm::dot(taken.point, taken.point)) || isOdd(taken.accuracy) || s.hiddenBySection(taken.point)))
+  if (taken.kind == PickAnswer::Kind::kHit && (isNotFinite(glm::dot(taken.point, taken.point)) ||
+                                               isNotFinite(taken.accuracy) || s.hiddenBySection(taken.point)))
     taken.kind = PickAnswer::Kind::kUnknown;
   if (!s.measure.answer(id, taken)) return;
   s.dirty = true;
-  s.touched();
+  s.overlayChanged();
 }
 
-void App::say(std::string text, bool error) {
-  state_->say(std::move(text), error);
+void App::showToast(std::string text, bool error) {
+  impl_->showToast(std::move(text), error);
 }
 
 // ---- the public face: state ----
 
 const ViewState& App::view() const {
-  return state_->view;
+  return impl_->view;
 }
 std::string App::permalink() const {
-  return formatPermalink(state_->view);
+  return formatPermalink(impl_->view);
 }
 
 bool App::lensShown() const {
-  return state_->lens.has_value();
+  return impl_->lens.has_value();
 }
 
 void App::showStatistics(bool shown) {
-  state_->view.statistics = shown;
-  state_->touched();
+  impl_->view.statistics = shown;
+  impl_->overlayChanged();
 }
 
 void App::setBackground(const std::array<float, 4>& color) {
-  state_->viewer.setBackground(color);
-  state_->dirty = true;
+  impl_->viewer.setBackground(color);
+  impl_->dirty = true;
 }
 
 base::Result<void> App::openPermalink(std::string_view text) {
-  State& s = *state_;
+  Impl& s = *impl_;
   auto wanted = parsePermalink(text);
   if (!wanted) {
-    s.say(wanted.error().message, true);
+    s.showToast(wanted.error().message, true);
     return wanted.error();
   }
-  if ((wanted->method == lod::Method::kQsplat) != (s.view.method == lod::Method::kQsplat)) {
+  if ((wanted->method == Method::kQsplat) != (s.view.method == Method::kQsplat)) {
     const base::Error error{base::ErrorCode::kUnsupported,
                             "this link is for another method, whose data come from another place; open it anew"};
-    s.say(error.message, true);
+    s.showToast(error.message, true);
     return error;
   }
   s.last_link = formatPermalink(*wanted);
@@ -279,7 +279,7 @@ base::Result<void> App::openPermalink(std::string_view text) {
 
 const std::string& App::bookmark(int slot) const {
   LUMIGRID_CHECK(slot >= 0 && slot < kBookmarks);
-  return state_->bookmarks[static_cast<std::size_t>(slot)];
+  return impl_->bookmarks[static_cast<std::size_t>(slot)];
 }
 
 base::Result<void> App::setBookmark(int slot, std::string_view permalink) {
@@ -289,16 +289,16 @@ base::Result<void> App::setBookmark(int slot, std::string_view permalink) {
     const auto parsed = parsePermalink(permalink);
     if (!parsed) return base::within("bookmark " + std::to_string(slot), parsed.error());
   }
-  state_->bookmarks[static_cast<std::size_t>(slot)] = permalink;
+  impl_->bookmarks[static_cast<std::size_t>(slot)] = permalink;
   return {};
 }
 
 const Settings& App::settings() const {
-  return state_->settings;
+  return impl_->settings;
 }
 
 base::Result<void> App::changeSetting(std::string_view name, double value) {
-  State& s = *state_;
+  Impl& s = *impl_;
   const Settings before = s.settings;
   LUMIGRID_TRY(setSetting(s.settings, name, value));
   if (s.settings == before) return {};
@@ -317,92 +317,92 @@ base::Result<void> App::changeSetting(std::string_view name, double value) {
   Request request;
   request.kind = RequestKind::kKeepSettings;
   s.requests.push_back(std::move(request));
-  s.touched();
+  s.overlayChanged();
   return {};
 }
 
 void App::setAnnotations(std::vector<Annotation> annotations) {
-  State& s = *state_;
+  Impl& s = *impl_;
   if (annotations.size() > kMaxAnnotations) {
     annotations.resize(kMaxAnnotations);
-    s.say("Only the first " + std::to_string(kMaxAnnotations) + " notes are shown", true);
+    s.showToast("Only the first " + std::to_string(kMaxAnnotations) + " notes are shown", true);
   }
   s.annotations = std::move(annotations);
   s.open_annotation.reset();
   s.pins_visible.clear();
   s.pins_changed = true;
   s.dirty = true;
-  s.touched();
+  s.overlayChanged();
 }
 
 const std::vector<Annotation>& App::annotations() const {
-  return state_->annotations;
+  return impl_->annotations;
 }
 
 // ---- the public face: the overlay ----
 
 std::uint64_t App::overlayVersion() const {
-  return state_->overlay_version;
+  return impl_->overlay_version;
 }
 const std::vector<Label>& App::labels() const {
-  return state_->labels;
+  return impl_->labels;
 }
 const std::vector<LabelLine>& App::lines() const {
-  return state_->lines;
+  return impl_->lines;
 }
 const std::vector<Toast>& App::toasts() const {
-  return state_->toasts;
+  return impl_->toasts;
 }
 Status App::status() const {
-  return state_->status();
+  return impl_->status();
 }
 Progress App::progress() const {
-  return state_->progress;
+  return impl_->progress;
 }
 Mode App::mode() const {
-  return state_->mode;
+  return impl_->mode;
 }
 
 std::string App::modeHint() const {
-  if (state_->mode == Mode::kDistance)
+  if (impl_->mode == Mode::kDistance)
     return "Distance: click point after point, double click ends. Enter takes the middle. M: angles. Escape: done.";
-  if (state_->mode == Mode::kAngle)
+  if (impl_->mode == Mode::kAngle)
     return "Angle: click one arm's end, the corner, the other arm's end. Backspace takes one back. Escape: done.";
   return "";
 }
 
 bool App::helpShown() const {
-  return state_->help;
+  return impl_->help;
 }
 
 void App::showHelp(bool shown) {
-  if (state_->help != shown) state_->touched();
-  state_->help = shown;
+  if (impl_->help != shown) impl_->overlayChanged();
+  impl_->help = shown;
 }
 
 std::optional<std::size_t> App::openAnnotation() const {
-  return state_->open_annotation;
+  return impl_->open_annotation;
 }
 void App::showAnnotation(std::optional<std::size_t> index) {
-  state_->openCard(index);
+  impl_->openCard(index);
 }
 const std::vector<Measurement>& App::measurements() const {
-  return state_->measure.all();
+  return impl_->measure.all();
 }
 
 const std::string& App::unit() const {
   static const std::string kUnknown;
-  return state_->framed ? state_->framed->units : kUnknown;
+  return impl_->framed ? impl_->framed->units : kUnknown;
 }
 std::string App::sceneName() const {
-  return state_->framed ? state_->framed->scene_name : "";
+  return impl_->framed ? impl_->framed->scene_name : "";
 }
 base::ViewCamera App::camera() const {
-  return state_->drawnCamera();
+  return impl_->drawnCamera();
 }
 
 Statistics App::statistics() const {
-  const State& s = *state_;
+  const Impl& s = *impl_;
   const ViewerStats stats = s.viewer.stats();
   Statistics out;
   out.frames_per_second = s.frame_rate.perSecond(s.now);

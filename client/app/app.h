@@ -42,7 +42,7 @@ struct AppOptions {
   ViewerOptions viewer;
   Settings settings;  ///< must be valid (setSetting); the viewer's limits are taken from here unless the platform sets
                       ///< them after
-  bool settings_rule =
+  bool apply_settings =
       true;  ///< false: `viewer` is used as it is (a command line that says all), settings for the rest
   /// Seconds, finer than `now`, to time drawing with. Empty: frame_milliseconds stays 0.
   std::function<double()> clock;
@@ -146,7 +146,7 @@ class App {
   std::vector<Request> takeRequests();
   void answerPick(std::uint32_t id, const PickAnswer& answer);
   /// Something that the platform has to tell: "picture saved as …", "cannot write …".
-  void say(std::string text, bool error = false);
+  void showToast(std::string text, bool error = false);
 
   // ---- state that comes from outside and goes there ----
 
@@ -191,8 +191,8 @@ class App {
   Statistics statistics() const;
 
  private:
-  struct State;
-  std::unique_ptr<State> state_;
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
 };
 
 }  // namespace client

@@ -1,4 +1,4 @@
-#include "client/app/app_state.h"
+#include "client/app/app_impl.h"
 
 #include <algorithm>
 #include <cmath>
@@ -20,7 +20,7 @@ constexpr double kShapeShare = 0.6;
 
 // ---- toasts ----
 
-void App::State::say(std::string text, bool error) {
+void App::Impl::showToast(std::string text, bool error) {
   if (!toasts.empty() && toasts.back().text == text) {
     toasts.pop_back();
     toast_ends.pop_back();
@@ -31,21 +31,21 @@ void App::State::say(std::string text, bool error) {
     toasts.erase(toasts.begin());
     toast_ends.erase(toast_ends.begin());
   }
-  touched();
+  overlayChanged();
 }
 
-void App::State::expireToasts() {
+void App::Impl::expireToasts() {
   for (std::size_t i = toasts.size(); i-- > 0;) {
     if (toast_ends[i] > now) continue;
     toasts.erase(toasts.begin() + static_cast<std::ptrdiff_t>(i));
     toast_ends.erase(toast_ends.begin() + static_cast<std::ptrdiff_t>(i));
-    touched();
+    overlayChanged();
   }
 }
 
 // ---- words over the picture ----
 
-Label App::State::labelAt(LabelKind kind, std::size_t index, const glm::dvec3& world) const {
+Label App::Impl::labelAt(LabelKind kind, std::size_t index, const glm::dvec3& world) const {
   const ScreenPoint at = control.project(world);
   Label label;
   label.kind = kind;
@@ -57,7 +57,7 @@ Label App::State::labelAt(LabelKind kind, std::size_t index, const glm::dvec3& w
   return label;
 }
 
-void App::State::addPins() {
+void App::Impl::addPins() {
   for (std::size_t i = 0; i < annotations.size(); ++i) {
     Label label = labelAt(LabelKind::kPin, i, annotations[i].position);
     label.text = annotations[i].title;
@@ -71,7 +71,7 @@ void App::State::addPins() {
 }
 
 /// Cut where it would pass the eye.
-void App::State::addLine(const glm::dvec3& a, const glm::dvec3& b, bool approximate) {
+void App::Impl::addLine(const glm::dvec3& a, const glm::dvec3& b, bool approximate) {
   const glm::dvec3& eye = control.camera().position;
   const glm::dvec3& axis = control.camera().direction;
   const double nearest = 1e-6 * control.sceneSize();
@@ -89,7 +89,7 @@ void App::State::addLine(const glm::dvec3& a, const glm::dvec3& b, bool approxim
   lines.push_back({p.x, p.y, q.x, q.y, approximate});
 }
 
-void App::State::addMeasurements() {
+void App::Impl::addMeasurements() {
   std::size_t point_index = 0;
   std::size_t value_index = 0;
   for (const Measurement& one : measure.all()) {
@@ -111,7 +111,7 @@ void App::State::addMeasurements() {
 }
 
 /// The glass's rim.
-void App::State::addLens() {
+void App::Impl::addLens() {
   if (!lens) return;
   constexpr int kSides = 64;
   const auto rim = [this](int side) {
@@ -125,7 +125,7 @@ void App::State::addLens() {
   }
 }
 
-void App::State::refreshOverlay() {
+void App::Impl::refreshOverlay() {
   overlay_dirty = false;
   labels.clear();
   lines.clear();
@@ -133,47 +133,47 @@ void App::State::refreshOverlay() {
   addPins();
   addMeasurements();
   addLens();
-  if (view.section.on) labels.push_back(labelAt(LabelKind::kSectionHandle, 0, handlePlace()));
+  if (view.section.on) labels.push_back(labelAt(LabelKind::kSectionHandle, 0, sectionHandle()));
 }
 
 /// The viewer's answers come a frame or two late, and then stay; all pins are seen at one time.
-void App::State::lookAtPins() {
+void App::Impl::readPinAnswers() {
   if (annotations.empty() || options.surface) return;
   const std::vector<bool>& visible = viewer.pinsVisible();
   if (visible == pins_visible) return;
   pins_visible = visible;
-  touched();
+  overlayChanged();
 }
 
 /// Without GL nothing is known to lie in front of a pin.
-bool App::State::pinHidden(std::size_t index) const {
+bool App::Impl::pinHidden(std::size_t index) const {
   if (options.surface) return false;
   return index >= pins_visible.size() || !pins_visible[index];
 }
 
 // ---- connection and progress ----
 
-Status App::State::status() const {
+Status App::Impl::status() const {
   const Session& session = viewer.session();
   const std::string& problem = session.problem();
-  switch (session.state()) {
-    case SessionState::kRefused:
+  switch (session.phase()) {
+    case SessionPhase::kRefused:
       return {Status::Kind::kRefused, problem, "When that is mended, open the scene again."};
-    case SessionState::kDisconnected:
+    case SessionPhase::kDisconnected:
       if (problem.empty()) return {Status::Kind::kConnecting, "", ""};
       return {Status::Kind::kLost, problem,
               ready() ? "Trying again; what is here can be looked at meanwhile." : "Trying again."};
-    case SessionState::kGreeting:
+    case SessionPhase::kGreeting:
       return {Status::Kind::kConnecting, "", ""};
-    case SessionState::kReady:
+    case SessionPhase::kReady:
       break;
   }
   return {viewer.stats().complete ? Status::Kind::kReady : Status::Kind::kLoading, "", ""};
 }
 
-void App::State::updateProgress() {
+void App::Impl::updateProgress() {
   const Status present = status();
-  if (present.kind != last_status.kind || present.text != last_status.text) touched();
+  if (present.kind != last_status.kind || present.text != last_status.text) overlayChanged();
   last_status = present;
   const bool loading = present.kind == Status::Kind::kLoading || present.kind == Status::Kind::kConnecting;
   const Progress before = progress;

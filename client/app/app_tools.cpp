@@ -1,4 +1,4 @@
-#include "client/app/app_state.h"
+#include "client/app/app_impl.h"
 
 #include <algorithm>
 #include <cmath>
@@ -11,8 +11,8 @@ namespace client {
 namespace {
 
 /// How near a press must be to a pin or handle, screen units: mice, and fingers and pens.
-constexpr double kMouseReach = 12.0;
-constexpr double kFingerReach = 24.0;
+constexpr double kMousePickRadius = 12.0;
+constexpr double kFingerPickRadius = 24.0;
 /// Wheel steps within this time at one place go to the same surface point, which is looked for only once.
 constexpr double kWheelSeconds = 0.4;
 /// Pinching to this ratio is one wheel step.
@@ -25,7 +25,7 @@ constexpr double kLensShare = 0.18;
 
 // ---- gestures ----
 
-void App::State::act(const Gesture& g) {
+void App::Impl::applyGesture(const Gesture& g) {
   if (!ready()) return;
   flight.end();
   switch (g.kind) {
@@ -43,18 +43,18 @@ void App::State::act(const Gesture& g) {
       break;
     case GestureKind::kClick:
     case GestureKind::kDoubleClick:
-      click(g);
+      handleClick(g);
       return;
   }
   cameraMoved();
 }
 
-void App::State::click(const Gesture& g) {
+void App::Impl::handleClick(const Gesture& g) {
   const bool twice = g.kind == GestureKind::kDoubleClick;
   if (mode != Mode::kLook) {
     if (twice && mode == Mode::kDistance) {
       measure.finish();
-      touched();
+      overlayChanged();
     } else {
       measureAt(g.x, g.y);
     }
@@ -67,18 +67,18 @@ void App::State::click(const Gesture& g) {
   if (twice) setPivotAt(g.x, g.y);
 }
 
-void App::State::setPivotAt(double x, double y) {
-  if (const auto surface = surfaceAt(x, y)) goTo(control.centredOn(*surface), true);
+void App::Impl::setPivotAt(double x, double y) {
+  if (const auto surface = surfaceAt(x, y)) moveTo(control.viewpointCentredOn(*surface), true);
 }
 
-double App::State::reach(PointerKind kind) const {
-  return pixel_ratio * (kind == PointerKind::kMouse ? kMouseReach : kFingerReach);
+double App::Impl::pickRadius(PointerKind kind) const {
+  return pixel_ratio * (kind == PointerKind::kMouse ? kMousePickRadius : kFingerPickRadius);
 }
 
 /// The nearest one that can be seen.
-std::optional<std::size_t> App::State::pinAt(double x, double y, PointerKind kind) const {
+std::optional<std::size_t> App::Impl::pinAt(double x, double y, PointerKind kind) const {
   std::optional<std::size_t> found;
-  double nearest = reach(kind);
+  double nearest = pickRadius(kind);
   for (const Label& label : labels) {
     if (label.kind != LabelKind::kPin || !label.visible) continue;
     const double distance = std::hypot(label.x - x, label.y - y);
@@ -89,7 +89,7 @@ std::optional<std::size_t> App::State::pinAt(double x, double y, PointerKind kin
   return found;
 }
 
-void App::State::zoom(double steps, double x, double y) {
+void App::Impl::zoom(double steps, double x, double y) {
   if (!ready() || steps == 0.0) return;
   flight.end();
   WheelTarget& target = wheel_target;
@@ -104,22 +104,22 @@ void App::State::zoom(double steps, double x, double y) {
 
 // ---- measuring ----
 
-void App::State::cycleMeasure() {
+void App::Impl::cycleMeasure() {
   setMode(mode == Mode::kLook ? Mode::kDistance : mode == Mode::kDistance ? Mode::kAngle : Mode::kLook);
 }
 
-void App::State::setMode(Mode wanted) {
+void App::Impl::setMode(Mode wanted) {
   mode = wanted;
   if (mode == Mode::kLook)
     measure.clear();
   else
     measure.start(mode == Mode::kDistance ? MeasureKind::kDistance : MeasureKind::kAngle);
   dirty = true;
-  touched();
+  overlayChanged();
 }
 
 /// From where the section cuts off nothing any more.
-Ray App::State::pickRay(double x, double y) const {
+Ray App::Impl::pickRay(double x, double y) const {
   Ray ray = control.rayAt(x, y);
   if (!hiddenBySection(ray.origin)) return ray;
   const double towards = ray.direction[view.section.axis];
@@ -128,9 +128,9 @@ Ray App::State::pickRay(double x, double y) const {
   return ray;
 }
 
-void App::State::measureAt(double x, double y) {
+void App::Impl::measureAt(double x, double y) {
   const auto surface = surfaceAt(x, y);
-  if (!surface) return say("There is no surface at this place", false);
+  if (!surface) return showToast("There is no surface at this place", false);
 
   // What is on the screen, until the answer is here.
   MeasuredPoint point;
@@ -138,7 +138,7 @@ void App::State::measureAt(double x, double y) {
   point.accuracy = control.pixelSizeAt(*surface) * (0.5 + static_cast<double>(viewer.stats().error_px));
   point.pick_id = next_pick;
   if (!measure.add(point)) {
-    if (measure.full()) say("There are too many points; Escape clears them", false);
+    if (measure.full()) showToast("There are too many points; Escape clears them", false);
     return;
   }
   const Ray ray = pickRay(x, y);
@@ -149,12 +149,12 @@ void App::State::measureAt(double x, double y) {
   request.direction = ray.direction;
   requests.push_back(std::move(request));
   dirty = true;
-  touched();
+  overlayChanged();
 }
 
 // ---- the section plane ----
 
-bool App::State::hiddenBySection(const glm::dvec3& world) const {
+bool App::Impl::hiddenBySection(const glm::dvec3& world) const {
   const Section& s = view.section;
   if (!s.on) return false;
   // A hair on the hidden side is the plane itself.
@@ -163,57 +163,57 @@ bool App::State::hiddenBySection(const glm::dvec3& world) const {
 }
 
 /// The scene's up axis first, then the other two.
-int App::State::axisInOrder(int place) const {
+int App::Impl::sectionAxis(int place) const {
   const glm::vec3 up = glm::abs(framed->up);
   const int first = up.x > up.y && up.x > up.z ? 0 : up.y > up.z ? 1 : 2;
   return (first + place) % 3;
 }
 
-void App::State::cycleSection() {
+void App::Impl::cycleSection() {
   int place = 0;
   if (view.section.on)
-    while (axisInOrder(place++) != view.section.axis) {
+    while (sectionAxis(place++) != view.section.axis) {
     }
   if (place == 3) {
     view.section.on = false;
     cameraMoved();
     return;
   }
-  turnOnSection(axisInOrder(place));
+  turnOnSection(sectionAxis(place));
 }
 
 /// Through the middle of the model, with the near half cut off.
-void App::State::turnOnSection(int axis) {
+void App::Impl::turnOnSection(int axis) {
   view.section = {true, axis, control.camera().direction[axis] < 0.0, 0.5 * (box_min[axis] + box_max[axis])};
   cameraMoved();
 }
 
-void App::State::moveSection(double distance) {
+void App::Impl::moveSection(double distance) {
   Section& s = view.section;
   s.offset = std::clamp(s.offset + distance, box_min[s.axis], box_max[s.axis]);
 }
 
-glm::dvec3 App::State::handlePlace() const {
+glm::dvec3 App::Impl::sectionHandle() const {
   glm::dvec3 place = 0.5 * (box_min + box_max);
   place[view.section.axis] = view.section.offset;
   return place;
 }
 
-bool App::State::grabHandle(const PointerEvent& event) {
+bool App::Impl::grabHandle(const PointerEvent& event) {
   if (!ready() || !view.section.on || handle_pointer >= 0 || event.button != PointerButton::kLeft) return false;
-  const ScreenPoint at = control.project(handlePlace());
+  const ScreenPoint at = control.project(sectionHandle());
   if (at.depth <= 0.0 && !control.orthographic()) return false;
-  if (std::hypot(at.x - event.x, at.y - event.y) > reach(event.kind)) return false;
+  if (std::hypot(at.x - event.x, at.y - event.y) > pickRadius(event.kind)) return false;
   handle_pointer = event.id;
   handle_at = {event.x, event.y};
   return true;
 }
 
 /// The plane follows the pointer as far as the axis can be seen; seen along the axis, up and down move it.
-void App::State::dragHandle(const PointerEvent& event) {
+void App::Impl::dragHandle(const PointerEvent& event) {
   const glm::dvec2 drag = glm::dvec2(event.x, event.y) - handle_at;
   handle_at = {event.x, event.y};
-  const glm::dvec3 place = handlePlace();
+  const glm::dvec3 place = sectionHandle();
   const double pixel = control.pixelSizeAt(place);
   if (pixel <= 0.0) return;
   glm::dvec3 further = place;
@@ -228,22 +228,22 @@ void App::State::dragHandle(const PointerEvent& event) {
 
 // ---- the magnifying glass ----
 
-double App::State::lensRadius() const {
+double App::Impl::lensRadius() const {
   return kLensShare * std::min(width, height);
 }
 
-void App::State::toggleLens() {
-  if (view.method != lod::Method::kQsplat) return say("The magnifying glass is for splats: method qsplat", false);
+void App::Impl::toggleLens() {
+  if (view.method != Method::kQsplat) return showToast("The magnifying glass is for splats: method qsplat", false);
   if (lens)
     lens.reset();
   else
     lens = glm::dvec2(0.5 * width, 0.5 * height);
   lens_pointer = -1;
   dirty = true;
-  touched();
+  overlayChanged();
 }
 
-bool App::State::grabLens(const PointerEvent& event) {
+bool App::Impl::grabLens(const PointerEvent& event) {
   if (!ready() || !lens || lens_pointer >= 0 || event.button != PointerButton::kLeft) return false;
   if (glm::length(*lens - glm::dvec2(event.x, event.y)) > lensRadius()) return false;
   lens_pointer = event.id;
@@ -251,26 +251,26 @@ bool App::State::grabLens(const PointerEvent& event) {
   return true;
 }
 
-void App::State::dragLens(const PointerEvent& event) {
+void App::Impl::dragLens(const PointerEvent& event) {
   lens = glm::clamp(glm::dvec2(event.x, event.y), glm::dvec2(0.0), glm::dvec2(width, height));
   dirty = true;
-  touched();
+  overlayChanged();
 }
 
 // ---- notes ----
 
-void App::State::openCard(std::optional<std::size_t> index) {
+void App::Impl::openCard(std::optional<std::size_t> index) {
   if (index && *index >= annotations.size()) index.reset();
   open_annotation = index;
-  touched();
+  overlayChanged();
   if (!index || !annotations[*index].camera || !ready()) return;
   const base::ViewCamera& camera = *annotations[*index].camera;
   const double depth = glm::dot(annotations[*index].position - camera.position, camera.direction);
-  goTo({camera.position, camera.direction, depth > 0.0 ? depth : control.place().distance}, true);
+  moveTo({camera.position, camera.direction, depth > 0.0 ? depth : control.viewpoint().distance}, true);
 }
 
-void App::State::stepAnnotation(int by) {
-  if (annotations.empty()) return say("This scene has no notes", false);
+void App::Impl::stepAnnotation(int by) {
+  if (annotations.empty()) return showToast("This scene has no notes", false);
   const auto count = static_cast<std::ptrdiff_t>(annotations.size());
   const std::ptrdiff_t from = open_annotation ? static_cast<std::ptrdiff_t>(*open_annotation)
                                               : (by > 0 ? std::ptrdiff_t{-1} : std::ptrdiff_t{0});
@@ -280,7 +280,7 @@ void App::State::stepAnnotation(int by) {
 // ---- keys ----
 
 /// Leaves the innermost thing that is open. False when there is none.
-bool App::State::leave() {
+bool App::Impl::closeInnermost() {
   if (help) {
     help = false;
   } else if (open_annotation) {
@@ -296,56 +296,56 @@ bool App::State::leave() {
     return false;
   }
   dirty = true;
-  touched();
+  overlayChanged();
   return true;
 }
 
-void App::State::useBookmark(int slot, bool store) {
+void App::Impl::useBookmark(int slot, bool store) {
   const std::string number = std::to_string(slot);
   std::string& link = bookmarks[static_cast<std::size_t>(slot)];
   if (!ready()) return;
   if (slot == 0) {
-    if (store) return say("0 is always the first view; 1 to 9 can be set", false);
-    return goTo(control.firstPlace(), true);
+    if (store) return showToast("0 is always the first view; 1 to 9 can be set", false);
+    return moveTo(control.firstViewpoint(), true);
   }
   if (store) {
     link = formatPermalink(view);
     Request request;
     request.kind = RequestKind::kKeepBookmarks;
     requests.push_back(std::move(request));
-    return say("Bookmark " + number + " set", false);
+    return showToast("Bookmark " + number + " set", false);
   }
   const auto wanted = parsePermalink(link);
-  if (!wanted) return say("Bookmark " + number + " is empty; shift + " + number + " sets it", false);
+  if (!wanted) return showToast("Bookmark " + number + " is empty; shift + " + number + " sets it", false);
   showView(*wanted, false, true);
 }
 
-bool App::State::press(Key key, Modifiers modifiers) {
+bool App::Impl::pressKey(Key key, Modifiers modifiers) {
   if (key >= Key::k0 && key <= Key::k9) {
     useBookmark(static_cast<int>(key) - static_cast<int>(Key::k0), modifiers.shift || modifiers.ctrl);
     return true;
   }
   // Everything else with ctrl is the system's: copy, print, reload.
   if (modifiers.ctrl || modifiers.alt) return false;
-  if (key == Key::kEscape) return leave();
+  if (key == Key::kEscape) return closeInnermost();
   if (key == Key::kH) {
     help = !help;
-    touched();
+    overlayChanged();
     return true;
   }
   if (!ready()) return false;
   switch (key) {
     case Key::kF:
-      goTo(control.framingPlace(), true);
+      moveTo(control.framingViewpoint(), true);
       break;
     case Key::kR:
     case Key::kHome:
-      goTo(control.firstPlace(), true);
+      moveTo(control.firstViewpoint(), true);
       break;
     case Key::kI:
       view.statistics = !view.statistics;
       last_motion = now;
-      touched();
+      overlayChanged();
       break;
     case Key::kC:
       view.colors_by_resolution = !view.colors_by_resolution;
@@ -382,7 +382,7 @@ bool App::State::press(Key key, Modifiers modifiers) {
       if (mode == Mode::kLook) return false;
       measure.removeLast();
       dirty = true;
-      touched();
+      overlayChanged();
       break;
     case Key::kG: {
       Request request;

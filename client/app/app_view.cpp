@@ -1,4 +1,4 @@
-#include "client/app/app_state.h"
+#include "client/app/app_impl.h"
 
 #include <algorithm>
 #include <cmath>
@@ -10,7 +10,7 @@ namespace client {
 namespace {
 
 /// Longest step of motion that one turn of the loop makes, so that a pause is no leap.
-constexpr double kLongestStep = 0.1;  // seconds
+constexpr double kMaxStep = 0.1;  // seconds
 /// Pivot distances per second, and how much faster with shift.
 constexpr double kFlySpeed = 0.6;
 constexpr double kShiftFactor = 4.0;
@@ -31,14 +31,14 @@ bool sameShape(const protocol::Welcome& a, const protocol::Welcome& b) {
 // ---- the camera and the viewer ----
 
 /// The one place where the camera that is drawn is put together.
-base::ViewCamera App::State::drawnCamera() const {
+base::ViewCamera App::Impl::drawnCamera() const {
   base::ViewCamera camera = control.camera();
   camera.ortho_height = control.orthoHeight();
   return camera;
 }
 
 /// The one place where the viewer is told how to draw.
-void App::State::handToViewer() {
+void App::Impl::configureViewer() {
   viewer.setMethod(view.method);
   viewer.setResolutionColors(view.colors_by_resolution);
   std::optional<lod::qsplat::Lens> glass;
@@ -59,19 +59,19 @@ void App::State::handToViewer() {
   viewer.setPins(std::move(pins));
 }
 
-std::optional<glm::dvec3> App::State::surfaceAt(double x, double y) {
+std::optional<glm::dvec3> App::Impl::surfaceAt(double x, double y) {
   if (!ready()) return std::nullopt;
   return options.surface ? options.surface(drawnCamera(), x, y) : viewer.surfaceAt(drawnCamera(), x, y);
 }
 
 /// Something that is drawn over the picture has changed.
-void App::State::touched() {
+void App::Impl::overlayChanged() {
   overlay_dirty = true;
   ++overlay_version;
 }
 
-void App::State::cameraMoved() {
-  const Place place = control.place();
+void App::Impl::cameraMoved() {
+  const Viewpoint place = control.viewpoint();
   view.position = place.position;
   view.direction = place.direction;
   view.pivot_distance = place.distance;
@@ -80,11 +80,11 @@ void App::State::cameraMoved() {
   dirty = true;
   moved_since_frame = true;
   last_motion = now;
-  touched();
+  overlayChanged();
 }
 
 /// The first view of a scene, and of another one that took its place after a reconnect.
-void App::State::frameNewScene() {
+void App::Impl::frameNewScene() {
   const protocol::Welcome* welcome = viewer.session().welcome();
   if (welcome == nullptr || width <= 0 || (framed && sameShape(*framed, *welcome))) return;
   const bool another = framed.has_value();
@@ -102,17 +102,17 @@ void App::State::frameNewScene() {
   if (wanted_view) showView(*std::exchange(wanted_view, std::nullopt), true, false);
 }
 
-void App::State::goTo(const Place& place, bool glide) {
+void App::Impl::moveTo(const Viewpoint& place, bool glide) {
   flight.end();
   if (glide && !reducedMotion())
-    flight.begin(control.place(), place, now);
+    flight.begin(control.viewpoint(), place, now);
   else
-    control.setPlace(place);
+    control.setViewpoint(place);
   cameraMoved();
 }
 
 /// `whole`: with what is no part of a viewpoint, the method and the overlay.
-void App::State::showView(const ViewState& wanted, bool whole, bool glide) {
+void App::Impl::showView(const ViewState& wanted, bool whole, bool glide) {
   control.setFov(wanted.fov_y);
   control.setOrthographic(wanted.orthographic);
   view.section = wanted.section;
@@ -121,19 +121,19 @@ void App::State::showView(const ViewState& wanted, bool whole, bool glide) {
     view.method = wanted.method;
     view.statistics = wanted.statistics;
   }
-  goTo({wanted.position, wanted.direction, wanted.pivot_distance}, glide);
+  moveTo({wanted.position, wanted.direction, wanted.pivot_distance}, glide);
 }
 
 // ---- motion by keys ----
 
-bool App::State::flying() const {
+bool App::Impl::flying() const {
   static constexpr std::array<Key, 14> kMoving{Key::kW,    Key::kA,     Key::kS,      Key::kD,       Key::kQ,
                                                Key::kE,    Key::kUp,    Key::kDown,   Key::kLeft,    Key::kRight,
                                                Key::kPlus, Key::kMinus, Key::kPageUp, Key::kPageDown};
   return std::any_of(kMoving.begin(), kMoving.end(), [this](Key key) { return held[static_cast<std::size_t>(key)]; });
 }
 
-void App::State::fly(double seconds) {
+void App::Impl::fly(double seconds) {
   const auto down = [this](Key key) { return held[static_cast<std::size_t>(key)] ? 1.0 : 0.0; };
   const double speed = seconds * (shift ? kShiftFactor : 1.0);
   const double right = down(Key::kRight) - down(Key::kLeft);
@@ -160,7 +160,7 @@ void App::State::fly(double seconds) {
 
 // ---- time ----
 
-void App::State::noticeRest() {
+void App::Impl::reportRest() {
   if (!ready() || flight.active() || flying() || gestures.anyDown() || now - last_motion < kRestSeconds) return;
   std::string link = formatPermalink(view);
   if (link == last_link) return;
@@ -171,7 +171,7 @@ void App::State::noticeRest() {
   requests.push_back(std::move(request));
 }
 
-void App::State::meter() {
+void App::Impl::updateMeters() {
   const SessionStats stats = viewer.stats().session;
   byte_rate.add(now, static_cast<double>(stats.bytes_received - seen_bytes));
   seen_bytes = stats.bytes_received;
@@ -179,26 +179,26 @@ void App::State::meter() {
 }
 
 /// Time goes on.
-void App::State::keepUp(double time) {
+void App::Impl::advanceTo(double time) {
   if (!std::isfinite(time)) return;
-  const double step = started ? std::clamp(time - now, 0.0, kLongestStep) : 0.0;
+  const double step = started ? std::clamp(time - now, 0.0, kMaxStep) : 0.0;
   started = true;
   now = std::max(now, time);
   frameNewScene();
   if (hidden) return;
   if (ready() && flight.active()) {
-    control.setPlace(flight.at(control, now));
+    control.setViewpoint(flight.at(control, now));
     cameraMoved();
   }
   if (ready() && flying() && step > 0.0) {
     flight.end();
     fly(step);
   }
-  meter();
+  updateMeters();
   expireToasts();
   updateProgress();
-  lookAtPins();
-  noticeRest();
+  readPinAnswers();
+  reportRest();
   if (overlay_dirty) refreshOverlay();
 }
 

@@ -8,14 +8,14 @@ namespace client {
 
 class Flight {
  public:
-  void begin(const Place& from, const Place& to, double now);
+  void begin(const Viewpoint& from, const Viewpoint& to, double now);
   bool active() const { return active_; }
   /// Where the camera is now; the last answer is exactly `to`, and then the flight is over.
-  Place at(const OrbitControl& control, double now);
+  Viewpoint at(const OrbitControl& control, double now);
   void end() { active_ = false; }
 
  private:
-  Place from_, to_;
+  Viewpoint from_, to_;
   double begin_ = 0.0;
   bool active_ = false;
 };

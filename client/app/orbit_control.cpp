@@ -11,9 +11,9 @@ namespace {
 constexpr double kZoomPerStep = 0.8;
 /// How near zooming comes to its target, in box diagonals: far below anything a scan resolves, far above what doubles
 /// do.
-constexpr double kNearest = 1e-7;
+constexpr double kMinZoomDistance = 1e-7;
 /// And how far away from it.
-constexpr double kFarthest = 100.0;
+constexpr double kMaxZoomDistance = 100.0;
 /// The view direction stays this far from straight up and down (radians), where "up" would lose its meaning.
 constexpr double kPoleMargin = 0.01;
 /// The first view looks down by this angle (radians).
@@ -40,11 +40,11 @@ void OrbitControl::frameBox(const glm::dvec3& box_min, const glm::dvec3& box_max
   const glm::dvec3 from = glm::rotate(anyPerpendicular(up_), 0.6, up_);
   camera_.direction = -glm::normalize(std::cos(kFirstElevation) * from + std::sin(kFirstElevation) * up_);
   camera_.up = up_;
-  first_ = framingPlace();
-  setPlace(first_);
+  first_ = framingViewpoint();
+  setViewpoint(first_);
 }
 
-Place OrbitControl::framingPlace() const {
+Viewpoint OrbitControl::framingViewpoint() const {
   // The box's sphere just fits the smaller of the two angles of view.
   const double aspect = std::min(1.0, static_cast<double>(camera_.width) / static_cast<double>(camera_.height));
   const double half_angle = std::atan(std::tan(0.5 * camera_.fov_y) * aspect);
@@ -52,22 +52,22 @@ Place OrbitControl::framingPlace() const {
   return {0.5 * (box_min_ + box_max_) - distance * camera_.direction, camera_.direction, distance};
 }
 
-Place OrbitControl::centredOn(const glm::dvec3& world) const {
-  const double distance = std::max(orthographic_ ? depthOf(pivot_) : depthOf(world), kNearest * size_);
+Viewpoint OrbitControl::viewpointCentredOn(const glm::dvec3& world) const {
+  const double distance = std::max(orthographic_ ? depthOf(pivot_) : depthOf(world), kMinZoomDistance * size_);
   return {world - distance * camera_.direction, camera_.direction, distance};
 }
 
-Place OrbitControl::place() const {
-  return {camera_.position, camera_.direction, std::max(depthOf(pivot_), kNearest * size_)};
+Viewpoint OrbitControl::viewpoint() const {
+  return {camera_.position, camera_.direction, std::max(depthOf(pivot_), kMinZoomDistance * size_)};
 }
 
-void OrbitControl::setPlace(const Place& place) {
+void OrbitControl::setViewpoint(const Viewpoint& place) {
   camera_.direction = awayFromPoles(glm::normalize(place.direction));
   camera_.position = place.position;
   pivot_ = place.position + place.distance * camera_.direction;
 }
 
-Place OrbitControl::between(const Place& from, const Place& to, double share) const {
+Viewpoint OrbitControl::between(const Viewpoint& from, const Viewpoint& to, double share) const {
   if (share <= 0.0) return from;
   if (share >= 1.0) return to;
 
@@ -80,7 +80,7 @@ Place OrbitControl::between(const Place& from, const Place& to, double share) co
   const double h = heading(from.direction) + share * turn;
   const double e = glm::mix(elevation(from.direction), elevation(to.direction), share);
 
-  Place place;
+  Viewpoint place;
   place.direction = std::cos(e) * (std::cos(h) * east + std::sin(h) * north) + std::sin(e) * up_;
   place.distance = from.distance * std::pow(to.distance / from.distance, share);
   const glm::dvec3 pivot =
@@ -110,7 +110,7 @@ void OrbitControl::setViewport(int width, int height) {
 }
 
 void OrbitControl::reset() {
-  setPlace(first_);
+  setViewpoint(first_);
 }
 
 glm::dvec3 OrbitControl::right() const {
@@ -146,11 +146,11 @@ double OrbitControl::pixelScale() const {
 }
 
 double OrbitControl::orthoHeight() const {
-  return orthographic_ ? pixelScale() * camera_.height * place().distance : 0.0;
+  return orthographic_ ? pixelScale() * camera_.height * viewpoint().distance : 0.0;
 }
 
 glm::dvec3 OrbitControl::pointAt(double x, double y, double depth) const {
-  const double scale = pixelScale() * (orthographic_ ? place().distance : depth);
+  const double scale = pixelScale() * (orthographic_ ? viewpoint().distance : depth);
   const double side = (x - 0.5 * camera_.width) * scale;
   const double height = (0.5 * camera_.height - y) * scale;
   return camera_.position + depth * camera_.direction + side * right() + height * upInView();
@@ -159,7 +159,7 @@ glm::dvec3 OrbitControl::pointAt(double x, double y, double depth) const {
 ScreenPoint OrbitControl::project(const glm::dvec3& world) const {
   ScreenPoint point;
   point.depth = depthOf(world);
-  const double pixel = pixelScale() * (orthographic_ ? place().distance : point.depth);
+  const double pixel = pixelScale() * (orthographic_ ? viewpoint().distance : point.depth);
   if (pixel <= 0.0) return point;
   const glm::dvec3 from_eye = world - camera_.position;
   point.x = 0.5 * camera_.width + glm::dot(from_eye, right()) / pixel;
@@ -175,7 +175,7 @@ Ray OrbitControl::rayAt(double x, double y) const {
 }
 
 double OrbitControl::pixelSizeAt(const glm::dvec3& world) const {
-  return pixelScale() * (orthographic_ ? place().distance : std::max(depthOf(world), 0.0));
+  return pixelScale() * (orthographic_ ? viewpoint().distance : std::max(depthOf(world), 0.0));
 }
 
 void OrbitControl::move(const glm::dvec3& offset) {
@@ -185,7 +185,7 @@ void OrbitControl::move(const glm::dvec3& offset) {
 
 void OrbitControl::grab(double x, double y, const std::optional<glm::dvec3>& surface) {
   const double depth = depthOf(surface.value_or(pivot_));
-  grabbed_ = pointAt(x, y, std::max(depth, kNearest * size_));
+  grabbed_ = pointAt(x, y, std::max(depth, kMinZoomDistance * size_));
 }
 
 void OrbitControl::dragTo(double x, double y) {
@@ -193,7 +193,7 @@ void OrbitControl::dragTo(double x, double y) {
 }
 
 void OrbitControl::zoom(double steps, double x, double y, const std::optional<glm::dvec3>& surface) {
-  const double pivot_depth = std::max(depthOf(pivot_), kNearest * size_);
+  const double pivot_depth = std::max(depthOf(pivot_), kMinZoomDistance * size_);
   // In an orthographic picture all depths are alike; magnifying keeps what is shown at (x, y) where the pivot's plane
   // is.
   const glm::dvec3 shown = pointAt(x, y, pivot_depth);
@@ -204,8 +204,9 @@ void OrbitControl::zoom(double steps, double x, double y, const std::optional<gl
   // at and not through it.
   const double distance = glm::length(target - camera_.position);
   if (distance <= 0.0) return;
-  const double wanted = std::clamp(distance * std::pow(kZoomPerStep, steps), std::min(distance, kNearest * size_),
-                                   std::max(distance, kFarthest * size_));
+  const double wanted =
+      std::clamp(distance * std::pow(kZoomPerStep, steps), std::min(distance, kMinZoomDistance * size_),
+                 std::max(distance, kMaxZoomDistance * size_));
   const double factor = wanted / distance;
   const glm::dvec3 arm = pivot_ - camera_.position;
   camera_.position = target - factor * (target - camera_.position);
@@ -216,7 +217,7 @@ void OrbitControl::zoom(double steps, double x, double y, const std::optional<gl
 }
 
 void OrbitControl::fly(const glm::dvec3& distance) {
-  const double unit = std::max(glm::length(pivot_ - camera_.position), kNearest * size_);
+  const double unit = std::max(glm::length(pivot_ - camera_.position), kMinZoomDistance * size_);
   if (orthographic_) {
     move(unit * (distance.x * right() + distance.y * upInView()));
     zoom(distance.z / -std::log(kZoomPerStep), 0.5 * camera_.width, 0.5 * camera_.height, std::nullopt);

@@ -12,7 +12,7 @@
 namespace client {
 
 /// Where a camera stands. The pivot is straight ahead.
-struct Place {
+struct Viewpoint {
   glm::dvec3 position{0.0, 0.0, 1.0};    ///< world
   glm::dvec3 direction{0.0, 0.0, -1.0};  ///< unit, world
   double distance = 1.0;                 ///< to the pivot, world units, above 0
@@ -37,18 +37,18 @@ class OrbitControl {
   void setViewport(int width, int height);  ///< pixels, ≥ 1
   /// Back to the view that frameBox() gave.
   void reset();
-  Place firstPlace() const { return first_; }
+  Viewpoint firstViewpoint() const { return first_; }
   /// The whole box in view from the side that is looked at now.
-  Place framingPlace() const;
+  Viewpoint framingViewpoint() const;
   /// So far aside that a world point is straight ahead, at its distance; it becomes the pivot.
-  Place centredOn(const glm::dvec3& world) const;
+  Viewpoint viewpointCentredOn(const glm::dvec3& world) const;
 
-  Place place() const;
+  Viewpoint viewpoint() const;
   /// Directions nearer to straight up and down than the poles' margin are turned away from them.
-  void setPlace(const Place& place);
+  void setViewpoint(const Viewpoint& place);
   /// From one place to another at `share` 0 … 1 of the way: turns about the up vector, and comes nearer at an even
   /// rate.
-  Place between(const Place& from, const Place& to, double share) const;
+  Viewpoint between(const Viewpoint& from, const Viewpoint& to, double share) const;
 
   void setFov(double fov_y);  ///< radians, in (0, π)
   void setOrthographic(bool on) { orthographic_ = on; }
@@ -101,7 +101,7 @@ class OrbitControl {
   double size_ = 1.0;  // of the box, its diagonal
   glm::dvec3 box_min_{0.0}, box_max_{0.0};
   bool orthographic_ = false;
-  Place first_;
+  Viewpoint first_;
 };
 
 }  // namespace client

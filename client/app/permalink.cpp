@@ -122,8 +122,8 @@ base::Result<void> readFov(std::string_view value, ViewState& view) {
 }
 
 base::Result<void> readMethod(std::string_view value, ViewState& view) {
-  const auto method = lod::methodFromName(value);
-  if (!method || *method == lod::Method::kFull) return bad("m (method) must be lumigraph, patches or qsplat");
+  const auto method = methodFromName(value);
+  if (!method) return bad("m (method) must be lumigraph, patches or qsplat");
   view.method = *method;
   return {};
 }
@@ -151,18 +151,18 @@ base::Result<void> readSection(std::string_view value, ViewState& view) {
 }
 
 using Reader = base::Result<void> (*)(std::string_view, ViewState&);
-struct Part {
+struct LinkPart {
   char name;
   bool needed;
   Reader read;
 };
-constexpr std::array<Part, 7> kParts{{{'p', true, readPosition},
-                                      {'a', true, readDirection},
-                                      {'r', true, readDistance},
-                                      {'f', false, readFov},
-                                      {'m', false, readMethod},
-                                      {'o', false, readOptions},
-                                      {'x', false, readSection}}};
+constexpr std::array<LinkPart, 7> kParts{{{'p', true, readPosition},
+                                          {'a', true, readDirection},
+                                          {'r', true, readDistance},
+                                          {'f', false, readFov},
+                                          {'m', false, readMethod},
+                                          {'o', false, readOptions},
+                                          {'x', false, readSection}}};
 
 }  // namespace
 
@@ -180,8 +180,7 @@ std::string formatPermalink(const ViewState& view) {
   // What is not as usual.
   const std::string fov = fixed(glm::degrees(view.fov_y), kAngleDecimals);
   if (fov != fixed(kDefaultFovDegrees, kAngleDecimals)) text += "&f=" + fov;
-  if (view.method == lod::Method::kPatches) text += "&m=patches";
-  if (view.method == lod::Method::kQsplat) text += "&m=qsplat";
+  if (view.method != Method::kLumigraph) text += "&m=" + std::string(nameOf(view.method));
   std::string options;
   if (view.statistics) options += 's';
   if (view.colors_by_resolution) options += 'c';
@@ -209,7 +208,7 @@ base::Result<ViewState> parsePermalink(std::string_view text) {
     text.remove_prefix(1);  // '&'
     const std::string_view part = text.substr(0, text.find('&'));
     text.remove_prefix(part.size());
-    const auto known = std::find_if(kParts.begin(), kParts.end(), [&](const Part& p) {
+    const auto known = std::find_if(kParts.begin(), kParts.end(), [&](const LinkPart& p) {
       return part.size() >= 2 && part[0] == p.name && part[1] == '=';
     });
     if (known == kParts.end()) return bad("it has a part that is not known");

@@ -63,8 +63,8 @@ std::string_view word(std::string_view words, int place) {
 
 }  // namespace
 
-lod::Method methodOf(const Settings& settings) {
-  return *lod::methodFromName(choiceName(*findSetting("method"), settings.method));
+Method methodOf(const Settings& settings) {
+  return *methodFromName(choiceName(*findSetting("method"), settings.method));
 }
 
 std::span<const SettingField> settingFields() {
@@ -80,15 +80,15 @@ const SettingField* findSetting(std::string_view name) {
 base::Result<void> setSetting(Settings& settings, std::string_view name, double value) {
   const SettingField* field = findSetting(name);
   if (field == nullptr) return bad(name, "there is no such setting");
-  if (!(value >= field->smallest && value <= field->largest))
-    return bad(name, "must lie between " + plain(field->smallest) + " and " + plain(field->largest));
+  if (!(value >= field->min && value <= field->max))
+    return bad(name, "must lie between " + plain(field->min) + " and " + plain(field->max));
   if (field->kind != Kind::kNumber && value != std::floor(value)) return bad(name, "must be a whole number");
   settings.*(field->value) = value;
   return {};
 }
 
 base::Result<double> choiceValue(const SettingField& field, std::string_view choice) {
-  for (int place = 0; place <= static_cast<int>(field.largest); ++place)
+  for (int place = 0; place <= static_cast<int>(field.max); ++place)
     if (!choice.empty() && word(field.choices, place) == choice) return static_cast<double>(place);
   return bad(field.name, "must be one of: " + std::string(field.choices));
 }

@@ -6,7 +6,7 @@
 #include <string_view>
 
 #include "base/error.h"
-#include "lod/method.h"
+#include "client/source/method.h"
 
 namespace client {
 
@@ -44,7 +44,7 @@ struct SettingField {
   std::string_view name;   ///< in JSON: "patch_tolerance"
   std::string_view label;  ///< for people: "Patch tolerance, pixels"
   SettingKind kind;
-  double smallest, largest;
+  double min, max;
   double Settings::*value;
   std::string_view
       choices;  ///< kChoice: names parted by blanks, "system light dark"; the value is the place in the list
@@ -52,7 +52,7 @@ struct SettingField {
 };
 
 /// What Settings::method stands for.
-lod::Method methodOf(const Settings& settings);
+Method methodOf(const Settings& settings);
 
 /// All of them, in the order in which they are shown. The default is that of Settings.
 std::span<const SettingField> settingFields();

@@ -3,7 +3,7 @@
 #include <glm/glm.hpp>
 
 #include "base/camera.h"
-#include "lod/method.h"
+#include "client/source/method.h"
 
 namespace client {
 
@@ -21,7 +21,7 @@ struct ViewState {
   glm::dvec3 direction{0.0, 0.0, -1.0};  ///< unit, world
   double pivot_distance = 1.0;           ///< the pivot lies this far along the direction, world units, above 0
   double fov_y = 0.7853981633974483;     ///< radians, full vertical angle
-  lod::Method method = lod::Method::kLumigraph;
+  Method method = Method::kLumigraph;
   bool statistics = false;
   bool colors_by_resolution = false;
   bool orthographic = false;  ///< shows at the pivot's depth what the perspective view shows there

@@ -26,8 +26,8 @@ namespace websocket = beast::websocket;
 using asio::ip::tcp;
 using Clock = LinkClock::Clock;
 
-constexpr std::chrono::milliseconds kFirstBackoff{250};
-constexpr std::chrono::milliseconds kLongestBackoff{5000};
+constexpr std::chrono::milliseconds kMinBackoff{250};
+constexpr std::chrono::milliseconds kMaxBackoff{5000};
 constexpr std::chrono::seconds kConnectTimeout{10};
 /// Silence after which the connection counts as lost; half-way a ping goes out.
 constexpr std::chrono::seconds kIdleTimeout{60};
@@ -106,13 +106,13 @@ base::Result<ServerUrl> parseServerUrl(const std::string& text) {
 
 // ---- the thread ----
 
-struct Connection::State {
-  State(const ServerUrl& to, const LinkLimit& limit) : url(to), resolver(io), retry_timer(io) {
+struct Connection::Impl {
+  Impl(const ServerUrl& to, const LinkLimit& limit) : url(to), resolver(io), retry_timer(io) {
     link_clock.setLimit(limit);
     asio::post(io, [this] { connect(); });
     thread = std::thread([this] { io.run(); });
   }
-  ~State() {
+  ~Impl() {
     io.stop();
     thread.join();
   }
@@ -140,7 +140,7 @@ struct Connection::State {
   void onRead(const LinkPointer& on, const beast::error_code& error);
   void write(const LinkPointer& on);
   void onWritten(const LinkPointer& on, const beast::error_code& error);
-  void lose(LinkPointer on, const std::string& reason);
+  void loseLink(LinkPointer on, const std::string& reason);
 
   // Shared by both threads, under the mutex.
   void push(Event event);
@@ -153,7 +153,7 @@ struct Connection::State {
   asio::steady_timer retry_timer;
   LinkPointer link;
   std::uint64_t epochs = 0;
-  Clock::duration backoff = kFirstBackoff;
+  Clock::duration backoff = kMinBackoff;
 
   std::mutex mutex;
   std::condition_variable arrived;
@@ -168,7 +168,7 @@ struct Connection::State {
   std::thread thread;
 };
 
-void Connection::State::connect() {
+void Connection::Impl::connect() {
   link = std::make_shared<Link>(io);
   link->epoch = ++epochs;
   resolver.async_resolve(url.host, url.port, [this, on = link](const beast::error_code& error, auto results) {
@@ -176,17 +176,19 @@ void Connection::State::connect() {
   });
 }
 
-void Connection::State::onResolved(const LinkPointer& on, const beast::error_code& error,
-                                   tcp::resolver::results_type results) {
-  if (error) return lose(on, "cannot find the host '" + url.host + "' (" + error.message() + "); check the address");
+void Connection::Impl::onResolved(const LinkPointer& on, const beast::error_code& error,
+                                  tcp::resolver::results_type results) {
+  if (error)
+    return loseLink(on, "cannot find the host '" + url.host + "' (" + error.message() + "); check the address");
   beast::tcp_stream& stream = beast::get_lowest_layer(on->socket);
   stream.expires_after(kConnectTimeout);
   stream.async_connect(results, [this, on](const beast::error_code& failed, const auto&) { onConnected(on, failed); });
 }
 
-void Connection::State::onConnected(const LinkPointer& on, const beast::error_code& error) {
+void Connection::Impl::onConnected(const LinkPointer& on, const beast::error_code& error) {
   if (error)
-    return lose(on, "cannot reach " + url.authority() + " (" + error.message() + "); is lumigrid serve running there?");
+    return loseLink(on,
+                    "cannot reach " + url.authority() + " (" + error.message() + "); is lumigrid serve running there?");
   beast::tcp_stream& stream = beast::get_lowest_layer(on->socket);
   stream.expires_never();
   beast::error_code ignored;
@@ -208,10 +210,10 @@ void Connection::State::onConnected(const LinkPointer& on, const beast::error_co
                              [this, on](const beast::error_code& failed) { onHandshake(on, failed); });
 }
 
-void Connection::State::onHandshake(const LinkPointer& on, const beast::error_code& error) {
+void Connection::Impl::onHandshake(const LinkPointer& on, const beast::error_code& error) {
   if (error)
-    return lose(on, url.authority() + " does not answer as a lumigrid server (" + error.message() +
-                        "); check address and port");
+    return loseLink(on, url.authority() + " does not answer as a lumigrid server (" + error.message() +
+                            "); check address and port");
   on->open = true;
   Event event;
   event.kind = EventKind::kConnected;
@@ -220,17 +222,17 @@ void Connection::State::onHandshake(const LinkPointer& on, const beast::error_co
   read(on);
 }
 
-void Connection::State::read(const LinkPointer& on) {
+void Connection::Impl::read(const LinkPointer& on) {
   if (on != link || !on->open || on->reading || inboxFull()) return;
   on->reading = true;
   on->socket.async_read(on->buffer, [this, on](const beast::error_code& error, std::size_t) { onRead(on, error); });
 }
 
-void Connection::State::onRead(const LinkPointer& on, const beast::error_code& error) {
-  if (error) return lose(on, "lost the connection to " + url.authority() + " (" + error.message() + ")");
+void Connection::Impl::onRead(const LinkPointer& on, const beast::error_code& error) {
+  if (error) return loseLink(on, "lost the connection to " + url.authority() + " (" + error.message() + ")");
 
   // A message is proof that the server is there: the next loss starts over with short waits.
-  backoff = kFirstBackoff;
+  backoff = kMinBackoff;
   Event event;
   event.epoch = on->epoch;
   const asio::const_buffer data = on->buffer.cdata();
@@ -252,7 +254,7 @@ void Connection::State::onRead(const LinkPointer& on, const beast::error_code& e
   });
 }
 
-void Connection::State::write(const LinkPointer& on) {
+void Connection::Impl::write(const LinkPointer& on) {
   if (on != link || !on->open || on->busy_writing) return;
   {
     std::lock_guard lock(mutex);
@@ -266,15 +268,15 @@ void Connection::State::write(const LinkPointer& on) {
                          [this, on](const beast::error_code& error, std::size_t) { onWritten(on, error); });
 }
 
-void Connection::State::onWritten(const LinkPointer& on, const beast::error_code& error) {
+void Connection::Impl::onWritten(const LinkPointer& on, const beast::error_code& error) {
   on->busy_writing = false;
-  if (error) return lose(on, "lost the connection to " + url.authority() + " (" + error.message() + ")");
+  if (error) return loseLink(on, "lost the connection to " + url.authority() + " (" + error.message() + ")");
   write(on);
 }
 
 /// Ends this link, tells the session, and tries again after the present wait. Read and write may both fail: the first
 /// counts.
-void Connection::State::lose(LinkPointer on, const std::string& reason) {
+void Connection::Impl::loseLink(LinkPointer on, const std::string& reason) {
   if (on != link) return;
   link.reset();
   on->open = false;
@@ -288,7 +290,7 @@ void Connection::State::lose(LinkPointer on, const std::string& reason) {
   push(std::move(event));
 
   retry_timer.expires_after(backoff);
-  backoff = std::min<Clock::duration>(2 * backoff, kLongestBackoff);
+  backoff = std::min<Clock::duration>(2 * backoff, kMaxBackoff);
   retry_timer.async_wait([this](const beast::error_code& error) {
     if (!error) connect();
   });
@@ -296,7 +298,7 @@ void Connection::State::lose(LinkPointer on, const std::string& reason) {
 
 // ---- between the threads ----
 
-void Connection::State::push(Event event) {
+void Connection::Impl::push(Event event) {
   {
     std::lock_guard lock(mutex);
     event.due = link_clock.due();
@@ -306,12 +308,12 @@ void Connection::State::push(Event event) {
   arrived.notify_one();
 }
 
-bool Connection::State::inboxFull() {
+bool Connection::Impl::inboxFull() {
   std::lock_guard lock(mutex);
   return inbox_bytes > kInboxLimit;
 }
 
-std::vector<Event> Connection::State::takeDue() {
+std::vector<Event> Connection::Impl::takeDue() {
   std::vector<Event> due;
   std::lock_guard lock(mutex);
   const Clock::time_point now = Clock::now();
@@ -325,16 +327,16 @@ std::vector<Event> Connection::State::takeDue() {
 
 // ---- the session's side ----
 
-Connection::Connection(const ServerUrl& url, const LinkLimit& limit) : state_(std::make_unique<State>(url, limit)) {}
+Connection::Connection(const ServerUrl& url, const LinkLimit& limit) : impl_(std::make_unique<Impl>(url, limit)) {}
 Connection::~Connection() = default;
 
 void Connection::setLimit(const LinkLimit& limit) {
-  std::lock_guard lock(state_->mutex);
-  state_->link_clock.setLimit(limit);
+  std::lock_guard lock(impl_->mutex);
+  impl_->link_clock.setLimit(limit);
 }
 
 bool Connection::pump(Session& session) {
-  State& s = *state_;
+  Impl& s = *impl_;
 
   // In.
   const std::vector<Event> events = s.takeDue();
@@ -352,8 +354,8 @@ bool Connection::pump(Session& session) {
       s.session_epoch = 0;
       asio::post(s.io, [&s, epoch = event.epoch, reason = taken.error().message] {
         if (!s.link || s.link->epoch != epoch) return;
-        s.backoff = kLongestBackoff;
-        s.lose(s.link, reason);
+        s.backoff = kMaxBackoff;
+        s.loseLink(s.link, reason);
       });
     }
   }
@@ -376,7 +378,7 @@ bool Connection::pump(Session& session) {
 }
 
 void Connection::waitForArrival(double seconds) {
-  State& s = *state_;
+  Impl& s = *impl_;
   const Clock::time_point until = Clock::now() + LinkClock::toDuration(seconds);
   std::unique_lock lock(s.mutex);
   while (Clock::now() < until) {

@@ -34,8 +34,8 @@ class Connection final : public Link {
   void waitForArrival(double seconds) override;
 
  private:
-  struct State;
-  std::unique_ptr<State> state_;
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
 };
 
 }  // namespace client

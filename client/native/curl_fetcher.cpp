@@ -25,7 +25,7 @@ constexpr long kStallBytesPerSecond = 256;
 constexpr long kStallSeconds = 20;
 constexpr long kConnections = 6;
 
-struct Order {
+struct RangeOrder {
   std::uint64_t id = 0;
   std::string name;
   std::uint64_t offset = 0, length = 0;
@@ -34,22 +34,22 @@ struct Order {
 
 /// One request under way.
 struct Transfer {
-  Order order;
+  RangeOrder order;
   CURL* handle = nullptr;
   HttpHead head;
   base::Bytes body;
-  std::optional<Fetched> verdict;  // known before the end: the transfer is broken off
+  std::optional<FetchAnswer> verdict;  // known before the end: the transfer is broken off
 
-  void judge();
+  void judgeHead();
   bool addBody(base::ByteView bytes);
-  Fetched ended(CURLcode code);
-  Fetched answer(FetchOutcome outcome, const std::string& detail = "") const {
+  FetchAnswer finish(CURLcode code);
+  FetchAnswer answer(FetchOutcome outcome, const std::string& detail = "") const {
     return {order.id, outcome, {}, head.status, detail};
   }
 };
 
 /// What the head says, before any byte of the body is taken.
-void Transfer::judge() {
+void Transfer::judgeHead() {
   constexpr int kOk = 200, kPartial = 206;
   const int status = head.status;
   const std::string encoding = head.header("content-encoding");
@@ -91,12 +91,12 @@ bool Transfer::addBody(base::ByteView bytes) {
   return true;
 }
 
-Fetched Transfer::ended(CURLcode code) {
-  if (head.status != 0 && !verdict && head.ended) judge();
+FetchAnswer Transfer::finish(CURLcode code) {
+  if (head.status != 0 && !verdict && head.ended) judgeHead();
   if (verdict) return std::move(*verdict);
   if (code != CURLE_OK) return answer(FetchOutcome::kNetwork, curl_easy_strerror(code));
   if (!order.whole && body.size() != order.length) return answer(FetchOutcome::kNetwork, "the answer is cut short");
-  Fetched good = answer(FetchOutcome::kBytes);
+  FetchAnswer good = answer(FetchOutcome::kBytes);
   good.bytes = std::move(body);
   return good;
 }
@@ -108,21 +108,21 @@ extern "C" std::size_t fetcherHeader(char* data, std::size_t size, std::size_t c
 
 extern "C" std::size_t fetcherBody(char* data, std::size_t size, std::size_t count, void* transfer) {
   auto* t = static_cast<Transfer*>(transfer);
-  if (t->body.empty() && !t->verdict) t->judge();
+  if (t->body.empty() && !t->verdict) t->judgeHead();
   return t->addBody({reinterpret_cast<const std::uint8_t*>(data), size * count}) ? size * count : 0;
 }
 
 }  // namespace
 
-struct CurlFetcher::State {
-  State(const std::string& where, const LinkLimit& limit) : place(where) {
+struct CurlFetcher::Impl {
+  Impl(const std::string& where, const LinkLimit& limit) : place(where) {
     startCurlOnce();
     link_clock.setLimit(limit);
     multi = curl_multi_init();
     curl_multi_setopt(multi, CURLMOPT_MAX_HOST_CONNECTIONS, kConnections);
     thread = std::thread([this] { run(); });
   }
-  ~State() {
+  ~Impl() {
     {
       const std::lock_guard lock(mutex);
       ending = true;
@@ -138,18 +138,18 @@ struct CurlFetcher::State {
   }
 
   struct Due {
-    Fetched fetched;
+    FetchAnswer answer;
     Clock::time_point due;
   };
 
   // On the thread.
   void run();
   void startOrders();
-  void start(Order order);
+  void start(RangeOrder order);
   void collect();
-  void checkVersion(const Transfer& transfer, Fetched& fetched);
+  void checkVersion(const Transfer& transfer, FetchAnswer& answer);
 
-  void push(Order order) {
+  void push(RangeOrder order) {
     {
       const std::lock_guard lock(mutex);
       orders.push_back(std::move(order));
@@ -167,7 +167,7 @@ struct CurlFetcher::State {
   std::mutex mutex;
   std::condition_variable arrived;
   bool ending = false;
-  std::deque<Order> orders;
+  std::deque<RangeOrder> orders;
   std::unordered_set<std::uint64_t> cancelled;
   std::deque<Due> done;
   LinkClock link_clock;
@@ -175,7 +175,7 @@ struct CurlFetcher::State {
   std::thread thread;
 };
 
-void CurlFetcher::State::run() {
+void CurlFetcher::Impl::run() {
   while (true) {
     {
       const std::lock_guard lock(mutex);
@@ -190,15 +190,15 @@ void CurlFetcher::State::run() {
   }
 }
 
-void CurlFetcher::State::startOrders() {
-  std::deque<Order> taken;
+void CurlFetcher::Impl::startOrders() {
+  std::deque<RangeOrder> taken;
   std::vector<CURL*> dropped;
   {
     const std::lock_guard lock(mutex);
     taken.swap(orders);
     for (const auto& [handle, transfer] : transfers)
       if (cancelled.count(transfer->order.id) != 0) dropped.push_back(handle);
-    std::erase_if(taken, [this](const Order& order) { return cancelled.count(order.id) != 0; });
+    std::erase_if(taken, [this](const RangeOrder& order) { return cancelled.count(order.id) != 0; });
     cancelled.clear();
   }
   for (CURL* handle : dropped) {
@@ -206,17 +206,17 @@ void CurlFetcher::State::startOrders() {
     transfers.erase(handle);
     idle.push_back(handle);
   }
-  for (Order& order : taken) start(std::move(order));
+  for (RangeOrder& order : taken) start(std::move(order));
 }
 
-void CurlFetcher::State::start(Order order) {
+void CurlFetcher::Impl::start(RangeOrder order) {
   CURL* handle = idle.empty() ? curl_easy_init() : idle.back();
   if (!idle.empty()) idle.pop_back();
   curl_easy_reset(handle);
   auto transfer = std::make_unique<Transfer>();
   transfer->order = std::move(order);
   transfer->handle = handle;
-  const Order& o = transfer->order;
+  const RangeOrder& o = transfer->order;
   setUpRequest(handle, place + "/" + o.name);
   curl_easy_setopt(handle, CURLOPT_CONNECTTIMEOUT, kConnectSeconds);
   curl_easy_setopt(handle, CURLOPT_LOW_SPEED_LIMIT, kStallBytesPerSecond);
@@ -233,70 +233,70 @@ void CurlFetcher::State::start(Order order) {
 }
 
 /// The first version that is seen is the one that all answers must be of.
-void CurlFetcher::State::checkVersion(const Transfer& transfer, Fetched& fetched) {
+void CurlFetcher::Impl::checkVersion(const Transfer& transfer, FetchAnswer& answer) {
   std::string version = transfer.head.header("etag");
   if (version.rfind("W/", 0) == 0) version = version.substr(2);
   if (version.empty()) version = transfer.head.header("last-modified");
-  if (version.empty() || fetched.outcome != FetchOutcome::kBytes) return;
+  if (version.empty() || answer.outcome != FetchOutcome::kBytes) return;
   const auto [it, is_first] = versions.emplace(transfer.order.name, version);
-  if (!is_first && it->second != version) fetched = {fetched.id, FetchOutcome::kChanged, {}, fetched.status, ""};
+  if (!is_first && it->second != version) answer = {answer.id, FetchOutcome::kChanged, {}, answer.status, ""};
 }
 
-void CurlFetcher::State::collect() {
+void CurlFetcher::Impl::collect() {
   int left = 0;
   while (const CURLMsg* message = curl_multi_info_read(multi, &left)) {
     if (message->msg != CURLMSG_DONE) continue;
     CURL* handle = message->easy_handle;
     const CURLcode code = message->data.result;
     const auto it = transfers.find(handle);
-    Fetched fetched = it->second->ended(code);
-    if (!it->second->order.whole) checkVersion(*it->second, fetched);
+    FetchAnswer answer = it->second->finish(code);
+    if (!it->second->order.whole) checkVersion(*it->second, answer);
     curl_multi_remove_handle(multi, handle);
     transfers.erase(it);
     idle.push_back(handle);
     {
       const std::lock_guard lock(mutex);
-      link_clock.pass(fetched.bytes.size(), Clock::now());
-      done.push_back({std::move(fetched), link_clock.due()});
+      link_clock.pass(answer.bytes.size(), Clock::now());
+      done.push_back({std::move(answer), link_clock.due()});
     }
     arrived.notify_one();
   }
 }
 
 CurlFetcher::CurlFetcher(const std::string& place, const LinkLimit& limit)
-    : state_(std::make_unique<State>(place, limit)) {}
+    : impl_(std::make_unique<Impl>(place, limit)) {}
 CurlFetcher::~CurlFetcher() = default;
 
 void CurlFetcher::submit(std::uint64_t id, const std::string& name, std::uint64_t offset, std::uint64_t length) {
-  state_->push({id, name, offset, length, false});
+  impl_->push({id, name, offset, length, false});
 }
 
-void CurlFetcher::submitWhole(std::uint64_t id, const std::string& name, std::uint64_t most_bytes) {
-  state_->push({id, name, 0, most_bytes, true});
+void CurlFetcher::submitWhole(std::uint64_t id, const std::string& name, std::uint64_t max_bytes) {
+  impl_->push({id, name, 0, max_bytes, true});
 }
 
-std::vector<Fetched> CurlFetcher::take() {
-  std::vector<Fetched> taken;
-  const std::lock_guard lock(state_->mutex);
+std::vector<FetchAnswer> CurlFetcher::takeAnswers() {
+  std::vector<FetchAnswer> taken;
+  const std::lock_guard lock(impl_->mutex);
   const Clock::time_point now = Clock::now();
-  while (!state_->done.empty() && state_->done.front().due <= now) {
-    taken.push_back(std::move(state_->done.front().fetched));
-    state_->done.pop_front();
+  while (!impl_->done.empty() && impl_->done.front().due <= now) {
+    taken.push_back(std::move(impl_->done.front().answer));
+    impl_->done.pop_front();
   }
   return taken;
 }
 
 void CurlFetcher::cancel(std::uint64_t id) {
   {
-    const std::lock_guard lock(state_->mutex);
-    std::erase_if(state_->done, [id](const State::Due& due) { return due.fetched.id == id; });
-    state_->cancelled.insert(id);
+    const std::lock_guard lock(impl_->mutex);
+    std::erase_if(impl_->done, [id](const Impl::Due& due) { return due.answer.id == id; });
+    impl_->cancelled.insert(id);
   }
-  curl_multi_wakeup(state_->multi);
+  curl_multi_wakeup(impl_->multi);
 }
 
 void CurlFetcher::wait(double seconds) {
-  State& s = *state_;
+  Impl& s = *impl_;
   const Clock::time_point until = Clock::now() + LinkClock::toDuration(seconds);
   std::unique_lock lock(s.mutex);
   while (Clock::now() < until) {

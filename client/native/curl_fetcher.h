@@ -14,16 +14,16 @@ class CurlFetcher final : public RangeFetcher {
   explicit CurlFetcher(const std::string& place, const LinkLimit& limit = {});
   ~CurlFetcher() override;
   void submit(std::uint64_t id, const std::string& name, std::uint64_t offset, std::uint64_t length) override;
-  /// A whole object of at most `most_bytes`; longer ones are kTooShort's opposite: kServer, with words.
-  void submitWhole(std::uint64_t id, const std::string& name, std::uint64_t most_bytes);
-  std::vector<Fetched> take() override;
+  /// A whole object of at most `max_bytes`; longer ones are kTooShort's opposite: kServer, with words.
+  void submitWhole(std::uint64_t id, const std::string& name, std::uint64_t max_bytes);
+  std::vector<FetchAnswer> takeAnswers() override;
   void cancel(std::uint64_t id) override;
   /// Waits until take() would find something, at most `seconds`.
   void wait(double seconds);
 
  private:
-  struct State;
-  std::unique_ptr<State> state_;
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
 };
 
 }  // namespace client

@@ -30,23 +30,23 @@ double secondsSince(Clock::time_point start) {
 }
 
 /// One run: what the steps below share.
-class Run {
+class HeadlessRun {
  public:
-  explicit Run(const HeadlessOptions& options) : options_(options), start_(Clock::now()), here_since_(start_) {}
+  explicit HeadlessRun(const HeadlessOptions& options) : options_(options), start_(Clock::now()), here_since_(start_) {}
 
-  base::Result<HeadlessSummary> all();
+  base::Result<HeadlessSummary> run();
 
  private:
   base::Result<void> prepare();
-  base::Result<void> begin(lod::Method method);
-  base::Result<void> greet();
+  base::Result<void> openScene(Method method);
+  base::Result<void> waitForWelcome();
   base::Result<void> checkConnection();
-  base::Result<void> settle(const base::ViewCamera& camera);
+  base::Result<void> settleView(const base::ViewCamera& camera);
   base::Result<void> waitUntil(double seconds, const base::ViewCamera& camera);
-  base::Result<void> draw(const base::ViewCamera& camera);
+  base::Result<void> drawView(const base::ViewCamera& camera);
   base::Result<void> bindTarget(const base::ViewCamera& camera);
-  base::Result<void> frame(std::size_t index);
-  base::Result<void> save(const HeadlessFrame& frame);
+  base::Result<void> drawFrame(std::size_t index);
+  base::Result<void> saveFrame(const HeadlessFrame& frame);
   bool pump();
 
   const HeadlessOptions& options_;
@@ -61,7 +61,7 @@ class Run {
   Clock::time_point here_since_;  // when the session was last ready
 };
 
-base::Result<void> Run::prepare() {
+base::Result<void> HeadlessRun::prepare() {
   if (options_.path.empty())
     return base::Error{base::ErrorCode::kInvalidInput, "the camera path has no frames; give one with at least one"};
   LUMIGRID_TRY(checkUrl(options_.url));
@@ -75,11 +75,11 @@ base::Result<void> Run::prepare() {
   context_ = std::move(context);
   summary_.renderer = context_->renderer();
 
-  return begin(options_.viewer.method);
+  return openScene(options_.viewer.method);
 }
 
 /// A viewer, and the link that feeds it.
-base::Result<void> Run::begin(lod::Method method) {
+base::Result<void> HeadlessRun::openScene(Method method) {
   summary_.method = method;
   // Pictures that wait to be complete come in whole; those at a fixed rate come in as they would on a screen.
   ViewerOptions viewer = options_.viewer;
@@ -92,26 +92,25 @@ base::Result<void> Run::begin(lod::Method method) {
   // … and splats are as fine in each.
   SplatOptions splats = options_.splats;
   if (options_.realtime_fps <= 0.0) splats.frame_seconds = 0.0;
-  LUMIGRID_ASSIGN_OR_RETURN(auto link, method == lod::Method::kQsplat
-                                           ? openSplatLink(options_.url, options_.link, splats)
-                                           : openLink(options_.url, options_.link));
+  LUMIGRID_ASSIGN_OR_RETURN(auto link, method == Method::kQsplat ? openSplatLink(options_.url, options_.link, splats)
+                                                                 : openLink(options_.url, options_.link));
   connection_ = std::move(link);
   return {};
 }
 
 /// What arrived; of a link for splats also those, as soon as it has them.
-bool Run::pump() {
+bool HeadlessRun::pump() {
   const bool arrived = connection_->pump(viewer_->session());
-  if (summary_.method == lod::Method::kQsplat) viewer_->setSplats(connection_->splats());
+  if (summary_.method == Method::kQsplat) viewer_->setSplats(connection_->splats());
   return arrived;
 }
 
 /// Refused, cancelled, or away for longer than connect_timeout: an error. A shorter loss heals by itself.
-base::Result<void> Run::checkConnection() {
+base::Result<void> HeadlessRun::checkConnection() {
   if (options_.cancelled && options_.cancelled()) return base::Error{base::ErrorCode::kCancelled, "stopped on request"};
   Session& session = viewer_->session();
-  if (session.state() == SessionState::kRefused) return base::Error{base::ErrorCode::kNetwork, session.problem()};
-  if (session.state() == SessionState::kReady) {
+  if (session.phase() == SessionPhase::kRefused) return base::Error{base::ErrorCode::kNetwork, session.problem()};
+  if (session.phase() == SessionPhase::kReady) {
     here_since_ = Clock::now();
     return {};
   }
@@ -121,20 +120,20 @@ base::Result<void> Run::checkConnection() {
                                                : session.problem()};
 }
 
-base::Result<void> Run::greet() {
-  bool may_change = options_.any_method;
-  while (viewer_->session().state() != SessionState::kReady) {
+base::Result<void> HeadlessRun::waitForWelcome() {
+  bool may_change = options_.method_is_default;
+  while (viewer_->session().phase() != SessionPhase::kReady) {
     connection_->waitForArrival(0.05);
     pump();
     if (const auto instead = viewer_->session().methodInstead(); instead && std::exchange(may_change, false))
-      LUMIGRID_TRY(begin(*instead));
+      LUMIGRID_TRY(openScene(*instead));
     LUMIGRID_TRY(checkConnection());
   }
   start_ = Clock::now();
   return {};
 }
 
-base::Result<void> Run::bindTarget(const base::ViewCamera& camera) {
+base::Result<void> HeadlessRun::bindTarget(const base::ViewCamera& camera) {
   if (!target_ || target_->width() != camera.width || target_->height() != camera.height) {
     LUMIGRID_ASSIGN_OR_RETURN(auto target, base::gl::RenderTarget::create(camera.width, camera.height));
     target_ = std::move(target);
@@ -143,7 +142,7 @@ base::Result<void> Run::bindTarget(const base::ViewCamera& camera) {
   return {};
 }
 
-base::Result<void> Run::draw(const base::ViewCamera& camera) {
+base::Result<void> HeadlessRun::drawView(const base::ViewCamera& camera) {
   LUMIGRID_TRY(bindTarget(camera));
   const Clock::time_point begin = Clock::now();
   LUMIGRID_TRY(viewer_->draw(camera, secondsSince(start_)));
@@ -154,24 +153,24 @@ base::Result<void> Run::draw(const base::ViewCamera& camera) {
 
 /// Takes in what comes until the view is complete or time is up. Draws only when nothing more is to be taken in: in
 /// software a picture costs more than all else.
-base::Result<void> Run::settle(const base::ViewCamera& camera) {
+base::Result<void> HeadlessRun::settleView(const base::ViewCamera& camera) {
   const Clock::time_point begin = Clock::now();
   while (secondsSince(begin) < options_.settle_seconds) {
     pump();
     LUMIGRID_TRY(checkConnection());
     LUMIGRID_ASSIGN_OR_RETURN(auto more, viewer_->update(camera, secondsSince(start_)));
     if (!more && viewer_->allHere()) {
-      LUMIGRID_TRY(draw(camera));
+      LUMIGRID_TRY(drawView(camera));
       if (viewer_->stats().complete) return {};
       continue;
     }
     connection_->waitForArrival(kPollSeconds);
   }
-  return draw(camera);
+  return drawView(camera);
 }
 
 /// Passes the time until `seconds` after the Welcome with taking in what comes.
-base::Result<void> Run::waitUntil(double seconds, const base::ViewCamera& camera) {
+base::Result<void> HeadlessRun::waitUntil(double seconds, const base::ViewCamera& camera) {
   while (true) {
     pump();
     LUMIGRID_TRY(checkConnection());
@@ -182,7 +181,7 @@ base::Result<void> Run::waitUntil(double seconds, const base::ViewCamera& camera
   }
 }
 
-base::Result<void> Run::save(const HeadlessFrame& frame) {
+base::Result<void> HeadlessRun::saveFrame(const HeadlessFrame& frame) {
   if (options_.out_dir.empty()) return {};
   char name[32];
   std::snprintf(name, sizeof(name), "/frame_%04zu.png", frame.index);
@@ -191,15 +190,15 @@ base::Result<void> Run::save(const HeadlessFrame& frame) {
   return {};
 }
 
-base::Result<void> Run::frame(std::size_t index) {
+base::Result<void> HeadlessRun::drawFrame(std::size_t index) {
   const base::ViewCamera& camera = options_.path[index];
   const Clock::time_point begin = Clock::now();
   if (options_.realtime_fps > 0.0) {
     LUMIGRID_TRY(
         waitUntil(static_cast<double>(index) / options_.realtime_fps, options_.path[index == 0 ? 0 : index - 1]));
-    LUMIGRID_TRY(draw(camera));
+    LUMIGRID_TRY(drawView(camera));
   } else {
-    LUMIGRID_TRY(settle(camera));
+    LUMIGRID_TRY(settleView(camera));
   }
 
   HeadlessFrame result;
@@ -213,15 +212,15 @@ base::Result<void> Run::frame(std::size_t index) {
   result.image = target_->read();
   ++summary_.frames;
   summary_.incomplete += result.stats.complete ? 0 : 1;
-  LUMIGRID_TRY(save(result));
+  LUMIGRID_TRY(saveFrame(result));
   if (options_.on_frame) options_.on_frame(result);
   return {};
 }
 
-base::Result<HeadlessSummary> Run::all() {
+base::Result<HeadlessSummary> HeadlessRun::run() {
   LUMIGRID_TRY(prepare());
-  LUMIGRID_TRY(greet());
-  for (std::size_t i = 0; i < options_.path.size(); ++i) LUMIGRID_TRY(frame(i));
+  LUMIGRID_TRY(waitForWelcome());
+  for (std::size_t i = 0; i < options_.path.size(); ++i) LUMIGRID_TRY(drawFrame(i));
   if (!options_.out_dir.empty())
     LUMIGRID_TRY(
         base::writeFileAtomically(options_.out_dir + "/frames.jsonl",
@@ -238,7 +237,7 @@ base::Result<HeadlessSummary> Run::all() {
 }  // namespace
 
 base::Result<HeadlessSummary> runHeadless(const HeadlessOptions& options) {
-  return Run(options).all();
+  return HeadlessRun(options).run();
 }
 
 std::string formatHeadlessFrame(const HeadlessFrame& frame) {

@@ -30,10 +30,10 @@ struct HeadlessOptions {
   std::string url;
   std::vector<base::ViewCamera> path;  ///< world coordinates; each frame has its own size
   ViewerOptions viewer;
-  bool any_method = false;       ///< nobody asked for ViewerOptions::method: where the scene lacks its data, another
-  SplatOptions splats;           ///< with method kQsplat
-  double settle_seconds = 10.0;  ///< wait up to this for each view to be complete; fades are off then
-  double realtime_fps = 0.0;     ///< > 0: frames at this rate without waiting for anything
+  bool method_is_default = false;  ///< nobody asked for ViewerOptions::method: where the scene lacks its data, another
+  SplatOptions splats;             ///< with method kQsplat
+  double settle_seconds = 10.0;    ///< wait up to this for each view to be complete; fades are off then
+  double realtime_fps = 0.0;       ///< > 0: frames at this rate without waiting for anything
   LinkLimit link;
   double connect_timeout = 10.0;  ///< seconds
   unsigned decoder_threads = 2;
@@ -46,8 +46,8 @@ struct HeadlessSummary {
   std::size_t frames = 0;
   std::size_t incomplete = 0;  ///< frames drawn before all was there
   double seconds = 0.0;
-  lod::Method method = lod::Method::kLumigraph;  ///< that was drawn with
-  std::string renderer;                          ///< GL_RENDERER
+  Method method = Method::kLumigraph;  ///< that was drawn with
+  std::string renderer;                ///< GL_RENDERER
   SessionStats session;
   std::uint32_t broken = 0;
   std::string last_fault;

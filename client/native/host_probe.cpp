@@ -8,7 +8,7 @@ namespace {
 
 constexpr std::size_t kMaxSceneBytes = std::size_t{16} << 20;
 
-HostAnswer answerOf(const HttpReply& reply) {
+HostAnswer answerOf(const HttpResponse& reply) {
   HostAnswer answer;
   answer.status = reply.head.status;
   answer.bytes = reply.body.size() + (reply.too_long ? 1 : 0);
@@ -25,29 +25,29 @@ base::Result<HostAnswers> askHost(const std::string& url) {
   answers.other_origin = true;
 
   // As a browser would: hosts send some headers to it alone.
-  HttpQuestion question;
-  question.headers = {"Origin: https://lumigrid.invalid"};
-  question.url = place + "/scene.json";
-  question.most_bytes = kMaxSceneBytes;
-  const HttpReply json = client.ask(question);
+  HttpRequest request;
+  request.headers = {"Origin: https://lumigrid.invalid"};
+  request.url = place + "/scene.json";
+  request.max_bytes = kMaxSceneBytes;
+  const HttpResponse json = client.send(request);
   answers.scene = answerOf(json);
   if (answers.scene.status < 200 || answers.scene.status >= 300) return answers;
   LUMIGRID_ASSIGN_OR_RETURN(const auto scene, staticSceneFrom(std::string(json.body.begin(), json.body.end()), place));
 
-  question.url = place + "/" + scene.patches.name;
-  question.most_bytes = 16;
-  question.headers.emplace_back("Accept-Encoding: gzip, deflate, br");
-  question.range = "0-15";
-  answers.range = answerOf(client.ask(question));
-  question.range = "16-31";
-  answers.again = answerOf(client.ask(question));
+  request.url = place + "/" + scene.patches.name;
+  request.max_bytes = 16;
+  request.headers.emplace_back("Accept-Encoding: gzip, deflate, br");
+  request.range = "0-15";
+  answers.range = answerOf(client.send(request));
+  request.range = "16-31";
+  answers.next_range = answerOf(client.send(request));
 
-  question.method = "OPTIONS";
-  question.range.clear();
-  question.most_bytes = 64 * 1024;
-  question.headers = {question.headers.front(), "Access-Control-Request-Method: GET",
-                      "Access-Control-Request-Headers: range"};
-  answers.preflight = answerOf(client.ask(question));
+  request.method = "OPTIONS";
+  request.range.clear();
+  request.max_bytes = 64 * 1024;
+  request.headers = {request.headers.front(), "Access-Control-Request-Method: GET",
+                     "Access-Control-Request-Headers: range"};
+  answers.preflight = answerOf(client.send(request));
   return answers;
 }
 

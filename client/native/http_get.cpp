@@ -11,16 +11,16 @@
 namespace client {
 namespace {
 
-struct Waiting {
+struct WaitingRequest {
   std::uint64_t id = 0;
-  HttpQuestion question;
+  HttpRequest request;
 };
 
 }  // namespace
 
-struct HttpGetter::State {
-  explicit State(const std::string& where) : place(where), thread([this] { work(); }) {}
-  ~State() {
+struct HttpGetter::Impl {
+  explicit Impl(const std::string& where) : place(where), thread([this] { answerRequests(); }) {}
+  ~Impl() {
     {
       const std::lock_guard lock(mutex);
       stopping = true;
@@ -30,22 +30,22 @@ struct HttpGetter::State {
     thread.join();
   }
 
-  void work() {
+  void answerRequests() {
     std::unique_lock lock(mutex);
     for (;;) {
-      changed.wait(lock, [this] { return stopping || !questions.empty(); });
+      changed.wait(lock, [this] { return stopping || !requests.empty(); });
       if (stopping) return;
-      const Waiting waiting = std::move(questions.front());
-      questions.pop_front();
+      const WaitingRequest waiting = std::move(requests.front());
+      requests.pop_front();
       lock.unlock();
-      Answer answer = ask(waiting);
+      Answer answer = send(waiting);
       lock.lock();
       answers.push_back(std::move(answer));
     }
   }
 
-  Answer ask(const Waiting& waiting) {
-    HttpReply reply = client.ask(waiting.question);
+  Answer send(const WaitingRequest& waiting) {
+    HttpResponse reply = client.send(waiting.request);
     if (reply.problem.empty()) return {waiting.id, reply.head.status, std::move(reply.body), ""};
     return {waiting.id, 0, {}, "cannot ask " + place + ": " + reply.problem};
   }
@@ -54,33 +54,33 @@ struct HttpGetter::State {
   HttpClient client;
   std::mutex mutex;
   std::condition_variable changed;
-  std::deque<Waiting> questions;
+  std::deque<WaitingRequest> requests;
   std::vector<Answer> answers;
   bool stopping = false;
   std::thread thread;  // last: it uses all of the above
 };
 
-HttpGetter::HttpGetter(const std::string& place) : state_(std::make_unique<State>(place)) {}
+HttpGetter::HttpGetter(const std::string& place) : impl_(std::make_unique<Impl>(place)) {}
 HttpGetter::~HttpGetter() = default;
 
 void HttpGetter::get(std::uint64_t id, const std::string& target, std::size_t max_bytes, double seconds) {
-  HttpQuestion question;
-  question.url = state_->place + target;
-  question.most_bytes = max_bytes;
-  question.seconds = seconds;
+  HttpRequest request;
+  request.url = impl_->place + target;
+  request.max_bytes = max_bytes;
+  request.seconds = seconds;
   {
-    const std::lock_guard lock(state_->mutex);
-    if (state_->questions.size() < kLongestQueue)
-      state_->questions.push_back({id, std::move(question)});
+    const std::lock_guard lock(impl_->mutex);
+    if (impl_->requests.size() < kMaxQueue)
+      impl_->requests.push_back({id, std::move(request)});
     else
-      state_->answers.push_back({id, 0, {}, "too many questions wait for the server already"});
+      impl_->answers.push_back({id, 0, {}, "too many requests wait for the server already"});
   }
-  state_->changed.notify_all();
+  impl_->changed.notify_all();
 }
 
-std::vector<HttpGetter::Answer> HttpGetter::take() {
-  const std::lock_guard lock(state_->mutex);
-  return std::exchange(state_->answers, {});
+std::vector<HttpGetter::Answer> HttpGetter::takeAnswers() {
+  const std::lock_guard lock(impl_->mutex);
+  return std::exchange(impl_->answers, {});
 }
 
 }  // namespace client

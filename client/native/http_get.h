@@ -28,16 +28,16 @@ class HttpGetter {
   HttpGetter& operator=(const HttpGetter&) = delete;
 
   /// Asks for a path and query below the place: "/pick?…". `max_bytes` of a body, `seconds` from connecting to the last
-  /// byte. At most kLongestQueue wait; what is beyond is answered at once with a problem.
+  /// byte. At most kMaxQueue wait; what is beyond is answered at once with a problem.
   void get(std::uint64_t id, const std::string& target, std::size_t max_bytes, double seconds);
   /// What has come since the last call, in the order of the asking.
-  std::vector<Answer> take();
+  std::vector<Answer> takeAnswers();
 
-  static constexpr std::size_t kLongestQueue = 64;
+  static constexpr std::size_t kMaxQueue = 64;
 
  private:
-  struct State;
-  std::unique_ptr<State> state_;
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
 };
 
 }  // namespace client

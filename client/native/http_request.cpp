@@ -28,7 +28,7 @@ struct FreeList {
 
 /// A reply on its way.
 struct Incoming {
-  HttpReply reply;
+  HttpResponse reply;
   std::size_t most = 0;
 
   bool add(base::ByteView bytes) {
@@ -116,21 +116,20 @@ CURLcode HttpClient::perform(CURL* handle) {
   return result;
 }
 
-HttpReply HttpClient::ask(const HttpQuestion& question) {
+HttpResponse HttpClient::send(const HttpRequest& request) {
   Incoming incoming;
-  incoming.most = question.most_bytes;
+  incoming.most = request.max_bytes;
   const std::unique_ptr<CURL, CloseHandle> handle(curl_easy_init());
-  setUpRequest(handle.get(), question.url);
-  if (question.method != "GET") curl_easy_setopt(handle.get(), CURLOPT_CUSTOMREQUEST, question.method.c_str());
-  curl_easy_setopt(handle.get(), CURLOPT_TIMEOUT_MS, static_cast<long>(1e3 * question.seconds));
+  setUpRequest(handle.get(), request.url);
+  if (request.method != "GET") curl_easy_setopt(handle.get(), CURLOPT_CUSTOMREQUEST, request.method.c_str());
+  curl_easy_setopt(handle.get(), CURLOPT_TIMEOUT_MS, static_cast<long>(1e3 * request.seconds));
   curl_easy_setopt(handle.get(), CURLOPT_HEADERFUNCTION, incomingHeader);
   curl_easy_setopt(handle.get(), CURLOPT_HEADERDATA, &incoming);
   curl_easy_setopt(handle.get(), CURLOPT_WRITEFUNCTION, incomingBody);
   curl_easy_setopt(handle.get(), CURLOPT_WRITEDATA, &incoming);
-  if (!question.range.empty()) curl_easy_setopt(handle.get(), CURLOPT_RANGE, question.range.c_str());
+  if (!request.range.empty()) curl_easy_setopt(handle.get(), CURLOPT_RANGE, request.range.c_str());
   std::unique_ptr<curl_slist, FreeList> headers;
-  for (const std::string& header : question.headers)
-    headers.reset(curl_slist_append(headers.release(), header.c_str()));
+  for (const std::string& header : request.headers) headers.reset(curl_slist_append(headers.release(), header.c_str()));
   curl_easy_setopt(handle.get(), CURLOPT_HTTPHEADER, headers.get());
   const CURLcode code = perform(handle.get());
   if (incoming.reply.too_long)

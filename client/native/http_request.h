@@ -31,16 +31,16 @@ struct HttpHead {
 void setUpRequest(CURL* handle, const std::string& url);
 void startCurlOnce();
 
-struct HttpQuestion {
+struct HttpRequest {
   std::string url;
   std::string method = "GET";
   std::string range;                 ///< "0-15"; empty: all
   std::vector<std::string> headers;  ///< "Name: value"
-  std::size_t most_bytes = 0;        ///< of the body: a longer one is broken off as soon as that is known
+  std::size_t max_bytes = 0;         ///< of the body: a longer one is broken off as soon as that is known
   double seconds = 10.0;             ///< from connecting to the last byte
 };
 
-struct HttpReply {
+struct HttpResponse {
   HttpHead head;  ///< status 0: nobody answered
   base::Bytes body;
   bool too_long = false;  ///< broken off
@@ -54,7 +54,7 @@ class HttpClient {
   ~HttpClient();
   HttpClient(const HttpClient&) = delete;
   HttpClient& operator=(const HttpClient&) = delete;
-  HttpReply ask(const HttpQuestion& question);
+  HttpResponse send(const HttpRequest& request);
   /// What is under way ends now, and so does all that is asked later.
   void stop();
 

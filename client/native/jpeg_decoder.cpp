@@ -9,45 +9,45 @@
 
 namespace client {
 
-ImageDecoder::Decoded decodeFaceImage(std::uint64_t id, base::ByteView value) {
+ImageDecoder::DecodedImage decodeFaceImage(std::uint64_t id, base::ByteView value) {
   auto image = repository::decodeFaceImage(value, 0);  // exact frames come in any size
   if (!image) return {id, {}, "an image from the server is broken: " + image.error().message};
   return {id, std::move(*image), {}};
 }
 
-struct JpegDecoder::State {
-  explicit State(unsigned threads) : pool(threads, std::numeric_limits<std::size_t>::max()) {}
+struct JpegDecoder::Impl {
+  explicit Impl(unsigned threads) : pool(threads, std::numeric_limits<std::size_t>::max()) {}
   mutable std::mutex mutex;
-  std::vector<Decoded> done;
+  std::vector<DecodedImage> done;
   std::size_t pending = 0;  // submitted and not taken
   base::ThreadPool pool;    // last: its threads end before what they write to
 };
 
-JpegDecoder::JpegDecoder(unsigned threads) : state_(std::make_unique<State>(threads)) {}
+JpegDecoder::JpegDecoder(unsigned threads) : impl_(std::make_unique<Impl>(threads)) {}
 JpegDecoder::~JpegDecoder() = default;
 
 void JpegDecoder::submit(std::uint64_t id, base::ByteView value) {
-  State* s = state_.get();
+  Impl* s = impl_.get();
   {
     std::lock_guard lock(s->mutex);
     ++s->pending;
   }
   s->pool.submit([s, id, copy = base::Bytes(value.begin(), value.end())] {
-    Decoded decoded = decodeFaceImage(id, copy);
+    DecodedImage decoded = decodeFaceImage(id, copy);
     std::lock_guard lock(s->mutex);
     s->done.push_back(std::move(decoded));
   });
 }
 
-std::vector<ImageDecoder::Decoded> JpegDecoder::take() {
-  std::lock_guard lock(state_->mutex);
-  state_->pending -= state_->done.size();
-  return std::exchange(state_->done, {});
+std::vector<ImageDecoder::DecodedImage> JpegDecoder::takeDecoded() {
+  std::lock_guard lock(impl_->mutex);
+  impl_->pending -= impl_->done.size();
+  return std::exchange(impl_->done, {});
 }
 
 std::size_t JpegDecoder::pending() const {
-  std::lock_guard lock(state_->mutex);
-  return state_->pending;
+  std::lock_guard lock(impl_->mutex);
+  return impl_->pending;
 }
 
 }  // namespace client

@@ -13,15 +13,15 @@ class JpegDecoder : public ImageDecoder {
   explicit JpegDecoder(unsigned threads);
   ~JpegDecoder() override;
   void submit(std::uint64_t id, base::ByteView value) override;
-  std::vector<Decoded> take() override;
+  std::vector<DecodedImage> takeDecoded() override;
   std::size_t pending() const override;
 
  private:
-  struct State;
-  std::unique_ptr<State> state_;
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
 };
 
 /// repository::decodeFaceImage, of any size.
-ImageDecoder::Decoded decodeFaceImage(std::uint64_t id, base::ByteView value);
+ImageDecoder::DecodedImage decodeFaceImage(std::uint64_t id, base::ByteView value);
 
 }  // namespace client

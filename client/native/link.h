@@ -77,7 +77,7 @@ bool isPublishedScene(const std::string& url);
 base::Result<void> checkUrl(const std::string& url);
 /// Starts at once.
 base::Result<std::unique_ptr<Link>> openLink(const std::string& url, const LinkLimit& limit = {});
-/// The same for lod::Method::kQsplat: scene.json and qsplat.lgq by HTTP, from a server of ours as from any other host.
+/// The same for Method::kQsplat: scene.json and qsplat.lgq by HTTP, from a server of ours as from any other host.
 base::Result<std::unique_ptr<Link>> openSplatLink(const std::string& url, const LinkLimit& limit,
                                                   const SplatOptions& options);
 

@@ -31,7 +31,7 @@ struct Arguments {
   std::string out_dir;
   std::string size;
   std::string method = "lumigraph";
-  bool method_said = false;
+  bool method_given = false;
   bool images = true;
   bool frames = true;
   std::string splat = "circle";
@@ -63,7 +63,7 @@ struct Arguments {
 };
 
 /// The same with every value understood.
-struct Settings {
+struct ViewSetup {
   client::ViewerOptions viewer;
   client::SplatOptions splats;
   client::LinkLimit link;
@@ -76,7 +76,7 @@ void onSignal(int) {
   interrupted = true;
 }
 
-int complain(const std::string& message, int status) {
+int printError(const std::string& message, int status) {
   std::fprintf(stderr, "lumigrid-view: %s\n", message.c_str());
   return status;
 }
@@ -190,8 +190,8 @@ void describe(CLI::App& app, Arguments& a) {
       ->group("Window");
 }
 
-base::Result<Settings> understand(const Arguments& a) {
-  Settings settings;
+base::Result<ViewSetup> parseArguments(const Arguments& a) {
+  ViewSetup setup;
   const auto cache = client::parseByteCount(a.cache);
   if (!cache) return base::within("--cache", cache.error());
   const auto gpu_memory = client::parseByteCount(a.gpu_memory);
@@ -203,31 +203,31 @@ base::Result<Settings> understand(const Arguments& a) {
   if (!a.size.empty()) {
     const auto size = client::parseViewSize(a.size);
     if (!size) return base::within("--size", size.error());
-    settings.size = *size;
+    setup.size = *size;
   }
   if (!a.bandwidth.empty()) {
     const auto rate = client::parseBitRate(a.bandwidth);
     if (!rate) return base::within("--bandwidth", rate.error());
-    settings.link.bytes_per_second = *rate;
+    setup.link.bytes_per_second = *rate;
   }
   if (!a.latency.empty()) {
     const auto latency = client::parseDuration(a.latency);
     if (!latency) return base::within("--latency", latency.error());
-    settings.link.latency_seconds = *latency;
+    setup.link.latency_seconds = *latency;
   }
 
   const auto idle = client::parseByteCount(a.idle);
   if (!idle) return base::within("--idle", idle.error());
-  settings.splats.kernel = *lod::draw::splatKernelFromName(a.splat);
-  settings.splats.cutoff_px = a.cutoff_px;
-  settings.splats.frame_seconds = client::secondsPerFrame(a.frame_rate);
-  settings.splats.order = *lod::qsplat::streamOrderFromName(a.order);
-  settings.splats.back_faces = a.back_faces;
-  settings.splats.idle_bytes = *idle;
-  settings.splats.memory_bytes = *memory;
+  setup.splats.kernel = *lod::draw::splatKernelFromName(a.splat);
+  setup.splats.cutoff_px = a.cutoff_px;
+  setup.splats.frame_seconds = client::secondsPerFrame(a.frame_rate);
+  setup.splats.order = *lod::qsplat::streamOrderFromName(a.order);
+  setup.splats.back_faces = a.back_faces;
+  setup.splats.idle_bytes = *idle;
+  setup.splats.memory_bytes = *memory;
 
-  client::ViewerOptions& viewer = settings.viewer;
-  viewer.method = *lod::methodFromName(a.method);
+  client::ViewerOptions& viewer = setup.viewer;
+  viewer.method = *client::methodFromName(a.method);
   viewer.gpu_budget_bytes = *gpu_memory;
   viewer.memory_budget_bytes = *memory;
   viewer.session.cache_bytes = *cache;
@@ -239,23 +239,23 @@ base::Result<Settings> understand(const Arguments& a) {
   viewer.lumigraph.max_samples = a.samples;
   viewer.lumigraph.use_images = a.images || a.frames;
   std::copy(background->begin(), background->end(), viewer.lumigraph.background);
-  return settings;
+  return setup;
 }
 
-int runHeadlessMode(const Arguments& a, const Settings& settings) {
-  if (a.path_file.empty()) return complain("--headless needs --path FILE, a recorded camera path", kWrongUsage);
+int runHeadlessMode(const Arguments& a, const ViewSetup& setup) {
+  if (a.path_file.empty()) return printError("--headless needs --path FILE, a recorded camera path", kWrongUsage);
   auto path = base::readCameraPath(a.path_file);
-  if (!path) return complain(path.error().message, kFailed);
+  if (!path) return printError(path.error().message, kFailed);
 
   client::HeadlessOptions options;
   options.url = a.url;
   options.path = std::move(*path);
-  if (settings.size)
-    for (base::ViewCamera& camera : options.path) std::tie(camera.width, camera.height) = *settings.size;
-  options.viewer = settings.viewer;
-  options.any_method = !a.method_said;
-  options.splats = settings.splats;
-  options.link = settings.link;
+  if (setup.size)
+    for (base::ViewCamera& camera : options.path) std::tie(camera.width, camera.height) = *setup.size;
+  options.viewer = setup.viewer;
+  options.method_is_default = !a.method_given;
+  options.splats = setup.splats;
+  options.link = setup.link;
   options.settle_seconds = a.settle_seconds;
   options.realtime_fps = a.realtime_fps;
   options.connect_timeout = a.connect_timeout;
@@ -280,7 +280,7 @@ int runHeadlessMode(const Arguments& a, const Settings& settings) {
   std::signal(SIGINT, onSignal);
   std::signal(SIGTERM, onSignal);
   auto done = client::runHeadless(options);
-  if (!done) return complain(done.error().message, kFailed);
+  if (!done) return printError(done.error().message, kFailed);
   if (a.json) {
     const nlohmann::ordered_json summary{
         {"frames", done->frames},     {"incomplete", done->incomplete},        {"seconds", done->seconds},
@@ -288,18 +288,18 @@ int runHeadlessMode(const Arguments& a, const Settings& settings) {
     std::printf("%s\n", summary.dump().c_str());
   }
   if (done->broken > 0)
-    return complain(std::to_string(done->broken) + " pieces from the server were broken, the last: " +
-                        done->last_fault + "; run lumigrid verify on the scene",
-                    kFailed);
+    return printError(std::to_string(done->broken) + " pieces from the server were broken, the last: " +
+                          done->last_fault + "; run lumigrid verify on the scene",
+                      kFailed);
   return 0;
 }
 
 /// What the command line does not say is as the user keeps it.
-void applyKept(const CLI::App& app, const client::Settings& kept, client::WindowOptions& options) {
+void applyUserSettings(const CLI::App& app, const client::Settings& kept, client::WindowOptions& options) {
   const auto said = [&app](const char* option) { return app.count(option) > 0; };
   client::ViewerOptions& viewer = options.app.viewer;
   client::SplatOptions& splats = options.splats;
-  if (options.any_method) viewer.method = client::methodOf(kept);
+  if (options.method_is_default) viewer.method = client::methodOf(kept);
   if (!said("--splat")) splats.kernel = static_cast<lod::draw::SplatKernel>(static_cast<int>(kept.splat));
   if (!said("--cutoff")) splats.cutoff_px = static_cast<float>(kept.cutoff);
   if (!said("--frame-rate")) splats.frame_seconds = client::secondsPerFrame(kept.frame_rate);
@@ -315,11 +315,11 @@ void applyKept(const CLI::App& app, const client::Settings& kept, client::Window
   viewer.lumigraph.use_images = viewer.session.images || viewer.session.frames;
 }
 
-int runWindowMode(const CLI::App& app, const Arguments& a, const Settings& settings) {
+int runWindowMode(const CLI::App& app, const Arguments& a, const ViewSetup& setup) {
   if (!a.path_file.empty() || !a.out_dir.empty())
-    return complain("--path and --out belong to --headless; add it", kWrongUsage);
+    return printError("--path and --out belong to --headless; add it", kWrongUsage);
   if (std::getenv("DISPLAY") == nullptr && std::getenv("WAYLAND_DISPLAY") == nullptr)
-    return complain(
+    return printError(
         "there is no display here (neither DISPLAY nor WAYLAND_DISPLAY is set); use --headless --path FILE "
         "--out DIR",
         kFailed);
@@ -328,32 +328,32 @@ int runWindowMode(const CLI::App& app, const Arguments& a, const Settings& setti
   if (a.use_settings) {
     options.config_directory = client::userConfigDirectory();
     const client::ReadSettings kept = client::readSettings(options.config_directory);
-    for (const std::string& complaint : kept.complaints) complain(complaint, 0);
+    for (const std::string& complaint : kept.complaints) printError(complaint, 0);
     options.app.settings = kept.settings;
   }
-  options.app.viewer = settings.viewer;
-  options.app.settings_rule = false;
-  options.any_method = !a.method_said;
-  options.splats = settings.splats;
-  applyKept(app, options.app.settings, options);
+  options.app.viewer = setup.viewer;
+  options.app.apply_settings = false;
+  options.method_is_default = !a.method_given;
+  options.splats = setup.splats;
+  applyUserSettings(app, options.app.settings, options);
   options.splats.memory_bytes = options.app.viewer.memory_budget_bytes;
-  options.link = settings.link;
+  options.link = setup.link;
   options.view = a.view;
   options.picture_directory = a.pictures;
-  if (settings.size) std::tie(options.width, options.height) = *settings.size;
+  if (setup.size) std::tie(options.width, options.height) = *setup.size;
   options.decoder_threads = a.threads;
   options.show_figures = a.figures;
   auto done = client::runWindow(options);
-  return done ? 0 : complain(done.error().message, kFailed);
+  return done ? 0 : printError(done.error().message, kFailed);
 }
 
 /// Exit status 1 when something keeps the scene from being shown.
 int runHostCheck(const Arguments& a) {
   if (!client::isPublishedScene(a.url))
-    return complain("--check-host needs the address of a published scene, such as https://example.org/scenes/tower/",
-                    kWrongUsage);
+    return printError("--check-host needs the address of a published scene, such as https://example.org/scenes/tower/",
+                      kWrongUsage);
   const auto answers = client::askHost(a.url);
-  if (!answers) return complain(answers.error().message, kFailed);
+  if (!answers) return printError(answers.error().message, kFailed);
   bool fails = false;
   nlohmann::ordered_json list = nlohmann::ordered_json::array();
   for (const client::HostFinding& finding : client::judgeHost(*answers)) {
@@ -386,17 +386,16 @@ int main(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : kWrongUsage;
   }
-  arguments.method_said = app.count("--method") > 0 || !arguments.view.empty();
-  if (auto url = client::checkUrl(arguments.url); !url) return complain(url.error().message, kWrongUsage);
+  arguments.method_given = app.count("--method") > 0 || !arguments.view.empty();
+  if (auto url = client::checkUrl(arguments.url); !url) return printError(url.error().message, kWrongUsage);
   if (!arguments.view.empty()) {
     const auto view = client::parsePermalink(arguments.view);
-    if (!view) return complain("--view: " + view.error().message, kWrongUsage);
+    if (!view) return printError("--view: " + view.error().message, kWrongUsage);
     // A link says what it shows.
-    for (const auto& [method, name] : lod::kMethodNames)
-      if (method == view->method && app.count("--method") == 0) arguments.method = name;
+    if (app.count("--method") == 0) arguments.method = client::nameOf(view->method);
   }
-  auto settings = understand(arguments);
-  if (!settings) return complain(settings.error().message, kWrongUsage);
+  auto setup = parseArguments(arguments);
+  if (!setup) return printError(setup.error().message, kWrongUsage);
   if (arguments.check_host) return runHostCheck(arguments);
-  return arguments.headless ? runHeadlessMode(arguments, *settings) : runWindowMode(app, arguments, *settings);
+  return arguments.headless ? runHeadlessMode(arguments, *setup) : runWindowMode(app, arguments, *setup);
 }

@@ -55,14 +55,14 @@ class Painter {
         size_(ImGui::GetIO().DisplaySize),
         pixel_(1.0F / std::max(ImGui::GetIO().DisplayFramebufferScale.x, 1e-3F)) {}
 
-  void all() {
-    marks();
-    progress();
-    if (app_.view().statistics) statistics();
-    if (app_.view().colors_by_resolution) legend();
-    messages();
-    if (app_.helpShown()) help();
-    if (app_.openAnnotation()) card();
+  void drawAll() {
+    drawMarks();
+    drawProgress();
+    if (app_.view().statistics) drawStatistics();
+    if (app_.view().colors_by_resolution) drawLegend();
+    drawMessages();
+    if (app_.helpShown()) drawHelp();
+    if (app_.openAnnotation()) drawCard();
   }
 
  private:
@@ -90,7 +90,7 @@ class Painter {
     list.AddText(corner, packed(colors_.text), text.c_str());
   }
 
-  void marks() const {
+  void drawMarks() const {
     ImDrawList& list = *ImGui::GetBackgroundDrawList();
     for (const LabelLine& one : app_.lines()) line(list, at(one.x0, one.y0), at(one.x1, one.y1), colors_.accent);
     for (const Label& label : app_.labels()) {
@@ -119,7 +119,7 @@ class Painter {
     return std::hypot(mouse.x - place.x, mouse.y - place.y) < 14.0F * scale_;
   }
 
-  void progress() const {
+  void drawProgress() const {
     const Progress progress = app_.progress();
     if (!progress.active) return;
     ImDrawList& list = *ImGui::GetForegroundDrawList();
@@ -146,14 +146,14 @@ class Painter {
     ImGui::EndTable();
   }
 
-  void statistics() const {
+  void drawStatistics() const {
     begin("statistics", kMargin * scale_, kMargin * scale_, 0.0F, 0.0F, kWords);
     table("figures", statisticsLines(app_.statistics()));
     ImGui::End();
   }
 
   /// What the tints mean, at the lower left.
-  void legend() const {
+  void drawLegend() const {
     begin("legend", kMargin * scale_, size_.y - kMargin * scale_, 0.0F, 1.0F, kWords);
     ImGui::TextColored(colors_.quiet, "Pixels that the detail spans");
     for (const lod::draw::ResolutionStep& step : lod::draw::kResolutionLegend) {
@@ -170,7 +170,7 @@ class Painter {
   }
 
   /// From below: what is wrong with the connection, what to do in this mode, toasts.
-  void messages() const {
+  void drawMessages() const {
     float bottom = size_.y - kMargin * scale_;
     const Status status = app_.status();
     std::string text = status.text;
@@ -204,7 +204,7 @@ class Painter {
     }
   }
 
-  void help() const {
+  void drawHelp() const {
     ImGui::SetNextWindowSizeConstraints({0.0F, 0.0F}, {0.95F * size_.x, 0.95F * size_.y});
     begin("help", 0.5F * size_.x, 0.5F * size_.y, 0.5F, 0.5F, kPanel & ~ImGuiWindowFlags_NoScrollbar);
     std::vector<std::pair<std::string_view, std::string_view>> rows;
@@ -215,7 +215,7 @@ class Painter {
     ImGui::End();
   }
 
-  void card() const {
+  void drawCard() const {
     const Annotation& note = app_.annotations()[*app_.openAnnotation()];
     const float width = std::min(kCardWidth * scale_, size_.x - 2.0F * kMargin * scale_);
     ImGui::SetNextWindowSizeConstraints({width, 0.0F}, {width, 0.8F * size_.y});
@@ -278,7 +278,7 @@ std::array<float, 4> overlayBackground(bool dark) {
 }
 
 void drawOverlay(App& app, const OverlayLook& look) {
-  Painter(app, look).all();
+  Painter(app, look).drawAll();
 }
 
 }  // namespace client

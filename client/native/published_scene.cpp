@@ -16,7 +16,7 @@ namespace {
 
 constexpr std::uint64_t kMaxJsonBytes = std::uint64_t{16} << 20;
 constexpr std::uint64_t kSceneJsonId = ~std::uint64_t{0};  // no range's
-constexpr double kFirstPause = 0.25, kLongestPause = 5.0;  // seconds
+constexpr double kMinPause = 0.25, kMaxPause = 5.0;        // seconds
 
 /// The last part of the address; where it has none, what the scene was made of: "tower" of "/scans/tower.ply".
 std::string nameOf(const std::string& place, const base::Scene& scene) {
@@ -31,13 +31,13 @@ std::string nameOf(const std::string& place, const base::Scene& scene) {
 
 }  // namespace
 
-std::optional<StaticPart> partOf(const base::Scene& scene, const std::string& stem, const std::string& extension) {
+std::optional<StaticObject> partOf(const base::Scene& scene, const std::string& stem, const std::string& extension) {
   const auto file = base::partFile(scene, stem, extension);
   if (!file) return std::nullopt;
   const auto part = std::find_if(scene.parts.begin(), scene.parts.end(),
                                  [&](const base::ScenePart& one) { return one.file == *file; });
   if (part == scene.parts.end()) return std::nullopt;
-  return StaticPart{part->file, part->bytes};
+  return StaticObject{part->file, part->bytes};
 }
 
 protocol::Welcome welcomeFrom(const base::Scene& scene, const std::string& place) {
@@ -127,41 +127,41 @@ base::Result<std::unique_ptr<Link>> openSplatLink(const std::string& url, const 
 // ---- scene.json ----
 
 SceneJson::SceneJson(CurlFetcher& fetcher, std::string place) : fetcher_(fetcher), place_(std::move(place)) {
-  ask();
+  requestText();
 }
 
-void SceneJson::ask() {
+void SceneJson::requestText() {
   fetcher_.submitWhole(kSceneJsonId, "scene.json", kMaxJsonBytes);
   asked_ = true;
 }
 
-std::optional<std::string> SceneJson::take(Session& session, double now) {
-  if (!asked_ && now >= retry_at_) ask();
-  const auto answers = fetcher_.take();
+std::optional<std::string> SceneJson::takeText(Session& session, double now) {
+  if (!asked_ && now >= retry_at_) requestText();
+  const auto answers = fetcher_.takeAnswers();
   if (answers.empty()) return std::nullopt;
-  const Fetched& answer = answers.front();
+  const FetchAnswer& answer = answers.front();
   if (answer.outcome == FetchOutcome::kBytes) {
     bytes_ = answer.bytes.size();
     return std::string(answer.bytes.begin(), answer.bytes.end());
   }
-  const std::string why = explain(answer, place_ + "/scene.json");
-  asked_ = !mayPass(answer);
+  const std::string why = describeFailure(answer, place_ + "/scene.json");
+  asked_ = !isTransient(answer);
   if (asked_)
     session.refuse(why);
   else
     session.disconnected(why);
-  retry_at_ = now + std::min(kLongestPause, kFirstPause * std::exp2(std::min(failures_++, 8)));
+  retry_at_ = now + std::min(kMaxPause, kMinPause * std::exp2(std::min(failures_++, 8)));
   return std::nullopt;
 }
 
 // ---- the link ----
 
-struct PublishedSceneLink::State {
-  State(const std::string& url, const LinkLimit& limit)
+struct PublishedSceneLink::Impl {
+  Impl(const std::string& url, const LinkLimit& limit)
       : place(placeOfScene(url)), fetcher(place, limit), scene_json(fetcher, place) {}
 
   double now() const { return std::chrono::duration<double>(LinkClock::Clock::now() - start).count(); }
-  bool takeScene(Session& session);
+  bool acceptScene(Session& session);
 
   std::string place;
   LinkClock::Clock::time_point start = LinkClock::Clock::now();
@@ -172,15 +172,15 @@ struct PublishedSceneLink::State {
 };
 
 /// scene.json, when it came.
-bool PublishedSceneLink::State::takeScene(Session& session) {
+bool PublishedSceneLink::Impl::acceptScene(Session& session) {
   if (refused) return false;
-  const auto text = scene_json.take(session, now());
+  const auto text = scene_json.takeText(session, now());
   if (!text) return false;
   auto scene = staticSceneFrom(*text, place);
   if (!scene) {
     refused = true;
     const bool splats_only = scene.error().code == base::ErrorCode::kUnsupported;
-    session.refuse(scene.error().message, splats_only ? std::optional(lod::Method::kQsplat) : std::nullopt);
+    session.refuse(scene.error().message, splats_only ? std::optional(Method::kQsplat) : std::nullopt);
     return true;
   }
   source = std::make_unique<StaticSource>(std::move(*scene), fetcher, parametersReader());
@@ -188,38 +188,38 @@ bool PublishedSceneLink::State::takeScene(Session& session) {
 }
 
 PublishedSceneLink::PublishedSceneLink(const std::string& url, const LinkLimit& limit)
-    : state_(std::make_unique<State>(url, limit)) {}
+    : impl_(std::make_unique<Impl>(url, limit)) {}
 PublishedSceneLink::~PublishedSceneLink() = default;
 
 bool PublishedSceneLink::pump(Session& session) {
-  State& s = *state_;
-  const bool came = s.source == nullptr && s.takeScene(session);
+  Impl& s = *impl_;
+  const bool came = s.source == nullptr && s.acceptScene(session);
   if (s.source == nullptr) return came;
   return s.source->pump(session, s.now()) || came;
 }
 
 void PublishedSceneLink::waitForArrival(double seconds) {
-  state_->fetcher.wait(seconds);
+  impl_->fetcher.wait(seconds);
 }
 
 bool PublishedSceneLink::pick(std::uint32_t id, const glm::dvec3& origin, const glm::dvec3& direction) {
-  if (state_->source == nullptr) return false;
-  state_->source->pick(id, origin, direction);
+  if (impl_->source == nullptr) return false;
+  impl_->source->pick(id, origin, direction);
   return true;
 }
 
 std::vector<AnsweredPick> PublishedSceneLink::takePicks() {
-  return state_->source == nullptr ? std::vector<AnsweredPick>() : state_->source->takePicks();
+  return impl_->source == nullptr ? std::vector<AnsweredPick>() : impl_->source->takePicks();
 }
 
 LinkCounts PublishedSceneLink::counts() const {
-  if (state_->source == nullptr) return {1, 0};
-  const StaticStats stats = state_->source->stats();
-  return {1 + stats.requests, state_->scene_json.bytes() + stats.bytes};
+  if (impl_->source == nullptr) return {1, 0};
+  const StaticStats stats = impl_->source->stats();
+  return {1 + stats.requests, impl_->scene_json.bytes() + stats.bytes};
 }
 
 const StaticSource* PublishedSceneLink::source() const {
-  return state_->source.get();
+  return impl_->source.get();
 }
 
 }  // namespace client

@@ -21,7 +21,7 @@ std::string placeOfScene(const std::string& url);
 /// What scene.json says to people: name, units, origin, box, up and light.
 protocol::Welcome welcomeFrom(const base::Scene& scene, const std::string& place);
 /// The part of a scene that is called stem.extension, or has it in its published name.
-std::optional<StaticPart> partOf(const base::Scene& scene, const std::string& stem, const std::string& extension);
+std::optional<StaticObject> partOf(const base::Scene& scene, const std::string& stem, const std::string& extension);
 
 class CurlFetcher;
 
@@ -31,11 +31,11 @@ class SceneJson {
   /// `fetcher` outlives it; nobody else has anything under way there until it is here.
   SceneJson(CurlFetcher& fetcher, std::string place);
   /// The text, once. Tells the session what keeps it.
-  std::optional<std::string> take(Session& session, double now);
+  std::optional<std::string> takeText(Session& session, double now);
   std::uint64_t bytes() const { return bytes_; }
 
  private:
-  void ask();
+  void requestText();
   CurlFetcher& fetcher_;
   const std::string place_;
   bool asked_ = false;
@@ -59,8 +59,8 @@ class PublishedSceneLink final : public Link {
   const StaticSource* source() const;
 
  private:
-  struct State;
-  std::unique_ptr<State> state_;
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
 };
 
 }  // namespace client

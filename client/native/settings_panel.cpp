@@ -16,7 +16,7 @@ constexpr ImGuiWindowFlags kFlags = ImGuiWindowFlags_NoCollapse | ImGuiWindowFla
 /// "system\0light\0dark\0\0", as ImGui takes a list.
 std::string listOf(const SettingField& field) {
   std::string list;
-  for (int place = 0; place <= static_cast<int>(field.largest); ++place)
+  for (int place = 0; place <= static_cast<int>(field.max); ++place)
     list.append(choiceName(field, place)).push_back('\0');
   return list;
 }
@@ -65,7 +65,7 @@ void SettingsPanel::row(App& app, const SettingField& field, float width) {
   const bool typed = field.kind == SettingKind::kNumber || field.kind == SettingKind::kInteger;
   double value = app.settings().*(field.value);
   if (!(typed ? number(field, id, value) : control(field, id, value))) return;
-  if (auto changed = app.changeSetting(field.name, value); !changed) app.say(changed.error().message, true);
+  if (auto changed = app.changeSetting(field.name, value); !changed) app.showToast(changed.error().message, true);
 }
 
 bool SettingsPanel::draw(App& app, const OverlayLook& look) {

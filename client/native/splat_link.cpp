@@ -16,8 +16,8 @@ double secondsNow() {
 
 }  // namespace
 
-struct SplatLink::State {
-  State(const std::string& where, const LinkLimit& limit, const SplatOptions& wanted)
+struct SplatLink::Impl {
+  Impl(const std::string& where, const LinkLimit& limit, const SplatOptions& wanted)
       : place(where),
         options(wanted),
         fetcher(std::make_unique<CurlFetcher>(place, limit)),
@@ -28,7 +28,7 @@ struct SplatLink::State {
       base::parallelFor(count, 0, body);
     };
   }
-  void takeScene(const std::string& text, Session& session);
+  void acceptScene(const std::string& text, Session& session);
 
   const std::string place;
   SplatOptions options;
@@ -39,14 +39,14 @@ struct SplatLink::State {
   std::shared_ptr<StreamedSplats> splats;
 };
 
-void SplatLink::State::takeScene(const std::string& text, Session& session) {
+void SplatLink::Impl::acceptScene(const std::string& text, Session& session) {
   const auto scene = base::parseScene(text, place + "/scene.json");
   const auto part = scene ? partOf(*scene, "qsplat", ".lgq") : std::nullopt;
   if (!part) {
     refused = true;
     if (!scene) return session.refuse(scene.error().message);
     return session.refuse(place + ": has no splats (qsplat.lgq); build them with `lumigrid build ... --methods qsplat`",
-                          partOf(*scene, "patch", ".lgp") ? std::optional(lod::Method::kLumigraph) : std::nullopt);
+                          partOf(*scene, "patch", ".lgp") ? std::optional(Method::kLumigraph) : std::nullopt);
   }
   protocol::Welcome welcome = welcomeFrom(*scene, place);
   welcome.has_colors = scene->has_colors;
@@ -55,31 +55,31 @@ void SplatLink::State::takeScene(const std::string& text, Session& session) {
 }
 
 SplatLink::SplatLink(const std::string& place, const LinkLimit& limit, const SplatOptions& options)
-    : state_(std::make_unique<State>(place, limit, options)) {}
+    : impl_(std::make_unique<Impl>(place, limit, options)) {}
 SplatLink::~SplatLink() = default;
 
 bool SplatLink::pump(Session& session) {
-  State& s = *state_;
+  Impl& s = *impl_;
   if (s.refused) return false;
   if (s.splats) return s.splats->pump(session, secondsNow());
-  const auto text = s.scene_json.take(session, secondsNow());
-  if (text) s.takeScene(*text, session);
+  const auto text = s.scene_json.takeText(session, secondsNow());
+  if (text) s.acceptScene(*text, session);
   return text.has_value();
 }
 
 void SplatLink::waitForArrival(double seconds) {
-  state_->connection->wait(seconds);
+  impl_->connection->wait(seconds);
 }
 
 LinkCounts SplatLink::counts() const {
-  const State& s = *state_;
+  const Impl& s = *impl_;
   if (!s.splats) return {1, s.scene_json.bytes()};
   const lod::qsplat::StreamStats stats = s.splats->stream().stats();
   return {1 + stats.requests, s.scene_json.bytes() + stats.bytes_received};
 }
 
 std::shared_ptr<SplatView> SplatLink::splats() const {
-  return state_->splats;
+  return impl_->splats;
 }
 
 }  // namespace client

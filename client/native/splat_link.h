@@ -19,8 +19,8 @@ class SplatLink final : public Link {
   std::shared_ptr<SplatView> splats() const override;
 
  private:
-  struct State;
-  std::unique_ptr<State> state_;
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
 };
 
 }  // namespace client

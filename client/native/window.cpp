@@ -38,7 +38,7 @@ constexpr double kIdleSeconds = 0.02;
 /// The overlay is drawn again this often while it shows figures.
 constexpr double kFiguresSeconds = 0.25;
 /// Dear ImGui hides a new window until it has measured it once: what changed is drawn this often.
-constexpr int kWordFrames = 3;
+constexpr int kOverlayFrames = 3;
 /// What is asked by HTTP: limits of time and size.
 constexpr double kPickSeconds = 10.0;
 constexpr double kNotesSeconds = 20.0;
@@ -147,11 +147,11 @@ class Window {
   base::Result<void> run();
 
  private:
-  base::Result<void> begin(lod::Method method);
+  base::Result<void> openScene(Method method);
   base::Result<void> changeMethod();
   bool createWindow(int context_api);
   void startOverlay();
-  static Window& of(GLFWwindow* window) { return *static_cast<Window*>(glfwGetWindowUserPointer(window)); }
+  static Window& windowOf(GLFWwindow* window) { return *static_cast<Window*>(glfwGetWindowUserPointer(window)); }
   void applyTheme();
   void installCallbacks();
   void onButton(int button, int action, int mods);
@@ -163,22 +163,22 @@ class Window {
   PointerEvent pointer(PointerButton button, int mods) const;
 
   void startScene();
-  void carryOut(const Request& request);
+  void carryOutRequest(const Request& request);
   void savePicture(const Request& request);
   void writePicture(const base::Image& image);
   void keepBookmarks();
   void takeAnswers();
-  void takeNotes(const HttpGetter::Answer& answer);
-  void takePick(std::uint32_t pick, const HttpGetter::Answer& answer);
-  void takePicture(const HttpGetter::Answer& answer);
-  void say(const base::Result<void>& done);
+  void acceptNotes(const HttpGetter::Answer& answer);
+  void acceptPick(std::uint32_t pick, const HttpGetter::Answer& answer);
+  void acceptPicture(const HttpGetter::Answer& answer);
+  void reportError(const base::Result<void>& done);
 
   base::Image readPicture() const;
   base::Result<void> drawScene(double now);
-  void drawWords();
+  void drawOverlayWindow();
 
   enum class Question { kNotes, kPick, kPicture };
-  struct Asked {
+  struct OpenQuestion {
     Question question;
     std::uint32_t pick = 0;
     base::Image fallback;  // kPicture: what the window showed
@@ -189,21 +189,21 @@ class Window {
   bool overlay_ready_ = false;
   OverlayLook look_;
   std::array<float, 4> background_{};
-  bool own_background_ = false;  // none was asked for: it goes with the colours of the words
+  bool theme_background_ = false;  // none was asked for: it goes with the colours of the words
   bool settings_open_ = false;
   SettingsPanel settings_panel_;
   std::unique_ptr<App> app_;
   std::unique_ptr<Link> connection_;
   bool published_ = false;            // a scene with no server of ours: it has files, and answers no questions
   std::unique_ptr<HttpGetter> http_;  // for what lies beside the scene, and a server's answers
-  std::map<std::uint64_t, Asked> asked_;
+  std::map<std::uint64_t, OpenQuestion> open_questions_;
   std::uint64_t next_question_ = 1;
   std::optional<std::string> scene_;  // bookmarkKey of the scene whose notes and bookmarks are here
   base::gl::RenderTarget picture_;    // the model without words; shown by a blit
   glm::dvec2 cursor_at_{0.0};         // screen units
   int button_down_ = -1;
   bool picture_changed_ = true;
-  bool changed_method_ = false;
+  bool method_changed_ = false;
 };
 
 // ---- opening and closing ----
@@ -249,8 +249,8 @@ base::Result<void> Window::open() {
   startOverlay();
 
   std::copy_n(options_.app.viewer.lumigraph.background, 4, background_.begin());
-  own_background_ = background_[3] == 0.0F;
-  LUMIGRID_TRY(begin(options_.app.viewer.method));
+  theme_background_ = background_[3] == 0.0F;
+  LUMIGRID_TRY(openScene(options_.app.viewer.method));
   published_ = isPublishedScene(options_.url);
   if (published_)
     http_ = std::make_unique<HttpGetter>(placeOfScene(options_.url));
@@ -260,8 +260,8 @@ base::Result<void> Window::open() {
 }
 
 /// What shows the scene, and the link that feeds it.
-base::Result<void> Window::begin(lod::Method method) {
-  const bool splats = method == lod::Method::kQsplat;
+base::Result<void> Window::openScene(Method method) {
+  const bool splats = method == Method::kQsplat;
   const Settings settings = app_ ? app_->settings() : options_.app.settings;
   SplatOptions splat_options = options_.splats;
   takeChanges(options_.app.settings, settings, splat_options);
@@ -284,8 +284,8 @@ base::Result<void> Window::begin(lod::Method method) {
 /// Once: the scene has no data for the method, which nobody asked for, and nothing of it was shown.
 base::Result<void> Window::changeMethod() {
   const auto instead = app_->session().methodInstead();
-  if (!instead || !options_.any_method || std::exchange(changed_method_, true)) return {};
-  return begin(*instead);
+  if (!instead || !options_.method_is_default || std::exchange(method_changed_, true)) return {};
+  return openScene(*instead);
 }
 
 /// After our own callbacks, which Dear ImGui then calls before its own.
@@ -310,29 +310,29 @@ void Window::startOverlay() {
 void Window::applyTheme() {
   look_.dark = static_cast<Theme>(static_cast<int>(app_->settings().theme)) != Theme::kLight;
   styleOverlay(look_);
-  if (own_background_) background_ = overlayBackground(look_.dark);
+  if (theme_background_) background_ = overlayBackground(look_.dark);
   app_->setBackground(background_);
 }
 
 void Window::installCallbacks() {
   glfwSetWindowUserPointer(window_, this);
   glfwSetMouseButtonCallback(
-      window_, [](GLFWwindow* w, int button, int action, int mods) { of(w).onButton(button, action, mods); });
+      window_, [](GLFWwindow* w, int button, int action, int mods) { windowOf(w).onButton(button, action, mods); });
   glfwSetCursorPosCallback(window_, [](GLFWwindow* w, double x, double y) {
-    of(w).cursor_at_ = {x, y};
-    of(w).onMove();
+    windowOf(w).cursor_at_ = {x, y};
+    windowOf(w).onMove();
   });
-  glfwSetScrollCallback(window_, [](GLFWwindow* w, double, double steps) { of(w).onWheel(steps); });
+  glfwSetScrollCallback(window_, [](GLFWwindow* w, double, double steps) { windowOf(w).onWheel(steps); });
   glfwSetKeyCallback(window_, [](GLFWwindow* w, int key, int scancode, int action, int mods) {
-    of(w).onKey(key, scancode, action, mods);
+    windowOf(w).onKey(key, scancode, action, mods);
   });
-  glfwSetFramebufferSizeCallback(window_, [](GLFWwindow* w, int, int) { of(w).resized(); });
-  glfwSetWindowRefreshCallback(window_, [](GLFWwindow* w) { of(w).picture_changed_ = true; });
+  glfwSetFramebufferSizeCallback(window_, [](GLFWwindow* w, int, int) { windowOf(w).resized(); });
+  glfwSetWindowRefreshCallback(window_, [](GLFWwindow* w) { windowOf(w).picture_changed_ = true; });
   glfwSetWindowFocusCallback(window_, [](GLFWwindow* w, int focused) {
-    if (focused == GLFW_FALSE) of(w).app_->blur();
+    if (focused == GLFW_FALSE) windowOf(w).app_->blur();
   });
-  glfwSetWindowIconifyCallback(window_,
-                               [](GLFWwindow* w, int iconified) { of(w).app_->setHidden(iconified == GLFW_TRUE); });
+  glfwSetWindowIconifyCallback(
+      window_, [](GLFWwindow* w, int iconified) { windowOf(w).app_->setHidden(iconified == GLFW_TRUE); });
 }
 
 // ---- mouse and keys ----
@@ -408,29 +408,29 @@ void Window::startScene() {
   if (scene_ == key) return;
   scene_ = key;
   glfwSetWindowTitle(window_, ("Lumigrid: " + welcome->scene_name).c_str());
-  app_->say("H shows what mouse and keys do");
+  app_->showToast("H shows what mouse and keys do");
 
   const auto bookmarks = readBookmarks(options_.config_directory, key);
-  if (!bookmarks) app_->say(bookmarks.error().message, true);
+  if (!bookmarks) app_->showToast(bookmarks.error().message, true);
   for (int slot = 1; slot < kBookmarks; ++slot) {
     const auto set = app_->setBookmark(slot, bookmarks ? (*bookmarks)[static_cast<std::size_t>(slot)] : "");
-    say(set);
+    reportError(set);
   }
 
   app_->setAnnotations({});
-  asked_[next_question_] = {Question::kNotes, 0, {}};
+  open_questions_[next_question_] = {Question::kNotes, 0, {}};
   http_->get(next_question_++, std::string("/") + base::kAnnotationsFile, base::kMaxAnnotationsBytes, kNotesSeconds);
 }
 
-void Window::say(const base::Result<void>& done) {
-  if (!done) app_->say(done.error().message, true);
+void Window::reportError(const base::Result<void>& done) {
+  if (!done) app_->showToast(done.error().message, true);
 }
 
-void Window::carryOut(const Request& request) {
+void Window::carryOutRequest(const Request& request) {
   switch (request.kind) {
     case RequestKind::kCopyLink:
       glfwSetClipboardString(window_, request.text.c_str());
-      app_->say("Link copied; lumigrid-view --view opens it");
+      app_->showToast("Link copied; lumigrid-view --view opens it");
       break;
     case RequestKind::kLinkChanged:
       break;  // a window has no address
@@ -446,12 +446,12 @@ void Window::carryOut(const Request& request) {
       break;
     case RequestKind::kKeepSettings:
       applyTheme();
-      if (!options_.config_directory.empty()) say(writeSettings(options_.config_directory, app_->settings()));
+      if (!options_.config_directory.empty()) reportError(writeSettings(options_.config_directory, app_->settings()));
       break;
     case RequestKind::kPick:
       if (connection_->pick(request.id, request.origin, request.direction)) return;
       if (published_) return app_->answerPick(request.id, {});  // nobody knows: the approximate point stays
-      asked_[next_question_] = {Question::kPick, request.id, {}};
+      open_questions_[next_question_] = {Question::kPick, request.id, {}};
       http_->get(next_question_++, pickTarget(request.origin, request.direction), kMaxPickAnswer, kPickSeconds);
       break;
   }
@@ -461,58 +461,58 @@ void Window::keepBookmarks() {
   if (options_.config_directory.empty() || !scene_) return;
   Bookmarks bookmarks;
   for (int slot = 1; slot < kBookmarks; ++slot) bookmarks[static_cast<std::size_t>(slot)] = app_->bookmark(slot);
-  say(writeBookmarks(options_.config_directory, *scene_, bookmarks));
+  reportError(writeBookmarks(options_.config_directory, *scene_, bookmarks));
 }
 
 /// The server's picture is the true one; without a server there is what the window shows.
 void Window::savePicture(const Request& request) {
-  if (published_ || app_->view().method == lod::Method::kQsplat || app_->session().state() != SessionState::kReady)
+  if (published_ || app_->view().method == Method::kQsplat || app_->session().phase() != SessionPhase::kReady)
     return writePicture(readPicture());
-  app_->say("The server draws the picture\u2026");
-  asked_[next_question_] = {Question::kPicture, 0, readPicture()};
+  app_->showToast("The server draws the picture\u2026");
+  open_questions_[next_question_] = {Question::kPicture, 0, readPicture()};
   http_->get(next_question_++, renderTarget(request, background_), kMaxPicture, kPictureSeconds);
 }
 
 void Window::writePicture(const base::Image& image) {
   const std::string path = freePath(options_.picture_directory, pictureName(app_->sceneName()));
   const auto written = base::writePng(image, path);
-  app_->say(written ? "Picture saved: " + path : written.error().message, !written);
+  app_->showToast(written ? "Picture saved: " + path : written.error().message, !written);
 }
 
 void Window::takeAnswers() {
   for (const AnsweredPick& pick : connection_->takePicks()) app_->answerPick(pick.id, pick.answer);
-  for (const HttpGetter::Answer& answer : http_->take()) {
-    const auto asked = asked_.find(answer.id);
-    if (asked == asked_.end()) continue;
+  for (const HttpGetter::Answer& answer : http_->takeAnswers()) {
+    const auto asked = open_questions_.find(answer.id);
+    if (asked == open_questions_.end()) continue;
     switch (asked->second.question) {
       case Question::kNotes:
-        takeNotes(answer);
+        acceptNotes(answer);
         break;
       case Question::kPick:
-        takePick(asked->second.pick, answer);
+        acceptPick(asked->second.pick, answer);
         break;
       case Question::kPicture:
-        takePicture(answer);
+        acceptPicture(answer);
         break;
     }
-    asked_.erase(asked);
+    open_questions_.erase(asked);
   }
 }
 
 /// A server that has none, or is too old to know of them, is no error.
-void Window::takeNotes(const HttpGetter::Answer& answer) {
+void Window::acceptNotes(const HttpGetter::Answer& answer) {
   if (answer.status == kNotFound) return;
   if (answer.status != kFound)
-    return app_->say(
+    return app_->showToast(
         "The notes cannot be read: " +
             (answer.problem.empty() ? "the server answers " + std::to_string(answer.status) : answer.problem),
         true);
   auto notes = base::parseAnnotations(answer.body, base::kAnnotationsFile);
-  if (!notes) return app_->say(notes.error().message, true);
+  if (!notes) return app_->showToast(notes.error().message, true);
   app_->setAnnotations(std::move(*notes));
 }
 
-void Window::takePick(std::uint32_t pick, const HttpGetter::Answer& answer) {
+void Window::acceptPick(std::uint32_t pick, const HttpGetter::Answer& answer) {
   PickAnswer found;
   std::string problem = answer.problem;
   if (answer.status == kFound) {
@@ -524,14 +524,14 @@ void Window::takePick(std::uint32_t pick, const HttpGetter::Answer& answer) {
   } else if (problem.empty() && answer.status != kNotImplemented) {
     problem = "the server answers " + std::to_string(answer.status);
   }
-  if (!problem.empty()) app_->say("This point stays approximate: " + problem, true);
+  if (!problem.empty()) app_->showToast("This point stays approximate: " + problem, true);
   app_->answerPick(pick, found);
 }
 
-void Window::takePicture(const HttpGetter::Answer& answer) {
+void Window::acceptPicture(const HttpGetter::Answer& answer) {
   const auto image = answer.status == kFound ? base::decodePng(answer.body)
                                              : base::Result<base::Image>(base::Error{base::ErrorCode::kNetwork, ""});
-  writePicture(image ? *image : asked_[answer.id].fallback);
+  writePicture(image ? *image : open_questions_[answer.id].fallback);
 }
 
 // ---- drawing ----
@@ -552,7 +552,7 @@ base::Result<void> Window::drawScene(double now) {
 }
 
 /// The picture, and the words on top of it.
-void Window::drawWords() {
+void Window::drawOverlayWindow() {
   int width = 0;
   int height = 0;
   glfwGetFramebufferSize(window_, &width, &height);
@@ -574,7 +574,7 @@ void Window::drawWords() {
 base::Result<void> Window::run() {
   std::uint64_t shown_overlay = 0;
   double shown_at = 0.0;
-  int words_left = 0;
+  int overlay_frames_left = 0;
   while (glfwWindowShouldClose(window_) == GLFW_FALSE) {
     glfwPollEvents();
     connection_->pump(app_->session());
@@ -584,20 +584,22 @@ base::Result<void> Window::run() {
     const double now = glfwGetTime();
     app_->advance(now);
     startScene();
-    for (const Request& request : app_->takeRequests()) carryOut(request);
+    for (const Request& request : app_->takeRequests()) carryOutRequest(request);
 
     // What would look the same is not drawn again; words alone need no new picture.
     const bool frame = app_->wantsFrame();
     const bool figures = app_->view().statistics && now - shown_at >= kFiguresSeconds;
     if (frame) LUMIGRID_TRY(drawScene(now));
-    if (frame || picture_changed_ || figures || app_->overlayVersion() != shown_overlay) words_left = kWordFrames;
-    if (settings_open_) words_left = std::max(words_left, 1);  // its fields blink and follow the mouse
-    if (words_left == 0 || picture_.width() == 0) {
+    if (frame || picture_changed_ || figures || app_->overlayVersion() != shown_overlay)
+      overlay_frames_left = kOverlayFrames;
+    if (settings_open_)
+      overlay_frames_left = std::max(overlay_frames_left, 1);  // its fields blink and follow the mouse
+    if (overlay_frames_left == 0 || picture_.width() == 0) {
       glfwWaitEventsTimeout(kIdleSeconds);
       continue;
     }
-    drawWords();
-    --words_left;
+    drawOverlayWindow();
+    --overlay_frames_left;
     picture_changed_ = false;
     shown_overlay = app_->overlayVersion();
     shown_at = now;

@@ -11,8 +11,9 @@ namespace client {
 
 struct WindowOptions {
   std::string url;
-  AppOptions app;           ///< its clock is set here
-  bool any_method = false;  ///< nobody asked for the viewer's method: where the scene lacks its data, another is shown
+  AppOptions app;  ///< its clock is set here
+  bool method_is_default =
+      false;  ///< nobody asked for the viewer's method: where the scene lacks its data, another is shown
   LinkLimit link;
   SplatOptions splats;  ///< with ViewerOptions::method kQsplat
   int width = 1280;     ///< window size at the start, screen units

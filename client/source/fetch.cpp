@@ -6,13 +6,13 @@ namespace {
 constexpr int kTooManyRequests = 429;
 constexpr int kFirstServerFault = 500;
 
-std::string inBrackets(const Fetched& answer) {
+std::string inBrackets(const FetchAnswer& answer) {
   std::string text = answer.status != 0 ? "status " + std::to_string(answer.status) : "";
   if (!answer.detail.empty()) text += (text.empty() ? "" : ", ") + answer.detail;
   return text.empty() ? "" : " (" + text + ")";
 }
 
-std::string fault(const Fetched& answer) {
+std::string fault(const FetchAnswer& answer) {
   switch (answer.outcome) {
     case FetchOutcome::kBytes:
       return "is there";
@@ -43,11 +43,11 @@ std::string fault(const Fetched& answer) {
 
 }  // namespace
 
-std::string explain(const Fetched& answer, const std::string& what) {
+std::string describeFailure(const FetchAnswer& answer, const std::string& what) {
   return what + ": " + fault(answer);
 }
 
-bool mayPass(const Fetched& answer) {
+bool isTransient(const FetchAnswer& answer) {
   return answer.outcome == FetchOutcome::kNetwork ||
          (answer.outcome == FetchOutcome::kServer &&
           (answer.status == kTooManyRequests || answer.status >= kFirstServerFault));

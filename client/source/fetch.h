@@ -21,7 +21,7 @@ enum class FetchOutcome {
   kServer,        ///< any other status
 };
 
-struct Fetched {
+struct FetchAnswer {
   std::uint64_t id = 0;
   FetchOutcome outcome = FetchOutcome::kNetwork;
   base::Bytes bytes;   ///< of the length asked for when kBytes, else empty
@@ -37,15 +37,15 @@ class RangeFetcher {
   /// soon as its head is known: an object may have 10 GB.
   virtual void submit(std::uint64_t id, const std::string& name, std::uint64_t offset, std::uint64_t length) = 0;
   /// What ended since the last call, in any order, each id once.
-  virtual std::vector<Fetched> take() = 0;
+  virtual std::vector<FetchAnswer> takeAnswers() = 0;
   /// Nothing more is heard of this id.
   virtual void cancel(std::uint64_t id) = 0;
 };
 
 /// One line for people: what is wrong with `what` (a URL or a name), and what to do about it.
-std::string explain(const Fetched& answer, const std::string& what);
+std::string describeFailure(const FetchAnswer& answer, const std::string& what);
 
 /// Whether the next try may go better (network, overloaded server); the others need somebody to change something.
-bool mayPass(const Fetched& answer);
+bool isTransient(const FetchAnswer& answer);
 
 }  // namespace client

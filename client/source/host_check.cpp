@@ -43,12 +43,12 @@ std::string statusOf(const HostAnswer& answer) {
 
 class Judge {
  public:
-  explicit Judge(const HostAnswers& answers) : a_(answers) {}
+  explicit Judge(const HostAnswers& answers) : answers_(answers) {}
 
-  std::vector<HostFinding> all() {
-    if (!there(a_.scene, "scene.json") || !there(a_.range, "The file of the hierarchy")) return findings_;
+  std::vector<HostFinding> judge() {
+    if (!there(answers_.scene, "scene.json") || !there(answers_.range, "The file of the hierarchy")) return findings_;
     range();
-    if (a_.range.status == kPartial) contentRange();
+    if (answers_.range.status == kPartial) contentRange();
     acceptRanges();
     encoding();
     version();
@@ -66,7 +66,7 @@ class Judge {
     findings_.push_back({grade, header, what, todo, nginx});
   }
   /// Of another origin a page sees few headers unless they are exposed.
-  bool hides() const { return a_.in_browser && a_.other_origin; }
+  bool hides() const { return answers_.in_browser && answers_.other_origin; }
 
   bool there(const HostAnswer& answer, const char* name) {
     const std::string object = name;
@@ -76,8 +76,9 @@ class Judge {
           "Send it with every answer: * or this page's origin.", kAllowOrigin);
     } else if (answer.status == 0) {
       bad(Grade::kFails, name, "No answer.",
-          a_.in_browser ? "Check address and network; a host that sends no Access-Control-Allow-Origin looks the same."
-                        : "Check address and network.");
+          answers_.in_browser
+              ? "Check address and network; a host that sends no Access-Control-Allow-Origin looks the same."
+              : "Check address and network.");
     } else if (answer.status == 401 || answer.status == 403) {
       bad(Grade::kFails, name, "May not be read" + statusOf(answer) + ".", "Sign in, or let the host allow reading.");
     } else if (answer.status == 404 || answer.status == 410) {
@@ -90,14 +91,14 @@ class Judge {
   }
 
   void range() {
-    if (a_.range.status == kPartial && a_.range.bytes == kAsked)
+    if (answers_.range.status == kPartial && answers_.range.bytes == kAsked)
       return good("Range", "Answered 206 with the bytes that were asked for.");
-    if (a_.range.status == kPartial)
+    if (answers_.range.status == kPartial)
       return bad(Grade::kFails, "Range", "Another number of bytes came than was asked for.",
                  "A cache or proxy before the host is broken; forward the header Range.", kProxyRanges);
-    const bool compressed = !a_.range.header("content-encoding").empty();
+    const bool compressed = !answers_.range.header("content-encoding").empty();
     bad(Grade::kFails, "Range",
-        "Ignored: 16 bytes were asked for, the whole file is sent" + statusOf(a_.range) +
+        "Ignored: 16 bytes were asked for, the whole file is sent" + statusOf(answers_.range) +
             (compressed ? ", compressed." : "."),
         compressed ? "What is compressed on its way has no ranges: switch that off."
                    : "Switch ranges on at the host or in the proxy before it; a CDN must forward the header Range.",
@@ -105,7 +106,7 @@ class Judge {
   }
 
   void contentRange() {
-    const std::string said = a_.range.header("content-range");
+    const std::string said = answers_.range.header("content-range");
     if (said.rfind("bytes 0-15/", 0) == 0) return good("Content-Range", "Says which bytes came.");
     if (!said.empty())
       return bad(Grade::kFails, "Content-Range", "Says another range than was asked for.",
@@ -116,15 +117,15 @@ class Judge {
   }
 
   void acceptRanges() {
-    const std::string said = a_.scene.header("accept-ranges");
+    const std::string said = answers_.scene.header("accept-ranges");
     if (holds(said, "bytes")) return good("Accept-Ranges", "Ranges are offered.");
     if (hides() && said.empty()) return;
     bad(Grade::kSlow, "Accept-Ranges", "Missing: some caches and proxies then ask for whole files.",
-        "Let the host send Accept-Ranges: bytes.", a_.range.status == kPartial ? kProxyRanges : kRanges);
+        "Let the host send Accept-Ranges: bytes.", answers_.range.status == kPartial ? kProxyRanges : kRanges);
   }
 
   void encoding() {
-    const std::string said = a_.range.header("content-encoding");
+    const std::string said = answers_.range.header("content-encoding");
     if (!said.empty() && said != "identity")
       return bad(Grade::kFails, "Content-Encoding",
                  "Files are compressed on their way (" + said + "), such have no ranges.",
@@ -133,9 +134,9 @@ class Judge {
   }
 
   void version() {
-    const std::string first = a_.range.header("etag");
-    const std::string second = a_.again.header("etag");
-    if (isSuccess(a_.again) && !first.empty() && first != second)
+    const std::string first = answers_.range.header("etag");
+    const std::string second = answers_.next_range.header("etag");
+    if (isSuccess(answers_.next_range) && !first.empty() && first != second)
       return bad(Grade::kFails, "ETag", "Two answers about one file have different ones: viewers take it for changed.",
                  "Let all hosts behind one address have the same files with the same times.");
     if (first.rfind("W/", 0) == 0)
@@ -143,7 +144,7 @@ class Judge {
                  "Send the files as they are, not compressed or filtered.", kNoCompression);
     if (!first.empty()) return good("ETag", "A file that changes is noticed.");
     if (hides()) return;
-    if (!a_.range.header("last-modified").empty())
+    if (!answers_.range.header("last-modified").empty())
       return bad(Grade::kSlow, "ETag", "Missing; Last-Modified tells versions apart by the second alone.",
                  "Let the host send ETag.", kVersions);
     bad(Grade::kSlow, "ETag", "Missing, and Last-Modified too: a changed file is not noticed.",
@@ -151,20 +152,21 @@ class Judge {
   }
 
   void allowOrigin() {
-    if (!a_.other_origin) return;
+    if (!answers_.other_origin) return;
     // A page could not read the answers if it were not there.
-    const bool allowed = a_.in_browser || (!a_.scene.header("access-control-allow-origin").empty() &&
-                                           !a_.range.header("access-control-allow-origin").empty());
+    const bool allowed = answers_.in_browser || (!answers_.scene.header("access-control-allow-origin").empty() &&
+                                                 !answers_.range.header("access-control-allow-origin").empty());
     if (allowed) return good("Access-Control-Allow-Origin", "Pages of other hosts may read the scene.");
     bad(Grade::kSlow, "Access-Control-Allow-Origin", "Missing: only pages of the same host can show the scene.",
         "Send it with every answer, unless the page lies beside the scene.", kAllowOrigin);
   }
 
   void exposeHeaders() {
-    if (!a_.other_origin) return;
-    const std::string said = a_.range.header("access-control-expose-headers");
-    const bool seen = a_.in_browser ? !a_.range.header("content-range").empty() && !a_.range.header("etag").empty()
-                                    : holds(said, "content-range") && holds(said, "etag");
+    if (!answers_.other_origin) return;
+    const std::string said = answers_.range.header("access-control-expose-headers");
+    const bool seen = answers_.in_browser
+                          ? !answers_.range.header("content-range").empty() && !answers_.range.header("etag").empty()
+                          : holds(said, "content-range") && holds(said, "etag");
     if (seen) return good("Access-Control-Expose-Headers", "Pages see Content-Range and ETag.");
     bad(Grade::kSlow, "Access-Control-Expose-Headers",
         "Content-Range or ETag is hidden from pages of other hosts: they cannot tell whether a file changed.",
@@ -172,13 +174,13 @@ class Judge {
   }
 
   void preflight() {
-    if (a_.in_browser || !a_.other_origin) return;
+    if (answers_.in_browser || !answers_.other_origin) return;
     const char* name = "Access-Control-Allow-Headers";
-    if (!isSuccess(a_.preflight))
+    if (!isSuccess(answers_.preflight))
       return bad(Grade::kSlow, name,
-                 "OPTIONS is refused" + statusOf(a_.preflight) + ": older browsers then send no Range.",
+                 "OPTIONS is refused" + statusOf(answers_.preflight) + ": older browsers then send no Range.",
                  "Answer OPTIONS with 204.", kAnswerOptions);
-    if (holds(a_.preflight.header("access-control-allow-headers"), "range"))
+    if (holds(answers_.preflight.header("access-control-allow-headers"), "range"))
       return good(name, "Pages of other hosts may send Range, in older browsers too.");
     bad(Grade::kSlow, name, "Missing, or without Range: pages of other hosts may not send it in older browsers.",
         "Name Range and If-Range in it.", kAllowHeaders);
@@ -187,8 +189,8 @@ class Judge {
   // Cache-Control is shown to pages always.
   void caching() {
     const char* name = "Cache-Control";
-    const bool root_kept = holds(a_.scene.header("cache-control"), "immutable");
-    const bool rest_kept = holds(a_.range.header("cache-control"), "immutable");
+    const bool root_kept = holds(answers_.scene.header("cache-control"), "immutable");
+    const bool rest_kept = holds(answers_.range.header("cache-control"), "immutable");
     if (root_kept)
       bad(Grade::kSlow, name, "scene.json is said never to change.", "Send no-cache with scene.json.", kCaching);
     if (!rest_kept)
@@ -197,7 +199,7 @@ class Judge {
     if (!root_kept && rest_kept) good(name, "Caches may keep what never changes, and ask anew for what may.");
   }
 
-  const HostAnswers& a_;
+  const HostAnswers& answers_;
   std::vector<HostFinding> findings_;
 };
 
@@ -209,7 +211,7 @@ std::string HostAnswer::header(const std::string& lower_case_name) const {
 }
 
 std::vector<HostFinding> judgeHost(const HostAnswers& answers) {
-  return Judge(answers).all();
+  return Judge(answers).judge();
 }
 
 const char* nameOf(HostFinding::Grade grade) {

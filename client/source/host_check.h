@@ -26,7 +26,7 @@ struct HostAnswers {
   bool other_origin = false;  ///< of the page; natively: whether pages of others shall be able to read it
   HostAnswer scene;           ///< GET scene.json
   HostAnswer range;           ///< GET of an object with a hash in its name, Range: bytes=0-15
-  HostAnswer again;           ///< the same, Range: bytes=16-31
+  HostAnswer next_range;      ///< the same, Range: bytes=16-31
   /// OPTIONS of that object as a browser asks before it sends Range to another host; pages cannot ask themselves.
   HostAnswer preflight;
 };

@@ -24,17 +24,17 @@ std::vector<std::size_t> RangeQueue::neighboursOf(const std::vector<RangeWish>& 
   std::uint64_t begin = wishes[first].offset;
   std::uint64_t end = begin + wishes[first].length;
   const auto fits = [&](const RangeWish& wish) {
-    return std::max(end, wish.offset + wish.length) - std::min(begin, wish.offset) <= options_.most_bytes;
+    return std::max(end, wish.offset + wish.length) - std::min(begin, wish.offset) <= options_.max_bytes;
   };
   for (const std::size_t i : others) {
     const RangeWish& wish = wishes[i];
-    if (wish.offset < begin || wish.offset > end + options_.most_gap || !fits(wish)) continue;
+    if (wish.offset < begin || wish.offset > end + options_.max_gap || !fits(wish)) continue;
     end = std::max(end, wish.offset + wish.length);
     chosen.push_back(i);
   }
   for (auto i = others.rbegin(); i != others.rend(); ++i) {
     const RangeWish& wish = wishes[*i];
-    if (wish.offset >= begin || wish.offset + wish.length + options_.most_gap < begin || !fits(wish)) continue;
+    if (wish.offset >= begin || wish.offset + wish.length + options_.max_gap < begin || !fits(wish)) continue;
     begin = wish.offset;
     end = std::max(end, wish.offset + wish.length);
     chosen.push_back(*i);
@@ -56,8 +56,8 @@ void RangeQueue::send(std::vector<RangeWish> wishes) {
   fetcher_.submit(id, object, begin, end - begin);
 }
 
-void RangeQueue::ask(const std::vector<RangeWish>& wishes, std::size_t limit) {
-  limit = std::min(limit, options_.most_requests);
+void RangeQueue::request(const std::vector<RangeWish>& wishes, std::size_t limit) {
+  limit = std::min(limit, options_.max_requests);
   for (std::size_t i = 0; i < wishes.size() && requests_.size() < limit; ++i) {
     if (underWay(wishes[i].kind, wishes[i].key)) continue;
     std::vector<RangeWish> together;
@@ -66,9 +66,9 @@ void RangeQueue::ask(const std::vector<RangeWish>& wishes, std::size_t limit) {
   }
 }
 
-std::vector<RangeArrival> RangeQueue::take() {
+std::vector<RangeArrival> RangeQueue::takeArrivals() {
   std::vector<RangeArrival> arrivals;
-  for (Fetched& answer : fetcher_.take()) {
+  for (FetchAnswer& answer : fetcher_.takeAnswers()) {
     const auto it = requests_.find(answer.id);
     if (it == requests_.end()) continue;
     const Request request = std::move(it->second);

@@ -23,13 +23,13 @@ struct RangeWish {
 
 struct RangeArrival {
   RangeWish wish;
-  Fetched answer;  ///< its bytes are the wish's own
+  FetchAnswer answer;  ///< its bytes are the wish's own
 };
 
 struct RangeQueueOptions {
-  std::size_t most_requests = 6;          ///< under way; what browsers allow for one host over HTTP/1.1
-  std::uint64_t most_bytes = 128 * 1024;  ///< of a request with neighbours in it
-  std::uint64_t most_gap = 64;            ///< bytes between neighbours that are read in vain: blocks are padded to 16
+  std::size_t max_requests = 6;          ///< under way; what browsers allow for one host over HTTP/1.1
+  std::uint64_t max_bytes = 128 * 1024;  ///< of a request with neighbours in it
+  std::uint64_t max_gap = 64;            ///< bytes between neighbours that are read in vain: blocks are padded to 16
 };
 
 class RangeQueue {
@@ -39,11 +39,11 @@ class RangeQueue {
   RangeQueue(const RangeQueue&) = delete;
   RangeQueue& operator=(const RangeQueue&) = delete;
 
-  /// Sends what may be sent of these, most urgent first, until `limit` requests are under way (at most most_requests).
-  void ask(const std::vector<RangeWish>& wishes, std::size_t limit);
-  void ask(const std::vector<RangeWish>& wishes) { ask(wishes, options_.most_requests); }
+  /// Sends what may be sent of these, most urgent first, until `limit` requests are under way (at most max_requests).
+  void request(const std::vector<RangeWish>& wishes, std::size_t limit);
+  void request(const std::vector<RangeWish>& wishes) { request(wishes, options_.max_requests); }
   /// What came, wish by wish.
-  std::vector<RangeArrival> take();
+  std::vector<RangeArrival> takeArrivals();
   bool underWay(std::uint32_t kind, std::uint64_t key) const { return under_way_.count({kind, key}) != 0; }
   std::size_t requestsUnderWay() const { return requests_.size(); }
   std::uint64_t requestsSent() const { return sent_; }

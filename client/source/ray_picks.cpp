@@ -18,21 +18,21 @@ PickAnswer answerOf(const std::optional<lod::patch::RayHit>& hit) {
 
 }  // namespace
 
-void RayPicks::add(std::uint32_t id, const lod::patch::Ray& ray) {
-  if (rays_.size() >= kLongestQueue)
+void RayPicks::addRay(std::uint32_t id, const lod::patch::Ray& ray) {
+  if (rays_.size() >= kMaxQueue)
     answered_.push_back({id, {}});
   else
     rays_.push_back({id, ray});
 }
 
-void RayPicks::keep(std::uint32_t group, base::ByteView block) {
+void RayPicks::keepBlock(std::uint32_t group, base::ByteView block) {
   if (!waiting()) return;
   if (!blocks_.emplace(group, base::Bytes(block.begin(), block.end())).second) return;
   block_bytes_ += block.size();
 }
 
 /// The next ray may lie elsewhere: its blocks come anew, mostly from the session's cache.
-void RayPicks::answer(const PickAnswer& found) {
+void RayPicks::finishFirst(const PickAnswer& found) {
   answered_.push_back({rays_.front().id, found});
   rays_.pop_front();
   needed_.clear();
@@ -40,8 +40,8 @@ void RayPicks::answer(const PickAnswer& found) {
   block_bytes_ = 0;
 }
 
-void RayPicks::work(const lod::patch::Hierarchy& hierarchy, const lod::patch::BlockSource& elsewhere,
-                    const Learn& learn) {
+void RayPicks::castWaiting(const lod::patch::Hierarchy& hierarchy, const lod::patch::BlockSource& elsewhere,
+                           const ReadRecord& read_record) {
   const lod::patch::BlockSource blocks = [&](std::uint32_t group) -> base::Result<std::optional<base::ByteView>> {
     if (const auto kept = blocks_.find(group); kept != blocks_.end())
       return std::optional<base::ByteView>(kept->second);
@@ -51,35 +51,35 @@ void RayPicks::work(const lod::patch::Hierarchy& hierarchy, const lod::patch::Bl
     auto cast = lod::patch::castRay(hierarchy, rays_.front().ray, blocks);
     if (!cast) {
       problem_ = cast.error().message;
-      answer({});
+      finishFirst({});
       continue;
     }
     if (cast->needed.empty()) {
-      answer(answerOf(cast->hit));
+      finishFirst(answerOf(cast->hit));
       continue;
     }
     needed_ = std::move(cast->needed);
     needed_.resize(std::min(needed_.size(), kGroupsAhead));
-    bool learned = false;
+    bool read_any = false;
     bool broken = block_bytes_ > kMaxBytes;
     for (const std::uint32_t group : needed_) {
       if (group < hierarchy.groups.size() && hierarchy.isKnown(group)) continue;
-      const Record record = learn(group);
-      learned |= record == Record::kHere;
-      broken |= record == Record::kBroken;
+      const RecordStatus record = read_record(group);
+      read_any |= record == RecordStatus::kHere;
+      broken |= record == RecordStatus::kBroken;
     }
     if (broken)
-      answer({});
-    else if (!learned)
+      finishFirst({});
+    else if (!read_any)
       return;
   }
 }
 
 void RayPicks::giveUp() {
-  while (waiting()) answer({});
+  while (waiting()) finishFirst({});
 }
 
-std::vector<AnsweredPick> RayPicks::take() {
+std::vector<AnsweredPick> RayPicks::takeAnswers() {
   return std::exchange(answered_, {});
 }
 

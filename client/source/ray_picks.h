@@ -22,39 +22,40 @@ struct AnsweredPick {
 
 class RayPicks {
  public:
-  static constexpr std::size_t kLongestQueue = 64;
+  static constexpr std::size_t kMaxQueue = 64;
   /// Groups that are asked for at a time, the nearest: those behind a hit are not needed.
   static constexpr std::size_t kGroupsAhead = 4;
   /// Compressed blocks that one ray may need at a time; beyond, its answer is kUnknown.
   static constexpr std::size_t kMaxBytes = 8'000'000;
 
   /// How a group's record stands after an attempt to take it into the hierarchy.
-  enum class Record : std::uint8_t { kHere, kMissing, kBroken };
-  using Learn = std::function<Record(std::uint32_t group)>;
+  enum class RecordStatus : std::uint8_t { kHere, kMissing, kBroken };
+  using ReadRecord = std::function<RecordStatus(std::uint32_t group)>;
 
-  /// `ray` scene-local. With kLongestQueue rays waiting the answer is kUnknown at once.
-  void add(std::uint32_t id, const lod::patch::Ray& ray);
+  /// `ray` scene-local. With kMaxQueue rays waiting the answer is kUnknown at once.
+  void addRay(std::uint32_t id, const lod::patch::Ray& ray);
   bool waiting() const { return !rays_.empty(); }
   /// A block that came; taken only while a ray waits.
-  void keep(std::uint32_t group, base::ByteView block);
+  void keepBlock(std::uint32_t group, base::ByteView block);
   /// Casts as far as what is here leads. `elsewhere`: blocks that somebody else holds. Call again when something came.
-  void work(const lod::patch::Hierarchy& hierarchy, const lod::patch::BlockSource& elsewhere, const Learn& learn);
+  void castWaiting(const lod::patch::Hierarchy& hierarchy, const lod::patch::BlockSource& elsewhere,
+                   const ReadRecord& read_record);
   /// Records or blocks of these groups bring the first ray further, the nearest first.
   const std::vector<std::uint32_t>& needed() const { return needed_; }
   /// Nobody will ever say: the scene is gone.
   void giveUp();
-  std::vector<AnsweredPick> take();
+  std::vector<AnsweredPick> takeAnswers();
   /// What was damaged, the newest such thing, one line; else empty.
   const std::string& problem() const { return problem_; }
 
  private:
-  struct Waiting {
+  struct WaitingRay {
     std::uint32_t id = 0;
     lod::patch::Ray ray;
   };
-  void answer(const PickAnswer& found);
+  void finishFirst(const PickAnswer& found);
 
-  std::deque<Waiting> rays_;  ///< the first is worked on
+  std::deque<WaitingRay> rays_;  ///< the first is worked on
   std::vector<std::uint32_t> needed_;
   std::unordered_map<std::uint32_t, base::Bytes> blocks_;
   std::size_t block_bytes_ = 0;

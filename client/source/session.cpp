@@ -32,7 +32,7 @@ std::uint32_t groupOf(CacheKey key) {
 /// Counted for each entry beside its bytes, so that a flood of empty faces costs what it takes: list node, two table
 /// rows.
 constexpr std::uint64_t kEntryOverhead = 128;
-constexpr std::size_t kFramesKept = 4;
+constexpr std::size_t kMaxFrames = 4;
 
 bool sameView(const base::ViewCamera& a, const base::ViewCamera& b) {
   return a.position == b.position && a.direction == b.direction && a.up == b.up && a.fov_y == b.fov_y &&
@@ -52,13 +52,13 @@ base::Error badServer(const std::string& what) {
 
 }  // namespace
 
-struct Session::State {
-  explicit State(const SessionOptions& wanted) : options(wanted), cache(wanted.cache_bytes) {}
+struct Session::Impl {
+  explicit Impl(const SessionOptions& wanted) : options(wanted), cache(wanted.cache_bytes) {}
 
   SessionOptions options;
-  SessionState state = SessionState::kDisconnected;
+  SessionPhase phase = SessionPhase::kDisconnected;
   std::string problem;
-  std::optional<lod::Method> instead;
+  std::optional<Method> method_instead;
   std::optional<protocol::Welcome> welcome;
   lod::patch::Hierarchy hierarchy;
 
@@ -70,23 +70,23 @@ struct Session::State {
   std::deque<protocol::Frame> frames;  // oldest first
   std::uint32_t frame_sequence = 0;    // of the frame that came last, kept or not
 
-  std::deque<base::Bytes> greetings;       // Hello or Holdings, to be sent before anything else
-  std::unordered_set<CacheKey> untold;     // evicted, and the server doesn't know
-  std::optional<base::ViewCamera> camera;  // the newest
-  std::uint32_t sequence = 0;              // of the newest view
+  std::deque<base::Bytes> greetings;        // Hello or Holdings, to be sent before anything else
+  std::unordered_set<CacheKey> unreported;  // evicted, and the server doesn't know
+  std::optional<base::ViewCamera> camera;   // the newest
+  std::uint32_t sequence = 0;               // of the newest view
   std::uint32_t complete_sequence = 0;
   bool view_unsent = false;
 
   SessionEvents events;
   SessionStats stats;
 
-  base::Result<void> take(protocol::Welcome&& message);
-  base::Result<void> take(protocol::Face&& message, std::size_t bytes);
-  base::Result<void> take(protocol::Refinement&& message, std::size_t bytes);
-  base::Result<void> take(protocol::Frame&& message, std::size_t bytes);
-  base::Result<void> take(const protocol::Completion& message);
-  base::Result<void> take(const protocol::Refusal& message);
-  base::Result<void> dispatch(protocol::ServerMessage&& message, std::size_t bytes);
+  base::Result<void> acceptWelcome(protocol::Welcome&& message);
+  base::Result<void> acceptFace(protocol::Face&& message, std::size_t bytes);
+  base::Result<void> acceptRefinement(protocol::Refinement&& message, std::size_t bytes);
+  base::Result<void> acceptFrame(protocol::Frame&& message, std::size_t bytes);
+  base::Result<void> acceptCompletion(const protocol::Completion& message);
+  base::Result<void> acceptRefusal(const protocol::Refusal& message);
+  base::Result<void> acceptMessage(protocol::ServerMessage&& message, std::size_t bytes);
 
   void startScene(const protocol::Welcome& message);
   bool insert(CacheKey key, base::Bytes&& bytes);
@@ -102,14 +102,14 @@ struct Session::State {
 
 // ---- the cache ----
 
-void Session::State::startScene(const protocol::Welcome& message) {
+void Session::Impl::startScene(const protocol::Welcome& message) {
   cache = repository::LruCache<CacheKey, base::Bytes>(options.cache_bytes);
   cached.clear();
   cached_children.clear();
   in_use.clear();
   frames.clear();
   frame_sequence = 0;
-  untold.clear();
+  unreported.clear();
   stats.cache_bytes = 0;
   stats.frame_bytes = 0;
   events = {};
@@ -122,10 +122,10 @@ void Session::State::startScene(const protocol::Welcome& message) {
 }
 
 /// True when the key is new.
-bool Session::State::insert(CacheKey key, base::Bytes&& bytes) {
+bool Session::Impl::insert(CacheKey key, base::Bytes&& bytes) {
   const std::uint64_t cost = bytes.size() + kEntryOverhead;
   cache.insert(key, std::move(bytes), cost);
-  untold.erase(key);
+  unreported.erase(key);
   const bool is_new = cached.insert(key).second;
   if (is_new && isGroup(key))
     for (std::uint32_t parent : hierarchy.parentsOf(groupOf(key))) ++cached_children[parent];
@@ -134,7 +134,7 @@ bool Session::State::insert(CacheKey key, base::Bytes&& bytes) {
 }
 
 /// A cut can be drawn from the top down only: group 0 stays, and so does every group below which something is cached.
-bool Session::State::pinned(CacheKey key) const {
+bool Session::Impl::pinned(CacheKey key) const {
   if (in_use.count(key) != 0) return true;
   if (!isGroup(key)) return false;
   const std::uint32_t group = groupOf(key);
@@ -142,7 +142,7 @@ bool Session::State::pinned(CacheKey key) const {
 }
 
 /// Evicts round by round: a group whose last cached child went in one round may go in the next.
-void Session::State::evictOverBudget() {
+void Session::Impl::evictOverBudget() {
   while (cache.bytes() > cache.budget()) {
     const std::vector<CacheKey> gone = cache.evict([this](CacheKey key) { return pinned(key); });
     if (gone.empty()) break;
@@ -151,9 +151,9 @@ void Session::State::evictOverBudget() {
   stats.cache_bytes = cache.bytes();
 }
 
-void Session::State::forget(CacheKey key) {
+void Session::Impl::forget(CacheKey key) {
   cached.erase(key);
-  untold.insert(key);
+  unreported.insert(key);
   if (!isGroup(key)) {
     if (auto face = repository::FaceKey::fromCode(key)) events.faces_evicted.push_back(*face);
     return;
@@ -166,7 +166,7 @@ void Session::State::forget(CacheKey key) {
   }
 }
 
-std::uint64_t Session::State::frameBytes() const {
+std::uint64_t Session::Impl::frameBytes() const {
   std::uint64_t bytes = 0;
   for (const protocol::Frame& frame : frames) bytes += frame.value.size();
   return bytes;
@@ -174,19 +174,19 @@ std::uint64_t Session::State::frameBytes() const {
 
 // ---- messages from the server ----
 
-base::Result<void> Session::State::take(protocol::Welcome&& message) {
-  if (state != SessionState::kGreeting) return badServer("said Welcome twice");
+base::Result<void> Session::Impl::acceptWelcome(protocol::Welcome&& message) {
+  if (phase != SessionPhase::kGreeting) return badServer("said Welcome twice");
   const bool same = welcome.has_value() && sameScene(*welcome, message);
   if (!same) startScene(message);
   welcome = std::move(message);
-  state = SessionState::kReady;
+  phase = SessionPhase::kReady;
   problem.clear();
   queueHave();
   view_unsent = camera.has_value();
   return {};
 }
 
-base::Result<void> Session::State::take(protocol::Face&& message, std::size_t bytes) {
+base::Result<void> Session::Impl::acceptFace(protocol::Face&& message, std::size_t bytes) {
   if (!options.images) return badServer("sent images although none were asked for");
   if (!welcome->grid.contains(message.key)) return badServer("sent an image of a point outside its own grid");
   ++stats.faces_received;
@@ -196,7 +196,7 @@ base::Result<void> Session::State::take(protocol::Face&& message, std::size_t by
   return {};
 }
 
-base::Result<void> Session::State::take(protocol::Refinement&& message, std::size_t bytes) {
+base::Result<void> Session::Impl::acceptRefinement(protocol::Refinement&& message, std::size_t bytes) {
   base::ByteReader in(message.record);
   auto group = lod::patch::addGroup(in, hierarchy, welcome->group_count, welcome->patch_count);
   if (!group) return base::within("the server sent a bad group", group.error());
@@ -210,7 +210,7 @@ base::Result<void> Session::State::take(protocol::Refinement&& message, std::siz
   return {};
 }
 
-base::Result<void> Session::State::take(protocol::Frame&& message, std::size_t bytes) {
+base::Result<void> Session::Impl::acceptFrame(protocol::Frame&& message, std::size_t bytes) {
   if (!options.frames) return badServer("sent a frame although none was asked for");
   if (message.sequence > sequence) return badServer("sent a frame for a view that was never asked for");
   ++stats.frames_received;
@@ -219,20 +219,20 @@ base::Result<void> Session::State::take(protocol::Frame&& message, std::size_t b
   frame_sequence = message.sequence;
   events.frames_added.push_back(message.sequence);
   frames.push_back(std::move(message));
-  while (frames.size() > kFramesKept || frameBytes() > options.frame_bytes) frames.pop_front();
+  while (frames.size() > kMaxFrames || frameBytes() > options.frame_bytes) frames.pop_front();
   stats.frame_bytes = frameBytes();
   return {};
 }
 
-base::Result<void> Session::State::take(const protocol::Completion& message) {
+base::Result<void> Session::Impl::acceptCompletion(const protocol::Completion& message) {
   if (message.sequence > sequence) return badServer("completed a view that was never asked for");
   complete_sequence = std::max(complete_sequence, message.sequence);
   return {};
 }
 
-base::Result<void> Session::State::take(const protocol::Refusal& message) {
-  state = SessionState::kRefused;
-  if (message.splats_only) instead = lod::Method::kQsplat;
+base::Result<void> Session::Impl::acceptRefusal(const protocol::Refusal& message) {
+  phase = SessionPhase::kRefused;
+  if (message.splats_only) method_instead = Method::kQsplat;
   problem = "the server refused: " + (message.reason.empty() ? "it gave no reason" : message.reason);
   if (message.version != protocol::kVersion)
     problem += " (it speaks protocol " + std::to_string(message.version) + ", this client " +
@@ -240,22 +240,23 @@ base::Result<void> Session::State::take(const protocol::Refusal& message) {
   return {};
 }
 
-base::Result<void> Session::State::dispatch(protocol::ServerMessage&& message, std::size_t bytes) {
+base::Result<void> Session::Impl::acceptMessage(protocol::ServerMessage&& message, std::size_t bytes) {
   // Welcome and Refusal may come first; all else only after a Welcome.
-  if (auto* welcome_message = std::get_if<protocol::Welcome>(&message)) return take(std::move(*welcome_message));
-  if (auto* refusal = std::get_if<protocol::Refusal>(&message)) return take(*refusal);
-  if (state != SessionState::kReady) return badServer("sent data before its Welcome");
+  if (auto* welcome_message = std::get_if<protocol::Welcome>(&message))
+    return acceptWelcome(std::move(*welcome_message));
+  if (auto* refusal = std::get_if<protocol::Refusal>(&message)) return acceptRefusal(*refusal);
+  if (phase != SessionPhase::kReady) return badServer("sent data before its Welcome");
 
-  if (auto* face = std::get_if<protocol::Face>(&message)) return take(std::move(*face), bytes);
-  if (auto* refine = std::get_if<protocol::Refinement>(&message)) return take(std::move(*refine), bytes);
-  if (auto* frame = std::get_if<protocol::Frame>(&message)) return take(std::move(*frame), bytes);
-  if (auto* complete = std::get_if<protocol::Completion>(&message)) return take(*complete);
+  if (auto* face = std::get_if<protocol::Face>(&message)) return acceptFace(std::move(*face), bytes);
+  if (auto* refine = std::get_if<protocol::Refinement>(&message)) return acceptRefinement(std::move(*refine), bytes);
+  if (auto* frame = std::get_if<protocol::Frame>(&message)) return acceptFrame(std::move(*frame), bytes);
+  if (auto* complete = std::get_if<protocol::Completion>(&message)) return acceptCompletion(*complete);
   return badServer("sent a message that this client does not know");
 }
 
 // ---- messages to the server ----
 
-void Session::State::queueHave() {
+void Session::Impl::queueHave() {
   protocol::Holdings have;
   const auto flush = [&] {
     if (have.faces.empty() && have.groups.empty()) return;
@@ -271,11 +272,11 @@ void Session::State::queueHave() {
   flush();
 }
 
-base::Bytes Session::State::evictedMessage() {
+base::Bytes Session::Impl::evictedMessage() {
   protocol::Eviction evicted;
-  while (!untold.empty() && evicted.faces.size() + evicted.groups.size() < protocol::kMaxKeysPerMessage) {
-    const CacheKey key = *untold.begin();
-    untold.erase(untold.begin());
+  while (!unreported.empty() && evicted.faces.size() + evicted.groups.size() < protocol::kMaxKeysPerMessage) {
+    const CacheKey key = *unreported.begin();
+    unreported.erase(unreported.begin());
     if (isGroup(key))
       evicted.groups.push_back(groupOf(key));
     else if (auto face = repository::FaceKey::fromCode(key))
@@ -284,7 +285,7 @@ base::Bytes Session::State::evictedMessage() {
   return protocol::encode(std::move(evicted));
 }
 
-base::Bytes Session::State::viewMessage() {
+base::Bytes Session::Impl::viewMessage() {
   view_unsent = false;
   ++stats.views_sent;
   protocol::View view;
@@ -299,42 +300,42 @@ base::Bytes Session::State::viewMessage() {
 
 // ---- the public face ----
 
-Session::Session(const SessionOptions& options) : state_(std::make_unique<State>(options)) {}
+Session::Session(const SessionOptions& options) : impl_(std::make_unique<Impl>(options)) {}
 Session::~Session() = default;
 Session::Session(Session&& other) noexcept = default;
 Session& Session::operator=(Session&& other) noexcept = default;
 
 void Session::connected() {
-  State& s = *state_;
-  s.state = SessionState::kGreeting;
+  Impl& s = *impl_;
+  s.phase = SessionPhase::kGreeting;
   s.problem.clear();
-  s.untold.clear();  // a new connection starts with Holdings, which says it all
+  s.unreported.clear();  // a new connection starts with Holdings, which says it all
   s.greetings.clear();
   s.greetings.push_back(protocol::encode(protocol::Hello{protocol::kVersion, "lumigrid-view"}));
   s.view_unsent = false;
 }
 
 void Session::disconnected(const std::string& reason) {
-  State& s = *state_;
+  Impl& s = *impl_;
   // A refusal explains more than the closing that follows it.
-  if (s.state == SessionState::kRefused) return;
-  s.state = SessionState::kDisconnected;
+  if (s.phase == SessionPhase::kRefused) return;
+  s.phase = SessionPhase::kDisconnected;
   s.problem = reason;
   s.greetings.clear();
   s.complete_sequence = 0;
 }
 
-void Session::refuse(const std::string& reason, std::optional<lod::Method> instead) {
-  State& s = *state_;
-  s.state = SessionState::kRefused;
-  s.instead = instead;
+void Session::refuse(const std::string& reason, std::optional<Method> method_instead) {
+  Impl& s = *impl_;
+  s.phase = SessionPhase::kRefused;
+  s.method_instead = method_instead;
   s.problem = reason;
   s.greetings.clear();
 }
 
 base::Result<void> Session::receive(base::ByteView bytes) {
-  State& s = *state_;
-  if (s.state != SessionState::kGreeting && s.state != SessionState::kReady)
+  Impl& s = *impl_;
+  if (s.phase != SessionPhase::kGreeting && s.phase != SessionPhase::kReady)
     return badServer("went on talking after the connection ended");
   ++s.stats.messages_received;
   s.stats.bytes_received += bytes.size();
@@ -344,79 +345,79 @@ base::Result<void> Session::receive(base::ByteView bytes) {
     s.problem = message.error().message;
     return message.error();
   }
-  auto taken = s.dispatch(std::move(*message), bytes.size());
+  auto taken = s.acceptMessage(std::move(*message), bytes.size());
   if (!taken) s.problem = taken.error().message;
   return taken;
 }
 
 std::optional<base::Bytes> Session::nextToSend() {
-  State& s = *state_;
+  Impl& s = *impl_;
   if (!s.greetings.empty()) {
     base::Bytes next = std::move(s.greetings.front());
     s.greetings.pop_front();
     return next;
   }
-  if (s.state != SessionState::kReady) return std::nullopt;
+  if (s.phase != SessionPhase::kReady) return std::nullopt;
 
   // Evictions travel ahead of the next view, or when there are so many that the list itself would grow large.
-  const bool tell = s.view_unsent || s.untold.size() >= protocol::kMaxKeysPerMessage;
-  if (tell && !s.untold.empty()) return s.evictedMessage();
+  const bool tell = s.view_unsent || s.unreported.size() >= protocol::kMaxKeysPerMessage;
+  if (tell && !s.unreported.empty()) return s.evictedMessage();
   if (s.view_unsent) return s.viewMessage();
   return std::nullopt;
 }
 
 void Session::setView(const base::ViewCamera& camera) {
-  State& s = *state_;
+  Impl& s = *impl_;
   if (s.camera && sameView(*s.camera, camera)) return;
   s.camera = camera;
-  s.view_unsent = s.state == SessionState::kReady;
+  s.view_unsent = s.phase == SessionPhase::kReady;
 }
 
 void Session::setWanted(bool images, bool frames) {
-  State& s = *state_;
+  Impl& s = *impl_;
   if (s.options.images == images && s.options.frames == frames) return;
   s.options.images = images;
   s.options.frames = frames;
-  s.view_unsent = s.camera && s.state == SessionState::kReady;
+  s.view_unsent = s.camera && s.phase == SessionPhase::kReady;
 }
 
-SessionState Session::state() const {
-  return state_->state;
+SessionPhase Session::phase() const {
+  return impl_->phase;
 }
-std::optional<lod::Method> Session::methodInstead() const {
-  return state_->instead;
+std::optional<Method> Session::methodInstead() const {
+  return impl_->method_instead;
 }
 
 const std::string& Session::problem() const {
-  return state_->problem;
+  return impl_->problem;
 }
 const protocol::Welcome* Session::welcome() const {
-  return state_->welcome ? &*state_->welcome : nullptr;
+  return impl_->welcome ? &*impl_->welcome : nullptr;
 }
 bool Session::complete() const {
-  const State& s = *state_;
-  if (s.state != SessionState::kReady || s.view_unsent || s.sequence == 0) return false;
+  const Impl& s = *impl_;
+  if (s.phase != SessionPhase::kReady || s.view_unsent || s.sequence == 0) return false;
   if (s.complete_sequence != s.sequence) return false;
   return !s.wantsFrame() || s.frame_sequence == s.sequence;
 }
 SessionEvents Session::takeEvents() {
-  return std::exchange(state_->events, {});
+  return std::exchange(impl_->events, {});
 }
 
 const base::Bytes* Session::face(const repository::FaceKey& key) {
-  return state_->cache.find(cacheKey(key));
+  return impl_->cache.find(cacheKey(key));
 }
 const base::Bytes* Session::block(std::uint32_t group) {
-  return state_->cache.find(cacheKey(group));
+  return impl_->cache.find(cacheKey(group));
 }
 const protocol::Frame* Session::frame(std::uint32_t sequence) const {
-  for (const protocol::Frame& frame : state_->frames)
+  for (const protocol::Frame& frame : impl_->frames)
     if (frame.sequence == sequence) return &frame;
   return nullptr;
 }
 
 void Session::setInUse(const std::vector<repository::FaceKey>& faces, const std::vector<std::uint32_t>& groups) {
-  State& s = *state_;
+  Impl& s = *impl_;
   s.in_use.clear();
   const auto use = [&s](CacheKey key) {
     if (s.cache.find(key) != nullptr) s.in_use.insert(key);
@@ -428,16 +429,16 @@ void Session::setInUse(const std::vector<repository::FaceKey>& faces, const std:
 }
 
 const lod::patch::Hierarchy& Session::hierarchy() const {
-  return state_->hierarchy;
+  return impl_->hierarchy;
 }
 bool Session::hasGroup(std::uint32_t group) const {
-  return state_->cache.contains(cacheKey(group));
+  return impl_->cache.contains(cacheKey(group));
 }
 const SessionStats& Session::stats() const {
-  return state_->stats;
+  return impl_->stats;
 }
 const SessionOptions& Session::options() const {
-  return state_->options;
+  return impl_->options;
 }
 
 }  // namespace client

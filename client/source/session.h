@@ -19,13 +19,13 @@
 
 #include "base/camera.h"
 #include "base/error.h"
-#include "lod/method.h"
+#include "client/source/method.h"
 #include "lod/patch/traverse.h"
 #include "protocol/message.h"
 
 namespace client {
 
-enum class SessionState { kDisconnected, kGreeting, kReady, kRefused };
+enum class SessionPhase { kDisconnected, kGreeting, kReady, kRefused };
 
 struct SessionOptions {
   std::uint64_t cache_bytes = 50'000'000;  ///< compressed faces and patches, LRU (Okamoto 2011, section 6: 50 MB)
@@ -66,7 +66,7 @@ class Session {
   void disconnected(const std::string& reason);
   /// There is no use in trying again: as a Refusal, with these very words as the problem. `instead`: the method that
   /// this scene has data for.
-  void refuse(const std::string& reason, std::optional<lod::Method> instead = std::nullopt);
+  void refuse(const std::string& reason, std::optional<Method> method_instead = std::nullopt);
   /// An error says what the server did wrong; the caller closes the connection.
   base::Result<void> receive(base::ByteView message);
   /// The next message to send, or nullopt.
@@ -76,10 +76,10 @@ class Session {
   void setView(const base::ViewCamera& camera);
   /// From the next view on, which is sent again when this changes something.
   void setWanted(bool images, bool frames);
-  SessionState state() const;
+  SessionPhase phase() const;
   const std::string& problem() const;  ///< why disconnected or refused; empty when all is well
   /// Of a refusal: a viewer of this method is not refused. The scene has splats alone, or none.
-  std::optional<lod::Method> methodInstead() const;
+  std::optional<Method> methodInstead() const;
   const protocol::Welcome* welcome() const;  ///< null before the first Welcome
   /// The server said that everything for the newest view was sent and, where an exact frame was asked for, that came
   /// too.
@@ -99,8 +99,8 @@ class Session {
   const SessionOptions& options() const;
 
  private:
-  struct State;
-  std::unique_ptr<State> state_;
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
 };
 
 }  // namespace client

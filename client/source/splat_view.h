@@ -1,5 +1,5 @@
 #pragma once
-// Splats in a viewer (lod::Method::kQsplat). What the viewer knows of them is here, without the code: a page that shows
+// Splats in a viewer (Method::kQsplat). What the viewer knows of them is here, without the code: a page that shows
 // none does not carry it.
 #include <array>
 #include <cstdint>

@@ -29,7 +29,7 @@ constexpr std::uint64_t kPatchFrontBytes = 16 * 1024;
 constexpr std::size_t kWishesAhead = 64;         // that are looked through for neighbours
 constexpr std::size_t kRequestsAheadOfNeed = 2;  // so that a new view finds room
 constexpr std::uint64_t kTypicalFaceBytes = 20'000;
-constexpr double kFirstPause = 0.25, kLongestPause = 5.0;  // seconds
+constexpr double kMinPause = 0.25, kMaxPause = 5.0;  // seconds
 /// A request that fails is no news yet: kept connections are closed by the other side now and then.
 constexpr int kFailuresToTell = 2;
 
@@ -44,10 +44,10 @@ base::Error bad(const std::string& what) {
 
 }  // namespace
 
-struct StaticSource::State {
+struct StaticSource::Impl {
   enum class Phase { kOpening, kOpen, kFailed };
 
-  State(StaticScene what, RangeFetcher& fetcher, ReadParameters reader, const StaticOptions& wanted)
+  Impl(StaticScene what, RangeFetcher& fetcher, ReadParameters reader, const StaticOptions& wanted)
       : scene(std::move(what)),
         read_parameters(std::move(reader)),
         options(wanted),
@@ -59,29 +59,29 @@ struct StaticSource::State {
   base::Result<void> checkScene() const;
 
   // ---- what comes ----
-  void arrived(RangeArrival&& arrival);
-  base::Result<void> take(const RangeArrival& arrival);
-  base::Result<void> takePatchFront(base::ByteView bytes);
-  base::Result<void> takeIndexFront(base::ByteView bytes);
-  base::Result<void> takeParameters(base::ByteView bytes);
-  base::Result<void> takePage(std::uint32_t page, base::ByteView bytes);
+  void acceptArrival(RangeArrival&& arrival);
+  base::Result<void> acceptTable(const RangeArrival& arrival);
+  base::Result<void> acceptPatchFront(base::ByteView bytes);
+  base::Result<void> acceptIndexFront(base::ByteView bytes);
+  base::Result<void> acceptParameters(base::ByteView bytes);
+  base::Result<void> acceptPage(std::uint32_t page, base::ByteView bytes);
   base::Result<void> checkTables();
-  void takeBlock(std::uint32_t group, base::ByteView rest);
-  void takeIndexBlock(std::uint64_t number, base::ByteView bytes);
-  void takeFace(const FaceKey& key, base::Bytes bytes);
-  void failed(const RangeArrival& arrival);
-  void lose(const std::string& object, const std::string& why);
-  void note(const std::string& what) { problem = what; }
+  void acceptBlock(std::uint32_t group, base::ByteView rest);
+  void acceptIndexBlock(std::uint64_t number, base::ByteView bytes);
+  void acceptFace(const FaceKey& key, base::Bytes bytes);
+  void acceptFailure(const RangeArrival& arrival);
+  void loseObject(const std::string& object, const std::string& why);
+  void reportProblem(const std::string& what) { problem = what; }
   void fail(const std::string& why);
 
   // ---- what the session says ----
-  void talk(Session& session);
-  void hear(const protocol::ClientMessage& message);
-  void deliver(Session& session);
+  void readMessages(Session& session);
+  void acceptMessage(const protocol::ClientMessage& message);
+  void deliverMessages(Session& session);
 
   // ---- the hierarchy ----
-  void open();
-  bool learn(std::uint32_t group, std::vector<RangeWish>* wishes);
+  void openScene();
+  bool readRecord(std::uint32_t group, std::vector<RangeWish>* wishes);
   bool isKnown(std::uint32_t group) const { return group < hierarchy.known.size() && hierarchy.known[group] != 0; }
   bool tablesFirst() const { return tables->counts().blocks_offset <= options.eager_table_bytes; }
   bool tablesWhole() const { return tables->pagesHere() == tables->pageCount(); }
@@ -89,26 +89,26 @@ struct StaticSource::State {
   RangeWish pageWish(std::uint32_t page) const;
   void wishForBlock(std::uint32_t group, std::vector<RangeWish>& wishes);
 
-  void keepForSight(std::uint32_t group, const base::Bytes& block);
-  void lookAround();
+  void keepCoarseBlock(std::uint32_t group, const base::Bytes& block);
+  void computeSight();
 
   // ---- the images ----
   enum class FaceState { kHere, kGone, kWanted };
-  FaceState locate(const FaceKey& key, RangeWish& wish);
+  FaceState locateFace(const FaceKey& key, RangeWish& wish);
   bool settled(const FaceKey& key) const { return has_face.count(key) != 0 || gone.count(key) != 0; }
 
   // ---- the plan ----
-  plan::Scene toPlan() const;
+  plan::Scene planScene() const;
   void planNewestView();
   std::vector<std::uint32_t> frontierOf(const lod::patch::Cut& cut, const lod::patch::CutRequest& request);
   bool settled(std::uint32_t group) const { return has_group[group] || broken_groups.count(group) != 0; }
-  std::vector<RangeWish> wishes();
+  std::vector<RangeWish> urgentWishes();
   void wishForCoarse(std::vector<RangeWish>& wishes);
   void wishForView(std::vector<RangeWish>& wishes);
-  std::vector<RangeWish> wishesAhead();
+  std::vector<RangeWish> prefetchWishes();
 
   // ---- picked rays ----
-  void workOnPicks(Session& session);
+  void castPicks(Session& session);
   void wishForPick(std::vector<RangeWish>& wishes);
 
   StaticScene scene;
@@ -155,7 +155,7 @@ struct StaticSource::State {
   // What hides what, of the coarse groups: their blocks until it is worked out, once, before the first view is planned.
   std::vector<base::Bytes> coarse_blocks;  // beside `coarse`
   std::optional<lod::patch::ProxySight> sight;
-  bool looked_around = false;
+  bool sight_computed = false;
 
   // What it looks at.
   std::optional<protocol::View> newest, previous;
@@ -164,15 +164,15 @@ struct StaticSource::State {
   std::vector<std::uint32_t> frontier;  // unknown groups that the cut leads to
   bool frontier_urgent = false;
   std::uint64_t group_bytes = 0, face_bytes = 0;  // handed over for this view
-  bool complete_said = false;
+  bool complete_sent = false;
   std::optional<std::vector<FaceKey>> ahead;
 
   RayPicks picks;
-  bool pick_news = false;  // something came that may bring the first one further
+  bool pick_data_arrived = false;  // something came that may bring the first one further
 };
 
 /// Names come from outside: only such as `lumigrid publish` gives lead to requests.
-base::Result<void> StaticSource::State::checkScene() const {
+base::Result<void> StaticSource::Impl::checkScene() const {
   const auto notPublished = [](const std::string& what) {
     return base::Error{base::ErrorCode::kInvalidInput, what + "; put there what `lumigrid publish` wrote"};
   };
@@ -190,21 +190,21 @@ base::Result<void> StaticSource::State::checkScene() const {
 
 // ---- what comes ----
 
-void StaticSource::State::fail(const std::string& why) {
+void StaticSource::Impl::fail(const std::string& why) {
   if (phase == Phase::kFailed) return;
   phase = Phase::kFailed;
   failure = why;
 }
 
 /// Faces in this object are gone.
-void StaticSource::State::lose(const std::string& object, const std::string& why) {
+void StaticSource::Impl::loseObject(const std::string& object, const std::string& why) {
   lost_objects.insert(object);
-  note(why);
+  reportProblem(why);
 }
 
-void StaticSource::State::failed(const RangeArrival& arrival) {
-  const std::string why = explain(arrival.answer, scene.place + "/" + arrival.wish.object);
-  if (mayPass(arrival.answer)) {
+void StaticSource::Impl::acceptFailure(const RangeArrival& arrival) {
+  const std::string why = describeFailure(arrival.answer, scene.place + "/" + arrival.wish.object);
+  if (isTransient(arrival.answer)) {
     last_failure = why;
     retry_set = true;
     return;
@@ -212,36 +212,38 @@ void StaticSource::State::failed(const RangeArrival& arrival) {
   const FetchOutcome outcome = arrival.answer.outcome;
   const bool of_one_pack =
       outcome == FetchOutcome::kNotFound || outcome == FetchOutcome::kForbidden || outcome == FetchOutcome::kTooShort;
-  if (arrival.wish.kind == kFace && of_one_pack) return lose(arrival.wish.object, why);
+  if (arrival.wish.kind == kFace && of_one_pack) return loseObject(arrival.wish.object, why);
   fail(why);
 }
 
-void StaticSource::State::arrived(RangeArrival&& arrival) {
-  if (arrival.answer.outcome != FetchOutcome::kBytes) return failed(arrival);
+void StaticSource::Impl::acceptArrival(RangeArrival&& arrival) {
+  if (arrival.answer.outcome != FetchOutcome::kBytes) return acceptFailure(arrival);
   succeeded = true;
-  if (arrival.wish.kind == kBlock) return takeBlock(static_cast<std::uint32_t>(arrival.wish.key), arrival.answer.bytes);
-  if (arrival.wish.kind == kIndexBlock) return takeIndexBlock(arrival.wish.key, arrival.answer.bytes);
+  if (arrival.wish.kind == kBlock)
+    return acceptBlock(static_cast<std::uint32_t>(arrival.wish.key), arrival.answer.bytes);
+  if (arrival.wish.kind == kIndexBlock) return acceptIndexBlock(arrival.wish.key, arrival.answer.bytes);
   if (arrival.wish.kind == kFace) {
-    if (const auto key = FaceKey::fromCode(arrival.wish.key)) takeFace(*key, std::move(arrival.answer.bytes));
+    if (const auto key = FaceKey::fromCode(arrival.wish.key)) acceptFace(*key, std::move(arrival.answer.bytes));
     return;
   }
-  if (auto taken = take(arrival); !taken) fail(scene.place + "/" + arrival.wish.object + ": " + taken.error().message);
+  if (auto taken = acceptTable(arrival); !taken)
+    fail(scene.place + "/" + arrival.wish.object + ": " + taken.error().message);
 }
 
-base::Result<void> StaticSource::State::take(const RangeArrival& arrival) {
+base::Result<void> StaticSource::Impl::acceptTable(const RangeArrival& arrival) {
   switch (arrival.wish.kind) {
     case kPatchFront:
-      return takePatchFront(arrival.answer.bytes);
+      return acceptPatchFront(arrival.answer.bytes);
     case kIndexFront:
-      return takeIndexFront(arrival.answer.bytes);
+      return acceptIndexFront(arrival.answer.bytes);
     case kParameters:
-      return takeParameters(arrival.answer.bytes);
+      return acceptParameters(arrival.answer.bytes);
     default:
-      return takePage(static_cast<std::uint32_t>(arrival.wish.key), arrival.answer.bytes);
+      return acceptPage(static_cast<std::uint32_t>(arrival.wish.key), arrival.answer.bytes);
   }
 }
 
-base::Result<void> StaticSource::State::takePatchFront(base::ByteView bytes) {
+base::Result<void> StaticSource::Impl::acceptPatchFront(base::ByteView bytes) {
   LUMIGRID_ASSIGN_OR_RETURN(auto counts, lod::patch::readTableCounts(bytes));
   if (counts.file_bytes != scene.patches.bytes) return bad("is not as long as scene.json says");
   if (counts.groups > protocol::kMaxGroups || counts.patches > protocol::kMaxPatches)
@@ -266,17 +268,17 @@ base::Result<void> StaticSource::State::takePatchFront(base::ByteView bytes) {
   return checkTables();
 }
 
-base::Result<void> StaticSource::State::takeIndexFront(base::ByteView bytes) {
+base::Result<void> StaticSource::Impl::acceptIndexFront(base::ByteView bytes) {
   LUMIGRID_ASSIGN_OR_RETURN(auto decoded, repository::decodeIndexRoot(bytes));
   if (decoded.object_bytes != scene.index->bytes) return bad("is not as long as scene.json says");
   root = std::move(decoded);
   stats.index_bytes += bytes.size();
   const std::uint64_t end = repository::parameterOffset() + root->parameter_bytes;
   if (end > bytes.size()) return {};  // a large tree: asked for apart
-  return takeParameters(bytes.subspan(repository::parameterOffset(), root->parameter_bytes));
+  return acceptParameters(bytes.subspan(repository::parameterOffset(), root->parameter_bytes));
 }
 
-base::Result<void> StaticSource::State::takeParameters(base::ByteView bytes) {
+base::Result<void> StaticSource::Impl::acceptParameters(base::ByteView bytes) {
   LUMIGRID_TRY(repository::checkParameters(*root, bytes));
   LUMIGRID_ASSIGN_OR_RETURN(auto read, read_parameters(std::string(bytes.begin(), bytes.end())));
   points = std::move(read);
@@ -284,22 +286,22 @@ base::Result<void> StaticSource::State::takeParameters(base::ByteView bytes) {
   return {};
 }
 
-base::Result<void> StaticSource::State::takePage(std::uint32_t page, base::ByteView bytes) {
+base::Result<void> StaticSource::Impl::acceptPage(std::uint32_t page, base::ByteView bytes) {
   tables->add(tables->pageOffset(page), bytes);
   stats.table_bytes += bytes.size();
-  replan = pick_news = true;
+  replan = pick_data_arrived = true;
   return checkTables();
 }
 
 /// What single rows cannot tell, once all are here.
-base::Result<void> StaticSource::State::checkTables() {
+base::Result<void> StaticSource::Impl::checkTables() {
   if (!tablesWhole() || tables_checked) return {};
   tables_checked = true;
   return tables->checkWhole();
 }
 
 /// `rest`: what lies behind the front.
-void StaticSource::State::takeBlock(std::uint32_t group, base::ByteView rest) {
+void StaticSource::Impl::acceptBlock(std::uint32_t group, base::ByteView rest) {
   const auto record = tables->record(group);
   if (!record || has_group[group]) return;
   const lod::patch::Group& row = hierarchy.groups[group];
@@ -310,22 +312,22 @@ void StaticSource::State::takeBlock(std::uint32_t group, base::ByteView rest) {
   block.insert(block.end(), rest.begin(), rest.end());
   has_group[group] = true;
   group_bytes += block.size();
-  picks.keep(group, block);
-  pick_news = true;
-  keepForSight(group, block);
+  picks.keepBlock(group, block);
+  pick_data_arrived = true;
+  keepCoarseBlock(group, block);
   outgoing.push_back({protocol::encode(protocol::Refinement{record->bytes, std::move(block)}), {}, group});
 }
 
-void StaticSource::State::keepForSight(std::uint32_t group, const base::Bytes& block) {
-  if (looked_around || !scene.index) return;
+void StaticSource::Impl::keepCoarseBlock(std::uint32_t group, const base::Bytes& block) {
+  if (sight_computed || !scene.index) return;
   coarse_blocks.resize(coarse.size());
   const auto at = static_cast<std::size_t>(std::find(coarse.begin(), coarse.end(), group) - coarse.begin());
   if (at < coarse.size()) coarse_blocks[at] = block;
 }
 
 /// Where a block is damaged or lacking, images are chosen as if nothing hid anything.
-void StaticSource::State::lookAround() {
-  if (std::exchange(looked_around, true) || coarse_blocks.empty()) return;
+void StaticSource::Impl::computeSight() {
+  if (std::exchange(sight_computed, true) || coarse_blocks.empty()) return;
   auto seen = plan::makeCoarseSight(hierarchy, coarse, [this](std::uint32_t group) -> base::ByteView {
     return coarse_blocks[static_cast<std::size_t>(std::find(coarse.begin(), coarse.end(), group) - coarse.begin())];
   });
@@ -333,26 +335,27 @@ void StaticSource::State::lookAround() {
   coarse_blocks = {};
 }
 
-void StaticSource::State::takeIndexBlock(std::uint64_t number, base::ByteView bytes) {
+void StaticSource::Impl::acceptIndexBlock(std::uint64_t number, base::ByteView bytes) {
   stats.index_bytes += bytes.size();
   auto block = repository::decodeIndexBlock(*root, number, bytes);
   if (!block) {
     broken_index_blocks.insert(number);
     ++stats.broken;
-    return note(scene.place + "/" + scene.index->name + ": block " + std::to_string(number) + ": " +
-                block.error().message + "; its images are not shown");
+    return reportProblem(scene.place + "/" + scene.index->name + ": block " + std::to_string(number) + ": " +
+                         block.error().message + "; its images are not shown");
   }
   const std::uint64_t taken = block->bytes();
   index_blocks.insert(number, std::move(*block), taken);
   index_blocks.evict([number](std::uint64_t other) { return other == number; });
 }
 
-void StaticSource::State::takeFace(const FaceKey& key, base::Bytes bytes) {
+void StaticSource::Impl::acceptFace(const FaceKey& key, base::Bytes bytes) {
   if (has_face.count(key) != 0) return;
   if (bytes.size() > headroom() || !repository::decodeFaceValue(bytes)) {
     gone.insert(key);
     ++stats.broken;
-    return note(scene.place + ": an image is damaged; publish the scene again with `lumigrid publish --rewrite`");
+    return reportProblem(scene.place +
+                         ": an image is damaged; publish the scene again with `lumigrid publish --rewrite`");
   }
   has_face.insert(key);
   face_bytes += bytes.size();
@@ -361,7 +364,7 @@ void StaticSource::State::takeFace(const FaceKey& key, base::Bytes bytes) {
 
 // ---- what the session says ----
 
-void StaticSource::State::hear(const protocol::ClientMessage& message) {
+void StaticSource::Impl::acceptMessage(const protocol::ClientMessage& message) {
   if (std::get_if<protocol::Hello>(&message) != nullptr) {
     welcome_due = true;
     // Holdings tells what it holds, unless it is on its way.
@@ -374,7 +377,7 @@ void StaticSource::State::hear(const protocol::ClientMessage& message) {
   } else if (const auto* view = std::get_if<protocol::View>(&message)) {
     if (planned) previous = newest;
     newest = *view;
-    planned = complete_said = false;
+    planned = complete_sent = false;
   } else if (const auto* evicted = std::get_if<protocol::Eviction>(&message)) {
     for (const FaceKey& key : evicted->faces) has_face.erase(key);
     for (const std::uint32_t group : evicted->groups)
@@ -386,12 +389,12 @@ void StaticSource::State::hear(const protocol::ClientMessage& message) {
   }
 }
 
-void StaticSource::State::talk(Session& session) {
+void StaticSource::Impl::readMessages(Session& session) {
   while (const auto bytes = session.nextToSend())
-    if (const auto message = protocol::decodeClientMessage(*bytes)) hear(*message);
+    if (const auto message = protocol::decodeClientMessage(*bytes)) acceptMessage(*message);
 }
 
-void StaticSource::State::deliver(Session& session) {
+void StaticSource::Impl::deliverMessages(Session& session) {
   if (!linked || phase != Phase::kOpen) return;
   if (std::exchange(welcome_due, false)) outgoing.push_front({protocol::encode(scene.welcome)});
   while (!outgoing.empty()) {
@@ -402,14 +405,14 @@ void StaticSource::State::deliver(Session& session) {
       continue;
     }
     if (auto taken = session.receive(message.bytes); !taken) return fail(scene.place + ": " + taken.error().message);
-    talk(session);
+    readMessages(session);
   }
 }
 
 // ---- the hierarchy ----
 
 /// Both fronts are here: the scene can be described.
-void StaticSource::State::open() {
+void StaticSource::Impl::openScene() {
   if (phase != Phase::kOpening || !tables || (scene.index && !points_known)) return;
   const lod::patch::TableCounts& counts = tables->counts();
   protocol::Welcome& welcome = scene.welcome;
@@ -425,21 +428,21 @@ void StaticSource::State::open() {
   phase = Phase::kOpen;
 }
 
-RangeWish StaticSource::State::pageWish(std::uint32_t page) const {
+RangeWish StaticSource::Impl::pageWish(std::uint32_t page) const {
   return {kPage, page, scene.patches.name, tables->pageOffset(page), tables->pageLength(page)};
 }
 
 /// What of a block is not in the front that was read first; a block that is all there is handed over.
-void StaticSource::State::wishForBlock(std::uint32_t group, std::vector<RangeWish>& wishes) {
+void StaticSource::Impl::wishForBlock(std::uint32_t group, std::vector<RangeWish>& wishes) {
   const lod::patch::Group& row = hierarchy.groups[group];
   const std::uint64_t end = row.block_offset + row.block_bytes;
-  if (end <= front.size()) return takeBlock(group, {});
+  if (end <= front.size()) return acceptBlock(group, {});
   const std::uint64_t begin = std::max<std::uint64_t>(row.block_offset, front.size());
   wishes.push_back({kBlock, group, scene.patches.name, begin, end - begin, group == 0});
 }
 
 /// Takes a group into the hierarchy if all that its record needs is here; else adds what is missing to `wishes`.
-bool StaticSource::State::learn(std::uint32_t group, std::vector<RangeWish>* wishes) {
+bool StaticSource::Impl::readRecord(std::uint32_t group, std::vector<RangeWish>* wishes) {
   if (isKnown(group)) return true;
   if (broken_groups.count(group) != 0) return false;
   const auto record = tables->record(group);
@@ -466,11 +469,11 @@ bool StaticSource::State::learn(std::uint32_t group, std::vector<RangeWish>* wis
   if (group == 0)
     fail(why);
   else
-    note(why);
+    reportProblem(why);
   return false;
 }
 
-void StaticSource::State::wishForTables(std::vector<RangeWish>& wishes) const {
+void StaticSource::Impl::wishForTables(std::vector<RangeWish>& wishes) const {
   for (std::uint32_t page = 0; page < tables->pageCount(); ++page)
     if (!tables->has(page)) wishes.push_back(pageWish(page));
 }
@@ -478,7 +481,7 @@ void StaticSource::State::wishForTables(std::vector<RangeWish>& wishes) const {
 // ---- the images ----
 
 /// Where a face stands; with kWanted `wish` is what brings it nearer. An empty face is handed over at once.
-StaticSource::State::FaceState StaticSource::State::locate(const FaceKey& key, RangeWish& wish) {
+StaticSource::Impl::FaceState StaticSource::Impl::locateFace(const FaceKey& key, RangeWish& wish) {
   const std::uint64_t code = key.code();
   const std::uint64_t number = repository::blockOfCode(*root, code);
   if (broken_index_blocks.count(number) != 0) {
@@ -498,7 +501,7 @@ StaticSource::State::FaceState StaticSource::State::locate(const FaceKey& key, R
     return FaceState::kGone;
   }
   if (place->length == 0) {
-    takeFace(key, repository::encodeFaceValue({}));
+    acceptFace(key, repository::encodeFaceValue({}));
     return FaceState::kHere;
   }
   wish = {kFace, code, pack, place->offset, place->length};
@@ -507,13 +510,13 @@ StaticSource::State::FaceState StaticSource::State::locate(const FaceKey& key, R
 
 // ---- the plan ----
 
-plan::Scene StaticSource::State::toPlan() const {
+plan::Scene StaticSource::Impl::planScene() const {
   return {&scene.welcome, &hierarchy, scene.index.has_value(), points.treeOrNull(), sight ? &*sight : nullptr};
 }
 
 /// Unknown groups that the cut would expand: made patches that it draws, seen, off by more than the tolerance.
-std::vector<std::uint32_t> StaticSource::State::frontierOf(const lod::patch::Cut& cut,
-                                                           const lod::patch::CutRequest& request) {
+std::vector<std::uint32_t> StaticSource::Impl::frontierOf(const lod::patch::Cut& cut,
+                                                          const lod::patch::CutRequest& request) {
   const base::Frustum frustum(request.camera.clipFromScene());
   const float pixels = request.camera.pixelsPerUnitAtOne();
   std::vector<std::pair<float, std::uint32_t>> found;
@@ -541,17 +544,17 @@ std::vector<std::uint32_t> StaticSource::State::frontierOf(const lod::patch::Cut
 }
 
 /// Descends as far as the pages here lead, then plans as a server does.
-void StaticSource::State::planNewestView() {
+void StaticSource::Impl::planNewestView() {
   if (planned && !(replan && !frontier.empty())) return;
-  lookAround();
+  computeSight();
   const lod::patch::CutRequest request = plan::cutRequestFor(scene.welcome, *newest);
   for (bool learned = true; learned;) {
     learned = false;
     frontier = frontierOf(lod::patch::selectCut(hierarchy, request), request);
-    for (const std::uint32_t group : frontier) learned |= learn(group, nullptr);
+    for (const std::uint32_t group : frontier) learned |= readRecord(group, nullptr);
   }
   std::erase_if(frontier, [this](std::uint32_t group) { return broken_groups.count(group) != 0; });
-  view_plan = plan::planView(toPlan(), *newest, [this](const FaceKey& key) { return settled(key); });
+  view_plan = plan::planView(planScene(), *newest, [this](const FaceKey& key) { return settled(key); });
   if (!planned) {
     group_bytes = face_bytes = 0;
     ahead.reset();
@@ -560,16 +563,16 @@ void StaticSource::State::planNewestView() {
   replan = false;
 }
 
-void StaticSource::State::wishForCoarse(std::vector<RangeWish>& wishes) {
+void StaticSource::Impl::wishForCoarse(std::vector<RangeWish>& wishes) {
   for (const std::uint32_t group : coarse)
-    if (!settled(group) && learn(group, &wishes) && !has_group[group]) wishForBlock(group, wishes);
+    if (!settled(group) && readRecord(group, &wishes) && !has_group[group]) wishForBlock(group, wishes);
 }
 
 /// In a server's order (server::Session::nextWanted), as far ahead as requests are put together.
-void StaticSource::State::wishForView(std::vector<RangeWish>& wishes) {
+void StaticSource::Impl::wishForView(std::vector<RangeWish>& wishes) {
   for (const std::uint32_t group : frontier) {
     if (wishes.size() >= kWishesAhead) break;
-    learn(group, &wishes);
+    readRecord(group, &wishes);
   }
   std::uint64_t groups_ahead = group_bytes;
   std::uint64_t faces_ahead = face_bytes;
@@ -592,17 +595,17 @@ void StaticSource::State::wishForView(std::vector<RangeWish>& wishes) {
       continue;
     }
     RangeWish wish;
-    if (locate(view_plan.faces[f++], wish) != FaceState::kWanted) continue;
+    if (locateFace(view_plan.faces[f++], wish) != FaceState::kWanted) continue;
     faces_ahead += wish.kind == kFace ? wish.length : kTypicalFaceBytes;
     wishes.push_back(wish);
   }
-  if (!wishes.empty() || complete_said) return;
-  complete_said = true;
+  if (!wishes.empty() || complete_sent) return;
+  complete_sent = true;
   outgoing.push_back({protocol::encode(protocol::Completion{newest->sequence})});
 }
 
 /// Everything that is needed now, the most urgent first.
-std::vector<RangeWish> StaticSource::State::wishes() {
+std::vector<RangeWish> StaticSource::Impl::urgentWishes() {
   std::vector<RangeWish> wishes;
   if (!tables)
     wishes.push_back({kPatchFront, 0, scene.patches.name, 0, std::min(kPatchFrontBytes, scene.patches.bytes)});
@@ -631,9 +634,9 @@ std::vector<RangeWish> StaticSource::State::wishes() {
 }
 
 /// What later views may need. Small tables to their end too: only then their checksum can be looked at.
-std::vector<RangeWish> StaticSource::State::wishesAhead() {
+std::vector<RangeWish> StaticSource::Impl::prefetchWishes() {
   std::vector<RangeWish> wishes;
-  if (!complete_said || !planned || phase != Phase::kOpen) return wishes;
+  if (!complete_sent || !planned || phase != Phase::kOpen) return wishes;
   std::uint64_t bytes = 0;
   if (tables->counts().blocks_offset <= plan::kPrefetchBytes) {
     wishForTables(wishes);
@@ -643,7 +646,7 @@ std::vector<RangeWish> StaticSource::State::wishesAhead() {
     ahead = view_plan.other_faces;
     if (previous) {
       const auto along =
-          plan::planMotion(toPlan(), *newest, *previous, [this](const FaceKey& key) { return settled(key); });
+          plan::planMotion(planScene(), *newest, *previous, [this](const FaceKey& key) { return settled(key); });
       ahead->insert(ahead->end(), along.begin(), along.end());
     }
   }
@@ -651,7 +654,7 @@ std::vector<RangeWish> StaticSource::State::wishesAhead() {
     if (bytes >= plan::kPrefetchBytes || wishes.size() >= kWishesAhead) break;
     RangeWish wish;
     if (gone.count(key) != 0) continue;
-    const FaceState state = has_face.count(key) != 0 ? FaceState::kHere : locate(key, wish);
+    const FaceState state = has_face.count(key) != 0 ? FaceState::kHere : locateFace(key, wish);
     if (state == FaceState::kWanted) wishes.push_back(wish);
     bytes += wish.kind == kFace ? wish.length : kTypicalFaceBytes;
   }
@@ -660,43 +663,43 @@ std::vector<RangeWish> StaticSource::State::wishesAhead() {
 
 // ---- picked rays ----
 
-void StaticSource::State::workOnPicks(Session& session) {
+void StaticSource::Impl::castPicks(Session& session) {
   if (phase == Phase::kFailed) return picks.giveUp();
-  if (!picks.waiting() || !pick_news || !linked || phase != Phase::kOpen || !isKnown(0)) return;
-  pick_news = false;
+  if (!picks.waiting() || !pick_data_arrived || !linked || phase != Phase::kOpen || !isKnown(0)) return;
+  pick_data_arrived = false;
   const std::string before = picks.problem();
-  picks.work(
+  picks.castWaiting(
       hierarchy,
       [&session](std::uint32_t group) -> base::Result<std::optional<base::ByteView>> {
         const base::Bytes* block = session.block(group);
         return block != nullptr ? std::optional<base::ByteView>(*block) : std::nullopt;
       },
       [this](std::uint32_t group) {
-        if (learn(group, nullptr)) return RayPicks::Record::kHere;
-        return broken_groups.count(group) != 0 ? RayPicks::Record::kBroken : RayPicks::Record::kMissing;
+        if (readRecord(group, nullptr)) return RayPicks::RecordStatus::kHere;
+        return broken_groups.count(group) != 0 ? RayPicks::RecordStatus::kBroken : RayPicks::RecordStatus::kMissing;
       });
-  if (picks.problem() != before) note(scene.place + "/" + scene.patches.name + ": " + picks.problem());
+  if (picks.problem() != before) reportProblem(scene.place + "/" + scene.patches.name + ": " + picks.problem());
   // What the session dropped since it last spoke of a view.
   for (const std::uint32_t group : picks.needed())
     if (!session.hasGroup(group)) has_group[group] = false;
 }
 
-void StaticSource::State::wishForPick(std::vector<RangeWish>& wishes) {
+void StaticSource::Impl::wishForPick(std::vector<RangeWish>& wishes) {
   for (const std::uint32_t group : picks.needed())
-    if (learn(group, &wishes) && !has_group[group]) wishForBlock(group, wishes);
+    if (readRecord(group, &wishes) && !has_group[group]) wishForBlock(group, wishes);
 }
 
 // ---- the public face ----
 
 StaticSource::StaticSource(StaticScene scene, RangeFetcher& fetcher, ReadParameters read_parameters,
                            const StaticOptions& options)
-    : state_(std::make_unique<State>(std::move(scene), fetcher, std::move(read_parameters), options)) {}
+    : impl_(std::make_unique<Impl>(std::move(scene), fetcher, std::move(read_parameters), options)) {}
 StaticSource::~StaticSource() = default;
 
 bool StaticSource::pump(Session& session, double now) {
-  State& s = *state_;
-  if (s.phase == State::Phase::kFailed) {
-    if (session.state() != SessionState::kRefused) session.refuse(s.failure);
+  Impl& s = *impl_;
+  if (s.phase == Impl::Phase::kFailed) {
+    if (session.phase() != SessionPhase::kRefused) session.refuse(s.failure);
     return false;
   }
   if (!s.linked && s.failures == 0) {
@@ -706,60 +709,60 @@ bool StaticSource::pump(Session& session, double now) {
 
   // In.
   s.succeeded = s.retry_set = false;
-  auto arrivals = s.queue.take();
-  for (RangeArrival& arrival : arrivals) s.arrived(std::move(arrival));
+  auto arrivals = s.queue.takeArrivals();
+  for (RangeArrival& arrival : arrivals) s.acceptArrival(std::move(arrival));
   if (s.succeeded) {
     s.failures = 0;
     if (!std::exchange(s.linked, true)) session.connected();
   } else if (s.retry_set) {
-    s.retry_at = now + std::min(kLongestPause, kFirstPause * std::exp2(std::min(s.failures, 8)));
+    s.retry_at = now + std::min(kMaxPause, kMinPause * std::exp2(std::min(s.failures, 8)));
     ++s.failures;
     if (s.linked && s.failures >= kFailuresToTell) {
       s.linked = false;
       session.disconnected(s.last_failure);
     }
   }
-  s.open();
-  s.talk(session);
-  s.deliver(session);
-  s.workOnPicks(session);
+  s.openScene();
+  s.readMessages(session);
+  s.deliverMessages(session);
+  s.castPicks(session);
 
   // Out.
-  if (s.phase != State::Phase::kFailed && (s.failures == 0 || now >= s.retry_at)) {
-    const bool was_complete = s.complete_said;
-    const std::vector<RangeWish> wishes = s.wishes();
-    s.queue.ask(wishes);
-    if (was_complete && wishes.empty()) s.queue.ask(s.wishesAhead(), kRequestsAheadOfNeed);
-    s.deliver(session);
+  if (s.phase != Impl::Phase::kFailed && (s.failures == 0 || now >= s.retry_at)) {
+    const bool was_complete = s.complete_sent;
+    const std::vector<RangeWish> wishes = s.urgentWishes();
+    s.queue.request(wishes);
+    if (was_complete && wishes.empty()) s.queue.request(s.prefetchWishes(), kRequestsAheadOfNeed);
+    s.deliverMessages(session);
   }
-  if (s.phase == State::Phase::kFailed) session.refuse(s.failure);
+  if (s.phase == Impl::Phase::kFailed) session.refuse(s.failure);
   return !arrivals.empty();
 }
 
 void StaticSource::pick(std::uint32_t id, const glm::dvec3& origin, const glm::dvec3& direction) {
   lod::patch::Ray ray;
-  ray.origin = origin - state_->scene.welcome.origin;
+  ray.origin = origin - impl_->scene.welcome.origin;
   ray.direction = direction;
-  state_->picks.add(id, ray);
-  state_->pick_news = true;
+  impl_->picks.addRay(id, ray);
+  impl_->pick_data_arrived = true;
 }
 
 std::vector<AnsweredPick> StaticSource::takePicks() {
-  std::vector<AnsweredPick> answered = state_->picks.take();
+  std::vector<AnsweredPick> answered = impl_->picks.takeAnswers();
   for (AnsweredPick& one : answered)
-    if (one.answer.kind == PickAnswer::Kind::kHit) one.answer.point += state_->scene.welcome.origin;
+    if (one.answer.kind == PickAnswer::Kind::kHit) one.answer.point += impl_->scene.welcome.origin;
   return answered;
 }
 
 const std::string& StaticSource::problem() const {
-  return state_->failure.empty() ? state_->problem : state_->failure;
+  return impl_->failure.empty() ? impl_->problem : impl_->failure;
 }
 
 StaticStats StaticSource::stats() const {
-  StaticStats stats = state_->stats;
-  stats.requests = state_->queue.requestsSent();
-  stats.bytes = state_->queue.bytesReceived();
-  stats.requests_under_way = static_cast<std::uint32_t>(state_->queue.requestsUnderWay());
+  StaticStats stats = impl_->stats;
+  stats.requests = impl_->queue.requestsSent();
+  stats.bytes = impl_->queue.bytesReceived();
+  stats.requests_under_way = static_cast<std::uint32_t>(impl_->queue.requestsUnderWay());
   return stats;
 }
 

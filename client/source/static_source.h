@@ -29,7 +29,7 @@
 namespace client {
 
 /// An object that scene.json names, with its length.
-struct StaticPart {
+struct StaticObject {
   std::string name;
   std::uint64_t bytes = 0;
 };
@@ -39,8 +39,8 @@ struct StaticScene {
   std::string place;  ///< the scene's URL without scene.json, for messages
   /// scene_name, units, origin, box_min, box_max, up, unlit and light_direction; the files tell the rest.
   protocol::Welcome welcome;
-  StaticPart patches;               ///< patch-….lgp
-  std::optional<StaticPart> index;  ///< images/index-….lgi; nothing: no images
+  StaticObject patches;               ///< patch-….lgp
+  std::optional<StaticObject> index;  ///< images/index-….lgi; nothing: no images
 };
 
 /// Grid and tree from the text of an index's parameters (JSON; docs/formats/repository.md). Errors need not name the
@@ -93,8 +93,8 @@ class StaticSource {
   StaticStats stats() const;
 
  private:
-  struct State;
-  std::unique_ptr<State> state_;
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
 };
 
 }  // namespace client

@@ -13,7 +13,7 @@ constexpr std::uint64_t kBytesPerSplat = 4 * sizeof(lod::qsplat::Splat);
 constexpr int kMaxTries = 4;
 // At rest, while blocks come, drawing gets one part of the time and what they need so many: a page has one thread for
 // both, and a frame of a million splats takes a second on some machines.
-constexpr double kPartsForBlocks = 3.0;
+constexpr double kRestPerDraw = 3.0;
 
 bool sameCamera(const base::Camera& a, const base::Camera& b) {
   return a.clip_from_eye == b.clip_from_eye && a.eye_from_scene == b.eye_from_scene && a.width == b.width &&
@@ -56,42 +56,43 @@ StreamedSplats::StreamedSplats(SplatFilePlace file, protocol::Welcome welcome, s
 // ---- the link ----
 
 bool StreamedSplats::pump(Session& session, double now) {
-  std::vector<Fetched> answers = fetcher_->take();
-  for (Fetched& answer : answers) take(session, answer, now);
-  if (refused_.empty() && !stream_.problem().empty())
-    refused_ = file_.place + "/" + file_.name + ": " + stream_.problem();
-  if (!refused_.empty()) {
-    if (session.state() != SessionState::kRefused) session.refuse(refused_);
+  std::vector<FetchAnswer> answers = fetcher_->takeAnswers();
+  for (FetchAnswer& answer : answers) acceptAnswer(session, answer, now);
+  if (refusal_.empty() && !stream_.problem().empty())
+    refusal_ = file_.place + "/" + file_.name + ": " + stream_.problem();
+  if (!refusal_.empty()) {
+    if (session.phase() != SessionPhase::kRefused) session.refuse(refusal_);
     return !answers.empty();
   }
   for (const lod::qsplat::ByteRange& range : stream_.requests(now))
     fetcher_->submit(range.id, file_.name, range.offset, range.length);
-  if (stream_.complete()) away_ = false;  // nothing is asked of the host that could show that it is back
-  if (session.state() == SessionState::kDisconnected && stream_.header() != nullptr && !away_) greet(session);
+  if (stream_.complete()) host_away_ = false;  // nothing is asked of the host that could show that it is back
+  if (session.phase() == SessionPhase::kDisconnected && stream_.header() != nullptr && !host_away_)
+    sendWelcome(session);
   return !answers.empty();
 }
 
-void StreamedSplats::take(Session& session, Fetched& answer, double now) {
+void StreamedSplats::acceptAnswer(Session& session, FetchAnswer& answer, double now) {
   if (answer.outcome == FetchOutcome::kBytes) {
-    away_ = false;
+    host_away_ = false;
     stream_.received(answer.id, answer.bytes, now);
     return;
   }
-  const std::string why = explain(answer, file_.place + "/" + file_.name);
-  if (mayPass(answer)) {
-    away_ = true;
+  const std::string why = describeFailure(answer, file_.place + "/" + file_.name);
+  if (isTransient(answer)) {
+    host_away_ = true;
     stream_.failed(answer.id, now);
     session.disconnected(why);
   } else {
-    if (refused_.empty()) refused_ = why;
+    if (refusal_.empty()) refusal_ = why;
     stream_.giveUp(why);
   }
 }
 
 /// As a server would; what the session would answer nobody asks for.
-void StreamedSplats::greet(Session& session) {
+void StreamedSplats::sendWelcome(Session& session) {
   session.connected();
-  if (auto taken = session.receive(welcome_); !taken) refused_ = file_.place + ": " + taken.error().message;
+  if (auto taken = session.receive(welcome_); !taken) refusal_ = file_.place + ": " + taken.error().message;
   while (session.nextToSend()) {
   }
 }
@@ -102,15 +103,15 @@ const base::Sphere* StreamedSplats::bounds() const {
   return stream_.header() != nullptr ? &stream_.header()->root : nullptr;
 }
 
-float StreamedSplats::finest() const {
-  return coarser_ > 1.0F ? coarser_ * std::max(options_.cutoff_px, 0.1F) : options_.cutoff_px;
+float StreamedSplats::finestCutoff() const {
+  return cutoff_factor_ > 1.0F ? cutoff_factor_ * std::max(options_.cutoff_px, 0.1F) : options_.cutoff_px;
 }
 
-float StreamedSplats::cutoff() const {
-  if (options_.frame_seconds <= 0.0) return finest();
+float StreamedSplats::wantedCutoff() const {
+  if (options_.frame_seconds <= 0.0) return finestCutoff();
   // At its finest the control may be a hair above what was asked for; 0 it does not know at all.
   const float wanted = rate_.cutoffPx() <= rate_.goal().finest_px ? options_.cutoff_px : rate_.cutoffPx();
-  return std::max(wanted, finest());
+  return std::max(wanted, finestCutoff());
 }
 
 /// Of what the last traversal found lacking: as long as that is being asked for, another one would find little else,
@@ -123,14 +124,15 @@ bool StreamedSplats::moreIsComing() const {
 void StreamedSplats::update(const base::Camera& camera, const SplatLook& look) {
   const bool same_view = chosen_ && sameCamera(camera, camera_) && look.section == section_ && look.lens == lens_;
   if (same_view && moreIsComing()) return;
-  choose(camera, look);
+  chooseSplats(camera, look);
 }
 
-void StreamedSplats::choose(const base::Camera& camera, const SplatLook& look) {
+void StreamedSplats::chooseSplats(const base::Camera& camera, const SplatLook& look) {
   if (stream_.header() == nullptr) return;
   const bool same_view = chosen_ && sameCamera(camera, camera_) && look.section == section_;
-  if (!same_view) coarser_ = 1.0F;
-  if (same_view && look.lens == lens_ && cutoff() == cutoff_px_ && stream_.generation() == found_generation_) return;
+  if (!same_view) cutoff_factor_ = 1.0F;
+  if (same_view && look.lens == lens_ && wantedCutoff() == cutoff_px_ && stream_.generation() == found_generation_)
+    return;
   camera_ = camera;
   section_ = look.section;
   lens_ = look.lens;
@@ -144,7 +146,7 @@ void StreamedSplats::choose(const base::Camera& camera, const SplatLook& look) {
   const std::uint64_t most = std::max<std::uint64_t>(options_.memory_bytes / 2 / kBytesPerSplat, 1);
   for (int attempt = 0; attempt < kMaxTries; ++attempt) {
     found_generation_ = stream_.generation();
-    cutoff_px_ = request.cutoff_px = cutoff();
+    cutoff_px_ = request.cutoff_px = wantedCutoff();
     stream_.traverse(request, look.lens, found_);
     const bool last = attempt + 1 == kMaxTries;
     const bool affords = last || options_.frame_seconds <= 0.0 || rate_.affords(found_.splats.size());
@@ -154,7 +156,7 @@ void StreamedSplats::choose(const base::Camera& camera, const SplatLook& look) {
     }
     // Splats go with 1 / area.
     const float factor = std::sqrt(static_cast<float>(found_.splats.size()) / static_cast<float>(most));
-    coarser_ = 1.05F * factor * std::max(cutoff_px_, 0.1F) / std::max(options_.cutoff_px, 0.1F);
+    cutoff_factor_ = 1.05F * factor * std::max(cutoff_px_, 0.1F) / std::max(options_.cutoff_px, 0.1F);
   }
 }
 
@@ -173,7 +175,7 @@ base::Result<void> StreamedSplats::draw(const base::Camera& camera, const SplatL
   const bool moved = !drawn_from_ || !sameCamera(*drawn_from_, camera);
   const double begin = now();
   setPace(camera);
-  choose(camera, look);
+  chooseSplats(camera, look);
   drawn_from_ = camera;
   LUMIGRID_TRY(drawFound(camera, look));
   if (moved && stream_.header() != nullptr && options_.clock && options_.frame_seconds > 0.0) {
@@ -237,7 +239,7 @@ std::optional<glm::vec3> StreamedSplats::surfaceAt(const base::Camera& camera, c
 
 void StreamedSplats::setQuality(const SplatQuality& quality) {
   static_cast<SplatQuality&>(options_) = quality;
-  coarser_ = 1.0F;  // in units of the cut-off that was
+  cutoff_factor_ = 1.0F;  // in units of the cut-off that was
   rate_.setGoal(goalOf(options_));
 }
 
@@ -248,13 +250,13 @@ void StreamedSplats::contextLost() {
 // ---- figures ----
 
 bool StreamedSplats::complete() const {
-  return chosen_ && stream_.complete() && found_generation_ == stream_.generation() && cutoff_px_ <= finest();
+  return chosen_ && stream_.complete() && found_generation_ == stream_.generation() && cutoff_px_ <= finestCutoff();
 }
 
 bool StreamedSplats::busy() const {
-  if (!chosen_ || cutoff_px_ > finest()) return chosen_;
+  if (!chosen_ || cutoff_px_ > finestCutoff()) return chosen_;
   if (found_generation_ == stream_.generation()) return false;
-  return !moreIsComing() || !options_.clock || now() - drawn_at_ >= kPartsForBlocks * draw_seconds_;
+  return !moreIsComing() || !options_.clock || now() - drawn_at_ >= kRestPerDraw * draw_seconds_;
 }
 
 SplatStats StreamedSplats::stats() const {
@@ -262,10 +264,10 @@ SplatStats StreamedSplats::stats() const {
   stats.splats = found_.splats.size();
   stats.nodes = found_.nodes;
   stats.cutoff_px = cutoff_px_;
-  stats.finest_px = finest();
+  stats.finest_px = finestCutoff();
   stats.reduction = reduction_;
   stats.lens_px = lens_ ? lod::qsplat::cutoffThroughLens(cutoff_px_) : 0.0F;
-  stats.limited = coarser_ > 1.0F || stream_.limited();
+  stats.limited = cutoff_factor_ > 1.0F || stream_.limited();
   stats.buffer_bytes = found_.splats.size() * kBytesPerSplat;
   stats.stream = stream_.stats();
   stats.warning = stream_.warning();

@@ -40,11 +40,11 @@ class StreamedSplats final : public SplatView {
   const lod::qsplat::Traversal& found() const { return found_; }
 
  private:
-  void take(Session& session, Fetched& answer, double now);
-  void greet(Session& session);
-  float cutoff() const;
-  float finest() const;
-  void choose(const base::Camera& camera, const SplatLook& look);
+  void acceptAnswer(Session& session, FetchAnswer& answer, double now);
+  void sendWelcome(Session& session);
+  float wantedCutoff() const;
+  float finestCutoff() const;
+  void chooseSplats(const base::Camera& camera, const SplatLook& look);
   void setPace(const base::Camera& camera);
   base::Result<void> drawFound(const base::Camera& camera, const SplatLook& look);
   bool moreIsComing() const;
@@ -55,8 +55,8 @@ class StreamedSplats final : public SplatView {
   const std::unique_ptr<RangeFetcher> fetcher_;
   SplatOptions options_;
   lod::qsplat::Stream stream_;
-  bool away_ = false;    ///< the host, as the last answer has it
-  std::string refused_;  ///< what no new try mends
+  bool host_away_ = false;  ///< the host, as the last answer has it
+  std::string refusal_;     ///< what no new try mends
 
   lod::qsplat::RateControl rate_;
   lod::qsplat::Traversal found_;
@@ -66,7 +66,7 @@ class StreamedSplats final : public SplatView {
   glm::vec4 section_ = base::kNoSection;
   std::optional<lod::qsplat::Lens> lens_;
   float cutoff_px_ = 0.0F;
-  float coarser_ = 1.0F;  ///< factor of the cut-off that memory asks for in this view
+  float cutoff_factor_ = 1.0F;  ///< factor of the cut-off that memory asks for in this view
 
   std::optional<base::Camera> drawn_from_;
   double drawn_at_ = -1e300;   ///< when the last drawing ended

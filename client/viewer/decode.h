@@ -16,7 +16,7 @@ namespace client {
 class ImageDecoder {
  public:
   virtual ~ImageDecoder() = default;
-  struct Decoded {
+  struct DecodedImage {
     std::uint64_t id = 0;
     base::Image rgba;   ///< empty when the value was an empty flag or broken
     std::string error;  ///< empty when all is well
@@ -24,7 +24,7 @@ class ImageDecoder {
   /// `value`: repository/face_value.h. Copies what it needs.
   virtual void submit(std::uint64_t id, base::ByteView value) = 0;
   /// Finished ones; never waits.
-  virtual std::vector<Decoded> take() = 0;
+  virtual std::vector<DecodedImage> takeDecoded() = 0;
   virtual std::size_t pending() const = 0;
 };
 

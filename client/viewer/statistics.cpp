@@ -27,12 +27,12 @@ std::string grouped(std::uint64_t value) {
   return text;
 }
 
-std::string view(const Statistics& s) {
+std::string pictureText(const Statistics& s) {
   const std::string name(accuracyName(s.accuracy));
   return s.complete ? name + ", complete" : name + ", more on its way";
 }
 
-std::string frames(const Statistics& s) {
+std::string framesText(const Statistics& s) {
   return s.frames_per_second > 0.0 ? format("%.0f per second, %.1f ms each", s.frames_per_second, s.frame_milliseconds)
                                    : format("at rest, %.1f ms the last", s.frame_milliseconds);
 }
@@ -55,8 +55,8 @@ namespace {
 /// Of a viewer that shows splats.
 std::vector<StatisticsLine> splatLines(const Statistics& s) {
   std::vector<StatisticsLine> lines{
-      {"picture", view(s)},
-      {"frames", frames(s)},
+      {"picture", pictureText(s)},
+      {"frames", framesText(s)},
       {"splats", grouped(s.splats) + format(", down to %.1f px", s.error_px) +
                      (s.reduction > 1.0 ? format(", one sample for %.1f px", s.reduction) : std::string()) +
                      (s.lens_px > 0.0 ? format(", %.1f in the glass", s.lens_px) : std::string())},
@@ -75,8 +75,8 @@ std::vector<StatisticsLine> splatLines(const Statistics& s) {
 std::vector<StatisticsLine> statisticsLines(const Statistics& s) {
   if (s.blocks > 0) return splatLines(s);
   std::vector<StatisticsLine> lines{
-      {"picture", view(s)},
-      {"frames", frames(s)},
+      {"picture", pictureText(s)},
+      {"frames", framesText(s)},
       {"images",
        format("%u in use, %u resident, %u requested", s.images_in_use, s.images_resident, s.images_requested)},
       {"found here", format("%.0f %% of images", 1e2 * s.hit_rate)},

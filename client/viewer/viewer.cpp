@@ -73,8 +73,8 @@ base::Sphere sceneSphere(const protocol::Welcome& welcome) {
 
 }  // namespace
 
-struct Viewer::State {
-  State(const ViewerOptions& wanted, const MemoryPlan& shares, std::unique_ptr<ImageDecoder> image_decoder)
+struct Viewer::Impl {
+  Impl(const ViewerOptions& wanted, const MemoryPlan& shares, std::unique_ptr<ImageDecoder> image_decoder)
       : options(wanted), plan(shares), session(wanted.session), decoder(std::move(image_decoder)) {}
 
   ViewerOptions options;
@@ -127,7 +127,7 @@ struct Viewer::State {
   base::Result<void> startPins();
   void probePins();
   std::uint64_t pictureSignature() const;
-  bool showsSplats() const { return options.method == lod::Method::kQsplat; }
+  bool showsSplats() const { return options.method == Method::kQsplat; }
   bool hasSplats() const { return splats && splats->bounds() != nullptr && session.welcome() != nullptr; }
   SplatLook splatLook() const;
   void addSplats(ViewerStats& stats) const;
@@ -150,7 +150,7 @@ struct Viewer::State {
 
 // ---- what arrived and what went ----
 
-base::Result<void> Viewer::State::startScene() {
+base::Result<void> Viewer::Impl::startScene() {
   const protocol::Welcome& welcome = *session.welcome();
   samples.clear();
   ranked.clear();
@@ -162,7 +162,7 @@ base::Result<void> Viewer::State::startScene() {
   return startPins();
 }
 
-base::Result<void> Viewer::State::startRenderer() {
+base::Result<void> Viewer::Impl::startRenderer() {
   const repository::Grid& grid = session.welcome()->grid;
   const int face_size = grid.pointCount() != 0 ? static_cast<int>(grid.face_size) : kNoFaceSize;
   LUMIGRID_ASSIGN_OR_RETURN(
@@ -172,7 +172,7 @@ base::Result<void> Viewer::State::startRenderer() {
   return {};
 }
 
-base::Result<void> Viewer::State::takeEvents() {
+base::Result<void> Viewer::Impl::takeEvents() {
   SessionEvents events = session.takeEvents();
   if (events.welcomed) LUMIGRID_TRY(startScene());
   if (session.welcome() == nullptr) return {};
@@ -190,7 +190,7 @@ base::Result<void> Viewer::State::takeEvents() {
   return {};
 }
 
-void Viewer::State::addFace(const repository::FaceKey& key) {
+void Viewer::Impl::addFace(const repository::FaceKey& key) {
   if (samples.count(key.code()) != 0 || session.face(key) == nullptr) return;
   const repository::Grid& grid = session.welcome()->grid;
   const base::DepthRange range = base::depthRangeFor(grid.point(key.x, key.y, key.z), scene.center, scene.radius);
@@ -199,7 +199,7 @@ void Viewer::State::addFace(const repository::FaceKey& key) {
   samples.emplace(key.code(), std::move(sample));
 }
 
-void Viewer::State::addFrame(std::uint32_t sequence) {
+void Viewer::Impl::addFrame(std::uint32_t sequence) {
   const protocol::Frame* frame = session.frame(sequence);
   if (frame == nullptr) return;
   Sample sample;
@@ -208,7 +208,7 @@ void Viewer::State::addFrame(std::uint32_t sequence) {
   samples.emplace(kFrameTag | sequence, std::move(sample));
 }
 
-void Viewer::State::dropSample(SampleId id) {
+void Viewer::Impl::dropSample(SampleId id) {
   auto it = samples.find(id);
   if (it == samples.end()) return;
   if (it->second.state == SampleState::kResident && renderer) {
@@ -219,7 +219,7 @@ void Viewer::State::dropSample(SampleId id) {
 }
 
 /// The session keeps the few newest frames and says nothing when one goes. What was too large may fit now.
-void Viewer::State::dropOldFrames() {
+void Viewer::Impl::dropOldFrames() {
   std::vector<SampleId> old;
   for (const auto& [id, sample] : samples)
     if ((id & kFrameTag) != 0 && session.frame(static_cast<std::uint32_t>(id & ~kFrameTag)) == nullptr)
@@ -230,8 +230,8 @@ void Viewer::State::dropOldFrames() {
     if (sample.state == SampleState::kUnfit) sample.state = SampleState::kCached;
 }
 
-void Viewer::State::takeDecoded() {
-  for (ImageDecoder::Decoded& decoded : decoder->take()) {
+void Viewer::Impl::takeDecoded() {
+  for (ImageDecoder::DecodedImage& decoded : decoder->takeDecoded()) {
     decoding.erase(decoded.id);
     auto it = samples.find(decoded.id);
     if (it == samples.end() || it->second.state != SampleState::kDecoding) continue;
@@ -246,13 +246,13 @@ void Viewer::State::takeDecoded() {
   }
 }
 
-void Viewer::State::fault(const std::string& what) {
+void Viewer::Impl::fault(const std::string& what) {
   ++broken;
   last_fault = what;
 }
 
 /// Takes from the frame's share; the first piece always goes, so that a small share never stops the flow.
-bool Viewer::State::spend(double bytes) {
+bool Viewer::Impl::spend(double bytes) {
   if (upload_bytes_left <= 0.0) return false;
   upload_bytes_left -= bytes;
   return true;
@@ -261,7 +261,7 @@ bool Viewer::State::spend(double bytes) {
 // ---- patches ----
 
 /// What is known of the hierarchy counts to the patches' share, but leaves them a quarter of it.
-void Viewer::State::updatePatches() {
+void Viewer::Impl::updatePatches() {
   const std::uint64_t records = std::min(recordBytes(session.hierarchy()), plan.patches / 4 * 3);
   ResidentPatches::View wanted;
   wanted.camera = camera;
@@ -277,7 +277,7 @@ void Viewer::State::updatePatches() {
 
 // ---- images ----
 
-void Viewer::State::rankSamples() {
+void Viewer::Impl::rankSamples() {
   // Expected use by the surface in view.
   std::vector<SampleId> ids;
   std::vector<const base::Camera*> cameras;
@@ -306,7 +306,7 @@ void Viewer::State::rankSamples() {
 
 /// The least useful image on the GPU; with `of_size_like` only among those whose place an image of that camera can
 /// take.
-const Sample* Viewer::State::worstResident(SampleId* id, const base::Camera* of_size_like) const {
+const Sample* Viewer::Impl::worstResident(SampleId* id, const base::Camera* of_size_like) const {
   for (auto it = ranked.rbegin(); it != ranked.rend(); ++it) {
     const Sample& sample = samples.at(*it);
     if (sample.state != SampleState::kResident) continue;
@@ -320,7 +320,7 @@ const Sample* Viewer::State::worstResident(SampleId* id, const base::Camera* of_
 }
 
 /// Takes the least useful image of this size off the GPU when it is worth less than this one.
-bool Viewer::State::makeRoomFor(const Sample& sample) {
+bool Viewer::Impl::makeRoomFor(const Sample& sample) {
   SampleId worst_id = 0;
   const Sample* worst = worstResident(&worst_id, &sample.camera);
   if (worst == nullptr || worst->rank * kReplaceFactor >= sample.rank) return false;
@@ -329,7 +329,7 @@ bool Viewer::State::makeRoomFor(const Sample& sample) {
   return true;
 }
 
-void Viewer::State::uploadSamples(double now) {
+void Viewer::Impl::uploadSamples(double now) {
   for (SampleId id : ranked) {
     Sample& sample = samples[id];
     if (sample.state != SampleState::kDecoded) continue;
@@ -344,7 +344,7 @@ void Viewer::State::uploadSamples(double now) {
   }
 }
 
-const base::Bytes* Viewer::State::valueOf(SampleId id) {
+const base::Bytes* Viewer::Impl::valueOf(SampleId id) {
   if ((id & kFrameTag) != 0) {
     const protocol::Frame* frame = session.frame(static_cast<std::uint32_t>(id & ~kFrameTag));
     return frame == nullptr ? nullptr : &frame->value;
@@ -354,7 +354,7 @@ const base::Bytes* Viewer::State::valueOf(SampleId id) {
 }
 
 /// Bytes of what is being decoded or waits for its upload.
-std::uint64_t Viewer::State::waitingBytes() const {
+std::uint64_t Viewer::Impl::waitingBytes() const {
   std::uint64_t bytes = 0;
   for (const auto& [id, size] : decoding) bytes += size;
   for (const auto& [id, sample] : samples) bytes += sample.rgba.pixels.size();
@@ -363,7 +363,7 @@ std::uint64_t Viewer::State::waitingBytes() const {
 
 /// Hands the best ones that are not on the GPU to the decoder, as many as may wait. With a full GPU only those that
 /// would get a place.
-void Viewer::State::submitSamples() {
+void Viewer::Impl::submitSamples() {
   std::uint64_t waiting = waitingBytes();
   for (SampleId id : ranked) {
     if (decoder->pending() >= kMaxDecoding) return;
@@ -389,7 +389,7 @@ void Viewer::State::submitSamples() {
 }
 
 /// The present picture's faces and groups stay in the cache whatever arrives.
-void Viewer::State::markInUse() {
+void Viewer::Impl::markInUse() {
   std::vector<repository::FaceKey> faces;
   for (SampleId id : ranked) {
     if (faces.size() >= static_cast<std::size_t>(options.lumigraph.max_samples)) break;
@@ -401,7 +401,7 @@ void Viewer::State::markInUse() {
 }
 
 /// The server understands perspective views alone.
-base::ViewCamera Viewer::State::viewForServer(const base::ViewCamera& wanted) const {
+base::ViewCamera Viewer::Impl::viewForServer(const base::ViewCamera& wanted) const {
   if (session.welcome() == nullptr || !wanted.orthographic()) {
     base::ViewCamera perspective = wanted;
     perspective.ortho_height = 0.0;
@@ -412,13 +412,13 @@ base::ViewCamera Viewer::State::viewForServer(const base::ViewCamera& wanted) co
                                   static_cast<double>(sphere.radius), protocol::kMinFov);
 }
 
-glm::vec4 Viewer::State::sectionHere() const {
+glm::vec4 Viewer::Impl::sectionHere() const {
   return section ? base::sectionInScene(*section, session.welcome()->origin) : base::kNoSection;
 }
 
 // ---- pins ----
 
-base::Result<void> Viewer::State::startPins() {
+base::Result<void> Viewer::Impl::startPins() {
   probe.reset();
   drawn_signature = 0;
   if (pins.empty() || session.welcome() == nullptr || lost) return {};
@@ -432,7 +432,7 @@ base::Result<void> Viewer::State::startPins() {
 }
 
 /// A number of all that decides what hides what: pins are asked about again only when it changes.
-std::uint64_t Viewer::State::pictureSignature() const {
+std::uint64_t Viewer::Impl::pictureSignature() const {
   std::uint64_t sum = 0xcbf29ce484222325U;  // FNV-1a, Fowler, Noll, Vo
   const auto mix = [&sum](const void* data, std::size_t bytes) {
     const auto* byte = static_cast<const std::uint8_t*>(data);
@@ -452,7 +452,7 @@ std::uint64_t Viewer::State::pictureSignature() const {
   return sum;
 }
 
-void Viewer::State::probePins() {
+void Viewer::Impl::probePins() {
   if (!probe) return;
   probe->poll();
   const std::uint64_t signature = pictureSignature();
@@ -463,7 +463,7 @@ void Viewer::State::probePins() {
 
 // ---- splats ----
 
-void Viewer::State::addSplats(ViewerStats& stats) const {
+void Viewer::Impl::addSplats(ViewerStats& stats) const {
   const bool pins_pending = probe && probe->pending();
   stats.splats = splats->stats();
   stats.error_px = stats.splats.cutoff_px;
@@ -475,7 +475,7 @@ void Viewer::State::addSplats(ViewerStats& stats) const {
   if (!stats.splats.warning.empty()) stats.last_fault = stats.splats.warning;
 }
 
-SplatLook Viewer::State::splatLook() const {
+SplatLook Viewer::Impl::splatLook() const {
   SplatLook look;
   look.shading = shading;
   look.section = sectionHere();
@@ -486,7 +486,7 @@ SplatLook Viewer::State::splatLook() const {
 }
 
 /// The server is told of no view: all comes by ranges of the file.
-base::Result<void> Viewer::State::updateSplats(const base::ViewCamera& wanted) {
+base::Result<void> Viewer::Impl::updateSplats(const base::ViewCamera& wanted) {
   LUMIGRID_TRY(takeEvents());
   view = wanted;
   if (!hasSplats()) return {};
@@ -496,7 +496,7 @@ base::Result<void> Viewer::State::updateSplats(const base::ViewCamera& wanted) {
   return {};
 }
 
-base::Result<void> Viewer::State::drawSplats(const base::ViewCamera& wanted) {
+base::Result<void> Viewer::Impl::drawSplats(const base::ViewCamera& wanted) {
   LUMIGRID_TRY(takeEvents());
   view = wanted;
   if (!hasSplats()) return {};
@@ -509,7 +509,7 @@ base::Result<void> Viewer::State::drawSplats(const base::ViewCamera& wanted) {
 
 // ---- figures ----
 
-MemoryUse Viewer::State::memory() const {
+MemoryUse Viewer::Impl::memory() const {
   MemoryUse use;
   if (splats) {
     const SplatStats stats = splats->stats();
@@ -530,7 +530,7 @@ MemoryUse Viewer::State::memory() const {
 }
 
 /// The server's picture of the very view is among the images and has come in.
-bool Viewer::State::showsExactFrame() const {
+bool Viewer::Impl::showsExactFrame() const {
   if (section || !options.lumigraph.use_images || view.orthographic()) return false;
   for (const SampleId id : candidates) {
     if ((id & kFrameTag) == 0) continue;
@@ -542,7 +542,7 @@ bool Viewer::State::showsExactFrame() const {
   return false;
 }
 
-Accuracy Viewer::State::accuracy() const {
+Accuracy Viewer::Impl::accuracy() const {
   if (showsSplats()) {
     if (!hasSplats() || splats->stats().splats == 0) return Accuracy::kNothing;
     return splats->complete() ? Accuracy::kFine : Accuracy::kCoarse;
@@ -564,23 +564,23 @@ Viewer::Viewer(const ViewerOptions& options, std::unique_ptr<ImageDecoder> decod
   wanted.session.cache_bytes = plan.cache;
   wanted.session.frame_bytes = plan.frames;
   wanted.session.max_triangles = std::min(wanted.session.max_triangles, trianglesFor(plan.patches));
-  state_ = std::make_unique<State>(wanted, plan, std::move(decoder));
-  if (wanted.method == lod::Method::kPatches) setMethod(wanted.method);
+  impl_ = std::make_unique<Impl>(wanted, plan, std::move(decoder));
+  if (wanted.method == Method::kPatches) setMethod(wanted.method);
 }
 Viewer::~Viewer() = default;
 
 Session& Viewer::session() {
-  return state_->session;
+  return impl_->session;
 }
 const Session& Viewer::session() const {
-  return state_->session;
+  return impl_->session;
 }
 const ViewerOptions& Viewer::options() const {
-  return state_->options;
+  return impl_->options;
 }
 
 base::Result<bool> Viewer::update(const base::ViewCamera& camera, double now) {
-  State& s = *state_;
+  Impl& s = *impl_;
   if (s.showsSplats()) {
     LUMIGRID_TRY(s.updateSplats(camera));
     return false;
@@ -611,30 +611,30 @@ base::Result<bool> Viewer::update(const base::ViewCamera& camera, double now) {
 }
 
 void Viewer::setBackground(const std::array<float, 4>& color) {
-  std::copy(color.begin(), color.end(), state_->options.lumigraph.background);
+  std::copy(color.begin(), color.end(), impl_->options.lumigraph.background);
 }
 
 void Viewer::drawBackground() const {
-  if (state_->lost) return;
-  const float* color = state_->options.lumigraph.background;
+  if (impl_->lost) return;
+  const float* color = impl_->options.lumigraph.background;
   glClearColor(color[0], color[1], color[2], color[3]);
   glClear(GL_COLOR_BUFFER_BIT);
 }
 
 bool Viewer::allHere() const {
-  const State& s = *state_;
+  const Impl& s = *impl_;
   return s.showsSplats() ? s.hasSplats() && s.splats->complete() : s.session.complete();
 }
 
 base::Result<void> Viewer::draw(const base::ViewCamera& camera, double now) {
-  if (state_->showsSplats()) {
-    if (state_->lost) return {};
-    if (state_->hasSplats()) return state_->drawSplats(camera);
+  if (impl_->showsSplats()) {
+    if (impl_->lost) return {};
+    if (impl_->hasSplats()) return impl_->drawSplats(camera);
     drawBackground();
-    return state_->takeEvents();
+    return impl_->takeEvents();
   }
   LUMIGRID_TRY(update(camera, now));
-  State& s = *state_;
+  Impl& s = *impl_;
   s.last_draw = now;
   if (s.lost) return {};
   if (!s.renderer) {
@@ -654,7 +654,7 @@ base::Result<void> Viewer::draw(const base::ViewCamera& camera, double now) {
 }
 
 std::optional<glm::dvec3> Viewer::surfaceAt(const base::ViewCamera& camera, double x, double y) {
-  State& s = *state_;
+  Impl& s = *impl_;
   if (s.showsSplats()) {
     if (!s.hasSplats()) return std::nullopt;
     const auto point = s.splats->surfaceAt(s.cameraAt(camera), s.splatLook(), x, y);
@@ -678,44 +678,44 @@ std::optional<glm::dvec3> Viewer::surfaceAt(const base::ViewCamera& camera, doub
 // ---- how it is shown ----
 
 void Viewer::setSection(const std::optional<base::SectionPlane>& plane) {
-  state_->section = plane;
+  impl_->section = plane;
 }
 
 void Viewer::setResolutionColors(bool on) {
-  state_->options.lumigraph.modes.resolution_colors = on;
+  impl_->options.lumigraph.modes.resolution_colors = on;
 }
 
-void Viewer::setMethod(lod::Method method) {
-  State& s = *state_;
-  if (s.showsSplats() || method == lod::Method::kQsplat) return;
+void Viewer::setMethod(Method method) {
+  Impl& s = *impl_;
+  if (s.showsSplats() || method == Method::kQsplat) return;
   const SessionOptions& asked = s.options.session;
-  const bool images = method == lod::Method::kLumigraph;
+  const bool images = method == Method::kLumigraph;
   s.options.method = method;
   s.options.lumigraph.use_images = images && (asked.images || asked.frames);
   s.session.setWanted(images && asked.images, images && asked.frames);
 }
 
 void Viewer::setSplats(std::shared_ptr<SplatView> splats) {
-  state_->splats = std::move(splats);
+  impl_->splats = std::move(splats);
 }
 
 SplatView* Viewer::splats() {
-  return state_->splats.get();
+  return impl_->splats.get();
 }
 
 void Viewer::setLens(const std::optional<lod::qsplat::Lens>& lens) {
-  state_->lens = lens;
+  impl_->lens = lens;
 }
 
 void Viewer::setPins(std::vector<glm::dvec3> points) {
-  State& s = *state_;
+  Impl& s = *impl_;
   s.pins = std::move(points);
   s.pins_visible.assign(s.pins.size(), false);
   if (auto started = s.startPins(); !started) s.fault(started.error().message);
 }
 
 const std::vector<bool>& Viewer::pinsVisible() {
-  State& s = *state_;
+  Impl& s = *impl_;
   if (!s.probe || s.lost) return s.pins_visible;
   s.probe->poll();
   std::copy(s.probe->visible().begin(), s.probe->visible().end(), s.pins_visible.begin());
@@ -725,7 +725,7 @@ const std::vector<bool>& Viewer::pinsVisible() {
 // ---- a lost context ----
 
 void Viewer::contextLost() {
-  State& s = *state_;
+  Impl& s = *impl_;
   if (s.lost) return;
   s.lost = true;
   base::gl::contextLost();
@@ -740,7 +740,7 @@ void Viewer::contextLost() {
 }
 
 base::Result<void> Viewer::contextRestored() {
-  State& s = *state_;
+  Impl& s = *impl_;
   if (!s.lost) return {};
   s.lost = false;
   if (s.session.welcome() == nullptr) return {};
@@ -751,7 +751,7 @@ base::Result<void> Viewer::contextRestored() {
 // ---- figures ----
 
 ViewerStats Viewer::stats() const {
-  const State& s = *state_;
+  const Impl& s = *impl_;
   ViewerStats stats;
   stats.session = s.session.stats();
   if (s.renderer) stats.lumigraph = s.renderer->stats();

@@ -13,12 +13,12 @@
 #include "base/camera.h"
 #include "base/error.h"
 #include "client/render/lumigraph.h"
+#include "client/source/method.h"
 #include "client/source/session.h"
 #include "client/source/splat_view.h"
 #include "client/viewer/accuracy.h"
 #include "client/viewer/decode.h"
 #include "client/viewer/statistics.h"
-#include "lod/method.h"
 
 namespace client {
 
@@ -26,7 +26,7 @@ struct ViewerOptions {
   SessionOptions session;
   LumigraphOptions lumigraph;
   /// kLumigraph or kPatches (same client, images off); kQsplat: what setSplats() brings, and nothing else.
-  lod::Method method = lod::Method::kLumigraph;
+  Method method = Method::kLumigraph;
   std::uint64_t gpu_budget_bytes = 512'000'000;  ///< images on the GPU at most
   /// All that grows with the scene, GPU and memory together (MemoryUse::total()) stays below this at every frame. Its
   /// shares (client/memory_plan.h) bound the session's cache and `gpu_budget_bytes` too. What does not fit is drawn
@@ -104,7 +104,7 @@ class Viewer {
   /// lumigraph or patches, from the next draw on; patches ask the server for no images. Images that
   /// ViewerOptions::session turns off stay off. A viewer that began with kQsplat stays with it, and no other comes to
   /// it: the two are fed from different places.
-  void setMethod(lod::Method method);
+  void setMethod(Method method);
   /// Where the splats of kQsplat come from; somebody pumps it.
   void setSplats(std::shared_ptr<SplatView> splats);
   SplatView* splats();  ///< null while there are none
@@ -126,8 +126,8 @@ class Viewer {
   ViewerStats stats() const;
 
  private:
-  struct State;
-  std::unique_ptr<State> state_;
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
 };
 
 }  // namespace client

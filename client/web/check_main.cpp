@@ -25,7 +25,7 @@ EMSCRIPTEN_KEEPALIVE void beginCheck(int other_origin) {
 
 /// `which`: 0 scene.json, 1 bytes 0-15, 2 bytes 16-31. Headers follow by takeHeader().
 EMSCRIPTEN_KEEPALIVE void takeAnswer(int which, int status, int there_without_cors, double bytes) {
-  client::HostAnswer& answer = which == 0 ? answers.scene : which == 1 ? answers.range : answers.again;
+  client::HostAnswer& answer = which == 0 ? answers.scene : which == 1 ? answers.range : answers.next_range;
   answer.status = status;
   answer.there_without_cors = there_without_cors != 0;
   answer.bytes = static_cast<std::uint64_t>(bytes);
@@ -33,7 +33,7 @@ EMSCRIPTEN_KEEPALIVE void takeAnswer(int which, int status, int there_without_co
 
 /// `name` in lower case.
 EMSCRIPTEN_KEEPALIVE void takeHeader(int which, const char* name, const char* value) {
-  client::HostAnswer& answer = which == 0 ? answers.scene : which == 1 ? answers.range : answers.again;
+  client::HostAnswer& answer = which == 0 ? answers.scene : which == 1 ? answers.range : answers.next_range;
   answer.headers[name] = value;
 }
 
@@ -44,7 +44,7 @@ EMSCRIPTEN_KEEPALIVE const char* findings() {
     out.add(static_cast<int>(one.grade)).add(client::nameOf(one.grade)).add(one.header);
     out.add(one.what).add(one.todo).add(one.nginx).end();
   }
-  rows = out.take();
+  rows = out.takeText();
   return rows.c_str();
 }
 

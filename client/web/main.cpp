@@ -22,7 +22,7 @@ namespace client::web {
 
 Page page;
 
-const char* hand(std::string text) {
+const char* handOut(std::string text) {
   page.text = std::move(text);
   return page.text.c_str();
 }
@@ -31,13 +31,13 @@ const char* hand(std::string text) {
 
 namespace {
 
-using client::web::hand;
+using client::web::handOut;
 using client::web::page;
 
 /// The empty text when all is well, else what is wrong.
 template <class T>
-const char* handError(const base::Result<T>& result) {
-  return hand(result ? std::string() : result.error().message);
+const char* handOutError(const base::Result<T>& result) {
+  return handOut(result ? std::string() : result.error().message);
 }
 
 client::Modifiers modifiersOf(int bits) {
@@ -57,7 +57,7 @@ extern "C" {
 
 /// Before start(): one setting from storage. Errors as text.
 EMSCRIPTEN_KEEPALIVE const char* initialSetting(const char* name, double value) {
-  return handError(client::setSetting(page.options.settings, name, value));
+  return handOutError(client::setSetting(page.options.settings, name, value));
 }
 
 /// 0: no WebGL2 here. `method`: its name; one that is not this program's is passed over.
@@ -71,8 +71,8 @@ EMSCRIPTEN_KEEPALIVE int start(const char* canvas, const char* method) {
   page.context = emscripten_webgl_create_context(canvas, &attributes);
   if (page.context <= 0 || emscripten_webgl_make_context_current(page.context) != EMSCRIPTEN_RESULT_SUCCESS) return 0;
   page.options.viewer.method = client::web::kPageMethod;
-  if (client::web::kPageMethod != lod::Method::kQsplat && lod::methodFromName(method) == lod::Method::kPatches)
-    page.options.viewer.method = lod::Method::kPatches;
+  if (client::web::kPageMethod != client::Method::kQsplat && client::methodFromName(method) == client::Method::kPatches)
+    page.options.viewer.method = client::Method::kPatches;
   page.options.clock = [] { return emscripten_get_now() / 1000.0; };
   page.app = std::make_unique<client::App>(page.options, std::make_unique<client::WebDecoder>());
   return 1;
@@ -82,7 +82,7 @@ EMSCRIPTEN_KEEPALIVE void loseContext() {
   page.app->contextLost();
 }
 EMSCRIPTEN_KEEPALIVE const char* restoreContext() {
-  return handError(page.app->contextRestored());
+  return handOutError(page.app->contextRestored());
 }
 
 // ---- events ----
@@ -146,7 +146,7 @@ EMSCRIPTEN_KEEPALIVE int advance(double now) {
 
 EMSCRIPTEN_KEEPALIVE const char* frame(double now) {
   glBindFramebuffer(GL_FRAMEBUFFER, 0);
-  return handError(page.app->frame(now));
+  return handOutError(page.app->frame(now));
 }
 
 // ---- requests ----
@@ -164,7 +164,7 @@ EMSCRIPTEN_KEEPALIVE const char* takeRequests() {
     for (const glm::dvec3& v : {request.origin, request.direction}) rows.add(v.x).add(v.y).add(v.z);
     rows.end();
   }
-  return hand(rows.take());
+  return handOut(rows.takeText());
 }
 
 /// `kind`: 0 hit, 1 none, 2 unknown.
@@ -178,28 +178,26 @@ EMSCRIPTEN_KEEPALIVE void answerPick(std::uint32_t id, int kind, double px, doub
   page.app->answerPick(id, answer);
 }
 
-EMSCRIPTEN_KEEPALIVE void say(const char* text, int error) {
-  page.app->say(text, error != 0);
+EMSCRIPTEN_KEEPALIVE void showToast(const char* text, int error) {
+  page.app->showToast(text, error != 0);
 }
 
 // ---- state that comes from the page and goes there ----
 
 EMSCRIPTEN_KEEPALIVE const char* method() {
-  for (const auto& [known, name] : lod::kMethodNames)
-    if (known == page.app->view().method) return name.data();
-  return "";
+  return client::nameOf(page.app->view().method).data();
 }
 EMSCRIPTEN_KEEPALIVE const char* permalink() {
-  return hand(page.app->permalink());
+  return handOut(page.app->permalink());
 }
 EMSCRIPTEN_KEEPALIVE const char* openPermalink(const char* text) {
-  return handError(page.app->openPermalink(text));
+  return handOutError(page.app->openPermalink(text));
 }
 EMSCRIPTEN_KEEPALIVE const char* bookmark(int slot) {
-  return hand(page.app->bookmark(slot));
+  return handOut(page.app->bookmark(slot));
 }
 EMSCRIPTEN_KEEPALIVE const char* setBookmark(int slot, const char* link) {
-  return handError(page.app->setBookmark(slot, link));
+  return handOutError(page.app->setBookmark(slot, link));
 }
 
 /// Rows: name, label, kind, smallest, largest, value, default, choices, from the next start on.
@@ -208,13 +206,13 @@ EMSCRIPTEN_KEEPALIVE const char* settings() {
   const client::Settings& now = page.app ? page.app->settings() : page.options.settings;
   const client::Settings defaults;
   for (const client::SettingField& field : client::settingFields()) {
-    rows.add(field.name).add(field.label).add(static_cast<int>(field.kind)).add(field.smallest).add(field.largest);
+    rows.add(field.name).add(field.label).add(static_cast<int>(field.kind)).add(field.min).add(field.max);
     rows.add(now.*field.value).add(defaults.*field.value).add(field.choices).add(field.from_next_start ? 1 : 0).end();
   }
-  return hand(rows.take());
+  return handOut(rows.takeText());
 }
 EMSCRIPTEN_KEEPALIVE const char* changeSetting(const char* name, double value) {
-  return handError(page.app->changeSetting(name, value));
+  return handOutError(page.app->changeSetting(name, value));
 }
 
 EMSCRIPTEN_KEEPALIVE void dropAnnotations() {
@@ -228,15 +226,15 @@ EMSCRIPTEN_KEEPALIVE const char* addAnnotation(const char* title, const char* te
   annotation.normal = {nx, ny, nz};
   annotation.title = title;
   annotation.text = text;
-  if (page.annotations.size() >= base::kMaxAnnotations) return hand("is one more than a scene may have");
+  if (page.annotations.size() >= base::kMaxAnnotations) return handOut("is one more than a scene may have");
   auto checked = base::checkedAnnotation(std::move(annotation));
   if (checked) page.annotations.push_back(std::move(*checked));
-  return handError(checked);
+  return handOutError(checked);
 }
 /// The camera of the annotation added last.
 EMSCRIPTEN_KEEPALIVE const char* addAnnotationCamera(double px, double py, double pz, double dx, double dy, double dz,
                                                      double ux, double uy, double uz, double fov) {
-  if (page.annotations.empty()) return hand({});
+  if (page.annotations.empty()) return handOut({});
   client::Annotation annotation = page.annotations.back();
   annotation.camera.emplace();
   annotation.camera->position = {px, py, pz};
@@ -245,7 +243,7 @@ EMSCRIPTEN_KEEPALIVE const char* addAnnotationCamera(double px, double py, doubl
   annotation.camera->fov_y = fov;
   auto checked = base::checkedAnnotation(std::move(annotation));
   if (checked) page.annotations.back() = std::move(*checked);
-  return handError(checked);
+  return handOutError(checked);
 }
 EMSCRIPTEN_KEEPALIVE void setAnnotations() {
   page.app->setAnnotations(std::exchange(page.annotations, {}));
@@ -283,7 +281,7 @@ EMSCRIPTEN_KEEPALIVE const char* overlay() {
   }
   for (const client::LabelLine& line : app.lines())
     rows.add("line").add(line.x0).add(line.y0).add(line.x1).add(line.y1).add(line.approximate ? 1 : 0).end();
-  return hand(rows.take());
+  return handOut(rows.takeText());
 }
 
 /// Rows: name, value.
@@ -291,7 +289,7 @@ EMSCRIPTEN_KEEPALIVE const char* statistics() {
   client::TextRows rows;
   for (const client::StatisticsLine& line : client::statisticsLines(page.app->statistics()))
     rows.add(line.name).add(line.value).end();
-  return hand(rows.take());
+  return handOut(rows.takeText());
 }
 
 /// Rows: name, figure: for programs, not for people.
@@ -320,14 +318,14 @@ EMSCRIPTEN_KEEPALIVE const char* figures() {
   row("accuracy", static_cast<double>(s.accuracy));
   row("complete", s.complete ? 1 : 0);
   row("broken", s.broken);
-  return hand(rows.take());
+  return handOut(rows.takeText());
 }
 
 /// Rows: what to do, what it does.
 EMSCRIPTEN_KEEPALIVE const char* help() {
   client::TextRows rows;
   for (const client::HelpRow& row : client::helpRows()) rows.add(row.input).add(row.effect).end();
-  return hand(rows.take());
+  return handOut(rows.takeText());
 }
 
 /// Rows: up to how many pixels, red, green, blue; the last step has no end.
@@ -338,7 +336,7 @@ EMSCRIPTEN_KEEPALIVE const char* legend() {
     for (const std::uint8_t channel : step.color) rows.add(static_cast<int>(channel));
     rows.end();
   }
-  return hand(rows.take());
+  return handOut(rows.takeText());
 }
 
 EMSCRIPTEN_KEEPALIVE void showHelp(int shown) {
@@ -353,7 +351,7 @@ EMSCRIPTEN_KEEPALIVE void showAnnotation(int index) {
 EMSCRIPTEN_KEEPALIVE const char* camera() {
   client::TextRows rows;
   addView(rows, page.app->camera());
-  return hand(rows.end().take());
+  return handOut(rows.end().takeText());
 }
 
 // ---- the link to a server ----
@@ -365,10 +363,10 @@ EMSCRIPTEN_KEEPALIVE void disconnected(const char* reason) {
   page.app->session().disconnected(reason);
 }
 EMSCRIPTEN_KEEPALIVE int refused() {
-  return page.app->session().state() == client::SessionState::kRefused ? 1 : 0;
+  return page.app->session().phase() == client::SessionPhase::kRefused ? 1 : 0;
 }
 EMSCRIPTEN_KEEPALIVE int splatsOnly() {
-  return page.app->session().methodInstead() == lod::Method::kQsplat ? 1 : 0;
+  return page.app->session().methodInstead() == client::Method::kQsplat ? 1 : 0;
 }
 /// Room for one message of the server, to be filled before receiveMessage().
 EMSCRIPTEN_KEEPALIVE std::uint8_t* messageBuffer(std::size_t size) {
@@ -377,7 +375,7 @@ EMSCRIPTEN_KEEPALIVE std::uint8_t* messageBuffer(std::size_t size) {
 }
 /// Errors as text: the connection is to be closed.
 EMSCRIPTEN_KEEPALIVE const char* receiveMessage() {
-  return handError(page.app->session().receive(page.incoming));
+  return handOutError(page.app->session().receive(page.incoming));
 }
 /// Bytes of the next message to send, which lies at messageToSend(); 0 when there is none.
 EMSCRIPTEN_KEEPALIVE std::size_t nextToSend() {

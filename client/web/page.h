@@ -23,9 +23,9 @@ struct Page {
 extern Page page;
 
 /// What this WebAssembly shows.
-extern const lod::Method kPageMethod;
+extern const Method kPageMethod;
 
 /// Text for JavaScript, valid until the next call.
-const char* hand(std::string text);
+const char* handOut(std::string text);
 
 }  // namespace client::web

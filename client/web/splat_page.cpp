@@ -12,7 +12,7 @@
 
 namespace client::web {
 
-const lod::Method kPageMethod = lod::Method::kQsplat;
+const Method kPageMethod = Method::kQsplat;
 
 namespace {
 
@@ -45,7 +45,7 @@ EMSCRIPTEN_KEEPALIVE int pumpStatic(double now) {
 
 /// What cannot be shown though the rest goes on; mostly empty.
 EMSCRIPTEN_KEEPALIVE const char* staticProblem() {
-  return client::web::hand(client::web::splats->stats().warning);
+  return client::web::handOut(client::web::splats->stats().warning);
 }
 
 }  // extern "C"

@@ -9,7 +9,7 @@
 
 namespace client::web {
 
-const lod::Method kPageMethod = lod::Method::kLumigraph;
+const Method kPageMethod = Method::kLumigraph;
 
 namespace {
 

@@ -14,7 +14,7 @@ class TextRows {
   TextRows& add(double number);
   TextRows& add(int number) { return add(static_cast<double>(number)); }
   TextRows& end();
-  std::string take() { return std::move(text_); }
+  std::string takeText() { return std::move(text_); }
 
  private:
   void part();

@@ -34,17 +34,17 @@ void WebDecoder::submit(std::uint64_t id, base::ByteView value) {
   lumigridDecode(static_cast<std::uint32_t>(id), static_cast<std::uint32_t>(id >> 32U), value.data(), value.size());
 }
 
-std::vector<ImageDecoder::Decoded> WebDecoder::take() {
+std::vector<ImageDecoder::DecodedImage> WebDecoder::takeDecoded() {
   return std::exchange(done_, {});
 }
 
-std::uint8_t* WebDecoder::finish(std::uint64_t id, int width, int height) {
+std::uint8_t* WebDecoder::acceptPixels(std::uint64_t id, int width, int height) {
   --waiting_;
   done_.push_back({id, base::Image(width, height, 4), {}});
   return done_.back().rgba.pixels.data();
 }
 
-void WebDecoder::finishWithout(std::uint64_t id, const std::string& error) {
+void WebDecoder::acceptFailure(std::uint64_t id, const std::string& error) {
   --waiting_;
   done_.push_back({id, {}, error.empty() ? error : "an image from the server is broken: " + error});
 }
@@ -55,12 +55,12 @@ extern "C" {
 
 EMSCRIPTEN_KEEPALIVE std::uint8_t* decodedPixels(std::uint32_t low, std::uint32_t high, int width, int height) {
   auto* decoder = client::WebDecoder::instance();
-  return decoder == nullptr ? nullptr : decoder->finish(client::idOf(low, high), width, height);
+  return decoder == nullptr ? nullptr : decoder->acceptPixels(client::idOf(low, high), width, height);
 }
 
 EMSCRIPTEN_KEEPALIVE void decodedNothing(std::uint32_t low, std::uint32_t high, const char* error) {
   auto* decoder = client::WebDecoder::instance();
-  if (decoder != nullptr) decoder->finishWithout(client::idOf(low, high), error);
+  if (decoder != nullptr) decoder->acceptFailure(client::idOf(low, high), error);
 }
 
 }  // extern "C"

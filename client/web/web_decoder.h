@@ -16,22 +16,22 @@ class WebDecoder final : public ImageDecoder {
   WebDecoder& operator=(const WebDecoder&) = delete;
 
   void submit(std::uint64_t id, base::ByteView value) override;
-  std::vector<Decoded> take() override;
+  std::vector<DecodedImage> takeDecoded() override;
   std::size_t pending() const override { return waiting_ + done_.size(); }
 
   // The page's answers.
 
   /// Room for the RGBA pixels of one finished image, valid until the next call of any of these.
-  std::uint8_t* finish(std::uint64_t id, int width, int height);
+  std::uint8_t* acceptPixels(std::uint64_t id, int width, int height);
   /// It was an empty flag (`error` empty) or broken.
-  void finishWithout(std::uint64_t id, const std::string& error);
+  void acceptFailure(std::uint64_t id, const std::string& error);
 
   /// The one decoder of this page, null before there is one.
   static WebDecoder* instance();
 
  private:
   std::size_t waiting_ = 0;
-  std::vector<Decoded> done_;
+  std::vector<DecodedImage> done_;
 };
 
 }  // namespace client

@@ -31,17 +31,17 @@ void WebFetcher::submit(std::uint64_t id, const std::string& name, std::uint64_t
   lumigridFetch(static_cast<double>(id), name.c_str(), static_cast<double>(offset), static_cast<double>(length));
 }
 
-std::vector<Fetched> WebFetcher::take() {
+std::vector<FetchAnswer> WebFetcher::takeAnswers() {
   return std::exchange(done_, {});
 }
 
 void WebFetcher::cancel(std::uint64_t id) {
   lumigridCancel(static_cast<double>(id));
-  std::erase_if(done_, [id](const Fetched& one) { return one.id == id; });
+  std::erase_if(done_, [id](const FetchAnswer& one) { return one.id == id; });
 }
 
-std::uint8_t* WebFetcher::finish(std::uint64_t id, int status, std::size_t size) {
-  Fetched& one = done_.emplace_back();
+std::uint8_t* WebFetcher::acceptBytes(std::uint64_t id, int status, std::size_t size) {
+  FetchAnswer& one = done_.emplace_back();
   one.id = id;
   one.outcome = FetchOutcome::kBytes;
   one.status = status;
@@ -49,8 +49,8 @@ std::uint8_t* WebFetcher::finish(std::uint64_t id, int status, std::size_t size)
   return one.bytes.data();
 }
 
-void WebFetcher::fail(std::uint64_t id, FetchOutcome outcome, int status, const std::string& detail) {
-  Fetched& one = done_.emplace_back();
+void WebFetcher::acceptFailure(std::uint64_t id, FetchOutcome outcome, int status, const std::string& detail) {
+  FetchAnswer& one = done_.emplace_back();
   one.id = id;
   one.outcome = outcome;
   one.status = status;
@@ -63,13 +63,13 @@ extern "C" {
 
 EMSCRIPTEN_KEEPALIVE std::uint8_t* fetchedBytes(double id, int status, std::size_t size) {
   auto* fetcher = client::WebFetcher::instance();
-  return fetcher == nullptr ? nullptr : fetcher->finish(static_cast<std::uint64_t>(id), status, size);
+  return fetcher == nullptr ? nullptr : fetcher->acceptBytes(static_cast<std::uint64_t>(id), status, size);
 }
 
 EMSCRIPTEN_KEEPALIVE void fetchFailed(double id, int outcome, int status, const char* detail) {
   auto* fetcher = client::WebFetcher::instance();
   if (fetcher == nullptr || outcome < 1 || outcome > client::kMaxOutcome) return;
-  fetcher->fail(static_cast<std::uint64_t>(id), static_cast<client::FetchOutcome>(outcome), status, detail);
+  fetcher->acceptFailure(static_cast<std::uint64_t>(id), static_cast<client::FetchOutcome>(outcome), status, detail);
 }
 
 }  // extern "C"

@@ -16,20 +16,20 @@ class WebFetcher final : public RangeFetcher {
   WebFetcher& operator=(const WebFetcher&) = delete;
 
   void submit(std::uint64_t id, const std::string& name, std::uint64_t offset, std::uint64_t length) override;
-  std::vector<Fetched> take() override;
+  std::vector<FetchAnswer> takeAnswers() override;
   void cancel(std::uint64_t id) override;
 
   // The page's answers.
 
   /// Room for the bytes of one finished request, valid until the next call of any of these.
-  std::uint8_t* finish(std::uint64_t id, int status, std::size_t size);
-  void fail(std::uint64_t id, FetchOutcome outcome, int status, const std::string& detail);
+  std::uint8_t* acceptBytes(std::uint64_t id, int status, std::size_t size);
+  void acceptFailure(std::uint64_t id, FetchOutcome outcome, int status, const std::string& detail);
 
   /// The one fetcher of this page, null before there is one.
   static WebFetcher* instance();
 
  private:
-  std::vector<Fetched> done_;
+  std::vector<FetchAnswer> done_;
 };
 
 }  // namespace client

@@ -56,7 +56,8 @@ StaticScene sceneOf(const std::string& place, const std::string& name, const std
   scene.place = place;
   scene.welcome = welcomeOf(name, units, n);
   scene.patches = {patches, static_cast<std::uint64_t>(n[kWelcomeNumbers])};
-  if (n[kWelcomeNumbers + 1] > 0.0) scene.index = StaticPart{index, static_cast<std::uint64_t>(n[kWelcomeNumbers + 1])};
+  if (n[kWelcomeNumbers + 1] > 0.0)
+    scene.index = StaticObject{index, static_cast<std::uint64_t>(n[kWelcomeNumbers + 1])};
   return scene;
 }
 

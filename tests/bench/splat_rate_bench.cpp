@@ -37,12 +37,12 @@ class HereAlready final : public client::RangeFetcher {
     const auto bytes = file_.subspan(static_cast<std::size_t>(offset), static_cast<std::size_t>(length));
     answers_.push_back({id, client::FetchOutcome::kBytes, {bytes.begin(), bytes.end()}, 206, ""});
   }
-  std::vector<client::Fetched> take() override { return std::exchange(answers_, {}); }
+  std::vector<client::FetchAnswer> takeAnswers() override { return std::exchange(answers_, {}); }
   void cancel(std::uint64_t) override {}
 
  private:
   base::ByteView file_;
-  std::vector<client::Fetched> answers_;
+  std::vector<client::FetchAnswer> answers_;
 };
 
 /// One load: how near the model is, in its radii from its middle, and how much of it is in view.

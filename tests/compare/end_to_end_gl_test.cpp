@@ -101,7 +101,7 @@ class EndToEnd : public ::testing::Test {
     headless.viewer.session.images = images;
     headless.viewer.session.frames = false;
     headless.viewer.session.patch_tolerance_px = tolerance;
-    headless.viewer.method = images ? lod::Method::kLumigraph : lod::Method::kPatches;
+    headless.viewer.method = images ? client::Method::kLumigraph : client::Method::kPatches;
     headless.on_frame = [&](const client::HeadlessFrame& frame) {
       EXPECT_TRUE(frame.stats.complete) << "frame " << frame.index;
       pictures.push_back(frame.image);

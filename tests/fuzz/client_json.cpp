@@ -23,7 +23,7 @@ void fuzzOne(base::ByteView bytes) {
   const client::ReadSettings read = client::parseSettings(std::string(bytes.begin(), bytes.end()));
   for (const client::SettingField& field : client::settingFields()) {
     const double value = read.settings.*(field.value);
-    LUMIGRID_CHECK(value >= field.smallest && value <= field.largest);
+    LUMIGRID_CHECK(value >= field.min && value <= field.max);
   }
   LUMIGRID_CHECK(client::parseSettings(client::formatSettings(read.settings)).settings == read.settings);
 }

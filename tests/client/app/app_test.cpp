@@ -14,7 +14,7 @@ namespace {
 class NoDecoder : public ImageDecoder {
  public:
   void submit(std::uint64_t, base::ByteView) override {}
-  std::vector<Decoded> take() override { return {}; }
+  std::vector<DecodedImage> takeDecoded() override { return {}; }
   std::size_t pending() const override { return 0; }
 };
 
@@ -25,7 +25,7 @@ class AppTest : public ::testing::Test {
  protected:
   void SetUp() override { open({}); }
 
-  void open(const Settings& settings, lod::Method method = lod::Method::kLumigraph) {
+  void open(const Settings& settings, Method method = Method::kLumigraph) {
     AppOptions options;
     options.settings = settings;
     options.viewer.method = method;
@@ -689,7 +689,7 @@ TEST_F(AppTest, tooManyNotesAreCutWithAWord) {
 // ---- words ----
 
 TEST_F(AppTest, toastsGoByTimeAndThereAreAtMostThree) {
-  for (const char* text : {"a", "b", "c", "d", "d"}) app->say(text);
+  for (const char* text : {"a", "b", "c", "d", "d"}) app->showToast(text);
   ASSERT_EQ(app->toasts().size(), 3U);
   EXPECT_EQ(app->toasts()[2].text, "d");
   EXPECT_EQ(app->toasts()[0].text, "b") << "the same again replaces itself";
@@ -761,7 +761,7 @@ class PlainSplats final : public SplatView {
 };
 
 TEST_F(AppTest, settingsOfSplatsTakeEffectAtOnceAndLeaveWhatACommandLineSaid) {
-  open({}, lod::Method::kQsplat);
+  open({}, Method::kQsplat);
   const auto splats = std::make_shared<PlainSplats>();
   app->viewer().setSplats(splats);
   EXPECT_EQ(splats->times, 0);
@@ -794,7 +794,7 @@ TEST_F(AppTest, numbersThatAreNoneAreNoEvents) {
 // ---- splats ----
 
 TEST_F(AppTest, theMagnifyingGlassFollowsItsPointerAndTheViewStandsStill) {
-  open({}, lod::Method::kQsplat);
+  open({}, Method::kQsplat);
   welcome();
   EXPECT_TRUE(app->lines().empty());
   press(Key::kL);

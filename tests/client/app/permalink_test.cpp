@@ -21,7 +21,7 @@ ViewState drawnView(unsigned seed) {
   view.direction = glm::normalize(view.direction);
   view.pivot_distance = std::pow(10.0, real(-5.0, 6.0));
   if (coin()) view.fov_y = real(0.1, 2.5);
-  if (coin()) view.method = lod::Method::kPatches;
+  if (coin()) view.method = Method::kPatches;
   view.statistics = coin();
   view.colors_by_resolution = coin();
   view.orthographic = coin();
@@ -83,7 +83,7 @@ TEST(Permalink, theWorkedRowOfTheDocumentStays) {
   EXPECT_NEAR(view->direction.z, std::sin(glm::radians(-20.0)), 1e-15);
   EXPECT_EQ(view->pivot_distance, 12.5);
   EXPECT_NEAR(view->fov_y, glm::pi<double>() / 3.0, 1e-15);
-  EXPECT_EQ(view->method, lod::Method::kPatches);
+  EXPECT_EQ(view->method, Method::kPatches);
   EXPECT_TRUE(view->statistics && view->colors_by_resolution && view->orthographic);
   EXPECT_EQ(view->section, (Section{true, 2, true, 102.5}));
   EXPECT_EQ(formatPermalink(*view), link);

@@ -26,12 +26,12 @@ TEST(Settings, everyDefaultLiesInItsRangeAndEveryNameIsUsedOnce) {
 
 TEST(Settings, bothEndsOfARangeAreAllowedAndWhatIsBeyondChangesNothing) {
   for (const SettingField& field : settingFields()) {
-    for (const double value : {field.smallest, field.largest}) {
+    for (const double value : {field.min, field.max}) {
       Settings settings;
       EXPECT_TRUE(bool(setSetting(settings, field.name, value))) << field.name;
       EXPECT_EQ(settings.*(field.value), value);
     }
-    for (const double value : {field.smallest - 1.0, field.largest + 1.0, std::numeric_limits<double>::infinity(),
+    for (const double value : {field.min - 1.0, field.max + 1.0, std::numeric_limits<double>::infinity(),
                                std::numeric_limits<double>::quiet_NaN()}) {
       Settings settings;
       const auto set = setSetting(settings, field.name, value);
@@ -53,18 +53,17 @@ TEST(Settings, fractionsAreForNumbersOnly) {
 
 TEST(Settings, methodsAreThoseOfTheViewer) {
   Settings settings;
-  EXPECT_EQ(methodOf(settings), lod::Method::kLumigraph);
-  for (const auto method : {lod::Method::kLumigraph, lod::Method::kPatches, lod::Method::kQsplat}) {
-    for (const auto& [known, name] : lod::kMethodNames)
-      if (known == method) settings.method = *choiceValue(*findSetting("method"), name);
+  EXPECT_EQ(methodOf(settings), Method::kLumigraph);
+  for (const auto method : {Method::kLumigraph, Method::kPatches, Method::kQsplat}) {
+    settings.method = *choiceValue(*findSetting("method"), nameOf(method));
     EXPECT_EQ(methodOf(settings), method);
   }
 }
 
 TEST(Settings, kernelsAreThoseOfTheRenderer) {
   const SettingField& splat = *findSetting("splat");
-  EXPECT_EQ(splat.largest, static_cast<double>(lod::draw::SplatKernel::kEllipse));
-  for (double place = 0.0; place <= splat.largest; ++place)
+  EXPECT_EQ(splat.max, static_cast<double>(lod::draw::SplatKernel::kEllipse));
+  for (double place = 0.0; place <= splat.max; ++place)
     EXPECT_EQ(lod::draw::splatKernelFromName(choiceName(splat, place)),
               static_cast<lod::draw::SplatKernel>(static_cast<int>(place)));
 }

@@ -97,7 +97,7 @@ TEST(Connection, aViewOverARealSocketIsCompleted) {
   const RunningServer server(scene.path);
   Session session({});
   Connection connection(parsed(server.port()));
-  ASSERT_TRUE(pumpUntil(connection, session, [&] { return session.state() == SessionState::kReady; }));
+  ASSERT_TRUE(pumpUntil(connection, session, [&] { return session.phase() == SessionPhase::kReady; }));
   session.setView(viewOf(session, 0.0));
   ASSERT_TRUE(pumpUntil(connection, session, [&] { return session.complete(); })) << session.problem();
   EXPECT_TRUE(session.hasGroup(0));
@@ -112,7 +112,7 @@ TEST(Connection, nobodyThereIsSaidInPlainWords) {
   ASSERT_TRUE(pumpUntil(connection, session, [&] { return !session.problem().empty(); }));
   EXPECT_NE(session.problem().find("cannot reach 127.0.0.1:" + std::to_string(free_port)), std::string::npos)
       << session.problem();
-  EXPECT_EQ(session.state(), SessionState::kDisconnected);
+  EXPECT_EQ(session.phase(), SessionPhase::kDisconnected);
 }
 
 TEST(Connection, aServerThatStopsAndComesBackIsFoundAgainAndToldWhatIsHere) {
@@ -124,11 +124,11 @@ TEST(Connection, aServerThatStopsAndComesBackIsFoundAgainAndToldWhatIsHere) {
     const RunningServer first(scene.path);
     port = first.port();
     connection = std::make_unique<Connection>(parsed(port));
-    ASSERT_TRUE(pumpUntil(*connection, session, [&] { return session.state() == SessionState::kReady; }));
+    ASSERT_TRUE(pumpUntil(*connection, session, [&] { return session.phase() == SessionPhase::kReady; }));
     session.setView(viewOf(session, 0.0));
     ASSERT_TRUE(pumpUntil(*connection, session, [&] { return session.complete(); }));
   }
-  ASSERT_TRUE(pumpUntil(*connection, session, [&] { return session.state() == SessionState::kDisconnected; }));
+  ASSERT_TRUE(pumpUntil(*connection, session, [&] { return session.phase() == SessionPhase::kDisconnected; }));
   EXPECT_FALSE(session.problem().empty());
   EXPECT_TRUE(session.hasGroup(0)) << "what came stays";
   const SessionStats before = session.stats();
@@ -151,7 +151,7 @@ TEST(Connection, anEmulatedLinkHandsOverNoMoreThanItsRateAllows) {
   const LinkLimit link{200'000.0, 0.05};
   Connection connection(parsed(server.port()), link);
   const auto start = std::chrono::steady_clock::now();
-  ASSERT_TRUE(pumpUntil(connection, session, [&] { return session.state() == SessionState::kReady; }));
+  ASSERT_TRUE(pumpUntil(connection, session, [&] { return session.phase() == SessionPhase::kReady; }));
   session.setView(viewOf(session, 0.0));
   ASSERT_TRUE(pumpUntil(connection, session, [&] { return session.complete(); }));
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
@@ -165,16 +165,16 @@ TEST(Connection, aSessionThatFindsFaultEndsTheConnection) {
   const RunningServer server(scene.path);
   Session session({});
   Connection connection(parsed(server.port()));
-  ASSERT_TRUE(pumpUntil(connection, session, [&] { return session.state() == SessionState::kReady; }));
+  ASSERT_TRUE(pumpUntil(connection, session, [&] { return session.phase() == SessionPhase::kReady; }));
   session.setView(viewOf(session, 0.0));
   connection.pump(session);
 
   // Made to believe that it was never welcomed, the session takes the data that follow for a fault of the server.
   session.connected();
   (void)session.nextToSend();
-  ASSERT_TRUE(pumpUntil(connection, session, [&] { return session.state() == SessionState::kDisconnected; }));
+  ASSERT_TRUE(pumpUntil(connection, session, [&] { return session.phase() == SessionPhase::kDisconnected; }));
   EXPECT_NE(session.problem().find("before its Welcome"), std::string::npos) << session.problem();
-  EXPECT_TRUE(pumpUntil(connection, session, [&] { return session.state() == SessionState::kReady; }))
+  EXPECT_TRUE(pumpUntil(connection, session, [&] { return session.phase() == SessionPhase::kReady; }))
       << "a new connection is tried after a while";
 }
 

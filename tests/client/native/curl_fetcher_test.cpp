@@ -21,9 +21,9 @@ std::string place(const ScriptedServer& server) {
   return "http://127.0.0.1:" + std::to_string(server.port()) + "/folder";
 }
 
-Fetched waitFor(CurlFetcher& fetcher) {
+FetchAnswer waitFor(CurlFetcher& fetcher) {
   for (int i = 0; i < 600; ++i) {
-    auto answers = fetcher.take();
+    auto answers = fetcher.takeAnswers();
     if (!answers.empty()) return answers.front();
     fetcher.wait(0.05);
   }
@@ -31,7 +31,7 @@ Fetched waitFor(CurlFetcher& fetcher) {
   return {};
 }
 
-Fetched fetchOne(const ScriptedServer& server) {
+FetchAnswer fetchOne(const ScriptedServer& server) {
   CurlFetcher fetcher(place(server));
   fetcher.submit(7, "images/a.lgk", 100, 50);
   return waitFor(fetcher);
@@ -43,7 +43,7 @@ TEST(CurlFetcher, bringsTheBytesThatWereAskedFor) {
     seen = request;
     return part(std::string(100, 'a') + "bcd" + kObject, 100, 149);
   });
-  const Fetched fetched = fetchOne(server);
+  const FetchAnswer fetched = fetchOne(server);
   EXPECT_EQ(fetched.id, 7U);
   EXPECT_EQ(fetched.outcome, FetchOutcome::kBytes);
   ASSERT_EQ(fetched.bytes.size(), 50U);
@@ -57,7 +57,7 @@ TEST(CurlFetcher, aServerWithoutRangesIsFoundOutAtTheHead) {
   const ScriptedServer server([](const std::string&, int) {
     return Answer{"HTTP/1.1 200 OK\r\nContent-Length: 10000000000\r\n\r\n" + kObject, false, true};
   });
-  const Fetched fetched = fetchOne(server);
+  const FetchAnswer fetched = fetchOne(server);
   EXPECT_EQ(fetched.outcome, FetchOutcome::kRangeIgnored);
   EXPECT_EQ(fetched.status, 200);
   EXPECT_TRUE(fetched.bytes.empty());
@@ -89,7 +89,7 @@ TEST(CurlFetcher, everyFaultHasItsName) {
       {FetchOutcome::kNetwork, Answer{"gibberish", true, false}}};
   for (const Case& one : cases) {
     const ScriptedServer server([&](const std::string&, int) { return one.reply; });
-    const Fetched fetched = fetchOne(server);
+    const FetchAnswer fetched = fetchOne(server);
     EXPECT_EQ(fetched.outcome, one.outcome) << one.reply.bytes.substr(0, 200);
     EXPECT_TRUE(fetched.bytes.empty());
   }
@@ -127,14 +127,14 @@ TEST(CurlFetcher, whatIsCancelledIsNotHeardOf) {
   fetcher.submit(2, "a", 100, 50);
   EXPECT_EQ(waitFor(fetcher).id, 2U);
   fetcher.wait(0.05);
-  EXPECT_TRUE(fetcher.take().empty());
+  EXPECT_TRUE(fetcher.takeAnswers().empty());
 }
 
 TEST(CurlFetcher, wholeObjectsHaveALimit) {
   const ScriptedServer server([](const std::string&, int) { return answer("200 OK", "", kObject); });
   CurlFetcher fetcher(place(server));
   fetcher.submitWhole(1, "scene.json", kObject.size());
-  const Fetched fetched = waitFor(fetcher);
+  const FetchAnswer fetched = waitFor(fetcher);
   EXPECT_EQ(fetched.outcome, FetchOutcome::kBytes);
   EXPECT_EQ(fetched.bytes.size(), kObject.size());
   fetcher.submitWhole(2, "scene.json", kObject.size() - 1);

@@ -67,7 +67,7 @@ std::string ok(const std::string& body) {
 
 HttpGetter::Answer wait(HttpGetter& getter) {
   for (int i = 0; i < 1000; ++i) {
-    auto answers = getter.take();
+    auto answers = getter.takeAnswers();
     if (!answers.empty()) return answers.front();
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
   }
@@ -141,7 +141,7 @@ TEST(HttpGetter, closingDoesNotWaitForAnAnswer) {
 TEST(HttpGetter, theQueueHasAnEnd) {
   const CannedServer server([](const std::string&) { return std::string(); });
   HttpGetter getter(server.url());
-  for (std::uint64_t i = 0; i < HttpGetter::kLongestQueue + 5; ++i) getter.get(i, "/", 1000, 1e6);
+  for (std::uint64_t i = 0; i < HttpGetter::kMaxQueue + 5; ++i) getter.get(i, "/", 1000, 1e6);
   EXPECT_FALSE(wait(getter).problem.empty());
 }
 

@@ -28,10 +28,10 @@ base::Bytes halfCovered() {
   return repository::encodeFaceValue({.empty = false, .jpeg = jpeg, .coverage = coverage});
 }
 
-std::map<std::uint64_t, ImageDecoder::Decoded> takeAll(ImageDecoder& decoder) {
-  std::map<std::uint64_t, ImageDecoder::Decoded> all;
+std::map<std::uint64_t, ImageDecoder::DecodedImage> takeAll(ImageDecoder& decoder) {
+  std::map<std::uint64_t, ImageDecoder::DecodedImage> all;
   while (decoder.pending() > 0) {
-    for (auto& decoded : decoder.take()) all[decoded.id] = std::move(decoded);
+    for (auto& decoded : decoder.takeDecoded()) all[decoded.id] = std::move(decoded);
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
   return all;

@@ -29,7 +29,7 @@ std::string urlOf(std::uint16_t port) {
 
 ViewerOptions patches() {
   ViewerOptions options;
-  options.method = lod::Method::kPatches;
+  options.method = Method::kPatches;
   options.lumigraph.fade_seconds = 0.0F;
   return options;
 }

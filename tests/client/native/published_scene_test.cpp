@@ -48,7 +48,7 @@ TEST(PublishedScene, aPickReadsTheTrueSurfaceFromAPlainWebServer) {
     }
     return done();
   };
-  ASSERT_TRUE(until([&] { return session.state() == SessionState::kReady; })) << session.problem();
+  ASSERT_TRUE(until([&] { return session.phase() == SessionPhase::kReady; })) << session.problem();
 
   lod::patch::Ray ray;
   ray.origin = kOrigin + scene.center() + glm::dvec3(3.25, -2.5, 40.0);

@@ -23,8 +23,8 @@ HostAnswers goodAnswers() {
   answers.range.bytes = 16;
   answers.range.headers["cache-control"] = "public, max-age=31536000, immutable";
   answers.range.headers["content-range"] = "bytes 0-15/1234";
-  answers.again = answers.range;
-  answers.again.headers["content-range"] = "bytes 16-31/1234";
+  answers.next_range = answers.range;
+  answers.next_range.headers["content-range"] = "bytes 16-31/1234";
   answers.preflight.status = 204;
   answers.preflight.headers = {{"access-control-allow-headers", "range, if-range"}};
   return answers;
@@ -89,8 +89,9 @@ TEST(HostCheck, eachThingThatIsMissingIsNamed) {
       {"Access-Control-Allow-Headers", Grade::kSlow, [](HostAnswers& a) { a.preflight.headers.clear(); }},
       {"no-cache", Grade::kSlow, [](HostAnswers& a) { a.scene.headers["cache-control"] = "immutable"; }},
       {"immutable", Grade::kSlow, [](HostAnswers& a) { a.range.headers.erase("cache-control"); }},
-      {"weak", Grade::kSlow, [](HostAnswers& a) { a.range.headers["etag"] = a.again.headers["etag"] = "W/\"a\""; }},
-      {"changed", Grade::kFails, [](HostAnswers& a) { a.again.headers["etag"] = "\"b\""; }},
+      {"weak", Grade::kSlow,
+       [](HostAnswers& a) { a.range.headers["etag"] = a.next_range.headers["etag"] = "W/\"a\""; }},
+      {"changed", Grade::kFails, [](HostAnswers& a) { a.next_range.headers["etag"] = "\"b\""; }},
       {"by the second", Grade::kSlow,
        [](HostAnswers& a) {
          a.range.headers.erase("etag");
@@ -110,7 +111,7 @@ TEST(HostCheck, aPageBesideTheSceneNeedsNoCors) {
   HostAnswers answers = goodAnswers();
   answers.in_browser = true;
   answers.other_origin = false;
-  for (HostAnswer* one : {&answers.scene, &answers.range, &answers.again})
+  for (HostAnswer* one : {&answers.scene, &answers.range, &answers.next_range})
     for (const char* name : {"access-control-allow-origin", "access-control-expose-headers"}) one->headers.erase(name);
   answers.preflight = {};
   EXPECT_EQ(worst(answers).first, Grade::kGood);
@@ -121,7 +122,7 @@ TEST(HostCheck, aPageOfAnotherHostJudgesWhatItSees) {
   answers.in_browser = true;
   answers.preflight = {};
   // What fetch() shows of a host that exposes the three.
-  for (HostAnswer* one : {&answers.scene, &answers.range, &answers.again})
+  for (HostAnswer* one : {&answers.scene, &answers.range, &answers.next_range})
     for (const char* name : {"access-control-allow-origin", "access-control-expose-headers", "accept-ranges"})
       one->headers.erase(name);
   EXPECT_EQ(worst(answers).first, Grade::kGood) << worst(answers).second;
@@ -131,15 +132,15 @@ TEST(Fetch, everyOutcomeSaysWhatToDoInOneLine) {
   for (const FetchOutcome outcome :
        {FetchOutcome::kNetwork, FetchOutcome::kNotFound, FetchOutcome::kForbidden, FetchOutcome::kRangeIgnored,
         FetchOutcome::kCompressed, FetchOutcome::kChanged, FetchOutcome::kTooShort, FetchOutcome::kServer}) {
-    const std::string text = explain({1, outcome, {}, 418, "teapot"}, "https://host/x");
+    const std::string text = describeFailure({1, outcome, {}, 418, "teapot"}, "https://host/x");
     EXPECT_EQ(text.rfind("https://host/x: ", 0), 0U);
     EXPECT_EQ(text.find('\n'), std::string::npos);
     EXPECT_TRUE(text.find(';') != std::string::npos || text.find(',') != std::string::npos) << text;
   }
-  EXPECT_TRUE(mayPass({1, FetchOutcome::kNetwork, {}, 0, ""}));
-  EXPECT_TRUE(mayPass({1, FetchOutcome::kServer, {}, 503, ""}));
-  EXPECT_FALSE(mayPass({1, FetchOutcome::kServer, {}, 418, ""}));
-  EXPECT_FALSE(mayPass({1, FetchOutcome::kRangeIgnored, {}, 200, ""}));
+  EXPECT_TRUE(isTransient({1, FetchOutcome::kNetwork, {}, 0, ""}));
+  EXPECT_TRUE(isTransient({1, FetchOutcome::kServer, {}, 503, ""}));
+  EXPECT_FALSE(isTransient({1, FetchOutcome::kServer, {}, 418, ""}));
+  EXPECT_FALSE(isTransient({1, FetchOutcome::kRangeIgnored, {}, 200, ""}));
 }
 
 }  // namespace

@@ -87,7 +87,7 @@ struct PublishedScene {
     flush();
     auto index = builder.build(rows, kParameters, {});
     LUMIGRID_CHECK(bool(index));
-    scene.index = StaticPart{repository::indexName({9, 9, 9}), index->size()};
+    scene.index = StaticObject{repository::indexName({9, 9, 9}), index->size()};
     objects[scene.index->name] = std::move(*index);
   }
 };
@@ -108,8 +108,8 @@ class MemoryHost final : public RangeFetcher {
     most_under_way = std::max(most_under_way, waiting_.size());
   }
   /// All that wait, or the next `answers_a_take` in random order when a seed was given.
-  std::vector<Fetched> take() override {
-    std::vector<Fetched> out;
+  std::vector<FetchAnswer> takeAnswers() override {
+    std::vector<FetchAnswer> out;
     if (held) return out;
     if (random) std::shuffle(waiting_.begin(), waiting_.end(), *random);
     while (!waiting_.empty() && out.size() < answers_a_take) {
@@ -138,7 +138,7 @@ class MemoryHost final : public RangeFetcher {
   std::function<std::optional<FetchOutcome>(const HostRequest&)> trouble;
 
  private:
-  Fetched answer(std::uint64_t id, const HostRequest& request) {
+  FetchAnswer answer(std::uint64_t id, const HostRequest& request) {
     if (const auto outcome = trouble ? trouble(request) : std::nullopt) {
       const std::map<FetchOutcome, int> statuses{{FetchOutcome::kNotFound, 404},     {FetchOutcome::kForbidden, 403},
                                                  {FetchOutcome::kRangeIgnored, 200}, {FetchOutcome::kCompressed, 206},

@@ -18,16 +18,16 @@ class Recorder final : public RangeFetcher {
   void submit(std::uint64_t id, const std::string& name, std::uint64_t offset, std::uint64_t length) override {
     asked.push_back({id, name, offset, length});
   }
-  std::vector<Fetched> take() override { return std::exchange(answers, {}); }
+  std::vector<FetchAnswer> takeAnswers() override { return std::exchange(answers, {}); }
   void cancel(std::uint64_t id) override { cancelled.push_back(id); }
   void answer(std::size_t i, std::size_t short_by = 0) {
-    Fetched fetched{asked[i].id, FetchOutcome::kBytes, {}, 206, ""};
+    FetchAnswer fetched{asked[i].id, FetchOutcome::kBytes, {}, 206, ""};
     for (std::uint64_t k = 0; k + short_by < asked[i].length; ++k)
       fetched.bytes.push_back(static_cast<std::uint8_t>(asked[i].offset + k));
     answers.push_back(fetched);
   }
   std::vector<Asked> asked;
-  std::vector<Fetched> answers;
+  std::vector<FetchAnswer> answers;
   std::vector<std::uint64_t> cancelled;
 };
 
@@ -37,15 +37,15 @@ RangeWish wish(std::uint64_t key, std::uint64_t offset, std::uint64_t length, co
 
 TEST(RangeQueue, neighboursAreReadInOneRequestAndHandedOutApart) {
   Recorder fetcher;
-  RangeQueue queue(fetcher, {.most_requests = 6, .most_bytes = 1000, .most_gap = 10});
-  queue.ask({wish(1, 100, 20), wish(2, 500, 10), wish(3, 120, 30), wish(4, 85, 10), wish(5, 100, 20, "b")});
+  RangeQueue queue(fetcher, {.max_requests = 6, .max_bytes = 1000, .max_gap = 10});
+  queue.request({wish(1, 100, 20), wish(2, 500, 10), wish(3, 120, 30), wish(4, 85, 10), wish(5, 100, 20, "b")});
   ASSERT_EQ(fetcher.asked.size(), 3U);
   EXPECT_EQ(fetcher.asked[0].offset, 85U);
   EXPECT_EQ(fetcher.asked[0].length, 65U);
   EXPECT_EQ(fetcher.asked[1].offset, 500U);
   EXPECT_EQ(fetcher.asked[2].name, "b");
   fetcher.answer(0);
-  const auto arrivals = queue.take();
+  const auto arrivals = queue.takeArrivals();
   ASSERT_EQ(arrivals.size(), 3U);
   for (const RangeArrival& arrival : arrivals) {
     ASSERT_EQ(arrival.answer.bytes.size(), arrival.wish.length);
@@ -56,8 +56,8 @@ TEST(RangeQueue, neighboursAreReadInOneRequestAndHandedOutApart) {
 
 TEST(RangeQueue, aRequestStaysWithinItsBytes) {
   Recorder fetcher;
-  RangeQueue queue(fetcher, {.most_requests = 6, .most_bytes = 100, .most_gap = 0});
-  queue.ask({wish(1, 0, 60), wish(2, 60, 60), wish(3, 120, 40), wish(4, 1000, 500)});
+  RangeQueue queue(fetcher, {.max_requests = 6, .max_bytes = 100, .max_gap = 0});
+  queue.request({wish(1, 0, 60), wish(2, 60, 60), wish(3, 120, 40), wish(4, 1000, 500)});
   ASSERT_EQ(fetcher.asked.size(), 3U);
   EXPECT_EQ(fetcher.asked[0].length, 60U);
   EXPECT_EQ(fetcher.asked[1].length, 100U);
@@ -68,22 +68,22 @@ TEST(RangeQueue, whatIsUnderWayIsNotAskedForAgain) {
   Recorder fetcher;
   RangeQueue queue(fetcher, {});
   const std::vector<RangeWish> wishes{wish(1, 0, 10), wish(2, 5000, 10)};
-  queue.ask(wishes);
-  queue.ask(wishes);
+  queue.request(wishes);
+  queue.request(wishes);
   EXPECT_EQ(fetcher.asked.size(), 2U);
   EXPECT_TRUE(queue.underWay(1, 1));
 }
 
 TEST(RangeQueue, theMostUrgentGoFirstAndOnlyAFew) {
   Recorder fetcher;
-  RangeQueue queue(fetcher, {.most_requests = 2, .most_bytes = 100, .most_gap = 0});
-  queue.ask({wish(1, 900, 10), wish(2, 500, 10), wish(3, 100, 10)});
+  RangeQueue queue(fetcher, {.max_requests = 2, .max_bytes = 100, .max_gap = 0});
+  queue.request({wish(1, 900, 10), wish(2, 500, 10), wish(3, 100, 10)});
   ASSERT_EQ(fetcher.asked.size(), 2U);
   EXPECT_EQ(fetcher.asked[0].offset, 900U);
   EXPECT_EQ(fetcher.asked[1].offset, 500U);
   fetcher.answer(0);
-  queue.take();
-  queue.ask({wish(4, 300, 10), wish(3, 100, 10)});
+  queue.takeArrivals();
+  queue.request({wish(4, 300, 10), wish(3, 100, 10)});
   ASSERT_EQ(fetcher.asked.size(), 3U);
   EXPECT_EQ(fetcher.asked[2].offset, 300U) << "the list is always the newest";
 }
@@ -93,7 +93,7 @@ TEST(RangeQueue, whatAsksToGoAloneDoes) {
   RangeQueue queue(fetcher, {});
   RangeWish first = wish(1, 0, 10);
   first.alone = true;
-  queue.ask({first, wish(2, 10, 10), wish(3, 20, 10)});
+  queue.request({first, wish(2, 10, 10), wish(3, 20, 10)});
   ASSERT_EQ(fetcher.asked.size(), 2U);
   EXPECT_EQ(fetcher.asked[0].length, 10U);
   EXPECT_EQ(fetcher.asked[1].length, 20U);
@@ -102,9 +102,9 @@ TEST(RangeQueue, whatAsksToGoAloneDoes) {
 TEST(RangeQueue, aShortAnswerIsAFailureOfWhatItLacks) {
   Recorder fetcher;
   RangeQueue queue(fetcher, {});
-  queue.ask({wish(1, 0, 10), wish(2, 10, 10)});
+  queue.request({wish(1, 0, 10), wish(2, 10, 10)});
   fetcher.answer(0, 5);
-  const auto arrivals = queue.take();
+  const auto arrivals = queue.takeArrivals();
   ASSERT_EQ(arrivals.size(), 2U);
   EXPECT_EQ(arrivals[0].answer.outcome, FetchOutcome::kBytes);
   EXPECT_EQ(arrivals[1].answer.outcome, FetchOutcome::kNetwork);
@@ -113,7 +113,7 @@ TEST(RangeQueue, aShortAnswerIsAFailureOfWhatItLacks) {
 
 TEST(RangeQueue, itsEndCancelsWhatIsUnderWay) {
   Recorder fetcher;
-  { RangeQueue(fetcher, {}).ask({wish(1, 0, 10)}); }
+  { RangeQueue(fetcher, {}).request({wish(1, 0, 10)}); }
   EXPECT_EQ(fetcher.cancelled.size(), 1U);
 }
 

@@ -57,14 +57,14 @@ TEST(Session, helloComesFirstAndAloneUntilTheServerWelcomes) {
   EXPECT_TRUE(sent(session).empty()) << "nothing is said to nobody";
 
   session.connected();
-  EXPECT_EQ(session.state(), SessionState::kGreeting);
+  EXPECT_EQ(session.phase(), SessionPhase::kGreeting);
   const auto greeting = sent(session);
   ASSERT_EQ(greeting.size(), 1U);
   EXPECT_EQ(std::get<protocol::Hello>(greeting[0]).version, protocol::kVersion);
   EXPECT_EQ(session.welcome(), nullptr);
 
   hear(session, server().sayWelcome());
-  EXPECT_EQ(session.state(), SessionState::kReady);
+  EXPECT_EQ(session.phase(), SessionPhase::kReady);
   EXPECT_TRUE(session.takeEvents().welcomed);
   EXPECT_EQ(session.welcome()->scene_name, "synthetic");
   const auto views = only<protocol::View>(sent(session));
@@ -77,11 +77,11 @@ TEST(Session, aRefusalIsKeptWithItsReasonAfterTheConnectionCloses) {
   session.connected();
   hear(session, server().sayRefusal(protocol::kVersion, "full up"));
   session.disconnected("end of file");
-  EXPECT_EQ(session.state(), SessionState::kRefused);
+  EXPECT_EQ(session.phase(), SessionPhase::kRefused);
   EXPECT_NE(session.problem().find("full up"), std::string::npos) << session.problem();
 
   session.connected();
-  EXPECT_EQ(session.state(), SessionState::kGreeting) << "the next attempt starts afresh";
+  EXPECT_EQ(session.phase(), SessionPhase::kGreeting) << "the next attempt starts afresh";
   EXPECT_TRUE(session.problem().empty());
 }
 
@@ -93,10 +93,10 @@ TEST(Session, aRefusalTellsWhichOtherMethodTheSceneHasDataFor) {
   Session other({});
   other.connected();
   hear(other, protocol::encode(protocol::ServerMessage(protocol::Refusal{protocol::kVersion, "no patches", true})));
-  EXPECT_EQ(other.methodInstead(), lod::Method::kQsplat);
+  EXPECT_EQ(other.methodInstead(), Method::kQsplat);
   Session read({});
-  read.refuse("no splats", lod::Method::kLumigraph);
-  EXPECT_EQ(read.methodInstead(), lod::Method::kLumigraph);
+  read.refuse("no splats", Method::kLumigraph);
+  EXPECT_EQ(read.methodInstead(), Method::kLumigraph);
   EXPECT_EQ(read.problem(), "no splats");
 }
 
@@ -356,7 +356,7 @@ TEST(Session, aReconnectTellsWhatIsHereAndSendsTheViewAgain) {
   session.takeEvents();
 
   session.disconnected("the cable was pulled");
-  EXPECT_EQ(session.state(), SessionState::kDisconnected);
+  EXPECT_EQ(session.phase(), SessionPhase::kDisconnected);
   EXPECT_EQ(session.problem(), "the cable was pulled");
   EXPECT_FALSE(session.complete());
   EXPECT_TRUE(session.hasGroup(1)) << "what is here can be looked at meanwhile";

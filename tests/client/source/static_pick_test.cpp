@@ -119,7 +119,7 @@ TEST(StaticPick, manyAtOnceAreAnsweredInTurnAndTooManyAtOnceNot) {
   const server::TestScene scene(16, 1'000);
   const PublishedScene published = farAway(scene);
   StaticViewer viewer(published);
-  const auto rays = someRays(scene, static_cast<int>(RayPicks::kLongestQueue) + 3);
+  const auto rays = someRays(scene, static_cast<int>(RayPicks::kMaxQueue) + 3);
   for (std::uint32_t i = 0; i < rays.size(); ++i) viewer.source.pick(i, rays[i].origin, rays[i].direction);
   std::vector<AnsweredPick> answers;
   for (int i = 0; i < 5000 && answers.size() < rays.size(); ++i) {
@@ -128,7 +128,7 @@ TEST(StaticPick, manyAtOnceAreAnsweredInTurnAndTooManyAtOnceNot) {
   }
   ASSERT_EQ(answers.size(), rays.size());
   for (const AnsweredPick& one : answers) {
-    if (one.id >= RayPicks::kLongestQueue)
+    if (one.id >= RayPicks::kMaxQueue)
       EXPECT_EQ(one.answer.kind, PickAnswer::Kind::kUnknown);
     else
       expectTruth(scene, rays[one.id], one.answer);

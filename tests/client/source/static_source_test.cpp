@@ -218,7 +218,7 @@ TEST(StaticSource, imagesCanBeSwitchedOffAndOn) {
   viewer.session.setWanted(false, false);
   ASSERT_TRUE(viewer.complete(camera));
   viewer.rest();
-  EXPECT_EQ(viewer.session.state(), SessionState::kReady) << viewer.session.problem();
+  EXPECT_EQ(viewer.session.phase(), SessionPhase::kReady) << viewer.session.problem();
   viewer.session.setWanted(true, false);
   ASSERT_TRUE(viewer.complete(camera));
   ServedViewer served(scene.data);
@@ -305,7 +305,7 @@ TEST(StaticSource, lastingTroubleIsSaidInPlainWordsAtEveryStep) {
       EXPECT_NE(problem.find("https://host/scene/" + met), std::string::npos) << context;
       if (repository::idOfPackName(met) && done) continue;  // a lost pack: the rest is shown
       EXPECT_FALSE(done) << context;
-      EXPECT_EQ(viewer.session.state(), SessionState::kRefused) << context;
+      EXPECT_EQ(viewer.session.phase(), SessionPhase::kRefused) << context;
       EXPECT_EQ(viewer.session.problem(), problem);
     }
   }
@@ -346,7 +346,7 @@ TEST(StaticSource, aHostThatComesBackIsNoticed) {
   };
   // Never there.
   for (int i = 0; i < 2'000; ++i) viewer.pump();
-  EXPECT_EQ(viewer.session.state(), SessionState::kDisconnected);
+  EXPECT_EQ(viewer.session.phase(), SessionPhase::kDisconnected);
   EXPECT_NE(viewer.session.problem().find("no answer"), std::string::npos);
   EXPECT_NE(viewer.session.problem().find("Access-Control-Allow-Origin"), std::string::npos);
   EXPECT_LT(viewer.host.requests.size(), 40U) << "in 20 s";
@@ -357,11 +357,11 @@ TEST(StaticSource, aHostThatComesBackIsNoticed) {
   away = true;
   viewer.session.setView(path[3]);
   for (int i = 0; i < 500; ++i) viewer.pump();
-  EXPECT_EQ(viewer.session.state(), SessionState::kDisconnected);
+  EXPECT_EQ(viewer.session.phase(), SessionPhase::kDisconnected);
   EXPECT_TRUE(viewer.session.hasGroup(0)) << "what is here can be looked at";
   away = false;
   ASSERT_TRUE(viewer.complete(path[3]));
-  EXPECT_EQ(viewer.session.state(), SessionState::kReady);
+  EXPECT_EQ(viewer.session.phase(), SessionPhase::kReady);
   EXPECT_EQ(viewer.host.bytesRepeated(), 0U) << "what was kept is not asked for again";
 }
 
@@ -399,9 +399,9 @@ TEST(StaticSource, flippedBytesAreNoticedAndNamed) {
     for (const base::ViewCamera& camera : pathOver(scene)) {
       const bool done = viewer.complete(camera);
       if (!done) {
-        EXPECT_EQ(viewer.session.state(), SessionState::kRefused);
+        EXPECT_EQ(viewer.session.phase(), SessionPhase::kRefused);
       }
-      if (viewer.session.state() == SessionState::kRefused) {
+      if (viewer.session.phase() == SessionPhase::kRefused) {
         EXPECT_NE(viewer.session.problem().find("https://host/scene"), std::string::npos);
         break;
       }

@@ -42,7 +42,7 @@ struct StaticViewer {
     for (int i = 0; i < 5000; ++i) {
       pump();
       if (session.complete()) return true;
-      if (session.state() == SessionState::kRefused) return false;
+      if (session.phase() == SessionPhase::kRefused) return false;
     }
     return false;
   }

@@ -18,7 +18,7 @@ constexpr int kSize = 256;
 class NoDecoder : public ImageDecoder {
  public:
   void submit(std::uint64_t, base::ByteView) override {}
-  std::vector<Decoded> take() override { return {}; }
+  std::vector<DecodedImage> takeDecoded() override { return {}; }
   std::size_t pending() const override { return 0; }
 };
 
@@ -30,11 +30,11 @@ class Host final : public RangeFetcher {
     EXPECT_EQ(name, "qsplat.lgq");
     asked.push_back({id, offset, length});
   }
-  std::vector<Fetched> take() override {
-    std::vector<Fetched> answers;
+  std::vector<FetchAnswer> takeAnswers() override {
+    std::vector<FetchAnswer> answers;
     for (std::size_t i = 0; i < at_a_time && !asked.empty(); ++i, asked.pop_front()) {
       const lod::qsplat::ByteRange range = asked.front();
-      Fetched answer{range.id, outcome, {}, outcome == FetchOutcome::kBytes ? 206 : 0, ""};
+      FetchAnswer answer{range.id, outcome, {}, outcome == FetchOutcome::kBytes ? 206 : 0, ""};
       const auto begin = file_.begin() + static_cast<std::ptrdiff_t>(range.offset);
       if (outcome == FetchOutcome::kBytes)
         answer.bytes.assign(begin, begin + static_cast<std::ptrdiff_t>(range.length));
@@ -69,7 +69,7 @@ class StreamedSplatsTest : public ::testing::Test {
   }
   void open(SplatOptions options) {
     ViewerOptions viewer;
-    viewer.method = lod::Method::kQsplat;
+    viewer.method = Method::kQsplat;
     viewer_ = std::make_unique<Viewer>(viewer, std::make_unique<NoDecoder>());
     auto host = std::make_unique<Host>(file());
     host_ = host.get();
@@ -346,14 +346,14 @@ TEST_F(StreamedSplatsTest, aLostContextAndALostHostComeBack) {
   EXPECT_TRUE(bool(viewer_->update(view(3.1), now_)));
   pump();
   pump();
-  EXPECT_EQ(viewer_->session().state(), SessionState::kDisconnected);
+  EXPECT_EQ(viewer_->session().phase(), SessionPhase::kDisconnected);
   EXPECT_NE(viewer_->session().problem().find("http://host/ball/qsplat.lgq: no answer"), std::string::npos);
   EXPECT_EQ(draw(view()).pixels, before.pixels) << "what is here can be looked at";
   host_->outcome = FetchOutcome::kBytes;
   now_ += 10.0;
   EXPECT_TRUE(bool(viewer_->update(view(3.1), now_)));
   fetchAll(view(3.1));
-  EXPECT_EQ(viewer_->session().state(), SessionState::kReady);
+  EXPECT_EQ(viewer_->session().phase(), SessionPhase::kReady);
 }
 
 TEST_F(StreamedSplatsTest, whatNoNewTryMendsIsRefusedWithTheReason) {
@@ -367,7 +367,7 @@ TEST_F(StreamedSplatsTest, whatNoNewTryMendsIsRefusedWithTheReason) {
     pump();
     host_->outcome = one.outcome;
     pump();
-    EXPECT_EQ(viewer_->session().state(), SessionState::kRefused);
+    EXPECT_EQ(viewer_->session().phase(), SessionPhase::kRefused);
     EXPECT_NE(viewer_->session().problem().find(one.words), std::string::npos) << viewer_->session().problem();
     const std::size_t asked = host_->asked.size();
     for (int i = 0; i < 100; ++i) pump();

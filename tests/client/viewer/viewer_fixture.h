@@ -21,17 +21,17 @@ class PatternDecoder : public ImageDecoder {
       : face_size_(face_size), frame_width_(frame_width), frame_height_(frame_height) {}
   void submit(std::uint64_t id, base::ByteView) override {
     const bool frame = id >> 63U != 0;
-    Decoded decoded{id, base::Image(frame ? frame_width_ : face_size_, frame ? frame_height_ : face_size_, 4), {}};
+    DecodedImage decoded{id, base::Image(frame ? frame_width_ : face_size_, frame ? frame_height_ : face_size_, 4), {}};
     for (std::size_t i = 0; i < decoded.rgba.pixels.size(); ++i)
       decoded.rgba.pixels[i] = i % 4 == 3 ? 255 : static_cast<std::uint8_t>(40 * (id % 5) + i / 64 % 50);
     done_.push_back(std::move(decoded));
   }
-  std::vector<Decoded> take() override { return std::exchange(done_, {}); }
+  std::vector<DecodedImage> takeDecoded() override { return std::exchange(done_, {}); }
   std::size_t pending() const override { return done_.size(); }
 
  private:
   int face_size_, frame_width_, frame_height_;
-  std::vector<Decoded> done_;
+  std::vector<DecodedImage> done_;
 };
 
 class ViewerFixture : public ::testing::Test {

@@ -48,7 +48,7 @@ class ViewerGl : public ::testing::Test {
   }
   static ViewerOptions patches() {
     ViewerOptions options;
-    options.method = lod::Method::kPatches;
+    options.method = Method::kPatches;
     return options;
   }
 

@@ -10,7 +10,7 @@ class ViewerModes : public ViewerFixture {
  protected:
   static ViewerOptions patches() {
     ViewerOptions options;
-    options.method = lod::Method::kPatches;
+    options.method = Method::kPatches;
     options.session.patch_tolerance_px = 0.0F;
     return options;
   }

@@ -16,8 +16,8 @@
 
 namespace client {
 
-struct App::State {
-  State(const AppOptions& wanted, std::unique_ptr<ImageDecoder> decoder);
+struct App::Impl {
+  Impl(const AppOptions& wanted, std::unique_ptr<ImageDecoder> decoder);
 
   AppOptions options;
   Settings settings;
@@ -100,24 +100,24 @@ struct App::State {
     return choice == ReducedMotion::kOn || (choice == ReducedMotion::kSystem && system_reduces_motion);
   }
   base::ViewCamera drawnCamera() const;
-  void handToViewer();
+  void configureViewer();
   std::optional<glm::dvec3> surfaceAt(double x, double y);
-  double reach(PointerKind kind) const;
+  double pickRadius(PointerKind kind) const;
 
   // Changing.
-  void touched();
+  void overlayChanged();
   void cameraMoved();
-  void say(std::string text, bool error);
+  void showToast(std::string text, bool error);
   void frameNewScene();
   void fly(double seconds);
   bool flying() const;
-  void goTo(const Place& place, bool glide);
+  void moveTo(const Viewpoint& place, bool glide);
   void showView(const ViewState& wanted, bool whole, bool glide);
-  void keepUp(double time);
+  void advanceTo(double time);
 
   // Gestures.
-  void act(const Gesture& gesture);
-  void click(const Gesture& gesture);
+  void applyGesture(const Gesture& gesture);
+  void handleClick(const Gesture& gesture);
   void setPivotAt(double x, double y);
   std::optional<std::size_t> pinAt(double x, double y, PointerKind kind) const;
   void zoom(double steps, double x, double y);
@@ -129,10 +129,10 @@ struct App::State {
   void cycleSection();
   void turnOnSection(int axis);
   void moveSection(double distance);
-  int axisInOrder(int place) const;
+  int sectionAxis(int place) const;
   bool hiddenBySection(const glm::dvec3& world) const;
   Ray pickRay(double x, double y) const;
-  glm::dvec3 handlePlace() const;
+  glm::dvec3 sectionHandle() const;
   bool grabHandle(const PointerEvent& event);
   void dragHandle(const PointerEvent& event);
   double lensRadius() const;
@@ -141,9 +141,9 @@ struct App::State {
   void dragLens(const PointerEvent& event);
   void stepAnnotation(int by);
   void openCard(std::optional<std::size_t> index);
-  bool leave();
+  bool closeInnermost();
   void useBookmark(int slot, bool store);
-  bool press(Key key, Modifiers modifiers);
+  bool pressKey(Key key, Modifiers modifiers);
 
   // Words.
   void refreshOverlay();
@@ -152,12 +152,12 @@ struct App::State {
   void addLens();
   void addLine(const glm::dvec3& a, const glm::dvec3& b, bool approximate);
   Label labelAt(LabelKind kind, std::size_t index, const glm::dvec3& world) const;
-  void lookAtPins();
+  void readPinAnswers();
   bool pinHidden(std::size_t index) const;
   void updateProgress();
   void expireToasts();
-  void noticeRest();
-  void meter();
+  void reportRest();
+  void updateMeters();
   Status status() const;
 };
 

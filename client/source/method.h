@@ -1,0 +1,33 @@
+#pragma once
+// The ways in which a viewer can show a scene, as the command line, links and settings spell them.
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string_view>
+#include <utility>
+
+namespace client {
+
+enum class Method : std::uint8_t {
+  kLumigraph,  ///< patches textured by the repository's images
+  kPatches,    ///< patches alone, with the colours of their vertices
+  kQsplat,     ///< splats streamed from qsplat.lgq (Rusinkiewicz and Levoy 2001)
+};
+
+inline constexpr std::array<std::pair<Method, std::string_view>, 3> kMethodNames{{
+    {Method::kLumigraph, "lumigraph"},
+    {Method::kPatches, "patches"},
+    {Method::kQsplat, "qsplat"},
+}};
+
+inline constexpr std::string_view nameOf(Method method) {
+  return kMethodNames[static_cast<std::size_t>(method)].second;
+}
+
+inline std::optional<Method> methodFromName(std::string_view name) {
+  for (const auto& [method, text] : kMethodNames)
+    if (text == name) return method;
+  return std::nullopt;
+}
+
+}  // namespace client
