@@ -33,11 +33,6 @@ constexpr double kMinPause = 0.25, kMaxPause = 5.0;  // seconds
 /// A request that fails is no news yet: kept connections are closed by the other side now and then.
 constexpr int kFailuresToTell = 2;
 
-/// Room for a message's own fields.
-std::size_t headroom() {
-  return protocol::kMaxServerMessage - 256;
-}
-
 base::Error bad(const std::string& what) {
   return {base::ErrorCode::kInvalidInput, what + "; publish the scene again"};
 }
@@ -351,7 +346,7 @@ void StaticSource::Impl::acceptIndexBlock(std::uint64_t number, base::ByteView b
 
 void StaticSource::Impl::acceptFace(const FaceKey& key, base::Bytes bytes) {
   if (has_face.count(key) != 0) return;
-  if (bytes.size() > headroom() || !repository::decodeFaceValue(bytes)) {
+  if (bytes.size() > protocol::kMaxPayload || !repository::decodeFaceValue(bytes)) {
     gone.insert(key);
     ++stats.broken;
     return reportProblem(scene.place +
@@ -458,7 +453,7 @@ bool StaticSource::Impl::readRecord(std::uint32_t group, std::vector<RangeWish>*
     auto added = lod::patch::addGroup(in, hierarchy, tables->counts().groups, tables->counts().patches);
     if (!added)
       error = added.error();
-    else if (record->bytes.size() + hierarchy.groups[group].block_bytes > headroom() ||
+    else if (record->bytes.size() + hierarchy.groups[group].block_bytes > protocol::kMaxPayload ||
              hierarchy.groups[group].block_bytes == 0)
       error = bad("group " + std::to_string(group) + " is too large to be taken");
   }

@@ -8,8 +8,8 @@
 namespace server {
 namespace {
 
-constexpr double kPatience = 1.0;      // seconds for another server that is just writing
-constexpr double kLastPatience = 5.0;  // the same when there is no next time
+constexpr double kLockTimeout = 1.0;      // seconds; another server of the scene may be writing
+constexpr double kLastLockTimeout = 5.0;  // seconds; longer at the end, since there is no next time
 
 std::int64_t now() {
   return std::chrono::duration_cast<std::chrono::seconds>(std::chrono::system_clock::now().time_since_epoch()).count();
@@ -22,14 +22,14 @@ std::size_t rowsOf(const repository::AccessCounts& counts) {
 }  // namespace
 
 AccessLog::AccessLog(std::string path, const repository::AccessIdentity& identity, double interval_seconds,
-                     std::size_t most_keys)
+                     std::size_t max_keys)
     : path_(std::move(path)),
       identity_(identity),
       interval_seconds_(interval_seconds),
-      most_keys_(most_keys),
-      counter_(most_keys, [this] { wake(); }),
-      taken_at_(now()),
-      thread_([this] { work(); }) {}
+      max_keys_(max_keys),
+      counter_(max_keys, [this] { wake(); }),
+      pending_until_(now()),
+      thread_([this] { runThread(); }) {}
 
 AccessLog::~AccessLog() {
   {
@@ -48,15 +48,15 @@ void AccessLog::wake() {
   changed_.notify_all();
 }
 
-void AccessLog::work() {
-  write(kPatience);  // nothing yet: tells at once when the place is of no use
+void AccessLog::runThread() {
+  write(kLockTimeout);  // with no counts yet, so that the log tells at once when the file cannot be written
   std::unique_lock lock(mutex_);
   for (bool last = false; !last;) {
     changed_.wait_for(lock, std::chrono::duration<double>(interval_seconds_), [this] { return full_ || stopping_; });
     full_ = false;
     last = stopping_;
     lock.unlock();
-    write(last ? kLastPatience : kPatience);
+    write(last ? kLastLockTimeout : kLockTimeout);
     lock.lock();
   }
 }
@@ -64,21 +64,21 @@ void AccessLog::work() {
 void AccessLog::write(double patience_seconds) {
   repository::AccessCounts taken = counter_.takeCounts();
   const std::int64_t time = now();
-  taken.since = std::min(taken_at_, time);
+  taken.since = std::min(pending_until_, time);
   taken.until = time;
-  taken_at_ = time;
-  if (rowsOf(pending_) < most_keys_)
+  pending_until_ = time;
+  if (rowsOf(pending_) < max_keys_)
     pending_ = repository::addCounts(pending_, taken);
   else
     pending_.uncounted += taken.facesSent() + taken.groupsSent() + taken.uncounted;
 
   const auto added = repository::addToAccessFile(path_, identity_, pending_, patience_seconds);
-  if (!added) return hasFailed(added.error());
+  if (!added) return logFailure(added.error());
   pending_ = {};
   if (std::exchange(failing_, false)) spdlog::info("access counts are kept again in {}", path_);
 }
 
-void AccessLog::hasFailed(const base::Error& error) {
+void AccessLog::logFailure(const base::Error& error) {
   if (failing_) return;
   failing_ = true;
   spdlog::warn(

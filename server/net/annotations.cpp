@@ -10,44 +10,44 @@
 namespace server {
 namespace {
 
-constexpr const char* kNone = "{\"version\": 1, \"annotations\": []}\n";
+constexpr const char* kEmptyList = "{\"version\": 1, \"annotations\": []}\n";
 
 }  // namespace
 
 Annotations::Annotations(std::string directory, std::string text) : directory_(std::move(directory)) {
-  take(std::move(text));
-  stamp_ = stampNow();
-  if (stamp_) readAnew();
+  setText(std::move(text));
+  stamp_ = currentStamp();
+  if (stamp_) readFile();
 }
 
 const Annotations::Document& Annotations::current() {
-  const std::optional<Stamp> stamp = stampNow();
+  const std::optional<FileStamp> stamp = currentStamp();
   if (stamp != stamp_) {
     stamp_ = stamp;
-    readAnew();
+    readFile();
   }
   return document_;
 }
 
-std::optional<Annotations::Stamp> Annotations::stampNow() const {
+std::optional<Annotations::FileStamp> Annotations::currentStamp() const {
   if (directory_.empty()) return std::nullopt;
   const std::filesystem::path path = std::filesystem::path(directory_) / base::kAnnotationsFile;
   std::error_code ec;
-  Stamp stamp;
+  FileStamp stamp;
   stamp.time = std::filesystem::last_write_time(path, ec);
   if (ec) return std::nullopt;
   stamp.size = std::filesystem::file_size(path, ec);
   return stamp;
 }
 
-void Annotations::readAnew() {
+void Annotations::readFile() {
   auto read = base::readAnnotations(directory_);
   if (!read) spdlog::warn("no annotations: {}", read.error().message);
-  take(read && *read ? std::move((*read)->text) : std::string());
+  setText(read && *read ? std::move((*read)->text) : std::string());
 }
 
-void Annotations::take(std::string text) {
-  document_.text = text.empty() ? kNone : std::move(text);
+void Annotations::setText(std::string text) {
+  document_.text = text.empty() ? kEmptyList : std::move(text);
   document_.etag = entityTag({reinterpret_cast<const std::uint8_t*>(document_.text.data()), document_.text.size()});
 }
 

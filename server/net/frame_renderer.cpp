@@ -16,49 +16,49 @@
 namespace server {
 namespace {
 
-constexpr int kFullColorQuality = 90;  // from here on colours are not halved: they are what is left to see
-constexpr std::uint64_t kPatchBytes = std::uint64_t{2} << 30;  // uploaded patches, of all scenes together
-constexpr RenderOptions kExact{.tolerance_px = 0.25F, .supersampling = 2};
+constexpr int kFullColorQuality = 90;  // from this quality on chroma has full resolution, as its loss would be visible
+constexpr std::uint64_t kPatchBytes = std::uint64_t{2} << 30;  // of GPU memory, for the patches of all scenes together
+constexpr RenderOptions kExactFrame{.tolerance_px = 0.25F, .supersampling = 2};
 
 }  // namespace
 
-struct FrameRenderer::State {
-  struct Job {
+struct FrameRenderer::Impl {
+  struct FrameJob {
     std::uint64_t client = 0;
     std::size_t scene = 0;
     FrameRequest request;
-    Done done;
+    OnFrame done;
   };
   struct PictureJob {
     std::uint64_t client = 0;
     std::size_t scene = 0;
     PictureRequest request;
-    Painted done;
-    std::unique_ptr<PicturePainter> painter;  // of the thread alone; null: not begun
+    OnPicture done;
+    std::unique_ptr<PicturePainter> painter;  // used by the thread alone; null: not begun
   };
 
-  explicit State(const std::vector<const OpenScene*>& opened) : scenes(opened) {}
-  void work(std::promise<base::Result<void>> started);
-  bool waitForWork(std::optional<Job>& frame);
+  explicit Impl(const std::vector<const OpenScene*>& opened) : scenes(opened) {}
+  void runThread(std::promise<base::Result<void>> started);
+  bool waitForWork(std::optional<FrameJob>& frame);
   base::Result<void> makeRenderers();
-  base::Bytes render(const Job& job) const;
-  void paintBand();
-  base::Result<bool> step(PictureJob& job) const;
+  base::Bytes renderFrame(const FrameJob& job) const;
+  void drawPictureBand();
+  base::Result<bool> drawNextBand(PictureJob& job) const;
 
   const std::vector<const OpenScene*> scenes;
-  std::vector<std::unique_ptr<SceneRenderer>> renderers;  // of the thread alone; beside `scenes`
+  std::vector<std::unique_ptr<SceneRenderer>> renderers;  // used by the thread alone; parallel to `scenes`
   std::mutex mutex;
   std::condition_variable changed;
-  std::deque<Job> queue;                  // one per client at most, oldest first
-  std::deque<PictureJob> pictures;        // oldest first
-  std::optional<std::uint64_t> painting;  // whose picture is in hand
-  bool given_up = false;                  // nobody wants it any more
+  std::deque<FrameJob> queue;                   // one per client at most, oldest first
+  std::deque<PictureJob> pictures;              // oldest first
+  std::optional<std::uint64_t> current_client;  // of current_picture
+  bool current_cancelled = false;               // nobody wants current_picture any more
   bool stopping = false;
-  std::optional<PictureJob> in_hand;  // of the thread alone
+  std::optional<PictureJob> current_picture;  // used by the thread alone
   std::thread thread;
 };
 
-void FrameRenderer::State::work(std::promise<base::Result<void>> started) {
+void FrameRenderer::Impl::runThread(std::promise<base::Result<void>> started) {
   auto context = base::HeadlessContext::create();
   if (!context) return started.set_value(context.error());
   if (auto made = makeRenderers(); !made) {
@@ -67,17 +67,17 @@ void FrameRenderer::State::work(std::promise<base::Result<void>> started) {
   }
   spdlog::info("frames: rendered by {}", (*context)->renderer());
   started.set_value({});
-  std::optional<Job> frame;
+  std::optional<FrameJob> frame;
   while (waitForWork(frame)) {
-    if (frame) frame->done(render(*frame));
-    if (in_hand) paintBand();
+    if (frame) frame->done(renderFrame(*frame));
+    if (current_picture) drawPictureBand();
   }
-  in_hand.reset();
+  current_picture.reset();
   renderers.clear();  // their GL objects go before the context does
 }
 
-/// They share what one would take of the GPU's memory. Scenes of splats alone have none.
-base::Result<void> FrameRenderer::State::makeRenderers() {
+/// The renderers share the GPU memory that one would take. Splats-only scenes have none.
+base::Result<void> FrameRenderer::Impl::makeRenderers() {
   for (const OpenScene* scene : scenes) {
     if (scene->data.patches == nullptr) {
       renderers.push_back(nullptr);
@@ -90,61 +90,62 @@ base::Result<void> FrameRenderer::State::makeRenderers() {
   return {};
 }
 
-/// The next frame, if one waits, and a picture in hand, if any does. False: the end.
-bool FrameRenderer::State::waitForWork(std::optional<Job>& frame) {
+/// Waits for a request. Sets `frame` to the next frame, if one waits, and keeps or begins the current picture. Returns
+/// false when the renderer stops.
+bool FrameRenderer::Impl::waitForWork(std::optional<FrameJob>& frame) {
   std::unique_lock lock(mutex);
-  if (std::exchange(given_up, false)) {
-    in_hand.reset();
-    painting.reset();
+  if (std::exchange(current_cancelled, false)) {
+    current_picture.reset();
+    current_client.reset();
   }
-  changed.wait(lock, [this] { return stopping || in_hand || !queue.empty() || !pictures.empty(); });
+  changed.wait(lock, [this] { return stopping || current_picture || !queue.empty() || !pictures.empty(); });
   if (stopping) return false;
   frame.reset();
   if (!queue.empty()) {
     frame = std::move(queue.front());
     queue.pop_front();
   }
-  if (!in_hand && !pictures.empty()) {
-    in_hand = std::move(pictures.front());
+  if (!current_picture && !pictures.empty()) {
+    current_picture = std::move(pictures.front());
     pictures.pop_front();
-    painting = in_hand->client;
+    current_client = current_picture->client;
   }
   return true;
 }
 
-void FrameRenderer::State::paintBand() {
-  const auto whole = step(*in_hand);
+void FrameRenderer::Impl::drawPictureBand() {
+  const auto whole = drawNextBand(*current_picture);
   if (whole && !*whole) return;
   if (!whole) spdlog::warn("picture: {}", whole.error().message);
   {
     const std::lock_guard lock(mutex);
-    painting.reset();
-    if (std::exchange(given_up, false)) return in_hand.reset();
+    current_client.reset();
+    if (std::exchange(current_cancelled, false)) return current_picture.reset();
   }
   if (whole)
-    in_hand->done(in_hand->painter->take());
+    current_picture->done(current_picture->painter->takePicture());
   else
-    in_hand->done(whole.error());
-  in_hand.reset();
+    current_picture->done(whole.error());
+  current_picture.reset();
 }
 
-base::Result<bool> FrameRenderer::State::step(PictureJob& job) const {
+base::Result<bool> FrameRenderer::Impl::drawNextBand(PictureJob& job) const {
   SceneRenderer& renderer = *renderers[job.scene];
   if (!job.painter) {
     LUMIGRID_ASSIGN_OR_RETURN(auto begun, PicturePainter::begin(job.request, scenes[job.scene]->scene, renderer));
     job.painter = std::move(begun);
   }
-  return job.painter->step(renderer);
+  return job.painter->drawNextBand(renderer);
 }
 
-base::Bytes FrameRenderer::State::render(const Job& job) const {
+base::Bytes FrameRenderer::Impl::renderFrame(const FrameJob& job) const {
   const FrameRequest& request = job.request;
   const glm::dvec3& origin = scenes[job.scene]->scene.origin;
   SceneRenderer& renderer = *renderers[job.scene];
   const glm::vec3 eye(request.camera.position - origin);
   const base::DepthRange depth = base::depthRangeFor(eye, renderer.sceneCenter(), renderer.sceneRadius());
   auto picture =
-      renderer.render(base::cameraFromView(request.camera, origin, depth.near_plane, depth.far_plane), kExact);
+      renderer.render(base::cameraFromView(request.camera, origin, depth.near_plane, depth.far_plane), kExactFrame);
   if (!picture) {
     spdlog::warn("frames: {}", picture.error().message);
     return {};
@@ -161,47 +162,47 @@ base::Bytes FrameRenderer::State::render(const Job& job) const {
 
 base::Result<std::unique_ptr<FrameRenderer>> FrameRenderer::start(const std::vector<const OpenScene*>& scenes) {
   std::unique_ptr<FrameRenderer> renderer(new FrameRenderer);
-  renderer->state_ = std::make_unique<State>(scenes);
+  renderer->impl_ = std::make_unique<Impl>(scenes);
   std::promise<base::Result<void>> promise;
   auto started = promise.get_future();
-  State& state = *renderer->state_;
-  state.thread = std::thread([&state, p = std::move(promise)]() mutable { state.work(std::move(p)); });
+  Impl& impl = *renderer->impl_;
+  impl.thread = std::thread([&impl, p = std::move(promise)]() mutable { impl.runThread(std::move(p)); });
   LUMIGRID_TRY(started.get());
   return renderer;
 }
 
 FrameRenderer::~FrameRenderer() {
   {
-    std::lock_guard lock(state_->mutex);
-    state_->stopping = true;
-    state_->queue.clear();
-    state_->pictures.clear();
+    std::lock_guard lock(impl_->mutex);
+    impl_->stopping = true;
+    impl_->queue.clear();
+    impl_->pictures.clear();
   }
-  state_->changed.notify_all();
-  if (state_->thread.joinable()) state_->thread.join();
+  impl_->changed.notify_all();
+  if (impl_->thread.joinable()) impl_->thread.join();
 }
 
-void FrameRenderer::submit(std::uint64_t client, std::size_t scene, const FrameRequest& request, Done done) {
+void FrameRenderer::requestFrame(std::uint64_t client, std::size_t scene, const FrameRequest& request, OnFrame done) {
   cancel(client);
-  std::lock_guard lock(state_->mutex);
-  state_->queue.push_back({client, scene, request, std::move(done)});
-  state_->changed.notify_one();
+  std::lock_guard lock(impl_->mutex);
+  impl_->queue.push_back({client, scene, request, std::move(done)});
+  impl_->changed.notify_one();
 }
 
-bool FrameRenderer::paint(std::uint64_t client, std::size_t scene, const PictureRequest& request,
-                          std::size_t max_waiting, Painted done) {
-  const std::lock_guard lock(state_->mutex);
-  if (state_->pictures.size() >= max_waiting + (state_->painting ? 0 : 1)) return false;
-  state_->pictures.push_back({client, scene, request, std::move(done), nullptr});
-  state_->changed.notify_one();
+bool FrameRenderer::requestPicture(std::uint64_t client, std::size_t scene, const PictureRequest& request,
+                                   std::size_t max_waiting, OnPicture done) {
+  const std::lock_guard lock(impl_->mutex);
+  if (impl_->pictures.size() >= max_waiting + (impl_->current_client ? 0 : 1)) return false;
+  impl_->pictures.push_back({client, scene, request, std::move(done), nullptr});
+  impl_->changed.notify_one();
   return true;
 }
 
 void FrameRenderer::cancel(std::uint64_t client) {
-  const std::lock_guard lock(state_->mutex);
-  std::erase_if(state_->queue, [client](const State::Job& job) { return job.client == client; });
-  std::erase_if(state_->pictures, [client](const State::PictureJob& job) { return job.client == client; });
-  if (state_->painting == client) state_->given_up = true;
+  const std::lock_guard lock(impl_->mutex);
+  std::erase_if(impl_->queue, [client](const Impl::FrameJob& job) { return job.client == client; });
+  std::erase_if(impl_->pictures, [client](const Impl::PictureJob& job) { return job.client == client; });
+  if (impl_->current_client == client) impl_->current_cancelled = true;
 }
 
 }  // namespace server

@@ -8,8 +8,8 @@
 namespace server {
 namespace {
 
-constexpr std::size_t kMaxParameters = 32;
-constexpr std::size_t kTagBytes = 16;  // of the 32: more than chance can match
+constexpr std::size_t kMaxParameters = 32;  // /render, which knows most, knows 15
+constexpr std::size_t kTagBytes = 16;       // of the digest's 32; 128 bits never collide by chance
 constexpr std::string_view kSpace = " \t";
 
 std::string_view trimmed(std::string_view text) {
@@ -18,7 +18,8 @@ std::string_view trimmed(std::string_view text) {
   return text.substr(first, text.find_last_not_of(kSpace) - first + 1);
 }
 
-/// What comes before `separator`, which is taken off `rest` with it; all of it where there is none.
+/// Removes the text before `separator` from `rest`, and the separator, and returns the text; all of `rest` where there
+/// is no separator.
 std::string_view takeUntil(std::string_view& rest, char separator) {
   const std::size_t end = rest.find(separator);
   const std::string_view piece = rest.substr(0, end);
@@ -31,8 +32,8 @@ bool sameIgnoringCase(std::string_view a, std::string_view b) {
   return std::equal(a.begin(), a.end(), b.begin(), b.end(), [&](char x, char y) { return lower(x) == lower(y); });
 }
 
-/// Whether the parameters behind a coding (";q=0.5") leave it a weight above 0. No weight is 1; one that is no number
-/// counts as 0.
+/// Whether the parameters behind a coding (";q=0.5") leave it a weight above 0. An absent weight counts as 1, a
+/// malformed one as 0.
 bool hasWeight(std::string_view parameters) {
   while (!parameters.empty()) {
     const std::string_view one = trimmed(takeUntil(parameters, ';'));
@@ -85,7 +86,7 @@ bool acceptsCoding(std::string_view accept_encoding, std::string_view coding) {
 }
 
 bool namesEntityTag(std::string_view if_none_match, std::string_view etag) {
-  // Our tags hold no commas.
+  // Splitting at commas is safe: entityTag's tags hold none.
   while (!if_none_match.empty()) {
     std::string_view one = trimmed(takeUntil(if_none_match, ','));
     if (one == "*") return true;

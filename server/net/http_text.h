@@ -1,5 +1,5 @@
 #pragma once
-// What HTTP header fields and targets say (RFC 9110): content codings, entity tags, queries. No sockets.
+// Reads values of HTTP header fields and targets (RFC 9110): content codings, entity tags, queries. Knows no sockets.
 #include <map>
 #include <optional>
 #include <string>
@@ -11,17 +11,17 @@
 namespace server {
 
 /// Whether the value of Accept-Encoding ("gzip, deflate;q=0.5, br") asks for or allows `coding`: named, or covered by
-/// "*", with a weight above 0. An absent field (empty) allows none: what is stored plainly is always good.
+/// "*", with a weight above 0. An absent field (empty) allows none; the uncompressed form is always acceptable.
 bool acceptsCoding(std::string_view accept_encoding, std::string_view coding);
 
 /// Whether the value of If-None-Match ("\"a\", W/\"b\"" or "*") names `etag`, compared weakly as for GET.
 bool namesEntityTag(std::string_view if_none_match, std::string_view etag);
 
-/// A strong entity tag, with its quotes: of the bytes' SHA-256.
+/// A strong entity tag with its quotes, made from the bytes' SHA-256.
 std::string entityTag(base::ByteView bytes);
 
-/// The names and values of a target's query, "/pick?ox=1&oy=2": percent-decoded, '+' is a space. Errors, in one line
-/// for the visitor: more than 32 of them, a name twice, a name without value, '%' without two hexadecimal digits,
+/// Reads the names and values of a target's query, "/pick?ox=1&oy=2": percent-decoded, '+' is a space. Errors are one
+/// line for the visitor: more than 32 values, a name twice, a name without value, '%' without two hexadecimal digits,
 /// control characters.
 using Query = std::map<std::string, std::string, std::less<>>;
 base::Result<Query> parseQuery(std::string_view target);

@@ -22,7 +22,7 @@ std::string nameOf(const std::string& directory) {
   return path.filename().string();
 }
 
-base::Result<void> takeImages(std::unique_ptr<repository::Store> store, const std::string& path, OpenScene& open) {
+base::Result<void> setImages(std::unique_ptr<repository::Store> store, const std::string& path, OpenScene& open) {
   auto meta = store->readMeta();
   if (!meta) return base::within(path, meta.error());
   if (!meta->has_value()) return {};  // a bake that was stopped before its first batch
@@ -34,7 +34,7 @@ base::Result<void> takeImages(std::unique_ptr<repository::Store> store, const st
   open.data.images = open.images.get();
   open.data.welcome.grid = open.points.grid;
 
-  // Damaged patches are told where they are read for a client; until then images are chosen without.
+  // Damaged patches are reported when they are read for a client; images are chosen without occlusion then.
   auto sight = lod::patch::ProxySight::ofFile(open.patches);
   if (sight) open.sight = std::make_unique<lod::patch::ProxySight>(std::move(*sight));
   open.data.sight = open.sight.get();
@@ -45,7 +45,7 @@ base::Result<void> openImages(const std::string& directory, OpenScene& open) {
   if (const auto index = base::partFile(open.scene, "images/index", ".lgi")) {
     LUMIGRID_ASSIGN_OR_RETURN(auto packs, openPacks(directory, *index));
     repository::PackStore* opened = packs.get();
-    LUMIGRID_TRY(takeImages(std::move(packs), directory + "/" + *index, open));
+    LUMIGRID_TRY(setImages(std::move(packs), directory + "/" + *index, open));
     open.packs = opened;
     return {};
   }
@@ -53,7 +53,7 @@ base::Result<void> openImages(const std::string& directory, OpenScene& open) {
   std::error_code ignored;
   if (!std::filesystem::is_directory(path, ignored)) return {};
   LUMIGRID_ASSIGN_OR_RETURN(auto store, repository::openRepository(path));
-  return takeImages(std::move(store), path, open);
+  return setImages(std::move(store), path, open);
 }
 
 void describeScene(const std::string& directory, OpenScene& open) {
@@ -129,10 +129,10 @@ base::Result<std::string> cacheDirectory(const RemoteOptions& options, const std
   return directory;
 }
 
-/// What several have of one directory is bounded together.
-base::Result<std::unique_ptr<repository::CachedSource>> cached(std::shared_ptr<const repository::ObjectSource> source,
-                                                               const std::string& directory,
-                                                               const RemoteOptions& options) {
+/// Reads through the cache in `directory`, whose limit is for all sources that use it together.
+base::Result<std::unique_ptr<repository::CachedSource>> openCachedSource(
+    std::shared_ptr<const repository::ObjectSource> source, const std::string& directory,
+    const RemoteOptions& options) {
   repository::CachedSourceOptions cache;
   cache.cache.bytes = options.cache_bytes;
   cache.cache.warn = options.warn;
@@ -146,13 +146,13 @@ base::Result<void> openRemoteImages(std::unique_ptr<repository::CachedSource> so
   reads.jobs = kRemoteReads;
   LUMIGRID_ASSIGN_OR_RETURN(auto packs, repository::PackStore::open(std::move(source), index, reads));
   repository::PackStore* opened = packs.get();
-  LUMIGRID_TRY(takeImages(std::move(packs), place, open));
+  LUMIGRID_TRY(setImages(std::move(packs), place, open));
   open.packs = opened;
-  open.data.images_are_far = true;
+  open.data.images_are_remote = true;
   return {};
 }
 
-// They are no part of the scene: without them, or with bad ones, it is served all the same.
+// A scene is served without annotations when they are absent or damaged.
 void readRemoteAnnotations(const repository::ObjectSource& source, const RemoteOptions& options, OpenScene& open) {
   const auto read = [&]() -> base::Result<base::Bytes> {
     LUMIGRID_ASSIGN_OR_RETURN(auto size, source.size(base::kAnnotationsFile));
@@ -168,7 +168,7 @@ void readRemoteAnnotations(const repository::ObjectSource& source, const RemoteO
     options.warn("no annotations: " + notes.error().message);
 }
 
-/// Null: the scene does not list it, or under a name that does not hold its content's.
+/// Null when the scene does not list the part, or under a name without the id that published parts have.
 const base::ScenePart* publishedPart(const base::Scene& scene, const std::string& stem, const std::string& extension) {
   const auto name = base::partFile(scene, stem, extension);
   if (!name || !base::isPublishedName(*name)) return nullptr;
@@ -177,7 +177,7 @@ const base::ScenePart* publishedPart(const base::Scene& scene, const std::string
   return part == scene.parts.end() ? nullptr : &*part;
 }
 
-// A published scene behind a network. Every object but scene.json is named by its content.
+// Opens a published scene behind a network. Every object but scene.json is named by its content, so caches stay valid.
 base::Result<std::unique_ptr<OpenScene>> openRemoteScene(const std::string& place, const RemoteOptions& options) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto directory, cacheDirectory(options, place));
   LUMIGRID_ASSIGN_OR_RETURN(auto opened, repository::openObjectSource(place));
@@ -199,11 +199,11 @@ base::Result<std::unique_ptr<OpenScene>> openRemoteScene(const std::string& plac
     LUMIGRID_TRY(openHierarchy(path, *open));
   }
   if (splats != nullptr) {
-    LUMIGRID_ASSIGN_OR_RETURN(auto far, cached(source, directory, options));
-    open->far_splats = std::move(far);
+    LUMIGRID_ASSIGN_OR_RETURN(auto far, openCachedSource(source, directory, options));
+    open->remote_splats = std::move(far);
   }
   if (patches != nullptr && index) {
-    LUMIGRID_ASSIGN_OR_RETURN(auto far, cached(source, directory, options));
+    LUMIGRID_ASSIGN_OR_RETURN(auto far, openCachedSource(source, directory, options));
     LUMIGRID_TRY(openRemoteImages(std::move(far), *index, *open));
   }
   readRemoteAnnotations(*source, options, *open);

@@ -1,5 +1,5 @@
 #pragma once
-// A scene directory opened for serving: everything that sessions share.
+// A scene opened for serving, with everything that its sessions share.
 #include <functional>
 #include <memory>
 #include <optional>
@@ -21,47 +21,47 @@
 
 namespace server {
 
-/// What is kept here of a scene that lies elsewhere.
+/// The local cache of a remote scene.
 struct RemoteOptions {
   std::string cache_directory;                         ///< empty: defaultCacheDirectory()
-  std::uint64_t cache_bytes = std::uint64_t{4} << 30;  ///< of images, index and splats; the hierarchy besides
-  std::function<void(const std::string&)> warn;        ///< told in a line what the cache cannot do; null: nobody
+  std::uint64_t cache_bytes = std::uint64_t{4} << 30;  ///< for images, index and splats; the hierarchy comes on top
+  std::function<void(const std::string&)> warn;        ///< gets a line for each failure of the cache; may be null
 };
 /// $XDG_CACHE_HOME/lumigrid or ~/.cache/lumigrid; empty where neither is known.
 std::string defaultCacheDirectory();
 
-/// Owns what `data` points to; stays where it is.
+/// Owns everything that `data` points to, and so must not be moved.
 struct OpenScene {
   base::Scene scene;
-  lod::patch::PatchFile patches;               ///< nothing is in it where data.patches is null: splats alone
-  std::unique_ptr<repository::Store> images;   ///< null: the scene has no repository
-  repository::PackStore* packs = nullptr;      ///< the same, when the scene is a published one
-  repository::SampledPoints points;            ///< of the repository
-  std::vector<repository::TreeGrowth> growth;  ///< how the tree grew
-  base::Bytes scene_json;                      ///< the file, as it is
-  std::string directory;                       ///< where it lies; empty: behind a network
-  std::string annotations_json;                ///< of a scene behind a network, checked; empty: it has none
-  base::MappedFile patch_bytes;                ///< the file, for byte ranges
-  base::MappedFile splat_bytes;                ///< qsplat.lgq likewise; empty: not built, or behind a network
-  /// Where qsplat.lgq is read by ranges, through the cache; null: not built, or splat_bytes has it.
-  std::unique_ptr<repository::ObjectSource> far_splats;
+  lod::patch::PatchFile patches;                            ///< empty where data.patches is null: a splats-only scene
+  std::unique_ptr<repository::Store> images;                ///< null: the scene has no repository
+  repository::PackStore* packs = nullptr;                   ///< `images` of a published scene; null for a built one
+  repository::SampledPoints points;                         ///< of the repository
+  std::vector<repository::TreeGrowth> growth;               ///< how the tree grew
+  base::Bytes scene_json;                                   ///< the bytes of the file
+  std::string directory;                                    ///< of a local scene; empty: remote
+  std::string annotations_json;                             ///< of a remote scene, checked; empty: it has none
+  base::MappedFile patch_bytes;                             ///< patch.lgp, for byte ranges
+  base::MappedFile splat_bytes;                             ///< qsplat.lgq likewise; empty: not built, or remote
+  std::unique_ptr<repository::ObjectSource> remote_splats;  ///< reads a remote qsplat.lgq by ranges; null: no such file
   std::unique_ptr<lod::patch::ProxySight> sight;  ///< null: no images, or the hierarchy's coarse patches are damaged
-  SceneData data;  ///< what a Session takes; welcome.can_render_frames is false until somebody renders
+  SceneData data;                                 ///< for sessions; can_render_frames is false until a renderer runs
 };
 
-/// Reads scene.json, patch.lgp and, when it is there, images/ (DESIGN section 3), as `lumigrid build` or `lumigrid
-/// publish` left them. Errors name the file. A scene without patches has splats, or it is kNotFound. A built scene's
-/// repository is opened for reading: a bake may go on at the same time. Not twice for one scene in one process (LMDB).
-/// `place` may also be where a published scene lies behind a network, "https://host/scene" or "s3://bucket/scene"
-/// (docs/places.md): its hierarchy is mirrored, for it is memory-mapped; images and splats are read by range through a
-/// cache.
+/// Opens scene.json, patch.lgp, qsplat.lgq and images/, as far as they are there, as `lumigrid build` or `lumigrid
+/// publish` left them (docs/formats/scene.md). Errors name the file; kNotFound without patches and splats. A built
+/// scene's repository is opened for reading, while a bake may write to it; LMDB forbids to open it twice in one
+/// process. `place` may also be a published scene behind a network, "https://host/scene" or "s3://bucket/scene"
+/// (docs/places.md): its hierarchy is mirrored, since it is memory-mapped; images and splats are read by range through
+/// a cache.
 base::Result<std::unique_ptr<OpenScene>> openScene(const std::string& place, const RemoteOptions& options = {});
 
-/// The bytes of scene.json at a place. Errors as ObjectSource::read; kInvalidInput where it is too long to be one.
+/// Reads scene.json at a place. Errors as ObjectSource::read; kInvalidInput for a file over 16 MiB, which no scene.json
+/// reaches.
 base::Result<base::Bytes> readSceneJson(const repository::ObjectSource& source);
-/// The images of a published scene; `index` as scene.json lists it.
+/// Opens the images of a published scene; `index` as scene.json lists it.
 base::Result<std::unique_ptr<repository::PackStore>> openPacks(const std::string& directory, const std::string& index);
-/// What access counts of the scene belong to.
+/// Identifies the scene in a file of access counts.
 repository::AccessIdentity accessIdentityOf(const OpenScene& open);
 
 }  // namespace server

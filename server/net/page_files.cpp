@@ -15,9 +15,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// Far more than the page has: they stop a --web that names a wrong folder, such as a home directory.
 constexpr std::size_t kMaxFiles = 256;
 constexpr std::uint64_t kMaxBytes = std::uint64_t{64} << 20;
-constexpr std::size_t kShortestHash = 8;
+constexpr std::size_t kMinHashDigits = 8;  // shorter runs of these letters occur in words
 constexpr std::string_view kHexDigits = "0123456789abcdef";
 
 base::Error wrong(const std::string& directory, const std::string& what) {
@@ -25,7 +26,7 @@ base::Error wrong(const std::string& directory, const std::string& what) {
           directory + ": " + what + "; --web must name the folder that the preset web builds"};
 }
 
-/// Names of the plain files below the folder, and their sizes together bounded.
+/// The names of the regular files below the folder. Their number and the sum of their sizes are bounded.
 base::Result<std::vector<std::string>> namesIn(const std::string& directory) {
   std::vector<std::string> names;
   std::uint64_t bytes = 0;
@@ -56,7 +57,7 @@ base::Result<PageForm> readForm(const std::string& path) {
   return form;
 }
 
-/// The name without the ending, or nothing when it has another.
+/// The name without the ending, or an empty one when it has another ending.
 std::string_view without(std::string_view name, std::string_view ending) {
   return name.ends_with(ending) ? name.substr(0, name.size() - ending.size()) : std::string_view();
 }
@@ -89,7 +90,7 @@ bool isHashedName(std::string_view name) {
   if (dot == std::string_view::npos) return false;
   const std::size_t before = name.find_last_not_of(kHexDigits, dot - 1);
   if (dot == 0 || before == std::string_view::npos) return false;
-  return (name[before] == '-' || name[before] == '.') && dot - before - 1 >= kShortestHash;
+  return (name[before] == '-' || name[before] == '.') && dot - before - 1 >= kMinHashDigits;
 }
 
 base::Result<PageFiles> readPageFiles(const std::string& directory) {

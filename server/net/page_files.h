@@ -1,7 +1,7 @@
 #pragma once
 // The browser client as files: index.html, program, style, icons, as the preset "web" builds them and `cmake --install`
-// puts them beside the programs. Read whole at start, so that a name asked for is looked up in a list and never on a
-// disk.
+// puts them beside the programs. All are read at start, so that a requested name is looked up in a list and never on
+// the disk.
 #include <map>
 #include <string>
 #include <string_view>
@@ -11,10 +11,10 @@
 
 namespace server {
 
-/// One of a file's forms: as it is, or compressed beforehand.
+/// A file as it is, or as compressed beforehand.
 struct PageForm {
   base::Bytes bytes;
-  std::string etag;  ///< strong, with its quotes; empty: there is no such form
+  std::string etag;  ///< strong, with its quotes; empty: the file has no such form
 };
 
 struct PageFile {
@@ -31,11 +31,11 @@ using PageFiles = std::map<std::string, PageFile, std::less<>>;
 /// form without its file, and names that no URL has.
 base::Result<PageFiles> readPageFiles(const std::string& directory);
 
-/// Where the files of this program's installation lie: ../share/lumigrid/web beside its bin, or the tree that it was
-/// built in (build/web/site). Empty: there are none.
+/// The folder of this program's installed page: ../share/lumigrid/web beside its bin, or build/web/site of the tree
+/// that it was built in. Empty when neither is there.
 std::string installedPageFiles();
 
-/// Content-Type by the name's ending; application/octet-stream for what is not known.
+/// The Content-Type for a name's ending; application/octet-stream for an unknown one.
 const char* contentTypeOf(std::string_view name);
 /// Whether the name holds a hash: "lumigrid-1f0c2a9b.js": '-' or '.', 8 or more lower-case hexadecimal digits, '.'.
 bool isHashedName(std::string_view name);

@@ -60,7 +60,7 @@ base::Result<std::string> pick(const base::Scene& scene, const lod::patch::Patch
 }
 
 Picker::Picker(const base::Scene& scene, const lod::patch::PatchFile& patches)
-    : scene_(scene), patches_(patches), thread_([this] { work(); }) {}
+    : scene_(scene), patches_(patches), thread_([this] { runThread(); }) {}
 
 Picker::~Picker() {
   {
@@ -72,15 +72,15 @@ Picker::~Picker() {
   thread_.join();
 }
 
-bool Picker::submit(const lod::patch::Ray& ray, Done done) {
+bool Picker::submit(const lod::patch::Ray& ray, OnPick done) {
   const std::lock_guard lock(mutex_);
-  if (queue_.size() >= kLongestQueue) return false;
+  if (queue_.size() >= kMaxQueued) return false;
   queue_.push_back({ray, std::move(done)});
   changed_.notify_one();
   return true;
 }
 
-void Picker::work() {
+void Picker::runThread() {
   std::unique_lock lock(mutex_);
   for (;;) {
     changed_.wait(lock, [this] { return stopping_ || !queue_.empty(); });

@@ -1,6 +1,6 @@
 #pragma once
-// Where a ray meets the full-resolution surface, asked over HTTP (docs/formats/http.md, /pick), and the thread that
-// looks for it: a block that nobody read yet may come from a disk, for which no viewer should wait.
+// Finds where a ray meets the full-resolution surface, for /pick (docs/formats/http.md). A thread of its own casts the
+// rays: a block that nobody read yet may come from a disk, for which no viewer should wait.
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
@@ -17,33 +17,33 @@
 
 namespace server {
 
-/// World coordinates. Errors are one line for the visitor, with the name that is wrong.
+/// The ray in world coordinates. Errors are one line for the visitor, with the name that is wrong.
 base::Result<lod::patch::Ray> parsePickRequest(const Query& query);
 
-/// The answer as JSON; `ray` in world coordinates. An error is the file's: its blocks are damaged.
+/// The answer as JSON; `ray` is in world coordinates. Errors: damaged blocks of the file.
 base::Result<std::string> pick(const base::Scene& scene, const lod::patch::PatchFile& patches,
                                const lod::patch::Ray& ray);
 
 class Picker {
  public:
-  using Done = std::function<void(base::Result<std::string> json)>;
-  static constexpr std::size_t kLongestQueue = 256;
+  using OnPick = std::function<void(base::Result<std::string> json)>;
+  static constexpr std::size_t kMaxQueued = 256;  ///< rays; whoever asks for more is told to come again
 
   /// Both must outlive this.
   Picker(const base::Scene& scene, const lod::patch::PatchFile& patches);
-  /// Drops what is queued, waits for the one in hand.
+  /// Drops queued rays and waits for the one being cast.
   ~Picker();
   Picker(const Picker&) = delete;
   Picker& operator=(const Picker&) = delete;
-  /// `done` is called on the picker's thread. False, and `done` is never called: kLongestQueue rays wait already.
-  bool submit(const lod::patch::Ray& ray, Done done);
+  /// Calls `done` on the picker's thread. Returns false, and never calls it, when kMaxQueued rays wait already.
+  bool submit(const lod::patch::Ray& ray, OnPick done);
 
  private:
   struct Job {
     lod::patch::Ray ray;
-    Done done;
+    OnPick done;
   };
-  void work();
+  void runThread();
 
   const base::Scene& scene_;
   const lod::patch::PatchFile& patches_;

@@ -18,22 +18,23 @@
 namespace server {
 namespace {
 
-constexpr int kMaxSide = 32'768;       // what SceneRenderer draws
-constexpr int kFullColorQuality = 90;  // from here on a JPEG's colours are not halved
-constexpr Rgb kWhite{255, 255, 255};   // what has no alpha stands before this
+constexpr int kMaxSide = 32'768;       // pixels; SceneRenderer draws no larger picture
+constexpr int kFullColorQuality = 90;  // from this quality on a JPEG's chroma has full resolution (4:4:4)
+constexpr Rgb kWhite{255, 255, 255};   // the background of formats without alpha
 constexpr double kMinFovDegrees = 0.05, kMaxFovDegrees = 179.9;
-constexpr double kFinerThanAny = 0.2, kMaxTolerance = 1000.0;  // pixels
+constexpr double kMinTolerance = 0.2, kMaxTolerance = 1000.0;  // pixels; below the minimum nothing changes visibly
 constexpr double kMinSine = 1e-6;                              // of the angle between up and direction
 
 base::Error wrong(const std::string& what) {
   return {base::ErrorCode::kInvalidInput, "/render: " + what + " (docs/formats/http.md)"};
 }
 
-// ---- Reading the query. Each value is taken out, so that what is left has a name that nobody knows.
+// ---- Reading the query. Each known value is removed as it is read, so the values left at the end have unknown names.
 
 class Values {
  public:
   explicit Values(Query query) : query_(std::move(query)) {}
+  /// Removes the value of that name and returns it.
   std::optional<std::string> take(std::string_view name) {
     const auto it = query_.find(name);
     if (it == query_.end()) return std::nullopt;
@@ -60,7 +61,7 @@ std::optional<glm::dvec3> parseVector(const std::string& text) {
   return vector;
 }
 
-/// Leaves `to` as it is where the name is absent.
+/// Whether the name is there; where it is absent, `to` stays as it is. The same holds of the readers below.
 base::Result<bool> readVector(Values& values, const std::string& name, glm::dvec3& to) {
   const auto text = values.take(name);
   if (!text) return false;
@@ -169,7 +170,7 @@ base::Result<void> readBackground(Values& values, PictureRequest& request) {
   return {};
 }
 
-/// "x,120.5,b": axis, offset, and whether what lies below or above it is kept, as in a permalink.
+/// Reads "x,120.5,b": an axis, an offset, and whether the part below or above it is kept, as in a permalink.
 std::optional<base::SectionPlane> parseSection(std::string_view text) {
   if (text.size() < 5 || text[1] != ',' || text[text.size() - 2] != ',') return std::nullopt;
   const int axis = text.front() - 'x';
@@ -198,7 +199,7 @@ base::Result<void> readColors(Values& values, PictureRequest& request) {
   if (colors != "scene" && colors != "resolution") return wrong("colors must be scene or resolution");
   request.resolution_colors = colors == "resolution";
   double tolerance = static_cast<double>(request.tolerance_px);
-  LUMIGRID_TRY(readNumber(values, "tolerance", kFinerThanAny, kMaxTolerance, tolerance));
+  LUMIGRID_TRY(readNumber(values, "tolerance", kMinTolerance, kMaxTolerance, tolerance));
   request.tolerance_px = static_cast<float>(tolerance);
   return {};
 }
@@ -250,7 +251,7 @@ base::Result<PictureRequest> parsePictureRequest(const Query& query, std::uint64
   return request;
 }
 
-struct PicturePainter::State {
+struct PicturePainter::Impl {
   PictureRequest request;
   base::Camera camera;
   RenderOptions options;
@@ -267,38 +268,36 @@ base::Result<std::unique_ptr<PicturePainter>> PicturePainter::begin(const Pictur
                                                                     const SceneRenderer& renderer,
                                                                     std::uint64_t band_pixels) {
   std::unique_ptr<PicturePainter> painter(new PicturePainter);
-  painter->state_ = std::make_unique<State>();
-  State& state = *painter->state_;
-  state.request = request;
-  state.camera = sceneCamera(request, scene, renderer);
-  state.options.tolerance_px = request.tolerance_px;
-  state.options.modes.resolution_colors = request.resolution_colors;
-  if (request.section) state.options.modes.section = base::sectionInScene(*request.section, scene.origin);
-  state.options.supersampling = request.supersampling;
+  painter->impl_ = std::make_unique<Impl>();
+  Impl& impl = *painter->impl_;
+  impl.request = request;
+  impl.camera = sceneCamera(request, scene, renderer);
+  impl.options.tolerance_px = request.tolerance_px;
+  impl.options.modes.resolution_colors = request.resolution_colors;
+  if (request.section) impl.options.modes.section = base::sectionInScene(*request.section, scene.origin);
+  impl.options.supersampling = request.supersampling;
   const std::uint64_t rows = band_pixels / static_cast<std::uint64_t>(request.camera.width);
-  state.band_height =
+  impl.band_height =
       static_cast<int>(std::clamp<std::uint64_t>(rows, 1, static_cast<std::uint64_t>(request.camera.height)));
-  LUMIGRID_ASSIGN_OR_RETURN(auto encoder, beginRows(request, state.bytes));
-  state.rows = std::move(encoder);
+  LUMIGRID_ASSIGN_OR_RETURN(auto encoder, beginRows(request, impl.bytes));
+  impl.rows = std::move(encoder);
   return painter;
 }
 
-base::Result<bool> PicturePainter::step(SceneRenderer& renderer) {
-  State& state = *state_;
-  const int height = std::min(state.band_height, state.camera.height - state.next_row);
-  // Which patches are drawn depends on the eye and the pixels a unit covers, which all bands share: no seams.
+base::Result<bool> PicturePainter::drawNextBand(SceneRenderer& renderer) {
+  Impl& impl = *impl_;
+  const int height = std::min(impl.band_height, impl.camera.height - impl.next_row);
+  // The cut depends on the eye and the pixels per unit, which all bands share, so that no seam shows between bands.
   LUMIGRID_ASSIGN_OR_RETURN(
-      auto band,
-      renderer.render(tileCamera(state.camera, 0, state.next_row, state.camera.width, height), state.options));
-  const base::Image pixels =
-      state.request.background ? over(band.rgba, *state.request.background) : std::move(band.rgba);
-  LUMIGRID_TRY(std::visit([&](auto& rows) { return rows->add(pixels); }, state.rows));
-  state.next_row += height;
-  return state.next_row == state.camera.height;
+      auto band, renderer.render(tileCamera(impl.camera, 0, impl.next_row, impl.camera.width, height), impl.options));
+  const base::Image pixels = impl.request.background ? over(band.rgba, *impl.request.background) : std::move(band.rgba);
+  LUMIGRID_TRY(std::visit([&](auto& rows) { return rows->add(pixels); }, impl.rows));
+  impl.next_row += height;
+  return impl.next_row == impl.camera.height;
 }
 
-base::Bytes PicturePainter::take() {
-  return std::move(state_->bytes);
+base::Bytes PicturePainter::takePicture() {
+  return std::move(impl_->bytes);
 }
 
 }  // namespace server

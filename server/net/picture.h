@@ -1,6 +1,6 @@
 #pragma once
-// Pictures of a scene at any size (docs/formats/http.md, /render): what is asked for, and the work in steps that are
-// short enough for others to come between. Memory: one band of pixels and the bytes of the encoded picture.
+// Pictures of a scene at any size (docs/formats/http.md, /render). The painter works in steps that are short enough for
+// viewers' frames to come between; it holds one band of pixels and the bytes of the encoded picture.
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -21,8 +21,7 @@ struct PictureRequest {
   int quality = 90;               ///< of a JPEG, 1..100
   int supersampling = 2;          ///< n × n samples a pixel, 1..4
   std::optional<Rgb> background;  ///< none: transparent
-  float tolerance_px = 0.25F;  ///< projected errors of the patches; as exact frames: the full resolution, as far as a
-                               ///< pixel can tell
+  float tolerance_px = 0.25F;     ///< projected error of the patches; invisible at the default, as in exact frames
   std::optional<base::SectionPlane> section;
   bool resolution_colors = false;  ///< tinted by the patches' projected errors
 };
@@ -40,14 +39,14 @@ class PicturePainter {
                                                              std::uint64_t band_pixels = std::uint64_t{1} << 20);
   ~PicturePainter();
   /// Draws and encodes the next band, from the top. True: that was the last one.
-  base::Result<bool> step(SceneRenderer& renderer);
-  /// The picture, once, when the last step is done.
-  base::Bytes take();
+  base::Result<bool> drawNextBand(SceneRenderer& renderer);
+  /// Moves the encoded picture out, once, after the last band.
+  base::Bytes takePicture();
 
  private:
   PicturePainter() = default;
-  struct State;
-  std::unique_ptr<State> state_;
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
 };
 
 }  // namespace server

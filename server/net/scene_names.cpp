@@ -7,9 +7,9 @@
 namespace server {
 namespace {
 
-constexpr std::string_view kPlain = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-";
+constexpr std::string_view kAddressCharacters = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-";
 
-/// A place in the file system as it really is, so that a scene is not opened by two names: LMDB forbids that.
+/// The canonical path of a place in the file system, so that no scene is opened under two names, which LMDB forbids.
 std::string realPlace(const std::string& place) {
   std::error_code failed;
   const auto canonical = std::filesystem::weakly_canonical(place, failed);
@@ -20,11 +20,11 @@ std::string nameOf(std::string place) {
   while (!place.empty() && place.back() == '/') place.pop_back();
   std::string name = place.substr(place.rfind('/') + 1);
   for (char& c : name)
-    if (kPlain.find(c) == std::string_view::npos) c = '-';
+    if (kAddressCharacters.find(c) == std::string_view::npos) c = '-';
   return name;
 }
 
-/// 3024763 as "3,024,763".
+/// Writes 3024763 as "3,024,763".
 std::string grouped(std::uint64_t number) {
   std::string text = std::to_string(number);
   for (std::size_t at = text.size(); at > 3;) text.insert(at -= 3, 1, ',');
@@ -33,7 +33,7 @@ std::string grouped(std::uint64_t number) {
 
 }  // namespace
 
-base::Result<std::vector<std::string>> namesOf(const std::vector<std::string>& places) {
+base::Result<std::vector<std::string>> sceneNames(const std::vector<std::string>& places) {
   std::vector<std::string> names;
   std::set<std::string> taken;
   for (const std::string& place : places) {
@@ -59,7 +59,7 @@ NamedTarget splitTarget(std::string_view target) {
   return {name, target.substr(end)};
 }
 
-std::string sceneList(const std::vector<ListedScene>& scenes, const std::string& host) {
+std::string sceneListPage(const std::vector<ListedScene>& scenes, const std::string& host) {
   std::string html =
       "<!doctype html>\n<html lang=\"en\"><meta charset=\"utf-8\"><meta name=\"viewport\" "
       "content=\"width=device-width\">"
@@ -67,7 +67,7 @@ std::string sceneList(const std::vector<ListedScene>& scenes, const std::string&
       "Lumigrid</title>\n"
       "<style>body { font: 16px/1.6 system-ui, sans-serif; max-width: 42rem; margin: 3rem auto; padding: 0 1rem } "
       "code, small { opacity: 0.7 } li { margin: 0.6rem 0 }</style>\n<h1>Scenes</h1>\n<ul>\n";
-  // Names hold nothing that HTML or an address would take for more.
+  // Names need no escaping: they hold only kAddressCharacters.
   for (const ListedScene& scene : scenes)
     html += "<li><a href=\"" + scene.name + "/\">" + scene.name + "</a> <small>" + grouped(scene.triangles) +
             " triangles</small><br><code>lumigrid-view ws://" + host + "/" + scene.name + "/</code></li>\n";

@@ -1,5 +1,5 @@
 #pragma once
-// Several scenes on one port: each below its name, and a page at "/" that lists them (docs/formats/http.md).
+// Addresses of several scenes on one port: each is below its name, and a page at "/" lists them (docs/formats/http.md).
 #include <cstdint>
 #include <string>
 #include <string_view>
@@ -9,11 +9,11 @@
 
 namespace server {
 
-/// The names under which the scenes at these places are served, in their order: the last part of each place, with '-'
-/// for what does not belong into an address. Errors: two that are the same, one that has none.
-base::Result<std::vector<std::string>> namesOf(const std::vector<std::string>& places);
+/// The names under which the scenes at these places are served, in the same order: the last part of each place, with
+/// '-' for characters that do not belong into an address. Errors: two equal names, a place without a name.
+base::Result<std::vector<std::string>> sceneNames(const std::vector<std::string>& places);
 
-/// "/tower/scene.json?x" as "tower" and "/scene.json?x"; no rest for "/tower".
+/// Splits "/tower/scene.json?x" into "tower" and "/scene.json?x"; "/tower" has no rest.
 struct NamedTarget {
   std::string_view name, rest;
 };
@@ -23,7 +23,7 @@ struct ListedScene {
   std::string name;
   std::uint64_t triangles = 0;
 };
-/// HTML. `host`: as a visitor would write it in an address.
-std::string sceneList(const std::vector<ListedScene>& scenes, const std::string& host);
+/// The page as HTML. `host`: as a visitor would write it in an address.
+std::string sceneListPage(const std::vector<ListedScene>& scenes, const std::string& host);
 
 }  // namespace server

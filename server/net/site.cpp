@@ -9,7 +9,7 @@ namespace server {
 namespace {
 
 constexpr const char* kForever = "public, max-age=31536000, immutable";
-constexpr std::size_t kIdDigits = 32;  // of a part's SHA-256: as many as its published name has
+constexpr std::size_t kIdDigits = 32;  // of a SHA-256 in hex; a published name has as many (docs/formats/packs.md)
 
 std::string escapeHtml(std::string_view text) {
   std::string out;
@@ -23,7 +23,7 @@ std::string escapeHtml(std::string_view text) {
   return out;
 }
 
-/// 304 without a body when the visitor has these bytes already.
+/// Whether the visitor has these bytes already, so that 304 without a body is the answer.
 bool isKnown(const HttpRequest& request, const std::string& etag) {
   return !etag.empty() && namesEntityTag(request.if_none_match, etag);
 }
@@ -53,7 +53,7 @@ HttpReply pageReply(const HttpRequest& request, const PageFile& file) {
   return reply;
 }
 
-HttpReply document(const HttpRequest& request, base::ByteView bytes, const std::string& etag) {
+HttpReply jsonReply(const HttpRequest& request, base::ByteView bytes, const std::string& etag) {
   HttpReply reply;
   reply.type = "application/json";
   reply.headers.emplace_back("ETag", etag);
@@ -64,8 +64,8 @@ HttpReply document(const HttpRequest& request, base::ByteView bytes, const std::
   return reply;
 }
 
-/// What a page of another host may ask; answers to such questions are kept for a day.
-HttpReply preflight() {
+/// Tells browsers what a page of another host may request (CORS); they may keep the answer for a day.
+HttpReply preflightReply() {
   HttpReply reply;
   reply.status = 204;
   reply.headers.emplace_back("Access-Control-Allow-Methods", "GET, HEAD");
@@ -117,44 +117,44 @@ Site::Site(const OpenScene& scene, PageFiles pages)
       pages_(std::move(pages)),
       annotations_(scene.directory, scene.annotations_json),
       scene_etag_(entityTag(scene.scene_json)) {
-  addParts();
+  addSceneFiles();
 }
 
-void Site::addParts() {
-  const auto here = [this](Part part, base::ByteView bytes) {
-    part.bytes = bytes;
-    part.size = bytes.size();
-    parts_.push_back(std::move(part));
+void Site::addSceneFiles() {
+  const auto addLocal = [this](SceneFile file, base::ByteView bytes) {
+    file.bytes = bytes;
+    file.size = bytes.size();
+    files_.push_back(std::move(file));
   };
-  if (scene_.data.patches != nullptr) here(partNamed("patch", ".lgp"), scene_.patch_bytes.bytes());
-  Part splats = partNamed("qsplat", ".lgq");
-  splats.source = scene_.far_splats.get();
+  if (scene_.data.patches != nullptr) addLocal(sceneFile("patch", ".lgp"), scene_.patch_bytes.bytes());
+  SceneFile splats = sceneFile("qsplat", ".lgq");
+  splats.source = scene_.remote_splats.get();
   if (splats.source != nullptr)
-    parts_.push_back(std::move(splats));
+    files_.push_back(std::move(splats));
   else if (!scene_.splat_bytes.bytes().empty())
-    here(std::move(splats), scene_.splat_bytes.bytes());
+    addLocal(std::move(splats), scene_.splat_bytes.bytes());
 }
 
-/// Size as scene.json says.
-Site::Part Site::partNamed(const std::string& stem, const std::string& extension) const {
+/// The names, tag and size of a file as scene.json has them.
+Site::SceneFile Site::sceneFile(const std::string& stem, const std::string& extension) const {
   const std::string name = base::partFile(scene_.scene, stem, extension).value_or(stem + extension);
-  Part part{"/" + stem + extension, "/" + name, "", {}, nullptr, 0};
+  SceneFile file{"/" + stem + extension, "/" + name, "", {}, nullptr, 0};
   for (const base::ScenePart& listed : scene_.scene.parts) {
     if (listed.file != name) continue;
-    part.size = listed.bytes;
-    if (listed.sha256.size() > kIdDigits) part.etag = '"' + listed.sha256.substr(0, kIdDigits) + '"';
+    file.size = listed.bytes;
+    if (listed.sha256.size() > kIdDigits) file.etag = '"' + listed.sha256.substr(0, kIdDigits) + '"';
   }
-  return part;
+  return file;
 }
 
-const Site::Part* Site::findPart(std::string_view path) const {
-  for (const Part& part : parts_)
-    if (path == part.plain || path == part.path) return &part;
+const Site::SceneFile* Site::findSceneFile(std::string_view path) const {
+  for (const SceneFile& file : files_)
+    if (path == file.plain || path == file.path) return &file;
   return nullptr;
 }
 
 HttpReply Site::answer(const HttpRequest& request, const std::string& place) {
-  if (request.method == "OPTIONS") return preflight();
+  if (request.method == "OPTIONS") return preflightReply();
   if (request.method != "GET" && request.method != "HEAD") {
     HttpReply reply = textReply(405, "only GET and HEAD\n");
     reply.headers.emplace_back("Allow", "GET, HEAD, OPTIONS");
@@ -162,12 +162,12 @@ HttpReply Site::answer(const HttpRequest& request, const std::string& place) {
   }
   const std::string_view path = request.path();
   if (path == "/healthz") return textReply(200, "ok");
-  if (path == "/") return home(request, place);
-  if (path == "/scene.json") return document(request, scene_.scene_json, scene_etag_);
-  if (path == "/annotations.json") return annotations(request);
-  if (const Part* found = findPart(path)) return part(request, *found);
+  if (path == "/") return homeReply(request, place);
+  if (path == "/scene.json") return jsonReply(request, scene_.scene_json, scene_etag_);
+  if (path == "/annotations.json") return annotationsReply(request);
+  if (const SceneFile* file = findSceneFile(path)) return sceneFileReply(request, *file);
   if (path == "/patch.lgp") return splatsOnlyReply();
-  // Never a look at the disk: a name is in the list, or it is not here.
+  // The page's files are looked up in memory, never on the disk, so that no path can lead elsewhere.
   if (path.starts_with('/'))
     if (const auto page = pages_.find(path.substr(1)); page != pages_.end()) return pageReply(request, page->second);
   return textReply(404,
@@ -176,19 +176,19 @@ HttpReply Site::answer(const HttpRequest& request, const std::string& place) {
                    "the WebSocket at /\n");
 }
 
-/// Of splats alone the page is told at once which of its two programs it needs.
-HttpReply Site::home(const HttpRequest& request, const std::string& place) const {
+/// For a splats-only scene the page is redirected to ?method=qsplat, so that it loads the program for splats at once.
+HttpReply Site::homeReply(const HttpRequest& request, const std::string& place) const {
   const auto page = pages_.find("index.html");
-  if (page == pages_.end()) return plainHome(request, place);
+  if (page == pages_.end()) return plainHomeReply(request, place);
   const std::string_view query = request.target.substr(request.path().size());
-  const bool says_what = query.find("method=") != query.npos || query.find("scene=") != query.npos;
-  if (scene_.data.patches != nullptr || says_what) return pageReply(request, page->second);
+  const bool has_choice = query.find("method=") != query.npos || query.find("scene=") != query.npos;
+  if (scene_.data.patches != nullptr || has_choice) return pageReply(request, page->second);
   HttpReply reply = textReply(302, "see ?method=qsplat\n");
   reply.headers.emplace_back("Location", query.size() > 1 ? std::string(query) + "&method=qsplat" : "?method=qsplat");
   return reply;
 }
 
-HttpReply Site::plainHome(const HttpRequest& request, const std::string& place) const {
+HttpReply Site::plainHomeReply(const HttpRequest& request, const std::string& place) const {
   const std::string name = escapeHtml(scene_.data.welcome.scene_name);
   const std::string size = scene_.data.patches != nullptr
                                ? std::to_string(scene_.data.welcome.source_triangles) + " triangles"
@@ -204,34 +204,34 @@ HttpReply Site::plainHome(const HttpRequest& request, const std::string& place) 
   return reply;
 }
 
-HttpReply Site::annotations(const HttpRequest& request) {
-  const Annotations::Document& now = annotations_.current();
-  HttpReply reply = document(request, {}, now.etag);
-  if (reply.status == 200) reply.text = now.text;  // a copy: the file may change while it is sent
+HttpReply Site::annotationsReply(const HttpRequest& request) {
+  const Annotations::Document& document = annotations_.current();
+  HttpReply reply = jsonReply(request, {}, document.etag);
+  if (reply.status == 200) reply.text = document.text;  // a copy, as the file may change while it is sent
   return reply;
 }
 
-HttpReply Site::part(const HttpRequest& request, const Part& part) {
+HttpReply Site::sceneFileReply(const HttpRequest& request, const SceneFile& file) {
   HttpReply reply;
   reply.type = "application/octet-stream";
   if (base::isPublishedName(std::string(request.path()))) reply.cache = kForever;
   reply.headers.emplace_back("Accept-Ranges", "bytes");
-  if (!part.etag.empty()) reply.headers.emplace_back("ETag", part.etag);
-  if (isKnown(request, part.etag)) {
+  if (!file.etag.empty()) reply.headers.emplace_back("ETag", file.etag);
+  if (isKnown(request, file.etag)) {
     reply.status = 304;
     return reply;
   }
-  // A range of other bytes than the visitor knows would be of no use: then all of them.
-  const bool same = request.if_range.empty() || (!part.etag.empty() && request.if_range == part.etag);
-  const base::RangeRequest range = base::parseRange(same ? request.range : std::string_view(), part.size);
+  // A range of a changed file would be useless to the visitor, who gets the whole file then (RFC 9110, section 13.1.5).
+  const bool same = request.if_range.empty() || (!file.etag.empty() && request.if_range == file.etag);
+  const base::RangeRequest range = base::parseRange(same ? request.range : std::string_view(), file.size);
   if (range.kind != base::RangeRequest::Kind::kWhole)
-    reply.headers.emplace_back("Content-Range", base::formatContentRange(range, part.size));
+    reply.headers.emplace_back("Content-Range", base::formatContentRange(range, file.size));
   if (range.kind == base::RangeRequest::Kind::kUnsatisfiable)
     reply.status = 416;
-  else if (part.source != nullptr)
-    reply.far = {part.source, part.path.substr(1), range.first, range.length};
+  else if (file.source != nullptr)
+    reply.remote = {file.source, file.path.substr(1), range.first, range.length};
   else
-    reply.bytes = part.bytes.subspan(range.first, range.length);
+    reply.bytes = file.bytes.subspan(range.first, range.length);
   if (range.kind == base::RangeRequest::Kind::kPart) reply.status = 206;
   return reply;
 }

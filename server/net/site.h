@@ -1,6 +1,6 @@
 #pragma once
-// What one server answers over plain HTTP at once, from memory: the page, the scene's files, small texts
-// (docs/formats/http.md). It does not know the socket; who answers later (/render, /pick) is told apart by `find`.
+// The HTTP answers of one scene that come from memory at once: the page, the scene's files, small texts
+// (docs/formats/http.md). It knows no sockets. /render and /pick, which are answered later, are not its business.
 #include <string>
 #include <string_view>
 #include <utility>
@@ -14,28 +14,28 @@
 
 namespace server {
 
-/// What is looked at of a request; fields that are absent are empty.
+/// The parts of a request that matter here; absent fields are empty.
 struct HttpRequest {
   std::string_view method, target, host, range, if_range, if_none_match, accept_encoding;
   std::string_view path() const { return target.substr(0, target.find('?')); }
 };
 
-/// A body that lies behind a network and is read piece by piece while it is sent.
-struct FarBody {
+/// A body that lies behind a network and is read range by range while it is sent.
+struct RemoteBody {
   const repository::ObjectSource* source = nullptr;
   std::string name;
   std::uint64_t offset = 0;
-  std::uint64_t length = 0;  ///< 0: there is none
+  std::uint64_t length = 0;  ///< 0: the reply has no such body
 };
 
 struct HttpReply {
   int status = 200;
   std::string type = "text/plain; charset=utf-8";
   const char* cache = "no-cache";
-  std::string text;      ///< the body, unless one of the next two has bytes
-  base::ByteView bytes;  ///< that live with the site
+  std::string text;      ///< the body, unless `bytes`, `owned` or `remote` has one
+  base::ByteView bytes;  ///< of the site, with which they live
   base::Bytes owned;
-  FarBody far;                                               ///< of some length: then this is the body
+  RemoteBody remote;                                         ///< of some length: then this is the body
   bool has_length = true;                                    ///< false: a HEAD that does not say how long the body were
   std::vector<std::pair<std::string, std::string>> headers;  ///< besides type and cache
 
@@ -43,14 +43,14 @@ struct HttpReply {
 };
 
 HttpReply textReply(int status, std::string text);
-/// 400 and the error's line.
+/// Status 400 with the error's line.
 HttpReply badRequest(const base::Error& error);
-/// What a scene of splats alone answers to who asks for more.
+/// The answer of a splats-only scene to requests that need patches.
 HttpReply splatsOnlyReply();
-/// 503: the visitor may ask again in so many seconds.
+/// Status 503, which tells the visitor to ask again after `seconds`.
 HttpReply tryLater(int seconds, std::string text);
 
-/// The Host header as the visitor typed it, or our own place (address:port) when it is none that could be shown.
+/// The Host header as the visitor typed it, or our own place (address:port) when it is malformed.
 std::string shownHost(std::string_view host, const std::string& place);
 
 class Site {
@@ -58,32 +58,32 @@ class Site {
   /// `scene` outlives this. `pages`: empty for none.
   Site(const OpenScene& scene, PageFiles pages);
 
-  /// `place`: address:port, shown where the Host header is none that can be.
+  /// `place`: address:port, shown where the Host header is malformed.
   HttpReply answer(const HttpRequest& request, const std::string& place);
 
  private:
-  HttpReply home(const HttpRequest& request, const std::string& place) const;
-  HttpReply plainHome(const HttpRequest& request, const std::string& place) const;
-  HttpReply annotations(const HttpRequest& request);
+  HttpReply homeReply(const HttpRequest& request, const std::string& place) const;
+  HttpReply plainHomeReply(const HttpRequest& request, const std::string& place) const;
+  HttpReply annotationsReply(const HttpRequest& request);
   /// A file of the scene that is answered by byte ranges.
-  struct Part {
+  struct SceneFile {
     std::string plain;                                 ///< "/patch.lgp"
     std::string path;                                  ///< the same, or with the name that scene.json has for it
     std::string etag;                                  ///< empty where scene.json has no SHA-256
-    base::ByteView bytes;                              ///< here, or else
-    const repository::ObjectSource* source = nullptr;  ///< read from there
+    base::ByteView bytes;                              ///< of a local file
+    const repository::ObjectSource* source = nullptr;  ///< of a remote file; null: it is local
     std::uint64_t size = 0;
   };
-  Part partNamed(const std::string& stem, const std::string& extension) const;
-  void addParts();
-  const Part* findPart(std::string_view path) const;
-  static HttpReply part(const HttpRequest& request, const Part& part);
+  SceneFile sceneFile(const std::string& stem, const std::string& extension) const;
+  void addSceneFiles();
+  const SceneFile* findSceneFile(std::string_view path) const;
+  static HttpReply sceneFileReply(const HttpRequest& request, const SceneFile& file);
 
   const OpenScene& scene_;
   const PageFiles pages_;
   Annotations annotations_;
   std::string scene_etag_;
-  std::vector<Part> parts_;
+  std::vector<SceneFile> files_;
 };
 
 }  // namespace server

@@ -13,36 +13,33 @@
 namespace server {
 namespace {
 
-constexpr std::int64_t kMaxFramePixels = 16'000'000;
-// An exact frame still helps after the eye moved by 8 % of the scene (DESIGN section 7).
-constexpr double kFarOff = 0.1;
-constexpr std::size_t kRequestsUnderWay = 2;  // for far faces: a new view need not wait for the last one's
-constexpr std::size_t kFacesAhead = 16;       // that are asked for at a time when the view is complete
-
-std::size_t headroom() {
-  return protocol::kMaxServerMessage - 256;
-}
+constexpr std::int64_t kMaxFramePixels =
+    16'000'000;  // about twice a 4K screen; a larger frame would keep other viewers waiting
+// A frame is dropped when the eye has moved by more than this share of the scene's diagonal since. Measured: after 8 %
+// a late frame still improves the blended view.
+constexpr double kMaxFrameShift = 0.1;
+constexpr std::size_t kMaxFaceRequests = 2;  // under way at a time, so that a new view need not wait for the last one's
+constexpr std::size_t kMaxPrefetchedFaces = 16;  // per request, so that a new view waits for few of them
 
 }  // namespace
 
-struct Session::State {
+struct Session::Impl {
   enum class Phase { kGreeting, kReady, kRefused };
-  /// Of the newest view's exact frame.
-  enum class FramePhase { kNone, kDue, kRendering };
+  enum class FramePhase { kNone, kDue, kRendering };  ///< of the newest view's exact frame
 
-  explicit State(const SceneData& shared) : scene(shared) {}
+  explicit Impl(const SceneData& shared) : scene(shared) {}
 
   // ---- in ----
   base::Result<void> receive(base::ByteView bytes);
-  base::Result<void> take(const protocol::Hello& hello);
-  base::Result<void> take(const protocol::View& view);
-  base::Result<void> take(const protocol::Eviction& evicted);
-  base::Result<void> take(const protocol::Holdings& have);
+  base::Result<void> acceptMessage(const protocol::Hello& hello);
+  base::Result<void> acceptMessage(const protocol::View& view);
+  base::Result<void> acceptMessage(const protocol::Eviction& evicted);
+  base::Result<void> acceptMessage(const protocol::Holdings& have);
   base::Error refuse(base::ErrorCode code, const std::string& reason);
-  base::Error refuseAsSplatsOnly();
+  base::Error refuseSplatsOnly();
 
   // ---- out ----
-  std::optional<base::Bytes> next();
+  std::optional<base::Bytes> nextMessage();
   std::optional<base::Bytes> nextForView();
   std::optional<base::Bytes> nextCoarse();
   std::optional<base::Bytes> nextWanted();
@@ -50,10 +47,9 @@ struct Session::State {
   std::optional<base::Bytes> groupMessage(std::uint32_t group);
   std::optional<base::Bytes> faceMessage(const repository::FaceKey& key);
   using Faces = std::vector<repository::FaceKey>;
-  /// The first of the list that can be sent now.
-  Faces::iterator sendable(Faces& faces);
-  std::optional<base::Bytes> takeFaceMessage(Faces& faces, Faces::iterator face);
-  FaceRequest notAskedFor(const Faces& faces, std::size_t most) const;
+  Faces::iterator findSendable(Faces& faces);
+  std::optional<base::Bytes> removeAndEncode(Faces& faces, Faces::iterator face);
+  FaceRequest unrequestedFaces(const Faces& faces, std::size_t max_count) const;
   void planPrefetch();
   void planNewestView();
   bool framePossible() const;
@@ -63,52 +59,52 @@ struct Session::State {
   std::string client;
   SessionCounts counts;
 
-  // What the client holds.
+  // Data that the client holds.
   std::vector<bool> has_group;
   std::unordered_set<repository::FaceKey> has_face;
   std::vector<std::uint32_t> coarse;
 
-  // What it looks at.
+  // Its views.
   std::optional<protocol::View> newest, previous;
   bool planned = false;  // the fields below belong to `newest`
 
-  // What is still to be sent for it; a cursor runs over the groups, faces leave their lists; what the client got
-  // meanwhile is passed over.
+  // Data to send for the newest view. A cursor runs over the groups, and faces leave their lists when they are sent;
+  // those that the client received otherwise meanwhile are skipped.
   plan::ViewPlan view_plan;
   std::size_t next_coarse = 0, next_group = 0;
   std::uint64_t group_bytes = 0, face_bytes = 0;
-  bool complete_said = false;
+  bool complete_sent = false;
   FramePhase frame_phase = FramePhase::kNone;
   std::optional<Faces> prefetch;
   std::uint64_t prefetch_bytes = 0;
 
-  // Of far faces: those that came and were not sent yet, and those that are to come.
+  // Remote faces: fetched but not sent yet, and requested but not fetched yet.
   std::unordered_map<repository::FaceKey, base::Result<std::optional<base::Bytes>>> fetched;
-  std::unordered_set<repository::FaceKey> coming;
+  std::unordered_set<repository::FaceKey> requested;
   std::size_t requests_under_way = 0;
 
-  // Messages that go before all else.
+  // Messages that are sent before all others.
   std::optional<base::Bytes> greeting;  // Welcome or Refusal
   std::optional<base::Bytes> frame;
 };
 
 // ---- in ----
 
-base::Error Session::State::refuse(base::ErrorCode code, const std::string& reason) {
+base::Error Session::Impl::refuse(base::ErrorCode code, const std::string& reason) {
   phase = Phase::kRefused;
   greeting = protocol::encode(protocol::Refusal{protocol::kVersion, reason});
   return {code, reason};
 }
 
-/// Clients that know splats read them over HTTP then.
-base::Error Session::State::refuseAsSplatsOnly() {
+/// The Refusal says that the scene is splats-only; clients that draw splats fetch them over HTTP then.
+base::Error Session::Impl::refuseSplatsOnly() {
   const base::Error error = refuse(base::ErrorCode::kUnsupported,
                                    "this scene has splats alone; look at it with --method qsplat, or in a browser");
   greeting = protocol::encode(protocol::Refusal{protocol::kVersion, error.message, true});
   return error;
 }
 
-base::Result<void> Session::State::receive(base::ByteView bytes) {
+base::Result<void> Session::Impl::receive(base::ByteView bytes) {
   if (phase == Phase::kRefused)
     return base::Error{base::ErrorCode::kInvalidInput, "the connection was refused already"};
   auto message = protocol::decodeClientMessage(bytes);
@@ -117,10 +113,10 @@ base::Result<void> Session::State::receive(base::ByteView bytes) {
   if (is_hello != (phase == Phase::kGreeting))
     return refuse(base::ErrorCode::kInvalidInput,
                   is_hello ? "Hello was said twice" : "the first message must be Hello");
-  return std::visit([this](const auto& one) { return take(one); }, *message);
+  return std::visit([this](const auto& one) { return acceptMessage(one); }, *message);
 }
 
-base::Result<void> Session::State::take(const protocol::Hello& hello) {
+base::Result<void> Session::Impl::acceptMessage(const protocol::Hello& hello) {
   if (hello.version != protocol::kVersion) {
     const bool client_older = hello.version < protocol::kVersion;
     return refuse(base::ErrorCode::kVersion, "this server speaks protocol " + std::to_string(protocol::kVersion) +
@@ -128,7 +124,7 @@ base::Result<void> Session::State::take(const protocol::Hello& hello) {
                                                  "; update the " + (client_older ? "client" : "server"));
   }
   client = hello.client;
-  if (scene.patches == nullptr) return refuseAsSplatsOnly();
+  if (scene.patches == nullptr) return refuseSplatsOnly();
   phase = Phase::kReady;
   const lod::patch::Hierarchy& hierarchy = scene.patches->hierarchy();
   has_group.assign(hierarchy.groups.size(), false);
@@ -137,7 +133,7 @@ base::Result<void> Session::State::take(const protocol::Hello& hello) {
   return {};
 }
 
-base::Result<void> Session::State::take(const protocol::View& view) {
+base::Result<void> Session::Impl::acceptMessage(const protocol::View& view) {
   ++counts.views;
   if (planned) previous = newest;
   newest = view;
@@ -145,15 +141,15 @@ base::Result<void> Session::State::take(const protocol::View& view) {
   return {};
 }
 
-base::Result<void> Session::State::take(const protocol::Eviction& evicted) {
+base::Result<void> Session::Impl::acceptMessage(const protocol::Eviction& evicted) {
   for (const repository::FaceKey& key : evicted.faces) has_face.erase(key);
   for (std::uint32_t group : evicted.groups)
     if (group < has_group.size()) has_group[group] = false;
   return {};
 }
 
-/// Keys that this scene does not have are passed over: the client may come from an older build of it.
-base::Result<void> Session::State::take(const protocol::Holdings& have) {
+/// Keys that this scene does not have are ignored: the client may hold them from an older build of the scene.
+base::Result<void> Session::Impl::acceptMessage(const protocol::Holdings& have) {
   for (const repository::FaceKey& key : have.faces)
     if (scene.welcome.grid.contains(key)) has_face.insert(key);
   for (std::uint32_t group : have.groups)
@@ -166,7 +162,7 @@ base::Result<void> Session::State::take(const protocol::Holdings& have) {
 
 // ---- out ----
 
-std::optional<base::Bytes> Session::State::next() {
+std::optional<base::Bytes> Session::Impl::nextMessage() {
   if (greeting) return std::exchange(greeting, std::nullopt);
   if (phase != Phase::kReady) return std::nullopt;
   if (frame) {
@@ -178,12 +174,12 @@ std::optional<base::Bytes> Session::State::next() {
   return nextForView();
 }
 
-std::optional<base::Bytes> Session::State::nextForView() {
+std::optional<base::Bytes> Session::Impl::nextForView() {
   if (auto message = nextCoarse()) return message;
   if (auto message = nextWanted()) return message;
-  if (!view_plan.faces.empty()) return std::nullopt;  // they are to come
-  if (!complete_said) {
-    complete_said = true;
+  if (!view_plan.faces.empty()) return std::nullopt;  // they are being fetched
+  if (!complete_sent) {
+    complete_sent = true;
     if (framePossible()) frame_phase = FramePhase::kDue;
     return protocol::encode(protocol::Completion{newest->sequence});
   }
@@ -192,7 +188,7 @@ std::optional<base::Bytes> Session::State::nextForView() {
   return nextPrefetch();
 }
 
-void Session::State::planNewestView() {
+void Session::Impl::planNewestView() {
   view_plan = plan::planView(scene.toPlan(), *newest,
                              [this](const repository::FaceKey& key) { return has_face.count(key) != 0; });
   std::erase_if(fetched, [this](const auto& one) {
@@ -200,22 +196,22 @@ void Session::State::planNewestView() {
   });
   next_coarse = next_group = 0;
   group_bytes = face_bytes = prefetch_bytes = 0;
-  complete_said = false;
+  complete_sent = false;
   frame_phase = FramePhase::kNone;
   prefetch.reset();
   planned = true;
 }
 
-std::optional<base::Bytes> Session::State::nextCoarse() {
+std::optional<base::Bytes> Session::Impl::nextCoarse() {
   while (next_coarse < coarse.size())
     if (auto message = groupMessage(coarse[next_coarse++])) return message;
   return std::nullopt;
 }
 
-std::optional<base::Bytes> Session::State::nextWanted() {
+std::optional<base::Bytes> Session::Impl::nextWanted() {
   while (true) {
     while (next_group < view_plan.groups.size() && has_group[view_plan.groups[next_group]]) ++next_group;
-    const auto face = sendable(view_plan.faces);
+    const auto face = findSendable(view_plan.faces);
     const bool group_left = next_group < view_plan.groups.size();
     const bool face_left = face != view_plan.faces.end();
     if (!group_left && !face_left) return std::nullopt;
@@ -226,14 +222,14 @@ std::optional<base::Bytes> Session::State::nextWanted() {
         group_bytes += message->size();
         return message;
       }
-    } else if (auto message = takeFaceMessage(view_plan.faces, face)) {
+    } else if (auto message = removeAndEncode(view_plan.faces, face)) {
       face_bytes += message->size();
       return message;
     }
   }
 }
 
-void Session::State::planPrefetch() {
+void Session::Impl::planPrefetch() {
   if (prefetch) return;
   prefetch = view_plan.other_faces;
   if (!previous) return;
@@ -242,12 +238,12 @@ void Session::State::planPrefetch() {
   prefetch->insert(prefetch->end(), ahead.begin(), ahead.end());
 }
 
-std::optional<base::Bytes> Session::State::nextPrefetch() {
+std::optional<base::Bytes> Session::Impl::nextPrefetch() {
   planPrefetch();
   while (prefetch_bytes < scene.ahead_bytes) {
-    const auto face = sendable(*prefetch);
+    const auto face = findSendable(*prefetch);
     if (face == prefetch->end()) return std::nullopt;
-    if (auto message = takeFaceMessage(*prefetch, face)) {
+    if (auto message = removeAndEncode(*prefetch, face)) {
       prefetch_bytes += message->size();
       return message;
     }
@@ -255,24 +251,25 @@ std::optional<base::Bytes> Session::State::nextPrefetch() {
   return std::nullopt;
 }
 
-Session::State::Faces::iterator Session::State::sendable(Faces& faces) {
+/// The first face of the list that can be sent now, or the end; faces that the client has are removed.
+Session::Impl::Faces::iterator Session::Impl::findSendable(Faces& faces) {
   std::erase_if(faces, [this](const repository::FaceKey& key) { return has_face.count(key) != 0; });
-  if (!scene.images_are_far) return faces.begin();
+  if (!scene.images_are_remote) return faces.begin();
   return std::find_if(faces.begin(), faces.end(),
                       [this](const repository::FaceKey& key) { return fetched.count(key) != 0; });
 }
 
-std::optional<base::Bytes> Session::State::takeFaceMessage(Faces& faces, Faces::iterator face) {
+std::optional<base::Bytes> Session::Impl::removeAndEncode(Faces& faces, Faces::iterator face) {
   const repository::FaceKey key = *face;
   faces.erase(face);
   return faceMessage(key);
 }
 
-/// The Refinement message of a group; nothing when the client has it or the block cannot be read.
-std::optional<base::Bytes> Session::State::groupMessage(std::uint32_t group) {
+/// The Refinement message of a group; nullopt when the client has it or the block cannot be read.
+std::optional<base::Bytes> Session::Impl::groupMessage(std::uint32_t group) {
   if (has_group[group]) return std::nullopt;
   auto block = scene.patches->block(group);
-  if (!block || block->size() > headroom()) {
+  if (!block || block->size() > protocol::kMaxPayload) {
     ++counts.corrupt;
     return std::nullopt;
   }
@@ -284,17 +281,17 @@ std::optional<base::Bytes> Session::State::groupMessage(std::uint32_t group) {
   return protocol::encode(protocol::Refinement{record.take(), {block->begin(), block->end()}});
 }
 
-/// The Face message of a key; nothing when the client has it, or the store lacks it (it is being built) or holds broken
+/// The Face message of a key; nullopt when the client has it, the store lacks it (it is being baked) or holds damaged
 /// bytes.
-std::optional<base::Bytes> Session::State::faceMessage(const repository::FaceKey& key) {
+std::optional<base::Bytes> Session::Impl::faceMessage(const repository::FaceKey& key) {
   if (has_face.count(key) != 0) return std::nullopt;
-  const auto here = fetched.extract(key);
-  auto value = here ? std::move(here.mapped()) : scene.images->get(key);
+  const auto found = fetched.extract(key);
+  auto value = found ? std::move(found.mapped()) : scene.images->get(key);
   if (value && !value->has_value()) {
     ++counts.missing;
     return std::nullopt;
   }
-  if (!value || (*value)->size() > headroom() || !repository::decodeFaceValue(**value)) {
+  if (!value || (*value)->size() > protocol::kMaxPayload || !repository::decodeFaceValue(**value)) {
     ++counts.corrupt;
     return std::nullopt;
   }
@@ -304,42 +301,43 @@ std::optional<base::Bytes> Session::State::faceMessage(const repository::FaceKey
   return protocol::encode(protocol::Face{key, std::move(**value)});
 }
 
-// ---- far faces ----
+// ---- remote faces ----
 
-FaceRequest Session::State::notAskedFor(const Faces& faces, std::size_t most) const {
+FaceRequest Session::Impl::unrequestedFaces(const Faces& faces, std::size_t max_count) const {
   FaceRequest keys;
   for (const repository::FaceKey& key : faces) {
-    if (keys.size() == most) break;
-    if (has_face.count(key) == 0 && coming.count(key) == 0 && fetched.count(key) == 0) keys.push_back(key);
+    if (keys.size() == max_count) break;
+    if (has_face.count(key) == 0 && requested.count(key) == 0 && fetched.count(key) == 0) keys.push_back(key);
   }
   return keys;
 }
 
-std::optional<FaceRequest> Session::takeFaceRequest() {
-  State& s = *state_;
-  if (!s.scene.images_are_far || s.phase != State::Phase::kReady || !s.planned) return std::nullopt;
-  if (s.requests_under_way == kRequestsUnderWay) return std::nullopt;
-  FaceRequest request = s.notAskedFor(s.view_plan.faces, s.view_plan.faces.size());
-  const bool at_rest = s.complete_said && s.frame_phase == State::FramePhase::kNone;
-  if (request.empty() && at_rest && s.coming.empty() && s.fetched.empty() && s.prefetch_bytes < s.scene.ahead_bytes) {
+std::optional<FaceRequest> Session::nextFaceRequest() {
+  Impl& s = *impl_;
+  if (!s.scene.images_are_remote || s.phase != Impl::Phase::kReady || !s.planned) return std::nullopt;
+  if (s.requests_under_way == kMaxFaceRequests) return std::nullopt;
+  FaceRequest request = s.unrequestedFaces(s.view_plan.faces, s.view_plan.faces.size());
+  const bool at_rest = s.complete_sent && s.frame_phase == Impl::FramePhase::kNone;
+  if (request.empty() && at_rest && s.requested.empty() && s.fetched.empty() &&
+      s.prefetch_bytes < s.scene.ahead_bytes) {
     s.planPrefetch();
-    request = s.notAskedFor(*s.prefetch, kFacesAhead);
+    request = s.unrequestedFaces(*s.prefetch, kMaxPrefetchedFaces);
   }
   if (request.empty()) return std::nullopt;
-  s.coming.insert(request.begin(), request.end());
+  s.requested.insert(request.begin(), request.end());
   ++s.requests_under_way;
   return request;
 }
 
 void Session::facesFetched(const FaceRequest& request, FaceValues values) {
-  State& s = *state_;
+  Impl& s = *impl_;
   --s.requests_under_way;
   for (std::size_t i = 0; i < request.size(); ++i) {
-    s.coming.erase(request[i]);
-    const auto wants = [&](const State::Faces& faces) {
+    s.requested.erase(request[i]);
+    const auto wants = [&](const Impl::Faces& faces) {
       return std::find(faces.begin(), faces.end(), request[i]) != faces.end();
     };
-    // What a newer view does not want goes; the next one finds it in the cache.
+    // A face that the newest view does not want is dropped; later views find it in the cache.
     if (wants(s.view_plan.faces) || (s.prefetch && wants(*s.prefetch)))
       s.fetched.insert_or_assign(request[i], std::move(values[i]));
   }
@@ -347,53 +345,54 @@ void Session::facesFetched(const FaceRequest& request, FaceValues values) {
 
 // ---- frames ----
 
-bool Session::State::framePossible() const {
+bool Session::Impl::framePossible() const {
   const std::int64_t pixels = std::int64_t{newest->camera.width} * newest->camera.height;
   return newest->want_frame && scene.welcome.can_render_frames && pixels <= kMaxFramePixels;
 }
 
-Session::Session(const SceneData& scene) : state_(std::make_unique<State>(scene)) {}
+Session::Session(const SceneData& scene) : impl_(std::make_unique<Impl>(scene)) {}
 Session::~Session() = default;
 
 base::Result<void> Session::receive(base::ByteView bytes) {
-  return state_->receive(bytes);
+  return impl_->receive(bytes);
 }
 
 std::optional<base::Bytes> Session::nextMessage() {
-  auto message = state_->next();
-  if (message) state_->counts.bytes += message->size();
+  auto message = impl_->nextMessage();
+  if (message) impl_->counts.bytes += message->size();
   return message;
 }
 
-std::optional<FrameRequest> Session::takeFrameRequest() {
-  State& s = *state_;
-  if (!s.planned || s.frame_phase != State::FramePhase::kDue) return std::nullopt;
-  s.frame_phase = State::FramePhase::kRendering;
+std::optional<FrameRequest> Session::nextFrameRequest() {
+  Impl& s = *impl_;
+  if (!s.planned || s.frame_phase != Impl::FramePhase::kDue) return std::nullopt;
+  s.frame_phase = Impl::FramePhase::kRendering;
   return FrameRequest{s.newest->sequence, s.newest->camera, s.newest->frame_quality};
 }
 
 void Session::frameRendered(const FrameRequest& request, base::Bytes value) {
-  State& s = *state_;
-  if (s.phase != State::Phase::kReady || !s.newest) return;
-  if (s.planned && request.sequence == s.newest->sequence) s.frame_phase = State::FramePhase::kNone;
+  Impl& s = *impl_;
+  if (s.phase != Impl::Phase::kReady || !s.newest) return;
+  if (s.planned && request.sequence == s.newest->sequence) s.frame_phase = Impl::FramePhase::kNone;
 
-  // Of an older view it is still a good sample while the eye is near it and looks the same way.
+  // A frame of an older view is still a good sample while the eye is near and looks the same way.
   const base::ViewCamera& now = s.newest->camera;
   const double moved = glm::length(now.position - request.camera.position);
-  const double reach = kFarOff * static_cast<double>(glm::length(s.scene.welcome.box_max - s.scene.welcome.box_min));
+  const double reach =
+      kMaxFrameShift * static_cast<double>(glm::length(s.scene.welcome.box_max - s.scene.welcome.box_min));
   const bool same_way = glm::dot(now.direction, request.camera.direction) > std::cos(now.fov_y);
-  if (value.empty() || value.size() > headroom() || moved > reach || !same_way) return;
+  if (value.empty() || value.size() > protocol::kMaxPayload || moved > reach || !same_way) return;
   s.frame = protocol::encode(protocol::Frame{request.sequence, request.camera, std::move(value)});
 }
 
 bool Session::finished() const {
-  return state_->phase == State::Phase::kRefused && !state_->greeting;
+  return impl_->phase == Impl::Phase::kRefused && !impl_->greeting;
 }
 const std::string& Session::clientName() const {
-  return state_->client;
+  return impl_->client;
 }
 const SessionCounts& Session::counts() const {
-  return state_->counts;
+  return impl_->counts;
 }
 
 }  // namespace server

@@ -139,8 +139,8 @@ TEST(Pick, fewRaysWaitAndTheRestIsRefused) {
       const std::lock_guard wait(hold);
       ++answered;
     };
-    while (picker.submit(ray, done)) ASSERT_LE(++taken, Picker::kLongestQueue + 1);
-    EXPECT_GE(taken, Picker::kLongestQueue);
+    while (picker.submit(ray, done)) ASSERT_LE(++taken, Picker::kMaxQueued + 1);
+    EXPECT_GE(taken, Picker::kMaxQueued);
     held.unlock();
   }
   EXPECT_LE(answered, taken);

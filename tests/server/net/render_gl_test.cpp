@@ -60,14 +60,14 @@ class PictureTest : public ::testing::Test {
     auto painter = PicturePainter::begin(request, document_, *renderer_, band_pixels);
     EXPECT_TRUE(painter);
     for (int i = 1;; ++i) {
-      auto whole = (*painter)->step(*renderer_);
+      auto whole = (*painter)->drawNextBand(*renderer_);
       EXPECT_TRUE(whole);
       if (!whole || !*whole) {
         if (!whole) return {};
         continue;
       }
       if (steps != nullptr) *steps = i;
-      return (*painter)->take();
+      return (*painter)->takePicture();
     }
   }
 
@@ -191,8 +191,9 @@ TEST(FrameRendererPictures, framesComeBetweenBands) {
     changed.notify_all();
   };
   // 20 bands.
-  ASSERT_TRUE((*renderer)->paint(1, 0, requestOf(kAslant + "&width=5000&height=4000&supersampling=1&format=jpeg"), 0,
-                                 [&](const auto& bytes) { note(bytes ? "picture" : "failed"); }));
+  ASSERT_TRUE((*renderer)->requestPicture(1, 0,
+                                          requestOf(kAslant + "&width=5000&height=4000&supersampling=1&format=jpeg"), 0,
+                                          [&](const auto& bytes) { note(bytes ? "picture" : "failed"); }));
   FrameRequest frame;
   frame.camera = requestOf(kAslant + "&width=64&height=64").camera;
   frame.quality = 80;
@@ -212,14 +213,14 @@ TEST(FrameRendererPictures, aPictureThatNobodyWantsIsGivenUp) {
   const auto fail = [&](const auto&) { unwanted = true; };
   // 64 bands in hand or waiting, and one more in the queue.
   const PictureRequest large = requestOf(kAslant + "&width=8000&height=8000");
-  ASSERT_TRUE((*renderer)->paint(1, 0, large, 2, fail));
-  ASSERT_TRUE((*renderer)->paint(2, 0, large, 2, fail));
+  ASSERT_TRUE((*renderer)->requestPicture(1, 0, large, 2, fail));
+  ASSERT_TRUE((*renderer)->requestPicture(2, 0, large, 2, fail));
   (*renderer)->cancel(1);
   (*renderer)->cancel(2);
   std::mutex mutex;
   std::condition_variable changed;
   bool done = false;
-  ASSERT_TRUE((*renderer)->paint(3, 0, requestOf(kAslant + "&width=64&height=64"), 2, [&](const auto& bytes) {
+  ASSERT_TRUE((*renderer)->requestPicture(3, 0, requestOf(kAslant + "&width=64&height=64"), 2, [&](const auto& bytes) {
     const std::lock_guard lock(mutex);
     done = bool(bytes);
     changed.notify_all();

@@ -12,12 +12,12 @@ namespace server {
 namespace {
 
 TEST(SceneNames, areTheLastPartsOfThePlaces) {
-  const auto names = namesOf({"/data/tower", "/data/old town/", "https://host/scenes/harbour", "s3://bucket/mill"});
+  const auto names = sceneNames({"/data/tower", "/data/old town/", "https://host/scenes/harbour", "s3://bucket/mill"});
   ASSERT_TRUE(names) << names.error().message;
   EXPECT_EQ(*names, (std::vector<std::string>{"tower", "old-town", "harbour", "mill"}));
   for (const std::vector<std::string>& bad :
        {std::vector<std::string>{"/a/tower", "/b/tower"}, {"/a/tower", "/a/./tower/"}, {"/"}, {"https://host/.."}}) {
-    const auto none = namesOf(bad);
+    const auto none = sceneNames(bad);
     ASSERT_FALSE(none);
     EXPECT_EQ(none.error().message.find('\n'), std::string::npos);
   }
@@ -38,7 +38,7 @@ TEST(SceneNames, targetsAreSplitAtTheirFirstFolder) {
 }
 
 TEST(SceneNames, theListCountsInGroups) {
-  const std::string list = sceneList({{"tower", 3'024'763}, {"mill", 999}, {"mast", 1'000}}, "host:8080");
+  const std::string list = sceneListPage({{"tower", 3'024'763}, {"mill", 999}, {"mast", 1'000}}, "host:8080");
   for (const char* piece : {">3,024,763 triangles", ">999 triangles", ">1,000 triangles", "ws://host:8080/mill/"})
     EXPECT_NE(list.find(piece), std::string::npos) << list;
 }

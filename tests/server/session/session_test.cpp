@@ -463,15 +463,15 @@ TEST(Session, aFrameIsAskedForOnceAfterCompleteAndSent) {
   view.want_frame = true;
   view.frame_quality = 70;
   ASSERT_TRUE(talk.say(view));
-  EXPECT_FALSE(talk.session.takeFrameRequest()) << "not before everything else was sent";
+  EXPECT_FALSE(talk.session.nextFrameRequest()) << "not before everything else was sent";
   const auto messages = talk.drain();
   EXPECT_EQ(completeAt(messages, 1), messages.size() - 1) << "nothing is sent ahead before the frame";
 
-  const auto request = talk.session.takeFrameRequest();
+  const auto request = talk.session.nextFrameRequest();
   ASSERT_TRUE(request);
   EXPECT_EQ(request->sequence, 1U);
   EXPECT_EQ(request->quality, 70);
-  EXPECT_FALSE(talk.session.takeFrameRequest());
+  EXPECT_FALSE(talk.session.nextFrameRequest());
   EXPECT_FALSE(talk.next());
 
   const base::Bytes value = someFaceValue(500, 3);
@@ -495,7 +495,7 @@ TEST(Session, framesAreNotAskedForInVain) {
     view.max_points = 0;
     ASSERT_TRUE(talk.say(view));
     talk.drain();
-    EXPECT_FALSE(talk.session.takeFrameRequest()) << which;
+    EXPECT_FALSE(talk.session.nextFrameRequest()) << which;
   }
 }
 
@@ -507,7 +507,7 @@ TEST(Session, aFrameThatFailedHoldsNothingUp) {
   view.want_frame = true;
   ASSERT_TRUE(talk.say(view));
   talk.drain();
-  talk.session.frameRendered(*talk.session.takeFrameRequest(), {});
+  talk.session.frameRendered(*talk.session.nextFrameRequest(), {});
   EXPECT_TRUE(std::holds_alternative<protocol::Face>(*talk.next()));
 }
 
@@ -520,7 +520,7 @@ TEST(Session, aFrameOfAnOlderViewIsSentOnlyFromNearby) {
     view.want_frame = true;
     ASSERT_TRUE(talk.say(view));
     talk.drain();
-    const auto request = *talk.session.takeFrameRequest();
+    const auto request = *talk.session.nextFrameRequest();
     ASSERT_TRUE(talk.say(scene.view(2, kAbove + glm::dvec3(near ? 0.02 : 0.6, 0.0, 0.0))));
     talk.session.frameRendered(request, someFaceValue(500, 3));
     const auto message = *talk.next();
@@ -571,7 +571,7 @@ struct DrawnClient {
         EXPECT_EQ(complete->sequence, sequence);
       }
     }
-    if (const auto request = talk.session.takeFrameRequest()) {
+    if (const auto request = talk.session.nextFrameRequest()) {
       EXPECT_EQ(request->sequence, sequence);
       talk.session.frameRendered(*request, whole(0, 3) == 0 ? base::Bytes() : someFaceValue(100, 1));
     }
@@ -604,7 +604,7 @@ TEST(Session, whateverAClientDoesNothingItHoldsComesAgain) {
 // ---- images that are far away ----
 
 struct FarScene : TestScene {
-  FarScene() { data.images_are_far = true; }
+  FarScene() { data.images_are_remote = true; }
   void answer(Session& session, const FaceRequest& request) const {
     session.facesFetched(request, store.getMany(request));
   }
@@ -623,17 +623,17 @@ TEST(FarSession, allFacesOfAViewAreAskedForAtOnceAndGroupsGoMeanwhile) {
   ASSERT_GT(plan.faces.size(), 4U);
   Talk talk(scene.data);
   talk.greet();
-  EXPECT_FALSE(talk.session.takeFaceRequest()) << "nobody looks yet";
+  EXPECT_FALSE(talk.session.nextFaceRequest()) << "nobody looks yet";
   ASSERT_TRUE(talk.say(view));
   const auto before = talk.drain();
   EXPECT_GE(groupsIn(scene.data, before).size(), plan.groups.size());
   EXPECT_TRUE(facesIn(before).empty());
   EXPECT_FALSE(isComplete(before));
 
-  const auto request = talk.session.takeFaceRequest();
+  const auto request = talk.session.nextFaceRequest();
   ASSERT_TRUE(request);
   EXPECT_EQ(*request, plan.faces);
-  EXPECT_FALSE(talk.session.takeFaceRequest()) << "all are asked for";
+  EXPECT_FALSE(talk.session.nextFaceRequest()) << "all are asked for";
   scene.answer(talk.session, *request);
   const auto after = talk.drain();
   EXPECT_EQ(facesIn(after), plan.faces);
@@ -646,7 +646,7 @@ TEST(FarSession, whatCannotBeFetchedIsLeftOutAndTheViewGetsComplete) {
   talk.greet();
   ASSERT_TRUE(talk.say(scene.view(1, kAbove)));
   talk.drain();
-  const auto request = talk.session.takeFaceRequest();
+  const auto request = talk.session.nextFaceRequest();
   ASSERT_TRUE(request && request->size() > 3);
   auto values = scene.store.getMany(*request);
   values[0] = base::Error{base::ErrorCode::kNetwork, "gone"};
@@ -667,15 +667,15 @@ TEST(FarSession, atRestOtherFacesAreFetchedAFewAtATime) {
   talk.greet();
   ASSERT_TRUE(talk.say(scene.view(1, kAbove)));
   talk.drain();
-  const auto request = talk.session.takeFaceRequest();
+  const auto request = talk.session.nextFaceRequest();
   ASSERT_TRUE(request);
-  EXPECT_FALSE(talk.session.takeFaceRequest()) << "not while the view waits";
+  EXPECT_FALSE(talk.session.nextFaceRequest()) << "not while the view waits";
   scene.answer(talk.session, *request);
   ASSERT_TRUE(isComplete(talk.drain()));
   std::size_t ahead = 0;
-  while (const auto more = talk.session.takeFaceRequest()) {
+  while (const auto more = talk.session.nextFaceRequest()) {
     EXPECT_LE(more->size(), 16U);
-    EXPECT_FALSE(talk.session.takeFaceRequest()) << "one at a time";
+    EXPECT_FALSE(talk.session.nextFaceRequest()) << "one at a time";
     scene.answer(talk.session, *more);
     ahead += facesIn(talk.drain()).size();
   }
@@ -692,11 +692,11 @@ TEST(FarSession, aNewViewAsksForWhatIsNotOnItsWay) {
   talk.greet();
   ASSERT_TRUE(talk.say(there));
   talk.drain();
-  const auto first = talk.session.takeFaceRequest();
+  const auto first = talk.session.nextFaceRequest();
   ASSERT_TRUE(first);
   ASSERT_TRUE(talk.say(here));
   talk.drain();
-  const auto second = talk.session.takeFaceRequest();
+  const auto second = talk.session.nextFaceRequest();
   std::set<std::uint64_t> asked;
   for (const auto& key : *first) EXPECT_TRUE(asked.insert(key.code()).second);
   for (const auto& key : second.value_or(FaceRequest())) EXPECT_TRUE(asked.insert(key.code()).second) << "twice";

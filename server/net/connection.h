@@ -1,0 +1,33 @@
+#pragma once
+// What HTTP and WebSocket sessions have in common.
+#include <memory>
+#include <utility>
+
+#include "server/net/hub.h"
+
+namespace server {
+
+/// A connection lives as long as one of its operations is pending.
+class Connection : public std::enable_shared_from_this<Connection> {
+ public:
+  explicit Connection(std::shared_ptr<Hub> hub) : hub_(std::move(hub)) { hub_->connections.insert(this); }
+  virtual ~Connection() {
+    hub_->connections.erase(this);
+    if (hub_->stopping && hub_->connections.empty() && hub_->on_last_connection_closed)
+      hub_->on_last_connection_closed();
+  }
+  Connection(const Connection&) = delete;
+  Connection& operator=(const Connection&) = delete;
+  /// Called once when the server stops: says goodbye where the protocol has one, and closes.
+  virtual void closeForShutdown() = 0;
+
+ protected:
+  /// The pointer that a pending operation holds.
+  template <class Self>
+  std::shared_ptr<Self> self() {
+    return std::static_pointer_cast<Self>(shared_from_this());
+  }
+  const std::shared_ptr<Hub> hub_;
+};
+
+}  // namespace server

@@ -1,0 +1,390 @@
+#include "server/net/http_session.h"
+
+#include "server/net/beast_types.h"
+
+#include <boost/asio/post.hpp>
+#include <boost/asio/write.hpp>
+#include <boost/beast/core/bind_handler.hpp>
+#include <boost/beast/core/flat_buffer.hpp>
+#include <boost/beast/http.hpp>
+#include <boost/beast/websocket/rfc6455.hpp>
+
+#include <algorithm>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include "server/net/connection.h"
+#include "server/net/pick.h"
+#include "server/net/picture.h"
+#include "server/net/websocket_session.h"
+#include "spdlog/spdlog.h"
+
+namespace server {
+namespace {
+
+constexpr auto kIdleTimeout = std::chrono::seconds(30);             // for the next request on an open connection
+constexpr auto kAnswerTimeout = std::chrono::minutes(10);           // for a picture, a picked point or a remote range
+constexpr std::uint64_t kMinBytesPerSecond = 16 * 1024;             // a slower download is cut
+constexpr std::uint32_t kMaxHeaderBytes = 8 * 1024;                 // Beast's default for requests
+constexpr int kRetrySeconds = 5;                                    // in Retry-After
+constexpr std::size_t kMaxUnsentPictures = std::size_t{256} << 20;  // bytes of all; beyond, no new one is begun
+constexpr std::uint64_t kRemoteRange = std::uint64_t{1} << 20;      // bytes of a remote file that a connection holds
+
+class HttpSession final : public Connection {
+ public:
+  HttpSession(std::shared_ptr<Hub> hub, TcpSocket&& socket, bool turned_away)
+      : Connection(std::move(hub)), stream_(std::move(socket)), turned_away_(turned_away) {}
+  ~HttpSession() override { hub_->unsent_picture_bytes -= picture_bytes_; }
+  void start() { doRead(); }
+  void closeForShutdown() override { close(); }
+
+ private:
+  void doRead();
+  void onRead(error_code ec, std::size_t bytes_read);
+  void answer(HttpRequest request);
+  void upgradeToWebSocket();
+
+  // Answers of other threads. Each has an id; answers that nobody waits for any more are dropped.
+  void requestPicture(const HttpRequest& request);
+  void onPicture(std::uint64_t id, const char* type, base::Result<base::Bytes> bytes);
+  void requestPick(const HttpRequest& request);
+  void onPick(std::uint64_t id, base::Result<std::string> json);
+  void waitForAnswer(std::uint64_t id);
+  void onAnswerTimeout(std::uint64_t id);
+  void onReadable(std::uint64_t id);
+  void stopWaiting();
+
+  // Bodies of remote files. A range is read on another thread, then written; status and header fields are written
+  // after the first one was read, so that they can tell of an error.
+  void answerFromRemote(HttpReply reply);
+  void readRemoteRange();
+  void onRemoteRange(std::uint64_t id, base::Result<base::Bytes> bytes);
+  void onHeader(error_code ec, std::size_t bytes_written);
+  void writeRemoteRange();
+  void onRemoteRangeWritten(error_code ec, std::size_t bytes_written);
+
+  void doWrite(HttpReply reply);
+  void setFields(const UpgradeRequest& request);
+  void allowTimeToWrite(std::size_t bytes);
+  void onWrite(error_code ec, std::size_t bytes_written);
+  void shutDownSending();
+  void close();
+
+  using Body = http::span_body<const std::uint8_t>;
+  BeastStream stream_;
+  const bool turned_away_;
+  HostedScene* hosted_ = nullptr;  // the scene that the current request addresses
+  beast::flat_buffer buffer_;
+  std::optional<http::request_parser<http::empty_body>> parser_;
+  std::optional<std::uint64_t> awaited_;  // id of the answer
+  std::optional<SteadyTimer> answer_timer_;
+  std::size_t picture_bytes_ = 0;  // counted in Hub::unsent_picture_bytes
+  bool header_written_ = false;    // of a reply from a remote file
+  HttpReply reply_;
+  std::optional<http::response<Body>> response_;
+  std::optional<http::response_serializer<Body>> serializer_;
+};
+
+/// A page's links are relative to its folder, so "/tower" leads to "/tower/".
+HttpReply redirectToFolder(const std::string& name) {
+  HttpReply reply = textReply(301, "see /" + name + "/\n");
+  reply.headers.emplace_back("Location", "/" + name + "/");
+  return reply;
+}
+
+/// The answer to HEAD where the length of the body is not known without making it.
+HttpReply headReply(const char* type) {
+  HttpReply reply;
+  reply.type = type;
+  reply.cache = "no-store";
+  reply.has_length = false;
+  return reply;
+}
+
+HttpReply remoteErrorReply(const base::Error& error) {
+  const std::string text = "this file cannot be read where the scene lies; the server's log says why\n";
+  return error.code == base::ErrorCode::kNetwork ? tryLater(kRetrySeconds, text) : textReply(502, text);
+}
+
+HttpRequest viewOf(const UpgradeRequest& request) {
+  const auto view = [](beast::string_view text) { return std::string_view(text.data(), text.size()); };
+  return {view(request.method_string()),
+          view(request.target()),
+          view(request[http::field::host]),
+          view(request[http::field::range]),
+          view(request[http::field::if_range]),
+          view(request[http::field::if_none_match]),
+          view(request[http::field::accept_encoding])};
+}
+
+// ---- Reading requests
+
+void HttpSession::doRead() {
+  parser_.emplace();
+  parser_->header_limit(kMaxHeaderBytes);
+  parser_->body_limit(0);
+  stream_.expires_after(kIdleTimeout);
+  http::async_read(stream_, buffer_, *parser_, beast::bind_front_handler(&HttpSession::onRead, self<HttpSession>()));
+}
+
+void HttpSession::onRead(error_code ec, std::size_t /*bytes_read*/) {
+  if (ec == http::error::end_of_stream) return shutDownSending();
+  if (ec) return;  // a timeout, a lost peer or bytes that are not HTTP: the socket closes with the session
+  if (turned_away_)
+    return doWrite(tryLater(kRetrySeconds, "this server has as many viewers as it may; try again later\n"));
+  answer(viewOf(parser_->get()));
+}
+
+void HttpSession::answer(HttpRequest request) {
+  std::string_view rest;
+  hosted_ = hub_->findScene(request.target, rest);
+  if (hosted_ == nullptr) return doWrite(hub_->answerForAllScenes(request));
+  if (rest.empty()) return doWrite(redirectToFolder(hosted_->name));
+  request.target = rest;
+  const std::string_view path = request.path();
+  if (beast::websocket::is_upgrade(parser_->get()) && (path == "/" || path == "/ws")) return upgradeToWebSocket();
+  const bool reads = request.method == "GET" || request.method == "HEAD";
+  const bool needs_patches = reads && (path == "/render" || path == "/pick");
+  if (needs_patches && !hosted_->hasPatches()) return doWrite(splatsOnlyReply());
+  if (reads && path == "/render") return requestPicture(request);
+  if (reads && path == "/pick") return requestPick(request);
+  HttpReply reply = hosted_->site->answer(request, hub_->place);
+  if (reply.remote.length > 0 && request.method != "HEAD") return answerFromRemote(std::move(reply));
+  doWrite(std::move(reply));
+}
+
+void HttpSession::upgradeToWebSocket() {
+  stream_.expires_never();  // a WebSocket stream has its own timeouts
+  startWebSocketSession(hub_, *hosted_, std::move(stream_), parser_->get());
+}
+
+// ---- Answers of other threads
+
+void HttpSession::requestPicture(const HttpRequest& request) {
+  const std::uint64_t max_pixels = hub_->options.max_picture_pixels;
+  if (!hub_->renderer || max_pixels == 0)
+    return doWrite(textReply(501, "this server renders no pictures; they need frames and --max-picture above 0\n"));
+  const auto query = parseQuery(request.target);
+  if (!query) return doWrite(badRequest(query.error()));
+  const auto picture = parsePictureRequest(*query, max_pixels);
+  if (!picture) return doWrite(badRequest(picture.error()));
+  const char* type = contentTypeOf(picture->format);
+  if (request.method == "HEAD") return doWrite(headReply(type));
+
+  const std::uint64_t id = hub_->next_client++;
+  const auto done = [weak = weak_from_this(), id, type, &io = hub_->io](base::Result<base::Bytes> bytes) {
+    asio::post(io, [weak, id, type, bytes = std::move(bytes)]() mutable {
+      if (auto session = std::static_pointer_cast<HttpSession>(weak.lock()))
+        session->onPicture(id, type, std::move(bytes));
+    });
+  };
+  const bool accepted =
+      hub_->unsent_picture_bytes < kMaxUnsentPictures &&
+      hub_->renderer->requestPicture(id, hosted_->number, *picture, hub_->options.max_waiting_pictures, done);
+  if (!accepted) return doWrite(tryLater(kRetrySeconds, "too many pictures are asked for at once; try again later\n"));
+  waitForAnswer(id);
+}
+
+void HttpSession::onPicture(std::uint64_t id, const char* type, base::Result<base::Bytes> bytes) {
+  if (awaited_ != id) return;
+  stopWaiting();
+  if (!bytes) return doWrite(textReply(500, "the picture could not be rendered; the server's log says why\n"));
+  HttpReply reply;
+  reply.type = type;
+  reply.cache = "no-store";
+  reply.owned = std::move(*bytes);
+  picture_bytes_ = reply.owned.size();
+  hub_->unsent_picture_bytes += picture_bytes_;
+  doWrite(std::move(reply));
+}
+
+void HttpSession::requestPick(const HttpRequest& request) {
+  const auto query = parseQuery(request.target);
+  if (!query) return doWrite(badRequest(query.error()));
+  const auto ray = parsePickRequest(*query);
+  if (!ray) return doWrite(badRequest(ray.error()));
+  if (request.method == "HEAD") return doWrite(headReply("application/json"));
+  const std::uint64_t id = hub_->next_client++;
+  const bool accepted =
+      hosted_->picker->submit(*ray, [weak = weak_from_this(), id, &io = hub_->io](base::Result<std::string> json) {
+        asio::post(io, [weak, id, json = std::move(json)]() mutable {
+          if (auto session = std::static_pointer_cast<HttpSession>(weak.lock())) session->onPick(id, std::move(json));
+        });
+      });
+  if (!accepted) return doWrite(tryLater(1, "too many points are asked for at once; try again later\n"));
+  waitForAnswer(id);
+}
+
+void HttpSession::onPick(std::uint64_t id, base::Result<std::string> json) {
+  if (awaited_ != id) return;
+  stopWaiting();
+  if (!json) {
+    spdlog::warn("pick: {}", json.error().message);
+    return doWrite(textReply(500, "the scene's data is damaged there; the server's log says more\n"));
+  }
+  HttpReply reply = textReply(200, std::move(*json));
+  reply.type = "application/json";
+  reply.cache = "no-store";
+  doWrite(std::move(reply));
+}
+
+/// Ends when the answer comes, the visitor closes the connection, or the time is over.
+void HttpSession::waitForAnswer(std::uint64_t id) {
+  awaited_ = id;
+  stream_.expires_never();
+  answer_timer_.emplace(hub_->io, kAnswerTimeout);
+  answer_timer_->async_wait([self = self<HttpSession>(), id](error_code cancelled) {
+    if (!cancelled) self->onAnswerTimeout(id);
+  });
+  // The socket becomes readable when the visitor closes it or sends the next request; the latter can wait.
+  stream_.socket().async_wait(TcpSocket::wait_read, [self = self<HttpSession>(), id](error_code cancelled) {
+    if (!cancelled) self->onReadable(id);
+  });
+}
+
+void HttpSession::onAnswerTimeout(std::uint64_t id) {
+  if (awaited_ != id) return;
+  stopWaiting();
+  if (header_written_) return close();
+  doWrite(tryLater(kRetrySeconds, "this takes too long; ask for fewer pixels or try again later\n"));
+}
+
+void HttpSession::onReadable(std::uint64_t id) {
+  error_code ec;
+  if (awaited_ != id || (stream_.socket().available(ec) != 0 && !ec)) return;
+  close();
+}
+
+void HttpSession::stopWaiting() {
+  if (!awaited_) return;
+  if (hub_->renderer) hub_->renderer->cancel(*awaited_);
+  awaited_.reset();
+  answer_timer_->cancel();
+  error_code ignored;
+  stream_.socket().cancel(ignored);
+}
+
+// ---- Bodies of remote files
+
+void HttpSession::answerFromRemote(HttpReply reply) {
+  reply_ = std::move(reply);
+  readRemoteRange();
+}
+
+void HttpSession::readRemoteRange() {
+  const RemoteBody& body = reply_.remote;
+  const std::uint64_t id = hub_->next_client++;
+  hub_->fetchers->submit([weak = weak_from_this(), id, hub = hub_.get(), source = body.source, name = body.name,
+                          offset = body.offset, length = std::min(body.length, kRemoteRange)] {
+    if (hub->stopping) return;
+    asio::post(hub->io, [weak, id, bytes = source->read(name, offset, length)]() mutable {
+      if (auto session = std::static_pointer_cast<HttpSession>(weak.lock()))
+        session->onRemoteRange(id, std::move(bytes));
+    });
+  });
+  waitForAnswer(id);
+}
+
+void HttpSession::onRemoteRange(std::uint64_t id, base::Result<base::Bytes> bytes) {
+  if (awaited_ != id) return;
+  stopWaiting();
+  if (!bytes) {
+    spdlog::warn("remote file: {}", bytes.error().message);
+    return header_written_ ? close() : doWrite(remoteErrorReply(bytes.error()));
+  }
+  reply_.owned = std::move(*bytes);
+  if (!std::exchange(header_written_, true)) return doWrite(std::move(reply_));
+  writeRemoteRange();
+}
+
+void HttpSession::onHeader(error_code ec, std::size_t /*bytes_written*/) {
+  if (ec) return onWrite(ec, 0);
+  writeRemoteRange();
+}
+
+void HttpSession::writeRemoteRange() {
+  allowTimeToWrite(reply_.owned.size());
+  asio::async_write(stream_, asio::buffer(reply_.owned),
+                    beast::bind_front_handler(&HttpSession::onRemoteRangeWritten, self<HttpSession>()));
+}
+
+void HttpSession::onRemoteRangeWritten(error_code ec, std::size_t bytes_written) {
+  RemoteBody& body = reply_.remote;
+  body.offset += bytes_written;
+  body.length -= bytes_written;
+  if (ec || body.length == 0) return onWrite(ec, 0);
+  readRemoteRange();
+}
+
+// ---- Writing answers
+
+void HttpSession::doWrite(HttpReply reply) {
+  const UpgradeRequest& request = parser_->get();
+  reply_ = std::move(reply);
+  response_.emplace();
+  setFields(request);
+  const bool is_remote = reply_.remote.length > 0;
+  const base::ByteView body = is_remote ? base::ByteView() : reply_.body();
+  response_->body() = {body.data(), body.size()};
+  const bool bodiless = reply_.status == 204 || reply_.status == 304;
+  if (reply_.has_length && !bodiless) response_->content_length(is_remote ? reply_.remote.length : body.size());
+
+  allowTimeToWrite(body.size());
+  serializer_.emplace(*response_);
+  if (header_written_)
+    return http::async_write_header(stream_, *serializer_,
+                                    beast::bind_front_handler(&HttpSession::onHeader, self<HttpSession>()));
+  auto handler = beast::bind_front_handler(&HttpSession::onWrite, self<HttpSession>());
+  if (request.method() == http::verb::head) return http::async_write_header(stream_, *serializer_, std::move(handler));
+  http::async_write(stream_, *serializer_, std::move(handler));
+}
+
+void HttpSession::setFields(const UpgradeRequest& request) {
+  auto& fields = *response_;
+  fields.result(static_cast<unsigned>(reply_.status));
+  fields.version(request.version());
+  fields.keep_alive(request.keep_alive() && !turned_away_ && !hub_->stopping && reply_.has_length);
+  fields.set(http::field::server, "lumigrid");
+  fields.set(http::field::content_type, reply_.type);
+  fields.set(http::field::cache_control, reply_.cache);
+  fields.set("X-Content-Type-Options", "nosniff");
+  // A server without tokens has public scenes, so any page may read what anybody may fetch.
+  fields.set(http::field::access_control_allow_origin, "*");
+  fields.set(http::field::access_control_expose_headers,
+             "Accept-Ranges, Content-Length, Content-Range, ETag, Retry-After");
+  fields.set("Cross-Origin-Resource-Policy", "cross-origin");
+  for (const auto& [name, value] : reply_.headers) fields.set(name, value);
+}
+
+void HttpSession::allowTimeToWrite(std::size_t bytes) {
+  stream_.expires_after(kIdleTimeout + std::chrono::seconds(bytes / kMinBytesPerSecond));
+}
+
+void HttpSession::onWrite(error_code ec, std::size_t /*bytes_written*/) {
+  hub_->unsent_picture_bytes -= std::exchange(picture_bytes_, 0);
+  reply_ = {};
+  header_written_ = false;
+  if (ec) return;
+  if (!response_->keep_alive()) return shutDownSending();
+  doRead();
+}
+
+void HttpSession::shutDownSending() {
+  error_code ignored;
+  stream_.socket().shutdown(Tcp::socket::shutdown_send, ignored);
+}
+
+void HttpSession::close() {
+  stopWaiting();
+  stream_.close();
+}
+
+}  // namespace
+
+void startHttpSession(std::shared_ptr<Hub> hub, TcpSocket&& socket, bool turned_away) {
+  std::make_shared<HttpSession>(std::move(hub), std::move(socket), turned_away)->start();
+}
+
+}  // namespace server

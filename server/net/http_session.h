@@ -1,0 +1,14 @@
+#pragma once
+// Plain HTTP on one connection: what the site answers at once, what other threads answer later, or the upgrade to a
+// WebSocket session.
+#include <memory>
+
+#include "server/net/asio_types.h"
+#include "server/net/hub.h"
+
+namespace server {
+
+/// Starts to read requests. `turned_away`: the server is full, and every request is answered with a 503.
+void startHttpSession(std::shared_ptr<Hub> hub, TcpSocket&& socket, bool turned_away);
+
+}  // namespace server

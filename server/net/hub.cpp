@@ -1,0 +1,99 @@
+#include "server/net/hub.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "server/net/scene_names.h"
+#include "spdlog/spdlog.h"
+
+namespace server {
+namespace {
+
+constexpr unsigned kFetchers = 8;  // as many views, or ranges of files, are fetched from a network at a time
+
+base::Result<PageFiles> readPages(const std::string& directory) {
+  if (directory.empty()) return PageFiles();
+  return readPageFiles(directory);
+}
+
+}  // namespace
+
+base::Result<void> Hub::openScenes(const std::vector<std::string>& places) {
+  if (places.empty()) return base::Error{base::ErrorCode::kInvalidInput, "there is no scene to serve"};
+  if (places.size() > 1 && !options.access_file.empty())
+    return base::Error{base::ErrorCode::kInvalidInput,
+                       "one --access-file cannot keep the counts of several scenes; leave it out, or serve them apart"};
+  auto names = sceneNames(places);
+  if (places.size() > 1 && !names) return names.error();
+  RemoteOptions remote = options.remote;
+  remote.warn = [](const std::string& what) { spdlog::warn("cache: {}", what); };
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    LUMIGRID_ASSIGN_OR_RETURN(auto scene, openScene(places[i], remote));
+    logImageErrors(*scene);
+    scene->data.ahead_bytes = options.ahead_bytes;
+    scenes.push_back(std::make_unique<HostedScene>(i, places.size() > 1 ? (*names)[i] : "", std::move(scene)));
+  }
+
+  LUMIGRID_ASSIGN_OR_RETURN(const auto pages, readPages(options.page_directory));
+  for (const auto& hosted : scenes) {
+    hosted->site = std::make_unique<Site>(*hosted->scene, pages);
+    if (hosted->hasPatches()) hosted->picker = std::make_unique<Picker>(hosted->scene->scene, hosted->scene->patches);
+  }
+  return {};
+}
+
+void Hub::startFetchers() {
+  const bool any_remote = std::any_of(scenes.begin(), scenes.end(), [](const auto& hosted) {
+    return hosted->scene->data.images_are_remote || hosted->scene->remote_splats != nullptr;
+  });
+  if (!any_remote) return;
+  // A viewer has at most two requests under way, any other connection one; so submit() never blocks the io thread.
+  const std::size_t max_connections = std::size_t{options.max_connections} + kMaxTurnedAway;
+  fetchers = std::make_unique<base::ThreadPool>(kFetchers, 2 * max_connections + kFetchers);
+}
+
+void Hub::startRenderer() {
+  std::vector<const OpenScene*> opened;
+  for (const auto& hosted : scenes) opened.push_back(hosted->scene.get());
+  if (std::none_of(scenes.begin(), scenes.end(), [](const auto& hosted) { return hosted->hasPatches(); })) return;
+  auto started = FrameRenderer::start(opened);
+  if (!started) return spdlog::warn("no exact frames: {}", started.error().message);
+  renderer = std::move(*started);
+  for (const auto& hosted : scenes) hosted->scene->data.welcome.can_render_frames = hosted->hasPatches();
+}
+
+HostedScene* Hub::findScene(std::string_view target, std::string_view& rest) const {
+  if (scenes.size() == 1) {
+    rest = target;
+    return scenes.front().get();
+  }
+  const NamedTarget named = splitTarget(target);
+  rest = named.rest;
+  for (const auto& hosted : scenes)
+    if (hosted->name == named.name) return hosted.get();
+  return nullptr;
+}
+
+HttpReply Hub::answerForAllScenes(const HttpRequest& request) const {
+  if (request.method != "GET" && request.method != "HEAD") return textReply(405, "only GET and HEAD\n");
+  if (request.path() == "/healthz") return textReply(200, "ok");
+  if (request.path() != "/") return textReply(404, "there is no such scene here; / lists them\n");
+  std::vector<ListedScene> listed;
+  for (const auto& hosted : scenes) listed.push_back({hosted->name, hosted->scene->scene.triangles});
+  HttpReply reply = textReply(200, sceneListPage(listed, shownHost(request.host, place)));
+  reply.type = "text/html; charset=utf-8";
+  return reply;
+}
+
+void Hub::endThreads() {
+  stopping = true;
+  fetchers.reset();
+  renderer.reset();
+  for (const auto& hosted : scenes) hosted->picker.reset();
+}
+
+void Hub::endAccessLogs() {
+  for (const auto& hosted : scenes) hosted->endAccessLog();
+}
+
+}  // namespace server

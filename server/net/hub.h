@@ -1,0 +1,63 @@
+#pragma once
+// The state that all connections of a server share.
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <set>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "base/error.h"
+#include "base/parallel.h"
+#include "server/net/frame_renderer.h"
+#include "server/net/hosted_scene.h"
+#include "server/net/server.h"
+#include "server/net/site.h"
+
+namespace boost::asio {
+class io_context;
+}
+
+namespace server {
+
+class Connection;
+
+/// Only the io thread uses it, with two exceptions: fetchers read `stopping`, and the renderer has its own lock.
+struct Hub {
+  Hub(boost::asio::io_context& context, ServerOptions chosen) : io(context), options(std::move(chosen)) {}
+
+  /// Opens the scenes and gives each its site and picker. Errors: as Server::open, but for those of the port.
+  base::Result<void> openScenes(const std::vector<std::string>& places);
+  /// Starts the threads that fetch images and splats of remote scenes; none where all scenes are local.
+  void startFetchers();
+  /// Starts the renderer for exact frames and pictures. Without a GL context the log says why there are none.
+  void startRenderer();
+  /// The scene that a target addresses, and in `rest` what is asked of it; null for an unknown scene and for the list.
+  HostedScene* findScene(std::string_view target, std::string_view& rest) const;
+  /// The answer to a request that addresses none of several scenes.
+  HttpReply answerForAllScenes(const HttpRequest& request) const;
+  /// Ends fetchers, renderer and pickers, whose threads post to `io`; so this precedes the end of `io`.
+  void endThreads();
+  /// Writes the access counts of all scenes; nothing is counted from here on.
+  void endAccessLogs();
+
+  boost::asio::io_context& io;
+  ServerOptions options;
+  std::vector<std::unique_ptr<HostedScene>> scenes;  ///< at least one
+  std::unique_ptr<FrameRenderer> renderer;           ///< null: no exact frames
+  std::unique_ptr<base::ThreadPool> fetchers;        ///< null: all scenes are local
+  std::string place;                                 ///< address:port
+  std::set<Connection*> connections;
+  std::function<void()> on_last_connection_closed;  ///< called while the server stops; may be empty
+  std::uint64_t next_client = 1;
+  std::size_t viewers = 0;
+  std::size_t unsent_picture_bytes = 0;  ///< rendered, but not yet written to their connections
+  std::atomic<bool> stopping = false;
+};
+
+/// Connections over ServerOptions::max_connections that are still accepted, to be answered with a 503.
+inline constexpr std::uint32_t kMaxTurnedAway = 64;
+
+}  // namespace server

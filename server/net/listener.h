@@ -1,0 +1,35 @@
+#pragma once
+// The port of a server: accepts connections and starts an HTTP session for each.
+#include <cstdint>
+#include <memory>
+
+#include "base/error.h"
+#include "server/net/asio_types.h"
+#include "server/net/hub.h"
+
+#include <boost/asio/basic_socket_acceptor.hpp>
+
+namespace server {
+
+class Listener {
+ public:
+  Listener(asio::io_context& io, std::shared_ptr<Hub> hub);
+  /// Binds the address and port of the hub's options and sets Hub::place. Errors say which other option to choose.
+  base::Result<void> bind();
+  /// Starts to accept; every callback runs on the io thread.
+  void start() { doAccept(); }
+  void close();
+  std::uint16_t port() const;
+
+ private:
+  void doAccept();
+  void onAccept(error_code ec);
+  void acceptAfterPause();
+
+  const std::shared_ptr<Hub> hub_;
+  asio::basic_socket_acceptor<Tcp, Executor> acceptor_;
+  TcpSocket incoming_;
+  SteadyTimer pause_;
+};
+
+}  // namespace server
