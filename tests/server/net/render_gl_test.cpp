@@ -198,7 +198,7 @@ TEST(FrameRendererPictures, framesComeBetweenBands) {
   frame.camera = requestOf(kAslant + "&width=64&height=64").camera;
   frame.quality = 80;
   for (std::uint64_t client = 2; client < 5; ++client)
-    (*renderer)->submit(client, 0, frame, [&](const base::Bytes&) { note("frame"); });
+    (*renderer)->requestFrame(client, 0, frame, [&](const base::Bytes&) { note("frame"); });
   std::unique_lock lock(mutex);
   changed.wait(lock, [&] { return order.size() == 4; });
   EXPECT_EQ(order, (std::vector<std::string>{"frame", "frame", "frame", "picture"}));
