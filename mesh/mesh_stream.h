@@ -1,6 +1,5 @@
 #pragma once
-// What a mesh reader yields before anything is merged or repaired, and the small tools the readers share. Private to
-// lod/build.
+// The stream that mesh readers write to, and the small tools that they share.
 #include <charconv>
 #include <cstdint>
 #include <functional>
@@ -17,21 +16,6 @@
 
 namespace mesh {
 
-/// Vertices and triangles exactly as one file gives them, in the file's own (double) coordinates.
-struct Soup {
-  std::vector<glm::dvec3> positions;  ///< world
-  std::vector<glm::vec3> normals;   ///< empty, or as many as positions; any length, zero or NaN where the file has none
-  std::vector<glm::u8vec4> colors;  ///< empty, or as many as positions; sRGB, a = 255
-  std::vector<std::uint32_t> indices;  ///< 3 per triangle, each below positions.size()
-  std::uint64_t short_faces = 0;       ///< faces with fewer than three corners: left out, to be counted as degenerate
-  std::vector<std::string> warnings;   ///< one line each, without the file's name
-};
-
-/// In memory, indices are 32 bits and 2^32 − 1 is kept as "none".
-inline constexpr std::uint64_t kMaxVertices = 0xFFFFFFFEULL;
-/// Corner numbers (3 per triangle) have to fit into 32 bits too.
-inline constexpr std::uint64_t kMaxTriangles = kMaxVertices / 3;
-
 inline base::Error invalidInput(std::string message) {
   return {base::ErrorCode::kInvalidInput, std::move(message)};
 }
@@ -45,11 +29,6 @@ inline base::Error indexOutOfRange(const std::string& place, std::int64_t index,
 inline base::Error truncatedIn(const std::string& place) {
   return invalidInput("truncated: the file ends in " + place + "; get the whole file again");
 }
-inline base::Error tooManyVertices(std::uint64_t count) {
-  return unsupported(std::to_string(count) + " vertices are more than " + std::to_string(kMaxVertices) +
-                     "; split the mesh into several scenes");
-}
-
 /// Where a reader puts what it reads: blocks are handed to the sink when they are full, and pages of the mapped file
 /// that lie behind are let go, so that memory stays bounded whatever the file's length.
 class MeshStream {

@@ -27,41 +27,6 @@ glm::dvec3 originFor(const glm::dvec3& low, const glm::dvec3& high) {
   return glm::round(0.5 * (low + high) / step) * step + 0.0;
 }
 
-base::Result<void> checkMesh(const mesh::Mesh& mesh) {
-  if (mesh.indices.size() < 3) return Error{ErrorCode::kInvalidInput, "the mesh has no triangles"};
-  for (std::size_t i = 0; i < mesh.indices.size(); ++i)
-    if (mesh.indices[i] >= mesh.positions.size())
-      return Error{ErrorCode::kInvalidInput, "triangle " + std::to_string(i / 3) + ": vertex " +
-                                                 std::to_string(mesh.indices[i]) + " is out of range (" +
-                                                 std::to_string(mesh.positions.size()) + " vertices)"};
-  return {};
-}
-
-base::Result<void> spoolMesh(const mesh::Mesh& mesh, SourceSpool& spool) {
-  constexpr std::size_t kBlock = std::size_t{1} << 16;
-  spool.beginFile("mesh");
-  std::vector<glm::dvec3> positions;
-  for (std::size_t begin = 0; begin < mesh.positions.size(); begin += kBlock) {
-    const std::size_t count = std::min(kBlock, mesh.positions.size() - begin);
-    positions.assign(mesh.positions.begin() + static_cast<std::ptrdiff_t>(begin),
-                     mesh.positions.begin() + static_cast<std::ptrdiff_t>(begin + count));
-    for (glm::dvec3& p : positions) p += mesh.origin;
-    mesh::VertexBlock block;
-    block.positions = positions;
-    if (!mesh.normals.empty()) block.normals = std::span(mesh.normals).subspan(begin, count);
-    if (!mesh.colors.empty()) block.colors = std::span(mesh.colors).subspan(begin, count);
-    LUMIGRID_TRY(spool.vertices(block));
-  }
-  std::vector<std::uint64_t> corners;
-  for (std::size_t begin = 0; begin < mesh.indices.size(); begin += 3 * kBlock) {
-    const std::size_t count = std::min(3 * kBlock, mesh.indices.size() - begin);
-    corners.assign(mesh.indices.begin() + static_cast<std::ptrdiff_t>(begin),
-                   mesh.indices.begin() + static_cast<std::ptrdiff_t>(begin + count));
-    LUMIGRID_TRY(spool.triangles({corners, {}, {}}));
-  }
-  return {};
-}
-
 base::Bytes stateOf(const ImportedSource& source) {
   const SourceInfo& info = source.info;
   base::ByteWriter out;
@@ -126,7 +91,7 @@ base::Result<SourceInput> sourceFromFiles(const std::vector<std::string>& paths,
     const auto size = std::filesystem::file_size(path, ignored);
     if (!ignored) input.bytes += size;
   }
-  input.read = [&paths, &progress, threads, points](SourceSpool& spool, SourceInfo& notes) -> base::Result<void> {
+  input.read = [paths, progress, threads, points](SourceSpool& spool, SourceInfo& notes) -> base::Result<void> {
     std::vector<bool> colored;
     for (std::size_t i = 0; i < paths.size(); ++i) {
       mesh::StreamOptions stream;
@@ -148,15 +113,6 @@ base::Result<SourceInput> sourceFromFiles(const std::vector<std::string>& paths,
   return input;
 }
 
-base::Result<SourceInput> sourceFromMesh(const mesh::Mesh& mesh) {
-  LUMIGRID_TRY(checkMesh(mesh));
-  SourceInput input;
-  input.origin = &mesh.origin;
-  input.bytes = 16 * (mesh.positions.size() + mesh.triangleCount());
-  input.read = [&mesh](SourceSpool& spool, SourceInfo&) { return spoolMesh(mesh, spool); };
-  return input;
-}
-
 base::Result<ImportedSource> importSource(WorkDirectory& directory, const SourceInput& input, unsigned threads) {
   if (directory.stage() >= 1) return readState(directory);
   LUMIGRID_TRY(directory.needSpace(input.bytes, "the source's vertices and triangles"));
@@ -173,7 +129,7 @@ base::Result<ImportedSource> importSource(WorkDirectory& directory, const Source
   if (longest > 0.0 && longest < kMinSize)
     return Error{ErrorCode::kInvalidInput,
                  "the mesh is less than 1e-15 units across, too small for what is computed from it; scale it up"};
-  source.origin = input.origin != nullptr ? *input.origin : originFor(source.info.box_min, source.info.box_max);
+  source.origin = originFor(source.info.box_min, source.info.box_max);
   source.vertex_bytes = spool.vertexBytes();
   source.triangle_bytes = spool.triangleBytes();
   LUMIGRID_TRY(directory.finishStage(1, stateOf(source), {"vertices", "triangles"}));
@@ -204,7 +160,7 @@ base::Result<Buckets> sortSource(WorkDirectory& directory, const ImportedSource&
   return buckets;
 }
 
-void addRepairs(const ImportedSource& source, const Buckets& buckets, mesh::RepairCounts& repairs) {
+void addRepairs(const ImportedSource& source, const Buckets& buckets, RepairCounts& repairs) {
   repairs.add("degenerate_triangles", source.info.short_faces + buckets.totals().degenerate);
   repairs.add("lattice_collapsed_triangles", buckets.totals().collapsed);
   repairs.add("flipped_triangles", buckets.winding().flipped());

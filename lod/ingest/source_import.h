@@ -8,7 +8,7 @@
 #include "lod/ingest/buckets.h"
 #include "lod/ingest/source_spool.h"
 #include "lod/ingest/work_directory.h"
-#include "mesh/mesh.h"
+#include "lod/ingest/repair_counts.h"
 
 namespace lod::ingest {
 
@@ -19,16 +19,13 @@ using Progress = std::function<bool(const std::string& stage, double done)>;
 struct SourceInput {
   /// Fills the spool, and adds to `notes` what concerns the files (warnings, short_faces).
   std::function<base::Result<void>(SourceSpool& spool, SourceInfo& notes)> read;
-  const glm::dvec3* origin = nullptr;  ///< the scene's, where it is given
   std::uint64_t bytes = 0;             ///< that the spool takes, about
   bool points = false;                 ///< vertices without any triangle are a source too
 };
-/// `threads`: with one, reading and taking in take turns. `points`: files without faces are welcome. `paths` and
-/// `progress` must outlive the input. Error: no file is named.
+/// With one thread, reading a file and spooling what was read take turns. `points`: files without faces are welcome.
+/// Error: no file is named.
 base::Result<SourceInput> sourceFromFiles(const std::vector<std::string>& paths, const Progress& progress,
                                           unsigned threads, bool points = false);
-/// The mesh must outlive the input. Errors: no triangle, an index out of range.
-base::Result<SourceInput> sourceFromMesh(const mesh::Mesh& mesh);
 
 /// What a build is going to take, told once the source has been read. Figures are rough: measured on other scans.
 struct BuildPlan {
@@ -41,7 +38,7 @@ struct BuildPlan {
 
 /// What every build tells of its source.
 struct SourceSummary {
-  mesh::RepairCounts repairs;
+  RepairCounts repairs;
   std::uint64_t triangles = 0;  ///< of the leaves; 0: the source is points
   glm::dvec3 origin{0.0};       ///< the scene's, world
   glm::dvec3 box_min{0.0};      ///< world
@@ -72,7 +69,7 @@ base::Result<Buckets> sortSource(WorkDirectory& directory, const ImportedSource&
                                  const BucketOptions& options);
 
 /// What reading and sorting put right, added to `repairs`.
-void addRepairs(const ImportedSource& source, const Buckets& buckets, mesh::RepairCounts& repairs);
+void addRepairs(const ImportedSource& source, const Buckets& buckets, RepairCounts& repairs);
 
 /// The error with the first file's name before it where it is about the mesh and names none.
 base::Error ofSource(const std::vector<std::string>& paths, base::Error error);

@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "lod/ingest/spool.h"
-#include "mesh/mesh.h"
 #include "mesh/mesh_sink.h"
 
 namespace lod::ingest {

@@ -151,26 +151,4 @@ base::Result<void> writeSamplePly(const SampleOptions& options, const std::strin
   return file.commit();
 }
 
-Mesh makeSample(const SampleOptions& options) {
-  const auto surface = makeSurface(options);
-  Mesh mesh;
-  mesh.origin = options.origin;
-  mesh.positions.reserve(surface->vertexCount());
-  mesh.indices.reserve(3 * surface->triangleCount());
-  std::uint64_t upper = 0;
-  for (std::uint64_t row = 0; row < surface->rowCount(); ++row) {
-    const std::uint64_t lower = upper + surface->rowSize(row);
-    for (std::uint64_t column = 0; column < surface->rowSize(row); ++column) {
-      const SamplePoint point = surface->point(row, column);
-      mesh.positions.emplace_back(point.position);
-      if (options.colors) mesh.colors.push_back(point.color);
-    }
-    if (row + 1 < surface->rowCount())
-      surface->band(row, static_cast<std::uint32_t>(upper), static_cast<std::uint32_t>(lower), mesh.indices);
-    upper = lower;
-  }
-  mesh.normals = computeVertexNormals(mesh);
-  return mesh;
-}
-
 }  // namespace mesh::generate

@@ -3,10 +3,10 @@
 // not grow with the triangle count.
 #include <cstdint>
 #include <functional>
+#include <glm/glm.hpp>
 #include <string>
 
 #include "base/error.h"
-#include "mesh/mesh.h"
 
 namespace mesh::generate {
 
@@ -27,7 +27,5 @@ struct SampleOptions {
 /// Binary little-endian PLY at `path`; appears whole or not at all.
 base::Result<void> writeSamplePly(const SampleOptions& options, const std::string& path,
                                   const std::function<bool(double done)>& progress = nullptr);
-/// The same mesh in memory, always with faces (small counts; for tests).
-Mesh makeSample(const SampleOptions& options);
 
 }  // namespace mesh::generate

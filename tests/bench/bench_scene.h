@@ -3,7 +3,6 @@
 #include "base/json/scene_file.h"
 #include "lod/patch/builder/hierarchy_build.h"
 #include "lod/patch/format.h"
-#include "mesh/import.h"
 #include "tests/bench/bench.h"
 
 namespace bench {
@@ -27,13 +26,12 @@ struct OpenScene {
 };
 
 inline base::Scene buildScene(const std::string& mesh_path, const std::string& patch_path) {
-  const mesh::Imported imported = must(mesh::importMeshes({mesh_path}, {}));
-  must(lod::patch::builder::buildHierarchy(imported.mesh, {}, patch_path));
+  const auto built = must(lod::patch::builder::buildHierarchyFromFiles({mesh_path}, {}, patch_path));
   base::Scene scene;
-  scene.origin = imported.mesh.origin;
-  scene.box_min = scene.origin + glm::dvec3(imported.mesh.box().min);
-  scene.box_max = scene.origin + glm::dvec3(imported.mesh.box().max);
-  scene.has_colors = !imported.mesh.colors.empty();
+  scene.origin = built.origin;
+  scene.box_min = built.box_min;
+  scene.box_max = built.box_max;
+  scene.has_colors = built.has_colors;
   scene.light.mode = scene.has_colors ? base::LightMode::kUnlit : base::LightMode::kSoft;
   return scene;
 }

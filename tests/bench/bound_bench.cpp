@@ -5,17 +5,14 @@
 #include <cstdlib>
 
 #include "lod/patch/builder/distance_bound.h"
-#include "mesh/import.h"
 #include "tests/bench/bench.h"
+#include "tests/support/mesh_reader.h"
 
 int main(int count, char** arguments) {
   using namespace lod::patch::builder;
-  using namespace mesh;
   if (count < 2) return std::fprintf(stderr, "usage: bound_bench MESH [ROUNDS]\n"), 2;
   const int rounds = count > 2 ? std::max(1, std::atoi(arguments[2])) : 5;
-  const auto imported = importMeshes({arguments[1]}, {});
-  if (!imported) return std::fprintf(stderr, "%s\n", imported.error().message.c_str()), 1;
-  const Mesh& mesh = imported->mesh;
+  const support::Mesh mesh = bench::must(support::readMesh(arguments[1])).mesh;
   const glm::vec3 size = mesh.box().size();
   const float scale = 65535.0F / std::max({size.x, size.y, size.z});
   GroupMesh group;

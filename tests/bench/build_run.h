@@ -6,7 +6,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "mesh/mesh.h"
+#include "tests/support/mesh.h"
 #include "tests/bench/bench.h"
 
 namespace bench {
@@ -49,7 +49,7 @@ inline Run runBuild(const std::string& program, const std::string& methods, cons
 }
 
 /// One level of so many triangles, vertices kept.
-inline std::vector<unsigned> simplifyByMeshopt(const mesh::Mesh& mesh, std::size_t triangles) {
+inline std::vector<unsigned> simplifyByMeshopt(const support::Mesh& mesh, std::size_t triangles) {
   std::vector<unsigned> out(mesh.indices.size());
   const std::size_t left = meshopt_simplify(out.data(), mesh.indices.data(), mesh.indices.size(), &mesh.positions[0].x,
                                             mesh.positions.size(), sizeof(glm::vec3), 3 * triangles, 1.0F, 0, nullptr);

@@ -23,10 +23,10 @@
 #include "lod/patch/codec.h"
 #include "lod/patch/format.h"
 #include "lod/patch/traverse.h"
-#include "mesh/import.h"
 #include "tests/bench/bench.h"
 #include "tests/bench/build_run.h"
 #include "tests/lod/patch/builder/built_cut.h"
+#include "tests/support/mesh_reader.h"
 
 namespace {
 
@@ -34,13 +34,13 @@ using bench::median;
 using bench::seconds;
 using namespace lod::patch::builder;
 using namespace lod::qsplat::builder;
-using namespace mesh;
+using support::BuiltHierarchy;
+using support::Mesh;
 
 Mesh mustImport(const std::string& path) {
-  auto imported = importMeshes({path}, {});
-  if (!imported) std::exit((std::fprintf(stderr, "%s\n", imported.error().message.c_str()), 1));
-  std::printf("%s: %zu triangles\n", path.c_str(), imported->mesh.triangleCount());
-  return std::move(imported->mesh);
+  Mesh mesh = bench::must(support::readMesh(path)).mesh;
+  std::printf("%s: %zu triangles\n", path.c_str(), mesh.triangleCount());
+  return mesh;
 }
 
 // ---- Speed
@@ -136,9 +136,14 @@ support::Surface simplifyByOpenMesh(const Mesh& mesh, std::size_t triangles) {
   HalfEdgeMesh m;
   std::vector<HalfEdgeMesh::VertexHandle> vertices;
   for (const glm::vec3& p : mesh.positions) vertices.push_back(m.add_vertex({p.x, p.y, p.z}));
-  for (std::size_t i = 0; i < mesh.indices.size(); i += 3)
-    if (!m.add_face(vertices[mesh.indices[i]], vertices[mesh.indices[i + 1]], vertices[mesh.indices[i + 2]]).is_valid())
-      return {};
+  for (std::size_t i = 0; i < mesh.indices.size(); i += 3) {
+    const std::uint32_t* t = &mesh.indices[i];
+    if (m.add_face(vertices[t[0]], vertices[t[1]], vertices[t[2]]).is_valid()) continue;
+    // A triangle that would make the mesh non-manifold gets corners of its own, as OpenMesh's own readers do it.
+    const auto corner = [&](std::size_t k) { return m.add_vertex(m.point(vertices[t[k]])); };
+    const auto a = corner(0), b = corner(1), c = corner(2);
+    m.add_face(a, b, c);
+  }
   OpenMesh::Decimater::DecimaterT<HalfEdgeMesh> decimater(m);
   OpenMesh::Decimater::ModQuadricT<HalfEdgeMesh>::Handle quadric;
   decimater.add(quadric);
@@ -177,9 +182,7 @@ struct Compared {
   static BuiltHierarchy mustBuild(const Mesh& mesh, bool regroup) {
     HierarchyOptions options;
     options.regroup = regroup;
-    auto built = buildHierarchyInMemory(mesh, options);
-    if (!built) std::exit((std::fprintf(stderr, "%s\n", built.error().message.c_str()), 1));
-    return std::move(*built);
+    return bench::must(support::builtHierarchy(mesh, options));
   }
 
   const Mesh& mesh;

@@ -9,9 +9,10 @@
 
 #include "lod/qsplat/builder/build.h"
 #include "lod/qsplat/splat_file.h"
-#include "mesh/import.h"
 #include "tests/bench/bench.h"
 #include "tests/bench/build_run.h"
+#include "tests/support/built_splats.h"
+#include "tests/support/mesh_reader.h"
 
 namespace {
 
@@ -19,7 +20,7 @@ using bench::median;
 using bench::must;
 using bench::seconds;
 using lod::qsplat::Header;
-using mesh::Mesh;
+using support::Mesh;
 
 Header headerOf(const std::string& scene) {
   return must(lod::qsplat::SplatFile::open(scene + "/qsplat.lgq")).header();
@@ -82,10 +83,9 @@ void printSize(const char* what, const Header& h) {
 void compareSize(Mesh mesh, const std::string& file, double dice) {
   lod::qsplat::builder::BuildOptions options;
   options.dice = dice;
-  if (!mesh.colors.empty())
-    printSize("with colours", must(lod::qsplat::builder::buildFromMesh(mesh, options, file)).header);
+  if (!mesh.colors.empty()) printSize("with colours", must(support::buildSplats(mesh, options, file)).header);
   mesh.colors.clear();
-  printSize("without colours", must(lod::qsplat::builder::buildFromMesh(mesh, options, file)).header);
+  printSize("without colours", must(support::buildSplats(mesh, options, file)).header);
 }
 
 }  // namespace
@@ -99,7 +99,7 @@ int main(int argc, char** argv) {
   arguments.finish();
   if (arguments.input().empty() || (!only.empty() && only != "speed" && only != "size")) arguments.wrong();
   const bench::WorkDirectory directory;
-  const Mesh mesh = std::move(must(mesh::importMeshes({arguments.input()}, {})).mesh);
+  const Mesh mesh = must(support::readMesh(arguments.input())).mesh;
   std::printf("%s: %zu vertices, %zu triangles\n", arguments.input().c_str(), mesh.positions.size(),
               mesh.triangleCount());
   if (only.empty() || only == "speed") compareSpeed(arguments.input(), mesh, directory / "scene", runs, memory, dice);

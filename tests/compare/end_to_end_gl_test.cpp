@@ -9,14 +9,14 @@
 #include "client/native/headless.h"
 #include "compare/accuracy.h"
 #include "compare/run.h"
-#include "lod/patch/builder/hierarchy_build.h"
-#include "mesh/generate/sample.h"
 #include "repository/faces/coverage.h"
 #include "repository/faces/face_value.h"
 #include "repository/faces/jpeg.h"
 #include "repository/sampling/cube_face.h"
 #include "server/bake/bake.h"
 #include "server/net/server.h"
+#include "tests/support/built_hierarchy.h"
+#include "tests/support/mesh_reader.h"
 
 namespace {
 
@@ -30,12 +30,13 @@ class EndToEnd : public ::testing::Test {
     fs::create_directories(directory_);
     mesh::generate::SampleOptions sample;
     sample.triangles = 40'000;
-    const mesh::Mesh mesh = mesh::generate::makeSample(sample);
-    ASSERT_TRUE(lod::patch::builder::buildHierarchy(mesh, {}, directory_ + "/patch.lgp"));
+    const support::Mesh mesh = support::makeSample(sample);
+    const auto built = support::buildHierarchy(mesh, {}, directory_ + "/patch.lgp");
+    ASSERT_TRUE(built) << built.error().message;
     base::Scene scene;
-    scene.origin = mesh.origin;
-    scene.box_min = mesh.origin + glm::dvec3(mesh.box().min);
-    scene.box_max = mesh.origin + glm::dvec3(mesh.box().max);
+    scene.origin = built->origin;
+    scene.box_min = built->box_min;
+    scene.box_max = built->box_max;
     scene.has_colors = true;
     scene.light.mode = base::LightMode::kUnlit;
     scene.triangles = mesh.triangleCount();

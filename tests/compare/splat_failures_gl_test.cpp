@@ -9,17 +9,17 @@
 
 #include "base/json/scene_file.h"
 #include "compare/run.h"
-#include "lod/patch/builder/hierarchy_build.h"
-#include "lod/qsplat/builder/build.h"
-#include "mesh/generate/sample.h"
 #include "repository/store.h"
 #include "server/bake/bake.h"
+#include "tests/support/built_hierarchy.h"
+#include "tests/support/built_splats.h"
+#include "tests/support/mesh_reader.h"
 #include "tests/support/temporary_directory.h"
 #include "tests/support/test_meshes.h"
 
 namespace {
 
-using mesh::Mesh;
+using support::Mesh;
 
 /// Colours that vary smoothly with the place, so that any surface has something to show.
 glm::u8vec4 colorAt(const glm::vec3& p) {
@@ -131,13 +131,14 @@ class SplatFailures : public testing::Test {
 
  private:
   void build(const Mesh& mesh) {
-    ASSERT_TRUE(lod::patch::builder::buildHierarchy(mesh, {}, directory_ / "patch.lgp"));
-    const auto splats = lod::qsplat::builder::buildFromMesh(mesh, {}, directory_ / "qsplat.lgq");
+    const auto built = support::buildHierarchy(mesh, {}, directory_ / "patch.lgp");
+    ASSERT_TRUE(built) << built.error().message;
+    const auto splats = support::buildSplats(mesh, {}, directory_ / "qsplat.lgq");
     ASSERT_TRUE(splats) << splats.error().message;
     base::Scene scene;
-    scene.origin = mesh.origin;
-    scene.box_min = mesh.origin + glm::dvec3(mesh.box().min);
-    scene.box_max = mesh.origin + glm::dvec3(mesh.box().max);
+    scene.origin = built->origin;
+    scene.box_min = built->box_min;
+    scene.box_max = built->box_max;
     scene.has_colors = true;
     scene.light.mode = base::LightMode::kUnlit;
     scene.triangles = mesh.triangleCount();
@@ -158,7 +159,7 @@ class SplatFailures : public testing::Test {
 TEST_F(SplatFailures, anEvenlySampledScanFromAfar) {
   mesh::generate::SampleOptions sample;
   sample.triangles = 150'000;
-  const Mesh mesh = mesh::generate::makeSample(sample);
+  const Mesh mesh = support::makeSample(sample);
   const glm::dvec3 middle(mesh.box().center());
   const double size = mesh.box().diagonal();
   auto figures = compareAt(mesh, lookAt(middle + size * glm::dvec3(1.1, 0.5, 0.3), middle), "even scan");

@@ -1,5 +1,5 @@
 #pragma once
-// Small mesh files written for one test, and questions asked of meshes.
+// Small mesh files written for one test, and what a test asks of the mesh that was read.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -11,19 +11,18 @@
 #include <string>
 #include <vector>
 
-#include "mesh/import.h"
+#include "tests/support/mesh_reader.h"
 #include "tests/support/temporary_directory.h"
 
 namespace mesh_files {
 
-using mesh::Imported;
-using mesh::ImportOptions;
-using mesh::Mesh;
+using support::Mesh;
+using support::MeshFile;
 
-/// Of this process, so that tests can run side by side.
+/// A directory of this process, so that tests can run side by side.
 inline const support::TemporaryDirectory& directory() {
-  static const support::TemporaryDirectory made;
-  return made;
+  static const support::TemporaryDirectory directory;
+  return directory;
 }
 
 /// Path of a new file with these bytes.
@@ -33,17 +32,17 @@ inline std::string write(const std::string& name, const std::string& bytes) {
   return path;
 }
 
-inline base::Result<Imported> import(const std::string& name, const std::string& bytes,
-                                     const ImportOptions& options = {}) {
+/// The mesh that a file of these bytes is read as.
+inline base::Result<MeshFile> read(const std::string& name, const std::string& bytes) {
   const std::string path = write(name, bytes);
-  auto result = mesh::importMeshes({path}, options);
+  auto result = support::readMesh(path);
   std::remove(path.c_str());
   return result;
 }
 
 /// The error line of bytes that must not be read; empty (and a failed test) when they are.
 inline std::string errorOf(const std::string& name, const std::string& bytes) {
-  auto result = import(name, bytes);
+  auto result = read(name, bytes);
   if (result) {
     ADD_FAILURE() << name << " was read";
     return {};
@@ -61,12 +60,7 @@ void put(std::string& bytes, T value, bool big_endian = false) {
   bytes.append(raw.data(), raw.size());
 }
 
-inline std::uint64_t count(const Imported& m, const std::string& repair) {
-  const auto found = m.repairs.counts.find(repair);
-  return found == m.repairs.counts.end() ? 0 : found->second;
-}
-
-/// Directed edges and how many triangles run along each.
+/// How many triangles run along each directed edge.
 inline std::map<std::pair<std::uint32_t, std::uint32_t>, int> directedEdges(const Mesh& mesh) {
   std::map<std::pair<std::uint32_t, std::uint32_t>, int> edges;
   for (std::size_t i = 0; i < mesh.indices.size(); i += 3)

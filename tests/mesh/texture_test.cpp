@@ -11,7 +11,7 @@
 
 namespace {
 
-// A folder with a picture in it: left half red, right half blue, the top rows of both green.
+// A folder that holds a picture. Its left half is red, its right half blue, and the top rows of both are green.
 class Textures : public testing::Test {
  protected:
   void SetUp() override {
@@ -25,22 +25,22 @@ class Textures : public testing::Test {
     ASSERT_TRUE(base::writePng(image, folder / "picture.png"));
   }
 
-  base::Result<mesh::Imported> import(const std::string& name, const std::string& text) {
+  base::Result<support::MeshFile> read(const std::string& name, const std::string& text) {
     std::ofstream(folder / name, std::ios::binary) << text;
-    return mesh::importMeshes({folder / name}, {});
+    return support::readMesh(folder / name);
   }
 
   const support::TemporaryDirectory folder;
 };
 
-glm::u8vec4 colorAt(const mesh::Imported& mesh, const glm::vec3& p) {
+glm::u8vec4 colorAt(const support::MeshFile& mesh, const glm::vec3& p) {
   for (std::size_t v = 0; v < mesh.mesh.positions.size(); ++v)
     if (mesh.mesh.positions[v] == p) return mesh.mesh.colors[v];
   ADD_FAILURE() << "no vertex there";
   return {};
 }
 
-// A strip of three quads, textured from left to right; v = 0.25 below, 0.3 above, so within the red and blue rows.
+// A strip of three quads, textured from left to right. v is 0.25 below and 0.3 above, so within the red and blue rows.
 std::string objStrip(const std::string& library) {
   std::string text = "mtllib " + library + "\nusemtl skin\n";
   for (int i = 0; i < 4; ++i)
@@ -54,18 +54,18 @@ std::string objStrip(const std::string& library) {
   return text;
 }
 
-TEST_F(Textures, OfAnObjGoToItsVertices) {
+TEST_F(Textures, ofAnObjGoToItsVertices) {
   std::ofstream(folder / "skin.mtl") << "newmtl other\nKd 1 1 1\nnewmtl skin\nmap_Kd -s 1 1 1 picture.png\n";
-  const auto mesh = import("strip.obj", objStrip("skin.mtl"));
+  const auto mesh = read("strip.obj", objStrip("skin.mtl"));
   ASSERT_TRUE(mesh) << mesh.error().message;
   EXPECT_EQ(colorAt(*mesh, {0, 0, 0}), glm::u8vec4(255, 0, 0, 255));
   EXPECT_EQ(colorAt(*mesh, {3, 0, 0}), glm::u8vec4(0, 0, 255, 255));
-  // 57.6 x 3.2 texels, 8 vertices: one line says so.
-  ASSERT_EQ(mesh->warnings.size(), 1U);
-  EXPECT_NE(mesh->warnings[0].find("23.0 texels for every vertex"), std::string::npos) << mesh->warnings[0];
+  // 57.6 x 3.2 texels come to 8 vertices, which one line says.
+  ASSERT_EQ(mesh->file.warnings.size(), 1U);
+  EXPECT_NE(mesh->file.warnings[0].find("23.0 texels for every vertex"), std::string::npos) << mesh->file.warnings[0];
 }
 
-TEST_F(Textures, OfAnObjReachTheHierarchy) {
+TEST_F(Textures, ofAnObjReachTheHierarchy) {
   std::ofstream(folder / "skin.mtl") << "newmtl skin\nmap_Kd picture.png\n";
   std::ofstream(folder / "strip.obj") << objStrip("skin.mtl");
   const std::string out = folder / "patch.lgp";
@@ -86,24 +86,24 @@ TEST_F(Textures, OfAnObjReachTheHierarchy) {
   }
 }
 
-TEST_F(Textures, ThatAreMissingWarnAndTheMeshStays) {
+TEST_F(Textures, thatAreMissingWarnAndTheMeshStays) {
   std::ofstream(folder / "skin.mtl") << "newmtl skin\nmap_Kd nowhere.png\n";
-  const auto mesh = import("strip.obj", objStrip("skin.mtl"));
+  const auto mesh = read("strip.obj", objStrip("skin.mtl"));
   ASSERT_TRUE(mesh) << mesh.error().message;
   EXPECT_TRUE(mesh->mesh.colors.empty());
-  ASSERT_EQ(mesh->warnings.size(), 1U);
-  EXPECT_NE(mesh->warnings[0].find("nowhere.png"), std::string::npos);
+  ASSERT_EQ(mesh->file.warnings.size(), 1U);
+  EXPECT_NE(mesh->file.warnings[0].find("nowhere.png"), std::string::npos);
 
   std::ofstream(folder / "picture.png") << "no picture at all";
   std::ofstream(folder / "skin.mtl") << "newmtl skin\nmap_Kd picture.png\n";
-  const auto broken = import("strip.obj", objStrip("skin.mtl"));
+  const auto broken = read("strip.obj", objStrip("skin.mtl"));
   ASSERT_TRUE(broken) << broken.error().message;
   EXPECT_TRUE(broken->mesh.colors.empty());
-  EXPECT_EQ(broken->warnings.size(), 1U);
+  EXPECT_EQ(broken->file.warnings.size(), 1U);
 }
 
-TEST_F(Textures, OfAPlyWithCoordinatesAtItsFaces) {
-  const auto mesh = import(
+TEST_F(Textures, ofAPlyWithCoordinatesAtItsFacesAreBaked) {
+  const auto mesh = read(
       "quad.ply",
       "ply\nformat ascii 1.0\ncomment TextureFile picture.png\nelement vertex 4\nproperty float x\nproperty float y\n"
       "property float z\nelement face 2\nproperty list uchar int vertex_indices\nproperty list uchar float texcoord\n"
@@ -116,12 +116,12 @@ TEST_F(Textures, OfAPlyWithCoordinatesAtItsFaces) {
   EXPECT_EQ(colorAt(*mesh, {0, 1, 0}).g, 0);
 }
 
-TEST_F(Textures, AreAveragedOverWhatAVertexStandsFor) {
+TEST_F(Textures, areAveragedAroundEachVertex) {
   // One triangle over the whole picture: no corner may take a single texel's colour.
   std::ofstream(folder / "skin.mtl") << "newmtl skin\nmap_Kd picture.png\n";
-  const auto mesh = import("one.obj",
-                           "mtllib skin.mtl\nusemtl skin\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\n"
-                           "f 1/1 2/2 3/3\n");
+  const auto mesh = read("one.obj",
+                         "mtllib skin.mtl\nusemtl skin\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\n"
+                         "f 1/1 2/2 3/3\n");
   ASSERT_TRUE(mesh) << mesh.error().message;
   for (const glm::u8vec4& c : mesh->mesh.colors) {
     EXPECT_GT(c.r + c.g + c.b, 200);

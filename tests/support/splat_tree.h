@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "lod/qsplat/format.h"
-#include "mesh/mesh.h"
+#include "tests/support/mesh.h"
 
 namespace support {
 
@@ -30,7 +30,7 @@ inline float circumscribed(const glm::vec3& a, const glm::vec3& b, const glm::ve
   return static_cast<float>(std::sqrt(x * y * z) / (2.0 * area));
 }
 
-inline std::vector<Leaf> leavesOf(const mesh::Mesh& mesh) {
+inline std::vector<Leaf> leavesOf(const support::Mesh& mesh) {
   std::vector<Leaf> leaves(mesh.positions.size());
   for (std::size_t v = 0; v < leaves.size(); ++v) {
     leaves[v].sphere.center = mesh.positions[v];
@@ -122,7 +122,7 @@ struct Group {
 }  // namespace splat_tree
 
 /// The whole file, as docs/formats/qsplat.md has it.
-inline base::Bytes splatFile(const mesh::Mesh& mesh, bool wide_pointers = false) {
+inline base::Bytes splatFile(const support::Mesh& mesh, bool wide_pointers = false) {
   using namespace lod::qsplat;
   splat_tree::Tree tree;
   tree.leaves = splat_tree::leavesOf(mesh);

@@ -7,11 +7,11 @@
 #include <map>
 #include <random>
 
-#include "mesh/mesh.h"
+#include "tests/support/mesh.h"
 
 namespace support {
 
-using mesh::Mesh;
+using support::Mesh;
 
 inline void addTriangle(Mesh& mesh, std::uint32_t a, std::uint32_t b, std::uint32_t c) {
   mesh.indices.insert(mesh.indices.end(), {a, b, c});

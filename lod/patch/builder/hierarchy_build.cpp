@@ -360,26 +360,4 @@ base::Result<HierarchySummary> buildHierarchyFromFiles(const std::vector<std::st
   return summary ? std::move(summary) : ingest::ofSource(paths, summary.error());
 }
 
-base::Result<HierarchySummary> buildHierarchy(const mesh::Mesh& mesh, const HierarchyOptions& options,
-                                              const std::string& output_path, const ingest::Progress& progress) {
-  LUMIGRID_ASSIGN_OR_RETURN(auto input, ingest::sourceFromMesh(mesh));
-  return Builder(options, output_path, progress).run(input);
-}
-
-base::Result<BuiltHierarchy> buildHierarchyInMemory(const mesh::Mesh& mesh, const HierarchyOptions& options,
-                                                    const ingest::Progress& progress) {
-  LUMIGRID_ASSIGN_OR_RETURN(auto directory, ingest::TemporaryDirectory::make());
-  const std::string path = directory.path() + "/patch.lgp";
-  LUMIGRID_ASSIGN_OR_RETURN(auto summary, buildHierarchy(mesh, options, path, progress));
-  LUMIGRID_ASSIGN_OR_RETURN(auto file, lod::patch::PatchFile::open(path));
-  BuiltHierarchy out;
-  out.summary = std::move(summary);
-  out.hierarchy = file.hierarchy();
-  for (std::uint32_t p = 0; p < out.hierarchy.patches.size(); ++p) {
-    LUMIGRID_ASSIGN_OR_RETURN(auto geometry, file.geometry(p));
-    out.geometry.push_back(std::move(geometry));
-  }
-  return out;
-}
-
 }  // namespace lod::patch::builder

@@ -10,7 +10,6 @@
 #include "base/error.h"
 #include "lod/ingest/source_import.h"
 #include "lod/patch/hierarchy.h"
-#include "mesh/mesh.h"
 
 namespace lod::patch::builder {
 
@@ -49,19 +48,5 @@ struct HierarchySummary : ingest::SourceSummary {
 base::Result<HierarchySummary> buildHierarchyFromFiles(const std::vector<std::string>& paths,
                                                        const HierarchyOptions& options, const std::string& output_path,
                                                        const ingest::Progress& progress = nullptr);
-
-/// The same from a mesh in memory; the scene's origin is the mesh's. Errors also: a bad index or position.
-base::Result<HierarchySummary> buildHierarchy(const mesh::Mesh& mesh, const HierarchyOptions& options,
-                                              const std::string& output_path,
-                                              const ingest::Progress& progress = nullptr);
-
-/// The same hierarchy read back: geometry[p] is patch p's. For tests and for small scenes.
-struct BuiltHierarchy {
-  lod::patch::Hierarchy hierarchy;
-  std::vector<lod::patch::PatchGeometry> geometry;
-  HierarchySummary summary;
-};
-base::Result<BuiltHierarchy> buildHierarchyInMemory(const mesh::Mesh& mesh, const HierarchyOptions& options,
-                                                    const ingest::Progress& progress = nullptr);
 
 }  // namespace lod::patch::builder

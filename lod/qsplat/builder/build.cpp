@@ -271,10 +271,4 @@ base::Result<BuildSummary> buildFromFiles(const std::vector<std::string>& paths,
   return summary ? std::move(summary) : ingest::ofSource(paths, summary.error());
 }
 
-base::Result<BuildSummary> buildFromMesh(const mesh::Mesh& mesh, const BuildOptions& options,
-                                         const std::string& output_path, const ingest::Progress& progress) {
-  LUMIGRID_ASSIGN_OR_RETURN(auto input, ingest::sourceFromMesh(mesh));
-  return Builder(options, output_path, progress).run(input);
-}
-
 }  // namespace lod::qsplat::builder

@@ -40,8 +40,4 @@ struct BuildSummary : ingest::SourceSummary {
 base::Result<BuildSummary> buildFromFiles(const std::vector<std::string>& paths, const BuildOptions& options,
                                           const std::string& output_path, const ingest::Progress& progress = nullptr);
 
-/// The same from a mesh in memory; the scene's origin is the mesh's. Errors also: a bad index or position.
-base::Result<BuildSummary> buildFromMesh(const mesh::Mesh& mesh, const BuildOptions& options,
-                                         const std::string& output_path, const ingest::Progress& progress = nullptr);
-
 }  // namespace lod::qsplat::builder

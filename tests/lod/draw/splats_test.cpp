@@ -15,8 +15,9 @@
 #include "lod/qsplat/node.h"
 #include "lod/qsplat/traverse.h"
 #include "mesh/generate/sample.h"
-#include "mesh/import.h"
 #include "tests/lod/qsplat/builder/splat_leaves.h"
+#include "tests/support/built_splats.h"
+#include "tests/support/mesh_reader.h"
 #include "tests/support/random_views.h"
 #include "tests/support/splat_tree.h"
 #include "tests/support/test_meshes.h"
@@ -86,7 +87,7 @@ class SplatsTest : public testing::Test {
     return picture(splats, kernel, view);
   }
 
-  void setMesh(const mesh::Mesh& mesh) {
+  void setMesh(const support::Mesh& mesh) {
     mesh_array_ = base::gl::VertexArray::create();
     mesh_ = base::gl::Buffer::create();
     indices_ = base::gl::Buffer::create();
@@ -117,9 +118,10 @@ class SplatsTest : public testing::Test {
   /// Draws a closed mesh from so many views with random cut-offs; background inside the silhouette is a failure.
   /// `from_near`: a third of the views is from within half a unit of the surface, where splats are large and the eye
   /// may be in their spheres; for meshes that are outside of themselves there.
-  void expectNoHoles(const mesh::Mesh& mesh, unsigned seed, int views_count, bool from_near);
-  void expectNoHolesIn(const base::Bytes& file, const mesh::Mesh& mesh, unsigned seed, int views_count, bool from_near);
-  void expectNoHolesWhenDiced(const mesh::Mesh& mesh, double dice, std::uint64_t least_added, unsigned seed,
+  void expectNoHoles(const support::Mesh& mesh, unsigned seed, int views_count, bool from_near);
+  void expectNoHolesIn(const base::Bytes& file, const support::Mesh& mesh, unsigned seed, int views_count,
+                       bool from_near);
+  void expectNoHolesWhenDiced(const support::Mesh& mesh, double dice, std::uint64_t least_added, unsigned seed,
                               bool from_near);
 
   std::unique_ptr<base::HeadlessContext> context_;
@@ -242,9 +244,9 @@ TEST_F(SplatsTest, ofSplatsThatOverlapTheOneWithTheNearestCentreIsSeen) {
 
 TEST_F(SplatsTest, littleOfALayerShowsThroughTheOneBeforeIt) {
   // Two sheets, the white one two sample spacings before the red one.
-  mesh::Mesh sheets = support::openGrid(40, 0.05F);
+  support::Mesh sheets = support::openGrid(40, 0.05F);
   sheets.colors.assign(sheets.positions.size(), {255, 255, 255, 255});
-  const mesh::Mesh behind = sheets;
+  const support::Mesh behind = sheets;
   const auto first = static_cast<std::uint32_t>(sheets.positions.size());
   for (const glm::vec3& p : behind.positions) sheets.positions.push_back(p - glm::vec3(0, 0, 2.0F / 40.0F));
   sheets.colors.insert(sheets.colors.end(), behind.positions.size(), {255, 0, 0, 255});
@@ -507,7 +509,7 @@ int viewsOr(int own) {
   return asked != nullptr ? std::max(1, std::atoi(asked)) : own;
 }
 
-base::Camera viewFromNear(const mesh::Mesh& mesh, const base::Sphere& bounds, support::RandomViews& random) {
+base::Camera viewFromNear(const support::Mesh& mesh, const base::Sphere& bounds, support::RandomViews& random) {
   const auto t = 3 * static_cast<std::size_t>(random.number(0.0, static_cast<double>(mesh.triangleCount()) - 0.5));
   const glm::dvec3 a(mesh.positions[mesh.indices[t]]), b(mesh.positions[mesh.indices[t + 1]]),
       c(mesh.positions[mesh.indices[t + 2]]);
@@ -524,11 +526,11 @@ base::Camera viewFromNear(const mesh::Mesh& mesh, const base::Sphere& bounds, su
 
 constexpr std::array kClosedKernels{SplatKernel::kSquare, SplatKernel::kCircle, SplatKernel::kFuzzy};
 
-void SplatsTest::expectNoHoles(const mesh::Mesh& mesh, unsigned seed, int views_count, bool from_near) {
+void SplatsTest::expectNoHoles(const support::Mesh& mesh, unsigned seed, int views_count, bool from_near) {
   expectNoHolesIn(support::splatFile(mesh), mesh, seed, views_count, from_near);
 }
 
-void SplatsTest::expectNoHolesIn(const base::Bytes& file, const mesh::Mesh& mesh, unsigned seed, int views_count,
+void SplatsTest::expectNoHolesIn(const base::Bytes& file, const support::Mesh& mesh, unsigned seed, int views_count,
                                  bool from_near) {
   const qsplat::Header header = *qsplat::readHeader(file);
   qsplat::MappedBlocks blocks(file, header);
@@ -555,13 +557,13 @@ void SplatsTest::expectNoHolesIn(const base::Bytes& file, const mesh::Mesh& mesh
 }
 
 // The builder's own file, over triangles that lie on its lattice as they are.
-void SplatsTest::expectNoHolesWhenDiced(const mesh::Mesh& mesh, double dice, std::uint64_t least_added, unsigned seed,
-                                        bool from_near) {
-  const mesh::Mesh on_lattice = support::splatsOf(mesh).sorted;
+void SplatsTest::expectNoHolesWhenDiced(const support::Mesh& mesh, double dice, std::uint64_t least_added,
+                                        unsigned seed, bool from_near) {
+  const support::Mesh on_lattice = support::splatsOf(mesh).sorted;
   const support::TemporaryDirectory directory;
   qsplat::builder::BuildOptions options;
   options.dice = dice;
-  const auto built = qsplat::builder::buildFromMesh(on_lattice, options, directory / "out.lgq");
+  const auto built = support::buildSplats(on_lattice, options, directory / "out.lgq");
   ASSERT_TRUE(built) << built.error().message;
   EXPECT_GE(built->added_leaves, least_added);
   const auto file = base::readFile(directory / "out.lgq");
@@ -577,8 +579,8 @@ TEST_F(SplatsTest, aRingHasNoHolesAtAnyViewAndCutOff) {
   expectNoHoles(support::torus(120, 50), 2, viewsOr(60), true);
 }
 
-mesh::Mesh cubeOfTwelveTriangles() {
-  mesh::Mesh cube;
+support::Mesh cubeOfTwelveTriangles() {
+  support::Mesh cube;
   for (int i = 0; i < 8; ++i) cube.positions.push_back({i & 1 ? 1 : -1, i & 2 ? 1 : -1, i & 4 ? 1 : -1});
   for (const auto& [a, b, c, d] : {std::array<std::uint32_t, 4>{0, 2, 3, 1},
                                    {4, 5, 7, 6},
@@ -602,7 +604,7 @@ TEST_F(SplatsTest, aDicedCubeHasNoHoles) {
 
 TEST_F(SplatsTest, dicedNeedlesHaveNoHoles) {
   // A ring drawn out: needles along it on two sides, and one half of it much coarser than the other.
-  mesh::Mesh ring = support::torus(120, 50);
+  support::Mesh ring = support::torus(120, 50);
   for (glm::vec3& p : ring.positions) p.x *= p.x > 0.0F ? 12.0F : 1.0F;
   expectNoHolesWhenDiced(ring, 2.0, 3000, 9, true);
 }
@@ -611,12 +613,12 @@ TEST_F(SplatsTest, aDicedStatueHasNoHoles) {
   mesh::generate::SampleOptions options;
   options.triangles = 30000;
   options.shape = mesh::generate::SampleShape::kStatue;
-  expectNoHolesWhenDiced(mesh::generate::makeSample(options), 1.0, 3000, 10, false);
+  expectNoHolesWhenDiced(support::makeSample(options), 1.0, 3000, 10, false);
 }
 
 // Codes round spheres up, which hides small faults. These just reach the middles of a flat sheet's squares.
 TEST_F(SplatsTest, spheresThatJustTouchLeaveNoHoles) {
-  for (const mesh::Mesh& mesh : {support::openGrid(6, 0.0F), support::openGrid(15, 0.0F)}) {
+  for (const support::Mesh& mesh : {support::openGrid(6, 0.0F), support::openGrid(15, 0.0F)}) {
     std::vector<qsplat::Splat> splats;
     base::Aabb box;
     for (const support::splat_tree::Leaf& leaf : support::splat_tree::leavesOf(mesh)) {
@@ -643,21 +645,21 @@ TEST_F(SplatsTest, aStatueHasNoHolesAtAnyViewAndCutOff) {
   mesh::generate::SampleOptions options;
   options.triangles = 30000;
   options.shape = mesh::generate::SampleShape::kStatue;
-  expectNoHoles(mesh::generate::makeSample(options), 4, viewsOr(60), false);
+  expectNoHoles(support::makeSample(options), 4, viewsOr(60), false);
 }
 
 TEST_F(SplatsTest, realClosedScansHaveNoHoles) {
   const char* folder = std::getenv("LUMIGRID_MESHES");
   if (folder == nullptr) GTEST_SKIP() << "LUMIGRID_MESHES names no folder of scans";
   for (const char* name : {"skull.obj", "lucy_100k.ply"}) {
-    auto imported = mesh::importMeshes({std::string(folder) + "/" + name}, {});
-    ASSERT_TRUE(imported) << imported.error().message;
-    expectNoHoles(imported->mesh, 5, viewsOr(40), false);
+    const auto scan = support::readMesh(std::string(folder) + "/" + name);
+    ASSERT_TRUE(scan) << scan.error().message;
+    expectNoHoles(scan->mesh, 5, viewsOr(40), false);
   }
 }
 
 TEST_F(SplatsTest, whatIsMissingIsFilledByItsParents) {
-  const mesh::Mesh mesh = support::bumpySphere(60, 120, 0.1F);
+  const support::Mesh mesh = support::bumpySphere(60, 120, 0.1F);
   const base::Bytes file = support::splatFile(mesh);
   const qsplat::Header header = *qsplat::readHeader(file);
   setMesh(mesh);
@@ -680,7 +682,7 @@ TEST_F(SplatsTest, whatIsMissingIsFilledByItsParents) {
 
 // The paper promises less of these: "in practice, we do occasionally see holes".
 TEST_F(SplatsTest, ellipsesLeaveFewHolesAndFitTheSilhouetteBest) {
-  const mesh::Mesh mesh = support::bumpySphere(120, 240, 0.05F);
+  const support::Mesh mesh = support::bumpySphere(120, 240, 0.05F);
   const base::Bytes file = support::splatFile(mesh);
   qsplat::MappedBlocks blocks(file, *qsplat::readHeader(file));
   setMesh(mesh);

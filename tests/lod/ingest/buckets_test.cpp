@@ -9,12 +9,13 @@
 
 #include "base/file.h"
 #include "lod/ingest/source_import.h"
+#include "tests/support/ply_file.h"
 #include "tests/support/temporary_directory.h"
 
 namespace {
 
 using namespace lod::ingest;
-using namespace mesh;
+using support::Mesh;
 
 // A bent sheet of side² quads, a third of its triangles turned over, without pattern.
 Mesh turnedSheet(std::uint32_t side) {
@@ -41,7 +42,8 @@ struct Sorted {
 
   Sorted(const Mesh& mesh, std::uint64_t memory, unsigned threads) {
     auto directory = WorkDirectory::open(scratch.path(), {});
-    const auto input = sourceFromMesh(mesh);
+    writePly(scratch / "mesh.ply", mesh);
+    const auto input = sourceFromFiles({scratch / "mesh.ply"}, {}, 2);
     const auto source = importSource(*directory, *input, 2);
     lattice = makeLattice(source->info, source->origin, 0);
     buckets = sortSource(*directory, *source, lattice, {memory, threads, {}});

@@ -3,15 +3,12 @@
 
 #include <random>
 
-#include "lod/patch/builder/hierarchy_build.h"
-#include "mesh/generate/sample.h"
-#include "tests/lod/patch/builder/built_cut.h"
+#include "tests/support/built_hierarchy.h"
 
 namespace {
 
-using namespace lod::ingest;
-using namespace lod::patch::builder;
-using namespace mesh;
+using support::BuiltHierarchy;
+using support::Mesh;
 
 // A sphere of (2 n)^2 quads.
 Mesh sphere(int n) {
@@ -57,7 +54,7 @@ TEST(Winding, TurnedTrianglesFollowTheMajorityAcrossBuckets) {
   std::uint64_t turned = 0;
   for (std::size_t i = 0; i < mesh.indices.size(); i += 3)
     if (random() % 10 == 0) std::swap(mesh.indices[i], mesh.indices[i + 1]), ++turned;
-  const auto built = buildHierarchyInMemory(mesh, {});
+  const auto built = support::builtHierarchy(mesh, {});
   ASSERT_TRUE(built) << built.error().message;
   EXPECT_EQ(facingInward(*built), 0U);
   const auto& counts = built->summary.repairs.counts;
@@ -69,7 +66,7 @@ TEST(Winding, TurnedTrianglesFollowTheMajorityAcrossBuckets) {
 TEST(Winding, AHalfWoundTheOtherWayIsTurnedAsAWhole) {
   Mesh mesh = sphere(400);
   for (std::size_t i = 0; i < mesh.indices.size() / 5 / 3 * 3; i += 3) std::swap(mesh.indices[i], mesh.indices[i + 1]);
-  const auto built = buildHierarchyInMemory(mesh, {});
+  const auto built = support::builtHierarchy(mesh, {});
   ASSERT_TRUE(built) << built.error().message;
   EXPECT_EQ(facingInward(*built), 0U);
 }
@@ -94,7 +91,7 @@ TEST(Winding, AFewEdgesThatCoincideByChanceTurnNothing) {
   // The second lies behind the first's right border and runs along it in the same direction.
   for (std::size_t v = half; v < mesh.positions.size(); ++v)
     mesh.positions[v].z -= mesh.positions[v].x < 60.0F ? 5.0F : 0.0F;
-  const auto built = buildHierarchyInMemory(mesh, {});
+  const auto built = support::builtHierarchy(mesh, {});
   ASSERT_TRUE(built) << built.error().message;
   EXPECT_FALSE(built->summary.repairs.counts.contains("flipped_triangles"));
 }
@@ -102,7 +99,7 @@ TEST(Winding, AFewEdgesThatCoincideByChanceTurnNothing) {
 TEST(Winding, WhatIsWoundAlikeStaysAsItIs) {
   Mesh mesh = sphere(60);
   for (std::size_t i = 0; i < mesh.indices.size(); i += 3) std::swap(mesh.indices[i], mesh.indices[i + 1]);
-  const auto built = buildHierarchyInMemory(mesh, {});
+  const auto built = support::builtHierarchy(mesh, {});
   ASSERT_TRUE(built) << built.error().message;
   EXPECT_FALSE(built->summary.repairs.counts.contains("flipped_triangles"));
   EXPECT_GT(facingInward(*built), mesh.indices.size() / 3 - 1000);
@@ -123,7 +120,7 @@ TEST(Winding, AMoebiusStripIsCountedAndLeftAlone) {
     const std::uint32_t c = last ? 1 : a + 2, d = last ? 0 : b + 2;
     mesh.indices.insert(mesh.indices.end(), {a, b, c, b, d, c});
   }
-  const auto built = buildHierarchyInMemory(mesh, {});
+  const auto built = support::builtHierarchy(mesh, {});
   ASSERT_TRUE(built) << built.error().message;
   EXPECT_EQ(built->summary.repairs.counts.at("non_orientable_parts"), 1U);
   EXPECT_EQ(built->summary.triangles, 2U * kSteps);

@@ -9,7 +9,6 @@
 #include <string>
 #include <utility>
 
-#include "lod/patch/builder/hierarchy_build.h"
 #include "lod/patch/format.h"
 #include "lod/patch/ray_cast.h"
 #include "tests/lod/patch/builder/built_cut.h"
@@ -20,9 +19,9 @@ namespace lod::patch {
 /// A hierarchy file made by the builder from a small mesh; removed in the end.
 class BuiltScene {
  public:
-  BuiltScene(const mesh::Mesh& mesh, const std::string& name) {
+  BuiltScene(const support::Mesh& mesh, const std::string& name) {
     path_ = std::filesystem::temp_directory_path() / ("lumigrid_ray_" + name + std::to_string(::getpid()) + ".lgp");
-    const auto built = patch::builder::buildHierarchy(mesh, support::smallPatches(), path_.string());
+    const auto built = support::buildHierarchy(mesh, support::smallPatches(), path_.string());
     EXPECT_TRUE(built) << built.error().message;
     auto file = PatchFile::open(path_.string());
     EXPECT_TRUE(file) << file.error().message;

@@ -103,14 +103,14 @@ void expectTriangleNamed(const PatchFile& file, const RayHit& hit, double slack)
   EXPECT_LT(glm::length(point - hit.point), slack);
 }
 
-mesh::Mesh movedFar(mesh::Mesh mesh) {
+support::Mesh movedFar(support::Mesh mesh) {
   for (glm::vec3& p : mesh.positions) p += glm::vec3(700.0F, -900.0F, 300.0F);
   return mesh;
 }
 
 struct NamedMesh {
   std::string name;
-  mesh::Mesh mesh;
+  support::Mesh mesh;
 };
 
 std::vector<NamedMesh> meshes() {

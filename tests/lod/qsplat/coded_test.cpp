@@ -23,7 +23,7 @@ std::vector<base::Bytes> plainFiles() {
   for (const bool colors : {false, true})
     for (const bool wide : {false, true}) {
       files.push_back(support::randomSplats(3, colors, wide, directory / "tree.lgq", 7));
-      mesh::Mesh mesh = support::bumpySphere(40, 80, 0.1F);
+      support::Mesh mesh = support::bumpySphere(40, 80, 0.1F);
       if (colors) mesh.colors.assign(mesh.positions.size(), {200, 100, 50, 255});
       files.push_back(support::splatFile(mesh, wide));
     }

@@ -17,11 +17,11 @@ namespace lod::qsplat {
 namespace {
 
 struct Model {
-  mesh::Mesh mesh;
+  support::Mesh mesh;
   base::Bytes file;
   Header header;
 
-  explicit Model(mesh::Mesh source, bool wide_pointers = false)
+  explicit Model(support::Mesh source, bool wide_pointers = false)
       : mesh(std::move(source)), file(support::splatFile(mesh, wide_pointers)), header(*readHeader(file)) {}
 };
 
@@ -40,7 +40,7 @@ struct Sample {
   glm::vec3 normal;
 };
 
-std::vector<Sample> samplesOf(const mesh::Mesh& mesh, std::size_t count) {
+std::vector<Sample> samplesOf(const support::Mesh& mesh, std::size_t count) {
   std::mt19937 random(11);
   std::uniform_real_distribution<float> unit(0.0F, 1.0F);
   std::vector<Sample> samples;

@@ -1,4 +1,4 @@
-// Generated meshes: the asked size, the same bytes every time, closed where they say so.
+// Generated meshes have the size asked for and the same bytes every time, and are closed where they say so.
 #include "mesh/generate/sample.h"
 
 #include <algorithm>
@@ -6,15 +6,16 @@
 
 #include "base/crc32c.h"
 #include "base/file.h"
+#include "lod/qsplat/builder/build.h"
 #include "tests/mesh/mesh_files.h"
 
 namespace {
 
 using namespace mesh_files;
-using mesh::generate::makeSample;
 using mesh::generate::SampleOptions;
 using mesh::generate::SampleShape;
 using mesh::generate::writeSamplePly;
+using support::makeSample;
 
 SampleOptions options(SampleShape shape, std::uint64_t triangles, std::uint64_t seed = 1) {
   SampleOptions o;
@@ -31,33 +32,35 @@ std::string written(const SampleOptions& o) {
   return path;
 }
 
-TEST(Sample, HasTheTrianglesAskedForWithinTwoPercent) {
+TEST(Sample, hasTheTrianglesAskedForWithinTwoPercent) {
   for (const auto shape : {SampleShape::kStatue, SampleShape::kRelief})
     for (const std::uint64_t wanted : {10'000U, 10'078U, 12'345U, 33'333U, 100'000U}) {
-      const double made = static_cast<double>(makeSample(options(shape, wanted)).triangleCount());
-      EXPECT_NEAR(made / static_cast<double>(wanted), 1.0, 0.02) << wanted;
+      const double triangles = static_cast<double>(makeSample(options(shape, wanted)).triangleCount());
+      EXPECT_NEAR(triangles / static_cast<double>(wanted), 1.0, 0.02) << wanted;
     }
 }
 
-TEST(Sample, StatueIsClosedManifoldAndFacesOutward) {
+TEST(Sample, statueIsClosedManifoldAndFacesOutward) {
   const Mesh mesh = makeSample(options(SampleShape::kStatue, 60'000));
   EXPECT_TRUE(isClosed(mesh));
   EXPECT_EQ(mesh.positions.size(), mesh.triangleCount() / 2 + 2);  // Euler: genus 0
   EXPECT_GT(signedVolume(mesh), 0.1);
 }
 
-TEST(Sample, ImportFindsNothingToRepair) {
+TEST(Sample, buildersFindNothingToRepair) {
   for (const auto shape : {SampleShape::kStatue, SampleShape::kRelief}) {
     const std::string path = written(options(shape, 200'000, 7));
-    auto result = mesh::importMeshes({path}, {});
-    ASSERT_TRUE(result) << result.error().message;
-    EXPECT_TRUE(result->repairs.counts.empty()) << result->repairs.counts.begin()->first;
-    EXPECT_EQ(isClosed(result->mesh), shape == SampleShape::kStatue);
-    std::remove(path.c_str());
+    const auto built = lod::qsplat::builder::buildFromFiles({path}, {}, path + ".lgq");
+    ASSERT_TRUE(built) << built.error().message;
+    EXPECT_TRUE(built->repairs.counts.empty()) << built->repairs.counts.begin()->first;
+    const auto read = support::readMesh(path);
+    ASSERT_TRUE(read) << read.error().message;
+    EXPECT_EQ(isClosed(read->mesh), shape == SampleShape::kStatue);
+    std::remove(path.c_str()), std::remove((path + ".lgq").c_str());
   }
 }
 
-TEST(Sample, PointsAreTheVerticesOfTheMesh) {
+TEST(Sample, pointsAreTheVerticesOfTheMesh) {
   SampleOptions o = options(SampleShape::kStatue, 20'000, 3);
   const std::string mesh = written(o);
   const auto whole = base::readFile(mesh);
@@ -75,19 +78,7 @@ TEST(Sample, PointsAreTheVerticesOfTheMesh) {
   std::remove(mesh.c_str());
 }
 
-TEST(Sample, FileAndMemoryHoldTheSameMesh) {
-  const SampleOptions o = options(SampleShape::kStatue, 20'000, 3);
-  const std::string path = written(o);
-  auto result = mesh::importMeshes({path}, {});
-  ASSERT_TRUE(result) << result.error().message;
-  const Mesh mesh = makeSample(o);
-  EXPECT_EQ(result->mesh.positions, mesh.positions);
-  EXPECT_EQ(result->mesh.indices, mesh.indices);
-  EXPECT_EQ(result->mesh.colors, mesh.colors);
-  std::remove(path.c_str());
-}
-
-TEST(Sample, IsDrawnByItsSeedAlone) {
+TEST(Sample, isDeterminedByItsSeedAlone) {
   for (const auto shape : {SampleShape::kStatue, SampleShape::kRelief}) {
     const Mesh one = makeSample(options(shape, 10'000, 1));
     EXPECT_EQ(one.positions, makeSample(options(shape, 10'000, 1)).positions);
@@ -95,8 +86,8 @@ TEST(Sample, IsDrawnByItsSeedAlone) {
   }
 }
 
-// The bytes of one small sample of each shape: they must be these on every machine and with every compiler.
-TEST(Sample, BytesAreTheSameOnEveryMachine) {
+// One small sample of each shape must have these bytes on every machine and with every compiler.
+TEST(Sample, bytesAreTheSameOnEveryMachine) {
   const std::array<std::pair<SampleShape, std::uint32_t>, 2> golden{
       {{SampleShape::kStatue, 0x5EA3C9B6U}, {SampleShape::kRelief, 0xF56DE04BU}}};
   for (const auto& [shape, crc] : golden) {
@@ -108,7 +99,7 @@ TEST(Sample, BytesAreTheSameOnEveryMachine) {
   }
 }
 
-TEST(Sample, DetailGoesOnWhereTrianglesGetFiner) {
+TEST(Sample, detailGoesOnWhereTrianglesGetFiner) {
   // Roughness of the relief: mean change of direction between neighbours. Were the finer mesh smooth, it would fall
   // with the edge length, to a quarter here.
   const auto roughness = [](std::uint64_t triangles) {
@@ -121,30 +112,29 @@ TEST(Sample, DetailGoesOnWhereTrianglesGetFiner) {
   EXPECT_GT(roughness(640'000), 0.5 * roughness(40'000));
 }
 
-TEST(Sample, ColoursVary) {
+TEST(Sample, colorsVary) {
   const Mesh mesh = makeSample(options(SampleShape::kStatue, 20'000));
   std::set<std::array<int, 3>> seen;
   for (const auto& c : mesh.colors) seen.insert({c.r / 16, c.g / 16, c.b / 16});
   EXPECT_GT(seen.size(), 60U);
 }
 
-TEST(Sample, SurveyOriginIsWrittenAsDouble) {
+TEST(Sample, surveyOriginIsWrittenAsDouble) {
   SampleOptions o = options(SampleShape::kStatue, 10'000);
   o.origin = {431234.0, 5412345.0, 210.0};
   const std::string path = written(o);
-  auto result = mesh::importMeshes({path}, {});
-  ASSERT_TRUE(result) << result.error().message;
-  const Mesh mesh = makeSample(o);
-  EXPECT_EQ(mesh.origin, o.origin);
-  ASSERT_EQ(result->mesh.positions.size(), mesh.positions.size());
+  const auto moved = support::readMesh(path);
+  ASSERT_TRUE(moved) << moved.error().message;
+  const Mesh mesh = makeSample(options(SampleShape::kStatue, 10'000));
+  ASSERT_EQ(moved->mesh.positions.size(), mesh.positions.size());
   for (std::size_t v = 0; v < mesh.positions.size(); ++v)
-    ASSERT_LT(glm::distance(result->mesh.origin + glm::dvec3(result->mesh.positions[v]),
-                            mesh.origin + glm::dvec3(mesh.positions[v])),
+    ASSERT_LT(glm::distance(moved->mesh.origin + glm::dvec3(moved->mesh.positions[v]),
+                            o.origin + glm::dvec3(mesh.positions[v])),
               1e-5);
   std::remove(path.c_str());
 }
 
-TEST(Sample, WrongSizesAndStopsLeaveNoFile) {
+TEST(Sample, wrongSizesAndStopsLeaveNoFile) {
   const std::string path = mesh_files::directory() / "never.ply";
   EXPECT_FALSE(writeSamplePly(options(SampleShape::kStatue, 9'999), path));
   EXPECT_FALSE(writeSamplePly(options(SampleShape::kStatue, 1'000'000'001), path));

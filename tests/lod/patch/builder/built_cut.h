@@ -5,8 +5,8 @@
 #include <utility>
 #include <vector>
 
-#include "lod/patch/builder/hierarchy_build.h"
 #include "lod/patch/traverse.h"
+#include "tests/support/built_hierarchy.h"
 #include "tests/support/surface_distance.h"
 
 namespace support {
@@ -54,7 +54,7 @@ inline std::vector<LatticeEdge> unopposed(std::vector<LatticeEdge> edges) {
   return out;
 }
 
-inline std::vector<LatticeEdge> openEdgesOf(const lod::patch::builder::BuiltHierarchy& built,
+inline std::vector<LatticeEdge> openEdgesOf(const BuiltHierarchy& built,
                                             const std::vector<std::uint32_t>& patches) {
   std::vector<LatticeEdge> edges;
   for (const std::uint32_t p : patches) {
@@ -66,23 +66,25 @@ inline std::vector<LatticeEdge> openEdgesOf(const lod::patch::builder::BuiltHier
 }
 
 /// How many there are.
-inline std::size_t openEdges(const lod::patch::builder::BuiltHierarchy& built,
+inline std::size_t openEdges(const BuiltHierarchy& built,
                              const std::vector<std::uint32_t>& patches) {
   return openEdgesOf(built, patches).size();
 }
 
-inline Surface surfaceOf(const lod::patch::builder::BuiltHierarchy& built, const std::vector<std::uint32_t>& patches) {
+/// In the world, as meshes of tests are.
+inline Surface surfaceOf(const BuiltHierarchy& built, const std::vector<std::uint32_t>& patches) {
+  const glm::vec3 origin(built.summary.origin);
   Surface s;
   for (const std::uint32_t p : patches) {
     const lod::patch::PatchGeometry& g = built.geometry[p];
     const auto base = static_cast<std::uint32_t>(s.positions.size());
-    for (const glm::ivec3& q : g.positions) s.positions.push_back(built.hierarchy.lattice.position(q));
+    for (const glm::ivec3& q : g.positions) s.positions.push_back(origin + built.hierarchy.lattice.position(q));
     for (const std::uint16_t i : g.indices) s.indices.push_back(base + i);
   }
   return s;
 }
 
-inline Surface surfaceOf(const mesh::Mesh& mesh) {
+inline Surface surfaceOf(const Mesh& mesh) {
   return {mesh.positions, mesh.indices};
 }
 

@@ -18,7 +18,8 @@
 namespace {
 
 using namespace lod::patch::builder;
-using namespace mesh;
+using support::BuiltHierarchy;
+using support::Mesh;
 using support::PlyMesh;
 namespace fs = std::filesystem;
 

@@ -14,7 +14,7 @@
 namespace {
 
 using namespace lod::patch::builder;
-using namespace mesh;
+using support::Mesh;
 
 GroupMesh onLattice(const Mesh& mesh, float scale) {
   GroupMesh group;

@@ -10,7 +10,7 @@
 namespace {
 
 using namespace lod::patch::builder;
-using namespace mesh;
+using support::Mesh;
 
 TEST(FacetTree, FindsTheNearestOfAll) {
   std::mt19937 random(5);

@@ -10,18 +10,19 @@
 
 #include "base/file.h"
 #include "lod/patch/format.h"
-#include "mesh/import.h"
 #include "tests/lod/patch/builder/built_cut.h"
+#include "tests/support/mesh_reader.h"
 #include "tests/support/test_meshes.h"
 
 namespace {
 
 using namespace lod::patch::builder;
-using namespace mesh;
+using support::BuiltHierarchy;
+using support::Mesh;
 using lod::patch::Hierarchy;
 
 BuiltHierarchy mustBuild(const Mesh& mesh, HierarchyOptions options = {}) {
-  base::Result<BuiltHierarchy> built = buildHierarchyInMemory(mesh, options);
+  base::Result<BuiltHierarchy> built = support::builtHierarchy(mesh, options);
   EXPECT_TRUE(built) << built.error().message;
   return std::move(*built);
 }
@@ -239,14 +240,14 @@ TEST(HierarchyBuild, BadInputIsAnErrorInOneLine) {
   flat.positions = {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}};
   flat.indices = {0, 1, 2};
   for (const Mesh& mesh : {Mesh{}, bad, nan, flat}) {
-    const auto built = buildHierarchyInMemory(mesh, {});
+    const auto built = support::builtHierarchy(mesh, {});
     ASSERT_FALSE(built);
     EXPECT_EQ(built.error().code, base::ErrorCode::kInvalidInput);
     EXPECT_EQ(built.error().message.find('\n'), std::string::npos);
   }
   HierarchyOptions options;
   options.leaf_triangles = 60000;
-  EXPECT_FALSE(buildHierarchyInMemory(support::torus(10, 10), options));
+  EXPECT_FALSE(support::builtHierarchy(support::torus(10, 10), options));
 }
 
 TEST(HierarchyBuild, VerticesThatMeetOnTheLatticeAreWeldedAndAClosedMeshStaysClosed) {
@@ -276,7 +277,7 @@ TEST_F(WrittenHierarchy, FileDoesNotDependOnTheNumberOfThreads) {
   std::vector<base::Bytes> files;
   for (const unsigned threads : {1U, 4U, 3U}) {
     options.threads = threads;
-    ASSERT_TRUE(buildHierarchy(mesh, options, path("t.lgp")));
+    ASSERT_TRUE(support::buildHierarchy(mesh, options, path("t.lgp")));
     files.push_back(*base::readFile(path("t.lgp")));
   }
   EXPECT_EQ(files[0], files[1]);
@@ -284,7 +285,7 @@ TEST_F(WrittenHierarchy, FileDoesNotDependOnTheNumberOfThreads) {
 }
 
 TEST_F(WrittenHierarchy, FileReadsBackAndVerifies) {
-  const auto summary = buildHierarchy(support::torus(90, 60), support::smallPatches(), path("t.lgp"));
+  const auto summary = support::buildHierarchy(support::torus(90, 60), support::smallPatches(), path("t.lgp"));
   ASSERT_TRUE(summary) << summary.error().message;
   const auto file = lod::patch::PatchFile::open(path("t.lgp"));
   ASSERT_TRUE(file) << file.error().message;
@@ -295,7 +296,7 @@ TEST_F(WrittenHierarchy, FileReadsBackAndVerifies) {
 
 TEST_F(WrittenHierarchy, EachStageIsDoneOnceAndNeverGoesBack) {
   std::vector<std::pair<std::string, double>> seen;
-  ASSERT_TRUE(buildHierarchy(support::torus(90, 60), support::smallPatches(), path("t.lgp"),
+  ASSERT_TRUE(support::buildHierarchy(support::torus(90, 60), support::smallPatches(), path("t.lgp"),
                              [&](const auto& stage, double done) {
                                seen.emplace_back(stage, done);
                                return true;
@@ -312,7 +313,7 @@ TEST_F(WrittenHierarchy, EachStageIsDoneOnceAndNeverGoesBack) {
 TEST_F(WrittenHierarchy, CancelledAtAnyMomentLeavesNothing) {
   for (int stop = 0; stop < 12; ++stop) {
     int calls = 0;
-    const auto result = buildHierarchy(support::torus(60, 40), support::smallPatches(), path("c.lgp"),
+    const auto result = support::buildHierarchy(support::torus(60, 40), support::smallPatches(), path("c.lgp"),
                                        [&](const std::string&, double) { return calls++ < stop; });
     ASSERT_FALSE(result);
     EXPECT_EQ(result.error().code, base::ErrorCode::kCancelled);
@@ -325,13 +326,13 @@ class RealMesh : public testing::TestWithParam<const char*> {};
 TEST_P(RealMesh, LevelsShrinkErrorsHoldAndClosedMeshesStayClosed) {
   const char* folder = std::getenv("LUMIGRID_MESHES");
   if (folder == nullptr) GTEST_SKIP() << "set LUMIGRID_MESHES to the folder of unpacked meshes";
-  const auto imported = importMeshes({std::string(folder) + "/" + GetParam()}, {});
-  ASSERT_TRUE(imported) << imported.error().message;
-  const BuiltHierarchy built = mustBuild(imported->mesh);
+  const auto scan = support::readMesh(std::string(folder) + "/" + GetParam());
+  ASSERT_TRUE(scan) << scan.error().message;
+  const BuiltHierarchy built = mustBuild(scan->mesh);
   expectShrinking(built.summary, {});
   const std::size_t open = support::openEdges(built, support::levelCut(built.hierarchy, 0));
   if (open == 0) expectEveryCutClosed(built);
-  expectErrorsHold(imported->mesh, built, 5000);
+  expectErrorsHold(scan->mesh, built, 5000);
 }
 INSTANTIATE_TEST_SUITE_P(Meshes, RealMesh, testing::Values("skull.obj", "scorpion.obj", "lucy_100k.ply"));
 

@@ -18,12 +18,13 @@
 namespace {
 
 using namespace lod::patch::builder;
-using namespace mesh;
+using support::BuiltHierarchy;
+using support::Mesh;
 using support::LatticeEdge;
 using support::PlyMesh;
 
 BuiltHierarchy mustBuild(const Mesh& mesh, const HierarchyOptions& options = support::smallPatches()) {
-  base::Result<BuiltHierarchy> built = buildHierarchyInMemory(mesh, options);
+  base::Result<BuiltHierarchy> built = support::builtHierarchy(mesh, options);
   EXPECT_TRUE(built) << built.error().message;
   return built ? std::move(*built) : BuiltHierarchy{};
 }

@@ -10,7 +10,7 @@
 namespace {
 
 using namespace lod::patch::builder;
-using namespace mesh;
+using support::Mesh;
 
 struct Sheet {
   std::vector<glm::vec3> positions;

@@ -19,6 +19,7 @@ namespace {
 
 using namespace lod::patch::builder;
 using namespace mesh;
+using support::BuiltHierarchy;
 using support::LatticeEdge;
 
 struct Scan {

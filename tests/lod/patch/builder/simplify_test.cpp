@@ -14,7 +14,7 @@
 namespace {
 
 using namespace lod::patch::builder;
-using namespace mesh;
+using support::Mesh;
 
 // A generated mesh on the lattice, scale steps to the unit.
 GroupMesh groupOf(const Mesh& mesh, float scale) {

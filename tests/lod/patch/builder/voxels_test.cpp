@@ -8,13 +8,14 @@
 #include <random>
 
 #include "lod/patch/builder/patch_split.h"
-#include "mesh/generate/sample.h"
+#include "tests/support/mesh_reader.h"
 
 namespace {
 
 using namespace lod::ingest;
 using namespace lod::patch::builder;
-using namespace mesh;
+using support::makeSample;
+using support::Mesh;
 using namespace mesh::generate;
 
 TEST(Voxels, MortonCodesComeBack) {
@@ -88,7 +89,7 @@ TEST(Voxels, AStackOnOneLatticePointStaysOneVoxel) {
 // What a bucket holds: a range of the Morton curve, which leaves and enters the surface here and there.
 TEST(Voxels, PartsOfABucketSpanNoPiecesFarApart) {
   constexpr std::uint32_t kBits = 12;
-  SampleOptions options;
+  mesh::generate::SampleOptions options;
   options.triangles = 100'000;
   const Mesh statue = makeSample(options);
   base::Aabb whole;

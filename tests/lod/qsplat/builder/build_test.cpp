@@ -13,8 +13,9 @@
 #include "lod/qsplat/builder/file_build.h"
 #include "lod/qsplat/splat_file.h"
 #include "mesh/generate/sample.h"
-#include "tests/lod/patch/builder/built_file.h"
+#include "tests/support/built_splats.h"
 #include "tests/support/coded_splats.h"
+#include "tests/support/mesh_reader.h"
 #include "tests/support/random_splats.h"
 #include "tests/support/temporary_directory.h"
 #include "tests/support/test_meshes.h"
@@ -23,9 +24,10 @@ namespace {
 
 using namespace lod::ingest;
 using namespace lod::qsplat::builder;
-using namespace mesh;
 using namespace mesh::generate;
 using lod::qsplat::SplatFile;
+using support::makeSample;
+using support::Mesh;
 using support::PlyMesh;
 
 class QsplatBuild : public testing::Test {
@@ -34,7 +36,7 @@ class QsplatBuild : public testing::Test {
 
   // A sound file and no work files.
   qsplat::BuildSummary mustBuild(const Mesh& mesh, const qsplat::BuildOptions& options = {}) {
-    auto summary = qsplat::buildFromMesh(mesh, options, path());
+    auto summary = support::buildSplats(mesh, options, path());
     EXPECT_TRUE(summary) << summary.error().message;
     if (!summary) return {};
     expectSound(*summary);
@@ -319,8 +321,8 @@ TEST_F(QsplatBuild, AGiantTriangleAmongSmallOnesIsDicedOrALargeLeaf) {
 
 TEST_F(QsplatBuild, CancellingLeavesNoFile) {
   for (const std::string stage : {"import", "sort", "tree", "encode", "write"}) {
-    const auto summary = qsplat::buildFromMesh(support::torus(40, 20), {}, path(),
-                                               [&](const std::string& now, double) { return now != stage; });
+    const auto summary = support::buildSplats(support::torus(40, 20), {}, path(),
+                                              [&](const std::string& now, double) { return now != stage; });
     ASSERT_FALSE(summary) << stage;
     EXPECT_EQ(summary.error().code, base::ErrorCode::kCancelled) << stage;
     EXPECT_FALSE(std::filesystem::exists(path()));
@@ -330,7 +332,7 @@ TEST_F(QsplatBuild, CancellingLeavesNoFile) {
 TEST_F(QsplatBuild, TooLittleMemoryIsRefused) {
   qsplat::BuildOptions options;
   options.memory_bytes = 1 << 20;
-  const auto summary = qsplat::buildFromMesh(support::torus(40, 20), options, path());
+  const auto summary = support::buildSplats(support::torus(40, 20), options, path());
   ASSERT_FALSE(summary);
   EXPECT_EQ(summary.error().code, base::ErrorCode::kNoSpace);
 }

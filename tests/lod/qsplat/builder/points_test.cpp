@@ -14,7 +14,8 @@
 #include "lod/qsplat/builder/point_leaves.h"
 #include "lod/qsplat/splat_file.h"
 #include "mesh/generate/sample.h"
-#include "tests/lod/patch/builder/built_file.h"
+#include "tests/support/mesh_reader.h"
+#include "tests/support/ply_file.h"
 #include "tests/support/temporary_directory.h"
 #include "tests/support/test_meshes.h"
 
@@ -22,8 +23,9 @@ namespace {
 
 using namespace lod::ingest;
 using namespace lod::qsplat::builder;
-using namespace mesh;
 using namespace mesh::generate;
+using support::makeSample;
+using support::Mesh;
 
 TEST(NearestPointsOf, AreThoseThatALookAtAllFinds) {
   std::mt19937 random(4);
@@ -160,7 +162,7 @@ TEST_F(PointCloud, SignsAgreeAcrossTiles) {
   std::size_t tiles = 0;
   const std::vector<Splat> all = leaves(pointsOf(mesh), &tiles);
   EXPECT_GT(tiles, 1U);
-  const std::vector<glm::vec3> normals = computeVertexNormals(mesh);
+  const std::vector<glm::vec3> normals = support::vertexNormals(mesh);
   std::map<std::tuple<int, int, int>, glm::vec3> by_place;
   const auto cell = [](const glm::vec3& p) {
     const glm::ivec3 q(glm::round(p * 1e4F));

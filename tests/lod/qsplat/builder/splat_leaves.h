@@ -4,6 +4,7 @@
 
 #include "lod/ingest/source_import.h"
 #include "lod/qsplat/builder/mesh_leaves.h"
+#include "tests/support/ply_file.h"
 #include "tests/support/temporary_directory.h"
 
 namespace support {
@@ -12,13 +13,13 @@ struct MeshSplats {
   lod::ingest::SourceLattice lattice;
   std::vector<lod::qsplat::builder::Splat> leaves;
   lod::qsplat::builder::LeafFacets facets;  ///< around them
-  mesh::Mesh sorted;  ///< the triangles that the leaves are made of: repaired, turned to one side, on the lattice
+  Mesh sorted;  ///< the triangles that the leaves are made of: repaired, turned to one side, on the lattice
   std::size_t buckets = 0;
 };
 
 /// Adds a bucket's corners, three a triangle.
 inline void addCorners(std::span<const lod::ingest::Corner> corners, const lod::ingest::SourceLattice& lattice,
-                       mesh::Mesh& mesh) {
+                       Mesh& mesh) {
   for (const lod::ingest::Corner& corner : corners) {
     mesh.indices.push_back(static_cast<std::uint32_t>(mesh.positions.size()));
     mesh.positions.push_back(lattice.lattice.position(lod::ingest::mortonPoint(corner.code)));
@@ -35,14 +36,14 @@ inline void addFacets(const lod::qsplat::builder::LeafFacets& more, std::size_t 
 }
 
 /// `dice`: as in BuildOptions.
-inline MeshSplats splatsOf(const mesh::Mesh& mesh, double dice = 0.0) {
+inline MeshSplats splatsOf(const Mesh& mesh, double dice = 0.0) {
   using namespace lod::ingest;
   using namespace lod::qsplat::builder;
-  using namespace mesh;
   const TemporaryDirectory scratch;
   MeshSplats out;
   auto directory = WorkDirectory::open(scratch.path(), {});
-  const auto input = sourceFromMesh(mesh);
+  writePly(scratch / "mesh.ply", mesh);
+  const auto input = sourceFromFiles({scratch / "mesh.ply"}, {}, 2);
   const auto source = importSource(*directory, *input, 2);
   EXPECT_TRUE(source);
   out.lattice = makeLattice(source->info, source->origin, 0);
