@@ -4,8 +4,13 @@
 #include <cstdarg>
 #include <cstdio>
 
+#include "base/text.h"
+
 namespace client {
 namespace {
+
+using base::formatBytes;
+using base::formatCount;
 
 __attribute__((format(printf, 1, 2))) std::string format(const char* pattern, ...) {
   std::array<char, 256> buffer{};
@@ -14,17 +19,6 @@ __attribute__((format(printf, 1, 2))) std::string format(const char* pattern, ..
   std::vsnprintf(buffer.data(), buffer.size(), pattern, values);
   va_end(values);
   return buffer.data();
-}
-
-/// "1 234 567": three digits at a time.
-std::string grouped(std::uint64_t value) {
-  const std::string digits = std::to_string(value);
-  std::string text;
-  for (std::size_t i = 0; i < digits.size(); ++i) {
-    if (i > 0 && (digits.size() - i) % 3 == 0) text += ' ';
-    text += digits[i];
-  }
-  return text;
 }
 
 std::string pictureText(const Statistics& s) {
@@ -44,12 +38,6 @@ std::string_view accuracyName(Accuracy accuracy) {
   return kNames[static_cast<std::size_t>(accuracy)];
 }
 
-std::string formatBytes(std::uint64_t bytes) {
-  const auto value = static_cast<double>(bytes);
-  if (bytes < 1'000'000) return format("%.0f kB", 1e-3 * value);
-  return bytes < 10'000'000'000 ? format("%.1f MB", 1e-6 * value) : format("%.1f GB", 1e-9 * value);
-}
-
 namespace {
 
 /// Of a viewer that shows splats.
@@ -57,11 +45,12 @@ std::vector<StatisticsLine> splatLines(const Statistics& s) {
   std::vector<StatisticsLine> lines{
       {"picture", pictureText(s)},
       {"frames", framesText(s)},
-      {"splats", grouped(s.splats) + format(", down to %.1f px", s.error_px) +
+      {"splats", formatCount(s.splats, ' ') + format(", down to %.1f px", s.error_px) +
                      (s.reduction > 1.0 ? format(", one sample for %.1f px", s.reduction) : std::string()) +
                      (s.lens_px > 0.0 ? format(", %.1f in the glass", s.lens_px) : std::string())},
-      {"blocks", grouped(s.blocks_present) + " of " + grouped(s.blocks) + " here, " + grouped(s.blocks_requested) +
-                     " requested, " + grouped(s.blocks_wanted) + " wanted"},
+      {"blocks", formatCount(s.blocks_present, ' ') + " of " + formatCount(s.blocks, ' ') + " here, " +
+                     formatCount(s.blocks_requested, ' ') + " requested, " + formatCount(s.blocks_wanted, ' ') +
+                     " wanted"},
       {"memory", formatBytes(s.memory_bytes) + " of " + formatBytes(s.memory_budget) +
                      (s.limited ? ": finer splats need more" : "")},
       {"received", formatBytes(s.received_bytes)},
@@ -80,7 +69,7 @@ std::vector<StatisticsLine> statisticsLines(const Statistics& s) {
       {"images",
        format("%u in use, %u resident, %u requested", s.images_in_use, s.images_resident, s.images_requested)},
       {"found here", format("%.0f %% of images", 1e2 * s.hit_rate)},
-      {"patches", format("%u, ", s.patches) + grouped(s.triangles) + " triangles"},
+      {"patches", format("%u, ", s.patches) + formatCount(s.triangles, ' ') + " triangles"},
       {"screen error", format("%.2f px", s.error_px)},
       {"memory", formatBytes(s.memory_bytes) + " of " + formatBytes(s.memory_budget)},
       {"graphics", formatBytes(s.gpu_bytes) + " of these"},

@@ -45,7 +45,4 @@ struct StatisticsLine {
 };
 std::vector<StatisticsLine> statisticsLines(const Statistics& statistics);
 
-/// "12.3 MB", decimal.
-std::string formatBytes(std::uint64_t bytes);
-
 }  // namespace client

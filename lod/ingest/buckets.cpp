@@ -149,7 +149,7 @@ class BucketSorter {
 
     // As many vertices at a time as memory holds.
     const std::uint64_t vertex_bytes = out_.cornerBytes();
-    const std::uint64_t window = std::max<std::uint64_t>(options_.memory_bytes / vertex_bytes, 1U << 16);
+    const std::uint64_t window = std::max<std::uint64_t>(options_.limits.memory_bytes / vertex_bytes, 1U << 16);
     const std::uint64_t windows = (info_.vertices + window - 1) / window;
     const std::uint64_t samples = std::min(kMaxSamples, kBucketSamples * bucketsWanted());
     stride_ = std::max<std::uint64_t>(1, info_.vertices / samples);
@@ -176,7 +176,7 @@ class BucketSorter {
     border_.erase(std::unique(border_.begin(), border_.end()), border_.end());
     out_.border_.codes = std::move(border_);
     out_.border_.makeFilter();
-    LUMIGRID_TRY(out_.windAlike(options_.threads, options_.memory_bytes));
+    LUMIGRID_TRY(out_.windAlike(options_.limits));
     std::uint64_t with_area = 0;
     for (const Buckets::Area& area : out_.areas_) {
       with_area += area.triangles;
@@ -211,17 +211,18 @@ class BucketSorter {
       if (out_.has_normals_) normals_ = std::make_unique_for_overwrite<std::uint32_t[]>(size);
     }
     if (sampling) samples_.resize(static_cast<std::size_t>((info_.vertices + stride_ - 1) / stride_));
-    return base::tryParallelFor(source_.vertexBlocks(), options_.threads, [&](std::size_t b) -> base::Result<void> {
-      const std::uint64_t begin = source_.firstVertex(b), end = begin + source_.vertexCount(b);
-      if (!sampling && (end <= first || begin >= last)) return {};
-      SpooledVertices block;
-      LUMIGRID_TRY(source_.readVertices(b, block));
-      for (std::uint64_t v = std::max(begin, first); v < std::min(end, last); ++v) keep(block, v);
-      if (sampling)
-        for (std::uint64_t v = (begin + stride_ - 1) / stride_ * stride_; v < end; v += stride_)
-          samples_[static_cast<std::size_t>(v / stride_)] = codeOf(block, v);
-      return {};
-    });
+    return base::tryParallelFor(
+        source_.vertexBlocks(), options_.limits.threads, [&](std::size_t b) -> base::Result<void> {
+          const std::uint64_t begin = source_.firstVertex(b), end = begin + source_.vertexCount(b);
+          if (!sampling && (end <= first || begin >= last)) return {};
+          SpooledVertices block;
+          LUMIGRID_TRY(source_.readVertices(b, block));
+          for (std::uint64_t v = std::max(begin, first); v < std::min(end, last); ++v) keep(block, v);
+          if (sampling)
+            for (std::uint64_t v = (begin + stride_ - 1) / stride_ * stride_; v < end; v += stride_)
+              samples_[static_cast<std::size_t>(v / stride_)] = codeOf(block, v);
+          return {};
+        });
   }
 
   std::uint64_t codeOf(const SpooledVertices& block, std::uint64_t vertex) const {
@@ -290,7 +291,8 @@ class BucketSorter {
   base::Result<void> gather(bool first, bool last, double done) {
     const GatherPass pass{first, last};
     // A block is some ten megabytes here: no more of them than keep the threads busy.
-    std::vector<Gathered> slots(options_.threads > 1 ? std::min<std::size_t>(kMaxBlocks, options_.threads + 2) : 1);
+    std::vector<Gathered> slots(
+        options_.limits.threads > 1 ? std::min<std::size_t>(kMaxBlocks, options_.limits.threads + 2) : 1);
     const auto make = [&](std::size_t block, std::size_t slot) { return gatherBlock(block, slots[slot], pass); };
     const auto take = [&](std::size_t, std::size_t slot) -> base::Result<void> {
       Gathered& gathered = slots[slot];
@@ -299,7 +301,7 @@ class BucketSorter {
       const double share = static_cast<double>(stored) / static_cast<double>(info_.triangles);
       return goOn(done * share) ? base::Result<void>() : cancelled();
     };
-    LUMIGRID_TRY(base::parallelInOrder(source_.triangleBlocks(), options_.threads, slots.size(), make, take));
+    LUMIGRID_TRY(base::parallelInOrder(source_.triangleBlocks(), options_.limits.threads, slots.size(), make, take));
     return first && !last ? corners_.flush() : base::Result<void>();
   }
 
@@ -689,12 +691,12 @@ BucketWinding Buckets::measure(const NumberedCorners& mesh, std::span<const std:
   return measured;
 }
 
-base::Result<void> Buckets::windAlike(unsigned threads, std::uint64_t memory_bytes) {
+base::Result<void> Buckets::windAlike(base::ResourceLimits limits) {
   FirstLook look;
   look.measured.resize(count());
-  look.most_parts = memory_bytes / 4 / sizeof(std::uint32_t);
-  const std::uint64_t at_once = std::max<std::uint64_t>(1, memory_bytes / 4 * 3 / kWindingBytes);
-  threads = static_cast<unsigned>(std::min<std::uint64_t>(std::max(1U, threads), at_once));
+  look.most_parts = limits.memory_bytes / 4 / sizeof(std::uint32_t);
+  const std::uint64_t at_once = std::max<std::uint64_t>(1, limits.memory_bytes / 4 * 3 / kWindingBytes);
+  const auto threads = static_cast<unsigned>(std::min<std::uint64_t>(std::max(1U, limits.threads), at_once));
   border_.sums.assign(border_.codes.size(), {});
   border_extents_.resize(count());
   areas_.resize(count());

@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "base/resource_limits.h"
 #include "lod/ingest/morton.h"
 #include "lod/ingest/source_spool.h"
 #include "lod/ingest/winding.h"
@@ -86,8 +87,7 @@ struct BucketCounts {
 };
 
 struct BucketOptions {
-  std::uint64_t memory_bytes = 0;  ///< for the window of vertices
-  unsigned threads = 0;
+  base::ResourceLimits limits;           ///< resolved; memory for the window of vertices
   std::function<bool(double)> progress;  ///< false cancels
 };
 
@@ -160,7 +160,7 @@ class Buckets {
   using Flips = std::vector<bool>;
   Flips flipsOf(std::size_t bucket, std::span<const std::uint32_t> part) const;
   base::Result<Flips> measureFlips(std::size_t bucket) const;
-  base::Result<void> windAlike(unsigned threads, std::uint64_t memory_bytes);
+  base::Result<void> windAlike(base::ResourceLimits limits);
   struct FirstLook;
   base::Result<void> lookAt(std::size_t bucket, FirstLook& look);
   BucketWinding measure(const NumberedCorners& mesh, std::span<const std::uint32_t> places, FirstLook& look) const;

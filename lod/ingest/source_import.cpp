@@ -4,6 +4,7 @@
 #include <cmath>
 #include <filesystem>
 
+#include "base/memory.h"
 #include "mesh/sink_thread.h"
 #include "mesh/stream_mesh.h"
 
@@ -156,7 +157,7 @@ base::Result<Buckets> sortSource(WorkDirectory& directory, const ImportedSource&
   LUMIGRID_ASSIGN_OR_RETURN(auto buckets, Buckets::sort(spool, info, lattice, directory.path(), options));
   const auto sorted = std::make_shared<SourceSpool>(std::move(spool));
   LUMIGRID_TRY(directory.finishStage(2, buckets.state(), {"buckets"}, [sorted] { sorted->remove(); }));
-  releaseFreedMemory(2 * options.memory_bytes);
+  base::releaseFreedMemory(2 * options.limits.memory_bytes);
   return buckets;
 }
 

@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "lod/ingest/buckets.h"
+#include "lod/ingest/repair_counts.h"
 #include "lod/ingest/source_spool.h"
 #include "lod/ingest/work_directory.h"
-#include "lod/ingest/repair_counts.h"
 
 namespace lod::ingest {
 
@@ -19,8 +19,8 @@ using Progress = std::function<bool(const std::string& stage, double done)>;
 struct SourceInput {
   /// Fills the spool, and adds to `notes` what concerns the files (warnings, short_faces).
   std::function<base::Result<void>(SourceSpool& spool, SourceInfo& notes)> read;
-  std::uint64_t bytes = 0;             ///< that the spool takes, about
-  bool points = false;                 ///< vertices without any triangle are a source too
+  std::uint64_t bytes = 0;  ///< that the spool takes, about
+  bool points = false;      ///< vertices without any triangle are a source too
 };
 /// With one thread, reading a file and spooling what was read take turns. `points`: files without faces are welcome.
 /// Error: no file is named.

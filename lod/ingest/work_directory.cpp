@@ -1,25 +1,18 @@
 #include "lod/ingest/work_directory.h"
 
-#include <malloc.h>
-#include <sys/mman.h>
 #include <sys/resource.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <atomic>
-#include <cerrno>
 #include <condition_variable>
-#include <cstdio>
-#include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <mutex>
 #include <utility>
 
 #include "base/crc32c.h"
 #include "base/file.h"
 #include "base/file_lock.h"
+#include "base/text.h"
 
 namespace lod::ingest {
 namespace {
@@ -53,33 +46,15 @@ base::Result<void> needFree(const std::string& directory, std::uint64_t bytes, c
   std::error_code error;
   const fs::space_info space = fs::space(directory, error);
   if (error || space.available >= bytes) return {};
-  return Error{ErrorCode::kNoSpace, directory + ": no space left on device for " + what + ": about " + sizeText(bytes) +
-                                        " are needed, " + sizeText(space.available) + " are free; " + advice};
+  return Error{ErrorCode::kNoSpace, directory + ": no space left on device for " + what + ": about " +
+                                        base::formatBytes(bytes) + " are needed, " +
+                                        base::formatBytes(space.available) + " are free; " + advice};
 }
 
 base::Result<void> writeKey(const std::string& directory, const ResumeKey& key) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto text, key());
   return base::writeFileAtomically(directory + "/key",
                                    base::ByteView(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
-}
-
-// Lets the first `bytes` that the allocator fetches from now on come in large pages, where the system has them: a fault
-// for each page of 4 kB takes an eighth of a small build. It is address space, not memory, that is taken.
-void useLargePages([[maybe_unused]] int bytes) {
-#ifdef MADV_HUGEPAGE
-  constexpr std::uintptr_t kPage = std::uintptr_t{2} << 20;
-  const auto heapEnd = [] { return reinterpret_cast<std::uintptr_t>(::sbrk(0)); };
-  const std::uintptr_t begin = (heapEnd() + kPage - 1) / kPage * kPage;
-  ::mallopt(M_TOP_PAD, bytes);
-  // What is as large as this the allocator has not at hand.
-  if (void* room = std::malloc(16 << 20)) {
-    *static_cast<volatile char*>(room) = 0;
-    std::free(room);
-  }
-  ::mallopt(M_TOP_PAD, 1 << 17);
-  const std::uintptr_t end = heapEnd() / kPage * kPage;
-  if (begin < end) (void)::madvise(reinterpret_cast<void*>(begin), end - begin, MADV_HUGEPAGE);
-#endif
 }
 
 // Whether a rerun can: what is wrong with the source stays wrong.
@@ -252,18 +227,6 @@ base::Result<void> WorkDirectory::needSpace(std::uint64_t bytes, const std::stri
   return needFree(path_, bytes, what, "free some, or name a roomier place with --tmpdir, and build again");
 }
 
-base::Result<TemporaryDirectory> TemporaryDirectory::make() {
-  std::error_code error;
-  std::string pattern = (fs::temp_directory_path(error) / "lumigrid-XXXXXX").string();
-  if (::mkdtemp(pattern.data()) == nullptr) return base::systemError(pattern, "create", errno);
-  return TemporaryDirectory(pattern);
-}
-
-TemporaryDirectory::~TemporaryDirectory() {
-  std::error_code ignored;
-  if (!path_.empty()) fs::remove_all(path_, ignored);
-}
-
 base::Result<void> needOutputSpace(const std::string& path, std::uint64_t bytes) {
   const fs::path directory = fs::path(path).parent_path();
   return needFree(directory.empty() ? "." : directory.string(), bytes, "the hierarchy",
@@ -280,39 +243,9 @@ base::Result<void> needDescriptors(std::uint64_t count) {
 
 base::Result<void> needMemory(std::uint64_t bytes) {
   if (bytes >= kMinMemory) return {};
-  return Error{ErrorCode::kNoSpace, "the memory given, " + sizeText(bytes) + ", is too small: building needs " +
-                                        sizeText(kMinMemory) + " at least (--memory)"};
-}
-
-std::uint64_t machineMemory() {
-  std::uint64_t bytes =
-      static_cast<std::uint64_t>(::sysconf(_SC_PHYS_PAGES)) * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE));
-  std::ifstream limit("/sys/fs/cgroup/memory.max");
-  if (std::uint64_t most = 0; limit >> most) bytes = std::min(bytes, most);
-  return bytes;
-}
-
-void keepFreedMemory() {
-  constexpr int kMegabyte = 1 << 20;
-  ::mallopt(M_MMAP_THRESHOLD, 32 * kMegabyte);
-  ::mallopt(M_TRIM_THRESHOLD, 128 * kMegabyte);
-  useLargePages(64 * kMegabyte);
-}
-
-void releaseFreedMemory(std::uint64_t memory_bytes) {
-  // Less than that is sooner used again than returned and fetched.
-  constexpr std::uint64_t kWorthIt = std::uint64_t{32} << 20;
-  if (::mallinfo2().fordblks > std::max(kWorthIt, memory_bytes / 16)) ::malloc_trim(0);
-}
-
-std::string sizeText(std::uint64_t bytes) {
-  std::array<char, 32> text{};
-  const auto value = static_cast<double>(bytes);
-  if (value >= 1e9)
-    std::snprintf(text.data(), text.size(), "%.1f GB", value / 1e9);
-  else
-    std::snprintf(text.data(), text.size(), "%.1f MB", value / 1e6);
-  return text.data();
+  return Error{ErrorCode::kNoSpace, "the memory given, " + base::formatBytes(bytes) +
+                                        ", is too small: building needs " + base::formatBytes(kMinMemory) +
+                                        " at least (--memory)"};
 }
 
 }  // namespace lod::ingest

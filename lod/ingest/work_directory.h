@@ -79,20 +79,6 @@ base::Error damagedWorkFiles(const std::string& directory);
 /// Whether an error is that: a build from the source mends it.
 bool isDamage(const base::Error& error);
 
-/// A new directory under the system's place for temporary files; removed with all that is in it.
-class TemporaryDirectory {
- public:
-  static base::Result<TemporaryDirectory> make();
-  TemporaryDirectory(TemporaryDirectory&& other) noexcept : path_(std::move(other.path_)) { other.path_.clear(); }
-  TemporaryDirectory& operator=(TemporaryDirectory&&) = delete;
-  ~TemporaryDirectory();
-  const std::string& path() const { return path_; }
-
- private:
-  explicit TemporaryDirectory(std::string path) : path_(std::move(path)) {}
-  std::string path_;
-};
-
 /// kNoSpace when the disk that `path` will lie on has fewer bytes free.
 base::Result<void> needOutputSpace(const std::string& path, std::uint64_t bytes);
 /// kNoSpace when this process may not have so many files open.
@@ -101,14 +87,5 @@ base::Result<void> needDescriptors(std::uint64_t count);
 inline constexpr std::uint64_t kMinMemory = std::uint64_t{256} << 20;
 /// kNoSpace when less than that is given.
 base::Result<void> needMemory(std::uint64_t bytes);
-/// Physical memory, or the limit set for this process' group where that is less.
-std::uint64_t machineMemory();
-/// Lets the allocator keep what one piece of work frees for the next one, which is of its size: fetching it from the
-/// system anew costs a fault for each page. For the whole process.
-void keepFreedMemory();
-/// Returns to the system what the allocator keeps for later, where that counts beside the memory given.
-void releaseFreedMemory(std::uint64_t memory_bytes);
-/// "1.5 GB".
-std::string sizeText(std::uint64_t bytes);
 
 }  // namespace lod::ingest

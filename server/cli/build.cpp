@@ -9,7 +9,6 @@
 #include <sys/stat.h>
 #include <unistd.h>
 #if defined(__GLIBC__)
-#include <malloc.h>
 #endif
 
 #include <algorithm>
@@ -24,6 +23,7 @@
 
 #include "base/crc32c.h"
 #include "base/json/scene_file.h"
+#include "base/memory.h"
 #include "lod/ingest/work_directory.h"
 #include "lod/patch/builder/hierarchy_build.h"
 #include "lod/patch/format.h"
@@ -468,8 +468,7 @@ Result<void> buildSplats(const BuildArguments& a, const SceneSources& sources, s
                          BuildReport& report, ProgressLine& line) {
   LUMIGRID_TRY(needMeshes(a, "tree of splats"));
   lod::qsplat::builder::BuildOptions options;
-  options.threads = a.hierarchy.threads;
-  options.memory_bytes = a.hierarchy.memory_bytes;
+  options.limits = a.hierarchy.limits;
   options.dice = a.splats_dice;
   options.work_directory = workDirectory(a, kSplats);
   options.resume_key = resumeKey(sources);
@@ -517,9 +516,8 @@ BakeOptions bakeOptions(const BuildArguments& a, const base::Scene& scene) {
   BakeOptions options = a.bake;
   options.grid = gridFor(a, scene);
   options.subsampling = subsamplingOf(a.subsampling);
-  options.threads = a.hierarchy.threads;
-  options.memory_bytes =
-      a.hierarchy.memory_bytes != 0 ? a.hierarchy.memory_bytes : lod::ingest::machineMemory() / 10 * 6;
+  options.threads = a.hierarchy.limits.threads;
+  options.memory_bytes = a.hierarchy.limits.resolved().memory_bytes;
   options.draw_command = drawCommand();
   return options;
 }
@@ -870,19 +868,8 @@ Result<SceneLock> lockScene(const BuildArguments& a) {
   });
 }
 
-// Stages ask for much the same memory again and again, in pieces of megabytes. What the C library gives back to the
-// system between two of them comes again page by page, each to be cleared: small meshes spent a twentieth of their time
-// on that.
-void keepFreedMemory() {
-#if defined(__GLIBC__)
-  constexpr int kLargest = 32 << 20;  // of pieces that are kept; the library takes no more for an answer
-  (void)::mallopt(M_MMAP_THRESHOLD, kLargest);
-  (void)::mallopt(M_TRIM_THRESHOLD, 2 * kLargest);
-#endif
-}
-
 Result<void> build(const BuildArguments& a) {
-  keepFreedMemory();
+  base::keepFreedMemory();
   LUMIGRID_ASSIGN_OR_RETURN(auto part, partOf(a));
   if (a.force && part.index)
     return Error{ErrorCode::kInvalidInput,
@@ -1057,10 +1044,10 @@ void declareOptions(CLI::App& command, BuildArguments& a) {
                   "that large triangles make no large splats; adds up to as many splats again; 0: none are")
       ->check(CLI::Range(0.0, 1e6))
       ->capture_default_str();
-  command.add_option("--threads", a.hierarchy.threads, "0: all cores; the result does not depend on it")
+  command.add_option("--threads", a.hierarchy.limits.threads, "0: all cores; the result does not depend on it")
       ->capture_default_str();
   command
-      .add_option("--memory", a.hierarchy.memory_bytes,
+      .add_option("--memory", a.hierarchy.limits.memory_bytes,
                   "most memory to use, e.g. 4G, at least 256M: of this process, and of those that draw images with it "
                   "together; 0: 60 % of the machine's; the result does not depend on it")
       ->transform(CLI::AsSizeValue(false))

@@ -67,22 +67,6 @@ void ProgressLine::finish() {
   open_line_ = false;
 }
 
-std::string formatBytes(std::uint64_t bytes) {
-  constexpr std::array<const char*, 5> kUnits{"B", "kB", "MB", "GB", "TB"};
-  double value = static_cast<double>(bytes);
-  std::size_t unit = 0;
-  for (; value >= 1000.0 && unit + 1 < kUnits.size(); ++unit) value /= 1000.0;
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), unit == 0 ? "%.0f %s" : "%.1f %s", value, kUnits[unit]);
-  return text.data();
-}
-
-std::string formatCount(std::uint64_t count) {
-  std::string text = std::to_string(count);
-  for (std::size_t i = text.size(); i > 3; i -= 3) text.insert(i - 3, 1, ',');
-  return text;
-}
-
 std::string formatSeconds(double seconds) {
   const auto whole = static_cast<long>(std::ceil(std::max(0.0, seconds)));
   if (whole < 60) return std::to_string(whole) + " s";

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "base/error.h"
+#include "base/text.h"
 
 namespace server::cli {
 
@@ -33,11 +34,11 @@ class ProgressLine {
   Clock::time_point stage_start_, last_shown_;
 };
 
-std::string formatBytes(std::uint64_t bytes);  ///< "12.3 MB"
-std::string formatCount(std::uint64_t count);  ///< "3,029,285"
-std::string formatSeconds(double seconds);     ///< "2 min 10 s"
-std::uint64_t residentBytes();                 ///< of this process, now
-std::uint64_t peakResidentBytes();             ///< of this process, so far
+using base::formatBytes;
+using base::formatCount;
+std::string formatSeconds(double seconds);  ///< "2 min 10 s"
+std::uint64_t residentBytes();              ///< of this process, now
+std::uint64_t peakResidentBytes();          ///< of this process, so far
 
 /// After this, SIGINT and SIGTERM only set a flag, so that work stops at a clean place; a second one ends the process
 /// at once.

@@ -4,6 +4,8 @@
 #include <filesystem>
 #include <set>
 
+#include "base/text.h"
+
 namespace server {
 namespace {
 
@@ -22,13 +24,6 @@ std::string nameOf(std::string place) {
   for (char& c : name)
     if (kAddressCharacters.find(c) == std::string_view::npos) c = '-';
   return name;
-}
-
-/// Writes 3024763 as "3,024,763".
-std::string grouped(std::uint64_t number) {
-  std::string text = std::to_string(number);
-  for (std::size_t at = text.size(); at > 3;) text.insert(at -= 3, 1, ',');
-  return text;
 }
 
 }  // namespace
@@ -69,7 +64,7 @@ std::string sceneListPage(const std::vector<ListedScene>& scenes, const std::str
       "code, small { opacity: 0.7 } li { margin: 0.6rem 0 }</style>\n<h1>Scenes</h1>\n<ul>\n";
   // Names need no escaping: they hold only kAddressCharacters.
   for (const ListedScene& scene : scenes)
-    html += "<li><a href=\"" + scene.name + "/\">" + scene.name + "</a> <small>" + grouped(scene.triangles) +
+    html += "<li><a href=\"" + scene.name + "/\">" + scene.name + "</a> <small>" + base::formatCount(scene.triangles) +
             " triangles</small><br><code>lumigrid-view ws://" + host + "/" + scene.name + "/</code></li>\n";
   return html + "</ul>\n</html>\n";
 }

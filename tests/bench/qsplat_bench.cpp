@@ -61,7 +61,7 @@ void compareThreads(const std::string& path, const std::string& file, int runs, 
     const double all = seconds(CLOCK_PROCESS_CPUTIME_ID);
     const double main_thread = seconds(CLOCK_THREAD_CPUTIME_ID);
     lod::qsplat::builder::BuildOptions options;
-    options.threads = 2;
+    options.limits.threads = 2;
     options.dice = dice;
     (void)must(lod::qsplat::builder::buildFromFiles({path}, options, file));
     shares.push_back((seconds(CLOCK_PROCESS_CPUTIME_ID) - all) / (seconds(CLOCK_THREAD_CPUTIME_ID) - main_thread));

@@ -118,13 +118,12 @@ class Builder {
  public:
   Builder(const HierarchyOptions& options, std::string output_path, const ingest::Progress& progress)
       : options_(options), output_path_(std::move(output_path)), progress_(progress) {
-    if (options_.threads == 0) options_.threads = base::coreCount();
-    memory_ = options_.memory_bytes != 0 ? options_.memory_bytes : ingest::machineMemory() / 10 * 6;
+    options_.limits = options_.limits.resolved();
   }
 
   base::Result<HierarchySummary> run(const ingest::SourceInput& input) {
     LUMIGRID_TRY(check(options_));
-    LUMIGRID_TRY(ingest::needMemory(memory_));
+    LUMIGRID_TRY(ingest::needMemory(options_.limits.memory_bytes));
     LUMIGRID_TRY(ingest::needDescriptors(kDescriptors));
     LUMIGRID_TRY(
         ingest::buildIn(directory_, options_.work_directory, resumeKey(), output_path_, [&] { return stages(input); }));
@@ -166,20 +165,22 @@ class Builder {
 
   base::Result<void> import(const ingest::SourceInput& input) {
     if (directory_->stage() < 1 && !report("import", 0.0)) return cancelled();
-    LUMIGRID_ASSIGN_OR_RETURN(auto source, ingest::importSource(*directory_, input, options_.threads));
+    LUMIGRID_ASSIGN_OR_RETURN(auto source, ingest::importSource(*directory_, input, options_.limits.threads));
     source_ = std::move(source);
     lattice_ = ingest::makeLattice(source_.info, source_.origin, options_.position_bits);
     if (options_.on_plan)
-      options_.on_plan({source_.info.triangles, source_.info.referenced, kOutputBytes * source_.info.triangles,
-                        kWorkBytes * source_.info.triangles,
-                        static_cast<double>(source_.info.triangles) / (kTrianglesPerCoreSecond * options_.threads)});
+      options_.on_plan(
+          {source_.info.triangles, source_.info.referenced, kOutputBytes * source_.info.triangles,
+           kWorkBytes * source_.info.triangles,
+           static_cast<double>(source_.info.triangles) / (kTrianglesPerCoreSecond * options_.limits.threads)});
     return {};
   }
 
   base::Result<void> sortTriangles() {
     if (directory_->stage() < 2 && !report("sort", 0.0)) return cancelled();
-    const ingest::BucketOptions options{(memory_ - ingest::kMinMemory / 2) / 2, options_.threads,
-                                        [this](double done) { return report("sort", done); }};
+    const ingest::BucketOptions options{
+        {options_.limits.threads, (options_.limits.memory_bytes - ingest::kMinMemory / 2) / 2},
+        [this](double done) { return report("sort", done); }};
     LUMIGRID_ASSIGN_OR_RETURN(auto buckets, ingest::sortSource(*directory_, source_, lattice_, options));
     buckets_ = std::move(buckets);
     return {};
@@ -223,13 +224,14 @@ class Builder {
     // As many buckets at a time as memory holds.
     const std::vector<std::size_t> order = base::largestFirst(triangles);
     const std::uint64_t largest = order.empty() ? 1 : std::max<std::uint64_t>(1, triangles[order.front()]);
-    const std::uint64_t at_once =
-        std::max<std::uint64_t>(1, (memory_ - ingest::kMinMemory / 2) / (kBytesPerTriangle * largest));
+    const std::uint64_t at_once = std::max<std::uint64_t>(
+        1, (options_.limits.memory_bytes - ingest::kMinMemory / 2) / (kBytesPerTriangle * largest));
     std::mutex mutex;
     std::atomic<bool> stopped = false;
     base::Result<void> status;
     base::parallelFor(
-        made.size(), static_cast<unsigned>(std::min<std::uint64_t>(options_.threads, at_once)), [&](std::size_t i) {
+        made.size(), static_cast<unsigned>(std::min<std::uint64_t>(options_.limits.threads, at_once)),
+        [&](std::size_t i) {
           const std::size_t b = order[i];
           if (finished[b] != 0 || stopped) return;
           auto bucket = makeLeaves(buckets_, b, lattice_, {options_.voxel_triangles, options_.leaf_triangles});
@@ -333,7 +335,6 @@ class Builder {
   HierarchyOptions options_;
   std::string output_path_;
   const ingest::Progress& progress_;
-  std::uint64_t memory_ = 0;
   std::mutex progress_mutex_;
   std::optional<ingest::WorkDirectory> directory_;
   const base::Stopwatch watch_;
@@ -353,7 +354,7 @@ class Builder {
 base::Result<HierarchySummary> buildHierarchyFromFiles(const std::vector<std::string>& paths,
                                                        const HierarchyOptions& options, const std::string& output_path,
                                                        const ingest::Progress& progress) {
-  LUMIGRID_ASSIGN_OR_RETURN(auto input, ingest::sourceFromFiles(paths, progress, options.threads));
+  LUMIGRID_ASSIGN_OR_RETURN(auto input, ingest::sourceFromFiles(paths, progress, options.limits.threads));
   auto summary = Builder(options, output_path, progress).run(input);
   // Work files that do not hold together are gone by now.
   if (!summary && ingest::isDamage(summary.error())) summary = Builder(options, output_path, progress).run(input);

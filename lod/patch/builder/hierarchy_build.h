@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "base/resource_limits.h"
 #include "lod/ingest/source_import.h"
 #include "lod/patch/hierarchy.h"
 
@@ -21,11 +22,9 @@ struct HierarchyOptions {
   std::uint32_t position_bits = 0;  ///< 10..21 along the longest side; 0: chosen so that the step is at most 1/16 of
                                     ///< the mean edge, at least 14
   bool regroup = true;              ///< false: the paper's binary tree, whose locked borders pile up (for the chart)
-  unsigned threads = 0;             ///< 0: all cores. The output does not depend on it.
-  std::uint64_t memory_bytes =
-      0;                         ///< of the whole process; 0: 60 % of the machine's. The output does not depend on it.
-  std::string work_directory;    ///< for the work files; empty: beside the output
-  ingest::ResumeKey resume_key;  ///< what decides the output besides these options (the sources' checksums); a work
+  base::ResourceLimits limits;      ///< the output does not depend on them
+  std::string work_directory;       ///< for the work files; empty: beside the output
+  ingest::ResumeKey resume_key;     ///< what decides the output besides these options (the sources' checksums); a work
                                  ///< directory left under the same key is continued. None: every build starts afresh.
   std::function<void(const ingest::BuildPlan&)> on_plan;  ///< may be empty
   std::function<void()> on_written;  ///< may be empty; the output is in its place, and work files are still removed

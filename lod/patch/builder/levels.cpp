@@ -472,7 +472,7 @@ base::Result<void> LevelBuilder::forEachPiece(std::size_t count,
   std::mutex mutex;
   std::atomic<bool> stopped = false;
   base::Result<void> status;
-  base::parallelFor(count, options_.threads, [&](std::size_t i) {
+  base::parallelFor(count, options_.limits.threads, [&](std::size_t i) {
     if (stopped) return;
     const base::Result<std::uint64_t> triangles = make(i);
     const std::lock_guard lock(mutex);

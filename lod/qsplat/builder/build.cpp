@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "base/file.h"
+#include "base/memory.h"
 #include "base/parallel.h"
 #include "base/stopwatch.h"
 #include "lod/qsplat/builder/file_build.h"
@@ -28,14 +29,13 @@ class Builder {
  public:
   Builder(const BuildOptions& options, std::string output_path, const ingest::Progress& progress)
       : options_(options), output_path_(std::move(output_path)), progress_(progress) {
-    if (options_.threads == 0) options_.threads = base::coreCount();
-    memory_ = options_.memory_bytes != 0 ? options_.memory_bytes : ingest::machineMemory() / 10 * 6;
+    options_.limits = options_.limits.resolved();
   }
 
   base::Result<BuildSummary> run(const ingest::SourceInput& input) {
-    LUMIGRID_TRY(ingest::needMemory(memory_));
+    LUMIGRID_TRY(ingest::needMemory(options_.limits.memory_bytes));
     LUMIGRID_TRY(ingest::needDescriptors(kDescriptors));
-    ingest::keepFreedMemory();
+    base::keepFreedMemory();
     const ingest::ResumeKey key =
         ingest::keyAfter("qsplat 4 " + std::to_string(options_.dice) + " ", options_.resume_key);
     LUMIGRID_TRY(
@@ -61,26 +61,26 @@ class Builder {
     return !progress_ || progress_(stage, done);
   }
   bool isMesh() const { return source_.info.triangles > 0; }
-  std::uint64_t workMemory() const { return memory_ - ingest::kMinMemory / 2; }
+  std::uint64_t workMemory() const { return options_.limits.memory_bytes - ingest::kMinMemory / 2; }
 
   base::Result<void> import(const ingest::SourceInput& input) {
     if (directory_->stage() < 1 && !report("import", 0.0)) return cancelled();
-    LUMIGRID_ASSIGN_OR_RETURN(auto source, ingest::importSource(*directory_, input, options_.threads));
+    LUMIGRID_ASSIGN_OR_RETURN(auto source, ingest::importSource(*directory_, input, options_.limits.threads));
     source_ = std::move(source);
     const std::uint64_t leaves = source_.info.referenced;
     if (options_.on_plan)
       options_.on_plan({source_.info.triangles, leaves, kOutputBytes * leaves,
                         kBucketBytes * source_.info.triangles + kWorkBytes * leaves,
-                        static_cast<double>(leaves) / (kLeavesPerCoreSecond * options_.threads)});
+                        static_cast<double>(leaves) / (kLeavesPerCoreSecond * options_.limits.threads)});
     return {};
   }
 
   base::Result<void> sortTriangles() {
     lattice_ = ingest::makeLattice(source_.info, source_.origin, 0);
     if (directory_->stage() < 2 && !report("sort", 0.0)) return cancelled();
-    auto buckets =
-        ingest::sortSource(*directory_, source_, lattice_,
-                           {workMemory() / 2, options_.threads, [this](double done) { return report("sort", done); }});
+    auto buckets = ingest::sortSource(
+        *directory_, source_, lattice_,
+        {{options_.limits.threads, workMemory() / 2}, [this](double done) { return report("sort", done); }});
     if (!buckets) return buckets.error();
     buckets_ = std::move(*buckets);
     return {};
@@ -117,7 +117,7 @@ class Builder {
     points_ = std::move(*tiles);
     const auto sorted = std::make_shared<ingest::SourceSpool>(std::move(spool));
     LUMIGRID_TRY(directory_->finishStage(2, points_.state(), {"points"}, [sorted] { sorted->remove(); }));
-    ingest::releaseFreedMemory(memory_);
+    base::releaseFreedMemory(options_.limits.memory_bytes);
     return {};
   }
 
@@ -149,7 +149,7 @@ class Builder {
   unsigned tilesAtOnce(const LeafSource& leaves) const {
     std::uint64_t largest = 1;
     for (std::size_t t = 0; t < leaves.tiles(); ++t) largest = std::max(largest, leaves.memoryOf(t));
-    return static_cast<unsigned>(std::clamp<std::uint64_t>(workMemory() / largest, 1, options_.threads));
+    return static_cast<unsigned>(std::clamp<std::uint64_t>(workMemory() / largest, 1, options_.limits.threads));
   }
 
   std::uint64_t mostLeaves() const { return source_.info.referenced + (isMesh() ? mesh_leaves_->mostAdded() : 0); }
@@ -186,7 +186,7 @@ class Builder {
         if (isMesh()) buckets_.release();
       }));
     }
-    ingest::releaseFreedMemory(memory_);
+    base::releaseFreedMemory(options_.limits.memory_bytes);
     return {};
   }
 
@@ -200,7 +200,7 @@ class Builder {
   base::Result<void> write() {
     FileBuildOptions options;
     options.colors = source_.info.has_colors;
-    options.threads = options_.threads;
+    options.threads = options_.limits.threads;
     options.runs_path = directory_->path() + "/runs";
     if (options_.coded) {
       LUMIGRID_TRY(directory_->needSpace(kOutputBytes * mostLeaves(), "the splat tree before it is coded"));
@@ -246,7 +246,6 @@ class Builder {
   BuildOptions options_;
   std::string output_path_;
   const ingest::Progress& progress_;
-  std::uint64_t memory_ = 0;
   std::mutex progress_mutex_;
   std::optional<ingest::WorkDirectory> directory_;
   const base::Stopwatch watch_;
@@ -264,7 +263,7 @@ class Builder {
 
 base::Result<BuildSummary> buildFromFiles(const std::vector<std::string>& paths, const BuildOptions& options,
                                           const std::string& output_path, const ingest::Progress& progress) {
-  LUMIGRID_ASSIGN_OR_RETURN(auto input, ingest::sourceFromFiles(paths, progress, options.threads, true));
+  LUMIGRID_ASSIGN_OR_RETURN(auto input, ingest::sourceFromFiles(paths, progress, options.limits.threads, true));
   auto summary = Builder(options, output_path, progress).run(input);
   // Work files that do not hold together are gone by now.
   if (!summary && ingest::isDamage(summary.error())) summary = Builder(options, output_path, progress).run(input);

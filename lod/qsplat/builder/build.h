@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "base/resource_limits.h"
 #include "lod/ingest/source_import.h"
 #include "lod/qsplat/format.h"
 
@@ -17,9 +18,8 @@ namespace lod::qsplat::builder {
 inline constexpr double kDice = 2.0;
 
 struct BuildOptions {
-  unsigned threads = 0;            ///< 0: all cores. The output does not depend on it.
-  std::uint64_t memory_bytes = 0;  ///< of the whole process; 0: 60 % of the machine's. Nor on this.
-  std::string work_directory;      ///< for the work files; empty: beside the output
+  base::ResourceLimits limits;   ///< the output does not depend on them
+  std::string work_directory;    ///< for the work files; empty: beside the output
   ingest::ResumeKey resume_key;  ///< what decides the output (the sources' checksums); a work directory left under the
                                  ///< same key is continued. None: every build starts afresh.
   double dice = kDice;  ///< of a mesh: an edge longer than so many times what is usual around it is cut; 0: none is

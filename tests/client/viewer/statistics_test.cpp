@@ -77,13 +77,6 @@ TEST(Statistics, everyFigureStandsInALine) {
   EXPECT_EQ(lineOf(s, "picture"), "exact, complete");
 }
 
-TEST(Statistics, bytesAreWrittenForPeople) {
-  EXPECT_EQ(formatBytes(999), "1 kB");
-  EXPECT_EQ(formatBytes(350'000), "350 kB");
-  EXPECT_EQ(formatBytes(1'500'000), "1.5 MB");
-  EXPECT_EQ(formatBytes(12'000'000'000), "12.0 GB");
-}
-
 TEST(RateMeter, countsTheLastSecond) {
   RateMeter meter;
   EXPECT_EQ(meter.perSecond(0.0), 0.0);

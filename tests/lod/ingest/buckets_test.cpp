@@ -46,7 +46,7 @@ struct Sorted {
     const auto input = sourceFromFiles({scratch / "mesh.ply"}, {}, 2);
     const auto source = importSource(*directory, *input, 2);
     lattice = makeLattice(source->info, source->origin, 0);
-    buckets = sortSource(*directory, *source, lattice, {memory, threads, {}});
+    buckets = sortSource(*directory, *source, lattice, {{threads, memory}, {}});
   }
 };
 

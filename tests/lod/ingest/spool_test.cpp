@@ -3,16 +3,15 @@
 
 #include <gtest/gtest.h>
 
-#include "lod/ingest/work_directory.h"
+#include "tests/support/temporary_directory.h"
 
 namespace {
 
 using namespace lod::ingest;
 
 TEST(SpoolFile, PiecesOfAnySizeStayInTheirOrder) {
-  auto directory = TemporaryDirectory::make();
-  ASSERT_TRUE(directory);
-  auto file = SpoolFile::create(directory->path() + "/pieces");
+  const support::TemporaryDirectory directory;
+  auto file = SpoolFile::create(directory / "pieces");
   ASSERT_TRUE(file);
   // Around the buffer's size of 1 MB and the half from which on pieces are not copied.
   base::Bytes all;

@@ -6,10 +6,10 @@
 #include <chrono>
 #include <filesystem>
 #include <future>
-#include <memory>
 #include <thread>
 
 #include "base/file.h"
+#include "tests/support/temporary_directory.h"
 
 namespace {
 
@@ -18,12 +18,6 @@ namespace fs = std::filesystem;
 
 class WorkDirectoryTest : public ::testing::Test {
  protected:
-  void SetUp() override {
-    auto made = TemporaryDirectory::make();
-    ASSERT_TRUE(made);
-    scratch_ = std::make_unique<TemporaryDirectory>(std::move(*made));
-    path_ = scratch_->path() + "/work";
-  }
   ResumeKey key(const std::string& text) {
     return [this, text]() -> base::Result<std::string> {
       ++asked_;
@@ -38,8 +32,8 @@ class WorkDirectoryTest : public ::testing::Test {
     ASSERT_TRUE(directory->settle());
   }
 
-  std::unique_ptr<TemporaryDirectory> scratch_;
-  std::string path_;
+  const support::TemporaryDirectory scratch_;
+  const std::string path_ = scratch_ / "work";
   int asked_ = 0;
 };
 
@@ -64,7 +58,7 @@ TEST_F(WorkDirectoryTest, asksForTheKeyWhereOneWasLeftAndWhenAStageIsFinished) {
   ASSERT_TRUE(directory);
   EXPECT_EQ(asked_, 0) << "nothing is there to go on with";
   std::promise<void> known;
-  auto slow = WorkDirectory::open(scratch_->path() + "/slow", [&]() -> base::Result<std::string> {
+  auto slow = WorkDirectory::open(scratch_ / "slow", [&]() -> base::Result<std::string> {
     known.get_future().wait();
     return std::string("late");
   });
@@ -72,11 +66,11 @@ TEST_F(WorkDirectoryTest, asksForTheKeyWhereOneWasLeftAndWhenAStageIsFinished) {
   ASSERT_TRUE(slow->finishStage(1, {}, {}));
   ASSERT_TRUE(slow->finishStage(2, {}, {}));
   EXPECT_EQ(slow->stage(), 2U) << "the next stage is under way before the key is known";
-  EXPECT_FALSE(fs::exists(scratch_->path() + "/slow/stage1")) << "a stage counts only under a key";
+  EXPECT_FALSE(fs::exists(scratch_ / "slow/stage1")) << "a stage counts only under a key";
   known.set_value();
   ASSERT_TRUE(slow->settle());
-  EXPECT_TRUE(fs::exists(scratch_->path() + "/slow/key"));
-  EXPECT_TRUE(fs::exists(scratch_->path() + "/slow/stage2"));
+  EXPECT_TRUE(fs::exists(scratch_ / "slow/key"));
+  EXPECT_TRUE(fs::exists(scratch_ / "slow/stage2"));
 }
 
 TEST_F(WorkDirectoryTest, aKeyThatCannotBeWorkedOutIsAnErrorAndLeavesNoStage) {

@@ -276,7 +276,7 @@ TEST_F(WrittenHierarchy, FileDoesNotDependOnTheNumberOfThreads) {
   HierarchyOptions options = support::smallPatches();
   std::vector<base::Bytes> files;
   for (const unsigned threads : {1U, 4U, 3U}) {
-    options.threads = threads;
+    options.limits.threads = threads;
     ASSERT_TRUE(support::buildHierarchy(mesh, options, path("t.lgp")));
     files.push_back(*base::readFile(path("t.lgp")));
   }

@@ -224,12 +224,12 @@ TEST_F(WrittenProperties, AMillionthAndAMillionScaleTheErrorsAndChangeNothingEls
 TEST_F(WrittenProperties, BytesDoNotDependOnThreadsOrMemory) {
   HierarchyOptions options = support::smallPatches();
   std::vector<base::Bytes> files;
-  const std::pair<unsigned, std::uint64_t> choices[] = {{1, kMinMemory}, {2, 0}, {3, kMinMemory}, {4, 0}, {7, 0}};
+  const std::pair<unsigned, std::uint64_t> choices[] = {{1, lod::ingest::kMinMemory}, {2, 0}, {3, lod::ingest::kMinMemory}, {4, 0}, {7, 0}};
   for (const Mesh& mesh : {support::torus(150, 100), support::triangleSoup(8000)}) {
     files.clear();
     for (const auto& [threads, memory] : choices) {
-      options.threads = threads;
-      options.memory_bytes = memory;
+      options.limits.threads = threads;
+      options.limits.memory_bytes = memory;
       build(PlyMesh(mesh), options);
       files.push_back(*base::readFile(path("out.lgp")));
       EXPECT_TRUE(files.back() == files.front()) << threads << " threads";

@@ -126,8 +126,8 @@ TEST_F(QsplatBuild, ThreadsAndMemoryDoNotChangeTheBytes) {
   base::Bytes first;
   for (const auto& [threads, memory] : {std::pair{1U, 256U}, std::pair{2U, 4096U}, std::pair{5U, 300U}}) {
     qsplat::BuildOptions options;
-    options.threads = threads;
-    options.memory_bytes = std::uint64_t{memory} << 20;
+    options.limits.threads = threads;
+    options.limits.memory_bytes = std::uint64_t{memory} << 20;
     mustBuild(mesh, options);
     if (first.empty()) first = bytes();
     EXPECT_TRUE(bytes() == first) << threads << " threads, " << memory << " MB";
@@ -143,8 +143,8 @@ TEST_F(QsplatBuild, TheCodedFormHoldsThePlainFilesNodesWhateverTheThreads) {
   base::Bytes first;
   for (const auto& [threads, memory] : {std::pair{1U, 256U}, std::pair{3U, 1024U}}) {
     qsplat::BuildOptions options;
-    options.threads = threads;
-    options.memory_bytes = std::uint64_t{memory} << 20;
+    options.limits.threads = threads;
+    options.limits.memory_bytes = std::uint64_t{memory} << 20;
     options.coded = true;
     const qsplat::BuildSummary summary = mustBuild(mesh, options);
     EXPECT_EQ(summary.bytes, bytes().size());
@@ -331,7 +331,7 @@ TEST_F(QsplatBuild, CancellingLeavesNoFile) {
 
 TEST_F(QsplatBuild, TooLittleMemoryIsRefused) {
   qsplat::BuildOptions options;
-  options.memory_bytes = 1 << 20;
+  options.limits.memory_bytes = 1 << 20;
   const auto summary = support::buildSplats(support::torus(40, 20), options, path());
   ASSERT_FALSE(summary);
   EXPECT_EQ(summary.error().code, base::ErrorCode::kNoSpace);

@@ -198,7 +198,7 @@ TEST_F(PointCloud, ThreadsDoNotChangeTheBytes) {
   base::Bytes first;
   for (const unsigned threads : {1U, 4U}) {
     BuildOptions options;
-    options.threads = threads;
+    options.limits.threads = threads;
     mustBuild(points, options);
     if (first.empty()) first = *base::readFile(path());
     EXPECT_TRUE(*base::readFile(path()) == first);

@@ -1,0 +1,17 @@
+#pragma once
+// The machine's memory, and how the allocator of this process deals with what is freed.
+#include <cstdint>
+
+namespace base {
+
+/// Bytes of physical memory, or the limit set for this process' control group where that is less.
+std::uint64_t machineMemory();
+
+/// Makes the allocator keep freed memory for the next request, which is often of the same size: fetching it from the
+/// system anew costs a fault for each page. Holds for the whole process.
+void keepFreedMemory();
+
+/// Returns to the system what the allocator keeps, where that is a large share of the `memory_bytes` that may be used.
+void releaseFreedMemory(std::uint64_t memory_bytes);
+
+}  // namespace base

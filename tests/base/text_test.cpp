@@ -1,0 +1,23 @@
+// Numbers are written as people read them.
+#include "base/text.h"
+
+#include <gtest/gtest.h>
+
+namespace {
+
+TEST(Text, formatBytesUsesUnitsOfAThousand) {
+  EXPECT_EQ(base::formatBytes(0), "0 B");
+  EXPECT_EQ(base::formatBytes(999), "999 B");
+  EXPECT_EQ(base::formatBytes(350'000), "350.0 kB");
+  EXPECT_EQ(base::formatBytes(1'500'000), "1.5 MB");
+  EXPECT_EQ(base::formatBytes(12'000'000'000), "12.0 GB");
+}
+
+TEST(Text, formatCountGroupsThreeDigitsAtATime) {
+  EXPECT_EQ(base::formatCount(7), "7");
+  EXPECT_EQ(base::formatCount(123), "123");
+  EXPECT_EQ(base::formatCount(3'024'763), "3,024,763");
+  EXPECT_EQ(base::formatCount(1'234'567, ' '), "1 234 567");
+}
+
+}  // namespace
