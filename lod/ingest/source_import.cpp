@@ -49,7 +49,7 @@ base::Bytes stateOf(const ImportedSource& source) {
 }
 
 base::Result<ImportedSource> readState(const WorkDirectory& directory) {
-  LUMIGRID_ASSIGN_OR_RETURN(auto state, directory.state(1));
+  LUMIGRID_ASSIGN_OR_RETURN(auto state, directory.state(Stage::kSpooled));
   base::ByteReader in(state);
   ImportedSource source;
   SourceInfo& info = source.info;
@@ -66,7 +66,7 @@ base::Result<ImportedSource> readState(const WorkDirectory& directory) {
   info.mean_edge = in.read<double>();
   info.short_faces = in.u64();
   for (std::uint32_t left = in.u32(); left > 0 && in.ok(); --left) info.warnings.push_back(in.string16());
-  if (!in.atEnd()) return directory.broken();
+  if (!in.atEnd()) return directory.damaged();
   return source;
 }
 
@@ -115,7 +115,7 @@ base::Result<SourceInput> sourceFromFiles(const std::vector<std::string>& paths,
 }
 
 base::Result<ImportedSource> importSource(WorkDirectory& directory, const SourceInput& input, unsigned threads) {
-  if (directory.stage() >= 1) return readState(directory);
+  if (directory.isFinished(Stage::kSpooled)) return readState(directory);
   LUMIGRID_TRY(directory.needSpace(input.bytes, "the source's vertices and triangles"));
   LUMIGRID_ASSIGN_OR_RETURN(auto spool, SourceSpool::create(directory.path()));
   SourceInfo notes;
@@ -133,21 +133,21 @@ base::Result<ImportedSource> importSource(WorkDirectory& directory, const Source
   source.origin = originFor(source.info.box_min, source.info.box_max);
   source.vertex_bytes = spool.vertexBytes();
   source.triangle_bytes = spool.triangleBytes();
-  LUMIGRID_TRY(directory.finishStage(1, stateOf(source), {"vertices", "triangles"}));
+  LUMIGRID_TRY(directory.finishStage(Stage::kSpooled, stateOf(source), {"vertices", "triangles"}));
   return source;
 }
 
 base::Result<SourceSpool> openSource(const WorkDirectory& directory, const ImportedSource& source) {
   LUMIGRID_ASSIGN_OR_RETURN(auto spool, SourceSpool::open(directory.path()));
   if (source.vertex_bytes != spool.vertexBytes() || source.triangle_bytes != spool.triangleBytes())
-    return directory.broken();
+    return directory.damaged();
   return spool;
 }
 
 base::Result<Buckets> sortSource(WorkDirectory& directory, const ImportedSource& source, const SourceLattice& lattice,
                                  const BucketOptions& options) {
-  if (directory.stage() >= 2) {
-    LUMIGRID_ASSIGN_OR_RETURN(auto state, directory.state(2));
+  if (directory.isFinished(Stage::kSorted)) {
+    LUMIGRID_ASSIGN_OR_RETURN(auto state, directory.state(Stage::kSorted));
     return Buckets::open(directory.path(), state);
   }
   const SourceInfo& info = source.info;
@@ -156,7 +156,7 @@ base::Result<Buckets> sortSource(WorkDirectory& directory, const ImportedSource&
   LUMIGRID_ASSIGN_OR_RETURN(auto spool, openSource(directory, source));
   LUMIGRID_ASSIGN_OR_RETURN(auto buckets, Buckets::sort(spool, info, lattice, directory.path(), options));
   const auto sorted = std::make_shared<SourceSpool>(std::move(spool));
-  LUMIGRID_TRY(directory.finishStage(2, buckets.state(), {"buckets"}, [sorted] { sorted->remove(); }));
+  LUMIGRID_TRY(directory.finishStage(Stage::kSorted, buckets.state(), {"buckets"}, [sorted] { sorted->remove(); }));
   base::releaseFreedMemory(2 * options.limits.memory_bytes);
   return buckets;
 }

@@ -25,11 +25,11 @@ constexpr const char* kDamaged = ": the work files are damaged; remove this dire
 constexpr const char* kFiles[] = {"vertices", "triangles", "corners", "buckets", "patches", "points", "leaves", "nodes",
                                   "runs",     "plain",     "stage1",  "stage2",  "stage3",  "stage4", "key"};
 
-std::string stageFile(const std::string& path, std::uint32_t stage) {
-  return path + "/stage" + std::to_string(stage);
+std::string stageFile(const std::string& path, Stage stage) {
+  return path + "/stage" + std::to_string(static_cast<unsigned>(stage));
 }
 
-// What a builder wrote into `path`, whole or not; others' files stay.
+// Removes the files that a builder wrote into `path`, complete or not; other files stay.
 void removeFiles(const std::string& path) {
   std::error_code ignored;
   std::vector<fs::path> found;
@@ -57,14 +57,14 @@ base::Result<void> writeKey(const std::string& directory, const ResumeKey& key) 
                                    base::ByteView(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
 }
 
-// Whether a rerun can: what is wrong with the source stays wrong.
-bool mayGoOn(const base::Error& error) {
+// Whether a rerun can succeed: an error in the source stays.
+bool canResume(const base::Error& error) {
   return error.code == ErrorCode::kCancelled || error.code == ErrorCode::kNoSpace || error.code == ErrorCode::kIo;
 }
 
 }  // namespace
 
-// What the threads that finish stages wait for.
+// The threads that store stages wait for it: for kStageDelay, or until storing is wanted at once or abandoned.
 struct WorkDirectory::Delay {
   std::mutex mutex;
   std::condition_variable changed;
@@ -89,11 +89,11 @@ void WorkDirectory::abandonStages() {
   delay_->set(true);
 }
 
-ResumeKey keyAfter(std::string before, ResumeKey key) {
+ResumeKey withPrefix(std::string prefix, ResumeKey key) {
   if (!key) return {};
-  return [before = std::move(before), key = std::move(key)]() -> base::Result<std::string> {
+  return [prefix = std::move(prefix), key = std::move(key)]() -> base::Result<std::string> {
     auto text = key();
-    return text ? before + *text : std::move(text);
+    return text ? prefix + *text : std::move(text);
   };
 }
 
@@ -110,15 +110,21 @@ base::Result<WorkDirectory> WorkDirectory::open(const std::string& path, ResumeK
   if (!lock) return lock.error();
   out.lock_ = std::move(*lock);
 
-  // A stage that counts has a key beside it.
+  // Stages count only beside the key under which they were made.
   if (const auto stored = base::readFile(path + "/key"); out.key_ && stored) {
     LUMIGRID_ASSIGN_OR_RETURN(const auto asked, out.key_());
-    if (std::string(stored->begin(), stored->end()) == asked)
-      while (out.state(out.stage_ + 1)) ++out.stage_;
-    if (out.stage_ > 0) return out;
+    if (std::string(stored->begin(), stored->end()) == asked) out.finished_ = out.lastStored();
+    if (out.finished_ != Stage::kNone) return out;
   }
   removeFiles(path);
   return out;
+}
+
+Stage WorkDirectory::lastStored() const {
+  auto last = Stage::kNone;
+  const auto next = [&] { return static_cast<Stage>(static_cast<std::uint8_t>(last) + 1); };
+  while (state(next())) last = next();
+  return last;
 }
 
 WorkDirectory::WorkDirectory(WorkDirectory&& other) noexcept {
@@ -128,10 +134,10 @@ WorkDirectory::WorkDirectory(WorkDirectory&& other) noexcept {
 WorkDirectory& WorkDirectory::operator=(WorkDirectory&& other) noexcept {
   std::swap(path_, other.path_);
   std::swap(key_, other.key_);
-  std::swap(stage_, other.stage_);
+  std::swap(finished_, other.finished_);
   std::swap(lock_, other.lock_);
   std::swap(delay_, other.delay_);
-  std::swap(finishing_, other.finishing_);
+  std::swap(storing_, other.storing_);
   return *this;
 }
 
@@ -139,18 +145,18 @@ WorkDirectory::~WorkDirectory() {
   (void)settle();
 }
 
-base::Result<void> WorkDirectory::finishStage(std::uint32_t stage, base::Bytes state, std::vector<std::string> files,
-                                              std::function<void()> then) {
-  if (finishing_.valid() && finishing_.wait_for(std::chrono::seconds(0)) == std::future_status::ready)
-    LUMIGRID_TRY(finishing_.get());
-  stage_ = stage;
-  // Nobody goes on from what has no key.
+base::Result<void> WorkDirectory::finishStage(Stage stage, base::Bytes state, std::vector<std::string> files,
+                                              std::function<void()> on_stored) {
+  if (storing_.valid() && storing_.wait_for(std::chrono::seconds(0)) == std::future_status::ready)
+    LUMIGRID_TRY(storing_.get());
+  finished_ = stage;
+  // Without a key no later run goes on from here.
   if (!key_) {
-    if (then) then();
+    if (on_stored) on_stored();
     return {};
   }
-  auto finish = [path = path_, key = key_, delay = delay_, stage, state = std::move(state), files = std::move(files),
-                 then = std::move(then), before = std::move(finishing_)]() mutable -> base::Result<void> {
+  auto store = [path = path_, key = key_, delay = delay_, stage, state = std::move(state), files = std::move(files),
+                on_stored = std::move(on_stored), before = std::move(storing_)]() mutable -> base::Result<void> {
     delay->wait();
     if (before.valid()) LUMIGRID_TRY(before.get());
     for (const std::string& file : files) {
@@ -158,49 +164,49 @@ base::Result<void> WorkDirectory::finishStage(std::uint32_t stage, base::Bytes s
       LUMIGRID_TRY(base::syncFile(path + "/" + file));
     }
     if (delay->abandoned) return {};
-    if (stage == 1) LUMIGRID_TRY(writeKey(path, key));
+    if (stage == Stage::kSpooled) LUMIGRID_TRY(writeKey(path, key));
     base::ByteWriter out;
     out.u32(base::crc32c(state));
     out.bytes(state);
     LUMIGRID_TRY(base::writeFileAtomically(stageFile(path, stage), out.view()));
-    if (then) then();
+    if (on_stored) on_stored();
     return {};
   };
-  finishing_ = std::async(std::launch::async, std::move(finish));
+  storing_ = std::async(std::launch::async, std::move(store));
   return {};
 }
 
 base::Result<void> WorkDirectory::settle() {
-  if (!finishing_.valid()) return {};
+  if (!storing_.valid()) return {};
   delay_->set(true);
-  auto finished = finishing_.get();
+  auto stored = storing_.get();
   delay_->set(false);
-  return finished;
+  return stored;
 }
 
-base::Result<base::Bytes> WorkDirectory::state(std::uint32_t stage) const {
+base::Result<base::Bytes> WorkDirectory::state(Stage stage) const {
   LUMIGRID_ASSIGN_OR_RETURN(auto bytes, base::readFile(stageFile(path_, stage)));
   base::ByteReader in(bytes);
   const std::uint32_t crc = in.u32();
   const base::ByteView rest = in.bytes(in.remaining());
-  if (!in.ok() || base::crc32c(rest) != crc) return broken();
+  if (!in.ok() || base::crc32c(rest) != crc) return damaged();
   return base::Bytes(rest.begin(), rest.end());
 }
 
-base::Error WorkDirectory::broken() const {
+base::Error WorkDirectory::damaged() const {
   return damagedWorkFiles(path_);
 }
 
-base::Result<void> buildIn(std::optional<WorkDirectory>& directory, const std::string& path, const ResumeKey& key,
-                           const std::string& output_path, const std::function<base::Result<void>()>& stages) {
+base::Result<void> runStages(std::optional<WorkDirectory>& directory, const std::string& path, const ResumeKey& key,
+                             const std::string& output_path, const std::function<base::Result<void>()>& stages) {
   LUMIGRID_ASSIGN_OR_RETURN(auto opened, WorkDirectory::open(path.empty() ? output_path + ".work" : path, key));
   directory = std::move(opened);
-  base::removeUnfinished(output_path);  // nobody else is writing it now
+  base::removeUnfinished(output_path);  // the lock makes sure that no other build is writing it
   auto done = stages();
-  // What is whole needs no work files, nor that they hold together.
+  // A complete output needs no work files, whole or damaged.
   if (done) directory->abandonStages();
   (void)directory->settle();
-  if (done || !key || !mayGoOn(done.error())) directory->remove();
+  if (done || !key || !canResume(done.error())) directory->remove();
   return done;
 }
 
@@ -208,7 +214,7 @@ base::Error damagedWorkFiles(const std::string& directory) {
   return {ErrorCode::kInvalidInput, directory + kDamaged};
 }
 
-bool isDamage(const base::Error& error) {
+bool isDamageError(const base::Error& error) {
   return error.message.find(kDamaged) != std::string::npos;
 }
 

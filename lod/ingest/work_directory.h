@@ -1,5 +1,6 @@
 #pragma once
-// Where a build keeps its work files, how far it came, and whether there is room.
+// The directory in which a build keeps its work files and notes which stages it has finished, so that a build that was
+// stopped or killed can go on; and the checks that there is room for a build.
 #include <chrono>
 #include <cstdint>
 #include <functional>
@@ -15,75 +16,92 @@
 
 namespace lod::ingest {
 
-/// What decides a build's output besides its options, such as the checksums of the sources. To work them out takes a
-/// while: whoever calls it waits for that. Called from any thread, maybe more than once. An error ends the build.
-using ResumeKey = std::function<base::Result<std::string>()>;
-/// `key` with `before` in front of it; none where it is none.
-ResumeKey keyAfter(std::string before, ResumeKey key);
+/// The stages of a build in their order, by what is on disk once they are finished. The first two are the same for all
+/// methods; later ones share numbers, since a directory is used by one method only.
+enum class Stage : std::uint8_t {
+  kNone = 0,
+  kSpooled = 1,        ///< the source's vertices and triangles lie in the spool
+  kSorted = 2,         ///< the triangles lie in buckets, points in tiles
+  kPatchLeaves = 3,    ///< lod/patch/builder: the leaf patches
+  kSplatLeaves = 3,    ///< lod/qsplat/builder: all that leaves need to know of other tiles
+  kSplatSubtrees = 4,  ///< lod/qsplat/builder: the tree of each tile
+};
 
-/// One builder at a time. Stages are finished one after the other; each leaves a state of its own, which appears whole
-/// or not at all.
+/// Gives a text that is the same as long as the output would be, apart from the build's options: the checksums of the
+/// sources. It may take as long as reading them, so it is asked for only when needed. Called from any thread, maybe
+/// more than once. An error ends the build.
+using ResumeKey = std::function<base::Result<std::string>()>;
+
+/// A key whose text is `prefix` and then `key`'s; empty where `key` is.
+ResumeKey withPrefix(std::string prefix, ResumeKey key);
+
+/// One builder uses it at a time. Stages are finished one after the other; each leaves a state, which appears whole or
+/// not at all.
 class WorkDirectory {
  public:
-  /// Makes the directory, or takes the one that an earlier run left under the same key; anything else in it that a
+  /// Makes the directory, or takes over the one that an earlier run left under the same key; anything else in it that a
   /// builder wrote is removed first. The key is asked for where an earlier run left one, else when the first stage is
-  /// finished. No key: nothing is taken. Errors: kBusy, kNoSpace, kIo, the key's.
+  /// finished. With an empty key nothing is taken over. Errors: kBusy, kNoSpace, kIo, the key's.
   static base::Result<WorkDirectory> open(const std::string& path, ResumeKey key);
   WorkDirectory(WorkDirectory&& other) noexcept;
   WorkDirectory& operator=(WorkDirectory&& other) noexcept;
-  ~WorkDirectory();  ///< lets go; the files stay
+  ~WorkDirectory();  ///< releases the directory; the files stay
 
   const std::string& path() const { return path_; }
-  std::uint32_t stage() const { return stage_; }
-  /// The stage counts for a later run once the disk has `files` (names in here, written and flushed) and then `state`;
-  /// after that `then` may give back what it alone needed. Returns before: threads see to it, stage by stage, while
-  /// later ones are under way, and after kStageDelay: a build that is done by then never waits for the disk. Without a
-  /// key nobody goes on, and all of it is `then`, at once. Errors: those of stages finished before, where they are
-  /// known already.
-  base::Result<void> finishStage(std::uint32_t stage, base::Bytes state, std::vector<std::string> files,
-                                 std::function<void()> then = {});
-  /// What a build that is killed may have to do once more, though it was done: less than syncing it would cost is not
-  /// worth syncing.
+  bool isFinished(Stage stage) const { return finished_ >= stage; }
+  /// A later run can go on behind this stage once the disk holds `files` (names in this directory, already written and
+  /// flushed) and then `state`; after that `on_stored` may release what only this stage needed. Returns at once:
+  /// threads store one stage after the other while later ones are under way, and not before kStageDelay, so that a
+  /// build that is done by then never waits for the disk. With an empty key nothing is stored, and `on_stored` is
+  /// called at once. Errors: those met so far in storing earlier stages.
+  base::Result<void> finishStage(Stage stage, base::Bytes state, std::vector<std::string> files,
+                                 std::function<void()> on_stored = {});
+  /// A build that is killed loses at most this much finished work beyond its last stored stage. Syncing costs about as
+  /// much as that on a slow disk.
   static constexpr std::chrono::milliseconds kStageDelay{200};
-  /// Waits for those threads, which see to it at once. The first error: kNoSpace, kIo, the key's.
+  /// Stores the finished stages now, and waits for it. Returns the first error: kNoSpace, kIo, the key's.
   base::Result<void> settle();
-  base::Result<base::Bytes> state(std::uint32_t stage) const;
+  /// The state that a finished stage left. Errors: kNotFound, kIo, damaged work files.
+  base::Result<base::Bytes> state(Stage stage) const;
   bool has(const std::string& name) const;
-  /// The stages are no longer worth going on from: of what is still to be done for them only what is under way is.
+  /// Gives up storing stages, since the output is complete; what is being stored right now is still stored.
   void abandonStages();
   /// Removes the work files, and the directory where nothing else lies in it.
   void remove();
-  /// kNoSpace when the disk has fewer bytes free than that; `what` they are for.
+  /// kNoSpace when the disk has fewer bytes free; `what` names what they are for.
   base::Result<void> needSpace(std::uint64_t bytes, const std::string& what) const;
-  base::Error broken() const;
+  /// The error that says that the work files are damaged.
+  base::Error damaged() const;
 
  private:
   WorkDirectory();
+  Stage lastStored() const;
+
   std::string path_;
   ResumeKey key_;
-  std::uint32_t stage_ = 0;
+  Stage finished_ = Stage::kNone;
   base::FileDescriptor lock_;
   struct Delay;
   std::shared_ptr<Delay> delay_;
-  std::future<base::Result<void>> finishing_;
+  std::future<base::Result<void>> storing_;
 };
 
-/// A whole build: takes the work directory `path` (empty: beside `output_path`) into `directory`, runs `stages` and
+/// A whole build: opens the work directory `path` (empty: beside `output_path`) as `directory`, runs `stages` and
 /// removes it again, unless they failed and a rerun under the same key can go on. Errors: those of opening it, and
-/// theirs.
-base::Result<void> buildIn(std::optional<WorkDirectory>& directory, const std::string& path, const ResumeKey& key,
-                           const std::string& output_path, const std::function<base::Result<void>()>& stages);
+/// those of the stages.
+base::Result<void> runStages(std::optional<WorkDirectory>& directory, const std::string& path, const ResumeKey& key,
+                             const std::string& output_path, const std::function<base::Result<void>()>& stages);
 
 /// Says that the work files in `directory` are not what their builder wrote.
 base::Error damagedWorkFiles(const std::string& directory);
-/// Whether an error is that: a build from the source mends it.
-bool isDamage(const base::Error& error);
+/// Whether an error says so: building again from the source mends it.
+bool isDamageError(const base::Error& error);
 
 /// kNoSpace when the disk that `path` will lie on has fewer bytes free.
 base::Result<void> needOutputSpace(const std::string& path, std::uint64_t bytes);
 /// kNoSpace when this process may not have so many files open.
 base::Result<void> needDescriptors(std::uint64_t count);
-/// Least memory a build needs.
+/// The least memory that a build works with. Half of it is kept for code, stacks and small tables.
 inline constexpr std::uint64_t kMinMemory = std::uint64_t{256} << 20;
 /// kNoSpace when less than that is given.
 base::Result<void> needMemory(std::uint64_t bytes);

@@ -125,8 +125,8 @@ class Builder {
     LUMIGRID_TRY(check(options_));
     LUMIGRID_TRY(ingest::needMemory(options_.limits.memory_bytes));
     LUMIGRID_TRY(ingest::needDescriptors(kDescriptors));
-    LUMIGRID_TRY(
-        ingest::buildIn(directory_, options_.work_directory, resumeKey(), output_path_, [&] { return stages(input); }));
+    LUMIGRID_TRY(ingest::runStages(directory_, options_.work_directory, resumeKey(), output_path_,
+                                   [&] { return stages(input); }));
     summary_.seconds = watch_.seconds();
     summary_.cpu_seconds = watch_.cpuSeconds();
     return std::move(summary_);
@@ -160,11 +160,11 @@ class Builder {
       key += ' ';
       key += std::to_string(v);
     }
-    return ingest::keyAfter(key + ' ', options_.resume_key);
+    return ingest::withPrefix(key + ' ', options_.resume_key);
   }
 
   base::Result<void> import(const ingest::SourceInput& input) {
-    if (directory_->stage() < 1 && !report("import", 0.0)) return cancelled();
+    if (!directory_->isFinished(ingest::Stage::kSpooled) && !report("import", 0.0)) return cancelled();
     LUMIGRID_ASSIGN_OR_RETURN(auto source, ingest::importSource(*directory_, input, options_.limits.threads));
     source_ = std::move(source);
     lattice_ = ingest::makeLattice(source_.info, source_.origin, options_.position_bits);
@@ -177,7 +177,7 @@ class Builder {
   }
 
   base::Result<void> sortTriangles() {
-    if (directory_->stage() < 2 && !report("sort", 0.0)) return cancelled();
+    if (!directory_->isFinished(ingest::Stage::kSorted) && !report("sort", 0.0)) return cancelled();
     const ingest::BucketOptions options{
         {options_.limits.threads, (options_.limits.memory_bytes - ingest::kMinMemory / 2) / 2},
         [this](double done) { return report("sort", done); }};
@@ -218,7 +218,7 @@ class Builder {
     }
     for (std::size_t b = 0; b < made.size(); ++b) {
       triangles[b] = buckets_.triangles(b);
-      if (finished[b] == 0 && directory_->stage() >= 3) return directory_->broken();
+      if (finished[b] == 0 && directory_->isFinished(ingest::Stage::kPatchLeaves)) return directory_->damaged();
     }
 
     // As many buckets at a time as memory holds.
@@ -257,8 +257,9 @@ class Builder {
         });
     LUMIGRID_TRY(status);
     // From here on the store alone holds the mesh.
-    if (directory_->stage() < 3) {
-      LUMIGRID_TRY(directory_->finishStage(3, {}, {"patches"}, [this] { buckets_.release(); }));
+    if (!directory_->isFinished(ingest::Stage::kPatchLeaves)) {
+      LUMIGRID_TRY(
+          directory_->finishStage(ingest::Stage::kPatchLeaves, {}, {"patches"}, [this] { buckets_.release(); }));
     }
     for (auto& patches : made)
       for (WorkPatch& patch : patches) leaves.push_back(std::move(patch));
@@ -357,7 +358,7 @@ base::Result<HierarchySummary> buildHierarchyFromFiles(const std::vector<std::st
   LUMIGRID_ASSIGN_OR_RETURN(auto input, ingest::sourceFromFiles(paths, progress, options.limits.threads));
   auto summary = Builder(options, output_path, progress).run(input);
   // Work files that do not hold together are gone by now.
-  if (!summary && ingest::isDamage(summary.error())) summary = Builder(options, output_path, progress).run(input);
+  if (!summary && ingest::isDamageError(summary.error())) summary = Builder(options, output_path, progress).run(input);
   return summary ? std::move(summary) : ingest::ofSource(paths, summary.error());
 }
 

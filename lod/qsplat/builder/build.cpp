@@ -37,9 +37,9 @@ class Builder {
     LUMIGRID_TRY(ingest::needDescriptors(kDescriptors));
     base::keepFreedMemory();
     const ingest::ResumeKey key =
-        ingest::keyAfter("qsplat 4 " + std::to_string(options_.dice) + " ", options_.resume_key);
+        ingest::withPrefix("qsplat 4 " + std::to_string(options_.dice) + " ", options_.resume_key);
     LUMIGRID_TRY(
-        ingest::buildIn(directory_, options_.work_directory, key, output_path_, [&] { return stages(input); }));
+        ingest::runStages(directory_, options_.work_directory, key, output_path_, [&] { return stages(input); }));
     return std::move(summary_);
   }
 
@@ -64,7 +64,7 @@ class Builder {
   std::uint64_t workMemory() const { return options_.limits.memory_bytes - ingest::kMinMemory / 2; }
 
   base::Result<void> import(const ingest::SourceInput& input) {
-    if (directory_->stage() < 1 && !report("import", 0.0)) return cancelled();
+    if (!directory_->isFinished(ingest::Stage::kSpooled) && !report("import", 0.0)) return cancelled();
     LUMIGRID_ASSIGN_OR_RETURN(auto source, ingest::importSource(*directory_, input, options_.limits.threads));
     source_ = std::move(source);
     const std::uint64_t leaves = source_.info.referenced;
@@ -77,7 +77,7 @@ class Builder {
 
   base::Result<void> sortTriangles() {
     lattice_ = ingest::makeLattice(source_.info, source_.origin, 0);
-    if (directory_->stage() < 2 && !report("sort", 0.0)) return cancelled();
+    if (!directory_->isFinished(ingest::Stage::kSorted) && !report("sort", 0.0)) return cancelled();
     auto buckets = ingest::sortSource(
         *directory_, source_, lattice_,
         {{options_.limits.threads, workMemory() / 2}, [this](double done) { return report("sort", done); }});
@@ -89,22 +89,22 @@ class Builder {
   // Stage 3.
   base::Result<void> measureBorder() {
     auto& leaves = mesh_leaves_.emplace(buckets_, lattice_, options_.dice);
-    if (directory_->stage() >= 3) {
-      LUMIGRID_ASSIGN_OR_RETURN(auto state, directory_->state(3));
+    if (directory_->isFinished(ingest::Stage::kSplatLeaves)) {
+      LUMIGRID_ASSIGN_OR_RETURN(auto state, directory_->state(ingest::Stage::kSplatLeaves));
       base::ByteReader in(state);
-      return leaves.readBorder(in) && in.atEnd() ? base::Result<void>() : directory_->broken();
+      return leaves.readBorder(in) && in.atEnd() ? base::Result<void>() : directory_->damaged();
     }
     LUMIGRID_TRY(leaves.measureBorder(tilesAtOnce(leaves), [this](double done) { return report("borders", done); }));
     base::ByteWriter out;
     leaves.writeBorder(out);
-    return directory_->finishStage(3, out.take(), {});
+    return directory_->finishStage(ingest::Stage::kSplatLeaves, out.take(), {});
   }
 
   // Stage 2 of points.
   base::Result<void> sortPoints() {
     lattice_ = ingest::makeLattice(source_.info, source_.origin, ingest::kMaxLatticeBits);
-    if (directory_->stage() >= 2) {
-      LUMIGRID_ASSIGN_OR_RETURN(auto state, directory_->state(2));
+    if (directory_->isFinished(ingest::Stage::kSorted)) {
+      LUMIGRID_ASSIGN_OR_RETURN(auto state, directory_->state(ingest::Stage::kSorted));
       LUMIGRID_ASSIGN_OR_RETURN(auto tiles, PointTiles::open(directory_->path(), lattice_, state));
       points_ = std::move(tiles);
       return {};
@@ -116,7 +116,8 @@ class Builder {
     if (!tiles) return tiles.error();
     points_ = std::move(*tiles);
     const auto sorted = std::make_shared<ingest::SourceSpool>(std::move(spool));
-    LUMIGRID_TRY(directory_->finishStage(2, points_.state(), {"points"}, [sorted] { sorted->remove(); }));
+    LUMIGRID_TRY(
+        directory_->finishStage(ingest::Stage::kSorted, points_.state(), {"points"}, [sorted] { sorted->remove(); }));
     base::releaseFreedMemory(options_.limits.memory_bytes);
     return {};
   }
@@ -129,8 +130,8 @@ class Builder {
         return Error{ErrorCode::kNoSpace, "the memory given is too small: " + std::to_string(points_.points(t)) +
                                               " points lie in nearly one place (--memory)"};
     const std::string path = directory_->path() + "/leaves";
-    if (directory_->stage() >= 3) {
-      LUMIGRID_ASSIGN_OR_RETURN(auto state, directory_->state(3));
+    if (directory_->isFinished(ingest::Stage::kSplatLeaves)) {
+      LUMIGRID_ASSIGN_OR_RETURN(auto state, directory_->state(ingest::Stage::kSplatLeaves));
       base::ByteReader in(state);
       return leaves.reopen(path, in);
     }
@@ -138,7 +139,7 @@ class Builder {
     LUMIGRID_TRY(leaves.fitAll(path, tilesAtOnce(leaves), [this](double done) { return report("normals", done); }));
     base::ByteWriter out;
     leaves.writeSigns(out);
-    return directory_->finishStage(3, out.take(), {"leaves"}, [this] { points_.release(); });
+    return directory_->finishStage(ingest::Stage::kSplatLeaves, out.take(), {"leaves"}, [this] { points_.release(); });
   }
 
   const LeafSource& leafSource() const {
@@ -166,7 +167,7 @@ class Builder {
     std::size_t done = 0;
     for (std::size_t t = 0; t < leaves.tiles(); ++t) {
       done += subtrees_->has(t) ? 1 : 0;
-      if (!subtrees_->has(t) && directory_->stage() >= 4) return directory_->broken();
+      if (!subtrees_->has(t) && directory_->isFinished(ingest::Stage::kSplatSubtrees)) return directory_->damaged();
     }
     std::mutex mutex;
     base::Result<void> status;
@@ -181,8 +182,8 @@ class Builder {
     });
     LUMIGRID_TRY(status);
     // From here on the store alone holds the leaves.
-    if (directory_->stage() < 4) {
-      LUMIGRID_TRY(directory_->finishStage(4, {}, {"nodes"}, [this] {
+    if (!directory_->isFinished(ingest::Stage::kSplatSubtrees)) {
+      LUMIGRID_TRY(directory_->finishStage(ingest::Stage::kSplatSubtrees, {}, {"nodes"}, [this] {
         if (isMesh()) buckets_.release();
       }));
     }
@@ -266,7 +267,7 @@ base::Result<BuildSummary> buildFromFiles(const std::vector<std::string>& paths,
   LUMIGRID_ASSIGN_OR_RETURN(auto input, ingest::sourceFromFiles(paths, progress, options.limits.threads, true));
   auto summary = Builder(options, output_path, progress).run(input);
   // Work files that do not hold together are gone by now.
-  if (!summary && ingest::isDamage(summary.error())) summary = Builder(options, output_path, progress).run(input);
+  if (!summary && ingest::isDamageError(summary.error())) summary = Builder(options, output_path, progress).run(input);
   return summary ? std::move(summary) : ingest::ofSource(paths, summary.error());
 }
 

@@ -1,4 +1,4 @@
-// A work directory is gone on with under the key it was left with, from the last stage that the disk has.
+// A build goes on in a work directory under the key it was left with, behind the last stage that is on disk.
 #include "lod/ingest/work_directory.h"
 
 #include <gtest/gtest.h>
@@ -24,10 +24,11 @@ class WorkDirectoryTest : public ::testing::Test {
       return text;
     };
   }
-  void leave(const std::string& text, std::uint32_t stages) {
+  /// Leaves a directory with the first three stages finished.
+  void leave(const std::string& text) {
     auto directory = WorkDirectory::open(path_, key(text));
     ASSERT_TRUE(directory) << directory.error().message;
-    for (std::uint32_t stage = 1; stage <= stages; ++stage)
+    for (const Stage stage : {Stage::kSpooled, Stage::kSorted, Stage::kPatchLeaves})
       ASSERT_TRUE(directory->finishStage(stage, {static_cast<std::uint8_t>(stage)}, {}));
     ASSERT_TRUE(directory->settle());
   }
@@ -37,22 +38,23 @@ class WorkDirectoryTest : public ::testing::Test {
   int asked_ = 0;
 };
 
-TEST_F(WorkDirectoryTest, goesOnUnderTheSameKeyOnly) {
-  leave("one", 3);
+TEST_F(WorkDirectoryTest, continuesUnderTheSameKeyOnly) {
+  leave("one");
   {
     auto same = WorkDirectory::open(path_, key("one"));
     ASSERT_TRUE(same);
-    EXPECT_EQ(same->stage(), 3U);
-    ASSERT_TRUE(same->state(2));
-    EXPECT_EQ(*same->state(2), base::Bytes{2});
+    EXPECT_TRUE(same->isFinished(Stage::kPatchLeaves));
+    EXPECT_FALSE(same->isFinished(Stage::kSplatSubtrees));
+    ASSERT_TRUE(same->state(Stage::kSorted));
+    EXPECT_EQ(*same->state(Stage::kSorted), base::Bytes{2});
   }
   auto other = WorkDirectory::open(path_, key("two"));
   ASSERT_TRUE(other);
-  EXPECT_EQ(other->stage(), 0U);
+  EXPECT_FALSE(other->isFinished(Stage::kSpooled));
   EXPECT_FALSE(fs::exists(path_ + "/stage1"));
 }
 
-// To work a key out may take as long as reading the source: nobody waits for it who does not need it.
+// Working out a key may take as long as reading the source, so nothing waits for it that does not need it.
 TEST_F(WorkDirectoryTest, asksForTheKeyWhereOneWasLeftAndWhenAStageIsFinished) {
   auto directory = WorkDirectory::open(path_, key("one"));
   ASSERT_TRUE(directory);
@@ -63,9 +65,9 @@ TEST_F(WorkDirectoryTest, asksForTheKeyWhereOneWasLeftAndWhenAStageIsFinished) {
     return std::string("late");
   });
   ASSERT_TRUE(slow);
-  ASSERT_TRUE(slow->finishStage(1, {}, {}));
-  ASSERT_TRUE(slow->finishStage(2, {}, {}));
-  EXPECT_EQ(slow->stage(), 2U) << "the next stage is under way before the key is known";
+  ASSERT_TRUE(slow->finishStage(Stage::kSpooled, {}, {}));
+  ASSERT_TRUE(slow->finishStage(Stage::kSorted, {}, {}));
+  EXPECT_TRUE(slow->isFinished(Stage::kSorted)) << "the next stage is under way before the key is known";
   EXPECT_FALSE(fs::exists(scratch_ / "slow/stage1")) << "a stage counts only under a key";
   known.set_value();
   ASSERT_TRUE(slow->settle());
@@ -79,7 +81,7 @@ TEST_F(WorkDirectoryTest, aKeyThatCannotBeWorkedOutIsAnErrorAndLeavesNoStage) {
   };
   auto directory = WorkDirectory::open(path_, broken);
   ASSERT_TRUE(directory);
-  ASSERT_TRUE(directory->finishStage(1, {}, {}));
+  ASSERT_TRUE(directory->finishStage(Stage::kSpooled, {}, {}));
   const auto settled = directory->settle();
   ASSERT_FALSE(settled);
   EXPECT_EQ(settled.error().message, "the source cannot be read");
@@ -91,8 +93,8 @@ TEST_F(WorkDirectoryTest, aBuildThatIsDoneAtOnceWritesNoStages) {
   const auto begin = std::chrono::steady_clock::now();
   auto directory = WorkDirectory::open(path_, key("one"));
   ASSERT_TRUE(directory);
-  ASSERT_TRUE(directory->finishStage(1, {1}, {}));
-  ASSERT_TRUE(directory->finishStage(2, {2}, {}));
+  ASSERT_TRUE(directory->finishStage(Stage::kSpooled, {1}, {}));
+  ASSERT_TRUE(directory->finishStage(Stage::kSorted, {2}, {}));
   directory->abandonStages();
   const bool late = std::chrono::steady_clock::now() - begin > WorkDirectory::kStageDelay;
   ASSERT_TRUE(directory->settle());
@@ -105,33 +107,33 @@ TEST_F(WorkDirectoryTest, aBuildThatIsDoneAtOnceWritesNoStages) {
 TEST_F(WorkDirectoryTest, aStageIsWrittenThoughNobodySettlesIt) {
   auto directory = WorkDirectory::open(path_, key("one"));
   ASSERT_TRUE(directory);
-  ASSERT_TRUE(directory->finishStage(1, {1}, {}));
+  ASSERT_TRUE(directory->finishStage(Stage::kSpooled, {1}, {}));
   const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
   while (!fs::exists(path_ + "/stage1") && std::chrono::steady_clock::now() < end)
     std::this_thread::sleep_for(std::chrono::milliseconds(5));
   EXPECT_TRUE(fs::exists(path_ + "/stage1"));
 }
 
-// The first stage's file is missing: no later one may count, nor give back what it needed.
+// The first stage's file is missing, so no later stage may count or release what the first one needed.
 TEST_F(WorkDirectoryTest, aStageThatFailsKeepsLaterOnesFromCounting) {
   auto directory = WorkDirectory::open(path_, key("one"));
   ASSERT_TRUE(directory);
-  bool gave_back = false;
-  ASSERT_TRUE(directory->finishStage(1, {}, {"nowhere"}));
-  const bool refused = !directory->finishStage(2, {}, {}, [&] { gave_back = true; });
+  bool released = false;
+  ASSERT_TRUE(directory->finishStage(Stage::kSpooled, {}, {"nowhere"}));
+  const bool refused = !directory->finishStage(Stage::kSorted, {}, {}, [&] { released = true; });
   EXPECT_TRUE(refused || !directory->settle()) << "it is told at once where it is known, else at the end";
   EXPECT_FALSE(fs::exists(path_ + "/stage1"));
   EXPECT_FALSE(fs::exists(path_ + "/stage2"));
-  EXPECT_FALSE(gave_back);
+  EXPECT_FALSE(released);
 }
 
 TEST_F(WorkDirectoryTest, withoutAKeyNothingIsKept) {
   {
     auto directory = WorkDirectory::open(path_, {});
     ASSERT_TRUE(directory);
-    bool gave_back = false;
-    ASSERT_TRUE(directory->finishStage(1, {}, {}, [&] { gave_back = true; }));
-    EXPECT_TRUE(gave_back);
+    bool released = false;
+    ASSERT_TRUE(directory->finishStage(Stage::kSpooled, {}, {}, [&] { released = true; }));
+    EXPECT_TRUE(released);
   }
   EXPECT_FALSE(fs::exists(path_ + "/stage1"));
   EXPECT_FALSE(fs::exists(path_ + "/key"));

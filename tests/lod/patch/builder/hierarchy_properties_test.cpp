@@ -19,8 +19,8 @@ namespace {
 
 using namespace lod::patch::builder;
 using support::BuiltHierarchy;
-using support::Mesh;
 using support::LatticeEdge;
+using support::Mesh;
 using support::PlyMesh;
 
 BuiltHierarchy mustBuild(const Mesh& mesh, const HierarchyOptions& options = support::smallPatches()) {
@@ -224,7 +224,8 @@ TEST_F(WrittenProperties, AMillionthAndAMillionScaleTheErrorsAndChangeNothingEls
 TEST_F(WrittenProperties, BytesDoNotDependOnThreadsOrMemory) {
   HierarchyOptions options = support::smallPatches();
   std::vector<base::Bytes> files;
-  const std::pair<unsigned, std::uint64_t> choices[] = {{1, lod::ingest::kMinMemory}, {2, 0}, {3, lod::ingest::kMinMemory}, {4, 0}, {7, 0}};
+  const std::pair<unsigned, std::uint64_t> choices[] = {
+      {1, lod::ingest::kMinMemory}, {2, 0}, {3, lod::ingest::kMinMemory}, {4, 0}, {7, 0}};
   for (const Mesh& mesh : {support::torus(150, 100), support::triangleSoup(8000)}) {
     files.clear();
     for (const auto& [threads, memory] : choices) {

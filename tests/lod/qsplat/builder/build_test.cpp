@@ -35,18 +35,18 @@ class QsplatBuild : public testing::Test {
   std::string path() const { return directory_ / "out.lgq"; }
 
   // A sound file and no work files.
-  qsplat::BuildSummary mustBuild(const Mesh& mesh, const qsplat::BuildOptions& options = {}) {
+  BuildSummary mustBuild(const Mesh& mesh, const BuildOptions& options = {}) {
     auto summary = support::buildSplats(mesh, options, path());
     EXPECT_TRUE(summary) << summary.error().message;
     if (!summary) return {};
     expectSound(*summary);
     return std::move(*summary);
   }
-  qsplat::BuildSummary mustBuild(const PlyMesh& mesh, double dice = qsplat::kDice) {
+  BuildSummary mustBuild(const PlyMesh& mesh, double dice = kDice) {
     writePly(directory_ / "mesh.ply", mesh);
-    qsplat::BuildOptions options;
+    BuildOptions options;
     options.dice = dice;
-    auto summary = qsplat::buildFromFiles({directory_ / "mesh.ply"}, options, path());
+    auto summary = buildFromFiles({directory_ / "mesh.ply"}, options, path());
     EXPECT_TRUE(summary) << summary.error().message;
     if (!summary) return {};
     expectSound(*summary);
@@ -55,14 +55,14 @@ class QsplatBuild : public testing::Test {
   // Refused in one line, with nothing left behind.
   void mustRefuse(const PlyMesh& mesh, const std::string& what) {
     writePly(directory_ / "mesh.ply", mesh);
-    const auto summary = qsplat::buildFromFiles({directory_ / "mesh.ply"}, {}, path());
+    const auto summary = buildFromFiles({directory_ / "mesh.ply"}, {}, path());
     ASSERT_FALSE(summary);
     EXPECT_NE(summary.error().message.find(what), std::string::npos) << summary.error().message;
     EXPECT_EQ(summary.error().message.find('\n'), std::string::npos);
     EXPECT_FALSE(std::filesystem::exists(path()));
     EXPECT_FALSE(std::filesystem::exists(path() + ".work"));
   }
-  void expectSound(const qsplat::BuildSummary& summary) {
+  void expectSound(const BuildSummary& summary) {
     const auto file = SplatFile::open(path());
     ASSERT_TRUE(file) << file.error().message;
     EXPECT_EQ(file->verify(), std::vector<std::string>());
@@ -125,7 +125,7 @@ TEST_F(QsplatBuild, ThreadsAndMemoryDoNotChangeTheBytes) {
   const Mesh mesh = makeSample(sample);
   base::Bytes first;
   for (const auto& [threads, memory] : {std::pair{1U, 256U}, std::pair{2U, 4096U}, std::pair{5U, 300U}}) {
-    qsplat::BuildOptions options;
+    BuildOptions options;
     options.limits.threads = threads;
     options.limits.memory_bytes = std::uint64_t{memory} << 20;
     mustBuild(mesh, options);
@@ -142,11 +142,11 @@ TEST_F(QsplatBuild, TheCodedFormHoldsThePlainFilesNodesWhateverTheThreads) {
   const base::Bytes plain = bytes();
   base::Bytes first;
   for (const auto& [threads, memory] : {std::pair{1U, 256U}, std::pair{3U, 1024U}}) {
-    qsplat::BuildOptions options;
+    BuildOptions options;
     options.limits.threads = threads;
     options.limits.memory_bytes = std::uint64_t{memory} << 20;
     options.coded = true;
-    const qsplat::BuildSummary summary = mustBuild(mesh, options);
+    const BuildSummary summary = mustBuild(mesh, options);
     EXPECT_EQ(summary.bytes, bytes().size());
     EXPECT_LT(summary.bytes, plain.size() * 6 / 10);
     if (first.empty()) first = bytes();
@@ -169,28 +169,28 @@ TEST_F(QsplatBuild, WidePointersMakeTheSameTree) {
   mustBuild(mesh);
   const auto narrow = nodes();
   const std::string store_path = directory_ / "nodes";
-  auto store = qsplat::SubtreeStore::open(store_path, false, 3);
+  auto store = SubtreeStore::open(store_path, false, 3);
   ASSERT_TRUE(store);
   // The same nodes from three tiles, one of them empty and one of a single leaf.
-  std::vector<qsplat::Splat> leaves;
+  std::vector<Splat> leaves;
   for (const support::DecodedNode& node : narrow) {
     if (!node.leaf) continue;
-    qsplat::Splat leaf;
+    Splat leaf;
     leaf.sphere = node.sphere;
     leaf.weight = 1.0F;
     leaf.normal = lod::qsplat::normalTable()[node.node.normalCode()];
     leaf.direction = node.node.normalCode();
     leaves.push_back(leaf);
   }
-  ASSERT_TRUE(store->add(1, qsplat::makeSubtree(std::span(leaves).subspan(1))));
-  ASSERT_TRUE(store->add(0, qsplat::Subtree()));
-  ASSERT_TRUE(store->add(2, qsplat::makeSubtree(std::span(leaves).first(1))));
+  ASSERT_TRUE(store->add(1, makeSubtree(std::span(leaves).subspan(1))));
+  ASSERT_TRUE(store->add(0, Subtree()));
+  ASSERT_TRUE(store->add(2, makeSubtree(std::span(leaves).first(1))));
   std::vector<support::DecodedNode> trees[2];
   for (const bool wide : {false, true}) {
-    qsplat::FileBuildOptions options;
+    FileBuildOptions options;
     options.wide_pointers = wide;
     options.runs_path = directory_ / "runs";
-    const auto header = qsplat::writeTree(*store, path(), options);
+    const auto header = writeTree(*store, path(), options);
     ASSERT_TRUE(header) << header.error().message;
     EXPECT_EQ(header->wide_pointers, wide);
     EXPECT_EQ(header->leaves, leaves.size());
@@ -203,26 +203,26 @@ TEST_F(QsplatBuild, WidePointersMakeTheSameTree) {
 
 TEST_F(QsplatBuild, AStoreGoesOnBehindItsLastWholeRecord) {
   const std::string store_path = directory_ / "nodes";
-  std::vector<qsplat::Splat> leaves(10);
+  std::vector<Splat> leaves(10);
   for (std::size_t i = 0; i < leaves.size(); ++i) {
     leaves[i].sphere = {glm::vec3(static_cast<float>(i), 0.0F, 0.0F), 0.6F};
     leaves[i].weight = 1.0F;
   }
   std::uint64_t whole = 0;
   {
-    auto store = qsplat::SubtreeStore::open(store_path, false, 2);
-    ASSERT_TRUE(store->add(0, qsplat::makeSubtree(leaves)));
+    auto store = SubtreeStore::open(store_path, false, 2);
+    ASSERT_TRUE(store->add(0, makeSubtree(leaves)));
     whole = store->bytes();
-    ASSERT_TRUE(store->add(1, qsplat::makeSubtree(leaves)));
+    ASSERT_TRUE(store->add(1, makeSubtree(leaves)));
   }
   const base::Bytes both = *base::readFile(store_path);
   for (std::uint64_t cut = whole; cut < both.size(); cut += 13) {
     ASSERT_TRUE(base::writeFileAtomically(store_path, base::ByteView(both).first(cut)));
-    auto store = qsplat::SubtreeStore::open(store_path, true, 2);
+    auto store = SubtreeStore::open(store_path, true, 2);
     ASSERT_TRUE(store);
     EXPECT_TRUE(store->has(0));
     EXPECT_FALSE(store->has(1));
-    ASSERT_TRUE(store->add(1, qsplat::makeSubtree(leaves)));
+    ASSERT_TRUE(store->add(1, makeSubtree(leaves)));
     EXPECT_EQ(store->bytes(), both.size());
   }
 }
@@ -330,7 +330,7 @@ TEST_F(QsplatBuild, CancellingLeavesNoFile) {
 }
 
 TEST_F(QsplatBuild, TooLittleMemoryIsRefused) {
-  qsplat::BuildOptions options;
+  BuildOptions options;
   options.limits.memory_bytes = 1 << 20;
   const auto summary = support::buildSplats(support::torus(40, 20), options, path());
   ASSERT_FALSE(summary);

@@ -49,7 +49,7 @@ inline MeshSplats splatsOf(const Mesh& mesh, double dice = 0.0) {
   out.lattice = makeLattice(source->info, source->origin, 0);
   const auto buckets = sortSource(*directory, *source, out.lattice, {{1, std::uint64_t{64} << 20}, {}});
   EXPECT_TRUE(buckets);
-  qsplat::MeshLeaves leaves(*buckets, out.lattice, dice);
+  MeshLeaves leaves(*buckets, out.lattice, dice);
   EXPECT_TRUE(leaves.measureBorder(1, {}));
   out.buckets = buckets->count();
   out.sorted.origin = source->origin;
