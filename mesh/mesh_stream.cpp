@@ -26,7 +26,7 @@ base::Result<void> MeshStream::flush(const void* at) {
   triangles_ += corners.size() / 3;
   positions.clear(), normals.clear(), colors.clear(), corners.clear(), corner_normals.clear(), corner_colors.clear();
 
-  // Pages behind us are clean: the system reads them again should anybody ask.
+  // Pages that have been read are clean: the system loads them again from the file if anybody needs them.
   constexpr std::size_t kPage = 4096;
   const auto offset = static_cast<std::size_t>(static_cast<const std::uint8_t*>(at) - file_.data());
   const std::size_t end = std::min(offset, file_.size()) / kPage * kPage;

@@ -29,12 +29,12 @@ inline base::Error indexOutOfRange(const std::string& place, std::int64_t index,
 inline base::Error truncatedIn(const std::string& place) {
   return invalidInput("truncated: the file ends in " + place + "; get the whole file again");
 }
-/// Where a reader puts what it reads: blocks are handed to the sink when they are full, and pages of the mapped file
-/// that lie behind are let go, so that memory stays bounded whatever the file's length.
+/// Readers append to its vectors. It hands full blocks to the sink and releases the pages of the mapped file that have
+/// been read, so that memory stays bounded whatever the file's length.
 class MeshStream {
  public:
-  /// `file`: the whole mapped file. `progress` gets the share read; false cancels. May be empty.
-  /// `directory`: where the file lies, for textures beside it.
+  /// `file` is the whole mapped file, and `directory` the one that holds it, for textures beside it. `progress` gets
+  /// the share read, and cancels by false; it may be empty.
   MeshStream(MeshSink& sink, base::ByteView file, std::string directory, std::function<bool(double)> progress)
       : textures(std::move(directory)), sink_(sink), file_(file), progress_(std::move(progress)) {
     positions.reserve(kBlock);
@@ -49,7 +49,7 @@ class MeshStream {
   std::vector<glm::u8vec4> corner_colors;  ///< empty, or as many as corners; a = 0 where unknown
   std::uint64_t short_faces = 0;
   std::vector<std::string> warnings;
-  bool points_welcome = false;  ///< vertices without faces are a source too
+  bool accepts_points = false;  ///< a file of vertices without faces is no error
   TextureFiles textures;
   TextureBaker baker;
 
@@ -58,15 +58,15 @@ class MeshStream {
   bool hasColors() const { return has_colors_; }
   bool hasNormals() const { return has_normals_; }
 
-  /// Adds the polygon as a fan around its first corner. Corners must be checked already. `its_normals`, `its_colors`:
-  /// empty, or one per corner.
+  /// Adds the polygon as a fan around its first corner. Its corners have been checked. `its_normals` and `its_colors`
+  /// are empty, or hold one per corner.
   void addPolygon(std::span<const std::uint64_t> polygon, std::span<const glm::vec3> its_normals = {},
                   std::span<const glm::u8vec4> its_colors = {}) {
     if (polygon.size() < 3) {
       ++short_faces;
       return;
     }
-    // Attributes begin in the middle of a block: those before are unknown.
+    // Where attributes begin in the middle of a block, those of the corners before are unknown.
     if (!its_normals.empty() || !corner_normals.empty()) corner_normals.resize(corners.size(), glm::vec3(0.0F));
     if (!its_colors.empty() || !corner_colors.empty()) corner_colors.resize(corners.size(), glm::u8vec4(0));
     for (std::size_t i = 2; i < polygon.size(); ++i) {
@@ -77,13 +77,13 @@ class MeshStream {
         corner_colors.insert(corner_colors.end(), {its_colors[0], its_colors[i - 1], its_colors[i]});
     }
   }
-  /// To be called now and then with the place in the file: hands on full blocks.
-  base::Result<void> advance(const void* at) {
+  /// Hands full blocks to the sink. Readers call it after each element, with the place in the file that they reached.
+  base::Result<void> flushFullBlocks(const void* at) {
     if (positions.size() < kBlock && corners.size() < 3 * kBlock) return {};
     return flush(at);
   }
   base::Result<void> flush(const void* at);
-  /// Everything so far was read the wrong way.
+  /// Drops all that was read of the file so far, since it was read the wrong way.
   base::Result<void> restart();
 
   static constexpr std::size_t kBlock = std::size_t{1} << 16;
@@ -99,23 +99,23 @@ class MeshStream {
   bool has_normals_ = false;
 };
 
-/// Colour component in 0..1 (more is cut, NaN is 0) as a byte.
+/// A colour component in 0..1 as a byte; larger values are clamped, and NaN becomes 0.
 inline std::uint8_t byteFromUnit(double value) {
   if (!(value > 0.0)) return 0;
   return value >= 1.0 ? std::uint8_t{255} : static_cast<std::uint8_t>(value * 255.0 + 0.5);
 }
 
-/// Text formats write colours as 0..1 or as 0..255 without saying which: one component above 1 anywhere means the
-/// latter. A reader takes them for 0..1 until it meets one that is above; then it begins again.
+/// Text formats write colours as 0..1 or as 0..255 without saying which. One component above 1 anywhere means 0..255,
+/// so a reader assumes 0..1 until it meets such a component, and then starts the file again.
 class TextColors {
  public:
   glm::u8vec4 color(const glm::dvec3& given);
-  /// True once, when what was read so far must be read again.
+  /// True once, after colours have been read as 0..1 that were not: the file must be read again.
   bool mustRestart();
 
  private:
   bool bytes_ = false;
-  bool seen_ = false;  // colours were taken for 0..1
+  bool seen_ = false;  // colours were read as 0..1
   bool wrong_ = false;
 };
 
@@ -127,7 +127,7 @@ inline bool isSpace(char c) {
   return c == ' ' || (c >= '\t' && c <= '\r');
 }
 
-/// Cuts spaces off the front of `text`; false when nothing is left.
+/// Removes spaces from the front of `text`; false when nothing is left.
 inline bool skipSpaces(std::string_view& text) {
   std::size_t begin = 0;
   while (begin < text.size() && isSpace(text[begin])) ++begin;
@@ -135,7 +135,7 @@ inline bool skipSpaces(std::string_view& text) {
   return !text.empty();
 }
 
-/// Cuts the next word off the front of `text`; empty when none is left.
+/// Removes the next word from the front of `text` and returns it; empty when none is left.
 inline std::string_view nextWord(std::string_view& text) {
   skipSpaces(text);
   std::size_t end = 0;
@@ -145,7 +145,7 @@ inline std::string_view nextWord(std::string_view& text) {
   return word;
 }
 
-/// Cuts the next line off the front of `text`, without its "\n" or "\r\n".
+/// Removes the next line from the front of `text` and returns it without its "\n" or "\r\n".
 inline std::string_view nextLine(std::string_view& text) {
   const std::size_t end = text.find('\n');
   std::string_view line = text.substr(0, end);
@@ -154,9 +154,10 @@ inline std::string_view nextLine(std::string_view& text) {
   return line;
 }
 
-/// How many characters of the front of `text` are a decimal without an exponent, of so few digits that `value` is
-/// rounded once and rightly: whole number and power of ten are both exact (Clinger 1990, "How to read floating point
-/// numbers accurately"). 0: none, or one that std::from_chars has to read.
+/// Reads a decimal without an exponent from the front of `text` and returns how many characters it has. It must have so
+/// few digits that its whole number and the power of ten below it are both exact doubles, so that the quotient is
+/// rounded correctly (Clinger 1990, "How to read floating point numbers accurately"). Returns 0 where there is no such
+/// decimal: std::from_chars reads all others.
 inline std::size_t leadingDecimal(std::string_view text, double& value) {
   static constexpr double kTens[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,  1e8, 1e9,
                                      1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18};
@@ -165,7 +166,7 @@ inline std::size_t leadingDecimal(std::string_view text, double& value) {
   std::size_t at = negative ? 1 : 0;
   std::uint64_t whole = 0;
   std::size_t digits = 0;
-  std::size_t point = 0;  // digits before it
+  std::size_t point = 0;  // how many digits stand before it
   bool pointed = false;
   for (; at < text.size(); ++at) {
     const char c = text[at];
@@ -186,7 +187,7 @@ inline std::size_t leadingDecimal(std::string_view text, double& value) {
   return at;
 }
 
-/// The whole word as a number; false when it is none.
+/// Reads the whole word as a number; false when it is none.
 template <class T>
 bool parseNumber(std::string_view word, T& value) {
   if constexpr (std::is_same_v<T, double>)
@@ -196,7 +197,7 @@ bool parseNumber(std::string_view word, T& value) {
   return error == std::errc{} && end == word.data() + word.size();
 }
 
-/// How many digits the word begins with, up to 18, and what they say: `value` then needs no check for overflow.
+/// Counts the digits that the word begins with, up to 18, which never overflow `value`, and reads them.
 inline std::size_t leadingDigits(std::string_view word, std::int64_t& value) {
   constexpr std::size_t kMax = 18;
   std::size_t count = 0;
@@ -206,7 +207,7 @@ inline std::size_t leadingDigits(std::string_view word, std::int64_t& value) {
   return count;
 }
 
-/// A word from a hostile file, cut to a length that an error line can carry, unprintable bytes replaced.
+/// A word from a file in quotes, fit for an error line: cut to 40 characters, unprintable bytes replaced.
 std::string quoted(std::string_view word);
 
 }  // namespace mesh

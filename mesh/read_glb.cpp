@@ -19,7 +19,8 @@ constexpr std::uint32_t kMagic = 0x46546C67;      // "glTF"
 constexpr std::uint32_t kJsonChunk = 0x4E4F534A;  // "JSON"
 constexpr std::uint32_t kBinChunk = 0x004E4942;   // "BIN\0"
 
-// Nodes may draw one mesh many times: a small hostile file must not fill the memory.
+// Nodes may draw one mesh many times, and a small hostile file must not fill the disk: 2^27 vertices are 3 GB of
+// doubles.
 constexpr std::uint64_t kMaxInstancedVertices = std::uint64_t{1} << 27;
 
 // ---- JSON that may hold anything ----
@@ -104,7 +105,7 @@ struct Accessor {
     std::memcpy(&value, data + i * stride + component * sizeof(T), sizeof(T));
     return value;
   }
-  /// Component as a number; normalised integers as −1..1 or 0..1 (section 3.6.2.2).
+  /// A component as a number; normalised integers become −1..1 or 0..1 (section 3.6.2.2).
   double value(std::uint64_t i, std::size_t c) const {
     switch (component_type) {
       case kByte:
@@ -154,12 +155,12 @@ class GlbReader {
   base::ByteView binary_;
   std::uint64_t file_bytes_ = 0;
   MeshStream& out_;
-  const std::uint8_t* file_ = nullptr;                          // accessors go anywhere in it: its pages are not let go
-  std::map<std::uint64_t, std::unique_ptr<Texture>> textures_;  // by image; null: cannot be read
+  const std::uint8_t* file_ = nullptr;  // accessors point anywhere into it, so no page is released
+  std::map<std::uint64_t, std::unique_ptr<Texture>> textures_;  // by image; null where it cannot be read
   std::uint64_t skipped_primitives_ = 0;
 };
 
-// Section 4.4: a 12-byte header, then chunks of length, type, bytes.
+// A 12-byte header is followed by chunks, each of length, type and bytes (section 4.4).
 base::Result<void> GlbReader::splitChunks(base::ByteView bytes) {
   base::ByteReader reader(bytes);
   const std::uint32_t magic = reader.u32();
@@ -215,7 +216,7 @@ base::Result<Accessor> GlbReader::accessor(std::uint64_t index, const std::strin
   if (element == 0) return invalidInput(here + " has an unknown type");
   if (result.count == 0) return invalidInput(here + " has no elements");
 
-  // Where it lies: accessor -> buffer view -> the BIN chunk.
+  // An accessor points into a buffer view, and that into the BIN chunk.
   const json& view = item(member(document_, "bufferViews"), integer(member(source, "bufferView"), kMissing));
   if (!view.is_object()) return invalidInput(here + " has no buffer view");
   const std::uint64_t buffer = integer(member(view, "buffer"), kMissing);
@@ -235,7 +236,7 @@ base::Result<Accessor> GlbReader::accessor(std::uint64_t index, const std::strin
 
 // ---- Primitives (section 3.7.2) ----
 
-// sRGB transfer function (IEC 61966-2-1): glTF's vertex colours and factors are linear, ours are sRGB.
+// The sRGB transfer function (IEC 61966-2-1): glTF's vertex colours and factors are linear, ours are sRGB.
 double srgbFromLinear(double v) {
   return v <= 0.0031308 ? 12.92 * v : 1.055 * std::pow(v, 1.0 / 2.4) - 0.055;
 }
@@ -248,7 +249,7 @@ glm::dvec4 GlbReader::baseColor(const json& primitive) {
   return factor;
 }
 
-// The picture of a primitive's base colour, when its file holds one that we read.
+// Returns the texture of a primitive's base colour; null where there is none, or where it cannot be read.
 const Texture* GlbReader::baseTexture(const json& primitive) {
   const json& material = item(member(document_, "materials"), integer(member(primitive, "material"), kMissing));
   const json& reference = member(member(material, "pbrMetallicRoughness"), "baseColorTexture");
@@ -273,7 +274,6 @@ const Texture* GlbReader::baseTexture(const json& primitive) {
   return slot.get();
 }
 
-// Positions, normals and colours of a primitive, vertex by vertex.
 base::Result<void> GlbReader::readVertices(const json& primitive, const std::string& place,
                                            const glm::dmat4& scene_from_mesh) {
   const json& attributes = member(primitive, "attributes");
@@ -302,13 +302,14 @@ base::Result<void> GlbReader::readVertices(const json& primitive, const std::str
   }
   const bool colored = color || glm::dvec3(factor) != glm::dvec3(1.0);
 
-  // Normals go by the inverse transpose, written as the cofactor matrix so that a singular matrix is no exception.
+  // Normals are transformed by the inverse transpose. The cofactor matrix equals it up to scale, and exists for
+  // singular matrices too.
   const glm::dmat3 m(scene_from_mesh);
   const glm::dmat3 cofactor(glm::cross(m[1], m[2]), glm::cross(m[2], m[0]), glm::cross(m[0], m[1]));
   const double side = glm::determinant(m) < 0.0 ? -1.0 : 1.0;
   const auto encode = [](double linear) { return byteFromUnit(srgbFromLinear(std::min(linear, 1.0))); };
   for (std::uint64_t i = 0; i < position.count; ++i) {
-    // A block holds one primitive's vertices alone: all have the same attributes.
+    // Primitives have different attributes, so each begins a block of its own.
     out_.positions.emplace_back(glm::dvec3(
         scene_from_mesh * glm::dvec4(position.value(i, 0), position.value(i, 1), position.value(i, 2), 1.0)));
     if (normal)
@@ -319,7 +320,7 @@ base::Result<void> GlbReader::readVertices(const json& primitive, const std::str
           color ? glm::dvec3(color->value(i, 0), color->value(i, 1), color->value(i, 2)) : glm::dvec3(1.0);
       out_.colors.push_back({encode(factor.r * c.r), encode(factor.g * c.g), encode(factor.b * c.b), 255});
     }
-    LUMIGRID_TRY(out_.advance(file_));
+    LUMIGRID_TRY(out_.flushFullBlocks(file_));
   }
   return out_.flush(file_);
 }
@@ -341,7 +342,7 @@ base::Result<void> GlbReader::readTriangles(const json& primitive, const std::st
   const std::uint64_t count = indices ? indices->count : vertex_count;
   const auto corner = [&](std::uint64_t i) { return indices ? std::uint64_t{indices->index(i)} : i; };
 
-  // Texture coordinates; the picture alone, without the factor on it.
+  // Textured primitives take their texture's colours; the base colour factor is not applied to them.
   const Texture* texture = baseTexture(primitive);
   std::optional<Accessor> uv;
   if (const json& index = member(member(primitive, "attributes"), "TEXCOORD_0");
@@ -354,7 +355,7 @@ base::Result<void> GlbReader::readTriangles(const json& primitive, const std::st
     texture = nullptr;
   }
 
-  // Triangles, strips (every other one turned) and fans.
+  // Mode 4 is a list of triangles, 5 a strip, in which every other triangle is turned, and 6 a fan (section 3.7.2.1).
   const std::uint64_t mode = integer(member(primitive, "mode"), 4);
   const std::size_t step = mode == 4 ? 3 : 1;
   for (std::uint64_t i = 0; i + 3 <= count; i += step) {
@@ -376,7 +377,7 @@ base::Result<void> GlbReader::readTriangles(const json& primitive, const std::st
       const std::array<std::uint64_t, 3> corners{first + t[0], first + t[1], first + t[2]};
       out_.addPolygon(corners);
     }
-    LUMIGRID_TRY(out_.advance(file_));
+    LUMIGRID_TRY(out_.flushFullBlocks(file_));
   }
   if (out_.triangleCount() > std::max(file_bytes_, 4 * kMaxInstancedVertices))
     return unsupported(place + ": instances make too many triangles; write them as one mesh");
@@ -412,7 +413,7 @@ base::Result<void> GlbReader::readMesh(std::uint64_t index, const glm::dmat4& sc
 
 glm::dmat4 nodeMatrix(const json& node) {
   glm::dmat4 matrix(1.0);
-  if (numbers(member(node, "matrix"), &matrix[0][0], 16)) return matrix;  // column-major, as glm
+  if (numbers(member(node, "matrix"), &matrix[0][0], 16)) return matrix;  // column-major, as glm's
   matrix = glm::dmat4(1.0);
   glm::dvec3 translation(0.0);
   glm::dvec3 scale(1.0);
@@ -426,7 +427,7 @@ glm::dmat4 nodeMatrix(const json& node) {
   return matrix;
 }
 
-/// The nodes the drawing starts from: those of the default scene, or all that are nobody's child.
+/// The roots of the default scene, or all nodes that are nobody's child.
 std::vector<std::uint64_t> rootNodes(const json& document) {
   std::vector<std::uint64_t> roots;
   const json& listed = member(item(member(document, "scenes"), integer(member(document, "scene"), 0)), "nodes");
@@ -452,14 +453,14 @@ base::Result<void> GlbReader::readScene() {
   const json& nodes = member(document_, "nodes");
   const std::size_t node_count = nodes.is_array() ? nodes.size() : 0;
 
-  // Without nodes nothing says where the meshes stand: they are taken as they are.
+  // Where there are no nodes the meshes stand as they are.
   if (node_count == 0) {
     const json& meshes = member(document_, "meshes");
     for (std::size_t m = 0; meshes.is_array() && m < meshes.size(); ++m) LUMIGRID_TRY(readMesh(m, glm::dmat4(1.0)));
     return {};
   }
 
-  // Depth first. A node has one parent (section 3.5.2), so meeting one twice means a broken file, perhaps a ring.
+  // The walk is depth first. A node has one parent (section 3.5.2), so a file in which it is met twice is broken.
   std::vector<std::pair<std::uint64_t, glm::dmat4>> stack;
   std::vector<bool> seen(node_count, false);
   for (const std::uint64_t root : rootNodes(document_)) stack.emplace_back(root, glm::dmat4(1.0));

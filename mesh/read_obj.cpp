@@ -9,7 +9,7 @@
 namespace mesh {
 namespace {
 
-// Normals of the file that are kept for faces to name; a file with more goes without.
+// Faces name normals and texture coordinates by number, so all are kept in memory: 0.8 GB and 0.5 GB at most.
 constexpr std::size_t kMaxNormals = std::size_t{1} << 26;
 constexpr std::size_t kMaxUv = std::size_t{1} << 26;
 
@@ -17,21 +17,21 @@ struct ObjReader {
   explicit ObjReader(MeshStream& stream) : out(stream) {}
 
   MeshStream& out;
-  std::vector<glm::vec3> file_normals;  // as the vn lines give them
-  std::vector<std::uint64_t> corners;   // of the face being read
-  std::vector<glm::vec3> normals;       // of its corners, up to the last one that names one
-  std::int64_t highest_index = -1;      // of all faces, checked once every vertex is known
+  std::vector<glm::vec3> file_normals;  // of the vn lines
+  std::vector<std::uint64_t> corners;   // the face's vertices
+  std::vector<glm::vec3> normals;       // the face's normals, up to the last corner that names one
+  std::int64_t highest_index = -1;      // the highest of all faces; checked at the end, when every vertex is known
   std::uint64_t highest_index_line = 0;
   std::uint64_t line_number = 0;
   TextColors colors;
   bool has_colors = false;
   bool has_normals = false;
   bool too_many_normals = false;
-  std::vector<glm::vec2> file_uv;  // as the vt lines give them
-  std::vector<glm::dvec2> uv;      // of its corners, with a texture; NaN where one names none
+  std::vector<glm::vec2> file_uv;  // of the vt lines
+  std::vector<glm::dvec2> uv;      // the face's, where it has a texture; NaN where a corner names none
   std::vector<glm::u8vec4> baked;
-  std::map<std::string, std::string> texture_of;  // material -> picture
-  const Texture* texture = nullptr;               // of the material in use
+  std::map<std::string, std::string> texture_of;  // the picture file of each material
+  const Texture* texture = nullptr;               // the one of the material in use
   bool too_many_uv = false;
 
   std::string place() const { return placeOf(line_number); }
@@ -48,7 +48,7 @@ struct ObjReader {
   base::Result<void> finish();
 };
 
-// "v x y z", "v x y z w", "v x y z r g b"; returns how many numbers, or an error.
+// Reads the numbers of "v x y z", "v x y z w" or "v x y z r g b", and returns how many there are.
 base::Result<std::size_t> readNumbers(std::string_view line, std::array<double, 7>& numbers, std::uint64_t number) {
   std::size_t count = 0;
   for (; skipSpaces(line) && line.front() != '#' && count < numbers.size(); ++count) {
@@ -88,13 +88,12 @@ base::Result<void> ObjReader::readNormal(std::string_view line) {
   return {};
 }
 
-// Numbers count from 1; negative ones back from the last element read so far.
+// Numbers count from 1; negative ones count back from the last element read so far.
 bool resolveIndex(std::int64_t number, std::uint64_t count, std::int64_t& index) {
   index = number > 0 ? number - 1 : static_cast<std::int64_t>(count) + number;
   return number != 0 && index >= 0;
 }
 
-// A corner's, by its number in the file.
 base::Result<void> ObjReader::addVertex(std::int64_t number) {
   std::int64_t index = 0;
   if (!resolveIndex(number, out.vertexCount(), index) || index >= std::int64_t{1} << 48)
@@ -105,7 +104,7 @@ base::Result<void> ObjReader::addVertex(std::int64_t number) {
   return {};
 }
 
-// "7", "7/2", "7//3" or "7/2/3": vertex, texture, normal.
+// A corner is "7", "7/2", "7//3" or "7/2/3": vertex, texture coordinate, normal.
 base::Result<void> ObjReader::readCorner(std::string_view word) {
   std::int64_t number = 0;
   const std::size_t slash = word.find('/');
@@ -139,7 +138,7 @@ base::Result<void> ObjReader::readFace(std::string_view line) {
   normals.clear();
   uv.clear();
   while (skipSpaces(line) && line.front() != '#') {
-    // Most are digits alone.
+    // Most corners are digits alone.
     std::int64_t number = 0;
     const std::size_t digits = leadingDigits(line, number);
     if (digits > 0 && (digits == line.size() || isSpace(line[digits]))) {
@@ -172,7 +171,7 @@ base::Result<void> ObjReader::readLine(std::string_view line) {
     for (int k = 0; k < 2; ++k)
       if (const std::string_view word = nextWord(line); !word.empty() && !parseNumber(word, p[k]))
         return invalidInput(place() + ": " + quoted(word) + " is not a number");
-    // Pictures begin at the top.
+    // OBJ's v runs upwards, a picture's rows downwards.
     if (file_uv.size() < kMaxUv)
       file_uv.emplace_back(glm::vec2(p.x, 1.0 - p.y));
     else
@@ -185,7 +184,7 @@ base::Result<void> ObjReader::readLine(std::string_view line) {
   return {};
 }
 
-// Of a material library: which picture each material wears.
+// Notes the picture of each material in a material library.
 void ObjReader::readMaterials(std::string_view name) {
   const auto bytes = out.textures.read(std::string(name));
   if (!bytes) {
@@ -198,7 +197,7 @@ void ObjReader::readMaterials(std::string_view name) {
     const std::string_view keyword = nextWord(line);
     if (keyword == "newmtl") material = std::string(nextWord(line));
     if (keyword != "map_Kd") continue;
-    // The picture's name comes after any options.
+    // The picture's name is the last word, after any options.
     std::string_view picture;
     for (std::string_view word = nextWord(line); !word.empty(); word = nextWord(line)) picture = word;
     if (!picture.empty()) texture_of[material] = std::string(picture);
@@ -254,9 +253,9 @@ base::Result<void> ObjReader::readFile(std::string_view text) {
       texture = nullptr;
       continue;
     }
-    // Colours begin in the middle of a block: those before are white.
+    // Where colours begin in the middle of a block, the vertices before are white.
     if (has_colors) out.colors.resize(out.positions.size(), glm::u8vec4(255));
-    LUMIGRID_TRY(out.advance(text.data()));
+    LUMIGRID_TRY(out.flushFullBlocks(text.data()));
   }
   LUMIGRID_TRY(finish());
   return out.flush(whole.data() + whole.size());

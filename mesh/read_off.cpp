@@ -13,18 +13,18 @@ struct Layout {
   bool normal = false;
 };
 
-// "[ST][C][N]OFF"; homogeneous (4) and n-dimensional (n) forms have no meaning for a scan.
+// The keyword is "[ST][C][N]OFF". Homogeneous (4) and n-dimensional (n) forms have no meaning for a scan.
 base::Result<Layout> layoutFromKeyword(std::string_view keyword) {
   Layout layout;
   std::string_view rest = keyword;
-  const auto take = [&](std::string_view prefix) {
+  const auto skipPrefix = [&](std::string_view prefix) {
     if (rest.substr(0, prefix.size()) != prefix) return false;
     rest.remove_prefix(prefix.size());
     return true;
   };
-  layout.texture = take("ST");
-  layout.color = take("C");
-  layout.normal = take("N");
+  layout.texture = skipPrefix("ST");
+  layout.color = skipPrefix("C");
+  layout.normal = skipPrefix("N");
   if (rest == "4OFF" || rest == "nOFF" || rest == "4nOFF")
     return unsupported(quoted(keyword) + " is not read (only three coordinates are)");
   if (rest != "OFF") return invalidInput("not an OFF file: it begins with " + quoted(keyword));
@@ -37,7 +37,7 @@ class OffReader {
   base::Result<void> read();
 
  private:
-  /// The next line that holds more than a comment; false at the end.
+  /// Finds the next line that holds more than a comment; false at the end.
   bool nextFullLine(std::string_view& line);
   std::string place() const { return "line " + std::to_string(line_number_); }
   base::Result<void> readCounts();
@@ -69,7 +69,7 @@ base::Result<void> OffReader::readCounts() {
   LUMIGRID_ASSIGN_OR_RETURN(auto layout, layoutFromKeyword(nextWord(line)));
   layout_ = layout;
 
-  // The counts may follow on the keyword's own line.
+  // The counts may stand on the keyword's own line.
   std::string_view word = nextWord(line);
   if (word == "BINARY") return unsupported("binary OFF is not read; write it as text or as PLY");
   if (word.empty()) {
@@ -80,7 +80,7 @@ base::Result<void> OffReader::readCounts() {
   if (!parseNumber(word, vertex_count_) || !parseNumber(faces, face_count_))
     return invalidInput(place() + ": the numbers of vertices and faces are missing");
 
-  // A vertex takes at least "0 0 0", a face "0".
+  // The shortest vertex is "0 0 0", the shortest face "0".
   if (vertex_count_ > text_.size() / 5 + 1) return truncatedIn("vertex " + std::to_string(text_.size() / 5));
   if (face_count_ > text_.size()) return truncatedIn("face " + std::to_string(text_.size()));
   return {};
@@ -98,7 +98,7 @@ base::Result<void> OffReader::readVertices() {
     for (std::string_view word = nextWord(line); !word.empty() && count < n.size(); word = nextWord(line), ++count)
       if (!parseNumber(word, n[count])) return invalidInput(place() + ": " + quoted(word) + " is not a number");
 
-    // Position, then normal, then colour (alpha may be missing).
+    // A line holds the position, then the normal, then the colour, whose alpha may be missing.
     const std::size_t color_at = layout_.normal ? 6 : 3;
     const std::size_t needed = layout_.color ? color_at + 3 : color_at;
     if (count < needed) return truncatedIn("vertex " + std::to_string(i) + " of " + std::to_string(vertex_count_));
@@ -110,7 +110,7 @@ base::Result<void> OffReader::readVertices() {
       text_ = begin, line_number_ = begin_line;
       i = std::numeric_limits<std::uint64_t>::max();  // the loop goes on with 0
     } else {
-      LUMIGRID_TRY(out_.advance(text_.data()));
+      LUMIGRID_TRY(out_.flushFullBlocks(text_.data()));
     }
   }
   return {};
@@ -137,7 +137,7 @@ base::Result<void> OffReader::readFaces() {
       corners.push_back(static_cast<std::uint64_t>(index));
     }
     out_.addPolygon(corners);
-    LUMIGRID_TRY(out_.advance(text_.data()));
+    LUMIGRID_TRY(out_.flushFullBlocks(text_.data()));
   }
   return {};
 }

@@ -31,7 +31,7 @@ struct Header {
   Encoding encoding = Encoding::kAscii;
   std::vector<Element> elements;
   std::size_t length = 0;  // bytes, end_header line included
-  std::string texture;     // the last one named
+  std::string texture;     // the file named last
 };
 
 constexpr std::size_t kMaxHeaderBytes = 1 << 20;
@@ -96,7 +96,7 @@ base::Result<void> parseProperty(std::string_view line, Header& header) {
   if (element.properties.size() >= kMaxProperties)
     return invalidInput("header: element " + quoted(element.name) + " has too many properties");
 
-  // "property float x" or "property list uchar int vertex_indices".
+  // The line is "property float x" or "property list uchar int vertex_indices".
   Property property;
   std::string_view word = nextWord(line);
   if (word == "list") {
@@ -199,7 +199,7 @@ class BinarySource {
     offset_ += count * sizeOf(type);
     return true;
   }
-  /// Smallest number of bytes that a scalar takes.
+  /// The least bytes that a scalar takes.
   static std::size_t leastBytes(Scalar type) { return sizeOf(type); }
   std::string badWord() const { return {}; }
 
@@ -233,7 +233,7 @@ class TextSource {
   static std::size_t leastBytes(Scalar) { return 1; }
   std::size_t remaining() const { return body_.size(); }
   const void* place() const { return body_.data(); }
-  /// The word that was no number; empty when the text ended.
+  /// The word that is not a number; empty where the text ended.
   std::string badWord() const { return bad_word_.empty() ? std::string{} : quoted(bad_word_); }
 
  private:
@@ -243,7 +243,7 @@ class TextSource {
 
 // ---- Elements ----
 
-// What a vertex property means to us.
+// The vertex properties that are read.
 enum Slot { kX, kY, kZ, kNx, kNy, kNz, kRed, kGreen, kBlue, kSlots };
 
 std::optional<Slot> slotFromName(std::string_view name) {
@@ -269,7 +269,7 @@ std::optional<Slot> slotFromName(std::string_view name) {
 
 struct VertexLayout {
   std::array<int, kSlots> property_of;  // −1: absent
-  std::array<double, kSlots> scale;     // to 0..1 for colours
+  std::array<double, kSlots> scale;     // brings colours to 0..1
   std::array<std::size_t, kSlots> offset;
   std::size_t stride = 0;  // bytes of a binary row; 0 when it has lists
   bool has_normals = false;
@@ -327,7 +327,7 @@ base::Error badRow(const Source& source, const Element& element, std::uint64_t r
   return invalidInput(element.name + " " + std::to_string(row) + ": " + word + " is not a number");
 }
 
-// A hostile count must not make us allocate more than the file could fill.
+// Refuses counts of rows that the file is too short for, so that a hostile count allocates nothing.
 template <class Source>
 base::Result<void> checkFits(const Source& source, const Element& element) {
   std::uint64_t row = 0;
@@ -336,11 +336,11 @@ base::Result<void> checkFits(const Source& source, const Element& element) {
   return truncatedIn(placeOf(element, source.remaining() / row));
 }
 
-// Binary rows of equal length: read in place.
+// Binary rows of equal length are read in place.
 base::Result<void> readFixedVertices(BinarySource& source, const Element& element, const VertexLayout& layout,
                                      MeshStream& out) {
   const bool plain = !source.swap() && [&] {
-    // The usual row: float x y z side by side, byte colours side by side.
+    // The usual row has float x, y and z side by side, and byte colours side by side.
     const auto is = [&](Slot s, Slot first, Scalar type) {
       return element.properties[static_cast<std::size_t>(layout.property_of[s])].type == type &&
              layout.offset[s] == layout.offset[first] + static_cast<std::size_t>(s - first) * sizeOf(type);
@@ -377,7 +377,7 @@ base::Result<void> readFixedVertices(BinarySource& source, const Element& elemen
       addVertex(out, layout, values);
     }
     source.advance(layout.stride);
-    LUMIGRID_TRY(out.advance(source.place()));
+    LUMIGRID_TRY(out.flushFullBlocks(source.place()));
   }
   return {};
 }
@@ -398,7 +398,7 @@ base::Result<void> readVertices(Source& source, const Element& element, MeshStre
     if (layout.stride > 0) return readFixedVertices(source, element, layout, out);
   }
 
-  // Text, or rows that hold lists: value by value.
+  // Text, and rows that hold lists, are read value by value.
   std::vector<int> slot_of(element.properties.size(), -1);
   for (std::size_t s = 0; s < kSlots; ++s)
     if (layout.property_of[s] >= 0) slot_of[static_cast<std::size_t>(layout.property_of[s])] = static_cast<int>(s);
@@ -415,7 +415,7 @@ base::Result<void> readVertices(Source& source, const Element& element, MeshStre
       if (slot_of[p] >= 0) values[static_cast<std::size_t>(slot_of[p])] = value;
     }
     addVertex(out, layout, values);
-    LUMIGRID_TRY(out.advance(source.place()));
+    LUMIGRID_TRY(out.flushFullBlocks(source.place()));
   }
   return {};
 }
@@ -434,7 +434,7 @@ base::Result<void> skipElement(Source& source, const Element& element) {
   return {};
 }
 
-// A list of vertex indices into `corners`; −1 is passed through as kRestart for strips.
+// Stands for −1 in a strip's list of indices, which begins a new strip.
 constexpr std::uint64_t kRestart = std::numeric_limits<std::uint64_t>::max();
 
 template <class Source>
@@ -459,7 +459,7 @@ base::Result<void> readCorners(Source& source, const Element& element, const Pro
   return {};
 }
 
-// Every other triangle of a strip is wound the other way.
+// Adds the triangles of a strip, of which every other one is wound the other way.
 void addStrip(MeshStream& out, const std::vector<std::uint64_t>& corners) {
   std::size_t start = 0;
   for (std::size_t i = 0; i < corners.size(); ++i) {
@@ -470,13 +470,13 @@ void addStrip(MeshStream& out, const std::vector<std::uint64_t>& corners) {
     if (i < start + 2) continue;
     const bool odd = ((i - start) & 1U) != 0;
     const std::array<std::uint64_t, 3> triangle{corners[i - 2], corners[odd ? i : i - 1], corners[odd ? i - 1 : i]};
-    // Strips are stitched with repeated corners: these are not faces.
+    // Strips are joined by triangles with a repeated corner, which are no faces.
     if (triangle[0] != triangle[1] && triangle[1] != triangle[2] && triangle[2] != triangle[0])
       out.corners.insert(out.corners.end(), triangle.begin(), triangle.end());
   }
 }
 
-// The usual face, "uchar 3, three 32-bit indices": read as long as rows are of that kind. Returns the rows read.
+// Reads rows as long as they are of the usual kind, "uchar 3, three 32-bit indices", and returns how many.
 std::uint64_t readPlainTriangles(BinarySource& source, const Element& element, std::uint64_t first_row,
                                  std::uint64_t vertex_count, MeshStream& out) {
   std::uint64_t row = first_row;
@@ -497,7 +497,7 @@ bool isPlainFace(const Element& element) {
   return sizeOf(p.count_type) == 1 && (p.type == Scalar::kInt32 || p.type == Scalar::kUint32);
 }
 
-// The list of a face's texture coordinates, two for each corner; none when it is another list.
+// Reads the list of a face's texture coordinates, two for each corner.
 template <class Source>
 base::Result<void> readUv(Source& source, const Element& element, const Property& property, std::uint64_t row,
                           std::vector<glm::dvec2>& uv) {
@@ -511,7 +511,7 @@ base::Result<void> readUv(Source& source, const Element& element, const Property
     if (i % 2 == 0)
       uv.emplace_back(value, 0.0);
     else
-      uv.back().y = 1.0 - value;  // pictures begin at the top
+      uv.back().y = 1.0 - value;  // PLY's v runs upwards, a picture's rows downwards
   }
   return {};
 }
@@ -525,7 +525,7 @@ base::Result<void> readFaces(Source& source, const Element& element, bool strips
   if (std::none_of(element.properties.begin(), element.properties.end(), is_corners))
     return invalidInput("header: the " + element.name + " element has no vertex_indices list");
 
-  const bool plain = isPlainFace(element) && !strips;
+  [[maybe_unused]] const bool plain = isPlainFace(element) && !strips;  // used by binary sources
   const auto is_uv = [](const Property& p) { return p.is_list && p.name == "texcoord"; };
   const bool has_uv = std::any_of(element.properties.begin(), element.properties.end(), is_uv);
   const Texture* texture = nullptr;
@@ -542,7 +542,7 @@ base::Result<void> readFaces(Source& source, const Element& element, bool strips
       if (plain) {
         if (const std::uint64_t read = readPlainTriangles(source, element, row, vertex_count, out); read > 0) {
           row += read - 1;
-          LUMIGRID_TRY(out.advance(source.place()));
+          LUMIGRID_TRY(out.flushFullBlocks(source.place()));
           continue;
         }
       }
@@ -568,9 +568,8 @@ base::Result<void> readFaces(Source& source, const Element& element, bool strips
       }
       out.addPolygon(corners, {}, baked);
     }
-    LUMIGRID_TRY(out.advance(source.place()));
+    LUMIGRID_TRY(out.flushFullBlocks(source.place()));
   }
-  static_cast<void>(plain);
   return {};
 }
 
@@ -594,7 +593,7 @@ base::Result<void> readBody(Source source, const Header& header, std::uint64_t v
 base::Result<void> readPly(base::ByteView bytes, MeshStream& out) {
   LUMIGRID_ASSIGN_OR_RETURN(auto header, parseHeader(bytes));
 
-  // One vertex element, whose size the faces are checked against wherever they stand.
+  // Faces may stand before the vertices, so the number of vertices is taken from the header.
   std::uint64_t vertex_count = 0;
   int vertex_elements = 0;
   bool has_faces = false;
@@ -603,7 +602,7 @@ base::Result<void> readPly(base::ByteView bytes, MeshStream& out) {
     has_faces = has_faces || ((element.name == "face" || element.name == "tristrips") && element.count > 0);
   }
   if (vertex_elements != 1) return invalidInput("header: there is not exactly one vertex element");
-  if (!has_faces && !out.points_welcome)
+  if (!has_faces && !out.accepts_points)
     return invalidInput("the file has no faces (a point cloud?); mesh it first, or build it with --methods qsplat");
 
   const base::ByteView body = bytes.subspan(header.length);

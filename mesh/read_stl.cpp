@@ -16,7 +16,7 @@ std::uint32_t triangleCountOf(base::ByteView bytes) {
   return count;
 }
 
-// Binary files may begin with "solid" too: the size tells, and then bytes that no text has.
+// Binary files may begin with "solid" too. Their size tells them apart, or a zero byte, which no text has.
 bool isText(base::ByteView bytes) {
   std::string_view head = textOf(bytes);
   if (nextWord(head) != "solid") return false;
@@ -41,7 +41,7 @@ base::Result<void> readBinary(base::ByteView bytes, MeshStream& out) {
       out.corners.push_back(out.vertexCount());
       out.positions.emplace_back(corner);
     }
-    LUMIGRID_TRY(out.advance(row));
+    LUMIGRID_TRY(out.flushFullBlocks(row));
   }
   return {};
 }
@@ -71,7 +71,7 @@ base::Result<void> readText(std::string_view text, MeshStream& out) {
       out.addPolygon(corners);
       corners.clear();
       in_loop = false;
-      LUMIGRID_TRY(out.advance(text.data()));
+      LUMIGRID_TRY(out.flushFullBlocks(text.data()));
     }
     ended = keyword == "endsolid" || (ended && keyword.empty());
   }

@@ -1,10 +1,10 @@
 #pragma once
-// STL, ASCII and binary.
+// Reads STL, ASCII and binary.
 #include "mesh/mesh_stream.h"
 
 namespace mesh {
 
-/// Bytes of a whole file -> the stream, block by block. Errors name the place in the file, not the file.
+/// Reads the bytes of a whole file into `out`, block by block. Errors name the place in the file, not the file.
 base::Result<void> readStl(base::ByteView bytes, MeshStream& out);
 
 }  // namespace mesh

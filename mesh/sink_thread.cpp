@@ -41,13 +41,13 @@ base::Result<void> SinkThread::status() {
   return status_;
 }
 
-base::Result<void> SinkThread::submit(std::function<base::Result<void>()> take) {
+base::Result<void> SinkThread::submit(std::function<base::Result<void>()> deliver) {
   LUMIGRID_TRY(status());
-  thread_.submit([this, take = std::move(take)] {
+  thread_.submit([this, deliver = std::move(deliver)] {
     if (!status()) return;
-    const auto taken = take();
+    const auto delivered = deliver();
     const std::lock_guard lock(mutex_);
-    status_ = taken;
+    status_ = delivered;
   });
   return {};
 }

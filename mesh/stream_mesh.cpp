@@ -28,7 +28,7 @@ bool looksLikeBinaryStl(base::ByteView bytes) {
   return bytes.size() == 84 + 50 * std::uint64_t{count};
 }
 
-// The first lines that are no comments begin with OBJ's keywords.
+// Whether the first line that is no comment begins with one of OBJ's keywords.
 bool looksLikeObj(std::string_view text) {
   text = text.substr(0, 1 << 16);
   while (!text.empty()) {
@@ -43,7 +43,6 @@ bool looksLikeObj(std::string_view text) {
 
 enum class Format { kPly, kObj, kStl, kOff, kGlb };
 
-// The content decides; only where it says nothing, the file's name.
 base::Result<Format> formatOf(const std::string& path, base::ByteView bytes) {
   if (bytes.empty()) return invalidInput("the file is empty");
   const std::string_view text = textOf(bytes);
@@ -56,6 +55,7 @@ base::Result<Format> formatOf(const std::string& path, base::ByteView bytes) {
   if (word.size() >= 3 && word.size() <= 8 && word.substr(word.size() - 3) == "OFF") return Format::kOff;
   if (looksLikeObj(text)) return Format::kObj;
 
+  // The content does not tell, so the name has to.
   const std::string extension = extensionOf(path);
   if (extension == "gltf") return unsupported("glTF with outside buffers is not read; write it as one GLB file");
   if (extension == "ply") return Format::kPly;
@@ -90,7 +90,7 @@ base::Result<StreamedFile> streamMesh(const std::string& path, MeshSink& sink, c
   if (!format) return base::within(path, format.error());
   const std::size_t slash = path.rfind('/');
   MeshStream stream(sink, file.bytes(), slash == std::string::npos ? "" : path.substr(0, slash), options.progress);
-  stream.points_welcome = options.points;
+  stream.accepts_points = options.accepts_points;
   if (auto read = readAs(*format, file.bytes(), stream); !read) {
     // The sink's errors name their file already.
     const bool named = read.error().message.rfind(path, 0) == 0 || read.error().code == base::ErrorCode::kNoSpace ||

@@ -1,6 +1,6 @@
 #pragma once
-// A mesh file of any format read from front to back into a sink: PLY (ASCII, both binary orders), OBJ, STL (ASCII,
-// binary), OFF, GLB. Memory does not grow with the file, but for OBJ's normals.
+// Reads a mesh file of any format from front to back into a sink: PLY (ASCII and both binary orders), OBJ, STL (ASCII
+// and binary), OFF, GLB. Memory does not grow with the file, apart from OBJ's normals and texture coordinates.
 #include <functional>
 #include <string>
 #include <vector>
@@ -10,7 +10,7 @@
 namespace mesh {
 
 struct StreamOptions {
-  bool points = false;                   ///< a PLY without faces is welcome
+  bool accepts_points = false;           ///< a PLY without faces is no error
   std::function<bool(double)> progress;  ///< share of the file read; false cancels
 };
 
@@ -24,8 +24,8 @@ struct StreamedFile {
   std::vector<std::string> warnings;  ///< one line each, without the file's name
 };
 
-/// The content decides about the format; only where it says nothing, the name. Errors name the file and the place in it
-/// ("scan.ply: face 17: index 99 is out of range (5 vertices)"), or are the sink's.
+/// The format is told by the content, and by the file's name only where the content does not tell. Errors name the file
+/// and the place in it ("scan.ply: face 17: index 99 is out of range (5 vertices)"), or are the sink's.
 base::Result<StreamedFile> streamMesh(const std::string& path, MeshSink& sink, const StreamOptions& options);
 
 }  // namespace mesh

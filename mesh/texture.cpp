@@ -17,10 +17,9 @@ using base::Error;
 using base::ErrorCode;
 using base::Image;
 
-constexpr int kMaxSide = 16384;
-constexpr double kWorthAWarning = 1.5;
-// How far a corner's sample lies towards the polygon's middle.
-constexpr double kInward = 0.2;
+constexpr int kMaxSide = 16384;           // pixels: 1 GB as RGBA, and the largest side of common GPUs' textures
+constexpr double kMinTexelsToWarn = 1.5;  // per vertex; below, next to nothing is lost
+constexpr double kInward = 0.2;           // samples lie this share of the way from the corner to the polygon's middle
 
 base::Result<Image> decodeJpeg(base::ByteView bytes) {
   struct Close {
@@ -89,7 +88,7 @@ glm::u8vec4 Texture::mean(const glm::dvec2& uv, double texels) const {
       levels_[static_cast<std::size_t>(std::clamp(level, 0.0, static_cast<double>(levels_.size() - 1)))];
   if (!std::isfinite(uv.x) || !std::isfinite(uv.y)) return {128, 128, 128, 255};
 
-  // Between the four nearest.
+  // The result is interpolated between the four nearest texels.
   const glm::dvec2 p = uv * glm::dvec2(image.width, image.height) - 0.5;
   const glm::dvec2 low = glm::floor(p);
   const glm::dvec2 share = p - low;
@@ -122,7 +121,7 @@ void TextureBaker::bake(const Texture& texture, std::span<const glm::dvec2> uv, 
 
 std::string TextureBaker::warning(std::uint64_t vertices) const {
   const double ratio = texels_ / static_cast<double>(std::max<std::uint64_t>(1, vertices));
-  if (!(ratio > kWorthAWarning)) return {};
+  if (!(ratio > kMinTexelsToWarn)) return {};
   std::array<char, 160> text{};
   std::snprintf(text.data(), text.size(),
                 "its textures have %.1f texels for every vertex; one colour per vertex is kept, what is finer is lost",
@@ -131,7 +130,7 @@ std::string TextureBaker::warning(std::uint64_t vertices) const {
 }
 
 base::Result<base::Bytes> TextureFiles::read(const std::string& name) const {
-  // Windows programs write their own separators.
+  // Windows programs write backslashes.
   std::string path = name;
   std::replace(path.begin(), path.end(), '\\', '/');
   return base::readFile(path.empty() || path[0] == '/' || directory_.empty() ? path : directory_ + "/" + path);

@@ -1,5 +1,5 @@
 #pragma once
-// Textures of a mesh file baked to colours at triangle corners: all that a hierarchy of coloured vertices can keep.
+// Bakes the textures of a mesh file to colours at triangle corners, since hierarchies keep colours at vertices only.
 #include <glm/glm.hpp>
 #include <map>
 #include <memory>
@@ -20,34 +20,34 @@ class Texture {
   static base::Result<Texture> decode(base::ByteView bytes);
   int width() const { return levels_[0].width; }
   int height() const { return levels_[0].height; }
-  /// The mean over about `texels` x `texels` texels around (u, v), the picture repeated; u to the right and v
-  /// downwards, 0..1 across the whole. NaN gives some colour.
+  /// The mean over about `texels` x `texels` texels around (u, v), where the picture is repeated. u runs to the right
+  /// and v downwards, 0..1 across the picture. NaN gives grey.
   glm::u8vec4 mean(const glm::dvec2& uv, double texels) const;
 
  private:
   std::vector<base::Image> levels_;  // 3 channels
 };
 
-/// What a mesh file's textures come to, and what is lost.
+/// Bakes polygons, and measures how much finer the textures are than the mesh.
 class TextureBaker {
  public:
-  /// One colour per corner of a polygon: the texture's mean around the corner, over half the way to its neighbours and
-  /// a little to the inside, so that seams in the picture stay out. Counts the texels that the polygon covers.
+  /// Gives each corner of a polygon the texture's mean over half the way to its neighbours. The mean is taken a little
+  /// inside the polygon, so that what lies beyond a seam in the picture does not count.
   void bake(const Texture& texture, std::span<const glm::dvec2> uv, std::span<glm::u8vec4> colors);
-  /// A warning when there are clearly more texels than vertices; empty else.
+  /// A warning where the polygons baked cover clearly more texels than there are vertices; else empty.
   std::string warning(std::uint64_t vertices) const;
 
  private:
-  double texels_ = 0.0;
+  double texels_ = 0.0;  // covered by all polygons so far
 };
 
 /// The textures that an OBJ's material libraries or a PLY's comments name, each read once, from files beside the mesh.
 class TextureFiles {
  public:
   explicit TextureFiles(std::string directory) : directory_(std::move(directory)) {}
-  /// Null when it cannot be read; `warnings` gets a line the first time.
+  /// Null where it cannot be read; the first time `warnings` gets a line.
   const Texture* find(const std::string& name, std::vector<std::string>& warnings);
-  /// The bytes of a small file beside the mesh.
+  /// The bytes of a file beside the mesh.
   base::Result<base::Bytes> read(const std::string& name) const;
 
  private:

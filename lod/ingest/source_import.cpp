@@ -96,7 +96,7 @@ base::Result<SourceInput> sourceFromFiles(const std::vector<std::string>& paths,
     std::vector<bool> colored;
     for (std::size_t i = 0; i < paths.size(); ++i) {
       mesh::StreamOptions stream;
-      stream.points = points;
+      stream.accepts_points = points;
       stream.progress = [&](double done) {
         return !progress || progress("import", (static_cast<double>(i) + done) / static_cast<double>(paths.size()));
       };

@@ -1,5 +1,5 @@
-// A carved stone panel, 4 × 3 units: a frame, concentric ornament, lines of glyphs, cracks. A height field with an open
-// border.
+// Generates a carved stone panel of 4 × 3 units with a frame, a rosette, lines of glyphs and cracks. It is a height
+// field with an open border.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -53,14 +53,14 @@ class Relief : public SampleSurface {
   std::unique_ptr<Weathering> weathering_;
 };
 
-// Rings around a sun disc, rays between the outer ones.
+// A sun disc is surrounded by rings, with rays between the outer ones.
 double Relief::rosette(const glm::dvec2& p) const {
   const glm::dvec2 d = p - glm::dvec2(1.35, 1.5);
   const double r = glm::length(d);
   if (r > 1.05) return 0.0;
   double h = 0.9 * smooth(0.26, 0.16, r) + 0.7 * wave(6.5 * r) * smooth(0.24, 0.30, r) * smooth(0.72, 0.66, r);
 
-  // 24 rays: the angle in turns, from the ratio of the sides (no libm).
+  // There are 24 rays. The angle, in turns, comes from the ratio of the sides, since libm is not used here.
   const double x = std::abs(d.x);
   const double y = std::abs(d.y);
   const double ratio = r > 0.0 ? std::min(x, y) / std::max(x, y) : 0.0;
@@ -70,7 +70,7 @@ double Relief::rosette(const glm::dvec2& p) const {
   return h + 0.8 * smooth(0.03, 0.01, std::abs(r - 1.01));
 }
 
-// Lines of writing: each cell holds four strokes between hashed points of a 3 × 4 lattice.
+// In lines of writing each cell holds four strokes between hashed points of a 3 × 4 lattice.
 double Relief::glyphs(const glm::dvec2& p) const {
   constexpr double kCell = 0.2;
   if (p.x < 2.56 || p.x > 3.7 || p.y < 0.4 || p.y > 2.6) return 0.0;
@@ -89,7 +89,7 @@ double Relief::glyphs(const glm::dvec2& p) const {
   return -1.3 * smooth(0.09, 0.0, nearest);
 }
 
-// Where a warped noise crosses zero, in patches.
+// Cracks run where a warped noise crosses zero, in patches.
 double Relief::cracks(const glm::dvec3& p) const {
   const double where = smooth(0.05, 0.4, valueNoise(p * 0.9, seed_ + 409U));
   if (where <= 0.0) return 0.0;
@@ -98,7 +98,7 @@ double Relief::cracks(const glm::dvec3& p) const {
 }
 
 double Relief::carving(const glm::dvec2& p) const {
-  // The frame: a raised border with a bead moulding along its inner rim.
+  // The frame is a raised border with a bead moulding along its inner rim.
   const double rim = std::min({p.x, kWidth - p.x, p.y, kHeight - p.y});
   const double frame = 2.2 * smooth(0.24, 0.18, rim);
   const double along = std::abs(p.x - 0.5 * kWidth) + std::abs(p.y - 0.5 * kHeight);

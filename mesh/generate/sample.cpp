@@ -10,16 +10,16 @@
 namespace mesh::generate {
 namespace {
 
-constexpr std::uint64_t kFewest = 10'000;
-constexpr std::uint64_t kMax = 1'000'000'000;
-constexpr std::uint64_t kBlockVertices = 1 << 15;  // of one piece of work; rows are never cut
+constexpr std::uint64_t kMinTriangles = 10'000;         // below, the carving is not resolved
+constexpr std::uint64_t kMaxTriangles = 1'000'000'000;  // vertex numbers stay within 31 bits
+constexpr std::uint64_t kBlockVertices = 1 << 15;       // about, since rows are never divided
 
 std::unique_ptr<SampleSurface> makeSurface(const SampleOptions& options) {
   return options.shape == SampleShape::kStatue ? makeStatue(options.triangles, options.seed)
                                                : makeRelief(options.triangles, options.seed);
 }
 
-/// A run of rows and the number of its first vertex.
+/// Some rows, and the number of their first vertex.
 struct Block {
   std::uint64_t first_row;
   std::uint64_t end_row;
@@ -111,7 +111,7 @@ void PlyWriter::encodeFaces(const Block& block, base::Bytes& bytes) const {
   }
 }
 
-// A batch of blocks is computed on all cores, then written in order: memory holds one batch.
+// A batch of blocks is computed on all cores and then written in order, so memory holds one batch.
 template <class Encode>
 base::Result<void> PlyWriter::writeBlocks(base::AtomicFile& file, double done_before, const Encode& encode) {
   const std::size_t batch = std::size_t{4} * base::coreCount();
@@ -142,7 +142,7 @@ base::Result<void> PlyWriter::write(base::AtomicFile& file) {
 
 base::Result<void> writeSamplePly(const SampleOptions& options, const std::string& path,
                                   const std::function<bool(double done)>& progress) {
-  if (options.triangles < kFewest || options.triangles > kMax)
+  if (options.triangles < kMinTriangles || options.triangles > kMaxTriangles)
     return base::Error{
         base::ErrorCode::kInvalidInput,
         std::to_string(options.triangles) + " triangles: a sample has between 10000 and 1000000000 of them"};

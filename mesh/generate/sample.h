@@ -1,6 +1,6 @@
 #pragma once
-// Generated scan-like meshes, for any machine (`lumigrid sample`). Deterministic by seed; streamed, so that memory does
-// not grow with the triangle count.
+// Generates meshes that look like scans (`lumigrid sample`). The seed determines every byte on any machine. Files are
+// streamed, so memory does not grow with the number of triangles.
 #include <cstdint>
 #include <functional>
 #include <glm/glm.hpp>
@@ -17,14 +17,14 @@ enum class SampleShape {
 
 struct SampleOptions {
   SampleShape shape = SampleShape::kStatue;
-  std::uint64_t triangles = 1'000'000;  ///< 10^4 … 10^9; the result has within 2 % of it
+  std::uint64_t triangles = 1'000'000;  ///< 10^4 … 10^9; the result differs by at most 2 %
   std::uint64_t seed = 1;
   bool colors = true;
   bool faces = true;       ///< false: a point cloud of its vertices, half as many as triangles
-  glm::dvec3 origin{0.0};  ///< added to every position (survey coordinates); written as double then
+  glm::dvec3 origin{0.0};  ///< added to every position, as in survey coordinates; positions are doubles then
 };
 
-/// Binary little-endian PLY at `path`; appears whole or not at all.
+/// Writes a binary little-endian PLY, which appears at `path` whole or not at all.
 base::Result<void> writeSamplePly(const SampleOptions& options, const std::string& path,
                                   const std::function<bool(double done)>& progress = nullptr);
 

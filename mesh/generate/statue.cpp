@@ -1,6 +1,6 @@
-// A weathered stone bust on a plinth: closed, genus 0. A body of smoothly joined solids gives, once, a coarse table of
-// radii around a vertical axis; each vertex interpolates it and adds carving along its own ray. As every vertex stays
-// on its ray, the surface can't fold over, whatever is carved.
+// Generates a weathered stone bust on a plinth, closed and of genus 0. A body of smoothly joined solids gives a coarse
+// table of radii around a vertical axis; each vertex interpolates it and adds carving along its own ray. As every
+// vertex stays on its ray, the surface cannot fold over, whatever is carved.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -11,9 +11,9 @@
 namespace mesh::generate {
 namespace {
 
-// ---- The body
-// ----------------------------------------------------------------------------------------------------------- Signed
-// distances (negative inside), y up, face towards +z, about 2.1 units tall.
+// ---- The body ----
+//
+// Its parts are signed distances, negative inside. y points up, the face looks towards +z; it is about 2.1 units tall.
 
 double ball(const glm::dvec3& p, const glm::dvec3& center, double radius) {
   return glm::length(p - center) - radius;
@@ -37,7 +37,7 @@ double roundedBox(const glm::dvec3& p, const glm::dvec3& center, const glm::dvec
   return glm::length(glm::max(q, 0.0)) + std::min(std::max({q.x, q.y, q.z}), 0.0) - rounding;
 }
 
-// Union with a fillet of about k (quadratic polynomial).
+// The union of two solids with a fillet of about k, by a quadratic polynomial.
 double join(double a, double b, double k) {
   const double h = std::max(k - std::abs(a - b), 0.0) / k;
   return std::min(a, b) - 0.25 * h * h * k;
@@ -79,13 +79,13 @@ double bodyDistance(const glm::dvec3& p) {
   return d;
 }
 
-// ---- Rays
-// --------------------------------------------------------------------------------------------------------------- From
-// a segment of the axis: horizontal along it, fanning out over its ends like the rays of a capsule.
+// ---- Rays ----
+//
+// They start on a segment of the axis, horizontally along it, and fan out over its ends like the normals of a capsule.
 
 constexpr double kAxisTop = 1.74;
 constexpr double kAxisBottom = 0.16;
-constexpr double kCapShare = 0.14;  // of the parameter q in 0 (top) … 1 (bottom), for each fan
+constexpr double kCapShare = 0.14;  // each fan's share of the parameter q, which runs from 0 (top) to 1 (bottom)
 
 struct Ray {
   glm::dvec3 origin;
@@ -104,7 +104,7 @@ Ray rayAt(double q, const glm::dvec2& around) {
   return {{0.0, kAxisTop + (kAxisBottom - kAxisTop) * t, 0.0}, {around.x, 0.0, around.y}};
 }
 
-// Sphere tracing from the inside; the body surrounds the axis.
+// Sphere tracing from the inside finds the surface, since the body surrounds the axis.
 double radiusAlong(const Ray& ray) {
   double t = 0.0;
   for (int i = 0; i < 48; ++i) {
@@ -115,7 +115,7 @@ double radiusAlong(const Ray& ray) {
   return t;
 }
 
-// Turns (1 = all around) to a direction in the x-z plane.
+// The direction in the x-z plane after some turns, where 1 is all around.
 glm::dvec2 directionFromTurn(double turn) {
   const double quarters = 4.0 * turn;
   const int quadrant = std::clamp(static_cast<int>(quarters), 0, 3);
@@ -129,8 +129,8 @@ glm::dvec2 directionFromTurn(double turn) {
 
 // ---- The table ----
 
-// Radii over (s, turn). s is the share of the mean arc length from the top pole to the bottom one, so that equal steps
-// of s are steps of about equal length on the body.
+// The table holds radii over (s, turn). s is the share of the mean arc length from the top pole to the bottom one, so
+// that equal steps of s are about equal lengths on the body.
 class RadiusTable {
  public:
   RadiusTable() {
@@ -150,7 +150,7 @@ class RadiusTable {
     return q_of_s_[i] + (q_of_s_[i + 1] - q_of_s_[i]) * (x - static_cast<double>(i));
   }
 
-  /// Catmull-Rom in both directions; around it wraps, at the poles it ends.
+  /// Interpolates by Catmull-Rom in both directions, wrapping around the axis and ending at the poles.
   double radius(double s, double turn) const {
     const double y = std::clamp(s, 0.0, 1.0) * (kRows - 1);
     const double x = turn * kColumns;
@@ -181,7 +181,7 @@ class RadiusTable {
   }
 
   void spaceByArcLength() {
-    // Lengths of the meridians' pieces, averaged around.
+    // The lengths of the meridians' pieces are averaged around the axis.
     constexpr int kMeridians = 24;
     constexpr int kPieces = 1024;
     std::vector<double> length(kPieces + 1, 0.0);
@@ -197,7 +197,7 @@ class RadiusTable {
     }
     for (std::size_t i = 1; i < length.size(); ++i) length[i] += length[i - 1];
 
-    // The inverse: q for equal shares of the length.
+    // The inverse gives q for equal shares of the length.
     q_of_s_.resize(kKnots);
     std::size_t piece = 1;
     for (std::size_t k = 0; k < kKnots; ++k) {
@@ -212,7 +212,7 @@ class RadiusTable {
   std::vector<double> radius_;
 };
 
-// The body is the same for every seed: one table serves all.
+// The body is the same for every seed, so one table serves all.
 const RadiusTable& radiusTable() {
   static const RadiusTable table;
   return table;
@@ -220,13 +220,13 @@ const RadiusTable& radiusTable() {
 
 // ---- The mesh ----
 
-// An octahedron's rings pulled apart by a belt: ring i of the caps has 4 i vertices, the belt's `belt` extra rings 4 n.
-// Triangles: 8 n² in the caps, 8 n belt between.
+// The mesh is an octahedron whose rings are pulled apart by a belt: ring i of the caps has 4 i vertices, and each of
+// the `belt` extra rings 4 n. The caps have 8 n² triangles, the belt 8 n belt.
 class Statue : public SampleSurface {
  public:
   Statue(std::uint64_t triangles, std::uint64_t seed)
       : seed_(static_cast<std::uint32_t>(seed ^ (seed >> 32U)) * 0x9E3779B1U), table_(radiusTable()) {
-    // A ring is about 2.6 long, a meridian 3.5: square cells want 2 n + belt = 5.4 n.
+    // A ring is about 2.6 long and a meridian 3.5, so cells are square where 2 n + belt = 5.4 n.
     const auto wanted = static_cast<double>(triangles);
     n_ = std::max<std::uint64_t>(2, static_cast<std::uint64_t>(std::sqrt(wanted / (8.0 * 4.4)) + 0.5));
     const double belt = wanted / (8.0 * static_cast<double>(n_)) - static_cast<double>(n_);
@@ -243,7 +243,7 @@ class Statue : public SampleSurface {
             std::vector<std::uint32_t>& corners) const override;
 
  private:
-  /// Vertices of a ring per quarter turn; 0 for a pole.
+  /// How many vertices a ring has per quarter turn; 0 for a pole.
   std::uint64_t quarter(std::uint64_t row) const { return std::min({row, n_, rowCount() - 1 - row}); }
   double carving(const glm::dvec3& p, double turn) const;
   double drapery(const glm::dvec3& p) const;
@@ -258,7 +258,7 @@ class Statue : public SampleSurface {
   std::unique_ptr<Weathering> weathering_;
 };
 
-// Folds of a cloth over the breast, warped; −1 … 1 times how far up the cloth reaches.
+// Warped folds of a cloth over the breast, in [−1, 1], fade out where the cloth ends.
 double Statue::drapery(const glm::dvec3& p) const {
   const double where = smooth(0.36, 0.46, p.y) * (1.0 - smooth(0.98, 1.06, p.y + 0.35 * p.x));
   if (where <= 0.0) return 0.0;
@@ -275,7 +275,7 @@ double Statue::hair(const glm::dvec3& p) const {
                   0.35 * resolved(0.03, edge_) * wave(31.0 * p.y + 17.0 * p.z + 9.0 * p.x + 1.6 * warp));
 }
 
-// A frieze of rosettes around the plinth between two grooves.
+// A frieze of rosettes runs around the plinth between two grooves.
 double Statue::ornament(const glm::dvec3& p, double turn) const {
   if (p.y > 0.34) return 0.0;
   const double groove = smooth(0.014, 0.004, std::abs(p.y - 0.135)) + smooth(0.014, 0.004, std::abs(p.y - 0.265));
@@ -288,11 +288,11 @@ double Statue::ornament(const glm::dvec3& p, double turn) const {
   return (ring + 0.8 * knob + 0.6 * petals) * smooth(0.135, 0.15, p.y) * smooth(0.265, 0.25, p.y) - groove;
 }
 
-/// Depth of carving at a point of the body, in −1 … 1 units of about a hundredth.
+/// The depth of the carving at a point of the body, in units of about a hundredth.
 double Statue::carving(const glm::dvec3& p, double turn) const {
   double c = 1.9 * drapery(p) + 1.1 * hair(p) + 1.0 * ornament(p, turn);
 
-  // Tool marks: fine hatching in patches.
+  // Tool marks are fine hatching in patches.
   const double hatch = resolved(0.022, edge_) * smooth(0.0, 0.5, valueNoise(p * 3.7, seed_ + 313U));
   if (hatch > 0.0) c += 0.12 * hatch * wave(46.0 * p.y + 21.0 * p.x - 13.0 * p.z);
   return c;
@@ -328,7 +328,8 @@ void Statue::band(std::uint64_t row, std::uint32_t upper_start, std::uint32_t lo
       const std::uint32_t u1 = at(upper_start, upper, j + 1);
       const std::uint32_t l1 = at(lower_start, lower, j + 1);
 
-      // Counter-clockwise from outside, turns run leftwards there. A quadrant of the shorter ring has one edge less.
+      // Triangles run counter-clockwise seen from outside, where turns run leftwards. A quadrant of the shorter ring
+      // has one edge less.
       if (upper >= lower) {
         corners.insert(corners.end(), {u0, u1, l0});
         if (j < lower) corners.insert(corners.end(), {u1, l1, l0});

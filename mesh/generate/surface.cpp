@@ -10,7 +10,7 @@ std::uint64_t SampleSurface::vertexCount() const {
   return count;
 }
 
-// Multipliers: large odd numbers; finalizer "lowbias32" (Wellons 2018).
+// The multipliers are large odd numbers; the finalizer is "lowbias32" (Wellons 2018).
 std::uint32_t latticeHash(std::int64_t x, std::int64_t y, std::int64_t z, std::uint32_t seed) {
   std::uint32_t h = static_cast<std::uint32_t>(x) * 0x8DA6B343U + static_cast<std::uint32_t>(y) * 0xD8163841U +
                     static_cast<std::uint32_t>(z) * 0xCB1AB31FU + seed;
@@ -21,7 +21,7 @@ std::uint32_t latticeHash(std::int64_t x, std::int64_t y, std::int64_t z, std::u
 
 namespace {
 
-// Truncation corrected for negatives: what floor() gives, without a call.
+// Truncates and corrects negatives: the same as floor(), without a call.
 std::int64_t floorToInt(double x) {
   const auto i = static_cast<std::int64_t>(x);
   return static_cast<double>(i) > x ? i - 1 : i;
@@ -38,12 +38,12 @@ double corner(std::int64_t x, std::int64_t y, std::int64_t z, std::uint32_t seed
   return static_cast<double>(latticeHash(x, y, z, seed)) * (2.0 / 4294967295.0) - 1.0;
 }
 
-// A rotation with rational entries: octaves turned against each other hide the lattice.
+// A rotation with rational entries. Octaves that are turned against each other hide the lattice.
 glm::dvec3 turned(const glm::dvec3& p) {
   return {0.8 * p.y + 0.6 * p.z, -0.8 * p.x + 0.36 * p.y - 0.48 * p.z, -0.6 * p.x - 0.48 * p.y + 0.64 * p.z};
 }
 
-// One round pit per cell of a lattice, or none: 1 at its centre, 0 outside. It never reaches over the cell's side.
+// Three cells of a lattice in four hold a round pit, 1 at its centre and 0 outside, which stays within its cell.
 double pitIn(const glm::dvec3& p, std::uint32_t seed) {
   const std::int64_t x = floorToInt(p.x);
   const std::int64_t y = floorToInt(p.y);
@@ -75,7 +75,7 @@ double valueNoise(const glm::dvec3& p, std::uint32_t seed) {
 }
 
 double sinQuarter(double x) {
-  // Taylor series of sin to the 13th power.
+  // The Taylor series of sin to the 13th power.
   const double a = x * 1.5707963267948966;
   const double q = a * a;
   return a * (1.0 -
@@ -97,7 +97,7 @@ double resolved(double wavelength, double edge) {
 }
 
 double Weathering::roughness(const glm::dvec3& p, double& fine) const {
-  // Amplitude falls with wavelength, so that every scale carries a like share of the slope.
+  // The amplitude falls with the wavelength, so that every scale has about the same share of the slope.
   double height = 0.0;
   double wavelength = 0.22;
   double amplitude = 0.010;
@@ -114,7 +114,7 @@ double Weathering::roughness(const glm::dvec3& p, double& fine) const {
     amplitude *= 0.53;
   }
 
-  // Pits where rain has stood, in patches.
+  // Rain has left pits, in patches.
   const glm::dvec3 t = turned(p);
   const double where = smooth(-0.2, 0.4, valueNoise(t * 3.1, seed_ + 103U));
   const double pit = where * (pitIn(t * 24.0, seed_ + 101U) * resolved(0.02, edge_) +
@@ -125,17 +125,17 @@ double Weathering::roughness(const glm::dvec3& p, double& fine) const {
 }
 
 glm::u8vec4 Weathering::color(const glm::dvec3& p, double cavity, double fine) const {
-  // Stone with strata; dirt in carving and cavities, polish on ridges.
+  // The stone has strata, dirt in carvings and cavities, and polished ridges.
   const double strata = wave(p.y * 6.0 + 0.7 * valueNoise(p * 1.7, seed_ + 211U));
   glm::dvec3 c = glm::dvec3(176.0, 164.0, 143.0) + strata * glm::dvec3(13.0, 10.0, 4.0);
   const double light = std::clamp(0.78 + 0.22 * cavity + 0.22 * fine, 0.3, 1.25);
   c *= light;
 
-  // Dark streaks where water runs down.
+  // Water has left dark streaks.
   const double streak = smooth(0.25, 0.75, valueNoise(glm::dvec3(p.x * 15.0, p.y * 1.3, p.z * 15.0), seed_ + 223U));
   c *= 1.0 - 0.35 * streak;
 
-  // Lichen: ochre or grey-green patches with ragged rims.
+  // Lichen grows in ochre or grey-green patches with ragged rims.
   const glm::dvec3 t = turned(p);
   const double patch =
       valueNoise(t * 4.3, seed_ + 227U) + 0.4 * valueNoise(turned(t) * 13.0, seed_ + 233U) + 0.35 * fine;

@@ -13,6 +13,7 @@
 namespace {
 
 using namespace lod::qsplat::builder;
+using support::Mesh;
 
 glm::dvec3 areaOf(const Dicer& dicer, const std::array<std::uint32_t, 3>& t) {
   const glm::dvec3 a = dicer.position(t[0]);

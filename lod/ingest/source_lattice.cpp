@@ -1,0 +1,42 @@
+#include "lod/ingest/source_lattice.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "lod/ingest/morton.h"
+
+namespace lod::ingest {
+namespace {
+
+// Fewer bits hardly shorten the file of a small mesh, and cost accuracy at fine levels.
+constexpr std::uint32_t kMinChosenBits = 14;
+
+}  // namespace
+
+glm::ivec3 SourceLattice::point(const glm::dvec3& world) const {
+  const double last = static_cast<double>((1U << bits) - 1);
+  // Halves are rounded up. For numbers that are not negative a comparison does it, faster than the library's round.
+  const glm::dvec3 q = glm::clamp((world - corner) / lattice.step, 0.0, last);
+  const glm::ivec3 whole(q);
+  return whole + glm::ivec3(glm::greaterThanEqual(q - glm::dvec3(whole), glm::dvec3(0.5)));
+}
+
+SourceLattice makeLattice(const SourceInfo& info, const glm::dvec3& origin, std::uint32_t bits) {
+  const glm::dvec3 size = info.box_max - info.box_min;
+  const double longest = std::max({size.x, size.y, size.z});
+  SourceLattice out;
+  out.bits = bits;
+  if (bits == 0) {
+    out.bits = kMinChosenBits;
+    if (info.mean_edge > 0.0 && longest > 0.0)
+      out.bits = static_cast<std::uint32_t>(std::clamp(std::ceil(std::log2(16.0 * longest / info.mean_edge + 1.0)),
+                                                       double{kMinChosenBits}, static_cast<double>(kMaxLatticeBits)));
+  }
+  out.corner = info.box_min;
+  out.lattice.origin = info.box_min - origin;
+  // The longest side has an even number of steps, so that a symmetric mesh has lattice points on its middle plane.
+  out.lattice.step = longest > 0.0 ? longest / static_cast<double>((1U << out.bits) - 2) : 1.0;
+  return out;
+}
+
+}  // namespace lod::ingest
