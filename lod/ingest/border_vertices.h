@@ -9,7 +9,8 @@
 
 namespace lod::ingest {
 
-/// A vertex is known by its lattice point alone: corners at one point are one vertex, in whatever bucket, file or level.
+/// A vertex is known by its lattice point alone: corners at one point are one vertex, in whatever bucket, file or
+/// level.
 struct Corner {
   std::uint64_t code = 0;    ///< Morton code of the lattice point
   std::uint32_t color = 0;   ///< R G B A from the lowest byte; A = 0 where unknown

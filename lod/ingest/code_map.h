@@ -1,5 +1,5 @@
 #pragma once
-// From Morton codes to small numbers: what finds a vertex by its place.
+// A hash map that numbers Morton codes, by which builders find a vertex at its lattice point.
 #include <cstdint>
 #include <limits>
 #include <utility>
@@ -7,22 +7,23 @@
 
 namespace lod::ingest {
 
-/// Numbers codes 0, 1, … in the order in which they come. Open-addressed, grows as it fills. Slots hold numbers alone:
-/// a table of codes would be four times as long, and most of an insertion is waiting for it.
+/// Numbers codes 0, 1, … in the order in which they come. It is open-addressed and grows as it fills. Slots hold
+/// numbers only: with codes the table would be four times as long, and an insertion spends most of its time
+/// waiting for it.
 class CodeMap {
  public:
   static constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
-  /// So many codes ahead expect() pays.
+  /// How many codes ahead callers call prefetch().
   static constexpr std::size_t kAhead = 12;
 
-  /// Room for `expected` codes before it has to grow.
+  /// Makes room for `expected` codes before it has to grow.
   explicit CodeMap(std::size_t expected) {
     std::size_t slots = 64;
     while (slots < 2 * expected) slots *= 2;
     setSlots(slots);
     codes_.reserve(slots / 2);
   }
-  /// The code's number; true when it is new.
+  /// Returns the code's number, and whether it is new.
   std::pair<std::uint32_t, bool> insert(std::uint64_t code) {
     const std::size_t slot = find(code);
     if (slots_[slot] != kNone) return {slots_[slot], false};
@@ -32,12 +33,12 @@ class CodeMap {
     if (2 * codes_.size() > slots_.size()) grow();
     return {number, true};
   }
-  /// Asks the memory for where `code` will be looked up soon.
-  void expect(std::uint64_t code) const { __builtin_prefetch(&slots_[slotOf(code)]); }
+  /// Prefetches the slot where `code` will soon be looked up.
+  void prefetch(std::uint64_t code) const { __builtin_prefetch(&slots_[slotOf(code)]); }
   /// Its number, or kNone.
   std::uint32_t at(std::uint64_t code) const { return slots_[find(code)]; }
-  /// By number. The map is of no more use.
-  std::vector<std::uint64_t> takeCodes() { return std::move(codes_); }
+  /// Moves out the codes by number; the map cannot be used any more.
+  std::vector<std::uint64_t> releaseCodes() { return std::move(codes_); }
 
  private:
   void setSlots(std::size_t slots) {
@@ -52,7 +53,7 @@ class CodeMap {
   std::size_t slotOf(std::uint64_t code) const {
     return static_cast<std::size_t>((code * 0x9E3779B97F4A7C15ULL) >> shift_);
   }
-  // Where it is, or would be.
+  // The slot of the code, or the free one where it would go.
   std::size_t find(std::uint64_t code) const {
     std::size_t slot = slotOf(code);
     while (slots_[slot] != kNone && codes_[slots_[slot]] != code) slot = slot + 1 < slots_.size() ? slot + 1 : 0;

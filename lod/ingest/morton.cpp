@@ -13,12 +13,12 @@ void radixSort(std::vector<KeyedIndex>& items, std::uint32_t key_bits) {
                      [](const KeyedIndex& a, const KeyedIndex& b) { return a.key < b.key; });
     return;
   }
-  // Above the highest bit in which any two keys differ there is nothing to sort.
+  // Bits above the highest in which any two keys differ need no sorting.
   std::uint64_t differ = 0;
   for (const KeyedIndex& k : items) differ |= k.key ^ items[0].key;
   key_bits = std::min(key_bits, static_cast<std::uint32_t>(std::bit_width(differ)));
   if (key_bits == 0) return;
-  // Digits of equal length; all are counted in one pass.
+  // All digits have the same length, and are counted in one pass.
   const std::uint32_t digits = (key_bits + kMaxDigitBits - 1) / kMaxDigitBits;
   const std::uint32_t digit_bits = (key_bits + digits - 1) / digits;
   const std::uint64_t mask = (std::uint64_t{1} << digit_bits) - 1;

@@ -1,5 +1,5 @@
 #pragma once
-// Morton codes of lattice points (Morton 1966), and sorting by them.
+// Morton codes of lattice points (Morton 1966), and a radix sort by them.
 #include <algorithm>
 #include <array>
 #include <cstddef>
@@ -9,10 +9,10 @@
 
 namespace lod::ingest {
 
-/// Most bits per axis of a lattice point: three of them fill a 63-bit Morton code.
+/// Three coordinates of this many bits fill a 63-bit Morton code.
 inline constexpr std::uint32_t kMaxLatticeBits = 21;
 
-// Of each byte, two zero bits put before each of its bits.
+// For each byte its bits with two zero bits before each.
 inline constexpr std::array<std::uint32_t, 256> kSpreadBytes = [] {
   std::array<std::uint32_t, 256> spread{};
   for (std::uint32_t byte = 0; byte < spread.size(); ++byte)
@@ -20,7 +20,7 @@ inline constexpr std::array<std::uint32_t, 256> kSpreadBytes = [] {
   return spread;
 }();
 
-// The way back: every third bit, from the lowest on.
+// The inverse: gathers every third bit, from the lowest on.
 inline std::uint64_t gatherBits(std::uint64_t x) {
   x &= 0x1249249249249249;
   x = (x | x >> 2) & 0x10c30c30c30c30c3;
@@ -30,7 +30,7 @@ inline std::uint64_t gatherBits(std::uint64_t x) {
   return (x | x >> 32) & 0x1fffff;
 }
 
-/// Bits of x, y and z interleaved, x lowest. Coordinates 0 … 2^21 − 1.
+/// Interleaves the bits of x, y and z, x lowest. Coordinates are 0 … 2^21 − 1.
 inline std::uint64_t mortonCode(const glm::ivec3& q) {
   const auto bits = [&q](int first, int mask) -> std::uint64_t {
     const auto spread = [&](int x) { return kSpreadBytes[static_cast<std::size_t>(x >> first & mask)]; };
@@ -42,7 +42,7 @@ inline glm::ivec3 mortonPoint(std::uint64_t code) {
   return {static_cast<int>(gatherBits(code)), static_cast<int>(gatherBits(code >> 1)),
           static_cast<int>(gatherBits(code >> 2))};
 }
-/// The code that names a triangle's voxel: the median of its vertices' codes.
+/// The median of its vertices' codes is the code by which a triangle is assigned to a bucket and a voxel.
 inline std::uint64_t medianCode(std::uint64_t a, std::uint64_t b, std::uint64_t c) {
   return std::max(std::min(a, b), std::min(std::max(a, b), c));
 }
@@ -51,7 +51,7 @@ struct KeyedIndex {
   std::uint64_t key = 0;
   std::uint32_t index = 0;
 };
-/// Stable sort by the lowest `key_bits` bits of the key.
+/// Sorts stably by the lowest `key_bits` bits of the key.
 void radixSort(std::vector<KeyedIndex>& items, std::uint32_t key_bits);
 
 }  // namespace lod::ingest

@@ -7,18 +7,18 @@
 namespace lod::ingest {
 namespace {
 
-// "LGWK", then the payload's length and checksum.
+// The magic number reads "LGWK"; crc is the payload's checksum.
 struct RecordHeader {
   std::uint32_t magic = 0x4B57474CU;
   std::uint32_t crc = 0;
   std::uint64_t bytes = 0;
 };
-// So many bytes may be lost to a power cut. A killed process loses none that were written.
+// At most this many bytes are lost in a power failure. A process that is killed loses none that it wrote.
 constexpr std::uint64_t kSyncBytes = std::uint64_t{64} << 20;
 
 }  // namespace
 
-base::Result<RecordLog> RecordLog::open(const std::string& path, bool resume, const Found& found) {
+base::Result<RecordLog> RecordLog::open(const std::string& path, bool resume, const RecordHandler& handler) {
   LUMIGRID_ASSIGN_OR_RETURN(auto file, resume ? SpoolFile::open(path) : SpoolFile::create(path));
   std::uint64_t offset = 0;
   base::Bytes payload;
@@ -31,7 +31,7 @@ base::Result<RecordLog> RecordLog::open(const std::string& path, bool resume, co
     if (header.magic != expected.magic || header.bytes > file.size() - offset - sizeof(header)) break;
     payload.resize(static_cast<std::size_t>(header.bytes));
     LUMIGRID_TRY(file.readAt(offset + sizeof(header), payload));
-    if (base::crc32c(payload) != header.crc || !found(offset + sizeof(header), payload)) break;
+    if (base::crc32c(payload) != header.crc || !handler(offset + sizeof(header), payload)) break;
     offset += sizeof(header) + header.bytes;
   }
   LUMIGRID_TRY(file.truncate(offset));

@@ -1,6 +1,6 @@
 #pragma once
-// A file of records that is only ever appended to: the journal of a stage of a build. Each record has its checksum and
-// is there whole or not at all, so a builder that was killed goes on behind the last whole one.
+// The journal of a build's stage: a file of records that is only appended to. Each record has a checksum, so a builder
+// that was killed goes on behind the last complete record.
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -13,16 +13,17 @@ namespace lod::ingest {
 
 class RecordLog {
  public:
-  /// One payload found, and where it lies in the file. False: it is none that its writer wrote, the log ends before it.
-  using Found = std::function<bool(std::uint64_t offset, base::ByteView payload)>;
+  /// Gets a payload and where it lies in the file. Returns false where no writer wrote such a payload: the log then
+  /// ends before it.
+  using RecordHandler = std::function<bool(std::uint64_t offset, base::ByteView payload)>;
 
-  /// `path` is created, or continued behind its last whole record when `resume`. Every record found is told to `found`
-  /// in the order in which they were written. Errors: kNoSpace, kIo.
-  static base::Result<RecordLog> open(const std::string& path, bool resume, const Found& found);
+  /// Creates `path`, or with `resume` continues it behind its last complete record and passes every record to
+  /// `handler`, in the order in which they were written. Errors: kNoSpace, kIo.
+  static base::Result<RecordLog> open(const std::string& path, bool resume, const RecordHandler& handler);
 
-  /// Appends a record, and flushes it; safe from several threads. Returns where its payload lies.
+  /// Appends a record and flushes it. Returns where its payload lies. Safe from several threads.
   base::Result<std::uint64_t> add(base::ByteView payload);
-  /// Fills `out` from `offset` of the file on; safe from several threads.
+  /// Reads the file's bytes from `offset` on. Safe from several threads.
   base::Result<void> readAt(std::uint64_t offset, std::span<std::uint8_t> out) const {
     return file_.readAt(offset, out);
   }

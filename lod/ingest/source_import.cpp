@@ -14,11 +14,11 @@ namespace {
 using base::Error;
 using base::ErrorCode;
 
-// Squares of parts of it must stay above float32's smallest.
+// The squares of lattice steps must stay above float32's smallest number, 1e-38.
 constexpr double kMinSize = 1e-15;
 
-// Centre of the box, rounded to a power of two of about an eighth of its longest side, so that the number is short and
-// the subtraction exact; 0 for models that lie around 0 anyway.
+// The centre of the box, rounded to a power of two of about an eighth of its longest side, so that the number is short
+// and the subtraction exact; 0 for models that lie around 0 anyway.
 glm::dvec3 originFor(const glm::dvec3& low, const glm::dvec3& high) {
   const glm::dvec3 size = high - low;
   const double longest = std::max({size.x, size.y, size.z});
@@ -75,7 +75,7 @@ base::Result<mesh::StreamedFile> readFile(const std::string& path, SourceSpool& 
   if (threads == 1) return mesh::streamMesh(path, spool, options);
   mesh::SinkThread thread(spool);
   auto file = mesh::streamMesh(path, thread, options);
-  // What the spool refused came before whatever the reader stumbled over.
+  // The spool's error comes first, since it concerns blocks that the reader passed on before its own error.
   LUMIGRID_TRY(thread.finish());
   return file;
 }
@@ -169,7 +169,7 @@ void addRepairs(const ImportedSource& source, const Buckets& buckets, RepairCoun
   repairs.add("unreferenced_vertices", source.info.vertices - source.info.referenced);
 }
 
-base::Error ofSource(const std::vector<std::string>& paths, base::Error error) {
+base::Error namingSource(const std::vector<std::string>& paths, base::Error error) {
   const bool of_mesh = error.message.rfind("the mesh", 0) == 0 || error.message.rfind("no triangle", 0) == 0;
   return of_mesh && !paths.empty() ? base::within(paths.front(), std::move(error)) : error;
 }

@@ -1,6 +1,6 @@
 #pragma once
-// How every build begins: the source's files spooled to the work directory and measured, and the scene's origin, which
-// is the same for all methods.
+// The first stages of every build: the source's files are spooled to the work directory and measured, and their
+// triangles sorted into buckets. All methods choose the same origin for the scene.
 #include <functional>
 #include <string>
 #include <vector>
@@ -12,22 +12,24 @@
 
 namespace lod::ingest {
 
-/// Stage name, 0..1 done. Return false to cancel. Called from worker threads too, but never from two at once.
+/// Gets a stage's name and the share of it that is done, and returns false to cancel. It is called from any thread, but
+/// never from two at once.
 using Progress = std::function<bool(const std::string& stage, double done)>;
 
-/// Where a build's vertices and triangles come from.
+/// The source files of a build.
 struct SourceInput {
-  /// Fills the spool, and adds to `notes` what concerns the files (warnings, short_faces).
+  /// Fills the spool, and adds the files' warnings and short_faces to `notes`.
   std::function<base::Result<void>(SourceSpool& spool, SourceInfo& notes)> read;
-  std::uint64_t bytes = 0;  ///< that the spool takes, about
-  bool points = false;      ///< vertices without any triangle are a source too
+  std::uint64_t bytes = 0;  ///< about what the spool takes
+  bool points = false;      ///< a source without any triangle is no error
 };
 /// With one thread, reading a file and spooling what was read take turns. `points`: files without faces are welcome.
 /// Error: no file is named.
 base::Result<SourceInput> sourceFromFiles(const std::vector<std::string>& paths, const Progress& progress,
                                           unsigned threads, bool points = false);
 
-/// What a build is going to take, told once the source has been read. Figures are rough: measured on other scans.
+/// The disk space and time that a build will take, known once the source has been read. The figures were measured on
+/// other scans and are rough.
 struct BuildPlan {
   std::uint64_t triangles = 0;  ///< 0: points
   std::uint64_t vertices = 0;   ///< in use
@@ -36,17 +38,17 @@ struct BuildPlan {
   double seconds = 0.0;          ///< on the threads given
 };
 
-/// What every build tells of its source.
+/// The part of a build's summary that is the same for all methods.
 struct SourceSummary {
   RepairCounts repairs;
-  std::uint64_t triangles = 0;  ///< of the leaves; 0: the source is points
+  std::uint64_t triangles = 0;  ///< in the leaves; 0 where the source is points
   glm::dvec3 origin{0.0};       ///< the scene's, world
   glm::dvec3 box_min{0.0};      ///< world
   glm::dvec3 box_max{0.0};
-  glm::dvec3 facing{0.0};  ///< sum of all normals, by area: which side an open scan shows
+  glm::dvec3 facing{0.0};  ///< sum of all normals by area: the side that an open scan shows
   bool has_colors = false;
   std::vector<std::string> warnings;
-  double import_seconds = 0.0;  ///< of seconds: reading the sources
+  double import_seconds = 0.0;  ///< the part of `seconds` for reading the sources
   double seconds = 0.0;
   double cpu_seconds = 0.0;
   std::uint64_t bytes = 0;  ///< of the file built
@@ -58,20 +60,20 @@ struct ImportedSource {
   std::uint64_t vertex_bytes = 0;  ///< of the spool
   std::uint64_t triangle_bytes = 0;
 };
-/// Stage 1 of the work directory: done, or as an earlier run left it. Errors: those of reading, kNoSpace, kIo.
+/// Goes through Stage::kSpooled, or returns what an earlier run left of it. Errors: those of reading, kNoSpace, kIo.
 base::Result<ImportedSource> importSource(WorkDirectory& directory, const SourceInput& input, unsigned threads);
 /// The spool that importSource left. Errors: kIo, damaged work files.
 base::Result<SourceSpool> openSource(const WorkDirectory& directory, const ImportedSource& source);
 
-/// Stage 2: the triangles in buckets, the spool gone; done, or as an earlier run left it. Errors:
-/// those of Buckets::sort, kNoSpace, damaged work files.
+/// Goes through Stage::kSorted, or opens the buckets that an earlier run left; the spool is removed. Errors: those of
+/// Buckets::sort, kNoSpace, damaged work files.
 base::Result<Buckets> sortSource(WorkDirectory& directory, const ImportedSource& source, const SourceLattice& lattice,
                                  const BucketOptions& options);
 
-/// What reading and sorting put right, added to `repairs`.
+/// Adds the repairs of reading and sorting to `repairs`.
 void addRepairs(const ImportedSource& source, const Buckets& buckets, RepairCounts& repairs);
 
-/// The error with the first file's name before it where it is about the mesh and names none.
-base::Error ofSource(const std::vector<std::string>& paths, base::Error error);
+/// Puts the first file's name before an error about the mesh that names no file.
+base::Error namingSource(const std::vector<std::string>& paths, base::Error error);
 
 }  // namespace lod::ingest

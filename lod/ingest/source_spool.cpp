@@ -15,7 +15,7 @@ namespace {
 
 // Squares of coordinates must stay finite in float32.
 constexpr double kMaxCoordinate = 1e18;
-constexpr std::size_t kMaxSampledTriangles = std::size_t{1} << 14;
+constexpr std::size_t kMaxSampledTriangles = std::size_t{1} << 14;  // the mean edge is known within 1 %
 constexpr std::uint32_t kDouble = 1, kNormals = 2, kColors = 4, kWide = 8;
 
 struct BlockHeader {
@@ -31,16 +31,16 @@ void put(base::Bytes& out, const T* values, std::size_t count) {
 }
 
 template <class T>
-void take(base::ByteView& in, std::vector<T>& values, std::size_t count) {
+void unpack(base::ByteView& in, std::vector<T>& values, std::size_t count) {
   values.resize(count);
   if (count > 0) std::memcpy(values.data(), in.data(), count * sizeof(T));
   in = in.subspan(count * sizeof(T));
 }
 
-// Of Stored that become T, or as they are.
+// Unpacks values that are stored as the narrower type Stored, or as they are.
 template <class Stored, class T>
-void takeNarrow(base::ByteView& in, std::vector<T>& values, std::size_t count, bool narrow) {
-  if (!narrow) return take(in, values, count);
+void unpackNarrow(base::ByteView& in, std::vector<T>& values, std::size_t count, bool narrow) {
+  if (!narrow) return unpack(in, values, count);
   values.resize(count);
   for (std::size_t i = 0; i < count; ++i) {
     Stored stored;
@@ -50,7 +50,7 @@ void takeNarrow(base::ByteView& in, std::vector<T>& values, std::size_t count, b
   in = in.subspan(count * sizeof(Stored));
 }
 
-// Of what comes after the header.
+// Bytes of a block after its header.
 std::uint64_t vertexBlockBytes(std::uint64_t count, std::uint32_t flags) {
   return count * (((flags & kDouble) != 0 ? 24U : 12U) + ((flags & kNormals) != 0 ? 4U : 0U) +
                   ((flags & kColors) != 0 ? 4U : 0U));
@@ -129,7 +129,7 @@ base::Result<void> SourceSpool::restart() {
   info_.triangles = file_.triangles;
   std::erase_if(vertex_blocks_, [this](const Block& block) { return block.offset >= file_.vertex_bytes; });
   std::erase_if(triangle_blocks_, [this](const Block& block) { return block.offset >= file_.triangle_bytes; });
-  // Marks of the first try would only say that more vertices are in use; numbers beyond this file's first are cleared.
+  // Only bits of this file's vertices are cleared. A bit left set would count an unused vertex as referenced.
   for (std::uint64_t v = file_.vertices; v < 64 * used_.size(); ++v) used_[v / 64] &= ~(std::uint64_t{1} << (v % 64));
   while (!sampled_.empty() && *std::max_element(sampled_.end() - 3, sampled_.end()) >= file_.vertices)
     sampled_.resize(sampled_.size() - 3);
@@ -215,7 +215,7 @@ base::Result<void> SourceSpool::triangles(const mesh::TriangleBlock& block) {
   return triangles_.append(scratch_);
 }
 
-// Every so many triangles; twice as many when there are too many.
+// Samples every sample_stride_-th triangle; where there are too many, drops every other one and doubles the stride.
 void SourceSpool::sample(std::span<const std::uint64_t> corners) {
   const std::uint64_t first = (info_.triangles + sample_stride_ - 1) / sample_stride_ * sample_stride_;
   for (std::uint64_t t = first; t < info_.triangles + corners.size() / 3; t += sample_stride_) {
@@ -232,10 +232,11 @@ void SourceSpool::sample(std::span<const std::uint64_t> corners) {
   }
 }
 
-base::Result<SourceInfo> SourceSpool::finish(bool points, unsigned threads) {
+base::Result<SourceInfo> SourceSpool::finish(bool accepts_points, unsigned threads) {
   LUMIGRID_TRY(vertices_.flush());
   LUMIGRID_TRY(triangles_.flush());
-  if (info_.triangles == 0 && !points) return base::Error{base::ErrorCode::kInvalidInput, "the mesh has no triangles"};
+  if (info_.triangles == 0 && !accepts_points)
+    return base::Error{base::ErrorCode::kInvalidInput, "the mesh has no triangles"};
   if (info_.vertices == 0) return base::Error{base::ErrorCode::kInvalidInput, "the mesh has no vertices"};
   LUMIGRID_TRY(measure(threads));
   used_ = std::vector<std::uint64_t>();
@@ -249,14 +250,14 @@ struct SourceSpool::Measured {
   glm::dvec3 high{std::numeric_limits<double>::lowest()};
 };
 
-// The sampled corners, those of each block together, and their positions once they are found.
+// The sampled corners, ordered by block, and their positions as they are read.
 struct SourceSpool::Sampled {
   std::vector<std::uint32_t> corners;  // places in sampled_
   std::vector<std::size_t> begin;      // by block: the first of its own
   std::vector<glm::dvec3> found;       // as many as sampled_
 };
 
-// Box of what is in use, and the mean edge of the sample: its corners' positions are met in one pass.
+// Measures the box of the referenced vertices and the mean edge of the sampled triangles in one pass over the vertices.
 base::Result<void> SourceSpool::measure(unsigned threads) {
   used_.resize(static_cast<std::size_t>(info_.vertices / 64 + 1), 0);
   const auto blockOf = [this](std::uint64_t vertex) {
@@ -321,9 +322,9 @@ base::Result<void> SourceSpool::readVertices(std::size_t block, SpooledVertices&
   out.packed.resize(static_cast<std::size_t>(vertexBlockBytes(at.count, at.flags)));
   LUMIGRID_TRY(vertices_.readAt(at.offset + sizeof(BlockHeader), out.packed));
   base::ByteView in = out.packed;
-  takeNarrow<glm::vec3>(in, out.positions, at.count, (at.flags & kDouble) == 0);
-  take(in, out.normals, (at.flags & kNormals) != 0 ? at.count : 0);
-  take(in, out.colors, (at.flags & kColors) != 0 ? at.count : 0);
+  unpackNarrow<glm::vec3>(in, out.positions, at.count, (at.flags & kDouble) == 0);
+  unpack(in, out.normals, (at.flags & kNormals) != 0 ? at.count : 0);
+  unpack(in, out.colors, (at.flags & kColors) != 0 ? at.count : 0);
   return {};
 }
 
@@ -334,9 +335,9 @@ base::Result<void> SourceSpool::readTriangles(std::size_t block, SpooledTriangle
   LUMIGRID_TRY(triangles_.readAt(at.offset + sizeof(BlockHeader), out.packed));
   base::ByteView in = out.packed;
   const std::size_t corners = 3 * std::size_t{at.count};
-  takeNarrow<std::uint32_t>(in, out.corners, corners, (at.flags & kWide) == 0);
-  take(in, out.colors, (at.flags & kColors) != 0 ? corners : 0);
-  take(in, out.normals, (at.flags & kNormals) != 0 ? corners : 0);
+  unpackNarrow<std::uint32_t>(in, out.corners, corners, (at.flags & kWide) == 0);
+  unpack(in, out.colors, (at.flags & kColors) != 0 ? corners : 0);
+  unpack(in, out.normals, (at.flags & kNormals) != 0 ? corners : 0);
   return {};
 }
 

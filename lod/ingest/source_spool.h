@@ -1,6 +1,6 @@
 #pragma once
-// The source as the builder keeps it on disk: all files' vertices and triangles in their order, before anything is
-// known about the whole. Memory: one bit per vertex and a fixed buffer.
+// The first work files of a build: the vertices and triangles of all source files in their order. Memory holds one bit
+// per vertex and a fixed buffer.
 #include <string>
 #include <vector>
 
@@ -9,7 +9,7 @@
 
 namespace lod::ingest {
 
-/// What all source files together turned out to be.
+/// Properties of all source files together.
 struct SourceInfo {
   std::uint64_t vertices = 0;    ///< of all files
   std::uint64_t triangles = 0;   ///< of all files
@@ -20,10 +20,10 @@ struct SourceInfo {
   glm::dvec3 box_max{0.0};
   double mean_edge = 0.0;  ///< geometric mean over a sample of the edges; 0 when all are points
   std::vector<std::string> warnings;
-  std::uint64_t short_faces = 0;  ///< left out by the readers
+  std::uint64_t short_faces = 0;  ///< faces of fewer than three corners, which readers leave out
 };
 
-/// Vertices and triangles of a block, numbered through all files. What a read leaves in `packed` is room for the next.
+/// Vertices and triangles of a block, numbered through all files. `packed` is scratch memory that reads use again.
 struct SpooledVertices {
   std::uint64_t first = 0;
   std::vector<glm::dvec3> positions;
@@ -39,38 +39,39 @@ struct SpooledTriangles {
   base::Bytes packed;
 };
 
-/// A unit vector in 3 x 8 bits with a mark that it is one; 0 for a zero vector or NaN.
+/// A unit vector in 3 × 8 bits with a mark in the highest byte; 0 for a zero vector or NaN.
 std::uint32_t packNormal(const glm::vec3& n);
-/// As whole numbers -127 … 127; zero for 0.
+/// The components as whole numbers −127 … 127; all zero for 0.
 glm::ivec3 unpackNormal(std::uint32_t packed);
 
 class SourceSpool : public mesh::MeshSink {
  public:
-  /// Files `vertices` and `triangles` in `directory`. Errors: kNoSpace, kIo.
+  /// Creates the files `vertices` and `triangles` in `directory`. Errors: kNoSpace, kIo.
   static base::Result<SourceSpool> create(const std::string& directory);
-  /// As an earlier run left them after finish(). Errors: kNotFound, kIo, damaged work files.
+  /// Opens the files that an earlier run finished. Errors: kNotFound, kIo, damaged work files.
   static base::Result<SourceSpool> open(const std::string& directory);
 
   base::Result<void> vertices(const mesh::VertexBlock& block) override;
   base::Result<void> triangles(const mesh::TriangleBlock& block) override;
   base::Result<void> restart() override;
 
-  /// Before each file: numbers start from here. `name` is what errors speak of.
+  /// Called before each source file, whose numbers start at 0. `name` is the file's in errors.
   void beginFile(const std::string& name);
-  /// After the last file: flushes, looks at all vertices once more, on so many threads. Where there is no triangle but
-  /// `points` are welcome, every vertex counts as referenced. Errors: those of reading, kInvalidInput when there is
-  /// nothing.
-  base::Result<SourceInfo> finish(bool points, unsigned threads);
-  /// Their sizes in bytes.
+  /// Called after the last file: flushes, and reads all vertices once to measure them. A source without triangles is an
+  /// error unless `accepts_points`; then every vertex counts as referenced. Errors: those of reading, kInvalidInput
+  /// where the source is empty.
+  base::Result<SourceInfo> finish(bool accepts_points, unsigned threads);
+  /// The sizes of both files in bytes.
   std::uint64_t vertexBytes() const { return vertices_.size(); }
   std::uint64_t triangleBytes() const { return triangles_.size(); }
 
-  /// Blocks of some ten thousand, in the source's order. Reading is safe from several threads. Errors: kIo.
+  /// Blocks hold some ten thousand vertices or triangles, in the source's order. Reading is safe from several threads.
+  /// Errors: kIo.
   std::size_t vertexBlocks() const { return vertex_blocks_.size(); }
   std::size_t triangleBlocks() const { return triangle_blocks_.size(); }
   base::Result<void> readVertices(std::size_t block, SpooledVertices& out) const;
   base::Result<void> readTriangles(std::size_t block, SpooledTriangles& out) const;
-  /// Vertices of a block are first … first + count − 1.
+  /// A block has vertices first … first + count − 1.
   std::uint64_t firstVertex(std::size_t block) const { return vertex_blocks_[block].first; }
   std::uint64_t vertexCount(std::size_t block) const { return vertex_blocks_[block].count; }
   /// Calls body(SpooledVertices) for each block in order; body returns Result<void>.
@@ -87,12 +88,12 @@ class SourceSpool : public mesh::MeshSink {
   void remove();
 
  private:
-  struct Mark {  // where a file began
+  struct FileStart {  // where the current source file began
     std::uint64_t vertices = 0, triangles = 0, vertex_bytes = 0, triangle_bytes = 0;
   };
   struct Block {
-    std::uint64_t first = 0;   // vertex or triangle
-    std::uint64_t offset = 0;  // of its header
+    std::uint64_t first = 0;   // number of its first vertex or triangle
+    std::uint64_t offset = 0;  // where its header lies
     std::uint32_t count = 0;
     std::uint32_t flags = 0;
   };
@@ -110,7 +111,7 @@ class SourceSpool : public mesh::MeshSink {
   std::vector<Block> vertex_blocks_;
   std::vector<Block> triangle_blocks_;
   SourceInfo info_;
-  Mark file_;
+  FileStart file_;
   std::string name_;
   std::vector<std::uint64_t> used_;     // one bit per vertex
   std::vector<std::uint64_t> sampled_;  // corners of every sample_stride_-th triangle

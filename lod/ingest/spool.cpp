@@ -63,7 +63,7 @@ SpoolFile::~SpoolFile() {
 }
 
 base::Result<void> SpoolFile::append(base::ByteView bytes) {
-  // What is not worth a copy goes straight to the file, behind what came before it.
+  // Large pieces skip the buffer and go straight to the file, behind what is buffered.
   const bool large = bytes.size() > kBufferBytes / 8;
   if (large || buffer_.size() + bytes.size() > kBufferBytes) LUMIGRID_TRY(flush());
   if (large) {
@@ -115,7 +115,7 @@ base::Result<void> SpoolFile::writeAt(std::uint64_t offset, base::ByteView bytes
 
 void SpoolFile::release([[maybe_unused]] std::uint64_t offset, [[maybe_unused]] std::uint64_t length) {
 #ifdef FALLOC_FL_PUNCH_HOLE
-  // Where the file system cannot do it, the space comes back at the end.
+  // Where the file system cannot punch holes, the space is freed when the file is removed.
   (void)::fallocate(fd_, FALLOC_FL_PUNCH_HOLE | FALLOC_FL_KEEP_SIZE, static_cast<off_t>(offset),
                     static_cast<off_t>(length));
 #endif

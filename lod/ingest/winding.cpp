@@ -9,8 +9,8 @@
 namespace lod::ingest {
 namespace {
 
-// Sets whose members are each the same as, or the opposite of, their root (weighted union, no path halving needed for
-// the depth that leaves: logarithmic).
+// Disjoint sets whose members each have the same orientation as their root, or the opposite one. The union is by size,
+// which keeps the depth logarithmic.
 class OppositeSets {
  public:
   explicit OppositeSets(std::size_t size) : parent_(size), opposite_(size, 0), size_(size, 1) {
@@ -21,7 +21,7 @@ class OppositeSets {
     for (; parent_[i] != i; i = parent_[i]) opposite ^= opposite_[i];
     return {i, opposite};
   }
-  /// False when a and b are known to be otherwise.
+  /// False when a and b are in one set already, with the other orientation.
   bool unite(std::uint32_t a, std::uint32_t b, std::uint8_t opposite) {
     auto [x, x_opposite] = find(a);
     auto [y, y_opposite] = find(b);
@@ -40,10 +40,10 @@ class OppositeSets {
   std::vector<std::uint32_t> size_;
 };
 
-// Sets of triangles, the least of each its root.
-class Sets {
+// Disjoint sets of triangles; the least triangle of each is its root.
+class TriangleSets {
  public:
-  explicit Sets(std::uint32_t size) : parent_(size) {
+  explicit TriangleSets(std::uint32_t size) : parent_(size) {
     for (std::uint32_t i = 0; i < size; ++i) parent_[i] = i;
   }
   std::uint32_t find(std::uint32_t i) {
@@ -59,8 +59,8 @@ class Sets {
   std::vector<std::uint32_t> parent_;
 };
 
-// body(triangle, lesser vertex, greater vertex, whether it runs from the greater to the lesser) for every triangle's
-// edges.
+// Calls body(triangle, lesser vertex, greater vertex, turned) for the edges of every triangle; turned is 1 where the
+// edge runs from the greater to the lesser vertex.
 template <class Body>
 void forEachEdge(const NumberedCorners& mesh, Body&& body) {
   for (std::size_t i = 0; i < mesh.number.size(); i += 3)
@@ -70,31 +70,31 @@ void forEachEdge(const NumberedCorners& mesh, Body&& body) {
     }
 }
 
-// Vertices with an edge to a greater number that does not run as often one way as the other. Edges that run both ways
-// cancel out in a sum of scrambled numbers; that others do too is as good as impossible.
+// Marks the vertices with an edge to a greater number that does not run as often one way as the other. In a sum of
+// hashed numbers, edges that run both ways cancel out; others do so with a probability of about 2^-64.
 std::vector<std::uint8_t> unevenVertices(const NumberedCorners& mesh) {
   std::vector<std::uint64_t> sums(mesh.codes.size(), 0);
   forEachEdge(mesh, [&](std::uint32_t, std::uint32_t low, std::uint32_t high, std::uint32_t turned) {
-    std::uint64_t scrambled = (std::uint64_t{high} + 1) * 0x9E3779B97F4A7C15ULL;
-    scrambled = (scrambled ^ scrambled >> 32) * 0xD6E8FEB86659FD93ULL;
-    sums[low] += turned != 0 ? 0 - scrambled : scrambled;
+    std::uint64_t hashed = (std::uint64_t{high} + 1) * 0x9E3779B97F4A7C15ULL;
+    hashed = (hashed ^ hashed >> 32) * 0xD6E8FEB86659FD93ULL;
+    sums[low] += turned != 0 ? 0 - hashed : hashed;
   });
   std::vector<std::uint8_t> uneven(sums.size());
   for (std::size_t v = 0; v < sums.size(); ++v) uneven[v] = sums[v] != 0 ? 1 : 0;
   return uneven;
 }
 
-// The uses of each vertex's edges to vertices of greater number, side by side.
+// For each vertex the uses of its edges to vertices of greater number, side by side.
 struct EdgeUses {
   struct Use {
     std::uint32_t other = 0;
-    std::uint32_t triangle = 0;  // times 2, plus 1 when it runs from the greater number to the lesser
+    std::uint32_t triangle = 0;  // times 2, plus 1 where the edge is turned
   };
-  std::vector<std::uint32_t> first;  // of vertex v: uses first[v] … first[v + 1] − 1
+  std::vector<std::uint32_t> first;  // vertex v has uses first[v] … first[v + 1] − 1
   std::vector<Use> uses;
 
   explicit EdgeUses(const NumberedCorners& mesh) : EdgeUses(mesh, std::vector<std::uint8_t>(mesh.codes.size(), 1)) {}
-  /// Those of some vertices only.
+  /// For some vertices only.
   EdgeUses(const NumberedCorners& mesh, const std::vector<std::uint8_t>& wanted) {
     first.assign(mesh.codes.size() + 2, 0);
     const auto forEachUse = [&](auto&& body) {
@@ -111,7 +111,7 @@ struct EdgeUses {
     first.pop_back();
   }
 
-  // body(low, high, first use, second use, count) for every edge.
+  // Calls body(low, high, first use, second use, count) for every edge.
   template <class Body>
   void forEach(Body&& body) {
     for (std::uint32_t v = 0; v + 1 < first.size(); ++v) {
@@ -136,18 +136,18 @@ struct EdgeUses {
 NumberedCorners::NumberedCorners(std::span<const Corner> corners) : number(corners.size()) {
   CodeMap map(corners.size() / 6);
   for (std::size_t i = 0; i < corners.size(); ++i) {
-    map.expect(corners[std::min(i + CodeMap::kAhead, corners.size() - 1)].code);
+    map.prefetch(corners[std::min(i + CodeMap::kAhead, corners.size() - 1)].code);
     number[i] = map.insert(corners[i].code).first;
   }
-  codes = map.takeCodes();
+  codes = map.releaseCodes();
 }
 
-QuickWinding lookAtWinding(const NumberedCorners& mesh, std::span<const std::uint32_t> border_place) {
-  QuickWinding out;
+WindingCheck checkWinding(const NumberedCorners& mesh, std::span<const std::uint32_t> border_place) {
+  WindingCheck out;
   EdgeUses edges(mesh, unevenVertices(mesh));
   edges.forEach(
       [&](std::uint32_t low, std::uint32_t high, std::uint32_t first, std::uint32_t second, std::uint32_t count) {
-        if (count == 2) out.alike &= ((first ^ second) & 1U) != 0;
+        if (count == 2) out.consistent &= ((first ^ second) & 1U) != 0;
         if (count != 1 || border_place[low] == kNotOnBorder || border_place[high] == kNotOnBorder) return;
         const std::uint64_t a = mesh.codes[low], b = mesh.codes[high];
         out.open.push_back({std::min(a, b), std::max(a, b), ((first & 1U) != 0) != (a > b)});
@@ -155,8 +155,8 @@ QuickWinding lookAtWinding(const NumberedCorners& mesh, std::span<const std::uin
   return out;
 }
 
-bool windAlike(std::vector<QuickWinding::Edge>& edges) {
-  std::sort(edges.begin(), edges.end(), [](const QuickWinding::Edge& a, const QuickWinding::Edge& b) {
+bool runOppositely(std::vector<WindingCheck::Edge>& edges) {
+  std::sort(edges.begin(), edges.end(), [](const WindingCheck::Edge& a, const WindingCheck::Edge& b) {
     return std::tie(a.low, a.high) < std::tie(b.low, b.high);
   });
   for (std::size_t begin = 0, end = 0; begin < edges.size(); begin = end) {
@@ -170,25 +170,25 @@ BucketWinding measureWinding(const NumberedCorners& mesh, std::span<const std::u
   BucketWinding out;
   const auto triangles = static_cast<std::uint32_t>(mesh.number.size() / 3);
   if (triangles == 0) return out;
-  struct Loose {
+  struct UntiedEdge {
     std::uint32_t low = 0, high = 0, first = 0, second = 0, count = 0;
   };
-  std::vector<Loose> loose;  // edges that tie nothing together
-  Sets sets(triangles);
+  std::vector<UntiedEdge> untied;  // edges that do not join two triangles into one part
+  TriangleSets sets(triangles);
   EdgeUses edges(mesh);
   edges.forEach(
       [&](std::uint32_t low, std::uint32_t high, std::uint32_t first, std::uint32_t second, std::uint32_t count) {
         if (count == 2 && ((first ^ second) & 1U) != 0)
           sets.unite(first / 2, second / 2);
         else
-          loose.push_back({low, high, first, second, count});
+          untied.push_back({low, high, first, second, count});
       });
 
-  // Parts that matter, numbered by their first triangle.
+  // Only parts at the border or beside an opposing one matter. They are numbered by their first triangle.
   std::vector<std::uint8_t> matters(triangles, 0);
-  std::vector<std::uint8_t> border(loose.size(), 0);
-  for (std::size_t i = 0; i < loose.size(); ++i) {
-    const Loose& e = loose[i];
+  std::vector<std::uint8_t> border(untied.size(), 0);
+  for (std::size_t i = 0; i < untied.size(); ++i) {
+    const UntiedEdge& e = untied[i];
     border[i] = e.count == 1 && border_place[e.low] != kNotOnBorder && border_place[e.high] != kNotOnBorder ? 1 : 0;
     if (border[i] != 0 || e.count == 2) matters[sets.find(e.first / 2)] = 1;
     if (e.count == 2) matters[sets.find(e.second / 2)] = 1;
@@ -205,8 +205,8 @@ BucketWinding measureWinding(const NumberedCorners& mesh, std::span<const std::u
     out.part[t] = number[root];
     ++out.parts[number[root]].triangles;
   }
-  for (std::size_t i = 0; i < loose.size(); ++i) {
-    const Loose& e = loose[i];
+  for (std::size_t i = 0; i < untied.size(); ++i) {
+    const UntiedEdge& e = untied[i];
     const std::uint32_t a = out.part[e.first / 2];
     if (border[i] != 0) {
       const std::uint64_t x = mesh.codes[e.low], y = mesh.codes[e.high];
@@ -233,7 +233,7 @@ void Winding::add(const BucketWinding& bucket) {
 }
 
 void Winding::finish() {
-  // Edges that two buckets share tie parts together, or set them against each other.
+  // An edge that two buckets share joins two parts into one, or makes them opposing ones.
   std::sort(open_.begin(), open_.end(), [](const BucketWinding::OpenEdge& a, const BucketWinding::OpenEdge& b) {
     return std::tie(a.low, a.high, a.part, a.turned) < std::tie(b.low, b.high, b.part, b.turned);
   });
@@ -264,7 +264,8 @@ void Winding::finish() {
     for (const std::uint32_t p : {a, b}) ++sum[p].perimeter, sum[p].against += a == b ? 0 : 1;
   }
 
-  // Neighbours on opposite sides of one question, where the lesser of them mostly borders on such neighbours.
+  // Opposing parts get opposite orientations where the smaller one is surrounded: at least half of its perimeter runs
+  // against its neighbours. In each set the orientation with more triangles wins.
   std::sort(opposing_.begin(), opposing_.end());
   opposing_.erase(std::unique(opposing_.begin(), opposing_.end()), opposing_.end());
   const auto surrounded = [&](std::uint32_t p) { return 2 * sum[p].against >= sum[p].perimeter && sum[p].against > 0; };

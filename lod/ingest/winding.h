@@ -1,6 +1,6 @@
 #pragma once
-// Triangles of a connected part are wound alike, after the part's majority. Worked out bucket by bucket: inside, edges
-// tell; between buckets, only the edges on the border travel. Memory: the parts that reach a border or need turning.
+// Makes the triangles of each connected part wound alike, after the part's majority. Inside a bucket all edges are
+// compared, between buckets only those on the border. Memory holds the parts that reach a border or need flipping.
 #include <cstdint>
 #include <span>
 #include <utility>
@@ -8,35 +8,32 @@
 
 #include "base/bytes.h"
 #include "base/error.h"
+#include "lod/ingest/border_vertices.h"
 
 namespace lod::ingest {
 
-struct Corner;
-
-/// A bucket's vertices by number.
+/// A bucket's vertices, numbered.
 struct NumberedCorners {
-  std::vector<std::uint64_t> codes;   ///< of the vertices, in the order in which corners name them
-  std::vector<std::uint32_t> number;  ///< of each corner's vertex
+  std::vector<std::uint64_t>
+      codes;  ///< by vertex number; vertices are numbered in the order in which corners name them
+  std::vector<std::uint32_t> number;  ///< by corner: its vertex
 
   NumberedCorners() = default;
   explicit NumberedCorners(std::span<const Corner> corners);
 };
 
-/// Place of a vertex among those on bucket borders: no other bucket uses it.
-inline constexpr std::uint32_t kNotOnBorder = 0xFFFFFFFFU;
-
-/// What a bucket's own edges say. A part is what hangs together by edges along which two triangles run in opposite
-/// directions, as triangles wound alike do. Parts without an edge that says otherwise, and without one on the border,
-/// are not listed.
+/// The parts of a bucket. Triangles belong to one part where they are connected by edges along which two triangles run
+/// in opposite directions, as triangles wound alike do. Parts that neither reach the border nor have an opposing
+/// neighbour are not listed.
 struct BucketWinding {
   static constexpr std::uint32_t kNoPart = 0xFFFFFFFFU;
   struct Part {
     std::uint64_t triangles = 0;
-    std::uint64_t perimeter = 0;  ///< edges that tie it to nothing wound alike
-    std::uint64_t against = 0;    ///< of these: edges along which a triangle of another part runs in the same direction
+    std::uint64_t perimeter = 0;  ///< edges that join it to no triangle wound alike
+    std::uint64_t against = 0;    ///< how many of these a triangle of another part runs along in the same direction
   };
   struct OpenEdge {
-    std::uint64_t low = 0, high = 0;  ///< codes
+    std::uint64_t low = 0, high = 0;  ///< codes of its ends
     std::uint32_t part = 0;
     bool turned = false;  ///< runs from high to low
   };
@@ -45,37 +42,39 @@ struct BucketWinding {
   std::vector<OpenEdge> open;  ///< edges of one triangle here, both ends on the border
   std::vector<std::pair<std::uint32_t, std::uint32_t>> opposing;  ///< pairs of parts at the edges counted by `against`
 };
-/// The quick look that clean meshes need no more than: whether the bucket's triangles are wound alike as they are, and
-/// the edges that another bucket may share, as they run.
-struct QuickWinding {
+
+/// A check that is all that clean meshes need.
+struct WindingCheck {
   struct Edge {
     std::uint64_t low = 0, high = 0;
     bool turned = false;  ///< runs from high to low
   };
-  bool alike = true;
-  std::vector<Edge> open;
+  bool consistent = true;  ///< no two triangles run along an edge in the same direction
+  std::vector<Edge> open;  ///< edges of one triangle here, which another bucket may share
 };
-/// `border_place`: per vertex, kNotOnBorder or not.
-QuickWinding lookAtWinding(const NumberedCorners& mesh, std::span<const std::uint32_t> border_place);
-/// Whether edges that two buckets share run in opposite directions. Reorders `edges`.
-bool windAlike(std::vector<QuickWinding::Edge>& edges);
-
+/// `border_place` is per vertex, kNotOnBorder or not.
+WindingCheck checkWinding(const NumberedCorners& mesh, std::span<const std::uint32_t> border_place);
+/// Whether the edges that two buckets share run in opposite directions. Reorders `edges`.
+bool runOppositely(std::vector<WindingCheck::Edge>& edges);
 BucketWinding measureWinding(const NumberedCorners& mesh, std::span<const std::uint32_t> border_place);
 
-/// All buckets together. A part is turned when most of its perimeter runs against its neighbours and more triangles are
-/// wound like those: where tiles of a scan overlap a few edges coincide by chance, and they must not turn a whole tile.
+/// The parts of all buckets together. A part is flipped when at least half of its perimeter runs against its neighbours
+/// and more triangles are wound like those. Where tiles of a scan overlap, a few edges coincide by chance, and they
+/// must not flip a whole tile.
 class Winding {
  public:
-  /// Nothing is to be turned in any of so many buckets.
-  void setAlike(std::size_t buckets) { first_.assign(buckets + 1, 0); }
-  /// Buckets must be added in their order.
+  /// No triangle is to be flipped in any of so many buckets.
+  void setConsistent(std::size_t buckets) { first_.assign(buckets + 1, 0); }
+  /// Adds the next bucket, in their order.
   void add(const BucketWinding& bucket);
+  /// Decides after the last bucket which parts are flipped.
   void finish();
   bool mayFlip(std::size_t bucket) const { return first_[bucket] != first_[bucket + 1] && flipped_ > 0; }
-  /// Whether a part of a bucket is to be turned over.
+  /// Whether a part of a bucket is to be flipped.
   bool flips(std::size_t bucket, std::uint32_t part) const { return flip_[first_[bucket] + part] != 0; }
+  /// How many triangles are flipped.
   std::uint64_t flipped() const { return flipped_; }
-  /// Parts that run against themselves, as a Moebius strip does; they stay as they are.
+  /// How many parts run against themselves, as a Möbius strip does; they stay as they are.
   std::uint64_t nonOrientable() const { return non_orientable_; }
   void write(base::ByteWriter& out) const;
   bool read(base::ByteReader& in);

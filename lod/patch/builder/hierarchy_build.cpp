@@ -359,7 +359,7 @@ base::Result<HierarchySummary> buildHierarchyFromFiles(const std::vector<std::st
   auto summary = Builder(options, output_path, progress).run(input);
   // Work files that do not hold together are gone by now.
   if (!summary && ingest::isDamageError(summary.error())) summary = Builder(options, output_path, progress).run(input);
-  return summary ? std::move(summary) : ingest::ofSource(paths, summary.error());
+  return summary ? std::move(summary) : ingest::namingSource(paths, summary.error());
 }
 
 }  // namespace lod::patch::builder

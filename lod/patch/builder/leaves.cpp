@@ -58,7 +58,7 @@ std::uint64_t dropDuplicates(const CodedMesh& mesh, std::vector<ingest::KeyedInd
 }
 
 // The mesh's vertices, and the sorted triangles' corners by them, in the order in which they come there.
-void numberVertices(const ingest::Buckets::Numbered& read, std::span<const ingest::KeyedIndex> sorted,
+void numberVertices(const ingest::Buckets::NumberedBucket& read, std::span<const ingest::KeyedIndex> sorted,
                     CodedMesh& mesh) {
   mesh.indices.resize(3 * sorted.size());
   std::uint32_t* index = mesh.indices.data();
@@ -84,11 +84,11 @@ void numberVertices(const ingest::Buckets::Numbered& read, std::span<const inges
   for (std::size_t i = 0; i < sorted.size(); ++i) {
     __builtin_prefetch(&read.corners[first(i + kAhead)]);
     const ingest::Corner* ahead = &read.corners[first(i + ingest::CodeMap::kAhead / 3)];
-    for (std::size_t k = 0; k < 3; ++k) map.expect(ahead[k].code);
+    for (std::size_t k = 0; k < 3; ++k) map.prefetch(ahead[k].code);
     const ingest::Corner* c = &read.corners[first(i)];
     for (std::size_t k = 0; k < 3; ++k) *index++ = map.insert(c[k].code).first;
   }
-  mesh.codes = map.takeCodes();
+  mesh.codes = map.releaseCodes();
 }
 
 }  // namespace
@@ -97,7 +97,7 @@ base::Result<BucketLeaves> makeLeaves(const ingest::Buckets& buckets, std::size_
                                       const ingest::SourceLattice& lattice, const LeafOptions& options) {
   BucketLeaves out;
   if (buckets.triangles(bucket) == 0) return out;
-  LUMIGRID_ASSIGN_OR_RETURN(auto read, buckets.readOnce(bucket));
+  LUMIGRID_ASSIGN_OR_RETURN(auto read, buckets.readKept(bucket));
 
   // Triangles by voxels first: whatever looks at them or at their vertices later finds neighbours side by side.
   const std::size_t triangles = read.corners.size() / 3;

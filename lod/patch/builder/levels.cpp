@@ -86,7 +86,7 @@ Merged mergePatches(const std::vector<lod::patch::PatchGeometry>& patches, std::
     codes.resize(vertices);
     for (std::size_t i = 0; i < vertices; ++i) codes[i] = ingest::mortonCode(patch.positions[i]);
     for (std::size_t i = 0; i < vertices; ++i) {
-      map.expect(codes[std::min(i + ingest::CodeMap::kAhead, vertices - 1)]);
+      map.prefetch(codes[std::min(i + ingest::CodeMap::kAhead, vertices - 1)]);
       const auto [number, is_new] = map.insert(codes[i]);
       local[i] = number;
       if (!is_new) continue;
@@ -195,7 +195,7 @@ CodedMesh codedMesh(Merged& merged, Simplified& simplified, std::vector<std::uin
     }
     simplified.origin[kept++] = simplified.origin[t];
   }
-  out.codes = map.takeCodes();
+  out.codes = map.releaseCodes();
   takeVertices(merged, source, locked, out);
   simplified.indices.resize(3 * kept);
   simplified.origin.resize(kept);

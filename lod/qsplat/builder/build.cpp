@@ -268,7 +268,7 @@ base::Result<BuildSummary> buildFromFiles(const std::vector<std::string>& paths,
   auto summary = Builder(options, output_path, progress).run(input);
   // Work files that do not hold together are gone by now.
   if (!summary && ingest::isDamageError(summary.error())) summary = Builder(options, output_path, progress).run(input);
-  return summary ? std::move(summary) : ingest::ofSource(paths, summary.error());
+  return summary ? std::move(summary) : ingest::namingSource(paths, summary.error());
 }
 
 }  // namespace lod::qsplat::builder
