@@ -65,7 +65,7 @@ bool TextColors::mustRestart() {
   return std::exchange(wrong_, false);
 }
 
-std::string quoted(std::string_view word) {
+std::string inQuotes(std::string_view word) {
   constexpr std::size_t kLongest = 40;
   std::string text = "\"";
   for (const char c : word.substr(0, kLongest)) text += c >= ' ' && c <= '~' ? c : '?';

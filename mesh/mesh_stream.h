@@ -208,6 +208,6 @@ inline std::size_t leadingDigits(std::string_view word, std::int64_t& value) {
 }
 
 /// A word from a file in quotes, fit for an error line: cut to 40 characters, unprintable bytes replaced.
-std::string quoted(std::string_view word);
+std::string inQuotes(std::string_view word);
 
 }  // namespace mesh

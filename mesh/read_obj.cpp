@@ -57,7 +57,7 @@ base::Result<std::size_t> readNumbers(std::string_view line, std::array<double, 
       continue;
     }
     if (const std::string_view word = nextWord(line); !parseNumber(word, numbers[count]))
-      return invalidInput(ObjReader::placeOf(number) + ": " + quoted(word) + " is not a number");
+      return invalidInput(ObjReader::placeOf(number) + ": " + inQuotes(word) + " is not a number");
   }
   if (count < 3) return invalidInput(ObjReader::placeOf(number) + ": three numbers are needed (a truncated file?)");
   return count;
@@ -109,7 +109,7 @@ base::Result<void> ObjReader::readCorner(std::string_view word) {
   std::int64_t number = 0;
   const std::size_t slash = word.find('/');
   if (!parseNumber(word.substr(0, slash), number))
-    return invalidInput(place() + ": " + quoted(word) + " is not a vertex index");
+    return invalidInput(place() + ": " + inQuotes(word) + " is not a vertex index");
   LUMIGRID_TRY(addVertex(number));
   if (slash == std::string_view::npos) return {};
 
@@ -125,7 +125,7 @@ base::Result<void> ObjReader::readCorner(std::string_view word) {
   std::int64_t normal = 0;
   if (!parseNumber(word.substr(last_slash + 1), number) || !resolveIndex(number, file_normals.size(), normal) ||
       normal >= static_cast<std::int64_t>(file_normals.size()))
-    return invalidInput(place() + ": " + quoted(word) + " names a normal that is not there (" +
+    return invalidInput(place() + ": " + inQuotes(word) + " names a normal that is not there (" +
                         std::to_string(file_normals.size()) + " normals)");
   normals.resize(corners.size(), glm::vec3(0.0F));
   normals.back() = file_normals[static_cast<std::size_t>(normal)];
@@ -170,7 +170,7 @@ base::Result<void> ObjReader::readLine(std::string_view line) {
     glm::dvec2 p(0.0);
     for (int k = 0; k < 2; ++k)
       if (const std::string_view word = nextWord(line); !word.empty() && !parseNumber(word, p[k]))
-        return invalidInput(place() + ": " + quoted(word) + " is not a number");
+        return invalidInput(place() + ": " + inQuotes(word) + " is not a number");
     // OBJ's v runs upwards, a picture's rows downwards.
     if (file_uv.size() < kMaxUv)
       file_uv.emplace_back(glm::vec2(p.x, 1.0 - p.y));

@@ -26,8 +26,8 @@ base::Result<Layout> layoutFromKeyword(std::string_view keyword) {
   layout.color = skipPrefix("C");
   layout.normal = skipPrefix("N");
   if (rest == "4OFF" || rest == "nOFF" || rest == "4nOFF")
-    return unsupported(quoted(keyword) + " is not read (only three coordinates are)");
-  if (rest != "OFF") return invalidInput("not an OFF file: it begins with " + quoted(keyword));
+    return unsupported(inQuotes(keyword) + " is not read (only three coordinates are)");
+  if (rest != "OFF") return invalidInput("not an OFF file: it begins with " + inQuotes(keyword));
   return layout;
 }
 
@@ -96,7 +96,7 @@ base::Result<void> OffReader::readVertices() {
     std::array<double, 12> n{};
     std::size_t count = 0;
     for (std::string_view word = nextWord(line); !word.empty() && count < n.size(); word = nextWord(line), ++count)
-      if (!parseNumber(word, n[count])) return invalidInput(place() + ": " + quoted(word) + " is not a number");
+      if (!parseNumber(word, n[count])) return invalidInput(place() + ": " + inQuotes(word) + " is not a number");
 
     // A line holds the position, then the normal, then the colour, whose alpha may be missing.
     const std::size_t color_at = layout_.normal ? 6 : 3;
@@ -124,14 +124,14 @@ base::Result<void> OffReader::readFaces() {
     if (!nextFullLine(line)) return truncatedIn(face + " of " + std::to_string(face_count_));
     std::uint64_t count = 0;
     const std::string_view word = nextWord(line);
-    if (!parseNumber(word, count)) return invalidInput(place() + ": " + quoted(word) + " is not a number of corners");
+    if (!parseNumber(word, count)) return invalidInput(place() + ": " + inQuotes(word) + " is not a number of corners");
     if (count > line.size()) return truncatedIn(face + " of " + std::to_string(face_count_));
     corners.clear();
     for (std::uint64_t k = 0; k < count; ++k) {
       const std::string_view index_word = nextWord(line);
       if (index_word.empty()) return truncatedIn(face + " of " + std::to_string(face_count_));
       std::int64_t index = 0;
-      if (!parseNumber(index_word, index)) return invalidInput(face + ": " + quoted(index_word) + " is not an index");
+      if (!parseNumber(index_word, index)) return invalidInput(face + ": " + inQuotes(index_word) + " is not an index");
       if (index < 0 || static_cast<std::uint64_t>(index) >= vertex_count_)
         return indexOutOfRange(face, index, vertex_count_);
       corners.push_back(static_cast<std::uint64_t>(index));

@@ -75,7 +75,7 @@ base::Result<void> parseFormat(std::string_view line, Header& header) {
   } else if (name == "binary_big_endian") {
     header.encoding = Encoding::kBig;
   } else {
-    return invalidInput("header: unknown format " + quoted(name));
+    return invalidInput("header: unknown format " + inQuotes(name));
   }
   return {};
 }
@@ -85,7 +85,7 @@ base::Result<void> parseElement(std::string_view line, Header& header) {
   element.name = std::string(nextWord(line));
   const std::string_view count = nextWord(line);
   if (element.name.empty() || !parseNumber(count, element.count))
-    return invalidInput("header: element " + quoted(element.name) + " has the count " + quoted(count));
+    return invalidInput("header: element " + inQuotes(element.name) + " has the count " + inQuotes(count));
   header.elements.push_back(std::move(element));
   return {};
 }
@@ -94,7 +94,7 @@ base::Result<void> parseProperty(std::string_view line, Header& header) {
   if (header.elements.empty()) return invalidInput("header: a property stands before the first element");
   Element& element = header.elements.back();
   if (element.properties.size() >= kMaxProperties)
-    return invalidInput("header: element " + quoted(element.name) + " has too many properties");
+    return invalidInput("header: element " + inQuotes(element.name) + " has too many properties");
 
   // The line is "property float x" or "property list uchar int vertex_indices".
   Property property;
@@ -103,12 +103,12 @@ base::Result<void> parseProperty(std::string_view line, Header& header) {
     property.is_list = true;
     word = nextWord(line);
     const auto count_type = scalarFromName(word);
-    if (!count_type) return invalidInput("header: unknown type " + quoted(word));
+    if (!count_type) return invalidInput("header: unknown type " + inQuotes(word));
     property.count_type = *count_type;
     word = nextWord(line);
   }
   const auto type = scalarFromName(word);
-  if (!type) return invalidInput("header: unknown type " + quoted(word));
+  if (!type) return invalidInput("header: unknown type " + inQuotes(word));
   property.type = *type;
   property.name = std::string(nextWord(line));
   element.properties.push_back(std::move(property));
@@ -144,7 +144,7 @@ base::Result<Header> parseHeader(base::ByteView bytes) {
       header.length = head.size() - text.size();
       return header;
     } else if (!keyword.empty() && keyword != "obj_info") {
-      return invalidInput("header: unknown line " + quoted(full_line));
+      return invalidInput("header: unknown line " + inQuotes(full_line));
     }
   }
   return invalidInput("truncated: the header has no end_header line; get the whole file again");
@@ -234,7 +234,7 @@ class TextSource {
   std::size_t remaining() const { return body_.size(); }
   const void* place() const { return body_.data(); }
   /// The word that is not a number; empty where the text ended.
-  std::string badWord() const { return bad_word_.empty() ? std::string{} : quoted(bad_word_); }
+  std::string badWord() const { return bad_word_.empty() ? std::string{} : inQuotes(bad_word_); }
 
  private:
   std::string_view body_;

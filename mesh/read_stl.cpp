@@ -60,7 +60,7 @@ base::Result<void> readText(std::string_view text, MeshStream& out) {
       for (int k = 0; k < 3; ++k) {
         const std::string_view word = nextWord(line);
         if (!parseNumber(word, p[k]))
-          return invalidInput("line " + std::to_string(line_number) + ": " + quoted(word) + " is not a number");
+          return invalidInput("line " + std::to_string(line_number) + ": " + inQuotes(word) + " is not a number");
       }
       corners.push_back(out.vertexCount());
       out.positions.push_back(p);

@@ -6,8 +6,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "tests/support/mesh.h"
 #include "tests/bench/bench.h"
+#include "tests/support/mesh.h"
 
 namespace bench {
 

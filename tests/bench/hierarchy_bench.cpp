@@ -33,7 +33,6 @@ namespace {
 using bench::median;
 using bench::seconds;
 using namespace lod::patch::builder;
-using namespace lod::qsplat::builder;
 using support::BuiltHierarchy;
 using support::Mesh;
 

@@ -54,8 +54,7 @@ inline std::vector<LatticeEdge> unopposed(std::vector<LatticeEdge> edges) {
   return out;
 }
 
-inline std::vector<LatticeEdge> openEdgesOf(const BuiltHierarchy& built,
-                                            const std::vector<std::uint32_t>& patches) {
+inline std::vector<LatticeEdge> openEdgesOf(const BuiltHierarchy& built, const std::vector<std::uint32_t>& patches) {
   std::vector<LatticeEdge> edges;
   for (const std::uint32_t p : patches) {
     const lod::patch::PatchGeometry& g = built.geometry[p];
@@ -66,8 +65,7 @@ inline std::vector<LatticeEdge> openEdgesOf(const BuiltHierarchy& built,
 }
 
 /// How many there are.
-inline std::size_t openEdges(const BuiltHierarchy& built,
-                             const std::vector<std::uint32_t>& patches) {
+inline std::size_t openEdges(const BuiltHierarchy& built, const std::vector<std::uint32_t>& patches) {
   return openEdgesOf(built, patches).size();
 }
 

@@ -17,9 +17,9 @@
 namespace {
 
 using namespace lod::patch::builder;
+using lod::patch::Hierarchy;
 using support::BuiltHierarchy;
 using support::Mesh;
-using lod::patch::Hierarchy;
 
 BuiltHierarchy mustBuild(const Mesh& mesh, HierarchyOptions options = {}) {
   base::Result<BuiltHierarchy> built = support::builtHierarchy(mesh, options);
@@ -297,10 +297,10 @@ TEST_F(WrittenHierarchy, FileReadsBackAndVerifies) {
 TEST_F(WrittenHierarchy, EachStageIsDoneOnceAndNeverGoesBack) {
   std::vector<std::pair<std::string, double>> seen;
   ASSERT_TRUE(support::buildHierarchy(support::torus(90, 60), support::smallPatches(), path("t.lgp"),
-                             [&](const auto& stage, double done) {
-                               seen.emplace_back(stage, done);
-                               return true;
-                             }));
+                                      [&](const auto& stage, double done) {
+                                        seen.emplace_back(stage, done);
+                                        return true;
+                                      }));
   std::map<std::string, int> ends;
   for (std::size_t i = 0; i < seen.size(); ++i) {
     if (seen[i].second >= 1.0) ++ends[seen[i].first];
@@ -314,7 +314,7 @@ TEST_F(WrittenHierarchy, CancelledAtAnyMomentLeavesNothing) {
   for (int stop = 0; stop < 12; ++stop) {
     int calls = 0;
     const auto result = support::buildHierarchy(support::torus(60, 40), support::smallPatches(), path("c.lgp"),
-                                       [&](const std::string&, double) { return calls++ < stop; });
+                                                [&](const std::string&, double) { return calls++ < stop; });
     ASSERT_FALSE(result);
     EXPECT_EQ(result.error().code, base::ErrorCode::kCancelled);
     EXPECT_FALSE(std::filesystem::exists(path("c.lgp")));
