@@ -4,6 +4,9 @@
 include(GNUInstallDirs)
 set(LUMIGRID_PAGE_FILES "${PROJECT_SOURCE_DIR}/build/web/site" CACHE PATH "Folder with the browser client's files, as the preset web builds them")
 
-install(TARGETS lumigrid lumigrid-view lumigrid-compare RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+install(TARGETS lumigrid lumigrid-view RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+if(LUMIGRID_COMPARE)
+  install(TARGETS lumigrid-compare RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+endif()
 # The folder's content; a folder that is not there is none.
 install(DIRECTORY "${LUMIGRID_PAGE_FILES}/" DESTINATION share/lumigrid/web OPTIONAL)

@@ -19,7 +19,9 @@ find_package(JPEG REQUIRED)
 find_package(Boost 1.74 REQUIRED)
 find_package(CURL REQUIRED)
 find_package(OpenSSL REQUIRED)
-find_package(meshoptimizer REQUIRED)
+if(LUMIGRID_TESTS AND LUMIGRID_BENCH)
+  find_package(meshoptimizer REQUIRED)  # a peer in benchmarks
+endif()
 find_package(glfw3 REQUIRED)
 
 # lumigrid_find(NAME HEADER LIBRARY): a library without a CMake package file.
@@ -38,4 +40,3 @@ lumigrid_find(gles GLES3/gl3.h GLESv2)
 lumigrid_find(egl EGL/egl.h EGL)
 lumigrid_find(imgui imgui/imgui.h imgui)
 lumigrid_find(openmesh OpenMesh/Core/Mesh/TriMesh_ArrayKernelT.hh OpenMeshCore)
-lumigrid_find(zlib zlib.h z)

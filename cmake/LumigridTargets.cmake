@@ -75,12 +75,24 @@ function(_lumigrid_setup name uses libraries)
   _lumigrid_check_list("link" ${name} "${LUMIGRID_MAY_LINK_${name}}" ${libraries})
   target_link_libraries(${name} PUBLIC ${uses} ${libraries} PRIVATE lumigrid_flags)
   target_include_directories(${name} PUBLIC ${PROJECT_SOURCE_DIR})
+  if(LUMIGRID_QUICK)
+    lumigrid_quick(${name})
+  endif()
 endfunction()
 
 # lumigrid_hot(file...): where time goes. A page's code is built for size (preset "web"), all but these.
 function(lumigrid_hot)
   if(EMSCRIPTEN)
     set_property(SOURCE ${ARGN} APPEND PROPERTY COMPILE_OPTIONS -O3)
+  endif()
+endfunction()
+
+# lumigrid_cold(target...): code that waits for people, files or the network. Compiling it at -O1 takes half of -O3's time.
+function(lumigrid_cold)
+  if(NOT EMSCRIPTEN)
+    foreach(name IN LISTS ARGN)
+      target_compile_options(${name} PRIVATE $<$<CONFIG:Release>:-O1>)
+    endforeach()
   endif()
 endfunction()
 

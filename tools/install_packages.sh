@@ -1,14 +1,38 @@
 #!/usr/bin/env bash
-# Installs the Debian packages of tools/packages.txt that are missing; says clearly what to do where it cannot.
+# tools/install_packages.sh PURPOSE...: installs the Debian packages of these sections of tools/packages.txt (run, build,
+# web, compare, test) that are missing, and says what to do where it cannot. --list prints the names and installs nothing.
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
+list=no
+if [ "${1:-}" = --list ]; then
+  list=yes
+  shift
+fi
+[ $# -gt 0 ] || { echo "usage: tools/install_packages.sh [--list] PURPOSE... (run, build, web, compare, test)" >&2; exit 2; }
+
+wanted=()
+for purpose in "$@"; do
+  grep -q "^\[$purpose\]" "$here/packages.txt" || { echo "tools/packages.txt has no section [$purpose]" >&2; exit 2; }
+  section=
+  while read -r package _; do
+    case "$package" in
+      '' | '#'*) ;;
+      '['*) section=$package ;;
+      *) [ "$section" != "[$purpose]" ] || wanted+=("$package") ;;
+    esac
+  done <"$here/packages.txt"
+done
+if [ $list = yes ]; then
+  printf '%s\n' "${wanted[@]}" | sort -u
+  exit 0
+fi
+
 missing=()
-while read -r package; do
-  case "$package" in ''|'#'*) continue ;; esac
-  # Node from elsewhere brings its own npm, and Debian's would not go with it.
-  case "$package" in nodejs|npm) command -v "${package%js}" >/dev/null && continue ;; esac
+for package in "${wanted[@]}"; do
+  # Node from elsewhere brings its own npm, and Debian's cannot be installed beside it.
+  case "$package" in nodejs | npm) command -v "${package%js}" >/dev/null && continue ;; esac
   dpkg-query -W -f='${Status}' "$package" 2>/dev/null | grep -q '^install ok installed$' || missing+=("$package")
-done <"$here/packages.txt"
+done
 [ ${#missing[@]} -eq 0 ] && exit 0
 
 echo "installing: ${missing[*]}"
@@ -24,7 +48,6 @@ if [ "$(id -u)" -ne 0 ]; then
   fi
   run=(sudo)
 fi
-export DEBIAN_FRONTEND=noninteractive
 install=(env DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends "${missing[@]}")
 "${run[@]}" apt-get update -q || echo "apt-get update failed; trying with the lists that are here" >&2
 "${run[@]}" "${install[@]}" || {
