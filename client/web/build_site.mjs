@@ -1,34 +1,40 @@
 // Puts the page together: node build_site.mjs SITE_SOURCES BUILT_FILES OUT
-// Bundles by esbuild, names every file but index.html by its content so that it can be kept for ever, and writes each once more as .gz and .br.
-import { execFileSync } from "node:child_process";
-import { createHash } from "node:crypto";
-import { copyFileSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync, readdirSync } from "node:fs";
-import { tmpdir } from "node:os";
-import { basename, extname, join } from "node:path";
-import { brotliCompressSync, constants, gzipSync } from "node:zlib";
+// Bundles by esbuild, names every file but index.html by its content so that it can be kept for ever, and writes each
+// once more as .gz and .br.
+import {execFileSync} from "node:child_process";
+import {createHash} from "node:crypto";
+import {copyFileSync, mkdirSync, mkdtempSync, readdirSync, readFileSync, rmSync, writeFileSync} from "node:fs";
+import {tmpdir} from "node:os";
+import {basename, extname, join} from "node:path";
+import {brotliCompressSync, constants, gzipSync} from "node:zlib";
 
 const [sources, built, out] = process.argv.slice(2);
 if (!out) throw new Error("usage: node build_site.mjs SITE_SOURCES BUILT_FILES OUT");
 const work = mkdtempSync(join(tmpdir(), "lumigrid-site-"));
-mkdirSync(out, { recursive: true });
+mkdirSync(out, {recursive: true});
 for (const old of readdirSync(out)) rmSync(join(out, old));
 
-function keep(name, bytes, { fixed = false } = {}) {
+function keep(name, bytes, {fixed = false} = {}) {
   const hash = createHash("sha256").update(bytes).digest("hex").slice(0, 12);
   const place = fixed ? name : `${basename(name, extname(name))}-${hash}${extname(name)}`;
   writeFileSync(join(out, place), bytes);
-  writeFileSync(join(out, place + ".gz"), gzipSync(bytes, { level: 9 }));
-  writeFileSync(join(out, place + ".br"), brotliCompressSync(bytes, { params: { [constants.BROTLI_PARAM_QUALITY]: 11, [constants.BROTLI_PARAM_SIZE_HINT]: bytes.length } }));
+  writeFileSync(join(out, place + ".gz"), gzipSync(bytes, {level: 9}));
+  writeFileSync(join(out, place + ".br"), brotliCompressSync(bytes, {
+                  params: {[constants.BROTLI_PARAM_QUALITY]: 11, [constants.BROTLI_PARAM_SIZE_HINT]: bytes.length}
+                }));
   return place;
 }
 
 function bundle(entry, defines = {}) {
   const result = join(work, basename(entry));
   execFileSync(
-    "esbuild",
-    [join(sources, entry), "--bundle", "--minify", "--format=esm", "--target=es2020,safari14", "--log-level=warning", "--legal-comments=none", `--outfile=${result}`,
-      ...Object.entries(defines).map(([name, value]) => `--define:${name}=${JSON.stringify(value)}`)],
-    { stdio: ["ignore", "inherit", "inherit"], env: { ...process.env, NODE_PATH: built } },
+      "esbuild",
+      [
+        join(sources, entry), "--bundle", "--minify", "--format=esm", "--target=es2020,safari14", "--log-level=warning",
+        "--legal-comments=none", `--outfile=${result}`,
+        ...Object.entries(defines).map(([name, value]) => `--define:${name}=${JSON.stringify(value)}`)
+      ],
+      {stdio: ["ignore", "inherit", "inherit"], env: {...process.env, NODE_PATH: built}},
   );
   return readFileSync(result);
 }
@@ -36,7 +42,10 @@ function bundle(entry, defines = {}) {
 /// Binaryen once more, until nothing gets smaller: 2 % that the compiler's own pass leaves.
 function shrink(name) {
   const out = join(work, name);
-  execFileSync("wasm-opt", ["-Oz", "--converge", "--enable-simd", "--enable-mutable-globals", "--zero-filled-memory", join(built, name), "-o", out]);
+  execFileSync("wasm-opt", [
+    "-Oz", "--converge", "--enable-simd", "--enable-mutable-globals", "--zero-filled-memory", join(built, name), "-o",
+    out
+  ]);
   return readFileSync(out);
 }
 
@@ -46,15 +55,24 @@ const splats = keep("splats.js", bundle("splats.js"));
 const decodeWasm = keep("decode.wasm", shrink("client_web_decode.wasm"));
 const worker = keep("decode.js", bundle("decode_worker.js"));
 const checkWasm = keep("check.wasm", shrink("client_web_check.wasm"));
-const check = keep("check.js", bundle("check.js", { CHECK_WASM: checkWasm }));
-const main = keep("viewer.js", bundle("main.js", { VIEWER_WASM: viewerWasm, SPLATS_WASM: splatsWasm, SPLATS_SCRIPT: splats, DECODE_WASM: decodeWasm, DECODE_WORKER: worker, CHECK_SCRIPT: check }));
+const check = keep("check.js", bundle("check.js", {CHECK_WASM: checkWasm}));
+const main = keep("viewer.js", bundle("main.js", {
+                    VIEWER_WASM: viewerWasm,
+                    SPLATS_WASM: splatsWasm,
+                    SPLATS_SCRIPT: splats,
+                    DECODE_WASM: decodeWasm,
+                    DECODE_WORKER: worker,
+                    CHECK_SCRIPT: check
+                  }));
 const style = keep("style.css", bundle("style.css"));
 let html = readFileSync(join(sources, "index.html"), "utf8");
-for (const [from, to] of [["main.js", main], ["style.css", style], ["viewer.wasm", viewerWasm], ["splats.wasm", splatsWasm], ["splats.js", splats]]) {
+for (const [from, to] of [
+         ["main.js", main], ["style.css", style], ["viewer.wasm", viewerWasm], ["splats.wasm", splatsWasm],
+         ["splats.js", splats]]) {
   if (!html.includes(`"${from}"`)) throw new Error(`index.html does not name ${from}`);
   html = html.replaceAll(`"${from}"`, `"${to}"`);
 }
 // As it stands, for the page's policy names it by its hash (server/net/page_files.h).
 html = html.replace(">EARLY<", () => `>${readFileSync(join(sources, "early.js"), "utf8")}<`);
-keep("index.html", Buffer.from(html), { fixed: true });
-rmSync(work, { recursive: true });
+keep("index.html", Buffer.from(html), {fixed: true});
+rmSync(work, {recursive: true});

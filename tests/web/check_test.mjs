@@ -1,8 +1,9 @@
 // The list of what a scene's host sends: asked for, and offered where a scene cannot be shown.
 import assert from "node:assert/strict";
-import { join } from "node:path";
-import { after, before, test } from "node:test";
-import { cleanUp, folder, launch, nginx, open, run, sampleScene, site, until } from "./lib.mjs";
+import {join} from "node:path";
+import {after, before, test} from "node:test";
+
+import {cleanUp, folder, launch, nginx, open, run, sampleScene, site, until} from "./lib.mjs";
 
 const kCors = 'add_header Access-Control-Allow-Origin "*" always;';
 const kExpose = 'add_header Access-Control-Expose-Headers "Content-Length, Content-Range, ETag" always;';
@@ -22,7 +23,10 @@ async function list(page) {
   await until(async () => {
     rows = await page.locator("#check").evaluate((dialog) => {
       if (!dialog.open || dialog.querySelector("p").textContent.startsWith("Asking")) return [];
-      return [...dialog.querySelectorAll("li")].map((item) => [item.querySelector("strong").textContent, { grade: item.className, text: item.innerText, nginx: item.querySelector("code")?.textContent ?? "" }]);
+      return [...dialog.querySelectorAll("li")].map(
+          (item) =>
+              [item.querySelector("strong").textContent,
+               {grade: item.className, text: item.innerText, nginx: item.querySelector("code")?.textContent ?? ""}]);
     });
     return rows.length > 0;
   }, "the list");
@@ -40,7 +44,8 @@ test("?check lists what the page's own host sends; the settings have a button fo
   const host = await nginx(published, kForEver);
   const page = await open(browser, `${host.url}?check`);
   const found = await list(page);
-  for (const header of ["Range", "Content-Range", "Accept-Ranges", "Content-Encoding", "ETag"]) assert.equal(found[header].grade, "good", JSON.stringify(found[header]));
+  for (const header of ["Range", "Content-Range", "Accept-Ranges", "Content-Encoding", "ETag"])
+    assert.equal(found[header].grade, "good", JSON.stringify(found[header]));
   assert.equal(found["Cache-Control"].grade, "slow", "scene.json is said never to change");
   assert.match(await page.locator("#check > p").innerText(), /could be better/);
   await page.keyboard.press("Escape");

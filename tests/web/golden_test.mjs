@@ -1,11 +1,25 @@
 // The same picture in the browser as in the native client, on Mesa and on an implementation of its own, SwiftShader.
 import assert from "node:assert/strict";
-import { after, before, test } from "node:test";
-import { allHere, camera, canvasPicture, cleanUp, difference, launch, nativePictures, open, sampleScene, serve, settled, still } from "./lib.mjs";
+import {after, before, test} from "node:test";
+
+import {
+  allHere,
+  camera,
+  canvasPicture,
+  cleanUp,
+  difference,
+  launch,
+  nativePictures,
+  open,
+  sampleScene,
+  serve,
+  settled,
+  still
+} from "./lib.mjs";
 
 let server;
 // Nothing ahead of need, so that both clients hold the same images.
-before(async () => (server = await serve(sampleScene(), { args: ["--no-frames", "--prefetch", "0"] })));
+before(async () => (server = await serve(sampleScene(), {args: ["--no-frames", "--prefetch", "0"]})));
 after(cleanUp);
 
 /// Permalinks of a few views, found by dragging.
@@ -15,7 +29,7 @@ async function someViews(browser) {
   for (let i = 0; i < 3; ++i) {
     await page.mouse.move(320, 180);
     await page.mouse.down();
-    await page.mouse.move(320 + 70 * i, 180 - 30 * i, { steps: 3 });
+    await page.mouse.move(320 + 70 * i, 180 - 30 * i, {steps: 3});
     await page.mouse.up();
     await page.mouse.wheel(0, -100 * i);
     await still(page);
@@ -37,8 +51,11 @@ for (const [gl, mean, outliers] of [["mesa", 1, 0.002], ["swiftshader", 1, 0.002
       const [native] = nativePictures(server.url, [await camera(page)], ["--no-frames"]);
       const apart = difference(picture, native);
       assert.ok(apart.covered > 0.05, "there is nothing in the pictures");
-      assert.ok(apart.mean < mean && apart.outliers < outliers, `${link}: mean ${apart.mean} levels, outliers ${apart.outliers}`);
-      console.log(`${gl} ${link}: mean ${apart.mean.toFixed(3)} levels, outliers ${(100 * apart.outliers).toFixed(3)} %`);
+      assert.ok(
+          apart.mean < mean && apart.outliers < outliers,
+          `${link}: mean ${apart.mean} levels, outliers ${apart.outliers}`);
+      console.log(
+          `${gl} ${link}: mean ${apart.mean.toFixed(3)} levels, outliers ${(100 * apart.outliers).toFixed(3)} %`);
       assert.deepEqual(page.faults, []);
       await page.close();
     }

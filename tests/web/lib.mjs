@@ -1,52 +1,51 @@
-// What the browser tests share: scenes, servers, Chromium, pictures. Everything runs on loopback ports that the system picks, in a folder of its own that
-// goes at the end, and is stopped by process id.
-import { execFileSync, spawn } from "node:child_process";
-import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
-import { connect, createServer } from "node:net";
-import { tmpdir } from "node:os";
-import { join } from "node:path";
-import { chromium } from "playwright-core";
-import { PNG } from "pngjs";
+// What the browser tests share: scenes, servers, Chromium, pictures. Everything runs on loopback ports that the system
+// picks, in a folder of its own that goes at the end, and is stopped by process id.
+import {execFileSync, spawn} from "node:child_process";
+import {existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync} from "node:fs";
+import {connect, createServer} from "node:net";
+import {tmpdir} from "node:os";
+import {join} from "node:path";
+import {chromium} from "playwright-core";
+import {PNG} from "pngjs";
 
 /// Set by CMake: the folder of the built programs and of the built page.
 export const bin = process.env.LUMIGRID_BIN;
 export const site = process.env.LUMIGRID_SITE;
-for (const [name, value] of Object.entries({ LUMIGRID_BIN: bin, LUMIGRID_SITE: site }))
+for (const [name, value] of Object.entries({LUMIGRID_BIN: bin, LUMIGRID_SITE: site}))
   if (!value || !existsSync(value)) throw new Error(`set ${name} to a folder that is there (now: ${value})`);
 
 const cleanups = [];
 /// Runs `undo` when the test program ends, the last first.
-export function atEnd(undo) {
-  cleanups.push(undo);
-}
+export function atEnd(undo) { cleanups.push(undo); }
 export async function cleanUp() {
   while (cleanups.length) await cleanups.pop()();
 }
 
 export const folder = mkdtempSync(join(tmpdir(), "lumigrid-web-"));
-atEnd(() => rmSync(folder, { recursive: true, force: true }));
+atEnd(() => rmSync(folder, {recursive: true, force: true}));
 
 export function run(program, args) {
-  return execFileSync(join(bin, program), args, { encoding: "utf8", stdio: ["ignore", "pipe", "pipe"] });
+  return execFileSync(join(bin, program), args, {encoding: "utf8", stdio: ["ignore", "pipe", "pipe"]});
 }
 
 /// A generated mesh and a scene of it, each made once per test program.
-export function sampleMesh({ shape = "statue", triangles = 60000 } = {}) {
+export function sampleMesh({shape = "statue", triangles = 60000} = {}) {
   const mesh = join(folder, `${shape}-${triangles}.ply`);
   if (!existsSync(mesh)) run("lumigrid", ["sample", "--shape", shape, "--triangles", String(triangles), "-o", mesh]);
   return mesh;
 }
-export function sampleScene({ shape = "statue", triangles = 60000, grid = 3, face = 256 } = {}) {
+export function sampleScene({shape = "statue", triangles = 60000, grid = 3, face = 256} = {}) {
   const scene = join(folder, `${shape}-${triangles}-${grid}.scene`);
   if (existsSync(scene)) return scene;
-  run("lumigrid", ["build", sampleMesh({ shape, triangles }), "-o", scene, "--grid", String(grid), "--face", String(face)]);
+  run("lumigrid",
+      ["build", sampleMesh({shape, triangles}), "-o", scene, "--grid", String(grid), "--face", String(face)]);
   return scene;
 }
 
 export function freePort() {
   return new Promise((done) => {
     const probe = createServer().listen(0, "127.0.0.1", () => {
-      const { port } = probe.address();
+      const {port} = probe.address();
       probe.close(() => done(port));
     });
   });
@@ -62,8 +61,10 @@ function stop(child) {
 }
 
 /// `lumigrid serve`, with the page. {url, port, stop()}.
-export async function serve(scene, { port = 0, args = [] } = {}) {
-  const child = spawn(join(bin, "lumigrid"), ["serve", scene, "--port", String(port), "--json", "--web", site, ...args], { stdio: ["ignore", "pipe", "pipe"] });
+export async function serve(scene, {port = 0, args = []} = {}) {
+  const child = spawn(
+      join(bin, "lumigrid"), ["serve", scene, "--port", String(port), "--json", "--web", site, ...args],
+      {stdio: ["ignore", "pipe", "pipe"]});
   let said = "";
   let logged = "";
   child.stderr.on("data", (text) => (logged += text));
@@ -75,28 +76,40 @@ export async function serve(scene, { port = 0, args = [] } = {}) {
       if (found) done(found[1].replace(/^ws/, "http"));
     });
   });
-  const server = { url, port: Number(new URL(url).port), stop: () => stop(child), log: () => logged, pause: () => child.kill("SIGSTOP"), resume: () => child.kill("SIGCONT") };
+  const server = {
+    url,
+    port: Number(new URL(url).port),
+    stop: () => stop(child),
+    log: () => logged,
+    pause: () => child.kill("SIGSTOP"),
+    resume: () => child.kill("SIGCONT")
+  };
   atEnd(server.stop);
   return server;
 }
 
-/// nginx over `root`; `lines` go into its location. {url, stop(), requests()}: requests since the last call, {method, uri, status, bytes, range}.
+/// nginx over `root`; `lines` go into its location. {url, stop(), requests()}: requests since the last call, {method,
+/// uri, status, bytes, range}.
 export async function nginx(root, lines = "") {
   const port = await freePort();
   const home = mkdtempSync(join(folder, "nginx-"));
   mkdirSync(join(home, "temp"));
-  const temp = ["client_body", "proxy", "fastcgi", "uwsgi", "scgi"].map((kind) => `${kind}_temp_path ${home}/temp/${kind};`).join(" ");
+  const temp = ["client_body", "proxy", "fastcgi", "uwsgi", "scgi"]
+                   .map((kind) => `${kind}_temp_path ${home}/temp/${kind};`)
+                   .join(" ");
   writeFileSync(
-    join(home, "nginx.conf"),
-    `pid ${home}/pid; error_log ${home}/error.log; daemon off; master_process off; worker_processes 1;
+      join(home, "nginx.conf"),
+      `pid ${home}/pid; error_log ${home}/error.log; daemon off; master_process off; worker_processes 1;
      events { worker_connections 256; }
      http { ${temp} include /etc/nginx/mime.types; types { application/wasm wasm; text/javascript mjs; }
-       log_format plain '$request_method\t$uri\t$status\t$body_bytes_sent\t$http_range'; access_log ${home}/access.log plain;
+       log_format plain '$request_method\t$uri\t$status\t$body_bytes_sent\t$http_range'; access_log ${
+          home}/access.log plain;
        server { listen 127.0.0.1:${port}; location / { root ${root}; ${lines} } } }`,
   );
-  const child = spawn("/usr/sbin/nginx", ["-e", `${home}/error.log`, "-p", home, "-c", `${home}/nginx.conf`], { stdio: "ignore" });
+  const child =
+      spawn("/usr/sbin/nginx", ["-e", `${home}/error.log`, "-p", home, "-c", `${home}/nginx.conf`], {stdio: "ignore"});
   const url = `http://127.0.0.1:${port}/`;
-  for (let i = 0; ; ++i) {
+  for (let i = 0;; ++i) {
     if (child.exitCode !== null) throw new Error(`nginx did not start: ${readFileSync(`${home}/error.log`, "utf8")}`);
     try {
       await fetch(url);
@@ -113,17 +126,18 @@ export async function nginx(root, lines = "") {
     seen = lines.length;
     return fresh.map((line) => {
       const [method, uri, status, bytes, range] = line.split("\t");
-      return { method, uri, status: Number(status), bytes: Number(bytes), range: range === "-" ? "" : range };
+      return {method, uri, status: Number(status), bytes: Number(bytes), range: range === "-" ? "" : range};
     });
   };
   requests();
-  const server = { url, stop: () => stop(child), requests };
+  const server = {url, stop: () => stop(child), requests};
   atEnd(server.stop);
   return server;
 }
 
 /// Ranges of requests() as [name, first, last].
-export const ranges = (requests) => requests.filter(({ range }) => range).map(({ uri, range }) => [uri, ...range.match(/\d+/g).map(Number)]);
+export const ranges = (requests) =>
+    requests.filter(({range}) => range).map(({uri, range}) => [uri, ...range.match(/\d+/g).map(Number)]);
 
 /// Bytes that were asked for more than once.
 export function repeated(requests) {
@@ -137,7 +151,8 @@ export function repeated(requests) {
   return twice;
 }
 
-/// A link in front of a server: towards the page at most `bytesPerSecond`, each byte `latency` seconds late (so once per round trip). {url}
+/// A link in front of a server: towards the page at most `bytesPerSecond`, each byte `latency` seconds late (so once
+/// per round trip). {url}
 export async function slowLink(port, bytesPerSecond, latency) {
   // One budget for all connections, as on a real link.
   let free = 0;
@@ -159,10 +174,13 @@ export async function slowLink(port, bytesPerSecond, latency) {
   });
   await new Promise((done) => proxy.listen(0, "127.0.0.1", done));
   atEnd(() => proxy.close());
-  return { url: `http://127.0.0.1:${proxy.address().port}/` };
+  return {url: `http://127.0.0.1:${proxy.address().port}/`};
 }
 
-const kBaseFlags = ["--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync"];
+const kBaseFlags = [
+  "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update",
+  "--disable-sync"
+];
 const kGl = {
   mesa: ["--use-gl=angle", "--use-angle=gl-egl", "--ignore-gpu-blocklist"],
   swiftshader: ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"],
@@ -170,14 +188,15 @@ const kGl = {
 
 /// Chromium on Mesa's llvmpipe or on SwiftShader.
 export async function launch(gl = "mesa", flags = []) {
-  const browser = await chromium.launch({ executablePath: "/usr/bin/chromium", args: [...kBaseFlags, ...kGl[gl], ...flags] });
+  const browser =
+      await chromium.launch({executablePath: "/usr/bin/chromium", args: [...kBaseFlags, ...kGl[gl], ...flags]});
   atEnd(() => browser.close());
   return browser;
 }
 
 /// A page on `url` that collects what goes wrong in it: page.faults.
 export async function open(browser, url, options = {}) {
-  const context = await browser.newContext({ viewport: { width: 640, height: 360 }, colorScheme: "light", ...options });
+  const context = await browser.newContext({viewport: {width: 640, height: 360}, colorScheme: "light", ...options});
   const page = await context.newPage();
   page.faults = [];
   page.on("pageerror", (error) => page.faults.push(error.message));
@@ -207,7 +226,9 @@ export async function waitFor(page, wanted, what, milliseconds = 60000) {
   for (;;) {
     const now = await figures(page);
     if (now && (await wanted(now))) return now;
-    if (Date.now() > end) throw new Error(`${what}: not within ${milliseconds / 1000} s; ${JSON.stringify(now)}; faults: ${page.faults.join("; ")}`);
+    if (Date.now() > end)
+      throw new Error(
+          `${what}: not within ${milliseconds / 1000} s; ${JSON.stringify(now)}; faults: ${page.faults.join("; ")}`);
     await page.waitForTimeout(50);
   }
 }
@@ -222,7 +243,7 @@ export async function allHere(page) {
   let same = 0;
   await until(async () => {
     await page.waitForTimeout(100);
-    const { imagesResident, receivedBytes, complete, patches } = await figures(page);
+    const {imagesResident, receivedBytes, complete, patches} = await figures(page);
     const now = [imagesResident, receivedBytes, complete, patches].join();
     same = now === last ? same + 1 : 0;
     last = now;
@@ -250,25 +271,32 @@ export async function canvasPicture(page) {
   return PNG.sync.read(Buffer.from(data.split(",")[1], "base64"));
 }
 
-export function readPicture(file) {
-  return PNG.sync.read(readFileSync(file));
-}
+export function readPicture(file) { return PNG.sync.read(readFileSync(file)); }
 
-/// The native client's pictures of the same views, each looked at a few times so that all is there. `cameras`: as camera() gives them.
+/// The native client's pictures of the same views, each looked at a few times so that all is there. `cameras`: as
+/// camera() gives them.
 export function nativePictures(url, cameras, extra = []) {
   const name = join(folder, `native-${cleanups.length}-${Date.now()}`);
   const looks = 4;
-  const frames = cameras.flatMap((one) => Array(looks).fill(one)).map(([px, py, pz, dx, dy, dz, ux, uy, uz, fov, , width, height]) => ({
-    position: [px, py, pz], direction: [dx, dy, dz], up: [ux, uy, uz], fov_y_degrees: (fov * 180) / Math.PI, width, height,
-  }));
-  writeFileSync(`${name}.json`, JSON.stringify({ frames }));
+  const frames = cameras.flatMap((one) => Array(looks).fill(one))
+                     .map(([px, py, pz, dx, dy, dz, ux, uy, uz, fov, , width, height]) => ({
+                            position: [px, py, pz],
+                            direction: [dx, dy, dz],
+                            up: [ux, uy, uz],
+                            fov_y_degrees: (fov * 180) / Math.PI,
+                            width,
+                            height,
+                          }));
+  writeFileSync(`${name}.json`, JSON.stringify({frames}));
   run("lumigrid-view", [url.replace(/^http/, "ws"), "--headless", "--path", `${name}.json`, "--out", name, ...extra]);
   return cameras.map((_, i) => readPicture(join(name, `frame_${String(looks * i + looks - 1).padStart(4, "0")}.png`)));
 }
 
-/// Over pixels that are model in either: mean of the largest channel's difference, and the share that differs by more than 8 levels.
+/// Over pixels that are model in either: mean of the largest channel's difference, and the share that differs by more
+/// than 8 levels.
 export function difference(a, b) {
-  if (a.width !== b.width || a.height !== b.height) throw new Error(`pictures of ${a.width} x ${a.height} and ${b.width} x ${b.height}`);
+  if (a.width !== b.width || a.height !== b.height)
+    throw new Error(`pictures of ${a.width} x ${a.height} and ${b.width} x ${b.height}`);
   let sum = 0, outliers = 0, pixels = 0, everywhere = 0;
   for (let i = 0; i < a.data.length; i += 4) {
     const coverage = Math.abs(a.data[i + 3] - b.data[i + 3]);
@@ -280,5 +308,5 @@ export function difference(a, b) {
     if (most > 8) ++outliers;
   }
   everywhere = a.data.length / 4;
-  return { mean: pixels ? sum / pixels : 0, outliers: outliers / everywhere, covered: pixels / everywhere };
+  return {mean: pixels ? sum / pixels : 0, outliers: outliers / everywhere, covered: pixels / everywhere};
 }

@@ -1,10 +1,24 @@
-// The generated mesh itself and rays at it: what measured distances are compared with. Shares no code with what it tests.
-import { readFileSync } from "node:fs";
+// The generated mesh itself and rays at it: what measured distances are compared with. Shares no code with what it
+// tests.
+import {readFileSync} from "node:fs";
 
-const kSizes = { float: 4, double: 8, uchar: 1, int: 4, uint: 4 };
-const kReaders = { float: "getFloat32", double: "getFloat64", uchar: "getUint8", int: "getInt32", uint: "getUint32" };
+const kSizes = {
+  float: 4,
+  double: 8,
+  uchar: 1,
+  int: 4,
+  uint: 4
+};
+const kReaders = {
+  float: "getFloat32",
+  double: "getFloat64",
+  uchar: "getUint8",
+  int: "getInt32",
+  uint: "getUint32"
+};
 
-/// Corners and triangles of a little-endian PLY as `lumigrid sample` writes it: {points: [[x, y, z]], triangles: [[i, j, k]]}.
+/// Corners and triangles of a little-endian PLY as `lumigrid sample` writes it: {points: [[x, y, z]], triangles: [[i,
+/// j, k]]}.
 export function readMesh(file) {
   const bytes = readFileSync(file);
   const end = bytes.indexOf("end_header\n") + "end_header\n".length;
@@ -12,7 +26,8 @@ export function readMesh(file) {
   if (!lines.includes("format binary_little_endian 1.0")) throw new Error(`${file} is no little-endian PLY`);
   const count = (name) => Number(lines.find((line) => line.startsWith(`element ${name} `)).split(" ")[2]);
   const faceLine = lines.findIndex((line) => line.startsWith("element face"));
-  const columns = lines.slice(0, faceLine).filter((line) => line.startsWith("property ")).map((line) => line.split(" ").slice(1));
+  const columns =
+      lines.slice(0, faceLine).filter((line) => line.startsWith("property ")).map((line) => line.split(" ").slice(1));
   const [, , countType, indexType] = lines[faceLine + 1].split(" ");
 
   const data = new DataView(bytes.buffer, bytes.byteOffset + end, bytes.length - end);
@@ -22,12 +37,13 @@ export function readMesh(file) {
     at += kSizes[type];
     return value;
   };
-  const points = Array.from({ length: count("vertex") }, () => {
+  const points = Array.from({length: count("vertex")}, () => {
     const row = Object.fromEntries(columns.map(([type, name]) => [name, next(type)]));
     return [row.x, row.y, row.z];
   });
-  const triangles = Array.from({ length: count("face") }, () => Array.from({ length: next(countType) }, () => next(indexType)));
-  return { points, triangles };
+  const triangles =
+      Array.from({length: count("face")}, () => Array.from({length: next(countType)}, () => next(indexType)));
+  return {points, triangles};
 }
 
 const sub = (a, b) => a.map((x, i) => x - b[i]);
@@ -42,11 +58,14 @@ export function rayOf(view, x, y) {
   const right = unit(cross(direction, up));
   const above = cross(right, direction);
   const pixel = (2 * Math.tan(fov / 2)) / height;
-  return { origin: position, direction: unit(direction.map((d, i) => d + pixel * ((x - width / 2) * right[i] - (y - height / 2) * above[i]))) };
+  return {
+    origin: position,
+    direction: unit(direction.map((d, i) => d + pixel * ((x - width / 2) * right[i] - (y - height / 2) * above[i])))
+  };
 }
 
 /// Where the ray first meets the mesh (Möller, Trumbore 1997); null where it does not.
-export function meet({ points, triangles }, { origin, direction }) {
+export function meet({points, triangles}, {origin, direction}) {
   let nearest = Infinity;
   for (const [i, j, k] of triangles) {
     const [ab, ac] = [sub(points[j], points[i]), sub(points[k], points[i])];

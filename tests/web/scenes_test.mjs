@@ -1,13 +1,14 @@
 // Several scenes of one server: the list, and each as if it were alone.
 import assert from "node:assert/strict";
-import { basename } from "node:path";
-import { after, before, test } from "node:test";
-import { canvasPicture, cleanUp, difference, launch, open, overlay, sampleScene, serve, settled, until } from "./lib.mjs";
+import {basename} from "node:path";
+import {after, before, test} from "node:test";
+
+import {canvasPicture, cleanUp, difference, launch, open, overlay, sampleScene, serve, settled, until} from "./lib.mjs";
 
 let scenes, server, browser;
 before(async () => {
-  scenes = [sampleScene({ triangles: 20000 }), sampleScene({ shape: "relief", triangles: 20000 })];
-  server = await serve(scenes[0], { args: [scenes[1]] });
+  scenes = [sampleScene({triangles: 20000}), sampleScene({shape: "relief", triangles: 20000})];
+  server = await serve(scenes[0], {args: [scenes[1]]});
   browser = await launch();
 });
 after(cleanUp);
@@ -18,7 +19,7 @@ test("the list leads to each scene, which is drawn, measured and pictured as if 
   const pictures = [];
   for (const scene of scenes) {
     await page.goto(server.url);
-    await page.getByText(basename(scene), { exact: true }).click();
+    await page.getByText(basename(scene), {exact: true}).click();
     await settled(page);
     assert.equal(await page.locator("#name").innerText(), basename(scene));
     pictures.push(await canvasPicture(page));
@@ -27,7 +28,8 @@ test("the list leads to each scene, which is drawn, measured and pictured as if 
     await page.keyboard.press("m");
     await page.mouse.click(310, 190);
     await page.mouse.click(330, 200);
-    const exact = async () => (await overlay(page)).filter((row) => row[0] === "label" && row[1] === "2" && row[6] === "0");
+    const exact = async () =>
+        (await overlay(page)).filter((row) => row[0] === "label" && row[1] === "2" && row[6] === "0");
     await until(async () => (await exact()).length === 1, "an exact distance");
     await page.keyboard.press("Escape");
     const render = page.waitForResponse(/\/render\?/);

@@ -1,17 +1,37 @@
 // Splats in the browser: streamed from a server of ours and from nginx, the same pictures as the native client's.
 import assert from "node:assert/strict";
-import { readdirSync, readFileSync, writeFileSync } from "node:fs";
-import { join } from "node:path";
-import { after, before, test } from "node:test";
-import { camera, canvasPicture, cleanUp, difference, figures, folder, launch, nativePictures, nginx, open, repeated, run, sampleMesh, serve, site, still, until, waitFor } from "./lib.mjs";
+import {readdirSync, readFileSync, writeFileSync} from "node:fs";
+import {join} from "node:path";
+import {after, before, test} from "node:test";
+
+import {
+  camera,
+  canvasPicture,
+  cleanUp,
+  difference,
+  figures,
+  folder,
+  launch,
+  nativePictures,
+  nginx,
+  open,
+  repeated,
+  run,
+  sampleMesh,
+  serve,
+  site,
+  still,
+  until,
+  waitFor
+} from "./lib.mjs";
 
 let scene, published, server, browser;
 before(async () => {
   scene = join(folder, "splats.scene");
-  run("lumigrid", ["build", sampleMesh({ triangles: 60000 }), "-o", scene, "--methods", "patch,qsplat"]);
+  run("lumigrid", ["build", sampleMesh({triangles: 60000}), "-o", scene, "--methods", "patch,qsplat"]);
   published = join(folder, "splats.published");
   run("lumigrid", ["publish", scene, published, "--viewer", "on", "--web", site]);
-  server = await serve(scene, { args: ["--no-frames"] });
+  server = await serve(scene, {args: ["--no-frames"]});
   browser = await launch();
 });
 after(cleanUp);
@@ -23,7 +43,7 @@ async function quiet(page) {
   let last = -1;
   await until(async () => {
     await page.waitForTimeout(500);
-    const { blocksPresent } = await fine(page);
+    const {blocksPresent} = await fine(page);
     const same = blocksPresent === last;
     last = blocksPresent;
     return same;
@@ -32,11 +52,10 @@ async function quiet(page) {
 }
 
 /// Of a page that finds out by itself that it needs its other program.
-const afterReload = (page, wanted, what) =>
-  until(async () => {
-    const now = await figures(page).catch(() => null); // while it is loaded again
-    return now && wanted(now);
-  }, what);
+const afterReload = (page, wanted, what) => until(async () => {
+  const now = await figures(page).catch(() => null);  // while it is loaded again
+  return now && wanted(now);
+}, what);
 
 async function expectNative(page, url) {
   const [native] = nativePictures(url, [await camera(page)], ["--method", "qsplat"]);
@@ -51,7 +70,7 @@ test("a server's splats, as the native client draws them, also after a drag", as
   await expectNative(page, server.url);
   await page.mouse.move(320, 180);
   await page.mouse.down();
-  await page.mouse.move(420, 150, { steps: 5 });
+  await page.mouse.move(420, 150, {steps: 5});
   await page.mouse.up();
   await still(page);
   await fine(page);
@@ -61,41 +80,46 @@ test("a server's splats, as the native client draws them, also after a drag", as
   await page.close();
 });
 
-test("a link with m=qsplat opens them on a static host; no byte comes twice; another method loads the page again", async () => {
-  const host = await nginx(published);
-  const first = await open(browser, `${host.url}?method=qsplat`);
-  await quiet(first); // or answers to it would be in the log of the next
-  const link = await first.evaluate(() => window.lumigrid.permalink());
-  await first.close();
-  host.requests();
-  const page = await open(browser, `${host.url}#${link}`);
-  await quiet(page);
-  assert.equal(repeated(host.requests()), 0);
-  await expectNative(page, host.url);
+test(
+    "a link with m=qsplat opens them on a static host; no byte comes twice; another method loads the page again",
+    async () => {
+      const host = await nginx(published);
+      const first = await open(browser, `${host.url}?method=qsplat`);
+      await quiet(first);  // or answers to it would be in the log of the next
+      const link = await first.evaluate(() => window.lumigrid.permalink());
+      await first.close();
+      host.requests();
+      const page = await open(browser, `${host.url}#${link}`);
+      await quiet(page);
+      assert.equal(repeated(host.requests()), 0);
+      await expectNative(page, host.url);
 
-  await Promise.all([page.waitForEvent("load"), page.evaluate((hash) => void (location.hash = hash), link.replace("&m=qsplat", ""))]);
-  await waitFor(page, (now) => now.triangles > 0 && now.splats === 0, "patches");
-  assert.deepEqual(page.faults.filter((fault) => !/404/.test(fault)), []); // it has no annotations
-  await page.close();
-});
+      await Promise.all([
+        page.waitForEvent("load"), page.evaluate((hash) => void (location.hash = hash), link.replace("&m=qsplat", ""))
+      ]);
+      await waitFor(page, (now) => now.triangles > 0 && now.splats === 0, "patches");
+      assert.deepEqual(page.faults.filter((fault) => !/404/.test(fault)), []);  // it has no annotations
+      await page.close();
+    });
 
 test("a coded tree's splats, from a server of ours and from a static host", async () => {
   const coded = join(folder, "coded.scene");
   const place = join(folder, "coded.published");
-  run("lumigrid", ["build", sampleMesh({ triangles: 60000 }), "-o", coded, "--methods", "patch,qsplat", "--qsplat-coded"]);
+  run("lumigrid",
+      ["build", sampleMesh({triangles: 60000}), "-o", coded, "--methods", "patch,qsplat", "--qsplat-coded"]);
   run("lumigrid", ["publish", coded, place, "--viewer", "on", "--web", site]);
-  for (const host of [await serve(coded, { args: ["--no-frames"] }), await nginx(place)]) {
+  for (const host of [await serve(coded, {args: ["--no-frames"]}), await nginx(place)]) {
     const page = await open(browser, `${host.url}?method=qsplat`);
     await fine(page);
     await expectNative(page, host.url);
-    assert.deepEqual(page.faults.filter((fault) => !/404/.test(fault)), []); // it has no annotations
+    assert.deepEqual(page.faults.filter((fault) => !/404/.test(fault)), []);  // it has no annotations
     await page.close();
   }
 });
 
 test("what is seen through the magnifying glass is finer, all else the same", async () => {
   const page = await open(browser, `${server.url}?method=qsplat`);
-  await page.evaluate(() => localStorage.setItem("lumigrid.settings", JSON.stringify({ version: 1, cutoff: 12 })));
+  await page.evaluate(() => localStorage.setItem("lumigrid.settings", JSON.stringify({version: 1, cutoff: 12})));
   await page.reload();
   const before = await fine(page);
   const without = await canvasPicture(page);
@@ -103,7 +127,7 @@ test("what is seen through the magnifying glass is finer, all else the same", as
   await until(async () => (await fine(page)).splats > before.splats * 1.1, "more splats");
   await fine(page);
   const through = await canvasPicture(page);
-  const radius = 0.18 * 360; // of the view's shorter side
+  const radius = 0.18 * 360;  // of the view's shorter side
   let inside = 0, outside = 0;
   for (let i = 0; i < through.data.length; i += 4) {
     const off = Math.hypot(((i / 4) % 640) + 0.5 - 320, Math.floor(i / 4 / 640) + 0.5 - 180);
@@ -136,7 +160,9 @@ test("the magnifying glass, by key and by button, and the statistics", async () 
 /// Names of the WebAssembly that a page fetches from here on.
 function wasmOf(page) {
   const names = [];
-  page.on("request", (request) => /\.wasm$/.test(request.url()) && names.push(new URL(request.url()).pathname.split("/").at(-1)));
+  page.on(
+      "request",
+      (request) => /\.wasm$/.test(request.url()) && names.push(new URL(request.url()).pathname.split("/").at(-1)));
   return names;
 }
 
@@ -147,7 +173,12 @@ test("a page of splats fetches the WebAssembly of splats alone, early", async ()
   await fine(page);
   assert.ok(fetched.length >= 1 && fetched.every((name) => name.startsWith("splats-")), fetched.join());
   const link = await page.evaluate(() => window.lumigrid.permalink());
-  assert.deepEqual(await page.evaluate(() => [...document.querySelectorAll("link[rel=preload], link[rel=modulepreload]")].map(({ rel }) => rel).sort()), ["modulepreload", "preload"]);
+  assert.deepEqual(
+      await page.evaluate(
+          () => [...document.querySelectorAll("link[rel=preload], link[rel=modulepreload]")]
+                    .map(({rel}) => rel)
+                    .sort()),
+      ["modulepreload", "preload"]);
   await page.close();
 
   const linked = await open(browser, "about:blank");
@@ -166,10 +197,10 @@ test("shape and size of splats are settings that take effect without loading the
   await page.evaluate(() => (window.sameDocument = true));
   await page.keyboard.press("g");
   const differs = async (from) => {
-    const { data } = await canvasPicture(page);
+    const {data} = await canvasPicture(page);
     return data.some((value, i) => value !== from.data[i]);
   };
-  await page.locator("#settings select[name=splat]").selectOption({ label: "square" });
+  await page.locator("#settings select[name=splat]").selectOption({label: "square"});
   await until(() => differs(circles), "squares");
   await page.locator("#settings input[name=cutoff]").fill("12");
   await page.locator("#settings input[name=cutoff]").blur();
@@ -177,53 +208,62 @@ test("shape and size of splats are settings that take effect without loading the
   await page.locator("#settings input[name=cutoff]").fill("1");
   await page.locator("#settings input[name=cutoff]").blur();
   await until(async () => (await fine(page)).splats === before.splats, "as many as before");
-  await page.locator("#settings select[name=splat]").selectOption({ label: "circle" });
+  await page.locator("#settings select[name=splat]").selectOption({label: "circle"});
   await until(async () => !(await differs(circles)), "circles");
   assert.equal(await page.evaluate(() => window.sameDocument), true);
   await page.close();
 });
 
-test("the method is a setting: it loads the page again, which keeps its view, and is kept for the next visit", async () => {
-  const context = await browser.newContext({ viewport: { width: 640, height: 360 } });
-  const page = await context.newPage();
-  await page.goto(server.url);
-  await waitFor(page, (now) => now.triangles > 0, "patches");
-  await page.mouse.move(320, 180);
-  await page.mouse.down();
-  await page.mouse.move(400, 150, { steps: 3 });
-  await page.mouse.up();
-  const before = await still(page);
-  await until(() => /#v=1/.test(page.url()), "the view in the address");
-  await page.keyboard.press("g");
-  await Promise.all([page.waitForEvent("load"), page.locator("#settings select[name=method]").selectOption({ label: "qsplat" })]);
-  await fine(page);
-  const after = await camera(page);
-  before.forEach((value, k) => assert.ok(Math.abs(value - after[k]) < 1e-5 * Math.max(1, Math.abs(value)), `${k}: ${value}, ${after[k]}`));
+test(
+    "the method is a setting: it loads the page again, which keeps its view, and is kept for the next visit",
+    async () => {
+      const context = await browser.newContext({viewport: {width: 640, height: 360}});
+      const page = await context.newPage();
+      await page.goto(server.url);
+      await waitFor(page, (now) => now.triangles > 0, "patches");
+      await page.mouse.move(320, 180);
+      await page.mouse.down();
+      await page.mouse.move(400, 150, {steps: 3});
+      await page.mouse.up();
+      const before = await still(page);
+      await until(() => /#v=1/.test(page.url()), "the view in the address");
+      await page.keyboard.press("g");
+      await Promise.all(
+          [page.waitForEvent("load"), page.locator("#settings select[name=method]").selectOption({label: "qsplat"})]);
+      await fine(page);
+      const after = await camera(page);
+      before.forEach(
+          (value, k) => assert.ok(
+              Math.abs(value - after[k]) < 1e-5 * Math.max(1, Math.abs(value)), `${k}: ${value}, ${after[k]}`));
 
-  const next = await context.newPage();
-  const fetched = wasmOf(next);
-  await next.goto(server.url);
-  await fine(next);
-  assert.ok(fetched.every((name) => name.startsWith("splats-")), fetched.join());
+      const next = await context.newPage();
+      const fetched = wasmOf(next);
+      await next.goto(server.url);
+      await fine(next);
+      assert.ok(fetched.every((name) => name.startsWith("splats-")), fetched.join());
 
-  // A link rules over it, and so does a scene that has no splats.
-  await next.goto(`${server.url}?method=patches`);
-  await waitFor(next, (now) => now.triangles > 0 && now.splats === 0, "patches");
-  assert.match(await next.evaluate(() => window.lumigrid.permalink()), /m=patches/);
-  const plain = join(folder, "plain.scene");
-  run("lumigrid", ["build", sampleMesh({ triangles: 10000 }), "-o", plain, "--methods", "patch"]);
-  const other = await serve(plain, { args: ["--no-frames"] });
-  await next.goto(other.url);
-  await next.evaluate(() => localStorage.setItem("lumigrid.settings", JSON.stringify({ version: 1, method: "qsplat" })));
-  await next.goto(`${other.url}?again`);
-  await afterReload(next, (now) => now.triangles > 0, "patches, for want of splats");
-  await context.close();
-});
+      // A link rules over it, and so does a scene that has no splats.
+      await next.goto(`${server.url}?method=patches`);
+      await waitFor(next, (now) => now.triangles > 0 && now.splats === 0, "patches");
+      assert.match(await next.evaluate(() => window.lumigrid.permalink()), /m=patches/);
+      const plain = join(folder, "plain.scene");
+      run("lumigrid", ["build", sampleMesh({triangles: 10000}), "-o", plain, "--methods", "patch"]);
+      const other = await serve(plain, {args: ["--no-frames"]});
+      await next.goto(other.url);
+      await next.evaluate(
+          () => localStorage.setItem("lumigrid.settings", JSON.stringify({version: 1, method: "qsplat"})));
+      await next.goto(`${other.url}?again`);
+      await afterReload(next, (now) => now.triangles > 0, "patches, for want of splats");
+      await context.close();
+    });
 
 test("a point cloud, which has splats alone, is served and published, and shown without being asked for", async () => {
   const count = 8000;
   const golden = Math.PI * (3 - Math.sqrt(5));
-  const lines = ["ply", "format ascii 1.0", `element vertex ${count}`, "property float x", "property float y", "property float z", "end_header"];
+  const lines = [
+    "ply", "format ascii 1.0", `element vertex ${count}`, "property float x", "property float y", "property float z",
+    "end_header"
+  ];
   for (let i = 0; i < count; ++i) {
     const z = 1 - (2 * i + 1) / count;
     const r = Math.sqrt(1 - z * z);
@@ -237,7 +277,7 @@ test("a point cloud, which has splats alone, is served and published, and shown 
   run("lumigrid", ["publish", alone, place, "--viewer", "on", "--web", site]);
   const host = await nginx(place);
   const own = await serve(alone);
-  for (const { url } of [host, own]) {
+  for (const {url} of [host, own]) {
     const page = await open(browser, "about:blank");
     const fetched = wasmOf(page);
     await page.goto(url);
@@ -248,7 +288,7 @@ test("a point cloud, which has splats alone, is served and published, and shown 
   }
 
   // A link that says otherwise, and a page that does not know.
-  const { url: elsewhere } = await serve(place);
+  const {url: elsewhere} = await serve(place);
   for (const url of [`${own.url}#m=lumigraph`, `${server.url}?scene=${elsewhere}`]) {
     const page = await open(browser, "about:blank");
     await page.goto(url);

@@ -1,7 +1,19 @@
 // Interaction never waits for data: with the server stopped dead, the view still turns and draws.
 import assert from "node:assert/strict";
-import { after, before, test } from "node:test";
-import { camera, canvasPicture, cleanUp, difference, launch, open, sampleScene, serve, settled, slowLink } from "./lib.mjs";
+import {after, before, test} from "node:test";
+
+import {
+  camera,
+  canvasPicture,
+  cleanUp,
+  difference,
+  launch,
+  open,
+  sampleScene,
+  serve,
+  settled,
+  slowLink
+} from "./lib.mjs";
 
 let server, browser;
 before(async () => {

@@ -1,12 +1,36 @@
-// A published scene from nginx, with no server of ours: the page beside it, and a page from elsewhere (?scene=URL); what is fetched, and what goes wrong.
+// A published scene from nginx, with no server of ours: the page beside it, and a page from elsewhere (?scene=URL);
+// what is fetched, and what goes wrong.
 import assert from "node:assert/strict";
-import { cpSync, existsSync, readdirSync, readFileSync, rmSync, writeFileSync } from "node:fs";
-import { join } from "node:path";
-import { after, before, test } from "node:test";
-import { camera, canvasPicture, cleanUp, difference, figures, folder, launch, nginx, open, overlay, ranges, repeated, run, sampleMesh, sampleScene, serve, settled, site, still, until } from "./lib.mjs";
-import { meet, rayOf, readMesh } from "./mesh.mjs";
+import {cpSync, existsSync, readdirSync, readFileSync, rmSync, writeFileSync} from "node:fs";
+import {join} from "node:path";
+import {after, before, test} from "node:test";
 
-const kCors = 'add_header Access-Control-Allow-Origin *; add_header Access-Control-Expose-Headers "Content-Range, ETag";';
+import {
+  camera,
+  canvasPicture,
+  cleanUp,
+  difference,
+  figures,
+  folder,
+  launch,
+  nginx,
+  open,
+  overlay,
+  ranges,
+  repeated,
+  run,
+  sampleMesh,
+  sampleScene,
+  serve,
+  settled,
+  site,
+  still,
+  until
+} from "./lib.mjs";
+import {meet, rayOf, readMesh} from "./mesh.mjs";
+
+const kCors =
+    'add_header Access-Control-Allow-Origin *; add_header Access-Control-Expose-Headers "Content-Range, ETag";';
 let scene, published, browser;
 
 before(async () => {
@@ -20,7 +44,7 @@ after(cleanUp);
 async function drag(page, dx, dy) {
   await page.mouse.move(320, 180);
   await page.mouse.down();
-  await page.mouse.move(320 + dx, 180 + dy, { steps: 3 });
+  await page.mouse.move(320 + dx, 180 + dy, {steps: 3});
   await page.mouse.up();
   await settled(page);
 }
@@ -30,7 +54,8 @@ test("the page beside the scene shows it as our server does, and asks for nothin
   const page = await open(browser, host.url);
   await settled(page);
   const frames = [];
-  const tell = (requests) => frames.push({ requests: requests.length, bytes: requests.reduce((sum, { bytes }) => sum + bytes, 0) });
+  const tell = (requests) =>
+      frames.push({requests: requests.length, bytes: requests.reduce((sum, {bytes}) => sum + bytes, 0)});
   const all = host.requests();
   tell(all);
   for (const [dx, dy] of [[80, 0], [0, 40], [-200, 10]]) {
@@ -39,20 +64,21 @@ test("the page beside the scene shows it as our server does, and asks for nothin
     tell(more);
     all.push(...more);
   }
-  console.log(`requests and bytes a view: ${frames.map(({ requests, bytes }) => `${requests}: ${bytes}`).join(", ")}`);
+  console.log(`requests and bytes a view: ${frames.map(({requests, bytes}) => `${requests}: ${bytes}`).join(", ")}`);
   assert.equal(repeated(all), 0, JSON.stringify(ranges(all)));
-  assert.ok(all.every(({ status }) => [200, 206, 304, 404].includes(status)));
-  // Back to the first view: all that it shows is here; what comes is ahead of need, along the motion, and nothing comes again.
+  assert.ok(all.every(({status}) => [200, 206, 304, 404].includes(status)));
+  // Back to the first view: all that it shows is here; what comes is ahead of need, along the motion, and nothing comes
+  // again.
   await page.keyboard.press("Home");
   await still(page);
   await settled(page);
   const back = host.requests();
   assert.equal(repeated([...all, ...back]), 0, JSON.stringify(ranges(back)));
   assert.ok(ranges(back).every(([uri]) => uri.endsWith(".lgk")), "no shape, table or index");
-  assert.ok(back.reduce((sum, { bytes }) => sum + bytes, 0) < 0.1 * frames[0].bytes, JSON.stringify(back));
+  assert.ok(back.reduce((sum, {bytes}) => sum + bytes, 0) < 0.1 * frames[0].bytes, JSON.stringify(back));
   assert.deepEqual(page.faults.filter((fault) => !/404/.test(fault)), []);
 
-  const server = await serve(scene, { args: ["--no-frames", "--prefetch", "0"] });
+  const server = await serve(scene, {args: ["--no-frames", "--prefetch", "0"]});
   const ours = await open(browser, `${server.url}#${await page.evaluate(() => window.lumigrid.permalink())}`);
   await settled(ours);
   const apart = difference(await canvasPicture(page), await canvasPicture(ours));
@@ -73,7 +99,8 @@ test("measuring reads the full-resolution patches around the rays, with no serve
   await page.keyboard.press("m");
   const clicks = [[310, 150], [335, 215]];
   for (const [x, y] of clicks) await page.mouse.click(x, y);
-  const values = async () => (await overlay(page)).filter((row) => row[0] === "label" && row[1] === "2" && row[6] === "0");
+  const values = async () =>
+      (await overlay(page)).filter((row) => row[0] === "label" && row[1] === "2" && row[6] === "0");
   await until(async () => (await values()).length === 1, "an exact distance");
   const [, measured, accuracy] = (await values())[0][8].match(/^([\d.]+) .* \u00b1 ([\d.e-]+)/).map(Number);
 
@@ -81,13 +108,13 @@ test("measuring reads the full-resolution patches around the rays, with no serve
   const mesh = readMesh(sampleMesh());
   const [a, b] = clicks.map(([x, y]) => meet(mesh, rayOf(view, x, y)));
   const truth = Math.hypot(...a.map((value, i) => value - b[i]));
-  const step = 0.5 * Number(`1e-${(String(measured).split(".")[1] ?? "").length}`); // what the text rounds to
+  const step = 0.5 * Number(`1e-${(String(measured).split(".")[1] ?? "").length}`);  // what the text rounds to
   console.log(`measured ${measured} ± ${accuracy}, in the scan ${truth}`);
   assert.ok(Math.abs(measured - truth) <= accuracy + step, `measured ${measured} ± ${accuracy}, in the scan ${truth}`);
   assert.ok(accuracy < 1e-3 * truth, `± ${accuracy} of ${truth} is no full resolution`);
   const requests = host.requests();
-  assert.ok(requests.some(({ uri, range }) => uri.endsWith(".lgp") && range), "no patch was read");
-  assert.ok(requests.every(({ method, uri }) => method === "GET" && /\.lg[a-z]$/.test(uri)), JSON.stringify(requests));
+  assert.ok(requests.some(({uri, range}) => uri.endsWith(".lgp") && range), "no patch was read");
+  assert.ok(requests.every(({method, uri}) => method === "GET" && /\.lg[a-z]$/.test(uri)), JSON.stringify(requests));
   await page.keyboard.press("Escape");
   await page.close();
 });
@@ -122,7 +149,7 @@ test("a host without ranges, an empty folder and a damaged hierarchy are told in
   assert.match(await told(`${empty.url}?scene=${encodeURIComponent(empty.url)}`), /no scene/);
 
   const damaged = join(folder, "damaged");
-  cpSync(published, damaged, { recursive: true });
+  cpSync(published, damaged, {recursive: true});
   const patches = readdirSync(damaged).find((name) => name.endsWith(".lgp"));
   const bytes = readFileSync(join(damaged, patches));
   bytes.fill(0xff, 0, 64);
@@ -132,8 +159,9 @@ test("a host without ranges, an empty folder and a damaged hierarchy are told in
 
 test("a lost pack is told once, and the shape is shown all the same", async () => {
   const lost = join(folder, "lost");
-  cpSync(published, lost, { recursive: true });
-  for (const name of readdirSync(join(lost, "images")).filter((name) => name.endsWith(".lgk"))) rmSync(join(lost, "images", name));
+  cpSync(published, lost, {recursive: true});
+  for (const name of readdirSync(join(lost, "images")).filter((name) => name.endsWith(".lgk")))
+    rmSync(join(lost, "images", name));
   const page = await open(browser, (await nginx(lost)).url);
   await until(async () => (await page.locator("#toasts").innerText()).includes("pack-"), "the lost pack to be told");
   assert.ok((await figures(page)).triangles > 0);

@@ -1,11 +1,26 @@
-// The page as a visitor uses it: loading, mouse, touch, every key, links, notes, measuring, pictures, and what goes wrong.
+// The page as a visitor uses it: loading, mouse, touch, every key, links, notes, measuring, pictures, and what goes
+// wrong.
 import assert from "node:assert/strict";
-import { writeFileSync } from "node:fs";
-import { readFileSync } from "node:fs";
-import { join } from "node:path";
-import { after, before, test } from "node:test";
-import { PNG } from "pngjs";
-import { camera, canvasPicture, cleanUp, difference, figures, launch, open, overlay, sampleScene, serve, settled, still as stillCamera, until } from "./lib.mjs";
+import {readFileSync, writeFileSync} from "node:fs";
+import {join} from "node:path";
+import {after, before, test} from "node:test";
+import {PNG} from "pngjs";
+
+import {
+  camera,
+  canvasPicture,
+  cleanUp,
+  difference,
+  figures,
+  launch,
+  open,
+  overlay,
+  sampleScene,
+  serve,
+  settled,
+  still as stillCamera,
+  until
+} from "./lib.mjs";
 
 let scene, server, browser, page;
 
@@ -14,10 +29,18 @@ before(async () => {
   const box = JSON.parse(readFileSync(join(scene, "scene.json"), "utf8"));
   const middle = box.box_min.map((low, i) => (low + box.box_max[i]) / 2);
   writeFileSync(
-    join(scene, "annotations.json"),
-    JSON.stringify({ version: 1, annotations: [
-      { position: [middle[0], middle[1], box.box_max[2]], normal: [0, 0, 1], title: "The top <b>", text: "Seen from\nall sides & <script>alert(1)</script>" },
-    ] }),
+      join(scene, "annotations.json"),
+      JSON.stringify({
+        version: 1,
+        annotations: [
+          {
+            position: [middle[0], middle[1], box.box_max[2]],
+            normal: [0, 0, 1],
+            title: "The top <b>",
+            text: "Seen from\nall sides & <script>alert(1)</script>"
+          },
+        ]
+      }),
   );
   server = await serve(scene);
   browser = await launch();
@@ -44,8 +67,9 @@ async function reset() {
   await still();
 }
 const still = () => stillCamera(page);
-const linked = () =>
-  until(() => page.evaluate(() => decodeURIComponent(location.hash.slice(1)) === window.lumigrid.permalink()), "this view's permalink in the address");
+const linked = () => until(
+    () => page.evaluate(() => decodeURIComponent(location.hash.slice(1)) === window.lumigrid.permalink()),
+    "this view's permalink in the address");
 
 test("loads, draws and is at rest without a fault", async () => {
   const now = await figures(page);
@@ -64,15 +88,16 @@ test("left drag turns around the pivot, right drag moves, the wheel comes nearer
   const start = await camera(page);
   await page.mouse.move(320, 180);
   await page.mouse.down();
-  await page.mouse.move(400, 180, { steps: 4 });
+  await page.mouse.move(400, 180, {steps: 4});
   await page.mouse.up();
   const turned = await still();
-  assert.ok(distance(eye(turned), eye(start)) > 0.05 * distance(eye(start), [0, 0, 0]), "orbiting did not move the eye");
+  assert.ok(
+      distance(eye(turned), eye(start)) > 0.05 * distance(eye(start), [0, 0, 0]), "orbiting did not move the eye");
   assert.ok(distance(direction(turned), direction(start)) > 0.1, "orbiting did not turn the view");
 
-  await page.mouse.down({ button: "right" });
-  await page.mouse.move(360, 200, { steps: 4 });
-  await page.mouse.up({ button: "right" });
+  await page.mouse.down({button: "right"});
+  await page.mouse.move(360, 200, {steps: 4});
+  await page.mouse.up({button: "right"});
   const moved = await still();
   assert.ok(distance(direction(moved), direction(turned)) < 1e-9, "panning turned the view");
   assert.ok(distance(eye(moved), eye(turned)) > 0, "panning did not move the eye");
@@ -114,7 +139,9 @@ test("F and Home go back to the whole model", async () => {
     await still();
     await press(key);
     const now = await still();
-    assert.ok(distance(eye(now), eye(start)) < 0.5 * distance(eye(start), [0, 0, 0]), `${key}: ${eye(now)}, wanted ${eye(start)}`);
+    assert.ok(
+        distance(eye(now), eye(start)) < 0.5 * distance(eye(start), [0, 0, 0]),
+        `${key}: ${eye(now)}, wanted ${eye(start)}`);
   }
 });
 
@@ -153,7 +180,8 @@ test("I, C, O, X and H switch what they say, on and off", async () => {
   await until(() => page.locator("#help").isVisible(), "help");
   assert.ok((await page.locator("#help dt").count()) >= 12, "help lists the controls");
   await page.keyboard.press("Escape");
-  await until(async () => !(await page.locator("#help").isVisible()) && (await row("help"))[1] === "0", "help to close");
+  await until(
+      async () => !(await page.locator("#help").isVisible()) && (await row("help"))[1] === "0", "help to close");
   await press("h");
   await page.locator("#help .close").click();
   await until(async () => !(await page.locator("#help").isVisible()), "help to close");
@@ -178,7 +206,7 @@ test("colours, section and orthographic views change the picture and change it b
     assert.ok(difference(plain, other).mean > 0.5, `${key} changes nothing`);
     for (let i = 0; i < (key === "x" ? 8 : 1); ++i) {
       await press(key);
-      const off = (await row("view")).slice(1)[{ c: 1, o: 2, x: 3 }[key]] === "0";
+      const off = (await row("view")).slice(1)[{c: 1, o: 2, x: 3}[key]] === "0";
       if (off) break;
     }
     await settled(page);
@@ -191,7 +219,7 @@ test("a permalink leads back to the same view in another page", async () => {
   await reset();
   await page.mouse.move(320, 180);
   await page.mouse.down();
-  await page.mouse.move(250, 140, { steps: 3 });
+  await page.mouse.move(250, 140, {steps: 3});
   await page.mouse.up();
   await still();
   await settled(page);
@@ -203,7 +231,9 @@ test("a permalink leads back to the same view in another page", async () => {
   await settled(other);
   const there = await camera(other);
   const size = distance(eye(here), [0, 0, 0]);
-  assert.ok(distance(eye(there), eye(here)) < 1e-6 * size && distance(direction(there), direction(here)) < 1e-6, `${there}, wanted ${here}`);
+  assert.ok(
+      distance(eye(there), eye(here)) < 1e-6 * size && distance(direction(there), direction(here)) < 1e-6,
+      `${there}, wanted ${here}`);
   const apart = difference(await canvasPicture(page), await canvasPicture(other));
   assert.ok(apart.mean < 1, `the pictures differ by ${apart.mean} levels`);
   await other.close();
@@ -235,7 +265,7 @@ test("a link is followed though the view's own comes into the address at once", 
   const home = await page.evaluate(() => window.lumigrid.permalink());
   await page.mouse.move(320, 180);
   await page.mouse.down();
-  await page.mouse.move(250, 140, { steps: 3 });
+  await page.mouse.move(250, 140, {steps: 3});
   await page.mouse.up();
   await still();
   await linked();
@@ -251,7 +281,7 @@ test("a link is followed though the view's own comes into the address at once", 
 
 test("resizing redraws at the new size", async () => {
   for (const [width, height] of [[800, 500], [640, 360]]) {
-    await page.setViewportSize({ width, height });
+    await page.setViewportSize({width, height});
     await until(async () => {
       const picture = await canvasPicture(page);
       return picture.width === width && picture.height === height;
@@ -278,7 +308,7 @@ test("a lost graphics context comes back with the same picture", async () => {
   await settled(page);
   const apart = difference(before, await canvasPicture(page));
   assert.ok(apart.covered > 0.05 && apart.mean < 0.5, `the pictures differ by ${apart.mean} levels`);
-  page.faults.splice(faults); // Chromium itself warns of the lost context
+  page.faults.splice(faults);  // Chromium itself warns of the lost context
 });
 
 test("measuring takes the full-resolution surface from the server", async () => {
@@ -319,7 +349,7 @@ test("P saves a picture from the server at any size, and what is on the screen",
       await page.fill('#picture-form input[name="width"]', String(width));
       await page.fill('#picture-form input[name="height"]', String(height));
     }
-    const download = page.waitForEvent("download", { timeout: 60000 });
+    const download = page.waitForEvent("download", {timeout: 60000});
     await page.locator('#picture-form button[type="submit"]').click();
     const file = await (await download).path();
     const bytes = readFileSync(file);
@@ -334,7 +364,7 @@ test("the server's picture is what the client shows: cut, tinted, orthographic",
   await settled(patches);
   const plain = await patches.evaluate(() => window.lumigrid.permalink());
   await patches.evaluate((link) => window.lumigrid.open(link), `${plain}&m=patches`);
-  const all = { c: "Colours", x: "Section", o: "Orthographic" };
+  const all = {c: "Colours", x: "Section", o: "Orthographic"};
   for (const keys of ["", "c", "x", "o", "cxo"]) {
     for (const key of keys) await patches.keyboard.press(key);
     await stillCamera(patches);
@@ -342,26 +372,30 @@ test("the server's picture is what the client shows: cut, tinted, orthographic",
     await patches.waitForTimeout(500);
     await patches.keyboard.press("p");
     const asked = patches.waitForRequest(/\/render\?/);
-    const download = patches.waitForEvent("download", { timeout: 60000 });
+    const download = patches.waitForEvent("download", {timeout: 60000});
     await patches.locator('#picture-form button[type="submit"]').click();
     const url = new URL((await asked).url());
     await download;
-    for (const [key, name] of [["c", "colors"], ["x", "section"], ["o", "ortho_height"]]) assert.equal(url.searchParams.has(name), keys.includes(key), `${all[key]}: ${url}`);
+    for (const [key, name] of [["c", "colors"], ["x", "section"], ["o", "ortho_height"]])
+      assert.equal(url.searchParams.has(name), keys.includes(key), `${all[key]}: ${url}`);
     url.searchParams.set("supersampling", "1");
     url.searchParams.set("tolerance", "4");
     const answer = await fetch(url);
     assert.equal(answer.status, 200, url.href);
     const apart = difference(PNG.sync.read(Buffer.from(await answer.arrayBuffer())), await canvasPicture(patches));
     console.log(`${keys || "plain"}: mean ${apart.mean.toFixed(3)}, outliers ${(100 * apart.outliers).toFixed(3)} %`);
-    assert.ok(apart.covered > 0.05 && apart.mean < 1 && apart.outliers < 0.002, `${keys}: the pictures differ by ${apart.mean} levels, ${100 * apart.outliers} % by more than 8`);
-    for (const key of keys) for (let i = 0; i < (key === "x" ? 3 : 1); ++i) await patches.keyboard.press(key);
+    assert.ok(
+        apart.covered > 0.05 && apart.mean < 1 && apart.outliers < 0.002,
+        `${keys}: the pictures differ by ${apart.mean} levels, ${100 * apart.outliers} % by more than 8`);
+    for (const key of keys)
+      for (let i = 0; i < (key === "x" ? 3 : 1); ++i) await patches.keyboard.press(key);
   }
   await patches.close();
 });
 
 test("settings are kept over a reload", async () => {
   await press("g");
-  await page.selectOption('#settings select[name="theme"]', { label: "dark" });
+  await page.selectOption('#settings select[name="theme"]', {label: "dark"});
   await page.locator("#settings .close").click();
   assert.equal(await page.evaluate(() => document.documentElement.dataset.theme), "dark");
   await page.reload();
@@ -373,10 +407,12 @@ test("settings are kept over a reload", async () => {
 });
 
 test("touch: one finger turns, two fingers move and come nearer, a double tap sets the pivot", async () => {
-  const phone = await open(browser, server.url, { viewport: { width: 390, height: 700 }, hasTouch: true, isMobile: true, deviceScaleFactor: 2 });
+  const phone = await open(
+      browser, server.url, {viewport: {width: 390, height: 700}, hasTouch: true, isMobile: true, deviceScaleFactor: 2});
   await settled(phone);
   const touch = await phone.context().newCDPSession(phone);
-  const send = (type, ...points) => touch.send("Input.dispatchTouchEvent", { type, touchPoints: points.map(([x, y], id) => ({ x, y, id })) });
+  const send = (type, ...points) =>
+      touch.send("Input.dispatchTouchEvent", {type, touchPoints: points.map(([x, y], id) => ({x, y, id}))});
   const rest = () => stillCamera(phone);
   const start = await camera(phone);
   await send("touchStart", [195, 350]);
@@ -410,7 +446,7 @@ test("touch: one finger turns, two fingers move and come nearer, a double tap se
 test("a hidden tab draws nothing", async () => {
   const drawn = () => page.evaluate(() => window.lumigrid.framesDrawn());
   await page.evaluate(() => {
-    Object.defineProperty(document, "hidden", { value: true, configurable: true });
+    Object.defineProperty(document, "hidden", {value: true, configurable: true});
     document.dispatchEvent(new Event("visibilitychange"));
   });
   const before = await drawn();
@@ -434,16 +470,16 @@ test("at rest nothing is drawn again", async () => {
 });
 
 test("a server that restarts is found again", async () => {
-  const { port } = server;
+  const {port} = server;
   const faults = page.faults.length;
   await server.stop();
   await until(async () => (await row("status"))[1] === "3", "the loss to be said");
   assert.match(await page.locator("#state").innerText(), /\w/);
-  server = await serve(scene, { port });
+  server = await serve(scene, {port});
   await until(async () => ["1", "2"].includes((await row("status"))[1]), "the server to be found again");
   await press("Home");
   await settled(page);
-  page.faults.splice(faults); // Chromium itself tells of the lost connection
+  page.faults.splice(faults);  // Chromium itself tells of the lost connection
 });
 
 test("nothing went wrong on the way", () => assert.deepEqual(page.faults, []));

@@ -2,7 +2,8 @@
 
 const kMostBytes = 16 * 1024 * 1024;
 
-const triple = (value) => (Array.isArray(value) && value.length === 3 && value.every((x) => typeof x === "number") ? value : null);
+const triple = (value) =>
+    (Array.isArray(value) && value.length === 3 && value.every((x) => typeof x === "number") ? value : null);
 
 function addCamera(core, camera) {
   const position = triple(camera?.position);
@@ -10,7 +11,8 @@ function addCamera(core, camera) {
   const direction = triple(camera?.direction) ?? (position && target ? target.map((x, i) => x - position[i]) : null);
   const up = triple(camera?.up ?? [0, 0, 1]);
   const fov = camera?.fov_y_degrees ?? 45;
-  if (!position || !direction || !up || typeof fov !== "number") return "camera: needs a position, and a direction or a target, of three numbers";
+  if (!position || !direction || !up || typeof fov !== "number")
+    return "camera: needs a position, and a direction or a target, of three numbers";
   return core.text("addAnnotationCamera", ...position, ...direction, ...up, (fov * Math.PI) / 180);
 }
 
@@ -21,13 +23,14 @@ function add(core, one) {
   const normal = triple(one.normal ?? [0, 0, 0]);
   const text = one.text ?? "";
   if (!normal || typeof text !== "string") return "has a normal that is not three numbers, or a text that is none";
-  return core.text("addAnnotation", one.title, text, ...position, ...normal) || (one.camera === undefined ? "" : addCamera(core, one.camera));
+  return core.text("addAnnotation", one.title, text, ...position, ...normal) ||
+      (one.camera === undefined ? "" : addCamera(core, one.camera));
 }
 
 async function read(url) {
   let answer;
   try {
-    answer = await fetch(url, { cache: "no-cache" });
+    answer = await fetch(url, {cache: "no-cache"});
   } catch (error) {
     // Hosts that allow pages of others to read a file may not say so of one that is not there.
     if (url.origin !== location.origin) return null;
@@ -52,7 +55,7 @@ export async function loadAnnotations(url, core, shown, say) {
       if (wrong) throw new Error(`note ${i}: ${wrong}`);
     });
     core.call("setAnnotations");
-    shown.push(...notes.map(({ title, text = "" }) => ({ title, text })));
+    shown.push(...notes.map(({title, text = ""}) => ({title, text})));
   } catch (error) {
     say(`no notes: annotations.json: ${error.message}`);
   }

@@ -1,11 +1,10 @@
-// A WebAssembly module's exported functions as JavaScript calls them: strings go in as UTF-8, rows of text come out taken apart (client/web/text_rows.h).
+// A WebAssembly module's exported functions as JavaScript calls them: strings go in as UTF-8, rows of text come out
+// taken apart (client/web/text_rows.h).
 
 const utf8 = new TextEncoder();
 
 /// Rows of tab-parted fields.
-export function rowsOf(text) {
-  return text === "" ? [] : text.slice(0, -1).split("\n").map((row) => row.split("\t"));
-}
+export function rowsOf(text) { return text === "" ? [] : text.slice(0, -1).split("\n").map((row) => row.split("\t")); }
 
 /// {call(name, ...args), text(name, ...args), rows(name, ...args)} of a module.
 export function callsOf(module) {
@@ -25,5 +24,5 @@ export function callsOf(module) {
     return result;
   }
   const text = (name, ...args) => module.UTF8ToString(call(name, ...args));
-  return { call, text, rows: (name, ...args) => rowsOf(text(name, ...args)) };
+  return {call, text, rows: (name, ...args) => rowsOf(text(name, ...args))};
 }

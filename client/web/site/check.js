@@ -1,7 +1,9 @@
-// Asks a published scene's host what viewers need of it and shows the answers, header by header (client/host_check.h judges). A bundle of its own, fetched when it is wanted.
+// Asks a published scene's host what viewers need of it and shows the answers, header by header (client/host_check.h
+// judges). A bundle of its own, fetched when it is wanted.
 import createCheck from "client_web_check.js";
-import { callsOf } from "./calls.js";
-import { partOf } from "./static_scene.js";
+
+import {callsOf} from "./calls.js";
+import {partOf} from "./static_scene.js";
 
 const kAsked = 16;
 const kScene = 0, kRange = 1, kAgain = 2;
@@ -11,7 +13,7 @@ async function bytesOf(answer) {
   const reader = answer.body?.getReader();
   let bytes = 0;
   while (reader && bytes <= kAsked) {
-    const { done, value } = await reader.read();
+    const {done, value} = await reader.read();
     if (done) break;
     bytes += value.length;
   }
@@ -23,7 +25,7 @@ async function bytesOf(answer) {
 async function isThereWithoutCors(url) {
   const stop = new AbortController();
   try {
-    await fetch(url, { mode: "no-cors", cache: "no-store", signal: stop.signal });
+    await fetch(url, {mode: "no-cors", cache: "no-store", signal: stop.signal});
     return true;
   } catch {
     return false;
@@ -36,7 +38,7 @@ async function isThereWithoutCors(url) {
 async function ask(judge, which, url, headers = {}) {
   let answer;
   try {
-    answer = await fetch(url, { headers, cache: "no-store" });
+    answer = await fetch(url, {headers, cache: "no-store"});
   } catch {
     judge.call("takeAnswer", which, 0, (await isThereWithoutCors(url)) ? 1 : 0, 0);
     return null;
@@ -55,17 +57,21 @@ function patchesOf(text) {
   }
 }
 
-/// Rows: grade (0 good, 1 could be better, 2 fails), its name, header, what, to do, line of nginx. `base`: the scene's folder.
+/// Rows: grade (0 good, 1 could be better, 2 fails), its name, header, what, to do, line of nginx. `base`: the scene's
+/// folder.
 async function findings(base) {
-  const judge = callsOf(await createCheck({ locateFile: () => new URL(CHECK_WASM, document.baseURI).href }));
+  const judge = callsOf(await createCheck({locateFile: () => new URL(CHECK_WASM, document.baseURI).href}));
   judge.call("beginCheck", new URL(base).origin === location.origin ? 0 : 1);
   const scene = await ask(judge, kScene, new URL("scene.json", base));
   if (scene !== null) {
     const patches = patchesOf(scene);
-    if (!patches) return [["2", "fails", "scene.json", "Names no published hierarchy.", "Put there what lumigrid publish wrote.", ""]];
+    if (!patches)
+      return [
+        ["2", "fails", "scene.json", "Names no published hierarchy.", "Put there what lumigrid publish wrote.", ""]
+      ];
     const url = new URL(patches.file, base);
-    await ask(judge, kRange, url, { Range: "bytes=0-15" });
-    await ask(judge, kAgain, url, { Range: "bytes=16-31" });
+    await ask(judge, kRange, url, {Range: "bytes=0-15"});
+    await ask(judge, kAgain, url, {Range: "bytes=16-31"});
   }
   return judge.rows("findings");
 }
@@ -95,6 +101,8 @@ export async function showCheck(dialog, base) {
   if (!dialog.open) dialog.showModal();
   const rows = await findings(base);
   const worst = Math.max(...rows.map(([grade]) => Number(grade)));
-  note.textContent = `${base}: ${["all that viewers need is there.", "scenes are shown; some things could be better.", "scenes cannot be shown from here as it is."][worst]}`;
+  note.textContent = `${base}: ${
+          ["all that viewers need is there.", "scenes are shown; some things could be better.",
+           "scenes cannot be shown from here as it is."][worst]}`;
   list.replaceChildren(...rows.map(item));
 }

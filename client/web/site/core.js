@@ -1,35 +1,36 @@
 // The C++ client as JavaScript sees it: text rows taken apart, bytes copied in and out.
 import createViewer from "client_web.js";
-import { callsOf } from "./calls.js";
-import { makeDecoder } from "./decode.js";
-import { parametersOf } from "./static_scene.js";
+
+import {callsOf} from "./calls.js";
+import {makeDecoder} from "./decode.js";
+import {parametersOf} from "./static_scene.js";
 
 /// `create`: of another WebAssembly than the viewer's own, at files.viewerWasm.
 export async function loadCore(files, create = createViewer) {
   let module;
-  const decode = makeDecoder({ worker: files.worker, wasm: files.decodeWasm }, (low, high, image, error) => {
-    if (image) fill(module._decodedPixels(low, high, image.width, image.height), image.rgba);
-    else core.call("decodedNothing", low, high, error);
+  const decode = makeDecoder({worker: files.worker, wasm: files.decodeWasm}, (low, high, image, error) => {
+    if (image)
+      fill(module._decodedPixels(low, high, image.width, image.height), image.rgba);
+    else
+      core.call("decodedNothing", low, high, error);
     core.changed();
   });
   module = await create({
-    locateFile: () => files.viewerWasm,
-    // What the C++ code calls (client/web/web_decoder.cpp, web_fetcher.cpp, web_scene.cpp).
-    decode,
-    fetchRange: (...args) => core.fetchRange(...args),
-    cancelRange: (job) => core.cancelRange(job),
-    readParameters(text) {
-      const found = parametersOf(text);
-      if (found) core.withNumbers(found.numbers, (at) => core.call("takeParameters", at, found.tree));
-    },
+    locateFile : () => files.viewerWasm,
+               // What the C++ code calls (client/web/web_decoder.cpp, web_fetcher.cpp, web_scene.cpp).
+               decode,
+    fetchRange : (...args) => core.fetchRange(...args),
+    cancelRange : (job) => core.cancelRange(job),
+                readParameters(text) {
+                  const found = parametersOf(text);
+                  if (found) core.withNumbers(found.numbers, (at) => core.call("takeParameters", at, found.tree));
+                },
   });
 
   /// Memory may have grown when room was made, and with it HEAPU8 be another: so the address first.
-  function fill(at, bytes) {
-    module.HEAPU8.set(bytes, at);
-  }
+  function fill(at, bytes) { module.HEAPU8.set(bytes, at); }
 
-  const { call, text, rows } = callsOf(module);
+  const {call, text, rows} = callsOf(module);
 
   const core = {
     call,
@@ -47,7 +48,10 @@ export async function loadCore(files, create = createViewer) {
     /// Set for a static scene.
     fetchRange: () => {},
     cancelRange: () => {},
-    figures: () => ({ ...Object.fromEntries(rows("figures").map(([name, value]) => [name, Number(value)])), wasmBytes: module.HEAPU8.length }),
+    figures: () => ({
+      ...Object.fromEntries(rows("figures").map(([name, value]) => [name, Number(value)])),
+      wasmBytes: module.HEAPU8.length
+    }),
     /// Set by the page: something arrived that may change the picture.
     changed: () => {},
     connected: () => call("connected"),

@@ -2,26 +2,28 @@
 
 const kMostWorkers = 4;
 
-/// `files`: URLs of the worker and its WebAssembly. `done(low, high, image, error)`: image {width, height, rgba}, or null for an empty flag.
+/// `files`: URLs of the worker and its WebAssembly. `done(low, high, image, error)`: image {width, height, rgba}, or
+/// null for an empty flag.
 export function makeDecoder(files, done) {
   const workers = [];
   const jobs = new Map();
   let next = 0;
 
   function finish(job, image, error) {
-    const { low, high, worker } = jobs.get(job);
+    const {low, high, worker} = jobs.get(job);
     jobs.delete(job);
     --worker.busy;
     done(low, high, image, error);
   }
 
   function start() {
-    const worker = new Worker(files.worker, { type: "module" });
+    const worker = new Worker(files.worker, {type: "module"});
     worker.busy = 0;
-    worker.onmessage = ({ data }) => finish(data.job, data.image ?? null, data.error ?? "");
+    worker.onmessage = ({data}) => finish(data.job, data.image ?? null, data.error ?? "");
     // A worker that cannot even start: its images are broken, and the page says why.
     worker.onerror = (event) => {
-      for (const [job, { worker: owner }] of [...jobs]) if (owner === worker) finish(job, null, `decoding failed: ${event.message ?? "the worker did not start"}`);
+      for (const [job, {worker: owner}] of [...jobs])
+        if (owner === worker) finish(job, null, `decoding failed: ${event.message ?? "the worker did not start"}`);
     };
     workers.push(worker);
     return worker;
@@ -37,7 +39,7 @@ export function makeDecoder(files, done) {
     const worker = leastBusy();
     const job = next++;
     ++worker.busy;
-    jobs.set(job, { low, high, worker });
-    worker.postMessage({ job, wasm: files.wasm, bytes }, [bytes.buffer]);
+    jobs.set(job, {low, high, worker});
+    worker.postMessage({job, wasm: files.wasm, bytes}, [bytes.buffer]);
   };
 }

@@ -5,16 +5,17 @@ let ready;
 let canvas, context;
 
 function decoder(wasm) {
-  ready ??= createDecoder({ locateFile: () => wasm });
+  ready ??= createDecoder({locateFile: () => wasm});
   return ready;
 }
 
 async function pixelsOf(jpeg) {
-  const bitmap = await createImageBitmap(new Blob([jpeg], { type: "image/jpeg" }), { premultiplyAlpha: "none", colorSpaceConversion: "none" });
-  const { width, height } = bitmap;
+  const bitmap = await createImageBitmap(
+      new Blob([jpeg], {type: "image/jpeg"}), {premultiplyAlpha: "none", colorSpaceConversion: "none"});
+  const {width, height} = bitmap;
   if (!canvas || canvas.width !== width || canvas.height !== height) {
     canvas = new OffscreenCanvas(width, height);
-    context = canvas.getContext("2d", { willReadFrequently: true });
+    context = canvas.getContext("2d", {willReadFrequently: true});
   }
   context.drawImage(bitmap, 0, 0);
   bitmap.close();
@@ -34,18 +35,18 @@ async function decode(wasm, bytes) {
   if (!pixels) throw new Error(`an image of ${image.width} x ${image.height} pixels is no face`);
   module.HEAPU8.set(image.data, pixels);
   if (!module._applyCoverage()) throw new Error(module.UTF8ToString(module._errorText()));
-  return { width: image.width, height: image.height, rgba: module.HEAPU8.slice(pixels, pixels + image.data.length) };
+  return {width: image.width, height: image.height, rgba: module.HEAPU8.slice(pixels, pixels + image.data.length)};
 }
 
 // One at a time: the module holds one image.
 let last = Promise.resolve();
-self.onmessage = ({ data }) => {
+self.onmessage = ({data}) => {
   last = last.then(async () => {
     try {
       const image = await decode(data.wasm, data.bytes);
-      self.postMessage({ job: data.job, image }, image ? [image.rgba.buffer] : []);
+      self.postMessage({job: data.job, image}, image ? [image.rgba.buffer] : []);
     } catch (error) {
-      self.postMessage({ job: data.job, error: String(error?.message ?? error) });
+      self.postMessage({job: data.job, error: String(error?.message ?? error)});
     }
   });
 };

@@ -1,11 +1,16 @@
 // The page's events as the C++ client wants them: device pixels from the canvas' upper left corner, seconds.
 
-const kKinds = { mouse: 0, touch: 1, pen: 2 };
+const kKinds = {
+  mouse: 0,
+  touch: 1,
+  pen: 2
+};
 /// What browsers report for one notch of a common mouse wheel.
 const kPixelsPerStep = 100;
 const kLinesPerStep = 3;
 
-const modifiersOf = (event) => (event.shiftKey ? 1 : 0) | (event.ctrlKey || event.metaKey ? 2 : 0) | (event.altKey ? 4 : 0);
+const modifiersOf = (event) =>
+    (event.shiftKey ? 1 : 0) | (event.ctrlKey || event.metaKey ? 2 : 0) | (event.altKey ? 4 : 0);
 
 function stepsOf(event) {
   const perStep = [kPixelsPerStep, kLinesPerStep, 1][event.deltaMode] ?? kPixelsPerStep;
@@ -18,17 +23,22 @@ function stepsOf(event) {
 export function listen(canvas, core, now, acted) {
   const place = (event) => {
     const box = canvas.getBoundingClientRect();
-    return [((event.clientX - box.left) * canvas.width) / Math.max(box.width, 1), ((event.clientY - box.top) * canvas.height) / Math.max(box.height, 1)];
+    return [
+      ((event.clientX - box.left) * canvas.width) / Math.max(box.width, 1),
+      ((event.clientY - box.top) * canvas.height) / Math.max(box.height, 1)
+    ];
   };
   const button = (event) => (event.button === 1 ? 1 : event.button === 2 ? 2 : 0);
   const pointer = (what) => (event) => {
     const [x, y] = place(event);
-    core.call("pointer", what, event.pointerId, kKinds[event.pointerType] ?? 0, button(event), modifiersOf(event), x, y, now());
+    core.call(
+        "pointer", what, event.pointerId, kKinds[event.pointerType] ?? 0, button(event), modifiersOf(event), x, y,
+        now());
     acted();
   };
   const down = pointer(0);
   canvas.addEventListener("pointerdown", (event) => {
-    canvas.focus({ preventScroll: true });
+    canvas.focus({preventScroll: true});
     try {
       canvas.setPointerCapture(event.pointerId);
     } catch {
@@ -41,16 +51,17 @@ export function listen(canvas, core, now, acted) {
   canvas.addEventListener("pointercancel", pointer(3));
   canvas.addEventListener("contextmenu", (event) => event.preventDefault());
   canvas.addEventListener(
-    "wheel",
-    (event) => {
-      event.preventDefault();
-      core.call("wheel", stepsOf(event), ...place(event), now());
-      acted();
-    },
-    { passive: false },
+      "wheel",
+      (event) => {
+        event.preventDefault();
+        core.call("wheel", stepsOf(event), ...place(event), now());
+        acted();
+      },
+      {passive: false},
   );
   // Safari's own pinch would zoom the page.
-  for (const name of ["gesturestart", "gesturechange"]) canvas.addEventListener(name, (event) => event.preventDefault());
+  for (const name of ["gesturestart", "gesturechange"])
+    canvas.addEventListener(name, (event) => event.preventDefault());
 
   const key = (isDown) => (event) => {
     // What a dialog or field is given is not ours; but a key that goes up there may have gone down here.
@@ -60,7 +71,8 @@ export function listen(canvas, core, now, acted) {
     if (isDown && (event.ctrlKey || event.metaKey) && !/^(Digit|Numpad)\d$/.test(event.code)) return;
     // A focused button takes what presses it.
     if (isDown && event.target instanceof HTMLButtonElement && ["Enter", " "].includes(event.key)) return;
-    if (core.call("key", event.code, event.key, isDown ? 1 : 0, modifiersOf(event), now()) && !busy) event.preventDefault();
+    if (core.call("key", event.code, event.key, isDown ? 1 : 0, modifiersOf(event), now()) && !busy)
+      event.preventDefault();
     acted();
   };
   addEventListener("keydown", key(true));

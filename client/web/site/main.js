@@ -1,14 +1,15 @@
 // The page: finds the scene, starts the client, and carries out what it asks for.
 import "./early.js";
-import { loadAnnotations } from "./annotations.js";
-import { loadCore } from "./core.js";
-import { listen } from "./input.js";
-import { makeOverlay } from "./overlay.js";
-import { openPicture } from "./picture.js";
-import { keepSettings, restoreSettings, settingValue, showSettings } from "./settings.js";
-import { openLink, socketUrl } from "./socket.js";
-import { NoSplats, openSplatScene, openStaticScene, SplatsOnly } from "./static_scene.js";
-import { makeTools } from "./tools.js";
+
+import {loadAnnotations} from "./annotations.js";
+import {loadCore} from "./core.js";
+import {listen} from "./input.js";
+import {makeOverlay} from "./overlay.js";
+import {openPicture} from "./picture.js";
+import {keepSettings, restoreSettings, settingValue, showSettings} from "./settings.js";
+import {openLink, socketUrl} from "./socket.js";
+import {NoSplats, openSplatScene, openStaticScene, SplatsOnly} from "./static_scene.js";
+import {makeTools} from "./tools.js";
 
 /// On a phone, unless the settings say another: all memory that grows with the scene.
 const kPhoneMegabytes = 64;
@@ -18,12 +19,17 @@ const kStatisticsMilliseconds = 250;
 /// More device pixels than this per screen pixel cost time and show nothing.
 const kMostRatio = 2;
 
-const kCopyLink = 0, kLinkChanged = 1, kSavePicture = 2, kKeepBookmarks = 3, kKeepSettings = 4, kShowSettings = 5, kPick = 6;
+const kCopyLink = 0, kLinkChanged = 1, kSavePicture = 2, kKeepBookmarks = 3, kKeepSettings = 4, kShowSettings = 5,
+      kPick = 6;
 
 // Set when the page is built (client/web/build_site.mjs).
 const splatsScript = new URL(SPLATS_SCRIPT, document.baseURI).href;
 const checkScript = new URL(CHECK_SCRIPT, document.baseURI).href;
-const files = { viewerWasm: new URL(VIEWER_WASM, document.baseURI).href, decodeWasm: new URL(DECODE_WASM, document.baseURI).href, worker: new URL(DECODE_WORKER, document.baseURI).href };
+const files = {
+  viewerWasm: new URL(VIEWER_WASM, document.baseURI).href,
+  decodeWasm: new URL(DECODE_WASM, document.baseURI).href,
+  worker: new URL(DECODE_WORKER, document.baseURI).href
+};
 
 /// What the page was loaded for: splats have another program.
 const method = window.lumigridMethod();
@@ -40,7 +46,7 @@ let scheduled = false;
 let failed = false;
 let contextLost = false;
 let framesDrawn = 0;
-let first = null; // figures of the first frame with a model in it
+let first = null;  // figures of the first frame with a model in it
 const bookmarksStore = () => `lumigrid.bookmarks ${new URL(location.pathname + location.search, location.href).href}`;
 
 // ---- the loop ----
@@ -69,7 +75,7 @@ function turn() {
   carryOut();
   overlay.update();
   link?.flush();
-  pumpStatic?.(now()); // a drawn frame has told the session its view
+  pumpStatic?.(now());  // a drawn frame has told the session its view
   if (core.call("advance", now()) && !contextLost) schedule();
 }
 
@@ -87,7 +93,8 @@ const say = (text, error = true) => {
 function tellStaticProblem() {
   if (!pumpStatic) return;
   const problem = core.text("staticProblem");
-  if (problem && problem !== staticProblem && !core.refused()) say(problem); // refused: it stands in the middle of the page
+  if (problem && problem !== staticProblem && !core.refused())
+    say(problem);  // refused: it stands in the middle of the page
   staticProblem = problem;
 }
 
@@ -107,8 +114,10 @@ async function copyLink(hash) {
     const copied = document.execCommand("copy");
     text.remove();
     canvas.focus();
-    if (copied) say("link copied", false);
-    else say("the link is in the address bar: copy it from there");
+    if (copied)
+      say("link copied", false);
+    else
+      say("the link is in the address bar: copy it from there");
   }
 }
 
@@ -148,7 +157,8 @@ function keepBookmarks() {
 function restoreBookmarks() {
   try {
     const kept = JSON.parse(localStorage.getItem(bookmarksStore()) ?? "{}");
-    for (let slot = 1; slot <= 9; ++slot) if (typeof kept?.[slot] === "string") core.text("setBookmark", slot, kept[slot]);
+    for (let slot = 1; slot <= 9; ++slot)
+      if (typeof kept?.[slot] === "string") core.text("setBookmark", slot, kept[slot]);
   } catch {
     // Not ours, or not allowed: there are none then.
   }
@@ -162,11 +172,13 @@ async function pick(id, [ox, oy, oz, dx, dy, dz]) {
   const unknown = 2;
   if (!server) return answer(unknown);
   try {
-    const reply = await fetch(new URL(`pick?${new URLSearchParams({ ox, oy, oz, dx, dy, dz })}`, server));
+    const reply = await fetch(new URL(`pick?${new URLSearchParams({ox, oy, oz, dx, dy, dz})}`, server));
     if (!reply.ok) throw new Error(`the server answered ${reply.status}`);
     const found = await reply.json();
-    if (found.hit) answer(0, found.point, found.normal, found.accuracy);
-    else answer(1);
+    if (found.hit)
+      answer(0, found.point, found.normal, found.accuracy);
+    else
+      answer(1);
   } catch {
     answer(unknown);
   }
@@ -175,13 +187,29 @@ async function pick(id, [ox, oy, oz, dx, dy, dz]) {
 function carryOut() {
   for (const [kindText, id, text, ...numbers] of core.rows("takeRequests")) {
     const kind = Number(kindText);
-    if (kind === kCopyLink) copyLink(text);
-    else if (kind === kLinkChanged) keepLink(text);
-    else if (kind === kSavePicture) openPicture({ dialog: document.getElementById("picture"), canvas, query: text, server: splats ? null : server, draw, name: document.getElementById("name").textContent, say });
-    else if (kind === kKeepBookmarks) keepBookmarks();
-    else if (kind === kKeepSettings) keepAndApply();
-    else if (kind === kShowSettings) showSettings(document.getElementById("settings"), core, { method: splats ? "qsplat" : core.text("method") }, settingChanged);
-    else if (kind === kPick) pick(Number(id), numbers.map(Number));
+    if (kind === kCopyLink)
+      copyLink(text);
+    else if (kind === kLinkChanged)
+      keepLink(text);
+    else if (kind === kSavePicture)
+      openPicture({
+        dialog: document.getElementById("picture"),
+        canvas,
+        query: text,
+        server: splats ? null : server,
+        draw,
+        name: document.getElementById("name").textContent,
+        say
+      });
+    else if (kind === kKeepBookmarks)
+      keepBookmarks();
+    else if (kind === kKeepSettings)
+      keepAndApply();
+    else if (kind === kShowSettings)
+      showSettings(
+          document.getElementById("settings"), core, {method: splats ? "qsplat" : core.text("method")}, settingChanged);
+    else if (kind === kPick)
+      pick(Number(id), numbers.map(Number));
   }
 }
 
@@ -194,8 +222,8 @@ function keepAndApply() {
 function settingChanged(error, name) {
   schedule();
   if (error || name !== "method") return;
-  carryOut(); // keeps it
-  load(settingValue(core, name)); // at once: what is shown stands in the address
+  carryOut();                      // keeps it
+  load(settingValue(core, name));  // at once: what is shown stands in the address
 }
 
 // ---- the page around it ----
@@ -235,7 +263,7 @@ function watchContext() {
 
 function watchPage() {
   // The canvas has the keyboard from the beginning; its ring is for those who go about by it.
-  addEventListener("keydown", ({ key }) => key === "Tab" && document.body.classList.add("by-keyboard"));
+  addEventListener("keydown", ({key}) => key === "Tab" && document.body.classList.add("by-keyboard"));
   addEventListener("pointerdown", () => document.body.classList.remove("by-keyboard"));
   new ResizeObserver(resize).observe(canvas);
   document.addEventListener("visibilitychange", () => {
@@ -280,7 +308,10 @@ async function start() {
     early.querySelector(".again").onclick = () => location.reload();
     early.hidden = false;
   };
-  if (typeof WebAssembly !== "object" || !("OffscreenCanvas" in window)) return bare("This browser is too old for the viewer", "It needs WebAssembly, WebGL2 and OffscreenCanvas: a Chrome, Edge or Firefox of the last years, or Safari from 16.4 on.");
+  if (typeof WebAssembly !== "object" || !("OffscreenCanvas" in window))
+    return bare(
+        "This browser is too old for the viewer",
+        "It needs WebAssembly, WebGL2 and OffscreenCanvas: a Chrome, Edge or Firefox of the last years, or Safari from 16.4 on.");
   try {
     core = await loadCore(files, splats ? (await import(splatsScript)).default : undefined);
   } catch (error) {
@@ -292,7 +323,10 @@ async function start() {
   if (phone) core.text("initialSetting", "memory_megabytes", kPhoneMegabytes);
   restoreSettings(core);
   applyTheme();
-  if (!core.call("start", "#view", method.name)) return bare("There is no WebGL2 here", "Switch on hardware acceleration in the browser's settings, update the graphics driver, or try another browser.");
+  if (!core.call("start", "#view", method.name))
+    return bare(
+        "There is no WebGL2 here",
+        "Switch on hardware acceleration in the browser's settings, update the graphics driver, or try another browser.");
   overlay = makeOverlay(core, {
     ratio: () => ratio,
     press: (act) => {
@@ -313,7 +347,7 @@ async function start() {
   listen(canvas, core, now, schedule);
   restoreBookmarks();
   openHash();
-  canvas.focus({ preventScroll: true });
+  canvas.focus({preventScroll: true});
   if (!scene) return openServer();
   const button = document.getElementById("settings-check");
   button.hidden = false;
@@ -322,9 +356,11 @@ async function start() {
   await openStatic(scene);
 }
 
-/// The folder of a published scene: named in the address (?scene=URL), or in the page that lies beside it; null with a server of ours.
+/// The folder of a published scene: named in the address (?scene=URL), or in the page that lies beside it; null with a
+/// server of ours.
 function staticBase() {
-  const named = new URLSearchParams(location.search).get("scene") ?? document.querySelector('meta[name="lumigrid-scene"]').content;
+  const named = new URLSearchParams(location.search).get("scene") ??
+      document.querySelector('meta[name="lumigrid-scene"]').content;
   if (!named) return null;
   const url = new URL(named, document.baseURI);
   url.hash = url.search = "";
@@ -337,7 +373,7 @@ function staticBase() {
 async function showHostCheck(base) {
   document.getElementById("settings").close();
   try {
-    const { showCheck } = await import(checkScript);
+    const {showCheck} = await import(checkScript);
     await showCheck(document.getElementById("check"), base);
   } catch (error) {
     say(`the host cannot be checked: ${error.message}`);
@@ -355,7 +391,9 @@ function load(other) {
 
 async function openStatic(base) {
   try {
-    if (!/^https?:/.test(base)) throw Object.assign(new Error(`${base} cannot be read`), { advice: "A scene's address begins with http:// or https://." });
+    if (!/^https?:/.test(base))
+      throw Object.assign(
+          new Error(`${base} cannot be read`), {advice: "A scene's address begins with http:// or https://."});
     pumpStatic = await (splats ? openSplatScene : openStaticScene)(base, core, schedule);
   } catch (error) {
     if (error instanceof SplatsOnly) return load("qsplat");

@@ -17,14 +17,20 @@ function element(tag, className, text) {
 }
 
 const kLabelClasses = ["pin", "point", "value", "handle"];
-const kStatus = { connecting: 0, loading: 1, ready: 2, lost: 3, refused: 4 };
+const kStatus = {
+  connecting: 0,
+  loading: 1,
+  ready: 2,
+  lost: 3,
+  refused: 4
+};
 const kStatusText = ["Connecting …", "Loading …", "", "Connection lost", "Refused"];
 
 /// `check()`: shows what the scene's host sends; null with a server of ours.
-export function makeOverlay(core, { ratio, press, retry, check }) {
+export function makeOverlay(core, {ratio, press, retry, check}) {
   const annotations = [];
   let labelsShown = "";
-  let closedByUs = false; // the help
+  let closedByUs = false;  // the help
 
   function showLabels(labels) {
     const signature = labels.map((row) => row[1] + ":" + row[2]).join();
@@ -50,17 +56,19 @@ export function makeOverlay(core, { ratio, press, retry, check }) {
     const at = element(kind === 0 ? "button" : "div", "label " + kLabelClasses[kind]);
     if (kind === 0) {
       at.type = "button";
-      at.addEventListener("click", () => press(() => core.call("showAnnotation", at.classList.contains("open") ? -1 : index)));
+      at.addEventListener(
+          "click", () => press(() => core.call("showAnnotation", at.classList.contains("open") ? -1 : index)));
     }
     if (kind === 0 || kind === 2) at.append(element("span"));
     return at;
   }
 
   function showLines(lines) {
-    const made = keep(byId("lines"), lines.length, () => document.createElementNS("http://www.w3.org/2000/svg", "line"));
+    const made =
+        keep(byId("lines"), lines.length, () => document.createElementNS("http://www.w3.org/2000/svg", "line"));
     made.forEach((line, i) => {
       const [, x0, y0, x1, y1, rough] = lines[i];
-      const place = { x1: x0, y1: y0, x2: x1, y2: y1 };
+      const place = {x1: x0, y1: y0, x2: x1, y2: y1};
       for (const [name, value] of Object.entries(place)) line.setAttribute(name, Number(value) / ratio());
       line.classList.toggle("rough", rough === "1");
     });
@@ -83,8 +91,10 @@ export function makeOverlay(core, { ratio, press, retry, check }) {
     byId("title").hidden = byId("name").textContent === "" && line === "";
     // Nothing to look at yet, and none to come by itself: said in the middle of the page.
     const bare = byId("name").textContent === "";
-    if (kind === kStatus.refused || (kind === kStatus.lost && bare)) showProblem(text || kStatusText[kind], advice, retry);
-    else if (!fatal) byId("problem").hidden = true;
+    if (kind === kStatus.refused || (kind === kStatus.lost && bare))
+      showProblem(text || kStatusText[kind], advice, retry);
+    else if (!fatal)
+      byId("problem").hidden = true;
   }
 
   let fatal = false;
@@ -127,7 +137,8 @@ export function makeOverlay(core, { ratio, press, retry, check }) {
     const dialog = byId("help");
     if (shown && !dialog.open) {
       const list = dialog.querySelector("dl");
-      list.replaceChildren(...core.rows("help").flatMap(([input, effect]) => [element("dt", "", input), element("dd", "", effect)]));
+      list.replaceChildren(
+          ...core.rows("help").flatMap(([input, effect]) => [element("dt", "", input), element("dd", "", effect)]));
       dialog.showModal();
     } else if (!shown && dialog.open) {
       closedByUs = true;
@@ -135,7 +146,8 @@ export function makeOverlay(core, { ratio, press, retry, check }) {
     }
   }
 
-  // The client closes help, whoever asked for it; what the dialog does by itself comes late and might meet the next opening.
+  // The client closes help, whoever asked for it; what the dialog does by itself comes late and might meet the next
+  // opening.
   const help = byId("help");
   const helpGone = () => press(() => core.call("showHelp", 0));
   for (const wish of ["cancel", "submit"])
@@ -182,8 +194,9 @@ export function makeOverlay(core, { ratio, press, retry, check }) {
       const [, statistics, colours, orthographic, section, lens] = one("view");
       byId("statistics").hidden = statistics !== "1";
       showLegend(colours === "1");
-      const pressed = { i: statistics, c: colours, o: orthographic, x: section, l: lens, m: mode === "0" ? "0" : "1" };
-      for (const [key, on] of Object.entries(pressed)) byId(`tool-${key}`)?.setAttribute("aria-pressed", on === "1" ? "true" : "false");
+      const pressed = {i: statistics, c: colours, o: orthographic, x: section, l: lens, m: mode === "0" ? "0" : "1"};
+      for (const [key, on] of Object.entries(pressed))
+        byId(`tool-${key}`)?.setAttribute("aria-pressed", on === "1" ? "true" : "false");
       showToasts(all("toast"));
       showLabels(all("label"));
       showLines(all("line"));

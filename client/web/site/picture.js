@@ -16,13 +16,17 @@ export function screenPicture(canvas, draw) {
   copy.height = canvas.height;
   const context = copy.getContext("2d");
   const style = getComputedStyle(document.documentElement);
-  const shade = context.createRadialGradient(0.5 * copy.width, 0.42 * copy.height, 0, 0.5 * copy.width, 0.42 * copy.height, 0.75 * Math.max(copy.width, copy.height));
+  const shade = context.createRadialGradient(
+      0.5 * copy.width, 0.42 * copy.height, 0, 0.5 * copy.width, 0.42 * copy.height,
+      0.75 * Math.max(copy.width, copy.height));
   shade.addColorStop(0, style.getPropertyValue("--near"));
   shade.addColorStop(1, style.getPropertyValue("--far"));
   context.fillStyle = shade;
   context.fillRect(0, 0, copy.width, copy.height);
   context.drawImage(canvas, 0, 0);
-  return new Promise((done, fail) => copy.toBlob((blob) => (blob ? done(blob) : fail(new Error("the browser made no picture"))), "image/png"));
+  return new Promise(
+      (done, fail) =>
+          copy.toBlob((blob) => (blob ? done(blob) : fail(new Error("the browser made no picture"))), "image/png"));
 }
 
 async function serverPicture(base, query, width, height) {
@@ -31,10 +35,11 @@ async function serverPicture(base, query, width, height) {
   return answer.blob();
 }
 
-/// Asks for the size, then saves. `server`: the URL beside which /render is, or null without a server; `query`: what the client would ask it for.
-export function openPicture({ dialog, canvas, query, server, draw, name, say }) {
+/// Asks for the size, then saves. `server`: the URL beside which /render is, or null without a server; `query`: what
+/// the client would ask it for.
+export function openPicture({dialog, canvas, query, server, draw, name, say}) {
   const form = dialog.querySelector("#picture-form");
-  const { width, height, source } = form.elements;
+  const {width, height, source} = form.elements;
   width.value = canvas.width;
   height.value = canvas.height;
   source.options[0].disabled = server === null;
@@ -48,7 +53,8 @@ export function openPicture({ dialog, canvas, query, server, draw, name, say }) 
     const fromServer = source.value === "server";
     if (fromServer) say("the server renders the picture …", false);
     try {
-      const blob = fromServer ? await serverPicture(server, query, Number(width.value), Number(height.value)) : await screenPicture(canvas, draw);
+      const blob = fromServer ? await serverPicture(server, query, Number(width.value), Number(height.value)) :
+                                await screenPicture(canvas, draw);
       saveBlob(blob, `${name || "lumigrid"}.png`);
       say(`picture saved as ${name || "lumigrid"}.png`, false);
     } catch (error) {

@@ -1,6 +1,7 @@
 // Byte ranges of a published scene's objects by fetch(), and what their failures mean (client/fetch.h, FetchOutcome).
 
-export const kBytes = 0, kNetwork = 1, kNotFound = 2, kForbidden = 3, kRangeIgnored = 4, kCompressed = 5, kChanged = 6, kTooShort = 7, kServer = 8;
+export const kBytes = 0, kNetwork = 1, kNotFound = 2, kForbidden = 3, kRangeIgnored = 4, kCompressed = 5, kChanged = 6,
+             kTooShort = 7, kServer = 8;
 
 function outcomeOf(status) {
   if (status === 404 || status === 410) return kNotFound;
@@ -16,15 +17,17 @@ function contentRange(answer) {
   return found && [Number(found[1]), Number(found[2])];
 }
 
-/// `base`: the scene's folder. `done(job, outcome, status, bytes, detail)`. The result: {fetch(job, name, offset, length), cancel(job)}.
+/// `base`: the scene's folder. `done(job, outcome, status, bytes, detail)`. The result: {fetch(job, name, offset,
+/// length), cancel(job)}.
 export function makeRanges(base, done) {
   const running = new Map();
-  const tags = new Map(); // per object, so that one that changed meanwhile is noticed
+  const tags = new Map();  // per object, so that one that changed meanwhile is noticed
 
   async function get(job, name, offset, length, signal) {
-    const answer = await fetch(new URL(name, base), { headers: { Range: `bytes=${offset}-${offset + length - 1}` }, signal });
+    const answer =
+        await fetch(new URL(name, base), {headers: {Range: `bytes=${offset}-${offset + length - 1}`}, signal});
     const fail = (outcome, detail = "") => {
-      running.get(job)?.abort(); // what is left of the body is not read
+      running.get(job)?.abort();  // what is left of the body is not read
       return [outcome, answer.status, null, detail];
     };
     if (answer.status === 200) return fail(kRangeIgnored);
@@ -39,7 +42,8 @@ export function makeRanges(base, done) {
       tags.set(name, tag);
     }
     const bytes = new Uint8Array(await answer.arrayBuffer());
-    if (bytes.length !== length) return [bytes.length < length ? kTooShort : kCompressed, answer.status, null, `${bytes.length} bytes`];
+    if (bytes.length !== length)
+      return [bytes.length < length ? kTooShort : kCompressed, answer.status, null, `${bytes.length} bytes`];
     return [kBytes, answer.status, bytes, ""];
   }
 
@@ -53,7 +57,7 @@ export function makeRanges(base, done) {
       } catch (error) {
         result = [kNetwork, 0, null, error.message];
       }
-      if (running.get(job) !== stop) return; // cancelled
+      if (running.get(job) !== stop) return;  // cancelled
       running.delete(job);
       done(job, ...result);
     },

@@ -1,13 +1,22 @@
-// Settings: kept as JSON (docs/formats/settings.md) in the browser, shown as a form. Names, ranges and defaults are the C++ client's.
+// Settings: kept as JSON (docs/formats/settings.md) in the browser, shown as a form. Names, ranges and defaults are the
+// C++ client's.
 
 const kStore = "lumigrid.settings";
 const kVersion = 1;
 const kNumber = 0, kInteger = 1, kFlag = 2;
 
 const fieldsOf = (core) =>
-  core.rows("settings").map(([name, label, kind, least, most, value, fallback, choices, later]) => ({
-    name, label, kind: Number(kind), least: Number(least), most: Number(most), value: Number(value), fallback: Number(fallback), choices: choices.split(" "), later: later === "1",
-  }));
+    core.rows("settings").map(([name, label, kind, least, most, value, fallback, choices, later]) => ({
+                                name,
+                                label,
+                                kind: Number(kind),
+                                least: Number(least),
+                                most: Number(most),
+                                value: Number(value),
+                                fallback: Number(fallback),
+                                choices: choices.split(" "),
+                                later: later === "1",
+                              }));
 
 /// NaN when it is none of the field's.
 function numberOf(field, value) {
@@ -16,7 +25,8 @@ function numberOf(field, value) {
   return typeof value === "number" ? value : NaN;
 }
 
-/// Hands what was kept to the client before it starts. What is not understood is passed over: an older or newer page may have written it.
+/// Hands what was kept to the client before it starts. What is not understood is passed over: an older or newer page
+/// may have written it.
 export function restoreSettings(core) {
   let kept;
   try {
@@ -34,9 +44,10 @@ export function restoreSettings(core) {
 
 /// Those that differ from the defaults, as the JSON of docs/formats/settings.md.
 export function settingsJson(core) {
-  const out = { version: kVersion };
-  for (const { name, kind, value, fallback, choices } of fieldsOf(core))
-    if (value !== fallback) out[name] = kind === kFlag ? value !== 0 : kind === kNumber || kind === kInteger ? value : choices[value];
+  const out = {version: kVersion};
+  for (const {name, kind, value, fallback, choices} of fieldsOf(core))
+    if (value !== fallback)
+      out[name] = kind === kFlag ? value !== 0 : kind === kNumber || kind === kInteger ? value : choices[value];
   return JSON.stringify(out);
 }
 
@@ -65,7 +76,13 @@ function inputFor(field) {
     input.type = "checkbox";
     input.checked = field.value !== 0;
   } else {
-    Object.assign(input, { type: "number", min: field.least, max: field.most, step: field.kind === kInteger ? 1 : "any", value: field.value });
+    Object.assign(input, {
+      type: "number",
+      min: field.least,
+      max: field.most,
+      step: field.kind === kInteger ? 1 : "any",
+      value: field.value
+    });
   }
   return input;
 }
@@ -73,7 +90,7 @@ function inputFor(field) {
 /// `shown`: values by name that rule over what is kept, and take effect at once.
 export function showSettings(dialog, core, shown, changed) {
   const rows = fieldsOf(core).map((field) => {
-    if (field.name in shown) Object.assign(field, { value: field.choices.indexOf(shown[field.name]), later: false });
+    if (field.name in shown) Object.assign(field, {value: field.choices.indexOf(shown[field.name]), later: false});
     const label = document.createElement("label");
     const words = document.createElement("span");
     words.textContent = field.label;

@@ -12,8 +12,9 @@ export function socketUrl(page) {
   return url.href;
 }
 
-/// `core`: connected(), disconnected(reason), receive(bytes) -> error text, next() -> bytes or null, refused() -> whether trying again is of no use,
-/// splatsOnly() -> whether that is since the scene has nothing else: then `showSplats()`.
+/// `core`: connected(), disconnected(reason), receive(bytes) -> error text, next() -> bytes or null, refused() ->
+/// whether trying again is of no use, splatsOnly() -> whether that is since the scene has nothing else: then
+/// `showSplats()`.
 export function openLink(url, core, changed, showSplats) {
   let socket = null;
   let delay = kFirstDelay;
@@ -42,10 +43,11 @@ export function openLink(url, core, changed, showSplats) {
       core.connected();
       flush();
     };
-    mine.onmessage = ({ data }) => {
+    mine.onmessage = ({data}) => {
       if (socket !== mine) return;
       delay = kFirstDelay;
-      const error = typeof data === "string" ? "the server sent text; is it a lumigrid server?" : core.receive(new Uint8Array(data));
+      const error = typeof data === "string" ? "the server sent text; is it a lumigrid server?" :
+                                               core.receive(new Uint8Array(data));
       if (error) {
         mine.onclose = null;
         mine.close();
@@ -55,7 +57,7 @@ export function openLink(url, core, changed, showSplats) {
       flush();
       changed();
     };
-    mine.onclose = ({ reason }) => {
+    mine.onclose = ({reason}) => {
       if (socket === mine) lost(reason || "the connection to the server was lost");
     };
   }
@@ -67,5 +69,5 @@ export function openLink(url, core, changed, showSplats) {
     if (!socket && !core.refused()) open();
   };
   addEventListener("online", retry);
-  return { flush, retry };
+  return {flush, retry};
 }

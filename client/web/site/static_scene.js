@@ -1,5 +1,6 @@
-// A published scene on a static host: scene.json, read here (docs/formats/scene.md), the rest by the C++ client through byte ranges.
-import { kBytes, makeRanges } from "./ranges.js";
+// A published scene on a static host: scene.json, read here (docs/formats/scene.md), the rest by the C++ client through
+// byte ranges.
+import {kBytes, makeRanges} from "./ranges.js";
 
 const kMostBytes = 16_000_000;
 
@@ -20,13 +21,20 @@ export class NoSplats extends SceneError {}
 async function readJson(url) {
   let answer;
   try {
-    answer = await fetch(url, { cache: "no-cache" });
+    answer = await fetch(url, {cache: "no-cache"});
   } catch {
-    throw new SceneError(`${url} cannot be read`, "There is no such host, no network, or the host does not let pages from elsewhere read it: it must send Access-Control-Allow-Origin (docs/hosting.md).");
+    throw new SceneError(
+        `${url} cannot be read`,
+        "There is no such host, no network, or the host does not let pages from elsewhere read it: it must send Access-Control-Allow-Origin (docs/hosting.md).");
   }
-  if (answer.status === 404) throw new SceneError("There is no scene here", `${url} is not there. Check the address; it must name a folder that lumigrid publish wrote.`);
-  if (!answer.ok) throw new SceneError(`${url}: the host answered ${answer.status}`, "Check the address and who may read it.");
-  if (Number(answer.headers.get("Content-Length") ?? 0) > kMostBytes) throw new SceneError(`${url} is no scene`, "The file is too large for one.");
+  if (answer.status === 404)
+    throw new SceneError(
+        "There is no scene here",
+        `${url} is not there. Check the address; it must name a folder that lumigrid publish wrote.`);
+  if (!answer.ok)
+    throw new SceneError(`${url}: the host answered ${answer.status}`, "Check the address and who may read it.");
+  if (Number(answer.headers.get("Content-Length") ?? 0) > kMostBytes)
+    throw new SceneError(`${url} is no scene`, "The file is too large for one.");
   try {
     return await answer.json();
   } catch {
@@ -38,34 +46,48 @@ const vector = (value) => (Array.isArray(value) && value.length === 3 && value.e
 
 /// The published part whose name begins and ends so; null when there is none.
 export function partOf(parts, front, end) {
-  const part = parts.find(({ file }) => typeof file === "string" && file.startsWith(front) && file.endsWith(end));
+  const part = parts.find(({file}) => typeof file === "string" && file.startsWith(front) && file.endsWith(end));
   return part && /-[0-9a-f]{32}\./.test(part.file) && Number.isSafeInteger(part.bytes) && part.bytes > 0 ? part : null;
 }
 
 /// The last part of the address; where it has none, what the scene was made of: "tower" of "/scans/tower.ply".
 function nameOf(base, scene) {
-  const { pathname, host } = new URL(base);
+  const {pathname, host} = new URL(base);
   const folder = pathname.split("/").filter(Boolean).at(-1);
   if (folder) return decodeURIComponent(folder);
   const source = String(scene.sources?.[0]?.path ?? "").split("/").at(-1);
   return source.replace(/\.[^.]*$/, "") || host;
 }
 
-/// Reads scene.json. `base`: URL of its folder. The result: {scene, parts, numbers}, numbers as client/web/web_welcome.h has them. Throws SceneError.
+/// Reads scene.json. `base`: URL of its folder. The result: {scene, parts, numbers}, numbers as
+/// client/web/web_welcome.h has them. Throws SceneError.
 async function readScene(base) {
   const url = new URL("scene.json", base).href;
   const scene = await readJson(url);
-  if (scene?.version !== 1) throw new SceneError(`${url} is no scene that this viewer knows`, "Its version is not 1; publish the scene again, or update the viewer.");
-  const vectors = [scene.origin, scene.box_min, scene.box_max, scene.up, scene.light?.direction ?? [0, 0, 1]].map(vector);
-  if (vectors.includes(null)) throw new SceneError(`${url} is damaged`, "Origin, box, up or light is not three numbers; publish the scene again.");
+  if (scene?.version !== 1)
+    throw new SceneError(
+        `${url} is no scene that this viewer knows`,
+        "Its version is not 1; publish the scene again, or update the viewer.");
+  const vectors =
+      [scene.origin, scene.box_min, scene.box_max, scene.up, scene.light?.direction ?? [0, 0, 1]].map(vector);
+  if (vectors.includes(null))
+    throw new SceneError(
+        `${url} is damaged`, "Origin, box, up or light is not three numbers; publish the scene again.");
   const light = vectors.pop();
-  return { url, scene, parts: Array.isArray(scene.parts) ? scene.parts : [], numbers: [...vectors.flat(), scene.light?.mode === "unlit" ? 1 : 0, ...light] };
+  return {
+    url,
+    scene,
+    parts: Array.isArray(scene.parts) ? scene.parts : [],
+    numbers: [...vectors.flat(), scene.light?.mode === "unlit" ? 1 : 0, ...light]
+  };
 }
 
 function fetchRanges(base, core, changed) {
   const ranges = makeRanges(base, (job, outcome, status, bytes, detail) => {
-    if (outcome === kBytes) core.fill(core.call("fetchedBytes", job, status, bytes.length), bytes);
-    else core.call("fetchFailed", job, outcome, status, detail);
+    if (outcome === kBytes)
+      core.fill(core.call("fetchedBytes", job, status, bytes.length), bytes);
+    else
+      core.call("fetchFailed", job, outcome, status, detail);
     changed();
   });
   core.fetchRange = ranges.fetch;
@@ -74,30 +96,42 @@ function fetchRanges(base, core, changed) {
 
 /// As openStaticScene, for the client of splats; a scene that a server of ours shows has them under their plain name.
 export async function openSplatScene(base, core, changed) {
-  const { url, scene, parts, numbers } = await readScene(base);
-  const plain = parts.find(({ file, bytes }) => file === "qsplat.lgq" && Number.isSafeInteger(bytes) && bytes > 0);
+  const {url, scene, parts, numbers} = await readScene(base);
+  const plain = parts.find(({file, bytes}) => file === "qsplat.lgq" && Number.isSafeInteger(bytes) && bytes > 0);
   const splats = partOf(parts, "qsplat-", ".lgq") ?? plain;
   const advice = "Build them with lumigrid build ... --methods qsplat, and publish the scene again.";
-  if (!splats && parts.some(({ file }) => /^patch.*\.lgp$/.test(file))) throw new NoSplats(`${url} lists no splats`, advice);
+  if (!splats && parts.some(({file}) => /^patch.*\.lgp$/.test(file)))
+    throw new NoSplats(`${url} lists no splats`, advice);
   if (!splats) throw new SceneError(`${url} lists no splats`, advice);
   fetchRanges(base, core, changed);
-  core.withNumbers([...numbers, splats.bytes], (at) => core.call("openSplats", base.replace(/\/$/, ""), nameOf(base, scene), String(scene.units ?? ""), splats.file, at));
+  core.withNumbers(
+      [...numbers, splats.bytes],
+      (at) => core.call(
+          "openSplats", base.replace(/\/$/, ""), nameOf(base, scene), String(scene.units ?? ""), splats.file, at));
   return (now) => core.call("pumpStatic", now) !== 0;
 }
 
-/// Hands the scene to the client. `base`: URL of its folder. Throws SceneError, SplatsOnly. The result: run(now), to be called each turn, true when something came.
+/// Hands the scene to the client. `base`: URL of its folder. Throws SceneError, SplatsOnly. The result: run(now), to be
+/// called each turn, true when something came.
 export async function openStaticScene(base, core, changed) {
-  const { url, scene, parts, numbers } = await readScene(base);
+  const {url, scene, parts, numbers} = await readScene(base);
   const patches = partOf(parts, "patch-", ".lgp");
   if (!patches && partOf(parts, "qsplat-", ".lgq")) throw new SplatsOnly();
-  if (!patches) throw new SceneError(`${url} is not published`, "Its parts have no names by content; put there what lumigrid publish wrote.");
+  if (!patches)
+    throw new SceneError(
+        `${url} is not published`, "Its parts have no names by content; put there what lumigrid publish wrote.");
   const index = partOf(parts, "images/index-", ".lgi");
   fetchRanges(base, core, changed);
-  core.withNumbers([...numbers, patches.bytes, index?.bytes ?? 0], (at) => core.call("openStatic", base.replace(/\/$/, ""), nameOf(base, scene), String(scene.units ?? ""), patches.file, index?.file ?? "", at));
+  core.withNumbers(
+      [...numbers, patches.bytes, index?.bytes ?? 0],
+      (at) => core.call(
+          "openStatic", base.replace(/\/$/, ""), nameOf(base, scene), String(scene.units ?? ""), patches.file,
+          index?.file ?? "", at));
   return (now) => core.call("pumpStatic", now) !== 0;
 }
 
-/// What the parameters of an image index say (docs/formats/repository.md): numbers and the tree's digits; null when they hold no grid.
+/// What the parameters of an image index say (docs/formats/repository.md): numbers and the tree's digits; null when
+/// they hold no grid.
 export function parametersOf(text) {
   let root;
   try {
@@ -110,5 +144,5 @@ export function parametersOf(text) {
   const count = vector(grid?.count);
   if (!first || !count || !Number.isFinite(grid.spacing) || !Number.isFinite(grid.face_size)) return null;
   if (root.tree !== undefined && typeof root.tree !== "string") return null;
-  return { numbers: [...first, grid.spacing, ...count, grid.face_size], tree: root.tree ?? "" };
+  return {numbers: [...first, grid.spacing, ...count, grid.face_size], tree: root.tree ?? ""};
 }
