@@ -10,9 +10,10 @@ using Grade = HostFinding::Grade;
 
 constexpr int kOk = 200;
 constexpr int kPartial = 206;
-constexpr std::uint64_t kAsked = 16;  // bytes of each range
+constexpr std::uint64_t kAsked =
+    16;  // length of each requested range, bytes; client/web/site/check.js requests the same
 
-// Lines of docs/hosting.md, "nginx".
+// These lines stand in docs/hosting.md, section "nginx".
 constexpr const char* kAllowOrigin = "add_header Access-Control-Allow-Origin \"*\" always;";
 constexpr const char* kAllowHeaders = "add_header Access-Control-Allow-Headers \"Range, If-Range\" always;";
 constexpr const char* kAnswerOptions = "if ($request_method = OPTIONS) { return 204; }";
@@ -65,7 +66,7 @@ class Judge {
            const std::string& nginx = "") {
     findings_.push_back({grade, header, what, todo, nginx});
   }
-  /// Of another origin a page sees few headers unless they are exposed.
+  /// A page sees few headers of another origin unless they are exposed.
   bool hides() const { return answers_.in_browser && answers_.other_origin; }
 
   bool there(const HostAnswer& answer, const char* name) {
@@ -111,7 +112,7 @@ class Judge {
     if (!said.empty())
       return bad(Grade::kFails, "Content-Range", "Says another range than was asked for.",
                  "A cache or proxy before the host is broken; forward the header Range.", kProxyRanges);
-    if (hides()) return;  // exposeHeaders() tells
+    if (hides()) return;  // exposeHeaders() reports it
     bad(Grade::kFails, "Content-Range", "Missing with an answer 206.", "A proxy before the host drops it; let it pass.",
         "proxy_pass_header Content-Range;");
   }
@@ -153,7 +154,7 @@ class Judge {
 
   void allowOrigin() {
     if (!answers_.other_origin) return;
-    // A page could not read the answers if it were not there.
+    // Without the header a page could not have read the answers at all.
     const bool allowed = answers_.in_browser || (!answers_.scene.header("access-control-allow-origin").empty() &&
                                                  !answers_.range.header("access-control-allow-origin").empty());
     if (allowed) return good("Access-Control-Allow-Origin", "Pages of other hosts may read the scene.");
@@ -186,7 +187,7 @@ class Judge {
         "Name Range and If-Range in it.", kAllowHeaders);
   }
 
-  // Cache-Control is shown to pages always.
+  // Browsers show Cache-Control to pages even without Access-Control-Expose-Headers.
   void caching() {
     const char* name = "Cache-Control";
     const bool root_kept = holds(answers_.scene.header("cache-control"), "immutable");

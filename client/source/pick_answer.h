@@ -1,16 +1,15 @@
 #pragma once
-// The answer to a full-resolution pick.
+// The result of a ray cast at the full-resolution surface.
 #include <cstdint>
 #include <glm/glm.hpp>
 
 namespace client {
 
-/// A full-resolution ray cast found this.
 struct PickAnswer {
   enum class Kind : std::uint8_t {
     kHit,
     kNone,     ///< the ray meets no surface
-    kUnknown,  ///< nobody could say (no server, an error): the approximate point stays
+    kUnknown,  ///< the ray could not be cast (no server, an error); the approximate point stays
   };
   Kind kind = Kind::kUnknown;
   glm::dvec3 point{0.0};   ///< world

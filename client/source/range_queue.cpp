@@ -8,7 +8,8 @@ RangeQueue::~RangeQueue() {
   for (const auto& [id, request] : requests_) fetcher_.cancel(id);
 }
 
-/// `first` and those that can share its request: same object, near enough, not too much together.
+/// Returns `first` and the wishes that can share its request: the same object, close enough, and together at most
+/// max_bytes.
 std::vector<std::size_t> RangeQueue::neighboursOf(const std::vector<RangeWish>& wishes, std::size_t first) const {
   std::vector<std::size_t> chosen{first};
   if (wishes[first].alone) return chosen;
@@ -20,7 +21,7 @@ std::vector<std::size_t> RangeQueue::neighboursOf(const std::vector<RangeWish>& 
   std::sort(others.begin(), others.end(),
             [&](std::size_t a, std::size_t b) { return wishes[a].offset < wishes[b].offset; });
 
-  // Outwards from the first, behind it and then before it.
+  // Grow outwards from the first wish, towards higher offsets and then towards lower ones.
   std::uint64_t begin = wishes[first].offset;
   std::uint64_t end = begin + wishes[first].length;
   const auto fits = [&](const RangeWish& wish) {
@@ -79,7 +80,7 @@ std::vector<RangeArrival> RangeQueue::takeArrivals() {
       RangeArrival arrival{wish, {answer.id, answer.outcome, {}, answer.status, answer.detail}};
       const std::uint64_t begin = wish.offset - request.offset;
       if (answer.outcome == FetchOutcome::kBytes && answer.bytes.size() < begin + wish.length)
-        arrival.answer.outcome = FetchOutcome::kNetwork;  // a fetcher that does not keep its word
+        arrival.answer.outcome = FetchOutcome::kNetwork;  // the fetcher returned fewer bytes than it promised
       if (arrival.answer.outcome == FetchOutcome::kBytes)
         arrival.answer.bytes.assign(answer.bytes.begin() + static_cast<std::ptrdiff_t>(begin),
                                     answer.bytes.begin() + static_cast<std::ptrdiff_t>(begin + wish.length));

@@ -1,7 +1,8 @@
 #pragma once
-// Which byte ranges are asked for next: the most urgent wishes first, neighbours in one request, a few requests under
-// way, nothing twice. The caller says again and again what it wants now; what it no longer names is forgotten unless it
-// is under way.
+// The queue decides which byte ranges are requested next. It sends the most urgent wishes first, joins neighbours into
+// one request, keeps only a few requests under way, and never requests the same range twice at a time. The caller
+// states its current wishes again and again; a wish that it no longer names is forgotten unless its request is under
+// way.
 #include <cstdint>
 #include <map>
 #include <string>
@@ -12,24 +13,25 @@
 
 namespace client {
 
-/// A range that one value lies in. Equal names mean equal ranges.
+/// The byte range that holds one item (a block, a table page, a face). Equal (kind, key) means equal ranges.
 struct RangeWish {
-  std::uint32_t kind = 0;  ///< the caller's; with `key` its name
+  std::uint32_t kind = 0;  ///< chosen by the caller; kind and key together identify the item
   std::uint64_t key = 0;
   std::string object;
   std::uint64_t offset = 0, length = 1;
-  bool alone = false;  ///< never waits for neighbours in the same request
+  bool alone = false;  ///< is requested alone, so that no neighbour delays it
 };
 
 struct RangeArrival {
   RangeWish wish;
-  FetchAnswer answer;  ///< its bytes are the wish's own
+  FetchAnswer answer;  ///< cut down to the wish's own bytes
 };
 
 struct RangeQueueOptions {
-  std::size_t max_requests = 6;          ///< under way; what browsers allow for one host over HTTP/1.1
-  std::uint64_t max_bytes = 128 * 1024;  ///< of a request with neighbours in it
-  std::uint64_t max_gap = 64;            ///< bytes between neighbours that are read in vain: blocks are padded to 16
+  std::size_t max_requests = 6;          ///< under way at a time; 6 is what browsers allow for one host over HTTP/1.1
+  std::uint64_t max_bytes = 128 * 1024;  ///< longest request that joins neighbours
+  std::uint64_t max_gap =
+      64;  ///< bytes read in vain between two neighbours; blocks are padded to 16, so 64 skips padding only
 };
 
 class RangeQueue {
@@ -39,15 +41,15 @@ class RangeQueue {
   RangeQueue(const RangeQueue&) = delete;
   RangeQueue& operator=(const RangeQueue&) = delete;
 
-  /// Sends what may be sent of these, most urgent first, until `limit` requests are under way (at most max_requests).
+  /// Sends requests for these wishes, most urgent first, until `limit` requests are under way (at most max_requests).
   void request(const std::vector<RangeWish>& wishes, std::size_t limit);
   void request(const std::vector<RangeWish>& wishes) { request(wishes, options_.max_requests); }
-  /// What came, wish by wish.
+  /// Returns what has arrived since the last call, one entry for each wish.
   std::vector<RangeArrival> takeArrivals();
   bool underWay(std::uint32_t kind, std::uint64_t key) const { return under_way_.count({kind, key}) != 0; }
   std::size_t requestsUnderWay() const { return requests_.size(); }
   std::uint64_t requestsSent() const { return sent_; }
-  std::uint64_t bytesReceived() const { return bytes_; }  ///< gaps included
+  std::uint64_t bytesReceived() const { return bytes_; }  ///< bytes between neighbours included
 
  private:
   struct Request {
@@ -60,7 +62,7 @@ class RangeQueue {
   RangeFetcher& fetcher_;
   RangeQueueOptions options_;
   std::map<std::uint64_t, Request> requests_;
-  std::map<std::pair<std::uint32_t, std::uint64_t>, std::uint64_t> under_way_;  // wish to request
+  std::map<std::pair<std::uint32_t, std::uint64_t>, std::uint64_t> under_way_;  // wish -> id of its request
   std::uint64_t sent_ = 0, bytes_ = 0;
 };
 

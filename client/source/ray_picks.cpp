@@ -31,7 +31,7 @@ void RayPicks::keepBlock(std::uint32_t group, base::ByteView block) {
   block_bytes_ += block.size();
 }
 
-/// The next ray may lie elsewhere: its blocks come anew, mostly from the session's cache.
+/// Drops the ray's blocks too: the next ray may lie elsewhere, and what it shares comes from the session's cache.
 void RayPicks::finishFirst(const PickAnswer& found) {
   answered_.push_back({rays_.front().id, found});
   rays_.pop_front();

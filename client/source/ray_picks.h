@@ -1,7 +1,7 @@
 #pragma once
-// Rays at the full-resolution surface of a hierarchy whose records and blocks come piece by piece: what measuring on a
-// published scene asks for. lod/patch/ray_cast finds; this says what has to be fetched, one ray after the other, and
-// keeps the blocks that the ray in hand needs until it is answered.
+// Casts rays at the full-resolution surface of a hierarchy whose records and blocks arrive piece by piece; measuring on
+// a published scene needs this. lod/patch/ray_cast finds the hit; this class says which groups have to be fetched,
+// works on one ray after the other, and keeps the blocks of the ray in hand until it is answered.
 #include <cstdint>
 #include <deque>
 #include <functional>
@@ -17,35 +17,36 @@ namespace client {
 
 struct AnsweredPick {
   std::uint32_t id = 0;
-  PickAnswer answer;  ///< a hit's place is scene-local where RayPicks tells it, world where a source does
+  PickAnswer answer;  ///< a hit is scene-local when RayPicks returns it, and in world coordinates when a source does
 };
 
 class RayPicks {
  public:
   static constexpr std::size_t kMaxQueue = 64;
-  /// Groups that are asked for at a time, the nearest: those behind a hit are not needed.
+  /// Number of groups that are requested at a time. They are the nearest ones: groups behind a hit are not needed.
   static constexpr std::size_t kGroupsAhead = 4;
-  /// Compressed blocks that one ray may need at a time; beyond, its answer is kUnknown.
+  /// Bytes of compressed blocks that one ray may hold. A ray that needs more is answered kUnknown.
   static constexpr std::size_t kMaxBytes = 8'000'000;
 
-  /// How a group's record stands after an attempt to take it into the hierarchy.
+  /// State of a group's record after an attempt to read it into the hierarchy.
   enum class RecordStatus : std::uint8_t { kHere, kMissing, kBroken };
   using ReadRecord = std::function<RecordStatus(std::uint32_t group)>;
 
-  /// `ray` scene-local. With kMaxQueue rays waiting the answer is kUnknown at once.
+  /// Queues a ray in scene-local coordinates. With kMaxQueue rays waiting it is answered kUnknown at once.
   void addRay(std::uint32_t id, const lod::patch::Ray& ray);
   bool waiting() const { return !rays_.empty(); }
-  /// A block that came; taken only while a ray waits.
+  /// Keeps a copy of a block that arrived, while a ray waits.
   void keepBlock(std::uint32_t group, base::ByteView block);
-  /// Casts as far as what is here leads. `elsewhere`: blocks that somebody else holds. Call again when something came.
+  /// Casts the waiting rays as far as the present data allow. `elsewhere` finds blocks that somebody else holds. To be
+  /// called again when data arrived.
   void castWaiting(const lod::patch::Hierarchy& hierarchy, const lod::patch::BlockSource& elsewhere,
                    const ReadRecord& read_record);
-  /// Records or blocks of these groups bring the first ray further, the nearest first.
+  /// Groups whose records or blocks the first ray needs next, the nearest first.
   const std::vector<std::uint32_t>& needed() const { return needed_; }
-  /// Nobody will ever say: the scene is gone.
+  /// Answers all waiting rays with kUnknown, since the scene cannot be read.
   void giveUp();
   std::vector<AnsweredPick> takeAnswers();
-  /// What was damaged, the newest such thing, one line; else empty.
+  /// The newest damage that was found, one line; empty when there was none.
   const std::string& problem() const { return problem_; }
 
  private:
@@ -55,7 +56,7 @@ class RayPicks {
   };
   void finishFirst(const PickAnswer& found);
 
-  std::deque<WaitingRay> rays_;  ///< the first is worked on
+  std::deque<WaitingRay> rays_;  ///< the first one is being cast
   std::vector<std::uint32_t> needed_;
   std::unordered_map<std::uint32_t, base::Bytes> blocks_;
   std::size_t block_bytes_ = 0;

@@ -12,7 +12,7 @@
 namespace client {
 namespace {
 
-/// Faces and groups share one cache: a face is its code (63 bits), a group its number with the highest bit set.
+/// Faces and groups share one cache. A face's key is its code (63 bits), a group's its number with the highest bit set.
 using CacheKey = std::uint64_t;
 constexpr CacheKey kGroupTag = CacheKey{1} << 63U;
 
@@ -29,8 +29,8 @@ std::uint32_t groupOf(CacheKey key) {
   return static_cast<std::uint32_t>(key & ~kGroupTag);
 }
 
-/// Counted for each entry beside its bytes, so that a flood of empty faces costs what it takes: list node, two table
-/// rows.
+/// Bytes counted for each entry beside its content (a list node and two table rows), so that a flood of empty faces
+/// costs what it occupies.
 constexpr std::uint64_t kEntryOverhead = 128;
 constexpr std::size_t kMaxFrames = 4;
 
@@ -39,7 +39,7 @@ bool sameView(const base::ViewCamera& a, const base::ViewCamera& b) {
          a.width == b.width && a.height == b.height;
 }
 
-/// Whether cached faces and groups of one scene mean the same in the other.
+/// Whether cached faces and groups of one scene are valid in the other.
 bool sameScene(const protocol::Welcome& a, const protocol::Welcome& b) {
   return a.scene_name == b.scene_name && a.origin == b.origin && a.lattice_origin == b.lattice_origin &&
          a.lattice_step == b.lattice_step && a.grid == b.grid && a.group_count == b.group_count &&
@@ -68,12 +68,12 @@ struct Session::Impl {
       cached_children;  // per group: cached groups that have it as a parent
   std::unordered_set<CacheKey> in_use;
   std::deque<protocol::Frame> frames;  // oldest first
-  std::uint32_t frame_sequence = 0;    // of the frame that came last, kept or not
+  std::uint32_t frame_sequence = 0;    // view of the last frame that arrived, kept or not
 
-  std::deque<base::Bytes> greetings;        // Hello or Holdings, to be sent before anything else
-  std::unordered_set<CacheKey> unreported;  // evicted, and the server doesn't know
+  std::deque<base::Bytes> greetings;        // Hello or Holdings, sent before anything else
+  std::unordered_set<CacheKey> unreported;  // evicted, and the server does not know yet
   std::optional<base::ViewCamera> camera;   // the newest
-  std::uint32_t sequence = 0;               // of the newest view
+  std::uint32_t sequence = 0;               // number of the newest view
   std::uint32_t complete_sequence = 0;
   bool view_unsent = false;
 
@@ -121,7 +121,7 @@ void Session::Impl::startScene(const protocol::Welcome& message) {
   hierarchy.source_triangles = message.source_triangles;
 }
 
-/// True when the key is new.
+/// Returns true when the key is new.
 bool Session::Impl::insert(CacheKey key, base::Bytes&& bytes) {
   const std::uint64_t cost = bytes.size() + kEntryOverhead;
   cache.insert(key, std::move(bytes), cost);
@@ -133,7 +133,8 @@ bool Session::Impl::insert(CacheKey key, base::Bytes&& bytes) {
   return is_new;
 }
 
-/// A cut can be drawn from the top down only: group 0 stays, and so does every group below which something is cached.
+/// A cut can only be drawn from the top down, so group 0 stays, and so does every group below which something is
+/// cached.
 bool Session::Impl::pinned(CacheKey key) const {
   if (in_use.count(key) != 0) return true;
   if (!isGroup(key)) return false;
@@ -141,7 +142,7 @@ bool Session::Impl::pinned(CacheKey key) const {
   return group == 0 || cached_children.count(group) != 0;
 }
 
-/// Evicts round by round: a group whose last cached child went in one round may go in the next.
+/// Evicts in rounds: a group whose last cached child went in one round may go in the next.
 void Session::Impl::evictOverBudget() {
   while (cache.bytes() > cache.budget()) {
     const std::vector<CacheKey> gone = cache.evict([this](CacheKey key) { return pinned(key); });
@@ -298,7 +299,7 @@ base::Bytes Session::Impl::viewMessage() {
   return protocol::encode(view);
 }
 
-// ---- the public face ----
+// ---- the public functions ----
 
 Session::Session(const SessionOptions& options) : impl_(std::make_unique<Impl>(options)) {}
 Session::~Session() = default;
@@ -309,7 +310,7 @@ void Session::connected() {
   Impl& s = *impl_;
   s.phase = SessionPhase::kGreeting;
   s.problem.clear();
-  s.unreported.clear();  // a new connection starts with Holdings, which says it all
+  s.unreported.clear();  // a new connection begins with Holdings, which makes evictions known
   s.greetings.clear();
   s.greetings.push_back(protocol::encode(protocol::Hello{protocol::kVersion, "lumigrid-view"}));
   s.view_unsent = false;
@@ -317,7 +318,7 @@ void Session::connected() {
 
 void Session::disconnected(const std::string& reason) {
   Impl& s = *impl_;
-  // A refusal explains more than the closing that follows it.
+  // A refusal explains more than the closing of the connection that follows it.
   if (s.phase == SessionPhase::kRefused) return;
   s.phase = SessionPhase::kDisconnected;
   s.problem = reason;
@@ -359,7 +360,7 @@ std::optional<base::Bytes> Session::nextToSend() {
   }
   if (s.phase != SessionPhase::kReady) return std::nullopt;
 
-  // Evictions travel ahead of the next view, or when there are so many that the list itself would grow large.
+  // Evictions are sent ahead of the next view, or as soon as a whole message of them has gathered.
   const bool tell = s.view_unsent || s.unreported.size() >= protocol::kMaxKeysPerMessage;
   if (tell && !s.unreported.empty()) return s.evictedMessage();
   if (s.view_unsent) return s.viewMessage();
@@ -423,7 +424,7 @@ void Session::setInUse(const std::vector<repository::FaceKey>& faces, const std:
     if (s.cache.find(key) != nullptr) s.in_use.insert(key);
   };
   for (const repository::FaceKey& key : faces) use(cacheKey(key));
-  // Children before parents, so that parents end up the more recently used.
+  // Use children before their parents, so that parents end up as the more recently used.
   for (auto it = groups.rbegin(); it != groups.rend(); ++it) use(cacheKey(*it));
   s.evictOverBudget();
 }

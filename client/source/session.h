@@ -1,15 +1,15 @@
 #pragma once
-// The thin client's session: a state machine with bytes in and bytes out; no socket, no GL, no clock of its own (DESIGN
-// section 7).
+// The thin client's session is a state machine with bytes in and bytes out. It has no socket, no GL and no clock of its
+// own, so that tests need no network and every platform shares it.
 //
-// States: kDisconnected → (connected()) kGreeting → (Welcome) kReady; (disconnected()) → kDisconnected, keeping all
-// data; (Refusal) → kRefused. What is cached survives a reconnect: once the new Welcome shows that the scene is the
-// same one, the session tells what it holds (protocol.md, "Holdings") before its first View. A Welcome that describes
-// another scene drops everything.
+// Phases: connected() leads from kDisconnected to kGreeting, a Welcome from there to kReady; disconnected() leads back
+// to kDisconnected and keeps all data; a Refusal leads to kRefused. The cache survives a reconnect: once the new
+// Welcome shows that the scene is the same, the session tells the server what it holds (docs/formats/protocol.md,
+// "Holdings") before its first View. A Welcome that describes another scene drops everything.
 //
-// What goes out, in order: Hello; after Welcome Holdings; then, when the view changed, what was evicted since and the
-// newest View. Evictions wait for a View on purpose: a server that hears of one while the view stands still would send
-// the same bytes again, and with a cache smaller than the view's needs the two would go on for ever.
+// The session sends, in this order: Hello; after Welcome its Holdings; then, when the view changed, what was evicted
+// since and the newest View. Evictions wait for a View on purpose: a server that hears of one while the view stands
+// still would send the same bytes again, and with a cache smaller than the view's needs the two would never stop.
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -30,7 +30,7 @@ enum class SessionPhase { kDisconnected, kGreeting, kReady, kRefused };
 struct SessionOptions {
   std::uint64_t cache_bytes = 50'000'000;  ///< compressed faces and patches, LRU (Okamoto 2011, section 6: 50 MB)
   std::uint64_t frame_bytes =
-      16'000'000;  ///< exact frames kept as they came, the newest first; larger ones are dropped
+      16'000'000;  ///< exact frames kept in coded form, the newest first; a frame larger than this is dropped
   bool images = true;
   bool frames = true;
   float patch_tolerance_px = 4.0F;
@@ -46,9 +46,9 @@ struct SessionStats {
   std::uint64_t frame_bytes = 0;  ///< exact frames held
 };
 
-/// What changed since the last call to takeEvents(): the renderer's cue to decode, upload or drop.
+/// Changes since the last call to takeEvents(), from which the renderer decides what to decode, upload or drop.
 struct SessionEvents {
-  bool welcomed = false;  ///< the first Welcome, or one of another scene: forget all that was there before
+  bool welcomed = false;  ///< the first Welcome arrived, or one of another scene: everything known before is void
   std::vector<repository::FaceKey> faces_added, faces_evicted;
   std::vector<std::uint32_t> groups_added, groups_evicted;
   std::vector<std::uint32_t> frames_added;  ///< view sequences
@@ -61,40 +61,43 @@ class Session {
   Session(Session&& other) noexcept;
   Session& operator=(Session&& other) noexcept;
 
-  // Transport side.
+  // These are called by the transport.
   void connected();
   void disconnected(const std::string& reason);
-  /// There is no use in trying again: as a Refusal, with these very words as the problem. `instead`: the method that
-  /// this scene has data for.
+  /// Ends the session as a Refusal does, with these very words as the problem, since another try is of no use.
+  /// `method_instead`: the method that this scene has data for.
   void refuse(const std::string& reason, std::optional<Method> method_instead = std::nullopt);
-  /// An error says what the server did wrong; the caller closes the connection.
+  /// Takes in one message. An error says what the server did wrong; the caller then closes the connection.
   base::Result<void> receive(base::ByteView message);
-  /// The next message to send, or nullopt.
+  /// Returns the next message to send, or nullopt.
   std::optional<base::Bytes> nextToSend();
 
-  // Viewer side.
+  // These are called by the viewer.
   void setView(const base::ViewCamera& camera);
-  /// From the next view on, which is sent again when this changes something.
+  /// Switches images and exact frames on or off from the next view on, which is sent again when this changes something.
   void setWanted(bool images, bool frames);
   SessionPhase phase() const;
-  const std::string& problem() const;  ///< why disconnected or refused; empty when all is well
-  /// Of a refusal: a viewer of this method is not refused. The scene has splats alone, or none.
+  const std::string& problem() const;  ///< the reason when disconnected or refused; empty when all is well
+  /// After a refusal: the method of a viewer that would not be refused, because the scene is splats-only, or has no
+  /// splats.
   std::optional<Method> methodInstead() const;
   const protocol::Welcome* welcome() const;  ///< null before the first Welcome
-  /// The server said that everything for the newest view was sent and, where an exact frame was asked for, that came
+  /// Whether the server sent everything for the newest view and, where an exact frame was requested, that frame arrived
   /// too.
   bool complete() const;
   SessionEvents takeEvents();
 
-  /// Cached bytes of a face value or null; touches the LRU.
+  /// Returns the cached bytes of a face or of a group's block, null when they are not cached. Both count as a use in
+  /// the LRU order.
   const base::Bytes* face(const repository::FaceKey& key);
   const base::Bytes* block(std::uint32_t group);
-  const protocol::Frame* frame(std::uint32_t sequence) const;  ///< of the 4 newest that fit frame_bytes
-  /// What the current picture is made of: never evicted until the next call says otherwise. Also makes it the most
-  /// recently used.
+  const protocol::Frame* frame(
+      std::uint32_t sequence) const;  ///< one of the 4 newest that fit into frame_bytes, else null
+  /// Names what the current picture consists of. It is never evicted until the next call names something else, and
+  /// counts as the most recently used.
   void setInUse(const std::vector<repository::FaceKey>& faces, const std::vector<std::uint32_t>& groups);
   const lod::patch::Hierarchy& hierarchy() const;
-  bool hasGroup(std::uint32_t group) const;  ///< its block is cached
+  bool hasGroup(std::uint32_t group) const;  ///< whether the group's block is cached
   const SessionStats& stats() const;
   const SessionOptions& options() const;
 

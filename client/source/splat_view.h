@@ -1,6 +1,6 @@
 #pragma once
-// Splats in a viewer (Method::kQsplat). What the viewer knows of them is here, without the code: a page that shows
-// none does not carry it.
+// The interface through which a viewer shows splats (client::Method::kQsplat). It is apart from its implementation, so
+// that a page that shows no splats does not carry their code.
 #include <array>
 #include <cstdint>
 #include <functional>
@@ -15,28 +15,28 @@
 
 namespace client {
 
-/// What may change while splats are shown.
+/// The options that may change while splats are shown.
 struct SplatQuality {
   lod::draw::SplatKernel kernel = lod::draw::SplatKernel::kCircle;
   float cutoff_px = 1.0F;  ///< splats are refined down to this diameter, pixels; 0: to the leaves
-  /// That a frame may take while the view moves: splats are as large as that asks for, and get finer when it rests. 0:
-  /// each frame goes down to cutoff_px.
+  /// Time that a frame may take while the view moves: splats are as large as that requires, and get finer when the view
+  /// rests. 0: every frame refines down to cutoff_px.
   double frame_seconds = 0.1;
   friend bool operator==(const SplatQuality&, const SplatQuality&) = default;
 };
 
 struct SplatOptions : SplatQuality {
-  bool back_faces = false;  ///< drawn, too: for open surfaces that are seen from behind
-  /// Blocks as they came get a quarter of it, and what is drawn two quarters: with more splats than fit, the cut-off
+  bool back_faces = false;  ///< splats that face away are drawn as well, for open surfaces that are seen from behind
+  /// Coded blocks get a quarter of this, and the drawn splats half. When more splats are wanted than fit, the cut-off
   /// grows.
   std::uint64_t memory_bytes = 512'000'000;
   lod::qsplat::StreamOrder order = lod::qsplat::StreamOrder::kSweeps;
-  std::uint64_t idle_bytes = 16'000'000;  ///< lod::qsplat::StreamOptions has it
-  std::function<double()> clock;          ///< seconds, to time frames with; empty: as if each took frame_seconds
-  lod::qsplat::ForEach for_each;          ///< empty: one thread
+  std::uint64_t idle_bytes = 16'000'000;  ///< as lod::qsplat::StreamOptions::idle_bytes
+  std::function<double()> clock;  ///< seconds, times the frames; empty: every frame counts as if it took frame_seconds
+  lod::qsplat::ForEach for_each;  ///< empty: one thread
 };
 
-/// How a frame is to look.
+/// The appearance of a frame.
 struct SplatLook {
   lod::draw::Shading shading;
   glm::vec4 section = base::kNoSection;  ///< scene-local
@@ -46,43 +46,46 @@ struct SplatLook {
 };
 
 struct SplatStats {
-  std::uint64_t splats = 0, nodes = 0;  ///< drawn, and looked at for that
-  float cutoff_px = 0.0F;               ///< they were refined down to
-  float finest_px = 0.0F;               ///< … and will be at rest
-  float reduction = 1.0F;               ///< pixels a side for each sample: above 1 while the view moves and just after
-  float lens_px = 0.0F;            ///< as cutoff_px, of what is seen through the magnifying glass; 0: there is none
-  bool limited = false;            ///< memory forbids finer ones
-  std::uint64_t buffer_bytes = 0;  ///< of them, on the GPU and off
+  std::uint64_t splats = 0, nodes = 0;  ///< splats drawn, and nodes visited to find them
+  float cutoff_px = 0.0F;               ///< pixels; the diameter down to which splats were refined
+  float finest_px = 0.0F;               ///< pixels; the diameter that they will reach at rest
+  float reduction =
+      1.0F;  ///< pixels a side for each sample that is drawn; above 1 while the view moves and shortly after
+  float lens_px = 0.0F;            ///< cutoff_px inside the magnifying glass; 0 without one
+  bool limited = false;            ///< memory does not allow finer splats
+  std::uint64_t buffer_bytes = 0;  ///< bytes of drawn splats, on the GPU and in memory
   lod::qsplat::StreamStats stream;
-  std::string warning;  ///< what is lost of the file, one line; mostly empty
+  std::string warning;  ///< the blocks of the file that are lost, one line; mostly empty
 };
 
 class SplatView {
  public:
   virtual ~SplatView() = default;
 
-  /// Plays the server's part for a session, as StaticSource does: takes in what came, asks for more; says Welcome when
-  /// the front of the file is here; tells the session what is wrong. Never waits. `now`: seconds, never falling. True
-  /// when something came.
+  /// Acts as the server of a session, as StaticSource does: takes answers in, requests more, sends Welcome when the
+  /// front of the file has arrived, and reports failures to the session. Never waits. `now`: seconds, never decreasing.
+  /// Returns true when something arrived.
   virtual bool pump(Session& session, double now) = 0;
-  /// Of the whole model, scene-local: what near and far planes hold. Null until the front of the file is here.
+  /// Bounding sphere of the whole model, scene-local, for the near and far planes. Null until the front of the file has
+  /// arrived.
   virtual const base::Sphere* bounds() const = 0;
 
-  /// Chooses the splats for this view of what is here; what it lacks is asked for by the next pump().
+  /// Selects splats for this view from the blocks that are present; the next pump() requests the missing ones.
   virtual void update(const base::Camera& camera, const SplatLook& look) = 0;
-  /// Into the framebuffer bound now, which it clears. A frame from another camera than the last one's is one of motion.
+  /// Draws into the framebuffer bound now, and clears it first. A frame whose camera differs from the last one's counts
+  /// as a frame of motion.
   virtual base::Result<void> draw(const base::Camera& camera, const SplatLook& look) = 0;
-  /// The scene-local point of the splat that was drawn foremost at (x, y), pixels from the upper left corner.
+  /// Returns the scene-local point of the foremost splat drawn at (x, y), in pixels from the upper left corner.
   virtual std::optional<glm::vec3> surfaceAt(const base::Camera& camera, const SplatLook& look, double x,
                                              double y) const = 0;
-  /// All is here that the last update() asked for, at the finest cut-off.
+  /// Whether all blocks that the last update() needs are present, at the finest cut-off.
   virtual bool complete() const = 0;
-  /// Another draw of the same view would be finer.
+  /// Whether another draw of the same view would be finer.
   virtual bool busy() const = 0;
-  /// From the next frame on.
+  /// Takes effect with the next frame.
   virtual void setQuality(const SplatQuality& quality) = 0;
   virtual const SplatQuality& quality() const = 0;
-  /// The GL context is gone, with all that was in it.
+  /// Drops all GL objects, which are gone together with their context.
   virtual void contextLost() = 0;
   virtual SplatStats stats() const = 0;
 };

@@ -26,11 +26,11 @@ using repository::FaceKey;
 enum Kind : std::uint32_t { kPatchFront, kIndexFront, kParameters, kPage, kBlock, kIndexBlock, kFace };
 
 constexpr std::uint64_t kPatchFrontBytes = 16 * 1024;
-constexpr std::size_t kWishesAhead = 64;         // that are looked through for neighbours
-constexpr std::size_t kRequestsAheadOfNeed = 2;  // so that a new view finds room
+constexpr std::size_t kWishesAhead = 64;  // looked through for neighbours of a request
+constexpr std::size_t kRequestsAheadOfNeed = 2;  // of the 6 that may be under way, so that a new view finds room
 constexpr std::uint64_t kTypicalFaceBytes = 20'000;
 constexpr double kMinPause = 0.25, kMaxPause = 5.0;  // seconds
-/// A request that fails is no news yet: kept connections are closed by the other side now and then.
+/// One failed request is not reported: hosts close kept connections now and then.
 constexpr int kFailuresToTell = 2;
 
 base::Error bad(const std::string& what) {
@@ -53,7 +53,7 @@ struct StaticSource::Impl {
 
   base::Result<void> checkScene() const;
 
-  // ---- what comes ----
+  // ---- answers of the fetcher ----
   void acceptArrival(RangeArrival&& arrival);
   base::Result<void> acceptTable(const RangeArrival& arrival);
   base::Result<void> acceptPatchFront(base::ByteView bytes);
@@ -69,7 +69,7 @@ struct StaticSource::Impl {
   void reportProblem(const std::string& what) { problem = what; }
   void fail(const std::string& why);
 
-  // ---- what the session says ----
+  // ---- messages from and to the session ----
   void readMessages(Session& session);
   void acceptMessage(const protocol::ClientMessage& message);
   void deliverMessages(Session& session);
@@ -115,11 +115,11 @@ struct StaticSource::Impl {
   StaticStats stats;
 
   // The link, as the session sees it.
-  bool linked = false;       // connected() was said
-  bool welcome_due = false;  // Hello was heard and not answered
-  int failures = 0;          // one after the other
+  bool linked = false;       // the session was told connected()
+  bool welcome_due = false;  // a Hello waits for its Welcome
+  int failures = 0;          // consecutive ones
   std::string last_failure;
-  bool succeeded = false;  // since the last look
+  bool succeeded = false;  // since pump() began
   bool retry_set = false;
   double retry_at = 0.0;
   struct Outgoing {
@@ -130,9 +130,9 @@ struct StaticSource::Impl {
   std::deque<Outgoing> outgoing;
 
   // What was read.
-  base::Bytes front;  // of the hierarchy's file: of a small one it holds blocks too
+  base::Bytes front;  // front of the hierarchy's file; that of a small file holds blocks too
   std::optional<TablePages> tables;
-  lod::patch::Hierarchy hierarchy;  // as far as it is known
+  lod::patch::Hierarchy hierarchy;  // the groups whose records were read
   bool tables_checked = false;
   std::unordered_set<std::uint32_t> broken_groups;
   std::optional<repository::IndexRoot> root;
@@ -142,31 +142,32 @@ struct StaticSource::Impl {
   std::unordered_set<std::uint64_t> broken_index_blocks;
   std::unordered_set<std::string> lost_objects;
 
-  // What the session holds, and what there is no use in asking for.
+  // Items that the session holds, and faces that cannot be had.
   std::vector<bool> has_group;
   std::unordered_set<FaceKey> has_face, gone;
   std::vector<std::uint32_t> coarse;
 
-  // What hides what, of the coarse groups: their blocks until it is worked out, once, before the first view is planned.
+  // Blocks of the coarse groups, kept until the occlusion between them is computed, once, before the first view is
+  // planned.
   std::vector<base::Bytes> coarse_blocks;  // beside `coarse`
   std::optional<lod::patch::ProxySight> sight;
   bool sight_computed = false;
 
-  // What it looks at.
+  // The views and their plan.
   std::optional<protocol::View> newest, previous;
   bool planned = false, replan = false;
   plan::ViewPlan view_plan;
-  std::vector<std::uint32_t> frontier;  // unknown groups that the cut leads to
+  std::vector<std::uint32_t> frontier;  // groups without a record that the cut leads to
   bool frontier_urgent = false;
   std::uint64_t group_bytes = 0, face_bytes = 0;  // handed over for this view
   bool complete_sent = false;
   std::optional<std::vector<FaceKey>> ahead;
 
   RayPicks picks;
-  bool pick_data_arrived = false;  // something came that may bring the first one further
+  bool pick_data_arrived = false;  // data arrived that the first ray may need
 };
 
-/// Names come from outside: only such as `lumigrid publish` gives lead to requests.
+/// Names come from outside; only names in the form that `lumigrid publish` writes lead to requests.
 base::Result<void> StaticSource::Impl::checkScene() const {
   const auto notPublished = [](const std::string& what) {
     return base::Error{base::ErrorCode::kInvalidInput, what + "; put there what `lumigrid publish` wrote"};
@@ -183,7 +184,7 @@ base::Result<void> StaticSource::Impl::checkScene() const {
   return {};
 }
 
-// ---- what comes ----
+// ---- answers of the fetcher ----
 
 void StaticSource::Impl::fail(const std::string& why) {
   if (phase == Phase::kFailed) return;
@@ -191,7 +192,7 @@ void StaticSource::Impl::fail(const std::string& why) {
   failure = why;
 }
 
-/// Faces in this object are gone.
+/// Marks the faces of this object as gone.
 void StaticSource::Impl::loseObject(const std::string& object, const std::string& why) {
   lost_objects.insert(object);
   reportProblem(why);
@@ -252,7 +253,7 @@ base::Result<void> StaticSource::Impl::acceptPatchFront(base::ByteView bytes) {
   hierarchy.source_triangles = counts.source_triangles;
   has_group.assign(counts.groups, false);
 
-  // The coarsest of the groups whose rows are here; top down numbers make these the first ones.
+  // Groups are numbered from the top down, so the rows that are here belong to the coarsest groups.
   lod::patch::Hierarchy rows;
   for (std::uint32_t g = 0; g < tables->leadingRows(); ++g) {
     LUMIGRID_ASSIGN_OR_RETURN(auto row, tables->row(g));
@@ -269,7 +270,7 @@ base::Result<void> StaticSource::Impl::acceptIndexFront(base::ByteView bytes) {
   root = std::move(decoded);
   stats.index_bytes += bytes.size();
   const std::uint64_t end = repository::parameterOffset() + root->parameter_bytes;
-  if (end > bytes.size()) return {};  // a large tree: asked for apart
+  if (end > bytes.size()) return {};  // a large tree does not fit into the front; urgentWishes() requests it
   return acceptParameters(bytes.subspan(repository::parameterOffset(), root->parameter_bytes));
 }
 
@@ -288,14 +289,14 @@ base::Result<void> StaticSource::Impl::acceptPage(std::uint32_t page, base::Byte
   return checkTables();
 }
 
-/// What single rows cannot tell, once all are here.
+/// Checks what single rows cannot show (the checksum), once the tables are complete.
 base::Result<void> StaticSource::Impl::checkTables() {
   if (!tablesWhole() || tables_checked) return {};
   tables_checked = true;
   return tables->checkWhole();
 }
 
-/// `rest`: what lies behind the front.
+/// Hands a block to the session. `rest` is the part of it that does not lie in the front.
 void StaticSource::Impl::acceptBlock(std::uint32_t group, base::ByteView rest) {
   const auto record = tables->record(group);
   if (!record || has_group[group]) return;
@@ -320,7 +321,8 @@ void StaticSource::Impl::keepCoarseBlock(std::uint32_t group, const base::Bytes&
   if (at < coarse.size()) coarse_blocks[at] = block;
 }
 
-/// Where a block is damaged or lacking, images are chosen as if nothing hid anything.
+/// Computes which coarse groups hide which. Where a block is damaged or missing, images are chosen as if nothing were
+/// hidden.
 void StaticSource::Impl::computeSight() {
   if (std::exchange(sight_computed, true) || coarse_blocks.empty()) return;
   auto seen = plan::makeCoarseSight(hierarchy, coarse, [this](std::uint32_t group) -> base::ByteView {
@@ -357,12 +359,12 @@ void StaticSource::Impl::acceptFace(const FaceKey& key, base::Bytes bytes) {
   outgoing.push_back({protocol::encode(protocol::Face{key, std::move(bytes)}), key, {}});
 }
 
-// ---- what the session says ----
+// ---- messages from and to the session ----
 
 void StaticSource::Impl::acceptMessage(const protocol::ClientMessage& message) {
   if (std::get_if<protocol::Hello>(&message) != nullptr) {
     welcome_due = true;
-    // Holdings tells what it holds, unless it is on its way.
+    // Holdings will tell what the session has, except what is still in `outgoing`.
     has_face.clear();
     has_group.assign(has_group.size(), false);
     for (const Outgoing& queued : outgoing) {
@@ -395,7 +397,7 @@ void StaticSource::Impl::deliverMessages(Session& session) {
   while (!outgoing.empty()) {
     const Outgoing message = std::move(outgoing.front());
     outgoing.pop_front();
-    if (message.face && !session.options().images) {  // switched off meanwhile
+    if (message.face && !session.options().images) {  // images were switched off meanwhile
       has_face.erase(*message.face);
       continue;
     }
@@ -406,7 +408,7 @@ void StaticSource::Impl::deliverMessages(Session& session) {
 
 // ---- the hierarchy ----
 
-/// Both fronts are here: the scene can be described.
+/// Completes the Welcome once both fronts are here.
 void StaticSource::Impl::openScene() {
   if (phase != Phase::kOpening || !tables || (scene.index && !points_known)) return;
   const lod::patch::TableCounts& counts = tables->counts();
@@ -427,7 +429,7 @@ RangeWish StaticSource::Impl::pageWish(std::uint32_t page) const {
   return {kPage, page, scene.patches.name, tables->pageOffset(page), tables->pageLength(page)};
 }
 
-/// What of a block is not in the front that was read first; a block that is all there is handed over.
+/// Requests the part of a block that is not in the front; a block that lies in it entirely is handed over at once.
 void StaticSource::Impl::wishForBlock(std::uint32_t group, std::vector<RangeWish>& wishes) {
   const lod::patch::Group& row = hierarchy.groups[group];
   const std::uint64_t end = row.block_offset + row.block_bytes;
@@ -436,7 +438,8 @@ void StaticSource::Impl::wishForBlock(std::uint32_t group, std::vector<RangeWish
   wishes.push_back({kBlock, group, scene.patches.name, begin, end - begin, group == 0});
 }
 
-/// Takes a group into the hierarchy if all that its record needs is here; else adds what is missing to `wishes`.
+/// Reads a group's record into the hierarchy when all its table pages are here, else adds the missing pages to
+/// `wishes`. Returns whether the group is known.
 bool StaticSource::Impl::readRecord(std::uint32_t group, std::vector<RangeWish>* wishes) {
   if (isKnown(group)) return true;
   if (broken_groups.count(group) != 0) return false;
@@ -475,7 +478,8 @@ void StaticSource::Impl::wishForTables(std::vector<RangeWish>& wishes) const {
 
 // ---- the images ----
 
-/// Where a face stands; with kWanted `wish` is what brings it nearer. An empty face is handed over at once.
+/// Finds out how to get a face. With kWanted, `wish` is the next range that it needs. An empty face is handed over at
+/// once.
 StaticSource::Impl::FaceState StaticSource::Impl::locateFace(const FaceKey& key, RangeWish& wish) {
   const std::uint64_t code = key.code();
   const std::uint64_t number = repository::blockOfCode(*root, code);
@@ -509,7 +513,8 @@ plan::Scene StaticSource::Impl::planScene() const {
   return {&scene.welcome, &hierarchy, scene.index.has_value(), points.treeOrNull(), sight ? &*sight : nullptr};
 }
 
-/// Unknown groups that the cut would expand: made patches that it draws, seen, off by more than the tolerance.
+/// Returns the unknown groups that the cut would expand, the largest error first: they made patches that the cut draws,
+/// lie in view, and exceed the tolerance.
 std::vector<std::uint32_t> StaticSource::Impl::frontierOf(const lod::patch::Cut& cut,
                                                           const lod::patch::CutRequest& request) {
   const base::Frustum frustum(request.camera.clipFromScene());
@@ -522,7 +527,7 @@ std::vector<std::uint32_t> StaticSource::Impl::frontierOf(const lod::patch::Cut&
       const std::uint32_t producer = hierarchy.patches[i].producer;
       if (producer == lod::patch::kNoGroup || isKnown(producer) || broken_groups.count(producer) != 0) continue;
       if (!seen.insert(producer).second) continue;
-      // Its row is here: the record of the group above needed it.
+      // Its row is present, since the record of the group above needed it.
       const auto row = tables->row(producer);
       if (!row || !row->has_value() || !frustum.mayOverlap((*row)->bounds)) continue;
       const float error_px = base::projectedError((*row)->error, (*row)->bounds.center, (*row)->bounds.radius,
@@ -538,7 +543,7 @@ std::vector<std::uint32_t> StaticSource::Impl::frontierOf(const lod::patch::Cut&
   return groups;
 }
 
-/// Descends as far as the pages here lead, then plans as a server does.
+/// Descends as far as the present pages allow, then plans as a server does.
 void StaticSource::Impl::planNewestView() {
   if (planned && !(replan && !frontier.empty())) return;
   computeSight();
@@ -563,7 +568,7 @@ void StaticSource::Impl::wishForCoarse(std::vector<RangeWish>& wishes) {
     if (!settled(group) && readRecord(group, &wishes) && !has_group[group]) wishForBlock(group, wishes);
 }
 
-/// In a server's order (server::Session::nextWanted), as far ahead as requests are put together.
+/// Collects wishes in a server's order (server::Session::nextWanted), as far ahead as requests are put together.
 void StaticSource::Impl::wishForView(std::vector<RangeWish>& wishes) {
   for (const std::uint32_t group : frontier) {
     if (wishes.size() >= kWishesAhead) break;
@@ -599,7 +604,7 @@ void StaticSource::Impl::wishForView(std::vector<RangeWish>& wishes) {
   outgoing.push_back({protocol::encode(protocol::Completion{newest->sequence})});
 }
 
-/// Everything that is needed now, the most urgent first.
+/// Returns everything that is needed now, the most urgent first.
 std::vector<RangeWish> StaticSource::Impl::urgentWishes() {
   std::vector<RangeWish> wishes;
   if (!tables)
@@ -628,7 +633,8 @@ std::vector<RangeWish> StaticSource::Impl::urgentWishes() {
   return wishes;
 }
 
-/// What later views may need. Small tables to their end too: only then their checksum can be looked at.
+/// Returns what later views may need, small tables to their end included, because only whole tables can be checked
+/// against their checksum.
 std::vector<RangeWish> StaticSource::Impl::prefetchWishes() {
   std::vector<RangeWish> wishes;
   if (!complete_sent || !planned || phase != Phase::kOpen) return wishes;
@@ -674,7 +680,7 @@ void StaticSource::Impl::castPicks(Session& session) {
         return broken_groups.count(group) != 0 ? RayPicks::RecordStatus::kBroken : RayPicks::RecordStatus::kMissing;
       });
   if (picks.problem() != before) reportProblem(scene.place + "/" + scene.patches.name + ": " + picks.problem());
-  // What the session dropped since it last spoke of a view.
+  // The session may have dropped these since its last View.
   for (const std::uint32_t group : picks.needed())
     if (!session.hasGroup(group)) has_group[group] = false;
 }
@@ -684,7 +690,7 @@ void StaticSource::Impl::wishForPick(std::vector<RangeWish>& wishes) {
     if (readRecord(group, &wishes) && !has_group[group]) wishForBlock(group, wishes);
 }
 
-// ---- the public face ----
+// ---- the public functions ----
 
 StaticSource::StaticSource(StaticScene scene, RangeFetcher& fetcher, ReadParameters read_parameters,
                            const StaticOptions& options)
@@ -702,7 +708,7 @@ bool StaticSource::pump(Session& session, double now) {
     session.connected();
   }
 
-  // In.
+  // Take in answers.
   s.succeeded = s.retry_set = false;
   auto arrivals = s.queue.takeArrivals();
   for (RangeArrival& arrival : arrivals) s.acceptArrival(std::move(arrival));
@@ -722,7 +728,7 @@ bool StaticSource::pump(Session& session, double now) {
   s.deliverMessages(session);
   s.castPicks(session);
 
-  // Out.
+  // Send requests.
   if (s.phase != Impl::Phase::kFailed && (s.failures == 0 || now >= s.retry_at)) {
     const bool was_complete = s.complete_sent;
     const std::vector<RangeWish> wishes = s.urgentWishes();

@@ -8,11 +8,11 @@
 namespace client {
 namespace {
 
-// As found, as the renderer sorts them, and on the GPU, with what buffers keep in reserve.
+// A splat is held as it was found, as the renderer sorts it, and on the GPU; the fourth part is the buffers' reserve.
 constexpr std::uint64_t kBytesPerSplat = 4 * sizeof(lod::qsplat::Splat);
 constexpr int kMaxTries = 4;
-// At rest, while blocks come, drawing gets one part of the time and what they need so many: a page has one thread for
-// both, and a frame of a million splats takes a second on some machines.
+// While blocks arrive and the view rests, drawing takes one part of the time and decoding three: a page has one thread
+// for both, and a frame of a million splats takes a second on some machines.
 constexpr double kRestPerDraw = 3.0;
 
 bool sameCamera(const base::Camera& a, const base::Camera& b) {
@@ -36,7 +36,8 @@ lod::qsplat::RateGoal goalOf(const SplatOptions& options) {
   return goal;
 }
 
-/// Until the GPU is done with the framebuffer bound now. What is read is waited for everywhere; glFinish is not.
+/// Waits until the GPU is done with the framebuffer bound now. Reading a pixel waits on every platform; glFinish does
+/// not in browsers.
 void waitForGpu() {
   std::array<std::uint8_t, 4> pixel{};
   glReadPixels(0, 0, 1, 1, GL_RGBA, GL_UNSIGNED_BYTE, pixel.data());
@@ -66,7 +67,7 @@ bool StreamedSplats::pump(Session& session, double now) {
   }
   for (const lod::qsplat::ByteRange& range : stream_.requests(now))
     fetcher_->submit(range.id, file_.name, range.offset, range.length);
-  if (stream_.complete()) host_away_ = false;  // nothing is asked of the host that could show that it is back
+  if (stream_.complete()) host_away_ = false;  // no more requests are sent, so nothing could show that the host is back
   if (session.phase() == SessionPhase::kDisconnected && stream_.header() != nullptr && !host_away_)
     sendWelcome(session);
   return !answers.empty();
@@ -89,7 +90,7 @@ void StreamedSplats::acceptAnswer(Session& session, FetchAnswer& answer, double 
   }
 }
 
-/// As a server would; what the session would answer nobody asks for.
+/// Greets the session as a server would. Its answers are dropped, since views are not sent to anybody.
 void StreamedSplats::sendWelcome(Session& session) {
   session.connected();
   if (auto taken = session.receive(welcome_); !taken) refusal_ = file_.place + ": " + taken.error().message;
@@ -109,13 +110,13 @@ float StreamedSplats::finestCutoff() const {
 
 float StreamedSplats::wantedCutoff() const {
   if (options_.frame_seconds <= 0.0) return finestCutoff();
-  // At its finest the control may be a hair above what was asked for; 0 it does not know at all.
+  // At its finest the control may differ from the option by rounding, and it does not know the option's 0.
   const float wanted = rate_.cutoffPx() <= rate_.goal().finest_px ? options_.cutoff_px : rate_.cutoffPx();
   return std::max(wanted, finestCutoff());
 }
 
-/// Of what the last traversal found lacking: as long as that is being asked for, another one would find little else,
-/// and cost more time than the answers take.
+/// Whether requests of the last traversal are still under way. Until they are answered another traversal would find
+/// little else, and would cost more time than the answers take.
 bool StreamedSplats::moreIsComing() const {
   const lod::qsplat::StreamStats stats = stream_.stats();
   return stats.wanted > 0 && stats.requested > 0;
@@ -154,13 +155,13 @@ void StreamedSplats::chooseSplats(const base::Camera& camera, const SplatLook& l
       if (affords) return;
       continue;
     }
-    // Splats go with 1 / area.
+    // The number of splats is proportional to 1 / cut-off².
     const float factor = std::sqrt(static_cast<float>(found_.splats.size()) / static_cast<float>(most));
     cutoff_factor_ = 1.05F * factor * std::max(cutoff_px_, 0.1F) / std::max(options_.cutoff_px, 0.1F);
   }
 }
 
-/// A frame of the same view is finer than the one before.
+/// Makes a frame of the same view finer than the one before.
 void StreamedSplats::setPace(const base::Camera& camera) {
   if (options_.frame_seconds <= 0.0) return;
   if (drawn_from_ && sameCamera(*drawn_from_, camera))
@@ -223,7 +224,7 @@ std::optional<glm::vec3> StreamedSplats::surfaceAt(const base::Camera& camera, c
   const glm::dvec3 origin = glm::dvec3(near_point) / near_point.w;
   const glm::dvec3 direction = glm::normalize(glm::dvec3(far_point) / far_point.w - origin);
 
-  // The disc of each splat across the ray, as a circle is drawn.
+  // Intersect the ray with the disc of each splat that faces it, as a circle is drawn.
   double nearest = std::numeric_limits<double>::infinity();
   for (const lod::qsplat::Splat& splat : found_.splats) {
     const glm::dvec3 to_center = glm::dvec3(splat.center) - origin;
@@ -239,7 +240,7 @@ std::optional<glm::vec3> StreamedSplats::surfaceAt(const base::Camera& camera, c
 
 void StreamedSplats::setQuality(const SplatQuality& quality) {
   static_cast<SplatQuality&>(options_) = quality;
-  cutoff_factor_ = 1.0F;  // in units of the cut-off that was
+  cutoff_factor_ = 1.0F;  // relative to the previous cut-off, hence void
   rate_.setGoal(goalOf(options_));
 }
 

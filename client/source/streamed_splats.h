@@ -1,5 +1,5 @@
 #pragma once
-// A qsplat.lgq streamed from any host that answers byte ranges, and drawn (Rusinkiewicz and Levoy 2001).
+// Streams a qsplat.lgq from any host that answers byte ranges, and draws it (Rusinkiewicz and Levoy 2001).
 #include <memory>
 #include <string>
 
@@ -9,16 +9,16 @@
 
 namespace client {
 
-/// Where it is.
+/// The address of a file of splats.
 struct SplatFilePlace {
-  std::string place;  ///< the scene's URL without a slash at its end, for messages
-  std::string name;   ///< of the object, "qsplat.lgq" or "qsplat-….lgq"
+  std::string place;  ///< the scene's URL without a slash at its end, for error messages
+  std::string name;   ///< name of the object, "qsplat.lgq" or "qsplat-….lgq"
   std::uint64_t bytes = 0;
 };
 
 class StreamedSplats final : public SplatView {
  public:
-  /// `welcome`: what scene.json says; only what is in SplatView is asked of it.
+  /// `welcome` holds the values of scene.json; only the fields that SplatView needs are used.
   StreamedSplats(SplatFilePlace file, protocol::Welcome welcome, std::unique_ptr<RangeFetcher> fetcher,
                  const SplatOptions& options);
 
@@ -36,7 +36,7 @@ class StreamedSplats final : public SplatView {
   SplatStats stats() const override;
 
   const lod::qsplat::Stream& stream() const { return stream_; }
-  /// What is drawn now.
+  /// The splats that are drawn now.
   const lod::qsplat::Traversal& found() const { return found_; }
 
  private:
@@ -55,23 +55,23 @@ class StreamedSplats final : public SplatView {
   const std::unique_ptr<RangeFetcher> fetcher_;
   SplatOptions options_;
   lod::qsplat::Stream stream_;
-  bool host_away_ = false;  ///< the host, as the last answer has it
-  std::string refusal_;     ///< what no new try mends
+  bool host_away_ = false;  ///< the last request got no answer
+  std::string refusal_;     ///< a failure that no other try repairs; empty when there is none
 
   lod::qsplat::RateControl rate_;
   lod::qsplat::Traversal found_;
-  std::uint64_t found_generation_ = 0;  ///< of the stream, when found_ was chosen
+  std::uint64_t found_generation_ = 0;  ///< generation of the stream when found_ was chosen
   bool chosen_ = false;
-  base::Camera camera_;  ///< of found_, and the rest of what it depends on
+  base::Camera camera_;  ///< camera for which found_ was chosen; the next four members belong to that choice, too
   glm::vec4 section_ = base::kNoSection;
   std::optional<lod::qsplat::Lens> lens_;
   float cutoff_px_ = 0.0F;
-  float cutoff_factor_ = 1.0F;  ///< factor of the cut-off that memory asks for in this view
+  float cutoff_factor_ = 1.0F;  ///< factor by which memory limits coarsen the cut-off in this view, ≥ 1
 
   std::optional<base::Camera> drawn_from_;
-  double drawn_at_ = -1e300;   ///< when the last drawing ended
-  double draw_seconds_ = 0.0;  ///< that it took
-  float reduction_ = 1.0F;     ///< that it was drawn with
+  double drawn_at_ = -1e300;   ///< seconds; end of the last drawing
+  double draw_seconds_ = 0.0;  ///< seconds; duration of the last drawing
+  float reduction_ = 1.0F;     ///< of the last drawing, pixels a side for each sample
   std::unique_ptr<lod::draw::SplatRenderer> renderer_;
 };
 
