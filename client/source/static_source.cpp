@@ -26,7 +26,7 @@ using repository::FaceKey;
 enum Kind : std::uint32_t { kPatchFront, kIndexFront, kParameters, kPage, kBlock, kIndexBlock, kFace };
 
 constexpr std::uint64_t kPatchFrontBytes = 16 * 1024;
-constexpr std::size_t kWishesAhead = 64;  // looked through for neighbours of a request
+constexpr std::size_t kWishesAhead = 64;         // looked through for neighbours of a request
 constexpr std::size_t kRequestsAheadOfNeed = 2;  // of the 6 that may be under way, so that a new view finds room
 constexpr std::uint64_t kTypicalFaceBytes = 20'000;
 constexpr double kMinPause = 0.25, kMaxPause = 5.0;  // seconds

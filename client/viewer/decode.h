@@ -1,6 +1,6 @@
 #pragma once
-// Decoding off the render loop: each platform brings its own decoder (libjpeg-turbo on threads; createImageBitmap in a
-// browser).
+// Images are decoded off the render loop. Each platform brings its own decoder: libjpeg-turbo on threads, or
+// createImageBitmap in a browser.
 #include <cstdint>
 #include <functional>
 #include <optional>
@@ -12,18 +12,18 @@
 
 namespace client {
 
-/// Turns face values into RGBA images (alpha = coverage), asynchronously.
+/// Turns coded faces into RGBA images (alpha = coverage), asynchronously.
 class ImageDecoder {
  public:
   virtual ~ImageDecoder() = default;
   struct DecodedImage {
     std::uint64_t id = 0;
-    base::Image rgba;   ///< empty when the value was an empty flag or broken
+    base::Image rgba;   ///< empty when the face was an empty flag or broken
     std::string error;  ///< empty when all is well
   };
-  /// `value`: repository/face_value.h. Copies what it needs.
+  /// Starts to decode a coded face (repository/faces/face_value.h), whose bytes are copied.
   virtual void submit(std::uint64_t id, base::ByteView value) = 0;
-  /// Finished ones; never waits.
+  /// Returns the images finished since the last call; never waits.
   virtual std::vector<DecodedImage> takeDecoded() = 0;
   virtual std::size_t pending() const = 0;
 };

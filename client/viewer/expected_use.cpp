@@ -9,8 +9,8 @@
 namespace client {
 namespace {
 
-/// A patch is represented by its centre and six points half-way to its sphere: a patch that fills the screen has more
-/// than one.
+/// A patch is represented by its centre and by six points half-way to its sphere, so that a patch that fills the screen
+/// has more than one point.
 constexpr std::array<glm::vec3, 7> kPatchPoints{glm::vec3(0.0F, 0.0F, 0.0F),  glm::vec3(0.5F, 0.0F, 0.0F),
                                                 glm::vec3(-0.5F, 0.0F, 0.0F), glm::vec3(0.0F, 0.5F, 0.0F),
                                                 glm::vec3(0.0F, -0.5F, 0.0F), glm::vec3(0.0F, 0.0F, 0.5F),
@@ -20,7 +20,8 @@ bool inClipVolume(const glm::vec4& clip) {
   return clip.w > 0.0F && std::abs(clip.x) <= clip.w && std::abs(clip.y) <= clip.w;
 }
 
-/// The blend's weight of one image at one point (render/choose.h), the proxy taken as exact: nothing is drawn yet.
+/// Returns the blend's weight of one image at one point (client/render/choose.h). The proxy's error is taken as 0,
+/// since nothing has been drawn yet.
 float weightAt(const glm::vec3& point, const base::Camera& view, const base::Camera& sample) {
   const glm::vec3 to_view = view.towardsViewer(point);
   const glm::vec3 to_sample = sample.towardsViewer(point);
@@ -32,7 +33,7 @@ float weightAt(const glm::vec3& point, const base::Camera& view, const base::Cam
 
 std::vector<glm::vec3> anchorsInView(const lod::patch::Hierarchy& hierarchy, std::span<const std::uint32_t> cut,
                                      const base::Camera& view) {
-  // All points of the cut that are in view …
+  // Collect all points of the cut that are in view.
   const glm::mat4 clip_from_scene = view.clipFromScene();
   std::vector<glm::vec3> in_view;
   for (std::uint32_t patch : cut) {
@@ -43,7 +44,7 @@ std::vector<glm::vec3> anchorsInView(const lod::patch::Hierarchy& hierarchy, std
     }
   }
 
-  // … and an even choice of them.
+  // Keep an even choice of them.
   if (in_view.size() <= kMaxAnchors) return in_view;
   std::vector<glm::vec3> anchors(kMaxAnchors);
   for (std::size_t i = 0; i < kMaxAnchors; ++i) anchors[i] = in_view[i * in_view.size() / kMaxAnchors];

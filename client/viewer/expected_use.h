@@ -1,11 +1,10 @@
 #pragma once
-// Which sampling images a view will make most use of, before anything is drawn: the share of the blend that each is
-// expected to get.
+// Estimates before drawing which images a view will use most: the share of the blend that each is expected to get.
 //
 // The blend weighs an image at a surface point by the angle between the view ray and the sampling ray and by its
-// resolution there (DESIGN section 7; Okamoto 2011, section 3). Here the same weight (render/choose.h) is summed over a
-// few *anchors*: points near the surface in view, taken from the patches of the current cut. What lies hidden behind
-// the surface is not known here, so this ranks and does not decide.
+// resolution there (Okamoto 2011, section 3). Here the same weight (client/render/choose.h) is summed over a few
+// *anchors*: points near the surface in view, taken from the patches of the current cut. Occlusion is not known here,
+// so the estimate ranks images but decides nothing.
 #include <glm/glm.hpp>
 #include <span>
 #include <vector>
@@ -17,12 +16,13 @@ namespace client {
 
 inline constexpr std::size_t kMaxAnchors = 64;
 
-/// At most kMaxAnchors points on or near the drawn surface and inside the view; none when nothing drawn is in view.
+/// Returns at most kMaxAnchors points on or near the drawn surface and inside the view; none when nothing drawn is in
+/// view.
 std::vector<glm::vec3> anchorsInView(const lod::patch::Hierarchy& hierarchy, std::span<const std::uint32_t> cut,
                                      const base::Camera& view);
 
-/// For each sample its expected share of the blend, 0..1; they sum to 1 (or to the share of anchors that any sample
-/// sees).
+/// Returns the expected share of the blend of each sample, 0 … 1. The shares sum to 1, or to the share of anchors that
+/// any sample sees.
 std::vector<float> expectedUse(std::span<const glm::vec3> anchors, const base::Camera& view,
                                std::span<const base::Camera* const> samples);
 

@@ -12,7 +12,7 @@ namespace {
 constexpr const char* kVertexSource = R"(
 layout(location = 0) in vec3 a_position;
 uniform mat4 u_clip_from_scene;
-uniform vec4 u_depth_from_scene;       // distance from the eye's plane along the view axis
+uniform vec4 u_depth_from_scene;       // gives the distance from the eye along the view axis
 out highp float v_eye_depth;
 out highp vec3 v_position;
 void main() {
@@ -22,7 +22,7 @@ void main() {
 }
 )";
 
-/// RGBA of unsigned integers: the one integer format that GLES 3.0 and WebGL2 always read back.
+/// Unsigned RGBA is the only integer format that GLES 3.0 and WebGL2 can always read back.
 constexpr const char* kFragmentSource = R"(
 in highp float v_eye_depth;
 in highp vec3 v_position;
@@ -34,7 +34,7 @@ void main() {
 }
 )";
 
-/// Magnifies a pixel-sized square around (x, y) to the whole of clip space.
+/// Magnifies the pixel-sized square around (x, y) to the whole of clip space.
 glm::mat4 clipOfPixel(const base::Camera& camera, double x, double y) {
   const float width = static_cast<float>(camera.width);
   const float height = static_cast<float>(camera.height);
@@ -43,7 +43,7 @@ glm::mat4 clipOfPixel(const base::Camera& camera, double x, double y) {
   return glm::translate(scale, glm::vec3(-center, 0.0F)) * camera.clipFromScene();
 }
 
-/// The point on the ray of a pixel at a given depth along the view axis.
+/// Returns the point on a pixel's ray at a given depth along the view axis.
 glm::vec3 pointAtDepth(const base::Camera& camera, double x, double y, float eye_depth) {
   const glm::vec2 ndc(2.0F * static_cast<float>(x) / static_cast<float>(camera.width) - 1.0F,
                       1.0F - 2.0F * static_cast<float>(y) / static_cast<float>(camera.height));
@@ -105,7 +105,7 @@ std::optional<glm::vec3> Picker::surfaceAt(const base::Camera& camera, double x,
   glUniform4f(program_.uniform("u_section"), section.x, section.y, section.z, section.w);
   meshes.draw(cut);
 
-  // Read what it saw.
+  // Read back the pixel.
   std::array<GLuint, 4> pixel{0, 0, 0, 0};
   glReadPixels(0, 0, 1, 1, GL_RGBA_INTEGER, GL_UNSIGNED_INT, pixel.data());
   glBindFramebuffer(GL_FRAMEBUFFER, static_cast<GLuint>(bound));

@@ -1,6 +1,6 @@
 #pragma once
-// The surface under the cursor: the drawn patches once more, through one pixel, with their depth as colour. WebGL2
-// can't read a depth buffer, hence the colour.
+// Finds the surface under the cursor by drawing the patches once more, through one pixel, with their depth as colour.
+// The colour is needed because WebGL2 cannot read a depth buffer.
 #include <glm/glm.hpp>
 #include <optional>
 #include <span>
@@ -15,10 +15,9 @@ namespace client {
 class Picker {
  public:
   static base::Result<Picker> create();
-  /// The scene-local point shown at (x, y), in pixels from the upper left corner (the first pixel is centred at 0.5,
-  /// 0.5); nullopt where there is background. Waits for the GPU: for clicks and wheel steps, not for every frame.
-  /// Restores the framebuffer binding.
-  /// What `section` cuts away (base::sectionInScene) is not there.
+  /// Returns the scene-local point shown at (x, y), in pixels from the upper left corner (the first pixel is centred at
+  /// 0.5, 0.5), or nullopt over background. Waits for the GPU, so it suits clicks and wheel steps but not every frame.
+  /// Restores the framebuffer binding. Surface that `section` (base::sectionInScene) cuts away is not hit.
   std::optional<glm::vec3> surfaceAt(const base::Camera& camera, double x, double y,
                                      const lod::draw::PatchMeshes& meshes, std::span<const std::uint32_t> cut,
                                      const glm::vec4& section = base::kNoSection) const;

@@ -6,9 +6,9 @@
 namespace client {
 namespace {
 
-constexpr std::size_t kPinsPerFrame = 128;  ///< a query costs some microseconds of calls in a browser
-/// A pin lies on the true surface, the picture shows a proxy: it is lifted towards the viewer by this much of the
-/// proxy's error, which is a bound, and by some pixels for the depth buffer's rounding at slants.
+constexpr std::size_t kMaxQueriesPerFrame = 128;  ///< a query costs a browser some microseconds of calls
+/// A pin lies on the true surface, but the picture shows a proxy. The pin is lifted towards the viewer by 1.5 times the
+/// proxy's error bound, and by 2 pixels for the rounding of depth on slanted surfaces.
 constexpr float kLiftErrors = 1.5F;
 constexpr float kLiftPixels = 2.0F;
 
@@ -40,7 +40,8 @@ base::Result<PinProbe> PinProbe::create() {
 void PinProbe::setPoints(std::vector<glm::vec3> points) {
   points_ = std::move(points);
   visible_.assign(points_.size(), false);
-  for (InFlight& asked : in_flight_) asked.point = points_.size();  // nobody's
+  for (InFlight& asked : in_flight_)
+    asked.point = points_.size();  // an index behind the last one marks an answer that belongs to no point
   invalidate();
 }
 
@@ -73,7 +74,7 @@ void PinProbe::draw(const base::Camera& camera, const glm::vec4& section, float 
   glDepthFunc(GL_LEQUAL);
   glDepthMask(GL_FALSE);
   glColorMask(GL_FALSE, GL_FALSE, GL_FALSE, GL_FALSE);
-  for (std::size_t i = 0; i < std::min(kPinsPerFrame, points_.size()) && wanted_ > 0; ++i) {
+  for (std::size_t i = 0; i < std::min(kMaxQueriesPerFrame, points_.size()) && wanted_ > 0; ++i) {
     const glm::vec3& point = points_[next_];
     const glm::vec3 to_viewer = camera.towardsViewer(point);
     const float lift = (kLiftErrors * error_px + kLiftPixels) / camera.pixelsPerUnit(point);
@@ -93,7 +94,7 @@ void PinProbe::draw(const base::Camera& camera, const glm::vec4& section, float 
 }
 
 void PinProbe::poll() {
-  // In order: what was asked later is not answered earlier.
+  // Queries are answered in the order in which they were issued, so the first pending one ends the search.
   std::size_t answered = 0;
   for (; answered < in_flight_.size(); ++answered) {
     InFlight& asked = in_flight_[answered];

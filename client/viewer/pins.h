@@ -1,6 +1,7 @@
 #pragma once
-// Which world points are seen and which are behind the drawn surface: one occlusion query for each, against the depth
-// of the frame that was just drawn. No extra pass over the geometry, nothing read back, nothing waited for.
+// Finds out which world points are visible and which lie behind the drawn surface: one occlusion query for each,
+// against the depth of the frame that was just drawn. This needs no extra pass over the geometry, reads nothing back
+// and never waits.
 #include <glm/glm.hpp>
 #include <vector>
 
@@ -14,17 +15,17 @@ class PinProbe {
  public:
   static base::Result<PinProbe> create();
 
-  /// Points are scene-local. Known answers are forgotten.
+  /// Replaces the points (scene-local) and forgets all answers.
   void setPoints(std::vector<glm::vec3> points);
-  /// The picture has changed: all answers are to be found again.
+  /// Asks for all points again, since the picture has changed.
   void invalidate();
-  /// Tests some of the points whose answers are wanted (kPinsPerFrame) against the framebuffer bound now, which must
-  /// hold the depth of `camera`'s picture. `error_px`: how far the drawn surface may be from the true one. Leaves depth
-  /// test and masks as for drawing.
+  /// Tests at most kMaxQueriesPerFrame of the points without an answer against the bound framebuffer, which must hold
+  /// the depth of `camera`'s picture. `error_px`: how far the drawn surface may be from the true one, pixels. Leaves
+  /// depth test and masks as drawing needs them.
   void draw(const base::Camera& camera, const glm::vec4& section, float error_px);
-  /// Takes what answers are there, without waiting.
+  /// Reads the answers that are available, without waiting.
   void poll();
-  /// Beside the points; the last answer of each, false before its first.
+  /// One entry for each point: its last answer, false before the first.
   const std::vector<bool>& visible() const { return visible_; }
   bool pending() const { return wanted_ > 0 || !in_flight_.empty(); }
 
@@ -41,8 +42,8 @@ class PinProbe {
   std::vector<InFlight> in_flight_;
   std::vector<glm::vec3> points_;
   std::vector<bool> visible_;
-  std::size_t next_ = 0;    ///< the point whose turn it is
-  std::size_t wanted_ = 0;  ///< so many from there on
+  std::size_t next_ = 0;    ///< the next point to test
+  std::size_t wanted_ = 0;  ///< number of points from there on that wait for a test
 };
 
 }  // namespace client

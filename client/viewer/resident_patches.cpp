@@ -20,7 +20,7 @@ std::uint64_t gpuBytes(const lod::patch::Hierarchy& hierarchy, std::uint32_t gro
   return bytes;
 }
 
-/// The patch's geometry out of its group's block, or what is wrong with it.
+/// Decodes the patch's geometry from its group's block.
 base::Result<lod::patch::PatchGeometry> decode(const lod::patch::Patch& patch, base::ByteView block) {
   const auto broken = [](const std::string& what) { return base::Error{base::ErrorCode::kInvalidInput, what}; };
   if (patch.block_offset > block.size() || patch.block_bytes > block.size() - patch.block_offset)
@@ -61,22 +61,22 @@ void ResidentPatches::update(const View& view, Session& session, lod::draw::Patc
   request.max_cost = view.max_bytes;
   request.cost = [](const lod::patch::Patch& patch) { return gpuBytes(patch) + patch.block_bytes; };
 
-  // What is wanted, and what of it is here.
+  // Select the wanted cut, and upload its groups.
   const auto have = [&](std::uint32_t group) { return session.hasGroup(group) && broken_.count(group) == 0; };
   wanted_ = lod::patch::selectCut(hierarchy, request, have);
   for (const std::uint32_t group : wanted_.expanded)
     if (const auto found = ready_.find(group); found != ready_.end()) found->second = updates_;
   uploadWanted(view, session, meshes, spend, fault);
 
-  // What is drawn: most often that very cut.
+  // Select the drawn cut, which most often is the wanted one.
   const auto ready = [this](std::uint32_t group) { return isReady(group); };
   if (std::all_of(wanted_.expanded.begin(), wanted_.expanded.end(), ready))
     drawn_ = wanted_;
   else
     drawn_ = lod::patch::selectCut(hierarchy, request, ready);
 
-  // What hides a surface from a sampling point may lie outside the view: the same expanded groups again, nothing left
-  // out.
+  // A surface outside the view may hide another one from a sampling point, so the occluders are the same expanded
+  // groups without culling.
   occluders_.clear();
   if (!view.occluders || drawn_.expanded.empty()) return;
   const std::unordered_set<std::uint32_t> expanded(drawn_.expanded.begin(), drawn_.expanded.end());
@@ -99,7 +99,7 @@ void ResidentPatches::uploadWanted(const View& view, Session& session, lod::draw
       unfinished_ = true;
       return;
     }
-    // The wanted ones fit by themselves, the root's alone excepted.
+    // The wanted groups fit by themselves, unless even the root alone exceeds the budget.
     if (!makeRoom(bytes, view.max_bytes, hierarchy, meshes) && group != 0) return;
     if (upload(group, session, meshes, fault))
       ready_[group] = updates_;
@@ -108,7 +108,7 @@ void ResidentPatches::uploadWanted(const View& view, Session& session, lod::draw
   }
 }
 
-/// Drops groups that this view does not want, the longest unwanted first, of equals the finest.
+/// Drops groups that this view does not want: the longest unwanted first, among equals the finest.
 bool ResidentPatches::makeRoom(std::uint64_t bytes, std::uint64_t limit, const lod::patch::Hierarchy& hierarchy,
                                lod::draw::PatchMeshes& meshes) {
   const auto fits = [&] { return meshes.gpuBytes() + bytes <= limit; };
@@ -124,7 +124,7 @@ bool ResidentPatches::makeRoom(std::uint64_t bytes, std::uint64_t limit, const l
   return fits();
 }
 
-/// Decodes and uploads all that the group consumes; false, and nothing of it kept, when a patch is broken.
+/// Decodes and uploads all patches that the group consumes. Returns false and keeps none of them when one is broken.
 bool ResidentPatches::upload(std::uint32_t group, Session& session, lod::draw::PatchMeshes& meshes,
                              const Fault& fault) {
   const lod::patch::Hierarchy& hierarchy = session.hierarchy();

@@ -1,11 +1,11 @@
 #pragma once
-// The groups of patches on the GPU: which are wanted for a view within a budget of bytes, which go, and the cut that
-// those present allow.
+// Keeps the groups of patches that are on the GPU: which are wanted for a view within a budget of bytes, which are
+// dropped, and which cut the uploaded ones allow.
 //
-// Two cuts. The *wanted* one is that of all groups whose bytes the session has, refined until the tolerance, the
-// triangles or the bytes are reached: it depends on nothing but the view and the cache, so at the limit of the budget
-// it is simply coarser, and the same view always gives the same. Its groups are uploaded, most urgent first, and stay;
-// of the others the least recently wanted make room. The *drawn* cut is the wanted one as far as it is uploaded.
+// There are two cuts. The *wanted* cut is refined over all groups whose blocks the session has, until the tolerance,
+// the triangles or the bytes are reached. It depends only on the view and the cache, so at the limit of the budget it
+// is simply coarser, and the same view always gives the same cut. Its groups are uploaded, most urgent first, and stay;
+// the least recently wanted of the others make room. The *drawn* cut is the wanted one as far as it is uploaded.
 #include <cstdint>
 #include <functional>
 #include <string>
@@ -26,29 +26,29 @@ class ResidentPatches {
     float near_plane = 1e-3F;
     float tolerance_px = 1.0F;
     std::uint64_t max_triangles = 0;
-    /// For the patches on the GPU together with the blocks, as they came, of the groups in use.
+    /// Limit for the patches on the GPU together with the blocks of the groups in use.
     std::uint64_t max_bytes = 0;
-    bool occluders = false;  ///< wanted: what hides surfaces from images
+    bool occluders = false;  ///< occluders() is wanted
   };
-  /// Takes bytes from the frame's share; false when there are none left.
+  /// Takes bytes from the frame's upload share; returns false when none are left.
   using Spend = std::function<bool(std::uint64_t bytes)>;
   using Fault = std::function<void(const std::string& what)>;
 
-  /// A block that came: what was wrong with an earlier one is forgotten.
+  /// Notes that a block arrived, possibly again; an earlier one may have been broken.
   void arrived(std::uint32_t group) { broken_.erase(group); }
   void drop(std::uint32_t group, const lod::patch::Hierarchy& hierarchy, lod::draw::PatchMeshes& meshes);
-  /// Forgets what was uploaded, for a new context; the meshes are gone by themselves.
+  /// Forgets all uploads when the GL context is lost; the meshes are gone with it.
   void forget();
 
-  /// Uploads what the view wants and selects both cuts.
+  /// Uploads groups that the view wants, and selects both cuts.
   void update(const View& view, Session& session, lod::draw::PatchMeshes& meshes, const Spend& spend,
               const Fault& fault);
 
   const lod::patch::Cut& drawn() const { return drawn_; }
   const lod::patch::Cut& wanted() const { return wanted_; }
-  /// The drawn cut with what is outside the view; empty unless wanted.
+  /// The drawn cut extended by the patches outside the view; empty unless wanted.
   const std::vector<std::uint32_t>& occluders() const { return occluders_; }
-  /// Wanted groups wait for the next frame's share.
+  /// Whether wanted groups wait for the next frame's share.
   bool unfinished() const { return unfinished_; }
 
  private:
@@ -60,7 +60,7 @@ class ResidentPatches {
   bool upload(std::uint32_t group, Session& session, lod::draw::PatchMeshes& meshes, const Fault& fault);
 
   std::unordered_map<std::uint32_t, std::uint64_t> ready_;  ///< uploaded groups and the update that last wanted them
-  std::unordered_set<std::uint32_t> broken_;                ///< not tried again until they come again
+  std::unordered_set<std::uint32_t> broken_;                ///< not decoded again until their block arrives again
   std::uint64_t updates_ = 0;
   lod::patch::Cut wanted_, drawn_;
   std::vector<std::uint32_t> occluders_;

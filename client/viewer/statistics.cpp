@@ -40,7 +40,7 @@ std::string_view accuracyName(Accuracy accuracy) {
 
 namespace {
 
-/// Of a viewer that shows splats.
+/// The lines of a viewer that shows splats.
 std::vector<StatisticsLine> splatLines(const Statistics& s) {
   std::vector<StatisticsLine> lines{
       {"picture", pictureText(s)},

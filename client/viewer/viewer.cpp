@@ -16,18 +16,18 @@
 namespace client {
 namespace {
 
-/// Frames of the server get ids of their own beside the codes of faces (63 bits).
+/// Exact frames of the server get ids of their own beside the codes of faces (63 bits).
 constexpr SampleId kFrameTag = SampleId{1} << 63U;
-/// Upload speed assumed when milliseconds become bytes: a slow laptop's; real ones are faster.
+/// Assumed upload speed: that of a slow laptop; others are faster.
 constexpr double kUploadBytesPerMillisecond = 2e6;
-/// Images handed to the decoder at a time: enough to keep its threads busy, few enough that a new view is not behind a
-/// queue.
+/// Images handed to the decoder at a time: enough to keep its threads busy, few enough that a new view does not wait
+/// behind a queue.
 constexpr std::size_t kMaxDecoding = 16;
-/// A resident image gives way only to one expected to be used this much more: no flicker between near equals.
+/// A resident image gives way only to one of this much larger rank, so that near equals do not flicker.
 constexpr float kReplaceFactor = 1.2F;
-/// Expected use below which an image does not matter for the present view (a thousandth of the picture).
+/// Expected use below which an image does not matter for the present view: a thousandth of the picture.
 constexpr float kNeededUse = 1e-3F;
-/// Layer size of a renderer that will never get a face.
+/// Layer size, pixels, of a renderer that will never get a face.
 constexpr int kNoFaceSize = 16;
 
 enum class SampleState {
@@ -35,16 +35,16 @@ enum class SampleState {
   kDecoding,
   kDecoded,
   kResident,
-  kEmpty,  ///< shows nothing, or is broken
+  kEmpty,  ///< is an empty flag, or broken
   kUnfit,  ///< larger than its share of the budget
 };
 
-/// Bytes of an image of this camera's size, decoded.
+/// Returns the bytes of a decoded image of this camera's size.
 std::uint64_t decodedBytes(const base::Camera& camera) {
   return std::uint64_t{4} * static_cast<std::uint64_t>(camera.width) * static_cast<std::uint64_t>(camera.height);
 }
 
-/// Directions travel as unit vectors, made unit again where they arrive.
+/// Compares with a tolerance where rounding is possible: directions are normalized again where they arrive.
 bool sameView(const base::ViewCamera& a, const base::ViewCamera& b) {
   const auto near = [](const glm::dvec3& u, const glm::dvec3& v) { return glm::length(u - v) <= 1e-9; };
   return a.position == b.position && near(a.direction, b.direction) &&
@@ -82,16 +82,16 @@ struct Viewer::Impl {
   Session session;
   std::unique_ptr<ImageDecoder> decoder;
   std::unique_ptr<LumigraphRenderer> renderer;
-  bool lost = false;  // the context
+  bool context_lost = false;
   std::optional<Picker> picker;
   lod::draw::Shading shading;
   base::Sphere scene;
   std::optional<base::SectionPlane> section;
 
   std::unordered_map<SampleId, Sample> samples;
-  std::unordered_map<SampleId, std::uint64_t> decoding;  // bytes, of dropped ones too
+  std::unordered_map<SampleId, std::uint64_t> decoding;  // id -> bytes, dropped images included
   std::vector<SampleId> ranked;                          // best first
-  std::vector<SampleId> candidates;                      // of these the resident ones
+  std::vector<SampleId> candidates;                      // the resident ones among them
   bool gpu_full = false;
   ResidentPatches patches;
   base::ViewCamera view;
@@ -101,13 +101,13 @@ struct Viewer::Impl {
   std::uint32_t broken = 0;
   std::string last_fault;
 
-  std::shared_ptr<SplatView> splats;  // of kQsplat; null until its link has them
+  std::shared_ptr<SplatView> splats;  // for kQsplat; null until its link has them
   std::optional<lod::qsplat::Lens> lens;
 
   std::vector<glm::dvec3> pins;  // world
   std::optional<PinProbe> probe;
   std::vector<bool> pins_visible;
-  std::uint64_t drawn_signature = 0;  // of the picture that the pins were asked about
+  std::uint64_t drawn_signature = 0;  // of the picture against which the pins were tested
 
   base::Result<void> startScene();
   base::Result<void> startRenderer();
@@ -148,7 +148,7 @@ struct Viewer::Impl {
   double last_draw = 0.0;
 };
 
-// ---- what arrived and what went ----
+// ---- arrivals and evictions ----
 
 base::Result<void> Viewer::Impl::startScene() {
   const protocol::Welcome& welcome = *session.welcome();
@@ -157,7 +157,7 @@ base::Result<void> Viewer::Impl::startScene() {
   patches = {};
   scene = sceneSphere(welcome);
   shading = {welcome.unlit, welcome.light_direction};
-  if (lost) return {};
+  if (context_lost) return {};
   if (!showsSplats()) LUMIGRID_TRY(startRenderer());
   return startPins();
 }
@@ -177,7 +177,7 @@ base::Result<void> Viewer::Impl::takeEvents() {
   if (events.welcomed) LUMIGRID_TRY(startScene());
   if (session.welcome() == nullptr) return {};
 
-  // Gone first: what was evicted and came again is among the added, too.
+  // Handle evictions first: an item that was evicted and arrived again is among the added ones, too.
   for (const repository::FaceKey& key : events.faces_evicted)
     if (session.face(key) == nullptr) dropSample(key.code());
   for (std::uint32_t group : events.groups_evicted)
@@ -218,7 +218,8 @@ void Viewer::Impl::dropSample(SampleId id) {
   samples.erase(it);
 }
 
-/// The session keeps the few newest frames and says nothing when one goes. What was too large may fit now.
+/// Drops the images of frames that the session no longer keeps, since it does not report that. Their memory may make
+/// room for images that did not fit before.
 void Viewer::Impl::dropOldFrames() {
   std::vector<SampleId> old;
   for (const auto& [id, sample] : samples)
@@ -251,7 +252,7 @@ void Viewer::Impl::fault(const std::string& what) {
   last_fault = what;
 }
 
-/// Takes from the frame's share; the first piece always goes, so that a small share never stops the flow.
+/// Takes bytes from the frame's upload share. The first item always passes, so that a small share never stops the flow.
 bool Viewer::Impl::spend(double bytes) {
   if (upload_bytes_left <= 0.0) return false;
   upload_bytes_left -= bytes;
@@ -260,7 +261,7 @@ bool Viewer::Impl::spend(double bytes) {
 
 // ---- patches ----
 
-/// What is known of the hierarchy counts to the patches' share, but leaves them a quarter of it.
+/// The hierarchy's records count towards the patches' share, but leave them at least a quarter of it.
 void Viewer::Impl::updatePatches() {
   const std::uint64_t records = std::min(recordBytes(session.hierarchy()), plan.patches / 4 * 3);
   ResidentPatches::View wanted;
@@ -278,7 +279,7 @@ void Viewer::Impl::updatePatches() {
 // ---- images ----
 
 void Viewer::Impl::rankSamples() {
-  // Expected use by the surface in view.
+  // Estimate how much the view uses each image.
   std::vector<SampleId> ids;
   std::vector<const base::Camera*> cameras;
   for (const auto& [id, sample] : samples) {
@@ -289,7 +290,7 @@ void Viewer::Impl::rankSamples() {
   const std::vector<glm::vec3> anchors = anchorsInView(session.hierarchy(), patches.drawn().patches, camera);
   const std::vector<float> use = expectedUse(anchors, camera, cameras);
 
-  // Those of no use now are decoded too, nearest first, for when the viewer turns.
+  // Images of no use now are decoded too, the nearest first, for when the viewer turns.
   for (std::size_t i = 0; i < ids.size(); ++i) {
     Sample& sample = samples[ids[i]];
     const float nearness = scene.radius / (scene.radius + glm::length(sample.camera.eye - camera.eye) + 1e-12F);
@@ -304,8 +305,8 @@ void Viewer::Impl::rankSamples() {
   ranked = std::move(ids);
 }
 
-/// The least useful image on the GPU; with `of_size_like` only among those whose place an image of that camera can
-/// take.
+/// Returns the least useful image on the GPU; with `of_size_like` only among those whose place an image of that
+/// camera's size can take.
 const Sample* Viewer::Impl::worstResident(SampleId* id, const base::Camera* of_size_like) const {
   for (auto it = ranked.rbegin(); it != ranked.rend(); ++it) {
     const Sample& sample = samples.at(*it);
@@ -319,7 +320,7 @@ const Sample* Viewer::Impl::worstResident(SampleId* id, const base::Camera* of_s
   return nullptr;
 }
 
-/// Takes the least useful image of this size off the GPU when it is worth less than this one.
+/// Removes the least useful image of this size from the GPU when it is worth less than `sample`.
 bool Viewer::Impl::makeRoomFor(const Sample& sample) {
   SampleId worst_id = 0;
   const Sample* worst = worstResident(&worst_id, &sample.camera);
@@ -336,7 +337,7 @@ void Viewer::Impl::uploadSamples(double now) {
     if (!spend(static_cast<double>(sample.rgba.pixels.size()))) return;
     bool added = renderer->addSample(id, sample.camera, sample.rgba, now);
     while (!added && makeRoomFor(sample)) added = renderer->addSample(id, sample.camera, sample.rgba, now);
-    // Not even one of its size has a place: it would be decoded again and again.
+    // The GPU has no place for its size at all; it would be decoded again and again.
     const bool unfit = !added && worstResident(nullptr, &sample.camera) == nullptr;
     gpu_full = gpu_full || (!added && !unfit);
     sample.state = added ? SampleState::kResident : unfit ? SampleState::kUnfit : SampleState::kCached;
@@ -353,7 +354,7 @@ const base::Bytes* Viewer::Impl::valueOf(SampleId id) {
   return key ? session.face(*key) : nullptr;
 }
 
-/// Bytes of what is being decoded or waits for its upload.
+/// Returns the bytes of images that are being decoded or wait for their upload.
 std::uint64_t Viewer::Impl::waitingBytes() const {
   std::uint64_t bytes = 0;
   for (const auto& [id, size] : decoding) bytes += size;
@@ -361,8 +362,8 @@ std::uint64_t Viewer::Impl::waitingBytes() const {
   return bytes;
 }
 
-/// Hands the best ones that are not on the GPU to the decoder, as many as may wait. With a full GPU only those that
-/// would get a place.
+/// Hands the best images that are not on the GPU to the decoder, as many as may wait. When the GPU is full, only those
+/// that would get a place.
 void Viewer::Impl::submitSamples() {
   std::uint64_t waiting = waitingBytes();
   for (SampleId id : ranked) {
@@ -388,7 +389,7 @@ void Viewer::Impl::submitSamples() {
   }
 }
 
-/// The present picture's faces and groups stay in the cache whatever arrives.
+/// Keeps the present picture's faces and groups in the cache, whatever arrives.
 void Viewer::Impl::markInUse() {
   std::vector<repository::FaceKey> faces;
   for (SampleId id : ranked) {
@@ -400,7 +401,7 @@ void Viewer::Impl::markInUse() {
   session.setInUse(faces, patches.drawn().expanded);
 }
 
-/// The server understands perspective views alone.
+/// Returns the perspective view that the server is asked for, since it knows no other.
 base::ViewCamera Viewer::Impl::viewForServer(const base::ViewCamera& wanted) const {
   if (session.welcome() == nullptr || !wanted.orthographic()) {
     base::ViewCamera perspective = wanted;
@@ -421,7 +422,7 @@ glm::vec4 Viewer::Impl::sectionHere() const {
 base::Result<void> Viewer::Impl::startPins() {
   probe.reset();
   drawn_signature = 0;
-  if (pins.empty() || session.welcome() == nullptr || lost) return {};
+  if (pins.empty() || session.welcome() == nullptr || context_lost) return {};
   LUMIGRID_ASSIGN_OR_RETURN(auto made, PinProbe::create());
   probe = std::move(made);
   std::vector<glm::vec3> local;
@@ -431,9 +432,10 @@ base::Result<void> Viewer::Impl::startPins() {
   return {};
 }
 
-/// A number of all that decides what hides what: pins are asked about again only when it changes.
+/// Hashes everything that decides what hides what; pins are tested again only when the hash changes (FNV-1a, Fowler,
+/// Noll and Vo 1991).
 std::uint64_t Viewer::Impl::pictureSignature() const {
-  std::uint64_t sum = 0xcbf29ce484222325U;  // FNV-1a, Fowler, Noll, Vo
+  std::uint64_t sum = 0xcbf29ce484222325U;
   const auto mix = [&sum](const void* data, std::size_t bytes) {
     const auto* byte = static_cast<const std::uint8_t*>(data);
     for (std::size_t i = 0; i < bytes; ++i) sum = (sum ^ byte[i]) * 0x100000001b3U;
@@ -485,7 +487,7 @@ SplatLook Viewer::Impl::splatLook() const {
   return look;
 }
 
-/// The server is told of no view: all comes by ranges of the file.
+/// Updates the splats; the server is told of no view, since they come by ranges of the file.
 base::Result<void> Viewer::Impl::updateSplats(const base::ViewCamera& wanted) {
   LUMIGRID_TRY(takeEvents());
   view = wanted;
@@ -529,7 +531,7 @@ MemoryUse Viewer::Impl::memory() const {
   return use;
 }
 
-/// The server's picture of the very view is among the images and has come in.
+/// Whether the server's picture of this very view is shown and has faded in.
 bool Viewer::Impl::showsExactFrame() const {
   if (section || !options.lumigraph.use_images || view.orthographic()) return false;
   for (const SampleId id : candidates) {
@@ -554,7 +556,7 @@ Accuracy Viewer::Impl::accuracy() const {
   return fine && textured ? Accuracy::kBlended : Accuracy::kCoarse;
 }
 
-// ---- the public face ----
+// ---- the public functions ----
 
 Viewer::Viewer(const ViewerOptions& options, std::unique_ptr<ImageDecoder> decoder) {
   ViewerOptions wanted = options;
@@ -615,7 +617,7 @@ void Viewer::setBackground(const std::array<float, 4>& color) {
 }
 
 void Viewer::drawBackground() const {
-  if (impl_->lost) return;
+  if (impl_->context_lost) return;
   const float* color = impl_->options.lumigraph.background;
   glClearColor(color[0], color[1], color[2], color[3]);
   glClear(GL_COLOR_BUFFER_BIT);
@@ -628,7 +630,7 @@ bool Viewer::allHere() const {
 
 base::Result<void> Viewer::draw(const base::ViewCamera& camera, double now) {
   if (impl_->showsSplats()) {
-    if (impl_->lost) return {};
+    if (impl_->context_lost) return {};
     if (impl_->hasSplats()) return impl_->drawSplats(camera);
     drawBackground();
     return impl_->takeEvents();
@@ -636,7 +638,7 @@ base::Result<void> Viewer::draw(const base::ViewCamera& camera, double now) {
   LUMIGRID_TRY(update(camera, now));
   Impl& s = *impl_;
   s.last_draw = now;
-  if (s.lost) return {};
+  if (s.context_lost) return {};
   if (!s.renderer) {
     drawBackground();
     return {};
@@ -675,7 +677,7 @@ std::optional<glm::dvec3> Viewer::surfaceAt(const base::ViewCamera& camera, doub
   return s.session.welcome()->origin + glm::dvec3(*point);
 }
 
-// ---- how it is shown ----
+// ---- modes of display ----
 
 void Viewer::setSection(const std::optional<base::SectionPlane>& plane) {
   impl_->section = plane;
@@ -716,7 +718,7 @@ void Viewer::setPins(std::vector<glm::dvec3> points) {
 
 const std::vector<bool>& Viewer::pinsVisible() {
   Impl& s = *impl_;
-  if (!s.probe || s.lost) return s.pins_visible;
+  if (!s.probe || s.context_lost) return s.pins_visible;
   s.probe->poll();
   std::copy(s.probe->visible().begin(), s.probe->visible().end(), s.pins_visible.begin());
   return s.pins_visible;
@@ -726,8 +728,8 @@ const std::vector<bool>& Viewer::pinsVisible() {
 
 void Viewer::contextLost() {
   Impl& s = *impl_;
-  if (s.lost) return;
-  s.lost = true;
+  if (s.context_lost) return;
+  s.context_lost = true;
   base::gl::contextLost();
   s.renderer.reset();
   s.picker.reset();
@@ -741,8 +743,8 @@ void Viewer::contextLost() {
 
 base::Result<void> Viewer::contextRestored() {
   Impl& s = *impl_;
-  if (!s.lost) return {};
-  s.lost = false;
+  if (!s.context_lost) return {};
+  s.context_lost = false;
   if (s.session.welcome() == nullptr) return {};
   if (!s.showsSplats()) LUMIGRID_TRY(s.startRenderer());
   return s.startPins();
@@ -758,7 +760,7 @@ ViewerStats Viewer::stats() const {
   stats.error_px = s.patches.drawn().error_px;
   const lod::patch::Cut& wanted = s.patches.wanted();
   stats.tolerance_px = s.options.session.patch_tolerance_px;
-  // The server is asked for no more than fits: when all of that is here, what is drawn is as fine as it gets.
+  // The server is asked for no more than fits, so when everything has arrived, the drawn picture is as fine as it gets.
   if (wanted.limited || (s.renderer && s.session.complete()))
     stats.tolerance_px = std::max(stats.tolerance_px, wanted.error_px);
   stats.accuracy = s.accuracy();
