@@ -11,7 +11,7 @@
 namespace client {
 namespace {
 
-/// What of the settings the viewer is made with.
+/// Returns the viewer's options, with the settings applied to them.
 ViewerOptions viewerOptions(const AppOptions& options) {
   ViewerOptions viewer = options.viewer;
   if (!options.apply_settings) return viewer;
@@ -35,7 +35,7 @@ bool isNotFinite(double value) {
 
 }  // namespace
 
-// ---- the public face: events ----
+// ---- construction and events ----
 
 App::Impl::Impl(const AppOptions& wanted, std::unique_ptr<ImageDecoder> decoder)
     : options(wanted), settings(wanted.settings), viewer(viewerOptions(wanted), std::move(decoder)) {
@@ -128,7 +128,7 @@ bool App::key(Key key, bool down, Modifiers modifiers, double now) {
     held = true;
     return true;
   }
-  if (held) return true;  // the keyboard repeats itself
+  if (held) return true;  // a repeated press
   const bool taken = s.pressKey(key, modifiers);
   held = taken;
   return taken;
@@ -148,7 +148,7 @@ void App::setHidden(bool hidden) {
   if (hidden) blur();
   if (!hidden && s.hidden) {
     s.dirty = true;
-    s.started = false;  // the time between is no motion
+    s.started = false;  // no motion happens in the time between
   }
   s.hidden = hidden;
 }
@@ -167,7 +167,7 @@ base::Result<void> App::contextRestored() {
   return impl_->viewer.contextRestored();
 }
 
-// ---- the public face: the loop ----
+// ---- the loop ----
 
 void App::advance(double now) {
   impl_->advanceTo(now);
@@ -188,7 +188,7 @@ base::Result<void> App::frame(double now) {
   const double begin = s.options.clock ? s.options.clock() : 0.0;
   s.drawn_messages = s.viewer.session().stats().messages_received;
   if (!s.ready()) {
-    // The first view is chosen when the scene is known; a server that heard of any other would send what it shows.
+    // The first view is chosen when the scene is known; a server that heard of any other would send images for it.
     s.viewer.drawBackground();
     s.dirty = false;
     return {};
@@ -198,7 +198,7 @@ base::Result<void> App::frame(double now) {
   if (s.options.clock) s.draw_seconds += 0.2 * (s.options.clock() - begin - s.draw_seconds);
   s.frame_rate.add(s.now, 1.0);
 
-  // Of the images that a moving view uses, how many came for it.
+  // Count how many of the images that a moving view uses had to be fetched.
   const ViewerStats stats = s.viewer.stats();
   const std::uint64_t images = stats.session.faces_received + stats.session.frames_received;
   s.images_came += static_cast<double>(images - s.seen_images);
@@ -212,7 +212,7 @@ base::Result<void> App::frame(double now) {
   return {};
 }
 
-// ---- the public face: requests ----
+// ---- requests ----
 
 std::vector<Request> App::takeRequests() {
   return std::exchange(impl_->requests, {});
@@ -233,7 +233,7 @@ void App::showToast(std::string text, bool error) {
   impl_->showToast(std::move(text), error);
 }
 
-// ---- the public face: state ----
+// ---- state ----
 
 const ViewState& App::view() const {
   return impl_->view;
@@ -308,7 +308,7 @@ base::Result<void> App::changeSetting(std::string_view name, double value) {
   }
   if (SplatView* splats = s.viewer.splats()) {
     SplatQuality quality = splats->quality();
-    takeChanges(before, s.settings, quality);
+    applyChanges(before, s.settings, quality);
     if (quality != splats->quality()) {
       splats->setQuality(quality);
       s.dirty = true;
@@ -339,7 +339,7 @@ const std::vector<Annotation>& App::annotations() const {
   return impl_->annotations;
 }
 
-// ---- the public face: the overlay ----
+// ---- the overlay ----
 
 std::uint64_t App::overlayVersion() const {
   return impl_->overlay_version;

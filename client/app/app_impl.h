@@ -1,6 +1,6 @@
 #pragma once
-// What client::App keeps, and its inner workings: the view and its motion (app_view.cpp), what people do with it
-// (app_tools.cpp), the words over the picture (app_overlay.cpp). Private to these and app.cpp, the public face.
+// The members and private functions of client::App: the view and its motion (app_view.cpp), gestures, keys and modes
+// (app_tools.cpp), the overlay (app_overlay.cpp), and the public functions (app.cpp). Only these four files include it.
 #include <array>
 #include <cstdint>
 #include <memory>
@@ -25,11 +25,11 @@ struct App::Impl {
   OrbitControl control;
   GestureReader gestures;
   Flight flight;
-  ViewState view;  // camera fields as of the last change
+  ViewState view;  // its camera fields are as of the last change
 
   // The scene.
-  std::optional<protocol::Welcome> framed;  // the one that the first view was chosen for
-  std::optional<ViewState> wanted_view;     // a link that came before the scene
+  std::optional<protocol::Welcome> framed;  // the Welcome for which the first view was chosen
+  std::optional<ViewState> wanted_view;     // a link that was opened before the scene was known
   glm::dvec3 box_min{0.0}, box_max{0.0};    // world
 
   // The surface drawn into.
@@ -40,11 +40,12 @@ struct App::Impl {
 
   // Keys and pointers.
   std::array<bool, 256> held{};
-  bool shift = false, turning = false;  // turning: ctrl was down when an arrow was pressed
-  int handle_pointer = -1;              // the pointer that drags the section's handle
+  bool shift = false;
+  bool turning = false;     // ctrl was down when an arrow was pressed
+  int handle_pointer = -1;  // the pointer that drags the section's handle; −1: none
   glm::dvec2 handle_at{0.0};
-  std::optional<glm::dvec2> lens;  // the magnifying glass's middle
-  int lens_pointer = -1;           // the pointer that drags it
+  std::optional<glm::dvec2> lens;  // centre of the magnifying glass, framebuffer pixels
+  int lens_pointer = -1;           // the pointer that drags it; −1: none
   struct WheelTarget {
     double at = -1e9, x = 0.0, y = 0.0;
     std::optional<glm::dvec3> surface;
@@ -52,7 +53,7 @@ struct App::Impl {
 
   // Time.
   double now = 0.0, last_motion = 0.0;
-  bool started = false;  // `now` has been told
+  bool started = false;  // `now` is valid
   double draw_seconds = 0.0;
   RateMeter frame_rate, byte_rate;
   RoundTripMeter round_trip;
@@ -60,12 +61,12 @@ struct App::Impl {
   double images_used = 0.0, images_came = 0.0;  // for the hit rate
   std::uint64_t seen_images = 0;
 
-  // What the last picture showed.
+  // The state of the last picture.
   bool dirty = true;
   bool moved_since_frame = true;
   std::uint64_t drawn_messages = 0;
 
-  // Words over it.
+  // The overlay.
   std::uint64_t overlay_version = 1;
   bool overlay_dirty = true;
   Status last_status;
@@ -85,14 +86,14 @@ struct App::Impl {
   std::uint32_t next_pick = 1;
   std::vector<Annotation> annotations;
   std::vector<bool> pins_visible;
-  bool pins_changed = false;  // since the viewer was told
+  bool pins_changed = false;  // the viewer has not been told yet
   std::optional<std::size_t> open_annotation;
 
   std::array<std::string, kBookmarks> bookmarks;
   std::string last_link;
   std::vector<Request> requests;
 
-  // Looking.
+  // Queries.
   bool ready() const { return framed.has_value(); }
   bool drawable() const { return width > 0 && height > 0 && !hidden; }
   bool reducedMotion() const {
@@ -104,7 +105,7 @@ struct App::Impl {
   std::optional<glm::dvec3> surfaceAt(double x, double y);
   double pickRadius(PointerKind kind) const;
 
-  // Changing.
+  // Changes.
   void overlayChanged();
   void cameraMoved();
   void showToast(std::string text, bool error);
@@ -145,7 +146,7 @@ struct App::Impl {
   void useBookmark(int slot, bool store);
   bool pressKey(Key key, Modifiers modifiers);
 
-  // Words.
+  // The overlay.
   void refreshOverlay();
   void addPins();
   void addMeasurements();

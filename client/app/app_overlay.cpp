@@ -8,12 +8,12 @@
 namespace client {
 namespace {
 
-/// What takes less than this is not worth a progress bar.
+/// No progress bar is shown for loading that takes less than this, seconds.
 constexpr double kProgressSeconds = 0.5;
 constexpr double kToastSeconds = 3.5;
 constexpr double kErrorSeconds = 8.0;
 constexpr std::size_t kMaxToasts = 3;
-/// Part of the progress bar that the shape takes; the images take the rest.
+/// Share of the progress bar that the shape takes; the images take the rest.
 constexpr double kShapeShare = 0.6;
 
 }  // namespace
@@ -43,7 +43,7 @@ void App::Impl::expireToasts() {
   }
 }
 
-// ---- words over the picture ----
+// ---- labels and lines ----
 
 Label App::Impl::labelAt(LabelKind kind, std::size_t index, const glm::dvec3& world) const {
   const ScreenPoint at = control.project(world);
@@ -70,7 +70,7 @@ void App::Impl::addPins() {
   }
 }
 
-/// Cut where it would pass the eye.
+/// Adds a line, clipped in front of the eye.
 void App::Impl::addLine(const glm::dvec3& a, const glm::dvec3& b, bool approximate) {
   const glm::dvec3& eye = control.camera().position;
   const glm::dvec3& axis = control.camera().direction;
@@ -110,7 +110,7 @@ void App::Impl::addMeasurements() {
   }
 }
 
-/// The glass's rim.
+/// Adds the rim of the magnifying glass as a polygon.
 void App::Impl::addLens() {
   if (!lens) return;
   constexpr int kSides = 64;
@@ -136,7 +136,7 @@ void App::Impl::refreshOverlay() {
   if (view.section.on) labels.push_back(labelAt(LabelKind::kSectionHandle, 0, sectionHandle()));
 }
 
-/// The viewer's answers come a frame or two late, and then stay; all pins are seen at one time.
+/// Takes over the viewer's answers about pins, which come a frame or two late.
 void App::Impl::readPinAnswers() {
   if (annotations.empty() || options.surface) return;
   const std::vector<bool>& visible = viewer.pinsVisible();
@@ -145,7 +145,7 @@ void App::Impl::readPinAnswers() {
   overlayChanged();
 }
 
-/// Without GL nothing is known to lie in front of a pin.
+/// Without GL no pin is known to be hidden.
 bool App::Impl::pinHidden(std::size_t index) const {
   if (options.surface) return false;
   return index >= pins_visible.size() || !pins_visible[index];
@@ -188,7 +188,7 @@ void App::Impl::updateProgress() {
     }
     first_error = std::max(first_error, stats.error_px);
 
-    // Shape on a logarithmic scale of its error, then images.
+    // The shape's share grows with the logarithm of its error; the images come after it.
     double share = 0.0;
     if (stats.lumigraph.triangles > 0) {
       const double goal = std::max(static_cast<double>(viewer.options().session.patch_tolerance_px), 0.1);

@@ -10,15 +10,15 @@
 namespace client {
 namespace {
 
-/// How near a press must be to a pin or handle, screen units: mice, and fingers and pens.
+/// Radius around a pin or handle within which a press hits it, in screen units: for mice, and for fingers and pens.
 constexpr double kMousePickRadius = 12.0;
 constexpr double kFingerPickRadius = 24.0;
-/// Wheel steps within this time at one place go to the same surface point, which is looked for only once.
+/// Wheel steps that follow within this time at one place go to the same surface point, which is looked up only once.
 constexpr double kWheelSeconds = 0.4;
-/// Pinching to this ratio is one wheel step.
+/// A pinch by this ratio equals one wheel step.
 constexpr double kRatioPerStep = 1.25;
 
-/// The magnifying glass, of the view's shorter side.
+/// Radius of the magnifying glass, as a share of the view's shorter side.
 constexpr double kLensShare = 0.18;
 
 }  // namespace
@@ -75,7 +75,7 @@ double App::Impl::pickRadius(PointerKind kind) const {
   return pixel_ratio * (kind == PointerKind::kMouse ? kMousePickRadius : kFingerPickRadius);
 }
 
-/// The nearest one that can be seen.
+/// Returns the nearest visible pin within reach.
 std::optional<std::size_t> App::Impl::pinAt(double x, double y, PointerKind kind) const {
   std::optional<std::size_t> found;
   double nearest = pickRadius(kind);
@@ -118,7 +118,7 @@ void App::Impl::setMode(Mode wanted) {
   overlayChanged();
 }
 
-/// From where the section cuts off nothing any more.
+/// Returns the ray through a pixel, beginning where the section no longer cuts it off.
 Ray App::Impl::pickRay(double x, double y) const {
   Ray ray = control.rayAt(x, y);
   if (!hiddenBySection(ray.origin)) return ray;
@@ -132,7 +132,7 @@ void App::Impl::measureAt(double x, double y) {
   const auto surface = surfaceAt(x, y);
   if (!surface) return showToast("There is no surface at this place", false);
 
-  // What is on the screen, until the answer is here.
+  // Use the point on the screen until the answer arrives.
   MeasuredPoint point;
   point.position = *surface;
   point.accuracy = control.pixelSizeAt(*surface) * (0.5 + static_cast<double>(viewer.stats().error_px));
@@ -157,12 +157,12 @@ void App::Impl::measureAt(double x, double y) {
 bool App::Impl::hiddenBySection(const glm::dvec3& world) const {
   const Section& s = view.section;
   if (!s.on) return false;
-  // A hair on the hidden side is the plane itself.
+  // A rounding error on the hidden side counts as on the plane.
   const double beyond = (world[s.axis] - s.offset) * (s.keep_below ? 1.0 : -1.0);
   return beyond > 1e-9 * control.sceneSize();
 }
 
-/// The scene's up axis first, then the other two.
+/// Returns the axes in the order in which X goes through them: the scene's up axis first, then the other two.
 int App::Impl::sectionAxis(int place) const {
   const glm::vec3 up = glm::abs(framed->up);
   const int first = up.x > up.y && up.x > up.z ? 0 : up.y > up.z ? 1 : 2;
@@ -182,7 +182,7 @@ void App::Impl::cycleSection() {
   turnOnSection(sectionAxis(place));
 }
 
-/// Through the middle of the model, with the near half cut off.
+/// Puts the plane through the middle of the model and cuts off the near half.
 void App::Impl::turnOnSection(int axis) {
   view.section = {true, axis, control.camera().direction[axis] < 0.0, 0.5 * (box_min[axis] + box_max[axis])};
   cameraMoved();
@@ -209,7 +209,8 @@ bool App::Impl::grabHandle(const PointerEvent& event) {
   return true;
 }
 
-/// The plane follows the pointer as far as the axis can be seen; seen along the axis, up and down move it.
+/// Moves the plane with the pointer along its axis as seen on the screen. When the axis points at the viewer, up and
+/// down move it.
 void App::Impl::dragHandle(const PointerEvent& event) {
   const glm::dvec2 drag = glm::dvec2(event.x, event.y) - handle_at;
   handle_at = {event.x, event.y};
@@ -220,7 +221,8 @@ void App::Impl::dragHandle(const PointerEvent& event) {
   further[view.section.axis] += pixel;
   const ScreenPoint a = control.project(place);
   const ScreenPoint b = control.project(further);
-  const glm::dvec2 along(b.x - a.x, b.y - a.y);  // pixels that the plane moves on the screen for one pixel's size
+  const glm::dvec2 along(
+      b.x - a.x, b.y - a.y);  // pixels by which the handle moves on the screen when the plane moves by one pixel's size
   const double length = glm::length(along);
   moveSection(length > 0.1 ? pixel * glm::dot(drag, along) / (length * length) : -pixel * drag.y);
   cameraMoved();
@@ -279,7 +281,7 @@ void App::Impl::stepAnnotation(int by) {
 
 // ---- keys ----
 
-/// Leaves the innermost thing that is open. False when there is none.
+/// Closes the innermost thing that is open; returns false when there is none.
 bool App::Impl::closeInnermost() {
   if (help) {
     help = false;
@@ -325,7 +327,7 @@ bool App::Impl::pressKey(Key key, Modifiers modifiers) {
     useBookmark(static_cast<int>(key) - static_cast<int>(Key::k0), modifiers.shift || modifiers.ctrl);
     return true;
   }
-  // Everything else with ctrl is the system's: copy, print, reload.
+  // All other keys with ctrl belong to the system: copy, print, reload.
   if (modifiers.ctrl || modifiers.alt) return false;
   if (key == Key::kEscape) return closeInnermost();
   if (key == Key::kH) {

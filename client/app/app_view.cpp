@@ -9,17 +9,18 @@
 namespace client {
 namespace {
 
-/// Longest step of motion that one turn of the loop makes, so that a pause is no leap.
+/// Longest step of motion that one turn of the loop makes, so that a pause causes no jump.
 constexpr double kMaxStep = 0.1;  // seconds
-/// Pivot distances per second, and how much faster with shift.
+/// Flying speed in pivot distances per second, and its factor with shift.
 constexpr double kFlySpeed = 0.6;
 constexpr double kShiftFactor = 4.0;
-/// Turning by keys, in view heights (half a turn each) per second; zooming by keys, in wheel steps per second.
+/// Speed of turning by keys, in view heights (half a turn each) per second, and of zooming by keys, in wheel steps per
+/// second.
 constexpr double kTurnSpeed = 0.4;
 constexpr double kZoomKeySpeed = 5.0;
-/// The section plane crosses the model in this many seconds while a key is held.
+/// Time in which the section plane crosses the model while a key is held.
 constexpr double kSectionSeconds = 6.0;
-/// The view rests when nothing moved for this long.
+/// The view counts as at rest when nothing has moved for this long.
 constexpr double kRestSeconds = 0.4;
 
 bool sameShape(const protocol::Welcome& a, const protocol::Welcome& b) {
@@ -30,14 +31,14 @@ bool sameShape(const protocol::Welcome& a, const protocol::Welcome& b) {
 
 // ---- the camera and the viewer ----
 
-/// The one place where the camera that is drawn is put together.
+/// Every drawn camera is made here.
 base::ViewCamera App::Impl::drawnCamera() const {
   base::ViewCamera camera = control.camera();
   camera.ortho_height = control.orthoHeight();
   return camera;
 }
 
-/// The one place where the viewer is told how to draw.
+/// The viewer is configured only here.
 void App::Impl::configureViewer() {
   viewer.setMethod(view.method);
   viewer.setResolutionColors(view.colors_by_resolution);
@@ -64,7 +65,7 @@ std::optional<glm::dvec3> App::Impl::surfaceAt(double x, double y) {
   return options.surface ? options.surface(drawnCamera(), x, y) : viewer.surfaceAt(drawnCamera(), x, y);
 }
 
-/// Something that is drawn over the picture has changed.
+/// Marks the overlay as changed.
 void App::Impl::overlayChanged() {
   overlay_dirty = true;
   ++overlay_version;
@@ -83,7 +84,7 @@ void App::Impl::cameraMoved() {
   overlayChanged();
 }
 
-/// The first view of a scene, and of another one that took its place after a reconnect.
+/// Chooses the first view of a scene, and of another scene that took its place after a reconnect.
 void App::Impl::frameNewScene() {
   const protocol::Welcome* welcome = viewer.session().welcome();
   if (welcome == nullptr || width <= 0 || (framed && sameShape(*framed, *welcome))) return;
@@ -111,7 +112,7 @@ void App::Impl::moveTo(const Viewpoint& place, bool glide) {
   cameraMoved();
 }
 
-/// `whole`: with what is no part of a viewpoint, the method and the overlay.
+/// Shows a link's view. `whole` includes what is no part of a viewpoint: the method and the statistics.
 void App::Impl::showView(const ViewState& wanted, bool whole, bool glide) {
   control.setFov(wanted.fov_y);
   control.setOrthographic(wanted.orthographic);
@@ -139,7 +140,7 @@ void App::Impl::fly(double seconds) {
   const double right = down(Key::kRight) - down(Key::kLeft);
   const double forward = down(Key::kUp) - down(Key::kDown);
 
-  // Arrows fly, or turn with ctrl.
+  // The arrows fly, or turn when ctrl is down.
   glm::dvec3 direction(down(Key::kD) - down(Key::kA), down(Key::kE) - down(Key::kQ), down(Key::kW) - down(Key::kS));
   if (turning) {
     const double pixels = kTurnSpeed * speed * settings.orbit_speed * height;
@@ -178,7 +179,7 @@ void App::Impl::updateMeters() {
   round_trip.update(now, stats.messages_received, stats.views_sent);
 }
 
-/// Time goes on.
+/// Advances the clock and everything that depends on it.
 void App::Impl::advanceTo(double time) {
   if (!std::isfinite(time)) return;
   const double step = started ? std::clamp(time - now, 0.0, kMaxStep) : 0.0;

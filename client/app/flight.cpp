@@ -19,7 +19,7 @@ void Flight::begin(const Viewpoint& from, const Viewpoint& to, double now) {
 Viewpoint Flight::at(const OrbitControl& control, double now) {
   const double t = std::clamp((now - begin_) / kFlightSeconds, 0.0, 1.0);
   if (t >= 1.0) active_ = false;
-  return control.between(from_, to_, t * t * (3.0 - 2.0 * t));  // slow at both ends
+  return control.between(from_, to_, t * t * (3.0 - 2.0 * t));  // smoothstep: slow at both ends
 }
 
 }  // namespace client

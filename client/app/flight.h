@@ -1,5 +1,5 @@
 #pragma once
-// A short eased way from one place to another.
+// A short eased motion from one viewpoint to another.
 #include <optional>
 
 #include "client/app/orbit_control.h"
@@ -10,7 +10,7 @@ class Flight {
  public:
   void begin(const Viewpoint& from, const Viewpoint& to, double now);
   bool active() const { return active_; }
-  /// Where the camera is now; the last answer is exactly `to`, and then the flight is over.
+  /// Returns the viewpoint at `now`. The last one is exactly `to`; then the flight is over.
   Viewpoint at(const OrbitControl& control, double now);
   void end() { active_ = false; }
 

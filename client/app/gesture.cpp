@@ -6,15 +6,15 @@
 namespace client {
 namespace {
 
-/// How far a press may tremble and still be a click, screen units: mice, and fingers and pens.
+/// Radius in which a press may tremble and still be a click, in screen units: for mice, and for fingers and pens.
 constexpr double kMouseSlop = 3.0;
 constexpr double kFingerSlop = 8.0;
-/// Longer presses are no clicks.
+/// A longer press is no click, seconds.
 constexpr double kClickSeconds = 0.5;
 constexpr double kDoubleSeconds = 0.35;
-/// How far two clicks may be apart, in slops.
+/// Largest distance between the two clicks of a double click, in slops.
 constexpr double kDoubleSlops = 3.0;
-/// Two fingers on one spot would magnify without end; pixels.
+/// Smallest distance between two fingers, pixels: without it, fingers on one spot would magnify without end.
 constexpr double kMinSpread = 8.0;
 
 bool pans(const PointerEvent& event) {
@@ -34,12 +34,12 @@ GestureReader::Pointer* GestureReader::find(int id) {
 }
 
 void GestureReader::down(const PointerEvent& event) {
-  if (find(event.id) != nullptr) return;  // a second button of the same mouse
+  if (find(event.id) != nullptr) return;  // a second button of the same mouse is ignored
   pointers_.push_back({event, event.x, event.y});
   if (pointers_.size() == 2) beginPair();
 }
 
-/// From here on neither of the two is a click or a drag of its own.
+/// Starts a gesture of two fingers; neither is a click or a drag of its own any more.
 void GestureReader::beginPair() {
   for (Pointer& pointer : pointers_) pointer.clickable = false;
   pair_grabbed_ = false;
@@ -55,7 +55,7 @@ std::vector<Gesture> GestureReader::move(const PointerEvent& event) {
   pointer->y = event.y;
   if (pointers_.size() >= 2) return movePair();
 
-  // The drag begins at the edge of the circle.
+  // A drag begins at the edge of the circle.
   std::vector<Gesture> gestures;
   const PointerEvent& first = pointer->first;
   const PointerKind kind = first.kind;
@@ -95,7 +95,7 @@ std::vector<Gesture> GestureReader::movePair() {
 
 void GestureReader::dropPointer(int id) {
   std::erase_if(pointers_, [id](const Pointer& pointer) { return pointer.first.id == id; });
-  // What stays of a pair begins anew from where it is; of three fingers, the two left.
+  // The finger that is left of two, or the two that are left of three, start from where they are.
   if (pointers_.size() >= 2) beginPair();
   if (pointers_.size() != 1) return;
   Pointer& left = pointers_.front();
@@ -117,7 +117,7 @@ std::vector<Gesture> GestureReader::up(const PointerEvent& event) {
 
   const bool again = event.now - last_click_ <= kDoubleSeconds &&
                      std::hypot(event.x - last_click_x_, event.y - last_click_y_) <= kDoubleSlops * slop(first.kind);
-  last_click_ = again ? -1e9 : event.now;  // a third one begins anew
+  last_click_ = again ? -1e9 : event.now;  // a third click starts over
   last_click_x_ = event.x;
   last_click_y_ = event.y;
   return {{.kind = again ? GestureKind::kDoubleClick : GestureKind::kClick,

@@ -1,5 +1,5 @@
 #pragma once
-// Pointers that go down, move and up become gestures: orbit, pan, pinch, click, double click. No camera here.
+// Recognizes gestures in pointer events: orbit, pan, pinch, click, double click. It knows no camera.
 #include <cstdint>
 #include <vector>
 
@@ -9,10 +9,10 @@ namespace client {
 
 enum class GestureKind : std::uint8_t {
   kOrbit,        ///< by (dx, dy) pixels
-  kGrab,         ///< takes hold at (x, y); kPan follows
-  kPan,          ///< what was grabbed goes to (x, y)
-  kPinch,        ///< magnify `factor` times around (x, y), above 1 nearer
-  kClick,        ///< down and up at one place
+  kGrab,         ///< takes hold of the point at (x, y); kPan follows
+  kPan,          ///< moves the grabbed point to (x, y)
+  kPinch,        ///< magnifies by `factor` around (x, y); above 1 comes nearer
+  kClick,        ///< down and up at the same place
   kDoubleClick,  ///< the second of two clicks, in place of kClick
 };
 
@@ -24,8 +24,9 @@ struct Gesture {
   PointerKind pointer = PointerKind::kMouse;
 };
 
-/// A drag begins where a pointer leaves the small circle in which it may tremble, so nothing jumps. One finger orbits;
-/// two pan and pinch at once; further ones are not looked at; what stays of two begins anew. A long press is nothing.
+/// A drag begins when a pointer leaves the small circle in which it may tremble, so nothing jumps. One finger orbits;
+/// two fingers pan and pinch at once; further fingers are ignored; the finger that is left of two starts a new gesture.
+/// A long press has no effect.
 class GestureReader {
  public:
   void setPixelRatio(double ratio) { ratio_ = ratio; }
@@ -38,7 +39,7 @@ class GestureReader {
 
  private:
   struct Pointer {
-    PointerEvent first;  // where a drag or click began
+    PointerEvent first;  // the event that began the drag or click
     double x, y;         // now
     bool dragging = false;
     bool clickable = true;

@@ -8,7 +8,7 @@ namespace {
 
 using Named = std::pair<std::string_view, Key>;
 
-/// By place: KeyboardEvent.code.
+/// Keys that go by place (KeyboardEvent.code).
 constexpr std::array<Named, 23> kPlaces{{{"KeyW", Key::kW},
                                          {"KeyA", Key::kA},
                                          {"KeyS", Key::kS},
@@ -33,7 +33,7 @@ constexpr std::array<Named, 23> kPlaces{{{"KeyW", Key::kW},
                                          {"NumpadSubtract", Key::kMinus},
                                          {"F1", Key::kH}}};
 
-/// By what is printed on them, lower case: KeyboardEvent.key.
+/// Keys that go by their character in lower case (KeyboardEvent.key).
 using Printed = std::pair<char, Key>;
 constexpr std::array<Printed, 13> kLetters{{{'f', Key::kF},
                                             {'r', Key::kR},
@@ -93,7 +93,8 @@ Key keyFromNames(std::string_view code, std::string_view key) {
                        : key[0] >= 'A' && key[0] <= 'Z' ? static_cast<char>(key[0] + 32)
                                                         : key[0];
 
-  // Letters first: on other layouts they lie elsewhere. There the arrows fly where a letter took the place of W A S D.
+  // Letters come first: on other layouts they lie elsewhere. Where a letter took the place of W A S D, the arrows still
+  // fly.
   for (const Printed& letter : kLetters)
     if (letter.first == printed) return letter.second;
   for (const auto& [place, found] : kPlaces)
@@ -102,7 +103,7 @@ Key keyFromNames(std::string_view code, std::string_view key) {
     if (code.size() == prefix.size() + 1 && code.substr(0, prefix.size()) == prefix && isDigit(code.back()))
       return static_cast<Key>(static_cast<int>(Key::k0) + (code.back() - '0'));
 
-  // Signs last: what they are written with differs from layout to layout, and digits are more.
+  // Signs come last: the keys that type them differ from layout to layout, and digits matter more.
   for (const Printed& sign : kSigns)
     if (sign.first == printed) return sign.second;
   return Key::kNone;

@@ -1,5 +1,5 @@
 #pragma once
-// What people do, in words of our own: GLFW's and the browser's events come down to these.
+// Input events and keys that do not depend on the platform: GLFW's and the browser's events are translated to these.
 #include <cstdint>
 #include <span>
 #include <string_view>
@@ -11,7 +11,7 @@ enum class PointerButton : std::uint8_t { kLeft, kMiddle, kRight };
 
 struct Modifiers {
   bool shift = false;
-  bool ctrl = false;  ///< the command key of a Mac counts as ctrl, too
+  bool ctrl = false;  ///< the command key of a Mac counts as ctrl
   bool alt = false;
 };
 
@@ -19,15 +19,15 @@ struct Modifiers {
 struct PointerEvent {
   int id = 0;
   PointerKind kind = PointerKind::kMouse;
-  PointerButton button = PointerButton::kLeft;  ///< of down and up; of no meaning while moving
+  PointerButton button = PointerButton::kLeft;  ///< for down and up; meaningless while moving
   Modifiers modifiers;
   double x = 0.0, y = 0.0;  ///< framebuffer pixels (device pixels) from the upper left corner of the view
-  double now = 0.0;         ///< seconds, any zero; never runs backwards
+  double now = 0.0;         ///< seconds from any zero; never decreases
 };
 
 enum class Key : std::uint8_t {
-  kNone,  ///< one that means nothing here
-  // Flying: by their place on the keyboard.
+  kNone,  ///< a key without a meaning here
+  // Keys that fly go by their place on the keyboard.
   kW,
   kA,
   kS,
@@ -38,7 +38,7 @@ enum class Key : std::uint8_t {
   kDown,
   kLeft,
   kRight,
-  // The rest by the letter that is printed on them.
+  // All others go by the letter that is printed on them.
   kF,
   kR,
   kHome,
@@ -55,9 +55,9 @@ enum class Key : std::uint8_t {
   kL,
   kEscape,
   kEnter,
-  kBackspace,  ///< Delete, too
-  kPageUp,     ///< full stop, too
-  kPageDown,   ///< comma, too
+  kBackspace,  ///< also Delete
+  kPageUp,     ///< also the full stop
+  kPageDown,   ///< also the comma
   kShift,      ///< flies faster while it is down
   kPlus,
   kMinus,
@@ -73,13 +73,12 @@ enum class Key : std::uint8_t {
   k9,
 };
 
-/// The key for a browser's KeyboardEvent `code` ("KeyW", "Digit3", "Numpad3", "ArrowUp": the place) and `key` ("w",
-/// "F",
-/// "?": what it writes). Letters that mean something go by what they write; flying keys and digits by place, so that
-/// WASD is a cross on every layout and shift changes no digit; signs last. kNone for all others.
+/// Returns the key for a browser's KeyboardEvent `code` ("KeyW", "Digit3", "Numpad3", "ArrowUp": the place) and `key`
+/// ("w", "F", "?": the character). Letters with a meaning go by their character; flying keys and digits go by place, so
+/// that WASD is a cross on every layout and shift changes no digit; signs come last. kNone for all others.
 Key keyFromNames(std::string_view code, std::string_view key);
 
-/// One row of the help panel: what to do, and what it does. Plain English.
+/// One row of the help panel: an input and its effect, in plain English.
 struct HelpRow {
   std::string_view input;   ///< "left drag", "W A S D"
   std::string_view effect;  ///< "turn around the pivot"

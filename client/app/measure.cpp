@@ -11,7 +11,7 @@ namespace {
 
 constexpr int kMaxDecimals = 12;
 constexpr int kMaxDigits = 9;
-constexpr int kDigitsUnknown = 6;  // where no accuracy is stated
+constexpr int kDigitsUnknown = 6;  // significant digits where no accuracy is known
 
 int exponentOf(double value) {
   return static_cast<int>(std::floor(std::log10(value)));
@@ -23,7 +23,7 @@ std::string fixed(double value, int decimals) {
   return buffer.data();
 }
 
-/// Decimals that end at the first digit of the accuracy.
+/// Returns the number of decimals that ends at the first digit of the accuracy.
 int decimalsFor(double value, double accuracy) {
   const int lead = value > 0.0 ? exponentOf(value) : 0;
   const int wanted = accuracy > 0.0 ? -exponentOf(accuracy) : kDigitsUnknown - 1 - lead;
@@ -35,7 +35,7 @@ std::string formatValue(double value, double accuracy, bool approximate, const s
   if (approximate) return "about " + fixed(value, decimals) + unit;
   std::string text = fixed(value, decimals) + unit;
   if (accuracy <= 0.0) return text;
-  // Rounded up: it is a bound.
+  // The accuracy is rounded up, since it is a bound.
   const double step = std::pow(10.0, -decimals);
   return text + " \u00B1 " + fixed(std::ceil(accuracy / step - 1e-9) * step, decimals) + unit;
 }
@@ -50,7 +50,7 @@ MeasuredValue segment(const MeasuredPoint& a, const MeasuredPoint& b, const std:
   return value;
 }
 
-/// How far an arm of this length may turn when its ends lie off by these.
+/// Returns the largest angle by which an arm may turn when its ends may move by `accuracy` together.
 double turn(double length, double accuracy) {
   return accuracy < length ? std::asin(accuracy / length) : glm::pi<double>();
 }
@@ -125,7 +125,7 @@ bool MeasureTool::add(const MeasuredPoint& point) {
   return true;
 }
 
-/// A single point measures nothing and goes.
+/// Ends the running measurement; one without enough points to measure anything is removed.
 void MeasureTool::finish() {
   if (all_.empty()) return;
   Measurement& running = all_.back();

@@ -1,6 +1,6 @@
 #pragma once
-// Distances along a chain of points and angles of three, in the scene's units. A point first comes from the coarse
-// surface on the screen and is replaced when the full-resolution one has been found.
+// Measures distances along a chain of points and angles of three points, in the scene's units. A point first lies on
+// the coarse surface on the screen, and is replaced when the full-resolution one has been found.
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <string>
@@ -15,16 +15,16 @@ enum class MeasureKind : std::uint8_t { kDistance, kAngle };
 struct MeasuredPoint {
   glm::dvec3 position{0.0};   ///< world
   glm::dvec3 normal{0.0};     ///< unit, world; zero when not known
-  double accuracy = 0.0;      ///< world units: how far the point may lie from the scanned surface
-  bool approximate = true;    ///< from the coarse surface: its accuracy is that of the picture
-  std::uint32_t pick_id = 0;  ///< the request that is to replace it; 0 when none is open
+  double accuracy = 0.0;      ///< world units: largest distance of the point from the scanned surface
+  bool approximate = true;    ///< taken from the coarse surface, with the picture's accuracy
+  std::uint32_t pick_id = 0;  ///< the pick that will replace it; 0: none
 };
 
-/// A length or angle and where to write it.
+/// A length or angle, and where to write it.
 struct MeasuredValue {
   glm::dvec3 at{0.0};     ///< world
   double value = 0.0;     ///< world units, or radians
-  double accuracy = 0.0;  ///< the value may be off by this much, same unit
+  double accuracy = 0.0;  ///< bound of the value's error, same unit
   bool approximate = false;
   bool total = false;  ///< the length of the whole chain so far
   std::string text;    ///< "12.34 m ± 0.02 m"
@@ -36,32 +36,32 @@ struct Measurement {
   bool finished = false;  ///< takes no more points
 };
 
-/// The values of one measurement: each segment, and the total from two segments on; or the angle at the second of three
-/// points. Accuracies add up (they are bounds, not deviations).
+/// Returns the values of one measurement: each segment, and the total from two segments on; or the angle at the second
+/// of three points. Accuracies add up, since they are bounds and not deviations.
 std::vector<MeasuredValue> measuredValues(const Measurement& measurement, const std::string& unit);
 
-/// `value` ± `accuracy`, both down to the first digit of the accuracy, at most 9 digits: "12.34 m ± 0.02 m",
-/// "about 12.3 m" when approximate. An accuracy of 0 is not known: 6 digits. `unit`: as scene.json has it; empty or
-/// "unknown": "units".
+/// Formats `value` ± `accuracy`, both down to the first digit of the accuracy and at most 9 digits: "12.34 m ± 0.02 m",
+/// or "about 12.3 m" when approximate. An accuracy of 0 means unknown and gives 6 digits. `unit` is as in scene.json;
+/// empty or "unknown" is written "units".
 std::string formatLength(double value, double accuracy, bool approximate, const std::string& unit);
-std::string formatAngle(double radians, double accuracy, bool approximate);  ///< degrees
+std::string formatAngle(double radians, double accuracy, bool approximate);  ///< from radians, in degrees
 
-inline constexpr std::size_t kMaxMeasuredPoints = 500;  ///< of all measurements together
+inline constexpr std::size_t kMaxMeasuredPoints = 500;  ///< in all measurements together
 
 /// The measurements on the screen and their points on the way.
 class MeasureTool {
  public:
   /// The next point begins a new measurement of this kind.
   void start(MeasureKind kind);
-  /// A point of the running measurement, or the first of a new one. False, and nothing changes: it is where the last
-  /// one is, or there are too many. An angle is finished by its third point.
+  /// Adds a point to the running measurement, or begins a new one. Returns false without a change when the point equals
+  /// the last one, or there are too many. The third point finishes an angle.
   bool add(const MeasuredPoint& point);
   bool full() const;
   void finish();
-  void removeLast();  ///< the newest point, wherever it is
+  void removeLast();  ///< the newest point, of a finished measurement too
   void clear();
-  /// A hit replaces the point that asked for it; anything else leaves the approximate one. An id that nobody waits for
-  /// is passed over. True when something changed.
+  /// Replaces the point that waits for this pick by a hit; any other answer leaves the approximate point. Ids that no
+  /// point waits for are ignored. Returns true when something changed.
   bool answer(std::uint32_t pick_id, const PickAnswer& answer);
   const std::vector<Measurement>& all() const { return all_; }
 

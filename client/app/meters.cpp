@@ -4,9 +4,9 @@ namespace client {
 namespace {
 
 constexpr double kWindow = 1.0;  // seconds
-/// A link that was silent for this long has nothing of an older view in it.
+/// Silence, seconds, after which no answer to an older view is on its way.
 constexpr double kQuiet = 0.5;
-/// New measurements weigh this much against the old.
+/// Weight of a new measurement against the older ones.
 constexpr double kShare = 0.3;
 
 }  // namespace
@@ -24,7 +24,7 @@ double RateMeter::perSecond(double now) const {
 }
 
 void RoundTripMeter::update(double now, std::uint64_t messages, std::uint64_t views) {
-  // An answer, when one is waited for.
+  // Take the time of an answer that was awaited.
   if (messages != messages_) {
     if (asked_ >= 0.0) {
       const double taken = now - asked_;
@@ -35,7 +35,7 @@ void RoundTripMeter::update(double now, std::uint64_t messages, std::uint64_t vi
     last_message_ = now;
   }
 
-  // A view that left while nothing else was under way.
+  // Start the clock for a view that was sent over a silent link.
   if (views != views_) {
     if (asked_ < 0.0 && now - last_message_ >= kQuiet) asked_ = now;
     views_ = views;

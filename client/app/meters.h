@@ -1,15 +1,15 @@
 #pragma once
-// Rates for the statistics, from counts that only grow and the time that the caller brings.
+// Computes rates for the statistics from counts that only grow and the time that the caller passes.
 #include <cstdint>
 #include <deque>
 
 namespace client {
 
-/// How much a count grew in the last second.
+/// Measures how much a count grew in the last second.
 class RateMeter {
  public:
   void add(double now, double count);
-  /// Per second over the last second; 0 when nothing was added in it.
+  /// Returns the rate per second over the last second; 0 when nothing was added in it.
   double perSecond(double now) const;
 
  private:
@@ -19,18 +19,18 @@ class RateMeter {
   std::deque<Entry> entries_;
 };
 
-/// From a view's leaving to the first answer, taken only when the link was quiet before, so that the answer is not that
-/// to an older view. What the server takes to plan is in it.
+/// Measures the time from sending a view to the first answer, but only when the link was silent before, so that the
+/// answer does not belong to an older view. The server's planning time is included.
 class RoundTripMeter {
  public:
-  /// Each turn of the loop: messages received so far, views sent so far.
+  /// To be called each turn of the loop, with the messages received and views sent so far.
   void update(double now, std::uint64_t messages, std::uint64_t views);
   double seconds() const { return seconds_; }  ///< 0: not measured yet
 
  private:
   std::uint64_t messages_ = 0, views_ = 0;
   double last_message_ = 0.0;
-  double asked_ = -1.0;  // when the view left; below 0: not waiting
+  double asked_ = -1.0;  // when the view was sent; below 0: no answer is awaited
   double seconds_ = 0.0;
 };
 

@@ -9,20 +9,20 @@ namespace client {
 namespace {
 
 constexpr double kZoomPerStep = 0.8;
-/// How near zooming comes to its target, in box diagonals: far below anything a scan resolves, far above what doubles
-/// do.
+/// Smallest distance to the target of zooming, in box diagonals: far below anything a scan resolves, far above the
+/// rounding of doubles.
 constexpr double kMinZoomDistance = 1e-7;
-/// And how far away from it.
+/// Largest distance to the target, in box diagonals.
 constexpr double kMaxZoomDistance = 100.0;
-/// The view direction stays this far from straight up and down (radians), where "up" would lose its meaning.
+/// The view direction stays this far from straight up and down (radians), where "up" would be undefined.
 constexpr double kPoleMargin = 0.01;
-/// The first view looks down by this angle (radians).
+/// Angle by which the first view looks down (radians).
 constexpr double kFirstElevation = 0.35;
 
-/// Largest angle between two directions that are as good as one.
+/// Length below which a direction counts as zero.
 constexpr double kTiny = 1e-12;
 
-/// Any unit vector at a right angle to a unit vector.
+/// Returns any unit vector perpendicular to a unit vector.
 glm::dvec3 anyPerpendicular(const glm::dvec3& v) {
   const glm::dvec3 other = std::abs(v.x) < 0.9 ? glm::dvec3(1.0, 0.0, 0.0) : glm::dvec3(0.0, 1.0, 0.0);
   return glm::normalize(glm::cross(v, other));
@@ -45,7 +45,7 @@ void OrbitControl::frameBox(const glm::dvec3& box_min, const glm::dvec3& box_max
 }
 
 Viewpoint OrbitControl::framingViewpoint() const {
-  // The box's sphere just fits the smaller of the two angles of view.
+  // Let the box's sphere just fit into the smaller of the two angles of view.
   const double aspect = std::min(1.0, static_cast<double>(camera_.width) / static_cast<double>(camera_.height));
   const double half_angle = std::atan(std::tan(0.5 * camera_.fov_y) * aspect);
   const double distance = 0.5 * size_ / std::sin(half_angle);
@@ -71,7 +71,7 @@ Viewpoint OrbitControl::between(const Viewpoint& from, const Viewpoint& to, doub
   if (share <= 0.0) return from;
   if (share >= 1.0) return to;
 
-  // Heading and elevation on their own, so that the horizon stays level and no pole is crossed.
+  // Interpolate heading and elevation separately, so that the horizon stays level and no pole is crossed.
   const glm::dvec3 east = anyPerpendicular(up_);
   const glm::dvec3 north = glm::cross(up_, east);
   const auto heading = [&](const glm::dvec3& d) { return std::atan2(glm::dot(d, north), glm::dot(d, east)); };
@@ -124,12 +124,12 @@ void OrbitControl::orbit(double dx_px, double dy_px) {
   const double angle_per_px = glm::pi<double>() / static_cast<double>(camera_.height);
   const double yaw = -dx_px * angle_per_px;
 
-  // Pitch, as far as the poles allow: the angle between direction and up stays between the margins.
+  // Limit the pitch so that the angle between direction and up stays between the margins.
   const double to_up = std::acos(std::clamp(glm::dot(camera_.direction, up_), -1.0, 1.0));
   const double wanted = to_up + dy_px * angle_per_px;
   const double pitch = to_up - std::clamp(wanted, kPoleMargin, glm::pi<double>() - kPoleMargin);
 
-  // The same turn for the arm from the pivot and for the direction.
+  // Turn the arm from the pivot and the direction alike.
   const glm::dvec3 axis = right();
   const auto turn = [&](const glm::dvec3& v) { return glm::rotate(glm::rotate(v, pitch, axis), yaw, up_); };
   camera_.position = pivot_ + turn(camera_.position - pivot_);
@@ -140,7 +140,7 @@ double OrbitControl::depthOf(const glm::dvec3& world) const {
   return glm::dot(world - camera_.position, camera_.direction);
 }
 
-/// World units that a pixel covers at distance 1.
+/// Returns the world units that a pixel covers at distance 1.
 double OrbitControl::pixelScale() const {
   return 2.0 * std::tan(0.5 * camera_.fov_y) / static_cast<double>(camera_.height);
 }
@@ -169,7 +169,7 @@ ScreenPoint OrbitControl::project(const glm::dvec3& world) const {
 
 Ray OrbitControl::rayAt(double x, double y) const {
   if (!orthographic_) return {camera_.position, glm::normalize(pointAt(x, y, 1.0) - camera_.position)};
-  // Behind the farther end of the box and so outside of it, wherever the camera stands.
+  // Begin behind the farther end of the box and so outside of it, wherever the camera stands.
   const double behind = glm::length(0.5 * (box_min_ + box_max_) - camera_.position) + size_;
   return {pointAt(x, y, -behind), camera_.direction};
 }
@@ -194,14 +194,14 @@ void OrbitControl::dragTo(double x, double y) {
 
 void OrbitControl::zoom(double steps, double x, double y, const std::optional<glm::dvec3>& surface) {
   const double pivot_depth = std::max(depthOf(pivot_), kMinZoomDistance * size_);
-  // In an orthographic picture all depths are alike; magnifying keeps what is shown at (x, y) where the pivot's plane
-  // is.
+  // In an orthographic picture all depths look alike; magnifying keeps the point of the pivot's plane that is shown at
+  // (x, y).
   const glm::dvec3 shown = pointAt(x, y, pivot_depth);
   const glm::dvec3 target = orthographic_ ? shown : surface.value_or(shown);
 
-  // Towards the target on a straight line: its place on the screen stays. The pivot keeps its place, too, and comes
-  // nearer alike; where the surface is known, to the surface's depth, so that the next turn goes around what is looked
-  // at and not through it.
+  // Move towards the target on a straight line, so that its place on the screen stays. The pivot keeps its place on the
+  // screen, too, and comes nearer alike. Where the surface is known, the pivot goes to the surface's depth, so that the
+  // next turn goes around the surface that is looked at and not through it.
   const double distance = glm::length(target - camera_.position);
   if (distance <= 0.0) return;
   const double wanted =

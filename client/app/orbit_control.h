@@ -1,6 +1,6 @@
 #pragma once
-// How mouse and keys move the camera: orbit around a pivot, grab and pan, zoom to the cursor, fly. World coordinates in
-// double; pixels from the upper left corner of the view. Nothing here knows a window.
+// Moves the camera by mouse and keys: orbit around a pivot, grab and pan, zoom to the cursor, fly. World coordinates
+// are doubles; pixels count from the upper left corner of the view. It knows no window.
 //
 // Orthographic is a way to show the same camera: at the pivot's depth the picture is as wide as the perspective one, so
 // coming nearer magnifies, and switching keeps what is looked at.
@@ -11,7 +11,7 @@
 
 namespace client {
 
-/// Where a camera stands. The pivot is straight ahead.
+/// The position and direction of a camera. The pivot lies straight ahead.
 struct Viewpoint {
   glm::dvec3 position{0.0, 0.0, 1.0};    ///< world
   glm::dvec3 direction{0.0, 0.0, -1.0};  ///< unit, world
@@ -23,11 +23,12 @@ struct Ray {
   glm::dvec3 direction{0.0};  ///< unit, world
 };
 
-/// Where a point is shown.
+/// The place on the screen where a point is shown.
 struct ScreenPoint {
   double x = 0.0, y = 0.0;  ///< pixels from the upper left corner
-  double depth = 0.0;       ///< along the view axis, world units; at or below 0: behind the eye, and x, y mean nothing
-                            ///< (orthographic: they do)
+  /// Distance along the view axis, world units. At or below 0 the point lies behind the eye, where x and y are valid
+  /// only in an orthographic view.
+  double depth = 0.0;
 };
 
 class OrbitControl {
@@ -35,54 +36,55 @@ class OrbitControl {
   /// Looks at a box from the side and a little from above, so that all of it is in view.
   void frameBox(const glm::dvec3& box_min, const glm::dvec3& box_max, const glm::dvec3& up);
   void setViewport(int width, int height);  ///< pixels, ≥ 1
-  /// Back to the view that frameBox() gave.
+  /// Goes back to the view that frameBox() gave.
   void reset();
   Viewpoint firstViewpoint() const { return first_; }
-  /// The whole box in view from the side that is looked at now.
+  /// Returns the viewpoint that shows the whole box from the present direction.
   Viewpoint framingViewpoint() const;
-  /// So far aside that a world point is straight ahead, at its distance; it becomes the pivot.
+  /// Returns the viewpoint, moved aside, from which a world point is straight ahead at its distance; it becomes the
+  /// pivot.
   Viewpoint viewpointCentredOn(const glm::dvec3& world) const;
 
   Viewpoint viewpoint() const;
-  /// Directions nearer to straight up and down than the poles' margin are turned away from them.
+  /// Directions closer to straight up or down than the poles' margin are turned away from the poles.
   void setViewpoint(const Viewpoint& place);
-  /// From one place to another at `share` 0 … 1 of the way: turns about the up vector, and comes nearer at an even
-  /// rate.
+  /// Interpolates two viewpoints at `share` 0 … 1: turns about the up vector, and comes nearer at an even rate.
   Viewpoint between(const Viewpoint& from, const Viewpoint& to, double share) const;
 
   void setFov(double fov_y);  ///< radians, in (0, π)
   void setOrthographic(bool on) { orthographic_ = on; }
   bool orthographic() const { return orthographic_; }
-  /// World units from the bottom of the picture to its top; 0 in perspective.
+  /// Returns the height of an orthographic picture in world units; 0 in perspective.
   double orthoHeight() const;
   double sceneSize() const { return size_; }  ///< the box's diagonal, world units
 
   ScreenPoint project(const glm::dvec3& world) const;
-  /// From the eye, or orthographic from behind the whole scene, through the picture at (x, y).
+  /// Returns the ray through the picture at (x, y): from the eye, or in an orthographic view from behind the whole
+  /// scene.
   Ray rayAt(double x, double y) const;
-  /// World units that a pixel covers at a world point.
+  /// Returns the world units that a pixel covers at a world point.
   double pixelSizeAt(const glm::dvec3& world) const;
 
   const base::ViewCamera& camera() const { return camera_; }
   const glm::dvec3& pivot() const { return pivot_; }
   void setPivot(const glm::dvec3& world) { pivot_ = world; }
 
-  /// Turns around the pivot; the whole height of the view is half a turn. Distance to the pivot and its place on the
-  /// screen stay. Never tips over the poles.
+  /// Turns around the pivot; a drag over the whole height of the view is half a turn. The distance to the pivot and its
+  /// place on the screen stay. Never tips over the poles.
   void orbit(double dx_px, double dy_px);
 
-  /// Takes hold of the world point shown at (x, y): the surface there, or when unknown a point as far as the pivot.
+  /// Takes hold of the world point shown at (x, y): the surface there, or without one a point as far away as the pivot.
   void grab(double x, double y, const std::optional<glm::dvec3>& surface);
-  /// Moves so that the grabbed point is shown at (x, y).
+  /// Moves the camera so that the grabbed point is shown at (x, y).
   void dragTo(double x, double y);
   const glm::dvec3& grabbed() const { return grabbed_; }
 
-  /// `steps` > 0 comes nearer, a fifth of the way each, to the surface at (x, y), which stays where it is on the
+  /// Comes nearer for `steps` > 0, by a fifth of the way each, to the surface at (x, y), which stays where it is on the
   /// screen.
   void zoom(double steps, double x, double y, const std::optional<glm::dvec3>& surface);
 
-  /// Flies by `distance` pivot distances along the camera's own axes: right, up, forward. Orthographic, forward
-  /// magnifies.
+  /// Flies by `distance` pivot distances along the camera's own axes: right, up, forward. In an orthographic view,
+  /// forward magnifies.
   void fly(const glm::dvec3& distance);
 
  private:
@@ -98,7 +100,7 @@ class OrbitControl {
   glm::dvec3 pivot_{0.0};
   glm::dvec3 up_{0.0, 0.0, 1.0};
   glm::dvec3 grabbed_{0.0};
-  double size_ = 1.0;  // of the box, its diagonal
+  double size_ = 1.0;  // diagonal of the box
   glm::dvec3 box_min_{0.0}, box_max_{0.0};
   bool orthographic_ = false;
   Viewpoint first_;

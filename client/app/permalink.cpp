@@ -15,7 +15,7 @@ namespace {
 
 constexpr int kVersion = 1;
 constexpr std::size_t kMaxNumber = 40;  // characters; the longest that is written has 32
-constexpr int kAngleDecimals = 6;       // of degrees
+constexpr int kAngleDecimals = 6;       // of angles in degrees: 2e-8 radian
 constexpr int kMaxDecimals = 17;
 constexpr double kDefaultFovDegrees = 45.0;
 constexpr double kMinFovDegrees = 0.1;
@@ -29,7 +29,7 @@ base::Error bad(const std::string& what) {
 
 // ---- numbers ----
 
-/// Fixed point without zeros at the end, and no minus before a zero.
+/// Writes fixed point without zeros at the end, and without a minus before zero.
 std::string fixed(double value, int decimals) {
   std::array<char, 400> buffer{};
   std::snprintf(buffer.data(), buffer.size(), "%.*f", decimals, value);
@@ -47,25 +47,25 @@ std::string significant(double value) {
   return buffer.data();
 }
 
-/// A number within ±limit that is all of the text.
+/// Reads a number within ±limit that is the whole text.
 std::optional<double> number(std::string_view text, double limit) {
   if (text.size() > kMaxNumber) return std::nullopt;
   const auto value = base::parseNumber(text);
   return value && std::abs(*value) <= limit ? value : std::nullopt;
 }
 
-/// Decimals that leave a hundred-millionth of `distance`.
+/// Returns the decimals that resolve a hundred-millionth of `distance`.
 int decimalsFor(double distance) {
   return std::clamp(static_cast<int>(std::ceil(8.0 - std::log10(distance))), 0, kMaxDecimals);
 }
 
-/// Near the poles a degree of heading is a small turn, and its digits mean less.
+/// Returns fewer decimals near the poles, where a degree of heading is a small turn.
 int headingDecimals(double pitch_degrees) {
   const double width = std::max(std::cos(glm::radians(pitch_degrees)), 1e-30);
   return std::clamp(kAngleDecimals + static_cast<int>(std::floor(std::log10(width))) + 1, 0, kAngleDecimals);
 }
 
-/// What remains of a number in the text, so that whoever reads it chooses the same digits for the rest.
+/// Returns the number as it will be read back, so that the reader chooses the same digits for the rest.
 double asRead(const std::string& text) {
   return base::parseNumber(text).value_or(0.0);
 }
@@ -167,7 +167,7 @@ constexpr std::array<LinkPart, 7> kParts{{{'p', true, readPosition},
 }  // namespace
 
 std::string formatPermalink(const ViewState& view) {
-  // Where from and where to.
+  // Write position and direction.
   const std::string distance = significant(view.pivot_distance);
   const int decimals = decimalsFor(std::max(asRead(distance), kMinDistance));
   const glm::dvec3& d = view.direction;
@@ -177,7 +177,7 @@ std::string formatPermalink(const ViewState& view) {
                      fixed(view.position.y, decimals) + "," + fixed(view.position.z, decimals) + "&a=" + heading + "," +
                      pitch + "&r=" + distance;
 
-  // What is not as usual.
+  // Write what differs from the defaults.
   const std::string fov = fixed(glm::degrees(view.fov_y), kAngleDecimals);
   if (fov != fixed(kDefaultFovDegrees, kAngleDecimals)) text += "&f=" + fov;
   if (view.method != Method::kLumigraph) text += "&m=" + std::string(nameOf(view.method));
@@ -201,7 +201,7 @@ base::Result<ViewState> parsePermalink(std::string_view text) {
   if (version != "1") return bad("it is of another version; this viewer knows version 1");
   text.remove_prefix(std::min(text.size(), 2 + version.size()));
 
-  // Each part once, in any order.
+  // Every part may stand once, in any order.
   ViewState view;
   std::array<bool, kParts.size()> seen{};
   while (!text.empty()) {
@@ -212,9 +212,9 @@ base::Result<ViewState> parsePermalink(std::string_view text) {
       return part.size() >= 2 && part[0] == p.name && part[1] == '=';
     });
     if (known == kParts.end()) return bad("it has a part that is not known");
-    bool& again = seen[static_cast<std::size_t>(known - kParts.begin())];
-    if (again) return bad(std::string(1, known->name) + " stands in it twice");
-    again = true;
+    bool& known_already = seen[static_cast<std::size_t>(known - kParts.begin())];
+    if (known_already) return bad(std::string(1, known->name) + " stands in it twice");
+    known_already = true;
     LUMIGRID_TRY(known->read(part.substr(2), view));
   }
   for (std::size_t i = 0; i < kParts.size(); ++i)

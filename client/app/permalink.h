@@ -1,5 +1,5 @@
 #pragma once
-// A view as a short text for a URL's hash (docs/formats/permalink.md).
+// Writes and reads a view as a short text for a URL's hash (docs/formats/permalink.md).
 #include <string>
 #include <string_view>
 
@@ -8,14 +8,14 @@
 
 namespace client {
 
-inline constexpr std::size_t kMaxPermalink = 512;  ///< bytes; longer ones are refused unread
+inline constexpr std::size_t kMaxPermalink = 512;  ///< bytes; longer links are refused unread
 
-/// Without '#'. Numbers are rounded, the position to a hundred-millionth of the pivot's distance and the direction to
-/// 10^-8: a thousandth of a pixel of a picture 10 000 pixels high is more. What was read from a permalink is written as
-/// the same text again.
+/// Writes a link without '#'. Positions are rounded to a hundred-millionth of the pivot's distance and directions to
+/// 10^-8; a thousandth of a pixel of a picture 10 000 pixels high is more. A link that was read is written as the same
+/// text again.
 std::string formatPermalink(const ViewState& view);
 
-/// With or without '#'. Errors say in one line what is wrong.
+/// Reads a link with or without '#'. Errors say in one line what is wrong.
 base::Result<ViewState> parsePermalink(std::string_view text);
 
 }  // namespace client

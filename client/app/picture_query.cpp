@@ -6,7 +6,7 @@
 namespace client {
 namespace {
 
-/// Reads back as the same double.
+/// Writes a number so that it reads back as the same double.
 std::string exact(double value) {
   std::array<char, 32> text{};
   std::snprintf(text.data(), text.size(), "%.17g", value);

@@ -1,5 +1,5 @@
 #pragma once
-// What a viewer asks a server for when it saves a picture (docs/formats/http.md, /render).
+// Makes the query with which a viewer asks a server for a picture to save (docs/formats/http.md, /render).
 #include <string>
 
 #include "base/camera.h"
@@ -7,9 +7,9 @@
 
 namespace client {
 
-/// The query of /render for what is looked at: all but size and background, which whoever saves it chooses.
-/// `tolerance_px`: of the viewer's patches; a picture tinted by resolution is of those, any other of the full
-/// resolution.
+/// Returns the query of /render for the present view, without size and background, which the caller adds.
+/// `tolerance_px` is the viewer's patch tolerance: a picture tinted by resolution shows the viewer's patches, any other
+/// the full resolution.
 std::string pictureQuery(const base::ViewCamera& camera, const ViewState& view, double tolerance_px);
 
 }  // namespace client

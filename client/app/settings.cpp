@@ -43,7 +43,7 @@ base::Error bad(std::string_view name, const std::string& what) {
   return {base::ErrorCode::kInvalidInput, "setting " + std::string(name.substr(0, 64)) + ": " + what};
 }
 
-/// A bound as people write it: no decimals that say nothing.
+/// Writes a bound without superfluous decimals.
 std::string plain(double value) {
   std::string text = std::to_string(value);
   text.erase(text.find_last_not_of('0') + 1);
@@ -51,7 +51,7 @@ std::string plain(double value) {
   return text;
 }
 
-/// The place-th word of a list parted by blanks; empty behind the last.
+/// Returns word number `place` of a list separated by blanks; empty beyond the last.
 std::string_view word(std::string_view words, int place) {
   for (; place > 0; --place) {
     const std::size_t blank = words.find(' ');

@@ -1,5 +1,5 @@
 #pragma once
-// What people set once and keep (docs/formats/settings.md): one table of names, kinds, ranges and defaults, which the
+// The settings that people keep (docs/formats/settings.md): one table of names, kinds, ranges and defaults, which the
 // native program writes as JSON and the page shows and keeps in its own way.
 #include <cstdint>
 #include <span>
@@ -18,10 +18,10 @@ enum class Theme : std::uint8_t { kSystem, kLight, kDark };
 struct Settings {
   double method = 0.0;               ///< place in "lumigraph patches qsplat"; from the next start on
   double splat = 1.0;                ///< lod::draw::SplatKernel
-  double cutoff = 1.0;               ///< pixels of a splat at rest, 0: down to the leaves
+  double cutoff = 1.0;               ///< diameter of a splat at rest, pixels; 0: refine down to the leaves
   double frame_rate = 10.0;          ///< pictures of splats a second while the view moves
   double cache_megabytes = 50.0;     ///< compressed images and patches kept; from the next start on
-  double memory_megabytes = 1000.0;  ///< of all kinds together, on the GPU and off; from the next start on
+  double memory_megabytes = 1000.0;  ///< all memory together, on the GPU and off; from the next start on
   double gpu_megabytes = 512.0;      ///< textures; from the next start on
   double patch_tolerance = 4.0;      ///< pixels
   double max_triangles = 300'000.0;
@@ -31,7 +31,7 @@ struct Settings {
   double frames = 1.0;
   double fov_degrees = 45.0;  ///< vertical
   double orbit_speed = 1.0;
-  double zoom_speed = 1.0;  ///< below 0: the wheel turned around
+  double zoom_speed = 1.0;  ///< below 0 the wheel works the other way
   double fly_speed = 1.0;
   double reduced_motion = 0.0;  ///< ReducedMotion
   double theme = 0.0;           ///< Theme
@@ -46,22 +46,22 @@ struct SettingField {
   SettingKind kind;
   double min, max;
   double Settings::*value;
-  std::string_view
-      choices;  ///< kChoice: names parted by blanks, "system light dark"; the value is the place in the list
+  /// kChoice: names separated by blanks, "system light dark"; the value is the position in the list.
+  std::string_view choices;
   bool from_next_start = false;  ///< takes effect when the viewer is opened again
 };
 
-/// What Settings::method stands for.
+/// Returns the method that Settings::method names.
 Method methodOf(const Settings& settings);
 
-/// All of them, in the order in which they are shown. The default is that of Settings.
+/// All settings, in the order in which they are shown. Their defaults are those of Settings.
 std::span<const SettingField> settingFields();
 const SettingField* findSetting(std::string_view name);  ///< null when there is none
 
-/// Sets one by name. Errors: no such name; out of range; not finite; a fraction where a whole number is needed. Then
-/// nothing changes.
+/// Sets one by name. Errors, which change nothing: no such name, out of range, not finite, a fraction where a whole
+/// number is needed.
 base::Result<void> setSetting(Settings& settings, std::string_view name, double value);
-/// The place of a choice's name in its field's list. Error: not one of them.
+/// Returns the position of a choice's name in its field's list; an error when it is not one of them.
 base::Result<double> choiceValue(const SettingField& field, std::string_view choice);
 std::string_view choiceName(const SettingField& field, double value);
 

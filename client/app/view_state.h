@@ -1,5 +1,5 @@
 #pragma once
-// What is looked at and how: all that a permalink or a bookmark holds.
+// The view and its modes: everything that a permalink or a bookmark holds.
 #include <glm/glm.hpp>
 
 #include "base/camera.h"
@@ -7,11 +7,11 @@
 
 namespace client {
 
-/// A plane at a right angle to a world axis; what lies on one side of it is not drawn.
+/// A plane perpendicular to a world axis; the model on one side of it is not drawn.
 struct Section {
   bool on = false;
   int axis = 2;            ///< 0, 1, 2: x, y, z
-  bool keep_below = true;  ///< what is kept: coordinates below `offset` along the axis, or above it
+  bool keep_below = true;  ///< keeps coordinates below `offset` along the axis, else those above it
   double offset = 0.0;     ///< world coordinate along the axis
   friend bool operator==(const Section&, const Section&) = default;
 };
@@ -19,12 +19,12 @@ struct Section {
 struct ViewState {
   glm::dvec3 position{0.0, 0.0, 1.0};    ///< world
   glm::dvec3 direction{0.0, 0.0, -1.0};  ///< unit, world
-  double pivot_distance = 1.0;           ///< the pivot lies this far along the direction, world units, above 0
+  double pivot_distance = 1.0;           ///< distance of the pivot along the direction, world units, above 0
   double fov_y = 0.7853981633974483;     ///< radians, full vertical angle
   Method method = Method::kLumigraph;
   bool statistics = false;
   bool colors_by_resolution = false;
-  bool orthographic = false;  ///< shows at the pivot's depth what the perspective view shows there
+  bool orthographic = false;  ///< at the pivot's depth it shows what the perspective view shows there
   Section section;
   friend bool operator==(const ViewState&, const ViewState&) = default;
 };

@@ -264,7 +264,7 @@ base::Result<void> Window::openScene(Method method) {
   const bool splats = method == Method::kQsplat;
   const Settings settings = app_ ? app_->settings() : options_.app.settings;
   SplatOptions splat_options = options_.splats;
-  takeChanges(options_.app.settings, settings, splat_options);
+  applyChanges(options_.app.settings, settings, splat_options);
   auto link =
       splats ? openSplatLink(options_.url, options_.link, splat_options) : openLink(options_.url, options_.link);
   if (!link) return link.error();

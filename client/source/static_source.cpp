@@ -129,7 +129,7 @@ struct StaticSource::Impl {
   };
   std::deque<Outgoing> outgoing;
 
-  // What was read.
+  // Data that were read.
   base::Bytes front;  // front of the hierarchy's file; that of a small file holds blocks too
   std::optional<TablePages> tables;
   lod::patch::Hierarchy hierarchy;  // the groups whose records were read
