@@ -10,7 +10,8 @@ namespace {
 
 using nlohmann::json;
 
-/// Deeper than any of these documents is; nlohmann's parser keeps a stack, hostile depth would only cost memory.
+/// Limit of nesting, deeper than any of these documents: nlohmann's parser keeps a stack, so hostile depth would cost
+/// memory.
 constexpr int kMaxDepth = 16;
 
 base::Error bad(const std::string& place, const std::string& what) {

@@ -1,5 +1,5 @@
 #pragma once
-// What a server answers to a pick. Hostile bytes: checked, named one-line errors.
+// Reads a server's answer to a pick. The bytes come from outside: they are checked, and errors are one line each.
 #include <string>
 
 #include "base/bytes.h"
@@ -10,7 +10,7 @@ namespace client {
 
 inline constexpr std::size_t kMaxPickAnswer = 4096;  ///< bytes
 
-/// The path and query that ask where a ray meets the surface (docs/formats/http.md, /pick). World coordinates.
+/// Returns the path and query that ask where a ray meets the surface (docs/formats/http.md, /pick). World coordinates.
 std::string pickTarget(const glm::dvec3& origin, const glm::dvec3& direction);
 base::Result<PickAnswer> parsePickAnswer(base::ByteView text);
 

@@ -29,18 +29,18 @@ using Clock = LinkClock::Clock;
 constexpr std::chrono::milliseconds kMinBackoff{250};
 constexpr std::chrono::milliseconds kMaxBackoff{5000};
 constexpr std::chrono::seconds kConnectTimeout{10};
-/// Silence after which the connection counts as lost; half-way a ping goes out.
+/// Silence after which the connection counts as lost; a ping is sent half-way.
 constexpr std::chrono::seconds kIdleTimeout{60};
-/// Bytes that may wait for the render loop; reading pauses above this, and TCP makes the server wait.
+/// Bytes that may wait for the render loop; above this, reading pauses, and TCP makes the server wait.
 constexpr std::size_t kInboxLimit = 8 << 20;
-/// With an emulated link the system must not swallow seconds of it ahead of us.
+/// Receive buffer with an emulated link: the system must not read seconds of it ahead.
 constexpr int kLimitedReceiveBuffer = 64 << 10;
 
 enum class EventKind { kConnected, kMessage, kDisconnected };
 
 struct Event {
   EventKind kind = EventKind::kMessage;
-  std::uint64_t epoch = 0;  ///< which connection
+  std::uint64_t epoch = 0;  ///< number of the connection
   base::Bytes bytes;
   std::string reason;
   Clock::time_point due;  ///< when the emulated link delivers it
@@ -65,7 +65,7 @@ base::Result<ServerUrl> parseServerUrl(const std::string& text) {
                        "'" + text + "': " + why + "; write it like ws://example.org:8080/"};
   };
 
-  // Scheme.
+  // Read the scheme.
   std::string rest = text;
   if (const std::size_t end = text.find("://"); end != std::string::npos) {
     const std::string scheme = text.substr(0, end);
@@ -74,7 +74,7 @@ base::Result<ServerUrl> parseServerUrl(const std::string& text) {
     rest = text.substr(end + 3);
   }
 
-  // Path, then host and port.
+  // Split off the path, then host and port.
   ServerUrl url;
   if (const std::size_t slash = rest.find('/'); slash != std::string::npos) {
     url.target = rest.substr(slash);
@@ -92,7 +92,7 @@ base::Result<ServerUrl> parseServerUrl(const std::string& text) {
   }
   if (port_colon != std::string::npos) url.port = rest.substr(port_colon + 1);
 
-  // Each for itself.
+  // Check each of them.
   if (url.host.empty()) return bad("it names no host");
   if (url.host.find_first_of(" \t\r\n@?#") != std::string::npos ||
       url.target.find_first_of(" \t\r\n") != std::string::npos)
@@ -117,7 +117,7 @@ struct Connection::Impl {
     thread.join();
   }
 
-  /// One attempt or connection; handlers of an older one find themselves out of date and stop.
+  /// One attempt or connection. Handlers of an older one find that it is no longer `link`, and stop.
   struct Link {
     explicit Link(asio::io_context& io) : socket(io), delay(io) {}
     std::uint64_t epoch = 0;
@@ -131,7 +131,7 @@ struct Connection::Impl {
   };
   using LinkPointer = std::shared_ptr<Link>;
 
-  // On the thread, in the order in which they run.
+  // These run on the thread, in this order.
   void connect();
   void onResolved(const LinkPointer& on, const beast::error_code& error, tcp::resolver::results_type results);
   void onConnected(const LinkPointer& on, const beast::error_code& error);
@@ -142,7 +142,7 @@ struct Connection::Impl {
   void onWritten(const LinkPointer& on, const beast::error_code& error);
   void loseLink(LinkPointer on, const std::string& reason);
 
-  // Shared by both threads, under the mutex.
+  // These lock the mutex, and are called by both threads.
   void push(Event event);
   bool inboxFull();
   std::vector<Event> takeDue();
@@ -162,8 +162,8 @@ struct Connection::Impl {
   std::size_t inbox_bytes = 0;
   std::deque<Outgoing> outbox;
 
-  // Only the session's thread.
-  std::uint64_t session_epoch = 0;  // the connection the session talks over; 0: none
+  // Only the session's thread uses this.
+  std::uint64_t session_epoch = 0;  // the connection that the session uses; 0: none
 
   std::thread thread;
 };
@@ -231,7 +231,7 @@ void Connection::Impl::read(const LinkPointer& on) {
 void Connection::Impl::onRead(const LinkPointer& on, const beast::error_code& error) {
   if (error) return loseLink(on, "lost the connection to " + url.authority() + " (" + error.message() + ")");
 
-  // A message is proof that the server is there: the next loss starts over with short waits.
+  // A message proves that the server is there, so the next loss starts with short waits again.
   backoff = kMinBackoff;
   Event event;
   event.epoch = on->epoch;
@@ -240,7 +240,7 @@ void Connection::Impl::onRead(const LinkPointer& on, const beast::error_code& er
   event.bytes.assign(first, first + data.size());
   on->buffer.consume(on->buffer.size());
 
-  // The emulated link is busy with this message until `free`; only then the next one starts.
+  // The emulated link is busy with this message until `free`; only then the next read starts.
   Clock::time_point free;
   {
     std::lock_guard lock(mutex);
@@ -274,8 +274,8 @@ void Connection::Impl::onWritten(const LinkPointer& on, const beast::error_code&
   write(on);
 }
 
-/// Ends this link, tells the session, and tries again after the present wait. Read and write may both fail: the first
-/// counts.
+/// Closes this link, reports it to the session, and connects again after the present wait. When read and write both
+/// fail, the first failure counts.
 void Connection::Impl::loseLink(LinkPointer on, const std::string& reason) {
   if (on != link) return;
   link.reset();
@@ -338,7 +338,7 @@ void Connection::setLimit(const LinkLimit& limit) {
 bool Connection::pump(Session& session) {
   Impl& s = *impl_;
 
-  // In.
+  // Hand over what has arrived.
   const std::vector<Event> events = s.takeDue();
   for (const Event& event : events) {
     if (event.kind == EventKind::kConnected) {
@@ -364,7 +364,7 @@ bool Connection::pump(Session& session) {
       if (s.link) s.read(s.link);
     });
 
-  // Out: one message at a time, so that a view waits in the session, where a newer one replaces it.
+  // Send one message at a time: a view waits in the session, where a newer one replaces it.
   if (s.session_epoch == 0) return !events.empty();
   std::lock_guard lock(s.mutex);
   if (!s.outbox.empty()) return !events.empty();

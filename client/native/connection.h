@@ -1,6 +1,6 @@
 #pragma once
-// The WebSocket to the server, on a thread of its own: messages and news go into a queue that the render loop empties
-// between frames (Okamoto 2011, figure 6: "COM threads"). Nothing here makes the render loop wait.
+// The WebSocket to the server runs on a thread of its own: messages and events go into a queue that the render loop
+// empties between frames (Okamoto 2011, figure 6: "COM threads"). Nothing here makes the render loop wait.
 #include <memory>
 #include <string>
 
@@ -21,15 +21,15 @@ base::Result<ServerUrl> parseServerUrl(const std::string& text);
 
 class Connection final : public Link {
  public:
-  /// Starts connecting at once, and again after every loss: first after 0.25 s, then twice as long each time, at most 5
-  /// s.
+  /// Starts to connect at once, and again after every loss: first after 0.25 s, then after twice as long each time, at
+  /// most 5 s.
   explicit Connection(const ServerUrl& url, const LinkLimit& limit = {});
   ~Connection() override;
   Connection(const Connection&) = delete;
   Connection& operator=(const Connection&) = delete;
 
   void setLimit(const LinkLimit& limit);
-  /// A session that finds fault with the server ends this connection.
+  /// The connection is closed when the session rejects a message of the server.
   bool pump(Session& session) override;
   void waitForArrival(double seconds) override;
 

@@ -21,24 +21,26 @@ namespace {
 using Clock = LinkClock::Clock;
 
 constexpr long kConnectSeconds = 10;
+/// A transfer counts as stalled below this rate for this long; slower than any modem, so only dead links end.
 constexpr long kStallBytesPerSecond = 256;
 constexpr long kStallSeconds = 20;
+/// As many as browsers open for one host over HTTP/1.1.
 constexpr long kConnections = 6;
 
 struct RangeOrder {
   std::uint64_t id = 0;
   std::string name;
   std::uint64_t offset = 0, length = 0;
-  bool whole = false;  // then `length` is the most
+  bool whole = false;  // then `length` is the limit
 };
 
-/// One request under way.
+/// A request under way.
 struct Transfer {
   RangeOrder order;
   CURL* handle = nullptr;
   HttpHead head;
   base::Bytes body;
-  std::optional<FetchAnswer> verdict;  // known before the end: the transfer is broken off
+  std::optional<FetchAnswer> verdict;  // known before the body: the transfer is aborted
 
   void judgeHead();
   bool addBody(base::ByteView bytes);
@@ -48,7 +50,7 @@ struct Transfer {
   }
 };
 
-/// What the head says, before any byte of the body is taken.
+/// Judges the head of the answer, before any byte of the body is read.
 void Transfer::judgeHead() {
   constexpr int kOk = 200, kPartial = 206;
   const int status = head.status;
@@ -69,7 +71,7 @@ void Transfer::judgeHead() {
   } else if (order.whole) {
     if (status != kOk || (size && *size > order.length)) verdict = answer(FetchOutcome::kServer, "too long");
   } else if (status == kOk) {
-    // The whole object is the range that was asked for.
+    // This is right only when the requested range is the whole object.
     if (order.offset != 0 || !size || *size != order.length) verdict = answer(FetchOutcome::kRangeIgnored);
   } else {
     const auto range = base::parseContentRange(head.header("content-range"));
@@ -142,7 +144,7 @@ struct CurlFetcher::Impl {
     Clock::time_point due;
   };
 
-  // On the thread.
+  // These run on the thread.
   void run();
   void startOrders();
   void start(RangeOrder order);
@@ -161,9 +163,9 @@ struct CurlFetcher::Impl {
   CURLM* multi = nullptr;
   std::map<CURL*, std::unique_ptr<Transfer>> transfers;
   std::vector<CURL*> idle;
-  std::map<std::string, std::string> versions;  // by object: its ETag or date
+  std::map<std::string, std::string> versions;  // object -> its ETag or date
 
-  // Shared by both threads, under the mutex.
+  // These are shared by both threads, under the mutex.
   std::mutex mutex;
   std::condition_variable arrived;
   bool ending = false;
@@ -232,7 +234,7 @@ void CurlFetcher::Impl::start(RangeOrder order) {
   transfers[handle] = std::move(transfer);
 }
 
-/// The first version that is seen is the one that all answers must be of.
+/// The first version seen of an object is the one that all its answers must have.
 void CurlFetcher::Impl::checkVersion(const Transfer& transfer, FetchAnswer& answer) {
   std::string version = transfer.head.header("etag");
   if (version.rfind("W/", 0) == 0) version = version.substr(2);

@@ -1,5 +1,5 @@
 #pragma once
-// The native RangeFetcher: libcurl on a thread of its own, kept connections, verified TLS.
+// The native RangeFetcher uses libcurl on a thread of its own, with kept connections and verified TLS.
 #include <memory>
 #include <string>
 
@@ -14,11 +14,11 @@ class CurlFetcher final : public RangeFetcher {
   explicit CurlFetcher(const std::string& place, const LinkLimit& limit = {});
   ~CurlFetcher() override;
   void submit(std::uint64_t id, const std::string& name, std::uint64_t offset, std::uint64_t length) override;
-  /// A whole object of at most `max_bytes`; longer ones are kTooShort's opposite: kServer, with words.
+  /// Requests a whole object of at most `max_bytes`; a longer one ends with kServer and "too long".
   void submitWhole(std::uint64_t id, const std::string& name, std::uint64_t max_bytes);
   std::vector<FetchAnswer> takeAnswers() override;
   void cancel(std::uint64_t id) override;
-  /// Waits until take() would find something, at most `seconds`.
+  /// Waits until takeAnswers() would return something, at most `seconds`.
   void wait(double seconds);
 
  private:

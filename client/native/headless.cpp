@@ -22,14 +22,15 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-/// Longest wait between two looks at the connection: settled decoding and fading are noticed no later than this.
+/// Longest wait between two polls of the connection, which bounds the delay until finished decoding and fading are
+/// noticed.
 constexpr double kPollSeconds = 0.002;
 
 double secondsSince(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
-/// One run: what the steps below share.
+/// One run along the path.
 class HeadlessRun {
  public:
   explicit HeadlessRun(const HeadlessOptions& options) : options_(options), start_(Clock::now()), here_since_(start_) {}
@@ -57,7 +58,7 @@ class HeadlessRun {
   std::string lines_;
   HeadlessSummary summary_;
   double draw_ms_ = 0.0;
-  Clock::time_point start_;       // of the run, then of the Welcome
+  Clock::time_point start_;       // start of the run, then time of the Welcome
   Clock::time_point here_since_;  // when the session was last ready
 };
 
@@ -78,10 +79,11 @@ base::Result<void> HeadlessRun::prepare() {
   return openScene(options_.viewer.method);
 }
 
-/// A viewer, and the link that feeds it.
+/// Makes the viewer, and the link that feeds it.
 base::Result<void> HeadlessRun::openScene(Method method) {
   summary_.method = method;
-  // Pictures that wait to be complete come in whole; those at a fixed rate come in as they would on a screen.
+  // With pictures that wait to be complete nothing fades in, and uploads have no limit; at a fixed rate both happen as
+  // on a screen.
   ViewerOptions viewer = options_.viewer;
   viewer.method = method;
   if (options_.realtime_fps <= 0.0) {
@@ -89,7 +91,7 @@ base::Result<void> HeadlessRun::openScene(Method method) {
     viewer.upload_milliseconds = 0.0;
   }
   viewer_ = std::make_unique<Viewer>(viewer, std::make_unique<JpegDecoder>(std::max(1U, options_.decoder_threads)));
-  // … and splats are as fine in each.
+  // Splats are refined fully in each picture, too.
   SplatOptions splats = options_.splats;
   if (options_.realtime_fps <= 0.0) splats.frame_seconds = 0.0;
   LUMIGRID_ASSIGN_OR_RETURN(auto link, method == Method::kQsplat ? openSplatLink(options_.url, options_.link, splats)
@@ -98,14 +100,15 @@ base::Result<void> HeadlessRun::openScene(Method method) {
   return {};
 }
 
-/// What arrived; of a link for splats also those, as soon as it has them.
+/// Takes in what arrived, and hands the viewer the splats as soon as the link has them.
 bool HeadlessRun::pump() {
   const bool arrived = connection_->pump(viewer_->session());
   if (summary_.method == Method::kQsplat) viewer_->setSplats(connection_->splats());
   return arrived;
 }
 
-/// Refused, cancelled, or away for longer than connect_timeout: an error. A shorter loss heals by itself.
+/// Returns an error when the run is refused, cancelled, or without its server for longer than connect_timeout. A
+/// shorter loss repairs itself.
 base::Result<void> HeadlessRun::checkConnection() {
   if (options_.cancelled && options_.cancelled()) return base::Error{base::ErrorCode::kCancelled, "stopped on request"};
   Session& session = viewer_->session();
@@ -151,8 +154,8 @@ base::Result<void> HeadlessRun::drawView(const base::ViewCamera& camera) {
   return {};
 }
 
-/// Takes in what comes until the view is complete or time is up. Draws only when nothing more is to be taken in: in
-/// software a picture costs more than all else.
+/// Takes in data until the view is complete or the time is up. Draws only when nothing more is to be taken in, since
+/// drawing in software costs more than all else.
 base::Result<void> HeadlessRun::settleView(const base::ViewCamera& camera) {
   const Clock::time_point begin = Clock::now();
   while (secondsSince(begin) < options_.settle_seconds) {
@@ -169,7 +172,7 @@ base::Result<void> HeadlessRun::settleView(const base::ViewCamera& camera) {
   return drawView(camera);
 }
 
-/// Passes the time until `seconds` after the Welcome with taking in what comes.
+/// Takes in data until `seconds` after the Welcome.
 base::Result<void> HeadlessRun::waitUntil(double seconds, const base::ViewCamera& camera) {
   while (true) {
     pump();

@@ -24,7 +24,7 @@ base::Result<HostAnswers> askHost(const std::string& url) {
   HostAnswers answers;
   answers.other_origin = true;
 
-  // As a browser would: hosts send some headers to it alone.
+  // Send an Origin as a browser does, since hosts send some headers only then.
   HttpRequest request;
   request.headers = {"Origin: https://lumigrid.invalid"};
   request.url = place + "/scene.json";

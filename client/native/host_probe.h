@@ -1,5 +1,5 @@
 #pragma once
-// Asks a host what client/host_check.h judges.
+// Sends the requests whose answers client/source/host_check.h judges.
 #include <string>
 
 #include "base/error.h"
@@ -7,8 +7,9 @@
 
 namespace client {
 
-/// Four requests or one; waits for them, 10 s at most for each. A host that does not answer is a finding, not an error;
-/// an error says that scene.json is there but is no published scene's. `url` as PublishedSceneLink takes it.
+/// Sends one request, and three more when it succeeds; waits at most 10 s for each. A host that does not answer is a
+/// finding, not an error; an error says that scene.json exists but belongs to no published scene. `url` is as
+/// PublishedSceneLink takes it.
 base::Result<HostAnswers> askHost(const std::string& url);
 
 }  // namespace client

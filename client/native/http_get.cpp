@@ -57,7 +57,7 @@ struct HttpGetter::Impl {
   std::deque<WaitingRequest> requests;
   std::vector<Answer> answers;
   bool stopping = false;
-  std::thread thread;  // last: it uses all of the above
+  std::thread thread;  // last member, since the thread uses all others
 };
 
 HttpGetter::HttpGetter(const std::string& place) : impl_(std::make_unique<Impl>(place)) {}

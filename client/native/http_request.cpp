@@ -26,7 +26,7 @@ struct FreeList {
   void operator()(curl_slist* list) const { curl_slist_free_all(list); }
 };
 
-/// A reply on its way.
+/// A response on its way.
 struct Incoming {
   HttpResponse reply;
   std::size_t most = 0;

@@ -1,6 +1,6 @@
 #pragma once
-// What the uses of libcurl here share: the head of an answer, how requests are set up, and one request after the other
-// for those that may wait. Private to client/native.
+// Shared by all users of libcurl in client/native: the head of an answer, the set-up of requests, and a client that
+// sends one request after the other and waits. Private to client/native.
 #include <curl/curl.h>
 
 #include <atomic>
@@ -13,13 +13,13 @@
 
 namespace client {
 
-/// Status and headers of an answer, as lines come; of several answers (redirects) the last counts. Bounded.
+/// Collects status and headers of an answer line by line. After redirects the last answer counts. Bounded.
 struct HttpHead {
   int status = 0;
   bool ended = false;
   std::map<std::string, std::string> headers;  ///< names in lower case
 
-  /// One line as it came; false when there are too many.
+  /// Adds one line; returns false when there are too many.
   bool add(std::string_view line);
   std::string header(const std::string& lower_case_name) const;
 
@@ -27,7 +27,7 @@ struct HttpHead {
   std::size_t bytes_ = 0;
 };
 
-/// http and https alone, a few redirects, no signals; everything else as libcurl has it.
+/// Sets up a request: only http and https, a few redirects, no signals, libcurl's defaults for everything else.
 void setUpRequest(CURL* handle, const std::string& url);
 void startCurlOnce();
 
@@ -36,18 +36,18 @@ struct HttpRequest {
   std::string method = "GET";
   std::string range;                 ///< "0-15"; empty: all
   std::vector<std::string> headers;  ///< "Name: value"
-  std::size_t max_bytes = 0;         ///< of the body: a longer one is broken off as soon as that is known
+  std::size_t max_bytes = 0;         ///< limit of the body; a longer one is aborted as soon as its length is known
   double seconds = 10.0;             ///< from connecting to the last byte
 };
 
 struct HttpResponse {
   HttpHead head;  ///< status 0: nobody answered
   base::Bytes body;
-  bool too_long = false;  ///< broken off
-  std::string problem;    ///< why the answer is not whole; else empty
+  bool too_long = false;  ///< the body exceeded max_bytes, and was aborted
+  std::string problem;    ///< the reason when the answer is not whole, else empty
 };
 
-/// Asks and waits, on kept connections. One thread asks; any may stop.
+/// Sends requests on kept connections and waits for the answers. One thread sends; any may stop.
 class HttpClient {
  public:
   HttpClient();
@@ -55,7 +55,7 @@ class HttpClient {
   HttpClient(const HttpClient&) = delete;
   HttpClient& operator=(const HttpClient&) = delete;
   HttpResponse send(const HttpRequest& request);
-  /// What is under way ends now, and so does all that is asked later.
+  /// Ends the request under way, and all that are sent later.
   void stop();
 
  private:

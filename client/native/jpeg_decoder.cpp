@@ -10,7 +10,7 @@
 namespace client {
 
 ImageDecoder::DecodedImage decodeFaceImage(std::uint64_t id, base::ByteView value) {
-  auto image = repository::decodeFaceImage(value, 0);  // exact frames come in any size
+  auto image = repository::decodeFaceImage(value, 0);  // 0: any size, since exact frames have that of the view
   if (!image) return {id, {}, "an image from the server is broken: " + image.error().message};
   return {id, std::move(*image), {}};
 }
@@ -19,8 +19,8 @@ struct JpegDecoder::Impl {
   explicit Impl(unsigned threads) : pool(threads, std::numeric_limits<std::size_t>::max()) {}
   mutable std::mutex mutex;
   std::vector<DecodedImage> done;
-  std::size_t pending = 0;  // submitted and not taken
-  base::ThreadPool pool;    // last: its threads end before what they write to
+  std::size_t pending = 0;  // submitted and not taken yet
+  base::ThreadPool pool;    // last member, so that its threads end before the members they write to
 };
 
 JpegDecoder::JpegDecoder(unsigned threads) : impl_(std::make_unique<Impl>(threads)) {}

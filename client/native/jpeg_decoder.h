@@ -1,5 +1,5 @@
 #pragma once
-// The native ImageDecoder: libjpeg-turbo on a few threads.
+// The native ImageDecoder uses libjpeg-turbo on a few threads.
 #include <cstdint>
 #include <memory>
 
@@ -21,7 +21,7 @@ class JpegDecoder : public ImageDecoder {
   std::unique_ptr<Impl> impl_;
 };
 
-/// repository::decodeFaceImage, of any size.
+/// Decodes with repository::decodeFaceImage, images of any size.
 ImageDecoder::DecodedImage decodeFaceImage(std::uint64_t id, base::ByteView value);
 
 }  // namespace client

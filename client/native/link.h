@@ -1,6 +1,6 @@
 #pragma once
-// What feeds a session: a WebSocket to a server, or a published scene read by ranges. Nothing here makes the render
-// loop wait.
+// A link feeds a session: from a WebSocket to a server, or from a published scene read by ranges. Nothing here makes
+// the render loop wait.
 #include <algorithm>
 #include <chrono>
 #include <cstdint>
@@ -15,13 +15,14 @@
 
 namespace client {
 
-/// A link to emulate on the receiving side; zeros: as fast as it comes.
+/// A link to emulate on the receiving side; zeros mean as fast as data arrive.
 struct LinkLimit {
   double bytes_per_second = 0.0;
-  double latency_seconds = 0.0;  ///< added to each message on its way here, so once per round trip
+  double latency_seconds = 0.0;  ///< added to each message towards the client, so once per round trip
 };
 
-/// The delivery times of a link with a given rate and latency: one message after the other, then the way here.
+/// Computes when messages are delivered over a link with a given rate and latency: one message after the other, then
+/// the latency.
 class LinkClock {
  public:
   using Clock = std::chrono::steady_clock;
@@ -31,7 +32,7 @@ class LinkClock {
 
   void setLimit(const LinkLimit& limit) { limit_ = limit; }
   bool limited() const { return limit_.bytes_per_second > 0.0 || limit_.latency_seconds > 0.0; }
-  /// When the last byte of a message that is here now would have left the link.
+  /// Sends a message that is here now over the link, and returns when its last byte leaves the link.
   Clock::time_point pass(std::size_t bytes, Clock::time_point now) {
     free_ = std::max(free_, now);
     if (limit_.bytes_per_second > 0.0) free_ += toDuration(static_cast<double>(bytes) / limit_.bytes_per_second);
@@ -44,40 +45,41 @@ class LinkClock {
   Clock::time_point free_{};
 };
 
-/// What was asked of a host and came.
+/// Counts of a link over HTTP.
 struct LinkCounts {
   std::uint64_t requests = 0;
-  std::uint64_t bytes = 0;  ///< bodies, tables and index among them
+  std::uint64_t bytes = 0;  ///< bytes of bodies, tables and index included
 };
 
 class Link {
  public:
   virtual ~Link() = default;
-  /// Hands all that arrived to the session and takes what it wants to send. Never waits. True when something arrived.
-  /// From the thread that owns the session.
+  /// Hands everything that arrived to the session and sends its messages. Never waits. Returns true when something
+  /// arrived. Called from the thread that owns the session.
   virtual bool pump(Session& session) = 0;
   /// Waits until pump() would find something, at most `seconds`. For callers that have nothing to draw.
   virtual void waitForArrival(double seconds) = 0;
-  /// Looks for the full-resolution surface on a ray (StaticSource::pick). False: it cannot; a server has /pick for
-  /// that.
+  /// Starts to look for the full-resolution surface on a ray (StaticSource::pick). Returns false when this link cannot;
+  /// a server answers /pick instead.
   virtual bool pick(std::uint32_t /*id*/, const glm::dvec3& /*origin*/, const glm::dvec3& /*direction*/) {
     return false;
   }
   virtual std::vector<AnsweredPick> takePicks() { return {}; }
-  /// Of a link that was opened for splats, once it knows of them: for Viewer::setSplats(). Null before, and else.
+  /// The splats of a link that was opened for them, for Viewer::setSplats(). Null until it has them, and for other
+  /// links.
   virtual std::shared_ptr<SplatView> splats() const { return nullptr; }
-  /// Since it began. Nothing where there is one connection, which the session counts.
+  /// Counts since the link was opened; zeros with a server, whose messages the session counts.
   virtual LinkCounts counts() const { return {}; }
 };
 
-/// By the address: "https://…", an "http://…" that has a folder or ends in "scene.json" is a published scene; all else
-/// a server, as parseServerUrl says.
+/// Whether an address names a published scene: "https://…", or an "http://…" that has a folder or ends in "scene.json".
+/// All others are servers, as for parseServerUrl.
 bool isPublishedScene(const std::string& url);
-/// Whether openLink() would take it. Errors say what is wrong with the text.
+/// Checks whether openLink() accepts the address. Errors say what is wrong with the text.
 base::Result<void> checkUrl(const std::string& url);
-/// Starts at once.
+/// Opens a link, which starts to connect at once.
 base::Result<std::unique_ptr<Link>> openLink(const std::string& url, const LinkLimit& limit = {});
-/// The same for Method::kQsplat: scene.json and qsplat.lgq by HTTP, from a server of ours as from any other host.
+/// Opens a link for Method::kQsplat: scene.json and qsplat.lgq over HTTP, from a server of ours or any other host.
 base::Result<std::unique_ptr<Link>> openSplatLink(const std::string& url, const LinkLimit& limit,
                                                   const SplatOptions& options);
 

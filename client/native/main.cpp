@@ -1,4 +1,4 @@
-// lumigrid-view: the thin client, in a window or headless along a recorded camera path.
+// lumigrid-view is the thin client, in a window or headless along a recorded camera path.
 #include <CLI/CLI.hpp>
 #include <atomic>
 #include <csignal>
@@ -62,7 +62,7 @@ struct Arguments {
   bool check_host = false;
 };
 
-/// The same with every value understood.
+/// The arguments with every value parsed.
 struct ViewSetup {
   client::ViewerOptions viewer;
   client::SplatOptions splats;
@@ -294,7 +294,7 @@ int runHeadlessMode(const Arguments& a, const ViewSetup& setup) {
   return 0;
 }
 
-/// What the command line does not say is as the user keeps it.
+/// Applies the user's settings where the command line has no option.
 void applyUserSettings(const CLI::App& app, const client::Settings& kept, client::WindowOptions& options) {
   const auto said = [&app](const char* option) { return app.count(option) > 0; };
   client::ViewerOptions& viewer = options.app.viewer;
@@ -391,7 +391,7 @@ int main(int argc, char** argv) {
   if (!arguments.view.empty()) {
     const auto view = client::parsePermalink(arguments.view);
     if (!view) return printError("--view: " + view.error().message, kWrongUsage);
-    // A link says what it shows.
+    // A link names its method.
     if (app.count("--method") == 0) arguments.method = client::nameOf(view->method);
   }
   auto setup = parseArguments(arguments);

@@ -22,12 +22,12 @@ constexpr float kHandleRadius = 9.0F;
 constexpr float kCardWidth = 320.0F;
 constexpr float kProgressHeight = 3.0F;
 
-/// Where distributions put fonts that read well.
+/// Places where distributions put fonts that read well.
 constexpr const char* kFonts[] = {
     "/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf", "/usr/share/fonts/dejavu-sans-fonts/DejaVuSans.ttf",
     "/usr/share/fonts/TTF/DejaVuSans.ttf", "/usr/share/fonts/truetype/liberation/LiberationSans-Regular.ttf",
     "/usr/share/fonts/noto/NotoSans-Regular.ttf"};
-/// Latin, Greek, Cyrillic, punctuation, signs.
+/// Unicode ranges of Latin, Greek and Cyrillic letters, punctuation and signs.
 constexpr ImWchar kGlyphs[] = {0x0020, 0x024F, 0x0370, 0x052F, 0x2000, 0x206F, 0x20A0, 0x20BF, 0x2190, 0x21FF, 0};
 
 struct Colors {
@@ -45,7 +45,7 @@ ImU32 packed(const ImVec4& color) {
   return ImGui::ColorConvertFloat4ToU32(color);
 }
 
-/// One frame's drawing.
+/// Draws the overlay of one frame.
 class Painter {
  public:
   Painter(App& app, const OverlayLook& look)
@@ -68,7 +68,7 @@ class Painter {
  private:
   ImVec2 at(double x, double y) const { return {pixel_ * static_cast<float>(x), pixel_ * static_cast<float>(y)}; }
 
-  /// A line or circle that can be seen on any ground: with an edge around it.
+  /// Draws a line with an edge around it, so that it is visible on any ground.
   void line(ImDrawList& list, const ImVec2& a, const ImVec2& b, const ImVec4& color) const {
     list.AddLine(a, b, packed(colors_.edge), 3.5F * scale_);
     list.AddLine(a, b, packed(color), 1.5F * scale_);
@@ -80,7 +80,7 @@ class Painter {
     else
       list.AddCircle(center, radius - 0.5F * scale_, packed(color), 0, 1.5F * scale_);
   }
-  /// A word on a small plate; `center`: of its lower edge.
+  /// Draws a text on a small plate; `center` is the middle of its lower edge.
   void plate(ImDrawList& list, const ImVec2& center, const std::string& text) const {
     const ImVec2 size = ImGui::CalcTextSize(text.c_str());
     const float pad = 5.0F * scale_;
@@ -132,7 +132,7 @@ class Painter {
     ImGui::Begin(name, nullptr, flags);
   }
 
-  /// Names and values in two columns, as wide as they need.
+  /// Draws names and values in two columns, as wide as they need.
   template <class Rows>
   void table(const char* name, const Rows& rows) const {
     if (!ImGui::BeginTable(name, 2, ImGuiTableFlags_SizingFixedFit)) return;
@@ -152,7 +152,7 @@ class Painter {
     ImGui::End();
   }
 
-  /// What the tints mean, at the lower left.
+  /// Draws the legend of the tints at the lower left.
   void drawLegend() const {
     begin("legend", kMargin * scale_, size_.y - kMargin * scale_, 0.0F, 1.0F, kWords);
     ImGui::TextColored(colors_.quiet, "Pixels that the detail spans");
@@ -169,7 +169,7 @@ class Painter {
     ImGui::End();
   }
 
-  /// From below: what is wrong with the connection, what to do in this mode, toasts.
+  /// Draws, from the bottom up, the problem of the connection, the mode's hint, and the toasts.
   void drawMessages() const {
     float bottom = size_.y - kMargin * scale_;
     const Status status = app_.status();
@@ -235,7 +235,7 @@ class Painter {
   App& app_;
   float scale_;
   Colors colors_;
-  ImVec2 size_;  // of the window, ImGui's units
+  ImVec2 size_;  // size of the window, ImGui's units
   float pixel_;  // ImGui's units per framebuffer pixel
 };
 

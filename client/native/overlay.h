@@ -1,24 +1,24 @@
 #pragma once
-// What stands over the picture in the native window, drawn by Dear ImGui from what client::App says: statistics, help,
-// toasts, pins and their cards, measured values, the section plane's handle, progress and problems. Between ImGui's
-// NewFrame and Render.
+// Draws the overlay of the native window with Dear ImGui, from the state of client::App: statistics, help, toasts, pins
+// and their cards, measured values, the section plane's handle, progress and problems. Called between ImGui's NewFrame
+// and Render.
 #include "client/app/app.h"
 
 namespace client {
 
 struct OverlayLook {
   bool dark = true;
-  float scale = 1.0F;  ///< of fonts and distances: the monitor's
+  float scale = 1.0F;  ///< scale of fonts and distances, from the monitor
 };
 
-/// Loads a font that has Latin, Greek and Cyrillic, when the system has one of the usual ones; sets distances. Once,
-/// after ImGui::CreateContext().
+/// Sets distances, and loads a font that has Latin, Greek and Cyrillic when the system has one of the usual ones.
+/// Called once, after ImGui::CreateContext().
 void setUpOverlay(const OverlayLook& look);
-/// Colours; whenever `dark` changes.
+/// Sets the colours; called whenever `dark` changes.
 void styleOverlay(const OverlayLook& look);
-/// The picture's colour where there is no model: RGBA, 0 … 1.
+/// Returns the picture's colour where there is no model: RGBA, 0 … 1.
 std::array<float, 4> overlayBackground(bool dark);
-/// Opening and closing of cards and help goes to `app`.
+/// Draws the overlay. Clicks that open or close cards and help go to `app`.
 void drawOverlay(App& app, const OverlayLook& look);
 
 }  // namespace client

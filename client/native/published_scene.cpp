@@ -15,10 +15,10 @@ namespace client {
 namespace {
 
 constexpr std::uint64_t kMaxJsonBytes = std::uint64_t{16} << 20;
-constexpr std::uint64_t kSceneJsonId = ~std::uint64_t{0};  // no range's
+constexpr std::uint64_t kSceneJsonId = ~std::uint64_t{0};  // no id of a range
 constexpr double kMinPause = 0.25, kMaxPause = 5.0;        // seconds
 
-/// The last part of the address; where it has none, what the scene was made of: "tower" of "/scans/tower.ply".
+/// Names a scene by the last part of its address; where there is none, by its source: "tower" from "/scans/tower.ply".
 std::string nameOf(const std::string& place, const base::Scene& scene) {
   const std::size_t host = place.find("://");
   const bool has_folder = host == std::string::npos || place.find('/', host + 3) != std::string::npos;
@@ -119,7 +119,7 @@ base::Result<std::unique_ptr<Link>> openSplatLink(const std::string& url, const 
   if (isPublishedScene(url))
     return std::unique_ptr<Link>(std::make_unique<SplatLink>(placeOfScene(url), limit, options));
   LUMIGRID_ASSIGN_OR_RETURN(const auto server, parseServerUrl(url));
-  // Of a server with several scenes, each lies in a folder of its own.
+  // A server with several scenes has each in a folder of its own.
   const std::string place = placeOfScene("http://" + server.authority() + server.target);
   return std::unique_ptr<Link>(std::make_unique<SplatLink>(place, limit, options));
 }
@@ -171,7 +171,7 @@ struct PublishedSceneLink::Impl {
   std::unique_ptr<StaticSource> source;
 };
 
-/// scene.json, when it came.
+/// Opens the scene when scene.json has arrived.
 bool PublishedSceneLink::Impl::acceptScene(Session& session) {
   if (refused) return false;
   const auto text = scene_json.takeText(session, now());

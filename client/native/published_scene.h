@@ -1,6 +1,6 @@
 #pragma once
-// A published scene at a URL: scene.json as the plain values that client::StaticSource takes, and the link that reads
-// it.
+// Opens a published scene at a URL: translates scene.json to the plain values that client::StaticSource takes, and
+// provides the link that reads the scene.
 #include <optional>
 #include <string>
 
@@ -10,27 +10,27 @@
 
 namespace client {
 
-/// `place`: the URL without "scene.json" and slashes at its end. Errors say what is wrong with the text; kUnsupported:
-/// it has splats alone.
+/// `place` is the URL without "scene.json" and without slashes at its end. Errors say what is wrong with the text;
+/// kUnsupported means that the scene is splats-only.
 base::Result<StaticScene> staticSceneFrom(const std::string& scene_json, const std::string& place);
-/// Grid and tree, by nlohmann-json.
+/// Returns a reader of grid and sample tree that uses nlohmann-json.
 ReadParameters parametersReader();
-/// "http://host/folder/scene.json" or "http://host/folder/" as "http://host/folder".
+/// Shortens "http://host/folder/scene.json" or "http://host/folder/" to "http://host/folder".
 std::string placeOfScene(const std::string& url);
 
-/// What scene.json says to people: name, units, origin, box, up and light.
+/// Returns the fields of a Welcome that scene.json gives: name, units, origin, box, up and light.
 protocol::Welcome welcomeFrom(const base::Scene& scene, const std::string& place);
-/// The part of a scene that is called stem.extension, or has it in its published name.
+/// Returns the object of a scene that is called stem.extension, or has that stem and extension in its published name.
 std::optional<StaticObject> partOf(const base::Scene& scene, const std::string& stem, const std::string& extension);
 
 class CurlFetcher;
 
-/// scene.json on its way; asked for again while the host is away.
+/// Fetches scene.json, again and again while the host does not answer.
 class SceneJson {
  public:
-  /// `fetcher` outlives it; nobody else has anything under way there until it is here.
+  /// `fetcher` outlives it, and has no other requests under way until scene.json is here.
   SceneJson(CurlFetcher& fetcher, std::string place);
-  /// The text, once. Tells the session what keeps it.
+  /// Returns the text once, when it has arrived. Reports failures to the session.
   std::optional<std::string> takeText(Session& session, double now);
   std::uint64_t bytes() const { return bytes_; }
 
@@ -44,7 +44,8 @@ class SceneJson {
   double retry_at_ = 0.0;
 };
 
-/// Fetches scene.json, then what views need. Tries again when the host is away; opens the scene anew after that.
+/// Fetches scene.json, then what views need. Tries again while the host does not answer, and opens the scene anew after
+/// that.
 class PublishedSceneLink final : public Link {
  public:
   explicit PublishedSceneLink(const std::string& url, const LinkLimit& limit = {});

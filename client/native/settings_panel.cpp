@@ -13,7 +13,7 @@ constexpr ImGuiWindowFlags kFlags = ImGuiWindowFlags_NoCollapse | ImGuiWindowFla
                                     ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoSavedSettings |
                                     ImGuiWindowFlags_NoMove;
 
-/// "system\0light\0dark\0\0", as ImGui takes a list.
+/// Returns the choices as ImGui takes a list: "system\0light\0dark\0\0".
 std::string listOf(const SettingField& field) {
   std::string list;
   for (int place = 0; place <= static_cast<int>(field.max); ++place)
@@ -21,7 +21,7 @@ std::string listOf(const SettingField& field) {
   return list;
 }
 
-/// Flags and choices; true when it was changed, to `value`.
+/// Draws a flag or choice; returns true when it was changed, to `value`.
 bool control(const SettingField& field, const std::string& id, double& value) {
   if (field.kind == SettingKind::kFlag) {
     bool on = value != 0.0;
@@ -37,7 +37,7 @@ bool control(const SettingField& field, const std::string& id, double& value) {
 
 }  // namespace
 
-/// Half a number is none: what is typed stays here until the field is left.
+/// Draws a number. The typed text stays here until the field is left, since half a number may be out of range.
 bool SettingsPanel::number(const SettingField& field, const std::string& id, double& value) {
   if (typing_ == field.name) value = typed_;
   ImGui::InputDouble(id.c_str(), &value, 0.0, 0.0, field.kind == SettingKind::kInteger ? "%.0f" : "%.6g");

@@ -1,6 +1,6 @@
 #pragma once
-// The settings as a panel of Dear ImGui: the same fields, ranges and words as the page's (client/settings.h). Between
-// ImGui's NewFrame and Render.
+// Shows the settings as a panel of Dear ImGui, with the same fields, ranges and labels as the page
+// (client/app/settings.h). Called between ImGui's NewFrame and Render.
 #include <string>
 #include <string_view>
 
@@ -11,8 +11,7 @@ namespace client {
 
 class SettingsPanel {
  public:
-  /// Changes go to `app` at once, which asks for their keeping; numbers when their field is left. False: the visitor
-  /// closed it.
+  /// Passes changes to `app` at once, numbers when their field is left. Returns false when the user closed the panel.
   bool draw(App& app, const OverlayLook& look);
 
  private:

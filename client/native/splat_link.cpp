@@ -32,8 +32,8 @@ struct SplatLink::Impl {
 
   const std::string place;
   SplatOptions options;
-  std::unique_ptr<CurlFetcher> fetcher;  // until the splats have it
-  CurlFetcher* connection;               // the same, wherever it is
+  std::unique_ptr<CurlFetcher> fetcher;  // until the splats take it over
+  CurlFetcher* connection;               // the same fetcher, whoever owns it
   SceneJson scene_json;
   bool refused = false;
   std::shared_ptr<StreamedSplats> splats;

@@ -1,5 +1,5 @@
 #pragma once
-// A scene's splats at an HTTP address: scene.json tells which object they are, and client::StreamedSplats reads it.
+// Reads a scene's splats at an HTTP address: scene.json names their file, and client::StreamedSplats reads it.
 #include <memory>
 #include <string>
 
@@ -10,7 +10,7 @@ namespace client {
 
 class SplatLink final : public Link {
  public:
-  /// `place`: the scene's URL, "http://host:port" of a server of ours included.
+  /// `place` is the scene's URL; "http://host:port" of a server of ours is one, too.
   SplatLink(const std::string& place, const LinkLimit& limit, const SplatOptions& options);
   ~SplatLink() override;
   bool pump(Session& session) override;

@@ -17,8 +17,9 @@ struct Suffix {
   double factor;
 };
 
-/// A non-negative number with one of the suffixes; no suffix counts as factor 1 only where the list holds an empty one.
-bool parseScaled(const std::string& text, std::initializer_list<Suffix> suffixes, double most, double* value) {
+/// Reads a non-negative number with one of the suffixes. A number without suffix is accepted only where the list has an
+/// empty one.
+bool parseScaled(const std::string& text, std::initializer_list<Suffix> suffixes, double max, double* value) {
   double number = 0.0;
   const char* end = text.data() + text.size();
   const auto [rest, error] = std::from_chars(text.data(), end, number);
@@ -27,7 +28,7 @@ bool parseScaled(const std::string& text, std::initializer_list<Suffix> suffixes
   for (const Suffix& known : suffixes) {
     if (known.text != suffix) continue;
     *value = number * known.factor;
-    return *value <= most;
+    return *value <= max;
   }
   return false;
 }

@@ -1,5 +1,5 @@
 #pragma once
-// Values with units, as the command line spells them.
+// Parses values with units, as the command line spells them.
 #include <array>
 #include <cstdint>
 #include <string>

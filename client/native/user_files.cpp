@@ -24,7 +24,7 @@ std::string fromEnvironment(const char* name) {
   return value != nullptr ? value : "";
 }
 
-/// The text of a file, empty when there is none.
+/// Returns the text of a file, empty when there is none.
 base::Result<std::string> textOf(const std::string& path, std::size_t limit) {
   std::error_code error;
   if (!std::filesystem::exists(path, error)) return std::string();
@@ -43,7 +43,7 @@ base::Result<void> writeText(const std::string& directory, const char* file, con
   return base::writeFileAtomically(directory + file, base::Bytes(text.begin(), text.end()));
 }
 
-/// The member's value as the table keeps it.
+/// Returns a JSON member's value as the table of settings keeps it.
 base::Result<double> settingFrom(const SettingField& field, const json& value) {
   switch (field.kind) {
     case SettingKind::kFlag:

@@ -33,20 +33,20 @@
 namespace client {
 namespace {
 
-/// With nothing to draw, input wakes the loop at once and the network within this time.
+/// With nothing to draw, the loop wakes for input at once, and for the network within this time.
 constexpr double kIdleSeconds = 0.02;
-/// The overlay is drawn again this often while it shows figures.
+/// The overlay is drawn again this often while it shows statistics.
 constexpr double kFiguresSeconds = 0.25;
-/// Dear ImGui hides a new window until it has measured it once: what changed is drawn this often.
+/// Dear ImGui hides a new window until it has measured it once, so a changed overlay is drawn this often.
 constexpr int kOverlayFrames = 3;
-/// What is asked by HTTP: limits of time and size.
+/// Limits of time and size for requests over HTTP.
 constexpr double kPickSeconds = 10.0;
 constexpr double kNotesSeconds = 20.0;
 constexpr double kPictureSeconds = 300.0;
 constexpr std::size_t kMaxPicture = 256 * 1024 * 1024;
 constexpr int kFound = 200;
 constexpr int kNotFound = 404;
-constexpr int kNotImplemented = 501;  // a scene of splats alone has no surface to be found
+constexpr int kNotImplemented = 501;  // a splats-only scene has no surface to be found
 
 std::string lastGlfwError() {
   const char* text = nullptr;
@@ -54,7 +54,8 @@ std::string lastGlfwError() {
   return text != nullptr ? text : "no reason given";
 }
 
-/// "lumigrid-skull-20260504-153012.png", with what a file name can hold of the scene's.
+/// Names a picture after the scene and the time: "lumigrid-skull-20260504-153012.png". Characters that file names
+/// cannot have become '-'.
 std::string pictureName(const std::string& scene) {
   std::string name = "lumigrid-";
   for (const char c : scene.substr(0, 64)) {
@@ -70,7 +71,7 @@ std::string pictureName(const std::string& scene) {
   return name + time.data() + ".png";
 }
 
-/// A name in the directory that no file has yet.
+/// Returns a path in the folder that does not exist yet.
 std::string freePath(const std::string& directory, const std::string& name) {
   const std::filesystem::path folder(directory);
   const std::filesystem::path file(name);
@@ -81,7 +82,7 @@ std::string freePath(const std::string& directory, const std::string& name) {
   return path.string();
 }
 
-/// The path and query of the server's picture, as large as the window's and on the same background.
+/// Returns the path and query of the server's picture, in the window's size and on its background.
 std::string renderTarget(const Request& request, const std::array<float, 4>& background) {
   const auto byte = [](float share) {
     return static_cast<unsigned>(std::lround(255.0F * std::clamp(share, 0.0F, 1.0F)));
@@ -92,7 +93,7 @@ std::string renderTarget(const Request& request, const std::array<float, 4>& bac
   return "/render?" + request.text + rest.data();
 }
 
-/// Where a server with several scenes has what belongs to one: "/tower" of "/tower/" and "/tower/ws".
+/// Returns the folder that a server with several scenes has for one: "/tower" for "/tower/" and "/tower/ws".
 std::string folderOf(const std::string& target) {
   const std::string path = target.substr(0, target.find('?'));
   return path.substr(0, path.rfind('/'));
@@ -102,7 +103,7 @@ Modifiers modifiersOf(int mods) {
   return {(mods & GLFW_MOD_SHIFT) != 0, (mods & (GLFW_MOD_CONTROL | GLFW_MOD_SUPER)) != 0, (mods & GLFW_MOD_ALT) != 0};
 }
 
-/// What a browser would call the place of a key.
+/// Returns the place of a key as a browser names it (KeyboardEvent.code).
 std::string codeOf(int key) {
   if (key >= GLFW_KEY_A && key <= GLFW_KEY_Z) return std::string("Key") + static_cast<char>('A' + key - GLFW_KEY_A);
   if (key >= GLFW_KEY_0 && key <= GLFW_KEY_9) return "Digit" + std::to_string(key - GLFW_KEY_0);
@@ -128,7 +129,8 @@ std::string codeOf(int key) {
   return found != kNames.end() ? found->second : "";
 }
 
-/// And what it writes; with shift a slash is the help's question mark on the keyboards that write it so.
+/// Translates a key by its place and its character. GLFW gives characters without shift, so shift + '/' is taken for
+/// '?' and shift + '=' for '+'.
 Key keyOf(int key, int scancode, int mods) {
   const char* printed = glfwGetKeyName(key, scancode);
   std::string text = printed != nullptr ? printed : "";
@@ -181,7 +183,7 @@ class Window {
   struct OpenQuestion {
     Question question;
     std::uint32_t pick = 0;
-    base::Image fallback;  // kPicture: what the window showed
+    base::Image fallback;  // kPicture: the picture that the window showed
   };
 
   const WindowOptions& options_;
@@ -189,17 +191,17 @@ class Window {
   bool overlay_ready_ = false;
   OverlayLook look_;
   std::array<float, 4> background_{};
-  bool theme_background_ = false;  // none was asked for: it goes with the colours of the words
+  bool theme_background_ = false;  // no background was given, so it follows the theme
   bool settings_open_ = false;
   SettingsPanel settings_panel_;
   std::unique_ptr<App> app_;
   std::unique_ptr<Link> connection_;
-  bool published_ = false;            // a scene with no server of ours: it has files, and answers no questions
-  std::unique_ptr<HttpGetter> http_;  // for what lies beside the scene, and a server's answers
+  bool published_ = false;            // the scene has files but no server that answers questions
+  std::unique_ptr<HttpGetter> http_;  // for files beside the scene, and a server's answers
   std::map<std::uint64_t, OpenQuestion> open_questions_;
   std::uint64_t next_question_ = 1;
-  std::optional<std::string> scene_;  // bookmarkKey of the scene whose notes and bookmarks are here
-  base::gl::RenderTarget picture_;    // the model without words; shown by a blit
+  std::optional<std::string> scene_;  // bookmarkKey of the scene whose notes and bookmarks are loaded
+  base::gl::RenderTarget picture_;    // the model without overlay; copied to the window
   glm::dvec2 cursor_at_{0.0};         // screen units
   int button_down_ = -1;
   bool picture_changed_ = true;
@@ -209,7 +211,7 @@ class Window {
 // ---- opening and closing ----
 
 Window::~Window() {
-  // GL objects go while their context is there.
+  // GL objects must go while their context exists.
   connection_.reset();
   http_.reset();
   app_.reset();
@@ -259,7 +261,7 @@ base::Result<void> Window::open() {
   return {};
 }
 
-/// What shows the scene, and the link that feeds it.
+/// Makes the link for a method, and the App that shows the scene.
 base::Result<void> Window::openScene(Method method) {
   const bool splats = method == Method::kQsplat;
   const Settings settings = app_ ? app_->settings() : options_.app.settings;
@@ -281,14 +283,14 @@ base::Result<void> Window::openScene(Method method) {
   return {};
 }
 
-/// Once: the scene has no data for the method, which nobody asked for, and nothing of it was shown.
+/// Changes the method once when the scene has no data for the default one; nothing was shown until then.
 base::Result<void> Window::changeMethod() {
   const auto instead = app_->session().methodInstead();
   if (!instead || !options_.method_is_default || std::exchange(method_changed_, true)) return {};
   return openScene(*instead);
 }
 
-/// After our own callbacks, which Dear ImGui then calls before its own.
+/// Sets up Dear ImGui after our own callbacks, which it then calls before its own.
 void Window::startOverlay() {
   IMGUI_CHECKVERSION();
   ImGui::CreateContext();
@@ -306,7 +308,7 @@ void Window::startOverlay() {
   overlay_ready_ = true;
 }
 
-/// As the settings say. There is no portable way to ask a desktop; what asks for nothing is dark.
+/// Applies the theme of the settings. Desktops have no portable way to tell theirs, so "system" is dark.
 void Window::applyTheme() {
   look_.dark = static_cast<Theme>(static_cast<int>(app_->settings().theme)) != Theme::kLight;
   styleOverlay(look_);
@@ -347,7 +349,7 @@ void Window::resized() {
   picture_changed_ = true;
 }
 
-/// The cursor in framebuffer pixels, as of the event in hand: asked for, GLFW says where it is by now.
+/// Returns the cursor in framebuffer pixels as of the present event; glfwGetCursorPos would return a later place.
 glm::dvec2 Window::cursor() const {
   int width = 1;
   int height = 1;
@@ -363,7 +365,7 @@ PointerEvent Window::pointer(PointerButton button, int mods) const {
   return {0, PointerKind::kMouse, button, modifiersOf(mods), at.x, at.y, glfwGetTime()};
 }
 
-/// One button at a time: a second one while the first is down is not looked at.
+/// Handles one button at a time; a second one is ignored while the first is down.
 void Window::onButton(int button, int action, int mods) {
   picture_changed_ = true;
   const PointerButton ours = button == GLFW_MOUSE_BUTTON_LEFT     ? PointerButton::kLeft
@@ -391,7 +393,7 @@ void Window::onWheel(double steps) {
 
 void Window::onKey(int key, int scancode, int action, int mods) {
   picture_changed_ = true;
-  // What is typed into a field is not ours; but a key that goes up there may have gone down here.
+  // Keys typed into a field are not ours; but a key released there may have been pressed here.
   if (action != GLFW_RELEASE && ImGui::GetIO().WantTextInput) return;
   const Key ours = keyOf(key, scancode, mods);
   if (ours == Key::kEscape && action == GLFW_PRESS && std::exchange(settings_open_, false)) return;
@@ -400,7 +402,7 @@ void Window::onKey(int key, int scancode, int action, int mods) {
 
 // ---- requests and answers ----
 
-/// Notes and bookmarks of a scene that has just come, or of another one after a reconnect.
+/// Loads notes and bookmarks of a scene that has just arrived, or of another one after a reconnect.
 void Window::startScene() {
   const protocol::Welcome* welcome = app_->session().welcome();
   if (welcome == nullptr || app_->sceneName().empty()) return;
@@ -433,7 +435,7 @@ void Window::carryOutRequest(const Request& request) {
       app_->showToast("Link copied; lumigrid-view --view opens it");
       break;
     case RequestKind::kLinkChanged:
-      break;  // a window has no address
+      break;  // a window has no address to keep it in
     case RequestKind::kSavePicture:
       savePicture(request);
       break;
@@ -450,7 +452,7 @@ void Window::carryOutRequest(const Request& request) {
       break;
     case RequestKind::kPick:
       if (connection_->pick(request.id, request.origin, request.direction)) return;
-      if (published_) return app_->answerPick(request.id, {});  // nobody knows: the approximate point stays
+      if (published_) return app_->answerPick(request.id, {});  // nobody can answer: the approximate point stays
       open_questions_[next_question_] = {Question::kPick, request.id, {}};
       http_->get(next_question_++, pickTarget(request.origin, request.direction), kMaxPickAnswer, kPickSeconds);
       break;
@@ -464,7 +466,7 @@ void Window::keepBookmarks() {
   reportError(writeBookmarks(options_.config_directory, *scene_, bookmarks));
 }
 
-/// The server's picture is the true one; without a server there is what the window shows.
+/// Asks the server for the picture, which it draws at full resolution; without a server saves what the window shows.
 void Window::savePicture(const Request& request) {
   if (published_ || app_->view().method == Method::kQsplat || app_->session().phase() != SessionPhase::kReady)
     return writePicture(readPicture());
@@ -499,7 +501,7 @@ void Window::takeAnswers() {
   }
 }
 
-/// A server that has none, or is too old to know of them, is no error.
+/// Shows the notes; a server without any is no error.
 void Window::acceptNotes(const HttpGetter::Answer& answer) {
   if (answer.status == kNotFound) return;
   if (answer.status != kFound)
@@ -536,7 +538,7 @@ void Window::acceptPicture(const HttpGetter::Answer& answer) {
 
 // ---- drawing ----
 
-/// The model without words, as it was drawn last.
+/// Returns the model without overlay, as it was drawn last.
 base::Image Window::readPicture() const {
   return picture_.read();
 }
@@ -551,7 +553,7 @@ base::Result<void> Window::drawScene(double now) {
   return app_->frame(now);
 }
 
-/// The picture, and the words on top of it.
+/// Draws the picture and the overlay into the window.
 void Window::drawOverlayWindow() {
   int width = 0;
   int height = 0;
@@ -586,14 +588,14 @@ base::Result<void> Window::run() {
     startScene();
     for (const Request& request : app_->takeRequests()) carryOutRequest(request);
 
-    // What would look the same is not drawn again; words alone need no new picture.
+    // A picture that would look the same is not drawn again; the overlay alone needs no new picture.
     const bool frame = app_->wantsFrame();
     const bool figures = app_->view().statistics && now - shown_at >= kFiguresSeconds;
     if (frame) LUMIGRID_TRY(drawScene(now));
     if (frame || picture_changed_ || figures || app_->overlayVersion() != shown_overlay)
       overlay_frames_left = kOverlayFrames;
     if (settings_open_)
-      overlay_frames_left = std::max(overlay_frames_left, 1);  // its fields blink and follow the mouse
+      overlay_frames_left = std::max(overlay_frames_left, 1);  // its fields blink and react to the mouse
     if (overlay_frames_left == 0 || picture_.width() == 0) {
       glfwWaitEventsTimeout(kIdleSeconds);
       continue;

@@ -1,5 +1,5 @@
-// What a host's answers say (client/host_check.h), as a WebAssembly module of its own: it is fetched when somebody asks
-// for the list, or when a scene cannot be shown (client/web/site/check.js).
+// Judges a host's answers (client/source/host_check.h). This is a WebAssembly module of its own: it is fetched when
+// somebody asks for the list (client/web/site/check.js).
 #include <emscripten/emscripten.h>
 
 #include <string>
@@ -16,14 +16,14 @@ std::string rows;
 
 extern "C" {
 
-/// Before the first takeAnswer(). `other_origin`: the scene's host is not the page's.
+/// Called before the first takeAnswer(). `other_origin`: the scene's host is not the page's.
 EMSCRIPTEN_KEEPALIVE void beginCheck(int other_origin) {
   answers = {};
   answers.in_browser = true;
   answers.other_origin = other_origin != 0;
 }
 
-/// `which`: 0 scene.json, 1 bytes 0-15, 2 bytes 16-31. Headers follow by takeHeader().
+/// Takes an answer. `which`: 0 scene.json, 1 bytes 0-15, 2 bytes 16-31. takeHeader() adds its headers.
 EMSCRIPTEN_KEEPALIVE void takeAnswer(int which, int status, int there_without_cors, double bytes) {
   client::HostAnswer& answer = which == 0 ? answers.scene : which == 1 ? answers.range : answers.next_range;
   answer.status = status;
@@ -31,13 +31,13 @@ EMSCRIPTEN_KEEPALIVE void takeAnswer(int which, int status, int there_without_co
   answer.bytes = static_cast<std::uint64_t>(bytes);
 }
 
-/// `name` in lower case.
+/// Adds a header; `name` is in lower case.
 EMSCRIPTEN_KEEPALIVE void takeHeader(int which, const char* name, const char* value) {
   client::HostAnswer& answer = which == 0 ? answers.scene : which == 1 ? answers.range : answers.next_range;
   answer.headers[name] = value;
 }
 
-/// Rows: grade (0 good, 1 could be better, 2 fails), its name, header, what, to do, line of nginx.
+/// Returns rows: grade (0 good, 1 could be better, 2 fails), its name, header, finding, what to change, line of nginx.
 EMSCRIPTEN_KEEPALIVE const char* findings() {
   client::TextRows out;
   for (const client::HostFinding& one : client::judgeHost(answers)) {

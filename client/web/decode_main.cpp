@@ -1,5 +1,5 @@
-// The part of decoding an image that a browser has no help for, as a WebAssembly module of its own for the page's
-// workers: what a face value holds, and its coverage mask. The JPEG itself goes to createImageBitmap
+// Decodes the part of a face that browsers have no function for: its container and its coverage mask. This is a
+// WebAssembly module of its own for the page's workers; createImageBitmap decodes the JPEG itself
 // (client/web/site/decode_worker.js).
 #include <emscripten/emscripten.h>
 
@@ -15,7 +15,7 @@ namespace {
 
 constexpr int kMaxSide = 16384;
 
-/// One worker decodes one image at a time.
+/// The face being decoded; a worker decodes one at a time.
 struct Job {
   base::Bytes bytes;
   repository::FaceValue value;
@@ -28,14 +28,14 @@ Job job;
 
 extern "C" {
 
-/// Room for a face value of `size` bytes, to be filled before parseValue().
+/// Returns room for a coded face of `size` bytes, to be filled before parseValue().
 EMSCRIPTEN_KEEPALIVE std::uint8_t* valueBuffer(std::size_t size) {
   job = {};
   job.bytes.resize(size);
   return job.bytes.data();
 }
 
-/// −1: broken (errorText() says how), 0: an empty flag, 1: an image.
+/// Returns −1 for a broken face (errorText() says why), 0 for an empty flag, 1 for an image.
 EMSCRIPTEN_KEEPALIVE int parseValue() {
   auto value = repository::decodeFaceValue(job.bytes);
   if (!value) {
@@ -53,14 +53,14 @@ EMSCRIPTEN_KEEPALIVE std::size_t jpegSize() {
   return job.value.jpeg.size();
 }
 
-/// Room for the decoded pixels, RGBA; null when no image has that size.
+/// Returns room for the decoded RGBA pixels; null when no image may have that size.
 EMSCRIPTEN_KEEPALIVE std::uint8_t* pixelBuffer(int width, int height) {
   if (width < 1 || height < 1 || width > kMaxSide || height > kMaxSide) return nullptr;
   job.rgba = base::Image(width, height, 4);
   return job.rgba.pixels.data();
 }
 
-/// Writes the coverage mask into the pixels' alpha; 0 when the mask is broken.
+/// Writes the coverage mask into the pixels' alpha; returns 0 when the mask is broken.
 EMSCRIPTEN_KEEPALIVE int applyCoverage() {
   if (job.value.coverage.empty()) return 1;
   auto mask = repository::decodeCoverage(job.value.coverage, job.rgba.width, job.rgba.height);

@@ -1,8 +1,8 @@
-// The page's side of the thin client: the functions that JavaScript calls (client/web/site/app.js). Everything runs on
-// the page's one thread; nothing here waits.
+// The functions of the thin client that JavaScript calls (client/web/site/core.js). Everything runs on the page's one
+// thread; nothing here waits.
 //
-// Numbers go as arguments. What has many parts goes to the page as text (client/web/text_rows.h): one row a line,
-// fields parted by tabs; JavaScript shows it and never hands it to an HTML parser.
+// Numbers are passed as arguments. Tables are passed to the page as text (client/web/text_rows.h): one row a line,
+// fields separated by tabs. JavaScript shows the text and never hands it to an HTML parser.
 #include <GLES3/gl3.h>
 #include <emscripten/emscripten.h>
 #include <emscripten/html5.h>
@@ -34,7 +34,7 @@ namespace {
 using client::web::handOut;
 using client::web::page;
 
-/// The empty text when all is well, else what is wrong.
+/// Returns the empty text on success, else the error.
 template <class T>
 const char* handOutError(const base::Result<T>& result) {
   return handOut(result ? std::string() : result.error().message);
@@ -55,12 +55,13 @@ extern "C" {
 
 // ---- start ----
 
-/// Before start(): one setting from storage. Errors as text.
+/// Takes one setting from storage, before start(). Returns errors as text.
 EMSCRIPTEN_KEEPALIVE const char* initialSetting(const char* name, double value) {
   return handOutError(client::setSetting(page.options.settings, name, value));
 }
 
-/// 0: no WebGL2 here. `method`: its name; one that is not this program's is passed over.
+/// Starts the client; returns 0 when there is no WebGL2. `method` is a name; one that this module cannot show is
+/// ignored.
 EMSCRIPTEN_KEEPALIVE int start(const char* canvas, const char* method) {
   EmscriptenWebGLContextAttributes attributes;
   emscripten_webgl_init_context_attributes(&attributes);
@@ -91,8 +92,8 @@ EMSCRIPTEN_KEEPALIVE void resize(int width, int height, double pixel_ratio) {
   page.app->resize(width, height, pixel_ratio);
 }
 
-/// `what`: 0 down, 1 move, 2 up, 3 cancelled. `kind`: 0 mouse, 1 touch, 2 pen. `button`: 0 left, 1 middle, 2 right.
-/// `modifiers`: 1 shift, 2 control, 4 alt.
+/// Handles a pointer event. `what`: 0 down, 1 move, 2 up, 3 cancelled. `kind`: 0 mouse, 1 touch, 2 pen. `button`: 0
+/// left, 1 middle, 2 right. `modifiers`: 1 shift, 2 control, 4 alt.
 EMSCRIPTEN_KEEPALIVE void pointer(int what, int id, int kind, int button, int modifiers, double x, double y,
                                   double now) {
   const client::PointerEvent event{id,
@@ -138,7 +139,7 @@ EMSCRIPTEN_KEEPALIVE void setReducedMotion(int wanted) {
 
 // ---- the loop ----
 
-/// Whether frame() would draw something new.
+/// Advances the client; returns 1 when frame() would draw something new.
 EMSCRIPTEN_KEEPALIVE int advance(double now) {
   page.app->advance(now);
   return page.app->wantsFrame() ? 1 : 0;
@@ -151,8 +152,8 @@ EMSCRIPTEN_KEEPALIVE const char* frame(double now) {
 
 // ---- requests ----
 
-/// Rays of a published scene are looked for here; what is left is the page's.
-/// Rows: kind, id, text, origin, direction.
+/// Casts picks of a published scene here, and returns the other requests for the page as rows: kind, id, text, origin,
+/// direction.
 EMSCRIPTEN_KEEPALIVE const char* takeRequests() {
   client::TextRows rows;
   for (const client::Request& request : page.app->takeRequests()) {
@@ -167,7 +168,7 @@ EMSCRIPTEN_KEEPALIVE const char* takeRequests() {
   return handOut(rows.takeText());
 }
 
-/// `kind`: 0 hit, 1 none, 2 unknown.
+/// Answers a pick. `kind`: 0 hit, 1 none, 2 unknown.
 EMSCRIPTEN_KEEPALIVE void answerPick(std::uint32_t id, int kind, double px, double py, double pz, double nx, double ny,
                                      double nz, double accuracy) {
   client::PickAnswer answer;
@@ -200,7 +201,7 @@ EMSCRIPTEN_KEEPALIVE const char* setBookmark(int slot, const char* link) {
   return handOutError(page.app->setBookmark(slot, link));
 }
 
-/// Rows: name, label, kind, smallest, largest, value, default, choices, from the next start on.
+/// Returns rows: name, label, kind, minimum, maximum, value, default, choices, from the next start on.
 EMSCRIPTEN_KEEPALIVE const char* settings() {
   client::TextRows rows;
   const client::Settings& now = page.app ? page.app->settings() : page.options.settings;
@@ -218,7 +219,8 @@ EMSCRIPTEN_KEEPALIVE const char* changeSetting(const char* name, double value) {
 EMSCRIPTEN_KEEPALIVE void dropAnnotations() {
   page.annotations.clear();
 }
-/// One annotation of a list that setAnnotations() then shows. Errors as text; then it is not on the list.
+/// Adds one annotation to the list that setAnnotations() then shows. Returns errors as text; then it is not on the
+/// list.
 EMSCRIPTEN_KEEPALIVE const char* addAnnotation(const char* title, const char* text, double px, double py, double pz,
                                                double nx, double ny, double nz) {
   client::Annotation annotation;
@@ -231,7 +233,7 @@ EMSCRIPTEN_KEEPALIVE const char* addAnnotation(const char* title, const char* te
   if (checked) page.annotations.push_back(std::move(*checked));
   return handOutError(checked);
 }
-/// The camera of the annotation added last.
+/// Sets the camera of the annotation that was added last.
 EMSCRIPTEN_KEEPALIVE const char* addAnnotationCamera(double px, double py, double pz, double dx, double dy, double dz,
                                                      double ux, double uy, double uz, double fov) {
   if (page.annotations.empty()) return handOut({});
@@ -255,7 +257,7 @@ EMSCRIPTEN_KEEPALIVE double overlayVersion() {
   return static_cast<double>(page.app->overlayVersion());
 }
 
-/// Rows that begin with what they are:
+/// Returns the overlay as rows that begin with their kind:
 ///   scene name unit | status kind text advice | progress active share | mode mode hint | help shown
 ///   view statistics colours orthographic section lens | toast id error text | annotation index
 ///   label kind index x y visible approximate open text | line x0 y0 x1 y1 approximate
@@ -284,7 +286,7 @@ EMSCRIPTEN_KEEPALIVE const char* overlay() {
   return handOut(rows.takeText());
 }
 
-/// Rows: name, value.
+/// Returns the statistics for people, as rows: name, value.
 EMSCRIPTEN_KEEPALIVE const char* statistics() {
   client::TextRows rows;
   for (const client::StatisticsLine& line : client::statisticsLines(page.app->statistics()))
@@ -292,7 +294,7 @@ EMSCRIPTEN_KEEPALIVE const char* statistics() {
   return handOut(rows.takeText());
 }
 
-/// Rows: name, figure: for programs, not for people.
+/// Returns the statistics for programs, as rows: name, number.
 EMSCRIPTEN_KEEPALIVE const char* figures() {
   const client::Statistics s = page.app->statistics();
   client::TextRows rows;
@@ -321,14 +323,14 @@ EMSCRIPTEN_KEEPALIVE const char* figures() {
   return handOut(rows.takeText());
 }
 
-/// Rows: what to do, what it does.
+/// Returns the help as rows: input, effect.
 EMSCRIPTEN_KEEPALIVE const char* help() {
   client::TextRows rows;
   for (const client::HelpRow& row : client::helpRows()) rows.add(row.input).add(row.effect).end();
   return handOut(rows.takeText());
 }
 
-/// Rows: up to how many pixels, red, green, blue; the last step has no end.
+/// Returns the legend as rows: upper bound in pixels, red, green, blue; the last step has no bound.
 EMSCRIPTEN_KEEPALIVE const char* legend() {
   client::TextRows rows;
   for (const lod::draw::ResolutionStep& step : lod::draw::kResolutionLegend) {
@@ -342,12 +344,12 @@ EMSCRIPTEN_KEEPALIVE const char* legend() {
 EMSCRIPTEN_KEEPALIVE void showHelp(int shown) {
   page.app->showHelp(shown != 0);
 }
-/// −1 closes the card.
+/// Shows an annotation's card; −1 closes it.
 EMSCRIPTEN_KEEPALIVE void showAnnotation(int index) {
   page.app->showAnnotation(index < 0 ? std::nullopt : std::optional<std::size_t>(static_cast<std::size_t>(index)));
 }
 
-/// One row: position, direction, up, fov, orthographic height, width, height.
+/// Returns one row: position, direction, up, vertical angle, orthographic height, width, height.
 EMSCRIPTEN_KEEPALIVE const char* camera() {
   client::TextRows rows;
   addView(rows, page.app->camera());
@@ -368,16 +370,16 @@ EMSCRIPTEN_KEEPALIVE int refused() {
 EMSCRIPTEN_KEEPALIVE int splatsOnly() {
   return page.app->session().methodInstead() == client::Method::kQsplat ? 1 : 0;
 }
-/// Room for one message of the server, to be filled before receiveMessage().
+/// Returns room for one message of the server, to be filled before receiveMessage().
 EMSCRIPTEN_KEEPALIVE std::uint8_t* messageBuffer(std::size_t size) {
   page.incoming.resize(size);
   return page.incoming.data();
 }
-/// Errors as text: the connection is to be closed.
+/// Takes in the message. Returns an error as text; then the connection is to be closed.
 EMSCRIPTEN_KEEPALIVE const char* receiveMessage() {
   return handOutError(page.app->session().receive(page.incoming));
 }
-/// Bytes of the next message to send, which lies at messageToSend(); 0 when there is none.
+/// Returns the length of the next message to send, which lies at messageToSend(); 0 when there is none.
 EMSCRIPTEN_KEEPALIVE std::size_t nextToSend() {
   auto next = page.app->session().nextToSend();
   page.outgoing = next ? std::move(*next) : base::Bytes();

@@ -1,6 +1,7 @@
 #pragma once
-// What main.cpp, the functions that every page has, shares with where the scene comes from: static_page.cpp for patches
-// and images, splat_page.cpp for splats. Each makes a WebAssembly of its own, so that neither carries the other's code.
+// Shared by main.cpp, which has the functions of every page, and the two sources of scenes: static_page.cpp for patches
+// and images, splat_page.cpp for splats. Each makes a WebAssembly module of its own, so that neither carries the
+// other's code.
 #include <emscripten/html5.h>
 
 #include <memory>
@@ -16,16 +17,17 @@ struct Page {
   std::unique_ptr<App> app;
   EMSCRIPTEN_WEBGL_CONTEXT_HANDLE context = 0;
   base::Bytes incoming, outgoing;
-  std::vector<Annotation> annotations;     ///< on their way in
-  void (*pick)(const Request&) = nullptr;  ///< set where rays are looked for here; else they are the page's
-  std::string text;                        ///< what the last call handed out
+  std::vector<Annotation> annotations;  ///< collected by addAnnotation()
+  void (*pick)(const Request&) =
+      nullptr;       ///< casts rays, where this module can; else null, and the page asks the server
+  std::string text;  ///< text that the last call returned
 };
 extern Page page;
 
-/// What this WebAssembly shows.
+/// The method that this WebAssembly module shows.
 extern const Method kPageMethod;
 
-/// Text for JavaScript, valid until the next call.
+/// Keeps a text for JavaScript, valid until the next call.
 const char* handOut(std::string text);
 
 }  // namespace client::web

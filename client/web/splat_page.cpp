@@ -1,4 +1,4 @@
-// A page of splats, from a server of ours as from any other host.
+// Shows splats, from a server of ours or any other host.
 #include <emscripten/emscripten.h>
 
 #include <memory>
@@ -23,7 +23,7 @@ std::shared_ptr<StreamedSplats> splats;
 
 extern "C" {
 
-/// `numbers`: client/web/web_welcome.h, then bytes of the file.
+/// Opens a file of splats. `numbers`: as in client/web/web_welcome.h, then the length of the file.
 EMSCRIPTEN_KEEPALIVE void openSplats(const char* place, const char* name, const char* units, const char* file,
                                      const double* numbers) {
   client::App& app = *client::web::page.app;
@@ -38,12 +38,12 @@ EMSCRIPTEN_KEEPALIVE void openSplats(const char* place, const char* name, const 
   app.viewer().setSplats(client::web::splats);
 }
 
-/// 1 when something came.
+/// Returns 1 when something arrived.
 EMSCRIPTEN_KEEPALIVE int pumpStatic(double now) {
   return client::web::splats->pump(client::web::page.app->session(), now) ? 1 : 0;
 }
 
-/// What cannot be shown though the rest goes on; mostly empty.
+/// Returns what cannot be shown though the rest goes on; mostly empty.
 EMSCRIPTEN_KEEPALIVE const char* staticProblem() {
   return client::web::handOut(client::web::splats->stats().warning);
 }

@@ -1,4 +1,4 @@
-// A page of patches and images: from a server, or a published scene instead of one.
+// Shows patches and images, from a server or from a published scene.
 #include <emscripten/emscripten.h>
 
 #include <algorithm>
@@ -24,7 +24,8 @@ void pick(const Request& request) {
 
 extern "C" {
 
-/// `numbers`: client/web/web_welcome.h, then bytes of the patches and of the index (0: none).
+/// Opens a published scene. `numbers`: as in client/web/web_welcome.h, then the lengths of the patches and of the index
+/// (0: none).
 EMSCRIPTEN_KEEPALIVE void openStatic(const char* place, const char* name, const char* units, const char* patches,
                                      const char* index, const double* numbers) {
   double plain[client::kSceneNumbers];
@@ -33,7 +34,7 @@ EMSCRIPTEN_KEEPALIVE void openStatic(const char* place, const char* name, const 
   client::web::page.pick = client::web::pick;
 }
 
-/// 1 when something came.
+/// Returns 1 when something arrived.
 EMSCRIPTEN_KEEPALIVE int pumpStatic(double now) {
   client::App& app = *client::web::page.app;
   client::StaticSource& source = client::web::scene->source();
@@ -45,7 +46,7 @@ EMSCRIPTEN_KEEPALIVE int pumpStatic(double now) {
   return came ? 1 : 0;
 }
 
-/// What cannot be shown though the rest goes on; mostly empty.
+/// Returns what cannot be shown though the rest goes on; mostly empty.
 EMSCRIPTEN_KEEPALIVE const char* staticProblem() {
   return client::web::scene->source().problem().c_str();
 }

@@ -1,6 +1,6 @@
 #pragma once
-// What has many parts, on its way to JavaScript: rows of fields as text. A row is a line, fields are parted by tabs;
-// tabs and line breaks in a field become blanks. Numbers are written so that they read back as the same double.
+// Writes tables for JavaScript as text: one line per row, fields separated by tabs. Tabs and line breaks within a field
+// become blanks. Numbers are written so that they read back as the same double.
 #include <string>
 #include <string_view>
 #include <utility>

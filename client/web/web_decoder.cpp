@@ -4,7 +4,7 @@
 
 #include <utility>
 
-// A copy goes to the page: what the session holds may be evicted while a worker is at it.
+// The page gets a copy, since the session may evict the face while a worker decodes it.
 EM_JS(void, lumigridDecode, (std::uint32_t low, std::uint32_t high, const std::uint8_t* data, std::size_t size),
       { Module.decode(low >>> 0, high >>> 0, HEAPU8.slice(data, data + size)); });
 

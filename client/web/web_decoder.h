@@ -1,6 +1,6 @@
 #pragma once
-// The browser's image decoder: face values go to the page's workers and come back as pixels
-// (client/web/site/decode.js). Main thread only.
+// The browser's image decoder sends coded faces to the page's workers and gets pixels back (client/web/site/decode.js).
+// Main thread only.
 #include <cstdint>
 #include <vector>
 
@@ -19,14 +19,14 @@ class WebDecoder final : public ImageDecoder {
   std::vector<DecodedImage> takeDecoded() override;
   std::size_t pending() const override { return waiting_ + done_.size(); }
 
-  // The page's answers.
+  // The page calls these with its answers.
 
-  /// Room for the RGBA pixels of one finished image, valid until the next call of any of these.
+  /// Returns room for the RGBA pixels of a finished image, valid until the next call of any of these.
   std::uint8_t* acceptPixels(std::uint64_t id, int width, int height);
-  /// It was an empty flag (`error` empty) or broken.
+  /// Notes that a face was an empty flag (`error` empty) or broken.
   void acceptFailure(std::uint64_t id, const std::string& error);
 
-  /// The one decoder of this page, null before there is one.
+  /// The only decoder of this page, null before there is one.
   static WebDecoder* instance();
 
  private:

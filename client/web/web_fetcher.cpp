@@ -4,7 +4,7 @@
 
 #include <utility>
 
-// Ids and offsets stay below 2^53 and travel as doubles.
+// Ids and offsets stay below 2^53, so doubles carry them exactly.
 EM_JS(void, lumigridFetch, (double id, const char* name, double offset, double length),
       { Module.fetchRange(id, UTF8ToString(name), offset, length); });
 EM_JS(void, lumigridCancel, (double id), { Module.cancelRange(id); });

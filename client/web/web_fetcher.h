@@ -1,5 +1,5 @@
 #pragma once
-// The browser's range fetcher: requests go to the page's fetch() and come back as bytes (client/web/site/ranges.js).
+// The browser's range fetcher passes requests to the page's fetch() and gets bytes back (client/web/site/ranges.js).
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -19,13 +19,13 @@ class WebFetcher final : public RangeFetcher {
   std::vector<FetchAnswer> takeAnswers() override;
   void cancel(std::uint64_t id) override;
 
-  // The page's answers.
+  // The page calls these with its answers.
 
-  /// Room for the bytes of one finished request, valid until the next call of any of these.
+  /// Returns room for the bytes of a finished request, valid until the next call of any of these.
   std::uint8_t* acceptBytes(std::uint64_t id, int status, std::size_t size);
   void acceptFailure(std::uint64_t id, FetchOutcome outcome, int status, const std::string& detail);
 
-  /// The one fetcher of this page, null before there is one.
+  /// The only fetcher of this page, null before there is one.
   static WebFetcher* instance();
 
  private:

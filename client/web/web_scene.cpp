@@ -6,7 +6,7 @@
 
 #include "base/bytes.h"
 
-// Answered by takeParameters(), before this returns, when the text holds a grid.
+// The page calls takeParameters() before this returns, when the text holds a grid.
 EM_JS(void, lumigridParameters, (const char* text), { Module.readParameters(UTF8ToString(text)); });
 
 namespace client {
@@ -18,7 +18,7 @@ base::Error badParameters() {
   return {base::ErrorCode::kInvalidInput, "hold no valid grid; publish the scene again"};
 }
 
-/// The checks of values live in one place: where a grid is decoded.
+/// Encodes and decodes the grid, since decoding checks its values.
 base::Result<repository::Grid> gridOf(const double* n) {
   repository::Grid grid;
   grid.first = glm::vec3(static_cast<float>(n[0]), static_cast<float>(n[1]), static_cast<float>(n[2]));
@@ -71,7 +71,8 @@ WebScene::WebScene(const std::string& place, const std::string& name, const std:
 
 extern "C" {
 
-/// first (3), spacing, count (3), face size; the tree's hexadecimal digits, empty where the whole grid is sampled.
+/// Takes the parameters: first (3), spacing, count (3), face size; and the tree's hexadecimal digits, empty where the
+/// whole grid is sampled.
 EMSCRIPTEN_KEEPALIVE void takeParameters(const double* numbers, const char* tree) {
   client::parameters = client::pointsOf(numbers, tree);
 }

@@ -1,6 +1,6 @@
 #pragma once
-// A published scene in a browser: scene.json and the index's parameters are read by the page's JavaScript
-// (client/web/site/static_scene.js) and come here as plain values.
+// A published scene in a browser. The page's JavaScript reads scene.json and the index's parameters
+// (client/web/site/static_scene.js), and passes them as plain values.
 #include <memory>
 #include <string>
 
@@ -11,7 +11,7 @@
 
 namespace client {
 
-/// kWelcomeNumbers, then bytes of the patches and of the index (0: none).
+/// kWelcomeNumbers, then the length of the patches and of the index (0: none).
 inline constexpr int kSceneNumbers = kWelcomeNumbers + 2;
 
 class WebScene {

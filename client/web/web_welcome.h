@@ -1,14 +1,14 @@
 #pragma once
-// What the page's JavaScript found in scene.json (client/web/site/static_scene.js), as plain values.
+// The values that the page's JavaScript read from scene.json (client/web/site/static_scene.js).
 #include <string>
 
 #include "protocol/message.h"
 
 namespace client {
 
-/// Origin, box_min, box_max, up (world, 3 each), 1 when unlit, the light's direction (3).
+/// Count of numbers: origin, box_min, box_max, up (world, 3 each), 1 when unlit, the light's direction (3).
 inline constexpr int kWelcomeNumbers = 16;
-/// `numbers`: so many.
+/// `numbers` points to kWelcomeNumbers of them.
 protocol::Welcome welcomeOf(const std::string& name, const std::string& units, const double* numbers);
 
 }  // namespace client
