@@ -1,6 +1,6 @@
-// Puts the page together: node build_site.mjs SITE_SOURCES BUILT_FILES OUT
-// Bundles by esbuild, names every file but index.html by its content so that it can be kept for ever, and writes each
-// once more as .gz and .br.
+// Builds the page: node build_site.mjs SITE_SOURCES BUILT_FILES OUT
+// esbuild bundles the scripts. Every file but index.html is named by its content, so that it can be kept for ever, and
+// is written once more as .gz and .br.
 import {execFileSync} from "node:child_process";
 import {createHash} from "node:crypto";
 import {copyFileSync, mkdirSync, mkdtempSync, readdirSync, readFileSync, rmSync, writeFileSync} from "node:fs";
@@ -39,7 +39,7 @@ function bundle(entry, defines = {}) {
   return readFileSync(result);
 }
 
-/// Binaryen once more, until nothing gets smaller: 2 % that the compiler's own pass leaves.
+/// Runs Binaryen once more until nothing gets smaller: 2 % that the compiler's own pass leaves.
 function shrink(name) {
   const out = join(work, name);
   execFileSync("wasm-opt", [
@@ -72,7 +72,7 @@ for (const [from, to] of [
   if (!html.includes(`"${from}"`)) throw new Error(`index.html does not name ${from}`);
   html = html.replaceAll(`"${from}"`, `"${to}"`);
 }
-// As it stands, for the page's policy names it by its hash (server/net/page_files.h).
+// The script is inserted unchanged, since the page's policy names it by its hash (server/net/page_files.h).
 html = html.replace(">EARLY<", () => `>${readFileSync(join(sources, "early.js"), "utf8")}<`);
 keep("index.html", Buffer.from(html), {fixed: true});
 rmSync(work, {recursive: true});

@@ -1,6 +1,6 @@
-// Notes of the scene (docs/formats/annotations.md): read as JSON here, checked by the C++ client.
+// Loads the notes of the scene (docs/formats/annotations.md). The JSON is read here, and checked by the C++ client.
 
-const kMostBytes = 16 * 1024 * 1024;
+const kMaxBytes = 16 * 1024 * 1024;
 
 const triple = (value) =>
     (Array.isArray(value) && value.length === 3 && value.every((x) => typeof x === "number") ? value : null);
@@ -16,7 +16,7 @@ function addCamera(core, camera) {
   return core.text("addAnnotationCamera", ...position, ...direction, ...up, (fov * Math.PI) / 180);
 }
 
-/// Adds one to the client; the empty text, or what is wrong with it.
+/// Adds one note to the client; returns the empty text, or what is wrong with it.
 function add(core, one) {
   const position = triple(one?.position);
   if (!position || typeof one.title !== "string") return "needs a title and a position of three numbers";
@@ -32,19 +32,19 @@ async function read(url) {
   try {
     answer = await fetch(url, {cache: "no-cache"});
   } catch (error) {
-    // Hosts that allow pages of others to read a file may not say so of one that is not there.
+    // Hosts that let other pages read a file may not do so for one that does not exist.
     if (url.origin !== location.origin) return null;
     throw error;
   }
   if (answer.status === 404) return null;
   if (!answer.ok) throw new Error(`the host answered ${answer.status}`);
-  if (Number(answer.headers.get("Content-Length") ?? 0) > kMostBytes) throw new Error("it is larger than 16 MiB");
+  if (Number(answer.headers.get("Content-Length") ?? 0) > kMaxBytes) throw new Error("it is larger than 16 MiB");
   const document = await answer.json();
   if (document?.version !== 1 || !Array.isArray(document.annotations)) throw new Error("it is not of version 1");
   return document.annotations;
 }
 
-/// Loads them into the client and into `shown`. A file that breaks a rule is refused as a whole, and said.
+/// Loads the notes into the client and into `shown`. A file that breaks a rule is refused as a whole, with a message.
 export async function loadAnnotations(url, core, shown, say) {
   try {
     const notes = await read(url);

@@ -1,12 +1,12 @@
-// A WebAssembly module's exported functions as JavaScript calls them: strings go in as UTF-8, rows of text come out
-// taken apart (client/web/text_rows.h).
+// Calls a WebAssembly module's exported functions: strings are passed as UTF-8, and rows of text are taken apart
+// (client/web/text_rows.h).
 
 const utf8 = new TextEncoder();
 
-/// Rows of tab-parted fields.
+/// Takes rows of tab-separated fields apart.
 export function rowsOf(text) { return text === "" ? [] : text.slice(0, -1).split("\n").map((row) => row.split("\t")); }
 
-/// {call(name, ...args), text(name, ...args), rows(name, ...args)} of a module.
+/// Returns {call(name, ...args), text(name, ...args), rows(name, ...args)} of a module.
 export function callsOf(module) {
   function call(name, ...args) {
     const held = [];

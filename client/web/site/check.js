@@ -1,5 +1,5 @@
-// Asks a published scene's host what viewers need of it and shows the answers, header by header (client/host_check.h
-// judges). A bundle of its own, fetched when it is wanted.
+// Sends a published scene's host the requests that viewers need, and shows the answers, header by header
+// (client/source/host_check.h judges them). This is a bundle of its own, fetched when it is needed.
 import createCheck from "client_web_check.js";
 
 import {callsOf} from "./calls.js";
@@ -8,7 +8,7 @@ import {partOf} from "./static_scene.js";
 const kAsked = 16;
 const kScene = 0, kRange = 1, kAgain = 2;
 
-/// Length of the body, read only until it is longer than asked for.
+/// Returns the length of the body, which is read only until it is longer than requested.
 async function bytesOf(answer) {
   const reader = answer.body?.getReader();
   let bytes = 0;
@@ -21,7 +21,7 @@ async function bytesOf(answer) {
   return bytes;
 }
 
-/// Whether something is there that this page may only not read.
+/// Returns whether an object exists that CORS hides from this page.
 async function isThereWithoutCors(url) {
   const stop = new AbortController();
   try {
@@ -34,7 +34,7 @@ async function isThereWithoutCors(url) {
   }
 }
 
-/// Hands one answer to the judge. The text of scene.json, null when it did not come.
+/// Hands one answer to the judge. Returns the text of scene.json, null when it did not arrive.
 async function ask(judge, which, url, headers = {}) {
   let answer;
   try {
@@ -57,8 +57,8 @@ function patchesOf(text) {
   }
 }
 
-/// Rows: grade (0 good, 1 could be better, 2 fails), its name, header, what, to do, line of nginx. `base`: the scene's
-/// folder.
+/// Returns rows: grade (0 good, 1 could be better, 2 fails), its name, header, finding, what to change, line of nginx.
+/// `base`: the scene's folder.
 async function findings(base) {
   const judge = callsOf(await createCheck({locateFile: () => new URL(CHECK_WASM, document.baseURI).href}));
   judge.call("beginCheck", new URL(base).origin === location.origin ? 0 : 1);

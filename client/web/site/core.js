@@ -1,11 +1,11 @@
-// The C++ client as JavaScript sees it: text rows taken apart, bytes copied in and out.
+// Wraps the C++ client for JavaScript: takes text rows apart, and copies bytes in and out.
 import createViewer from "client_web.js";
 
 import {callsOf} from "./calls.js";
 import {makeDecoder} from "./decode.js";
 import {parametersOf} from "./static_scene.js";
 
-/// `create`: of another WebAssembly than the viewer's own, at files.viewerWasm.
+/// `create` makes the WebAssembly module at files.viewerWasm; splats have another one.
 export async function loadCore(files, create = createViewer) {
   let module;
   const decode = makeDecoder({worker: files.worker, wasm: files.decodeWasm}, (low, high, image, error) => {
@@ -17,7 +17,7 @@ export async function loadCore(files, create = createViewer) {
   });
   module = await create({
     locateFile : () => files.viewerWasm,
-               // What the C++ code calls (client/web/web_decoder.cpp, web_fetcher.cpp, web_scene.cpp).
+               // The C++ code calls these (client/web/web_decoder.cpp, web_fetcher.cpp, web_scene.cpp).
                decode,
     fetchRange : (...args) => core.fetchRange(...args),
     cancelRange : (job) => core.cancelRange(job),
@@ -27,7 +27,7 @@ export async function loadCore(files, create = createViewer) {
                 },
   });
 
-  /// Memory may have grown when room was made, and with it HEAPU8 be another: so the address first.
+  /// Copies bytes to an address. The caller makes the room first: memory may grow then, which replaces HEAPU8.
   function fill(at, bytes) { module.HEAPU8.set(bytes, at); }
 
   const {call, text, rows} = callsOf(module);
@@ -45,14 +45,14 @@ export async function loadCore(files, create = createViewer) {
       module._free(at);
       return result;
     },
-    /// Set for a static scene.
+    /// A published scene replaces these two.
     fetchRange: () => {},
     cancelRange: () => {},
     figures: () => ({
       ...Object.fromEntries(rows("figures").map(([name, value]) => [name, Number(value)])),
       wasmBytes: module.HEAPU8.length
     }),
-    /// Set by the page: something arrived that may change the picture.
+    /// The page sets this; it is called when data arrived that may change the picture.
     changed: () => {},
     connected: () => call("connected"),
     disconnected: (reason) => call("disconnected", reason),

@@ -1,9 +1,9 @@
-// Decoding off the page's thread: a few workers, the least busy first.
+// Decodes images off the page's thread, on a few workers, the least busy first.
 
-const kMostWorkers = 4;
+const kMaxWorkers = 4;
 
-/// `files`: URLs of the worker and its WebAssembly. `done(low, high, image, error)`: image {width, height, rgba}, or
-/// null for an empty flag.
+/// Returns decode(low, high, bytes). `files`: URLs of the worker and its WebAssembly. `done(low, high, image, error)`
+/// gets the image {width, height, rgba}, or null for an empty flag.
 export function makeDecoder(files, done) {
   const workers = [];
   const jobs = new Map();
@@ -20,7 +20,7 @@ export function makeDecoder(files, done) {
     const worker = new Worker(files.worker, {type: "module"});
     worker.busy = 0;
     worker.onmessage = ({data}) => finish(data.job, data.image ?? null, data.error ?? "");
-    // A worker that cannot even start: its images are broken, and the page says why.
+    // When a worker cannot even start, its images count as broken, and the page says why.
     worker.onerror = (event) => {
       for (const [job, {worker: owner}] of [...jobs])
         if (owner === worker) finish(job, null, `decoding failed: ${event.message ?? "the worker did not start"}`);
@@ -30,7 +30,7 @@ export function makeDecoder(files, done) {
   }
 
   function leastBusy() {
-    const wanted = Math.min(kMostWorkers, Math.max(1, (navigator.hardwareConcurrency ?? 2) - 1));
+    const wanted = Math.min(kMaxWorkers, Math.max(1, (navigator.hardwareConcurrency ?? 2) - 1));
     const worker = workers.reduce((a, b) => (a && a.busy <= b.busy ? a : b), null);
     return worker && (worker.busy === 0 || workers.length >= wanted) ? worker : start();
   }

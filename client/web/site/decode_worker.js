@@ -1,4 +1,4 @@
-// One of the page's decoders: the browser's own JPEG decoder, and the coverage mask by WebAssembly.
+// One of the page's decoders: the browser decodes the JPEG, WebAssembly the coverage mask.
 import createDecoder from "client_web_decode.js";
 
 let ready;
@@ -24,7 +24,7 @@ async function pixelsOf(jpeg) {
 
 async function decode(wasm, bytes) {
   const module = await decoder(wasm);
-  const value = module._valueBuffer(bytes.length);  // first: memory may grow, and with it HEAPU8 be another
+  const value = module._valueBuffer(bytes.length);  // this comes first: memory may grow, which replaces HEAPU8
   module.HEAPU8.set(bytes, value);
   const kind = module._parseValue();
   if (kind < 0) throw new Error(module.UTF8ToString(module._errorText()));
@@ -38,7 +38,7 @@ async function decode(wasm, bytes) {
   return {width: image.width, height: image.height, rgba: module.HEAPU8.slice(pixels, pixels + image.data.length)};
 }
 
-// One at a time: the module holds one image.
+// Images are decoded one at a time, since the module holds one.
 let last = Promise.resolve();
 self.onmessage = ({data}) => {
   last = last.then(async () => {

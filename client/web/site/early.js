@@ -1,6 +1,6 @@
-// Which of the page's two programs is wanted: by the scene that lies beside the page, a link, the address or the
-// settings, in this order. Runs in index.html before all else, where it has the right WebAssembly fetched, and again as
-// a part of main.js, for hosts whose policy forbids the first.
+// Decides which of the page's two programs is needed: by the scene that lies beside the page, a link, the address or
+// the settings, in this order. It runs in index.html before everything else, to fetch the right WebAssembly early, and
+// again as a part of main.js, for hosts whose policy forbids inline scripts.
 window.lumigridMethod = () => {
   const only = document.querySelector('meta[name="lumigrid-method"]')?.content;
   const query = new URLSearchParams(location.search);
@@ -12,7 +12,7 @@ window.lumigridMethod = () => {
   try {
     kept = JSON.parse(localStorage.getItem("lumigrid.settings"))?.method;
   } catch {
-    // None, or none of ours.
+    // There are no settings, or none of ours.
   }
   return {name: kept ?? "lumigraph", said: false};
 };
@@ -20,6 +20,7 @@ if (document.currentScript) {
   const files = document.currentScript.dataset;
   const splats = window.lumigridMethod().name === "qsplat";
   const fetchEarly = (properties) => document.head.append(Object.assign(document.createElement("link"), properties));
-  fetchEarly({ rel: "preload", as: "fetch", type: "application/wasm", crossOrigin: "anonymous", href: splats ? files.splats : files.viewer });
+  const wasm = splats ? files.splats : files.viewer;
+  fetchEarly({rel: "preload", as: "fetch", type: "application/wasm", crossOrigin: "anonymous", href: wasm});
   if (splats) fetchEarly({rel: "modulepreload", href: files.script});
 }

@@ -1,11 +1,11 @@
-// The page's events as the C++ client wants them: device pixels from the canvas' upper left corner, seconds.
+// Translates the page's events for the C++ client: device pixels from the canvas' upper left corner, seconds.
 
 const kKinds = {
   mouse: 0,
   touch: 1,
   pen: 2
 };
-/// What browsers report for one notch of a common mouse wheel.
+/// Browsers report this for one notch of a common mouse wheel.
 const kPixelsPerStep = 100;
 const kLinesPerStep = 3;
 
@@ -14,12 +14,12 @@ const modifiersOf = (event) =>
 
 function stepsOf(event) {
   const perStep = [kPixelsPerStep, kLinesPerStep, 1][event.deltaMode] ?? kPixelsPerStep;
-  // Pinching on a touchpad comes as a wheel with ctrl, in small steps.
+  // Browsers report a pinch on a touchpad as a wheel with ctrl, in small steps.
   const pinch = event.ctrlKey && event.deltaMode === 0 && Math.abs(event.deltaY) < 40;
   return -event.deltaY / (pinch ? kPixelsPerStep / 8 : perStep);
 }
 
-/// `now`: seconds. `acted()`: something was handed over.
+/// Listens to the canvas. `now()` returns seconds. `acted()` is called after each event that was passed on.
 export function listen(canvas, core, now, acted) {
   const place = (event) => {
     const box = canvas.getBoundingClientRect();
@@ -59,17 +59,17 @@ export function listen(canvas, core, now, acted) {
       },
       {passive: false},
   );
-  // Safari's own pinch would zoom the page.
+  // Safari's own pinch gesture would zoom the page.
   for (const name of ["gesturestart", "gesturechange"])
     canvas.addEventListener(name, (event) => event.preventDefault());
 
   const key = (isDown) => (event) => {
-    // What a dialog or field is given is not ours; but a key that goes up there may have gone down here.
+    // Keys typed into a dialog or field are not ours; but a key released there may have been pressed here.
     const busy = event.target instanceof Element && event.target.closest("input, select, textarea, dialog");
     if (isDown && (busy || event.altKey || event.isComposing)) return;
-    // The browser's own: copying, finding, reloading, … but for a bookmark's digit.
+    // Leave the browser its own keys for copying, finding, reloading, except a bookmark's digit.
     if (isDown && (event.ctrlKey || event.metaKey) && !/^(Digit|Numpad)\d$/.test(event.code)) return;
-    // A focused button takes what presses it.
+    // A focused button takes the keys that press it.
     if (isDown && event.target instanceof HTMLButtonElement && ["Enter", " "].includes(event.key)) return;
     if (core.call("key", event.code, event.key, isDown ? 1 : 0, modifiersOf(event), now()) && !busy)
       event.preventDefault();

@@ -1,4 +1,4 @@
-// The page: finds the scene, starts the client, and carries out what it asks for.
+// The page finds the scene, starts the client, and carries out its requests.
 import "./early.js";
 
 import {loadAnnotations} from "./annotations.js";
@@ -11,18 +11,18 @@ import {openLink, socketUrl} from "./socket.js";
 import {NoSplats, openSplatScene, openStaticScene, SplatsOnly} from "./static_scene.js";
 import {makeTools} from "./tools.js";
 
-/// On a phone, unless the settings say another: all memory that grows with the scene.
+/// Memory budget on phones, unless the settings name another: everything that grows with the scene.
 const kPhoneMegabytes = 64;
-/// Toasts, permalinks and lost images are noticed this often at rest.
+/// At rest, toasts, permalinks and lost images are noticed within this time.
 const kIdleMilliseconds = 100;
 const kStatisticsMilliseconds = 250;
-/// More device pixels than this per screen pixel cost time and show nothing.
-const kMostRatio = 2;
+/// More device pixels than this per screen pixel cost time and are not visible.
+const kMaxRatio = 2;
 
 const kCopyLink = 0, kLinkChanged = 1, kSavePicture = 2, kKeepBookmarks = 3, kKeepSettings = 4, kShowSettings = 5,
       kPick = 6;
 
-// Set when the page is built (client/web/build_site.mjs).
+// build_site.mjs replaces these names when it builds the page.
 const splatsScript = new URL(SPLATS_SCRIPT, document.baseURI).href;
 const checkScript = new URL(CHECK_SCRIPT, document.baseURI).href;
 const files = {
@@ -31,7 +31,7 @@ const files = {
   worker: new URL(DECODE_WORKER, document.baseURI).href
 };
 
-/// What the page was loaded for: splats have another program.
+/// The method for which the page was loaded; splats have another program.
 const method = window.lumigridMethod();
 const splats = method.name === "qsplat";
 if (splats) files.viewerWasm = new URL(SPLATS_WASM, document.baseURI).href;
@@ -46,7 +46,7 @@ let scheduled = false;
 let failed = false;
 let contextLost = false;
 let framesDrawn = 0;
-let first = null;  // figures of the first frame with a model in it
+let first = null;  // figures of the first frame that shows the model
 const bookmarksStore = () => `lumigrid.bookmarks ${new URL(location.pathname + location.search, location.href).href}`;
 
 // ---- the loop ----
@@ -84,29 +84,29 @@ function fail(title, advice) {
   overlay.problem(title, advice, () => location.reload());
 }
 
-const say = (text, error = true) => {
-  core.call("say", text, error ? 1 : 0);
+const showToast = (text, error = true) => {
+  core.call("showToast", text, error ? 1 : 0);
   schedule();
 };
 
-/// What of a published scene cannot be shown though the rest goes on, such as a lost pack: once.
+/// Shows once what cannot be shown of a published scene though the rest goes on, such as a lost pack.
 function tellStaticProblem() {
   if (!pumpStatic) return;
   const problem = core.text("staticProblem");
   if (problem && problem !== staticProblem && !core.refused())
-    say(problem);  // refused: it stands in the middle of the page
+    showToast(problem);  // a refusal is shown in the middle of the page instead
   staticProblem = problem;
 }
 
-// ---- what the client asks for ----
+// ---- the client's requests ----
 
 async function copyLink(hash) {
   const url = keepLink(hash);
   try {
     await navigator.clipboard.writeText(url);
-    say("link copied", false);
+    showToast("link copied", false);
   } catch {
-    // Pages without https may not use the clipboard that way.
+    // Pages without https may not use that function.
     const text = document.createElement("textarea");
     text.value = url;
     document.body.append(text);
@@ -115,25 +115,25 @@ async function copyLink(hash) {
     text.remove();
     canvas.focus();
     if (copied)
-      say("link copied", false);
+      showToast("link copied", false);
     else
-      say("the link is in the address bar: copy it from there");
+      showToast("the link is in the address bar: copy it from there");
   }
 }
 
-/// Goes to the view that the address names, if any; what is wrong with it the client says.
+/// Goes to the view that the address names, if any. The client reports what is wrong with it.
 function openHash() {
   if (location.hash.length < 2 || /^#m=[a-z]*$/.test(location.hash)) return;
   let text = location.hash;
   try {
     text = decodeURIComponent(text);
   } catch {
-    // Not encoded as URLs are: as it stands, then.
+    // It is not encoded as URLs are, so it is used as it stands.
   }
   core.text("openPermalink", text);
 }
 
-/// Puts a view into the page's address, which it returns; no entry in the history.
+/// Puts a view into the page's address without an entry in the history, and returns the address.
 function keepLink(hash) {
   const url = new URL(location.href);
   url.hash = hash;
@@ -150,7 +150,7 @@ function keepBookmarks() {
   try {
     localStorage.setItem(bookmarksStore(), JSON.stringify(kept));
   } catch {
-    say("this browser keeps no bookmarks for this page");
+    showToast("this browser keeps no bookmarks for this page");
   }
 }
 
@@ -160,7 +160,7 @@ function restoreBookmarks() {
     for (let slot = 1; slot <= 9; ++slot)
       if (typeof kept?.[slot] === "string") core.text("setBookmark", slot, kept[slot]);
   } catch {
-    // Not ours, or not allowed: there are none then.
+    // There are no bookmarks when the entry is not ours, or storage is not allowed.
   }
 }
 
@@ -199,7 +199,7 @@ function carryOut() {
         server: splats ? null : server,
         draw,
         name: document.getElementById("name").textContent,
-        say
+        say: showToast
       });
     else if (kind === kKeepBookmarks)
       keepBookmarks();
@@ -215,7 +215,7 @@ function carryOut() {
 
 function keepAndApply() {
   const error = keepSettings(core);
-  if (error) say(error);
+  if (error) showToast(error);
   applyTheme();
 }
 
@@ -223,7 +223,7 @@ function settingChanged(error, name) {
   schedule();
   if (error || name !== "method") return;
   carryOut();                      // keeps it
-  load(settingValue(core, name));  // at once: what is shown stands in the address
+  load(settingValue(core, name));  // loads at once, since the address names what is shown
 }
 
 // ---- the page around it ----
@@ -235,7 +235,7 @@ function applyTheme() {
 }
 
 function resize() {
-  ratio = Math.min(devicePixelRatio || 1, kMostRatio);
+  ratio = Math.min(devicePixelRatio || 1, kMaxRatio);
   const width = Math.max(1, Math.round(canvas.clientWidth * ratio));
   const height = Math.max(1, Math.round(canvas.clientHeight * ratio));
   if (canvas.width !== width) canvas.width = width;
@@ -248,10 +248,10 @@ function resize() {
 
 function watchContext() {
   canvas.addEventListener("webglcontextlost", (event) => {
-    event.preventDefault();  // or it would not come back
+    event.preventDefault();  // without this the browser would not restore it
     contextLost = true;
     core.call("loseContext");
-    say("the graphics driver restarts the view …", false);
+    showToast("the graphics driver restarts the view …", false);
   });
   canvas.addEventListener("webglcontextrestored", () => {
     contextLost = false;
@@ -262,7 +262,7 @@ function watchContext() {
 }
 
 function watchPage() {
-  // The canvas has the keyboard from the beginning; its ring is for those who go about by it.
+  // The canvas has the keyboard focus from the beginning; its ring is shown only to users of the Tab key.
   addEventListener("keydown", ({key}) => key === "Tab" && document.body.classList.add("by-keyboard"));
   addEventListener("pointerdown", () => document.body.classList.remove("by-keyboard"));
   new ResizeObserver(resize).observe(canvas);
@@ -276,7 +276,7 @@ function watchPage() {
   setMotion();
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", applyTheme);
   addEventListener("hashchange", (event) => {
-    // As it was set: since then keepLink() may have put the view's own link into the address again.
+    // Restore the address as it was set: keepLink() may have put the view's own link there since.
     history.replaceState(null, "", event.newURL);
     if ((window.lumigridMethod().name === "qsplat") !== splats) return location.reload();
     openHash();
@@ -294,9 +294,9 @@ function watchPage() {
 
 // ---- start ----
 
-/// Where /render, /pick and annotations.json are; null without a server of ours.
+/// The URL beside which /render, /pick and annotations.json lie; null without a server of ours.
 let server = null;
-/// Of a published scene: takes in what came and asks for more.
+/// Takes in data of a published scene and requests more; null with a server.
 let pumpStatic = null;
 let staticProblem = "";
 
@@ -311,7 +311,8 @@ async function start() {
   if (typeof WebAssembly !== "object" || !("OffscreenCanvas" in window))
     return bare(
         "This browser is too old for the viewer",
-        "It needs WebAssembly, WebGL2 and OffscreenCanvas: a Chrome, Edge or Firefox of the last years, or Safari from 16.4 on.");
+        "It needs WebAssembly, WebGL2 and OffscreenCanvas: a Chrome, Edge or Firefox of the last years, or Safari " +
+            "from 16.4 on.");
   try {
     core = await loadCore(files, splats ? (await import(splatsScript)).default : undefined);
   } catch (error) {
@@ -326,7 +327,8 @@ async function start() {
   if (!core.call("start", "#view", method.name))
     return bare(
         "There is no WebGL2 here",
-        "Switch on hardware acceleration in the browser's settings, update the graphics driver, or try another browser.");
+        "Switch on hardware acceleration in the browser's settings, update the graphics driver, or try another " +
+            "browser.");
   overlay = makeOverlay(core, {
     ratio: () => ratio,
     press: (act) => {
@@ -356,8 +358,8 @@ async function start() {
   await openStatic(scene);
 }
 
-/// The folder of a published scene: named in the address (?scene=URL), or in the page that lies beside it; null with a
-/// server of ours.
+/// Returns the folder of a published scene, which the address names (?scene=URL), or the page that lies beside it; null
+/// with a server of ours.
 function staticBase() {
   const named = new URLSearchParams(location.search).get("scene") ??
       document.querySelector('meta[name="lumigrid-scene"]').content;
@@ -369,18 +371,18 @@ function staticBase() {
   return url.href;
 }
 
-/// The list of what the scene's host sends: its program comes when it is asked for.
+/// Shows the list of what the scene's host sends. Its program is fetched when it is needed.
 async function showHostCheck(base) {
   document.getElementById("settings").close();
   try {
     const {showCheck} = await import(checkScript);
     await showCheck(document.getElementById("check"), base);
   } catch (error) {
-    say(`the host cannot be checked: ${error.message}`);
+    showToast(`the host cannot be checked: ${error.message}`);
   }
 }
 
-/// The same page again, with another method; a link keeps its view.
+/// Loads the page again with another method; a link keeps its view.
 function load(other) {
   const url = new URL(location.href);
   const view = url.hash.slice(1).replace(/(^|&)m=[^&]*/, "");
@@ -401,17 +403,17 @@ async function openStatic(base) {
     return fail(error.message, error.advice ?? "Try again; if it stays, the page and the scene do not fit together.");
   }
   schedule();
-  loadAnnotations(new URL("annotations.json", base), core, overlay.annotations, say);
+  loadAnnotations(new URL("annotations.json", base), core, overlay.annotations, showToast);
 }
 
 function openServer() {
   server = new URL("./", location.href);
   if (splats) return openStatic(server.href);
   link = openLink(socketUrl(server), core, schedule, () => load("qsplat"));
-  loadAnnotations(new URL("annotations.json", server), core, overlay.annotations, say);
+  loadAnnotations(new URL("annotations.json", server), core, overlay.annotations, showToast);
 }
 
-// For pages that embed the viewer, and for its tests.
+// This object is for pages that embed the viewer, and for its tests (docs/viewer.md).
 window.lumigrid = {
   figures: () => core?.figures() ?? null,
   camera: () => core?.rows("camera")[0]?.map(Number) ?? null,
@@ -419,7 +421,7 @@ window.lumigrid = {
   open: (link) => core?.text("openPermalink", link) ?? "not started",
   settings: () => core?.rows("settings") ?? [],
   overlay: () => core?.rows("overlay") ?? [],
-  /// The canvas alone as a PNG's data URL, transparent where nothing is drawn.
+  /// Returns the canvas alone as a PNG's data URL, transparent where nothing is drawn.
   picture: () => {
     draw();
     return canvas.toDataURL("image/png");

@@ -1,8 +1,8 @@
-// What stands on top of the picture. All text goes in as text, never as HTML.
+// Shows the overlay on top of the picture. All text is set as text, never as HTML.
 
 const byId = (id) => document.getElementById(id);
 
-/// Replaces `parent`'s children by one element per row, reusing those that are there.
+/// Gives `parent` one child per row, and reuses those that are there.
 function keep(parent, count, make) {
   while (parent.childElementCount > count) parent.lastElementChild.remove();
   while (parent.childElementCount < count) parent.append(make());
@@ -26,17 +26,17 @@ const kStatus = {
 };
 const kStatusText = ["Connecting …", "Loading …", "", "Connection lost", "Refused"];
 
-/// `check()`: shows what the scene's host sends; null with a server of ours.
+/// `check()` shows what the scene's host sends; null with a server of ours.
 export function makeOverlay(core, {ratio, press, retry, check}) {
   const annotations = [];
   let labelsShown = "";
-  let closedByUs = false;  // the help
+  let closedByUs = false;  // the next "close" of the help dialog is our own doing
 
   function showLabels(labels) {
     const signature = labels.map((row) => row[1] + ":" + row[2]).join();
     const box = byId("labels");
     if (signature !== labelsShown) {
-      // Kinds come and go seldom; moving ones keep their element and with it the keyboard's focus.
+      // Labels rarely come or go; moving ones keep their element, and with it the keyboard's focus.
       box.replaceChildren(...labels.map(([, kind, index]) => makeLabel(Number(kind), Number(index))));
       labelsShown = signature;
     }
@@ -89,7 +89,8 @@ export function makeOverlay(core, {ratio, press, retry, check}) {
     const state = byId("state");
     if (state.textContent !== line) state.textContent = line;
     byId("title").hidden = byId("name").textContent === "" && line === "";
-    // Nothing to look at yet, and none to come by itself: said in the middle of the page.
+    // There is nothing to look at yet, and nothing will come by itself, so the problem is shown in the middle of the
+    // page.
     const bare = byId("name").textContent === "";
     if (kind === kStatus.refused || (kind === kStatus.lost && bare))
       showProblem(text || kStatusText[kind], advice, retry);
@@ -146,8 +147,7 @@ export function makeOverlay(core, {ratio, press, retry, check}) {
     }
   }
 
-  // The client closes help, whoever asked for it; what the dialog does by itself comes late and might meet the next
-  // opening.
+  // The client closes the help, whoever asked for it: events of the dialog come late, and could meet the next opening.
   const help = byId("help");
   const helpGone = () => press(() => core.call("showHelp", 0));
   for (const wish of ["cancel", "submit"])
@@ -164,7 +164,7 @@ export function makeOverlay(core, {ratio, press, retry, check}) {
   let version = -1;
   return {
     annotations,
-    /// One that cannot be mended by waiting.
+    /// Shows a problem that waiting cannot solve.
     problem(title, advice, again) {
       fatal = true;
       showProblem(title, advice, again);

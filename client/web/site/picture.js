@@ -1,4 +1,4 @@
-// Saving pictures: of any size by the server, or what is on the screen.
+// Saves pictures: of any size from the server, or the screen's.
 
 export function saveBlob(blob, name) {
   const link = document.createElement("a");
@@ -8,7 +8,8 @@ export function saveBlob(blob, name) {
   setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
 }
 
-/// The canvas as PNG, drawn again first: a drawn frame is gone once it was shown. On the page's background.
+/// Returns the canvas as PNG on the page's background. It is drawn again first, since a frame is gone once it was
+/// shown.
 export function screenPicture(canvas, draw) {
   draw();
   const copy = document.createElement("canvas");
@@ -35,8 +36,8 @@ async function serverPicture(base, query, width, height) {
   return answer.blob();
 }
 
-/// Asks for the size, then saves. `server`: the URL beside which /render is, or null without a server; `query`: what
-/// the client would ask it for.
+/// Asks for the size, then saves. `server`: the URL beside which /render is, or null without a server. `query`: the
+/// client's query for /render.
 export function openPicture({dialog, canvas, query, server, draw, name, say}) {
   const form = dialog.querySelector("#picture-form");
   const {width, height, source} = form.elements;

@@ -1,4 +1,4 @@
-// Byte ranges of a published scene's objects by fetch(), and what their failures mean (client/fetch.h, FetchOutcome).
+// Fetches byte ranges of a published scene's objects, and classifies failures (client/source/fetch.h, FetchOutcome).
 
 export const kBytes = 0, kNetwork = 1, kNotFound = 2, kForbidden = 3, kRangeIgnored = 4, kCompressed = 5, kChanged = 6,
              kTooShort = 7, kServer = 8;
@@ -11,23 +11,23 @@ function outcomeOf(status) {
   return kServer;
 }
 
-/// "bytes 5-9/100" as [5, 9]; null when the header is not there or not shown to this page.
+/// Returns "bytes 5-9/100" as [5, 9]; null when the header is absent or hidden from this page.
 function contentRange(answer) {
   const found = /^bytes (\d+)-(\d+)\//.exec(answer.headers.get("Content-Range") ?? "");
   return found && [Number(found[1]), Number(found[2])];
 }
 
-/// `base`: the scene's folder. `done(job, outcome, status, bytes, detail)`. The result: {fetch(job, name, offset,
-/// length), cancel(job)}.
+/// Returns {fetch(job, name, offset, length), cancel(job)}. `base`: the scene's folder. `done(job, outcome, status,
+/// bytes, detail)` is called once for each job that is not cancelled.
 export function makeRanges(base, done) {
   const running = new Map();
-  const tags = new Map();  // per object, so that one that changed meanwhile is noticed
+  const tags = new Map();  // object -> its ETag, so that a change is noticed
 
   async function get(job, name, offset, length, signal) {
     const answer =
         await fetch(new URL(name, base), {headers: {Range: `bytes=${offset}-${offset + length - 1}`}, signal});
     const fail = (outcome, detail = "") => {
-      running.get(job)?.abort();  // what is left of the body is not read
+      running.get(job)?.abort();  // the rest of the body is not read
       return [outcome, answer.status, null, detail];
     };
     if (answer.status === 200) return fail(kRangeIgnored);

@@ -1,32 +1,32 @@
-// Settings: kept as JSON (docs/formats/settings.md) in the browser, shown as a form. Names, ranges and defaults are the
-// C++ client's.
+// Keeps settings as JSON (docs/formats/settings.md) in the browser, and shows them as a form. Names, ranges and
+// defaults come from the C++ client.
 
 const kStore = "lumigrid.settings";
 const kVersion = 1;
 const kNumber = 0, kInteger = 1, kFlag = 2;
 
 const fieldsOf = (core) =>
-    core.rows("settings").map(([name, label, kind, least, most, value, fallback, choices, later]) => ({
+    core.rows("settings").map(([name, label, kind, min, max, value, fallback, choices, later]) => ({
                                 name,
                                 label,
                                 kind: Number(kind),
-                                least: Number(least),
-                                most: Number(most),
+                                min: Number(min),
+                                max: Number(max),
                                 value: Number(value),
                                 fallback: Number(fallback),
                                 choices: choices.split(" "),
                                 later: later === "1",
                               }));
 
-/// NaN when it is none of the field's.
+/// Returns a value as the client's number; NaN when the field cannot have it.
 function numberOf(field, value) {
   if (field.kind === kFlag) return typeof value === "boolean" ? Number(value) : NaN;
   if (field.kind > kFlag) return field.choices.includes(value) ? field.choices.indexOf(value) : NaN;
   return typeof value === "number" ? value : NaN;
 }
 
-/// Hands what was kept to the client before it starts. What is not understood is passed over: an older or newer page
-/// may have written it.
+/// Hands the stored settings to the client before it starts. Unknown values are skipped: an older or newer page may
+/// have written them.
 export function restoreSettings(core) {
   let kept;
   try {
@@ -42,7 +42,7 @@ export function restoreSettings(core) {
   }
 }
 
-/// Those that differ from the defaults, as the JSON of docs/formats/settings.md.
+/// Returns the settings that differ from the defaults, as the JSON of docs/formats/settings.md.
 export function settingsJson(core) {
   const out = {version: kVersion};
   for (const {name, kind, value, fallback, choices} of fieldsOf(core))
@@ -78,8 +78,8 @@ function inputFor(field) {
   } else {
     Object.assign(input, {
       type: "number",
-      min: field.least,
-      max: field.most,
+      min: field.min,
+      max: field.max,
       step: field.kind === kInteger ? 1 : "any",
       value: field.value
     });
@@ -87,7 +87,7 @@ function inputFor(field) {
   return input;
 }
 
-/// `shown`: values by name that rule over what is kept, and take effect at once.
+/// Opens the form. `shown`: values by name that replace the stored ones and take effect at once.
 export function showSettings(dialog, core, shown, changed) {
   const rows = fieldsOf(core).map((field) => {
     if (field.name in shown) Object.assign(field, {value: field.choices.indexOf(shown[field.name]), later: false});

@@ -1,9 +1,9 @@
-// The WebSocket to a lumigrid server: bytes in, bytes out, and again after every loss.
+// Connects the client to a lumigrid server by a WebSocket, again after every loss.
 
-const kFirstDelay = 250;
-const kLongestDelay = 5000;
+const kMinDelay = 250;
+const kMaxDelay = 5000;
 
-/// Where the page's own server takes viewers.
+/// Returns the address at which the page's own server accepts viewers.
 export function socketUrl(page) {
   const url = new URL("ws", page);
   url.protocol = url.protocol === "https:" ? "wss:" : "ws:";
@@ -12,12 +12,12 @@ export function socketUrl(page) {
   return url.href;
 }
 
-/// `core`: connected(), disconnected(reason), receive(bytes) -> error text, next() -> bytes or null, refused() ->
-/// whether trying again is of no use, splatsOnly() -> whether that is since the scene has nothing else: then
-/// `showSplats()`.
+/// Opens the link. `core` has connected(), disconnected(reason), receive(bytes) -> error text, next() -> bytes or null,
+/// refused() -> whether another try is of no use, and splatsOnly() -> whether the scene has splats only: then
+/// `showSplats()` is called.
 export function openLink(url, core, changed, showSplats) {
   let socket = null;
-  let delay = kFirstDelay;
+  let delay = kMinDelay;
   let timer = 0;
 
   function flush() {
@@ -31,7 +31,7 @@ export function openLink(url, core, changed, showSplats) {
     changed();
     if (core.refused()) return;
     timer = setTimeout(open, delay);
-    delay = Math.min(2 * delay, kLongestDelay);
+    delay = Math.min(2 * delay, kMaxDelay);
   }
 
   function open() {
@@ -45,7 +45,7 @@ export function openLink(url, core, changed, showSplats) {
     };
     mine.onmessage = ({data}) => {
       if (socket !== mine) return;
-      delay = kFirstDelay;
+      delay = kMinDelay;
       const error = typeof data === "string" ? "the server sent text; is it a lumigrid server?" :
                                                core.receive(new Uint8Array(data));
       if (error) {
@@ -63,9 +63,9 @@ export function openLink(url, core, changed, showSplats) {
   }
 
   open();
-  // Coming back to the network or to the page is a reason to try at once.
+  // Try at once when the browser is back on the network.
   const retry = () => {
-    delay = kFirstDelay;
+    delay = kMinDelay;
     if (!socket && !core.refused()) open();
   };
   addEventListener("online", retry);

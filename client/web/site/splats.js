@@ -1,2 +1,2 @@
-// The viewer of splats, fetched in place of the other when a page shows them (m=qsplat).
+// The viewer of splats, which is fetched instead of the other one when a page shows splats (m=qsplat).
 export {default} from "client_web_splats.js";

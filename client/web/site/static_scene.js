@@ -1,13 +1,13 @@
-// A published scene on a static host: scene.json, read here (docs/formats/scene.md), the rest by the C++ client through
-// byte ranges.
+// Opens a published scene on a static host. scene.json is read here (docs/formats/scene.md), everything else by the C++
+// client through byte ranges.
 import {kBytes, makeRanges} from "./ranges.js";
 
-const kMostBytes = 16_000_000;
+const kMaxBytes = 16_000_000;
 
 /// Thrown by openStaticScene where a scene has splats and no patches: the viewer of splats shows it.
 export class SplatsOnly extends Error {}
 
-/// An error with what to do about it.
+/// An error with advice for the user.
 class SceneError extends Error {
   constructor(title, advice) {
     super(title);
@@ -25,7 +25,8 @@ async function readJson(url) {
   } catch {
     throw new SceneError(
         `${url} cannot be read`,
-        "There is no such host, no network, or the host does not let pages from elsewhere read it: it must send Access-Control-Allow-Origin (docs/hosting.md).");
+        "There is no such host, no network, or the host does not let pages from elsewhere read it: it must send " +
+            "Access-Control-Allow-Origin (docs/hosting.md).");
   }
   if (answer.status === 404)
     throw new SceneError(
@@ -33,7 +34,7 @@ async function readJson(url) {
         `${url} is not there. Check the address; it must name a folder that lumigrid publish wrote.`);
   if (!answer.ok)
     throw new SceneError(`${url}: the host answered ${answer.status}`, "Check the address and who may read it.");
-  if (Number(answer.headers.get("Content-Length") ?? 0) > kMostBytes)
+  if (Number(answer.headers.get("Content-Length") ?? 0) > kMaxBytes)
     throw new SceneError(`${url} is no scene`, "The file is too large for one.");
   try {
     return await answer.json();
@@ -44,13 +45,13 @@ async function readJson(url) {
 
 const vector = (value) => (Array.isArray(value) && value.length === 3 && value.every(Number.isFinite) ? value : null);
 
-/// The published part whose name begins and ends so; null when there is none.
+/// Returns the published part whose name begins and ends so; null when there is none.
 export function partOf(parts, front, end) {
   const part = parts.find(({file}) => typeof file === "string" && file.startsWith(front) && file.endsWith(end));
   return part && /-[0-9a-f]{32}\./.test(part.file) && Number.isSafeInteger(part.bytes) && part.bytes > 0 ? part : null;
 }
 
-/// The last part of the address; where it has none, what the scene was made of: "tower" of "/scans/tower.ply".
+/// Names a scene by the last part of its address; where there is none, by its source: "tower" from "/scans/tower.ply".
 function nameOf(base, scene) {
   const {pathname, host} = new URL(base);
   const folder = pathname.split("/").filter(Boolean).at(-1);
@@ -59,8 +60,8 @@ function nameOf(base, scene) {
   return source.replace(/\.[^.]*$/, "") || host;
 }
 
-/// Reads scene.json. `base`: URL of its folder. The result: {scene, parts, numbers}, numbers as
-/// client/web/web_welcome.h has them. Throws SceneError.
+/// Reads scene.json. `base`: URL of its folder. Returns {url, scene, parts, numbers}, with the numbers in the order of
+/// client/web/web_welcome.h. Throws SceneError.
 async function readScene(base) {
   const url = new URL("scene.json", base).href;
   const scene = await readJson(url);
@@ -94,7 +95,8 @@ function fetchRanges(base, core, changed) {
   core.cancelRange = ranges.cancel;
 }
 
-/// As openStaticScene, for the client of splats; a scene that a server of ours shows has them under their plain name.
+/// Opens the splats of a scene, as openStaticScene does its patches. A scene of our server has them under their plain
+/// name.
 export async function openSplatScene(base, core, changed) {
   const {url, scene, parts, numbers} = await readScene(base);
   const plain = parts.find(({file, bytes}) => file === "qsplat.lgq" && Number.isSafeInteger(bytes) && bytes > 0);
@@ -111,8 +113,8 @@ export async function openSplatScene(base, core, changed) {
   return (now) => core.call("pumpStatic", now) !== 0;
 }
 
-/// Hands the scene to the client. `base`: URL of its folder. Throws SceneError, SplatsOnly. The result: run(now), to be
-/// called each turn, true when something came.
+/// Hands the scene to the client. `base`: URL of its folder. Throws SceneError or SplatsOnly. Returns a function of
+/// `now` that is to be called each turn, and returns true when something arrived.
 export async function openStaticScene(base, core, changed) {
   const {url, scene, parts, numbers} = await readScene(base);
   const patches = partOf(parts, "patch-", ".lgp");
@@ -130,8 +132,8 @@ export async function openStaticScene(base, core, changed) {
   return (now) => core.call("pumpStatic", now) !== 0;
 }
 
-/// What the parameters of an image index say (docs/formats/repository.md): numbers and the tree's digits; null when
-/// they hold no grid.
+/// Reads the parameters of an image index (docs/formats/repository.md): numbers and the tree's digits; null when they
+/// hold no grid.
 export function parametersOf(text) {
   let root;
   try {

@@ -1,4 +1,4 @@
-// The row of buttons: what the keys do, for those who have none.
+// Makes the row of buttons, which have the effects of keys for users without a keyboard.
 
 const kTools = [
   {
@@ -40,12 +40,13 @@ const kTools = [
     key: "g",
     label: "Settings (G)",
     icon:
-        "M10 7a3 3 0 1 0 0 6a3 3 0 1 0 0-6M10 2v3M10 15v3M2 10h3M15 10h3M4.3 4.3l2.1 2.1M13.6 13.6l2.1 2.1M4.3 15.7l2.1-2.1M13.6 6.4l2.1-2.1"
+        "M10 7a3 3 0 1 0 0 6a3 3 0 1 0 0-6M10 2v3M10 15v3M2 10h3M15 10h3M4.3 4.3l2.1 2.1M13.6 13.6l2.1 2.1" +
+        "M4.3 15.7l2.1-2.1M13.6 6.4l2.1-2.1"
   },
   {key: "h", label: "Help (H)", icon: "M7 7.5a3 3 0 1 1 4.5 2.6c-1 .6-1.5 1.1-1.5 2.4M10 15.6v.2"},
 ];
 
-/// `press(key)`: as if it had been pressed. `splats`: what the page shows.
+/// `press(key)` acts as if the key had been pressed. `splats`: the page shows splats.
 export function makeTools(nav, splats, press) {
   for (const {key, label, toggle, wide, splats: forSplats, icon} of kTools) {
     if (forSplats && !splats) continue;
