@@ -81,18 +81,7 @@ int printError(const std::string& message, int status) {
   return status;
 }
 
-void describe(CLI::App& app, Arguments& a) {
-  app.description(
-      "Looks at a scene that a lumigrid server shows: in a window, or with --headless along a recorded camera path.\n"
-      "Only the images and coarse patches near the view travel; a small cache keeps them.");
-  app.add_option(
-         "URL", a.url,
-         "The server, as `lumigrid serve` prints it: ws://host:port/ (http:// and host:port mean the same); or a "
-         "published scene: https://host/folder/, http://host/folder/ or .../scene.json (no server of ours "
-         "need run there)")
-      ->required();
-  app.option_defaults()->always_capture_default();
-
+void addContentOptions(CLI::App& app, Arguments& a) {
   app.add_option("--method", a.method,
                  "lumigraph: patches textured by images; patches: the patches alone; qsplat: splats, streamed from the "
                  "scene's qsplat.lgq in the order in which the view has use for them. Where it is left out, a scene of "
@@ -117,6 +106,9 @@ void describe(CLI::App& app, Arguments& a) {
   app.add_option("--max-triangles", a.max_triangles, "... or until this many triangles are drawn")
       ->check(CLI::Range(1'000, 1'000'000'000))
       ->group("What is shown");
+}
+
+void addSplatOptions(CLI::App& app, Arguments& a) {
   app.add_option("--splat", a.splat,
                  "Kernel of --method qsplat. square: the fastest; circle; fuzzy: softly blended; ellipse: lies in the "
                  "surface, the sharpest, with a hole now and then")
@@ -144,11 +136,16 @@ void describe(CLI::App& app, Arguments& a) {
   app.add_option("--idle", a.idle,
                  "Splats fetched ahead once the view has all that it needs, for each view, in bytes; 0: none")
       ->group("Limits");
+}
+
+void addPictureOptions(CLI::App& app, Arguments& a) {
   app.add_option("--background", a.background, "#rrggbb, #rrggbbaa or transparent")->group("What is shown");
   app.add_option("--size", a.size,
                  "Window size (default: 1280x720); headless: size of all pictures, whatever the path says")
       ->group("What is shown");
+}
 
+void addLimitOptions(CLI::App& app, Arguments& a) {
   app.add_option("--cache", a.cache, "Images and patches kept as they came, in bytes: 50M, 1G")->group("Limits");
   app.add_option("--memory", a.memory, "All that grows with the scene, on the GPU and off, in bytes; at least 16M")
       ->group("Limits");
@@ -162,7 +159,9 @@ void describe(CLI::App& app, Arguments& a) {
   app.add_option("--connect-timeout", a.connect_timeout, "Headless: seconds without the server before giving up")
       ->check(CLI::Range(0.1, 3600.0))
       ->group("Limits");
+}
 
+void addRunOptions(CLI::App& app, Arguments& a) {
   app.add_flag("--check-host", a.check_host,
                "Say whether the host of a published scene does all that viewers need, and what to change; no pictures")
       ->group("Published scenes");
@@ -188,6 +187,26 @@ void describe(CLI::App& app, Arguments& a) {
                "Keep settings and bookmarks in the user's configuration (docs/formats/settings.md; on unless "
                "--no-settings). What is said here rules over them")
       ->group("Window");
+}
+
+/// The calls stand in the order in which --help lists the options.
+void describe(CLI::App& app, Arguments& a) {
+  app.description(
+      "Looks at a scene that a lumigrid server shows: in a window, or with --headless along a recorded camera path.\n"
+      "Only the images and coarse patches near the view travel; a small cache keeps them.");
+  app.add_option(
+         "URL", a.url,
+         "The server, as `lumigrid serve` prints it: ws://host:port/ (http:// and host:port mean the same); or a "
+         "published scene: https://host/folder/, http://host/folder/ or .../scene.json (no server of ours "
+         "need run there)")
+      ->required();
+  app.option_defaults()->always_capture_default();
+
+  addContentOptions(app, a);
+  addSplatOptions(app, a);
+  addPictureOptions(app, a);
+  addLimitOptions(app, a);
+  addRunOptions(app, a);
 }
 
 base::Result<ViewSetup> parseArguments(const Arguments& a) {

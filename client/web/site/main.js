@@ -4,7 +4,7 @@ import "./early.js";
 import {loadAnnotations} from "./annotations.js";
 import {loadCore} from "./core.js";
 import {listen} from "./input.js";
-import {makeOverlay} from "./overlay.js";
+import {Overlay} from "./overlay.js";
 import {openPicture} from "./picture.js";
 import {keepSettings, restoreSettings, settingValue, showSettings} from "./settings.js";
 import {openLink, socketUrl} from "./socket.js";
@@ -329,7 +329,7 @@ async function start() {
         "There is no WebGL2 here",
         "Switch on hardware acceleration in the browser's settings, update the graphics driver, or try another " +
             "browser.");
-  overlay = makeOverlay(core, {
+  overlay = new Overlay(core, {
     ratio: () => ratio,
     press: (act) => {
       act();

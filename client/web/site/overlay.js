@@ -26,64 +26,67 @@ const kStatus = {
 };
 const kStatusText = ["Connecting …", "Loading …", "", "Connection lost", "Refused"];
 
-/// `check()` shows what the scene's host sends; null with a server of ours.
-export function makeOverlay(core, {ratio, press, retry, check}) {
-  const annotations = [];
-  let labelsShown = "";
-  let closedByUs = false;  // the next "close" of the help dialog is our own doing
+/// Shows the labels, lines and panels over the picture. `press(act)` runs what a click does; `retry()` tries the server
+/// again; `check()` shows what the scene's host sends, and is null with a server of ours.
+export class Overlay {
+  constructor(core, {ratio, press, retry, check}) {
+    this.annotations = [];  // {title, text} by number
+    this.core = core;
+    this.options = {ratio, press, retry, check};
+    this.labelsShown = "";
+    this.closingHelp = false;  // the next "close" of the help dialog is our own doing
+    this.fatal = false;
+    this.version = -1;
+    this.listenToHelp();
+    byId("card").querySelector(".close").addEventListener("click", () => this.showAnnotation(-1));
+  }
 
-  function showLabels(labels) {
-    const signature = labels.map((row) => row[1] + ":" + row[2]).join();
-    const box = byId("labels");
-    if (signature !== labelsShown) {
-      // Labels rarely come or go; moving ones keep their element, and with it the keyboard's focus.
-      box.replaceChildren(...labels.map(([, kind, index]) => makeLabel(Number(kind), Number(index))));
-      labelsShown = signature;
-    }
-    [...box.children].forEach((at, i) => {
-      const [, kind, , x, y, visible, rough, open, text] = labels[i];
-      at.hidden = visible !== "1";
-      at.classList.toggle("rough", rough === "1");
-      at.classList.toggle("open", open === "1");
-      const words = at.firstElementChild;
-      if (words && words.textContent !== text) words.textContent = text;
-      if (kind === "0") at.setAttribute("aria-label", `Note: ${text}`);
-      at.style.transform = `translate(${Number(x) / ratio()}px, ${Number(y) / ratio()}px)`;
+  /// Shows what has changed since the last call.
+  update() {
+    const now = this.core.call("overlayVersion");
+    if (now === this.version) return;
+    this.version = now;
+    const rows = this.core.rows("overlay");
+    const all = (name) => rows.filter((row) => row[0] === name);
+    const one = (name) => rows.find((row) => row[0] === name);
+    this.showName(one("scene"));
+    this.showStatus(one("status"));
+    this.showProgress(one("progress"));
+    this.showModes(one("mode"), one("view"));
+    this.showToasts(all("toast"));
+    this.showLabels(all("label"));
+    this.showLines(all("line"));
+    this.showCard(one("annotation"));
+    this.showHelp(one("help")[1] === "1");
+  }
+
+  updateStatistics() {
+    if (byId("statistics").hidden) return;
+    const lines = this.core.rows("statistics");
+    const rows = keep(byId("statistics").firstElementChild, lines.length, () => {
+      const row = element("tr");
+      row.append(element("th"), element("td"));
+      return row;
+    });
+    rows.forEach((row, i) => {
+      row.children[0].textContent = lines[i][0];
+      row.children[1].textContent = lines[i][1];
     });
   }
 
-  function makeLabel(kind, index) {
-    const at = element(kind === 0 ? "button" : "div", "label " + kLabelClasses[kind]);
-    if (kind === 0) {
-      at.type = "button";
-      at.addEventListener(
-          "click", () => press(() => core.call("showAnnotation", at.classList.contains("open") ? -1 : index)));
-    }
-    if (kind === 0 || kind === 2) at.append(element("span"));
-    return at;
+  /// Shows a problem that waiting cannot solve.
+  problem(title, advice, again) {
+    this.fatal = true;
+    this.showProblem(title, advice, again);
   }
 
-  function showLines(lines) {
-    const made =
-        keep(byId("lines"), lines.length, () => document.createElementNS("http://www.w3.org/2000/svg", "line"));
-    made.forEach((line, i) => {
-      const [, x0, y0, x1, y1, rough] = lines[i];
-      const place = {x1: x0, y1: y0, x2: x1, y2: y1};
-      for (const [name, value] of Object.entries(place)) line.setAttribute(name, Number(value) / ratio());
-      line.classList.toggle("rough", rough === "1");
-    });
+  showName([, name]) {
+    if (byId("name").textContent === name) return;
+    byId("name").textContent = name;
+    document.title = name ? `${name} - Lumigrid` : "Lumigrid";
   }
 
-  function showToasts(toasts) {
-    const made = keep(byId("toasts"), toasts.length, () => element("div"));
-    made.forEach((at, i) => {
-      const [, , error, text] = toasts[i];
-      at.classList.toggle("error", error === "1");
-      if (at.textContent !== text) at.textContent = text;
-    });
-  }
-
-  function showStatus([, kindText, text, advice]) {
+  showStatus([, kindText, text, advice]) {
     const kind = Number(kindText);
     const line = kind === kStatus.lost ? text || kStatusText[kind] : kStatusText[kind];
     const state = byId("state");
@@ -93,14 +96,14 @@ export function makeOverlay(core, {ratio, press, retry, check}) {
     // page.
     const bare = byId("name").textContent === "";
     if (kind === kStatus.refused || (kind === kStatus.lost && bare))
-      showProblem(text || kStatusText[kind], advice, retry);
-    else if (!fatal)
+      this.showProblem(text || kStatusText[kind], advice, this.options.retry);
+    else if (!this.fatal)
       byId("problem").hidden = true;
   }
 
-  let fatal = false;
-  function showProblem(title, advice, again) {
+  showProblem(title, advice, again) {
     const box = byId("problem");
+    const {check} = this.options;
     box.querySelector("h2").textContent = title;
     box.querySelector("p").textContent = advice;
     const button = box.querySelector(".again");
@@ -111,20 +114,29 @@ export function makeOverlay(core, {ratio, press, retry, check}) {
     box.hidden = false;
   }
 
-  function showCard(row) {
-    const card = byId("card");
-    const annotation = row && annotations[Number(row[1])];
-    card.hidden = !annotation;
-    if (!annotation) return;
-    byId("card-title").textContent = annotation.title;
-    byId("card-text").textContent = annotation.text;
+  showProgress([, active, share]) {
+    const bar = byId("bar");
+    bar.hidden = active !== "1";
+    bar.firstElementChild.style.width = `${100 * Number(share)}%`;
+    bar.setAttribute("aria-valuenow", Math.round(100 * Number(share)));
   }
 
-  function showLegend(shown) {
+  showModes([, mode, hint], [, statistics, colours, orthographic, section, lens]) {
+    byId("hint").hidden = hint === "";
+    if (byId("hint").textContent !== hint) byId("hint").textContent = hint;
+    byId("view").classList.toggle("measuring", mode !== "0");
+    byId("statistics").hidden = statistics !== "1";
+    this.showLegend(colours === "1");
+    const pressed = {i: statistics, c: colours, o: orthographic, x: section, l: lens, m: mode === "0" ? "0" : "1"};
+    for (const [key, on] of Object.entries(pressed))
+      byId(`tool-${key}`)?.setAttribute("aria-pressed", on === "1" ? "true" : "false");
+  }
+
+  showLegend(shown) {
     const box = byId("legend");
     box.hidden = !shown;
     if (!shown || box.childElementCount > 1) return;
-    const steps = core.rows("legend");
+    const steps = this.core.rows("legend");
     steps.forEach(([pixels, ...color], i) => {
       const row = element("span");
       const swatch = element("i");
@@ -134,87 +146,95 @@ export function makeOverlay(core, {ratio, press, retry, check}) {
     });
   }
 
-  function showHelp(shown) {
+  showToasts(toasts) {
+    const made = keep(byId("toasts"), toasts.length, () => element("div"));
+    made.forEach((at, i) => {
+      const [, , error, text] = toasts[i];
+      at.classList.toggle("error", error === "1");
+      if (at.textContent !== text) at.textContent = text;
+    });
+  }
+
+  showLabels(labels) {
+    const signature = labels.map((row) => row[1] + ":" + row[2]).join();
+    const box = byId("labels");
+    if (signature !== this.labelsShown) {
+      // Labels rarely come or go; moving ones keep their element, and with it the keyboard's focus.
+      box.replaceChildren(...labels.map(([, kind, index]) => this.makeLabel(Number(kind), Number(index))));
+      this.labelsShown = signature;
+    }
+    const ratio = this.options.ratio();
+    [...box.children].forEach((at, i) => {
+      const [, kind, , x, y, visible, rough, open, text] = labels[i];
+      at.hidden = visible !== "1";
+      at.classList.toggle("rough", rough === "1");
+      at.classList.toggle("open", open === "1");
+      const words = at.firstElementChild;
+      if (words && words.textContent !== text) words.textContent = text;
+      if (kind === "0") at.setAttribute("aria-label", `Note: ${text}`);
+      at.style.transform = `translate(${Number(x) / ratio}px, ${Number(y) / ratio}px)`;
+    });
+  }
+
+  makeLabel(kind, index) {
+    const at = element(kind === 0 ? "button" : "div", "label " + kLabelClasses[kind]);
+    if (kind === 0) {
+      at.type = "button";
+      at.addEventListener("click", () => this.showAnnotation(at.classList.contains("open") ? -1 : index));
+    }
+    if (kind === 0 || kind === 2) at.append(element("span"));
+    return at;
+  }
+
+  showLines(lines) {
+    const made =
+        keep(byId("lines"), lines.length, () => document.createElementNS("http://www.w3.org/2000/svg", "line"));
+    made.forEach((line, i) => {
+      const [, x0, y0, x1, y1, rough] = lines[i];
+      const place = {x1: x0, y1: y0, x2: x1, y2: y1};
+      for (const [name, value] of Object.entries(place)) line.setAttribute(name, Number(value) / this.options.ratio());
+      line.classList.toggle("rough", rough === "1");
+    });
+  }
+
+  showAnnotation(index) {
+    this.options.press(() => this.core.call("showAnnotation", index));
+  }
+
+  showCard(row) {
+    const card = byId("card");
+    const annotation = row && this.annotations[Number(row[1])];
+    card.hidden = !annotation;
+    if (!annotation) return;
+    byId("card-title").textContent = annotation.title;
+    byId("card-text").textContent = annotation.text;
+  }
+
+  showHelp(shown) {
     const dialog = byId("help");
     if (shown && !dialog.open) {
       const list = dialog.querySelector("dl");
-      list.replaceChildren(
-          ...core.rows("help").flatMap(([input, effect]) => [element("dt", "", input), element("dd", "", effect)]));
+      list.replaceChildren(...this.core.rows("help").flatMap(
+          ([input, effect]) => [element("dt", "", input), element("dd", "", effect)]));
       dialog.showModal();
     } else if (!shown && dialog.open) {
-      closedByUs = true;
+      this.closingHelp = true;
       dialog.close();
     }
   }
 
-  // The client closes the help, whoever asked for it: events of the dialog come late, and could meet the next opening.
-  const help = byId("help");
-  const helpGone = () => press(() => core.call("showHelp", 0));
-  for (const wish of ["cancel", "submit"])
-    help.addEventListener(wish, (event) => {
-      event.preventDefault();
-      helpGone();
+  /// The client closes the help, whoever asked for it: events of the dialog come late, and could meet the next opening.
+  listenToHelp() {
+    const help = byId("help");
+    const closeHelp = () => this.options.press(() => this.core.call("showHelp", 0));
+    for (const request of ["cancel", "submit"])
+      help.addEventListener(request, (event) => {
+        event.preventDefault();
+        closeHelp();
+      });
+    help.addEventListener("close", () => {
+      if (!this.closingHelp) closeHelp();
+      this.closingHelp = false;
     });
-  help.addEventListener("close", () => {
-    if (!closedByUs) helpGone();
-    closedByUs = false;
-  });
-  byId("card").querySelector(".close").addEventListener("click", () => press(() => core.call("showAnnotation", -1)));
-
-  let version = -1;
-  return {
-    annotations,
-    /// Shows a problem that waiting cannot solve.
-    problem(title, advice, again) {
-      fatal = true;
-      showProblem(title, advice, again);
-    },
-    update() {
-      const now = core.call("overlayVersion");
-      if (now === version) return;
-      version = now;
-      const rows = core.rows("overlay");
-      const all = (name) => rows.filter((row) => row[0] === name);
-      const one = (name) => rows.find((row) => row[0] === name);
-      const [, name] = one("scene");
-      if (byId("name").textContent !== name) {
-        byId("name").textContent = name;
-        document.title = name ? `${name} - Lumigrid` : "Lumigrid";
-      }
-      showStatus(one("status"));
-      const [, active, share] = one("progress");
-      const bar = byId("bar");
-      bar.hidden = active !== "1";
-      bar.firstElementChild.style.width = `${100 * Number(share)}%`;
-      bar.setAttribute("aria-valuenow", Math.round(100 * Number(share)));
-      const [, mode, hint] = one("mode");
-      byId("hint").hidden = hint === "";
-      if (byId("hint").textContent !== hint) byId("hint").textContent = hint;
-      byId("view").classList.toggle("measuring", mode !== "0");
-      const [, statistics, colours, orthographic, section, lens] = one("view");
-      byId("statistics").hidden = statistics !== "1";
-      showLegend(colours === "1");
-      const pressed = {i: statistics, c: colours, o: orthographic, x: section, l: lens, m: mode === "0" ? "0" : "1"};
-      for (const [key, on] of Object.entries(pressed))
-        byId(`tool-${key}`)?.setAttribute("aria-pressed", on === "1" ? "true" : "false");
-      showToasts(all("toast"));
-      showLabels(all("label"));
-      showLines(all("line"));
-      showCard(one("annotation"));
-      showHelp(one("help")[1] === "1");
-    },
-    updateStatistics() {
-      if (byId("statistics").hidden) return;
-      const lines = core.rows("statistics");
-      const rows = keep(byId("statistics").firstElementChild, lines.length, () => {
-        const row = element("tr");
-        row.append(element("th"), element("td"));
-        return row;
-      });
-      rows.forEach((row, i) => {
-        row.children[0].textContent = lines[i][0];
-        row.children[1].textContent = lines[i][1];
-      });
-    },
-  };
+  }
 }
