@@ -14,7 +14,7 @@ endif()
 
 option(LUMIGRID_TESTS "Build the tests" ON)
 option(LUMIGRID_BENCH "Build the benchmarks in tests/bench" ON)
-option(LUMIGRID_COMPARE "Build lumigrid-compare" ON)
+option(LUMIGRID_COMPARE "Build lumigrid-compare, which needs OpenCV" ON)
 option(LUMIGRID_QUICK "Compile many files at once: a whole build takes half the time, a change to one file more" OFF)
 option(LUMIGRID_WERROR "Treat warnings as errors" ON)
 set(LUMIGRID_SANITIZE "" CACHE STRING "Sanitizers to build with, e.g. address,undefined or thread")

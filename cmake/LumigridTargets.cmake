@@ -43,7 +43,7 @@ _lumigrid_allow(client_render  "base;base_gl;lod_patch;lod_draw"                
 _lumigrid_allow(server_bake    "${_any_base};lod_patch;lod_draw;sampling;faces;jpeg;repository;protocol;plan;server_render;client_render" "spdlog::spdlog")
 _lumigrid_allow(server_session "base;lod_patch;sampling;repository;protocol;plan"  "")
 _lumigrid_allow(server_net     "${_any_base};lod;lod_patch;lod_qsplat;lod_draw;sampling;cache;faces;packs;jpeg;objects;repository;protocol;plan;server_render;server_bake;server_session" "Boost::headers;Threads::Threads;spdlog::spdlog;nlohmann_json::nlohmann_json")
-_lumigrid_allow(lumigrid       "${_any_base};mesh;lod;lod_ingest;lod_patch;lod_patch_builder;lod_qsplat;lod_qsplat_builder;lod_draw;sampling;cache;faces;packs;jpeg;objects;repository;protocol;server_render;server_bake;server_session;server_net" "CLI11::CLI11;spdlog::spdlog;nlohmann_json::nlohmann_json")
+_lumigrid_allow(lumigrid       "${_any_base};mesh;lod;lod_ingest;lod_patch;lod_patch_builder;lod_qsplat;lod_qsplat_builder;lod_draw;sampling;cache;faces;packs;jpeg;objects;repository;protocol;server_render;server_bake;server_session;server_net" "CLI11::CLI11;spdlog::spdlog;nlohmann_json::nlohmann_json;openmesh")
 _lumigrid_allow(client         "base;base_gl;lod;lod_patch;lod_qsplat;lod_draw;sampling;faces;packs;cache;protocol;plan;client_render" "")
 _lumigrid_allow(client_native  "${_any_base};lod;lod_patch;lod_qsplat;lod_draw;sampling;sampling_json;cache;faces;packs;jpeg;protocol;client" "CURL::libcurl;Boost::headers;Threads::Threads;glfw;imgui;spdlog::spdlog;nlohmann_json::nlohmann_json")
 _lumigrid_allow(lumigrid-view  "${_any_base};lod;lod_patch;lod_qsplat;lod_draw;sampling;sampling_json;cache;faces;packs;jpeg;protocol;plan;client;client_native" "CLI11::CLI11;spdlog::spdlog;nlohmann_json::nlohmann_json")
@@ -54,7 +54,7 @@ _lumigrid_allow(client_web_check "base;client" "")
 _lumigrid_allow(compare        "*"                                                 "*")
 _lumigrid_allow(lumigrid-compare "*"                                               "*")
 
-set(LUMIGRID_CLIENT_FORBIDDEN metis openmesh CGAL::CGAL opencv_core mesh lod_ingest lod_patch_builder lod_qsplat_builder repository objects server_render server_bake server_session server_net lmdb)
+set(LUMIGRID_CLIENT_FORBIDDEN metis openmesh CGAL::CGAL opencv_core opencv_imgproc mesh lod_ingest lod_patch_builder lod_qsplat_builder repository objects server_render server_bake server_session server_net lmdb)
 
 function(_lumigrid_check_list kind name allowed)
   if("${allowed}" STREQUAL "*")

@@ -1,134 +1,139 @@
 #include "compare/accuracy.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+#include <string>
+#include <vector>
 
 #include "base/picture_error.h"
 
 namespace compare {
 namespace {
 
-constexpr std::size_t kRadius = 5;  // 11 × 11 window, Wang et al. 2004, section III-B
+// Wang et al. 2004: window of section III-C, constants (0.01 · 255)² and (0.03 · 255)² of section III-B.
+const cv::Size kWindow(11, 11);
 constexpr double kSigma = 1.5;
-constexpr double kC1 = 6.5025, kC2 = 58.5225;  // (0.01 · 255)², (0.03 · 255)², ibid. equation 13
+constexpr double kC1 = 6.5025, kC2 = 58.5225;
 
-using Plane = std::vector<float>;
-
-std::array<Plane, 3> overGrey(const base::Image& image) {
-  std::array<Plane, 3> planes;
-  const std::size_t count = image.pixels.size() / 4;
-  for (std::size_t c = 0; c < 3; ++c) {
-    planes[c].resize(count);
-    for (std::size_t i = 0; i < count; ++i) planes[c][i] = base::overGrey(&image.pixels[4 * i], static_cast<int>(c));
-  }
-  return planes;
+/// OpenCV's view of an image, without a copy.
+cv::Mat viewOf(const base::Image& image) {
+  return {image.height, image.width, CV_8UC(image.channels), const_cast<std::uint8_t*>(image.pixels.data())};
 }
 
-Plane luma(const std::array<Plane, 3>& rgb) {
-  Plane y(rgb[0].size());
-  for (std::size_t i = 0; i < y.size(); ++i)
-    y[i] = 0.299F * rgb[0][i] + 0.587F * rgb[1][i] + 0.114F * rgb[2][i];  // BT.601
-  return y;
+cv::Mat coverage(const cv::Mat& rgba) {
+  cv::Mat alpha;
+  cv::extractChannel(rgba, alpha, 3);
+  return alpha;
 }
 
-// Separable Gaussian; the window is cut at the picture's edge and renormalised.
-Plane blur(const Plane& in, int width, int height) {
-  std::array<float, 2 * kRadius + 1> kernel{};
-  for (std::size_t k = 0; k < kernel.size(); ++k) {
-    const double distance = static_cast<double>(k) - kRadius;
-    kernel[k] = static_cast<float>(std::exp(-0.5 * distance * distance / (kSigma * kSigma)));
-  }
-  auto pass = [&](const Plane& source, std::size_t across, std::size_t along, std::size_t stride_across,
-                  std::size_t stride_along) {
-    Plane out(source.size());
-    for (std::size_t a = 0; a < across; ++a)
-      for (std::size_t i = 0; i < along; ++i) {
-        float sum = 0.0F;
-        float weight = 0.0F;
-        const std::size_t last = std::min(along - 1, i + kRadius);
-        for (std::size_t j = i < kRadius ? 0 : i - kRadius; j <= last; ++j) {
-          const float w = kernel[j + kRadius - i];
-          sum += w * source[a * stride_across + j * stride_along];
-          weight += w;
-        }
-        out[a * stride_across + i * stride_along] = sum / weight;
-      }
-    return out;
+/// Where the picture covers at least half of a pixel: 255, elsewhere 0.
+cv::Mat coveredPixels(const cv::Mat& rgba) {
+  return coverage(rgba) >= base::kCoverageThreshold;
+}
+
+/// RGB laid over mid-grey, 0..255 in float: (a · c + (255 − a) · grey) / 255, exact but for the division.
+cv::Mat overGrey(const cv::Mat& rgba) {
+  cv::Mat rgb, alpha;
+  cv::cvtColor(rgba, rgb, cv::COLOR_RGBA2RGB);
+  cv::cvtColor(coverage(rgba), alpha, cv::COLOR_GRAY2RGB);
+  rgb.convertTo(rgb, CV_32F);
+  alpha.convertTo(alpha, CV_32F);
+  const cv::Mat sum = alpha.mul(rgb - cv::Scalar::all(base::kMidGrey)) + cv::Scalar::all(255.0 * base::kMidGrey);
+  return sum / 255.0;
+}
+
+double psnr(const cv::Mat& a, const cv::Mat& b, const cv::Mat& mask, double samples) {
+  const double squares = cv::norm(a, b, cv::NORM_L2SQR, mask);
+  if (squares <= 0.0) return base::kEqualDb;
+  return std::min(base::kEqualDb, 10.0 * std::log10(255.0 * 255.0 * samples / squares));
+}
+
+/// The mean over the window around each pixel; at the picture's edge, over the part of the window that is inside.
+cv::Mat windowMean(const cv::Mat& values) {
+  cv::Mat sum, weight;
+  cv::GaussianBlur(values, sum, kWindow, kSigma, kSigma, cv::BORDER_CONSTANT);
+  cv::GaussianBlur(cv::Mat::ones(values.size(), values.type()), weight, kWindow, kSigma, kSigma, cv::BORDER_CONSTANT);
+  return sum / weight;
+}
+
+/// SSIM at every pixel (Wang et al. 2004, equation 13).
+cv::Mat ssimMap(const cv::Mat& x, const cv::Mat& y) {
+  const cv::Mat mx = windowMean(x), my = windowMean(y);
+  const cv::Mat mean_product = mx.mul(my), mean_squares = mx.mul(mx) + my.mul(my);
+  const cv::Mat covariance = windowMean(x.mul(y)) - mean_product;
+  const cv::Mat variances = windowMean(x.mul(x)) + windowMean(y.mul(y)) - mean_squares;
+  const cv::Mat above = (2.0 * mean_product + kC1).mul(2.0 * covariance + kC2);
+  const cv::Mat below = (mean_squares + kC1).mul(variances + kC2);
+  return above / below;
+}
+
+/// BT.601 luma in double: variances are small differences of large squares.
+cv::Mat luma(const cv::Mat& rgb) {
+  cv::Mat grey;
+  cv::cvtColor(rgb, grey, cv::COLOR_RGB2GRAY);
+  grey.convertTo(grey, CV_64F);
+  return grey;
+}
+
+/// The covered pixels that have an uncovered neighbour; beyond the picture's edge all is covered.
+cv::Mat silhouette(const cv::Mat& covered) {
+  cv::Mat inner;
+  cv::erode(covered, inner, cv::getStructuringElement(cv::MORPH_CROSS, cv::Size(3, 3)));
+  return covered & ~inner;
+}
+
+/// Mean distance of the silhouettes' pixels from the other silhouette. 0 where either has none, as there is nothing to
+/// measure: missing_share and excess_share tell of that.
+double silhouetteDistance(const cv::Mat& covered_a, const cv::Mat& covered_b) {
+  const cv::Mat a = silhouette(covered_a), b = silhouette(covered_b);
+  const int count_a = cv::countNonZero(a), count_b = cv::countNonZero(b);
+  if (count_a == 0 || count_b == 0) return 0.0;
+  cv::Mat to_a, to_b;
+  cv::distanceTransform(~a, to_a, cv::DIST_L2, cv::DIST_MASK_PRECISE);
+  cv::distanceTransform(~b, to_b, cv::DIST_L2, cv::DIST_MASK_PRECISE);
+  return 0.5 * (cv::mean(to_b, a)[0] + cv::mean(to_a, b)[0]);
+}
+
+base::Error sizeError(const base::Image& truth, const base::Image& picture) {
+  const auto size = [](const base::Image& image) {
+    return std::to_string(image.width) + " x " + std::to_string(image.height);
   };
-  const auto columns = static_cast<std::size_t>(width);
-  const auto rows = static_cast<std::size_t>(height);
-  return pass(pass(in, rows, columns, columns, 1), columns, rows, 1, columns);
-}
-
-Plane product(const Plane& a, const Plane& b) {
-  Plane out(a.size());
-  for (std::size_t i = 0; i < a.size(); ++i) out[i] = a[i] * b[i];
-  return out;
-}
-
-// Equation 13 of Wang et al. 2004 at every pixel.
-Plane ssimMap(const Plane& x, const Plane& y, int width, int height) {
-  const Plane mx = blur(x, width, height);
-  const Plane my = blur(y, width, height);
-  const Plane xx = blur(product(x, x), width, height);
-  const Plane yy = blur(product(y, y), width, height);
-  const Plane xy = blur(product(x, y), width, height);
-  Plane map(x.size());
-  for (std::size_t i = 0; i < map.size(); ++i) {
-    const double ux = mx[i];
-    const double uy = my[i];
-    const double vx = xx[i] - ux * ux;
-    const double vy = yy[i] - uy * uy;
-    const double vxy = xy[i] - ux * uy;
-    map[i] = static_cast<float>((2 * ux * uy + kC1) * (2 * vxy + kC2) / ((ux * ux + uy * uy + kC1) * (vx + vy + kC2)));
-  }
-  return map;
+  return {base::ErrorCode::kInvalidInput, "pictures differ in size: " + size(truth) + " against " + size(picture)};
 }
 
 }  // namespace
 
 base::Result<Accuracy> measureAccuracy(const base::Image& truth, const base::Image& picture) {
   if (truth.width != picture.width || truth.height != picture.height || truth.channels != 4 || picture.channels != 4)
-    return base::Error{base::ErrorCode::kInvalidInput, "pictures differ in size: " + std::to_string(truth.width) +
-                                                           " x " + std::to_string(truth.height) + " against " +
-                                                           std::to_string(picture.width) + " x " +
-                                                           std::to_string(picture.height)};
-  const Plane ssim = ssimMap(luma(overGrey(truth)), luma(overGrey(picture)), truth.width, truth.height);
-
+    return sizeError(truth, picture);
+  const cv::Mat in_truth = coveredPixels(viewOf(truth)), in_picture = coveredPixels(viewOf(picture));
+  const cv::Mat foreground = in_truth | in_picture;
   Accuracy result;
-  double similarity = 0.0;
-  std::uint64_t in_truth = 0;
-  std::uint64_t missing = 0;
-  std::uint64_t excess = 0;
-  for (std::size_t i = 0; i < ssim.size(); ++i) {
-    const bool there = truth.pixels[4 * i + 3] >= base::kCoverageThreshold;
-    const bool shown = picture.pixels[4 * i + 3] >= base::kCoverageThreshold;
-    if (!there && !shown) continue;
-    ++result.foreground;
-    in_truth += there ? 1U : 0U;
-    missing += there && !shown ? 1U : 0U;
-    excess += shown && !there ? 1U : 0U;
-    similarity += ssim[i];
-  }
+  result.foreground = static_cast<std::uint64_t>(cv::countNonZero(foreground));
   if (result.foreground == 0)
     return base::Error{base::ErrorCode::kInvalidInput, "neither picture shows anything; move the camera"};
-  const base::PictureError error = base::pictureError(truth, picture);
-  result.psnr_db = error.psnr();
-  result.mean_abs = error.absolute / static_cast<double>(error.samples);
-  result.ssim = similarity / static_cast<double>(result.foreground);
-  result.missing_share = static_cast<double>(missing) / static_cast<double>(std::max<std::uint64_t>(1, in_truth));
-  result.excess_share = static_cast<double>(excess) / static_cast<double>(std::max<std::uint64_t>(1, in_truth));
+
+  const cv::Mat a = overGrey(viewOf(truth)), b = overGrey(viewOf(picture));
+  const double samples = 3.0 * static_cast<double>(result.foreground);
+  result.psnr_db = psnr(a, b, foreground, samples);
+  result.mean_abs = cv::norm(a, b, cv::NORM_L1, foreground) / samples;
+  result.ssim = cv::mean(ssimMap(luma(a), luma(b)), foreground)[0];
+
+  const double truth_pixels = std::max(1, cv::countNonZero(in_truth));
+  result.missing_share = cv::countNonZero(in_truth & ~in_picture) / truth_pixels;
+  result.excess_share = cv::countNonZero(in_picture & ~in_truth) / truth_pixels;
+  result.silhouette_px = silhouetteDistance(in_truth, in_picture);
   return result;
 }
 
 base::Image differencePicture(const base::Image& truth, const base::Image& picture) {
-  const auto a = overGrey(truth);
-  const auto b = overGrey(picture);
   base::Image out(truth.width, truth.height, 3);
-  for (std::size_t i = 0; i < a[0].size(); ++i)
-    for (std::size_t c = 0; c < 3; ++c)
-      out.pixels[3 * i + c] = static_cast<std::uint8_t>(std::min(255.0F, 4.0F * std::abs(a[c][i] - b[c][i])));
+  cv::Mat difference;
+  cv::absdiff(overGrey(viewOf(truth)), overGrey(viewOf(picture)), difference);
+  cv::Mat pixels = viewOf(out);
+  cv::Mat(4.0 * difference - cv::Scalar::all(0.4999)).convertTo(pixels, CV_8U);  // convertTo rounds; this truncates
   return out;
 }
 

@@ -1,18 +1,21 @@
 #pragma once
-// How far a picture is from the truth, on foreground pixels only, so that background flatters nobody (DESIGN section
-// 9).
+// How far a picture is from the truth. All figures are of foreground pixels only, so that background flatters nobody.
+#include <cstdint>
+
 #include "base/error.h"
 #include "base/image.h"
 
 namespace compare {
 
-/// Foreground, and what lies beneath: as base::pictureError.
+/// A pixel is foreground when the truth or the picture covers at least half of it; what is not wholly covered is laid
+/// over the mid-grey of base/picture_error.h, which also shows in holes.
 struct Accuracy {
   double psnr_db = 0.0;  ///< over the foreground's RGB samples; 99 when equal
-  double ssim = 0.0;     ///< mean over foreground pixels; luma, 11 × 11 Gaussian window of σ 1.5 (Wang et al. 2004)
-  double missing_share = 0.0;    ///< pixels of the truth that the picture leaves uncovered, of the truth's
-  double excess_share = 0.0;     ///< pixels that the picture covers and the truth does not, of the truth's
+  double ssim = 0.0;     ///< mean over the foreground; luma, 11 × 11 Gaussian window of σ 1.5 (Wang et al. 2004)
+  double missing_share = 0.0;    ///< pixels of the truth that the picture leaves uncovered, as a share of the truth's
+  double excess_share = 0.0;     ///< pixels that the picture covers and the truth does not, as a share of the truth's
   double mean_abs = 0.0;         ///< mean absolute difference, 8-bit levels
+  double silhouette_px = 0.0;    ///< mean distance from one picture's silhouette to the other's, both ways, pixels
   std::uint64_t foreground = 0;  ///< pixels
 };
 
@@ -20,7 +23,7 @@ struct Accuracy {
 /// differ, or says that there is no foreground.
 base::Result<Accuracy> measureAccuracy(const base::Image& truth, const base::Image& picture);
 
-/// |truth − picture| × 4 on black, for looking at where a method fails.
+/// |truth − picture| × 4 on black, to see where a method fails.
 base::Image differencePicture(const base::Image& truth, const base::Image& picture);
 
 }  // namespace compare

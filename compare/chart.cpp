@@ -10,7 +10,7 @@ namespace compare {
 namespace {
 
 constexpr double kWidth = 860, kHeight = 520, kLeft = 70, kRight = 200, kTop = 44, kBottom = 56;
-// Okabe and Ito's colours: told apart by colour-blind readers too.
+// The colours of Okabe and Ito 2008 ("Color Universal Design"), which colour-blind readers can tell apart.
 constexpr std::array<const char*, 7> kColors{"#0072B2", "#D55E00", "#009E73", "#CC79A7",
                                              "#E69F00", "#56B4E9", "#000000"};
 
@@ -44,7 +44,7 @@ struct Axis {
     const double x = logarithmic ? std::log10(v) : v;
     return (x - a) / (b - a);
   }
-  // Round values: 1, 2 or 5 times a power of ten; on a logarithmic axis 1, 2, 5 of each decade.
+  // Ticks stand at round values: 1, 2 or 5 times a power of ten; on a logarithmic axis at 1, 2 and 5 of each decade.
   std::vector<double> ticks() const {
     std::vector<double> out;
     if (logarithmic) {

@@ -1,6 +1,5 @@
 #pragma once
-// Charts as SVG text, one per file: lines with markers, axes with round ticks, a legend. No library draws so little so
-// well.
+// Charts as SVG text, one per file: lines with markers, axes with round ticks, a legend.
 #include <string>
 #include <utility>
 #include <vector>

@@ -1,4 +1,4 @@
-// lumigrid-compare: speed against accuracy, over real sockets, on one page (DESIGN section 9).
+// lumigrid-compare: measures speed and accuracy of the methods over real sockets, and writes one page about them.
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
 
@@ -66,8 +66,8 @@ void declare(CLI::App& app, Arguments& a) {
   app.add_flag("!--no-pictures", o.pictures, "do not write each method's pictures");
 }
 
-// Units of the link, and the path's file.
-base::Result<void> complete(Arguments& a) {
+// Reads the units of the link's options.
+base::Result<void> parseLink(Arguments& a) {
   if (!a.bandwidth.empty()) {
     auto rate = client::parseBitRate(a.bandwidth);
     if (!rate) return base::within("--bandwidth", rate.error());
@@ -84,7 +84,7 @@ base::Result<void> complete(Arguments& a) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  // Logs go to standard error, and only what is wrong: standard output is the figures.
+  // Warnings go to standard error, since standard output carries the figures.
   spdlog::set_default_logger(spdlog::stderr_color_mt("lumigrid-compare"));
   spdlog::set_level(spdlog::level::warn);
   CLI::App app(
@@ -98,8 +98,8 @@ int main(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;
   }
-  if (auto good = complete(arguments); !good) {
-    fail(good.error());
+  if (auto parsed = parseLink(arguments); !parsed) {
+    fail(parsed.error());
     return 2;
   }
   auto frames = base::readCameraPath(arguments.path);

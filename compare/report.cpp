@@ -32,7 +32,7 @@ std::string csv(const ReportContext& context, const std::vector<RunResult>& runs
   std::string out =
       "method,patch_tolerance_px,frame,seconds,draw_ms,bytes,bytes_images,bytes_patches,bytes_frames,triangles,images,"
       "complete,psnr_db,ssim,mean_abs,missing_share,"
-      "excess_share,foreground,width,height,link,renderer,machine,commit\n";
+      "excess_share,silhouette_px,foreground,width,height,link,renderer,machine,commit\n";
   for (const RunResult& run : runs)
     for (const FrameResult& f : run.frames) {
       out += run.method + "," + text("%g", run.patch_tolerance_px) + "," + std::to_string(f.frame) + "," +
@@ -41,9 +41,10 @@ std::string csv(const ReportContext& context, const std::vector<RunResult>& runs
              std::to_string(f.bytes_frames) + "," + std::to_string(f.triangles) + "," + std::to_string(f.images) + "," +
              (f.complete ? "1" : "0") + "," + text("%.3f", f.accuracy.psnr_db) + "," + text("%.5f", f.accuracy.ssim) +
              "," + text("%.3f", f.accuracy.mean_abs) + "," + text("%.5f", f.accuracy.missing_share) + "," +
-             text("%.5f", f.accuracy.excess_share) + "," + std::to_string(f.accuracy.foreground) + "," +
-             std::to_string(context.width) + "," + std::to_string(context.height) + ",\"" + context.link + "\",\"" +
-             context.renderer + "\",\"" + context.machine + "\"," + context.commit + "\n";
+             text("%.5f", f.accuracy.excess_share) + "," + text("%.3f", f.accuracy.silhouette_px) + "," +
+             std::to_string(f.accuracy.foreground) + "," + std::to_string(context.width) + "," +
+             std::to_string(context.height) + ",\"" + context.link + "\",\"" + context.renderer + "\",\"" +
+             context.machine + "\"," + context.commit + "\n";
     }
   return out;
 }
@@ -88,7 +89,7 @@ std::string table(const std::vector<RunResult>& runs) {
   return out + "</table>\n";
 }
 
-// The questions a reader has first, answered in words from the figures.
+// Answers, in words and figures, the questions that a reader has first.
 std::string findings(const std::vector<RunResult>& runs) {
   std::string out = "<ul>\n";
   std::vector<const RunResult*> patches;

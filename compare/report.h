@@ -1,5 +1,5 @@
 #pragma once
-// What a run found, as results.csv, charts and one HTML page.
+// Writes the figures of a comparison as results.csv, charts and one HTML page.
 #include <string>
 #include <vector>
 
@@ -17,14 +17,14 @@ struct FrameResult {
   std::uint64_t bytes_images = 0, bytes_patches = 0, bytes_frames = 0;
   std::uint64_t triangles = 0;  ///< or splats
   std::uint32_t images = 0;     ///< blended in this frame
-  bool complete = false;        ///< all that the server has for this view was here
+  bool complete = false;        ///< everything that the server has for this view had arrived
   Accuracy accuracy;
 };
 
 /// One method with one setting along the whole path.
 struct RunResult {
   std::string method;               ///< "lumigraph", "lumigraph+frames", "proxy", "patches", "qsplat circle"
-  double patch_tolerance_px = 0.0;  ///< of qsplat: the cut-off
+  double patch_tolerance_px = 0.0;  ///< the cut-off of a qsplat run
   std::vector<FrameResult> frames;
 
   std::string name() const;

@@ -32,23 +32,23 @@ std::string frameFile(const std::string& directory, std::size_t frame, const cha
   return directory + name.data();
 }
 
-/// The truth of a path: leaf geometry, supersampled. Kept as PNG files, and used again when the same views of the same
-/// scene are asked for.
+/// The truth along a path: leaf geometry, supersampled. The pictures are kept as PNG files and used again for the same
+/// views of the same scene.
 class Truth {
  public:
-  static Result<Truth> render(const RunOptions& options, const std::function<void(const std::string&)>& say) {
+  static Result<Truth> render(const RunOptions& options, const std::function<void(const std::string&)>& log) {
     Truth truth{options.report + "/truth"};
     LUMIGRID_ASSIGN_OR_RETURN(auto scene, base::readScene(options.scene));
     const std::string stamp = stampOf(scene, options);
     if (readText(truth.directory_ + "/views.txt") == stamp) {
-      say("truth: using the pictures in " + truth.directory_);
+      log("truth: using the pictures in " + truth.directory_);
       return truth;
     }
     std::error_code error;
     fs::create_directories(truth.directory_, error);
     if (error)
       return base::Error{base::ErrorCode::kIo, truth.directory_ + ": cannot make this directory: " + error.message()};
-    LUMIGRID_TRY(truth.renderAll(scene, options, say));
+    LUMIGRID_TRY(truth.renderAll(scene, options, log));
     std::ofstream(truth.directory_ + "/views.txt") << stamp;
     return truth;
   }
@@ -62,7 +62,7 @@ class Truth {
     return {std::istreambuf_iterator<char>(in), {}};
   }
 
-  // Everything that the pictures depend on.
+  // Everything that the pictures depend on: they are rendered again when it differs.
   static std::string stampOf(const base::Scene& scene, const RunOptions& options) {
     std::ostringstream text;
     text.precision(17);
@@ -76,12 +76,12 @@ class Truth {
   }
 
   Result<void> renderAll(const base::Scene& scene, const RunOptions& options,
-                         const std::function<void(const std::string&)>& say) const {
+                         const std::function<void(const std::string&)>& log) const {
     LUMIGRID_ASSIGN_OR_RETURN(auto patches, lod::patch::PatchFile::open(base::patchPath(options.scene, scene)));
     LUMIGRID_ASSIGN_OR_RETURN(const auto context, base::HeadlessContext::create());
     LUMIGRID_ASSIGN_OR_RETURN(auto renderer, server::SceneRenderer::create(scene, patches));
     for (std::size_t i = 0; i < options.path.size(); ++i) {
-      say("truth: frame " + std::to_string(i + 1) + " of " + std::to_string(options.path.size()));
+      log("truth: frame " + std::to_string(i + 1) + " of " + std::to_string(options.path.size()));
       const base::ViewCamera& view = options.path[i];
       const base::Sphere bounds{renderer->sceneCenter(), renderer->sceneRadius()};
       auto picture =
@@ -95,7 +95,7 @@ class Truth {
   std::string directory_;
 };
 
-/// Our server in this process, on a free port of the loopback, as long as the object lives.
+/// A server in this process, on a free port of the loopback, for as long as the object lives.
 class LocalServer {
  public:
   static Result<std::unique_ptr<LocalServer>> start(const std::string& scene, bool render_frames) {
@@ -124,7 +124,7 @@ struct Setting {
   std::string method;
   double tolerance;
   bool images, frames;
-  std::optional<lod::draw::SplatKernel> splats;  ///< drawn here, from the file: nothing travels yet
+  std::optional<lod::draw::SplatKernel> splats;  ///< splats are drawn here from the file, without a server
 };
 
 std::vector<Setting> settingsOf(const RunOptions& options) {
@@ -160,12 +160,12 @@ client::HeadlessOptions clientOptions(const RunOptions& options, const Setting& 
   client.viewer.session.max_points = static_cast<std::uint16_t>(options.points);
   client.viewer.lumigraph.max_samples = options.samples;
   client.viewer.session.cache_bytes = options.cache_bytes;
-  // The tolerance decides here, not the budget: the chart's settings must differ as they say.
+  // High enough that the tolerance decides, not the budget, so that the chart's settings differ as labelled.
   client.viewer.session.max_triangles = 4'000'000;
   return client;
 }
 
-FrameResult measure(const client::HeadlessFrame& frame, const Accuracy& accuracy) {
+FrameResult frameResult(const client::HeadlessFrame& frame, const Accuracy& accuracy) {
   const client::SessionStats& s = frame.stats.session;
   FrameResult r;
   r.frame = static_cast<int>(frame.index);
@@ -190,9 +190,9 @@ Result<void> writePictures(const std::string& directory, std::size_t frame, cons
   return base::writePng(differencePicture(truth, picture), frameFile(directory, frame, "_difference"));
 }
 
-/// Judges a frame's picture against the truth, and writes it down where pictures are wanted.
-Result<Accuracy> judge(const RunOptions& options, const std::string& run_name, const Truth& truth, std::size_t index,
-                       const base::Image& picture) {
+/// Measures a frame's picture against the truth, and writes both where pictures are wanted.
+Result<Accuracy> measureFrame(const RunOptions& options, const std::string& run_name, const Truth& truth,
+                              std::size_t index, const base::Image& picture) {
   LUMIGRID_ASSIGN_OR_RETURN(auto reference, truth.picture(index));
   auto accuracy = measureAccuracy(reference, picture);
   if (!accuracy) return base::within("frame " + std::to_string(index), accuracy.error());
@@ -207,11 +207,11 @@ Result<RunResult> runOverSocket(const RunOptions& options, const Setting& settin
   client::HeadlessOptions client = clientOptions(options, setting, server->url());
   client.on_frame = [&](const client::HeadlessFrame& frame) {
     if (failed) return;
-    auto accuracy = judge(options, run.name(), truth, frame.index, frame.image);
+    auto accuracy = measureFrame(options, run.name(), truth, frame.index, frame.image);
     if (!accuracy)
       failed = accuracy.error();
     else
-      run.frames.push_back(measure(frame, *accuracy));
+      run.frames.push_back(frameResult(frame, *accuracy));
   };
   client.cancelled = [&] { return failed.has_value(); };
   auto done = client::runHeadless(client);
@@ -224,7 +224,7 @@ double secondsNow() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
-// Bytes are those of all blocks that have been looked into: what a client would have had to fetch so far.
+// The bytes of a frame are those of all blocks read so far, as many as a client would have had to fetch.
 Result<RunResult> runSplats(const RunOptions& options, const Setting& setting, const Truth& truth) {
   LUMIGRID_ASSIGN_OR_RETURN(auto scene, base::readScene(options.scene));
   LUMIGRID_ASSIGN_OR_RETURN(auto file, server::openSplats(options.scene, scene));
@@ -246,7 +246,7 @@ Result<RunResult> runSplats(const RunOptions& options, const Setting& setting, c
     frame.bytes = picture->bytes;
     frame.triangles = picture->splats;
     frame.complete = true;
-    LUMIGRID_ASSIGN_OR_RETURN(auto accuracy, judge(options, run.name(), truth, i, picture->rgba));
+    LUMIGRID_ASSIGN_OR_RETURN(auto accuracy, measureFrame(options, run.name(), truth, i, picture->rgba));
     frame.accuracy = accuracy;
     run.frames.push_back(frame);
   }
@@ -287,9 +287,9 @@ std::string machineName() {
 }
 
 Result<std::vector<RunResult>> runComparison(const RunOptions& options,
-                                             const std::function<void(const std::string&)>& say) {
+                                             const std::function<void(const std::string&)>& log) {
   if (options.path.empty()) return base::Error{base::ErrorCode::kInvalidInput, "the camera path is empty"};
-  LUMIGRID_ASSIGN_OR_RETURN(auto truth, Truth::render(options, say));
+  LUMIGRID_ASSIGN_OR_RETURN(auto truth, Truth::render(options, log));
   std::vector<RunResult> runs;
   for (const Setting& setting : settingsOf(options)) {
     auto run = runOne(options, setting, truth);
@@ -297,7 +297,7 @@ Result<std::vector<RunResult>> runComparison(const RunOptions& options,
     std::array<char, 128> line{};
     std::snprintf(line.data(), line.size(), "%-28s %8.2f MB  %6.2f dB  SSIM %.4f  %7.1f ms", run->name().c_str(),
                   static_cast<double>(run->totalBytes()) / 1e6, run->meanPsnr(), run->meanSsim(), run->medianDrawMs());
-    say(line.data());
+    log(line.data());
     runs.push_back(std::move(*run));
   }
   LUMIGRID_ASSIGN_OR_RETURN(auto context, describe(options));

@@ -1,6 +1,6 @@
 #pragma once
-// Runs the methods over real sockets along one camera path and measures every frame against the truth (DESIGN section
-// 9).
+// Runs the methods over real sockets along one camera path and measures every frame against the truth: the leaf
+// geometry, supersampled.
 #include <functional>
 #include <string>
 #include <vector>
@@ -19,24 +19,24 @@ struct RunOptions {
   std::vector<double> patch_tolerances{16, 8, 4, 2, 1, 0.5};  ///< pixels: settings of "patches"
   std::vector<std::string> splats{"circle", "ellipse"};       ///< kernels of "qsplat"
   std::vector<double> cutoffs{16, 8, 4, 2, 1};                ///< pixels: settings of each
-  double proxy_tolerance = 8.0;                               ///< pixels: of the proxy under the images
+  double proxy_tolerance = 8.0;                               ///< pixels; for the proxy under the images
   int points = 8;                                             ///< sampling points per view
   int samples = 16;                                           ///< images blended per frame at most
   bool frames = true;                                         ///< also run with exact frames
   int truth_supersampling = 4;                                ///< n × n samples a pixel
-  double settle_seconds = 20.0;                               ///< at most, per frame, until all for the view has come
-  double realtime_fps = 0.0;      ///< over 0: frames at fixed times instead, whatever has come
-  double bytes_per_second = 0.0;  ///< of the link; 0 = loopback as it is
+  double settle_seconds = 20.0;                               ///< longest wait per frame for its data
+  double realtime_fps = 0.0;      ///< above 0: frames are drawn at this rate instead, without waiting
+  double bytes_per_second = 0.0;  ///< of the link; 0: unlimited, as the loopback is
   double latency_seconds = 0.0;
   std::uint64_t cache_bytes = 50'000'000;
-  bool pictures = true;  ///< write each method's pictures and differences beside the truth
+  bool pictures = true;  ///< whether to write each method's pictures and differences beside the truth
 };
 
-/// `say` gets one line per step.
+/// `log` gets one line per step.
 base::Result<std::vector<RunResult>> runComparison(const RunOptions& options,
-                                                   const std::function<void(const std::string&)>& say);
+                                                   const std::function<void(const std::string&)>& log);
 
-/// "Intel … , 2 cores" from the system.
+/// The processor and its cores, "Intel …, 2 cores".
 std::string machineName();
 
 }  // namespace compare

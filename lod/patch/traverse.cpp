@@ -198,7 +198,6 @@ Cut selectCut(const Hierarchy& hierarchy, const CutRequest& request,
 }
 
 Cut selectUniformCut(const Hierarchy& hierarchy, float world_error) {
-  Cut cut;
   const std::vector<Group>& groups = hierarchy.groups;
 
   // Parents have smaller numbers, so one pass decides.
@@ -209,10 +208,16 @@ Cut selectUniformCut(const Hierarchy& hierarchy, float world_error) {
     expanded[g] =
         std::all_of(parents.begin(), parents.end(), [&](std::uint32_t parent) { return expanded[parent] != 0; }) ? 1
                                                                                                                  : 0;
-    if (expanded[g] != 0) cut.expanded.push_back(g);
   }
+  return cutOfExpanded(hierarchy, expanded);
+}
 
-  for (const std::uint32_t g : cut.expanded) {
+Cut cutOfExpanded(const Hierarchy& hierarchy, const std::vector<std::uint8_t>& expanded) {
+  Cut cut;
+  const std::vector<Group>& groups = hierarchy.groups;
+  for (std::uint32_t g = 0; g < groups.size(); ++g) {
+    if (expanded[g] == 0) continue;
+    cut.expanded.push_back(g);
     for (std::uint32_t i = groups[g].first_patch; i < groups[g].first_patch + groups[g].patch_count; ++i) {
       const Patch& patch = hierarchy.patches[i];
       if (patch.producer < groups.size() && expanded[patch.producer] != 0) continue;

@@ -55,6 +55,10 @@ Cut selectCut(const Hierarchy& hierarchy, const CutRequest& request,
 /// stays 0. Unknown groups of a growing hierarchy are not expanded.
 Cut selectUniformCut(const Hierarchy& hierarchy, float world_error);
 
+/// The cut that draws through the given groups, one flag per group. Group 0 is among them, and with each group all its
+/// parents. error_px stays 0.
+Cut cutOfExpanded(const Hierarchy& hierarchy, const std::vector<std::uint8_t>& expanded);
+
 struct UniformCut {
   Cut cut;
   float error = 0.0F;  ///< scene units: the largest stated error in it

@@ -15,6 +15,7 @@
 #include "server/cli/commands.h"
 #include "server/cli/console.h"
 #include "server/cli/scene_images.h"
+#include "server/cli/verify_cuts.h"
 #include "server/cli/verify_far.h"
 #include "server/cli/verify_parts.h"
 #include "server/net/open_scene.h"
@@ -27,6 +28,8 @@ namespace fs = std::filesystem;
 struct VerifyArguments {
   std::string scene;
   bool json = false, quiet = false;
+  std::uint32_t cuts = 0;  ///< 0: none are checked
+  std::uint64_t seed = 1;
 };
 
 // Every part that scene.json lists is there, with its size and hash.
@@ -164,13 +167,28 @@ int run(const VerifyArguments& a) {
     return !stopRequested();
   };
   bool is_published = repository::isRemotePlace(a.scene);
-  const auto faults = is_published ? verifyFar(a.scene, progress) : verifyHere(a.scene, progress, is_published);
+  if (a.cuts > 0 && is_published)
+    return fail({base::ErrorCode::kInvalidInput, "--cuts needs the directory of a scene, not a place on a network"});
+  auto faults = is_published ? verifyFar(a.scene, progress) : verifyHere(a.scene, progress, is_published);
+  std::optional<CutReport> cuts;
+  if (faults && a.cuts > 0 && !stopRequested()) {
+    auto report = verifyCutsOfScene(a.scene, a.cuts, a.seed, progress);
+    if (report) {
+      faults->insert(faults->end(), report->faults.begin(), report->faults.end());
+      cuts = std::move(*report);
+    } else if (report.error().code != base::ErrorCode::kCancelled) {
+      faults->push_back(report.error().message);
+    }
+  }
   line.finish();
   if (!faults) return fail(faults.error());
   if (stopRequested()) return fail({base::ErrorCode::kCancelled, "stopped before everything was read"});
   if (a.json) {
-    std::printf("%s\n", nlohmann::json{{"scene", a.scene}, {"faults", *faults}}.dump(2).c_str());
+    nlohmann::json report{{"scene", a.scene}, {"faults", *faults}};
+    if (cuts) report["cuts"] = cutsAsJson(*cuts);
+    std::printf("%s\n", report.dump(2).c_str());
   } else {
+    if (cuts) std::printf("%s", cutsAsText(*cuts).c_str());
     for (const std::string& fault : *faults) std::printf("%s\n", fault.c_str());
     if (faults->empty())
       std::printf("%s: all is well\n", a.scene.c_str());
@@ -197,6 +215,13 @@ Run addVerify(CLI::App& command) {
       ->required();
   command.add_flag("--json", a->json, "faults as JSON");
   command.add_flag("--quiet", a->quiet, "no progress");
+  command
+      .add_option(
+          "--cuts", a->cuts,
+          "also rebuild this many random cuts of the patch hierarchy as half-edge meshes, and compare open edges, "
+          "non-manifold vertices and orientation with the source's; needs some 200 bytes of memory a triangle")
+      ->check(CLI::Range(0U, 1'000'000U));
+  command.add_option("--seed", a->seed, "the same seed gives the same cuts")->capture_default_str();
   return [a] { return run(*a); };
 }
 

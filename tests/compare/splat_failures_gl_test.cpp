@@ -1,5 +1,5 @@
-// Where splats fail, and how far: each scene at one view, beside patches and the Grid-Lumigraph
-// (docs/results/qsplat.md).
+// Scenes in which splats fail, each at one view, and how far off they are beside patches and the Grid-Lumigraph
+// (docs/results/qsplat.md). Bounds lie about 1 dB below what was measured there.
 #include <gtest/gtest.h>
 #include <spdlog/spdlog.h>
 
@@ -61,7 +61,7 @@ Mesh box(const glm::vec3& low, const glm::vec3& high, std::uint32_t n) {
   return mesh;
 }
 
-/// A closed ring of wire.
+/// A wire bent to a closed ring.
 Mesh wire(float radius, float thickness, const glm::vec3& tilt) {
   constexpr std::uint32_t kAround = 400, kAcross = 8;
   Mesh mesh = support::torus(kAround, kAcross);
@@ -76,13 +76,18 @@ Mesh wire(float radius, float thickness, const glm::vec3& tilt) {
   return mesh;
 }
 
+/// PSNR, dB, that each method reaches at least.
+struct MinPsnr {
+  double lumigraph, patches, square, circle, fuzzy, ellipse;
+};
+
 class SplatFailures : public testing::Test {
  protected:
   using Figures = std::map<std::string, compare::Accuracy>;
 
-  void SetUp() override { spdlog::set_level(spdlog::level::err); }  // servers tell of each client
+  void SetUp() override { spdlog::set_level(spdlog::level::err); }  // servers log each client
 
-  /// What each method shows at the view; its PSNR also as a row of docs/results/qsplat.md.
+  /// The accuracy of each method at the view. PSNR is also printed as a row of docs/results/qsplat.md.
   Figures compareAt(Mesh mesh, const base::ViewCamera& view, const char* name) {
     if (mesh.colors.empty())
       for (const glm::vec3& p : mesh.positions) mesh.colors.push_back(colorAt(p));
@@ -110,13 +115,18 @@ class SplatFailures : public testing::Test {
     return figures;
   }
 
-  /// PSNR, dB, of three kernels; and whatever else is wrong, closed surfaces have no holes.
-  static void expectAtLeast(Figures& figures, double square, double circle, double ellipse) {
-    EXPECT_GT(figures["qsplat square"].psnr_db, square);
-    EXPECT_GT(figures["qsplat circle"].psnr_db, circle);
-    EXPECT_GT(figures["qsplat ellipse"].psnr_db, ellipse);
+  /// However inaccurate the colours are, square, circle and fuzzy splats leave no holes in closed surfaces.
+  static void expectAtLeast(const Figures& figures, const MinPsnr& min) {
+    EXPECT_EQ(figures.size(), 7U);
+    EXPECT_GT(figures.at("lumigraph").psnr_db, min.lumigraph);
+    EXPECT_GT(figures.at("lumigraph").psnr_db, figures.at("proxy").psnr_db - 0.5) << "images must not spoil the proxy";
+    EXPECT_GT(figures.at("patches").psnr_db, min.patches);
+    EXPECT_GT(figures.at("qsplat square").psnr_db, min.square);
+    EXPECT_GT(figures.at("qsplat circle").psnr_db, min.circle);
+    EXPECT_GT(figures.at("qsplat fuzzy").psnr_db, min.fuzzy);
+    EXPECT_GT(figures.at("qsplat ellipse").psnr_db, min.ellipse);
     for (const char* kernel : {"qsplat square", "qsplat circle", "qsplat fuzzy"})
-      EXPECT_LT(figures[kernel].missing_share, 0.001) << kernel;
+      EXPECT_LT(figures.at(kernel).missing_share, 0.001) << kernel;
   }
 
   static base::ViewCamera lookAt(const glm::dvec3& from, const glm::dvec3& to) {
@@ -155,7 +165,7 @@ class SplatFailures : public testing::Test {
   const support::TemporaryDirectory directory_;
 };
 
-// What they are for, to compare with: a scan sampled evenly and finer than the pixels.
+// For comparison, the case that splats are made for: a scan sampled evenly and finer than the pixels.
 TEST_F(SplatFailures, anEvenlySampledScanFromAfar) {
   mesh::generate::SampleOptions sample;
   sample.triangles = 150'000;
@@ -163,34 +173,34 @@ TEST_F(SplatFailures, anEvenlySampledScanFromAfar) {
   const glm::dvec3 middle(mesh.box().center());
   const double size = mesh.box().diagonal();
   auto figures = compareAt(mesh, lookAt(middle + size * glm::dvec3(1.1, 0.5, 0.3), middle), "even scan");
-  expectAtLeast(figures, 23.5, 27.0, 31.5);
+  expectAtLeast(figures, {33.0, 30.5, 23.5, 27.0, 28.5, 31.5});
   EXPECT_GT(figures["qsplat ellipse"].psnr_db, figures["patches"].psnr_db - 2.0);
 }
 
 TEST_F(SplatFailures, closeUpBeyondTheSampleSpacing) {
   const Mesh mesh = support::bumpySphere(100, 200, 0.05F);
   auto figures = compareAt(mesh, lookAt({1.25, 0.0, 0.0}, {0.9, 0.05, 0.05}), "close-up");
-  expectAtLeast(figures, 31.5, 36.0, 36.0);
+  expectAtLeast(figures, {48.0, 61.0, 31.5, 36.0, 40.5, 36.0});
 }
 
 TEST_F(SplatFailures, largeFlatsOfFewTriangles) {
   Mesh mesh = box({-1, -1, -0.1F}, {1, 1, 0}, 1);
   append(mesh, box({-0.3F, -0.3F, 0.001F}, {0.3F, 0.3F, 0.6F}, 1));
   auto figures = compareAt(mesh, lookAt({2.2, 1.4, 1.6}, {0, 0, 0.1}), "large flats");
-  expectAtLeast(figures, 20.5, 21.0, 25.0);
+  expectAtLeast(figures, {36.0, 37.5, 20.5, 21.0, 20.5, 25.0});
 }
 
 TEST_F(SplatFailures, sharpCorners) {
   auto figures = compareAt(box({-0.5F, -0.5F, -0.5F}, {0.5F, 0.5F, 0.5F}, 60), lookAt({1.3, 1.0, 0.9}, {0.2, 0.2, 0.2}),
                            "sharp corners");
-  expectAtLeast(figures, 22.0, 24.0, 30.5);
+  expectAtLeast(figures, {17.0, 31.0, 22.0, 24.0, 23.5, 30.5});
 }
 
 TEST_F(SplatFailures, thinParts) {
   Mesh mesh;
   for (const float radius : {0.4F, 0.6F, 0.8F, 1.0F}) append(mesh, wire(radius, 0.01F, {0.5F - radius, 0.3F, 0}));
   auto figures = compareAt(mesh, lookAt({1.6, 1.2, 1.2}, {0, 0, 0}), "thin parts");
-  expectAtLeast(figures, 12.5, 13.0, 16.5);
+  expectAtLeast(figures, {21.5, 23.0, 12.5, 13.0, 12.0, 16.5});
 }
 
 }  // namespace

@@ -58,7 +58,7 @@ home() {  # home REGEX FOLDER...: only these folders include it
   fi
 }
 home 'metis' lod/patch/builder
-home 'OpenMesh/'
+home 'OpenMesh/' server/cli
 home 'boost/' server/net client/native
 home 'lmdb' repository
 home 'curl/' repository/objects client/native

@@ -414,27 +414,53 @@ TEST(Session, whatIsHandedOutIsCountedAndNothingElse) {
 
 // ---- at rest ----
 
-TEST(Session, prefetchIsOtherDirectionsFirstAndLimited) {
-  const TestScene scene(8, 60'000);
-  Talk talk(scene.data);
-  talk.greet();
-  ASSERT_TRUE(talk.say(scene.view(1, kAbove)));
-  talk.drain();
-  const protocol::View view = scene.view(2, kAbove + glm::dvec3(0.1, 0.0, 0.0));
-  ASSERT_TRUE(talk.say(view));
-  const auto messages = talk.drain();
-  const auto ahead =
-      std::vector(messages.begin() + static_cast<std::ptrdiff_t>(completeAt(messages, 2)) + 1, messages.end());
-  ASSERT_FALSE(ahead.empty());
-  std::size_t bytes = 0;
-  for (const auto& message : ahead) bytes += std::get<protocol::Face>(message).value.size();
-  EXPECT_LE(bytes, 1'000'000U + 60'100U);
+// After Complete come the faces of other directions at the view's points, then those along the motion; no others, none
+// twice, in the plan's order, until the limit is reached.
+TEST(Session, prefetchIsOtherDirectionsThenTheMotionAndLimited) {
+  for (const std::uint64_t limit : {std::uint64_t{1'000'000}, std::uint64_t{100'000'000}}) {
+    TestScene scene(8, 60'000);
+    scene.data.ahead_bytes = limit;
+    Talk talk(scene.data);
+    talk.greet();
+    const protocol::View old_view = scene.view(1, kAbove);
+    ASSERT_TRUE(talk.say(old_view));
+    std::set<repository::FaceKey> held;
+    const auto isHeld = [&](const repository::FaceKey& key) { return held.count(key) != 0; };
+    const auto hold = [&](const std::vector<repository::FaceKey>& faces) { held.insert(faces.begin(), faces.end()); };
+    hold(facesIn(talk.drain(40)));  // a viewer that moves on soon, so that much is left to prefetch
 
-  const plan::ViewPlan plan =
-      plan::planView(scene.data.toPlan(), view, [](const repository::FaceKey&) { return false; });
-  const auto first = std::get<protocol::Face>(ahead[0]).key;
-  EXPECT_TRUE(std::any_of(plan.faces.begin(), plan.faces.end(),
-                          [&](const auto& k) { return k.x == first.x && k.y == first.y && k.z == first.z; }));
+    const protocol::View view = scene.view(2, kAbove + glm::dvec3(0.1, 0.0, 0.0));
+    ASSERT_TRUE(talk.say(view));
+    const plan::ViewPlan plan = plan::planView(scene.data.toPlan(), view, isHeld);
+    const auto messages = talk.drain();
+    const std::size_t complete = completeAt(messages, 2);
+    ASSERT_LT(complete, messages.size());
+    hold(facesIn(before(messages, complete)));
+
+    std::vector<repository::FaceKey> expected;
+    const auto expect = [&](const std::vector<repository::FaceKey>& faces) {
+      for (const repository::FaceKey& key : faces)
+        if (!isHeld(key) && std::find(expected.begin(), expected.end(), key) == expected.end()) expected.push_back(key);
+    };
+    expect(plan.other_faces);
+    ASSERT_GT(expected.size(), 1U);
+    expect(plan::planMotion(scene.data.toPlan(), view, old_view, isHeld));
+
+    std::vector<repository::FaceKey> prefetched;
+    std::uint64_t bytes = 0, last_bytes = 0;
+    for (std::size_t i = complete + 1; i < messages.size(); ++i) {
+      const auto& face = std::get<protocol::Face>(messages[i]);
+      prefetched.push_back(face.key);
+      bytes += last_bytes = face.value.size();
+    }
+    ASSERT_LE(prefetched.size(), expected.size());
+    if (bytes < limit)
+      EXPECT_EQ(prefetched, expected) << "limit " << limit;
+    else
+      EXPECT_TRUE(std::equal(prefetched.begin(), prefetched.end(), expected.begin())) << "limit " << limit;
+    EXPECT_LE(bytes - last_bytes, limit);
+    EXPECT_FALSE(prefetched.empty());
+  }
 }
 
 TEST(Session, facesAlongTheMotionAreThoseOfTheNextView) {
