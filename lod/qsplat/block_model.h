@@ -20,7 +20,7 @@ const std::array<int, kNormalSide>& cellTangents();
 template <class Coder>
 class BlockModel {
  public:
-  BlockModel(Coder& coder, const SymbolSet& set) : coder_(coder), set_(set) {}
+  BlockModel(Coder& coder, bool colors) : coder_(coder), colors_(colors) {}
 
   /// The block's next group: is written, or becomes what is read. False for what is read and cannot be.
   bool code(GroupNodes& group) {
@@ -85,16 +85,16 @@ class BlockModel {
     Node& node = group.nodes[i];
     Parts parts;
     codeChildren(group, i, parts);
-    hasLeafCones(group) ? codeLeafCone(node, i, parts) : codeCone(node, i, parts);
+    group.has_pointer ? codeCone(node, i, parts) : codeLeafCone(node, i, parts);
     codeNormal(node, i, parts);
     const std::uint32_t sphere = codeSphere(node, i, parts);
     if (sphere >= kSphereCodes) return false;
-    if (set_.colors) codeColor(node, i, parts);
+    if (colors_) codeColor(node, i, parts);
     const auto& [face, row, column] = parts.normal;
     const std::uint32_t normal = index((face * kSide + row) * kSide + column);
     const std::uint32_t children = parts.children_kind == 0 ? 0 : (parts.children_kind - 1) % 3 + 2;
-    node.bits = hasLeafCones(group) ? packLeaf(sphere, normal, parts.width)
-                                    : packNode(sphere, normal, parts.cone, children, parts.children_kind > 3);
+    node.bits = group.has_pointer ? packNode(sphere, normal, parts.cone, children, parts.children_kind > 3)
+                                  : packLeaf(sphere, normal, parts.width);
     node.color = static_cast<std::uint16_t>(parts.color[0] << 11 | parts.color[1] << 5 | parts.color[2]);
     siblings_.parts[i] = parts;
     siblings_.count = i + 1;
@@ -121,8 +121,6 @@ class BlockModel {
     const std::uint32_t context = ((last ? last->children_kind : 7) * 2 + (i == 0 ? 1 : 0)) * 4 + group.count - 1;
     parts.children_kind = coder_.code(kChildrenKind.first + context, childrenKindOf(group.nodes[i]));
   }
-
-  bool hasLeafCones(const GroupNodes& group) const { return set_.leaf_cones && !group.has_pointer; }
 
   /// The sibling two before; of a first one, the first of the group before; or null.
   const Parts* other(std::uint32_t i) const { return i > 1 ? &siblings_.parts[i - 2] : i == 0 ? beside(0) : nullptr; }
@@ -312,7 +310,7 @@ class BlockModel {
   }
 
   Coder& coder_;
-  const SymbolSet set_;
+  const bool colors_;
   const SphereCodes& codes_ = sphereCodes();
   const std::array<int, kNormalSide>& tangents_ = cellTangents();
   Siblings siblings_;                             ///< of the group that is being coded, so far

@@ -71,16 +71,17 @@ class BitReader {
   bool ok_ = true;
 };
 
-bool has(const SymbolSet& set, const SymbolKind& kind) {
-  if (kind.first == kLeafConeKind.first) return set.leaf_cones;
-  return set.colors || kind.first < kGreenKind.first;
+bool isColorKind(const SymbolKind& kind) {
+  return kind.first >= kGreenKind.first && kind.first < kLeafConeKind.first;
 }
 
-/// Calls visit(context, symbols) for each context.
+/// Calls visit(context, symbols) for each context of a file with or without colours.
 template <class Visit>
-void forEachContext(const SymbolSet& set, const Visit& visit) {
-  for (const SymbolKind& kind : kSymbolKinds)
-    for (std::uint32_t c = kind.first; has(set, kind) && c < kind.first + kind.contexts; ++c) visit(c, kind.symbols);
+void forEachContext(bool colors, const Visit& visit) {
+  for (const SymbolKind& kind : kSymbolKinds) {
+    if (isColorKind(kind) && !colors) continue;
+    for (std::uint32_t c = kind.first; c < kind.first + kind.contexts; ++c) visit(c, kind.symbols);
+  }
 }
 
 /// Frequencies by the weights; each symbol that comes has at least 1.
@@ -124,27 +125,27 @@ void levelsFrom(const SymbolCounts& counts, SymbolLevels& levels) {
   }
 }
 
-void flattenRarest(const SymbolCounts& counts, const SymbolSet& set, std::size_t most_bytes, SymbolLevels& levels) {
+void flattenRarest(const SymbolCounts& counts, bool colors, std::size_t most_bytes, SymbolLevels& levels) {
   struct Context {
     std::uint64_t count;
     std::uint32_t number, symbols;
   };
   std::vector<Context> contexts;
-  forEachContext(set, [&](std::uint32_t context, std::uint32_t symbols) {
+  forEachContext(colors, [&](std::uint32_t context, std::uint32_t symbols) {
     const std::uint64_t all = std::accumulate(counts[context].begin(), counts[context].end(), std::uint64_t{0});
     if (all > 0) contexts.push_back({all, context, symbols});
   });
   std::stable_sort(contexts.begin(), contexts.end(),
                    [](const Context& a, const Context& b) { return a.count < b.count; });
   for (const Context& rarest : contexts) {
-    if (packLevels(levels, set).size() <= most_bytes) return;
+    if (packLevels(levels, colors).size() <= most_bytes) return;
     std::fill_n(levels[rarest.number].begin(), rarest.symbols, std::uint8_t{1});
   }
 }
 
-base::Bytes packLevels(const SymbolLevels& levels, const SymbolSet& set) {
+base::Bytes packLevels(const SymbolLevels& levels, bool colors) {
   BitWriter out;
-  forEachContext(set, [&](std::uint32_t context, std::uint32_t symbols) {
+  forEachContext(colors, [&](std::uint32_t context, std::uint32_t symbols) {
     const bool used = !allZero(levels[context]);
     out.bit(used ? 1 : 0);
     std::uint32_t last = 0;
@@ -157,11 +158,11 @@ base::Bytes packLevels(const SymbolLevels& levels, const SymbolSet& set) {
   return out.take();
 }
 
-bool unpackLevels(base::ByteView bytes, const SymbolSet& set, SymbolLevels& levels) {
+bool unpackLevels(base::ByteView bytes, bool colors, SymbolLevels& levels) {
   for (auto& context : levels) context.fill(0);
   BitReader in(bytes);
   bool good = true;
-  forEachContext(set, [&](std::uint32_t context, std::uint32_t symbols) {
+  forEachContext(colors, [&](std::uint32_t context, std::uint32_t symbols) {
     if (in.bit() == 0) return;
     std::uint32_t level = 0;
     for (std::uint32_t s = 0; good && in.ok() && s < symbols; ++s) {
@@ -176,7 +177,7 @@ bool unpackLevels(base::ByteView bytes, const SymbolSet& set, SymbolLevels& leve
 
 CodeTables::CodeTables(const SymbolLevels& levels) : starts_(std::size_t{kContexts} * kStarts) {
   std::array<std::uint32_t, kMaxSymbols> frequencies;
-  forEachContext({true, true}, [&](std::uint32_t context, std::uint32_t symbols) {
+  forEachContext(true, [&](std::uint32_t context, std::uint32_t symbols) {
     share(levels[context], frequencies);
     first_[context] = static_cast<std::uint16_t>(begins_.size());
     std::uint32_t end = 0;

@@ -33,18 +33,12 @@ inline constexpr SymbolKind kDepthKind{338, 104, 13};
 inline constexpr SymbolKind kGreenKind{442, 14, 64};  // these three in files with colours
 inline constexpr SymbolKind kRedKind{456, 7, 32};
 inline constexpr SymbolKind kBlueKind{463, 7, 32};
-inline constexpr SymbolKind kLeafConeKind{470, 12, 32};  // in files of version 4
+inline constexpr SymbolKind kLeafConeKind{470, 12, 32};
 inline constexpr std::array<SymbolKind, 13> kSymbolKinds{
     kGroupKind, kChildrenKind, kConeKind,  kFaceKind, kRowKind,  kColumnKind,  kSizeKind,
     kSideKind,  kDepthKind,    kGreenKind, kRedKind,  kBlueKind, kLeafConeKind};
 inline constexpr std::uint32_t kContexts = kLeafConeKind.first + kLeafConeKind.contexts;
 inline constexpr std::uint32_t kMaxSymbols = 64;
-
-/// Which kinds of symbols a file has.
-struct SymbolSet {
-  bool colors = false;
-  bool leaf_cones = true;
-};
 
 /// Frequencies of a context's symbols add up to this.
 inline constexpr std::uint32_t kFrequencyBits = 10;
@@ -61,10 +55,10 @@ using SymbolCounts = std::array<std::array<std::uint64_t, kMaxSymbols>, kContext
 void levelsFrom(const SymbolCounts& counts, SymbolLevels& levels);
 /// So that packLevels takes no more than `most_bytes`, at least 2048: the rarest contexts' symbols all get level 1, as
 /// many of them as it needs. No file that was seen needed it.
-void flattenRarest(const SymbolCounts& counts, const SymbolSet& set, std::size_t most_bytes, SymbolLevels& levels);
-base::Bytes packLevels(const SymbolLevels& levels, const SymbolSet& set);
+void flattenRarest(const SymbolCounts& counts, bool colors, std::size_t most_bytes, SymbolLevels& levels);
+base::Bytes packLevels(const SymbolLevels& levels, bool colors);
 /// False when `bytes` are not what packLevels wrote.
-bool unpackLevels(base::ByteView bytes, const SymbolSet& set, SymbolLevels& levels);
+bool unpackLevels(base::ByteView bytes, bool colors, SymbolLevels& levels);
 
 /// Frequencies as ranges of 0 … kFrequencySum − 1, in as little memory as the fastest cache has. A context whose levels
 /// are all 0 has symbol 0 alone.

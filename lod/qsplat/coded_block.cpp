@@ -52,7 +52,7 @@ void append(base::Bytes& out, std::uint64_t value, int count) {
 template <class Coder>
 void codeGroups(const std::uint8_t* plain, std::span<const GroupShape> groups, const Header& header, Coder coder) {
   const GroupLayout layout(header);
-  BlockModel<Coder> model(coder, symbolSet(header));
+  BlockModel<Coder> model(coder, header.colors);
   for (const GroupShape& shape : groups) {
     GroupNodes group;
     group.count = shape.nodes;
@@ -109,8 +109,7 @@ const std::array<int, kNormalSide>& cellTangents() {
 
 base::Result<BlockCoder> BlockCoder::fromHeader(base::ByteView front, const Header& header) {
   SymbolLevels levels;
-  if (!unpackLevels(codedTables(front, header), symbolSet(header), levels))
-    return damaged("header: its tables are none");
+  if (!unpackLevels(codedTables(front, header), header.colors, levels)) return damaged("header: its tables are none");
   return BlockCoder(header, levels);
 }
 
@@ -154,7 +153,7 @@ bool BlockCoder::decodeGroups(std::uint32_t groups, base::ByteView symbols, cons
                               std::uint8_t* plain) const {
   SymbolReader reader(tables_, symbols);
   ReadingCoder coder{reader};
-  BlockModel<ReadingCoder> model(coder, symbolSet(header_));
+  BlockModel<ReadingCoder> model(coder, header_.colors);
   PointerMaker pointers(layout_, children.first_group);
   std::fill_n(plain, kPayloadBytes, std::uint8_t{0});
   std::uint32_t within = 0;

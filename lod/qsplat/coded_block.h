@@ -45,11 +45,6 @@ void forEachChildBlock(const ChildBlocks& children, const Take& take) {
   }
 }
 
-/// What the blocks of a file are coded by.
-inline SymbolSet symbolSet(const Header& header) {
-  return {header.colors, !header.paper_cones};
-}
-
 /// A group as its parent describes it.
 struct GroupShape {
   std::uint8_t nodes = 1;

@@ -10,10 +10,9 @@ namespace lod::qsplat {
 namespace {
 
 constexpr std::array<char, 8> kMagic{'L', 'G', 'Q', 'S', 'P', 'L', 'T', '\n'};
-constexpr std::uint32_t kPaperVersion = 1;  // cones as in the paper
-constexpr std::uint32_t kPaperCodedVersion = 2;
-constexpr std::uint32_t kVersion = 3;
-constexpr std::uint32_t kCodedVersion = 4;
+// The version also tells the two forms apart.
+constexpr std::uint32_t kPlainVersion = 1;
+constexpr std::uint32_t kCodedVersion = 2;
 constexpr std::uint32_t kHasColors = 1;
 constexpr std::uint32_t kWidePointers = 2;
 constexpr std::size_t kFieldsEnd = 80;  // zeros from here to the checksum
@@ -111,11 +110,11 @@ base::Result<Header> readHeader(base::ByteView front) {
   base::ByteReader in(front);
   if (in.read<std::array<char, 8>>() != kMagic || !in.ok()) return damaged("not a qsplat.lgq");
   const std::uint32_t version = in.u32();
-  if (in.ok() && (version < kPaperVersion || version > kCodedVersion))
+  if (in.ok() && version != kPlainVersion && version != kCodedVersion)
     return base::Error{base::ErrorCode::kVersion, "format version " + std::to_string(version) +
-                                                      ", this program reads 1 to 4; use a newer program or build the "
+                                                      ", this program reads 1 and 2; use a newer program or build the "
                                                       "scene again"};
-  const bool coded = version == kCodedVersion || version == kPaperCodedVersion;
+  const bool coded = version == kCodedVersion;
   const std::uint32_t header_bytes = in.u32();
   if (!in.ok()) return damaged("header: cut short");
   if (coded ? header_bytes <= codedHeaderLength(0) || header_bytes > kMaxCodedHeaderBytes : header_bytes != kBlockBytes)
@@ -128,7 +127,6 @@ base::Result<Header> readHeader(base::ByteView front) {
 
   Header header;
   header.header_bytes = header_bytes;
-  header.paper_cones = version == kPaperVersion || version == kPaperCodedVersion;
   (coded ? header.coded_bytes : header.file_bytes) = in.u64();
   header.nodes = in.u64();
   header.leaves = in.u64();
@@ -152,14 +150,13 @@ base::Result<Header> readHeader(base::ByteView front) {
 }
 
 base::Bytes headerBytes(const Header& header) {
-  base::Bytes bytes = fields(header, header.paper_cones ? kPaperVersion : kVersion, kBlockBytes);
+  base::Bytes bytes = fields(header, kPlainVersion, kBlockBytes);
   bytes.resize(kPayloadBytes, 0);
   return withChecksum(std::move(bytes));
 }
 
 base::Bytes codedHeaderBytes(const Header& header, base::ByteView tables) {
-  base::Bytes bytes =
-      fields(header, header.paper_cones ? kPaperCodedVersion : kCodedVersion, codedHeaderLength(tables.size()));
+  base::Bytes bytes = fields(header, kCodedVersion, codedHeaderLength(tables.size()));
   base::ByteWriter more;
   more.u64(header.file_bytes);
   more.u32(header.first_block_bytes);
@@ -188,7 +185,6 @@ const char* groupFault(const std::uint8_t* block, std::uint64_t offset, std::uin
     const Node node = readNode(group, i, layout);
     if (has_pointer ? !node.valid() : !node.hasCodes()) return "a node's code is none";
     if (has_pointer && !node.isLeaf() && first_child_bytes == 0) first_child_bytes = layout.childBytes(node);
-    if (!has_pointer && header.paper_cones && node.coneField() >= kConeCodes) return "has children but no pointer";
   }
   if (!has_pointer) return nullptr;
   if (first_child_bytes == 0) return "has a pointer but no children";

@@ -36,7 +36,6 @@ struct Header {
   std::uint64_t pointers = 0;  ///< groups with one
   bool colors = false;
   bool wide_pointers = false;
-  bool paper_cones = false;  ///< versions 1 and 2
   std::uint32_t levels = 0;  ///< the root is level 0
   base::Sphere root;         ///< scene-local
 

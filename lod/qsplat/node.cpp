@@ -158,16 +158,6 @@ const ConeSines& coneSines(bool has_pointer) {
   return tables[has_pointer ? 1 : 0];
 }
 
-const ConeSines& paperConeSines() {
-  static const ConeSines table = [] {
-    constexpr std::array<float, kConeCodes> kSines{1.0F / 16.0F, 4.0F / 16.0F, 9.0F / 16.0F, kAnySine};
-    ConeSines made{};
-    for (std::size_t field = 0; field < made.size(); ++field) made[field] = kSines[field % kConeCodes];
-    return made;
-  }();
-  return table;
-}
-
 std::uint32_t encodeCone(double least_cosine) {
   return encodeSine(least_cosine, kConeCodes);
 }

@@ -120,8 +120,6 @@ inline constexpr std::uint32_t kAnyLeafDirection = kLeafConeCodes - 1;
 using ConeSines = std::array<float, 32>;
 /// Of nodes in groups with a pointer, or without one.
 const ConeSines& coneSines(bool has_pointer);
-/// The same in files of versions 1 and 2, which have the paper's: of two bits in all groups.
-const ConeSines& paperConeSines();
 
 /// The narrowest code whose half-angle is at least the one with this cosine: the least cosine between the node's
 /// decoded normal and the normals below it. NaN: any direction.

@@ -273,8 +273,8 @@ class Walk {
   Budget& budget_;
   const SphereTable& spheres_ = sphereTable();
   const NormalTable& normals_ = normalTable();
-  const ConeSines sines_ = squared(header_.paper_cones ? paperConeSines() : coneSines(true));
-  const ConeSines leaf_sines_ = squared(header_.paper_cones ? paperConeSines() : coneSines(false));
+  const ConeSines sines_ = squared(coneSines(true));
+  const ConeSines leaf_sines_ = squared(coneSines(false));
   std::vector<Group> stack_;
   Traversal found_;  ///< `wanted` not settled yet
   std::uint64_t spent_ = 0;

@@ -100,7 +100,7 @@ class FileCoder {
 
     lod::qsplat::SymbolLevels levels;
     LUMIGRID_TRY(countAll(levels));
-    const base::Bytes tables = lod::qsplat::packLevels(levels, lod::qsplat::symbolSet(header_));
+    const base::Bytes tables = lod::qsplat::packLevels(levels, header_.colors);
     header_.header_bytes = lod::qsplat::codedHeaderLength(tables.size());
 
     // Twice: a block's bytes tell how long blocks behind it are. How long a block is does not depend on what it tells.
@@ -140,7 +140,7 @@ class FileCoder {
       return {};
     }));
     lod::qsplat::levelsFrom(*sums, levels);
-    lod::qsplat::flattenRarest(*sums, lod::qsplat::symbolSet(header_),
+    lod::qsplat::flattenRarest(*sums, header_.colors,
                                lod::qsplat::kMaxCodedHeaderBytes - lod::qsplat::codedHeaderLength(0), levels);
     return {};
   }

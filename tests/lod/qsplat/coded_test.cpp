@@ -159,7 +159,7 @@ TEST(QsplatCoded, HeadersThatCannotBeAreRefused) {
     EXPECT_FALSE(readHeader(bad)) << length;
   }
   base::Bytes newer = good;
-  newer[8] = 5;
+  newer[8] = 3;
   const auto read = readHeader(newer);
   ASSERT_FALSE(read);
   EXPECT_EQ(read.error().code, base::ErrorCode::kVersion);
@@ -207,11 +207,11 @@ TEST(QsplatCoded, LevelsComeBackAndFrequenciesAddUp) {
           counts[c][s] = random() % 3 == 0 ? 0 : std::uint64_t{1} << random() % 40;
     SymbolLevels levels, read;
     levelsFrom(counts, levels);
-    const base::Bytes packed = packLevels(levels, {colors});
-    ASSERT_TRUE(unpackLevels(packed, {colors}, read));
+    const base::Bytes packed = packLevels(levels, colors);
+    ASSERT_TRUE(unpackLevels(packed, colors, read));
     EXPECT_EQ(levels, read);
     for (std::size_t i = 0; i < packed.size(); ++i)
-      EXPECT_FALSE(unpackLevels(base::ByteView(packed).first(i), {colors}, read)) << "cut to " << i;
+      EXPECT_FALSE(unpackLevels(base::ByteView(packed).first(i), colors, read)) << "cut to " << i;
 
     const CodeTables tables(levels);
     for (const SymbolKind& kind : kSymbolKinds)
@@ -241,14 +241,14 @@ TEST(QsplatCoded, TablesThatAreTooLongAreFlattenedFromTheRarestOn) {
         counts[c][s] = random() % 2 == 0 ? 0 : (c + 1) * (std::uint64_t{1} << random() % 12);
   SymbolLevels levels;
   levelsFrom(counts, levels);
-  const std::size_t before = packLevels(levels, {true}).size();
+  const std::size_t before = packLevels(levels, true).size();
   const SymbolLevels exact = levels;
-  flattenRarest(counts, {true}, before, levels);
+  flattenRarest(counts, true, before, levels);
   EXPECT_EQ(levels, exact) << "they fit";
   for (const std::size_t most : {before - 1, std::size_t{4000}, std::size_t{2048}}) {
     ASSERT_LT(most, before);
-    flattenRarest(counts, {true}, most, levels);
-    EXPECT_LE(packLevels(levels, {true}).size(), most);
+    flattenRarest(counts, true, most, levels);
+    EXPECT_LE(packLevels(levels, true).size(), most);
     for (std::size_t c = 0; c < kContexts; ++c)
       for (std::size_t s = 0; s < kMaxSymbols; ++s)
         if (counts[c][s] > 0) {
@@ -282,19 +282,15 @@ TEST(QsplatCoded, SymbolsComeOutAsTheyWentIn) {
   EXPECT_FALSE(SymbolWriter::append(tables, symbols, bytes));
 }
 
-// What was written once is read for ever: the coded forms of the plain golden files.
-TEST(QsplatCoded, TheGoldenFilesAreReadAndWrittenAsEver) {
+TEST(QsplatCoded, goldenFileIsReadAndWrittenAsEver) {
   const std::string folder = std::string(LUMIGRID_SOURCE_DIR) + "/tests/golden/";
-  for (const auto& [plain_name, coded_name] :
-       {std::pair{"qsplat_v1.lgq", "qsplat_v2.lgq"}, std::pair{"qsplat_v3.lgq", "qsplat_v4.lgq"}}) {
-    const auto plain = SplatFile::open(folder + plain_name);
-    const auto coded = SplatFile::open(folder + coded_name);
-    ASSERT_TRUE(plain && coded) << coded_name;
-    EXPECT_EQ(coded->verify(), std::vector<std::string>()) << coded_name;
-    const auto bytes = [](const SplatFile& file) { return base::Bytes(file.bytes().begin(), file.bytes().end()); };
-    EXPECT_TRUE(support::plainSplats(coded->bytes()) == bytes(*plain)) << coded_name;
-    EXPECT_TRUE(support::codedSplats(plain->bytes()) == bytes(*coded)) << coded_name;
-  }
+  const auto plain = SplatFile::open(folder + "qsplat_v1.lgq");
+  const auto coded = SplatFile::open(folder + "qsplat_v2.lgq");
+  ASSERT_TRUE(plain && coded);
+  EXPECT_EQ(coded->verify(), std::vector<std::string>());
+  const auto bytes = [](const SplatFile& file) { return base::Bytes(file.bytes().begin(), file.bytes().end()); };
+  EXPECT_TRUE(support::plainSplats(coded->bytes()) == bytes(*plain));
+  EXPECT_TRUE(support::codedSplats(plain->bytes()) == bytes(*coded));
 }
 
 }  // namespace

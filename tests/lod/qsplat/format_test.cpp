@@ -95,11 +95,14 @@ TEST_F(QsplatFormat, HeadersThatCannotBeAreRefused) {
 }
 
 TEST_F(QsplatFormat, AnotherVersionIsNamed) {
-  base::Bytes bytes = headerBytes(smallHeader());
-  bytes[8] = 5;
-  const auto read = readHeader(bytes);
-  ASSERT_FALSE(read);
-  EXPECT_EQ(read.error().code, base::ErrorCode::kVersion);
+  for (const std::uint8_t version : {0, 3, 255}) {
+    base::Bytes bytes = headerBytes(smallHeader());
+    bytes[8] = version;
+    const auto read = readHeader(bytes);
+    ASSERT_FALSE(read);
+    EXPECT_EQ(read.error().code, base::ErrorCode::kVersion);
+    EXPECT_NE(read.error().message.find("version " + std::to_string(version)), std::string::npos);
+  }
 }
 
 TEST_F(QsplatFormat, GroupsNeverSpanTwoBlocks) {
@@ -200,73 +203,47 @@ TEST_F(QsplatFormat, OpeningNamesTheFile) {
   EXPECT_EQ(cut.error().message.rfind(path, 0), 0U) << cut.error().message;
 }
 
-// Each version of the plain form, as it was written when it was made.
-struct Golden {
-  const char* name;
-  // Sums over all nodes: centres, radii and colours to the bit of what every reader decodes.
-  glm::dvec3 centers;
-  double radii;
-  glm::dvec3 normals;
-  std::uint64_t greens;
-  double sines;  ///< of cones; 1 for any direction
-};
-
-TEST_F(QsplatFormat, TheGoldenFilesAreReadAsEver) {
-  for (const Golden& golden : {Golden{"qsplat_v1.lgq",
-                                      {0.15897869318723679, 2.7213654851075262, 0.46516812033951283},
-                                      125.28493669629097,
-                                      {-0.24251685570925474, 1.0927810268476605, 0.44483599904924631},
-                                      50417,
-                                      266.25},
-                               Golden{"qsplat_v3.lgq",
-                                      {-0.31949779624119401, 0.96264469251036644, -0.9982700040563941},
-                                      136.32769356667995,
-                                      {-1.3988757329061627, 0.8066740557551384, -0.28824020456522703},
-                                      50201,
-                                      206.875}}) {
-    const auto file = SplatFile::open(std::string(LUMIGRID_SOURCE_DIR) + "/tests/golden/" + golden.name);
-    ASSERT_TRUE(file) << file.error().message;
-    EXPECT_EQ(file->verify(), std::vector<std::string>());
-    const Header& header = file->header();
-    EXPECT_TRUE(header.colors);
-    EXPECT_EQ(header.leaves, 288U);
-    const auto nodes = support::decodeSplats(file->bytes());
-    ASSERT_EQ(nodes.size(), header.nodes);
-    glm::dvec3 centers(0.0);
-    glm::dvec3 normals(0.0);
-    double radii = 0.0, sines = 0.0;
-    std::uint64_t greens = 0;
-    for (const support::DecodedNode& node : nodes) {
-      centers += glm::dvec3(node.sphere.center);
-      radii += static_cast<double>(node.sphere.radius);
-      normals += glm::dvec3(normalTable()[node.node.normalCode()]);
-      greens += decodeColor(node.node.color).g;
-      const ConeSines& table = header.paper_cones ? paperConeSines() : coneSines(!node.among_leaves);
-      sines += static_cast<double>(std::min(1.0F, table[node.node.coneField()]));
-    }
-    EXPECT_EQ(centers, golden.centers) << golden.name;
-    EXPECT_EQ(radii, golden.radii) << golden.name;
-    // Directions are made with tangents and square roots of the machine's own.
-    for (int axis = 0; axis < 3; ++axis) EXPECT_NEAR(normals[axis], golden.normals[axis], 1e-4) << golden.name;
-    EXPECT_EQ(greens, golden.greens) << golden.name;
-    EXPECT_EQ(sines, golden.sines) << golden.name;
+// Sums over all nodes of the golden file, as they were when it was written. Centres, radii and colours are compared to
+// the bit: every reader decodes the same.
+TEST_F(QsplatFormat, goldenFileIsReadAsEver) {
+  const auto file = SplatFile::open(std::string(LUMIGRID_SOURCE_DIR) + "/tests/golden/qsplat_v1.lgq");
+  ASSERT_TRUE(file) << file.error().message;
+  EXPECT_EQ(file->verify(), std::vector<std::string>());
+  EXPECT_TRUE(file->header().colors);
+  EXPECT_EQ(file->header().leaves, 288U);
+  const auto nodes = support::decodeSplats(file->bytes());
+  ASSERT_EQ(nodes.size(), file->header().nodes);
+  glm::dvec3 centers(0.0);
+  glm::dvec3 normals(0.0);
+  double radii = 0.0, sines = 0.0;
+  std::uint64_t greens = 0;
+  for (const support::DecodedNode& node : nodes) {
+    centers += glm::dvec3(node.sphere.center);
+    radii += static_cast<double>(node.sphere.radius);
+    normals += glm::dvec3(normalTable()[node.node.normalCode()]);
+    greens += decodeColor(node.node.color).g;
+    sines += static_cast<double>(std::min(1.0F, coneSines(!node.among_leaves)[node.node.coneField()]));
   }
+  EXPECT_EQ(centers, glm::dvec3(-0.31949779624119401, 0.96264469251036644, -0.9982700040563941));
+  EXPECT_EQ(radii, 136.32769356667995);
+  // Tangents and square roots of normals differ between machines in their last bits.
+  const glm::dvec3 golden_normals(-1.3988757329061627, 0.8066740557551384, -0.28824020456522703);
+  for (int axis = 0; axis < 3; ++axis) EXPECT_NEAR(normals[axis], golden_normals[axis], 1e-4);
+  EXPECT_EQ(greens, 50201U);
+  EXPECT_EQ(sines, 206.875) << "a cone of any direction counts as 1";
 }
 
-TEST_F(QsplatFormat, InOldVersionsLeavesAmongLeavesHaveTwoBitsOnly) {
-  for (const bool paper_cones : {false, true}) {
-    Header header;
-    header.file_bytes = 2 * kBlockBytes;
-    header.nodes = header.leaves = header.groups = header.levels = 1;
-    header.root.radius = 1.0F;
-    header.paper_cones = paper_cones;
-    for (const std::uint32_t cone : {0U, 3U, 4U, 16U, 31U}) {
-      base::Bytes file = headerBytes(header);
-      file.resize(header.file_bytes, 0);
-      const std::uint32_t bits = packLeaf(kWholeParent, 0, cone);
-      std::memcpy(&file[kBlockBytes], &bits, sizeof(bits));
-      EXPECT_EQ(checkTree(sealed(file)).empty(), !paper_cones || cone < 4) << cone;
-    }
+TEST_F(QsplatFormat, leavesAmongLeavesHaveFiveBitsForTheirCone) {
+  Header header;
+  header.file_bytes = 2 * kBlockBytes;
+  header.nodes = header.leaves = header.groups = header.levels = 1;
+  header.root.radius = 1.0F;
+  for (const std::uint32_t cone : {0U, 3U, 4U, 16U, 31U}) {
+    base::Bytes file = headerBytes(header);
+    file.resize(header.file_bytes, 0);
+    const std::uint32_t bits = packLeaf(kWholeParent, 0, cone);
+    std::memcpy(&file[kBlockBytes], &bits, sizeof(bits));
+    EXPECT_TRUE(checkTree(sealed(file)).empty()) << cone;
   }
 }
 

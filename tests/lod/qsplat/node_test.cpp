@@ -189,10 +189,8 @@ TEST(ConeCodes, AreReadFromTheBitsOfTheirGroup) {
     for (const std::uint32_t children : {0U, 2U, 3U, 4U}) {
       const Node node{packNode(7000, 16000, code % 4, children, children == 3), 0};
       EXPECT_EQ(coneSines(true)[node.coneField()], coneSines(true)[code % 4]);
-      EXPECT_EQ(paperConeSines()[node.coneField()], paperConeSines()[code % 4]);
     }
   }
-  EXPECT_EQ(paperConeSines()[1], 4.0F / 16.0F);
 }
 
 TEST(ColorCodes, KeepTheirValueAndTakeTheNearest) {
