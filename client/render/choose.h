@@ -24,8 +24,8 @@ struct SampleGeometry {
 };
 
 /// The weight of a sample at a surface point for a viewer, before visibility: the same formula as the shader's
-/// (blend_shader.cpp). `to_view`, `to_sample`: from the point to both, of any length but zero. `ratio`: pixels per unit
-/// length of the sample over those of the view. `error_px`: the proxy's error there.
+/// (shaders/blend_fragment.glsl). `to_view`, `to_sample`: from the point to both, of any length but zero. `ratio`:
+/// pixels per unit length of the sample over those of the view. `error_px`: the proxy's error there.
 float sampleWeight(const glm::vec3& to_view, const glm::vec3& to_sample, float ratio, float error_px,
                    const BlendTuning& tuning);
 

@@ -7,10 +7,10 @@
 #include <unordered_map>
 
 #include "base/check.h"
-#include "client/render/blend_shader.h"
 #include "client/render/choose.h"
 #include "client/render/pyramid.h"
 #include "client/render/sample_array.h"
+#include "client/render/shaders.h"
 
 namespace client {
 namespace {
@@ -24,7 +24,10 @@ constexpr int kMaxDepthSide = 512;  ///< of a sample's depth map
 constexpr int kFacesAtOnce = 32;
 constexpr std::uint64_t kFewFaces = 24;  ///< what a frame blends by default, and half as many on their way
 
-/// One sample as the uniform block holds it (std140; blend_shader.cpp).
+constexpr int kMaxSamples = 32;  ///< blended by one frame: the length of u_samples in blend_fragment.glsl
+constexpr int kMaxArrays = 3;    ///< image sizes at a time: faces, and exact frames of two sizes
+
+/// One sample as the uniform block holds it: std140, `Sample` of blend_fragment.glsl.
 struct SampleBlock {
   glm::mat4 clip_from_scene{1.0F};
   glm::vec4 eye{0.0F};
@@ -32,7 +35,7 @@ struct SampleBlock {
   glm::vec4 depth{0.0F};
   glm::vec4 floors{0.0F};
 };
-static_assert(sizeof(SampleBlock) == kSampleVec4s * sizeof(glm::vec4));
+static_assert(sizeof(SampleBlock) == 8 * sizeof(glm::vec4));
 
 struct Sample {
   base::Camera camera;
@@ -160,10 +163,12 @@ base::Result<std::unique_ptr<LumigraphRenderer>> LumigraphRenderer::create(const
   renderer->state_ = std::make_unique<State>(lattice, face_size, gpu_budget_bytes, for_other_sizes);
   State& state = *renderer->state_;
 
-  LUMIGRID_ASSIGN_OR_RETURN(auto blend,
-                            base::gl::Program::link("lumigraph blend", blendVertexSource(), blendFragmentSource()));
+  LUMIGRID_ASSIGN_OR_RETURN(
+      auto blend,
+      base::gl::Program::link("lumigraph blend", glsl::kBlendVertex,
+                              lod::draw::shadingSource() + lod::draw::viewModesSource() + glsl::kBlendFragment));
   LUMIGRID_ASSIGN_OR_RETURN(auto depth,
-                            base::gl::Program::link("lumigraph depth", depthVertexSource(), depthFragmentSource()));
+                            base::gl::Program::link("lumigraph depth", glsl::kDepthVertex, glsl::kDepthFragment));
   state.blend = std::move(blend);
   state.depth = std::move(depth);
 

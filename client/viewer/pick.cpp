@@ -5,34 +5,10 @@
 #include <string>
 
 #include "base/bytes.h"
+#include "client/viewer/shaders.h"
 
 namespace client {
 namespace {
-
-constexpr const char* kVertexSource = R"(
-layout(location = 0) in vec3 a_position;
-uniform mat4 u_clip_from_scene;
-uniform vec4 u_depth_from_scene;       // gives the distance from the eye along the view axis
-out highp float v_eye_depth;
-out highp vec3 v_position;
-void main() {
-  gl_Position = u_clip_from_scene * vec4(a_position, 1.0);
-  v_eye_depth = dot(u_depth_from_scene, vec4(a_position, 1.0));
-  v_position = a_position;
-}
-)";
-
-/// Unsigned RGBA is the only integer format that GLES 3.0 and WebGL2 can always read back.
-constexpr const char* kFragmentSource = R"(
-in highp float v_eye_depth;
-in highp vec3 v_position;
-uniform highp vec4 u_section;
-layout(location = 0) out highp uvec4 o_depth;
-void main() {
-  if (dot(u_section.xyz, v_position) > u_section.w) discard;
-  o_depth = uvec4(floatBitsToUint(v_eye_depth), 1u, 0u, 0u);
-}
-)";
 
 /// Magnifies the pixel-sized square around (x, y) to the whole of clip space.
 glm::mat4 clipOfPixel(const base::Camera& camera, double x, double y) {
@@ -59,7 +35,7 @@ glm::vec3 pointAtDepth(const base::Camera& camera, double x, double y, float eye
 }  // namespace
 
 base::Result<Picker> Picker::create() {
-  LUMIGRID_ASSIGN_OR_RETURN(auto program, base::gl::Program::link("pick", kVertexSource, kFragmentSource));
+  LUMIGRID_ASSIGN_OR_RETURN(auto program, base::gl::Program::link("pick", glsl::kPickVertex, glsl::kPickFragment));
   Picker picker;
   picker.program_ = std::move(program);
   picker.framebuffer_ = base::gl::Framebuffer::create();

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "client/viewer/shaders.h"
+
 namespace client {
 namespace {
 
@@ -12,25 +14,10 @@ constexpr std::size_t kMaxQueriesPerFrame = 128;  ///< a query costs a browser s
 constexpr float kLiftErrors = 1.5F;
 constexpr float kLiftPixels = 2.0F;
 
-constexpr const char* kVertexSource = R"(
-uniform vec4 u_clip;
-void main() {
-  gl_Position = u_clip;
-  gl_PointSize = 3.0;
-}
-)";
-
-constexpr const char* kFragmentSource = R"(
-out vec4 o_color;
-void main() {
-  o_color = vec4(1.0);
-}
-)";
-
 }  // namespace
 
 base::Result<PinProbe> PinProbe::create() {
-  LUMIGRID_ASSIGN_OR_RETURN(auto program, base::gl::Program::link("pins", kVertexSource, kFragmentSource));
+  LUMIGRID_ASSIGN_OR_RETURN(auto program, base::gl::Program::link("pins", glsl::kPinVertex, glsl::kPinFragment));
   PinProbe probe;
   probe.program_ = std::move(program);
   probe.no_attributes_ = base::gl::VertexArray::create();

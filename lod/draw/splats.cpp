@@ -7,225 +7,24 @@
 #include <limits>
 #include <string>
 
+#include "lod/draw/shaders.h"
 #include "lod/draw/view_modes.h"
 #include "lod/qsplat/node.h"
 
 namespace lod::draw {
 namespace {
 
-enum SplatAttribute : GLuint { kSphere = 0, kLook = 1 };
+enum SplatAttribute : GLuint { kSphere = 0, kCodes = 1 };
 
 // Small splats well within the picture are GL points: one vertex each, two to three times as fast in software. All
 // others are quads: points have a largest size (64 samples on some machines), and some drivers drop them as soon as
 // their centre leaves the picture.
-//
-// A round splat is a square across the ray through the centre. Of this plane the cone of rays that touch the sphere
-// cuts out a circle of radius R = r / sqrt(1 − r²/d²): the square that holds it covers the sphere's projection, and the
-// circle is that projection, in any perspective. (In a parallel one R = r.)
-constexpr const char* kSplatVertex = R"(
-layout(location = 0) in vec4 sphere;   // centre, radius
-layout(location = 1) in uvec2 look;    // normal code and flags, colour
-uniform mat4 u_clip_from_scene;
-uniform vec4 u_eye;                    // homogeneous: parallel rays come from afar
-uniform vec3 u_up;                     // of the picture, in the scene
-uniform vec3 u_ray;                    // through the picture's middle; to its right and upper rims from there
-uniform vec3 u_ray_right;
-uniform vec3 u_ray_up;
-uniform float u_margin;                // of a quad at depth 1: what rasterisers may round corners by
-uniform float u_cells[52];             // where the cells of a normal's face have their middles
-uniform float u_pixels;                // that a length of 1 spans at depth 1
-uniform bool u_two_sided;
-uniform float u_push;                  // depth is that of a point so many radii behind the centre
-uniform float u_rim;                   // and of the rim so many behind that
-uniform float u_samples;               // that a length of 1 covers at depth 1
-flat out vec3 v_color;
-#ifndef POINTS
-out vec3 v_place;                      // on the splat, homogeneous: its outline at 1
-#endif
-#ifdef ROUND
-flat out vec2 v_depth;                 // of the centre, and by how much the rim lies behind it: 0 … 1
-#endif
-#ifdef SECTION
-uniform vec4 u_section;
-out float v_beyond;                    // above 0: cut away
-#endif
 
-const float kLast = 0.999999;          // the depth of the far plane, just not clipped, with room for a step
-const float kPointMargin = 0.125;      // samples: u_margin's at depth 1, and the steps of point sizes
-const float kStep = 4e-7;              // more than two computations of one depth differ by
-
-vec3 decodeNormal(uint code) {
-  uint face = code / 2704u;
-  float row = u_cells[(code / 52u) % 52u];
-  float column = u_cells[code % 52u];
-  float side = (face & 1u) == 0u ? 1.0 : -1.0;
-  uint axis = face / 2u;
-  vec3 n = axis == 0u ? vec3(side, row, column) : axis == 1u ? vec3(row, side, column) : vec3(row, column, side);
-  return normalize(n);
-}
-
-vec3 surfaceColor() {
-  return vec3(uvec3(look.y >> 11, look.y >> 5 & 63u, look.y & 31u)) / vec3(31.0, 63.0, 31.0);
-}
-
-// Of a point at this place, whatever the quad's corners are.
-float depthAt(vec3 point) {
-  vec4 clip = u_clip_from_scene * vec4(point, 1.0);
-  return clip.w > 0.0 ? clamp(clip.z / clip.w, -kLast, kLast) : -kLast;
-}
-
-void main() {
-  vec3 center = sphere.xyz;
-  float radius = sphere.w;
-  vec3 to_eye = u_eye.xyz - u_eye.w * center;
-  float squared = dot(to_eye, to_eye);
-  vec3 towards = to_eye * inversesqrt(squared);
-  vec3 normal = decodeNormal(look.x & 0x3FFFu);
-  // A node that is drawn has a part that faces the eye: one that leans away on average is seen at its horizon. Turned
-  // over instead, it would be lit from the wrong side, and silhouettes would get dark fringes.
-  float lean = dot(normal, towards);
-  if (!u_two_sided && lean < 0.0) normal -= (lean - 1e-3) * towards;
-  v_color = shadeSurface(surfaceColor(), normal, to_eye);
-#ifndef POINTS
-  vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0;
-#endif
-  float depth = dot(vec4(u_clip_from_scene[0].w, u_clip_from_scene[1].w, u_clip_from_scene[2].w,
-                         u_clip_from_scene[3].w), vec4(center, 1.0));
-#ifdef RESOLUTION
-  v_color = tinted(v_color, depth > 0.0 ? 2.0 * radius * u_pixels / depth : 1e9);
-#endif
-  float margin = u_margin * max(depth, 0.0);
-  // The step: a splat whose depth is clamped shall also lie before itself.
-  float behind = u_push > 0.0 ? kStep : 0.0;
-  float z = depthAt(center - u_push * radius * towards) + behind;
-
-#ifdef ELLIPSE
-  if (dot(normal, towards) < 0.0) normal = -normal;
-  float facing = dot(normal, towards);
-  vec3 across = normal - facing * towards;     // the minor axis, seen from the eye
-  if (dot(across, across) < 1e-6) across = u_up - dot(u_up, towards) * towards;
-  across = normalize(across);
-  float ratio = max(facing, 0.1);
-  vec3 major = cross(towards, across);
-  vec3 minor = sqrt(1.0 - ratio * ratio) * towards - ratio * across;
-  v_place = vec3(corner, 1.0);
-  vec3 point = center + corner.x * (radius + margin) * major + corner.y * (radius + margin / ratio) * minor;
-  gl_Position = u_clip_from_scene * vec4(point, 1.0);
-#elif defined(POINTS)
-  // The longer half axis of the sphere's projection, an ellipse, and how far its middle is off the centre's.
-  float beyond = 1.0 / (depth * depth - u_eye.w * radius * radius);
-  float distance = u_eye.w > 0.0 ? sqrt(squared) : 1.0;
-  float longer = radius * distance * beyond;
-  float off = u_eye.w * radius * radius * beyond * distance / depth;
-  gl_Position = u_clip_from_scene * vec4(center, 1.0);
-  gl_Position.z = z * gl_Position.w;
-  gl_PointSize = 2.0 * REACH * (u_samples * (longer + off) + kPointMargin);
-  vec3 point = center;
-#else
-  float sine_squared = u_eye.w * radius * radius / squared;
-  float stretch = inversesqrt(max(1.0 - sine_squared, 1e-6));
-  vec3 right = normalize(cross(u_up, towards) + 1e-6 * u_ray_right);  // where the ray goes straight up, too
-  vec3 upwards = cross(towards, right);
-  float reach = radius * stretch + margin;
-  vec3 point = center + REACH * reach * (corner.x * right + corner.y * upwards);
-  v_place = vec3(REACH * corner, 1.0);
-  gl_Position = u_clip_from_scene * vec4(point, 1.0);
-  gl_Position.z = z * gl_Position.w;
-  if (sine_squared > WIDEST) {
-    // So near that the square goes on behind the eye: the whole picture, and where its rays meet the square.
-    vec3 ray = u_ray + corner.x * u_ray_right + corner.y * u_ray_up;
-    v_place = vec3(dot(ray, right), dot(ray, upwards), -dot(ray, towards) * radius * stretch * inversesqrt(squared));
-    gl_Position = vec4(corner, z, 1.0);
-    point = center;
-  }
-  if (sine_squared > 0.999) {
-    // From within the sphere its surface may be seen anywhere: behind all else, since it is known least.
-    v_place = vec3(0.0, 0.0, 1.0);
-    z = kLast + behind;
-    gl_Position = vec4(corner, z, 1.0);
-  }
-#endif
-#ifdef ROUND
-  float rim = depthAt(center - (u_push + u_rim) * radius * towards) + behind;
-  v_depth = vec2(0.5 + 0.5 * z, max(0.5 * (rim - z), 0.0));
-#endif
-#ifdef SECTION
-  v_beyond = dot(u_section.xyz, point) - u_section.w;
-#endif
-}
-)";
-
-constexpr const char* kSplatFragment = R"(
-flat in vec3 v_color;
-#ifndef POINTS
-in vec3 v_place;
-#endif
-#ifdef ROUND
-uniform float u_rim;
-flat in vec2 v_depth;
-#endif
-#ifdef SECTION
-in float v_beyond;
-#endif
-layout(location = 0) out vec4 out_color;
-void main() {
-#ifdef SECTION
-  if (v_beyond > 0.0) discard;
-#endif
-#ifdef POINTS
-  vec3 v_place = vec3(REACH * (2.0 * gl_PointCoord - 1.0), 1.0);
-#endif
-#ifdef FUZZY
-  float t = 0.5 * length(v_place.xy) / v_place.z;
-  if (v_place.z <= 0.0 || t >= 1.0) discard;
-  float opacity = 1.0 - t * t * (3.0 - 2.0 * t);
-  out_color = vec4(v_color * opacity, opacity);
-#else
-#ifdef ROUND
-  float off = dot(v_place.xy, v_place.xy) / (v_place.z * v_place.z);
-  if (v_place.z <= 0.0 || off > 1.0) discard;
-  // Like a bell that points to the viewer: of splats that overlap, the one whose centre is nearest is seen, and what
-  // sticks out at rims lies behind all that is better known.
-  float bell = (sqrt(off) + u_rim * off * off) / (1.0 + u_rim);
-#ifdef ELLIPSE
-  float depth = gl_FragCoord.z;
-#else
-  float depth = v_depth.x;
-#endif
-  gl_FragDepth = min(depth + v_depth.y * bell, 0.9999998);
-#endif
-  out_color = vec4(v_color, 1.0);
-#endif
-}
-)";
-
-constexpr const char* kComposeVertex = R"(
-void main() {
-  gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0, 0.0, 1.0);
-}
-)";
-
-constexpr const char* kComposeFragment = R"(
-uniform highp sampler2D u_sums;
-uniform highp sampler2D u_depth;
-uniform vec2 u_scale;  // from the target's pixels to the canvas
-uniform vec2 u_last;   // the middle of the last sample that was drawn on it
-layout(location = 0) out vec4 out_color;
-void main() {
-  vec2 at = min(gl_FragCoord.xy * u_scale, u_last);
-  vec4 sum = texture(u_sums, at);
-  if (sum.a < 1.0 / 512.0) discard;
-  out_color = vec4(sum.rgb / sum.a, min(sum.a, 1.0));
-  // At soft edges nothing is known but the splats' colour.
-  gl_FragDepth = min(texture(u_depth, at).r, 0.9999998);
-}
-)";
-
-// How far rims lie behind centres. The paper's splats are flat: where many overlap, the picture shows the foremost
-// ones, at random, and large ones hide what is better known beside them (docs/results/qsplat.md has what this is
-// worth). Beyond 16 radii little is gained, and more of what lies behind a surface shows through it.
+// Distance of rims behind centres in radii. The paper's splats are flat: where many overlap, the picture shows an
+// arbitrary one, and large splats hide smaller ones that know the surface better (docs/results/qsplat.md has the gain).
+// Beyond 16 radii little is gained, and more of what lies behind a surface shows through it.
 constexpr float kRimRadii = 16.0F;
-// What rasterisers may round a corner by: GLES 3.0 promises four bits below the pixel.
+// Rasterisers may move a corner by this much: GLES 3.0 guarantees four bits below the pixel.
 constexpr float kMarginSamples = 1.0F / 16.0F;
 
 std::array<float, qsplat::kNormalSide> cellMiddles() {
@@ -257,9 +56,9 @@ void describeSplats(std::size_t first, GLuint divisor) {
   glEnableVertexAttribArray(kSphere);
   glVertexAttribPointer(kSphere, 4, GL_FLOAT, GL_FALSE, sizeof(qsplat::Splat), at(0));
   glVertexAttribDivisor(kSphere, divisor);
-  glEnableVertexAttribArray(kLook);
-  glVertexAttribIPointer(kLook, 2, GL_UNSIGNED_SHORT, sizeof(qsplat::Splat), at(offsetof(qsplat::Splat, normal)));
-  glVertexAttribDivisor(kLook, divisor);
+  glEnableVertexAttribArray(kCodes);
+  glVertexAttribIPointer(kCodes, 2, GL_UNSIGNED_SHORT, sizeof(qsplat::Splat), at(offsetof(qsplat::Splat, normal)));
+  glVertexAttribDivisor(kCodes, divisor);
 }
 
 float samplesPerUnit(const SplatView& view, const SplatTarget& target) {
@@ -364,9 +163,9 @@ base::Result<const base::gl::Program*> SplatRenderer::program(const Pass& pass) 
   base::gl::Program& made = programs_[pass.number()];
   if (made.name() != 0) return &made;
   const std::string defines = pass.defines();
-  LUMIGRID_ASSIGN_OR_RETURN(auto linked,
-                            base::gl::Program::link("splats", defines + shadingSource() + tintSource() + kSplatVertex,
-                                                    defines + kSplatFragment));
+  LUMIGRID_ASSIGN_OR_RETURN(
+      auto linked, base::gl::Program::link("splats", defines + shadingSource() + tintSource() + glsl::kSplatVertex,
+                                           defines + glsl::kSplatFragment));
   made = std::move(linked);
   made.use();
   const auto cells = cellMiddles();
@@ -478,7 +277,7 @@ base::Result<void> SplatRenderer::prepareCanvas(GLenum format, int width, int he
         "fuzzy splats need half-float targets (EXT_color_buffer_float), which this GL lacks; use circle"};
   if (compose_.name() == 0) {
     LUMIGRID_ASSIGN_OR_RETURN(auto compose,
-                              base::gl::Program::link("compose splats", kComposeVertex, kComposeFragment));
+                              base::gl::Program::link("compose splats", glsl::kComposeVertex, glsl::kComposeFragment));
     compose_ = std::move(compose);
   }
   canvas_ = {};

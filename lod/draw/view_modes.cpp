@@ -1,16 +1,11 @@
 #include "lod/draw/view_modes.h"
 
+#include "lod/draw/shaders.h"
+
 namespace lod::draw {
 
 std::string tintSource() {
-  return R"(
-uniform vec4 u_steps[5];               // colour, and up to how many pixels
-vec3 tinted(vec3 color, float pixels) {
-  int step = 0;
-  while (step < 4 && pixels > 1.1 * u_steps[step].w) ++step;   // a texel a pixel is as fine as it gets, roundings aside
-  return u_steps[step].rgb * (0.35 + 0.65 * dot(color, vec3(0.299, 0.587, 0.114)));
-}
-)";
+  return glsl::kTint;
 }
 
 void setTint(const base::gl::Program& program) {
@@ -23,15 +18,7 @@ void setTint(const base::gl::Program& program) {
 }
 
 std::string viewModesSource() {
-  return tintSource() + R"(
-uniform vec4 u_section;                // what has dot(xyz, position) > w is cut away
-uniform bool u_cut_open;
-uniform vec3 u_section_color;
-uniform bool u_show_resolution;
-bool isCutAway(vec3 position) {
-  return dot(u_section.xyz, position) > u_section.w;
-}
-)";
+  return tintSource() + glsl::kViewModes;
 }
 
 void setViewModes(const base::gl::Program& program, const ViewModes& modes, const base::Camera& camera) {

@@ -3,34 +3,10 @@
 #include <algorithm>
 #include <array>
 
+#include "server/render/shaders.h"
+
 namespace server {
 namespace {
-
-// One triangle that covers the viewport, from the vertex number alone.
-constexpr const char* kResolveVertex = R"(
-void main() {
-  vec2 corner = vec2(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0);
-  gl_Position = vec4(corner, 0.0, 1.0);
-}
-)";
-
-constexpr const char* kResolveFragment = R"(
-uniform sampler2D u_samples;
-uniform int u_supersampling;
-layout(location = 0) out vec4 out_color;
-void main() {
-  ivec2 first = ivec2(gl_FragCoord.xy) * u_supersampling;
-  vec3 color = vec3(0.0);
-  float covered = 0.0;
-  for (int y = 0; y < u_supersampling; ++y)
-    for (int x = 0; x < u_supersampling; ++x) {
-      vec4 texel = texelFetch(u_samples, first + ivec2(x, y), 0);
-      color += texel.rgb * texel.a;
-      covered += texel.a;
-    }
-  out_color = vec4(color / max(covered, 1e-3), covered / float(u_supersampling * u_supersampling));
-}
-)";
 
 bool complete() {
   return glCheckFramebufferStatus(GL_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE;
@@ -39,7 +15,8 @@ bool complete() {
 }  // namespace
 
 base::Result<ResolvePass> ResolvePass::create() {
-  LUMIGRID_ASSIGN_OR_RETURN(auto program, base::gl::Program::link("resolve", kResolveVertex, kResolveFragment));
+  LUMIGRID_ASSIGN_OR_RETURN(auto program,
+                            base::gl::Program::link("resolve", glsl::kResolveVertex, glsl::kResolveFragment));
   ResolvePass pass;
   pass.program_ = std::move(program);
   pass.array_ = base::gl::VertexArray::create();

@@ -10,6 +10,7 @@
 #include "server/render/patch_cache.h"
 #include "server/render/readback.h"
 #include "server/render/sample_target.h"
+#include "server/render/shaders.h"
 #include "server/render/tiling.h"
 
 namespace server {
@@ -18,99 +19,19 @@ namespace {
 // Pictures in flight between drawing and reading.
 constexpr std::size_t kReadbackDepth = 4;
 
-constexpr const char* kSurfaceVertex = R"(
-uniform mat4 u_clip_from_scene;
-uniform vec4 u_eye;                    // homogeneous: parallel rays come from afar
-layout(location = 0) in vec3 position;
-layout(location = 1) in vec3 normal;
-layout(location = 2) in vec4 color;
-out vec3 v_normal;
-out vec3 v_to_eye;
-out vec3 v_color;
-void main() {
-  v_normal = normal;
-  v_to_eye = u_eye.xyz - u_eye.w * position;
-  v_color = color.rgb;
-  gl_Position = u_clip_from_scene * vec4(position, 1.0);
-}
-)";
-
-constexpr const char* kSurfaceFragment = R"(
-in vec3 v_normal;
-in vec3 v_to_eye;
-in vec3 v_color;
-layout(location = 0) out vec4 out_color;
-void main() {
-  out_color = vec4(shadeSurface(v_color, v_normal, v_to_eye), 1.0);
-}
-)";
-
-// Colours as scanned need neither normals nor the way to the eye, and software GL pays for each value that is carried
-// to the fragments: a sixth of the time of a scan whose triangles are about as small as the pixels.
-constexpr const char* kUnlitVertex = R"(
-uniform mat4 u_clip_from_scene;
-layout(location = 0) in vec3 position;
-layout(location = 2) in vec4 color;
-out vec3 v_color;
-void main() {
-  v_color = color.rgb;
-  gl_Position = u_clip_from_scene * vec4(position, 1.0);
-}
-)";
-
-constexpr const char* kUnlitFragment = R"(
-in vec3 v_color;
-layout(location = 0) out vec4 out_color;
-void main() {
-  out_color = vec4(v_color, 1.0);
-}
-)";
-
-// With what a viewer may lay over it: apart, since few pictures have any of it.
-constexpr const char* kModesVertex = R"(
-uniform mat4 u_clip_from_scene;
-uniform vec4 u_eye;
-layout(location = 0) in vec3 position;
-layout(location = 1) in vec3 normal;
-layout(location = 2) in vec4 color;
-out vec3 v_position;
-out vec3 v_normal;
-out vec3 v_to_eye;
-out vec3 v_color;
-void main() {
-  v_position = position;
-  v_normal = normal;
-  v_to_eye = u_eye.xyz - u_eye.w * position;
-  v_color = color.rgb;
-  gl_Position = u_clip_from_scene * vec4(position, 1.0);
-}
-)";
-
-constexpr const char* kModesFragment = R"(
-uniform float u_patch_error;           // pixels
-in vec3 v_position;
-in vec3 v_normal;
-in vec3 v_to_eye;
-in vec3 v_color;
-layout(location = 0) out vec4 out_color;
-void main() {
-  if (isCutAway(v_position)) discard;
-  vec3 color = shadeSurface(v_color, v_normal, v_to_eye);
-  if (u_show_resolution) color = tinted(color, u_patch_error);
-  out_color = vec4(u_cut_open && !gl_FrontFacing ? u_section_color : color, 1.0);
-}
-)";
-
 base::Result<base::gl::Program> linkModes(const base::Light& light) {
-  auto program = base::gl::Program::link("surface with modes", kModesVertex,
-                                         lod::draw::shadingSource() + lod::draw::viewModesSource() + kModesFragment);
+  auto program =
+      base::gl::Program::link("surface with modes", glsl::kModesVertex,
+                              lod::draw::shadingSource() + lod::draw::viewModesSource() + glsl::kModesFragment);
   if (program) lod::draw::setShading(*program, {light.mode == base::LightMode::kUnlit, light.direction});
   return program;
 }
 
 base::Result<base::gl::Program> linkSurface(const base::Light& light) {
-  if (light.mode == base::LightMode::kUnlit) return base::gl::Program::link("unlit", kUnlitVertex, kUnlitFragment);
-  auto lit = base::gl::Program::link("surface", kSurfaceVertex, lod::draw::shadingSource() + kSurfaceFragment);
+  if (light.mode == base::LightMode::kUnlit)
+    return base::gl::Program::link("unlit", glsl::kUnlitVertex, glsl::kUnlitFragment);
+  auto lit =
+      base::gl::Program::link("surface", glsl::kSurfaceVertex, lod::draw::shadingSource() + glsl::kSurfaceFragment);
   if (lit) lod::draw::setShading(*lit, {false, light.direction});
   return lit;
 }

@@ -1,66 +1,15 @@
-#include "client/render/blend_shader.h"
-
-#include "lod/draw/triangles.h"
-#include "lod/draw/view_modes.h"
-
-namespace client {
-
-// Outward by u_push × distance from the eye (1 where rays are parallel): a constant number of pixels on the screen,
-// whatever patch a vertex belongs to, so that no border opens.
-std::string blendVertexSource() {
-  return R"(
-layout(location = 0) in vec3 a_position;
-layout(location = 1) in vec4 a_normal;   // w: how finely the surface is sampled here (lod/draw/triangles.h)
-layout(location = 2) in vec4 a_color;
-uniform mat4 u_clip_from_scene;
-uniform vec4 u_eye;                    // homogeneous: parallel rays come from afar
-uniform float u_push;
-uniform vec2 u_edge;                   // length of a lattice step; octaves per unit of a_normal.w
-out float v_edge;
-out vec3 v_position;
-out vec3 v_normal;
-out vec3 v_color;
-void main() {
-  float squared = dot(a_normal.xyz, a_normal.xyz);
-  vec3 outward = squared > 0.0 ? a_normal.xyz * inversesqrt(squared) : vec3(0.0);
-  v_edge = u_edge.x * exp2(u_edge.y * a_normal.w);
-  v_position = a_position + outward * (u_push * length(u_eye.xyz - u_eye.w * a_position));
-  v_normal = outward;
-  v_color = a_color.rgb;
-  gl_Position = u_clip_from_scene * vec4(v_position, 1.0);
-}
-)";
-}
-
-std::string depthVertexSource() {
-  return R"(
-layout(location = 0) in vec3 a_position;
-uniform mat4 u_clip_from_scene;
-void main() {
-  gl_Position = u_clip_from_scene * vec4(a_position, 1.0);
-}
-)";
-}
-
-std::string depthFragmentSource() {
-  return R"(
-void main() {
-}
-)";
-}
-
-std::string blendFragmentSource() {
-  return lod::draw::shadingSource() + lod::draw::viewModesSource() + R"(
+// The Grid-Lumigraph (Okamoto 2011, section 3.2): every fragment of the proxy is blended in one pass from the sampling
+// images that see it. The text of lod/draw's shading and view modes stands before it.
 struct Sample {
   mat4 clip_from_scene;
-  vec4 eye;      // xyz centre of projection, w fade in time
+  vec4 eye;      // xyz: centre of projection, w: fade in time
   vec4 place;    // array, layer, one depth texel's width and height in texture coordinates
-  vec4 depth;    // A, B of depth −1..1 = B / w − A; width of a depth texel at distance 1; pixels per unit length at distance 1
-  vec4 floors;   // what the weight keeps at the left, right, bottom, top border
+  vec4 depth;    // A, B of depth −1..1 = B / w − A; width of a depth texel at distance 1; pixels per unit at distance 1
+  vec4 floors;   // share of the weight that is kept at the left, right, bottom, top border
 };
 layout(std140) uniform Samples { Sample u_samples[32]; };
-uniform ivec4 u_list[8];               // the samples that may see the patches being drawn
-uniform int u_count;
+uniform ivec4 u_list[8];               // indices of the samples that may see the patches being drawn
+uniform int u_count;                   // entries of u_list in use
 uniform sampler2DArray u_color0;
 uniform sampler2DArray u_color1;
 uniform sampler2DArray u_color2;
@@ -68,17 +17,17 @@ uniform sampler2DArrayShadow u_depth0;
 uniform sampler2DArrayShadow u_depth1;
 uniform sampler2DArrayShadow u_depth2;
 
-uniform vec4 u_eye;                    // homogeneous: with w 0 the direction of parallel rays, and every distance is 1
+uniform vec4 u_eye;                    // homogeneous; parallel views: w is 0, xyz the rays' direction, distances are 1
 uniform vec2 u_viewport;               // pixels
 uniform float u_pixels_per_unit;       // of the view, at distance 1
-uniform float u_patch_error;           // pixels, of the patch being drawn
+uniform float u_patch_error;           // of the patch being drawn, pixels
 uniform float u_push;                  // outward shift per distance from the eye
 uniform float u_error;                 // the proxy's error per distance from the eye
 uniform bool u_carve;
 uniform bool u_fill;
 uniform vec4 u_background;
 
-// BlendTuning (lumigraph.h says what each is).
+// BlendTuning: lumigraph.h describes each.
 uniform float u_angle_power, u_angle_floor, u_resolution_power, u_shift, u_border, u_side_low, u_side_high;
 uniform float u_bias_texels, u_bias_error, u_parallax, u_carve_below, u_vote_power, u_shade_blur, u_shade_weight;
 
@@ -100,14 +49,16 @@ float litAt(int array, vec4 place) {
   return texture(u_depth2, place);
 }
 
-// The share of a 3 × 3 neighbourhood of depth texels that lies no nearer than `reference`: four taps, each filtered over 2 × 2.
+// Returns the share of a 3 × 3 neighbourhood of depth texels that lies no nearer than place.w, by four taps that are
+// each filtered over 2 × 2 texels.
 float litAround(int array, vec4 place, vec2 texel) {
   return 0.25 * (litAt(array, place + vec4(texel, 0.0, 0.0)) + litAt(array, place - vec4(texel, 0.0, 0.0)) +
-                 litAt(array, place + vec4(texel.x, -texel.y, 0.0, 0.0)) + litAt(array, place + vec4(-texel.x, texel.y, 0.0, 0.0)));
+                 litAt(array, place + vec4(texel.x, -texel.y, 0.0, 0.0)) +
+                 litAt(array, place + vec4(-texel.x, texel.y, 0.0, 0.0)));
 }
 
-// Towards its border (and while it fades in) an image loses the priority that a small angle gives, or the fade would be no wider than its last
-// thousandth. Radians; about the angle between neighbouring images.
+// Towards its border, and while it fades in, an image loses the priority that a small angle gives it; otherwise the fade
+// would happen within the last thousandth of its width. Radians, about the angle between neighbouring images.
 const float kBorderAngle = 0.3;
 
 void main() {
@@ -152,34 +103,37 @@ void main() {
     vec4 inside = vec4(1.0 + ndc.x, 1.0 - ndc.x, 1.0 + ndc.y, 1.0 - ndc.y);
     if (min(min(inside.x, inside.y), min(inside.z, inside.w)) <= 0.0) continue;
 
-    // Fading towards borders. Where the sample looks as the view does, its border is the screen's: there is nothing to fade to.
+    // Weights fade towards borders. Where the sample looks as the view does, its border is the screen's border and
+    // nothing needs to fade.
     vec2 apart = abs(ndc - view_ndc);
     float width = clamp(8.0 * max(apart.x, apart.y), 1e-4, 2.0 * u_border);
     vec4 rise = mix(u_samples[i].floors, vec4(1.0), smoothstep(0.0, width, inside));
     float middle = u_samples[i].eye.w * rise.x * rise.y * rise.z * rise.w;
     float seen = middle;
 
-    // Visibility: the shadow mask, its bias scaled by the slope.
+    // Visibility: the fragment is compared with the sample's depth map, with a bias that grows with the slope.
     vec3 sample_ray = normalize(u_samples[i].eye.xyz - p);
     float cosine = dot(normal, sample_ray);
     float steep = clamp(min(abs(cosine), abs(dot(facet, sample_ray))), 0.1, 1.0);
     vec4 depth = u_samples[i].depth;
     float texel = depth.z * clip.w;
-    float bias = u_bias_texels * texel * (1.0 + sqrt(1.0 - steep * steep) / steep) + u_bias_error * (error + push) / max(steep, 0.4);
+    float bias = u_bias_texels * texel * (1.0 + sqrt(1.0 - steep * steep) / steep) +
+                 u_bias_error * (error + push) / max(steep, 0.4);
     float reference = 0.5 * (depth.y / max(clip.w - bias, 1e-6 * clip.w) - depth.x) + 0.5;
     vec4 place = u_samples[i].place;
     int array = int(place.x);
     vec2 uv = 0.5 * ndc + 0.5;
     float lit = litAround(array, vec4(uv, place.y, clamp(reference, 0.0, 1.0)), place.zw);
     float voter = seen;
-    // Close to an edge in the depth map the image may show what lies in front; not where both rays are one.
+    // Close to an edge of the depth map the image may show what lies in front, but not where both rays coincide.
     float angle = length(view_ray - sample_ray);
-    // Through a cut the viewer sees further than the image along the same ray.
+    // Through a section plane the viewer sees further than the image along the same ray.
     float apart_rays = u_cut_open ? 1.0 : smoothstep(0.002, 0.02, angle);
     seen *= mix(1.0, smoothstep(0.75, 1.0, lit) * smoothstep(u_side_low, u_side_high, cosine), apart_rays);
 
-    // Coverage votes. Background in an image means that nothing lies along the whole ray, hidden by the proxy or not; model counts
-    // only where the image sees this place. By angle alone: the closer the ray, the better it knows the silhouette.
+    // Coverage votes. Background in an image means that nothing lies along its whole ray, whether the proxy hides it or
+    // not; model counts only where the image sees this place. Votes weigh by angle alone: the closer the ray, the better
+    // the image knows the silhouette.
     float ratio = depth.w / clip.w / view_density;
     vec4 color = colorAt(array, vec3(uv, place.y), log2(max(ratio, 1.0)));
     float for_model = color.a * min(1.0, 2.0 * lit);
@@ -188,31 +142,32 @@ void main() {
     votes_for_model += vote * for_model;
     voters = max(voters, voter * (1.0 - color.a + for_model));
 
-    // Weight. A texel covers 1 / ratio view pixels, more where the sample sees the surface at a slant; an error of the proxy
-    // shifts the image by error × angle. Both blur, in view pixels; the sharpest images count most.
+    // Weight. A texel covers 1 / ratio view pixels, more where the sample sees the surface at a slant. An error of the
+    // proxy shifts the image by error × angle. Both count as blur in view pixels; the sharpest images weigh most.
     float blur = 1.0 / clamp(ratio * cosine, 0.01, 1.0);
     float shift = u_shift * error_px * angle;
-    float weight = seen * pow(blur * blur + shift * shift, -0.5 * u_resolution_power) * pow(angle + u_angle_floor + kBorderAngle * (1.0 - middle), -u_angle_power);
+    float weight = seen * pow(blur * blur + shift * shift, -0.5 * u_resolution_power) *
+                   pow(angle + u_angle_floor + kBorderAngle * (1.0 - middle), -u_angle_power);
     color_sum += weight * color.rgb;
     coverage_sum += weight * color.a;
     if (u_show_resolution) {
-      // Along the slant that the image sees more than the viewer does, a texel spans more.
+      // A texel spans more view pixels where the image sees the surface at a steeper slant than the viewer does.
       float texel_px = max(1.0, dot(normal, view_ray) / max(cosine, 0.05)) / max(ratio, 1e-4);
       octaves += weight * color.a * 0.5 * log2(texel_px * texel_px + shift * shift);
     }
     unseen *= 1.0 - seen * color.a;
   }
 
-  // Carving: what the images that see this place call background is not there.
+  // Carving: a fragment is discarded where the images that see this place agree on background.
   if (u_carve && voters > 0.5 && votes_for_model < u_carve_below * votes) discard;
 
-  // What no image sees is shaded; in between, blended, so that nothing pops.
+  // Fragments that no image sees are shaded; in between both are blended, so that nothing pops.
   float images = smoothstep(0.0, 0.25, 1.0 - unseen);
   vec3 color = color_sum / max(coverage_sum, 1e-20);
   float shown = mix(u_patch_error, exp2(octaves / max(coverage_sum, 1e-20)), images);
   if (u_fill) {
-    // The proxy's own shading is a sample too, whose texels are its triangles: where the images are coarser, it counts more.
-    // Its blur is put like theirs, with the slant in it.
+    // The proxy's own shading is one more sample, whose texels are the proxy's triangles: it weighs more where the images
+    // are coarser. Its blur contains the slant, as theirs does.
     vec3 shaded = shadeSurface(v_color, normal, to_eye);
     float blur = max(u_shade_blur * v_edge * view_density, 1.0) / clamp(dot(normal, view_ray), 0.05, 1.0);
     float weight = u_shade_weight * pow(blur, -u_resolution_power);
@@ -224,7 +179,3 @@ void main() {
   if (!u_fill && images <= 0.0) discard;
   o_color = vec4(u_show_resolution ? tinted(color, shown) : color, 1.0);
 }
-)";
-}
-
-}  // namespace client

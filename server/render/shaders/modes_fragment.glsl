@@ -1,0 +1,12 @@
+uniform float u_patch_error;           // of the patch being drawn, pixels
+in vec3 v_position;
+in vec3 v_normal;
+in vec3 v_to_eye;
+in vec3 v_color;
+layout(location = 0) out vec4 out_color;
+void main() {
+  if (isCutAway(v_position)) discard;
+  vec3 color = shadeSurface(v_color, v_normal, v_to_eye);
+  if (u_show_resolution) color = tinted(color, u_patch_error);
+  out_color = vec4(u_cut_open && !gl_FrontFacing ? u_section_color : color, 1.0);
+}

@@ -1,0 +1,17 @@
+// The surface with view modes: apart from surface_vertex.glsl, since few pictures have any.
+uniform mat4 u_clip_from_scene;
+uniform vec4 u_eye;
+layout(location = 0) in vec3 position;
+layout(location = 1) in vec3 normal;
+layout(location = 2) in vec4 color;
+out vec3 v_position;
+out vec3 v_normal;
+out vec3 v_to_eye;
+out vec3 v_color;
+void main() {
+  v_position = position;
+  v_normal = normal;
+  v_to_eye = u_eye.xyz - u_eye.w * position;
+  v_color = color.rgb;
+  gl_Position = u_clip_from_scene * vec4(position, 1.0);
+}

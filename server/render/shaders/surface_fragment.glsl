@@ -1,0 +1,7 @@
+in vec3 v_normal;
+in vec3 v_to_eye;
+in vec3 v_color;
+layout(location = 0) out vec4 out_color;
+void main() {
+  out_color = vec4(shadeSurface(v_color, v_normal, v_to_eye), 1.0);
+}
