@@ -20,7 +20,7 @@ constexpr const char* kPreamble =
     "#line 1\n";
 
 struct ShaderTraits {
-  static constexpr detail::Kind kKind = detail::Kind::kNone;
+  static constexpr detail::StorageKind kKind = detail::StorageKind::kNone;
   static void destroy(GLuint name) { glDeleteShader(name); }
 };
 using Shader = Object<ShaderTraits>;
@@ -75,15 +75,15 @@ struct Held {
 };
 thread_local Held held;
 
-std::uint64_t* counterOf(detail::Kind kind) {
+std::uint64_t* counterOf(detail::StorageKind kind) {
   switch (kind) {
-    case detail::Kind::kTexture:
+    case detail::StorageKind::kTexture:
       return &held.bytes.textures;
-    case detail::Kind::kBuffer:
+    case detail::StorageKind::kBuffer:
       return &held.bytes.buffers;
-    case detail::Kind::kRenderbuffer:
+    case detail::StorageKind::kRenderbuffer:
       return &held.bytes.renderbuffers;
-    case detail::Kind::kNone:
+    case detail::StorageKind::kNone:
       break;
   }
   return nullptr;
@@ -122,37 +122,37 @@ std::uint32_t detail::contextGeneration() {
   return held.generation;
 }
 
-void detail::addHeld(Kind kind, std::uint64_t bytes) {
+void detail::addHeld(StorageKind kind, std::uint64_t bytes) {
   if (std::uint64_t* counter = counterOf(kind)) *counter += bytes;
   held.peak = std::max(held.peak, held.bytes.total());
 }
 
-void detail::takeHeld(Kind kind, std::uint64_t bytes) {
+void detail::subtractHeld(StorageKind kind, std::uint64_t bytes) {
   if (std::uint64_t* counter = counterOf(kind)) *counter -= bytes;
 }
 
 void allocate(Buffer& buffer, GLenum target, const void* data, std::size_t bytes, GLenum usage) {
   glBindBuffer(target, buffer.name());
   glBufferData(target, static_cast<GLsizeiptr>(bytes), data, usage);
-  buffer.hold(bytes);
+  buffer.setStorageBytes(bytes);
 }
 
 void allocate2D(Texture& texture, GLenum target, int levels, GLenum format, int width, int height) {
   glBindTexture(target, texture.name());
   glTexStorage2D(target, levels, format, width, height);
-  texture.hold(bytesOfLevels(levels, format, width, height));
+  texture.setStorageBytes(bytesOfLevels(levels, format, width, height));
 }
 
 void allocate3D(Texture& texture, GLenum target, int levels, GLenum format, int width, int height, int layers) {
   glBindTexture(target, texture.name());
   glTexStorage3D(target, levels, format, width, height, layers);
-  texture.hold(bytesOfLevels(levels, format, width, height) * static_cast<std::uint64_t>(layers));
+  texture.setStorageBytes(bytesOfLevels(levels, format, width, height) * static_cast<std::uint64_t>(layers));
 }
 
 void allocate(Renderbuffer& renderbuffer, GLenum format, int width, int height) {
   glBindRenderbuffer(GL_RENDERBUFFER, renderbuffer.name());
   glRenderbufferStorage(GL_RENDERBUFFER, format, width, height);
-  renderbuffer.hold(bytesOf(format, width, height));
+  renderbuffer.setStorageBytes(bytesOf(format, width, height));
 }
 
 // ---- Objects ----

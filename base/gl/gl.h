@@ -34,10 +34,10 @@ void resetPeak();
 void contextLost();
 
 namespace detail {
-enum class Kind : std::uint8_t { kNone, kTexture, kBuffer, kRenderbuffer };
+enum class StorageKind : std::uint8_t { kNone, kTexture, kBuffer, kRenderbuffer };
 std::uint32_t contextGeneration();  ///< one more after each contextLost()
-void addHeld(Kind kind, std::uint64_t bytes);
-void takeHeld(Kind kind, std::uint64_t bytes);
+void addHeld(StorageKind kind, std::uint64_t bytes);
+void subtractHeld(StorageKind kind, std::uint64_t bytes);
 }  // namespace detail
 
 /// Owns one GL name and the count of its storage; Traits::destroy frees it, Traits::kKind says where it is counted.
@@ -53,7 +53,7 @@ class Object {
   }
   ~Object() {
     if (name_ == 0 || generation_ != detail::contextGeneration()) return;
-    detail::takeHeld(Traits::kKind, bytes_);
+    detail::subtractHeld(Traits::kKind, bytes_);
     Traits::destroy(name_);
   }
   static Object create() { return Object(Traits::create()); }
@@ -61,8 +61,8 @@ class Object {
   explicit operator bool() const { return name_ != 0; }
   std::uint64_t bytes() const { return bytes_; }
   /// What its storage takes from now on: said by the functions below, which make storage.
-  void hold(std::uint64_t bytes) {
-    detail::takeHeld(Traits::kKind, std::exchange(bytes_, bytes));
+  void setStorageBytes(std::uint64_t bytes) {
+    detail::subtractHeld(Traits::kKind, std::exchange(bytes_, bytes));
     detail::addHeld(Traits::kKind, bytes);
   }
 
@@ -78,9 +78,9 @@ class Object {
 };
 
 /// Names that GL makes and frees by the array.
-template <auto Generate, auto Delete, detail::Kind Counted>
+template <auto Generate, auto Delete, detail::StorageKind Counted>
 struct NameTraits {
-  static constexpr detail::Kind kKind = Counted;
+  static constexpr detail::StorageKind kKind = Counted;
   static GLuint create() {
     GLuint name = 0;
     Generate(1, &name);
@@ -89,15 +89,15 @@ struct NameTraits {
   static void destroy(GLuint name) { Delete(1, &name); }
 };
 struct ProgramTraits {
-  static constexpr detail::Kind kKind = detail::Kind::kNone;
+  static constexpr detail::StorageKind kKind = detail::StorageKind::kNone;
   static void destroy(GLuint name);
 };
-using Buffer = Object<NameTraits<glGenBuffers, glDeleteBuffers, detail::Kind::kBuffer>>;
-using Texture = Object<NameTraits<glGenTextures, glDeleteTextures, detail::Kind::kTexture>>;
-using VertexArray = Object<NameTraits<glGenVertexArrays, glDeleteVertexArrays, detail::Kind::kNone>>;
-using Framebuffer = Object<NameTraits<glGenFramebuffers, glDeleteFramebuffers, detail::Kind::kNone>>;
-using Renderbuffer = Object<NameTraits<glGenRenderbuffers, glDeleteRenderbuffers, detail::Kind::kRenderbuffer>>;
-using Query = Object<NameTraits<glGenQueries, glDeleteQueries, detail::Kind::kNone>>;
+using Buffer = Object<NameTraits<glGenBuffers, glDeleteBuffers, detail::StorageKind::kBuffer>>;
+using Texture = Object<NameTraits<glGenTextures, glDeleteTextures, detail::StorageKind::kTexture>>;
+using VertexArray = Object<NameTraits<glGenVertexArrays, glDeleteVertexArrays, detail::StorageKind::kNone>>;
+using Framebuffer = Object<NameTraits<glGenFramebuffers, glDeleteFramebuffers, detail::StorageKind::kNone>>;
+using Renderbuffer = Object<NameTraits<glGenRenderbuffers, glDeleteRenderbuffers, detail::StorageKind::kRenderbuffer>>;
+using Query = Object<NameTraits<glGenQueries, glDeleteQueries, detail::StorageKind::kNone>>;
 
 // Storage, counted. Each leaves its object bound to the target.
 

@@ -65,7 +65,7 @@ bool StreamedSplats::pump(Session& session, double now) {
     if (session.phase() != SessionPhase::kRefused) session.refuse(refusal_);
     return !answers.empty();
   }
-  for (const lod::qsplat::ByteRange& range : stream_.requests(now))
+  for (const lod::qsplat::ByteRange& range : stream_.nextRequests(now))
     fetcher_->submit(range.id, file_.name, range.offset, range.length);
   if (stream_.complete()) host_away_ = false;  // no more requests are sent, so nothing could show that the host is back
   if (session.phase() == SessionPhase::kDisconnected && stream_.header() != nullptr && !host_away_)
@@ -76,13 +76,13 @@ bool StreamedSplats::pump(Session& session, double now) {
 void StreamedSplats::acceptAnswer(Session& session, FetchAnswer& answer, double now) {
   if (answer.outcome == FetchOutcome::kBytes) {
     host_away_ = false;
-    stream_.received(answer.id, answer.bytes, now);
+    stream_.acceptAnswer(answer.id, answer.bytes, now);
     return;
   }
   const std::string why = describeFailure(answer, file_.place + "/" + file_.name);
   if (isTransient(answer)) {
     host_away_ = true;
-    stream_.failed(answer.id, now);
+    stream_.acceptFailure(answer.id, now);
     session.disconnected(why);
   } else {
     if (refusal_.empty()) refusal_ = why;
@@ -150,9 +150,9 @@ void StreamedSplats::chooseSplats(const base::Camera& camera, const SplatLook& l
     cutoff_px_ = request.cutoff_px = wantedCutoff();
     stream_.traverse(request, look.lens, found_);
     const bool last = attempt + 1 == kMaxTries;
-    const bool affords = last || options_.frame_seconds <= 0.0 || rate_.affords(found_.splats.size());
+    const bool in_time = last || options_.frame_seconds <= 0.0 || !rate_.coarsenIfLate(found_.splats.size());
     if (found_.splats.size() <= most) {
-      if (affords) return;
+      if (in_time) return;
       continue;
     }
     // The number of splats is proportional to 1 / cut-off².
@@ -165,9 +165,9 @@ void StreamedSplats::chooseSplats(const base::Camera& camera, const SplatLook& l
 void StreamedSplats::setPace(const base::Camera& camera) {
   if (options_.frame_seconds <= 0.0) return;
   if (drawn_from_ && sameCamera(*drawn_from_, camera))
-    rate_.refine();
+    rate_.refineAtRest();
   else
-    rate_.move();
+    rate_.beginMotion();
 }
 
 // ---- drawing ----
@@ -181,7 +181,7 @@ base::Result<void> StreamedSplats::draw(const base::Camera& camera, const SplatL
   LUMIGRID_TRY(drawFound(camera, look));
   if (moved && stream_.header() != nullptr && options_.clock && options_.frame_seconds > 0.0) {
     waitForGpu();
-    rate_.measured(now() - begin, found_.splats.size());
+    rate_.recordFrame(now() - begin, found_.splats.size());
   }
   drawn_at_ = now();
   draw_seconds_ = drawn_at_ - begin;
@@ -268,7 +268,7 @@ SplatStats StreamedSplats::stats() const {
   stats.finest_px = finestCutoff();
   stats.reduction = reduction_;
   stats.lens_px = lens_ ? lod::qsplat::cutoffThroughLens(cutoff_px_) : 0.0F;
-  stats.limited = cutoff_factor_ > 1.0F || stream_.limited();
+  stats.limited = cutoff_factor_ > 1.0F || stream_.limitedByMemory();
   stats.buffer_bytes = found_.splats.size() * kBytesPerSplat;
   stats.stream = stream_.stats();
   stats.warning = stream_.warning();

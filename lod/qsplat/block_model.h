@@ -222,7 +222,7 @@ class BlockModel {
 
   /// The code; kSphereCodes for what is read and cannot be.
   std::uint32_t codeSphere(const Node& node, std::uint32_t i, Parts& parts) {
-    const SphereSteps truth = codes_.steps(node.sphereCode());
+    const GridSphere truth = codes_.steps(node.sphereCode());
     const Parts* other = beside(i);
     const std::uint32_t size_context =
         ((i == 0 ? 14 : 0) + (other ? index(other->s) : 0)) * 2 + (parts.children_kind == 0 ? 1 : 0);
@@ -230,21 +230,21 @@ class BlockModel {
 
     // Along the surface; then across it, where the plane through the siblings so far tells most.
     const auto across = index(parts.normal.face / 2);
-    SphereSteps read{s, {}};
+    GridSphere read{s, {}};
     for (const int axis : {rowAxis(parts.normal.face), columnAxis(parts.normal.face)}) {
       int& cell = read.cell[index(axis)];
       cell = number(coder_.code(kSideKind.first + index(s - 1) * 4 + sideOfSiblings(i, index(axis)),
                                 index(truth.cell[index(axis)])));
-      parts.middle[index(axis)] = s + 2 * cell - kSteps;
+      parts.middle[index(axis)] = s + 2 * cell - kSphereSteps;
     }
     const int expected = cellOnPlane(i, s, parts);
-    const int cells = kSteps + 1 - s;
-    const std::uint32_t depth_context = ((i == 0 ? 4 : 0) + parts.cone) * kSteps + index(s - 1);
+    const int cells = kSphereSteps + 1 - s;
+    const std::uint32_t depth_context = ((i == 0 ? 4 : 0) + parts.cone) * kSphereSteps + index(s - 1);
     const int depth =
         number(coder_.code(kDepthKind.first + depth_context, index(wrap(truth.cell[across] - expected, cells))));
     if (depth >= cells) return kSphereCodes;
     read.cell[across] = wrap(expected + depth, cells);
-    parts.middle[across] = s + 2 * read.cell[across] - kSteps;
+    parts.middle[across] = s + 2 * read.cell[across] - kSphereSteps;
     parts.s = s;
     return codes_.code(read);
   }
@@ -270,10 +270,10 @@ class BlockModel {
                            tangents_[index(n.column)] * along(columnAxis(n.face)));
     // The middle is over / (1024 i) thirteenths from the parent's centre; cell = (middle + 13 − s) / 2, rounded.
     const int siblings = std::max(number(i), 1);
-    const int doubled = over + (kSteps + 1 - s) * 1024 * siblings;
+    const int doubled = over + (kSphereSteps + 1 - s) * 1024 * siblings;
     constexpr std::array<int, 4> kInverse{0, 65536, 32768, 21846};  // in 65536ths, rounded up
     const int cell = doubled < 0 ? 0 : (doubled / 2048 * kInverse[index(siblings)]) >> 16;
-    return std::min(cell, kSteps - s);
+    return std::min(cell, kSphereSteps - s);
   }
 
   // ---- colours ----

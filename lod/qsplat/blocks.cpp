@@ -23,7 +23,7 @@ void PlaceTable::add(const ChildBlocks& children) {
   });
 }
 
-base::Result<std::unique_ptr<FileBlocks>> blocksOfFile(base::ByteView file, const Header& header) {
+base::Result<std::unique_ptr<FileBlocks>> openBlocks(base::ByteView file, const Header& header) {
   if (!header.coded()) return std::unique_ptr<FileBlocks>(std::make_unique<MappedBlocks>(file, header));
   LUMIGRID_ASSIGN_OR_RETURN(auto coder, BlockCoder::fromHeader(file, header));
   return std::unique_ptr<FileBlocks>(std::make_unique<CodedBlocks>(file, header, std::move(coder)));
@@ -35,7 +35,7 @@ MappedBlocks::MappedBlocks(base::ByteView file, const Header& header) : FileBloc
 
 const std::uint8_t* MappedBlocks::load(std::uint64_t number) {
   const base::ByteView block = file_.subspan(static_cast<std::size_t>(number * kBlockBytes), kBlockBytes);
-  if (!isBlock(block, static_cast<std::uint32_t>(number))) {
+  if (!isIntactBlock(block, static_cast<std::uint32_t>(number))) {
     noteDamage(number);
     return nullptr;
   }

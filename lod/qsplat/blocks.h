@@ -29,11 +29,11 @@ class Blocks {
   }
 
   /// Notes from now on in which frame each block was last found: which ones to drop first.
-  void keepUse() { use_.reset(new std::atomic<std::uint32_t>[header_.blocks()]()); }
+  void trackUse() { use_.reset(new std::atomic<std::uint32_t>[header_.blocks()]()); }
   /// Its number from now on, 1 or more; 1 before the first call.
   void beginFrame(std::uint32_t frame) { frame_ = frame; }
   std::uint32_t frame() const { return frame_; }
-  /// The frame in which it was last found; 0: never, or keepUse() was not called.
+  /// The frame in which it was last found; 0: never, or trackUse() was not called.
   std::uint32_t lastUse(std::uint64_t number) const { return use_ ? use_[number].load(std::memory_order_relaxed) : 0; }
 
  protected:
@@ -78,7 +78,7 @@ class FileBlocks : public Blocks {
   /// The first damaged block that was come upon; 0: none.
   std::uint64_t damagedBlock() const { return damaged_.load(std::memory_order_relaxed); }
   /// Between frames: what it holds in memory of its own shrinks to so many bytes, or to what the last frame looked
-  /// into. keepUse() was called.
+  /// into. trackUse() was called.
   virtual void trim(std::uint64_t /*bytes*/) {}
   /// A block's length in the file, once it was here.
   virtual std::uint32_t storedBytes(std::uint64_t /*number*/) const { return kBlockBytes; }
@@ -94,7 +94,7 @@ class FileBlocks : public Blocks {
 };
 
 /// `file` has header.storedBytes() and must outlive what is made. Errors: kInvalidInput, a coded file without tables.
-base::Result<std::unique_ptr<FileBlocks>> blocksOfFile(base::ByteView file, const Header& header);
+base::Result<std::unique_ptr<FileBlocks>> openBlocks(base::ByteView file, const Header& header);
 
 /// In the plain form.
 class MappedBlocks final : public FileBlocks {
@@ -124,7 +124,7 @@ class CodedBlocks final : public FileBlocks {
   std::atomic<std::uint64_t> held_{0};  ///< blocks
 };
 
-/// Those that somebody has put there. The bytes are the caller's, and checked by him (isBlock).
+/// Those that somebody has put there. The bytes are the caller's, and checked by him (isIntactBlock).
 class GrowingBlocks final : public Blocks {
  public:
   using Blocks::Blocks;

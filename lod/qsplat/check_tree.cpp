@@ -25,7 +25,7 @@ class PlainSource final : public BlockSource {
   explicit PlainSource(base::ByteView file) : file_(file) {}
   const std::uint8_t* block(std::uint64_t number) override {
     const base::ByteView block = file_.subspan(static_cast<std::size_t>(number * kBlockBytes), kBlockBytes);
-    return isBlock(block, static_cast<std::uint32_t>(number)) ? block.data() : nullptr;
+    return isIntactBlock(block, static_cast<std::uint32_t>(number)) ? block.data() : nullptr;
   }
 
  private:

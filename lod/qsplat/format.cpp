@@ -165,7 +165,7 @@ base::Bytes codedHeaderBytes(const Header& header, base::ByteView tables) {
   return withChecksum(std::move(bytes));
 }
 
-bool isBlock(base::ByteView block, std::uint32_t number) {
+bool isIntactBlock(base::ByteView block, std::uint32_t number) {
   return block.size() == kBlockBytes && checksumAt(block.data() + kPayloadBytes) == blockChecksum(block.data(), number);
 }
 

@@ -69,7 +69,7 @@ inline base::ByteView codedTables(base::ByteView front, const Header& header) {
 }
 
 /// Whether `block`, kBlockBytes long, is block `number` (1 for the first after the header) as it was written.
-bool isBlock(base::ByteView block, std::uint32_t number);
+bool isIntactBlock(base::ByteView block, std::uint32_t number);
 /// Writes the checksum into the last four of the block's bytes.
 void sealBlock(std::uint8_t* block, std::uint32_t number);
 

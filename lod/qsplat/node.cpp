@@ -37,11 +37,11 @@ std::uint32_t cellOf(const CellBorders& borders, float t) {
 SphereCodes::SphereCodes() {
   codes_.fill(static_cast<std::uint16_t>(kSphereCodes));
   std::uint16_t code = 0;
-  for (int s = 1; s <= kSteps; ++s)
-    for (int x = 0; x <= kSteps - s; ++x)
-      for (int y = 0; y <= kSteps - s; ++y)
-        for (int z = 0; z <= kSteps - s; ++z) {
-          if (!isSphereStep(s, x, y, z)) continue;
+  for (int s = 1; s <= kSphereSteps; ++s)
+    for (int x = 0; x <= kSphereSteps - s; ++x)
+      for (int y = 0; y <= kSphereSteps - s; ++y)
+        for (int z = 0; z <= kSphereSteps - s; ++z) {
+          if (!isChildSphere(s, x, y, z)) continue;
           steps_[code] = {s, {x, y, z}};
           codes_[place(steps_[code])] = code;
           ++code;
@@ -55,12 +55,12 @@ const SphereCodes& sphereCodes() {
 
 const SphereTable& sphereTable() {
   static const SphereTable table = [] {
-    const auto thirteenths = [](int v) { return static_cast<float>(static_cast<double>(v) / kSteps); };
+    const auto thirteenths = [](int v) { return static_cast<float>(static_cast<double>(v) / kSphereSteps); };
     SphereTable steps;
     for (std::uint32_t code = 0; code < kSphereCodes; ++code) {
       const auto& [s, cell] = sphereCodes().steps(code);
-      steps[code] = {{thirteenths(s + 2 * cell[0] - kSteps), thirteenths(s + 2 * cell[1] - kSteps),
-                      thirteenths(s + 2 * cell[2] - kSteps)},
+      steps[code] = {{thirteenths(s + 2 * cell[0] - kSphereSteps), thirteenths(s + 2 * cell[1] - kSphereSteps),
+                      thirteenths(s + 2 * cell[2] - kSphereSteps)},
                      thirteenths(s)};
     }
     return steps;
@@ -78,15 +78,16 @@ std::uint32_t encodeSphere(const base::Sphere& parent, const base::Sphere& child
   const SphereCodes& codes = sphereCodes();
   const SphereTable& table = sphereTable();
   if (!(parent.radius > 0.0F) || !encloses(parent, child)) return kWholeParent;
-  const double scale = kSteps / static_cast<double>(parent.radius);
+  const double scale = kSphereSteps / static_cast<double>(parent.radius);
   // In thirteenths, from the corner of the parent's bounding cube: a sphere of code (s, x, y, z) has its centre at
   // s/2 + (x, y, z) of these, which are twice as wide.
-  const glm::dvec3 at = 0.5 * ((glm::dvec3(child.center) - glm::dvec3(parent.center)) * scale + double{kSteps});
+  const glm::dvec3 at = 0.5 * ((glm::dvec3(child.center) - glm::dvec3(parent.center)) * scale + double{kSphereSteps});
   const double radius = static_cast<double>(child.radius) * scale;
-  int s = radius < double{kSteps} ? std::max(1, static_cast<int>(std::ceil(radius * (1.0 - 1e-6)))) : kSteps;
-  for (; s < kSteps; ++s) {
+  int s =
+      radius < double{kSphereSteps} ? std::max(1, static_cast<int>(std::ceil(radius * (1.0 - 1e-6)))) : kSphereSteps;
+  for (; s < kSphereSteps; ++s) {
     // The nearest cell, halves up; what is below 0 becomes 0.
-    const glm::ivec3 cell = glm::min(glm::ivec3(glm::max(at - 0.5 * s + 0.5, 0.0)), kSteps - s);
+    const glm::ivec3 cell = glm::min(glm::ivec3(glm::max(at - 0.5 * s + 0.5, 0.0)), kSphereSteps - s);
     const std::uint32_t code = codes.code({s, {cell.x, cell.y, cell.z}});
     if (code < kSphereCodes && encloses(decodeSphere(parent, table[code]), child)) return code;
   }

@@ -15,23 +15,23 @@ namespace lod::qsplat {
 // Spheres -----------------------------------------------------------------------------------------
 
 /// Steps along the diameter of a parent: radii are 1 … 13 thirteenths of the parent's.
-inline constexpr int kSteps = 13;
+inline constexpr int kSphereSteps = 13;
 
 /// Whether (s, x, y, z), 1 <= s <= 13, 0 <= x, y, z <= 13 - s, is a sphere that a child may have: the sphere around
 /// its bounding cube reaches the parent's, |centre| <= 1 + sqrt(3) s/13. In whole numbers, so that it is exact.
-constexpr bool isSphereStep(int s, int x, int y, int z) {
+constexpr bool isChildSphere(int s, int x, int y, int z) {
   const auto square = [](long long v) { return v * v; };
-  const long long beyond = square(s + 2 * x - kSteps) + square(s + 2 * y - kSteps) + square(s + 2 * z - kSteps) -
-                           square(kSteps) - 3 * square(s);
-  return beyond <= 0 || square(beyond) <= 12 * square(kSteps) * square(s);
+  const long long beyond = square(s + 2 * x - kSphereSteps) + square(s + 2 * y - kSphereSteps) +
+                           square(s + 2 * z - kSphereSteps) - square(kSphereSteps) - 3 * square(s);
+  return beyond <= 0 || square(beyond) <= 12 * square(kSphereSteps) * square(s);
 }
 
 constexpr std::uint32_t countSphereCodes() {
   std::uint32_t count = 0;
-  for (int s = 1; s <= kSteps; ++s)
-    for (int x = 0; x <= kSteps - s; ++x)
-      for (int y = 0; y <= kSteps - s; ++y)
-        for (int z = 0; z <= kSteps - s; ++z) count += isSphereStep(s, x, y, z) ? 1 : 0;
+  for (int s = 1; s <= kSphereSteps; ++s)
+    for (int x = 0; x <= kSphereSteps - s; ++x)
+      for (int y = 0; y <= kSphereSteps - s; ++y)
+        for (int z = 0; z <= kSphereSteps - s; ++z) count += isChildSphere(s, x, y, z) ? 1 : 0;
   return count;
 }
 inline constexpr std::uint32_t kSphereCodes = countSphereCodes();
@@ -39,11 +39,11 @@ inline constexpr std::uint32_t kSphereBits = 13;
 static_assert(kSphereCodes <= 1U << kSphereBits);
 
 /// A child's sphere in units of its parent's radius, from the parent's centre.
-struct SphereStep {
+struct RelativeSphere {
   glm::vec3 offset{0.0F};
   float ratio = 1.0F;
 };
-using SphereTable = std::array<SphereStep, std::size_t{1} << kSphereBits>;
+using SphereTable = std::array<RelativeSphere, std::size_t{1} << kSphereBits>;
 /// By code; what is no code stands for the parent's own sphere. Made at the first call; keep the reference in loops.
 const SphereTable& sphereTable();
 
@@ -52,30 +52,31 @@ inline constexpr std::uint32_t kWholeParent = kSphereCodes - 1;
 
 /// What a code says, in thirteenths: the diameter of the sphere's bounding cube, and where on the parent's its least
 /// corner is.
-struct SphereSteps {
-  int s = kSteps;             ///< 1 … 13
+struct GridSphere {
+  int s = kSphereSteps;       ///< 1 … 13
   std::array<int, 3> cell{};  ///< 0 … 13 − s
 };
 class SphereCodes {
  public:
   SphereCodes();
   /// code: below 2^13; what is no code stands for the parent's own sphere.
-  const SphereSteps& steps(std::uint32_t code) const { return steps_[code]; }
+  const GridSphere& steps(std::uint32_t code) const { return steps_[code]; }
   /// kSphereCodes where there is no such sphere. s: 1 … 13; cell: each 0 … 12.
-  std::uint32_t code(const SphereSteps& of) const { return codes_[place(of)]; }
+  std::uint32_t code(const GridSphere& of) const { return codes_[place(of)]; }
 
  private:
-  static std::size_t place(const SphereSteps& of) {
-    return static_cast<std::size_t>((((of.s - 1) * kSteps + of.cell[0]) * kSteps + of.cell[1]) * kSteps + of.cell[2]);
+  static std::size_t place(const GridSphere& of) {
+    return static_cast<std::size_t>(
+        (((of.s - 1) * kSphereSteps + of.cell[0]) * kSphereSteps + of.cell[1]) * kSphereSteps + of.cell[2]);
   }
-  std::array<SphereSteps, std::size_t{1} << kSphereBits> steps_;
-  std::array<std::uint16_t, kSteps * kSteps * kSteps * kSteps> codes_;
+  std::array<GridSphere, std::size_t{1} << kSphereBits> steps_;
+  std::array<std::uint16_t, kSphereSteps * kSphereSteps * kSphereSteps * kSphereSteps> codes_;
 };
 /// Made at the first call; keep the reference in loops.
 const SphereCodes& sphereCodes();
 
 /// What every reader computes, in float32. Sources that call it are compiled with -ffp-contract=off.
-inline base::Sphere decodeSphere(const base::Sphere& parent, const SphereStep& step) {
+inline base::Sphere decodeSphere(const base::Sphere& parent, const RelativeSphere& step) {
   return {parent.center + parent.radius * step.offset, parent.radius * step.ratio};
 }
 

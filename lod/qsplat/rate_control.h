@@ -1,40 +1,41 @@
 #pragma once
-// How fine to draw: feedback to a frame rate while the view moves, refinement when it rests (Rusinkiewicz and Levoy
-// 2000, section 2.1).
+// How fine splats are drawn: a feedback to a frame rate while the view moves, refinement while it rests (Rusinkiewicz
+// and Levoy 2000, section 2.1).
 #include <cstdint>
 #include <limits>
 
 namespace lod::qsplat {
 
 struct RateGoal {
-  double frame_seconds = 0.1;  ///< that a frame of motion may take, over 0; the paper draws 5 to 10 a second
-  float finest_px = 1.0F;      ///< cut-off at which a picture is as good as it gets, over 0
-  float coarsest_px = 100.0F;  ///< … and beyond which nothing is to be recognised, at least finest_px
+  double frame_seconds = 0.1;  ///< time for a frame of motion, over 0; the paper draws 5 to 10 frames a second
+  float finest_px = 1.0F;      ///< cut-off at which the picture is complete, over 0
+  float coarsest_px = 100.0F;  ///< cut-off beyond which nothing can be recognised, at least finest_px
 };
 
-/// Has no clock: the caller measures. A frame at rest is one more try of the same picture, finer each time; a frame of
-/// motion takes up the cut-off of the last motion.
+/// The control has no clock: the caller measures times. Each frame at rest draws the same picture again, finer; a frame
+/// of motion continues with the cut-off of the last motion.
 class RateControl {
  public:
   explicit RateControl(const RateGoal& goal = {});
 
-  /// Diameter in pixels up to which nodes are drawn as they are: for the frame that is drawn next.
+  /// The cut-off of the next frame: projected diameter in pixels up to which nodes are drawn without their children.
   float cutoffPx() const { return static_cast<float>(px()); }
-  /// By how much fewer samples a side than pixels the next frame is to be drawn with: 1 … 8; 1 at the finest cut-off.
+  /// Pixels a sample on each side in the next frame: 1 … 8, and 1 at the finest cut-off.
   float reduction() const;
-  /// The view moves: before the first frame of a motion.
-  void move() { resting_ = false; }
-  /// So many splats were found for the next frame. False: this is a frame of motion, and by what the last one took for
-  /// each of its splats, it would be late; the cut-off is coarser now, for another traversal.
-  bool affords(std::uint64_t splats);
-  /// A frame of motion of so many splats was drawn with cutoffPx(), traversal included, in so many seconds. What is not
-  /// a time above 0 changes nothing.
-  void measured(double seconds, std::uint64_t splats);
-  /// The view rests: the next frame is finer than the one before. False when that one was the finest.
-  bool refine();
+  /// Called when the view moves, before the first frame of the motion.
+  void beginMotion() { resting_ = false; }
+  /// Predicts the time of a frame of motion with `splats` splats from the last frame's time for each splat. Where it
+  /// would be late, the cut-off becomes coarser and the result is true: traverse again. Never at rest, nor beyond the
+  /// coarsest cut-off.
+  bool coarsenIfLate(std::uint64_t splats);
+  /// Adjusts the cut-off to a frame of motion of `splats` splats that took `seconds`, traversal included. A number that
+  /// is no time above 0 changes nothing.
+  void recordFrame(double seconds, std::uint64_t splats);
+  /// Makes the next frame finer than the last; called while the view rests. False when the last was the finest.
+  bool refineAtRest();
 
   const RateGoal& goal() const { return goal_; }
-  /// Another one from now on; what was learnt of the view stays.
+  /// Changes the goal; the cut-off stays, within the new limits.
   void setGoal(const RateGoal& goal);
 
  private:
@@ -44,7 +45,7 @@ class RateControl {
   RateGoal goal_;
   double motion_px_;
   double rest_px_;
-  double most_splats_ = std::numeric_limits<double>::infinity();  ///< of a frame of motion that is not late
+  double max_splats_ = std::numeric_limits<double>::infinity();  ///< in a frame of motion that is not late
   bool resting_ = false;
 };
 

@@ -342,10 +342,10 @@ float cutoffThroughLens(float cutoff_px) {
 
 Priority sweepPriority(int picture_height) {
   const float height = static_cast<float>(std::max(picture_height, 1));
-  return [height](const Want& want) {
-    if (!(want.size_px < kInfinity)) return kInfinity;
-    const float up = std::clamp(1.0F - want.at_px.y / height, 0.0F, 0.999F);
-    return std::ceil(2.0F * std::log2(std::max(want.size_px, 1e-6F))) * 1000.0F + 1000.0F * up;
+  return [height](const MissingChildren& missing) {
+    if (!(missing.size_px < kInfinity)) return kInfinity;
+    const float up = std::clamp(1.0F - missing.at_px.y / height, 0.0F, 0.999F);
+    return std::ceil(2.0F * std::log2(std::max(missing.size_px, 1e-6F))) * 1000.0F + 1000.0F * up;
   };
 }
 

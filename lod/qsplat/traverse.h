@@ -18,7 +18,7 @@
 namespace lod::qsplat {
 
 /// A node whose children are not here.
-struct Want {
+struct MissingChildren {
   std::uint64_t block = 0;  ///< that holds the children
   std::uint32_t level = 0;  ///< of the node; the root is 0
   float radius = 0.0F;      ///< of the node, scene units
@@ -29,7 +29,7 @@ struct Want {
 };
 
 /// The larger, the sooner. Called from several threads at a time where `for_each` is given.
-using Priority = std::function<float(const Want&)>;
+using Priority = std::function<float(const MissingChildren&)>;
 /// Sweeps from the picture's top to its bottom, each about twice as fine as the one before: ⌈log_√2 size⌉ · 1000 + y,
 /// y = 0 … 999 from the bottom up (Rusinkiewicz and Levoy 2001, section 4.2).
 Priority sweepPriority(int picture_height);
@@ -40,7 +40,7 @@ struct Lens {
   float radius_px = 0.0F;     ///< above 0
   friend bool operator==(const Lens&, const Lens&) = default;
 };
-/// Whether a sphere is seen through the lens, if only in part. `at_px`, `size_px`: as Want has them.
+/// Whether a sphere is seen through the lens, if only in part. `at_px`, `size_px`: as MissingChildren has them.
 bool isSeenThrough(const Lens& lens, const glm::vec2& at_px, float size_px);
 /// The cut-off of what is seen through a lens, where that of the rest is `cutoff_px`: a third of it, but no smaller
 /// than can be told from that.

@@ -153,8 +153,8 @@ std::vector<base::Camera> CellJudge::State::viewsFrom(SceneRenderer& renderer, c
 base::Result<std::vector<base::Image>> CellJudge::State::truthOf(SceneRenderer& renderer,
                                                                  const std::vector<base::Camera>& views) const {
   std::vector<base::Image> truth(views.size());
-  LUMIGRID_TRY(renderer.renderMany(views, options.truth,
-                                   [&](std::size_t i, Rendered rendered) { truth[i] = std::move(rendered.rgba); }));
+  LUMIGRID_TRY(renderer.renderMany(
+      views, options.truth, [&](std::size_t i, RenderedPicture rendered) { truth[i] = std::move(rendered.rgba); }));
   LUMIGRID_TRY(renderer.finish());
   return truth;
 }

@@ -64,7 +64,7 @@ base::Result<void> DrawThread::draw() {
     }
     if (!job) return {};
     LUMIGRID_TRY(renderer->renderMany(faceCameras(*renderer, grid_, job->keys), options_,
-                                      [this, job = *job](std::size_t i, Rendered rendered) {
+                                      [this, job = *job](std::size_t i, RenderedPicture rendered) {
                                         take_(job.sequence + i, job.keys[i], std::move(rendered));
                                       }));
   }

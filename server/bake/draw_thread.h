@@ -28,7 +28,7 @@ struct DrawJob {
 class DrawThread {
  public:
   /// Called on the thread, for the faces of each job in order.
-  using Take = std::function<void(std::uint64_t sequence, const repository::FaceKey&, Rendered)>;
+  using Take = std::function<void(std::uint64_t sequence, const repository::FaceKey&, RenderedPicture)>;
   /// Called once, on the thread, when drawing has failed; then nothing more is drawn or taken.
   using Fail = std::function<void(const base::Error&)>;
 

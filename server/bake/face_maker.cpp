@@ -18,7 +18,7 @@ class MadeHere : public FaceMaker {
         encoders_(threads, std::size_t{2} * threads),
         draw_(
             work.scene, work.patches, work.grid, work.render, work.gpu_budget_bytes,
-            [this](std::uint64_t sequence, const repository::FaceKey& key, Rendered rendered) {
+            [this](std::uint64_t sequence, const repository::FaceKey& key, RenderedPicture rendered) {
               this->encode(sequence, key, std::move(rendered));
             },
             fail_) {}
@@ -30,7 +30,7 @@ class MadeHere : public FaceMaker {
   }
 
  private:
-  void encode(std::uint64_t sequence, const repository::FaceKey& key, Rendered rendered) {
+  void encode(std::uint64_t sequence, const repository::FaceKey& key, RenderedPicture rendered) {
     auto picture = std::make_shared<base::Image>(std::move(rendered.rgba));
     encoders_.submit([this, sequence, key, picture] {
       auto face = encode_(*picture, quality_, subsampling_);

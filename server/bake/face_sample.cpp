@@ -44,7 +44,7 @@ base::Result<std::vector<base::Image>> sampleFaces(SceneRenderer& renderer, cons
   const FaceOrder order(grid);
   const std::uint64_t tries = std::min(order.count(), kMaxSampleTries);
   std::vector<base::Image> faces;
-  const auto keep = [&](std::size_t, Rendered rendered) {
+  const auto keep = [&](std::size_t, RenderedPicture rendered) {
     if (faces.size() < wanted && showsModel(rendered.rgba)) faces.push_back(std::move(rendered.rgba));
   };
   for (std::uint64_t n = 0; n < tries && faces.size() < wanted; ++n)

@@ -38,7 +38,7 @@ inline constexpr std::uint64_t kMaxSampleTries = 4096;
 
 /// Renders faces in FaceOrder until `wanted` of them show something (a pixel that is stored as model), or
 /// kMaxSampleTries were looked at. The same faces, and bytes, as a bake of these options draws. Images as
-/// Rendered::rgba; none when nothing is seen.
+/// RenderedPicture::rgba; none when nothing is seen.
 base::Result<std::vector<base::Image>> sampleFaces(SceneRenderer& renderer, const repository::Grid& grid,
                                                    const RenderOptions& options, std::size_t wanted);
 

@@ -36,9 +36,9 @@ base::Result<TunePoint> measureQuality(const std::vector<base::Image>& faces, in
                                        repository::Subsampling subsampling, unsigned threads);
 
 /// For each subsampling the lowest quality that reaches `psnr_db` (by bisection: more quality is taken to come nearer),
-/// of these the one of fewest bytes; among equals the one with more chroma. `faces`: as Rendered::rgba, each shows
-/// something, not none. The same on any number of threads (0: all cores). kInvalidInput when quality 100 does not reach
-/// it; the message says how far it comes.
+/// of these the one of fewest bytes; among equals the one with more chroma. `faces`: as RenderedPicture::rgba, each
+/// shows something, not none. The same on any number of threads (0: all cores). kInvalidInput when quality 100 does not
+/// reach it; the message says how far it comes.
 base::Result<TuneChoice> tuneQuality(const std::vector<base::Image>& faces, double psnr_db, unsigned threads);
 
 /// tuneQuality() on a sample of the scene's own faces (sampleFaces, tuneFacesOf), drawn as options say; their quality

@@ -81,8 +81,8 @@ int run(const RenderArguments& a) {
   const bool splats = lod::methodFromName(a.method) == lod::Method::kQsplat;
   auto drawn = splats ? drawSplats(a, *scene, *view) : drawPatches(a, *scene, *view);
   if (!drawn) return fail(drawn.error());
-  auto written =
-      base::writePng(a.background.size() == 3 ? over(drawn->rgba, colorOf(a.background)) : drawn->rgba, a.output);
+  auto written = base::writePng(
+      a.background.size() == 3 ? compositeOver(drawn->rgba, colorOf(a.background)) : drawn->rgba, a.output);
   if (!written) return fail(written.error());
   std::printf("%s: %d x %d, %s drawn\n", a.output.c_str(), view->width, view->height, drawn->amount.c_str());
   return kDone;

@@ -4,7 +4,7 @@
 
 namespace server {
 
-base::Image over(const base::Image& rgba, const Rgb& background) {
+base::Image compositeOver(const base::Image& rgba, const Rgb& background) {
   LUMIGRID_CHECK_EQ(rgba.channels, 4);
   base::Image rgb(rgba.width, rgba.height, 3);
   for (std::size_t i = 0; i < rgb.pixels.size() / 3; ++i) {

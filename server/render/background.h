@@ -10,6 +10,6 @@ namespace server {
 using Rgb = std::array<std::uint8_t, 3>;
 
 /// A picture with alpha (4 channels) laid over an opaque colour: 3 channels.
-base::Image over(const base::Image& rgba, const Rgb& background);
+base::Image compositeOver(const base::Image& rgba, const Rgb& background);
 
 }  // namespace server

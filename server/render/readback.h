@@ -15,9 +15,9 @@ namespace server {
 
 /// A picture on its way back, in one or more tiles.
 struct PendingPicture {
-  Rendered rendered;  ///< pixels transparent black until tiles arrive
+  RenderedPicture rendered;  ///< pixels transparent black until tiles arrive
   std::size_t tiles_left = 0;
-  std::function<void(Rendered)> take;
+  std::function<void(RenderedPicture)> take;
 };
 
 /// Delivers pictures in the order in which they were begun.

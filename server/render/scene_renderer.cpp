@@ -72,7 +72,7 @@ struct SceneRenderer::State {
   }
 
   base::Result<void> drawPicture(const base::Camera& camera, std::span<const std::uint32_t> cut,
-                                 const RenderOptions& options, std::function<void(Rendered)> take);
+                                 const RenderOptions& options, std::function<void(RenderedPicture)> take);
   base::Result<void> drawTile(const base::Camera& camera, std::span<const std::uint32_t> visible,
                               const lod::draw::ViewModes& modes);
   base::Result<void> drawTinted(std::span<const std::uint32_t> visible);
@@ -168,7 +168,8 @@ base::Result<void> SceneRenderer::State::drawTinted(std::span<const std::uint32_
 }
 
 base::Result<void> SceneRenderer::State::drawPicture(const base::Camera& camera, std::span<const std::uint32_t> cut,
-                                                     const RenderOptions& options, std::function<void(Rendered)> take) {
+                                                     const RenderOptions& options,
+                                                     std::function<void(RenderedPicture)> take) {
   const std::vector<std::uint32_t> visible = visibleFrom(camera, cut);
   auto picture = std::make_shared<PendingPicture>();
   picture->take = std::move(take);
@@ -233,7 +234,7 @@ base::Result<void> SceneRenderer::State::orDrop(base::Result<void> result) {
   return result;
 }
 
-base::Result<Rendered> SceneRenderer::render(const base::Camera& camera, const RenderOptions& options) {
+base::Result<RenderedPicture> SceneRenderer::render(const base::Camera& camera, const RenderOptions& options) {
   LUMIGRID_TRY(check(camera, options));
   LUMIGRID_TRY(finish());
   lod::patch::Cut chosen = cutFor(state_->hierarchy, camera, options, true);
@@ -243,15 +244,15 @@ base::Result<Rendered> SceneRenderer::render(const base::Camera& camera, const R
       state_->errors_px.emplace(chosen.patches[i], chosen.patch_error_px[i]);
   std::vector<std::uint32_t> cut = std::move(chosen.patches);
   state_->sortFrontToBack(cut, camera.eye);
-  Rendered result;
+  RenderedPicture result;
   LUMIGRID_TRY(state_->orDrop(
-      state_->drawPicture(camera, cut, options, [&](Rendered rendered) { result = std::move(rendered); })));
+      state_->drawPicture(camera, cut, options, [&](RenderedPicture rendered) { result = std::move(rendered); })));
   LUMIGRID_TRY(finish());
   return result;
 }
 
 base::Result<void> SceneRenderer::renderMany(const std::vector<base::Camera>& cameras, const RenderOptions& options,
-                                             const std::function<void(std::size_t camera, Rendered)>& take) {
+                                             const std::function<void(std::size_t camera, RenderedPicture)>& take) {
   if (cameras.empty()) return {};
   for (const base::Camera& camera : cameras) {
     LUMIGRID_TRY(check(camera, options));
@@ -265,8 +266,8 @@ base::Result<void> SceneRenderer::renderMany(const std::vector<base::Camera>& ca
   std::vector<std::uint32_t> cut = cutFor(state_->hierarchy, *finest, options, false).patches;
   state_->sortFrontToBack(cut, cameras[0].eye);
   for (std::size_t i = 0; i < cameras.size(); ++i)
-    LUMIGRID_TRY(state_->orDrop(
-        state_->drawPicture(cameras[i], cut, options, [take, i](Rendered rendered) { take(i, std::move(rendered)); })));
+    LUMIGRID_TRY(state_->orDrop(state_->drawPicture(
+        cameras[i], cut, options, [take, i](RenderedPicture rendered) { take(i, std::move(rendered)); })));
   return {};
 }
 

@@ -24,7 +24,7 @@ struct RenderOptions {
   lod::draw::ViewModes modes = {};  ///< of render() alone; tints say the patches' projected errors
 };
 
-struct Rendered {
+struct RenderedPicture {
   base::Image rgba;             ///< alpha: 255 where all samples of the pixel saw the model, 0 where none did
   std::uint64_t triangles = 0;  ///< drawn
 };
@@ -45,14 +45,14 @@ class SceneRenderer {
   /// Any camera (base::Camera::clipFromScene), parallel projections included; each side 1..32768 pixels. Background is
   /// transparent black. Back faces are drawn. Sizes beyond the GL limit are drawn in tiles. Delivers what renderMany
   /// left on its way first.
-  base::Result<Rendered> render(const base::Camera& camera, const RenderOptions& options);
+  base::Result<RenderedPicture> render(const base::Camera& camera, const RenderOptions& options);
 
   /// Several cameras with one cut (the six faces of a sampling point): selected once without frustum, at the finest
   /// need of them, then culled for each; all have the same `eye`. Read back asynchronously through pixel buffers:
   /// `take(i, rgba)` is called for each camera in order, while later ones are still being drawn; also for those of the
   /// previous call. finish() flushes.
   base::Result<void> renderMany(const std::vector<base::Camera>& cameras, const RenderOptions& options,
-                                const std::function<void(std::size_t camera, Rendered)>& take);
+                                const std::function<void(std::size_t camera, RenderedPicture)>& take);
   base::Result<void> finish();
 
   float sceneRadius() const;

@@ -30,7 +30,7 @@ base::Result<lod::qsplat::SplatFile> openSplats(const std::string& directory, co
 struct SplatScene::State {
   explicit State(std::unique_ptr<lod::qsplat::FileBlocks> of_file)
       : blocks(std::move(of_file)), readback(kReadbackDepth), max_side(SampleTarget::maxSide()) {
-    blocks->keepUse();
+    blocks->trackUse();
   }
 
   base::Result<lod::qsplat::Traversal> splatsFor(const base::Camera& camera, const SplatOptions& options);
@@ -54,7 +54,7 @@ SplatScene::~SplatScene() = default;
 
 base::Result<std::unique_ptr<SplatScene>> SplatScene::create(const base::Scene& scene,
                                                              const lod::qsplat::SplatFile& file) {
-  LUMIGRID_ASSIGN_OR_RETURN(auto blocks, lod::qsplat::blocksOfFile(file.bytes(), file.header()));
+  LUMIGRID_ASSIGN_OR_RETURN(auto blocks, lod::qsplat::openBlocks(file.bytes(), file.header()));
   std::unique_ptr<SplatScene> made(new SplatScene());
   made->state_ = std::make_unique<State>(std::move(blocks));
   LUMIGRID_ASSIGN_OR_RETURN(auto renderer, lod::draw::SplatRenderer::create());
@@ -139,7 +139,7 @@ base::Result<SplatPicture> SplatScene::render(const base::Camera& camera, const 
   SplatPicture picture;
   auto pending = std::make_shared<PendingPicture>();
   pending->rendered.rgba = base::Image(camera.width, camera.height, 4);
-  pending->take = [&](Rendered rendered) { picture.rgba = std::move(rendered.rgba); };
+  pending->take = [&](RenderedPicture rendered) { picture.rgba = std::move(rendered.rgba); };
   auto drawn = state_->drawPicture(camera, options, picture, pending);
   if (!drawn) {
     state_->readback.drop();

@@ -91,7 +91,7 @@ std::vector<base::Image> keptFaces(const bench::OpenScene& open, const server::B
     for (std::uint32_t d = 0; d < 6; ++d) keys.push_back({points[i].x, points[i].y, points[i].z, d});
     must(renderer->renderMany(
         server::faceCameras(*renderer, options.grid, keys), server::renderOptions(options),
-        [&](std::size_t, server::Rendered rendered) { kept.push_back(std::move(rendered.rgba)); }));
+        [&](std::size_t, server::RenderedPicture rendered) { kept.push_back(std::move(rendered.rgba)); }));
   }
   must(renderer->finish());
   return kept;

@@ -80,7 +80,7 @@ class Link {
  public:
   explicit Link(base::ByteView file, const Rate& rate = {}) : file_(file), rate_(rate) {}
   void ask(Stream& stream, double now) {
-    for (const ByteRange& range : stream.requests(now)) {
+    for (const ByteRange& range : stream.nextRequests(now)) {
       free_ = std::max(free_, now + rate_.one_way_seconds) +
               (kHeadBytes + static_cast<double>(range.length)) / rate_.bytes_per_second;
       under_way_.push_back({range, free_ + rate_.one_way_seconds});
@@ -91,7 +91,7 @@ class Link {
     if (under_way_.empty() || under_way_.front().due > until) return std::nullopt;
     const Answer answer = under_way_.front();
     under_way_.pop_front();
-    stream.received(
+    stream.acceptAnswer(
         answer.range.id,
         file_.subspan(static_cast<std::size_t>(answer.range.offset), static_cast<std::size_t>(answer.range.length)),
         answer.due);
@@ -271,7 +271,7 @@ int main(int argc, char** argv) {
   const std::vector<base::Camera> views = viewsOf(file.header().root);
   std::vector<base::Image> truths;
   for (const base::Camera& camera : views) {
-    const auto blocks = bench::must(blocksOfFile(file.bytes(), file.header()));
+    const auto blocks = bench::must(openBlocks(file.bytes(), file.header()));
     TraverseRequest request;
     request.camera = camera;
     truths.push_back(canvas.picture(traverse(*blocks, request).splats, camera));

@@ -131,7 +131,7 @@ void measureDecoding(const FileBlocks& opened, base::ByteView stored) {
   request.cull = request.cull_back_faces = false;
   std::vector<double> decoding, walking;
   for (int run = 0; run < kRuns; ++run) {
-    const auto blocks = bench::must(blocksOfFile(coded, header));
+    const auto blocks = bench::must(openBlocks(coded, header));
     double start = bench::seconds(CLOCK_THREAD_CPUTIME_ID);
     for (std::uint64_t b = 1; b < header.blocks(); ++b) blocks->find(b);
     decoding.push_back(bench::seconds(CLOCK_THREAD_CPUTIME_ID) - start);
@@ -165,7 +165,7 @@ int main(int argc, char** argv) {
   else
     opened.emplace(bench::must(SplatFile::open(arguments.input())));
   const base::ByteView bytes = opened ? opened->bytes() : base::ByteView(made);
-  const auto opened_blocks = bench::must(blocksOfFile(bytes, bench::must(readHeader(bytes))));
+  const auto opened_blocks = bench::must(openBlocks(bytes, bench::must(readHeader(bytes))));
   FileBlocks& blocks = *opened_blocks;
   Canvas canvas(width);
 

@@ -15,7 +15,7 @@ using namespace lod::qsplat;
 void traverseAll(base::ByteView file) {
   const auto header = readHeader(file);
   if (!header || !header->coded() || header->storedBytes() != file.size()) return;
-  const auto blocks = blocksOfFile(file, *header);
+  const auto blocks = openBlocks(file, *header);
   if (!blocks) return;
   base::ViewCamera view;
   view.position =
@@ -25,7 +25,7 @@ void traverseAll(base::ByteView file) {
   TraverseRequest request;
   request.camera = base::cameraForScene(view, glm::dvec3(0.0), header->root);
   request.cutoff_px = 0.0F;
-  (*blocks)->keepUse();
+  (*blocks)->trackUse();
   const Traversal found = traverse(**blocks, request);
   LUMIGRID_CHECK(found.nodes <= header->nodes + 2048);
   (*blocks)->beginFrame(2);
@@ -45,7 +45,7 @@ void decodeBlock(base::ByteView bytes) {
   ChildBlocks children;
   const base::ByteView coded = bytes.first(std::min<std::size_t>(bytes.size(), kMaxCodedBytes));
   if (!coder.decode(1, coded, plain.data(), children)) return;
-  LUMIGRID_CHECK(isBlock(plain, 1));
+  LUMIGRID_CHECK(isIntactBlock(plain, 1));
   forEachChildBlock(children, [&](std::uint64_t number, const CodedPlace& place) {
     LUMIGRID_CHECK(number < header.blocks() && place.offset + place.bytes <= header.coded_bytes);
   });

@@ -44,7 +44,7 @@ struct Host {
   std::deque<ByteRange> asked;
 
   void ask(Stream& stream, double now) {
-    for (const ByteRange& range : stream.requests(now)) {
+    for (const ByteRange& range : stream.nextRequests(now)) {
       LUMIGRID_CHECK(range.length > 0 && range.offset + range.length <= file.size());
       for (const ByteRange& other : asked)
         LUMIGRID_CHECK(coded || range.offset >= other.offset + other.length ||
@@ -58,10 +58,10 @@ struct Host {
     asked.pop_front();
     base::ByteView bytes = file.subspan(static_cast<std::size_t>(range.offset), static_cast<std::size_t>(range.length));
     const std::uint32_t how = dice.roll(8);
-    if (how == 0) return stream.failed(range.id, now);
+    if (how == 0) return stream.acceptFailure(range.id, now);
     if (how == 1) bytes = bytes.first(bytes.size() / 2);
     if (how == 2) bytes = file.first(bytes.size());  // another range than was asked for
-    stream.received(range.id, bytes, now);
+    stream.acceptAnswer(range.id, bytes, now);
   }
 };
 

@@ -31,7 +31,7 @@ inline base::Bytes codedSplats(base::ByteView plain, unsigned threads = 1) {
 /// The other way round: all blocks decoded, behind a plain header.
 inline base::Bytes plainSplats(base::ByteView coded) {
   lod::qsplat::Header header = *lod::qsplat::readHeader(coded);
-  const auto blocks = lod::qsplat::blocksOfFile(coded, header);
+  const auto blocks = lod::qsplat::openBlocks(coded, header);
   LUMIGRID_CHECK(static_cast<bool>(blocks));
   header.coded_bytes = 0;
   base::Bytes plain = lod::qsplat::headerBytes(header);

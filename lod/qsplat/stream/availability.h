@@ -1,5 +1,5 @@
 #pragma once
-// Which blocks of a qsplat.lgq are here (Rusinkiewicz and Levoy 2001, section 3.3): two bits each.
+// A table of which blocks of a qsplat.lgq are in memory, two bits a block (Rusinkiewicz and Levoy 2001, section 3.3).
 #include <array>
 #include <cstdint>
 #include <vector>
@@ -15,18 +15,18 @@ enum class BlockState : std::uint8_t {
 
 class Availability {
  public:
-  /// All absent.
+  /// All blocks are absent at first.
   explicit Availability(std::uint64_t blocks);
 
   std::uint64_t blocks() const { return blocks_; }
   /// number: 0 … blocks() − 1, here and below.
-  BlockState state(std::uint64_t number) const {
+  BlockState stateOf(std::uint64_t number) const {
     return static_cast<BlockState>(words_[number / kPerWord] >> shift(number) & 3U);
   }
-  void set(std::uint64_t number, BlockState state);
-  /// How many blocks are in this state.
+  void setState(std::uint64_t number, BlockState state);
+  /// Returns how many blocks are in this state.
   std::uint64_t count(BlockState state) const { return counts_[static_cast<std::size_t>(state)]; }
-  /// The first absent block from `from` on; blocks() when there is none.
+  /// Returns the first absent block from `from` on; blocks() when there is none.
   std::uint64_t nextAbsent(std::uint64_t from) const;
 
  private:

@@ -6,29 +6,29 @@
 namespace lod::qsplat {
 namespace {
 
-// After so many busy seconds what was measured counts half.
+// After this many busy seconds a measurement counts half.
 constexpr double kHalfLife = 1.0;
-// Beside a round trip's: what a slow frame passes before more is asked for.
+// Seconds of traffic that are under way beyond a round trip's: as long as a slow frame delays the next requests.
 constexpr double kAheadSeconds = 0.25;
-// Enough for the first look at an unknown link, and for links so slow that a block takes long.
+// Enough to measure an unknown link, and to use links so slow that a block takes long.
 constexpr double kMinRoom = 8.0 * 1024.0;
 constexpr double kMaxRoom = 2.0 * 1024.0 * 1024.0;
-// The shortest round trip that was seen is forgotten by so much with each answer: links change. Its own queue may then
-// pass for the link's, so there is an end to it.
+// The shortest round trip seen grows by this factor with each answer, since links change. It may then come to contain
+// the time that our own requests queue, so kMaxAhead bounds it.
 constexpr double kForget = 1.002;
 constexpr double kMaxAhead = 0.7;  // seconds
-// A request may have this part of what may be under way: while one is on its way the next ones are, too. Until so much
-// room is free none leaves: heads of small answers would fill the link.
-constexpr std::uint64_t kParts = 4;
+// A request may ask for one part in so many of what may be under way, so that several overlap. None is sent until that
+// much is free: the HTTP heads of small answers would fill the link.
+constexpr std::uint64_t kRequestsAtOnce = 4;
 
 }  // namespace
 
-void LinkEstimate::sent(std::uint64_t bytes, double now) {
+void LinkEstimate::recordRequest(std::uint64_t bytes, double now) {
   if (under_way_ == 0) last_ = now;
   under_way_ += bytes;
 }
 
-void LinkEstimate::came(std::uint64_t asked, std::uint64_t bytes, double sent_at, double now) {
+void LinkEstimate::recordAnswer(std::uint64_t asked, std::uint64_t bytes, double sent_at, double now) {
   under_way_ -= std::min(asked, under_way_);
   const double busy = std::max(now - last_, 0.0);
   last_ = now;
@@ -44,15 +44,15 @@ double LinkEstimate::bytesPerSecond() const {
   return seconds_ > 0.0 ? bytes_ / seconds_ : 0.0;
 }
 
-std::uint64_t LinkEstimate::mostUnderWay() const {
+std::uint64_t LinkEstimate::maxBytesUnderWay() const {
   const double seconds = std::min(std::max(round_trip_, 0.0) + kAheadSeconds, kMaxAhead);
   return static_cast<std::uint64_t>(std::clamp(bytesPerSecond() * seconds, kMinRoom, kMaxRoom));
 }
 
-std::uint64_t LinkEstimate::room() const {
-  const std::uint64_t most = mostUnderWay();
-  const std::uint64_t part = most / kParts;
-  return under_way_ + part <= most ? part : 0;
+std::uint64_t LinkEstimate::roomForRequest() const {
+  const std::uint64_t max_bytes = maxBytesUnderWay();
+  const std::uint64_t part = max_bytes / kRequestsAtOnce;
+  return under_way_ + part <= max_bytes ? part : 0;
 }
 
 }  // namespace lod::qsplat

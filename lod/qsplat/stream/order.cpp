@@ -6,19 +6,19 @@ namespace lod::qsplat {
 namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
-// More than any sweep has: 2^100 pixels are 200 000.
+// More than sweepPriority ever returns: a size of 2^100 pixels has priority 200 000.
 constexpr float kThroughLens = 1e6F;
 
 Priority plainPriority(StreamOrder order, int picture_height) {
   switch (order) {
     case StreamOrder::kLevel:
-      return [](const Want& want) { return -static_cast<float>(want.level); };
+      return [](const MissingChildren& missing) { return -static_cast<float>(missing.level); };
     case StreamOrder::kRadius:
-      return [](const Want& want) { return want.radius; };
+      return [](const MissingChildren& missing) { return missing.radius; };
     case StreamOrder::kSize:
-      return [](const Want& want) { return want.size_px; };
+      return [](const MissingChildren& missing) { return missing.size_px; };
     case StreamOrder::kTopDown:
-      return [](const Want& want) { return want.size_px < kInfinity ? -want.at_px.y : kInfinity; };
+      return [](const MissingChildren& missing) { return missing.size_px < kInfinity ? -missing.at_px.y : kInfinity; };
     case StreamOrder::kSweeps:
       break;
   }
@@ -36,8 +36,8 @@ std::optional<StreamOrder> streamOrderFromName(std::string_view name) {
 Priority priorityFor(StreamOrder order, const std::optional<Lens>& lens, int picture_height) {
   const Priority plain = plainPriority(order, picture_height);
   if (!lens) return plain;
-  return [plain, lens = *lens](const Want& want) {
-    return plain(want) + (isSeenThrough(lens, want.at_px, want.size_px) ? kThroughLens : 0.0F);
+  return [plain, lens = *lens](const MissingChildren& missing) {
+    return plain(missing) + (isSeenThrough(lens, missing.at_px, missing.size_px) ? kThroughLens : 0.0F);
   };
 }
 

@@ -1,5 +1,5 @@
 #pragma once
-// In which order a view's blocks come (Rusinkiewicz and Levoy 2001, sections 4.2 and 4.3).
+// Orders in which the blocks of a view are fetched (Rusinkiewicz and Levoy 2001, sections 4.2 and 4.3).
 #include <array>
 #include <optional>
 #include <string_view>
@@ -9,12 +9,12 @@
 
 namespace lod::qsplat {
 
-/// The paper's five.
+/// The five orders of the paper.
 enum class StreamOrder {
   kLevel,    ///< 1: by level in the tree
-  kRadius,   ///< 2: the largest spheres of the scene
-  kSize,     ///< 3: the largest on the screen
-  kTopDown,  ///< 4: from the screen's top to its bottom, whatever their size
+  kRadius,   ///< 2: by radius in the scene, largest first
+  kSize,     ///< 3: by size on the screen, largest first
+  kTopDown,  ///< 4: from the screen's top to its bottom, whatever the size
   kSweeps,   ///< 5: sweepPriority, the paper's choice
 };
 inline constexpr std::array<std::pair<StreamOrder, std::string_view>, 5> kStreamOrderNames{
@@ -25,7 +25,7 @@ inline constexpr std::array<std::pair<StreamOrder, std::string_view>, 5> kStream
      {StreamOrder::kSweeps, "sweeps"}}};
 std::optional<StreamOrder> streamOrderFromName(std::string_view name);
 
-/// What is seen through the lens comes before all else.
+/// The order's priority. Blocks that are seen through the lens come before all others.
 Priority priorityFor(StreamOrder order, const std::optional<Lens>& lens, int picture_height);
 
 }  // namespace lod::qsplat

@@ -5,9 +5,9 @@
 namespace lod::qsplat {
 namespace {
 
-// All that one view wants, but not what is outside of a lens with what is within. A request of two blocks costs a slow
-// link little more than one of one, and few requests may be under way: with a sweep of its own for each, a fifth of a
-// 384 kbit/s link stood idle.
+// Any two blocks of a view may share a request, but not one inside of a lens with one outside. A request for two blocks
+// costs a slow link little more than a request for one, and few may be under way: when blocks of different sweeps were
+// kept apart, a fifth of a 384 kbit/s link stood idle.
 constexpr float kNearlyAsUrgent = 1e5F;
 
 bool lessUrgent(const WantedBlock& a, const WantedBlock& b) {
@@ -21,49 +21,50 @@ bool byNumber(const WantedBlock& a, const WantedBlock& b) {
 
 void RequestQueue::clear() {
   for (const WantedBlock& wanted : heap_)
-    if (availability_.state(wanted.block) == BlockState::kWanted) availability_.set(wanted.block, BlockState::kAbsent);
+    if (availability_.stateOf(wanted.block) == BlockState::kWanted)
+      availability_.setState(wanted.block, BlockState::kAbsent);
   heap_.clear();
   by_number_.clear();
-  ordered_ = false;
+  sorted_ = false;
 }
 
 void RequestQueue::add(const WantedBlock& wanted) {
-  if (availability_.state(wanted.block) != BlockState::kAbsent) return;
-  availability_.set(wanted.block, BlockState::kWanted);
+  if (availability_.stateOf(wanted.block) != BlockState::kAbsent) return;
+  availability_.setState(wanted.block, BlockState::kWanted);
   heap_.push_back(wanted);
-  ordered_ = false;
+  sorted_ = false;
 }
 
-void RequestQueue::order() {
-  if (ordered_) return;
+void RequestQueue::sort() {
+  if (sorted_) return;
   std::make_heap(heap_.begin(), heap_.end(), lessUrgent);
   by_number_ = heap_;
   std::sort(by_number_.begin(), by_number_.end(), byNumber);
-  ordered_ = true;
+  sorted_ = true;
 }
 
-bool RequestQueue::joins(std::uint64_t number, float urgent) const {
-  if (number >= availability_.blocks() || availability_.state(number) != BlockState::kWanted) return false;
+bool RequestQueue::mayJoin(std::uint64_t number, float priority) const {
+  if (number >= availability_.blocks() || availability_.stateOf(number) != BlockState::kWanted) return false;
   const auto found = std::lower_bound(by_number_.begin(), by_number_.end(), WantedBlock{number, 0.0F}, byNumber);
-  return found->priority >= urgent - kNearlyAsUrgent;
+  return found->priority >= priority - kNearlyAsUrgent;
 }
 
-BlockRun RequestQueue::take(std::uint64_t most) {
-  if (most == 0 || empty()) return {};
-  order();
+BlockRun RequestQueue::takeRun(std::uint64_t max_blocks) {
+  if (max_blocks == 0 || empty()) return {};
+  sort();
 
-  // The top, past what went along with others. What is in the heap and wanted cannot run out before empty().
-  while (availability_.state(heap_.front().block) != BlockState::kWanted) {
+  // Skip blocks that were taken as neighbours of others. A wanted one is left, since the queue is not empty.
+  while (availability_.stateOf(heap_.front().block) != BlockState::kWanted) {
     std::pop_heap(heap_.begin(), heap_.end(), lessUrgent);
     heap_.pop_back();
   }
   const WantedBlock top = heap_.front();
 
-  // Its neighbours: first those behind it, where the blocks of its siblings' children are.
+  // Neighbours join: first those behind it, which hold the children of its nodes' siblings.
   BlockRun run{top.block, 1};
-  while (run.count < most && joins(run.first + run.count, top.priority)) ++run.count;
-  while (run.count < most && run.first > 0 && joins(run.first - 1, top.priority)) --run.first, ++run.count;
-  for (std::uint64_t i = 0; i < run.count; ++i) availability_.set(run.first + i, BlockState::kRequested);
+  while (run.count < max_blocks && mayJoin(run.first + run.count, top.priority)) ++run.count;
+  while (run.count < max_blocks && run.first > 0 && mayJoin(run.first - 1, top.priority)) --run.first, ++run.count;
+  for (std::uint64_t i = 0; i < run.count; ++i) availability_.setState(run.first + i, BlockState::kRequested);
   return run;
 }
 

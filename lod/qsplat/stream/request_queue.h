@@ -1,5 +1,5 @@
 #pragma once
-// What a frame would like to have, the most urgent first (Rusinkiewicz and Levoy 2001, section 3.4).
+// The blocks that a frame lacks, the most urgent first (Rusinkiewicz and Levoy 2001, section 3.4).
 #include <cstdint>
 #include <vector>
 
@@ -8,7 +8,7 @@
 
 namespace lod::qsplat {
 
-/// Blocks that stand side by side in the file.
+/// Consecutive blocks of the file.
 struct BlockRun {
   std::uint64_t first = 0;
   std::uint64_t count = 0;
@@ -17,28 +17,28 @@ struct BlockRun {
 
 class RequestQueue {
  public:
-  /// `availability` outlives it; its kWanted blocks are those in the queue.
+  /// `availability` must outlive the queue; its kWanted blocks are those in the queue.
   explicit RequestQueue(Availability& availability) : availability_(availability) {}
 
-  /// Before every frame: what no frame wants any more is not asked for.
+  /// Empties the queue. Called before every frame, so that blocks no frame wants any more are not requested.
   void clear();
-  /// What is under way, or here, is left out. Each block once a frame.
+  /// Adds a block unless it is present or requested already. Each block may be added once a frame.
   void add(const WantedBlock& wanted);
   bool empty() const { return availability_.count(BlockState::kWanted) == 0; }
 
-  /// Takes the most urgent block out, with those of its neighbours in the file that are in the queue and no matter of
-  /// another magnitude (100 000: outside of the lens that it is within): at most `most` together. They are kRequested
-  /// then. Count 0: the queue is empty, or `most` is 0.
-  BlockRun take(std::uint64_t most);
+  /// Takes out the most urgent block, together with its neighbours in the file that are in the queue and nearly as
+  /// urgent (not those outside of a lens that it is seen through): at most `max_blocks`. They become kRequested. The
+  /// count is 0 when the queue is empty or `max_blocks` is 0.
+  BlockRun takeRun(std::uint64_t max_blocks);
 
  private:
-  void order();
-  bool joins(std::uint64_t number, float urgent) const;
+  void sort();
+  bool mayJoin(std::uint64_t number, float priority) const;
 
   Availability& availability_;
-  std::vector<WantedBlock> heap_;       ///< with blocks that went as neighbours of others
-  std::vector<WantedBlock> by_number_;  ///< the same when ordered_
-  bool ordered_ = false;
+  std::vector<WantedBlock> heap_;       ///< may still contain blocks that were taken as neighbours of others
+  std::vector<WantedBlock> by_number_;  ///< the same blocks by number, valid while sorted_
+  bool sorted_ = false;
 };
 
 }  // namespace lod::qsplat

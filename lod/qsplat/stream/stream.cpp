@@ -7,19 +7,19 @@
 namespace lod::qsplat {
 namespace {
 
-// The first request: header and the top of the tree, one round trip for both.
+// The first request brings the header and the top of the tree in one round trip.
 constexpr std::uint64_t kFrontBlocks = 8;
 static_assert(kFrontBlocks * kBlockBytes > kMaxCodedHeaderBytes + kMaxCodedBytes);
-// What comes damaged so often stays so.
+// A block that came damaged this often is given up.
 constexpr int kMaxDamages = 3;
 constexpr double kFirstPause = 0.25, kLongestPause = 5.0;  // seconds
-// A table's bytes for each block of the file: its place, its last use, two bits of state.
+// Bytes of tables for each block of the file: its address, its last use, two bits of state.
 constexpr std::uint64_t kTableBytes = sizeof(void*) + sizeof(std::uint32_t) + 1;
-// … and of a coded one, its place there.
+// A coded block's place takes these in addition.
 constexpr std::uint64_t kPlaceBytes = sizeof(std::uint64_t);
-// When memory is full, this part of it goes at a time.
+// When memory is full, one part in so many is evicted at a time.
 constexpr std::uint64_t kEvictedPart = 64;
-// "Near the view": so many times its width and height.
+// The surroundings of a view have so many times its width and height.
 constexpr float kNearby = 1.5F;
 
 bool sameView(const TraverseRequest& a, const TraverseRequest& b) {
@@ -28,7 +28,7 @@ bool sameView(const TraverseRequest& a, const TraverseRequest& b) {
          a.section == b.section;
 }
 
-// More of the scene at the same size, and what a small turn would show.
+// Returns a view that shows more of the scene at the same size, as a small turn would.
 TraverseRequest widened(TraverseRequest request) {
   base::Camera& camera = request.camera;
   for (const int axis : {0, 1}) camera.clip_from_eye[axis][axis] /= kNearby;
@@ -48,8 +48,8 @@ std::string inBytes(std::uint64_t bytes) {
 Stream::Stream(std::uint64_t file_bytes, const StreamOptions& options)
     : options_(options),
       file_bytes_(file_bytes),
-      most_held_(std::max(options.memory_bytes, kMinStreamMemory) / kBlockBytes),
-      availability_(file_bytes / kBlockBytes <= kMaxFilePerMemory * most_held_ ? file_bytes / kBlockBytes : 0),
+      max_kept_(std::max(options.memory_bytes, kMinStreamMemory) / kBlockBytes),
+      availability_(file_bytes / kBlockBytes <= kMaxFilePerMemory * max_kept_ ? file_bytes / kBlockBytes : 0),
       queue_(availability_) {
   if (file_bytes < 2 * kBlockBytes || file_bytes % kBlockBytes != 0)
     problem_ = "its " + inBytes(file_bytes) + " are no number of blocks; publish the scene again";
@@ -58,7 +58,7 @@ Stream::Stream(std::uint64_t file_bytes, const StreamOptions& options)
 }
 
 void Stream::giveUpForMemory(std::uint64_t plain_bytes) {
-  giveUp("its " + inBytes(plain_bytes) + " are too many for " + inBytes(most_held_ * kBlockBytes) +
+  giveUp("its " + inBytes(plain_bytes) + " are too many for " + inBytes(max_kept_ * kBlockBytes) +
          " of memory; allow at least " + inBytes(plain_bytes / kMaxFilePerMemory));
 }
 
@@ -80,10 +80,10 @@ void Stream::traverse(const TraverseRequest& request, const std::optional<Lens>&
 
   in_use_.reset();
   queueWanted(result.wanted);
-  limited_ = lacking_ > 0 && under_way_.empty() && blocksInUse() >= most_held_;
+  limited_ = lacking_ > 0 && under_way_.empty() && blocksInUse() >= max_kept_;
   if (frame_ > 1 && sameView(ordered, view_)) return;
   view_ = std::move(ordered);
-  nearby_generation_ = 0;
+  nearby_arrivals_ = 0;
   front_to_back_ = 0;
   idle_left_ = options_.idle_bytes / kBlockBytes;
 }
@@ -108,31 +108,32 @@ bool Stream::complete() const {
 
 // ---- what to ask for ----
 
-std::vector<ByteRange> Stream::requests(double now) {
+std::vector<ByteRange> Stream::nextRequests(double now) {
   std::vector<ByteRange> ranges;
   if (!problem_.empty() || now < pause_until_) return ranges;
-  while (under_way_.size() < options_.most_requests) {
-    const std::uint64_t most =
-        std::min(link_.room() / typicalBlockBytes(), std::max<std::uint64_t>(options_.most_request_blocks, 1));
-    const BlockRun run = most == 0 ? BlockRun{} : sideBySide(next(most));
+  while (under_way_.size() < options_.max_requests) {
+    const std::uint64_t max_blocks =
+        std::min(link_.roomForRequest() / typicalBlockBytes(), std::max<std::uint64_t>(options_.max_request_blocks, 1));
+    const BlockRun run = max_blocks == 0 ? BlockRun{} : checkedRun(nextRun(max_blocks));
     if (run.count == 0) break;
-    ranges.push_back(send(run, now));
+    ranges.push_back(addRequest(run, now));
   }
   return ranges;
 }
 
-/// What room for one more block is: coded ones are shorter.
+/// Returns the mean length of a stored block.
 std::uint64_t Stream::typicalBlockBytes() const {
   return coder_ ? (header()->coded_bytes - header()->header_bytes) / (header()->blocks() - 1) : kBlockBytes;
 }
 
-/// In the file; bytes 0: not known.
+/// Returns a block's place in the stored file; its bytes are 0 while it is not known.
 CodedPlace Stream::placeOf(std::uint64_t number) const {
   return coder_ ? places_->find(number) : CodedPlace{number * kBlockBytes, kBlockBytes};
 }
 
-/// Blocks whose parents are here have a place, and stand side by side in the file: else it contradicts itself.
-BlockRun Stream::sideBySide(const BlockRun& run) {
+/// Returns `run` if its blocks have places and are consecutive in the stored file, as the blocks of present parents
+/// must be. Otherwise the file contradicts itself, and the run is empty.
+BlockRun Stream::checkedRun(const BlockRun& run) {
   if (!coder_ || run.count == 0) return run;
   std::uint64_t end = placeOf(run.first).offset;
   bool good = true;
@@ -146,108 +147,103 @@ BlockRun Stream::sideBySide(const BlockRun& run) {
   return {};
 }
 
-BlockRun Stream::next(std::uint64_t most) {
+BlockRun Stream::nextRun(std::uint64_t max_blocks) {
   if (!blocks_) {
-    if (availability_.state(0) != BlockState::kAbsent) return {};
+    if (availability_.stateOf(0) != BlockState::kAbsent) return {};
     const BlockRun front{0, std::min(kFrontBlocks, availability_.blocks())};
-    for (std::uint64_t i = 0; i < front.count; ++i) availability_.set(i, BlockState::kRequested);
+    for (std::uint64_t i = 0; i < front.count; ++i) availability_.setState(i, BlockState::kRequested);
     return front;
   }
-  if (idle_ || queue_.empty()) return nextIdle(std::min(most, freeBlocks()));
+  if (idle_ || queue_.empty()) return nextIdleRun(std::min(max_blocks, freeBlocks()));
   const std::uint64_t taken = blocksInUse() + blocks_under_way_;
-  return queue_.take(taken < most_held_ ? std::min(most, most_held_ - taken) : 0);
+  return queue_.takeRun(taken < max_kept_ ? std::min(max_blocks, max_kept_ - taken) : 0);
 }
 
-// Only once the view has all that it wants (section 4.4): the surroundings, then the file from its front.
-BlockRun Stream::nextIdle(std::uint64_t most) {
-  most = std::min(most, idle_left_);
-  if (most == 0 || frame_ == 0 || lacking_ > 0) return {};
+// Fetches ahead once the view is complete (section 4.4): the surroundings, then the file from its front.
+BlockRun Stream::nextIdleRun(std::uint64_t max_blocks) {
+  max_blocks = std::min(max_blocks, idle_left_);
+  if (max_blocks == 0 || frame_ == 0 || lacking_ > 0) return {};
   idle_ = true;
-  if (queue_.empty() && nearby_generation_ != arrivals_) {
-    nearby_generation_ = arrivals_;
+  if (queue_.empty() && nearby_arrivals_ != arrivals_) {
+    nearby_arrivals_ = arrivals_;
     qsplat::traverse(*blocks_, widened(view_), nearby_);
     in_use_.reset();
     for (const WantedBlock& one : nearby_.wanted)
       if (!isGivenUp(one.block)) queue_.add(one);
   }
-  BlockRun run = queue_.take(most);
-  // While some of it is under way, more may come of it.
-  if (run.count == 0 && under_way_.empty()) run = nextFromFront(most);
+  BlockRun run = queue_.takeRun(max_blocks);
+  // While blocks are under way, their arrival may show more of the surroundings.
+  if (run.count == 0 && under_way_.empty()) run = nextRunFromFront(max_blocks);
   idle_left_ -= run.count;
   return run;
 }
 
-BlockRun Stream::nextFromFront(std::uint64_t most) {
+BlockRun Stream::nextRunFromFront(std::uint64_t max_blocks) {
   const auto canCome = [this](std::uint64_t number) { return !isGivenUp(number) && placeOf(number).bytes != 0; };
   while ((front_to_back_ = availability_.nextAbsent(front_to_back_)) < availability_.blocks() &&
          !canCome(front_to_back_))
     ++front_to_back_;
   BlockRun run{front_to_back_, 0};
-  while (run.count < most && run.first + run.count < availability_.blocks() &&
-         availability_.state(run.first + run.count) == BlockState::kAbsent && canCome(run.first + run.count))
-    availability_.set(run.first + run.count++, BlockState::kRequested);
+  while (run.count < max_blocks && run.first + run.count < availability_.blocks() &&
+         availability_.stateOf(run.first + run.count) == BlockState::kAbsent && canCome(run.first + run.count))
+    availability_.setState(run.first + run.count++, BlockState::kRequested);
   return run;
 }
 
-ByteRange Stream::send(const BlockRun& run, double now) {
+ByteRange Stream::addRequest(const BlockRun& run, double now) {
   const CodedPlace last = placeOf(run.first + run.count - 1);
   ByteRange range{++counted_.requests, placeOf(run.first).offset, 0};
   range.length = last.offset + last.bytes - range.offset;
   under_way_[range.id] = {run, range.length, now};
   blocks_under_way_ += run.count;
-  link_.sent(range.length, now);
+  link_.recordRequest(range.length, now);
   return range;
 }
 
 // ---- what comes ----
 
-void Stream::received(std::uint64_t id, base::ByteView bytes, double now) {
+void Stream::acceptAnswer(std::uint64_t id, base::ByteView bytes, double now) {
   const auto found = under_way_.find(id);
   if (found == under_way_.end()) return;
-  const UnderWay request = found->second;
-  if (bytes.size() != request.bytes) return failed(id, now);
+  const PendingRequest request = found->second;
+  if (bytes.size() != request.bytes) return acceptFailure(id, now);
   under_way_.erase(found);
   blocks_under_way_ -= request.run.count;
-  link_.came(bytes.size(), bytes.size(), request.sent_at, now);
+  link_.recordAnswer(bytes.size(), bytes.size(), request.sent_at, now);
   counted_.bytes_received += bytes.size();
 
-  bool all_good = true;
-  if (request.run.first == 0)
-    all_good = takeFront(bytes);
-  else
-    takeBlocks(request.run, bytes, all_good);
+  const bool intact = request.run.first == 0 ? acceptFront(bytes) : acceptBlocks(request.run, bytes);
   ++arrivals_;
   if (lacking_ > 0 || frame_ == 0) ++generation_;
-  if (!all_good) ++counted_.failures;  // the host answers; how often one block is asked for again has its own end
+  if (!intact) ++counted_.failures;  // without a pause: the host answers, and kMaxDamages ends repeated requests
   failures_in_a_row_ = 0;
 }
 
-/// The header and as many blocks as came with it. False when something is damaged.
-bool Stream::takeFront(base::ByteView bytes) {
-  for (std::uint64_t b = 0; b < bytes.size() / kBlockBytes; ++b) availability_.set(b, BlockState::kAbsent);
-  if (!takeHeader(bytes)) {
+/// Accepts the header and the blocks that came with it. False when something is damaged.
+bool Stream::acceptFront(base::ByteView bytes) {
+  for (std::uint64_t b = 0; b < bytes.size() / kBlockBytes; ++b) availability_.setState(b, BlockState::kAbsent);
+  if (!acceptHeader(bytes)) {
     ++damages_[0];
     wasted_ += bytes.size();
     return false;
   }
   if (!blocks_) return true;
-  availability_.set(0, BlockState::kPresent);
-  bool all_good = true;
-  BlockRun run{1, 0};
+  availability_.setState(0, BlockState::kPresent);
+  bool intact = true;
   std::uint64_t end = header()->header_bytes;
-  // A block of a coded file may tell of the next ones: one after the other.
-  for (; run.first < header()->blocks(); ++run.first) {
-    const CodedPlace place = placeOf(run.first);
+  // One by one, since a block of a coded file tells the places of the next ones.
+  for (std::uint64_t b = 1; b < header()->blocks(); ++b) {
+    const CodedPlace place = placeOf(b);
     if (place.bytes == 0 || place.offset != end || place.offset + place.bytes > bytes.size()) break;
     end = place.offset + place.bytes;
-    takeBlocks({run.first, 1}, bytes.first(static_cast<std::size_t>(end)).last(place.bytes), all_good);
+    intact &= acceptBlock(b, bytes.first(static_cast<std::size_t>(end)).last(place.bytes));
   }
   wasted_ += bytes.size() - end;
-  return all_good;
+  return intact;
 }
 
-/// False when it is damaged.
-bool Stream::takeHeader(base::ByteView front) {
+/// False when the header is damaged.
+bool Stream::acceptHeader(base::ByteView front) {
   auto header = readHeader(front);
   auto coder = header && header->coded() ? BlockCoder::fromHeader(front, *header) : damaged("");
   if (!header || (header->coded() && !coder)) {
@@ -259,12 +255,12 @@ bool Stream::takeHeader(base::ByteView front) {
            "; publish the scene again");
     return true;
   }
-  if (header->blocks() > kMaxFilePerMemory * most_held_) {
+  if (header->blocks() > kMaxFilePerMemory * max_kept_) {
     giveUpForMemory(header->file_bytes);
     return true;
   }
   blocks_ = std::make_unique<GrowingBlocks>(*header);
-  blocks_->keepUse();
+  blocks_->trackUse();
   if (header->coded()) {
     coder_ = std::make_unique<BlockCoder>(std::move(*coder));
     places_ = std::make_unique<PlaceTable>(*header);
@@ -273,33 +269,36 @@ bool Stream::takeHeader(base::ByteView front) {
   return true;
 }
 
-void Stream::takeBlocks(const BlockRun& run, base::ByteView bytes, bool& all_good) {
+/// False when one of them is damaged.
+bool Stream::acceptBlocks(const BlockRun& run, base::ByteView bytes) {
+  bool intact = true;
   const std::uint64_t begin = placeOf(run.first).offset;
   for (std::uint64_t b = run.first; b < run.first + run.count; ++b) {
     const CodedPlace place = placeOf(b);
-    all_good &= takeBlock(b, bytes.subspan(static_cast<std::size_t>(place.offset - begin), place.bytes));
+    intact &= acceptBlock(b, bytes.subspan(static_cast<std::size_t>(place.offset - begin), place.bytes));
   }
+  return intact;
 }
 
-/// `stored`: as it is in the file. False when it is damaged.
-bool Stream::takeBlock(std::uint64_t number, base::ByteView stored) {
+/// Accepts a block as it is stored in the file. False when it is damaged.
+bool Stream::acceptBlock(std::uint64_t number, base::ByteView stored) {
   std::unique_ptr<std::uint8_t[]> plain(new std::uint8_t[kBlockBytes]);
-  const bool good = decode(number, stored, plain.get());
-  if (good && keep(number, std::move(plain))) {
-    availability_.set(number, BlockState::kPresent);
+  const bool good = decodeBlock(number, stored, plain.get());
+  if (good && keepBlock(number, std::move(plain))) {
+    availability_.setState(number, BlockState::kPresent);
     return true;
   }
-  availability_.set(number, BlockState::kAbsent);
+  availability_.setState(number, BlockState::kAbsent);
   wasted_ += stored.size();
-  if (good) return true;  // no place for it
+  if (good) return true;  // there was no memory for it
   ++damages_[number];
   return false;
 }
 
-bool Stream::decode(std::uint64_t number, base::ByteView stored, std::uint8_t* plain) {
+bool Stream::decodeBlock(std::uint64_t number, base::ByteView stored, std::uint8_t* plain) {
   if (!coder_) {
     std::copy(stored.begin(), stored.end(), plain);
-    return isBlock(stored, static_cast<std::uint32_t>(number));
+    return isIntactBlock(stored, static_cast<std::uint32_t>(number));
   }
   ChildBlocks children;
   if (!coder_->decode(number, stored, plain, children)) return false;
@@ -307,22 +306,23 @@ bool Stream::decode(std::uint64_t number, base::ByteView stored, std::uint8_t* p
   return true;
 }
 
-bool Stream::keep(std::uint64_t number, std::unique_ptr<std::uint8_t[]> plain) {
-  if (held_.size() >= most_held_ && !makeRoom()) return false;
+bool Stream::keepBlock(std::uint64_t number, std::unique_ptr<std::uint8_t[]> plain) {
+  if (kept_.size() >= max_kept_ && !evictUnused()) return false;
   blocks_->put(number, plain.get());
-  held_[number] = {std::move(plain), frame_};
+  kept_[number] = {std::move(plain), frame_};
   if (in_use_) ++*in_use_;
   return true;
 }
 
-void Stream::failed(std::uint64_t id, double now) {
+void Stream::acceptFailure(std::uint64_t id, double now) {
   const auto found = under_way_.find(id);
   if (found == under_way_.end()) return;
-  const UnderWay request = found->second;
+  const PendingRequest request = found->second;
   under_way_.erase(found);
   blocks_under_way_ -= request.run.count;
-  link_.came(request.bytes, 0, request.sent_at, now);
-  for (std::uint64_t i = 0; i < request.run.count; ++i) availability_.set(request.run.first + i, BlockState::kAbsent);
+  link_.recordAnswer(request.bytes, 0, request.sent_at, now);
+  for (std::uint64_t i = 0; i < request.run.count; ++i)
+    availability_.setState(request.run.first + i, BlockState::kAbsent);
   front_to_back_ = std::min(front_to_back_, request.run.first);
   ++arrivals_;
   ++generation_;
@@ -331,7 +331,7 @@ void Stream::failed(std::uint64_t id, double now) {
 
 void Stream::pauseAfterFailure(double sent_at, double now) {
   ++counted_.failures;
-  // What was under way when another one failed is the same trouble, and no reason to wait twice as long.
+  // Requests that were under way when another one failed have the same cause; the pause does not double for them.
   if (sent_at < paused_at_) return;
   paused_at_ = now;
   const double pause = kFirstPause * std::exp2(std::min(failures_in_a_row_++, 8));
@@ -345,49 +345,50 @@ void Stream::giveUp(std::string reason) {
 // ---- memory ----
 
 std::uint64_t Stream::freeBlocks() const {
-  const std::uint64_t taken = held_.size() + blocks_under_way_;
-  return taken < most_held_ ? most_held_ - taken : 0;
+  const std::uint64_t taken = kept_.size() + blocks_under_way_;
+  return taken < max_kept_ ? max_kept_ - taken : 0;
 }
 
-/// What came since the last frame counts as used in it.
-std::uint32_t Stream::lastUse(std::uint64_t number, const Held& held) const {
-  return std::max(blocks_->lastUse(number), held.arrived);
+/// Returns the frame that used a block last; a block that arrived since the last frame counts as used by it.
+std::uint32_t Stream::lastUse(std::uint64_t number, const KeptBlock& kept) const {
+  return std::max(blocks_->lastUse(number), kept.arrived);
 }
 
 std::uint64_t Stream::blocksInUse() {
-  if (held_.size() + blocks_under_way_ + options_.most_request_blocks < most_held_) return held_.size();
+  if (kept_.size() + blocks_under_way_ + options_.max_request_blocks < max_kept_) return kept_.size();
   if (!in_use_)
     in_use_ = static_cast<std::uint64_t>(std::count_if(
-        held_.begin(), held_.end(), [this](const auto& one) { return lastUse(one.first, one.second) >= frame_; }));
+        kept_.begin(), kept_.end(), [this](const auto& one) { return lastUse(one.first, one.second) >= frame_; }));
   return *in_use_;
 }
 
-/// Frames ask for blocks that are not here, too: only those after its arrival count.
-bool Stream::wasDrawn(std::uint64_t number, const Held& held) const {
-  return blocks_->lastUse(number) > held.arrived;
+/// Whether a frame has used the block since it arrived; frames before that only found it missing.
+bool Stream::wasUsed(std::uint64_t number, const KeptBlock& kept) const {
+  return blocks_->lastUse(number) > kept.arrived;
 }
 
-/// False when all that is kept was looked into in the last frame. Who looks into a block has looked into those above
-/// it: so children go before their parents where both were used last in the same frame, and numbers grow downwards.
-bool Stream::makeRoom() {
-  std::vector<std::pair<std::uint32_t, std::uint64_t>> unused;  // frame, and the number from the end
-  for (const auto& [number, held] : held_)
-    if (number > 1 && lastUse(number, held) < frame_) unused.emplace_back(lastUse(number, held), ~number);
+/// Evicts blocks, those that were used longest ago first; false when the last frame used all of them. A traversal that
+/// uses a block has used its parents' blocks, too, so of blocks that were last used in the same frame children go
+/// first; their numbers are larger.
+bool Stream::evictUnused() {
+  std::vector<std::pair<std::uint32_t, std::uint64_t>> unused;  // frame of the last use, complement of the number
+  for (const auto& [number, kept] : kept_)
+    if (number > 1 && lastUse(number, kept) < frame_) unused.emplace_back(lastUse(number, kept), ~number);
   if (unused.empty()) return false;
   const std::size_t going =
-      std::min<std::size_t>(unused.size(), static_cast<std::size_t>(most_held_ / kEvictedPart + 1));
+      std::min<std::size_t>(unused.size(), static_cast<std::size_t>(max_kept_ / kEvictedPart + 1));
   std::nth_element(unused.begin(), unused.begin() + static_cast<std::ptrdiff_t>(going - 1), unused.end());
-  for (std::size_t i = 0; i < going; ++i) drop(~unused[i].second);
+  for (std::size_t i = 0; i < going; ++i) dropBlock(~unused[i].second);
   counted_.evicted += going;
   return true;
 }
 
-void Stream::drop(std::uint64_t number) {
-  const auto held = held_.find(number);
-  if (!wasDrawn(number, held->second)) wasted_ += placeOf(number).bytes;
+void Stream::dropBlock(std::uint64_t number) {
+  const auto kept = kept_.find(number);
+  if (!wasUsed(number, kept->second)) wasted_ += placeOf(number).bytes;
   blocks_->drop(number);
-  held_.erase(held);
-  availability_.set(number, BlockState::kAbsent);
+  kept_.erase(kept);
+  availability_.setState(number, BlockState::kAbsent);
   front_to_back_ = std::min(front_to_back_, number);
 }
 
@@ -412,15 +413,15 @@ StreamStats Stream::stats() const {
   stats.wanted = availability_.count(BlockState::kWanted);
   for (const auto& [number, times] : damages_) stats.given_up += times >= kMaxDamages ? 1 : 0;
   stats.memory_bytes =
-      held_.size() * kBlockBytes + (blocks_ ? availability_.blocks() * (kTableBytes + (coder_ ? kPlaceBytes : 0)) : 0);
+      kept_.size() * kBlockBytes + (blocks_ ? availability_.blocks() * (kTableBytes + (coder_ ? kPlaceBytes : 0)) : 0);
   stats.bytes_per_second = link_.bytesPerSecond();
   return stats;
 }
 
 std::uint64_t Stream::bytesWasted() const {
   std::uint64_t bytes = wasted_;
-  for (const auto& [number, held] : held_)
-    if (!wasDrawn(number, held)) bytes += placeOf(number).bytes;
+  for (const auto& [number, kept] : kept_)
+    if (!wasUsed(number, kept)) bytes += placeOf(number).bytes;
   return bytes;
 }
 

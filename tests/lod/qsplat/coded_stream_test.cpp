@@ -75,7 +75,7 @@ TEST(CodedStreamTest, atRestTheWholeFileComes) {
     if (host.underWay() > 0) host.answerOne(now);
   }
   EXPECT_EQ(stream.stats().present, header().blocks());
-  EXPECT_TRUE(stream.requests(now + 1.0).empty());
+  EXPECT_TRUE(stream.nextRequests(now + 1.0).empty());
 }
 
 // By their number alone: coded they would fit.

@@ -44,7 +44,7 @@ TEST(QsplatCoded, EveryBlockComesBackAsItWas) {
     EXPECT_EQ(header->storedBytes(), coded.size());
     EXPECT_EQ(header->file_bytes, plain.size());
     EXPECT_EQ(checkTree(coded), std::vector<std::string>());
-    const auto blocks = blocksOfFile(coded, *header);
+    const auto blocks = openBlocks(coded, *header);
     ASSERT_TRUE(blocks) << blocks.error().message;
     for (std::uint64_t b = 1; b < header->blocks(); ++b) {
       const std::uint8_t* block = (*blocks)->find(b);
@@ -101,7 +101,7 @@ TEST(QsplatCoded, MemoryIsGivenBackAndWhatWasDroppedComesAgain) {
   const base::Bytes coded = support::codedSplats(plain);
   const Header header = *readHeader(coded);
   CodedBlocks blocks(coded, header, *BlockCoder::fromHeader(coded, header));
-  blocks.keepUse();
+  blocks.trackUse();
   blocks.beginFrame(1);
   for (std::uint64_t b = 1; b < header.blocks(); ++b) ASSERT_NE(blocks.find(b), nullptr);
   blocks.beginFrame(2);
@@ -174,7 +174,7 @@ TEST(QsplatCoded, TablesThatAreNoneAreRefused) {
   bad = support::sealedHeader(bad);
   ASSERT_TRUE(readHeader(bad));
   EXPECT_FALSE(BlockCoder::fromHeader(bad, *readHeader(bad)));
-  EXPECT_FALSE(blocksOfFile(bad, *readHeader(bad)));
+  EXPECT_FALSE(openBlocks(bad, *readHeader(bad)));
 }
 
 TEST(QsplatCoded, BlocksOfAnyBytesAreDecodedWithoutHarm) {

@@ -34,7 +34,7 @@ class StreamOfEitherForm : public testing::TestWithParam<bool> {
   }
   /// Of the file as it lies on a disk; the plain form's are the same.
   static std::vector<Splat> localSplats(const TraverseRequest& request) {
-    const auto blocks = blocksOfFile(file(), *readHeader(file()));
+    const auto blocks = openBlocks(file(), *readHeader(file()));
     MappedBlocks plain(plainFile(), *readHeader(plainFile()));
     const std::vector<Splat> splats = traverse(**blocks, request).splats;
     EXPECT_EQ(splats, traverse(plain, request).splats);
@@ -67,8 +67,8 @@ TEST_P(StreamOfEitherForm, theFullyStreamedCutEqualsTheLocalOne) {
 TEST_P(StreamOfEitherForm, answersInAnyOrderFailuresAndNewViewsAreNeverAskedForTwiceAtATime) {
   for (unsigned seed = 1; seed <= 20; ++seed) {
     StreamOptions options;
-    options.most_requests = 1 + seed % 7;
-    options.most_request_blocks = 1 + seed * 3 % 17;
+    options.max_requests = 1 + seed % 7;
+    options.max_request_blocks = 1 + seed * 3 % 17;
     options.idle_bytes = seed % 2 == 0 ? 1'000'000 : 0;
     options.memory_bytes = seed % 3 == 0 ? kMinStreamMemory : 10'000'000;
     Stream stream(file().size(), options);
@@ -91,7 +91,7 @@ TEST_P(StreamOfEitherForm, answersInAnyOrderFailuresAndNewViewsAreNeverAskedForT
       host.ask(now);
       ASSERT_FALSE(HasFatalFailure());
       if (host.underWay() > 0 && random() % 3 != 0) host.answerOne(now, random() % 2 == 0);
-      ASSERT_LE(host.underWay(), options.most_requests);
+      ASSERT_LE(host.underWay(), options.max_requests);
       ASSERT_LE(stream.stats().present * kBlockBytes, options.memory_bytes + kBlockBytes);
       ASSERT_EQ(stream.problem(), "");
     }
@@ -116,7 +116,7 @@ TEST_P(StreamOfEitherForm, aFailureAtEveryRequestInTurnChangesNothingInTheEnd) {
   std::size_t requests = 1;
   for (std::size_t victim = 0; victim <= requests; ++victim) {  // the first run, without one, counts them
     StreamOptions options = withoutIdling();
-    options.most_request_blocks = 3;
+    options.max_request_blocks = 3;
     Stream stream(file().size(), options);
     Host host(stream, file());
     std::size_t answers = 0;

@@ -120,11 +120,11 @@ TEST_F(QsplatFormat, GroupsNeverSpanTwoBlocks) {
 TEST_F(QsplatFormat, BlocksKnowTheirPlace) {
   base::Bytes block(kBlockBytes, 7);
   sealBlock(block.data(), 5);
-  EXPECT_TRUE(isBlock(block, 5));
-  EXPECT_FALSE(isBlock(block, 6));
+  EXPECT_TRUE(isIntactBlock(block, 5));
+  EXPECT_FALSE(isIntactBlock(block, 6));
   block[100] ^= 4;
-  EXPECT_FALSE(isBlock(block, 5));
-  EXPECT_FALSE(isBlock(base::ByteView(block).first(1000), 5));
+  EXPECT_FALSE(isIntactBlock(block, 5));
+  EXPECT_FALSE(isIntactBlock(base::ByteView(block).first(1000), 5));
 }
 
 TEST_F(QsplatFormat, WholeTreesAreFoundWhole) {

@@ -24,18 +24,19 @@ std::uint64_t keepBusy(LinkEstimate& estimate, const Link& link, double& now, do
   std::uint64_t most = 0;
   for (; now < end; now += 0.002) {
     while (!requests.empty() && requests.front().due <= now) {
-      estimate.came(requests.front().bytes, requests.front().bytes, requests.front().sent, now);
+      estimate.recordAnswer(requests.front().bytes, requests.front().bytes, requests.front().sent, now);
       requests.pop_front();
     }
-    while (requests.size() < 6 && estimate.room() >= 1024) {
-      const std::uint64_t bytes = estimate.room() / 1024 * 1024;
-      estimate.sent(bytes, now);
+    while (requests.size() < 6 && estimate.roomForRequest() >= 1024) {
+      const std::uint64_t bytes = estimate.roomForRequest() / 1024 * 1024;
+      estimate.recordRequest(bytes, now);
       free_at = std::max(free_at, now + 0.5 * link.delay) + static_cast<double>(bytes) / link.bytes_per_second;
       requests.push_back({bytes, now, free_at + 0.5 * link.delay});
     }
     if (now > 0.5 * (begin + end)) most = std::max(most, estimate.bytesUnderWay());
   }
-  for (const Request& request : requests) estimate.came(request.bytes, request.bytes, request.sent, now = request.due);
+  for (const Request& request : requests)
+    estimate.recordAnswer(request.bytes, request.bytes, request.sent, now = request.due);
   return most;
 }
 
@@ -64,8 +65,8 @@ TEST(LinkEstimateTest, followsALinkThatChangesAndForgetsSilence) {
 
 TEST(LinkEstimateTest, aNewLinkIsGivenAFewBlocks) {
   const LinkEstimate estimate;
-  EXPECT_EQ(estimate.mostUnderWay(), 8192U);
-  EXPECT_EQ(estimate.room(), 2048U);
+  EXPECT_EQ(estimate.maxBytesUnderWay(), 8192U);
+  EXPECT_EQ(estimate.roomForRequest(), 2048U);
   EXPECT_EQ(estimate.bytesPerSecond(), 0.0);
 }
 

@@ -52,7 +52,7 @@ TEST(SphereCodes, ThereAreAsManyAsThePaperSays) {
 TEST(SphereCodes, AreAllDifferentAndTheLastIsTheParent) {
   std::set<std::tuple<float, float, float, float>> seen;
   for (std::uint32_t code = 0; code < kSphereCodes; ++code) {
-    const SphereStep& step = sphereTable()[code];
+    const RelativeSphere& step = sphereTable()[code];
     seen.emplace(step.offset.x, step.offset.y, step.offset.z, step.ratio);
     if (code > 0) {
       EXPECT_LE(sphereTable()[code - 1].ratio, step.ratio);

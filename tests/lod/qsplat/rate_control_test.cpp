@@ -1,61 +1,104 @@
+// Rate control, judged by what a viewer would see: frame times of a simulated renderer that refines a scene splat by
+// splat. The control knows nothing of how that scene's splats and covered samples depend on the cut-off.
 #include "lod/qsplat/rate_control.h"
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <random>
+#include <vector>
 
 namespace lod::qsplat {
 namespace {
 
-/// A renderer as they are: something for each frame, something for each splat, something for each sample that they
-/// cover, and no more splats than there are leaves; measured with noise.
-struct ModelledRenderer {
-  double frame_seconds = 0.004;
-  double splat_seconds = 1e-7;
-  double splats_at_one_px = 8e6;  // the load: how much of the model is in view
-  double leaves = 4e6;
-  double cover_seconds = 0.0;  // all samples of the picture, as many times over as splats lie there at any cut-off
-  double noise = 0.05;
-  std::mt19937 random{1};
-
-  std::uint64_t splats(float cutoff_px) const {
-    return static_cast<std::uint64_t>(
-        std::min(leaves, splats_at_one_px / std::pow(static_cast<double>(cutoff_px), 2.0)));
-  }
-  double seconds(const RateControl& control) {
-    const double covering = cover_seconds / std::pow(static_cast<double>(control.reduction()), 2.0);
-    std::uniform_real_distribution<double> factor(1.0 - noise, 1.0 + noise);
-    return (frame_seconds + splat_seconds * static_cast<double>(splats(control.cutoffPx())) + covering) *
-           factor(random);
-  }
+/// A subtree of the scene as it appears in the picture.
+struct Subtree {
+  double root_px;  ///< projected diameter of its top node
+  double leaf_px;  ///< projected diameter of its leaves
 };
 
-// A frame as a viewer draws it: traversal again where there are too many splats, but not for ever.
-double drawnIn(RateControl& control, ModelledRenderer& renderer) {
-  for (int i = 0; i < 3 && !control.affords(renderer.splats(control.cutoffPx())); ++i) continue;
+/// Draws a scene by refining each subtree to the cut-off, as a traversal does: a node that is too large is replaced by
+/// four of half its diameter. A frame's time is a constant, plus a time for each splat, plus one for each sample that a
+/// splat covers; it is measured with noise.
+class SimulatedRenderer {
+ public:
+  explicit SimulatedRenderer(double leaf_px = 0.0) {
+    std::uniform_real_distribution<double> octave(6.0, 7.0);
+    std::uniform_real_distribution<double> spread(0.7, 1.4);
+    for (int i = 0; i < kSubtrees; ++i) subtrees_.push_back({std::exp2(octave(random_)), leaf_px * spread(random_)});
+  }
+
+  double splat_seconds = 1e-7;
+  double sample_seconds = 0.0;
+  double noise = 0.05;
+  std::size_t in_view = 400;  ///< subtrees; at most kSubtrees
+  double zoom = 1.0;          ///< factor on all projected sizes
+
+  static constexpr int kSubtrees = 40'000;
+
+  std::uint64_t splats(float cutoff_px) const { return refined(cutoff_px, 1.0F).splats; }
+  /// Samples that splats cover at full resolution, where they are much larger than a sample.
+  double coveredSamples() const { return refined(50.0F, 1.0F).samples; }
+  /// The time of the next frame.
+  double seconds(const RateControl& control) {
+    const Refined drawn = refined(control.cutoffPx(), control.reduction());
+    std::uniform_real_distribution<double> factor(1.0 - noise, 1.0 + noise);
+    return (kFrameSeconds + splat_seconds * static_cast<double>(drawn.splats) + sample_seconds * drawn.samples) *
+           factor(random_);
+  }
+
+ private:
+  static constexpr double kFrameSeconds = 0.004;
+  struct Refined {
+    std::uint64_t splats = 0;
+    double samples = 0.0;
+  };
+  Refined refined(float cutoff_px, float reduction) const {
+    Refined all;
+    for (std::size_t i = 0; i < in_view; ++i) {
+      double size_px = zoom * subtrees_[i].root_px;
+      std::uint64_t nodes = 1;
+      while (size_px > static_cast<double>(cutoff_px) && size_px > zoom * subtrees_[i].leaf_px && size_px > 0.1) {
+        size_px *= 0.5;
+        nodes *= 4;
+      }
+      const double side = size_px / static_cast<double>(reduction);
+      all.splats += nodes;
+      all.samples += static_cast<double>(nodes) * std::max(1.0, 0.785 * side * side);
+    }
+    return all;
+  }
+
+  std::vector<Subtree> subtrees_;
+  std::mt19937 random_{1};
+};
+
+/// Draws a frame as a viewer does, with at most three more traversals; returns its time.
+double drawFrame(RateControl& control, SimulatedRenderer& renderer) {
+  for (int i = 0; i < 3 && control.coarsenIfLate(renderer.splats(control.cutoffPx())); ++i) continue;
   const double seconds = renderer.seconds(control);
-  control.measured(seconds, renderer.splats(control.cutoffPx()));
+  control.recordFrame(seconds, renderer.splats(control.cutoffPx()));
   return seconds;
 }
 
-// Mean rate over so many frames of motion.
-double rateOver(RateControl& control, ModelledRenderer& renderer, int frames) {
+/// The mean rate over so many frames of motion.
+double rateOver(RateControl& control, SimulatedRenderer& renderer, int frames) {
   double seconds = 0.0;
-  control.move();
-  for (int i = 0; i < frames; ++i) seconds += drawnIn(control, renderer);
+  control.beginMotion();
+  for (int i = 0; i < frames; ++i) seconds += drawFrame(control, renderer);
   return frames / seconds;
 }
 
-TEST(RateControlTest, aPathWithStepsInLoadIsDrawnWithinATenthOfTheAskedRate) {
+TEST(RateControlTest, pathWithStepsInLoadIsDrawnWithinATenthOfTheAskedRate) {
   for (const double asked : {5.0, 10.0, 30.0, 60.0}) {
     RateControl control({1.0 / asked, 1.0F, 100.0F});
-    ModelledRenderer renderer;
+    SimulatedRenderer renderer;
     rateOver(control, renderer, 10);
     double seconds = 0.0;
     int frames = 0;
-    for (const double load : {8e6, 24e6, 6e6, 20e6, 40e6, 10e6}) {
-      renderer.splats_at_one_px = load;
+    for (const std::size_t in_view : {800U, 2400U, 600U, 2000U, 4000U, 1000U}) {
+      renderer.in_view = in_view;
       seconds += 30 / rateOver(control, renderer, 30);
       frames += 30;
     }
@@ -63,89 +106,100 @@ TEST(RateControlTest, aPathWithStepsInLoadIsDrawnWithinATenthOfTheAskedRate) {
   }
 }
 
-TEST(RateControlTest, fiveFramesAfterAStepTheRateIsWithinATenth) {
-  for (const double factor : {0.25, 0.5, 2.0, 4.0}) {
+TEST(RateControlTest, fiveFramesAfterAStepInLoadTheRateIsWithinATenth) {
+  for (const std::size_t in_view : {200U, 400U, 1600U, 3200U}) {
     RateControl control({0.1, 1.0F, 100.0F});
-    ModelledRenderer renderer;
+    SimulatedRenderer renderer;
+    renderer.in_view = 800;
     rateOver(control, renderer, 20);
-    renderer.splats_at_one_px *= factor;
+    renderer.in_view = in_view;
     rateOver(control, renderer, 5);
-    EXPECT_NEAR(rateOver(control, renderer, 20), 10.0, 1.0) << "after a load of " << factor;
+    EXPECT_NEAR(rateOver(control, renderer, 20), 10.0, 1.0) << in_view << " subtrees in place of 800";
   }
 }
 
-TEST(RateControlTest, whereMoreSplatsComeIntoViewNoFrameIsFarTooLate) {
-  for (const double factor : {2.0, 10.0, 100.0}) {
+TEST(RateControlTest, fiveFramesAfterAZoomTheRateIsWithinATenth) {
+  for (const double zoom : {0.5, 0.7, 1.5, 3.0}) {
     RateControl control({0.1, 1.0F, 100.0F});
-    ModelledRenderer renderer;
+    SimulatedRenderer renderer;
+    renderer.in_view = 800;
     rateOver(control, renderer, 20);
-    renderer.splats_at_one_px *= factor;
-    renderer.leaves = 1e9;
-    for (int i = 0; i < 5; ++i) EXPECT_LT(drawnIn(control, renderer), 0.15) << "a load of " << factor;
+    renderer.zoom = zoom;
+    rateOver(control, renderer, 5);
+    EXPECT_NEAR(rateOver(control, renderer, 20), 10.0, 1.0) << "zoomed by " << zoom;
+  }
+}
+
+TEST(RateControlTest, noFrameIsFarTooLateWhenMoreComesIntoView) {
+  for (const std::size_t factor : {2U, 10U, 100U}) {
+    RateControl control({0.1, 1.0F, 100.0F});
+    SimulatedRenderer renderer;
+    rateOver(control, renderer, 20);
+    renderer.in_view *= factor;
+    for (int i = 0; i < 5; ++i) EXPECT_LT(drawFrame(control, renderer), 0.15) << "a load of " << factor;
     EXPECT_GT(rateOver(control, renderer, 5), 8.0) << "nor far too coarse";
   }
 }
 
-// Seen from within, all splats are leaves at first, which a coarser cut-off leaves as they are until it has passed
-// them.
-TEST(RateControlTest, leavesThatAllAreLargerThanTheCutOffMakeFewFramesLate) {
+// Seen from within a model all splats are leaves at first; a coarser cut-off changes nothing until it has passed their
+// size.
+TEST(RateControlTest, leavesLargerThanTheCutOffMakeFewFramesLate) {
   RateControl control({0.1, 1.0F, 100.0F});
-  ModelledRenderer renderer;
-  renderer.leaves = 2e5;
+  SimulatedRenderer renderer(6.0);
+  renderer.in_view = 300;
   rateOver(control, renderer, 30);
   ASSERT_EQ(control.cutoffPx(), 1.0F);
-  renderer.leaves = 4e6;
-  renderer.splats_at_one_px = 4e6 * 36.0;  // fewer from 6 pixels on
+  renderer.in_view = 20'000;
   int late = 0;
-  for (int i = 0; i < 20; ++i) late += drawnIn(control, renderer) > 0.15 ? 1 : 0;
+  for (int i = 0; i < 20; ++i) late += drawFrame(control, renderer) > 0.15 ? 1 : 0;
   EXPECT_LE(late, 2);
   EXPECT_NEAR(rateOver(control, renderer, 20), 10.0, 1.0);
 }
 
 TEST(RateControlTest, atRestAnyNumberOfSplatsIsDrawn) {
   RateControl control({0.1, 1.0F, 100.0F});
-  ModelledRenderer renderer;
+  SimulatedRenderer renderer;
   rateOver(control, renderer, 20);
   const float moving = control.cutoffPx();
-  EXPECT_FALSE(control.affords(100'000'000));
+  EXPECT_TRUE(control.coarsenIfLate(100'000'000));
   EXPECT_GT(control.cutoffPx(), moving);
-  while (control.refine()) {
+  while (control.refineAtRest()) {
     const float before = control.cutoffPx();
-    EXPECT_TRUE(control.affords(100'000'000));
+    EXPECT_FALSE(control.coarsenIfLate(100'000'000));
     EXPECT_EQ(control.cutoffPx(), before);
   }
-  control.move();
-  for (int i = 0; !control.affords(100'000'000); ++i) ASSERT_LT(i, 10) << "it ends at the coarsest";
+  control.beginMotion();
+  for (int i = 0; control.coarsenIfLate(100'000'000); ++i) ASSERT_LT(i, 10) << "it must end at the coarsest";
 }
 
-TEST(RateControlTest, aLoadThatGrowsFasterThanTheAreaDoesNotSwing) {
+// A front that unfolds behind a crease: time goes with the inverse area to the power 1.4.
+TEST(RateControlTest, loadThatGrowsFasterThanTheAreaDoesNotSwing) {
   RateControl control({0.1, 1.0F, 100.0F});
-  control.move();
+  control.beginMotion();
   for (int i = 0; i < 60; ++i) {
-    // Time with the inverse area to the power 1.4.
     const double seconds = 0.3 * std::pow(10.0 / static_cast<double>(control.cutoffPx()), 2.8);
     if (i >= 20) {
       EXPECT_NEAR(seconds, 0.1, 0.01) << i;
     }
-    control.measured(seconds, 1000);
+    control.recordFrame(seconds, 1000);
   }
 }
 
-// From within a model splats cover the picture many times, however coarse they are.
-TEST(RateControlTest, whereSamplesTakeAllTheTimeAndMoreTheRateIsReachedWithFewerOfThem) {
+// From within a model, splats cover the picture many times however coarse they are, and all time goes into samples.
+TEST(RateControlTest, whereSamplesTakeMostTimeTheRateIsReachedWithFewerOfThem) {
   for (const double asked : {5.0, 10.0, 30.0}) {
     RateControl control({1.0 / asked, 1.0F, 100.0F});
-    ModelledRenderer renderer;
+    SimulatedRenderer renderer;
+    const double covered = renderer.coveredSamples();
     double seconds = 0.0;
     int frames = 0;
-    for (const double cover : {0.5, 3.0, 10.0, 1.2, 0.0, 6.0}) {
-      renderer.cover_seconds = cover / asked;
+    for (const double frames_of_time : {0.5, 3.0, 10.0, 1.2, 0.0, 6.0}) {
+      renderer.sample_seconds = frames_of_time / asked / covered;
       rateOver(control, renderer, 10);
       const double rate = rateOver(control, renderer, 30);
-      EXPECT_NEAR(rate, asked, 0.1 * asked) << cover << " frames' time for all samples once";
-      EXPECT_LT(control.cutoffPx(), 50.0F);
-      if (cover >= 1.0) {
-        EXPECT_GT(control.reduction(), 0.9F * static_cast<float>(std::sqrt(cover)));
+      EXPECT_NEAR(rate, asked, 0.1 * asked) << "samples take " << frames_of_time << " frames' time";
+      if (frames_of_time >= 3.0) {
+        EXPECT_GT(control.reduction(), 1.2F);
       }
       seconds += 30.0 / rate;
       frames += 30;
@@ -154,96 +208,97 @@ TEST(RateControlTest, whereSamplesTakeAllTheTimeAndMoreTheRateIsReachedWithFewer
   }
 }
 
-TEST(RateControlTest, aLoadThatStaysIsDrawnWithSamplesThatStay) {
-  for (double cover = 0.02; cover < 3.0; cover *= 1.1) {
+TEST(RateControlTest, steadyLoadIsDrawnWithASteadyReduction) {
+  for (double sample_seconds = 1e-8; sample_seconds < 3e-7; sample_seconds *= 1.3) {
     RateControl control({0.1, 1.0F, 100.0F});
-    ModelledRenderer renderer;
+    SimulatedRenderer renderer;
     renderer.noise = 0.0;
-    renderer.cover_seconds = cover;
+    renderer.sample_seconds = sample_seconds;
     rateOver(control, renderer, 60);
     const float before = control.reduction();
     rateOver(control, renderer, 1);
-    EXPECT_NEAR(control.reduction(), before, 1e-3F * before) << cover << " s for all samples once";
+    EXPECT_NEAR(control.reduction(), before, 0.05F * before) << sample_seconds << " s a sample";
     // And nearly so where times are not to be trusted.
     renderer.noise = 0.15;
-    float least = before, most = before;
+    float least = before, largest = before;
     for (int i = 0; i < 60; ++i) {
       rateOver(control, renderer, 1);
       least = std::min(least, control.reduction());
-      most = std::max(most, control.reduction());
+      largest = std::max(largest, control.reduction());
     }
-    EXPECT_LT(most, 1.5F * least) << cover << " s for all samples once";
+    EXPECT_LT(largest, 1.5F * least) << sample_seconds << " s a sample";
   }
 }
 
-TEST(RateControlTest, samplesAreLessThanPixelsOnlyWhereSplatsAreCoarseAndNeverAtTheFinest) {
+TEST(RateControlTest, reductionNeedsCoarseSplatsAndEndsAtTheFinest) {
   for (const float finest : {0.5F, 1.0F, 30.0F}) {
     RateControl control({0.1, finest, 100.0F});
-    ModelledRenderer renderer;
-    renderer.cover_seconds = 0.8;
+    SimulatedRenderer renderer;
+    renderer.sample_seconds = 3e-7;
     rateOver(control, renderer, 40);
     if (finest < 10.0F) {
       EXPECT_GT(control.reduction(), 1.5F);
     }
     float before = control.reduction();
     EXPECT_LE(before, 8.0F);
-    while (control.refine()) {
+    while (control.refineAtRest()) {
       EXPECT_LE(control.reduction(), before);
       before = control.reduction();
     }
     EXPECT_EQ(control.reduction(), 1.0F);
   }
-  // Time for splats, none for samples.
+  // All time goes into splats, none into samples: no reduction.
   RateControl control({0.1, 1.0F, 100.0F});
-  ModelledRenderer renderer;
+  SimulatedRenderer renderer;
   rateOver(control, renderer, 20);
-  ASSERT_LT(control.cutoffPx(), 4.0F);
+  ASSERT_LT(control.cutoffPx(), 6.0F);
   EXPECT_EQ(control.reduction(), 1.0F);
-  control.measured(1e9, 1000);
-  for (int i = 0; i < 20; ++i) control.measured(10.0, 1000);
+  control.recordFrame(1e9, 1000);
+  for (int i = 0; i < 20; ++i) control.recordFrame(10.0, 1000);
   EXPECT_EQ(control.reduction(), 8.0F) << "at the coarsest";
 }
 
-TEST(RateControlTest, whatIsFastEnoughIsDrawnAtItsFinest) {
+TEST(RateControlTest, fastSceneIsDrawnAtItsFinest) {
   RateControl control({0.1, 1.0F, 100.0F});
-  ModelledRenderer renderer;
-  renderer.leaves = 1e5;
+  SimulatedRenderer renderer(8.0);
+  renderer.in_view = 400;
   rateOver(control, renderer, 30);
   EXPECT_EQ(control.cutoffPx(), 1.0F);
   // And comes back at once when it is not any more.
-  renderer.leaves = 4e6;
+  renderer.in_view = 30'000;
   rateOver(control, renderer, 6);
   EXPECT_NEAR(rateOver(control, renderer, 20), 10.0, 1.0);
 }
 
-TEST(RateControlTest, whatIsNeverFastEnoughStaysAtTheCoarsest) {
+TEST(RateControlTest, sceneThatIsNeverFastEnoughStaysAtTheCoarsest) {
   RateControl control({0.001, 1.0F, 40.0F});
-  ModelledRenderer renderer;
+  SimulatedRenderer renderer;
   rateOver(control, renderer, 40);
   EXPECT_EQ(control.cutoffPx(), 40.0F);
 }
 
-TEST(RateControlTest, restRefinesWithoutABackwardStepDownToTheFinestAndMotionTakesUpItsOwn) {
+TEST(RateControlTest, restRefinesDownToTheFinestAndMotionReturnsToItsCutOff) {
   RateControl control({0.1, 1.0F, 100.0F});
-  ModelledRenderer renderer;
+  SimulatedRenderer renderer;
+  renderer.in_view = 2000;
   rateOver(control, renderer, 20);
   const float moving = control.cutoffPx();
   ASSERT_GT(moving, 2.0F);
   float before = moving;
   int steps = 0;
-  while (control.refine()) {
+  while (control.refineAtRest()) {
     EXPECT_LT(control.cutoffPx(), before);
     before = control.cutoffPx();
     ASSERT_LT(++steps, 20);
   }
   EXPECT_EQ(control.cutoffPx(), 1.0F);
-  EXPECT_FALSE(control.refine());
-  control.move();
+  EXPECT_FALSE(control.refineAtRest());
+  control.beginMotion();
   EXPECT_EQ(control.cutoffPx(), moving);
 }
 
-TEST(RateControlTest, anotherGoalIsMetFromThereOn) {
-  ModelledRenderer renderer;
+TEST(RateControlTest, newGoalIsReached) {
+  SimulatedRenderer renderer;
   RateControl control({0.2, 1.0F, 100.0F});
   rateOver(control, renderer, 30);
   control.setGoal({0.05, 1.0F, 100.0F});
@@ -251,22 +306,22 @@ TEST(RateControlTest, anotherGoalIsMetFromThereOn) {
   EXPECT_NEAR(rateOver(control, renderer, 30), 20.0, 2.0);
   control.setGoal({0.05, 30.0F, 100.0F});
   EXPECT_EQ(control.cutoffPx(), 30.0F) << "no finer than it may be";
-  EXPECT_TRUE(!control.refine() && control.cutoffPx() == 30.0F);
+  EXPECT_TRUE(!control.refineAtRest() && control.cutoffPx() == 30.0F);
 }
 
-TEST(RateControlTest, whatIsNoTimeChangesNothing) {
+TEST(RateControlTest, numbersThatAreNoTimeChangeNothing) {
   RateControl control({0.1, 1.0F, 100.0F});
   const float before = control.cutoffPx();
-  for (const double odd : {0.0, -1.0, std::nan(""), static_cast<double>(INFINITY)}) control.measured(odd, 1000);
+  for (const double odd : {0.0, -1.0, std::nan(""), static_cast<double>(INFINITY)}) control.recordFrame(odd, 1000);
   EXPECT_EQ(control.cutoffPx(), before);
 }
 
-TEST(RateControlTest, aFrameThatTheSystemHeldUpDoesNotThrowThePictureAway) {
+TEST(RateControlTest, frameThatTheSystemHeldUpCoarsensThePictureLittle) {
   RateControl control({0.1, 1.0F, 100.0F});
-  ModelledRenderer renderer;
+  SimulatedRenderer renderer;
   rateOver(control, renderer, 20);
   const float before = control.cutoffPx();
-  control.measured(60.0, renderer.splats(before));
+  control.recordFrame(60.0, renderer.splats(before));
   EXPECT_LT(control.cutoffPx(), 3.0F * before);
 }
 

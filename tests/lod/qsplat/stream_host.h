@@ -24,7 +24,7 @@ class Host {
 
   /// Takes new requests. No byte may be under way already.
   void ask(double now) {
-    for (const ByteRange& range : stream_.requests(now)) {
+    for (const ByteRange& range : stream_.nextRequests(now)) {
       ASSERT_GT(range.length, 0U);
       ASSERT_LE(range.offset + range.length, bytes_.size());
       for (const ByteRange& other : queue_)
@@ -41,9 +41,9 @@ class Host {
     base::Bytes answer(bytes_.begin() + static_cast<std::ptrdiff_t>(range.offset),
                        bytes_.begin() + static_cast<std::ptrdiff_t>(range.offset + range.length));
     std::optional<base::Bytes> spoiled = spoil ? spoil(range, answer) : std::optional(answer);
-    if (!spoiled) return stream_.failed(range.id, now);
+    if (!spoiled) return stream_.acceptFailure(range.id, now);
     sent += spoiled->size();
-    stream_.received(range.id, *spoiled, now);
+    stream_.acceptAnswer(range.id, *spoiled, now);
   }
   std::size_t underWay() const { return queue_.size(); }
 

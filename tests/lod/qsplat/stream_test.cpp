@@ -72,8 +72,8 @@ TEST(StreamTest, eachOrderBringsAllAndBySizeTheLargestFirst) {
   for (const auto& [order, name] : kStreamOrderNames) {
     StreamOptions options = withoutIdling();
     options.order = order;
-    options.most_requests = 1;
-    options.most_request_blocks = 1;
+    options.max_requests = 1;
+    options.max_request_blocks = 1;
     Stream stream(file().size(), options);
     Host host(stream, file());
     double now = 0.0;
@@ -101,8 +101,8 @@ TEST(StreamTest, sweepsGoFromTheTopDownEachFinerThanTheOneBefore) {
 
 TEST(StreamTest, whatIsSeenThroughTheLensComesFirst) {
   StreamOptions options = withoutIdling();
-  options.most_request_blocks = 1;
-  options.most_requests = 1;
+  options.max_request_blocks = 1;
+  options.max_requests = 1;
   Stream stream(file().size(), options);
   Host host(stream, file());
   const base::Camera camera = cameraFrom({0.0, 0.0, -1.0}, 2.5, 512);
@@ -181,7 +181,7 @@ TEST(StreamTest, atRestTheSurroundingsComeAndThenTheWholeFile) {
     if (host.underWay() > 0) host.answerOne(now);
   }
   EXPECT_EQ(stream.stats().present, header().blocks());
-  EXPECT_TRUE(stream.requests(now + 1.0).empty());
+  EXPECT_TRUE(stream.nextRequests(now + 1.0).empty());
 }
 
 TEST(StreamTest, aSmallTurnAtRestFindsItsBlocksHere) {
@@ -193,7 +193,7 @@ TEST(StreamTest, aSmallTurnAtRestFindsItsBlocksHere) {
   fetchAll(stream, host, requestFor(cameraFrom({0.0, 0.0, -1.0}, 1.15)), now);
   const auto lacking = [&](const base::Camera& camera) {
     MappedBlocks all(file(), header());
-    all.keepUse();
+    all.trackUse();
     traverse(all, requestFor(camera));
     Traversal found;
     stream.traverse(requestFor(camera), std::nullopt, found);
@@ -272,7 +272,7 @@ TEST(StreamTest, aHostThatIsAwayIsAskedLessAndLess) {
 // All that is under way is lost with one connection: that is one trouble, and the first pause is for it.
 TEST(StreamTest, requestsThatFailTogetherArePausedForOnce) {
   StreamOptions options = withoutIdling();
-  options.most_request_blocks = 3;
+  options.max_request_blocks = 3;
   Stream stream(file().size(), options);
   Host host(stream, file());
   const TraverseRequest request = requestFor(cameraFrom({0.4, 0.1, -1.0}));
@@ -290,8 +290,8 @@ TEST(StreamTest, requestsThatFailTogetherArePausedForOnce) {
   while (host.underWay() > 0) host.answerOne(now);
   EXPECT_EQ(stream.stats().failures, together);
   stream.traverse(request, std::nullopt, found);
-  EXPECT_TRUE(stream.requests(now + 0.2).empty());
-  EXPECT_FALSE(stream.requests(now + 0.3).empty());
+  EXPECT_TRUE(stream.nextRequests(now + 0.2).empty());
+  EXPECT_FALSE(stream.nextRequests(now + 0.3).empty());
 }
 
 TEST(StreamTest, filesThatCannotBeAreNamed) {
@@ -302,7 +302,7 @@ TEST(StreamTest, filesThatCannotBeAreNamed) {
       host.ask(now);
       if (host.underWay() > 0) host.answerOne(now);
     }
-    EXPECT_TRUE(stream.requests(100.0).empty());
+    EXPECT_TRUE(stream.nextRequests(100.0).empty());
     Traversal found;
     stream.traverse(requestFor(cameraFrom({0.0, 0.0, -1.0})), std::nullopt, found);
     EXPECT_TRUE(found.splats.empty());

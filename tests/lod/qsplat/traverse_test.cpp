@@ -226,7 +226,7 @@ TEST(TraverseTest, aFinerCutOffMeetsAllNodesThatACoarserOneMet) {
     std::set<std::uint64_t> used_before;
     for (const float cutoff : {200.0F, 50.0F, 20.0F, 8.0F, 3.0F, 1.0F, 0.0F}) {
       MappedBlocks blocks(ring().file, ring().header);
-      blocks.keepUse();
+      blocks.trackUse();
       const Traversal found = traverse(blocks, requestFor(camera, cutoff));
       EXPECT_GE(found.nodes, before);
       before = found.nodes;
@@ -388,7 +388,7 @@ TEST(TraverseTest, whateverIsMissingParentsAreDrawnAndTheWantedBlocksCompleteThe
 TEST(TraverseTest, droppedBlocksAreWantedAgain) {
   Arriving arriving(ball());
   for (std::uint64_t b = 1; b < ball().header.blocks(); ++b) arriving.put(b);
-  arriving.blocks.keepUse();
+  arriving.blocks.trackUse();
   arriving.blocks.beginFrame(7);
   const TraverseRequest request = requestFor(support::RandomViews(2, ball().header.root, 400).next(), 1.0F);
   const Traversal whole = traverse(arriving.blocks, request);
@@ -407,15 +407,15 @@ TEST(TraverseTest, theWantedCarryWhatOrdersAskAbout) {
   Arriving arriving(ball());
   arriving.put(1);
   TraverseRequest request = requestFor(support::RandomViews(4, ball().header.root, 500).next(), 1.0F);
-  std::vector<Want> wants;
-  request.priority = [&](const Want& want) {
+  std::vector<MissingChildren> wants;
+  request.priority = [&](const MissingChildren& want) {
     wants.push_back(want);
     return static_cast<float>(want.radius);
   };
   const Traversal found = traverse(arriving.blocks, request);
   ASSERT_FALSE(wants.empty());
   std::map<std::uint64_t, float> largest;
-  for (const Want& want : wants) {
+  for (const MissingChildren& want : wants) {
     EXPECT_GT(want.block, 1U);
     EXPECT_GT(want.level, 0U);
     EXPECT_GT(want.size_px, request.cutoff_px);
@@ -427,7 +427,7 @@ TEST(TraverseTest, theWantedCarryWhatOrdersAskAbout) {
 
 TEST(TraverseTest, sweepsGoFromTopToBottomAndEachIsFinerThanTheOneBefore) {
   const Priority priority = sweepPriority(600);
-  const auto at = [](float size_px, float y) { return Want{9, 3, 1.0F, size_px, {10.0F, y}}; };
+  const auto at = [](float size_px, float y) { return MissingChildren{9, 3, 1.0F, size_px, {10.0F, y}}; };
   EXPECT_GT(priority(at(100.0F, 10.0F)), priority(at(100.0F, 500.0F)));
   EXPECT_GT(priority(at(100.0F, 599.0F)), priority(at(60.0F, 0.0F)));
   // Within a sweep sizes don't count: 2^6.5 < size <= 2^7 (base √2: 13 and 14).

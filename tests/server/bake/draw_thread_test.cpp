@@ -40,7 +40,7 @@ class DrawThreadTest : public testing::Test {
     const std::vector<DrawJob> jobs = allJobs();
     DrawThread thread(
         scene_.scene(), scene_.file(), grid_, {}, kBudget,
-        [&](std::uint64_t sequence, const FaceKey& key, Rendered rendered) {
+        [&](std::uint64_t sequence, const FaceKey& key, RenderedPicture rendered) {
           const std::lock_guard lock(mutex_);
           EXPECT_EQ(key, jobs[sequence / 6].keys[sequence % 6]);
           EXPECT_TRUE(pictures.emplace(sequence, std::move(rendered.rgba)).second) << sequence << " came twice";
@@ -71,7 +71,7 @@ TEST_F(DrawThreadTest, aThreadWithoutAJobDeliversWhatIsOnItsWay) {
   std::condition_variable changed;
   DrawThread thread(
       scene_.scene(), scene_.file(), grid_, {}, kBudget,
-      [&](std::uint64_t, const FaceKey&, const Rendered&) {
+      [&](std::uint64_t, const FaceKey&, const RenderedPicture&) {
         const std::lock_guard lock(mutex_);
         ++taken;
         changed.notify_all();
@@ -94,7 +94,7 @@ TEST_F(DrawThreadTest, aFailureIsToldOnceAndNothingIsWaitedForAfterIt) {
   std::atomic<int> taken{0};
   DrawThread thread(
       scene_.scene(), scene_.file(), grid_, {}, kBudget,
-      [&](std::uint64_t, const FaceKey&, const Rendered&) { ++taken; },
+      [&](std::uint64_t, const FaceKey&, const RenderedPicture&) { ++taken; },
       [&](const base::Error& error) {
         EXPECT_NE(error.message.find("40000"), std::string::npos) << error.message;
         ++told;

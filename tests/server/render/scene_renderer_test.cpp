@@ -85,7 +85,7 @@ class SceneRendererTest : public testing::Test {
     }
     return std::move(*renderer);
   }
-  static Rendered draw(SceneRenderer& renderer, const base::Camera& camera, const RenderOptions& options) {
+  static RenderedPicture draw(SceneRenderer& renderer, const base::Camera& camera, const RenderOptions& options) {
     auto rendered = renderer.render(camera, options);
     if (!rendered) {
       ADD_FAILURE() << rendered.error().message;
@@ -126,7 +126,7 @@ TEST_F(SceneRendererTest, alphaIsExactlyTheShareOfSamplesInsideTheTriangle) {
   TwoLevelScene scene({kKnown}, {{kKnown}}, 0.1F);
   auto renderer = rendererOf(scene);
   for (const int n : {1, 2, 4}) {
-    const Rendered rendered = draw(*renderer, cameraAt(8, 8), {0.0F, n});
+    const RenderedPicture rendered = draw(*renderer, cameraAt(8, 8), {0.0F, n});
     int partly = 0;
     for (int y = 0; y < 8; ++y)
       for (int x = 0; x < 8; ++x) {
@@ -142,7 +142,7 @@ TEST_F(SceneRendererTest, alphaIsExactlyTheShareOfSamplesInsideTheTriangle) {
 TEST_F(SceneRendererTest, edgePixelsHaveTheModelsColourAndOthersAreTransparentBlack) {
   TwoLevelScene scene({kKnown}, {{kKnown}}, 0.1F);
   auto renderer = rendererOf(scene);
-  const Rendered rendered = draw(*renderer, cameraAt(8, 8), {0.0F, 4});
+  const RenderedPicture rendered = draw(*renderer, cameraAt(8, 8), {0.0F, 4});
   for (int y = 0; y < 8; ++y)
     for (int x = 0; x < 8; ++x) {
       const std::uint8_t* p = rendered.rgba.at(x, y);
@@ -154,9 +154,9 @@ TEST_F(SceneRendererTest, edgePixelsHaveTheModelsColourAndOthersAreTransparentBl
 TEST_F(SceneRendererTest, trianglesAreSeenFromBehindToo) {
   const Triangle turned{kKnown.a, kKnown.c, kKnown.b, kOrange};
   TwoLevelScene front({kKnown}, {{kKnown}}, 0.1F);
-  const Rendered expected = draw(*rendererOf(front), cameraAt(8, 8), {0.0F, 1});
+  const RenderedPicture expected = draw(*rendererOf(front), cameraAt(8, 8), {0.0F, 1});
   TwoLevelScene back({turned}, {{turned}}, 0.1F);
-  const Rendered rendered = draw(*rendererOf(back), cameraAt(8, 8), {0.0F, 1});
+  const RenderedPicture rendered = draw(*rendererOf(back), cameraAt(8, 8), {0.0F, 1});
   EXPECT_EQ(rendered.rgba.pixels, expected.rgba.pixels);
 }
 
@@ -167,7 +167,7 @@ TEST_F(SceneRendererTest, nearerSurfaceHidesTheFartherWhateverTheOrder) {
     const auto leaves = near_first ? std::vector<std::vector<Triangle>>{{near_one}, {far_one}}
                                    : std::vector<std::vector<Triangle>>{{far_one}, {near_one}};
     TwoLevelScene scene({near_one}, leaves, 0.1F);
-    const Rendered rendered = draw(*rendererOf(scene), cameraAt(8, 9), {0.0F, 1});
+    const RenderedPicture rendered = draw(*rendererOf(scene), cameraAt(8, 9), {0.0F, 1});
     EXPECT_EQ(rendered.rgba.at(4, 4)[0], 255);
     EXPECT_EQ(rendered.rgba.at(4, 4)[1], 0);
   }
@@ -177,9 +177,9 @@ TEST_F(SceneRendererTest, softLightDarkensWhatTurnsAwayAndUnlitDoesNot) {
   // Faces +z; the light comes from the side.
   TwoLevelScene scene({kKnown}, {{kKnown}}, 0.1F);
   scene.scene().light.direction = {1, 0, 0};
-  const Rendered unlit = draw(*rendererOf(scene), cameraAt(8, 8), {0.0F, 1});
+  const RenderedPicture unlit = draw(*rendererOf(scene), cameraAt(8, 8), {0.0F, 1});
   scene.scene().light.mode = base::LightMode::kSoft;
-  const Rendered soft = draw(*rendererOf(scene), cameraAt(8, 8), {0.0F, 1});
+  const RenderedPicture soft = draw(*rendererOf(scene), cameraAt(8, 8), {0.0F, 1});
   EXPECT_EQ(unlit.rgba.at(3, 4)[0], kOrange.r);
   EXPECT_NEAR(soft.rgba.at(3, 4)[0], kOrange.r * (0.15 + 0.85 * 0.25), 1.5);
   EXPECT_EQ(soft.rgba.at(3, 4)[3], 255);
@@ -216,7 +216,7 @@ TEST_F(SceneRendererTest, parallelViewUsesOneWorldError) {
   base::Camera camera = cameraAt(8, 16);
   camera.clip_from_eye = glm::ortho(-8.0F, 8.0F, -8.0F, 8.0F, 0.25F, 100.0F);  // one pixel a unit
   EXPECT_EQ(draw(*renderer, camera, {0.6F, 1}).triangles, 1U);
-  const Rendered fine = draw(*renderer, camera, {0.4F, 1});
+  const RenderedPicture fine = draw(*renderer, camera, {0.4F, 1});
   EXPECT_EQ(fine.triangles, 2U);
   EXPECT_EQ(fine.rgba.at(7, 8)[3], 255);
 }
@@ -228,10 +228,10 @@ TEST_F(SceneRendererTest, tiledPictureEqualsTheWholeOne) {
   TwoLevelScene scene({kKnown}, leaves, 0.5F);
   auto renderer = rendererOf(scene);
   for (const int n : {1, 2}) {
-    const Rendered whole = draw(*renderer, cameraAt(9, 96), {0.0F, n});
+    const RenderedPicture whole = draw(*renderer, cameraAt(9, 96), {0.0F, n});
     RenderOptions small{0.0F, n};
     small.max_target_samples = 40 * 40;  // tiles that do not divide the picture
-    const Rendered tiled = draw(*renderer, cameraAt(9, 96), small);
+    const RenderedPicture tiled = draw(*renderer, cameraAt(9, 96), small);
     EXPECT_EQ(tiled.triangles, whole.triangles);
 
     // An edge may fall to the other side of a sample by float rounding, in few pixels.
@@ -248,7 +248,7 @@ TEST_F(SceneRendererTest, tileWithNothingInItStaysTransparent) {
   auto renderer = rendererOf(scene);
   RenderOptions small{0.0F, 1};
   small.max_target_samples = 16 * 16;
-  const Rendered tiled = draw(*renderer, cameraAt(8, 32), small);
+  const RenderedPicture tiled = draw(*renderer, cameraAt(8, 32), small);
   EXPECT_EQ(tiled.rgba.pixels, draw(*renderer, cameraAt(8, 32), {0.0F, 1}).rgba.pixels);
   EXPECT_EQ(std::count(tiled.rgba.pixels.begin(), tiled.rgba.pixels.end(), kOrange.r) > 0, true);
 }
@@ -276,15 +276,15 @@ TEST_F(SceneRendererTest, renderManyEqualsRenderForEachFaceInOrder) {
   for (const int n : {1, 2}) {
     const std::vector<base::Camera> cameras = facesAt({0.3, -0.2, 0.1}, 48);
     std::vector<std::size_t> order;
-    std::vector<Rendered> many(6);
-    ASSERT_TRUE(renderer->renderMany(cameras, {0.0F, n}, [&](std::size_t i, Rendered rendered) {
+    std::vector<RenderedPicture> many(6);
+    ASSERT_TRUE(renderer->renderMany(cameras, {0.0F, n}, [&](std::size_t i, RenderedPicture rendered) {
       order.push_back(i);
       many[i] = std::move(rendered);
     }));
     ASSERT_TRUE(renderer->finish());
     EXPECT_EQ(order, (std::vector<std::size_t>{0, 1, 2, 3, 4, 5}));
     for (std::size_t i = 0; i < 6; ++i) {
-      const Rendered one = draw(*renderer, cameras[i], {0.0F, n});
+      const RenderedPicture one = draw(*renderer, cameras[i], {0.0F, n});
       EXPECT_EQ(many[i].rgba.pixels, one.rgba.pixels) << "face " << i;
       EXPECT_EQ(many[i].triangles, one.triangles);
       EXPECT_GT(one.triangles, 0U);
@@ -296,8 +296,8 @@ TEST_F(SceneRendererTest, faceThatSeesNothingIsTransparentAndKeepsItsPlace) {
   TwoLevelScene scene({kKnown}, {{kKnown}}, 0.1F);
   auto renderer = rendererOf(scene);
   std::vector<std::size_t> order;
-  std::vector<Rendered> many(6);
-  const auto take = [&](std::size_t i, Rendered rendered) {
+  std::vector<RenderedPicture> many(6);
+  const auto take = [&](std::size_t i, RenderedPicture rendered) {
     order.push_back(i);
     many[i] = std::move(rendered);
   };
@@ -318,8 +318,9 @@ TEST_F(SceneRendererTest, picturesOfSeveralCallsArriveOnceEachInOrder) {
   auto renderer = rendererOf(scene);
   std::vector<std::size_t> order;
   for (std::size_t call = 0; call < 4; ++call)
-    ASSERT_TRUE(renderer->renderMany(facesAt({0, 0, 0.1}, 16), {1.0F, 1},
-                                     [&order, call](std::size_t i, Rendered) { order.push_back(call * 6 + i); }));
+    ASSERT_TRUE(
+        renderer->renderMany(facesAt({0, 0, 0.1}, 16), {1.0F, 1},
+                             [&order, call](std::size_t i, RenderedPicture) { order.push_back(call * 6 + i); }));
   EXPECT_LT(order.size(), 24U) << "the last pictures are still on their way";
   EXPECT_GT(order.size(), 12U);
   ASSERT_TRUE(renderer->finish());
@@ -337,8 +338,9 @@ TEST_F(SceneRendererTest, cutForSeveralCamerasIsThatOfTheFinest) {
   const std::vector<base::Camera> cameras{cameraAt(8, 4), cameraAt(8, 256)};
   EXPECT_EQ(draw(*renderer, cameras[0], {2.0F, 1}).triangles, 1U);
   std::vector<std::uint64_t> triangles;
-  ASSERT_TRUE(renderer->renderMany(
-      cameras, {2.0F, 1}, [&](std::size_t, const Rendered& rendered) { triangles.push_back(rendered.triangles); }));
+  ASSERT_TRUE(renderer->renderMany(cameras, {2.0F, 1}, [&](std::size_t, const RenderedPicture& rendered) {
+    triangles.push_back(rendered.triangles);
+  }));
   ASSERT_TRUE(renderer->finish());
   EXPECT_EQ(triangles, (std::vector<std::uint64_t>{2, 2}));
 }
@@ -410,7 +412,7 @@ TEST_F(SceneRendererTest, afterAnErrorNothingOfTheCallIsDelivered) {
   TwoLevelScene scene({kKnown}, {{kKnown}}, 0.5F);
   auto renderer = rendererOf(scene);
   int delivered = 0;
-  const auto take = [&](std::size_t, const Rendered&) { ++delivered; };
+  const auto take = [&](std::size_t, const RenderedPicture&) { ++delivered; };
   ASSERT_TRUE(renderer->renderMany({cameraAt(8, 8)}, {100.0F, 1}, take));  // the root: on its way
   damageLeaf(scene);
   EXPECT_FALSE(renderer->renderMany({cameraAt(8, 8)}, {0.0F, 1}, take));
