@@ -69,7 +69,7 @@ struct BuildArguments {
   std::string tmpdir, regroup = "on";
   std::string refine_from;  // a scene; empty: none
   lod::patch::builder::HierarchyOptions hierarchy;
-  double splats_dice = lod::qsplat::builder::kDice;
+  double splats_dice = lod::qsplat::builder::kDefaultDice;
   BakeOptions bake;
 };
 

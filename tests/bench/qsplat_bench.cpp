@@ -95,7 +95,7 @@ int main(int argc, char** argv) {
   const auto runs = static_cast<int>(arguments.number("--runs", 5U, 1U, 100U));
   const std::string only = arguments.text("--only", "");
   const std::string memory = arguments.text("--memory", "");
-  const double dice = arguments.number("--dice", lod::qsplat::builder::kDice, 0.0, 1e6);
+  const double dice = arguments.number("--dice", lod::qsplat::builder::kDefaultDice, 0.0, 1e6);
   arguments.finish();
   if (arguments.input().empty() || (!only.empty() && only != "speed" && only != "size")) arguments.wrong();
   const bench::WorkDirectory directory;

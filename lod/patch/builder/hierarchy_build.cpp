@@ -10,8 +10,7 @@
 
 #include "base/file.h"
 #include "base/parallel.h"
-#include "base/stopwatch.h"
-#include "lod/ingest/work_directory.h"
+#include "lod/ingest/staged_build.h"
 #include "lod/patch/builder/leaves.h"
 #include "lod/patch/builder/levels.h"
 #include "lod/patch/codec.h"
@@ -109,34 +108,26 @@ class Numbering {
   std::vector<std::uint32_t> patch_order_;
 };
 
-Error cancelled() {
-  return {ErrorCode::kCancelled, "building the patch hierarchy was cancelled"};
-}
-
-// One build, stage by stage; each leaves in the work directory what the next one needs.
-class Builder {
+// One build, stage by stage. Each stage leaves in the work directory what the next one needs.
+class HierarchyBuilder {
  public:
-  Builder(const HierarchyOptions& options, std::string output_path, const ingest::Progress& progress)
-      : options_(options), output_path_(std::move(output_path)), progress_(progress) {
+  HierarchyBuilder(const HierarchyOptions& options, std::string output_path, const ingest::Progress& progress)
+      : options_(options), build_("patch hierarchy", options.limits, std::move(output_path), progress) {
     options_.limits = options_.limits.resolved();
   }
 
   base::Result<HierarchySummary> run(const ingest::SourceInput& input) {
     LUMIGRID_TRY(check(options_));
-    LUMIGRID_TRY(ingest::needMemory(options_.limits.memory_bytes));
-    LUMIGRID_TRY(ingest::needDescriptors(kDescriptors));
-    LUMIGRID_TRY(ingest::runStages(directory_, options_.work_directory, resumeKey(), output_path_,
-                                   [&] { return stages(input); }));
-    summary_.seconds = watch_.seconds();
-    summary_.cpu_seconds = watch_.cpuSeconds();
+    LUMIGRID_TRY(build_.run(options_.work_directory, resumeKey(), [&] { return runStages(input); }));
+    build_.summarize(summary_);
     return std::move(summary_);
   }
 
  private:
-  base::Result<void> stages(const ingest::SourceInput& input) {
-    LUMIGRID_TRY(import(input));
-    summary_.import_seconds = watch_.seconds();
-    LUMIGRID_TRY(sortTriangles());
+  base::Result<void> runStages(const ingest::SourceInput& input) {
+    LUMIGRID_TRY(build_.importSource(input, options_.position_bits));
+    reportPlan();
+    LUMIGRID_ASSIGN_OR_RETURN(buckets_, build_.sortTriangles());
     std::vector<WorkPatch> leaves;
     LUMIGRID_TRY(openStore());
     LUMIGRID_TRY(makeAllLeaves(leaves));
@@ -147,12 +138,7 @@ class Builder {
     return {};
   }
 
-  bool report(const std::string& stage, double done) {
-    const std::lock_guard lock(progress_mutex_);
-    return !progress_ || progress_(stage, done);
-  }
-
-  // Everything that decides the work files, their own format first. Threads and memory do not.
+  // The key holds everything that determines the work files, their own format first. Threads and memory do not.
   ingest::ResumeKey resumeKey() const {
     std::string key = "14";
     for (const std::uint32_t v : {options_.voxel_triangles, options_.leaf_triangles, options_.node_triangles,
@@ -163,41 +149,25 @@ class Builder {
     return ingest::withPrefix(key + ' ', options_.resume_key);
   }
 
-  base::Result<void> import(const ingest::SourceInput& input) {
-    if (!directory_->isFinished(ingest::Stage::kSpooled) && !report("import", 0.0)) return cancelled();
-    LUMIGRID_ASSIGN_OR_RETURN(auto source, ingest::importSource(*directory_, input, options_.limits.threads));
-    source_ = std::move(source);
-    lattice_ = ingest::makeLattice(source_.info, source_.origin, options_.position_bits);
-    if (options_.on_plan)
-      options_.on_plan(
-          {source_.info.triangles, source_.info.referenced, kOutputBytes * source_.info.triangles,
-           kWorkBytes * source_.info.triangles,
-           static_cast<double>(source_.info.triangles) / (kTrianglesPerCoreSecond * options_.limits.threads)});
-    return {};
-  }
-
-  base::Result<void> sortTriangles() {
-    if (!directory_->isFinished(ingest::Stage::kSorted) && !report("sort", 0.0)) return cancelled();
-    const ingest::BucketOptions options{
-        {options_.limits.threads, (options_.limits.memory_bytes - ingest::kMinMemory / 2) / 2},
-        [this](double done) { return report("sort", done); }};
-    LUMIGRID_ASSIGN_OR_RETURN(auto buckets, ingest::sortSource(*directory_, source_, lattice_, options));
-    buckets_ = std::move(buckets);
-    return {};
+  void reportPlan() const {
+    if (!options_.on_plan) return;
+    const ingest::SourceInfo& info = build_.source().info;
+    options_.on_plan({info.triangles, info.referenced, kOutputBytes * info.triangles, kWorkBytes * info.triangles,
+                      static_cast<double>(info.triangles) / (kTrianglesPerCoreSecond * build_.threads())});
   }
 
   base::Result<void> openStore() {
-    const bool resume = directory_->has("patches");
-    auto store = WorkStore::open(directory_->path() + "/patches", resume,
+    const bool resume = build_.directory().has("patches");
+    auto store = WorkStore::open(build_.directory().path() + "/patches", resume,
                                  [this](const WorkUnit& unit, std::vector<WorkPatch> patches) {
                                    known_.emplace_back(unit, std::move(patches));
                                  });
     if (!store) return store.error();
     store_ = std::move(*store);
     // What is still to come: about 7 bytes for each of twice the triangles, and the same again as patch.lgp.
-    LUMIGRID_TRY(directory_->needSpace(
+    LUMIGRID_TRY(build_.directory().needSpace(
         std::max<std::uint64_t>(14 * buckets_.totals().triangles, store_->bytes()) - store_->bytes(), "the patches"));
-    return ingest::needOutputSpace(output_path_, kOutputBytes * buckets_.totals().triangles);
+    return ingest::needOutputSpace(build_.outputPath(), kOutputBytes * buckets_.totals().triangles);
   }
 
   base::Result<void> makeAllLeaves(std::vector<WorkPatch>& leaves) {
@@ -218,23 +188,22 @@ class Builder {
     }
     for (std::size_t b = 0; b < made.size(); ++b) {
       triangles[b] = buckets_.triangles(b);
-      if (finished[b] == 0 && directory_->isFinished(ingest::Stage::kPatchLeaves)) return directory_->damaged();
+      if (finished[b] == 0 && build_.directory().isFinished(ingest::Stage::kPatchLeaves))
+        return build_.directory().damaged();
     }
 
     // As many buckets at a time as memory holds.
     const std::vector<std::size_t> order = base::largestFirst(triangles);
     const std::uint64_t largest = order.empty() ? 1 : std::max<std::uint64_t>(1, triangles[order.front()]);
-    const std::uint64_t at_once = std::max<std::uint64_t>(
-        1, (options_.limits.memory_bytes - ingest::kMinMemory / 2) / (kBytesPerTriangle * largest));
+    const std::uint64_t at_once = std::max<std::uint64_t>(1, build_.workMemory() / (kBytesPerTriangle * largest));
     std::mutex mutex;
     std::atomic<bool> stopped = false;
     base::Result<void> status;
     base::parallelFor(
-        made.size(), static_cast<unsigned>(std::min<std::uint64_t>(options_.limits.threads, at_once)),
-        [&](std::size_t i) {
+        made.size(), static_cast<unsigned>(std::min<std::uint64_t>(build_.threads(), at_once)), [&](std::size_t i) {
           const std::size_t b = order[i];
           if (finished[b] != 0 || stopped) return;
-          auto bucket = makeLeaves(buckets_, b, lattice_, {options_.voxel_triangles, options_.leaf_triangles});
+          auto bucket = makeLeaves(buckets_, b, build_.lattice(), {options_.voxel_triangles, options_.leaf_triangles});
           base::Result<std::vector<WorkPatch>> stored = std::vector<WorkPatch>();
           WorkUnit unit{0, static_cast<std::uint32_t>(b), {}, {}};
           if (bucket) {
@@ -252,14 +221,14 @@ class Builder {
           note(unit);
           made[b] = std::move(*stored);
           done += buckets_.triangles(b);
-          if (!report("leaves", static_cast<double>(done) / static_cast<double>(buckets_.totals().triangles)))
-            status = cancelled(), stopped = true;
+          if (!build_.report("leaves", static_cast<double>(done) / static_cast<double>(buckets_.totals().triangles)))
+            status = build_.cancelled(), stopped = true;
         });
     LUMIGRID_TRY(status);
     // From here on the store alone holds the mesh.
-    if (!directory_->isFinished(ingest::Stage::kPatchLeaves)) {
+    if (!build_.directory().isFinished(ingest::Stage::kPatchLeaves)) {
       LUMIGRID_TRY(
-          directory_->finishStage(ingest::Stage::kPatchLeaves, {}, {"patches"}, [this] { buckets_.release(); }));
+          build_.directory().finishStage(ingest::Stage::kPatchLeaves, {}, {"patches"}, [this] { buckets_.release(); }));
     }
     for (auto& patches : made)
       for (WorkPatch& patch : patches) leaves.push_back(std::move(patch));
@@ -273,21 +242,21 @@ class Builder {
     constexpr double kNearlyDone = 0.99;
     const double all = static_cast<double>(summary_.triangles) * (options_.regroup ? 5.0 / 3.0 : 2.0);
     std::uint64_t finished = 0;
-    levels_.emplace(lattice_, options_, *store_, [&, this](std::uint64_t more) {
+    levels_.emplace(build_.lattice(), options_, *store_, [&, this](std::uint64_t more) {
       finished += more;
-      return report("simplify", std::min(kNearlyDone, static_cast<double>(finished) / all));
+      return build_.report("simplify", std::min(kNearlyDone, static_cast<double>(finished) / all));
     });
     for (auto& [unit, patches] : known_)
       if (unit.level != 0) levels_->know(unit, std::move(patches));
     known_.clear();
     LUMIGRID_TRY(levels_->makeLevels(std::move(leaves)));
-    return report("simplify", 1.0) ? base::Result<void>() : cancelled();
+    return build_.report("simplify", 1.0) ? base::Result<void>() : build_.cancelled();
   }
 
   base::Result<void> write() {
-    if (!report("write", 0.0)) return cancelled();
+    if (!build_.report("write", 0.0)) return build_.cancelled();
     Hierarchy hierarchy;
-    hierarchy.lattice = lattice_.lattice;
+    hierarchy.lattice = build_.lattice().lattice;
     hierarchy.has_colors = buckets_.hasColors();
     hierarchy.source_triangles = summary_.triangles;
     const std::vector<WorkPatch>& patches = levels_->patches();
@@ -297,7 +266,7 @@ class Builder {
     std::vector<std::uint32_t> first;
     for (const lod::patch::Group& group : hierarchy.groups) first.push_back(group.first_patch);
     first.push_back(static_cast<std::uint32_t>(order.size()));
-    return lod::patch::writePatchFile(output_path_, std::move(hierarchy),
+    return lod::patch::writePatchFile(build_.outputPath(), std::move(hierarchy),
                                       [&](std::uint32_t group) -> base::Result<std::vector<base::Bytes>> {
                                         std::vector<base::Bytes> block;
                                         for (std::uint32_t p = first[group]; p < first[group + 1]; ++p) {
@@ -310,22 +279,16 @@ class Builder {
 
   void fillSummary() {
     summary_.levels = levels_->levels();
-    summary_.origin = source_.origin;
-    summary_.box_min = source_.info.box_min;
-    summary_.box_max = source_.info.box_max;
     summary_.facing = buckets_.totals().facing;
-    summary_.has_colors = buckets_.hasColors();
-    summary_.warnings = source_.info.warnings;
-    summary_.repairs = {};
-    ingest::addRepairs(source_, buckets_, summary_.repairs);
+    ingest::addRepairs(build_.source(), buckets_, summary_.repairs);
     summary_.repairs.add("duplicate_triangles", duplicates_);
     const std::uint64_t distinct = inner_vertices_ + buckets_.border().codes.size();
-    summary_.repairs.add("welded_vertices", source_.info.referenced - std::min(source_.info.referenced, distinct));
+    summary_.repairs.add("welded_vertices",
+                         build_.source().info.referenced - std::min(build_.source().info.referenced, distinct));
     std::error_code ignored;
-    summary_.bytes = std::filesystem::file_size(output_path_, ignored);
+    summary_.bytes = std::filesystem::file_size(build_.outputPath(), ignored);
   }
 
-  static constexpr std::uint64_t kDescriptors = 32;
   // Per triangle of the source, measured on scans with colours.
   static constexpr std::uint64_t kOutputBytes = 12;
   static constexpr std::uint64_t kWorkBytes = 70;
@@ -334,13 +297,7 @@ class Builder {
   static constexpr std::uint64_t kBytesPerTriangle = 420;
 
   HierarchyOptions options_;
-  std::string output_path_;
-  const ingest::Progress& progress_;
-  std::mutex progress_mutex_;
-  std::optional<ingest::WorkDirectory> directory_;
-  const base::Stopwatch watch_;
-  ingest::ImportedSource source_;
-  ingest::SourceLattice lattice_;
+  ingest::StagedBuild build_;
   ingest::Buckets buckets_;
   std::optional<WorkStore> store_;
   std::vector<std::pair<WorkUnit, std::vector<WorkPatch>>> known_;
@@ -355,11 +312,10 @@ class Builder {
 base::Result<HierarchySummary> buildHierarchyFromFiles(const std::vector<std::string>& paths,
                                                        const HierarchyOptions& options, const std::string& output_path,
                                                        const ingest::Progress& progress) {
-  LUMIGRID_ASSIGN_OR_RETURN(auto input, ingest::sourceFromFiles(paths, progress, options.limits.threads));
-  auto summary = Builder(options, output_path, progress).run(input);
-  // Work files that do not hold together are gone by now.
-  if (!summary && ingest::isDamageError(summary.error())) summary = Builder(options, output_path, progress).run(input);
-  return summary ? std::move(summary) : ingest::namingSource(paths, summary.error());
+  LUMIGRID_ASSIGN_OR_RETURN(const auto input, ingest::sourceFromFiles(paths, progress, options.limits.threads));
+  return ingest::buildFromSource(paths, input, [&](const ingest::SourceInput& source) {
+    return HierarchyBuilder(options, output_path, progress).run(source);
+  });
 }
 
 }  // namespace lod::patch::builder

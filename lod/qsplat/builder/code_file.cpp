@@ -21,26 +21,25 @@ using lod::qsplat::Header;
 using lod::qsplat::kBlockBytes;
 using lod::qsplat::Node;
 
-// Blocks that are looked at together: enough for many threads, and a megabyte of memory.
+// Blocks in memory at a time: enough work for many threads, and a megabyte.
 constexpr std::uint64_t kBatch = 1024;
-// A thread's share of a batch.
-constexpr std::size_t kShare = 64;
+constexpr std::size_t kShare = 64;  // blocks that a thread takes of a batch at a time
 
-/// What is in a block.
+/// The groups of a block.
 struct BlockShape {
   std::uint64_t number = 0;
   std::vector<GroupShape> groups;
-  std::uint64_t first_child = 0, last_child = 0;  ///< groups of children; 0: none
+  std::uint64_t first_child = 0, last_child = 0;  ///< offsets of the first and the last group of children; 0 without
 };
 
-/// The blocks' shapes, from the first to the last: what is expected of a level's groups is known from their parents.
+/// Gives the blocks' shapes from the first to the last. The shapes of a level's groups are known from their parents.
 class ShapeWalk {
  public:
   explicit ShapeWalk(const Header& header) : layout_(header) {
     level_.push_back({1, header.nodes > 1});
     laid_out_ = kBlockBytes + layout_.bytes(1, header.nodes > 1);
   }
-  /// `plain`: the next block.
+  /// `plain` is the next block's bytes.
   BlockShape next(const std::uint8_t* plain) {
     BlockShape shape;
     shape.number = number_++;
@@ -78,10 +77,10 @@ class ShapeWalk {
 
   const GroupLayout layout_;
   std::uint64_t number_ = 1;
-  std::uint64_t end_ = kBlockBytes;       // of the group before
+  std::uint64_t end_ = kBlockBytes;       // where the group before ends
   std::uint64_t laid_out_ = kBlockBytes;  // where the groups known so far end
   std::vector<GroupShape> level_, next_level_;
-  std::size_t at_ = 0;  // in level_
+  std::size_t at_ = 0;  // place in level_
 };
 
 class FileCoder {
@@ -103,7 +102,8 @@ class FileCoder {
     const base::Bytes tables = lod::qsplat::packLevels(levels, header_.colors);
     header_.header_bytes = lod::qsplat::codedHeaderLength(tables.size());
 
-    // Twice: a block's bytes tell how long blocks behind it are. How long a block is does not depend on what it tells.
+    // Blocks are encoded twice, since a block holds the lengths of later blocks. Its own length does not depend on
+    // them.
     const BlockCoder coder(header_, levels);
     lengths_.assign(1, 0);
     LUMIGRID_TRY(forEachBatch([&](const std::vector<BlockShape>& batch) -> base::Result<void> {
@@ -152,7 +152,7 @@ class FileCoder {
     header_.first_block_bytes = lengths_[1];
     LUMIGRID_TRY(write_(lod::qsplat::codedHeaderBytes(header_, tables)));
 
-    // The children of one block begin where, or a block before, those of the block before it ended.
+    // The children of a block begin in the block where those of the block before it ended, or in the next.
     std::uint64_t known = 1, known_at = header_.header_bytes;
     LUMIGRID_TRY(forEachBatch([&](const std::vector<BlockShape>& batch) -> base::Result<void> {
       std::vector<ChildBlocks> placed;
@@ -216,10 +216,10 @@ class FileCoder {
   const CodeOptions& options_;
   const WriteCoded& write_;
   Header header_;
-  std::uint64_t batch_first_ = 1;       // the batch's first block
-  base::Bytes batch_bytes_;             // its blocks
-  std::vector<std::uint16_t> lengths_;  // of the coded blocks, by number
-  std::uint64_t done_ = 0;              // blocks, in all passes
+  std::uint64_t batch_first_ = 1;       // the number of the batch's first block
+  base::Bytes batch_bytes_;             // the batch's blocks
+  std::vector<std::uint16_t> lengths_;  // of coded blocks, by number
+  std::uint64_t done_ = 0;              // blocks, summed over the passes
 };
 
 }  // namespace

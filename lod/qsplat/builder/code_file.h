@@ -1,6 +1,5 @@
 #pragma once
-// From a qsplat.lgq in the plain form to the same one in the coded form (docs/formats/qsplat.md). Private to
-// lod/build/qsplat, but for tests.
+// Rewrites a qsplat.lgq from the plain form to the coded form (docs/formats/qsplat.md).
 #include <cstdint>
 #include <functional>
 #include <span>
@@ -11,18 +10,18 @@
 namespace lod::qsplat::builder {
 
 struct CodeOptions {
-  unsigned threads = 0;                       ///< 0: all cores. The output does not depend on it.
+  unsigned threads = 0;                       ///< 0: all cores; the output does not depend on it
   std::function<bool(double done)> progress;  ///< may be empty; false cancels
 };
 
-/// Fills `out` from `offset` of the plain file on.
+/// Reads the plain file's bytes from `offset` on into all of `out`.
 using ReadPlain = std::function<base::Result<void>(std::uint64_t offset, std::span<std::uint8_t> out)>;
-/// Takes the coded file's next bytes.
+/// Appends bytes to the coded file.
 using WriteCoded = std::function<base::Result<void>(base::ByteView)>;
 
-/// The plain file is one that checkTree finds nothing in; it is read three times, front to back. Memory: two bytes for
-/// each block, two for each inner node of a level or two, and some blocks. Errors: kCancelled; kUnsupported for a file
-/// whose places take more than six bytes; what `read` and `write` return.
+/// The plain file must be one that checkTree finds no fault in. It is read three times, front to back. Memory holds two
+/// bytes for each block, two for each inner node of one or two levels, and some blocks. Errors: kCancelled;
+/// kUnsupported for a file whose offsets take more than six bytes; those of `read` and `write`.
 base::Result<lod::qsplat::Header> codeFile(const ReadPlain& read, const CodeOptions& options, const WriteCoded& write);
 
 }  // namespace lod::qsplat::builder

@@ -10,22 +10,22 @@ double squaredLength(const glm::dvec3& a, const glm::dvec3& b) {
   return glm::dot(d, d);
 }
 
-// middle(a, b) makes the corner between two, or says false to stop; piece(corners) takes what is small enough. Corners
-// have a position. False when it was stopped.
-template <class Corner, class Middle, class Piece>
-bool bisect(const std::array<Corner, 3>& t, double longest_squared, Middle& middle, Piece& piece) {
+// Cuts a triangle. midpoint(a, b, m) makes the corner between two, or returns false to stop; keep(corners) gets the
+// triangles that are small enough. Returns false where it was stopped.
+template <class Corner, class Midpoint, class Keep>
+bool bisect(const std::array<Corner, 3>& t, double longest_squared, Midpoint& midpoint, Keep& keep) {
   const std::array<double, 3> edge{squaredLength(t[0].position, t[1].position),
                                    squaredLength(t[1].position, t[2].position),
                                    squaredLength(t[2].position, t[0].position)};
   const auto k = static_cast<std::size_t>(std::max_element(edge.begin(), edge.end()) - edge.begin());
   if (edge[k] <= longest_squared) {
-    piece(t);
+    keep(t);
     return true;
   }
   const Corner &a = t[k], &b = t[(k + 1) % 3], &c = t[(k + 2) % 3];
   Corner m;
-  return middle(a, b, m) && bisect<Corner>({a, m, c}, longest_squared, middle, piece) &&
-         bisect<Corner>({m, b, c}, longest_squared, middle, piece);
+  return midpoint(a, b, m) && bisect<Corner>({a, m, c}, longest_squared, midpoint, keep) &&
+         bisect<Corner>({m, b, c}, longest_squared, midpoint, keep);
 }
 
 }  // namespace
@@ -35,19 +35,20 @@ bool isCut(const std::array<glm::ivec3, 3>& triangle, double longest_edge) {
   return std::max({squaredLength(x, y), squaredLength(y, z), squaredLength(z, x)}) > longest_edge * longest_edge;
 }
 
-std::optional<std::uint64_t> countCuts(std::span<const glm::ivec3> points, double longest_edge, std::uint64_t most) {
-  struct Place {
+std::optional<std::uint64_t> countCuts(std::span<const glm::ivec3> points, double longest_edge,
+                                       std::uint64_t max_cuts) {
+  struct Point {
     glm::dvec3 position{0.0};
   };
   std::uint64_t cuts = 0;
-  auto middle = [&](const Place& a, const Place& b, Place& m) {
+  auto midpoint = [&](const Point& a, const Point& b, Point& m) {
     m.position = 0.5 * (a.position + b.position);
-    return ++cuts <= most;
+    return ++cuts <= max_cuts;
   };
-  auto piece = [](const std::array<Place, 3>&) {};
+  auto keep = [](const std::array<Point, 3>&) {};
   for (std::size_t i = 0; i < points.size(); i += 3)
-    if (!bisect<Place>({Place{glm::dvec3(points[i])}, {glm::dvec3(points[i + 1])}, {glm::dvec3(points[i + 2])}},
-                       longest_edge * longest_edge, middle, piece))
+    if (!bisect<Point>({Point{glm::dvec3(points[i])}, {glm::dvec3(points[i + 1])}, {glm::dvec3(points[i + 2])}},
+                       longest_edge * longest_edge, midpoint, keep))
       return std::nullopt;
   return cuts;
 }
@@ -60,23 +61,23 @@ void Dicer::cut(const std::array<std::uint32_t, 3>& corners, std::uint32_t trian
     std::uint32_t number = 0;
     glm::dvec3 position{0.0};
   };
-  auto middle = [&](const Numbered& a, const Numbered& b, Numbered& m) {
-    m.number = middleOf(a.number, b.number);
+  auto midpoint = [&](const Numbered& a, const Numbered& b, Numbered& m) {
+    m.number = midpointOf(a.number, b.number);
     m.position = position(m.number);
     return true;
   };
-  auto piece = [&](const std::array<Numbered, 3>& t) {
-    pieces_.push_back({{t[0].number, t[1].number, t[2].number}, triangle});
+  auto keep = [&](const std::array<Numbered, 3>& t) {
+    sub_triangles_.push_back({{t[0].number, t[1].number, t[2].number}, triangle});
   };
   std::array<Numbered, 3> whole;
   for (std::size_t k = 0; k < 3; ++k) whole[k] = {corners[k], position(corners[k])};
-  (void)bisect(whole, longest_squared_, middle, piece);
+  (void)bisect(whole, longest_squared_, midpoint, keep);
 }
 
-std::uint32_t Dicer::middleOf(std::uint32_t a, std::uint32_t b) {
+std::uint32_t Dicer::midpointOf(std::uint32_t a, std::uint32_t b) {
   const std::uint64_t edge = std::uint64_t{std::min(a, b)} << 32 | std::max(a, b);
   const auto [number, is_new] = by_edge_.insert(edge);
-  if (is_new) middles_.push_back({a, b, 0.5 * (position(a) + position(b))});
+  if (is_new) midpoints_.push_back({a, b, 0.5 * (position(a) + position(b))});
   return static_cast<std::uint32_t>(points_.size()) + number;
 }
 

@@ -1,10 +1,10 @@
 #pragma once
-// Large triangles in pieces, so that no leaf is much larger than those around it (Rusinkiewicz and Levoy 2000, section
-// 3.4). Private to lod/build/qsplat.
+// Cuts large triangles into small ones, so that no leaf is much larger than those around it (Rusinkiewicz and Levoy
+// 2000, section 3.4).
 //
-// A triangle is cut at the middle of its longest edge until no edge is longer than a limit (Rivara 1984). An edge ends
-// up in pieces that its own length alone decides, so that two triangles cut alike with the same limit share the points
-// between them.
+// A triangle is cut at the middle of its longest edge until no edge is longer than a limit (Rivara 1984). How an edge
+// is divided depends on its own length only, so that two triangles cut with the same limit share the points between
+// them.
 #include <array>
 #include <cstdint>
 #include <glm/glm.hpp>
@@ -16,45 +16,45 @@
 
 namespace lod::qsplat::builder {
 
-/// The triangles of a tile. Points are known by number: the given ones, then the middles.
+/// Cuts the triangles of a tile. Points are numbered, the given ones first and then the midpoints.
 class Dicer {
  public:
-  struct Middle {
-    std::uint32_t a = 0, b = 0;  ///< the ends of its edge, lesser numbers than its own
+  struct Midpoint {
+    std::uint32_t a = 0, b = 0;  ///< the ends of its edge, whose numbers are below its own
     glm::dvec3 position{0.0};    ///< exact
   };
-  struct Piece {
+  struct SubTriangle {
     std::array<std::uint32_t, 3> corners{};
     std::uint32_t triangle = 0;
   };
 
-  /// `points` must outlive it; fewer than 2^31 with the middles.
+  /// `points` must outlive it. Points and midpoints together must be fewer than 2^31.
   Dicer(std::span<const glm::ivec3> points, double longest_edge);
-  /// One for which isCut().
+  /// Cuts a triangle for which isCut().
   void cut(const std::array<std::uint32_t, 3>& corners, std::uint32_t triangle);
 
-  const std::vector<Middle>& middles() const { return middles_; }
-  /// Wound as their triangles, which come one after the other.
-  const std::vector<Piece>& pieces() const { return pieces_; }
+  const std::vector<Midpoint>& midpoints() const { return midpoints_; }
+  /// Wound as the triangles that they are cut from, in the order of those.
+  const std::vector<SubTriangle>& subTriangles() const { return sub_triangles_; }
   glm::dvec3 position(std::uint32_t point) const {
-    return point < points_.size() ? glm::dvec3(points_[point]) : middles_[point - points_.size()].position;
+    return point < points_.size() ? glm::dvec3(points_[point]) : midpoints_[point - points_.size()].position;
   }
 
  private:
-  std::uint32_t middleOf(std::uint32_t a, std::uint32_t b);
+  std::uint32_t midpointOf(std::uint32_t a, std::uint32_t b);
 
   std::span<const glm::ivec3> points_;
   double longest_squared_;
   ingest::CodeMap by_edge_{64};
-  std::vector<Middle> middles_;
-  std::vector<Piece> pieces_;
+  std::vector<Midpoint> midpoints_;
+  std::vector<SubTriangle> sub_triangles_;
 };
 
-/// How often triangles are cut: `points` are 3 for each. A cut makes one point, or half of one that two triangles
-/// share. Nothing when it is more often than `most`.
-std::optional<std::uint64_t> countCuts(std::span<const glm::ivec3> points, double longest_edge, std::uint64_t most);
+/// Counts the cuts of triangles, given by 3 points each. A cut makes one point, or half a point where two triangles
+/// share it. Returns nothing where there are more than `max_cuts`.
+std::optional<std::uint64_t> countCuts(std::span<const glm::ivec3> points, double longest_edge, std::uint64_t max_cuts);
 
-/// Whether an edge is longer.
+/// Whether the triangle has an edge longer than the limit.
 bool isCut(const std::array<glm::ivec3, 3>& triangle, double longest_edge);
 
 }  // namespace lod::qsplat::builder

@@ -23,7 +23,7 @@ void appendGroup(Run& run, const GroupNodes& group, bool colors) {
   }
 }
 
-GroupNodes nextGroup(base::ByteView run, std::size_t& at, bool colors) {
+GroupNodes readGroup(base::ByteView run, std::size_t& at, bool colors) {
   const std::size_t node_bytes = colors ? 6 : 4;
   if (at >= run.size()) return {};
   GroupNodes group;
@@ -43,10 +43,10 @@ std::vector<Run> encodeSubtree(std::span<const TreeNode> nodes, const base::Sphe
                                LeafCones leaf_cones) {
   const lod::qsplat::SphereTable& table = lod::qsplat::sphereTable();
   std::vector<Run> runs;
-  std::vector<base::Sphere> level{root};  // decoded
+  std::vector<base::Sphere> level{root};  // the decoded spheres of a level
   std::vector<base::Sphere> next;
   GroupNodes group;
-  std::size_t first = 0;  // of the level
+  std::size_t first = 0;  // number of the level's first node
   while (true) {
     next.clear();
     Run run;

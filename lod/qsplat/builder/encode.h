@@ -1,6 +1,6 @@
 #pragma once
-// From the top down: spheres relative to their parents' decoded ones (Rusinkiewicz and Levoy 2000, section 3.1), and
-// the groups of each level one after the other. Private to lod/build/qsplat.
+// Encodes a tile's tree from the top down: each sphere relative to its parent's decoded one (Rusinkiewicz and Levoy
+// 2000, section 3.1), and the groups of each level one after the other.
 #include <vector>
 
 #include "base/bytes.h"
@@ -9,14 +9,14 @@
 
 namespace lod::qsplat::builder {
 
-/// The groups of one level in a row, as they wait for being written: for each a byte with its number of nodes, and bit
-/// 7 where it has a pointer, then its nodes, 4 bytes each or 6 with colours.
+/// The encoded groups of one level, until they are written. A group is a byte with its number of nodes, and bit 7 set
+/// where it has a pointer, and then its nodes of 4 bytes, or of 6 with colours.
 using Run = base::Bytes;
 void appendGroup(Run& run, const lod::qsplat::GroupNodes& group, bool colors);
-/// The group that begins at `at`; `at` then stands behind it. Of no nodes at the end, or where there is none.
-lod::qsplat::GroupNodes nextGroup(base::ByteView run, std::size_t& at, bool colors);
+/// Reads the group that begins at `at`, and advances `at` behind it. A group without nodes marks the end, or damage.
+lod::qsplat::GroupNodes readGroup(base::ByteView run, std::size_t& at, bool colors);
 
-/// Level by level below the root (run 0: its children). `root` is the root's sphere as it will be decoded.
+/// Returns a run for each level below the root; run 0 holds the root's children. `root` is the root's decoded sphere.
 std::vector<Run> encodeSubtree(std::span<const TreeNode> nodes, const base::Sphere& root, bool colors,
                                LeafCones leaf_cones);
 

@@ -45,7 +45,7 @@ class FileBuilder {
     return header;
   }
 
-  // From the plain file, which nobody needs then.
+  // Reads the plain file, and removes it in the end.
   base::Result<lod::qsplat::Header> writeCoded(const std::string& path) const {
     LUMIGRID_ASSIGN_OR_RETURN(const auto plain, ingest::SpoolFile::open(options_.plain_path));
     LUMIGRID_ASSIGN_OR_RETURN(auto file, base::AtomicFile::create(path));
@@ -62,7 +62,7 @@ class FileBuilder {
 
   LeafCones leafCones() const { return options_.plain_path.empty() ? LeafCones::kEach : LeafCones::kEveryFourth; }
 
-  // A place in the top tree: an inner node of it, or TreeShape::kLeaf + a place in tiles_.
+  // Names an inner node of the top tree by its number, and a tile by TreeShape::kLeaf + its place in tiles_.
   using Ref = std::uint32_t;
   static bool isTile(Ref ref) { return (ref & TreeShape::kLeaf) != 0; }
   const StoredSubtree& tile(Ref ref) const { return subtrees_[tiles_[ref & ~TreeShape::kLeaf]]; }
@@ -80,14 +80,14 @@ class FileBuilder {
 
   Node& nodeOf(Ref ref) { return isTile(ref) ? tile_nodes_[ref & ~TreeShape::kLeaf] : top_nodes_[ref]; }
 
-  // The top tree's nodes, and the tiles' roots with them.
+  // Encodes the top tree's nodes and the tiles' roots.
   void encodeTop() {
     top_nodes_.resize(top_.inner.size());
     tile_nodes_.resize(tiles_.size());
     tile_spheres_.resize(tiles_.size());
     encodeAt(top_.root, !isLeafNode(top_.root), lod::qsplat::kWholeParent, sphereOf(top_.root));
   }
-  // has_pointer: the group that it is in.
+  // `has_pointer` says whether the node's group has one.
   void encodeAt(Ref ref, bool has_pointer, std::uint32_t code, const base::Sphere& decoded) {
     if (isTile(ref)) {
       nodeOf(ref) = tile(ref).root_node.encoded(code, has_pointer, leafCones());
@@ -122,17 +122,17 @@ class FileBuilder {
         extents_[i].push_back({runs_.size(), run.size()});
         if (stored) stored = runs_.append(run);
       }
-      if (stored && !goOn("encode", ++done, tiles_.size())) stored = cancelled();
+      if (stored && !report("encode", ++done, tiles_.size())) stored = cancelled();
       if (!stored) status = stored, stopped = true;
     });
     LUMIGRID_TRY(status);
     return runs_.flush();
   }
 
-  // What lies side by side in a level: a group of the top tree, or all groups of a tile's level.
+  // Groups that lie side by side in a level: one group of the top tree, or a tile's run.
   struct Segment {
-    std::vector<Ref> group;  // empty: a tile's
-    std::uint32_t tile = 0;  // place in tiles_
+    std::vector<Ref> group;  // empty for a tile's run
+    std::uint32_t tile = 0;  // its place in tiles_
     std::uint32_t run = 0;
   };
 
@@ -176,16 +176,16 @@ class FileBuilder {
     LUMIGRID_TRY(runs_.readAt(extent.offset, buffer_));
     std::size_t at = 0;
     while (true) {
-      const GroupNodes group = nextGroup(buffer_, at, options_.colors);
+      const GroupNodes group = readGroup(buffer_, at, options_.colors);
       if (group.count == 0) break;
       LUMIGRID_TRY(writer.add(group));
     }
     addRun(segment.tile, segment.run + 1, next);
     written_ += extent.bytes;
-    return goOn("write", written_, runs_.size()) ? base::Result<void>() : cancelled();
+    return report("write", written_, runs_.size()) ? base::Result<void>() : cancelled();
   }
 
-  bool goOn(const std::string& stage, std::uint64_t done, std::uint64_t all) const {
+  bool report(const std::string& stage, std::uint64_t done, std::uint64_t all) const {
     return !options_.progress || options_.progress(stage, static_cast<double>(done) / static_cast<double>(all));
   }
   static Error cancelled() { return {ErrorCode::kCancelled, "building the splat tree was cancelled"}; }

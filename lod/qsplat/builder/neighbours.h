@@ -1,5 +1,5 @@
 #pragma once
-// The k nearest of a set of points: a k-d tree over all of them. Private to lod/build/qsplat.
+// A k-d tree that finds the k nearest of a set of points (Bentley 1975).
 #include <algorithm>
 #include <glm/glm.hpp>
 #include <span>
@@ -11,10 +11,10 @@ namespace lod::qsplat::builder {
 
 class NearestPoints {
  public:
-  struct Found {
+  struct Neighbour {
     float distance_squared = 0.0F;
     std::uint32_t index = 0;
-    friend bool operator<(const Found& a, const Found& b) {
+    friend bool operator<(const Neighbour& a, const Neighbour& b) {
       return a.distance_squared != b.distance_squared ? a.distance_squared < b.distance_squared : a.index < b.index;
     }
   };
@@ -25,22 +25,22 @@ class NearestPoints {
     if (!points_.empty()) build(0, static_cast<std::uint32_t>(points_.size()));
   }
 
-  /// The `count` nearest to `p`, no farther than `reach` (squared), nearest first; equal ones by number.
-  void find(const glm::vec3& p, std::size_t count, float reach_squared, std::vector<Found>& found) const {
+  /// Finds the `count` points nearest to `p` within the squared distance, nearest first; equally near ones by number.
+  void find(const glm::vec3& p, std::size_t count, float reach_squared, std::vector<Neighbour>& found) const {
     found.clear();
     if (nodes_.empty() || count == 0) return;
     search(0, p, count, reach_squared, found);
   }
 
  private:
-  static constexpr std::uint32_t kBucket = 8;
+  static constexpr std::uint32_t kBucket = 8;  // points; the usual choice
   struct Point {
     glm::vec3 position{0.0F};
     std::uint32_t index = 0;
   };
   struct Node {
     std::uint32_t begin = 0, end = 0;
-    std::uint32_t right = 0;  // 0: a bucket; the left one follows its parent
+    std::uint32_t right = 0;  // number of the right child; 0 for a bucket of points. The left child follows its parent
     int axis = 0;
     float at = 0.0F;
   };
@@ -67,12 +67,12 @@ class NearestPoints {
   }
 
   void search(std::uint32_t number, const glm::vec3& p, std::size_t count, float reach_squared,
-              std::vector<Found>& found) const {
+              std::vector<Neighbour>& found) const {
     const Node& node = nodes_[number];
     if (node.right == 0) {
       for (std::uint32_t i = node.begin; i < node.end; ++i) {
         const glm::vec3 d = points_[i].position - p;
-        const Found one{glm::dot(d, d), points_[i].index};
+        const Neighbour one{glm::dot(d, d), points_[i].index};
         if (one.distance_squared > reach_squared) continue;
         if (found.size() < count)
           found.push_back(one);

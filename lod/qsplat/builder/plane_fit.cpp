@@ -8,8 +8,8 @@
 namespace lod::qsplat::builder {
 namespace {
 
-// Of a symmetric matrix of trace 1, by Jacobi's rotations (Golub and Van Loan, section 8.5): the eigenvector of its
-// least eigenvalue, or zero where that is not alone.
+// The eigenvector of the least eigenvalue of a symmetric matrix of trace 1, by Jacobi's rotations (Golub and Van Loan
+// 2013, section 8.5); zero where the least eigenvalue is a double one.
 glm::dvec3 leastEigenvector(glm::dmat3 a) {
   glm::dmat3 v(1.0);
   for (int sweep = 0; sweep < 12; ++sweep) {
@@ -30,8 +30,8 @@ glm::dvec3 leastEigenvector(glm::dmat3 a) {
   }
   std::array<int, 3> order{0, 1, 2};
   std::sort(order.begin(), order.end(), [&](int x, int y) { return a[x][x] < a[y][y]; });
-  constexpr double kAlone = 1e-9;
-  return a[order[1]][order[1]] - a[order[0]][order[0]] > kAlone ? v[order[0]] : glm::dvec3(0.0);
+  constexpr double kMinGap = 1e-9;  // below, rounding decides the direction
+  return a[order[1]][order[1]] - a[order[0]][order[0]] > kMinGap ? v[order[0]] : glm::dvec3(0.0);
 }
 
 }  // namespace
@@ -49,12 +49,14 @@ glm::dvec3 planeNormal(std::span<const glm::dvec3> points) {
   return glm::length(n) > 0.5 ? glm::normalize(n) : up;
 }
 
-double cellReach(const glm::dvec3& center, const glm::dvec3& normal, std::span<const glm::dvec3> others, double most) {
+double cellReach(const glm::dvec3& center, const glm::dvec3& normal, std::span<const glm::dvec3> others,
+                 double max_reach) {
   const glm::dvec3 side = std::abs(normal.x) < 0.8 ? glm::dvec3(1, 0, 0) : glm::dvec3(0, 1, 0);
   const glm::dvec3 u = glm::normalize(glm::cross(normal, side));
   const glm::dvec3 v = glm::cross(normal, u);
-  // A square that holds the circle of radius `most`, cut by each neighbour's bisector.
-  std::vector<glm::dvec2> cell{{-most, -most}, {most, -most}, {most, most}, {-most, most}};
+  // A square around the circle of radius `max_reach` is clipped by each neighbour's bisector.
+  std::vector<glm::dvec2> cell{
+      {-max_reach, -max_reach}, {max_reach, -max_reach}, {max_reach, max_reach}, {-max_reach, max_reach}};
   std::vector<glm::dvec2> cut;
   for (auto* corners : {&cell, &cut}) corners->reserve(others.size() + 4);
   for (const glm::dvec3& other : others) {
@@ -73,7 +75,7 @@ double cellReach(const glm::dvec3& center, const glm::dvec3& normal, std::span<c
   }
   double reach = 0.0;
   for (const glm::dvec2& corner : cell) reach = std::max(reach, glm::length(corner));
-  return std::min(reach, most);
+  return std::min(reach, max_reach);
 }
 
 }  // namespace lod::qsplat::builder

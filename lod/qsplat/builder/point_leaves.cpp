@@ -1,7 +1,6 @@
 #include "lod/qsplat/builder/point_leaves.h"
 
 #include <algorithm>
-#include <atomic>
 #include <bit>
 #include <cmath>
 #include <limits>
@@ -18,26 +17,26 @@
 namespace lod::qsplat::builder {
 namespace {
 
-constexpr std::size_t kNeighbours = 16;       // that cells are cut by
-constexpr std::size_t kPlaneNeighbours = 12;  // that planes are fitted to
-constexpr std::size_t kTreeNeighbours = 8;    // that signs travel to
-constexpr std::size_t kRimNeighbour = 6;
-// A point farther off than so many times what is usual in its tile has no neighbour.
-constexpr float kFarOff = 8.0F;
+constexpr std::size_t kNeighbours = 16;       // clip a Voronoi cell; hexagonal cells need 6, irregular ones more
+constexpr std::size_t kPlaneNeighbours = 12;  // determine the plane
+constexpr std::size_t kTreeNeighbours = 8;    // are candidates for the spanning tree
+constexpr std::size_t kRimNeighbour = 6;      // limits the radius at the rim
+// Points farther away than this many times the median distance of the sixth neighbour are no neighbours.
+constexpr float kMaxDistanceRatio = 8.0F;
 
-// Elements that hang together, each with a sign relative to its root's.
+// Disjoint sets whose members each have a sign relative to their root's.
 class SignedSets {
  public:
   explicit SignedSets(std::size_t count) : parent_(count), turned_(count, 0) {
     for (std::uint32_t i = 0; i < parent_.size(); ++i) parent_[i] = i;
   }
-  // The root, and whether `i` is turned against it.
+  // The root, and whether `i` has the opposite sign.
   std::pair<std::uint32_t, bool> find(std::uint32_t i) {
     std::uint32_t root = i;
     bool turned = false;
     while (parent_[root] != root) turned ^= turned_[root] != 0, root = parent_[root];
     const bool all = turned;
-    while (parent_[i] != root && i != root) {  // shorter for the next time
+    while (parent_[i] != root && i != root) {  // path compression
       const std::uint32_t next = parent_[i];
       const bool step = turned_[i] != 0;
       parent_[i] = root;
@@ -51,7 +50,7 @@ class SignedSets {
     const auto [x, x_turned] = find(a);
     const auto [y, y_turned] = find(b);
     if (x == y) return;
-    // The smaller number stays root, so that roots do not depend on the order.
+    // The smaller number stays root, so that roots do not depend on the order of unions.
     const std::uint32_t low = std::min(x, y);
     parent_[std::max(x, y)] = low;
     turned_[std::max(x, y)] = x_turned ^ y_turned ^ turned ? 1 : 0;
@@ -62,28 +61,28 @@ class SignedSets {
   std::vector<std::uint8_t> turned_;
 };
 
-// The nearest of each point, itself among them, nearest first.
+// The nearest neighbours of each point and the point itself, nearest first.
 class Neighbourhoods {
  public:
   explicit Neighbourhoods(std::size_t points) : found_(points * kMax), count_(points, 0) {}
-  std::span<const NearestPoints::Found> of(std::size_t i) const {
+  std::span<const NearestPoints::Neighbour> of(std::size_t i) const {
     return std::span(found_).subspan(i * kMax, count_[i]);
   }
-  void set(std::size_t i, std::span<const NearestPoints::Found> found) {
+  void set(std::size_t i, std::span<const NearestPoints::Neighbour> found) {
     std::copy(found.begin(), found.end(), found_.begin() + static_cast<std::ptrdiff_t>(i * kMax));
     count_[i] = static_cast<std::uint8_t>(found.size());
   }
-  // Those of `positions` beyond the points too, which are its first ones; and none any more beyond `ball` (squared).
+  // Adds the neighbours among `positions` behind the points' own, and drops those beyond the squared distance `ball`.
   void add(std::span<const glm::vec3> positions, std::span<const float> ball) {
     const std::size_t points = count_.size();
     const NearestPoints others(positions.subspan(points));
-    std::vector<NearestPoints::Found> more, all;
+    std::vector<NearestPoints::Neighbour> more, all;
     for (std::size_t i = 0; i < points; ++i) {
       all.clear();
-      for (const NearestPoints::Found& f : of(i))
+      for (const NearestPoints::Neighbour& f : of(i))
         if (f.distance_squared <= ball[i]) all.push_back(f);
       others.find(positions[i], kMax, ball[i], more);
-      for (NearestPoints::Found f : more) {
+      for (NearestPoints::Neighbour f : more) {
         f.index += static_cast<std::uint32_t>(points);
         all.push_back(f);
       }
@@ -95,7 +94,7 @@ class Neighbourhoods {
 
  private:
   static constexpr std::size_t kMax = kNeighbours + 1;
-  std::vector<NearestPoints::Found> found_;  // kMax of each
+  std::vector<NearestPoints::Neighbour> found_;  // kMax for each point
   std::vector<std::uint8_t> count_;
 };
 
@@ -106,18 +105,18 @@ float distanceSquared(const base::Aabb& box, const glm::vec3& p) {
 
 }  // namespace
 
-// A tile's points with all that is fitted to them.
-struct PointLeaves::Fitted {
-  std::vector<Point> points;       // its own, then those of other tiles that are their neighbours
-  std::size_t own = 0;             // how many are its own
-  std::vector<glm::vec3> normals;  // unit, of its own
+// A tile's points with their fitted normals and radii.
+struct PointLeaves::FittedTile {
+  std::vector<Point> points;       // the tile's own, then their neighbours in other tiles
+  std::size_t own = 0;             // how many are the tile's own
+  std::vector<glm::vec3> normals;  // unit, of own points
   std::vector<float> radii;
-  std::vector<std::uint32_t> part;  // whose signs agree; empty where all normals are given
+  std::vector<std::uint32_t> part;  // by own point, the part whose signs agree; empty where normals are given
   std::uint32_t parts = 0;
   std::vector<std::pair<std::uint32_t, std::uint32_t>> links;  // own points and neighbours in other tiles
 };
 
-// Of other tiles what lies within the balls around this one's points.
+// Adds the points of other tiles that lie within the balls around this tile's points.
 base::Result<void> PointLeaves::addNeighbours(std::size_t tile, std::span<const glm::vec3> positions,
                                               std::span<const float> ball, std::vector<Point>& points) const {
   const float widest = positions.empty() ? 0.0F : std::sqrt(*std::max_element(ball.begin(), ball.end()));
@@ -139,8 +138,8 @@ base::Result<void> PointLeaves::addNeighbours(std::size_t tile, std::span<const 
   return {};
 }
 
-// Along the edges over which normals differ least.
-void PointLeaves::makeSignsAgree(Fitted& out, std::span<const std::uint32_t> tree_neighbours) {
+// Joins points along the edges across which normals differ least (Kruskal's algorithm), and flips normals to agree.
+void PointLeaves::makeSignsAgree(FittedTile& out, std::span<const std::uint32_t> tree_neighbours) {
   struct Edge {
     std::uint32_t a, b;
   };
@@ -149,13 +148,13 @@ void PointLeaves::makeSignsAgree(Fitted& out, std::span<const std::uint32_t> tre
   const auto ofPoint = [&](std::uint32_t i) { return tree_neighbours.subspan(i * kTreeNeighbours, kTreeNeighbours); };
   for (std::uint32_t i = 0; i < out.own; ++i)
     for (const std::uint32_t j : ofPoint(i)) {
-      // Once, where each is the other's neighbour.
+      // An edge between mutual neighbours counts once.
       if (j == i || (j < i && std::ranges::find(ofPoint(j), i) != ofPoint(j).end())) continue;
       const float cost = std::max(0.0F, 1.0F - std::abs(glm::dot(out.normals[i], out.normals[j])));
       order.push_back({std::bit_cast<std::uint32_t>(cost), static_cast<std::uint32_t>(edges.size())});
       edges.push_back({i, j});
     }
-  // Of floats that are not negative the bits are in their order.
+  // The bits of floats that are not negative sort like the floats.
   ingest::radixSort(order, 32);
   SignedSets sets(out.own);
   for (const ingest::KeyedIndex& next : order) {
@@ -171,21 +170,21 @@ void PointLeaves::makeSignsAgree(Fitted& out, std::span<const std::uint32_t> tre
   out.parts = static_cast<std::uint32_t>(number.size());
 }
 
-base::Result<PointLeaves::Fitted> PointLeaves::fit(std::size_t tile) const {
-  Fitted out;
+base::Result<PointLeaves::FittedTile> PointLeaves::fit(std::size_t tile) const {
+  FittedTile out;
   LUMIGRID_ASSIGN_OR_RETURN(auto read, tiles_.read(tile));
   out.points = std::move(read);
   out.own = out.points.size();
   std::vector<glm::vec3> positions;
   for (const Point& p : out.points) positions.push_back(p.position);
 
-  // Neighbours within the tile, and how far off they usually are.
+  // Neighbours within the tile come first, with the distance beyond which none counts.
   constexpr float kAnywhere = std::numeric_limits<float>::max();
   Neighbourhoods near(out.own);
-  std::vector<float> ball(out.own, 0.0F);  // squared distance within which a neighbour would count
+  std::vector<float> ball(out.own, 0.0F);  // squared distance within which neighbours count
   {
     const NearestPoints own(positions);
-    std::vector<NearestPoints::Found> found;
+    std::vector<NearestPoints::Neighbour> found;
     std::vector<float> rims;
     for (std::size_t i = 0; i < out.own; ++i) {
       own.find(positions[i], kNeighbours + 1, kAnywhere, found);
@@ -198,14 +197,14 @@ base::Result<PointLeaves::Fitted> PointLeaves::fit(std::size_t tile) const {
       std::nth_element(rims.begin(), rims.begin() + static_cast<std::ptrdiff_t>(rims.size() / 2), rims.end());
       usual = rims[rims.size() / 2];
     }
-    for (float& b : ball) b = std::min(b, kFarOff * kFarOff * usual);
+    for (float& b : ball) b = std::min(b, kMaxDistanceRatio * kMaxDistanceRatio * usual);
   }
 
   LUMIGRID_TRY(addNeighbours(tile, positions, ball, out.points));
   for (std::size_t i = out.own; i < out.points.size(); ++i) positions.push_back(out.points[i].position);
   near.add(positions, ball);
 
-  std::vector<std::uint32_t> tree_neighbours;  // kTreeNeighbours of each, or fewer: itself fills up
+  std::vector<std::uint32_t> tree_neighbours;  // kTreeNeighbours for each point
   tree_neighbours.reserve(kTreeNeighbours * out.own);
   std::vector<glm::dvec3> around, plane;
   for (std::uint32_t i = 0; i < out.own; ++i) {
@@ -225,10 +224,11 @@ base::Result<PointLeaves::Fitted> PointLeaves::fit(std::size_t tile) const {
       normal = planeNormal(plane);
     }
     out.normals.emplace_back(normal);
-    const double alone = 0.5 * lattice_.lattice.step;
+    const double min_radius = 0.5 * lattice_.lattice.step;
     const double rim =
-        around.empty() ? alone : glm::distance(around[std::min(around.size(), kRimNeighbour) - 1], center);
-    out.radii.push_back(static_cast<float>(std::max(alone, cellReach(center, normal, around, rim)) * (1.0 + 1e-5)));
+        around.empty() ? min_radius : glm::distance(around[std::min(around.size(), kRimNeighbour) - 1], center);
+    out.radii.push_back(
+        static_cast<float>(std::max(min_radius, cellReach(center, normal, around, rim)) * (1.0 + 1e-5)));
     std::size_t kept = 0;
     for (const auto& f : found) {
       if (f.index == i || kept == kTreeNeighbours) continue;
@@ -244,41 +244,36 @@ base::Result<PointLeaves::Fitted> PointLeaves::fit(std::size_t tile) const {
   return out;
 }
 
-// A record: the tile's number and its leaves.
-base::Result<void> PointLeaves::store(std::size_t tile, const Fitted& fitted) {
+// A record holds the tile's number and its leaves.
+base::Result<void> PointLeaves::store(std::size_t tile, const FittedTile& fitted) {
   base::ByteWriter out;
   out.u32(static_cast<std::uint32_t>(tile));
   for (std::size_t i = 0; i < fitted.own; ++i)
-    out.write(Stored{{fitted.points[i].position, fitted.radii[i]},
-                     fitted.normals[i],
-                     glm::u8vec4(fitted.points[i].color, 255),
-                     fitted.part.empty() ? 0 : fitted.part[i]});
+    out.write(StoredLeaf{{fitted.points[i].position, fitted.radii[i]},
+                         fitted.normals[i],
+                         glm::u8vec4(fitted.points[i].color, 255),
+                         fitted.part.empty() ? 0 : fitted.part[i]});
   LUMIGRID_ASSIGN_OR_RETURN(const auto offset, fitted_.add(out.view()));
-  (void)place(offset, out.view());
+  (void)noteRecord(offset, out.view());
   return {};
 }
 
-bool PointLeaves::place(std::uint64_t offset, base::ByteView record) {
+bool PointLeaves::noteRecord(std::uint64_t offset, base::ByteView record) {
   base::ByteReader in(record);
   const std::uint32_t tile = in.u32();
-  if (!in.ok() || tile >= places_.size() || in.remaining() % sizeof(Stored) != 0) return false;
-  places_[tile] = {offset + in.offset(), in.remaining() / sizeof(Stored)};
+  if (!in.ok() || tile >= records_.size() || in.remaining() % sizeof(StoredLeaf) != 0) return false;
+  records_[tile] = {offset + in.offset(), in.remaining() / sizeof(StoredLeaf)};
   return true;
 }
 
-base::Result<void> PointLeaves::fitAll(const std::string& path, unsigned threads,
-                                       const std::function<bool(double)>& progress) {
-  flips_.assign(tiles_.count(), {});
-  places_.assign(tiles_.count(), {});
-  LUMIGRID_ASSIGN_OR_RETURN(auto log, ingest::RecordLog::open(path, false, {}));
-  fitted_ = std::move(log);
-  // What tiles say of their parts, and of points at their borders.
+// Decides which way the parts of all tiles face, from their points at the borders.
+struct PointLeaves::Orientation {
   struct Part {
     float top = std::numeric_limits<float>::lowest();
     float top_normal = 1.0F;
     glm::dvec3 sum{0.0};
   };
-  struct Border {
+  struct BorderPoint {
     std::uint64_t code = 0;
     std::uint32_t tile = 0, part = 0;
     glm::vec3 normal{0.0F};
@@ -286,67 +281,69 @@ base::Result<void> PointLeaves::fitAll(const std::string& path, unsigned threads
   struct Link {
     std::uint32_t tile = 0, part = 0;
     glm::vec3 normal{0.0F};
-    std::uint64_t other = 0;  // code
+    std::uint64_t other = 0;  // code of the point in another tile
   };
-  std::vector<std::vector<Part>> parts(tiles_.count());
-  std::vector<Border> border;
-  std::vector<Link> links;
-  std::mutex mutex;
-  base::Result<void> status;
-  std::atomic<bool> stopped = false;
-  std::size_t done = 0;
-  base::parallelFor(tiles_.count(), threads, [&](std::size_t tile) {
-    if (stopped) return;
-    const auto fitted = fit(tile);
-    const base::Result<void> stored = fitted ? store(tile, *fitted) : fitted.error();
-    const std::lock_guard lock(mutex);
-    ++done;
-    if (!stored) {
-      status = stored, stopped = true;
-      return;
-    }
-    const auto t = static_cast<std::uint32_t>(tile);
-    const auto partOf = [&](std::size_t i) { return fitted->part.empty() ? 0U : fitted->part[i]; };
-    parts[tile].resize(std::max(1U, fitted->parts));
-    for (std::size_t i = 0; i < fitted->own; ++i) {
-      Part& part = parts[tile][partOf(i)];
-      const glm::vec3& n = fitted->normals[i];
-      part.sum += glm::dvec3(n) * static_cast<double>(fitted->radii[i] * fitted->radii[i]);
-      if (const float z = fitted->points[i].position.z; z > part.top) part.top = z, part.top_normal = n.z;
-    }
-    if (!fitted->part.empty()) {
-      std::uint32_t last = 0xFFFFFFFFU;
-      for (const auto& [i, j] : fitted->links) {
-        links.push_back({t, fitted->part[i], fitted->normals[i], fitted->points[j].code});
-        if (i != last) border.push_back({fitted->points[i].code, t, fitted->part[i], fitted->normals[i]});
-        last = i;
-      }
-    }
-    if (progress && !progress(static_cast<double>(done) / static_cast<double>(tiles_.count())))
-      status = base::Error{base::ErrorCode::kCancelled, "fitting normals was cancelled"}, stopped = true;
-  });
-  LUMIGRID_TRY(status);
 
-  // Parts of neighbouring tiles agree as most of their pairs of points do, the clearest first.
-  std::vector<std::uint32_t> first{0};
-  for (const auto& of_tile : parts) first.push_back(first.back() + static_cast<std::uint32_t>(of_tile.size()));
-  std::sort(border.begin(), border.end(), [](const Border& a, const Border& b) { return a.code < b.code; });
+  explicit Orientation(std::size_t tiles) : parts(tiles) {}
+  // Adds a tile's parts and the points at its border. One thread at a time.
+  void add(std::size_t tile, const FittedTile& fitted);
+  // Returns the flips by tile and part, and adds all normals by area to `facing`.
+  std::vector<std::vector<std::uint8_t>> decide(bool given_normals, glm::dvec3& facing);
+  // The sets of parts whose signs agree, by number through all tiles.
+  SignedSets joinParts();
+
+  std::vector<std::vector<Part>> parts;  // by tile
+  std::vector<std::uint32_t> first;      // number of each tile's first part
+  std::vector<BorderPoint> border;
+  std::vector<Link> links;
+};
+
+void PointLeaves::Orientation::add(std::size_t tile, const FittedTile& fitted) {
+  const auto t = static_cast<std::uint32_t>(tile);
+  parts[tile].resize(std::max(1U, fitted.parts));
+  for (std::size_t i = 0; i < fitted.own; ++i) {
+    Part& part = parts[tile][fitted.part.empty() ? 0U : fitted.part[i]];
+    const glm::vec3& n = fitted.normals[i];
+    part.sum += glm::dvec3(n) * static_cast<double>(fitted.radii[i] * fitted.radii[i]);
+    if (const float z = fitted.points[i].position.z; z > part.top) part.top = z, part.top_normal = n.z;
+  }
+  if (fitted.part.empty()) return;
+  std::uint32_t last = 0xFFFFFFFFU;
+  for (const auto& [i, j] : fitted.links) {
+    links.push_back({t, fitted.part[i], fitted.normals[i], fitted.points[j].code});
+    if (i != last) border.push_back({fitted.points[i].code, t, fitted.part[i], fitted.normals[i]});
+    last = i;
+  }
+}
+
+SignedSets PointLeaves::Orientation::joinParts() {
+  // Two parts agree as most of their pairs of neighbouring points do.
+  std::sort(border.begin(), border.end(), [](const BorderPoint& a, const BorderPoint& b) { return a.code < b.code; });
   std::map<std::pair<std::uint32_t, std::uint32_t>, std::int64_t> votes;
   for (const Link& link : links) {
     const auto at = std::lower_bound(border.begin(), border.end(), link.other,
-                                     [](const Border& b, std::uint64_t code) { return b.code < code; });
+                                     [](const BorderPoint& b, std::uint64_t code) { return b.code < code; });
     if (at == border.end() || at->code != link.other) continue;
     const std::uint32_t a = first[link.tile] + link.part, b = first[at->tile] + at->part;
     votes[{std::min(a, b), std::max(a, b)}] += glm::dot(link.normal, at->normal) < 0.0F ? -1 : 1;
   }
+
+  // The clearest votes count first, since unite() keeps what was decided before.
   std::vector<std::pair<std::pair<std::uint32_t, std::uint32_t>, std::int64_t>> clearest(votes.begin(), votes.end());
   std::stable_sort(clearest.begin(), clearest.end(),
                    [](const auto& a, const auto& b) { return std::abs(a.second) > std::abs(b.second); });
   SignedSets sets(first.back());
   for (const auto& [pair, vote] : clearest) sets.unite(pair.first, pair.second, vote < 0);
+  return sets;
+}
 
-  // Each whole faces up at its highest point. Given normals are as they are.
-  std::map<std::uint32_t, std::pair<float, bool>> tops;  // by root: height, and whether the root is to be turned
+std::vector<std::vector<std::uint8_t>> PointLeaves::Orientation::decide(bool given_normals, glm::dvec3& facing) {
+  first = {0};
+  for (const auto& of_tile : parts) first.push_back(first.back() + static_cast<std::uint32_t>(of_tile.size()));
+  SignedSets sets = joinParts();
+
+  // Each set faces up at its highest point.
+  std::map<std::uint32_t, std::pair<float, bool>> tops;  // by root: height, and whether the root is to be flipped
   for (std::size_t tile = 0; tile < parts.size(); ++tile)
     for (std::uint32_t p = 0; p < parts[tile].size(); ++p) {
       const auto [root, turned] = sets.find(first[tile] + p);
@@ -355,13 +352,39 @@ base::Result<void> PointLeaves::fitAll(const std::string& path, unsigned threads
       const auto [it, is_new] = tops.try_emplace(root, part.top, down != turned);
       if (!is_new && part.top > it->second.first) it->second = {part.top, down != turned};
     }
+
+  // Given normals stay as they are.
+  std::vector<std::vector<std::uint8_t>> flips(parts.size());
   for (std::size_t tile = 0; tile < parts.size(); ++tile)
     for (std::uint32_t p = 0; p < parts[tile].size(); ++p) {
       const auto [root, turned] = sets.find(first[tile] + p);
-      const bool flip = !given_normals_ && tops.at(root).second != turned;
-      flips_[tile].push_back(flip ? 1 : 0);
-      facing_ += flip ? -parts[tile][p].sum : parts[tile][p].sum;
+      const bool flip = !given_normals && tops.at(root).second != turned;
+      flips[tile].push_back(flip ? 1 : 0);
+      facing += flip ? -parts[tile][p].sum : parts[tile][p].sum;
     }
+  return flips;
+}
+
+base::Result<void> PointLeaves::fitAll(const std::string& path, unsigned threads,
+                                       const std::function<bool(double)>& progress) {
+  flips_.assign(tiles_.count(), {});
+  records_.assign(tiles_.count(), {});
+  LUMIGRID_ASSIGN_OR_RETURN(fitted_, ingest::RecordLog::open(path, false, {}));
+  Orientation orientation(tiles_.count());
+  std::mutex mutex;
+  std::size_t done = 0;
+  const auto fitTile = [&](std::size_t tile) -> base::Result<void> {
+    LUMIGRID_ASSIGN_OR_RETURN(const auto fitted, fit(tile));
+    LUMIGRID_TRY(store(tile, fitted));
+    const std::lock_guard lock(mutex);
+    orientation.add(tile, fitted);
+    ++done;
+    if (progress && !progress(static_cast<double>(done) / static_cast<double>(tiles_.count())))
+      return base::Error{base::ErrorCode::kCancelled, "fitting normals was cancelled"};
+    return {};
+  };
+  LUMIGRID_TRY(base::tryParallelFor(tiles_.count(), threads, fitTile));
+  flips_ = orientation.decide(given_normals_, facing_);
   return {};
 }
 
@@ -375,30 +398,30 @@ void PointLeaves::writeSigns(base::ByteWriter& out) const {
 }
 
 base::Result<void> PointLeaves::reopen(const std::string& path, base::ByteReader& signs) {
-  const base::Error broken = ingest::damagedWorkFiles(path.substr(0, path.rfind('/')));
+  const base::Error damaged = ingest::damagedWorkFiles(path.substr(0, path.rfind('/')));
   facing_ = signs.read<glm::dvec3>();
-  if (signs.u64() != tiles_.count()) return broken;
+  if (signs.u64() != tiles_.count()) return damaged;
   flips_.assign(tiles_.count(), {});
   for (auto& of_tile : flips_) {
     const base::ByteView bytes = signs.bytes(signs.u32());
     of_tile.assign(bytes.begin(), bytes.end());
   }
-  places_.assign(tiles_.count(), {});
-  auto log = ingest::RecordLog::open(
-      path, true, [this](std::uint64_t offset, base::ByteView record) { return place(offset, record); });
-  if (!log) return log.error();
-  fitted_ = std::move(*log);
-  const bool all = std::all_of(places_.begin(), places_.end(), [](const Place& p) { return p.offset > 0; });
-  return signs.ok() && all ? base::Result<void>() : broken;
+  records_.assign(tiles_.count(), {});
+  LUMIGRID_ASSIGN_OR_RETURN(fitted_,
+                            ingest::RecordLog::open(path, true, [this](std::uint64_t offset, base::ByteView record) {
+                              return noteRecord(offset, record);
+                            }));
+  const bool all = std::all_of(records_.begin(), records_.end(), [](const TileRecord& r) { return r.offset > 0; });
+  return signs.ok() && all ? base::Result<void>() : damaged;
 }
 
 base::Result<TileLeaves> PointLeaves::leaves(std::size_t tile) const {
-  std::vector<Stored> stored(static_cast<std::size_t>(places_[tile].leaves));
-  LUMIGRID_TRY(fitted_.readAt(
-      places_[tile].offset, std::span(reinterpret_cast<std::uint8_t*>(stored.data()), stored.size() * sizeof(Stored))));
+  std::vector<StoredLeaf> stored(static_cast<std::size_t>(records_[tile].leaves));
+  LUMIGRID_TRY(fitted_.readAt(records_[tile].offset, std::span(reinterpret_cast<std::uint8_t*>(stored.data()),
+                                                               stored.size() * sizeof(StoredLeaf))));
   TileLeaves out;
   out.splats.reserve(stored.size());
-  for (const Stored& from : stored) {
+  for (const StoredLeaf& from : stored) {
     if (from.part >= flips_[tile].size()) return ingest::damagedWorkFiles("points");
     const glm::vec3 normal = flips_[tile][from.part] != 0 ? -from.normal : from.normal;
     Splat& leaf = out.splats.emplace_back();
@@ -407,7 +430,7 @@ base::Result<TileLeaves> PointLeaves::leaves(std::size_t tile) const {
     leaf.normal = leaf.weight * normal;
     leaf.color = leaf.weight * glm::vec3(glm::u8vec3(from.color));
     leaf.direction = lod::qsplat::encodeNormal(normal);
-    leaf.least_cosine = -1.0F;  // what faces which way is a guess
+    leaf.least_cosine = -1.0F;  // unknown, since orientations are guessed
   }
   return out;
 }

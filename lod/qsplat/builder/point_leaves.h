@@ -1,11 +1,11 @@
 #pragma once
-// Points without faces become leaves (Rusinkiewicz and Levoy 2000, section 2.2: "we would have to compute normals by
-// fitting a plane to the vertices in a small neighborhood around each point"). Private to lod/build/qsplat.
+// Makes leaves of points without faces (Rusinkiewicz and Levoy 2000, section 2.2: "we would have to compute normals by
+// fitting a plane to the vertices in a small neighborhood around each point").
 //
-// Radius: as far as the point's Voronoi cell in the plane fitted reaches, which is what it has to cover if no hole is
-// to be left; at the rim of the cloud as far as its sixth neighbour. Normals that the file gives are kept. Fitted ones
-// have no sign: neighbours are made to agree along a minimum spanning tree of their differences (Hoppe et al. 1992),
-// within each tile first, then tile by tile along their borders; what hangs together faces up at its highest point.
+// A leaf's radius reaches to the end of its Voronoi cell in the fitted plane, so that no hole is left, but at the rim
+// of the cloud no farther than its sixth neighbour. Normals that the file gives are kept. Fitted ones have no sign:
+// neighbours are made to agree along a minimum spanning tree of their differences (Hoppe et al. 1992), within each tile
+// first, then between tiles along their borders. A connected part of the cloud faces up at its highest point.
 #include <vector>
 
 #include "lod/ingest/record_log.h"
@@ -16,13 +16,14 @@ namespace lod::qsplat::builder {
 
 class PointLeaves : public LeafSource {
  public:
-  /// All must outlive it. `given_normals`: some points have one.
+  /// `tiles` and `lattice` must outlive it. `given_normals` says that some points have one.
   PointLeaves(const PointTiles& tiles, const ingest::SourceLattice& lattice, bool given_normals)
       : tiles_(tiles), lattice_(lattice), given_normals_(given_normals) {}
-  /// Before anything else, or reopen(): fits all tiles, into the file `path`, and finds which way the normals face.
-  /// Errors: those of reading, kNoSpace, kIo; kCancelled when `progress`, told the share done, says so.
+  /// Must be called first, or reopen(). Fits all tiles, writes the leaves to the file `path`, and decides which way the
+  /// normals face. `progress` gets the share done, and cancels by false. Errors: those of reading, kNoSpace, kIo,
+  /// kCancelled.
   base::Result<void> fitAll(const std::string& path, unsigned threads, const std::function<bool(double)>& progress);
-  /// What decides besides that file; and both as an earlier run left them. Errors: kIo, damaged work files.
+  /// Writes the state that reopen() needs beside the file. Errors of reopen(): kIo, damaged work files.
   void writeSigns(base::ByteWriter& out) const;
   base::Result<void> reopen(const std::string& path, base::ByteReader& signs);
   /// Sum of all normals by area.
@@ -33,34 +34,35 @@ class PointLeaves : public LeafSource {
   base::Result<TileLeaves> leaves(std::size_t tile) const override;
 
  private:
-  static constexpr std::uint64_t kBytesPerPoint = 700;
-  struct Fitted;
-  base::Result<Fitted> fit(std::size_t tile) const;
+  static constexpr std::uint64_t kBytesPerPoint = 700;  // measured
+  struct FittedTile;
+  struct Orientation;
+  base::Result<FittedTile> fit(std::size_t tile) const;
   base::Result<void> addNeighbours(std::size_t tile, std::span<const glm::vec3> positions, std::span<const float> ball,
                                    std::vector<Point>& points) const;
-  // `tree_neighbours`: so many for each of its own points, itself where there are fewer.
-  static void makeSignsAgree(Fitted& out, std::span<const std::uint32_t> tree_neighbours);
+  // `tree_neighbours` has the same number for each of the tile's own points, the point itself where there are fewer.
+  static void makeSignsAgree(FittedTile& out, std::span<const std::uint32_t> tree_neighbours);
 
   const PointTiles& tiles_;
   const ingest::SourceLattice& lattice_;
   const bool given_normals_;
-  // A leaf whose normal has the sign of its part.
-  struct Stored {
+  // A leaf whose normal agrees in sign with its part of the tile.
+  struct StoredLeaf {
     base::Sphere sphere;
     glm::vec3 normal{0.0F};
     glm::u8vec4 color{0};
     std::uint32_t part = 0;
   };
-  struct Place {
+  struct TileRecord {
     std::uint64_t offset = 0;
     std::uint64_t leaves = 0;
   };
-  base::Result<void> store(std::size_t tile, const Fitted& fitted);
-  bool place(std::uint64_t offset, base::ByteView record);
+  base::Result<void> store(std::size_t tile, const FittedTile& fitted);
+  bool noteRecord(std::uint64_t offset, base::ByteView record);
 
   ingest::RecordLog fitted_;
-  std::vector<Place> places_;                     // by tile
-  std::vector<std::vector<std::uint8_t>> flips_;  // by tile, of its parts: 1 where they are to be turned
+  std::vector<TileRecord> records_;               // by tile
+  std::vector<std::vector<std::uint8_t>> flips_;  // by tile and part: 1 where normals are to be flipped
   glm::dvec3 facing_{0.0};
 };
 

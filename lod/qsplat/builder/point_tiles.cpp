@@ -9,21 +9,21 @@
 namespace lod::qsplat::builder {
 namespace {
 
-constexpr std::size_t kMaxSamples = std::size_t{1} << 20;
+constexpr std::size_t kMaxSamples = std::size_t{1} << 20;        // 8 MB
 constexpr std::uint64_t kBufferBytes = std::uint64_t{64} << 20;  // of all tiles together
 
-// As it lies in the file.
+// A source point as it lies in the file.
 struct Record {
   std::uint64_t code = 0;
-  std::uint32_t color = 0;   // R G B A from the lowest byte; A = 0: none
-  std::uint32_t normal = 0;  // packNormal; 0: none
+  std::uint32_t color = 0;   // R G B A from the lowest byte; A = 0 where unknown
+  std::uint32_t normal = 0;  // packNormal; 0 where unknown
 };
 
 std::uint64_t codeOf(const ingest::SourceLattice& lattice, const glm::dvec3& world) {
   return ingest::mortonCode(lattice.point(world));
 }
 
-// First codes of all tiles but the first one: quantiles of a sample.
+// The first codes of all tiles but the first tile are quantiles of a sample.
 base::Result<std::vector<std::uint64_t>> splitters(const ingest::SourceSpool& source, const ingest::SourceInfo& info,
                                                    const ingest::SourceLattice& lattice) {
   const std::uint64_t stride = (info.vertices + kMaxSamples - 1) / kMaxSamples;
@@ -130,7 +130,7 @@ base::Result<std::vector<Point>> PointTiles::read(std::size_t tile) const {
     LUMIGRID_TRY(file_.readAt(extent.offset, std::span(to, static_cast<std::size_t>(extent.bytes))));
     to += extent.bytes;
   }
-  // Those at one place in the source's order, so that sums are the same each time.
+  // Points at one place stay in the source's order, so that sums are the same each time.
   std::stable_sort(records.begin(), records.end(), [](const Record& a, const Record& b) { return a.code < b.code; });
 
   std::vector<Point> points;

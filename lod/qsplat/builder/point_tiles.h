@@ -1,6 +1,5 @@
 #pragma once
-// Points without faces, sorted to disk into tiles along the Morton curve, each small enough to be worked on in memory.
-// Private to lod/build/qsplat.
+// Sorts points without faces on disk into tiles along the Morton curve, each small enough to be worked on in memory.
 #include <functional>
 #include <string>
 #include <vector>
@@ -10,35 +9,35 @@
 
 namespace lod::qsplat::builder {
 
-/// Points at one lattice point are one.
+/// All source points at one lattice point become one.
 struct Point {
   std::uint64_t code = 0;
   glm::vec3 position{0.0F};  ///< scene-local
-  glm::vec3 normal{0.0F};    ///< as given, any length; zero: none
+  glm::vec3 normal{0.0F};    ///< as given, of any length; zero where unknown
   glm::u8vec3 color{255};
 };
 
 class PointTiles {
  public:
-  /// Most points of a tile, about. A constant: the tree must not depend on the memory there is.
+  /// About the most points of a tile. It does not depend on the memory there is, since the tree must not.
   static constexpr std::uint64_t kPoints = ingest::Buckets::kVertices;
 
   /// Reads the source twice and writes `directory`/points. Errors: kNoSpace, kIo, kCancelled.
   static base::Result<PointTiles> sort(const ingest::SourceSpool& source, const ingest::SourceInfo& info,
                                        const ingest::SourceLattice& lattice, const std::string& directory,
                                        const std::function<bool(double)>& progress);
-  /// State to write beside the file, and back. Errors: kIo, damaged work files.
+  /// The tables to store beside the file, and the tiles opened again with them. Errors: kIo, damaged work files.
   base::Bytes state() const;
   static base::Result<PointTiles> open(const std::string& directory, const ingest::SourceLattice& lattice,
                                        base::ByteView state);
 
   std::size_t count() const { return tiles_.size(); }
   std::uint64_t points(std::size_t tile) const { return tiles_[tile].points; }
-  /// Of its points, scene-local.
+  /// The box of its points, scene-local.
   const base::Aabb& box(std::size_t tile) const { return tiles_[tile].box; }
-  /// In the order of their codes. Safe from several threads. Errors: those of reading.
+  /// Returns the points in the order of their codes. Safe from several threads. Errors: those of reading.
   base::Result<std::vector<Point>> read(std::size_t tile) const;
-  /// Gives the disk space back; the points can no longer be read.
+  /// Frees the disk space; the points can no longer be read.
   void release() { file_.release(0, file_.size()); }
 
  private:

@@ -8,8 +8,8 @@
 namespace lod::qsplat::builder {
 namespace {
 
-// Up to four spheres, coordinate by coordinate, so that all four are looked at in the time of one or two. Places
-// without one hold the first once more.
+// Up to four spheres, coordinate by coordinate, so that SIMD instructions handle all four at once. Unused places repeat
+// the first sphere.
 struct Spheres {
   static constexpr std::size_t kRoom = lod::qsplat::kMaxChildren;
   std::array<double, kRoom> x, y, z, radius;
@@ -25,7 +25,7 @@ struct Spheres {
   }
   glm::dvec3 center(std::size_t i) const { return {x[i], y[i], z[i]}; }
 
-  // The sphere that asks one around `from` to reach farthest, how far, and how far its centre is.
+  // The sphere that a sphere around `from` must reach farthest to enclose, that reach, and the distance of its centre.
   struct Farthest {
     std::size_t sphere = 0;
     double reach = 0.0;
@@ -37,12 +37,12 @@ struct Spheres {
       const double dx = x[i] - from.x, dy = y[i] - from.y, dz = z[i] - from.z;
       distance[i] = std::sqrt(dx * dx + dy * dy + dz * dz);
     }
-    Farthest most{0, distance[0] + radius[0], distance[0]};
+    Farthest out{0, distance[0] + radius[0], distance[0]};
     for (std::size_t i = 1; i < kRoom; ++i)
-      if (const double reach = distance[i] + radius[i]; reach > most.reach) most = {i, reach, distance[i]};
-    return most;
+      if (const double reach = distance[i] + radius[i]; reach > out.reach) out = {i, reach, distance[i]};
+    return out;
   }
-  // Centre of the smallest sphere around two, neither of which holds the other.
+  // The centre of the smallest sphere around two, neither of which encloses the other.
   glm::dvec3 between(std::size_t a, std::size_t b) const {
     const glm::dvec3 along = center(b) - center(a);
     const double distance = glm::length(along);
@@ -52,7 +52,7 @@ struct Spheres {
 };
 
 glm::dvec3 bestCenter(const Spheres& spheres, std::size_t count) {
-  // Two of them often decide. Otherwise the widest pair is where to begin.
+  // Often two spheres determine the smallest one. Otherwise the search starts from the widest pair.
   std::pair<double, glm::dvec3> best{-1.0, glm::dvec3(0.0)};
   for (std::size_t i = 0; i < count; ++i)
     for (std::size_t j = 0; j < i; ++j) {
@@ -65,7 +65,7 @@ glm::dvec3 bestCenter(const Spheres& spheres, std::size_t count) {
   Spheres::Farthest most = spheres.farthest(center);
   if (most.reach <= best.first * (1.0 + 1e-9)) return center;
 
-  // Towards the farthest by what it is farther than the lower bound, less and less (Badoiu and Clarkson 2003).
+  // The centre moves towards the farthest sphere, by shorter and shorter steps (Bădoiu and Clarkson 2003).
   glm::dvec3 least_center = center;
   double least = most.reach;
   double step = 0.5 * (most.reach - best.first);
@@ -85,7 +85,7 @@ glm::dvec3 bestCenter(const Spheres& spheres, std::size_t count) {
 }  // namespace
 
 base::Sphere enclosingSphere(std::span<const base::Sphere> spheres) {
-  // One that holds all the others needs no other.
+  // The largest sphere may enclose all others.
   const auto largest = std::max_element(spheres.begin(), spheres.end(),
                                         [](const auto& a, const auto& b) { return a.radius < b.radius; });
   if (std::all_of(spheres.begin(), spheres.end(),

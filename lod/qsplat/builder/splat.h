@@ -1,6 +1,6 @@
 #pragma once
-// What a node of the tree stands for while it is built (Rusinkiewicz and Levoy 2000, section 2.2): a leaf, or all that
-// lies below an inner node. Private to lod/build/qsplat.
+// A node of the tree while it is built (Rusinkiewicz and Levoy 2000, section 2.2): a leaf, or the sum of the leaves
+// below an inner node.
 #include <algorithm>
 #include <cmath>
 #include <span>
@@ -13,41 +13,43 @@ namespace lod::qsplat::builder {
 
 struct Splat {
   base::Sphere sphere;
-  glm::vec3 normal{0.0F};       ///< sum over the leaves below: unit normals by weight
-  glm::vec3 color{0.0F};        ///< the same of colours, 0 … 255 each
-  float weight = 0.0F;          ///< sum over the leaves below; above 0. A surface's leaf: its share of the area
-  std::uint32_t direction = 0;  ///< the normal as a code
-  float least_cosine = -1.0F;   ///< between the decoded normal and those of the surface below; -1: nothing is known
+  glm::vec3 normal{0.0F};       ///< sum over the leaves below of unit normals times weights
+  glm::vec3 color{0.0F};        ///< sum over the leaves below of colours (0 … 255) times weights
+  float weight = 0.0F;          ///< > 0, sum over the leaves below; a leaf of a surface weighs its share of the area
+  std::uint32_t direction = 0;  ///< the code of the normal
+  float least_cosine = -1.0F;   ///< between the decoded normal and the surface's normals below; -1 where unknown
 
   glm::u8vec3 meanColor() const { return glm::u8vec3(glm::clamp(color / weight + 0.5F, 0.0F, 255.0F)); }
 };
 
-/// The smallest sphere around 2 to 4 spheres, or up to a hundredth wider; holds them as lod::qsplat::encloses tells.
+/// A sphere around 2 to 4 spheres, at most a hundredth wider than the smallest one. lod::qsplat::encloses holds for
+/// each.
 base::Sphere enclosingSphere(std::span<const base::Sphere> spheres);
 
-/// What 2 to 4 children make together, but for its cone.
+/// The parent of 2 to 4 children, without its cone.
 Splat parentOf(std::span<const Splat* const> children);
 
-/// Normals of facets around leaves, of each those that lie outside a narrow cone around its decoded normal: of the cone
-/// that holds them all, they tell which part is empty. Leaves from points have none.
+/// The normals of those facets around leaves that lie outside a narrow cone around the leaf's decoded normal. They tell
+/// which part of the leaf's whole cone is empty. Leaves from points have none.
 struct LeafFacets {
-  /// Cosine and sine of the narrow cone's half-angle, 0.1 rad: few facets of a smooth surface lie outside.
+  /// Cosine and sine of the narrow cone's half-angle, 0.1 rad. Few facets of a smooth surface lie outside.
   static constexpr float kCoreCosine = 0.9950042F;
   static constexpr float kCoreSine = 0.0998334F;
-  std::vector<std::uint32_t> first;  ///< by leaf, and the end: its first one among the normals; empty: none has any
+  std::vector<std::uint32_t> first;  ///< by leaf, and the end: its first normal; empty where no leaf has any
   std::vector<glm::vec3> normals;    ///< unit
 
   bool empty() const { return normals.empty(); }
 };
 
-/// What cosines of angles between two normals in float32 are off by, about. Near 0 that is much of an angle.
+/// About the rounding error of a cosine between two normals in float32. For small angles it is a large part of the
+/// angle.
 inline constexpr float kCosineRounding = 3e-7F;
-/// Sine of an angle known by its cosine: not less than it is.
+/// The sine of an angle known by its cosine, rounded up.
 inline float sineOf(float cosine) {
   return std::sqrt(std::max(0.0F, 1.0F - cosine * cosine) + 2.0F * kCosineRounding);
 }
-/// Cosine of the sum of two angles, given by cosine and by cosine and sine, not more than it is; -1 where one of them,
-/// or the sum, is above a right angle.
+/// The cosine of the sum of two angles, rounded down. The first is given by its cosine, the second by cosine and sine.
+/// -1 where either angle or the sum is above a right angle.
 inline float cosineOfSum(float cosine_a, float cosine_b, float sine_b) {
   if (cosine_a <= 0.0F || cosine_b <= 0.0F) return -1.0F;
   return cosine_a * cosine_b - sineOf(cosine_a) * sine_b;

@@ -10,7 +10,7 @@ struct Record {
   StoredSubtree subtree;
 };
 
-// False when it is no record. `offset` is where the payload lies.
+// Reads a record whose payload lies at `offset`; false where it is none.
 bool readRecord(std::uint64_t offset, base::ByteView payload, Record& record) {
   base::ByteReader in(payload);
   record.tile = in.u32();

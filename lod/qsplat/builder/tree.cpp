@@ -11,23 +11,23 @@ namespace {
 using lod::qsplat::kAnyDirection;
 using lod::qsplat::kMaxChildren;
 
-// Inner nodes' normals are turned by so much at most, in radians, for a narrower code, and before they are coded: half
-// as much again as the side of a normal's cell.
+// An inner node's normal may be turned by this many radians for a narrower cone, before it is coded. It is half as much
+// again as the side of a normal's cell.
 constexpr float kMaxTurn = 0.05F;
-// That a coded normal has turned as far as was asked for: half a cell.
+// Half the side of a normal's cell, by which coding may move a normal.
 constexpr float kHalfCell = 0.012F;
 
-// A cone that a node may have: by code those that have one, then the widest that a turn may bring among them.
-struct Width {
+// The width of a cone. There is one for each code, and a last one from which a turn may still reach a code.
+struct ConeWidth {
   float angle = 0.0F;
-  float cosine = 0.0F;  // larger by what encodeCone() makes smaller, and more
+  float cosine = 0.0F;  // raised by more than encodeCone() rounds down
   float sine = 0.0F;
-  float core = 0.0F;  // cosine of the angle less that of LeafFacets' narrow cone
+  float core = 0.0F;  // cosine of the angle minus the half-angle of LeafFacets' narrow cone
 };
-const std::array<Width, kAnyDirection + 1> kWidths = [] {
-  std::array<Width, kAnyDirection + 1> widths{};
+const std::array<ConeWidth, kAnyDirection + 1> kWidths = [] {
+  std::array<ConeWidth, kAnyDirection + 1> widths{};
   for (std::uint32_t code = 0; code <= kAnyDirection; ++code) {
-    Width& width = widths[code];
+    ConeWidth& width = widths[code];
     width.angle =
         code < kAnyDirection ? std::asin(lod::qsplat::coneSines(true)[code]) : widths[code - 1].angle + kMaxTurn;
     width.cosine = std::cos(width.angle) + 2e-6F;
@@ -36,9 +36,9 @@ const std::array<Width, kAnyDirection + 1> kWidths = [] {
   }
   return widths;
 }();
-constexpr std::uint32_t kHopeless = kAnyDirection + 1;
+constexpr std::uint32_t kTooWide = kAnyDirection + 1;
 
-// Leaves lie in the source's order, which may be none: they are asked for so many ahead.
+// Leaves lie in the source's order, which may be random, so they are prefetched this many ahead.
 constexpr std::uint32_t kAhead = 8;
 
 class TreeMaker {
@@ -59,23 +59,24 @@ class TreeMaker {
     glm::vec3 center;
     std::uint32_t index;
   };
-  struct Part {
+  struct Range {  // of keys_
     std::uint32_t begin = 0, end = 0;
     std::uint32_t size() const { return end - begin; }
   };
 
-  // Binary splits merged: the part with most splats is split until there are four. Parts that are all a node's children
-  // stay together, so that nodes are full where there is most of them; with the places left, smaller ones are opened.
-  std::uint32_t make(const Part& whole) {
+  // A node merges binary splits: the largest set is split until there are four. Sets of at most four splats stay
+  // together as one child, so that the lowest nodes, which are the most, are full. Free places then take the splats of
+  // small sets.
+  std::uint32_t make(const Range& whole) {
     if (whole.size() == 1) {
       const std::uint32_t leaf = keys_[whole.begin].index;
       cones_[whole.begin] = coneOf(leaf);
       return TreeShape::kLeaf | leaf;
     }
-    expect(whole);
-    std::array<Part, kMaxChildren> parts{whole};
+    prefetch(whole);
+    std::array<Range, kMaxChildren> parts{whole};
     std::uint32_t count = 1;
-    const auto bySize = [](const Part& a, const Part& b) { return a.size() < b.size(); };
+    const auto bySize = [](const Range& a, const Range& b) { return a.size() < b.size(); };
     while (count < kMaxChildren) {
       const auto largest = std::max_element(parts.begin(), parts.begin() + count, bySize);
       if (largest->size() <= kMaxChildren) break;
@@ -84,7 +85,7 @@ class TreeMaker {
       largest->end = middle;
     }
     while (count < kMaxChildren) {
-      Part* opened = nullptr;
+      Range* opened = nullptr;
       for (std::uint32_t i = 0; i < count; ++i)
         if (parts[i].size() > 1 && count + parts[i].size() - 1 <= kMaxChildren &&
             (opened == nullptr || bySize(*opened, parts[i])))
@@ -108,7 +109,7 @@ class TreeMaker {
     return static_cast<std::uint32_t>(shape_.inner.size() - 1);
   }
 
-  // A leaf's, as inner nodes look at it again and again: in their order.
+  // A leaf's cone. Inner nodes read them again and again, so they lie in the order of keys_.
   struct LeafCone {
     glm::vec3 axis{0.0F};  // the decoded normal
     float cosine = 0.0F;   // of its half-angle
@@ -123,33 +124,34 @@ class TreeMaker {
     return cone;
   }
 
-  // The cone that a part of the leaves needs around an axis.
+  // The cone around an axis that covers a range of leaves.
   struct Cone {
-    std::uint32_t width = 0;  // among kWidths; or kHopeless
-    float farthest = 1.0F;    // cosine of the farthest normal, of those that asked for more width
-    glm::vec3 towards{0.0F};  // it, or the axis of its leaf's cone; none: that axis
+    std::uint32_t width = 0;  // place in kWidths, or kTooWide
+    float farthest = 1.0F;    // cosine of the farthest normal of those that widened it
+    glm::vec3 towards{0.0F};  // that normal, or the axis of its leaf's cone
 
     void add(float cosine, const glm::vec3& normal) {
       if (cosine >= farthest) return;
       farthest = cosine;
       towards = normal;
-      while (width < kHopeless && !(cosine >= kWidths[width].cosine)) ++width;
+      while (width < kTooWide && !(cosine >= kWidths[width].cosine)) ++width;
     }
     float least() const { return width < kAnyDirection ? kWidths[width].cosine : -1.0F; }
   };
 
-  // Over the leaves themselves: cones around cones would widen from level to level. And of a leaf whose own cone asks
-  // for more width its facets, which leave most of that cone empty. Stops where it is wider than `most`. `farthest`:
-  // what was farthest from the children's axes decides most nodes at once.
-  Cone coneAround(const Part& part, const glm::vec3& axis, std::span<const glm::vec3> farthest,
-                  std::uint32_t most) const {
+  // Measures the cone over the leaves themselves, since cones around the children's cones would widen from level to
+  // level. Where a leaf's cone would widen it, the leaf's facets are measured, which leave most of their cone empty.
+  // Stops where it is wider than `max_width`. `farthest` are the children's farthest normals, which determine most
+  // nodes at once.
+  Cone coneAround(const Range& part, const glm::vec3& axis, std::span<const glm::vec3> farthest,
+                  std::uint32_t max_width) const {
     Cone out{0, 1.0F, axis};
     for (const glm::vec3& normal : farthest) out.add(glm::dot(axis, normal), normal);
-    for (std::uint32_t i = part.begin; i < part.end && out.width <= most; ++i) {
+    for (std::uint32_t i = part.begin; i < part.end && out.width <= max_width; ++i) {
       const LeafCone& leaf = cones_[i];
-      const Width& width = kWidths[out.width];
+      const ConeWidth& width = kWidths[out.width];
       const float along = glm::dot(axis, leaf.axis);
-      // The angle between the axes and the leaf's half-angle are together no more than the width.
+      // The leaf's cone fits: the angle between the axes plus the leaf's half-angle is at most the width.
       if (leaf.cosine >= width.cosine && along - kCosineRounding >= width.cosine * leaf.cosine + width.sine * leaf.sine)
         continue;
       if (leaf.first == leaf.last) {
@@ -169,14 +171,14 @@ class TreeMaker {
     return out;
   }
 
-  // The cone around a node's normal. There are few codes: where a small turn makes do with a narrower one, the normal
-  // is turned towards what is farthest from it. Returns that.
-  glm::vec3 setCone(const Part& part, std::span<const glm::vec3> farthest, Splat& splat) const {
+  // Sets the cone around a node's normal. Cones have few codes, so where a small turn allows a narrower one, the normal
+  // is turned towards the farthest normal, which is returned.
+  glm::vec3 setCone(const Range& part, std::span<const glm::vec3> farthest, Splat& splat) const {
     const glm::vec3& axis = lod::qsplat::normalTable()[splat.direction];
     const Cone cone = coneAround(part, axis, farthest, kAnyDirection);
     splat.least_cosine = cone.least();
-    if (cone.width == 0 || cone.width == kHopeless) return cone.towards;
-    const Width& narrower = kWidths[cone.width - 1];
+    if (cone.width == 0 || cone.width == kTooWide) return cone.towards;
+    const ConeWidth& narrower = kWidths[cone.width - 1];
     const float turn = std::acos(cone.farthest) - narrower.angle + kHalfCell;
     const glm::vec3 across = cone.towards - axis * glm::dot(axis, cone.towards);
     if (turn > kMaxTurn || !(glm::dot(across, across) > 0.0F)) return cone.towards;
@@ -189,8 +191,8 @@ class TreeMaker {
     return other.towards;
   }
 
-  // Asks the memory for what coneOf() looks at soon, from a few leaves on; then for what these point to.
-  void expect(const Part& part) const {
+  // Prefetches the leaves that coneOf() will read, and, once there are few of them, what they point to.
+  void prefetch(const Range& part) const {
     if (part.size() > 4 * kAhead) return;
     for (std::uint32_t i = part.begin; i < part.end; ++i) {
       const std::uint32_t leaf = keys_[i].index;
@@ -210,8 +212,8 @@ class TreeMaker {
     return (child & TreeShape::kLeaf) != 0 ? splats_[child & ~TreeShape::kLeaf] : shape_.inner[child].splat;
   }
 
-  // Reorders the part so that what is before the place returned, and what is not, are its two halves.
-  std::uint32_t split(const Part& part) {
+  // Splits a set in two by reordering it, and returns where the second one begins.
+  std::uint32_t split(const Range& part) {
     base::Aabb box;
     for (std::uint32_t i = part.begin; i < part.end; ++i) box.add(keys_[i].center);
     const glm::vec3 size = box.size();
@@ -230,8 +232,8 @@ class TreeMaker {
     return part.begin + place;
   }
 
-  // Few splats are split where full nodes of leaves come out: the nearest such number to `before`. (Among more of them
-  // it saves no bytes that count, and spheres get larger.)
+  // A small set is split at the multiple of four nearest to `before`, so that its nodes of leaves are full. In larger
+  // sets that would save hardly any bytes, and spheres would get larger.
   static std::uint32_t wholeNodes(std::uint32_t before, std::uint32_t all) {
     const std::uint32_t step = all >= 8 && all < 32 ? kMaxChildren : 1;
     return std::clamp((before + step / 2) / step * step, step, all - step);
@@ -240,9 +242,9 @@ class TreeMaker {
   std::span<const Splat> splats_;
   const LeafFacets& facets_;
   std::vector<Key> keys_;
-  std::vector<LeafCone> cones_;  // in the order of keys_, where that is final
+  std::vector<LeafCone> cones_;  // in the order of keys_, as far as that is final
   TreeShape shape_;
-  std::vector<glm::vec3> farthest_;  // by inner node: from its axis, of the normals that were looked at
+  std::vector<glm::vec3> farthest_;  // by inner node: the normal farthest from its axis
 };
 
 }  // namespace

@@ -1,9 +1,9 @@
 #pragma once
-// Splats to a tree (Rusinkiewicz and Levoy 2000, section 2.2, BuildTree): split along the longest axis, bottom up a
-// bounding sphere around each node's children. Private to lod/build/qsplat.
+// Builds a tree over splats (Rusinkiewicz and Levoy 2000, section 2.2, BuildTree): sets are split along the longest
+// axis, and from the bottom up each node gets a bounding sphere around its children.
 //
-// A tile of leaves becomes a Subtree, whose nodes wait on disk; the tree over all tiles is one more, whose leaves are
-// the tiles' roots. Spheres are true ones here: they are made relative to their parents from the top down (encode.h).
+// A tile of leaves becomes a Subtree, whose nodes wait on disk. The top tree over all tiles is built in the same way,
+// with the tiles' roots as leaves. Spheres are absolute here; encode.h encodes them relative to their parents.
 #include <array>
 #include <vector>
 
@@ -11,18 +11,18 @@
 
 namespace lod::qsplat::builder {
 
-/// What is kept of the widths of leaves' cones among leaves: each, or every fourth. The coded form is 4 % longer with
-/// each (docs/results/qsplat.md), the plain one as long.
+/// Which widths the cones of leaves may have in groups of leaves: each code, or every fourth. With each the coded form
+/// is 4 % longer (docs/results/qsplat.md), the plain one no longer.
 enum class LeafCones : std::uint8_t { kEach, kEveryFourth };
 
-/// As it lies on disk between building and encoding.
+/// A node as it lies on disk between building and encoding.
 struct TreeNode {
   base::Sphere sphere;
   std::uint32_t bits = 0;  ///< lod::qsplat::packNode with sphere code 0
   std::uint16_t color = 0;
-  std::uint16_t leaf_cone = 0;  ///< of a leaf, its code among leaves
+  std::uint16_t leaf_cone = 0;  ///< a leaf's code in a group of leaves
 
-  /// As it stands in the file, in a group with a pointer or without.
+  /// The node of the file, for a group with a pointer or without.
   lod::qsplat::Node encoded(std::uint32_t sphere_code, bool has_pointer, LeafCones leaf_cones) const {
     const lod::qsplat::Node node{bits | sphere_code, color};
     if (has_pointer) return node;
@@ -34,31 +34,31 @@ static_assert(sizeof(TreeNode) == 24);
 
 TreeNode nodeFor(const Splat& splat, std::uint32_t children, bool children_are_leaves);
 
-/// A node over splats given by number.
+/// A tree over given splats, by number.
 struct TreeShape {
   static constexpr std::uint32_t kLeaf = 1U << 31;
   struct Inner {
     Splat splat;
-    std::uint32_t count = 0;  ///< of children: 2, 3 or 4
-    /// Inner nodes by number, or kLeaf + the number of a given splat.
+    std::uint32_t count = 0;  ///< children: 2, 3 or 4
+    /// The number of an inner node, or kLeaf + the number of a given splat.
     std::array<std::uint32_t, lod::qsplat::kMaxChildren> children{};
   };
   std::vector<Inner> inner;
-  std::uint32_t root = 0;  ///< as among children
+  std::uint32_t root = 0;  ///< like a child
 };
 
-/// Over at least one splat, fewer than 2^31. A part is split at the middle of its box's longest side; in halves by
+/// Builds a tree over 1 to 2^31 − 1 splats. A set is split at the middle of its box's longest side, or in halves by
 /// count where that would leave less than a sixteenth on one side, so that no tree is deep (section 3.2 says why not
 /// always). An inner node's normal is the mean of those below, or up to 0.07 rad from it where its cone then has a
-/// narrower code. `facets`: around the splats; none: their cones are all that is known.
+/// narrower code. `facets` are around the splats; without them cones are computed from the splats' cones.
 TreeShape makeTree(std::span<const Splat> splats, const LeafFacets& facets = {});
 
 /// A tile's nodes, breadth first.
 struct Subtree {
   Splat root;
   std::vector<TreeNode> nodes;             ///< the root first
-  std::vector<std::uint32_t> level_nodes;  ///< how many of them are of each level
-  std::uint64_t added_leaves = 0;          ///< that are no vertex or point of the source
+  std::vector<std::uint32_t> level_nodes;  ///< how many nodes each level has
+  std::uint64_t added_leaves = 0;          ///< leaves that are not a vertex or point of the source
 };
 Subtree makeSubtree(std::span<const Splat> leaves, const LeafFacets& facets = {});
 

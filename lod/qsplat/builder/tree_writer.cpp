@@ -16,7 +16,7 @@ constexpr std::size_t kMaxSealed = std::size_t{256} * kBlockBytes;
 base::Result<TreeWriter> TreeWriter::create(const std::string& path, const Options& options) {
   LUMIGRID_ASSIGN_OR_RETURN(auto file, base::AtomicFile::create(path));
   TreeWriter writer(std::move(file), options);
-  const base::Bytes no_header(kBlockBytes, 0);  // it comes last
+  const base::Bytes no_header(kBlockBytes, 0);  // written last
   LUMIGRID_TRY(writer.file_.write(no_header));
   return writer;
 }
@@ -54,7 +54,7 @@ base::Result<void> TreeWriter::add(const lod::qsplat::GroupNodes& group) {
   return {};
 }
 
-// Goes on to the next block where the group needs that, and counts levels.
+// Begins the next block where the group does not fit the current one, and counts levels.
 base::Result<void> TreeWriter::place(std::uint32_t bytes) {
   if (offset_ == level_end_) {
     level_end_ = laid_out_;

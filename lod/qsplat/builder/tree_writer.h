@@ -1,5 +1,5 @@
 #pragma once
-// qsplat.lgq from its groups in breadth-first order (docs/formats/qsplat.md). Memory: some blocks.
+// Writes a plain qsplat.lgq from its groups in breadth-first order (docs/formats/qsplat.md). Memory holds some blocks.
 #include <optional>
 #include <string>
 
@@ -15,14 +15,14 @@ class TreeWriter {
     bool wide_pointers = false;
     base::Sphere root;
   };
-  /// A file that appears at `path` when it is whole. Errors: kNoSpace, kIo.
+  /// The file appears at `path` when it is complete. Errors: kNoSpace, kIo.
   static base::Result<TreeWriter> create(const std::string& path, const Options& options);
-  /// The next group; the first holds the root alone, its sphere code kWholeParent. Errors: kNoSpace, kIo; kUnsupported
-  /// where an offset needs wide pointers, or the tree has more than 128 levels.
+  /// Adds the next group. The first holds the root alone, with the sphere code kWholeParent. Errors: kNoSpace, kIo,
+  /// kUnsupported (an offset needs wide pointers, or the tree has more than 128 levels).
   base::Result<void> add(const lod::qsplat::GroupNodes& group);
-  /// Whether all children told of have come.
-  bool whole() const { return offset_ == laid_out_ && nodes_ > 0; }
-  /// After the last group. Errors: kNoSpace, kIo.
+  /// Whether all children of the nodes added have been added.
+  bool isComplete() const { return offset_ == laid_out_ && nodes_ > 0; }
+  /// Called after the last group. Errors: kNoSpace, kIo.
   base::Result<lod::qsplat::Header> finish();
 
  private:
@@ -36,11 +36,11 @@ class TreeWriter {
   Options options_;
   lod::qsplat::GroupLayout layout_;
   std::array<std::uint8_t, lod::qsplat::kBlockBytes> block_{};
-  base::Bytes sealed_;  // blocks to be written
+  base::Bytes sealed_;  // complete blocks that are not written yet
   std::uint64_t block_number_ = 1;
-  std::uint64_t offset_ = lod::qsplat::kBlockBytes;     // where the groups written end
-  std::uint64_t laid_out_ = lod::qsplat::kBlockBytes;   // where the groups told of end
-  std::uint64_t level_end_ = lod::qsplat::kBlockBytes;  // where the level being written ends
+  std::uint64_t offset_ = lod::qsplat::kBlockBytes;     // where the groups added end
+  std::uint64_t laid_out_ = lod::qsplat::kBlockBytes;   // where their children's groups end
+  std::uint64_t level_end_ = lod::qsplat::kBlockBytes;  // where the current level ends
   std::uint64_t nodes_ = 0, leaves_ = 0, groups_ = 0, pointers_ = 0;
   std::uint32_t levels_ = 0;
 };

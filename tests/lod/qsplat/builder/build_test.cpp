@@ -42,7 +42,7 @@ class QsplatBuild : public testing::Test {
     expectSound(*summary);
     return std::move(*summary);
   }
-  BuildSummary mustBuild(const PlyMesh& mesh, double dice = kDice) {
+  BuildSummary mustBuild(const PlyMesh& mesh, double dice = kDefaultDice) {
     writePly(directory_ / "mesh.ply", mesh);
     BuildOptions options;
     options.dice = dice;

@@ -30,7 +30,7 @@ TEST(Dicer, PiecesAreSmallAndAreTheTriangle) {
     dicer.cut({0, 1, 2}, 7);
     const glm::dvec3 whole = areaOf(dicer, {0, 1, 2});
     glm::dvec3 sum(0.0);
-    for (const Dicer::Piece& piece : dicer.pieces()) {
+    for (const Dicer::SubTriangle& piece : dicer.subTriangles()) {
       EXPECT_EQ(piece.triangle, 7U);
       for (std::size_t k = 0; k < 3; ++k)
         EXPECT_LE(glm::distance(dicer.position(piece.corners[k]), dicer.position(piece.corners[(k + 1) % 3])), 300.0);
@@ -51,7 +51,7 @@ TEST(Dicer, TrianglesShareThePointsOfTheirEdge) {
   dicer.cut({1, 4, 0}, 2);
   // Every piece's edge within the fan is met by another piece, or lies on the outline.
   std::map<std::pair<std::uint32_t, std::uint32_t>, int> uses;
-  for (const Dicer::Piece& piece : dicer.pieces())
+  for (const Dicer::SubTriangle& piece : dicer.subTriangles())
     for (std::size_t k = 0; k < 3; ++k) ++uses[std::minmax(piece.corners[k], piece.corners[(k + 1) % 3])];
   const auto onEdge = [&](std::uint32_t p) {
     const glm::dvec3 along = glm::normalize(glm::dvec3(points[1]));
@@ -71,7 +71,7 @@ TEST(Dicer, CountsWhatItWouldCut) {
   const std::vector<glm::ivec3> points{{0, 0, 0}, {3000, 10, 5}, {40, 1700, 900}};
   Dicer dicer(points, 200.0);
   dicer.cut({0, 1, 2}, 0);
-  const std::uint64_t cuts = dicer.pieces().size() - 1;
+  const std::uint64_t cuts = dicer.subTriangles().size() - 1;
   EXPECT_EQ(countCuts(points, 200.0, cuts), cuts);
   EXPECT_FALSE(countCuts(points, 200.0, cuts - 1));
   EXPECT_EQ(countCuts(points, 5000.0, 0), 0U);

@@ -34,11 +34,11 @@ TEST(NearestPointsOf, AreThoseThatALookAtAllFinds) {
   for (glm::vec3& p : points) p = {unit(random), unit(random), std::floor(4.0F * unit(random)) / 4.0F};
   for (std::size_t i = 0; i < 50; ++i) points[i] = points[50];
   const NearestPoints near(points);
-  std::vector<NearestPoints::Found> found;
+  std::vector<NearestPoints::Neighbour> found;
   for (std::size_t i = 0; i < points.size(); i += 7)
     for (const std::size_t count : {1U, 5U, 17U})
       for (const float reach : {1e30F, 0.01F, 0.0F}) {
-        std::vector<NearestPoints::Found> all;
+        std::vector<NearestPoints::Neighbour> all;
         for (std::uint32_t j = 0; j < points.size(); ++j) {
           const glm::vec3 d = points[j] - points[i];
           if (glm::dot(d, d) <= reach) all.push_back({glm::dot(d, d), j});

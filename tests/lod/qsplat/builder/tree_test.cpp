@@ -67,7 +67,7 @@ std::vector<base::Sphere> decode(const Subtree& tree, const base::Sphere& root, 
   for (const Run& run : encodeSubtree(tree.nodes, root, colors, LeafCones::kEach)) {
     std::size_t at = 0;
     while (true) {
-      const auto group = nextGroup(run, at, colors);
+      const auto group = readGroup(run, at, colors);
       if (group.count == 0) break;
       while (Node{tree.nodes[parent].bits, 0}.isLeaf()) ++parent;
       EXPECT_EQ(group.count, (Node{tree.nodes[parent].bits, 0}.children()));
