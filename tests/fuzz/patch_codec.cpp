@@ -3,9 +3,9 @@
 
 #include "base/check.h"
 #include "base/crc32c.h"
-#include "base/file.h"
 #include "lod/patch/codec.h"
 #include "tests/fuzz/fuzz.h"
+#include "tests/lod/patch/patch_testing.h"
 
 namespace {
 
@@ -46,7 +46,7 @@ std::vector<base::Bytes> seeds() {
   using lod::patch::encodePatch;
   return {encodePatch(drawnPatch(4, 100, false)), encodePatch(drawnPatch(9, 100'000, true)),
           encodePatch(drawnPatch(20, 7, true)),
-          *base::readFile(std::string(LUMIGRID_SOURCE_DIR) + "/tests/golden/patch_bytes_v3.bin")};
+          encodePatch(patch_testing::tornGrid())};
 }
 
 void fuzzOne(base::ByteView bytes) {

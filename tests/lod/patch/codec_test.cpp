@@ -6,7 +6,6 @@
 #include <cstring>
 
 #include "base/crc32c.h"
-#include "base/file.h"
 #include "tests/lod/patch/patch_testing.h"
 
 namespace lod::patch {
@@ -112,14 +111,12 @@ TEST(PatchCodec, everyMachineDecodesTheSame) {
   }
   compare(encodePatch(gridPatch(60)));
   const base::Bytes torn = encodePatch(patch_testing::tornGrid());
-  const base::Bytes old = *base::readFile(std::string(LUMIGRID_SOURCE_DIR) + "/tests/golden/patch_bytes_v3.bin");
-  for (const base::Bytes& bytes : {torn, old})
-    for (std::size_t at = 32; at < firstPlane(bytes); ++at)
-      for (int bit = 0; bit < 8; ++bit) {
-        base::Bytes hurt = bytes;
-        hurt[at] = static_cast<std::uint8_t>(hurt[at] ^ 1U << bit);
-        compare(sealed(std::move(hurt)));
-      }
+  for (std::size_t at = 32; at < firstPlane(torn); ++at)
+    for (int bit = 0; bit < 8; ++bit) {
+      base::Bytes hurt = torn;
+      hurt[at] = static_cast<std::uint8_t>(hurt[at] ^ 1U << bit);
+      compare(sealed(std::move(hurt)));
+    }
   EXPECT_GT(refused, 100U);
   EXPECT_GT(read, 100U);
 }
@@ -442,9 +439,8 @@ TEST(PatchCodec, wrongFieldsUnderARightChecksumAreNamed) {
     const std::string fault = faultOf(changed);
     EXPECT_NE(fault.find(what), std::string::npos) << fault << ", not " << what;
   };
-  names(withField<std::uint8_t>(bytes, 0, 1), "version 1");
-  names(withField<std::uint8_t>(bytes, 0, 5), "version 5");
-  names(withField<std::uint8_t>(withField<std::uint8_t>(bytes, 0, 2), 1, 5), "unknown flags");
+  names(withField<std::uint8_t>(bytes, 0, 0), "version 0");
+  names(withField<std::uint8_t>(bytes, 0, 2), "version 2");
   names(withField<std::uint8_t>(bytes, 1, 8), "unknown flags");
   names(withField<std::uint8_t>(bytes, 1, 6), "unknown flags");
   names(withField<std::uint8_t>(bytes, 1, 2), "unknown flags");

@@ -60,8 +60,8 @@ inline lod::patch::PatchGeometry drawPatch(const Shape& shape, std::mt19937& ran
   return g;
 }
 
-/// A grid with holes of every shape, edges of many triangles and pieces that hang by a corner: whatever the writer of
-/// connectivity knows. tests/golden/patch_bytes_v3.bin are its bytes by the writer of codec version 3.
+/// A grid with holes of every shape, edges of many triangles and pieces that hang by a corner: every step that the
+/// writer of connectivity knows.
 inline lod::patch::PatchGeometry tornGrid() {
   constexpr int kSide = 24;
   std::mt19937 random(17);
