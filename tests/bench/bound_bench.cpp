@@ -6,6 +6,7 @@
 
 #include "lod/patch/builder/distance_bound.h"
 #include "tests/bench/bench.h"
+#include "tests/lod/patch/builder/simplify_in_place.h"
 #include "tests/support/mesh_reader.h"
 
 int main(int count, char** arguments) {
@@ -25,7 +26,7 @@ int main(int count, char** arguments) {
     const std::vector<glm::vec3> positions = group.positions;
     const std::vector<std::uint32_t> indices = group.indices;
     const double start = bench::seconds(CLOCK_THREAD_CPUTIME_ID);
-    const Simplified made = simplifyGroup(group, indices.size() / 6);
+    const CollapseHistory made = simplifyInPlace(group, indices.size() / 6);
     const double middle = bench::seconds(CLOCK_THREAD_CPUTIME_ID);
     FacetSurface surface;
     surface.reset({positions, indices});

@@ -155,7 +155,7 @@ class Layer {
   }
 
   // Where each vertex lies; returns the largest distance from there, or `known`.
-  float place(const FacetSurface& source, const Simplified& history, float known, Placed& placed) {
+  float place(const FacetSurface& source, const CollapseHistory& history, float known, Placed& placed) {
     const auto& below = target_.view().positions;
     placed.twin.assign(source_.positions.size(), kNone);
     placed.border.assign(source_.positions.size(), kNone);
@@ -462,7 +462,7 @@ class Layer {
   float beyond_ = 0.0F;  // some place of the triangle is so far, more than abort_; 0: none is known
 };
 
-void forwardHints(const SurfaceView& before, const Simplified& history, Hints& hints) {
+void forwardHints(const SurfaceView& before, const CollapseHistory& history, Hints& hints) {
   hints.first.resize(history.survivor.size() + 1);
   for (std::uint32_t v = 0; v < hints.first.size(); ++v) hints.first[v] = v;
   hints.member = history.survivor;
@@ -471,7 +471,7 @@ void forwardHints(const SurfaceView& before, const Simplified& history, Hints& h
 }
 
 // For each vertex of the simplified mesh, the vertices that were collapsed into it.
-void backwardHints(const Simplified& history, Hints& hints) {
+void backwardHints(const CollapseHistory& history, Hints& hints) {
   hints.first.assign(history.survivor.size() + 1, 0);
   for (const std::uint32_t v : history.survivor) ++hints.first[v + 1];
   for (std::size_t v = 1; v < hints.first.size(); ++v) hints.first[v] += hints.first[v - 1];
@@ -584,7 +584,8 @@ float errorOfCode(std::uint16_t code) {
 }
 
 SurfaceError carryError(FacetSurface& surface, const SurfaceError& before_error, const SurfaceView& after,
-                        const Simplified& history, float negligible, std::vector<Outlier>& outliers, float precise) {
+                        const CollapseHistory& history, float negligible, std::vector<Outlier>& outliers,
+                        float precise) {
   thread_local std::unique_ptr<Scratch> kept;
   if (!kept) kept = std::make_unique<Scratch>();
   Scratch& scratch = *kept;

@@ -43,7 +43,7 @@ struct Outlier {
 /// the vertices need; several times some. Above `precise` bounds are as tight as can be, which takes time; else those
 /// up to what the vertices need are not tried to be lowered, so that triangles may be outliers for nothing.
 SurfaceError carryError(FacetSurface& before, const SurfaceError& before_error, const SurfaceView& after,
-                        const Simplified& history, float negligible, std::vector<Outlier>& outliers,
+                        const CollapseHistory& history, float negligible, std::vector<Outlier>& outliers,
                         float precise = std::numeric_limits<float>::infinity());
 
 /// A distance or a difference of colours in two bytes, rounded up by at most 0.05 % from 1/16 to 2^22; less counts as

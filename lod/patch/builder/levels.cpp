@@ -155,7 +155,7 @@ void takeVertices(const Merged& merged, std::span<const std::uint32_t> source, s
 
 // Simplified triangles on lattice points, and `merged` with the colours that they are stored with: vertices that came
 // to lie on each other are one, and triangles that lost their area so are gone from the mesh and the history.
-CodedMesh codedMesh(Merged& merged, Simplified& simplified, std::vector<std::uint8_t>& locked) {
+CodedMesh codedMesh(Merged& merged, CollapseHistory& simplified, std::vector<std::uint8_t>& locked) {
   GroupMesh& group = merged.mesh;
   CodedMesh out;
   ingest::CodeMap map(simplified.indices.size() / 5);
@@ -228,11 +228,11 @@ Coarser coarserOf(const Merged& before, FacetSurface& surface, const SurfaceErro
   merged.mesh.locked = before.mesh.locked;
   keepOnLattice(merged, bits);
   Coarser out;
-  out.mesh = codedMesh(merged, group.simplified, out.outer);
+  out.mesh = codedMesh(merged, group.history, out.outer);
   if (out.mesh.indices.empty()) return out;
   const SurfaceError error =
-      carryError(surface, before_error, {merged.mesh.positions, group.simplified.indices, merged.mesh.colors},
-                 group.simplified, negligible, out.outliers, precise);
+      carryError(surface, before_error, {merged.mesh.positions, group.history.indices, merged.mesh.colors},
+                 group.history, negligible, out.outliers, precise);
   out.codes.resize(kErrorCodes * error.toward.size());
   for (std::size_t t = 0; t < error.toward.size(); ++t) {
     std::uint16_t* code = &out.codes[kErrorCodes * t];

@@ -2,215 +2,62 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <numeric>
 #include <optional>
 #include <utility>
 
 #include "base/geometry.h"
+#include "base/simd.h"
+#include "lod/patch/builder/edge_queue.h"
 #include "lod/patch/builder/point_grid.h"
+#include "lod/patch/builder/quadric.h"
 
-// Vectors of four doubles go in and out of functions that become part of their caller only: no ABI says how.
+// Vectors of four doubles are passed only to functions that become part of their caller: no ABI says how.
 #pragma GCC diagnostic ignored "-Wpsabi"
 
 namespace lod::patch::builder {
 namespace {
 
-// Perpendicular planes on border edges weigh this much more than a triangle of the same edge length: seams between the
-// tiles of a scan must not erode, or they open as gaps.
+// The weights and shares here were tuned on the scans and generated meshes of docs/results/hierarchy.md, by the mean
+// and the largest distance of the levels built.
+
+// Planes upright on border edges weigh this much more than a triangle of the same edge length. Without that, seams
+// between the tiles of a scan erode and open as gaps.
 constexpr double kBorderWeight = 10.0;
-// Where the surface is flat every collapse is for nothing, and any order would do: short edges first leave triangles of
-// about equal sides. Elsewhere this is nothing: an edge of a thousand steps costs a tenth of a step.
+// On flat surfaces every collapse costs nothing. This share of the edge's length decides there: collapsing short edges
+// first leaves triangles of about equal sides. Elsewhere it does not matter: an edge of a thousand lattice steps costs
+// a tenth of a step.
 constexpr double kShortFirst = 1e-8;
-// Thin strips and beams weigh next to nothing by area, so their ends would slide for nothing: a vertex whose triangles
-// cover less than this share of their longest edge's square is tied to its place by this share of a mean edge's square.
+// Thin strips and beams have hardly any area, so their ends could slide at hardly any cost. A vertex whose triangles
+// cover less than kThinFan of their longest edge's square is tied to its place by a point quadric of this share of a
+// mean edge's square.
 constexpr double kThinFan = 0.3;
 constexpr double kPointWeight = 5e-3;
-// Weighted by area, the tip of a small fan goes far for little, and it is what is off the most in the end: where two
-// fans cover less than this many mean ones, costs are divided by the root of their share of it. The mean distance
-// hardly minds, as such fans are few.
+// Quadrics are weighted by area, so collapsing the tip of a small fan costs almost nothing, yet it can move the surface
+// far; such tips dominated the largest errors. Where both fans of an edge together cover less than kSmallFans mean
+// fans, costs are divided by the square root of the share that they do cover. Small fans are few, so the mean distance
+// hardly changes. kMinShare keeps the costs of fans without area finite.
 constexpr double kSmallFans = 2.0;
-constexpr double kMinShare = 1e-4;  // of kSmallFans mean fans, so that fans without area cost something finite
-// Planes do not say how far a spike sticks out, as those of its sides all hold its axis. Where the vector sum of a
-// fan's areas is less than this share of their plain sum, distances are measured.
+constexpr double kMinShare = 1e-4;
+// The planes of a spike's sides all contain its axis, so quadrics do not tell how far it sticks out. Where the vector
+// sum of a fan's areas is less than this share of their plain sum, distances are measured instead.
 constexpr double kFolded = 0.6;
-// A full change of colour (black to white) counts like a distance of this many mean edges, a normal turned by 60
-// degrees like this many.
+// A change of colour from black to white costs like a distance of kColorLength mean edges, a normal turned by 60
+// degrees like one of kNormalLength.
 constexpr double kColorLength = 0.25;
 constexpr double kNormalLength = 0.02;
-// All but the last stage refuse a collapse that turns a triangle by more than acos of this.
+// The first two stages refuse a collapse that turns a triangle by more than the angle of this cosine.
 constexpr double kMinTurnCosine = 0.25;
-// A vertex placed farther from the edge's middle than this many edge lengths comes from an ill-conditioned system.
+// A vertex that is placed more than this many edge lengths from the edge's middle comes from an ill-conditioned system.
 constexpr double kMaxPlacementReach = 2.0;
+// A stage ends when a round removes less than a fiftieth of the triangles.
+constexpr std::size_t kMinProgress = 50;
 
-// Squared distances to planes, weighted by area: x^T A x + 2 b x + c (Garland, Heckbert 1997, section 3.3).
-struct Quadric {
-  double a00 = 0, a01 = 0, a02 = 0, a11 = 0, a12 = 0, a22 = 0;
-  double b0 = 0, b1 = 0, b2 = 0, c = 0;
-  double weight = 0;
+enum class VertexKind : std::uint8_t { kInterior, kBorder, kLocked };
 
-  void addPlane(const glm::dvec3& n, double d, double w) {
-    a00 += w * n.x * n.x, a01 += w * n.x * n.y, a02 += w * n.x * n.z;
-    a11 += w * n.y * n.y, a12 += w * n.y * n.z, a22 += w * n.z * n.z;
-    b0 += w * n.x * d, b1 += w * n.y * d, b2 += w * n.z * d, c += w * d * d;
-  }
-  void addPoint(const glm::dvec3& p, double w) {
-    a00 += w, a11 += w, a22 += w;
-    b0 -= w * p.x, b1 -= w * p.y, b2 -= w * p.z, c += w * glm::dot(p, p);
-  }
-  double at(const glm::dvec3& p) const {
-    const double x = a00 * p.x + a01 * p.y + a02 * p.z + 2.0 * b0;
-    const double y = a01 * p.x + a11 * p.y + a12 * p.z + 2.0 * b1;
-    const double z = a02 * p.x + a12 * p.y + a22 * p.z + 2.0 * b2;
-    return std::max(0.0, p.x * x + p.y * y + p.z * z + c);
-  }
-  void add(const Quadric& q) {
-    a00 += q.a00, a01 += q.a01, a02 += q.a02, a11 += q.a11, a12 += q.a12, a22 += q.a22;
-    b0 += q.b0, b1 += q.b1, b2 += q.b2, c += q.c, weight += q.weight;
-  }
-};
-
-// Two or four edges are planned at once, one in each lane; every operation is IEEE's, so that machines agree.
-using Pair = double __attribute__((vector_size(16)));
-using Four = double __attribute__((vector_size(32)));
-template <class Lanes>
-using MaskOf = decltype(Lanes{} < Lanes{});
-template <class Lanes>
-constexpr std::size_t kCount = sizeof(Lanes) / sizeof(double);
-// All of it becomes part of its caller, which says for which processors it is.
-#define LUMIGRID_LANES inline __attribute__((always_inline))
-
-template <class Lanes>
-struct PointLanes {
-  Lanes x, y, z;
-  LUMIGRID_LANES PointLanes operator-(const PointLanes& p) const { return {x - p.x, y - p.y, z - p.z}; }
-};
-template <class Lanes>
-LUMIGRID_LANES Lanes dot(const PointLanes<Lanes>& p, const PointLanes<Lanes>& q) {
-  return p.x * q.x + p.y * q.y + p.z * q.z;
-}
-template <class Lanes>
-LUMIGRID_LANES PointLanes<Lanes> either(const MaskOf<Lanes>& mask, const PointLanes<Lanes>& p,
-                                        const PointLanes<Lanes>& q) {
-  return {mask ? p.x : q.x, mask ? p.y : q.y, mask ? p.z : q.z};
-}
-// value(0), value(1), …
-template <class Lanes, class Value>
-LUMIGRID_LANES Lanes lanesOf(Value&& value) {
-  if constexpr (kCount<Lanes> == 2)
-    return Lanes{static_cast<double>(value(0)), static_cast<double>(value(1))};
-  else
-    return Lanes{static_cast<double>(value(0)), static_cast<double>(value(1)), static_cast<double>(value(2)),
-                 static_cast<double>(value(3))};
-}
-template <class Lanes>
-LUMIGRID_LANES PointLanes<Lanes> cross(const PointLanes<Lanes>& p, const PointLanes<Lanes>& q) {
-  return {p.y * q.z - q.y * p.z, p.z * q.x - q.z * p.x, p.x * q.y - q.x * p.y};
-}
-using PairPoint = PointLanes<Pair>;
-PairPoint pairOf(const glm::vec3& p, const glm::vec3& q) {
-  return {Pair{p.x, q.x}, Pair{p.y, q.y}, Pair{p.z, q.z}};
-}
-
-// Numbers 2 k and 2 k + 1 of a quadric.
-LUMIGRID_LANES Pair twoOf(const Quadric& q, std::size_t k) {
-  Pair two;
-  std::memcpy(&two, reinterpret_cast<const char*>(&q) + k * sizeof two, sizeof two);
-  return two;
-}
-
-template <class Lanes>
-struct QuadricLanes {
-  Lanes a00, a01, a02, a11, a12, a22, b0, b1, b2, c;
-
-  // In each lane the sum of one(lane) and other(lane).
-  template <class One, class Other>
-  LUMIGRID_LANES QuadricLanes(One&& one, Other&& other) {
-    sum(one, other, 0, a00, a01);
-    sum(one, other, 1, a02, a11);
-    sum(one, other, 2, a12, a22);
-    sum(one, other, 3, b0, b1);
-    sum(one, other, 4, b2, c);
-  }
-  LUMIGRID_LANES Lanes at(const PointLanes<Lanes>& p) const {
-    const Lanes x = a00 * p.x + a01 * p.y + a02 * p.z + 2.0 * b0;
-    const Lanes y = a01 * p.x + a11 * p.y + a12 * p.z + 2.0 * b1;
-    const Lanes z = a02 * p.x + a12 * p.y + a22 * p.z + 2.0 * b2;
-    const Lanes sum = p.x * x + p.y * y + p.z * z + c;
-    return sum > 0.0 ? sum : Lanes{};
-  }
-  // The point of least error; false where the planes are too parallel to say.
-  LUMIGRID_LANES MaskOf<Lanes> minimum(PointLanes<Lanes>& p) const {
-    const Lanes m00 = a11 * a22 - a12 * a12;
-    const Lanes m01 = a02 * a12 - a01 * a22;
-    const Lanes m02 = a01 * a12 - a02 * a11;
-    const Lanes determinant = a00 * m00 + a01 * m01 + a02 * m02;
-    const Lanes trace = a00 + a11 + a22;
-    const Lanes m11 = a00 * a22 - a02 * a02;
-    const Lanes m12 = a01 * a02 - a00 * a12;
-    const Lanes m22 = a00 * a11 - a01 * a01;
-    const Lanes scale = -1.0 / determinant;
-    p = {(m00 * b0 + m01 * b1 + m02 * b2) * scale, (m01 * b0 + m11 * b1 + m12 * b2) * scale,
-         (m02 * b0 + m12 * b1 + m22 * b2) * scale};
-    return determinant > 1e-4 * trace * trace * trace / 27.0;
-  }
-
- private:
-  // Numbers 2 k and 2 k + 1 of all.
-  template <class One, class Other>
-  LUMIGRID_LANES static void sum(const One& one, const Other& other, std::size_t k, Lanes& even, Lanes& odd) {
-    const Pair first = twoOf(one(0), k) + twoOf(other(0), k);
-    const Pair second = twoOf(one(1), k) + twoOf(other(1), k);
-    const Pair low_even = __builtin_shufflevector(first, second, 0, 2);
-    const Pair low_odd = __builtin_shufflevector(first, second, 1, 3);
-    if constexpr (kCount<Lanes> == 2) {
-      even = low_even, odd = low_odd;
-    } else {
-      const Pair third = twoOf(one(2), k) + twoOf(other(2), k);
-      const Pair fourth = twoOf(one(3), k) + twoOf(other(3), k);
-      even = __builtin_shufflevector(low_even, __builtin_shufflevector(third, fourth, 0, 2), 0, 1, 2, 3);
-      odd = __builtin_shufflevector(low_odd, __builtin_shufflevector(third, fourth, 1, 3), 0, 1, 2, 3);
-    }
-  }
-};
-
-// The quadrics of two planes, as Quadric::addPlane() makes them, with their weights.
-class PlanePair {
- public:
-  LUMIGRID_LANES PlanePair(const PairPoint& n, const Pair& d, const Pair& weight) {
-    const Pair x = weight * n.x;
-    const Pair y = weight * n.y;
-    const Pair z = weight * n.z;
-    const Pair w = weight * d;
-    put(0, x * n.x, x * n.y), put(1, x * n.z, y * n.y), put(2, y * n.z, z * n.z);
-    put(3, x * d, y * d), put(4, z * d, w * d);
-    weight_ = weight;
-  }
-  LUMIGRID_LANES void addTo(Quadric& q, std::size_t plane) const {
-    for (std::size_t k = 0; k < 5; ++k) {
-      const Pair two = twoOf(q, k) + values_[plane][k];
-      std::memcpy(reinterpret_cast<char*>(&q) + k * sizeof two, &two, sizeof two);
-    }
-    q.weight += weight_[plane];
-  }
-
- private:
-  // Numbers 2 k and 2 k + 1 of both quadrics.
-  LUMIGRID_LANES void put(std::size_t k, const Pair& even, const Pair& odd) {
-    values_[0][k] = __builtin_shufflevector(even, odd, 0, 2);
-    values_[1][k] = __builtin_shufflevector(even, odd, 1, 3);
-  }
-  Pair values_[2][5];
-  Pair weight_;
-};
-
-enum class Kind : std::uint8_t { kInterior, kBorder, kLocked };
-
-// Which end of an edge a collapse keeps, by the kinds of a and b. A border edge is one that has other than two
-// triangles.
+// Which end of edge (a, b) a collapse keeps, by the kinds of its ends. A border edge has other than two triangles.
 enum class Keep : std::uint8_t { kNone, kA, kB, kBest };
 constexpr Keep kKeepOnInnerEdge[3][3] = {
     // b: interior      border       locked
@@ -224,35 +71,35 @@ constexpr Keep kKeepOnBorderEdge[3][3] = {
     {Keep::kA, Keep::kA, Keep::kNone},
 };
 
-// What a stage asks of a collapse, and how far it may move the surface (root mean square, in mean edges) before the
-// next stage begins: where the careful way would cost that much, the rough way is the better one.
-struct Stage {
+// The conditions that a stage puts on a collapse. It also ends when the next collapse would move the surface by more
+// than `max_move` (root mean square, in mean edges): from there on a collapse without the condition does less harm.
+struct StageConditions {
   bool keep_topology = true;
   bool keep_orientation = true;
-  double largest_move = 0.0;
+  double max_move = 0.0;
 };
-constexpr std::array<Stage, 3> kStages{{{true, true, 0.5}, {false, true, 1.5}, {false, false, 1e30}}};
+constexpr std::array<StageConditions, 3> kStages{{{true, true, 0.5}, {false, true, 1.5}, {false, false, 1e30}}};
 
-// An edge and what its collapse would do, as computed when so many collapses had been done.
-struct Edge {
+// An edge and the collapse that is planned for it. The plan is of the time when `planned` collapses had been done.
+struct PlannedEdge {
   std::uint32_t a = 0;
   std::uint32_t b = 0;
   std::uint32_t planned : 31 = 0;
-  std::uint32_t keeps_a : 1 = 0;  // or b
+  std::uint32_t keeps_a : 1 = 0;  // else b
   float cost = 0.0F;
   glm::vec3 position{0.0F};
   float along = 0.0F;  // 0 at the kept end, 1 at the gone one: where attributes are taken
 };
 
-// All that a plan reads of a vertex, in two cache lines: plans take the vertices in random order.
+// All that a plan reads of a vertex, in two cache lines, since plans take the vertices in random order.
 struct alignas(64) Vertex {
   Quadric quadric;
   glm::vec3 position{0.0F};
   glm::vec3 normal{0.0F};
   glm::vec3 color{0.0F};  // zero when the mesh has none
-  float paid = 0.0F;      // the quadric where the vertex is
+  float paid = 0.0F;      // the quadric at the vertex's place: an error that is already there
 
-  // Part of its caller: a call of what does no more than this is taken for one that does nothing.
+  // Always inlined: gcc drops calls of a function that only prefetches, as if it did nothing.
   __attribute__((always_inline)) void prefetch() const {
     __builtin_prefetch(&quadric);
     __builtin_prefetch(&normal);
@@ -260,144 +107,20 @@ struct alignas(64) Vertex {
 };
 static_assert(sizeof(Vertex) == 128);
 
-// Edges, cheapest first. None is put in that is cheaper than the last taken out, so only those next in turn need to be
-// in order: they lie in a heap of four children to a node. The others wait unordered, by buckets of costs an eighth of
-// an octave wide, and most never leave them; a bucket is a chain of blocks. In the heap cost and edge number are one
-// 64-bit key (the bits of a float that is not negative sort as it does), so that a comparison is one instruction and
-// ties go by number.
-class EdgeQueue {
- public:
-  struct Entry {
-    float cost = 0.0F;
-    std::uint32_t edge = 0;
-  };
-  // Empty, with room for about so many edges.
-  void reset(std::size_t edges) {
-    keys_.clear();
-    open_ = 0;
-    newest_.assign(kBuckets, kNone);
-    blocks_.clear();
-    blocks_.reserve(edges / kBlockEntries + 128);
-    free_ = kNone;
-  }
-  void push(float cost, std::uint32_t edge) {
-    const std::uint32_t bucket = bits(cost) >> kBucketShift;
-    if (bucket < open_) return pushKey(keyOf(cost, edge));
-    std::uint32_t& newest = newest_[bucket];
-    if (newest == kNone || blocks_[newest].count == kBlockEntries) newest = blockBefore(newest);
-    Block& block = blocks_[newest];
-    block.entries[block.count++] = {cost, edge};
-  }
-  // Hands out the cheapest edges that wait, latest first; they and all as cheap belong in the heap from now on. False
-  // if none waits.
-  bool open(std::vector<Entry>& entries) {
-    entries.clear();
-    while (open_ < kBuckets && newest_[open_] == kNone) ++open_;
-    if (open_ == kBuckets) return false;
-    for (std::uint32_t b = newest_[open_++]; b != kNone;) {
-      Block& block = blocks_[b];
-      const auto end = std::make_reverse_iterator(block.entries.begin());
-      entries.insert(entries.end(), end - block.count, end);
-      const std::uint32_t next = std::exchange(block.older, free_);
-      free_ = std::exchange(b, next);
-    }
-    return true;
-  }
-
-  // The heap.
-  std::size_t size() const { return keys_.size(); }
-  float lowest() const { return costOf(keys_.front()); }
-  Entry top() const { return {costOf(keys_.front()), static_cast<std::uint32_t>(keys_.front())}; }
-  void pop() {
-    const std::uint64_t last = keys_.back();
-    keys_.pop_back();
-    if (!keys_.empty()) sink(0, last);
-  }
-  // The entry next to the lowest; infinite when there is none.
-  Entry second() const {
-    if (keys_.size() == 1) return {std::numeric_limits<float>::infinity(), static_cast<std::uint32_t>(keys_.front())};
-    const std::uint64_t key =
-        *std::min_element(keys_.begin() + 1, keys_.begin() + std::min<std::ptrdiff_t>(5, std::ssize(keys_)));
-    return {costOf(key), static_cast<std::uint32_t>(key)};
-  }
-  // The lowest becomes dearer.
-  void raiseTop(float cost) {
-    const auto edge = static_cast<std::uint32_t>(keys_.front());
-    if (bits(cost) >> kBucketShift < open_) return sink(0, keyOf(cost, edge));
-    pop();
-    push(cost, edge);
-  }
-
- private:
-  static constexpr std::uint32_t kBucketShift = 20;
-  static constexpr std::uint32_t kBuckets = 1U << (31 - kBucketShift);
-  static constexpr std::uint32_t kNone = ~0U;
-  static constexpr std::size_t kBlockEntries = 15;
-  struct Block {
-    std::uint32_t count = 0;
-    std::uint32_t older = kNone;  // block of the bucket; or the next free one
-    std::array<Entry, kBlockEntries> entries;
-  };
-
-  std::uint32_t blockBefore(std::uint32_t older) {
-    std::uint32_t block = free_;
-    if (block != kNone) {
-      free_ = blocks_[block].older;
-    } else {
-      block = static_cast<std::uint32_t>(blocks_.size());
-      blocks_.emplace_back();
-    }
-    blocks_[block].count = 0;
-    blocks_[block].older = older;
-    return block;
-  }
-  static std::uint32_t bits(float cost) { return std::bit_cast<std::uint32_t>(std::max(0.0F, cost)); }
-  static std::uint64_t keyOf(float cost, std::uint32_t edge) { return std::uint64_t{bits(cost)} << 32 | edge; }
-  static float costOf(std::uint64_t key) { return std::bit_cast<float>(static_cast<std::uint32_t>(key >> 32)); }
-  void pushKey(std::uint64_t key) {
-    std::size_t i = keys_.size();
-    keys_.push_back(key);
-    for (; i > 0 && key < keys_[(i - 1) / 4]; i = (i - 1) / 4) keys_[i] = keys_[(i - 1) / 4];
-    keys_[i] = key;
-  }
-  void sink(std::size_t i, std::uint64_t key) {
-    const std::size_t size = keys_.size();
-    for (std::size_t child = 4 * i + 1; child < size; child = 4 * i + 1) {
-      const std::size_t end = std::min(child + 4, size);
-      std::size_t least = child;
-      std::uint64_t least_key = keys_[child];
-      for (std::size_t c = child + 1; c < end; ++c) {
-        const bool less = keys_[c] < least_key;
-        least = less ? c : least;
-        least_key = less ? keys_[c] : least_key;
-      }
-      if (key <= least_key) break;
-      keys_[i] = least_key;
-      i = least;
-    }
-    keys_[i] = key;
-  }
-
-  std::vector<std::uint64_t> keys_;
-  std::uint32_t open_ = 0;             // buckets below are empty
-  std::vector<std::uint32_t> newest_;  // per bucket: its block that is not full
-  std::vector<Block> blocks_;
-  std::uint32_t free_ = kNone;
-};
-
-// What a collapse of edge (a, b) would do: a goes, b stays.
+// A collapse of an edge: vertex `gone` becomes one with vertex `kept`.
 struct Collapse {
   std::uint32_t gone = 0;
   std::uint32_t kept = 0;
   glm::vec3 position{0.0F};
-  float along = 0.0F;  // 0 at kept, 1 at gone: where attributes are taken
-  float sunk = 0.0F;   // how far the surface leaves what it stood for; measured where it is folded or lost
+  float along = 0.0F;         // 0 at kept, 1 at gone: where attributes are taken
+  float displacement = 0.0F;  // how far the surface leaves what it stood for; measured where it is folded or vanishes
 };
 
-// To the nearest lattice point, halves up, and what misses a half by less than such systems err. Adding and taking away
-// a number so large leaves no room for fractions; that rounds halves to even, put right where it went up too far.
+// The nearest lattice coordinate, halves rounded up; so is what misses a half by less than the rounding of such linear
+// systems. A double near kNoFractions has no bits for fractions, so adding and subtracting that number rounds, halves
+// to even; the comparison corrects the halves.
 template <class Lanes>
-LUMIGRID_LANES Lanes rounded(const Lanes& value) {
+LUMIGRID_ALWAYS_INLINE Lanes rounded(const Lanes& value) {
   constexpr double kAbove = 1 << 24;  // no coordinate is larger; sums with it keep 28 bits of fraction
   constexpr double kNoFractions = 3.0 * (1LL << 51);
   const Lanes raised = value + (kAbove + 0.5);
@@ -420,7 +143,7 @@ class Simplifier {
     addTriangleQuadrics();
     live_ = triangles_.size();
 
-    // Each stage again while edges refused earlier become possible; then the next.
+    // A stage is repeated while edges that it refused earlier become possible; then the next one begins.
     std::size_t stage = 0;
     for (;;) {
       const std::size_t before = live_;
@@ -428,7 +151,7 @@ class Simplifier {
       if (live_ <= target_) break;
       const bool last = stage + 1 == kStages.size();
       if (last && live_ == before) break;
-      if (!last && before - live_ < std::max<std::size_t>(1, before / 50)) ++stage;
+      if (!last && before - live_ < std::max<std::size_t>(1, before / kMinProgress)) ++stage;
       refillQueue();
     }
     return result(stage > 0);
@@ -449,7 +172,7 @@ class Simplifier {
     std::uint32_t count = 0;
   };
 
-  // Triangles around each vertex, as ranges of one pool; a collapse appends the joined fan at its end.
+  // Fans are ranges of one pool; a collapse appends the joined fan at its end.
   void buildFans() {
     const std::span<const std::uint32_t> indices = surface_.view().indices;
     triangles_.resize(indices.size() / 3);
@@ -472,13 +195,13 @@ class Simplifier {
     changed_.assign(vertices, 0);
   }
 
-  // Every edge once, and what its number of triangles says about its ends.
+  // Lists every edge that may be collapsed, and classifies vertices by the edges' numbers of triangles.
   void findEdges() {
     const std::size_t vertices = positions_.size();
-    kinds_.assign(vertices, Kind::kInterior);
+    kinds_.assign(vertices, VertexKind::kInterior);
     vertices_.assign(vertices, {});
     for (std::uint32_t v = 0; v < vertices; ++v) {
-      if (mesh_.locked[v] != 0) kinds_[v] = Kind::kLocked;
+      if (mesh_.locked[v] != 0) kinds_[v] = VertexKind::kLocked;
       vertices_[v].position = positions_[v];
       vertices_[v].normal = mesh_.normals[v];
       if (!mesh_.colors.empty()) vertices_[v].color = mesh_.colors[v];
@@ -499,7 +222,7 @@ class Simplifier {
     normal_scale_ = kNormalLength * mean;
   }
 
-  // The vertices above v that share a triangle with it, each once.
+  // The vertices of higher numbers that share a triangle with v, each once.
   void neighborsAbove(std::uint32_t v, std::vector<std::uint32_t>& neighbors) {
     neighbors.clear();
     ++stamp_;
@@ -512,7 +235,7 @@ class Simplifier {
     });
   }
 
-  // Of triangles that live or did.
+  // Includes corners of triangles that have vanished.
   std::span<const Corner> cornersAround(std::uint32_t v) const {
     return {pool_.data() + fans_[v].first, fans_[v].count};
   }
@@ -523,7 +246,7 @@ class Simplifier {
       if (triangles_[c.triangle].alive != 0) body(c.triangle);
   }
 
-  // By a triangle that lives.
+  // Whether a living triangle uses v.
   bool isUsed(std::uint32_t v) const {
     const auto fan = cornersAround(v);
     return std::any_of(fan.begin(), fan.end(), [&](const Corner& c) { return triangles_[c.triangle].alive != 0; });
@@ -536,13 +259,13 @@ class Simplifier {
 
   void markBorderEdge(std::uint32_t v, std::uint32_t w) {
     for (const std::uint32_t end : {v, w})
-      if (kinds_[end] == Kind::kInterior) kinds_[end] = Kind::kBorder;
+      if (kinds_[end] == VertexKind::kInterior) kinds_[end] = VertexKind::kBorder;
     forEachTriangle(v, [&](std::uint32_t t) {
       if (touches(t, w)) addBorderQuadric(v, w, t);
     });
   }
 
-  // The plane through the edge, perpendicular to the triangle: what keeps a border where it is.
+  // Adds the plane through the edge, perpendicular to the triangle, which keeps a border in its place.
   void addBorderQuadric(std::uint32_t v, std::uint32_t w, std::uint32_t t) {
     const glm::dvec3 from(positions_[v]);
     const glm::dvec3 edge = glm::dvec3(positions_[w]) - from;
@@ -560,15 +283,15 @@ class Simplifier {
     return crossOf(positions_[c[0]], positions_[c[1]], positions_[c[2]]);
   }
 
-  // What the triangles around a vertex say together.
+  // The triangles around a vertex together.
   struct FanShape {
     glm::dvec3 vector_area{0.0};
-    double longest2 = 0.0;  // edge
+    double longest2 = 0.0;  // the longest edge, squared
   };
 
   void addTriangleQuadrics() {
     std::vector<FanShape> shapes(vertices_.size());
-    // Two triangles at once, added one after the other.
+    // The planes of two triangles are computed at once and added one after the other.
     for (std::size_t t = 0; t < triangles_.size(); t += 2) {
       const std::array<const Triangle*, 2> two{&triangles_[t], &triangles_[std::min(t + 1, triangles_.size() - 1)]};
       const auto place = [&](std::size_t k) {
@@ -578,10 +301,11 @@ class Simplifier {
       const PairPoint q = place(1);
       const PairPoint r = place(2);
       const std::array<PairPoint, 3> edges{q - p, r - q, p - r};
-      const std::array<Pair, 3> length2{dot(edges[0], edges[0]), dot(edges[1], edges[1]), dot(edges[2], edges[2])};
+      const std::array<base::Double2, 3> length2{dot(edges[0], edges[0]), dot(edges[1], edges[1]),
+                                                 dot(edges[2], edges[2])};
       PairPoint n = cross(edges[2], edges[0]);
-      const Pair length2_of_n = dot(n, n);
-      const Pair length{std::sqrt(length2_of_n[0]), std::sqrt(length2_of_n[1])};
+      const base::Double2 length2_of_n = dot(n, n);
+      const base::Double2 length{std::sqrt(length2_of_n[0]), std::sqrt(length2_of_n[1])};
       n = {n.x / length, n.y / length, n.z / length};
       const PlanePair planes(n, -dot(n, p), 0.5 * length);
       for (std::size_t i = 0; i < std::min<std::size_t>(2, triangles_.size() - t); ++i) {
@@ -603,13 +327,13 @@ class Simplifier {
 
   void findFolds(const std::vector<FanShape>& shapes) {
     folded_.assign(vertices_.size(), 0);
-    sunk_.assign(vertices_.size(), 0.0F);
+    displacement_.assign(vertices_.size(), 0.0F);
     double sum = 0.0;
     std::size_t free = 0;
     for (std::size_t v = 0; v < vertices_.size(); ++v) {
       const double area = vertices_[v].quadric.weight;
       folded_[v] = glm::length(shapes[v].vector_area) < kFolded * area ? 1 : 0;
-      if (kinds_[v] != Kind::kLocked) sum += area, ++free;
+      if (kinds_[v] != VertexKind::kLocked) sum += area, ++free;
     }
     mean_fan_ = sum / static_cast<double>(std::max<std::size_t>(1, free));
     small_fans_ = mean_fan_ > 0.0 ? kSmallFans * mean_fan_ : 1.0;
@@ -623,63 +347,57 @@ class Simplifier {
 
   void queueEdges() {
     queue_.reset(edges_.size());
-    constexpr std::size_t kRun = 512;  // of edges, that are in the nearest cache still when they are pushed
+    constexpr std::size_t kRun = 512;  // so many edges are still in the nearest cache when they are pushed
     for (std::size_t first = 0; first < edges_.size(); first += kRun) {
-      const std::span<Edge> run = std::span(edges_).subspan(first, std::min(kRun, edges_.size() - first));
-      planAll(run.size(), [&](std::size_t i) -> Edge& { return run[i]; });
+      const std::span<PlannedEdge> run = std::span(edges_).subspan(first, std::min(kRun, edges_.size() - first));
+      planAll(run.size(), [&](std::size_t i) -> PlannedEdge& { return run[i]; });
       for (std::size_t i = 0; i < run.size(); ++i) queue_.push(run[i].cost, static_cast<std::uint32_t>(first + i));
     }
   }
 
-  // All edges of the triangles that live.
+  // Queues all edges of the living triangles.
   void refillQueue() {
-    grid_.reset();  // many of its vertices are gone
+    grid_.reset();  // many of its vertices are gone by now
     edges_.clear();
     std::vector<std::uint32_t> neighbors;
     for (std::uint32_t v = 0; v < survivor_.size(); ++v) {
       if (survivor_[v] != v) continue;
       neighborsAbove(v, neighbors);
       for (const std::uint32_t w : neighbors)
-        if (kinds_[v] != Kind::kLocked || kinds_[w] != Kind::kLocked) edges_.push_back({.a = v, .b = w});
+        if (kinds_[v] != VertexKind::kLocked || kinds_[w] != VertexKind::kLocked) edges_.push_back({.a = v, .b = w});
     }
     queueEdges();
   }
 
-  // Cheapest first. Quadrics only grow, so that costs seldom fall: a cost is computed anew when its turn comes, and the
-  // edge waits again if it has become dearer.
-  void collapseAll(const Stage& stage) {
-    const double most = stage.largest_move * stage.largest_move * mean_edge_ * mean_edge_ * mean_edge_ * mean_edge_;
-    while (live_ > target_ && fillQueue() && queue_.lowest() <= most) {
+  // Collapses edges, cheapest first. Quadrics only grow, so costs seldom fall: a cost is computed anew when the edge's
+  // turn comes, and the edge waits again if it has become dearer.
+  void collapseAll(const StageConditions& stage) {
+    // Costs are squared distances times an area, and a mean edge's square stands for that area.
+    const double max_cost = stage.max_move * stage.max_move * mean_edge_ * mean_edge_ * mean_edge_ * mean_edge_;
+    while (live_ > target_ && fillQueue() && queue_.lowest() <= max_cost) {
       const EdgeQueue::Entry entry = queue_.top();
-      Edge& edge = edges_[entry.edge];
+      PlannedEdge& edge = edges_[entry.edge];
       findEnds(edge);
       if (edge.a == edge.b) {
         queue_.pop();
         continue;
       }
       const EdgeQueue::Entry next = queue_.second();
-      // Fans lie anywhere in memory: of this edge the triangles are asked for before they are looked at, of the next
-      // one which they are.
-      for (const std::uint32_t v : {edge.a, edge.b}) {
-        vertices_[v].prefetch();
-        for (const Corner& c : cornersAround(v)) __builtin_prefetch(&triangles_[c.triangle]);
-      }
-      for (const std::uint32_t v : {edges_[next.edge].a, edges_[next.edge].b})
-        __builtin_prefetch(cornersAround(v).data());
+      prefetchAround(edge, edges_[next.edge]);
       if (isStale(edge)) {
-        Edge& other = edges_[next.edge];
+        PlannedEdge& other = edges_[next.edge];
         findEnds(other);
-        plan(edge, isStale(other) ? other : edge);
+        planTwo(edge, isStale(other) ? other : edge);
       }
       if (edge.cost > entry.cost && edge.cost > next.cost) {
         queue_.raiseTop(edge.cost);
         continue;
       }
       queue_.pop();
-      lookAt(edge.a, edge.b);
+      gatherNeighborhood(edge.a, edge.b);
       const std::size_t triangles = around_.on_edge.size();
       if (triangles == 0) continue;
-      if (keepOf(edge.a, edge.b, triangles != 2 || !stage.keep_topology) == Keep::kNone) continue;
+      if (keptEnd(edge.a, edge.b, triangles != 2 || !stage.keep_topology) == Keep::kNone) continue;
       if (stage.keep_topology && around_.common != triangles) continue;
       Collapse collapse{edge.keeps_a != 0 ? edge.b : edge.a, edge.keeps_a != 0 ? edge.a : edge.b, edge.position,
                         edge.along};
@@ -688,12 +406,23 @@ class Simplifier {
       const bool meets = countBetween(around_.around_a) + countBetween(around_.around_b) >= 2;
       if (isFolded(collapse) || meets || losesThirdCorner(collapse)) {
         findLost(collapse);
-        collapse.sunk = sinking(collapse, std::sqrt(static_cast<double>(entry.cost) / foldWeight(collapse)));
-        if (waits(entry, static_cast<float>(foldCost(collapse)))) continue;
+        collapse.displacement =
+            measureDisplacement(collapse, std::sqrt(static_cast<double>(entry.cost) / foldWeight(collapse)));
+        if (requeueIfDearer(entry, static_cast<float>(foldCost(collapse)))) continue;
       }
-      apply(collapse);
+      applyCollapse(collapse);
       if (meets) removeOpposites(collapse.kept);
     }
+  }
+
+  // Fans lie anywhere in memory. The triangles of this edge are requested before they are needed, and so is the list of
+  // triangles of the next.
+  LUMIGRID_ALWAYS_INLINE void prefetchAround(const PlannedEdge& edge, const PlannedEdge& next) const {
+    for (const std::uint32_t v : {edge.a, edge.b}) {
+      vertices_[v].prefetch();
+      for (const Corner& c : cornersAround(v)) __builtin_prefetch(&triangles_[c.triangle]);
+    }
+    for (const std::uint32_t v : {next.a, next.b}) __builtin_prefetch(cornersAround(v).data());
   }
 
   SimplifiedGroup result(bool rough) {
@@ -707,20 +436,20 @@ class Simplifier {
     return {std::move(vertices), history(rough)};
   }
 
-  // At least two edges in the queue's heap if there are as many; false if there is none at all. Edges that waited are
-  // planned anew before they get there, which sends many of them back.
+  // Brings two edges into the queue's heap if there are as many; false if there is none at all. Edges that waited are
+  // planned anew first, which sends many of them back to wait.
   bool fillQueue() {
-    while (queue_.size() < 2 && queue_.open(opened_)) {
+    while (queue_.size() < 2 && queue_.openBucket(opened_)) {
       std::size_t stale = 0;
       forgetEdges(opened_.size());
       for (std::size_t i = 0; i < opened_.size(); ++i) {
         __builtin_prefetch(&edges_[opened_[std::min(i + kEdgesAhead, opened_.size() - 1)].edge]);
         const EdgeQueue::Entry entry = opened_[i];
-        Edge& edge = edges_[entry.edge];
+        PlannedEdge& edge = edges_[entry.edge];
         findEnds(edge);
         if (edge.a == edge.b) continue;
         const bool moved = (changed_[edge.a] | changed_[edge.b]) != 0;
-        if (moved && isKnown(edge)) continue;
+        if (moved && isDuplicate(edge)) continue;
         if (isStale(edge)) {
           opened_[stale++] = entry;
           for (const std::uint32_t v : {edge.a, edge.b}) vertices_[v].prefetch();
@@ -729,16 +458,16 @@ class Simplifier {
         }
       }
       opened_.resize(stale);
-      planAll(stale, [&](std::size_t i) -> Edge& { return edges_[opened_[i].edge]; });
+      planAll(stale, [&](std::size_t i) -> PlannedEdge& { return edges_[opened_[i].edge]; });
       for (const EdgeQueue::Entry& entry : opened_)
         queue_.push(std::max(entry.cost, edges_[entry.edge].cost), entry.edge);
     }
     return queue_.size() != 0;
   }
 
-  // A hash table of the edges seen since, by their ends: collapses lay edges on each other.
+  // Collapses lay edges on each other. A hash table of the edges' ends tells which of a bucket are duplicates.
   void forgetEdges(std::size_t expected) { known_.assign(std::bit_ceil(2 * expected), kNoEnds); }
-  bool isKnown(const Edge& edge) {
+  bool isDuplicate(const PlannedEdge& edge) {
     const auto [low, high] = std::minmax(edge.a, edge.b);
     const std::uint64_t ends = std::uint64_t{low} << 32 | high;
     for (std::size_t slot = low * 0x9e3779b1U + high;; ++slot) {
@@ -750,14 +479,14 @@ class Simplifier {
     }
   }
 
-  void findEnds(Edge& edge) {
+  void findEnds(PlannedEdge& edge) {
     edge.a = find(edge.a);
     edge.b = find(edge.b);
   }
-  bool isStale(const Edge& edge) const { return std::max(changed_[edge.a], changed_[edge.b]) > edge.planned; }
+  bool isStale(const PlannedEdge& edge) const { return std::max(changed_[edge.a], changed_[edge.b]) > edge.planned; }
 
-  // Puts an edge back that has become dearer than it was and than the next.
-  bool waits(const EdgeQueue::Entry& entry, float cost) {
+  // Puts an edge back that has become dearer than it was and than the next one.
+  bool requeueIfDearer(const EdgeQueue::Entry& entry, float cost) {
     if (queue_.size() == 0 || cost <= entry.cost || cost <= queue_.lowest()) return false;
     queue_.push(cost, entry.edge);
     return true;
@@ -768,27 +497,26 @@ class Simplifier {
     return v;
   }
 
-  // A living triangle around a vertex, and its corners after it.
+  // A living triangle at a vertex, and its two corners behind that vertex.
   struct Wedge {
     Corner corner;
     std::uint32_t second = 0;
     std::uint32_t third = 0;
   };
-  // The triangles around an edge, as lookAt finds them. A fan's compactness is lost with every collapse beside it, so
-  // it is read but once.
+  // The triangles around an edge. A collapse scatters the fans beside it in memory, so they are read only once.
   struct Neighborhood {
     std::uint32_t a = 0;
     std::uint32_t b = 0;
-    std::span<const Wedge> around_a, around_b;  // without those on the edge
-    std::span<const std::uint32_t> on_edge;     // triangles
+    std::span<const Wedge> around_a, around_b;  // without the triangles on the edge
+    std::span<const std::uint32_t> on_edge;     // the triangles on the edge
     std::uint32_t common = 0;                   // vertices next to both ends
-    std::vector<Wedge> wedges_a, wedges_b;      // where these lie
+    std::vector<Wedge> wedges_a, wedges_b;      // the spans' memory
     std::vector<std::uint32_t> triangles;
   };
 
-  // Fills around_; leaves mark_ == stamp_ on the vertices next to both ends. Which triangles live is a matter of
-  // chance: all are written, and the next one over those that do not count.
-  void lookAt(std::uint32_t a, std::uint32_t b) {
+  // Fills around_ and leaves mark_ == stamp_ on the vertices next to both ends. No branch could predict which triangles
+  // live: all are written, and the next one is written over those that do not count.
+  void gatherNeighborhood(std::uint32_t a, std::uint32_t b) {
     around_.a = a;
     around_.b = b;
     stamp_ += 2;
@@ -841,17 +569,17 @@ class Simplifier {
     return {corner, c[kSecond[corner.place]], c[kThird[corner.place]]};
   }
 
-  // How many of these triangles lie between vertices that were next to both ends, after lookAt.
+  // How many of these triangles lie between vertices that are next to both ends, after gatherNeighborhood().
   std::uint32_t countBetween(std::span<const Wedge> wedges) const {
     std::uint32_t between = 0;
     for (const Wedge& w : wedges) between += mark_[w.second] == stamp_ && mark_[w.third] == stamp_ ? 1 : 0;
     return between;
   }
 
-  // From a place of a component that vanishes to what stays: the nearest vertex of another component tells. Squared,
-  // exact where it is more than `enough2`.
+  // The squared distance from a place of v's component, which vanishes, to what stays: to the nearest vertex of another
+  // component. Exact where it is more than `enough2`.
   double distance2ToOthers(std::uint32_t v, const glm::vec3& from, double enough2) {
-    // Of a grid whose points are mostly gone, empty cells would be searched.
+    // In a grid whose points are mostly gone, empty cells would be searched.
     if (!grid_ || 2 * live_ < grid_triangles_) findComponents();
     const std::uint32_t near = grid_->nearest(
         from, [&](std::uint32_t w) { return component_[w] != component_[v] && survivor_[w] == w && isUsed(w); },
@@ -884,13 +612,13 @@ class Simplifier {
     grid_triangles_ = live_;
   }
 
-  Keep keepOf(std::uint32_t a, std::uint32_t b, bool border_edge) const {
+  Keep keptEnd(std::uint32_t a, std::uint32_t b, bool border_edge) const {
     const auto row = static_cast<std::size_t>(kinds_[a]);
     const auto column = static_cast<std::size_t>(kinds_[b]);
     return border_edge ? kKeepOnBorderEdge[row][column] : kKeepOnInnerEdge[row][column];
   }
 
-  // plan of edge(0) … edge(count - 1).
+  // Plans edge(0) … edge(count - 1).
   template <class EdgeAt>
   void planAll(std::size_t count, EdgeAt&& edge) const {
     std::size_t i = 0;
@@ -898,29 +626,30 @@ class Simplifier {
     static const bool has_avx2 = __builtin_cpu_supports("avx2") != 0;
     for (; has_avx2 && i + 4 <= count; i += 4) planFour(edge(i), edge(i + 1), edge(i + 2), edge(i + 3));
 #endif
-    for (; i < count; i += 2) plan(edge(i), edge(std::min(i + 1, count - 1)));
+    for (; i < count; i += 2) planTwo(edge(i), edge(std::min(i + 1, count - 1)));
   }
-  // Two edges, or one twice.
-  void plan(Edge& first, Edge& second) const {
-    planLanes<Pair>({&first, &second});
+  // Plans two edges, or one twice.
+  void planTwo(PlannedEdge& first, PlannedEdge& second) const {
+    planLanes<base::Double2>({&first, &second});
   }
 #if defined(__x86_64__)
-  __attribute__((target("avx2"))) void planFour(Edge& first, Edge& second, Edge& third, Edge& fourth) const {
-    planLanes<Four>({&first, &second, &third, &fourth});
+  __attribute__((target("avx2"))) void planFour(PlannedEdge& first, PlannedEdge& second, PlannedEdge& third,
+                                                PlannedEdge& fourth) const {
+    planLanes<base::Double4>({&first, &second, &third, &fourth});
   }
 #endif
 
-  // Which end stays, where, and at what cost. Without knowing an edge's triangles: the kinds decide as on a border
-  // edge. What is the better choice is a matter of chance, so that none is a branch.
+  // Plans which end stays, where, and at what cost. A plan does not look at the edge's triangles, so the kinds decide
+  // as on a border edge. No branch could predict which choice is the better one, so none is a branch.
   template <class Lanes>
-  LUMIGRID_LANES void planLanes(const std::array<Edge*, kCount<Lanes>>& edges) const {
-    constexpr std::size_t kLanes = kCount<Lanes>;
+  LUMIGRID_ALWAYS_INLINE void planLanes(const std::array<PlannedEdge*, kLaneCount<Lanes>>& edges) const {
+    constexpr std::size_t kLanes = kLaneCount<Lanes>;
     MaskOf<Lanes> free{};
     std::array<const Vertex*, kLanes> kept_end;
     std::array<const Vertex*, kLanes> gone_end;
     for (std::size_t i = 0; i < kLanes; ++i) {
-      Edge& edge = *edges[i];
-      const Keep keep = keepOf(edge.a, edge.b, true);
+      PlannedEdge& edge = *edges[i];
+      const Keep keep = keptEnd(edge.a, edge.b, true);
       edge.keeps_a = keep == Keep::kA ? 1 : 0;
       free[i] = keep == Keep::kBest ? -1 : 0;
       kept_end[i] = &vertices_[keep == Keep::kA ? edge.a : edge.b];
@@ -938,7 +667,7 @@ class Simplifier {
     const Lanes at_kept = q.at(kept);
     const Lanes at_gone = q.at(gone);
 
-    // The point of least error, on the lattice; the middle where there is none.
+    // The lattice point nearest to that of least error; to the middle where the planes determine none.
     const PointLanes<Lanes> middle{0.5 * (kept.x + gone.x), 0.5 * (kept.y + gone.y), 0.5 * (kept.z + gone.z)};
     const PointLanes<Lanes> span = gone - kept;
     const Lanes length2 = dot(span, span);
@@ -951,21 +680,21 @@ class Simplifier {
     const PointLanes<Lanes> lattice{rounded(best.x), rounded(best.y), rounded(best.z)};
     const Lanes at_best = q.at(lattice);
 
-    // Of these three the cheapest, and what that adds to what both ends are off already: so the sum over all is lowered
-    // greedily, and places that are off once do not keep good collapses beside them waiting. The kept end when it must
-    // not move.
+    // The cheapest of these three places, or the kept end's where that must not move. The cost is what the collapse
+    // adds to the errors that both ends have already: that lowers the sum of all errors greedily, and vertices that
+    // have an error do not keep good collapses beside them waiting.
     const Lanes one = Lanes{} + 1.0;
     const MaskOf<Lanes> takes_best = free & (at_best < at_kept) & (at_best < at_gone);
     const MaskOf<Lanes> takes_gone = free & (at_gone < at_kept);
-    const Lanes least = takes_best ? at_best : takes_gone ? at_gone : at_kept;
+    const Lanes error = takes_best ? at_best : takes_gone ? at_gone : at_kept;
     const PointLanes<Lanes> place = either<Lanes>(takes_best, lattice, either<Lanes>(takes_gone, gone, kept));
     const Lanes share = along > one ? one : along > 0.0 ? along : Lanes{};
     const Lanes taken_at = takes_best ? share : takes_gone ? one : Lanes{};
     const Lanes paid = lanesOf<Lanes>([&](std::size_t i) { return kept_end[i]->paid; }) +
                        lanesOf<Lanes>([&](std::size_t i) { return gone_end[i]->paid; });
-    const Lanes added = least > paid ? least - paid : Lanes{};
+    const Lanes added = error > paid ? error - paid : Lanes{};
 
-    // Colours and normals that differ make an edge dearer, by the smaller of the areas that would change.
+    // Colours and normals that differ make an edge dearer, in proportion to the smaller of the areas that would change.
     const Lanes kept_weight = lanesOf<Lanes>([&](std::size_t i) { return kept_end[i]->quadric.weight; });
     const Lanes gone_weight = lanesOf<Lanes>([&](std::size_t i) { return gone_end[i]->quadric.weight; });
     const Lanes smaller = gone_weight < kept_weight ? gone_weight : kept_weight;
@@ -984,7 +713,7 @@ class Simplifier {
         (added + attributes + short_first) / lanesOf<Lanes>([&](std::size_t i) { return std::sqrt(sized[i]); });
 
     for (std::size_t i = 0; i < kLanes; ++i) {
-      Edge& edge = *edges[i];
+      PlannedEdge& edge = *edges[i];
       edge.planned = collapses_ & 0x7fffffffU;
       edge.cost = static_cast<float>(cost[i]);
       edge.position = {static_cast<float>(place.x[i]), static_cast<float>(place.y[i]), static_cast<float>(place.z[i])};
@@ -992,8 +721,8 @@ class Simplifier {
     }
   }
 
-  // Would a triangle turn over or lose its area? The last stage minds only the loss of area, which says nothing about a
-  // triangle that had none.
+  // Whether a triangle would turn over or lose its area. Without `strict` only the loss of area counts. A triangle that
+  // had no area may do anything.
   bool flips(const glm::vec3& to, bool strict) const {
     return flipsAround(around_.a, around_.around_a, to, strict) || flipsAround(around_.b, around_.around_b, to, strict);
   }
@@ -1005,7 +734,7 @@ class Simplifier {
       const PairPoint b = pairOf(positions_[second], positions_[second]) - ends;
       const PairPoint c = pairOf(positions_[third], positions_[third]) - ends;
       const PairPoint n{b.y * c.z - c.y * b.z, b.z * c.x - c.z * b.x, b.x * c.y - c.x * b.y};
-      const Pair length2 = dot(n, n);
+      const base::Double2 length2 = dot(n, n);
       const double before2 = length2[0];
       const double after2 = length2[1];
       if (after2 == 0.0 && before2 > 0.0) return true;
@@ -1020,8 +749,8 @@ class Simplifier {
     return folded_[c.gone] != 0 || folded_[c.kept] != 0;
   }
 
-  // Does a triangle on the edge go that nothing takes the place of, as no other holds its third corner? The others so
-  // lost are two that come to lie on each other with opposite sides.
+  // Whether a triangle on the edge vanishes whose third corner no other triangle around the edge has: nothing takes its
+  // place then.
   bool losesThirdCorner(const Collapse& c) const {
     return std::any_of(around_.on_edge.begin(), around_.on_edge.end(), [&](std::uint32_t t) {
       const std::uint32_t third = thirdCorner(t, c);
@@ -1036,36 +765,41 @@ class Simplifier {
     return std::any_of(wedges.begin(), wedges.end(), [&](const Wedge& w) { return w.second == v || w.third == v; });
   }
 
-  // Which of the triangles around the edge stay (left_), and which are lost so (lost_).
+  // Which of the triangles around the edge stay (remaining_), and which vanish without a replacement (lost_): pairs
+  // that come to lie on each other with opposite sides, and triangles on the edge as losesThirdCorner() finds them.
   void findLost(const Collapse& c) {
-    left_.assign(around_.around_a.begin(), around_.around_a.end());
-    left_.insert(left_.end(), around_.around_b.begin(), around_.around_b.end());
+    remaining_.assign(around_.around_a.begin(), around_.around_a.end());
+    remaining_.insert(remaining_.end(), around_.around_b.begin(), around_.around_b.end());
     lost_.clear();
-    for (std::size_t i = 0; i < left_.size();) {
-      const auto isOpposite = [&](const Wedge& w) { return w.second == left_[i].third && w.third == left_[i].second; };
-      const auto first = left_.begin() + static_cast<std::ptrdiff_t>(i);
-      const auto other = std::find_if(first + 1, left_.end(), isOpposite);
-      if (other == left_.end()) {
+    for (std::size_t i = 0; i < remaining_.size();) {
+      const auto isOpposite = [&](const Wedge& w) {
+        return w.second == remaining_[i].third && w.third == remaining_[i].second;
+      };
+      const auto first = remaining_.begin() + static_cast<std::ptrdiff_t>(i);
+      const auto other = std::find_if(first + 1, remaining_.end(), isOpposite);
+      if (other == remaining_.end()) {
         ++i;
         continue;
       }
       lost_.push_back(first->corner.triangle);
       lost_.push_back(other->corner.triangle);
-      left_.erase(other);
-      left_.erase(first);
+      remaining_.erase(other);
+      remaining_.erase(first);
     }
     for (const std::uint32_t t : around_.on_edge)
-      if (!holds(left_, thirdCorner(t, c))) lost_.push_back(t);
+      if (!holds(remaining_, thirdCorner(t, c))) lost_.push_back(t);
   }
 
-  // How far the two old places, on top of what they had sunk (a needle must not go down in steps), and what is lost are
-  // from what stays. What is no farther than `enough` need not be exact.
-  float sinking(const Collapse& c, double enough) {
-    double most = 0.0;
+  // How far the surface moves: the largest distance from the two old places and from lost triangles to what remains.
+  // Earlier displacements of the old places are added, so that a needle cannot be shortened step by step for nothing.
+  // Distances up to `enough` need not be exact.
+  float measureDisplacement(const Collapse& c, double enough) {
+    double max_distance = 0.0;
     for (const std::uint32_t v : {c.gone, c.kept})
-      if (!left_.empty())
-        most = std::max(most, static_cast<double>(sunk_[v]) + std::sqrt(distance2ToNewFan(c, positions_[v])));
-    double most2 = most * most;
+      if (!remaining_.empty())
+        max_distance = std::max(max_distance,
+                                static_cast<double>(displacement_[v]) + std::sqrt(distance2ToNewFan(c, positions_[v])));
+    double max2 = max_distance * max_distance;
     for (const std::uint32_t t : lost_)
       for (std::size_t k = 0; k < 3; ++k) {
         const std::uint32_t v = triangles_[t].corner[k];
@@ -1073,16 +807,16 @@ class Simplifier {
         const glm::vec3& p = positions_[v];
         const double near2 = distance2ToRest(c, t, p);
         if (near2 == std::numeric_limits<double>::max()) {
-          most2 = std::max(most2, distance2ToOthers(v, p, std::max(most2, enough * enough)));
+          max2 = std::max(max2, distance2ToOthers(v, p, std::max(max2, enough * enough)));
           continue;
         }
-        most2 = std::max({most2, near2, distance2ToRest(c, t, 0.5F * (p + positions_[w]))});
+        max2 = std::max({max2, near2, distance2ToRest(c, t, 0.5F * (p + positions_[w]))});
       }
-    return static_cast<float>(std::sqrt(most2));
+    return static_cast<float>(std::sqrt(max2));
   }
 
-  // From a place of triangle t, which is lost, to the new fan and what else hangs on its corners. Squared; the largest
-  // number where nothing is left.
+  // The squared distance from a place of the lost triangle t to the new fan and to the other triangles at its corners;
+  // the largest number where nothing is left.
   double distance2ToRest(const Collapse& c, std::uint32_t t, const glm::vec3& from) const {
     double near2 = distance2ToNewFan(c, from);
     for (const std::uint32_t v : triangles_[t].corner) {
@@ -1096,18 +830,19 @@ class Simplifier {
     return near2;
   }
 
-  // Weighted as distances from planes are; but a thin spike, and what is lost, counts like any other.
+  // The area by which measured distances are weighted, as those from planes are; at least a mean fan's, so that thin
+  // spikes and lost triangles count like any other.
   double foldWeight(const Collapse& c) const {
     return std::max(mean_fan_, vertices_[c.gone].quadric.weight + vertices_[c.kept].quadric.weight);
   }
   double foldCost(const Collapse& c) const {
-    const double far = c.sunk;
+    const double far = c.displacement;
     return std::min(far * far * foldWeight(c), static_cast<double>(std::numeric_limits<float>::max()));
   }
 
   double distance2ToNewFan(const Collapse& c, const glm::vec3& from) const {
     double near2 = std::numeric_limits<double>::max();
-    for (const Wedge& w : left_)
+    for (const Wedge& w : remaining_)
       near2 = std::min(near2, distance2(from, c.position, positions_[w.second], positions_[w.third]));
     return near2;
   }
@@ -1117,20 +852,21 @@ class Simplifier {
     return glm::dot(d, d);
   }
 
-  void apply(const Collapse& c) {
+  void applyCollapse(const Collapse& c) {
     moveAttributes(c);
     folded_[c.kept] |= folded_[c.gone];
-    sunk_[c.kept] = std::max({sunk_[c.kept], sunk_[c.gone], c.sunk});
+    displacement_[c.kept] = std::max({displacement_[c.kept], displacement_[c.gone], c.displacement});
     survivor_[c.gone] = c.kept;
     vertices_[c.kept].quadric.add(vertices_[c.gone].quadric);
     vertices_[c.kept].paid = static_cast<float>(vertices_[c.kept].quadric.at(glm::dvec3(c.position)));
     changed_[c.kept] = ++collapses_;
-    if (kinds_[c.gone] == Kind::kBorder && kinds_[c.kept] == Kind::kInterior) kinds_[c.kept] = Kind::kBorder;
+    if (kinds_[c.gone] == VertexKind::kBorder && kinds_[c.kept] == VertexKind::kInterior)
+      kinds_[c.kept] = VertexKind::kBorder;
     joinFans(c.gone, c.kept);
   }
 
   void moveAttributes(const Collapse& c) {
-    if (kinds_[c.kept] == Kind::kLocked) return;
+    if (kinds_[c.kept] == VertexKind::kLocked) return;
     Vertex& kept = vertices_[c.kept];
     const Vertex& gone = vertices_[c.gone];
     kept.color = glm::mix(kept.color, gone.color, c.along);
@@ -1138,7 +874,7 @@ class Simplifier {
     kept.position = positions_[c.kept] = c.position;
   }
 
-  // Triangles on the edge vanish, the others of `gone` hang on `kept` from now on.
+  // The triangles on the edge vanish; the others at `gone` belong to `kept` from now on.
   void joinFans(std::uint32_t gone, std::uint32_t kept) {
     for (const std::uint32_t t : around_.on_edge) triangles_[t].alive = 0;
     live_ -= around_.on_edge.size();
@@ -1157,8 +893,9 @@ class Simplifier {
     fans_[gone] = {};
   }
 
-  // Two triangles on the same corners with opposite sides enclose nothing: both go. Only triangles whose other corners
-  // were next to both ends (marked by lookAt) can have met a partner. At least one triangle of the group stays.
+  // Removes pairs of triangles on the same corners with opposite sides, since they enclose nothing. Only triangles
+  // whose other corners were next to both ends (marked by gatherNeighborhood()) can have met a partner. At least one
+  // triangle of the group stays.
   void removeOpposites(std::uint32_t v) {
     const auto fan = cornersAround(v);
     for (std::size_t i = 0; i < fan.size(); ++i) {
@@ -1183,8 +920,8 @@ class Simplifier {
     return c[1] == v ? std::pair{c[2], c[0]} : std::pair{c[0], c[1]};
   }
 
-  Simplified history(bool rough) {
-    Simplified out;
+  CollapseHistory history(bool rough) {
+    CollapseHistory out;
     out.indices.reserve(3 * live_);
     out.origin.reserve(live_);
     for (std::uint32_t t = 0; t < triangles_.size(); ++t) {
@@ -1198,42 +935,42 @@ class Simplifier {
     return out;
   }
 
-  // The corners after one, in a triangle.
+  // The places of a triangle's corners behind a corner.
   static constexpr std::uint8_t kSecond[3] = {1, 2, 0};
   static constexpr std::uint8_t kThird[3] = {2, 0, 1};
   static constexpr std::uint64_t kNoEnds = ~0ULL;
-  // Edges wait in memory far from each other: how many ahead their own data is asked for.
+  // Edges of a bucket lie far from each other: their memory is requested so many edges ahead.
   static constexpr std::size_t kEdgesAhead = 8;
 
   const GroupMesh& mesh_;
-  std::vector<glm::vec3> positions_;  // as in vertices_, for what asks for nothing else
-  const FacetSurface& surface_;       // of the mesh as it was given
+  std::vector<glm::vec3> positions_;  // the same as in vertices_, for code that reads nothing else of a vertex
+  const FacetSurface& surface_;       // the mesh as it was given
   std::size_t target_;
   std::size_t live_ = 0;
-  std::uint32_t collapses_ = 0;  // done so far
+  std::uint32_t collapses_ = 0;  // so far
   std::vector<Fan> fans_;
   std::vector<Corner> pool_;
   std::vector<Triangle> triangles_;
   std::vector<std::uint32_t> survivor_;
-  std::vector<Kind> kinds_;
+  std::vector<VertexKind> kinds_;
   std::vector<Vertex> vertices_;
-  std::vector<std::uint32_t> changed_;  // per vertex: by which collapse; apart, as queues ask for it most
-  std::vector<Edge> edges_;
+  std::vector<std::uint32_t> changed_;  // per vertex: its last collapse; apart, since it is read most
+  std::vector<PlannedEdge> edges_;
   EdgeQueue queue_;
   std::vector<EdgeQueue::Entry> opened_;
   std::vector<std::uint64_t> known_;
   std::vector<std::uint32_t> mark_;
   std::uint32_t stamp_ = 0;
   Neighborhood around_;
-  std::vector<Wedge> left_;  // as findLost finds them
+  std::vector<Wedge> remaining_;
   std::vector<std::uint32_t> lost_;
-  std::vector<std::uint32_t> component_;  // per vertex; made when first asked for
+  std::vector<std::uint32_t> component_;  // per vertex; filled with grid_
   std::optional<PointGrid> grid_;
-  std::size_t grid_triangles_ = 0;    // that lived when it was made
+  std::size_t grid_triangles_ = 0;    // living triangles when grid_ was filled
   std::vector<std::uint8_t> folded_;  // per vertex
-  std::vector<float> sunk_;           // per vertex: how far what it stands for may be from the surface, where folded
-  double mean_fan_ = 0.0;             // area, of vertices that are not locked
-  double small_fans_ = 1.0;           // area of two
+  std::vector<float> displacement_;   // per vertex: how far what it stood for may be from the surface, where folded
+  double mean_fan_ = 0.0;             // mean area of the fans of vertices that are not locked
+  double small_fans_ = 1.0;           // kSmallFans of these
   double mean_edge_ = 1.0;
   double color_scale_ = 0.0;
   double normal_scale_ = 0.0;
@@ -1243,16 +980,6 @@ class Simplifier {
 
 SimplifiedGroup simplifyGroup(const GroupMesh& mesh, const FacetSurface& surface, std::size_t target_triangles) {
   return Simplifier(mesh, surface, target_triangles).run();
-}
-
-Simplified simplifyGroup(GroupMesh& mesh, std::size_t target_triangles) {
-  FacetSurface surface;
-  surface.reset({mesh.positions, mesh.indices});
-  SimplifiedGroup made = simplifyGroup(mesh, surface, target_triangles);
-  mesh.positions = std::move(made.vertices.positions);
-  mesh.normals = std::move(made.vertices.normals);
-  mesh.colors = std::move(made.vertices.colors);
-  return std::move(made.simplified);
 }
 
 }  // namespace lod::patch::builder

@@ -1,9 +1,10 @@
 #pragma once
-// Edge collapse by quadric error (Garland, Heckbert 1997) of one group's triangles, with part of the vertices locked.
+// Edge collapse by quadric error (Garland and Heckbert 1997, "Surface Simplification Using Quadric Error Metrics") of
+// one group's triangles, with part of the vertices locked.
 //
-// Works on any set of triangles: open, non-manifold, soup. A collapse is a vertex map, so it keeps every closed surface
-// closed in the sense that counts here: each directed edge has its opposite equally often. The only triangles ever
-// removed are those that lost their area to a collapse, and pairs that came to lie on each other with opposite sides.
+// It works on any set of triangles: open, non-manifold, soup. A collapse is a map of vertices, so it keeps every closed
+// surface closed in this sense: each directed edge has its opposite equally often. Triangles are removed only when a
+// collapse took their area, or when two came to lie on each other with opposite sides.
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <span>
@@ -23,31 +24,29 @@ struct GroupMesh {
   std::vector<std::uint32_t> indices;  ///< 3 per triangle
 };
 
-struct Simplified {
+/// Which triangles of a group are left, and where its vertices went.
+struct CollapseHistory {
   std::vector<std::uint32_t> indices;   ///< 3 per triangle, into the group's vertices
   std::vector<std::uint32_t> origin;    ///< per triangle: which of the group's triangles it was
   std::vector<std::uint32_t> survivor;  ///< per vertex: the vertex it was collapsed into (itself when it lives)
   bool rough = false;                   ///< more than the first stage was needed
 };
 
-/// A group at some number of triangles: its vertices as they are then (no triangles, nothing locked), and which are
-/// left.
+/// A group after its collapses. `vertices` has all vertices of the group, the surviving ones where they were moved to,
+/// without triangles and locks.
 struct SimplifiedGroup {
   GroupMesh vertices;
-  Simplified simplified;
+  CollapseHistory history;
 };
 
 /// Collapses edges, cheapest first, until at most `target_triangles` (≥ 1) are left or nothing can be collapsed. Moves
-/// surviving vertices to the best lattice point and gives them colours and normals from between (normals are not
-/// normalised).
+/// surviving vertices to the best lattice point and interpolates their colours and normals along the edge (normals are
+/// not normalised). `surface`: the mesh with its edges and fans.
 ///
 /// Stage 1 keeps topology (link condition) and orientation, and lets border vertices move along the border only. Stage
-/// 2, where stage 1 could go on only by moving the surface far, drops the conditions on topology and borders; stage 3
-/// those on orientation too, so that soup and tiny components shrink whatever it costs. What vanishes (a component, a
-/// flap, an ear) does so only at the price of its distance to what stays. Locked vertices stay in all stages.
-Simplified simplifyGroup(GroupMesh& mesh, std::size_t target_triangles);
-
-/// The same with the edges and fans of the mesh, where the caller has them.
+/// 2 begins where stage 1 could go on only by moving the surface far, and drops the conditions on topology and borders.
+/// Stage 3 drops that on orientation too, so that soup and tiny components shrink whatever it costs. A component, flap
+/// or ear that vanishes costs its distance to what remains. Locked vertices stay in all stages.
 SimplifiedGroup simplifyGroup(const GroupMesh& mesh, const FacetSurface& surface, std::size_t target_triangles);
 
 }  // namespace lod::patch::builder

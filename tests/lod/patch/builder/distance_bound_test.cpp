@@ -8,6 +8,7 @@
 #include <set>
 
 #include "base/geometry.h"
+#include "tests/lod/patch/builder/simplify_in_place.h"
 #include "tests/support/surface_distance.h"
 #include "tests/support/test_meshes.h"
 
@@ -26,7 +27,7 @@ GroupMesh onLattice(const Mesh& mesh, float scale) {
 }
 
 SurfaceError carried(const SurfaceView& before, const SurfaceError& error, const SurfaceView& after,
-                     const Simplified& history, float negligible, std::vector<Outlier>* outliers = nullptr,
+                     const CollapseHistory& history, float negligible, std::vector<Outlier>* outliers = nullptr,
                      float precise = std::numeric_limits<float>::infinity()) {
   FacetSurface surface;
   surface.reset(before);
@@ -58,8 +59,8 @@ Rounds simplified(const Mesh& mesh, float scale, double share, int rounds, float
   for (int round = 0; round < rounds; ++round) {
     const std::vector<glm::vec3> positions = group.positions;
     const std::vector<std::uint32_t> indices = group.indices;
-    const Simplified made =
-        simplifyGroup(group, static_cast<std::size_t>(share * static_cast<double>(indices.size() / 3)));
+    const CollapseHistory made =
+        simplifyInPlace(group, static_cast<std::size_t>(share * static_cast<double>(indices.size() / 3)));
     out.error = carried({positions, indices}, out.error, {group.positions, made.indices}, made, negligible);
     group.indices = made.indices;
   }
@@ -76,7 +77,7 @@ struct SpikeGone {
   std::vector<glm::vec3> points{{0, 0, 0}, {100, 0, 0}, {100, 100, 0}, {0, 100, 0}, {50, 50, 80}};
   std::vector<std::uint32_t> spike{0, 1, 4, 1, 2, 4, 2, 3, 4, 3, 0, 4};
   std::vector<std::uint32_t> flat{0, 1, 2, 2, 3, 0};
-  Simplified history{flat, {0, 2}, {0, 1, 2, 3, 0}, false};
+  CollapseHistory history{flat, {0, 2}, {0, 1, 2, 3, 0}, false};
 };
 
 struct Sampled {
@@ -184,7 +185,7 @@ TEST(CarriedError, KeepsWhatWasLostInEarlierRounds) {
   const SurfaceError one = carried({points, spike}, {}, {points, flat}, first, 0.1F);
   EXPECT_GE(*std::max_element(one.toward.begin(), one.toward.end()), 80.0F);
   EXPECT_LE(*std::max_element(one.toward.begin(), one.toward.end()), 81.0F);
-  Simplified second;
+  CollapseHistory second;
   second.indices = flat;
   second.origin = {0, 1};
   second.survivor = {0, 1, 2, 3, 4};
@@ -218,7 +219,7 @@ TEST(CarriedError, ComesOutLowerWhereOutliersStayAsTheyAre) {
     const GroupMesh group = onLattice(mesh, 2000.0F);
     const std::size_t target = group.indices.size() / 3 * 2 / 5;
     GroupMesh after = group;
-    const Simplified made = simplifyGroup(after, target);
+    const CollapseHistory made = simplifyInPlace(after, target);
     const SurfaceView before{group.positions, group.indices};
     const SurfaceView coarse{after.positions, made.indices};
     const float most = largest(carried(before, {}, coarse, made, 0.5F));
@@ -237,7 +238,7 @@ TEST(CarriedError, ComesOutLowerWhereOutliersStayAsTheyAre) {
       for (std::size_t k = 0; k < 3; ++k) kept.locked[kept.indices[3 * std::size_t{outlier.triangle} + k]] = 1;
     }
     EXPECT_LT(triangles.size(), group.indices.size() / 3 / 50) << seed;
-    const Simplified again = simplifyGroup(kept, target);
+    const CollapseHistory again = simplifyInPlace(kept, target);
     EXPECT_NEAR(static_cast<double>(again.indices.size()), static_cast<double>(made.indices.size()), 6.0) << seed;
     lower += largest(carried(before, {}, {kept.positions, again.indices}, again, 0.5F)) < most ? 1 : 0;
   }
@@ -260,7 +261,7 @@ TEST(CarriedError, OfDifferentPlacesNeverAddsUp) {
   lost.toward.back() = lost.from.back() = 10.0F;
   std::vector<glm::vec3> after = points;
   after[3 * 1 + 1].z = 0;
-  Simplified history;
+  CollapseHistory history;
   history.indices = indices;
   for (std::uint32_t t = 0; t < indices.size() / 3; ++t) history.origin.push_back(t);
   for (std::uint32_t v = 0; v < points.size(); ++v) history.survivor.push_back(v);
@@ -301,7 +302,7 @@ TEST(CarriedError, BoundsTheColorsOfASheetTriangleByTriangle) {
   float smallest = 1e9F;
   for (int round = 0; round < 3; ++round) {
     const GroupMesh before = group;
-    const Simplified made = simplifyGroup(group, group.indices.size() / 6);
+    const CollapseHistory made = simplifyInPlace(group, group.indices.size() / 6);
     error = carried({before.positions, before.indices, before.colors}, error,
                     {group.positions, made.indices, group.colors}, made, 0.01F);
     group.indices = made.indices;

@@ -9,6 +9,7 @@
 #include <random>
 
 #include "base/geometry.h"
+#include "tests/lod/patch/builder/simplify_in_place.h"
 #include "tests/support/test_meshes.h"
 
 namespace {
@@ -39,7 +40,7 @@ int unbalancedEdges(const std::vector<std::uint32_t>& indices) {
 
 TEST(Simplify, ClosedStaysClosedAndManifoldWhenHalved) {
   GroupMesh group = groupOf(support::torus(60, 40), 500.0F);
-  const Simplified out = simplifyGroup(group, 2400);
+  const CollapseHistory out = simplifyInPlace(group, 2400);
   EXPECT_LE(out.indices.size() / 3, 2400U);
   EXPECT_GE(out.indices.size() / 3, 2398U);
   EXPECT_FALSE(out.rough);
@@ -55,7 +56,7 @@ TEST(Simplify, LockedVerticesStayWhereTheyAre) {
   for (std::uint32_t v = 0; v < group.positions.size(); ++v)
     group.locked[v] = v % 41 == 0 || v % 41 == 40 || v < 41 || v >= 41 * 40;
   const GroupMesh before = group;
-  const Simplified out = simplifyGroup(group, 800);
+  const CollapseHistory out = simplifyInPlace(group, 800);
   EXPECT_LE(out.indices.size() / 3, 800U);
   std::vector<bool> used(group.positions.size(), false);
   for (const std::uint32_t v : out.indices) used[v] = true;
@@ -82,8 +83,8 @@ TEST(Simplify, LockedTrianglesHaveNoSayInWhatTheOthersBecome) {
     beside.colors.push_back({0, 0, 0});
     beside.locked.push_back(1);
   }
-  const Simplified expected = simplifyGroup(alone, 2400);
-  const Simplified out = simplifyGroup(beside, 2401);
+  const CollapseHistory expected = simplifyInPlace(alone, 2400);
+  const CollapseHistory out = simplifyInPlace(beside, 2401);
   ASSERT_EQ(out.indices.size(), expected.indices.size() + 3);
   EXPECT_TRUE(std::equal(expected.indices.begin(), expected.indices.end(), out.indices.begin()));
   EXPECT_TRUE(std::equal(alone.positions.begin(), alone.positions.end(), beside.positions.begin()));
@@ -91,7 +92,7 @@ TEST(Simplify, LockedTrianglesHaveNoSayInWhatTheOthersBecome) {
 
 TEST(Simplify, AFlatOpenBorderKeepsItsOutline) {
   GroupMesh group = groupOf(support::openGrid(30, 0.0F), 900.0F);
-  const Simplified out = simplifyGroup(group, 40);
+  const CollapseHistory out = simplifyInPlace(group, 40);
   EXPECT_LE(out.indices.size() / 3, 40U);
   double area = 0.0;
   for (std::size_t i = 0; i < out.indices.size(); i += 3) {
@@ -101,7 +102,7 @@ TEST(Simplify, AFlatOpenBorderKeepsItsOutline) {
   EXPECT_DOUBLE_EQ(area, 900.0 * 900.0);
 }
 
-double distanceTo(const GroupMesh& group, const Simplified& result, const glm::vec3& p) {
+double distanceTo(const GroupMesh& group, const CollapseHistory& result, const glm::vec3& p) {
   double nearest2 = std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < result.indices.size(); i += 3) {
     const auto corner = [&](std::size_t k) { return glm::dvec3(group.positions[result.indices[i + k]]); };
@@ -116,7 +117,7 @@ double distanceTo(const GroupMesh& group, const Simplified& result, const glm::v
 TEST(Simplify, AFlatSheetIsLeftInTrianglesOfAboutEqualSides) {
   GroupMesh group = groupOf(support::openGrid(100), 4000.0F);
   for (glm::vec3& p : group.positions) p.z = 5.0F;
-  const Simplified out = simplifyGroup(group, 2000);
+  const CollapseHistory out = simplifyInPlace(group, 2000);
   EXPECT_LE(out.indices.size() / 3, 2000U);
   std::size_t slivers = 0;
   for (std::size_t i = 0; i < out.indices.size(); i += 3) {
@@ -146,7 +147,7 @@ TEST(Simplify, NeedlesOutliveTheRoughGroundTheyStandOn) {
       group.positions[y * kRow + x].z += 400.0F;
       tips.push_back(group.positions[y * kRow + x]);
     }
-  const Simplified out = simplifyGroup(group, 2 * 3200 / 5);
+  const CollapseHistory out = simplifyInPlace(group, 2 * 3200 / 5);
   for (const glm::vec3& tip : tips) EXPECT_LT(distanceTo(group, out, tip), 60.0);
 }
 
@@ -168,7 +169,7 @@ TEST(Simplify, TheTipOfASmallFanOutlivesALowerOneOfAWide) {
   const std::uint32_t small = addCone({1000, 1000, 100}, 100.0F, 30.0F);
   const std::uint32_t wide = addCone({3000, 1000, 100}, 400.0F, 10.0F);
   group.normals.assign(group.positions.size(), glm::vec3(0, 0, 1));
-  const Simplified out = simplifyGroup(group, 10);
+  const CollapseHistory out = simplifyInPlace(group, 10);
   EXPECT_EQ(out.indices.size() / 3, 10U);
   EXPECT_EQ(out.survivor[small], small);
   EXPECT_NE(out.survivor[wide], wide);
@@ -176,15 +177,15 @@ TEST(Simplify, TheTipOfASmallFanOutlivesALowerOneOfAWide) {
 
 TEST(Simplify, StillHalvesSoupWhereNothingIsShared) {
   GroupMesh group = groupOf(support::triangleSoup(2000), 20000.0F);
-  const Simplified out = simplifyGroup(group, 1000);
+  const CollapseHistory out = simplifyInPlace(group, 1000);
   EXPECT_EQ(out.indices.size() / 3, 1000U);
 }
 
 TEST(Simplify, NeverRemovesTheLastTriangle) {
   GroupMesh group = groupOf(support::triangleSoup(3), 20000.0F);
-  EXPECT_GE(simplifyGroup(group, 1).indices.size(), 3U);
+  EXPECT_GE(simplifyInPlace(group, 1).indices.size(), 3U);
   GroupMesh tetrahedron = groupOf(support::tinyComponents(1), 20000.0F);
-  EXPECT_GE(simplifyGroup(tetrahedron, 1).indices.size(), 3U);
+  EXPECT_GE(simplifyInPlace(tetrahedron, 1).indices.size(), 3U);
 }
 
 // Of two lone triangles the one that lies near others goes first: what is lost with a component is its distance to what
@@ -200,7 +201,7 @@ TEST(Simplify, AFarComponentOutlivesANearOne) {
   add({0, 0, 0}, 100), add({10, 10, 8}, 40), add({5000, 0, 0}, 10);
   group.normals.assign(9, glm::vec3(0, 0, 1));
   group.locked.assign(9, 0);
-  const Simplified out = simplifyGroup(group, 2);
+  const CollapseHistory out = simplifyInPlace(group, 2);
   EXPECT_EQ(out.origin, (std::vector<std::uint32_t>{0, 2}));
 }
 
@@ -216,7 +217,7 @@ TEST(Simplify, TheLastOfAFarClusterOutlivesTheRest) {
       group.normals.emplace_back(0, 0, 1);
       group.locked.push_back(0);
     }
-  const Simplified out = simplifyGroup(group, 100);
+  const CollapseHistory out = simplifyInPlace(group, 100);
   EXPECT_LE(out.origin.size(), 100U);
   EXPECT_TRUE(std::any_of(out.origin.begin(), out.origin.end(), [&](std::uint32_t t) { return t >= sphere; }));
 }
@@ -240,13 +241,13 @@ TEST(Simplify, TallFlapsOutliveLowOnes) {
       if (is_tall) tall.push_back(group.positions.back());
     }
   ASSERT_GT(tall.size(), 10U);
-  const Simplified out = simplifyGroup(group, group.indices.size() / 3 / 10);
+  const CollapseHistory out = simplifyInPlace(group, group.indices.size() / 3 / 10);
   for (const glm::vec3& top : tall) EXPECT_LT(distanceTo(group, out, top), 100.0);
 }
 
 TEST(Simplify, TheWorkIsRecorded) {
   GroupMesh group = groupOf(support::bumpySphere(20, 30), 700.0F);
-  const Simplified out = simplifyGroup(group, 500);
+  const CollapseHistory out = simplifyInPlace(group, 500);
   ASSERT_EQ(out.origin.size(), out.indices.size() / 3);
   const Mesh source = support::bumpySphere(20, 30);
   for (std::size_t t = 0; t < out.origin.size(); ++t)
