@@ -247,9 +247,9 @@ class HierarchyBuilder {
       return build_.report("simplify", std::min(kNearlyDone, static_cast<double>(finished) / all));
     });
     for (auto& [unit, patches] : known_)
-      if (unit.level != 0) levels_->know(unit, std::move(patches));
+      if (unit.level != 0) levels_->addKnownGroup(unit, std::move(patches));
     known_.clear();
-    LUMIGRID_TRY(levels_->makeLevels(std::move(leaves)));
+    LUMIGRID_TRY(levels_->buildLevels(std::move(leaves)));
     return build_.report("simplify", 1.0) ? base::Result<void>() : build_.cancelled();
   }
 

@@ -19,29 +19,29 @@
 namespace lod::patch::builder {
 namespace {
 
-// A group keeps two fifths of its triangles. Halves cut finer, thirds are built faster and take less room: all levels
-// together have 2 and 1.5 times the source's triangles. Two fifths make 1.67, and cuts nearer to halves'.
-constexpr double kKept = 0.4;
-// A group that stands out is made again so often with the same share of what may change, and with what was off by this
-// share of its limit or more kept as it was; then with larger shares.
-constexpr int kRounds = 3;
-constexpr float kKeptAsTheyAre = 0.95F;
-constexpr std::array<double, 3> kMoreKept{0.5, 0.6, 0.75};
-// So many outliers are mostly none, where bounds are not precise.
+// A group keeps two fifths of its triangles. All levels together then have 1.67 times the source's triangles: halves
+// would make 2 and cut finer, thirds 1.5 and be built faster; the cuts of two fifths are nearer to those of halves.
+constexpr double kKeptShare = 0.4;
+// An outlying group is rebuilt up to kRebuilds times with the same share of the triangles that may change. Triangles
+// whose error was at least kLockedShare of the limit are locked then. After that it is rebuilt with larger shares.
+constexpr int kRebuilds = 3;
+constexpr float kLockedShare = 0.95F;
+constexpr std::array<double, 3> kLargerShares{0.5, 0.6, 0.75};
+// More outliers than this are mostly false ones, where bounds are not precise.
 constexpr std::ptrdiff_t kFewOutliers = 30;
 constexpr float kNotPrecise = std::numeric_limits<float>::infinity();
-// Of so many groups the last ones take next to nothing of the time: they are made as they lie in the work files.
+// From this many groups on it does not matter which are built last, so they are built in the order of the work files.
 constexpr std::size_t kManyGroups = 500;
-// A level of one group has none that stands out.
+// In a level of one group none can stand out.
 constexpr std::size_t kMinGroups = 2;
-// Distances below this share of a group's error so far do not matter.
+// Distances below this share of a group's error so far are not looked into, nor those below half a lattice step.
 constexpr float kNegligible = 0.05F;
 // A group's output is split along voxels of about this share of a patch: fine enough for even parts, coarse enough that
 // bisection costs little.
 constexpr std::uint32_t kVoxelsPerPatch = 32;
 
-// The length of a change from black to white.
-constexpr float kLargestColor = 441.673F;
+// The distance from black to white, 255 √3, rounded up.
+constexpr float kMaxColorError = 441.673F;
 
 // The merged triangles of a group, and where its coordinates start.
 struct Merged {
@@ -53,18 +53,18 @@ std::uint64_t unitKey(std::uint32_t level, std::uint32_t index) {
   return std::uint64_t{level} << 32 | index;
 }
 
-// Not below x, whatever the conversion rounds.
+// The least float that is not below x.
 float roundedUp(double x) {
   const auto f = static_cast<float>(x);
   return static_cast<double>(f) < x ? std::nextafter(f, std::numeric_limits<float>::max()) : f;
 }
 
 Merged mergePatches(const std::vector<lod::patch::PatchGeometry>& patches, std::span<const std::uint64_t> locked) {
-  std::size_t most = 0;
+  std::size_t max_vertices = 0;
   std::size_t indices = 0;
   glm::ivec3 low(std::numeric_limits<int>::max());
   for (const auto& patch : patches) {
-    most += patch.positions.size(), indices += patch.indices.size();
+    max_vertices += patch.positions.size(), indices += patch.indices.size();
     for (const glm::ivec3& q : patch.positions) low = glm::min(low, q);
   }
   Merged merged;
@@ -72,10 +72,10 @@ Merged mergePatches(const std::vector<lod::patch::PatchGeometry>& patches, std::
   const bool colored = !patches.empty() && !patches.front().colors.empty();
   merged.corner = low;
   mesh.indices.resize(indices);
-  mesh.positions.resize(most);
-  mesh.normals.resize(most);
-  if (colored) mesh.colors.resize(most);
-  ingest::CodeMap map(most);
+  mesh.positions.resize(max_vertices);
+  mesh.normals.resize(max_vertices);
+  if (colored) mesh.colors.resize(max_vertices);
+  ingest::CodeMap map(max_vertices);
   std::vector<std::uint32_t> local;
   std::vector<std::uint64_t> codes;
   std::uint32_t count = 0;
@@ -106,8 +106,8 @@ Merged mergePatches(const std::vector<lod::patch::PatchGeometry>& patches, std::
   return merged;
 }
 
-// The bounds of a patch's triangles, behind those read before.
-base::Result<void> addErrors(base::ByteView codes, std::size_t triangles, SurfaceError& errors) {
+// Appends the bounds that a patch's triangles carry; leaves carry none.
+base::Result<void> appendErrors(base::ByteView codes, std::size_t triangles, SurfaceError& errors) {
   if (!codes.empty() && codes.size() != kErrorBytes * triangles)
     return base::Error{base::ErrorCode::kInvalidInput, "the builder's own file: errors of another number of triangles"};
   const std::size_t first = errors.toward.size();
@@ -122,16 +122,16 @@ base::Result<void> addErrors(base::ByteView codes, std::size_t triangles, Surfac
   return {};
 }
 
-// The simplifier moves vertices to whole numbers, but knows no end of the lattice.
-void keepOnLattice(Merged& merged, std::uint32_t bits) {
+// The simplifier moves vertices to whole numbers, but does not know where the lattice ends.
+void clampToLattice(Merged& merged, std::uint32_t bits) {
   const glm::vec3 low(-merged.corner);
   const glm::vec3 high(glm::ivec3((1 << bits) - 1) - merged.corner);
   for (glm::vec3& p : merged.mesh.positions) p = glm::clamp(p, low, high);
 }
 
-// The group's vertices `source` as they will be stored; those locked stay as they are stored already.
-void takeVertices(const Merged& merged, std::span<const std::uint32_t> source, std::span<const std::uint8_t> locked,
-                  CodedMesh& out) {
+// Quantizes the group's vertices `source` as they will be stored; locked ones keep what is stored of them already.
+void quantizeVertices(const Merged& merged, std::span<const std::uint32_t> source, std::span<const std::uint8_t> locked,
+                      CodedMesh& out) {
   const GroupMesh& group = merged.mesh;
   const bool colored = !group.colors.empty();
   out.positions.resize(source.size());
@@ -153,23 +153,23 @@ void takeVertices(const Merged& merged, std::span<const std::uint32_t> source, s
   lod::patch::quantizeNormals(out.normals);
 }
 
-// Simplified triangles on lattice points, and `merged` with the colours that they are stored with: vertices that came
-// to lie on each other are one, and triangles that lost their area so are gone from the mesh and the history.
-CodedMesh codedMesh(Merged& merged, CollapseHistory& simplified, std::vector<std::uint8_t>& locked) {
+// The simplified triangles on lattice points. Vertices that came to lie on each other become one, and triangles that so
+// lost their area are removed, from `history` too. `merged` gets the colours that are stored.
+CodedMesh codedMesh(Merged& merged, CollapseHistory& history, std::vector<std::uint8_t>& locked) {
   GroupMesh& group = merged.mesh;
   CodedMesh out;
-  ingest::CodeMap map(simplified.indices.size() / 5);
+  ingest::CodeMap map(history.indices.size() / 5);
   std::vector<std::uint32_t> number(group.positions.size(), ingest::CodeMap::kNone);
   constexpr std::uint64_t kUnknown = std::numeric_limits<std::uint64_t>::max();
   std::vector<std::uint64_t> codes(group.positions.size(), kUnknown);
-  out.indices.reserve(simplified.indices.size());
-  std::vector<std::uint32_t> source;  // of each vertex: the group's that it is taken from
+  out.indices.reserve(history.indices.size());
+  std::vector<std::uint32_t> source;  // per vertex: the group's vertex that it comes from
   std::size_t kept = 0;
-  for (std::size_t t = 0; 3 * t < simplified.indices.size(); ++t) {
+  for (std::size_t t = 0; 3 * t < history.indices.size(); ++t) {
     std::uint32_t c[3];
     std::uint64_t code[3];
     for (std::size_t k = 0; k < 3; ++k) {
-      c[k] = simplified.indices[3 * t + k];
+      c[k] = history.indices[3 * t + k];
       std::uint64_t& known = codes[c[k]];
       if (known == kUnknown) known = ingest::mortonCode(merged.corner + glm::ivec3(group.positions[c[k]]));
       code[k] = known;
@@ -177,7 +177,7 @@ CodedMesh codedMesh(Merged& merged, CollapseHistory& simplified, std::vector<std
     if (code[0] == code[1] || code[1] == code[2] || code[2] == code[0]) continue;
     for (std::size_t k = 0; k < 3; ++k) {
       const std::uint32_t v = c[k];
-      simplified.indices[3 * kept + k] = v;
+      history.indices[3 * kept + k] = v;
       if (number[v] == ingest::CodeMap::kNone) {
         const auto [at, is_new] = map.insert(code[k]);
         number[v] = at;
@@ -185,7 +185,7 @@ CodedMesh codedMesh(Merged& merged, CollapseHistory& simplified, std::vector<std
           source.push_back(v);
           locked.push_back(0);
         }
-        // What is locked decides for all that lie there: another group sees the same.
+        // A locked vertex decides for all that lie there, since another group sees the same one.
         if (group.locked[v] != 0 && locked[at] == 0) {
           locked[at] = 1;
           source[at] = v;
@@ -193,25 +193,25 @@ CodedMesh codedMesh(Merged& merged, CollapseHistory& simplified, std::vector<std
       }
       out.indices.push_back(number[v]);
     }
-    simplified.origin[kept++] = simplified.origin[t];
+    history.origin[kept++] = history.origin[t];
   }
   out.codes = map.releaseCodes();
-  takeVertices(merged, source, locked, out);
-  simplified.indices.resize(3 * kept);
-  simplified.origin.resize(kept);
+  quantizeVertices(merged, source, locked, out);
+  history.indices.resize(3 * kept);
+  history.origin.resize(kept);
   const bool colored = !group.colors.empty();
   for (std::size_t v = 0; colored && v < number.size(); ++v)
     if (number[v] != ingest::CodeMap::kNone) group.colors[v] = glm::vec3(glm::u8vec3(out.colors[number[v]]));
   return out;
 }
 
-// A group's triangles when there are fewer, and how far they are off, in lattice steps.
-struct Coarser {
+// One simplification of a group, with its errors in lattice steps.
+struct GroupCandidate {
   CodedMesh mesh;                    // without triangles where all came to lie on lines
   std::vector<std::uint8_t> outer;   // per vertex: shared with another group
   std::vector<std::uint16_t> codes;  // kErrorCodes a triangle
   ErrorHistogram errors;
-  float error = 0.0F;  // the largest
+  float error = 0.0F;  // the largest of all triangles
   float color_error = 0.0F;
   std::vector<Outlier> outliers;
 };
@@ -222,12 +222,12 @@ float doubledArea(const CodedMesh& mesh, std::size_t t) {
   return glm::length(glm::cross(corner(1) - a, corner(2) - a));
 }
 
-Coarser coarserOf(const Merged& before, FacetSurface& surface, const SurfaceError& before_error, SimplifiedGroup& group,
-                  std::uint32_t bits, float negligible, float precise) {
+GroupCandidate measureCandidate(const Merged& before, FacetSurface& surface, const SurfaceError& before_error,
+                                SimplifiedGroup& group, std::uint32_t bits, float negligible, float precise) {
   Merged merged{std::move(group.vertices), before.corner};
   merged.mesh.locked = before.mesh.locked;
-  keepOnLattice(merged, bits);
-  Coarser out;
+  clampToLattice(merged, bits);
+  GroupCandidate out;
   out.mesh = codedMesh(merged, group.history, out.outer);
   if (out.mesh.indices.empty()) return out;
   const SurfaceError error =
@@ -250,67 +250,78 @@ Coarser coarserOf(const Merged& before, FacetSurface& surface, const SurfaceErro
   return out;
 }
 
-// The share of a mesh's triangles that is left when those whose corners are all locked stay, and of the others the
-// usual share does: were the others to pay for them, they would be off by more than before.
-double shareAround(const GroupMesh& mesh) {
-  std::size_t stay = 0;
+// The share of a mesh's triangles to keep when those whose corners are all locked stay, and the usual share of the
+// others does. With the usual share of all, the others would have to make up for the locked ones, at a larger error.
+double shareBesideLocked(const GroupMesh& mesh) {
+  std::size_t locked = 0;
   for (std::size_t i = 0; i < mesh.indices.size(); i += 3)
-    stay += mesh.locked[mesh.indices[i]] & mesh.locked[mesh.indices[i + 1]] & mesh.locked[mesh.indices[i + 2]];
-  return kKept + (1.0 - kKept) * static_cast<double>(3 * stay) / static_cast<double>(mesh.indices.size());
+    locked += mesh.locked[mesh.indices[i]] & mesh.locked[mesh.indices[i + 1]] & mesh.locked[mesh.indices[i + 2]];
+  return kKeptShare + (1.0 - kKeptShare) * static_cast<double>(3 * locked) / static_cast<double>(mesh.indices.size());
 }
 
-// Does it stay as it was when the group is to be off by at most `allowed`?
-bool isFar(const Outlier& outlier, float allowed) {
-  return outlier.error > kKeptAsTheyAre * allowed;
+// Whether the outlier's triangle has to be locked for a group whose error shall be at most `max_error`.
+bool isFar(const Outlier& outlier, float max_error) {
+  return outlier.error > kLockedShare * max_error;
 }
 
-bool isAnyFar(const std::vector<Outlier>& outliers, float allowed) {
-  return std::any_of(outliers.begin(), outliers.end(), [&](const Outlier& outlier) { return isFar(outlier, allowed); });
+bool isAnyFar(const std::vector<Outlier>& outliers, float max_error) {
+  return std::any_of(outliers.begin(), outliers.end(),
+                     [&](const Outlier& outlier) { return isFar(outlier, max_error); });
 }
 
-// Makes a group until it is off by at most `allowed`; else the best that was made, without triangles if none was.
-// First each time with what was off by more kept as it was: mostly such places are few. `make` makes it of a mesh, with
-// a share of its triangles; `outliers` are those of `mesh` with the usual share.
-template <class Make>
-Coarser keptWithin(float allowed, const GroupMesh& mesh, std::vector<Outlier> outliers, Make&& make) {
-  Coarser best;
-  const float far = kKeptAsTheyAre * allowed;
-  const auto isWithin = [&] { return !best.mesh.indices.empty() && best.error <= allowed; };
-  // Levels end only where groups shrink.
-  const double most = kMoreKept.back() * static_cast<double>(mesh.indices.size());
-  const auto take = [&](Coarser next) {
-    outliers = next.outliers;
-    const std::size_t indices = next.mesh.indices.size();
-    if (indices == 0 || static_cast<double>(indices) > most) return;
-    if (best.mesh.indices.empty() || next.error < best.error) best = std::move(next);
+// Locks the corners of far outliers; false if all were locked already.
+bool lockOutliers(const std::vector<Outlier>& outliers, float max_error, GroupMesh& mesh) {
+  bool is_any_new = false;
+  for (const Outlier& outlier : outliers)
+    for (std::size_t k = 0; k < 3 && isFar(outlier, max_error); ++k) {
+      std::uint8_t& locked = mesh.locked[mesh.indices[3 * std::size_t{outlier.triangle} + k]];
+      is_any_new |= locked == 0;
+      locked = 1;
+    }
+  return is_any_new;
+}
+
+// Simplifies a group until its error is at most `max_error`. Places of large error are mostly few, so they are locked
+// first; if that does not do, more triangles are kept. Returns the candidate of the smallest error, which has no
+// triangles if there is no valid one. `simplify(mesh, share, precise)` makes a candidate of a mesh with a share of its
+// triangles; `outliers` are those of `mesh` with the usual share.
+template <class Simplify>
+GroupCandidate simplifyWithin(float max_error, const GroupMesh& mesh, std::vector<Outlier> outliers,
+                              Simplify&& simplify) {
+  GroupCandidate best;
+  const float far = kLockedShare * max_error;
+  const auto isWithin = [&] { return !best.mesh.indices.empty() && best.error <= max_error; };
+  // Levels come to an end only if groups shrink.
+  const double max_indices = kLargerShares.back() * static_cast<double>(mesh.indices.size());
+  const auto consider = [&](GroupCandidate candidate) {
+    outliers = candidate.outliers;
+    const std::size_t indices = candidate.mesh.indices.size();
+    if (indices == 0 || static_cast<double>(indices) > max_indices) return;
+    if (best.mesh.indices.empty() || candidate.error < best.error) best = std::move(candidate);
   };
-  const auto count =
-      std::count_if(outliers.begin(), outliers.end(), [&](const Outlier& outlier) { return isFar(outlier, allowed); });
-  if (count > kFewOutliers) take(make(mesh, kKept, far));
-  if (!isAnyFar(outliers, allowed)) return best;
-  GroupMesh kept = mesh;
-  for (int round = 0; round < kRounds && !isWithin(); ++round) {
-    bool is_new = false;
-    for (const Outlier& outlier : outliers)
-      for (std::size_t k = 0; k < 3 && isFar(outlier, allowed); ++k) {
-        std::uint8_t& locked = kept.locked[mesh.indices[3 * std::size_t{outlier.triangle} + k]];
-        is_new |= locked == 0;
-        locked = 1;
-      }
-    if (!is_new) break;
-    take(make(kept, shareAround(kept), far));
+
+  const auto count = std::count_if(outliers.begin(), outliers.end(),
+                                   [&](const Outlier& outlier) { return isFar(outlier, max_error); });
+  if (count > kFewOutliers) consider(simplify(mesh, kKeptShare, far));
+  if (!isAnyFar(outliers, max_error)) return best;
+
+  GroupMesh locked = mesh;
+  for (int round = 0; round < kRebuilds && !isWithin(); ++round) {
+    if (!lockOutliers(outliers, max_error, locked)) break;
+    consider(simplify(locked, shareBesideLocked(locked), far));
   }
-  for (auto share = kMoreKept.begin(); share != kMoreKept.end() && !isWithin(); ++share)
-    take(make(mesh, *share, kNotPrecise));
+  for (auto share = kLargerShares.begin(); share != kLargerShares.end() && !isWithin(); ++share)
+    consider(simplify(mesh, *share, kNotPrecise));
   return best;
 }
 
-// What no group of a level should be off by, in lattice steps, when `errors` are those of all: stated bounds are to be
-// at most four times the 99.9th percentile of true distances. That percentile is about 0.4 of the 90th of the bounds,
-// which are sums, and more on the lower levels, which add up less; there it also rises with how far the 99th is from
-// the 90th. At the first level nothing is added up, and the 90th may be that of planes that were simplified for nothing
-// (docs/results/hierarchy.md, "Stated errors").
-float usualLimit(const ErrorHistogram& errors, std::uint32_t level) {
+// The error that no group of a level should exceed, in lattice steps. `errors`: those of all its groups.
+//
+// Stated bounds shall be at most four times the 99.9th percentile of true distances. That percentile was measured as
+// about 0.4 of the 90th percentile of the bounds, which are sums. It is more on the lower levels, where fewer terms are
+// added up; there it also rises with the distance of the 99th from the 90th. On the first level nothing is added up,
+// and the 90th may be that of flat parts, whose error is 0 (docs/results/hierarchy.md, "Stated errors").
+float errorLimit(const ErrorHistogram& errors, std::uint32_t level) {
   const float usual = errors.quantile(0.9);
   if (level == 1) return std::max(4.0F, std::min(12.0F * usual, 1.9F * errors.quantile(0.999)));
   const auto l = static_cast<float>(level);
@@ -326,25 +337,25 @@ LevelBuilder::LevelBuilder(const ingest::SourceLattice& lattice, const Hierarchy
                            std::function<bool(std::uint64_t)> advance)
     : lattice_(lattice), options_(options), store_(store), advance_(std::move(advance)) {}
 
-void LevelBuilder::know(const WorkUnit& unit, std::vector<WorkPatch> patches) {
+void LevelBuilder::addKnownGroup(const WorkUnit& unit, std::vector<WorkPatch> patches) {
   known_[unitKey(unit.level, unit.index)] = {unit.group, unit.errors, std::move(patches), std::nullopt};
 }
 
-base::Result<void> LevelBuilder::makeLevels(std::vector<WorkPatch> leaves) {
+base::Result<void> LevelBuilder::buildLevels(std::vector<WorkPatch> leaves) {
   patches_ = std::move(leaves);
   std::vector<std::uint32_t> level(patches_.size());
   for (std::uint32_t p = 0; p < level.size(); ++p) level[p] = p;
   addLevelSummary(level);
   while (level.size() > 1 || patches_[level[0]].record.triangles > options_.node_triangles) {
-    LUMIGRID_TRY(makeLevel(level));
+    LUMIGRID_TRY(buildLevel(level));
     addLevelSummary(level);
-    // Nothing that can be simplified further.
+    // Nothing can be simplified further.
     if (level.size() == 1 && levels_.back().triangles == levels_[levels_.size() - 2].triangles) break;
   }
   return {};
 }
 
-// Border vertices that several patches of the level use, with each of them, by code.
+// The border vertices that several patches of the level use, with each of these patches, sorted by code.
 base::Result<std::vector<LevelBuilder::SharedVertex>> LevelBuilder::sharedVertices(
     std::span<const std::uint32_t> level) const {
   std::vector<ingest::KeyedIndex> uses;
@@ -379,7 +390,8 @@ std::vector<std::uint32_t> LevelBuilder::groupOfPatches(std::span<const std::uin
   }
   if (level.size() <= options_.group_patches + 1) return std::vector<std::uint32_t>(level.size(), 0);
 
-  // Edges: shared vertices, each pair at a vertex once; where nothing is shared, neighbours in Morton order.
+  // An edge weighs as many vertices as two patches share. Components that share nothing are tied to their neighbours in
+  // Morton order.
   std::vector<WeightedEdge> edges;
   for (std::size_t begin = 0, end = 0; begin < shared.size(); begin = end) {
     while (end < shared.size() && shared[end].code == shared[begin].code) ++end;
@@ -397,7 +409,7 @@ std::vector<std::uint32_t> LevelBuilder::groupOfPatches(std::span<const std::uin
   for (const ingest::KeyedIndex& place : places) order.push_back(place.index);
   tieComponents(order, edges);
 
-  // METIS; a patch left alone joins the group it shares most with.
+  // METIS makes the groups; a patch left alone joins the group that it shares most with.
   std::vector<std::int32_t> weights;
   for (const std::uint32_t p : level) weights.push_back(static_cast<std::int32_t>(patches_[p].record.triangles));
   const Graph graph = graphFromEdges(std::move(weights), std::move(edges));
@@ -423,39 +435,39 @@ std::vector<std::uint32_t> LevelBuilder::groupOfPatches(std::span<const std::uin
   return part;
 }
 
-// The level's patches in groups.
-base::Result<std::vector<LevelBuilder::Piece>> LevelBuilder::piecesOf(std::span<const std::uint32_t> level) const {
+base::Result<std::vector<LevelBuilder::GroupInput>> LevelBuilder::groupInputs(
+    std::span<const std::uint32_t> level) const {
   LUMIGRID_ASSIGN_OR_RETURN(const auto read, sharedVertices(level));
   const std::vector<SharedVertex>& shared = read;
   std::uint32_t groups = 0;
   const std::vector<std::uint32_t> part = groupOfPatches(level, shared, groups);
-  std::vector<Piece> pieces(groups);
-  for (std::uint32_t i = 0; i < level.size(); ++i) pieces[part[i]].consumed.push_back(level[i]);
-  // Shared between groups: locked in each of them.
+  std::vector<GroupInput> inputs(groups);
+  for (std::uint32_t i = 0; i < level.size(); ++i) inputs[part[i]].consumed.push_back(level[i]);
+  // A vertex that groups share is locked in each of them.
   for (std::size_t begin = 0, end = 0; begin < shared.size(); begin = end) {
     bool several = false;
     for (end = begin; end < shared.size() && shared[end].code == shared[begin].code; ++end)
       several |= part[shared[end].patch] != part[shared[begin].patch];
     if (!several) continue;
     for (std::size_t i = begin; i < end; ++i)
-      if (auto& list = pieces[part[shared[i].patch]].locked; list.empty() || list.back() != shared[i].code)
+      if (auto& list = inputs[part[shared[i].patch]].locked; list.empty() || list.back() != shared[i].code)
         list.push_back(shared[i].code);
   }
-  return pieces;
+  return inputs;
 }
 
-base::Result<void> LevelBuilder::makeLevel(std::vector<std::uint32_t>& level) {
+base::Result<void> LevelBuilder::buildLevel(std::vector<std::uint32_t>& level) {
   const std::uint32_t number = patches_[level[0]].record.level + 1;
-  LUMIGRID_ASSIGN_OR_RETURN(auto pieces, piecesOf(level));
-  LUMIGRID_ASSIGN_OR_RETURN(auto made, makeGroups(number, pieces));
-  if (options_.regroup && pieces.size() >= kMinGroups) LUMIGRID_TRY(makeAgain(number, pieces, made));
+  LUMIGRID_ASSIGN_OR_RETURN(auto inputs, groupInputs(level));
+  LUMIGRID_ASSIGN_OR_RETURN(auto built, buildGroups(number, inputs));
+  if (options_.regroup && inputs.size() >= kMinGroups) LUMIGRID_TRY(rebuildOutlyingGroups(number, inputs, built));
 
   level.clear();
-  for (std::size_t g = 0; g < made.size(); ++g) {
+  for (std::size_t g = 0; g < built.size(); ++g) {
     const auto group = static_cast<std::uint32_t>(groups_.size());
-    WorkGroup work{made[g].record, std::move(pieces[g].consumed), {}};
+    WorkGroup work{built[g].record, std::move(inputs[g].consumed), {}};
     for (const std::uint32_t p : work.consumed) patches_[p].record.consumer = group;
-    for (WorkPatch& patch : made[g].produced) {
+    for (WorkPatch& patch : built[g].produced) {
       patch.record.producer = group;
       work.produced.push_back(static_cast<std::uint32_t>(patches_.size()));
       level.push_back(work.produced.back());
@@ -466,15 +478,15 @@ base::Result<void> LevelBuilder::makeLevel(std::vector<std::uint32_t>& level) {
   return {};
 }
 
-// `make` in parallel for 0 … count - 1, until one fails; it returns how much work that was.
-base::Result<void> LevelBuilder::forEachPiece(std::size_t count,
-                                              const std::function<base::Result<std::uint64_t>(std::size_t)>& make) {
+// Calls build(0) … build(count - 1) in parallel until one fails. `build` returns the triangles that count as progress.
+base::Result<void> LevelBuilder::forEachGroup(std::size_t count,
+                                              const std::function<base::Result<std::uint64_t>(std::size_t)>& build) {
   std::mutex mutex;
   std::atomic<bool> stopped = false;
   base::Result<void> status;
   base::parallelFor(count, options_.limits.threads, [&](std::size_t i) {
     if (stopped) return;
-    const base::Result<std::uint64_t> triangles = make(i);
+    const base::Result<std::uint64_t> triangles = build(i);
     const std::lock_guard lock(mutex);
     if (stopped) return;
     if (!triangles)
@@ -485,73 +497,125 @@ base::Result<void> LevelBuilder::forEachPiece(std::size_t count,
   return status;
 }
 
-// The groups, each on its own; their results in order.
-base::Result<std::vector<LevelBuilder::Made>> LevelBuilder::makeGroups(std::uint32_t level,
-                                                                       std::span<const Piece> pieces) {
-  std::vector<Made> made(pieces.size());
-  std::vector<std::uint64_t> triangles(pieces.size(), 0);
-  for (std::size_t g = 0; g < pieces.size(); ++g)
-    for (const std::uint32_t p : pieces[g].consumed) triangles[g] += patches_[p].record.triangles;
+// Builds the groups independently of each other; the results are in the order of the inputs.
+base::Result<std::vector<LevelBuilder::BuiltGroup>> LevelBuilder::buildGroups(std::uint32_t level,
+                                                                              std::span<const GroupInput> inputs) {
+  std::vector<BuiltGroup> built(inputs.size());
+  std::vector<std::uint64_t> triangles(inputs.size(), 0);
+  for (std::size_t g = 0; g < inputs.size(); ++g)
+    for (const std::uint32_t p : inputs[g].consumed) triangles[g] += patches_[p].record.triangles;
   const std::vector<std::size_t> order =
-      pieces.size() < kManyGroups ? base::largestFirst(triangles) : std::vector<std::size_t>();
-  LUMIGRID_TRY(forEachPiece(pieces.size(), [&](std::size_t i) -> base::Result<std::uint64_t> {
+      inputs.size() < kManyGroups ? base::largestFirst(triangles) : std::vector<std::size_t>();
+  LUMIGRID_TRY(forEachGroup(inputs.size(), [&](std::size_t i) -> base::Result<std::uint64_t> {
     const std::size_t g = order.empty() ? i : order[i];
     LUMIGRID_ASSIGN_OR_RETURN(auto&& result,
-                              knownOrMade(pieces[g], {level, static_cast<std::uint32_t>(g), {}, {}}, nullptr));
-    made[g] = std::move(result);
+                              findOrBuildGroup(inputs[g], {level, static_cast<std::uint32_t>(g), {}, {}}, nullptr));
+    built[g] = std::move(result);
     return triangles[g];
   }));
-  return made;
+  return built;
 }
 
-// Groups whose bound stands out, once more; the better one counts.
-base::Result<void> LevelBuilder::makeAgain(std::uint32_t level, std::span<const Piece> pieces,
-                                           std::vector<Made>& made) {
+// Builds groups whose bound stands out once more; the better of both results counts. A group whose error comes from the
+// level below stays as it is, since building it again would not help.
+base::Result<void> LevelBuilder::rebuildOutlyingGroups(std::uint32_t level, std::span<const GroupInput> inputs,
+                                                       std::vector<BuiltGroup>& built) {
   ErrorHistogram errors;
-  for (const Made& group : made) errors.add(group.errors);
-  const float allowed = usualLimit(errors, level);
-  const auto limit = static_cast<float>(static_cast<double>(allowed) * lattice_.lattice.step);
-  std::vector<std::size_t> out;
-  for (std::size_t g = 0; g < made.size(); ++g)
-    // Some are off by what they took over from the level below: that stays.
-    if (made[g].record.error > limit && (!made[g].outliers || isAnyFar(*made[g].outliers, allowed))) out.push_back(g);
-  return forEachPiece(out.size(), [&](std::size_t i) -> base::Result<std::uint64_t> {
-    const std::size_t g = out[i];
-    const Again again{allowed, std::move(made[g].outliers)};
-    LUMIGRID_ASSIGN_OR_RETURN(
-        auto&& result, knownOrMade(pieces[g], {level, static_cast<std::uint32_t>(pieces.size() + g), {}, {}}, &again));
-    if (result.record.error < made[g].record.error) made[g] = std::move(result);
+  for (const BuiltGroup& group : built) errors.add(group.errors);
+  const float max_error = errorLimit(errors, level);
+  const auto limit = static_cast<float>(static_cast<double>(max_error) * lattice_.lattice.step);
+  std::vector<std::size_t> outlying;
+  for (std::size_t g = 0; g < built.size(); ++g)
+    if (built[g].record.error > limit && (!built[g].outliers || isAnyFar(*built[g].outliers, max_error)))
+      outlying.push_back(g);
+  return forEachGroup(outlying.size(), [&](std::size_t i) -> base::Result<std::uint64_t> {
+    const std::size_t g = outlying[i];
+    const RebuildRequest rebuild{max_error, std::move(built[g].outliers)};
+    const auto index = static_cast<std::uint32_t>(inputs.size() + g);
+    LUMIGRID_ASSIGN_OR_RETURN(auto&& result, findOrBuildGroup(inputs[g], {level, index, {}, {}}, &rebuild));
+    if (result.record.error < built[g].record.error) built[g] = std::move(result);
     return 0;
   });
 }
 
-base::Result<LevelBuilder::Made> LevelBuilder::knownOrMade(const Piece& piece, WorkUnit unit, const Again* again) {
+base::Result<LevelBuilder::BuiltGroup> LevelBuilder::findOrBuildGroup(const GroupInput& input, WorkUnit unit,
+                                                                      const RebuildRequest* rebuild) {
   if (const auto at = known_.find(unitKey(unit.level, unit.index)); at != known_.end()) return std::move(at->second);
-  return makeGroup(piece, std::move(unit), again);
+  return buildGroup(input, std::move(unit), rebuild);
 }
 
-base::Result<LevelBuilder::Made> LevelBuilder::makeGroup(const Piece& piece, WorkUnit unit, const Again* again) {
-  // Merge.
+base::Result<LevelBuilder::BuiltGroup> LevelBuilder::buildGroup(const GroupInput& input, WorkUnit unit,
+                                                                const RebuildRequest* rebuild) {
+  SurfaceError carried;
+  LUMIGRID_ASSIGN_OR_RETURN(auto geometry, readGeometry(input, carried));
+  const Merged merged = mergePatches(geometry, input.locked);
+  geometry.clear();
+  lod::patch::Group& record = unit.group;
+  record.level = unit.level;
+  std::vector<base::Sphere> spheres = addErrorsBelow(input, record);
+
+  // Simplify.
+  const double step = lattice_.lattice.step;
+  const auto below = static_cast<float>(static_cast<double>(record.error) / step);
+  const float negligible = std::max(0.5F, kNegligible * below);
+  thread_local FacetSurface surface;  // keeps its memory from group to group
+  surface.reset({merged.mesh.positions, merged.mesh.indices, merged.mesh.colors});
+  const auto simplify = [&](const GroupMesh& mesh, double share, float precise) {
+    const std::size_t target = options_.regroup
+                                   ? static_cast<std::size_t>(share * static_cast<double>(mesh.indices.size() / 3))
+                                   : options_.node_triangles;
+    SimplifiedGroup simplified = simplifyGroup(mesh, surface, target);
+    return measureCandidate(merged, surface, carried, simplified, lattice_.bits, negligible, precise);
+  };
+  GroupCandidate best;
+  if (rebuild == nullptr || !rebuild->outliers) best = simplify(merged.mesh, kKeptShare, kNotPrecise);
+  if (rebuild != nullptr) {
+    best = simplifyWithin(rebuild->max_error, merged.mesh, rebuild->outliers ? *rebuild->outliers : best.outliers,
+                          simplify);
+    if (best.mesh.indices.empty()) best = simplify(merged.mesh, kKeptShare, kNotPrecise);
+  }
+  if (best.mesh.indices.empty())
+    return base::Error{
+        base::ErrorCode::kInvalidInput,
+        "the mesh has a part whose triangles all lie on lines; remove that part, or raise --position-bits"};
+  record.error = std::max(record.error, roundedUp(static_cast<double>(best.error) * step));
+  record.attribute_error = std::max(record.attribute_error, std::min(1.0F, best.color_error / kMaxColorError));
+  unit.errors = std::move(best.errors);
+
+  // Split into new patches.
+  const std::vector<ingest::KeyedIndex> sorted = sortedByVoxel(best.mesh, lattice_.bits);
+  const std::uint32_t max_triangles = options_.regroup ? options_.node_triangles : lod::patch::kMaxPatchVertices / 3;
+  const auto parts = splitTriangles(best.mesh, sorted, lattice_.bits, max_triangles / kVoxelsPerPatch, max_triangles,
+                                    TieWeight::kSharedVertices);
+  std::vector<NewPatch> patches = makePatches(best.mesh, parts, best.outer, best.codes, lattice_.lattice, unit.level);
+  for (const NewPatch& patch : patches) spheres.push_back(patch.record.bounds);
+  record.bounds = base::boundingSphere(spheres);
+  LUMIGRID_ASSIGN_OR_RETURN(auto stored, store_.add(unit, std::move(patches)));
+  return BuiltGroup{record, std::move(unit.errors), std::move(stored), std::move(best.outliers)};
+}
+
+// The consumed patches' geometry, and the errors that their triangles carry.
+base::Result<std::vector<lod::patch::PatchGeometry>> LevelBuilder::readGeometry(const GroupInput& input,
+                                                                                SurfaceError& carried) const {
   std::vector<lod::patch::PatchGeometry> geometry;
-  SurfaceError before_error;
   base::Bytes bytes;
-  for (const std::uint32_t p : piece.consumed) {
+  for (const std::uint32_t p : input.consumed) {
     LUMIGRID_TRY(store_.readWhole(patches_[p], bytes));
     const base::ByteView encoded = base::ByteView(bytes).first(patches_[p].encoded_bytes);
     auto decoded = lod::patch::decodePatch(encoded);
     if (!decoded) return base::within("the builder's own file", decoded.error());
     const base::ByteView codes = base::ByteView(bytes).subspan(encoded.size());
-    LUMIGRID_TRY(addErrors(codes, decoded->indices.size() / 3, before_error));
+    LUMIGRID_TRY(appendErrors(codes, decoded->indices.size() / 3, carried));
     geometry.push_back(std::move(*decoded));
   }
-  const Merged merged = mergePatches(geometry, piece.locked);
-  geometry.clear();
+  return geometry;
+}
 
-  // What it cost so far, all levels together: never less than below.
-  lod::patch::Group& record = unit.group;
-  record.level = unit.level;
+// Raises the record's errors to those of the groups below, so that errors are monotone. Returns the spheres that the
+// group's sphere has to contain.
+std::vector<base::Sphere> LevelBuilder::addErrorsBelow(const GroupInput& input, lod::patch::Group& record) const {
   std::vector<base::Sphere> spheres;
-  for (const std::uint32_t p : piece.consumed) {
+  for (const std::uint32_t p : input.consumed) {
     spheres.push_back(patches_[p].record.bounds);
     if (const std::uint32_t producer = patches_[p].record.producer; producer != lod::patch::kNoGroup) {
       const lod::patch::Group& below = groups_[producer].record;
@@ -560,45 +624,7 @@ base::Result<LevelBuilder::Made> LevelBuilder::makeGroup(const Piece& piece, Wor
       record.attribute_error = std::max(record.attribute_error, below.attribute_error);
     }
   }
-  const double step = lattice_.lattice.step;
-  const auto below = static_cast<float>(static_cast<double>(record.error) / step);
-  const float negligible = std::max(0.5F, kNegligible * below);
-
-  // Simplify.
-  thread_local FacetSurface surface;  // whose memory is kept
-  surface.reset({merged.mesh.positions, merged.mesh.indices, merged.mesh.colors});
-  const auto make = [&](const GroupMesh& mesh, double share, float precise) {
-    const std::size_t target = options_.regroup
-                                   ? static_cast<std::size_t>(share * static_cast<double>(mesh.indices.size() / 3))
-                                   : options_.node_triangles;
-    SimplifiedGroup simplified = simplifyGroup(mesh, surface, target);
-    return coarserOf(merged, surface, before_error, simplified, lattice_.bits, negligible, precise);
-  };
-  Coarser best;
-  if (again == nullptr || !again->outliers) best = make(merged.mesh, kKept, kNotPrecise);
-  if (again != nullptr) {
-    best = keptWithin(again->allowed, merged.mesh, again->outliers ? *again->outliers : best.outliers, make);
-    if (best.mesh.indices.empty()) best = make(merged.mesh, kKept, kNotPrecise);
-  }
-  if (best.mesh.indices.empty())
-    return base::Error{
-        base::ErrorCode::kInvalidInput,
-        "the mesh has a part whose triangles all lie on lines; remove that part, or raise --position-bits"};
-  record.error = std::max(record.error, roundedUp(static_cast<double>(best.error) * step));
-  record.attribute_error = std::max(record.attribute_error, std::min(1.0F, best.color_error / kLargestColor));
-  unit.errors = std::move(best.errors);
-
-  // Split into new patches.
-  const std::vector<ingest::KeyedIndex> sorted = sortedByVoxel(best.mesh, lattice_.bits);
-  const std::uint32_t most = options_.regroup ? options_.node_triangles : lod::patch::kMaxPatchVertices / 3;
-  std::vector<NewPatch> patches = makePatches(
-      best.mesh,
-      splitTriangles(best.mesh, sorted, lattice_.bits, most / kVoxelsPerPatch, most, TieWeight::kSharedVertices),
-      best.outer, best.codes, lattice_.lattice, unit.level);
-  for (const NewPatch& patch : patches) spheres.push_back(patch.record.bounds);
-  record.bounds = base::boundingSphere(spheres);
-  LUMIGRID_ASSIGN_OR_RETURN(auto stored, store_.add(unit, std::move(patches)));
-  return Made{record, std::move(unit.errors), std::move(stored), std::move(best.outliers)};
+  return spheres;
 }
 
 void LevelBuilder::addLevelSummary(std::span<const std::uint32_t> level) {
