@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "base/geometry.h"
+#include "base/simd.h"
 #include "lod/patch/builder/facet_surface.h"
 #include "lod/patch/builder/overlay.h"
 
@@ -18,24 +19,27 @@ namespace {
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 constexpr float kFar = std::numeric_limits<float>::max();
 constexpr float kEpsilon = std::numeric_limits<float>::epsilon();
-// Where rounding may hide so much, in lattice steps, distances are measured in double.
-constexpr float kSlack = 0.05F;
-// Most facets that one walk visits; how often a triangle that no walk covers well is quartered, and how many walks all
-// its parts may take.
+// Limits and factors are trade-offs of tightness against time, by trials on the meshes of docs/results/hierarchy.md.
+
+// Where rounding may take more than this, in lattice steps, distances are measured in double.
+constexpr float kMaxSlack = 0.05F;
+// The most facets that one walk visits; how often a triangle that no walk covers well is quartered; the most walks of
+// all its quarters.
 constexpr int kMaxVisits = 60;
 constexpr int kMaxQuartering = 6;
 constexpr int kMaxWalks = 400;
-// A piece so near, as a share of what the group costs anyway, is not cut further.
-constexpr float kEnough = 0.7F;
-// A bound so much above what the corners need is worth other walks; those try limits raised by this factor.
+// A piece is not cut further if its distance is at most this share of the largest error of a vertex.
+constexpr float kNearShare = 0.7F;
+// A bound this much above the distance of a triangle's corners is worth other walks, under limits raised by this
+// factor.
 constexpr float kRaise = 1.1F;
-// What is off by more than this share of what vertices need is an outlier.
-constexpr float kOutlying = 0.8F;
-// A border vertex is laid on the other border where that is at most so many times what some vertex needs.
-constexpr float kBorder = 2.0F;
+// A triangle is an outlier if its error is above this share of the largest error of a vertex.
+constexpr float kOutlierShare = 0.8F;
+// A border vertex is projected onto the other border if that is at most this many times the largest error of a vertex.
+constexpr float kMaxBorderRatio = 2.0F;
 
-// A convex polygon (convex up to rounding; only its corners are ever measured), relative to some lattice point. Lanes
-// up to the next multiple of four repeat its first corner.
+// A polygon relative to some lattice point, convex up to rounding; only its corners are ever measured. Lanes up to the
+// next multiple of four repeat the first corner.
 struct Polygon {
   static constexpr int kMax = 24;
   int size = 0;
@@ -50,8 +54,8 @@ struct Polygon {
   glm::vec3 point(int i) const { return {x[i], y[i], z[i]}; }
 };
 
-// dot(n, p) - at for all corners; returns the lowest.
-float along(const Polygon& p, const glm::vec3& n, float at, float* out) {
+// Writes dot(n, p) − at for all corners and returns the lowest.
+float heightsOver(const Polygon& p, const glm::vec3& n, float at, float* out) {
   float low[4] = {kFar, kFar, kFar, kFar};
   for (int b = 0; b < p.size; b += 4)
     for (int i = 0; i < 4; ++i) {
@@ -62,7 +66,8 @@ float along(const Polygon& p, const glm::vec3& n, float at, float* out) {
   return std::min(std::min(low[0], low[1]), std::min(low[2], low[3]));
 }
 
-float largest(const Polygon& p, const glm::vec3& n, float at) {
+// The largest distance of a corner from the plane dot(n, p) = at.
+float maxHeight(const Polygon& p, const glm::vec3& n, float at) {
   float high[4] = {0.0F, 0.0F, 0.0F, 0.0F};
   for (int b = 0; b < p.size; b += 4)
     for (int i = 0; i < 4; ++i) {
@@ -72,15 +77,15 @@ float largest(const Polygon& p, const glm::vec3& n, float at) {
   return std::max(std::max(high[0], high[1]), std::max(high[2], high[3]));
 }
 
-// Where the edge from an inside corner to an outside one meets the wall.
+// The point where the edge from an inside corner to an outside one meets the wall.
 glm::vec3 crossing(const Polygon& polygon, const float* side, int in, int out) {
   const float share = side[in] / (side[in] - side[out]);
   return polygon.point(in) + share * (polygon.point(out) - polygon.point(in));
 }
 
-// Cuts a polygon along a wall that some corner lies beyond. Where rounding left one that crosses the wall more than
+// Cuts a polygon along a wall that some corner lies beyond. If rounding left a polygon that crosses the wall more than
 // twice, the hulls of both parts still cover it.
-void cut(const Polygon& polygon, const float* side, Polygon& inside, Polygon& outside) {
+void cutPolygon(const Polygon& polygon, const float* side, Polygon& inside, Polygon& outside) {
   inside.size = outside.size = 0;
   const int n = polygon.size;
   std::uint32_t beyond = 0;
@@ -93,7 +98,7 @@ void cut(const Polygon& polygon, const float* side, Polygon& inside, Polygon& ou
   const std::uint32_t starts = beyond & ~(beyond << 1 | beyond >> (n - 1));
   const int first = std::countr_zero(starts);
   if ((starts & (starts - 1)) == 0) {
-    // One run of corners beyond, as it should be.
+    // One run of corners lies beyond, as in any convex polygon.
     const int count = std::popcount(beyond);
     int i = first;
     const glm::vec3 enter = crossing(polygon, side, i > 0 ? i - 1 : n - 1, i);
@@ -122,40 +127,40 @@ void cut(const Polygon& polygon, const float* side, Polygon& inside, Polygon& ou
   outside.fill();
 }
 
-// Where to look for target facets: near which target vertices a source vertex came to lie, and on which facet a
-// triangle.
+// Where target facets are looked for first: the target vertices that a source vertex came to lie near, and the facet
+// that a source triangle became.
 struct Hints {
-  std::vector<std::uint32_t> first;  // of vertex v: member[first[v]] … member[first[v + 1] − 1]
+  std::vector<std::uint32_t> first;  // vertex v has member[first[v]] … member[first[v + 1] − 1]
   std::vector<std::uint32_t> member;
   std::vector<std::uint32_t> image;  // per source triangle; kNone: it vanished
 };
 
-// A piece of a source triangle was laid on a target facet; no point of it is farther from it.
-struct Laid {
+// A piece of a source triangle on a target facet. No point of the piece is farther from the facet than `distance`.
+struct ProjectedPiece {
   std::uint32_t facet = 0;
   float distance = 0.0F;
 };
 
-// Where source vertices lie on a target, as Overlay::make() wants it. Nearer facets found later are no part of it: a
-// border vertex lies on the facet of its border edge.
-struct Placed {
+// Where source vertices lie on a target, as Overlay::compute() takes them. Nearer facets that are found later are not
+// entered: a border vertex stays on the facet of its border edge.
+struct VertexPlaces {
   std::vector<std::uint32_t> facet;
   std::vector<std::uint32_t> twin;
   std::vector<std::uint32_t> border;
   std::vector<Overlay::Gap> gap;
 };
 
-// Lays source triangles on a target.
-class Layer {
+// Projects the triangles of a source surface onto a target surface.
+class Projector {
  public:
-  Layer(const SurfaceView& source, FacetSurface& target, const Hints& hints, std::vector<std::uint32_t>& facet)
+  Projector(const SurfaceView& source, FacetSurface& target, const Hints& hints, std::vector<std::uint32_t>& facet)
       : source_(source), target_(target), hints_(hints), facet_(facet) {
     facet_.assign(source.positions.size(), kNone);
     is_nearest_.assign(source.positions.size(), 0);
   }
 
-  // Where each vertex lies; returns the largest distance from there, or `known`.
-  float place(const FacetSurface& source, const CollapseHistory& history, float known, Placed& placed) {
+  // Finds where each vertex lies. Returns the largest of its distances, and of `known`.
+  float placeVertices(const FacetSurface& source, const CollapseHistory& history, float known, VertexPlaces& placed) {
     const auto& below = target_.view().positions;
     placed.twin.assign(source_.positions.size(), kNone);
     placed.border.assign(source_.positions.size(), kNone);
@@ -188,34 +193,34 @@ class Layer {
   float usual() const { return usual_; }
 
   // The facet nearest to vertex v, or one within `enough`.
-  Laid nearest(std::uint32_t v, float enough) {
+  ProjectedPiece nearestFacet(std::uint32_t v, float enough) {
     const std::uint32_t facet = nearFacet(v, enough);
     return {facet, std::sqrt(target_.facet(facet).distance2(source_.positions[v]))};
   }
 
-  // How far vertex v is from its facet, if that is more than `known`; else that.
-  float farther(std::uint32_t v, float known) {
+  // The larger of `known` and the distance of vertex v from its nearest facet.
+  float maxWithDistance(std::uint32_t v, float known) {
     return std::max(known, std::sqrt(target_.facet(nearFacet(v, known)).distance2(source_.positions[v])));
   }
 
-  // What is that far from its facet or less is near enough; what is no farther than `usual` is not tried again.
-  void expect(float enough, float usual) { enough_ = enough, usual_ = usual; }
+  // Pieces within `enough` of their facet are not cut further; triangles within `usual` are not projected again.
+  void setLimits(float enough, float usual) { enough_ = enough, usual_ = usual; }
 
-  // The pieces of source triangle t; together they cover it. What is no farther than `allowed` is not tried again.
-  const std::vector<Laid>& lay(std::uint32_t t, float allowed) {
+  // The pieces of source triangle t, which together cover it. Once all are within `allowed`, no other walk is tried.
+  const std::vector<ProjectedPiece>& project(std::uint32_t t, float allowed) {
     allowed_ = std::min(allowed, usual_);
     const float enough = enough_;
     enough_ = std::min(enough_, allowed_);
-    layOn(t);
+    projectTriangle(t);
     enough_ = enough;
     usual_ = std::max(usual_, best_);
     return kept_;
   }
-  // How far the farthest piece of the last triangle is.
-  float farthest() const { return best_; }
+  // The largest distance of a piece of the last triangle.
+  float maxDistance() const { return best_; }
 
  private:
-  void layOn(std::uint32_t t) {
+  void projectTriangle(std::uint32_t t) {
     const std::uint32_t* c = &source_.indices[3 * std::size_t{t}];
     origin_ = source_.positions[c[0]];
     const glm::vec3 p[3] = {glm::vec3(0.0F), source_.positions[c[1]] - origin_, source_.positions[c[2]] - origin_};
@@ -223,19 +228,19 @@ class Layer {
     const Polygon whole = triangle(p);
 
     best_ = kFar;
-    if (const std::uint32_t image = hints_.image[t]; image != kNone && better(whole, image)) return;
+    if (const std::uint32_t image = hints_.image[t]; image != kNone && tryWalkFrom(whole, image)) return;
     std::uint32_t near[3];
     for (int k = 0; k < 3; ++k) {
       near[k] = nearFacet(c[k], allowed_);
       if ((k > 0 && near[k] == near[0]) || (k > 1 && near[k] == near[1])) continue;
-      if (better(whole, near[k])) return;
+      if (tryWalkFrom(whole, near[k])) return;
     }
 
-    // What the corners need at least.
+    // No walk can come below the distances of the corners.
     float needed = allowed_;
     for (int k = 0; k < 3; ++k) {
       const std::uint32_t nearest = nearFacet(c[k], 0.0F);
-      if (nearest != near[k] && better(whole, nearest)) return;
+      if (nearest != near[k] && tryWalkFrom(whole, nearest)) return;
       needed = std::max(needed, std::sqrt(target_.facet(nearest).distance2(source_.positions[c[k]])));
     }
     for (float limit = kRaise * needed + 1e-3F; limit < best_; limit = kRaise * std::max(limit, beyond_)) {
@@ -246,10 +251,10 @@ class Layer {
     }
   }
 
-  // On the nearer one of the border edges at vertex `kept` of the target, if that is about as near as can be.
-  void placeOnBorder(std::uint32_t v, std::uint32_t kept, float near, Placed& placed) {
+  // Places v on the nearer one of the border edges at vertex `kept` of the target, if that is near enough.
+  void placeOnBorder(std::uint32_t v, std::uint32_t kept, float near, VertexPlaces& placed) {
     const bool has_color = !source_.colors.empty() && !target_.view().colors.empty();
-    float nearest = kBorder * near;
+    float nearest = kMaxBorderRatio * near;
     for (const std::uint32_t e : {target_.leavingBorder(kept), target_.arrivingBorder(kept)}) {
       if (e == kNone) continue;
       const auto [a, b] = target_.edges()[e].vertex;
@@ -275,16 +280,17 @@ class Layer {
     return out;
   }
 
-  // Keeps what a walk from there gives if it is the best so far. True: good enough.
-  bool better(const Polygon& whole, std::uint32_t start) {
+  // Walks from facet `start` and keeps the pieces if they are the nearest so far. True if they are near enough.
+  bool tryWalkFrom(const Polygon& whole, std::uint32_t start) {
     pieces_.clear(), abort_ = best_, worst_ = 0.0F, visits_ = kMaxVisits;
     if (walk(whole, start, kNone) && worst_ < best_) best_ = worst_, kept_.swap(pieces_);
     return best_ <= allowed_;
   }
 
-  bool record(std::uint32_t t, const Facet& facet, const Polygon& polygon, float distance) {
+  // Adds a piece on facet t at that distance and what rounding may hide. False if it is too far.
+  bool addPiece(std::uint32_t t, const Facet& facet, const Polygon& polygon, float distance) {
     float slack = facet.roughness * (reach_ + facet.longest + glm::length(facet.corner(0) - origin_));
-    if (slack > kSlack) {
+    if (slack > kMaxSlack) {
       distance = exactDistance(polygon, facet);
       slack = 8.0F * kEpsilon * reach_;
     }
@@ -295,7 +301,7 @@ class Layer {
     return true;
   }
 
-  // The largest distance of its corners, in double: of a polygon, no point is farther from a triangle.
+  // The largest distance of the polygon's corners from the facet, in double.
   float exactDistance(const Polygon& polygon, const Facet& facet) const {
     double worst2 = 0.0;
     const glm::dvec3 corner[3] = {glm::dvec3(facet.corner(0)), glm::dvec3(facet.corner(1)),
@@ -308,7 +314,7 @@ class Layer {
     return static_cast<float>(std::sqrt(worst2));
   }
 
-  // The largest distance of its corners, or something above `enough` when that is exceeded.
+  // The same in float; once it exceeds `enough`, any number above that.
   float distanceOf(const Polygon& polygon, const Facet& facet, float enough) const {
     float worst2 = 0.0F;
     for (int i = 0; i < polygon.size && worst2 <= enough * enough; ++i)
@@ -316,7 +322,7 @@ class Layer {
     return std::sqrt(worst2);
   }
 
-  // The same where it is known how far each corner lies inside the walls, and how far off the plane the farthest one.
+  // The same when the corners' heights over the walls and the largest height over the plane are known.
   float distanceOf(const Polygon& polygon, const Facet& facet, const float (&side)[3][Polygon::kMax],
                    float height) const {
     if (facet.thin) return distanceOf(polygon, facet, enough_);
@@ -332,27 +338,27 @@ class Layer {
     return std::sqrt(worst2);
   }
 
-  // Lays a polygon on the target from facet t on. False: some piece is too far from where it came to lie.
+  // Projects a polygon from facet t on, coming from facet `from`. False if some piece is too far from its facet.
   bool walk(const Polygon& polygon, std::uint32_t t, std::uint32_t from) {
     const Facet& facet = target_.facet(t);
-    if (facet.flat) return record(t, facet, polygon, distanceOf(polygon, facet, kFar));
+    if (facet.flat) return addPiece(t, facet, polygon, distanceOf(polygon, facet, kFar));
     float side[3][Polygon::kMax];
     float at[3];
     float low[3];
     for (int k = 0; k < 3; ++k) {
       at[k] = glm::dot(facet.wall(k), facet.corner(k) - origin_);
-      low[k] = along(polygon, facet.wall(k), at[k], side[k]);
+      low[k] = heightsOver(polygon, facet.wall(k), at[k], side[k]);
     }
     const float plane = glm::dot(facet.normal(), facet.corner(0) - origin_);
-    const float height = largest(polygon, facet.normal(), plane);
+    const float height = maxHeight(polygon, facet.normal(), plane);
     const float lowest = std::min({low[0], low[1], low[2]});
-    if (lowest >= 0.0F) return record(t, facet, polygon, facet.thin ? distanceOf(polygon, facet, kFar) : height);
+    if (lowest >= 0.0F) return addPiece(t, facet, polygon, facet.thin ? distanceOf(polygon, facet, kFar) : height);
     if (height <= enough_ && lowest >= -enough_)
-      if (const float d = distanceOf(polygon, facet, side, height); d <= enough_) return record(t, facet, polygon, d);
-    if (--visits_ < 0) return record(t, facet, polygon, distanceOf(polygon, facet, abort_));
+      if (const float d = distanceOf(polygon, facet, side, height); d <= enough_) return addPiece(t, facet, polygon, d);
+    if (--visits_ < 0) return addPiece(t, facet, polygon, distanceOf(polygon, facet, abort_));
 
-    // The part beyond each wall walks on; the wall it came over is the last. What is beyond that one alone lies in the
-    // wedge over the shared edge, where no neighbour is nearer than the facet.
+    // The part beyond each wall walks on; the wall that the polygon came over is the last. A part beyond that one alone
+    // lies in the wedge over the shared edge, where no neighbour is nearer than this facet.
     int order[3] = {0, 1, 2};
     if (from != kNone)
       for (int k = 0; k < 2; ++k)
@@ -364,16 +370,16 @@ class Layer {
     bool is_cut = false;
     for (const int k : order) {
       if (low[k] >= 0.0F) continue;
-      if (is_cut) low[k] = along(*rest, facet.wall(k), at[k], side[k]);
+      if (is_cut) low[k] = heightsOver(*rest, facet.wall(k), at[k], side[k]);
       if (!(low[k] < 0.0F)) continue;
       if (2 * rest->size > Polygon::kMax) break;
-      cut(*rest, side[k], inside[turn], outside);
+      cutPolygon(*rest, side[k], inside[turn], outside);
       const std::uint32_t next = target_.neighbor(t, static_cast<std::size_t>(k));
       const bool goes_on = next != kNone && next != from;
       const float enough = goes_on ? enough_ : abort_;
       const float d = -low[k] <= enough && (!goes_on || height <= enough_) ? distanceOf(outside, facet, enough) : kFar;
       if (d <= enough || !goes_on) {
-        if (!record(t, facet, outside, d)) return false;
+        if (!addPiece(t, facet, outside, d)) return false;
       } else if (!walk(outside, next, t)) {
         return false;
       }
@@ -383,7 +389,7 @@ class Layer {
       turn = 1 - turn;
     }
     const bool over = 2 * rest->size > Polygon::kMax || facet.thin;
-    return record(t, facet, *rest, over ? distanceOf(*rest, facet, abort_) : largest(*rest, facet.normal(), plane));
+    return addPiece(t, facet, *rest, over ? distanceOf(*rest, facet, abort_) : maxHeight(*rest, facet.normal(), plane));
   }
 
   // A facet near a source vertex: one within `enough`, or else the nearest.
@@ -419,16 +425,16 @@ class Layer {
     const std::uint32_t near = target_.descend(facet_[c[0]], center, d2, 0.0F);
     if (tryWalk(part, near)) return true;
     const std::uint32_t nearest = target_.search(center, d2, near);
-    // Wherever this place is laid, it is not nearer.
+    // No facet is nearer to this place.
     if (d2 > abort_ * abort_) {
       beyond_ = std::sqrt(d2);
       return false;
     }
     if (nearest != near && tryWalk(part, nearest)) return true;
-    // Beside an edge that many facets meet at, walks may lead around it; the facet itself may do.
+    // At an edge of many facets a walk may lead around the nearest one, which may be good enough by itself.
     const Polygon whole = triangle(part);
     const Facet& facet = target_.facet(nearest);
-    return record(nearest, facet, whole, distanceOf(whole, facet, abort_));
+    return addPiece(nearest, facet, whole, distanceOf(whole, facet, abort_));
   }
   bool tryWalk(const glm::vec3* part, std::uint32_t start) {
     const std::size_t pieces = pieces_.size();
@@ -444,22 +450,22 @@ class Layer {
   FacetSurface& target_;
   const Hints& hints_;
   std::vector<std::uint32_t>& facet_;     // per source vertex: the nearest facet found so far
-  std::vector<std::uint8_t> is_nearest_;  // of all
+  std::vector<std::uint8_t> is_nearest_;  // 1: no other facet is nearer
   float enough_ = 0.0F;
   float usual_ = 0.0F;
   float allowed_ = 0.0F;
-  // Of the triangle at hand.
+  // These belong to the triangle that is projected.
   glm::vec3 origin_{0.0F};
   float reach_ = 0.0F;
   float best_ = 0.0F;
-  std::vector<Laid> kept_;
-  // Of the walk at hand.
-  std::vector<Laid> pieces_;
+  std::vector<ProjectedPiece> kept_;
+  // These belong to the walk at hand.
+  std::vector<ProjectedPiece> pieces_;
   float abort_ = 0.0F;
   float worst_ = 0.0F;
   int visits_ = 0;
   int walks_ = 0;
-  float beyond_ = 0.0F;  // some place of the triangle is so far, more than abort_; 0: none is known
+  float beyond_ = 0.0F;  // the distance of a place of the triangle, above abort_; 0: none is known
 };
 
 void forwardHints(const SurfaceView& before, const CollapseHistory& history, Hints& hints) {
@@ -482,22 +488,22 @@ void backwardHints(const CollapseHistory& history, Hints& hints) {
 }
 
 // Bounds of a triangle that rise pair by pair: toward, from, the largest pair, colour.
-using Raised = float __attribute__((vector_size(16)));
-constexpr Raised kNothing{-kFar, -kFar, -kFar, -kFar};
+using PairBounds = base::Float4;
+constexpr PairBounds kNoBounds{-kFar, -kFar, -kFar, -kFar};
 
-// What one call needs, kept for the next one of the thread.
+// The memory of one call of carryError(), kept for the thread's next one.
 struct Scratch {
   FacetSurface after;
   Hints forward;
   Hints backward;
   std::vector<std::uint32_t> facet[2];
-  Placed placed;
-  std::vector<Raised> had;  // per edge before
-  std::vector<Raised> raised;
+  VertexPlaces placed;
+  std::vector<PairBounds> carried_by_edge;  // per edge before
+  std::vector<PairBounds> raised;           // per triangle after
   Overlay overlay;
 };
 
-bool unchanged(const SurfaceView& before, std::uint32_t s, const SurfaceView& after, std::uint32_t t) {
+bool isUnchanged(const SurfaceView& before, std::uint32_t s, const SurfaceView& after, std::uint32_t t) {
   for (std::size_t k = 0; k < 3; ++k)
     if (before.positions[before.indices[3 * std::size_t{s} + k]] !=
         after.positions[after.indices[3 * std::size_t{t} + k]])
@@ -505,7 +511,7 @@ bool unchanged(const SurfaceView& before, std::uint32_t s, const SurfaceView& af
   return true;
 }
 
-// Of the colours of triangles s and t that lie on each other, corner by corner.
+// The largest difference of colours of triangles s and t that lie on each other, corner by corner.
 float cornerDifference(const SurfaceView& before, std::uint32_t s, const SurfaceView& after, std::uint32_t t) {
   float largest = 0.0F;
   if (before.colors.empty() || after.colors.empty()) return largest;
@@ -515,7 +521,7 @@ float cornerDifference(const SurfaceView& before, std::uint32_t s, const Surface
   return largest;
 }
 
-// Of any colour of triangle s from any of triangle t.
+// The largest difference of any colour of triangle s from any of triangle t.
 float largestDifference(const SurfaceView& before, std::uint32_t s, const SurfaceView& after, std::uint32_t t) {
   float largest = 0.0F;
   if (before.colors.empty() || after.colors.empty()) return largest;
@@ -526,50 +532,246 @@ float largestDifference(const SurfaceView& before, std::uint32_t s, const Surfac
   return largest;
 }
 
-// a + b, not below the sum.
+// a + b, rounded up.
 float sum(float a, float b) {
   return a == 0.0F ? b : b == 0.0F ? a : (a + b) * (1.0F + kEpsilon);
 }
 
-// Of triangle s, zero when nothing was carried.
+// What triangle s carries; zero when nothing was carried.
 float carried(const std::vector<float>& error, std::uint32_t s) {
   return error.empty() ? 0.0F : error[s];
 }
 
-// What the vertices before need at least on top of what their triangles carry: how the surfaces were laid on each other
-// has no share in it. Triangles that come out farther off are worth a second look.
-float neededBelow(const SurfaceView& before, const SurfaceError& error, Layer& forward,
-                  const std::vector<Overlay::Gap>& gap) {
+// The largest error of a vertex before: its distance on top of what its triangles carry. How triangles are projected
+// has no influence on it, so bounds up to this one cost nothing, and triangles above it are worth another walk.
+float errorOfVerticesBefore(const SurfaceView& before, const SurfaceError& error, Projector& forward,
+                            const std::vector<Overlay::Gap>& gap) {
   float needed = 0.0F;
   for (std::size_t i = 0; i < before.indices.size(); i += 3) {
     const float toward = carried(error.toward, static_cast<std::uint32_t>(i / 3));
     needed = std::max(needed, toward);
     for (const std::uint32_t v : before.indices.subspan(i, 3)) {
       if (toward + gap[v].distance <= needed) continue;
-      needed = std::max(needed, toward + std::min(gap[v].distance, forward.nearest(v, needed - toward).distance));
+      needed = std::max(needed, toward + std::min(gap[v].distance, forward.nearestFacet(v, needed - toward).distance));
     }
   }
   return needed;
 }
 
-// The same of the vertices after, if that is more than `known`.
-float neededAbove(const SurfaceError& error, Overlay& overlay, Layer& backward, float known) {
+// The same for the vertices after, if that is more than `known`.
+float errorOfVerticesAfter(const SurfaceError& error, Overlay& overlay, Projector& backward, float known) {
   const float carries = error.from.empty() ? 0.0F : *std::max_element(error.from.begin(), error.from.end());
   overlay.forEachEnclosed([&](std::uint32_t v, float distance) {
     if (carries + distance <= known) return;
-    const Laid near = backward.nearest(v, std::max(known - carries, 0.0F));
+    const ProjectedPiece near = backward.nearestFacet(v, std::max(known - carries, 0.0F));
     known = std::max(known, carried(error.from, near.facet) + near.distance);
   });
   return known;
 }
 
-// Codes are the upper bits of a float, from that of 1/16 on; code 1 is 1/16.
+// One call of carryError(), step by step. `before` lies above and `after` below in the overlay.
+class ErrorCarrier {
+ public:
+  ErrorCarrier(FacetSurface& surface, const SurfaceError& carried_before, const SurfaceView& after,
+               const CollapseHistory& history, std::vector<Outlier>& outliers, Scratch& scratch)
+      : surface_(surface),
+        before_(surface.view()),
+        after_(after),
+        carried_(carried_before),
+        history_(history),
+        outliers_(outliers),
+        scratch_(prepared(scratch, before_, after, history)),
+        overlay_(scratch.overlay),
+        forward_(before_, scratch.after, scratch.forward, scratch.facet[0]),
+        backward_(after, surface, scratch.backward, scratch.facet[1]),
+        has_color_(!before_.colors.empty() && !after.colors.empty()) {}
+
+  SurfaceError run(float negligible, float precise) {
+    layOver(negligible, precise);
+    const std::size_t triangles = after_.indices.size() / 3;
+    result_.toward.assign(triangles, 0.0F);
+    result_.from.assign(triangles, 0.0F);
+    if (has_color_) result_.color.assign(triangles, 0.0F);
+    outliers_.clear();
+    scratch_.carried_by_edge.assign(surface_.edges().size(), kNoBounds);
+    scratch_.raised.assign(triangles, PairBounds{});
+    boundTrianglesBefore();
+    boundEdgesBefore();
+    boundTrianglesAfter();
+    addOutliersOfPairs();
+    return std::move(result_);
+  }
+
+ private:
+  static Scratch& prepared(Scratch& scratch, const SurfaceView& before, const SurfaceView& after,
+                           const CollapseHistory& history) {
+    scratch.after.reset(after);
+    forwardHints(before, history, scratch.forward);
+    backwardHints(history, scratch.backward);
+    return scratch;
+  }
+
+  // Computes the overlay, and the limits that follow from the errors of the vertices.
+  void layOver(float negligible, float precise) {
+    VertexPlaces& placed = scratch_.placed;
+    float usual = forward_.placeVertices(surface_, history_, negligible, placed);
+    const float error_before = std::max(negligible, errorOfVerticesBefore(before_, carried_, forward_, placed.gap));
+    overlay_.compute(surface_, scratch_.after, placed.facet, placed.gap, placed.twin, placed.border);
+    // The largest distance of any vertex; some that the overlay put farther off are nearer to another triangle.
+    overlay_.forEachEnclosed([&](std::uint32_t v, float distance) {
+      if (distance > usual) usual = backward_.maxWithDistance(v, usual);
+    });
+    usual = std::min(usual, precise);
+    const float enough = std::max(negligible, kNearShare * usual);
+    forward_.setLimits(enough, usual);
+    backward_.setLimits(enough, usual);
+    const float vertex_error = errorOfVerticesAfter(carried_, overlay_, backward_, error_before);
+    free_error_ = std::min(vertex_error, precise);
+    outlier_error_ = std::min(kOutlierShare * vertex_error, precise);
+  }
+
+  // Each triangle before either lets its pairs of the overlay count, or is projected onto the surface after.
+  void boundTrianglesBefore() {
+    for (std::uint32_t s = 0; s < before_.indices.size() / 3; ++s) {
+      const bool is_same = isSame(s);
+      const float toward = carried(carried_.toward, s);
+      if (is_same) {
+        const std::uint32_t image = scratch_.forward.image[s];
+        raise(result_.toward[image], toward);
+        raiseColor(image, s, cornerDifference(before_, s, after_, image));
+      }
+      const bool is_covered = overlay_.coversAbove(s);
+      bool is_near =
+          is_covered && overlay_.distance(s) <= forward_.usual() && toward + overlay_.distance(s) <= free_error_;
+      const std::vector<ProjectedPiece>* pieces = nullptr;
+      if (!is_near && !is_same) {
+        pieces = &forward_.project(s, std::max(free_error_ - toward, 0.0F));
+        is_near = is_covered && overlay_.distance(s) <= forward_.maxDistance();
+      }
+      if (is_covered) countPairs(s, is_near && !is_same ? toward : -kFar);
+      if (is_near || is_same) continue;
+      for (const ProjectedPiece& piece : *pieces) {
+        raiseWithOutlier(s, result_.toward[piece.facet], sum(toward, piece.distance));
+        raiseColor(piece.facet, s, largestDifference(before_, s, after_, piece.facet));
+      }
+    }
+  }
+
+  // The pairs within triangle s count with what it carries; those on its edges with the most of their triangles.
+  void countPairs(std::uint32_t s, float toward) {
+    const PairBounds carried_here{toward, carried(carried_.from, s), 0.0F, carried(carried_.color, s)};
+    overlay_.forEachPairWithin(s, [&](std::uint32_t t, const Overlay::Gap& gap) { raisePair(carried_here, t, gap); });
+    for (std::size_t k = 0; k < 3; ++k) {
+      PairBounds& by_edge = scratch_.carried_by_edge[surface_.edgeOf(s, k)];
+      by_edge = carried_here > by_edge ? carried_here : by_edge;
+    }
+  }
+
+  void boundEdgesBefore() {
+    for (std::uint32_t e = 0; e < scratch_.carried_by_edge.size(); ++e) {
+      const PairBounds by_edge = scratch_.carried_by_edge[e];
+      overlay_.forEachPairOfEdge(e, [&](std::uint32_t t, const Overlay::Gap& gap) { raisePair(by_edge, t, gap); });
+    }
+  }
+
+  // Each triangle after takes the bound of its pairs, or is projected onto the surface before.
+  void boundTrianglesAfter() {
+    for (std::uint32_t t = 0; t < result_.from.size(); ++t) {
+      const PairBounds raised = scratch_.raised[t];
+      raise(result_.toward[t], raised[0]);
+      if (has_color_) raise(result_.color[t], raised[3]);
+      const float carried_from = carried(carried_.from, history_.origin[t]);
+      if (isUnchanged(before_, history_.origin[t], after_, t)) {
+        result_.from[t] = carried_from;
+        continue;
+      }
+      const bool is_covered = overlay_.coversBelow(t);
+      if (is_covered && raised[2] <= backward_.usual() && raised[1] <= free_error_) {
+        result_.from[t] = raised[1];
+        continue;
+      }
+      const std::vector<ProjectedPiece>& pieces = backward_.project(t, std::max(free_error_ - carried_from, 0.0F));
+      for (const ProjectedPiece& piece : pieces)
+        raiseWithOutlier(piece.facet, result_.from[t], sum(carried(carried_.from, piece.facet), piece.distance));
+      if (is_covered && raised[1] <= result_.from[t]) {
+        result_.from[t] = raised[1];
+        continue;
+      }
+      for (const ProjectedPiece& piece : pieces)
+        raiseColor(t, piece.facet, largestDifference(before_, piece.facet, after_, t));
+    }
+  }
+
+  // Triangles before are outliers, too, where the pairs of the overlay are.
+  void addOutliersOfPairs() {
+    for (std::uint32_t s = 0; s < before_.indices.size() / 3; ++s) {
+      const float toward = carried(carried_.toward, s);
+      const float from = carried(carried_.from, s);
+      if (!overlay_.coversAbove(s) || std::max(toward, from) + overlay_.distance(s) <= outlier_error_ || isSame(s))
+        continue;
+      const auto addIfOutlier = [&](std::uint32_t t, const Overlay::Gap& gap) {
+        const float error = std::max(std::min(sum(toward, gap.distance), result_.toward[t]),
+                                     std::min(sum(from, gap.distance), result_.from[t]));
+        if (error > outlier_error_) outliers_.push_back({s, error});
+      };
+      overlay_.forEachPairWithin(s, addIfOutlier);
+      for (std::size_t k = 0; k < 3; ++k) overlay_.forEachPairOfEdge(surface_.edgeOf(s, k), addIfOutlier);
+    }
+  }
+
+  bool isSame(std::uint32_t s) const {
+    const std::uint32_t image = scratch_.forward.image[s];
+    return image != kNone && isUnchanged(before_, s, after_, image);
+  }
+
+  static void raise(float& to, float value) { to = std::max(to, value); }
+  void raiseColor(std::uint32_t t, std::uint32_t s, float difference) {
+    if (has_color_) raise(result_.color[t], sum(carried(carried_.color, s), difference));
+  }
+  void raiseWithOutlier(std::uint32_t s, float& to, float value) {
+    raise(to, value);
+    if (value > outlier_error_) outliers_.push_back({s, value});
+  }
+  // Lane by lane as sum(): exact where nothing is added.
+  LUMIGRID_ALWAYS_INLINE void raisePair(const PairBounds& from, std::uint32_t t, const Overlay::Gap& gap) {
+    const PairBounds add{gap.distance, gap.distance, gap.distance, gap.color};
+    const PairBounds exact = from + add;
+    const PairBounds value = add > 0.0F ? exact * (1.0F + kEpsilon) : exact;
+    PairBounds& raised = scratch_.raised[t];
+    raised = value > raised ? value : raised;
+  }
+
+  FacetSurface& surface_;
+  const SurfaceView& before_;
+  const SurfaceView& after_;
+  const SurfaceError& carried_;
+  const CollapseHistory& history_;
+  std::vector<Outlier>& outliers_;
+  Scratch& scratch_;
+  Overlay& overlay_;
+  Projector forward_;
+  Projector backward_;
+  const bool has_color_;
+  float free_error_ = 0.0F;     // bounds up to this one need not be lowered
+  float outlier_error_ = 0.0F;  // triangles above this error are outliers
+  SurfaceError result_;
+};
+
+// A code is the upper bits of a float less those of 1/16, plus 1.
 constexpr std::uint32_t kDroppedBits = 12;
 constexpr std::uint32_t kMinBits = std::bit_cast<std::uint32_t>(1.0F / 16.0F);
 constexpr auto kMaxBits = std::bit_cast<std::uint32_t>(static_cast<float>(1 << 22));
 static_assert(((kMaxBits - kMinBits) >> kDroppedBits) + 1 < (1U << 16));
 
 }  // namespace
+
+SurfaceError carryError(FacetSurface& before, const SurfaceError& before_error, const SurfaceView& after,
+                        const CollapseHistory& history, float negligible, std::vector<Outlier>& outliers,
+                        float precise) {
+  thread_local std::unique_ptr<Scratch> scratch;
+  if (!scratch) scratch = std::make_unique<Scratch>();
+  return ErrorCarrier(before, before_error, after, history, outliers, *scratch).run(negligible, precise);
+}
 
 std::uint16_t errorCode(float error) {
   if (!(error > 0.0F)) return 0;
@@ -581,139 +783,6 @@ std::uint16_t errorCode(float error) {
 float errorOfCode(std::uint16_t code) {
   if (code == 0) return 0.0F;
   return std::bit_cast<float>(kMinBits + ((code - 1U) << kDroppedBits));
-}
-
-SurfaceError carryError(FacetSurface& surface, const SurfaceError& before_error, const SurfaceView& after,
-                        const CollapseHistory& history, float negligible, std::vector<Outlier>& outliers,
-                        float precise) {
-  thread_local std::unique_ptr<Scratch> kept;
-  if (!kept) kept = std::make_unique<Scratch>();
-  Scratch& scratch = *kept;
-  const SurfaceView& before = surface.view();
-  scratch.after.reset(after);
-  forwardHints(before, history, scratch.forward);
-  backwardHints(history, scratch.backward);
-  Layer forward(before, scratch.after, scratch.forward, scratch.facet[0]);
-  Layer backward(after, surface, scratch.backward, scratch.facet[1]);
-  Placed& placed = scratch.placed;
-  float usual = forward.place(surface, history, negligible, placed);
-  const float needed = std::max(negligible, neededBelow(before, before_error, forward, placed.gap));
-  Overlay& overlay = scratch.overlay;
-  overlay.make(surface, scratch.after, placed.facet, placed.gap, placed.twin, placed.border);
-  // What the vertices of both need; some of those that the overlay put farther off are nearer to another triangle.
-  overlay.forEachEnclosed([&](std::uint32_t v, float distance) {
-    if (distance > usual) usual = backward.farther(v, usual);
-  });
-  usual = std::min(usual, precise);
-  const float enough = std::max(negligible, kEnough * usual);
-  forward.expect(enough, usual);
-  backward.expect(enough, usual);
-
-  const std::size_t triangles = after.indices.size() / 3;
-  const std::size_t sources = before.indices.size() / 3;
-  SurfaceError result{std::vector<float>(triangles, 0.0F), std::vector<float>(triangles, 0.0F), {}};
-  const bool has_color = !before.colors.empty() && !after.colors.empty();
-  if (has_color) result.color.assign(triangles, 0.0F);
-  const auto raise = [](float& to, float value) { to = std::max(to, value); };
-  const auto raiseColor = [&](std::uint32_t t, std::uint32_t s, float difference) {
-    if (has_color) raise(result.color[t], sum(carried(before_error.color, s), difference));
-  };
-  const auto isSame = [&](std::uint32_t s) {
-    const std::uint32_t image = scratch.forward.image[s];
-    return image != kNone && unchanged(before, s, after, image);
-  };
-
-  const float most_needed = neededAbove(before_error, overlay, backward, needed);
-  const float most = std::min(most_needed, precise);
-  const float far = std::min(kOutlying * most_needed, precise);
-  outliers.clear();
-  const auto raiseBy = [&](std::uint32_t s, float& to, float value) {
-    raise(to, value);
-    if (value > far) outliers.push_back({s, value});
-  };
-
-  // What an edge before had to carry: the most of its triangles, which share its pairs.
-  std::vector<Raised>& had = scratch.had;
-  had.assign(surface.edges().size(), kNothing);
-  std::vector<Raised>& raised = scratch.raised;
-  raised.assign(triangles, Raised{});
-  const auto raisePair = [&](const Raised& from, std::uint32_t t, const Overlay::Gap& gap) {
-    // Sums as sum() makes them: exact where nothing is added.
-    const Raised add{gap.distance, gap.distance, gap.distance, gap.color};
-    const Raised exact = from + add;
-    const Raised value = add > 0.0F ? exact * (1.0F + kEpsilon) : exact;
-    raised[t] = value > raised[t] ? value : raised[t];
-  };
-  for (std::uint32_t s = 0; s < sources; ++s) {
-    const bool is_same = isSame(s);
-    const float toward = carried(before_error.toward, s);
-    if (is_same) {
-      const std::uint32_t image = scratch.forward.image[s];
-      raise(result.toward[image], toward);
-      raiseColor(image, s, cornerDifference(before, s, after, image));
-    }
-    const bool is_good = overlay.coversAbove(s);
-    bool is_near = is_good && overlay.distance(s) <= forward.usual() && toward + overlay.distance(s) <= most;
-    const std::vector<Laid>* pieces = nullptr;
-    if (!is_near && !is_same) {
-      pieces = &forward.lay(s, std::max(most - toward, 0.0F));
-      is_near = is_good && overlay.distance(s) <= forward.farthest();
-    }
-    if (is_good) {
-      const Raised of_s{is_near && !is_same ? toward : -kFar, carried(before_error.from, s), 0.0F,
-                        carried(before_error.color, s)};
-      overlay.forEachPairWithin(s, [&](std::uint32_t t, const Overlay::Gap& gap) { raisePair(of_s, t, gap); });
-      for (std::size_t k = 0; k < 3; ++k) {
-        Raised& of_edge = had[surface.edgeOf(s, k)];
-        of_edge = of_s > of_edge ? of_s : of_edge;
-      }
-    }
-    if (is_near || is_same) continue;
-    for (const Laid& piece : *pieces) {
-      raiseBy(s, result.toward[piece.facet], sum(toward, piece.distance));
-      raiseColor(piece.facet, s, largestDifference(before, s, after, piece.facet));
-    }
-  }
-  for (std::uint32_t e = 0; e < had.size(); ++e) {
-    const Raised of_edge = had[e];
-    overlay.forEachPairOfEdge(e, [&](std::uint32_t t, const Overlay::Gap& gap) { raisePair(of_edge, t, gap); });
-  }
-  for (std::uint32_t t = 0; t < triangles; ++t) {
-    raise(result.toward[t], raised[t][0]);
-    if (has_color) raise(result.color[t], raised[t][3]);
-    if (unchanged(before, history.origin[t], after, t)) {
-      result.from[t] = carried(before_error.from, history.origin[t]);
-      continue;
-    }
-    const bool is_good = overlay.coversBelow(t);
-    if (is_good && raised[t][2] <= backward.usual() && raised[t][1] <= most) {
-      result.from[t] = raised[t][1];
-      continue;
-    }
-    const float allowed = std::max(most - carried(before_error.from, history.origin[t]), 0.0F);
-    const std::vector<Laid>& pieces = backward.lay(t, allowed);
-    for (const Laid& piece : pieces)
-      raiseBy(piece.facet, result.from[t], sum(carried(before_error.from, piece.facet), piece.distance));
-    if (is_good && raised[t][1] <= result.from[t]) {
-      result.from[t] = raised[t][1];
-      continue;
-    }
-    for (const Laid& piece : pieces) raiseColor(t, piece.facet, largestDifference(before, piece.facet, after, t));
-  }
-  // Of the pairs.
-  for (std::uint32_t s = 0; s < sources; ++s) {
-    const float toward = carried(before_error.toward, s);
-    const float from = carried(before_error.from, s);
-    if (!overlay.coversAbove(s) || std::max(toward, from) + overlay.distance(s) <= far || isSame(s)) continue;
-    const auto look = [&](std::uint32_t t, const Overlay::Gap& gap) {
-      const float error = std::max(std::min(sum(toward, gap.distance), result.toward[t]),
-                                   std::min(sum(from, gap.distance), result.from[t]));
-      if (error > far) outliers.push_back({s, error});
-    };
-    overlay.forEachPairWithin(s, look);
-    for (std::size_t k = 0; k < 3; ++k) overlay.forEachPairOfEdge(surface.edgeOf(s, k), look);
-  }
-  return result;
 }
 
 }  // namespace lod::patch::builder

@@ -12,22 +12,21 @@ namespace lod::patch::builder {
 namespace {
 
 constexpr float kEpsilon = std::numeric_limits<float>::epsilon();
-// What is larger or longer than this is left to be measured otherwise: facets on the way of an edge, facets looked at
-// to link two, edges below that a triangle cuts, vertices that it encloses, border edges
-// along one above.
-constexpr int kMaxSteps = 64;
-constexpr std::size_t kMaxLink = 48;
-constexpr std::size_t kMaxCut = 96;
-constexpr std::size_t kMaxEnclosed = 24;
-constexpr int kMaxBorder = 8;
-// The squared sine below which two edges count as parallel.
+// Triangles beyond these limits stay uncovered, and their distance is measured by projection. More is seldom needed
+// where one surface was simplified from the other.
+constexpr int kMaxSteps = 64;             // facets on the way of an edge
+constexpr std::size_t kMaxLink = 48;      // facets that are searched for a link of two
+constexpr std::size_t kMaxCut = 96;       // edges below that a triangle cuts
+constexpr std::size_t kMaxEnclosed = 24;  // vertices below that a triangle encloses
+constexpr int kMaxBorder = 8;             // border edges below along one above
+// Two edges whose squared sine is below this count as parallel.
 constexpr float kParallel = 1e-4F;
-// The squared cosine from which on a facet is taken to be the one that an edge runs along.
+// An edge whose squared cosine with a facet is at least this runs along it; no other facet is asked.
 constexpr float kClear = 0.75F;
-// Of a border edge: walks go around both of its ends; one ends on it.
+// covered_ends_ of a border edge that walks cover from end to end, and of one that a walk ends on.
 constexpr std::uint8_t kBothEnds = 3;
-constexpr std::uint8_t kNeverPinned = 4;
-// Either side of a cut is tried so far before one is followed to the limit.
+constexpr std::uint8_t kNeverCovered = 4;
+// On either side of a cut so many vertices are tried before one side is followed to the limit.
 constexpr std::size_t kFew = 3;
 
 bool contains(const std::vector<std::uint32_t>& list, std::uint32_t x) {
@@ -36,9 +35,9 @@ bool contains(const std::vector<std::uint32_t>& list, std::uint32_t x) {
 
 }  // namespace
 
-void Overlay::make(FacetSurface& above, FacetSurface& below, std::span<const std::uint32_t> facet_of,
-                   std::span<const Gap> gap_of, std::span<const std::uint32_t> twin_of,
-                   std::span<const std::uint32_t> border_of) {
+void Overlay::compute(FacetSurface& above, FacetSurface& below, std::span<const std::uint32_t> facet_of,
+                      std::span<const Gap> gap_of, std::span<const std::uint32_t> twin_of,
+                      std::span<const std::uint32_t> border_of) {
   above_ = &above, below_ = &below;
   facet_of_ = facet_of, gap_of_ = gap_of, twin_of_ = twin_of, border_of_ = border_of;
   has_color_ = !above.view().colors.empty() && !below.view().colors.empty();
@@ -48,7 +47,7 @@ void Overlay::make(FacetSurface& above, FacetSurface& below, std::span<const std
   crossed_.clear(), crossings_.clear();
   turns_.clear();
   paths_.resize(above.edges().size());
-  for (std::uint32_t e = 0; e < paths_.size(); ++e) walk(e, paths_[e]);
+  for (std::uint32_t e = 0; e < paths_.size(); ++e) walkEdge(e, paths_[e]);
   measureCrossings();
 
   const std::uint32_t triangles = above.triangleCount();
@@ -57,28 +56,28 @@ void Overlay::make(FacetSurface& above, FacetSurface& below, std::span<const std
   is_cut_.assign(below.edges().size(), 0);
   is_enclosed_.assign(below.view().positions.size(), 0);
   is_turned_.assign(below.edges().size(), 0);
-  enclosed_.clear(), passed_.clear();
+  enclosed_.clear(), corner_facets_.clear();
   first_enclosed_.resize(triangles + 1);
-  first_passed_.resize(triangles + 1);
+  first_corner_facet_.resize(triangles + 1);
   for (std::uint32_t s = 0; s < triangles; ++s) {
     first_enclosed_[s] = static_cast<std::uint32_t>(enclosed_.size());
-    first_passed_[s] = static_cast<std::uint32_t>(passed_.size());
-    is_good_[s] = enclose(s) ? 1 : 0;
+    first_corner_facet_[s] = static_cast<std::uint32_t>(corner_facets_.size());
+    is_good_[s] = encloseVertices(s) ? 1 : 0;
     if (is_good_[s] == 0) {
       enclosed_.resize(first_enclosed_[s]);
-      passed_.resize(first_passed_[s]);
+      corner_facets_.resize(first_corner_facet_[s]);
       continue;
     }
     for (std::size_t i = first_enclosed_[s]; i < enclosed_.size(); ++i) is_enclosed_[enclosed_[i].vertex] ^= 1;
-    for (const Corner& corner : corners_) is_turned_[corner.edge] ^= endBit(corner.edge, corner.vertex);
+    for (const CornerTurn& corner : corners_) is_turned_[corner.edge] ^= endBit(corner.edge, corner.vertex);
   }
   first_enclosed_[triangles] = static_cast<std::uint32_t>(enclosed_.size());
-  first_passed_[triangles] = static_cast<std::uint32_t>(passed_.size());
-  findBare();
+  first_corner_facet_[triangles] = static_cast<std::uint32_t>(corner_facets_.size());
+  findUncovered();
 }
 
-// From facet to facet along the edge, out over the wall that it meets first, to the facet of its other end.
-void Overlay::walk(std::uint32_t e, Path& path) {
+// Walks from facet to facet along the edge, out over the wall that it meets first, to the facet of its other end.
+void Overlay::walkEdge(std::uint32_t e, Path& path) {
   const FacetSurface::Edge& edge = above_->edges()[e];
   const auto [a, b] = edge.vertex;
   walked_ = e;
@@ -90,9 +89,9 @@ void Overlay::walk(std::uint32_t e, Path& path) {
   if (edge.triangles == 1 && border_of_[a] != kNone && border_of_[b] != kNone && walkBorder(e, path)) return;
   const std::uint32_t twin_a = twin_of_[a];
   const std::uint32_t twin_b = twin_of_[b];
-  if (twin_a != kNone && twin_b != kNone && isSame(e, path)) return;
+  if (twin_a != kNone && twin_b != kNone && findSameEdge(e, path)) return;
 
-  // From a vertex that is the same below it leaves by any facet there, and at one it may arrive by any.
+  // From a vertex that both surfaces have the walk leaves by any facet there, and it may arrive at one by any.
   if (twin_a != kNone) path.start = facetToward(twin_a);
   const Goal goal{facet_of_[b], twin_b};
   const glm::vec3 origin = origin_;
@@ -107,28 +106,29 @@ void Overlay::walk(std::uint32_t e, Path& path) {
     if (!facet.flat) {
       const Facet::Four from = facet.inside(origin);
       const Facet::Four to = from + facet.planes.dot(whole);
-      // Beyond it from the start: before all others, the farthest first.
+      // Walls that the edge starts beyond come before all others, the farthest first.
       const Facet::Four when = from <= 0.0F ? from : from / (from - to);
       const auto over = below_->edgesOf(t);
       std::uint32_t walls = Facet::wallsWhere(to < 0.0F);
       for (std::size_t k = 0; k < 3; ++k) walls &= ~(static_cast<std::uint32_t>(over[k] == came_over) << k);
       for (; walls != 0; walls &= walls - 1) {
         const auto k = static_cast<std::size_t>(std::countr_zero(walls));
-        // Beyond a border is nothing: the edge stays where it is.
+        // There is nothing beyond a border, so the walk stays in its facet.
         const FacetSurface::Edge& wall = below_->edges()[over[k]];
         if (!wall.isInner() || wall.endsAt(twin_a)) continue;
         if (when[k] < first) first = when[k], out = k;
       }
     }
     if (out == 3 || step == kMaxSteps) {
-      // Over a facet that is not that of its end: in a fold or over a ridge, near one border, or over a flat facet.
-      path.arrives = link(t, goal, step < kMaxSteps && !facet.flat ? 1.0F : along);
+      // The edge ends over another facet than its end does: in a fold, over a ridge, near a border, or over a facet
+      // without area.
+      path.arrives = linkFacets(t, goal, step < kMaxSteps && !facet.flat ? 1.0F : along);
       break;
     }
     along = std::max(along, std::clamp(first, 0.0F, 1.0F));
     came_over = below_->edgeOf(t, out);
     t = below_->edges()[came_over].across(t);
-    cross(came_over, t, along);
+    addCrossing(came_over, t, along);
   }
   path.last = static_cast<std::uint32_t>(crossings_.size());
   if (path.last != path.first)
@@ -137,17 +137,17 @@ void Overlay::walk(std::uint32_t e, Path& path) {
     path.end = path.start;
 }
 
-// The facet around vertex v below that the edge above runs along best.
+// The facet around vertex v below whose plane holds the edge above best.
 std::uint32_t Overlay::facetToward(std::uint32_t v) {
   const auto before = [](std::size_t k) { return k == 0 ? 2 : k - 1; };
-  // Between both walls at corner k?
+  // Whether the edge runs between both walls at corner k.
   const auto runsOver = [&](const Facet& facet, const Facet::Four& rise, std::size_t k) {
     const std::uint32_t both = 1U << k | 1U << before(k);
     return !facet.flat && (Facet::wallsWhere(rise >= 0.0F) & both) == both;
   };
-  // The square of its shadow on the plane.
+  // The squared length of its shadow on the plane.
   const auto shadow2On = [&](const Facet::Four& rise) { return length2_ - rise[3] * rise[3]; };
-  // Mostly one is clear.
+  // Mostly one facet is clear.
   for (const std::uint32_t t : below_->around(v)) {
     const Facet& facet = below_->facet(t);
     const Facet::Four rise = facet.planes.dot(whole_);
@@ -173,9 +173,9 @@ std::uint32_t Overlay::facetToward(std::uint32_t v) {
   return best;
 }
 
-// Along the border below from end to end: from a vertex that is the same there, or a point of a border edge, around the
-// vertices between. Each is paired with the point of the edge that is nearest, and so are the ends of all edges there.
-// So nothing is left bare between the two borders.
+// Walks along the border below from end to end: from a vertex that both surfaces have, or a point of a border edge,
+// around the vertices between. Each of these is paired with the nearest point of the edge above, and so are the ends of
+// all edges there, so nothing stays uncovered between the two borders.
 bool Overlay::walkBorder(std::uint32_t e, Path& path) {
   const auto [a, b] = above_->edges()[e].vertex;
   if (twin_of_[a] != kNone && twin_of_[b] != kNone) {
@@ -193,7 +193,7 @@ bool Overlay::walkBorder(std::uint32_t e, Path& path) {
   return false;
 }
 
-// The border edge of these two vertices below, or kNone.
+// The border edge below between these two vertices, or kNone.
 std::uint32_t Overlay::borderBetween(std::uint32_t v, std::uint32_t w) const {
   for (const std::uint32_t t : below_->around(v))
     for (std::size_t k = 0; k < 3; ++k) {
@@ -203,7 +203,8 @@ std::uint32_t Overlay::borderBetween(std::uint32_t v, std::uint32_t w) const {
   return kNone;
 }
 
-// From border edge `at` on by its end v. False: the other end of the edge above is not met there, and nothing is done.
+// Walks from border edge `at` on by its end v. False, with nothing changed, if the other end of the edge above is not
+// met.
 bool Overlay::walkBorderFrom(std::uint32_t e, std::uint32_t at, std::uint32_t v, Path& path) {
   const FacetSurface::Edge& edge = above_->edges()[e];
   const auto [a, b] = edge.vertex;
@@ -221,8 +222,8 @@ bool Overlay::walkBorderFrom(std::uint32_t e, std::uint32_t at, std::uint32_t v,
     const std::uint32_t first = crossed();
     const std::uint32_t next = steps < kMaxBorder ? nextOnBorder(at, v) : kNone;
     if (next == kNone) return giveUp();
-    const std::vector<Step>* way = turn(below_->edges()[at].triangle[0], below_->edges()[next].triangle[0], v);
-    // Where no edge leads into the surface no crossing keeps the pair.
+    const std::vector<Step>* way = findWayAround(below_->edges()[at].triangle[0], below_->edges()[next].triangle[0], v);
+    // Where no edge leads into the surface there is no crossing to hold the pair.
     if (way == nullptr || way->empty()) return giveUp();
     const Gap gap = gapAt(v, edge);
     for (const Step& step : *way) crossed_.push_back(step.edge), crossings_.push_back({step.facet, gap});
@@ -239,7 +240,8 @@ bool Overlay::walkBorderFrom(std::uint32_t e, std::uint32_t at, std::uint32_t v,
   return true;
 }
 
-// The border edge that ends the fan at v which this one begins; kNone: more than two triangles meet on the way.
+// The border edge at the other end of the fan at v that this edge begins; kNone if more than two triangles meet at an
+// edge on the way.
 std::uint32_t Overlay::nextOnBorder(std::uint32_t edge, std::uint32_t v) const {
   std::uint32_t t = below_->edges()[edge].triangle[0];
   std::uint32_t over = below_->otherEdge(t, v, edge);
@@ -247,7 +249,7 @@ std::uint32_t Overlay::nextOnBorder(std::uint32_t edge, std::uint32_t v) const {
   return below_->edges()[over].triangles == 1 ? over : kNone;
 }
 
-// Of vertex v below and the nearest point of an edge above.
+// The gap between vertex v below and the nearest point of an edge above.
 Overlay::Gap Overlay::gapAt(std::uint32_t v, const FacetSurface::Edge& edge) const {
   for (const std::uint32_t end : edge.vertex)
     if (twin_of_[end] == v) return gap_of_[end];
@@ -262,8 +264,9 @@ Overlay::Gap Overlay::gapAt(std::uint32_t v, const FacetSurface::Edge& edge) con
   return gap;
 }
 
-// An edge that is the same below lies in a facet at it: in the one that is on the side of its first triangle, if any.
-bool Overlay::isSame(std::uint32_t e, Path& path) const {
+// Whether both surfaces have the edge. It then lies in a facet at it: in the one on the side of its first triangle, if
+// there is one.
+bool Overlay::findSameEdge(std::uint32_t e, Path& path) const {
   const auto [a, b] = above_->edges()[e].vertex;
   const bool ahead = above_->borderStart(e) == a;
   const std::uint32_t from = twin_of_[ahead ? a : b];
@@ -280,8 +283,8 @@ bool Overlay::isSame(std::uint32_t e, Path& path) const {
   return is_found;
 }
 
-// Crossings wait for their gaps, so that several are measured at once.
-void Overlay::cross(std::uint32_t edge, std::uint32_t facet, float along) {
+// Adds a crossing. It waits for its gap, so that several are measured at once.
+void Overlay::addCrossing(std::uint32_t edge, std::uint32_t facet, float along) {
   const SurfaceView& below = below_->view();
   const auto [p, q] = below_->edges()[edge].vertex;
   const std::size_t lane = lanes_.count++;
@@ -312,7 +315,7 @@ void Overlay::measureCrossings() {
   Lanes share;
   Lanes distance;
   Lanes color{};
-  // Into [0, 1]; what is no number becomes 0.
+  // s clamped to [0, 1]; NaN becomes 0.
   const auto clamped = [](float s) {
     const float positive = s > 0.0F ? s : 0.0F;
     return positive < 1.0F ? positive : 1.0F;
@@ -354,8 +357,8 @@ void Overlay::measureCrossings() {
   lanes_.count = 0;
 }
 
-// The shorter way around vertex v from facet t to `goal`, or null: they do not lie in one fan there.
-const std::vector<Overlay::Step>* Overlay::turn(std::uint32_t t, std::uint32_t goal, std::uint32_t v) {
+// The shorter way around vertex v from facet t to `goal`; null if they do not lie in one fan there.
+const std::vector<Overlay::Step>* Overlay::findWayAround(std::uint32_t t, std::uint32_t goal, std::uint32_t v) {
   for (auto& way : way_) way.clear();
   if (t == goal) return &way_[0];
   std::uint32_t at[2] = {t, t};
@@ -377,8 +380,8 @@ const std::vector<Overlay::Step>* Overlay::turn(std::uint32_t t, std::uint32_t g
   return nullptr;
 }
 
-// The shortest way from facet t to the goal, crossed at one point.
-bool Overlay::link(std::uint32_t t, const Goal& goal, float along) {
+// Crosses the edges of the shortest way from facet t to the goal, all at one point of the edge above.
+bool Overlay::linkFacets(std::uint32_t t, const Goal& goal, float along) {
   struct Seen {
     std::uint32_t facet, over;
     std::size_t before;
@@ -403,13 +406,13 @@ bool Overlay::link(std::uint32_t t, const Goal& goal, float along) {
   std::array<std::size_t, kMaxLink> way;
   std::size_t length = 0;
   for (std::size_t j = count - 1; j != 0; j = seen[j].before) way[length++] = j;
-  while (length > 0) --length, cross(seen[way[length]].over, seen[way[length]].facet, along);
+  while (length > 0) --length, addCrossing(seen[way[length]].over, seen[way[length]].facet, along);
   return true;
 }
 
-// The vertices below that lie within triangle s: on the inner side of all edges that its border crosses an odd number
-// of times. False: the walks do not say.
-bool Overlay::enclose(std::uint32_t s) {
+// Finds the vertices below that triangle s encloses: they lie on the inner side of all edges that its border crosses an
+// odd number of times. False if the walks do not determine them.
+bool Overlay::encloseVertices(std::uint32_t s) {
   const std::array<const Path*, 3> border{&paths_[above_->edgeOf(s, 0)], &paths_[above_->edgeOf(s, 1)],
                                           &paths_[above_->edgeOf(s, 2)]};
   float distance = 0.0F;
@@ -424,7 +427,7 @@ bool Overlay::enclose(std::uint32_t s) {
   if (!turnCorners(s)) return false;
   crossings += corners_.size();
 
-  // What is crossed an odd number of times: mostly nothing.
+  // The edges that are crossed an odd number of times; mostly there are none.
   cut_.resize(crossings);
   std::uint32_t* const cut = cut_.data();
   std::uint8_t* const is_cut = is_cut_.data();
@@ -437,10 +440,10 @@ bool Overlay::enclose(std::uint32_t s) {
   };
   for (const Path* path : border)
     for (std::uint32_t i = path->first; i < path->last; ++i) meet(crossed_[i]);
-  for (const Corner& corner : corners_) meet(corner.edge);
+  for (const CornerTurn& corner : corners_) meet(corner.edge);
   if (odd == 0) return true;
 
-  // Each of those edges once.
+  // Each of these edges is listed once.
   std::size_t count = 0;
   for (std::size_t i = 0; i < met; ++i) {
     const std::uint32_t e = cut[i];
@@ -454,12 +457,13 @@ bool Overlay::enclose(std::uint32_t s) {
   for (const std::uint32_t e : cut_) {
     const auto [a, b] = below_->edges()[e].vertex;
     if (contains(inside_, a) || contains(inside_, b)) continue;
-    // Mostly it is one vertex, with all its edges cut.
-    if (isAlone(a))
+    // Mostly one vertex is enclosed, with all its edges cut.
+    if (isAllCut(a))
       inside_.push_back(a);
-    else if (isAlone(b))
+    else if (isAllCut(b))
       inside_.push_back(b);
-    else if (!flood(a, kFew) && !flood(b, kFew) && !flood(a, kMaxEnclosed) && !flood(b, kMaxEnclosed))
+    else if (!addConnected(a, kFew) && !addConnected(b, kFew) && !addConnected(a, kMaxEnclosed) &&
+             !addConnected(b, kMaxEnclosed))
       return false;
   }
   for (const std::uint32_t e : cut_) {
@@ -477,8 +481,8 @@ bool Overlay::enclose(std::uint32_t s) {
   return true;
 }
 
-// Around the corners of triangle s that are the same below, from the facet that its one edge arrives by to the one that
-// its other edge leaves by. False: there is no way.
+// Turns around the corners of triangle s that both surfaces have, from the facet by which its one edge arrives to the
+// one by which its other edge leaves. False if there is no way.
 bool Overlay::turnCorners(std::uint32_t s) {
   corners_.clear();
   for (std::size_t k = 0; k < 3; ++k) {
@@ -488,23 +492,23 @@ bool Overlay::turnCorners(std::uint32_t s) {
     const std::uint32_t from = endAt(above_->edgeOf(s, k == 0 ? 2 : k - 1), v);
     const std::uint32_t to = endAt(above_->edgeOf(s, k), v);
     if (from == to) continue;
-    const std::vector<Step>* way = turn(from, to, twin);
+    const std::vector<Step>* way = findWayAround(from, to, twin);
     if (way == nullptr) return false;
     for (const Step& step : *way) {
       corners_.push_back({step.edge, twin});
-      if (step.facet != to) passed_.push_back({step.facet, gap_of_[v]});
+      if (step.facet != to) corner_facets_.push_back({step.facet, gap_of_[v]});
     }
   }
   return true;
 }
 
-// The facet that the walk along edge e above begins or ends with at v.
+// The facet in which the walk along edge e above begins or ends at v.
 std::uint32_t Overlay::endAt(std::uint32_t e, std::uint32_t v) const {
   return above_->edges()[e].vertex[0] == v ? paths_[e].start : paths_[e].end;
 }
 
-// Are all edges of v cut, and none of them a border?
-bool Overlay::isAlone(std::uint32_t v) const {
+// Whether all edges of v are cut and none of them is a border.
+bool Overlay::isAllCut(std::uint32_t v) const {
   std::size_t count = 0;
   for (const std::uint32_t e : cut_) {
     const auto& ends = below_->edges()[e].vertex;
@@ -513,9 +517,10 @@ bool Overlay::isAlone(std::uint32_t v) const {
   return count == below_->around(v).size() && below_->leavingBorder(v) == kNone;
 }
 
-// Adds to inside_ the vertices that hang on `start` by edges that are not cut. False, and nothing added: they are too
-// many, or reach a border, beyond which is no triangle to enclose them, or an edge of more than two triangles.
-bool Overlay::flood(std::uint32_t start, std::size_t most) {
+// Adds to inside_ the vertices that are connected with `start` by edges that are not cut. False, with nothing added, if
+// they are more than `max_vertices`, or reach a border, beyond which no triangle could enclose them, or an edge of more
+// than two triangles.
+bool Overlay::addConnected(std::uint32_t start, std::size_t max_vertices) {
   const std::size_t first = inside_.size();
   inside_.push_back(start);
   for (std::size_t i = first; i < inside_.size(); ++i) {
@@ -531,7 +536,7 @@ bool Overlay::flood(std::uint32_t start, std::size_t most) {
         if (contains(cut_, e)) continue;
         const std::uint32_t w = edge.otherEnd(v);
         if (contains(inside_, w)) continue;
-        if (inside_.size() - first < most)
+        if (inside_.size() - first < max_vertices)
           inside_.push_back(w);
         else
           is_inner = false;
@@ -545,58 +550,59 @@ bool Overlay::flood(std::uint32_t start, std::size_t most) {
   return true;
 }
 
-// Border edges below that the walks along the border cover (modulo 2): an odd number goes around or ends at either end,
-// and none ends between them that no other goes on from. What leads into the surface is turned over on the way.
-void Overlay::findPinned() {
-  is_passed_.assign(below_->edges().size(), 0);
-  is_loose_.assign(above_->view().positions.size(), 0);
+// Finds the border edges below that the walks along the border cover (modulo 2): an odd number of walks goes around or
+// ends at either end, and none ends between them unless another goes on from there. Edges that lead into the surface
+// are turned over on the way.
+void Overlay::findCoveredBorders() {
+  covered_ends_.assign(below_->edges().size(), 0);
+  is_open_end_.assign(above_->view().positions.size(), 0);
   const auto isGood = [&](std::uint32_t e) { return is_good_[above_->edges()[e].triangle[0]] != 0; };
-  for (const Turn& turn : turns_) {
+  for (const BorderTurn& turn : turns_) {
     if (!isGood(turn.above)) continue;
     for (const std::uint32_t e : {turn.from, turn.to})
-      if (e != kNone) is_passed_[e] ^= endBit(e, turn.vertex);
+      if (e != kNone) covered_ends_[e] ^= endBit(e, turn.vertex);
     for (std::uint32_t i = turn.first; i < turn.last; ++i) is_turned_[crossed_[i]] ^= endBit(crossed_[i], turn.vertex);
   }
   for (std::uint32_t e = 0; e < paths_.size(); ++e)
     if (paths_[e].is_on_border && isGood(e))
-      for (const std::uint32_t v : above_->edges()[e].vertex) is_loose_[v] ^= twin_of_[v] == kNone ? 1 : 0;
-  for (std::uint32_t v = 0; v < is_loose_.size(); ++v)
-    if (is_loose_[v] != 0) is_passed_[border_of_[v]] = kNeverPinned;
+      for (const std::uint32_t v : above_->edges()[e].vertex) is_open_end_[v] ^= twin_of_[v] == kNone ? 1 : 0;
+  for (std::uint32_t v = 0; v < is_open_end_.size(); ++v)
+    if (is_open_end_[v] != 0) covered_ends_[border_of_[v]] = kNeverCovered;
 }
 
 std::uint8_t Overlay::endBit(std::uint32_t e, std::uint32_t v) const {
   return below_->edges()[e].vertex[0] == v ? 1 : 2;
 }
 
-void Overlay::bareAround(const FacetSurface::Edge& edge) {
+void Overlay::uncoverAround(const FacetSurface::Edge& edge) {
   for (const std::uint32_t v : edge.vertex)
-    for (const std::uint32_t t : below_->around(v)) is_bare_[t] = 1;
+    for (const std::uint32_t t : below_->around(v)) is_uncovered_[t] = 1;
 }
 
-// Facets that something of may lie in no cell.
-void Overlay::findBare() {
-  is_bare_.assign(below_->triangleCount(), 0);
-  findPinned();
-  // An edge is covered to its end where an odd number of triangles turn over it there or enclose that.
+// Finds the facets below of which some part may lie in no cell.
+void Overlay::findUncovered() {
+  is_uncovered_.assign(below_->triangleCount(), 0);
+  findCoveredBorders();
+  // An edge is covered to its end if an odd number of triangles turn over it there or enclose that end.
   const auto isCovered = [&](std::uint32_t e, std::size_t end) {
     return ((is_turned_[e] >> end) & 1) != is_enclosed_[below_->edges()[e].vertex[end]];
   };
   for (std::uint32_t e = 0; e < below_->edges().size(); ++e) {
     const FacetSurface::Edge& edge = below_->edges()[e];
     if (edge.triangles > 2)
-      bareAround(edge);
-    else if (edge.isInner() ? !isCovered(e, 0) || !isCovered(e, 1) : is_passed_[e] != kBothEnds)
-      for (std::size_t i = 0; i < edge.triangles; ++i) is_bare_[edge.triangle[i]] = 1;
+      uncoverAround(edge);
+    else if (edge.isInner() ? !isCovered(e, 0) || !isCovered(e, 1) : covered_ends_[e] != kBothEnds)
+      for (std::size_t i = 0; i < edge.triangles; ++i) is_uncovered_[edge.triangle[i]] = 1;
   }
-  // An arc with cells on one side only is a border of what is covered; on a pinned border that is the border itself.
+  // An arc with cells on one side only bounds the covered part; on a covered border it is the border itself.
   for (std::size_t e = 0; e < paths_.size(); ++e) {
     const FacetSurface::Edge& edge = above_->edges()[e];
     const Path& path = paths_[e];
     if (!path.arrives) continue;
     if (edge.triangles == 2 && is_good_[edge.triangle[0]] == is_good_[edge.triangle[1]]) continue;
     if (edge.triangles == 1 && (is_good_[edge.triangle[0]] == 0 || path.is_on_border)) continue;
-    is_bare_[path.start] = 1;
-    for (std::uint32_t i = path.first; i < path.last; ++i) is_bare_[crossings_[i].facet] = 1;
+    is_uncovered_[path.start] = 1;
+    for (std::uint32_t i = path.first; i < path.last; ++i) is_uncovered_[crossings_[i].facet] = 1;
   }
 }
 

@@ -77,7 +77,7 @@ struct Laid {
       border.push_back(leaving);
       facet.push_back(nearest), twin.push_back(same), gap.push_back({std::sqrt(best), 0.0F});
     }
-    overlay.make(above, below, facet, gap, twin, border);
+    overlay.compute(above, below, facet, gap, twin, border);
   }
   // The border edge below that p lies on, or nearly; then also how far off.
   std::uint32_t nearestBorder(const glm::vec3& p, float& distance2) const {
