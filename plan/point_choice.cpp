@@ -69,7 +69,7 @@ std::optional<float> meets(const Ray& ray, const lod::patch::Patch& patch) {
   return distance;
 }
 
-using Met = lod::patch::ProxySight::Meeting;
+using Met = lod::patch::ProxySight::Intersection;
 
 /// What `meet` says of one ray through the middle of each tile of the picture, from the lower left one on by rows.
 template <class Meet>

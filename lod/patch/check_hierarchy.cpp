@@ -1,4 +1,4 @@
-// What hierarchy.h promises, row by row and link by link.
+// Checks what hierarchy.h promises, row by row and link by link.
 #include <algorithm>
 #include <compare>
 
@@ -8,7 +8,7 @@
 namespace lod::patch {
 namespace {
 
-// Each row by itself, and that the rows' ranges lie within their tables and sum up to them.
+// Checks each row by itself, and that the rows' ranges lie within their tables and sum up to them.
 base::Result<void> checkRows(const Hierarchy& h) {
   std::uint64_t consumed = 0;
   std::uint64_t parents = 0;
@@ -34,7 +34,7 @@ base::Result<void> checkRows(const Hierarchy& h) {
   return {};
 }
 
-// A child and a parent that consumes something the child produced.
+// A child group and a parent group that consumes one of its products.
 struct Link {
   std::uint32_t child = 0;
   std::uint32_t parent = 0;
@@ -42,8 +42,8 @@ struct Link {
       default;  // NOLINT(modernize-use-nullptr): clang-tidy 14 stumbles over a defaulted <=>
 };
 
-// Patches against the groups that they name. As sums agree (checkRows) and each patch has one consumer, ranges can't
-// overlap.
+// Checks patches against the groups that they name. The sums agree (checkRows) and each patch has one consumer, so
+// ranges cannot overlap.
 base::Result<std::vector<Link>> checkPatches(const Hierarchy& h) {
   for (std::uint32_t g = 0; g < h.groups.size(); ++g)
     for (std::uint32_t i = 0; i < h.groups[g].patch_count; ++i)
@@ -66,7 +66,7 @@ base::Result<std::vector<Link>> checkPatches(const Hierarchy& h) {
   return links;
 }
 
-// The parents' table says what the patches say.
+// Checks that the table of parents agrees with the patches.
 base::Result<void> checkParents(const Hierarchy& h, const std::vector<Link>& from_patches) {
   std::vector<Link> from_table;
   from_table.reserve(h.parents.size());

@@ -76,7 +76,7 @@ base::Result<void> checkHeader(const FileHeader& header) {
 }
 
 base::Result<FileHeader> readHeader(base::ByteView front) {
-  // What is this, and can this program read it?
+  // Magic and version come first, so that a newer file is named as such.
   base::ByteReader in(front);
   if (in.read<std::array<char, 8>>() != kMagic || !in.ok()) return damaged("not a patch.lgp");
   const std::uint32_t version = in.u32();
@@ -117,8 +117,8 @@ base::Bytes tableBytes(const Hierarchy& hierarchy) {
   return out.take();
 }
 
-// Blocks follow one another in the groups' order, patches within a block in theirs: nothing overlaps, nothing is left
-// over.
+// Checks that blocks follow one another in the groups' order and patches within a block in theirs, without gap or
+// overlap.
 base::Result<void> checkBlocks(const Hierarchy& h, const FileHeader& header) {
   std::uint64_t offset = header.blocks_offset;
   for (std::size_t g = 0; g < h.groups.size(); ++g) {
@@ -234,7 +234,7 @@ bool liesIn(const base::Sphere& sphere, const glm::vec3& p) {
   return contains(sphere, {p, 0.0F});
 }
 
-// Facet normals, wherever the triangle is one.
+// Whether all facet normals lie in the cone. Triangles without area do not count.
 bool coneHolds(const base::NormalCone& cone, const std::vector<glm::vec3>& positions,
                const std::vector<std::uint16_t>& indices) {
   if (cone.cos_angle <= -1.0F) return true;
@@ -243,7 +243,7 @@ bool coneHolds(const base::NormalCone& cone, const std::vector<glm::vec3>& posit
     const glm::dvec3 normal =
         glm::cross(glm::dvec3(positions[indices[t + 1]]) - a, glm::dvec3(positions[indices[t + 2]]) - a);
     const double length = glm::length(normal);
-    // A thousandth of a radian's cosine or so: float normals of thin triangles are that rough.
+    // The cosine may be 1e-3 off, since float normals of thin triangles are that imprecise.
     if (length > 0.0 && glm::dot(normal, glm::dvec3(cone.axis)) < (cone.cos_angle - 1e-3) * length) return false;
   }
   return true;
@@ -281,7 +281,7 @@ std::vector<std::string> PatchFile::verify() const {
     }
   }
 
-  // Between blocks there are zeros only.
+  // Bytes between blocks must be zero.
   std::uint64_t end = 0;
   for (std::size_t g = 0; g < hierarchy_.groups.size(); ++g) {
     const Group& group = hierarchy_.groups[g];
@@ -303,7 +303,7 @@ base::Result<void> writeZeros(base::AtomicFile& file, std::uint64_t end) {
   return {};
 }
 
-// Fills in where the patches of one group come to lie, its block beginning at `offset`.
+// Fills in the places of one group's patches; its block begins at `offset`.
 base::Result<void> placeBlock(Hierarchy& hierarchy, std::uint32_t g, const std::vector<base::Bytes>& patches,
                               std::uint64_t offset) {
   Group& group = hierarchy.groups[g];
@@ -352,7 +352,7 @@ base::Result<void> writePatchFile(
   if (auto sound = checkHeader(header); !sound) return base::within(path, sound.error());
   LUMIGRID_ASSIGN_OR_RETURN(auto file, base::AtomicFile::create(path));
 
-  // Room for header and tables, whose lengths are known; then the blocks as they come.
+  // Zeros reserve the room of header and tables, whose lengths are known; then the blocks follow.
   LUMIGRID_TRY(writeZeros(file, header.blocks_offset));
   for (std::uint32_t g = 0; g < hierarchy.groups.size(); ++g) {
     LUMIGRID_ASSIGN_OR_RETURN(const auto patches, blocks(g));
@@ -362,7 +362,7 @@ base::Result<void> writePatchFile(
     for (const base::Bytes& patch : patches) LUMIGRID_TRY(file.write(patch));
   }
 
-  // Now the tables know where everything is.
+  // Now that all places are known, the tables can be written.
   base::Bytes tables = tableBytes(hierarchy);
   tables.resize(header.blocks_offset - kHeaderBytes, 0);
   header.tables_crc = base::crc32c(tables);

@@ -23,14 +23,13 @@ class PatchFile {
   /// file.
   static base::Result<PatchFile> open(const std::string& path);
   const Hierarchy& hierarchy() const { return hierarchy_; }
-  /// The block of a group: its consumed patches' bytes, one after the other (what a client is sent). A number that is
-  /// none is an error; valid as long as this PatchFile lives.
+  /// The block of a group: its consumed patches' bytes, one after the other, as a client is sent them. A number that is
+  /// not a group's is an error. Valid as long as this PatchFile lives.
   base::Result<base::ByteView> block(std::uint32_t group) const;
-  /// Decoded, its counts compared with its record.
+  /// The decoded patch, whose counts were compared with its record.
   base::Result<PatchGeometry> geometry(std::uint32_t patch) const;
-  /// Reads everything: each block's checksum, each patch's geometry against its record (counts, box, sphere, cone of
-  /// facet normals), each position against the sphere of the group that consumes it. One line a fault; empty when all
-  /// is well.
+  /// Reads everything and checks each patch's checksum, its geometry against its record (counts, box, sphere, cone of
+  /// facet normals), and its positions against the sphere of the group that consumes it. Returns a line for each fault.
   std::vector<std::string> verify() const;
   std::uint64_t fileBytes() const { return file_.bytes().size(); }
   const std::string& path() const { return path_; }
@@ -60,8 +59,8 @@ base::Result<void> writePatchFile(
     const std::string& path, Hierarchy hierarchy,
     const std::function<base::Result<std::vector<base::Bytes>>(std::uint32_t group)>& blocks);
 
-/// A group's record, its patches' records and its parents as bytes (protocol message Refinement; docs/formats/patch.md,
-/// "One group as bytes"). `group` must be known in `hierarchy`.
+/// Writes a group's record, its patches' records and its parents as bytes (protocol message Refinement;
+/// docs/formats/patch.md, "One group as bytes"). `group` must be known in `hierarchy`.
 void encodeGroup(const Hierarchy& hierarchy, std::uint32_t group, base::ByteWriter& out);
 
 /// Reads what encodeGroup wrote into a growing hierarchy and returns the group's number; `in` stands behind it then.

@@ -1,4 +1,4 @@
-// One group as bytes, and back into a growing hierarchy.
+// Writes one group as bytes and reads it back into a growing hierarchy.
 #include <algorithm>
 
 #include "lod/patch/format.h"
@@ -38,7 +38,7 @@ base::Result<GroupMessage> readGroupMessage(base::ByteReader& in) {
   GroupMessage message;
   message.index = in.u32();
   message.group = readGroupRow(in);
-  // No memory for more rows than there are bytes.
+  // Memory is allocated only for rows whose bytes are there.
   const std::uint64_t needed =
       std::uint64_t{message.group.patch_count} * (kPatchRowBytes + 4) + std::uint64_t{message.group.parent_count} * 4;
   if (!in.ok() || needed > in.remaining()) {
@@ -53,7 +53,7 @@ base::Result<GroupMessage> readGroupMessage(base::ByteReader& in) {
   return message;
 }
 
-// What can be said of a group without knowing the rest.
+// Checks what can be checked of a group without the rest of the hierarchy.
 base::Result<void> checkGroupMessage(const GroupMessage& message, std::uint32_t max_groups, std::uint32_t max_patches) {
   const std::uint32_t index = message.index;
   const Group& group = message.group;

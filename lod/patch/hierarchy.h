@@ -1,6 +1,6 @@
 #pragma once
-// The patch hierarchy in memory: a DAG of groups and patches (Okamoto 2011, section 4.1; DESIGN section 4). Whole on a
-// server, growing on a client.
+// The patch hierarchy in memory: a directed acyclic graph of groups and patches (Okamoto 2011, section 4.1, with groups
+// in place of its binary tree). A server has all of it, a client's grows.
 //
 // Terms. A *group* was made by merging a few patches (those it *consumes*, its children), simplifying them with the
 // outer boundary locked, and splitting the result into new patches (those it *produces*). Every patch but the roots is
@@ -27,17 +27,17 @@ namespace lod::patch {
 inline constexpr std::uint32_t kNoGroup = std::numeric_limits<std::uint32_t>::max();
 
 struct Group {
-  base::Sphere bounds;  ///< contains all that lies below, and the children groups' spheres
-  float error = 0.0F;   ///< world units; two-sided distance between what it produces and the leaf geometry below is at
-                        ///< most this; infinite for group 0
+  base::Sphere bounds;  ///< contains all geometry below and the spheres of the child groups
+  float error = 0.0F;   ///< scene units; the distance in both directions between its products and the leaf geometry
+                        ///< below is at most this; infinite for group 0
   float attribute_error =
-      0.0F;  ///< colours of points that `error` speaks of differ by at most this, 0..1 (1: black to white)
-  std::uint32_t level = 0;        ///< of the patches it produces; ≥ 1
+      0.0F;  ///< the colours at both ends of these distances differ by at most this, 0 … 1 (1: black to white)
+  std::uint32_t level = 0;        ///< level of the patches that it produces, ≥ 1
   std::uint32_t first_patch = 0;  ///< consumed patches: first_patch … first_patch + patch_count − 1
   std::uint32_t patch_count = 0;
   std::uint32_t first_parent = 0;  ///< into Hierarchy::parents
   std::uint32_t parent_count = 0;  ///< 0 only for group 0
-  std::uint64_t block_offset = 0;  ///< bytes of all its consumed patches, in the file
+  std::uint64_t block_offset = 0;  ///< where the bytes of its consumed patches lie in the file
   std::uint32_t block_bytes = 0;
 };
 

@@ -11,7 +11,7 @@ namespace lod::patch {
 namespace {
 
 constexpr std::uint32_t kLeafTriangles = 4;
-constexpr std::size_t kMaxLevels = 40;  // halves of at most 2^32 triangles
+constexpr std::size_t kMaxLevels = 40;  // at most 2^32 triangles are halved 32 times, and the walk keeps one node more
 
 }  // namespace
 
@@ -37,7 +37,7 @@ base::Result<ProxySight> ProxySight::ofFile(const PatchFile& file, std::uint64_t
                    [&](std::uint32_t patch) { return file.geometry(patch); });
 }
 
-// Halves by number along the longest side, so the depth is bounded whatever the triangles are.
+// Divides by number along the longest side, so the depth is bounded whatever the triangles are.
 void ProxySight::build(std::uint32_t first, std::uint32_t count) {
   const std::size_t index = nodes_.size();
   nodes_.emplace_back();
@@ -72,7 +72,7 @@ void ProxySight::walk(const glm::dvec3& origin, const glm::dvec3& direction, dou
                       const Visit& visit) const {
   if (nodes_.empty()) return;
   const ShearedRay ray(origin, direction);
-  // Boxes are met in float, with what rounding may take added to the far end: a box too many is no fault.
+  // Boxes are tested in float, with the rounding error added to the far end: one box too many does no harm.
   const glm::vec3 start(origin);
   glm::vec3 inverse;
   for (int k = 0; k < 3; ++k) {
@@ -115,8 +115,8 @@ void ProxySight::walk(const glm::dvec3& origin, const glm::dvec3& direction, dou
   }
 }
 
-std::optional<ProxySight::Meeting> ProxySight::nearest(const glm::vec3& origin, const glm::vec3& direction,
-                                                       float max_distance) const {
+std::optional<ProxySight::Intersection> ProxySight::nearest(const glm::vec3& origin, const glm::vec3& direction,
+                                                            float max_distance) const {
   const Triangle* met = nullptr;
   double to = static_cast<double>(max_distance);
   walk(glm::dvec3(origin), glm::dvec3(direction), 0.0, to, [&](const Triangle& triangle, double distance) {
@@ -127,7 +127,7 @@ std::optional<ProxySight::Meeting> ProxySight::nearest(const glm::vec3& origin, 
   if (met == nullptr) return std::nullopt;
   const glm::dvec3 a(met->a);
   const glm::dvec3 across = glm::cross(glm::dvec3(met->b) - a, glm::dvec3(met->c) - a);
-  return Meeting{static_cast<float>(to), glm::vec3(across / std::max(glm::length(across), 1e-300))};
+  return Intersection{static_cast<float>(to), glm::vec3(across / std::max(glm::length(across), 1e-300))};
 }
 
 bool ProxySight::isBlocked(const glm::vec3& from, const glm::vec3& to, float clearance) const {

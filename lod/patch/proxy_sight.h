@@ -1,9 +1,9 @@
 #pragma once
-// What a coarse cut of the hierarchy hides from where: an answer in a microsecond or so to "is anything between these
-// two places", before any picture is drawn. For choosing images, not for measuring (lod/patch/ray_cast.h).
+// Tells whether a coarse cut of the hierarchy hides one place from another, in about a microsecond and before any image
+// is rendered. It serves the choice of images; lod/patch/ray_cast.h measures.
 //
-// The cut is the proxy's kind of surface, not the scan itself: what is smaller than its error is not in it. Both ends
-// of a line of sight are therefore drawn in by a clearance, as a shadow map has a bias.
+// The cut is a proxy, not the scan itself: details smaller than its error are missing. So both ends of a line of sight
+// are drawn in by a clearance, as a shadow map has a bias.
 #include <cstdint>
 #include <functional>
 #include <glm/glm.hpp>
@@ -21,28 +21,28 @@ namespace lod::patch {
 
 class ProxySight {
  public:
-  /// Triangles that a scan's buildings, trees or folds are still made of; 4 MB and 50 ms to load.
+  /// With this many triangles a scan's buildings, trees or folds are still there; they take 4 MB and 50 ms to load.
   static constexpr std::uint64_t kUsualTriangles = 60'000;
 
   using GeometryOf = std::function<base::Result<PatchGeometry>(std::uint32_t patch)>;
 
-  /// These patches, a cut whose largest stated error (scene units) is `error`. Errors: those of `geometry_of`.
+  /// Takes the patches of a cut whose largest stated error (scene units) is `error`. Errors: those of `geometry_of`.
   static base::Result<ProxySight> ofPatches(const Hierarchy& hierarchy, std::span<const std::uint32_t> patches,
                                             float error, const GeometryOf& geometry_of);
-  /// The finest cut of one error all over that has at most `max_triangles` (or the coarsest there is).
+  /// Takes the finest uniform cut of at most `max_triangles` triangles, or the coarsest there is.
   static base::Result<ProxySight> ofFile(const PatchFile& file, std::uint64_t max_triangles = kUsualTriangles);
 
-  struct Meeting {
+  struct Intersection {
     float distance = 0.0F;   ///< scene units
     glm::vec3 normal{0.0F};  ///< unit, of the triangle: towards the side from which its corners run counter-clockwise
   };
-  /// The nearest triangle along a ray, either side of it. `direction`: unit; all of it scene-local.
-  std::optional<Meeting> nearest(const glm::vec3& origin, const glm::vec3& direction, float max_distance) const;
+  /// The nearest triangle along a ray, from either side. `direction`: unit; all is scene-local.
+  std::optional<Intersection> nearest(const glm::vec3& origin, const glm::vec3& direction, float max_distance) const;
 
   /// Whether anything lies between two places farther than `clearance` (scene units, ≥ 0) from both along the line.
   bool isBlocked(const glm::vec3& from, const glm::vec3& to, float clearance) const;
 
-  /// Stated, scene units: a bound several times what the cut is mostly off by.
+  /// The stated error, scene units: a bound several times the typical distance.
   float error() const { return error_; }
   std::size_t triangleCount() const { return triangles_.size(); }
 

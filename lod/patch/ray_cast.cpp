@@ -21,7 +21,7 @@ bool isFinite(const glm::dvec3& v) {
   return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
 }
 
-/// What the walk comes to next: a group to go through, or a patch to test.
+/// The next thing that the walk comes to: a group to go through, or a patch to test.
 struct Stop {
   double entry = 0.0;  ///< not farther than anything in it
   bool is_patch = false;
@@ -63,7 +63,7 @@ class RayWalk {
  private:
   static double largestOf(const glm::dvec3& v) { return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)}); }
 
-  // Nearest first, until all that is left begins behind the hit.
+  // Takes the nearest stop first, until all others begin behind the hit.
   base::Result<RayCast> walk() {
     while (!heap_.empty()) {
       const Stop next = pop();
@@ -78,7 +78,7 @@ class RayWalk {
     return cast;
   }
 
-  // Every patch that the group consumes is in the cut, or its producer is expanded in turn.
+  // Pushes every patch that the group consumes if it is in the cut, else its producer.
   base::Result<void> expand(const Stop& stop) {
     if (!isHere(stop.index)) {
       needed_.push_back(stop);
@@ -96,7 +96,7 @@ class RayWalk {
     return {};
   }
 
-  // Stated: what its producer says, or where that is not here what came with the patch.
+  // The error that the producer states or, if that is not here, the one that came with the patch.
   float errorOf(const Patch& patch) const {
     if (patch.producer == kNoGroup) return 0.0F;
     return isHere(patch.producer) ? hierarchy_.groups[patch.producer].error : patch.own_error;
@@ -105,11 +105,11 @@ class RayWalk {
   bool isHere(std::uint32_t group) const { return group < hierarchy_.groups.size() && hierarchy_.isKnown(group); }
 
   void pushPatch(std::uint32_t index) {
-    // Half a step would do for the rounding of points to floats.
+    // A step is twice the slack that the rounding of points to floats needs.
     if (const auto entry = entryOf(hierarchy_.patches[index].box, hierarchy_.lattice.step)) push({*entry, true, index});
   }
 
-  // What lies below a group is in its sphere. Where its record is not here yet: within its error of what it produced.
+  // All geometry below a group lies in its sphere. If its record is not here yet: within its error of its products.
   void pushProducer(const Patch& patch) {
     const std::uint32_t producer = patch.producer;
     if (isHere(producer)) {
@@ -133,7 +133,7 @@ class RayWalk {
     return top;
   }
 
-  // From the ray's nearest point to the centre, not from squared distances, which lose all places from far away.
+  // Starts from the ray's nearest point to the centre: squared distances would lose all precision from far away.
   std::optional<double> entryOf(const base::Sphere& sphere) const {
     const glm::dvec3 center(sphere.center);
     const double radius = static_cast<double>(sphere.radius) * (1.0 + kSphereSlack) + largestOf(center) * kCenterSlack;

@@ -1,10 +1,10 @@
 #pragma once
-// The nearest place where a ray meets the surface of a patch hierarchy: picking and measuring on the true surface
-// whatever is drawn. Groups are walked front to back by their spheres, patches by their boxes, and only those blocks
-// are asked for that the ray may meet before what it met already: two or three for a look at a scan.
+// Finds the nearest place where a ray meets the surface of a patch hierarchy, for picking and measuring on the true
+// surface whatever is drawn. Groups are walked front to back by their spheres, patches by their boxes. Only blocks that
+// the ray may meet before its hit are needed: two or three for a ray at a scan.
 //
-// Blocks come from wherever the caller keeps them: a PatchFile, a client's cache. Where one is not there the walk goes
-// on and names its group, so that a caller that fetches does
+// Blocks come from wherever the caller keeps them: a PatchFile, a client's cache. Where one is missing the walk goes on
+// and names its group, so a caller that fetches does
 //
 //   for (;;) {
 //     cast = castRay(hierarchy, ray, blocks);     // an error: bytes are damaged, or the ray is none
@@ -37,7 +37,7 @@ struct RayHit {
   glm::dvec3 point{0.0};   ///< scene-local
   glm::dvec3 normal{0.0};  ///< unit, of the triangle: towards the side from which its corners run counter-clockwise
   double distance = 0.0;   ///< from the origin, scene units
-  bool front = true;       ///< the ray met that side
+  bool front = true;       ///< the ray met the side that the normal points to
   /// Scene units: a lattice step (source points lie within one of their lattice points) and the stated error of the
   /// patch that was hit, which is 0 for leaves.
   double accuracy = 0.0;

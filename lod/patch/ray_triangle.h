@@ -1,9 +1,9 @@
 #pragma once
-// Where a ray meets a triangle, without gaps: Woop, Benthin, Wald 2013, "Watertight Ray/Triangle Intersection", in
-// double throughout. The corners are sheared so that the ray becomes the z axis, and three edge functions tell on which
-// side of each edge it passes. Two triangles compute the function of an edge that they share from the same numbers, so
-// a ray cannot slip through between them. That holds only as long as products are not fused with sums: files that
-// include this are built with -ffp-contract=off. Private to lod/patch.
+// Intersects a ray with a triangle without gaps between triangles: Woop, Benthin and Wald 2013, "Watertight
+// Ray/Triangle Intersection", in double throughout. The corners are sheared so that the ray becomes the z axis, and
+// three edge functions tell on which side of each edge it passes. Two triangles compute the function of an edge that
+// they share from the same numbers, so a ray cannot slip through between them. That holds only as long as products are
+// not fused with sums: files that include this are built with -ffp-contract=off. Private to lod/patch.
 #include <cmath>
 #include <glm/glm.hpp>
 #include <optional>

@@ -11,7 +11,7 @@ namespace {
 
 constexpr std::uint64_t kHeaderBytes = 96;
 
-// What of a row names others, against the totals.
+// Checks the ranges that a row names against the totals.
 base::Result<void> checkRow(const TableCounts& counts, std::uint32_t index, const Group& group) {
   if (const char* fault = groupFault(group, index)) return groupError(index, fault);
   if (std::uint64_t{group.first_patch} + group.patch_count > counts.patches)
@@ -53,7 +53,7 @@ std::uint64_t TablePages::parentOffset(std::uint32_t parent) const {
   return patchOffset(counts_.patches) + std::uint64_t{4} * parent;
 }
 
-// Nothing when pages are missing; they are added to `missing`.
+// Nothing if pages are missing, which are added to `missing`.
 std::optional<base::Bytes> TablePages::read(std::uint64_t offset, std::uint64_t length,
                                             std::vector<std::uint32_t>* missing) const {
   if (length == 0) return base::Bytes();
@@ -104,7 +104,7 @@ base::Result<TablePages::Record> TablePages::record(std::uint32_t group) const {
   LUMIGRID_ASSIGN_OR_RETURN(const auto row, this->row(group));
   const Group& g = *row;
 
-  // Its patches and parents, then the rows of the groups that made the patches.
+  // The rows of its patches and its parents, then those of the groups that produced the patches.
   const auto patch_bytes =
       read(patchOffset(g.first_patch), std::uint64_t{kPatchRowBytes} * g.patch_count, &record.missing);
   const auto parent_bytes = read(parentOffset(g.first_parent), std::uint64_t{4} * g.parent_count, &record.missing);

@@ -1,6 +1,7 @@
 #pragma once
-// The tables of a patch.lgp that comes by byte ranges, page by page: a client of a static host draws the coarse model
-// when a few pages are here, and never reads what no view needs. A hierarchy of 10^8 triangles has 9 MB of tables.
+// Reads the tables of a patch.lgp page by page, as they come by byte ranges. A client of a static host so draws the
+// coarse model when a few pages are here, and never reads rows that no view needs. A hierarchy of 10^8 triangles has 9
+// MB of tables.
 //
 // Rows have fixed lengths, so each can be found without those before it; children are named by number. Walking down
 // from group 0 needs a page or two for each step. docs/formats/patch.md, "Reading by ranges", has the byte map.
@@ -15,7 +16,7 @@
 
 namespace lod::patch {
 
-/// What a header says.
+/// The numbers of a header.
 struct TableCounts {
   Lattice lattice;
   bool has_colors = false;
@@ -37,7 +38,7 @@ class TablePages {
   explicit TablePages(const TableCounts& counts) : counts_(counts) {}
   const TableCounts& counts() const { return counts_; }
 
-  /// Bytes of the file from `offset` on; what is no whole page is left aside (the last page ends with the tables).
+  /// Adds the whole pages among the bytes, which lie at `offset` in the file. The last page ends with the tables.
   void add(std::uint64_t offset, base::ByteView bytes);
   bool has(std::uint32_t page) const { return pages_.count(page) != 0; }
   std::uint32_t pageCount() const;
@@ -47,7 +48,7 @@ class TablePages {
 
   /// A group's row, checked by itself; nothing while its page is not here. `group` is below counts().groups.
   base::Result<std::optional<Group>> row(std::uint32_t group) const;
-  /// How many groups' rows are here from group 0 on without a gap.
+  /// The number of groups from group 0 on whose rows are all here.
   std::uint32_t leadingRows() const;
 
   struct Record {

@@ -8,7 +8,7 @@ namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
-struct GroupState {
+struct GroupProgress {
   std::uint32_t expanded_parents = 0;
   std::uint32_t last_parent = kNoGroup;  ///< so that a parent with several of our patches counts once
   std::uint32_t visible_triangles = 0;   ///< of the patches it produced, as far as they are in the cut
@@ -44,7 +44,7 @@ class CutSelection {
   }
 
  private:
-  // Top down, always where the picture is most wrong.
+  // Refines top down, always where the projected error is largest.
   void refine() {
     heap_.push_back({kInfinity, 0});
     while (!heap_.empty()) {
@@ -74,7 +74,7 @@ class CutSelection {
     return top;
   }
 
-  // Which of the patches that the group consumes would be seen (into visible_), and their triangles.
+  // Finds the visible ones among the patches that the group consumes (visible_), and sums their triangles.
   std::uint64_t measureConsumed(std::uint32_t group) {
     const Group& g = hierarchy_.groups[group];
     visible_.assign(g.patch_count, 0);
@@ -100,7 +100,7 @@ class CutSelection {
     return !request_.cull_back_faces || !base::facesAway(patch.cone, patch.bounds, eyeFor(patch.bounds));
   }
 
-  // Parallel rays come from far away, as seen from each patch.
+  // For a parallel projection the eye is a place far away from each patch.
   glm::vec3 eyeFor(const base::Sphere& bounds) const {
     constexpr float kFarAway = 1e4F;
     const base::Camera& camera = request_.camera;
@@ -119,7 +119,7 @@ class CutSelection {
       if (visible_[i] != 0) drawable_.push_back(g.first_patch + i);
       if (patch.producer >= states_.size() || !hierarchy_.isKnown(patch.producer)) continue;
 
-      GroupState& producer = states_[patch.producer];
+      GroupProgress& producer = states_[patch.producer];
       if (visible_[i] != 0) producer.visible_triangles += patch.triangles;
       if (producer.last_parent == group) continue;
       producer.last_parent = group;
@@ -128,7 +128,8 @@ class CutSelection {
     }
   }
 
-  // The count of parents says when to look; the look itself guards against a growing hierarchy whose links don't agree.
+  // Called when the count of expanded parents is complete. The parents are checked once more, since the links of a
+  // growing hierarchy may disagree.
   void consider(std::uint32_t group) {
     const auto parents = hierarchy_.parentsOf(group);
     if (!std::all_of(parents.begin(), parents.end(), [&](std::uint32_t parent) { return states_[parent].expanded; }))
@@ -155,7 +156,7 @@ class CutSelection {
     return error_px > 0.0F ? error_px : 0.0F;
   }
 
-  // Of all visible patches met on the way down, those whose producer was not expanded.
+  // The cut has the visible patches met on the way down whose producer was not expanded.
   void collectPatches() {
     cut_.triangles = 0;
     for (const std::uint32_t index : drawable_) {
@@ -168,7 +169,7 @@ class CutSelection {
     }
   }
 
-  // Popped largest first, but for groups whose parent's error is a rounding below their own.
+  // They were popped largest first, except where a parent's error is a rounding below its child's.
   void splitWanted() {
     std::stable_sort(wanted_.begin(), wanted_.end(),
                      [](const Candidate& a, const Candidate& b) { return lessUrgent(b, a); });
@@ -182,7 +183,7 @@ class CutSelection {
   const CutRequest& request_;
   const std::function<bool(std::uint32_t)>& available_;
   base::Frustum frustum_;
-  std::vector<GroupState> states_;
+  std::vector<GroupProgress> states_;
   std::vector<Candidate> heap_;
   std::vector<Candidate> wanted_;
   std::vector<std::uint8_t> visible_;    ///< of the group measured last, one per consumed patch

@@ -1,5 +1,5 @@
 #pragma once
-// Choosing a cut: which patches to draw for a view (Okamoto 2011, section 4.2; DESIGN section 4).
+// Chooses a cut: the patches to draw for a view (Okamoto 2011, section 4.2).
 #include <cstdint>
 #include <functional>
 #include <limits>

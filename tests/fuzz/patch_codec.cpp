@@ -45,8 +45,7 @@ namespace fuzz {
 std::vector<base::Bytes> seeds() {
   using lod::patch::encodePatch;
   return {encodePatch(drawnPatch(4, 100, false)), encodePatch(drawnPatch(9, 100'000, true)),
-          encodePatch(drawnPatch(20, 7, true)),
-          encodePatch(patch_testing::tornGrid())};
+          encodePatch(drawnPatch(20, 7, true)), encodePatch(patch_testing::tornGrid())};
 }
 
 void fuzzOne(base::ByteView bytes) {

@@ -11,12 +11,11 @@
 namespace lod::patch::builder {
 namespace {
 
-// With these, cuts of voxel graphs are as short as METIS makes them; a start less costs a hundredth of their length.
+// With four starts, cuts of voxel graphs are as short as METIS makes them; with three they are a hundredth longer.
 constexpr std::size_t kStarts = 4;
-constexpr std::size_t kPasses = 6;  // most graphs need two or three
+constexpr std::size_t kMaxPasses = 6;  // most graphs need two or three
 
-// How good a state is, lesser before greater: weight beyond what is allowed, length of the cut, distance from the
-// target.
+// The cost of a division: weight beyond the limits, then the length of the cut, then the distance from the target.
 struct Cost {
   std::int64_t excess = 0;
   std::int64_t cut = 0;
@@ -46,14 +45,14 @@ class Bisection {
   std::vector<std::int32_t> run() {
     std::vector<std::int32_t> best;
     Cost best_cost;
-    // Starts far from each other: each is the last to be reached from those before it.
+    // Starts lie far from each other: each is the last vertex to be reached from those before it.
     std::array<std::uint32_t, kStarts> starts{};
     breadthFirst(std::span(starts).first(1));
     for (std::size_t s = 0; s < kStarts; ++s) {
       starts[s] = order_[size_ - 1];
       breadthFirst(std::span(starts).subspan(s, 1));
       grow();
-      for (std::size_t pass = 0; pass < kPasses && refine(); ++pass) continue;
+      for (std::size_t pass = 0; pass < kMaxPasses && refine(); ++pass) continue;
       if (best.empty() || cost() < best_cost) best = sign_, best_cost = cost();
       if (s > 0) breadthFirst(std::span(starts).first(s + 1));
     }
@@ -62,7 +61,7 @@ class Bisection {
   }
 
  private:
-  // body(neighbour, weight of the edge)
+  // Calls body(neighbour, weight of the edge).
   template <class Body>
   void forEachNeighbor(std::uint32_t v, Body&& body) const {
     const std::int32_t* neighbors = graph_.neighbors.data();
@@ -71,14 +70,13 @@ class Bisection {
     for (std::int32_t e = graph_.row[v]; e < end; ++e) body(static_cast<std::uint32_t>(neighbors[e]), weights[e]);
   }
 
-  // All vertices into order_, those nearest to `from` first; what hangs together with nothing before it follows by
-  // number.
+  // Lists all vertices in order_, those nearest to `from` first. Other components follow by number.
   void breadthFirst(std::span<const std::uint32_t> from) {
     std::fill(seen_.begin(), seen_.end(), 0);
     std::uint8_t* seen = seen_.data();
     std::uint32_t* order = order_.data();
     std::uint32_t count = 0;
-    // No branches: whether a vertex is new cannot be foreseen.
+    // No branch could predict whether a vertex is new.
     const auto add = [&](std::uint32_t v) {
       order[count] = v;
       count += 1U - seen[v];
@@ -92,7 +90,7 @@ class Bisection {
     }
   }
 
-  // The first of order_ become side 0.
+  // The first vertices of order_ become side 0.
   void grow() {
     std::fill(sign_.begin(), sign_.end(), 1);
     left_ = 0;
@@ -105,7 +103,7 @@ class Bisection {
       std::int32_t within = 0;
       forEachNeighbor(v, [&](std::uint32_t u, std::int32_t w) { within += w * sign_[u]; });
       gain_[v] = -within * sign_[v];
-      sum += degree_[v] + gain_[v];  // twice what leads to the other side
+      sum += degree_[v] + gain_[v];  // twice the weight of the edges to the other side
     }
     cut_ = sum / 4;
   }
@@ -113,11 +111,11 @@ class Bisection {
   Cost cost() const {
     if (left_ == 0 || left_ == total_)
       return {std::numeric_limits<std::int64_t>::max(), cut_, 0};  // an empty side is worse than any weight
-    return {std::max<std::int64_t>({0, left_ - target_.most, target_.least - left_}), cut_,
+    return {std::max<std::int64_t>({0, left_ - target_.max, target_.min - left_}), cut_,
             std::abs(left_ - target_.weight)};
   }
 
-  // The vertex changes sides.
+  // Moves the vertex to the other side.
   void move(std::uint32_t v) {
     const std::int32_t from = sign_[v];
     cut_ -= gain_[v];
@@ -129,8 +127,8 @@ class Bisection {
     forEachNeighbor(v, [&](std::uint32_t u, std::int32_t w) { gain[u] += 2 * w * from * sign[u]; });
   }
 
-  // One pass: each vertex moves once at most, the one that shortens the cut the most first, from the side that is too
-  // heavy; then back to the best state met. False when that is where it started.
+  // Makes one pass. Each vertex moves once at most, from the side that is too heavy, the one that shortens the cut the
+  // most first; then the pass goes back to its best division. False when that is the one it started from.
   bool refine() {
     findNear();
     moved_.clear();
@@ -139,7 +137,7 @@ class Bisection {
     while (moved_.size() < kept + fruitless_moves_) {
       const std::size_t from = left_ > target_.weight ? 0 : 1;
       if (near_count_[from] == 0) break;
-      const std::uint32_t v = takeBest(from);
+      const std::uint32_t v = takeBestVertex(from);
       move(v);
       forEachNeighbor(v, [&](std::uint32_t u, std::int32_t) { addNear(u); });
       moved_.push_back(v);
@@ -164,11 +162,11 @@ class Bisection {
   }
 
   static constexpr std::int64_t kPlaces = std::int64_t{1} << 32;
-  std::uint32_t takeBest(std::size_t side) {
+  std::uint32_t takeBestVertex(std::size_t side) {
     std::uint32_t* near = near_[side].data();
     std::uint32_t& count = near_count_[side];
     const std::int32_t* gain = gain_.data();
-    // Gain and place in one number: the greatest is found without branches.
+    // Gain and place make one number, so the greatest is found without branches.
     std::int64_t best = std::numeric_limits<std::int64_t>::min();
     for (std::uint32_t i = 0; i < count; ++i) best = std::max(best, std::int64_t{gain[near[i]]} * kPlaces + i);
     const auto at = static_cast<std::uint32_t>(best & (kPlaces - 1));
@@ -181,18 +179,18 @@ class Bisection {
   const BisectionTarget target_;
   const std::uint32_t size_;
   std::vector<std::int32_t> sign_;    // −1: side 0, 1: side 1
-  std::vector<std::int32_t> gain_;    // by how much the cut is shorter once the vertex has changed sides
+  std::vector<std::int32_t> gain_;    // how much shorter the cut is once the vertex has changed sides
   std::vector<std::int32_t> degree_;  // weight of the vertex's edges
   std::int64_t cut_ = 0;
   std::int64_t left_ = 0;  // weight of side 0
   std::int64_t total_ = 0;
-  // Of a pass: vertices of each side at the cut that have not moved yet, and those that have.
+  // During a pass: the vertices of each side at the cut that have not moved yet, and those that have.
   std::array<std::vector<std::uint32_t>, 2> near_;
   std::array<std::uint32_t, 2> near_count_{};
   std::vector<std::uint32_t> moved_;
   std::vector<std::uint32_t> order_;
   std::vector<std::uint8_t> seen_;
-  const std::uint32_t fruitless_moves_;  // a pass ends after so many that led to nothing better
+  const std::uint32_t fruitless_moves_;  // a pass ends after this many moves without a better division
 };
 
 }  // namespace

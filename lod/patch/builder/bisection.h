@@ -1,7 +1,8 @@
 #pragma once
-// Cutting small graphs in two: one side grows from a vertex far out (graph growing), then vertices change sides while
-// that shortens the cut (Fiduccia, Mattheyses 1982), from several starts. Up to a few hundred vertices that finds cuts
-// as short as multilevel methods do, in less time, and asks no random numbers.
+// Cuts small graphs in two: one side grows from a vertex far out (graph growing), then vertices change sides while that
+// shortens the cut (Fiduccia and Mattheyses 1982, "A Linear-Time Heuristic for Improving Network Partitions"), from
+// several starts. Up to a few hundred vertices this finds cuts as short as multilevel methods do, in less time, and
+// needs no random numbers.
 #include <cstdint>
 #include <vector>
 
@@ -9,14 +10,14 @@
 
 namespace lod::patch::builder {
 
-/// What side 0 should weigh, and may; in vertex weights of the graph.
+/// The wanted weight of side 0 and its limits, in vertex weights of the graph.
 struct BisectionTarget {
   std::int64_t weight = 0;  ///< between 0 and the graph's
-  std::int64_t least = 0;
-  std::int64_t most = 0;
+  std::int64_t min = 0;
+  std::int64_t max = 0;
 };
-/// The side of each vertex, 0 or 1, both in use; outside least … most only where the grain of the vertices allows no
-/// better. `graph`: two vertices or more. Depends on the graph alone.
+/// The side of each vertex, 0 or 1, both in use. The weight is outside min … max only where the vertices are too heavy
+/// for better. `graph`: two vertices or more. The result depends on the graph alone.
 std::vector<std::int32_t> bisect(const Graph& graph, const BisectionTarget& target);
 
 }  // namespace lod::patch::builder

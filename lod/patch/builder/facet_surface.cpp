@@ -6,9 +6,10 @@ namespace lod::patch::builder {
 namespace {
 
 constexpr float kEpsilon = std::numeric_limits<float>::epsilon();
-// Facets thinner than this share of their length are measured by their edges: their walls say little.
+// Distances to facets thinner than this share of their length are measured to their edges, since their walls are
+// imprecise.
 constexpr double kThin = 2.4e-3;
-// The squared sine from which on the plane of a triangle says where over it a point lies.
+// Triangles whose squared sine is below this are too thin for their plane to tell where over them a point lies.
 constexpr double kSure = 1e-10;
 
 }  // namespace
@@ -16,15 +17,15 @@ constexpr double kSure = 1e-10;
 void FacetSurface::reset(const SurfaceView& surface) {
   surface_ = surface;
   const std::size_t triangles = surface.indices.size() / 3;
-  made_.assign(triangles, 0);
+  is_computed_.assign(triangles, 0);
   if (facets_.size() < triangles) facets_.resize(triangles);
   tree_.clear();
-  makeFans();
-  makeEdges();
+  buildFans();
+  buildEdges();
 }
 
-void FacetSurface::make(std::uint32_t t, Facet& f) {
-  made_[t] = 1;
+void FacetSurface::computeFacet(std::uint32_t t, Facet& f) {
+  is_computed_[t] = 1;
   const glm::vec3 a = surface_.positions[corner(t, 0)];
   const glm::vec3 b = surface_.positions[corner(t, 1)];
   const glm::vec3 c = surface_.positions[corner(t, 2)];
@@ -32,7 +33,7 @@ void FacetSurface::make(std::uint32_t t, Facet& f) {
   const Facet::FourPoints edge{Facet::Four{b.x, c.x, a.x, a.x} - f.corners.x,
                                Facet::Four{b.y, c.y, a.y, a.y} - f.corners.y,
                                Facet::Four{b.z, c.z, a.z, a.z} - f.corners.z};
-  // In double, where products of lattice vectors are exact: a sliver's plane is as good as any.
+  // Products of lattice vectors are exact in double, so a sliver's plane is as good as any.
   const glm::dvec3 n = glm::cross(glm::dvec3(edge[0]), glm::dvec3(edge[1]));
   const double area = std::sqrt(glm::dot(n, n));
   const Facet::Four length2 = edge.dot(edge);
@@ -57,7 +58,7 @@ FacetSurface::Spot FacetSurface::closest(std::uint32_t t, const glm::vec3& p) co
   const glm::vec3 ab = surface_.positions[corner(t, 1)] - corner0;
   const glm::vec3 ac = surface_.positions[corner(t, 2)] - corner0;
   const glm::vec3 ap = p - corner0;
-  // In double: slivers cancel most of it.
+  // In double, since slivers cancel most of these sums.
   const glm::dvec3 toward_b(ab);
   const glm::dvec3 toward_c(ac);
   const glm::dvec3 toward_p(ap);
@@ -69,21 +70,21 @@ FacetSurface::Spot FacetSurface::closest(std::uint32_t t, const glm::vec3& p) co
   const double area2 = bb * cc - bc * bc;
   Spot spot;
   float distance2 = std::numeric_limits<float>::max();
-  const auto look = [&](const glm::vec2& share) {
+  const auto tryPoint = [&](const glm::vec2& share) {
     const glm::vec3 d = share.x * ab + share.y * ac - ap;
     if (const float d2 = glm::dot(d, d); d2 < distance2) distance2 = d2, spot.share = share;
   };
   const double b_share = cc * pb - bc * pc;
   const double c_share = bb * pc - bc * pb;
   if (area2 > kSure * bb * cc && b_share >= 0.0 && c_share >= 0.0 && b_share + c_share <= area2) {
-    look(glm::vec2(glm::dvec2(b_share, c_share) / area2));
+    tryPoint(glm::vec2(glm::dvec2(b_share, c_share) / area2));
   } else {
     const float along = closestShare(ap - ab, ac - ab);
-    look({1.0F - along, along});
-    look({closestShare(ap, ab), 0.0F});
-    look({0.0F, closestShare(ap, ac)});
+    tryPoint({1.0F - along, along});
+    tryPoint({closestShare(ap, ab), 0.0F});
+    tryPoint({0.0F, closestShare(ap, ac)});
   }
-  // Differences of positions are exact; the shares may add up to one and a rounding.
+  // Differences of positions are exact. The shares may add up to 1 plus a rounding error, which the distance includes.
   spot.distance = std::sqrt(distance2);
   spot.distance += 16.0F * kEpsilon * (spot.distance + std::sqrt(static_cast<float>(std::max(bb, cc))));
   return spot;
@@ -94,8 +95,8 @@ glm::vec3 FacetSurface::colorAt(std::uint32_t t, const Spot& spot) const {
          spot.share.x * surface_.colors[corner(t, 1)] + spot.share.y * surface_.colors[corner(t, 2)];
 }
 
-// Triangles are sorted by their corners and sides by the lower of their ends, both by counting.
-void FacetSurface::makeFans() {
+// Sorts triangles by their corners and sides by the lower of their ends, both by counting.
+void FacetSurface::buildFans() {
   const std::size_t vertices = surface_.positions.size();
   fan_.assign(vertices + 1, 0);
   first_side_.assign(vertices + 1, 0);
@@ -119,12 +120,12 @@ void FacetSurface::makeFans() {
     const std::uint32_t b = corner(t, 1);
     const std::uint32_t c = corner(t, 2);
     for (const std::uint32_t v : {a, b, c}) around_[next_[v]++] = t;
-    // From each corner to the others in their order.
+    // Sides come in the order of the triangle's corners.
     addSide(a, b, t, 0), addSide(c, a, t, 2), addSide(b, c, t, 1);
   }
 }
 
-void FacetSurface::makeEdges() {
+void FacetSurface::buildEdges() {
   const auto vertices = static_cast<std::uint32_t>(surface_.positions.size());
   if (edges_.size() < sides_.size() + 1) edges_.resize(sides_.size() + 1);
   edge_of_.resize(sides_.size());
@@ -138,7 +139,7 @@ void FacetSurface::makeEdges() {
     const std::uint32_t first = count;
     for (std::uint32_t i = first_side_[a]; i < first_side_[a + 1]; ++i) {
       const auto [b, t, side] = sides_[i];
-      // Whether the edge is new is as good as random: it is written, and kept if it is.
+      // No branch could predict whether the edge is new: it is written, and the count decides whether it stays.
       const std::uint32_t number = seen[b];
       edges[count] = {{a, b}, {kNone, kNone}, 0};
       count += number <= first ? 1 : 0;
@@ -172,7 +173,7 @@ std::uint32_t FacetSurface::over(std::uint32_t v, const glm::vec3& p, float enou
     if (Facet::wallsWhere(in < 0.0F) != 0) continue;
     const float height = std::abs(in[3]);
     if (height > enough) continue;
-    // Each corner's share is the distance from the wall opposite, as a part of the corner's own.
+    // A corner's share is the height over the opposite wall, relative to the corner's own height.
     spot.share = {in[2] / glm::dot(f.wall(2), f.corner(1) - f.corner(0)),
                   in[0] / glm::dot(f.wall(0), f.corner(2) - f.corner(0))};
     spot.distance = height * (1.0F + 8.0F * kEpsilon) + f.roughness * (f.longest + glm::length(p - f.corner(0)));
@@ -192,7 +193,7 @@ std::uint32_t FacetSurface::descend(std::uint32_t t, const glm::vec3& p, float& 
 }
 
 std::uint32_t FacetSurface::search(const glm::vec3& p, float& distance2, std::uint32_t best, float enough2) {
-  if (tree_.isEmpty()) tree_.make(surface_.positions, surface_.indices);
+  if (tree_.isEmpty()) tree_.build(surface_.positions, surface_.indices);
   const auto distance2To = [&](std::uint32_t t) { return facet(t).distance2(p); };
   const std::uint32_t nearer = tree_.nearest(p, distance2, enough2, distance2To);
   return nearer != FacetTree::kNone ? nearer : best;

@@ -1,5 +1,5 @@
 #pragma once
-// A triangle mesh to measure distances to: facets with their planes and walls, edges, and what lies around a vertex.
+// A triangle mesh that distances are measured to: facets with their planes and walls, edges, and fans of vertices.
 #include <algorithm>
 #include <array>
 #include <bit>
@@ -13,6 +13,7 @@
 #include <xmmintrin.h>
 #endif
 
+#include "base/simd.h"
 #include "lod/patch/builder/facet_tree.h"
 
 namespace lod::patch::builder {
@@ -29,11 +30,12 @@ inline float closestShare(const glm::vec3& ap, const glm::vec3& ab) {
   return length2 > 0.0F ? std::clamp(glm::dot(ap, ab) / length2, 0.0F, 1.0F) : 0.0F;
 }
 
-/// One triangle with its plane and the three walls: planes through an edge (of corners k and k + 1), upright on the
-/// triangle, positive inside, in units of length. Walls and plane lie lane by lane: all four are measured at once.
+/// One triangle with its plane and its three walls. Wall k is the plane through the edge of corners k and k + 1,
+/// upright on the triangle, positive inside, in units of length. Walls and plane lie lane by lane, so all four are
+/// measured at once.
 struct Facet {
-  using Four = float __attribute__((vector_size(16)));
-  using FourMasks = std::int32_t __attribute__((vector_size(16)));
+  using Four = base::Float4;
+  using FourMasks = base::Int4;
   struct FourPoints {
     Four x{};
     Four y{};
@@ -45,16 +47,16 @@ struct Facet {
 
   FourPoints corners;      ///< lane 3: corner 0
   FourPoints planes;       ///< the walls; lane 3: the normal
-  float longest = 0.0F;    ///< of the edges
-  float roughness = 0.0F;  ///< rounding of what plane and walls say, per length
-  bool flat = false;       ///< has no area: plane and walls mean nothing
-  bool thin = false;       ///< measured by its edges
+  float longest = 0.0F;    ///< length of the longest edge
+  float roughness = 0.0F;  ///< rounding error of heights over plane and walls, per length
+  bool flat = false;       ///< the triangle has no area: plane and walls mean nothing
+  bool thin = false;       ///< distances are measured to the edges alone
 
   glm::vec3 corner(std::size_t k) const { return corners[k]; }
   glm::vec3 wall(std::size_t k) const { return planes[k]; }
   glm::vec3 normal() const { return planes[3]; }
 
-  /// How far p lies inside of each wall; lane 3: how high over the plane.
+  /// The height of p over each wall, positive inside; lane 3: over the plane.
   Four inside(const glm::vec3& p) const { return planes.dot(toward(p)); }
 
   /// The walls whose lanes are set, as bits.
@@ -66,8 +68,8 @@ struct Facet {
 #endif
   }
 
-  /// Over the triangle: the distance to its plane. Else: to the nearest of the edges that p lies beyond; one of them
-  /// holds the closest point. Squared.
+  /// The squared distance from p. Over the triangle that is the distance to its plane, else to the nearest of the edges
+  /// that p lies beyond, since one of these holds the closest point.
   float distance2(const glm::vec3& p) const {
     const FourPoints to = toward(p);
     const Four in = planes.dot(to);
@@ -78,7 +80,7 @@ struct Facet {
     return std::min({counted[0], counted[1], counted[2]});
   }
 
-  /// From p to the edge of corners k and k + 1, squared.
+  /// Squared distances from p to the edges of corners k and k + 1.
   Four edgeDistances2(const glm::vec3& p) const {
     return edgeDistances2(toward(p));
   }
@@ -108,7 +110,7 @@ class FacetSurface {
 
   struct Edge {
     std::array<std::uint32_t, 2> vertex{kNone, kNone};
-    std::array<std::uint32_t, 2> triangle{kNone, kNone};  ///< the first two
+    std::array<std::uint32_t, 2> triangle{kNone, kNone};  ///< the first two of its triangles
     std::uint32_t triangles = 0;                          ///< 1: a border
 
     bool isInner() const { return triangles == 2; }
@@ -117,38 +119,39 @@ class FacetSurface {
     std::uint32_t otherEnd(std::uint32_t v) const { return vertex[0] == v ? vertex[1] : vertex[0]; }
   };
 
-  /// Everything of an earlier surface is forgotten; memory is kept.
+  /// Forgets an earlier surface, but keeps its memory.
   void reset(const SurfaceView& surface);
 
   const SurfaceView& view() const { return surface_; }
-  std::uint32_t triangleCount() const { return static_cast<std::uint32_t>(made_.size()); }
+  std::uint32_t triangleCount() const { return static_cast<std::uint32_t>(is_computed_.size()); }
   std::uint32_t corner(std::uint32_t t, std::size_t k) const { return surface_.indices[3 * std::size_t{t} + k]; }
 
-  /// Which corner of t is v, one of the three.
+  /// The place of vertex v among the corners of t, which has it.
   std::size_t cornerOf(std::uint32_t t, std::uint32_t v) const {
     return corner(t, 0) == v ? 0 : corner(t, 1) == v ? 1 : 2;
   }
 
   const Facet& facet(std::uint32_t t) {
-    if (made_[t] == 0) make(t, facets_[t]);
+    if (is_computed_[t] == 0) computeFacet(t, facets_[t]);
     return facets_[t];
   }
 
-  /// A point of a triangle, its corner 0 + share[0] * edge to corner 1 + share[1] * edge to corner 2.
+  /// A point of a triangle: corner 0 + share[0] · (corner 1 − corner 0) + share[1] · (corner 2 − corner 0).
   struct Spot {
     glm::vec2 share{0.0F};
     float distance = 0.0F;
   };
-  /// The point of triangle t closest to p, or nearly; no farther from p than `distance`.
+  /// The point of triangle t closest to p, up to rounding; it is no farther from p than its `distance`.
   Spot closest(std::uint32_t t, const glm::vec3& p) const;
-  /// Only where there are colours.
+  /// The interpolated colour there; only for a surface with colours.
   glm::vec3 colorAt(std::uint32_t t, const Spot& spot) const;
 
-  /// Each once: those of vertex 0, then the others of vertex 1, …; at a vertex in the order of triangles and corners.
+  /// Each edge once: those of vertex 0, then the others of vertex 1, …; at a vertex in the order of triangles and
+  /// corners.
   std::span<const Edge> edges() const { return {edges_.data(), edge_count_}; }
   /// The edge of corners k and k + 1.
   std::uint32_t edgeOf(std::uint32_t t, std::size_t k) const { return edge_of_[3 * std::size_t{t} + k]; }
-  /// Those of corners 0 and 1, 1 and 2, 2 and 0.
+  /// The edges of corners 0 and 1, 1 and 2, 2 and 0.
   std::span<const std::uint32_t, 3> edgesOf(std::uint32_t t) const {
     return std::span<const std::uint32_t, 3>(edge_of_.data() + 3 * std::size_t{t}, 3);
   }
@@ -161,19 +164,19 @@ class FacetSurface {
   /// Some triangle beyond that edge, or kNone.
   std::uint32_t neighbor(std::uint32_t t, std::size_t k) const { return edges_[edgeOf(t, k)].across(t); }
 
-  /// Its triangles, in rising order.
+  /// The triangles at vertex v, in rising order.
   std::span<const std::uint32_t> around(std::uint32_t v) const {
     return {around_.data() + fan_[v], fan_[v + 1] - fan_[v]};
   }
-  /// A border edge that leads away from v in the sense of its triangle, and one that leads to it; kNone: v is not on a
-  /// border.
+  /// A border edge that leads away from v in the winding of its triangle, and one that leads to it; kNone: v is not on
+  /// a border.
   std::uint32_t leavingBorder(std::uint32_t v) const { return border_[v].leaving; }
   std::uint32_t arrivingBorder(std::uint32_t v) const { return border_[v].arriving; }
-  /// Where border edge e begins in that sense.
+  /// The vertex where border edge e begins in that winding.
   std::uint32_t borderStart(std::uint32_t e) const;
 
-  /// The facet around vertex v that is nearest to p (or near enough), if nearer than distance2 (which is updated); else
-  /// `best`.
+  /// The facet around vertex v that is nearest to p, or one within enough2, if it is nearer than distance2 (which is
+  /// updated); else `best`.
   std::uint32_t nearestAround(std::uint32_t v, const glm::vec3& p, float& distance2, std::uint32_t best,
                               float enough2 = 0.0F) {
     for (const std::uint32_t t : around(v)) {
@@ -182,26 +185,26 @@ class FacetSurface {
     }
     return best;
   }
-  /// The first facet around vertex v that p lies over, no higher than `enough`, with the point of it that p lies over;
-  /// kNone: none. Thin ones are not asked.
+  /// The first facet around vertex v that p lies over, no higher than `enough`, and the point under p; kNone: there is
+  /// none. Thin facets do not count.
   std::uint32_t over(std::uint32_t v, const glm::vec3& p, float enough, Spot& spot);
-  /// From a facet on to nearer ones around its corners, while that helps and it is not near enough.
+  /// Goes from a facet to nearer ones around its corners until none is nearer, or one is within enough2.
   std::uint32_t descend(std::uint32_t t, const glm::vec3& p, float& distance2, float enough2);
-  /// Of all facets the one nearest to p (or near enough), if nearer than distance2 (which is updated); else `best`.
+  /// The facet nearest to p, or one within enough2, if it is nearer than distance2 (which is updated); else `best`.
   std::uint32_t search(const glm::vec3& p, float& distance2, std::uint32_t best, float enough2 = 0.0F);
 
  private:
-  void make(std::uint32_t t, Facet& f);
-  void makeFans();
-  void makeEdges();
+  void computeFacet(std::uint32_t t, Facet& f);
+  void buildFans();
+  void buildEdges();
 
   SurfaceView surface_;
-  // Facets are made when first asked for: many never are.
+  // Facets are computed when they are first asked for, since many never are.
   std::vector<Facet> facets_;
-  std::vector<std::uint8_t> made_;
+  std::vector<std::uint8_t> is_computed_;
   std::vector<std::uint32_t> fan_;
   std::vector<std::uint32_t> around_;
-  std::vector<Edge> edges_;  // and room for more
+  std::vector<Edge> edges_;  // edge_count_ of them, and room for more
   std::uint32_t edge_count_ = 0;
   std::vector<std::uint32_t> edge_of_;
   struct Border {
@@ -209,8 +212,8 @@ class FacetSurface {
     std::uint32_t arriving = kNone;
   };
   std::vector<Border> border_;  // per vertex
-  // While it is made: the sides of triangles at each vertex that lead to a later one; one more than the edge that led
-  // to each vertex last.
+  // These are used by reset() alone: the sides of triangles at each vertex that lead to a later vertex, and per vertex
+  // the number, plus 1, of the edge that led to it last.
   struct Side {
     std::uint32_t end = 0;
     std::uint32_t triangle = 0;
@@ -221,7 +224,7 @@ class FacetSurface {
   std::vector<std::uint32_t> next_side_;
   std::vector<Side> sides_;
   std::vector<std::uint32_t> seen_;
-  FacetTree tree_;  // made when first asked
+  FacetTree tree_;  // built by the first search()
 };
 
 }  // namespace lod::patch::builder

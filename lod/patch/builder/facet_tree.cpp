@@ -4,7 +4,7 @@
 
 namespace lod::patch::builder {
 
-void FacetTree::make(std::span<const glm::vec3> positions, std::span<const std::uint32_t> indices) {
+void FacetTree::build(std::span<const glm::vec3> positions, std::span<const std::uint32_t> indices) {
   LUMIGRID_CHECK(!indices.empty());
   boxes_.clear(), first_.clear();
   below_.resize(indices.size() / 3);

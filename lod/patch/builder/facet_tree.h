@@ -1,6 +1,6 @@
 #pragma once
-// A tree of boxes around the triangles of one group, for nearest searches. They are taken as they come, as stored
-// patches have neighbours next to each other: to sort them first costs more than it saves.
+// A tree of boxes around the triangles of one group, for nearest searches. Triangles stay in their order: neighbours
+// lie next to each other in stored patches, and sorting costs more than it saves.
 #include <algorithm>
 #include <array>
 #include <cstdint>
@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "base/geometry.h"
+#include "base/simd.h"
 
 namespace lod::patch::builder {
 
@@ -18,15 +19,14 @@ class FacetTree {
  public:
   static constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 
-  /// Is nothing in it?
   bool isEmpty() const { return first_.empty(); }
   /// Forgets the triangles; memory is kept.
   void clear() { first_.clear(); }
   /// positions: whole numbers below 2^22. indices: 3 per triangle; one triangle or more, at most 4^16.
-  void make(std::span<const glm::vec3> positions, std::span<const std::uint32_t> indices);
+  void build(std::span<const glm::vec3> positions, std::span<const std::uint32_t> indices);
 
-  /// The triangle t of least measure(t), the squared distance of p from it, if that is below distance2 (which is
-  /// updated); else kNone. One at most enough2 is as good as any.
+  /// The triangle t of the least measure(t), which is the squared distance of p from it, if that is below distance2
+  /// (which is updated); else kNone. The search ends at any triangle within enough2.
   template <class Measure>
   std::uint32_t nearest(const glm::vec3& p, float& distance2, float enough2, Measure&& measure) const {
     struct Open {
@@ -42,7 +42,7 @@ class FacetTree {
       const Open at = open[--count];
       if (!(at.distance2 < distance2)) continue;
       const Four far2 = boxes_[first_[at.level] + at.node].distance2(p);
-      // The nearest last, which is looked into first.
+      // Boxes are sorted so that the nearest lies last and is opened first.
       const std::size_t first = count;
       for (std::uint32_t k = 0; k < kSiblings; ++k) {
         if (!(far2[k] < distance2)) continue;
@@ -64,10 +64,11 @@ class FacetTree {
   static constexpr std::uint32_t kSiblings = 4;
   static constexpr std::size_t kMaxLevels = 16;
 
-  using Four = float __attribute__((vector_size(16)));
+  using Four = base::Float4;
   static constexpr float kNothing = -std::numeric_limits<float>::infinity();
 
-  /// Four boxes side by side: centres and half sizes, exact as positions are whole; where those are −∞ there is none.
+  /// Four boxes side by side, by centres and half sizes, which are exact for whole positions. A half size of −∞ marks a
+  /// box that is not there.
   struct Boxes {
     alignas(16) float center[3][kSiblings] = {};
     alignas(16) float half[3][kSiblings] = {{kNothing, kNothing, kNothing, kNothing},
@@ -89,11 +90,11 @@ class FacetTree {
     }
   };
 
-  // Level 0 has a box for each triangle, in fours; child k of node n of any other is node 4 n + k of the level below.
-  // The last has one node.
+  // Level 0 has a box for each triangle, in fours. Child k of node n of any other level is node 4 n + k of the level
+  // below. The last level has one node.
   std::vector<Boxes> boxes_;
   std::vector<std::size_t> first_;  // per level: its first in boxes_
-  std::vector<base::Aabb> below_;   // while it is made: of the level at hand
+  std::vector<base::Aabb> below_;   // while the tree is built: the boxes of the level below
 };
 
 }  // namespace lod::patch::builder

@@ -10,17 +10,17 @@
 namespace lod::patch::builder {
 namespace {
 
-constexpr std::size_t kAhead = 24;  // triangles to be fetched: they lie anywhere
+constexpr std::size_t kAhead = 24;  // triangles are requested so far ahead, since they lie anywhere in memory
 
 using Triple = std::array<std::uint32_t, 3>;
 
 // The corners from the smallest on, in their winding.
-Triple turned(const std::uint32_t* c) {
+Triple rotated(const std::uint32_t* c) {
   if (c[0] < c[1] && c[0] < c[2]) return {c[0], c[1], c[2]};
   return c[1] < c[2] ? Triple{c[1], c[2], c[0]} : Triple{c[2], c[0], c[1]};
 }
 
-// Whether two of a few triangles may be the same: a look at the sums of their corners, which mostly tells.
+// Whether two of the triangles may be the same. For a few of them the sums of their corners mostly tell.
 bool mayHoldDuplicates(const CodedMesh& mesh, std::span<const ingest::KeyedIndex> triangles) {
   constexpr std::size_t kFew = 8;
   if (triangles.size() > kFew) return true;
@@ -34,7 +34,7 @@ bool mayHoldDuplicates(const CodedMesh& mesh, std::span<const ingest::KeyedIndex
   return alike;
 }
 
-// Of triangles that are the same, wound alike, the first stays. They share a median code, so they lie together.
+// Keeps the first of triangles with the same corners and winding. They share a median code, so they lie together.
 std::uint64_t dropDuplicates(const CodedMesh& mesh, std::vector<ingest::KeyedIndex>& sorted) {
   std::vector<std::pair<Triple, std::uint32_t>> same;
   std::vector<std::uint8_t> drop(sorted.size(), 0);
@@ -44,7 +44,7 @@ std::uint64_t dropDuplicates(const CodedMesh& mesh, std::vector<ingest::KeyedInd
     if (end - begin < 2 || !mayHoldDuplicates(mesh, std::span(sorted).subspan(begin, end - begin))) continue;
     same.clear();
     for (std::size_t i = begin; i < end; ++i)
-      same.emplace_back(turned(&mesh.indices[3 * std::size_t{sorted[i].index}]), static_cast<std::uint32_t>(i));
+      same.emplace_back(rotated(&mesh.indices[3 * std::size_t{sorted[i].index}]), static_cast<std::uint32_t>(i));
     std::sort(same.begin(), same.end());
     for (std::size_t i = 1; i < same.size(); ++i)
       if (same[i].first == same[i - 1].first) drop[same[i].second] = 1, ++dropped;
@@ -57,13 +57,13 @@ std::uint64_t dropDuplicates(const CodedMesh& mesh, std::vector<ingest::KeyedInd
   return dropped;
 }
 
-// The mesh's vertices, and the sorted triangles' corners by them, in the order in which they come there.
+// Numbers the mesh's vertices in the order in which the sorted triangles use them.
 void numberVertices(const ingest::Buckets::NumberedBucket& read, std::span<const ingest::KeyedIndex> sorted,
                     CodedMesh& mesh) {
   mesh.indices.resize(3 * sorted.size());
   std::uint32_t* index = mesh.indices.data();
   const auto first = [&](std::size_t i) { return 3 * std::size_t{sorted[std::min(i, sorted.size() - 1)].index}; };
-  // Those that have a number get another; else their codes tell.
+  // Vertices that have a number in the bucket get a new one; without numbers, their codes identify them.
   if (const std::vector<std::uint32_t>& known = read.mesh.number; !known.empty()) {
     std::vector<std::uint32_t> number(read.mesh.codes.size(), ingest::CodeMap::kNone);
     mesh.codes.reserve(number.size());
@@ -99,7 +99,7 @@ base::Result<BucketLeaves> makeLeaves(const ingest::Buckets& buckets, std::size_
   if (buckets.triangles(bucket) == 0) return out;
   LUMIGRID_ASSIGN_OR_RETURN(auto read, buckets.readKept(bucket));
 
-  // Triangles by voxels first: whatever looks at them or at their vertices later finds neighbours side by side.
+  // Triangles are sorted by voxels first, so that later steps find neighbours side by side.
   const std::size_t triangles = read.corners.size() / 3;
   std::vector<ingest::KeyedIndex> sorted(triangles);
   for (std::uint32_t t = 0; t < triangles; ++t) {
@@ -113,7 +113,7 @@ base::Result<BucketLeaves> makeLeaves(const ingest::Buckets& buckets, std::size_
   const std::size_t vertices = mesh.codes.size();
   mesh.positions.reserve(vertices);
   for (const std::uint64_t code : mesh.codes) mesh.positions.push_back(ingest::mortonPoint(code));
-  // Of a mesh without colours and normals, their sums would be so much memory to fetch for nothing.
+  // For a mesh without colours and normals only the facets' normals are summed, which takes less memory traffic.
   const bool attributes = buckets.hasColors() || buckets.hasNormals();
   std::vector<ingest::VertexSums> sums(attributes ? vertices : 0);
   std::vector<glm::i64vec3> faces(attributes ? 0 : vertices, glm::i64vec3(0));
@@ -130,7 +130,7 @@ base::Result<BucketLeaves> makeLeaves(const ingest::Buckets& buckets, std::size_
   for (std::uint32_t t = 0; t < triangles; ++t) sorted[t].index = t;
   read = {};
 
-  // Border vertices take what all buckets together say of them.
+  // Border vertices get the sums of all buckets.
   std::vector<std::uint8_t> outer(vertices, 0);
   const ingest::BorderVertices& border = buckets.border();
   mesh.normals.reserve(vertices);

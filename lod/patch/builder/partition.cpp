@@ -23,15 +23,16 @@ std::mutex& metisMutex() {
   return mutex;
 }
 
-enum class Kind { kRecursive, kKway };
+enum class MetisMethod { kRecursive, kKway };
 
-// One METIS call. False when METIS refuses (out of memory): the caller then falls back to the order of the vertices.
-bool callMetis(Kind kind, const Graph& graph, std::int32_t parts, std::vector<float>& shares,
+// Calls METIS. False when METIS refuses (out of memory); the caller then divides by the order of the vertices.
+bool callMetis(MetisMethod method, const Graph& graph, std::int32_t parts, std::vector<float>& shares,
                std::vector<std::int32_t>& part) {
   std::array<idx_t, METIS_NOPTIONS> options{};
   METIS_SetDefaultOptions(options.data());
   options[METIS_OPTION_SEED] = 1;
-  options[METIS_OPTION_UFACTOR] = kind == Kind::kKway ? 100 : 20;  // parts may be 10 % or 2 % heavier than their share
+  options[METIS_OPTION_UFACTOR] =
+      method == MetisMethod::kKway ? 100 : 20;  // parts may be 10 % or 2 % heavier than their share
 
   auto size = static_cast<idx_t>(graph.size());
   idx_t constraints = 1;
@@ -39,14 +40,14 @@ bool callMetis(Kind kind, const Graph& graph, std::int32_t parts, std::vector<fl
   // METIS takes its input through pointers to non-const, and leaves it as it is.
   auto input = [](const std::vector<std::int32_t>& v) { return const_cast<idx_t*>(v.data()); };
   part.assign(graph.size(), 0);
-  const auto function = kind == Kind::kKway ? METIS_PartGraphKway : METIS_PartGraphRecursive;
+  const auto function = method == MetisMethod::kKway ? METIS_PartGraphKway : METIS_PartGraphRecursive;
   const std::lock_guard lock(metisMutex());
   return function(&size, &constraints, input(graph.row), input(graph.neighbors), input(graph.vertex_weights), nullptr,
                   input(graph.edge_weights), &parts, shares.empty() ? nullptr : shares.data(), nullptr, options.data(),
                   &cut, part.data()) == METIS_OK;
 }
 
-// The first vertices in order, up to `share` of the weight, against the rest; both sides get at least one.
+// Side 0 gets the first vertices in order, up to `share` of the weight; both sides get at least one.
 void splitByOrder(const Graph& graph, double share, std::vector<std::int32_t>& part) {
   const double total = std::accumulate(graph.vertex_weights.begin(), graph.vertex_weights.end(), 0.0);
   double sum = 0.0;
@@ -84,22 +85,22 @@ Graph inducedGraph(const Graph& graph, const std::vector<std::int32_t>& part, st
   return sub;
 }
 
-// The piece each vertex belongs to, pieces numbered 0, 1, … by their first vertex; returns how many.
-std::uint32_t connectedPieces(const Graph& graph, std::vector<std::int32_t>& piece) {
-  piece.assign(graph.size(), -1);
+// Finds the component of each vertex, numbered 0, 1, … by first vertex; returns their count.
+std::uint32_t connectedComponents(const Graph& graph, std::vector<std::int32_t>& component) {
+  component.assign(graph.size(), -1);
   std::vector<std::uint32_t> open;
   std::int32_t count = 0;
   for (std::uint32_t first = 0; first < graph.size(); ++first) {
-    if (piece[first] >= 0) continue;
-    piece[first] = count;
+    if (component[first] >= 0) continue;
+    component[first] = count;
     open.push_back(first);
     while (!open.empty()) {
       const std::uint32_t v = open.back();
       open.pop_back();
       for (auto e = static_cast<std::size_t>(graph.row[v]); e < static_cast<std::size_t>(graph.row[v + 1]); ++e) {
         const auto other = static_cast<std::uint32_t>(graph.neighbors[e]);
-        if (piece[other] >= 0) continue;
-        piece[other] = count;
+        if (component[other] >= 0) continue;
+        component[other] = count;
         open.push_back(other);
       }
     }
@@ -119,18 +120,18 @@ class RecursiveBisection {
   }
 
   void run(const Graph& graph, const std::vector<std::uint32_t>& vertices) {
-    std::vector<std::int32_t> piece;
-    const std::uint32_t count = connectedPieces(graph, piece);
-    if (count == 1) return cut(graph, vertices);
+    std::vector<std::int32_t> component;
+    const std::uint32_t count = connectedComponents(graph, component);
+    if (count == 1) return cutConnected(graph, vertices);
     std::vector<Part> pieces(count);
     for (std::size_t v = 0; v < graph.size(); ++v) {
-      Part& p = pieces[static_cast<std::size_t>(piece[v])];
+      Part& p = pieces[static_cast<std::size_t>(component[v])];
       p.weight += graph.vertex_weights[v];
       if (!extents_.empty()) p.extent.add(extents_[vertices[v]]);
     }
-    pack(pieces);
+    packComponents(pieces);
     for (std::size_t v = 0; v < graph.size(); ++v) {
-      const Part& p = pieces[static_cast<std::size_t>(piece[v])];
+      const Part& p = pieces[static_cast<std::size_t>(component[v])];
       if (p.number != kNone) part_[vertices[v]] = p.number;
     }
     std::vector<std::int32_t> local(graph.size());
@@ -138,20 +139,19 @@ class RecursiveBisection {
       if (pieces[p].number != kNone) continue;
       std::vector<std::uint32_t> below;
       for (std::size_t v = 0; v < graph.size(); ++v)
-        if (piece[v] == static_cast<std::int32_t>(p)) below.push_back(vertices[v]);
-      cut(inducedGraph(graph, piece, static_cast<std::int32_t>(p), local), below);
+        if (component[v] == static_cast<std::int32_t>(p)) below.push_back(vertices[v]);
+      cutConnected(inducedGraph(graph, component, static_cast<std::int32_t>(p), local), below);
     }
   }
-  std::vector<std::uint32_t> take() { return std::move(part_); }
+  std::vector<std::uint32_t> takeParts() { return std::move(part_); }
 
  private:
-  // Up to so many vertices METIS takes longer than bisect(), and cuts no better.
+  // Up to this many vertices METIS takes longer than bisect() and cuts no better (measured on voxel graphs of scans).
   static constexpr std::size_t kMaxBisected = 1024;
-  // 7 % of a part stay free for imbalance and for the grain of the vertices, so that few parts need one more cut.
+  // 7 % of a part stay free for imbalance and heavy vertices, so that few parts need one more cut.
   static constexpr double kFilled = 0.93;
 
-  // Pieces that nothing ties share a part where that is not much wider than parts of one piece are: so many times the
-  // share of the whole that a part's weight makes of it.
+  // Small components share a part if it is at most this many times as wide as a part of one surface (partition.h).
   static constexpr double kSpread = 2.0;
   static constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 
@@ -161,8 +161,8 @@ class RecursiveBisection {
     std::uint32_t number = kNone;
   };
 
-  // Numbers pieces that fit one part; the nearest of the last few parts that have room takes each.
-  void pack(std::vector<Part>& pieces) {
+  // Numbers components that fit into one part: each goes to the nearest of the last few parts that have room.
+  void packComponents(std::vector<Part>& pieces) {
     constexpr std::size_t kOpen = 16;
     std::vector<Part> open;
     for (Part& piece : pieces) {
@@ -189,8 +189,8 @@ class RecursiveBisection {
     }
   }
 
-  // A graph in one piece, or a single vertex of any weight.
-  void cut(const Graph& graph, const std::vector<std::uint32_t>& vertices) {
+  // Divides a connected graph.
+  void cutConnected(const Graph& graph, const std::vector<std::uint32_t>& vertices) {
     const std::int64_t weight =
         std::accumulate(graph.vertex_weights.begin(), graph.vertex_weights.end(), std::int64_t{0});
     if (weight <= max_weight_ || graph.size() < 2) {
@@ -209,29 +209,29 @@ class RecursiveBisection {
   }
 
   std::vector<std::int32_t> twoSides(const Graph& graph, std::int64_t weight) const {
-    const double most = static_cast<double>(max_weight_);
-    const double needed = std::max(2.0, std::ceil(static_cast<double>(weight) / (kFilled * most)));
+    const auto max_weight = static_cast<double>(max_weight_);
+    const double needed = std::max(2.0, std::ceil(static_cast<double>(weight) / (kFilled * max_weight)));
     const double left = std::floor(needed / 2.0);
     if (graph.size() <= kMaxBisected) {
       const auto whole = static_cast<double>(weight);
       BisectionTarget target;
       target.weight = std::llround(left / needed * whole);
-      target.most = mostOfSide(left, left / needed * whole);
-      target.least = weight - mostOfSide(needed - left, (needed - left) / needed * whole);
+      target.max = maxOfSide(left, left / needed * whole);
+      target.min = weight - maxOfSide(needed - left, (needed - left) / needed * whole);
       return bisect(graph, target);
     }
     std::vector<float> shares{static_cast<float>(left / needed), static_cast<float>(1.0 - left / needed)};
     std::vector<std::int32_t> side;
-    const bool done = callMetis(Kind::kRecursive, graph, 2, shares, side);
+    const bool done = callMetis(MetisMethod::kRecursive, graph, 2, shares, side);
     const auto zeros = std::count(side.begin(), side.end(), 0);
     if (!done || zeros == 0 || zeros == static_cast<std::ptrdiff_t>(side.size()))
       splitByOrder(graph, left / needed, side);
     return side;
   }
 
-  // What a side of so many parts may weigh: a single part may be full, several must not need one more. Between 2 % and
-  // 10 % over its share.
-  std::int64_t mostOfSide(double parts, double share) const {
+  // The largest weight of a side of so many parts. A single part may be full; several must not need one more. It is
+  // between 2 % and 10 % over the side's share.
+  std::int64_t maxOfSide(double parts, double share) const {
     const double room = (parts > 1.0 ? kFilled : 1.0) * parts * static_cast<double>(max_weight_);
     return static_cast<std::int64_t>(std::clamp(room, 1.02 * share, 1.1 * share));
   }
@@ -324,15 +324,15 @@ std::vector<std::uint32_t> partitionRecursively(const Graph& graph, std::int64_t
   std::vector<std::uint32_t> all(graph.size());
   std::iota(all.begin(), all.end(), 0U);
   if (!all.empty()) bisection.run(graph, all);
-  return bisection.take();
+  return bisection.takeParts();
 }
 
 std::vector<std::uint32_t> partitionIntoParts(const Graph& graph, std::uint32_t parts) {
   if (parts <= 1 || graph.size() <= 1) return std::vector<std::uint32_t>(graph.size(), 0);
   std::vector<float> equal_shares;
   std::vector<std::int32_t> part;
-  const Kind kind = parts > 8 ? Kind::kKway : Kind::kRecursive;
-  if (!callMetis(kind, graph, static_cast<std::int32_t>(parts), equal_shares, part))
+  const MetisMethod method = parts > 8 ? MetisMethod::kKway : MetisMethod::kRecursive;
+  if (!callMetis(method, graph, static_cast<std::int32_t>(parts), equal_shares, part))
     for (std::size_t v = 0; v < part.size(); ++v) part[v] = static_cast<std::int32_t>(v * parts / part.size());
   return withoutGaps(part, parts);
 }

@@ -1,8 +1,9 @@
 #pragma once
-// Graph partitioning behind plain graphs: large ones by METIS (Karypis, Kumar 1998), small ones by bisection.h.
+// Partitions graphs: large ones by METIS (Karypis and Kumar 1998, "A Fast and High Quality Multilevel Scheme for
+// Partitioning Irregular Graphs"), small ones by bisection.h.
 //
-// METIS 5.1 draws from the C library's one random state: every call of it takes one lock and starts from a fixed seed,
-// so results depend on the graph alone, whatever runs beside it.
+// METIS 5.1 draws from the C library's one random state. So every call of it takes one lock and starts from a fixed
+// seed: results depend on the graph alone, whatever other threads do.
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <limits>
@@ -11,8 +12,8 @@
 
 namespace lod::patch::builder {
 
-/// Undirected graph with weights, in compressed rows: neighbours of v are neighbors[row[v]] … neighbors[row[v + 1] −
-/// 1].
+/// An undirected graph with weights, in compressed rows: the neighbours of v are neighbors[row[v]] … neighbors[row[v +
+/// 1] − 1].
 struct Graph {
   std::vector<std::int32_t> row{0};
   std::vector<std::int32_t> neighbors;
@@ -32,7 +33,7 @@ Graph graphFromEdges(std::vector<std::int32_t> vertex_weights, std::vector<Weigh
 
 /// Components of the graph: the component number of each vertex, numbered by first vertex.
 std::vector<std::uint32_t> components(std::size_t vertices, std::span<const WeightedEdge> edges);
-/// Edges of weight 1 between neighbours in `order` that lie in different components: what makes a graph connected.
+/// Adds edges of weight 1 between neighbours in `order` that lie in different components, which connects the graph.
 void tieComponents(std::span<const std::uint32_t> order, std::vector<WeightedEdge>& edges);
 
 /// The box a vertex of a graph stands for.
@@ -49,10 +50,10 @@ struct Extent {
 };
 
 /// Bisects recursively (in the ratio of the parts still needed on each side) until no part weighs more than
-/// `max_weight`, unless it is a single vertex. Pieces of the graph that no edge ties are cut each on its own; small
-/// ones share parts, where `extents` (one per vertex, or none) say that they lie near each other: a part of several is
-/// no wider than twice what its largest share of the weight makes of the whole's surface, 2 D √(max_weight / weight).
-/// Returns the part of each vertex, numbered 0, 1, … without gaps in order of the recursion.
+/// `max_weight`, unless it is a single vertex. Each component is cut on its own. Small components share parts if their
+/// `extents` (one per vertex, or none) lie near each other: a shared part is at most twice as wide as a part of one
+/// surface would be, 2 D √(max_weight / weight) for a whole of diagonal D. Returns the part of each vertex, numbered
+/// 0, 1, … without gaps in order of the recursion.
 std::vector<std::uint32_t> partitionRecursively(const Graph& graph, std::int64_t max_weight,
                                                 std::span<const Extent> extents = {});
 

@@ -14,12 +14,12 @@ namespace {
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 
 template <class T>
-void takeAll(const std::vector<T>& from, std::span<const std::uint32_t> places, std::vector<T>& to) {
+void gather(const std::vector<T>& from, std::span<const std::uint32_t> places, std::vector<T>& to) {
   to.resize(places.size());
   for (std::size_t i = 0; i < places.size(); ++i) to[i] = from[places[i]];
 }
 
-// Box, sphere and cone of the geometry as it will be drawn.
+// Fills in box, sphere and cone of the geometry as it will be drawn, and its counts.
 void describe(const lod::patch::PatchGeometry& geometry, const Lattice& lattice, lod::patch::Patch& record) {
   std::vector<glm::vec3> points(geometry.positions.size());
   for (std::size_t v = 0; v < points.size(); ++v) points[v] = lattice.position(geometry.positions[v]);
@@ -81,12 +81,12 @@ std::vector<std::vector<std::uint32_t>> splitTriangles(const CodedMesh& mesh,
 std::vector<NewPatch> makePatches(const CodedMesh& mesh, const std::vector<std::vector<std::uint32_t>>& parts,
                                   std::span<const std::uint8_t> outer, std::span<const std::uint16_t> errors,
                                   const Lattice& lattice, std::uint32_t level) {
-  // Which vertices several parts use.
+  // Vertices that several parts use are border.
   std::vector<std::uint8_t> border(outer.begin(), outer.end());
   std::vector<std::uint32_t> owner(mesh.positions.size(), kNone);
-  // Of the parts' triangles one after another.
+  // The corners of the parts' triangles, one part after the other.
   const auto corners = std::make_unique_for_overwrite<std::uint32_t[]>(mesh.indices.size());
-  constexpr std::size_t kAhead = 16;  // triangles to be fetched: they lie anywhere
+  constexpr std::size_t kAhead = 16;  // triangles are requested so far ahead, since they lie anywhere in memory
   std::size_t next = 0;
   for (std::uint32_t p = 0; p < parts.size(); ++p)
     for (std::size_t i = 0; i < parts[p].size(); ++i) {
@@ -101,11 +101,12 @@ std::vector<NewPatch> makePatches(const CodedMesh& mesh, const std::vector<std::
 
   std::vector<NewPatch> patches;
   patches.reserve(parts.size());
-  // Numbers within a patch, counted on from patch to patch: those below the patch's first are of no meaning to it.
+  // Numbers of vertices within a patch. They count on from patch to patch: a number below a patch's first one is an
+  // earlier patch's, so nothing has to be cleared.
   std::vector<std::uint32_t>& local = owner;
   std::fill(local.begin(), local.end(), 0);
   std::uint32_t first_number = 1;
-  std::vector<std::uint32_t> room;  // for the vertices that a patch uses
+  std::vector<std::uint32_t> room;  // the vertices that a patch uses
   std::vector<std::uint32_t> order;
   next = 0;
   for (const auto& part : parts) {
@@ -115,7 +116,7 @@ std::vector<NewPatch> makePatches(const CodedMesh& mesh, const std::vector<std::
     if (room.size() < 3 * part.size()) room.resize(3 * part.size());
     std::uint32_t count = 0;
     for (std::uint16_t& index : geometry.indices) {
-      // Which vertices are new cannot be foreseen: a mask chooses.
+      // No branch could predict which vertices are new: a mask chooses.
       const std::uint32_t v = corners[next++];
       const std::uint32_t is_new = local[v] < first_number ? 1 : 0;
       const std::uint32_t number = local[v] ^ ((local[v] ^ (first_number + count)) & (0U - is_new));
@@ -126,9 +127,9 @@ std::vector<NewPatch> makePatches(const CodedMesh& mesh, const std::vector<std::
     }
     first_number += count;
     const std::span<const std::uint32_t> used(room.data(), count);
-    takeAll(mesh.positions, used, geometry.positions);
-    takeAll(mesh.normals, used, geometry.normals);
-    if (!mesh.colors.empty()) takeAll(mesh.colors, used, geometry.colors);
+    gather(mesh.positions, used, geometry.positions);
+    gather(mesh.normals, used, geometry.normals);
+    if (!mesh.colors.empty()) gather(mesh.colors, used, geometry.colors);
     for (const std::uint32_t v : used)
       if (border[v] != 0) patch.border.push_back(mesh.codes[v]);
     std::sort(patch.border.begin(), patch.border.end());

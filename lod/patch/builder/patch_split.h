@@ -1,5 +1,5 @@
 #pragma once
-// Triangles cut into patches (Okamoto 2011, section 4.1, step 2), and what a patch's record says about its geometry.
+// Cuts triangles into patches (Okamoto 2011, section 4.1, step 2), and fills in the patches' records.
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -10,11 +10,11 @@
 
 namespace lod::patch::builder {
 
-/// What a triangle carries from level to level: errorCode() of SurfaceError's toward, from and color.
+/// A triangle carries errorCode() of SurfaceError's toward, from and color from level to level.
 inline constexpr std::size_t kErrorCodes = 3;
 inline constexpr std::size_t kErrorBytes = kErrorCodes * sizeof(std::uint16_t);
 
-/// A surface on the lattice, vertices known by their Morton codes.
+/// A surface on the lattice. Morton codes identify its vertices.
 struct CodedMesh {
   std::vector<glm::ivec3> positions;
   std::vector<std::uint64_t> codes;    ///< of the positions; no two are equal
@@ -25,19 +25,19 @@ struct CodedMesh {
   TriangleView view() const { return {positions, indices}; }
 };
 
-/// Triangles by the voxels they belong to.
+/// The triangles, sorted by the voxels that they belong to.
 std::vector<ingest::KeyedIndex> sortedByVoxel(const CodedMesh& mesh, std::uint32_t bits);
 
-/// Triangle numbers of each part: voxels of at most `voxel_triangles`, their graph, bisection until no part has
-/// more than `max_triangles`.
+/// Divides the triangles into parts of at most `max_triangles`: the graph of voxels of at most `voxel_triangles` is
+/// bisected until no part is larger. Returns the triangle numbers of each part.
 std::vector<std::vector<std::uint32_t>> splitTriangles(const CodedMesh& mesh,
                                                        std::span<const ingest::KeyedIndex> sorted, std::uint32_t bits,
                                                        std::uint32_t voxel_triangles, std::uint32_t max_triangles,
                                                        TieWeight weight);
 
-/// The parts as encoded patches of a level. `outer[v]` != 0: the vertex may be shared with patches that are not among
-/// the parts; it and those shared between parts are listed as border. `errors`: kErrorCodes codes per triangle of the
-/// mesh, or empty.
+/// Encodes the parts as patches of a level. `outer[v]` != 0: patches that are not among the parts may share the vertex.
+/// Such vertices and those that parts share are listed as border. `errors`: kErrorCodes codes per triangle of the mesh,
+/// or empty.
 std::vector<NewPatch> makePatches(const CodedMesh& mesh, const std::vector<std::vector<std::uint32_t>>& parts,
                                   std::span<const std::uint8_t> outer, std::span<const std::uint16_t> errors,
                                   const Lattice& lattice, std::uint32_t level);

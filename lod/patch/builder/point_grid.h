@@ -14,9 +14,9 @@ class PointGrid {
  public:
   static constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 
-  /// Of positions[i] for every i in `members`; about one point in a cell.
+  /// Holds positions[i] for every i in `members`, about one point in a cell.
   PointGrid(std::span<const glm::vec3> positions, std::span<const std::uint32_t> members) : positions_(positions) {
-    // Cells of equal sides, at most about twice as many as points.
+    // Cells have equal sides; there are at most about twice as many as points.
     glm::vec3 low(std::numeric_limits<float>::max());
     glm::vec3 high(std::numeric_limits<float>::lowest());
     for (const std::uint32_t m : members) low = glm::min(low, positions[m]), high = glm::max(high, positions[m]);
@@ -43,12 +43,12 @@ class PointGrid {
     for (const std::uint32_t m : members) members_[next[cellNumber(cellOf(positions[m]))]++] = m;
   }
 
-  /// The member nearest to p for which accept(member) holds, or kNone. Any is near enough at a squared distance of
-  /// `enough2`.
+  /// The member nearest to p for which accept(member) holds, or kNone. The search ends at any member within a squared
+  /// distance of `enough2`.
   template <class Accept>
   std::uint32_t nearest(const glm::vec3& p, Accept&& accept, float enough2 = 0.0F) const {
     const glm::ivec3 center = cellOf(p);
-    // What is outside the grid is searched from its border: that much farther away.
+    // A point outside the grid starts from the nearest cell, so rings are farther from it than `reach` says.
     const int rings = std::max({count_.x, count_.y, count_.z});
     std::uint32_t best = kNone;
     float best2 = std::numeric_limits<float>::max();
@@ -75,7 +75,7 @@ class PointGrid {
                static_cast<std::size_t>(count_.x) +
            static_cast<std::size_t>(c.x);
   }
-  // Cells at Chebyshev distance `ring` that lie in the grid.
+  // Calls body(cell) for the cells of the grid at Chebyshev distance `ring`.
   template <class Body>
   void forRing(const glm::ivec3& center, int ring, Body&& body) const {
     for (int z = std::max(0, center.z - ring); z <= std::min(count_.z - 1, center.z + ring); ++z) {

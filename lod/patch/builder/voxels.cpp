@@ -33,7 +33,7 @@ class OctreeWalk {
       begin = middle;
     }
   }
-  std::vector<Voxel> take() { return std::move(voxels_); }
+  std::vector<Voxel> takeVoxels() { return std::move(voxels_); }
 
  private:
   std::span<const ingest::KeyedIndex> sorted_;
@@ -42,11 +42,11 @@ class OctreeWalk {
 };
 
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
-constexpr std::size_t kAhead = 16;  // triangles to be fetched: they lie anywhere
+constexpr std::size_t kAhead = 16;  // triangles are requested so far ahead, since they lie anywhere in memory
 
 // The voxel whose cell contains a lattice point, or kNone where no triangle is.
 std::uint32_t voxelAt(std::span<const Voxel> voxels, std::uint64_t code) {
-  // The last that begins at or before it. No branches: which way the search goes cannot be foreseen.
+  // Finds the last voxel that begins at or before it. No branch could predict which way the search goes.
   const Voxel* voxel = voxels.data();
   for (std::size_t left = voxels.size(); left > 1;) {
     const std::size_t half = left / 2;
@@ -57,7 +57,7 @@ std::uint32_t voxelAt(std::span<const Voxel> voxels, std::uint64_t code) {
   return static_cast<std::uint32_t>(voxel - voxels.data());
 }
 
-// Every pair of voxels whose cells share a face, once: each voxel asks for neighbours of at least its own size.
+// Every pair of voxels whose cells share a face, once: each voxel looks for neighbours of at least its own size.
 std::vector<WeightedEdge> faceAdjacency(std::span<const Voxel> voxels, std::uint32_t bits) {
   std::vector<WeightedEdge> edges;
   const std::int32_t limit = std::int32_t{1} << bits;
@@ -76,13 +76,13 @@ std::vector<WeightedEdge> faceAdjacency(std::span<const Voxel> voxels, std::uint
   return edges;
 }
 
-// Edges of weight 1 between the voxel that met a mesh vertex first and the others that use it, one for each use: about
-// the length of the seam between them.
+// Edges between the first voxel that uses a mesh vertex and the others that do, of weight 1 for each use. Their sum is
+// about the length of the seam between two voxels.
 std::vector<WeightedEdge> meshAdjacency(const TriangleView& triangles, std::span<const ingest::KeyedIndex> sorted,
                                         std::span<const Voxel> voxels) {
   std::vector<WeightedEdge> edges;
   std::vector<std::uint32_t> first_voxel(triangles.positions.size(), kNone);
-  // Summed voxel by voxel: `uses` of each voxel met, and those that were.
+  // Uses are summed voxel by voxel: `uses` counts for each other voxel, and `met` lists those that count.
   std::vector<std::int32_t> uses(voxels.size(), 0);
   std::vector<std::uint32_t> met(voxels.size() + 1);
   for (std::uint32_t v = 0; v < voxels.size(); ++v) {
@@ -92,7 +92,7 @@ std::vector<WeightedEdge> meshAdjacency(const TriangleView& triangles, std::span
       __builtin_prefetch(&triangles.indices[3 * std::size_t{sorted[std::min(i + kAhead, sorted.size() - 1)].index}]);
       for (std::size_t k = 0; k < 3; ++k) {
         std::uint32_t& first = first_voxel[triangles.indices[3 * std::size_t{sorted[i].index} + k]];
-        const std::uint32_t other = std::min(first, v);  // they come in order
+        const std::uint32_t other = std::min(first, v);  // voxels come in rising order
         first = other;
         if (static_cast<int>(other == v) | static_cast<int>(other == last)) continue;
         last = other;
@@ -121,8 +121,8 @@ std::vector<glm::vec3> meanNormals(const TriangleView& triangles, std::span<cons
   return normals;
 }
 
-// The paper's weight, inner products −1 … 1 mapped to 1 … 16: METIS wants positive integers, and surfaces that face
-// away from each other are tied no more than by touching.
+// The paper's weight, the inner product, mapped to 1 … 16, since METIS takes positive integers. Surfaces that face away
+// from each other weigh 1 for touching.
 std::int32_t normalWeight(const glm::vec3& a, const glm::vec3& b) {
   return 1 + static_cast<std::int32_t>(std::lround(15.0F * std::max(0.0F, glm::dot(a, b))));
 }
@@ -133,7 +133,7 @@ std::vector<Voxel> makeVoxels(std::span<const ingest::KeyedIndex> sorted, std::u
                               std::uint32_t max_triangles) {
   OctreeWalk walk(sorted, max_triangles);
   walk.visit(0, sorted.size(), bits);
-  return walk.take();
+  return walk.takeVoxels();
 }
 
 std::vector<Extent> voxelExtents(const TriangleView& triangles, std::span<const ingest::KeyedIndex> sorted,
@@ -155,7 +155,8 @@ std::vector<Extent> voxelExtents(const TriangleView& triangles, std::span<const 
 
 Graph voxelGraph(const TriangleView& triangles, std::span<const ingest::KeyedIndex> sorted,
                  std::span<const Voxel> voxels, std::uint32_t bits, TieWeight weight) {
-  // Ties over faces and ties by the mesh; sharing vertices weighs only where the cut's length is what counts.
+  // Voxels are tied over their faces and by the mesh. With normals as weights, the number of shared vertices is
+  // dropped.
   std::vector<WeightedEdge> edges = faceAdjacency(voxels, bits);
   const std::vector<WeightedEdge> mesh_edges = meshAdjacency(triangles, sorted, voxels);
   edges.insert(edges.end(), mesh_edges.begin(), mesh_edges.end());

@@ -26,7 +26,7 @@ std::size_t borderBytes(const WorkPatch& patch) {
   return sizeof(std::uint64_t) * patch.border_codes;
 }
 
-// `offset` is where the payload lies in the file. False when it is no payload.
+// `offset`: where the payload lies in the file. False if the bytes are not a payload.
 bool readPayload(base::ByteView payload, std::uint64_t offset, WorkUnit& unit, std::vector<WorkPatch>& patches) {
   base::ByteReader in(payload);
   unit.level = in.u32();
@@ -67,9 +67,9 @@ base::Result<WorkStore> WorkStore::open(const std::string& path, bool resume,
 base::Result<std::vector<WorkPatch>> WorkStore::add(const WorkUnit& unit, std::vector<NewPatch> patches) {
   const base::Bytes payload = payloadOf(unit, patches);
   LUMIGRID_ASSIGN_OR_RETURN(const auto offset, log_.add(payload));
-  WorkUnit again;
+  WorkUnit unused;
   std::vector<WorkPatch> stored;
-  (void)readPayload(payload, offset, again, stored);
+  (void)readPayload(payload, offset, unused, stored);
   return stored;
 }
 

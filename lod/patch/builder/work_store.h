@@ -1,7 +1,7 @@
 #pragma once
-// The patches made so far, on disk, and the journal of how far the work has come in one: a record per finished bucket
-// of leaves and per finished group, each with its checksum. A record is there whole or not at all, so a builder that
-// was killed goes on behind the last whole one.
+// The patches built so far, on disk. The file is also the journal of the build: it has a record per finished bucket of
+// leaves and per finished group, each with its checksum. A record is there whole or not at all, so a builder that was
+// killed goes on behind the last whole one.
 #include <cstdint>
 #include <functional>
 #include <string>
@@ -13,46 +13,47 @@
 
 namespace lod::patch::builder {
 
-/// A patch as its maker hands it over.
+/// A patch that is not in the store yet.
 struct NewPatch {
   lod::patch::Patch record;           ///< box, bounds, cone, counts, level
   std::vector<std::uint64_t> border;  ///< Morton codes of the vertices it may share with other patches, ascending
-  base::Bytes encoded;                ///< lod::patch::encodePatch
-  base::Bytes errors;                 ///< what its triangles carry along (kErrorBytes each); empty for leaves
+  base::Bytes encoded;                ///< by lod::patch::encodePatch()
+  base::Bytes errors;                 ///< kErrorBytes for each triangle; empty for leaves
 };
 
-/// A patch in the store. Numbers of producer and consumer are of the order in which groups are made.
+/// A patch in the store. Producer and consumer are numbered in the order in which groups are built.
 struct WorkPatch {
   lod::patch::Patch record;
-  std::uint64_t offset = 0;  ///< of its bytes in the store: border codes, encoded, errors
+  std::uint64_t offset = 0;  ///< where its bytes lie in the store: border codes, encoded patch, errors
   std::uint32_t border_codes = 0;
   std::uint32_t encoded_bytes = 0;
   std::uint32_t error_bytes = 0;
 };
 
-/// One piece of work: the leaves of a bucket (level 0), or what a group made (level of its products). A group that was
-/// made again has two units; the second one's index is behind those of all groups of the level.
+/// One finished unit of work: the leaves of a bucket (level 0), or the products of a group (their level). A group that
+/// was rebuilt has two units; the second one's index is behind those of all groups of the level.
 struct WorkUnit {
   std::uint32_t level = 0;
-  std::uint32_t index = 0;  ///< of the bucket, or of the group within its level
-  lod::patch::Group group;  ///< bounds and errors; of no meaning at level 0
-  ErrorHistogram errors;    ///< of the group's products, in lattice steps and squares of them
+  std::uint32_t index = 0;  ///< the bucket, or the group within its level
+  lod::patch::Group group;  ///< bounds and errors; without meaning at level 0
+  ErrorHistogram errors;    ///< the group's products, in lattice steps and their squares
 };
 
 class WorkStore {
  public:
-  /// `path` is created, or continued behind its last whole record when `resume`. Every record found is told to `found`
-  /// in the order in which they were written. Errors: kNoSpace, kIo.
+  /// Creates the file, or with `resume` continues it behind its last whole record. Calls `found` for every record
+  /// there, in the order of writing. Errors: kNoSpace, kIo.
   static base::Result<WorkStore> open(const std::string& path, bool resume,
                                       const std::function<void(const WorkUnit&, std::vector<WorkPatch>)>& found);
 
   /// Writes one record; safe from several threads. Returns the patches as they lie in the store.
   base::Result<std::vector<WorkPatch>> add(const WorkUnit& unit, std::vector<NewPatch> patches);
-  /// The codes of its border vertices, as its maker gave them. `codes` is written over.
+  /// The codes of the patch's border vertices, ascending. `codes` is written over.
   base::Result<void> readBorder(const WorkPatch& patch, std::vector<std::uint64_t>& codes) const;
-  /// The encoded bytes of a patch.
+  /// The encoded bytes of the patch.
   base::Result<base::Bytes> encoded(const WorkPatch& patch) const;
-  /// Those and behind them what its triangles carry along: encoded_bytes + error_bytes in all. `bytes` is written over.
+  /// The encoded bytes and behind them its triangles' errors: encoded_bytes + error_bytes in all. `bytes` is written
+  /// over.
   base::Result<void> readWhole(const WorkPatch& patch, base::Bytes& bytes) const;
   std::uint64_t bytes() const { return log_.size(); }
 

@@ -18,7 +18,7 @@ TEST(FacetTree, FindsTheNearestOfAll) {
     std::vector<glm::vec3> positions;
     for (const glm::vec3& p : mesh.positions) positions.push_back(glm::round((p + 2.0F) * 1000.0F));
     FacetTree tree;
-    tree.make(positions, mesh.indices);
+    tree.build(positions, mesh.indices);
     std::uniform_real_distribution<float> at(-1000.0F, 5000.0F);
     for (int i = 0; i < 300; ++i) {
       const glm::vec3 p(at(random), at(random), at(random));
