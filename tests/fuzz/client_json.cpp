@@ -1,4 +1,4 @@
-// settings.json and a server's answer to a pick, as anybody may have written them.
+// Reads arbitrary settings.json files and answers to a pick.
 #include <cmath>
 
 #include "base/check.h"

@@ -1,5 +1,5 @@
-// Links that anybody may write: a view within its limits or one line of complaint, and what was read is written and
-// read again as the same view.
+// Reads arbitrary links: each gives a view within its limits or a one-line error, and a link that was read is written
+// and read again as the same view.
 #include "client/app/permalink.h"
 
 #include <cmath>
@@ -30,7 +30,7 @@ void fuzzOne(base::ByteView bytes) {
   LUMIGRID_CHECK(view->pivot_distance > 0.0 && view->pivot_distance <= protocol::kMaxCoordinate);
   LUMIGRID_CHECK(view->fov_y > 0.0 && view->fov_y < 3.0);
 
-  // Its own form is short, and stays as it is.
+  // The written form is short, and stable.
   const std::string link = client::formatPermalink(*view);
   LUMIGRID_CHECK(link.size() <= client::kMaxPermalink);
   const auto again = client::parsePermalink(link);

@@ -1,4 +1,4 @@
-// The viewer's behaviour with pictures: what is drawn, and when nothing is.
+// Tests the App with pictures: what is drawn, and when nothing is.
 #include <gtest/gtest.h>
 
 #include "base/egl/headless.h"
@@ -32,7 +32,7 @@ class AppGl : public ::testing::Test {
     settle();
   }
   void hear(const base::Bytes& message) { ASSERT_TRUE(bool(app->session().receive(message))); }
-  /// The loop of a platform until nothing more is drawn; how many frames that took.
+  /// Runs a platform's loop until nothing more is drawn; returns the number of frames.
   int settle() {
     int frames = 0;
     for (int i = 0; i < 200; ++i) {

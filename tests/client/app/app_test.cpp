@@ -1,4 +1,4 @@
-// The viewer's behaviour by scripted events; no GL: the surface is a plane that the test knows.
+// Tests the App by scripted events, without GL: the surface is a plane that the test knows.
 #include "client/app/app.h"
 
 #include <gtest/gtest.h>
@@ -44,7 +44,7 @@ class AppTest : public ::testing::Test {
     for (double left = seconds; left > 1e-9; left -= 0.05) app->advance(now += std::min(left, 0.05));
   }
 
-  /// The horizontal plane through the middle of the model, where the ray of a pixel meets it.
+  /// Intersects the ray of a pixel with the horizontal plane through the middle of the model.
   std::optional<glm::dvec3> plane(const base::ViewCamera& camera, double x, double y) const {
     ++surface_asked;
     const glm::dvec3 right = glm::normalize(glm::cross(camera.direction, camera.up));
@@ -126,7 +126,7 @@ class AppTest : public ::testing::Test {
 
 // ---- before and after the scene is known ----
 
-TEST_F(AppTest, beforeTheSceneIsKnownEventsDoNothingBad) {
+TEST_F(AppTest, eventsBeforeTheSceneIsKnownAreHarmless) {
   drag(mouse(100, 100), 50, 50);
   app->wheel(1.0, 10, 10, now);
   for (int k = 0; k <= static_cast<int>(Key::k9); ++k) press(static_cast<Key>(k));
@@ -171,7 +171,7 @@ TEST_F(AppTest, rightMiddleAndShiftDragMoveTheSurfaceWithThePointer) {
     welcome();
     const glm::dvec3 direction = app->view().direction;
     const base::ViewCamera camera = app->camera();
-    const glm::dvec3 held = *plane(camera, 410, 300);  // where the pan begins: the edge of the pointer's circle
+    const glm::dvec3 held = *plane(camera, 410, 300);  // the pan begins at the edge of the pointer's circle
     drag(from, 100, 0);
     EXPECT_EQ(app->view().direction, direction);
     EXPECT_LT(glm::length(*plane(app->camera(), 500, 300) - held), 1e-6 * app->view().pivot_distance);
@@ -232,7 +232,7 @@ TEST_F(AppTest, reducedMotionJumps) {
   EXPECT_GT(glm::length(pivot() - middle()), 1e-3);
 }
 
-TEST_F(AppTest, aTouchEndsAFlight) {
+TEST_F(AppTest, aPressEndsAFlight) {
   welcome();
   drag(mouse(400, 300), 200, 0);
   press(Key::kR);
@@ -258,7 +258,7 @@ TEST_F(AppTest, overBackgroundNothingIsFound) {
 TEST_F(AppTest, everyFlyingKeyGoesItsWay) {
   struct Way {
     Key key;
-    int axis;  // of the camera: right, up, forward
+    int axis;  // axis of the camera: right, up, forward
     double sign;
   };
   for (const Way& way : {Way{Key::kW, 2, 1.0}, Way{Key::kS, 2, -1.0}, Way{Key::kA, 0, -1.0}, Way{Key::kD, 0, 1.0},
@@ -312,7 +312,7 @@ TEST_F(AppTest, ctrlArrowsTurnAndPlusMinusZoom) {
   EXPECT_NEAR(app->view().pivot_distance, distance, 0.05 * distance);
 }
 
-TEST_F(AppTest, FFramesTheModelFromHereAndRGoesBackToTheFirstView) {
+TEST_F(AppTest, keyFFramesTheModelFromHereAndKeyRGoesBackToTheFirstView) {
   welcome();
   const ViewState first = app->view();
   drag(mouse(400, 300), 150, 20);
@@ -331,7 +331,7 @@ TEST_F(AppTest, FFramesTheModelFromHereAndRGoesBackToTheFirstView) {
   }
 }
 
-TEST_F(AppTest, lettersToggleWhatTheySay) {
+TEST_F(AppTest, lettersToggleTheirModes) {
   welcome();
   const struct {
     Key key;
@@ -360,7 +360,7 @@ TEST_F(AppTest, aKeyThatRepeatsItselfTogglesOnce) {
   EXPECT_TRUE(app->view().statistics);
 }
 
-TEST_F(AppTest, whatBelongsToTheSystemIsLeftToIt) {
+TEST_F(AppTest, keysOfTheSystemAreLeftToIt) {
   welcome();
   for (const Key key : {Key::kC, Key::kP, Key::kR, Key::kV, Key::kF, Key::kS, Key::kD})
     EXPECT_FALSE(press(key, kCtrlDown));
@@ -369,11 +369,11 @@ TEST_F(AppTest, whatBelongsToTheSystemIsLeftToIt) {
   EXPECT_FALSE(press(Key::kNone));
 }
 
-TEST_F(AppTest, everyKeyInTheHelpMeansSomething) {
+TEST_F(AppTest, everyKeyInTheHelpHasAnEffect) {
   welcome();
   app->setAnnotations({note(middle())});
-  press(Key::kX);  // page up and down move a plane
-  press(Key::kM);  // backspace takes a point back
+  press(Key::kX);  // page up and down need a plane
+  press(Key::kM);  // backspace needs a point
   for (int k = static_cast<int>(Key::kW); k <= static_cast<int>(Key::k9); ++k) {
     const Key key = static_cast<Key>(k);
     if (key == Key::kShift) continue;
@@ -453,7 +453,7 @@ TEST_F(AppTest, aBadLinkChangesNothingAndSaysSo) {
   EXPECT_TRUE(app->toasts()[0].error);
 }
 
-TEST_F(AppTest, VAsksToCopyTheLinkAndPForAPicture) {
+TEST_F(AppTest, keyVRequestsTheLinksCopyAndKeyPAPicture) {
   welcome();
   press(Key::kV);
   const auto copies = requests(RequestKind::kCopyLink);
@@ -467,7 +467,7 @@ TEST_F(AppTest, VAsksToCopyTheLinkAndPForAPicture) {
   for (const char* name : {"section", "colors", "ortho_height"})
     EXPECT_EQ(pictures[0].text.find(name), std::string::npos) << pictures[0].text;
 
-  // With all that a viewer may lay over it.
+  // The picture may have all overlays that a viewer can show.
   for (const Key key : {Key::kX, Key::kC, Key::kO}) press(key);
   press(Key::kP);
   const auto more = requests(RequestKind::kSavePicture);
@@ -476,7 +476,7 @@ TEST_F(AppTest, VAsksToCopyTheLinkAndPForAPicture) {
     EXPECT_NE(more[0].text.find(name), std::string::npos) << more[0].text;
 }
 
-TEST_F(AppTest, GAsksForTheSettings) {
+TEST_F(AppTest, keyGRequestsTheSettings) {
   welcome();
   press(Key::kG);
   EXPECT_EQ(requests(RequestKind::kShowSettings).size(), 1U);
@@ -517,7 +517,7 @@ TEST_F(AppTest, aDistanceIsMeasuredRoughlyAtOnceAndThenExactly) {
   EXPECT_EQ(values[0].text.substr(0, 5), "about");
   EXPECT_EQ(app->lines().size(), 1U);
 
-  // The answers, on the ray that was asked for.
+  // Answer with points on the requested rays.
   const auto picks = requests(RequestKind::kPick);
   ASSERT_EQ(picks.size(), 2U);
   for (const auto& [pick, place] : {std::pair(picks[0], a), std::pair(picks[1], b)}) {
@@ -533,7 +533,7 @@ TEST_F(AppTest, aDistanceIsMeasuredRoughlyAtOnceAndThenExactly) {
   EXPECT_NEAR(points[0].x, 300.0, 1e-6);
   EXPECT_NEAR(points[1].y, 330.0, 1e-6);
 
-  // A double click ends the chain, Escape the mode.
+  // A double click ends the chain; Escape leaves the mode.
   now += 1.0;
   click(600, 350);
   click(600, 350);
@@ -544,7 +544,7 @@ TEST_F(AppTest, aDistanceIsMeasuredRoughlyAtOnceAndThenExactly) {
   EXPECT_TRUE(labels(LabelKind::kPoint).empty());
 }
 
-TEST_F(AppTest, MGoesOnToAnglesAndThenLeaves) {
+TEST_F(AppTest, keyMGoesOnToAnglesAndThenLeaves) {
   welcome();
   press(Key::kM);
   press(Key::kM);
@@ -590,14 +590,14 @@ TEST_F(AppTest, anAnswerThatNobodyCanGiveLeavesThePointApproximate) {
 
 // ---- the section plane ----
 
-TEST_F(AppTest, XGoesThroughTheAxesFromUpAndThenOff) {
+TEST_F(AppTest, keyXGoesThroughTheAxesFromUpAndThenOff) {
   welcome();
   std::vector<int> axes;
   while (press(Key::kX) && app->view().section.on) axes.push_back(app->view().section.axis);
   EXPECT_EQ(axes, (std::vector<int>{2, 0, 1}));
 }
 
-TEST_F(AppTest, thePlaneCutsTheNearHalfOffAndShiftXTheOther) {
+TEST_F(AppTest, thePlaneCutsTheNearHalfOffAndShiftXTheFarHalf) {
   welcome();
   press(Key::kX);
   EXPECT_TRUE(app->view().section.keep_below) << "seen from above";
@@ -617,7 +617,7 @@ TEST_F(AppTest, keysAndItsHandleMoveThePlaneWithinTheModel) {
   hold(Key::kPageDown, 60.0);
   EXPECT_NEAR(app->view().section.offset, middle().z - 0.5 * extent().z, 1e-6);
 
-  press(Key::kX);  // x: the model is wide that way
+  press(Key::kX);  // the x axis, along which the model is wide
   const auto handle = labels(LabelKind::kSectionHandle);
   ASSERT_EQ(handle.size(), 1U);
   const glm::dvec3 before = position();
@@ -679,7 +679,7 @@ TEST_F(AppTest, pinsThatLookAwayOrAreCutOffAreHidden) {
   EXPECT_FALSE(labels(LabelKind::kPin)[2].visible);
 }
 
-TEST_F(AppTest, tooManyNotesAreCutWithAWord) {
+TEST_F(AppTest, tooManyNotesAreCutWithAToast) {
   std::vector<Annotation> many(kMaxAnnotations + 5, note({}));
   app->setAnnotations(std::move(many));
   EXPECT_EQ(app->annotations().size(), kMaxAnnotations);
@@ -717,7 +717,7 @@ TEST_F(AppTest, theProgressBarComesOnlyWhenItTakesAWhile) {
   EXPECT_GE(app->progress().share, 0.0);
 }
 
-TEST_F(AppTest, settingsRuleTheViewer) {
+TEST_F(AppTest, settingsSetTheViewersOptions) {
   Settings settings;
   settings.cache_megabytes = 64.0;
   settings.points = 4.0;
@@ -734,7 +734,7 @@ TEST_F(AppTest, settingsRuleTheViewer) {
   EXPECT_TRUE(requests(RequestKind::kKeepSettings).empty());
 }
 
-/// Only takes what it is told.
+/// Records the quality that it is given.
 class PlainSplats final : public SplatView {
  public:
   bool pump(Session&, double) override { return false; }
@@ -757,10 +757,10 @@ class PlainSplats final : public SplatView {
   int times = 0;
 
  private:
-  SplatQuality quality_{lod::draw::SplatKernel::kSquare, 3.0F, 0.5};  // a command line's
+  SplatQuality quality_{lod::draw::SplatKernel::kSquare, 3.0F, 0.5};  // as a command line may have set it
 };
 
-TEST_F(AppTest, settingsOfSplatsTakeEffectAtOnceAndLeaveWhatACommandLineSaid) {
+TEST_F(AppTest, settingsOfSplatsTakeEffectAtOnceAndKeepTheCommandLinesValues) {
   open({}, Method::kQsplat);
   const auto splats = std::make_shared<PlainSplats>();
   app->viewer().setSplats(splats);
@@ -777,7 +777,7 @@ TEST_F(AppTest, settingsOfSplatsTakeEffectAtOnceAndLeaveWhatACommandLineSaid) {
   for (const char* name : {"splat", "cutoff", "frame_rate"}) EXPECT_FALSE(findSetting(name)->from_next_start) << name;
 }
 
-TEST_F(AppTest, numbersThatAreNoneAreNoEvents) {
+TEST_F(AppTest, eventsWithoutFiniteNumbersAreIgnored) {
   welcome();
   const ViewState before = app->view();
   const double nan = std::nan("");
@@ -807,7 +807,7 @@ TEST_F(AppTest, theMagnifyingGlassFollowsItsPointerAndTheViewStandsStill) {
   };
   EXPECT_LT(glm::length(middleOfRim() - glm::dvec2(400.0, 300.0)), 1e-6);
 
-  // Pressed within, it comes along; beside it, the view turns as ever.
+  // A press inside drags the glass; a press beside it turns the view as usual.
   const std::string before = app->permalink();
   drag(mouse(420.0, 310.0), -300.0, -110.0);
   EXPECT_TRUE(app->wantsFrame());

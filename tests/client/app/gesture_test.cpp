@@ -61,7 +61,7 @@ TEST(Gesture, aShortStillPressIsAClickAndASecondOneADoubleClick) {
   EXPECT_TRUE(click(reader, mouse(100, 100, 5.0, PointerButton::kRight)).empty());
 }
 
-TEST(Gesture, aLongPressIsNothing) {
+TEST(Gesture, aLongPressHasNoEffect) {
   GestureReader reader;
   reader.down(finger(1, 100, 100, 0.0));
   EXPECT_TRUE(reader.up(finger(1, 101, 100, 1.5)).empty());
@@ -80,7 +80,7 @@ TEST(Gesture, twoFingersPanAndPinchAtOnce) {
   EXPECT_EQ(moved[0].y, 110.0);
   EXPECT_NEAR(moved[1].factor, std::hypot(200.0, 20.0) / 100.0, 1e-12);
 
-  // One goes: the other may orbit, from where it is and after leaving its circle.
+  // When one finger goes, the other may orbit, from where it is and after leaving its circle.
   EXPECT_TRUE(reader.up(finger(2, 300, 120, 0.4)).empty()) << "no click";
   EXPECT_TRUE(reader.move(finger(1, 104, 100, 0.5)).empty());
   EXPECT_TRUE(reader.move(finger(1, 120, 100, 0.6)).empty());
@@ -111,7 +111,7 @@ TEST(Gesture, aThirdFingerChangesNothing) {
   }
 }
 
-TEST(Gesture, whatTheSystemTakesAwayIsNoClick) {
+TEST(Gesture, aCancelledPointerIsNoClick) {
   GestureReader reader;
   reader.down(finger(1, 100, 100, 0.0));
   reader.cancel(1);

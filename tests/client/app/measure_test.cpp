@@ -11,7 +11,7 @@ MeasuredPoint at(const glm::dvec3& position, double accuracy = 0.0) {
   return {position, {}, accuracy, false, 0};
 }
 
-/// A survey's coordinates: a float would lose the centimetres.
+/// Survey coordinates are so large that floats would lose the centimetres.
 const glm::dvec3 kOrigin{500'000.0, 4'000'000.0, 100.0};
 
 TEST(Measure, aChainHasSegmentsAndATotal) {
@@ -136,7 +136,7 @@ TEST(MeasureTool, pointsAreTakenBackOneByOneToTheFirst) {
   EXPECT_TRUE(tool.all().empty());
 }
 
-TEST(MeasureTool, thereIsAnEndToPoints) {
+TEST(MeasureTool, theNumberOfPointsIsLimited) {
   MeasureTool tool;
   for (std::size_t i = 0; i < kMaxMeasuredPoints; ++i) ASSERT_TRUE(tool.add(at({static_cast<double>(i), 0.0, 0.0})));
   EXPECT_TRUE(tool.full());

@@ -7,7 +7,7 @@
 namespace client {
 namespace {
 
-/// Where a world point is shown, in pixels from the upper left corner; written apart from the code under test.
+/// Projects a world point to pixels from the upper left corner; written independently of the code under test.
 glm::dvec2 shownAt(const base::ViewCamera& camera, const glm::dvec3& point) {
   const glm::dmat4 eye_from_world = glm::lookAt(camera.position, camera.position + camera.direction, camera.up);
   const glm::dmat4 clip_from_eye =
@@ -21,7 +21,7 @@ void expectNear(const glm::dvec2& a, const glm::dvec2& b, double tolerance = 1e-
   EXPECT_NEAR(a.y, b.y, tolerance);
 }
 
-/// A scan in survey coordinates: what works here works near the origin, too.
+/// Uses survey coordinates; whatever works there works near the origin, too.
 const glm::dvec3 kMin{500'000.0, 4'000'000.0, 100.0};
 const glm::dvec3 kMax{500'010.0, 4'000'020.0, 105.0};
 const glm::dvec3 kSurface{500'004.0, 4'000'007.0, 103.0};

@@ -41,7 +41,7 @@ TEST(Permalink, aViewComesBackAsExactlyAsIsStated) {
     ASSERT_LE(link.size(), kMaxPermalink);
     const auto back = parsePermalink(link);
     ASSERT_TRUE(bool(back)) << link << ": " << back.error().message;
-    // Doubles themselves resolve no more than 2e-16 of a coordinate.
+    // Doubles resolve no more than 2e-16 of a coordinate.
     const double place = 1e-8 * view.pivot_distance + 3e-16 * glm::length(view.position);
     EXPECT_LE(glm::length(back->position - view.position), place) << link;
     EXPECT_LE(glm::length(back->direction - view.direction), 3e-8) << link;
@@ -60,7 +60,7 @@ TEST(Permalink, aViewComesBackAsExactlyAsIsStated) {
   }
 }
 
-TEST(Permalink, whatWasReadIsWrittenAsTheSameTextAgain) {
+TEST(Permalink, aLinkThatWasReadIsWrittenAsTheSameText) {
   for (unsigned seed = 0; seed < 2000; ++seed) {
     const std::string link = formatPermalink(drawnView(seed));
     EXPECT_EQ(formatPermalink(*parsePermalink(link)), link);

@@ -24,7 +24,7 @@ ServerUrl parsed(std::uint16_t port) {
   return *parseServerUrl(urlOf(port));
 }
 
-/// Pumps until the condition holds; false after a long while.
+/// Pumps until the condition holds; returns false after a long while.
 bool pumpUntil(Connection& connection, Session& session, const std::function<bool()>& condition) {
   for (int i = 0; i < 3000; ++i) {
     connection.pump(session);
@@ -40,7 +40,7 @@ base::ViewCamera viewOf(const Session& session, double height) {
   return camera;
 }
 
-/// A listener that takes connections in its queue and never says a word.
+/// Accepts connections into its queue and never answers.
 struct SilentListener {
   SilentListener() {
     fd = ::socket(AF_INET, SOCK_STREAM, 0);
@@ -155,7 +155,7 @@ TEST(Connection, anEmulatedLinkHandsOverNoMoreThanItsRateAllows) {
   session.setView(viewOf(session, 0.0));
   ASSERT_TRUE(pumpUntil(connection, session, [&] { return session.complete(); }));
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  // A slow machine makes it slower still, never faster.
+  // A slow machine makes it slower, never faster.
   EXPECT_LE(static_cast<double>(session.stats().bytes_received), link.bytes_per_second * seconds);
   EXPECT_GE(seconds, 2 * link.latency_seconds) << "Welcome, and the answer to the view";
 }
@@ -169,7 +169,7 @@ TEST(Connection, aSessionThatFindsFaultEndsTheConnection) {
   session.setView(viewOf(session, 0.0));
   connection.pump(session);
 
-  // Made to believe that it was never welcomed, the session takes the data that follow for a fault of the server.
+  // The session is made to believe that it got no Welcome, and takes the data that follow for a fault of the server.
   session.connected();
   (void)session.nextToSend();
   ASSERT_TRUE(pumpUntil(connection, session, [&] { return session.phase() == SessionPhase::kDisconnected; }));

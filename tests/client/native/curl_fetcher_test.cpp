@@ -1,4 +1,4 @@
-// Ranges from a web server, right and wrong.
+// Tests ranges from a web server, right and wrong ones.
 #include "client/native/curl_fetcher.h"
 
 #include <gtest/gtest.h>
@@ -53,7 +53,7 @@ TEST(CurlFetcher, bringsTheBytesThatWereAskedFor) {
 }
 
 TEST(CurlFetcher, aServerWithoutRangesIsFoundOutAtTheHead) {
-  // It would send 10 GB.
+  // The host would send 10 GB.
   const ScriptedServer server([](const std::string&, int) {
     return Answer{"HTTP/1.1 200 OK\r\nContent-Length: 10000000000\r\n\r\n" + kObject, false, true};
   });
@@ -115,7 +115,7 @@ TEST(CurlFetcher, anotherVersionIsNoticed) {
   }
 }
 
-TEST(CurlFetcher, whatIsCancelledIsNotHeardOf) {
+TEST(CurlFetcher, aCancelledRequestHasNoAnswer) {
   const ScriptedServer server([](const std::string& request, int) {
     if (request.rfind("GET /folder/slow", 0) == 0) return Answer{"HTTP/1.1 206 Partial Content\r\n", false, true};
     return part(kObject, 100, 149);

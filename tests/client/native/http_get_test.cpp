@@ -17,7 +17,8 @@ namespace {
 namespace asio = boost::asio;
 using asio::ip::tcp;
 
-/// Answers each connection with what `reply` says to the request's first line; empty: never answers.
+/// Answers each connection with the text that `reply` returns for the request's first line; an empty one means no
+/// answer.
 class CannedServer {
  public:
   explicit CannedServer(std::function<std::string(const std::string&)> reply)
@@ -113,7 +114,7 @@ TEST(HttpGetter, aBodyThatIsTooLargeIsNotTaken) {
   }
 }
 
-TEST(HttpGetter, whatIsNoHttpAndWhatIsCutShortAreProblems) {
+TEST(HttpGetter, answersThatAreNotHttpOrAreCutShortAreProblems) {
   for (const char* text : {"SSH-2.0-x\r\n\r\n", "HTTP/1.1 200 OK\r\nContent-Length: 100\r\n\r\nonly this"}) {
     const CannedServer server([text](const std::string&) { return std::string(text); });
     HttpGetter getter(server.url());
@@ -138,7 +139,7 @@ TEST(HttpGetter, closingDoesNotWaitForAnAnswer) {
   SUCCEED();
 }
 
-TEST(HttpGetter, theQueueHasAnEnd) {
+TEST(HttpGetter, theQueueIsLimited) {
   const CannedServer server([](const std::string&) { return std::string(); });
   HttpGetter getter(server.url());
   for (std::uint64_t i = 0; i < HttpGetter::kMaxQueue + 5; ++i) getter.get(i, "/", 1000, 1e6);

@@ -14,7 +14,7 @@
 namespace client {
 namespace {
 
-/// 16 × 16: left half red and covered, right half background.
+/// A face of 16 × 16 pixels: the left half is red and covered, the right half background.
 base::Bytes halfCovered() {
   base::Image rgb(16, 16, 3);
   base::Image mask(16, 16, 1);

@@ -1,4 +1,4 @@
-// Viewer, connection and a real server together.
+// Tests viewer, connection and a real server together.
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/wait.h>
@@ -34,7 +34,8 @@ ViewerOptions patches() {
   return options;
 }
 
-/// A server in a process of its own, which can be stopped without its knowing. Made before this process has threads.
+/// A server in a process of its own, which can be stopped without its knowing. It is forked before this process has
+/// threads.
 class ServerProcess {
  public:
   explicit ServerProcess(const std::string& directory) {
@@ -62,7 +63,7 @@ class ServerProcess {
     ::kill(pid_, number);
     if (number != SIGSTOP) return;
     int status = 0;
-    ::waitpid(pid_, &status, WUNTRACED);  // until it really stands still
+    ::waitpid(pid_, &status, WUNTRACED);  // waits until it is stopped
   }
   std::uint16_t port = 0;
 
@@ -82,7 +83,7 @@ TEST(Live, theRenderLoopGoesOnWhileTheServerStandsStill) {
   Connection connection(*parseServerUrl(urlOf(server.port)));
   Session& session = viewer.session();
 
-  // One frame of a render loop; the view moves a little each time.
+  // Draws one frame of a render loop; the view moves a little each time.
   int frames = 0;
   base::ViewCamera camera;
   const auto frame = [&] {
@@ -106,7 +107,7 @@ TEST(Live, theRenderLoopGoesOnWhileTheServerStandsStill) {
   };
   ASSERT_TRUE(until([&] { return viewer.stats().lumigraph.triangles > 0; }));
 
-  // The server stands still: no byte comes, frames do.
+  // While the server is stopped no byte arrives, but frames are drawn.
   server.signal(SIGSTOP);
   while (connection.pump(session)) connection.waitForArrival(0.05);
   const std::uint64_t bytes = session.stats().bytes_received;
@@ -116,7 +117,7 @@ TEST(Live, theRenderLoopGoesOnWhileTheServerStandsStill) {
   EXPECT_EQ(session.stats().bytes_received, bytes) << "it did stand still";
   EXPECT_GT(viewer.stats().lumigraph.triangles, 0U);
 
-  // It goes on, and so does the conversation: the newest view is answered.
+  // After it continues, the newest view is answered.
   server.signal(SIGCONT);
   EXPECT_TRUE(until([&] { return session.stats().bytes_received > bytes; }));
 }
@@ -167,7 +168,7 @@ TEST(Live, inRealTimeEveryFrameIsDrawnWhetherOrNotItIsComplete) {
   options.url = urlOf(server.port());
   options.viewer = patches();
   options.realtime_fps = 100.0;
-  options.link = {2'000.0, 0.0};  // so slow that nothing can be complete
+  options.link = {2'000.0, 0.0};  // too slow for any view to be complete
   options.path.assign(5, base::orbitPath({500'000.0, 4'000'000.0, 100.0}, {500'032.0, 4'000'032.0, 101.0},
                                          {0.0, 0.0, 1.0}, 1, 1.0, 0.6, 1.2, 64, 48)[0]);
   auto run = runHeadless(options);

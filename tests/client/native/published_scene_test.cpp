@@ -1,4 +1,4 @@
-// A published scene behind a real web server, as the window has it.
+// Tests a published scene behind a real web server, as the window opens it.
 #include "client/native/published_scene.h"
 
 #include <gtest/gtest.h>
@@ -15,7 +15,7 @@
 namespace client {
 namespace {
 
-/// Patches alone, at kOrigin in the world.
+/// Publishes a scene of patches only, at kOrigin in the world.
 const glm::dvec3 kOrigin{500'000.25, 4'000'000.5, 100.0};
 void publish(const server::TestScene& from, const support::TemporaryDirectory& to) {
   const std::string patches = "patch-0123456789abcdef0123456789abcdef.lgp";
@@ -69,7 +69,7 @@ TEST(PublishedScene, aPickReadsTheTrueSurfaceFromAPlainWebServer) {
 
 // ---- what a host must send (docs/hosting.md) ----
 
-/// The nginx of the document over this folder, behind a proxy of the same that may drop headers.
+/// Runs the document's nginx over this folder, behind a proxy of the same kind that may drop headers.
 class HostCheckTest : public testing::Test {
  protected:
   void SetUp() override {
@@ -90,7 +90,7 @@ class HostCheckTest : public testing::Test {
     EXPECT_TRUE(bool(answers)) << answers.error().message;
     return answers ? judgeHost(*answers) : std::vector<HostFinding>();
   }
-  /// The snippet with `from` replaced.
+  /// Returns the snippet with `from` replaced.
   std::string changed(const std::string& from, const std::string& to) const {
     std::string http = snippet_;
     EXPECT_NE(http.find(from), std::string::npos) << "docs/hosting.md lacks '" << from << "'";
@@ -114,14 +114,14 @@ TEST_F(HostCheckTest, theDocumentsNginxLacksNothing) {
   for (const HostFinding& one : all) EXPECT_EQ(one.grade, HostFinding::Grade::kGood) << one.header << ": " << one.what;
 }
 
-// Each taken away in turn is named, and the line that is told mends it.
+// Each header is removed in turn; the check must name it, and the line that it prints must repair it.
 TEST_F(HostCheckTest, eachHeaderTakenAwayIsNamedAndTheLineToldMendsIt) {
   struct Case {
     const char* header;
     HostFinding::Grade grade;
-    const char* from;  // of the document's lines
+    const char* from;  // text of the document's snippet that is removed
     const char* to;
-    const char* rest = "";  // of it that stays when it is mended
+    const char* rest = "";  // rest of the line that stays when it is repaired
   };
   using Grade = HostFinding::Grade;
   const Case cases[] = {
@@ -142,9 +142,9 @@ TEST_F(HostCheckTest, eachHeaderTakenAwayIsNamedAndTheLineToldMendsIt) {
     ASSERT_NE(finding, nullptr) << one.from;
     EXPECT_EQ(finding->grade, one.grade) << finding->what;
     ASSERT_FALSE(finding->nginx.empty());
-    if (std::string(one.from).find("default") == 0) continue;  // the line is there, its table is wrong
+    if (std::string(one.from).find("default") == 0) continue;  // the line is present, only its table is wrong
 
-    // In the place of what is wrong: nginx takes no directive twice.
+    // The line replaces the wrong one, since nginx accepts no directive twice.
     const auto mended = findings(changed(one.from, one.rest + finding->nginx));
     EXPECT_EQ(about(mended, one.header), nullptr) << finding->nginx;
   }

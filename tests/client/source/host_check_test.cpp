@@ -30,7 +30,7 @@ HostAnswers goodAnswers() {
   return answers;
 }
 
-/// The worst grade, and the words of what is not good.
+/// Returns the worst grade, and the texts of all findings that are not good.
 std::pair<Grade, std::string> worst(const HostAnswers& answers) {
   std::pair<Grade, std::string> out{Grade::kGood, {}};
   for (const HostFinding& finding : judgeHost(answers)) {
@@ -50,7 +50,7 @@ struct Case {
   void (*change)(HostAnswers&);
 };
 
-TEST(HostCheck, eachThingThatIsMissingIsNamed) {
+TEST(HostCheck, eachMissingHeaderIsNamed) {
   EXPECT_EQ(worst(goodAnswers()).first, Grade::kGood) << worst(goodAnswers()).second;
   EXPECT_EQ(judgeHost(goodAnswers()).size(), 9U) << "what is good is said too";
   const Case cases[] = {
@@ -121,7 +121,7 @@ TEST(HostCheck, aPageOfAnotherHostJudgesWhatItSees) {
   HostAnswers answers = goodAnswers();
   answers.in_browser = true;
   answers.preflight = {};
-  // What fetch() shows of a host that exposes the three.
+  // These are the headers that fetch() shows of a host that exposes the three.
   for (HostAnswer* one : {&answers.scene, &answers.range, &answers.next_range})
     for (const char* name : {"access-control-allow-origin", "access-control-expose-headers", "accept-ranges"})
       one->headers.erase(name);

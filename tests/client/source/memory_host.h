@@ -1,5 +1,5 @@
 #pragma once
-// A published scene in memory, and a host that hands out ranges of it as a test wants: in any order, late, wrong.
+// A published scene in memory, and a host that hands out ranges of it as a test wants: in any order, late, or wrong.
 #include <algorithm>
 #include <deque>
 #include <functional>
@@ -19,16 +19,16 @@
 
 namespace client {
 
-/// What lies at the host, made from the same scene that a server::Session is given.
+/// The objects at the host, made from the same scene that a server::Session is given.
 struct PublishedScene {
-  /// `values_a_pack`: how many faces lie in each pack. With a tree only its points have images.
+  /// `values_a_pack` is the number of faces in each pack. With a tree only its points have images.
   explicit PublishedScene(const server::TestScene& from, std::size_t values_a_pack = 100,
                           const repository::SampleTree* tree = nullptr)
       : points{from.data.welcome.grid, std::nullopt} {
     if (tree != nullptr) points.tree = *tree;
     scene.place = "https://host/scene";
     scene.welcome = from.data.welcome;
-    scene.welcome.group_count = scene.welcome.patch_count = 0;  // told by the file
+    scene.welcome.group_count = scene.welcome.patch_count = 0;  // the file gives these
     scene.welcome.grid = {};
 
     const auto patches = base::readFile(from.path);
@@ -107,7 +107,7 @@ class MemoryHost final : public RangeFetcher {
     waiting_.push_back({id, requests.back()});
     most_under_way = std::max(most_under_way, waiting_.size());
   }
-  /// All that wait, or the next `answers_a_take` in random order when a seed was given.
+  /// Returns all waiting answers, or the next `answers_a_take` in random order when a seed was given.
   std::vector<FetchAnswer> takeAnswers() override {
     std::vector<FetchAnswer> out;
     if (held) return out;
@@ -123,7 +123,7 @@ class MemoryHost final : public RangeFetcher {
     std::erase_if(waiting_, [id](const auto& one) { return one.first == id; });
   }
 
-  /// Bytes that were sent more than once, of all objects.
+  /// Returns the number of bytes that were sent more than once, over all objects.
   std::uint64_t bytesRepeated() const { return support::bytesRepeated(sent_); }
   std::size_t waiting() const { return waiting_.size(); }
 
@@ -132,9 +132,9 @@ class MemoryHost final : public RangeFetcher {
   std::uint64_t bytes_sent = 0;
   std::size_t round_trips = 0, most_under_way = 0;
   std::size_t answers_a_take = 1000;
-  bool held = false;  ///< no answers for now
+  bool held = false;  ///< keeps all answers back
   std::optional<std::mt19937> random;
-  /// What goes wrong with a request.
+  /// Returns the failure that a request meets.
   std::function<std::optional<FetchOutcome>(const HostRequest&)> trouble;
 
  private:

@@ -7,7 +7,7 @@
 namespace client {
 namespace {
 
-/// Remembers what was asked; answers with bytes that say where they lie.
+/// Records the requests, and answers with bytes that encode their offsets.
 class Recorder final : public RangeFetcher {
  public:
   struct Asked {
@@ -64,7 +64,7 @@ TEST(RangeQueue, aRequestStaysWithinItsBytes) {
   EXPECT_EQ(fetcher.asked[2].length, 500U) << "one value alone may be larger";
 }
 
-TEST(RangeQueue, whatIsUnderWayIsNotAskedForAgain) {
+TEST(RangeQueue, aRangeUnderWayIsNotRequestedAgain) {
   Recorder fetcher;
   RangeQueue queue(fetcher, {});
   const std::vector<RangeWish> wishes{wish(1, 0, 10), wish(2, 5000, 10)};
@@ -88,7 +88,7 @@ TEST(RangeQueue, theMostUrgentGoFirstAndOnlyAFew) {
   EXPECT_EQ(fetcher.asked[2].offset, 300U) << "the list is always the newest";
 }
 
-TEST(RangeQueue, whatAsksToGoAloneDoes) {
+TEST(RangeQueue, aLoneWishHasARequestOfItsOwn) {
   Recorder fetcher;
   RangeQueue queue(fetcher, {});
   RangeWish first = wish(1, 0, 10);
@@ -99,7 +99,7 @@ TEST(RangeQueue, whatAsksToGoAloneDoes) {
   EXPECT_EQ(fetcher.asked[1].length, 20U);
 }
 
-TEST(RangeQueue, aShortAnswerIsAFailureOfWhatItLacks) {
+TEST(RangeQueue, aShortAnswerFailsTheWishesThatItLacks) {
   Recorder fetcher;
   RangeQueue queue(fetcher, {});
   queue.request({wish(1, 0, 10), wish(2, 10, 10)});
@@ -111,7 +111,7 @@ TEST(RangeQueue, aShortAnswerIsAFailureOfWhatItLacks) {
   EXPECT_TRUE(arrivals[1].answer.bytes.empty());
 }
 
-TEST(RangeQueue, itsEndCancelsWhatIsUnderWay) {
+TEST(RangeQueue, destructionCancelsRequestsUnderWay) {
   Recorder fetcher;
   { RangeQueue(fetcher, {}).request({wish(1, 0, 10)}); }
   EXPECT_EQ(fetcher.cancelled.size(), 1U);

@@ -1,6 +1,6 @@
 #pragma once
-// What a server would say about a small scene, message by message, without a socket: the synthetic hierarchy with its
-// blocks, and a grid of 4 × 4 × 3 sampling points.
+// Makes a server's messages about a small scene without a socket: the synthetic hierarchy with its blocks, and a grid
+// of 4 × 4 × 3 sampling points.
 #include <string>
 #include <variant>
 #include <vector>
@@ -14,7 +14,7 @@ namespace client {
 
 class ScriptedServer {
  public:
-  /// `n` × `n` leaf patches (support::syntheticHierarchy).
+  /// The scene has `n` × `n` leaf patches (support::syntheticHierarchy).
   explicit ScriptedServer(int n = 8) : scene_(support::syntheticHierarchy(n)) {
     lod::patch::Hierarchy& h = scene_.hierarchy;
     blocks_.resize(h.groups.size());
@@ -70,7 +70,7 @@ class ScriptedServer {
         protocol::ServerMessage(protocol::Frame{sequence, lookDown(20.0), base::Bytes(bytes, 0x5A)}));
   }
 
-  /// Looks down on the middle of the scene from `height` scene units above it.
+  /// Returns a view down on the middle of the scene from `height` scene units above it.
   base::ViewCamera lookDown(double height) const {
     base::ViewCamera camera;
     camera.position =
@@ -87,7 +87,7 @@ class ScriptedServer {
   std::vector<base::Bytes> blocks_;
 };
 
-/// All that the session wants to send now, decoded.
+/// Returns all messages that the session wants to send now, decoded.
 inline std::vector<protocol::ClientMessage> sent(Session& session) {
   std::vector<protocol::ClientMessage> messages;
   while (auto bytes = session.nextToSend()) {

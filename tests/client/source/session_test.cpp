@@ -16,7 +16,7 @@ const ScriptedServer& server() {
   return made;
 }
 
-/// A session that was welcomed.
+/// Returns a session that has received its Welcome.
 Session ready(const SessionOptions& options = {}) {
   Session session(options);
   session.connected();
@@ -41,7 +41,7 @@ SessionOptions cacheOf(std::uint64_t bytes) {
   return options;
 }
 
-/// Every cached group's parents are cached, up to group 0: a cut can be drawn.
+/// Checks that every cached group's parents are cached, up to group 0, so that a cut can be drawn.
 bool drawable(const Session& session) {
   for (std::uint32_t g = 0; g < server().hierarchy().groups.size(); ++g) {
     if (!session.hasGroup(g)) continue;
@@ -213,7 +213,7 @@ TEST(Session, framesAreKeptAsFarAsTheirBytesAllow) {
   EXPECT_NE(session.frame(2), nullptr);
   EXPECT_EQ(session.stats().frame_bytes, 200U);
 
-  // One that is too large alone came nevertheless: nothing more is to be waited for.
+  // A frame that is too large by itself has arrived nevertheless, so nothing more is awaited.
   session.setView(frames.lookDown(30.0));
   sent(session);
   hear(session, frames.sayFrame(4, 300));
@@ -279,7 +279,7 @@ TEST(Session, theLeastRecentlyUsedFaceGoesFirstAndTheServerIsToldWithTheNextView
   EXPECT_TRUE(std::holds_alternative<protocol::View>(messages[1]));
 }
 
-TEST(Session, whatComesAgainIsNotToldAsEvicted) {
+TEST(Session, anItemThatCameAgainIsNotReportedAsEvicted) {
   Session session = ready(cacheOf(2500));
   session.setView(server().lookDown(20.0));
   sent(session);
@@ -306,8 +306,8 @@ TEST(Session, whatIsInUseStaysAndTheNewcomerGoes) {
 }
 
 TEST(Session, evictionKeepsEveryCutDrawable) {
-  // A cache of 12 kB gets the whole hierarchy and many faces, in an order that a server could choose, with some groups
-  // used.
+  // A cache of 12 kB gets the whole hierarchy and many faces, in an order that a server could choose, while some groups
+  // are used.
   Session session = ready(cacheOf(12'000));
   std::mt19937 random(4);
   const auto count = static_cast<std::uint32_t>(server().hierarchy().groups.size());

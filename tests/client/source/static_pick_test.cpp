@@ -1,4 +1,4 @@
-// Full-resolution picks on a published scene: what a server's /pick finds, by ranges alone.
+// Full-resolution picks on a published scene find, by ranges only, what a server's /pick finds.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -10,7 +10,7 @@
 namespace client {
 namespace {
 
-/// A scene far from its world's origin, where floats have no millimetres.
+/// The scene lies far from the world's origin, where floats cannot resolve millimetres.
 const glm::dvec3 kOrigin{500'000.25, 4'000'000.5, 100.0};
 
 PublishedScene farAway(const server::TestScene& scene) {
@@ -19,7 +19,7 @@ PublishedScene farAway(const server::TestScene& scene) {
   return published;
 }
 
-/// Rays from above, from aside and past the square; world coordinates.
+/// Returns rays from above, from the side and past the square; world coordinates.
 std::vector<lod::patch::Ray> someRays(const server::TestScene& scene, int count) {
   const glm::dvec3 low(scene.data.welcome.box_min);
   const glm::dvec3 size = glm::dvec3(scene.data.welcome.box_max) - low;
@@ -51,7 +51,7 @@ PickAnswer answerTo(StaticViewer& viewer, std::uint32_t id, const lod::patch::Ra
   return {};
 }
 
-/// What the whole file says: the truth.
+/// Casts the ray at the whole file, which gives the true answer.
 std::optional<lod::patch::RayHit> truth(const server::TestScene& scene, lod::patch::Ray ray) {
   ray.origin -= kOrigin;
   const auto cast = lod::patch::castRay(scene.patches->hierarchy(), ray, lod::patch::blocksOf(*scene.patches));
@@ -182,7 +182,7 @@ TEST(StaticPick, aHostThatIsAwayIsWaitedFor) {
 TEST(StaticPick, damageAndASceneThatIsGoneAreUnknown) {
   const server::TestScene scene(16, 1'000);
   PublishedScene damaged = farAway(scene);
-  // Blocks alone: the tables stay sound.
+  // Only blocks are damaged; the tables stay valid.
   base::Bytes& file = damaged.objects[damaged.scene.patches.name];
   const auto& hierarchy = scene.patches->hierarchy();
   for (std::size_t g = 1; g < hierarchy.groups.size(); ++g)

@@ -1,4 +1,4 @@
-// A published scene shown with no server: what comes, in which order, and what happens when it does not.
+// Tests a published scene shown without a server: what arrives, in which order, and what happens when it does not.
 #include "client/source/static_source.h"
 
 #include <gtest/gtest.h>
@@ -14,7 +14,7 @@ namespace {
 
 using repository::FaceKey;
 
-/// What a client that reads by itself knows of what hides what.
+/// Returns the occlusion that a client knows that reads the scene by itself.
 lod::patch::ProxySight coarseSightOf(const server::SceneData& data) {
   const lod::patch::Hierarchy& hierarchy = data.patches->hierarchy();
   auto sight = plan::makeCoarseSight(hierarchy, plan::coarseGroups(hierarchy, plan::kCoarseBytes),
@@ -23,7 +23,7 @@ lod::patch::ProxySight coarseSightOf(const server::SceneData& data) {
   return std::move(*sight);
 }
 
-/// A client of our own server, which knows no more of what hides what.
+/// A client of our own server, which knows no more about occlusion.
 struct ServedViewer {
   explicit ServedViewer(const server::SceneData& scene, const SessionOptions& options = smallOptions())
       : sight(coarseSightOf(scene)), data(scene), server(data), session(options) {
@@ -58,7 +58,7 @@ std::vector<base::ViewCamera> pathOver(const server::TestScene& scene) {
   return path;
 }
 
-/// Faces of every kind: images, empty flags, some that are not there.
+/// The faces are of every kind: images, empty flags, some missing.
 void makeHoles(server::TestScene& scene) {
   std::size_t n = 0;
   for (auto it = scene.store.values.begin(); it != scene.store.values.end(); ++n) {
@@ -240,7 +240,7 @@ TEST(StaticSource, aCacheSmallerThanAViewIsNotFilledForEver) {
   for (int i = 0; i < 100; ++i) viewer.pump();
   EXPECT_EQ(viewer.host.requests.size(), asked) << "what was evicted waits for a view";
 
-  // For the next view that needs it, it comes again.
+  // It is fetched again for the next view that needs it.
   for (const base::ViewCamera& camera : path) ASSERT_TRUE(viewer.complete(camera));
   const std::uint64_t before = viewer.host.bytesRepeated();
   ASSERT_TRUE(viewer.complete(path.front()));
@@ -280,7 +280,7 @@ const Trouble kLastingTroubles[] = {
     {FetchOutcome::kRangeIgnored, "ignores Range"},  {FetchOutcome::kCompressed, "compresses"},
     {FetchOutcome::kChanged, "open the scene anew"}, {FetchOutcome::kTooShort, "publish the scene again"}};
 
-// Whatever request it meets first.
+// The failure meets any of the requests first.
 TEST(StaticSource, lastingTroubleIsSaidInPlainWordsAtEveryStep) {
   const server::TestScene scene(16, 3'000);
   const PublishedScene published(scene);
@@ -303,7 +303,7 @@ TEST(StaticSource, lastingTroubleIsSaidInPlainWordsAtEveryStep) {
       const std::string context = "step " + std::to_string(step) + ": " + problem;
       EXPECT_NE(problem.find(trouble.words), std::string::npos) << context;
       EXPECT_NE(problem.find("https://host/scene/" + met), std::string::npos) << context;
-      if (repository::idOfPackName(met) && done) continue;  // a lost pack: the rest is shown
+      if (repository::idOfPackName(met) && done) continue;  // the pack is lost, and the rest is shown
       EXPECT_FALSE(done) << context;
       EXPECT_EQ(viewer.session.phase(), SessionPhase::kRefused) << context;
       EXPECT_EQ(viewer.session.problem(), problem);
@@ -344,14 +344,14 @@ TEST(StaticSource, aHostThatComesBackIsNoticed) {
   viewer.host.trouble = [&](const HostRequest&) -> std::optional<FetchOutcome> {
     return away ? std::optional(FetchOutcome::kNetwork) : std::nullopt;
   };
-  // Never there.
+  // The host never answers.
   for (int i = 0; i < 2'000; ++i) viewer.pump();
   EXPECT_EQ(viewer.session.phase(), SessionPhase::kDisconnected);
   EXPECT_NE(viewer.session.problem().find("no answer"), std::string::npos);
   EXPECT_NE(viewer.session.problem().find("Access-Control-Allow-Origin"), std::string::npos);
   EXPECT_LT(viewer.host.requests.size(), 40U) << "in 20 s";
 
-  // There; away in the midst of a view; there again.
+  // The host answers, stops in the middle of a view, and answers again.
   away = false;
   ASSERT_TRUE(viewer.complete(path[0]));
   away = true;
@@ -391,7 +391,7 @@ TEST(StaticSource, flippedBytesAreNoticedAndNamed) {
     PublishedScene published = sound;
     auto it = published.objects.begin();
     std::advance(it, random() % published.objects.size());
-    // Near the front, where headers and tables are, or anywhere.
+    // Damage lies near the front, where headers and tables are, or anywhere.
     const std::size_t at =
         random() % (round % 2 == 0 ? std::min<std::size_t>(it->second.size(), 40'000) : it->second.size());
     it->second[at] ^= static_cast<std::uint8_t>(1U << (random() % 8));
@@ -431,7 +431,7 @@ TEST(StaticSource, tablesWithAnotherChecksumAreRefused) {
   const server::TestScene scene(16);
   PublishedScene published(scene);
   base::Bytes& file = published.objects[published.scene.patches.name];
-  file[96 + 56 + 20] ^= 1;  // an attribute error: any number is one
+  file[96 + 56 + 20] ^= 1;  // an attribute error, for which any number is valid
   StaticViewer viewer(published);
   EXPECT_FALSE(viewer.complete(pathOver(scene)[0]));
   EXPECT_NE(viewer.session.problem().find("checksum"), std::string::npos) << viewer.session.problem();

@@ -1,5 +1,5 @@
 #pragma once
-// A client of a published scene in memory, on a clock of its own.
+// A client of a published scene in memory, with a clock of its own.
 #include <set>
 
 #include "tests/client/source/memory_host.h"
@@ -13,7 +13,7 @@ inline SessionOptions smallOptions() {
   return options;
 }
 
-/// What a session was given between two looks.
+/// The items that a session was given between two polls.
 struct Got {
   std::set<std::uint64_t> faces;
   std::set<std::uint32_t> groups;
@@ -24,7 +24,7 @@ struct Got {
   }
 };
 
-/// A client of a published scene, on a clock of its own.
+/// A client of a published scene, with a clock of its own.
 struct StaticViewer {
   explicit StaticViewer(const PublishedScene& published, const StaticOptions& options = {},
                         const SessionOptions& session_options = smallOptions())
@@ -36,7 +36,7 @@ struct StaticViewer {
     got.add(session.takeEvents());
     return came;
   }
-  /// Until the view is complete, or nothing happens for long.
+  /// Pumps until the view is complete, or nothing happens for long.
   bool complete(const base::ViewCamera& camera) {
     session.setView(camera);
     for (int i = 0; i < 5000; ++i) {
@@ -46,7 +46,7 @@ struct StaticViewer {
     }
     return false;
   }
-  /// Ahead of need too.
+  /// Pumps until data ahead of need have arrived, too.
   void rest() {
     for (int i = 0; i < 1000 && (pump() || host.waiting() != 0); ++i) {
     }
@@ -59,7 +59,7 @@ struct StaticViewer {
   double now = 0.0;
 };
 
-/// Tables by pages, as of a large scene.
+/// Options that read tables by pages, as for a large scene.
 inline StaticOptions pagedOptions() {
   StaticOptions options;
   options.eager_table_bytes = 0;

@@ -22,7 +22,7 @@ class NoDecoder : public ImageDecoder {
   std::size_t pending() const override { return 0; }
 };
 
-/// Answers so many requests at each take().
+/// Answers a fixed number of requests at each takeAnswers().
 class Host final : public RangeFetcher {
  public:
   explicit Host(const base::Bytes& file) : file_(file) {}
@@ -52,7 +52,7 @@ class Host final : public RangeFetcher {
   const base::Bytes& file_;
 };
 
-/// A viewer of splats, with no network.
+/// A viewer of splats without a network.
 class StreamedSplatsTest : public ::testing::Test {
  protected:
   void SetUp() override {
@@ -118,7 +118,7 @@ SplatOptions still() {
   return options;
 }
 
-// Each frame takes twice what it may.
+// Each frame takes twice the time that it may.
 void makeLate(SplatOptions& options, double& clock) {
   options.clock = [&clock] { return clock += 0.2; };
   options.frame_seconds = 0.1;
@@ -154,7 +154,7 @@ TEST_F(StreamedSplatsTest, anotherQualityShowsInTheNextPictureAsIfItHadBeenThere
     pictures.push_back(draw(view()));
     EXPECT_EQ(pictures.back().pixels == pictures.front().pixels, pictures.size() == 1);
   }
-  // All blocks are here now.
+  // All blocks have arrived.
   for (const std::size_t i : {0U, 2U, 1U, 3U, 0U}) {
     splats_->setQuality(qualities[i]);
     EXPECT_EQ(splats_->quality(), qualities[i]);
@@ -184,7 +184,7 @@ TEST_F(StreamedSplatsTest, aMovingViewIsAsCoarseAsTheRateAsksForAndRestRefinesIt
     draw(view(1.99));
     const SplatStats now = viewer_->stats().splats;
     EXPECT_LE(now.cutoff_px, last);
-    // Not of splats: what is split shows more exactly which part of it is turned away.
+    // The number of splats may grow, since a split node shows more exactly which part of it is turned away.
     EXPECT_GE(now.nodes, nodes);
     last = now.cutoff_px;
     nodes = now.nodes;
@@ -227,13 +227,13 @@ TEST_F(StreamedSplatsTest, aMovingViewThatIsLateIsDrawnWithFewerSamplesAndAtRest
   }
 }
 
-// A page has one thread for drawing and for what comes.
+// A page has one thread for drawing and for incoming data.
 TEST_F(StreamedSplatsTest, aPictureAtRestIsDrawnAgainWhenAllIsHereOrDrawingHadItsPart) {
   SplatOptions options = still();
   double clock = 0.0, drawing = 0.5;
   options.clock = [&] { return clock += drawing; };
   open(options);
-  // A link so slow that little may be under way; until a picture lacks more than that.
+  // The link is so slow that few requests may be under way; draw until a picture lacks more than that.
   const auto stream = [&] { return splats_->stats().stream; };
   const auto next = [&] { splats_->pump(viewer_->session(), now_ += 1.0); };
   do {
@@ -278,7 +278,7 @@ TEST_F(StreamedSplatsTest, throughTheLensThePictureIsFinerAndElsewhereTheSame) {
   fetchAll(view());
   const base::Image fine = draw(view());
 
-  // Splats at the rim reach out of it, by their own size on either side.
+  // Splats at the rim reach beyond it by their own size on either side.
   int inside = 0, outside = 0, changed = 0;
   for (int y = 0; y < kSize; ++y)
     for (int x = 0; x < kSize; ++x) {
@@ -306,7 +306,7 @@ TEST_F(StreamedSplatsTest, theDrawnSurfaceIsFoundUnderThePointer) {
   fetchAll(view());
   const base::Image picture = draw(view());
   int hits = 0;
-  int at_the_rim = 0;  // where the rasteriser rounds
+  int at_the_rim = 0;  // pixels where the rasterizer rounds
   for (int y = 8; y < kSize; y += 16)
     for (int x = 8; x < kSize; x += 16) {
       const bool drawn = picture.pixels[static_cast<std::size_t>(4 * (y * kSize + x) + 3)] != 0;

@@ -23,7 +23,7 @@ TEST(MemoryPlan, nobodyGetsMoreThanIsWanted) {
 TEST(MemoryPlan, aPhoneHoldsAFaceOfAThousandPixelsAndTheUsualTriangles) {
   const MemoryPlan plan = planMemory(64'000'000, 50'000'000, 512'000'000, true);
   EXPECT_GE(plan.decoded, 4U * 1024 * 1024);
-  // Twelve faces of 512 pixels with their mip levels and depth maps of 256, and a frame of 1.5 million pixels.
+  // The images are twelve faces of 512 pixels with mip levels and depth maps of 256, and a frame of 1.5 million pixels.
   EXPECT_GE(plan.images - plan.frame_images, 12U * (512U * 512U * 16U / 3U + 256U * 256U * 4U));
   EXPECT_GE(plan.frame_images, 1'500'000U * 16U / 3U + 256U * 256U * 4U);
   EXPECT_GE(plan.decoded, 1'500'000U * 4U);

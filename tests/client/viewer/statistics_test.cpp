@@ -97,7 +97,7 @@ TEST(RoundTrip, isTakenFromAViewToTheFirstAnswerOnAQuietLink) {
 TEST(RoundTrip, answersToAnOlderViewDoNotCount) {
   RoundTripMeter meter;
   meter.update(1.0, 5, 0);
-  meter.update(1.1, 6, 1);  // a message at the very time, and one just before
+  meter.update(1.1, 6, 1);  // a message arrived at this time, and one just before
   meter.update(1.15, 7, 1);
   EXPECT_EQ(meter.seconds(), 0.0);
   meter.update(3.0, 7, 2);

@@ -1,4 +1,4 @@
-// The byte budget of the viewer: counted bytes, at every frame of a tour.
+// Checks the viewer's byte budget, by counted bytes, at every frame of a tour.
 #include <cmath>
 
 #include "tests/client/viewer/viewer_fixture.h"
@@ -6,7 +6,7 @@
 namespace client {
 namespace {
 
-/// More patches than the smallest budget holds, and images for many times that budget.
+/// The scene has more patches than the smallest budget holds, and images for many times that budget.
 class ViewerBudget : public ViewerFixture {
  protected:
   ViewerBudget() : ViewerFixture(96) { server.welcome.grid.face_size = 256; }
@@ -21,7 +21,7 @@ class ViewerBudget : public ViewerFixture {
     options.session.max_triangles = 10'000'000;
     open(options);
   }
-  /// What the viewer says it holds is what the GL holds, and with all else less than the budget.
+  /// Checks that the viewer's count equals GL's, and that everything together is below the budget.
   void expectWithinBudget(const std::string& when) {
     const ViewerStats stats = viewer->stats();
     const base::gl::HeldBytes& held = base::gl::heldBytes();
@@ -44,7 +44,7 @@ TEST_F(ViewerBudget, aTourNeverExceedsItAndAlwaysShowsSomething) {
   base::gl::resetPeak();
   constexpr int kFrames = 60;
   for (int frame = 0; frame < kFrames; ++frame) {
-    // A spiral down to the surface and up again, while data pours in.
+    // The view spirals down to the surface and up again while data arrive.
     const double share = static_cast<double>(frame) / kFrames;
     base::ViewCamera view = server.lookDown(10.0 + 240.0 * std::abs(1.0 - 2.0 * share));
     view.position += 80.0 * glm::dvec3(std::cos(9.0 * share), std::sin(9.0 * share), 0.0);
@@ -72,7 +72,7 @@ TEST_F(ViewerBudget, whatDoesNotFitIsCoarserAndSaidToBeSo) {
   EXPECT_EQ(far.tolerance_px, far.error_px);
   EXPECT_EQ(far.accuracy, Accuracy::kCoarse);
 
-  // Near by, less is in view: all of it fits.
+  // Close to the surface less is in view, so all of it fits.
   settle(server.lookDown(8.0));
   expectWithinBudget("near");
   EXPECT_EQ(viewer->stats().error_px, 0.0F);
@@ -88,7 +88,7 @@ TEST_F(ViewerBudget, atTheLimitNothingFlickers) {
   for (int i = 0; i < 5; ++i) EXPECT_EQ(draw(view).pixels, there.pixels) << i;
   EXPECT_FALSE(viewer->stats().busy);
 
-  // Away and back again: the same cut.
+  // Going away and coming back gives the same cut.
   const ViewerStats before = viewer->stats();
   settle(server.lookDown(12.0));
   settle(view);

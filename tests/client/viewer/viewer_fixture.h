@@ -1,5 +1,5 @@
 #pragma once
-// A viewer with a scripted server, a context and a decoder that needs no JPEG.
+// A viewer with a scripted server, a GL context and a decoder that needs no JPEG.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -14,7 +14,8 @@
 
 namespace client {
 
-/// Every value is an image of this size with a pattern of its own, all covered; ready at the next take().
+/// Decodes every face to an image of this size with a pattern of its own, fully covered; ready at the next
+/// takeDecoded().
 class PatternDecoder : public ImageDecoder {
  public:
   PatternDecoder(int face_size, int frame_width, int frame_height)

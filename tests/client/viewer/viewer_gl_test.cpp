@@ -93,7 +93,7 @@ TEST_F(ViewerGl, aViewIsCompleteOnlyWhenAllIsDecodedAndDrawn) {
 }
 
 TEST_F(ViewerGl, aSmallUploadShareSpreadsTheWorkOverFrames) {
-  open(patches(), 1e-6);  // 2 bytes: one group a frame
+  open(patches(), 1e-6);  // 2 bytes, so one group a frame
   for (std::uint32_t g = 0; g < 4; ++g) hear(server.sayGroup(g));
   const auto view = server.lookDown(40.0);
   auto more = viewer->update(view, 0.0);
@@ -155,7 +155,7 @@ TEST_F(ViewerGl, aGroupThatIsEvictedLeavesAPictureThatStillCovers) {
   const std::size_t whole = covered(draw(view));
   for (std::uint32_t g = 1; g < server.hierarchy().groups.size(); ++g) {
     hear(server.sayGroup(g));
-    // The bumps move the silhouette by a pixel here and there.
+    // The bumps move the silhouette by a pixel in places.
     EXPECT_NEAR(static_cast<double>(covered(draw(view))), static_cast<double>(whole),
                 0.05 * static_cast<double>(whole));
   }
@@ -174,7 +174,7 @@ TEST_F(ViewerGl, theSurfaceUnderThePixelIsFoundInWorldCoordinates) {
   EXPECT_GT(middle->z, server.welcome.origin.z + static_cast<double>(server.welcome.box_min.z) - 1e-3);
   EXPECT_LT(middle->z, server.welcome.origin.z + static_cast<double>(server.welcome.box_max.z) + 1e-3);
 
-  // 45 degrees high, so a pixel at depth z is 2 z tan(22.5°) / 48 units wide.
+  // The view is 45 degrees high, so a pixel at depth z is 2 z tan(22.5°) / 48 units wide.
   const double depth = view.position.z - middle->z;
   const auto right = viewer->surfaceAt(view, 42.0, 24.0);
   ASSERT_TRUE(right.has_value());

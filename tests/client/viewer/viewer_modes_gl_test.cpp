@@ -1,4 +1,4 @@
-// Orthographic views, sections, pins, exactness, lost contexts.
+// Tests orthographic views, sections, pins, exact frames and lost contexts.
 #include <cmath>
 
 #include "tests/client/viewer/viewer_fixture.h"
@@ -76,7 +76,7 @@ TEST_F(ViewerModes, theServerIsAskedForAPerspectiveViewThatCoversTheOrthographic
     const base::ViewCamera& asked = views[0].camera;
     EXPECT_EQ(asked.ortho_height, 0.0);
     EXPECT_LT(glm::length(asked.direction - view.direction), 1e-12);
-    // The same axis, and at the near side of the scene at least as much as is shown.
+    // It has the same axis, and at the near side of the scene shows at least as much.
     const glm::dvec3 step = asked.position - view.position;
     EXPECT_LT(glm::length(glm::cross(step, view.direction)), 1e-6);
     const double radius = 0.5 * glm::length(glm::dvec3(server.welcome.box_max - server.welcome.box_min));
@@ -119,7 +119,7 @@ TEST_F(ViewerModes, aSectionCutsWorldCoordinatesForPictureAndPickAlike) {
   hearAllGroups();
   const base::ViewCamera view = orthoDown(12.0);
   const std::size_t whole = covered(settle(view));
-  viewer->setSection(base::SectionPlane{{1.0, 0.0, 0.0}, view.position.x});  // the right half goes
+  viewer->setSection(base::SectionPlane{{1.0, 0.0, 0.0}, view.position.x});  // removes the right half
   const base::Image half = settle(view);
   EXPECT_NEAR(static_cast<double>(covered(half)), 0.5 * static_cast<double>(whole), 0.03 * static_cast<double>(whole));
   EXPECT_EQ(half.at(50, 24)[3], 0);
@@ -127,7 +127,7 @@ TEST_F(ViewerModes, aSectionCutsWorldCoordinatesForPictureAndPickAlike) {
   EXPECT_FALSE(viewer->surfaceAt(view, 50.0, 24.0).has_value());
   EXPECT_TRUE(viewer->surfaceAt(view, 10.0, 24.0).has_value());
 
-  viewer->setSection(base::SectionPlane{{-2.0, 0.0, 0.0}, -2.0 * view.position.x});  // any length of the normal
+  viewer->setSection(base::SectionPlane{{-2.0, 0.0, 0.0}, -2.0 * view.position.x});  // the normal may have any length
   EXPECT_EQ(settle(view).at(10, 24)[3], 0);
   viewer->setSection(base::SectionPlane{{0.0, 0.0, 0.0}, -1.0});
   EXPECT_EQ(covered(settle(view)), whole) << "no normal, no plane";
@@ -141,7 +141,7 @@ TEST_F(ViewerModes, pinsAreSeenOnTheSurfaceAndNotBehindIt) {
   const base::ViewCamera view = server.lookDown(12.0);
   settle(view);
   std::vector<glm::dvec3> points;
-  for (int i = 0; i < 300; ++i) {  // over three frames' share
+  for (int i = 0; i < 300; ++i) {  // more than three frames test
     const auto on = viewer->surfaceAt(view, 4.0 + i % 20 * 2.8, 4.0 + i / 20 * 2.6);
     ASSERT_TRUE(on.has_value());
     points.push_back(*on - glm::dvec3(0.0, 0.0, i % 3 == 1 ? 3.0 : 0.0));
@@ -153,7 +153,7 @@ TEST_F(ViewerModes, pinsAreSeenOnTheSurfaceAndNotBehindIt) {
   for (std::size_t i = 0; i < points.size(); ++i)
     EXPECT_EQ(viewer->pinsVisible()[i], i % 3 == 0) << i << (i % 3 == 1 ? " lies below" : " lies outside");
 
-  // From below it is the other way round; the pins on the surface show from both sides.
+  // From below it is the other way round; pins on the surface show from both sides.
   base::ViewCamera below = view;
   below.position.z -= 30.0;
   below.direction.z = 1.0;
@@ -211,7 +211,7 @@ TEST_F(ViewerModes, afterALostContextThePictureIsTheSame) {
   settle(view);
   EXPECT_TRUE(viewer->pinsVisible()[0]);
   EXPECT_EQ(*on(), picked);
-  // What came while there was no context is in the picture as well: without it, the same.
+  // The picture also shows what arrived while there was no context, and equals one drawn without the loss.
   viewer->contextLost();
   context.reset();
   makeContext();
