@@ -1,5 +1,5 @@
-// The budget of memory holds over a tour, in our own count and in one that is made at WebGL's calls, and nothing grows
-// from lap to lap. tour_bench.mjs makes the same tour longer.
+// Tests that the memory budget holds over a tour, by our own count and by one made at WebGL's calls, and that nothing
+// grows from lap to lap. tour_bench.mjs makes the same tour longer.
 import assert from "node:assert/strict";
 import {after, before, test} from "node:test";
 

@@ -1,4 +1,5 @@
-// The same picture in the browser as in the native client, on Mesa and on an implementation of its own, SwiftShader.
+// Tests that the browser draws the same picture as the native client, on Mesa and on SwiftShader, an independent
+// implementation.
 import assert from "node:assert/strict";
 import {after, before, test} from "node:test";
 
@@ -18,11 +19,11 @@ import {
 } from "./lib.mjs";
 
 let server;
-// Nothing ahead of need, so that both clients hold the same images.
+// Without prefetching both clients hold the same images.
 before(async () => (server = await serve(sampleScene(), {args: ["--no-frames", "--prefetch", "0"]})));
 after(cleanUp);
 
-/// Permalinks of a few views, found by dragging.
+/// Returns permalinks of a few views, found by dragging.
 async function someViews(browser) {
   const page = await open(browser, server.url);
   const links = [];
@@ -40,7 +41,7 @@ async function someViews(browser) {
   return links;
 }
 
-// Mean in levels of 255, outliers (over 8 levels) as a share of the picture.
+// Each row has the limit of the mean in levels of 255, and of the outliers (over 8 levels) as a share of the picture.
 for (const [gl, mean, outliers] of [["mesa", 1, 0.002], ["swiftshader", 1, 0.002]])
   test(`as the native client draws it: ${gl}`, async () => {
     const browser = await launch(gl);

@@ -1,5 +1,5 @@
-// What the browser tests share: scenes, servers, Chromium, pictures. Everything runs on loopback ports that the system
-// picks, in a folder of its own that goes at the end, and is stopped by process id.
+// Helpers that the browser tests share: scenes, servers, Chromium, pictures. Everything runs on loopback ports that the
+// system picks and in a folder of its own that is removed at the end, and is stopped by process id.
 import {execFileSync, spawn} from "node:child_process";
 import {existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync} from "node:fs";
 import {connect, createServer} from "node:net";
@@ -8,14 +8,14 @@ import {join} from "node:path";
 import {chromium} from "playwright-core";
 import {PNG} from "pngjs";
 
-/// Set by CMake: the folder of the built programs and of the built page.
+/// CMake sets these: the folders of the built programs and of the built page.
 export const bin = process.env.LUMIGRID_BIN;
 export const site = process.env.LUMIGRID_SITE;
 for (const [name, value] of Object.entries({LUMIGRID_BIN: bin, LUMIGRID_SITE: site}))
   if (!value || !existsSync(value)) throw new Error(`set ${name} to a folder that is there (now: ${value})`);
 
 const cleanups = [];
-/// Runs `undo` when the test program ends, the last first.
+/// Runs `undo` when the test program ends, in reverse order.
 export function atEnd(undo) { cleanups.push(undo); }
 export async function cleanUp() {
   while (cleanups.length) await cleanups.pop()();
@@ -28,7 +28,7 @@ export function run(program, args) {
   return execFileSync(join(bin, program), args, {encoding: "utf8", stdio: ["ignore", "pipe", "pipe"]});
 }
 
-/// A generated mesh and a scene of it, each made once per test program.
+/// Makes a generated mesh, and a scene of it, each once per test program.
 export function sampleMesh({shape = "statue", triangles = 60000} = {}) {
   const mesh = join(folder, `${shape}-${triangles}.ply`);
   if (!existsSync(mesh)) run("lumigrid", ["sample", "--shape", shape, "--triangles", String(triangles), "-o", mesh]);
@@ -60,7 +60,7 @@ function stop(child) {
   });
 }
 
-/// `lumigrid serve`, with the page. {url, port, stop()}.
+/// Starts `lumigrid serve` with the page. Returns {url, port, stop()}.
 export async function serve(scene, {port = 0, args = []} = {}) {
   const child = spawn(
       join(bin, "lumigrid"), ["serve", scene, "--port", String(port), "--json", "--web", site, ...args],
@@ -88,8 +88,8 @@ export async function serve(scene, {port = 0, args = []} = {}) {
   return server;
 }
 
-/// nginx over `root`; `lines` go into its location. {url, stop(), requests()}: requests since the last call, {method,
-/// uri, status, bytes, range}.
+/// Starts nginx over `root`; `lines` go into its location. Returns {url, stop(), requests()}; requests() returns those
+/// since its last call, {method, uri, status, bytes, range}.
 export async function nginx(root, lines = "") {
   const port = await freePort();
   const home = mkdtempSync(join(folder, "nginx-"));
@@ -135,11 +135,11 @@ export async function nginx(root, lines = "") {
   return server;
 }
 
-/// Ranges of requests() as [name, first, last].
+/// Returns the ranges of requests() as [name, first, last].
 export const ranges = (requests) =>
     requests.filter(({range}) => range).map(({uri, range}) => [uri, ...range.match(/\d+/g).map(Number)]);
 
-/// Bytes that were asked for more than once.
+/// Returns the number of bytes that were requested more than once.
 export function repeated(requests) {
   let twice = 0;
   const seen = new Map();
@@ -151,10 +151,10 @@ export function repeated(requests) {
   return twice;
 }
 
-/// A link in front of a server: towards the page at most `bytesPerSecond`, each byte `latency` seconds late (so once
-/// per round trip). {url}
+/// Puts a link in front of a server: towards the page it has at most `bytesPerSecond` and delays each byte by `latency`
+/// seconds, so once per round trip. Returns {url}.
 export async function slowLink(port, bytesPerSecond, latency) {
-  // One budget for all connections, as on a real link.
+  // All connections share one budget, as on a real link.
   let free = 0;
   const proxy = createServer((client) => {
     const upstream = connect(port, "127.0.0.1");
@@ -186,7 +186,7 @@ const kGl = {
   swiftshader: ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"],
 };
 
-/// Chromium on Mesa's llvmpipe or on SwiftShader.
+/// Starts Chromium on Mesa's llvmpipe or on SwiftShader.
 export async function launch(gl = "mesa", flags = []) {
   const browser =
       await chromium.launch({executablePath: "/usr/bin/chromium", args: [...kBaseFlags, ...kGl[gl], ...flags]});
@@ -194,7 +194,7 @@ export async function launch(gl = "mesa", flags = []) {
   return browser;
 }
 
-/// A page on `url` that collects what goes wrong in it: page.faults.
+/// Opens a page on `url` that collects its errors and warnings in page.faults.
 export async function open(browser, url, options = {}) {
   const context = await browser.newContext({viewport: {width: 640, height: 360}, colorScheme: "light", ...options});
   const page = await context.newPage();
@@ -211,7 +211,7 @@ export const figures = (page) => page.evaluate(() => window.lumigrid?.figures())
 export const camera = (page) => page.evaluate(() => window.lumigrid.camera());
 export const overlay = (page) => page.evaluate(() => window.lumigrid.overlay());
 
-/// Waits until `wanted()` holds. (The page's own policy forbids what waitForFunction of playwright does.)
+/// Waits until `wanted()` holds. Playwright's own waitForFunction is forbidden by the page's policy.
 export async function until(wanted, what, milliseconds = 20000) {
   const end = Date.now() + milliseconds;
   while (!(await wanted())) {
@@ -220,7 +220,7 @@ export async function until(wanted, what, milliseconds = 20000) {
   }
 }
 
-/// Waits until `wanted` holds of the figures; the error tells the last ones.
+/// Waits until `wanted` holds for the figures; the error contains the last ones.
 export async function waitFor(page, wanted, what, milliseconds = 60000) {
   const end = Date.now() + milliseconds;
   for (;;) {
@@ -233,10 +233,11 @@ export async function waitFor(page, wanted, what, milliseconds = 60000) {
   }
 }
 
-/// All for this view is here, drawn and at rest.
+/// Waits until everything for this view is here, drawn and at rest.
 export const settled = (page) => waitFor(page, (now) => now.complete === 1 && now.triangles > 0, "a complete picture");
 
-/// Settled, and the images that hardly matter are on the GPU, too: what another client that has had time shows.
+/// Waits until the page has settled and images of little use are on the GPU as well, as in any client that has had
+/// time.
 export async function allHere(page) {
   await settled(page);
   let last = "";
@@ -251,7 +252,8 @@ export async function allHere(page) {
   }, "the images to come to rest");
 }
 
-/// Waits until the camera stands still, for three looks, since a flight may begin with the next frame. The camera.
+/// Waits until the camera is the same three times in a row, since a flight may begin with the next frame. Returns the
+/// camera.
 export async function still(page) {
   let last = await camera(page);
   let same = 0;
@@ -265,7 +267,7 @@ export async function still(page) {
   return last;
 }
 
-/// The canvas alone, RGBA, transparent where nothing is drawn.
+/// Returns the canvas alone, RGBA, transparent where nothing is drawn.
 export async function canvasPicture(page) {
   const data = await page.evaluate(() => window.lumigrid.picture());
   return PNG.sync.read(Buffer.from(data.split(",")[1], "base64"));
@@ -273,8 +275,8 @@ export async function canvasPicture(page) {
 
 export function readPicture(file) { return PNG.sync.read(readFileSync(file)); }
 
-/// The native client's pictures of the same views, each looked at a few times so that all is there. `cameras`: as
-/// camera() gives them.
+/// Returns the native client's pictures of the same views. Each view is drawn several times, so that everything has
+/// arrived in the last one. `cameras` are as camera() returns them.
 export function nativePictures(url, cameras, extra = []) {
   const name = join(folder, `native-${cleanups.length}-${Date.now()}`);
   const looks = 4;
@@ -292,21 +294,22 @@ export function nativePictures(url, cameras, extra = []) {
   return cameras.map((_, i) => readPicture(join(name, `frame_${String(looks * i + looks - 1).padStart(4, "0")}.png`)));
 }
 
-/// Over pixels that are model in either: mean of the largest channel's difference, and the share that differs by more
-/// than 8 levels.
+/// Compares two pictures over the pixels that show the model in either. Returns `mean`: mean of the largest channel's
+/// difference, levels; `max`: the largest difference; `outliers`: share of the picture that differs by more than 8
+/// levels; `covered`: share that shows the model.
 export function difference(a, b) {
   if (a.width !== b.width || a.height !== b.height)
     throw new Error(`pictures of ${a.width} x ${a.height} and ${b.width} x ${b.height}`);
-  let sum = 0, outliers = 0, pixels = 0, everywhere = 0;
+  let sum = 0, max = 0, outliers = 0, pixels = 0;
   for (let i = 0; i < a.data.length; i += 4) {
-    const coverage = Math.abs(a.data[i + 3] - b.data[i + 3]);
     if (a.data[i + 3] === 0 && b.data[i + 3] === 0) continue;
-    let most = coverage;
-    for (let c = 0; c < 3; ++c) most = Math.max(most, Math.abs(a.data[i + c] - b.data[i + c]));
+    let largest = 0;
+    for (let c = 0; c < 4; ++c) largest = Math.max(largest, Math.abs(a.data[i + c] - b.data[i + c]));
     ++pixels;
-    sum += most;
-    if (most > 8) ++outliers;
+    sum += largest;
+    max = Math.max(max, largest);
+    if (largest > 8) ++outliers;
   }
-  everywhere = a.data.length / 4;
-  return {mean: pixels ? sum / pixels : 0, outliers: outliers / everywhere, covered: pixels / everywhere};
+  const everywhere = a.data.length / 4;
+  return {mean: pixels ? sum / pixels : 0, max, outliers: outliers / everywhere, covered: pixels / everywhere};
 }

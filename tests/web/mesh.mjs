@@ -1,5 +1,4 @@
-// The generated mesh itself and rays at it: what measured distances are compared with. Shares no code with what it
-// tests.
+// Reads the generated mesh and casts rays at it, to check measured distances. It shares no code with what it tests.
 import {readFileSync} from "node:fs";
 
 const kSizes = {
@@ -17,8 +16,7 @@ const kReaders = {
   uint: "getUint32"
 };
 
-/// Corners and triangles of a little-endian PLY as `lumigrid sample` writes it: {points: [[x, y, z]], triangles: [[i,
-/// j, k]]}.
+/// Reads a little-endian PLY as `lumigrid sample` writes it. Returns {points: [[x, y, z]], triangles: [[i, j, k]]}.
 export function readMesh(file) {
   const bytes = readFileSync(file);
   const end = bytes.indexOf("end_header\n") + "end_header\n".length;
@@ -51,7 +49,7 @@ const dot = (a, b) => a.reduce((sum, x, i) => sum + x * b[i], 0);
 const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 const unit = (a) => a.map((x) => x / Math.hypot(...a));
 
-/// Through the pixel (x, y) of a view as camera() gives it; perspective.
+/// Returns the ray through the pixel (x, y) of a view as camera() returns it; perspective.
 export function rayOf(view, x, y) {
   const [position, direction, up] = [view.slice(0, 3), unit(view.slice(3, 6)), view.slice(6, 9)];
   const [fov, , width, height] = view.slice(9);
@@ -64,7 +62,7 @@ export function rayOf(view, x, y) {
   };
 }
 
-/// Where the ray first meets the mesh (Möller, Trumbore 1997); null where it does not.
+/// Returns the point where the ray first meets the mesh (Möller, Trumbore 1997); null where it does not.
 export function meet({points, triangles}, {origin, direction}) {
   let nearest = Infinity;
   for (const [i, j, k] of triangles) {

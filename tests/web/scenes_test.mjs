@@ -1,4 +1,4 @@
-// Several scenes of one server: the list, and each as if it were alone.
+// Tests several scenes of one server: the list, and each as if it were the only one.
 import assert from "node:assert/strict";
 import {basename} from "node:path";
 import {after, before, test} from "node:test";

@@ -1,4 +1,5 @@
-// Splats in the browser: streamed from a server of ours and from nginx, the same pictures as the native client's.
+// Tests splats in the browser: streamed from a server of ours and from nginx, with the same pictures as the native
+// client's.
 import assert from "node:assert/strict";
 import {readdirSync, readFileSync, writeFileSync} from "node:fs";
 import {join} from "node:path";
@@ -38,7 +39,7 @@ after(cleanUp);
 
 const fine = (page) => waitFor(page, (now) => now.complete === 1 && now.splats > 0, "all splats of the view");
 
-/// Until no block comes any more, those for later included.
+/// Waits until no block arrives any more, those ahead of need included.
 async function quiet(page) {
   let last = -1;
   await until(async () => {
@@ -51,9 +52,9 @@ async function quiet(page) {
   return last;
 }
 
-/// Of a page that finds out by itself that it needs its other program.
+/// Waits for a page that finds out by itself that it needs its other program, and loads again.
 const afterReload = (page, wanted, what) => until(async () => {
-  const now = await figures(page).catch(() => null);  // while it is loaded again
+  const now = await figures(page).catch(() => null);  // it fails while the page is loaded again
   return now && wanted(now);
 }, what);
 
@@ -85,7 +86,7 @@ test(
     async () => {
       const host = await nginx(published);
       const first = await open(browser, `${host.url}?method=qsplat`);
-      await quiet(first);  // or answers to it would be in the log of the next
+      await quiet(first);  // otherwise its answers would be in the log of the next page
       const link = await first.evaluate(() => window.lumigrid.permalink());
       await first.close();
       host.requests();
@@ -127,7 +128,7 @@ test("what is seen through the magnifying glass is finer, all else the same", as
   await until(async () => (await fine(page)).splats > before.splats * 1.1, "more splats");
   await fine(page);
   const through = await canvasPicture(page);
-  const radius = 0.18 * 360;  // of the view's shorter side
+  const radius = 0.18 * 360;  // share of the view's shorter side (client/app/app_tools.cpp)
   let inside = 0, outside = 0;
   for (let i = 0; i < through.data.length; i += 4) {
     const off = Math.hypot(((i / 4) % 640) + 0.5 - 320, Math.floor(i / 4 / 640) + 0.5 - 180);
@@ -157,7 +158,7 @@ test("the magnifying glass, by key and by button, and the statistics", async () 
   await page.close();
 });
 
-/// Names of the WebAssembly that a page fetches from here on.
+/// Returns the names of the WebAssembly files that a page fetches from here on.
 function wasmOf(page) {
   const names = [];
   page.on(
@@ -242,7 +243,7 @@ test(
       await fine(next);
       assert.ok(fetched.every((name) => name.startsWith("splats-")), fetched.join());
 
-      // A link rules over it, and so does a scene that has no splats.
+      // A link overrules the setting, and so does a scene that has no splats.
       await next.goto(`${server.url}?method=patches`);
       await waitFor(next, (now) => now.triangles > 0 && now.splats === 0, "patches");
       assert.match(await next.evaluate(() => window.lumigrid.permalink()), /m=patches/);
@@ -287,7 +288,7 @@ test("a point cloud, which has splats alone, is served and published, and shown 
     await page.close();
   }
 
-  // A link that says otherwise, and a page that does not know.
+  // A link that names another method, and a page that does not know the scene, both find the splats.
   const {url: elsewhere} = await serve(place);
   for (const url of [`${own.url}#m=lumigraph`, `${server.url}?scene=${elsewhere}`]) {
     const page = await open(browser, "about:blank");

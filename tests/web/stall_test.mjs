@@ -1,4 +1,4 @@
-// Interaction never waits for data: with the server stopped dead, the view still turns and draws.
+// Tests that interaction never waits for data: while the server is stopped, the view still turns and draws.
 import assert from "node:assert/strict";
 import {after, before, test} from "node:test";
 

@@ -1,7 +1,7 @@
-// What a tour of a published scene asks of a plain web server, view by view:
+// Measures the requests of a tour of a published scene to a plain web server, view by view:
 //   LUMIGRID_BIN=build/release/bin LUMIGRID_SITE=build/web/site node tests/web/static_bench.mjs PUBLISHED [--json]
-// nginx serves the page compressed and the scene as it is; then a tour of drags and zooms, each until it is complete
-// and at rest, and the way back. Exit status 1 when a byte was asked for twice.
+// nginx serves the page compressed and the scene as it is; then follows a tour of drags and zooms, each until it is
+// complete and at rest, and the way back. The exit status is 1 when a byte was requested twice.
 import {allHere, camera, cleanUp, launch, nginx, open, ranges, repeated, settled, site, still} from "./lib.mjs";
 
 const published = process.argv[2];

@@ -1,5 +1,5 @@
-// A published scene from nginx, with no server of ours: the page beside it, and a page from elsewhere (?scene=URL);
-// what is fetched, and what goes wrong.
+// Tests a published scene from nginx, without a server of ours: with the page beside it, and from a page elsewhere
+// (?scene=URL); what is fetched, and what goes wrong.
 import assert from "node:assert/strict";
 import {cpSync, existsSync, readdirSync, readFileSync, rmSync, writeFileSync} from "node:fs";
 import {join} from "node:path";
@@ -67,8 +67,8 @@ test("the page beside the scene shows it as our server does, and asks for nothin
   console.log(`requests and bytes a view: ${frames.map(({requests, bytes}) => `${requests}: ${bytes}`).join(", ")}`);
   assert.equal(repeated(all), 0, JSON.stringify(ranges(all)));
   assert.ok(all.every(({status}) => [200, 206, 304, 404].includes(status)));
-  // Back to the first view: all that it shows is here; what comes is ahead of need, along the motion, and nothing comes
-  // again.
+  // Everything that the first view shows is here. New data are ahead of need, along the motion, and nothing is fetched
+  // twice.
   await page.keyboard.press("Home");
   await still(page);
   await settled(page);
@@ -104,11 +104,11 @@ test("measuring reads the full-resolution patches around the rays, with no serve
   await until(async () => (await values()).length === 1, "an exact distance");
   const [, measured, accuracy] = (await values())[0][8].match(/^([\d.]+) .* \u00b1 ([\d.e-]+)/).map(Number);
 
-  // The scan itself, every triangle of it: another way to the same points.
+  // The scan itself, every triangle of it, gives the same points independently.
   const mesh = readMesh(sampleMesh());
   const [a, b] = clicks.map(([x, y]) => meet(mesh, rayOf(view, x, y)));
   const truth = Math.hypot(...a.map((value, i) => value - b[i]));
-  const step = 0.5 * Number(`1e-${(String(measured).split(".")[1] ?? "").length}`);  // what the text rounds to
+  const step = 0.5 * Number(`1e-${(String(measured).split(".")[1] ?? "").length}`);  // the text is rounded to this
   console.log(`measured ${measured} ± ${accuracy}, in the scan ${truth}`);
   assert.ok(Math.abs(measured - truth) <= accuracy + step, `measured ${measured} ± ${accuracy}, in the scan ${truth}`);
   assert.ok(accuracy < 1e-3 * truth, `± ${accuracy} of ${truth} is no full resolution`);

@@ -1,5 +1,5 @@
-// A tour as a hand makes it, lap after lap of the same path, with what it holds written down each second: our own
-// count, a second count at WebGL's calls that shares no code with it, the WebAssembly's memory, the page's heap.
+// Makes a tour as a hand does, lap after lap of the same path, and records each second what the page holds: our own
+// count, a second count at WebGL's calls that shares no code with it, the WebAssembly's memory, and the page's heap.
 /// What a browser on a phone says of itself.
 export const phone = {
   viewport: {width: 390, height: 700},
@@ -8,8 +8,8 @@ export const phone = {
   deviceScaleFactor: 2
 };
 
-/// For addInitScript: counts the bytes of textures, buffers and renderbuffers in window.glBytes(), by WebGL's calls. A
-/// format or call that it does not know shows as glUnknown.
+/// For addInitScript: counts the bytes of textures, buffers and renderbuffers at WebGL's calls, as window.glBytes().
+/// Unknown formats and calls are listed by glUnknown().
 export function countGl() {
   const kPixel = {RGBA8: 4, DEPTH_COMPONENT24: 4, RGBA32UI: 16};
   const gl = WebGL2RenderingContext.prototype;
@@ -86,7 +86,7 @@ export async function openCounted(browser, url, options) {
   return page;
 }
 
-/// One lap: round the model, near and far, along it, and home. `between()` after each step.
+/// Makes one lap: around the model, near and far, along it, and home. `between()` is called after each step.
 async function lap(page, steps, between) {
   const {width, height} = page.viewportSize();
   const middle = [width / 2, height / 2];
@@ -97,7 +97,7 @@ async function lap(page, steps, between) {
     await page.mouse.move(
         middle[0] + 0.28 * width * Math.cos(1.3 * i), middle[1] + 0.12 * height * Math.sin(1.7 * i), {steps: 3});
     await page.mouse.up({button});
-    // Nearer for half of the lap, and back.
+    // Come nearer for half of the lap, then go back.
     await page.mouse.wheel(0, i % steps < steps / 2 ? -180 : 180);
     await between();
   }
@@ -105,9 +105,8 @@ async function lap(page, steps, between) {
   await between();
 }
 
-/// Tours for `seconds`, at least three laps of `steps`. The result: {samples: one a second, laps: what was held at the
-/// end of each, after the page's garbage was collected}. A sample: {seconds, gl, gpu, memory, budget, wasm, heap,
-/// triangles}, bytes.
+/// Tours for `seconds`, at least three laps of `steps`. Returns {samples: one a second, laps: one at the end of each
+/// lap, after garbage collection}. A sample is {seconds, gl, gpu, memory, budget, wasm, heap, triangles}, in bytes.
 export async function tour(page, {seconds, steps = 12, look = 1000}) {
   const cdp = await page.context().newCDPSession(page);
   const begin = performance.now();
@@ -146,7 +145,7 @@ export async function tour(page, {seconds, steps = 12, look = 1000}) {
   return {samples, laps};
 }
 
-/// What a tour held; growth from the second lap's end to the last's, as a share.
+/// Summarizes a tour; growth is from the end of the second lap to the last, as a share.
 export function summary({samples, laps}) {
   const most = (name) => Math.max(...samples.map((one) => one[name]));
   const growth = (name) => laps.at(-1)[name] / laps[1][name] - 1;  // the first lap fills what is empty

@@ -1,8 +1,8 @@
-// Whether the budget of memory holds over a long tour, on a phone's budget:
-//   LUMIGRID_BIN=build/release/bin LUMIGRID_SITE=build/web/site node tests/web/tour_bench.mjs SCENE [--minutes 10]
-//   [--published] [--csv FILE]
-// SCENE is served by `lumigrid serve`, or with --published (then: what `lumigrid publish` wrote) by nginx alone. Exit
-// status 1 when the budget was passed or something grew from the second lap to the last.
+// Measures whether the memory budget holds over a long tour, on a phone's budget:
+//   LUMIGRID_BIN=build/release/bin LUMIGRID_SITE=build/web/site \
+//     node tests/web/tour_bench.mjs SCENE [--minutes 10] [--published] [--csv FILE]
+// SCENE is served by `lumigrid serve`, or with --published (then it is what `lumigrid publish` wrote) by nginx alone.
+// The exit status is 1 when the budget was exceeded or something grew from the second lap to the last.
 import {writeFileSync} from "node:fs";
 import {parseArgs} from "node:util";
 

@@ -1,5 +1,5 @@
-// The page as a visitor uses it: loading, mouse, touch, every key, links, notes, measuring, pictures, and what goes
-// wrong.
+// Tests the page as a visitor uses it: loading, mouse, touch, every key, links, notes, measuring, pictures, and
+// failures.
 import assert from "node:assert/strict";
 import {readFileSync, writeFileSync} from "node:fs";
 import {join} from "node:path";
@@ -55,7 +55,7 @@ const distance = (a, b) => Math.hypot(...a.map((x, i) => x - b[i]));
 const row = async (name) => (await overlay(page)).find((one) => one[0] === name);
 const rows = async (name) => (await overlay(page)).filter((one) => one[0] === name);
 
-/// Presses a key and waits until the page has drawn what it does.
+/// Presses a key and waits until the page has drawn its effect.
 async function press(key) {
   await page.locator("#view").focus();
   await page.keyboard.press(key);
@@ -113,7 +113,7 @@ test("double click sets the pivot to the surface under the cursor", async () => 
   const start = await camera(page);
   await page.mouse.dblclick(320, 150);
   const there = await still();
-  // The point that was clicked is the new pivot: turning keeps it where it is on the screen.
+  // The clicked point is the new pivot: turning keeps its place on the screen.
   assert.ok(distance(there, start) > 0, "nothing happened");
 });
 
@@ -359,7 +359,7 @@ test("P saves a picture from the server at any size, and what is on the screen",
 });
 
 test("the server's picture is what the client shows: cut, tinted, orthographic", async () => {
-  // The client's own picture of patches, as the server draws it with as many samples and the same tolerance.
+  // Compare the client's picture of patches with the server's, drawn with as many samples and the same tolerance.
   const patches = await open(browser, server.url);
   await settled(patches);
   const plain = await patches.evaluate(() => window.lumigrid.permalink());
@@ -430,7 +430,7 @@ test("touch: one finger turns, two fingers move and come nearer, a double tap se
 
   await phone.keyboard.press("Home");
   const whole = await rest();
-  // On a busy machine two taps may come too far apart to be one gesture; then again.
+  // On a busy machine two taps may come too far apart to be one gesture; then they are repeated.
   await until(async () => {
     for (let i = 0; i < 2; ++i) {
       await send("touchStart", [195, 330]);
@@ -479,7 +479,7 @@ test("a server that restarts is found again", async () => {
   await until(async () => ["1", "2"].includes((await row("status"))[1]), "the server to be found again");
   await press("Home");
   await settled(page);
-  page.faults.splice(faults);  // Chromium itself tells of the lost connection
+  page.faults.splice(faults);  // Chromium itself reports the lost connection
 });
 
 test("nothing went wrong on the way", () => assert.deepEqual(page.faults, []));

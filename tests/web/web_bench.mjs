@@ -1,10 +1,11 @@
-// What the page costs, beside what it is compared with, in one run:
+// Measures the costs of the page beside those that it is compared with, in one run:
 //   LUMIGRID_BIN=build/release/bin LUMIGRID_SITE=build/web/site node tests/web/web_bench.mjs SCENE [--json]
-//   1. bytes before the first picture by kind (compressed, as they travel), and wasm alone: limits 350 kB and 150 kB
+//   1. bytes before the first picture by kind (compressed, as they travel), and of the WebAssembly: limits 350 kB and
+//      150 kB
 //   2. milliseconds a frame in Chromium and in the native client, same view, same software GL, each with the GPU's work
-//   done: median of the medians of 5 runs of 12 frames
+//      done: median of the medians of 5 runs of 12 frames
 //   3. milliseconds from a move of the mouse to the frame that follows it, in a drag begun at the first picture, on the
-//   local link and on one of 384 kbit/s and 300 ms
+//      local link and on one of 384 kbit/s and 300 ms
 import {readFileSync, writeFileSync} from "node:fs";
 import {join} from "node:path";
 
