@@ -1,5 +1,4 @@
 #include "client/native/window.h"
-#include "client/app/splat_settings.h"
 
 #include <GLES3/gl3.h>
 #define GLFW_INCLUDE_NONE
@@ -11,9 +10,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
-#include <ctime>
-#include <filesystem>
 #include <map>
 #include <memory>
 #include <optional>
@@ -21,14 +17,17 @@
 #include "base/gl/gl.h"
 #include "base/json/annotations_file.h"
 #include "base/png/png.h"
+#include "client/app/splat_settings.h"
 #include "client/native/answer_json.h"
 #include "client/native/connection.h"
 #include "client/native/http_get.h"
 #include "client/native/jpeg_decoder.h"
 #include "client/native/overlay.h"
+#include "client/native/picture_file.h"
 #include "client/native/published_scene.h"
 #include "client/native/settings_panel.h"
 #include "client/native/user_files.h"
+#include "client/native/window_keys.h"
 
 namespace client {
 namespace {
@@ -54,89 +53,10 @@ std::string lastGlfwError() {
   return text != nullptr ? text : "no reason given";
 }
 
-/// Names a picture after the scene and the time: "lumigrid-skull-20260504-153012.png". Characters that file names
-/// cannot have become '-'.
-std::string pictureName(const std::string& scene) {
-  std::string name = "lumigrid-";
-  for (const char c : scene.substr(0, 64)) {
-    const bool plain =
-        (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' || c == '_';
-    name += plain ? c : '-';
-  }
-  const std::time_t now = std::time(nullptr);
-  std::tm local{};
-  ::localtime_r(&now, &local);
-  std::array<char, 32> time{};
-  std::strftime(time.data(), time.size(), "-%Y%m%d-%H%M%S", &local);
-  return name + time.data() + ".png";
-}
-
-/// Returns a path in the folder that does not exist yet.
-std::string freePath(const std::string& directory, const std::string& name) {
-  const std::filesystem::path folder(directory);
-  const std::filesystem::path file(name);
-  std::error_code error;
-  std::filesystem::path path = folder / file;
-  for (int i = 2; std::filesystem::exists(path, error) && i < 1000; ++i)
-    path = folder / (file.stem().string() + "-" + std::to_string(i) + file.extension().string());
-  return path.string();
-}
-
-/// Returns the path and query of the server's picture, in the window's size and on its background.
-std::string renderTarget(const Request& request, const std::array<float, 4>& background) {
-  const auto byte = [](float share) {
-    return static_cast<unsigned>(std::lround(255.0F * std::clamp(share, 0.0F, 1.0F)));
-  };
-  std::array<char, 80> rest{};
-  std::snprintf(rest.data(), rest.size(), "&width=%d&height=%d&background=%02x%02x%02x", request.camera.width,
-                request.camera.height, byte(background[0]), byte(background[1]), byte(background[2]));
-  return "/render?" + request.text + rest.data();
-}
-
 /// Returns the folder that a server with several scenes has for one: "/tower" for "/tower/" and "/tower/ws".
 std::string folderOf(const std::string& target) {
   const std::string path = target.substr(0, target.find('?'));
   return path.substr(0, path.rfind('/'));
-}
-
-Modifiers modifiersOf(int mods) {
-  return {(mods & GLFW_MOD_SHIFT) != 0, (mods & (GLFW_MOD_CONTROL | GLFW_MOD_SUPER)) != 0, (mods & GLFW_MOD_ALT) != 0};
-}
-
-/// Returns the place of a key as a browser names it (KeyboardEvent.code).
-std::string codeOf(int key) {
-  if (key >= GLFW_KEY_A && key <= GLFW_KEY_Z) return std::string("Key") + static_cast<char>('A' + key - GLFW_KEY_A);
-  if (key >= GLFW_KEY_0 && key <= GLFW_KEY_9) return "Digit" + std::to_string(key - GLFW_KEY_0);
-  if (key >= GLFW_KEY_KP_0 && key <= GLFW_KEY_KP_9) return "Numpad" + std::to_string(key - GLFW_KEY_KP_0);
-  static const std::map<int, const char*> kNames{{GLFW_KEY_UP, "ArrowUp"},
-                                                 {GLFW_KEY_DOWN, "ArrowDown"},
-                                                 {GLFW_KEY_LEFT, "ArrowLeft"},
-                                                 {GLFW_KEY_RIGHT, "ArrowRight"},
-                                                 {GLFW_KEY_HOME, "Home"},
-                                                 {GLFW_KEY_ESCAPE, "Escape"},
-                                                 {GLFW_KEY_ENTER, "Enter"},
-                                                 {GLFW_KEY_KP_ENTER, "NumpadEnter"},
-                                                 {GLFW_KEY_BACKSPACE, "Backspace"},
-                                                 {GLFW_KEY_DELETE, "Delete"},
-                                                 {GLFW_KEY_PAGE_UP, "PageUp"},
-                                                 {GLFW_KEY_PAGE_DOWN, "PageDown"},
-                                                 {GLFW_KEY_LEFT_SHIFT, "ShiftLeft"},
-                                                 {GLFW_KEY_RIGHT_SHIFT, "ShiftRight"},
-                                                 {GLFW_KEY_KP_ADD, "NumpadAdd"},
-                                                 {GLFW_KEY_KP_SUBTRACT, "NumpadSubtract"},
-                                                 {GLFW_KEY_F1, "F1"}};
-  const auto found = kNames.find(key);
-  return found != kNames.end() ? found->second : "";
-}
-
-/// Translates a key by its place and its character. GLFW gives characters without shift, so shift + '/' is taken for
-/// '?' and shift + '=' for '+'.
-Key keyOf(int key, int scancode, int mods) {
-  const char* printed = glfwGetKeyName(key, scancode);
-  std::string text = printed != nullptr ? printed : "";
-  if (text == "/" && (mods & GLFW_MOD_SHIFT) != 0) text = "?";
-  if (text == "=" && (mods & GLFW_MOD_SHIFT) != 0) text = "+";
-  return keyFromNames(codeOf(key), text);
 }
 
 class Window {
