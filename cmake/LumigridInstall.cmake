@@ -1,6 +1,6 @@
-# What `cmake --install` puts where: the programs, and the browser client's files where `lumigrid serve` and `publish` look
-# for them. Those are built by the preset "web" (another compiler, so another build folder); without them the server
-# shows a plain page.
+# What `cmake --install` puts where: the programs, and the browser client's files where `lumigrid serve` and `publish`
+# look for them. Those are built by the preset "web" (another compiler, so another build folder); without them the
+# server shows a plain page.
 include(GNUInstallDirs)
 set(LUMIGRID_PAGE_FILES "${PROJECT_SOURCE_DIR}/build/web/site" CACHE PATH "Folder with the browser client's files, as the preset web builds them")
 

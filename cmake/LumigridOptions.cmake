@@ -8,7 +8,8 @@ if(EMSCRIPTEN)
   add_compile_options(-msimd128 -fno-exceptions -fno-rtti)
 else()
   set(CMAKE_POSITION_INDEPENDENT_CODE ON)
-  # Nothing of ours is a shared library, whose functions others may put theirs in place of: calls may become part of their callers.
+  # Nothing of ours is a shared library, whose functions others may put theirs in place of: calls may become part of
+  # their callers.
   add_compile_options(-fno-semantic-interposition)
 endif()
 
@@ -25,8 +26,8 @@ set(LUMIGRID_VECTOR_MATH -fno-math-errno -fno-trapping-math)
 add_library(lumigrid_flags INTERFACE)
 target_compile_options(lumigrid_flags INTERFACE -Wall -Wextra -Wshadow -Wnon-virtual-dtor -Wold-style-cast -Wcast-qual -Wpedantic)
 if(LUMIGRID_QUICK AND NOT EMSCRIPTEN)
-  # gcc takes the grouped files for headers: a type with a member from an anonymous namespace would be a fault in one. And a
-  # constant of one file may have the name of a local variable in another.
+  # gcc takes the grouped files for headers: a type with a member from an anonymous namespace would be a fault in one.
+  # And a constant of one file may have the name of a local variable in another.
   target_compile_options(lumigrid_flags INTERFACE -Wno-subobject-linkage -Wno-shadow -Wshadow=local)
 endif()
 if(LUMIGRID_WERROR)

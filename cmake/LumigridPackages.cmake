@@ -1,6 +1,7 @@
 # Every outside library, by the name that the walls know it by. All are Debian packages: tools/packages.txt lists them.
 if(EMSCRIPTEN)
-  # The browser brings GLES 3.0 (as WebGL2); glm is headers alone, found through a folder that holds nothing else of this machine.
+  # The browser brings GLES 3.0 (as WebGL2); glm is headers alone, found through a folder that holds nothing else of
+  # this machine.
   file(MAKE_DIRECTORY ${CMAKE_BINARY_DIR}/include)
   file(CREATE_LINK /usr/include/glm ${CMAKE_BINARY_DIR}/include/glm SYMBOLIC)
   foreach(there glm::glm Threads::Threads gles)

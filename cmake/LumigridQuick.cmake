@@ -1,9 +1,9 @@
 # LUMIGRID_QUICK: a target's files are compiled in groups (CMake's unity builds), so that headers are read once and
 # templates are compiled once for many files. A whole build takes half the CPU time; a change to one file takes more.
 
-# Files that declare the same name in an anonymous namespace cannot be in one group. clang-format leaves such declarations
-# at the beginning of a line, which is how they are found here. A function counts with its first parameter, as overloads
-# may stand side by side.
+# Files that declare the same name in an anonymous namespace cannot be in one group. clang-format leaves such
+# declarations at the beginning of a line, which is how they are found here. A function counts with its first
+# parameter, as overloads may stand side by side.
 function(_lumigrid_names file out)
   file(READ ${file} text)
   string(REGEX REPLACE "[][;]" " " text "\n${text}")

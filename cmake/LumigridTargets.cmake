@@ -1,13 +1,16 @@
-# The walls: which target may link which. DESIGN section 2 draws the arrows; docs/architecture.md explains them.
+# The walls: which target may link which. docs/rooms.svg is drawn from this table by tools/rooms.py.
 #
 # lumigrid_library(NAME SOURCES file... USES target... [LIBRARIES outside...])
 # lumigrid_program(NAME OUTPUT file SOURCES ... USES ... [LIBRARIES ...])
 #
 # USES names our own targets and is checked against LUMIGRID_MAY_USE_<name>; LIBRARIES names outside libraries and is
 # checked against LUMIGRID_MAY_LINK_<name>. Anything not allowed stops the configure step. After all targets exist,
-# lumigrid_check_walls() follows the links to their ends and stops when the thin client reaches a forbidden library.
+# lumigrid_check_walls() follows the links to their ends and stops when the thin client reaches a forbidden library, and
+# lumigrid_check_rows() stops at a row whose target is not there.
 
 function(_lumigrid_allow name uses links)
+  list(APPEND LUMIGRID_ROWS ${name})
+  set(LUMIGRID_ROWS "${LUMIGRID_ROWS}" PARENT_SCOPE)
   set(LUMIGRID_MAY_USE_${name} "${uses}" PARENT_SCOPE)
   set(LUMIGRID_MAY_LINK_${name} "${links}" PARENT_SCOPE)
 endfunction()
@@ -54,7 +57,7 @@ _lumigrid_allow(client_web_check "base;client" "")
 _lumigrid_allow(compare        "*"                                                 "*")
 _lumigrid_allow(lumigrid-compare "*"                                               "*")
 
-set(LUMIGRID_CLIENT_FORBIDDEN metis openmesh CGAL::CGAL opencv_core opencv_imgproc mesh lod_ingest lod_patch_builder lod_qsplat_builder repository objects server_render server_bake server_session server_net lmdb)
+set(LUMIGRID_CLIENT_FORBIDDEN metis openmesh opencv_core opencv_imgproc mesh lod_ingest lod_patch_builder lod_qsplat_builder repository objects server_render server_bake server_session server_net lmdb)
 
 function(_lumigrid_check_list kind name allowed)
   if("${allowed}" STREQUAL "*")
@@ -87,7 +90,8 @@ function(lumigrid_hot)
   endif()
 endfunction()
 
-# lumigrid_cold(target...): code that waits for people, files or the network. Compiling it at -O1 takes half of -O3's time.
+# lumigrid_cold(target...): code that waits for people, files or the network. Compiling it at -O1 takes half of -O3's
+# time.
 function(lumigrid_cold)
   if(NOT EMSCRIPTEN)
     foreach(name IN LISTS ARGN)
@@ -142,6 +146,19 @@ function(lumigrid_check_walls)
           message(FATAL_ERROR "wall: the thin client '${thin}' reaches '${bad}'; it must link none of ${LUMIGRID_CLIENT_FORBIDDEN}")
         endif()
       endforeach()
+    endif()
+  endforeach()
+endfunction()
+
+# Rows of the page are for the preset "web" alone, those of lumigrid-compare for builds that have it.
+function(lumigrid_check_rows)
+  foreach(name IN LISTS LUMIGRID_ROWS)
+    set(expected TRUE)
+    if(EMSCRIPTEN OR name MATCHES "^client_web" OR (name MATCHES "compare$" AND NOT LUMIGRID_COMPARE))
+      set(expected FALSE)
+    endif()
+    if(expected AND NOT TARGET ${name})
+      message(FATAL_ERROR "wall: the row of '${name}' in cmake/LumigridTargets.cmake is for a target that is not there")
     endif()
   endforeach()
 endfunction()

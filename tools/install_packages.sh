@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# tools/install_packages.sh PURPOSE...: installs the Debian packages of these sections of tools/packages.txt (run, build,
-# web, compare, test) that are missing, and says what to do where it cannot. --list prints the names and installs nothing.
+# tools/install_packages.sh PURPOSE...: installs the Debian packages of these sections of tools/packages.txt (run,
+# build, web, compare, test) that are missing, and says what to do where it cannot. --list prints the names and
+# installs nothing.
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 list=no
@@ -8,7 +9,10 @@ if [ "${1:-}" = --list ]; then
   list=yes
   shift
 fi
-[ $# -gt 0 ] || { echo "usage: tools/install_packages.sh [--list] PURPOSE... (run, build, web, compare, test)" >&2; exit 2; }
+if [ $# -eq 0 ]; then
+  echo "usage: tools/install_packages.sh [--list] PURPOSE... (run, build, web, compare, test)" >&2
+  exit 2
+fi
 
 wanted=()
 for purpose in "$@"; do
@@ -37,7 +41,8 @@ done
 
 echo "installing: ${missing[*]}"
 if ! command -v apt-get >/dev/null; then
-  echo "Lumigrid is set up with Debian's packages, but there is no apt-get here. Please install these by other means: ${missing[*]}" >&2
+  echo "Lumigrid is set up with Debian's packages, but there is no apt-get here." >&2
+  echo "Please install these by other means: ${missing[*]}" >&2
   exit 1
 fi
 run=()

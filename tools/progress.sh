@@ -16,12 +16,14 @@ descendants() {
     descendants "$child"
   done
 }
-# What compilers and linkers among them write: the argument behind -o.
+# The files that compilers and linkers among them write: the argument behind -o.
 current() {
   local pid
   for pid in $(descendants $build); do
-    tr '\0' ' ' 2>/dev/null <"/proc/$pid/cmdline" | sed -n 's/.* -o \([^ ]*\) .*/\1/p'
-  done | sed 's|CMakeFiles/[^/]*[.]dir/||; s|[.]o$||' | grep -v '^/tmp/' | sort -u | head -n 4 | paste -sd ' '
+    tr '\0' '\n' 2>/dev/null <"/proc/$pid/cmdline" | grep -aA1 -x -e -o | tail -n 1
+  done | grep -aE '[.](o|a|wasm|js)$|^bin/|^tests/' | sed 's|CMakeFiles/[^/]*[.]dir/||
+    s|Unity/unity_\(.*\)_cxx[.]cxx|\1|
+    s|[.]o$||' | sort -u | head -n 4 | paste -sd ' '
 }
 say() {
   local steps

@@ -2,8 +2,8 @@
 """tests/docs/check_paths.py ROOT: fails where README, CONTRIBUTING or a page in docs/ names a path that does not exist.
 
 Looked at are words in backticks that begin with a folder or file of the repository's root and contain a slash, and the
-targets of links. `x` and `x.*` also stand for a file x with any ending. Words with <, { or a name to choose like NAME and
-SCENE are left out, and so are files that a build makes.
+targets of links. `x` and `x.*` also stand for a file x with any ending. Words with <, { or a name to choose like NAME
+and SCENE are left out, and so are files that a build makes.
 """
 
 import glob

@@ -6,7 +6,8 @@ tree=$(mktemp -d)
 trap 'rm -rf "$tree"' EXIT
 mkdir -p "$tree/docs" "$tree/base"
 : >"$tree/base/file.cpp"
-echo 'Read `base/file.*`, `base/`, `lumigrid build x/y -o SCENE/z`, `base/NAME.cpp` and [this](docs/page.md).' >"$tree/README.md"
+echo 'Read `base/file.*`, `base/`, `lumigrid build x/y -o SCENE/z`, `base/NAME.cpp` and [this](docs/page.md).' \
+  >"$tree/README.md"
 echo 'Back to [the start](../README.md).' >"$tree/docs/page.md"
 python3 "$here/check_paths.py" "$tree"
 for planted in '`base/gone.cpp`' '`base/gone.*`' '[gone](gone.md)'; do

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""tests/walls/check_house.py ROOT [CHECK...]: measures the source tree and fails where it breaks a rule of CONTRIBUTING.md.
+"""tests/walls/check_house.py ROOT [CHECK...]: measures the source tree and fails where it breaks one of these rules.
 
 folders    no folder holds more than 40 source files, and none is called "build"
 files      no source file has more than 900 lines

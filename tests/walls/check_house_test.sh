@@ -36,7 +36,8 @@ for i in $(seq 41); do : >"$tree/base/many/file$i.cpp"; done
 refuses folders base/many
 body 901 >"$tree/base/long.cpp"
 refuses files base/long.cpp
-for head in 'int f(int x) {' 'Shape::Shape(int x) : x_(x) {' 'template <typename T> T Shape::f(struct Edge e) const noexcept {'; do
+for head in 'int f(int x) {' 'Shape::Shape(int x) : x_(x) {' \
+  'template <typename T> T Shape::f(struct Edge e) const noexcept {'; do
   { echo "$head"; body 100; echo '}'; } >"$tree/base/long_function.cpp"
   refuses functions base/long_function.cpp
 done

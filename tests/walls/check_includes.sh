@@ -1,10 +1,14 @@
 #!/usr/bin/env bash
-# Fails on an #include that points up or sideways (DESIGN section 2). One line per folder: what it must not include.
+# Fails on an #include that points up or sideways. One line per folder: what it must not include.
 set -u
 root=$1
 bad=0
+there() {  # there FOLDER: a wall around a room that is not there guards nothing
+  [ -d "$root/$1" ] || { echo "wall: there is no folder $1"; bad=1; }
+}
 forbid() {  # forbid FOLDER REGEX: no file under FOLDER includes a path that matches
   local found
+  there "$1"
   found=$(grep -rnE "#include \"($2)" "$root/$1" --include='*.h' --include='*.cpp' 2>/dev/null)
   if [ -n "$found" ]; then
     echo "wall: $1 must not include $2:"
@@ -50,6 +54,7 @@ home() {  # home REGEX FOLDER...: only these folders include it
   local pattern=$1 found
   shift
   found=$(grep -rnE "#include <($pattern)" "$root"/{base,mesh,lod,repository,protocol,plan,server,client,compare} --include='*.h' --include='*.cpp' 2>/dev/null)
+  for folder in "$@"; do there "$folder"; done
   for folder in "$@"; do found=$(printf '%s' "$found" | grep -v "^$root/$folder" || true); done
   if [ -n "$found" ]; then
     echo "wall: <$pattern> belongs to: $*"

@@ -4,9 +4,17 @@ set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 tree=$(mktemp -d)
 trap 'rm -rf "$tree"' EXIT
-mkdir -p "$tree"/{base,lod/patch,repository,protocol,server/session,client/native,compare}
+mkdir -p "$tree"/{base/gl,base/egl,mesh,lod/{ingest,draw,patch/builder,qsplat/builder},protocol,plan,compare,tests}
+mkdir -p "$tree"/{repository/{sampling,faces,packs,objects},server/{cli,bake,net,render,session}}
+mkdir -p "$tree"/client/{app,source,viewer,render,native,web}
 echo '#include "base/error.h"' >"$tree/lod/patch/a.h"
 "$here/check_includes.sh" "$tree"
+mv "$tree/plan" "$tree/gone"
+if "$here/check_includes.sh" "$tree" >/dev/null; then
+  echo "not found: a wall around a folder that is not there"
+  exit 1
+fi
+mv "$tree/gone" "$tree/plan"
 for planted in 'base/a.h:"lod/lattice.h"' 'lod/patch/b.h:"server/net/server.h"' 'client/c.cpp:"server/session/session.h"' 'client/d.cpp:<boost/asio.hpp>' 'server/session/e.cpp:"client/session.h"'; do
   file=$tree/${planted%%:*}
   echo "#include ${planted#*:}" >"$file"
