@@ -17,7 +17,7 @@ bool isPlace(const glm::dvec3& v) {
   return true;
 }
 
-/// The number of bytes of the UTF-8 sequence at the front, 0 when it is none (too long, cut, surrogate, too large).
+/// The number of bytes of the UTF-8 sequence at the front; 0 for an invalid one (overlong, cut, surrogate, too large).
 std::size_t sequenceLength(std::string_view text) {
   const auto at = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
   const unsigned char first = at(0);
@@ -32,7 +32,7 @@ std::size_t sequenceLength(std::string_view text) {
   return length;
 }
 
-/// UTF-8 whose only control characters are among `allowed`.
+/// Whether the text is UTF-8 without control characters, except those in `allowed`.
 bool isPlainText(std::string_view text, std::string_view allowed) {
   while (!text.empty()) {
     const std::size_t length = sequenceLength(text);

@@ -1,6 +1,6 @@
 #pragma once
-// Notes that belong to a place on the surface (docs/formats/annotations.md): what may be in them, for whoever reads
-// them. JSON is read by base/json/annotations_file, in a browser by the page.
+// Notes that belong to a place on the surface (docs/formats/annotations.md), and the checks that every reader makes.
+// base/json/annotations_file reads their JSON, and in a browser the page does.
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <optional>
@@ -21,14 +21,14 @@ inline constexpr int kAnnotationsVersion = 1;
 
 struct Annotation {
   glm::dvec3 position{0.0};          ///< world, on the surface
-  glm::dvec3 normal{0.0};            ///< away from the surface, unit; zero: not said
+  glm::dvec3 normal{0.0};            ///< away from the surface, unit; zero: unknown
   std::string title;                 ///< plain text, one line; never empty
   std::string text;                  ///< plain text, may have line breaks and be empty
   std::optional<ViewCamera> camera;  ///< the best place to look at it from; width and height mean nothing
 };
 
-/// Makes normal and direction unit and checks all else: finite numbers within 10^12, lengths, UTF-8, no control
-/// characters but line breaks and tabs in the text. Errors name what is wrong.
+/// Normalises normal and direction and checks everything else: finite numbers within 10^12, lengths, UTF-8, no control
+/// characters but line breaks and tabs in the text. Errors name the wrong member.
 Result<Annotation> checkedAnnotation(Annotation annotation);
 
 }  // namespace base

@@ -1,6 +1,6 @@
 #pragma once
-// Bounded little-endian reading and writing. A reader never goes past its end: it turns bad instead and yields zeros,
-// so a decoder may read a whole header and ask ok() once.
+// Bounded little-endian reading and writing. A reader never reads past its end: it fails instead and returns zeros, so
+// a decoder may read a whole header and ask ok() once.
 #include <bit>
 #include <cstddef>
 #include <cstdint>
@@ -19,7 +19,7 @@ static_assert(std::endian::native == std::endian::little, "Lumigrid's formats ar
 using Bytes = std::vector<std::uint8_t>;
 using ByteView = std::span<const std::uint8_t>;
 
-/// std::bit_cast, which the browser's standard library does not have yet.
+/// Replaces std::bit_cast, which the browser's standard library does not have yet.
 template <class To, class From>
 constexpr To bitCast(const From& from) {
   static_assert(sizeof(To) == sizeof(From) && std::is_trivially_copyable_v<To> && std::is_trivially_copyable_v<From>);
@@ -33,7 +33,7 @@ inline std::string_view textOf(ByteView bytes) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
-/// Two lower-case hexadecimal digits a byte.
+/// Writes two lower-case hexadecimal digits per byte.
 inline std::string hexOf(ByteView bytes) {
   constexpr const char* kDigits = "0123456789abcdef";
   std::string text;
@@ -44,7 +44,7 @@ inline std::string hexOf(ByteView bytes) {
   return text;
 }
 
-/// The bytes that hexOf() wrote so; nothing when the text is no such thing.
+/// Reads what hexOf() wrote; nullopt for any other text.
 inline std::optional<Bytes> bytesOfHex(std::string_view text) {
   const auto digit = [](char c) { return c >= '0' && c <= '9' ? c - '0' : c >= 'a' && c <= 'f' ? c - 'a' + 10 : -1; };
   if (text.size() % 2 != 0) return std::nullopt;
@@ -81,8 +81,8 @@ class ByteReader {
   float f32() { return read<float>(); }
   double f64() { return read<double>(); }
 
-  /// A number of variable length (LEB128): 7 bits a byte, lowest first, bit 7 says that more follow. Bad where it is
-  /// longer than it need be or does not fit: one number has one form.
+  /// A number of variable length (LEB128): 7 bits a byte, lowest first; bit 7 is set when more bytes follow. Fails for
+  /// a number that does not fit or is longer than necessary, so that each number has one form only.
   std::uint64_t varint() {
     std::uint64_t value = 0;
     for (unsigned shift = 0; shift < 64; shift += 7) {
@@ -97,7 +97,7 @@ class ByteReader {
     ok_ = false;
     return 0;
   }
-  /// The next `count` bytes, or an empty view (and a bad reader) when fewer are left.
+  /// The next `count` bytes; fails, and returns an empty view, when fewer are left.
   ByteView bytes(std::size_t count) {
     if (!need(count)) return {};
     ByteView part = bytes_.subspan(offset_, count);

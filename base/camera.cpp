@@ -43,13 +43,13 @@ DepthRange depthRangeFor(const glm::vec3& eye, const glm::vec3& scene_center, fl
 
 namespace {
 
-/// How many radii from a scene's centre the eye of an orthographic view is put: outside, with the scene in front of it.
+/// Distance of an orthographic view's eye from the scene's centre, in radii: it stands outside the scene.
 constexpr float kEyeRadii = 2.0F;
-/// The same for the perspective views that stand for orthographic ones: rays within 1/32 of parallel, scales within
-/// 1/15.
+/// The same for perspective views that replace orthographic ones, at most. Their rays are within 1/32 of parallel and
+/// their scales within 1/15 of each other.
 constexpr double kStandInRadii = 16.0;
 
-/// The view from `distance` before the plane through `center` that its picture is parallel to.
+/// The view moved along its axis, so that the plane through `center` parallel to its picture is `distance` in front.
 ViewCamera movedAlongAxis(ViewCamera view, const glm::dvec3& center, double distance) {
   view.position += (glm::dot(center - view.position, view.direction) - distance) * view.direction;
   return view;
@@ -70,7 +70,7 @@ Camera cameraForScene(const ViewCamera& view, const glm::dvec3& scene_origin, co
 ViewCamera perspectiveStandIn(const ViewCamera& view, const glm::dvec3& scene_center, double scene_radius,
                               double min_fov) {
   if (!view.orthographic()) return view;
-  // As far away as the smallest field of view allows, but always outside.
+  // The eye is as far away as the smallest field of view allows, but always outside the scene.
   const double widest = 0.5 * view.ortho_height / std::tan(0.5 * min_fov) + scene_radius;
   const double distance =
       std::clamp(widest, static_cast<double>(kEyeRadii) * scene_radius, kStandInRadii * scene_radius);

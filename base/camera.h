@@ -7,11 +7,11 @@
 
 namespace base {
 
-inline constexpr double kMaxCoordinate = 1e12;  ///< world units, either sign: what is taken from outside
-inline constexpr double kMinFov = 1e-3;         ///< radians; the largest is π less this
+inline constexpr double kMaxCoordinate = 1e12;  ///< world units, either sign; input beyond it is refused
+inline constexpr double kMinFov = 1e-3;         ///< radians; the maximum is π − kMinFov
 
-/// A viewer's camera. World coordinates are the mesh's own (double, e.g. UTM metres); what reaches a float is relative
-/// to the scene's origin.
+/// A viewer's camera. World coordinates are the mesh's own (double, e.g. UTM metres). They are made relative to the
+/// scene's origin before they become floats.
 struct ViewCamera {
   glm::dvec3 position{0.0, 0.0, 1.0};    ///< world
   glm::dvec3 direction{0.0, 0.0, -1.0};  ///< unit, world
@@ -19,15 +19,16 @@ struct ViewCamera {
   double fov_y = 0.7853981633974483;     ///< radians, full vertical angle, in (0, π)
   int width = 1280;                      ///< pixels
   int height = 720;                      ///< pixels
-  /// World units from the bottom of the picture to its top for an orthographic view; 0: perspective. Orthographic views
-  /// show the whole scene wherever `position` lies along `direction`: only its place across counts.
+  /// Height of an orthographic picture in world units; 0: perspective. An orthographic view shows the whole scene
+  /// wherever `position` lies along `direction`.
   double ortho_height = 0.0;
 
   bool orthographic() const { return ortho_height > 0.0; }
 };
 
-/// A general projective camera in scene-local units: what the renderers take. Off-axis projections are allowed, and
-/// parallel ones: there every length is at "distance 1" from the viewer, so that the same formulas serve both.
+/// A general projective camera in scene-local units, as renderers need it. Off-axis and parallel projections are
+/// allowed. In a parallel projection every length counts as being at distance 1 from the viewer, so that the same
+/// formulas serve both kinds.
 struct Camera {
   glm::mat4 clip_from_eye{1.0F};
   glm::mat4 eye_from_scene{1.0F};
@@ -39,9 +40,9 @@ struct Camera {
   bool orthographic() const { return clip_from_eye[2][3] == 0.0F; }
   /// Pixels that a length of 1 covers at distance 1 along the axis: height / (2 tan(fov_y / 2)); parallel: anywhere.
   float pixelsPerUnitAtOne() const { return 0.5F * static_cast<float>(height) * clip_from_eye[1][1]; }
-  /// The eye as a homogeneous point: w 1, or the unit direction towards the viewer with w 0.
+  /// The eye as a homogeneous point with w = 1; in a parallel projection the unit direction towards the viewer, w = 0.
   glm::vec4 homogeneousEye() const;
-  /// From a point towards the viewer; its length is the distance that scales divide by (1 in a parallel projection).
+  /// The vector from a point to the viewer; its length is the distance by which scales are divided (1 if parallel).
   glm::vec3 towardsViewer(const glm::vec3& point) const {
     const glm::vec4 from = homogeneousEye();
     return glm::vec3(from) - from.w * point;
@@ -51,13 +52,13 @@ struct Camera {
   }
 };
 
-/// What lies on the side that `normal` points to is cut away: points with dot(normal, p) > offset.
+/// Cuts away the points on the side that `normal` points to: those with dot(normal, p) > offset.
 struct SectionPlane {
   glm::dvec3 normal{0.0, 0.0, 1.0};  ///< unit, world
   double offset = 0.0;               ///< along the normal from the world's zero
   friend bool operator==(const SectionPlane&, const SectionPlane&) = default;
 };
-/// (normal, offset) relative to the scene's origin; nothing is cut by kNoSection.
+/// The plane as (normal, offset) relative to the scene's origin. kNoSection cuts nothing.
 glm::vec4 sectionInScene(const SectionPlane& plane, const glm::dvec3& scene_origin);
 inline constexpr glm::vec4 kNoSection{0.0F, 0.0F, 0.0F, 1.0F};
 
@@ -76,18 +77,18 @@ DepthRange depthRangeFor(const glm::vec3& eye, const glm::vec3& scene_center, fl
 /// The camera of a view that holds the whole of a scene in this sphere (scene-local) between its near and far planes.
 Camera cameraForScene(const ViewCamera& view, const glm::dvec3& scene_origin, const Sphere& scene);
 
-/// A perspective view that stands for an orthographic one where only perspective is understood: from afar along the
-/// same rays, with the same footprint where the scene (world coordinates) comes nearest. Perspective views stay as they
-/// are. Field of view at least `min_fov` radians: closer views than about a thousandth of the scene get a larger
-/// footprint.
+/// A perspective view that replaces an orthographic one where only perspective is supported. It looks along nearly the
+/// same rays from far away and has the same footprint at the nearest point of the scene (a sphere in world
+/// coordinates). The field of view is at least `min_fov` radians, so views closer than about a thousandth of the scene
+/// get a larger footprint. Perspective views are returned unchanged.
 ViewCamera perspectiveStandIn(const ViewCamera& view, const glm::dvec3& scene_center, double scene_radius,
                               double min_fov = 1e-3);
 
-/// Screen-space error (DESIGN section 4): pixels = error × height / (2 tan(fov/2) × distance to the sphere's surface).
-/// The distance is never less than `near_plane`, so that the figure stays finite inside the sphere.
+/// Screen-space error: pixels = error × height / (2 tan(fov/2) × distance to the sphere's surface). The distance is
+/// clamped to `near_plane`, so that the result stays finite inside the sphere.
 float projectedError(float error, const glm::vec3& sphere_center, float sphere_radius, const glm::vec3& eye,
                      float pixels_per_unit_at_one, float near_plane);
-/// The same for a camera; in parallel projections pixels = error × scale, wherever the sphere is.
+/// The same for a camera. In a parallel projection pixels = error × scale, independent of the sphere.
 float projectedError(float error, const Sphere& sphere, const Camera& camera, float near_plane);
 
 }  // namespace base

@@ -1,5 +1,6 @@
 #pragma once
-// A caller's mistake: stops the program with the place and both values printed. Never used for bytes from disk or wire.
+// Checks for a caller's mistakes: they print the place and both values, and stop the program. Bytes from disk or wire
+// are never checked so; they give a base::Error.
 #include <cstdio>
 #include <cstdlib>
 #include <string>
@@ -13,7 +14,7 @@ namespace base {
   std::abort();
 }
 
-// No streams: they would bring the locales of the whole standard library into the browser.
+// Streams are avoided, since they would bring the locales of the standard library into the browser.
 inline std::string describe(std::string_view text) {
   return std::string(text);
 }

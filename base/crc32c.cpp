@@ -8,7 +8,7 @@ namespace {
 
 constexpr std::uint32_t kPolynomial = 0x82F63B78;  // reversed 0x1EDC6F41, RFC 3720
 
-// Eight tables, so that eight bytes are folded a step ("slicing by 8", Kounavis and Berry 2005).
+// Eight tables fold eight bytes per step ("slicing by 8", Kounavis and Berry 2005).
 constexpr auto makeTables() {
   std::array<std::array<std::uint32_t, 256>, 8> tables{};
   for (std::uint32_t i = 0; i < 256; ++i) {
@@ -23,10 +23,10 @@ constexpr auto makeTables() {
 constexpr auto kTables = makeTables();
 
 #if defined(__x86_64__)
-// Three blocks side by side, as the instruction takes three cycles and one can begin every cycle.
+// Three blocks are computed side by side: the instruction takes three cycles, and one can begin every cycle.
 constexpr std::size_t kBlock = 256;
 
-// What a state, byte by byte, becomes when a block of zeros follows.
+// Tables that advance a state over a block of zeros, one table per byte of the state.
 constexpr auto makeBlockTables() {
   std::array<std::uint32_t, 32> of_bit{};
   for (std::size_t bit = 0; bit < 32; ++bit) {

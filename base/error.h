@@ -1,6 +1,6 @@
 #pragma once
-// Errors as values. Library code never prints, exits or throws: it returns a Result, whose message is one line that
-// names the file or peer, the place and what to do next.
+// Errors as values. Library code never prints, exits or throws. It returns a Result, whose error is one line that names
+// the file or peer, the place, and what to do next.
 #include <optional>
 #include <string>
 #include <utility>
@@ -34,7 +34,7 @@ inline Error within(const std::string& place, Error error) {
   return error;
 }
 
-/// A value or an error. Reading the one that is not there is a caller's mistake and stops the program.
+/// A value or an error. Reading the absent one is a caller's mistake and stops the program.
 template <class T>
 class [[nodiscard]] Result {
  public:

@@ -15,7 +15,7 @@
 namespace base {
 namespace {
 
-// Between a file's name and its writer's number, until it is whole.
+// Stands between a file's name and its writer's process number until the file is complete.
 constexpr const char* kPart = ".part";
 
 std::string directoryOf(const std::string& path) {
@@ -24,7 +24,7 @@ std::string directoryOf(const std::string& path) {
   return slash == 0 ? "/" : path.substr(0, slash);
 }
 
-// Opened for reading, with its size; refuses what is no file. Does not wait for a pipe's writer.
+// A regular file opened for reading. Opening refuses pipes and devices, and does not wait for a pipe's writer.
 struct OpenFile {
   FileDescriptor descriptor;
   std::size_t size = 0;

@@ -1,5 +1,5 @@
 #pragma once
-// Whole files and files that appear only when they are whole.
+// Reads whole files, and writes files that appear only when they are complete.
 #include <cstdint>
 #include <string>
 #include <utility>
@@ -9,15 +9,16 @@
 
 namespace base {
 
-/// Errors: kNotFound, kIo; kUnsupported for what is neither file nor directory.
+/// Errors: kNotFound, kIo; kUnsupported for pipes and devices.
 Result<Bytes> readFile(const std::string& path);
 /// Writes to a temporary name beside `path`, fsyncs, renames: `path` holds the old bytes or all of the new ones.
 Result<void> writeFileAtomically(const std::string& path, ByteView bytes);
 
-/// Waits until the disk has what was written to the file, by whomever. Errors: kNoSpace, kIo, kNotFound.
+/// Waits until everything that any process wrote to the file is on the disk. Errors: kNoSpace, kIo, kNotFound.
 Result<void> syncFile(const std::string& path);
 
-/// A rename is durable only once its directory is: fsyncs the directory that holds `path`, where the system lets us.
+/// Fsyncs the directory that holds `path`, without which a rename is not durable. Failures are ignored, since some file
+/// systems do not support it.
 void syncDirectoryOf(const std::string& path);
 
 /// A descriptor of an open file, closed with the object. An flock on it goes with it.
@@ -53,9 +54,9 @@ class MappedFile {
   std::size_t size_ = 0;
 };
 
-/// Whether `name` is what a killed writer of the file `whole` leaves beside it: the temporary of an AtomicFile.
+/// Whether `name` is a temporary file that a killed AtomicFile of `whole` left beside it.
 bool isUnfinished(const std::string& name, const std::string& whole);
-/// Removes such files of `path`. None of them may still be in the writing.
+/// Removes such files of `path`. None of them may still have a writer.
 void removeUnfinished(const std::string& path);
 
 /// A file written front to back under a temporary name. commit() fsyncs and renames it to its own; without it the

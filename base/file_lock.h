@@ -1,6 +1,6 @@
 #pragma once
-// Locks between processes (flock): the system gives them back when their holder dies, of whatever machine that shares
-// the file system's locks.
+// Locks between processes (flock). The system releases them when the holder dies. They also hold between machines where
+// the file system shares its locks.
 #include <string>
 
 #include "base/error.h"

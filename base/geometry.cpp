@@ -29,14 +29,14 @@ float squaredDistance(const glm::vec3& a, const glm::vec3& b) {
   return glm::dot(d, d);
 }
 
-// A quick look without a root: false only where grow() would leave the sphere as it is.
+// A quick test without a square root: false only where grow() would not change the sphere.
 bool mayStickOut(const Sphere& sphere, const glm::vec3& p) {
   return squaredDistance(p, sphere.center) > sphere.radius * sphere.radius * (1.0F - 1.0e-5F);
 }
 
-// The first of the points that are farthest.
+// The index of the farthest point, the first of several.
 std::size_t farthestFrom(const glm::vec3& from, std::span<const glm::vec3> points) {
-  // Four at a time: one maximum would wait for the one before.
+  // Four maxima are kept side by side, since a single one would have to wait for the previous comparison.
   std::array<float, 4> most{-1.0F, -1.0F, -1.0F, -1.0F};
   std::size_t i = 0;
   for (; i + 4 <= points.size(); i += 4)
@@ -51,13 +51,13 @@ std::size_t farthestFrom(const glm::vec3& from, std::span<const glm::vec3> point
 
 Sphere boundingSphere(std::span<const glm::vec3> points) {
   if (points.empty()) return {};
-  // Ritter's start: two points far apart; then every point that sticks out grows the sphere.
+  // Ritter 1990 starts with two points far apart; then every point outside grows the sphere.
   const glm::vec3 a = points[farthestFrom(points[0], points)];
   const glm::vec3 b = points[farthestFrom(a, points)];
   Sphere sphere{0.5F * (a + b), 0.5F * glm::length(a - b)};
   for (const glm::vec3& p : points)
     if (mayStickOut(sphere, p)) grow(sphere, p, 0.0F);
-  // The centre moved while growing: one last pass makes the radius a bound again.
+  // The centre moved while the sphere grew, so a last pass makes the radius a bound again.
   sphere.radius = std::max(sphere.radius, glm::length(points[farthestFrom(sphere.center, points)] - sphere.center));
   sphere.radius = roundUp(sphere.radius);
   return sphere;

@@ -55,7 +55,7 @@ struct Frustum {
 
 /// The weights of a, b and c, 0 … 1, that give the point of the triangle closest to p (Ericson 2005, section 5.1.5).
 glm::dvec3 closestWeightsOnTriangle(const glm::dvec3& p, const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c);
-/// That point.
+/// The point of the triangle closest to p.
 glm::dvec3 closestPointOnTriangle(const glm::dvec3& p, const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c);
 
 }  // namespace base

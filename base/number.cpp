@@ -6,7 +6,7 @@
 #ifdef __EMSCRIPTEN__
 #include <emscripten/emscripten.h>
 
-// The page's own: strtod would bring arithmetic of 128 bits along, a thirtieth of the whole program.
+// The page reads numbers by JavaScript, since strtod brings 128-bit arithmetic along, a thirtieth of the whole program.
 EM_JS(double, lumigridNumber, (const char* text), { return Number(UTF8ToString(text)); });
 #else
 #include <charconv>
@@ -16,7 +16,7 @@ namespace base {
 namespace {
 
 #ifdef __EMSCRIPTEN__
-/// Not a number where it is none.
+/// NaN for a text that is no number.
 double plainNumber(std::string_view text) {
   return lumigridNumber(std::string(text).c_str());
 }
@@ -31,7 +31,7 @@ double plainNumber(std::string_view text) {
 }  // namespace
 
 std::optional<double> parseNumber(std::string_view text) {
-  if (text.size() > kLongestNumber || text.find_first_not_of("0123456789+-.eE") != text.npos) return std::nullopt;
+  if (text.size() > kMaxNumberLength || text.find_first_not_of("0123456789+-.eE") != text.npos) return std::nullopt;
   const std::size_t sign = !text.empty() && (text.front() == '+' || text.front() == '-') ? 1 : 0;
   const std::string_view magnitude = text.substr(sign);
   if (magnitude.find_first_of("0123456789.") != 0) return std::nullopt;

@@ -1,14 +1,14 @@
 #pragma once
-// Numbers in text from outside.
+// Reads numbers in text from outside.
 #include <optional>
 #include <string_view>
 
 namespace base {
 
-inline constexpr std::size_t kLongestNumber = 64;  ///< characters
+inline constexpr std::size_t kMaxNumberLength = 64;  ///< characters; a double needs at most 24
 
-/// A finite decimal number that is all of the text, such as "-12.5e3"; nothing for any other text and for what no
-/// double holds. The nearest double, whatever the locale.
+/// Reads a text that is a finite decimal number as a whole, such as "-12.5e3", as the nearest double in any locale;
+/// nullopt for any other text and for numbers that no double holds.
 std::optional<double> parseNumber(std::string_view text);
 
 }  // namespace base

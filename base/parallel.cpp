@@ -55,15 +55,15 @@ std::vector<std::size_t> largestFirst(std::span<const std::uint64_t> sizes) {
 
 namespace {
 
-// Which pieces are made, and which taken.
-class OrderedPieces {
+// The progress of parallelInOrder, which its threads share.
+class OrderedItems {
  public:
   using Body = std::function<Result<void>(std::size_t i, std::size_t slot)>;
-  OrderedPieces(std::size_t count, std::size_t slots, const Body& make, const Body& take)
+  OrderedItems(std::size_t count, std::size_t slots, const Body& make, const Body& take)
       : count_(count), slots_(slots), make_(make), take_(take), made_(slots, false) {}
 
-  // What each thread does.
-  void work() {
+  // Run by each thread until all items are consumed.
+  void runThread() {
     std::unique_lock lock(mutex_);
     while (status_ && taken_ < count_) {
       if (!taking_ && taken_ < next_ && made_[taken_ % slots_]) {
@@ -119,9 +119,9 @@ class OrderedPieces {
 Result<void> parallelInOrder(std::size_t count, unsigned threads, std::size_t slots,
                              const std::function<Result<void>(std::size_t i, std::size_t slot)>& make,
                              const std::function<Result<void>(std::size_t i, std::size_t slot)>& take) {
-  OrderedPieces pieces(count, std::max<std::size_t>(1, slots), make, take);
+  OrderedItems pieces(count, std::max<std::size_t>(1, slots), make, take);
   if (threads == 0) threads = coreCount();
-  parallelFor(std::min<std::size_t>(threads, count), threads, [&](std::size_t) { pieces.work(); });
+  parallelFor(std::min<std::size_t>(threads, count), threads, [&](std::size_t) { pieces.runThread(); });
   return pieces.status();
 }
 

@@ -1,5 +1,5 @@
 #pragma once
-// A pool of threads for independent pieces of work.
+// Loops over independent items on several threads, and a pool of threads.
 #include <condition_variable>
 #include <cstddef>
 #include <cstdint>
@@ -17,20 +17,21 @@ namespace base {
 /// Cores that this process may use, at least 1.
 unsigned coreCount();
 
-/// Runs body(i) for i in [0, count) on up to `threads` threads (0: all cores); returns when all are done. Pieces are
+/// Runs body(i) for i in [0, count) on up to `threads` threads (0: all cores); returns when all are done. Indices are
 /// handed out in order, one at a time. The body must not throw.
 void parallelFor(std::size_t count, unsigned threads, const std::function<void(std::size_t)>& body);
 
-/// The same of a body that may fail: returns the first error met, and hands out no more pieces after it.
+/// The same with a body that may fail: returns the first error met, and begins no further item after it.
 Result<void> tryParallelFor(std::size_t count, unsigned threads, const std::function<Result<void>(std::size_t)>& body);
 
-/// The numbers of pieces of such sizes in the order to hand them out in: the largest first, so that none of those is
-/// left to one thread in the end; those of one size in their order.
+/// The indices of items of these sizes, the largest first, equal ones in their order. Processed in this order, no large
+/// item is left to a single thread in the end.
 std::vector<std::size_t> largestFirst(std::span<const std::uint64_t> sizes);
 
-/// Makes pieces 0 … count − 1 on up to `threads` threads (0: all cores), and takes them in that order, one at a time,
-/// on whichever of them is free. Piece i lies in slot i % slots from make(i, slot) to the end of take(i, slot); so many
-/// are there at a time (at least 1). Returns the first error met, after which nothing more is begun.
+/// Produces items 0 … count − 1 by make() on up to `threads` threads (0: all cores), and consumes them by take() in
+/// that order, one at a time, on any of these threads. Item i occupies slot i % slots from the start of make(i, slot)
+/// to the end of take(i, slot), so at most `slots` (at least 1) exist at a time. Returns the first error met, after
+/// which nothing more is begun.
 Result<void> parallelInOrder(std::size_t count, unsigned threads, std::size_t slots,
                              const std::function<Result<void>(std::size_t i, std::size_t slot)>& make,
                              const std::function<Result<void>(std::size_t i, std::size_t slot)>& take);

@@ -1,5 +1,5 @@
 #pragma once
-// How long a build took, on the wall and on all cores together.
+// Measures wall time and the CPU time of all threads together.
 #include <time.h>
 
 #include <chrono>

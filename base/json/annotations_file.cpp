@@ -13,14 +13,14 @@ namespace {
 
 using nlohmann::json;
 
-/// Deeper than any of these documents is; nlohmann's parser keeps a stack, hostile depth would only cost memory.
+/// Deeper than any valid document. nlohmann's parser keeps a stack, so that hostile nesting would cost memory.
 constexpr int kMaxDepth = 16;
 
 Error bad(const std::string& name, const std::string& what) {
   return {ErrorCode::kInvalidInput, name + ": " + what + " (docs/formats/annotations.md)"};
 }
 
-/// A discarded value when it is no JSON in UTF-8, or too deep.
+/// Returns a discarded value for a text that is no JSON in UTF-8 or nests too deeply.
 json parse(ByteView text) {
   bool deep = false;
   const auto shallow = [&deep](int depth, json::parse_event_t, json&) {
@@ -31,7 +31,7 @@ json parse(ByteView text) {
   return deep ? json(json::value_t::discarded) : document;
 }
 
-/// Absent is fine; limits are checkedAnnotation()'s.
+/// Members may be absent; checkedAnnotation() checks the limits.
 bool readVector(const json& note, const char* key, glm::dvec3& v) {
   const auto it = note.find(key);
   if (it == note.end()) return true;
@@ -95,7 +95,7 @@ Result<std::optional<AnnotationsText>> readAnnotations(const std::string& direct
   std::error_code ec;
   const std::uintmax_t size = std::filesystem::file_size(path, ec);
   if (ec == std::errc::no_such_file_or_directory) return std::optional<AnnotationsText>();
-  // A directory, a pipe, one that may not be read: the reader names it.
+  // For a directory, a pipe or an unreadable file, readFile gives an error that names it.
   if (!ec && size > kMaxAnnotationsBytes)
     return bad(path, "has more than " + std::to_string(kMaxAnnotationsBytes >> 20) + " MiB");
   LUMIGRID_ASSIGN_OR_RETURN(auto bytes, readFile(path));

@@ -1,6 +1,6 @@
 #pragma once
-// annotations.json (docs/formats/annotations.md): the one reader of its JSON, for servers and publishers, which hand
-// the text on as it is, and for native viewers.
+// Reads annotations.json (docs/formats/annotations.md), for native viewers, and for servers and publishers, which check
+// the text and hand it on unchanged.
 #include <cstddef>
 #include <optional>
 #include <string>
@@ -12,14 +12,15 @@
 
 namespace base {
 
-/// Its notes, checked. The error's line begins with `name` and names the note and the member: kInvalidInput, kVersion.
+/// The notes, checked. An error begins with `name` and names the note and the member: kInvalidInput, kVersion.
 Result<std::vector<Annotation>> parseAnnotations(ByteView text, const std::string& name);
 
-/// directory/annotations.json, checked; nothing where there is no such file.
+/// The text of an annotations.json that was checked, and how many notes it has.
 struct AnnotationsText {
   std::string text;
   std::size_t notes = 0;
 };
+/// Reads and checks directory/annotations.json; nullopt where there is no such file.
 Result<std::optional<AnnotationsText>> readAnnotations(const std::string& directory);
 
 }  // namespace base

@@ -30,7 +30,7 @@ bool readVector(const json& object, const char* key, glm::dvec3& v) {
   return true;
 }
 
-// Width, height, field of view and height of an orthographic picture, where given; they are inherited from the path.
+// Reads width, height, fov_y_degrees and ortho_height, as far as they are given; frames inherit the path's.
 Result<void> readLens(const json& object, const std::string& name, ViewCamera& camera) {
   for (auto [key, side] : {std::pair{"width", &camera.width}, std::pair{"height", &camera.height}}) {
     auto it = object.find(key);

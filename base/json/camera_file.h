@@ -1,9 +1,11 @@
 #pragma once
 // Cameras and recorded camera paths as JSON (docs/formats/camera.md).
 //
-// A camera: {"position":[x,y,z], "direction":[x,y,z] or "target":[x,y,z], "up":[x,y,z], "fov_y_degrees":45,
-// "width":1280, "height":720, "ortho_height":0} A path:   {"version":1, "width":…, "height":…, "fov_y_degrees":…,
-// "frames":[camera, …]}; a frame may leave out what the path says.
+// A camera:
+//   {"position":[x,y,z], "direction":[x,y,z] or "target":[x,y,z], "up":[x,y,z],
+//    "fov_y_degrees":45, "width":1280, "height":720, "ortho_height":0}
+// A path, whose frames may leave out the members that the path has:
+//   {"version":1, "width":…, "height":…, "fov_y_degrees":…, "frames":[camera, …]}
 #include <string>
 #include <vector>
 
@@ -14,13 +16,13 @@
 namespace base {
 
 Result<ViewCamera> readCamera(const std::string& path);
-/// The same from a camera's JSON; `name` begins the error's line.
+/// Reads a camera from JSON text; `name` begins the error's line.
 Result<ViewCamera> parseCamera(const std::string& text, const std::string& name);
 Result<std::vector<ViewCamera>> readCameraPath(const std::string& path);
 std::string formatCameraPath(const std::vector<ViewCamera>& frames);
 
-/// `frames` cameras on a circle around the box's centre, looking at it from `elevation` radians above the horizon, at
-/// `distance` box diagonals. World coordinates.
+/// Places `frames` cameras on a circle around the centre of a box in world coordinates. They look at it from
+/// `elevation` radians above the horizon and from `distance` box diagonals away.
 std::vector<ViewCamera> orbitPath(const glm::dvec3& box_min, const glm::dvec3& box_max, const glm::dvec3& up,
                                   int frames, double turns, double elevation, double distance, int width, int height);
 

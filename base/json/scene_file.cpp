@@ -22,7 +22,7 @@ const char* lightName(LightMode mode) {
   return mode == LightMode::kUnlit ? "unlit" : "soft";
 }
 
-// Reads typed members of a JSON object; the first that is missing or of another kind is remembered by its path.
+// Reads typed members of a JSON object, and remembers the path of the first that is missing or of another type.
 class Fields {
  public:
   Fields(const json& object, std::string place, std::string& problem)
@@ -37,7 +37,7 @@ class Fields {
     fail(std::string(key) + " has the wrong type");
     return T{};
   }
-  /// An object whose members all are of that type.
+  /// Reads an object whose members all have the same type.
   template <class T>
   std::map<std::string, T> map(const char* key) {
     std::map<std::string, T> all;
@@ -189,7 +189,7 @@ namespace {
 
 constexpr std::size_t kIdDigits = 32;
 
-// Of "patch-<id>.lgp": where "-<id>" begins and ".lgp" begins; the same for a name without an id.
+// The positions in "patch-<id>.lgp" where "-<id>" and ".lgp" begin; both are equal for a name without an id.
 std::pair<std::size_t, std::size_t> placeOfId(const std::string& file) {
   const std::size_t slash = file.rfind('/');
   std::size_t dot = file.rfind('.');
@@ -230,7 +230,7 @@ std::string splatPath(const std::string& directory, const Scene& scene) {
 }
 
 Result<std::string> sha256OfFile(const std::string& path, const std::function<bool()>& go_on) {
-  // In pieces that the cache holds: a map of a file larger than memory would count as ours.
+  // Read in buffers that fit the cache: a memory map larger than memory would count against this process.
   const std::unique_ptr<std::FILE, decltype(&std::fclose)> file(std::fopen(path.c_str(), "rbe"), &std::fclose);
   if (!file) return systemError(path, "open", errno);
   Sha256 hash;

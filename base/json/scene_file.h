@@ -1,5 +1,5 @@
 #pragma once
-// scene.json: what a scene is and what it holds (DESIGN section 3; docs/formats/scene.md).
+// Reads and writes scene.json, which describes a scene and lists its files (docs/formats/scene.md).
 #include <cstdint>
 #include <functional>
 #include <glm/glm.hpp>
@@ -15,8 +15,7 @@ namespace base {
 
 inline constexpr int kSceneVersion = 1;
 
-/// How surfaces are lit: kUnlit shows the colours as scanned; kSoft is a soft directional light for scenes without
-/// colours.
+/// kUnlit shows the colours as scanned; kSoft is a soft directional light for scenes without colours.
 enum class LightMode { kUnlit, kSoft };
 
 struct Light {
@@ -43,7 +42,7 @@ struct Scene {
   glm::dvec3 box_min{0.0}, box_max{0.0};  ///< world
   glm::dvec3 origin{0.0};                 ///< world position of scene-local (0, 0, 0)
   std::string units = "unknown";
-  glm::dvec3 up{0.0, 0.0, 1.0};  ///< world; which way the first view stands up
+  glm::dvec3 up{0.0, 0.0, 1.0};  ///< world; the up vector of the first view
   Light light;
   bool has_colors = false;
   std::uint64_t triangles = 0;
@@ -59,29 +58,29 @@ struct Scene {
   }
 };
 
-/// directory/scene.json: a finished scene.
+/// Reads directory/scene.json, which only a finished scene has.
 Result<Scene> readScene(const std::string& directory);
-/// A build in progress keeps the same document under this name until everything is there.
+/// The name of the same document while a build is in progress.
 inline constexpr const char* kBuildingFile = "building.json";
 Result<Scene> readSceneFile(const std::string& path);
 Result<void> writeSceneFile(const Scene& scene, const std::string& path);
 Result<Scene> parseScene(const std::string& text, const std::string& name);
 std::string formatScene(const Scene& scene);
 
-/// The file of a part, relative to the scene: "patch.lgp" of stem "patch" and extension ".lgp"; in a published scene
-/// its name holds its id, "patch-<32 hexadecimal digits>.lgp" (docs/formats/packs.md). Nothing when the scene lists
+/// The file of a part, relative to the scene: "patch.lgp" for stem "patch" and extension ".lgp"; in a published scene
+/// the name has an id, "patch-<32 hexadecimal digits>.lgp" (docs/formats/packs.md). nullopt when the scene lists
 /// neither.
 std::optional<std::string> partFile(const Scene& scene, const std::string& stem, const std::string& extension);
-/// Where the patch hierarchy lies: directory/patch.lgp, or what a published scene calls it.
+/// The path of the patch hierarchy: directory/patch.lgp, or its published name.
 std::string patchPath(const std::string& directory, const Scene& scene);
-/// The same of the tree of splats, qsplat.lgq.
+/// The path of the splat tree: directory/qsplat.lgq, or its published name.
 std::string splatPath(const std::string& directory, const Scene& scene);
-/// "patch-<id>.lgp" of "patch.lgp", or of what has an id already. `sha256`: of its bytes, lower-case hex.
+/// Turns "patch.lgp", or a name that has an id already, into "patch-<id>.lgp". `sha256`: of the bytes, lower-case hex.
 std::string publishedName(const std::string& file, const std::string& sha256);
-/// Whether that is a name that publishedName gives: an id before the last dot.
+/// Whether the name has an id before the last dot, as publishedName gives it.
 bool isPublishedName(const std::string& file);
 
-/// SHA-256 of a file as lower-case hex. `go_on` may be empty; it is asked now and then, and false cancels. Errors: kIo,
+/// SHA-256 of a file as lower-case hex. `go_on` may be null; it is called now and then, and false cancels. Errors: kIo,
 /// kNotFound, kCancelled.
 Result<std::string> sha256OfFile(const std::string& path, const std::function<bool()>& go_on = nullptr);
 

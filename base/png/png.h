@@ -12,7 +12,7 @@ namespace base {
 Result<void> writePng(const Image& image, const std::string& path);
 /// 8 bits per channel: 1, 3 or 4 channels as stored (palettes expanded).
 Result<Image> readPng(const std::string& path);
-/// The same from bytes in memory; errors do not name a file.
+/// Decodes a PNG in memory; errors do not name a file.
 Result<Image> decodePng(ByteView bytes);
 
 }  // namespace base

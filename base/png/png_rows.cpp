@@ -9,12 +9,12 @@
 namespace base {
 namespace {
 
-// zlib's level: 3 makes half-transparent pictures of scans 5 % larger than 6, in half the time.
+// zlib's level. Measured on half-transparent pictures of scans: 3 gives files 5 % larger than 6, in half the time.
 constexpr int kLevel = 3;
 
 }  // namespace
 
-// libpng leaves a call that fails by longjmp; so what calls it has nothing that a destructor must end.
+// libpng leaves failing calls by longjmp, so the functions that call it have no objects with destructors.
 struct PngRows::State {
   png_structp png = nullptr;
   png_infop info = nullptr;

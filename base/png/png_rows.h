@@ -1,5 +1,5 @@
 #pragma once
-// A PNG made row by row, for pictures that never are in memory whole.
+// Writes a PNG row by row, for pictures that are never in memory as a whole.
 #include <memory>
 
 #include "base/bytes.h"

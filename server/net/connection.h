@@ -1,5 +1,5 @@
 #pragma once
-// What HTTP and WebSocket sessions have in common.
+// The base class of HTTP and WebSocket sessions.
 #include <memory>
 #include <utility>
 

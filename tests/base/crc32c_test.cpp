@@ -23,7 +23,7 @@ TEST(Crc32c, givesThePublishedValues) {
   EXPECT_EQ(base::crc32cByTables({}), 0U);
 }
 
-// The definition, bit by bit.
+// Computes the CRC by its definition, bit by bit.
 std::uint32_t crcByBits(base::ByteView bytes, std::uint32_t seed) {
   std::uint32_t crc = ~seed;
   for (const std::uint8_t byte : bytes) {
@@ -33,7 +33,7 @@ std::uint32_t crcByBits(base::ByteView bytes, std::uint32_t seed) {
   return ~crc;
 }
 
-// What this processor takes, what others take, and the definition.
+// The instruction of this processor, the tables of others, and the definition give the same.
 TEST(Crc32c, isTheSameByInstructionByTablesAndByBits) {
   std::mt19937 random(1);
   std::vector<std::uint8_t> bytes(3000);

@@ -50,7 +50,8 @@ TEST_F(FileLockTest, whatCannotBeMadeIsNamed) {
   EXPECT_EQ(lock.error().code, ErrorCode::kNotFound);
 }
 
-// The holder removes the file while another one waits: two would have it otherwise, one of them on a file without name.
+// The holder removes the file while another process waits. Without care two would hold the lock then, one of them on
+// the removed file.
 TEST_F(FileLockTest, whoWaitedForARemovedFileHasTheNewOne) {
   auto held = lockFile(path_);
   ASSERT_TRUE(held);

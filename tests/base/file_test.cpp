@@ -77,7 +77,7 @@ TEST_F(FileTest, errorsNameTheFileAndTheReason) {
   EXPECT_NE(directory.error().message.find("Is a directory"), std::string::npos) << directory.error().message;
 }
 
-// Nobody writes into the pipe: opening it must not wait. What errno was before must not matter.
+// Nobody writes into the pipe, and opening it must not wait. An earlier value of errno must not matter.
 TEST_F(FileTest, pipesAndDevicesAreRefusedAtOnce) {
   ASSERT_EQ(::mkfifo(path("pipe").c_str(), 0600), 0);
   for (const std::string& name : {path("pipe"), std::string("/dev/null")}) {

@@ -20,7 +20,7 @@ TEST(ParallelFor, doesEveryPieceOnce) {
   }
 }
 
-// What lies in a slot stays there until it has been taken, and is taken in its turn.
+// An item stays in its slot until it is consumed, and items are consumed in order.
 TEST(ParallelInOrder, takesEveryPieceInOrderFromItsSlot) {
   constexpr std::size_t kCount = 500;
   for (unsigned threads : {1U, 2U, 7U})

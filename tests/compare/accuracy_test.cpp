@@ -6,7 +6,7 @@
 
 namespace {
 
-// A picture whose left half is model (a smooth pattern), whose right half is background.
+// A picture whose left half is model with a smooth pattern, and whose right half is background.
 base::Image halfCovered(int shift) {
   base::Image image(64, 48, 4);
   for (int y = 0; y < 48; ++y)
@@ -34,7 +34,7 @@ TEST(Accuracy, aConstantOffsetHasItsClosedFormPsnr) {
 }
 
 TEST(Accuracy, backgroundFlattersNobody) {
-  // Twice the background around the same error leaves the figure as it is.
+  // Twice the background around the same error does not change the figure.
   base::Image truth(128, 48, 4);
   base::Image picture(128, 48, 4);
   const base::Image a = halfCovered(0);

@@ -1,4 +1,4 @@
-// The whole way: mesh, hierarchy, repository, server, socket, client, picture.
+// Tests the whole way from a mesh to a picture: hierarchy, repository, server, socket, client.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -85,8 +85,9 @@ class EndToEnd : public ::testing::Test {
     return view;
   }
 
-  // Pictures of a path through server and client over a socket.
-  static std::vector<base::Image> view(const std::vector<base::ViewCamera>& path, bool images, float tolerance) {
+  // Draws pictures along a path with a server and a client over a socket.
+  static std::vector<base::Image> view(const std::vector<base::ViewCamera>& path, bool images, float tolerance,
+                                       int samples = 16) {
     std::vector<base::Image> pictures;
     server::ServerOptions options;
     options.port = 0;
@@ -102,6 +103,7 @@ class EndToEnd : public ::testing::Test {
     headless.viewer.session.images = images;
     headless.viewer.session.frames = false;
     headless.viewer.session.patch_tolerance_px = tolerance;
+    headless.viewer.lumigraph.max_samples = samples;
     headless.viewer.method = images ? client::Method::kLumigraph : client::Method::kPatches;
     headless.on_frame = [&](const client::HeadlessFrame& frame) {
       EXPECT_TRUE(frame.stats.complete) << "frame " << frame.index;
@@ -119,7 +121,7 @@ class EndToEnd : public ::testing::Test {
   inline static repository::Grid grid_;
 };
 
-// Squared error where both cover, as PSNR.
+// PSNR over the pixels that both pictures cover.
 double psnrWhereBothCover(const base::Image& a, const base::Image& b) {
   double squares = 0.0;
   std::size_t count = 0;
@@ -132,7 +134,7 @@ double psnrWhereBothCover(const base::Image& a, const base::Image& b) {
   return 10.0 * std::log10(255.0 * 255.0 * static_cast<double>(count) / std::max(squares, 1e-9));
 }
 
-TEST_F(EndToEnd, atAGridPointTheBlendedViewIsTheStoredFace) {
+TEST_F(EndToEnd, blendedViewAtAGridPointIsTheStoredFace) {
   int looked = 0;
   for (std::uint32_t d = 0; d < 6 && looked < 3; ++d) {
     // The point in front of the middle of the model, on the outer layer, looking in along d.
@@ -143,10 +145,14 @@ TEST_F(EndToEnd, atAGridPointTheBlendedViewIsTheStoredFace) {
     const base::Image stored = storedFace(key);
     if (stored.empty()) continue;
     ++looked;
-    const auto pictures = view({faceView(key)}, true, 1.0F);
-    ASSERT_EQ(pictures.size(), 1U);
-    // The point's own image outweighs the others; those that look from nearer by still add a little of theirs.
-    EXPECT_GE(psnrWhereBothCover(pictures[0], stored), 39.0) << "direction " << d;
+    // Other images that see the same surface keep a small weight at a grid point, so fewer blended images are nearer to
+    // the stored one. Measured in the three directions: 44.8, 43.8 and 63.6 dB with 4 images, 39.9, 40.5 and 55.2 dB
+    // with 16, the default.
+    for (const auto& [samples, min_db] : {std::pair{4, 40.0}, std::pair{16, 39.0}}) {
+      const auto pictures = view({faceView(key)}, true, 1.0F, samples);
+      ASSERT_EQ(pictures.size(), 1U);
+      EXPECT_GE(psnrWhereBothCover(pictures[0], stored), min_db) << "direction " << d << ", " << samples << " images";
+    }
   }
   EXPECT_EQ(looked, 3);
 }
@@ -155,7 +161,7 @@ TEST_F(EndToEnd, imagesBringTheProxyNearerToTheTruth) {
   compare::RunOptions options;
   options.scene = directory_;
   options.report = directory_ + "/report";
-  // Between grid points, from outside.
+  // The cameras stand outside, between grid points.
   const glm::dvec3 center = 0.5 * (scene_.box_min + scene_.box_max);
   for (double angle : {0.4, 2.1, 4.0}) {
     base::ViewCamera camera;
@@ -178,7 +184,7 @@ TEST_F(EndToEnd, imagesBringTheProxyNearerToTheTruth) {
   const auto& proxy = (*runs)[1];
   EXPECT_EQ(lumigraph.method, "lumigraph");
   EXPECT_EQ(proxy.method, "proxy");
-  EXPECT_GT(lumigraph.meanPsnr(), proxy.meanPsnr() + 1.0);
+  EXPECT_GT(lumigraph.meanPsnr(), proxy.meanPsnr() + 3.0);
   EXPECT_GT(lumigraph.totalBytes(), proxy.totalBytes());
   for (const auto& frame : lumigraph.frames) EXPECT_TRUE(frame.complete);
   EXPECT_TRUE(fs::exists(options.report + "/index.html"));

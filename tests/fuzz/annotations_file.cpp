@@ -1,4 +1,4 @@
-// annotations.json, which people write and others send.
+// annotations.json is written by people and sent by other hosts.
 #include <string>
 
 #include "base/check.h"

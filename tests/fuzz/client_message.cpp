@@ -1,4 +1,4 @@
-// What a client sends a server: decodes or is refused; what decodes says the same again.
+// Messages of a client: any bytes are decoded or refused, and a decoded message encodes to one that decodes alike.
 #include <cstdlib>
 
 #include "protocol/message.h"
@@ -19,7 +19,7 @@ std::vector<base::Bytes> seeds() {
 void fuzzOne(base::ByteView bytes) {
   auto message = protocol::decodeClientMessage(bytes);
   if (!message) return;
-  // Directions were made unit, a Hello of another version lost its rest: after one round nothing changes any more.
+  // Decoding normalises directions and drops the rest of a Hello of another version; a second round changes nothing.
   const base::Bytes once = protocol::encode(*message);
   auto again = protocol::decodeClientMessage(once);
   if (!again || protocol::encode(*again) != once) std::abort();

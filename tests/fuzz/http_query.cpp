@@ -1,4 +1,4 @@
-// What visitors ask of /render and /pick: any target, and any values of the header fields that are read.
+// Requests of visitors for /render and /pick: any target, and any values of the header fields that are read.
 #include <cmath>
 #include <string>
 

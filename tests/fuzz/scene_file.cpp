@@ -1,4 +1,4 @@
-// scene.json, which `serve`, `verify` and viewers fetch from hosts of others.
+// scene.json is fetched by `serve`, `verify` and viewers from hosts of others.
 #include <string>
 
 #include "base/check.h"
@@ -27,7 +27,7 @@ void fuzzOne(base::ByteView bytes) {
     LUMIGRID_CHECK(scene.error().message.find('\n') == std::string::npos);
     return;
   }
-  // What is taken can be written and read again, as it was.
+  // An accepted scene can be written, and reads back unchanged.
   const std::string text = base::formatScene(*scene);
   const auto again = base::parseScene(text, "again");
   LUMIGRID_CHECK(bool(again));

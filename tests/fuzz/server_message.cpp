@@ -1,4 +1,4 @@
-// What a server sends a client: decodes or is refused; what decodes says the same again.
+// Messages of a server: any bytes are decoded or refused, and a decoded message encodes to one that decodes alike.
 #include <cstdlib>
 
 #include "protocol/message.h"

@@ -1,5 +1,5 @@
 #pragma once
-// What went over a wire more than once.
+// Counts bytes that were transferred more than once.
 #include <algorithm>
 #include <cstdint>
 #include <map>
@@ -9,7 +9,7 @@
 
 namespace support {
 
-/// Ranges [first, end) by the object that they are of.
+/// Ranges [first, end) by the object that they belong to.
 using ByteRanges = std::map<std::string, std::vector<std::pair<std::uint64_t, std::uint64_t>>>;
 
 /// Bytes that lie in more than one range, counted each time but the first.

@@ -1,5 +1,5 @@
 #pragma once
-// A qsplat.lgq in the plain form as one in the coded form, in memory.
+// Converts a qsplat.lgq in memory from the plain to the coded form and back.
 #include <algorithm>
 #include <cstring>
 
@@ -28,7 +28,7 @@ inline base::Bytes codedSplats(base::ByteView plain, unsigned threads = 1) {
   return coded;
 }
 
-/// The other way round: all blocks decoded, behind a plain header.
+/// Converts back: all blocks decoded, behind a plain header.
 inline base::Bytes plainSplats(base::ByteView coded) {
   lod::qsplat::Header header = *lod::qsplat::readHeader(coded);
   const auto blocks = lod::qsplat::openBlocks(coded, header);
@@ -43,8 +43,7 @@ inline base::Bytes plainSplats(base::ByteView coded) {
   return plain;
 }
 
-/// Any bytes as such a file whose header's checksum, and with `length_too` the length that it says the file has, are
-/// right.
+/// Makes a file of any bytes: sets the header's checksum, and with `length_too` also the length of the file in it.
 inline base::Bytes sealedHeader(base::ByteView bytes, bool length_too = true) {
   base::Bytes sealed(bytes.begin(), bytes.end());
   if (sealed.size() < 24) return sealed;

@@ -23,14 +23,14 @@
 
 namespace support {
 
-/// "" when it is not installed.
+/// The path of nginx; empty when it is not installed.
 inline std::string nginxProgram() {
   for (const char* path : {"/usr/sbin/nginx", "/usr/bin/nginx", "/usr/local/sbin/nginx"})
     if (::access(path, X_OK) == 0) return path;
   return "";
 }
 
-/// For a test's beginning, or SetUp.
+/// Skips the test when nginx is not installed; for a test's first line, or SetUp.
 #define LUMIGRID_SKIP_WITHOUT_NGINX() \
   if (support::nginxProgram().empty()) GTEST_SKIP() << "nginx is not installed (Debian: nginx-light)"
 
@@ -41,7 +41,7 @@ inline void replaceAll(std::string& text, const std::string& what, const std::st
 
 class Nginx {
  public:
-  /// Lines of its http block, servers among them, in which $PORT0, $PORT1 … stand for so many ports.
+  /// `lines`: its http block with the servers; $PORT0, $PORT1 … stand for ports.
   struct Configuration {
     std::string http;
     std::size_t ports = 1;
@@ -51,10 +51,10 @@ class Nginx {
   /// "include /etc/nginx/mime.types;" for a browser.
   explicit Nginx(const std::string& root, const std::string& lines = "")
       : Nginx(Configuration{"server {\nlisten 127.0.0.1:$PORT0;\nroot " + root + ";\n" + lines + "\n}\n"}) {}
-  /// A failure of the test when it does not start.
+  /// The test fails when nginx does not start.
   explicit Nginx(const Configuration& configuration) {
     ::setenv("no_proxy", "127.0.0.1,localhost", 1);
-    // Somebody may take a port between our look and its start.
+    // Another process may take a port between the search and the start of nginx.
     for (int attempt = 0; attempt < 5 && !running(); ++attempt) start(configuration);
     EXPECT_TRUE(running()) << "nginx does not start: " << textOf("error.log");
   }
@@ -64,10 +64,10 @@ class Nginx {
 
   bool running() const { return pid_ > 0; }
   std::uint16_t port(std::size_t i = 0) const { return ports_[i]; }
-  /// Without a slash at the end.
+  /// The address, without a slash at the end.
   std::string url() const { return "http://127.0.0.1:" + std::to_string(port()); }
-  /// A line a request that was answered, in nginx's "combined" format. A request is logged after its answer, so the
-  /// last line may come a moment after the answer has.
+  /// One line per answered request, in nginx's "combined" format. A request is logged after its answer, so the last
+  /// line may appear a moment after the answer.
   std::string accessLog() const { return textOf("access.log"); }
   void stop() {
     if (!running()) return;
@@ -92,7 +92,7 @@ class Nginx {
       ::execv(argv[0], argv.data());
       ::_exit(127);
     }
-    // Its pid file comes when it listens at all ports: an answer from one might be somebody else's.
+    // nginx writes its pid file when it listens at all ports. An answer at one port might be another process's.
     while (running() && !std::filesystem::exists(directory_ / "nginx.pid")) {
       if (::waitpid(pid_, nullptr, WNOHANG) == pid_) pid_ = -1;
       std::this_thread::sleep_for(std::chrono::milliseconds(5));
@@ -115,7 +115,7 @@ class Nginx {
     text << in.rdbuf();
     return text.str();
   }
-  // One that nobody listens at, as of now.
+  // A port at which nobody listens at present.
   static std::uint16_t freePort() {
     const int fd = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
     sockaddr_in address{};

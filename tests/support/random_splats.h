@@ -1,5 +1,5 @@
 #pragma once
-// Small trees of splats: as bytes of a file, from nothing but a seed; and a walk over a file's decoded nodes.
+// Makes small random trees of splats from a seed, and walks over the decoded nodes of a file.
 #include <random>
 #include <string>
 #include <vector>
@@ -11,7 +11,7 @@
 
 namespace support {
 
-/// Writes a tree of at most so many levels with random codes to `path`; nodes without any meaning, but a valid file.
+/// Writes a valid file with a tree of at most `levels` levels to `path`; its nodes have random codes.
 inline lod::qsplat::Header writeRandomSplats(const std::string& path, unsigned seed, bool colors, bool wide_pointers,
                                              int levels = 6) {
   using lod::qsplat::Node;
@@ -20,7 +20,7 @@ inline lod::qsplat::Header writeRandomSplats(const std::string& path, unsigned s
   auto writer =
       lod::qsplat::builder::TreeWriter::create(path, {colors, wide_pointers, base::Sphere{{1.0F, 2.0F, 3.0F}, 4.0F}});
   LUMIGRID_CHECK(static_cast<bool>(writer));
-  // A group waits with what its parent says of it.
+  // Groups wait with the codes that their parents have for them.
   struct Waiting {
     std::uint32_t nodes = 1;
     bool leaves = false;
@@ -33,7 +33,7 @@ inline lod::qsplat::Header writeRandomSplats(const std::string& path, unsigned s
     group.count = waiting.nodes;
     group.has_pointer = !waiting.leaves;
     for (std::uint32_t n = 0; n < group.count; ++n) {
-      // A group that is not all leaves has one that is none.
+      // A group whose nodes are not all leaves has at least one inner node.
       const bool inner = !waiting.leaves && (n == 0 || below(3) > 0);
       const std::uint32_t children = inner ? 2 + below(3) : 0;
       const bool last = inner && (waiting.level + 2 >= levels || below(4) == 0);
@@ -69,7 +69,7 @@ struct DecodedNode {
   std::uint32_t level = 0;
 };
 
-/// All nodes of a file that checkTree finds nothing in, breadth first.
+/// All nodes of a file without faults, breadth first.
 inline std::vector<DecodedNode> decodeSplats(base::ByteView file) {
   using namespace lod::qsplat;
   const Header header = *readHeader(file);

@@ -1,5 +1,5 @@
 #pragma once
-// Cameras all about a model: far and near, wide and narrow, off-axis and parallel. The same ones for the same seed.
+// Random cameras around a model: far and near, wide and narrow, off-axis and parallel; the same for the same seed.
 #include <cmath>
 #include <random>
 
@@ -21,7 +21,7 @@ class RandomViews {
     return {std::sqrt(1.0 - z * z) * std::cos(turn), std::sqrt(1.0 - z * z) * std::sin(turn), z};
   }
 
-  /// From outside of the model's sphere, 1.02 … 5 radii from its middle.
+  /// Eyes are outside the model's sphere, 1.02 to 5 radii from its centre.
   base::Camera next() {
     const auto radius = static_cast<double>(model_.radius);
     base::ViewCamera view;

@@ -1,6 +1,6 @@
 #pragma once
-// A small and plain second way from a mesh to a qsplat.lgq, in memory: tests of drawing need no builder, and tests of
-// the builder have something to hold it against.
+// A second, simple way from a mesh to a qsplat.lgq in memory. Tests of drawing need no builder then, and tests of the
+// builder have something to compare with.
 #include <algorithm>
 #include <cstdint>
 #include <numeric>
@@ -102,7 +102,7 @@ struct Tree {
     return number;
   }
 
-  /// Between the normal of this code and those of the surface below.
+  /// The largest angle between the normal of this code and those of the surface below.
   double leastCosine(const TrueNode& node, std::uint32_t normal_code) const {
     const glm::dvec3 axis(lod::qsplat::normalTable()[normal_code]);
     double least = 1.0;
@@ -121,7 +121,7 @@ struct Group {
 
 }  // namespace splat_tree
 
-/// The whole file, as docs/formats/qsplat.md has it.
+/// The whole file, as docs/formats/qsplat.md defines it.
 inline base::Bytes splatFile(const support::Mesh& mesh, bool wide_pointers = false) {
   using namespace lod::qsplat;
   splat_tree::Tree tree;

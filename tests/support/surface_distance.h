@@ -1,5 +1,5 @@
 #pragma once
-// Distances between surfaces by sampling: independent of the builder's own bounds, which tests hold against these.
+// Measures distances between surfaces by sampling, independent of the builder's own bounds, which tests check by them.
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -102,8 +102,7 @@ struct SampledDistance {
   double max = 0.0;   ///< over those and all vertices in use
 };
 
-/// From `samples` random points of `from` (by area, fixed seed) and its vertices (every n-th, so that as many are
-/// taken) to `to`.
+/// Distances to `to` from `samples` random points of `from` (by area, fixed seed) and from as many of its vertices.
 inline SampledDistance sampledDistance(const Surface& from, const NearestSurface& to, std::size_t samples) {
   std::vector<double> area_sum;
   double sum = 0.0;

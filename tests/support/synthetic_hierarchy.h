@@ -26,7 +26,7 @@
 
 namespace support {
 
-/// Units, half open.
+/// A rectangle in units, half open.
 struct Rectangle {
   int x0 = 0, y0 = 0, x1 = 0, y1 = 0;
 };
@@ -102,7 +102,7 @@ inline void addDraftGroup(Draft& draft, std::uint32_t level, const Rectangle& re
   group.error = child_error * 2.0F + 0.01F + 0.001F * static_cast<float>(index % 7);
   draft.groups.push_back(group);
 
-  // Outer border locked: all known points on it stay. Border between parts: every 2^level-th.
+  // The outer border is locked: all known points on it stay. Borders between parts keep every 2^level-th point.
   const int stride = std::min(1 << level, kLeafUnits);
   for (const Rectangle& part : parts) {
     DraftPatch patch{part, {}, index, -1};
@@ -140,13 +140,13 @@ inline Draft drawDraft(int n) {
   return draft;
 }
 
-/// Bumps, a function of the place alone: shared points agree.
+/// The height of the bumps depends on the place alone, so that shared points agree.
 inline glm::ivec3 latticePoint(int x, int y) {
   const auto h = static_cast<std::uint32_t>(x * 7349 + y * 3121) * 2654435761U;
   return {x * kLatticePerUnit, y * kLatticePerUnit, static_cast<int>(h >> 27U)};
 }
 
-/// The border's points counter-clockwise, seen from +z.
+/// The points of the border, counter-clockwise seen from +z.
 inline std::vector<std::pair<int, int>> ring(const DraftPatch& patch) {
   const Rectangle& r = patch.region;
   const auto along = [&](const std::pair<int, int>& p) {
@@ -200,7 +200,7 @@ inline lod::patch::Patch record(const lod::patch::PatchGeometry& geometry, const
   return row;
 }
 
-/// Groups from the top down, patches in their consumers' order.
+/// Numbers groups from the top down, and patches in their consumers' order.
 inline SyntheticHierarchy numbered(const Draft& draft, bool colors) {
   SyntheticHierarchy scene;
   lod::patch::Hierarchy& h = scene.hierarchy;
@@ -241,7 +241,7 @@ inline void linkParents(lod::patch::Hierarchy& h) {
   }
 }
 
-/// Bottom up: a group's sphere holds its patches' spheres and its children groups'.
+/// Computes spheres bottom up: a group's holds its patches' spheres and its children groups'.
 inline void boundGroups(lod::patch::Hierarchy& h) {
   for (std::size_t g = h.groups.size(); g-- > 0;) {
     lod::patch::Group& group = h.groups[g];
@@ -265,7 +265,7 @@ inline SyntheticHierarchy syntheticHierarchy(int n, bool colors = false) {
   return scene;
 }
 
-/// What writePatchFile asks for.
+/// The blocks of a group in the form that writePatchFile needs.
 inline base::Result<std::vector<base::Bytes>> encodedBlock(const SyntheticHierarchy& scene, std::uint32_t group) {
   const lod::patch::Group& row = scene.hierarchy.groups[group];
   std::vector<base::Bytes> patches;

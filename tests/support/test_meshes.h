@@ -1,5 +1,5 @@
 #pragma once
-// Small generated meshes, by property.
+// Small generated meshes, named by their properties.
 #include <array>
 #include <cmath>
 #include <cstdint>
@@ -84,8 +84,8 @@ inline Mesh openGrid(std::uint32_t n, float height = 0.05F) {
   return mesh;
 }
 
-/// What is built, not grown: subdivided flat sides of boxes on flat ground, and round pipes, in a unit square. About
-/// 20 000 triangles.
+/// An industrial site in a unit square: subdivided flat sides of boxes on flat ground, and round pipes. About 20 000
+/// triangles.
 inline Mesh plant() {
   Mesh mesh;
   const auto sheet = [&](std::uint32_t n, std::uint32_t m, auto&& at) {
@@ -124,7 +124,7 @@ inline Mesh plant() {
   return mesh;
 }
 
-/// Nothing shares a vertex: small random triangles in a unit cube.
+/// Small random triangles in a unit cube, none of which share a vertex.
 inline Mesh triangleSoup(std::uint32_t count, float size = 0.02F) {
   Mesh mesh;
   std::mt19937 random(3);

@@ -54,7 +54,7 @@ TEST(SceneFile, saysWhichFieldIsWrong) {
   EXPECT_NE(read.error().message.find("has_colors has the wrong type"), std::string::npos);
 }
 
-// What was passed over here stopped `info` later.
+// Values of a wrong type that were once accepted here made `info` fail later.
 TEST(SceneFile, repairsAndParametersAreObjectsOfOneType) {
   const std::string good = base::formatScene(example());
   const auto with = [&](const std::string& is, const std::string& becomes) {

@@ -7,10 +7,9 @@
 #include <utility>
 #include <vector>
 
-#include "lod/patch/builder/hierarchy_build.h"
 #include "lod/patch/codec.h"
 #include "tests/lod/patch/builder/built_cut.h"
-#include "tests/lod/patch/builder/built_file.h"
+#include "tests/support/built_hierarchy.h"
 #include "tests/support/temporary_directory.h"
 #include "tests/support/test_meshes.h"
 
@@ -23,10 +22,8 @@ using lod::patch::PatchGeometry;
 class VerifyCuts : public testing::Test {
  protected:
   /// A hierarchy of several levels.
-  PatchFile build(const mesh::Mesh& mesh) {
-    support::writePly(directory_ / "mesh.ply", support::PlyMesh(mesh));
-    const auto built = lod::patch::builder::buildHierarchyFromFiles({directory_ / "mesh.ply"}, support::smallPatches(),
-                                                                    directory_ / "patch.lgp");
+  PatchFile build(const support::Mesh& mesh) {
+    const auto built = support::buildHierarchy(mesh, support::smallPatches(), directory_ / "patch.lgp");
     EXPECT_TRUE(built) << built.error().message;
     return open("patch.lgp");
   }
@@ -116,7 +113,7 @@ TEST_F(VerifyCuts, aFlippedPatchIsAFault) {
 
 TEST_F(VerifyCuts, aNonManifoldSourceIsReportedAndItsCutsAreNoFault) {
   // Two tori that touch in one vertex.
-  mesh::Mesh mesh = support::torus(60, 40);
+  support::Mesh mesh = support::torus(60, 40);
   const auto first = static_cast<std::uint32_t>(mesh.positions.size());
   const auto rightmost = std::max_element(mesh.positions.begin(), mesh.positions.end(),
                                           [](const glm::vec3& a, const glm::vec3& b) { return a.x < b.x; });

@@ -1,4 +1,4 @@
-// Counts that a server keeps are what its clients received.
+// The counts that a server keeps equal what its clients received.
 #include "server/net/access_log.h"
 
 #include <gtest/gtest.h>
@@ -21,7 +21,7 @@ namespace {
 
 using FaceCounts = std::map<std::uint64_t, std::uint64_t>;  // by key code
 
-/// What clients received.
+/// Counts of the faces and groups that clients received.
 struct Received {
   FaceCounts faces;
   std::uint64_t groups = 0;
@@ -207,7 +207,7 @@ TEST_F(ServeProgram, whatWasCountedSurvivesSigterm) {
   ASSERT_NO_FATAL_FAILURE(start({"--access-interval", "86400"}));
   lookAndBeRefused(port, received);
 
-  // This one is in the middle of its view.
+  // The second viewer is in the middle of its view.
   protocol::Welcome welcome;
   auto client = greeted(port, welcome);
   ASSERT_TRUE(client);
@@ -244,12 +244,12 @@ TEST_F(ServeProgram, killedItLosesTheLastIntervalAtMost) {
   lookAndBeRefused(port, received);
   EXPECT_EQ(end(SIGKILL), 128 + SIGKILL);
 
-  // All of the first viewer; of the second what was written by then; nothing twice.
+  // Everything that the first viewer received was counted, of the second what was written by then, and nothing twice.
   const FaceCounts kept = byCode(loaded(file, identity));
   for (const auto& [code, count] : kept) EXPECT_LE(count, received.faces[code]);
   for (const auto& [code, count] : before.faces) EXPECT_GE(kept.at(code), count);
 
-  // And another goes on from there.
+  // Another server continues from these counts.
   ASSERT_NO_FATAL_FAILURE(start({}));
   Received third;
   lookAndBeRefused(port, third);
@@ -259,7 +259,7 @@ TEST_F(ServeProgram, killedItLosesTheLastIntervalAtMost) {
   EXPECT_EQ(byCode(loaded(file, identity)), expected);
 }
 
-/// A directory that can only be read, even by root, until this goes.
+/// Makes a directory read-only, even for root, as long as the object lives.
 class ReadOnly {
  public:
   explicit ReadOnly(std::string path) : path_(std::move(path)) {

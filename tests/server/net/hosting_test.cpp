@@ -24,7 +24,7 @@ void replace(std::string& text, const std::string& from, const std::string& to) 
   text.replace(at, from.size(), to);
 }
 
-// The document's snippet in the least that nginx wants around it, on a directory of the test's own.
+// The document's snippet with the minimum that nginx needs around it, on a directory of the test's own.
 class HostingTest : public testing::Test {
  protected:
   void SetUp() override {

@@ -37,7 +37,7 @@ class LoopbackClient {
   bool sendBytes(const base::Bytes& bytes, bool binary = true);
   /// The next message, or nullopt when the server closed.
   std::optional<protocol::ServerMessage> receive();
-  /// Of the server's close frame; 0 when there was none.
+  /// The code of the server's close frame; 0 when there was none.
   int closeCode() const;
   std::string closeReason() const;
   /// Closes the handshake's way.

@@ -62,7 +62,7 @@ TEST(OpenScene, aPublishedSceneIsRecognised) {
   EXPECT_EQ(*(*open)->images->size(), *(*built)->images->size());
   EXPECT_EQ(*(*open)->images->get({1, 1, 1, 3}), *(*built)->images->get({1, 1, 1, 3}));
 
-  // Its server answers to the name that scene.json says, too.
+  // Its server also answers to the name that scene.json gives.
   const RunningServer server(out);
   const auto answer = httpRequest(server.port(), "/" + scene.parts[0].file, {{"Range", "bytes=0-7"}});
   EXPECT_EQ(answer.status, 206);

@@ -11,7 +11,7 @@
 
 namespace server {
 
-/// Goes with it.
+/// The folder is removed with the object.
 class PageFolder {
  public:
   PageFolder() {

@@ -15,7 +15,7 @@ std::string target(const std::string& origin_z, const std::string& direction_z) 
   return "/pick?ox=500016.3&oy=4000016.2&oz=" + origin_z + "&dx=0&dy=0&dz=" + direction_z;
 }
 
-// The nearest of the leaves' triangles straight below, by the textbook's formula in doubles.
+// The nearest leaf triangle straight below, by the textbook's formula in doubles.
 double heightBelow(const SceneDirectory& scene, double x, double y) {
   const auto patches = lod::patch::PatchFile::open(scene.path + "/patch.lgp");
   const lod::patch::Hierarchy& hierarchy = patches->hierarchy();
@@ -56,7 +56,7 @@ TEST(Pick, thePointBelowIsFoundInWorldCoordinates) {
     EXPECT_NEAR(json["distance"].get<double>(), distance, 1e-6);
     EXPECT_GT(json["accuracy"].get<double>(), 0.0);
     EXPECT_EQ(json["unit"], "m");
-    // The normal looks back along the ray, from whichever side that comes.
+    // The normal points back along the ray, whichever side the ray comes from.
     EXPECT_LT(json["normal"][2].get<double>() * std::stod(direction), 0.0);
   }
 }
@@ -110,7 +110,7 @@ TEST(Pick, manyAtOnceAreAllAnswered) {
   EXPECT_EQ(good, 160);
 }
 
-// Two requests in one go: the second waits for the answer to the first.
+// Two requests are sent at once; the second waits for the answer to the first.
 TEST(Pick, requestsThatComeTogetherAreAnsweredInTurn) {
   const SceneDirectory scene(0);
   RunningServer server(scene.path);

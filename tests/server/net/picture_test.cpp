@@ -1,4 +1,4 @@
-// What /render takes, without rendering.
+// Parsing of /render's parameters, without rendering.
 #include "server/net/picture.h"
 
 #include <gtest/gtest.h>

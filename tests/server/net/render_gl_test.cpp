@@ -1,4 +1,4 @@
-// /render: pictures drawn in bands, and what else goes on meanwhile.
+// /render draws pictures in bands, and other requests are answered meanwhile.
 #include <gtest/gtest.h>
 
 #include <condition_variable>
@@ -89,18 +89,18 @@ TEST_F(PictureTest, bandsMakeThePictureThatOnePieceMakes) {
     EXPECT_EQ(whole->width, 517);
     EXPECT_EQ(whole->height, 401);
     ASSERT_EQ(bands->channels, whole->channels);
-    // Off-axis matrices round otherwise: now and then a sample at an edge falls on the other side.
+    // Off-axis matrices round differently, so a sample at an edge now and then falls on the other side.
     const Difference difference = compare(*bands, *whole);
     EXPECT_LE(difference.mean, 0.01) << more;
     EXPECT_LE(difference.off, 1e-3) << more;
-    // And there is something to see, whose border is no straight line.
+    // The picture shows something, and its border is no straight line.
     std::size_t seen = 0;
     for (std::size_t i = 0; i < whole->pixels.size(); ++i) seen += whole->pixels[i] != whole->pixels[0] ? 1 : 0;
     EXPECT_GT(seen, whole->pixels.size() / 10);
   }
 }
 
-// The direct way: one call of the renderer with the viewer's own camera.
+// Renders directly, by one call with the viewer's own camera.
 TEST_F(PictureTest, theyAreWhatTheRendererDraws) {
   const PictureRequest request = requestOf(kAslant + "&width=300&height=200");
   const auto bands = base::decodePng(paint(request, 300 * 16));
@@ -211,7 +211,7 @@ TEST(FrameRendererPictures, aPictureThatNobodyWantsIsGivenUp) {
   ASSERT_TRUE(renderer) << renderer.error().message;
   std::atomic<bool> unwanted{false};
   const auto fail = [&](const auto&) { unwanted = true; };
-  // 64 bands in hand or waiting, and one more in the queue.
+  // 64 bands are being drawn or wait, and one more picture is in the queue.
   const PictureRequest large = requestOf(kAslant + "&width=8000&height=8000");
   ASSERT_TRUE((*renderer)->requestPicture(1, 0, large, 2, fail));
   ASSERT_TRUE((*renderer)->requestPicture(2, 0, large, 2, fail));
@@ -297,7 +297,7 @@ TEST(Render, moreThanMayWaitAreAskedToComeAgain) {
   EXPECT_EQ(httpRequest(server.port(), kAslant).status, 200);
 }
 
-// The visitor's connection closes while the picture is drawn: the next one gets its turn, nothing is left waiting.
+// When a visitor closes the connection while the picture is drawn, the next picture gets its turn.
 TEST(Render, visitorsThatLeaveMakeRoom) {
   const SceneDirectory scene(0);
   ServerOptions options;

@@ -69,7 +69,7 @@ TEST(SeveralScenes, eachIsBelowItsNameAndTheRootListsThem) {
     EXPECT_NE(picked.body.find("\"hit\":true"), std::string::npos) << picked.body;
     EXPECT_EQ(httpRequest(port, "/" + name + "/nothing").status, 404);
 
-    // A viewer hears of that scene.
+    // A viewer is welcomed to that scene.
     const auto viewer = LoopbackClient::connect(port, "/" + name + "/");
     ASSERT_NE(viewer, nullptr);
     ASSERT_TRUE(viewer->send(protocol::Hello{protocol::kVersion, "test"}));

@@ -28,7 +28,7 @@ inline std::string metaOf(const repository::Grid& grid) {
   return text.str();
 }
 
-/// A directory that goes with it.
+/// A scene directory that is removed with the object.
 class SceneDirectory {
  public:
   /// `face_bytes` 0: no repository.
@@ -71,7 +71,7 @@ class SceneDirectory {
   }
 };
 
-/// Serves until it goes.
+/// A server that runs as long as the object lives.
 class RunningServer {
  public:
   explicit RunningServer(const std::string& directory, const ServerOptions& options = quiet())

@@ -11,7 +11,7 @@
 namespace server {
 namespace {
 
-/// Says Hello; the Welcome.
+/// Sends Hello and returns the Welcome.
 protocol::Welcome greet(LoopbackClient& client) {
   EXPECT_TRUE(client.send(protocol::Hello{protocol::kVersion, "loopback 1"}));
   auto message = client.receive();
@@ -119,7 +119,7 @@ TEST(Server, garbageEndsItsConnectionAndNoOther) {
   EXPECT_TRUE(receiveAll(*good, 1).complete);
 }
 
-// The slow one's connection fills up: faces of 300 kB, a small receive buffer, and nobody reads.
+// The slow client's connection fills up: faces have 300 kB, the receive buffer is small, and nobody reads.
 TEST(Server, aSlowReaderDelaysNobody) {
   const SceneDirectory scene(300'000);
   RunningServer server(scene.path);
@@ -134,7 +134,7 @@ TEST(Server, aSlowReaderDelaysNobody) {
   ASSERT_TRUE(quick->send(viewOf(welcome, 1)));
   EXPECT_TRUE(receiveAll(*quick, 1).complete);
 
-  // And it gets its own when it reads at last.
+  // The slow client receives its messages when it reads at last.
   EXPECT_TRUE(receiveAll(*slow, 1).complete);
 }
 
@@ -228,7 +228,7 @@ TEST(Server, moreConnectionsThanAllowedAreTurnedAway) {
   EXPECT_FALSE(LoopbackClient::connect(server.port()));
   first->close();
   first.reset();
-  // The server hears of it in its own time.
+  // The server notices it with a delay.
   int status = 0;
   for (int attempt = 0; attempt < 500 && status != 200; ++attempt)
     status = httpRequest(server.port(), "/healthz").status;
@@ -280,7 +280,7 @@ TEST(Server, aTerminationSignalEndsRun) {
   auto server = Server::open({scene.path}, options);
   ASSERT_TRUE(server);
   std::thread thread([&] { EXPECT_TRUE((*server)->run(true)); });
-  // Once it answers, its signal handler stands.
+  // Once the server answers, its signal handler is installed.
   while (httpRequest((*server)->port(), "/healthz").status != 200) {
   }
   std::raise(SIGTERM);

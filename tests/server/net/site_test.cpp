@@ -1,4 +1,4 @@
-// The page and the scene's files as a visitor gets them.
+// Tests the page and the scene's files as a visitor receives them.
 #include "server/net/site.h"
 
 #include <gtest/gtest.h>
@@ -31,7 +31,7 @@ TEST(Site, thePageIsServedAtTheRootWithItsHeaders) {
     EXPECT_NE(home.headers.at("content-security-policy").find("'wasm-unsafe-eval'"), std::string::npos);
     EXPECT_EQ(home.headers.count("x-frame-options"), 0U);
   }
-  // A viewer is still a viewer at the same place.
+  // A WebSocket is still upgraded at the same address.
   EXPECT_TRUE(LoopbackClient::connect(server.port(), "/"));
 }
 
@@ -50,7 +50,7 @@ TEST(Site, formsAreChosenByWhatTheVisitorTakes) {
   const HttpAnswer plain = httpRequest(server.port(), "/");
   EXPECT_EQ(plain.headers.count("content-encoding"), 0U);
   EXPECT_EQ(plain.headers.at("vary"), "Accept-Encoding");
-  // No brotli form of this one, and none at all of the last.
+  // The former has no brotli form, the latter no compressed form at all.
   EXPECT_EQ(httpRequest(server.port(), "/lumigrid-0123abcd.js", {{"Accept-Encoding", "br, gzip"}}).body,
             "program as gzip");
   const HttpAnswer style = httpRequest(server.port(), "/style.css", {{"Accept-Encoding", "br, gzip"}});
@@ -85,7 +85,7 @@ TEST(Site, whatTheVisitorHasIsNotSentAgain) {
     EXPECT_EQ(again.headers.at("etag"), etag);
     EXPECT_EQ(httpRequest(server.port(), target, {{"If-None-Match", "\"other\""}}).status, 200);
   }
-  // Another form is other bytes.
+  // Each form has a tag of its own.
   const std::string plain = httpRequest(server.port(), "/").headers.at("etag");
   EXPECT_EQ(httpRequest(server.port(), "/", {{"Accept-Encoding", "gzip"}, {"If-None-Match", plain}}).status, 200);
 }
@@ -112,7 +112,7 @@ TEST(Site, nothingOutsideTheFolderIsReached) {
        {"/../scene.json", "/icons/../index.html", "/%2e%2e/index.html", "//index.html", "/index.html/", "/icons",
         "/icons/", "/.secret", "/link.txt", "/linked/passwd", "/index.html.br", "/index.html%00", "index.html", "*"})
     EXPECT_NE(httpRequest(server.port(), target).status, 200) << target;
-  // Files are read once: what comes later is not there.
+  // Files are read at start; a later file is not served.
   page.write("late.js", "late");
   EXPECT_EQ(httpRequest(server.port(), "/late.js").status, 404);
 }
@@ -183,7 +183,7 @@ TEST(Site, annotationsAreServedAsTheyStandNow) {
   EXPECT_EQ(httpRequest(server.port(), "/annotations.json").body, none.body);
 }
 
-// A range of a file that is another one by now would be mixed with the old one's.
+// A range of a changed file would be mixed with ranges of the old one.
 TEST(Site, aRangeOfOtherBytesIsAnsweredWithAllOfThem) {
   const SceneDirectory scene(0);
   auto document = base::readScene(scene.path);

@@ -1,4 +1,4 @@
-// Scenes of splats alone, and splats of scenes that lie behind a network.
+// Tests splats-only scenes, and splats of remote scenes.
 #include <gtest/gtest.h>
 #include <openssl/evp.h>
 
@@ -22,7 +22,7 @@ void write(const std::string& path, const std::string& text) {
   ASSERT_TRUE(base::writeFileAtomically(path, {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}));
 }
 
-/// A published scene of splats alone in `directory`; a server does not look into the file.
+/// A published splats-only scene in `directory`; a server does not read the content of its file.
 class SplatsOnly {
  public:
   explicit SplatsOnly(const std::string& directory, std::size_t bytes) {
@@ -97,7 +97,7 @@ TEST(SplatsOnly, viewersOfOtherMethodsAreRefusedWithWhatShowsTheScene) {
   EXPECT_FALSE(client->receive());
 }
 
-/// A server of ours of what nginx has in path("site/cloud"), with a cache of its own.
+/// A server of the scene that nginx serves from path("site/cloud"), with a cache of its own.
 class FarSplats : public ::testing::Test {
  protected:
   static constexpr std::size_t kBytes = 3'500'000;  // some pieces
@@ -175,7 +175,7 @@ TEST_F(FarSplats, aPlaceThatIsAwayOrLostItIsAnErrorInOneLine) {
   EXPECT_EQ(away.headers.count("retry-after"), 1U);
 }
 
-// The rest of the body cannot be made up: the connection ends, and the visitor sees that it is short.
+// The server cannot invent the rest of the body, so it closes the connection, and the visitor sees a short body.
 TEST_F(FarSplats, aBodyThatBreaksOffEndsTheConnection) {
   EXPECT_EQ(ask({{"Range", "bytes=0-2000000"}}).body.size(), 2'000'001U);
   nginx->stop();

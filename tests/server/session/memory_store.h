@@ -43,7 +43,7 @@ class MemoryStore final : public repository::Store {
   std::map<repository::FaceKey, base::Bytes> values;
 };
 
-/// A face value of about `bytes` bytes; what it shows does not matter to a server.
+/// A face value of about `bytes` bytes; its picture does not matter to a server.
 inline base::Bytes someFaceValue(std::size_t bytes, std::uint8_t fill) {
   const base::Bytes jpeg(bytes, fill);
   return repository::encodeFaceValue({.empty = false, .jpeg = jpeg, .coverage = {}});
@@ -87,7 +87,7 @@ struct TestScene {
     return box;
   }
   glm::dvec3 center() const { return 0.5 * glm::dvec3(data.welcome.box_min + data.welcome.box_max); }
-  /// Looks at `target` from `from`, both relative to the middle of the square in units of its side.
+  /// A view of `target` from `from`, both relative to the middle of the square in units of its side.
   protocol::View view(std::uint32_t sequence, const glm::dvec3& from,
                       const glm::dvec3& target = glm::dvec3(0.0)) const {
     const double side = static_cast<double>(data.welcome.box_max.x - data.welcome.box_min.x);

@@ -14,7 +14,7 @@ namespace {
 
 using protocol::ServerMessage;
 
-/// What a client would hold and see.
+/// The client's side of a session.
 struct Talk {
   explicit Talk(const SceneData& scene) : session(scene) {}
 
@@ -708,8 +708,8 @@ TEST(FarSession, atRestOtherFacesAreFetchedAFewAtATime) {
   EXPECT_EQ(ahead, 15U);
 }
 
-// Somebody who turns while faces are on their way: what both views need is not fetched twice, and what only the old one
-// needs is not sent.
+// The viewer turns while faces are being fetched. Faces of both views are not fetched twice, and those of the old view
+// alone are not sent.
 TEST(FarSession, aNewViewAsksForWhatIsNotOnItsWay) {
   const FarScene scene;
   const protocol::View there = scene.view(1, kAbove);
