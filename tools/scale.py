@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What a scene of a size costs to build, keep and serve, worked out from measured rates. docs/scale.md holds its tables.
+"""Works out from measured rates what a scene of a size costs to build, keep and serve. docs/scale.md holds its tables.
 
     tools/scale.py                                   prints the tables
     tools/scale.py --set viewers=500 --set images=1e6
@@ -22,31 +22,35 @@ RATES = {
     "viewers": (1e4, "at once", "asked"),
     # Hierarchy
     "triangles_per_core_second": (0.5e6, "1/s", "results/hierarchy.md, 100 M triangles"),
-    "build_cores": (16, "", "assumed; more gain little (architecture.md, \"Levels wait for each other\")"),
-    "build_busy_share": (0.75, "", "architecture.md: 16 cores"),
+    "build_cores": (16, "", "assumed; more gain little (decisions/levels-wait.md)"),
+    "build_busy_share": (0.75, "", "decisions/levels-wait.md: 16 cores"),
     "source_bytes_per_triangle": (20.5, "B", "PLY of `lumigrid sample`, 30 M triangles, colours"),
-    "work_bytes_per_triangle": (70, "B", "lod/build/hierarchy_build.cpp, kWorkBytes; measured on scans with colours"),
+    "work_bytes_per_triangle": (70, "B", "lod/patch/builder, kWorkBytes; measured on scans with colours"),
     "hierarchy_bytes_per_triangle": (3.41, "B", "results/hierarchy.md, 100 M triangles"),
     "patches_per_triangle": (7.27e-4, "", "21 802 patches of 30 M triangles"),
     "groups_per_patch": (0.167, "", "3 636 groups of 21 802 patches"),
     # Images: machangara, 3.02 M triangles, --grid 8, faces of 512, all defaults: 750 images, 930 empty faces
-    "cpu_seconds_per_image": (0.051, "s", "machangara, software GL: 38.5 s of CPU for 750 images, empty faces included"),
+    "cpu_seconds_per_image": (0.051, "s",
+                              "machangara, software GL: 38.5 s of CPU for 750 images, empty faces included"),
     "bake_triangles": (3.02e6, "", "the mesh of that figure"),
-    "bake_growth": (1.6, "per ten times the triangles", "sample of 3 M and 30 M, --grid 5: 8.6 and 13.7 s of CPU for 600 faces"),
+    "bake_growth": (1.6, "per ten times the triangles",
+                    "sample of 3 M and 30 M, --grid 5: 8.6 and 13.7 s of CPU for 600 faces"),
     "empty_per_image": (1.24, "", "machangara: 930 of 1 680 faces see nothing"),
     "jpeg_bytes": (11805, "B an image", "machangara"),
     "mask_bytes": (108, "B an image", "machangara"),
     "store_overhead": (1.16, "", "machangara: data.mdb over JPEG and masks"),
     "index_bytes": (24, "B a face in packs", "assumed: key, place, length"),
     "pack_bytes": (16e6, "B", "assumed, of 1 to 64 MB"),
-    "environments": (64, "", "FACTS: 16 to 64 for 10^7 images"),
+    "environments": (64, "", "trial: 16 to 64 for 10^7 images"),
     "bake_machines": (8, "", "assumed"),
     "machine_cores": (32, "", "assumed"),
     "machine_memory": (128e9, "B", "assumed"),
     "machine_network": (10e9, "bit/s", "assumed"),
     "disk_bytes_per_second": (500e6, "B/s", "assumed"),
     # One viewer: an orbit of 60 views around machangara, 1280 x 720, headless, without exact frames
-    "session_bytes": (5.72e6, "B", "orbit of 60 views: 279 images 3.22 MB (0.857 of that with Huffman tables of their own), 82 groups 2.96 MB"),
+    "session_bytes": (5.72e6, "B",
+                      "orbit of 60 views: 279 images 3.22 MB (0.857 of that with Huffman tables of their own), "
+                      "82 groups 2.96 MB"),
     "session_faces": (279, "", "the same orbit"),
     "first_view_bytes": (2.75e6, "B", "its first view, until complete"),
     "session_cpu_seconds": (0.06, "s", "the same orbit: the server's CPU time, to 0.01 s"),
@@ -54,9 +58,9 @@ RATES = {
     "session_seconds": (600, "s", "assumed: somebody looks for ten minutes and sees as much as the orbit shows"),
     "frame_cpu_seconds": (0.41, "s", "8 exact frames of 1280 x 720 by software GL: 3.4 s of CPU"),
     "frame_bytes": (180e3, "B", "the same frames"),
-    "connection_bytes": (76e3, "B", "FACTS: with TLS; 8 kB without"),
-    "tls_bytes_per_core_second": (0.73e9, "B/s", "FACTS: 0.38 GB/s at 52 % of a core"),
-    "get_cpu_seconds": (3.8e-6, "s", "FACTS: LMDB"),
+    "connection_bytes": (76e3, "B", "trial: with TLS; 8 kB without"),
+    "tls_bytes_per_core_second": (0.73e9, "B/s", "trial: 0.38 GB/s at 52 % of a core"),
+    "get_cpu_seconds": (3.8e-6, "s", "trial: LMDB"),
     "patch_table_bytes": (155, "B a patch", "`lumigrid serve` of 21 802 patches: 3.3 MB of its own memory"),
     "held_face_bytes": (56, "B a face and session", "assumed: an entry of a hash set"),
     "connections_per_process": (256, "", "default of `lumigrid serve --max-connections`"),
@@ -132,7 +136,8 @@ def hierarchy(r):
         ("source", size(r.triangles * r.source_bytes_per_triangle), "read once"),
         ("work files", size(r.triangles * r.work_bytes_per_triangle), "written and read once; gone in the end"),
         ("patch.lgp", size(r.triangles * r.hierarchy_bytes_per_triangle), f"{number(patches(r))} patches"),
-        ("computing", f"{number(cpu / 3600)} core hours", f"{duration(computing)} on one machine, {number(r.build_cores)} cores"),
+        ("computing", f"{number(cpu / 3600)} core hours",
+         f"{duration(computing)} on one machine, {number(r.build_cores)} cores"),
         ("disk", duration(disk), f"{size(moved)} moved"),
         ("in all", duration(computing + disk), "as if the disk never worked beside the cores"),
         ("cost", usd((computing + disk) / 3600 * r.build_cores * r.usd_core_hour), "the machine, for so long"),
@@ -153,11 +158,14 @@ def bake(r):
     seconds = cpu / cores
     faces = r.images * (1 + r.empty_per_image)
     return ("images", "", "how"), [
-        ("faces", number(faces), f"of {number(faces / 6)} points: about {round((faces / 6) ** (1 / 3))} along each side"),
+        ("faces", number(faces),
+         f"of {number(faces / 6)} points: about {round((faces / 6) ** (1 / 3))} along each side"),
         ("CPU for an image", duration(image_cpu(r)), f"{number(r.cpu_seconds_per_image)} s, grown with the mesh"),
         ("computing", f"{number(cpu / 3600)} core hours", "software GL"),
-        ("time", duration(seconds), f"{number(r.bake_machines)} machines of {number(r.machine_cores)} cores, a shard each or more"),
-        ("written", f"{size(r.images * image_bytes(r) / seconds / r.bake_machines)}/s", "by each machine; LMDB takes 143 MB/s at least (FACTS)"),
+        ("time", duration(seconds),
+         f"{number(r.bake_machines)} machines of {number(r.machine_cores)} cores, a shard each or more"),
+        ("written", f"{size(r.images * image_bytes(r) / seconds / r.bake_machines)}/s",
+         "by each machine; LMDB takes 143 MB/s at least (trial)"),
         ("cost", usd(cpu / 3600 * r.usd_core_hour), ""),
     ]
 
@@ -175,8 +183,10 @@ def storage(r):
         ("JPEG", size(r.images * r.jpeg_bytes), f"{size(r.jpeg_bytes)} an image"),
         ("masks", size(r.images * r.mask_bytes), f"{size(r.mask_bytes)} an image"),
         ("patch.lgp", size(hierarchy_bytes), ""),
-        ("as LMDB", size(payload * r.store_overhead), f"{number(r.environments)} environments of {size(payload * r.store_overhead / r.environments)}"),
-        ("published", size(kept), f"{number(math.ceil(payload / r.pack_bytes))} packs of {size(r.pack_bytes)}, {size(index)} of index"),
+        ("as LMDB", size(payload * r.store_overhead),
+         f"{number(r.environments)} environments of {size(payload * r.store_overhead / r.environments)}"),
+        ("published", size(kept),
+         f"{number(math.ceil(payload / r.pack_bytes))} packs of {size(r.pack_bytes)}, {size(index)} of index"),
         ("copied in", duration(8 * kept / r.machine_network), "one machine's network"),
         ("cost", f"{usd(kept / 1e9 * r.usd_gb_month)} a month", "object storage"),
     ]
@@ -195,16 +205,19 @@ def serving(r):
     store = r.images * image_bytes(r) * r.store_overhead
     frames = sessions * r.session_views
     return ("serving", "", "how"), [
-        ("choosing what to send", f"{number(sessions * r.session_cpu_seconds)} cores", f"{duration(r.session_cpu_seconds)} of CPU a session"),
+        ("choosing what to send", f"{number(sessions * r.session_cpu_seconds)} cores",
+         f"{duration(r.session_cpu_seconds)} of CPU a session"),
         ("TLS", f"{number(sessions * r.session_bytes / r.tls_bytes_per_core_second)} cores", ""),
         ("store", f"{number(reads)} reads/s", f"{number(reads * r.get_cpu_seconds)} cores"),
         ("processes", number(processes(r)), f"{number(r.connections_per_process)} viewers each, the default"),
         ("memory for sessions", size(r.viewers * state), f"{size(state)} each: connection, groups and faces held"),
         ("memory for tables", f"{size(tables)} a process", f"{size(tables * processes(r))} in all"),
-        ("store in memory", f"{min(1.0, r.machine_memory / store):.0%}", f"of {size(store)} in {size(r.machine_memory)}"),
+        ("store in memory", f"{min(1.0, r.machine_memory / store):.0%}",
+         f"of {size(store)} in {size(r.machine_memory)}"),
         ("machines", number(machines(r)), f"of {number(r.machine_cores)} cores; two at least"),
         ("cost", f"{usd(machines(r) * r.machine_cores * r.usd_core_hour * 730)} a month", "running day and night"),
-        ("exact frames, if on", f"{number(frames * r.frame_cpu_seconds)} cores", f"{number(frames)} frames/s by software GL"),
+        ("exact frames, if on", f"{number(frames * r.frame_cpu_seconds)} cores",
+         f"{number(frames)} frames/s by software GL"),
     ]
 
 
@@ -224,12 +237,15 @@ def bandwidth(r):
     month = sessions_a_month(r) * r.session_bytes
     frames = sessions_a_month(r) * r.session_views * r.frame_bytes
     return ("bandwidth", "", "how"), [
-        ("a viewer", f"{8 * r.session_bytes / r.session_seconds / 1e3:.3g} kbit/s", "on average; as fast as the link goes after a move"),
+        ("a viewer", f"{8 * r.session_bytes / r.session_seconds / 1e3:.3g} kbit/s",
+         "on average; as fast as the link goes after a move"),
         ("all", bits(8 * sessions * r.session_bytes), "on average"),
-        ("all open it within a minute", bits(8 * r.viewers * r.first_view_bytes / 60), f"{size(r.first_view_bytes)} each until the first view is complete"),
+        ("all open it within a minute", bits(8 * r.viewers * r.first_view_bytes / 60),
+         f"{size(r.first_view_bytes)} each until the first view is complete"),
         ("a month", size(month), f"{number(sessions_a_month(r))} sessions"),
         ("cost", f"{usd(month / 1e9 * r.usd_gb_out)} a month", ""),
-        ("exact frames, if on", f"{bits(8 * sessions * r.session_views * r.frame_bytes)} more", f"{usd(frames / 1e9 * r.usd_gb_out)} a month more"),
+        ("exact frames, if on", f"{bits(8 * sessions * r.session_views * r.frame_bytes)} more",
+         f"{usd(frames / 1e9 * r.usd_gb_out)} a month more"),
     ]
 
 
@@ -240,9 +256,11 @@ def requests(r):
     puts = math.ceil(r.images * image_bytes(r) / r.pack_bytes)
     read_bytes = r.faces_per_read * image_bytes(r)
     return ("object store", "", "how"), [
-        ("reads without a cache", f"{number(sessions * per_session)} /s", f"{number(per_session)} a session, {size(read_bytes)} each"),
+        ("reads without a cache", f"{number(sessions * per_session)} /s",
+         f"{number(per_session)} a session, {size(read_bytes)} each"),
         ("cost", f"{usd(month / 1e6 * r.usd_million_gets)} a month", ""),
-        ("reads behind servers with a cache", f"{number(sessions * per_session * (1 - r.cache_hits))} /s", f"{r.cache_hits:.0%} hits"),
+        ("reads behind servers with a cache", f"{number(sessions * per_session * (1 - r.cache_hits))} /s",
+         f"{r.cache_hits:.0%} hits"),
         ("cost", f"{usd(month * (1 - r.cache_hits) / 1e6 * r.usd_million_gets)} a month", ""),
         ("out of the store", bits(8 * sessions * per_session * (1 - r.cache_hits) * read_bytes), "to the servers"),
         ("writes", f"{number(puts)} once", usd(puts / 1e6 * r.usd_million_puts)),
@@ -254,7 +272,8 @@ def access(r):
     return ("access counts", "", "how"), [
         ("file", size(file), "once every image was sent"),
         ("rewritten", f"{size(file / r.access_interval)}/s", "by each process that keeps one, while anybody looks"),
-        ("one file for all processes", f"{size(processes(r) * file / r.access_interval)}/s", f"{number(processes(r))} processes"),
+        ("one file for all processes", f"{size(processes(r) * file / r.access_interval)}/s",
+         f"{number(processes(r))} processes"),
     ]
 
 
