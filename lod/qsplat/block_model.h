@@ -1,9 +1,9 @@
 #pragma once
-// What the symbols of a coded block say, and what each is told from (docs/formats/qsplat.md, "The coded form"): one way
-// for writing and reading. All in whole numbers, so that every reader predicts what the writer did.
+// The symbols of a coded block and the contexts that predict them (docs/formats/qsplat.md, "The coded form"). Writing
+// and reading use the same code. It computes in whole numbers only, so that every reader predicts what the writer did.
 //
-// A Coder has `std::uint32_t code(std::uint32_t context, std::uint32_t symbol)`: it writes the symbol and returns it,
-// or reads one and takes no notice of the one given.
+// A Coder has `std::uint32_t code(std::uint32_t context, std::uint32_t symbol)`. A writing coder writes the symbol and
+// returns it; a reading one ignores the argument and returns the symbol that it reads.
 #include <algorithm>
 #include <array>
 #include <cstdint>
@@ -14,7 +14,7 @@
 
 namespace lod::qsplat {
 
-/// The tangents at the middles of a face's 52 cells, in 1024ths.
+/// Returns the tangents at the middles of a face's 52 cells, in 1024ths.
 const std::array<int, kNormalSide>& cellTangents();
 
 template <class Coder>
@@ -22,7 +22,7 @@ class BlockModel {
  public:
   BlockModel(Coder& coder, bool colors) : coder_(coder), colors_(colors) {}
 
-  /// The block's next group: is written, or becomes what is read. False for what is read and cannot be.
+  /// Codes the block's next group: writes it, or sets it to what is read. False when an impossible group is read.
   bool code(GroupNodes& group) {
     const std::uint32_t kind = coder_.code(kGroupKind.first + (last_.count == 0 ? 8 : kindOf(last_)), kindOf(group));
     group.count = kind / 2 + 1;
@@ -38,124 +38,126 @@ class BlockModel {
 
  private:
   static constexpr int kSide = static_cast<int>(kNormalSide);
-  struct Normal {
+  struct NormalCell {
     int face = 0;  ///< 0 … 5; axis face / 2
     int row = 0, column = 0;
   };
-  /// A node, taken to pieces.
-  struct Parts {
-    std::uint32_t cone = 0;   ///< its code; of a leaf among leaves, how wide it is: one of four classes
-    std::uint32_t width = 0;  ///< its code as a leaf's among leaves, or what comes near
+  /// The fields of a node as they are coded.
+  struct NodeFields {
+    std::uint32_t cone = 0;   ///< cone code; for a leaf in a group of leaves, the class of its width
+    std::uint32_t width = 0;  ///< cone code of a leaf in a group of leaves, or the nearest to it
     std::uint32_t children_kind = 0;
-    Normal normal;
-    std::array<int, 3> middle{};  ///< of the sphere, s + 2 cell − 13: in thirteenths from the parent's centre
+    NormalCell normal;
+    std::array<int, 3> middle{};  ///< sphere's centre s + 2 cell − 13, thirteenths from the parent's
     int s = 0;
     std::array<int, 3> color{};  ///< 5, 6 and 5 bits
   };
   struct Siblings {
     std::uint32_t count = 0;
     bool has_pointer = false;
-    std::array<Parts, kMaxChildren> parts;
+    std::array<NodeFields, kMaxChildren> fields;
   };
 
   template <class Group>
   static std::uint32_t kindOf(const Group& group) {
     return group.count == 0 ? 0 : 2 * (group.count - 1) + (group.has_pointer ? 1 : 0);
   }
-  /// 0: a leaf; 1, 2, 3: two, three, four children; 4, 5, 6: the same, all leaves.
+  /// Returns 0 for a leaf; 1, 2, 3 for two, three, four children; 4, 5, 6 for the same, all of them leaves.
   static std::uint32_t childrenKindOf(const Node& node) {
     return node.isLeaf() ? 0 : node.children() - 1 + (node.childrenAreLeaves() ? 3 : 0);
   }
-  /// A value of −count … 2 count − 1 on a ring.
+  /// Maps a value of −count … 2 count − 1 to 0 … count − 1, on a ring.
   static int wrap(int value, int count) { return value < 0 ? value + count : value < count ? value : value - count; }
-  /// sum / count, rounded; sum: 0 … 255, count: 1 … 4.
+  /// Returns sum / count, rounded; sum: 0 … 255, count: 1 … 4.
   static int mean(int sum, std::uint32_t count) {
-    constexpr std::array<int, 5> kInverse{0, 32768, 16384, 10923, 8192};  // of 2 count, in 65536ths, rounded up
+    constexpr std::array<int, 5> kInverse{0, 32768, 16384, 10923, 8192};  // 1 / (2 count) in 65536ths, rounded up
     return ((2 * sum + number(count)) * kInverse[count]) >> 16;
   }
-  /// How far a difference on a ring of `count` leads, in seven classes.
+  /// Classifies a difference on a ring of `count` into seven magnitudes.
   static std::uint32_t magnitude(int on_ring, int count) {
     const int size = std::min(on_ring, count - on_ring);
     return size <= 2 ? static_cast<std::uint32_t>(size) : size <= 4 ? 3 : size <= 8 ? 4 : size <= 14 ? 5 : 6;
   }
-  static std::uint32_t index(int of) { return static_cast<std::uint32_t>(of); }
-  static int number(std::uint32_t of) { return static_cast<int>(of); }
+  static std::uint32_t index(int value) { return static_cast<std::uint32_t>(value); }
+  static int number(std::uint32_t value) { return static_cast<int>(value); }
 
   bool codeNode(GroupNodes& group, std::uint32_t i) {
     Node& node = group.nodes[i];
-    Parts parts;
-    codeChildren(group, i, parts);
-    group.has_pointer ? codeCone(node, i, parts) : codeLeafCone(node, i, parts);
-    codeNormal(node, i, parts);
-    const std::uint32_t sphere = codeSphere(node, i, parts);
+    NodeFields fields;
+    codeChildren(group, i, fields);
+    group.has_pointer ? codeCone(node, i, fields) : codeLeafCone(node, i, fields);
+    codeNormal(node, i, fields);
+    const std::uint32_t sphere = codeSphere(node, i, fields);
     if (sphere >= kSphereCodes) return false;
-    if (colors_) codeColor(node, i, parts);
-    const auto& [face, row, column] = parts.normal;
+    if (colors_) codeColor(node, i, fields);
+    const auto& [face, row, column] = fields.normal;
     const std::uint32_t normal = index((face * kSide + row) * kSide + column);
-    const std::uint32_t children = parts.children_kind == 0 ? 0 : (parts.children_kind - 1) % 3 + 2;
-    node.bits = group.has_pointer ? packNode(sphere, normal, parts.cone, children, parts.children_kind > 3)
-                                  : packLeaf(sphere, normal, parts.width);
-    node.color = static_cast<std::uint16_t>(parts.color[0] << 11 | parts.color[1] << 5 | parts.color[2]);
-    siblings_.parts[i] = parts;
+    const std::uint32_t children = fields.children_kind == 0 ? 0 : (fields.children_kind - 1) % 3 + 2;
+    node.bits = group.has_pointer ? packNode(sphere, normal, fields.cone, children, fields.children_kind > 3)
+                                  : packLeaf(sphere, normal, fields.width);
+    node.color = static_cast<std::uint16_t>(fields.color[0] << 11 | fields.color[1] << 5 | fields.color[2]);
+    siblings_.fields[i] = fields;
     siblings_.count = i + 1;
-    for (std::size_t axis = 0; axis < 3; ++axis) middles_[axis] += parts.middle[axis];
+    for (std::size_t axis = 0; axis < 3; ++axis) middles_[axis] += fields.middle[axis];
     return true;
   }
 
-  /// The node before, or null at the block's beginning.
-  const Parts* before(std::uint32_t i) const {
-    if (i > 0) return &siblings_.parts[i - 1];
-    return last_.count > 0 ? &last_.parts[last_.count - 1] : nullptr;
+  /// Returns the node before in the block, or null at the block's beginning.
+  const NodeFields* before(std::uint32_t i) const {
+    if (i > 0) return &siblings_.fields[i - 1];
+    return last_.count > 0 ? &last_.fields[last_.count - 1] : nullptr;
   }
-  /// The sibling before; of the first one, the first of the group before, or null.
-  const Parts* beside(std::uint32_t i) const {
-    if (i > 0) return &siblings_.parts[i - 1];
-    return last_.count > 0 ? &last_.parts[0] : nullptr;
+  /// Returns the sibling before; for a first node the first one of the group before, or null.
+  const NodeFields* beside(std::uint32_t i) const {
+    if (i > 0) return &siblings_.fields[i - 1];
+    return last_.count > 0 ? &last_.fields[0] : nullptr;
   }
-  /// Whose normals and colours are averaged: the siblings so far, or the group before.
-  const Siblings& example(std::uint32_t i) const { return i > 0 ? siblings_ : last_; }
+  /// Returns the nodes whose normals and colours are averaged: the siblings so far, or the group before.
+  const Siblings& examples(std::uint32_t i) const { return i > 0 ? siblings_ : last_; }
 
-  void codeChildren(const GroupNodes& group, std::uint32_t i, Parts& parts) {
+  void codeChildren(const GroupNodes& group, std::uint32_t i, NodeFields& fields) {
     if (!group.has_pointer) return;
-    const Parts* last = before(i);
+    const NodeFields* last = before(i);
     const std::uint32_t context = ((last ? last->children_kind : 7) * 2 + (i == 0 ? 1 : 0)) * 4 + group.count - 1;
-    parts.children_kind = coder_.code(kChildrenKind.first + context, childrenKindOf(group.nodes[i]));
+    fields.children_kind = coder_.code(kChildrenKind.first + context, childrenKindOf(group.nodes[i]));
   }
 
-  /// The sibling two before; of a first one, the first of the group before; or null.
-  const Parts* other(std::uint32_t i) const { return i > 1 ? &siblings_.parts[i - 2] : i == 0 ? beside(0) : nullptr; }
+  /// Returns the sibling two before; for a first node the first one of the group before; or null.
+  const NodeFields* other(std::uint32_t i) const {
+    return i > 1 ? &siblings_.fields[i - 2] : i == 0 ? beside(0) : nullptr;
+  }
 
-  void codeCone(const Node& node, std::uint32_t i, Parts& parts) {
-    const Parts* last = before(i);
-    const Parts* also = other(i);
-    const std::uint32_t generation = parts.children_kind == 0 ? 0 : parts.children_kind > 3 ? 1 : 2;
+  void codeCone(const Node& node, std::uint32_t i, NodeFields& fields) {
+    const NodeFields* last = before(i);
+    const NodeFields* also = other(i);
+    const std::uint32_t generation = fields.children_kind == 0 ? 0 : fields.children_kind > 3 ? 1 : 2;
     const std::uint32_t context = ((last ? last->cone : 4) * 3 + generation) * 5 + (also ? also->cone : 4);
-    parts.cone = coder_.code(kConeKind.first + context, node.coneCode());
-    parts.width = 8 * parts.cone + 7;
+    fields.cone = coder_.code(kConeKind.first + context, node.coneCode());
+    fields.width = 8 * fields.cone + 7;
   }
 
-  /// Told from the mean of two nodes before.
-  void codeLeafCone(const Node& node, std::uint32_t i, Parts& parts) {
+  /// Predicts the width from the mean of two nodes before.
+  void codeLeafCone(const Node& node, std::uint32_t i, NodeFields& fields) {
     constexpr std::array<std::uint8_t, kLeafConeCodes> kContext{0, 1, 2, 3, 4, 4, 5, 5, 6, 6, 6, 6, 7,  7,  7,  7,
                                                                 8, 8, 8, 8, 8, 8, 9, 9, 9, 9, 9, 9, 10, 10, 10, 11};
-    const Parts* last = before(i);
-    const Parts* also = other(i);
+    const NodeFields* last = before(i);
+    const NodeFields* also = other(i);
     const std::uint32_t width = last == nullptr   ? 0
                                 : also == nullptr ? last->width
                                                   : (last->width + also->width + 1) / 2;
-    parts.width = coder_.code(kLeafConeKind.first + kContext[width], node.coneField());
-    // Sines to 1/16, 4/16, 9/16.
-    parts.cone = parts.width < 2 ? 0 : parts.width < 8 ? 1 : parts.width < 18 ? 2 : 3;
+    fields.width = coder_.code(kLeafConeKind.first + kContext[width], node.coneField());
+    // Classes by sines up to 1/16, 4/16, 9/16, the paper's codes.
+    fields.cone = fields.width < 2 ? 0 : fields.width < 8 ? 1 : fields.width < 18 ? 2 : 3;
   }
 
   // ---- normals ----
 
-  /// The axes that a face's rows and columns count along.
+  /// The axes along which a face's rows and columns count.
   static int rowAxis(int face) { return face / 2 == 0 ? 1 : 0; }
   static int columnAxis(int face) { return face / 2 == 2 ? 1 : 2; }
 
-  /// The cell of `face` that is nearest to a normal, by its numbers alone.
-  static Normal onFace(const Normal& normal, int face) {
+  /// Returns the cell of `face` that is nearest to a normal, from the cell numbers alone.
+  static NormalCell onFace(const NormalCell& normal, int face) {
     if (face == normal.face) return normal;
     std::array<int, 3> cell{};
     cell[index(rowAxis(normal.face))] = normal.row;
@@ -163,41 +165,42 @@ class BlockModel {
     if (face / 2 != normal.face / 2) cell[index(normal.face / 2)] = normal.face % 2 == 0 ? kSide - 1 : 0;
     return {face, cell[index(rowAxis(face))], cell[index(columnAxis(face))]};
   }
-  /// The mean of the example's normals, on that face.
-  Normal meanNormal(std::uint32_t i, int face) const {
-    const Siblings& of = example(i);
-    if (of.count == 0) return {face, kSide / 2, kSide / 2};
-    Normal sum{face, 0, 0};
-    for (std::uint32_t k = 0; k < of.count; ++k) {
-      const Normal there = onFace(of.parts[k].normal, face);
+  /// Returns the mean of the examples' normals on that face.
+  NormalCell meanNormal(std::uint32_t i, int face) const {
+    const Siblings& nodes = examples(i);
+    if (nodes.count == 0) return {face, kSide / 2, kSide / 2};
+    NormalCell sum{face, 0, 0};
+    for (std::uint32_t k = 0; k < nodes.count; ++k) {
+      const NormalCell there = onFace(nodes.fields[k].normal, face);
       sum.row += there.row;
       sum.column += there.column;
     }
-    return {face, mean(sum.row, of.count), mean(sum.column, of.count)};
+    return {face, mean(sum.row, nodes.count), mean(sum.column, nodes.count)};
   }
 
-  void codeNormal(const Node& node, std::uint32_t i, Parts& parts) {
+  void codeNormal(const Node& node, std::uint32_t i, NodeFields& fields) {
     const int code = static_cast<int>(node.normalCode());
-    const Normal truth{code / (kSide * kSide), code / kSide % kSide, code % kSide};
-    const Siblings& of = example(i);
-    const int likely = of.count > 0 ? of.parts[of.count - 1].normal.face : 0;
-    const Normal likely_mean = meanNormal(i, likely);
-    const int face = codeFace(likely_mean, parts.cone, truth.face);
+    const NormalCell truth{code / (kSide * kSide), code / kSide % kSide, code % kSide};
+    const Siblings& nodes = examples(i);
+    const int likely = nodes.count > 0 ? nodes.fields[nodes.count - 1].normal.face : 0;
+    const NormalCell likely_mean = meanNormal(i, likely);
+    const int face = codeFace(likely_mean, fields.cone, truth.face);
 
     const bool same = face == likely;
-    const Normal near = same ? likely_mean : meanNormal(i, face);
+    const NormalCell near = same ? likely_mean : meanNormal(i, face);
     const std::uint32_t rough = std::min(3U, last_turn_ / 2);
-    const std::uint32_t row_context = same ? ((i == 0 ? 4 : 0) + rough) * 4 + parts.cone : 32;
+    const std::uint32_t row_context = same ? ((i == 0 ? 4 : 0) + rough) * 4 + fields.cone : 32;
     const int row = number(coder_.code(kRowKind.first + row_context, index(wrap(truth.row - near.row, kSide))));
-    const std::uint32_t column_context = same ? magnitude(row, kSide) * 4 + parts.cone : 28;
+    const std::uint32_t column_context = same ? magnitude(row, kSide) * 4 + fields.cone : 28;
     const int column =
         number(coder_.code(kColumnKind.first + column_context, index(wrap(truth.column - near.column, kSide))));
-    parts.normal = {face, wrap(near.row + row, kSide), wrap(near.column + column, kSide)};
+    fields.normal = {face, wrap(near.row + row, kSide), wrap(near.column + column, kSide)};
     last_turn_ = magnitude((std::min(row, kSide - row) + std::min(column, kSide - column) + 1) / 2, kSide);
   }
 
-  /// 0: the face of the mean; 1: the one across its nearest edge; the other four in their order.
-  int codeFace(const Normal& mean, std::uint32_t cone, int truth) {
+  /// Codes a normal's face: 0 for the face of the mean, 1 for the one across its nearest edge, then the others in
+  /// order.
+  int codeFace(const NormalCell& mean, std::uint32_t cone, int truth) {
     const int last = kSide - 1;
     const bool by_row = std::min(mean.row, last - mean.row) <= std::min(mean.column, last - mean.column);
     const int at = by_row ? mean.row : mean.column;
@@ -220,36 +223,36 @@ class BlockModel {
 
   // ---- spheres ----
 
-  /// The code; kSphereCodes for what is read and cannot be.
-  std::uint32_t codeSphere(const Node& node, std::uint32_t i, Parts& parts) {
-    const GridSphere truth = codes_.steps(node.sphereCode());
-    const Parts* other = beside(i);
+  /// Returns the sphere's code; kSphereCodes when an impossible sphere is read.
+  std::uint32_t codeSphere(const Node& node, std::uint32_t i, NodeFields& fields) {
+    const GridSphere truth = codes_.sphere(node.sphereCode());
+    const NodeFields* other = beside(i);
     const std::uint32_t size_context =
-        ((i == 0 ? 14 : 0) + (other ? index(other->s) : 0)) * 2 + (parts.children_kind == 0 ? 1 : 0);
+        ((i == 0 ? 14 : 0) + (other ? index(other->s) : 0)) * 2 + (fields.children_kind == 0 ? 1 : 0);
     const int s = 1 + number(coder_.code(kSizeKind.first + size_context, index(truth.s - 1)));
 
-    // Along the surface; then across it, where the plane through the siblings so far tells most.
-    const auto across = index(parts.normal.face / 2);
+    // First the two axes along the surface, then the one across it, which the plane through the siblings predicts best.
+    const auto across = index(fields.normal.face / 2);
     GridSphere read{s, {}};
-    for (const int axis : {rowAxis(parts.normal.face), columnAxis(parts.normal.face)}) {
+    for (const int axis : {rowAxis(fields.normal.face), columnAxis(fields.normal.face)}) {
       int& cell = read.cell[index(axis)];
       cell = number(coder_.code(kSideKind.first + index(s - 1) * 4 + sideOfSiblings(i, index(axis)),
                                 index(truth.cell[index(axis)])));
-      parts.middle[index(axis)] = s + 2 * cell - kSphereSteps;
+      fields.middle[index(axis)] = s + 2 * cell - kSphereSteps;
     }
-    const int expected = cellOnPlane(i, s, parts);
+    const int expected = cellOnPlane(i, s, fields);
     const int cells = kSphereSteps + 1 - s;
-    const std::uint32_t depth_context = ((i == 0 ? 4 : 0) + parts.cone) * kSphereSteps + index(s - 1);
+    const std::uint32_t depth_context = ((i == 0 ? 4 : 0) + fields.cone) * kSphereSteps + index(s - 1);
     const int depth =
         number(coder_.code(kDepthKind.first + depth_context, index(wrap(truth.cell[across] - expected, cells))));
     if (depth >= cells) return kSphereCodes;
     read.cell[across] = wrap(expected + depth, cells);
-    parts.middle[across] = s + 2 * read.cell[across] - kSphereSteps;
-    parts.s = s;
+    fields.middle[across] = s + 2 * read.cell[across] - kSphereSteps;
+    fields.s = s;
     return codes_.code(read);
   }
 
-  /// 0: there are none; else where they are on average: below, about, above the middle.
+  /// Returns 0 without siblings, else where they are on average: 1, 2, 3 for below, near and above the middle.
   std::uint32_t sideOfSiblings(std::uint32_t i, std::size_t axis) const {
     if (i == 0) return 0;
     const int sum = middles_[axis];
@@ -257,21 +260,21 @@ class BlockModel {
     return sum < -near ? 1 : sum <= near ? 2 : 3;
   }
 
-  /// The cell across the surface in which the sphere's middle is nearest to the plane through the mean of its siblings
-  /// (the parent's centre, where there are none) that has its normal.
-  int cellOnPlane(std::uint32_t i, int s, const Parts& parts) const {
-    const Normal& n = parts.normal;
+  /// Returns the cell across the surface whose sphere lies nearest to the plane across the node's normal through the
+  /// mean of its siblings; without siblings, through the parent's centre.
+  int cellOnPlane(std::uint32_t i, int s, const NodeFields& fields) const {
+    const NormalCell& n = fields.normal;
     const auto along = [&](int axis) {
       const auto a = index(axis);
-      return std::max(number(i), 1) * parts.middle[a] - middles_[a];
+      return std::max(number(i), 1) * fields.middle[a] - middles_[a];
     };
     const int up = n.face % 2 == 0 ? 1 : -1;
     const int over = up * (up * 1024 * middles_[index(n.face / 2)] - tangents_[index(n.row)] * along(rowAxis(n.face)) -
                            tangents_[index(n.column)] * along(columnAxis(n.face)));
-    // The middle is over / (1024 i) thirteenths from the parent's centre; cell = (middle + 13 − s) / 2, rounded.
+    // The sphere's centre is at over / (1024 i) thirteenths from the parent's; cell = (middle + 13 − s) / 2, rounded.
     const int siblings = std::max(number(i), 1);
     const int doubled = over + (kSphereSteps + 1 - s) * 1024 * siblings;
-    constexpr std::array<int, 4> kInverse{0, 65536, 32768, 21846};  // in 65536ths, rounded up
+    constexpr std::array<int, 4> kInverse{0, 65536, 32768, 21846};  // 1 / siblings in 65536ths, rounded up
     const int cell = doubled < 0 ? 0 : (doubled / 2048 * kInverse[index(siblings)]) >> 16;
     return std::min(cell, kSphereSteps - s);
   }
@@ -281,32 +284,32 @@ class BlockModel {
   static std::array<int, 3> channels(std::uint16_t color) { return {color >> 11, color >> 5 & 63, color & 31}; }
 
   std::array<int, 3> meanColor(std::uint32_t i) const {
-    const Siblings& of = example(i);
-    if (of.count == 0) return {16, 32, 16};
+    const Siblings& nodes = examples(i);
+    if (nodes.count == 0) return {16, 32, 16};
     std::array<int, 3> color{};
     for (std::size_t c = 0; c < 3; ++c) {
-      for (std::uint32_t k = 0; k < of.count; ++k) color[c] += of.parts[k].color[c];
-      color[c] = mean(color[c], of.count);
+      for (std::uint32_t k = 0; k < nodes.count; ++k) color[c] += nodes.fields[k].color[c];
+      color[c] = mean(color[c], nodes.count);
     }
     return color;
   }
 
-  /// Green as a difference; red and blue as what theirs is beside it.
-  void codeColor(const Node& node, std::uint32_t i, Parts& parts) {
+  /// Codes green as a difference to the examples' mean, red and blue as differences beyond half of green's.
+  void codeColor(const Node& node, std::uint32_t i, NodeFields& fields) {
     const std::array<int, 3> truth = channels(node.color);
     const std::array<int, 3> near = meanColor(i);
     const std::uint32_t green_context = (i == 0 ? 7 : 0) + last_green_;
     const int green = number(coder_.code(kGreenKind.first + green_context, index((truth[1] - near[1]) & 63)));
-    parts.color[1] = (near[1] + green) & 63;
+    fields.color[1] = (near[1] + green) & 63;
     last_green_ = magnitude(green, 64);
 
-    const int half = (parts.color[1] - near[1]) >> 1;
+    const int half = (fields.color[1] - near[1]) >> 1;
     const int red = number(coder_.code(kRedKind.first + last_green_, index((truth[0] - near[0] - half) & 31)));
-    parts.color[0] = (near[0] + half + red) & 31;
+    fields.color[0] = (near[0] + half + red) & 31;
     const int signed_red = red < 16 ? red : red - 32;
     const std::uint32_t blue_context = index(std::clamp(signed_red, -3, 3) + 3);
     const int blue = number(coder_.code(kBlueKind.first + blue_context, index((truth[2] - near[2] - half) & 31)));
-    parts.color[2] = (near[2] + half + blue) & 31;
+    fields.color[2] = (near[2] + half + blue) & 31;
   }
 
   Coder& coder_;
@@ -315,7 +318,7 @@ class BlockModel {
   const std::array<int, kNormalSide>& tangents_ = cellTangents();
   Siblings siblings_;                             ///< of the group that is being coded, so far
   Siblings last_;                                 ///< the group before
-  std::array<int, 3> middles_{};                  ///< of siblings_, added up
+  std::array<int, 3> middles_{};                  ///< sums over siblings_
   std::uint32_t last_turn_ = 3, last_green_ = 3;  ///< magnitudes
 };
 

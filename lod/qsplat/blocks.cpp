@@ -39,7 +39,7 @@ const std::uint8_t* MappedBlocks::load(std::uint64_t number) {
     noteDamage(number);
     return nullptr;
   }
-  setPlace(number, block.data());
+  setAddress(number, block.data());
   return block.data();
 }
 
@@ -49,7 +49,7 @@ CodedBlocks::CodedBlocks(base::ByteView file, const Header& header, BlockCoder c
 }
 
 CodedBlocks::~CodedBlocks() {
-  for (std::uint64_t b = 1; b < header().blocks(); ++b) delete[] place(b);
+  for (std::uint64_t b = 1; b < header().blocks(); ++b) delete[] address(b);
 }
 
 const std::uint8_t* CodedBlocks::load(std::uint64_t number) {
@@ -61,10 +61,10 @@ const std::uint8_t* CodedBlocks::load(std::uint64_t number) {
     noteDamage(number);
     return nullptr;
   }
-  places_.add(children);  // before anybody can find the block, and want them
-  const std::uint8_t* const made = plain.get();
-  const std::uint8_t* const here = offerPlace(number, made);
-  if (here == made) {
+  places_.add(children);  // before another thread can find the block and look up its children
+  const std::uint8_t* const decoded = plain.get();
+  const std::uint8_t* const here = offerAddress(number, decoded);
+  if (here == decoded) {
     plain.release();
     held_.fetch_add(1, std::memory_order_relaxed);
   }
@@ -72,16 +72,16 @@ const std::uint8_t* CodedBlocks::load(std::uint64_t number) {
 }
 
 void CodedBlocks::trim(std::uint64_t bytes) {
-  const std::uint64_t most = bytes / kBlockBytes;
-  if (held_ <= most) return;
-  std::vector<std::pair<std::uint32_t, std::uint64_t>> by_use;  // frame, number
+  const std::uint64_t max_blocks = bytes / kBlockBytes;
+  if (held_ <= max_blocks) return;
+  std::vector<std::pair<std::uint32_t, std::uint64_t>> by_use;  // frame of the last use, number
   for (std::uint64_t b = 1; b < header().blocks(); ++b)
-    if (place(b) != nullptr && lastUse(b) < frame()) by_use.emplace_back(lastUse(b), b);
-  const auto going = std::min<std::size_t>(by_use.size(), static_cast<std::size_t>(held_ - most));
+    if (address(b) != nullptr && lastUse(b) < frame()) by_use.emplace_back(lastUse(b), b);
+  const auto going = std::min<std::size_t>(by_use.size(), static_cast<std::size_t>(held_ - max_blocks));
   std::nth_element(by_use.begin(), by_use.begin() + static_cast<std::ptrdiff_t>(going), by_use.end());
   for (std::size_t i = 0; i < going; ++i) {
-    delete[] place(by_use[i].second);
-    setPlace(by_use[i].second, nullptr);
+    delete[] address(by_use[i].second);
+    setAddress(by_use[i].second, nullptr);
   }
   held_ -= going;
 }

@@ -1,5 +1,5 @@
 #pragma once
-// Where the blocks of a qsplat.lgq are: all of them in a mapped file, or those that have come so far.
+// The blocks of a qsplat.lgq in memory: all of them in a mapped file, or those that have arrived so far.
 #include <atomic>
 #include <cstdint>
 #include <memory>
@@ -10,58 +10,60 @@
 
 namespace lod::qsplat {
 
-/// One pointer for each block; a traversal asks for one at each group that it goes into. Several threads may ask at a
-/// time while nobody puts or drops.
+/// A table of block addresses, which a traversal looks up for each group that it visits. Several threads may call
+/// find() at a time while none puts or drops blocks.
 class Blocks {
  public:
-  explicit Blocks(const Header& header) : header_(header), place_(new Place[header.blocks()]()) {}
+  explicit Blocks(const Header& header) : header_(header), address_(new Address[header.blocks()]()) {}
   virtual ~Blocks() = default;
   Blocks(const Blocks&) = delete;
   Blocks& operator=(const Blocks&) = delete;
 
   const Header& header() const { return header_; }
-  /// kBlockBytes of a block whose checksum is right, or null: it is not here. number: 1 … header().blocks() − 1.
+  /// Returns the kBlockBytes of an intact block, or null if it is missing. number: 1 … header().blocks() − 1.
   const std::uint8_t* find(std::uint64_t number) {
-    const std::uint8_t* at = place_[number].load(std::memory_order_acquire);
+    const std::uint8_t* at = address_[number].load(std::memory_order_acquire);
     if (at == nullptr) at = load(number);
     if (use_ && at != nullptr) use_[number].store(frame_, std::memory_order_relaxed);
     return at;
   }
 
-  /// Notes from now on in which frame each block was last found: which ones to drop first.
+  /// Records from now on in which frame each block was last found, for deciding which ones to drop.
   void trackUse() { use_.reset(new std::atomic<std::uint32_t>[header_.blocks()]()); }
-  /// Its number from now on, 1 or more; 1 before the first call.
+  /// Sets the number of the current frame, 1 or more; it is 1 before the first call.
   void beginFrame(std::uint32_t frame) { frame_ = frame; }
   std::uint32_t frame() const { return frame_; }
-  /// The frame in which it was last found; 0: never, or trackUse() was not called.
+  /// Returns the frame in which a block was last found; 0: never, or trackUse() was not called.
   std::uint32_t lastUse(std::uint64_t number) const { return use_ ? use_[number].load(std::memory_order_relaxed) : 0; }
 
  protected:
-  /// Called for what has no place yet; may set it.
+  /// Called by find() for a block without an address; may set it.
   virtual const std::uint8_t* load(std::uint64_t number) = 0;
-  void setPlace(std::uint64_t number, const std::uint8_t* at) { place_[number].store(at, std::memory_order_release); }
-  /// The same where it has none yet; what it has then: `at`, or what another thread has set.
-  const std::uint8_t* offerPlace(std::uint64_t number, const std::uint8_t* at) {
-    const std::uint8_t* none = nullptr;
-    return place_[number].compare_exchange_strong(none, at, std::memory_order_acq_rel) ? at : none;
+  void setAddress(std::uint64_t number, const std::uint8_t* at) {
+    address_[number].store(at, std::memory_order_release);
   }
-  const std::uint8_t* place(std::uint64_t number) const { return place_[number].load(std::memory_order_acquire); }
+  /// Sets the address unless another thread has set one; returns the one that is set then.
+  const std::uint8_t* offerAddress(std::uint64_t number, const std::uint8_t* at) {
+    const std::uint8_t* none = nullptr;
+    return address_[number].compare_exchange_strong(none, at, std::memory_order_acq_rel) ? at : none;
+  }
+  const std::uint8_t* address(std::uint64_t number) const { return address_[number].load(std::memory_order_acquire); }
 
  private:
-  using Place = std::atomic<const std::uint8_t*>;
+  using Address = std::atomic<const std::uint8_t*>;
   const Header header_;
-  std::unique_ptr<Place[]> place_;
+  std::unique_ptr<Address[]> address_;
   std::unique_ptr<std::atomic<std::uint32_t>[]> use_;
   std::uint32_t frame_ = 1;
 };
 
-/// Where the blocks of a coded file are, as far as it is known. Several threads may use it at a time.
+/// The places of a coded file's blocks, as far as they are known. Several threads may use it at a time.
 class PlaceTable {
  public:
-  /// With block 1, which the header tells of.
+  /// Block 1 is known at first: the header has its place.
   explicit PlaceTable(const Header& header);
   CodedPlace find(std::uint64_t number) const;
-  /// What is known stays.
+  /// Adds the places of child blocks; known ones stay.
   void add(const ChildBlocks& children);
 
  private:
@@ -70,17 +72,17 @@ class PlaceTable {
   std::unique_ptr<std::atomic<std::uint64_t>[]> places_;  ///< offset · 2^11 + length; 0: not known
 };
 
-/// A whole file in memory, in either form: a block's checksum is checked when it is first asked for; one that is
-/// damaged is not here.
+/// A whole file of either form in memory. A block's checksum is checked when it is first looked up; damaged blocks
+/// count as missing.
 class FileBlocks : public Blocks {
  public:
   using Blocks::Blocks;
-  /// The first damaged block that was come upon; 0: none.
+  /// Returns the first damaged block that was looked up; 0: none.
   std::uint64_t damagedBlock() const { return damaged_.load(std::memory_order_relaxed); }
-  /// Between frames: what it holds in memory of its own shrinks to so many bytes, or to what the last frame looked
-  /// into. trackUse() was called.
+  /// Called between frames after trackUse(): shrinks decoded blocks to so many bytes, or to those that the last frame
+  /// used if they are more.
   virtual void trim(std::uint64_t /*bytes*/) {}
-  /// A block's length in the file, once it was here.
+  /// Returns a block's length in the file, once it was found.
   virtual std::uint32_t storedBytes(std::uint64_t /*number*/) const { return kBlockBytes; }
 
  protected:
@@ -93,10 +95,10 @@ class FileBlocks : public Blocks {
   std::atomic<std::uint64_t> damaged_{0};
 };
 
-/// `file` has header.storedBytes() and must outlive what is made. Errors: kInvalidInput, a coded file without tables.
+/// `file` has header.storedBytes() and must outlive the result. Errors: kInvalidInput, a coded file without tables.
 base::Result<std::unique_ptr<FileBlocks>> openBlocks(base::ByteView file, const Header& header);
 
-/// In the plain form.
+/// The blocks of a plain file.
 class MappedBlocks final : public FileBlocks {
  public:
   /// `file` has header.file_bytes and must outlive this.
@@ -107,7 +109,8 @@ class MappedBlocks final : public FileBlocks {
   base::ByteView file_;
 };
 
-/// In the coded form: a block is decoded when it is first asked for. One is here once a block with its parents was.
+/// The blocks of a coded file. A block is decoded when it is first looked up; it can be found once a block with parents
+/// of its nodes was.
 class CodedBlocks final : public FileBlocks {
  public:
   /// `file` has header.coded_bytes and must outlive this.
@@ -124,13 +127,13 @@ class CodedBlocks final : public FileBlocks {
   std::atomic<std::uint64_t> held_{0};  ///< blocks
 };
 
-/// Those that somebody has put there. The bytes are the caller's, and checked by him (isIntactBlock).
+/// Blocks that arrive one by one. The caller owns and checks their bytes (isIntactBlock).
 class GrowingBlocks final : public Blocks {
  public:
   using Blocks::Blocks;
-  /// kBlockBytes at `at`, which stay there until drop().
-  void put(std::uint64_t number, const std::uint8_t* at) { setPlace(number, at); }
-  void drop(std::uint64_t number) { setPlace(number, nullptr); }
+  /// `at`: kBlockBytes that stay there until drop().
+  void put(std::uint64_t number, const std::uint8_t* at) { setAddress(number, at); }
+  void drop(std::uint64_t number) { setAddress(number, nullptr); }
 
  private:
   const std::uint8_t* load(std::uint64_t) override { return nullptr; }

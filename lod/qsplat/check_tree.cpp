@@ -1,4 +1,4 @@
-// checkTree of format.h.
+// Implements checkTree of format.h.
 #include <array>
 #include <deque>
 
@@ -8,15 +8,15 @@
 namespace lod::qsplat {
 namespace {
 
-/// Blocks of a file one after the other, 1 and on; who asks for an earlier one begins again.
+/// Reads the blocks of a file in order, from block 1 on; asking for an earlier block starts over.
 class BlockSource {
  public:
   virtual ~BlockSource() = default;
-  /// kBlockBytes until the next call; null: damaged.
+  /// Returns kBlockBytes that are valid until the next call; null for a damaged block.
   virtual const std::uint8_t* block(std::uint64_t number) = 0;
-  /// Whether a place is known for it.
-  virtual bool knows(std::uint64_t) { return true; }
-  /// What is wrong with the file beside its blocks, one line; mostly empty. After the last block.
+  /// Whether the block's place is known.
+  virtual bool knowsPlace(std::uint64_t) { return true; }
+  /// Called after the last block: returns what is wrong with the file apart from its blocks, in one line, or nothing.
   virtual std::string fault() { return ""; }
 };
 
@@ -32,8 +32,8 @@ class PlainSource final : public BlockSource {
   base::ByteView file_;
 };
 
-/// Decodes; and sees to it that coded blocks stand one behind the other, where their parents say, and nothing else
-/// does.
+/// Decodes coded blocks. Checks that they follow each other without gaps where their parents say they are, and that
+/// only zeros follow the last one.
 class CodedSource final : public BlockSource {
  public:
   CodedSource(base::ByteView file, const Header& header, const BlockCoder& coder)
@@ -44,15 +44,15 @@ class CodedSource final : public BlockSource {
   const std::uint8_t* block(std::uint64_t number) override {
     if (number < number_) restart();
     while (number_ < number)
-      if (!next()) return nullptr;
+      if (!decodeNext()) return nullptr;
     return plain_.data();
   }
-  bool knows(std::uint64_t number) override { return number <= known_; }
+  bool knowsPlace(std::uint64_t number) override { return number <= known_; }
 
   std::string fault() override {
     if (!fault_.empty()) return fault_;
-    const std::uint64_t end = (told_ + kBlockBytes - 1) / kBlockBytes * kBlockBytes;
-    return end == header_.coded_bytes && allZero(file_.subspan(static_cast<std::size_t>(told_)))
+    const std::uint64_t end = (known_end_ + kBlockBytes - 1) / kBlockBytes * kBlockBytes;
+    return end == header_.coded_bytes && allZero(file_.subspan(static_cast<std::size_t>(known_end_)))
                ? ""
                : "something stands behind its last block";
   }
@@ -63,10 +63,10 @@ class CodedSource final : public BlockSource {
     known_ = 1;
     lengths_.assign(1, header_.first_block_bytes);
     at_ = header_.header_bytes;
-    told_ = at_ + header_.first_block_bytes;
+    known_end_ = at_ + header_.first_block_bytes;
   }
 
-  bool next() {
+  bool decodeNext() {
     if (lengths_.empty()) return false;
     const std::uint32_t length = lengths_.front();
     ChildBlocks children;
@@ -74,22 +74,23 @@ class CodedSource final : public BlockSource {
     const std::uint64_t at = at_;
     const bool good =
         coder_.decode(number_, file_.subspan(static_cast<std::size_t>(at), length), plain_.data(), children);
-    if (good) forEachChildBlock(children, [this](std::uint64_t child, const CodedPlace& place) { told(child, place); });
+    if (good)
+      forEachChildBlock(children, [this](std::uint64_t child, const CodedPlace& place) { addPlace(child, place); });
     lengths_.pop_front();
     at_ += length;
     return good;
   }
 
-  // lengths_ are of blocks number_ … known_, of which the first begins at at_.
-  void told(std::uint64_t child, const CodedPlace& place) {
-    if (child == known_ + 1 && place.offset == told_ && place.bytes <= header_.coded_bytes - told_) {
+  // Adds the place that a parent states for a child block, or compares it with the one that is known.
+  void addPlace(std::uint64_t child, const CodedPlace& place) {
+    if (child == known_ + 1 && place.offset == known_end_ && place.bytes <= header_.coded_bytes - known_end_) {
       lengths_.push_back(place.bytes);
       ++known_;
-      told_ += place.bytes;
+      known_end_ += place.bytes;
       return;
     }
-    // Told of before: mostly the last one, in which the children of one block end and those of the next begin.
-    std::uint64_t offset = told_;
+    // Known before: mostly the block in which the children of one block end and those of the next begin.
+    std::uint64_t offset = known_end_;
     for (std::uint64_t b = known_; child <= known_ && b >= child; --b) offset -= lengths_[b - number_];
     if (child > known_ || place != CodedPlace{offset, lengths_[child - number_]})
       fault_ = "block " + std::to_string(number_) + " says of block " + std::to_string(child) +
@@ -100,14 +101,14 @@ class CodedSource final : public BlockSource {
   const Header& header_;
   const BlockCoder& coder_;
   std::array<std::uint8_t, kBlockBytes> plain_{};
-  std::uint64_t number_ = 0;  // of the block in plain_
-  std::uint64_t known_ = 0;   // blocks that somebody has told of
-  std::deque<std::uint32_t> lengths_;
-  std::uint64_t at_ = 0, told_ = 0;
+  std::uint64_t number_ = 0;           // number of the block in plain_
+  std::uint64_t known_ = 0;            // the last block whose place is known
+  std::deque<std::uint32_t> lengths_;  // of blocks number_ + 1 … known_; the first begins at at_
+  std::uint64_t at_ = 0, known_end_ = 0;
   std::string fault_;
 };
 
-// One walk of checkTree: groups in the file's order; what is expected of the next level's is known from their parents.
+// Walks the groups in the file's order; the shapes of the next level's groups are known from their parents.
 class TreeChecker {
  public:
   TreeChecker(BlockSource& source, const Header& header) : source_(source), header_(header), layout_(header) {}
@@ -120,7 +121,7 @@ class TreeChecker {
 
  private:
   static constexpr std::size_t kMaxFaults = 10;
-  // A group's nodes, and bit 3 where it has a pointer.
+  // A group's shape: its number of nodes, and this bit where it has a pointer.
   static constexpr std::uint8_t kPointerBit = 8;
 
   void fault(const std::string& text) {
@@ -129,7 +130,8 @@ class TreeChecker {
 
   void checkBlocks() {
     for (std::uint64_t b = 1; b < header_.blocks(); ++b) {
-      if (!source_.knows(b)) return fault("block " + std::to_string(b) + ": nothing tells where it is; build it again");
+      if (!source_.knowsPlace(b))
+        return fault("block " + std::to_string(b) + ": nothing tells where it is; build it again");
       if (source_.block(b) == nullptr)
         fault("block " + std::to_string(b) + ": checksum does not match; copy or build the file again");
     }
@@ -149,7 +151,7 @@ class TreeChecker {
     checkEnd();
   }
 
-  // False when nothing behind it can be trusted.
+  // Checks a group; false when the groups after it cannot be located.
   bool checkGroup(std::uint32_t nodes, bool has_pointer) {
     const std::uint32_t bytes = layout_.bytes(nodes, has_pointer);
     const std::uint64_t offset = groupPlace(end_, bytes);
@@ -186,7 +188,8 @@ class TreeChecker {
     return true;
   }
 
-  // Between two groups, but for the checksum; `from` is in the block of the last group, or at its end.
+  // Checks the bytes between two groups, apart from checksums; `from` lies in the block of the last group or at its
+  // end.
   void checkZeros(std::uint64_t from, std::uint64_t to) {
     const std::uint64_t within = from % kBlockBytes;
     if (from == to || block_ == nullptr || within == 0) return;
@@ -212,12 +215,12 @@ class TreeChecker {
   BlockSource& source_;
   const Header& header_;
   const GroupLayout layout_;
-  const std::uint8_t* block_ = nullptr;  // of the last group
+  const std::uint8_t* block_ = nullptr;  // the block of the last group
   std::uint64_t number_ = 0;             // its number
   std::vector<std::string> faults_;
-  std::vector<std::uint8_t> next_;        // of the next level, its groups
-  std::uint64_t end_ = kBlockBytes;       // of the group before
-  std::uint64_t laid_out_ = kBlockBytes;  // where the groups known so far end
+  std::vector<std::uint8_t> next_;        // shapes of the next level's groups
+  std::uint64_t end_ = kBlockBytes;       // end of the last group
+  std::uint64_t laid_out_ = kBlockBytes;  // end of the groups whose shapes are known so far
   std::uint64_t nodes_ = 0, leaves_ = 0, groups_ = 0, pointers_ = 0;
   std::uint32_t levels_ = 0;
 };

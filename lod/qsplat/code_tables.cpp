@@ -6,7 +6,7 @@
 namespace lod::qsplat {
 namespace {
 
-// 16 · 2^(level/2 − 1/2), rounded.
+// The weights of levels: 16 · 2^(level/2 − 1/2), rounded.
 constexpr std::array<std::uint32_t, kMaxLevel + 1> kWeights{
     0, 16, 23, 32, 45, 64, 91, 128, 181, 256, 362, 512, 724, 1024, 1448, 2048, 2896, 4096, 5793, 8192, 11585, 16384};
 
@@ -14,7 +14,7 @@ bool allZero(const std::array<std::uint8_t, kMaxSymbols>& levels) {
   return std::all_of(levels.begin(), levels.end(), [](std::uint8_t level) { return level == 0; });
 }
 
-// Bits of a byte from the least on.
+// Writes bits, from the least significant of each byte on.
 class BitWriter {
  public:
   void bit(std::uint32_t value) {
@@ -22,7 +22,7 @@ class BitWriter {
     bytes_.back() = static_cast<std::uint8_t>(bytes_.back() | value << used_);
     used_ = (used_ + 1) % 8;
   }
-  /// Elias's gamma code of value + 1: as many zeros as it has bits behind its first one, then its bits from the top.
+  /// Writes Elias's gamma code of value + 1: as many zeros as bits follow its highest one, then its bits from the top.
   void gamma(std::uint32_t value) {
     int bits = 0;
     while ((value + 1) >> (bits + 1) != 0) ++bits;
@@ -56,7 +56,7 @@ class BitReader {
     for (int i = 0; ok_ && i < bits; ++i) value = value << 1 | bit();
     return value - 1;
   }
-  /// Nothing but zeros to the end of the last byte.
+  /// Whether all bytes were read, with only zeros after the last bit.
   bool endedWell() {
     while (ok_ && at_ % 8 != 0)
       if (bit() != 0) ok_ = false;
@@ -84,8 +84,9 @@ void forEachContext(bool colors, const Visit& visit) {
   }
 }
 
-/// Frequencies by the weights; each symbol that comes has at least 1.
-void share(const std::array<std::uint8_t, kMaxSymbols>& levels, std::array<std::uint32_t, kMaxSymbols>& frequencies) {
+/// Computes frequencies in proportion to the weights; each symbol that occurs has at least 1.
+void assignFrequencies(const std::array<std::uint8_t, kMaxSymbols>& levels,
+                       std::array<std::uint32_t, kMaxSymbols>& frequencies) {
   frequencies.fill(0);
   std::uint32_t sum = 0;
   for (const std::uint8_t level : levels) sum += kWeights[level];
@@ -99,7 +100,7 @@ void share(const std::array<std::uint8_t, kMaxSymbols>& levels, std::array<std::
     frequencies[i] = std::max(1U, (2 * kFrequencySum * kWeights[levels[i]] + sum) / (2 * sum));
     given += frequencies[i];
   }
-  // What rounding left or took too much of: the most frequent ones feel it least.
+  // Rounding may have left some frequency over or given too much: the most frequent symbols change least by it.
   while (given != kFrequencySum) {
     std::uint32_t& most = *std::max_element(frequencies.begin(), frequencies.end());
     const std::uint32_t step = given < kFrequencySum ? kFrequencySum - given : 1;
@@ -116,7 +117,7 @@ void levelsFrom(const SymbolCounts& counts, SymbolLevels& levels) {
     for (std::size_t s = 0; s < kMaxSymbols; ++s) {
       levels[c][s] = 0;
       if (counts[c][s] == 0) continue;
-      // In units of the weights; the border between two levels is their geometric mean.
+      // In units of the weights; two neighbouring levels meet at their geometric mean.
       const double weight = kWeights[kMaxLevel] * (static_cast<double>(counts[c][s]) / static_cast<double>(all));
       std::uint8_t level = 1;
       while (level < kMaxLevel && weight * weight >= 1.0 * kWeights[level] * kWeights[level + 1U]) ++level;
@@ -125,7 +126,7 @@ void levelsFrom(const SymbolCounts& counts, SymbolLevels& levels) {
   }
 }
 
-void flattenRarest(const SymbolCounts& counts, bool colors, std::size_t most_bytes, SymbolLevels& levels) {
+void flattenRarest(const SymbolCounts& counts, bool colors, std::size_t max_bytes, SymbolLevels& levels) {
   struct Context {
     std::uint64_t count;
     std::uint32_t number, symbols;
@@ -138,7 +139,7 @@ void flattenRarest(const SymbolCounts& counts, bool colors, std::size_t most_byt
   std::stable_sort(contexts.begin(), contexts.end(),
                    [](const Context& a, const Context& b) { return a.count < b.count; });
   for (const Context& rarest : contexts) {
-    if (packLevels(levels, colors).size() <= most_bytes) return;
+    if (packLevels(levels, colors).size() <= max_bytes) return;
     std::fill_n(levels[rarest.number].begin(), rarest.symbols, std::uint8_t{1});
   }
 }
@@ -178,7 +179,7 @@ bool unpackLevels(base::ByteView bytes, bool colors, SymbolLevels& levels) {
 CodeTables::CodeTables(const SymbolLevels& levels) : starts_(std::size_t{kContexts} * kStarts) {
   std::array<std::uint32_t, kMaxSymbols> frequencies;
   forEachContext(true, [&](std::uint32_t context, std::uint32_t symbols) {
-    share(levels[context], frequencies);
+    assignFrequencies(levels[context], frequencies);
     first_[context] = static_cast<std::uint16_t>(begins_.size());
     std::uint32_t end = 0;
     std::uint32_t start = 0;
@@ -198,8 +199,8 @@ bool SymbolWriter::append(const CodeTables& tables, const std::vector<Symbol>& s
   for (auto it = symbols.rbegin(); it != symbols.rend(); ++it) {
     const CodeTables::Range range = tables.range(it->context, it->symbol);
     if (range.frequency == 0) return false;
-    const std::uint64_t most = std::uint64_t{kMinState >> kFrequencyBits << 16} * range.frequency;
-    if (state >= most) {
+    const std::uint64_t limit = std::uint64_t{kMinState >> kFrequencyBits << 16} * range.frequency;
+    if (state >= limit) {
       words.push_back(static_cast<std::uint16_t>(state));
       state >>= 16;
     }

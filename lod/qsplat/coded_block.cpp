@@ -31,7 +31,7 @@ struct CountingCoder {
 
 constexpr std::size_t kChecksumBytes = sizeof(std::uint32_t);
 
-/// Of a coded block and of the plain one that it stands for, which knows its number.
+/// Checksum of a coded block that also covers the plain one, whose own checksum covers its number.
 std::uint32_t checksumOf(base::ByteView coded, const std::uint8_t* plain) {
   std::uint32_t of_plain = 0;
   std::memcpy(&of_plain, plain + kPayloadBytes, sizeof(of_plain));
@@ -43,12 +43,12 @@ std::uint64_t readSix(base::ByteReader& in) {
   return low | std::uint64_t{in.u16()} << 32;
 }
 
-/// The least `count` bytes of it.
+/// Appends the low `count` bytes of `value`.
 void append(base::Bytes& out, std::uint64_t value, int count) {
   for (int i = 0; i < count; ++i) out.push_back(static_cast<std::uint8_t>(value >> 8 * i));
 }
 
-/// Hands all groups of a block to a model of this coder.
+/// Codes all groups of a block with a BlockModel of this coder.
 template <class Coder>
 void codeGroups(const std::uint8_t* plain, std::span<const GroupShape> groups, const Header& header, Coder coder) {
   const GroupLayout layout(header);
@@ -70,11 +70,11 @@ void writeNodes(const GroupNodes& group, const GroupLayout& layout, std::uint8_t
   }
 }
 
-/// Where the groups of children begin and end: each group's pointer leads to where the ones before it have ended.
-class PointerMaker {
+/// Computes pointers: a group's children begin where those of the groups before it end.
+class PointerComputer {
  public:
-  PointerMaker(const GroupLayout& layout, std::uint64_t first_group) : layout_(layout), end_(first_group) {}
-  /// The pointer of the next group that has one; 0: it has no children.
+  PointerComputer(const GroupLayout& layout, std::uint64_t first_group) : layout_(layout), end_(first_group) {}
+  /// Returns the pointer of the next group that has one; 0 if it has no children.
   std::uint64_t next(const GroupNodes& group) {
     std::uint64_t pointer = 0;
     for (std::uint32_t i = 0; i < group.count; ++i) {
@@ -86,7 +86,7 @@ class PointerMaker {
     }
     return pointer;
   }
-  /// The last group of children; 0: none.
+  /// Returns the offset of the last child group; 0: none.
   std::uint64_t last() const { return last_; }
 
  private:
@@ -154,7 +154,7 @@ bool BlockCoder::decodeGroups(std::uint32_t groups, base::ByteView symbols, cons
   SymbolReader reader(tables_, symbols);
   ReadingCoder coder{reader};
   BlockModel<ReadingCoder> model(coder, header_.colors);
-  PointerMaker pointers(layout_, children.first_group);
+  PointerComputer pointers(layout_, children.first_group);
   std::fill_n(plain, kPayloadBytes, std::uint8_t{0});
   std::uint32_t within = 0;
   for (std::uint32_t g = 0; g < groups; ++g) {

@@ -15,7 +15,7 @@ constexpr std::uint32_t kPlainVersion = 1;
 constexpr std::uint32_t kCodedVersion = 2;
 constexpr std::uint32_t kHasColors = 1;
 constexpr std::uint32_t kWidePointers = 2;
-constexpr std::size_t kFieldsEnd = 80;  // zeros from here to the checksum
+constexpr std::size_t kFieldsEnd = 80;  // bytes from here to the checksum are zero
 
 std::uint32_t checksumAt(const std::uint8_t* at) {
   std::uint32_t crc = 0;
@@ -28,7 +28,7 @@ std::uint32_t blockChecksum(const std::uint8_t* block, std::uint32_t number) {
   return base::crc32c(base::ByteView(block, kPayloadBytes), base::crc32c(place));
 }
 
-// Whether a tree with these counts can be, and can lie in so many bytes.
+// Checks that a tree with these counts is possible and fits the file's length.
 base::Result<void> checkHeader(const Header& header, std::uint32_t flags) {
   if ((flags & ~(kHasColors | kWidePointers)) != 0) return damaged("header: unknown flags");
   if (header.file_bytes % kBlockBytes != 0 || header.file_bytes < 2 * kBlockBytes)
@@ -57,7 +57,7 @@ base::Result<void> checkHeader(const Header& header, std::uint32_t flags) {
   return {};
 }
 
-// … and in so many of them, coded.
+// Checks the lengths of a coded file.
 base::Result<void> checkCoded(const Header& header) {
   if (header.coded_bytes % kBlockBytes != 0 || header.coded_bytes < header.header_bytes + kMinCodedBytes)
     return damaged("header: the file's length cannot be");
@@ -71,8 +71,8 @@ base::Result<void> checkCoded(const Header& header) {
   return {};
 }
 
-// Those that both forms have.
-base::Bytes fields(const Header& header, std::uint32_t version, std::uint32_t header_bytes) {
+// Returns the fields that both forms share.
+base::Bytes commonFields(const Header& header, std::uint32_t version, std::uint32_t header_bytes) {
   base::ByteWriter out;
   out.write(kMagic);
   out.u32(version);
@@ -106,7 +106,7 @@ base::Error damaged(const std::string& what) {
 }
 
 base::Result<Header> readHeader(base::ByteView front) {
-  // What is this, and can this program read it?
+  // Is this a qsplat.lgq of a version that this program reads?
   base::ByteReader in(front);
   if (in.read<std::array<char, 8>>() != kMagic || !in.ok()) return damaged("not a qsplat.lgq");
   const std::uint32_t version = in.u32();
@@ -150,13 +150,13 @@ base::Result<Header> readHeader(base::ByteView front) {
 }
 
 base::Bytes headerBytes(const Header& header) {
-  base::Bytes bytes = fields(header, kPlainVersion, kBlockBytes);
+  base::Bytes bytes = commonFields(header, kPlainVersion, kBlockBytes);
   bytes.resize(kPayloadBytes, 0);
   return withChecksum(std::move(bytes));
 }
 
 base::Bytes codedHeaderBytes(const Header& header, base::ByteView tables) {
-  base::Bytes bytes = fields(header, kCodedVersion, codedHeaderLength(tables.size()));
+  base::Bytes bytes = commonFields(header, kCodedVersion, codedHeaderLength(tables.size()));
   base::ByteWriter more;
   more.u64(header.file_bytes);
   more.u32(header.first_block_bytes);

@@ -6,7 +6,7 @@
 
 namespace lod::qsplat {
 
-// Equal angles seen from the cube's middle.
+// Cells span equal angles seen from the cube's middle.
 double cellBorder(double cell) {
   return std::tan(0.25 * 3.14159265358979323846 * (2.0 * cell / kNormalSide - 1.0));
 }
@@ -17,15 +17,15 @@ struct CellBorders {
   std::array<float, kNormalSide + 1> at;
   CellBorders() {
     for (std::uint32_t i = 0; i <= kNormalSide; ++i) at[i] = static_cast<float>(cellBorder(i));
-    // The outermost cells have all that lies beyond, too.
+    // The outermost cells extend to infinity.
     at.front() = -std::numeric_limits<float>::infinity();
     at.back() = std::numeric_limits<float>::infinity();
   }
 };
 
 std::uint32_t cellOf(const CellBorders& borders, float t) {
-  // A guess by a short arctangent (Rajan et al. 2006, off by 0.0038 rad at most: an eighth of a cell), put right by the
-  // borders themselves.
+  // A polynomial for the arctangent (Rajan et al. 2006; at most 0.0038 rad off, an eighth of a cell) gives a first
+  // guess, which the exact borders then correct.
   const float turns = t * (1.0F + 0.3476F * (1.0F - std::abs(t)));
   const float guess = 0.5F * static_cast<float>(kNormalSide) * (turns + 1.0F);
   const auto cell = static_cast<std::uint32_t>(std::clamp(guess, 0.0F, static_cast<float>(kNormalSide - 1)));
@@ -42,8 +42,8 @@ SphereCodes::SphereCodes() {
       for (int y = 0; y <= kSphereSteps - s; ++y)
         for (int z = 0; z <= kSphereSteps - s; ++z) {
           if (!isChildSphere(s, x, y, z)) continue;
-          steps_[code] = {s, {x, y, z}};
-          codes_[place(steps_[code])] = code;
+          spheres_[code] = {s, {x, y, z}};
+          codes_[index(spheres_[code])] = code;
           ++code;
         }
 }
@@ -58,7 +58,7 @@ const SphereTable& sphereTable() {
     const auto thirteenths = [](int v) { return static_cast<float>(static_cast<double>(v) / kSphereSteps); };
     SphereTable steps;
     for (std::uint32_t code = 0; code < kSphereCodes; ++code) {
-      const auto& [s, cell] = sphereCodes().steps(code);
+      const auto& [s, cell] = sphereCodes().sphere(code);
       steps[code] = {{thirteenths(s + 2 * cell[0] - kSphereSteps), thirteenths(s + 2 * cell[1] - kSphereSteps),
                       thirteenths(s + 2 * cell[2] - kSphereSteps)},
                      thirteenths(s)};
@@ -79,14 +79,14 @@ std::uint32_t encodeSphere(const base::Sphere& parent, const base::Sphere& child
   const SphereTable& table = sphereTable();
   if (!(parent.radius > 0.0F) || !encloses(parent, child)) return kWholeParent;
   const double scale = kSphereSteps / static_cast<double>(parent.radius);
-  // In thirteenths, from the corner of the parent's bounding cube: a sphere of code (s, x, y, z) has its centre at
-  // s/2 + (x, y, z) of these, which are twice as wide.
+  // Units are thirteenths, counted from the corner of the parent's bounding cube and twice as wide: a sphere of code
+  // (s, x, y, z) has its centre at s/2 + (x, y, z).
   const glm::dvec3 at = 0.5 * ((glm::dvec3(child.center) - glm::dvec3(parent.center)) * scale + double{kSphereSteps});
   const double radius = static_cast<double>(child.radius) * scale;
   int s =
       radius < double{kSphereSteps} ? std::max(1, static_cast<int>(std::ceil(radius * (1.0 - 1e-6)))) : kSphereSteps;
   for (; s < kSphereSteps; ++s) {
-    // The nearest cell, halves up; what is below 0 becomes 0.
+    // The nearest cell: halves are rounded up, values below 0 become 0.
     const glm::ivec3 cell = glm::min(glm::ivec3(glm::max(at - 0.5 * s + 0.5, 0.0)), kSphereSteps - s);
     const std::uint32_t code = codes.code({s, {cell.x, cell.y, cell.z}});
     if (code < kSphereCodes && encloses(decodeSphere(parent, table[code]), child)) return code;
@@ -132,9 +132,9 @@ namespace {
 
 constexpr float kAnySine = std::numeric_limits<float>::infinity();
 
-// The last of `codes` is any direction.
+// Returns the code of a cone; the last of `codes` codes means any direction.
 std::uint32_t encodeSine(double least_cosine, std::uint32_t codes) {
-  // What products of two normals in float32 are off by.
+  // Products of two normals in float32 are off by at most this.
   constexpr double kRounding = 3e-7;
   const double cosine = least_cosine - kRounding;
   if (!(cosine > 0.0)) return codes - 1;

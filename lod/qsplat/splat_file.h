@@ -1,6 +1,6 @@
 #pragma once
-// A qsplat.lgq on disk, memory-mapped (Rusinkiewicz and Levoy 2000, section 3.2: the system pages in what is looked
-// at).
+// A qsplat.lgq on disk, memory-mapped, so that the system pages in the blocks that are used (Rusinkiewicz and Levoy
+// 2000, section 3.2).
 #include <string>
 #include <vector>
 
@@ -11,13 +11,13 @@ namespace lod::qsplat {
 
 class SplatFile {
  public:
-  /// Checks the header and the file's length; blocks are for who reads them to check. Errors name the file: kNotFound,
-  /// kIo, and those of readHeader.
+  /// Checks the header and the file's length; blocks are checked by those who read them. Errors name the file:
+  /// kNotFound, kIo, and those of readHeader.
   static base::Result<SplatFile> open(const std::string& path);
   const Header& header() const { return header_; }
-  /// All of the file; as long as the header says.
+  /// Returns the whole file, whose length is as the header has it.
   base::ByteView bytes() const { return file_.bytes(); }
-  /// checkTree of it.
+  /// Runs checkTree on the file.
   std::vector<std::string> verify() const { return checkTree(file_.bytes()); }
 
  private:

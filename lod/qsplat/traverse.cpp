@@ -11,34 +11,34 @@ namespace lod::qsplat {
 namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
-// Subtrees to cut off, and pieces of them to hand out: enough to keep many cores evenly busy, few enough to cost
-// nothing.
+// Subtrees into which the tree is divided, and portions of them for threads: enough to keep many cores evenly busy, few
+// enough to cost nothing.
 constexpr std::size_t kSubtrees = 512;
-constexpr std::size_t kPieces = 64;
-// Groups between two looks at how many nodes all threads together have met.
-constexpr std::uint32_t kGroupsPerLook = 1024;
+constexpr std::size_t kPortions = 64;
+// Groups that a thread visits between two checks of how many nodes all threads have visited.
+constexpr std::uint32_t kGroupsPerCheck = 1024;
 
 constexpr float kLensMagnifies = 3.0F;
 constexpr float kFinestThroughLens = 0.5F;  // pixels; smaller splats look the same
 
-// The six planes of the frustum and the section's.
+// The frustum's six planes and the section's plane.
 constexpr std::size_t kPlanes = 7;
 constexpr std::uint32_t kAllSides = 0x3F;
 constexpr std::uint32_t kSectionSide = 0x40;
 
-/// What all nodes are judged by. Parallel views fit the same formulas: there every depth is 1 and the eye is a
-/// direction.
-struct View {
-  std::array<glm::vec4, kPlanes> planes;  ///< normals inside, unit
+/// The view, prepared for testing nodes. The same formulas serve parallel views: every depth is 1 there, and the eye is
+/// a direction.
+struct NodeTests {
+  std::array<glm::vec4, kPlanes> planes;  ///< unit normals that point inside
   std::uint32_t sides = 0;                ///< planes that nodes are tested against
   glm::vec4 eye{0.0F};                    ///< homogeneous
   glm::vec4 depth{0.0F};                  ///< depth of p = dot(depth.xyz, p) + depth.w
   glm::mat4 clip{1.0F};                   ///< from the scene
   float fineness = 0.0F;                  ///< a node is fine enough where radius · fineness <= depth
-  float lens_fineness = 0.0F;             ///< the same of what is seen through the lens
+  float lens_fineness = 0.0F;             ///< the same for nodes seen through the lens
   bool cull_back_faces = false;
 
-  explicit View(const TraverseRequest& request) {
+  explicit NodeTests(const TraverseRequest& request) {
     clip = request.camera.clipFromScene();
     const base::Frustum frustum(clip);
     std::copy(frustum.planes.begin(), frustum.planes.end(), planes.begin());
@@ -53,34 +53,33 @@ struct View {
   }
 };
 
-/// A group of siblings that is to be looked into.
-struct Group {
+/// A group of siblings that is to be visited.
+struct PendingGroup {
   const std::uint8_t* bytes = nullptr;
-  std::uint64_t offset = 0;  ///< in the file
+  std::uint64_t offset = 0;  ///< in the plain file
   base::Sphere parent;
   std::uint32_t nodes = 0;
   std::uint32_t level = 0;
-  std::uint32_t sides = 0;  ///< planes that cross the parent
+  std::uint32_t sides = 0;  ///< planes that intersect the parent
   bool has_pointer = false;
   bool may_face_away = false;
 };
 
-/// Squared, and a hair more: rounding must not turn anything away. Any direction: never reached.
+/// Returns the squared sines, slightly enlarged so that rounding never culls a visible node.
 ConeSines squared(ConeSines sines) {
   for (float& sine : sines) sine *= sine * (1.0F + 1e-5F);
   return sines;
 }
 
-/// Nodes that all threads together have met: a tree has as many as its header says, and what has more goes round in
-/// circles.
-struct Budget {
+/// Counts the nodes that all threads visit. A tree has as many as its header says; more of them mean a cycle.
+struct NodeBudget {
   std::atomic<std::uint64_t> nodes{0};
-  std::uint64_t most = 0;
+  std::uint64_t limit = 0;
 };
 
 class Walk {
  public:
-  Walk(Blocks& blocks, const TraverseRequest& request, const Priority& priority, Budget& budget, Traversal empty)
+  Walk(Blocks& blocks, const TraverseRequest& request, const Priority& priority, NodeBudget& budget, Traversal empty)
       : blocks_(blocks),
         header_(blocks.header()),
         layout_(header_),
@@ -91,8 +90,8 @@ class Walk {
         budget_(budget),
         found_(std::move(empty)) {}
 
-  /// The root's group; without block 1 it is wanted, and nothing is returned.
-  std::vector<Group> begin() {
+  /// Returns the root's group; nothing without block 1, which is wanted then.
+  std::vector<PendingGroup> rootGroup() {
     const std::uint8_t* block = blocks_.find(1);
     if (block == nullptr) {
       found_.wanted.push_back({1, kInfinity});
@@ -102,41 +101,41 @@ class Walk {
     return {{block, kBlockBytes, header_.root, 1, 0, view_.sides, has_pointer, view_.cull_back_faces}};
   }
 
-  /// Level by level until there are many groups; these are left.
-  std::vector<Group> cutOff(std::vector<Group> groups) {
+  /// Visits level by level until there are many groups, and returns these.
+  std::vector<PendingGroup> splitIntoSubtrees(std::vector<PendingGroup> groups) {
     while (!groups.empty() && groups.size() < kSubtrees) {
-      for (const Group& group : groups) look(group);
+      for (const PendingGroup& group : groups) visit(group);
       groups = std::exchange(stack_, {});
     }
     return groups;
   }
 
-  void walk(const Group& top) {
+  void walk(const PendingGroup& top) {
     stack_.assign(1, top);
-    std::uint32_t until_look = kGroupsPerLook;
+    std::uint32_t until_check = kGroupsPerCheck;
     while (!stack_.empty()) {
-      const Group group = stack_.back();
+      const PendingGroup group = stack_.back();
       stack_.pop_back();
-      look(group);
-      if (--until_look != 0) continue;
-      until_look = kGroupsPerLook;
+      visit(group);
+      if (--until_check != 0) continue;
+      until_check = kGroupsPerCheck;
       if (spendBudget()) break;
     }
     spendBudget();
   }
 
-  /// All that was found, in the order in which it was.
-  Traversal take() { return std::move(found_); }
+  /// Returns everything found so far, in order.
+  Traversal takeResult() { return std::move(found_); }
 
  private:
   bool spendBudget() {
     const std::uint64_t met = found_.nodes - std::exchange(spent_, found_.nodes);
-    const bool over = budget_.nodes.fetch_add(met, std::memory_order_relaxed) + met > budget_.most;
+    const bool over = budget_.nodes.fetch_add(met, std::memory_order_relaxed) + met > budget_.limit;
     found_.damaged |= over;
     return over;
   }
 
-  // Where the next of the groups of children lies: they follow each other in the order of their parents.
+  // Computes the places of a group's child groups, which follow each other in the order of their parents.
   struct ChildPlaces {
     std::uint64_t end = 0;
     std::uint64_t next(std::uint32_t bytes) {
@@ -146,24 +145,24 @@ class Walk {
     }
   };
 
-  void look(const Group& group) {
+  void visit(const PendingGroup& group) {
     found_.nodes += group.nodes;
     ChildPlaces places{group.has_pointer ? readPointer(group.bytes, group.nodes, layout_) : 0};
     if (group.has_pointer && places.end <= group.offset) {
       found_.damaged = true;
-      places.end = header_.file_bytes;  // where nothing can be
+      places.end = header_.file_bytes;  // no group can be there
     }
     for (std::uint32_t i = 0; i < group.nodes; ++i) {
       const Node node = readNode(group.bytes, i, layout_);
       const bool inner = group.has_pointer && !node.isLeaf();
       found_.damaged |= group.has_pointer ? !node.valid() : !node.hasCodes();
       const std::uint64_t child = inner ? places.next(layout_.childBytes(node)) : 0;
-      consider(group, node, child);
+      visitNode(group, node, child);
     }
   }
 
-  // child: offset of the group of its children; 0: a leaf.
-  void consider(const Group& group, const Node& node, std::uint64_t child) {
+  // Draws, skips or refines a node. child: offset of its child group; 0 for a leaf.
+  void visitNode(const PendingGroup& group, const Node& node, std::uint64_t child) {
     const base::Sphere sphere = decodeSphere(group.parent, spheres_[node.sphereCode()]);
 
     std::uint32_t sides = group.sides;
@@ -177,12 +176,12 @@ class Walk {
       return;
     }
 
-    if (child == 0) return draw(sphere, node, Splat::kLeaf);
-    if (isFineEnough(sphere)) return draw(sphere, node, 0);
+    if (child == 0) return emit(sphere, node, Splat::kLeaf);
+    if (isFineEnough(sphere)) return emit(sphere, node, 0);
     descend(group, node, sphere, child, sides, may_face_away);
   }
 
-  // Takes the planes that the sphere is wholly inside of out of `sides`.
+  // Whether the sphere is outside a plane. Removes the planes that it is wholly inside of from `sides`.
   bool outside(const base::Sphere& sphere, std::uint32_t& sides) const {
     for (std::uint32_t left = sides; left != 0; left &= left - 1) {
       const std::uint32_t side = left & (~left + 1);
@@ -194,10 +193,11 @@ class Walk {
     return false;
   }
 
-  // With v from the eye to the centre and a the cone's half-angle: all of the surface in the sphere is turned away
-  // where n·v − R > |v| sin a, and all of it faces the eye where −n·v − R > |v| sin a. (A direction at an angle of at
-  // most a from n makes at least |v| cos(t + a) with v, t being n's angle; that is no less than |v| (cos t − sin a)
-  // where cos t >= sin a, and elsewhere the test fails.) What faces the eye wholly has children that need not be asked.
+  // Let v be the vector from the eye to the centre and a the cone's half-angle. All of the surface in the sphere faces
+  // away where n·v − R > |v| sin a, and all of it faces the eye where −n·v − R > |v| sin a. (A direction at an angle of
+  // at most a from n has a dot product of at least |v| cos(t + a) with v, t being n's angle; that is no less than |v|
+  // (cos t − sin a) where cos t >= sin a, and elsewhere the test fails.) Children of a node that wholly faces the eye
+  // need not be tested.
   bool facesAway(const base::Sphere& sphere, const Node& node, const ConeSines& sines, bool& may_face_away) const {
     const glm::vec3 v = view_.eye.w * sphere.center - glm::vec3(view_.eye);
     const float along = glm::dot(normals_[node.normalCode()], v);
@@ -228,22 +228,22 @@ class Walk {
                       0.5F * (1.0F - clip.y / clip.w) * static_cast<float>(camera_.height))};
   }
 
-  void draw(const base::Sphere& sphere, const Node& node, std::uint16_t flags) {
+  void emit(const base::Sphere& sphere, const Node& node, std::uint16_t flags) {
     found_.splats.push_back({sphere.center, sphere.radius, static_cast<std::uint16_t>(node.normalCode() | flags),
                              header_.colors ? node.color : kWhite565});
   }
 
-  void descend(const Group& group, const Node& node, const base::Sphere& sphere, std::uint64_t child,
+  void descend(const PendingGroup& group, const Node& node, const base::Sphere& sphere, std::uint64_t child,
                std::uint32_t sides, bool may_face_away) {
     const std::uint64_t number = child / kBlockBytes;
     if (number >= header_.blocks() || group.level + 1 >= kMaxLevels) {
       found_.damaged = true;
-      return draw(sphere, node, Splat::kStandIn);
+      return emit(sphere, node, Splat::kStandIn);
     }
     const std::uint8_t* block = blocks_.find(number);
     if (block == nullptr) {
-      want(number, sphere, group.level);
-      return draw(sphere, node, Splat::kStandIn);
+      addWanted(number, sphere, group.level);
+      return emit(sphere, node, Splat::kStandIn);
     }
     const std::uint8_t* bytes = block + child % kBlockBytes;
     __builtin_prefetch(bytes);
@@ -251,12 +251,12 @@ class Walk {
         {bytes, child, sphere, node.children(), group.level + 1, sides, !node.childrenAreLeaves(), may_face_away});
   }
 
-  void want(std::uint64_t number, const base::Sphere& sphere, std::uint32_t level) {
+  void addWanted(std::uint64_t number, const base::Sphere& sphere, std::uint32_t level) {
     const Projection seen = project(sphere);
     float priority = priority_({number, level, sphere.radius, seen.size_px, seen.at_px});
     if (std::isnan(priority))
-      priority = -kInfinity;  // of a file whose spheres are no places; it must not spoil the order
-    // Neighbours tend to want the same block.
+      priority = -kInfinity;  // from a damaged file with infinite spheres; NaN would break the order
+    // Neighbouring nodes often want the same block.
     if (!found_.wanted.empty() && found_.wanted.back().block == number)
       found_.wanted.back().priority = std::max(found_.wanted.back().priority, priority);
     else
@@ -268,19 +268,19 @@ class Walk {
   const GroupLayout layout_;
   const base::Camera& camera_;
   const std::optional<Lens>& lens_;
-  const View view_;
+  const NodeTests view_;
   const Priority& priority_;
-  Budget& budget_;
+  NodeBudget& budget_;
   const SphereTable& spheres_ = sphereTable();
   const NormalTable& normals_ = normalTable();
   const ConeSines sines_ = squared(coneSines(true));
   const ConeSines leaf_sines_ = squared(coneSines(false));
-  std::vector<Group> stack_;
-  Traversal found_;  ///< `wanted` not settled yet
+  std::vector<PendingGroup> stack_;
+  Traversal found_;  ///< `wanted` is not sorted yet
   std::uint64_t spent_ = 0;
 };
 
-/// Nothing, with the memory of what was there.
+/// Returns an empty traversal with the memory of a used one.
 Traversal recycled(Traversal& used) {
   Traversal empty;
   empty.splats = std::move(used.splats);
@@ -290,7 +290,7 @@ Traversal recycled(Traversal& used) {
   return empty;
 }
 
-/// One part behind the other; splats in parallel, into memory of `result` that is not cleared first.
+/// Joins the parts in their order; splats are copied in parallel into the memory of `result`.
 void concatenate(const std::vector<Traversal>& parts, const ForEach& for_each, Traversal& result) {
   std::vector<std::size_t> begins;
   std::size_t splats = 0;
@@ -313,8 +313,8 @@ void concatenate(const std::vector<Traversal>& parts, const ForEach& for_each, T
   result = std::move(sums);
 }
 
-// Each block once, the most urgent first.
-void settle(std::vector<WantedBlock>& wanted) {
+// Removes duplicates and sorts by priority.
+void sortWanted(std::vector<WantedBlock>& wanted) {
   const auto urgent = [](const WantedBlock& a, const WantedBlock& b) {
     return a.priority != b.priority ? a.priority > b.priority : a.block < b.block;
   };
@@ -330,7 +330,7 @@ void settle(std::vector<WantedBlock>& wanted) {
 }  // namespace
 
 bool isSeenThrough(const Lens& lens, const glm::vec2& at_px, float size_px) {
-  if (!(size_px < kInfinity)) return true;  // around the eye: anywhere on the screen
+  if (!(size_px < kInfinity)) return true;  // around the eye: seen everywhere
   const float reach = lens.radius_px + 0.5F * size_px;
   const glm::vec2 off = at_px - lens.center_px;
   return glm::dot(off, off) <= reach * reach;
@@ -357,28 +357,29 @@ float projectedDiameter(const glm::vec3& center, float radius, const base::Camer
 
 void traverse(Blocks& blocks, const TraverseRequest& request, Traversal& result) {
   const Priority priority = request.priority ? request.priority : sweepPriority(request.camera.height);
-  Budget budget;
-  budget.most = blocks.header().nodes;
+  NodeBudget budget;
+  budget.limit = blocks.header().nodes;
 
-  // What is found above the subtrees comes first, then theirs in their order, whoever walks them.
+  // The result starts with what was found above the subtrees, then has theirs in their order, whichever thread found
+  // it.
   Walk top(blocks, request, priority, budget, request.for_each ? Traversal() : recycled(result));
-  const std::vector<Group> subtrees = top.cutOff(top.begin());
+  const std::vector<PendingGroup> subtrees = top.splitIntoSubtrees(top.rootGroup());
   if (!request.for_each) {
-    for (const Group& subtree : subtrees) top.walk(subtree);
-    result = top.take();
+    for (const PendingGroup& subtree : subtrees) top.walk(subtree);
+    result = top.takeResult();
   } else {
-    const std::size_t pieces = std::min(subtrees.size(), kPieces);
-    std::vector<Traversal> parts(1 + pieces);
-    parts[0] = top.take();
-    request.for_each(pieces, [&](std::size_t i) {
+    const std::size_t portions = std::min(subtrees.size(), kPortions);
+    std::vector<Traversal> parts(1 + portions);
+    parts[0] = top.takeResult();
+    request.for_each(portions, [&](std::size_t i) {
       Walk walk(blocks, request, priority, budget, {});
-      for (std::size_t s = i * subtrees.size() / pieces; s < (i + 1) * subtrees.size() / pieces; ++s)
+      for (std::size_t s = i * subtrees.size() / portions; s < (i + 1) * subtrees.size() / portions; ++s)
         walk.walk(subtrees[s]);
-      parts[1 + i] = walk.take();
+      parts[1 + i] = walk.takeResult();
     });
     concatenate(parts, request.for_each, result);
   }
-  settle(result.wanted);
+  sortWanted(result.wanted);
 }
 
 Traversal traverse(Blocks& blocks, const TraverseRequest& request) {

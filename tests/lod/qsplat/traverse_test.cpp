@@ -95,7 +95,7 @@ TEST(TraverseTest, withoutCullingAndCutOffAllLeavesAreDrawnAndAllNodesMet) {
     EXPECT_EQ(all.outside + all.facing_away, 0U);
     EXPECT_FALSE(all.damaged);
     EXPECT_TRUE(all.wanted.empty());
-    for (const Splat& splat : all.splats) ASSERT_EQ(splat.normal & ~Splat::kCode, Splat::kLeaf);
+    for (const Splat& splat : all.splats) ASSERT_EQ(splat.normal & ~Splat::kNormalCode, Splat::kLeaf);
   }
 }
 
