@@ -179,7 +179,7 @@ Buckets::Flips Buckets::flipsOf(std::size_t bucket, std::span<const std::uint32_
   return flips;
 }
 
-// What checking all buckets once found.
+// Collects the results of checking all buckets once.
 struct Buckets::WindingPass {
   std::atomic<bool> consistent = true;
   std::mutex mutex;

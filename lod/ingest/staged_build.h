@@ -32,7 +32,7 @@ class StagedBuild {
   bool report(const std::string& stage, double done);
   base::Error cancelled() const { return {base::ErrorCode::kCancelled, "building the " + name_ + " was cancelled"}; }
 
-  /// What the stages fill in is the same for all methods, apart from `bytes` and the repairs that a method makes.
+  /// Fills in all that importSource() measured, and the times so far.
   void summarize(SourceSummary& summary) const;
 
   WorkDirectory& directory() { return *directory_; }

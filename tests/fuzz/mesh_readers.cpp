@@ -1,4 +1,4 @@
-// Every mesh reader on any bytes: the first byte chooses the reader. What a reader hands on keeps the sink's promises.
+// Feeds any bytes to the mesh readers; the first byte chooses the reader. Blocks keep the promises of MeshSink.
 #include <algorithm>
 
 #include "base/check.h"

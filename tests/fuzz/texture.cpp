@@ -1,4 +1,4 @@
-// Texture::decode on any bytes, and what it yields asked for means.
+// Decodes any bytes as a texture, and asks it for means.
 #include "mesh/texture.h"
 
 #include "base/check.h"
@@ -7,7 +7,7 @@
 namespace fuzz {
 
 std::vector<base::Bytes> seeds() {
-  // A 1 x 1 PNG (grey), and the beginning of a JPEG.
+  // The seeds are a grey PNG of 1 × 1 pixel and the beginning of a JPEG.
   return {{0x89, 'P',  'N',  'G',  13,  10,  26,  10,   0,    0,    0,    13,  'I',  'H',  'D',  'R',  0,
            0,    0,    1,    0,    0,   0,   1,   8,    0,    0,    0,    0,   0x3a, 0x7e, 0x9b, 0x55, 0,
            0,    0,    10,   'I',  'D', 'A', 'T', 0x78, 0x9c, 0x63, 0x60, 0,   0,    0,    2,    0,    1,

@@ -25,14 +25,14 @@ inline const support::TemporaryDirectory& directory() {
   return directory;
 }
 
-/// Path of a new file with these bytes.
+/// Writes a new file and returns its path.
 inline std::string write(const std::string& name, const std::string& bytes) {
   std::string path = directory() / name;
   std::ofstream(path, std::ios::binary) << bytes;
   return path;
 }
 
-/// The mesh that a file of these bytes is read as.
+/// Reads a file of these bytes.
 inline base::Result<MeshFile> read(const std::string& name, const std::string& bytes) {
   const std::string path = write(name, bytes);
   auto result = support::readMesh(path);
@@ -40,7 +40,7 @@ inline base::Result<MeshFile> read(const std::string& name, const std::string& b
   return result;
 }
 
-/// The error line of bytes that must not be read; empty (and a failed test) when they are.
+/// The error line of bytes that must be refused; empty, and a failed test, where they are read.
 inline std::string errorOf(const std::string& name, const std::string& bytes) {
   auto result = read(name, bytes);
   if (result) {
@@ -68,7 +68,7 @@ inline std::map<std::pair<std::uint32_t, std::uint32_t>, int> directedEdges(cons
   return edges;
 }
 
-/// Every edge is run along once in each direction.
+/// Whether every edge is run along once in each direction.
 inline bool isClosed(const Mesh& mesh) {
   const auto edges = directedEdges(mesh);
   return std::all_of(edges.begin(), edges.end(), [&](const auto& e) {

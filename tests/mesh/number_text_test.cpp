@@ -1,4 +1,4 @@
-// Decimals read the short way are those that std::from_chars reads, to the last bit; whatever else is left to it.
+// leadingDecimal reads the same doubles as std::from_chars, to the last bit, and leaves all other numbers to it.
 #include <gtest/gtest.h>
 
 #include <bit>

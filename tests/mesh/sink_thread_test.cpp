@@ -1,4 +1,4 @@
-// A sink in a thread of its own gets what its reader hands on, in that order, and its errors come back.
+// A sink in a thread of its own gets the reader's blocks in their order, and its errors are returned.
 #include "mesh/sink_thread.h"
 
 #include <gtest/gtest.h>
@@ -7,7 +7,7 @@ namespace {
 
 using namespace mesh;
 
-// Keeps the first coordinate of each vertex and all corners; refuses the vertex `bad`.
+// Keeps the first coordinate of each vertex and all corners, and refuses the vertex `bad`.
 struct Keeper : MeshSink {
   double bad = -1.0;
   std::vector<double> seen;
@@ -31,8 +31,8 @@ struct Keeper : MeshSink {
   }
 };
 
-// Blocks of 10 vertices 0, 1, 2 … in one buffer that is written over; stops at the first error.
-base::Result<void> hand(MeshSink& sink, int blocks) {
+// Passes blocks of 10 vertices 0, 1, 2 … in one buffer that is overwritten; stops at the first error.
+base::Result<void> passBlocks(MeshSink& sink, int blocks) {
   std::vector<glm::dvec3> positions(10);
   for (int b = 0; b < blocks; ++b) {
     for (int i = 0; i < 10; ++i) positions[static_cast<std::size_t>(i)].x = 10 * b + i;
@@ -43,10 +43,10 @@ base::Result<void> hand(MeshSink& sink, int blocks) {
   return {};
 }
 
-TEST(SinkThread, KeepsTheOrderAndCopiesWhatWaits) {
+TEST(SinkThread, keepsTheOrderAndCopiesBlocks) {
   Keeper keeper;
   SinkThread thread(keeper);
-  ASSERT_TRUE(hand(thread, 50));
+  ASSERT_TRUE(passBlocks(thread, 50));
   ASSERT_TRUE(thread.finish());
   ASSERT_EQ(keeper.seen.size(), 500U);
   for (std::size_t i = 0; i < keeper.seen.size(); ++i) EXPECT_EQ(keeper.seen[i], static_cast<double>(i));
@@ -54,26 +54,26 @@ TEST(SinkThread, KeepsTheOrderAndCopiesWhatWaits) {
   for (std::size_t i = 0; i < keeper.corners.size(); ++i) EXPECT_EQ(keeper.corners[i], i / 3);
 }
 
-TEST(SinkThread, AnErrorComesBackAndNothingIsTakenInAfterIt) {
+TEST(SinkThread, returnsAnErrorAndPassesNothingOnAfterIt) {
   Keeper keeper;
   keeper.bad = 42.0;
   SinkThread thread(keeper);
-  (void)hand(thread, 50);
+  (void)passBlocks(thread, 50);
   const auto finished = thread.finish();
   ASSERT_FALSE(finished);
   EXPECT_EQ(finished.error().message, "bad vertex");
   EXPECT_EQ(keeper.seen.size(), 42U);
   EXPECT_EQ(keeper.corners.size(), 12U);
-  EXPECT_FALSE(hand(thread, 1));
+  EXPECT_FALSE(passBlocks(thread, 1));
 }
 
-TEST(SinkThread, RestartForgetsWhatCameBefore) {
+TEST(SinkThread, restartDropsTheBlocksBefore) {
   Keeper keeper;
   SinkThread thread(keeper);
-  ASSERT_TRUE(hand(thread, 7));
+  ASSERT_TRUE(passBlocks(thread, 7));
   ASSERT_TRUE(thread.restart());
   EXPECT_EQ(keeper.restarts, 1);
-  ASSERT_TRUE(hand(thread, 2));
+  ASSERT_TRUE(passBlocks(thread, 2));
   ASSERT_TRUE(thread.finish());
   EXPECT_EQ(keeper.seen.size(), 20U);
 }

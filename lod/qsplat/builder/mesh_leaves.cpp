@@ -159,7 +159,7 @@ base::Result<void> MeshLeaves::measureBorder(unsigned threads, const std::functi
   });
 }
 
-// What a bucket's triangles add to the vertices on the border, by their places there.
+// Returns what a bucket's triangles add to the vertices on the border, by the vertices' places there.
 std::vector<std::pair<std::uint32_t, MeshLeaves::Surroundings>> MeshLeaves::aroundBorder(
     std::span<const ingest::BorderTriangle> triangles, std::span<const glm::vec3> normals, double longest) const {
   std::vector<std::pair<std::uint32_t, Surroundings>> found;

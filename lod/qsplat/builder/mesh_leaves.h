@@ -40,7 +40,7 @@ class MeshLeaves : public LeafSource {
 
  private:
   static constexpr std::uint64_t kBytesPerTriangle = 300;  // measured on scans with colours
-  // What a leaf has to cover, summed over the triangles around its vertex.
+  // The area, sizes and directions that a leaf has to cover: all triangles around its vertex.
   struct Surroundings {
     double radius_squared = 0.0;  // lattice units
     float least_cosine = 1.0F;    // between its normal, as decoded, and the triangles'

@@ -1,4 +1,4 @@
-// Triangles come out of their buckets alike, however much memory there was and whichever run asks.
+// Buckets give the same triangles whatever the memory, and in a later run.
 #include "lod/ingest/buckets.h"
 
 #include <gtest/gtest.h>
@@ -17,7 +17,7 @@ namespace {
 using namespace lod::ingest;
 using support::Mesh;
 
-// A bent sheet of side² quads, a third of its triangles turned over, without pattern.
+// A bent sheet of side² quads with a random third of its triangles flipped.
 Mesh turnedSheet(std::uint32_t side) {
   Mesh mesh;
   for (std::uint32_t y = 0; y <= side; ++y)
@@ -63,13 +63,13 @@ void expectSame(const Buckets& a, const Buckets& b) {
   }
 }
 
-TEST(Buckets, NeitherMemoryNorThreadsDecideWhichTrianglesAreTurned) {
+TEST(Buckets, flipsDoNotDependOnMemoryOrThreads) {
   const Mesh mesh = turnedSheet(500);
   const Sorted roomy(mesh, std::uint64_t{64} << 20, 2);
   ASSERT_TRUE(roomy.buckets) << roomy.buckets.error().message;
   ASSERT_GT(roomy.buckets->count(), 1U);
   EXPECT_GT(roomy.buckets->winding().flipped(), mesh.triangleCount() / 4);
-  // All look up, but for a triangle at a corner of the sheet, which has one neighbour only.
+  // All triangles face up, but those at a corner of the sheet may not, as they have only one neighbour.
   std::size_t down = 0;
   for (std::size_t bucket = 0; bucket < roomy.buckets->count(); ++bucket) {
     const auto corners = roomy.buckets->read(bucket);
@@ -80,13 +80,13 @@ TEST(Buckets, NeitherMemoryNorThreadsDecideWhichTrianglesAreTurned) {
     }
   }
   EXPECT_LE(down, 4U);
-  // Too little to remember what each triangle is part of.
+  // This memory is too little to keep the part of each triangle.
   const Sorted tight(mesh, std::uint64_t{1} << 20, 1);
   ASSERT_TRUE(tight.buckets) << tight.buckets.error().message;
   expectSame(*roomy.buckets, *tight.buckets);
 }
 
-TEST(Buckets, ALaterRunReadsThemAsTheFirstOne) {
+TEST(Buckets, aLaterRunReadsTheSameTriangles) {
   const Sorted first(turnedSheet(400), std::uint64_t{64} << 20, 2);
   ASSERT_TRUE(first.buckets) << first.buckets.error().message;
   const auto later = Buckets::open(first.scratch.path(), first.buckets->state());
@@ -94,7 +94,7 @@ TEST(Buckets, ALaterRunReadsThemAsTheFirstOne) {
   expectSame(*first.buckets, *later);
 }
 
-TEST(Buckets, BorderTrianglesAreThoseThatReadFindsAtTheBorder) {
+TEST(Buckets, borderTrianglesAreThoseThatReadFindsAtTheBorder) {
   for (const bool later : {false, true}) {
     const Sorted sorted(turnedSheet(400), std::uint64_t{64} << 20, 2);
     ASSERT_TRUE(sorted.buckets);
@@ -125,8 +125,7 @@ TEST(Buckets, BorderTrianglesAreThoseThatReadFindsAtTheBorder) {
   }
 }
 
-// Every triangle with its corners' points, colours and normals, whatever order the mesh comes in: neighbours, or none.
-TEST(Buckets, CornersComeBackWithColorsAndNormalsInWhateverOrderTrianglesCome) {
+TEST(Buckets, keepsColorsAndNormalsForAnyOrderOfTriangles) {
   for (const bool shuffled : {false, true}) {
     Mesh mesh = turnedSheet(300);
     for (const glm::vec3& p : mesh.positions) {
@@ -166,7 +165,7 @@ TEST(Buckets, CornersComeBackWithColorsAndNormalsInWhateverOrderTrianglesCome) {
       for (std::size_t i = 0; i < corners->size(); i += 3)
         found.push_back(keyOf({(*corners)[i], (*corners)[i + 1], (*corners)[i + 2]}));
     }
-    // A third are turned over on the way: the first corner stays, of the others the lesser comes first here.
+    // A third of the triangles are flipped, so the second and third corner are sorted before comparing.
     const auto unwind = [](Key& key) {
       if (key[3] > key[6]) std::swap_ranges(key.begin() + 3, key.begin() + 6, key.begin() + 6);
     };
@@ -178,7 +177,7 @@ TEST(Buckets, CornersComeBackWithColorsAndNormalsInWhateverOrderTrianglesCome) {
   }
 }
 
-TEST(Buckets, DamageOnDiskIsNamedWhereverItLies) {
+TEST(Buckets, namesDamageOnDisk) {
   const Sorted sorted(turnedSheet(300), std::uint64_t{64} << 20, 2);
   ASSERT_TRUE(sorted.buckets);
   const std::string path = sorted.scratch.path() + "/buckets";

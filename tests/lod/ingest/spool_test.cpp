@@ -1,4 +1,4 @@
-// A spool file gives back what was appended, in the order in which it was.
+// A spool file returns the appended bytes in their order.
 #include "lod/ingest/spool.h"
 
 #include <gtest/gtest.h>
@@ -9,11 +9,11 @@ namespace {
 
 using namespace lod::ingest;
 
-TEST(SpoolFile, PiecesOfAnySizeStayInTheirOrder) {
+TEST(SpoolFile, keepsPiecesOfAnySizeInTheirOrder) {
   const support::TemporaryDirectory directory;
   auto file = SpoolFile::create(directory / "pieces");
   ASSERT_TRUE(file);
-  // Around the buffer's size of 1 MB and the half from which on pieces are not copied.
+  // The sizes lie around the buffer's size of 1 MB and the eighth of it above which pieces are not copied.
   base::Bytes all;
   std::uint8_t mark = 0;
   for (const std::size_t size : {16, 600'000, 100'000, 530'000, 1, 2'000'000, 0, 500'000, 500'000, 500'000}) {

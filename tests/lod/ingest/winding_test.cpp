@@ -1,4 +1,4 @@
-// Triangles wound alike, within a bucket and across buckets.
+// Triangles are wound alike within a bucket and across buckets.
 #include <gtest/gtest.h>
 
 #include <random>
@@ -10,7 +10,7 @@ namespace {
 using support::BuiltHierarchy;
 using support::Mesh;
 
-// A sphere of (2 n)^2 quads.
+// A sphere of n rings of 2 n quads.
 Mesh sphere(int n) {
   Mesh mesh;
   const int across = 2 * n;
@@ -46,8 +46,8 @@ std::size_t facingInward(const BuiltHierarchy& built) {
   return inward;
 }
 
-TEST(Winding, TurnedTrianglesFollowTheMajorityAcrossBuckets) {
-  // Over two buckets' worth of vertices; every tenth triangle turned over, without pattern.
+TEST(Winding, flippedTrianglesFollowTheMajorityAcrossBuckets) {
+  // The sphere fills more than two buckets; a random tenth of its triangles are flipped.
   Mesh mesh = sphere(400);
   ASSERT_GT(mesh.positions.size(), std::size_t{300'000});
   std::minstd_rand random(7);
@@ -59,11 +59,11 @@ TEST(Winding, TurnedTrianglesFollowTheMajorityAcrossBuckets) {
   EXPECT_EQ(facingInward(*built), 0U);
   const auto& counts = built->summary.repairs.counts;
   ASSERT_TRUE(counts.contains("flipped_triangles"));
-  // All but those that the lattice swallowed near the poles.
+  // Some triangles near the poles collapse on the lattice.
   EXPECT_NEAR(static_cast<double>(counts.at("flipped_triangles")), static_cast<double>(turned), 2000.0);
 }
 
-TEST(Winding, AHalfWoundTheOtherWayIsTurnedAsAWhole) {
+TEST(Winding, flipsALargePartWoundTheOtherWayAsAWhole) {
   Mesh mesh = sphere(400);
   for (std::size_t i = 0; i < mesh.indices.size() / 5 / 3 * 3; i += 3) std::swap(mesh.indices[i], mesh.indices[i + 1]);
   const auto built = support::builtHierarchy(mesh, {});
@@ -71,7 +71,7 @@ TEST(Winding, AHalfWoundTheOtherWayIsTurnedAsAWhole) {
   EXPECT_EQ(facingInward(*built), 0U);
 }
 
-TEST(Winding, AFewEdgesThatCoincideByChanceTurnNothing) {
+TEST(Winding, edgesThatCoincideByChanceFlipNothing) {
   // Two flat tiles wound alike that overlap at one edge: both have a border edge from (60, 0) to (60, 1).
   Mesh mesh;
   const auto tile = [&mesh](float x0, float bend) {
@@ -96,7 +96,7 @@ TEST(Winding, AFewEdgesThatCoincideByChanceTurnNothing) {
   EXPECT_FALSE(built->summary.repairs.counts.contains("flipped_triangles"));
 }
 
-TEST(Winding, WhatIsWoundAlikeStaysAsItIs) {
+TEST(Winding, leavesAConsistentMeshAsItIs) {
   Mesh mesh = sphere(60);
   for (std::size_t i = 0; i < mesh.indices.size(); i += 3) std::swap(mesh.indices[i], mesh.indices[i + 1]);
   const auto built = support::builtHierarchy(mesh, {});
@@ -105,7 +105,7 @@ TEST(Winding, WhatIsWoundAlikeStaysAsItIs) {
   EXPECT_GT(facingInward(*built), mesh.indices.size() / 3 - 1000);
 }
 
-TEST(Winding, AMoebiusStripIsCountedAndLeftAlone) {
+TEST(Winding, countsAMoebiusStripAndLeavesIt) {
   Mesh mesh;
   constexpr int kSteps = 60;
   for (int i = 0; i < kSteps; ++i) {

@@ -1,5 +1,5 @@
-// Whole files: sound, with the bytes the paper says, the same from any number of threads and any memory; and meshes as
-// they should not be.
+// Built files are valid, have the paper's bytes per leaf, and do not depend on threads and memory. Bad meshes are
+// refused.
 #include "lod/qsplat/builder/build.h"
 
 #include <gtest/gtest.h>
@@ -34,7 +34,7 @@ class QsplatBuild : public testing::Test {
  protected:
   std::string path() const { return directory_ / "out.lgq"; }
 
-  // A sound file and no work files.
+  // Builds a valid file, and no work file is left.
   BuildSummary mustBuild(const Mesh& mesh, const BuildOptions& options = {}) {
     auto summary = support::buildSplats(mesh, options, path());
     EXPECT_TRUE(summary) << summary.error().message;
@@ -52,7 +52,7 @@ class QsplatBuild : public testing::Test {
     expectSound(*summary);
     return std::move(*summary);
   }
-  // Refused in one line, with nothing left behind.
+  // The error is one line, and no file is left.
   void mustRefuse(const PlyMesh& mesh, const std::string& what) {
     writePly(directory_ / "mesh.ply", mesh);
     const auto summary = buildFromFiles({directory_ / "mesh.ply"}, {}, path());
@@ -76,7 +76,7 @@ class QsplatBuild : public testing::Test {
 };
 
 // Every point of every triangle lies in some leaf's sphere.
-TEST_F(QsplatBuild, LeavesCoverTheSurface) {
+TEST_F(QsplatBuild, leavesCoverTheSurface) {
   for (const Mesh& mesh : {support::bumpySphere(20, 30), support::torus(30, 16), support::openGrid(16),
                            support::triangleSoup(60, 0.2F), support::tinyComponents(30)}) {
     mustBuild(mesh);
@@ -98,7 +98,7 @@ TEST_F(QsplatBuild, LeavesCoverTheSurface) {
   }
 }
 
-TEST_F(QsplatBuild, BytesAreThePapers) {
+TEST_F(QsplatBuild, bytesPerLeafAreThePapers) {
   SampleOptions sample;
   sample.triangles = 200000;
   Mesh mesh = makeSample(sample);
@@ -119,7 +119,7 @@ TEST_F(QsplatBuild, BytesAreThePapers) {
   EXPECT_LT(share(colored), 0.1);
 }
 
-TEST_F(QsplatBuild, ThreadsAndMemoryDoNotChangeTheBytes) {
+TEST_F(QsplatBuild, threadsAndMemoryDoNotChangeTheBytes) {
   SampleOptions sample;
   sample.triangles = 700000;  // several buckets
   const Mesh mesh = makeSample(sample);
@@ -134,7 +134,7 @@ TEST_F(QsplatBuild, ThreadsAndMemoryDoNotChangeTheBytes) {
   }
 }
 
-TEST_F(QsplatBuild, TheCodedFormHoldsThePlainFilesNodesWhateverTheThreads) {
+TEST_F(QsplatBuild, theCodedFormHoldsThePlainFilesNodes) {
   SampleOptions sample;
   sample.triangles = 100000;
   const Mesh mesh = makeSample(sample);
@@ -157,21 +157,21 @@ TEST_F(QsplatBuild, TheCodedFormHoldsThePlainFilesNodesWhateverTheThreads) {
   const auto coded = support::decodeSplats(support::plainSplats(first));
   ASSERT_EQ(coded.size(), nodes.size());
   for (std::size_t i = 0; i < nodes.size(); ++i) {
-    // Of leaves' cones among leaves every fourth width is left.
+    // In the coded form the cones of leaves have every fourth width.
     const std::uint32_t coarse = nodes[i].among_leaves ? 3U << 27 : 0U;
     ASSERT_EQ(coded[i].node.bits, nodes[i].node.bits | coarse) << i;
     ASSERT_EQ(coded[i].node.color, nodes[i].node.color) << i;
   }
 }
 
-TEST_F(QsplatBuild, WidePointersMakeTheSameTree) {
+TEST_F(QsplatBuild, widePointersMakeTheSameTree) {
   const Mesh mesh = support::torus(60, 30);
   mustBuild(mesh);
   const auto narrow = nodes();
   const std::string store_path = directory_ / "nodes";
   auto store = SubtreeStore::open(store_path, false, 3);
   ASSERT_TRUE(store);
-  // The same nodes from three tiles, one of them empty and one of a single leaf.
+  // The same leaves come from three tiles, one of which is empty and one has a single leaf.
   std::vector<Splat> leaves;
   for (const support::DecodedNode& node : narrow) {
     if (!node.leaf) continue;
@@ -201,7 +201,7 @@ TEST_F(QsplatBuild, WidePointersMakeTheSameTree) {
   for (std::size_t i = 0; i < trees[0].size(); ++i) EXPECT_EQ(trees[0][i].node.bits, trees[1][i].node.bits);
 }
 
-TEST_F(QsplatBuild, AStoreGoesOnBehindItsLastWholeRecord) {
+TEST_F(QsplatBuild, aStoreContinuesBehindItsLastCompleteRecord) {
   const std::string store_path = directory_ / "nodes";
   std::vector<Splat> leaves(10);
   for (std::size_t i = 0; i < leaves.size(); ++i) {
@@ -227,7 +227,7 @@ TEST_F(QsplatBuild, AStoreGoesOnBehindItsLastWholeRecord) {
   }
 }
 
-TEST_F(QsplatBuild, SurveyCoordinatesKeepTheirMillimetres) {
+TEST_F(QsplatBuild, surveyCoordinatesKeepTheirMillimeters) {
   const glm::dvec3 utm(499000.0, 6782000.0, 300.0);
   const PlyMesh here(support::torus(40, 20), 1.0);
   const PlyMesh there(support::torus(40, 20), 1.0, utm);
@@ -241,7 +241,7 @@ TEST_F(QsplatBuild, SurveyCoordinatesKeepTheirMillimetres) {
   EXPECT_NEAR(glm::distance(glm::dvec3(near[0].sphere.center) + shift, glm::dvec3(far[0].sphere.center)), 0.0, 1e-4);
 }
 
-TEST_F(QsplatBuild, TwoTrianglesAreATree) {
+TEST_F(QsplatBuild, twoTrianglesMakeATree) {
   PlyMesh mesh;
   for (const glm::dvec3& p : {glm::dvec3(0), glm::dvec3(1, 0, 0), glm::dvec3(0, 1, 0), glm::dvec3(1, 1, 0.1)})
     mesh.add(p);
@@ -253,7 +253,7 @@ TEST_F(QsplatBuild, TwoTrianglesAreATree) {
   EXPECT_GT(summary.facing.z, 0.0);
 }
 
-TEST_F(QsplatBuild, WhatIsNotFiniteIsRefused) {
+TEST_F(QsplatBuild, refusesCoordinatesThatAreNotFinite) {
   for (const double bad : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity(), 1e30}) {
     PlyMesh mesh(support::torus(10, 8));
     mesh.positions[7].y = bad;
@@ -261,7 +261,7 @@ TEST_F(QsplatBuild, WhatIsNotFiniteIsRefused) {
   }
 }
 
-TEST_F(QsplatBuild, MeshesWithoutExtentAreRefused) {
+TEST_F(QsplatBuild, refusesMeshesWithoutExtent) {
   PlyMesh same(support::torus(10, 8));
   for (glm::dvec3& p : same.positions) p = glm::dvec3(3.0, 4.0, 5.0);
   mustRefuse(same, "no triangle");
@@ -271,7 +271,7 @@ TEST_F(QsplatBuild, MeshesWithoutExtentAreRefused) {
   EXPECT_EQ(mustBuild(none).header.leaves, 1U);  // a point cloud of one
 }
 
-TEST_F(QsplatBuild, SizesFarFromOneAreNoMatter) {
+TEST_F(QsplatBuild, theScaleOfTheMeshDoesNotMatter) {
   mustBuild(PlyMesh(support::torus(20, 12)), 0.0);
   const auto one = nodes();
   for (const double scale : {1e-14, 1e-6, 1e6, 1e14}) {
@@ -282,10 +282,10 @@ TEST_F(QsplatBuild, SizesFarFromOneAreNoMatter) {
   }
 }
 
-TEST_F(QsplatBuild, DuplicatesAndStrayVerticesAreCounted) {
+TEST_F(QsplatBuild, countsDuplicatesAndStrayVertices) {
   PlyMesh mesh(support::torus(20, 12));
   const auto vertices = static_cast<std::uint32_t>(mesh.positions.size());
-  // Each vertex twice, each triangle over the other copies too, and some vertices that nobody uses.
+  // Each vertex has a copy, each triangle is repeated over the copies, and some vertices are unused.
   for (std::uint32_t v = 0; v < vertices; ++v) mesh.add(mesh.positions[v]);
   for (std::size_t i = 0, all = mesh.indices.size(); i < all; i += 3)
     mesh.add(mesh.indices[i] + vertices, mesh.indices[i + 1] + vertices, mesh.indices[i + 2] + vertices);
@@ -299,7 +299,7 @@ TEST_F(QsplatBuild, DuplicatesAndStrayVerticesAreCounted) {
   EXPECT_LT(nodes()[0].sphere.radius, 3.0F);
 }
 
-TEST_F(QsplatBuild, AGiantTriangleAmongSmallOnesIsDicedOrALargeLeaf) {
+TEST_F(QsplatBuild, aGiantTriangleIsDicedOrMakesLargeLeaves) {
   PlyMesh mesh(support::bumpySphere(30, 40));
   const std::uint32_t a = mesh.add({-500, 0, 0}), b = mesh.add({500, 0, 0}), c = mesh.add({0, 900, 0});
   mesh.add(a, b, c);
@@ -319,7 +319,7 @@ TEST_F(QsplatBuild, AGiantTriangleAmongSmallOnesIsDicedOrALargeLeaf) {
   EXPECT_LE(diced.header.levels, 40U);
 }
 
-TEST_F(QsplatBuild, CancellingLeavesNoFile) {
+TEST_F(QsplatBuild, cancellingLeavesNoFile) {
   for (const std::string stage : {"import", "sort", "tree", "encode", "write"}) {
     const auto summary = support::buildSplats(support::torus(40, 20), {}, path(),
                                               [&](const std::string& now, double) { return now != stage; });
@@ -329,7 +329,7 @@ TEST_F(QsplatBuild, CancellingLeavesNoFile) {
   }
 }
 
-TEST_F(QsplatBuild, TooLittleMemoryIsRefused) {
+TEST_F(QsplatBuild, refusesTooLittleMemory) {
   BuildOptions options;
   options.limits.memory_bytes = 1 << 20;
   const auto summary = support::buildSplats(support::torus(40, 20), options, path());

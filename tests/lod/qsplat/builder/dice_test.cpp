@@ -1,5 +1,5 @@
-// Diced triangles: small pieces that cover them, points shared where triangles meet, leaves that leave no hole, and not
-// too many of them.
+// Sub-triangles of diced triangles are small and cover them, triangles that meet share points, and the leaves leave no
+// hole and are not too many.
 #include "lod/qsplat/builder/dice.h"
 
 #include <gtest/gtest.h>
@@ -20,7 +20,7 @@ glm::dvec3 areaOf(const Dicer& dicer, const std::array<std::uint32_t, 3>& t) {
   return glm::cross(dicer.position(t[1]) - a, dicer.position(t[2]) - a);
 }
 
-TEST(Dicer, PiecesAreSmallAndAreTheTriangle) {
+TEST(Dicer, subTrianglesAreSmallAndCoverTheTriangle) {
   std::minstd_rand random(11);
   const auto place = [&] { return glm::ivec3(random() % 4000, random() % 4000, random() % 4000); };
   for (int run = 0; run < 50; ++run) {
@@ -42,14 +42,14 @@ TEST(Dicer, PiecesAreSmallAndAreTheTriangle) {
   }
 }
 
-TEST(Dicer, TrianglesShareThePointsOfTheirEdge) {
+TEST(Dicer, trianglesShareThePointsOfTheirEdge) {
   // A fan of needles around a long edge, given from either end.
   const std::vector<glm::ivec3> points{{0, 0, 0}, {5000, 300, 77}, {2500, 900, 0}, {2400, -30, 0}, {100, 0, 2000}};
   Dicer dicer(points, 400.0);
   dicer.cut({0, 1, 2}, 0);
   dicer.cut({1, 0, 3}, 1);
   dicer.cut({1, 4, 0}, 2);
-  // Every piece's edge within the fan is met by another piece, or lies on the outline.
+  // Every edge of a sub-triangle is shared by another one, or lies on the outline.
   std::map<std::pair<std::uint32_t, std::uint32_t>, int> uses;
   for (const Dicer::SubTriangle& piece : dicer.subTriangles())
     for (std::size_t k = 0; k < 3; ++k) ++uses[std::minmax(piece.corners[k], piece.corners[(k + 1) % 3])];
@@ -67,7 +67,7 @@ TEST(Dicer, TrianglesShareThePointsOfTheirEdge) {
   EXPECT_EQ(shared, 16);  // the edge of 5009.6 halved four times
 }
 
-TEST(Dicer, CountsWhatItWouldCut) {
+TEST(Dicer, countCutsCountsTheCutsOfDicing) {
   const std::vector<glm::ivec3> points{{0, 0, 0}, {3000, 10, 5}, {40, 1700, 900}};
   Dicer dicer(points, 200.0);
   dicer.cut({0, 1, 2}, 0);
@@ -77,7 +77,7 @@ TEST(Dicer, CountsWhatItWouldCut) {
   EXPECT_EQ(countCuts(points, 5000.0, 0), 0U);
 }
 
-TEST(Dicer, TrianglesStayWholeUpToTheLimit) {
+TEST(Dicer, trianglesUpToTheLimitAreNotCut) {
   const std::array<glm::ivec3, 3> triangle{glm::ivec3(0), {30, 0, 0}, {0, 40, 0}};
   EXPECT_FALSE(isCut(triangle, 50.0));
   EXPECT_TRUE(isCut(triangle, 49.9));
@@ -99,7 +99,7 @@ Mesh stretchedSheet(std::uint32_t side) {
   return mesh;
 }
 
-// The sphere that holds `p` most safely: how far `p` is from its centre, in radii.
+// The least distance of `p` from a leaf's centre, in radii of that leaf.
 double leastReach(const std::vector<Splat>& leaves, const glm::dvec3& p) {
   double least = 1e30;
   for (const Splat& leaf : leaves)
@@ -122,7 +122,7 @@ void expectCovered(const support::MeshSplats& splats, int count) {
   }
 }
 
-TEST(DicedLeaves, CoverTheSurface) {
+TEST(DicedLeaves, coverTheSurface) {
   for (const double dice : {0.5, 2.0, 8.0}) {
     expectCovered(support::splatsOf(stretchedSheet(60), dice), 2000);
     expectCovered(support::splatsOf(support::torus(60, 30), dice), 1000);
@@ -130,14 +130,14 @@ TEST(DicedLeaves, CoverTheSurface) {
   }
 }
 
-TEST(DicedLeaves, CoverTheSurfaceAcrossBuckets) {
+TEST(DicedLeaves, coverTheSurfaceAcrossBuckets) {
   const support::MeshSplats splats = support::splatsOf(stretchedSheet(520), 1.0);
   EXPECT_GT(splats.buckets, 1U);
   EXPECT_GT(splats.leaves.size(), std::size_t{521 * 521} + 10'000);
   expectCovered(splats, 1500);
 }
 
-TEST(DicedLeaves, AreMuchSmallerThanNeedlesWouldMakeThem) {
+TEST(DicedLeaves, areMuchSmallerThanNeedlesWouldMakeThem) {
   const auto largest = [](const support::MeshSplats& splats) {
     float radius = 0.0F;
     for (const Splat& leaf : splats.leaves) radius = std::max(radius, leaf.sphere.radius);
@@ -147,8 +147,8 @@ TEST(DicedLeaves, AreMuchSmallerThanNeedlesWouldMakeThem) {
   EXPECT_LT(largest(support::splatsOf(mesh, 2.0)), 0.3F * largest(support::splatsOf(mesh)));
 }
 
-TEST(DicedLeaves, AreBoundedInNumber) {
-  // A giant triangle among 400 000: without a bound it would be cut into hundreds of millions.
+TEST(DicedLeaves, areBoundedInNumber) {
+  // Without a bound a giant triangle among 400 000 small ones would be cut into hundreds of millions.
   Mesh mesh = stretchedSheet(450);
   const auto first = static_cast<std::uint32_t>(mesh.positions.size());
   for (const glm::vec3& p : {glm::vec3(-2000, 0, 30), glm::vec3(2000, 0, 30), glm::vec3(0, 3000, 30)})
@@ -157,7 +157,7 @@ TEST(DicedLeaves, AreBoundedInNumber) {
   const support::MeshSplats splats = support::splatsOf(mesh, 1e-3);
   EXPECT_GT(splats.leaves.size(), mesh.positions.size() * 11 / 10);
   EXPECT_LE(splats.leaves.size(), mesh.positions.size() + mesh.triangleCount() / 2);
-  // The smallest may grow to thousands of leaves.
+  // Small meshes may grow to thousands of leaves.
   Mesh one;
   one.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
   one.indices = {0, 1, 2};
@@ -166,7 +166,7 @@ TEST(DicedLeaves, AreBoundedInNumber) {
   EXPECT_LE(of_one, 3U + (1U << 14));
 }
 
-TEST(DicedLeaves, TakeColoursAndNormalsFromBothEnds) {
+TEST(DicedLeaves, takeColorsAndNormalsFromBothEnds) {
   Mesh mesh;
   mesh.positions = {{0, 0, 0}, {64, 0, 0}, {0, 64, 0}, {64, 64, 0}};
   mesh.indices = {0, 1, 2, 1, 3, 2};
@@ -183,12 +183,12 @@ TEST(DicedLeaves, TakeColoursAndNormalsFromBothEnds) {
     EXPECT_GT(leaf.least_cosine, 0.99F);
     weight += static_cast<double>(leaf.weight);
   }
-  // Together they weigh three times the area, each piece counting at its three corners, as whole triangles do.
+  // The weights sum up to three times the area, since each sub-triangle counts at its three corners.
   const double step = splats.lattice.lattice.step;
   EXPECT_NEAR(weight * step * step, 3.0 * 2.0 * 64.0 * 64.0, 60.0);
 }
 
-TEST(DicedLeaves, KeepGivenNormals) {
+TEST(DicedLeaves, keepGivenNormals) {
   Mesh mesh;
   mesh.positions = {{0, 0, 0}, {64, 0, 0}, {0, 64, 0}};
   mesh.indices = {0, 1, 2};

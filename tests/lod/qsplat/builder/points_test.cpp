@@ -1,5 +1,4 @@
-// Points without faces: neighbours, planes, radii that leave no hole, normals that face alike; and clouds as they
-// should not be.
+// Leaves of points without faces leave no hole and face alike; neighbours and planes are right; bad clouds are refused.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -27,7 +26,7 @@ using namespace mesh::generate;
 using support::makeSample;
 using support::Mesh;
 
-TEST(NearestPointsOf, AreThoseThatALookAtAllFinds) {
+TEST(NearestPoints, agreeWithExhaustiveSearch) {
   std::mt19937 random(4);
   std::uniform_real_distribution<float> unit(0.0F, 1.0F);
   std::vector<glm::vec3> points(700);
@@ -51,7 +50,7 @@ TEST(NearestPointsOf, AreThoseThatALookAtAllFinds) {
       }
 }
 
-TEST(PlaneNormal, IsThePlanes) {
+TEST(PlaneNormal, isThatOfThePlane) {
   std::mt19937 random(5);
   std::normal_distribution<double> normal;
   for (int i = 0; i < 200; ++i) {
@@ -68,7 +67,7 @@ TEST(PlaneNormal, IsThePlanes) {
   EXPECT_EQ(planeNormal(place), glm::dvec3(0, 0, 1));
 }
 
-TEST(CellReach, IsHalfADiagonalOnAGrid) {
+TEST(CellReach, isHalfADiagonalOnAGrid) {
   std::vector<glm::dvec3> others;
   for (int x = -2; x <= 2; ++x)
     for (int y = -2; y <= 2; ++y)
@@ -98,7 +97,7 @@ class PointCloud : public testing::Test {
     EXPECT_FALSE(std::filesystem::exists(path() + ".work"));
     return std::move(*summary);
   }
-  // The leaves as they are fitted.
+  // The leaves that PointLeaves makes.
   std::vector<Splat> leaves(const std::vector<glm::dvec3>& points, std::size_t* tiles = nullptr) {
     support::PlyMesh ply;
     ply.positions = points;
@@ -131,11 +130,11 @@ class PointCloud : public testing::Test {
   support::TemporaryDirectory directory_;
 };
 
-TEST_F(PointCloud, AClosedShapeFacesOutAndHasNoHole) {
+TEST_F(PointCloud, aClosedShapeFacesOutAndHasNoHole) {
   const Mesh mesh = support::bumpySphere(40, 60);
   const std::vector<Splat> all = leaves(pointsOf(mesh));
   ASSERT_EQ(all.size(), mesh.positions.size());
-  // At its poles neighbours lie on a ring, all but on a line: there planes may stand upright.
+  // At the poles neighbours lie nearly on a line, so that planes may stand upright.
   const auto out = std::count_if(all.begin(), all.end(), [](const Splat& leaf) {
     return glm::dot(glm::normalize(leaf.normal), glm::normalize(leaf.sphere.center)) > 0.5F;
   });
@@ -155,7 +154,7 @@ TEST_F(PointCloud, AClosedShapeFacesOutAndHasNoHole) {
   EXPECT_EQ(uncovered, 0U);
 }
 
-TEST_F(PointCloud, SignsAgreeAcrossTiles) {
+TEST_F(PointCloud, signsAgreeAcrossTiles) {
   SampleOptions sample;
   sample.triangles = 600000;
   const Mesh mesh = makeSample(sample);
@@ -180,7 +179,7 @@ TEST_F(PointCloud, SignsAgreeAcrossTiles) {
   EXPECT_GT(static_cast<double>(agree), 0.99 * static_cast<double>(met));
 }
 
-TEST_F(PointCloud, AFlatScanFacesUp) {
+TEST_F(PointCloud, aFlatScanFacesUp) {
   std::vector<glm::dvec3> points;
   for (int x = 0; x < 60; ++x)
     for (int y = 0; y < 60; ++y) points.emplace_back(500000.0 + x, 6000000.0 + y, 100.0 + 0.3 * std::sin(0.2 * x));
@@ -191,7 +190,7 @@ TEST_F(PointCloud, AFlatScanFacesUp) {
   EXPECT_GT(std::abs(summary.origin.x), 400000.0);
 }
 
-TEST_F(PointCloud, ThreadsDoNotChangeTheBytes) {
+TEST_F(PointCloud, threadsDoNotChangeTheBytes) {
   SampleOptions sample;
   sample.triangles = 600000;
   const std::vector<glm::dvec3> points = pointsOf(makeSample(sample));
@@ -205,7 +204,7 @@ TEST_F(PointCloud, ThreadsDoNotChangeTheBytes) {
   }
 }
 
-TEST_F(PointCloud, FewPointsAreATreeToo) {
+TEST_F(PointCloud, fewPointsMakeATree) {
   const glm::dvec3 p(1.0, 2.0, 3.0);
   EXPECT_EQ(mustBuild({p}).header.leaves, 1U);
   EXPECT_EQ(mustBuild({p, p, p}).header.leaves, 1U);

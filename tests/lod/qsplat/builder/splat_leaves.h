@@ -1,5 +1,5 @@
 #pragma once
-// The leaves that a mesh has, as the builder makes them, bucket by bucket.
+// Makes the leaves of a mesh bucket by bucket, as the builder does.
 #include <gtest/gtest.h>
 
 #include "lod/ingest/source_import.h"
@@ -13,11 +13,11 @@ struct MeshSplats {
   lod::ingest::SourceLattice lattice;
   std::vector<lod::qsplat::builder::Splat> leaves;
   lod::qsplat::builder::LeafFacets facets;  ///< around them
-  Mesh sorted;  ///< the triangles that the leaves are made of: repaired, turned to one side, on the lattice
+  Mesh sorted;  ///< the triangles that the leaves are made of: on the lattice, and wound alike
   std::size_t buckets = 0;
 };
 
-/// Adds a bucket's corners, three a triangle.
+/// Adds a bucket's corners, three for each triangle.
 inline void addCorners(std::span<const lod::ingest::Corner> corners, const lod::ingest::SourceLattice& lattice,
                        Mesh& mesh) {
   for (const lod::ingest::Corner& corner : corners) {
@@ -26,7 +26,7 @@ inline void addCorners(std::span<const lod::ingest::Corner> corners, const lod::
   }
 }
 
-/// Adds those of so many more leaves.
+/// Adds the facets of another bucket's leaves.
 inline void addFacets(const lod::qsplat::builder::LeafFacets& more, std::size_t leaves_before, std::size_t leaves,
                       lod::qsplat::builder::LeafFacets& facets) {
   facets.first.resize(leaves_before + leaves + 1, static_cast<std::uint32_t>(facets.normals.size()));
@@ -35,7 +35,7 @@ inline void addFacets(const lod::qsplat::builder::LeafFacets& more, std::size_t 
   facets.normals.insert(facets.normals.end(), more.normals.begin(), more.normals.end());
 }
 
-/// `dice`: as in BuildOptions.
+/// `dice` is that of BuildOptions.
 inline MeshSplats splatsOf(const Mesh& mesh, double dice = 0.0) {
   using namespace lod::ingest;
   using namespace lod::qsplat::builder;

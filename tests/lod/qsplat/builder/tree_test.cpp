@@ -1,5 +1,5 @@
-// Trees of splats in memory: leaves as large as their triangles ask, spheres and cones that hold what lies below, and
-// what quantising costs.
+// Leaves are as large as their triangles require, nodes enclose what lies below them, and quantisation costs what the
+// paper states.
 #include "lod/qsplat/builder/tree.h"
 
 #include <gtest/gtest.h>
@@ -45,7 +45,7 @@ std::vector<Splat> randomLeaves(std::size_t count, unsigned seed, double spread 
   return leaves;
 }
 
-// Where each node of a breadth-first row has its children, and its parent.
+// The children and the parent of each node of a breadth-first row.
 struct Links {
   std::vector<std::size_t> first_child;
   std::vector<std::size_t> parent;
@@ -59,7 +59,7 @@ struct Links {
   }
 };
 
-// Decoded spheres in the order of `nodes`, from what encodeSubtree wrote.
+// Decodes the runs of encodeSubtree to spheres in the order of `nodes`.
 std::vector<base::Sphere> decode(const Subtree& tree, const base::Sphere& root, bool colors,
                                  std::vector<Node>* words = nullptr) {
   std::vector<base::Sphere> spheres{root};
@@ -83,7 +83,7 @@ std::vector<base::Sphere> decode(const Subtree& tree, const base::Sphere& root, 
   return spheres;
 }
 
-TEST(EnclosingSphere, HoldsAllAndIsSmall) {
+TEST(EnclosingSphere, enclosesAllAndIsSmall) {
   std::mt19937 random(5);
   std::normal_distribution<float> normal;
   std::uniform_real_distribution<float> unit(0.0F, 1.0F);
@@ -110,14 +110,14 @@ TEST(EnclosingSphere, HoldsAllAndIsSmall) {
   EXPECT_LT(excess, 1e-5);
 }
 
-TEST(EnclosingSphere, OfFourIsWithinAHundredthOfTheSmallest) {
+TEST(EnclosingSphere, ofFourIsWithinAHundredthOfTheSmallest) {
   std::mt19937 random(6);
   std::normal_distribution<float> normal;
   double sum = 0.0;
   for (int i = 0; i < 200; ++i) {
     std::vector<base::Sphere> spheres(4);
     for (base::Sphere& s : spheres) s = {glm::vec3(normal(random), normal(random), normal(random)), 0.3F};
-    // The smallest one by a long walk towards the farthest.
+    // A long walk towards the farthest sphere finds the smallest enclosing one.
     glm::dvec3 center(spheres[0].center);
     double radius = 0.0;
     for (int step = 1; step < 20000; ++step) {
@@ -134,7 +134,7 @@ TEST(EnclosingSphere, OfFourIsWithinAHundredthOfTheSmallest) {
   EXPECT_LT(sum / 200, 1.01);
 }
 
-TEST(SplatTree, EveryNodeHoldsWhatLiesBelow) {
+TEST(SplatTree, everyNodeEnclosesItsDescendants) {
   for (const std::size_t count : {1U, 2U, 3U, 4U, 5U, 7U, 8U, 31U, 32U, 100U, 3000U}) {
     const std::vector<Splat> leaves = randomLeaves(count, static_cast<unsigned>(count));
     const Subtree tree = makeSubtree(leaves);
@@ -158,8 +158,8 @@ TEST(SplatTree, EveryNodeHoldsWhatLiesBelow) {
   }
 }
 
-TEST(SplatTree, IsNeverDeep) {
-  // All in one place, in geometric series, on a line: what makes splits at the middle fail.
+TEST(SplatTree, isNeverDeep) {
+  // Splits at the middle fail for leaves in one place, in a geometric series, or on a line.
   std::vector<Splat> same(5000, randomLeaves(1, 1)[0]);
   EXPECT_LE(makeSubtree(same).level_nodes.size(), 10U);
   std::vector<Splat> series = randomLeaves(5000, 2);
@@ -170,12 +170,12 @@ TEST(SplatTree, IsNeverDeep) {
   EXPECT_LE(makeSubtree(series).level_nodes.size(), 40U);
 }
 
-TEST(SplatTree, ConesHoldEveryNormalBelow) {
+TEST(SplatTree, conesHoldEveryNormalBelow) {
   std::mt19937 random(11);
   std::uniform_real_distribution<double> turn(0.0, 6.283185307);
   const std::vector<Splat> leaves = randomLeaves(2000, 17);
   const TreeShape shape = makeTree(leaves);
-  // Normals at the rim of each leaf's cone.
+  // These normals lie at the rim of each leaf's cone.
   const auto rim = [&](const Splat& leaf) {
     const glm::dvec3 axis(normalTable()[leaf.direction]);
     const glm::dvec3 side = glm::normalize(glm::cross(axis, glm::dvec3(0.3, 0.9, 0.1)));
@@ -206,15 +206,15 @@ TEST(SplatTree, ConesHoldEveryNormalBelow) {
   EXPECT_GT(narrow, 50U);
 }
 
-// Leaves on a ridge: of each the cone holds both sides, its facets are two. What lies between belongs to nobody.
-TEST(SplatTree, ConesOfInnerNodesHoldFacetsRatherThanLeavesCones) {
+// Leaves on a ridge have cones that hold both sides, but only two facets; no facet lies between.
+TEST(SplatTree, conesOfInnerNodesHoldFacetsRatherThanLeavesCones) {
   std::vector<Splat> leaves = randomLeaves(64, 3);
   LeafFacets facets;
   facets.first.push_back(0);
   const glm::vec3 sides[2] = {glm::normalize(glm::vec3(0.5F, 0.0F, 1.0F)),
                               glm::normalize(glm::vec3(-0.3F, 0.2F, 1.0F))};
   for (std::size_t i = 0; i < leaves.size(); ++i) {
-    // Each leaf's own normal is that of one of its sides.
+    // Each leaf's normal is that of one of its sides.
     Splat& leaf = leaves[i];
     leaf.direction = lod::qsplat::encodeNormal(sides[i % 2]);
     leaf.normal = sides[i % 2];
@@ -240,7 +240,7 @@ TEST(SplatTree, ConesOfInnerNodesHoldFacetsRatherThanLeavesCones) {
     float angle = 0.0F;
     for (const glm::vec3& side : sides) angle = std::max(angle, std::acos(glm::dot(axis, side)));
     EXPECT_GE(std::cos(angle), inner.splat.least_cosine);
-    // Leaves say of facets near their own normals only that they are near.
+    // Facets near a leaf's normal are not listed, only that they are near.
     const double cosine = std::cos(static_cast<double>(angle + std::acos(LeafFacets::kCoreCosine)));
     EXPECT_LE(codeOf(inner), lod::qsplat::encodeCone(cosine));
     narrower += codeOf(inner) < codeOf(of_cones.inner[i]) ? 1 : 0;
@@ -248,8 +248,8 @@ TEST(SplatTree, ConesOfInnerNodesHoldFacetsRatherThanLeavesCones) {
   EXPECT_GT(narrower, shape.inner.size() / 2);
 }
 
-// All but one facet within the narrowest code: its normal turns a little, and nothing leaves the cone.
-TEST(SplatTree, ANormalTurnsWhereThatMakesItsConeNarrower) {
+// One facet lies outside the narrowest cone. The normal turns a little, and then the cone holds all facets.
+TEST(SplatTree, aNormalTurnsWhereThatMakesItsConeNarrower) {
   const float limit = std::asin(lod::qsplat::coneSines(true)[0]);
   for (const float beyond : {0.005F, 0.02F, 0.2F}) {
     std::vector<Splat> leaves = randomLeaves(4, 7);
@@ -270,7 +270,7 @@ TEST(SplatTree, ANormalTurnsWhereThatMakesItsConeNarrower) {
   }
 }
 
-TEST(SplatTree, PropertiesAreMeansOverTheLeaves) {
+TEST(SplatTree, propertiesAreMeansOverTheLeaves) {
   std::vector<Splat> leaves = randomLeaves(500, 23);
   glm::dvec3 color(0.0);
   double weight = 0.0;
@@ -286,7 +286,7 @@ TEST(SplatTree, PropertiesAreMeansOverTheLeaves) {
   EXPECT_NEAR(root.meanColor().b, mean.b, 1.0);
 }
 
-TEST(SplatTree, EncodedSpheresHoldTheTrueOnes) {
+TEST(SplatTree, encodedSpheresEncloseTheExactOnes) {
   for (const double spread : {1e-6, 1.0, 1e6}) {
     std::vector<Splat> leaves = randomLeaves(4000, 31, spread);
     for (std::size_t i = 0; i < leaves.size(); i += 100) leaves[i].sphere.radius = 0.0F;
@@ -306,7 +306,7 @@ Mesh statue(std::uint64_t triangles) {
   return support::makeSample(options);
 }
 
-// Vertices by place, with the triangles around each: worked out in a plain second way.
+// The radius and facets of each vertex by position, computed in a plain second way.
 struct AroundVertices {
   struct Vertex {
     double radius = 0.0;
@@ -332,7 +332,7 @@ struct AroundVertices {
       }
     }
   }
-  // Around a side where that holds the third corner, else around all three.
+  // The circle has a side as diameter where that holds the third corner; else it goes through all three.
   static double enclosingRadius(const glm::vec3 (&p)[3]) {
     double best = 1e30;
     for (int i = 0; i < 3; ++i) {
@@ -368,7 +368,7 @@ class MeshSplatsTest : public testing::TestWithParam<int> {
   }
 };
 
-TEST_P(MeshSplatsTest, LeavesAreAsLargeAsTheirTrianglesAndKnowTheirNormals) {
+TEST_P(MeshSplatsTest, leavesAreAsLargeAsTheirTrianglesAndConesHoldTheirNormals) {
   const Mesh source = mesh();
   const support::MeshSplats splats = support::splatsOf(source);
   const AroundVertices around(source, splats.lattice);
@@ -378,7 +378,7 @@ TEST_P(MeshSplatsTest, LeavesAreAsLargeAsTheirTrianglesAndKnowTheirNormals) {
   }
   for (const Splat& leaf : splats.leaves) {
     const auto& vertex = around.of(leaf.sphere.center);
-    // Corners are rounded to float32 here and exact there.
+    // Corners are rounded to float32 here, while the builder has them exact.
     ASSERT_GE(leaf.sphere.radius, vertex.radius * (1.0 - 1e-4));
     ASSERT_LE(leaf.sphere.radius, vertex.radius * 1.001);
     const glm::dvec3 axis(normalTable()[leaf.direction]);
@@ -389,10 +389,10 @@ TEST_P(MeshSplatsTest, LeavesAreAsLargeAsTheirTrianglesAndKnowTheirNormals) {
 
 INSTANTIATE_TEST_SUITE_P(Meshes, MeshSplatsTest, testing::Range(0, 6));
 
-// What quantising costs, on a scan-like mesh, beside what the paper states (section 3.1).
+// Measures the error of quantisation on a scan-like mesh, which the paper states too (section 3.1).
 class Quantised : public testing::Test {
  protected:
-  // Once for all of them, but within a test.
+  // The tree is built once for all tests.
   void SetUp() override {
     if (tree_ != nullptr) return;
     mesh_ = new Mesh(statue(300000));
@@ -412,7 +412,7 @@ Mesh* Quantised::mesh_ = nullptr;
 support::MeshSplats* Quantised::splats_ = nullptr;
 Subtree* Quantised::tree_ = nullptr;
 
-TEST_F(Quantised, ErrorsAreThePapersInTheMean) {
+TEST_F(Quantised, meanErrorsAreThePapers) {
   const std::vector<base::Sphere> decoded = decode(*tree_, tree_->nodes[0].sphere, false);
   const Links links(tree_->nodes);
   double position = 0.0;
@@ -425,7 +425,7 @@ TEST_F(Quantised, ErrorsAreThePapersInTheMean) {
   }
   const auto count = static_cast<double>(decoded.size() - 1);
   std::printf("position %.4f, radius %.4f of the parent's radius\n", position / count, radius / count);
-  // A code of least radius is one whose place is right by chance: so both are less than the paper's.
+  // The code with the least radius is often one whose position fits by chance, so both errors are below the paper's.
   EXPECT_GT(position / count, 0.04 * 0.75);
   EXPECT_LT(position / count, 0.04 * 1.2);
   EXPECT_GT(radius / count, 0.15 * 0.5);
@@ -442,7 +442,7 @@ TEST_F(Quantised, ErrorsAreThePapersInTheMean) {
   EXPECT_LT(normal, 0.01 * 1.2);
 }
 
-// What share of the nodes that exact cones would cull codes cull too, over some views from afar.
+// Measures the share of nodes culled by exact cones that coded cones cull too, over views from afar.
 struct Kept {
   double of_vertex_normals = 0.0;  // the paper's cones: a leaf has one normal
   double of_facets = 0.0;          // the file's: what faces the viewer is never culled
@@ -498,7 +498,7 @@ class Culling {
     double by_codes = 0.0;
     constexpr int kViews = 48;
     for (int view = 0; view < kViews; ++view) {
-      // Evenly over the sphere, on a spiral of golden angles: of a height field directions count.
+      // The views are spread evenly over the sphere on a spiral of golden angles.
       const double z = 1.0 - (2.0 * view + 1.0) / kViews;
       const double turn = 2.399963229728653 * view;
       const glm::dvec3 to_eye(std::sqrt(1.0 - z * z) * glm::dvec2(std::cos(turn), std::sin(turn)), z);
@@ -526,7 +526,7 @@ class Culling {
   std::vector<double> facet_cosine_;
 };
 
-TEST(SplatCones, KeepNineTenthsOfTheCulling) {
+TEST(SplatCones, keepNineTenthsOfTheCulling) {
   const Kept smooth = Culling(support::bumpySphere(200, 300)).measure();
   EXPECT_GT(smooth.of_vertex_normals, 0.9);
   EXPECT_GT(smooth.of_facets, 0.9);
@@ -535,7 +535,8 @@ TEST(SplatCones, KeepNineTenthsOfTheCulling) {
   EXPECT_GT(carved.of_facets, 0.933);  // 0.929 where inner nodes know their leaves' cones only
 }
 
-// Where inner nodes know their leaves' cones only, each scan is below its share; cedar_creek, a rough one, is at 0.88.
+// The shares that scans must reach. With cones from leaves' cones only, each falls below; cedar_creek, a rough scan,
+// has 0.88.
 struct ScanShares {
   std::string name;
   double of_vertex_normals, of_facets;
