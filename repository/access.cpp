@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <limits>
-#include <map>
 
 #include "base/crc32c.h"
 #include "base/file.h"
@@ -15,21 +14,21 @@ namespace {
 constexpr std::array<char, 4> kMagic{'L', 'G', 'A', 'C'};
 constexpr std::uint16_t kVersion = 1;
 constexpr std::size_t kHeaderBytes = 112;
-constexpr std::size_t kHeaderCrc = 8;  // offsets
-constexpr std::size_t kBodyCrc = 12;
+constexpr std::size_t kHeaderCrcOffset = 8;
+constexpr std::size_t kBodyCrcOffset = 12;
 constexpr std::uint64_t kMax = std::numeric_limits<std::uint64_t>::max();
 
 base::Error bad(const std::string& what) {
   return {base::ErrorCode::kInvalidInput, "access counts: " + what + "; move the file away, servers begin a new one"};
 }
 
-std::uint64_t add(std::uint64_t a, std::uint64_t b) {
+std::uint64_t addSaturated(std::uint64_t a, std::uint64_t b) {
   return a > kMax - b ? kMax : a + b;
 }
 
-// --- Rows: varints, how many numbers lie between the row before and this one, then the count.
+// --- Rows. A row is two varints: how many numbers lie between the row before and this one, then the count.
 
-using Row = std::pair<std::uint64_t, std::uint64_t>;  // key's code or group; count
+using Row = std::pair<std::uint64_t, std::uint64_t>;  // code of the key or number of the group; count
 
 class RowWriter {
  public:
@@ -47,16 +46,17 @@ class RowWriter {
   std::uint64_t next_ = 0, rows_ = 0;
 };
 
-// `take(row)` says whether the scene has what the row names.
-template <class Take>
-base::Result<void> takeRows(base::ByteReader& in, std::uint64_t rows, const char* what, const Take& take) {
+// Hands each row to `accept(row)`, which returns whether the scene has the face or group that the row names.
+template <class Accept>
+base::Result<void> readRows(base::ByteReader& in, std::uint64_t rows, const char* what, const Accept& accept) {
   std::uint64_t next = 0;
   for (std::uint64_t row = 0; row < rows; ++row) {
     const std::uint64_t gap = in.varint();
     const std::uint64_t count = in.varint();
     if (!in.ok()) return bad(std::string("a row of ") + what + " is no pair of numbers");
     if (gap > kMax - 1 - next || count == 0) return bad(std::string("a row of ") + what + " is out of range");
-    if (!take(Row{next + gap, count})) return bad(std::string("a row names ") + what + " that the scene does not have");
+    if (!accept(Row{next + gap, count}))
+      return bad(std::string("a row names ") + what + " that the scene does not have");
     next += gap + 1;
   }
   return {};
@@ -70,10 +70,10 @@ struct Header {
 };
 
 std::uint32_t headerCrc(base::ByteView header) {
-  return base::crc32c(header.subspan(kBodyCrc), base::crc32c(header.first(kHeaderCrc)));
+  return base::crc32c(header.subspan(kBodyCrcOffset), base::crc32c(header.first(kHeaderCrcOffset)));
 }
 
-base::Result<Header> takeHeader(base::ByteView bytes) {
+base::Result<Header> readHeader(base::ByteView bytes) {
   if (bytes.size() < kHeaderBytes) return bad("cut short");
   base::ByteReader in(bytes.first(kHeaderBytes));
   if (in.read<std::array<char, 4>>() != kMagic) return bad("these are none (another magic)");
@@ -98,27 +98,27 @@ base::Result<Header> takeHeader(base::ByteView bytes) {
   if (in.u32() != 0 || in.u32() != 0 || in.u32() != 0) return bad("a field that must be 0 is not");
   if (header.since > header.until) return bad("they end before they begin");
   if (header.body_bytes != bytes.size() - kHeaderBytes) return bad("another length than the header says");
-  // A row takes two bytes at least: what a file can make us allocate is bounded by its size.
+  // A row takes at least two bytes, so a file's size bounds the memory that it can make us allocate.
   if (header.faces > header.body_bytes / 2 || header.groups > header.body_bytes / 2)
     return bad("fewer rows than the header says");
   return header;
 }
 
-// Every row of a file in order, checked; `face` and `group` take what is well.
-template <class TakeFace, class TakeGroup>
-base::Result<Header> walkRows(base::ByteView bytes, const TakeFace& face, const TakeGroup& group) {
-  auto header = takeHeader(bytes);
+// Checks a whole file and hands its rows, in order, to `face` and `group`.
+template <class VisitFace, class VisitGroup>
+base::Result<Header> walkRows(base::ByteView bytes, const VisitFace& face, const VisitGroup& group) {
+  auto header = readHeader(bytes);
   if (!header) return header;
   const base::ByteView body = bytes.subspan(kHeaderBytes);
   if (base::crc32c(body) != header->body_crc) return bad("the checksum is wrong");
   base::ByteReader in(body);
-  LUMIGRID_TRY(takeRows(in, header->faces, "a face", [&](const Row& row) {
+  LUMIGRID_TRY(readRows(in, header->faces, "a face", [&](const Row& row) {
     const auto key = FaceKey::fromCode(row.first);
     if (!key || !header->identity.grid.contains(*key)) return false;
     face(row);
     return true;
   }));
-  LUMIGRID_TRY(takeRows(in, header->groups, "a group", [&](const Row& row) {
+  LUMIGRID_TRY(readRows(in, header->groups, "a group", [&](const Row& row) {
     if (row.first >= header->identity.group_count) return false;
     group(row);
     return true;
@@ -136,14 +136,14 @@ Row rowOf(const std::pair<std::uint32_t, std::uint64_t>& row) {
   return row;
 }
 
-// Puts rows that come in order, each with what `more` has for it, and those of `more` that lie between.
+// Writes rows that come in ascending order merged with those of `more`: equal rows are added up.
 template <class Key>
-class Merger {
+class RowMerger {
  public:
-  explicit Merger(const std::vector<std::pair<Key, std::uint64_t>>& more) : at_(more.begin()), end_(more.end()) {}
+  explicit RowMerger(const std::vector<std::pair<Key, std::uint64_t>>& more) : at_(more.begin()), end_(more.end()) {}
   void put(Row row) {
     for (; at_ != end_ && rowOf(*at_).first < row.first; ++at_) out_.put(rowOf(*at_));
-    if (at_ != end_ && rowOf(*at_).first == row.first) row.second = add(row.second, at_++->second);
+    if (at_ != end_ && rowOf(*at_).first == row.first) row.second = addSaturated(row.second, at_++->second);
     out_.put(row);
   }
   const RowWriter& finish() {
@@ -165,7 +165,7 @@ std::vector<std::pair<Key, std::uint64_t>> addRows(const std::vector<std::pair<K
   for (const auto& row : b) {
     while (at != a.end() && at->first < row.first) sum.push_back(*at++);
     sum.push_back(row);
-    if (at != a.end() && at->first == row.first) sum.back().second = add(row.second, at++->second);
+    if (at != a.end() && at->first == row.first) sum.back().second = addSaturated(row.second, at++->second);
   }
   sum.insert(sum.end(), at, a.end());
   return sum;
@@ -174,15 +174,15 @@ std::vector<std::pair<Key, std::uint64_t>> addRows(const std::vector<std::pair<K
 template <class Key>
 std::uint64_t total(const std::vector<std::pair<Key, std::uint64_t>>& rows) {
   std::uint64_t sum = 0;
-  for (const auto& row : rows) sum = add(sum, row.second);
+  for (const auto& row : rows) sum = addSaturated(sum, row.second);
   return sum;
 }
 
-bool isNothing(const AccessCounts& counts) {
+bool isEmpty(const AccessCounts& counts) {
   return counts.faces.empty() && counts.groups.empty() && counts.uncounted == 0;
 }
 
-base::Error anotherScene() {
+base::Error anotherSceneError() {
   return bad("of another scene, or of this one before it was built anew");
 }
 
@@ -190,11 +190,11 @@ base::Result<AccessFile> readAccess(const std::string& path, const AccessIdentit
   LUMIGRID_ASSIGN_OR_RETURN(auto mapped, base::MappedFile::open(path));
   auto file = decodeAccess(mapped.bytes());
   if (!file) return base::within(path, file.error());
-  if (file->identity != identity) return base::within(path, anotherScene());
+  if (file->identity != identity) return base::within(path, anotherSceneError());
   return file;
 }
 
-base::Bytes assemble(const Header& header, const RowWriter& faces, const RowWriter& groups) {
+base::Bytes encodeFile(const Header& header, const RowWriter& faces, const RowWriter& groups) {
   base::ByteWriter out;
   out.write(kMagic);
   out.u16(kVersion);
@@ -213,23 +213,24 @@ base::Bytes assemble(const Header& header, const RowWriter& faces, const RowWrit
   LUMIGRID_CHECK_EQ(out.size(), kHeaderBytes);
   out.bytes(faces.bytes());
   out.bytes(groups.bytes());
-  out.patch(kBodyCrc, base::crc32c(base::ByteView(out.view()).subspan(kHeaderBytes)));
-  out.patch(kHeaderCrc, headerCrc(base::ByteView(out.view()).first(kHeaderBytes)));
+  out.patch(kBodyCrcOffset, base::crc32c(base::ByteView(out.view()).subspan(kHeaderBytes)));
+  out.patch(kHeaderCrcOffset, headerCrc(base::ByteView(out.view()).first(kHeaderBytes)));
   return out.take();
 }
 
-// The file with `more` added. Row by row: the file may be of tens of millions of rows, `more` is what a server keeps.
-base::Result<base::Bytes> withMore(base::ByteView bytes, const AccessIdentity& identity, const AccessCounts& more) {
-  Merger faces(more.faces);
-  Merger groups(more.groups);
+// Encodes the file `bytes` with `more` added. It goes row by row, since a file may have tens of millions of rows while
+// `more` has at most the million that a server keeps.
+base::Result<base::Bytes> encodeSum(base::ByteView bytes, const AccessIdentity& identity, const AccessCounts& more) {
+  RowMerger faces(more.faces);
+  RowMerger groups(more.groups);
   auto header = walkRows(
       bytes, [&](const Row& row) { faces.put(row); }, [&](const Row& row) { groups.put(row); });
   if (!header) return header.error();
-  if (header->identity != identity) return anotherScene();
-  header->uncounted = add(header->uncounted, more.uncounted);
+  if (header->identity != identity) return anotherSceneError();
+  header->uncounted = addSaturated(header->uncounted, more.uncounted);
   header->since = std::min(header->since, more.since);
   header->until = std::max(header->until, more.until);
-  return assemble(*header, faces.finish(), groups.finish());
+  return encodeFile(*header, faces.finish(), groups.finish());
 }
 
 }  // namespace
@@ -242,15 +243,15 @@ std::uint64_t AccessCounts::groupsSent() const {
 }
 
 AccessCounts addCounts(const AccessCounts& a, const AccessCounts& b) {
-  if (isNothing(a)) return b;
-  if (isNothing(b)) return a;
-  return {addRows(a.faces, b.faces), addRows(a.groups, b.groups), add(a.uncounted, b.uncounted),
+  if (isEmpty(a)) return b;
+  if (isEmpty(b)) return a;
+  return {addRows(a.faces, b.faces), addRows(a.groups, b.groups), addSaturated(a.uncounted, b.uncounted),
           std::min(a.since, b.since), std::max(a.until, b.until)};
 }
 
 base::Bytes encodeAccess(const AccessIdentity& identity, const AccessCounts& counts) {
   const Header header{identity, 0, 0, 0, 0, counts.uncounted, counts.since, counts.until};
-  return assemble(header, Merger(counts.faces).finish(), Merger(counts.groups).finish());
+  return encodeFile(header, RowMerger(counts.faces).finish(), RowMerger(counts.groups).finish());
 }
 
 base::Result<AccessFile> decodeAccess(base::ByteView bytes) {
@@ -282,72 +283,29 @@ base::Result<AccessCounts> loadAccess(const std::vector<std::string>& files, con
 
 base::Result<void> addToAccessFile(const std::string& path, const AccessIdentity& identity, const AccessCounts& more,
                                    double patience_seconds) {
-  const auto lock = base::tryLockFile(path + ".lock", patience_seconds);  // the file itself is replaced
+  // The lock is a file of its own, because the counts are replaced by a rename.
+  const auto lock = base::tryLockFile(path + ".lock", patience_seconds);
   if (!lock) return lock.error();
-  base::removeUnfinished(path);  // of one killed while it wrote: only who has the lock writes
+  base::removeUnfinished(path);  // only the holder of the lock writes, so this is what a killed writer left
 
-  auto there = base::MappedFile::open(path);
-  if (!there && there.error().code != base::ErrorCode::kNotFound) return there.error();
-  auto whole = there ? withMore(there->bytes(), identity, more) : encodeAccess(identity, more);
+  auto stored = base::MappedFile::open(path);
+  if (!stored && stored.error().code != base::ErrorCode::kNotFound) return stored.error();
+  auto whole = stored ? encodeSum(stored->bytes(), identity, more) : encodeAccess(identity, more);
   if (!whole) return base::within(path, whole.error());
-  if (isNothing(more)) return {};
+  if (isEmpty(more)) return {};
   return base::writeFileAtomically(path, *whole);
 }
 
-// --- Use
-
-namespace {
-
-// Points in Morton order, as keys without direction.
-std::vector<PointUse> pointUses(const AccessCounts& counts) {
+std::vector<PointUse> rankPoints(const AccessCounts& counts) {
+  // Rows ascend by key, so the faces of a point follow each other and the points are in Morton order.
   std::vector<PointUse> points;
   for (const auto& [key, count] : counts.faces) {
     const glm::uvec3 point(key.x, key.y, key.z);
     if (points.empty() || points.back().point != point) points.push_back({point, 0});
-    points.back().sent = add(points.back().sent, count);
+    points.back().sent = addSaturated(points.back().sent, count);
   }
-  return points;
-}
-
-FaceKey keyOf(const glm::uvec3& point) {
-  return {point.x, point.y, point.z, 0};
-}
-
-}  // namespace
-
-std::vector<PointUse> rankPoints(const AccessCounts& counts) {
-  std::vector<PointUse> points = pointUses(counts);
   std::stable_sort(points.begin(), points.end(), [](const PointUse& a, const PointUse& b) { return a.sent > b.sent; });
   return points;
-}
-
-std::vector<CellUse> rankCells(const AccessCounts& counts, const Grid& grid, std::uint32_t edge) {
-  LUMIGRID_CHECK_LE(1U, edge);
-  LUMIGRID_CHECK_LE(edge, kMaxGridIndex);
-  // A point is a corner of up to 8 cells; the cells come in Morton order of their lower corners.
-  std::map<FaceKey, std::array<std::uint64_t, 8>> corners;
-  for (const PointUse& use : pointUses(counts)) {
-    if (use.point % edge != glm::uvec3(0)) continue;
-    for (std::uint32_t corner = 0; corner < 8; ++corner) {
-      const glm::uvec3 offset = edge * glm::uvec3(corner & 1U, corner >> 1 & 1U, corner >> 2);
-      if (glm::any(glm::lessThan(use.point, offset))) continue;
-      const glm::uvec3 lower = use.point - offset;
-      if (glm::all(glm::lessThan(lower + edge, grid.count))) corners[keyOf(lower)][corner] = use.sent;
-    }
-  }
-
-  std::vector<CellUse> cells;
-  cells.reserve(corners.size());
-  for (auto& [key, sent] : corners) {
-    CellUse cell{{key.x, key.y, key.z}, 0, 0};
-    for (const std::uint64_t one : sent) cell.sent = add(cell.sent, one);
-    std::nth_element(sent.begin(), sent.begin() + 3, sent.end());
-    cell.use = sent[3];
-    cells.push_back(cell);
-  }
-  std::stable_sort(cells.begin(), cells.end(),
-                   [](const CellUse& a, const CellUse& b) { return a.use != b.use ? a.use > b.use : a.sent > b.sent; });
-  return cells;
 }
 
 }  // namespace repository

@@ -5,35 +5,35 @@
 namespace repository {
 namespace {
 
-constexpr std::uint64_t kGroup = std::uint64_t{1} << 63;  // a bit that no key has
+constexpr std::uint64_t kGroup = std::uint64_t{1} << 63;  // codes of keys have 63 bits
 
 }  // namespace
 
-AccessCounter::AccessCounter(std::size_t most_keys, std::function<void()> when_full)
-    : most_keys_(most_keys), when_full_(std::move(when_full)) {}
+AccessCounter::AccessCounter(std::size_t max_keys, std::function<void()> when_full)
+    : max_keys_(max_keys), when_full_(std::move(when_full)) {}
 
 void AccessCounter::addFace(const FaceKey& key) {
-  add(key.code());
+  addNumber(key.code());
 }
 void AccessCounter::addGroup(std::uint32_t group) {
-  add(kGroup | group);
+  addNumber(kGroup | group);
 }
 
-void AccessCounter::add(std::uint64_t number) {
-  bool say_full = false;
+void AccessCounter::addNumber(std::uint64_t number) {
+  bool became_full = false;
   {
     const std::lock_guard lock(mutex_);
     if (const auto it = counts_.find(number); it != counts_.end()) {
       ++it->second;
       return;
     }
-    if (counts_.size() < most_keys_)
+    if (counts_.size() < max_keys_)
       counts_.emplace(number, 1);
     else
       ++uncounted_;
-    if (counts_.size() >= most_keys_ && !full_) full_ = say_full = true;
+    if (counts_.size() >= max_keys_ && !full_) full_ = became_full = true;
   }
-  if (say_full && when_full_) when_full_();
+  if (became_full && when_full_) when_full_();
 }
 
 AccessCounts AccessCounter::takeCounts() {

@@ -1,6 +1,6 @@
 #pragma once
-// Counts what is sent to viewers, in bounded memory, until somebody takes the counts away. From any thread; a count is
-// one look into a hash table under a mutex that nobody holds for longer.
+// Counts the faces and groups that are sent to viewers, in bounded memory, until takeCounts() takes the counts away.
+// Safe from any thread: counting is one look-up in a hash table, under a mutex that nobody holds for longer.
 #include <cstdint>
 #include <functional>
 #include <mutex>
@@ -12,21 +12,22 @@ namespace repository {
 
 class AccessCounter {
  public:
-  /// `most_keys`: different faces and groups kept at a time (about 40 bytes each); the others are `uncounted`.
-  /// `when_full` is called once, by the thread that counts, when that many are there; takeCounts() arms it again.
-  explicit AccessCounter(std::size_t most_keys = 1'000'000, std::function<void()> when_full = nullptr);
+  /// At most `max_keys` different faces and groups are kept at a time (about 40 bytes each); the others are
+  /// `uncounted`. `when_full` is called once by the counting thread when there are that many; takeCounts() arms it
+  /// again.
+  explicit AccessCounter(std::size_t max_keys = 1'000'000, std::function<void()> when_full = nullptr);
   void addFace(const FaceKey& key);
   void addGroup(std::uint32_t group);
-  /// What came since the last takeCounts(); `since` and `until` are 0.
+  /// Returns the counts since the last takeCounts(), with `since` and `until` 0, and starts again from zero.
   AccessCounts takeCounts();
 
  private:
-  void add(std::uint64_t number);
+  void addNumber(std::uint64_t number);
 
-  const std::size_t most_keys_;
+  const std::size_t max_keys_;
   const std::function<void()> when_full_;
   std::mutex mutex_;
-  std::unordered_map<std::uint64_t, std::uint64_t> counts_;  // by key code, or kGroup + group
+  std::unordered_map<std::uint64_t, std::uint64_t> counts_;  // by code of the key, or kGroup | group
   std::uint64_t uncounted_ = 0;
   bool full_ = false;
 };

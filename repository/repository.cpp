@@ -19,7 +19,7 @@ using base::Error;
 using base::ErrorCode;
 using base::Result;
 
-// A reader's map of one shard: address space is shared by thousands of them. It grows to the file's size by itself.
+// A reader may map thousands of shards, so each begins with 1 GiB of address space and grows to its file's size.
 constexpr LmdbOptions kShardMap{std::uint64_t{1} << 30};
 
 Error mixed(const std::string& images, const std::string& what) {
@@ -33,8 +33,8 @@ Error otherParameters(const std::string& images, const Shard& shard, const std::
                            directoryNameOf(shard));
 }
 
-// The one division that the directories show; 0: not divided.
-Result<std::uint32_t> divisionOf(const std::string& images) {
+// The number of shards that the directories show; 0 where the repository is not divided.
+Result<std::uint32_t> shardCountOf(const std::string& images) {
   LUMIGRID_ASSIGN_OR_RETURN(auto layout, layoutOf(images));
   if (layout.shards.empty()) return std::uint32_t{0};
   const std::uint32_t count = layout.shards.front().count;
@@ -46,12 +46,12 @@ Result<std::uint32_t> divisionOf(const std::string& images) {
   return count;
 }
 
-// The shards of a repository, each opened when it is there. From any thread.
+// Reads all shards of a repository as one store and opens each of them when it appears. Safe from any thread.
 class ShardedStore final : public Store {
  public:
   ShardedStore(std::string images, std::uint32_t count) : images_(std::move(images)), stores_(count) {}
 
-  // Opens what is there; kNotFound when nothing is.
+  // Opens all shards that exist; kNotFound when there are none.
   Result<void> openAll() {
     for (std::uint32_t i = 0; i < stores_.size(); ++i) {
       if (auto opened = shard(i); !opened) return opened.error();
@@ -69,9 +69,9 @@ class ShardedStore final : public Store {
     LUMIGRID_ASSIGN_OR_RETURN(auto store, storeOf(key));
     return store == nullptr ? Result<bool>(false) : store->contains(key);
   }
-  Result<void> putBatch(const std::vector<std::pair<FaceKey, base::Bytes>>&) override { return readingOnly(); }
-  Result<void> erase(const std::vector<FaceKey>&) override { return readingOnly(); }
-  Result<void> writeMeta(const std::string&) override { return readingOnly(); }
+  Result<void> putBatch(const std::vector<std::pair<FaceKey, base::Bytes>>&) override { return readOnlyError(); }
+  Result<void> erase(const std::vector<FaceKey>&) override { return readOnlyError(); }
+  Result<void> writeMeta(const std::string&) override { return readOnlyError(); }
 
   Result<void> forEach(const std::function<bool(const FaceKey&, base::ByteView)>& visit) const override {
     return inEachShard([&](const Store& store, std::uint32_t index, bool& going) {
@@ -100,15 +100,15 @@ class ShardedStore final : public Store {
   }
 
  private:
-  Error readingOnly() const {
+  Error readOnlyError() const {
     return {ErrorCode::kUnsupported, images_ + ": shards are written one by one; this opens all of them for reading"};
   }
 
   bool belongs(const FaceKey& key, std::uint32_t index) const {
-    return grid_.contains(key) && division_->shardOf(key) == index;
+    return grid_.contains(key) && lookup_->shardOf(key) == index;
   }
 
-  // body(store, index, going) for each shard that is there, while `going` stays true.
+  // Calls body(store, index, going) for each shard that exists, until it sets `going` to false.
   template <class Body>
   Result<void> inEachShard(const Body& body) const {
     bool going = true;
@@ -124,10 +124,10 @@ class ShardedStore final : public Store {
       const std::shared_lock lock(mutex_);
       if (!grid_.contains(key)) return static_cast<const Store*>(nullptr);
     }
-    return shard(division_->shardOf(key));
+    return shard(lookup_->shardOf(key));
   }
 
-  // The shard's store, opened when it was not and its file has appeared; null while it has not.
+  // The shard's store; null as long as its file does not exist. Opens it when the file has appeared.
   Result<const Store*> shard(std::uint32_t index) const {
     {
       const std::shared_lock lock(mutex_);
@@ -141,7 +141,8 @@ class ShardedStore final : public Store {
     return static_cast<const Store*>(stores_[index].get());
   }
 
-  // Its parameters are those of all others. A shard that was made a moment ago says nothing yet, and stays closed.
+  // Opens a shard whose parameters equal those of the others. A shard that was made a moment ago has no parameters yet
+  // and stays closed.
   Result<void> open(std::uint32_t index, const std::string& path) const {
     auto store = openLmdbStore(path, StoreMode::kRead, kShardMap);
     if (!store) return store.error().code == ErrorCode::kNotFound ? Result<void>() : Result<void>(store.error());
@@ -150,7 +151,7 @@ class ShardedStore final : public Store {
     if (meta_.empty()) {
       LUMIGRID_ASSIGN_OR_RETURN(auto grid, gridFromMeta(*meta, path));
       grid_ = grid;
-      division_.emplace(grid_, static_cast<std::uint32_t>(stores_.size()));
+      lookup_.emplace(grid_, static_cast<std::uint32_t>(stores_.size()));
       meta_ = std::move(*meta);
     } else if (!sameParameters(meta_, *meta)) {
       return otherParameters(images_, {index, static_cast<std::uint32_t>(stores_.size())}, meta_, *meta);
@@ -162,12 +163,12 @@ class ShardedStore final : public Store {
   const std::string images_;
   mutable std::shared_mutex mutex_;
   mutable std::vector<std::unique_ptr<Store>> stores_;
-  mutable std::string meta_;  // of all shards; empty before the first is open
-  mutable Grid grid_;         // this and the next are set together with meta_, and never changed again
-  mutable std::optional<ShardLookup> division_;
+  mutable std::string meta_;  // parameters of all shards; empty before the first one is open
+  mutable Grid grid_;         // set together with meta_ and lookup_, and never changed again
+  mutable std::optional<ShardLookup> lookup_;
 };
 
-// What a store says it was made with is what the others say, `meta`, and of the scene's grid.
+// Checks a store's parameters: they must equal those of the other stores, `meta`, and record the scene's grid.
 Result<void> checkMeta(const std::string& own, const Grid& grid, const std::string& images, const Shard& shard,
                        std::string& meta) {
   if (!meta.empty())
@@ -179,13 +180,13 @@ Result<void> checkMeta(const std::string& own, const Grid& grid, const std::stri
                images + ": holds images of another grid than the scene's; build the scene again with --force"};
 }
 
-// The looks of findMissing() into one store after the other.
+// Finds the gaps of one store after the other for findMissing().
 class MissingFinder {
  public:
   MissingFinder(const std::string& images, const Grid& grid, const SampleTree* first_tree)
       : images_(images), grid_(grid), first_tree_(first_tree) {}
 
-  Result<ShardGaps> look(const std::string& directory, const Shard& shard) {
+  Result<ShardGaps> findGaps(const std::string& directory, const Shard& shard) {
     ShardGaps missing{shard, 0, 0, isBeingWritten(directory), {}};
     std::unique_ptr<Store> store;
     if (!missing.being_written) {
@@ -201,7 +202,7 @@ class MissingFinder {
     GapFinder finder(points);
     if (store)
       LUMIGRID_TRY(store->forEachKey([&](const FaceKey& key) {
-        if (grid_.contains(key)) finder.take(key);
+        if (grid_.contains(key)) finder.addPresentKey(key);
         return true;
       }));
     finder.finish();
@@ -211,7 +212,7 @@ class MissingFinder {
   }
 
  private:
-  // A store that was made a moment ago says nothing yet.
+  // The tree in a store's parameters; nothing for a store that was made a moment ago and has no parameters yet.
   Result<std::optional<SampleTree>> treeOf(const Store* store, const Shard& shard) {
     if (store == nullptr) return std::optional<SampleTree>();
     LUMIGRID_ASSIGN_OR_RETURN(auto own, store->readMeta());
@@ -223,7 +224,7 @@ class MissingFinder {
   const std::string& images_;
   const Grid& grid_;
   const SampleTree* first_tree_;
-  std::string meta_;  // of all stores; empty before the first that says something
+  std::string meta_;  // parameters of all stores; empty before the first store that has any
 };
 
 }  // namespace
@@ -247,7 +248,7 @@ std::string storeDirectory(const std::string& images, std::uint32_t shards, std:
 
 Result<std::unique_ptr<Store>> openRepository(const std::string& images, std::optional<std::uint32_t> shards) {
   if (!shards) {
-    LUMIGRID_ASSIGN_OR_RETURN(auto found, divisionOf(images));
+    LUMIGRID_ASSIGN_OR_RETURN(auto found, shardCountOf(images));
     shards = found;
   }
   if (*shards == 0) return openLmdbStore(images, StoreMode::kRead);
@@ -262,7 +263,7 @@ Result<std::vector<ShardGaps>> findMissing(const std::string& images, std::uint3
   std::vector<ShardGaps> missing;
   MissingFinder finder(images, grid, first_tree);
   for (std::uint32_t i = 0; i < count; ++i) {
-    LUMIGRID_ASSIGN_OR_RETURN(auto one, finder.look(storeDirectory(images, shards, i), {i, count}));
+    LUMIGRID_ASSIGN_OR_RETURN(auto one, finder.findGaps(storeDirectory(images, shards, i), {i, count}));
     if (one.faces > 0 || one.cells > 0) missing.push_back(std::move(one));
   }
   return missing;

@@ -1,6 +1,6 @@
 #pragma once
-// images/ as a whole: one store, or one for each shard, read as one (docs/formats/repository.md, "Shards"). Shards are
-// merged by listing them; nothing is copied.
+// The directory images/ as a whole. It holds one store, or one for each shard, and is read as a single Store
+// (docs/formats/repository.md, "Shards"). Shards are merged by listing their directories; nothing is copied.
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -16,39 +16,39 @@
 
 namespace repository {
 
-/// What lies below images/.
+/// The stores below images/.
 struct Layout {
   bool undivided = false;     ///< images/ itself holds a store
   std::vector<Shard> shards;  ///< directories with the name of a shard, by count and then by index
 };
-/// An images/ that is not there holds nothing.
+/// Lists the stores; there are none where the directory `images` does not exist.
 base::Result<Layout> layoutOf(const std::string& images);
 
-/// The directory of one store of a repository of `shards` shards, 0 for one that is not divided.
+/// The directory of store `index` in a repository of `shards` shards; `shards` is 0 where it is not divided.
 std::string storeDirectory(const std::string& images, std::uint32_t shards, std::uint32_t index);
 
-/// The repository in directory `images`, for reading: a Store over the one store or over all shards, which picks the
-/// shard by the key's range. A shard that is not there yet is read as soon as it appears; until then its keys are
-/// absent. Keys that do not belong to the shard that holds them are passed over, so order is that of Store::forEach.
-/// `shards`: the division that scene.json records (0: none); without it, the one that the directories show.
+/// Opens the repository in directory `images` for reading, as a Store over the one store or over all shards. A key is
+/// looked up in the shard whose range holds it. A shard that is not there yet is read as soon as it appears; until then
+/// its keys are absent. Keys that lie in a shard to which they do not belong are skipped, so forEach goes in ascending
+/// order of keys. `shards` is the division that scene.json records (0: none); without it the directories decide.
 /// Errors: kNotFound when nothing is there yet; kInvalidInput when stores of several divisions are mixed, or shards
-/// were built with different parameters (both named).
+/// were built with different parameters (the error names both).
 base::Result<std::unique_ptr<Store>> openRepository(const std::string& images,
                                                     std::optional<std::uint32_t> shards = std::nullopt);
 
-/// What a repository lacks, shard by shard.
+/// The faces that one shard lacks.
 struct ShardGaps {
   Shard shard;
-  std::uint64_t faces = 0;     ///< all that are missing
-  std::uint64_t cells = 0;     ///< of adaptive sampling: still to be judged, after which more faces may be missing
-  bool being_written = false;  ///< by another process: not looked into, and its faces count as missing, all of them
+  std::uint64_t faces = 0;     ///< number of missing faces
+  std::uint64_t cells = 0;     ///< cells of its tree that still have to be judged; more faces may be missing afterwards
+  bool being_written = false;  ///< another process writes it: it was not opened, and all its faces count as missing
   std::vector<Gap> gaps;
 };
-/// The shards that lack anything; an undivided repository is shard 0/1. `shards` as in openRepository. Reads the keys
-/// only. A store that another process writes is not opened: that process may be on another machine, where LMDB's table
-/// of readers does not reach. A store that is not there lacks everything; errors as openRepository, and kInvalidInput
-/// for a repository of another grid. What a store's own tree samples is expected; `first_tree`: the one with which
-/// adaptive sampling begins, for a store that has none yet; null where the whole grid is sampled.
+/// The shards that lack anything; an undivided repository is shard 0/1. `shards` as in openRepository. Only keys are
+/// read. A store that another process writes is not opened, because that process may run on another machine, where
+/// LMDB's table of readers does not reach. A store that does not exist lacks everything. Expected are the points that a
+/// store's own tree samples; `first_tree` stands for it in a store that has none yet, and is null where the whole grid
+/// is sampled. Errors: those of openRepository, and kInvalidInput for a repository of another grid.
 base::Result<std::vector<ShardGaps>> findMissing(const std::string& images, std::uint32_t shards, const Grid& grid,
                                                  const SampleTree* first_tree = nullptr);
 

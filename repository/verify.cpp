@@ -13,17 +13,18 @@
 namespace repository {
 namespace {
 
-constexpr std::size_t kPortion = 256;  // values decoded side by side
+constexpr std::size_t kPortion = 256;  // values decoded in parallel: enough for every core, a few MB of memory
 
-// What is wrong with one value; nothing when it is well.
-std::optional<std::string> faultOf(const FaceKey& key, base::ByteView bytes, std::uint32_t face_size) {
+// A line that says why the value cannot be decoded; nothing when it can.
+std::optional<std::string> decodingFault(const FaceKey& key, base::ByteView bytes, std::uint32_t face_size) {
   const auto pixels = decodeFacePixels(bytes, static_cast<int>(face_size));
   if (!pixels) return nameOf(key) + ": " + pixels.error().message;
   return std::nullopt;
 }
 
-std::optional<std::string> strangerOf(const FaceKey& key, const Grid& grid, const Shard& shard,
-                                      const ExpectedPoints& points) {
+// A line that says why the store should not hold this key; nothing when it should.
+std::optional<std::string> orphanFault(const FaceKey& key, const Grid& grid, const Shard& shard,
+                                       const ExpectedPoints& points) {
   if (!grid.contains(key)) return nameOf(key) + ": not a face of this grid";
   if (points.placeOf({key.x, key.y, key.z})) return std::nullopt;
   if (shard.count == 1) return nameOf(key) + ": not at a sampling point";
@@ -33,18 +34,18 @@ std::optional<std::string> strangerOf(const FaceKey& key, const Grid& grid, cons
 
 enum class FaultKind { kOrphan, kDamaged };
 
-// Every value of a store in the order of keys, decoded side by side; what is wrong is handed to `found`.
-class Checker {
+// Receives every value of a store in the order of keys, decodes them in parallel and reports faults to `report`.
+class ValueChecker {
  public:
-  using Found = std::function<void(const FaceKey&, FaultKind, std::string)>;
+  using ReportFault = std::function<void(const FaceKey&, FaultKind, std::string)>;
 
-  Checker(const Grid& grid, const Shard& shard, const ExpectedPoints& points, unsigned threads, Found found)
-      : grid_(grid), shard_(shard), points_(points), threads_(threads), found_(std::move(found)) {}
+  ValueChecker(const Grid& grid, const Shard& shard, const ExpectedPoints& points, unsigned threads, ReportFault report)
+      : grid_(grid), shard_(shard), points_(points), threads_(threads), report_(std::move(report)) {}
 
-  /// Whether the key is one that this store should have.
-  bool take(const FaceKey& key, base::ByteView bytes) {
-    if (auto stranger = strangerOf(key, grid_, shard_, points_)) {
-      found_(key, FaultKind::kOrphan, std::move(*stranger));
+  /// Returns whether this store should have the key.
+  bool addValue(const FaceKey& key, base::ByteView bytes) {
+    if (auto orphan = orphanFault(key, grid_, shard_, points_)) {
+      report_(key, FaultKind::kOrphan, std::move(*orphan));
       return false;
     }
     portion_.emplace_back(key, base::Bytes(bytes.begin(), bytes.end()));
@@ -54,10 +55,10 @@ class Checker {
   void decodePortion() {
     std::vector<std::optional<std::string>> faults(portion_.size());
     base::parallelFor(portion_.size(), threads_, [&](std::size_t i) {
-      faults[i] = faultOf(portion_[i].first, portion_[i].second, grid_.face_size);
+      faults[i] = decodingFault(portion_[i].first, portion_[i].second, grid_.face_size);
     });
     for (std::size_t i = 0; i < faults.size(); ++i) {
-      if (faults[i]) found_(portion_[i].first, FaultKind::kDamaged, std::move(*faults[i]));
+      if (faults[i]) report_(portion_[i].first, FaultKind::kDamaged, std::move(*faults[i]));
     }
     portion_.clear();
   }
@@ -67,17 +68,17 @@ class Checker {
   const Shard shard_;
   const ExpectedPoints& points_;
   const unsigned threads_;
-  const Found found_;
+  const ReportFault report_;
   std::vector<std::pair<FaceKey, base::Bytes>> portion_;
 };
 
-std::string describe(const Gap& gap) {
+std::string describeGap(const Gap& gap) {
   return nameOf(gap.first) + (gap.faces == 1
                                   ? ": missing"
                                   : " and the " + std::to_string(gap.faces - 1) + " after it in Morton order: missing");
 }
 
-// The faults of a store, as lines: what is wrong with its values, then what it lacks.
+// Collects the faults of a store as lines: first those of its values, then its missing faces.
 class Verifier {
  public:
   Verifier(const Grid& grid, const Shard& shard, const SampleTree* tree, unsigned threads)
@@ -86,15 +87,15 @@ class Verifier {
                  [this](const FaceKey&, FaultKind, std::string fault) { faults_.push_back(std::move(fault)); }),
         gaps_(points_) {}
 
-  /// False when there are enough faults.
-  bool take(const FaceKey& key, base::ByteView bytes) {
-    if (checker_.take(key, bytes)) gaps_.take(key);
+  /// Returns false when there are enough faults.
+  bool addValue(const FaceKey& key, base::ByteView bytes) {
+    if (checker_.addValue(key, bytes)) gaps_.addPresentKey(key);
     return !enough();
   }
   std::vector<std::string> finish() {
     checker_.decodePortion();
     if (!enough()) gaps_.finish();
-    for (const Gap& gap : gaps_.gaps()) faults_.push_back(describe(gap));
+    for (const Gap& gap : gaps_.gaps()) faults_.push_back(describeGap(gap));
     return std::move(faults_);
   }
 
@@ -103,11 +104,11 @@ class Verifier {
 
   const ExpectedPoints points_;
   std::vector<std::string> faults_;
-  Checker checker_;
+  ValueChecker checker_;
   GapFinder gaps_;
 };
 
-std::vector<std::string> atMost(std::vector<std::string> faults) {
+std::vector<std::string> limitFaults(std::vector<std::string> faults) {
   if (faults.size() < kMaxFaults) return faults;
   faults.resize(kMaxFaults);
   faults.emplace_back("and perhaps more: stopped at " + std::to_string(kMaxFaults) + " faults");
@@ -124,8 +125,8 @@ base::Result<std::vector<std::string>> verify(const Store& store, const Grid& gr
 base::Result<std::vector<std::string>> verifyShard(const Store& store, const Grid& grid, const Shard& shard,
                                                    const SampleTree* tree, unsigned threads) {
   Verifier verifier(grid, shard, tree, threads);
-  LUMIGRID_TRY(store.forEach([&](const FaceKey& key, base::ByteView bytes) { return verifier.take(key, bytes); }));
-  return atMost(verifier.finish());
+  LUMIGRID_TRY(store.forEach([&](const FaceKey& key, base::ByteView bytes) { return verifier.addValue(key, bytes); }));
+  return limitFaults(verifier.finish());
 }
 
 std::vector<std::string> verify(const PackStore& packs, const Grid& grid, const SampleTree* tree, unsigned threads,
@@ -139,10 +140,10 @@ std::vector<std::string> verify(const PackStore& packs, const Grid& grid, const 
         return faults.size() < kMaxFaults;
       },
       [&](const FaceKey& key, base::ByteView bytes) {
-        return verifier.take(key, bytes) && (++values % kPortion != 0 || !progress || progress(values));
+        return verifier.addValue(key, bytes) && (++values % kPortion != 0 || !progress || progress(values));
       });
   for (std::string& fault : verifier.finish()) faults.push_back(std::move(fault));
-  return atMost(std::move(faults));
+  return limitFaults(std::move(faults));
 }
 
 base::Result<RemovalCounts> removeFaulty(Store& store, const Grid& grid, const Shard& shard, const SampleTree* tree,
@@ -150,12 +151,12 @@ base::Result<RemovalCounts> removeFaulty(Store& store, const Grid& grid, const S
   RemovalCounts removed;
   std::vector<FaceKey> keys;
   const ExpectedPoints points(grid, shard, tree);
-  Checker checker(grid, shard, points, threads, [&](const FaceKey& key, FaultKind kind, const std::string&) {
+  ValueChecker checker(grid, shard, points, threads, [&](const FaceKey& key, FaultKind kind, const std::string&) {
     keys.push_back(key);
     ++(kind == FaultKind::kOrphan ? removed.orphans : removed.damaged);
   });
   LUMIGRID_TRY(store.forEach([&](const FaceKey& key, base::ByteView bytes) {
-    checker.take(key, bytes);
+    checker.addValue(key, bytes);
     return true;
   }));
   checker.decodePortion();

@@ -1,5 +1,5 @@
 #pragma once
-// Is a repository whole? And what does it hold? Used by `lumigrid verify` and `lumigrid info`.
+// Checks whether a repository is whole and counts what it holds, for `lumigrid verify` and `lumigrid info`.
 #include <cstdint>
 #include <functional>
 #include <string>
@@ -14,23 +14,25 @@
 
 namespace repository {
 
-/// Faults after which verify() stops looking for more.
+/// verify() stops after so many faults: a damaged disk would otherwise print one line for each of millions of values.
 inline constexpr std::size_t kMaxFaults = 100;
 
-/// One line for each fault, none when all is well: a face of the grid that is missing, a value whose checksum or
-/// lengths are wrong, a JPEG or mask that cannot be decoded or is of another size than grid.face_size, a key that is no
-/// sampling point (of the grid, or of `tree` where not all points are sampled). Ranges of missing faces are one line.
-/// Decodes everything on `threads` threads (0: all cores). An error when the store itself cannot be read.
+/// Returns one line for each fault, and none when the repository is whole. A fault is a face of the grid that is
+/// missing, a value whose checksum or lengths are wrong, a JPEG or mask that cannot be decoded or has another size than
+/// grid.face_size, or a key that is no sampling point (of the grid, or of `tree` where not all points are sampled). A
+/// range of missing faces takes one line. Every value is decoded, on `threads` threads (0: all cores). The result is an
+/// error when the store itself cannot be read.
 base::Result<std::vector<std::string>> verify(const Store& store, const Grid& grid, const SampleTree* tree = nullptr,
                                               unsigned threads = 0);
 
-/// The same of a published repository, and all that PackStore::check finds: what is damaged or lost is a fault, and
-/// the rest is looked at. `progress` is told how many values were read, now and then, and returns false to stop.
+/// Checks a published repository likewise, together with all that PackStore::check finds. Damaged and lost objects are
+/// faults, and the others are still checked. `progress` is called every 256 values with their number so far; it returns
+/// false to stop.
 std::vector<std::string> verify(const PackStore& packs, const Grid& grid, const SampleTree* tree = nullptr,
                                 unsigned threads = 0,
                                 const std::function<bool(std::uint64_t values)>& progress = nullptr);
 
-/// The same for the store of one shard: only its points are expected, and keys of other shards are faults.
+/// Checks the store of one shard likewise: only its points are expected, and keys of other shards are faults.
 base::Result<std::vector<std::string>> verifyShard(const Store& store, const Grid& grid, const Shard& shard,
                                                    const SampleTree* tree = nullptr, unsigned threads = 0);
 
@@ -38,8 +40,8 @@ struct RemovalCounts {
   std::uint64_t damaged = 0;  ///< values that verify would call wrong
   std::uint64_t orphans = 0;  ///< values whose key is no face of the shard, or not at a sampling point
 };
-/// Erases what verifyShard finds wrong, so that only missing faces are left to render. The checks are verify's, all of
-/// them: every value is decoded.
+/// Erases all values that verifyShard finds wrong, so that only missing faces are left to render. Every value is
+/// decoded, as verify does.
 base::Result<RemovalCounts> removeFaulty(Store& store, const Grid& grid, const Shard& shard,
                                          const SampleTree* tree = nullptr, unsigned threads = 0);
 

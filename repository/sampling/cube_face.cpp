@@ -13,8 +13,8 @@ struct Axes {
   glm::vec3 up;
 };
 
-// d = 0..5: +x −x +y −y +z −z (Okamoto 2011, figure 5). Faces around the horizon stand upright in a scene whose up is
-// +z; the two vertical ones have +y at the top.
+// The order is that of Okamoto 2011, figure 5. Faces around the horizon stand upright in a scene whose up is +z; the
+// two vertical ones have +y at the top.
 const std::array<Axes, 6> kFaces = {{
     {glm::vec3(1.0F, 0.0F, 0.0F), glm::vec3(0.0F, 0.0F, 1.0F)},
     {glm::vec3(-1.0F, 0.0F, 0.0F), glm::vec3(0.0F, 0.0F, 1.0F)},
@@ -48,7 +48,8 @@ base::Camera faceCamera(const Grid& grid, const FaceKey& key, float near_plane, 
   camera.eye_from_scene = glm::mat4(glm::transpose(glm::mat3(right, up, back)));
   camera.eye_from_scene[3] = glm::vec4(-(glm::mat3(camera.eye_from_scene) * camera.eye), 1.0F);
 
-  // 90° and aspect 1 (section 4.3) written as a frustum, so that x and y scale by 1 and not by 1 / tan(float π/4).
+  // A frustum makes x and y scale by exactly 1 at 90° and aspect 1 (section 4.3); a perspective matrix would scale by
+  // 1 / tan(float π/4).
   camera.clip_from_eye = glm::frustum(-near_plane, near_plane, -near_plane, near_plane, near_plane, far_plane);
   return camera;
 }

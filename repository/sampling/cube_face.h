@@ -1,5 +1,5 @@
 #pragma once
-// One of the six 90° faces around a sampling point, as a camera. d = 0..5: +x −x +y −y +z −z (Okamoto 2011,
+// The six 90° faces around a sampling point as cameras. d = 0..5 stands for +x −x +y −y +z −z (Okamoto 2011,
 // section 4.3).
 #include <cstdint>
 #include <glm/glm.hpp>
@@ -9,12 +9,12 @@
 
 namespace repository {
 
-/// The viewing direction of face d and its up vector. Up is +z for the horizontal faces and ±y … as cube_face.cpp
-/// tables say; the same table serves renderer, server and client, so only its consistency matters.
+/// The viewing direction of face d and its up vector: +z for the four horizontal faces, +y for the two vertical ones.
+/// Renderer, server and client use this one table, so that a face is drawn and looked up the same way.
 glm::vec3 faceDirection(std::uint32_t d);
 glm::vec3 faceUp(std::uint32_t d);
 
-/// The 90° camera of a face; near and far as for every camera (base::depthRangeFor).
+/// The 90° camera of a face. base::depthRangeFor gives its near and far planes, as for every camera.
 base::Camera faceCamera(const Grid& grid, const FaceKey& key, float near_plane, float far_plane);
 
 /// The face in which `direction` (not zero) lies.

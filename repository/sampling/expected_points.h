@@ -1,5 +1,5 @@
 #pragma once
-// The points of which a store should hold images, counted in Morton order.
+// The points whose images a store should hold, numbered in Morton order.
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <optional>
@@ -11,22 +11,23 @@
 
 namespace repository {
 
-/// All points of a shard, without a list of them; or of these the ones that a tree samples, listed.
+/// Without a tree this stands for all points of a shard and stores no list; with a tree it lists the shard's sampled
+/// points.
 class ExpectedPoints {
  public:
-  /// `tree`: null where all points of the grid are sampled; not kept.
+  /// `tree` is null where every point of the grid is sampled; the object keeps no reference to it.
   ExpectedPoints(const Grid& grid, const Shard& shard, const SampleTree* tree);
   std::uint64_t size() const { return listed_ ? codes_.size() : range_.size(); }
   /// The point at `place`, below size().
   glm::uvec3 at(std::uint64_t place) const;
-  /// The inverse; nothing for a point of the grid that is not among them.
+  /// The inverse of at(); nothing for a point of the grid that is not expected.
   std::optional<std::uint64_t> placeOf(const glm::uvec3& point) const;
 
  private:
   Grid grid_;
   PointRange range_;
   bool listed_ = false;
-  std::vector<std::uint64_t> codes_;  // of each point's first key, ascending; only when listed
+  std::vector<std::uint64_t> codes_;  // codes of the points' first keys, ascending; used only when listed_
 };
 
 }  // namespace repository

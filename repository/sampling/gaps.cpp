@@ -2,10 +2,10 @@
 
 namespace repository {
 
-void GapFinder::take(const FaceKey& key) {
+void GapFinder::addPresentKey(const FaceKey& key) {
   const auto place = placeOf(key);
   if (!place || *place < next_) return;
-  missUpTo(*place);
+  addGapUpTo(*place);
   next_ = *place + 1;
 }
 
@@ -14,7 +14,7 @@ FaceKey GapFinder::keyAt(std::uint64_t place) const {
   return {point.x, point.y, point.z, static_cast<std::uint32_t>(place % 6)};
 }
 
-// Faces of a point follow each other: the place is worked out once for them.
+// The six faces of a point come one after another, so the point's place is computed once for all of them.
 std::optional<std::uint64_t> GapFinder::placeOf(const FaceKey& key) {
   const glm::uvec3 point(key.x, key.y, key.z);
   if (!last_point_ || *last_point_ != point) {
@@ -24,7 +24,7 @@ std::optional<std::uint64_t> GapFinder::placeOf(const FaceKey& key) {
   return last_place_ ? std::optional(6 * *last_place_ + key.d) : std::nullopt;
 }
 
-void GapFinder::missUpTo(std::uint64_t place) {
+void GapFinder::addGapUpTo(std::uint64_t place) {
   if (place > next_) gaps_.push_back({keyAt(next_), keyAt(place - 1), place - next_});
   next_ = place;
 }

@@ -10,9 +10,9 @@ namespace repository {
 namespace {
 
 constexpr std::uint32_t kMaxCount = kMaxGridIndex + 1;
-constexpr std::uint32_t kMaxFaceSize = 16384;  // the largest side that jpeg and coverage take
+constexpr std::uint32_t kMaxFaceSize = 16384;  // pixels; decodeJpeg and decodeCoverage accept no larger side
 
-// Index of the cell that holds coordinate p along one axis, clamped to the grid. NaN goes to 0.
+// The index of the cell that holds coordinate p along one axis, clamped to the grid. NaN gives 0.
 std::uint32_t cellIndex(float p, float first, float spacing, std::uint32_t count) {
   const std::uint32_t last = count >= 2 ? count - 2 : 0;
   const float at = (p - first) / spacing;
@@ -20,7 +20,7 @@ std::uint32_t cellIndex(float p, float first, float spacing, std::uint32_t count
   return at >= static_cast<float>(last) ? last : static_cast<std::uint32_t>(at);
 }
 
-// Visits the octree of points depth first, children in Morton order: no sorting, no codes.
+// Visits the octree of points depth first with children in Morton order, which needs neither sorting nor codes.
 void visitInMortonOrder(const glm::uvec3& corner, std::uint32_t side, const glm::uvec3& count,
                         std::vector<glm::uvec3>& out) {
   if (corner.x >= count.x || corner.y >= count.y || corner.z >= count.z) return;
@@ -73,7 +73,7 @@ base::Result<Grid> Grid::decode(base::ByteReader& in) {
 
   if (!finite(grid.first) || !std::isfinite(grid.spacing) || grid.spacing <= 0.0F)
     return badGrid("a position or the spacing is not a usable number");
-  if (grid.count == glm::uvec3(0)) return grid;  // no repository
+  if (grid.count == glm::uvec3(0)) return grid;  // the scene has no repository
 
   for (int axis = 0; axis < 3; ++axis) {
     if (grid.count[axis] < 2 || grid.count[axis] > kMaxCount)
@@ -104,7 +104,8 @@ Grid makeGrid(const base::Aabb& model, std::uint32_t points_per_longest_side, fl
   const double spacing = longest / static_cast<double>(points_per_longest_side - 1);
   glm::dvec3 first;
   for (int axis = 0; axis < 3; ++axis) {
-    const double steps = std::ceil(side[axis] / spacing - 1e-6);  // 1e-6: a side equal to the longest but for rounding
+    // The 1e-6 keeps rounding from adding a step to a side as long as the longest.
+    const double steps = std::ceil(side[axis] / spacing - 1e-6);
     grid.count[axis] = std::clamp(static_cast<std::uint32_t>(std::max(steps, 1.0)) + 1, 2U, points_per_longest_side);
     first[axis] = center[axis] - 0.5 * spacing * static_cast<double>(grid.count[axis] - 1);
   }

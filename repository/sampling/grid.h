@@ -1,5 +1,5 @@
 #pragma once
-// The regular grid of sampling points around the model (Okamoto 2011, section 4.3; DESIGN section 5).
+// The regular grid of sampling points around the model (Okamoto 2011, section 4.3).
 #include <array>
 #include <cstdint>
 #include <glm/glm.hpp>
@@ -12,7 +12,7 @@
 
 namespace repository {
 
-/// Points at first + spacing · (x, y, z), 0 ≤ index < count. Scene-local units.
+/// The points lie at first + spacing · (x, y, z), 0 ≤ index < count, in scene-local units.
 struct Grid {
   glm::vec3 first{0.0F};
   float spacing = 1.0F;
@@ -26,7 +26,7 @@ struct Grid {
   std::uint64_t faceCount() const { return 6 * pointCount(); }
   bool contains(const FaceKey& key) const { return key.x < count.x && key.y < count.y && key.z < count.z && key.d < 6; }
 
-  /// Lower corner (x, y, z) of the cell that holds p, clamped so that all 8 corners exist.
+  /// The lower corner (x, y, z) of the cell that holds p, clamped so that all 8 corners exist.
   glm::uvec3 cellOf(const glm::vec3& p) const;
   /// The 8 corners of the cell that holds p.
   std::array<glm::uvec3, 8> cellCorners(const glm::vec3& p) const;
@@ -36,12 +36,12 @@ struct Grid {
   friend bool operator==(const Grid&, const Grid&) = default;
 };
 
-/// The viewing box: the model's box grown on every side by `margin` times its longest side (0.5: a box twice as large
-/// along the longest side, the paper's), with `points_per_longest_side` ≥ 2 sampling points along the longest side, and
-/// at least as dense along the others.
+/// Covers the viewing box, which is the model's box grown on every side by `margin` times its longest side (the paper
+/// uses 0.5: a box twice as large along the longest side), with `points_per_longest_side` ≥ 2 sampling points along the
+/// longest side and at least as dense ones along the others.
 Grid makeGrid(const base::Aabb& model, std::uint32_t points_per_longest_side, float margin, std::uint32_t face_size);
 
-/// The lower corner of child c of a cube at `corner`, children being cubes of side `half` in Morton order.
+/// The lower corner of child c of a cube at `corner`; the children are cubes of side `half` in Morton order.
 inline glm::uvec3 childCorner(const glm::uvec3& corner, std::uint32_t half, std::uint32_t c) {
   return corner + half * glm::uvec3(c & 1U, c >> 1 & 1U, c >> 2);
 }

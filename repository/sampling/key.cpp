@@ -7,7 +7,8 @@ namespace {
 
 constexpr std::uint64_t kEveryThird = 0x1249249249249249ULL;
 
-// Moves bit i of a 20-bit index to bit 3 i (Morton 1966), by halving the gap five times.
+// Moves bit i of a 20-bit index to bit 3 i (Morton 1966). Each of the five steps halves the distance that bits still
+// have to move.
 std::uint64_t spread(std::uint32_t index) {
   std::uint64_t bits = index & kMaxGridIndex;
   bits = (bits | bits << 32) & 0x001F00000000FFFFULL;
@@ -17,7 +18,7 @@ std::uint64_t spread(std::uint32_t index) {
   return (bits | bits << 2) & kEveryThird;
 }
 
-// The inverse of spread.
+// Inverts spread().
 std::uint32_t gather(std::uint64_t bits) {
   bits &= kEveryThird;
   bits = (bits | bits >> 2) & 0x10C30C30C30C30C3ULL;

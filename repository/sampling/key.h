@@ -9,14 +9,15 @@
 
 namespace repository {
 
-/// Largest index of a grid point along one axis, inclusive: 20 bits, so that a Morton code of three fits with d in 64.
+/// The largest index of a grid point along one axis. 20 bits an axis leave room for d in a 64-bit code.
 inline constexpr std::uint32_t kMaxGridIndex = (1U << 20) - 1;
 
 struct FaceKey {
   std::uint32_t x = 0, y = 0, z = 0;  ///< grid point, 0 … kMaxGridIndex
   std::uint32_t d = 0;                ///< 0..5: +x −x +y −y +z −z
 
-  /// Morton code of (x, y, z) in the upper bits, d in the lowest 3: neighbours in space are neighbours in the store.
+  /// The Morton code of (x, y, z) in the upper bits and d in the lowest 3, so that neighbours in space are neighbours
+  /// in the store.
   std::uint64_t code() const;
   static base::Result<FaceKey> fromCode(std::uint64_t code);  ///< error when d > 5 or high bits are set
 
@@ -24,7 +25,7 @@ struct FaceKey {
   friend auto operator<=>(const FaceKey& a, const FaceKey& b) { return a.code() <=> b.code(); }
 };
 
-/// "face (3, 0, 7, 5)", for messages.
+/// The key as messages name it: "face (3, 0, 7, 5)".
 std::string nameOf(const FaceKey& key);
 
 }  // namespace repository

@@ -11,7 +11,7 @@ namespace {
 
 using nlohmann::json;
 
-/// Three numbers, or false.
+/// Reads an array of three numbers; false when there is none.
 template <class Vector>
 bool readVector(const json& parent, const char* key, Vector& v) {
   const auto it = parent.find(key);
@@ -43,7 +43,7 @@ base::Result<Grid> gridFromMeta(const std::string& meta, const std::string& name
   grid.spacing = spacing->get<float>();
   grid.face_size = face_size->get<std::uint32_t>();
 
-  // The checks of values live in one place: where a grid is decoded.
+  // Grid::decode holds the only checks of a grid's values, so the grid passes through it.
   base::ByteWriter out;
   grid.encode(out);
   base::ByteReader in(out.view());

@@ -1,5 +1,5 @@
 #pragma once
-// What a store's meta text says (docs/formats/repository.md, "Parameters").
+// Reads the parameters that a store records in its meta text (docs/formats/repository.md, "Parameters").
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -10,17 +10,17 @@
 
 namespace repository {
 
-/// The grid that a store's meta text records, as server::bake writes it:
-/// {"grid": {"first": [x, y, z], "spacing": s, "count": [nx, ny, nz], "face_size": pixels}, …}. `name` is the store's,
-/// for the error.
+/// The grid that a meta text records, as server::bake writes it:
+/// {"grid": {"first": [x, y, z], "spacing": s, "count": [nx, ny, nz], "face_size": pixels}, …}. Errors name the store
+/// by `name`.
 base::Result<Grid> gridFromMeta(const std::string& meta, const std::string& name);
 
-/// The same with the tree that the text may hold (tree_text.h).
+/// The grid together with the tree that the text may hold (tree_text.h).
 base::Result<SampledPoints> sampledPointsFromMeta(const std::string& meta, const std::string& name);
 
-/// Whether two meta texts record the same parameters. What they say of trees is not looked at: those grow.
+/// Whether two meta texts record the same parameters. The tree of sampling points is no parameter and is ignored.
 bool sameParameters(const std::string& stored, const std::string& wanted);
-/// In what they differ, by the first line that does: "quality": 85, now "quality": 90.
+/// The first line in which two texts differ: "quality": 85, now "quality": 90.
 std::string firstDifference(const std::string& stored, const std::string& wanted);
 
 }  // namespace repository

@@ -11,7 +11,7 @@
 namespace repository {
 namespace {
 
-// All of `text` as a number of digits only.
+// Reads a text of decimal digits only.
 std::optional<std::uint32_t> wholeNumber(const std::string& text) {
   std::uint32_t value = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
@@ -19,7 +19,7 @@ std::optional<std::uint32_t> wholeNumber(const std::string& text) {
   return value;
 }
 
-// Points of the grid in the cube of `side` at `corner`.
+// The number of grid points in the cube of `side` at `corner`.
 std::uint64_t pointsInCube(const glm::uvec3& corner, std::uint32_t side, const glm::uvec3& count) {
   std::uint64_t points = 1;
   for (int axis = 0; axis < 3; ++axis) {
@@ -34,7 +34,7 @@ std::uint32_t halfOfRoot(const glm::uvec3& count) {
   return std::bit_ceil(std::max({count.x, count.y, count.z})) / 2;
 }
 
-// First rank of shard i: floor(points · i / n), without overflow.
+// The first rank of shard i is floor(points · i / n); this form does not overflow.
 std::uint64_t firstRank(std::uint64_t points, std::uint32_t index, std::uint32_t count) {
   return points / count * index + points % count * index / count;
 }

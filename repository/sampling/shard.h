@@ -1,7 +1,7 @@
 #pragma once
-// A grid divided among processes: shard i of n is the i-th of n contiguous ranges of its Morton order (DESIGN section
-// 5). Which points belong to a shard follows from grid, i and n alone, so that shards can be rendered anywhere, at any
-// time, in any order.
+// A grid divided among processes: shard i of n is the i-th of n contiguous ranges of its Morton order. Grid, i and n
+// alone decide which points belong to a shard, so that shards can be rendered anywhere, at any time, in any order
+// (docs/formats/repository.md, "Shards").
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <optional>
@@ -14,7 +14,7 @@
 
 namespace repository {
 
-/// Most shards of a repository: a reader may hold every shard's files open at once.
+/// A reader may hold every shard's files open at once, so their number is bounded; directory names have four digits.
 inline constexpr std::uint32_t kMaxShards = 4096;
 
 struct Shard {
@@ -23,14 +23,14 @@ struct Shard {
   friend bool operator==(const Shard&, const Shard&) = default;
 };
 
-/// "3/16"; an error that says what is wrong with it.
+/// Reads "3/16". The error says what is wrong with the text.
 base::Result<Shard> parseShard(const std::string& text);
 /// The shard's directory below images/: "shard-0003-of-0016".
 std::string directoryNameOf(const Shard& shard);
-/// The inverse; nothing for any other name.
+/// The inverse of directoryNameOf(); nothing for any other name.
 std::optional<Shard> shardOfDirectoryName(const std::string& name);
 
-/// Places first … end − 1 in the Morton order of a grid's points.
+/// The places first … end − 1 in the Morton order of a grid's points.
 struct PointRange {
   std::uint64_t first = 0, end = 0;
   std::uint64_t size() const { return end - first; }
@@ -38,24 +38,24 @@ struct PointRange {
   friend bool operator==(const PointRange&, const PointRange&) = default;
 };
 
-/// The shard's points: sizes differ by at most one, and some are empty where shards outnumber points.
+/// The shard's points. Sizes of shards differ by at most one; where shards outnumber points some are empty.
 PointRange pointsOf(const Shard& shard, const Grid& grid);
 
-/// How many points of the grid come before this one of its points in Morton order. No list of points is made: it
-/// follows from the counts, halving by halving.
+/// The number of grid points that come before `point` in Morton order. It goes down the octree and adds up the points
+/// of the cubes that it passes, so no list of points is made.
 std::uint64_t mortonRank(const Grid& grid, const glm::uvec3& point);
-/// The inverse: the point of the grid at place `rank`, rank < pointCount().
+/// The inverse of mortonRank(): the point of the grid at place `rank`, rank < pointCount().
 glm::uvec3 pointAtMortonRank(const Grid& grid, std::uint64_t rank);
 
-/// Which key belongs to which shard, by the first key of each.
+/// Finds the shard of a key by a binary search among the shards' first keys.
 class ShardLookup {
  public:
   ShardLookup(const Grid& grid, std::uint32_t count);
-  /// Of a key of the grid's.
+  /// The index of the shard that holds `key`, which must lie in the grid.
   std::uint32_t shardOf(const FaceKey& key) const;
 
  private:
-  std::vector<std::uint64_t> first_codes_;  // ascending; of an empty shard, that of the next one
+  std::vector<std::uint64_t> first_codes_;  // ascending; an empty shard has the first code of the next shard
 };
 
 }  // namespace repository

@@ -25,7 +25,7 @@ void decode(base::ByteView bytes) {
   const auto twice = repository::addCounts(file->counts, file->counts);
   LUMIGRID_CHECK_EQ(twice.faces.size(), file->counts.faces.size());
   LUMIGRID_CHECK(repository::decodeAccess(repository::encodeAccess(file->identity, twice)));
-  (void)repository::rankCells(twice, file->identity.grid);
+  (void)repository::rankPoints(twice);
 }
 
 template <class T>

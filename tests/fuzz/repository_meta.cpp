@@ -20,8 +20,8 @@ void divide(const repository::Grid& grid) {
   for (const std::uint64_t rank : {std::uint64_t{0}, points / 3, points - 1}) {
     const glm::uvec3 point = repository::pointAtMortonRank(grid, rank);
     LUMIGRID_CHECK_EQ(repository::mortonRank(grid, point), rank);
-    const repository::ShardLookup division(grid, 5);
-    const std::uint32_t index = division.shardOf({point.x, point.y, point.z, 0});
+    const repository::ShardLookup lookup(grid, 5);
+    const std::uint32_t index = lookup.shardOf({point.x, point.y, point.z, 0});
     LUMIGRID_CHECK(repository::pointsOf({index, 5}, grid).contains(rank));
   }
 }

@@ -234,38 +234,5 @@ TEST(AccessRank, pointsAddUpTheirFaces) {
   EXPECT_EQ(points[1].sent, 5U);
 }
 
-// Viewers walked through cells (1, 1, 1) and (2, 1, 1); what a session has sent it does not send again.
-TEST(AccessRank, visitedCellsComeBeforeTheirNeighbours) {
-  const Grid grid = smallIdentity().grid;
-  std::map<FaceKey, std::uint64_t> sent;
-  for (std::uint32_t x = 1; x <= 3; ++x)
-    for (std::uint32_t corner = 0; corner < 4; ++corner) sent[{x, 1 + (corner & 1), 1 + corner / 2, 0}] = 10;
-  sent.erase({2, 2, 2, 0});  // within the model: not stored
-  AccessCounts counts;
-  counts.faces.assign(sent.begin(), sent.end());
-
-  const auto cells = rankCells(counts, grid);
-  ASSERT_GE(cells.size(), 3U);
-  EXPECT_EQ(cells[0].lower, glm::uvec3(1, 1, 1));
-  EXPECT_EQ(cells[1].lower, glm::uvec3(2, 1, 1));
-  EXPECT_EQ(cells[0].use, 10U);
-  EXPECT_EQ(cells[0].sent, 70U);
-  for (std::size_t i = 2; i < cells.size(); ++i) EXPECT_EQ(cells[i].use, 0U) << "nobody was there";
-  for (const CellUse& cell : cells) EXPECT_TRUE(glm::all(glm::lessThan(cell.lower + 1U, grid.count)));
-}
-
-TEST(AccessRank, largerCellsOfAnOctreeAreRankedByTheirOwnCorners) {
-  const Grid grid = smallIdentity().grid;
-  AccessCounts counts;
-  for (const glm::uvec3& p : pointsInMortonOrder(grid))
-    if (p.x % 2 == 0 && p.y % 2 == 0 && p.z % 2 == 0) counts.faces.push_back({{p.x, p.y, p.z, 2}, 1 + p.x});
-  for (const CellUse& cell : rankCells(counts, grid, 1)) EXPECT_EQ(cell.use, 0U);
-  const auto cells = rankCells(counts, grid, 2);
-  ASSERT_EQ(cells.size(), 4U);  // 2 x 2 x 1
-  EXPECT_EQ(cells[0].lower, glm::uvec3(2, 0, 0));
-  EXPECT_EQ(cells[0].use, 3U);
-  EXPECT_EQ(cells[0].sent, 4U * 3U + 4U * 5U);
-}
-
 }  // namespace
 }  // namespace repository

@@ -63,10 +63,10 @@ TEST(Shard, shardsDivideThePointsWithoutGapOrOverlap) {
 TEST(Shard, everyKeyBelongsToTheShardWhoseRangeHoldsItsPoint) {
   for (const Grid& grid : grids()) {
     for (const std::uint32_t count : {1U, 2U, 3U, 7U, 100U}) {
-      const ShardLookup division(grid, count);
+      const ShardLookup lookup(grid, count);
       std::uint64_t rank = 0;
       for (const glm::uvec3& p : pointsInMortonOrder(grid)) {
-        const std::uint32_t index = division.shardOf({p.x, p.y, p.z, 5});
+        const std::uint32_t index = lookup.shardOf({p.x, p.y, p.z, 5});
         EXPECT_TRUE(pointsOf({index, count}, grid).contains(rank)) << index << " of " << count;
         ++rank;
       }
@@ -115,7 +115,7 @@ TEST(Gaps, areWhatLiesBetweenTheKeys) {
   const ExpectedPoints expected_points(grid, {1, 3}, nullptr);
   GapFinder finder(expected_points);
   for (std::size_t place = 0; place < 180; ++place)
-    if (place != 60 && (place < 70 || place > 75) && place != 119) finder.take(key(place));
+    if (place != 60 && (place < 70 || place > 75) && place != 119) finder.addPresentKey(key(place));
   finder.finish();
   const std::vector<Gap> expected = {{key(60), key(60), 1}, {key(70), key(75), 6}, {key(119), key(119), 1}};
   EXPECT_EQ(finder.gaps(), expected);
@@ -138,9 +138,9 @@ TEST(Gaps, areOfTheSampledPointsOnlyWhereThereIsATree) {
     EXPECT_FALSE(points.placeOf(other)) << other.x;
 
   GapFinder finder(points);
-  finder.take({0, 0, 0, 0});
-  finder.take({1, 0, 0, 3});  // nobody expects it, so it fills no gap
-  finder.take({0, 4, 0, 0});
+  finder.addPresentKey({0, 0, 0, 0});
+  finder.addPresentKey({1, 0, 0, 3});  // nobody expects it, so it fills no gap
+  finder.addPresentKey({0, 4, 0, 0});
   finder.finish();
   const std::vector<Gap> expected = {{{0, 0, 0, 1}, {4, 0, 0, 5}, 11}, {{0, 4, 0, 1}, {4, 4, 4, 5}, 29}};
   EXPECT_EQ(finder.gaps(), expected);
