@@ -37,7 +37,7 @@ _lumigrid_allow(cache          "base"                                           
 _lumigrid_allow(faces          "base"                                              "")
 _lumigrid_allow(jpeg           "base;faces"                                        "turbojpeg;JPEG::JPEG")
 _lumigrid_allow(packs          "base;sampling"                                     "")
-_lumigrid_allow(objects        "base;base_hash"                                    "OpenSSL::Crypto")
+_lumigrid_allow(objects        "base;base_hash"                                    "OpenSSL::Crypto;CURL::libcurl")
 _lumigrid_allow(repository     "base;base_hash;sampling;sampling_json;cache;faces;jpeg;packs;objects" "lmdb;nlohmann_json::nlohmann_json")
 _lumigrid_allow(protocol       "base;sampling"                                     "")
 _lumigrid_allow(plan           "base;lod_patch;sampling;protocol"                  "")

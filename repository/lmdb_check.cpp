@@ -8,17 +8,21 @@
 #include "base/bytes.h"
 #include "base/file.h"
 
-// The file of LMDB 0.9 on a 64-bit little-endian machine, after its source (mdb.c: MDB_meta, MDB_page, MDB_node,
-// MDB_db):
+// This is the layout of an LMDB 0.9 file on a 64-bit little-endian machine, after its source (mdb.c: MDB_meta,
+// MDB_page, MDB_node, MDB_db).
 //
-//   page   u64 number, u16 pad, u16 flags, u16 lower, u16 upper, then u16 offsets of nodes up to `lower`; nodes from
-//   `upper` on node   u16 low, u16 high, u16 flags, u16 key bytes, key, data      leaf: low + high = data bytes;
-//   branch: the three = page number table  u32 pad, u16 flags, u16 depth, u64 branch pages, u64 leaf pages, u64
-//   overflow pages, u64 entries, u64 root meta   page header, u32 magic, u32 version, u64 address, u64 map size, table
-//   of free pages, main table, u64 last page, u64 txn
+// clang-format off
+//   page   u64 number, u16 pad, u16 flags, u16 lower, u16 upper, then u16 offsets of nodes up to `lower`;
+//          the nodes lie from `upper` on
+//   node   u16 low, u16 high, u16 flags, u16 key bytes, key, data
+//          in a leaf low and high give the bytes of the data; in a branch low, high and flags give a page number
+//   table  u32 pad, u16 flags, u16 depth, u64 branch pages, u64 leaf pages, u64 overflow pages, u64 entries, u64 root
+//   meta   page header, u32 magic, u32 version, u64 address, u64 map size, table of free pages, main table,
+//          u64 last page, u64 transaction
+// clang-format on
 //
-// The free table's pad is the page size. The main table holds the named tables as nodes of 48 bytes. A value too large
-// for a node lies in overflow pages of its own: a page header, then the value.
+// The pad of the free table is the page size. The main table holds the named tables as nodes of 48 bytes. A value too
+// large for a node lies in overflow pages of its own: a page header, then the value.
 
 namespace repository {
 namespace {
@@ -30,8 +34,8 @@ constexpr std::uint16_t kBigData = 0x01, kSubTable = 0x02;                      
 constexpr std::uint16_t kIntegerKeys = 0x08;                                               // table flags
 constexpr std::uint64_t kNoPage = ~std::uint64_t{0};
 constexpr std::uint64_t kPageHeader = 16, kNodeHeader = 8, kTableBytes = 48;
-constexpr std::uint64_t kMaxBytes = std::uint64_t{1} << 46;  // no file is larger: half of what the system can map
-constexpr int kMaxDepth = 32;                                // LMDB's CURSOR_STACK
+constexpr std::uint64_t kMaxBytes = std::uint64_t{1} << 46;  // half of the address space of an x86-64 process
+constexpr int kMaxDepth = 32;                                // CURSOR_STACK in mdb.c
 
 struct Table {
   std::uint32_t pad = 0;
@@ -77,25 +81,25 @@ std::optional<Meta> readMeta(base::ByteView file, std::uint64_t offset) {
   return meta;
 }
 
-base::Error damaged(const std::string& directory, const std::string& what) {
+base::Error damagedError(const std::string& directory, const std::string& what) {
   return {base::ErrorCode::kInvalidInput,
           directory + "/data.mdb is damaged (" + what + "); delete the directory and build the images again"};
 }
 
-// Walks the trees and remembers which pages it met.
-class Walk {
+// Walks the trees, marks the pages that it reaches and keeps the first fault.
+class TreeWalker {
  public:
-  Walk(base::ByteView file, const Meta& meta, CheckDepth depth)
+  TreeWalker(base::ByteView file, const Meta& meta, CheckDepth depth)
       : file_(file),
         depth_(depth),
         page_bytes_(meta.free_pages.pad),
         last_page_(meta.last_page),
         pages_(std::min<std::uint64_t>(meta.last_page + 1, file.size() / page_bytes_)),
-        met_(pages_) {
-    if (pages_ >= 2) met_[0] = met_[1] = true;
+        reached_(pages_) {
+    if (pages_ >= 2) reached_[0] = reached_[1] = true;  // the meta pages
   }
 
-  void walk(const Meta& meta) {
+  void walkTrees(const Meta& meta) {
     walkTable(meta.main, true, 0);
     in_free_table_ = true;
     if ((meta.free_pages.flags & kIntegerKeys) == 0) fail("free list of another kind", 0);
@@ -115,12 +119,12 @@ class Walk {
     if (fault_.empty()) fault_ = what + " at page " + std::to_string(page);
   }
 
-  // Marks pages as met; false when one lies outside of the file or was met before.
-  bool meet(std::uint64_t first, std::uint64_t count) {
+  // Marks pages as reached; false when one lies outside of the file or was reached before.
+  bool markReached(std::uint64_t first, std::uint64_t count) {
     if (first >= pages_ || count > pages_ - first) return fail("a link out of the file", first), false;
     for (std::uint64_t page = first; page < first + count; ++page) {
-      if (met_[page]) return fail("a page in use twice", page), false;
-      met_[page] = true;
+      if (reached_[page]) return fail("a page in use twice", page), false;
+      reached_[page] = true;
     }
     return true;
   }
@@ -132,11 +136,11 @@ class Walk {
   }
 
   void walkPage(std::uint64_t number, int depth, bool holds_tables) {
-    if (!fault_.empty() || !meet(number, 1)) return;
+    if (!fault_.empty() || !markReached(number, 1)) return;
     const auto page = readPage(number, depth == 1 ? kLeaf : kBranch);
     if (!page) return;
-    const std::uint64_t least = depth > 1 && !in_free_table_ ? 2 : 1;
-    if (page->nodes() < least) return fail("a page without nodes", number);
+    const std::uint64_t min_nodes = depth > 1 && !in_free_table_ ? 2 : 1;
+    if (page->nodes() < min_nodes) return fail("a page without nodes", number);
     for (std::uint64_t i = 0; i < page->nodes() && fault_.empty(); ++i) walkNode(*page, number, i, depth, holds_tables);
   }
 
@@ -179,7 +183,7 @@ class Walk {
       const std::uint64_t first = in.u64();
       if (!in.ok()) return fail("a value's link out of its page", number);
       const std::uint64_t pages = (kPageHeader + bytes + page_bytes_ - 1) / page_bytes_;
-      if (!meet(first, pages)) return;
+      if (!markReached(first, pages)) return;
       if (depth_ == CheckDepth::kValues && !isOverflow(first, pages))
         return fail("a value's page of the wrong kind", first);
       data = file_.subspan(first * page_bytes_ + kPageHeader, bytes);
@@ -205,7 +209,7 @@ class Walk {
     return own_number == number && (flags & kKindMask) == kOverflow && in.u32() == pages;
   }
 
-  // A count, then that many numbers of free pages, falling.
+  // A free list is a count and then that many numbers of free pages in descending order.
   void walkFreeList(base::ByteView data, std::uint64_t number) {
     base::ByteReader in(data);
     const std::uint64_t count = in.u64();
@@ -214,9 +218,9 @@ class Walk {
     for (std::uint64_t i = 0; i < count; ++i) {
       const std::uint64_t page = in.u64();
       if (page >= before || page < 2) return fail("a free list out of order", number);
-      if (page > last_page_) return fail("a free page out of the file", number);  // a writer would take it
-      if (page < pages_ && met_[page]) return fail("a page in use and free", page);
-      if (page < pages_) met_[page] = true;
+      if (page > last_page_) return fail("a free page out of the file", number);  // a writer would write to it
+      if (page < pages_ && reached_[page]) return fail("a page in use and free", page);
+      if (page < pages_) reached_[page] = true;
       before = page;
     }
   }
@@ -225,8 +229,8 @@ class Walk {
   CheckDepth depth_;
   std::uint64_t page_bytes_;
   std::uint64_t last_page_;
-  std::uint64_t pages_;  // of these the ones that the file has
-  std::vector<bool> met_;
+  std::uint64_t pages_;  // pages up to last_page_ that the file has
+  std::vector<bool> reached_;
   bool in_free_table_ = false;
   std::string fault_;
 };
@@ -239,10 +243,10 @@ base::Result<void> checkLmdbHeader(const std::string& directory) {
     return file.error().code == base::ErrorCode::kNotFound ? base::Result<void>() : base::Result<void>(file.error());
   if (file->bytes().empty()) return {};
   const auto first = readMeta(file->bytes(), 0);
-  if (!first) return damaged(directory, "its first meta page is none");
+  if (!first) return damagedError(directory, "its first meta page is none");
   const auto second = readMeta(file->bytes(), first->free_pages.pad);
   if (!second || second->free_pages.pad != first->free_pages.pad)
-    return damaged(directory, "its second meta page is none");
+    return damagedError(directory, "its second meta page is none");
   return {};
 }
 
@@ -250,13 +254,13 @@ base::Result<void> checkLmdbTrees(const std::string& directory, std::uint64_t tx
   LUMIGRID_ASSIGN_OR_RETURN(const auto file, base::MappedFile::open(directory + "/data.mdb"));
   const auto first = readMeta(file.bytes(), 0);
   const auto second = first ? readMeta(file.bytes(), first->free_pages.pad) : first;
-  if (!first || !second) return damaged(directory, "no meta page");
+  if (!first || !second) return damagedError(directory, "no meta page");
   const Meta& meta = first->txn_id == txn_id ? *first : *second;
   if (meta.txn_id != txn_id)
     return base::Error{base::ErrorCode::kBusy, directory + ": its writer is quicker than we can look; try again"};
-  Walk walk(file.bytes(), meta, depth);
-  walk.walk(meta);
-  if (!walk.fault().empty()) return damaged(directory, walk.fault());
+  TreeWalker walker(file.bytes(), meta, depth);
+  walker.walkTrees(meta);
+  if (!walker.fault().empty()) return damagedError(directory, walker.fault());
   return {};
 }
 

@@ -1,5 +1,6 @@
 #pragma once
-// LMDB trusts its file: a wild page number in a damaged one is a crash. So we look at the file ourselves first.
+// LMDB trusts its file, and a wild page number in a damaged one makes it crash. These checks read the file before LMDB
+// does.
 #include <cstdint>
 #include <string>
 
@@ -7,18 +8,18 @@
 
 namespace repository {
 
-/// Before LMDB opens `directory`/data.mdb: are its two meta pages such that LMDB can work with their numbers? A file
-/// that is absent or of no bytes is fine: it will be made.
+/// Checks the two meta pages of `directory`/data.mdb before LMDB opens it, so that LMDB can work with their numbers. A
+/// file that is absent or empty passes, since LMDB creates it.
 base::Result<void> checkLmdbHeader(const std::string& directory);
 
-/// How far checkLmdbTrees looks. kKeys reads the pages of keys; kValues the first page of each large value too, whose
-/// header LMDB trusts when it frees the value: for writers.
+/// kKeys reads the pages of keys. kValues, for writers, also reads the first page of each large value, whose header
+/// LMDB trusts when it frees the value.
 enum class CheckDepth { kKeys, kValues };
 
-/// Walks the trees of the moment `txn_id`, whose read transaction the caller holds: every page that is reached lies in
-/// the file, is of the kind that its place needs, is reached once and is not free; every node lies in its page and
-/// every value in the file. kBusy: a writer has overwritten that moment's meta page; begin a new transaction and try
-/// again.
+/// Walks the trees of transaction `txn_id`, which the caller holds open for reading. Every page reached must lie in the
+/// file, be of the kind that its place needs, be reached once and not be free; every node must lie in its page and
+/// every value in the file. Errors: kInvalidInput; kBusy when a writer has overwritten that transaction's meta page,
+/// after which the caller begins a new transaction and tries again.
 base::Result<void> checkLmdbTrees(const std::string& directory, std::uint64_t txn_id, CheckDepth depth);
 
 }  // namespace repository

@@ -19,26 +19,26 @@ namespace {
 
 constexpr unsigned kMaxReaders = 1024;
 constexpr unsigned kMaxTables = 4;
-constexpr off_t kLockBytes = 64 * (kMaxReaders + 3);  // lock.mdb: a header and 64 bytes a reader
-constexpr std::uint64_t kSmallestMap = std::uint64_t{1} << 30;
-constexpr std::size_t kRoomBesides = std::size_t{1}
-                                     << 20;  // what a batch writes besides its values: pages of keys, free lists
-constexpr int kCheckAttempts = 50;           // a writer may overtake the check, but not that often
+constexpr off_t kLockBytes = 64 * (kMaxReaders + 3);  // lock.mdb has a header and 64 bytes a reader
+constexpr std::uint64_t kMinMapBytes = std::uint64_t{1} << 30;
+// Besides its values a batch writes pages of keys and free lists.
+constexpr std::size_t kExtraWriteBytes = std::size_t{1} << 20;
+constexpr int kCheckAttempts = 50;  // a writer may overtake the check a few times in a row
 
-// Readers take places in lock.mdb through a map: on a full disk a hole there would be SIGBUS, so its blocks are taken
-// now. Never while it is open in this process: closing a second descriptor would drop LMDB's locks.
+// Readers write to lock.mdb through a map, where a hole would raise SIGBUS on a full disk, so its blocks are allocated
+// here. This must not happen while the file is open in this process: closing a second descriptor drops LMDB's locks.
 base::Result<void> reserveLockFile(const std::string& directory) {
   const std::string path = directory + "/lock.mdb";
   const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
-  if (fd < 0) return {};  // a directory that may only be read; LMDB says what it thinks of it
+  if (fd < 0) return {};  // the directory may be read-only; LMDB reports what it cannot do
   const int code = ::posix_fallocate(fd, 0, kLockBytes);
   ::close(fd);
   if (code == ENOSPC || code == EDQUOT) return base::systemError(path, "make", code);
   return {};
 }
 
-// LMDB must not open a directory twice in one process (its locks are the process's), so handles share what is open.
-// Opening and closing happen under one mutex.
+// LMDB must not open a directory twice in one process, because its locks belong to the process. Handles therefore share
+// environments, which are opened and closed under one mutex.
 struct Registry {
   std::mutex mutex;
   std::map<std::string, std::pair<std::shared_ptr<LmdbEnvironment>, int>> open;
@@ -97,7 +97,7 @@ int reasonOfFailedWrite(const std::string& path, int code, std::size_t bytes) {
   rlimit limit{};
   if (::fstat(fd, &info) == 0 && ::getrlimit(RLIMIT_FSIZE, &limit) == 0) {
     const auto size = static_cast<std::uint64_t>(info.st_size);
-    const std::size_t room = bytes + kRoomBesides;
+    const std::size_t room = bytes + kExtraWriteBytes;
     if (limit.rlim_cur != RLIM_INFINITY && size + room > limit.rlim_cur) {
       code = EFBIG;
     } else if (::fallocate(fd, FALLOC_FL_KEEP_SIZE, info.st_size, static_cast<off_t>(room)) != 0) {
@@ -131,13 +131,13 @@ base::Result<std::shared_ptr<LmdbEnvironment>> LmdbEnvironment::open(const std::
     int code = ENOMEM;
     // Where the system refuses that much address space, a smaller map serves until it must grow.
     for (std::uint64_t bytes = options.map_bytes;
-         code == ENOMEM && (bytes == options.map_bytes || bytes >= kSmallestMap); bytes /= 4) {
+         code == ENOMEM && (bytes == options.map_bytes || bytes >= kMinMapBytes); bytes /= 4) {
       code = environment->openEnv(bytes, flags);
     }
     return code;
   };
 
-  // Read-write even for readers, so that a writer of the same process can share it; read-only where the disk is.
+  // Readers open it read-write too, so that a writer of the same process can share it, but read-only on such a disk.
   int code = attempt(options.durable ? 0 : MDB_NOSYNC);
   if (code == EACCES || code == EROFS || code == EPERM) {
     environment->read_only_ = true;
@@ -150,8 +150,8 @@ base::Result<std::shared_ptr<LmdbEnvironment>> LmdbEnvironment::open(const std::
   return environment;
 }
 
-// A damaged tree would make LMDB follow wild links, so we walk it first; the transaction keeps its pages from being
-// used again.
+// A damaged tree would make LMDB follow wild links, so we walk it first. The open transaction keeps its pages from
+// being reused meanwhile.
 base::Result<void> LmdbEnvironment::checkTrees(CheckDepth depth) {
   base::Result<void> sound;
   for (int attempt = 0; attempt < kCheckAttempts; ++attempt) {
@@ -178,7 +178,7 @@ int LmdbEnvironment::openTables(const std::vector<const char*>& names, bool crea
   if (create) {
     code = write([&](MDB_txn* txn) { return open_all(txn, MDB_CREATE); });
   } else {
-    // A table's handle outlives its transaction only when that is committed.
+    // A table's handle outlives its transaction only if that is committed.
     const std::shared_lock lock(mapping_);
     MDB_txn* raw = nullptr;
     code = mdb_txn_begin(env_.get(), nullptr, MDB_RDONLY, &raw);
@@ -195,8 +195,8 @@ void LmdbEnvironment::dropDeadReaders() {
   mdb_reader_check(env_.get(), &dead);
 }
 
-// The map may change only while no transaction of this process runs. LMDB is left without any map when the system
-// refuses the new one, so we ask the system first.
+// The map may change only while no transaction of this process runs. LMDB would be left without any map if the system
+// refused the new one, so a trial map asks the system first.
 int LmdbEnvironment::growMap() {
   const std::unique_lock lock(mapping_);
   MDB_envinfo info{};
@@ -208,7 +208,7 @@ int LmdbEnvironment::growMap() {
   return setMap(bytes);
 }
 
-// Another process has made the map larger.
+// Adopts the larger map of another process.
 int LmdbEnvironment::adoptMap() {
   const std::unique_lock lock(mapping_);
   return setMap(0);

@@ -1,6 +1,7 @@
 #pragma once
-// LMDB 0.9 with its traps met once (docs/formats/repository.md): the map size and the number of readers are set before
-// opening, MDB_NOTLS, one environment a process, files looked at before they are trusted.
+// Wraps an LMDB 0.9 environment and avoids its traps in one place (docs/formats/repository.md, "Using LMDB"): it sets
+// the map size and the number of readers before opening, uses MDB_NOTLS, opens one environment per directory and
+// process, and checks files before LMDB trusts them.
 #include <lmdb.h>
 
 #include <array>
@@ -19,21 +20,22 @@
 namespace repository {
 
 struct LmdbEnvironmentOptions {
-  /// Address space for the map. Smaller where the system refuses.
+  /// Address space for the map; less where the system refuses so much.
   std::uint64_t map_bytes = std::uint64_t{64} << 30;
-  /// Whether a write doubles a map that is full; otherwise it fails with MDB_MAP_FULL, and the file is never larger.
+  /// A write doubles a full map if this is set. Otherwise it fails with MDB_MAP_FULL, and the file never grows beyond
+  /// the map.
   bool grows = true;
-  /// Whether a commit returns only when the disk has it. Without that a power cut may damage the whole file.
+  /// A commit returns only when the disk has it. Without this a power cut may damage the whole file.
   bool durable = true;
 };
 
 class LmdbEnvironment {
  public:
-  /// Looks at the trees (CheckDepth::kKeys) too. Not twice in a process for one directory: use SharedLmdb.
+  /// Also checks the trees (CheckDepth::kKeys). A process must not open one directory twice, so callers use SharedLmdb.
   static base::Result<std::shared_ptr<LmdbEnvironment>> open(const std::string& directory,
                                                              const LmdbEnvironmentOptions& options);
 
-  /// Runs body(txn) in a read transaction of this moment. body returns an LMDB code.
+  /// Runs body(txn) in a read transaction. body returns an LMDB code.
   template <class Body>
   int read(const Body& body) {
     for (;;) {
@@ -50,7 +52,7 @@ class LmdbEnvironment {
     }
   }
 
-  /// Runs body(txn) in a write transaction and commits it; all of it again in a larger map when the map is full.
+  /// Runs body(txn) in a write transaction and commits it. When the map is full, both are repeated in a larger map.
   template <class Body>
   int write(const Body& body) {
     for (;;) {
@@ -63,11 +65,12 @@ class LmdbEnvironment {
 
   /// Errors: kInvalidInput when the file is damaged.
   base::Result<void> checkTrees(CheckDepth depth);
-  /// Opens (or makes) named tables; the same names at each call. MDB_NOTFOUND when one is absent and not to be made.
+  /// Opens named tables and creates absent ones if `create`; otherwise an absent one gives MDB_NOTFOUND. Each call
+  /// names the same tables.
   int openTables(const std::vector<const char*>& names, bool create);
-  /// The i-th of those.
+  /// The i-th of these tables.
   MDB_dbi table(std::size_t i) const { return tables_[i]; }
-  /// Gives places of readers that died back, so that the pages they held can be used again.
+  /// Frees the slots of readers that died, so that LMDB can reuse the pages that they held.
   void dropDeadReaders();
   bool readOnly() const { return read_only_; }
 
@@ -101,16 +104,16 @@ class LmdbEnvironment {
   std::unique_ptr<MDB_env, CloseEnv> env_;
   bool read_only_ = false;
   bool grows_ = true;
-  bool broken_ = false;  // LMDB has lost its map
+  bool broken_ = false;  // LMDB has lost its map and must not be called
   bool tables_open_ = false;
   std::vector<MDB_dbi> tables_;
 };
 
-/// A share in the one environment that this process has of a directory; the last one closes it.
+/// Shares the one environment that this process has of a directory. The last share closes it.
 class SharedLmdb {
  public:
-  /// `directory` by its one true name (std::filesystem::canonical). When it is open already, `options` are those of
-  /// the first.
+  /// `directory` is a canonical path (std::filesystem::canonical), so that two names cannot open one directory twice.
+  /// The options of the first open one hold.
   static base::Result<SharedLmdb> open(const std::string& directory, const LmdbEnvironmentOptions& options);
   SharedLmdb(SharedLmdb&&) noexcept = default;
   SharedLmdb& operator=(SharedLmdb&&) = delete;
@@ -125,18 +128,18 @@ class SharedLmdb {
   std::shared_ptr<LmdbEnvironment> environment_;
 };
 
-/// An LMDB code as one line that says what to do.
+/// Turns an LMDB code into one line that says what to do.
 base::Error storeError(const std::string& path, const std::string& action, int code);
 
-/// LMDB calls a write that was cut short EIO, and so hides a full disk, a quota or a limit. To know, this asks for that
-/// room itself.
+/// LMDB reports a short write as EIO, which hides a full disk, a quota or a limit. This function asks the system for
+/// that much room and returns the true reason.
 int reasonOfFailedWrite(const std::string& path, int code, std::size_t bytes);
 
-/// LMDB's locks and map need a local disk: on a network file system two machines would ruin the store (lmdb.h,
-/// "Caveats").
+/// Whether a path lies on a network file system. LMDB's locks and map need a local disk; two machines would ruin the
+/// store (lmdb.h, "Caveats").
 bool isOnNetwork(const std::string& path);
 
-/// A number as a key of which LMDB's order of bytes is the order of numbers.
+/// A number as a key whose order of bytes, which LMDB sorts by, is the order of numbers.
 using NumberKey = std::array<std::uint8_t, 8>;
 inline NumberKey bigEndian(std::uint64_t number) {
   NumberKey bytes;
@@ -144,7 +147,7 @@ inline NumberKey bigEndian(std::uint64_t number) {
   return bytes;
 }
 
-/// LMDB takes pointers to what it only reads without const.
+/// LMDB's interface has no const pointers, even for what it only reads.
 template <class Range>
 MDB_val valueOf(const Range& range) {
   return {range.size(), const_cast<void*>(static_cast<const void*>(range.data()))};

@@ -1,5 +1,5 @@
-// The store on LMDB: copies out of short transactions, durable commits, one writer. LMDB's other traps are met in
-// lmdb_environment.cpp.
+// The store on LMDB: values are copied out of short transactions, commits are durable, and there is one writer. The
+// file lmdb_environment.cpp handles LMDB's other traps.
 #include <fcntl.h>
 #include <lmdb.h>
 #include <sys/file.h>
@@ -20,12 +20,13 @@
 namespace repository {
 namespace {
 
-constexpr std::size_t kPortionValues = 256;                  // forEach: values copied in one transaction …
+// Portions bound the memory of a walk and keep its transactions short, since a writer cannot reuse pages meanwhile.
+constexpr std::size_t kPortionValues = 256;                  // values that forEach copies in one transaction …
 constexpr std::size_t kPortionBytes = std::size_t{8} << 20;  // … and their bytes
-constexpr std::size_t kPortionKeys = 65536;                  // forEachKey: keys copied in one transaction
-constexpr double kLockPatience = 0.2;                        // seconds
+constexpr std::size_t kPortionKeys = 65536;                  // keys that forEachKey copies in one transaction
+constexpr double kLockPatience = 0.2;                        // seconds; isBeingWritten holds the lock for microseconds
 const std::vector<const char*> kTables{"faces", "meta"};
-constexpr std::size_t kFaces = 0, kMeta = 1;  // places in kTables
+constexpr std::size_t kFaces = 0, kMeta = 1;  // indices into kTables
 const std::string kMetaKey = "parameters";
 
 base::Error openedForReading(const std::string& path) {
@@ -48,13 +49,13 @@ base::Result<FaceKey> keyFrom(const MDB_val& value) {
 
 // ---- The writer's lock ----
 
-// An flock on writer.lock: the system gives it back when its process dies. The file holds the writer's pid, for the
-// message only.
+// An flock on writer.lock, which the system releases when its process dies. The file holds the writer's pid for the
+// message that a second writer gets.
 class WriterLock {
  public:
-  static base::Result<WriterLock> take(const std::string& directory) {
+  static base::Result<WriterLock> acquire(const std::string& directory) {
     const std::string path = directory + "/writer.lock";
-    // Whoever only looks whether it is taken (isBeingWritten) has it for a moment.
+    // isBeingWritten() holds the lock for a moment, hence the patience.
     auto file = base::tryLockFile(path, kLockPatience);
     if (!file && file.error().code != base::ErrorCode::kBusy) return file.error();
     if (!file)
@@ -64,7 +65,7 @@ class WriterLock {
     lock.file_ = std::move(*file);
     const std::string pid = std::to_string(::getpid()) + "\n";
     if (::ftruncate(lock.file_.get(), 0) == 0 && ::pwrite(lock.file_.get(), pid.data(), pid.size(), 0) < 0)
-      errno = 0;  // a full disk may not stop us here
+      errno = 0;  // without the pid, as on a full disk, the lock still holds
     return lock;
   }
   WriterLock() = default;
@@ -111,8 +112,8 @@ class LmdbStore final : public Store {
 
   base::Result<void> putBatch(const std::vector<std::pair<FaceKey, base::Bytes>>& batch) override {
     if (!lock_.held()) return openedForReading(path_);
-    // Sorted, neighbours fall on the same pages: five times the speed. Stable, so that of two values for a key the last
-    // one stays.
+    // Sorted neighbours fall on the same pages, which makes writing five times as fast. The sort is stable, so that of
+    // two values for a key the last one stays.
     std::vector<std::pair<std::uint64_t, const base::Bytes*>> sorted;
     sorted.reserve(batch.size());
     std::size_t bytes_of_batch = 0;
@@ -151,7 +152,7 @@ class LmdbStore final : public Store {
     return {};
   }
 
-  // In portions: `visit` may take its time, and no transaction is open while it runs.
+  // Reads in portions, so that no transaction is open while `visit` runs, however long it takes.
   base::Result<void> forEach(const std::function<bool(const FaceKey&, base::ByteView)>& visit) const override {
     std::vector<std::pair<FaceKey, base::Bytes>> portion;
     for (std::uint64_t next = 0;;) {
@@ -220,10 +221,10 @@ class LmdbStore final : public Store {
     return 0;
   }
 
-  // Visits keys from code `next` on while take(key, value) says so; MDB_NOTFOUND when the end was reached. A key that
-  // is none ends the walk and is told in `keys`.
-  template <class Take>
-  int walk(MDB_txn* txn, std::uint64_t next, base::Result<void>& keys, const Take& take) const {
+  // Visits keys from code `next` on until visit(key, value) returns false; returns MDB_NOTFOUND when the end was
+  // reached. An invalid key ends the walk, and `keys` receives the error.
+  template <class Visit>
+  int visitFrom(MDB_txn* txn, std::uint64_t next, base::Result<void>& keys, const Visit& visit) const {
     MDB_cursor* raw = nullptr;
     if (const int code = mdb_cursor_open(txn, environment_->table(kFaces), &raw); code != 0) return code;
     const std::unique_ptr<MDB_cursor, decltype(&mdb_cursor_close)> cursor(raw, mdb_cursor_close);
@@ -238,7 +239,7 @@ class LmdbStore final : public Store {
         keys = key.error();
         return 0;
       }
-      more = take(*key, value);
+      more = visit(*key, value);
     }
     return code;
   }
@@ -246,7 +247,7 @@ class LmdbStore final : public Store {
   int copyPortion(MDB_txn* txn, std::uint64_t next, std::vector<std::pair<FaceKey, base::Bytes>>& out,
                   base::Result<void>& keys) const {
     std::size_t bytes = 0;
-    return walk(txn, next, keys, [&](const FaceKey& key, const MDB_val& value) {
+    return visitFrom(txn, next, keys, [&](const FaceKey& key, const MDB_val& value) {
       out.emplace_back(key, base::Bytes(viewOf(value).begin(), viewOf(value).end()));
       bytes += value.mv_size;
       return out.size() < kPortionValues && bytes < kPortionBytes;
@@ -254,7 +255,7 @@ class LmdbStore final : public Store {
   }
 
   int copyKeys(MDB_txn* txn, std::uint64_t next, std::vector<FaceKey>& out, base::Result<void>& keys) const {
-    return walk(txn, next, keys, [&](const FaceKey& key, const MDB_val&) {
+    return visitFrom(txn, next, keys, [&](const FaceKey& key, const MDB_val&) {
       out.push_back(key);
       return out.size() < kPortionKeys;
     });
@@ -265,7 +266,7 @@ class LmdbStore final : public Store {
   WriterLock lock_;
 };
 
-// The directory by its one true name, made first when it is to be written.
+// The canonical path of the directory, which a writer creates first.
 base::Result<std::string> directoryOf(const std::string& path, StoreMode mode) {
   std::error_code failed;
   if (mode == StoreMode::kWrite) {
@@ -289,7 +290,7 @@ base::Result<std::unique_ptr<Store>> openLmdbStore(const std::string& path, Stor
   LUMIGRID_ASSIGN_OR_RETURN(auto directory, directoryOf(path, mode));
   WriterLock lock;
   if (mode == StoreMode::kWrite) {
-    LUMIGRID_ASSIGN_OR_RETURN(auto taken, WriterLock::take(directory));
+    LUMIGRID_ASSIGN_OR_RETURN(auto taken, WriterLock::acquire(directory));
     lock = std::move(taken);
   }
 
@@ -322,12 +323,12 @@ bool isBeingWritten(const std::string& path) {
 base::Result<void> removeLmdbStore(const std::string& path) {
   std::error_code failed;
   if (!std::filesystem::is_directory(path, failed)) return {};
-  LUMIGRID_ASSIGN_OR_RETURN(const auto lock, WriterLock::take(path));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto lock, WriterLock::acquire(path));
   for (const char* name : {"data.mdb", "lock.mdb", "writer.lock"}) {
     std::filesystem::remove(std::filesystem::path(path) / name, failed);
     if (failed) return base::systemError(path + "/" + name, "remove", failed.value());
   }
-  std::filesystem::remove(path, failed);  // only when empty: what else is there is not ours
+  std::filesystem::remove(path, failed);  // fails unless it is empty: other files in it are not ours
   return {};
 }
 

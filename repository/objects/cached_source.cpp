@@ -13,12 +13,12 @@ using base::Error;
 using base::ErrorCode;
 using base::Result;
 
-// A block that a read needs, and how it comes: found, fetched by us, or by another thread.
-struct CachedSource::Wanted {
+// A block that a read needs. It is found in the cache, fetched by this thread, or fetched by another one.
+struct CachedSource::BlockRequest {
   std::uint64_t number = 0;
-  Block block;
-  std::optional<std::promise<Fetched>> ours;  // claimed: others wait for it
-  std::shared_future<Fetched> coming;
+  Block block;                                       // null until it is found or fetched
+  std::optional<std::promise<FetchResult>> promise;  // set while this thread fetches it: others wait for it
+  std::shared_future<FetchResult> result;
 };
 
 Result<std::unique_ptr<CachedSource>> CachedSource::open(std::shared_ptr<const ObjectSource> source,
@@ -28,16 +28,16 @@ Result<std::unique_ptr<CachedSource>> CachedSource::open(std::shared_ptr<const O
   return std::unique_ptr<CachedSource>(new CachedSource(std::move(source), std::move(cache), options));
 }
 
-PieceId CachedSource::idOf(const std::string& name, const std::string& piece) const {
+CacheKey CachedSource::keyOf(const std::string& name, const std::string& entry) const {
   const base::Sha256Digest digest =
-      base::sha256(base::viewOfText(source_->place() + "\n" + options_.version + "\n" + name + "\n" + piece));
-  PieceId id;
-  std::copy_n(digest.begin(), id.size(), id.begin());
-  return id;
+      base::sha256(base::viewOfText(source_->place() + "\n" + options_.version + "\n" + name + "\n" + entry));
+  CacheKey key;
+  std::copy_n(digest.begin(), key.size(), key.begin());
+  return key;
 }
 
-CachedSource::Block CachedSource::find(const std::string& name, std::uint64_t block) const {
-  auto bytes = cache_->get(idOf(name, std::to_string(block)));
+CachedSource::Block CachedSource::findBlock(const std::string& name, std::uint64_t block) const {
+  auto bytes = cache_->get(keyOf(name, std::to_string(block)));
   if (!bytes) return nullptr;
   ++found_;
   return std::make_shared<const Bytes>(std::move(*bytes));
@@ -49,14 +49,14 @@ Result<std::uint64_t> CachedSource::size(const std::string& name) const {
     const std::lock_guard lock(mutex_);
     if (const auto it = sizes_.find(name); it != sizes_.end()) return it->second;
   }
-  const PieceId id = idOf(name, "size");
+  const CacheKey key = keyOf(name, "size");
   std::uint64_t bytes = 0;
-  if (const auto kept = cache_->get(id); kept && kept->size() == sizeof(bytes)) {
-    std::memcpy(&bytes, kept->data(), sizeof(bytes));
+  if (const auto cached = cache_->get(key); cached && cached->size() == sizeof(bytes)) {
+    std::memcpy(&bytes, cached->data(), sizeof(bytes));
   } else {
-    LUMIGRID_ASSIGN_OR_RETURN(const auto asked, source_->size(name));
-    bytes = asked;
-    cache_->put({{id, {reinterpret_cast<const std::uint8_t*>(&bytes), sizeof(bytes)}}});
+    LUMIGRID_ASSIGN_OR_RETURN(const auto at_source, source_->size(name));
+    bytes = at_source;
+    cache_->put({{key, {reinterpret_cast<const std::uint8_t*>(&bytes), sizeof(bytes)}}});
   }
   const std::lock_guard lock(mutex_);
   return sizes_.emplace(name, bytes).first->second;
@@ -71,98 +71,100 @@ Result<Bytes> CachedSource::read(const std::string& name, std::uint64_t offset, 
                                                std::to_string(offset) + " on; it is truncated, publish it again"};
   if (length == 0) return Bytes();
 
-  // Which blocks, and which of them are here.
+  // The blocks of the range, and those of them that are in the cache.
   const std::uint64_t first = offset / kBlockBytes;
-  std::vector<Wanted> wanted((offset + length - 1) / kBlockBytes - first + 1);
-  for (std::size_t i = 0; i < wanted.size(); ++i) {
-    wanted[i].number = first + i;
-    wanted[i].block = find(name, first + i);
+  std::vector<BlockRequest> requests((offset + length - 1) / kBlockBytes - first + 1);
+  for (std::size_t i = 0; i < requests.size(); ++i) {
+    requests[i].number = first + i;
+    requests[i].block = findBlock(name, first + i);
   }
 
-  // Our own claims are met before we wait for those of others, so no two threads wait for each other.
-  claim(name, wanted);
-  fetchClaimed(name, whole, wanted);
-  for (Wanted& w : wanted) {
-    if (w.block != nullptr) continue;
-    const Fetched& fetched = w.coming.get();
-    if (!fetched) return fetched.error();
-    w.block = *fetched;
+  // A thread fetches the blocks it has claimed before it waits for those of others, so no two threads wait for each
+  // other.
+  claimMissing(name, requests);
+  fetchClaimed(name, whole, requests);
+  for (BlockRequest& request : requests) {
+    if (request.block != nullptr) continue;
+    const FetchResult& result = request.result.get();
+    if (!result) return result.error();
+    request.block = *result;
   }
 
   Bytes bytes;
   bytes.reserve(length);
-  for (const Wanted& w : wanted) {
-    const std::uint64_t start = w.number * kBlockBytes;
+  for (const BlockRequest& request : requests) {
+    const std::uint64_t start = request.number * kBlockBytes;
     const std::uint64_t begin = std::max(offset, start) - start;
     const std::uint64_t end = std::min(offset + length - start, kBlockBytes);
-    // A block that was kept when the object was another one.
-    if (w.block->size() < end) return source_->read(name, offset, length);
-    bytes.insert(bytes.end(), w.block->begin() + static_cast<std::ptrdiff_t>(begin),
-                 w.block->begin() + static_cast<std::ptrdiff_t>(end));
+    // A block too short was cached when a shorter object had this name.
+    if (request.block->size() < end) return source_->read(name, offset, length);
+    bytes.insert(bytes.end(), request.block->begin() + static_cast<std::ptrdiff_t>(begin),
+                 request.block->begin() + static_cast<std::ptrdiff_t>(end));
   }
   return bytes;
 }
 
-// Each missing block is claimed, or else somebody has it in flight already.
-void CachedSource::claim(const std::string& name, std::vector<Wanted>& wanted) const {
+// Claims each missing block, unless another thread is fetching it already.
+void CachedSource::claimMissing(const std::string& name, std::vector<BlockRequest>& requests) const {
   const std::lock_guard lock(mutex_);
-  for (Wanted& w : wanted) {
-    if (w.block != nullptr) continue;
-    auto& coming = in_flight_[{name, w.number}];
-    if (coming.valid()) {
+  for (BlockRequest& request : requests) {
+    if (request.block != nullptr) continue;
+    auto& result = in_flight_[{name, request.number}];
+    if (result.valid()) {
       ++shared_;
     } else {
-      w.ours.emplace();
-      coming = w.ours->get_future().share();
+      request.promise.emplace();
+      result = request.promise->get_future().share();
     }
-    w.coming = coming;
+    request.result = result;
   }
 }
 
-void CachedSource::fetchClaimed(const std::string& name, std::uint64_t size, std::vector<Wanted>& wanted) const {
-  // Another thread may have brought a block between our look and our claim.
-  for (Wanted& w : wanted)
-    if (w.ours)
-      if (const Block block = find(name, w.number); block != nullptr) deliver(name, w, block);
+void CachedSource::fetchClaimed(const std::string& name, std::uint64_t size,
+                                std::vector<BlockRequest>& requests) const {
+  // Another thread may have cached a block between our look-up and our claim.
+  for (BlockRequest& request : requests)
+    if (request.promise)
+      if (const Block block = findBlock(name, request.number); block != nullptr) deliver(name, request, block);
 
-  const auto is_claimed = [](const Wanted& w) { return w.ours.has_value(); };
-  Wanted* const end = wanted.data() + wanted.size();
-  for (Wanted* run = wanted.data(); (run = std::find_if(run, end, is_claimed)) != end;) {
-    Wanted* const run_end = std::find_if_not(run, end, is_claimed);
+  const auto is_claimed = [](const BlockRequest& request) { return request.promise.has_value(); };
+  BlockRequest* const end = requests.data() + requests.size();
+  for (BlockRequest* run = requests.data(); (run = std::find_if(run, end, is_claimed)) != end;) {
+    BlockRequest* const run_end = std::find_if_not(run, end, is_claimed);
     fetchRun(name, size, run, run_end);
     run = run_end;
   }
 }
 
-// Neighbouring blocks by one read.
-void CachedSource::fetchRun(const std::string& name, std::uint64_t size, Wanted* first, Wanted* end) const {
+// Fetches neighbouring blocks by one read.
+void CachedSource::fetchRun(const std::string& name, std::uint64_t size, BlockRequest* first, BlockRequest* end) const {
   const std::uint64_t offset = first->number * kBlockBytes;
   const std::uint64_t length = std::min(size - offset, static_cast<std::uint64_t>(end - first) * kBlockBytes);
   ++fetches_;
   const auto bytes = source_->read(name, offset, length);
   if (!bytes) {
-    for (Wanted* w = first; w != end; ++w) deliver(name, *w, bytes.error());
+    for (BlockRequest* request = first; request != end; ++request) deliver(name, *request, bytes.error());
     return;
   }
-  std::vector<std::pair<PieceId, base::ByteView>> pieces;
-  for (Wanted* w = first; w != end; ++w) {
-    const std::uint64_t at = (w->number - first->number) * kBlockBytes;
-    pieces.emplace_back(idOf(name, std::to_string(w->number)),
+  std::vector<std::pair<CacheKey, base::ByteView>> blocks;
+  for (BlockRequest* request = first; request != end; ++request) {
+    const std::uint64_t at = (request->number - first->number) * kBlockBytes;
+    blocks.emplace_back(keyOf(name, std::to_string(request->number)),
                         base::ByteView(*bytes).subspan(at, std::min(kBlockBytes, length - at)));
   }
-  // Kept before it is delivered: who asks later finds it.
-  cache_->put(pieces);
-  fetched_ += pieces.size();
-  for (std::size_t i = 0; i < pieces.size(); ++i)
-    deliver(name, first[i], std::make_shared<const Bytes>(pieces[i].second.begin(), pieces[i].second.end()));
+  // The blocks are cached before they are delivered, so that a thread that asks in between finds them.
+  cache_->put(blocks);
+  fetched_ += blocks.size();
+  for (std::size_t i = 0; i < blocks.size(); ++i)
+    deliver(name, first[i], std::make_shared<const Bytes>(blocks[i].second.begin(), blocks[i].second.end()));
 }
 
-void CachedSource::deliver(const std::string& name, Wanted& wanted, const Fetched& fetched) const {
-  if (fetched) wanted.block = *fetched;
-  wanted.ours->set_value(fetched);
-  wanted.ours.reset();
+void CachedSource::deliver(const std::string& name, BlockRequest& request, const FetchResult& result) const {
+  if (result) request.block = *result;
+  request.promise->set_value(result);
+  request.promise.reset();
   const std::lock_guard lock(mutex_);
-  in_flight_.erase({name, wanted.number});
+  in_flight_.erase({name, request.number});
 }
 
 CacheCounts CachedSource::counts() const {

@@ -23,7 +23,7 @@ Error badName(const std::string& place, const std::string& name) {
   return {ErrorCode::kInvalidInput, place + ": no object can be named '" + name + "'"};
 }
 
-// A file or directory, open for reading; or errno says why not.
+// Opens a file or directory for reading; on failure errno says why.
 base::FileDescriptor openToRead(const std::string& path) {
   return base::FileDescriptor(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
 }
@@ -37,7 +37,7 @@ class DirectorySource final : public ObjectSource {
     if (!isObjectName(name)) return badName(place_, name);
     const base::FileDescriptor file = openToRead(path);
     if (!file) return base::systemError(path, "open", errno);
-    // The length may be anything that a damaged index says: no memory before it is known to be there.
+    // A damaged index may ask for any length, so memory is allocated only after the file is known to be that long.
     struct stat info {};
     if (::fstat(file.get(), &info) != 0) return base::systemError(path, "read", errno);
     if (!S_ISREG(info.st_mode)) return base::systemError(path, "read", EISDIR);
@@ -105,7 +105,7 @@ class DirectorySink final : public ObjectSink {
     const bool exists = fs::exists(root / prefix, error);
     if (error) return base::systemError(place_, "list", error.value());
     if (!exists) return names;
-    // Others may keep here what is not ours: folders that we may not read (lost+found), links to nothing.
+    // Other programs may keep files here: folders that we may not read (lost+found), dangling links.
     constexpr auto kSkip = fs::directory_options::skip_permission_denied;
     for (fs::recursive_directory_iterator it(root / prefix, kSkip, error), end; !error && it != end;
          it.increment(error)) {
@@ -134,7 +134,7 @@ class DirectorySink final : public ObjectSink {
     const fs::path path = fs::path(place_) / name;
     fs::create_directories(path.parent_path(), error);
     if (error) return base::systemError(path.parent_path().string(), "make this directory", error.value());
-    base::removeUnfinished(path.string());  // of a publisher that was killed
+    base::removeUnfinished(path.string());  // a killed publisher may have left it
     return {};
   }
 
@@ -166,8 +166,8 @@ Result<std::unique_ptr<ObjectSink>> openDirectorySink(const std::string& place) 
   std::error_code error;
   fs::create_directories(place, error);
   if (error) return base::systemError(place, "make this directory", error.value());
-  // Two publishers would take each other's temporary files for those of a killed one. A lock on the directory itself
-  // leaves no file behind; where the file system has none (some network ones), we go on without.
+  // Two publishers would take each other's temporary files for those of a killed one, so the directory is locked. A
+  // lock on the directory itself leaves no file behind. File systems without locks (some network ones) go unlocked.
   base::FileDescriptor lock = openToRead(place);
   if (!lock) return base::systemError(place, "open", errno);
   if (::flock(lock.get(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)

@@ -1,5 +1,5 @@
 #pragma once
-// HMAC-SHA-256 (RFC 2104) over OpenSSL.
+// Computes HMAC-SHA-256 (RFC 2104) with OpenSSL.
 #include <cstdint>
 #include <string_view>
 

@@ -1,5 +1,7 @@
 #include "repository/objects/http_client.h"
 
+#include <curl/curl.h>
+
 #include <algorithm>
 #include <array>
 #include <cctype>
@@ -10,7 +12,6 @@
 #include <utility>
 
 #include "base/check.h"
-#include "repository/objects/curl_library.h"
 
 namespace repository {
 namespace {
@@ -20,22 +21,18 @@ using base::ErrorCode;
 using base::Result;
 using std::chrono::milliseconds;
 
+// Real servers send less than 8 KiB of headers, and an error's page is read for its message only.
 constexpr std::size_t kMaxHeaderBytes = std::size_t{64} << 10;
 constexpr std::size_t kMaxErrorBytes = std::size_t{64} << 10;
-constexpr std::size_t kFirstReserve = std::size_t{1} << 20;  // taken at once; the rest as it comes
-constexpr long kStallBytesPerSecond = 1024;
-
-// What has a handle has the library.
-const CurlLibrary& curl() {
-  return *curlLibrary();
-}
+constexpr std::size_t kFirstReserve = std::size_t{1} << 20;  // reserved with the first bytes of a body
+constexpr long kStallBytesPerSecond = 1024;                  // the "1 KiB/s" of HttpOptions::stall_timeout
 
 struct CloseHandle {
-  void operator()(CURL* handle) const { curl().easy_cleanup(handle); }
+  void operator()(CURL* handle) const { curl_easy_cleanup(handle); }
 };
 using Handle = std::unique_ptr<CURL, CloseHandle>;
 struct FreeList {
-  void operator()(curl_slist* list) const { curl().slist_free_all(list); }
+  void operator()(curl_slist* list) const { curl_slist_free_all(list); }
 };
 using HeaderList = std::unique_ptr<curl_slist, FreeList>;
 
@@ -46,51 +43,52 @@ std::string lowerCase(std::string text) {
 
 // --- Receiving
 
-// What one try has received so far. Nothing in it grows beyond its bound, whatever the server sends.
-struct Receipt {
+// The part of an answer that has arrived so far. Nothing in it grows beyond its bound, whatever the server sends.
+struct ReceivedResponse {
   HttpResponse response;
-  std::uint64_t most_bytes = 0;
+  std::uint64_t max_body_bytes = 0;
   std::size_t header_bytes = 0;
   bool headers_too_long = false;
-  bool headers_whole = false;
+  bool headers_complete = false;
 
-  bool isGood() const { return response.status < 300; }
-  bool startAnswer(const std::string& status_line);
+  bool isSuccess() const { return response.status < 300; }
+  bool startResponse(const std::string& status_line);
   bool addHeader(const std::string& line);
   bool addBody(base::ByteView bytes);
 
  private:
   bool announcesTooMuch() const {
-    return isGood() && std::strtoull(response.header("content-length").c_str(), nullptr, 10) > most_bytes;
+    return isSuccess() && std::strtoull(response.header("content-length").c_str(), nullptr, 10) > max_body_bytes;
   }
 };
 
-// "HTTP/1.1 206 Partial Content". A redirect or a 100 Continue has one of its own before: the last one counts.
-bool Receipt::startAnswer(const std::string& status_line) {
+// Reads a line such as "HTTP/1.1 206 Partial Content". A redirect or a 100 Continue sends a status line of its own
+// before; the last one counts.
+bool ReceivedResponse::startResponse(const std::string& status_line) {
   response = {};
-  headers_whole = false;
+  headers_complete = false;
   const auto space = status_line.find(' ');
   if (space != std::string::npos) response.status = std::atoi(status_line.c_str() + space);
   return true;
 }
 
-bool Receipt::addHeader(const std::string& line) {
+bool ReceivedResponse::addHeader(const std::string& line) {
   header_bytes += line.size();
   headers_too_long = header_bytes > kMaxHeaderBytes;
   if (headers_too_long) return false;
-  if (line.rfind("HTTP/", 0) == 0) return startAnswer(line);
-  if (line == "\r\n" || line == "\n") headers_whole = true;
+  if (line.rfind("HTTP/", 0) == 0) return startResponse(line);
+  if (line == "\r\n" || line == "\n") headers_complete = true;
   if (const auto colon = line.find(':'); colon != std::string::npos)
     response.headers[lowerCase(line.substr(0, colon))] = trimmed(line.substr(colon + 1));
   return true;
 }
 
-// False stops the transfer.
-bool Receipt::addBody(base::ByteView bytes) {
+// Returns false to stop the transfer.
+bool ReceivedResponse::addBody(base::ByteView bytes) {
   base::Bytes& body = response.body;
-  const std::uint64_t limit = isGood() ? most_bytes : kMaxErrorBytes;
+  const std::uint64_t limit = isSuccess() ? max_body_bytes : kMaxErrorBytes;
   if (bytes.size() > limit - body.size() || (body.empty() && announcesTooMuch())) {
-    if (isGood()) {
+    if (isSuccess()) {
       response.too_long = true;
     } else {
       body.insert(body.end(), bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(limit - body.size()));
@@ -104,106 +102,108 @@ bool Receipt::addBody(base::ByteView bytes) {
   return true;
 }
 
-extern "C" std::size_t receiveHeader(char* data, std::size_t size, std::size_t count, void* receipt) {
-  return static_cast<Receipt*>(receipt)->addHeader({data, size * count}) ? size * count : 0;
+extern "C" std::size_t receiveHeader(char* data, std::size_t size, std::size_t count, void* received) {
+  return static_cast<ReceivedResponse*>(received)->addHeader({data, size * count}) ? size * count : 0;
 }
 
-extern "C" std::size_t receiveBody(char* data, std::size_t size, std::size_t count, void* receipt) {
+extern "C" std::size_t receiveBody(char* data, std::size_t size, std::size_t count, void* received) {
   const base::ByteView bytes(reinterpret_cast<const std::uint8_t*>(data), size * count);
-  return static_cast<Receipt*>(receipt)->addBody(bytes) ? bytes.size() : 0;
+  return static_cast<ReceivedResponse*>(received)->addBody(bytes) ? bytes.size() : 0;
 }
 
-// --- One try
+// --- One attempt
 
 template <class Value>
-void set(const Handle& handle, CURLoption option, Value value) {
-  LUMIGRID_CHECK(curl().easy_setopt(handle.get(), option, value) == CURLE_OK);
+void setOption(const Handle& handle, CURLoption option, Value value) {
+  LUMIGRID_CHECK(curl_easy_setopt(handle.get(), option, value) == CURLE_OK);
 }
 
 void setLimits(const Handle& handle, const HttpOptions& options) {
-  set(handle, CURLOPT_NOSIGNAL, 1L);
-  set(handle, CURLOPT_CONNECTTIMEOUT_MS, static_cast<long>(options.connect_timeout.count()));
-  set(handle, CURLOPT_LOW_SPEED_LIMIT, kStallBytesPerSecond);
-  set(handle, CURLOPT_LOW_SPEED_TIME, static_cast<long>(options.stall_timeout.count()));
-  set(handle, CURLOPT_MAXCONNECTS, 2L);
-  set(handle, CURLOPT_TCP_KEEPALIVE, 1L);
-  set(handle, CURLOPT_NETRC, static_cast<long>(CURL_NETRC_OPTIONAL));  // names and passwords stay out of addresses
-  if (!options.ca_file.empty()) set(handle, CURLOPT_CAINFO, options.ca_file.c_str());
+  setOption(handle, CURLOPT_NOSIGNAL, 1L);
+  setOption(handle, CURLOPT_CONNECTTIMEOUT_MS, static_cast<long>(options.connect_timeout.count()));
+  setOption(handle, CURLOPT_LOW_SPEED_LIMIT, kStallBytesPerSecond);
+  setOption(handle, CURLOPT_LOW_SPEED_TIME, static_cast<long>(options.stall_timeout.count()));
+  setOption(handle, CURLOPT_MAXCONNECTS, 2L);
+  setOption(handle, CURLOPT_TCP_KEEPALIVE, 1L);
+  setOption(handle, CURLOPT_NETRC,
+            static_cast<long>(CURL_NETRC_OPTIONAL));  // passwords come from ~/.netrc, not addresses
+  if (!options.ca_file.empty()) setOption(handle, CURLOPT_CAINFO, options.ca_file.c_str());
 }
 
 void setRedirects(const Handle& handle, const HttpRequest& request, const HttpOptions& options) {
   const bool secure = request.url.rfind("https:", 0) == 0;
-  set(handle, CURLOPT_PROTOCOLS_STR, secure ? "https" : "http");
-  set(handle, CURLOPT_REDIR_PROTOCOLS_STR, secure ? "https" : "http,https");
-  set(handle, CURLOPT_FOLLOWLOCATION, request.follow_redirects ? 1L : 0L);
-  set(handle, CURLOPT_MAXREDIRS, static_cast<long>(options.redirects));
+  setOption(handle, CURLOPT_PROTOCOLS_STR, secure ? "https" : "http");
+  setOption(handle, CURLOPT_REDIR_PROTOCOLS_STR, secure ? "https" : "http,https");
+  setOption(handle, CURLOPT_FOLLOWLOCATION, request.follow_redirects ? 1L : 0L);
+  setOption(handle, CURLOPT_MAXREDIRS, static_cast<long>(options.redirects));
 }
 
 void setMethod(const Handle& handle, const HttpRequest& request) {
   if (request.method == "HEAD") {
-    set(handle, CURLOPT_NOBODY, 1L);
+    setOption(handle, CURLOPT_NOBODY, 1L);
   } else if (request.method == "PUT" || request.method == "POST") {
-    set(handle, CURLOPT_POSTFIELDSIZE_LARGE, static_cast<curl_off_t>(request.body.size()));
-    set(handle, CURLOPT_POSTFIELDS, request.body.empty() ? "" : reinterpret_cast<const char*>(request.body.data()));
-    set(handle, CURLOPT_CUSTOMREQUEST, request.method.c_str());
+    setOption(handle, CURLOPT_POSTFIELDSIZE_LARGE, static_cast<curl_off_t>(request.body.size()));
+    setOption(handle, CURLOPT_POSTFIELDS,
+              request.body.empty() ? "" : reinterpret_cast<const char*>(request.body.data()));
+    setOption(handle, CURLOPT_CUSTOMREQUEST, request.method.c_str());
   } else if (request.method != "GET") {
-    set(handle, CURLOPT_CUSTOMREQUEST, request.method.c_str());
+    setOption(handle, CURLOPT_CUSTOMREQUEST, request.method.c_str());
   }
 }
 
 HeaderList headerList(const HttpRequest& request) {
   HeaderList list;
-  // Waiting for "100 Continue" costs a second where a server does not know it.
+  // An empty "Expect:" keeps libcurl from waiting for "100 Continue", which takes a second with servers that send none.
   for (const char* line : {"Expect:", "Accept-Encoding: identity", "User-Agent: lumigrid"})
-    list.reset(curl().slist_append(list.release(), line));
+    list.reset(curl_slist_append(list.release(), line));
   if (request.headers)
-    for (const std::string& line : request.headers()) list.reset(curl().slist_append(list.release(), line.c_str()));
+    for (const std::string& line : request.headers()) list.reset(curl_slist_append(list.release(), line.c_str()));
   return list;
 }
 
-struct Try {
+struct Attempt {
   CURLcode code = CURLE_OK;
-  Receipt receipt;
-  std::string detail;           // libcurl's words for `code`
-  milliseconds retry_after{0};  // what the server asks for
+  ReceivedResponse received;
+  std::string detail;           // libcurl's description of `code`
+  milliseconds retry_after{0};  // the pause that the server asks for
 };
 
-Try tryOnce(const Handle& handle, const HttpRequest& request, const HttpOptions& options) {
-  Try result;
-  result.receipt.most_bytes = request.most_bytes;
+Attempt attemptRequest(const Handle& handle, const HttpRequest& request, const HttpOptions& options) {
+  Attempt result;
+  result.received.max_body_bytes = request.max_body_bytes;
   std::array<char, CURL_ERROR_SIZE> words{};
-  curl().easy_reset(handle.get());
+  curl_easy_reset(handle.get());
   setLimits(handle, options);
   setRedirects(handle, request, options);
   setMethod(handle, request);
   const HeaderList headers = headerList(request);
-  set(handle, CURLOPT_URL, request.url.c_str());
-  set(handle, CURLOPT_PATH_AS_IS, 1L);  // what is signed is what travels
-  set(handle, CURLOPT_HTTPHEADER, headers.get());
-  set(handle, CURLOPT_ERRORBUFFER, words.data());
-  set(handle, CURLOPT_HEADERFUNCTION, &receiveHeader);
-  set(handle, CURLOPT_HEADERDATA, &result.receipt);
-  set(handle, CURLOPT_WRITEFUNCTION, &receiveBody);
-  set(handle, CURLOPT_WRITEDATA, &result.receipt);
+  setOption(handle, CURLOPT_URL, request.url.c_str());
+  setOption(handle, CURLOPT_PATH_AS_IS, 1L);  // a changed path would no longer fit its signature
+  setOption(handle, CURLOPT_HTTPHEADER, headers.get());
+  setOption(handle, CURLOPT_ERRORBUFFER, words.data());
+  setOption(handle, CURLOPT_HEADERFUNCTION, &receiveHeader);
+  setOption(handle, CURLOPT_HEADERDATA, &result.received);
+  setOption(handle, CURLOPT_WRITEFUNCTION, &receiveBody);
+  setOption(handle, CURLOPT_WRITEDATA, &result.received);
 
-  result.code = curl().easy_perform(handle.get());
-  result.detail = words[0] != '\0' ? words.data() : curl().easy_strerror(result.code);
+  result.code = curl_easy_perform(handle.get());
+  result.detail = words[0] != '\0' ? words.data() : curl_easy_strerror(result.code);
   curl_off_t seconds = 0;
-  if (curl().easy_getinfo(handle.get(), CURLINFO_RETRY_AFTER, &seconds) == CURLE_OK && seconds > 0)
+  if (curl_easy_getinfo(handle.get(), CURLINFO_RETRY_AFTER, &seconds) == CURLE_OK && seconds > 0)
     result.retry_after = milliseconds(std::min<curl_off_t>(seconds, 1000000) * 1000);
-  // We stopped it ourselves: what came is the answer.
-  if (result.code == CURLE_WRITE_ERROR && !result.receipt.headers_too_long) result.code = CURLE_OK;
-  // To libcurl a connection that ends among the headers is an answer without a body.
-  if (result.code == CURLE_OK && !result.receipt.headers_whole) result.code = CURLE_PARTIAL_FILE;
+  // A write error means that addBody stopped the transfer: the bytes so far are the answer.
+  if (result.code == CURLE_WRITE_ERROR && !result.received.headers_too_long) result.code = CURLE_OK;
+  // libcurl takes a connection that ends among the headers for an answer without a body.
+  if (result.code == CURLE_OK && !result.received.headers_complete) result.code = CURLE_PARTIAL_FILE;
   return result;
 }
 
-// --- Trying again
+// --- Retries
 
-bool mayPass(const Try& tried) {
-  switch (tried.code) {
+bool isTransient(const Attempt& attempt) {
+  switch (attempt.code) {
     case CURLE_OK: {
-      const int status = tried.receipt.response.status;
+      const int status = attempt.received.response.status;
       return status == 429 || status == 500 || status == 502 || status == 503 || status == 504;
     }
     case CURLE_COULDNT_CONNECT:
@@ -222,6 +222,7 @@ bool mayPass(const Try& tried) {
   }
 }
 
+// Exponential backoff with jitter, between half of the pause and all of it.
 milliseconds pauseBefore(int retry, const HttpOptions& options) {
   thread_local std::minstd_rand random(std::random_device{}());
   milliseconds whole = options.first_pause;
@@ -230,11 +231,11 @@ milliseconds pauseBefore(int retry, const HttpOptions& options) {
   return milliseconds(std::uniform_int_distribution<milliseconds::rep>(whole.count() / 2, whole.count())(random));
 }
 
-Error transportError(const Try& tried, const HttpOptions& options) {
+Error transportError(const Attempt& attempt, const HttpOptions& options) {
   const auto say = [&](const std::string& what, ErrorCode code = ErrorCode::kNetwork) { return Error{code, what}; };
-  const std::string detail = " (" + printable(tried.detail) + ")";
-  if (tried.receipt.headers_too_long) return say("the server sends endless headers; it is no object server");
-  switch (tried.code) {
+  const std::string detail = " (" + printable(attempt.detail) + ")";
+  if (attempt.received.headers_too_long) return say("the server sends endless headers; it is no object server");
+  switch (attempt.code) {
     case CURLE_COULDNT_RESOLVE_HOST:
     case CURLE_COULDNT_RESOLVE_PROXY:
       return say("no such host" + detail + "; look at the address and the name server");
@@ -268,52 +269,54 @@ Error transportError(const Try& tried, const HttpOptions& options) {
 
 // --- The client
 
-// libcurl's handles, each with its connections; a request borrows one.
-class HttpClient::Pool {
+// Idle libcurl handles, each with its open connections. A request borrows one of them.
+class HttpClient::HandlePool {
  public:
-  explicit Pool(std::size_t most) : most_(most) {}
-  Handle take() {
+  explicit HandlePool(std::size_t max_idle) : max_idle_(max_idle) {
+    static const CURLcode started = curl_global_init(CURL_GLOBAL_DEFAULT);  // once a process
+    LUMIGRID_CHECK(started == CURLE_OK);
+  }
+  Handle borrowHandle() {
     const std::lock_guard lock(mutex_);
     if (idle_.empty()) {
-      Handle made(curl().easy_init());
-      LUMIGRID_CHECK(made != nullptr);  // only without memory
-      return made;
+      Handle handle(curl_easy_init());
+      LUMIGRID_CHECK(handle != nullptr);  // it fails only without memory
+      return handle;
     }
     Handle handle = std::move(idle_.back());
     idle_.pop_back();
     return handle;
   }
-  void giveBack(Handle handle) {
+  void returnHandle(Handle handle) {
     const std::lock_guard lock(mutex_);
-    if (idle_.size() < most_) idle_.push_back(std::move(handle));
+    if (idle_.size() < max_idle_) idle_.push_back(std::move(handle));
   }
 
  private:
-  std::size_t most_;
+  std::size_t max_idle_;
   std::mutex mutex_;
   std::vector<Handle> idle_;
 };
 
 HttpClient::HttpClient(const HttpOptions& options)
-    : options_(options), pool_(std::make_unique<Pool>(options.kept_connections)) {}
+    : options_(options), pool_(std::make_unique<HandlePool>(options.kept_connections)) {}
 
 HttpClient::~HttpClient() = default;
 
 Result<HttpResponse> HttpClient::send(const HttpRequest& request) const {
-  if (const auto& library = curlLibrary(); !library) return library.error();
   const auto begin = std::chrono::steady_clock::now();
-  Handle handle = pool_->take();
-  Try tried = tryOnce(handle, request, options_);
-  for (int retry = 1; retry <= options_.retries && mayPass(tried); ++retry) {
-    if (tried.retry_after > options_.longest_pause) break;
-    const milliseconds pause = std::max(pauseBefore(retry, options_), tried.retry_after);
+  Handle handle = pool_->borrowHandle();
+  Attempt attempt = attemptRequest(handle, request, options_);
+  for (int retry = 1; retry <= options_.retries && isTransient(attempt); ++retry) {
+    if (attempt.retry_after > options_.longest_pause) break;
+    const milliseconds pause = std::max(pauseBefore(retry, options_), attempt.retry_after);
     if (std::chrono::steady_clock::now() + pause > begin + options_.patience) break;
     std::this_thread::sleep_for(pause);
-    tried = tryOnce(handle, request, options_);
+    attempt = attemptRequest(handle, request, options_);
   }
-  pool_->giveBack(std::move(handle));
-  if (tried.code != CURLE_OK) return transportError(tried, options_);
-  return std::move(tried.receipt.response);
+  pool_->returnHandle(std::move(handle));
+  if (attempt.code != CURLE_OK) return transportError(attempt, options_);
+  return std::move(attempt.received.response);
 }
 
 std::string HttpResponse::header(const std::string& lower_case_name) const {

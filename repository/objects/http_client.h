@@ -1,6 +1,6 @@
 #pragma once
-// HTTP over libcurl, for objects behind web servers and in buckets: kept connections, verified TLS, bounded answers,
-// and a few tries more where an error may pass.
+// An HTTP client over libcurl for objects behind web servers and in buckets. It keeps connections open, verifies TLS,
+// bounds the size of answers and repeats requests after transient errors.
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
@@ -16,51 +16,49 @@
 namespace repository {
 
 struct HttpOptions {
-  /// Tries after the first, for what may pass: no connection, a connection that broke or stood still, a body cut short,
-  /// status 429, 500, 502, 503 and 504.
+  /// Attempts after the first one. They follow transient errors: no connection, a connection that broke or stalled, a
+  /// body cut short, and status 429, 500, 502, 503 or 504.
   int retries = 4;
-  /// Before the first of them; each next one is twice as long, and between half of that and all of it is waited, so
-  /// that many readers do not come back at once.
+  /// The pause before the first retry. Each next pause is twice as long, and a random share of it between a half and
+  /// the whole is waited, so that many readers do not come back at once.
   std::chrono::milliseconds first_pause{100};
-  /// No pause is longer. A server that asks for more (Retry-After) is not asked again.
+  /// No pause is longer. A server that asks for a longer one (Retry-After) is not asked again.
   std::chrono::milliseconds longest_pause{5000};
   std::chrono::milliseconds connect_timeout{10000};
-  /// An answer that brings less than 1 KiB/s for so long is given up.
+  /// A transfer below 1 KiB/s for this long is given up.
   std::chrono::seconds stall_timeout{20};
-  /// No try begins later than this after the first, so that a server that hangs costs no minutes.
+  /// No attempt begins later than this after the first, so that a hanging server delays a reader by less than a minute.
   std::chrono::seconds patience{30};
-  /// How many redirects are followed; never from https to http.
-  int redirects = 4;
-  /// Idle connections that are kept open.
-  std::size_t kept_connections = 16;
-  /// A file of certificates (PEM) that servers are verified against; "": the system's.
+  int redirects = 4;                  ///< followed at most; never from https to http
+  std::size_t kept_connections = 16;  ///< idle ones that stay open
+  /// A file of certificates (PEM) against which servers are verified; "": the system's.
   std::string ca_file;
 };
 
-/// The defaults, with ca_file from the environment (SSL_CERT_FILE).
+/// The defaults, with ca_file from the environment variable SSL_CERT_FILE.
 HttpOptions httpOptionsFromEnvironment();
 
 struct HttpRequest {
   std::string method;  ///< GET, HEAD, PUT, POST, DELETE
   std::string url;
-  /// "Name: value" lines, asked for anew before each try: a signature holds the time.
+  /// Returns "Name: value" lines. It is called before each attempt, since a signature holds the time.
   std::function<std::vector<std::string>()> headers;
-  base::ByteView body;            ///< must live until send returns
-  std::uint64_t most_bytes = 0;   ///< a good answer's body beyond this is not received
-  bool follow_redirects = false;  ///< otherwise a 3xx is an answer like any other
+  base::ByteView body;               ///< must live until send returns
+  std::uint64_t max_body_bytes = 0;  ///< a successful answer's body is received up to here
+  bool follow_redirects = false;     ///< otherwise a 3xx is an answer like any other
 };
 
 struct HttpResponse {
   int status = 0;
   std::map<std::string, std::string> headers;  ///< names in lower case
-  base::Bytes body;                            ///< at most most_bytes; of an error (300 and up) the first 64 KiB
-  bool too_long = false;  ///< the good answer has more than most_bytes: `body` is only its start, or empty
+  base::Bytes body;                            ///< at most max_body_bytes; for status 300 and up the first 64 KiB
+  bool too_long = false;  ///< a successful answer has more than max_body_bytes: `body` is its start, or empty
 
-  /// "" when absent.
+  /// The header's value; "" when it is absent.
   std::string header(const std::string& lower_case_name) const;
 };
 
-/// From any thread.
+/// Safe from any thread.
 class HttpClient {
  public:
   explicit HttpClient(const HttpOptions& options);
@@ -68,23 +66,23 @@ class HttpClient {
   HttpClient(const HttpClient&) = delete;
   HttpClient& operator=(const HttpClient&) = delete;
 
-  /// The server's answer, whatever its status. An error (kNetwork) when there is none; its message does not name the
-  /// object, the caller does.
+  /// Returns the server's answer, whatever its status, or an error (kNetwork) when there is none. The message does not
+  /// name the object; callers add its name.
   base::Result<HttpResponse> send(const HttpRequest& request) const;
 
  private:
-  class Pool;
+  class HandlePool;
   HttpOptions options_;
-  std::unique_ptr<Pool> pool_;
+  std::unique_ptr<HandlePool> pool_;
 };
 
-/// Percent-encoded for a URL: letters, digits and -._~ stay (RFC 3986, 2.3), and "/" where `keep_slash`.
+/// Percent-encodes a text for a URL: letters, digits and -._~ stay (RFC 3986, 2.3), and so does "/" if `keep_slash`.
 std::string percentEncoded(const std::string& text, bool keep_slash);
 
-/// Without the spaces, tabs and ends of lines around it.
+/// Removes spaces, tabs and line ends from both ends of the text.
 std::string trimmed(const std::string& text);
 
-/// What a server wrote, fit for a one-line message: printable ASCII, at most 200 characters.
+/// Makes a server's text fit for a one-line message: printable ASCII, at most 200 characters.
 std::string printable(const std::string& text);
 
 }  // namespace repository

@@ -22,12 +22,12 @@ using base::Error;
 using base::ErrorCode;
 using base::Result;
 
-// The file that is being written, locked by the one process that does.
+// The unfinished download, locked by the one process that writes it.
 class PartialFile {
  public:
   explicit PartialFile(std::string path) : path_(std::move(path)) {}
 
-  // Waits for whoever has it. When that one has finished meanwhile, its file has another name now, and ours is new.
+  // Waits for the process that holds the lock. If that one finishes, it renames its file and we get a new, empty one.
   Result<void> lock() {
     LUMIGRID_ASSIGN_OR_RETURN(auto locked, base::lockFile(path_));
     file_ = std::move(locked);
@@ -39,7 +39,7 @@ class PartialFile {
     struct stat info {};
     return ::fstat(file_.get(), &info) == 0 ? static_cast<std::uint64_t>(info.st_size) : 0;
   }
-  Result<void> cut() {
+  Result<void> truncate() {
     if (::ftruncate(file_.get(), 0) != 0) return base::systemError(path_, "write", errno);
     return {};
   }
@@ -66,7 +66,7 @@ class PartialFile {
   base::FileDescriptor file_;
 };
 
-Result<void> addFile(int fd, const std::string& path, base::Sha256& hash) {
+Result<void> hashFile(int fd, const std::string& path, base::Sha256& hash) {
   base::Bytes buffer(std::size_t{1} << 20);
   for (off_t offset = 0;;) {
     const ssize_t n = ::pread(fd, buffer.data(), buffer.size(), offset);
@@ -78,17 +78,17 @@ Result<void> addFile(int fd, const std::string& path, base::Sha256& hash) {
   }
 }
 
-// Whether the file is there and is that one.
-Result<bool> isThere(const std::string& path, const std::string& sha256) {
+// Whether the file exists and has this SHA-256.
+Result<bool> hasDigest(const std::string& path, const std::string& sha256) {
   const base::FileDescriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
   if (!file && errno == ENOENT) return false;
   if (!file) return base::systemError(path, "open", errno);
   base::Sha256 hash;
-  LUMIGRID_TRY(addFile(file.get(), path, hash));
+  LUMIGRID_TRY(hashFile(file.get(), path, hash));
   return base::hexOf(hash.finish()) == sha256;
 }
 
-Result<void> checkRoom(const std::string& path, std::uint64_t bytes) {
+Result<void> checkFreeSpace(const std::string& path, std::uint64_t bytes) {
   std::error_code failed;
   const auto space = fs::space(fs::path(path).parent_path(), failed);
   if (failed || space.available >= bytes) return {};
@@ -97,11 +97,11 @@ Result<void> checkRoom(const std::string& path, std::uint64_t bytes) {
                                         " are free; free some space and run the same command again"};
 }
 
-// Appends what is missing; returns the SHA-256 of the whole.
+// Appends the missing bytes and returns the SHA-256 of the whole file.
 Result<std::string> download(const ObjectSource& source, const std::string& name, std::uint64_t total,
                              const std::string& path, PartialFile& file, const MirrorOptions& options) {
   base::Sha256 hash;
-  LUMIGRID_TRY(addFile(file.fd(), path, hash));
+  LUMIGRID_TRY(hashFile(file.fd(), path, hash));
   for (std::uint64_t done = file.size(); done < total;) {
     LUMIGRID_ASSIGN_OR_RETURN(const auto bytes, source.read(name, done, std::min(options.range_bytes, total - done)));
     LUMIGRID_TRY(file.append(bytes));
@@ -127,30 +127,30 @@ Result<std::string> mirrorObject(const ObjectSource& source, const std::string& 
   fs::create_directories(fs::path(path).parent_path(), failed);
   if (failed) return base::systemError(directory, "make this directory", failed.value());
 
-  LUMIGRID_ASSIGN_OR_RETURN(const auto is_there, isThere(path, sha256));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto is_there, hasDigest(path, sha256));
   if (is_there) return path;
-  // Its name holds what is to become of it: another version of the object begins anew.
+  // The name of the part holds the SHA-256 of the whole, so another version of the object starts from zero.
   PartialFile file(path + ".partial-" + sha256.substr(0, 16));
   LUMIGRID_TRY(file.lock());
   if (file.size() == 0) {
-    LUMIGRID_ASSIGN_OR_RETURN(const auto others_made_it, isThere(path, sha256));
-    if (others_made_it) return file.remove(), path;
+    LUMIGRID_ASSIGN_OR_RETURN(const auto is_there_now, hasDigest(path, sha256));
+    if (is_there_now) return file.remove(), path;
   }
 
   LUMIGRID_ASSIGN_OR_RETURN(const auto total, source.size(name));
-  if (file.size() > total) LUMIGRID_TRY(file.cut());
-  LUMIGRID_TRY(checkRoom(path, total - file.size()));
+  if (file.size() > total) LUMIGRID_TRY(file.truncate());
+  LUMIGRID_TRY(checkFreeSpace(path, total - file.size()));
   const bool resumed = file.size() > 0;
-  auto came = download(source, name, total, path, file, options);
-  if (came && *came != sha256 && resumed) {
-    // What was kept may be what a power cut left.
-    LUMIGRID_TRY(file.cut());
-    came = download(source, name, total, path, file, options);
+  auto digest = download(source, name, total, path, file, options);
+  if (digest && *digest != sha256 && resumed) {
+    // A power cut may have damaged the part that was kept, so the download starts from zero once.
+    LUMIGRID_TRY(file.truncate());
+    digest = download(source, name, total, path, file, options);
   }
-  if (!came) return came.error();
-  if (*came != sha256) {
+  if (!digest) return digest.error();
+  if (*digest != sha256) {
     file.remove();
-    return Error{ErrorCode::kInvalidInput, object + ": its SHA-256 is " + *came + ", not " + sha256 +
+    return Error{ErrorCode::kInvalidInput, object + ": its SHA-256 is " + *digest + ", not " + sha256 +
                                                "; it is damaged or of another scene, publish it again"};
   }
   LUMIGRID_TRY(file.finishAs(path));

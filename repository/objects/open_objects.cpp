@@ -10,7 +10,7 @@ using base::Error;
 using base::ErrorCode;
 using base::Result;
 
-// "https" of "https://host", "" of a path.
+// Returns "https" for "https://host" and "" for a path.
 std::string schemeOf(const std::string& place) {
   const auto end = place.find("://");
   return end == std::string::npos ? "" : place.substr(0, end);
@@ -20,7 +20,7 @@ bool isWeb(const std::string& scheme) {
   return scheme == "http" || scheme == "https";
 }
 
-// The path in "file:///a%20b". RFC 8089: nobody, or "localhost", between the second and the third slash.
+// The path in "file:///a%20b". RFC 8089 allows nothing or "localhost" between the second and the third slash.
 Result<std::string> pathOfFileUrl(const std::string& place) {
   std::string rest = place.substr(7);
   if (rest.rfind("localhost/", 0) == 0) rest.erase(0, 9);
@@ -42,7 +42,7 @@ Result<std::string> pathOfFileUrl(const std::string& place) {
   return path;
 }
 
-Error unknownScheme(const std::string& place) {
+Error unknownSchemeError(const std::string& place) {
   return {ErrorCode::kInvalidInput,
           place + ": no place that we know; write a directory, file:///…, http://…, https://… or s3://bucket/prefix"};
 }
@@ -63,7 +63,7 @@ Result<std::unique_ptr<ObjectSource>> openObjectSource(const std::string& place)
     if (!config) return base::within(place, config.error());
     return openS3Source(place, *config);
   }
-  if (scheme != "file") return unknownScheme(place);
+  if (scheme != "file") return unknownSchemeError(place);
   LUMIGRID_ASSIGN_OR_RETURN(const auto path, pathOfFileUrl(place));
   return openDirectorySource(path);
 }
@@ -79,7 +79,7 @@ Result<std::unique_ptr<ObjectSink>> openObjectSink(const std::string& place) {
     if (!config) return base::within(place, config.error());
     return openS3Sink(place, *config);
   }
-  if (scheme != "file") return unknownScheme(place);
+  if (scheme != "file") return unknownSchemeError(place);
   LUMIGRID_ASSIGN_OR_RETURN(const auto path, pathOfFileUrl(place));
   return openDirectorySink(path);
 }

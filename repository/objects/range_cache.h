@@ -1,7 +1,7 @@
 #pragma once
-// Pieces of far objects on the local disk: an LMDB of bounded size from which the least recently used goes first
-// (docs/formats/cache.md). It survives restarts and kill -9; several processes may share it; what is damaged is thrown
-// away, never trusted.
+// Keeps pieces of remote objects on the local disk, in an LMDB of bounded size that evicts the least recently used
+// piece first (docs/formats/cache.md). The cache survives restarts and kill -9, and several processes may share it. It
+// discards damaged pieces and never returns them.
 #include <array>
 #include <atomic>
 #include <cstdint>
@@ -20,43 +20,44 @@
 
 namespace repository {
 
-/// Which piece: a hash of everything that tells it from others.
-using PieceId = std::array<std::uint8_t, 16>;
+/// Names a piece by a hash of everything that tells it from others.
+using CacheKey = std::array<std::uint8_t, 16>;
 
 struct RangeCacheOptions {
-  /// Of pieces and what keeping them costs. The file is at most a quarter and 64 MiB larger. Processes that share a
-  /// cache should agree on it.
+  /// The budget for pieces and their records. The file is at most a quarter and 64 MiB larger. Processes that share a
+  /// cache should use the same budget.
   std::uint64_t bytes = std::uint64_t{4} << 30;
-  /// Told in one line what the cache can do no more, once for each thing; null: nobody.
+  /// Receives a line about each thing that the cache can no longer do, once; null: nothing is reported.
   std::function<void(const std::string&)> warn;
 };
 
-/// From any thread.
+/// Safe from any thread.
 class RangeCache {
  public:
-  /// In a folder of its own below `directory`, which is made. Opening reads the first page of each piece. Errors: kIo,
-  /// kUnsupported (a network file system), kNoSpace.
+  /// Uses a folder of its own below `directory` and creates both. Opening reads the first page of each piece. Errors:
+  /// kIo, kUnsupported (a network file system), kNoSpace.
   static base::Result<std::unique_ptr<RangeCache>> open(const std::string& directory, const RangeCacheOptions& options);
 
-  /// A copy, or nothing. Counts as a use.
-  std::optional<base::Bytes> get(const PieceId& id);
-  /// Never fails: a full disk or a broken file only ends the keeping, and is warned of.
-  void put(const std::vector<std::pair<PieceId, base::ByteView>>& pieces);
-  /// Bytes that count against the budget.
+  /// Returns a copy of the piece, or nothing. Counts as a use.
+  std::optional<base::Bytes> get(const CacheKey& key);
+  /// Never fails: after a full disk or a broken file the cache warns and stores nothing more.
+  void put(const std::vector<std::pair<CacheKey, base::ByteView>>& pieces);
+  /// The bytes that count against the budget.
   std::uint64_t usedBytes();
 
  private:
-  struct State;
+  struct Totals;
   RangeCache(std::string path, SharedLmdb environment, const RangeCacheOptions& options)
       : path_(std::move(path)), environment_(std::move(environment)), options_(options) {}
-  static base::Result<std::unique_ptr<RangeCache>> openSound(const std::string& path, const RangeCacheOptions& options);
+  static base::Result<std::unique_ptr<RangeCache>> openChecked(const std::string& path,
+                                                               const RangeCacheOptions& options);
 
   template <class Body>
-  int change(const Body& body);
-  void touch(const PieceId& id);
-  void forget(const PieceId& id);
+  int runTransaction(const Body& body);
+  void noteUse(const CacheKey& key);
+  void discardDamaged(const CacheKey& key);
   void evictTo(std::uint64_t bytes);
-  void failed(int code, std::uint64_t bytes);
+  void disableAfter(int code, std::uint64_t bytes);
   void warn(const std::string& what) const {
     if (options_.warn) options_.warn(path_ + ": " + what);
   }
@@ -68,7 +69,7 @@ class RangeCache {
   std::atomic<bool> reads_{true};
   std::atomic<bool> warned_of_damage_{false};
   std::mutex mutex_;
-  std::set<PieceId> used_;  // since the last write, which tells the file
+  std::set<CacheKey> used_;  // pieces used since the last transaction, which records them in the file
 };
 
 }  // namespace repository

@@ -27,7 +27,8 @@ std::string timeNow() {
   return {text.data(), std::strftime(text.data(), text.size(), "%Y%m%dT%H%M%SZ", &parts)};
 }
 
-// Rules for names of buckets are stricter, but older stores hold others; what must not happen is another path or host.
+// Amazon's rules for bucket names are stricter, but older stores hold other names. These characters suffice to keep a
+// name from reaching another path or host.
 bool isBucketName(const std::string& name) {
   return name.size() >= 3 && name.size() <= 255 && name[0] != '.' && name[0] != '-' &&
          name.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789.-_") ==
@@ -35,7 +36,7 @@ bool isBucketName(const std::string& name) {
          name.find("..") == std::string::npos;
 }
 
-// A name that fits into a host's, and for which the store's certificate (*.s3…) holds.
+// Whether the name can be part of a host name that the store's certificate (*.s3…) covers, which a dot prevents.
 bool fitsHost(const std::string& bucket) {
   return bucket.size() <= 63 && bucket.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789-") == std::string::npos;
 }
@@ -58,7 +59,7 @@ S3Bucket::S3Bucket(std::string place, std::string bucket, std::string prefix, co
       prefix_(std::move(prefix)),
       config_(config),
       client_(std::make_shared<HttpClient>(config.http)) {
-  // Amazon wants the bucket in the host's name; other stores, and names that are no host's, have it in the path.
+  // Amazon wants the bucket in the host's name. It goes into the path at other stores, and where it fits no host name.
   const bool in_host = config.endpoint.empty() && fitsHost(bucket_);
   address_ = config.endpoint;
   if (address_.empty()) {
@@ -74,23 +75,23 @@ S3Bucket::S3Bucket(std::string place, std::string bucket, std::string prefix, co
   address_.resize(path);
 }
 
-Result<HttpResponse> S3Bucket::send(const S3Exchange& exchange) const {
+Result<HttpResponse> S3Bucket::send(const BucketRequest& call) const {
   S3Request signed_request;
-  signed_request.method = exchange.method;
-  signed_request.path = root_ + "/" + (exchange.name.empty() ? "" : percentEncoded(prefix_ + exchange.name, true));
-  signed_request.query = exchange.query;
-  signed_request.payload_sha256 = base::hexOf(base::sha256(exchange.body));
+  signed_request.method = call.method;
+  signed_request.path = root_ + "/" + (call.name.empty() ? "" : percentEncoded(prefix_ + call.name, true));
+  signed_request.query = call.query;
+  signed_request.payload_sha256 = base::hexOf(base::sha256(call.body));
 
   HttpRequest request;
-  request.method = exchange.method;
-  request.body = exchange.body;
-  request.most_bytes = exchange.most_bytes;
+  request.method = call.method;
+  request.body = call.body;
+  request.max_body_bytes = call.max_body_bytes;
   request.url = address_ + signed_request.path;
-  if (!exchange.query.empty()) request.url.append("?").append(canonicalQuery(exchange.query));
+  if (!call.query.empty()) request.url.append("?").append(canonicalQuery(call.query));
   request.headers = [&] {
     std::vector<std::string> lines{"Host: " + host_};
-    for (const auto& [name, value] : exchange.headers) lines.push_back(name + ": " + value);
-    if (exchange.headers.count("content-type") == 0) lines.emplace_back("Content-Type:");  // not libcurl's own
+    for (const auto& [name, value] : call.headers) lines.push_back(name + ": " + value);
+    if (call.headers.count("content-type") == 0) lines.emplace_back("Content-Type:");  // not libcurl's own
     if (!isSigned()) return lines;
     std::map<std::string, std::string> headers{
         {"host", host_}, {"x-amz-content-sha256", signed_request.payload_sha256}, {"x-amz-date", timeNow()}};
@@ -103,14 +104,14 @@ Result<HttpResponse> S3Bucket::send(const S3Exchange& exchange) const {
     return lines;
   };
   auto response = client_->send(request);
-  if (!response) return base::within(describe(exchange.name), response.error());
+  if (!response) return base::within(describe(call.name), response.error());
   return response;
 }
 
 Error S3Bucket::refusal(const std::string& name, const HttpResponse& response) const {
   if (response.body.empty() && response.status >= 300 && response.status < 500) {
-    S3Exchange again{"GET", name, {}, {{"range", "bytes=0-0"}}, {}, 1};
-    const auto whole = send(again);
+    BucketRequest with_body{"GET", name, {}, {{"range", "bytes=0-0"}}, {}, 1};
+    const auto whole = send(with_body);
     if (whole && whole->status >= 300) return explain(name, whole->status, base::textOf(whole->body));
   }
   return explain(name, response.status, base::textOf(response.body));

@@ -1,5 +1,5 @@
 #pragma once
-// One place in a bucket: signed requests to it, and what the store's errors mean.
+// Sends signed requests to one place in a bucket and turns the store's error codes into messages.
 #include <map>
 #include <string>
 #include <string_view>
@@ -11,27 +11,27 @@
 
 namespace repository {
 
-struct S3Exchange {
+struct BucketRequest {
   std::string method;
-  std::string name;                            ///< of an object below the place; "": the bucket itself
+  std::string name;                            ///< object below the place; "": the bucket itself
   std::map<std::string, std::string> query;    ///< not encoded
   std::map<std::string, std::string> headers;  ///< besides those of the signature; names in lower case
   base::ByteView body;
-  std::uint64_t most_bytes = 0;  ///< as in HttpRequest
+  std::uint64_t max_body_bytes = 0;  ///< as in HttpRequest
 };
 
-/// From any thread.
+/// Safe from any thread.
 class S3Bucket {
  public:
-  /// `place`: "s3://bucket" or "s3://bucket/prefix". Errors: kInvalidInput.
+  /// `place` is "s3://bucket" or "s3://bucket/prefix". Errors: kInvalidInput.
   static base::Result<S3Bucket> open(const std::string& place, const S3Config& config);
 
-  /// Any answer of the store. Errors as HttpClient::send; they name the object.
-  base::Result<HttpResponse> send(const S3Exchange& exchange) const;
-  /// The error for an answer that is no success. An answer without a body (of HEAD) is asked for again by GET.
+  /// Returns the store's answer, whatever its status. Errors as HttpClient::send; they name the object.
+  base::Result<HttpResponse> send(const BucketRequest& call) const;
+  /// The error for an answer that is no success. The answer to a HEAD has no body, so a GET asks for the reason.
   base::Error refusal(const std::string& name, const HttpResponse& response) const;
 
-  /// Of the bucket, without a slash at its end: "https://host" or "https://host/bucket".
+  /// The bucket's address without a slash at its end: "https://host" or "https://host/bucket".
   std::string address() const { return address_ + root_; }
   bool isSigned() const { return !config_.credentials.access_key.empty(); }
   const S3Config& config() const { return config_; }

@@ -15,7 +15,8 @@ using base::ErrorCode;
 using base::Result;
 using Section = std::map<std::string, std::string>;
 
-// Lines "[section]", "key = value", "# comment"; nested lines (indented, as in "s3 =") are not ours.
+// Reads lines "[section]", "key = value" and "# comment". Indented lines, which nest below a line such as "s3 =", are
+// skipped.
 std::map<std::string, Section> parseSections(const std::string& text) {
   std::map<std::string, Section> sections;
   Section* current = nullptr;
@@ -35,7 +36,7 @@ std::map<std::string, Section> parseSections(const std::string& text) {
   return sections;
 }
 
-// The file named by `variable`, or else ~/.aws/`name`; without sections when there is none.
+// Reads the file named by `variable`, or else ~/.aws/`name`. A missing file has no sections.
 Result<std::map<std::string, Section>> readSections(const EnvironmentVariables& environment,
                                                     const std::string& variable, const std::string& name) {
   std::string path = environment(variable).value_or("");
@@ -50,7 +51,7 @@ Result<std::map<std::string, Section>> readSections(const EnvironmentVariables& 
   return parseSections({bytes->begin(), bytes->end()});
 }
 
-// What both files say about the profile; credentials before config.
+// The profile's settings in both files; those in `credentials` win.
 Result<Section> readProfile(const EnvironmentVariables& environment) {
   const auto asked = environment("AWS_PROFILE");
   const std::string name = asked.value_or("default");
@@ -66,7 +67,7 @@ Result<Section> readProfile(const EnvironmentVariables& environment) {
   return profile;
 }
 
-Result<S3Credentials> credentialsFrom(const std::string& where, const S3Credentials& read) {
+Result<S3Credentials> checkedCredentials(const std::string& where, const S3Credentials& read) {
   if (read.access_key.empty() == read.secret_key.empty()) return read;
   return Error{ErrorCode::kInvalidInput,
                where + ": an access key and its secret key belong together, and only one is there; give both"};
@@ -94,11 +95,11 @@ Result<S3Config> readS3Config(const EnvironmentVariables& environment) {
   const bool from_variables = environment("AWS_ACCESS_KEY_ID") || environment("AWS_SECRET_ACCESS_KEY");
   const auto credentials =
       from_variables
-          ? credentialsFrom("AWS_ACCESS_KEY_ID", {environment("AWS_ACCESS_KEY_ID").value_or(""),
-                                                  environment("AWS_SECRET_ACCESS_KEY").value_or(""),
-                                                  environment("AWS_SESSION_TOKEN").value_or("")})
-          : credentialsFrom("~/.aws/credentials", {profile["aws_access_key_id"], profile["aws_secret_access_key"],
-                                                   profile["aws_session_token"]});
+          ? checkedCredentials("AWS_ACCESS_KEY_ID", {environment("AWS_ACCESS_KEY_ID").value_or(""),
+                                                     environment("AWS_SECRET_ACCESS_KEY").value_or(""),
+                                                     environment("AWS_SESSION_TOKEN").value_or("")})
+          : checkedCredentials("~/.aws/credentials", {profile["aws_access_key_id"], profile["aws_secret_access_key"],
+                                                      profile["aws_session_token"]});
   if (!credentials) return credentials.error();
   config.credentials = *credentials;
   if (const std::string region = first({"AWS_REGION", "AWS_DEFAULT_REGION"}, "region"); !region.empty())

@@ -24,14 +24,14 @@ class S3Server final : public ObjectServer {
  public:
   explicit S3Server(S3Bucket bucket) : bucket_(std::move(bucket)) {}
 
-  Result<HttpResponse> ask(const std::string& method, const std::string& name, const std::vector<std::string>& headers,
-                           std::uint64_t most_bytes) const override {
-    S3Exchange exchange{method, name, {}, {}, {}, most_bytes};
+  Result<HttpResponse> request(const std::string& method, const std::string& name,
+                               const std::vector<std::string>& headers, std::uint64_t max_body_bytes) const override {
+    BucketRequest call{method, name, {}, {}, {}, max_body_bytes};
     for (const std::string& line : headers) {
       const auto colon = line.find(": ");
-      exchange.headers[line.substr(0, colon)] = line.substr(colon + 2);
+      call.headers[line.substr(0, colon)] = line.substr(colon + 2);
     }
-    return bucket_.send(exchange);
+    return bucket_.send(call);
   }
   Error refusal(const std::string& name, const HttpResponse& response) const override {
     return bucket_.refusal(name, response);
@@ -48,9 +48,9 @@ class S3Sink final : public ObjectSink {
 
   Result<void> put(const std::string& name, base::ByteView bytes, const std::string& content_type) override {
     LUMIGRID_TRY(checkName(name));
-    S3Exchange exchange{"PUT", name, {}, {}, bytes, kMaxAnswerBytes};
-    if (!content_type.empty()) exchange.headers["content-type"] = content_type;
-    LUMIGRID_TRY(ask(exchange));
+    BucketRequest call{"PUT", name, {}, {}, bytes, kMaxAnswerBytes};
+    if (!content_type.empty()) call.headers["content-type"] = content_type;
+    LUMIGRID_TRY(sendChecked(call));
     return {};
   }
 
@@ -64,7 +64,7 @@ class S3Sink final : public ObjectSink {
   Result<std::optional<std::uint64_t>> size(const std::string& name) override {
     LUMIGRID_TRY(checkName(name));
     LUMIGRID_ASSIGN_OR_RETURN(const auto response, bucket_.send({"HEAD", name, {}, {}, {}, 0}));
-    if (response.status == 404) return std::optional<std::uint64_t>();  // the bucket was there when we opened it
+    if (response.status == 404) return std::optional<std::uint64_t>();  // openS3Sink has found the bucket itself
     if (response.status != 200) return bucket_.refusal(name, response);
     const auto bytes = base::parseDecimal(response.header("content-length"));
     if (!bytes) return Error{ErrorCode::kNetwork, bucket_.describe(name) + ": the store does not say how long it is"};
@@ -79,7 +79,7 @@ class S3Sink final : public ObjectSink {
     for (std::string token;;) {
       LUMIGRID_ASSIGN_OR_RETURN(auto page, listPage(front, token, 1000));
       for (const std::string& key : page.keys) {
-        // Others may keep in the bucket what cannot be ours.
+        // Other programs may keep objects in the bucket.
         if (key.rfind(front, 0) != 0) continue;
         std::string name = key.substr(bucket_.prefix().size());
         if (isObjectName(name)) names.push_back(std::move(name));
@@ -103,11 +103,11 @@ class S3Sink final : public ObjectSink {
   const std::string& place() const override { return bucket_.place(); }
 
   Result<S3Page> listPage(const std::string& prefix, const std::string& token, int most_keys) const {
-    S3Exchange exchange{"GET", "", {{"list-type", "2"}, {"max-keys", std::to_string(most_keys)}},
-                        {},    {}, kMaxAnswerBytes};
-    if (!prefix.empty()) exchange.query["prefix"] = prefix;
-    if (!token.empty()) exchange.query["continuation-token"] = token;
-    LUMIGRID_ASSIGN_OR_RETURN(const auto response, ask(exchange));
+    BucketRequest call{"GET", "", {{"list-type", "2"}, {"max-keys", std::to_string(most_keys)}},
+                       {},    {}, kMaxAnswerBytes};
+    if (!prefix.empty()) call.query["prefix"] = prefix;
+    if (!token.empty()) call.query["continuation-token"] = token;
+    LUMIGRID_ASSIGN_OR_RETURN(const auto response, sendChecked(call));
     auto page = parseS3Page(base::textOf(response.body));
     if (!page) return base::within(bucket_.place(), page.error());
     return page;
@@ -119,20 +119,21 @@ class S3Sink final : public ObjectSink {
     return Error{ErrorCode::kInvalidInput, bucket_.place() + ": no object can be named '" + name + "'"};
   }
 
-  // Success or an error. A store may find out after its "200 OK" that it cannot: then the body is an <Error>.
-  Result<HttpResponse> ask(const S3Exchange& exchange) const {
-    LUMIGRID_ASSIGN_OR_RETURN(auto response, bucket_.send(exchange));
+  // Sends a request and returns its answer only if it succeeded. S3 may fail after it has sent "200 OK"; the body is an
+  // <Error> then.
+  Result<HttpResponse> sendChecked(const BucketRequest& call) const {
+    LUMIGRID_ASSIGN_OR_RETURN(auto response, bucket_.send(call));
     const bool failed_late = xmlText(base::textOf(response.body), "Code").has_value();
-    if (response.status < 200 || response.status >= 300 || failed_late) return bucket_.refusal(exchange.name, response);
+    if (response.status < 200 || response.status >= 300 || failed_late) return bucket_.refusal(call.name, response);
     return response;
   }
 
-  // All parts under one upload, which shows as an object only when it is completed. What fails is aborted, or its parts
-  // would be kept and charged for.
+  // Uploads all parts under one upload id; the object appears when the upload is completed. A failed upload is aborted,
+  // because stores keep and charge for the parts of unfinished ones.
   Result<void> putParts(const std::string& name, base::ByteView bytes, const std::string& content_type) {
-    S3Exchange begin{"POST", name, {{"uploads", ""}}, {}, {}, kMaxAnswerBytes};
+    BucketRequest begin{"POST", name, {{"uploads", ""}}, {}, {}, kMaxAnswerBytes};
     if (!content_type.empty()) begin.headers["content-type"] = content_type;
-    LUMIGRID_ASSIGN_OR_RETURN(const auto begun, ask(begin));
+    LUMIGRID_ASSIGN_OR_RETURN(const auto begun, sendChecked(begin));
     const auto upload = xmlText(base::textOf(begun.body), "UploadId");
     if (!upload || upload->empty())
       return Error{ErrorCode::kNetwork, bucket_.describe(name) + ": the store begins no upload; is this an S3 store?"};
@@ -151,12 +152,13 @@ class S3Sink final : public ObjectSink {
     std::string list;
     for (std::uint64_t offset = 0, number = 1; offset < bytes.size(); offset += part_bytes, ++number) {
       const auto body = bytes.subspan(offset, std::min<std::uint64_t>(part_bytes, bytes.size() - offset));
-      LUMIGRID_ASSIGN_OR_RETURN(const auto sent, ask({"PUT",
-                                                      name,
-                                                      {{"partNumber", std::to_string(number)}, {"uploadId", upload}},
-                                                      {},
-                                                      body,
-                                                      kMaxAnswerBytes}));
+      LUMIGRID_ASSIGN_OR_RETURN(const auto sent,
+                                sendChecked({"PUT",
+                                             name,
+                                             {{"partNumber", std::to_string(number)}, {"uploadId", upload}},
+                                             {},
+                                             body,
+                                             kMaxAnswerBytes}));
       const std::string tag = sent.header("etag");
       if (tag.empty() || tag.find_first_of("<&") != std::string::npos)
         return Error{ErrorCode::kNetwork, bucket_.describe(name) + ": the store gives no tag for a part"};
@@ -168,10 +170,11 @@ class S3Sink final : public ObjectSink {
   Result<void> complete(const std::string& name, const std::string& upload, const std::string& xml,
                         std::uint64_t bytes) {
     const base::Bytes body(xml.begin(), xml.end());
-    const auto answered =
-        ask({"POST", name, {{"uploadId", upload}}, {{"content-type", "application/xml"}}, body, kMaxAnswerBytes});
+    const auto answered = sendChecked(
+        {"POST", name, {{"uploadId", upload}}, {{"content-type", "application/xml"}}, body, kMaxAnswerBytes});
     if (answered) return {};
-    // Perhaps a try before did it and only its answer was lost: then the upload is gone and the object is there.
+    // An earlier attempt may have completed the upload and only its answer was lost. Then the upload is gone and the
+    // object is there.
     if (answered.error().message.find("NoSuchUpload") != std::string::npos)
       if (const auto there = size(name); there && *there == bytes) return {};
     return answered.error();
@@ -197,7 +200,7 @@ Result<std::unique_ptr<ObjectSink>> openS3Sink(const std::string& place, const S
   const std::string bucket_prefix = bucket.prefix();
   auto sink = std::make_unique<S3Sink>(std::move(bucket));
   const auto page = sink->listPage(bucket_prefix, "", 1);
-  // Who may write need not be allowed to list.
+  // Credentials that may write need not be allowed to list.
   if (!page && page.error().message.find(": AccessDenied: ") == std::string::npos) return page.error();
   return std::unique_ptr<ObjectSink>(std::move(sink));
 }

@@ -1,5 +1,5 @@
 #pragma once
-// Objects in a bucket of any S3-compatible store (Amazon S3 API reference, REST).
+// Reads and writes objects in a bucket of any S3-compatible store (Amazon S3 API reference, REST).
 #include <memory>
 #include <string>
 
@@ -9,11 +9,11 @@
 
 namespace repository {
 
-/// `place`: "s3://bucket" or "s3://bucket/prefix". Nothing is asked yet.
+/// `place` is "s3://bucket" or "s3://bucket/prefix". No request is sent yet.
 base::Result<std::unique_ptr<ObjectSource>> openS3Source(const std::string& place, const S3Config& config);
 
-/// Asks once whether the bucket is there. Errors: kInvalidInput (no credentials), kNotFound (no such bucket), kIo
-/// (wrong credentials), kNetwork.
+/// Sends one request to find out whether the bucket exists. Errors: kInvalidInput (no credentials), kNotFound (no such
+/// bucket), kIo (wrong credentials), kNetwork.
 base::Result<std::unique_ptr<ObjectSink>> openS3Sink(const std::string& place, const S3Config& config);
 
 }  // namespace repository

@@ -11,7 +11,7 @@
 namespace repository {
 namespace {
 
-// Outer spaces go, and spaces in a row become one.
+// Removes outer spaces and turns a row of spaces into one.
 std::string canonicalValue(const std::string& value) {
   std::string text;
   for (const char c : value)
@@ -39,7 +39,7 @@ std::string hexOfText(std::string_view text) {
 }  // namespace
 
 std::string canonicalQuery(const std::map<std::string, std::string>& query) {
-  // Sorted as they are encoded, not as they were.
+  // The order is that of the encoded names.
   std::vector<std::pair<std::string, std::string>> encoded;
   for (const auto& [name, value] : query)
     encoded.emplace_back(percentEncoded(name, false), percentEncoded(value, false));

@@ -6,7 +6,8 @@
 namespace repository {
 namespace {
 
-// What stands between <name> and </name> from `at` on, which is moved behind it. Elements of S3 never hold their like.
+// The text between the next <name> and </name> behind `at`, which moves behind it. S3's elements never hold elements of
+// their own name.
 std::optional<std::string_view> nextElement(std::string_view xml, const std::string& name, std::size_t& at) {
   for (std::size_t open = at; (open = xml.find("<" + name, open)) != std::string_view::npos; ++open) {
     std::size_t begin = open + 1 + name.size();
@@ -40,7 +41,7 @@ void appendUtf8(std::string& text, std::uint32_t code) {
   byte(0x80 | (code & 0x3F));
 }
 
-// "#38" or "#x26".
+// Reads "#38" or "#x26".
 std::optional<std::uint32_t> numericEntity(std::string_view entity) {
   const bool is_hex = entity.size() > 1 && entity[1] == 'x';
   const std::string digits(entity.substr(is_hex ? 2 : 1));

@@ -1,6 +1,6 @@
 #pragma once
-// The little XML that S3 stores answer with: elements and entities. A bounded scan, not a parser: what it does not find
-// is not there.
+// Reads elements and entities from the small XML documents that S3 stores answer with. It is a bounded scan and no XML
+// parser.
 #include <optional>
 #include <string>
 #include <string_view>
@@ -10,8 +10,8 @@
 
 namespace repository {
 
-/// The text of the first element `name`, its entities resolved; nothing when there is none, or it is not closed, or an
-/// entity is unknown.
+/// The text of the first element `name` with its entities resolved; nothing when there is no such element, it is not
+/// closed, or it holds an unknown entity.
 std::optional<std::string> xmlText(std::string_view xml, const std::string& name);
 
 /// One page of ListObjectsV2.
@@ -19,7 +19,7 @@ struct S3Page {
   std::vector<std::string> keys;
   std::string next_token;  ///< "" at the end
 };
-/// Errors: kNetwork when this is no such page.
+/// Errors: kNetwork when `xml` is no such page.
 base::Result<S3Page> parseS3Page(std::string_view xml);
 
 }  // namespace repository

@@ -16,13 +16,13 @@ using base::Error;
 using base::ErrorCode;
 using base::Result;
 
-// Which state of an object an answer is about; "" and nothing where the server does not tell.
+// The version of an object that an answer is about; a field is empty where the server does not state it.
 struct Version {
   std::string tag;   // ETag
   std::string date;  // Last-Modified
   std::optional<std::uint64_t> size;
 
-  // A server may tell more in one answer than in another: only like is compared with like.
+  // A server may state more in one answer than in another, so only fields that both have are compared.
   bool differsFrom(const Version& other) const {
     if (size && other.size && *size != *other.size) return true;
     if (!tag.empty() && !other.tag.empty()) return plain(tag) != plain(other.tag);
@@ -49,10 +49,10 @@ class WebSource final : public ObjectSource {
       return tooShort(name, std::nullopt, offset, length);
     std::vector<std::string> headers{"Range: bytes=" + std::to_string(offset) + "-" +
                                      std::to_string(offset + length - 1)};
-    // A weak tag (W/"…") or a date cannot be asked for, but is compared afterwards.
+    // If-Match allows neither a weak tag (W/"…") nor a date; those are compared afterwards.
     if (const auto known = knownVersion(name); known && known->tag.rfind('"', 0) == 0)
       headers.push_back("If-Match: " + known->tag);
-    LUMIGRID_ASSIGN_OR_RETURN(auto response, server_->ask("GET", name, headers, length));
+    LUMIGRID_ASSIGN_OR_RETURN(auto response, server_->request("GET", name, headers, length));
     switch (response.status) {
       case 200:
         LUMIGRID_TRY(checkWhole(name, response, offset, length));
@@ -74,7 +74,7 @@ class WebSource final : public ObjectSource {
 
   Result<std::uint64_t> size(const std::string& name) const override {
     LUMIGRID_TRY(checkName(name));
-    LUMIGRID_ASSIGN_OR_RETURN(const auto response, server_->ask("HEAD", name, {}, 0));
+    LUMIGRID_ASSIGN_OR_RETURN(const auto response, server_->request("HEAD", name, {}, 0));
     if (response.status != 200) return server_->refusal(name, response);
     LUMIGRID_TRY(checkEncoding(name, response));
     const auto size = base::parseDecimal(response.header("content-length"));
@@ -104,7 +104,7 @@ class WebSource final : public ObjectSource {
     return Bytes();
   }
 
-  // A 200 brings the whole object: fine when the whole was asked for.
+  // An answer 200 carries the whole object, which is right when the whole was asked for.
   Result<void> checkWhole(const std::string& name, const HttpResponse& response, std::uint64_t offset,
                           std::uint64_t length) const {
     LUMIGRID_TRY(checkEncoding(name, response));
@@ -153,7 +153,7 @@ class WebSource final : public ObjectSource {
     return it == versions_.end() ? std::nullopt : std::optional(it->second);
   }
 
-  // The first version that is seen is the one that all reads must meet.
+  // The first version seen is the one that all later reads must meet.
   Result<void> checkVersion(const std::string& name, const Version& seen) const {
     const std::lock_guard lock(mutex_);
     const auto [it, is_first] = versions_.emplace(name, seen);
@@ -180,20 +180,20 @@ class WebSource final : public ObjectSource {
   mutable std::map<std::string, Version> versions_;
 };
 
-// A plain web server: objects are files below a folder.
+// A plain web server, whose objects are files below a folder.
 class HttpServer final : public ObjectServer {
  public:
   HttpServer(std::string place, const HttpOptions& options) : place_(std::move(place)), client_(options) {}
 
-  Result<HttpResponse> ask(const std::string& method, const std::string& name, const std::vector<std::string>& headers,
-                           std::uint64_t most_bytes) const override {
-    HttpRequest request;
-    request.method = method;
-    request.url = place_ + "/" + percentEncoded(name, true);
-    request.headers = [&headers] { return headers; };
-    request.most_bytes = most_bytes;
-    request.follow_redirects = true;
-    auto response = client_.send(request);
+  Result<HttpResponse> request(const std::string& method, const std::string& name,
+                               const std::vector<std::string>& headers, std::uint64_t max_body_bytes) const override {
+    HttpRequest http;
+    http.method = method;
+    http.url = place_ + "/" + percentEncoded(name, true);
+    http.headers = [&headers] { return headers; };
+    http.max_body_bytes = max_body_bytes;
+    http.follow_redirects = true;
+    auto response = client_.send(http);
     if (!response) return base::within(describe(name), response.error());
     return response;
   }

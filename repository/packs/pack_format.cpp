@@ -28,19 +28,18 @@ constexpr std::uint32_t kIndexHeaderBytes = 128;
 constexpr std::uint32_t kMaxParameterBytes = std::uint32_t{16} << 20;
 constexpr std::uint64_t kMaxPacks = std::uint64_t{1} << 24;
 constexpr std::uint64_t kMaxBlocks = std::uint64_t{1} << 32;
-constexpr std::uint32_t kSmallestBlock = 4096;
-constexpr std::uint32_t kLargestBlock = 65536;
+constexpr std::uint32_t kMinBlockBytes = 4096;
+constexpr std::uint32_t kMaxBlockBytes = 65536;
 constexpr std::uint32_t kBlockHeaderBytes = 8;
 constexpr std::uint32_t kCellBits = 6;
 constexpr std::uint64_t kCellMask = (1U << kCellBits) - 1;
-// Directions 6 and 7 are none.
-constexpr std::uint64_t kNoDirection = 0xC0C0C0C0C0C0C0C0ULL;
-constexpr std::uint32_t kSmallestValue = 8;
-// What the writer chooses (docs/formats/packs.md says why).
+constexpr std::uint64_t kNoDirection = 0xC0C0C0C0C0C0C0C0ULL;  // bits of d = 6 and 7, which do not exist
+constexpr std::uint32_t kMinValueBytes = 8;                    // the header of a face value
+// The writer's choices; docs/formats/packs.md gives the reasons.
 constexpr std::uint32_t kBlockBytes = 16384;
 constexpr std::uint32_t kHashShift = 9;
 
-Error bad(const std::string& what) {
+Error damaged(const std::string& what) {
   return {ErrorCode::kInvalidInput, what + "; publish it again"};
 }
 
@@ -48,8 +47,9 @@ std::uint64_t alignUp(std::uint64_t offset, std::uint64_t step) {
   return (offset + step - 1) / step * step;
 }
 
-// Stafford's thirteenth mixer: every bit of x moves half of the result's.
-std::uint64_t mix(std::uint64_t x) {
+// Stafford's 13th variant of the MurmurHash3 finalizer: flipping a bit of x flips each bit of the result with
+// probability 1/2.
+std::uint64_t mixBits(std::uint64_t x) {
   x ^= x >> 30;
   x *= 0xbf58476d1ce4e5b9ULL;
   x ^= x >> 27;
@@ -63,14 +63,14 @@ std::uint64_t blocksOffsetFor(std::uint64_t parameter_bytes, std::uint64_t block
 
 // --- Runs
 
-// How many of the first entries share a cell.
+// The number of entries at the front that share a cell.
 std::size_t cellEnd(std::span<const PackEntry> entries) {
   std::size_t end = 1;
   while (end < entries.size() && entries[end].code >> kCellBits == entries[0].code >> kCellBits) ++end;
   return end;
 }
 
-// One run: entries of one cell. Returns the bytes of its values.
+// Writes entries of one cell as a run and returns the bytes of their values.
 std::uint32_t writeRun(std::span<const PackEntry> entries, std::uint32_t offset, ByteWriter& out) {
   std::uint64_t present = 0;
   for (const PackEntry& entry : entries) present |= std::uint64_t{1} << (entry.code & kCellMask);
@@ -85,8 +85,8 @@ std::uint32_t writeRun(std::span<const PackEntry> entries, std::uint32_t offset,
   return bytes;
 }
 
-// Reads a run and appends its lengths. What is wrong, or nothing.
-const char* readRun(ByteReader& in, Run& run, std::vector<std::uint32_t>& lengths) {
+// Reads a run and appends its lengths. Returns the fault, or null when there is none.
+const char* readRun(ByteReader& in, FaceRun& run, std::vector<std::uint32_t>& lengths) {
   run.cell = in.u64();
   run.present = in.u64();
   run.offset = in.u32();
@@ -96,7 +96,7 @@ const char* readRun(ByteReader& in, Run& run, std::vector<std::uint32_t>& length
   std::uint64_t end = run.offset;
   for (int i = std::popcount(run.present); i > 0; --i) {
     const std::uint64_t length = in.varint();
-    if ((length != 0 && length < kSmallestValue) || length > kMaxValueBytes) in.fail();
+    if ((length != 0 && length < kMinValueBytes) || length > kMaxValueBytes) in.fail();
     end += length;
     lengths.push_back(static_cast<std::uint32_t>(length));
   }
@@ -105,32 +105,34 @@ const char* readRun(ByteReader& in, Run& run, std::vector<std::uint32_t>& length
   return nullptr;
 }
 
-// Codes of a run, ascending.
-template <class Take>
-void forEachCode(const Run& run, Take take) {
+// Visits the codes of a run in ascending order.
+template <class Visit>
+void forEachCode(const FaceRun& run, Visit visit) {
   for (std::uint64_t left = run.present; left != 0; left &= left - 1)
-    take(run.cell << kCellBits | static_cast<std::uint64_t>(std::countr_zero(left)));
+    visit(run.cell << kCellBits | static_cast<std::uint64_t>(std::countr_zero(left)));
 }
 
-std::uint64_t firstCode(const Run& run) {
+std::uint64_t firstCode(const FaceRun& run) {
   return run.cell << kCellBits | static_cast<std::uint64_t>(std::countr_zero(run.present));
 }
-std::uint64_t lastCode(const Run& run) {
+std::uint64_t lastCode(const FaceRun& run) {
   return run.cell << kCellBits | static_cast<std::uint64_t>(63 - std::countl_zero(run.present));
 }
 
-// Magic, version and the header's own checksum, which is its last word.
+// Checks magic, version, and the header's checksum, which is its last word.
 Result<void> checkHeader(ByteView bytes, const char* magic, std::uint32_t header_bytes, const std::string& what) {
-  if (bytes.size() < header_bytes) return bad(what + " is cut short");
+  if (bytes.size() < header_bytes) return damaged(what + " is cut short");
   ByteReader in(bytes);
-  if (std::memcmp(in.bytes(kMagicBytes).data(), magic, kMagicBytes) != 0) return bad("not " + what + " (wrong magic)");
+  if (std::memcmp(in.bytes(kMagicBytes).data(), magic, kMagicBytes) != 0)
+    return damaged("not " + what + " (wrong magic)");
   const std::uint32_t version = in.u32();
   if (version != kVersion)
     return Error{ErrorCode::kVersion, what + " is of version " + std::to_string(version) + ", this program reads " +
                                           std::to_string(kVersion)};
-  if (in.u32() != header_bytes) return bad(what + " has a header of another length");
+  if (in.u32() != header_bytes) return damaged(what + " has a header of another length");
   ByteReader end(bytes.subspan(header_bytes - 4));
-  if (end.u32() != base::crc32c(bytes.first(header_bytes - 4))) return bad(what + ": its header's checksum differs");
+  if (end.u32() != base::crc32c(bytes.first(header_bytes - 4)))
+    return damaged(what + ": its header's checksum differs");
   return {};
 }
 
@@ -209,22 +211,22 @@ Result<PackTable> decodePack(ByteView pack) {
   const std::uint64_t last = header.u64();
   const std::uint32_t crc = header.u32();
   if (bytes != pack.size())
-    return bad("has " + std::to_string(pack.size()) + " bytes, its header says " + std::to_string(bytes));
-  if (table_offset < kPackHeaderBytes || table_offset > bytes) return bad("its table does not lie in it");
+    return damaged("has " + std::to_string(pack.size()) + " bytes, its header says " + std::to_string(bytes));
+  if (table_offset < kPackHeaderBytes || table_offset > bytes) return damaged("its table does not lie in it");
   const ByteView table = pack.subspan(table_offset);
-  if (base::crc32c(table) != crc) return bad("its table's checksum differs");
+  if (base::crc32c(table) != crc) return damaged("its table's checksum differs");
 
   PackTable out;
   ByteReader in(table);
   std::uint64_t offset = kPackHeaderBytes;
   std::vector<std::uint32_t> lengths;
   while (!in.atEnd()) {
-    Run run;
+    FaceRun run;
     lengths.clear();
-    if (const char* wrong = readRun(in, run, lengths)) return bad(std::string("its table: ") + wrong);
-    if (run.offset != offset) return bad("its table: values do not lie side by side");
+    if (const char* wrong = readRun(in, run, lengths)) return damaged(std::string("its table: ") + wrong);
+    if (run.offset != offset) return damaged("its table: values do not lie side by side");
     if (!out.entries.empty() && out.entries.back().code >> kCellBits >= run.cell)
-      return bad("its table: runs are out of order");
+      return damaged("its table: runs are out of order");
     std::size_t i = 0;
     forEachCode(run, [&](std::uint64_t code) {
       out.entries.push_back({code, lengths[i]});
@@ -234,7 +236,7 @@ Result<PackTable> decodePack(ByteView pack) {
   }
   if (out.entries.empty() || out.entries.size() != keys || out.entries.front().code != first ||
       out.entries.back().code != last || offset != table_offset)
-    return bad("its table and its header differ");
+    return damaged("its table and its header differ");
   return out;
 }
 
@@ -259,36 +261,36 @@ Result<IndexRoot> decodeIndexRoot(ByteView front) {
   root.parameter_crc = in.u32();
   root.rows_crc = in.u32();
 
-  if (root.empty > root.keys) return bad("the index counts more empty flags than keys");
-  if (!std::has_single_bit(root.block_bytes) || root.block_bytes < kSmallestBlock || root.block_bytes > kLargestBlock)
-    return bad("the index has blocks of " + std::to_string(root.block_bytes) + " bytes");
+  if (root.empty > root.keys) return damaged("the index counts more empty flags than keys");
+  if (!std::has_single_bit(root.block_bytes) || root.block_bytes < kMinBlockBytes || root.block_bytes > kMaxBlockBytes)
+    return damaged("the index has blocks of " + std::to_string(root.block_bytes) + " bytes");
   if (root.hash_shift < kCellBits || root.hash_shift > 62)
-    return bad("the index's hash shift is " + std::to_string(root.hash_shift));
-  if (root.parameter_bytes > kMaxParameterBytes) return bad("the index's parameters are too long");
-  if (root.blocks == 0 || root.blocks > kMaxBlocks) return bad("the index has no blocks or too many");
-  if (root.packs > kMaxPacks || root.packs > root.keys) return bad("the index has too many packs");
+    return damaged("the index's hash shift is " + std::to_string(root.hash_shift));
+  if (root.parameter_bytes > kMaxParameterBytes) return damaged("the index's parameters are too long");
+  if (root.blocks == 0 || root.blocks > kMaxBlocks) return damaged("the index has no blocks or too many");
+  if (root.packs > kMaxPacks || root.packs > root.keys) return damaged("the index has too many packs");
   if (root.blocks_offset != blocksOffsetFor(root.parameter_bytes, root.block_bytes))
-    return bad("the index's blocks do not lie behind its parameters");
+    return damaged("the index's blocks do not lie behind its parameters");
   if (root.object_bytes != root.rowsOffset() + root.packs * kPackRowBytes)
-    return bad("the index's lengths do not add up");
+    return damaged("the index's lengths do not add up");
   return root;
 }
 
 Result<void> checkParameters(const IndexRoot& root, ByteView text) {
-  if (text.size() != root.parameter_bytes) return bad("the parameters are cut short");
-  if (base::crc32c(text) != root.parameter_crc) return bad("the parameters' checksum differs");
+  if (text.size() != root.parameter_bytes) return damaged("the parameters are cut short");
+  if (base::crc32c(text) != root.parameter_crc) return damaged("the parameters' checksum differs");
   return {};
 }
 
 std::uint64_t blockOfCode(const IndexRoot& root, std::uint64_t code) {
-  return mix(code >> root.hash_shift) % root.blocks;
+  return mixBits(code >> root.hash_shift) % root.blocks;
 }
 
 Result<IndexBlock> decodeIndexBlock(const IndexRoot& root, std::uint64_t number, ByteView block) {
   const std::string name = "block " + std::to_string(number) + " of the index";
-  if (block.size() != root.block_bytes) return bad(name + " is cut short");
+  if (block.size() != root.block_bytes) return damaged(name + " is cut short");
   ByteReader in(block);
-  if (in.u32() != base::crc32c(block.subspan(4))) return bad(name + ": its checksum differs");
+  if (in.u32() != base::crc32c(block.subspan(4))) return damaged(name + ": its checksum differs");
   const std::uint16_t packs = in.u16();
   const std::uint16_t runs = in.u16();
 
@@ -298,21 +300,21 @@ Result<IndexBlock> decodeIndexBlock(const IndexRoot& root, std::uint64_t number,
     IndexBlock::Row row;
     row.pack = in.u16();
     row.first_length = static_cast<std::uint32_t>(out.lengths_.size());
-    if (const char* wrong = readRun(in, row.run, out.lengths_)) return bad(name + ": " + wrong);
-    if (row.pack >= out.packs_.size()) return bad(name + ": a run's pack is none");
-    if (blockOfCode(root, firstCode(row.run)) != number) return bad(name + ": a run belongs in another block");
+    if (const char* wrong = readRun(in, row.run, out.lengths_)) return damaged(name + ": " + wrong);
+    if (row.pack >= out.packs_.size()) return damaged(name + ": a run's pack is none");
+    if (blockOfCode(root, firstCode(row.run)) != number) return damaged(name + ": a run belongs in another block");
     if (!out.rows_.empty() && lastCode(out.rows_.back().run) >= firstCode(row.run))
-      return bad(name + ": runs are out of order");
+      return damaged(name + ": runs are out of order");
     out.rows_.push_back(row);
   }
   const ByteView rest = block.subspan(in.offset());
   if (!in.ok() || std::any_of(rest.begin(), rest.end(), [](std::uint8_t byte) { return byte != 0; }))
-    return bad(name + ": its lengths do not add up");
+    return damaged(name + ": its lengths do not add up");
   return out;
 }
 
-std::optional<FacePlace> IndexBlock::find(std::uint64_t code) const {
-  // The first run that does not end before the code; runs of one cell do not overlap.
+std::optional<FaceLocation> IndexBlock::find(std::uint64_t code) const {
+  // The first run that does not end before the code is the only candidate, since runs do not overlap.
   const auto row = std::partition_point(rows_.begin(), rows_.end(),
                                         [&](const Row& candidate) { return lastCode(candidate.run) < code; });
   if (row == rows_.end() || row->run.cell != code >> kCellBits) return std::nullopt;
@@ -320,8 +322,8 @@ std::optional<FacePlace> IndexBlock::find(std::uint64_t code) const {
   if ((row->run.present & bit) == 0) return std::nullopt;
   const auto before = static_cast<std::ptrdiff_t>(std::popcount(row->run.present & (bit - 1)));
   const auto first = lengths_.begin() + row->first_length;
-  return FacePlace{packs_[row->pack], std::accumulate(first, first + before, std::uint64_t{row->run.offset}),
-                   first[before]};
+  return FaceLocation{packs_[row->pack], std::accumulate(first, first + before, std::uint64_t{row->run.offset}),
+                      first[before]};
 }
 
 std::uint64_t IndexBlock::bytes() const {
@@ -338,8 +340,8 @@ std::uint64_t IndexBlock::valueBytes() const {
 }
 
 Result<std::vector<PackRow>> decodePackRows(const IndexRoot& root, ByteView bytes) {
-  if (bytes.size() != root.packs * kPackRowBytes) return bad("the index's list of packs is cut short");
-  if (base::crc32c(bytes) != root.rows_crc) return bad("the index's list of packs: its checksum differs");
+  if (bytes.size() != root.packs * kPackRowBytes) return damaged("the index's list of packs is cut short");
+  if (base::crc32c(bytes) != root.rows_crc) return damaged("the index's list of packs: its checksum differs");
   ByteReader in(bytes);
   std::vector<PackRow> rows(root.packs);
   std::uint64_t keys = 0;
@@ -352,18 +354,18 @@ Result<std::vector<PackRow>> decodePackRows(const IndexRoot& root, ByteView byte
     row.keys = in.u64();
     if (row.bytes < kPackHeaderBytes || row.bytes > kMaxPackBytes || row.keys == 0 || row.keys > root.keys - keys ||
         row.first_code > row.last_code || (i > 0 && rows[i - 1].last_code >= row.first_code))
-      return bad("the index's list of packs: row " + std::to_string(i) + " cannot be");
+      return damaged("the index's list of packs: row " + std::to_string(i) + " cannot be");
     keys += row.keys;
   }
   if (keys != root.keys)
-    return bad("the index's list of packs counts " + std::to_string(keys) + " keys, its header " +
-               std::to_string(root.keys));
+    return damaged("the index's list of packs counts " + std::to_string(keys) + " keys, its header " +
+                   std::to_string(root.keys));
   return rows;
 }
 
 // --- Writing the index
 
-void IndexBuilder::add(std::span<const PackEntry> entries) {
+void IndexBuilder::addPack(std::span<const PackEntry> entries) {
   ByteWriter run;
   auto offset = static_cast<std::uint32_t>(kPackHeaderBytes);
   for (auto rest = entries; !rest.empty();) {
@@ -383,8 +385,8 @@ ByteView IndexBuilder::bytesOf(const EncodedRun& run) const {
   return ByteView(bytes_).subspan(run.begin, run.size);
 }
 
-// Runs come in order of packs, so within a block a pack's runs follow each other.
-bool IndexBuilder::fits(const IndexRoot& root) const {
+// Whether each block has room for its runs. They come in order of packs, so a block names each of its packs once.
+bool IndexBuilder::fitsIntoBlocks(const IndexRoot& root) const {
   constexpr std::uint32_t kNone = ~std::uint32_t{0};
   std::vector<std::uint32_t> filled(root.blocks, kBlockHeaderBytes);
   std::vector<std::uint32_t> last_pack(root.blocks, kNone);
@@ -399,7 +401,7 @@ bool IndexBuilder::fits(const IndexRoot& root) const {
 }
 
 void IndexBuilder::writeBlocks(const IndexRoot& root, const std::vector<PackRow>& packs, Bytes& out) const {
-  std::vector<std::pair<std::uint64_t, std::uint64_t>> order;  // block, run
+  std::vector<std::pair<std::uint64_t, std::uint64_t>> order;  // number of the block, index of the run
   order.reserve(runs_.size());
   for (std::size_t i = 0; i < runs_.size(); ++i) order.emplace_back(blockOfCode(root, runs_[i].cell << kCellBits), i);
   std::sort(order.begin(), order.end());
@@ -444,9 +446,10 @@ Result<Bytes> IndexBuilder::build(const std::vector<PackRow>& packs, const std::
   IndexRoot root;
   root.block_bytes = kBlockBytes;
   root.hash_shift = kHashShift;
-  // The fewest blocks with which none overflows. Different neighbourhoods never share their whole hash, so it ends.
+  // The number of blocks grows by an eighth until no block overflows. The hash is a bijection, so different
+  // neighbourhoods part at some number of blocks and the loop ends.
   root.blocks = 1 + bytes_.size() / kBlockBytes;
-  while (!fits(root)) root.blocks += 1 + root.blocks / 8;
+  while (!fitsIntoBlocks(root)) root.blocks += 1 + root.blocks / 8;
 
   ByteWriter rows;
   for (const PackRow& pack : packs) {

@@ -1,6 +1,6 @@
 #pragma once
-// The bytes of published repositories: index, its blocks, packs (docs/formats/packs.md). No input or output here, so
-// that every reader, a browser's too, uses the same.
+// Encodes and decodes published repositories: the index, its blocks, and packs (docs/formats/packs.md). It does no
+// input or output, so that every reader, the browser's too, uses this code.
 #include <array>
 #include <cstdint>
 #include <functional>
@@ -15,56 +15,55 @@
 
 namespace repository {
 
-/// What every reader reads first of an index: the root lies within.
-inline constexpr std::uint64_t kIndexFrontBytes = 16384;
+// docs/formats/packs.md defines these sizes.
+inline constexpr std::uint64_t kIndexFrontBytes = 16384;  ///< every reader reads them first: they hold the root
 inline constexpr std::uint64_t kPackHeaderBytes = 64;
 inline constexpr std::uint64_t kPackRowBytes = 48;
-/// Readers take no larger pack into memory.
-inline constexpr std::uint64_t kMaxPackBytes = std::uint64_t{128} << 20;
+inline constexpr std::uint64_t kMaxPackBytes = std::uint64_t{128} << 20;  ///< readers hold one pack in memory
 inline constexpr std::uint32_t kMaxValueBytes = std::uint32_t{64} << 20;
 
-/// The first 16 bytes of an object's SHA-256.
+/// The first 16 bytes of an object's SHA-256, which name the object.
 using ObjectId = std::array<std::uint8_t, 16>;
 /// "images/pack-<id>.lgk", "images/index-<id>.lgi".
 std::string packName(const ObjectId& id);
 std::string indexName(const ObjectId& id);
-/// The id in the name of a pack or an index; nothing for another name.
+/// The id in the name of a pack or an index; nothing for any other name.
 std::optional<ObjectId> idOfPackName(const std::string& name);
 std::optional<ObjectId> idOfIndexName(const std::string& name);
 
-/// A key's code with the length of its value in a pack; 0: an empty flag, which has no bytes.
+/// The code of a key and the length of its value in a pack.
 struct PackEntry {
   std::uint64_t code = 0;
-  std::uint32_t length = 0;
+  std::uint32_t length = 0;  ///< 0: an empty flag, which takes no bytes
   friend bool operator==(const PackEntry&, const PackEntry&) = default;
 };
 
-/// Faces of one cell of 2 × 2 × 2 points that lie side by side in a pack.
-struct Run {
+/// The faces of one cell of 2 × 2 × 2 points whose values lie side by side in a pack.
+struct FaceRun {
   std::uint64_t cell = 0;     ///< code >> 6
-  std::uint64_t present = 0;  ///< bit (code & 63)
+  std::uint64_t present = 0;  ///< bit (code & 63) is set for each face
   std::uint32_t offset = 0;   ///< of the first value, in the pack
 };
 
 // --- Packs
 
-/// A whole pack: header, `values` as they lie side by side, table. Entries in ascending order of codes, at least one;
+/// Encodes a whole pack: header, `values` side by side, table. There is at least one entry, entries ascend by code, and
 /// their lengths add up to values.size().
 base::Bytes encodePack(std::span<const PackEntry> entries, base::ByteView values);
 
-/// A pack's entries with the place of each value.
+/// A pack's entries with the offset of each value.
 struct PackTable {
   std::vector<PackEntry> entries;
   std::vector<std::uint32_t> offsets;
 };
-/// Checks everything but the values themselves.
+/// Checks header, checksums and table, but not the values themselves.
 base::Result<PackTable> decodePack(base::ByteView pack);
 
 // --- The index
 
-/// What the values add up to.
+/// Sums over all values in packs.
 struct ValueTotals {
-  std::uint64_t value_bytes = 0, jpeg_bytes = 0, coverage_bytes = 0;  ///< in packs
+  std::uint64_t value_bytes = 0, jpeg_bytes = 0, coverage_bytes = 0;
   friend bool operator==(const ValueTotals&, const ValueTotals&) = default;
 };
 
@@ -83,42 +82,44 @@ struct IndexRoot {
   std::uint64_t blockOffset(std::uint64_t block) const { return blocks_offset + block * block_bytes; }
   std::uint64_t rowsOffset() const { return blockOffset(blocks); }
 };
-/// From the first kIndexFrontBytes of the index. The parameters lie at parameterOffset(), checked by checkParameters.
+/// Decodes the root from the first kIndexFrontBytes of the index. The parameters lie at parameterOffset();
+/// checkParameters checks them.
 base::Result<IndexRoot> decodeIndexRoot(base::ByteView front);
 constexpr std::uint64_t parameterOffset() {
   return 128;
 }
 base::Result<void> checkParameters(const IndexRoot& root, base::ByteView text);
 
-/// Which block tells where a key lies.
+/// The number of the block that locates a key's value.
 std::uint64_t blockOfCode(const IndexRoot& root, std::uint64_t code);
 
-struct FacePlace {
+/// Where the value of a face lies.
+struct FaceLocation {
   ObjectId pack{};
   std::uint64_t offset = 0;
-  std::uint32_t length = 0;  ///< 0: an empty flag; nothing to read
-  friend bool operator==(const FacePlace&, const FacePlace&) = default;
+  std::uint32_t length = 0;  ///< 0: an empty flag, for which nothing is read
+  friend bool operator==(const FaceLocation&, const FaceLocation&) = default;
 };
 
-/// A decoded block.
+/// A decoded block of the index.
 class IndexBlock {
  public:
-  std::optional<FacePlace> find(std::uint64_t code) const;
-  /// Memory taken, for caches.
+  std::optional<FaceLocation> find(std::uint64_t code) const;
+  /// The memory that the block takes, for caches.
   std::uint64_t bytes() const;
   std::uint64_t keys() const { return lengths_.size(); }
   std::uint64_t emptyFlags() const;
-  std::uint64_t valueBytes() const;  ///< of its faces, in packs
+  std::uint64_t valueBytes() const;  ///< sum over its faces, in packs
 
  private:
   friend base::Result<IndexBlock> decodeIndexBlock(const IndexRoot& root, std::uint64_t number, base::ByteView block);
   struct Row {
-    Run run;
-    std::uint32_t pack = 0;
-    std::uint32_t first_length = 0;
+    FaceRun run;
+    std::uint32_t pack = 0;          // index into packs_
+    std::uint32_t first_length = 0;  // index into lengths_
   };
   std::vector<ObjectId> packs_;
-  std::vector<Row> rows_;  // ascending
+  std::vector<Row> rows_;  // in ascending order of codes
   std::vector<std::uint32_t> lengths_;
 };
 base::Result<IndexBlock> decodeIndexBlock(const IndexRoot& root, std::uint64_t number, base::ByteView block);
@@ -130,24 +131,24 @@ struct PackRow {
 };
 base::Result<std::vector<PackRow>> decodePackRows(const IndexRoot& root, base::ByteView rows);
 
-/// Makes an index. Memory: 5 bytes a face, then the index itself.
+/// Builds an index. It takes 5 bytes of memory a face, and then those of the index.
 class IndexBuilder {
  public:
-  /// The faces of the next pack, in ascending order of codes, behind all that came before.
-  void add(std::span<const PackEntry> entries);
-  /// The whole object. `rows` tells of the packs, in the order in which they were added.
+  /// Adds the faces of the next pack, in ascending order of codes and behind those of all packs before.
+  void addPack(std::span<const PackEntry> entries);
+  /// Encodes the whole index. `rows` describes the packs in the order in which they were added.
   base::Result<base::Bytes> build(const std::vector<PackRow>& rows, const std::string& parameters,
                                   const ValueTotals& totals) const;
 
  private:
   struct EncodedRun {
     std::uint64_t cell;
-    std::uint64_t begin;  // of its bytes
+    std::uint64_t begin;  // offset in bytes_
     std::uint32_t size;
     std::uint32_t pack;
   };
   base::ByteView bytesOf(const EncodedRun& run) const;
-  bool fits(const IndexRoot& root) const;
+  bool fitsIntoBlocks(const IndexRoot& root) const;
   void writeBlocks(const IndexRoot& root, const std::vector<PackRow>& packs, base::Bytes& out) const;
 
   std::vector<EncodedRun> runs_;

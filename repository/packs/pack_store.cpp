@@ -19,13 +19,13 @@ using base::Error;
 using base::ErrorCode;
 using base::Result;
 
-Error readOnly(const ObjectSource& source) {
+Error readOnlyError(const ObjectSource& source) {
   return {ErrorCode::kUnsupported,
           source.place() + ": published images cannot be changed; build a scene and publish it"};
 }
 
-// Pieces of an index that are read at once, and what is read ahead of its check.
-constexpr std::uint64_t kPieceBytes = std::uint64_t{4} << 20;
+constexpr std::uint64_t kIndexReadBytes = std::uint64_t{4} << 20;  // a check reads the index in ranges of this size
+// A check reads so far ahead: room for eight packs of the usual 16 MB.
 constexpr std::uint64_t kPrefetchBytes = std::uint64_t{128} << 20;
 
 std::vector<FaceKey> keysOf(const PackTable& table) {
@@ -35,7 +35,7 @@ std::vector<FaceKey> keysOf(const PackTable& table) {
   return keys;
 }
 
-bool isOf(const ObjectId& id, const base::Sha256Digest& digest) {
+bool matchesDigest(const ObjectId& id, const base::Sha256Digest& digest) {
   return std::equal(id.begin(), id.end(), digest.begin());
 }
 
@@ -47,7 +47,7 @@ Result<std::unique_ptr<PackStore>> PackStore::open(std::shared_ptr<const ObjectS
   auto front = store->source_->read(index, 0, kIndexFrontBytes);
   if (!front) return front.error();
   auto root = decodeIndexRoot(*front);
-  if (!root) return store->inIndex(root.error());
+  if (!root) return store->indexError(root.error());
   store->root_ = *root;
 
   const std::uint64_t end = parameterOffset() + root->parameter_bytes;
@@ -56,25 +56,25 @@ Result<std::unique_ptr<PackStore>> PackStore::open(std::shared_ptr<const ObjectS
     if (!front) return front.error();
   }
   const ByteView text = ByteView(*front).subspan(parameterOffset(), root->parameter_bytes);
-  if (auto checked = checkParameters(*root, text); !checked) return store->inIndex(checked.error());
+  if (auto checked = checkParameters(*root, text); !checked) return store->indexError(checked.error());
   store->parameters_.assign(text.begin(), text.end());
   return store;
 }
 
-Error PackStore::inIndex(const Error& error) const {
+Error PackStore::indexError(const Error& error) const {
   return base::within(source_->place() + "/" + index_, error);
 }
 
 // --- Finding
 
-Result<PackStore::Block> PackStore::block(std::uint64_t number) const {
+Result<PackStore::Block> PackStore::loadBlock(std::uint64_t number) const {
   {
     const std::lock_guard guard(mutex_);
     if (const Block* cached = blocks_.find(number)) return *cached;
   }
   LUMIGRID_ASSIGN_OR_RETURN(auto bytes, source_->read(index_, root_.blockOffset(number), root_.block_bytes));
   auto decoded = decodeIndexBlock(root_, number, bytes);
-  if (!decoded) return inIndex(decoded.error());
+  if (!decoded) return indexError(decoded.error());
   auto block = std::make_shared<const IndexBlock>(std::move(*decoded));
 
   const std::lock_guard guard(mutex_);
@@ -83,24 +83,24 @@ Result<PackStore::Block> PackStore::block(std::uint64_t number) const {
   return block;
 }
 
-Result<std::optional<FacePlace>> PackStore::find(const FaceKey& key) const {
-  LUMIGRID_ASSIGN_OR_RETURN(auto found, block(blockOfCode(root_, key.code())));
+Result<std::optional<FaceLocation>> PackStore::locate(const FaceKey& key) const {
+  LUMIGRID_ASSIGN_OR_RETURN(auto found, loadBlock(blockOfCode(root_, key.code())));
   return found->find(key.code());
 }
 
 Result<bool> PackStore::contains(const FaceKey& key) const {
-  LUMIGRID_ASSIGN_OR_RETURN(auto place, find(key));
-  return place.has_value();
+  LUMIGRID_ASSIGN_OR_RETURN(auto location, locate(key));
+  return location.has_value();
 }
 
 // --- Reading values
 
 namespace {
 
-Result<std::optional<Bytes>> checkedValue(const ObjectSource& source, const FacePlace& place, const FaceKey& key,
+Result<std::optional<Bytes>> checkedValue(const ObjectSource& source, const FaceLocation& location, const FaceKey& key,
                                           Bytes bytes) {
   if (auto value = decodeFaceValue(bytes); !value) {
-    Error error = base::within(source.place() + "/" + packName(place.pack) + ": " + nameOf(key), value.error());
+    Error error = base::within(source.place() + "/" + packName(location.pack) + ": " + nameOf(key), value.error());
     error.message += "; publish it again with --rewrite";
     return error;
   }
@@ -110,45 +110,46 @@ Result<std::optional<Bytes>> checkedValue(const ObjectSource& source, const Face
 }  // namespace
 
 Result<std::optional<Bytes>> PackStore::get(const FaceKey& key) const {
-  auto value = read(key);
+  auto value = readValue(key);
   if (!value && error_listener_) error_listener_(value.error());
   return value;
 }
 
-Result<std::optional<Bytes>> PackStore::read(const FaceKey& key) const {
-  LUMIGRID_ASSIGN_OR_RETURN(auto place, find(key));
-  if (!place.has_value()) return std::optional<Bytes>();
-  if (place->length == 0) return std::optional(encodeFaceValue({}));
-  LUMIGRID_ASSIGN_OR_RETURN(auto bytes, source_->read(packName(place->pack), place->offset, place->length));
-  return checkedValue(*source_, *place, key, std::move(bytes));
+Result<std::optional<Bytes>> PackStore::readValue(const FaceKey& key) const {
+  LUMIGRID_ASSIGN_OR_RETURN(auto location, locate(key));
+  if (!location.has_value()) return std::optional<Bytes>();
+  if (location->length == 0) return std::optional(encodeFaceValue({}));
+  LUMIGRID_ASSIGN_OR_RETURN(auto bytes, source_->read(packName(location->pack), location->offset, location->length));
+  return checkedValue(*source_, *location, key, std::move(bytes));
 }
 
-struct PackStore::Wanted {
-  FacePlace place;
+struct PackStore::ValueRequest {
+  FaceLocation location;
   std::size_t index;  // into the keys
   FaceKey key;
-  std::uint64_t end() const { return place.offset + place.length; }
+  std::uint64_t end() const { return location.offset + location.length; }
 };
 
-// Values of one pack that one read brings. Those of a damaged index may overlap, so the last one need not end last.
-struct PackStore::Range {
-  std::span<const Wanted> wanted;
+// The values of one pack that are read together. Those of a damaged index may overlap, so the last one need not end
+// last.
+struct PackStore::ValueRange {
+  std::span<const ValueRequest> requests;
   std::uint64_t begin, end;
 };
 
-std::vector<PackStore::Range> PackStore::rangesOf(std::span<const Wanted> wanted) const {
-  std::vector<Range> ranges;
-  for (std::size_t first = 0, next = 0; first < wanted.size(); first = next) {
-    const std::uint64_t begin = wanted[first].place.offset;
-    std::uint64_t end = wanted[first].end();
-    for (next = first + 1; next < wanted.size(); ++next) {
-      const Wanted& one = wanted[next];
-      if (one.place.pack != wanted[first].place.pack || one.place.offset > end + options_.gap_bytes ||
-          one.end() - begin > options_.range_bytes)
+std::vector<PackStore::ValueRange> PackStore::rangesOf(std::span<const ValueRequest> requests) const {
+  std::vector<ValueRange> ranges;
+  for (std::size_t first = 0, next = 0; first < requests.size(); first = next) {
+    const std::uint64_t begin = requests[first].location.offset;
+    std::uint64_t end = requests[first].end();
+    for (next = first + 1; next < requests.size(); ++next) {
+      const ValueRequest& request = requests[next];
+      if (request.location.pack != requests[first].location.pack ||
+          request.location.offset > end + options_.gap_bytes || request.end() - begin > options_.range_bytes)
         break;
-      end = std::max(end, one.end());
+      end = std::max(end, request.end());
     }
-    ranges.push_back({wanted.subspan(first, next - first), begin, end});
+    ranges.push_back({requests.subspan(first, next - first), begin, end});
   }
   return ranges;
 }
@@ -157,46 +158,48 @@ PackStore::Values PackStore::getMany(const std::vector<FaceKey>& keys) const {
   loadBlocks(keys);
   Values out;
   out.reserve(keys.size());
-  std::vector<Wanted> wanted;
+  std::vector<ValueRequest> requests;
   for (std::size_t i = 0; i < keys.size(); ++i) {
-    auto place = find(keys[i]);
-    if (!place) {
-      out.emplace_back(place.error());
-    } else if (!place->has_value()) {
+    auto location = locate(keys[i]);
+    if (!location) {
+      out.emplace_back(location.error());
+    } else if (!location->has_value()) {
       out.emplace_back(std::nullopt);
     } else {
       out.emplace_back(encodeFaceValue({}));
-      if ((*place)->length != 0) wanted.push_back({**place, i, keys[i]});
+      if ((*location)->length != 0) requests.push_back({**location, i, keys[i]});
     }
   }
-  std::sort(wanted.begin(), wanted.end(), [](const Wanted& a, const Wanted& b) {
-    return std::tie(a.place.pack, a.place.offset) < std::tie(b.place.pack, b.place.offset);
+  std::sort(requests.begin(), requests.end(), [](const ValueRequest& a, const ValueRequest& b) {
+    return std::tie(a.location.pack, a.location.offset) < std::tie(b.location.pack, b.location.offset);
   });
-  const std::vector<Range> ranges = rangesOf(wanted);
+  const std::vector<ValueRange> ranges = rangesOf(requests);
   base::parallelFor(ranges.size(), options_.jobs, [&](std::size_t i) { readRange(ranges[i], out); });
   for (const auto& value : out)
     if (!value && error_listener_) error_listener_(value.error());
   return out;
 }
 
-// Reads the blocks that the keys need, side by side; what fails is met again by find.
+// Loads the blocks that the keys need in parallel. locate() meets and reports the errors of those that fail.
 void PackStore::loadBlocks(const std::vector<FaceKey>& keys) const {
   if (options_.jobs < 2) return;
   std::set<std::uint64_t> numbers;
   for (const FaceKey& key : keys) numbers.insert(blockOfCode(root_, key.code()));
   const std::vector<std::uint64_t> list(numbers.begin(), numbers.end());
-  base::parallelFor(list.size(), options_.jobs, [&](std::size_t i) { (void)block(list[i]); });
+  base::parallelFor(list.size(), options_.jobs, [&](std::size_t i) { (void)loadBlock(list[i]); });
 }
 
-void PackStore::readRange(const Range& range, Values& out) const {
-  const auto read_bytes = source_->read(packName(range.wanted[0].place.pack), range.begin, range.end - range.begin);
-  for (const Wanted& one : range.wanted) {
-    auto& value = out[one.index];
+void PackStore::readRange(const ValueRange& range, Values& out) const {
+  const auto read_bytes =
+      source_->read(packName(range.requests[0].location.pack), range.begin, range.end - range.begin);
+  for (const ValueRequest& request : range.requests) {
+    auto& value = out[request.index];
     if (read_bytes) {
-      const ByteView bytes = ByteView(*read_bytes).subspan(one.place.offset - range.begin, one.place.length);
-      value = checkedValue(*source_, one.place, one.key, Bytes(bytes.begin(), bytes.end()));
-    } else if (read_bytes.error().code == ErrorCode::kInvalidInput && range.wanted.size() > 1) {
-      value = read(one.key);  // a truncated pack: some of them may be there
+      const ByteView bytes =
+          ByteView(*read_bytes).subspan(request.location.offset - range.begin, request.location.length);
+      value = checkedValue(*source_, request.location, request.key, Bytes(bytes.begin(), bytes.end()));
+    } else if (read_bytes.error().code == ErrorCode::kInvalidInput && range.requests.size() > 1) {
+      value = readValue(request.key);  // the pack is truncated, but some of its values may be whole
     } else {
       value = read_bytes.error();
     }
@@ -204,21 +207,21 @@ void PackStore::readRange(const Range& range, Values& out) const {
 }
 
 Result<void> PackStore::putBatch(const std::vector<std::pair<FaceKey, Bytes>>&) {
-  return readOnly(*source_);
+  return readOnlyError(*source_);
 }
 Result<void> PackStore::erase(const std::vector<FaceKey>&) {
-  return readOnly(*source_);
+  return readOnlyError(*source_);
 }
 Result<void> PackStore::writeMeta(const std::string&) {
-  return readOnly(*source_);
+  return readOnlyError(*source_);
 }
 
 // --- Walking over everything
 
-Result<std::vector<PackRow>> PackStore::packs() const {
+Result<std::vector<PackRow>> PackStore::readPackRows() const {
   LUMIGRID_ASSIGN_OR_RETURN(auto bytes, source_->read(index_, root_.rowsOffset(), root_.packs * kPackRowBytes));
   auto rows = decodePackRows(root_, bytes);
-  if (!rows) return inIndex(rows.error());
+  if (!rows) return indexError(rows.error());
   return rows;
 }
 
@@ -243,7 +246,7 @@ Result<bool> PackStore::visitPack(const PackTable& table, ByteView pack, const V
 }
 
 Result<void> PackStore::forEach(const Visit& visit) const {
-  LUMIGRID_ASSIGN_OR_RETURN(auto rows, packs());
+  LUMIGRID_ASSIGN_OR_RETURN(auto rows, readPackRows());
   for (const PackRow& row : rows) {
     LUMIGRID_ASSIGN_OR_RETURN(auto pack, source_->read(packName(row.id), 0, row.bytes));
     LUMIGRID_ASSIGN_OR_RETURN(auto table, tableOf(row, pack));
@@ -259,30 +262,30 @@ PrefetchLimits PackStore::prefetchLimits() const {
   return {options_.jobs, kPrefetchBytes};
 }
 
-// The index: its own hash, its counts, every block.
-void PackStore::checkIndex(const Fault& fault) const {
-  // In pieces of whole blocks behind what lies before the first, and the rows as the last.
-  struct Piece {
+// Checks the hash of the index, its counts and every block.
+void PackStore::checkIndex(const ReportFault& fault) const {
+  // The first range ends where the blocks begin, the next ones hold whole blocks, and the last one holds the rows.
+  struct ByteRange {
     std::uint64_t offset, length;
   };
-  std::vector<Piece> pieces{{0, root_.blocks_offset}};
-  const std::uint64_t blocks_at_once = std::max<std::uint64_t>(1, kPieceBytes / root_.block_bytes);
+  std::vector<ByteRange> ranges{{0, root_.blocks_offset}};
+  const std::uint64_t blocks_at_once = std::max<std::uint64_t>(1, kIndexReadBytes / root_.block_bytes);
   for (std::uint64_t number = 0; number < root_.blocks; number += blocks_at_once)
-    pieces.push_back({root_.blockOffset(number), std::min(blocks_at_once, root_.blocks - number) * root_.block_bytes});
-  pieces.push_back({root_.rowsOffset(), root_.packs * kPackRowBytes});
+    ranges.push_back({root_.blockOffset(number), std::min(blocks_at_once, root_.blocks - number) * root_.block_bytes});
+  ranges.push_back({root_.rowsOffset(), root_.packs * kPackRowBytes});
 
   base::Sha256 hash;
   std::uint64_t number = 0;
   std::uint64_t keys = 0;
   std::uint64_t empty = 0;
   std::uint64_t value_bytes = 0;
-  bool sound = true;
-  bool whole = true;
-  const auto takePiece = [&](std::size_t i, const Result<Bytes>& bytes) {
+  bool blocks_are_good = true;
+  bool all_was_read = true;
+  const auto checkRange = [&](std::size_t i, const Result<Bytes>& bytes) {
     if (!bytes) fault(bytes.error().message);
-    if (!bytes) return whole = false;
+    if (!bytes) return all_was_read = false;
     hash.add(*bytes);
-    if (i == 0 || i + 1 == pieces.size()) return true;
+    if (i == 0 || i + 1 == ranges.size()) return true;
     for (std::uint64_t at = 0; at < bytes->size(); at += root_.block_bytes) {
       const auto block = decodeIndexBlock(root_, number++, ByteView(*bytes).subspan(at, root_.block_bytes));
       if (block) {
@@ -290,56 +293,56 @@ void PackStore::checkIndex(const Fault& fault) const {
         empty += block->emptyFlags();
         value_bytes += block->valueBytes();
       } else {
-        fault(inIndex(block.error()).message);
-        sound = false;
+        fault(indexError(block.error()).message);
+        blocks_are_good = false;
       }
     }
     return true;
   };
   prefetchInOrder(
-      pieces.size(), prefetchLimits(), [&](std::size_t i) { return pieces[i].length; },
-      [&](std::size_t i) { return source_->read(index_, pieces[i].offset, pieces[i].length); }, takePiece);
-  if (!whole) return;
+      ranges.size(), prefetchLimits(), [&](std::size_t i) { return ranges[i].length; },
+      [&](std::size_t i) { return source_->read(index_, ranges[i].offset, ranges[i].length); }, checkRange);
+  if (!all_was_read) return;
 
   const std::string name = source_->place() + "/" + index_;
-  if (sound && (keys != root_.keys || empty != root_.empty))
+  if (blocks_are_good && (keys != root_.keys || empty != root_.empty))
     fault(name + ": its blocks hold " + std::to_string(keys) + " keys with " + std::to_string(empty) +
           " empty flags, its root says " + std::to_string(root_.keys) + " and " + std::to_string(root_.empty));
-  if (sound) checkTotals(value_bytes, fault);
-  if (const auto id = idOfIndexName(index_); !id || !isOf(*id, hash.finish()))
+  if (blocks_are_good) checkTotals(value_bytes, fault);
+  if (const auto id = idOfIndexName(index_); !id || !matchesDigest(*id, hash.finish()))
     fault(name + ": its SHA-256 is not the one in its name; publish it again with --rewrite");
   if (auto size = source_->size(index_); size && *size != root_.object_bytes)
     fault(name + ": has " + std::to_string(*size) + " bytes, its root says " + std::to_string(root_.object_bytes));
 }
 
-// What its root says of all values, which `info` shows, against what its blocks say.
-void PackStore::checkTotals(std::uint64_t value_bytes, const Fault& fault) const {
+// Compares the root's totals, which `lumigrid info` shows, with the sum over the blocks.
+void PackStore::checkTotals(std::uint64_t value_bytes, const ReportFault& fault) const {
   const ValueTotals& said = root_.totals;
   const bool parts_fit =
       said.jpeg_bytes <= said.value_bytes && said.coverage_bytes <= said.value_bytes - said.jpeg_bytes &&
       said.value_bytes - said.jpeg_bytes - said.coverage_bytes == kImageHeaderBytes * (root_.keys - root_.empty);
   if (said.value_bytes == value_bytes && parts_fit) return;
-  fault(inIndex({ErrorCode::kInvalidInput, "its blocks hold " + std::to_string(value_bytes) +
-                                               " bytes of values, its root says " + std::to_string(said.value_bytes) +
-                                               ", of them " + std::to_string(said.jpeg_bytes) + " in JPEGs and " +
-                                               std::to_string(said.coverage_bytes) +
-                                               " in masks; publish it again with --rewrite"})
+  fault(indexError({ErrorCode::kInvalidInput,
+                    "its blocks hold " + std::to_string(value_bytes) + " bytes of values, its root says " +
+                        std::to_string(said.value_bytes) + ", of them " + std::to_string(said.jpeg_bytes) +
+                        " in JPEGs and " + std::to_string(said.coverage_bytes) +
+                        " in masks; publish it again with --rewrite"})
             .message);
 }
 
-// What the index says of each of a pack's faces.
-void PackStore::comparePlaces(const PackRow& row, const PackTable& table, const Fault& fault) const {
+// Compares the location of each of a pack's faces in the index with the one in the pack's table.
+void PackStore::compareLocations(const PackRow& row, const PackTable& table, const ReportFault& fault) const {
   std::uint64_t differ = 0;
   FaceKey first;
   loadBlocks(keysOf(table));
   for (std::size_t i = 0; i < table.entries.size(); ++i) {
     const auto key = FaceKey::fromCode(table.entries[i].code);
     if (!key) continue;
-    const auto place = find(*key);
-    if (!place) continue;  // checkIndex has told of the block
+    const auto location = locate(*key);
+    if (!location) continue;  // checkIndex has reported the block
     const PackEntry& entry = table.entries[i];
-    const bool same = place->has_value() && (*place)->pack == row.id && (*place)->length == entry.length &&
-                      (entry.length == 0 || (*place)->offset == table.offsets[i]);
+    const bool same = location->has_value() && (*location)->pack == row.id && (*location)->length == entry.length &&
+                      (entry.length == 0 || (*location)->offset == table.offsets[i]);
     if (!same && differ++ == 0) first = *key;
   }
   if (differ != 0)
@@ -347,8 +350,9 @@ void PackStore::comparePlaces(const PackRow& row, const PackTable& table, const 
           std::to_string(differ) + " faces, the first is " + nameOf(first) + "; publish it again with --rewrite");
 }
 
-// A pack's hash, table and values. False when there is no use in going on.
-bool PackStore::checkPack(const PackRow& row, const FarPack& pack, const Fault& fault, const Visit& visit) const {
+// Checks a pack's hash, table and values. Returns false when the check cannot go on.
+bool PackStore::checkPack(const PackRow& row, const PackContent& pack, const ReportFault& fault,
+                          const Visit& visit) const {
   const std::string name = source_->place() + "/" + packName(row.id);
   if (!pack.bytes) {
     fault(pack.bytes.error().message);
@@ -356,7 +360,7 @@ bool PackStore::checkPack(const PackRow& row, const FarPack& pack, const Fault& 
     fault(source_->place() + ": what comes after that was not looked at; try again later");
     return false;
   }
-  if (!pack.is_of_its_name) fault(name + ": its SHA-256 is not the one in its name; publish it again with --rewrite");
+  if (!pack.matches_name) fault(name + ": its SHA-256 is not the one in its name; publish it again with --rewrite");
   if (pack.size && *pack.size != row.bytes)
     fault(name + ": has " + std::to_string(*pack.size) + " bytes, the index says " + std::to_string(row.bytes));
   auto table = tableOf(row, *pack.bytes);
@@ -364,32 +368,32 @@ bool PackStore::checkPack(const PackRow& row, const FarPack& pack, const Fault& 
     fault(table.error().message);
     return true;
   }
-  comparePlaces(row, *table, fault);
+  compareLocations(row, *table, fault);
   auto visited = visitPack(*table, *pack.bytes, visit);
   if (!visited) fault(visited.error().message);
   return !visited || *visited;
 }
 
-// What checkPack needs from afar, and what takes time.
-PackStore::FarPack PackStore::fetchPack(const PackRow& row) const {
-  FarPack pack{source_->read(packName(row.id), 0, row.bytes), false, source_->size(packName(row.id))};
-  pack.is_of_its_name = pack.bytes && isOf(row.id, base::sha256(*pack.bytes));
+// Reads and hashes a pack; runs ahead of checkPack on other threads.
+PackStore::PackContent PackStore::fetchPack(const PackRow& row) const {
+  PackContent pack{source_->read(packName(row.id), 0, row.bytes), false, source_->size(packName(row.id))};
+  pack.matches_name = pack.bytes && matchesDigest(row.id, base::sha256(*pack.bytes));
   return pack;
 }
 
 void PackStore::check(const std::function<bool(std::string)>& fault, const Visit& visit) const {
   bool enough = false;
-  const Fault tell = [&](std::string line) {
+  const ReportFault report = [&](std::string line) {
     if (!enough) enough = !fault(std::move(line));
   };
-  checkIndex(tell);
+  checkIndex(report);
   if (enough) return;
-  auto rows = packs();
-  if (!rows) return tell(rows.error().message);
+  auto rows = readPackRows();
+  if (!rows) return report(rows.error().message);
   prefetchInOrder(
       rows->size(), prefetchLimits(), [&](std::size_t i) { return (*rows)[i].bytes; },
       [&](std::size_t i) { return fetchPack((*rows)[i]); },
-      [&](std::size_t i, const FarPack& pack) { return checkPack((*rows)[i], pack, tell, visit) && !enough; });
+      [&](std::size_t i, const PackContent& pack) { return checkPack((*rows)[i], pack, report, visit) && !enough; });
 }
 
 }  // namespace repository

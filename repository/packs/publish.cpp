@@ -25,7 +25,7 @@ using base::ErrorCode;
 using base::Result;
 
 constexpr const char* kBinary = "application/octet-stream";
-constexpr std::uint64_t kTableBytes = 6;  // about what an entry takes in its pack's table
+constexpr std::uint64_t kTableBytes = 6;  // a pack's table takes 3 to 6 bytes an entry (docs/formats/packs.md, "Sizes")
 
 ObjectId idOf(const base::Sha256Digest& digest) {
   ObjectId id{};
@@ -33,16 +33,16 @@ ObjectId idOf(const base::Sha256Digest& digest) {
   return id;
 }
 
-// Faces on their way into a pack.
-struct Portion {
+// Faces that are collected for the next pack.
+struct PendingPack {
   std::vector<PackEntry> entries;
   Bytes values;
 
   std::uint64_t bytes() const { return kPackHeaderBytes + values.size() + kTableBytes * entries.size(); }
 
-  // Where to end a pack before an entry of code `next`: in the second half, at the border of the largest octree cell,
-  // the last one of those. Nothing there: at the end.
-  std::size_t cut(std::uint64_t next) const {
+  // The number of entries after which the pack ends when an entry of code `next` would follow. It is the last border of
+  // the largest octree cell in the pack's second half, or the end where no border is larger than that one.
+  std::size_t entriesBeforeCut(std::uint64_t next) const {
     std::size_t best = entries.size();
     int best_level = std::bit_width(entries.back().code ^ next);
     std::uint64_t left = bytes();
@@ -57,11 +57,11 @@ struct Portion {
     }
     return best;
   }
-  // Takes the first `count` entries off.
-  Portion takeFront(std::size_t count) {
+  // Removes and returns the first `count` entries.
+  PendingPack takeFront(std::size_t count) {
     std::size_t bytes_of_front = 0;
     for (std::size_t i = 0; i < count; ++i) bytes_of_front += entries[i].length;
-    Portion front{std::move(entries), std::move(values)};
+    PendingPack front{std::move(entries), std::move(values)};
     entries.assign(front.entries.begin() + static_cast<std::ptrdiff_t>(count), front.entries.end());
     values.assign(front.values.begin() + static_cast<std::ptrdiff_t>(bytes_of_front), front.values.end());
     front.entries.resize(count);
@@ -70,7 +70,7 @@ struct Portion {
   }
 };
 
-// Puts an object of a hashed name there, unless it is. Returns whether it was written.
+// Writes an object whose name is its hash, unless it is there already. Returns whether it was written.
 Result<bool> putOnce(ObjectSink& sink, const std::string& name, ByteView bytes, bool rewrite) {
   if (!rewrite) {
     LUMIGRID_ASSIGN_OR_RETURN(auto there, sink.size(name));
@@ -92,8 +92,8 @@ class Publisher {
     progress_.keys_total = total;
 
     const auto walked =
-        store_.forEach([&](const FaceKey& key, ByteView value) { return !stopped() && take(key, value); });
-    if (walked && !stopped() && !portion_.entries.empty()) emit(portion_.takeFront(portion_.entries.size()));
+        store_.forEach([&](const FaceKey& key, ByteView value) { return !stopped() && addFace(key, value); });
+    if (walked && !stopped() && !pending_.entries.empty()) submitPack(pending_.takeFront(pending_.entries.size()));
     pool_.drain();
     if (!walked) return walked.error();
     if (failure_) return *failure_;
@@ -101,25 +101,25 @@ class Publisher {
   }
 
  private:
-  bool take(const FaceKey& key, ByteView bytes) {
+  bool addFace(const FaceKey& key, ByteView bytes) {
     const auto value = decodeFaceValue(bytes);
-    if (!value) return fail(damaged(key, value.error()));
+    if (!value) return fail(damagedError(key, value.error()));
     if (bytes.size() > kMaxValueBytes)
       return fail({ErrorCode::kUnsupported, nameOf(key) + ": has " + std::to_string(bytes.size()) +
                                                 " bytes, packs hold values of up to 64 MiB"});
     const std::uint64_t code = key.code();
     const std::uint32_t length = value->empty ? 0 : static_cast<std::uint32_t>(bytes.size());
-    if (!portion_.entries.empty() && portion_.bytes() + kTableBytes + length > options_.pack_bytes)
-      emit(portion_.takeFront(portion_.cut(code)));
-    // What was left behind the cut may still leave too little room.
-    if (!portion_.entries.empty() && portion_.bytes() + kTableBytes + length > options_.pack_bytes)
-      emit(portion_.takeFront(portion_.entries.size()));
+    if (!pending_.entries.empty() && pending_.bytes() + kTableBytes + length > options_.pack_bytes)
+      submitPack(pending_.takeFront(pending_.entriesBeforeCut(code)));
+    // The entries behind the cut may still leave too little room.
+    if (!pending_.entries.empty() && pending_.bytes() + kTableBytes + length > options_.pack_bytes)
+      submitPack(pending_.takeFront(pending_.entries.size()));
 
-    portion_.entries.push_back({code, length});
+    pending_.entries.push_back({code, length});
     ++progress_.keys_done;
     result_.empty += value->empty ? 1U : 0U;
     if (length != 0) {
-      portion_.values.insert(portion_.values.end(), bytes.begin(), bytes.end());
+      pending_.values.insert(pending_.values.end(), bytes.begin(), bytes.end());
       totals_.value_bytes += length;
       totals_.jpeg_bytes += value->jpeg.size();
       totals_.coverage_bytes += value->coverage.size();
@@ -127,24 +127,24 @@ class Publisher {
     return true;
   }
 
-  // Hands a pack over to be made, hashed and written.
-  void emit(Portion portion) {
-    builder_.add(portion.entries);
+  // Hands a pack to the thread pool, which encodes, hashes and writes it.
+  void submitPack(PendingPack pending) {
+    builder_.addPack(pending.entries);
     const std::size_t number = packs_++;
-    progress_.bytes += portion.bytes();
-    auto shared = std::make_shared<Portion>(std::move(portion));
+    progress_.bytes += pending.bytes();
+    auto shared = std::make_shared<PendingPack>(std::move(pending));
     pool_.submit([this, number, shared] { writePack(number, *shared); });
     if (go_on_ && !go_on_(progress_))
       fail({ErrorCode::kCancelled,
             sink_.place() + ": stopped before all was published; the same command goes on from here"});
   }
 
-  void writePack(std::size_t number, Portion& portion) {
+  void writePack(std::size_t number, PendingPack& pending) {
     if (stopped()) return;
-    const Bytes pack = encodePack(portion.entries, portion.values);
-    portion.values = {};
-    const PackRow row{idOf(base::sha256(pack)), pack.size(), portion.entries.front().code, portion.entries.back().code,
-                      portion.entries.size()};
+    const Bytes pack = encodePack(pending.entries, pending.values);
+    pending.values = {};
+    const PackRow row{idOf(base::sha256(pack)), pack.size(), pending.entries.front().code, pending.entries.back().code,
+                      pending.entries.size()};
     const auto written = putOnce(sink_, packName(row.id), pack, options_.rewrite);
     if (!written) {
       fail(written.error());
@@ -171,13 +171,13 @@ class Publisher {
     return std::move(result_);
   }
 
-  static Error damaged(const FaceKey& key, const Error& error) {
+  static Error damagedError(const FaceKey& key, const Error& error) {
     return {error.code, nameOf(key) + ": " + error.message +
                             "; nothing was published: `lumigrid verify` lists what is damaged, `lumigrid build` makes "
                             "it again"};
   }
 
-  // Keeps the first failure; false, so that a walk ends.
+  // Keeps the first failure and returns false, which ends the walk.
   bool fail(Error error) {
     const std::lock_guard guard(mutex_);
     if (!failure_) failure_ = std::move(error);
@@ -192,16 +192,16 @@ class Publisher {
   ObjectSink& sink_;
   const PublishOptions& options_;
   const std::function<bool(const PublishProgress&)>& go_on_;
-  Portion portion_;
+  Portion pending_;
   IndexBuilder builder_;
   std::size_t packs_ = 0;
   PublishProgress progress_;
   ValueTotals totals_;
-  std::mutex mutex_;  // of the rest
+  std::mutex mutex_;  // guards the members below
   std::optional<Error> failure_;
   std::vector<PackRow> rows_;
   PublishedImages result_;
-  base::ThreadPool pool_;  // last: its threads end before what they use
+  base::ThreadPool pool_;  // the last member, so that its threads end before the members that they use
 };
 
 }  // namespace

@@ -1,5 +1,5 @@
 #pragma once
-// A repository written as packs and index (docs/formats/packs.md).
+// Writes a repository as packs and an index (docs/formats/packs.md).
 #include <cstdint>
 #include <functional>
 #include <string>
@@ -14,9 +14,10 @@ inline constexpr std::uint64_t kMinPackTarget = std::uint64_t{1} << 20;
 inline constexpr std::uint64_t kMaxPackTarget = std::uint64_t{64} << 20;
 
 struct PublishOptions {
-  std::uint64_t pack_bytes = std::uint64_t{16} << 20;  ///< fill packs up to this; kMinPackTarget … kMaxPackTarget
-  unsigned jobs = 4;     ///< packs hashed and written side by side, 1 or more; each takes pack_bytes of memory, twice
-  bool rewrite = false;  ///< write objects that are there already too (a damaged place is mended)
+  /// Packs are filled up to this size; kMinPackTarget … kMaxPackTarget. docs/formats/packs.md says why 16 MB.
+  std::uint64_t pack_bytes = std::uint64_t{16} << 20;
+  unsigned jobs = 4;     ///< packs hashed and written in parallel, 1 or more; each takes 2 · pack_bytes of memory
+  bool rewrite = false;  ///< also write objects that are there already, which repairs a damaged place
 };
 
 struct PublishProgress {
@@ -35,10 +36,11 @@ struct PublishedImages {
   std::uint64_t bytes_written = 0;  ///< packs and index
 };
 
-/// Streams the store's values into packs and writes those that `sink` lacks, then the index. Nothing that was there
-/// before changes, so it may be stopped at any moment and run again. The objects depend on the values, the parameters
-/// and pack_bytes alone. `go_on` is asked now and then; false ends with kCancelled.
-/// Errors: the store's and the sink's; kInvalidInput for a value that is damaged; kUnsupported for one beyond 64 MiB.
+/// Streams the store's values into packs and writes those that `sink` lacks, then the index. Existing objects never
+/// change, so publishing may be stopped at any moment and run again. The objects depend only on the values, the
+/// parameters and pack_bytes. `go_on` is called after each pack; when it returns false, publishing ends with
+/// kCancelled. Errors: the store's and the sink's; kInvalidInput for a damaged value; kUnsupported for one beyond 64
+/// MiB.
 base::Result<PublishedImages> publishImages(const Store& store, ObjectSink& sink, const PublishOptions& options,
                                             const std::function<bool(const PublishProgress&)>& go_on = {});
 

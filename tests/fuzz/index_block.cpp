@@ -40,8 +40,8 @@ std::vector<base::Bytes> seeds() {
   repository::IndexBuilder builder;
   const std::vector<repository::PackEntry> first{{0, 10}, {1, 0}, {64, 200}};
   const std::vector<repository::PackEntry> second{{68, 20000}, {69, 3000000}, {512, 8}};
-  builder.add(first);
-  builder.add(second);
+  builder.addPack(first);
+  builder.addPack(second);
   const base::Bytes index = *builder.build({{{1}, 500, 0, 64, 3}, {{2}, 4000000, 68, 512, 3}}, "", {});
   base::Bytes block(index.begin() + 16384, index.begin() + 16384 + 4096);
   const std::uint32_t crc = base::crc32c(base::ByteView(block).subspan(4));

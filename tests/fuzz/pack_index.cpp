@@ -52,8 +52,8 @@ namespace fuzz {
 std::vector<base::Bytes> seeds() {
   const std::vector<repository::PackEntry> entries{{0, 10}, {1, 0}, {64, 200}};
   repository::IndexBuilder builder;
-  builder.add(entries);
-  builder.add(std::vector<repository::PackEntry>{{70, 8}});
+  builder.addPack(entries);
+  builder.addPack(std::vector<repository::PackEntry>{{70, 8}});
   const std::vector<base::Bytes> whole{
       *builder.build({{{1, 2, 3}, 500, 0, 64, 3}, {{4}, 200, 70, 70, 1}}, "{\"grid\": 1}", {218, 100, 20}),
       *repository::IndexBuilder().build({}, "", {})};

@@ -73,7 +73,7 @@ struct PublishedScene {
       id[1] = 0x77;
       const base::Bytes pack = repository::encodePack(entries, bytes);
       rows.push_back({id, pack.size(), entries.front().code, entries.back().code, entries.size()});
-      builder.add(entries);
+      builder.addPack(entries);
       objects[repository::packName(id)] = pack;
       entries.clear();
       bytes.clear();

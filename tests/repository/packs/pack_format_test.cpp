@@ -29,7 +29,7 @@ const ObjectId kId{1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16};
 
 Bytes workedIndex(const Bytes& pack) {
   IndexBuilder builder;
-  builder.add(kEntries);
+  builder.addPack(kEntries);
   return *builder.build({{kId, pack.size(), 0, 5, 6}}, "{}", {95, 15, 0});
 }
 
@@ -102,8 +102,8 @@ TEST(PackFormat, theIndexOfTheDocument) {
   ASSERT_TRUE(block) << block.error().message;
   EXPECT_EQ(block->keys(), 6U);
   EXPECT_EQ(block->emptyFlags(), 1U);
-  EXPECT_EQ(block->find(0), (FacePlace{kId, 64, 19}));
-  EXPECT_EQ(block->find(4), (FacePlace{kId, 140, 19}));
+  EXPECT_EQ(block->find(0), (FaceLocation{kId, 64, 19}));
+  EXPECT_EQ(block->find(4), (FaceLocation{kId, 140, 19}));
   EXPECT_EQ(block->find(5)->length, 0U);
   EXPECT_EQ(block->find(8), std::nullopt);
   EXPECT_EQ(block->find(64), std::nullopt);
@@ -120,14 +120,14 @@ TEST(PackFormat, everyKeyIsFoundWhereItLies) {
     for (std::uint32_t d = 0; d < 6; ++d) codes.insert(FaceKey{i * 7919U % 4096U, i * 104729U % 512U, i / 3, d}.code());
   std::vector<PackRow> rows;
   std::vector<PackEntry> entries;
-  std::vector<std::pair<std::uint64_t, FacePlace>> places;
+  std::vector<std::pair<std::uint64_t, FaceLocation>> places;
   IndexBuilder builder;
   std::uint64_t offset = kPackHeaderBytes;
   const auto end = [&] {
     ObjectId id = kId;
     id[0] = static_cast<std::uint8_t>(rows.size());
     id[1] = static_cast<std::uint8_t>(rows.size() >> 8);
-    builder.add(entries);
+    builder.addPack(entries);
     for (std::size_t i = places.size() - entries.size(); i < places.size(); ++i) places[i].second.pack = id;
     rows.push_back({id, offset, entries.front().code, entries.back().code, entries.size()});
     entries.clear();
@@ -139,7 +139,7 @@ TEST(PackFormat, everyKeyIsFoundWhereItLies) {
                                  : keys % 7 == 0 ? 2'100'000
                                                  : 8 + static_cast<std::uint32_t>(keys) * 37U % 40000U;
     entries.push_back({code, length});
-    places.emplace_back(code, FacePlace{kId, offset, length});
+    places.emplace_back(code, FaceLocation{kId, offset, length});
     offset += length;
     if (++keys % 101 == 0) end();
   }

@@ -267,8 +267,8 @@ TEST_F(Publish, anIndexWhoseValuesOverlapIsReadWithinItsRanges) {
   const std::vector<PackEntry> other{{512, 8}, {513, 8}};
   ASSERT_TRUE((*sink)->put(packName(id), encodePack(some, value), ""));
   IndexBuilder builder;
-  builder.add(some);
-  builder.add(other);
+  builder.addPack(some);
+  builder.addPack(other);
   ASSERT_TRUE((*sink)->put(indexName(id), *builder.build({{id, 5000, 0, 0, 1}, {id, 5000, 512, 513, 2}}, "", {}), ""));
   const auto packs = open(indexName(id));
   const auto values = packs->getMany({*FaceKey::fromCode(512), *FaceKey::fromCode(0), *FaceKey::fromCode(513)});
@@ -416,7 +416,7 @@ TEST_F(Publish, aTruncatedPackServesWhatIsLeftOfIt) {
   const auto packs = open(published.index);
   const std::string path = out() + "/" + published.pack_names[2];
   std::uint64_t in_pack = 0;
-  const auto rows = packs->packs();
+  const auto rows = packs->readPackRows();
   for (const PackRow& row : *rows)
     if (packName(row.id) == published.pack_names[2]) in_pack = row.keys;
   fs::resize_file(path, fs::file_size(path) / 2);
@@ -523,7 +523,7 @@ TEST_F(Publish, totalsThatAreNotThoseOfItsValuesAreAFault) {
   };
   ASSERT_TRUE((*sink)->put(packName(idOf(pack)), pack, ""));
   IndexBuilder builder;
-  builder.add(entries);
+  builder.addPack(entries);
   const auto faultsWith = [&](const ValueTotals& totals) {
     const Bytes index = *builder.build({{idOf(pack), pack.size(), 0, 0, 1}}, "", totals);
     EXPECT_TRUE((*sink)->put(indexName(idOf(index)), index, ""));
