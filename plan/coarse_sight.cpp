@@ -8,7 +8,8 @@
 namespace plan {
 namespace {
 
-/// Rows of groups that are not known are default ones; a patch that came with its consumer then tells.
+/// The error of a patch's producer. The row of an unknown group is a default one; the patch itself, which came with its
+/// consumer, then states the error.
 float errorOf(const lod::patch::Hierarchy& hierarchy, const lod::patch::Patch& patch) {
   if (patch.producer == lod::patch::kNoGroup) return 0.0F;
   return hierarchy.isKnown(patch.producer) ? hierarchy.groups[patch.producer].error : patch.own_error;
@@ -19,7 +20,7 @@ float errorOf(const lod::patch::Hierarchy& hierarchy, const lod::patch::Patch& p
 base::Result<lod::patch::ProxySight> makeCoarseSight(
     const lod::patch::Hierarchy& hierarchy, std::span<const std::uint32_t> groups,
     const std::function<base::ByteView(std::uint32_t group)>& block_of) {
-  // Drawn are the patches whose producer is not expanded.
+  // The cut draws the patches whose producer is not expanded.
   std::vector<std::uint32_t> patches;
   float error = 0.0F;
   for (const std::uint32_t group : groups) {

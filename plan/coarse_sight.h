@@ -1,6 +1,6 @@
 #pragma once
-// What hides what, for who has no more of a scene than its coarse whole model: a client that reads a published scene by
-// itself.
+// Builds the occlusion test (lod::patch::ProxySight) of a client that reads a published scene by itself and so far
+// holds no more than the scene's coarse whole model.
 #include <cstdint>
 #include <functional>
 #include <span>
@@ -12,8 +12,9 @@
 
 namespace plan {
 
-/// Of the cut in which just these groups are expanded (coarseGroups), whose rows are known. `block_of`: a group's
-/// block, as long as this runs. kInvalidInput for damaged bytes.
+/// Uses the cut in which exactly `groups` (from coarseGroups) are expanded; the hierarchy must know their rows.
+/// `block_of` returns a group's block, whose bytes must stay valid during the call. Errors: kInvalidInput for damaged
+/// bytes.
 base::Result<lod::patch::ProxySight> makeCoarseSight(
     const lod::patch::Hierarchy& hierarchy, std::span<const std::uint32_t> groups,
     const std::function<base::ByteView(std::uint32_t group)>& block_of);

@@ -15,22 +15,22 @@
 namespace plan {
 namespace {
 
-constexpr std::size_t kMaxCandidates = 256;  // 256 × 144 uses are computed in under a millisecond
-constexpr float kSecondBest = 0.5F;          // what a second image of the same place counts
-constexpr float kSightClearance = 0.5F;      // share of the stated error, which is a bound
-constexpr float kNarrowCone = 0.5F;          // cosine: normals within 60° of their mean make the patch nearly a plane
-constexpr float kGrazing = 0.2F;  // cosine under which "how much less does p face it than the eye" loses its meaning
+constexpr std::size_t kMaxCandidates = 256;  // computing 256 × 144 uses takes less than a millisecond
+constexpr float kSecondBest = 0.5F;          // weight of the second image of a place, as in the header's formula
+constexpr float kSightClearance = 0.5F;      // share of the stated error, which is an upper bound
+constexpr float kNarrowCone = 0.5F;          // cosine of 60°: with normals so close a patch is nearly a plane
+constexpr float kGrazing = 0.2F;             // cosine below which the ratio of the two facings is dominated by noise
 
 using Index = std::tuple<std::uint32_t, std::uint32_t, std::uint32_t>;
 Index orderOf(const glm::uvec3& p) {
   return {p.x, p.y, p.z};
 }
 
-// ---- what the eye sees ----
+// ---- the visible surface ----
 
 struct Ray {
   glm::vec3 origin;
-  glm::vec3 direction;  // unit
+  glm::vec3 direction;  // unit length
 };
 
 Ray rayThrough(const base::Camera& camera, float ndc_x, float ndc_y) {
@@ -39,8 +39,8 @@ Ray rayThrough(const base::Camera& camera, float ndc_x, float ndc_y) {
   return {camera.eye, glm::normalize(glm::transpose(glm::mat3(camera.eye_from_scene)) * eye_direction)};
 }
 
-/// Where the ray is inside the box, in front of its origin.
-std::optional<std::pair<float, float>> crossing(const Ray& ray, const base::Aabb& box) {
+/// The distances between which the ray is inside the box, in front of its origin.
+std::optional<std::pair<float, float>> intersectBox(const Ray& ray, const base::Aabb& box) {
   float enter = 0.0F;
   float leave = std::numeric_limits<float>::max();
   for (int axis = 0; axis < 3; ++axis) {
@@ -54,9 +54,9 @@ std::optional<std::pair<float, float>> crossing(const Ray& ray, const base::Aabb
   return std::pair{enter, leave};
 }
 
-/// How far along the ray the patch's surface is likely met.
-std::optional<float> meets(const Ray& ray, const lod::patch::Patch& patch) {
-  const auto inside = crossing(ray, patch.box);
+/// The distance along the ray at which it probably meets the patch's surface.
+std::optional<float> intersectPatch(const Ray& ray, const lod::patch::Patch& patch) {
+  const auto inside = intersectBox(ray, patch.box);
   if (!inside) return std::nullopt;
   const auto [enter, leave] = *inside;
   if (patch.cone.cos_angle < kNarrowCone) return 0.5F * (enter + leave);
@@ -69,27 +69,28 @@ std::optional<float> meets(const Ray& ray, const lod::patch::Patch& patch) {
   return distance;
 }
 
-using Met = lod::patch::ProxySight::Intersection;
+using SurfaceHit = lod::patch::ProxySight::Intersection;
 
-/// What `meet` says of one ray through the middle of each tile of the picture, from the lower left one on by rows.
-template <class Meet>
-std::vector<SurfaceSample> sampleTiles(const base::Camera& camera, int columns, int rows, const Meet& meet) {
+/// Sends one ray through the middle of each tile of the picture, row by row from the lower left. `intersect` returns
+/// the hit of a ray, if any.
+template <class Intersect>
+std::vector<SurfaceSample> sampleTiles(const base::Camera& camera, int columns, int rows, const Intersect& intersect) {
   std::vector<SurfaceSample> samples;
   const float weight = 1.0F / static_cast<float>(columns * rows);
   for (int tile = 0; tile < columns * rows; ++tile) {
     const float x = (static_cast<float>(tile % columns) + 0.5F) / static_cast<float>(columns);
     const float y = (static_cast<float>(tile / columns) + 0.5F) / static_cast<float>(rows);
     const Ray ray = rayThrough(camera, 2.0F * x - 1.0F, 2.0F * y - 1.0F);
-    const std::optional<Met> met = meet(ray);
-    if (met) samples.push_back({ray.origin + met->distance * ray.direction, met->normal, weight});
+    const std::optional<SurfaceHit> hit = intersect(ray);
+    if (hit) samples.push_back({ray.origin + hit->distance * ray.direction, hit->normal, weight});
   }
   return samples;
 }
 
 // ---- the worth of a set of points ----
 
-/// Best and second best use of each sample so far.
-struct Covered {
+/// The best and second best use of a sample so far.
+struct SampleWorth {
   float best = 0.0F, second = 0.0F;
 
   float gain(float use) const {
@@ -105,67 +106,68 @@ struct Covered {
   }
 };
 
-/// uses[i] are the uses of item i for every sample, `look(i)` takes out those that something hides. That takes the most
-/// time, so it is done only when an item would be next: what it adds can but shrink by it.
-struct Greedy {
+/// The state of a greedy choice. uses[i] holds the use of item i for every sample, and `remove_hidden(i)` zeroes those
+/// that something hides. That test takes most of the time and can only lower an item's gain, so it runs only when the
+/// item would be chosen next.
+struct GreedyChoice {
   std::vector<std::vector<float>>& uses;
   const std::vector<SurfaceSample>& samples;
-  std::function<void(std::size_t item)> look;
-  std::vector<Covered> covered;
-  std::vector<char> looked;
+  std::function<void(std::size_t item)> remove_hidden;
+  std::vector<SampleWorth> worths;  // one a sample
+  std::vector<char> is_tested;      // one an item: remove_hidden has run
 
-  Greedy(std::vector<std::vector<float>>& uses_of_items, const std::vector<SurfaceSample>& all,
-         std::function<void(std::size_t item)> look_at)
+  GreedyChoice(std::vector<std::vector<float>>& uses_of_items, const std::vector<SurfaceSample>& all_samples,
+               std::function<void(std::size_t item)> remove_hidden_uses)
       : uses(uses_of_items),
-        samples(all),
-        look(std::move(look_at)),
-        covered(all.size()),
-        looked(uses_of_items.size(), 0) {}
+        samples(all_samples),
+        remove_hidden(std::move(remove_hidden_uses)),
+        worths(all_samples.size()),
+        is_tested(uses_of_items.size(), 0) {}
 
   float gainOf(std::size_t item) const {
     float sum = 0.0F;
-    for (std::size_t s = 0; s < samples.size(); ++s) sum += samples[s].weight * covered[s].gain(uses[item][s]);
+    for (std::size_t s = 0; s < samples.size(); ++s) sum += samples[s].weight * worths[s].gain(uses[item][s]);
     return sum;
   }
-  void lookOnce(std::size_t item) {
-    if (looked[item] == 0) look(item);
-    looked[item] = 1;
+  void testOnce(std::size_t item) {
+    if (is_tested[item] == 0) remove_hidden(item);
+    is_tested[item] = 1;
   }
-  void take(std::size_t item) {
-    lookOnce(item);
-    for (std::size_t s = 0; s < samples.size(); ++s) covered[s].add(uses[item][s]);
+  void addItem(std::size_t item) {
+    testOnce(item);
+    for (std::size_t s = 0; s < samples.size(); ++s) worths[s].add(uses[item][s]);
   }
-  /// The item of `items` that adds most; the earlier one of equals.
+  /// The index into `items` of the one that adds most; of equal ones the first.
   std::size_t bestOf(const std::vector<std::size_t>& items) {
     std::vector<float> gains;
     for (const std::size_t item : items) gains.push_back(gainOf(item));
     for (;;) {
       const auto best = static_cast<std::size_t>(std::max_element(gains.begin(), gains.end()) - gains.begin());
-      if (looked[items[best]] != 0) return best;
-      lookOnce(items[best]);
+      if (is_tested[items[best]] != 0) return best;
+      testOnce(items[best]);
       gains[best] = gainOf(items[best]);
     }
   }
 };
 
-struct Taken {
+struct ChosenItem {
   std::size_t item = 0;
   float gain = 0.0F;
 };
 
-/// All items in greedy order, until `limit` are chosen.
-std::vector<Taken> greedyOrder(Greedy& greedy, std::vector<std::size_t> items, std::size_t limit) {
-  std::vector<Taken> chosen;
+/// Chooses up to `limit` items in greedy order.
+std::vector<ChosenItem> chooseGreedily(GreedyChoice& choice, std::vector<std::size_t> items, std::size_t limit) {
+  std::vector<ChosenItem> chosen;
   while (!items.empty() && chosen.size() < limit) {
-    const std::size_t at = greedy.bestOf(items);
-    chosen.push_back({items[at], greedy.gainOf(items[at])});
-    greedy.take(items[at]);
+    const std::size_t at = choice.bestOf(items);
+    chosen.push_back({items[at], choice.gainOf(items[at])});
+    choice.addItem(items[at]);
     items.erase(items.begin() + static_cast<std::ptrdiff_t>(at));
   }
   return chosen;
 }
 
-std::vector<std::size_t> allOf(std::size_t count) {
+std::vector<std::size_t> indicesBelow(std::size_t count) {
   std::vector<std::size_t> items(count);
   std::iota(items.begin(), items.end(), std::size_t{0});
   return items;
@@ -175,15 +177,15 @@ bool isOfUse(const std::vector<float>& uses) {
   return std::any_of(uses.begin(), uses.end(), [](float use) { return use > 0.0F; });
 }
 
-/// Takes what something hides from the point out of its uses.
-void dropHidden(const PointQuery& query, const glm::uvec3& point, const std::vector<SurfaceSample>& samples,
+/// Zeroes the uses of samples that something hides from the point.
+void zeroHidden(const PointQuery& query, const glm::uvec3& point, const std::vector<SurfaceSample>& samples,
                 std::vector<float>& uses) {
   const glm::vec3 place = query.grid.point(point.x, point.y, point.z);
   for (std::size_t s = 0; s < samples.size(); ++s)
     if (uses[s] > 0.0F && !isInSight(query, place, samples[s])) uses[s] = 0.0F;
 }
 
-/// Floating sums depend on their order; sorted samples make the answer independent of how they came.
+/// Sums of floats depend on their order. Sorting makes the answer independent of the order in which samples came.
 void sortSamples(std::vector<SurfaceSample>& samples) {
   auto key = [](const SurfaceSample& s) {
     return std::tuple(s.position.x, s.position.y, s.position.z, s.normal.x, s.normal.y, s.normal.z, s.weight);
@@ -216,8 +218,8 @@ std::vector<glm::uvec3> cornersByDistance(const PointQuery& query) {
   return sorted;
 }
 
-/// Grid points in the cells along the lines from the eye to the samples: at the eye, where a face is as fine as the
-/// view, and before and behind that. The score is how often (and how nearly) a point was met.
+/// Ranks the corners of cells at four places on each line from the eye to a sample: at the eye, where a face is as fine
+/// as the view, and half-way before and behind that. A point scores for each place the more, the nearer it lies.
 std::vector<glm::uvec3> pointsTowardsSurface(const PointQuery& query, const std::vector<SurfaceSample>& samples) {
   const float focal_face = 0.5F * static_cast<float>(query.grid.face_size);
   const float even = 1.0F - std::min(1.0F, focal_face / query.pixels_per_unit_at_one);
@@ -252,16 +254,16 @@ std::vector<glm::uvec3> pointsTowardsSurface(const PointQuery& query, const std:
 std::vector<SurfaceSample> sampleVisibleSurface(const lod::patch::Hierarchy& hierarchy,
                                                 std::span<const std::uint32_t> patches, const base::Camera& camera,
                                                 int columns, int rows) {
-  return sampleTiles(camera, columns, rows, [&](const Ray& ray) -> std::optional<Met> {
+  return sampleTiles(camera, columns, rows, [&](const Ray& ray) -> std::optional<SurfaceHit> {
     const lod::patch::Patch* nearest = nullptr;
     float nearest_distance = std::numeric_limits<float>::max();
     for (std::uint32_t index : patches) {
-      const auto distance = meets(ray, hierarchy.patches[index]);
+      const auto distance = intersectPatch(ray, hierarchy.patches[index]);
       if (distance && *distance < nearest_distance) nearest = &hierarchy.patches[index], nearest_distance = *distance;
     }
     if (nearest == nullptr) return std::nullopt;
     const bool narrow = nearest->cone.cos_angle >= kNarrowCone;
-    return Met{nearest_distance, narrow ? nearest->cone.axis : glm::vec3(0.0F)};
+    return SurfaceHit{nearest_distance, narrow ? nearest->cone.axis : glm::vec3(0.0F)};
   });
 }
 
@@ -286,7 +288,7 @@ float useOfPoint(const PointQuery& query, const glm::vec3& point, const SurfaceS
   const float cosine = glm::dot(to_eye, to_point) / (eye_distance * point_distance);
   if (!(cosine > 0.0F)) return 0.0F;
 
-  // How blurred the image would be there, in pixels of the view.
+  // The blur of the image at the sample, in pixels of the view.
   const float focal_face = 0.5F * static_cast<float>(query.grid.face_size);
   const float view_resolution = query.pixels_per_unit_at_one / eye_distance;
   const float face_resolution = focal_face / point_distance;
@@ -294,7 +296,8 @@ float useOfPoint(const PointQuery& query, const glm::vec3& point, const SurfaceS
   const float shift = kTypicalError * query.error_px * std::sqrt(std::max(0.0F, 1.0F - cosine * cosine)) / cosine;
   const float blur = std::sqrt(covers * covers + shift * shift);
 
-  // Whether the surface turns its face to the point. Scans are open: a surface seen from behind is a surface.
+  // How much the surface faces the point. Scans are open, so a surface seen from behind counts like one seen from the
+  // front.
   float facing = cosine;
   if (glm::dot(sample.normal, sample.normal) > 0.0F) {
     float towards_eye = glm::dot(sample.normal, to_eye) / eye_distance;
@@ -315,7 +318,7 @@ std::vector<ChosenPoint> choosePointsWithGains(const PointQuery& query, std::vec
   if (query.grid.pointCount() == 0 || query.max_points == 0 || samples.empty()) return {};
   sortSamples(samples);
 
-  // Candidates: the corners of the eye's cell first, then the most promising others.
+  // The candidates are the corners of the eye's cell and then the most promising other points.
   std::vector<glm::uvec3> candidates = cornersByDistance(query);
   const std::size_t corner_count = candidates.size();
   for (const glm::uvec3& point : pointsTowardsSurface(query, samples)) {
@@ -329,10 +332,10 @@ std::vector<ChosenPoint> choosePointsWithGains(const PointQuery& query, std::vec
     for (std::size_t s = 0; s < samples.size(); ++s)
       uses[c][s] = useOfPoint(query, query.grid.point(candidates[c].x, candidates[c].y, candidates[c].z), samples[s]);
 
-  Greedy greedy(uses, samples, [&](std::size_t c) { dropHidden(query, candidates[c], samples, uses[c]); });
+  GreedyChoice choice(uses, samples, [&](std::size_t c) { zeroHidden(query, candidates[c], samples, uses[c]); });
   std::vector<ChosenPoint> chosen;
-  for (const Taken& taken : greedyOrder(greedy, allOf(candidates.size()), query.max_points))
-    if (isOfUse(uses[taken.item])) chosen.push_back({candidates[taken.item], taken.gain});
+  for (const ChosenItem& item : chooseGreedily(choice, indicesBelow(candidates.size()), query.max_points))
+    if (isOfUse(uses[item.item])) chosen.push_back({candidates[item.item], item.gain});
   return chosen;
 }
 
@@ -340,14 +343,14 @@ std::vector<repository::FaceKey> orderFaces(const PointQuery& query, std::span<c
                                             std::vector<SurfaceSample> samples) {
   sortSamples(samples);
 
-  // A face's uses are its point's, for the samples that lie in it.
+  // A face has its point's uses for the samples that lie in it.
   std::vector<repository::FaceKey> faces;
   std::vector<std::vector<float>> uses;
   for (const glm::uvec3& p : points) {
     const glm::vec3 point = query.grid.point(p.x, p.y, p.z);
     std::vector<float> of_point(samples.size());
     for (std::size_t s = 0; s < samples.size(); ++s) of_point[s] = useOfPoint(query, point, samples[s]);
-    dropHidden(query, p, samples, of_point);
+    zeroHidden(query, p, samples, of_point);
     std::array<std::vector<float>, 6> of_face;
     for (std::size_t s = 0; s < samples.size(); ++s) {
       const glm::vec3 direction = samples[s].position - point;
@@ -357,17 +360,16 @@ std::vector<repository::FaceKey> orderFaces(const PointQuery& query, std::span<c
       row[s] = of_point[s];
     }
     for (std::uint32_t d = 0; d < 6; ++d) {
-      // No sample lies in it, or all turn away from the point or are hidden from it.
       if (!isOfUse(of_face[d])) continue;
       faces.push_back({p.x, p.y, p.z, d});
       uses.push_back(std::move(of_face[d]));
     }
   }
 
-  Greedy greedy(uses, samples, [](std::size_t) {});
+  GreedyChoice choice(uses, samples, [](std::size_t) {});
   std::vector<repository::FaceKey> ordered;
-  for (const Taken& taken : greedyOrder(greedy, allOf(faces.size()), faces.size()))
-    ordered.push_back(faces[taken.item]);
+  for (const ChosenItem& item : chooseGreedily(choice, indicesBelow(faces.size()), faces.size()))
+    ordered.push_back(faces[item.item]);
   return ordered;
 }
 

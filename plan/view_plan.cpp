@@ -10,7 +10,7 @@
 namespace plan {
 namespace {
 
-/// A view in scene-local terms, with the cut that the client is to arrive at.
+/// A view in scene-local coordinates, with the cut at which the client should arrive.
 struct LocalView {
   lod::patch::CutRequest request;
   lod::patch::Cut cut;
@@ -39,18 +39,18 @@ bool wantsImages(const Scene& scene, const protocol::View& view) {
   return scene.images && scene.welcome->grid.pointCount() != 0 && view.max_points != 0;
 }
 
-/// Sampling points and the faces of them that the view needs.
-struct Choice {
+/// The sampling points that the view needs, and their faces that it needs.
+struct PointsAndFaces {
   std::vector<glm::uvec3> points;
   std::vector<repository::FaceKey> faces;
 };
 
-Choice chooseFaces(const Scene& scene, const protocol::View& view, const LocalView& local) {
+PointsAndFaces chooseFaces(const Scene& scene, const protocol::View& view, const LocalView& local) {
   const PointQuery query = queryFor(scene, view, local);
   const auto samples = scene.sight != nullptr
                            ? sampleVisibleSurface(*scene.sight, local.request.camera)
                            : sampleVisibleSurface(*scene.hierarchy, local.cut.patches, local.request.camera);
-  Choice choice;
+  PointsAndFaces choice;
   choice.points = choosePoints(query, samples);
   choice.faces = orderFaces(query, choice.points, samples);
   choice.faces.resize(std::min(choice.faces.size(), std::max(kMinFaces, kFacesPerPoint * query.max_points)));
@@ -85,7 +85,7 @@ lod::patch::CutRequest cutRequestFor(const protocol::Welcome& welcome, const pro
 }
 
 bool isUrgent(float error_px, const protocol::View& view) {
-  return error_px > kUrgent * std::max(1.0F, view.patch_tolerance_px);
+  return error_px > kUrgentErrorRatio * std::max(1.0F, view.patch_tolerance_px);
 }
 
 ViewPlan planView(const Scene& scene, const protocol::View& view, const HasFace& present) {
@@ -94,7 +94,7 @@ ViewPlan planView(const Scene& scene, const protocol::View& view, const HasFace&
   planGroups(scene, local, plan);
   if (!wantsImages(scene, view)) return plan;
 
-  Choice choice = chooseFaces(scene, view, local);
+  PointsAndFaces choice = chooseFaces(scene, view, local);
   for (const glm::uvec3& p : choice.points) {
     for (std::uint32_t d = 0; d < 6; ++d) {
       const repository::FaceKey key{p.x, p.y, p.z, d};
@@ -110,7 +110,7 @@ ViewPlan planView(const Scene& scene, const protocol::View& view, const HasFace&
 std::vector<repository::FaceKey> planMotion(const Scene& scene, const protocol::View& newest,
                                             const protocol::View& previous, const HasFace& present) {
   if (!wantsImages(scene, newest)) return {};
-  // The eye goes on by the step it last made, and turns on likewise.
+  // The eye repeats its last step and its last turn.
   const glm::dvec3 step = newest.camera.position - previous.camera.position;
   const glm::dvec3 turn = newest.camera.direction - previous.camera.direction;
   if (glm::length(step) == 0.0 && glm::length(turn) == 0.0) return {};
@@ -126,11 +126,11 @@ std::vector<repository::FaceKey> planMotion(const Scene& scene, const protocol::
 }
 
 std::vector<std::uint32_t> coarseGroups(const lod::patch::Hierarchy& hierarchy, std::uint64_t bytes) {
-  constexpr std::size_t kMax = 4096;
+  constexpr std::size_t kMaxGroups = 4096;  // more than fit into any coarse model: a block has tens of bytes at least
   std::vector<std::uint32_t> order(hierarchy.groups.size());
   std::iota(order.begin(), order.end(), 0U);
   // Errors are monotone and parents have smaller numbers, so this order puts parents first.
-  const auto end = order.begin() + static_cast<std::ptrdiff_t>(std::min(kMax, order.size()));
+  const auto end = order.begin() + static_cast<std::ptrdiff_t>(std::min(kMaxGroups, order.size()));
   std::partial_sort(order.begin(), end, order.end(), [&](std::uint32_t a, std::uint32_t b) {
     const float error_a = hierarchy.groups[a].error;
     const float error_b = hierarchy.groups[b].error;

@@ -1,7 +1,7 @@
 #pragma once
-// What a view needs, in the order of need: groups of patches and faces (DESIGN section 6, steps 2 to 4). Pure functions
-// of scene and view. Two plan by it: a server for its clients, and a client that reads a published scene by itself.
-// What the client has already is left to them.
+// Plans which groups of patches and which faces a view needs, most urgent first (Okamoto 2011, section 5.1, steps 2 to
+// 4). The functions are pure functions of scene and view. A server plans for its clients with them, and a client that
+// reads a published scene by itself plans for itself. Both keep track of what the client has already.
 #include <cstdint>
 #include <functional>
 #include <glm/glm.hpp>
@@ -15,58 +15,60 @@
 
 namespace plan {
 
-/// What a plan is made from; all of it outlives the call.
+/// The input of a plan. Everything it points to must outlive the call.
 struct Scene {
   const protocol::Welcome* welcome = nullptr;           ///< origin, box, grid
   const lod::patch::Hierarchy* hierarchy = nullptr;     ///< whole, or as far as it is known
-  bool images = false;                                  ///< whether there is a repository
-  const repository::SampleTree* sample_tree = nullptr;  ///< which points are sampled; null: all of the grid
-  const lod::patch::ProxySight* sight = nullptr;        ///< what hides what; null: nothing does
+  bool images = false;                                  ///< the scene has a repository
+  const repository::SampleTree* sample_tree = nullptr;  ///< the points that are sampled; null: all of the grid
+  const lod::patch::ProxySight* sight = nullptr;        ///< tests occlusion; null: nothing hides anything
 };
 
-/// What both send or fetch first: a coarse whole model of so many bytes, 0.1 s at 4 Mbit/s.
+/// The coarse whole model that is sent or fetched first has at most this many bytes: 0.1 s at 4 Mbit/s.
 inline constexpr std::uint64_t kCoarseBytes = 50'000;
-/// ... and ahead of need, for one view, when all that it needs is there.
+/// Bytes that are sent or fetched ahead of need for one view, once everything that it needs is there: 2 s at 4 Mbit/s.
 inline constexpr std::uint64_t kPrefetchBytes = 1'000'000;
-/// An image thrown on a proxy that is off by more than this many times the tolerance is a blur: groups alone until
-/// then.
-inline constexpr float kUrgent = 4.0F;
+/// An image projected onto a proxy whose error exceeds this many times the tolerance is a blur, so only groups are sent
+/// until the errors are smaller.
+inline constexpr float kUrgentErrorRatio = 4.0F;
 
-/// Faces of a view at most, for each point that it asks for: a client blends 16 images where it asks for 8 points. All
-/// that the points show (30 faces) instead were 8.0 MB for 16 views over machangara in place of 6.6, for 0.02 dB more.
+/// A view gets at most this many faces for each point that it asks for: a client that asks for 8 points blends 16
+/// images. Sending all 30 faces that the points show took 8.0 MB for 16 views over machangara in place of 6.6 MB, for
+/// 0.02 dB more.
 inline constexpr std::size_t kFacesPerPoint = 2;
-/// ... but so many where it asks for few: a point or two must show all that is in view.
+/// A view that asks for one or two points still gets this many faces, since they must show everything in view.
 inline constexpr std::size_t kMinFaces = 8;
 
 struct ViewPlan {
-  std::vector<std::uint32_t> groups;  ///< that the client's cut expands: parents first, largest projected error first
-  std::vector<float> group_error_px;  ///< beside `groups`
-  std::vector<repository::FaceKey> faces;  ///< that show what is in view, in the order of what each adds to the picture
-  std::vector<repository::FaceKey> other_faces;  ///< all others of the same points
+  std::vector<std::uint32_t> groups;  ///< expanded in the client's cut: parents first, then largest projected error
+  std::vector<float> group_error_px;  ///< projected errors, parallel to `groups`
+  std::vector<repository::FaceKey> faces;        ///< faces that show what is in view, most useful first
+  std::vector<repository::FaceKey> other_faces;  ///< all other faces of the same points
 };
 
 using HasFace = std::function<bool(const repository::FaceKey&)>;
 
-/// Most sampling points that one view is given, whatever it asks for.
+/// The server's limit on the sampling points of one view (docs/formats/protocol.md, View).
 inline constexpr std::size_t kMaxPointsPerView = 64;
 
 /// The camera of a view in scene-local terms, with the limits that the client's cut keeps.
 lod::patch::CutRequest cutRequestFor(const protocol::Welcome& welcome, const protocol::View& view);
 
-/// Whether a group that misses `error_px` pixels goes before any face.
+/// Whether a missing group with a projected error of `error_px` pixels goes before any face.
 bool isUrgent(float error_px, const protocol::View& view);
 
-/// The plan for one view. Groups are those of the whole hierarchy's cut under the view's tolerance and triangle budget:
-/// the client, choosing by the same rule among what it has, arrives at that cut when all have come. Faces for which
-/// `present` holds are left out.
+/// Plans for one view. The groups are those that the whole hierarchy's cut expands under the view's tolerance and
+/// triangle budget. The client chooses by the same rule among the groups it has, so it arrives at that cut when all of
+/// them have come. Faces for which `present` returns true are left out.
 ViewPlan planView(const Scene& scene, const protocol::View& view, const HasFace& present);
 
-/// Faces for where the eye will be when it moves on as it did from `previous` to `newest`; empty when it stood still.
+/// Plans faces for the view after `newest`, assuming that the eye repeats its step from `previous` to `newest`; empty
+/// when the eye stood still.
 std::vector<repository::FaceKey> planMotion(const Scene& scene, const protocol::View& newest,
                                             const protocol::View& previous, const HasFace& present);
 
-/// The coarse whole model: groups by falling error (world units), group 0 first, as long as their blocks stay within
-/// `bytes`. Parents come before their children.
+/// The groups of the coarse whole model, by decreasing error (world units) and beginning with group 0, as long as their
+/// blocks stay within `bytes`. Parents come before their children.
 std::vector<std::uint32_t> coarseGroups(const lod::patch::Hierarchy& hierarchy, std::uint64_t bytes);
 
 }  // namespace plan

@@ -7,13 +7,13 @@
 
 #include "base/check.h"
 
-// Layout: one type byte, then the fields in the order of docs/formats/protocol.md, little-endian and unpadded. The last
-// field of Face, Refinement and Frame runs to the end of the message: the transport frames messages, so it needs no
-// length.
+// A message is one type byte, then its fields in the order of docs/formats/protocol.md, little-endian and unpadded. The
+// last field of Face, Refinement and Frame runs to the end of the message. The transport frames messages, so it needs
+// no length.
 namespace protocol {
 namespace {
 
-enum class Type : std::uint8_t {
+enum class MessageType : std::uint8_t {
   kHello = 0x01,
   kView = 0x02,
   kEviction = 0x03,
@@ -27,19 +27,19 @@ enum class Type : std::uint8_t {
 };
 
 constexpr double kPi = 3.14159265358979323846;
-constexpr std::uint8_t kSplatsOnly = 1;  // behind a Refusal's reason
+constexpr std::uint8_t kSplatsOnly = 1;  // the byte behind a Refusal's reason
 
 base::Error bad(std::string_view message, std::string_view what) {
   return {base::ErrorCode::kInvalidInput, std::string(message) + " message: " + std::string(what)};
 }
 
-base::ByteWriter begin(Type type) {
+base::ByteWriter begin(MessageType type) {
   base::ByteWriter out;
   out.write(type);
   return out;
 }
 
-// ---- text: shown in logs and windows, so never with control characters ----
+// ---- texts: logs and windows show them, so they never hold control characters ----
 
 bool isControl(char c) {
   return static_cast<unsigned char>(c) < 0x20 || c == 0x7F;
@@ -70,7 +70,7 @@ bool isBounded(const Vector& v) {
   return isFinite(v) && std::abs(v.x) <= limit && std::abs(v.y) <= limit && std::abs(v.z) <= limit;
 }
 
-/// Makes a direction unit length; those that are already stay as they are, bit for bit. False for zero and NaN.
+/// Normalizes a direction. One of unit length stays as it is, bit for bit. False for zero and NaN.
 template <class Vector>
 bool makeUnit(Vector& v) {
   if (!isBounded(v)) return false;
@@ -80,7 +80,7 @@ bool makeUnit(Vector& v) {
   return true;
 }
 
-/// A bool byte is 0 or 1; anything else is a broken message.
+/// Reads a flag; false when its byte is neither 0 nor 1.
 bool readFlag(base::ByteReader& in, bool& flag) {
   const std::uint8_t byte = in.u8();
   flag = byte == 1;
@@ -98,7 +98,7 @@ void writeCamera(base::ByteWriter& out, const base::ViewCamera& camera) {
   out.u16(static_cast<std::uint16_t>(camera.height));
 }
 
-/// Null when all is well, else what is wrong.
+/// Returns null when the camera is valid, and otherwise the fault.
 const char* readCamera(base::ByteReader& in, base::ViewCamera& camera) {
   camera.position = in.read<glm::dvec3>();
   camera.direction = in.read<glm::dvec3>();
@@ -123,7 +123,7 @@ const char* readCamera(base::ByteReader& in, base::ViewCamera& camera) {
 // ---- lists of keys: Eviction and Holdings ----
 
 template <class Keys>
-base::Bytes encodeKeys(Type type, const Keys& keys) {
+base::Bytes encodeKeys(MessageType type, const Keys& keys) {
   LUMIGRID_CHECK_LE(keys.faces.size(), kMaxKeysPerMessage);
   LUMIGRID_CHECK_LE(keys.groups.size(), kMaxKeysPerMessage);
   base::ByteWriter out = begin(type);
@@ -159,14 +159,14 @@ base::Result<ClientMessage> decodeKeys(std::string_view name, base::ByteReader& 
 // ---- client to server ----
 
 base::Bytes encodeOne(const Hello& hello) {
-  base::ByteWriter out = begin(Type::kHello);
+  base::ByteWriter out = begin(MessageType::kHello);
   out.u16(hello.version);
   writeText(out, hello.client, kMaxText);
   return out.take();
 }
 
-/// Of another version only the number is read: its other fields may have moved, and all that is left to say is a
-/// Refusal.
+/// Reads only the version of a Hello of another version: its other fields may have moved, and the server only refuses
+/// it.
 base::Result<ClientMessage> decodeHello(base::ByteReader& in) {
   Hello hello;
   hello.version = in.u16();
@@ -179,7 +179,7 @@ base::Result<ClientMessage> decodeHello(base::ByteReader& in) {
 }
 
 base::Bytes encodeOne(const View& view) {
-  base::ByteWriter out = begin(Type::kView);
+  base::ByteWriter out = begin(MessageType::kView);
   out.u32(view.sequence);
   writeCamera(out, view.camera);
   out.f32(view.patch_tolerance_px);
@@ -197,7 +197,7 @@ base::Result<ClientMessage> decodeView(base::ByteReader& in) {
   view.patch_tolerance_px = in.f32();
   view.max_triangles = in.u32();
   view.max_points = in.u16();
-  const bool flag_fine = readFlag(in, view.want_frame);
+  const bool flag_is_valid = readFlag(in, view.want_frame);
   view.frame_quality = in.u8();
 
   if (!in.ok()) return bad("View", "is cut short");
@@ -205,22 +205,22 @@ base::Result<ClientMessage> decodeView(base::ByteReader& in) {
   if (view.sequence == 0) return bad("View", "its sequence number is 0; they count from 1");
   if (!(view.patch_tolerance_px >= 0.0F && view.patch_tolerance_px <= kMaxTolerance))
     return bad("View", "its patch tolerance is outside 0 to 1e6 pixels");
-  if (!flag_fine) return bad("View", "its frame flag is neither 0 nor 1");
+  if (!flag_is_valid) return bad("View", "its frame flag is neither 0 nor 1");
   if (view.frame_quality < 1 || view.frame_quality > 100) return bad("View", "its frame quality is outside 1 to 100");
   return ClientMessage(view);
 }
 
 base::Bytes encodeOne(const Eviction& keys) {
-  return encodeKeys(Type::kEviction, keys);
+  return encodeKeys(MessageType::kEviction, keys);
 }
 base::Bytes encodeOne(const Holdings& keys) {
-  return encodeKeys(Type::kHoldings, keys);
+  return encodeKeys(MessageType::kHoldings, keys);
 }
 
 // ---- server to client ----
 
 base::Bytes encodeOne(const Welcome& welcome) {
-  base::ByteWriter out = begin(Type::kWelcome);
+  base::ByteWriter out = begin(MessageType::kWelcome);
   out.u16(welcome.version);
   writeText(out, welcome.scene_name, kMaxText);
   writeText(out, welcome.units, kMaxUnits);
@@ -243,7 +243,7 @@ base::Bytes encodeOne(const Welcome& welcome) {
   return out.take();
 }
 
-/// Null when the values make sense, else what is wrong.
+/// Normalizes the directions. Returns null when the values are valid, and otherwise the fault.
 const char* checkWelcome(Welcome& welcome) {
   if (!isBounded(welcome.origin)) return "its origin is not a number below 1e12";
   if (!isBounded(welcome.box_min) || !isBounded(welcome.box_max) ||
@@ -274,19 +274,19 @@ base::Result<ServerMessage> decodeWelcome(base::ByteReader& in) {
   welcome.box_min = in.read<glm::vec3>();
   welcome.box_max = in.read<glm::vec3>();
   welcome.up = in.read<glm::vec3>();
-  bool flags_fine = readFlag(in, welcome.unlit);
+  bool flags_are_valid = readFlag(in, welcome.unlit);
   welcome.light_direction = in.read<glm::vec3>();
-  flags_fine &= readFlag(in, welcome.has_colors);
+  flags_are_valid &= readFlag(in, welcome.has_colors);
   welcome.lattice_origin = in.read<glm::dvec3>();
   welcome.lattice_step = in.f64();
   welcome.group_count = in.u32();
   welcome.patch_count = in.u32();
   welcome.source_triangles = in.u64();
-  flags_fine &= readFlag(in, welcome.can_render_frames);
+  flags_are_valid &= readFlag(in, welcome.can_render_frames);
   bool has_images = false;
-  flags_fine &= readFlag(in, has_images);
+  flags_are_valid &= readFlag(in, has_images);
   if (!in.ok()) return bad("Welcome", "is cut short");
-  if (!flags_fine) return bad("Welcome", "a flag is neither 0 nor 1");
+  if (!flags_are_valid) return bad("Welcome", "a flag is neither 0 nor 1");
   if (const char* problem = checkWelcome(welcome)) return bad("Welcome", problem);
 
   if (has_images) {
@@ -300,13 +300,13 @@ base::Result<ServerMessage> decodeWelcome(base::ByteReader& in) {
   return ServerMessage(std::move(welcome));
 }
 
-base::Bytes rest(base::ByteReader& in) {
+base::Bytes readRest(base::ByteReader& in) {
   base::ByteView view = in.bytes(in.remaining());
   return {view.begin(), view.end()};
 }
 
 base::Bytes encodeOne(const Face& face) {
-  base::ByteWriter out = begin(Type::kFace);
+  base::ByteWriter out = begin(MessageType::kFace);
   out.u64(face.key.code());
   out.bytes(face.value);
   return out.take();
@@ -317,11 +317,11 @@ base::Result<ServerMessage> decodeFace(base::ByteReader& in) {
   if (!in.ok() || in.remaining() == 0) return bad("Face", "is cut short");
   auto key = repository::FaceKey::fromCode(code);
   if (!key) return bad("Face", key.error().message);
-  return ServerMessage(Face{*key, rest(in)});
+  return ServerMessage(Face{*key, readRest(in)});
 }
 
 base::Bytes encodeOne(const Refinement& refine) {
-  base::ByteWriter out = begin(Type::kRefinement);
+  base::ByteWriter out = begin(MessageType::kRefinement);
   out.u32(static_cast<std::uint32_t>(refine.record.size()));
   out.bytes(refine.record);
   out.bytes(refine.block);
@@ -333,12 +333,12 @@ base::Result<ServerMessage> decodeRefine(base::ByteReader& in) {
   base::ByteView record = in.bytes(in.u32());
   if (!in.ok() || record.empty() || in.remaining() == 0) return bad("Refinement", "is cut short");
   refine.record.assign(record.begin(), record.end());
-  refine.block = rest(in);
+  refine.block = readRest(in);
   return ServerMessage(std::move(refine));
 }
 
 base::Bytes encodeOne(const Frame& frame) {
-  base::ByteWriter out = begin(Type::kFrame);
+  base::ByteWriter out = begin(MessageType::kFrame);
   out.u32(frame.sequence);
   writeCamera(out, frame.camera);
   out.bytes(frame.value);
@@ -351,12 +351,12 @@ base::Result<ServerMessage> decodeFrame(base::ByteReader& in) {
   if (const char* problem = readCamera(in, frame.camera)) return bad("Frame", problem);
   if (frame.sequence == 0) return bad("Frame", "its sequence number is 0; they count from 1");
   if (in.remaining() == 0) return bad("Frame", "is cut short");
-  frame.value = rest(in);
+  frame.value = readRest(in);
   return ServerMessage(std::move(frame));
 }
 
 base::Bytes encodeOne(const Completion& complete) {
-  base::ByteWriter out = begin(Type::kCompletion);
+  base::ByteWriter out = begin(MessageType::kCompletion);
   out.u32(complete.sequence);
   return out.take();
 }
@@ -369,14 +369,14 @@ base::Result<ServerMessage> decodeComplete(base::ByteReader& in) {
 }
 
 base::Bytes encodeOne(const Refusal& refusal) {
-  base::ByteWriter out = begin(Type::kRefusal);
+  base::ByteWriter out = begin(MessageType::kRefusal);
   out.u16(refusal.version);
   writeText(out, refusal.reason, kMaxText);
   if (refusal.splats_only) out.u8(kSplatsOnly);
   return out.take();
 }
 
-/// Has the same layout in every version, and later ones may append: bytes that mean nothing here are passed over.
+/// A Refusal has the same layout in every version, and later versions may append bytes, which are ignored here.
 base::Result<ServerMessage> decodeRefusal(base::ByteReader& in) {
   Refusal refusal;
   refusal.version = in.u16();
@@ -399,16 +399,16 @@ base::Bytes encode(const ServerMessage& message) {
 base::Result<ClientMessage> decodeClientMessage(base::ByteView bytes) {
   if (bytes.size() > kMaxClientMessage) return bad("client", "is longer than 256 KiB");
   base::ByteReader in(bytes);
-  const auto type = static_cast<Type>(in.u8());
+  const auto type = static_cast<MessageType>(in.u8());
   if (!in.ok()) return bad("client", "is empty");
   switch (type) {
-    case Type::kHello:
+    case MessageType::kHello:
       return decodeHello(in);
-    case Type::kView:
+    case MessageType::kView:
       return decodeView(in);
-    case Type::kEviction:
+    case MessageType::kEviction:
       return decodeKeys<Eviction>("Eviction", in);
-    case Type::kHoldings:
+    case MessageType::kHoldings:
       return decodeKeys<Holdings>("Holdings", in);
     default:
       return bad("client", "has the unknown type " + std::to_string(bytes[0]));
@@ -418,20 +418,20 @@ base::Result<ClientMessage> decodeClientMessage(base::ByteView bytes) {
 base::Result<ServerMessage> decodeServerMessage(base::ByteView bytes) {
   if (bytes.size() > kMaxServerMessage) return bad("server", "is longer than 16 MiB");
   base::ByteReader in(bytes);
-  const auto type = static_cast<Type>(in.u8());
+  const auto type = static_cast<MessageType>(in.u8());
   if (!in.ok()) return bad("server", "is empty");
   switch (type) {
-    case Type::kWelcome:
+    case MessageType::kWelcome:
       return decodeWelcome(in);
-    case Type::kFace:
+    case MessageType::kFace:
       return decodeFace(in);
-    case Type::kRefinement:
+    case MessageType::kRefinement:
       return decodeRefine(in);
-    case Type::kFrame:
+    case MessageType::kFrame:
       return decodeFrame(in);
-    case Type::kCompletion:
+    case MessageType::kCompletion:
       return decodeComplete(in);
-    case Type::kRefusal:
+    case MessageType::kRefusal:
       return decodeRefusal(in);
     default:
       return bad("server", "has the unknown type " + std::to_string(bytes[0]));

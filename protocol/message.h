@@ -1,6 +1,6 @@
 #pragma once
-// What server and client say to each other: one struct per message, bytes in and bytes out; how they travel (WebSocket
-// binary frames, one message each) is not known here. docs/formats/protocol.md is the contract; DESIGN section 6.
+// The messages between server and client, one struct each, and their encoding as bytes. How the bytes travel (one
+// message per binary WebSocket frame) is not known here. docs/formats/protocol.md is the contract.
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <string>
@@ -29,25 +29,25 @@ inline constexpr int kMaxViewport = 16384;               ///< pixels a side; als
 using base::kMaxCoordinate;
 using base::kMinFov;
 inline constexpr float kMaxTolerance = 1e6F;           ///< pixels
-inline constexpr std::uint32_t kMaxGroups = 1U << 27;  ///< a hierarchy of 10^11 triangles stays below
+inline constexpr std::uint32_t kMaxGroups = 1U << 27;  ///< a hierarchy of 10^11 triangles has fewer
 inline constexpr std::uint32_t kMaxPatches = 1U << 29;
 
 // ---- client to server ----
 
-/// First message. The server answers Welcome, or Refusal when versions do not agree.
+/// The first message. The server answers with Welcome, or with Refusal when the versions differ.
 struct Hello {
   std::uint16_t version = kVersion;
   std::string client;  ///< name and version, for the server's log
 };
 
-/// "This is what I look at." The newest view wins; work for older ones is dropped.
+/// "I look at this." The server drops its work for older views.
 struct View {
   std::uint32_t sequence = 0;             ///< counts up from 1
   base::ViewCamera camera;                ///< world coordinates
   float patch_tolerance_px = 4.0F;        ///< refine patches until their projected error is at most this
   std::uint32_t max_triangles = 300'000;  ///< … or the cut reaches this
-  std::uint16_t max_points = 8;           ///< sampling points wanted, 0 = no images
-  bool want_frame = false;                ///< render the exact view when nothing else is left to send
+  std::uint16_t max_points = 8;           ///< sampling points wanted; 0: no images
+  bool want_frame = false;                ///< render the exact view once everything else is sent
   std::uint8_t frame_quality = 85;        ///< JPEG quality of that frame
 };
 
@@ -57,7 +57,8 @@ struct Eviction {
   std::vector<std::uint32_t> groups;
 };
 
-/// "I already have these", after Hello on a reconnect: the server need not send them again. Same shape as Eviction.
+/// "I already have these." A client sends it after Hello when it reconnects, so that the server need not send them
+/// again. The layout is that of Eviction.
 struct Holdings {
   std::vector<repository::FaceKey> faces;
   std::vector<std::uint32_t> groups;
@@ -68,7 +69,7 @@ struct Holdings {
 struct Welcome {
   std::uint16_t version = kVersion;
   std::string scene_name;
-  std::string units;                       ///< of length, as people write it ("m"); empty when not known
+  std::string units;                       ///< name of the unit of length ("m"); empty when it is not known
   glm::dvec3 origin{0.0};                  ///< world position of scene-local (0, 0, 0)
   glm::vec3 box_min{0.0F}, box_max{0.0F};  ///< scene-local
   glm::vec3 up{0.0F, 0.0F, 1.0F};
@@ -83,47 +84,47 @@ struct Welcome {
   bool can_render_frames = false;
 };
 
-/// A stored face, as in the repository (repository/face_value.h), empty flag included.
+/// A face as the repository stores it (repository/faces/face_value.h), empty flags included.
 struct Face {
   repository::FaceKey key;
   base::Bytes value;
 };
 
-/// All that is needed to expand one group: its record, its consumed patches' records (lod/patch/format.h encodeGroup)
-/// and geometry.
+/// Everything a client needs to expand one group: the records of the group and of the patches that it consumes
+/// (encodeGroup in lod/patch/format.h), and their geometry.
 struct Refinement {
   base::Bytes record;
   base::Bytes block;
 };
 
-/// The exact picture of a view that the client asked for.
+/// The exact picture of a view, which the client asked for.
 struct Frame {
-  std::uint32_t sequence = 0;  ///< of the View
+  std::uint32_t sequence = 0;  ///< sequence of the View
   base::ViewCamera camera;
   base::Bytes value;  ///< encoded like a Face's value
 };
 
-/// Everything the server has for this view was sent.
+/// The server has sent everything it has for the view of this sequence.
 struct Completion {
   std::uint32_t sequence = 0;
 };
 
-/// Why the connection is about to end, in plain words.
+/// Says in plain words why the connection is about to end.
 struct Refusal {
   std::uint16_t version = kVersion;  ///< the server's
   std::string reason;
-  bool splats_only = false;  ///< the scene has splats and nothing else: they are read over HTTP (/qsplat.lgq)
+  bool splats_only = false;  ///< the scene has splats and nothing else; clients read them over HTTP (/qsplat.lgq)
 };
 
 using ClientMessage = std::variant<Hello, View, Eviction, Holdings>;
 using ServerMessage = std::variant<Welcome, Face, Refinement, Frame, Completion, Refusal>;
 
-/// Control characters in texts become blanks. Key lists over kMaxKeysPerMessage are a caller's mistake: split them.
+/// Control characters in texts become blanks. The caller splits lists of more than kMaxKeysPerMessage keys.
 base::Bytes encode(const ClientMessage& message);
 base::Bytes encode(const ServerMessage& message);
-/// Hostile input: every length and value is checked (NaN, zero directions, field of view, viewport up to 16384, keys in
-/// range). Directions and up vectors come out unit. A Hello of another version decodes to its version alone, so that it
-/// can be refused; a Welcome of another version is an error of code kVersion.
+/// Checks every length and value of hostile input (NaN, zero directions, field of view, viewport up to 16384, keys in
+/// range). Directions and up vectors come out with unit length. A Hello of another version decodes to its version only,
+/// so that it can be refused; a Welcome of another version is an error of code kVersion.
 base::Result<ClientMessage> decodeClientMessage(base::ByteView bytes);
 base::Result<ServerMessage> decodeServerMessage(base::ByteView bytes);
 

@@ -1,5 +1,5 @@
 #pragma once
-// Least recently used, by bytes.
+// A cache bounded by bytes that evicts the least recently used values first.
 #include <cstdint>
 #include <functional>
 #include <list>
@@ -9,14 +9,13 @@
 
 namespace repository {
 
-/// Keeps values until their bytes exceed the budget; then the least recently used goes first. Pinned values never go.
-/// Not thread-safe.
+/// Values stay until evict() finds their bytes over the budget. Pinned values are never evicted. Not thread-safe.
 template <class Key, class Value>
 class LruCache {
  public:
   explicit LruCache(std::uint64_t budget_bytes) : budget_(budget_bytes) {}
 
-  /// The value, or null. Makes it the most recently used.
+  /// Returns the value, or null, and makes it the most recently used.
   Value* find(const Key& key) {
     auto it = index_.find(key);
     if (it == index_.end()) return nullptr;
@@ -40,18 +39,19 @@ class LruCache {
     index_.erase(it);
     return true;
   }
-  /// Evicts from the old end until the budget holds; passes over keys for which `pinned` is true. Returns what went.
+  /// Evicts the least recently used values until the budget holds, except those whose keys are `pinned`. Returns the
+  /// keys of the evicted values.
   std::vector<Key> evict(const std::function<bool(const Key&)>& pinned) {
-    std::vector<Key> gone;
+    std::vector<Key> evicted;
     for (auto it = order_.end(); bytes_ > budget_ && it != order_.begin();) {
       --it;
       if (pinned(it->key)) continue;
-      gone.push_back(it->key);
+      evicted.push_back(it->key);
       bytes_ -= it->bytes;
       index_.erase(it->key);
       it = order_.erase(it);
     }
-    return gone;
+    return evicted;
   }
 
   std::uint64_t bytes() const { return bytes_; }

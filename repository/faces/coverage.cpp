@@ -6,15 +6,15 @@
 
 #include "base/check.h"
 
-// The mask is cut into blocks of 8 × 8 pixels. A block is all background, all model, or mixed. Classes and the pixels
-// of mixed blocks are coded by an adaptive binary range coder: the coder of LZMA (Pavlov; Martin 1979), the pixels'
-// contexts those of JBIG (ITU-T T.82, figure 13: ten pixels of three lines). We depart from JBIG in coding only pixels
-// of mixed blocks, which makes decoding quick where nothing happens. All arithmetic is on integers, so every machine
-// decodes the same mask.
+// The mask is cut into blocks of 8 × 8 pixels. A block is all background, all model, or mixed. An adaptive binary range
+// coder codes the blocks' classes and the pixels of mixed blocks. The coder is that of LZMA (Pavlov; Martin 1979), and
+// the pixels' contexts are those of JBIG (ITU-T T.82, figure 13: ten pixels of three lines). Unlike JBIG it codes only
+// the pixels of mixed blocks, which makes decoding fast where a block is uniform. All arithmetic is on integers, so
+// every machine decodes the same mask.
 //
-// Rows of blocks go from top to bottom. A row has first the classes of its blocks, left to right, then its pixel lines,
-// each over the mixed blocks only, so that a pixel's context is complete up to its upper right, as in a mask coded line
-// by line.
+// Rows of blocks go from top to bottom. A row has first the classes of its blocks from left to right, then its pixel
+// lines, each over the mixed blocks only. So a pixel's context is complete up to its upper right, as in a mask that is
+// coded line by line.
 
 namespace repository {
 namespace {
@@ -26,13 +26,14 @@ constexpr std::size_t kHeaderBytes = 1;
 
 // ---- The range coder ----
 
-constexpr std::uint32_t kTop = 1U << 24;  // range is kept at or above
+// The format fixes these numbers (docs/formats/repository.md, "Coder").
+constexpr std::uint32_t kMinRange = 1U << 24;  // LZMA's: below it a byte is shifted out
 constexpr int kProbabilityBits = 16;
-constexpr std::uint32_t kMin = 48;      // of 65536: least probability of either symbol
-constexpr std::uint8_t kMaxCount = 40;  // symbols after which the rate of learning stays at 1 / 41.5
+constexpr std::uint32_t kMinProbability = 48;  // of 65536, for either symbol
+constexpr std::uint8_t kMaxCount = 40;         // symbols after which the rate of learning stays at 1 / 41.5
 
-// rates[n] = 65536 / (n + 1.5): after n symbols the next one moves the probability by about its share, so few symbols
-// teach much.
+// rates[n] = 65536 / (n + 1.5). After n symbols the next one moves the probability by about its share, so that a
+// context learns fast from its first symbols.
 constexpr std::array<std::uint32_t, kMaxCount + 1> makeRates() {
   std::array<std::uint32_t, kMaxCount + 1> rates{};
   for (std::uint32_t n = 0; n <= kMaxCount; ++n) rates[n] = 2 * 65536 / (2 * n + 3);
@@ -40,7 +41,7 @@ constexpr std::array<std::uint32_t, kMaxCount + 1> makeRates() {
 }
 constexpr auto kRates = makeRates();
 
-// Probability of a zero, learned from the symbols seen in one context.
+// The probability of a zero in one context, learned from the symbols seen there.
 struct Model {
   std::uint16_t zero = 32768;  // of 65536
   std::uint8_t count = 0;
@@ -49,7 +50,7 @@ struct Model {
     const std::uint32_t rate = kRates[count];
     std::uint32_t p = zero;
     p = bit ? p - (p * rate >> 16) : p + ((65536 - p) * rate >> 16);
-    zero = static_cast<std::uint16_t>(std::clamp(p, kMin, 65536 - kMin));
+    zero = static_cast<std::uint16_t>(std::clamp(p, kMinProbability, 65536 - kMinProbability));
     if (count < kMaxCount) ++count;
   }
 };
@@ -67,18 +68,18 @@ class RangeEncoder {
       range_ = bound;
     }
     model.learn(bit);
-    while (range_ < kTop) {
+    while (range_ < kMinRange) {
       range_ <<= 8;
       shiftLow();
     }
   }
-  // Writes what is left, so that the decoder's look-ahead of four bytes ends exactly at the end.
+  // Writes the remaining bytes, so that the decoder's look-ahead of four bytes ends exactly at the end.
   void finish() {
     for (int i = 0; i < 5; ++i) shiftLow();
   }
 
  private:
-  // Sends the top byte of low. Bytes of 0xFF wait, because a carry may still run through them.
+  // Shifts out the top byte of low_. Bytes of 0xFF wait, because a carry may still run through them.
   void shiftLow() {
     if (low_ < 0xFF000000U || low_ > 0xFFFFFFFFU) {
       const auto carry = static_cast<std::uint8_t>(low_ >> 32);
@@ -97,7 +98,7 @@ class RangeEncoder {
   std::uint32_t range_ = 0xFFFFFFFF;
   std::uint64_t waiting_ = 0;
   std::uint8_t cache_ = 0;
-  bool has_cache_ = false;  // LZMA writes a first byte that is always 0; we do not
+  bool has_cache_ = false;  // false at first, which leaves out LZMA's first byte: it is always 0
 };
 
 class RangeDecoder {
@@ -116,7 +117,7 @@ class RangeDecoder {
       range_ = bound;
     }
     model.learn(bit);
-    while (range_ < kTop) {
+    while (range_ < kMinRange) {
       range_ <<= 8;
       value_ = value_ << 8 | next();
     }
@@ -142,14 +143,14 @@ class RangeDecoder {
 
 enum BlockClass : std::uint8_t { kAllBackground = 0, kAllModel = 1, kMixed = 2 };
 
-// One model for "mixed?" and one for "model?" per classes of the blocks to the left, above and above right.
+// The classes of the blocks to the left, above and above right select one of 27 models for "mixed?" and for "model?".
 struct Models {
   std::array<Model, 27> mixed;
   std::array<Model, 27> model;
   std::array<Model, 1024> pixel;
 };
 
-// The last two pixel lines and the one in hand, each with background before its first pixel and behind its last.
+// The current pixel line and the two before, each with background before its first pixel and behind its last.
 class Lines {
  public:
   explicit Lines(int blocks) : stride_(static_cast<std::size_t>(blocks) * kBlock + 4) {
@@ -162,7 +163,7 @@ class Lines {
   std::array<std::vector<std::uint8_t>, 3> lines_;
 };
 
-// Classes of the row above and the row in hand, each with a background block at either end.
+// The classes of the row above and of the current row, each with a background block at either end.
 struct Classes {
   std::vector<std::uint8_t> above;
   std::vector<std::uint8_t> here;
@@ -172,7 +173,7 @@ struct Classes {
   }
 };
 
-// JBIG's three-line template around the pixel at `x`: two lines up −1..+1, one line up −2..+2, to the left two.
+// JBIG's three-line template around the pixel at `x`: −1..+1 two lines up, −2..+2 one line up, and two to the left.
 struct PixelContext {
   std::uint32_t two_up;
   std::uint32_t one_up;
@@ -181,7 +182,7 @@ struct PixelContext {
       : two_up(static_cast<std::uint32_t>(up2[x - 1] << 1 | up2[x])),
         one_up(static_cast<std::uint32_t>(up1[x - 2] << 3 | up1[x - 1] << 2 | up1[x] << 1 | up1[x + 1])),
         left(static_cast<std::uint32_t>(line[x - 2] << 1 | line[x - 1])) {}
-  // Takes in the pixels that come into sight on the right; returns the context's number.
+  // Shifts in the pixels that enter the template on the right and returns the number of the context.
   std::uint32_t enter(std::uint8_t up2_right, std::uint8_t up1_right2) {
     two_up = (two_up << 1 | up2_right) & 7U;
     one_up = (one_up << 1 | up1_right2) & 31U;

@@ -1,22 +1,23 @@
 #pragma once
-// A stored face (repository/face_value.h) as pixels: what viewers, builds and `verify` make of its bytes.
+// Decodes a stored face (repository/faces/face_value.h) into pixels, for viewers, builds and `lumigrid verify`.
 #include "base/bytes.h"
 #include "base/error.h"
 #include "base/image.h"
 
 namespace repository {
 
-/// Both empty for an empty flag.
+/// For an empty flag both images are empty.
 struct FacePixels {
   base::Image rgb;
   base::Image mask;  ///< one channel: 255 model, 0 background, where the colours are filler
 };
 
-/// `side`: that width and height alone are taken; 0: any, as exact frames have. Errors: what decodeFaceValue,
-/// decodeJpeg and decodeCoverage refuse, and other sides.
+/// A picture must be `side` × `side` pixels large; with `side` 0, which exact frames use, it may have any size. Errors:
+/// those of decodeFaceValue, decodeJpeg and decodeCoverage, and a picture of another size.
 base::Result<FacePixels> decodeFacePixels(base::ByteView value, int side);
 
-/// The same as RGBA, alpha 255 on the model and 0 on the background, not premultiplied; empty for an empty flag.
+/// Decodes likewise into RGBA, with alpha 255 on the model and 0 on the background, not premultiplied. The image is
+/// empty for an empty flag.
 base::Result<base::Image> decodeFaceImage(base::ByteView value, int side);
 
 }  // namespace repository

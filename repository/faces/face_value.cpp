@@ -15,7 +15,7 @@ constexpr std::uint8_t kImage = 1;
 constexpr std::size_t kCrcOffset = 4;
 constexpr std::size_t kHeaderBytes = 8;
 
-// Over everything but the CRC itself.
+// The checksum covers all bytes but its own.
 std::uint32_t checksum(base::ByteView bytes) {
   return base::crc32c(bytes.subspan(kHeaderBytes), base::crc32c(bytes.first(kCrcOffset)));
 }

@@ -1,19 +1,19 @@
 #pragma once
-// The value under a FaceKey: an empty flag, or a JPEG with its coverage mask; always with a checksum.
-// docs/formats/repository.md
+// The value under a FaceKey is an empty flag, or a JPEG with its coverage mask, and always has a checksum
+// (docs/formats/repository.md, "Value").
 #include "base/bytes.h"
 #include "base/error.h"
 
 namespace repository {
 
-/// Of a value that is no empty flag, before its JPEG and mask.
+/// The bytes before the JPEG and the mask, in a value that is no empty flag.
 inline constexpr std::size_t kImageHeaderBytes = 16;
 
-/// Views into the value's bytes; valid as long as they are.
+/// The views point into the value's bytes and are valid as long as these are.
 struct FaceValue {
   bool empty = true;        ///< the face sees nothing: no image, no mask
   base::ByteView jpeg;      ///< face_size × face_size; background pixels carry filler that the mask hides
-  base::ByteView coverage;  ///< encodeCoverage(); of size 0 when every pixel is model
+  base::ByteView coverage;  ///< from encodeCoverage(); size 0 when every pixel is model
 };
 
 base::Bytes encodeFaceValue(const FaceValue& value);

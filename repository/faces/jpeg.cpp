@@ -17,23 +17,24 @@ struct CloseHandle {
 };
 using Handle = std::unique_ptr<void, CloseHandle>;
 
-// One handle a call: it holds libjpeg's state, may not be shared by threads, and after broken data refuses good data
-// too (2.1.5).
+// Each call makes its own handle: threads may not share one, and in version 2.1.5 a handle that met broken data refuses
+// good data afterwards.
 
 base::Error jpegError(const std::string& what) {
   return {base::ErrorCode::kInvalidInput, "JPEG: " + what};
 }
 
-// --- Encoding: by libjpeg's own interface, since TurboJPEG's (2.1) cannot ask for Huffman tables made for the picture
+// --- Encoding. It uses libjpeg's own interface, since TurboJPEG 2.1 cannot make Huffman tables for the picture.
 
-/// With the bytes, which are malloc's.
+/// Compresses into memory that libjpeg allocates with malloc.
 struct MemoryCompressor : Compressor {
   unsigned char* bytes = nullptr;
   unsigned long size = 0;
   ~MemoryCompressor() { std::free(bytes); }
 };
 
-// False, and a message, on any error. Nothing in here may need a destructor: errors jump out of it.
+// Returns false and leaves a message on any error. Errors jump out of this function, so nothing in it may need a
+// destructor.
 bool compress(MemoryCompressor& to, const base::Image& rgb, int quality, Subsampling subsampling) {
   if (setjmp(to.failed) != 0) return false;
   jpeg_compress_struct& jpeg = to.jpeg;
@@ -44,7 +45,7 @@ bool compress(MemoryCompressor& to, const base::Image& rgb, int quality, Subsamp
 
   jpeg_start_compress(&jpeg, TRUE);
   while (jpeg.next_scanline < jpeg.image_height) {
-    // libjpeg takes rows it doesn't change as not const.
+    // libjpeg's interface has no const rows, though it does not change them.
     auto* row = const_cast<JSAMPROW>(rgb.at(0, static_cast<int>(jpeg.next_scanline)));
     jpeg_write_scanlines(&jpeg, &row, 1);
   }
@@ -98,8 +99,8 @@ base::Result<base::Image> decodeJpeg(base::ByteView bytes, int max_side) {
                      std::to_string(max_side));
   }
 
-  // A warning (TJERR_WARNING) leaves a picture with grey parts: the data is broken, so it fails like an error.
-  // LIMITSCANS stops progressive files made to keep a decoder busy.
+  // A warning (TJERR_WARNING) means broken data and a picture with grey parts, so it fails like an error. LIMITSCANS
+  // stops progressive files that are made to keep a decoder busy.
   base::Image image(width, height, 3);
   const int failed = tjDecompress2(decompressor.get(), bytes.data(), bytes.size(), image.pixels.data(), width, 0,
                                    height, TJPF_RGB, TJFLAG_ACCURATEDCT | TJFLAG_LIMITSCANS);

@@ -1,5 +1,5 @@
 #pragma once
-// JPEG by libjpeg-turbo.
+// Encodes and decodes JPEG with libjpeg-turbo.
 #include <optional>
 #include <string_view>
 
@@ -11,13 +11,14 @@ namespace repository {
 
 enum class Subsampling { k420, k422, k444 };
 const char* nameOf(Subsampling subsampling);  ///< "4:2:0", "4:2:2", "4:4:4"
-/// From such a name, or nothing.
+/// The inverse of nameOf(); nothing for any other name.
 std::optional<Subsampling> subsamplingOf(std::string_view name);
 
-/// `rgb`: 3 channels, each side 1..65500. quality 1..100. Baseline, with Huffman tables made for the picture: the same
-/// pixels as with the standard ones, in 13 to 32 % fewer bytes (docs/results/repository.md).
+/// `rgb` has 3 channels and sides of 1..65500 pixels; quality is 1..100. The JPEG is a baseline one with Huffman tables
+/// made for the picture, which give the same pixels as the standard ones in 13 to 32 % fewer bytes
+/// (docs/results/repository.md).
 base::Result<base::Bytes> encodeJpeg(const base::Image& rgb, int quality, Subsampling subsampling);
-/// RGB. Refuses broken data (also data that libjpeg would only warn about) and sides over `max_side`.
+/// Decodes to RGB. Refuses broken data, also where libjpeg would only warn, and sides over `max_side` pixels.
 base::Result<base::Image> decodeJpeg(base::ByteView bytes, int max_side = 16384);
 
 }  // namespace repository

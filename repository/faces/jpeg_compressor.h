@@ -1,5 +1,5 @@
 #pragma once
-// libjpeg's state of one picture being encoded, with errors that come back as a message. For jpeg.cpp and
+// Holds libjpeg's state while a picture is encoded and turns its errors into a message. Private to jpeg.cpp and
 // jpeg_rows.cpp.
 
 // libjpeg's header needs these two before it.
@@ -15,7 +15,7 @@
 
 namespace repository {
 
-/// Calls of libjpeg stand behind `if (setjmp(failed) != 0)`: errors jump there, past destructors.
+/// Every call of libjpeg needs an `if (setjmp(failed) != 0)` before it: errors jump there, past destructors.
 struct Compressor {
   jpeg_compress_struct jpeg{};
   jpeg_error_mgr errors{};
@@ -37,8 +37,8 @@ struct Compressor {
   Compressor& operator=(const Compressor&) = delete;
 };
 
-/// All that decides the bytes but the Huffman tables, for RGB pixels. After jpeg_create_compress and the choice of
-/// where the bytes go.
+/// Sets all parameters that decide the bytes, except the Huffman tables, for RGB pixels. Call it after
+/// jpeg_create_compress and after setting the destination.
 inline void setPicture(jpeg_compress_struct& jpeg, int width, int height, int quality, Subsampling subsampling) {
   jpeg.image_width = static_cast<JDIMENSION>(width);
   jpeg.image_height = static_cast<JDIMENSION>(height);

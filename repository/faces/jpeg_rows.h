@@ -1,5 +1,5 @@
 #pragma once
-// A JPEG made row by row, for pictures that never are in memory whole.
+// Encodes a JPEG row by row, for pictures that are never whole in memory.
 #include <memory>
 
 #include "base/bytes.h"
@@ -11,18 +11,19 @@ namespace repository {
 
 class JpegRows {
  public:
-  /// width, height: 1..65500 pixels; quality 1..100. Baseline with the standard Huffman tables: those made for the
-  /// picture (encodeJpeg) need all of it first. The bytes are appended to `out`, which outlives this.
+  /// width and height are 1..65500 pixels, quality is 1..100. The JPEG is a baseline one with the standard Huffman
+  /// tables, since tables made for the picture (encodeJpeg) need all of it first. The bytes are appended to `out`,
+  /// which must outlive this object.
   static base::Result<std::unique_ptr<JpegRows>> begin(int width, int height, int quality, Subsampling subsampling,
                                                        base::Bytes& out);
   ~JpegRows();
-  /// The next rows, from the top; 3 channels, as wide as the picture. The last one ends the picture.
+  /// Adds the next rows from the top, with 3 channels and as wide as the picture. The last row ends the picture.
   base::Result<void> add(const base::Image& rgb);
 
  private:
   JpegRows() = default;
-  struct State;
-  std::unique_ptr<State> state_;
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
 };
 
 }  // namespace repository
