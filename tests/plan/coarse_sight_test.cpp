@@ -19,7 +19,7 @@ class CoarseSight : public testing::Test {
   const server::TestScene scene_{16};
 };
 
-// The groups above an error are those that the cut of that error expands.
+// The groups whose error is above a limit are those that the cut of that error expands.
 TEST_F(CoarseSight, isTheCutOfTheExpandedGroups) {
   const lod::patch::Hierarchy& hierarchy = scene_.patches->hierarchy();
   for (const std::uint64_t bytes : {1'000U, 10'000U, 1'000'000'000U}) {
@@ -38,7 +38,7 @@ TEST_F(CoarseSight, isTheCutOfTheExpandedGroups) {
     EXPECT_EQ(sight->triangleCount(), triangles);
     EXPECT_EQ(sight->error(), error);
   }
-  // All groups: the leaves, and what hides things is the source itself.
+  // With all groups the cut is the leaves, so the source itself occludes.
   EXPECT_EQ(sightOf(coarseGroups(hierarchy, 1'000'000'000))->error(), 0.0F);
 }
 

@@ -35,8 +35,7 @@ TEST(ViewPlan, coarseGroupsAreTheTopWithinTheirBytes) {
   EXPECT_EQ(coarseGroups(h, 1'000'000'000).size(), h.groups.size());
 }
 
-// A client that chooses by the same rule among what it was sent arrives at the cut that the server planned, and at no
-// other.
+// A client that applies the same rule to the groups it received arrives at exactly the cut that the server planned.
 TEST(ViewPlan, groupsLeadAClientToTheWholeHierarchysCut) {
   const server::TestScene scene(16);
   const lod::patch::Hierarchy& h = scene.patches->hierarchy();
@@ -70,7 +69,7 @@ TEST(ViewPlan, errorsFallAlongTheGroups) {
   for (std::size_t i = 1; i < plan.groups.size(); ++i) EXPECT_LE(plan.group_error_px[i], plan.group_error_px[i - 1]);
 }
 
-TEST(ViewPlan, facesOfAPlanAndItsOtherFacesAreAllFacesOfItsPoints) {
+TEST(ViewPlan, facesAndOtherFacesCoverAllPoints) {
   const server::TestScene scene;
   protocol::View view = scene.view(1, {0.3, 0.3, 0.6});
   view.max_points = 5;
@@ -87,8 +86,7 @@ TEST(ViewPlan, facesOfAPlanAndItsOtherFacesAreAllFacesOfItsPoints) {
   EXPECT_EQ(keys.size(), 30U);
 }
 
-// Viewers that stand inside the model, far away, beside the grid or on one of its points get an answer like all others.
-// A client blends 16 images of 8 points; one point shows all that its faces see.
+// A client that asks for 8 points blends 16 images. One or two points give at least 8 faces.
 TEST(ViewPlan, noMoreFacesThanAClientBlends) {
   const server::TestScene scene;
   protocol::View view = scene.view(1, {0.3, 0.3, 0.6});
@@ -104,7 +102,7 @@ TEST(ViewPlan, noMoreFacesThanAClientBlends) {
   EXPECT_EQ(before, 16U) << "of 8 points more faces see something";
 }
 
-TEST(ViewPlan, facesThatAreThereAreLeftOutAndNoOthersComeInTheirPlace) {
+TEST(ViewPlan, presentFacesAreLeftOutAndNotReplaced) {
   const server::TestScene scene;
   const protocol::View view = scene.view(1, {0.3, 0.3, 0.6});
   const ViewPlan whole = planView(scene.data.toPlan(), view, nothing);
@@ -117,6 +115,7 @@ TEST(ViewPlan, facesThatAreThereAreLeftOutAndNoOthersComeInTheirPlace) {
   EXPECT_EQ(rest.other_faces, whole.other_faces);
 }
 
+// Viewers inside the model, far away, beside the grid or on one of its points get an answer like all others.
 TEST(ViewPlan, anyEyeIsServed) {
   const server::TestScene scene;
   for (const glm::dvec3& from :
