@@ -6,7 +6,7 @@
 
 namespace base {
 
-// OpenSSL's digests fail only where a build of it has them switched off.
+// OpenSSL's digests fail only in builds that have them switched off, so a failure stops the program.
 struct Sha256::Context {
   EVP_MD_CTX* evp = EVP_MD_CTX_new();
   Context() { LUMIGRID_CHECK(evp != nullptr && EVP_DigestInit_ex(evp, EVP_sha256(), nullptr) == 1); }

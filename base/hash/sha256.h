@@ -1,5 +1,5 @@
 #pragma once
-// SHA-256 (FIPS 180-4): names and proofs of whole files and objects.
+// SHA-256 (FIPS 180-4), which names and checks whole files and objects.
 #include <array>
 #include <cstdint>
 #include <memory>
@@ -10,7 +10,7 @@ namespace base {
 
 using Sha256Digest = std::array<std::uint8_t, 32>;
 
-/// Of bytes that come in pieces.
+/// Hashes bytes that come in pieces.
 class Sha256 {
  public:
   Sha256();
@@ -18,7 +18,7 @@ class Sha256 {
   Sha256(const Sha256&) = delete;
   Sha256& operator=(const Sha256&) = delete;
   void add(ByteView bytes);
-  /// Once, at the end.
+  /// Call it once, after the last piece.
   Sha256Digest finish();
 
  private:

@@ -192,7 +192,7 @@ class Publisher {
   ObjectSink& sink_;
   const PublishOptions& options_;
   const std::function<bool(const PublishProgress&)>& go_on_;
-  Portion pending_;
+  PendingPack pending_;
   IndexBuilder builder_;
   std::size_t packs_ = 0;
   PublishProgress progress_;

@@ -12,7 +12,7 @@ namespace {
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
-// ---- drawn messages ----
+// ---- random messages ----
 
 class Drawing {
  public:
@@ -127,8 +127,8 @@ std::string problemOf(const ServerMessage& message) {
 
 // ---- round trips ----
 
-// Equal bytes after decoding and encoding again: with decodeReadsEveryFieldOfAView below that is equality of every
-// field.
+// The bytes are equal after decoding and encoding again. Together with decodeReadsEveryFieldOfAView below, this proves
+// that every field is equal.
 TEST(Message, everyClientMessageComesBack) {
   for (unsigned seed = 0; seed < 200; ++seed) {
     for (const ClientMessage& message : Drawing(seed).clientMessages()) {
@@ -189,7 +189,7 @@ TEST(Message, decodeReadsEveryFieldOfAWelcome) {
   EXPECT_EQ(got.can_render_frames, sent.can_render_frames);
 }
 
-// The bytes of docs/formats/protocol.md, "A worked row": version 1 of the format must never read otherwise.
+// These are the bytes of docs/formats/protocol.md, "A worked row". Version 1 of the format must never read otherwise.
 TEST(Message, bytesOfVersionOneStay) {
   EXPECT_EQ(encode(ClientMessage(Hello{2, "ab"})), (base::Bytes{0x01, 2, 0, 2, 0, 'a', 'b'}));
   EXPECT_EQ(encode(ServerMessage(Completion{258})), (base::Bytes{0x85, 2, 1, 0, 0}));
@@ -200,7 +200,7 @@ TEST(Message, bytesOfVersionOneStay) {
   EXPECT_EQ(encode(ClientMessage(View{})).size(), 101U);
 }
 
-TEST(Message, whatFollowsARefusalIsTakenWhereItIsKnown) {
+TEST(Message, bytesBehindARefusalAreReadWhereKnown) {
   for (const auto& [more, splats_only] : std::vector<std::pair<base::Bytes, bool>>{
            {{}, false}, {{0}, false}, {{1}, true}, {{1, 7, 7}, true}, {{2}, false}}) {
     base::Bytes bytes{0x86, 2, 0, 2, 0, 'n', 'o'};
@@ -224,8 +224,8 @@ TEST(Message, clientMessageCutAnywhereIsRefused) {
   }
 }
 
-// Values that run to the end of the message shorten with it; they carry their own checksums. All before them must be
-// there.
+// Values that run to the end of the message become shorter with it; they carry their own checksums. The fields before
+// them must be whole.
 TEST(Message, serverMessageCutAnywhereIsRefusedOrShorter) {
   Drawing drawing(4);
   for (const ServerMessage& message : drawing.serverMessages()) {
@@ -273,7 +273,7 @@ TEST(Message, unknownTypesAreRefusedOnTheirSide) {
   EXPECT_NE(decodeClientMessage(base::Bytes{0x7F}).error().message.find("127"), std::string::npos);
 }
 
-TEST(Message, viewsThatCannotBeDrawnAreRefused) {
+TEST(Message, invalidViewsAreRefused) {
   auto withView = [](auto change) {
     View view;
     view.sequence = 1;
@@ -311,7 +311,7 @@ TEST(Message, directionsComeOutUnit) {
   EXPECT_NEAR(got.camera.up.y, 1.0, 1e-12);
 }
 
-TEST(Message, welcomesThatMakeNoSenseAreRefused) {
+TEST(Message, invalidWelcomesAreRefused) {
   auto withWelcome = [](auto change) {
     Welcome welcome;
     welcome.group_count = welcome.patch_count = 1;
@@ -339,7 +339,7 @@ TEST(Message, keysOutOfRangeAreRefused) {
   EXPECT_FALSE(decodeClientMessage(bytes));
 }
 
-// A count that promises more than is there must not be believed before it is checked.
+// A count that promises more keys than there are must be checked before it is believed.
 TEST(Message, longListsAreRefused) {
   EXPECT_TRUE(
       decodeClientMessage(encode(ClientMessage(Eviction{std::vector<repository::FaceKey>(kMaxKeysPerMessage), {}}))));

@@ -24,7 +24,7 @@ AccessIdentity smallIdentity() {
   return {grid, 20};
 }
 
-// The worked file of docs/formats/access.md.
+// These are the counts of the worked example in docs/formats/access.md.
 AccessCounts workedCounts() {
   AccessCounts counts;
   counts.faces = {{{0, 0, 0, 4}, 3}, {{5, 1, 2, 4}, 300}};
@@ -40,7 +40,7 @@ AccessCounts facesOnly(std::vector<std::pair<FaceKey, std::uint64_t>> faces) {
   return counts;
 }
 
-TEST(Access, theWorkedBodyIsAsTheDocumentSays) {
+TEST(Access, encodeMatchesTheDocumentedExample) {
   const base::Bytes bytes = encodeAccess(smallIdentity(), workedCounts());
   ASSERT_EQ(bytes.size(), 112U + 10U);
   const base::Bytes body(bytes.begin() + 112, bytes.end());
@@ -50,7 +50,7 @@ TEST(Access, theWorkedBodyIsAsTheDocumentSays) {
                                 0x07, 0x5e, 0x31, 0x09, 10, 0, 0,   0, 0,    0,    0,    0}));
 }
 
-TEST(Access, whatIsWrittenIsRead) {
+TEST(Access, decodeInvertsEncode) {
   std::mt19937_64 random(4);
   AccessCounts counts = workedCounts();
   counts.faces.clear();
@@ -64,7 +64,7 @@ TEST(Access, whatIsWrittenIsRead) {
   EXPECT_EQ(file->identity, smallIdentity());
 }
 
-TEST(Access, everyCutAndEveryFlippedByteIsRefused) {
+TEST(Access, decodeRefusesEveryCutAndFlippedByte) {
   const base::Bytes good = encodeAccess(smallIdentity(), workedCounts());
   for (std::size_t length = 0; length < good.size(); ++length)
     EXPECT_FALSE(decodeAccess(base::ByteView(good).first(length))) << length;
@@ -78,7 +78,7 @@ TEST(Access, everyCutAndEveryFlippedByteIsRefused) {
   EXPECT_FALSE(decodeAccess(longer));
 }
 
-TEST(Access, sumsDoNotDependOnTheOrderAndStayAtTheLargestNumber) {
+TEST(Access, sumsCommuteAndSaturate) {
   const AccessCounts a = workedCounts();
   AccessCounts b = workedCounts();
   b.faces = {{{1, 0, 0, 0}, 5}, {{5, 1, 2, 4}, ~std::uint64_t{0}}};
@@ -98,7 +98,7 @@ TEST(Access, sumsDoNotDependOnTheOrderAndStayAtTheLargestNumber) {
 
 // ---- the file ----
 
-TEST(AccessFile, addingRowByRowIsTheSameAsAddingInMemory) {
+TEST(AccessFile, addingToTheFileEqualsAddingInMemory) {
   const TemporaryDirectory directory;
   const std::string path = directory / "access.lga";
   std::mt19937 random(12);
@@ -119,7 +119,7 @@ TEST(AccessFile, addingRowByRowIsTheSameAsAddingInMemory) {
   }
 }
 
-TEST(AccessFile, ofManyWritersNoCountIsLostOrDoubled) {
+TEST(AccessFile, manyWritersLoseAndDoubleNoCount) {
   const TemporaryDirectory directory;
   const std::string path = directory / "access.lga";
   constexpr int kWriters = 4, kRounds = 25;
@@ -136,7 +136,7 @@ TEST(AccessFile, ofManyWritersNoCountIsLostOrDoubled) {
   EXPECT_EQ(loaded->groupsSent(), std::uint64_t{kWriters} * kRounds * 3);
 }
 
-TEST(AccessFile, filesOfSeveralPlacesAddUp) {
+TEST(AccessFile, loadAddsUpSeveralFiles) {
   const TemporaryDirectory directory;
   ASSERT_TRUE(addToAccessFile(directory / "a", smallIdentity(), workedCounts(), 1.0));
   ASSERT_TRUE(addToAccessFile(directory / "b", smallIdentity(), workedCounts(), 1.0));
@@ -148,7 +148,7 @@ TEST(AccessFile, filesOfSeveralPlacesAddUp) {
   EXPECT_EQ(missing.error().code, base::ErrorCode::kNotFound);
 }
 
-TEST(AccessFile, damagedOnesAndThoseOfAnotherSceneAreLeftAsTheyAre) {
+TEST(AccessFile, damagedFilesAndThoseOfAnotherSceneStayUnchanged) {
   const TemporaryDirectory directory;
   const std::string path = directory / "access.lga";
   ASSERT_TRUE(addToAccessFile(path, smallIdentity(), workedCounts(), 1.0));
@@ -170,7 +170,7 @@ TEST(AccessFile, damagedOnesAndThoseOfAnotherSceneAreLeftAsTheyAre) {
   EXPECT_EQ(*base::readFile(path), damaged);
 }
 
-TEST(AccessFile, whatAKilledWriterLeftGoes) {
+TEST(AccessFile, leftoversOfAKilledWriterAreRemoved) {
   const TemporaryDirectory directory;
   const std::string path = directory / "access.lga";
   std::ofstream(path + ".part1234") << "half";
@@ -179,7 +179,7 @@ TEST(AccessFile, whatAKilledWriterLeftGoes) {
   EXPECT_EQ(loadAccess({path}, smallIdentity())->facesSent(), 303U);
 }
 
-TEST(AccessFile, aPlaceThatIsNotThereIsAnErrorOfOneLine) {
+TEST(AccessFile, aMissingDirectoryIsAnErrorThatNamesTheFile) {
   const TemporaryDirectory directory;
   const auto refused = addToAccessFile(directory / "nowhere/access.lga", smallIdentity(), {}, 1.0);
   ASSERT_FALSE(refused);
@@ -207,7 +207,7 @@ TEST(AccessCounter, countsFromSeveralThreadsAddUp) {
   EXPECT_EQ(counter.takeCounts(), AccessCounts{});
 }
 
-TEST(AccessCounter, itKeepsSoManyKeysAndCountsTheOthersTogether) {
+TEST(AccessCounter, keysBeyondTheLimitAreCountedTogether) {
   int calls = 0;
   AccessCounter counter(3, [&] { ++calls; });
   for (std::uint32_t n = 0; n < 6; ++n) {
@@ -220,12 +220,12 @@ TEST(AccessCounter, itKeepsSoManyKeysAndCountsTheOthersTogether) {
   EXPECT_EQ(counts.facesSent(), 9U);
   EXPECT_EQ(counts.uncounted, 3U);
   for (std::uint32_t n = 0; n < 4; ++n) counter.addGroup(n);
-  EXPECT_EQ(calls, 2) << "taking arms it again";
+  EXPECT_EQ(calls, 2) << "takeCounts arms it again";
 }
 
 // ---- ranking ----
 
-TEST(AccessRank, pointsAddUpTheirFaces) {
+TEST(AccessRank, rankPointsAddsUpThePointsFaces) {
   const AccessCounts counts = facesOnly({{{0, 0, 0, 1}, 2}, {{0, 0, 0, 5}, 3}, {{1, 0, 0, 0}, 9}, {{2, 1, 0, 0}, 5}});
   const auto points = rankPoints(counts);
   ASSERT_EQ(points.size(), 3U);

@@ -9,7 +9,7 @@ namespace {
 
 const auto kNothingPinned = [](const int&) { return false; };
 
-TEST(LruCache, theLeastRecentlyUsedGoesFirst) {
+TEST(LruCache, evictsTheLeastRecentlyUsedFirst) {
   LruCache<int, std::string> cache(30);
   for (int key = 1; key <= 4; ++key) cache.insert(key, std::to_string(key), 10);
   ASSERT_NE(cache.find(1), nullptr);  // now 2 is the oldest
@@ -19,7 +19,7 @@ TEST(LruCache, theLeastRecentlyUsedGoesFirst) {
   EXPECT_EQ(*cache.find(1), "1");
 }
 
-TEST(LruCache, evictsOnlyWhatIsOverTheBudget) {
+TEST(LruCache, evictsOnlyUntilTheBudgetHolds) {
   LruCache<int, int> cache(100);
   cache.insert(1, 1, 60);
   cache.insert(2, 2, 40);
@@ -56,7 +56,7 @@ TEST(LruCache, containsDoesNotCountAsUse) {
   EXPECT_EQ(cache.evict(kNothingPinned), std::vector<int>{1});
 }
 
-TEST(LruCache, erasingWhatIsNotThereDoesNothing) {
+TEST(LruCache, erasingAnAbsentKeyDoesNothing) {
   LruCache<int, int> cache(10);
   cache.insert(1, 1, 4);
   EXPECT_FALSE(cache.erase(7));

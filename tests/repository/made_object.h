@@ -1,5 +1,5 @@
 #pragma once
-// A source with one object, whose bytes are made from their offset.
+// A source with one object, whose bytes are computed from their offsets.
 #include <string>
 
 #include "repository/objects/objects.h"

@@ -1,6 +1,6 @@
 #pragma once
-// Values whose every byte follows from a number, so that any reader can tell a whole one from a torn one. Shared by the
-// store's tests and the writer process that they kill.
+// Every byte of these values follows from a number, so that any reader can tell a whole value from a torn one. The
+// store's tests and the writer process that they kill share them.
 #include <cstdint>
 #include <utility>
 #include <vector>
@@ -13,13 +13,13 @@ namespace repository::test {
 
 inline constexpr std::uint32_t kBatchValues = 60;
 
-/// Scattered over the grid: neighbours in number are not neighbours in the store.
+/// Keys are scattered over the grid: neighbours in number are not neighbours in the store.
 inline FaceKey keyOf(std::uint32_t number) {
   const std::uint32_t mixed = number * 2654435761U;
   return {number & 63U, number >> 6 & 1023U, mixed >> 22, mixed % 6};
 }
 
-/// 0 to about 16 KB: in the node, on one overflow page, on several.
+/// Sizes go from 0 to about 16 KB, so that values lie in a node, on one overflow page and on several.
 inline base::Bytes valueOf(std::uint32_t number) {
   base::Bytes jpeg(1 + number * 7919U % 16000U);
   std::uint32_t state = number;

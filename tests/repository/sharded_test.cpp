@@ -1,4 +1,4 @@
-// A repository in shards, read as one.
+// Reads a repository of several shards as one store.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -26,7 +26,7 @@ class ShardedTest : public testing::Test {
   std::string images() const { return directory_ / "images"; }
   std::string shardPath(std::uint32_t index) const { return storeDirectory(images(), 3, index); }
 
-  // The places, counted in faces in Morton order, of a shard.
+  // The keys of a shard, each with a value made from the key's place in Morton order.
   std::vector<std::pair<FaceKey, base::Bytes>> valuesOf(const Shard& shard) const {
     std::vector<std::pair<FaceKey, base::Bytes>> values;
     const PointRange range = pointsOf(shard, grid_);
@@ -122,7 +122,7 @@ TEST_F(ShardedTest, manyThreadsReadWhileShardsAppear) {
   EXPECT_EQ(*(*store)->size(), all.size());
 }
 
-TEST_F(ShardedTest, aShardWithoutParametersYetIsAsIfItWereNotThere) {
+TEST_F(ShardedTest, aShardWithoutParametersCountsAsAbsent) {
   makeShard(1);
   { ASSERT_TRUE(openLmdbStore(shardPath(0), StoreMode::kWrite)); }
   auto store = openRepository(images());
@@ -133,7 +133,7 @@ TEST_F(ShardedTest, aShardWithoutParametersYetIsAsIfItWereNotThere) {
   EXPECT_EQ(**(*store)->get(first.first), first.second);
 }
 
-TEST_F(ShardedTest, keysThatBelongToAnotherShardArePassedOver) {
+TEST_F(ShardedTest, keysOfAnotherShardAreSkipped) {
   for (std::uint32_t i = 0; i < 3; ++i) makeShard(i);
   {
     auto store = openLmdbStore(shardPath(2), StoreMode::kWrite);
@@ -151,7 +151,7 @@ TEST_F(ShardedTest, keysThatBelongToAnotherShardArePassedOver) {
   EXPECT_EQ(**(*store)->get(valuesOf({0, 3}).front().first), test::valueOf(0));
 }
 
-TEST_F(ShardedTest, anUndividedRepositoryIsOpenedToo) {
+TEST_F(ShardedTest, opensAnUndividedRepository) {
   {
     auto store = openLmdbStore(images(), StoreMode::kWrite);
     ASSERT_TRUE((*store)->writeMeta(kMeta));
@@ -163,7 +163,7 @@ TEST_F(ShardedTest, anUndividedRepositoryIsOpenedToo) {
   EXPECT_TRUE(findMissing(images(), 0, grid_)->empty());
 }
 
-TEST_F(ShardedTest, shardsOfOtherParametersAreRefusedByName) {
+TEST_F(ShardedTest, shardsWithOtherParametersAreRefusedByName) {
   makeShard(0);
   std::string other = kMeta;
   makeShard(2, other.replace(other.find("85"), 2, "70"));
@@ -177,17 +177,17 @@ TEST_F(ShardedTest, storesOfSeveralDivisionsAreRefused) {
   std::filesystem::remove(images() + "/shard-0001-of-0007");
   { ASSERT_TRUE(openLmdbStore(images(), StoreMode::kWrite)); }
   expectRefused({"undivided", "3 shards"});
-  // Who knows the division from scene.json reads it all the same.
+  // A reader that knows the number of shards from scene.json can still read it.
   EXPECT_TRUE(openRepository(images(), 3));
 }
 
-TEST_F(ShardedTest, nothingThereIsNotFound) {
+TEST_F(ShardedTest, anEmptyDirectoryIsNotFound) {
   EXPECT_EQ(openRepository(images()).error().code, base::ErrorCode::kNotFound);
   std::filesystem::create_directories(shardPath(1));
   EXPECT_EQ(openRepository(images()).error().code, base::ErrorCode::kNotFound);
 }
 
-TEST_F(ShardedTest, whatIsMissingIsToldShardByShard) {
+TEST_F(ShardedTest, findMissingReportsEachShard) {
   const auto nothing = findMissing(images(), 3, grid_);
   ASSERT_TRUE(nothing);
   ASSERT_EQ(nothing->size(), 3U);
@@ -199,7 +199,7 @@ TEST_F(ShardedTest, whatIsMissingIsToldShardByShard) {
     auto store = openLmdbStore(shardPath(2), StoreMode::kWrite);
     const auto values = valuesOf({2, 3});
     ASSERT_TRUE((*store)->erase({values[3].first, values[4].first, values[59].first}));
-    ASSERT_TRUE((*store)->putBatch({{valuesOf({1, 3}).front().first, {}}}));  // a stranger fills no gap
+    ASSERT_TRUE((*store)->putBatch({{valuesOf({1, 3}).front().first, {}}}));  // a key of another shard fills no gap
   }
   const auto missing = findMissing(images(), 3, grid_);
   ASSERT_TRUE(missing);
@@ -215,7 +215,7 @@ TEST_F(ShardedTest, whatIsMissingIsToldShardByShard) {
   EXPECT_TRUE(findMissing(images(), 3, grid_)->empty());
 }
 
-TEST_F(ShardedTest, ofAnAdaptiveRepositoryTheTreesPointsAreMissingAndCellsAreToldToo) {
+TEST_F(ShardedTest, findMissingExpectsTheTreesPointsAndCountsOpenCells) {
   const auto gridMeta = [&](const SampleTree& tree) { return withTree(kMeta + "\n", tree, {}); };
   const SampleTree first(grid_, 4);
   const auto nothing = findMissing(images(), 0, grid_, &first);
@@ -224,7 +224,7 @@ TEST_F(ShardedTest, ofAnAdaptiveRepositoryTheTreesPointsAreMissingAndCellsAreTol
   EXPECT_EQ(nothing->front().faces, 6 * first.points().size());
   EXPECT_EQ(nothing->front().cells, first.openLeaves().size());
 
-  // Cut finer, and all but one point rendered.
+  // The tree is split, and all points but one are rendered.
   SampleTree tree(grid_, 4);
   tree.split({{0, 0, 0}, 4});
   auto store = std::move(*openLmdbStore(images(), StoreMode::kWrite));
@@ -243,7 +243,7 @@ TEST_F(ShardedTest, ofAnAdaptiveRepositoryTheTreesPointsAreMissingAndCellsAreTol
   EXPECT_EQ(missing->front().gaps, (std::vector<Gap>{{{0, 0, 0, 0}, {0, 0, 0, 5}, 6}}));
   EXPECT_EQ(missing->front().cells, tree.openLeaves().size());
 
-  // No face is missing, but cells are to be judged; then nothing is.
+  // First only open cells are left, then nothing is.
   store = std::move(*openLmdbStore(images(), StoreMode::kWrite));
   for (std::uint32_t d = 0; d < 6; ++d) ASSERT_TRUE(store->putBatch({{{0, 0, 0, d}, base::Bytes{1}}}));
   store.reset();
@@ -257,8 +257,8 @@ TEST_F(ShardedTest, ofAnAdaptiveRepositoryTheTreesPointsAreMissingAndCellsAreTol
   EXPECT_TRUE(findMissing(images(), 0, grid_, &first)->empty());
 }
 
-// It may be on another machine, which does not know of our readers.
-TEST_F(ShardedTest, aShardThatIsBeingWrittenIsMissingAndNotLookedInto) {
+// The writer may run on another machine, whose LMDB does not know of our readers.
+TEST_F(ShardedTest, aShardThatIsBeingWrittenCountsAsMissing) {
   for (std::uint32_t i = 0; i < 3; ++i) makeShard(i);
   {
     test::WriterProcess writer({shardPath(1), "0", "1000000"});
@@ -277,7 +277,7 @@ TEST_F(ShardedTest, aShardThatIsBeingWrittenIsMissingAndNotLookedInto) {
   EXPECT_TRUE(findMissing(images(), 3, grid_)->empty());
 }
 
-TEST_F(ShardedTest, imagesOfAnotherGridAreNotTakenForTheScenes) {
+TEST_F(ShardedTest, imagesOfAnotherGridAreRefused) {
   makeShard(0);
   Grid other = grid_;
   other.count.x = 4;
@@ -298,7 +298,7 @@ TEST_F(ShardedTest, aStoreIsRemovedUnlessSomebodyWritesIt) {
   }
   EXPECT_TRUE(removeLmdbStore(shardPath(0)));
   EXPECT_FALSE(std::filesystem::exists(shardPath(0)));
-  EXPECT_TRUE(removeLmdbStore(shardPath(0))) << "none there is none to remove";
+  EXPECT_TRUE(removeLmdbStore(shardPath(0))) << "there is nothing to remove";
   makeShard(1);
   std::filesystem::create_directories(shardPath(1) + "/precious");
   EXPECT_TRUE(removeLmdbStore(shardPath(1)));

@@ -1,4 +1,4 @@
-// Where the store fails: killed writers, full disks, damaged files.
+// The store must survive killed writers, full disks and damaged files.
 #include <gtest/gtest.h>
 #include <sys/mount.h>
 #include <sys/resource.h>
@@ -32,7 +32,7 @@ std::unique_ptr<Store> mustOpen(const std::string& path, StoreMode mode, const L
   return nullptr;
 }
 
-// Values of the batch that are in the store; each must be whole.
+// Counts the values of the batch that are in the store; each must be whole.
 std::uint32_t wholeValuesOf(const Store& store, std::uint32_t batch) {
   std::uint32_t count = 0;
   for (const auto& [key, expected] : batchOf(batch)) {
@@ -45,7 +45,7 @@ std::uint32_t wholeValuesOf(const Store& store, std::uint32_t batch) {
   return count;
 }
 
-TEST(StoreFailure, aKilledWriterLosesNothingThatItHadCommitted) {
+TEST(StoreFailure, aKilledWriterLosesNothingCommitted) {
   const TemporaryDirectory directory;
   std::mt19937 random(2011);
   std::uint32_t next = 0;
@@ -64,7 +64,7 @@ TEST(StoreFailure, aKilledWriterLosesNothingThatItHadCommitted) {
       while (const auto batch = writer.nextCommitted()) committed.insert(*batch);
     }
 
-    // All of what it said, and of the batch in flight all or nothing.
+    // All batches that it reported are there, and the batch in flight is there whole or not at all.
     const auto store = mustOpen(directory / "images", StoreMode::kRead);
     for (const std::uint32_t batch : committed) ASSERT_EQ(wholeValuesOf(*store, batch), kBatchValues) << batch;
     const std::uint32_t in_flight = *committed.rbegin() + 1;
@@ -79,7 +79,7 @@ TEST(StoreFailure, aKilledWriterLosesNothingThatItHadCommitted) {
 
 TEST(StoreFailure, readersSeeOnlyWholeValuesWhileAnotherProcessWrites) {
   const TemporaryDirectory directory;
-  // Both start with a small map, so that the reader meets one that the writer has made larger.
+  // Both start with a small map, so that the writer makes it larger while the reader has it open.
   WriterProcess writer({directory / "images", "0", "30", "262144"});
   ASSERT_TRUE(writer.nextCommitted());
   const auto store = mustOpen(directory / "images", StoreMode::kRead, {262144});
@@ -107,7 +107,8 @@ TEST(StoreFailure, aWriterOfAnotherProcessIsNamedByItsPid) {
   EXPECT_TRUE(openLmdbStore(directory / "images", StoreMode::kWrite)) << "a dead writer's lock must not stay";
 }
 
-// Writes until it fails; what was committed before must still be there, and writing must work again once there is room.
+// Writes until it fails. The values committed before must still be there, and writing must work again once there is
+// room.
 void expectNoSpaceAndSoundStore(const std::string& path, const std::function<void()>& make_room) {
   auto store = mustOpen(path, StoreMode::kWrite);
   ASSERT_NE(store, nullptr);
@@ -173,7 +174,7 @@ base::Bytes smallStore(const TemporaryDirectory& directory) {
   return *base::readFile(directory / "good/data.mdb");
 }
 
-// Opens, reads and writes all that can be; true when something was refused or came back other than it was.
+// Opens, reads and writes as far as possible. Returns whether something was refused or came back changed.
 bool useDamaged(const TemporaryDirectory& directory, const base::Bytes& bytes) {
   const std::string path = directory / "damaged";
   std::filesystem::remove_all(path);
@@ -221,8 +222,8 @@ TEST(StoreFailure, aTruncatedFileIsAnErrorAndNeverACrash) {
   }
 }
 
-// A writer would put its next page there, terabytes behind the end.
-TEST(StoreFailure, aFreePageBehindTheLastIsNoticed) {
+// A writer would put its next page there, terabytes behind the end of the file.
+TEST(StoreFailure, aFreePageBehindTheLastIsRefused) {
   const TemporaryDirectory directory;
   base::Bytes bytes = smallStore(directory);
   const auto at = [&](std::size_t offset) {
@@ -230,7 +231,7 @@ TEST(StoreFailure, aFreePageBehindTheLastIsNoticed) {
     std::memcpy(&number, &bytes[offset], sizeof(number));
     return number;
   };
-  // Of the newer meta page the root of the free list (repository/lmdb_check.cpp has the layout), its first value.
+  // The first value of the free list, whose root the newer meta page names (repository/lmdb_check.cpp has the layout).
   const std::size_t meta = at(144) > at(4096 + 144) ? 0 : 4096;
   const std::size_t leaf = 4096 * at(meta + 80);
   ASSERT_LT(leaf, bytes.size());
@@ -247,7 +248,7 @@ TEST(StoreFailure, aFreePageBehindTheLastIsNoticed) {
   EXPECT_NE(store.error().message.find("a free page out of the file"), std::string::npos) << store.error().message;
 }
 
-TEST(StoreFailure, otherBytesAreAnError) {
+TEST(StoreFailure, aFileOfOtherBytesIsAnError) {
   const TemporaryDirectory directory;
   std::mt19937 random(6);
   base::Bytes bytes(100000);
@@ -256,7 +257,8 @@ TEST(StoreFailure, otherBytesAreAnError) {
   EXPECT_TRUE(useDamaged(directory, base::Bytes(100000, 0)));
 }
 
-// Flips where links and counts are: the first 200 bytes of pages, which hold headers and nodes' offsets; and anywhere.
+// Half of the flips hit the first 200 bytes of a page, which hold its header and the offsets of its nodes; the others
+// hit anywhere.
 TEST(StoreFailure, flippedBitsNeverCrash) {
   const TemporaryDirectory directory;
   const base::Bytes good = smallStore(directory);

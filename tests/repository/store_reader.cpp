@@ -1,5 +1,5 @@
-// Reads a store while others write it, or after they were killed, and decodes all that it sees. Prints the key's code
-// and the CRC-32C of each value on a line when it has seen it for the first time: what is printed was committed.
+// Reads a store while other processes write it, or after they were killed, and decodes every value. When it sees a
+// value for the first time it prints the key's code and the value's CRC-32C on a line: printed values were committed.
 //
 //   store_reader DIRECTORY          again and again until SIGTERM; waits for the store to appear
 //   store_reader DIRECTORY --once   every value once
@@ -30,7 +30,7 @@ volatile std::sig_atomic_t stop_requested = 0;
 
 class Reader {
  public:
-  /// False at the first fault.
+  /// Returns false at the first fault.
   bool pass(const repository::Store& store) {
     bool sound = true;
     const auto walked = store.forEach([&](const repository::FaceKey& key, base::ByteView value) {

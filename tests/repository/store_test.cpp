@@ -27,7 +27,7 @@ std::unique_ptr<Store> mustOpen(const std::string& path, StoreMode mode, const L
   return nullptr;
 }
 
-TEST(LmdbStore, whatIsPutComesBackAlsoAfterReopening) {
+TEST(LmdbStore, valuesComeBackAlsoAfterReopening) {
   const TemporaryDirectory directory;
   {
     const auto store = mustOpen(directory / "images", StoreMode::kWrite);
@@ -45,7 +45,7 @@ TEST(LmdbStore, whatIsPutComesBackAlsoAfterReopening) {
   EXPECT_EQ(*store->size(), test::kBatchValues);
 }
 
-TEST(LmdbStore, aKeyThatIsAbsentIsNoError) {
+TEST(LmdbStore, anAbsentKeyIsNoError) {
   const TemporaryDirectory directory;
   const auto store = mustOpen(directory / "images", StoreMode::kWrite);
   const auto value = store->get({1, 2, 3, 4});
@@ -70,7 +70,7 @@ TEST(LmdbStore, forEachVisitsInMortonOrderWhateverTheOrderOfWriting) {
   EXPECT_EQ(std::adjacent_find(keys.begin(), keys.end()), keys.end());
 }
 
-TEST(LmdbStore, forEachStopsWhenToldAndMayReadAndWriteMeanwhile) {
+TEST(LmdbStore, forEachStopsWhenToldAndAllowsReadsAndWrites) {
   const TemporaryDirectory directory;
   const auto store = mustOpen(directory / "images", StoreMode::kWrite);
   ASSERT_TRUE(store->putBatch(batchOf(0)));
@@ -128,7 +128,7 @@ TEST(LmdbStore, aSecondWriterIsRefusedByName) {
   EXPECT_TRUE(openLmdbStore(directory / "images", StoreMode::kWrite));
 }
 
-TEST(LmdbStore, aReaderBesideAWriterOfOneProcessSeesWhatIsCommitted) {
+TEST(LmdbStore, aReaderBesideAWriterSeesCommittedValues) {
   const TemporaryDirectory directory;
   auto writer = mustOpen(directory / "images", StoreMode::kWrite);
   std::filesystem::create_directory_symlink(directory / "images", directory / "other_name");
@@ -159,7 +159,7 @@ TEST(LmdbStore, aReadersHandleRefusesToWrite) {
   EXPECT_EQ(*store->size(), test::kBatchValues);
 }
 
-TEST(LmdbStore, readingWhatIsNotThereIsNotFoundAndMakesNothing) {
+TEST(LmdbStore, openingAnAbsentStoreForReadingIsNotFound) {
   const TemporaryDirectory directory;
   for (const std::string& name : {std::string("images"), std::string("")}) {
     const auto store = openLmdbStore(directory / name, StoreMode::kRead);
@@ -203,8 +203,8 @@ TEST(LmdbStore, manyThreadsReadWhileOneWritesAndTheMapGrows) {
   EXPECT_GT(found, 0U);
 }
 
-// Nobody writes such keys; what finds one says what to do.
-TEST(LmdbStore, aKeyThatIsNoneIsNamedWithWhatToDo) {
+// No writer makes such keys. The error must say what to do about one.
+TEST(LmdbStore, anInvalidKeyIsNamedWithWhatToDo) {
   for (const std::string& key : {std::string("abc"), std::string("\0\0\0\0\0\0\0\7", 8)}) {
     const TemporaryDirectory directory;
     const auto store = mustOpen(directory / "images", StoreMode::kWrite);

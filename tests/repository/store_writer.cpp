@@ -1,4 +1,4 @@
-// Writes batches into a store until it is killed; says the number of each on a line when it is committed.
+// Writes batches into a store until it is killed, and prints the number of each committed batch on a line.
 //
 //   store_writer DIRECTORY FIRST COUNT [MAP_BYTES]
 #include <unistd.h>

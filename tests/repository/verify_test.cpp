@@ -19,7 +19,7 @@ base::Bytes goodValue(int side = kFace) {
   return encodeFaceValue({false, jpeg, encodeCoverage(mask)});
 }
 
-// A 2 × 3 × 2 grid in a store, complete: a face of d = 5 is empty, the others hold pictures.
+// The store holds a complete grid of 2 × 3 × 2 points. Faces with d = 5 are empty, the others hold pictures.
 class VerifyTest : public testing::Test {
  protected:
   VerifyTest() {
@@ -64,7 +64,7 @@ TEST_F(VerifyTest, faultsAtBothEndsAreFound) {
   EXPECT_NE(found[1].find("(1, 2, 1, 4) and the 1 after"), std::string::npos) << found[1];
 }
 
-TEST_F(VerifyTest, anEmptyStoreMissesAllInOneLine) {
+TEST_F(VerifyTest, anEmptyStoreIsReportedInOneLine) {
   std::vector<FaceKey> all;
   for (const glm::uvec3& p : pointsInMortonOrder(grid_)) {
     for (std::uint32_t d = 0; d < 6; ++d) all.push_back({p.x, p.y, p.z, d});
@@ -108,8 +108,8 @@ TEST_F(VerifyTest, manyFaultsEndInOneLineThatSaysSo) {
   EXPECT_NE(found.back().find("stopped"), std::string::npos);
 }
 
-// 12 points: shard 1 of 3 holds those at places 4 to 7 of the Morton order.
-TEST_F(VerifyTest, ofAShardOnlyItsOwnFacesAreExpected) {
+// Of the 12 points, shard 1 of 3 holds those at places 4 to 7 of the Morton order.
+TEST_F(VerifyTest, aShardIsExpectedToHoldOnlyItsOwnFaces) {
   const auto found = *verifyShard(*store_, grid_, {1, 3}, nullptr, 2);
   ASSERT_EQ(found.size(), 48U) << "the 8 points of other shards";
   EXPECT_NE(found.front().find("does not belong to shard 1 of 3"), std::string::npos) << found.front();
@@ -126,7 +126,7 @@ TEST_F(VerifyTest, ofAShardOnlyItsOwnFacesAreExpected) {
   EXPECT_NE(gap[0].find("missing"), std::string::npos);
 }
 
-TEST_F(VerifyTest, whatIsFaultyIsRemovedAndNothingElse) {
+TEST_F(VerifyTest, removeFaultyErasesNothingElse) {
   base::Bytes flipped = goodValue();
   flipped[30] ^= 4;
   put({1, 1, 1, 2}, flipped);
@@ -145,8 +145,8 @@ TEST_F(VerifyTest, whatIsFaultyIsRemovedAndNothingElse) {
   EXPECT_EQ(removeFaulty(*store_, grid_, {0, 1}, nullptr, 2)->damaged, 0U);
 }
 
-// One cell over the whole grid, of which all points are corners; one of them is left out.
-TEST_F(VerifyTest, imagesThatNoTreeWantsAreOrphansAndGo) {
+// One cell covers the whole grid, so that all its points are corners; the tree leaves out one of them.
+TEST_F(VerifyTest, imagesOutsideTheTreeAreOrphansAndErased) {
   grid_.count = glm::uvec3(2, 2, 2);
   SampleTree tree(grid_, 1);
   tree.leaveOut({1, 0, 1});

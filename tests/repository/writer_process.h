@@ -1,5 +1,5 @@
 #pragma once
-// A store_writer as a child process.
+// Runs a store_writer as a child process.
 #include <fcntl.h>
 #include <spawn.h>
 #include <sys/wait.h>
@@ -37,20 +37,20 @@ class WriterProcess {
   WriterProcess(const WriterProcess&) = delete;
   WriterProcess& operator=(const WriterProcess&) = delete;
 
-  /// The next batch that it says it has committed; nothing when it has ended.
+  /// The number of the next batch that it reports as committed; nothing when it has ended.
   std::optional<std::uint32_t> nextCommitted() {
     std::string line;
     for (char c = 0; ::read(read_fd_, &c, 1) == 1 && c != '\n';) line += c;
     if (line.empty()) return std::nullopt;
     return static_cast<std::uint32_t>(std::stoul(line));
   }
-  /// SIGKILL; what it said before can still be read.
+  /// Sends SIGKILL. Earlier reports can still be read.
   void kill() {
     if (pid_ <= 0) return;
     ::kill(pid_, SIGKILL);
     wait();
   }
-  /// Its exit status, or −1 when it was killed.
+  /// The exit status, or −1 when it was killed.
   int wait() {
     int status = 0;
     if (pid_ <= 0 || ::waitpid(pid_, &status, 0) < 0) return -1;

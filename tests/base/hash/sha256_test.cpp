@@ -4,14 +4,14 @@
 
 namespace {
 
-// FIPS 180-4, the examples of its appendix.
-TEST(Sha256, TheStandardsExamples) {
+// The examples stand in the appendix of FIPS 180-4.
+TEST(Sha256, equalsTheStandardsExamples) {
   const base::Bytes abc{'a', 'b', 'c'};
   EXPECT_EQ(base::hexOf(base::sha256(abc)), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
   EXPECT_EQ(base::hexOf(base::sha256({})), "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855");
 }
 
-TEST(Sha256, PiecesAreAsTheWhole) {
+TEST(Sha256, piecesGiveTheDigestOfTheWhole) {
   const base::Bytes million(1000000, 'a');
   base::Sha256 hash;
   for (std::size_t at = 0; at < million.size(); at += 999) {

@@ -21,7 +21,7 @@ base::Image noise(int width, int height, unsigned seed, unsigned percent) {
   return mask;
 }
 
-// Discs of model, some with a hole: what silhouettes look like.
+// Discs of model, some of them with a hole, stand for silhouettes.
 base::Image blobs(int width, int height, unsigned seed, int count) {
   base::Image mask(width, height, 1);
   std::mt19937 random(seed);
@@ -73,7 +73,7 @@ TEST(Coverage, valuesOtherThan255CountAsModel) {
 }
 
 TEST(Coverage, longRunsOfCarriesComeBack) {
-  // Sparse single pixels in a sea of zeros drive low towards all ones, where carries run through waiting bytes.
+  // Sparse single pixels among zeros drive low_ towards all ones, where carries run through waiting bytes.
   for (unsigned seed = 0; seed < 30; ++seed) {
     base::Image mask = filled(512, 64, 0);
     std::mt19937 random(seed);
@@ -116,7 +116,7 @@ TEST(Coverage, bytesLeftOverAreRefused) {
   EXPECT_FALSE(decodeCoverage(bytes, 64, 64));
 }
 
-TEST(Coverage, anotherVersionIsNamedAsSuch) {
+TEST(Coverage, anotherVersionIsAVersionError) {
   base::Bytes bytes = encodeCoverage(filled(8, 8, 0));
   bytes[0] = 2;
   const auto mask = decodeCoverage(bytes, 8, 8);
@@ -139,11 +139,11 @@ TEST(Coverage, randomBytesNeverCrash) {
   }
 }
 
-TEST(Coverage, aFewBytesThatClaimTheLargestMaskAreRefusedAtOnce) {
+TEST(Coverage, aFewBytesOfTheLargestMaskAreRefusedAtOnce) {
   EXPECT_FALSE(decodeCoverage(base::Bytes{1, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF}, 16384, 16384));
 }
 
-// A disc of radius 5 in 16 × 16, as version 1 wrote it: old bytes must stay readable.
+// These bytes of version 1 hold a disc of radius 5 in 16 × 16 pixels. They must stay readable.
 TEST(Coverage, bytesOfVersionOneStay) {
   base::Image mask(16, 16, 1);
   for (int y = 0; y < 16; ++y) {

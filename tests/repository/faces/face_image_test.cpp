@@ -12,7 +12,7 @@ namespace {
 constexpr int kWidth = 24;
 constexpr int kHeight = 16;
 
-// Red all over; model: all but the left third, with everything as model when `masked` is false.
+// A red picture. With `masked` the left third is background; otherwise all of it is model.
 base::Bytes face(bool masked) {
   base::Image rgb(kWidth, kHeight, 3);
   base::Image mask(kWidth, kHeight, 1);
@@ -42,14 +42,14 @@ TEST(FaceImage, alphaIsTheMaskAndColourIsWhatTheJpegHolds) {
   }
 }
 
-TEST(FaceImage, ofAnEmptyFlagThereIsNone) {
+TEST(FaceImage, anEmptyFlagGivesAnEmptyImage) {
   EXPECT_TRUE(decodeFaceImage(encodeFaceValue({}), 16)->empty());
   const auto pixels = decodeFacePixels(encodeFaceValue({}), 16);
   ASSERT_TRUE(pixels);
   EXPECT_TRUE(pixels->rgb.empty() && pixels->mask.empty());
 }
 
-TEST(FaceImage, anotherSizeIsNamed) {
+TEST(FaceImage, anotherSizeIsRefusedByName) {
   for (const int side : {kHeight, kWidth, 512}) {
     const auto image = decodeFaceImage(face(true), side);
     ASSERT_FALSE(image) << side;
@@ -58,7 +58,7 @@ TEST(FaceImage, anotherSizeIsNamed) {
   }
 }
 
-TEST(FaceImage, whateverIsCutShortIsAnError) {
+TEST(FaceImage, everyTruncationIsAnError) {
   const base::Bytes whole = face(true);
   for (std::size_t size = 0; size < whole.size(); ++size)
     EXPECT_FALSE(decodeFaceImage(base::ByteView(whole).first(size), 0)) << size;

@@ -64,8 +64,8 @@ TEST(FaceValue, everyFlippedBitIsRefused) {
   }
 }
 
-// Lengths that lie under a checksum that holds: 4 header bytes, CRC, jpeg length, coverage length, bytes.
-TEST(FaceValue, lengthsThatLieAreRefusedWithAValidChecksum) {
+// The lengths are wrong, but the checksum fits. The layout is 4 header bytes, CRC, JPEG length, mask length, bytes.
+TEST(FaceValue, wrongLengthsUnderAValidChecksumAreRefused) {
   for (const auto& [jpeg, coverage] :
        {std::pair{5U, 0U}, {3U, 0U}, {4U, 1U}, {0xFFFFFFFFU, 1U}, {1U, 0xFFFFFFFFU}, {0xFFFFFFFFU, 5U}, {0U, 4U}}) {
     const base::Bytes header = {0x46, 1, 1, 0};
@@ -83,7 +83,7 @@ TEST(FaceValue, lengthsThatLieAreRefusedWithAValidChecksum) {
   }
 }
 
-TEST(FaceValue, anotherVersionIsNamedAsSuch) {
+TEST(FaceValue, anotherVersionIsAVersionError) {
   base::Bytes bytes = encodeFaceValue({});
   bytes[1] = 2;
   const auto value = decodeFaceValue(bytes);
@@ -91,7 +91,7 @@ TEST(FaceValue, anotherVersionIsNamedAsSuch) {
   EXPECT_EQ(value.error().code, base::ErrorCode::kVersion);
 }
 
-// The bytes of version 1 must stay readable. The CRC-32C of 46 01 00 00 is 0x82C5942C (computed bit by bit, elsewhere).
+// The bytes of version 1 must stay readable. The CRC-32C of 46 01 00 00 is 0x82C5942C, computed bit by bit elsewhere.
 TEST(FaceValue, bytesOfVersionOneStay) {
   EXPECT_EQ(encodeFaceValue({}), (base::Bytes{0x46, 0x01, 0x00, 0x00, 0x2C, 0x94, 0xC5, 0x82}));
 }

@@ -57,7 +57,7 @@ TEST(Jpeg, higherQualityCostsBytesAndComesNearer) {
   EXPECT_LT(meanDifference(image, *decodeJpeg(*high)), meanDifference(image, *decodeJpeg(*low)));
 }
 
-// TurboJPEG's own encoder, with the standard Huffman tables.
+// Encodes with TurboJPEG, which uses the standard Huffman tables.
 base::Bytes withStandardTables(const base::Image& rgb, int quality, int samples) {
   void* handle = tjInitCompress();
   unsigned char* bytes = nullptr;
@@ -125,7 +125,7 @@ TEST(Jpeg, theSamePictureGivesTheSameBytesFromEveryThread) {
 TEST(Jpeg, everyTruncationIsRefused) {
   const auto bytes = encodeJpeg(smoothImage(40, 40), 85, Subsampling::k420);
   ASSERT_TRUE(bytes);
-  // Without the end marker alone (the last two bytes) libjpeg warns; so it does with any part of the data missing.
+  // libjpeg only warns when the end marker (the last two bytes) or any part of the data is missing.
   for (std::size_t size = 0; size < bytes->size(); ++size)
     EXPECT_FALSE(decodeJpeg(base::ByteView(*bytes).first(size))) << size;
 }
@@ -165,8 +165,8 @@ TEST(Jpeg, aPictureLargerThanAllowedIsRefusedBeforeItIsDecoded) {
   EXPECT_NE(refused.error().message.find("300 x 20"), std::string::npos);
 }
 
-// Row by row with the standard tables, or whole with tables made for it: the same pixels.
-TEST(JpegRows, theyMakeThePictureWhateverTheirNumber) {
+// A picture encoded row by row with the standard tables has the same pixels as one encoded whole with its own tables.
+TEST(JpegRows, anyDivisionIntoRowsGivesTheSamePicture) {
   const base::Image image = smoothImage(117, 61);
   for (const Subsampling subsampling : {Subsampling::k420, Subsampling::k444}) {
     const auto whole = decodeJpeg(*encodeJpeg(image, 85, subsampling));
@@ -187,7 +187,7 @@ TEST(JpegRows, theyMakeThePictureWhateverTheirNumber) {
   }
 }
 
-TEST(JpegRows, sidesThatNoJpegHasAreAnError) {
+TEST(JpegRows, sidesTooLargeForJpegAreAnError) {
   base::Bytes bytes;
   EXPECT_FALSE(JpegRows::begin(70'000, 1, 85, Subsampling::k420, bytes));
 }

@@ -1,9 +1,9 @@
-// A process that reads through a cache, for tests that kill it, share its cache or let its disk be full.
+// Reads through a cache, for tests that kill this process, share its cache or fill its disk.
 //
 //   cache_user DIRECTORY BUDGET SEED READS [FILE-SIZE-LIMIT]
 //
-// Writes a line with a number every ten reads. Exit status: 0, or 1 when a read brought other bytes than the source's,
-// or 2 when the cache warned. With a limit on the size of files exactly one warning must come.
+// It prints a line with a number every ten reads. The exit status is 0, or 1 when a read returned other bytes than the
+// source's, or 2 when the cache warned. With a limit on the size of files exactly one warning must come.
 #include <sys/resource.h>
 
 #include <csignal>

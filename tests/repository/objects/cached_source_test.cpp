@@ -27,7 +27,7 @@ Bytes sample(std::size_t size, std::uint8_t salt = 0) {
   return bytes;
 }
 
-// Far objects in memory, that tell what was asked of them; reads may be held back.
+// Remote objects in memory. The source records its reads and can hold them back.
 class Far final : public ObjectSource {
  public:
   base::Result<Bytes> read(const std::string& name, std::uint64_t offset, std::uint64_t length) const override {
@@ -96,7 +96,7 @@ struct Fixture {
   std::vector<std::string> warnings;
 };
 
-TEST(CachedSource, anyRangeIsTheSourcesAlsoTheSecondTime) {
+TEST(CachedSource, anyRangeEqualsTheSourcesBytesTwice) {
   const TemporaryDirectory directory;
   Fixture f;
   const auto cached = f.open(directory.path());
@@ -125,7 +125,7 @@ TEST(CachedSource, aGapIsFetchedByOneRead) {
   EXPECT_EQ(cached->counts().blocks_fetched, 10U);
 }
 
-TEST(CachedSource, rangesThatAreNotThereAreErrors) {
+TEST(CachedSource, rangesBeyondTheEndAreErrors) {
   const TemporaryDirectory directory;
   Fixture f;
   const auto cached = f.open(directory.path());
@@ -140,7 +140,7 @@ TEST(CachedSource, rangesThatAreNotThereAreErrors) {
   f.expectRead(*cached, "pack", 0, 1);
 }
 
-TEST(CachedSource, whatWasKeptSurvivesAndNeedsNoSource) {
+TEST(CachedSource, cachedBlocksSurviveAndNeedNoSource) {
   const TemporaryDirectory directory;
   Fixture f;
   f.expectRead(*f.open(directory.path()), "pack", 0, 3 * kBlock);
@@ -163,7 +163,7 @@ TEST(CachedSource, placesVersionsAndNamesAreKeptApart) {
   f.expectRead(*f.open(directory.path()), "pack", 0, 10);
 }
 
-TEST(CachedSource, whatMayChangeIsAskedForEachTime) {
+TEST(CachedSource, mutableObjectsAreReadFromTheSourceEachTime) {
   const TemporaryDirectory directory;
   Fixture f;
   f.options.is_mutable = [](const std::string& name) { return name == "scene.json"; };
@@ -175,7 +175,7 @@ TEST(CachedSource, whatMayChangeIsAskedForEachTime) {
   }
 }
 
-TEST(CachedSource, theSameBlockIsFetchedOnceForAllWhoWantIt) {
+TEST(CachedSource, aBlockIsFetchedOnceForAllThreads) {
   const TemporaryDirectory directory;
   Fixture f;
   const auto cached = f.open(directory.path());
@@ -184,7 +184,7 @@ TEST(CachedSource, theSameBlockIsFetchedOnceForAllWhoWantIt) {
   std::vector<std::thread> threads;
   for (int t = 0; t < 8; ++t) threads.emplace_back([&] { f.expectRead(*cached, "pack", 10, 20); });
   f.far->waitForReads(1);
-  // All others have joined it, or will find it.
+  // All other threads wait for this fetch, or will find its block.
   while (cached->counts().blocks_shared < 7) std::this_thread::yield();
   f.far->hold(false);
   for (std::thread& thread : threads) thread.join();
@@ -205,7 +205,7 @@ TEST(CachedSource, threadsWithCrossingRangesDoNotWaitForEachOther) {
   EXPECT_EQ(cached->counts().blocks_fetched, 10U);
 }
 
-TEST(CachedSource, anErrorReachesAllWhoWaitForIt) {
+TEST(CachedSource, anErrorReachesAllWaitingThreads) {
   const TemporaryDirectory directory;
   Fixture f;
   const auto cached = f.open(directory.path());
@@ -221,24 +221,24 @@ TEST(CachedSource, anErrorReachesAllWhoWaitForIt) {
   EXPECT_EQ(f.far->reads, 1);
 }
 
-TEST(CachedSource, blocksAreKeptUnderTheIdsOfTheDocument) {
+TEST(CachedSource, blocksHaveTheDocumentedKeys) {
   const TemporaryDirectory directory;
   Fixture f;
   const auto cached = f.open(directory.path());
   f.expectRead(*cached, "pack", 0, 1);
-  // docs/formats/cache.md, worked: SHA-256 of "far://scene\n\npack\n0".
+  // The worked example of docs/formats/cache.md: the SHA-256 of "far://scene\n\npack\n0".
   const PieceId id{0xd7, 0x17, 0x7d, 0xea, 0xd8, 0x17, 0xe4, 0xbe, 0x01, 0x1d, 0x4a, 0xbf, 0x7e, 0x2d, 0x39, 0xf1};
   const auto block = cached->cache().get(id);
   ASSERT_TRUE(block);
   EXPECT_EQ(block->size(), kBlock);
   EXPECT_TRUE(std::equal(block->begin(), block->end(), f.far->objects["pack"].begin()));
-  // Its cost, and that of the object's size.
+  // The cost of the block and of the object's size.
   EXPECT_EQ(cached->cache().usedBytes(), 65696U + 4096U + 160U);
 }
 
 // --- Bounds
 
-TEST(RangeCache, theLeastRecentlyUsedGoesFirst) {
+TEST(RangeCache, evictsTheLeastRecentlyUsedFirst) {
   const TemporaryDirectory directory;
   Fixture f(20 * (kBlock + 200));
   f.far->objects["big"] = sample(200 * kBlock);
@@ -258,7 +258,7 @@ TEST(RangeCache, theLeastRecentlyUsedGoesFirst) {
   EXPECT_EQ(f.far->reads, 2);
 }
 
-TEST(RangeCache, theFileStaysBoundedWhateverPassesThrough) {
+TEST(RangeCache, theFileStaysBounded) {
   const TemporaryDirectory directory;
   Fixture f(std::uint64_t{4} << 20);
   f.far->objects["big"] = sample(std::size_t{48} << 20);
@@ -284,7 +284,7 @@ TEST(RangeCache, aSmallerBudgetHoldsFromTheNextOpening) {
 
 // --- Damage
 
-TEST(RangeCache, aDamagedFileIsThrownAway) {
+TEST(RangeCache, aDamagedFileIsDiscarded) {
   const TemporaryDirectory directory;
   Fixture f;
   const std::string file = directory / "lumigrid-cache/data.mdb";
@@ -328,7 +328,7 @@ TEST(RangeCache, aDamagedPieceIsFetchedAgainAndWarnedOfOnce) {
   f.expectRead(*f.open(directory.path()), "pack", 0, 10 * kBlock);
   const std::string file = directory / "lumigrid-cache/data.mdb";
   Bytes bytes = *base::readFile(file);
-  // Bytes of the second and of the fifth block, not of LMDB's pages.
+  // These bytes belong to the second and the fifth block, and not to LMDB's own pages.
   const Bytes& whole = f.far->objects["pack"];
   for (const std::uint64_t block : {1U, 4U}) {
     const auto begin = whole.begin() + static_cast<std::ptrdiff_t>(block * kBlock);
@@ -368,7 +368,7 @@ TEST(RangeCache, killedProcessesLeaveASoundCacheToTheOthers) {
   EXPECT_EQ(user(77, "100")->wait(), 0);
 }
 
-TEST(RangeCache, aFullDiskOnlyEndsTheKeeping) {
+TEST(RangeCache, aFullDiskOnlyEndsCaching) {
   const TemporaryDirectory directory;
   WriterProcess user({directory.path(), std::to_string(64 << 20), "1", "300", std::to_string(4 << 20)});
   EXPECT_EQ(user.wait(), 0);
@@ -376,7 +376,7 @@ TEST(RangeCache, aFullDiskOnlyEndsTheKeeping) {
   EXPECT_EQ(later.wait(), 0);
 }
 
-TEST(RangeCache, onlyItsOwnFolderIsTouched) {
+TEST(RangeCache, touchesOnlyItsOwnFolder) {
   const TemporaryDirectory directory;
   ASSERT_TRUE(base::writeFileAtomically(directory / "data.mdb", sample(100)));
   Fixture f;
@@ -384,7 +384,7 @@ TEST(RangeCache, onlyItsOwnFolderIsTouched) {
   EXPECT_EQ(*base::readFile(directory / "data.mdb"), sample(100));
 }
 
-TEST(RangeCache, aDirectoryThatCannotBeIsAnError) {
+TEST(RangeCache, anUnusableDirectoryIsAnError) {
   const TemporaryDirectory directory;
   ASSERT_TRUE(base::writeFileAtomically(directory / "file", sample(1)));
   Fixture f;

@@ -16,7 +16,7 @@ using base::Bytes;
 using base::ErrorCode;
 using support::TemporaryDirectory;
 
-// A source that counts the bytes that it gave, and may fail after so many reads.
+// A source that counts the bytes it returned and can fail after a number of reads.
 class Source final : public ObjectSource {
  public:
   explicit Source(Bytes bytes) : bytes_(std::move(bytes)) {}
@@ -48,7 +48,7 @@ std::size_t filesIn(const std::string& path) {
   return static_cast<std::size_t>(std::distance(std::filesystem::directory_iterator(path), {}));
 }
 
-TEST(Mirror, theFileIsTheObjectAndIsNotFetchedTwice) {
+TEST(Mirror, theFileEqualsTheObjectAndIsFetchedOnce) {
   const TemporaryDirectory directory;
   const Bytes bytes = sample(1000);
   const Source source(bytes);
@@ -63,7 +63,7 @@ TEST(Mirror, theFileIsTheObjectAndIsNotFetchedTwice) {
   EXPECT_EQ(filesIn(directory / "a"), 1U);
 }
 
-TEST(Mirror, goesOnWhereItWasStopped) {
+TEST(Mirror, resumesWhereItWasStopped) {
   const TemporaryDirectory directory;
   const Bytes bytes = sample(1000);
   const Source source(bytes);
@@ -85,7 +85,7 @@ TEST(Mirror, goesOnWhereItWasStopped) {
   EXPECT_EQ(*base::readFile(directory / "p"), bytes);
 }
 
-TEST(Mirror, whatWasKeptWrongIsFetchedAgain) {
+TEST(Mirror, aDamagedPartIsFetchedAgain) {
   const TemporaryDirectory directory;
   const Bytes bytes = sample(1000);
   const std::string hash = base::hexOf(base::sha256(bytes));
@@ -108,7 +108,7 @@ TEST(Mirror, anotherVersionReplacesTheFile) {
   EXPECT_EQ(*base::readFile(directory / "p"), bytes);
 }
 
-TEST(Mirror, anotherObjectThanPromisedIsRefused) {
+TEST(Mirror, anObjectWithAnotherDigestIsRefused) {
   const TemporaryDirectory directory;
   const auto path = mirrorObject(Source(sample(1000)), "p", directory.path(), std::string(64, 'a'), {});
   ASSERT_FALSE(path);
@@ -127,7 +127,7 @@ TEST(Mirror, anEmptyObjectIsAFileToo) {
   EXPECT_TRUE(base::readFile(directory / "p")->empty());
 }
 
-TEST(Mirror, ofSeveralOneDownloads) {
+TEST(Mirror, oneOfSeveralCallersDownloads) {
   const TemporaryDirectory directory;
   const Bytes bytes = sample(100000);
   const Source source(bytes);

@@ -1,4 +1,4 @@
-// The web server that most people have, with plain files behind it.
+// Reads plain files from nginx, a common web server.
 #include <gtest/gtest.h>
 #include <openssl/evp.h>
 #include <openssl/pem.h>
@@ -29,7 +29,7 @@ Bytes sample(std::size_t size) {
   return bytes;
 }
 
-// A key and a certificate for 127.0.0.1 that only itself vouches for, as key.pem and certificate.pem.
+// Writes a key and a self-signed certificate for 127.0.0.1 as key.pem and certificate.pem.
 void writeCertificate(const std::string& directory) {
   const std::unique_ptr<EVP_PKEY, decltype(&EVP_PKEY_free)> key(EVP_PKEY_Q_keygen(nullptr, nullptr, "EC", "P-256"),
                                                                 &EVP_PKEY_free);
@@ -61,7 +61,7 @@ void writeCertificate(const std::string& directory) {
   write("/certificate.pem", [&](std::FILE* out) { return PEM_write_X509(out, x); });
 }
 
-// $DIR stands for a directory.
+// The text $DIR stands for a directory.
 constexpr const char* kServers = R"(
   gzip on; gzip_types *; gzip_min_length 1;
   server {
@@ -137,7 +137,7 @@ TEST_F(NginxTest, servesRangesToSeveralThreads) {
   EXPECT_EQ(source->read("a.bin", bytes_.size(), 1).error().code, ErrorCode::kInvalidInput);
 }
 
-TEST_F(NginxTest, itsRefusalsAreNamed) {
+TEST_F(NginxTest, refusalsNameTheReason) {
   EXPECT_EQ(open("/scene")->read("none", 0, 1).error().code, ErrorCode::kNotFound);
   EXPECT_EQ(open("/secret")->read("a.bin", 0, 1).error().code, ErrorCode::kIo);
   EXPECT_EQ(open("/busy")->read("a.bin", 0, 1).error().code, ErrorCode::kNetwork);
@@ -172,7 +172,7 @@ TEST_F(NginxTest, certificatesAreVerified) {
   EXPECT_EQ(openSecure("/scene", missing)->read("a.bin", 0, 1).error().code, ErrorCode::kInvalidInput);
 }
 
-TEST_F(NginxTest, nothingGoesFromHttpsDownToHttp) {
+TEST_F(NginxTest, redirectsFromHttpsToHttpAreRefused) {
   const auto read = openSecure("/down", trusting())->read("a.bin", 0, 1);
   ASSERT_FALSE(read);
   EXPECT_NE(read.error().message.find("redirected from https"), std::string::npos) << read.error().message;

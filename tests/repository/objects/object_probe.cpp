@@ -1,5 +1,5 @@
-// Objects from the command line, for tests/cluster/objectstore.sh. Places are those of openObjectSource; buckets and
-// keys come from the environment (AWS_…).
+// Reads and writes objects from the command line, for tests/cluster/objectstore.sh. Places are those of
+// openObjectSource; endpoint and keys come from the environment (AWS_…).
 //
 //   object_probe make-bucket s3://BUCKET
 //   object_probe put|put-parts PLACE NAME FILE     put-parts: in parts of 5 MiB
@@ -8,7 +8,7 @@
 //   object_probe mirror PLACE NAME DIRECTORY SHA256
 //   object_probe check PLACE NAME FILE COUNT [CACHE]  COUNT random ranges are those of FILE; says so every 100
 //
-// Errors: one line, exit status 1.
+// An error gives one line and exit status 1.
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>

@@ -14,14 +14,14 @@ namespace {
 using base::Bytes;
 using base::ErrorCode;
 
-TEST(Objects, NamesStayWithinTheirPlace) {
+TEST(Objects, namesStayWithinTheirPlace) {
   for (const char* good : {"a", "images/index.lgi", "a.b/c-d", "..a"})
     EXPECT_TRUE(repository::isObjectName(good)) << good;
   for (const char* bad : {"", "/a", "a/", "a//b", ".", "..", "../a", "a/../b", "a\\b", "a\nb"})
     EXPECT_FALSE(repository::isObjectName(bad)) << bad;
 }
 
-TEST(Objects, ADirectoryGivesBackWhatWasPut) {
+TEST(Objects, aDirectoryReturnsTheObjectsPutThere) {
   const support::TemporaryDirectory directory;
   auto sink = repository::openDirectorySink(directory.path() + "/out");
   ASSERT_TRUE(sink);
@@ -52,8 +52,8 @@ TEST(Objects, ADirectoryGivesBackWhatWasPut) {
   EXPECT_EQ(repository::openDirectorySource(directory.path() + "/none").error().code, ErrorCode::kNotFound);
 }
 
-// Links to nothing, folders that only somebody else may read (lost+found).
-TEST(Objects, WhatOthersKeepThereIsNoHindrance) {
+// The directory also holds a dangling link and a folder that another user owns, such as lost+found.
+TEST(Objects, foreignFilesAreIgnored) {
   const support::TemporaryDirectory directory;
   auto sink = repository::openDirectorySink(directory.path());
   ASSERT_TRUE(sink);
@@ -73,7 +73,7 @@ TEST(Objects, WhatOthersKeepThereIsNoHindrance) {
   EXPECT_EQ(*names, std::vector<std::string>{"scene.json"});
 }
 
-TEST(Objects, OneSinkOfADirectoryAtATime) {
+TEST(Objects, aSecondSinkOfADirectoryIsBusy) {
   const support::TemporaryDirectory directory;
   auto sink = repository::openObjectSink("file://" + directory.path());
   ASSERT_TRUE(sink);
@@ -82,7 +82,7 @@ TEST(Objects, OneSinkOfADirectoryAtATime) {
   EXPECT_TRUE(repository::openObjectSink(directory.path()));
 }
 
-TEST(Objects, PlacesThatCannotBeWrittenAreNamed) {
+TEST(Objects, unwritablePlacesAreNamed) {
   for (const char* place : {"http://host/scene", "https://host/scene", "gopher://host/scene"}) {
     const auto refused = repository::openObjectSink(place);
     ASSERT_FALSE(refused) << place;

@@ -117,7 +117,7 @@ TEST(S3Source, eachRefusalSaysWhatToDo) {
       {answer("403 Forbidden", "", "<html>"), ErrorCode::kIo, "403 (not allowed)"},
   };
   for (const Case& c : cases) {
-    // HEAD's answers have no body; the reason is asked for by GET.
+    // The answer to HEAD has no body, so a GET asks for the reason.
     const ScriptedServer server([&](const std::string& request, int) {
       Answer said = c.said;
       if (request.rfind("HEAD", 0) == 0) said.bytes = said.bytes.substr(0, said.bytes.find("\r\n\r\n") + 4);
@@ -133,7 +133,7 @@ TEST(S3Source, eachRefusalSaysWhatToDo) {
   }
 }
 
-TEST(S3Source, onlyAPlaceInABucketIsOne) {
+TEST(S3Source, otherAddressesAreRefused) {
   for (const char* wrong :
        {"s3://", "s3:///x", "s3://ab", "s3://a/../b", "s3://bucket//x", "s3://bu cket/x", "s3://bucket?x"})
     EXPECT_EQ(openS3Source(wrong, {}).error().code, ErrorCode::kInvalidInput) << wrong;
@@ -216,7 +216,7 @@ TEST(S3Sink, anUploadThatFailsAtAnyStepIsAborted) {
       const std::string line = lineOf(request);
       if (isListing(request)) return answer("200 OK", "", kEmptyList);
       if (line.rfind("DELETE", 0) == 0) return Answer{"HTTP/1.1 204 No Content\r\n\r\n"};
-      // Completing fails after its 200, as S3 may.
+      // Completing the upload fails after its status 200, as S3 may do.
       if (line.find(broken) != std::string::npos)
         return fault(broken[0] == 'P' ? "200 OK" : "400 Bad Request", "InternalError");
       if (line.find("?uploads=") != std::string::npos) return answer("200 OK", "", "<R><UploadId>u</UploadId></R>");
@@ -274,7 +274,7 @@ TEST(S3Sink, aListThatNeverEndsIsAnError) {
   EXPECT_EQ(mustOpenSink(server)->list("").error().code, ErrorCode::kNetwork);
 }
 
-// After t1 comes t2, and after that t1 again.
+// The store answers token t1 with t2, and t2 with t1 again.
 TEST(S3Sink, aListThatGoesInCirclesIsAnError) {
   const ScriptedServer server([](const std::string& request, int number) {
     EXPECT_LT(number, 10);
@@ -289,7 +289,7 @@ TEST(S3Sink, aListThatGoesInCirclesIsAnError) {
   EXPECT_NE(names.error().message.find("does not end"), std::string::npos) << names.error().message;
 }
 
-TEST(S3Sink, removesWhatIsThereOrNot) {
+TEST(S3Sink, removingAnAbsentObjectIsNoError) {
   const ScriptedServer server([](const std::string& request, int) {
     if (isListing(request)) return answer("200 OK", "", kEmptyList);
     if (request.find("/there") != std::string::npos) return Answer{"HTTP/1.1 204 No Content\r\n\r\n"};
@@ -376,7 +376,7 @@ TEST(S3Bucket, amazonHasTheBucketInTheHostsName) {
   EXPECT_EQ(S3Bucket::open("s3://my-bucket", config)->address(), "http://127.0.0.1:9000/store/my-bucket");
 }
 
-TEST(S3Xml, readsWhatStoresWrite) {
+TEST(S3Xml, readsElementsAndEntities) {
   EXPECT_EQ(xmlText("<Error><Code>No</Code></Error>", "Code"), "No");
   EXPECT_EQ(xmlText("<Codes>x</Codes><Code a=\"1\">y</Code>", "Code"), "y");
   EXPECT_EQ(xmlText("<Code/>", "Code"), "");

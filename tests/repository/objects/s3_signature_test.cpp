@@ -11,7 +11,7 @@ namespace {
 const std::string kNothing = base::hexOf(base::sha256({}));
 
 std::string signatureOf(const S3Request& request, const std::string& service, const std::string& time) {
-  // The keys of AWS's examples: the test suite's is written with '+', the S3 manual's with '/'.
+  // The secret keys of AWS's examples differ in one character: the test suite has '+' where the S3 manual has '/'.
   const S3Credentials credentials =
       service == "s3" ? S3Credentials{"AKIAIOSFODNN7EXAMPLE", "wJalrXUtnFEMI/K7MDENG/bPxRfiCYEXAMPLEKEY", ""}
                       : S3Credentials{"AKIDEXAMPLE", "wJalrXUtnFEMI/K7MDENG+bPxRfiCYEXAMPLEKEY", ""};
@@ -19,8 +19,8 @@ std::string signatureOf(const S3Request& request, const std::string& service, co
   return header.substr(header.rfind('=') + 1);
 }
 
-TEST(Digest, knowsTheStandardsExamples) {
-  // FIPS 180-4: "abc"; RFC 4231, test case 2.
+TEST(Digest, equalsTheStandardsExamples) {
+  // The digests are those of FIPS 180-4 for "abc" and of RFC 4231, test case 2.
   EXPECT_EQ(base::hexOf(base::sha256(base::viewOfText("abc"))),
             "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
   EXPECT_EQ(base::hexOf(hmacSha256(base::viewOfText("Jefe"), "what do ya want for nothing?")),
@@ -32,8 +32,8 @@ TEST(Digest, knowsTheStandardsExamples) {
   EXPECT_EQ(pieces.finish(), base::sha256(base::viewOfText("abc")));
 }
 
-// The Signature Version 4 test suite (aws-sig-v4-test-suite), the cases that objects meet.
-TEST(S3Signature, isThatOfTheTestSuite) {
+// These are the cases of the Signature Version 4 test suite (aws-sig-v4-test-suite) that requests for objects meet.
+TEST(S3Signature, equalsTheTestSuites) {
   struct Case {
     const char* name;
     S3Request request;
@@ -78,8 +78,8 @@ TEST(S3Signature, isThatOfTheTestSuite) {
   for (const Case& c : cases) EXPECT_EQ(signatureOf(c.request, "service", date), c.signature) << c.name;
 }
 
-TEST(S3Signature, valuesOfHeadersAreTrimmed) {
-  // get-header-value-trim
+TEST(S3Signature, headerValuesAreTrimmed) {
+  // This is the suite's case get-header-value-trim.
   const S3Request request{"GET",
                           "/",
                           {},
@@ -92,9 +92,9 @@ TEST(S3Signature, valuesOfHeadersAreTrimmed) {
             "acc3ed3afb60bb290fc8d2dd0098b9911fcaa05412b367055dee359757a9c736");
 }
 
-// "Signature Calculations for the Authorization Header: Transferring Payload in a Single Chunk", Amazon S3 API
-// reference.
-TEST(S3Signature, isThatOfTheS3Manual) {
+// The examples are those of "Signature Calculations for the Authorization Header: Transferring Payload in a Single
+// Chunk" (Amazon S3 API reference).
+TEST(S3Signature, equalsTheS3Manuals) {
   const std::string date = "20130524T000000Z";
   const std::string host = "examplebucket.s3.amazonaws.com";
   const S3Request get{

@@ -1,5 +1,5 @@
 #pragma once
-// An HTTP server on 127.0.0.1 that answers as the test says, right or wrong.
+// An HTTP server on 127.0.0.1 that answers as its test scripts it, right or wrong.
 #include <netinet/in.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -27,7 +27,7 @@ inline Answer answer(const std::string& status, const std::string& headers, cons
           body};
 }
 
-/// What a correct server sends for bytes `first` … `last` of `object`.
+/// The answer of a correct server to a request for bytes `first` … `last` of `object`.
 inline Answer part(const std::string& object, std::size_t first, std::size_t last, const std::string& headers = "") {
   return answer("206 Partial Content",
                 headers + "Content-Range: bytes " + std::to_string(first) + "-" + std::to_string(last) + "/" +
@@ -35,7 +35,7 @@ inline Answer part(const std::string& object, std::size_t first, std::size_t las
                 object.substr(first, last - first + 1));
 }
 
-/// The value of a header of a request, "" when absent.
+/// The value of a request's header; "" when it is absent.
 inline std::string headerOf(const std::string& request, const std::string& name) {
   const auto at = request.find("\r\n" + name + ": ");
   if (at == std::string::npos) return "";
@@ -45,11 +45,11 @@ inline std::string headerOf(const std::string& request, const std::string& name)
 
 class ScriptedServer {
  public:
-  /// `number` counts the requests from 0. Called from several threads at once.
+  /// `number` counts the requests from 0. Several threads may call it at once.
   using Script = std::function<Answer(const std::string& request, int number)>;
 
   explicit ScriptedServer(Script script) : script_(std::move(script)) {
-    // libcurl would ask a proxy that the environment names, also for this machine.
+    // libcurl would ask a proxy named by the environment even for this machine.
     ::setenv("no_proxy", "127.0.0.1,localhost", 1);
     listener_ = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
     sockaddr_in address{};
@@ -66,7 +66,7 @@ class ScriptedServer {
   ScriptedServer(const ScriptedServer&) = delete;
   ScriptedServer& operator=(const ScriptedServer&) = delete;
 
-  /// From now on nobody listens at this port.
+  /// Stops listening at this port.
   void stop() {
     if (stopping_.exchange(true)) return;
     ::shutdown(listener_, SHUT_RDWR);
@@ -128,7 +128,7 @@ class ScriptedServer {
     ::shutdown(fd, SHUT_RDWR);
   }
 
-  // The next request, headers and body.
+  // Reads the next request with headers and body.
   static bool receive(int fd, std::string& pending, std::string& request) {
     for (;;) {
       if (const auto end = pending.find("\r\n\r\n"); end != std::string::npos) {

@@ -43,7 +43,7 @@ std::string text(const Bytes& bytes) {
   return {bytes.begin(), bytes.end()};
 }
 
-// One line that names the object and holds `piece`.
+// Expects an error of one line that names the object and contains `piece`.
 void expectError(const base::Error& error, ErrorCode code, const std::string& piece) {
   EXPECT_EQ(error.code, code) << error.message;
   EXPECT_NE(error.message.find(piece), std::string::npos) << error.message;
@@ -51,7 +51,7 @@ void expectError(const base::Error& error, ErrorCode code, const std::string& pi
   EXPECT_EQ(error.message.find('\n'), std::string::npos) << error.message;
 }
 
-// The error of reading bytes 2 … 5 of an object where the server always answers so.
+// The error of reading bytes 2 … 5 of an object from a server that always gives this answer.
 base::Error errorOf(const Answer& said) {
   const ScriptedServer server([&](const std::string&, int) { return said; });
   const auto bytes = mustOpen(server.url())->read("a.bin", 2, 4);
@@ -102,7 +102,7 @@ TEST(WebSource, nothingIsReadWithoutAskingForARange) {
   EXPECT_EQ(source->read("a.bin", 27, 0).error().code, ErrorCode::kInvalidInput);
 }
 
-TEST(WebSource, refusalsAreNamedAndNotTriedAgain) {
+TEST(WebSource, refusalsAreNamedAndNotRetried) {
   const auto refused = [](const std::string& status) { return errorOf(answer(status, "", "<html>no</html>")); };
   expectError(refused("403 Forbidden"), ErrorCode::kIo, "403 (not allowed)");
   expectError(refused("401 Unauthorized"), ErrorCode::kIo, "401 (not allowed)");
@@ -148,7 +148,7 @@ TEST(WebSource, aShorterObjectIsNamedWithItsSize) {
 }
 
 TEST(WebSource, aTruncatedBodyIsAnError) {
-  // Cut by the connection's end: tried again, in vain.
+  // The connection ends early, at every attempt.
   const ScriptedServer server([](const std::string&, int) {
     Answer cut = part(kObject, 2, 5);
     cut.bytes.resize(cut.bytes.size() - 1);
@@ -157,28 +157,28 @@ TEST(WebSource, aTruncatedBodyIsAnError) {
   });
   expectError(mustOpen(server.url())->read("a.bin", 2, 4).error(), ErrorCode::kNetwork, "truncated");
   EXPECT_EQ(server.requests().size(), 3U);
-  // The server believes that it is whole.
+  // The Content-Length fits the short body, so that it looks whole.
   expectError(errorOf(answer("206 Partial Content", "Content-Range: bytes 2-5/26\r\n", "cde")), ErrorCode::kNetwork,
               "truncated: 3 bytes came");
 }
 
-TEST(WebSource, noMoreIsReceivedThanWasAskedFor) {
+TEST(WebSource, receivesNoMoreThanItAskedFor) {
   const std::string flood(std::size_t{8} << 20, 'x');
   expectError(errorOf(answer("206 Partial Content", "Content-Range: bytes 2-5/26\r\n", flood)), ErrorCode::kNetwork,
               "more bytes came");
-  // Without a length, in chunks that never end.
+  // The answer has no length and chunks that never end.
   std::string chunks =
       "HTTP/1.1 206 Partial Content\r\nContent-Range: bytes 2-5/26\r\nTransfer-Encoding: chunked\r\n\r\n";
   for (int i = 0; i < 1000; ++i) chunks += "10\r\n0123456789abcdef\r\n";
   expectError(errorOf({chunks, false, true}), ErrorCode::kNetwork, "more bytes came");
-  // An error's page is cut off too, and headers have an end.
+  // The page of an error is cut off too, and so are endless headers.
   expectError(errorOf(answer("404 Not Found", "", flood)), ErrorCode::kNotFound, "404");
   std::string headers = "HTTP/1.1 206 Partial Content\r\n";
   for (int i = 0; i < 5000; ++i) headers += "X-Header-" + std::to_string(i) + ": 0123456789abcdef\r\n";
   expectError(errorOf({headers, false, true}), ErrorCode::kNetwork, "endless headers");
 }
 
-TEST(WebSource, aHugeLengthThatNobodyHasTakesNoMemory) {
+TEST(WebSource, aHugeLengthTakesNoMemory) {
   const ScriptedServer server([](const std::string&, int) { return part(kObject, 2, 25); });
   const auto source = mustOpen(server.url());
   for (const std::uint64_t length : {std::uint64_t{1} << 60, std::numeric_limits<std::uint64_t>::max()})
@@ -193,7 +193,7 @@ TEST(WebSource, compressedAnswersAreRefused) {
       ErrorCode::kUnsupported, "Content-Encoding: gzip");
 }
 
-TEST(WebSource, whatMayPassIsTriedAgain) {
+TEST(WebSource, transientErrorsAreRetried) {
   for (const char* status : {"429 Too Many", "500 Oops", "502 Bad Gateway", "503 Busy", "504 Timeout"}) {
     const ScriptedServer server(
         [&](const std::string&, int number) { return number < 2 ? answer(status, "", "later") : part(kObject, 2, 5); });
@@ -204,7 +204,7 @@ TEST(WebSource, whatMayPassIsTriedAgain) {
   expectError(errorOf(answer("500 Oops", "", "")), ErrorCode::kNetwork, "500 (its own fault)");
 }
 
-TEST(WebSource, connectionsThatBreakAreTriedAgain) {
+TEST(WebSource, brokenConnectionsAreRetried) {
   const ScriptedServer server([](const std::string&, int number) {
     Answer said = part(kObject, 2, 5);
     if (number == 0) said = {"", true};                        // nothing
@@ -239,12 +239,12 @@ TEST(WebSource, redirectsAreFollowedButNotInCircles) {
   expectError(errorOf(answer("302 Found", "Location: /scene/a.bin\r\n", "")), ErrorCode::kNetwork,
               "redirected more than 4 times");
   expectError(errorOf(answer("302 Found", "", "")), ErrorCode::kNetwork, "302");
-  // Not to files of this machine either.
+  // A redirect to a file of this machine is refused too.
   expectError(errorOf(answer("302 Found", "Location: file:///etc/hostname\r\n", "")), ErrorCode::kNetwork,
               "redirected");
 }
 
-TEST(WebSource, aServerThatStandsStillIsGivenUp) {
+TEST(WebSource, aStalledServerIsGivenUp) {
   HttpOptions once = quick();
   once.retries = 0;
   for (const std::string& begin : {std::string(), part(kObject, 2, 5).bytes}) {
@@ -255,11 +255,11 @@ TEST(WebSource, aServerThatStandsStillIsGivenUp) {
   }
 }
 
-TEST(WebSource, nobodyThereIsNamed) {
+TEST(WebSource, anUnreachableServerIsNamed) {
   ScriptedServer server([](const std::string&, int) { return Answer{}; });
   server.stop();
   expectError(mustOpen(server.url())->read("a.bin", 0, 1).error(), ErrorCode::kNetwork, "no connection");
-  // RFC 6761: this name never resolves.
+  // This name never resolves (RFC 6761).
   expectError(mustOpen("http://nowhere.invalid/scene")->read("a.bin", 0, 1).error(), ErrorCode::kNetwork,
               "no such host");
 }
@@ -277,13 +277,13 @@ TEST(WebSource, anObjectThatChangesIsAnErrorNotAMix) {
     EXPECT_TRUE(source->read("a.bin", 2, 4));
     expectError(source->read("a.bin", 2, 4).error(), ErrorCode::kInvalidInput, "changed while it was read");
   }
-  // The server itself may say so.
+  // The server itself may notice the change (412).
   expectError(errorOf(answer("412 Precondition Failed", "", "")), ErrorCode::kInvalidInput,
               "changed while it was read");
 }
 
-TEST(WebSource, onlyLikeIsComparedWithLike) {
-  // Servers behind one address that tell different things about the same object.
+TEST(WebSource, onlyFieldsInBothAnswersAreCompared) {
+  // Several servers behind one address may state different fields about the same object.
   const std::vector<std::string> told{"ETag: \"a\"\r\nLast-Modified: Sat, 01 Jan 2000 00:00:00 GMT\r\n",
                                       "Last-Modified: Sat, 01 Jan 2000 00:00:00 GMT\r\n", "ETag: W/\"a\"\r\n",
                                       "ETag: \"a\"\r\nLast-Modified: Sun, 02 Jan 2000 00:00:00 GMT\r\n", ""};
@@ -294,7 +294,7 @@ TEST(WebSource, onlyLikeIsComparedWithLike) {
   for (std::size_t i = 0; i < told.size(); ++i) EXPECT_TRUE(source->read("a.bin", 2, 4)) << i;
 }
 
-TEST(WebSource, aServerThatHangsIsNotAskedForMinutes) {
+TEST(WebSource, aHangingServerIsGivenUpWithinPatience) {
   const ScriptedServer server([](const std::string&, int) { return Answer{"", false, true}; });
   HttpOptions options = quick();
   options.retries = 1000;
@@ -303,7 +303,7 @@ TEST(WebSource, aServerThatHangsIsNotAskedForMinutes) {
   EXPECT_LE(server.requests().size(), 2U);
 }
 
-TEST(WebSource, sizeBeginsANewReading) {
+TEST(WebSource, sizeFixesTheVersionAnew) {
   const ScriptedServer server([](const std::string& request, int number) {
     const std::string tag = "ETag: W/\"" + std::to_string(number / 2) + "\"\r\n";
     if (request.rfind("HEAD", 0) == 0) return Answer{"HTTP/1.1 200 OK\r\n" + tag + "Content-Length: 26\r\n\r\n"};
@@ -317,7 +317,7 @@ TEST(WebSource, sizeBeginsANewReading) {
   expectError(source->read("a.bin", 2, 4).error(), ErrorCode::kInvalidInput, "changed");
 }
 
-TEST(WebSource, namesStayBelowThePlace) {
+TEST(WebSource, namesStayBelowTheFolder) {
   const ScriptedServer server([](const std::string&, int) { return part(kObject, 0, 0); });
   const auto source = mustOpen(server.url());
   EXPECT_EQ(source->read("../a.bin", 0, 1).error().code, ErrorCode::kInvalidInput);

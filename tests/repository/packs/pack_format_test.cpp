@@ -14,7 +14,8 @@ using base::Bytes;
 using base::ByteView;
 using base::ErrorCode;
 
-// The worked example of docs/formats/packs.md: the faces of point (0, 0, 0), 0 … 4 a JPEG of 3 bytes, 5 empty.
+// The worked example of docs/formats/packs.md has the faces of point (0, 0, 0): 0 … 4 hold a JPEG of 3 bytes, 5 is
+// empty.
 const std::vector<PackEntry> kEntries{{0, 19}, {1, 19}, {2, 19}, {3, 19}, {4, 19}, {5, 0}};
 
 Bytes workedValues() {
@@ -38,7 +39,7 @@ std::uint64_t u64At(const Bytes& bytes, std::size_t offset) {
   return in.u64();
 }
 
-// Header and checksum as they are, another value at an offset of the header.
+// Writes another value at an offset of the header and makes the checksum fit.
 template <class T>
 Bytes withHeader(Bytes bytes, std::size_t header_bytes, std::size_t offset, T value) {
   std::memcpy(bytes.data() + offset, &value, sizeof(T));
@@ -59,7 +60,7 @@ TEST(PackFormat, namesAreReadBack) {
     EXPECT_EQ(idOfPackName(other), std::nullopt) << other;
 }
 
-TEST(PackFormat, thePackOfTheDocument) {
+TEST(PackFormat, encodePackMatchesTheDocumentedExample) {
   const Bytes pack = encodePack(kEntries, workedValues());
   ASSERT_EQ(pack.size(), 185U);
   EXPECT_EQ(u64At(pack, 16), 185U);
@@ -79,7 +80,7 @@ TEST(PackFormat, thePackOfTheDocument) {
   EXPECT_EQ(table->offsets, (std::vector<std::uint32_t>{64, 83, 102, 121, 140, 159}));
 }
 
-TEST(PackFormat, theIndexOfTheDocument) {
+TEST(PackFormat, indexMatchesTheDocumentedExample) {
   const Bytes index = workedIndex(encodePack(kEntries, workedValues()));
   ASSERT_EQ(index.size(), 32816U);
   const auto root = decodeIndexRoot(ByteView(index).first(kIndexFrontBytes));
@@ -113,8 +114,8 @@ TEST(PackFormat, theIndexOfTheDocument) {
   EXPECT_EQ(*rows, (std::vector<PackRow>{{kId, 185, 0, 5, 6}}));
 }
 
-TEST(PackFormat, everyKeyIsFoundWhereItLies) {
-  // Scattered and dense cells, in packs that end within a cell, with lengths of every size of varint.
+TEST(PackFormat, everyKeyIsLocated) {
+  // Cells are scattered and dense, packs end within a cell, and lengths take varints of every size.
   std::set<std::uint64_t> codes;
   for (std::uint32_t i = 0; i < 3000; ++i)
     for (std::uint32_t d = 0; d < 6; ++d) codes.insert(FaceKey{i * 7919U % 4096U, i * 104729U % 512U, i / 3, d}.code());
@@ -167,7 +168,7 @@ TEST(PackFormat, everyKeyIsFoundWhereItLies) {
   }
 }
 
-TEST(PackFormat, aPackCutAnywhereOrChangedIsRefused) {
+TEST(PackFormat, aTruncatedOrChangedPackIsRefused) {
   const Bytes pack = encodePack(kEntries, workedValues());
   for (std::size_t size = 0; size < pack.size(); ++size) EXPECT_FALSE(decodePack(ByteView(pack).first(size))) << size;
   for (std::size_t i = 0; i < pack.size(); ++i) {
@@ -181,7 +182,7 @@ TEST(PackFormat, aPackCutAnywhereOrChangedIsRefused) {
     EXPECT_FALSE(decodePack(withHeader(pack, 64, field, ~std::uint64_t{0}))) << field;
 }
 
-TEST(PackFormat, anIndexThatCannotBeIsRefused) {
+TEST(PackFormat, anInvalidIndexIsRefused) {
   const Bytes index = workedIndex(encodePack(kEntries, workedValues()));
   const Bytes front(index.begin(), index.begin() + kIndexFrontBytes);
   for (std::size_t size = 0; size < 128; ++size) EXPECT_FALSE(decodeIndexRoot(ByteView(front).first(size))) << size;
@@ -199,7 +200,7 @@ TEST(PackFormat, anIndexThatCannotBeIsRefused) {
   EXPECT_EQ(decodeIndexRoot(withHeader(front, 128, 8, 2U)).error().code, ErrorCode::kVersion);
 }
 
-TEST(PackFormat, aBlockThatCannotBeIsRefused) {
+TEST(PackFormat, anInvalidBlockIsRefused) {
   const Bytes index = workedIndex(encodePack(kEntries, workedValues()));
   const auto root = *decodeIndexRoot(index);
   const Bytes block(index.begin() + 16384, index.begin() + 32768);

@@ -14,7 +14,7 @@ std::uint64_t one(std::size_t) {
   return 1;
 }
 
-TEST(InOrder, piecesAreTakenInTheirOrderWhicheverIsReadyFirst) {
+TEST(Prefetch, resultsComeInOrderWhicheverIsReadyFirst) {
   std::vector<std::size_t> taken;
   prefetchInOrder(
       20, {4, 100}, one,
@@ -31,8 +31,8 @@ TEST(InOrder, piecesAreTakenInTheirOrderWhicheverIsReadyFirst) {
   for (std::size_t i = 0; i < taken.size(); ++i) EXPECT_EQ(taken[i], i);
 }
 
-// Pieces that were begun and not taken yet, at most.
-std::size_t mostAhead(const PrefetchLimits& limits, const std::function<std::uint64_t(std::size_t)>& bytes_of) {
+// The largest number of items that were begun and not accepted yet.
+std::size_t maxAhead(const PrefetchLimits& limits, const std::function<std::uint64_t(std::size_t)>& bytes_of) {
   std::atomic<std::size_t> begun{0};
   std::size_t most = 0;
   prefetchInOrder(
@@ -44,14 +44,14 @@ std::size_t mostAhead(const PrefetchLimits& limits, const std::function<std::uin
   return most;
 }
 
-TEST(InOrder, noMorePiecesThanTheLimitsAllowAreAhead) {
-  EXPECT_LE(mostAhead({4, 100}, one), 4U);
-  EXPECT_LE(mostAhead({8, 3}, one), 3U) << "of three bytes";
-  EXPECT_EQ(mostAhead({0, 0}, one), 1U) << "one always goes";
-  EXPECT_EQ(mostAhead({4, 100}, [](std::size_t) { return std::uint64_t{1000}; }), 1U);
+TEST(Prefetch, noMoreItemsThanTheLimitsAllowAreAhead) {
+  EXPECT_LE(maxAhead({4, 100}, one), 4U);
+  EXPECT_LE(maxAhead({8, 3}, one), 3U) << "of three bytes";
+  EXPECT_EQ(maxAhead({0, 0}, one), 1U) << "one always goes";
+  EXPECT_EQ(maxAhead({4, 100}, [](std::size_t) { return std::uint64_t{1000}; }), 1U);
 }
 
-TEST(InOrder, whoeverTakesMayStop) {
+TEST(Prefetch, acceptMayStop) {
   std::atomic<std::size_t> begun{0};
   std::size_t taken = 0;
   prefetchInOrder(

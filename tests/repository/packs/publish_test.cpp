@@ -1,4 +1,4 @@
-// From a store to packs and back.
+// Publishes a store as packs and reads it back.
 #include "repository/packs/publish.h"
 
 #include <gtest/gtest.h>
@@ -27,7 +27,7 @@ using base::ByteView;
 using base::ErrorCode;
 using base::Result;
 
-// Counts what is read, and where.
+// Counts the reads of each object.
 class CountingSource final : public ObjectSource {
  public:
   explicit CountingSource(std::unique_ptr<ObjectSource> source) : source_(std::move(source)) {}
@@ -47,7 +47,7 @@ class CountingSource final : public ObjectSource {
   std::unique_ptr<ObjectSource> source_;
 };
 
-// Fails at the n-th put, as a full disk does.
+// Fails at the n-th put like a full disk.
 class FailingSink final : public ObjectSink {
  public:
   FailingSink(std::unique_ptr<ObjectSink> sink, int puts) : sink_(std::move(sink)), left_(puts) {}
@@ -68,7 +68,7 @@ class FailingSink final : public ObjectSink {
   std::atomic<int> left_;
 };
 
-// 8 MB of memory as a disk, unmounted with the object.
+// A disk of 8 MB in memory, which the destructor unmounts.
 class SmallDisk {
  public:
   explicit SmallDisk(const std::string& path) : path_(path) {
@@ -90,7 +90,8 @@ class SmallDisk {
 
 constexpr std::uint32_t kSide = 12;
 
-// 12 × 12 × 12 points, 10,368 faces of about 1 kB to 4 kB, every seventh empty: 22 MB, in packs of a MiB.
+// The store has 12 × 12 × 12 points with 10,368 faces of about 1 kB to 4 kB, every seventh of them empty: 22 MB in
+// packs of a MiB.
 class Publish : public testing::Test {
  protected:
   Publish() {
@@ -139,7 +140,7 @@ class Publish : public testing::Test {
     file.seekp(static_cast<std::streamoff>(offset));
     file.put(byte);
   }
-  // How many faces of the store the published one gives; every other one must be an error that names `piece`.
+  // Counts the store's faces that the published one returns. Every other one must give an error that names `piece`.
   std::uint64_t served(const PackStore& packs, const std::string& piece) {
     std::uint64_t good = 0;
     EXPECT_TRUE(store_->forEach([&](const FaceKey& key, ByteView value) {
@@ -162,7 +163,7 @@ class Publish : public testing::Test {
   std::shared_ptr<CountingSource> source_;
 };
 
-TEST_F(Publish, everyValueComesBackByEveryWay) {
+TEST_F(Publish, everyWayOfReadingReturnsEveryValue) {
   const PublishedImages published = publish();
   EXPECT_EQ(published.keys, 10368U);
   EXPECT_GT(published.pack_names.size(), 20U);
@@ -205,14 +206,14 @@ TEST_F(Publish, everyValueComesBackByEveryWay) {
   EXPECT_EQ(a->jpeg_bytes, packs->root().totals.jpeg_bytes);
 }
 
-TEST_F(Publish, itCannotBeWritten) {
+TEST_F(Publish, publishedImagesCannotBeWritten) {
   const auto packs = open(publish().index);
   EXPECT_EQ(packs->putBatch({}).error().code, ErrorCode::kUnsupported);
   EXPECT_EQ(packs->erase({}).error().code, ErrorCode::kUnsupported);
   EXPECT_EQ(packs->writeMeta("").error().code, ErrorCode::kUnsupported);
 }
 
-TEST_F(Publish, aFaceTakesOneReadToOpenOneForItsPlaceAndOneForItself) {
+TEST_F(Publish, aFaceTakesAtMostTwoReads) {
   const auto packs = open(publish().index);
   EXPECT_EQ(source_->reads, 1U);
   EXPECT_EQ(source_->bytes, kIndexFrontBytes);
@@ -259,7 +260,7 @@ TEST_F(Publish, threadsReadSideBySideThroughASmallCache) {
 }
 
 TEST_F(Publish, anIndexWhoseValuesOverlapIsReadWithinItsRanges) {
-  // Two packs of one id: their values claim the same bytes, the second one more of them.
+  // Two packs have the same id, so their values claim the same bytes; those of the second are longer.
   auto sink = openDirectorySink(out());
   const Bytes value = valueOf(1);
   const ObjectId id{9};
@@ -310,7 +311,7 @@ TEST_F(Publish, aChangedValueAndANewOneChangeFewPacks) {
   ASSERT_TRUE(store_->putBatch({{{20, 20, 20, 0}, valueOf(1)}}));
   const PublishedImages third = publish();
   EXPECT_LE(third.packs_written, first.pack_names.size() / 3);
-  // The first version is still there, whole.
+  // The first version is still there and whole.
   EXPECT_TRUE(faults(*open(first.index)).empty());
   EXPECT_TRUE(faults(*open(third.index)).empty());
 }
@@ -349,7 +350,7 @@ TEST_F(Publish, aFullDiskIsNamedAndTheRerunFinishes) {
   EXPECT_TRUE(faults(*open(published.index)).empty());
 }
 
-TEST_F(Publish, itStopsWhenAsked) {
+TEST_F(Publish, stopsWhenAsked) {
   auto sink = openDirectorySink(out());
   int asked = 0;
   const auto stopped = publishImages(*store_, **sink, options_, [&](const PublishProgress& progress) {
@@ -393,7 +394,7 @@ TEST_F(Publish, anEmptyRepositoryAndOneOfEmptyFlagsCanBePublished) {
   EXPECT_TRUE(faults(*packs).empty());
 }
 
-// --- Damage: named, and the rest is served
+// --- Damage. Errors name it, and all other faces are still served.
 
 TEST_F(Publish, aMissingPackIsNamedAndTheOthersAreServed) {
   const PublishedImages published = publish();
@@ -510,7 +511,7 @@ TEST_F(Publish, aCheckStopsWhenThereAreEnoughFaults) {
   EXPECT_EQ(told, 3U);
 }
 
-TEST_F(Publish, totalsThatAreNotThoseOfItsValuesAreAFault) {
+TEST_F(Publish, wrongTotalsAreAFault) {
   auto sink = openDirectorySink(out());
   const Bytes value = valueOf(1);
   const std::vector<PackEntry> entries{{0, static_cast<std::uint32_t>(value.size())}};

@@ -14,7 +14,7 @@ Grid smallGrid() {
   return makeGrid(model, 5, 0.5F, 512);
 }
 
-// Number of faces whose clip square, shrunk by `inset`, holds the direction, and the last of them.
+// Counts the faces whose clip square, shrunk by `inset`, holds the direction, and returns the last of them too.
 struct Hit {
   int faces = 0;
   std::uint32_t d = 6;
@@ -57,7 +57,7 @@ TEST(CubeFace, noDirectionFallsBetweenFaces) {
   }
 }
 
-TEST(CubeFace, directionsAreThePapersOrder) {
+TEST(CubeFace, directionsHaveThePapersOrder) {
   EXPECT_EQ(faceDirection(0), glm::vec3(1, 0, 0));
   EXPECT_EQ(faceDirection(1), glm::vec3(-1, 0, 0));
   EXPECT_EQ(faceDirection(2), glm::vec3(0, 1, 0));
@@ -77,7 +77,7 @@ TEST(CubeFace, theCameraStandsAtThePointAndLooksAlongTheFace) {
     EXPECT_FLOAT_EQ(camera.pixelsPerUnitAtOne(), 256.0F);
     EXPECT_FLOAT_EQ(glm::determinant(glm::mat3(camera.eye_from_scene)), 1.0F);
 
-    // The centre of the picture, its top, and the near and far planes.
+    // These points lie at the centre of the picture, at its top, and on the near and far planes.
     const glm::vec4 center = camera.clipFromScene() * glm::vec4(camera.eye + 2.0F * faceDirection(d), 1.0F);
     EXPECT_NEAR(center.x, 0.0F, 1e-5F);
     EXPECT_NEAR(center.y, 0.0F, 1e-5F);

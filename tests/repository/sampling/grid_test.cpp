@@ -19,7 +19,8 @@ glm::vec3 lastPoint(const Grid& grid) {
   return grid.point(grid.count.x - 1, grid.count.y - 1, grid.count.z - 1);
 }
 
-// A flat model of 8 × 4 × 1 with margin 0.5: 4 on every side, so the box is 16 × 12 × 9; 9 points along 16 are 2 apart.
+// A flat model of 8 × 4 × 1 gets 4 units on every side from margin 0.5, so its box is 16 × 12 × 9. 9 points along 16
+// units are 2 apart.
 TEST(Grid, theViewingBoxIsTwiceTheLongestSideWithTheSameMarginElsewhere) {
   const Grid grid = makeGrid(box(glm::vec3(0.0F), glm::vec3(8.0F, 4.0F, 1.0F)), 9, 0.5F, 512);
   EXPECT_FLOAT_EQ(grid.spacing, 2.0F);
@@ -29,7 +30,7 @@ TEST(Grid, theViewingBoxIsTwiceTheLongestSideWithTheSameMarginElsewhere) {
   EXPECT_FLOAT_EQ(lastPoint(grid).x, 12.0F);
   EXPECT_FLOAT_EQ(grid.first.y, -4.0F);
   EXPECT_FLOAT_EQ(lastPoint(grid).y, 8.0F);
-  // 10 units cover the 9 and are centred on the model's 0.5.
+  // The points cover 9 units by 10, centred on the model's 0.5.
   EXPECT_FLOAT_EQ(grid.first.z, -4.5F);
   EXPECT_FLOAT_EQ(lastPoint(grid).z, 5.5F);
 }

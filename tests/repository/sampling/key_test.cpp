@@ -7,7 +7,7 @@
 namespace repository {
 namespace {
 
-// Bit by bit, as the definition says: the other way to the same code.
+// An independent way to the same code goes bit by bit, as the definition says.
 std::uint64_t slowCode(const FaceKey& key) {
   std::uint64_t code = key.d;
   for (unsigned bit = 0; bit < 20; ++bit) {

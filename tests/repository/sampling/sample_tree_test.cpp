@@ -24,7 +24,7 @@ std::set<std::uint64_t> codesOf(const std::vector<glm::uvec3>& points) {
   return codes;
 }
 
-// Some cells split, some closed, some points left out.
+// A tree in which some cells are split, some are closed, and some points are left out.
 SampleTree randomTree(const Grid& grid, unsigned seed) {
   std::mt19937 random(seed);
   SampleTree tree(grid, 8);
@@ -40,7 +40,7 @@ SampleTree randomTree(const Grid& grid, unsigned seed) {
   return tree;
 }
 
-TEST(SampleTree, CellsOfOneStepAreTheWholeGrid) {
+TEST(SampleTree, cellsOfOneStepSampleTheWholeGrid) {
   for (const glm::uvec3& count : {glm::uvec3(2), glm::uvec3(5, 9, 2), glm::uvec3(17, 6, 11)}) {
     const Grid grid = gridOf(count);
     const SampleTree tree(grid, 1);
@@ -50,7 +50,7 @@ TEST(SampleTree, CellsOfOneStepAreTheWholeGrid) {
   }
 }
 
-TEST(SampleTree, ACoarseTreeHasTheCornersOfItsCells) {
+TEST(SampleTree, aCoarseTreeSamplesTheCornersOfItsCells) {
   const SampleTree tree(gridOf({9, 9, 6}), 4);
   EXPECT_EQ(tree.leafCount(), 8U);
   EXPECT_EQ(tree.points().size(), 27U);  // x, y: 0 4 8; z: 0 4 and the grid's end, 5
@@ -61,7 +61,7 @@ TEST(SampleTree, ACoarseTreeHasTheCornersOfItsCells) {
   EXPECT_EQ(tree.cornersOf({{4, 0, 4}, 4})[7], glm::uvec3(8, 4, 5));
 }
 
-TEST(SampleTree, SplittingAddsTheCornersOfTheEight) {
+TEST(SampleTree, splittingAddsTheCornersOfTheEight) {
   SampleTree tree(gridOf({9, 9, 9}), 8);
   ASSERT_EQ(tree.openLeaves(), (std::vector<SampleTree::Cell>{{{0, 0, 0}, 8}}));
   tree.split({{0, 0, 0}, 8});
@@ -78,14 +78,14 @@ TEST(SampleTree, SplittingAddsTheCornersOfTheEight) {
   EXPECT_EQ(tree.points().size(), 45U);
 }
 
-TEST(SampleTree, EveryPointIsFoundAndNoOther) {
+TEST(SampleTree, hasPointAgreesWithPoints) {
   for (unsigned seed = 0; seed < 20; ++seed) {
     const Grid grid = gridOf({17, 12, 9});
     const SampleTree tree = randomTree(grid, seed);
     const auto points = codesOf(tree.points());
     for (const glm::uvec3& p : repository::pointsInMortonOrder(grid))
       EXPECT_EQ(tree.hasPoint(p), points.count(repository::FaceKey{p.x, p.y, p.z, 0}.code()) != 0);
-    // Leaves cover each grid cell once.
+    // The leaves cover each cell of the grid once.
     std::uint64_t cells = 0;
     std::set<std::uint64_t> leaves;
     for (std::uint32_t z = 0; z + 1 < grid.count.z; ++z)
@@ -99,7 +99,7 @@ TEST(SampleTree, EveryPointIsFoundAndNoOther) {
   }
 }
 
-TEST(SampleTree, ComesBackFromItsBytes) {
+TEST(SampleTree, decodeInvertsEncode) {
   for (unsigned seed = 0; seed < 20; ++seed) {
     const Grid grid = gridOf({17, 12, 9});
     const SampleTree tree = randomTree(grid, seed);
@@ -112,18 +112,18 @@ TEST(SampleTree, ComesBackFromItsBytes) {
   }
 }
 
-TEST(SampleTree, WorkedRowOfTheDocument) {
+TEST(SampleTree, encodeMatchesTheDocumentedExample) {
   SampleTree tree(gridOf({3, 3, 2}), 2);
   tree.split({{0, 0, 0}, 2});
   tree.leaveOut({1, 1, 0});
   const base::Bytes bytes = tree.encode();
-  // Split, four open leaves of one step (z ends there), one point left out.
+  // The root is split into four open leaves of one step, since the grid ends there in z. One point is left out.
   const base::Bytes expected{0x54, 0x01, 2, 0, 0, 0, 1, 0, 0, 0, 0x02, 0x00, 0x18, 0, 0, 0, 0, 0, 0, 0};
   ASSERT_EQ(bytes.size(), expected.size() + 4);
   EXPECT_TRUE(std::equal(expected.begin(), expected.end(), bytes.begin()));
 }
 
-TEST(SampleTree, DamagedBytesAreRefused) {
+TEST(SampleTree, damagedBytesAreRefused) {
   const Grid grid = gridOf({17, 12, 9});
   const base::Bytes bytes = randomTree(grid, 3).encode();
   for (std::size_t length = 0; length < bytes.size(); ++length)

@@ -16,7 +16,7 @@ Grid gridOf(std::uint32_t x, std::uint32_t y, std::uint32_t z) {
   return grid;
 }
 
-// Even, odd, flat, long: no side needs to be a power of two.
+// The grids are even, odd, flat and long: no side needs to be a power of two.
 const std::vector<Grid>& grids() {
   static const std::vector<Grid> all = {gridOf(2, 2, 2), gridOf(3, 5, 2), gridOf(8, 8, 8), gridOf(9, 4, 7),
                                         gridOf(33, 2, 3)};
@@ -33,7 +33,7 @@ TEST(Shard, ranksCountThePointsInMortonOrder) {
   }
 }
 
-TEST(Shard, theLargestGridHasRanksToo) {
+TEST(Shard, ranksWorkOnTheLargestGrid) {
   const Grid grid = gridOf(kMaxGridIndex + 1, kMaxGridIndex + 1, 2);
   const std::uint64_t last = grid.pointCount() - 1;
   EXPECT_EQ(pointAtMortonRank(grid, last), glm::uvec3(kMaxGridIndex, kMaxGridIndex, 1));
@@ -59,7 +59,7 @@ TEST(Shard, shardsDivideThePointsWithoutGapOrOverlap) {
   }
 }
 
-// Two ways: by ranges of ranks, and by the first keys.
+// Compares two ways: by ranges of ranks, and by the shards' first keys.
 TEST(Shard, everyKeyBelongsToTheShardWhoseRangeHoldsItsPoint) {
   for (const Grid& grid : grids()) {
     for (const std::uint32_t count : {1U, 2U, 3U, 7U, 100U}) {
@@ -74,7 +74,7 @@ TEST(Shard, everyKeyBelongsToTheShardWhoseRangeHoldsItsPoint) {
   }
 }
 
-// docs/formats/repository.md, "Shards".
+// The example stands in docs/formats/repository.md, "Shards".
 TEST(Shard, theWorkedExampleOfTheFormatHolds) {
   const Grid grid = gridOf(3, 5, 2);
   const std::uint64_t firsts[] = {0, 7, 15, 22};
@@ -85,7 +85,7 @@ TEST(Shard, theWorkedExampleOfTheFormatHolds) {
   EXPECT_EQ((FaceKey{1, 3, 0, 0}).code(), 0x98U);
 }
 
-TEST(Shard, isReadFromItsText) {
+TEST(Shard, parseShardReadsItsText) {
   EXPECT_EQ(*parseShard("3/16"), (Shard{3, 16}));
   EXPECT_EQ(*parseShard("0/1"), (Shard{0, 1}));
   for (const char* bad : {"", "/", "3", "3/", "/4", "4/4", "-1/4", "1/0", "1/5000", "1/4/2", " 1/4", "1/4 ", "a/4",
@@ -96,7 +96,7 @@ TEST(Shard, isReadFromItsText) {
   }
 }
 
-TEST(Shard, namesItsDirectory) {
+TEST(Shard, directoryNamesAreReadBack) {
   EXPECT_EQ(directoryNameOf({3, 16}), "shard-0003-of-0016");
   EXPECT_EQ(shardOfDirectoryName("shard-0003-of-0016"), (Shard{3, 16}));
   for (const char* other : {"shard-0016-of-0016", "shard-3-of-16", "shard-0003-of-0016x", "shard-00a3-of-0016",
@@ -104,14 +104,14 @@ TEST(Shard, namesItsDirectory) {
     EXPECT_FALSE(shardOfDirectoryName(other)) << other;
 }
 
-TEST(Gaps, areWhatLiesBetweenTheKeys) {
+TEST(Gaps, areTheRunsBetweenPresentKeys) {
   const Grid grid = gridOf(3, 5, 2);
   const auto points = pointsInMortonOrder(grid);
   const auto key = [&](std::size_t place) {
     const glm::uvec3 p = points[place / 6];
     return FaceKey{p.x, p.y, p.z, static_cast<std::uint32_t>(place % 6)};
   };
-  // Shard 1 of 3 holds places 60 … 119; 60, 70 … 75 and 119 are missing.
+  // Shard 1 of 3 holds places 60 … 119, of which 60, 70 … 75 and 119 are missing.
   const ExpectedPoints expected_points(grid, {1, 3}, nullptr);
   GapFinder finder(expected_points);
   for (std::size_t place = 0; place < 180; ++place)
@@ -125,8 +125,8 @@ TEST(Gaps, areWhatLiesBetweenTheKeys) {
   EXPECT_EQ(none.gaps(), (std::vector<Gap>{{key(60), key(119), 60}}));
 }
 
-// One cell of four steps, of eight corners; one of them is left out.
-TEST(Gaps, areOfTheSampledPointsOnlyWhereThereIsATree) {
+// One cell of four steps has eight corners, of which the tree leaves out one.
+TEST(Gaps, holdOnlySampledPointsWhereThereIsATree) {
   const Grid grid = gridOf(5, 5, 5);
   SampleTree tree(grid, 4);
   tree.leaveOut({4, 4, 0});
@@ -145,7 +145,7 @@ TEST(Gaps, areOfTheSampledPointsOnlyWhereThereIsATree) {
   const std::vector<Gap> expected = {{{0, 0, 0, 1}, {4, 0, 0, 5}, 11}, {{0, 4, 0, 1}, {4, 4, 4, 5}, 29}};
   EXPECT_EQ(finder.gaps(), expected);
 
-  // Shards of the same share out its points.
+  // Shards of the same tree divide its points.
   std::uint64_t sum = 0;
   for (std::uint32_t i = 0; i < 3; ++i) sum += ExpectedPoints(grid, {i, 3}, &tree).size();
   EXPECT_EQ(sum, 7U);

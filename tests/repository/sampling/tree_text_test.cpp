@@ -16,7 +16,7 @@ Grid testGrid() {
   return grid;
 }
 
-TEST(TreeText, TreeAndGrowthComeBackAndTheParametersStay) {
+TEST(TreeText, treeAndGrowthComeBackAndTheParametersStay) {
   SampleTree tree(testGrid(), 4);
   tree.split({{0, 0, 4}, 4});
   tree.leaveOut({4, 4, 4});
@@ -36,7 +36,7 @@ TEST(TreeText, TreeAndGrowthComeBackAndTheParametersStay) {
   EXPECT_EQ(withTree(withoutTree(text), **back, rows), text);
 }
 
-TEST(TreeText, ATextWithoutATreeSamplesTheWholeGrid) {
+TEST(TreeText, aTextWithoutATreeSamplesTheWholeGrid) {
   const auto none = treeFromText(kParameters, testGrid(), "images");
   ASSERT_TRUE(none);
   EXPECT_FALSE(*none);
@@ -45,7 +45,7 @@ TEST(TreeText, ATextWithoutATreeSamplesTheWholeGrid) {
   EXPECT_TRUE(growthFromText(withTree(kParameters, SampleTree(testGrid(), 4), {})).empty());
 }
 
-TEST(TreeText, ADamagedTreeIsAnErrorThatNamesTheStore) {
+TEST(TreeText, aDamagedTreeIsAnErrorThatNamesTheStore) {
   const std::string text = withTree(kParameters, SampleTree(testGrid(), 4), {});
   const std::size_t at = text.find("\"tree\": \"") + 9;
   for (const std::string& wrong :
@@ -58,7 +58,7 @@ TEST(TreeText, ADamagedTreeIsAnErrorThatNamesTheStore) {
   }
 }
 
-TEST(Parameters, ofTwoTextsAreComparedWithoutTheirTrees) {
+TEST(Parameters, areComparedWithoutTrees) {
   const std::string one = withTree(kParameters, SampleTree(testGrid(), 4), {});
   const std::string two = withTree(kParameters, SampleTree(testGrid(), 2), {{8, 1, 8, 5, 20.0, 11.5, 1}});
   EXPECT_TRUE(sameParameters(one, two));
