@@ -10,12 +10,12 @@
 //
 // clang-format off
 //   use(p, s) = facing(p, s) / sqrt(r² + m²)                 1: as good as the view itself
-//   r = max(1, (f_view / |s − e|) / (f_face / |s − p|))      view pixels that one pixel of the image covers; f in pixels
+//   r = max(1, (f_view / |s − e|) / (f_face / |s − p|))      view pixels that one image pixel covers; f in pixels
 //   m = kTypicalError · error_px · tan(angle between s − e and s − p)
 //                                                            view pixels by which a proxy's error shifts the image
 //   facing = clamp((n · toPoint) / max(n · toEye, 0.2), 0, 1)
-//                                                            n is the surface normal turned towards the eye; where it is
-//                                                            not known, facing is the cosine of the angle above
+//                                                            n is the surface normal turned towards the eye; where
+//                                                            it is not known, facing is the cosine of the angle
 // clang-format on
 //
 // if nothing lies between p and s, and 0 otherwise. ProxySight (lod/patch/proxy_sight.h) tests this on a coarse cut;

@@ -1,8 +1,9 @@
-// What it costs the server to choose a view's images, with and without looking at what hides what.
+// Measures what it costs the server to choose a view's images, with and without the occlusion test.
 //
 //   choice_bench SCENE VIEWS.json        (lumigrid tour SCENE --random 200 -o VIEWS.json)
 //
-// Prints microseconds per view of planView (cut, points, faces), median and worst, and those of the sight test alone.
+// It prints the median and the largest number of microseconds that planView (cut, points, faces) takes for a view, and
+// those of the occlusion test alone.
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
@@ -37,7 +38,7 @@ void timePlans(const char* what, const server::SceneData& scene, const std::vect
   report(what, std::move(times));
 }
 
-// From every camera to places all over the model.
+// Tests sight from every camera to places all over the model.
 void timeLines(const lod::patch::ProxySight& sight, const base::Scene& scene,
                const std::vector<base::ViewCamera>& cameras) {
   const glm::vec3 low(scene.box_min - scene.origin);

@@ -1,9 +1,11 @@
-// What publishing costs, and reading packs instead of LMDB: the same values, from the same disk, in one run.
+// Measures what publishing costs, and compares reading packs with reading LMDB: the same values, from the same disk, in
+// one run.
 //
 //   pack_bench [--faces N] [--bytes N] [--work DIRECTORY] [--pack-size BYTES]
 //
-// Publishing is judged by copying the store's file (read, write, fsync); single gets and neighbourhoods by those of
-// LMDB. Everything has been read once before it is timed, so what is compared is CPU and system calls, not the disk.
+// Publishing is compared with a copy of the store's file (read, write, fsync), and reads of single faces and of
+// neighbourhoods with those from LMDB. Everything has been read once before it is timed, so the times are those of CPU
+// and system calls, not of the disk.
 #include <cstdio>
 #include <filesystem>
 #include <random>
@@ -44,7 +46,8 @@ Arguments parse(int argc, char** argv) {
   return a;
 }
 
-// Points of a cube, all six faces each, half to one and a half times as long as asked, one in five empty.
+// The points of a cube with all six faces. Values have half to one and a half times the length asked for, and one in
+// five is empty.
 std::uint32_t sideOf(std::uint32_t faces) {
   std::uint32_t side = 2;
   while ((side + 1) * (side + 1) * (side + 1) * 6 <= faces) ++side;
@@ -70,7 +73,7 @@ std::uint64_t fill(repository::Store& store, std::uint32_t side, std::uint32_t b
   return total;
 }
 
-// The limit: the same bytes from one file to another, durable.
+// A durable copy of the same bytes from one file to another is the lower limit.
 double copySeconds(const std::string& from, const std::string& to) {
   const double start = bench::seconds();
   const base::MappedFile source = must(base::MappedFile::open(from));
@@ -94,7 +97,7 @@ std::vector<std::vector<FaceKey>> randomKeys(std::uint32_t side, std::size_t gro
   return keys;
 }
 
-// Seconds for all groups, after one round that warms caches.
+// The seconds for all groups, after one round that warms caches.
 double readSeconds(const repository::Store& store, const std::vector<std::vector<FaceKey>>& groups) {
   double seconds = 0.0;
   for (int round = 0; round < 2; ++round) {
@@ -107,7 +110,7 @@ double readSeconds(const repository::Store& store, const std::vector<std::vector
   return seconds;
 }
 
-// The same with each value's checksum looked at, as a session does with what LMDB gives it.
+// Reads from LMDB and checks each value's checksum, as a session does.
 double checkedSeconds(const repository::Store& store, const std::vector<std::vector<FaceKey>>& groups) {
   const double start = bench::seconds();
   for (const auto& keys : groups)
@@ -116,7 +119,7 @@ double checkedSeconds(const repository::Store& store, const std::vector<std::vec
   return bench::seconds() - start;
 }
 
-// Counts ranges.
+// Counts the ranges that are read.
 class CountingSource final : public repository::ObjectSource {
  public:
   explicit CountingSource(std::unique_ptr<ObjectSource> source) : source_(std::move(source)) {}

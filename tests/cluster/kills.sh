@@ -1,3 +1,4 @@
 #!/usr/bin/env bash
-# 20 x kill -9 of builds at random moments of the images stage, with a reader beside them. One line at the end: PASS or FAIL.
+# Kills 20 builds (kill -9) at random moments of the images stage, with a reader beside them. Prints PASS or FAIL on its
+# last line.
 exec python3 "$(dirname "$0")/lib/crash.py" kills

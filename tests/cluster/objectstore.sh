@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
-# A real S3 store on this machine: OpenStack Swift with s3api, three replicas on three storage nodes. Objects are written, listed, read by
-# range, mirrored and removed; wrong keys, buckets and names are named errors; a scene is published and served by two servers
-# with a cache each; one storage node is killed under a reader and under viewers, who notice nothing.
-# About a minute. Needs root (storage files carry extended attributes), build/release or $LUMIGRID_BUILD, and Debian's python3-swift and memcached,
-# which it installs. Everything is on 127.0.0.1, in a directory of its own, and is stopped by process id.
+# Runs a real S3 store on this machine: OpenStack Swift with s3api, three replicas on three storage nodes. It writes,
+# lists, reads by range, mirrors and removes objects; expects wrong keys, buckets and names to be named errors; publishes
+# a scene and serves it by two servers with a cache each; and kills one storage node under a reader and under viewers,
+# who notice nothing.
+# It takes about a minute and needs root (storage files carry extended attributes), build/release or $LUMIGRID_BUILD, and
+# Debian's python3-swift and memcached, which it installs. Everything is on 127.0.0.1, in a directory of its own, and is stopped by process id.
 set -euo pipefail
 name=objectstore
 root=$(cd "$(dirname "$0")/../.." && pwd)
@@ -52,7 +53,7 @@ swift_hash_path_suffix = lumigrid
 name = three
 default = yes
 END
-# Swift's own commands read /etc/swift; this one reads ours.
+# Swift's own commands read /etc/swift; this one reads the test's configuration.
 cat >"$work/swift_server.py" <<'END'
 import sys
 from swift.common import utils
@@ -145,7 +146,7 @@ done
 "$probe" list s3://scenes "" >/dev/null || fail "the store does not start: $(cat "$work/made")"
 echo "Swift with three storage nodes answers"
 
-# Swift's lists follow a little later, the more so on a busy machine or without a node.
+# Swift updates its lists with a delay, which is longer on a busy machine or without a node.
 expect_list() { # what is there, or nothing; what it means if it is not
   local listed
   for _ in $(seq 60); do
@@ -176,7 +177,7 @@ expect_list "$both" "list"
 cmp "$work/large" "$work/mirror/patch.lgp" || fail "the mirrored file"
 echo "written, listed, read by range, cached and mirrored"
 
-# --- What goes wrong is named
+# --- Errors are named
 
 expect_error() { # expect_error WORDS COMMAND...: status 1 and one line with the words
   local words=$1 line

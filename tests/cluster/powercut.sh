@@ -1,4 +1,4 @@
 #!/usr/bin/env bash
-# Power cuts (ext4 on a loop device, shutdown ioctl) at random moments of builds of images and hierarchies; root only. One line
-# at the end: PASS, FAIL or SKIP.
+# Cuts the power (ext4 on a loop device, shutdown ioctl) at random moments of builds of images and hierarchies. Needs
+# root. Prints PASS, FAIL or SKIP on its last line.
 exec python3 "$(dirname "$0")/lib/crash.py" powercut

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# A Slurm cluster of two nodes on this machine builds a scene in 4 shards: one task is killed, one node dies, and the driver ends complete all
-# the same, value by value what one process builds. Takes about a minute. Needs root, the programs in build/release or $LUMIGRID_BUILD, and Debian's slurm-wlm
-# and munge, which it installs. Everything is on 127.0.0.1, in a directory of its own, and is stopped by process id.
+# A Slurm cluster of two nodes on this machine builds a scene in 4 shards. One task is killed and one node dies, and the
+# scene still equals, value by value, the one that a single process builds. It takes about a minute and needs root, the
+# programs in build/release or $LUMIGRID_BUILD, and Debian's slurm-wlm and munge, which it installs. Everything is on 127.0.0.1, in a directory of its own, and is stopped by process id.
 set -euo pipefail
 name=slurm
 root=$(cd "$(dirname "$0")/../.." && pwd)
@@ -28,7 +28,7 @@ clean_up() {
   for pid in $(steps_of node1 node2); do kill -9 "$pid" 2>/dev/null || true; done
   if [ $status -eq 0 ] || [ -z "${KEEP:-}" ]; then rm -rf --one-file-system "$work"; else echo "kept $work"; fi
 }
-# Processes of our nodes' tasks: their environment says so.
+# Lists the processes of the nodes' tasks, which their environment identifies.
 steps_of() {
   for node in "$@"; do
     for process in /proc/[0-9]*; do
@@ -98,12 +98,12 @@ done
 both_idle() { [ "$(sinfo --noheader --Node --format=%t 2>/dev/null | grep -c '^idle$')" = 2 ]; }
 until_true 60 both_idle || fail "the cluster did not come up: $(sinfo 2>&1; tail -3 "$work"/slurmctld.log)"
 
-# --- What one process builds
+# --- A single process builds the scene
 options=(--grid 13 --face 128 --supersampling 2 --batch 50)
 "$lumigrid" sample --triangles 20000 -o "$work/mesh.ply" 2>/dev/null
 "$lumigrid" build "$work/mesh.ply" -o "$work/whole" "${options[@]}" --quiet >/dev/null || fail "the undivided build"
 
-# --- Tasks that choose their shard by what Slurm tells them
+# --- Tasks choose their shard by Slurm's variables
 small=(--grid 5 --face 64 --quiet)
 "$lumigrid" build "$work/mesh.ply" -o "$work/small" "${small[@]}" >/dev/null || fail "the small undivided build"
 srun --quiet --ntasks=3 "$lumigrid" build "$work/mesh.ply" -o "$work/ranks" "${small[@]}" --shard auto >"$work/ranks.log" 2>&1 ||
@@ -117,14 +117,14 @@ for scene in ranks array; do
 done
 echo "srun and a job array with --shard auto: the same as undivided"
 
-# --- The driver, and what happens to it
+# --- The driver, with one task killed and one node lost
 scene=$work/scene
 "$root/tools/slurm/build.sh" -o "$scene" --shards 4 --poll 1 --lumigrid "$lumigrid" "$work/mesh.ply" -- "${options[@]}" \
   >"$work/driver.log" 2>&1 &
 driver=$!
 store() { echo "$scene/images/shard-000$1-of-0004"; }
 node_of() { squeue --noheader --array --states=RUNNING --format='%K %N' | sed -n "s/^$1 //p"; }
-# Shards are halted on the way, so that none is over before its end has come.
+# Shards are halted on the way, so that none ends before it is killed.
 pid_of() { cat "$(store "$1")/writer.lock" 2>/dev/null; }
 halted=()
 halt_on_the_way() { # all shards that run and have committed something
@@ -143,7 +143,7 @@ killed=${halted[0]}
 echo "killing the task of shard $killed on $(node_of "$killed")"
 kill -9 "$(pid_of "$killed")"
 
-# The node of another shard dies: its daemon, and all that ran on it.
+# The node of another shard dies: its daemon and all processes that ran on it.
 victim=${halted[1]}
 node=$(node_of "$victim")
 [ -n "$node" ] || fail "shard $victim is not in the queue: $(squeue)"
@@ -165,7 +165,7 @@ rounds=$(grep -c -- '--array=' "$work/driver.log")
 [ "$rounds" -ge 2 ] || fail "one round was enough: this test proved nothing"
 [ "$(sinfo --noheader --Node --nodes="$node" --format=%T | tr -d '*')" = down ] || fail "$node should be down: $(sinfo)"
 
-# --- The same, value by value
+# --- Both scenes are equal, value by value
 "$lumigrid" build --missing -o "$scene" >/dev/null || fail "something is missing"
 "$lumigrid" verify "$scene" || fail "verify"
 [ -n "$(digest "$scene")" ] || fail "no digest"

@@ -1,5 +1,5 @@
-// decodeAccess on any bytes: as they are, and with both checksums made right. What is accepted comes back byte by byte,
-// and can be added to and ranked.
+// Feeds any bytes to decodeAccess, as they are and with both checksums correct. Accepted counts must encode to the same
+// bytes, and adding and ranking them must work.
 #include "repository/access.h"
 
 #include "base/check.h"

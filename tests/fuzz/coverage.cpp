@@ -1,4 +1,4 @@
-// decodeCoverage on any bytes. The first two bytes choose the size of the mask.
+// Feeds any bytes to decodeCoverage. The first two bytes choose the size of the mask.
 #include "repository/faces/coverage.h"
 
 #include "base/check.h"
@@ -36,7 +36,7 @@ void fuzzOne(base::ByteView bytes) {
   LUMIGRID_CHECK_EQ(mask->pixels.size(), static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
   for (const std::uint8_t pixel : mask->pixels) LUMIGRID_CHECK(pixel == 0 || pixel == 255);
 
-  // What was accepted is a mask, and a mask comes back from its own code.
+  // An accepted mask must come back from its own encoding.
   const auto again = repository::decodeCoverage(repository::encodeCoverage(*mask), width, height);
   LUMIGRID_CHECK(again && again->pixels == mask->pixels);
 }

@@ -1,6 +1,6 @@
 // Runs a target over its seeds, over every cut of them, and over a fixed number of mutations of them.
 //
-//   fuzz_NAME [--inputs N]      all of it; the same inputs on every machine
+//   fuzz_NAME [--inputs N]      all inputs, which are the same on every machine
 //   fuzz_NAME --only I          input number I alone, as a crash names it
 //   fuzz_NAME --write-seeds DIR the seeds as files, for libFuzzer
 //   fuzz_NAME FILE...           these files
@@ -19,9 +19,9 @@
 
 namespace {
 
-constexpr std::size_t kLongestExhaustive = 4096;  // seeds up to this are cut at every length
+constexpr std::size_t kMaxExhaustiveBytes = 4096;  // bytes; smaller seeds are cut at every length
 
-// splitmix64 (Steele et al. 2014): any input can be made from its number alone.
+// splitmix64 (Steele et al. 2014) lets any input be made from its number alone.
 class Random {
  public:
   explicit Random(std::uint64_t seed) : state_(seed * 0x9E3779B97F4A7C15ULL) {}
@@ -64,7 +64,7 @@ void mutateOnce(base::Bytes& bytes, const base::Bytes& other, Random& random) {
     case 1:  // one byte
       if (rest > 0) bytes[at] = static_cast<std::uint8_t>(random.next());
       break;
-    case 2: {  // a number that often hurts, mostly where a field would lie
+    case 2: {  // a number that often breaks readers, mostly where a field would lie
       const std::uint64_t number = interestingNumber(random);
       const std::size_t size = std::size_t{1} << random.below(4);
       const std::size_t aligned = random.below(4) != 0 ? at / 4 * 4 : at;
@@ -74,13 +74,13 @@ void mutateOnce(base::Bytes& bytes, const base::Bytes& other, Random& random) {
     case 3:  // cut
       bytes.resize(at);
       break;
-    case 4:  // leave a piece out
+    case 4:  // remove a piece
       bytes.erase(position, position + static_cast<std::ptrdiff_t>(random.below(std::min<std::size_t>(rest, 64) + 1)));
       break;
-    case 5:  // push a piece in
+    case 5:  // insert a piece
       bytes.insert(position, 1 + random.below(32), static_cast<std::uint8_t>(random.next()));
       break;
-    default: {  // a piece of another seed
+    default: {  // insert a piece of another seed
       const std::size_t from = random.below(other.size());
       const std::size_t count = std::min({rest, other.size() - from, random.below(64) + 1});
       std::copy_n(other.begin() + static_cast<std::ptrdiff_t>(from), count, position);
@@ -96,7 +96,7 @@ base::Bytes mutated(const std::vector<base::Bytes>& seeds, std::uint64_t number)
   return bytes;
 }
 
-// Input number for whoever has to look at a crash.
+// The number of the current input, which a crash report names.
 volatile std::sig_atomic_t current_input = -1;
 
 extern "C" void reportCrash(int signal) {
@@ -111,7 +111,7 @@ extern "C" void reportCrash(int signal) {
 void runAll(const std::vector<base::Bytes>& seeds, std::uint64_t inputs) {
   for (const base::Bytes& seed : seeds) {
     fuzz::fuzzOne(seed);
-    for (std::size_t length = 0; seed.size() <= kLongestExhaustive && length < seed.size(); ++length)
+    for (std::size_t length = 0; seed.size() <= kMaxExhaustiveBytes && length < seed.size(); ++length)
       fuzz::fuzzOne(base::ByteView(seed).first(length));
   }
   for (std::uint64_t i = 0; i < inputs; ++i) {

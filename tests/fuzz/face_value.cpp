@@ -1,4 +1,4 @@
-// decodeFaceValue and decodeFaceImage on any bytes: as they are, and with their checksum made right.
+// Feeds any bytes to decodeFaceValue and decodeFaceImage, as they are and with a correct checksum.
 #include "repository/faces/face_value.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Grid::decode on any bytes; what is accepted must be usable.
+// Feeds any bytes to Grid::decode. An accepted grid must be usable.
 #include "repository/sampling/grid.h"
 
 #include <cmath>

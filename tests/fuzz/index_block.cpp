@@ -1,5 +1,5 @@
-// decodeIndexBlock on any bytes, filled with zeros or cut to a block's length: as they are, and with their checksum
-// made right. Seeds end where their zeros begin, so that mutations meet what is read.
+// Feeds any bytes, padded with zeros or cut to a block's length, to decodeIndexBlock, as they are and with a correct
+// checksum. Seeds end where their zeros begin, so that mutations hit bytes that are read.
 #include "base/check.h"
 #include "base/crc32c.h"
 #include "repository/packs/pack_format.h"
@@ -7,7 +7,7 @@
 
 namespace {
 
-// The smallest blocks that there are; one of them, so that every run belongs in it.
+// The index has a single block of the smallest size, so that every run belongs in it.
 repository::IndexRoot root() {
   repository::IndexRoot root;
   root.blocks = 1;
@@ -36,7 +36,7 @@ void decode(base::ByteView bytes) {
 namespace fuzz {
 
 std::vector<base::Bytes> seeds() {
-  // The first kilobytes of a block of the writer's size hold all of these runs.
+  // The writer makes larger blocks, whose first kilobytes hold all of these runs.
   repository::IndexBuilder builder;
   const std::vector<repository::PackEntry> first{{0, 10}, {1, 0}, {64, 200}};
   const std::vector<repository::PackEntry> second{{68, 20000}, {69, 3000000}, {512, 8}};

@@ -1,4 +1,4 @@
-// decodeJpeg on any bytes.
+// Feeds any bytes to decodeJpeg.
 #include "repository/faces/jpeg.h"
 
 #include "base/check.h"

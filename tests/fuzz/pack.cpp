@@ -1,4 +1,4 @@
-// decodePack on any bytes: as they are, and with the checksums of header and table made right.
+// Feeds any bytes to decodePack, as they are and with correct checksums of header and table.
 #include "base/check.h"
 #include "base/crc32c.h"
 #include "repository/packs/pack_format.h"
@@ -9,7 +9,7 @@ namespace {
 void decode(base::ByteView bytes) {
   const auto table = repository::decodePack(bytes);
   if (!table) return;
-  // A table says where every value lies, and making the pack again from them gives the same bytes.
+  // A table locates every value, and encoding the pack from these values must give the same bytes.
   const auto& entries = table->entries;
   base::Bytes values;
   for (std::size_t i = 0; i < entries.size(); ++i) {

@@ -1,6 +1,6 @@
-// The root of an index, its parameters and its list of packs, on any bytes: as they are, and with checksums made right.
-// An input is what an index has besides its blocks: header, parameters and rows, one behind the other, so that
-// mutations meet what is read.
+// Feeds any bytes to the decoders of an index's root, parameters and list of packs, as they are and with correct
+// checksums. An input holds an index without its blocks (header, parameters and rows, one behind the other), so that
+// mutations hit bytes that are read.
 #include <algorithm>
 
 #include "base/check.h"
@@ -28,7 +28,7 @@ Parts partsOf(const repository::IndexRoot& root, base::ByteView bytes) {
 void decode(base::ByteView bytes) {
   const auto root = repository::decodeIndexRoot(bytes);
   if (!root) return;
-  // Lengths cannot overflow, and every key has a block that lies in the object.
+  // Lengths must not overflow, and every key must have a block that lies in the object.
   LUMIGRID_CHECK(root->rowsOffset() <= root->object_bytes && root->blocks_offset >= repository::kIndexFrontBytes);
   for (const std::uint64_t code : {std::uint64_t{0}, std::uint64_t{77}, ~std::uint64_t{0} >> 1})
     LUMIGRID_CHECK(repository::blockOfCode(*root, code) < root->blocks);

@@ -1,4 +1,5 @@
-// What images/ says of itself: its parameters, and the names of its directories. A grid that is taken can be divided.
+// Feeds any text to the readers of a store's parameters and of shard directory names. An accepted grid must be
+// divisible into shards.
 #include <string>
 
 #include "base/check.h"
@@ -26,7 +27,7 @@ void divide(const repository::Grid& grid) {
   }
 }
 
-// A tree over 5 x 5 x 5 points, in hexadecimal as parameters hold it.
+// The parameters hold a tree over 5 x 5 x 5 points in hexadecimal.
 std::string treeOfFive() {
   repository::Grid grid;
   grid.count = glm::uvec3(5);

@@ -1,4 +1,4 @@
-// What an S3 store answers, as any bytes: the scan comes back, and what it found lies within its bounds.
+// Feeds any bytes to the readers of S3's XML and of Content-Range. They must return, with results within their bounds.
 #include "repository/objects/s3_xml.h"
 
 #include "base/byte_range.h"

@@ -1,4 +1,4 @@
-// SampleTree::decode on any bytes, as they are and with their checksum made right; what is accepted must be usable.
+// Feeds any bytes to SampleTree::decode, as they are and with a correct checksum. An accepted tree must be usable.
 #include "repository/sampling/sample_tree.h"
 
 #include <cstring>

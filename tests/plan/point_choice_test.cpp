@@ -239,7 +239,8 @@ double meanSmear(const PointQuery& query, const std::vector<glm::uvec3>& points,
   for (const SurfaceSample& sample : samples) {
     double sharpest = std::numeric_limits<double>::max();
     for (const glm::uvec3& p : points)
-      sharpest = std::min(sharpest, smearOfImage(query, glm::dvec3(place(query, p)), glm::dvec3(sample.position), offset));
+      sharpest =
+          std::min(sharpest, smearOfImage(query, glm::dvec3(place(query, p)), glm::dvec3(sample.position), offset));
     sum += sharpest;
   }
   return sum / static_cast<double>(samples.size());

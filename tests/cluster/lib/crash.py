@@ -1,8 +1,9 @@
-"""Builds that are killed, and builds whose power is cut: what was committed must be there, and the rerun renders the rest.
+"""Kills builds and cuts their power. All committed values must be there, and the rerun must render the rest.
 
     crash.py kills | powercut      (through tests/cluster/kills.sh, powercut.sh)
 
-LUMIGRID_BUILD: the build directory with bin/ and tests/; else the first that has them. LUMIGRID_SEED: the same moments again.
+LUMIGRID_BUILD names the build directory with bin/ and tests/; without it the first one that has them is used.
+LUMIGRID_SEED repeats the moments of an earlier run.
 """
 
 import fcntl
@@ -22,8 +23,8 @@ ROOT = os.path.abspath(os.path.join(os.path.dirname(__file__), "..", "..", "..")
 KILLS = 20
 CUTS = 5  # of the images, and as many of the hierarchy
 
-# <linux/fs.h>, formerly <fs/ext4/ext4.h>: EXT4_IOC_SHUTDOWN = _IOR('X', 125, __u32). NOLOGFLUSH: the journal is not written
-# out first, as when the power goes.
+# <linux/fs.h>, formerly <fs/ext4/ext4.h>, has EXT4_IOC_SHUTDOWN = _IOR('X', 125, __u32). With NOLOGFLUSH the journal is
+# not written out first, as in a power cut.
 EXT4_IOC_SHUTDOWN = 0x8004587D
 EXT4_GOING_FLAGS_NOLOGFLUSH = 2
 
