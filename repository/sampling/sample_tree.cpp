@@ -21,7 +21,7 @@ base::Error damaged(const std::string& what) {
   return {base::ErrorCode::kInvalidInput, "the tree of sampling points " + what};
 }
 
-// Two bits each, the first in the lowest bits.
+// Packs values of two bits, the first one into the lowest bits.
 class TwoBitWriter {
  public:
   void put(std::uint8_t value) {
@@ -39,14 +39,14 @@ class TwoBitWriter {
 class TwoBitReader {
  public:
   explicit TwoBitReader(base::ByteView bytes) : bytes_(bytes) {}
-  /// 3, which is no state, behind the end.
+  /// Returns 3, which is no state, behind the end.
   std::uint8_t get() {
     if (at_ / 4 >= bytes_.size()) return 3;
     const auto value = static_cast<std::uint8_t>(bytes_[at_ / 4] >> (2 * (at_ % 4)) & 3);
     ++at_;
     return value;
   }
-  /// Everything was read but the last byte's unused bits, which are 0.
+  /// Whether everything was read except the last byte's unused bits, which must be 0.
   bool atEnd() const {
     return (at_ + 3) / 4 == bytes_.size() && (at_ % 4 == 0 || bytes_.back() >> (2 * (at_ % 4)) == 0);
   }
@@ -119,7 +119,7 @@ std::array<glm::uvec3, 8> SampleTree::cornersOf(const Cell& cell) const {
 
 bool SampleTree::hasPoint(const glm::uvec3& point) const {
   if (glm::any(glm::greaterThanEqual(point, count_)) || leavesOut(point)) return false;
-  // The cells around it.
+  // The point is sampled if it is a corner of the leaf that holds one of the grid cells around it.
   for (std::uint32_t i = 0; i < 8; ++i) {
     const glm::uvec3 low(i & 1U, i >> 1 & 1U, i >> 2);
     if (glm::any(glm::lessThan(point, low)) || outside(point - low)) continue;
@@ -183,7 +183,7 @@ void SampleTree::leaveOut(const glm::uvec3& point) {
 }
 
 base::Bytes SampleTree::encode() const {
-  // Nodes outside of the grid say nothing.
+  // Nodes outside of the grid are not encoded.
   TwoBitWriter states;
   std::vector<std::pair<std::uint32_t, Cell>> open{{0, {glm::uvec3(0), root_size_}}};
   while (!open.empty()) {

@@ -1,6 +1,7 @@
 #pragma once
-// Which points of the grid are sampled: the corners of an octree's leaves (DESIGN section 5, adaptive grid; Okamoto
-// 2011, future work: sampling by geometric complexity). Keys stay those of the finest grid. docs/formats/repository.md
+// The points of the grid that are sampled: the corners of an octree's leaves (Okamoto 2011 names sampling by geometric
+// complexity as future work). Keys stay those of the finest grid (docs/formats/repository.md, "Tree of sampling
+// points").
 #include <array>
 #include <cstdint>
 #include <glm/glm.hpp>
@@ -15,7 +16,7 @@
 
 namespace repository {
 
-/// Cells are cubes of 2^n grid steps that may reach beyond the grid's far sides; their corners there lie on the sides.
+/// Cells are cubes of 2^n grid steps. One that reaches beyond the grid's far sides has its corners on those sides.
 class SampleTree {
  public:
   struct Cell {
@@ -24,36 +25,37 @@ class SampleTree {
     friend bool operator==(const Cell&, const Cell&) = default;
   };
 
-  /// Open leaves of `size` steps, a power of two, cover the grid (or one leaf, where it is smaller).
+  /// Open leaves of `size` steps, a power of two, cover the grid, or a single leaf where the grid is smaller.
   SampleTree(const Grid& grid, std::uint32_t size);
 
-  /// The leaf that holds grid cell `cell`, each index 0 … count − 2.
+  /// The leaf that holds grid cell `cell`, whose indices are 0 … count − 2.
   Cell leafOf(const glm::uvec3& cell) const;
-  /// The leaf that holds a place, clamped to the grid.
+  /// The leaf that holds `place`, clamped to the grid.
   Cell leafAt(const Grid& grid, const glm::vec3& place) const { return leafOf(grid.cellOf(place)); }
-  /// The points at a cell's corners: i & 1 is the far side in x, i >> 1 & 1 in y, i >> 2 in z. Some coincide where the
-  /// grid ends within the cell.
+  /// The points at a cell's corners: i & 1 is the far side in x, i >> 1 & 1 in y, i >> 2 in z. Some of them coincide
+  /// where the grid ends within the cell.
   std::array<glm::uvec3, 8> cornersOf(const Cell& cell) const;
-  /// Whether images are stored there: a corner of a leaf, and not left out.
+  /// Whether the point is sampled: it is a corner of a leaf and not left out.
   bool hasPoint(const glm::uvec3& point) const;
-  /// All such points, in Morton order.
+  /// All sampled points in Morton order.
   std::vector<glm::uvec3> points() const;
   std::uint64_t leafCount() const;
 
-  /// Leaves nobody has judged, in Morton order. Cells of one step are never among them: they cannot be split.
+  /// The leaves that are neither split nor closed yet, in Morton order. Cells of one step cannot be split and are never
+  /// among them.
   std::vector<Cell> openLeaves() const;
-  /// An open leaf becomes eight open ones.
+  /// Divides an open leaf into eight open ones.
   void split(const Cell& leaf);
-  /// An open leaf stays.
+  /// Keeps an open leaf undivided from now on.
   void close(const Cell& leaf);
-  /// No images at this point: the model hides it, or nothing is seen from there.
+  /// Leaves out a point, for instance one inside the model or one that sees nothing.
   void leaveOut(const glm::uvec3& point);
   bool leavesOut(const glm::uvec3& point) const {
     return left_out_.count(FaceKey{point.x, point.y, point.z, 0}.code()) != 0;
   }
 
   base::Bytes encode() const;
-  /// Hostile bytes are an error; never more memory than 256 times theirs.
+  /// Hostile bytes give an error and never take more than 256 times their own memory.
   static base::Result<SampleTree> decode(const Grid& grid, base::ByteView bytes);
 
  private:
@@ -79,7 +81,7 @@ class SampleTree {
 /// The points at which a repository's images were taken.
 struct SampledPoints {
   Grid grid;
-  std::optional<SampleTree> tree;  ///< which of them are sampled, where not all are
+  std::optional<SampleTree> tree;  ///< the sampled ones, where not all points are
 
   const SampleTree* treeOrNull() const { return tree ? &*tree : nullptr; }
   std::uint64_t count() const { return tree ? tree->points().size() : grid.pointCount(); }

@@ -108,7 +108,7 @@ TEST_F(VerifyTest, manyFaultsEndInOneLineThatSaysSo) {
   EXPECT_NE(found.back().find("stopped"), std::string::npos);
 }
 
-// Of the 12 points, shard 1 of 3 holds those at places 4 to 7 of the Morton order.
+// Shard 1 of 3 holds those of the 12 points that have places 4 to 7 in Morton order.
 TEST_F(VerifyTest, aShardIsExpectedToHoldOnlyItsOwnFaces) {
   const auto found = *verifyShard(*store_, grid_, {1, 3}, nullptr, 2);
   ASSERT_EQ(found.size(), 48U) << "the 8 points of other shards";
