@@ -227,8 +227,8 @@ TEST(CachedSource, blocksHaveTheDocumentedKeys) {
   const auto cached = f.open(directory.path());
   f.expectRead(*cached, "pack", 0, 1);
   // The worked example of docs/formats/cache.md: the SHA-256 of "far://scene\n\npack\n0".
-  const PieceId id{0xd7, 0x17, 0x7d, 0xea, 0xd8, 0x17, 0xe4, 0xbe, 0x01, 0x1d, 0x4a, 0xbf, 0x7e, 0x2d, 0x39, 0xf1};
-  const auto block = cached->cache().get(id);
+  const CacheKey key{0xd7, 0x17, 0x7d, 0xea, 0xd8, 0x17, 0xe4, 0xbe, 0x01, 0x1d, 0x4a, 0xbf, 0x7e, 0x2d, 0x39, 0xf1};
+  const auto block = cached->cache().get(key);
   ASSERT_TRUE(block);
   EXPECT_EQ(block->size(), kBlock);
   EXPECT_TRUE(std::equal(block->begin(), block->end(), f.far->objects["pack"].begin()));
