@@ -26,7 +26,8 @@ const std::string kMin = R"({"position": [1, 2, 3], "title": "t"})";
 TEST(Annotations, theDocumentsExampleIsTaken) {
   const auto notes = check(
       R"({"version": 1, "annotations": [
-      {"position": [500004.1, 4000007.3, 103.2], "normal": [0, 0, 1], "title": "Crack", "text": "4 mm wide.\nSeen first in May.",
+      {"position": [500004.1, 4000007.3, 103.2], "normal": [0, 0, 1],
+       "title": "Crack", "text": "4 mm wide.\nSeen first in May.",
        "camera": {"position": [500006, 4000005, 105], "target": [500004.1, 4000007.3, 103.2], "up": [0, 0, 1]}}]})");
   ASSERT_TRUE(notes) << notes.error().message;
   EXPECT_EQ(*notes, 1U);
@@ -38,7 +39,8 @@ TEST(Annotations, theDocumentsExampleIsTaken) {
 
 TEST(Annotations, notesComeAsTheyAreWritten) {
   const auto notes = parse(R"({"version": 1, "annotations": [
-      {"position": [500004.1, 4000007.3, 103.2], "normal": [0, 0, 2], "title": "Crack", "text": "4 mm wide.\nSeen first in May.",
+      {"position": [500004.1, 4000007.3, 103.2], "normal": [0, 0, 2],
+       "title": "Crack", "text": "4 mm wide.\nSeen first in May.",
        "camera": {"position": [500006, 4000005, 105], "target": [500004.1, 4000007.3, 103.2], "up": [0, 0, 1]}},
       {"position": [1, 2, 3], "title": "Only a title", "author": "passed over"}]})");
   ASSERT_TRUE(notes) << notes.error().message;
