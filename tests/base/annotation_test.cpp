@@ -16,7 +16,7 @@ Annotation note() {
   return annotation;
 }
 
-TEST(Annotation, whatIsFineComesBackWithUnitVectors) {
+TEST(Annotation, validNotesGetUnitVectors) {
   Annotation wanted = note();
   wanted.camera.emplace();
   wanted.camera->direction = {0.0, 2.0, 0.0};
@@ -27,13 +27,13 @@ TEST(Annotation, whatIsFineComesBackWithUnitVectors) {
   EXPECT_EQ(checked->text, wanted.text);
 }
 
-TEST(Annotation, withoutANormalItStaysZero) {
+TEST(Annotation, absentNormalStaysZero) {
   Annotation wanted = note();
   wanted.normal = {};
   EXPECT_EQ(checkedAnnotation(wanted)->normal, glm::dvec3(0.0));
 }
 
-TEST(Annotation, whatIsWrongIsNamed) {
+TEST(Annotation, errorsNameTheWrongMember) {
   const auto says = [](auto change, const std::string& word) {
     Annotation wanted = note();
     change(wanted);
@@ -55,7 +55,7 @@ TEST(Annotation, whatIsWrongIsNamed) {
   says([&](Annotation& a) { a.camera.emplace().position.y = nan; }, "camera");
 }
 
-TEST(Annotation, textThatIsNotUtf8IsRefused) {
+TEST(Annotation, invalidUtf8IsRefused) {
   for (const char* wrong : {"\x80", "\xC0\x80", "\xC3", "\xE2\x82", "\xED\xA0\x80", "\xF4\x90\x80\x80",
                             "\xF8\x88\x80\x80\x80", "\xE0\x80\xAF", "\xF0\x80\x80\xAF", "a\xFF"}) {
     Annotation wanted = note();

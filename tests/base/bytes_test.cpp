@@ -4,7 +4,7 @@
 
 namespace {
 
-TEST(Bytes, whatIsWrittenIsRead) {
+TEST(Bytes, writtenValuesReadBack) {
   base::ByteWriter out;
   out.u8(7);
   out.u16(0x1234);
@@ -26,7 +26,7 @@ TEST(Bytes, whatIsWrittenIsRead) {
   EXPECT_TRUE(in.atEnd());
 }
 
-TEST(Bytes, aReaderPastItsEndYieldsZerosAndStaysBad) {
+TEST(Bytes, readingPastTheEndFailsForGood) {
   const base::Bytes bytes{1, 2, 3};
   base::ByteReader in(bytes);
   EXPECT_EQ(in.u32(), 0U);
@@ -36,7 +36,7 @@ TEST(Bytes, aReaderPastItsEndYieldsZerosAndStaysBad) {
   EXPECT_FALSE(in.atEnd());
 }
 
-TEST(Bytes, aLengthNearTheLimitOfSizeDoesNotWrap) {
+TEST(Bytes, lengthNearTheLimitOfSizeDoesNotWrap) {
   const base::Bytes bytes{1, 2, 3};
   base::ByteReader in(bytes);
   in.u8();
@@ -44,7 +44,7 @@ TEST(Bytes, aLengthNearTheLimitOfSizeDoesNotWrap) {
   EXPECT_FALSE(in.ok());
 }
 
-TEST(Bytes, numbersOfVariableLengthHaveOneForm) {
+TEST(Bytes, varintsHaveOneForm) {
   for (const std::uint64_t number : {std::uint64_t{0}, std::uint64_t{127}, std::uint64_t{128}, std::uint64_t{300},
                                      std::uint64_t{1} << 63, ~std::uint64_t{0}}) {
     base::ByteWriter out;

@@ -72,7 +72,7 @@ TEST(Camera, orthographicPixelsAreAsWideAtEveryDistance) {
   EXPECT_FLOAT_EQ(base::projectedError(0.5F, {glm::vec3(0, 0, 9), 1.0F}, camera, 0.1F), 10.0F);
 }
 
-TEST(Camera, inPerspectiveTheViewerIsThePointThatScalesDivideBy) {
+TEST(Camera, perspectiveScalesDivideByTheDistanceToTheEye) {
   const base::ViewCamera view = lookingDown();
   const base::Camera camera = base::cameraForScene(view, {500'000.0, 4'000'000.0, 100.0}, {glm::vec3(0.0F), 10.0F});
   EXPECT_FALSE(camera.orthographic());
@@ -82,7 +82,7 @@ TEST(Camera, inPerspectiveTheViewerIsThePointThatScalesDivideBy) {
                   base::projectedError(1.0F, glm::vec3(0.0F), 2.0F, camera.eye, camera.pixelsPerUnitAtOne(), 0.1F));
 }
 
-TEST(Camera, anOrthographicPictureDoesNotDependOnThePlaceAlongItsAxis) {
+TEST(Camera, orthographicPictureDoesNotDependOnThePositionAlongItsAxis) {
   base::ViewCamera view = lookingDown();
   view.ortho_height = 5.0;
   const glm::dvec3 origin(500'000.0, 4'000'000.0, 100.0);
@@ -91,7 +91,7 @@ TEST(Camera, anOrthographicPictureDoesNotDependOnThePlaceAlongItsAxis) {
   EXPECT_EQ(base::cameraForScene(view, origin, {glm::vec3(0.0F), 10.0F}).clipFromScene(), clip);
 }
 
-TEST(Camera, theStandInSeesWhatTheOrthographicViewSees) {
+TEST(Camera, standInShowsWhatTheOrthographicViewShows) {
   base::ViewCamera view = lookingDown();
   const glm::dvec3 center(500'001.0, 4'000'002.0, 100.0);
   for (const double height : {100.0, 20.0, 1.0, 0.05}) {
@@ -110,7 +110,7 @@ TEST(Camera, theStandInSeesWhatTheOrthographicViewSees) {
   EXPECT_EQ(base::perspectiveStandIn(view, center, 10.0).position, view.position);
 }
 
-TEST(Section, isTheSameInTheSceneAsInTheWorld) {
+TEST(Section, cutsTheSameInSceneAndWorldCoordinates) {
   const glm::dvec3 origin(500'000.0, 4'000'000.0, 100.0);
   const glm::vec4 section = base::sectionInScene({{0.0, 0.0, 3.0}, 3.0 * 101.5}, origin);
   EXPECT_NEAR(glm::length(section - glm::vec4(0, 0, 1, 1.5F)), 0.0F, 1e-6F);

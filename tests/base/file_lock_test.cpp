@@ -33,7 +33,7 @@ class FileLockTest : public ::testing::Test {
   const std::string path_ = directory_ / "lock";
 };
 
-TEST_F(FileLockTest, onlyOneHoldsIt) {
+TEST_F(FileLockTest, onlyOneProcessHoldsALock) {
   auto first = tryLockFile(path_);
   ASSERT_TRUE(first) << first.error().message;
   const auto second = tryLockFile(path_, 0.01);
@@ -44,7 +44,7 @@ TEST_F(FileLockTest, onlyOneHoldsIt) {
   EXPECT_TRUE(tryLockFile(path_));
 }
 
-TEST_F(FileLockTest, whatCannotBeMadeIsNamed) {
+TEST_F(FileLockTest, errorsNameTheFileThatCannotBeMade) {
   const auto lock = lockFile(directory_ / "nowhere/lock");
   ASSERT_FALSE(lock);
   EXPECT_EQ(lock.error().code, ErrorCode::kNotFound);
@@ -52,7 +52,7 @@ TEST_F(FileLockTest, whatCannotBeMadeIsNamed) {
 
 // The holder removes the file while another process waits. Without care two would hold the lock then, one of them on
 // the removed file.
-TEST_F(FileLockTest, whoWaitedForARemovedFileHasTheNewOne) {
+TEST_F(FileLockTest, whoWaitedForARemovedFileLocksTheNewOne) {
   auto held = lockFile(path_);
   ASSERT_TRUE(held);
   std::optional<Result<FileDescriptor>> got;

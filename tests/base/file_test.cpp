@@ -31,7 +31,7 @@ TEST_F(FileTest, atomicWriteReplacesTheWholeFile) {
   EXPECT_EQ(*read, base::Bytes{9});
 }
 
-TEST_F(FileTest, anUncommittedFileLeavesNothing) {
+TEST_F(FileTest, uncommittedFileLeavesNothing) {
   {
     auto file = base::AtomicFile::create(path("b"));
     ASSERT_TRUE(file);
@@ -40,7 +40,7 @@ TEST_F(FileTest, anUncommittedFileLeavesNothing) {
   EXPECT_TRUE(std::filesystem::is_empty(directory_));
 }
 
-TEST_F(FileTest, whatAKilledWriterLeftIsKnownAndGoes) {
+TEST_F(FileTest, filesOfKilledWritersAreRecognisedAndRemoved) {
   const pid_t child = ::fork();
   if (child == 0) {
     auto file = base::AtomicFile::create(path("d"));
@@ -90,7 +90,7 @@ TEST_F(FileTest, pipesAndDevicesAreRefusedAtOnce) {
   }
 }
 
-TEST_F(FileTest, aFullDiskIsNamedAndLeavesTheOldFile) {
+TEST_F(FileTest, fullDiskIsNamedAndLeavesTheOldFile) {
   ASSERT_TRUE(base::writeFileAtomically(path("c"), base::Bytes{1}));
   const base::Error error = base::systemError(path("c"), "write", ENOSPC);
   EXPECT_EQ(error.code, base::ErrorCode::kNoSpace);

@@ -7,7 +7,7 @@
 namespace base {
 namespace {
 
-TEST(Number, finiteAndWhole) {
+TEST(Number, onlyWholeFiniteNumbersAreRead) {
   EXPECT_EQ(parseNumber("-1.25e2"), -125.0);
   EXPECT_EQ(parseNumber("+3"), 3.0);
   EXPECT_EQ(parseNumber(".5"), 0.5);

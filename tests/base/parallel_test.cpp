@@ -6,13 +6,13 @@
 
 namespace {
 
-TEST(LargestFirst, OrdersBySizeAndThenAsTheyCame) {
+TEST(LargestFirst, ordersBySizeAndThenByIndex) {
   const std::vector<std::uint64_t> sizes{3, 7, 0, 7, std::uint64_t{1} << 40, 3};
   EXPECT_EQ(base::largestFirst(sizes), (std::vector<std::size_t>{4, 1, 3, 0, 5, 2}));
   EXPECT_TRUE(base::largestFirst({}).empty());
 }
 
-TEST(ParallelFor, doesEveryPieceOnce) {
+TEST(ParallelFor, runsEveryIndexOnce) {
   for (unsigned threads : {1U, 2U, 7U}) {
     std::vector<std::atomic<int>> done(1000);
     base::parallelFor(done.size(), threads, [&](std::size_t i) { ++done[i]; });
@@ -21,7 +21,7 @@ TEST(ParallelFor, doesEveryPieceOnce) {
 }
 
 // An item stays in its slot until it is consumed, and items are consumed in order.
-TEST(ParallelInOrder, takesEveryPieceInOrderFromItsSlot) {
+TEST(ParallelInOrder, consumesEveryItemInOrderFromItsSlot) {
   constexpr std::size_t kCount = 500;
   for (unsigned threads : {1U, 2U, 7U})
     for (std::size_t slots : {std::size_t{1}, std::size_t{3}, std::size_t{2000}}) {

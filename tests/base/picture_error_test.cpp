@@ -30,7 +30,7 @@ TEST(PictureError, coverageCountsByHalves) {
   EXPECT_NEAR(pictureError(truth, picture).absolute, 3.0 * 128.0 / 255.0 * (200.0 - 118.0), 1e-3);
 }
 
-TEST(PictureError, ofAModelsPixelsTheColoursAreComparedAsTheyAre) {
+TEST(PictureError, modelErrorComparesColoursWithoutBackground) {
   Image rgba(3, 1, 4);
   Image rgb(3, 1, 3);
   rgba.pixels = {10, 20, 30, 255, 1, 2, 3, 127, 50, 60, 70, 128};
@@ -41,7 +41,7 @@ TEST(PictureError, ofAModelsPixelsTheColoursAreComparedAsTheyAre) {
   EXPECT_EQ(error.absolute, 1.0 + 2.0 + 3.0);
 }
 
-TEST(PictureError, sumsAddUp) {
+TEST(PictureError, partialSumsAddUp) {
   PictureError all;
   all.add(2.0);
   PictureError more;

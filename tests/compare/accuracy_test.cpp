@@ -18,7 +18,7 @@ base::Image halfCovered(int shift) {
   return image;
 }
 
-TEST(Accuracy, anEqualPictureIsPerfect) {
+TEST(Accuracy, equalPictureIsPerfect) {
   auto a = compare::measureAccuracy(halfCovered(0), halfCovered(0));
   ASSERT_TRUE(a);
   EXPECT_EQ(a->psnr_db, 99.0);
@@ -26,7 +26,7 @@ TEST(Accuracy, anEqualPictureIsPerfect) {
   EXPECT_EQ(a->foreground, 32U * 48U);
 }
 
-TEST(Accuracy, aConstantOffsetHasItsClosedFormPsnr) {
+TEST(Accuracy, constantOffsetHasItsClosedFormPsnr) {
   auto a = compare::measureAccuracy(halfCovered(0), halfCovered(10));
   ASSERT_TRUE(a);
   EXPECT_NEAR(a->psnr_db, 20.0 * std::log10(255.0 / 10.0), 1e-6);

@@ -17,7 +17,7 @@ TEST(Chart, drawsAMarkerForEachPointAndNamesEachSeries) {
   EXPECT_EQ(count(svg, ">two<"), 1U);
 }
 
-TEST(Chart, leavesOutWhatALogarithmCannotShow) {
+TEST(Chart, leavesOutPointsWithoutALogarithm) {
   const std::string svg = compare::formatChart({"T", "x", "y", true, {{"s", {{0, 1}, {-1, 1}, {10, 2}, {100, 3}}}}});
   EXPECT_EQ(count(svg, "r=\"3\""), 2U);
   EXPECT_EQ(count(svg, "nan"), 0U);

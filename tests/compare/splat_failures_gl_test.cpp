@@ -166,7 +166,7 @@ class SplatFailures : public testing::Test {
 };
 
 // For comparison, the case that splats are made for: a scan sampled evenly and finer than the pixels.
-TEST_F(SplatFailures, anEvenlySampledScanFromAfar) {
+TEST_F(SplatFailures, evenlySampledScanFromAfarIsNearTheTruth) {
   mesh::generate::SampleOptions sample;
   sample.triangles = 150'000;
   const Mesh mesh = support::makeSample(sample);
@@ -177,26 +177,26 @@ TEST_F(SplatFailures, anEvenlySampledScanFromAfar) {
   EXPECT_GT(figures["qsplat ellipse"].psnr_db, figures["patches"].psnr_db - 2.0);
 }
 
-TEST_F(SplatFailures, closeUpBeyondTheSampleSpacing) {
+TEST_F(SplatFailures, closeUpBeyondTheSampleSpacingIsBounded) {
   const Mesh mesh = support::bumpySphere(100, 200, 0.05F);
   auto figures = compareAt(mesh, lookAt({1.25, 0.0, 0.0}, {0.9, 0.05, 0.05}), "close-up");
   expectAtLeast(figures, {48.0, 61.0, 31.5, 36.0, 40.5, 36.0});
 }
 
-TEST_F(SplatFailures, largeFlatsOfFewTriangles) {
+TEST_F(SplatFailures, largeFlatsOfFewTrianglesAreBounded) {
   Mesh mesh = box({-1, -1, -0.1F}, {1, 1, 0}, 1);
   append(mesh, box({-0.3F, -0.3F, 0.001F}, {0.3F, 0.3F, 0.6F}, 1));
   auto figures = compareAt(mesh, lookAt({2.2, 1.4, 1.6}, {0, 0, 0.1}), "large flats");
   expectAtLeast(figures, {36.0, 37.5, 20.5, 21.0, 20.5, 25.0});
 }
 
-TEST_F(SplatFailures, sharpCorners) {
+TEST_F(SplatFailures, sharpCornersAreBounded) {
   auto figures = compareAt(box({-0.5F, -0.5F, -0.5F}, {0.5F, 0.5F, 0.5F}, 60), lookAt({1.3, 1.0, 0.9}, {0.2, 0.2, 0.2}),
                            "sharp corners");
   expectAtLeast(figures, {17.0, 31.0, 22.0, 24.0, 23.5, 30.5});
 }
 
-TEST_F(SplatFailures, thinParts) {
+TEST_F(SplatFailures, thinPartsAreBounded) {
   Mesh mesh;
   for (const float radius : {0.4F, 0.6F, 0.8F, 1.0F}) append(mesh, wire(radius, 0.01F, {0.5F - radius, 0.3F, 0}));
   auto figures = compareAt(mesh, lookAt({1.6, 1.2, 1.2}, {0, 0, 0}), "thin parts");

@@ -23,7 +23,7 @@ std::string listOf(const std::string& notes) {
 
 const std::string kMin = R"({"position": [1, 2, 3], "title": "t"})";
 
-TEST(Annotations, theDocumentsExampleIsTaken) {
+TEST(Annotations, exampleOfTheDocumentIsAccepted) {
   const auto notes = check(
       R"({"version": 1, "annotations": [
       {"position": [500004.1, 4000007.3, 103.2], "normal": [0, 0, 1],
@@ -37,7 +37,7 @@ TEST(Annotations, theDocumentsExampleIsTaken) {
       check(R"({"version": 1, "annotations": [{"position": [1, 2, 3], "title": "Säule ☂", "more": 1}], "x": 2})"));
 }
 
-TEST(Annotations, notesComeAsTheyAreWritten) {
+TEST(Annotations, notesAreReadAsWritten) {
   const auto notes = parse(R"({"version": 1, "annotations": [
       {"position": [500004.1, 4000007.3, 103.2], "normal": [0, 0, 2],
        "title": "Crack", "text": "4 mm wide.\nSeen first in May.",
@@ -53,7 +53,7 @@ TEST(Annotations, notesComeAsTheyAreWritten) {
   EXPECT_FALSE((*notes)[1].camera);
 }
 
-TEST(Annotations, whatIsWrongIsNamedInOneLine) {
+TEST(Annotations, errorsNameTheWrongValueInOneLine) {
   const std::pair<std::string, std::string> cases[] = {
       {"", "JSON"},
       {"[]", "JSON"},
@@ -92,7 +92,7 @@ TEST(Annotations, whatIsWrongIsNamedInOneLine) {
   }
 }
 
-TEST(Annotations, thereAreLimits) {
+TEST(Annotations, limitsAreEnforced) {
   std::string most = kMin;
   for (int i = 1; i < 500; ++i) most += "," + kMin;
   EXPECT_EQ(*check(listOf(most)), 500U);

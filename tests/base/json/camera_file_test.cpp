@@ -15,7 +15,7 @@ std::string write(const std::string& text) {
   return path;
 }
 
-TEST(CameraFile, aTargetBecomesAUnitDirection) {
+TEST(CameraFile, targetBecomesAUnitDirection) {
   auto camera = base::readCamera(
       write(R"({"position":[0,0,5],"target":[0,0,1],"up":[0,1,0],"fov_y_degrees":60,"width":64,"height":32})"));
   ASSERT_TRUE(camera) << camera.error().message;
@@ -61,7 +61,7 @@ TEST(CameraPath, orthographicFramesStayOrthographic) {
   EXPECT_EQ((*read)[1].ortho_height, 3.5);
 }
 
-TEST(CameraPath, anOrbitKeepsItsDistanceAndLooksAtTheCentre) {
+TEST(CameraPath, orbitKeepsItsDistanceAndLooksAtTheCentre) {
   for (const auto& c : base::orbitPath({-1, -1, 0}, {3, 1, 2}, {0, 1, 0}, 16, 1.0, 0.3, 1.5, 100, 100)) {
     const glm::dvec3 to_center = glm::dvec3(1, 0, 1) - c.position;
     EXPECT_NEAR(glm::length(to_center), 1.5 * glm::length(glm::dvec3(4, 2, 2)), 1e-9);
@@ -69,7 +69,7 @@ TEST(CameraPath, anOrbitKeepsItsDistanceAndLooksAtTheCentre) {
   }
 }
 
-TEST(CameraPath, aBadFrameIsNamedByNumber) {
+TEST(CameraPath, badFrameIsNamedByNumber) {
   auto read =
       base::readCameraPath(write(R"({"frames":[{"position":[0,0,5],"direction":[0,0,-1]},{"position":[0,0,5]}]})"));
   ASSERT_FALSE(read);

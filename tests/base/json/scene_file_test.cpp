@@ -71,7 +71,7 @@ TEST(SceneFile, repairsAndParametersAreObjectsOfOneType) {
 }
 
 // As a float it would be infinite, and written as null.
-TEST(SceneFile, aDirectionOfLightThatNoFloatHoldsIsRefused) {
+TEST(SceneFile, lightDirectionThatNoFloatHoldsIsRefused) {
   base::Scene scene = example();
   scene.light.direction = {0, 0, 0.5F};
   std::string text = base::formatScene(scene);
@@ -89,7 +89,7 @@ TEST(SceneFile, refusesAnotherVersionByNumber) {
   EXPECT_EQ(read.error().code, base::ErrorCode::kVersion);
 }
 
-TEST(SceneFile, aDirectoryWithoutSceneSaysHowToMakeOne) {
+TEST(SceneFile, directoryWithoutSceneSaysHowToMakeOne) {
   const support::TemporaryDirectory directory;
   auto read = base::readScene(directory.path());
   ASSERT_FALSE(read);

@@ -121,7 +121,7 @@ TEST(AccessLog, twoServersOfOneSceneAddUp) {
   EXPECT_FALSE(std::filesystem::exists(repository::accessFileOf(scene.path)));
 }
 
-TEST(AccessLog, turnedOffNothingIsWritten) {
+TEST(AccessLog, nothingIsWrittenWhenTurnedOff) {
   const SceneDirectory scene;
   ServerOptions options = RunningServer::quiet();
   options.count_access = false;
@@ -134,7 +134,7 @@ TEST(AccessLog, turnedOffNothingIsWritten) {
   EXPECT_FALSE(std::filesystem::exists(repository::accessFileOf(scene.path) + ".lock"));
 }
 
-TEST(AccessLog, aPlaceThatCannotBeWrittenStopsNoServer) {
+TEST(AccessLog, unwritableFileStopsNoServer) {
   const SceneDirectory scene;
   ServerOptions options = RunningServer::quiet();
   options.access_file = scene.path + "/nowhere/access.lga";
@@ -144,7 +144,7 @@ TEST(AccessLog, aPlaceThatCannotBeWrittenStopsNoServer) {
   EXPECT_GE(received.faceTotal(), 4U);
 }
 
-TEST(AccessLog, whatCouldNotBeWrittenIsWrittenLater) {
+TEST(AccessLog, unwrittenCountsAreWrittenLater) {
   const SceneDirectory scene;
   const auto identity = identityOf(scene.path);
   const std::string file = repository::accessFileOf(scene.path);
@@ -159,7 +159,7 @@ TEST(AccessLog, whatCouldNotBeWrittenIsWrittenLater) {
   EXPECT_EQ(byCode(loaded(file, identity)), received.faces);
 }
 
-TEST(AccessLog, aFullCounterWritesAtOnce) {
+TEST(AccessLog, fullCounterWritesAtOnce) {
   const SceneDirectory scene;
   const auto identity = identityOf(scene.path);
   const std::string file = repository::accessFileOf(scene.path);
@@ -203,7 +203,7 @@ class ServeProgram : public ::testing::Test {
   std::uint16_t port = 0;
 };
 
-TEST_F(ServeProgram, whatWasCountedSurvivesSigterm) {
+TEST_F(ServeProgram, countsSurviveSigterm) {
   ASSERT_NO_FATAL_FAILURE(start({"--access-interval", "86400"}));
   lookAndBeRefused(port, received);
 
@@ -231,7 +231,7 @@ TEST_F(ServeProgram, whatWasCountedSurvivesSigterm) {
   EXPECT_NE(programs::run("lumigrid", {"info", scene.path}).out.find("sent to viewers from 20"), std::string::npos);
 }
 
-TEST_F(ServeProgram, killedItLosesTheLastIntervalAtMost) {
+TEST_F(ServeProgram, killedServerLosesAtMostTheLastInterval) {
   ASSERT_NO_FATAL_FAILURE(start({"--access-interval", "0.02"}));
   lookAndBeRefused(port, received);
   std::uint64_t written = 0;
@@ -278,7 +278,7 @@ class ReadOnly {
   bool mounted_ = false, holds_ = false;
 };
 
-TEST_F(ServeProgram, aReadOnlySceneIsServedWithOneWarning) {
+TEST_F(ServeProgram, readOnlySceneIsServedWithOneWarning) {
   const ReadOnly read_only(scene.path);
   if (!read_only.holds()) GTEST_SKIP() << "this user may not mount";
   ASSERT_NO_FATAL_FAILURE(start({"--access-interval", "0.02"}));

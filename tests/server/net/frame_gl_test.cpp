@@ -9,7 +9,7 @@
 namespace server {
 namespace {
 
-TEST(Frame, theExactPictureOfAViewComesAfterComplete) {
+TEST(Frame, exactFrameComesAfterCompletion) {
   const SceneDirectory scene;
   ServerOptions options;
   options.render_frames = true;
@@ -49,7 +49,7 @@ TEST(Frame, theExactPictureOfAViewComesAfterComplete) {
   }
 }
 
-TEST(Frame, lookingAwayGivesAnEmptyFrame) {
+TEST(Frame, viewOfNothingGivesAnEmptyFrame) {
   const SceneDirectory scene(0);
   ServerOptions options;
   RunningServer server(scene.path, options);

@@ -78,7 +78,7 @@ TEST_F(HostingTest, packsAreReadByRangeAndKeptForever) {
   EXPECT_EQ(whole.headers.count("content-encoding"), 0U);
 }
 
-TEST_F(HostingTest, theRootIsAskedForAnewAndAnsweredWithNothingWhenItIsTheSame) {
+TEST_F(HostingTest, unchangedRootIsAnsweredWithoutABody) {
   const HttpAnswer root = ask("/tower/scene.json");
   EXPECT_EQ(root.status, 200);
   EXPECT_EQ(root.headers.at("cache-control"), "no-cache");
@@ -88,7 +88,7 @@ TEST_F(HostingTest, theRootIsAskedForAnewAndAnsweredWithNothingWhenItIsTheSame) 
   EXPECT_EQ(ask("/tower/scene.json").body, "{\"version\": 1, \"more\": 2}");
 }
 
-TEST_F(HostingTest, thePageComesAsBrowsersWantIt) {
+TEST_F(HostingTest, pageHasTheHeadersThatBrowsersNeed) {
   const HttpAnswer page = ask("/tower/");
   EXPECT_EQ(page.status, 200);
   EXPECT_EQ(page.body, "<!doctype html><title>page</title>");
@@ -109,7 +109,7 @@ TEST_F(HostingTest, thePageComesAsBrowsersWantIt) {
   EXPECT_EQ(program.headers.count("content-encoding"), 0U);
 }
 
-TEST_F(HostingTest, pagesOfOtherHostsMayAskAndSeeWhatIsMissing) {
+TEST_F(HostingTest, pagesOfOtherHostsMayReadAndSeeMissingHeaders) {
   const HttpAnswer asked =
       ask("/tower/" + kName, {{"Origin", "https://other"}, {"Access-Control-Request-Headers", "range"}}, "OPTIONS");
   EXPECT_EQ(asked.status, 204);

@@ -40,7 +40,7 @@ TEST(HttpText, queriesAreDecoded) {
   EXPECT_TRUE(parseQuery("/pick?")->empty());
 }
 
-TEST(HttpText, queriesThatAreNoneAreErrors) {
+TEST(HttpText, malformedQueriesAreErrors) {
   for (const char* bad : {"/?a", "/?=1", "/?a=%", "/?a=%4", "/?a=%zz", "/?a=%00", "/?a=%0d%0a", "/?a=1&a=2"})
     EXPECT_FALSE(parseQuery(bad)) << bad;
   std::string many = "/?";
@@ -48,7 +48,7 @@ TEST(HttpText, queriesThatAreNoneAreErrors) {
   EXPECT_FALSE(parseQuery(many));
 }
 
-TEST(PageNames, hashedNamesAreToldFromOthers) {
+TEST(PageNames, hashedNamesAreRecognised) {
   EXPECT_TRUE(isHashedName("lumigrid-1f0c2a9b.js"));
   EXPECT_TRUE(isHashedName("lumigrid.0123456789abcdef.wasm"));
   for (const char* other : {"index.html", "style.css", "icon-512.png", "lumigrid-1f0c2a9.js", "lumigrid-1F0C2A9B.js",
@@ -56,7 +56,7 @@ TEST(PageNames, hashedNamesAreToldFromOthers) {
     EXPECT_FALSE(isHashedName(other)) << other;
 }
 
-TEST(PageNames, typesAreThoseThatBrowsersWant) {
+TEST(PageNames, contentTypesFollowTheEnding) {
   EXPECT_STREQ(contentTypeOf("lumigrid-1f0c2a9b.wasm"), "application/wasm");
   EXPECT_STREQ(contentTypeOf("a.js"), "text/javascript; charset=utf-8");
   EXPECT_STREQ(contentTypeOf("index.html"), "text/html; charset=utf-8");

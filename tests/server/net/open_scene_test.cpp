@@ -35,7 +35,7 @@ TEST(OpenScene, missingFilesAreNamed) {
   EXPECT_NE(openScene(directory.path + "/none").error().message.find("none"), std::string::npos);
 }
 
-TEST(OpenScene, aPublishedSceneIsRecognised) {
+TEST(OpenScene, publishedSceneIsRecognised) {
   const SceneDirectory directory;
   auto built = openScene(directory.path);
   ASSERT_TRUE(built) << built.error().message;

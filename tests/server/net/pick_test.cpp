@@ -37,7 +37,7 @@ double heightBelow(const SceneDirectory& scene, double x, double y) {
   return highest;
 }
 
-TEST(Pick, thePointBelowIsFoundInWorldCoordinates) {
+TEST(Pick, pointBelowIsFoundInWorldCoordinates) {
   const SceneDirectory scene(0);
   RunningServer server(scene.path);
   const double height = heightBelow(scene, 16.3, 16.2);
@@ -61,7 +61,7 @@ TEST(Pick, thePointBelowIsFoundInWorldCoordinates) {
   }
 }
 
-TEST(Pick, aRayIntoNothingIsNoError) {
+TEST(Pick, rayThatHitsNothingIsNoError) {
   const SceneDirectory scene(0);
   RunningServer server(scene.path);
   const HttpAnswer answer = httpRequest(server.port(), target("600", "1"));
@@ -69,7 +69,7 @@ TEST(Pick, aRayIntoNothingIsNoError) {
   EXPECT_EQ(answer.body, "{\"hit\":false,\"unit\":\"m\"}\n");
 }
 
-TEST(Pick, badNumbersAreToldInOneLine) {
+TEST(Pick, badNumbersAreNamedInOneLine) {
   const SceneDirectory scene(0);
   RunningServer server(scene.path);
   for (const std::string bad : {"/pick", "/pick?", "/pick?ox=1", "/pick?ox=1&oy=1&oz=1&dx=0&dy=0&dz=0",
@@ -88,7 +88,7 @@ TEST(Pick, badNumbersAreToldInOneLine) {
   EXPECT_EQ(httpRequest(server.port(), "/healthz").status, 200);
 }
 
-TEST(Pick, headChecksAndDoesNotLook) {
+TEST(Pick, headChecksTheQueryWithoutCastingARay) {
   const SceneDirectory scene(0);
   RunningServer server(scene.path);
   const HttpAnswer head = httpRequest(server.port(), target("600", "-1"), {}, "HEAD");
@@ -97,7 +97,7 @@ TEST(Pick, headChecksAndDoesNotLook) {
   EXPECT_EQ(httpRequest(server.port(), "/pick", {}, "HEAD").status, 400);
 }
 
-TEST(Pick, manyAtOnceAreAllAnswered) {
+TEST(Pick, manyRequestsAtOnceAreAllAnswered) {
   const SceneDirectory scene(0);
   RunningServer server(scene.path);
   std::atomic<int> good{0};
@@ -124,7 +124,7 @@ TEST(Pick, requestsThatComeTogetherAreAnsweredInTurn) {
   EXPECT_LT(hit, miss);
 }
 
-TEST(Pick, fewRaysWaitAndTheRestIsRefused) {
+TEST(Pick, raysBeyondTheQueueAreRefused) {
   const SceneDirectory scene(0);
   const auto patches = lod::patch::PatchFile::open(scene.path + "/patch.lgp");
   const auto document = base::readScene(scene.path);

@@ -31,7 +31,7 @@ TEST(PictureRequest, defaultsAreThoseOfTheDocument) {
   EXPECT_FALSE(request->background);
 }
 
-TEST(PictureRequest, everyValueIsTaken) {
+TEST(PictureRequest, everyValueIsRead) {
   const auto request = parse(
       "/render?position=500000.001,4000000.002,-3e1&target=500000.001,4000000.002,70&up=0,2,0&fov_y_degrees=90&"
       "ortho_height=12.5&width=8000&height=8000&format=jpeg&quality=75&supersampling=4&background=ff8000");
@@ -45,13 +45,13 @@ TEST(PictureRequest, everyValueIsTaken) {
   EXPECT_EQ(request->background, (Rgb{255, 128, 0}));
 }
 
-TEST(PictureRequest, theAngleMayBeInRadians) {
+TEST(PictureRequest, angleMayBeInRadians) {
   EXPECT_DOUBLE_EQ(parse(kView + "&fov_y=1.25")->camera.fov_y, 1.25);
   for (const char* bad : {"&fov_y=0", "&fov_y=3.15", "&fov_y=nan", "&fov_y=1&fov_y_degrees=57"})
     EXPECT_FALSE(parse(kView + bad)) << bad;
 }
 
-TEST(PictureRequest, aSectionIsAPlaneThatCutsOneSideAway) {
+TEST(PictureRequest, sectionIsAPlaneThatCutsOneSideAway) {
   const auto below = parse(kView + "&section=y,-120.5,b&colors=resolution&tolerance=4");
   ASSERT_TRUE(below) << below.error().message;
   EXPECT_EQ(below->section, (base::SectionPlane{{0.0, 1.0, 0.0}, -120.5}));
@@ -61,12 +61,12 @@ TEST(PictureRequest, aSectionIsAPlaneThatCutsOneSideAway) {
   EXPECT_FALSE(parse(kView)->section);
 }
 
-TEST(PictureRequest, aJpegStandsBeforeWhiteUnlessToldOtherwise) {
+TEST(PictureRequest, jpegHasAWhiteBackgroundByDefault) {
   EXPECT_EQ(parse(kView + "&format=jpeg")->background, (Rgb{255, 255, 255}));
   EXPECT_FALSE(parse(kView + "&format=jpeg&background=transparent"));
 }
 
-TEST(PictureRequest, whatIsWrongIsNamedInOneLine) {
+TEST(PictureRequest, errorsNameTheWrongValueInOneLine) {
   const std::string position = "/render?position=1,2,3";
   const std::pair<std::string, std::string> cases[] = {
       {"/render", "position"},

@@ -101,7 +101,7 @@ TEST_F(PictureTest, bandsMakeThePictureThatOnePieceMakes) {
 }
 
 // Renders directly, by one call with the viewer's own camera.
-TEST_F(PictureTest, theyAreWhatTheRendererDraws) {
+TEST_F(PictureTest, picturesEqualTheRenderersOwn) {
   const PictureRequest request = requestOf(kAslant + "&width=300&height=200");
   const auto bands = base::decodePng(paint(request, 300 * 16));
   ASSERT_TRUE(bands);
@@ -116,7 +116,7 @@ TEST_F(PictureTest, theyAreWhatTheRendererDraws) {
 }
 
 // At the target's distance both projections show the same height.
-TEST_F(PictureTest, aParallelViewFromAboveHasTheScaleThatWasAsked) {
+TEST_F(PictureTest, parallelViewHasTheRequestedScale) {
   const auto picture = base::decodePng(paint(
       requestOf("/render?position=500016,4000016,900&direction=0,0,-1&up=0,1,0&ortho_height=64&width=256&height=256"
                 "&supersampling=1"),
@@ -128,7 +128,7 @@ TEST_F(PictureTest, aParallelViewFromAboveHasTheScaleThatWasAsked) {
   EXPECT_NEAR(static_cast<double>(seen), 128.0 * 128.0, 300.0);
 }
 
-TEST_F(PictureTest, aSectionLeavesOneSideAndTheOtherHalfShowsTheRest) {
+TEST_F(PictureTest, oppositeSectionsShowOppositeSides) {
   const std::string above =
       "/render?position=500016,4000016,900&direction=0,0,-1&up=0,1,0&ortho_height=64&width=256&height=256"
       "&supersampling=1";
@@ -146,7 +146,7 @@ TEST_F(PictureTest, aSectionLeavesOneSideAndTheOtherHalfShowsTheRest) {
   EXPECT_EQ(covered("&section=x,600000,b"), whole);
 }
 
-TEST_F(PictureTest, tintsSayThePatchesErrors) {
+TEST_F(PictureTest, resolutionColoursFollowThePatchesErrors) {
   const std::string near = "/render?position=500016,4000008,104&target=500016,4000016,100&up=0,0,1";
   const auto hues = [&](const std::string& more) {
     const auto picture =
@@ -204,7 +204,7 @@ TEST(FrameRendererPictures, framesComeBetweenBands) {
   EXPECT_EQ(order, (std::vector<std::string>{"frame", "frame", "frame", "picture"}));
 }
 
-TEST(FrameRendererPictures, aPictureThatNobodyWantsIsGivenUp) {
+TEST(FrameRendererPictures, cancelledPictureIsAbandoned) {
   const SceneDirectory scene(0);
   const auto open = openScene(scene.path);
   auto renderer = FrameRenderer::start({open->get()});
@@ -232,7 +232,7 @@ TEST(FrameRendererPictures, aPictureThatNobodyWantsIsGivenUp) {
 
 // ---- Over HTTP
 
-TEST(Render, aPictureIsAnswered) {
+TEST(Render, pictureIsAnswered) {
   const SceneDirectory scene(0);
   RunningServer server(scene.path, ServerOptions{});
   const HttpAnswer png = httpRequest(server.port(), kAslant + "&width=200&height=100");
@@ -249,7 +249,7 @@ TEST(Render, aPictureIsAnswered) {
   EXPECT_EQ(head.headers.at("content-type"), "image/png");
 }
 
-TEST(Render, whatCannotBeIsToldInOneLine) {
+TEST(Render, impossibleRequestsAreRefusedInOneLine) {
   const SceneDirectory scene(0);
   ServerOptions options;
   options.max_picture_pixels = 10'000;
@@ -262,7 +262,7 @@ TEST(Render, whatCannotBeIsToldInOneLine) {
   EXPECT_EQ(httpRequest(server.port(), kAslant + "&width=100&height=100").status, 200);
 }
 
-TEST(Render, withoutFramesOrWithNoPixelsAllowedThereAreNone) {
+TEST(Render, picturesNeedFramesAndPixels) {
   const SceneDirectory scene(0);
   RunningServer without(scene.path);
   EXPECT_EQ(httpRequest(without.port(), kAslant).status, 501);
@@ -272,7 +272,7 @@ TEST(Render, withoutFramesOrWithNoPixelsAllowedThereAreNone) {
   EXPECT_EQ(httpRequest(forbidden.port(), kAslant).status, 501);
 }
 
-TEST(Render, moreThanMayWaitAreAskedToComeAgain) {
+TEST(Render, picturesBeyondTheQueueAreAskedToComeAgain) {
   const SceneDirectory scene(0);
   ServerOptions options;
   options.max_waiting_pictures = 1;
@@ -298,7 +298,7 @@ TEST(Render, moreThanMayWaitAreAskedToComeAgain) {
 }
 
 // When a visitor closes the connection while the picture is drawn, the next picture gets its turn.
-TEST(Render, visitorsThatLeaveMakeRoom) {
+TEST(Render, visitorsThatLeaveFreeTheirPlaceInTheQueue) {
   const SceneDirectory scene(0);
   ServerOptions options;
   options.max_waiting_pictures = 0;
@@ -315,7 +315,7 @@ TEST(Render, visitorsThatLeaveMakeRoom) {
   }
 }
 
-TEST(Render, theServerStopsInTheMiddleOfAPicture) {
+TEST(Render, serverStopsInTheMiddleOfAPicture) {
   const SceneDirectory scene(0);
   RunningServer server(scene.path, ServerOptions{});
   std::thread visitor([&] { EXPECT_EQ(httpRequest(server.port(), kAslant + "&width=8000&height=8000").status, 0); });

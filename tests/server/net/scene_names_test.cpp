@@ -11,7 +11,7 @@
 namespace server {
 namespace {
 
-TEST(SceneNames, areTheLastPartsOfThePlaces) {
+TEST(SceneNames, namesAreTheLastPartsOfThePlaces) {
   const auto names = sceneNames({"/data/tower", "/data/old town/", "https://host/scenes/harbour", "s3://bucket/mill"});
   ASSERT_TRUE(names) << names.error().message;
   EXPECT_EQ(*names, (std::vector<std::string>{"tower", "old-town", "harbour", "mill"}));
@@ -37,7 +37,7 @@ TEST(SceneNames, targetsAreSplitAtTheirFirstFolder) {
   EXPECT_EQ(split("*"), "|");
 }
 
-TEST(SceneNames, theListCountsInGroups) {
+TEST(SceneNames, listGroupsTheDigitsOfCounts) {
   const std::string list = sceneListPage({{"tower", 3'024'763}, {"mill", 999}, {"mast", 1'000}}, "host:8080");
   for (const char* piece : {">3,024,763 triangles", ">999 triangles", ">1,000 triangles", "ws://host:8080/mill/"})
     EXPECT_NE(list.find(piece), std::string::npos) << list;
@@ -81,7 +81,7 @@ TEST(SeveralScenes, eachIsBelowItsNameAndTheRootListsThem) {
   }
 }
 
-TEST(SeveralScenes, whatDoesNotGoTogetherIsSaid) {
+TEST(SeveralScenes, conflictingOptionsAreRefused) {
   const SceneDirectory scene, other;
   EXPECT_FALSE(Server::open({}, RunningServer::quiet()));
   EXPECT_FALSE(Server::open({scene.path, scene.path}, RunningServer::quiet()));

@@ -41,7 +41,7 @@ Received receiveAll(LoopbackClient& client, std::uint32_t sequence) {
 
 // ---- WebSocket ----
 
-TEST(Server, aViewerIsWelcomedAndServedToCompletion) {
+TEST(Server, viewerIsWelcomedAndServedToCompletion) {
   const SceneDirectory scene;
   RunningServer server(scene.path);
   for (const std::string path : {"/", "/ws", "/ws?from=here"}) {
@@ -60,7 +60,7 @@ TEST(Server, aViewerIsWelcomedAndServedToCompletion) {
   }
 }
 
-TEST(Server, aSceneWithoutImagesIsServed) {
+TEST(Server, sceneWithoutImagesIsServed) {
   const SceneDirectory scene(0);
   RunningServer server(scene.path);
   auto client = LoopbackClient::connect(server.port());
@@ -120,7 +120,7 @@ TEST(Server, garbageEndsItsConnectionAndNoOther) {
 }
 
 // The slow client's connection fills up: faces have 300 kB, the receive buffer is small, and nobody reads.
-TEST(Server, aSlowReaderDelaysNobody) {
+TEST(Server, slowReaderDelaysNobody) {
   const SceneDirectory scene(300'000);
   RunningServer server(scene.path);
   auto slow = LoopbackClient::connect(server.port(), "/", 4096);
@@ -140,7 +140,7 @@ TEST(Server, aSlowReaderDelaysNobody) {
 
 // Back-pressure keeps the queue short, so a newer view is soon heard of: of the old one's 30 faces only those come that
 // were under way.
-TEST(Server, aNewViewOvertakesTheOldOnesBytes) {
+TEST(Server, newViewOvertakesTheOldOnesBytes) {
   const SceneDirectory scene(300'000);
   RunningServer server(scene.path);
   auto client = LoopbackClient::connect(server.port(), "/", 4096);
@@ -179,7 +179,7 @@ TEST(Server, httpRoutesAnswer) {
   EXPECT_EQ(httpRequest(server.port(), "/scene.json", {}, "DELETE").status, 405);
 }
 
-TEST(Server, whatVisitorsSendIsNotEchoedIntoThePage) {
+TEST(Server, visitorsTextIsNotEchoedIntoThePage) {
   const SceneDirectory scene(0);
   RunningServer server(scene.path);
   const HttpAnswer home = httpRequest(server.port(), "/", {{"Host", "a<script>alert(1)</script>"}});
@@ -237,7 +237,7 @@ TEST(Server, moreConnectionsThanAllowedAreTurnedAway) {
 
 // ---- starting and stopping ----
 
-TEST(Server, aTakenPortIsToldWithWhatToDo) {
+TEST(Server, takenPortIsNamedWithAdvice) {
   const SceneDirectory scene(0);
   RunningServer server(scene.path);
   ServerOptions options = RunningServer::quiet();
@@ -257,7 +257,7 @@ TEST(Server, wrongAddressesAndFoldersAreErrors) {
   EXPECT_FALSE(Server::open({scene.path + "/nothing"}, RunningServer::quiet()));
 }
 
-TEST(Server, stopSaysGoodbyeAndReturns) {
+TEST(Server, stopClosesConnectionsAndReturns) {
   const SceneDirectory scene;
   RunningServer server(scene.path);
   auto client = LoopbackClient::connect(server.port());
@@ -273,7 +273,7 @@ TEST(Server, stopSaysGoodbyeAndReturns) {
   EXPECT_EQ(httpRequest(server.port(), "/healthz").status, 0);
 }
 
-TEST(Server, aTerminationSignalEndsRun) {
+TEST(Server, terminationSignalEndsRun) {
   const SceneDirectory scene(0);
   ServerOptions options = RunningServer::quiet();
   options.port = 0;

@@ -16,7 +16,7 @@ ServerOptions withPage(const PageFolder& page) {
   return options;
 }
 
-TEST(Site, thePageIsServedAtTheRootWithItsHeaders) {
+TEST(Site, pageIsServedAtTheRootWithItsHeaders) {
   const SceneDirectory scene(0);
   const PageFolder page;
   RunningServer server(scene.path, withPage(page));
@@ -35,7 +35,7 @@ TEST(Site, thePageIsServedAtTheRootWithItsHeaders) {
   EXPECT_TRUE(LoopbackClient::connect(server.port(), "/"));
 }
 
-TEST(Site, formsAreChosenByWhatTheVisitorTakes) {
+TEST(Site, compressedFormsFollowAcceptEncoding) {
   const SceneDirectory scene(0);
   const PageFolder page;
   RunningServer server(scene.path, withPage(page));
@@ -58,7 +58,7 @@ TEST(Site, formsAreChosenByWhatTheVisitorTakes) {
   EXPECT_EQ(style.headers.count("vary"), 0U);
 }
 
-TEST(Site, hashedNamesAreKeptForeverAndOthersAskedForAnew) {
+TEST(Site, onlyHashedNamesAreCachedForever) {
   const SceneDirectory scene(0);
   const PageFolder page;
   RunningServer server(scene.path, withPage(page));
@@ -71,7 +71,7 @@ TEST(Site, hashedNamesAreKeptForeverAndOthersAskedForAnew) {
   EXPECT_EQ(icon.headers.at("cache-control"), "no-cache");
 }
 
-TEST(Site, whatTheVisitorHasIsNotSentAgain) {
+TEST(Site, knownBytesAreNotSentAgain) {
   const SceneDirectory scene(0);
   const PageFolder page;
   RunningServer server(scene.path, withPage(page));
@@ -90,7 +90,7 @@ TEST(Site, whatTheVisitorHasIsNotSentAgain) {
   EXPECT_EQ(httpRequest(server.port(), "/", {{"Accept-Encoding", "gzip"}, {"If-None-Match", plain}}).status, 200);
 }
 
-TEST(Site, headSaysWhatGetWould) {
+TEST(Site, headAnswersWithTheHeadersOfGet) {
   const SceneDirectory scene(0);
   const PageFolder page;
   RunningServer server(scene.path, withPage(page));
@@ -117,7 +117,7 @@ TEST(Site, nothingOutsideTheFolderIsReached) {
   EXPECT_EQ(httpRequest(server.port(), "/late.js").status, 404);
 }
 
-TEST(Site, withoutPageFilesThePlainPageSaysHowToGetThem) {
+TEST(Site, plainPageSaysHowToGetThePageFiles) {
   const SceneDirectory scene(0);
   RunningServer server(scene.path);
   const HttpAnswer home = httpRequest(server.port(), "/");
@@ -125,7 +125,7 @@ TEST(Site, withoutPageFilesThePlainPageSaysHowToGetThem) {
   EXPECT_NE(home.body.find("--web"), std::string::npos);
 }
 
-TEST(Site, foldersThatAreNoPageAreRefusedAtStart) {
+TEST(Site, foldersWithoutAPageAreRefusedAtStart) {
   const SceneDirectory scene(0);
   const auto codeOf = [&](const std::string& directory) {
     ServerOptions options = RunningServer::quiet();
@@ -158,7 +158,7 @@ TEST(Site, pagesOfOtherHostsMayReadTheScene) {
   EXPECT_EQ(asked.headers.count("content-length"), 0U);
 }
 
-TEST(Site, annotationsAreServedAsTheyStandNow) {
+TEST(Site, changedAnnotationsAreServed) {
   const SceneDirectory scene(0);
   const auto write = [&](const std::string& text) {
     ASSERT_TRUE(base::writeFileAtomically(scene.path + "/annotations.json",
@@ -184,7 +184,7 @@ TEST(Site, annotationsAreServedAsTheyStandNow) {
 }
 
 // A range of a changed file would be mixed with ranges of the old one.
-TEST(Site, aRangeOfOtherBytesIsAnsweredWithAllOfThem) {
+TEST(Site, rangeOfAChangedFileIsAnsweredWithTheWholeFile) {
   const SceneDirectory scene(0);
   auto document = base::readScene(scene.path);
   ASSERT_TRUE(document);

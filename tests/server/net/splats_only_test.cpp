@@ -42,7 +42,7 @@ class SplatsOnly {
   std::string name, path, file;
 };
 
-TEST(SplatsOnly, theFileIsServedAndWhatNeedsPatchesSaysSo) {
+TEST(SplatsOnly, splatFileIsServedAndPatchesAreRefused) {
   const support::TemporaryDirectory directory;
   const SplatsOnly scene(directory / "cloud", 5000);
   const PageFolder page;
@@ -63,7 +63,7 @@ TEST(SplatsOnly, theFileIsServedAndWhatNeedsPatchesSaysSo) {
   }
 }
 
-TEST(SplatsOnly, thePageIsToldWhichOfItsProgramsToFetch) {
+TEST(SplatsOnly, pageIsRedirectedToTheProgramForSplats) {
   const support::TemporaryDirectory directory;
   const SplatsOnly scene(directory / "cloud", 5000);
   const SceneDirectory patches(0);
@@ -82,7 +82,7 @@ TEST(SplatsOnly, thePageIsToldWhichOfItsProgramsToFetch) {
   EXPECT_EQ(httpRequest(server.port(), other).status, 200);
 }
 
-TEST(SplatsOnly, viewersOfOtherMethodsAreRefusedWithWhatShowsTheScene) {
+TEST(SplatsOnly, viewersOfOtherMethodsAreRefusedWithAdvice) {
   const support::TemporaryDirectory directory;
   const SplatsOnly scene(directory / "cloud", 5000);
   const RunningServer server(directory / "cloud");
@@ -98,7 +98,7 @@ TEST(SplatsOnly, viewersOfOtherMethodsAreRefusedWithWhatShowsTheScene) {
 }
 
 /// A server of the scene that nginx serves from path("site/cloud"), with a cache of its own.
-class FarSplats : public ::testing::Test {
+class RemoteSplats : public ::testing::Test {
  protected:
   static constexpr std::size_t kBytes = 3'500'000;  // some pieces
   void SetUp() override {
@@ -120,7 +120,7 @@ class FarSplats : public ::testing::Test {
   std::unique_ptr<RunningServer> server;
 };
 
-TEST_F(FarSplats, allOfItOrAnyRangeIsPassedOn) {
+TEST_F(RemoteSplats, wholeFileAndRangesArePassedOn) {
   const HttpAnswer whole = ask();
   EXPECT_EQ(whole.status, 200);
   EXPECT_TRUE(whole.body == scene->file);
@@ -138,7 +138,7 @@ TEST_F(FarSplats, allOfItOrAnyRangeIsPassedOn) {
   EXPECT_EQ(head.body, "");
 }
 
-TEST_F(FarSplats, theTagIsTheContents) {
+TEST_F(RemoteSplats, tagIsOfTheContent) {
   const std::string etag = ask({{"Range", "bytes=0-9"}}).headers.at("etag");
   EXPECT_EQ(etag, "\"" + scene->name.substr(7, 32) + "\"");
   EXPECT_EQ(ask({{"If-None-Match", etag}}).status, 304);
@@ -146,7 +146,7 @@ TEST_F(FarSplats, theTagIsTheContents) {
   EXPECT_EQ(ask({{"Range", "bytes=0-9"}, {"If-Range", "\"other\""}}).status, 200);
 }
 
-TEST_F(FarSplats, whatWasReadOnceIsInTheCache) {
+TEST_F(RemoteSplats, readBytesAreCached) {
   const auto requests = [this] {
     const std::string log = nginx->accessLog();
     return std::count(log.begin(), log.end(), '\n');
@@ -159,7 +159,7 @@ TEST_F(FarSplats, whatWasReadOnceIsInTheCache) {
   EXPECT_EQ(ask({{"Range", "bytes=5000-9000"}}).body, first.body);
 }
 
-TEST_F(FarSplats, aPlaceThatIsAwayOrLostItIsAnErrorInOneLine) {
+TEST_F(RemoteSplats, unreachableOrMissingFileIsAnErrorInOneLine) {
   const auto expectLine = [](const HttpAnswer& answer, int status) {
     EXPECT_EQ(answer.status, status);
     EXPECT_NE(answer.body.find("where the scene lies"), std::string::npos) << answer.body;
@@ -176,7 +176,7 @@ TEST_F(FarSplats, aPlaceThatIsAwayOrLostItIsAnErrorInOneLine) {
 }
 
 // The server cannot invent the rest of the body, so it closes the connection, and the visitor sees a short body.
-TEST_F(FarSplats, aBodyThatBreaksOffEndsTheConnection) {
+TEST_F(RemoteSplats, interruptedBodyEndsTheConnection) {
   EXPECT_EQ(ask({{"Range", "bytes=0-2000000"}}).body.size(), 2'000'001U);
   nginx->stop();
   const std::string answer = rawExchange(server->port(), "GET /qsplat.lgq HTTP/1.1\r\nHost: x\r\n\r\n");
@@ -193,7 +193,7 @@ std::string base64Of(base::ByteView bytes) {
   return text;
 }
 
-TEST(PagePolicy, allowsTheScriptThatStandsInThePage) {
+TEST(PagePolicy, allowsTheInlineScriptOfThePage) {
   const auto bytes = base::readFile(LUMIGRID_SOURCE_DIR "/client/web/site/early.js");
   ASSERT_TRUE(bytes);
   const base::Sha256Digest digest = base::sha256(*bytes);

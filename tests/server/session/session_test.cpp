@@ -123,7 +123,7 @@ TEST(Session, anotherVersionIsRefusedInPlainWords) {
       "this server speaks protocol " + std::to_string(protocol::kVersion) + ", the client speaks 0; update the client");
 }
 
-TEST(Session, aSceneOfSplatsOnlyIsRefusedAsSuch) {
+TEST(Session, splatsOnlySceneIsRefused) {
   SceneData data;
   Talk talk(data);
   const auto taken = talk.say(protocol::Hello{protocol::kVersion, "test 1"});
@@ -135,7 +135,7 @@ TEST(Session, aSceneOfSplatsOnlyIsRefusedAsSuch) {
   EXPECT_TRUE(talk.session.finished());
 }
 
-TEST(Session, whatComesBeforeHelloIsRefused) {
+TEST(Session, messagesBeforeHelloAreRefused) {
   const TestScene scene;
   for (const protocol::ClientMessage& early :
        {protocol::ClientMessage(scene.view(1, kAbove)), protocol::ClientMessage(protocol::Holdings{})}) {
@@ -146,7 +146,7 @@ TEST(Session, whatComesBeforeHelloIsRefused) {
   }
 }
 
-TEST(Session, aSecondHelloIsRefused) {
+TEST(Session, secondHelloIsRefused) {
   const TestScene scene;
   Talk talk(scene.data);
   talk.greet();
@@ -198,7 +198,7 @@ TEST(Session, nothingIsSentTwice) {
   EXPECT_TRUE(unique(groupsIn(scene.data, all)));
 }
 
-TEST(Session, completeComesOnceAndLastOfWhatTheViewNeeds) {
+TEST(Session, completionComesOnceAfterEverythingThatTheViewNeeds) {
   const TestScene scene;
   Talk talk(scene.data);
   talk.greet();
@@ -230,7 +230,7 @@ TEST(Session, theSameViewAgainIsCompleteAtOnce) {
   EXPECT_EQ(std::get<protocol::Completion>(*talk.next()).sequence, 2U);
 }
 
-TEST(Session, aNewViewDropsTheOldOnesWork) {
+TEST(Session, newViewDropsUnsentDataOfTheOldOne) {
   const TestScene scene(16);
   Talk talk(scene.data);
   talk.greet();
@@ -254,7 +254,7 @@ TEST(Session, aNewViewDropsTheOldOnesWork) {
   EXPECT_EQ(completeAt(messages, 1), messages.size()) << "the old view is never complete";
 }
 
-TEST(Session, ofManyViewsOnlyTheNewestIsServed) {
+TEST(Session, onlyTheNewestOfManyViewsIsServed) {
   const TestScene scene;
   Talk talk(scene.data);
   talk.greet();
@@ -276,7 +276,7 @@ TEST(Session, groupsStayWithinTheTriangleBudget) {
   EXPECT_GE(few, 1U);
 }
 
-TEST(Session, noImagesAreSentToWhoWantsNone) {
+TEST(Session, noImagesAreSentToAClientThatWantsNone) {
   const TestScene scene;
   Talk talk(scene.data);
   talk.greet();
@@ -288,7 +288,7 @@ TEST(Session, noImagesAreSentToWhoWantsNone) {
   EXPECT_LT(completeAt(messages, 1), messages.size());
 }
 
-TEST(Session, aSceneWithoutImagesStillCompletes) {
+TEST(Session, sceneWithoutImagesStillCompletes) {
   TestScene scene;
   scene.data.images = nullptr;
   scene.data.welcome.grid = {};
@@ -310,7 +310,7 @@ TEST(Session, lookingAwayNeedsNoFaces) {
   EXPECT_LT(completeAt(messages, 1), messages.size());
 }
 
-TEST(Session, missingAndCorruptFacesArePassedOver) {
+TEST(Session, missingAndCorruptFacesAreSkipped) {
   TestScene scene;
   const protocol::View view = scene.view(1, kAbove);
   const plan::ViewPlan plan =
@@ -333,7 +333,7 @@ TEST(Session, missingAndCorruptFacesArePassedOver) {
 
 // ---- what the client holds ----
 
-TEST(Session, evictedThingsComeAgainWithTheNextView) {
+TEST(Session, evictedDataComesAgainWithTheNextView) {
   const TestScene scene;
   Talk talk(scene.data);
   talk.greet();
@@ -349,7 +349,7 @@ TEST(Session, evictedThingsComeAgainWithTheNextView) {
   EXPECT_EQ(groupsIn(scene.data, second), std::vector<std::uint32_t>{0});
 }
 
-TEST(Session, whatTheClientHasIsNotSent) {
+TEST(Session, heldDataIsNotSent) {
   const TestScene scene;
   const protocol::View view = scene.view(1, kAbove);
   const plan::ViewPlan plan =
@@ -363,7 +363,7 @@ TEST(Session, whatTheClientHasIsNotSent) {
   EXPECT_EQ(std::get<protocol::Completion>(*talk.next()).sequence, 1U);
 }
 
-TEST(Session, keysOfAnotherSceneArePassedOver) {
+TEST(Session, keysOfAnotherSceneAreIgnored) {
   const TestScene scene;
   Talk talk(scene.data);
   talk.greet();
@@ -371,7 +371,7 @@ TEST(Session, keysOfAnotherSceneArePassedOver) {
   EXPECT_TRUE(talk.say(protocol::Eviction{{{9999, 0, 0, 0}}, {0xFFFFFFFF}}));
 }
 
-TEST(Session, aClientCannotClaimWithoutEnd) {
+TEST(Session, claimedHoldingsAreLimited) {
   TestScene scene;
   scene.data.welcome.grid.count = glm::uvec3(64);
   Talk talk(scene.data);
@@ -392,7 +392,7 @@ TEST(Session, aClientCannotClaimWithoutEnd) {
 
 // ---- access counts ----
 
-TEST(Session, whatIsHandedOutIsCountedAndNothingElse) {
+TEST(Session, onlySentDataIsCounted) {
   TestScene scene;
   repository::AccessCounter counter;
   scene.data.access = &counter;
@@ -481,7 +481,7 @@ TestScene& withFrames(TestScene& scene) {
   return scene;
 }
 
-TEST(Session, aFrameIsAskedForOnceAfterCompleteAndSent) {
+TEST(Session, frameIsRequestedOnceAfterCompletionAndSent) {
   TestScene scene;
   Talk talk(withFrames(scene).data);
   talk.greet();
@@ -509,7 +509,7 @@ TEST(Session, aFrameIsAskedForOnceAfterCompleteAndSent) {
   EXPECT_TRUE(std::holds_alternative<protocol::Face>(*talk.next())) << "then what may be needed next";
 }
 
-TEST(Session, framesAreNotAskedForInVain) {
+TEST(Session, framesAreRequestedOnlyWhenPossible) {
   TestScene scene;
   for (int which = 0; which < 3; ++which) {
     scene.data.welcome.can_render_frames = which != 0;
@@ -525,7 +525,7 @@ TEST(Session, framesAreNotAskedForInVain) {
   }
 }
 
-TEST(Session, aFrameThatFailedHoldsNothingUp) {
+TEST(Session, failedFrameHoldsNothingUp) {
   TestScene scene;
   Talk talk(withFrames(scene).data);
   talk.greet();
@@ -537,7 +537,7 @@ TEST(Session, aFrameThatFailedHoldsNothingUp) {
   EXPECT_TRUE(std::holds_alternative<protocol::Face>(*talk.next()));
 }
 
-TEST(Session, aFrameOfAnOlderViewIsSentOnlyFromNearby) {
+TEST(Session, frameOfAnOlderViewIsSentOnlyFromNearby) {
   for (const bool near : {true, false}) {
     TestScene scene;
     Talk talk(withFrames(scene).data);
@@ -611,7 +611,7 @@ struct DrawnClient {
   std::set<std::uint32_t> groups;
 };
 
-TEST(Session, whateverAClientDoesNothingItHoldsComesAgain) {
+TEST(Session, randomClientNeverReceivesWhatItHolds) {
   const TestScene scene(8, 500);
   for (unsigned seed = 0; seed < 10; ++seed) {
     DrawnClient client(scene, seed);
@@ -629,8 +629,8 @@ TEST(Session, whateverAClientDoesNothingItHoldsComesAgain) {
 
 // ---- images that are far away ----
 
-struct FarScene : TestScene {
-  FarScene() { data.images_are_remote = true; }
+struct RemoteImageScene : TestScene {
+  RemoteImageScene() { data.images_are_remote = true; }
   void answer(Session& session, const FaceRequest& request) const {
     session.facesFetched(request, store.getMany(request));
   }
@@ -641,8 +641,8 @@ bool isComplete(const std::vector<ServerMessage>& messages) {
                      [](const auto& message) { return std::holds_alternative<protocol::Completion>(message); });
 }
 
-TEST(FarSession, allFacesOfAViewAreAskedForAtOnceAndGroupsGoMeanwhile) {
-  const FarScene scene;
+TEST(RemoteImages, allFacesOfAViewAreRequestedAtOnceWhileGroupsAreSent) {
+  const RemoteImageScene scene;
   const protocol::View view = scene.view(1, kAbove);
   const plan::ViewPlan plan =
       plan::planView(scene.data.toPlan(), view, [](const repository::FaceKey&) { return false; });
@@ -666,8 +666,8 @@ TEST(FarSession, allFacesOfAViewAreAskedForAtOnceAndGroupsGoMeanwhile) {
   EXPECT_TRUE(isComplete(after));
 }
 
-TEST(FarSession, whatCannotBeFetchedIsLeftOutAndTheViewGetsComplete) {
-  const FarScene scene;
+TEST(RemoteImages, viewCompletesWithoutFacesThatCannotBeFetched) {
+  const RemoteImageScene scene;
   Talk talk(scene.data);
   talk.greet();
   ASSERT_TRUE(talk.say(scene.view(1, kAbove)));
@@ -686,8 +686,8 @@ TEST(FarSession, whatCannotBeFetchedIsLeftOutAndTheViewGetsComplete) {
   EXPECT_EQ(talk.session.counts().corrupt, 2U);
 }
 
-TEST(FarSession, atRestOtherFacesAreFetchedAFewAtATime) {
-  FarScene scene;
+TEST(RemoteImages, prefetchRequestsAFewFacesAtATime) {
+  RemoteImageScene scene;
   scene.data.ahead_bytes = 300'000;  // 15 faces
   Talk talk(scene.data);
   talk.greet();
@@ -710,8 +710,8 @@ TEST(FarSession, atRestOtherFacesAreFetchedAFewAtATime) {
 
 // The viewer turns while faces are being fetched. Faces of both views are not fetched twice, and those of the old view
 // alone are not sent.
-TEST(FarSession, aNewViewAsksForWhatIsNotOnItsWay) {
-  const FarScene scene;
+TEST(RemoteImages, newViewRequestsOnlyFacesThatAreNotUnderWay) {
+  const RemoteImageScene scene;
   const protocol::View there = scene.view(1, kAbove);
   const protocol::View here = scene.view(2, kAbove, {0.3, 0.2, 0.0});
   Talk talk(scene.data);
