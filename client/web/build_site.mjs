@@ -56,19 +56,25 @@ const decodeWasm = keep("decode.wasm", shrink("client_web_decode.wasm"));
 const worker = keep("decode.js", bundle("decode_worker.js"));
 const checkWasm = keep("check.wasm", shrink("client_web_check.wasm"));
 const check = keep("check.js", bundle("check.js", {CHECK_WASM: checkWasm}));
-const main = keep("viewer.js", bundle("main.js", {
-                    VIEWER_WASM: viewerWasm,
-                    SPLATS_WASM: splatsWasm,
-                    SPLATS_SCRIPT: splats,
-                    DECODE_WASM: decodeWasm,
-                    DECODE_WORKER: worker,
-                    CHECK_SCRIPT: check
-                  }));
+const names = {
+  VIEWER_WASM: viewerWasm,
+  SPLATS_WASM: splatsWasm,
+  SPLATS_SCRIPT: splats,
+  DECODE_WASM: decodeWasm,
+  DECODE_WORKER: worker,
+  CHECK_SCRIPT: check,
+};
+const main = keep("viewer.js", bundle("main.js", names));
 const style = keep("style.css", bundle("style.css"));
 let html = readFileSync(join(sources, "index.html"), "utf8");
-for (const [from, to] of [
-         ["main.js", main], ["style.css", style], ["viewer.wasm", viewerWasm], ["splats.wasm", splatsWasm],
-         ["splats.js", splats]]) {
+const references = {
+  "main.js": main,
+  "style.css": style,
+  "viewer.wasm": viewerWasm,
+  "splats.wasm": splatsWasm,
+  "splats.js": splats,
+};
+for (const [from, to] of Object.entries(references)) {
   if (!html.includes(`"${from}"`)) throw new Error(`index.html does not name ${from}`);
   html = html.replaceAll(`"${from}"`, `"${to}"`);
 }

@@ -1,4 +1,4 @@
-// The list of what a scene's host sends: asked for, and offered where a scene cannot be shown.
+// Tests the list of what a scene's host sends, when it is requested and when a scene cannot be shown.
 import assert from "node:assert/strict";
 import {join} from "node:path";
 import {after, before, test} from "node:test";
@@ -17,7 +17,7 @@ before(async () => {
 });
 after(cleanUp);
 
-/// The list as {header: {grade, nginx}}, when it is open and whole.
+/// Returns the list as {header: {grade, nginx}} once it is open and complete.
 async function list(page) {
   let rows;
   await until(async () => {
@@ -70,7 +70,7 @@ test("each header that is taken away is named, and the line told mends it", asyn
     const mended = await checked(from(pages, await nginx(published, `${rest} ${found[header].nginx}`)));
     assert.equal(mended[header].grade, "good", `${found[header].nginx}: ${JSON.stringify(mended)}`);
   }
-  // Beside the page, where nothing is hidden.
+  // A scene beside the page has no hidden headers.
   const untagged = await checked(`${(await nginx(published, "etag off;")).url}?check`);
   assert.equal(untagged.ETag.grade, "slow", JSON.stringify(untagged));
   assert.equal((await checked(`${(await nginx(published, untagged.ETag.nginx)).url}?check`)).ETag.grade, "good");

@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Runs one test file in the browser; 77 (skipped), with what is missing, where the page or its tools were not set up. ./test sets them up.
+# Runs one test file in the browser. Ends with 77 (skipped), and says what is missing, where the page or its tools were
+# not set up; ./test sets them up.
 here=$(cd "$(dirname "$0")" && pwd)
 skip() { echo "skipped: $*"; exit 77; }
 [ -n "${LUMIGRID_NODE:-}" ] && [ "${LUMIGRID_NODE##*-}" != NOTFOUND ] || skip "no node"

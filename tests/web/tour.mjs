@@ -1,6 +1,6 @@
 // Makes a tour as a hand does, lap after lap of the same path, and records each second what the page holds: our own
 // count, a second count at WebGL's calls that shares no code with it, the WebAssembly's memory, and the page's heap.
-/// What a browser on a phone says of itself.
+/// The properties of a browser on a phone.
 export const phone = {
   viewport: {width: 390, height: 700},
   hasTouch: true,

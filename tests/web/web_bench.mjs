@@ -15,7 +15,7 @@ const scene = process.argv[2];
 if (!scene) throw new Error("usage: node web_bench.mjs SCENE [--json]");
 const median = (values) => [...values].sort((a, b) => a - b)[Math.floor(values.length / 2)];
 const result = {scene};
-// Frames as fast as they can be drawn, as the native client draws them.
+// With these flags Chromium draws frames as fast as it can, as the native client does.
 const kFree = ["--disable-gpu-vsync", "--disable-frame-rate-limit"];
 
 const kindOf = (url) =>
@@ -25,7 +25,7 @@ const kindOf = (url) =>
          url.includes("annotations") ? "notes" :
                                        "page");
 
-/// The figures of the first frame that shows the model.
+/// Returns the figures of the first frame that shows the model.
 async function firstFigures(page) {
   let first = null;
   await until(
@@ -58,7 +58,7 @@ async function firstPicture(browser, url) {
   return {page, seconds, bytes, total: Object.values(bytes).reduce((a, b) => a + b, 0)};
 }
 
-/// In the page: frames of the present view, each waited for.
+/// Times frames of the present view in the page, waiting for the GPU after each.
 const timeFrames = (page, count) => page.evaluate((frames) => {
   const gl = document.getElementById("view").getContext("webgl2");
   const pixel = new Uint8Array(4);
@@ -83,7 +83,7 @@ function nativeFrames(url, view, count) {
     height
   };
   const path = join(folder, "bench-path.json");
-  // The first few frames bring the data, and fill caches and shaders.
+  // The first few frames wait for data, and fill caches and shaders.
   writeFileSync(path, JSON.stringify({frames: Array(count + 3).fill(frame)}));
   const lines =
       run("lumigrid-view", [url.replace(/^http/, "ws"), "--headless", "--path", path, "--no-frames", "--json"]);
@@ -95,7 +95,7 @@ function nativeFrames(url, view, count) {
       .map((line) => line.draw_ms);
 }
 
-/// Milliseconds from moving the mouse to the frame that follows it, over a drag.
+/// Returns milliseconds from moving the mouse to the frame that follows, over a drag.
 async function dragLatencies(page) {
   await page.evaluate(() => {
     window.latencies = [];
@@ -125,7 +125,7 @@ try {
   const server = await serve(scene, {args: ["--no-frames"]});
   const browser = await launch("mesa", kFree);
 
-  // What must have come is seen where nothing more comes meanwhile: on the thin link.
+  // The thin link shows how much must have arrived, since nothing more arrives meanwhile.
   const thin = await slowLink(server.port, 384_000 / 8, 0.3);
   const slow = await firstPicture(browser, thin.url);
   await slow.page.close();
