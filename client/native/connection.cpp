@@ -379,17 +379,8 @@ bool Connection::pump(Session& session) {
 
 void Connection::waitForArrival(double seconds) {
   Impl& s = *impl_;
-  const Clock::time_point until = Clock::now() + LinkClock::toDuration(seconds);
   std::unique_lock lock(s.mutex);
-  while (Clock::now() < until) {
-    if (s.inbox.empty()) {
-      s.arrived.wait_until(lock, until);
-      continue;
-    }
-    const Clock::time_point due = s.inbox.front().due;
-    if (due <= Clock::now()) return;
-    s.arrived.wait_until(lock, std::min(due, until));
-  }
+  waitForDelivery(lock, s.arrived, s.inbox, seconds);
 }
 
 }  // namespace client

@@ -299,17 +299,8 @@ void CurlFetcher::cancel(std::uint64_t id) {
 
 void CurlFetcher::wait(double seconds) {
   Impl& s = *impl_;
-  const Clock::time_point until = Clock::now() + LinkClock::toDuration(seconds);
   std::unique_lock lock(s.mutex);
-  while (Clock::now() < until) {
-    if (s.done.empty()) {
-      s.arrived.wait_until(lock, until);
-      continue;
-    }
-    const Clock::time_point due = s.done.front().due;
-    if (due <= Clock::now()) return;
-    s.arrived.wait_until(lock, std::min(due, until));
-  }
+  waitForDelivery(lock, s.arrived, s.done, seconds);
 }
 
 }  // namespace client

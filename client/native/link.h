@@ -3,8 +3,10 @@
 // the render loop wait.
 #include <algorithm>
 #include <chrono>
+#include <condition_variable>
 #include <cstdint>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <vector>
 
@@ -44,6 +46,24 @@ class LinkClock {
   LinkLimit limit_;
   Clock::time_point free_{};
 };
+
+/// Waits until the first delivery of a queue is due, at most `seconds`. `lock` guards the queue, whose entries have a
+/// `due`; `arrived` is notified of new ones.
+template <class Queue>
+void waitForDelivery(std::unique_lock<std::mutex>& lock, std::condition_variable& arrived, const Queue& queue,
+                     double seconds) {
+  using Clock = LinkClock::Clock;
+  const Clock::time_point until = Clock::now() + LinkClock::toDuration(seconds);
+  while (Clock::now() < until) {
+    if (queue.empty()) {
+      arrived.wait_until(lock, until);
+      continue;
+    }
+    const Clock::time_point due = queue.front().due;
+    if (due <= Clock::now()) return;
+    arrived.wait_until(lock, std::min(due, until));
+  }
+}
 
 /// Counts of a link over HTTP.
 struct LinkCounts {

@@ -209,47 +209,43 @@ void describe(CLI::App& app, Arguments& a) {
   addRunOptions(app, a);
 }
 
+/// Adds the option's name to an error of its value.
+template <class T>
+base::Result<T> forOption(const char* option, base::Result<T> value) {
+  if (!value) return base::within(option, value.error());
+  return value;
+}
+
 base::Result<ViewSetup> parseArguments(const Arguments& a) {
   ViewSetup setup;
-  const auto cache = client::parseByteCount(a.cache);
-  if (!cache) return base::within("--cache", cache.error());
-  const auto gpu_memory = client::parseByteCount(a.gpu_memory);
-  if (!gpu_memory) return base::within("--gpu-memory", gpu_memory.error());
-  const auto memory = client::parseByteCount(a.memory);
-  if (!memory) return base::within("--memory", memory.error());
-  const auto background = client::parseColor(a.background);
-  if (!background) return base::within("--background", background.error());
+  LUMIGRID_ASSIGN_OR_RETURN(const auto cache, forOption("--cache", client::parseByteCount(a.cache)));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto gpu_memory, forOption("--gpu-memory", client::parseByteCount(a.gpu_memory)));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto memory, forOption("--memory", client::parseByteCount(a.memory)));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto background, forOption("--background", client::parseColor(a.background)));
   if (!a.size.empty()) {
-    const auto size = client::parseViewSize(a.size);
-    if (!size) return base::within("--size", size.error());
-    setup.size = *size;
+    LUMIGRID_ASSIGN_OR_RETURN(setup.size, forOption("--size", client::parseViewSize(a.size)));
   }
   if (!a.bandwidth.empty()) {
-    const auto rate = client::parseBitRate(a.bandwidth);
-    if (!rate) return base::within("--bandwidth", rate.error());
-    setup.link.bytes_per_second = *rate;
+    LUMIGRID_ASSIGN_OR_RETURN(setup.link.bytes_per_second, forOption("--bandwidth", client::parseBitRate(a.bandwidth)));
   }
   if (!a.latency.empty()) {
-    const auto latency = client::parseDuration(a.latency);
-    if (!latency) return base::within("--latency", latency.error());
-    setup.link.latency_seconds = *latency;
+    LUMIGRID_ASSIGN_OR_RETURN(setup.link.latency_seconds, forOption("--latency", client::parseDuration(a.latency)));
   }
+  LUMIGRID_ASSIGN_OR_RETURN(const auto idle, forOption("--idle", client::parseByteCount(a.idle)));
 
-  const auto idle = client::parseByteCount(a.idle);
-  if (!idle) return base::within("--idle", idle.error());
   setup.splats.kernel = *lod::draw::splatKernelFromName(a.splat);
   setup.splats.cutoff_px = a.cutoff_px;
   setup.splats.frame_seconds = client::secondsPerFrame(a.frame_rate);
   setup.splats.order = *lod::qsplat::streamOrderFromName(a.order);
   setup.splats.back_faces = a.back_faces;
-  setup.splats.idle_bytes = *idle;
-  setup.splats.memory_bytes = *memory;
+  setup.splats.idle_bytes = idle;
+  setup.splats.memory_bytes = memory;
 
   client::ViewerOptions& viewer = setup.viewer;
   viewer.method = *client::methodFromName(a.method);
-  viewer.gpu_budget_bytes = *gpu_memory;
-  viewer.memory_budget_bytes = *memory;
-  viewer.session.cache_bytes = *cache;
+  viewer.gpu_budget_bytes = gpu_memory;
+  viewer.memory_budget_bytes = memory;
+  viewer.session.cache_bytes = cache;
   viewer.session.images = a.images;
   viewer.session.frames = a.frames;
   viewer.session.patch_tolerance_px = a.patch_tolerance;
@@ -257,7 +253,7 @@ base::Result<ViewSetup> parseArguments(const Arguments& a) {
   viewer.session.max_points = static_cast<std::uint16_t>(a.points);
   viewer.lumigraph.max_samples = a.samples;
   viewer.lumigraph.use_images = a.images || a.frames;
-  std::copy(background->begin(), background->end(), viewer.lumigraph.background);
+  std::copy(background.begin(), background.end(), viewer.lumigraph.background);
   return setup;
 }
 

@@ -98,6 +98,7 @@ struct Viewer::Impl {
   bool hasSplats() const { return splats && splats->bounds() != nullptr && session.welcome() != nullptr; }
   SplatLook splatLook() const;
   void addSplats(ViewerStats& stats) const;
+  base::Result<bool> setSplatView(const base::ViewCamera& wanted);
   base::Result<void> updateSplats(const base::ViewCamera& wanted);
   base::Result<void> drawSplats(const base::ViewCamera& wanted);
   base::Camera cameraAt(const base::ViewCamera& wanted) const {

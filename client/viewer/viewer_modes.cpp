@@ -74,23 +74,26 @@ SplatLook Viewer::Impl::splatLook() const {
   return look;
 }
 
-/// Updates the splats; the server is told of no view, since they come by ranges of the file.
-base::Result<void> Viewer::Impl::updateSplats(const base::ViewCamera& wanted) {
+/// Takes over the view of a frame of splats; returns false while there are none. The server is told of no view, since
+/// splats come by ranges of the file.
+base::Result<bool> Viewer::Impl::setSplatView(const base::ViewCamera& wanted) {
   LUMIGRID_TRY(takeEvents());
   view = wanted;
-  if (!hasSplats()) return {};
+  if (!hasSplats()) return false;
   scene = *splats->bounds();
   camera = cameraAt(wanted);
-  splats->update(camera, splatLook());
+  return true;
+}
+
+base::Result<void> Viewer::Impl::updateSplats(const base::ViewCamera& wanted) {
+  LUMIGRID_ASSIGN_OR_RETURN(const bool has_splats, setSplatView(wanted));
+  if (has_splats) splats->update(camera, splatLook());
   return {};
 }
 
 base::Result<void> Viewer::Impl::drawSplats(const base::ViewCamera& wanted) {
-  LUMIGRID_TRY(takeEvents());
-  view = wanted;
-  if (!hasSplats()) return {};
-  scene = *splats->bounds();
-  camera = cameraAt(wanted);
+  LUMIGRID_ASSIGN_OR_RETURN(const bool has_splats, setSplatView(wanted));
+  if (!has_splats) return {};
   LUMIGRID_TRY(splats->draw(camera, splatLook()));
   probePins();
   return {};
