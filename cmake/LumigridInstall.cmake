@@ -2,7 +2,8 @@
 # look for them. Those are built by the preset "web" (another compiler, so another build folder); without them the
 # server shows a plain page.
 include(GNUInstallDirs)
-set(LUMIGRID_PAGE_FILES "${PROJECT_SOURCE_DIR}/build/web/site" CACHE PATH "Folder with the browser client's files, as the preset web builds them")
+set(LUMIGRID_PAGE_FILES "${PROJECT_SOURCE_DIR}/build/web/site" CACHE PATH
+  "Folder with the browser client's files, as the preset web builds them")
 
 install(TARGETS lumigrid lumigrid-view RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
 if(LUMIGRID_COMPARE)

@@ -24,7 +24,8 @@ set(LUMIGRID_SANITIZE "" CACHE STRING "Sanitizers to build with, e.g. address,un
 set(LUMIGRID_VECTOR_MATH -fno-math-errno -fno-trapping-math)
 
 add_library(lumigrid_flags INTERFACE)
-target_compile_options(lumigrid_flags INTERFACE -Wall -Wextra -Wshadow -Wnon-virtual-dtor -Wold-style-cast -Wcast-qual -Wpedantic)
+target_compile_options(lumigrid_flags INTERFACE -Wall -Wextra -Wshadow -Wnon-virtual-dtor -Wold-style-cast -Wcast-qual
+  -Wpedantic)
 if(LUMIGRID_QUICK AND NOT EMSCRIPTEN)
   # gcc takes the grouped files for headers: a type with a member from an anonymous namespace would be a fault in one.
   # And a constant of one file may have the name of a local variable in another.

@@ -8,7 +8,8 @@
 # file is a dependency of the configure step: after an edit the next build configures again and recompiles what includes
 # the header. A header whose text stays the same is not touched.
 function(lumigrid_shaders target folder)
-  set(header "#pragma once\n// Generated from ${folder}/shaders by cmake/LumigridShaders.cmake.\n\nnamespace glsl {\n\n")
+  set(header
+    "#pragma once\n// Generated from ${folder}/shaders by cmake/LumigridShaders.cmake.\n\nnamespace glsl {\n\n")
   foreach(file IN LISTS ARGN)
     set(path ${PROJECT_SOURCE_DIR}/${folder}/shaders/${file})
     set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${path})

@@ -8,56 +8,75 @@
 # lumigrid_check_walls() follows the links to their ends and stops when the thin client reaches a forbidden library, and
 # lumigrid_check_rows() stops at a row whose target is not there.
 
-function(_lumigrid_allow name uses links)
+# lumigrid_row(NAME [USES target...] [LINKS outside...]): what NAME may use and link; "*" is anything.
+function(lumigrid_row name)
+  cmake_parse_arguments(A "" "" "USES;LINKS" ${ARGN})
   list(APPEND LUMIGRID_ROWS ${name})
   set(LUMIGRID_ROWS "${LUMIGRID_ROWS}" PARENT_SCOPE)
-  set(LUMIGRID_MAY_USE_${name} "${uses}" PARENT_SCOPE)
-  set(LUMIGRID_MAY_LINK_${name} "${links}" PARENT_SCOPE)
+  set(LUMIGRID_MAY_USE_${name} "${A_USES}" PARENT_SCOPE)
+  set(LUMIGRID_MAY_LINK_${name} "${A_LINKS}" PARENT_SCOPE)
 endfunction()
 
 set(_any_base base base_gl base_egl base_hash base_json base_png)
-#               target         may use                                             may link
-_lumigrid_allow(base           ""                                                  "glm::glm;Threads::Threads")
-_lumigrid_allow(base_gl        "base"                                              "gles")
-_lumigrid_allow(base_egl       "base;base_gl"                                      "egl")
-_lumigrid_allow(base_hash      "base"                                              "OpenSSL::Crypto")
-_lumigrid_allow(base_json      "base;base_hash"                                    "nlohmann_json::nlohmann_json")
-_lumigrid_allow(base_png       "base"                                              "PNG::PNG")
-_lumigrid_allow(mesh           "base;base_png"                                     "turbojpeg;nlohmann_json::nlohmann_json")
-_lumigrid_allow(lod            "base"                                              "")
-_lumigrid_allow(lod_patch      "base"                                              "")
-_lumigrid_allow(lod_qsplat     "base"                                              "")
-_lumigrid_allow(lod_ingest     "base;mesh"                                         "")
-_lumigrid_allow(lod_patch_builder "base;mesh;lod_ingest;lod_patch"                 "metis")
-_lumigrid_allow(lod_qsplat_builder "base;mesh;lod_ingest;lod_qsplat"               "")
-_lumigrid_allow(lod_draw       "base;base_gl;lod_patch;lod_qsplat"                 "")
-_lumigrid_allow(sampling       "base"                                              "")
-_lumigrid_allow(sampling_json  "base;sampling"                                     "nlohmann_json::nlohmann_json")
-_lumigrid_allow(cache          "base"                                              "")
-_lumigrid_allow(faces          "base"                                              "")
-_lumigrid_allow(jpeg           "base;faces"                                        "turbojpeg;JPEG::JPEG")
-_lumigrid_allow(packs          "base;sampling"                                     "")
-_lumigrid_allow(objects        "base;base_hash"                                    "OpenSSL::Crypto;CURL::libcurl")
-_lumigrid_allow(repository     "base;base_hash;sampling;sampling_json;cache;faces;jpeg;packs;objects" "lmdb;nlohmann_json::nlohmann_json")
-_lumigrid_allow(protocol       "base;sampling"                                     "")
-_lumigrid_allow(plan           "base;lod_patch;sampling;protocol"                  "")
-_lumigrid_allow(server_render  "${_any_base};lod;lod_patch;lod_qsplat;lod_draw"    "")
-_lumigrid_allow(client_render  "base;base_gl;lod_patch;lod_draw"                   "")
-_lumigrid_allow(server_bake    "${_any_base};lod_patch;lod_draw;sampling;faces;jpeg;repository;protocol;plan;server_render;client_render" "spdlog::spdlog")
-_lumigrid_allow(server_session "base;lod_patch;sampling;repository;protocol;plan"  "")
-_lumigrid_allow(server_net     "${_any_base};lod;lod_patch;lod_qsplat;lod_draw;sampling;cache;faces;packs;jpeg;objects;repository;protocol;plan;server_render;server_bake;server_session" "Boost::headers;Threads::Threads;spdlog::spdlog;nlohmann_json::nlohmann_json")
-_lumigrid_allow(lumigrid       "${_any_base};mesh;lod;lod_ingest;lod_patch;lod_patch_builder;lod_qsplat;lod_qsplat_builder;lod_draw;sampling;cache;faces;packs;jpeg;objects;repository;protocol;server_render;server_bake;server_session;server_net" "CLI11::CLI11;spdlog::spdlog;nlohmann_json::nlohmann_json;openmesh")
-_lumigrid_allow(client         "base;base_gl;lod;lod_patch;lod_qsplat;lod_draw;sampling;faces;packs;cache;protocol;plan;client_render" "")
-_lumigrid_allow(client_native  "${_any_base};lod;lod_patch;lod_qsplat;lod_draw;sampling;sampling_json;cache;faces;packs;jpeg;protocol;client" "CURL::libcurl;Boost::headers;Threads::Threads;glfw;imgui;spdlog::spdlog;nlohmann_json::nlohmann_json")
-_lumigrid_allow(lumigrid-view  "${_any_base};lod;lod_patch;lod_qsplat;lod_draw;sampling;sampling_json;cache;faces;packs;jpeg;protocol;plan;client;client_native" "CLI11::CLI11;spdlog::spdlog;nlohmann_json::nlohmann_json")
-_lumigrid_allow(client_web     "base;base_gl;lod;lod_patch;lod_qsplat;lod_draw;sampling;faces;packs;cache;protocol;plan;client" "")
-_lumigrid_allow(client_web_splats "base;base_gl;lod_qsplat;client" "")
-_lumigrid_allow(client_web_decode "base;faces" "")
-_lumigrid_allow(client_web_check "base;client" "")
-_lumigrid_allow(compare        "*"                                                 "*")
-_lumigrid_allow(lumigrid-compare "*"                                               "*")
+lumigrid_row(base LINKS glm::glm Threads::Threads)
+lumigrid_row(base_gl USES base LINKS gles)
+lumigrid_row(base_egl USES base base_gl LINKS egl)
+lumigrid_row(base_hash USES base LINKS OpenSSL::Crypto)
+lumigrid_row(base_json USES base base_hash LINKS nlohmann_json::nlohmann_json)
+lumigrid_row(base_png USES base LINKS PNG::PNG)
+lumigrid_row(mesh USES base base_png LINKS turbojpeg nlohmann_json::nlohmann_json)
+lumigrid_row(lod USES base)
+lumigrid_row(lod_patch USES base)
+lumigrid_row(lod_qsplat USES base)
+lumigrid_row(lod_ingest USES base mesh)
+lumigrid_row(lod_patch_builder USES base mesh lod_ingest lod_patch LINKS metis)
+lumigrid_row(lod_qsplat_builder USES base mesh lod_ingest lod_qsplat)
+lumigrid_row(lod_draw USES base base_gl lod_patch lod_qsplat)
+lumigrid_row(sampling USES base)
+lumigrid_row(sampling_json USES base sampling LINKS nlohmann_json::nlohmann_json)
+lumigrid_row(cache USES base)
+lumigrid_row(faces USES base)
+lumigrid_row(jpeg USES base faces LINKS turbojpeg JPEG::JPEG)
+lumigrid_row(packs USES base sampling)
+lumigrid_row(objects USES base base_hash LINKS OpenSSL::Crypto CURL::libcurl)
+lumigrid_row(repository
+  USES base base_hash sampling sampling_json cache faces jpeg packs objects
+  LINKS lmdb nlohmann_json::nlohmann_json)
+lumigrid_row(protocol USES base sampling)
+lumigrid_row(plan USES base lod_patch sampling protocol)
+lumigrid_row(server_render USES ${_any_base} lod lod_patch lod_qsplat lod_draw)
+lumigrid_row(client_render USES base base_gl lod_patch lod_draw)
+lumigrid_row(server_bake
+  USES ${_any_base} lod_patch lod_draw sampling faces jpeg repository protocol plan server_render client_render
+  LINKS spdlog::spdlog)
+lumigrid_row(server_session USES base lod_patch sampling repository protocol plan)
+lumigrid_row(server_net
+  USES ${_any_base} lod lod_patch lod_qsplat lod_draw sampling cache faces packs jpeg objects repository protocol plan
+       server_render server_bake server_session
+  LINKS Boost::headers Threads::Threads spdlog::spdlog nlohmann_json::nlohmann_json)
+lumigrid_row(lumigrid
+  USES ${_any_base} mesh lod lod_ingest lod_patch lod_patch_builder lod_qsplat lod_qsplat_builder lod_draw sampling
+       cache faces packs jpeg objects repository protocol server_render server_bake server_session server_net
+  LINKS CLI11::CLI11 spdlog::spdlog nlohmann_json::nlohmann_json openmesh)
+lumigrid_row(client
+  USES base base_gl lod lod_patch lod_qsplat lod_draw sampling faces packs cache protocol plan client_render)
+lumigrid_row(client_native
+  USES ${_any_base} lod lod_patch lod_qsplat lod_draw sampling sampling_json cache faces packs jpeg protocol client
+  LINKS CURL::libcurl Boost::headers Threads::Threads glfw imgui spdlog::spdlog nlohmann_json::nlohmann_json)
+lumigrid_row(lumigrid-view
+  USES ${_any_base} lod lod_patch lod_qsplat lod_draw sampling sampling_json cache faces packs jpeg protocol plan
+       client client_native
+  LINKS CLI11::CLI11 spdlog::spdlog nlohmann_json::nlohmann_json)
+lumigrid_row(client_web
+  USES base base_gl lod lod_patch lod_qsplat lod_draw sampling faces packs cache protocol plan client)
+lumigrid_row(client_web_splats USES base base_gl lod_qsplat client)
+lumigrid_row(client_web_decode USES base faces)
+lumigrid_row(client_web_check USES base client)
+lumigrid_row(compare USES * LINKS *)
+lumigrid_row(lumigrid-compare USES * LINKS *)
 
-set(LUMIGRID_CLIENT_FORBIDDEN metis openmesh opencv_core opencv_imgproc mesh lod_ingest lod_patch_builder lod_qsplat_builder repository objects server_render server_bake server_session server_net lmdb)
+set(LUMIGRID_CLIENT_FORBIDDEN metis openmesh opencv_core opencv_imgproc mesh lod_ingest lod_patch_builder
+  lod_qsplat_builder repository objects server_render server_bake server_session server_net lmdb)
 
 function(_lumigrid_check_list kind name allowed)
   if("${allowed}" STREQUAL "*")
@@ -65,7 +84,8 @@ function(_lumigrid_check_list kind name allowed)
   endif()
   foreach(used IN LISTS ARGN)
     if(NOT used IN_LIST allowed)
-      message(FATAL_ERROR "wall: target '${name}' must not ${kind} '${used}' (allowed: ${allowed}); see cmake/LumigridTargets.cmake and docs/architecture.md")
+      message(FATAL_ERROR
+        "wall: target '${name}' must not ${kind} '${used}' (allowed: ${allowed}); see cmake/LumigridTargets.cmake")
     endif()
   endforeach()
 endfunction()
@@ -143,7 +163,8 @@ function(lumigrid_check_walls)
       _lumigrid_reach(${thin} reached)
       foreach(bad IN LISTS LUMIGRID_CLIENT_FORBIDDEN)
         if(bad IN_LIST reached)
-          message(FATAL_ERROR "wall: the thin client '${thin}' reaches '${bad}'; it must link none of ${LUMIGRID_CLIENT_FORBIDDEN}")
+          message(FATAL_ERROR
+            "wall: the thin client '${thin}' reaches '${bad}'; it must link none of ${LUMIGRID_CLIENT_FORBIDDEN}")
         endif()
       endforeach()
     endif()

@@ -37,11 +37,14 @@ def read_table(path):
         text = file.read()
     lists = dict(re.findall(r"^set\((\w+) ([^)]*)\)", text, re.M))
     rows = {}
-    for target, uses in re.findall(r'^_lumigrid_allow\((\S+)\s+"([^"]*)"', text, re.M):
-        uses = re.sub(r"\$\{(\w+)\}", lambda m: ";".join(lists[m.group(1)].split()), uses)
-        rows[target] = "*" if uses == "*" else set(filter(None, uses.split(";")))
+    for row in re.findall(r"^lumigrid_row\(([^)]*)\)", text, re.M):
+        target, *words = row.split()
+        uses = words[words.index("USES") + 1:] if "USES" in words else []
+        uses = uses[:uses.index("LINKS")] if "LINKS" in uses else uses
+        uses = {name for word in uses for name in lists.get(word.strip("${}"), word).split()}
+        rows[target] = "*" if "*" in uses else uses
     if not rows:
-        sys.exit(f"{path}: no row begins with _lumigrid_allow(")
+        sys.exit(f"{path}: no row begins with lumigrid_row(")
     for target, uses in rows.items():
         if uses != "*" and uses - rows.keys():
             sys.exit(f"{path}: '{target}' may use {', '.join(sorted(uses - rows.keys()))}, which has no row")

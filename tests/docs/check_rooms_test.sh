@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# tools/rooms.py --check passes for the picture of its table and fails for the picture of another one; a row that names a
-# room which is not there is refused.
+# tools/rooms.py --check passes for the picture of its table and fails for the picture of another one; a row that names
+# a room which is not there is refused.
 set -eu
 root=$(cd "$(dirname "$0")/../.." && pwd)
 tree=$(mktemp -d)
@@ -15,9 +15,9 @@ fails() {  # fails MESSAGE ARGUMENTS...: rooms.py must not succeed
     exit 1
   fi
 }
-{ grep -v '^_lumigrid_allow(plan ' "$table"; echo '_lumigrid_allow(plan "base" "")'; } >"$tree/other.cmake"
+{ grep -v '^lumigrid_row(plan ' "$table"; echo 'lumigrid_row(plan USES base)'; } >"$tree/other.cmake"
 python3 "$root/tools/rooms.py" --table "$tree/other.cmake" --write "$tree/other.svg"
 python3 "$root/tools/rooms.py" --table "$tree/other.cmake" --check "$tree/other.svg"
 fails "another table's picture passed" --check "$tree/other.svg"
-{ grep -v '^_lumigrid_allow(plan ' "$table"; echo '_lumigrid_allow(plan "base;gone" "")'; } >"$tree/gone.cmake"
+{ grep -v '^lumigrid_row(plan ' "$table"; echo 'lumigrid_row(plan USES base gone)'; } >"$tree/gone.cmake"
 fails "a row that uses a room which is not there passed" --table "$tree/gone.cmake" --write "$tree/gone.svg"

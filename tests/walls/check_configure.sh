@@ -25,8 +25,11 @@ END
   exit 1
 }
 try "$1" 'lumigrid_library(protocol SOURCES one.cpp USES base sampling)' ok
-try "$1" 'lumigrid_library(protocol SOURCES one.cpp USES base lod_patch_builder)' "wall: target 'protocol' must not use 'lod_patch_builder'"
-try "$1" 'lumigrid_library(protocol SOURCES one.cpp USES base LIBRARIES metis)' "wall: target 'protocol' must not link 'metis'"
+try "$1" 'lumigrid_library(protocol SOURCES one.cpp USES base lod_patch_builder)' \
+  "wall: target 'protocol' must not use 'lod_patch_builder'"
+try "$1" 'lumigrid_library(protocol SOURCES one.cpp USES base LIBRARIES metis)' \
+  "wall: target 'protocol' must not link 'metis'"
 try "$1" 'lumigrid_library(unheard_of SOURCES one.cpp)' "wall: target 'unheard_of' has no row"
 try "$1" 'target_link_libraries(client PUBLIC metis)' "wall: the thin client 'client' reaches 'metis'"
-try "$1" 'lumigrid_check_rows()' "wall: the row of 'base_gl' in cmake/LumigridTargets.cmake is for a target that is not there"
+try "$1" 'lumigrid_check_rows()' \
+  "wall: the row of 'base_gl' in cmake/LumigridTargets.cmake is for a target that is not there"

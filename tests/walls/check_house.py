@@ -5,7 +5,8 @@ folders    no folder holds more than 40 source files, and none is called "build"
 files      no source file has more than 900 lines
 functions  no C++ function has more than 100 lines
 comments   no comment line begins with "Of" or "What"
-lines      no line of code or prose is longer than 120 characters (tables and lines with a URL excepted)
+lines      no line of code or prose is longer than 120 characters (tables, lines with a URL and what stands
+           between ``` in a page excepted)
 
 Limits: functions are found by counting braces in code that clang-format has laid out. A lambda belongs to the function
 around it, and a function that a macro writes is not seen. Strings and comments are taken out before braces are counted;
@@ -120,9 +121,11 @@ def check_comments(root):
 def check_lines(root):
     for endings in (None, (".md",)):
         for path, lines in code_files(root, endings):
+            verbatim = False
             for number, text in enumerate(lines, 1):
-                table = endings and text.startswith("|")
-                if len(text) > MAX_COLUMNS and not table and "://" not in text:
+                verbatim ^= bool(endings) and text.startswith("```")
+                excepted = verbatim or (endings and text.startswith("|")) or "://" in text
+                if len(text) > MAX_COLUMNS and not excepted:
                     yield f"{path}:{number}: {len(text)} characters: {text.strip()[:60]}…"
 
 

@@ -38,12 +38,14 @@ forbid repository/sampling 'repository/(faces|packs|objects|[a-z_]+[.]h)'
 forbid repository/faces 'repository/(sampling|packs|objects|[a-z_]+[.]h)'
 forbid repository/objects 'repository/(sampling|faces|packs|store|repository|verify|access)'
 forbid protocol '(mesh|lod|plan|server|client|compare|tests)/|repository/(faces|packs|objects|[a-z_]+[.]h)'
-forbid plan '(mesh|server|client|compare|tests)/|lod/ingest/|lod/[a-z]+/builder/|repository/(faces|packs|objects|[a-z_]+[.]h)'
+forbid plan '(mesh|server|client|compare|tests)/|lod/ingest/|lod/[a-z]+/builder/'
+forbid plan 'repository/(faces|packs|objects|[a-z_]+[.]h)'
 forbid server '(compare|tests)/|client/(app|source|viewer|native|web)/'
 for room in cli net render session; do forbid server/$room 'client/'; done
 forbid server/session 'server/(net|render|bake|cli)/'
 for room in bake net render session; do forbid server/$room 'mesh/|lod/ingest/|lod/[a-z]+/builder/|server/cli/'; done
-forbid client '(mesh|server|compare|tests)/|lod/ingest/|lod/[a-z]+/builder/|repository/(objects|packs/(pack_store|publish)|store|repository|verify|access)'
+forbid client '(mesh|server|compare|tests)/|lod/ingest/|lod/[a-z]+/builder/'
+forbid client 'repository/(objects|packs/(pack_store|publish)|store|repository|verify|access)'
 forbid client/render 'client/(app|source|viewer|native|web)/'
 forbid client/source 'client/(app|viewer|native|web)/'
 forbid client/viewer 'client/(app|native|web)/'
@@ -53,7 +55,8 @@ forbid compare 'tests/'
 home() {  # home REGEX FOLDER...: only these folders include it
   local pattern=$1 found
   shift
-  found=$(grep -rnE "#include <($pattern)" "$root"/{base,mesh,lod,repository,protocol,plan,server,client,compare} --include='*.h' --include='*.cpp' 2>/dev/null)
+  found=$(grep -rnE "#include <($pattern)" "$root"/{base,mesh,lod,repository,protocol,plan,server,client,compare} \
+    --include='*.h' --include='*.cpp' 2>/dev/null)
   for folder in "$@"; do there "$folder"; done
   for folder in "$@"; do found=$(printf '%s' "$found" | grep -v "^$root/$folder" || true); done
   if [ -n "$found" ]; then

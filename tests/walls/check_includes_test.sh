@@ -15,7 +15,11 @@ if "$here/check_includes.sh" "$tree" >/dev/null; then
   exit 1
 fi
 mv "$tree/gone" "$tree/plan"
-for planted in 'base/a.h:"lod/lattice.h"' 'lod/patch/b.h:"server/net/server.h"' 'client/c.cpp:"server/session/session.h"' 'client/d.cpp:<boost/asio.hpp>' 'server/session/e.cpp:"client/session.h"'; do
+for planted in 'base/a.h:"lod/lattice.h"' \
+  'lod/patch/b.h:"server/net/server.h"' \
+  'client/c.cpp:"server/session/session.h"' \
+  'client/d.cpp:<boost/asio.hpp>' \
+  'server/session/e.cpp:"client/session.h"'; do
   file=$tree/${planted%%:*}
   echo "#include ${planted#*:}" >"$file"
   if "$here/check_includes.sh" "$tree" >/dev/null; then
