@@ -325,7 +325,6 @@ TEST(GlbReader, unreadableContentIsRefusedByItsName) {
 TEST(AllReaders, openMeshReadsTheSameMesh) {
   const std::vector<std::pair<std::string, std::string>> files{
       {"square.ply", kAsciiSquare},
-      {"binary.ply", binarySquare(false)},
       {"square.obj", "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvn 0 0 1\nf 1//1 2//1 3//1 4//1\n"},
       {"square.off", "OFF\n4 1 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n"},
       {"square.stl", binaryStl("made by a scanner")}};

@@ -1,10 +1,10 @@
 #pragma once
 // Mesh files read whole into memory: vertices at one position become one, and nothing else is repaired.
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
-#include <map>
 #include <string>
-#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -93,7 +93,8 @@ inline glm::dvec3 originOf(const std::vector<glm::dvec3>& positions) {
 inline std::vector<std::uint32_t> firstAtPosition(const std::vector<glm::vec3>& positions) {
   std::vector<std::uint32_t> order(positions.size());
   for (std::uint32_t v = 0; v < order.size(); ++v) order[v] = v;
-  const auto key = [&](std::uint32_t v) { return std::tie(positions[v].x, positions[v].y, positions[v].z); };
+  // Bits compare well even where a broken file gives NaN.
+  const auto key = [&](std::uint32_t v) { return std::bit_cast<std::array<std::uint32_t, 3>>(positions[v]); };
   std::sort(order.begin(), order.end(),
             [&](std::uint32_t a, std::uint32_t b) { return key(a) != key(b) ? key(a) < key(b) : a < b; });
   std::vector<std::uint32_t> first(positions.size());

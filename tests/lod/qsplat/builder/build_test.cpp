@@ -79,7 +79,7 @@ class QsplatBuild : public testing::Test {
 TEST_F(QsplatBuild, leavesCoverTheSurface) {
   for (const Mesh& mesh : {support::bumpySphere(20, 30), support::torus(30, 16), support::openGrid(16),
                            support::triangleSoup(60, 0.2F), support::tinyComponents(30)}) {
-    mustBuild(mesh);
+    const glm::vec3 origin(mustBuild(mesh).origin);
     const auto all = nodes();
     std::size_t uncovered = 0;
     for (std::size_t t = 0; t < mesh.indices.size(); t += 3)
@@ -90,7 +90,7 @@ TEST_F(QsplatBuild, leavesCoverTheSurface) {
                               u * mesh.positions[mesh.indices[t + 1]] + v * mesh.positions[mesh.indices[t + 2]];
           // The lattice moves vertices by a sixteenth of an edge at most.
           const bool covered = std::any_of(all.begin(), all.end(), [&](const support::DecodedNode& node) {
-            return node.leaf && glm::distance(node.sphere.center, p) <= node.sphere.radius * 1.07F;
+            return node.leaf && glm::distance(origin + node.sphere.center, p) <= node.sphere.radius * 1.07F;
           });
           uncovered += covered ? 0 : 1;
         }
