@@ -85,7 +85,7 @@ void addContentOptions(CLI::App& app, Arguments& a) {
   app.add_option("--method", a.method,
                  "lumigraph: patches textured by images; patches: the patches alone; qsplat: splats, streamed from the "
                  "scene's qsplat.lgq in the order in which the view has use for them. Where it is left out, a scene of "
-                 "splats alone is shown as such")
+                 "splats only is shown as such")
       ->check(CLI::IsMember({"lumigraph", "patches", "qsplat"}))
       ->group("What is shown");
   app.add_flag("--images,!--no-images", a.images, "Use images of the repository (on unless --no-images)")

@@ -58,7 +58,7 @@ base::Result<StaticScene> staticSceneFrom(const std::string& scene_json, const s
   LUMIGRID_ASSIGN_OR_RETURN(const auto scene, base::parseScene(scene_json, place + "/scene.json"));
   const auto patches = partOf(scene, "patch", ".lgp");
   if (!patches && partOf(scene, "qsplat", ".lgq"))
-    return base::Error{base::ErrorCode::kUnsupported, place + ": holds splats alone; --method qsplat shows them"};
+    return base::Error{base::ErrorCode::kUnsupported, place + ": holds splats only; --method qsplat shows them"};
   if (!patches || !base::isPublishedName(patches->name))
     return base::Error{base::ErrorCode::kInvalidInput,
                        place + ": is not a published scene; put there what `lumigrid publish` wrote"};

@@ -205,7 +205,7 @@ base::Result<std::string> digestOf(const repository::Store& store) {
   return base::hexOf(hash.finish());
 }
 
-// A scene from points has splats alone.
+// A scene from points has splats only.
 void printScene(const InfoArguments& a, const nlohmann::json& j) {
   const auto& s = j["scene"];
   const auto triangles = s["triangles"].get<std::uint64_t>();

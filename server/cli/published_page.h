@@ -19,7 +19,7 @@ struct PublishedPage {
 };
 
 /// index.html is told where its scene is, in the <meta name="lumigrid-scene"> that the page reads, and in
-/// <meta name="lumigrid-method"> that it has splats alone; so its compressed forms are left out. kInvalidInput where it
+/// <meta name="lumigrid-method"> that it has splats only; so its compressed forms are left out. kInvalidInput where it
 /// has none.
 /// Writes what is not there already, index.html after all that it names, then the list. Never replaces what an earlier
 /// call did not write: kExists, naming it, before anything is written. `place` is the sink's, to read from. `prune`:

@@ -102,7 +102,7 @@ HttpReply badRequest(const base::Error& error) {
 
 HttpReply splatsOnlyReply() {
   return textReply(501,
-                   "this scene has splats alone, and this needs patches; build them too (lumigrid build --methods "
+                   "this scene has splats only, and this needs patches; build them too (lumigrid build --methods "
                    "patch,qsplat), which needs a mesh\n");
 }
 

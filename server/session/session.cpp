@@ -99,7 +99,7 @@ base::Error Session::Impl::refuse(base::ErrorCode code, const std::string& reaso
 /// The Refusal says that the scene is splats-only; clients that draw splats fetch them over HTTP then.
 base::Error Session::Impl::refuseSplatsOnly() {
   const base::Error error = refuse(base::ErrorCode::kUnsupported,
-                                   "this scene has splats alone; look at it with --method qsplat, or in a browser");
+                                   "this scene has splats only; look at it with --method qsplat, or in a browser");
   greeting = protocol::encode(protocol::Refusal{protocol::kVersion, error.message, true});
   return error;
 }

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A server of a scene that lies behind a slow network: requests for a view, and the time until it is complete.
+"""Measures a server whose scene lies behind a slow network: its requests for a view, and the time until it is complete.
 
   far_serve.py --bin DIR [--bin DIR ...] [--round-trip 50] [--views 8] SCENE
 
@@ -29,7 +29,7 @@ def run(*command):
 
 
 class DelayProxy:
-    """Bytes go on as they came, `delay` seconds later."""
+    """Forwards bytes in their order, `delay` seconds later."""
 
     def __init__(self, to_port, delay):
         self.to_port, self.delay = to_port, delay
@@ -97,7 +97,7 @@ class Nginx:
         sys.exit("nginx does not start")
 
     def faces(self):
-        """Requests for images and index so far."""
+        """Counts the requests for images and index so far."""
         with open(self.log) as f:
             return sum(1 for line in f if re.search(r"(pack|index)-", line))
 

@@ -168,7 +168,7 @@ TEST_F(SplatsOnlyTest, whoAsksForAnotherMethodIsToldSo) {
   for (const std::string& url : {serve(scene_).url, nginx.url() + "/alone/"})
     expectOneLineError(run("lumigrid-view", {url, "--headless", "--method", "patches", "--path", path("tour.json"),
                                              "--connect-timeout", "3"}),
-                       1, {"splats alone", "--method qsplat"});
+                       1, {"splats only", "--method qsplat"});
   EXPECT_EQ(run("lumigrid", {"info", scene_}).status, 0);
   EXPECT_EQ(run("lumigrid", {"verify", path("site/alone"), "--quiet"}).status, 0);
 }

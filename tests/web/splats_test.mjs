@@ -167,7 +167,7 @@ function wasmOf(page) {
   return names;
 }
 
-test("a page of splats fetches the WebAssembly of splats alone, early", async () => {
+test("a page of splats fetches the WebAssembly of splats early and no other", async () => {
   const page = await open(browser, "about:blank");
   const fetched = wasmOf(page);
   await page.goto(`${server.url}?method=qsplat`);
@@ -258,7 +258,7 @@ test(
       await context.close();
     });
 
-test("a point cloud, which has splats alone, is served and published, and shown without being asked for", async () => {
+test("a point cloud, which has splats only, is served and published, and shown without being asked for", async () => {
   const count = 8000;
   const golden = Math.PI * (3 - Math.sqrt(5));
   const lines = [

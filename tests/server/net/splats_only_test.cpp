@@ -57,7 +57,7 @@ TEST(SplatsOnly, splatFileIsServedAndPatchesAreRefused) {
        {"/patch.lgp", "/render?position=0,0,9&direction=0,0,-1", "/pick?ox=0&oy=0&oz=9&dx=0&dy=0&dz=-1"}) {
     const HttpAnswer answer = httpRequest(server.port(), target);
     EXPECT_EQ(answer.status, 501) << target;
-    EXPECT_NE(answer.body.find("splats alone"), std::string::npos) << answer.body;
+    EXPECT_NE(answer.body.find("splats only"), std::string::npos) << answer.body;
     EXPECT_NE(answer.body.find("--methods patch,qsplat"), std::string::npos) << answer.body;
     EXPECT_EQ(answer.body.find('\n'), answer.body.size() - 1) << answer.body;
   }
