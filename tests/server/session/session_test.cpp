@@ -100,7 +100,7 @@ TEST(Session, welcomeDescribesTheScene) {
   EXPECT_EQ(welcome.grid, scene.data.welcome.grid);
   EXPECT_EQ(welcome.group_count, scene.data.welcome.group_count);
   EXPECT_EQ(talk.session.clientName(), "test 1");
-  EXPECT_FALSE(talk.next()) << "nothing is sent before a view, for a Holdings may come first";
+  EXPECT_FALSE(talk.next()) << "nothing is sent before a view, for Holdings may come first";
 }
 
 TEST(Session, anotherVersionIsRefusedInPlainWords) {
