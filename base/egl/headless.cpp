@@ -13,8 +13,9 @@
 namespace base {
 namespace {
 
-// EGL displays belong to the process: asking twice for the same one gives the same handle, and eglTerminate would end
-// every context on it, other threads' included. So displays are initialised (which is idempotent) and never terminated.
+// EGL displays belong to the process: requesting the same one twice returns the same handle, and eglTerminate would end
+// every context on it, those of other threads included. So displays are initialised, which is idempotent, and never
+// terminated.
 
 constexpr const char* kInstallHint =
     "install libegl-mesa0 and libgl1-mesa-dri (software rendering) or the GPU vendor's EGL library";
@@ -42,7 +43,7 @@ Function load(const char* name) {
   return reinterpret_cast<Function>(eglGetProcAddress(name));
 }
 
-/// The EGL devices that are (or are not) software rasterisers; empty when EGL can't list devices.
+/// Returns the EGL devices that are (or are not) software rasterisers; none if EGL can't list devices.
 std::vector<EGLDeviceEXT> devices(const char* client_extensions, bool software) {
   const bool listable = hasExtension(client_extensions, "EGL_EXT_platform_device") &&
                         (hasExtension(client_extensions, "EGL_EXT_device_base") ||
@@ -61,7 +62,7 @@ std::vector<EGLDeviceEXT> devices(const char* client_extensions, bool software) 
   return chosen;
 }
 
-/// A GLES 3 context on the display, current on this thread without a surface.
+/// Creates a GLES 3 context on the display and makes it current on this thread without a surface.
 Result<EGLContext> contextOn(EGLDisplay display) {
   EGLint major = 0;
   EGLint minor = 0;
@@ -91,7 +92,7 @@ struct Candidate {
   void* native;
 };
 
-/// Where to look for a context, best first.
+/// Returns the displays to try, best first.
 std::vector<Candidate> candidates(const char* client_extensions, bool software) {
   std::vector<Candidate> found;
   for (EGLDeviceEXT device : devices(client_extensions, software))
@@ -103,20 +104,20 @@ std::vector<Candidate> candidates(const char* client_extensions, bool software) 
 
 }  // namespace
 
-struct HeadlessContext::State {
+struct HeadlessContext::Impl {
   EGLDisplay display = EGL_NO_DISPLAY;
   EGLContext context = EGL_NO_CONTEXT;
   std::string renderer;
 };
 
 Result<std::unique_ptr<HeadlessContext>> HeadlessContext::create() {
-  // What this EGL offers before any display is open.
+  // These extensions are known before any display is open.
   const char* client_extensions = eglQueryString(EGL_NO_DISPLAY, EGL_EXTENSIONS);
   const auto platform_display = load<PFNEGLGETPLATFORMDISPLAYEXTPROC>("eglGetPlatformDisplayEXT");
   if (client_extensions == nullptr || platform_display == nullptr)
     return Error{ErrorCode::kUnsupported, std::string("no EGL on this machine: ") + kInstallHint};
 
-  // A GPU first, unless the user wants software; then whatever Mesa has.
+  // Try GPUs first, unless the user asks for software; then surfaceless Mesa.
   const char* wanted = std::getenv("LUMIGRID_GL");
   const bool software = wanted != nullptr && std::string_view(wanted) == "software";
   std::string tried;
@@ -127,39 +128,39 @@ Result<std::unique_ptr<HeadlessContext>> HeadlessContext::create() {
       tried += (tried.empty() ? "" : "; ") + candidate.name + ": " + context.error().message;
       continue;
     }
-    std::unique_ptr<HeadlessContext> made(new HeadlessContext());
-    made->state_ = std::make_unique<State>(State{display, *context, {}});
+    std::unique_ptr<HeadlessContext> created(new HeadlessContext());
+    created->impl_ = std::make_unique<Impl>(Impl{display, *context, {}});
     const GLubyte* name = glGetString(GL_RENDERER);
-    if (name != nullptr) made->state_->renderer = reinterpret_cast<const char*>(name);
-    return made;
+    if (name != nullptr) created->impl_->renderer = reinterpret_cast<const char*>(name);
+    return created;
   }
   if (tried.empty()) tried = "EGL offers neither devices nor EGL_MESA_platform_surfaceless";
   return Error{ErrorCode::kUnsupported, "no OpenGL ES 3.0 without a window (" + tried + "): " + kInstallHint};
 }
 
 HeadlessContext::~HeadlessContext() {
-  if (state_ == nullptr) return;
+  if (impl_ == nullptr) return;
   release();
-  eglDestroyContext(state_->display, state_->context);
+  eglDestroyContext(impl_->display, impl_->context);
 }
 
 void HeadlessContext::makeCurrent() {
   eglBindAPI(EGL_OPENGL_ES_API);
-  eglMakeCurrent(state_->display, EGL_NO_SURFACE, EGL_NO_SURFACE, state_->context);
+  eglMakeCurrent(impl_->display, EGL_NO_SURFACE, EGL_NO_SURFACE, impl_->context);
 }
 
 void HeadlessContext::release() {
-  if (eglGetCurrentContext() != state_->context) return;
-  eglMakeCurrent(state_->display, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
+  if (eglGetCurrentContext() != impl_->context) return;
+  eglMakeCurrent(impl_->display, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
 }
 
 std::string HeadlessContext::renderer() const {
-  return state_->renderer;
+  return impl_->renderer;
 }
 
 bool HeadlessContext::isSoftware() const {
   for (const char* name : {"llvmpipe", "softpipe", "SwiftShader"})
-    if (state_->renderer.find(name) != std::string::npos) return true;
+    if (impl_->renderer.find(name) != std::string::npos) return true;
   return false;
 }
 

@@ -5,8 +5,8 @@
 namespace base::gl {
 namespace {
 
-// What GLSL ES 3.00 leaves without a default precision gets one, so that sources need no preamble; "#line 1" makes the
-// line numbers in GL's log those of the source given.
+// Gives types a precision that GLSL ES 3.00 leaves without a default, so that sources need no preamble; "#line 1" makes
+// the line numbers in GL's log those of the source.
 constexpr const char* kPreamble =
     "#version 300 es\n"
     "precision highp float;\n"
@@ -25,7 +25,7 @@ struct ShaderTraits {
 };
 using Shader = Object<ShaderTraits>;
 
-// GL's log as one line: errors are one line each here.
+// Returns GL's log as one line, since errors are one line each here.
 std::string oneLine(std::string log) {
   while (!log.empty() && (log.back() == '\0' || log.back() == '\n' || log.back() == ' ')) log.pop_back();
   std::replace(log.begin(), log.end(), '\n', ' ');
@@ -64,7 +64,7 @@ Result<Shader> compile(const std::string& place, GLenum stage, const std::string
 
 }  // namespace
 
-// ---- What is held ----
+// ---- Counts of storage ----
 
 namespace {
 
@@ -243,7 +243,7 @@ Image RenderTarget::read() const {
 
 std::string takeError() {
   std::string text;
-  // A lost context may report for ever: a handful is enough to say.
+  // A lost context may report errors for ever; a handful is enough.
   for (int i = 0; i < 8; ++i) {
     const GLenum code = glGetError();
     if (code == GL_NO_ERROR) break;

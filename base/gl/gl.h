@@ -1,9 +1,9 @@
 #pragma once
-// GLES 3.0, the subset that is WebGL2 as well, in owning objects. All need a current context, on the thread that made
-// them. Storage is counted where it is made, by kind.
+// GLES 3.0 objects with owners: the subset that is WebGL2 as well. All of them need a current context and belong to the
+// thread that created them. Their storage is counted by kind.
 //
-// One context a thread is assumed in two places: the counts are the thread's, and contextLost() abandons all of the
-// thread's objects.
+// There is at most one context a thread: the counts are the thread's, and contextLost() abandons all of the thread's
+// objects.
 #include <GLES3/gl3.h>
 
 #include <cstddef>
@@ -19,18 +19,18 @@
 
 namespace base::gl {
 
-/// Bytes of GL storage that this thread's objects hold: as asked for, without the driver's own padding.
+/// Bytes of GL storage that this thread's objects have: as requested, without the driver's padding.
 struct HeldBytes {
   std::uint64_t textures = 0, buffers = 0, renderbuffers = 0;
   std::uint64_t total() const { return textures + buffers + renderbuffers; }
 };
 const HeldBytes& heldBytes();
-/// The largest total since the thread began, or since resetPeak().
+/// Returns the largest total since the thread began, or since resetPeak().
 std::uint64_t peakHeldBytes();
 void resetPeak();
 
-/// The thread's context is gone. All objects made before are abandoned: they free nothing, hold nothing, and are only
-/// good for destruction.
+/// Tells that the thread's context is gone. All objects created before are abandoned: they free nothing and hold
+/// nothing, and may only be destroyed.
 void contextLost();
 
 namespace detail {
@@ -60,7 +60,7 @@ class Object {
   GLuint name() const { return name_; }
   explicit operator bool() const { return name_ != 0; }
   std::uint64_t bytes() const { return bytes_; }
-  /// What its storage takes from now on: said by the functions below, which make storage.
+  /// Sets how many bytes the object's storage takes; called by the allocate functions below.
   void setStorageBytes(std::uint64_t bytes) {
     detail::subtractHeld(Traits::kKind, std::exchange(bytes_, bytes));
     detail::addHeld(Traits::kKind, bytes);
@@ -77,7 +77,7 @@ class Object {
   std::uint64_t bytes_ = 0;
 };
 
-/// Names that GL makes and frees by the array.
+/// Traits of names that GL generates and deletes in arrays.
 template <auto Generate, auto Delete, detail::StorageKind Counted>
 struct NameTraits {
   static constexpr detail::StorageKind kKind = Counted;
@@ -99,7 +99,7 @@ using Framebuffer = Object<NameTraits<glGenFramebuffers, glDeleteFramebuffers, d
 using Renderbuffer = Object<NameTraits<glGenRenderbuffers, glDeleteRenderbuffers, detail::StorageKind::kRenderbuffer>>;
 using Query = Object<NameTraits<glGenQueries, glDeleteQueries, detail::StorageKind::kNone>>;
 
-// Storage, counted. Each leaves its object bound to the target.
+// These functions allocate storage and count it. Each leaves its object bound to the target.
 
 /// glBufferData with `bytes` of `data` (null: undefined contents).
 void allocate(Buffer& buffer, GLenum target, const void* data, std::size_t bytes, GLenum usage);
@@ -108,16 +108,16 @@ void allocate2D(Texture& texture, GLenum target, int levels, GLenum format, int 
 void allocate3D(Texture& texture, GLenum target, int levels, GLenum format, int width, int height, int layers);
 void allocate(Renderbuffer& renderbuffer, GLenum format, int width, int height);
 
-/// A linked program. Uniform locations are looked up by name once and kept.
+/// A linked program. Uniform locations are queried by name once and kept.
 class Program {
  public:
   Program() = default;
-  /// Sources without #version and precision lines, which are added ("#version 300 es", highp). The error holds GL's
-  /// log.
+  /// Compiles and links sources. They have no #version and precision lines; these are added ("#version 300 es", highp).
+  /// The error contains GL's log.
   static Result<Program> link(const std::string& name, const std::string& vertex_source,
                               const std::string& fragment_source);
   void use() const;
-  GLint uniform(const char* name) const;  ///< −1 when it was optimised away
+  GLint uniform(const char* name) const;  ///< location; −1 if the compiler removed the uniform
   GLuint name() const { return program_.name(); }
 
  private:
@@ -130,11 +130,11 @@ class RenderTarget {
  public:
   RenderTarget() = default;
   static Result<RenderTarget> create(int width, int height);
-  void bind() const;  ///< also sets the viewport
+  void bind() const;  ///< binds it and sets the viewport
   int width() const { return width_; }
   int height() const { return height_; }
   GLuint framebuffer() const { return framebuffer_.name(); }
-  /// Waits for drawing; RGBA, row 0 at the top.
+  /// Waits for drawing and reads RGBA; row 0 is at the top.
   Image read() const;
 
  private:
@@ -145,7 +145,7 @@ class RenderTarget {
   int height_ = 0;
 };
 
-/// Error code of GL since the last call as text, empty when none. For tests and after set-up, not in the frame loop.
+/// Returns GL's errors since the last call as text, empty when none. For tests and set-up, not for the frame loop.
 std::string takeError();
 
 }  // namespace base::gl

@@ -48,7 +48,7 @@ bool hasHalfFloatTargets() {
   return false;
 }
 
-// The attributes of splats from number `first` of the bound buffer on. divisor: 0 a vertex each, 1 an instance each.
+// Describes the attributes of splats from number `first` of the bound buffer on. divisor: 0 per vertex, 1 per instance.
 void describeSplats(std::size_t first, GLuint divisor) {
   const auto at = [first](std::size_t bytes) {
     return reinterpret_cast<const void*>(first * sizeof(qsplat::Splat) + bytes);
@@ -66,14 +66,15 @@ float samplesPerUnit(const SplatView& view, const SplatTarget& target) {
   return 0.5F * std::max(static_cast<float>(target.width) * lens[0][0], static_cast<float>(target.height) * lens[1][1]);
 }
 
-/// Which splats may be points: centre in the picture, and so small that the shader's formulas hold and the size is one.
+/// Selects splats that may be points: the centre is in the picture, and the size is small enough for points and for the
+/// shader's formulas.
 class PointTest {
  public:
-  PointTest(const SplatView& view, const SplatTarget& target, float most_samples)
+  PointTest(const SplatView& view, const SplatTarget& target, float max_point_samples)
       : clip_(view.camera.clipFromScene()),
         eye_(view.camera.homogeneousEye()),
-        size_per_sample_(most_samples > kSpareSamples
-                             ? 2.0F * samplesPerUnit(view, target) / (most_samples - kSpareSamples)
+        size_per_sample_(max_point_samples > kSpareSamples
+                             ? 2.0F * samplesPerUnit(view, target) / (max_point_samples - kSpareSamples)
                              : std::numeric_limits<float>::infinity()) {}
 
   bool operator()(const qsplat::Splat& splat) const {
@@ -87,7 +88,7 @@ class PointTest {
   }
 
  private:
-  // For margins and for what the middle of the ellipse is off.
+  // Spare size for margins and for the offset of the ellipse's middle.
   static constexpr float kSpareSamples = 3.0F;
   static constexpr float kSmall = 0.1F;
   glm::mat4 clip_;
@@ -99,9 +100,9 @@ class PointTest {
 
 // ---- Splats in memory ----
 
-void SplatRenderer::upload(std::span<const qsplat::Splat> splats, float most_samples, const SplatView& view,
+void SplatRenderer::upload(std::span<const qsplat::Splat> splats, float max_point_samples, const SplatView& view,
                            const SplatTarget& target) {
-  const PointTest isPoint(view, target, most_samples);
+  const PointTest isPoint(view, target, max_point_samples);
   sorted_.resize(splats.size());
   points_ = 0;
   std::size_t quads_begin = splats.size();
@@ -128,9 +129,9 @@ struct SplatRenderer::Pass {
   enum class Shape : std::uint8_t { kSquare, kRound, kFuzzy, kEllipse };
   Shape shape = Shape::kSquare;
   bool points = false;
-  bool resolution = false;  ///< coloured by it
+  bool resolution = false;  ///< coloured by resolution
   bool section = false;
-  float push = 0.0F;  ///< depth is that of a point so many radii behind the centre
+  float push = 0.0F;  ///< depth is taken at a point this many radii behind the centre
 
   std::size_t number() const {
     return static_cast<std::size_t>(shape) * 8 + (points ? 4U : 0U) + (resolution ? 2U : 0U) + (section ? 1U : 0U);
@@ -153,24 +154,24 @@ base::Result<std::unique_ptr<SplatRenderer>> SplatRenderer::create() {
   renderer->buffer_ = base::gl::Buffer::create();
   std::array<float, 2> sizes{1.0F, 1.0F};
   glGetFloatv(GL_ALIASED_POINT_SIZE_RANGE, sizes.data());
-  // Larger ones gain nothing.
+  // Larger points are no faster than quads.
   renderer->largest_point_ = std::min(sizes[1], 64.0F);
   LUMIGRID_TRY(renderer->program({}));
   return renderer;
 }
 
 base::Result<const base::gl::Program*> SplatRenderer::program(const Pass& pass) {
-  base::gl::Program& made = programs_[pass.number()];
-  if (made.name() != 0) return &made;
+  base::gl::Program& cached = programs_[pass.number()];
+  if (cached.name() != 0) return &cached;
   const std::string defines = pass.defines();
   LUMIGRID_ASSIGN_OR_RETURN(
       auto linked, base::gl::Program::link("splats", defines + shadingSource() + tintSource() + glsl::kSplatVertex,
                                            defines + glsl::kSplatFragment));
-  made = std::move(linked);
-  made.use();
+  cached = std::move(linked);
+  cached.use();
   const auto cells = cellMiddles();
-  glUniform1fv(made.uniform("u_cells"), static_cast<GLsizei>(cells.size()), cells.data());
-  return &made;
+  glUniform1fv(cached.uniform("u_cells"), static_cast<GLsizei>(cells.size()), cells.data());
+  return &cached;
 }
 
 // ---- Drawing ----
@@ -185,24 +186,24 @@ base::Result<void> SplatRenderer::draw(std::span<const qsplat::Splat> splats, Sp
   glDepthMask(GL_TRUE);
   glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
   glDisable(GL_BLEND);
-  // Fuzzy ones are twice as wide; ellipses and what a section cuts have corners of their own.
+  // Fuzzy splats are twice as wide; ellipses and splats that a section cuts are always quads.
   const bool quads = kernel == SplatKernel::kEllipse || glm::vec3(view.section) != glm::vec3(0.0F);
-  const float most_samples = quads ? 0.0F : kernel == SplatKernel::kFuzzy ? 0.5F * largest_point_ : largest_point_;
+  const float max_point_samples = quads ? 0.0F : kernel == SplatKernel::kFuzzy ? 0.5F * largest_point_ : largest_point_;
   const bool fuzzy = kernel == SplatKernel::kFuzzy;
   const bool direct = !fuzzy && !(target.reduction > 1.0F);
   SplatTarget drawn = target;
   if (!direct) {
     LUMIGRID_TRY(prepareCanvas(fuzzy ? GL_RGBA16F : GL_RGBA8, target.width, target.height));
-    const auto reduced = [&](int samples) {
+    const auto reducedSide = [&](int samples) {
       return static_cast<int>(std::ceil(static_cast<float>(samples) / std::max(target.reduction, 1.0F)));
     };
-    drawn = {canvas_.framebuffer.name(), reduced(target.width), reduced(target.height), false};
+    drawn = {canvas_.framebuffer.name(), reducedSide(target.width), reducedSide(target.height), false};
     glBindFramebuffer(GL_FRAMEBUFFER, drawn.framebuffer);
     glClearColor(0.0F, 0.0F, 0.0F, 0.0F);
     glClearDepthf(1.0F);
     glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
   }
-  upload(splats, most_samples, view, drawn);
+  upload(splats, max_point_samples, view, drawn);
 
   if (fuzzy) {
     LUMIGRID_TRY(drawFuzzy(view, drawn));
@@ -237,7 +238,7 @@ base::Result<void> SplatRenderer::drawShape(const Pass& pass, const SplatView& v
   const glm::mat3 turn(view.camera.eye_from_scene);
   const glm::mat4& lens = view.camera.clip_from_eye;
   const auto setVector = [&](const char* name, const glm::vec3& in_eye) {
-    const glm::vec3 v = in_eye * turn;  // back into the scene: by the transposed
+    const glm::vec3 v = in_eye * turn;  // from the eye's frame into the scene's, by the transpose
     glUniform3f(used.uniform(name), v.x, v.y, v.z);
   };
   setVector("u_up", {0.0F, 1.0F, 0.0F});
@@ -303,16 +304,16 @@ base::Result<void> SplatRenderer::prepareCanvas(GLenum format, int width, int he
   return {};
 }
 
-// The paper's two passes: depth alone, pushed away from the viewer, so that the second pass adds up all splats that lie
-// within that distance of the nearest. What it added is divided by the sum of opacities in a third.
-base::Result<void> SplatRenderer::drawFuzzy(const SplatView& view, const SplatTarget& own) {
-  // Up to two radii: neighbours on a surface seen at 45 degrees.
+// The paper's two passes: the first draws depth alone, pushed away from the viewer, so that the second adds up all
+// splats within that distance of the nearest one. compose() then divides the sums by the opacities.
+base::Result<void> SplatRenderer::drawFuzzy(const SplatView& view, const SplatTarget& reduced) {
+  // Two radii: neighbours on a surface that is seen at 45 degrees still mix.
   constexpr float kPushRadii = 2.0F;
   Pass pass;
   pass.shape = Pass::Shape::kRound;
   pass.push = kPushRadii;
   glColorMask(GL_FALSE, GL_FALSE, GL_FALSE, GL_FALSE);
-  LUMIGRID_TRY(drawPass(pass, view, own));
+  LUMIGRID_TRY(drawPass(pass, view, reduced));
 
   pass.shape = Pass::Shape::kFuzzy;
   pass.push = 0.0F;
@@ -322,14 +323,14 @@ base::Result<void> SplatRenderer::drawFuzzy(const SplatView& view, const SplatTa
   glEnable(GL_BLEND);
   glBlendEquation(GL_FUNC_ADD);
   glBlendFunc(GL_ONE, GL_ONE);
-  const auto added = drawPass(pass, view, own);
+  const auto added = drawPass(pass, view, reduced);
   glDepthMask(GL_TRUE);
   glDepthFunc(GL_LESS);
   glDisable(GL_BLEND);
   return added;
 }
 
-void SplatRenderer::compose(const SplatTarget& own, const SplatTarget& target) {
+void SplatRenderer::compose(const SplatTarget& reduced, const SplatTarget& target) {
   glBindFramebuffer(GL_FRAMEBUFFER, target.framebuffer);
   glViewport(0, 0, target.width, target.height);
   if (target.mix) glEnable(GL_BLEND);
@@ -338,9 +339,9 @@ void SplatRenderer::compose(const SplatTarget& own, const SplatTarget& target) {
   glUniform1i(compose_.uniform("u_sums"), 0);
   glUniform1i(compose_.uniform("u_depth"), 1);
   const glm::vec2 size(canvas_.width, canvas_.height);
-  const glm::vec2 drawn(own.width, own.height);
+  const glm::vec2 drawn(reduced.width, reduced.height);
   const glm::vec2 scale = drawn / (size * size);
-  const glm::vec2 last = (drawn - 0.51F) / size;  // rounded, too, it is not mixed with the next
+  const glm::vec2 last = (drawn - 0.51F) / size;  // even rounded it is not interpolated with the next sample
   glUniform2f(compose_.uniform("u_scale"), scale.x, scale.y);
   glUniform2f(compose_.uniform("u_last"), last.x, last.y);
   const auto bind = [](GLenum unit, GLuint texture) {

@@ -11,7 +11,7 @@
 namespace lod::draw {
 namespace {
 
-/// 20 bytes: what the GPU reads per vertex.
+/// A vertex as the GPU reads it: 20 bytes.
 struct Vertex {
   glm::vec3 position;
   std::array<std::int8_t, 4> normal;
@@ -23,7 +23,7 @@ std::int8_t snorm8(float v) {
   return static_cast<std::int8_t>(std::lround(std::clamp(v, -1.0F, 1.0F) * 127.0F));
 }
 
-/// Root of the mean squared length of the edges at each vertex, in lattice steps.
+/// Returns the root mean square length of each vertex's edges, in lattice steps.
 std::vector<float> edgeLengths(const patch::PatchGeometry& geometry) {
   std::vector<float> squares(geometry.positions.size(), 0.0F);
   std::vector<float> counts(geometry.positions.size(), 0.0F);

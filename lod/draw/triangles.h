@@ -1,5 +1,5 @@
 #pragma once
-// Patches on the GPU, and the drawing of cuts. One class serves the server's renderer and the client.
+// Uploads patches and draws cuts of them, for the server's renderer and the client.
 #include <cstdint>
 #include <functional>
 #include <glm/glm.hpp>
@@ -15,14 +15,14 @@ namespace lod::draw {
 /// Vertex attribute locations that every program drawing patches uses.
 enum AttributeLocation : GLuint { kPosition = 0, kNormal = 1, kColor = 2 };
 
-/// The normal's fourth component says how finely the surface is sampled at the vertex: 127 × a_normal.w is
-/// kEdgeCodesPerOctave × log2 of the root mean squared length of the edges there, in lattice steps.
+/// The normal's fourth component encodes how finely the surface is sampled at the vertex: 127 × a_normal.w is
+/// kEdgeCodesPerOctave × log2 of the root mean square length of the vertex's edges, in lattice steps.
 inline constexpr float kEdgeCodesPerOctave = 4.0F;
 
 /// Uploaded patches by number. Positions are float32 scene-local (Lattice::position), normals signed bytes, colours
 /// unsigned bytes (white where the scene has none): 20 bytes a vertex, 6 a triangle. Each patch has its own buffers and
-/// vertex array: a draw costs about 8 µs beside the 60 to 80 ns of each triangle (llvmpipe), so that at 2000 triangles
-/// a patch one large shared buffer would save some 5 %.
+/// vertex array: a draw call costs about 8 µs and a triangle 60 to 80 ns (llvmpipe), so one large shared buffer would
+/// save some 5 % at 2000 triangles a patch.
 class PatchMeshes {
  public:
   explicit PatchMeshes(const Lattice& lattice) : lattice_(lattice) {}
@@ -30,13 +30,13 @@ class PatchMeshes {
   bool contains(std::uint32_t patch) const { return meshes_.count(patch) != 0; }
   void upload(std::uint32_t patch, const patch::PatchGeometry& geometry);
   void remove(std::uint32_t patch);
-  /// Draws these patches with the program in use; all must be uploaded.
+  /// Draws these patches with the program in use. All must be uploaded.
   void draw(std::span<const std::uint32_t> patches) const;
   std::uint64_t gpuBytes() const { return bytes_; }
-  /// The box of an uploaded patch, and how many triangles it has.
+  /// Return the box and the triangle count of an uploaded patch.
   const base::Aabb& box(std::uint32_t patch) const { return mesh(patch).box; }
   std::uint64_t triangles(std::uint32_t patch) const { return static_cast<std::uint64_t>(mesh(patch).index_count) / 3; }
-  /// Bytes that a patch of this size takes on the GPU once uploaded.
+  /// Returns the GPU bytes of an uploaded patch of this size.
   static std::uint64_t bytesFor(std::uint64_t vertices, std::uint64_t triangles);
   std::size_t size() const { return meshes_.size(); }
 
@@ -55,18 +55,18 @@ class PatchMeshes {
   std::uint64_t bytes_ = 0;
 };
 
-/// How a surface is shaded where no image is used. Matches base::Light without depending on its file.
+/// Shading of surfaces where no image is used. Has the fields of base::Light without depending on its file.
 struct Shading {
   bool unlit = false;
   glm::vec3 light_direction{0.35F, 0.45F, 0.82F};  ///< unit, towards the light
 };
 
-/// GLSL: `vec3 shadeSurface(vec3 color, vec3 normal, vec3 toEye)` and the uniforms it needs: `bool u_unlit` and
-/// `vec3 u_light_direction` (unit, scene axes, towards the light). `color` is 0..1, `normal` need not be unit, `toEye`
-/// is eye minus surface point (any length). Two-sided: a normal that points away from the eye is turned. Soft:
-/// half-Lambert, so that nothing is black. Unlit: `color` as it is.
+/// Returns GLSL that defines `vec3 shadeSurface(vec3 color, vec3 normal, vec3 toEye)` and its uniforms `bool u_unlit`
+/// and `vec3 u_light_direction` (unit, scene axes, towards the light). `color` is 0..1, `normal` need not be unit,
+/// `toEye` is eye minus surface point, of any length. A normal that points away from the eye is flipped. Lit surfaces
+/// are shaded by half-Lambert, so that nothing is black; unlit ones keep `color`.
 std::string shadingSource();
-/// Sets those two uniforms; leaves `program` in use.
+/// Sets the uniforms of shadingSource(); leaves `program` in use.
 void setShading(const base::gl::Program& program, const Shading& shading);
 
 }  // namespace lod::draw

@@ -1,6 +1,6 @@
 #pragma once
-// What a viewer may lay over any picture: a section plane, and colours by resolution. One piece of GLSL for
-// the client's renderer and the server's, so that both show the same.
+// View modes that apply to any picture: a section plane, and colours by resolution. Client and server use the same
+// GLSL, so that both show the same.
 #include <array>
 #include <cstdint>
 #include <glm/glm.hpp>
@@ -12,19 +12,19 @@
 
 namespace lod::draw {
 
-/// Colours by resolution: each fragment is tinted by how many screen pixels the detail shown there spans. From images,
-/// their texels (with what the proxy's error shifts); from patches, their projected error; splats, their diameter.
+/// Colours by resolution: each fragment is tinted by how many screen pixels the detail shown there spans. For images
+/// that is a texel (and the shift by the proxy's error), for patches their projected error, for splats their diameter.
 struct ResolutionStep {
-  float up_to_px;                     ///< the last step has no end
+  float up_to_px;                     ///< upper end; the last step has none
   std::array<std::uint8_t, 3> color;  ///< sRGB
 };
-/// Fine to coarse, told apart by colour-blind people too (ColorBrewer's RdYlBu).
+/// From fine to coarse, in colours that colour-blind people can tell apart, too (ColorBrewer's RdYlBu).
 inline constexpr std::array<ResolutionStep, 5> kResolutionLegend{{{1.0F, {0x2c, 0x7b, 0xb6}},
                                                                   {2.0F, {0xab, 0xd9, 0xe9}},
                                                                   {4.0F, {0xff, 0xff, 0xbf}},
                                                                   {8.0F, {0xfd, 0xae, 0x61}},
                                                                   {1e30F, {0xd7, 0x19, 0x1c}}}};
-/// Back faces seen through what a section plane cuts away, sRGB.
+/// Colour of back faces that a section plane exposes, sRGB.
 inline constexpr std::array<std::uint8_t, 3> kSectionColor{0xc8, 0x6a, 0x45};
 
 struct ViewModes {
@@ -33,20 +33,20 @@ struct ViewModes {
   bool any() const { return section != base::kNoSection || resolution_colors; }
 };
 
-/// Fragment GLSL and its uniforms: `bool isCutAway(vec3 position)`; `bool u_cut_open`: view rays come through what is
-/// cut away, so back faces are the inside of what is left and have `u_section_color`; `bool u_show_resolution`; and
-/// tintSource().
+/// Returns fragment GLSL that defines `bool isCutAway(vec3 position)`, its uniforms, and those of tintSource(). `bool
+/// u_cut_open`: view rays come through the half that is cut away, so back faces show the inside of the rest in
+/// `u_section_color`. `bool u_show_resolution`: colours by resolution are on.
 std::string viewModesSource();
-/// Sets them; leaves `program` in use.
+/// Sets the uniforms of viewModesSource(); leaves `program` in use.
 void setViewModes(const base::gl::Program& program, const ViewModes& modes, const base::Camera& camera);
 
-/// For shaders of both kinds: `vec3 tinted(vec3 color, float pixels)`, the legend's colour with the picture's light and
-/// dark.
+/// Returns GLSL for vertex and fragment shaders that defines `vec3 tinted(vec3 color, float pixels)`: the legend's
+/// colour with the brightness of `color`.
 std::string tintSource();
-/// Sets its uniforms; `program` is in use.
+/// Sets the uniforms of tintSource(); `program` must be in use.
 void setTint(const base::gl::Program& program);
 
-/// True when all of the box is on the side that the section cuts away.
+/// Whether the section cuts away all of the box.
 bool isCutAway(const glm::vec4& section, const base::Aabb& box);
 
 }  // namespace lod::draw

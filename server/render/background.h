@@ -1,5 +1,5 @@
 #pragma once
-// What a picture stands before.
+// Compositing of pictures over a background.
 #include <array>
 #include <cstdint>
 
@@ -9,7 +9,7 @@ namespace server {
 
 using Rgb = std::array<std::uint8_t, 3>;
 
-/// A picture with alpha (4 channels) laid over an opaque colour: 3 channels.
+/// Composites a picture with alpha (4 channels) over an opaque colour; returns 3 channels.
 base::Image compositeOver(const base::Image& rgba, const Rgb& background);
 
 }  // namespace server

@@ -8,9 +8,9 @@
 namespace server {
 namespace {
 
-// Patches decoded at once: enough for all cores, and at most some 10 MB of decoded geometry waiting for its upload.
+// Patches decoded at a time: enough for all cores, and at most some 10 MB of geometry that waits for its upload.
 constexpr std::size_t kDecodeTogether = 64;
-// Below this many a thread costs more than it saves.
+// Patches a thread: with fewer, starting it costs more than it saves.
 constexpr std::size_t kDecodePerThread = 4;
 
 }  // namespace
@@ -25,7 +25,7 @@ std::uint64_t PatchCache::bytesOf(std::uint32_t patch) const {
 
 base::Result<void> PatchCache::draw(std::span<const std::uint32_t> patches) {
   while (!patches.empty()) {
-    // As many as fit the budget together, at least one.
+    // The batch has as many patches as fit the budget together, at least one.
     std::size_t count = 1;
     std::uint64_t bytes = bytesOf(patches[0]);
     while (count < patches.size() && bytes + bytesOf(patches[count]) <= budget_bytes_)
@@ -39,7 +39,7 @@ base::Result<void> PatchCache::draw(std::span<const std::uint32_t> patches) {
 }
 
 base::Result<void> PatchCache::makeResident(std::span<const std::uint32_t> batch) {
-  // Those already here become the youngest, so that the others come before them in age.
+  // Resident patches of the batch become the youngest, so that all others are older.
   std::vector<std::uint32_t> missing;
   std::uint64_t missing_bytes = 0;
   for (const std::uint32_t patch : batch) {
@@ -52,7 +52,7 @@ base::Result<void> PatchCache::makeResident(std::span<const std::uint32_t> batch
     }
   }
 
-  // The oldest make room, but none of the batch does.
+  // Evict the oldest patches, but none of the batch.
   std::size_t evictable = by_age_.size() - (batch.size() - missing.size());
   for (; evictable > 0 && meshes_.gpuBytes() + missing_bytes > budget_bytes_; --evictable) {
     meshes_.remove(by_age_.front());

@@ -1,5 +1,5 @@
 #pragma once
-// A scene's patches on the GPU, within a budget.
+// Keeps a scene's patches on the GPU within a budget.
 #include <cstdint>
 #include <list>
 #include <span>
@@ -12,15 +12,15 @@
 
 namespace server {
 
-/// Uploads patches as they are drawn and keeps them, least recently used first out.
+/// Uploads patches when they are first drawn and evicts the least recently used ones.
 class PatchCache {
  public:
-  /// `file` must outlive the cache. `budget_bytes`: GPU bytes of uploaded patches; one patch may always be there.
+  /// `file` must outlive the cache. `budget_bytes`: limit for uploaded patches, though one patch may always be there.
   PatchCache(const lod::patch::PatchFile& file, std::uint64_t budget_bytes);
 
-  /// Draws these patches (each once) in this order with the program in use. Those that don't fit the budget together
-  /// are drawn in batches: upload, draw, evict. The order never depends on what was cached, so neither does the
-  /// picture.
+  /// Draws these patches in this order with the program in use; each is given once. Patches that don't fit the budget
+  /// together are drawn in batches: upload, draw, evict. The order never depends on what was cached, so neither does
+  /// the picture.
   base::Result<void> draw(std::span<const std::uint32_t> patches);
 
   std::uint64_t gpuBytes() const { return meshes_.gpuBytes(); }

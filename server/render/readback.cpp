@@ -5,11 +5,11 @@
 namespace server {
 namespace {
 
-// A picture that takes longer than this is not coming.
+// After kMaxWaits waits of this length the GPU is considered hung.
 constexpr GLuint64 kWaitNanoseconds = 1'000'000'000;
 constexpr int kMaxWaits = 120;
 
-base::Error lost(const char* what) {
+base::Error readbackError(const char* what) {
   return {base::ErrorCode::kIo, std::string("reading a picture back: ") + what + " (" + base::gl::takeError() +
                                     "); restart with a smaller GPU budget"};
 }
@@ -54,7 +54,7 @@ base::Result<void> ReadbackQueue::read(const std::shared_ptr<PendingPicture>& pi
 
 base::Result<void> ReadbackQueue::skip(const std::shared_ptr<PendingPicture>& picture) {
   entries_.push_back({picture, {}, {}, nullptr});
-  // With nothing in flight before it there is nothing to wait for.
+  // If nothing is in flight before it, it can be delivered at once.
   while (in_flight_ == 0 && !entries_.empty()) LUMIGRID_TRY(deliverOldest());
   return {};
 }
@@ -75,7 +75,7 @@ base::Result<void> ReadbackQueue::deliverOldest() {
     spare_.push_back(std::move(entry.pixels));
   }
   PendingPicture& picture = *entry.picture;
-  if (--picture.tiles_left == 0) picture.take(std::move(picture.rendered));
+  if (--picture.tiles_left == 0) picture.deliver(std::move(picture.rendered));
   return {};
 }
 
@@ -83,7 +83,7 @@ base::Result<void> ReadbackQueue::copyPixels(const Entry& entry) {
   GLenum state = GL_TIMEOUT_EXPIRED;
   for (int i = 0; i < kMaxWaits && state == GL_TIMEOUT_EXPIRED; ++i)
     state = glClientWaitSync(entry.fence, GL_SYNC_FLUSH_COMMANDS_BIT, kWaitNanoseconds);
-  if (state != GL_ALREADY_SIGNALED && state != GL_CONDITION_SATISFIED) return lost("the GPU does not answer");
+  if (state != GL_ALREADY_SIGNALED && state != GL_CONDITION_SATISFIED) return readbackError("the GPU does not answer");
 
   const std::size_t row = static_cast<std::size_t>(entry.tile.width) * 4;
   const std::size_t bytes = row * static_cast<std::size_t>(entry.tile.height);
@@ -92,17 +92,17 @@ base::Result<void> ReadbackQueue::copyPixels(const Entry& entry) {
       glMapBufferRange(GL_PIXEL_PACK_BUFFER, 0, static_cast<GLsizeiptr>(bytes), GL_MAP_READ_BIT));
   if (pixels == nullptr) {
     glBindBuffer(GL_PIXEL_PACK_BUFFER, 0);
-    return lost("its pixel buffer can't be mapped");
+    return readbackError("its pixel buffer can't be mapped");
   }
 
-  // GL's first row is the bottom one; ours is the top one.
+  // GL's first row is at the bottom, the image's at the top.
   base::Image& image = entry.picture->rendered.rgba;
   for (int y = 0; y < entry.tile.height; ++y)
     std::memcpy(image.at(entry.tile.x, entry.tile.y + y),
                 pixels + row * static_cast<std::size_t>(entry.tile.height - 1 - y), row);
   const GLboolean intact = glUnmapBuffer(GL_PIXEL_PACK_BUFFER);
   glBindBuffer(GL_PIXEL_PACK_BUFFER, 0);
-  if (intact != GL_TRUE) return lost("its pixel buffer was lost");
+  if (intact != GL_TRUE) return readbackError("its pixel buffer was lost");
   return {};
 }
 

@@ -1,5 +1,5 @@
 #pragma once
-// Pixels back from the GPU without waiting for each picture: a ring of pixel buffers with fences.
+// Reads pixels back from the GPU without waiting for each picture: a ring of pixel buffers with fences.
 #include <cstdint>
 #include <deque>
 #include <functional>
@@ -13,38 +13,38 @@
 
 namespace server {
 
-/// A picture on its way back, in one or more tiles.
+/// A picture that is being read back in one or more tiles.
 struct PendingPicture {
-  RenderedPicture rendered;  ///< pixels transparent black until tiles arrive
+  RenderedPicture rendered;  ///< transparent black where tiles have not arrived
   std::size_t tiles_left = 0;
-  std::function<void(RenderedPicture)> take;
+  std::function<void(RenderedPicture)> deliver;  ///< called once all tiles are there
 };
 
-/// Delivers pictures in the order in which they were begun.
+/// Delivers pictures in the order in which their reading began.
 class ReadbackQueue {
  public:
-  /// `depth`: tiles in flight before the oldest is waited for.
+  /// `depth`: tiles in flight before read() waits for the oldest.
   explicit ReadbackQueue(std::size_t depth) : depth_(depth) {}
   ~ReadbackQueue();
   ReadbackQueue(const ReadbackQueue&) = delete;
   ReadbackQueue& operator=(const ReadbackQueue&) = delete;
 
-  /// Starts to read a tile of the picture from `framebuffer`, where its lowest left pixel (GL's way up) is (left,
-  /// bottom). May deliver older pictures.
+  /// Starts to read a tile of the picture from `framebuffer`; its lowest left pixel there is (left, bottom), GL's way
+  /// up. May deliver older pictures.
   base::Result<void> read(const std::shared_ptr<PendingPicture>& picture, const Tile& tile, GLuint framebuffer,
                           int left, int bottom);
-  /// A tile that shows nothing: keeps its place in the order, costs no transfer.
+  /// Adds a tile that shows nothing: it keeps its place in the order and costs no transfer.
   base::Result<void> skip(const std::shared_ptr<PendingPicture>& picture);
-  /// Waits for and delivers all.
+  /// Waits for all pictures and delivers them.
   base::Result<void> finish();
-  /// Forgets all that is on its way; nothing of it is delivered.
+  /// Drops all pictures that were not delivered.
   void drop();
 
  private:
   struct Entry {
     std::shared_ptr<PendingPicture> picture;
     Tile tile;
-    base::gl::Buffer pixels;  ///< no name: skipped
+    base::gl::Buffer pixels;  ///< no name: the tile was skipped
     GLsync fence = nullptr;
   };
   base::Result<void> deliverOldest();

@@ -54,7 +54,7 @@ base::Result<SampleTarget> SampleTarget::create(int width, int height, int super
   const int sample_width = width * supersampling;
   const int sample_height = height * supersampling;
 
-  // The samples: a texture, because the resolve pass reads it.
+  // The samples are in a texture, since the resolve pass reads it.
   target.samples_ = base::gl::Texture::create();
   base::gl::allocate2D(target.samples_, GL_TEXTURE_2D, 1, GL_RGBA8, sample_width, sample_height);
   glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
@@ -68,7 +68,7 @@ base::Result<SampleTarget> SampleTarget::create(int width, int height, int super
   glFramebufferRenderbuffer(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_RENDERBUFFER, target.depth_.name());
   bool good = complete();
 
-  // The averaged pixels.
+  // The averaged pixels have a framebuffer of their own.
   if (supersampling > 1) {
     target.resolved_ = base::gl::Renderbuffer::create();
     base::gl::allocate(target.resolved_, GL_RGBA8, width, height);

@@ -16,7 +16,7 @@
 namespace server {
 namespace {
 
-// Pictures in flight between drawing and reading.
+// Tiles in flight between drawing and reading.
 constexpr std::size_t kReadbackDepth = 4;
 
 base::Result<base::gl::Program> linkModes(const base::Light& light) {
@@ -36,13 +36,13 @@ base::Result<base::gl::Program> linkSurface(const base::Light& light) {
   return lit;
 }
 
-/// Distance of the near plane, read from a perspective matrix: m22 = (f + n) / (n − f), m32 = 2 f n / (n − f).
+/// Returns the distance of the near plane of a perspective matrix: m22 = (f + n) / (n − f), m32 = 2 f n / (n − f).
 float nearPlaneOf(const base::Camera& camera) {
   const float near_plane = camera.clip_from_eye[3][2] / (camera.clip_from_eye[2][2] - 1.0F);
   return std::isfinite(near_plane) && near_plane > 0.0F ? near_plane : lod::patch::CutRequest{}.near_plane;
 }
 
-base::Result<void> check(const base::Camera& camera, const RenderOptions& options) {
+base::Result<void> checkRequest(const base::Camera& camera, const RenderOptions& options) {
   LUMIGRID_TRY(checkPicture(camera, options.supersampling));
   if (!(options.tolerance_px >= 0.0F))
     return base::Error{
@@ -51,7 +51,7 @@ base::Result<void> check(const base::Camera& camera, const RenderOptions& option
   return {};
 }
 
-/// The patches to draw for a camera at the tolerance (Okamoto 2011, section 4.2).
+/// Selects the patches to draw for a camera at the tolerance (Okamoto 2011, section 4.2).
 lod::patch::Cut cutFor(const lod::patch::Hierarchy& hierarchy, const base::Camera& camera, const RenderOptions& options,
                        bool cull) {
   lod::patch::CutRequest request;
@@ -64,15 +64,15 @@ lod::patch::Cut cutFor(const lod::patch::Hierarchy& hierarchy, const base::Camer
 
 }  // namespace
 
-struct SceneRenderer::State {
-  State(const lod::patch::PatchFile& patches, std::uint64_t gpu_budget_bytes)
+struct SceneRenderer::Impl {
+  Impl(const lod::patch::PatchFile& patches, std::uint64_t gpu_budget_bytes)
       : hierarchy(patches.hierarchy()), cache(patches, gpu_budget_bytes), readback(kReadbackDepth) {
     for (const lod::patch::Patch& patch : hierarchy.patches) box.add(patch.box);
     max_side = SampleTarget::maxSide();
   }
 
   base::Result<void> drawPicture(const base::Camera& camera, std::span<const std::uint32_t> cut,
-                                 const RenderOptions& options, std::function<void(RenderedPicture)> take);
+                                 const RenderOptions& options, std::function<void(RenderedPicture)> deliver);
   base::Result<void> drawTile(const base::Camera& camera, std::span<const std::uint32_t> visible,
                               const lod::draw::ViewModes& modes);
   base::Result<void> drawTinted(std::span<const std::uint32_t> visible);
@@ -84,10 +84,10 @@ struct SceneRenderer::State {
 
   const lod::patch::Hierarchy& hierarchy;
   base::Aabb box;
-  bool lit = false;  ///< the surface program shades by normals
+  bool lit = false;  ///< whether the surface program shades by normals
   base::gl::Program surface;
   base::gl::Program with_modes;
-  std::unordered_map<std::uint32_t, float> errors_px;  ///< of the patches of a tinted picture
+  std::unordered_map<std::uint32_t, float> errors_px;  ///< by patch, for a tinted picture
   ResolvePass resolve;
   SampleTarget target;
   PatchCache cache;
@@ -97,8 +97,8 @@ struct SceneRenderer::State {
 
 // ---- Drawing ----
 
-std::vector<std::uint32_t> SceneRenderer::State::visibleFrom(const base::Camera& camera,
-                                                             std::span<const std::uint32_t> cut) const {
+std::vector<std::uint32_t> SceneRenderer::Impl::visibleFrom(const base::Camera& camera,
+                                                            std::span<const std::uint32_t> cut) const {
   const base::Frustum frustum(camera.clipFromScene());
   std::vector<std::uint32_t> visible;
   for (const std::uint32_t patch : cut)
@@ -106,9 +106,9 @@ std::vector<std::uint32_t> SceneRenderer::State::visibleFrom(const base::Camera&
   return visible;
 }
 
-// Near patches first hide what lies behind before it is shaded. The order depends on the eye alone, so that where two
-// surfaces coincide every picture from this eye shows the same one.
-void SceneRenderer::State::sortFrontToBack(std::vector<std::uint32_t>& cut, const glm::vec3& eye) const {
+// Near patches are drawn first, so that hidden fragments are not shaded. The order depends on the eye alone, so that
+// every picture from this eye shows the same one of two coinciding surfaces.
+void SceneRenderer::Impl::sortFrontToBack(std::vector<std::uint32_t>& cut, const glm::vec3& eye) const {
   std::vector<std::pair<float, std::uint32_t>> keyed;
   keyed.reserve(cut.size());
   for (const std::uint32_t patch : cut) {
@@ -119,15 +119,15 @@ void SceneRenderer::State::sortFrontToBack(std::vector<std::uint32_t>& cut, cons
   for (std::size_t i = 0; i < cut.size(); ++i) cut[i] = keyed[i].second;
 }
 
-// Of a tile, what the patches may touch: the rest stays background, and is neither averaged nor read back.
-Tile SceneRenderer::State::touchedPart(const base::Camera& tile_camera, std::span<const std::uint32_t> visible,
-                                       const Tile& tile) const {
+// Returns the part of a tile that patches may touch; the rest stays background and is neither averaged nor read back.
+Tile SceneRenderer::Impl::touchedPart(const base::Camera& tile_camera, std::span<const std::uint32_t> visible,
+                                      const Tile& tile) const {
   PixelBounds bounds(tile_camera);
   for (const std::uint32_t patch : visible) bounds.add(hierarchy.patches[patch].box);
   return bounds.within(tile.width, tile.height);
 }
 
-base::Result<void> SceneRenderer::State::prepareTarget(int width, int height, int supersampling) {
+base::Result<void> SceneRenderer::Impl::prepareTarget(int width, int height, int supersampling) {
   if (target.matches(width, height, supersampling)) return {};
   target = {};
   LUMIGRID_ASSIGN_OR_RETURN(auto made, SampleTarget::create(width, height, supersampling));
@@ -135,8 +135,8 @@ base::Result<void> SceneRenderer::State::prepareTarget(int width, int height, in
   return {};
 }
 
-base::Result<void> SceneRenderer::State::drawTile(const base::Camera& camera, std::span<const std::uint32_t> visible,
-                                                  const lod::draw::ViewModes& modes) {
+base::Result<void> SceneRenderer::Impl::drawTile(const base::Camera& camera, std::span<const std::uint32_t> visible,
+                                                 const lod::draw::ViewModes& modes) {
   target.begin();
   glEnable(GL_DEPTH_TEST);
   glDepthFunc(GL_LESS);
@@ -156,8 +156,8 @@ base::Result<void> SceneRenderer::State::drawTile(const base::Camera& camera, st
   return modes.resolution_colors ? drawTinted(visible) : cache.draw(visible);
 }
 
-/// One by one, each with its error.
-base::Result<void> SceneRenderer::State::drawTinted(std::span<const std::uint32_t> visible) {
+/// Draws patches one by one, each with its error.
+base::Result<void> SceneRenderer::Impl::drawTinted(std::span<const std::uint32_t> visible) {
   const GLint error = with_modes.uniform("u_patch_error");
   for (const std::uint32_t& patch : visible) {
     const auto found = errors_px.find(patch);
@@ -167,16 +167,16 @@ base::Result<void> SceneRenderer::State::drawTinted(std::span<const std::uint32_
   return {};
 }
 
-base::Result<void> SceneRenderer::State::drawPicture(const base::Camera& camera, std::span<const std::uint32_t> cut,
-                                                     const RenderOptions& options,
-                                                     std::function<void(RenderedPicture)> take) {
+base::Result<void> SceneRenderer::Impl::drawPicture(const base::Camera& camera, std::span<const std::uint32_t> cut,
+                                                    const RenderOptions& options,
+                                                    std::function<void(RenderedPicture)> deliver) {
   const std::vector<std::uint32_t> visible = visibleFrom(camera, cut);
   auto picture = std::make_shared<PendingPicture>();
-  picture->take = std::move(take);
+  picture->deliver = std::move(deliver);
   picture->rendered.rgba = base::Image(camera.width, camera.height, 4);
   for (const std::uint32_t patch : visible) picture->rendered.triangles += hierarchy.patches[patch].triangles;
 
-  // A picture of nothing needs no drawing and no transfer.
+  // A picture that shows nothing needs no drawing and no transfer.
   if (visible.empty()) {
     picture->tiles_left = 1;
     return readback.skip(picture);
@@ -216,71 +216,71 @@ base::Result<std::unique_ptr<SceneRenderer>> SceneRenderer::create(const base::S
     return base::Error{base::ErrorCode::kUnsupported,
                        "render: no GL context is current on this thread; make a base::HeadlessContext first"};
   std::unique_ptr<SceneRenderer> renderer(new SceneRenderer());
-  renderer->state_ = std::make_unique<State>(patches, gpu_budget_bytes);
+  renderer->impl_ = std::make_unique<Impl>(patches, gpu_budget_bytes);
   LUMIGRID_ASSIGN_OR_RETURN(auto surface, linkSurface(scene.light));
   LUMIGRID_ASSIGN_OR_RETURN(auto with_modes, linkModes(scene.light));
   LUMIGRID_ASSIGN_OR_RETURN(auto resolve, ResolvePass::create());
 
-  State& state = *renderer->state_;
-  state.lit = scene.light.mode != base::LightMode::kUnlit;
-  state.surface = std::move(surface);
-  state.with_modes = std::move(with_modes);
-  state.resolve = std::move(resolve);
+  Impl& impl = *renderer->impl_;
+  impl.lit = scene.light.mode != base::LightMode::kUnlit;
+  impl.surface = std::move(surface);
+  impl.with_modes = std::move(with_modes);
+  impl.resolve = std::move(resolve);
   return renderer;
 }
 
-base::Result<void> SceneRenderer::State::orDrop(base::Result<void> result) {
+base::Result<void> SceneRenderer::Impl::orDrop(base::Result<void> result) {
   if (!result) readback.drop();
   return result;
 }
 
 base::Result<RenderedPicture> SceneRenderer::render(const base::Camera& camera, const RenderOptions& options) {
-  LUMIGRID_TRY(check(camera, options));
+  LUMIGRID_TRY(checkRequest(camera, options));
   LUMIGRID_TRY(finish());
-  lod::patch::Cut chosen = cutFor(state_->hierarchy, camera, options, true);
-  state_->errors_px.clear();
+  lod::patch::Cut chosen = cutFor(impl_->hierarchy, camera, options, true);
+  impl_->errors_px.clear();
   if (options.modes.resolution_colors)
     for (std::size_t i = 0; i < chosen.patches.size(); ++i)
-      state_->errors_px.emplace(chosen.patches[i], chosen.patch_error_px[i]);
+      impl_->errors_px.emplace(chosen.patches[i], chosen.patch_error_px[i]);
   std::vector<std::uint32_t> cut = std::move(chosen.patches);
-  state_->sortFrontToBack(cut, camera.eye);
+  impl_->sortFrontToBack(cut, camera.eye);
   RenderedPicture result;
-  LUMIGRID_TRY(state_->orDrop(
-      state_->drawPicture(camera, cut, options, [&](RenderedPicture rendered) { result = std::move(rendered); })));
+  LUMIGRID_TRY(impl_->orDrop(
+      impl_->drawPicture(camera, cut, options, [&](RenderedPicture rendered) { result = std::move(rendered); })));
   LUMIGRID_TRY(finish());
   return result;
 }
 
 base::Result<void> SceneRenderer::renderMany(const std::vector<base::Camera>& cameras, const RenderOptions& options,
-                                             const std::function<void(std::size_t camera, RenderedPicture)>& take) {
+                                             const std::function<void(std::size_t camera, RenderedPicture)>& deliver) {
   if (cameras.empty()) return {};
   for (const base::Camera& camera : cameras) {
-    LUMIGRID_TRY(check(camera, options));
+    LUMIGRID_TRY(checkRequest(camera, options));
     LUMIGRID_CHECK(camera.eye == cameras[0].eye);
   }
 
-  // One cut for all: that of the camera that sees finest, wherever it looks.
+  // All cameras share the cut of the one that resolves most.
   const auto finest = std::max_element(
       cameras.begin(), cameras.end(),
       [](const base::Camera& a, const base::Camera& b) { return a.pixelsPerUnitAtOne() < b.pixelsPerUnitAtOne(); });
-  std::vector<std::uint32_t> cut = cutFor(state_->hierarchy, *finest, options, false).patches;
-  state_->sortFrontToBack(cut, cameras[0].eye);
+  std::vector<std::uint32_t> cut = cutFor(impl_->hierarchy, *finest, options, false).patches;
+  impl_->sortFrontToBack(cut, cameras[0].eye);
   for (std::size_t i = 0; i < cameras.size(); ++i)
-    LUMIGRID_TRY(state_->orDrop(state_->drawPicture(
-        cameras[i], cut, options, [take, i](RenderedPicture rendered) { take(i, std::move(rendered)); })));
+    LUMIGRID_TRY(impl_->orDrop(impl_->drawPicture(
+        cameras[i], cut, options, [deliver, i](RenderedPicture rendered) { deliver(i, std::move(rendered)); })));
   return {};
 }
 
 base::Result<void> SceneRenderer::finish() {
-  return state_->orDrop(state_->readback.finish());
+  return impl_->orDrop(impl_->readback.finish());
 }
 
 float SceneRenderer::sceneRadius() const {
-  return state_->box.empty() ? 0.0F : 0.5F * state_->box.diagonal();
+  return impl_->box.empty() ? 0.0F : 0.5F * impl_->box.diagonal();
 }
 
 glm::vec3 SceneRenderer::sceneCenter() const {
-  return state_->box.empty() ? glm::vec3(0.0F) : state_->box.center();
+  return impl_->box.empty() ? glm::vec3(0.0F) : impl_->box.center();
 }
 
 }  // namespace server

@@ -1,5 +1,5 @@
 #pragma once
-// Pictures of a patch hierarchy on the server: sampling faces, exact frames, ground truth.
+// Draws pictures of a patch hierarchy on the server: sampling faces, exact frames, ground truth.
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -16,12 +16,11 @@
 namespace server {
 
 struct RenderOptions {
-  float tolerance_px = 1.0F;  ///< 0: leaf geometry (ground truth)
+  float tolerance_px = 1.0F;  ///< largest projected error; 0: leaf geometry (ground truth)
   int supersampling = 1;      ///< n × n samples a pixel, 1..8; box-filtered
-  /// Largest render target in samples (8 bytes each); a picture that needs more is drawn in tiles. Default:
-  /// 4096 × 4096.
+  /// Limit for the render target in samples of 8 bytes; a larger picture is drawn in tiles. Default: 4096 × 4096.
   std::uint64_t max_target_samples = std::uint64_t{1} << 24;
-  lod::draw::ViewModes modes = {};  ///< of render() alone; tints say the patches' projected errors
+  lod::draw::ViewModes modes = {};  ///< only for render(); tints show the patches' projected errors
 };
 
 struct RenderedPicture {
@@ -29,30 +28,28 @@ struct RenderedPicture {
   std::uint64_t triangles = 0;  ///< drawn
 };
 
-/// Draws a scene's patches through its own GPU cache of patches. Needs a GL context that is current, from create() to
-/// the destructor; one thread. Several renderers on several threads, each with its own context, may share a PatchFile.
-/// An error while drawing or reading back drops all pictures that are still on their way: `take` is not called for them
-/// any more.
+/// Draws a scene's patches with its own GPU cache. Needs a GL context that is current from create() to the destructor,
+/// on one thread. Several renderers on several threads, each with its own context, may share a PatchFile. An error
+/// while drawing or reading back drops all pictures that were not delivered yet.
 class SceneRenderer {
  public:
-  /// `gpu_budget_bytes`: uploaded patches are kept up to this, least recently used first out; a cut that needs more is
-  /// drawn in batches. `patches` must outlive the renderer.
+  /// `gpu_budget_bytes`: limit for uploaded patches, of which the least recently used are evicted; a cut that needs
+  /// more is drawn in batches. `patches` must outlive the renderer.
   static base::Result<std::unique_ptr<SceneRenderer>> create(const base::Scene& scene,
                                                              const lod::patch::PatchFile& patches,
                                                              std::uint64_t gpu_budget_bytes = std::uint64_t{2} << 30);
   ~SceneRenderer();
 
-  /// Any camera (base::Camera::clipFromScene), parallel projections included; each side 1..32768 pixels. Background is
-  /// transparent black. Back faces are drawn. Sizes beyond the GL limit are drawn in tiles. Delivers what renderMany
-  /// left on its way first.
+  /// Draws a picture of any camera, perspective or parallel; each side 1..32768 pixels, in tiles where the GL's limit
+  /// is lower. The background is transparent black; back faces are drawn. Delivers pictures of renderMany first.
   base::Result<RenderedPicture> render(const base::Camera& camera, const RenderOptions& options);
 
-  /// Several cameras with one cut (the six faces of a sampling point): selected once without frustum, at the finest
-  /// need of them, then culled for each; all have the same `eye`. Read back asynchronously through pixel buffers:
-  /// `take(i, rgba)` is called for each camera in order, while later ones are still being drawn; also for those of the
-  /// previous call. finish() flushes.
+  /// Draws several cameras of the same `eye` with one cut (the six faces of a sampling point): it is selected without
+  /// frustum for the finest of them, then culled for each. Pictures are read back asynchronously: `deliver(i, picture)`
+  /// is called for each camera in order while later ones are drawn, first for those of the previous call. finish()
+  /// delivers the rest.
   base::Result<void> renderMany(const std::vector<base::Camera>& cameras, const RenderOptions& options,
-                                const std::function<void(std::size_t camera, RenderedPicture)>& take);
+                                const std::function<void(std::size_t camera, RenderedPicture)>& deliver);
   base::Result<void> finish();
 
   float sceneRadius() const;
@@ -60,8 +57,8 @@ class SceneRenderer {
 
  private:
   SceneRenderer() = default;
-  struct State;
-  std::unique_ptr<State> state_;
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
 };
 
 }  // namespace server

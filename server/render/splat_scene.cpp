@@ -12,9 +12,9 @@
 namespace server {
 namespace {
 
-// Tiles on their way back while the next ones are drawn.
+// Tiles that are read back while the next ones are drawn.
 constexpr std::size_t kReadbackDepth = 2;
-// Of blocks of a coded file, kept for the next picture.
+// Limit for decoded blocks of a coded file that are kept for the next picture.
 constexpr std::uint64_t kDecodedBytes = 512 << 20;
 
 }  // namespace
@@ -27,8 +27,8 @@ base::Result<lod::qsplat::SplatFile> openSplats(const std::string& directory, co
   return file;
 }
 
-struct SplatScene::State {
-  explicit State(std::unique_ptr<lod::qsplat::FileBlocks> of_file)
+struct SplatScene::Impl {
+  explicit Impl(std::unique_ptr<lod::qsplat::FileBlocks> of_file)
       : blocks(std::move(of_file)), readback(kReadbackDepth), max_side(SampleTarget::maxSide()) {
     blocks->trackUse();
   }
@@ -56,20 +56,20 @@ base::Result<std::unique_ptr<SplatScene>> SplatScene::create(const base::Scene& 
                                                              const lod::qsplat::SplatFile& file) {
   LUMIGRID_ASSIGN_OR_RETURN(auto blocks, lod::qsplat::openBlocks(file.bytes(), file.header()));
   std::unique_ptr<SplatScene> made(new SplatScene());
-  made->state_ = std::make_unique<State>(std::move(blocks));
+  made->impl_ = std::make_unique<Impl>(std::move(blocks));
   LUMIGRID_ASSIGN_OR_RETURN(auto renderer, lod::draw::SplatRenderer::create());
   LUMIGRID_ASSIGN_OR_RETURN(auto resolve, ResolvePass::create());
-  made->state_->renderer = std::move(renderer);
-  made->state_->resolve = std::move(resolve);
-  made->state_->shading = {scene.light.mode == base::LightMode::kUnlit, scene.light.direction};
+  made->impl_->renderer = std::move(renderer);
+  made->impl_->resolve = std::move(resolve);
+  made->impl_->shading = {scene.light.mode == base::LightMode::kUnlit, scene.light.direction};
   return made;
 }
 
 const base::Sphere& SplatScene::bounds() const {
-  return state_->blocks->header().root;
+  return impl_->blocks->header().root;
 }
 
-void SplatScene::State::countBlocks(SplatPicture& picture) const {
+void SplatScene::Impl::countBlocks(SplatPicture& picture) const {
   for (std::uint64_t b = 1; b < blocks->header().blocks(); ++b) {
     if (blocks->lastUse(b) == 0) continue;
     ++picture.blocks;
@@ -77,8 +77,8 @@ void SplatScene::State::countBlocks(SplatPicture& picture) const {
   }
 }
 
-base::Result<lod::qsplat::Traversal> SplatScene::State::splatsFor(const base::Camera& camera,
-                                                                  const SplatOptions& options) {
+base::Result<lod::qsplat::Traversal> SplatScene::Impl::splatsFor(const base::Camera& camera,
+                                                                 const SplatOptions& options) {
   lod::qsplat::TraverseRequest request;
   request.camera = camera;
   request.cutoff_px = options.cutoff_px;
@@ -96,8 +96,8 @@ base::Result<lod::qsplat::Traversal> SplatScene::State::splatsFor(const base::Ca
   return found;
 }
 
-base::Result<void> SplatScene::State::drawTile(const base::Camera& camera, const lod::qsplat::Traversal& found,
-                                               const SplatOptions& options) {
+base::Result<void> SplatScene::Impl::drawTile(const base::Camera& camera, const lod::qsplat::Traversal& found,
+                                              const SplatOptions& options) {
   target.begin();
   lod::draw::SplatView view;
   view.camera = camera;
@@ -108,9 +108,9 @@ base::Result<void> SplatScene::State::drawTile(const base::Camera& camera, const
       {target.framebuffer(), camera.width * options.supersampling, camera.height * options.supersampling, false});
 }
 
-base::Result<void> SplatScene::State::drawPicture(const base::Camera& camera, const SplatOptions& options,
-                                                  SplatPicture& picture,
-                                                  const std::shared_ptr<PendingPicture>& pending) {
+base::Result<void> SplatScene::Impl::drawPicture(const base::Camera& camera, const SplatOptions& options,
+                                                 SplatPicture& picture,
+                                                 const std::shared_ptr<PendingPicture>& pending) {
   const TilePlan plan =
       planTiles(camera.width, camera.height, options.supersampling, max_side, options.max_target_samples);
   if (!target.matches(plan.tile_width, plan.tile_height, options.supersampling)) {
@@ -139,13 +139,13 @@ base::Result<SplatPicture> SplatScene::render(const base::Camera& camera, const 
   SplatPicture picture;
   auto pending = std::make_shared<PendingPicture>();
   pending->rendered.rgba = base::Image(camera.width, camera.height, 4);
-  pending->take = [&](RenderedPicture rendered) { picture.rgba = std::move(rendered.rgba); };
-  auto drawn = state_->drawPicture(camera, options, picture, pending);
+  pending->deliver = [&](RenderedPicture rendered) { picture.rgba = std::move(rendered.rgba); };
+  auto drawn = impl_->drawPicture(camera, options, picture, pending);
   if (!drawn) {
-    state_->readback.drop();
+    impl_->readback.drop();
     return drawn.error();
   }
-  state_->countBlocks(picture);
+  impl_->countBlocks(picture);
   return picture;
 }
 

@@ -6,7 +6,7 @@
 namespace server {
 namespace {
 
-// Longest side of a picture, so that a camera file can't ask for more memory than any machine has.
+// Limit for a picture's side, so that a camera file can't ask for more memory than any machine has.
 constexpr int kMaxPictureSide = 32768;
 
 base::Error wrongPicture(const std::string& what) {
@@ -32,7 +32,7 @@ TilePlan planTiles(int width, int height, int supersampling, int max_side, std::
            static_cast<std::uint64_t>(samples(plan.tile_width) * samples(plan.tile_height)) <= max_samples;
   };
 
-  // Cut the longer side into one part more until a part fits.
+  // Divide the longer side into one more part until the parts fit.
   int columns = 1;
   int rows = 1;
   while (!fits() && (plan.tile_width > 1 || plan.tile_height > 1)) {
@@ -49,8 +49,8 @@ TilePlan planTiles(int width, int height, int supersampling, int max_side, std::
 base::Camera tileCamera(const base::Camera& camera, int x, int y, int tile_width, int tile_height) {
   if (x == 0 && y == 0 && tile_width == camera.width && tile_height == camera.height) return camera;
 
-  // A pixel column at X of W has NDC 2 X / W − 1; seen from the tile it is at X − x of w. So x_tile = x_ndc · W / w +
-  // (W − 2 x − w) / w, which in clip space is a scale and a shift by w_clip. Rows likewise, counted from the bottom.
+  // The pixel column at X of W has NDC 2 X / W − 1; in the tile it is at X − x of w. So x_tile = x_ndc · W / w +
+  // (W − 2 x − w) / w, which in clip space is a scale, and a shift by w_clip. Rows are alike, counted from the bottom.
   const auto full = glm::dvec2(camera.width, camera.height);
   const auto part = glm::dvec2(tile_width, tile_height);
   const auto corner = glm::dvec2(x, camera.height - y - tile_height);
@@ -85,7 +85,7 @@ void PixelBounds::add(const base::Aabb& box) {
       max_ = size_;
       return;
     }
-    // In front of the eye the corners' hull holds the picture of the box. NDC's y counts upwards, rows downwards.
+    // In front of the eye the hull of the corners contains the box's picture. NDC's y counts upwards, rows downwards.
     const glm::dvec2 pixel = size_ * (0.5 + glm::dvec2(0.5, -0.5) * glm::dvec2(clip) / clip.w);
     min_ = glm::min(min_, pixel);
     max_ = glm::max(max_, pixel);

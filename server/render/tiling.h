@@ -1,5 +1,5 @@
 #pragma once
-// Pictures larger than a render target are drawn in tiles: equal parts of the picture, each through its own off-axis
+// Pictures larger than a render target are drawn in tiles: equal parts of the picture, each with its own off-axis
 // camera.
 #include <cstdint>
 #include <vector>
@@ -10,39 +10,38 @@
 
 namespace server {
 
-/// Whether such a picture is drawn at all: sides of 1 … 32768 pixels, 1 … 8 squared samples in each. kInvalidInput.
+/// Checks that a picture is within limits: sides of 1 … 32768 pixels, 1 … 8 squared samples a pixel. kInvalidInput.
 base::Result<void> checkPicture(const base::Camera& camera, int supersampling);
 
 /// A part of a picture in pixels; y counts rows from the top.
 struct Tile {
   int x = 0;
   int y = 0;
-  int width = 0;  ///< pixels that lie inside the picture
+  int width = 0;  ///< pixels inside the picture
   int height = 0;
 };
 
 struct TilePlan {
-  int tile_width = 0;  ///< pixels of every tile's target; the last ones of a row or column hang over the picture's edge
+  int tile_width = 0;  ///< pixels of every tile's target, which may extend beyond the picture's right and lower edge
   int tile_height = 0;
   std::vector<Tile> tiles;  ///< row by row from the top left
 };
 
-/// As few tiles as keep each side at most `max_side` samples and each tile at most `max_samples` samples, with
-/// `supersampling`² samples a pixel. One tile is at least one pixel.
+/// Divides a picture into as few tiles as keep each side at most `max_side` samples and each tile at most
+/// `max_samples`, with `supersampling`² samples a pixel. A tile has at least one pixel.
 TilePlan planTiles(int width, int height, int supersampling, int max_side, std::uint64_t max_samples);
 
-/// The camera that sees exactly the tile_width × tile_height pixels of `camera`'s picture whose top left pixel is (x,
-/// y).
+/// Returns the camera of the tile_width × tile_height pixels of `camera`'s picture whose top left pixel is (x, y).
 base::Camera tileCamera(const base::Camera& camera, int x, int y, int tile_width, int tile_height);
 
-/// The pixels that boxes can touch in a camera's picture.
+/// Bounds the pixels that boxes can touch in a camera's picture.
 class PixelBounds {
  public:
   explicit PixelBounds(const base::Camera& camera);
-  /// All of the picture when a part of the box lies beside or behind the eye.
+  /// Adds a box; all of the picture if a part of it is beside or behind the eye.
   void add(const base::Aabb& box);
-  /// With a pixel more on every side, within the picture's `width` × `height` top left pixels; 0 × 0 when no pixel is
-  /// touched.
+  /// Returns the bounds, a pixel wider on every side, within the picture's `width` × `height` top left pixels; 0 × 0 if
+  /// no pixel can be touched.
   Tile within(int width, int height) const;
 
  private:
