@@ -7,18 +7,18 @@
 namespace client {
 namespace {
 
-/// What a box's first image adds against its next ones: gain = quality / (kSaturation + quality it has). Measured:
+/// Weighs a box's first image against further ones: gain = quality / (kSaturation + quality so far). Measured:
 /// docs/lumigraph-tuning.md.
 constexpr float kSaturation = 0.3F;
 constexpr float kSameDirection =
-    1.0F - 1e-6F;  ///< cosine: corners within 1.4 mrad, under a pixel of a 90° face of 1024
+    1.0F - 1e-6F;  ///< cosine: corners within 1.4 mrad, less than a pixel of a 90° face of 1024
 
 glm::vec3 directionThrough(const glm::mat4& scene_from_clip, const glm::vec3& eye, float x, float y) {
   const glm::vec4 p = scene_from_clip * glm::vec4(x, y, 1.0F, 1.0F);
   return glm::normalize(glm::vec3(p) / p.w - eye);
 }
 
-/// Does side a of one sample lie on side b of another (their corners coincide, in either order)?
+/// Whether side a of one sample lies on side b of another: their corners coincide, in either order.
 bool sidesCoincide(const SampleGeometry& one, int a, const SampleGeometry& other, int b) {
   const auto corner = [](const SampleGeometry& s, int i) { return s.corners[static_cast<std::size_t>(i & 3)]; };
   const auto same = [](const glm::vec3& u, const glm::vec3& v) { return glm::dot(u, v) > kSameDirection; };
@@ -31,7 +31,7 @@ bool sameCentre(const SampleGeometry& a, const SampleGeometry& b) {
   return glm::length(a.eye - b.eye) <= 1e-5F * scale;
 }
 
-/// Sides in the order of the corners (bottom, right, top, left) to components of borderFloors.
+/// Component of borderFloors for each side, in the order of the corners: bottom, right, top, left.
 constexpr std::array<int, 4> kFloorOfSide{2, 1, 3, 0};
 
 }  // namespace
@@ -58,8 +58,8 @@ float sampleWeight(const glm::vec3& to_view, const glm::vec3& to_sample, float r
 std::vector<std::size_t> chooseSamples(std::span<const SampleGeometry* const> samples,
                                        std::span<const base::Aabb> boxes, const base::Camera& view, std::size_t limit,
                                        float error_px, const BlendTuning& tuning) {
-  // quality[s * boxes + b]: the weight of sample s in box b, times the box's size on screen, as a share of the best
-  // one's.
+  // quality[s * boxes + b] is the weight of sample s in box b as a share of the best sample's there; sizes[b] is the
+  // box's size on the screen.
   const std::size_t count = boxes.size();
   std::vector<float> quality(samples.size() * count, 0.0F);
   std::vector<float> sizes(count);
@@ -74,7 +74,7 @@ std::vector<std::size_t> chooseSamples(std::span<const SampleGeometry* const> sa
       const float sample_distance = std::max(glm::length(center - samples[s]->eye), radius);
       const float ratio = samples[s]->pixels_per_unit_at_one / sample_distance / (view.pixelsPerUnitAtOne() / distance);
       const float weight = sampleWeight(to_view, samples[s]->eye - center, ratio, error_px, tuning);
-      if (!std::isfinite(weight)) continue;  // an eye in the box's middle has no direction
+      if (!std::isfinite(weight)) continue;  // from an eye in the box's middle there is no direction
       quality[s * count + b] = weight;
       best = std::max(best, weight);
     }
@@ -84,7 +84,7 @@ std::vector<std::size_t> chooseSamples(std::span<const SampleGeometry* const> sa
     sizes[b] = size_on_screen;
   }
 
-  // Greedily the sample that adds most, where what a box has already counts less and less.
+  // Choose greedily the sample that adds most, with diminishing returns for boxes that have samples already.
   std::vector<std::size_t> chosen;
   std::vector<float> had(count, 0.0F);
   std::vector<char> taken(samples.size(), 0);

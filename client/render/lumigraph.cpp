@@ -16,13 +16,13 @@ namespace client {
 namespace {
 
 constexpr int kDepthMapsPerFrame =
-    3;  ///< redrawn while pictures may still settle; each costs about a plain frame of the proxy
+    3;  ///< while pictures may still settle; each costs about as much as drawing the proxy without images
 constexpr GLuint kSamplesBinding = 0;
-constexpr int kMaxDepthSide = 512;  ///< of a sample's depth map
-/// A budget of no more faces than this is taken whole at once: growing needs room for a copy. About what a frame
-/// blends.
+constexpr int kMaxDepthSide = 512;  ///< texels of a sample's depth map
+/// A budget for no more faces than this is allocated at once, since growing needs room for a copy. About as many as a
+/// frame blends.
 constexpr int kFacesAtOnce = 32;
-constexpr std::uint64_t kFewFaces = 24;  ///< what a frame blends by default, and half as many on their way
+constexpr std::uint64_t kFewFaces = 24;  ///< as many as a frame blends by default, and half as many arriving
 
 constexpr int kMaxSamples = 32;  ///< blended by one frame: the length of u_samples in blend_fragment.glsl
 constexpr int kMaxArrays = 3;    ///< image sizes at a time: faces, and exact frames of two sizes
@@ -57,8 +57,8 @@ struct Sample {
   }
 };
 
-/// A well mixed 64-bit number of each patch; their sum stands for a set of them, in any order (Steele, Lea, Flood 2014,
-/// SplitMix).
+/// Mixes the bits of a patch's number (Steele, Lea, Flood 2014, SplitMix); the sum of these numbers identifies a set of
+/// patches, in any order.
 std::uint64_t mixed(std::uint64_t x) {
   x += 0x9e3779b97f4a7c15U;
   x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9U;
@@ -68,8 +68,8 @@ std::uint64_t mixed(std::uint64_t x) {
 
 }  // namespace
 
-struct LumigraphRenderer::State {
-  State(const lod::Lattice& lattice, int size, std::uint64_t budget, std::uint64_t others)
+struct LumigraphRenderer::Impl {
+  Impl(const lod::Lattice& lattice, int size, std::uint64_t budget, std::uint64_t others)
       : patches(lattice), face_size(size), budget_bytes(budget), for_other_sizes(std::min(others, budget)) {}
 
   lod::draw::PatchMeshes patches;
@@ -79,7 +79,7 @@ struct LumigraphRenderer::State {
   base::gl::Program blend;
   base::gl::Program depth;
   base::gl::Buffer block;
-  base::gl::Texture no_color;  ///< bound where there is no array: WebGL wants complete textures
+  base::gl::Texture no_color;  ///< bound where there is no array, since WebGL requires complete textures
   base::gl::Texture no_depth;
   std::array<std::optional<SampleArray>, kMaxArrays> arrays;
   std::unordered_map<SampleId, Sample> samples;
@@ -93,9 +93,9 @@ struct LumigraphRenderer::State {
     double now = 0.0;
     float error_per_distance = 0.0F;
     float push_per_distance = 0.0F;
-    std::vector<std::uint32_t> patches;  ///< front to back, without those that are cut away whole
-    std::vector<float> errors_px;        ///< beside them
-    std::vector<base::Aabb> boxes;       ///< of those
+    std::vector<std::uint32_t> patches;  ///< front to back, without those that the section cuts away
+    std::vector<float> errors_px;        ///< of each patch
+    std::vector<base::Aabb> boxes;       ///< of each patch
     std::vector<std::uint32_t> occluders;
     std::vector<Sample*> active;  ///< in the uniform block
   };
@@ -105,9 +105,9 @@ struct LumigraphRenderer::State {
   std::uint64_t budgetOf(const SampleArray& array) const;
   int maxDepthSide() const;
   int arrayFor(int width, int height);
-  bool giveUpEmptyArrays(int but);
-  void wantSamples(Frame& frame, std::span<const SampleId> candidates);
-  std::vector<Sample*> pool(std::span<const SampleId> candidates);
+  bool freeEmptyArrays(int but);
+  void updateSamples(Frame& frame, std::span<const SampleId> candidates);
+  std::vector<Sample*> candidateSamples(std::span<const SampleId> candidates);
   std::uint64_t depthSignature(const Sample& sample, const std::vector<std::uint32_t>& occluders,
                                std::vector<std::uint32_t>* overlapping) const;
   void drawDepthMaps(Frame& frame, const std::vector<Sample*>& wanted);
@@ -131,14 +131,14 @@ base::gl::Texture emptyArray(GLenum format) {
   return texture;
 }
 
-/// How near the viewer a box is, for sorting: by its nearest point, and of equals by its middle.
+/// Returns the sorting key of a box: the distance of its nearest point, and of its middle for boxes around the eye.
 float nearness(const base::Camera& camera, const base::Aabb& box) {
   if (camera.orthographic()) return -glm::dot(camera.towardsViewer(box.center()), box.center());
   const glm::vec3& eye = camera.eye;
   return glm::length(glm::clamp(eye, box.min, box.max) - eye) + 0.01F * glm::length(box.center() - eye);
 }
 
-/// Indices into `cut` of what is left of it by the section, front to back.
+/// Returns the indices of patches of `cut` that the section does not cut away, front to back.
 std::vector<std::size_t> frontToBack(std::span<const std::uint32_t> cut, const lod::draw::PatchMeshes& patches,
                                      const base::Camera& camera, const glm::vec4& section) {
   std::vector<std::pair<float, std::size_t>> order;
@@ -160,8 +160,8 @@ base::Result<std::unique_ptr<LumigraphRenderer>> LumigraphRenderer::create(const
                                                                            std::uint64_t gpu_budget_bytes,
                                                                            std::uint64_t for_other_sizes) {
   auto renderer = std::unique_ptr<LumigraphRenderer>(new LumigraphRenderer);
-  renderer->state_ = std::make_unique<State>(lattice, face_size, gpu_budget_bytes, for_other_sizes);
-  State& state = *renderer->state_;
+  renderer->impl_ = std::make_unique<Impl>(lattice, face_size, gpu_budget_bytes, for_other_sizes);
+  Impl& impl = *renderer->impl_;
 
   LUMIGRID_ASSIGN_OR_RETURN(
       auto blend,
@@ -169,65 +169,65 @@ base::Result<std::unique_ptr<LumigraphRenderer>> LumigraphRenderer::create(const
                               lod::draw::shadingSource() + lod::draw::viewModesSource() + glsl::kBlendFragment));
   LUMIGRID_ASSIGN_OR_RETURN(auto depth,
                             base::gl::Program::link("lumigraph depth", glsl::kDepthVertex, glsl::kDepthFragment));
-  state.blend = std::move(blend);
-  state.depth = std::move(depth);
+  impl.blend = std::move(blend);
+  impl.depth = std::move(depth);
 
-  state.block = base::gl::Buffer::create();
-  state.no_color = emptyArray(GL_RGBA8);
-  state.no_depth = emptyArray(GL_DEPTH_COMPONENT24);
-  const GLuint index = glGetUniformBlockIndex(state.blend.name(), "Samples");
-  if (index != GL_INVALID_INDEX) glUniformBlockBinding(state.blend.name(), index, kSamplesBinding);
+  impl.block = base::gl::Buffer::create();
+  impl.no_color = emptyArray(GL_RGBA8);
+  impl.no_depth = emptyArray(GL_DEPTH_COMPONENT24);
+  const GLuint index = glGetUniformBlockIndex(impl.blend.name(), "Samples");
+  if (index != GL_INVALID_INDEX) glUniformBlockBinding(impl.blend.name(), index, kSamplesBinding);
   return renderer;
 }
 
 LumigraphRenderer::~LumigraphRenderer() = default;
 
 lod::draw::PatchMeshes& LumigraphRenderer::patches() {
-  return state_->patches;
+  return impl_->patches;
 }
 bool LumigraphRenderer::hasSample(SampleId id) const {
-  return state_->samples.count(id) != 0;
+  return impl_->samples.count(id) != 0;
 }
 bool LumigraphRenderer::settling() const {
-  return state_->settling;
+  return impl_->settling;
 }
 const LumigraphStats& LumigraphRenderer::stats() const {
-  return state_->stats;
+  return impl_->stats;
 }
 float LumigraphRenderer::fadeOf(SampleId id, double now, float fade_seconds) const {
-  const auto found = state_->samples.find(id);
-  return found == state_->samples.end() ? 0.0F : found->second.fadeAt(now, fade_seconds);
+  const auto found = impl_->samples.find(id);
+  return found == impl_->samples.end() ? 0.0F : found->second.fadeAt(now, fade_seconds);
 }
-base::gl::HeldBytes LumigraphRenderer::held() const {
-  const State& state = *state_;
-  return {state.textureBytes() + state.no_color.bytes() + state.no_depth.bytes(),
-          state.patches.gpuBytes() + state.block.bytes(), 0};
+base::gl::HeldBytes LumigraphRenderer::heldBytes() const {
+  const Impl& impl = *impl_;
+  return {impl.textureBytes() + impl.no_color.bytes() + impl.no_depth.bytes(),
+          impl.patches.gpuBytes() + impl.block.bytes(), 0};
 }
 
-std::uint64_t LumigraphRenderer::State::textureBytes() const {
+std::uint64_t LumigraphRenderer::Impl::textureBytes() const {
   std::uint64_t bytes = 0;
   for (const auto& array : arrays)
     if (array) bytes += array->bytes();
   return bytes;
 }
 
-/// Of depth maps: half where the budget is so small that more faces help more.
-int LumigraphRenderer::State::maxDepthSide() const {
+/// Returns the side of depth maps: half where the budget is so small that more faces help more.
+int LumigraphRenderer::Impl::maxDepthSide() const {
   const std::uint64_t full_depth = std::uint64_t{4} * kMaxDepthSide * kMaxDepthSide;
   const bool small = budget_bytes < kFewFaces * (pyramidBytes(face_size, face_size) + full_depth);
   return small ? kMaxDepthSide / 2 : kMaxDepthSide;
 }
 
-/// What is left of the budget for this array, its present bytes included.
-std::uint64_t LumigraphRenderer::State::budgetOf(const SampleArray& array) const {
+/// Returns the part of the budget that this array may take, its present bytes included.
+std::uint64_t LumigraphRenderer::Impl::budgetOf(const SampleArray& array) const {
   const std::uint64_t others = textureBytes() - array.bytes();
   const std::uint64_t left = budget_bytes > others ? budget_bytes - others : 0;
   return isFaceSize(array.width(), array.height()) ? std::min(left, budget_bytes - for_other_sizes) : left;
 }
 
-/// The array of this image size; made, or put in the place of one that holds nothing, where there is none. −1: no
-/// place.
-int LumigraphRenderer::State::arrayFor(int width, int height) {
+/// Returns the index of the array for this image size, created or put in the place of an empty one; −1 if there is no
+/// place for it.
+int LumigraphRenderer::Impl::arrayFor(int width, int height) {
   for (int i = 0; i < kMaxArrays; ++i) {
     const auto& array = arrays[static_cast<std::size_t>(i)];
     if (array && array->width() == width && array->height() == height) return i;
@@ -245,25 +245,25 @@ int LumigraphRenderer::State::arrayFor(int width, int height) {
 }
 
 bool LumigraphRenderer::addSample(SampleId id, const base::Camera& camera, const base::Image& rgba, double now) {
-  State& state = *state_;
+  Impl& impl = *impl_;
   if (rgba.channels != 4 || rgba.empty()) return false;
   removeSample(id);
-  const int index = state.arrayFor(rgba.width, rgba.height);
+  const int index = impl.arrayFor(rgba.width, rgba.height);
   if (index < 0) return false;
-  SampleArray& array = *state.arrays[static_cast<std::size_t>(index)];
-  int layer = array.add(rgba, state.budgetOf(array));
-  if (layer < 0 && state.giveUpEmptyArrays(index)) layer = array.add(rgba, state.budgetOf(array));
+  SampleArray& array = *impl.arrays[static_cast<std::size_t>(index)];
+  int layer = array.add(rgba, impl.budgetOf(array));
+  if (layer < 0 && impl.freeEmptyArrays(index)) layer = array.add(rgba, impl.budgetOf(array));
   if (layer < 0) return false;
   Sample sample{camera, SampleGeometry(camera)};
   sample.array = index;
   sample.layer = layer;
   sample.fade_since = now;
-  state.samples.emplace(id, sample);
+  impl.samples.emplace(id, sample);
   return true;
 }
 
-/// Frees the storage of arrays without images, but for one. True when there was any.
-bool LumigraphRenderer::State::giveUpEmptyArrays(int but) {
+/// Frees the storage of arrays without images, except array `but`. True if there were any.
+bool LumigraphRenderer::Impl::freeEmptyArrays(int but) {
   bool any = false;
   for (int i = 0; i < kMaxArrays; ++i) {
     auto& array = arrays[static_cast<std::size_t>(i)];
@@ -275,19 +275,19 @@ bool LumigraphRenderer::State::giveUpEmptyArrays(int but) {
 }
 
 void LumigraphRenderer::removeSample(SampleId id) {
-  const auto found = state_->samples.find(id);
-  if (found == state_->samples.end()) return;
-  state_->arrays[static_cast<std::size_t>(found->second.array)]->release(found->second.layer);
-  state_->samples.erase(found);
+  const auto found = impl_->samples.find(id);
+  if (found == impl_->samples.end()) return;
+  impl_->arrays[static_cast<std::size_t>(found->second.array)]->release(found->second.layer);
+  impl_->samples.erase(found);
 }
 
-std::vector<Sample*> LumigraphRenderer::State::pool(std::span<const SampleId> candidates) {
+std::vector<Sample*> LumigraphRenderer::Impl::candidateSamples(std::span<const SampleId> candidates) {
   std::vector<Sample*> result;
   for (const SampleId id : candidates)
     if (const auto found = samples.find(id); found != samples.end()) result.push_back(&found->second);
   if (!candidates.empty()) return result;
 
-  // By number, so that equal contributions never change places from frame to frame.
+  // Sorted by number, so that samples that add the same never change places from frame to frame.
   std::vector<std::pair<SampleId, Sample*>> all;
   for (auto& [id, sample] : samples) all.emplace_back(id, &sample);
   std::sort(all.begin(), all.end());
@@ -295,9 +295,8 @@ std::vector<Sample*> LumigraphRenderer::State::pool(std::span<const SampleId> ca
   return result;
 }
 
-std::uint64_t LumigraphRenderer::State::depthSignature(const Sample& sample,
-                                                       const std::vector<std::uint32_t>& occluders,
-                                                       std::vector<std::uint32_t>* overlapping) const {
+std::uint64_t LumigraphRenderer::Impl::depthSignature(const Sample& sample, const std::vector<std::uint32_t>& occluders,
+                                                      std::vector<std::uint32_t>* overlapping) const {
   std::uint64_t sum = 1;
   for (const std::uint32_t patch : occluders) {
     if (!sample.geometry.frustum.mayOverlap(patches.box(patch))) continue;
@@ -307,16 +306,16 @@ std::uint64_t LumigraphRenderer::State::depthSignature(const Sample& sample,
   return sum;
 }
 
-void LumigraphRenderer::State::drawDepthMap(Sample& sample, const std::vector<std::uint32_t>& overlapping) {
+void LumigraphRenderer::Impl::drawDepthMap(Sample& sample, const std::vector<std::uint32_t>& overlapping) {
   arrays[static_cast<std::size_t>(sample.array)]->beginDepth(sample.layer);
   glUniformMatrix4fv(depth.uniform("u_clip_from_scene"), 1, GL_FALSE, &sample.geometry.clip_from_scene[0][0]);
   patches.draw(overlapping);
   ++stats.depth_maps_drawn;
 }
 
-/// Redraws the depth maps whose patches have changed, samples without any first; a few per frame unless the picture
-/// must be final.
-void LumigraphRenderer::State::drawDepthMaps(Frame& frame, const std::vector<Sample*>& wanted) {
+/// Redraws the depth maps whose patches have changed, first those of samples without any; a few per frame, or all if
+/// the picture must be final.
+void LumigraphRenderer::Impl::drawDepthMaps(Frame& frame, const std::vector<Sample*>& wanted) {
   struct Stale {
     Sample* sample;
     std::uint64_t signature;
@@ -349,9 +348,9 @@ void LumigraphRenderer::State::drawDepthMaps(Frame& frame, const std::vector<Sam
   settling = settling || stale.size() > limit;
 }
 
-/// Chooses this frame's samples, brings their depth maps up to date and turns fades.
-void LumigraphRenderer::State::wantSamples(Frame& frame, std::span<const SampleId> candidates) {
-  const std::vector<Sample*> all = frame.options.use_images ? pool(candidates) : std::vector<Sample*>{};
+/// Chooses this frame's samples, updates their depth maps and starts fades.
+void LumigraphRenderer::Impl::updateSamples(Frame& frame, std::span<const SampleId> candidates) {
+  const std::vector<Sample*> all = frame.options.use_images ? candidateSamples(candidates) : std::vector<Sample*>{};
   std::vector<const SampleGeometry*> geometries;
   geometries.reserve(all.size());
   for (const Sample* sample : all) geometries.push_back(&sample->geometry);
@@ -379,7 +378,7 @@ void LumigraphRenderer::State::wantSamples(Frame& frame, std::span<const SampleI
   for (Sample* sample : wanted)
     if (sample->depth_drawn) turn(*sample, true);
 
-  // Those that leave share what places are left, the strongest first.
+  // Samples that fade out share the remaining places, the strongest first.
   std::sort(leaving.begin(), leaving.end(), [&](const Sample* a, const Sample* b) {
     return a->fadeAt(frame.now, seconds) > b->fadeAt(frame.now, seconds);
   });
@@ -394,14 +393,14 @@ void LumigraphRenderer::State::wantSamples(Frame& frame, std::span<const SampleI
 }
 
 /// Without images nothing is carved, so nothing is pushed either; the push comes in with the first image.
-float LumigraphRenderer::State::strongestFade(const Frame& frame) const {
+float LumigraphRenderer::Impl::strongestFade(const Frame& frame) const {
   float strongest = 0.0F;
   for (const Sample* sample : frame.active)
     strongest = std::max(strongest, sample->fadeAt(frame.now, frame.options.fade_seconds));
   return strongest;
 }
 
-void LumigraphRenderer::State::uploadBlock(const Frame& frame) {
+void LumigraphRenderer::Impl::uploadBlock(const Frame& frame) {
   std::vector<const SampleGeometry*> geometries;
   std::vector<float> fades;
   for (const Sample* sample : frame.active) {
@@ -429,7 +428,7 @@ void LumigraphRenderer::State::uploadBlock(const Frame& frame) {
   glBindBufferBase(GL_UNIFORM_BUFFER, kSamplesBinding, block.name());
 }
 
-void LumigraphRenderer::State::bindArrays() const {
+void LumigraphRenderer::Impl::bindArrays() const {
   static constexpr std::array<const char*, kMaxArrays> kColor{"u_color0", "u_color1", "u_color2"};
   static constexpr std::array<const char*, kMaxArrays> kDepth{"u_depth0", "u_depth1", "u_depth2"};
   for (std::size_t i = 0; i < kMaxArrays; ++i) {
@@ -445,7 +444,7 @@ void LumigraphRenderer::State::bindArrays() const {
   glActiveTexture(GL_TEXTURE0);
 }
 
-void LumigraphRenderer::State::setUniforms(const Frame& frame, const lod::draw::Shading& shading) {
+void LumigraphRenderer::Impl::setUniforms(const Frame& frame, const lod::draw::Shading& shading) {
   lod::draw::setShading(blend, shading);
   const base::Camera& camera = frame.camera;
   const glm::mat4 clip_from_scene = camera.clipFromScene();
@@ -482,9 +481,9 @@ void LumigraphRenderer::State::setUniforms(const Frame& frame, const lod::draw::
               127.0F / lod::draw::kEdgeCodesPerOctave);
 }
 
-/// Patches front to back; runs that the same samples may see share a draw call's list, so that a fragment tries only
-/// those.
-void LumigraphRenderer::State::drawPatches(const Frame& frame) {
+/// Draws patches front to back. Runs of patches that the same samples may see share a list, so that a fragment tries
+/// only those.
+void LumigraphRenderer::Impl::drawPatches(const Frame& frame) {
   const auto maskOf = [&](std::size_t i) {
     std::uint32_t mask = 0;
     for (std::size_t s = 0; s < frame.active.size(); ++s)
@@ -515,23 +514,23 @@ void LumigraphRenderer::draw(const base::Camera& camera, std::span<const std::ui
                              std::span<const SampleId> candidates, float cut_error_px,
                              const lod::draw::Shading& shading, const LumigraphOptions& options, double now,
                              std::span<const std::uint32_t> occluders, std::span<const float> patch_error_px) {
-  State& state = *state_;
-  state.settling = false;
-  state.stats = {};
+  Impl& impl = *impl_;
+  impl.settling = false;
+  impl.stats = {};
 
-  // What this frame is made of.
-  State::Frame frame{camera, options, now, 0.0F, 0.0F, {}, {}, {}, {}, {}};
+  // Collect the frame's patches and samples.
+  Impl::Frame frame{camera, options, now, 0.0F, 0.0F, {}, {}, {}, {}, {}};
   frame.error_per_distance = cut_error_px / camera.pixelsPerUnitAtOne();
-  for (const std::size_t i : frontToBack(cut, state.patches, camera, options.modes.section)) {
+  for (const std::size_t i : frontToBack(cut, impl.patches, camera, options.modes.section)) {
     frame.patches.push_back(cut[i]);
     frame.errors_px.push_back(i < patch_error_px.size() ? patch_error_px[i] : cut_error_px);
-    frame.boxes.push_back(state.patches.box(cut[i]));
+    frame.boxes.push_back(impl.patches.box(cut[i]));
   }
   if (occluders.empty()) occluders = cut;
   frame.occluders.assign(occluders.begin(), occluders.end());
-  state.wantSamples(frame, candidates);
-  if (options.carve) frame.push_per_distance = options.push * frame.error_per_distance * state.strongestFade(frame);
-  state.uploadBlock(frame);
+  impl.updateSamples(frame, candidates);
+  if (options.carve) frame.push_per_distance = options.push * frame.error_per_distance * impl.strongestFade(frame);
+  impl.uploadBlock(frame);
 
   glViewport(0, 0, camera.width, camera.height);
   glEnable(GL_DEPTH_TEST);
@@ -541,15 +540,15 @@ void LumigraphRenderer::draw(const base::Camera& camera, std::span<const std::ui
   glDisable(GL_CULL_FACE);
   glClearColor(options.background[0], options.background[1], options.background[2], options.background[3]);
   glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
-  state.setUniforms(frame, shading);
-  state.bindArrays();
-  state.drawPatches(frame);
+  impl.setUniforms(frame, shading);
+  impl.bindArrays();
+  impl.drawPatches(frame);
 
-  state.stats.samples_used = static_cast<std::uint32_t>(frame.active.size());
-  state.stats.samples_resident = static_cast<std::uint32_t>(state.samples.size());
-  state.stats.patches = static_cast<std::uint32_t>(frame.patches.size());
-  for (const std::uint32_t patch : frame.patches) state.stats.triangles += state.patches.triangles(patch);
-  state.stats.gpu_bytes = held().total();
+  impl.stats.samples_used = static_cast<std::uint32_t>(frame.active.size());
+  impl.stats.samples_resident = static_cast<std::uint32_t>(impl.samples.size());
+  impl.stats.patches = static_cast<std::uint32_t>(frame.patches.size());
+  for (const std::uint32_t patch : frame.patches) impl.stats.triangles += impl.patches.triangles(patch);
+  impl.stats.gpu_bytes = heldBytes().total();
 }
 
 }  // namespace client

@@ -1,9 +1,9 @@
 #pragma once
-// The Grid-Lumigraph renderer (Okamoto 2011, section 3; DESIGN section 7): the proxy drawn once, every fragment blended
-// from the sampling images that see it, by shadow-masked projective texturing in one pass.
+// The Grid-Lumigraph renderer (Okamoto 2011, section 3): the proxy is drawn once, and every fragment is blended in one
+// pass from the sampling images that see it, by shadow-masked projective texturing.
 //
-// Every sampling image is a *camera*: a projection (off-axis where need be), pixels, coverage, a depth map of the
-// proxy. A face of the repository, a tile and an exact frame are the same thing here.
+// Every sampling image is a sample: a camera (off-axis where need be), pixels, coverage, and a depth map of the proxy.
+// Faces of the repository, their tiles and exact frames are the same thing here.
 #include <array>
 #include <cstdint>
 #include <memory>
@@ -22,12 +22,12 @@ namespace client {
 
 using SampleId = std::uint64_t;
 
-/// How samples are weighed against each other. The defaults are what measured best: docs/lumigraph-tuning.md.
+/// How samples are weighted. The defaults measured best: docs/lumigraph-tuning.md.
 struct BlendTuning {
-  float resolution_power = 6.0F;  ///< weight ∝ blur^−resolution_power, blur in view pixels: the sample's texel and the
-                                  ///< proxy's error seen from aside
+  /// Weights are ∝ blur^−resolution_power. The blur in view pixels comes from the sample's texel and the proxy's error.
+  float resolution_power = 6.0F;
   float shift = 0.3F;  ///< share of the proxy's projected error that counts as blur, times the angle between the rays
-  float angle_power = 1.0F;    ///< and ∝ (angle between the rays to viewer and sample + angle_floor)^−angle_power
+  float angle_power = 1.0F;  ///< weights are ∝ (angle between the rays to viewer and sample + angle_floor)^−angle_power
   float angle_floor = 0.001F;  ///< radians; small, so that at a sampling point its own image is the picture
   float vote_power = 3.0F;     ///< votes on coverage ∝ (angle + angle_floor)^−vote_power
   float carve_below = 0.2F;    ///< mean coverage by votes under which a fragment is discarded
@@ -44,13 +44,13 @@ struct BlendTuning {
 struct LumigraphOptions {
   int max_samples = 16;        ///< images blended per frame, 1..32
   float fade_seconds = 0.25F;  ///< images come in and go over this; 0 for pictures that must be final at once
-  bool carve = true;           ///< discard fragments that the images, voting, call background
-  bool fill_holes = true;      ///< shade what no image sees from colour, normal and light; else leave background
-  /// Proxy pushed outward along its normals by this many times its projected error, then carved. 0 measured best on our
-  /// hierarchies, whose stated error is a bound several times the typical one; 0.2 to 0.4 of an exact error helps a
-  /// proxy that lies inside.
+  bool carve = true;           ///< discard fragments that the images' votes call background
+  bool fill_holes = true;  ///< shade what no image sees by vertex colour, normal and light; otherwise leave background
+  /// The proxy is pushed outward along its normals by this many times its projected error, then carved. 0 measured best
+  /// on our hierarchies, whose stated error is a bound several times the typical one; 0.2 to 0.4 of an exact error
+  /// helps a proxy that lies inside of the surface.
   float push = 0.0F;
-  bool use_images = true;  ///< false: the same proxy shaded by its vertex colours
+  bool use_images = true;  ///< false: draw the proxy shaded by its vertex colours
   float background[4] = {0.0F, 0.0F, 0.0F, 0.0F};
   lod::draw::ViewModes modes;
   BlendTuning tuning;
@@ -67,8 +67,8 @@ struct LumigraphStats {
 
 class LumigraphRenderer {
  public:
-  /// `gpu_budget_bytes` bounds textures; layers beyond it are refused by addSample (returns false). Images of
-  /// face_size × face_size leave `for_other_sizes` of it to others.
+  /// `gpu_budget_bytes` bounds textures; addSample refuses layers beyond it. Images of face_size × face_size leave
+  /// `for_other_sizes` of it to images of other sizes.
   static base::Result<std::unique_ptr<LumigraphRenderer>> create(const lod::Lattice& lattice, int face_size,
                                                                  std::uint64_t gpu_budget_bytes,
                                                                  std::uint64_t for_other_sizes = 0);
@@ -76,36 +76,39 @@ class LumigraphRenderer {
 
   lod::draw::PatchMeshes& patches();
 
-  /// A sampling image with its camera (a perspective one); `rgba` may be of any size (not resampled: an
-  /// array of layers per size, at most three sizes at a time, of which an empty one is given up). Alpha is coverage: 0
-  /// background, 255 model. `now` in seconds starts its fade.
+  /// Adds a sampling image with its perspective camera; false if there is no room. `rgba` may be of any size and is not
+  /// resampled: each size has an array of layers, at most three sizes at a time, and an empty array gives way to
+  /// another size. Alpha is coverage: 0 background, 255 model. The sample fades in from `now` on, in seconds.
   bool addSample(SampleId id, const base::Camera& camera, const base::Image& rgba, double now);
   void removeSample(SampleId id);
   bool hasSample(SampleId id) const;
-  /// 1 once the sample is wholly in the picture, 0 while it is not part of it.
+  /// Returns the sample's fade: 1 when it is wholly in the picture, 0 while it is not part of it.
   float fadeOf(SampleId id, double now, float fade_seconds) const;
-  /// What it has allocated on the GPU, by kind: what base::gl counts of it.
-  base::gl::HeldBytes held() const;
+  /// Returns what this renderer has allocated on the GPU, by kind.
+  base::gl::HeldBytes heldBytes() const;
 
-  /// Draws into the framebuffer bound now, viewport 0,0 … camera.width × height. `cut` lists uploaded patches;
-  /// `cut_error_px` is the largest projected error among them (for push, shadow bias and weights). `candidates`:
-  /// resident samples to choose from (empty: all); those that add most are taken, and where two add the same the
-  /// earlier. `occluders`: uploaded patches for the depth maps, best a cut without culling, since what lies outside the
-  /// view hides things from samples too (empty: the cut). `patch_error_px`: beside `cut`, for colours by resolution
-  /// (empty: cut_error_px for all). Colours are blended as sRGB values. A section plane cuts the picture, not the depth
-  /// maps: images show the uncut model, so what the plane uncovers is seen by none of them and shaded by its normal.
+  /// Draws into the framebuffer bound now, viewport 0,0 … camera.width × height. Colours are blended as sRGB values.
+  /// - `cut`: uploaded patches. `cut_error_px`: the largest projected error among them, for push, shadow bias and
+  /// weights.
+  /// - `candidates`: resident samples to choose from, empty for all; those that add most are taken, of equals the
+  /// first.
+  /// - `occluders`: uploaded patches for the depth maps, empty for the cut. Best a cut without culling, since patches
+  ///   outside the view hide things from samples, too.
+  /// - `patch_error_px`: for each patch of `cut`, for colours by resolution; empty: cut_error_px for all.
+  /// A section plane cuts the picture, not the depth maps: images show the whole model, so no image sees what the plane
+  /// exposes, and it is shaded by its normal.
   void draw(const base::Camera& camera, std::span<const std::uint32_t> cut, std::span<const SampleId> candidates,
             float cut_error_px, const lod::draw::Shading& shading, const LumigraphOptions& options, double now,
             std::span<const std::uint32_t> occluders = {}, std::span<const float> patch_error_px = {});
 
-  /// True when another frame at the same view would look different (fades running, depth maps not all drawn yet).
+  /// Whether another frame of the same view would differ: fades are running, or depth maps are not all drawn yet.
   bool settling() const;
   const LumigraphStats& stats() const;
 
  private:
   LumigraphRenderer() = default;
-  struct State;
-  std::unique_ptr<State> state_;
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
 };
 
 }  // namespace client

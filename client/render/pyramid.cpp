@@ -23,7 +23,8 @@ base::Image premultipliedBottomUp(const base::Image& rgba) {
   return result;
 }
 
-/// Half the size, rounded down as GL does. The last texel of an odd row or column takes three source pixels.
+/// Returns an image of half the size, rounded down as GL does. The last texel of an odd row or column averages three
+/// source pixels.
 base::Image halved(const base::Image& fine) {
   base::Image coarse(std::max(1, fine.width / 2), std::max(1, fine.height / 2), 4);
   for (int y = 0; y < coarse.height; ++y) {

@@ -22,12 +22,12 @@ int maxLayers() {
 
 }  // namespace
 
-SampleArray::SampleArray(int width, int height, int depth_width, int depth_height, int most_at_once)
+SampleArray::SampleArray(int width, int height, int depth_width, int depth_height, int whole_up_to_layers)
     : width_(width),
       height_(height),
       depth_width_(depth_width),
       depth_height_(depth_height),
-      most_at_once_(most_at_once),
+      whole_up_to_layers_(whole_up_to_layers),
       framebuffer_(base::gl::Framebuffer::create()) {}
 
 std::uint64_t SampleArray::bytesPerLayer() const {
@@ -57,7 +57,7 @@ void SampleArray::copyLayersTo(const base::gl::Texture& color, const base::gl::T
   glBindFramebuffer(GL_READ_FRAMEBUFFER, from.name());
   glBindFramebuffer(GL_DRAW_FRAMEBUFFER, to.name());
 
-  // Colour by copies from a framebuffer, level by level.
+  // Colour is copied from a framebuffer, level by level.
   glBindTexture(GL_TEXTURE_2D_ARRAY, color.name());
   for (int level = 0; level < pyramidLevels(width_, height_); ++level)
     for (int layer = 0; layer < capacity_; ++layer) {
@@ -66,7 +66,7 @@ void SampleArray::copyLayersTo(const base::gl::Texture& color, const base::gl::T
                           std::max(1, height_ >> level));
     }
 
-  // Depth by blits: copying into depth textures is not offered.
+  // Depth is blitted, since GL does not copy into depth textures.
   glFramebufferTextureLayer(GL_READ_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, 0, 0, 0);
   for (int layer = 0; layer < capacity_; ++layer) {
     glFramebufferTextureLayer(GL_READ_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, depth_.name(), 0, layer);
@@ -79,11 +79,10 @@ void SampleArray::copyLayersTo(const base::gl::Texture& color, const base::gl::T
 bool SampleArray::grow(std::uint64_t budget_bytes) {
   const auto affordable = static_cast<int>(
       std::min<std::uint64_t>(budget_bytes / bytesPerLayer(), static_cast<std::uint64_t>(maxLayers())));
-  // While layers are copied the old ones lie beside the new ones. Where few are affordable anyway, all are taken at
-  // once.
-  const int layers = capacity_ > 0                 ? std::min(affordable - capacity_, 2 * capacity_)
-                     : affordable <= most_at_once_ ? affordable
-                                                   : std::min(affordable, kFirstLayers);
+  // While layers are copied, old and new ones take memory. Where few are affordable anyway, all are allocated at once.
+  const int layers = capacity_ > 0                       ? std::min(affordable - capacity_, 2 * capacity_)
+                     : affordable <= whole_up_to_layers_ ? affordable
+                                                         : std::min(affordable, kFirstLayers);
   if (layers <= capacity_) return false;
 
   GLint draw_framebuffer = 0, read_framebuffer = 0;

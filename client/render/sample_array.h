@@ -1,5 +1,5 @@
 #pragma once
-// Sampling images of one size on the GPU: a colour array with mip levels and, layer beside layer, a depth array.
+// Sampling images of one size on the GPU: an array of colour layers with mip levels, and one of depth layers beside it.
 #include <cstdint>
 #include <vector>
 
@@ -8,34 +8,34 @@
 
 namespace client {
 
-/// Layers are handed out and taken back; storage grows by doubling (copied on the GPU) and stays until the array is
+/// Allocates and releases layers. Storage grows by doubling, with a copy on the GPU, and stays until the array is
 /// destroyed.
 class SampleArray {
  public:
-  static constexpr int kFirstLayers = 4;  ///< a first allocation; doubled from there
+  static constexpr int kFirstLayers = 4;  ///< layers of the first allocation
 
-  /// Colour layers of width × height, depth layers of depth_width × depth_height. A budget of no more than
-  /// `most_at_once` layers is allocated whole with the first image.
-  SampleArray(int width, int height, int depth_width, int depth_height, int most_at_once = kFirstLayers);
+  /// Colour layers have width × height, depth layers depth_width × depth_height. A budget for no more than
+  /// `whole_up_to_layers` layers is allocated at once with the first image.
+  SampleArray(int width, int height, int depth_width, int depth_height, int whole_up_to_layers = kFirstLayers);
 
   int width() const { return width_; }
   int height() const { return height_; }
   int depthWidth() const { return depth_width_; }
   int depthHeight() const { return depth_height_; }
-  /// Of one layer: colour with all mip levels, and depth.
+  /// Returns the bytes of a layer: colour with all mip levels, and depth.
   std::uint64_t bytesPerLayer() const;
-  /// Of all layers that are allocated, used or not.
+  /// Returns the bytes of all allocated layers, used or not.
   std::uint64_t bytes() const { return bytesPerLayer() * static_cast<std::uint64_t>(capacity_); }
   int used() const { return capacity_ - static_cast<int>(free_.size()); }
 
-  /// A layer for `rgba` (4 channels, of this array's size), −1 when none is free and growing would exceed
-  /// `budget_bytes` for this array, the copy that growing makes included, or the GL's limit of layers.
+  /// Uploads `rgba` (4 channels, of this array's size) and returns its layer; −1 if none is free and growing, with its
+  /// temporary copy, would exceed `budget_bytes` for this array or the GL's limit of layers.
   int add(const base::Image& rgba, std::uint64_t budget_bytes);
   void release(int layer) { free_.push_back(layer); }
 
   GLuint color() const { return color_.name(); }
   GLuint depth() const { return depth_.name(); }
-  /// Binds a framebuffer whose depth is this layer's map, sets the viewport and clears it.
+  /// Binds a framebuffer with this layer's depth map, sets the viewport and clears it.
   void beginDepth(int layer) const;
 
  private:
@@ -44,7 +44,7 @@ class SampleArray {
   base::gl::Texture makeDepth(int layers) const;
   void copyLayersTo(const base::gl::Texture& color, const base::gl::Texture& depth) const;
 
-  int width_, height_, depth_width_, depth_height_, most_at_once_;
+  int width_, height_, depth_width_, depth_height_, whole_up_to_layers_;
   int capacity_ = 0;
   std::vector<int> free_;
   base::gl::Texture color_;

@@ -337,7 +337,7 @@ MemoryUse Viewer::Impl::memory() const {
     return use;
   }
   if (renderer) {
-    const base::gl::HeldBytes held = renderer->held();
+    const base::gl::HeldBytes held = renderer->heldBytes();
     use.textures = held.textures;
     use.buffers = held.buffers;
   }

@@ -447,8 +447,8 @@ TEST_F(Lumigraph, WhatIsHeldIsWhatTheGlCountsAndStaysBelowTheBudgetWhileArraysGr
     while (renderer_->addSample(added, camera, base::Image(kFace, kFace, 4), 0.0)) ++added;
     EXPECT_GE(added, layers / 2) << "of " << layers;
     EXPECT_LE(base::gl::peakHeldBytes(),
-              base::gl::heldBytes().total() - renderer_->held().textures + layers * layer + 8);
-    EXPECT_EQ(renderer_->held().textures, base::gl::heldBytes().textures - before + 8)
+              base::gl::heldBytes().total() - renderer_->heldBytes().textures + layers * layer + 8);
+    EXPECT_EQ(renderer_->heldBytes().textures, base::gl::heldBytes().textures - before + 8)
         << "the first renderer's two pixels";
   }
 }
