@@ -9,8 +9,8 @@
 
 namespace client {
 
-ImageDecoder::DecodedImage decodeFaceImage(std::uint64_t id, base::ByteView value) {
-  auto image = repository::decodeFaceImage(value, 0);  // 0: any size, since exact frames have that of the view
+ImageDecoder::DecodedImage decodeFaceImage(std::uint64_t id, base::ByteView coded) {
+  auto image = repository::decodeFaceImage(coded, 0);  // 0: any size, since exact frames have that of the view
   if (!image) return {id, {}, "an image from the server is broken: " + image.error().message};
   return {id, std::move(*image), {}};
 }
@@ -26,13 +26,13 @@ struct JpegDecoder::Impl {
 JpegDecoder::JpegDecoder(unsigned threads) : impl_(std::make_unique<Impl>(threads)) {}
 JpegDecoder::~JpegDecoder() = default;
 
-void JpegDecoder::submit(std::uint64_t id, base::ByteView value) {
+void JpegDecoder::submit(std::uint64_t id, base::ByteView coded) {
   Impl* s = impl_.get();
   {
     std::lock_guard lock(s->mutex);
     ++s->pending;
   }
-  s->pool.submit([s, id, copy = base::Bytes(value.begin(), value.end())] {
+  s->pool.submit([s, id, copy = base::Bytes(coded.begin(), coded.end())] {
     DecodedImage decoded = decodeFaceImage(id, copy);
     std::lock_guard lock(s->mutex);
     s->done.push_back(std::move(decoded));

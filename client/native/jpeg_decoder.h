@@ -12,7 +12,7 @@ class JpegDecoder : public ImageDecoder {
   /// `threads` ≥ 1.
   explicit JpegDecoder(unsigned threads);
   ~JpegDecoder() override;
-  void submit(std::uint64_t id, base::ByteView value) override;
+  void submit(std::uint64_t id, base::ByteView coded) override;
   std::vector<DecodedImage> takeDecoded() override;
   std::size_t pending() const override;
 
@@ -22,6 +22,6 @@ class JpegDecoder : public ImageDecoder {
 };
 
 /// Decodes with repository::decodeFaceImage, images of any size.
-ImageDecoder::DecodedImage decodeFaceImage(std::uint64_t id, base::ByteView value);
+ImageDecoder::DecodedImage decodeFaceImage(std::uint64_t id, base::ByteView coded);
 
 }  // namespace client

@@ -22,7 +22,7 @@ class ImageDecoder {
     std::string error;  ///< empty when all is well
   };
   /// Starts to decode a coded face (repository/faces/face_value.h), whose bytes are copied.
-  virtual void submit(std::uint64_t id, base::ByteView value) = 0;
+  virtual void submit(std::uint64_t id, base::ByteView coded) = 0;
   /// Returns the images finished since the last call; never waits.
   virtual std::vector<DecodedImage> takeDecoded() = 0;
   virtual std::size_t pending() const = 0;

@@ -74,17 +74,16 @@ base::Result<bool> Viewer::update(const base::ViewCamera& camera, double now) {
                                                             : std::numeric_limits<double>::infinity();
 
   s.updatePatches();
-  s.rankSamples();
-  s.uploadSamples(now);
-  s.submitSamples();
+  s.rankImages();
+  s.uploadImages(now);
+  s.submitImages();
   s.markInUse();
 
   s.more_to_do = s.patches.unfinished();
-  for (const auto& [id, sample] : s.samples) {
-    const bool on_its_way = sample.state == Impl::SampleState::kDecoding ||
-                            sample.state == Impl::SampleState::kDecoded ||
-                            (sample.state == Impl::SampleState::kCached && !s.gpu_full);
-    if (on_its_way && sample.use >= Impl::kNeededUse) s.more_to_do = true;
+  for (const auto& [id, image] : s.images) {
+    const bool on_its_way = image.state == Impl::ImageState::kDecoding || image.state == Impl::ImageState::kDecoded ||
+                            (image.state == Impl::ImageState::kCached && !s.gpu_full);
+    if (on_its_way && image.use >= Impl::kNeededUse) s.more_to_do = true;
   }
   return s.more_to_do;
 }
@@ -123,7 +122,7 @@ base::Result<void> Viewer::draw(const base::ViewCamera& camera, double now) {
 
   s.candidates.clear();
   for (SampleId id : s.ranked)
-    if (s.samples[id].state == Impl::SampleState::kResident) s.candidates.push_back(id);
+    if (s.images[id].state == Impl::ImageState::kResident) s.candidates.push_back(id);
   const lod::patch::Cut& cut = s.patches.drawn();
   s.options.lumigraph.modes.section = s.sectionHere();
   s.renderer->draw(s.camera, cut.patches, s.candidates, cut.error_px, s.shading, s.options.lumigraph, now,
@@ -214,8 +213,8 @@ void Viewer::contextLost() {
   if (s.splats) s.splats->contextLost();
   s.candidates.clear();
   s.patches.forget();
-  for (auto& [id, sample] : s.samples)
-    if (sample.state == Impl::SampleState::kResident) sample.state = Impl::SampleState::kCached;
+  for (auto& [id, image] : s.images)
+    if (image.state == Impl::ImageState::kResident) image.state = Impl::ImageState::kCached;
 }
 
 base::Result<void> Viewer::contextRestored() {
@@ -243,10 +242,10 @@ ViewerStats Viewer::stats() const {
   stats.accuracy = s.accuracy();
   stats.memory = s.memory();
   stats.memory_budget = s.options.memory_budget_bytes;
-  for (const auto& [id, sample] : s.samples) {
-    stats.samples_cached += sample.state != Impl::SampleState::kEmpty ? 1 : 0;
-    const bool waits = sample.state != Impl::SampleState::kResident && sample.state != Impl::SampleState::kEmpty;
-    stats.images_requested += waits && sample.use >= Impl::kNeededUse ? 1 : 0;
+  for (const auto& [id, image] : s.images) {
+    stats.samples_cached += image.state != Impl::ImageState::kEmpty ? 1 : 0;
+    const bool waits = image.state != Impl::ImageState::kResident && image.state != Impl::ImageState::kEmpty;
+    stats.images_requested += waits && image.use >= Impl::kNeededUse ? 1 : 0;
   }
   const bool pins_pending = s.probe && s.probe->pending();
   stats.busy = s.renderer && (s.more_to_do || s.renderer->settling() || pins_pending);
@@ -261,7 +260,7 @@ ViewerStats Viewer::stats() const {
 
 base::Result<void> Viewer::Impl::startScene() {
   const protocol::Welcome& welcome = *session.welcome();
-  samples.clear();
+  images.clear();
   ranked.clear();
   patches = {};
   scene = sceneSphere(welcome);

@@ -23,7 +23,7 @@ struct Viewer::Impl {
   static constexpr float kNeededUse = 1e-3F;
 
   /// The way of an image to the GPU.
-  enum class SampleState {
+  enum class ImageState {
     kCached,
     kDecoding,
     kDecoded,
@@ -33,8 +33,8 @@ struct Viewer::Impl {
   };
 
   /// A face or an exact frame on its way to the GPU.
-  struct Sample {
-    SampleState state = SampleState::kCached;
+  struct BlendImage {
+    ImageState state = ImageState::kCached;
     base::Camera camera;
     base::Image rgba;   // only while kDecoded
     float use = 0.0F;   // expected share of the blend in the present view
@@ -55,7 +55,7 @@ struct Viewer::Impl {
   base::Sphere scene;
   std::optional<base::SectionPlane> section;
 
-  std::unordered_map<SampleId, Sample> samples;
+  std::unordered_map<SampleId, BlendImage> images;
   std::unordered_map<SampleId, std::uint64_t> decoding;  // id -> bytes, dropped images included
   std::vector<SampleId> ranked;                          // best first
   std::vector<SampleId> candidates;                      // the resident ones among them
@@ -81,15 +81,15 @@ struct Viewer::Impl {
   base::Result<void> takeEvents();
   void addFace(const repository::FaceKey& key);
   void addFrame(std::uint32_t sequence);
-  void dropSample(SampleId id);
+  void dropImage(SampleId id);
   void dropOldFrames();
   void takeDecoded();
   void updatePatches();
-  void rankSamples();
-  void uploadSamples(double now);
-  bool makeRoomFor(const Sample& sample);
-  const Sample* worstResident(SampleId* id, const base::Camera* of_size_like) const;
-  void submitSamples();
+  void rankImages();
+  void uploadImages(double now);
+  bool makeRoomFor(const BlendImage& image);
+  const BlendImage* worstResident(SampleId* id, const base::Camera* of_size_like) const;
+  void submitImages();
   void markInUse();
   base::Result<void> startPins();
   void probePins();
@@ -106,7 +106,7 @@ struct Viewer::Impl {
   }
   base::ViewCamera viewForServer(const base::ViewCamera& wanted) const;
   glm::vec4 sectionHere() const;
-  const base::Bytes* valueOf(SampleId id);
+  const base::Bytes* codedImage(SampleId id);
   void fault(const std::string& what);
   bool spend(double bytes);
   MemoryUse memory() const;

@@ -29,9 +29,9 @@ WebDecoder* WebDecoder::instance() {
   return the_decoder;
 }
 
-void WebDecoder::submit(std::uint64_t id, base::ByteView value) {
+void WebDecoder::submit(std::uint64_t id, base::ByteView coded) {
   ++waiting_;
-  lumigridDecode(static_cast<std::uint32_t>(id), static_cast<std::uint32_t>(id >> 32U), value.data(), value.size());
+  lumigridDecode(static_cast<std::uint32_t>(id), static_cast<std::uint32_t>(id >> 32U), coded.data(), coded.size());
 }
 
 std::vector<ImageDecoder::DecodedImage> WebDecoder::takeDecoded() {

@@ -15,7 +15,7 @@ class WebDecoder final : public ImageDecoder {
   WebDecoder(const WebDecoder&) = delete;
   WebDecoder& operator=(const WebDecoder&) = delete;
 
-  void submit(std::uint64_t id, base::ByteView value) override;
+  void submit(std::uint64_t id, base::ByteView coded) override;
   std::vector<DecodedImage> takeDecoded() override;
   std::size_t pending() const override { return waiting_ + done_.size(); }
 

@@ -42,7 +42,7 @@ export function listen(canvas, core, now, acted) {
     try {
       canvas.setPointerCapture(event.pointerId);
     } catch {
-      // A pointer that is gone already; its end comes as it may.
+      // The pointer may be gone already; its end is then reported as usual.
     }
     down(event);
   });
