@@ -1,5 +1,5 @@
 #pragma once
-// What the benchmarks share: their clock, their command line, and what they do when something fails.
+// The benchmarks share this clock, command line and way to stop when something fails.
 #include <time.h>
 #include <unistd.h>
 #include <cerrno>
@@ -18,13 +18,13 @@
 
 namespace bench {
 
-/// One line with the program's name, and exit status 1.
+/// Prints one line with the program's name and ends with exit status 1.
 [[noreturn]] inline void stop(const std::string& message) {
   std::fprintf(stderr, "%s: %s\n", program_invocation_short_name, message.c_str());
   std::exit(1);
 }
 
-/// The value, or stop.
+/// Returns the value, or stops with the error.
 template <class T>
 T must(base::Result<T> result) {
   if (!result) stop(result.error().message);
@@ -34,20 +34,21 @@ inline void must(const base::Result<void>& result) {
   if (!result) stop(result.error().message);
 }
 
-/// CLOCK_MONOTONIC, or one of CPU time.
+/// Reads CLOCK_MONOTONIC, or a clock of CPU time.
 inline double seconds(clockid_t clock = CLOCK_MONOTONIC) {
   timespec t{};
   clock_gettime(clock, &t);
   return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
 }
 
-/// Of one or more; the higher of the two in the middle.
+/// Takes one value or more; of an even number it returns the higher of the two in the middle.
 inline double median(std::vector<double> values) {
   std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
   return values[values.size() / 2];
 }
 
-/// Options with a value each, "--name VALUE", and at most one word without. What is not asked for is a wrong usage.
+/// Reads options with a value each, "--name VALUE", and at most one word without a dash. An option that nobody asks for
+/// is a wrong usage.
 class Arguments {
  public:
   /// `usage`: printed where something is wrong.
@@ -68,17 +69,17 @@ class Arguments {
     const auto given = options_.extract(option);
     return given ? given.mapped() : otherwise;
   }
-  /// Stops outside of least … most.
+  /// Stops when the value is below `min` or above `max`.
   template <class Number>
-  Number number(const std::string& option, Number otherwise, Number least, Number most) {
+  Number number(const std::string& option, Number otherwise, Number min, Number max) {
     const std::string given = text(option, "");
     if (given.empty()) return otherwise;
     char* end = nullptr;
     const std::uint64_t value = std::strtoull(given.c_str(), &end, 10);
-    if (*end != '\0' || given.front() == '-' || value < least || value > most) wrong();
+    if (*end != '\0' || given.front() == '-' || value < min || value > max) wrong();
     return static_cast<Number>(value);
   }
-  /// After the last option was asked for.
+  /// Must be called after the last option was asked for.
   void finish() const {
     if (!options_.empty()) wrong();
   }
@@ -92,7 +93,7 @@ class Arguments {
   std::map<std::string, std::string> options_;
 };
 
-/// A directory that goes with the object (but not with stop()).
+/// The directory is removed with the object, but not by stop().
 class WorkDirectory {
  public:
   explicit WorkDirectory(const std::string& parent = std::filesystem::temp_directory_path().string())

@@ -1,5 +1,5 @@
 #pragma once
-// A scene for a benchmark: as it lies on disk, or built from a mesh for it.
+// Benchmarks read a scene from disk, or build one from a mesh.
 #include "base/json/scene_file.h"
 #include "lod/patch/builder/hierarchy_build.h"
 #include "lod/patch/format.h"
@@ -7,7 +7,7 @@
 
 namespace bench {
 
-/// What benchmarks of faces are asked.
+/// The arguments that benchmarks of faces share.
 struct FaceArguments {
   std::string input;         ///< SCENE|MESH
   std::uint32_t grid = 0;    ///< points along the longest side
@@ -36,7 +36,7 @@ inline base::Scene buildScene(const std::string& mesh_path, const std::string& p
   return scene;
 }
 
-/// `input`: a scene's directory, or a mesh, of which the hierarchy goes into `work`.
+/// Opens a scene's directory; from a mesh it builds the hierarchy into `work`.
 inline OpenScene openScene(const std::string& input, const WorkDirectory& work) {
   const bool is_scene = std::filesystem::is_directory(input);
   const std::string patch_path = is_scene ? input + "/patch.lgp" : work / "patch.lgp";

@@ -86,8 +86,9 @@ class Nginx:
             temporary = "".join(f"{kind}_temp_path {work}/{kind};" for kind in
                                 ("client_body", "proxy", "fastcgi", "uwsgi", "scgi"))
             with open(conf, "w") as f:
-                f.write(f"daemon off; master_process off; pid {work}/nginx.pid; error_log {work}/error.log; events {{}} "
-                        f"http {{ access_log {self.log}; {temporary} server {{ listen 127.0.0.1:{port}; root {root}; }} }}")
+                f.write(f"daemon off; master_process off; pid {work}/nginx.pid; error_log {work}/error.log; "
+                        f"events {{}} http {{ access_log {self.log}; {temporary} "
+                        f"server {{ listen 127.0.0.1:{port}; root {root}; }} }}")
             self.process = subprocess.Popen(["/usr/sbin/nginx", "-e", f"{work}/error.log", "-c", conf],
                                             stderr=subprocess.DEVNULL)
             time.sleep(0.5)
@@ -104,9 +105,9 @@ class Nginx:
 
 def measure(programs, url, path, views, work, nginx):
     with tempfile.TemporaryDirectory(dir=work) as cache:
-        server = subprocess.Popen([os.path.join(programs, "lumigrid"), "serve", url, "--port", "0", "--json", "--no-frames",
-                                   "--prefetch", "0", "--cache", cache], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-                                  text=True)
+        command = [os.path.join(programs, "lumigrid"), "serve", url, "--port", "0", "--json", "--no-frames",
+                   "--prefetch", "0", "--cache", cache]
+        server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
         there, text = None, ""
         while there is None:
             text += server.stdout.readline()
@@ -122,7 +123,8 @@ def measure(programs, url, path, views, work, nginx):
             with open(one, "w") as f:
                 json.dump([frames[view]] if isinstance(document, list) else {**document, "frames": [frames[view]]}, f)
             before = nginx.faces()
-            run(os.path.join(programs, "lumigrid-view"), there, "--headless", "--path", one, "--out", os.path.join(work, "v"))
+            run(os.path.join(programs, "lumigrid-view"), there, "--headless", "--path", one,
+                "--out", os.path.join(work, "v"))
             frame = json.loads(open(os.path.join(work, "v", "frames.jsonl")).readline())
             if not frame["complete"]:
                 sys.exit(f"view {view} of {programs} was not complete")
@@ -144,15 +146,16 @@ def main():
     with tempfile.TemporaryDirectory() as work:
         site = os.path.join(work, "site")
         os.chmod(work, 0o755)
-        run(os.path.join(a.bin[0], "lumigrid"), "publish", a.scene, os.path.join(site, "scene"), "--viewer", "off", "--quiet")
+        run(os.path.join(a.bin[0], "lumigrid"), "publish", a.scene, os.path.join(site, "scene"), "--viewer", "off",
+            "--quiet")
         path = os.path.join(work, "tour.json")
         run(os.path.join(a.bin[0], "lumigrid"), "tour", a.scene, "--frames", a.views, "--size", 640, 480, "-o", path)
         nginx = Nginx(site, work)
         proxy = DelayProxy(nginx.port, a.round_trip / 2000.0)
         for programs in a.bin:
             requests, seconds = measure(programs, f"http://127.0.0.1:{proxy.port}/scene", path, a.views, work, nginx)
-            print(f"{programs}: {a.round_trip:g} ms round trip: {statistics.median(requests):g} requests for images and index "
-                  f"a view ({requests}), {statistics.median(seconds):.2f} s to a complete view "
+            print(f"{programs}: {a.round_trip:g} ms round trip: {statistics.median(requests):g} requests for images and "
+                  f"index a view ({requests}), {statistics.median(seconds):.2f} s to a complete view "
                   f"({[round(s, 2) for s in seconds]})", flush=True)
         nginx.process.terminate()
 

@@ -1,11 +1,13 @@
 #!/usr/bin/env python3
-"""Figure 2 of Streaming QSplat (Rusinkiewicz and Levoy 2001) from a real nginx: what a slow link shows after so many seconds.
+"""Makes figure 2 of Streaming QSplat (Rusinkiewicz and Levoy 2001) with a real nginx: the pictures of a slow link by
+second.
 
   qsplat_figure2.py --bin DIR [--bandwidth 384kbit] [--latency 100ms] [--seconds 0,1,10,60] [--pictures DIR] SCENE
 
 Serves the scene (`lumigrid build ... --methods qsplat`) with nginx (Debian: nginx-light), follows the second of
-qsplat_stream_bench's views with `lumigrid-view --headless` over a link of that rate, and prints for each second after the front of the
-file came: splats drawn, bytes, and PSNR against the same view from the same host without a limit, where either has something.
+qsplat_stream_bench's views with `lumigrid-view --headless` over a link of that rate, and prints for each second after
+the front of the file came: splats drawn, bytes, and PSNR against the same view from the same host without a limit, over
+the pixels where either shows the model.
 """
 import argparse
 import json
@@ -119,7 +121,8 @@ def main():
                 return [json.loads(line) for line in open(f"{work}/{name}/frames.jsonl")]
 
             whole = look("whole", 1, "--settle", "300")[0]
-            slow = look("slow", RATE * max(seconds) + 1, "--realtime", RATE, "--bandwidth", a.bandwidth, "--latency", a.latency)
+            slow = look("slow", RATE * max(seconds) + 1, "--realtime", RATE, "--bandwidth", a.bandwidth,
+                        "--latency", a.latency)
             truth = f"{work}/whole/frame_0000.png"
             print(f"without a limit: all after {whole['seconds']:.2f} s, {whole['splats']['drawn']} splats, "
                   f"{whole['bytes']['total'] / 1e6:.2f} MB")
@@ -132,7 +135,8 @@ def main():
                 os.makedirs(a.pictures, exist_ok=True)
                 shutil.copy(truth, os.path.join(a.pictures, "whole.png"))
                 for second in seconds:
-                    shutil.copy(f"{work}/slow/frame_{RATE * second:04}.png", os.path.join(a.pictures, f"{second}_s.png"))
+                    shutil.copy(f"{work}/slow/frame_{RATE * second:04}.png",
+                                os.path.join(a.pictures, f"{second}_s.png"))
         finally:
             server.terminate()
             server.wait()
