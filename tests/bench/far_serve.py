@@ -154,8 +154,8 @@ def main():
         proxy = DelayProxy(nginx.port, a.round_trip / 2000.0)
         for programs in a.bin:
             requests, seconds = measure(programs, f"http://127.0.0.1:{proxy.port}/scene", path, a.views, work, nginx)
-            print(f"{programs}: {a.round_trip:g} ms round trip: {statistics.median(requests):g} requests for images and "
-                  f"index a view ({requests}), {statistics.median(seconds):.2f} s to a complete view "
+            print(f"{programs}: {a.round_trip:g} ms round trip: {statistics.median(requests):g} requests for "
+                  f"images and index a view ({requests}), {statistics.median(seconds):.2f} s to a complete view "
                   f"({[round(s, 2) for s in seconds]})", flush=True)
         nginx.process.terminate()
 

@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
 # Runs a real S3 store on this machine: OpenStack Swift with s3api, three replicas on three storage nodes. It writes,
-# lists, reads by range, mirrors and removes objects; expects wrong keys, buckets and names to be named errors; publishes
-# a scene and serves it by two servers with a cache each; and kills one storage node under a reader and under viewers,
-# who notice nothing.
-# It takes about a minute and needs root (storage files carry extended attributes), build/release or $LUMIGRID_BUILD, and
-# Debian's python3-swift and memcached, which it installs. Everything is on 127.0.0.1, in a directory of its own, and is stopped by process id.
+# lists, reads by range, mirrors and removes objects; expects wrong keys, buckets and names to be named errors;
+# publishes a scene and serves it by two servers with a cache each; and kills one storage node under a reader and
+# under viewers, who notice nothing. It takes about a minute and needs root (storage files carry extended attributes),
+# build/release or $LUMIGRID_BUILD, and Debian's python3-swift and memcached, which it installs. Everything is on
+# 127.0.0.1, in a directory of its own, and is stopped by process id.
 set -euo pipefail
 name=objectstore
 root=$(cd "$(dirname "$0")/../.." && pwd)
@@ -14,7 +14,8 @@ fail() { echo "FAIL $name: $*"; exit 1; }
 python=/usr/bin/python3
 if ! $python -c 'import swift.common.middleware.s3api' 2>/dev/null || ! command -v memcached >/dev/null; then
   [ "$(id -u)" = 0 ] || fail "needs root, to install python3-swift and memcached"
-  apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -qq -y --no-install-recommends python3-swift memcached >/dev/null
+  apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -qq -y --no-install-recommends python3-swift \
+    memcached >/dev/null
 fi
 
 work=$(mktemp -d "${TMPDIR:-/tmp}/lumigrid-objectstore.XXXXXX")
@@ -137,8 +138,10 @@ memcached -l 127.0.0.1 -p "$memcached_port" -U 0 -u "$(id -un)" &
 pids[memcached]=$!
 start proxy proxy-server "$work/etc/proxy.conf"
 
-export HOME=$work no_proxy=127.0.0.1 AWS_ENDPOINT_URL=http://127.0.0.1:$proxy_port AWS_ACCESS_KEY_ID=test:tester AWS_SECRET_ACCESS_KEY=testing
-unset AWS_PROFILE AWS_SESSION_TOKEN AWS_REGION AWS_DEFAULT_REGION AWS_ENDPOINT_URL_S3 AWS_SHARED_CREDENTIALS_FILE AWS_CONFIG_FILE
+export HOME=$work no_proxy=127.0.0.1 AWS_ENDPOINT_URL=http://127.0.0.1:$proxy_port AWS_ACCESS_KEY_ID=test:tester \
+  AWS_SECRET_ACCESS_KEY=testing
+unset AWS_PROFILE AWS_SESSION_TOKEN AWS_REGION AWS_DEFAULT_REGION AWS_ENDPOINT_URL_S3 AWS_SHARED_CREDENTIALS_FILE \
+  AWS_CONFIG_FILE
 for _ in $(seq 60); do # storage servers take their time
   "$probe" make-bucket s3://scenes 2>"$work/made" && break
   sleep 0.5
@@ -190,7 +193,8 @@ expect_error() { # expect_error WORDS COMMAND...: status 1 and one line with the
 expect_error "look at AWS_SECRET_ACCESS_KEY" env AWS_SECRET_ACCESS_KEY=wrong "$probe" size $place patch.lgp
 expect_error "look at AWS_SECRET_ACCESS_KEY" env AWS_SECRET_ACCESS_KEY=wrong "$probe" put $place x "$work/small"
 expect_error "test:nobody" env AWS_ACCESS_KEY_ID=test:nobody "$probe" size $place patch.lgp
-expect_error "access key test:guest may not do this here" env AWS_ACCESS_KEY_ID=test:guest AWS_SECRET_ACCESS_KEY=guest "$probe" size $place patch.lgp
+expect_error "access key test:guest may not do this here" env AWS_ACCESS_KEY_ID=test:guest \
+  AWS_SECRET_ACCESS_KEY=guest "$probe" size $place patch.lgp
 expect_error "no credentials" env -u AWS_ACCESS_KEY_ID -u AWS_SECRET_ACCESS_KEY "$probe" size $place patch.lgp
 expect_error "no credentials" env -u AWS_ACCESS_KEY_ID -u AWS_SECRET_ACCESS_KEY "$probe" put $place x "$work/small"
 expect_error "there is no bucket 'elsewhere'" "$probe" size s3://elsewhere/skull patch.lgp
@@ -205,7 +209,8 @@ bin=$(dirname "$(dirname "$probe")")/bin
 scene=$work/scene tower=s3://scenes/lab/tower
 "$bin/lumigrid" sample --triangles 20000 -o "$work/mesh.ply" 2>/dev/null >/dev/null || fail "sample"
 "$bin/lumigrid" build "$work/mesh.ply" -o "$scene" --grid 5 --face 128 --quiet >/dev/null || fail "build"
-expect_error "look at AWS_SECRET_ACCESS_KEY" env AWS_SECRET_ACCESS_KEY=wrong "$bin/lumigrid" publish "$scene" $tower --quiet
+expect_error "look at AWS_SECRET_ACCESS_KEY" env AWS_SECRET_ACCESS_KEY=wrong "$bin/lumigrid" publish "$scene" \
+  $tower --quiet
 expect_error "there is no bucket 'elsewhere'" "$bin/lumigrid" publish "$scene" s3://elsewhere/tower --quiet
 "$bin/lumigrid" publish "$scene" $tower --quiet >/dev/null || fail "publish"
 "$bin/lumigrid" verify $tower --quiet || fail "verify of the bucket"
@@ -214,14 +219,16 @@ expect_error "no such object" "$bin/lumigrid" verify s3://scenes/lab/none --quie
 expect_error "no such object" "$bin/lumigrid" serve s3://scenes/lab/none --port 0 --cache "$work/none"
 declare -A url=()
 for server in a b; do
-  "$bin/lumigrid" serve $tower --port 0 --json --no-frames --no-access --cache "$work/cache-$server" >"$work/serve-$server.out" 2>"$work/serve-$server.err" &
+  "$bin/lumigrid" serve $tower --port 0 --json --no-frames --no-access --cache "$work/cache-$server" \
+    >"$work/serve-$server.out" 2>"$work/serve-$server.err" &
   pids[serve-$server]=$!
   for _ in $(seq 200); do [ -s "$work/serve-$server.out" ] && break; sleep 0.1; done
   url[$server]=$(sed -n 's/.*"url":"\([^"]*\)".*/\1/p' "$work/serve-$server.out")
   [ -n "${url[$server]}" ] || fail "serve: $(cat "$work/serve-$server.err")"
 done
 view() { # view SERVER NAME: every frame of the tour complete
-  "$bin/lumigrid-view" "${url[$1]}" --headless --path "$work/tour.json" --out "$work/$2" >/dev/null 2>"$work/$2.err" || fail "viewer $2: $(cat "$work/$2.err")"
+  "$bin/lumigrid-view" "${url[$1]}" --headless --path "$work/tour.json" --out "$work/$2" >/dev/null \
+    2>"$work/$2.err" || fail "viewer $2: $(cat "$work/$2.err")"
   [ "$(grep -c '"complete":true' "$work/$2/frames.jsonl")" = 24 ] || fail "viewer $2: frames are not complete"
 }
 view a first

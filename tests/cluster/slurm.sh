@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
-# A Slurm cluster of two nodes on this machine builds a scene in 4 shards. One task is killed and one node dies, and the
-# scene still equals, value by value, the one that a single process builds. It takes about a minute and needs root, the
-# programs in build/release or $LUMIGRID_BUILD, and Debian's slurm-wlm and munge, which it installs. Everything is on 127.0.0.1, in a directory of its own, and is stopped by process id.
+# A Slurm cluster of two nodes on this machine builds a scene in 4 shards. One task is killed and one node dies, and
+# the scene still equals, value by value, the one that a single process builds. It takes about a minute and needs
+# root, the programs in build/release or $LUMIGRID_BUILD, and Debian's slurm-wlm and munge, which it installs.
+# Everything is on 127.0.0.1, in a directory of its own, and is stopped by process id.
 set -euo pipefail
 name=slurm
 root=$(cd "$(dirname "$0")/../.." && pwd)
@@ -10,7 +11,8 @@ fail() { echo "FAIL $name: $*"; exit 1; }
 [ -x "$lumigrid" ] || fail "$lumigrid is not built"
 [ "$(id -u)" = 0 ] || fail "needs root, to run slurmd and munged"
 if ! command -v slurmctld munged >/dev/null; then
-  apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -qq -y --no-install-recommends slurm-wlm munge >/dev/null
+  apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -qq -y --no-install-recommends slurm-wlm \
+    munge >/dev/null
 fi
 
 work=$(mktemp -d "${TMPDIR:-/tmp}/lumigrid-slurm.XXXXXX")
@@ -106,20 +108,25 @@ options=(--grid 13 --face 128 --supersampling 2 --batch 50)
 # --- Tasks choose their shard by Slurm's variables
 small=(--grid 5 --face 64 --quiet)
 "$lumigrid" build "$work/mesh.ply" -o "$work/small" "${small[@]}" >/dev/null || fail "the small undivided build"
-srun --quiet --ntasks=3 "$lumigrid" build "$work/mesh.ply" -o "$work/ranks" "${small[@]}" --shard auto >"$work/ranks.log" 2>&1 ||
+srun --quiet --ntasks=3 "$lumigrid" build "$work/mesh.ply" -o "$work/ranks" "${small[@]}" --shard auto \
+  >"$work/ranks.log" 2>&1 ||
   fail "srun --shard auto: $(cat "$work/ranks.log")"
 sbatch --quiet --wait --array=4-10:2 --output="$work/array-%a.log" \
-  --wrap="'$lumigrid' build '$work/mesh.ply' -o '$work/array' ${small[*]} --shard auto" || fail "--array with --shard auto: $(cat "$work"/array-*.log)"
+  --wrap="'$lumigrid' build '$work/mesh.ply' -o '$work/array' ${small[*]} --shard auto" || fail \
+    "--array with --shard auto: $(cat "$work"/array-*.log)"
 digest() { "$lumigrid" info --digest "$1" | sed -n 's/^ *SHA-256 of all values //p'; }
-[ -d "$work/ranks/images/shard-0002-of-0003" ] && [ -d "$work/array/images/shard-0003-of-0004" ] || fail "--shard auto chose other shards"
+[ -d "$work/ranks/images/shard-0002-of-0003" ] && [ -d "$work/array/images/shard-0003-of-0004" ] || fail \
+  "--shard auto chose other shards"
 for scene in ranks array; do
-  [ -n "$(digest "$work/small")" ] && [ "$(digest "$work/$scene")" = "$(digest "$work/small")" ] || fail "--shard auto: $scene differs"
+  [ -n "$(digest "$work/small")" ] && [ "$(digest "$work/$scene")" = "$(digest "$work/small")" ] || fail \
+    "--shard auto: $scene differs"
 done
 echo "srun and a job array with --shard auto: the same as undivided"
 
 # --- The driver, with one task killed and one node lost
 scene=$work/scene
-"$root/tools/slurm/build.sh" -o "$scene" --shards 4 --poll 1 --lumigrid "$lumigrid" "$work/mesh.ply" -- "${options[@]}" \
+"$root/tools/slurm/build.sh" -o "$scene" --shards 4 --poll 1 --lumigrid "$lumigrid" "$work/mesh.ply" -- \
+  "${options[@]}" \
   >"$work/driver.log" 2>&1 &
 driver=$!
 store() { echo "$scene/images/shard-000$1-of-0004"; }

@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Builds a scene on a Slurm cluster: asks what is missing, submits that, waits, and asks again, until nothing is missing.
+# Builds a scene on a Slurm cluster: asks what is missing, submits that, waits, and asks again, until nothing is
+# missing.
 set -euo pipefail
 
 usage() {
@@ -47,10 +48,11 @@ command -v "$lumigrid" >/dev/null || { echo "build.sh: $lumigrid: no such progra
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 export LUMIGRID=$lumigrid LUMIGRID_SHARDS=$shards
 
-# What is missing, into $missing; the status is that of --missing.
+# Asks what is missing, into $missing; the status is that of --missing.
 ask() {
   local status=0
-  missing=$("$lumigrid" build "${meshes[@]}" -o "$scene" "${build_options[@]}" --shards "$shards" --missing) || status=$?
+  missing=$("$lumigrid" build "${meshes[@]}" -o "$scene" "${build_options[@]}" --shards "$shards" --missing) || \
+    status=$?
   return $status
 }
 
