@@ -63,7 +63,10 @@ utils.set_swift_dir(directory)
 from swift.common.wsgi import run_wsgi
 sys.exit(run_wsgi(configuration, kind))
 END
-ring() { $python -c 'import sys; from swift.cli.ringbuilder import main; sys.exit(main(["swift-ring-builder"] + sys.argv[1:]))' "$@" >/dev/null; }
+ring() {
+  $python -c 'import sys; from swift.cli.ringbuilder import main
+sys.exit(main(["swift-ring-builder"] + sys.argv[1:]))' "$@" >/dev/null
+}
 start() { # start NAME KIND CONFIGURATION
   $python "$work/swift_server.py" "$work/etc" "$3" "$2" >"$work/$1.log" 2>&1 &
   pids[$1]=$!

@@ -79,10 +79,9 @@ std::vector<base::Bytes> seeds() {
            "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 "
            "0\nendloop\nendfacet\nendsolid\n"),
       seed(3, "COFF\n3 1 0\n0 0 0 255 0 0\n1 0 0 0 255 0\n0 1 0 0 0 255\n3 0 1 2\n"),
-      seed(
-          4,
-          std::string("glTF\2\0\0\0\x7c\0\0\0\x68\0\0\0JSON", 20) +
-              R"({"buffers":[{"byteLength":0}],"meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],"accessors":[]} )")};
+      seed(4, std::string("glTF\2\0\0\0\x7c\0\0\0\x68\0\0\0JSON", 20) +
+                  R"({"buffers":[{"byteLength":0}],)"
+                  R"("meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],"accessors":[]} )")};
 }
 
 void fuzzOne(base::ByteView bytes) {

@@ -52,8 +52,8 @@ TEST_F(UserFiles, withoutAFileTheDefaultsHold) {
 }
 
 TEST_F(UserFiles, whatIsWrongIsNamedAndTheRestHolds) {
-  const ReadSettings read = parseSettings(
-      R"({"version": 1, "fov_degrees": 60, "points": 99, "images": "yes", "theme": "purple", "samples": 2.5, "colour": 1})");
+  const ReadSettings read = parseSettings(R"({"version": 1, "fov_degrees": 60, "points": 99, "images": "yes", )"
+                                          R"("theme": "purple", "samples": 2.5, "colour": 1})");
   EXPECT_EQ(read.settings.fov_degrees, 60.0);
   Settings expected;
   expected.fov_degrees = 60.0;

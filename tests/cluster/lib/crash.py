@@ -306,7 +306,7 @@ class Disk:
 
 
 class Witness:
-    """A new file written without fsync just before each cut. That it is lost proves that there was one. (One written over
+    """A new file written without fsync just before each cut. Its loss proves that there was a cut. (A file written over
     would not do: ext4 flushes a file that was emptied and written again.)"""
 
     def __init__(self, disk):
