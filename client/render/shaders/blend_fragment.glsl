@@ -57,8 +57,8 @@ float litAround(int array, vec4 place, vec2 texel) {
                  litAt(array, place + vec4(-texel.x, texel.y, 0.0, 0.0)));
 }
 
-// Towards its border, and while it fades in, an image loses the priority that a small angle gives it; otherwise the fade
-// would happen within the last thousandth of its width. Radians, about the angle between neighbouring images.
+// Towards its border, and while it fades in, an image loses the priority that a small angle gives it; otherwise the
+// fade would happen within the last thousandth of its width. Radians, about the angle between neighbouring images.
 const float kBorderAngle = 0.3;
 
 void main() {
@@ -131,9 +131,9 @@ void main() {
     float apart_rays = u_cut_open ? 1.0 : smoothstep(0.002, 0.02, angle);
     seen *= mix(1.0, smoothstep(0.75, 1.0, lit) * smoothstep(u_side_low, u_side_high, cosine), apart_rays);
 
-    // Coverage votes. Background in an image means that nothing lies along its whole ray, whether the proxy hides it or
-    // not; model counts only where the image sees this place. Votes weigh by angle alone: the closer the ray, the better
-    // the image knows the silhouette.
+    // Coverage votes. Background in an image means that nothing lies along its whole ray, whether the proxy hides it
+    // or not; model counts only where the image sees this place. Votes weigh by angle alone: the closer the ray, the
+    // better the image knows the silhouette.
     float ratio = depth.w / clip.w / view_density;
     vec4 color = colorAt(array, vec3(uv, place.y), log2(max(ratio, 1.0)));
     float for_model = color.a * min(1.0, 2.0 * lit);
@@ -166,8 +166,8 @@ void main() {
   vec3 color = color_sum / max(coverage_sum, 1e-20);
   float shown = mix(u_patch_error, exp2(octaves / max(coverage_sum, 1e-20)), images);
   if (u_fill) {
-    // The proxy's own shading is one more sample, whose texels are the proxy's triangles: it weighs more where the images
-    // are coarser. Its blur contains the slant, as theirs does.
+    // The proxy's own shading is one more sample, whose texels are the proxy's triangles: it weighs more where the
+    // images are coarser. Its blur contains the slant, as theirs does.
     vec3 shaded = shadeSurface(v_color, normal, to_eye);
     float blur = max(u_shade_blur * v_edge * view_density, 1.0) / clamp(dot(normal, view_ray), 0.05, 1.0);
     float weight = u_shade_weight * pow(blur, -u_resolution_power);

@@ -3,8 +3,8 @@
 // projection, and the circle is the projection, in any perspective. In a parallel view R = r.
 //
 // Variants: ROUND, FUZZY or ELLIPSE shape the splat; POINTS draws it as a GL point; RESOLUTION tints it by its size;
-// SECTION cuts it at a plane. REACH is half the square's side in units of R. From sine_squared = WIDEST on, the splat is
-// drawn as the whole picture.
+// SECTION cuts it at a plane. REACH is half the square's side in units of R. From sine_squared = WIDEST on, the splat
+// is drawn as the whole picture.
 layout(location = 0) in vec4 sphere;   // centre, radius
 layout(location = 1) in uvec2 codes;   // normal code and flags, colour
 uniform mat4 u_clip_from_scene;
@@ -94,7 +94,8 @@ void main() {
   vec3 point = center + corner.x * (radius + margin) * major + corner.y * (radius + margin / ratio) * minor;
   gl_Position = u_clip_from_scene * vec4(point, 1.0);
 #elif defined(POINTS)
-  // The sphere's projection is an ellipse: its longer half axis, and the distance of its middle from the centre's image.
+  // The sphere's projection is an ellipse: its longer half axis, and the distance of its middle from the centre's
+  // image.
   float beyond = 1.0 / (depth * depth - u_eye.w * radius * radius);
   float distance = u_eye.w > 0.0 ? sqrt(squared) : 1.0;
   float longer = radius * distance * beyond;
