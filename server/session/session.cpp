@@ -88,21 +88,30 @@ struct Session::Impl {
   std::optional<base::Bytes> frame;
 };
 
+Session::Session(const SceneData& scene) : impl_(std::make_unique<Impl>(scene)) {}
+Session::~Session() = default;
+
+base::Result<void> Session::receive(base::ByteView bytes) {
+  return impl_->receive(bytes);
+}
+
+std::optional<base::Bytes> Session::nextMessage() {
+  auto message = impl_->nextMessage();
+  if (message) impl_->counts.bytes += message->size();
+  return message;
+}
+
+bool Session::finished() const {
+  return impl_->phase == Impl::Phase::kRefused && !impl_->greeting;
+}
+const std::string& Session::clientName() const {
+  return impl_->client;
+}
+const SessionCounts& Session::counts() const {
+  return impl_->counts;
+}
+
 // ---- in ----
-
-base::Error Session::Impl::refuse(base::ErrorCode code, const std::string& reason) {
-  phase = Phase::kRefused;
-  greeting = protocol::encode(protocol::Refusal{protocol::kVersion, reason});
-  return {code, reason};
-}
-
-/// The Refusal says that the scene is splats-only; clients that draw splats fetch them over HTTP then.
-base::Error Session::Impl::refuseSplatsOnly() {
-  const base::Error error = refuse(base::ErrorCode::kUnsupported,
-                                   "this scene has splats only; look at it with --method qsplat, or in a browser");
-  greeting = protocol::encode(protocol::Refusal{protocol::kVersion, error.message, true});
-  return error;
-}
 
 base::Result<void> Session::Impl::receive(base::ByteView bytes) {
   if (phase == Phase::kRefused)
@@ -158,6 +167,20 @@ base::Result<void> Session::Impl::acceptMessage(const protocol::Holdings& have) 
     return refuse(base::ErrorCode::kInvalidInput,
                   "the client claims to hold over a million faces; give it a smaller cache");
   return {};
+}
+
+base::Error Session::Impl::refuse(base::ErrorCode code, const std::string& reason) {
+  phase = Phase::kRefused;
+  greeting = protocol::encode(protocol::Refusal{protocol::kVersion, reason});
+  return {code, reason};
+}
+
+/// The Refusal says that the scene is splats-only; clients that draw splats fetch them over HTTP then.
+base::Error Session::Impl::refuseSplatsOnly() {
+  const base::Error error = refuse(base::ErrorCode::kUnsupported,
+                                   "this scene has splats only; look at it with --method qsplat, or in a browser");
+  greeting = protocol::encode(protocol::Refusal{protocol::kVersion, error.message, true});
+  return error;
 }
 
 // ---- out ----
@@ -350,19 +373,6 @@ bool Session::Impl::framePossible() const {
   return newest->want_frame && scene.welcome.can_render_frames && pixels <= kMaxFramePixels;
 }
 
-Session::Session(const SceneData& scene) : impl_(std::make_unique<Impl>(scene)) {}
-Session::~Session() = default;
-
-base::Result<void> Session::receive(base::ByteView bytes) {
-  return impl_->receive(bytes);
-}
-
-std::optional<base::Bytes> Session::nextMessage() {
-  auto message = impl_->nextMessage();
-  if (message) impl_->counts.bytes += message->size();
-  return message;
-}
-
 std::optional<FrameRequest> Session::nextFrameRequest() {
   Impl& s = *impl_;
   if (!s.planned || s.frame_phase != Impl::FramePhase::kDue) return std::nullopt;
@@ -383,16 +393,6 @@ void Session::frameRendered(const FrameRequest& request, base::Bytes value) {
   const bool same_way = glm::dot(now.direction, request.camera.direction) > std::cos(now.fov_y);
   if (value.empty() || value.size() > protocol::kMaxPayload || moved > reach || !same_way) return;
   s.frame = protocol::encode(protocol::Frame{request.sequence, request.camera, std::move(value)});
-}
-
-bool Session::finished() const {
-  return impl_->phase == Impl::Phase::kRefused && !impl_->greeting;
-}
-const std::string& Session::clientName() const {
-  return impl_->client;
-}
-const SessionCounts& Session::counts() const {
-  return impl_->counts;
 }
 
 }  // namespace server

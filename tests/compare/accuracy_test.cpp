@@ -63,6 +63,30 @@ TEST(Accuracy, holesAndExcessAreCounted) {
   EXPECT_LT(a->psnr_db, 40.0);
 }
 
+TEST(Accuracy, silhouetteDistanceIsHowFarAnEdgeMoved) {
+  // The model is a bar from x = 8 to `end`, over all rows.
+  const auto bar = [](int end) {
+    base::Image image(64, 48, 4);
+    for (int y = 0; y < 48; ++y)
+      for (int x = 8; x < end; ++x) image.at(x, y)[3] = 255;
+    return image;
+  };
+  const auto same = compare::measureAccuracy(bar(40), bar(40));
+  const auto moved = compare::measureAccuracy(bar(40), bar(44));
+  ASSERT_TRUE(same && moved);
+  EXPECT_EQ(same->silhouette_px, 0.0);
+  EXPECT_NEAR(moved->silhouette_px, 2.0, 1e-6);  // one of two edges by 4 pixels
+}
+
+TEST(Accuracy, differenceIsFourTimesTheErrorAndSaturates) {
+  base::Image truth(3, 1, 4);
+  base::Image picture(3, 1, 4);
+  truth.pixels = {10, 20, 30, 255, 0, 0, 0, 255, 7, 7, 7, 255};
+  picture.pixels = {13, 20, 25, 255, 255, 64, 63, 255, 7, 7, 7, 255};
+  EXPECT_EQ(compare::differencePicture(truth, picture).pixels,
+            (std::vector<std::uint8_t>{12, 0, 20, 255, 255, 252, 0, 0, 0}));
+}
+
 TEST(Accuracy, ssimFallsWhenStructureIsLostAndPsnrIsTheSame) {
   const base::Image truth = halfCovered(0);
   base::Image noisy = truth;
