@@ -244,14 +244,14 @@ base::Result<SourceInfo> SourceSpool::finish(bool accepts_points, unsigned threa
   return info_;
 }
 
-struct SourceSpool::Measured {
+struct SourceSpool::BlockMeasure {
   std::uint64_t referenced = 0;
   glm::dvec3 low{std::numeric_limits<double>::max()};
   glm::dvec3 high{std::numeric_limits<double>::lowest()};
 };
 
 // The sampled corners, ordered by block, and their positions as they are read.
-struct SourceSpool::Sampled {
+struct SourceSpool::SampledCorners {
   std::vector<std::uint32_t> corners;  // places in sampled_
   std::vector<std::size_t> begin;      // by block: the first of its own
   std::vector<glm::dvec3> found;       // as many as sampled_
@@ -265,7 +265,7 @@ base::Result<void> SourceSpool::measure(unsigned threads) {
                                         [](std::uint64_t v, const Block& block) { return v < block.first; });
     return static_cast<std::size_t>(after - vertex_blocks_.begin()) - 1;
   };
-  Sampled sampled;
+  SampledCorners sampled;
   sampled.found.resize(sampled_.size());
   sampled.corners.resize(sampled_.size());
   sampled.begin.assign(vertexBlocks() + 1, 0);
@@ -276,11 +276,11 @@ base::Result<void> SourceSpool::measure(unsigned threads) {
   std::vector<std::size_t> next = sampled.begin;
   for (std::uint32_t i = 0; i < blocks.size(); ++i) sampled.corners[next[blocks[i]]++] = i;
 
-  std::vector<Measured> measured(vertexBlocks());
+  std::vector<BlockMeasure> measured(vertexBlocks());
   LUMIGRID_TRY(base::tryParallelFor(vertexBlocks(), threads,
                                     [&](std::size_t block) { return measureBlock(block, measured[block], sampled); }));
-  Measured all;
-  for (const Measured& block : measured) {
+  BlockMeasure all;
+  for (const BlockMeasure& block : measured) {
     all.referenced += block.referenced;
     all.low = glm::min(all.low, block.low);
     all.high = glm::max(all.high, block.high);
@@ -300,7 +300,7 @@ base::Result<void> SourceSpool::measure(unsigned threads) {
   return {};
 }
 
-base::Result<void> SourceSpool::measureBlock(std::size_t block, Measured& out, Sampled& sampled) const {
+base::Result<void> SourceSpool::measureBlock(std::size_t block, BlockMeasure& out, SampledCorners& sampled) const {
   SpooledVertices vertices;
   LUMIGRID_TRY(readVertices(block, vertices));
   for (std::size_t i = 0; i < vertices.positions.size(); ++i) {

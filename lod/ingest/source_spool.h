@@ -102,9 +102,9 @@ class SourceSpool : public mesh::MeshSink {
   base::Result<void> findBlocks(const std::string& directory);
   void sample(std::span<const std::uint64_t> corners);
   base::Result<void> measure(unsigned threads);
-  struct Measured;
-  struct Sampled;
-  base::Result<void> measureBlock(std::size_t block, Measured& out, Sampled& sampled) const;
+  struct BlockMeasure;
+  struct SampledCorners;
+  base::Result<void> measureBlock(std::size_t block, BlockMeasure& out, SampledCorners& sampled) const;
 
   SpoolFile vertices_;
   SpoolFile triangles_;

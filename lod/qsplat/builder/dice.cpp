@@ -57,19 +57,19 @@ Dicer::Dicer(std::span<const glm::ivec3> points, double longest_edge)
     : points_(points), longest_squared_(longest_edge * longest_edge) {}
 
 void Dicer::cut(const std::array<std::uint32_t, 3>& corners, std::uint32_t triangle) {
-  struct Numbered {
+  struct NumberedPoint {
     std::uint32_t number = 0;
     glm::dvec3 position{0.0};
   };
-  auto midpoint = [&](const Numbered& a, const Numbered& b, Numbered& m) {
+  auto midpoint = [&](const NumberedPoint& a, const NumberedPoint& b, NumberedPoint& m) {
     m.number = midpointOf(a.number, b.number);
     m.position = position(m.number);
     return true;
   };
-  auto keep = [&](const std::array<Numbered, 3>& t) {
+  auto keep = [&](const std::array<NumberedPoint, 3>& t) {
     sub_triangles_.push_back({{t[0].number, t[1].number, t[2].number}, triangle});
   };
-  std::array<Numbered, 3> whole;
+  std::array<NumberedPoint, 3> whole;
   for (std::size_t k = 0; k < 3; ++k) whole[k] = {corners[k], position(corners[k])};
   (void)bisect(whole, longest_squared_, midpoint, keep);
 }

@@ -107,9 +107,9 @@ float distanceSquared(const base::Aabb& box, const glm::vec3& p) {
 
 // A tile's points with their fitted normals and radii.
 struct PointLeaves::FittedTile {
-  std::vector<Point> points;       // the tile's own, then their neighbours in other tiles
-  std::size_t own = 0;             // how many are the tile's own
-  std::vector<glm::vec3> normals;  // unit, of own points
+  std::vector<SourcePoint> points;  // the tile's own, then their neighbours in other tiles
+  std::size_t own = 0;              // how many are the tile's own
+  std::vector<glm::vec3> normals;   // unit, of own points
   std::vector<float> radii;
   std::vector<std::uint32_t> part;  // by own point, the part whose signs agree; empty where normals are given
   std::uint32_t parts = 0;
@@ -118,7 +118,7 @@ struct PointLeaves::FittedTile {
 
 // Adds the points of other tiles that lie within the balls around this tile's points.
 base::Result<void> PointLeaves::addNeighbours(std::size_t tile, std::span<const glm::vec3> positions,
-                                              std::span<const float> ball, std::vector<Point>& points) const {
+                                              std::span<const float> ball, std::vector<SourcePoint>& points) const {
   const float widest = positions.empty() ? 0.0F : std::sqrt(*std::max_element(ball.begin(), ball.end()));
   for (std::size_t other = 0; other < tiles_.count(); ++other) {
     const base::Aabb& box = tiles_.box(other);
@@ -132,7 +132,7 @@ base::Result<void> PointLeaves::addNeighbours(std::size_t tile, std::span<const 
         wanted.add(base::Aabb{positions[i] - std::sqrt(ball[i]), positions[i] + std::sqrt(ball[i])});
     if (wanted.empty()) continue;
     LUMIGRID_ASSIGN_OR_RETURN(auto neighbours, tiles_.read(other));
-    for (const Point& p : neighbours)
+    for (const SourcePoint& p : neighbours)
       if (wanted.contains(p.position)) points.push_back(p);
   }
   return {};
@@ -176,7 +176,7 @@ base::Result<PointLeaves::FittedTile> PointLeaves::fit(std::size_t tile) const {
   out.points = std::move(read);
   out.own = out.points.size();
   std::vector<glm::vec3> positions;
-  for (const Point& p : out.points) positions.push_back(p.position);
+  for (const SourcePoint& p : out.points) positions.push_back(p.position);
 
   // Neighbours within the tile come first, with the distance beyond which none counts.
   constexpr float kAnywhere = std::numeric_limits<float>::max();

@@ -39,7 +39,7 @@ class PointLeaves : public LeafSource {
   struct Orientation;
   base::Result<FittedTile> fit(std::size_t tile) const;
   base::Result<void> addNeighbours(std::size_t tile, std::span<const glm::vec3> positions, std::span<const float> ball,
-                                   std::vector<Point>& points) const;
+                                   std::vector<SourcePoint>& points) const;
   // `tree_neighbours` has the same number for each of the tile's own points, the point itself where there are fewer.
   static void makeSignsAgree(FittedTile& out, std::span<const std::uint32_t> tree_neighbours);
 

@@ -123,7 +123,7 @@ base::Result<PointTiles> PointTiles::open(const std::string& directory, const in
   return out;
 }
 
-base::Result<std::vector<Point>> PointTiles::read(std::size_t tile) const {
+base::Result<std::vector<SourcePoint>> PointTiles::read(std::size_t tile) const {
   std::vector<Record> records(static_cast<std::size_t>(tiles_[tile].points));
   auto* to = reinterpret_cast<std::uint8_t*>(records.data());
   for (const Extent& extent : tiles_[tile].extents) {
@@ -133,13 +133,13 @@ base::Result<std::vector<Point>> PointTiles::read(std::size_t tile) const {
   // Points at one place stay in the source's order, so that sums are the same each time.
   std::stable_sort(records.begin(), records.end(), [](const Record& a, const Record& b) { return a.code < b.code; });
 
-  std::vector<Point> points;
+  std::vector<SourcePoint> points;
   points.reserve(records.size());
   for (std::size_t begin = 0, end = 0; begin < records.size(); begin = end) {
     ingest::VertexSums sums;
     for (; end < records.size() && records[end].code == records[begin].code; ++end)
       sums.add(glm::i64vec3(0), {records[end].code, records[end].color, records[end].normal});
-    Point& point = points.emplace_back();
+    SourcePoint& point = points.emplace_back();
     point.code = records[begin].code;
     point.position = lattice_.lattice.position(ingest::mortonPoint(point.code));
     point.normal = glm::vec3(sums.normal[0], sums.normal[1], sums.normal[2]);

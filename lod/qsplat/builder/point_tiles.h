@@ -10,7 +10,7 @@
 namespace lod::qsplat::builder {
 
 /// All source points at one lattice point become one.
-struct Point {
+struct SourcePoint {
   std::uint64_t code = 0;
   glm::vec3 position{0.0F};  ///< scene-local
   glm::vec3 normal{0.0F};    ///< as given, of any length; zero where unknown
@@ -36,7 +36,7 @@ class PointTiles {
   /// The box of its points, scene-local.
   const base::Aabb& box(std::size_t tile) const { return tiles_[tile].box; }
   /// Returns the points in the order of their codes. Safe from several threads. Errors: those of reading.
-  base::Result<std::vector<Point>> read(std::size_t tile) const;
+  base::Result<std::vector<SourcePoint>> read(std::size_t tile) const;
   /// Frees the disk space; the points can no longer be read.
   void release() { file_.release(0, file_.size()); }
 

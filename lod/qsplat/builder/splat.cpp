@@ -26,18 +26,18 @@ struct Spheres {
   glm::dvec3 center(std::size_t i) const { return {x[i], y[i], z[i]}; }
 
   // The sphere that a sphere around `from` must reach farthest to enclose, that reach, and the distance of its centre.
-  struct Farthest {
+  struct FarthestSphere {
     std::size_t sphere = 0;
     double reach = 0.0;
     double distance = 0.0;
   };
-  Farthest farthest(const glm::dvec3& from) const {
+  FarthestSphere farthest(const glm::dvec3& from) const {
     std::array<double, kRoom> distance;
     for (std::size_t i = 0; i < kRoom; ++i) {
       const double dx = x[i] - from.x, dy = y[i] - from.y, dz = z[i] - from.z;
       distance[i] = std::sqrt(dx * dx + dy * dy + dz * dz);
     }
-    Farthest out{0, distance[0] + radius[0], distance[0]};
+    FarthestSphere out{0, distance[0] + radius[0], distance[0]};
     for (std::size_t i = 1; i < kRoom; ++i)
       if (const double reach = distance[i] + radius[i]; reach > out.reach) out = {i, reach, distance[i]};
     return out;
@@ -62,7 +62,7 @@ glm::dvec3 bestCenter(const Spheres& spheres, std::size_t count) {
       if (radius > best.first) best = {radius, center};
     }
   glm::dvec3 center = best.second;
-  Spheres::Farthest most = spheres.farthest(center);
+  Spheres::FarthestSphere most = spheres.farthest(center);
   if (most.reach <= best.first * (1.0 + 1e-9)) return center;
 
   // The centre moves towards the farthest sphere, by shorter and shorter steps (Bădoiu and Clarkson 2003).

@@ -94,7 +94,7 @@ class TreeMaker {
       while (opened->size() > 1) parts[count++] = {opened->end - 1, opened->end}, --opened->end;
     }
 
-    TreeShape::Inner node;
+    TreeShape::InnerNode node;
     node.count = count;
     for (std::uint32_t i = 0; i < count; ++i) node.children[i] = make(parts[i]);
     std::array<const Splat*, kMaxChildren> children{};
@@ -284,7 +284,7 @@ Subtree makeSubtree(std::span<const Splat> leaves, const LeafFacets& facets) {
         out.nodes.push_back(nodeFor(leaves[child & ~TreeShape::kLeaf], 0, false));
         continue;
       }
-      const TreeShape::Inner& inner = shape.inner[child];
+      const TreeShape::InnerNode& inner = shape.inner[child];
       const auto children = std::span(inner.children).first(inner.count);
       out.nodes.push_back(nodeFor(inner.splat, inner.count, std::all_of(children.begin(), children.end(), isLeaf)));
       next.insert(next.end(), children.begin(), children.end());

@@ -37,13 +37,13 @@ TreeNode nodeFor(const Splat& splat, std::uint32_t children, bool children_are_l
 /// A tree over given splats, by number.
 struct TreeShape {
   static constexpr std::uint32_t kLeaf = 1U << 31;
-  struct Inner {
+  struct InnerNode {
     Splat splat;
     std::uint32_t count = 0;  ///< children: 2, 3 or 4
     /// The number of an inner node, or kLeaf + the number of a given splat.
     std::array<std::uint32_t, lod::qsplat::kMaxChildren> children{};
   };
-  std::vector<Inner> inner;
+  std::vector<InnerNode> inner;
   std::uint32_t root = 0;  ///< like a child
 };
 

@@ -35,12 +35,12 @@ Mesh turnedSheet(std::uint32_t side) {
   return mesh;
 }
 
-struct Sorted {
+struct SortedMesh {
   support::TemporaryDirectory scratch;
   SourceLattice lattice;
   base::Result<Buckets> buckets = base::Error{base::ErrorCode::kIo, "not sorted"};
 
-  Sorted(const Mesh& mesh, std::uint64_t memory, unsigned threads) {
+  SortedMesh(const Mesh& mesh, std::uint64_t memory, unsigned threads) {
     auto directory = WorkDirectory::open(scratch.path(), {});
     writePly(scratch / "mesh.ply", mesh);
     const auto input = sourceFromFiles({scratch / "mesh.ply"}, {}, 2);
@@ -65,7 +65,7 @@ void expectSame(const Buckets& a, const Buckets& b) {
 
 TEST(Buckets, flipsDoNotDependOnMemoryOrThreads) {
   const Mesh mesh = turnedSheet(500);
-  const Sorted roomy(mesh, std::uint64_t{64} << 20, 2);
+  const SortedMesh roomy(mesh, std::uint64_t{64} << 20, 2);
   ASSERT_TRUE(roomy.buckets) << roomy.buckets.error().message;
   ASSERT_GT(roomy.buckets->count(), 1U);
   EXPECT_GT(roomy.buckets->winding().flipped(), mesh.triangleCount() / 4);
@@ -81,13 +81,13 @@ TEST(Buckets, flipsDoNotDependOnMemoryOrThreads) {
   }
   EXPECT_LE(down, 4U);
   // This memory is too little to keep the part of each triangle.
-  const Sorted tight(mesh, std::uint64_t{1} << 20, 1);
+  const SortedMesh tight(mesh, std::uint64_t{1} << 20, 1);
   ASSERT_TRUE(tight.buckets) << tight.buckets.error().message;
   expectSame(*roomy.buckets, *tight.buckets);
 }
 
 TEST(Buckets, aLaterRunReadsTheSameTriangles) {
-  const Sorted first(turnedSheet(400), std::uint64_t{64} << 20, 2);
+  const SortedMesh first(turnedSheet(400), std::uint64_t{64} << 20, 2);
   ASSERT_TRUE(first.buckets) << first.buckets.error().message;
   const auto later = Buckets::open(first.scratch.path(), first.buckets->state());
   ASSERT_TRUE(later) << later.error().message;
@@ -96,7 +96,7 @@ TEST(Buckets, aLaterRunReadsTheSameTriangles) {
 
 TEST(Buckets, borderTrianglesAreThoseThatReadFindsAtTheBorder) {
   for (const bool later : {false, true}) {
-    const Sorted sorted(turnedSheet(400), std::uint64_t{64} << 20, 2);
+    const SortedMesh sorted(turnedSheet(400), std::uint64_t{64} << 20, 2);
     ASSERT_TRUE(sorted.buckets);
     const auto opened = Buckets::open(sorted.scratch.path(), sorted.buckets->state());
     const Buckets& buckets = later ? *opened : *sorted.buckets;
@@ -138,7 +138,7 @@ TEST(Buckets, keepsColorsAndNormalsForAnyOrderOfTriangles) {
       std::shuffle(triangles.begin(), triangles.end(), std::minstd_rand(5));
       std::memcpy(mesh.indices.data(), triangles.data(), mesh.indices.size() * sizeof(std::uint32_t));
     }
-    const Sorted sorted(mesh, std::uint64_t{64} << 20, 2);
+    const SortedMesh sorted(mesh, std::uint64_t{64} << 20, 2);
     ASSERT_TRUE(sorted.buckets) << sorted.buckets.error().message;
     using Key = std::array<std::uint64_t, 9>;
     const auto keyOf = [](const std::array<Corner, 3>& c) {
@@ -178,7 +178,7 @@ TEST(Buckets, keepsColorsAndNormalsForAnyOrderOfTriangles) {
 }
 
 TEST(Buckets, namesDamageOnDisk) {
-  const Sorted sorted(turnedSheet(300), std::uint64_t{64} << 20, 2);
+  const SortedMesh sorted(turnedSheet(300), std::uint64_t{64} << 20, 2);
   ASSERT_TRUE(sorted.buckets);
   const std::string path = sorted.scratch.path() + "/buckets";
   const auto whole = base::readFile(path);

@@ -185,7 +185,7 @@ TEST(SplatTree, conesHoldEveryNormalBelow) {
     return glm::normalize(c * glm::normalize(axis) + std::sqrt(1.0 - c * c) * across);
   };
   std::size_t narrow = 0;
-  for (const TreeShape::Inner& inner : shape.inner) {
+  for (const TreeShape::InnerNode& inner : shape.inner) {
     const std::uint32_t code = lod::qsplat::encodeCone(static_cast<double>(inner.splat.least_cosine));
     if (code == lod::qsplat::kAnyDirection) continue;
     ++narrow;
@@ -196,7 +196,7 @@ TEST(SplatTree, conesHoldEveryNormalBelow) {
       const std::uint32_t child = below.back();
       below.pop_back();
       if ((child & TreeShape::kLeaf) == 0) {
-        const TreeShape::Inner& node = shape.inner[child];
+        const TreeShape::InnerNode& node = shape.inner[child];
         below.insert(below.end(), node.children.begin(), node.children.begin() + node.count);
         continue;
       }
@@ -230,12 +230,12 @@ TEST(SplatTree, conesOfInnerNodesHoldFacetsRatherThanLeavesCones) {
   const TreeShape shape = makeTree(leaves, facets);
   const TreeShape of_cones = makeTree(leaves);
   ASSERT_EQ(shape.inner.size(), of_cones.inner.size());
-  const auto codeOf = [](const TreeShape::Inner& inner) {
+  const auto codeOf = [](const TreeShape::InnerNode& inner) {
     return lod::qsplat::encodeCone(static_cast<double>(inner.splat.least_cosine));
   };
   std::size_t narrower = 0;
   for (std::size_t i = 0; i < shape.inner.size(); ++i) {
-    const TreeShape::Inner& inner = shape.inner[i];
+    const TreeShape::InnerNode& inner = shape.inner[i];
     const glm::vec3 axis = normalTable()[inner.splat.direction];
     float angle = 0.0F;
     for (const glm::vec3& side : sides) angle = std::max(angle, std::acos(glm::dot(axis, side)));
@@ -390,7 +390,7 @@ TEST_P(MeshSplatsTest, leavesAreAsLargeAsTheirTrianglesAndConesHoldTheirNormals)
 INSTANTIATE_TEST_SUITE_P(Meshes, MeshSplatsTest, testing::Range(0, 6));
 
 // Measures the error of quantisation on a scan-like mesh, which the paper states too (section 3.1).
-class Quantised : public testing::Test {
+class Quantization : public testing::Test {
  protected:
   // The tree is built once for all tests.
   void SetUp() override {
@@ -408,11 +408,11 @@ class Quantised : public testing::Test {
   static support::MeshSplats* splats_;
   static Subtree* tree_;
 };
-Mesh* Quantised::mesh_ = nullptr;
-support::MeshSplats* Quantised::splats_ = nullptr;
-Subtree* Quantised::tree_ = nullptr;
+Mesh* Quantization::mesh_ = nullptr;
+support::MeshSplats* Quantization::splats_ = nullptr;
+Subtree* Quantization::tree_ = nullptr;
 
-TEST_F(Quantised, meanErrorsAreThePapers) {
+TEST_F(Quantization, meanErrorsAreThePapers) {
   const std::vector<base::Sphere> decoded = decode(*tree_, tree_->nodes[0].sphere, false);
   const Links links(tree_->nodes);
   double position = 0.0;
@@ -443,7 +443,7 @@ TEST_F(Quantised, meanErrorsAreThePapers) {
 }
 
 // Measures the share of nodes culled by exact cones that coded cones cull too, over views from afar.
-struct Kept {
+struct CullingShares {
   double of_vertex_normals = 0.0;  // the paper's cones: a leaf has one normal
   double of_facets = 0.0;          // the file's: what faces the viewer is never culled
   double of_facets_paper = 0.0;    // the same cones with the paper's two bits
@@ -470,7 +470,7 @@ class Culling {
     }
   }
 
-  Kept measure() const {
+  CullingShares measure() const {
     std::vector<double> of_vertices, of_facets, of_paper;
     for (std::size_t i = 0; i < tree_.nodes.size(); ++i) {
       const bool has_pointer = i == 0 || !nodeAt(parent_[i]).childrenAreLeaves();
@@ -482,8 +482,8 @@ class Culling {
       const double sine = facet_cosine_[i] > 0.0 ? std::sqrt(std::max(0.0, 1.0 - std::pow(facet_cosine_[i], 2))) : 1.0;
       of_paper.push_back(sine <= 1.0 / 16.0 ? 1.0 / 16.0 : sine <= 0.25 ? 0.25 : sine <= 9.0 / 16.0 ? 9.0 / 16.0 : 2.0);
     }
-    const Kept kept{share(vertex_cosine_, of_vertices), share(facet_cosine_, of_facets),
-                    share(facet_cosine_, of_paper)};
+    const CullingShares kept{share(vertex_cosine_, of_vertices), share(facet_cosine_, of_facets),
+                             share(facet_cosine_, of_paper)};
     std::printf("codes keep %.3f of the culling by vertex normals, %.3f by facets; the paper's two bits %.3f\n",
                 kept.of_vertex_normals, kept.of_facets, kept.of_facets_paper);
     return kept;
@@ -527,10 +527,10 @@ class Culling {
 };
 
 TEST(SplatCones, keepNineTenthsOfTheCulling) {
-  const Kept smooth = Culling(support::bumpySphere(200, 300)).measure();
+  const CullingShares smooth = Culling(support::bumpySphere(200, 300)).measure();
   EXPECT_GT(smooth.of_vertex_normals, 0.9);
   EXPECT_GT(smooth.of_facets, 0.9);
-  const Kept carved = Culling(statue(300000)).measure();
+  const CullingShares carved = Culling(statue(300000)).measure();
   EXPECT_GT(carved.of_vertex_normals, 0.9);
   EXPECT_GT(carved.of_facets, 0.933);  // 0.929 where inner nodes know their leaves' cones only
 }
@@ -553,7 +553,7 @@ TEST_P(SplatConesOfScans, keepNineTenthsOfTheCulling) {
   if (!std::filesystem::exists(path)) GTEST_SKIP() << path << " is not there";
   const auto scan = support::readMesh(path);
   ASSERT_TRUE(scan) << scan.error().message;
-  const Kept kept = Culling(scan->mesh).measure();
+  const CullingShares kept = Culling(scan->mesh).measure();
   EXPECT_GT(kept.of_vertex_normals, GetParam().of_vertex_normals);
   EXPECT_GT(kept.of_facets, GetParam().of_facets);
 }
