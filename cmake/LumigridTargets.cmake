@@ -25,7 +25,6 @@ lumigrid_row(base_hash USES base LINKS OpenSSL::Crypto)
 lumigrid_row(base_json USES base base_hash LINKS nlohmann_json::nlohmann_json)
 lumigrid_row(base_png USES base LINKS PNG::PNG)
 lumigrid_row(mesh USES base base_png LINKS turbojpeg nlohmann_json::nlohmann_json)
-lumigrid_row(lod USES base)
 lumigrid_row(lod_patch USES base)
 lumigrid_row(lod_qsplat USES base)
 lumigrid_row(lod_ingest USES base mesh)
@@ -44,31 +43,31 @@ lumigrid_row(repository
   LINKS lmdb nlohmann_json::nlohmann_json)
 lumigrid_row(protocol USES base sampling)
 lumigrid_row(plan USES base lod_patch sampling protocol)
-lumigrid_row(server_render USES ${_any_base} lod lod_patch lod_qsplat lod_draw)
+lumigrid_row(server_render USES ${_any_base} lod_patch lod_qsplat lod_draw)
 lumigrid_row(client_render USES base base_gl lod_patch lod_draw)
 lumigrid_row(server_bake
-  USES ${_any_base} lod_patch lod_draw sampling faces jpeg repository protocol plan server_render client_render
+  USES ${_any_base} lod_patch lod_draw sampling faces jpeg repository protocol plan server_render
   LINKS spdlog::spdlog)
 lumigrid_row(server_session USES base lod_patch sampling repository protocol plan)
 lumigrid_row(server_net
-  USES ${_any_base} lod lod_patch lod_qsplat lod_draw sampling cache faces packs jpeg objects repository protocol plan
+  USES ${_any_base} lod_patch lod_qsplat lod_draw sampling cache faces packs jpeg objects repository protocol plan
        server_render server_bake server_session
   LINKS Boost::headers Threads::Threads spdlog::spdlog nlohmann_json::nlohmann_json)
 lumigrid_row(lumigrid
-  USES ${_any_base} mesh lod lod_ingest lod_patch lod_patch_builder lod_qsplat lod_qsplat_builder lod_draw sampling
+  USES ${_any_base} mesh lod_ingest lod_patch lod_patch_builder lod_qsplat lod_qsplat_builder lod_draw sampling
        cache faces packs jpeg objects repository protocol server_render server_bake server_session server_net
   LINKS CLI11::CLI11 spdlog::spdlog nlohmann_json::nlohmann_json openmesh)
 lumigrid_row(client
-  USES base base_gl lod lod_patch lod_qsplat lod_draw sampling faces packs cache protocol plan client_render)
+  USES base base_gl lod_patch lod_qsplat lod_draw sampling faces packs cache protocol plan client_render)
 lumigrid_row(client_native
-  USES ${_any_base} lod lod_patch lod_qsplat lod_draw sampling sampling_json cache faces packs jpeg protocol client
+  USES ${_any_base} lod_patch lod_qsplat lod_draw sampling sampling_json cache faces packs jpeg protocol client
   LINKS CURL::libcurl Boost::headers Threads::Threads glfw imgui spdlog::spdlog nlohmann_json::nlohmann_json)
 lumigrid_row(lumigrid-view
-  USES ${_any_base} lod lod_patch lod_qsplat lod_draw sampling sampling_json cache faces packs jpeg protocol plan
+  USES ${_any_base} lod_patch lod_qsplat lod_draw sampling sampling_json cache faces packs jpeg protocol plan
        client client_native
   LINKS CLI11::CLI11 spdlog::spdlog nlohmann_json::nlohmann_json)
 lumigrid_row(client_web
-  USES base base_gl lod lod_patch lod_qsplat lod_draw sampling faces packs cache protocol plan client)
+  USES base base_gl lod_patch lod_qsplat lod_draw sampling faces packs cache protocol plan client)
 lumigrid_row(client_web_splats USES base base_gl lod_qsplat client)
 lumigrid_row(client_web_decode USES base faces)
 lumigrid_row(client_web_check USES base client)

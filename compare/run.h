@@ -7,6 +7,7 @@
 
 #include "base/camera.h"
 #include "base/error.h"
+#include "base/view_defaults.h"
 #include "compare/report.h"
 
 namespace compare {
@@ -20,8 +21,8 @@ struct RunOptions {
   std::vector<std::string> splats{"circle", "ellipse"};       ///< kernels of "qsplat"
   std::vector<double> cutoffs{16, 8, 4, 2, 1};                ///< pixels: settings of each
   double proxy_tolerance = 8.0;                               ///< pixels; for the proxy under the images
-  int points = 8;                                             ///< sampling points per view
-  int samples = 16;                                           ///< images blended per frame at most
+  int points = base::ViewDefaults::kPoints;                   ///< sampling points per view
+  int samples = base::ViewDefaults::kImages;                  ///< images blended per frame at most
   bool frames = true;                                         ///< also run with exact frames
   int truth_supersampling = 4;                                ///< n × n samples a pixel
   double settle_seconds = 20.0;                               ///< longest wait per frame for its data

@@ -29,6 +29,7 @@
 #include <vector>
 
 #include "base/camera.h"
+#include "base/view_defaults.h"
 #include "lod/patch/hierarchy.h"
 #include "lod/patch/proxy_sight.h"
 #include "repository/sampling/grid.h"
@@ -62,12 +63,12 @@ std::vector<SurfaceSample> sampleVisibleSurface(const lod::patch::ProxySight& si
 
 struct PointQuery {
   repository::Grid grid;
-  const repository::SampleTree* tree = nullptr;   ///< the points that are sampled; null: all of the grid
-  const lod::patch::ProxySight* sight = nullptr;  ///< tests occlusion; null: nothing hides anything
-  glm::vec3 eye{0.0F};                            ///< scene-local
-  float pixels_per_unit_at_one = 1.0F;            ///< base::Camera::pixelsPerUnitAtOne() of the view
-  float error_px = 4.0F;                          ///< projected error of the client's proxy
-  std::size_t max_points = 8;
+  const repository::SampleTree* tree = nullptr;          ///< the points that are sampled; null: all of the grid
+  const lod::patch::ProxySight* sight = nullptr;         ///< tests occlusion; null: nothing hides anything
+  glm::vec3 eye{0.0F};                                   ///< scene-local
+  float pixels_per_unit_at_one = 1.0F;                   ///< base::Camera::pixelsPerUnitAtOne() of the view
+  float error_px = base::ViewDefaults::kPatchTolerance;  ///< projected error of the client's proxy
+  std::size_t max_points = base::ViewDefaults::kPoints;
 };
 
 /// Whether nothing lies between the two, as far as `query.sight` can tell. Like a shadow map with its bias, it ignores

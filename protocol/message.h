@@ -10,6 +10,7 @@
 #include "base/bytes.h"
 #include "base/camera.h"
 #include "base/error.h"
+#include "base/view_defaults.h"
 #include "repository/sampling/grid.h"
 #include "repository/sampling/key.h"
 
@@ -42,13 +43,14 @@ struct Hello {
 
 /// "I look at this." The server drops its work for older views.
 struct View {
-  std::uint32_t sequence = 0;             ///< counts up from 1
-  base::ViewCamera camera;                ///< world coordinates
-  float patch_tolerance_px = 4.0F;        ///< refine patches until their projected error is at most this
-  std::uint32_t max_triangles = 300'000;  ///< … or the cut reaches this
-  std::uint16_t max_points = 8;           ///< sampling points wanted; 0: no images
-  bool want_frame = false;                ///< render the exact view once everything else is sent
-  std::uint8_t frame_quality = 85;        ///< JPEG quality of that frame
+  std::uint32_t sequence = 0;  ///< counts up from 1
+  base::ViewCamera camera;     ///< world coordinates
+  float patch_tolerance_px =
+      base::ViewDefaults::kPatchTolerance;  ///< refine patches until their projected error is at most this
+  std::uint32_t max_triangles = base::ViewDefaults::kMaxTriangles;  ///< … or the cut reaches this
+  std::uint16_t max_points = base::ViewDefaults::kPoints;           ///< sampling points wanted; 0: no images
+  bool want_frame = false;                                    ///< render the exact view once everything else is sent
+  std::uint8_t frame_quality = base::ViewDefaults::kQuality;  ///< JPEG quality of that frame
 };
 
 /// "I no longer have these."

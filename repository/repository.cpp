@@ -153,7 +153,7 @@ class ShardedStore final : public Store {
       grid_ = grid;
       lookup_.emplace(grid_, static_cast<std::uint32_t>(stores_.size()));
       meta_ = std::move(*meta);
-    } else if (!sameParameters(meta_, *meta)) {
+    } else if (meta_ != *meta) {
       return otherParameters(images_, {index, static_cast<std::uint32_t>(stores_.size())}, meta_, *meta);
     }
     stores_[index] = std::move(*store);
@@ -171,8 +171,7 @@ class ShardedStore final : public Store {
 // Checks a store's parameters: they must equal those of the other stores, `meta`, and record the scene's grid.
 Result<void> checkMeta(const std::string& own, const Grid& grid, const std::string& images, const Shard& shard,
                        std::string& meta) {
-  if (!meta.empty())
-    return sameParameters(meta, own) ? Result<void>() : Result<void>(otherParameters(images, shard, meta, own));
+  if (!meta.empty()) return meta == own ? Result<void>() : Result<void>(otherParameters(images, shard, meta, own));
   LUMIGRID_ASSIGN_OR_RETURN(auto recorded, gridFromMeta(own, images));
   meta = own;
   if (recorded == grid) return {};
@@ -183,22 +182,19 @@ Result<void> checkMeta(const std::string& own, const Grid& grid, const std::stri
 // Finds the gaps of one store after the other for findMissing().
 class MissingFinder {
  public:
-  MissingFinder(const std::string& images, const Grid& grid, const SampleTree* first_tree)
-      : images_(images), grid_(grid), first_tree_(first_tree) {}
+  MissingFinder(const std::string& images, const Grid& grid, const SampleTree* tree)
+      : images_(images), grid_(grid), tree_(tree) {}
 
   Result<ShardGaps> findGaps(const std::string& directory, const Shard& shard) {
-    ShardGaps missing{shard, 0, 0, isBeingWritten(directory), {}};
+    ShardGaps missing{shard, 0, isBeingWritten(directory), {}};
     std::unique_ptr<Store> store;
     if (!missing.being_written) {
       auto opened = openLmdbStore(directory, StoreMode::kRead, kShardMap);
       if (!opened && opened.error().code != ErrorCode::kNotFound) return opened.error();
       if (opened) store = std::move(*opened);
     }
-    LUMIGRID_ASSIGN_OR_RETURN(auto own_tree, treeOf(store.get(), shard));
-    const SampleTree* tree = own_tree ? &*own_tree : first_tree_;
-    if (tree != nullptr) missing.cells = tree->openLeaves().size();
-
-    const ExpectedPoints points(grid_, shard, tree);
+    LUMIGRID_ASSIGN_OR_RETURN(const auto own_tree, treeOf(store.get(), shard));
+    const ExpectedPoints points(grid_, shard, own_tree ? &*own_tree : tree_);
     GapFinder finder(points);
     if (store)
       LUMIGRID_TRY(store->forEachKey([&](const FaceKey& key) {
@@ -223,7 +219,7 @@ class MissingFinder {
 
   const std::string& images_;
   const Grid& grid_;
-  const SampleTree* first_tree_;
+  const SampleTree* tree_;
   std::string meta_;  // parameters of all stores; empty before the first store that has any
 };
 
@@ -258,13 +254,13 @@ Result<std::unique_ptr<Store>> openRepository(const std::string& images, std::op
 }
 
 Result<std::vector<ShardGaps>> findMissing(const std::string& images, std::uint32_t shards, const Grid& grid,
-                                           const SampleTree* first_tree) {
+                                           const SampleTree* tree) {
   const std::uint32_t count = std::max(shards, 1U);
   std::vector<ShardGaps> missing;
-  MissingFinder finder(images, grid, first_tree);
+  MissingFinder finder(images, grid, tree);
   for (std::uint32_t i = 0; i < count; ++i) {
     LUMIGRID_ASSIGN_OR_RETURN(auto one, finder.findGaps(storeDirectory(images, shards, i), {i, count}));
-    if (one.faces > 0 || one.cells > 0) missing.push_back(std::move(one));
+    if (one.faces > 0) missing.push_back(std::move(one));
   }
   return missing;
 }

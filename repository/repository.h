@@ -40,16 +40,15 @@ base::Result<std::unique_ptr<Store>> openRepository(const std::string& images,
 struct ShardGaps {
   Shard shard;
   std::uint64_t faces = 0;     ///< number of missing faces
-  std::uint64_t cells = 0;     ///< cells of its tree that still have to be judged; more faces may be missing afterwards
   bool being_written = false;  ///< another process writes it: it was not opened, and all its faces count as missing
   std::vector<Gap> gaps;
 };
 /// The shards that lack anything; an undivided repository is shard 0/1. `shards` as in openRepository. Only keys are
 /// read. A store that another process writes is not opened, because that process may run on another machine, where
 /// LMDB's table of readers does not reach. A store that does not exist lacks everything. Expected are the points that a
-/// store's own tree samples; `first_tree` stands for it in a store that has none yet, and is null where the whole grid
+/// store's own tree samples; `tree` stands for it in a store that does not exist yet, and is null where the whole grid
 /// is sampled. Errors: those of openRepository, and kInvalidInput for a repository of another grid.
 base::Result<std::vector<ShardGaps>> findMissing(const std::string& images, std::uint32_t shards, const Grid& grid,
-                                                 const SampleTree* first_tree = nullptr);
+                                                 const SampleTree* tree = nullptr);
 
 }  // namespace repository

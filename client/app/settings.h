@@ -6,6 +6,7 @@
 #include <string_view>
 
 #include "base/error.h"
+#include "base/view_defaults.h"
 #include "client/source/method.h"
 
 namespace client {
@@ -23,11 +24,11 @@ struct Settings {
   double cache_megabytes = 50.0;     ///< compressed images and patches kept; from the next start on
   double memory_megabytes = 1000.0;  ///< all memory together, on the GPU and off; from the next start on
   double gpu_megabytes = 512.0;      ///< textures; from the next start on
-  double patch_tolerance = 4.0;      ///< pixels
-  double max_triangles = 300'000.0;
-  double points = 8.0;    ///< sampling points whose images are asked for
-  double samples = 16.0;  ///< images blended in a picture
-  double images = 1.0;    ///< flags are 0 or 1
+  double patch_tolerance = base::ViewDefaults::kPatchTolerance;  ///< pixels
+  double max_triangles = base::ViewDefaults::kMaxTriangles;
+  double points = base::ViewDefaults::kPoints;   ///< sampling points whose images are asked for
+  double samples = base::ViewDefaults::kImages;  ///< images blended in a picture
+  double images = 1.0;                           ///< flags are 0 or 1
   double frames = 1.0;
   double fov_degrees = 45.0;  ///< vertical
   double orbit_speed = 1.0;

@@ -10,6 +10,7 @@
 #include <tuple>
 
 #include "base/json/camera_file.h"
+#include "base/view_defaults.h"
 #include "client/app/permalink.h"
 #include "client/app/splat_settings.h"
 #include "client/native/headless.h"
@@ -43,10 +44,10 @@ struct Arguments {
   std::string cache = "50M";
   std::string gpu_memory = "512M";
   std::string memory = "1G";
-  float patch_tolerance = 4.0F;
-  unsigned points = 8;
-  int samples = 16;
-  std::uint32_t max_triangles = 300'000;
+  float patch_tolerance = base::ViewDefaults::kPatchTolerance;
+  unsigned points = base::ViewDefaults::kPoints;
+  int samples = base::ViewDefaults::kImages;
+  std::uint32_t max_triangles = base::ViewDefaults::kMaxTriangles;
   std::string bandwidth;
   std::string latency;
   std::string background = "transparent";

@@ -14,6 +14,7 @@
 #include "base/error.h"
 #include "base/gl/gl.h"
 #include "base/image.h"
+#include "base/view_defaults.h"
 #include "lod/draw/triangles.h"
 #include "lod/draw/view_modes.h"
 #include "lod/patch/hierarchy.h"
@@ -42,7 +43,7 @@ struct BlendTuning {
 };
 
 struct LumigraphOptions {
-  int max_samples = 16;        ///< images blended per frame, 1..32
+  int max_samples = base::ViewDefaults::kImages;  ///< images blended per frame, 1..32
   float fade_seconds = 0.25F;  ///< images come in and go over this; 0 for pictures that must be final at once
   bool carve = true;           ///< discard fragments that the images' votes call background
   bool fill_holes = true;  ///< shade what no image sees by vertex colour, normal and light; otherwise leave background

@@ -19,6 +19,7 @@
 
 #include "base/camera.h"
 #include "base/error.h"
+#include "base/view_defaults.h"
 #include "client/source/method.h"
 #include "lod/patch/traverse.h"
 #include "protocol/message.h"
@@ -33,9 +34,9 @@ struct SessionOptions {
       16'000'000;  ///< exact frames kept in coded form, the newest first; a frame larger than this is dropped
   bool images = true;
   bool frames = true;
-  float patch_tolerance_px = 4.0F;
-  std::uint32_t max_triangles = 300'000;
-  std::uint16_t max_points = 8;
+  float patch_tolerance_px = base::ViewDefaults::kPatchTolerance;
+  std::uint32_t max_triangles = base::ViewDefaults::kMaxTriangles;
+  std::uint16_t max_points = base::ViewDefaults::kPoints;
 };
 
 struct SessionStats {

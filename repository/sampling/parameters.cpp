@@ -57,10 +57,6 @@ base::Result<SampledPoints> sampledPointsFromMeta(const std::string& meta, const
   return SampledPoints{grid, std::move(tree)};
 }
 
-bool sameParameters(const std::string& stored, const std::string& wanted) {
-  return withoutTree(stored) == withoutTree(wanted);
-}
-
 std::string firstDifference(const std::string& stored, const std::string& wanted) {
   std::istringstream a(withoutTree(stored));
   std::istringstream b(withoutTree(wanted));
@@ -74,7 +70,7 @@ std::string firstDifference(const std::string& stored, const std::string& wanted
     if (line_a == "}") return "nothing said of " + line_b;
     return line_a + (line_b == "}" ? ", now nothing said of it" : ", now " + line_b);
   }
-  return "other parameters";
+  return "other sampling points";
 }
 
 }  // namespace repository

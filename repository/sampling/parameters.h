@@ -18,9 +18,8 @@ base::Result<Grid> gridFromMeta(const std::string& meta, const std::string& name
 /// The grid together with the tree that the text may hold (tree_text.h).
 base::Result<SampledPoints> sampledPointsFromMeta(const std::string& meta, const std::string& name);
 
-/// Whether two meta texts record the same parameters. The tree of sampling points is no parameter and is ignored.
-bool sameParameters(const std::string& stored, const std::string& wanted);
-/// The first line in which two texts differ: "quality": 85, now "quality": 90.
+/// In what two meta texts differ, by the first line that does: "quality": 85, now "quality": 90. Texts that differ in
+/// their trees alone differ in "other sampling points".
 std::string firstDifference(const std::string& stored, const std::string& wanted);
 
 }  // namespace repository

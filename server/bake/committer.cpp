@@ -58,21 +58,21 @@ base::Result<void> Committer::finish() {
   return {};
 }
 
-// A whole batch without a gap is there. While finishing, anything is a batch.
+// Whether a whole batch without a gap is there; while finishing, anything is a batch.
 bool Committer::batchReady() const {
   if (waiting_.empty()) return false;
   if (finishing_) return true;
   return waiting_.size() >= batch_faces_ &&
-         std::next(waiting_.begin(), batch_faces_ - 1)->first == taken_ + batch_faces_ - 1;
+         std::next(waiting_.begin(), batch_faces_ - 1)->first == batched_ + batch_faces_ - 1;
 }
 
-std::vector<std::pair<repository::FaceKey, base::Bytes>> Committer::takeBatch() {
+std::vector<std::pair<repository::FaceKey, base::Bytes>> Committer::nextBatch() {
   std::vector<std::pair<repository::FaceKey, base::Bytes>> batch;
   while (!waiting_.empty() && batch.size() < batch_faces_) {
     batch.push_back(std::move(waiting_.begin()->second));
     waiting_.erase(waiting_.begin());
   }
-  taken_ += batch.size();
+  batched_ += batch.size();
   return batch;
 }
 
@@ -82,8 +82,8 @@ void Committer::work() {
     changed_.wait(lock, [&] { return stopping_ || error_ || batchReady() || finishing_; });
     if (stopping_ || error_ || !batchReady()) return;
 
-    // The store is slow (it waits for the disk): not under the lock.
-    const auto batch = takeBatch();
+    // The store waits for the disk, so the lock is released meanwhile.
+    const auto batch = nextBatch();
     lock.unlock();
     const base::Result<void> put = store_.putBatch(batch);
     lock.lock();

@@ -1,7 +1,7 @@
 #pragma once
-// Takes encoded faces from many threads in any order and commits them in batches, in the order they were rendered, on a
-// thread of its own: so drawing, reading back, encoding and committing overlap, and what is stored is always a
-// beginning of the work.
+// The Committer receives encoded faces from many threads in any order and commits them in batches, in the order of
+// their numbers, on a thread of its own. So drawing, reading back, encoding and committing overlap, and the store
+// always holds a beginning of the work.
 #include <condition_variable>
 #include <cstdint>
 #include <map>
@@ -20,16 +20,16 @@ class Committer {
  public:
   /// `window`: faces that may be under way between waitForRoom() and the store; more than batch_faces.
   Committer(repository::Store& store, std::uint32_t batch_faces, std::uint64_t window);
-  ~Committer();  ///< stops without committing what was not asked for by finish()
+  ~Committer();  ///< without finish(): drops what is not committed
   Committer(const Committer&) = delete;
   Committer& operator=(const Committer&) = delete;
 
   /// Blocks until face number `sequence` (0, 1, 2 … without a gap) may be started. False when the work has failed:
   /// stop.
   bool waitForRoom(std::uint64_t sequence);
-  /// Face `sequence` is encoded. From any thread; never blocks for long.
+  /// Hands over the encoded face `sequence`. From any thread; never blocks for long.
   void deliver(std::uint64_t sequence, const repository::FaceKey& key, base::Bytes value);
-  /// The work has failed elsewhere; the first error stays.
+  /// Ends the work with an error from elsewhere; the first error stays.
   void fail(base::Error error);
   bool failed() const;
   /// Commits what was delivered and returns the first error, if any.
@@ -37,7 +37,7 @@ class Committer {
 
  private:
   void work();
-  std::vector<std::pair<repository::FaceKey, base::Bytes>> takeBatch();
+  std::vector<std::pair<repository::FaceKey, base::Bytes>> nextBatch();
   bool batchReady() const;
 
   repository::Store& store_;
@@ -46,8 +46,8 @@ class Committer {
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   std::map<std::uint64_t, std::pair<repository::FaceKey, base::Bytes>> waiting_;  // by sequence number
-  std::uint64_t taken_ = 0;      // sequence numbers below are in a batch
-  std::uint64_t committed_ = 0;  // … and in the store
+  std::uint64_t batched_ = 0;    // faces below this number are in a batch …
+  std::uint64_t committed_ = 0;  // … and below this one in the store
   bool finishing_ = false;
   bool stopping_ = false;
   std::optional<base::Error> error_;

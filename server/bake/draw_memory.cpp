@@ -11,33 +11,30 @@ namespace {
 
 constexpr std::uint64_t kMebi = std::uint64_t{1} << 20;
 
-// Peaks of the proportional set size (PSS: shared pages are counted once in all) with Mesa's llvmpipe 22.3, faces of 64
-// to 2048 pixels, budgets of 1 to 256 MiB; scenes of 20 thousand and of 3 million triangles:
+// These are measured peaks of the proportional set size (PSS: shared pages are counted once in all) with Mesa's
+// llvmpipe 22.3, faces of 64 to 2048 pixels, budgets of 1 to 256 MiB; scenes of 20 thousand and of 3 million triangles:
 //
 //   this program while others draw                                62 to 80 MB
 //   a process that draws the small scene, 64, 512, 1024, 2048     43, 70, 168, 411 MB
 //   … the large one at tolerance 0, 256, 1024, budget 16          208, 382 MB; budget 256: 254, 375 MB
 //
-// so of the large scene some 200 MB are neither pictures nor patches that stay: llvmpipe keeps what is drawn until the
-// picture is done, buffers that were given up in the meantime too.
+// So with the large scene some 200 MB are neither pictures nor patches that stay: llvmpipe keeps all that is drawn
+// until the picture is done, also buffers that were given up in the meantime.
 constexpr std::uint64_t kProgramBytes = 96 * kMebi;
 constexpr std::uint64_t kContextBytes = 48 * kMebi;
 constexpr std::uint64_t kDrawnBytesPerTriangle = 100;
 constexpr std::uint64_t kMaxDrawnBytes = 256 * kMebi;
 constexpr std::uint64_t kTargetBytesPerSample = 8;
-// Of RGBA: the resolved picture, four being read back, five under way and two waiting; encoding one (half as much
-// again).
+// RGBA pictures of 4 bytes a pixel: the resolved one, four being read back, five under way, two waiting, and one being
+// encoded, which takes half as much again; and the rest is rounding up.
 constexpr std::uint64_t kPictureBytesPerPixel = 80;
-constexpr std::uint64_t kEncoderBytesPerPixel = 24;  // of each further thread: one in work, two waiting
-constexpr std::uint64_t kPixelsPerValueByte =
-    8;  // of a face as it is stored: twice what a full one takes at quality 85
+constexpr std::uint64_t kEncoderBytesPerPixel = 24;  // each further thread has one picture in work, two waiting
+// A stored face takes up to a byte for 8 pixels: twice what a full one takes at quality 85.
+constexpr std::uint64_t kPixelsPerValueByte = 8;
 
-// A face on the GPU with its mipmaps and depth map, and as much again while its array grows.
-constexpr std::uint64_t kJudgedBytesPerPixel = 24;
-
-constexpr std::uint64_t kGpuBudgetBytes = 2048 * kMebi;  // of all processes together …
-constexpr std::uint64_t kCutBytes = 256 * kMebi;         // … and of one where it may be: a cut of a large scan
-constexpr std::uint64_t kMinGpuBudgetBytes = 32 * kMebi;
+constexpr std::uint64_t kGpuBudgetBytes = 2048 * kMebi;   // for the patches of all processes together …
+constexpr std::uint64_t kCutBytes = 256 * kMebi;          // … and of one, where memory allows: a cut of a large scan
+constexpr std::uint64_t kMinGpuBudgetBytes = 32 * kMebi;  // less uploads patches again for each face
 
 std::uint64_t pixelsOf(const DrawDemand& demand) {
   return std::uint64_t{demand.face_size} * demand.face_size;
@@ -47,7 +44,7 @@ std::uint64_t tableBytes(const lod::patch::Hierarchy& hierarchy) {
   return hierarchy.patches.size() * sizeof(lod::patch::Patch) + hierarchy.groups.size() * sizeof(lod::patch::Group);
 }
 
-/// Every patch uploaded: no cut needs more.
+/// The memory of all patches uploaded at once: no cut needs more.
 std::uint64_t geometryBytes(const lod::patch::Hierarchy& hierarchy) {
   std::uint64_t bytes = 0;
   for (const lod::patch::Patch& patch : hierarchy.patches)
@@ -55,7 +52,7 @@ std::uint64_t geometryBytes(const lod::patch::Hierarchy& hierarchy) {
   return bytes;
 }
 
-/// What a context takes besides uploaded patches.
+/// The memory that a context takes besides uploaded patches.
 std::uint64_t contextBytes(const DrawDemand& demand) {
   const auto side = static_cast<std::uint64_t>(demand.render.supersampling);
   const std::uint64_t samples = std::min(pixelsOf(demand) * side * side, demand.render.max_target_samples);
@@ -69,18 +66,16 @@ std::uint64_t programBytes(const DrawDemand& demand) {
          values * pixelsOf(demand) / kPixelsPerValueByte;
 }
 
-/// What drawing by `workers` takes besides uploaded patches.
+/// The memory that drawing by `workers` takes besides uploaded patches.
 std::uint64_t bytesBesidePatches(const DrawDemand& demand, unsigned workers) {
-  std::uint64_t bytes = programBytes(demand);
-  if (demand.judge_bytes != 0) bytes += demand.judge_bytes + contextBytes(demand);
+  const std::uint64_t bytes = programBytes(demand);
   if (demand.in_processes)
     return bytes + workers * (kContextBytes + tableBytes(demand.hierarchy) + contextBytes(demand));
   return bytes + contextBytes(demand) + (workers - 1) * pixelsOf(demand) * kEncoderBytesPerPixel;
 }
 
-/// The one that judges has patches of its own.
 std::uint64_t contextsOf(const DrawDemand& demand, unsigned workers) {
-  return (demand.in_processes ? workers : 1) + (demand.judge_bytes != 0 ? 1 : 0);
+  return demand.in_processes ? workers : 1;
 }
 
 DrawLimits limitsOf(const DrawDemand& demand, unsigned workers, std::uint64_t gpu_budget_bytes) {
@@ -95,11 +90,6 @@ base::Error tooLittle(const DrawDemand& demand, std::uint64_t needed, std::uint6
 }
 
 }  // namespace
-
-std::uint64_t judgeBytes(std::uint64_t faces, std::uint32_t face_size, std::uint64_t budget_bytes) {
-  constexpr std::uint64_t kNotStored = 6;  // judged as if they were
-  return std::min(budget_bytes, (faces + kNotStored) * face_size * face_size * kJudgedBytesPerPixel);
-}
 
 base::Result<DrawLimits> limitDrawing(const DrawDemand& demand, std::uint64_t memory_bytes) {
   const unsigned most = demand.in_processes ? drawProcessesFor(demand.threads) : std::max(1U, demand.threads);

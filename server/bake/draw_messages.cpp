@@ -128,7 +128,7 @@ base::Result<DrawJob> decodeJob(base::ByteView body) {
   return job;
 }
 
-base::Bytes encodeMadeFace(std::uint64_t sequence, const EncodedFace& face) {
+base::Bytes encodeNumberedFace(std::uint64_t sequence, const EncodedFace& face) {
   base::ByteWriter out;
   out.u64(sequence);
   out.u8(face.empty ? 1 : 0);
@@ -138,9 +138,9 @@ base::Bytes encodeMadeFace(std::uint64_t sequence, const EncodedFace& face) {
   return out.take();
 }
 
-base::Result<MadeFace> decodeMadeFace(base::ByteView body) {
+base::Result<NumberedFace> decodeNumberedFace(base::ByteView body) {
   base::ByteReader in(body);
-  MadeFace made;
+  NumberedFace made;
   made.sequence = in.u64();
   made.face.empty = in.u8() != 0;
   made.face.jpeg_bytes = in.u64();

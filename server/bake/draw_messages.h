@@ -1,6 +1,6 @@
 #pragma once
-// What a bake and its drawing processes say to each other over a socket: messages of a u32 length (of what follows), a
-// u8 kind and a body. Little-endian, of one program and one run: no version.
+// A bake and its drawing processes exchange these messages over a socket: a u32 length (of the rest), a u8 kind and a
+// body, little-endian. Both ends are one program in one run, so there is no version.
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -14,10 +14,10 @@
 namespace server {
 
 enum class DrawMessageKind : std::uint8_t {
-  kOrder = 1,  ///< first, to the process: what to draw and how (encodeOrder)
-  kJob = 2,    ///< then any number of these (encodeJob)
-  kFace = 3,   ///< its answers: a job's faces in order (encodeMadeFace)
-  kError = 4   ///< or, as the last: code and text (encodeError)
+  kOrder = 1,  ///< the first to the process: what to draw and how (encodeOrder)
+  kJob = 2,    ///< any number follow (encodeJob)
+  kFace = 3,   ///< the answers: a job's faces in order (encodeNumberedFace)
+  kError = 4   ///< the last answer where something failed: code and text (encodeError)
 };
 
 struct DrawMessage {
@@ -27,8 +27,8 @@ struct DrawMessage {
 
 /// Blocks until all is written; kIo when the other end is gone.
 base::Result<void> sendMessage(int socket, DrawMessageKind kind, base::ByteView body);
-/// Blocks until one is there; nothing when the other end has closed between two messages. kIo in the middle of one, or
-/// when it is longer than any message may be.
+/// Blocks until a message is there; nothing when the other end has closed between two messages. kIo in the middle of
+/// one, or when it is longer than any message may be.
 base::Result<std::optional<DrawMessage>> receiveMessage(int socket);
 
 /// FaceWork without references, as it travels.
@@ -42,7 +42,7 @@ struct DrawOrder {
   std::uint64_t gpu_budget_bytes = 0;
 };
 
-struct MadeFace {
+struct NumberedFace {
   std::uint64_t sequence = 0;
   EncodedFace face;
 };
@@ -51,8 +51,8 @@ base::Bytes encodeOrder(const FaceWork& work);
 base::Result<DrawOrder> decodeOrder(base::ByteView body);
 base::Bytes encodeJob(const DrawJob& job);
 base::Result<DrawJob> decodeJob(base::ByteView body);
-base::Bytes encodeMadeFace(std::uint64_t sequence, const EncodedFace& face);
-base::Result<MadeFace> decodeMadeFace(base::ByteView body);
+base::Bytes encodeNumberedFace(std::uint64_t sequence, const EncodedFace& face);
+base::Result<NumberedFace> decodeNumberedFace(base::ByteView body);
 base::Bytes encodeError(const base::Error& error);
 base::Error decodeError(base::ByteView body);
 

@@ -23,14 +23,12 @@
 namespace server {
 namespace {
 
-constexpr unsigned kMaxProcesses = 16;
+constexpr unsigned kMaxProcesses = 16;   // each takes 50 to 400 MB (draw_memory.cpp)
 constexpr std::size_t kJobsAtATime = 2;  // one is drawn, the next is there already
-constexpr unsigned kMaxDeaths = 3;       // of processes over the same faces
+constexpr unsigned kMaxDeaths = 3;       // processes that may die over the same faces
 
-// ---- A process ----
-
-/// The environment with llvmpipe's own threads left out, unless somebody has chosen them: the processes fill the cores,
-/// and each of its threads costs more than it gives then.
+/// The environment with one thread for llvmpipe, unless somebody has chosen their number: the processes fill the cores,
+/// and further threads cost more than they give then.
 std::vector<std::string> environmentOfProcess() {
   std::vector<std::string> all;
   for (char** variable = environ; *variable != nullptr; ++variable) all.emplace_back(*variable);
@@ -65,11 +63,11 @@ class DrawProcess {
     if (failed != 0)
       return base::Error{base::ErrorCode::kIo,
                          command.front() + ": cannot start a drawing process: " + std::strerror(failed)};
-    // One that is dead already shows when an answer is waited for.
+    // A process that is dead already shows when its answer is waited for.
     static_cast<void>(sendMessage(process->socket_, DrawMessageKind::kOrder, order));
     return process;
   }
-  /// Ends it and waits for that.
+  /// Ends the process and waits for that.
   ~DrawProcess() {
     end();
     ::close(socket_);
@@ -78,7 +76,7 @@ class DrawProcess {
   DrawProcess& operator=(const DrawProcess&) = delete;
 
   int socket() const { return socket_; }
-  /// Nothing is said to it any more, on which it ends, and how: "signal 11 (Segmentation fault)".
+  /// Closes the connection, upon which the process ends, and says how it ended: "signal 11 (Segmentation fault)".
   std::string end() {
     if (pid_ <= 0) return "";
     ::shutdown(socket_, SHUT_RDWR);
@@ -95,15 +93,17 @@ class DrawProcess {
   pid_t pid_;
 };
 
-// ---- Who gives them work ----
-
-class MadeByProcesses : public FaceMaker {
+class ProcessFaceMaker : public FaceMaker {
  public:
-  MadeByProcesses(const FaceWork& work, std::vector<std::string> command, unsigned processes, Take take, Fail fail)
-      : command_(std::move(command)), order_(encodeOrder(work)), take_(std::move(take)), fail_(std::move(fail)) {
-    for (unsigned i = 0; i < processes; ++i) threads_.emplace_back([this] { serveAll(); });
+  ProcessFaceMaker(const FaceWork& work, std::vector<std::string> command, unsigned processes, OnFace on_face,
+                   OnError on_error)
+      : command_(std::move(command)),
+        order_(encodeOrder(work)),
+        on_face_(std::move(on_face)),
+        on_error_(std::move(on_error)) {
+    for (unsigned i = 0; i < processes; ++i) threads_.emplace_back([this] { superviseProcesses(); });
   }
-  ~MadeByProcesses() override { MadeByProcesses::finish(); }
+  ~ProcessFaceMaker() override { ProcessFaceMaker::finish(); }
 
   void submit(DrawJob job) override {
     {
@@ -125,68 +125,68 @@ class MadeByProcesses : public FaceMaker {
   }
 
  private:
-  /// The jobs that one process has; faces that have come are taken out of the first.
+  /// The jobs that one process has, without the faces of the first that it has delivered.
   using Jobs = std::deque<DrawJob>;
 
-  // A thread's work: one process after the other, as long as they die.
-  void serveAll() {
+  // Each thread runs this: it starts one process after the other, as long as they die.
+  void superviseProcesses() {
     Jobs jobs;
     for (unsigned deaths = 0;;) {
       const std::uint64_t before = jobs.empty() ? 0 : jobs.front().sequence;
-      const base::Result<void> served = serve(jobs);
+      const base::Result<void> served = superviseProcess(jobs);
       if (served) return;
       deaths = !jobs.empty() && jobs.front().sequence == before ? deaths + 1 : 1;
       if (served.error().code == base::ErrorCode::kNetwork && deaths < kMaxDeaths) continue;
-      return stop(served.error());
+      return failWith(served.error());
     }
   }
 
-  // Until all is done, or an error; kNetwork: the process has died.
-  base::Result<void> serve(Jobs& jobs) {
+  // Returns when all is done, or with an error; kNetwork: the process has died.
+  base::Result<void> superviseProcess(Jobs& jobs) {
     if (jobs.empty()) {
-      auto first = takeJob(true);
+      auto first = nextJob(true);
       if (!first) return {};
       jobs.push_back(std::move(*first));
     }
     LUMIGRID_ASSIGN_OR_RETURN(auto process, DrawProcess::start(command_, order_));
-    for (const DrawJob& job : jobs) give(*process, job);
+    for (const DrawJob& job : jobs) sendJob(*process, job);
     for (;;) {
       while (jobs.size() < kJobsAtATime) {
-        auto job = takeJob(jobs.empty());
+        auto job = nextJob(jobs.empty());
         if (!job) break;
-        give(*process, *job);
+        sendJob(*process, *job);
         jobs.push_back(std::move(*job));
       }
       if (jobs.empty()) return {};
-      LUMIGRID_TRY(takeFace(*process, jobs));
+      LUMIGRID_TRY(receiveFace(*process, jobs));
     }
   }
 
-  // A process that cannot be told anything is dead, which shows when its answer is waited for.
-  static void give(DrawProcess& process, const DrawJob& job) {
+  // Where this fails the process is dead, which shows when its answer is waited for.
+  static void sendJob(DrawProcess& process, const DrawJob& job) {
     static_cast<void>(sendMessage(process.socket(), DrawMessageKind::kJob, encodeJob(job)));
   }
 
-  base::Result<void> takeFace(DrawProcess& process, Jobs& jobs) {
+  base::Result<void> receiveFace(DrawProcess& process, Jobs& jobs) {
     auto message = receiveMessage(process.socket());
     if (!message || !*message)
       return base::Error{base::ErrorCode::kNetwork, "a drawing process ended by " + process.end() +
                                                         " several times over the same image, " +
                                                         repository::nameOf(jobs.front().keys.front())};
     if ((*message)->kind == DrawMessageKind::kError) return decodeError((*message)->body);
-    LUMIGRID_ASSIGN_OR_RETURN(auto made, decodeMadeFace((*message)->body));
+    LUMIGRID_ASSIGN_OR_RETURN(auto answer, decodeNumberedFace((*message)->body));
     DrawJob& job = jobs.front();
-    if ((*message)->kind != DrawMessageKind::kFace || made.sequence != job.sequence)
+    if ((*message)->kind != DrawMessageKind::kFace || answer.sequence != job.sequence)
       return base::Error{base::ErrorCode::kIo, "a drawing process answers with what it was not asked for"};
-    take_(job.sequence, job.keys.front(), std::move(made.face));
+    on_face_(job.sequence, job.keys.front(), std::move(answer.face));
     ++job.sequence;
     job.keys.erase(job.keys.begin());
     if (job.keys.empty()) jobs.pop_front();
     return {};
   }
 
-  // Nothing: none is waiting, or (having waited) there will be none any more.
-  std::optional<DrawJob> takeJob(bool wait) {
+  // Nothing when no job is waiting, or (with `wait`) when there will be none any more.
+  std::optional<DrawJob> nextJob(bool wait) {
     std::optional<DrawJob> job;
     {
       std::unique_lock lock(mutex_);
@@ -197,20 +197,20 @@ class MadeByProcesses : public FaceMaker {
     return job;
   }
 
-  void stop(const base::Error& error) {
+  void failWith(const base::Error& error) {
     {
       const std::lock_guard lock(mutex_);
       if (std::exchange(failed_, true)) return;
       next_.reset();
     }
     changed_.notify_all();
-    fail_(error);
+    on_error_(error);
   }
 
   const std::vector<std::string> command_;
   const base::Bytes order_;
-  const Take take_;
-  const Fail fail_;
+  const OnFace on_face_;
+  const OnError on_error_;
   std::mutex mutex_;
   std::condition_variable changed_;
   std::optional<DrawJob> next_;
@@ -219,16 +219,14 @@ class MadeByProcesses : public FaceMaker {
   std::vector<std::thread> threads_;  // last: they use the others
 };
 
-// ---- Within the process ----
-
-base::Result<void> drawFor(int socket, const Encode& encode) {
+base::Result<void> serveBake(int socket, const Encode& encode) {
   LUMIGRID_ASSIGN_OR_RETURN(auto first, receiveMessage(socket));
   if (!first || first->kind != DrawMessageKind::kOrder)
     return base::Error{base::ErrorCode::kInvalidInput, "the first message to a drawing process is no order"};
   LUMIGRID_ASSIGN_OR_RETURN(auto order, decodeOrder(first->body));
   LUMIGRID_ASSIGN_OR_RETURN(auto patches, lod::patch::PatchFile::open(order.patch_path));
 
-  // Faces come from one thread that encodes, so in order.
+  // One thread encodes, so faces come in order.
   const FaceWork work{order.scene,           patches, order.grid, order.render, order.quality, order.subsampling,
                       order.gpu_budget_bytes};
   std::mutex mutex;
@@ -237,10 +235,10 @@ base::Result<void> drawFor(int socket, const Encode& encode) {
     const std::lock_guard lock(mutex);
     if (!failed) failed = error;
   };
-  const auto faces = makeFacesHere(
+  const auto faces = makeLocalFaceMaker(
       work, 1,
       [&](std::uint64_t sequence, const repository::FaceKey&, const EncodedFace& face) {
-        if (const auto sent = sendMessage(socket, DrawMessageKind::kFace, encodeMadeFace(sequence, face)); !sent)
+        if (const auto sent = sendMessage(socket, DrawMessageKind::kFace, encodeNumberedFace(sequence, face)); !sent)
           fail(sent.error());
       },
       [&](const base::Error& error) {
@@ -261,18 +259,19 @@ base::Result<void> drawFor(int socket, const Encode& encode) {
 }  // namespace
 
 int runDrawProcess(int socket, const Encode& encode) {
-  // The terminal's Ctrl-C and a batch engine's SIGTERM reach the whole group. The bake decides what is still drawn.
+  // The terminal's Ctrl-C and a batch engine's SIGTERM reach the whole group, but the bake decides what is still drawn.
   ::signal(SIGINT, SIG_IGN);
   ::signal(SIGTERM, SIG_IGN);
-  const auto drawn = drawFor(socket, encode);
+  const auto drawn = serveBake(socket, encode);
   if (drawn) return 0;
   static_cast<void>(sendMessage(socket, DrawMessageKind::kError, encodeError(drawn.error())));
   return 1;
 }
 
-std::unique_ptr<FaceMaker> makeFacesByProcesses(const FaceWork& work, const std::vector<std::string>& command,
-                                                unsigned processes, FaceMaker::Take take, FaceMaker::Fail fail) {
-  return std::make_unique<MadeByProcesses>(work, command, processes, std::move(take), std::move(fail));
+std::unique_ptr<FaceMaker> makeProcessFaceMaker(const FaceWork& work, const std::vector<std::string>& command,
+                                                unsigned processes, FaceMaker::OnFace on_face,
+                                                FaceMaker::OnError on_error) {
+  return std::make_unique<ProcessFaceMaker>(work, command, processes, std::move(on_face), std::move(on_error));
 }
 
 unsigned drawProcessesFor(unsigned threads) {

@@ -8,14 +8,15 @@
 namespace server {
 
 DrawThread::DrawThread(const base::Scene& scene, const lod::patch::PatchFile& patches, const repository::Grid& grid,
-                       const RenderOptions& options, std::uint64_t gpu_budget_bytes, Take take, Fail fail)
+                       const RenderOptions& options, std::uint64_t gpu_budget_bytes, OnRendered on_rendered,
+                       OnError on_error)
     : scene_(scene),
       patches_(patches),
       grid_(grid),
       options_(options),
       gpu_budget_bytes_(gpu_budget_bytes),
-      take_(std::move(take)),
-      fail_(std::move(fail)),
+      on_rendered_(std::move(on_rendered)),
+      on_error_(std::move(on_error)),
       thread_([this] { work(); }) {}
 
 DrawThread::~DrawThread() {
@@ -50,28 +51,28 @@ void DrawThread::work() {
     next_.reset();
   }
   changed_.notify_all();
-  fail_(drawn.error());
+  on_error_(drawn.error());
 }
 
 base::Result<void> DrawThread::draw() {
   LUMIGRID_ASSIGN_OR_RETURN(const auto context, base::HeadlessContext::create());
   LUMIGRID_ASSIGN_OR_RETURN(auto renderer, SceneRenderer::create(scene_, patches_, gpu_budget_bytes_));
   for (;;) {
-    std::optional<DrawJob> job = takeJobAtOnce();
+    std::optional<DrawJob> job = waitingJob();
     if (!job) {
       LUMIGRID_TRY(renderer->finish());
-      job = takeJob();
+      job = nextJob();
     }
     if (!job) return {};
     LUMIGRID_TRY(renderer->renderMany(faceCameras(*renderer, grid_, job->keys), options_,
                                       [this, job = *job](std::size_t i, RenderedPicture rendered) {
-                                        take_(job.sequence + i, job.keys[i], std::move(rendered));
+                                        on_rendered_(job.sequence + i, job.keys[i], std::move(rendered));
                                       }));
   }
 }
 
-// Nothing: none is waiting.
-std::optional<DrawJob> DrawThread::takeJobAtOnce() {
+// Takes the job that is waiting, if there is one.
+std::optional<DrawJob> DrawThread::waitingJob() {
   std::optional<DrawJob> job;
   {
     const std::lock_guard lock(mutex_);
@@ -81,13 +82,13 @@ std::optional<DrawJob> DrawThread::takeJobAtOnce() {
   return job;
 }
 
-// Nothing: there will be none any more.
-std::optional<DrawJob> DrawThread::takeJob() {
+// Waits for a job; nothing when there will be none any more.
+std::optional<DrawJob> DrawThread::nextJob() {
   {
     std::unique_lock lock(mutex_);
     changed_.wait(lock, [&] { return finishing_ || next_; });
   }
-  return takeJobAtOnce();
+  return waitingJob();
 }
 
 }  // namespace server

@@ -1,7 +1,7 @@
 #pragma once
-// The thread that draws faces, with a GL context, a renderer and a cache of patches of its own. One in a process: on a
-// GPU more are not measured, and Mesa's llvmpipe (22.3) crashes in its own code about twice in a hundred bakes when
-// several contexts draw at a time. Several processes draw as well as several contexts would (draw_processes.h).
+// One thread of a process draws faces, with a GL context, a renderer and a cache of patches of its own. More were not
+// measured on a GPU, and Mesa's llvmpipe (22.3) crashes in its own code about twice in a hundred bakes when several
+// contexts draw at a time. Several processes draw as well as several contexts would (draw_processes.h).
 #include <condition_variable>
 #include <cstdint>
 #include <functional>
@@ -19,7 +19,7 @@
 
 namespace server {
 
-/// Faces of one grid point, drawn with one cut and one upload.
+/// Faces of one grid point, which are drawn with one cut and one upload.
 struct DrawJob {
   std::uint64_t sequence = 0;  ///< number of the first face; the others follow
   std::vector<repository::FaceKey> keys;
@@ -28,36 +28,36 @@ struct DrawJob {
 class DrawThread {
  public:
   /// Called on the thread, for the faces of each job in order.
-  using Take = std::function<void(std::uint64_t sequence, const repository::FaceKey&, RenderedPicture)>;
-  /// Called once, on the thread, when drawing has failed; then nothing more is drawn or taken.
-  using Fail = std::function<void(const base::Error&)>;
+  using OnRendered = std::function<void(std::uint64_t sequence, const repository::FaceKey&, RenderedPicture)>;
+  /// Called once, on the thread, when drawing has failed; then nothing more is drawn or delivered.
+  using OnError = std::function<void(const base::Error&)>;
 
-  /// What is referred to must outlive it. `gpu_budget_bytes`: uploaded patches (SceneRenderer::create).
+  /// Scene and patches must outlive it. `gpu_budget_bytes`: uploaded patches (SceneRenderer::create).
   DrawThread(const base::Scene& scene, const lod::patch::PatchFile& patches, const repository::Grid& grid,
-             const RenderOptions& options, std::uint64_t gpu_budget_bytes, Take take, Fail fail);
+             const RenderOptions& options, std::uint64_t gpu_budget_bytes, OnRendered on_rendered, OnError on_error);
   ~DrawThread();  ///< draws what was submitted
   DrawThread(const DrawThread&) = delete;
   DrawThread& operator=(const DrawThread&) = delete;
 
-  /// Blocks while a job is waiting. Without a job the thread delivers what it still has on its way, so whoever holds
-  /// back the next job until earlier pictures have come never waits in vain.
+  /// Blocks while a job is waiting. Without a job the thread delivers the pictures that are still on their way, so a
+  /// caller that holds back the next job until earlier pictures have come never waits in vain.
   void submit(DrawJob job);
-  /// Returns when all is drawn and taken. Nothing may be submitted after it.
+  /// Returns when all is drawn and delivered. Nothing may be submitted after it.
   void finish();
 
  private:
   void work();
   base::Result<void> draw();
-  std::optional<DrawJob> takeJob();
-  std::optional<DrawJob> takeJobAtOnce();
+  std::optional<DrawJob> nextJob();
+  std::optional<DrawJob> waitingJob();
 
   const base::Scene& scene_;
   const lod::patch::PatchFile& patches_;
   const repository::Grid grid_;
   const RenderOptions options_;
   const std::uint64_t gpu_budget_bytes_;
-  const Take take_;
-  const Fail fail_;
+  const OnRendered on_rendered_;
+  const OnError on_error_;
   std::mutex mutex_;
   std::condition_variable changed_;
   std::optional<DrawJob> next_;

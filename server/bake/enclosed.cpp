@@ -11,8 +11,8 @@
 namespace server {
 namespace {
 
-constexpr double kInside = 0.9;
-constexpr double kBehind = 0.25;  // a wide terrain has nearly ½ below it and −½ above, what lies beside it nearly 0
+constexpr double kInside = 0.9;   // 1 inside a closed surface, less where the coarse cut has holes
+constexpr double kBehind = 0.25;  // a wide terrain has nearly ½ below it, −½ above it, and 0 beside it
 
 // Signed solid angle of a triangle from the origin (Van Oosterom, Strackee 1983, equation 8).
 double solidAngle(const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c) {

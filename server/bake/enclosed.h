@@ -1,5 +1,5 @@
 #pragma once
-// Which sampling points the model encloses, so that nobody looks from there.
+// Tells which sampling points the model encloses, so that nobody looks from there.
 #include <glm/glm.hpp>
 #include <span>
 #include <vector>
@@ -14,14 +14,15 @@ namespace server {
 /// face inward.
 class Enclosure {
  public:
-  /// Takes the finest cut of at most about `max_triangles`.
+  /// Reads the finest cut of at most about `max_triangles`.
   static base::Result<Enclosure> create(const lod::patch::PatchFile& patches, std::uint64_t max_triangles = 20'000);
 
   double windingNumber(const glm::vec3& point) const;
-  /// Wholly within: a winding number over 0.9, which below an open surface is not reached, at more than the cut's error
-  /// from it.
+  /// Whether the point is wholly within: its winding number is over 0.9, which is not reached below an open surface,
+  /// and it lies farther from the cut than the cut's error.
   bool encloses(const glm::vec3& point) const;
-  /// No place to look from: within, or behind an open surface as below a terrain (a winding number over 0.25).
+  /// Whether nobody would look from there: the point is within, or behind an open surface as below a terrain (a winding
+  /// number over 0.25).
   bool isBehind(const glm::vec3& point) const;
 
  private:
@@ -32,7 +33,7 @@ class Enclosure {
   float error_ = 0.0F;
 };
 
-/// Encloses, for many points, on `threads` threads (0: all cores).
+/// Enclosure::encloses for each point, 1 or 0, on `threads` threads (0: all cores).
 std::vector<std::uint8_t> enclosedPoints(const Enclosure& enclosure, std::span<const glm::vec3> points,
                                          unsigned threads);
 

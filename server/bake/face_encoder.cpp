@@ -10,7 +10,7 @@
 namespace server {
 namespace {
 
-/// A colour in one word, a byte a channel: red lowest, highest 255. 0: not known.
+/// A colour in one word, a byte a channel: red lowest, the highest byte 255. 0: the colour is not known.
 using Cell = std::uint32_t;
 constexpr Cell kKnown = 0xFF000000U;
 
@@ -18,8 +18,8 @@ Cell cellOf(const std::uint8_t* rgb) {
   return kKnown | Cell{rgb[0]} | Cell{rgb[1]} << 8 | Cell{rgb[2]} << 16;
 }
 
-/// The mean of the known ones of four, rounded half up; 0 when none is. Two channels at a time, in the halves of a
-/// word: whole numbers, the same on every machine.
+/// The mean of the known colours of four, rounded half up; 0 when none is known. Two channels are added at a time, in
+/// the halves of a word, as whole numbers: the mean is the same on every machine.
 Cell meanOf(Cell a, Cell b, Cell c, Cell d) {
   constexpr Cell kHalves = 0x00FF00FFU;
   const Cell count = (a >> 31) + (b >> 31) + (c >> 31) + (d >> 31);
@@ -35,25 +35,25 @@ Cell meanOf(Cell a, Cell b, Cell c, Cell d) {
 }
 
 /// One level of a pyramid; a level's cell stands for 2 × 2 of the level below, fewer at the far borders.
-struct Level {
+struct PyramidLevel {
   int width;
   int height;
   std::vector<Cell> cells;
 
-  Level(int w, int h) : width(w), height(h), cells(static_cast<std::size_t>(w) * static_cast<std::size_t>(h)) {}
+  PyramidLevel(int w, int h) : width(w), height(h), cells(static_cast<std::size_t>(w) * static_cast<std::size_t>(h)) {}
   Cell* row(int y) { return cells.data() + static_cast<std::size_t>(y) * static_cast<std::size_t>(width); }
   const Cell* row(int y) const { return cells.data() + static_cast<std::size_t>(y) * static_cast<std::size_t>(width); }
 };
 
-Level modelPixels(const base::Image& rgba, const base::Image& mask) {
-  Level level(rgba.width, rgba.height);
+PyramidLevel modelPixels(const base::Image& rgba, const base::Image& mask) {
+  PyramidLevel level(rgba.width, rgba.height);
   for (std::size_t i = 0; i < level.cells.size(); ++i)
     if (mask.pixels[i] != 0) level.cells[i] = cellOf(&rgba.pixels[4 * i]);
   return level;
 }
 
-Level halved(const Level& fine) {
-  Level coarse((fine.width + 1) / 2, (fine.height + 1) / 2);
+PyramidLevel halved(const PyramidLevel& fine) {
+  PyramidLevel coarse((fine.width + 1) / 2, (fine.height + 1) / 2);
   const std::vector<Cell> beyond(static_cast<std::size_t>(fine.width), 0);
   for (int y = 0; y < coarse.height; ++y) {
     const Cell* upper = fine.row(2 * y);
@@ -66,7 +66,7 @@ Level halved(const Level& fine) {
   return coarse;
 }
 
-void fillFrom(const Level& coarse, Level& fine) {
+void fillFrom(const PyramidLevel& coarse, PyramidLevel& fine) {
   for (int y = 0; y < fine.height; ++y) {
     const Cell* filler = coarse.row(y / 2);
     Cell* cells = fine.row(y);
@@ -92,7 +92,7 @@ bool showsModel(const base::Image& rgba) {
 
 base::Image fillBackground(const base::Image& rgba, const base::Image& mask) {
   LUMIGRID_CHECK_EQ(rgba.channels, 4);
-  std::vector<Level> pyramid = {modelPixels(rgba, mask)};
+  std::vector<PyramidLevel> pyramid = {modelPixels(rgba, mask)};
   while (pyramid.back().width > 1 || pyramid.back().height > 1) pyramid.push_back(halved(pyramid.back()));
   for (std::size_t level = pyramid.size() - 1; level > 0; --level) fillFrom(pyramid[level], pyramid[level - 1]);
 

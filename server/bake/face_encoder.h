@@ -1,6 +1,6 @@
 #pragma once
-// From a rendered face to the value that is stored (repository/face_image.h is the way back). A pixel is model when at
-// least half of its samples are: base::kCoverageThreshold.
+// Encodes a rendered face as the value that is stored (repository/faces/face_image.h decodes it). A pixel is model when
+// at least half of its samples are: base::kCoverageThreshold.
 #include <cstdint>
 
 #include "base/bytes.h"
@@ -17,13 +17,13 @@ struct EncodedFace {
   std::uint64_t coverage_bytes = 0;
 };
 
-/// One channel: 255 where a pixel of `rgba` (as RenderedPicture::rgba) is stored as model, else 0.
+/// A mask of one channel: 255 where a pixel of `rgba` (as RenderedPicture::rgba) is stored as model, else 0.
 base::Image coverageMask(const base::Image& rgba);
-/// Is any pixel stored as model? If not, the face is an empty flag.
+/// Tells whether any pixel is stored as model. If not, the face is an empty flag.
 bool showsModel(const base::Image& rgba);
 
-/// `rgba`: as RenderedPicture::rgba. Without a pixel of model: an empty flag. The same picture gives the same bytes on
-/// every thread and machine with the same libjpeg-turbo.
+/// `rgba`: as RenderedPicture::rgba. Without a pixel of model the value is an empty flag. The same picture gives the
+/// same bytes on every thread and machine with the same libjpeg-turbo.
 base::Result<EncodedFace> encodeFace(const base::Image& rgba, int quality, repository::Subsampling subsampling);
 
 /// The picture without alpha, what the mask hides replaced by filler that costs a JPEG little: the mean of the model's

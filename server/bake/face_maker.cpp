@@ -7,13 +7,13 @@
 namespace server {
 namespace {
 
-class MadeHere : public FaceMaker {
+class LocalFaceMaker : public FaceMaker {
  public:
-  MadeHere(const FaceWork& work, unsigned threads, Take take, Fail fail, Encode encode)
+  LocalFaceMaker(const FaceWork& work, unsigned threads, OnFace on_face, OnError on_error, Encode encode)
       : quality_(work.quality),
         subsampling_(work.subsampling),
-        take_(std::move(take)),
-        fail_(std::move(fail)),
+        on_face_(std::move(on_face)),
+        on_error_(std::move(on_error)),
         encode_(std::move(encode)),
         encoders_(threads, std::size_t{2} * threads),
         draw_(
@@ -21,7 +21,7 @@ class MadeHere : public FaceMaker {
             [this](std::uint64_t sequence, const repository::FaceKey& key, RenderedPicture rendered) {
               this->encode(sequence, key, std::move(rendered));
             },
-            fail_) {}
+            on_error_) {}
 
   void submit(DrawJob job) override { draw_.submit(std::move(job)); }
   void finish() override {
@@ -34,15 +34,15 @@ class MadeHere : public FaceMaker {
     auto picture = std::make_shared<base::Image>(std::move(rendered.rgba));
     encoders_.submit([this, sequence, key, picture] {
       auto face = encode_(*picture, quality_, subsampling_);
-      if (!face) return fail_(face.error());
-      take_(sequence, key, std::move(*face));
+      if (!face) return on_error_(face.error());
+      on_face_(sequence, key, std::move(*face));
     });
   }
 
   const int quality_;
   const repository::Subsampling subsampling_;
-  const Take take_;
-  const Fail fail_;
+  const OnFace on_face_;
+  const OnError on_error_;
   const Encode encode_;
   base::ThreadPool encoders_;  // its jobs use the others, so it ends before them
   DrawThread draw_;            // … and this one before it
@@ -50,9 +50,9 @@ class MadeHere : public FaceMaker {
 
 }  // namespace
 
-std::unique_ptr<FaceMaker> makeFacesHere(const FaceWork& work, unsigned threads, FaceMaker::Take take,
-                                         FaceMaker::Fail fail, Encode encode) {
-  return std::make_unique<MadeHere>(work, threads, std::move(take), std::move(fail), std::move(encode));
+std::unique_ptr<FaceMaker> makeLocalFaceMaker(const FaceWork& work, unsigned threads, FaceMaker::OnFace on_face,
+                                              FaceMaker::OnError on_error, Encode encode) {
+  return std::make_unique<LocalFaceMaker>(work, threads, std::move(on_face), std::move(on_error), std::move(encode));
 }
 
 }  // namespace server

@@ -1,6 +1,6 @@
 #pragma once
-// Draws faces and encodes them. Two ways, of which a bake takes one: with one GL context on a thread of this process,
-// or with a context in each of several processes (draw_processes.h).
+// Draws faces and encodes them, in one of two ways: with one GL context on a thread of this process, or with a context
+// in each of several processes (draw_processes.h).
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -8,6 +8,7 @@
 #include "base/error.h"
 #include "base/image.h"
 #include "base/json/scene_file.h"
+#include "base/view_defaults.h"
 #include "lod/patch/format.h"
 #include "repository/sampling/grid.h"
 #include "repository/sampling/key.h"
@@ -17,13 +18,13 @@
 
 namespace server {
 
-/// What is drawn. What is referred to outlives whoever draws.
+/// The order of a bake. Scene and patches outlive the FaceMaker.
 struct FaceWork {
   const base::Scene& scene;
   const lod::patch::PatchFile& patches;
   repository::Grid grid;
   RenderOptions render;
-  int quality = 85;  ///< JPEG, 1..100
+  int quality = base::ViewDefaults::kQuality;  ///< JPEG, 1..100
   repository::Subsampling subsampling = repository::Subsampling::k420;
   std::uint64_t gpu_budget_bytes = std::uint64_t{2} << 30;  ///< uploaded patches, of each context
 };
@@ -31,23 +32,23 @@ struct FaceWork {
 class FaceMaker {
  public:
   /// Called from any thread, for the faces of all jobs in any order.
-  using Take = std::function<void(std::uint64_t sequence, const repository::FaceKey&, EncodedFace)>;
+  using OnFace = std::function<void(std::uint64_t sequence, const repository::FaceKey&, EncodedFace)>;
   /// Called once at least when something has failed, from any thread; faces may be missing then.
-  using Fail = std::function<void(const base::Error&)>;
+  using OnError = std::function<void(const base::Error&)>;
 
-  virtual ~FaceMaker() = default;  ///< makes what was submitted
-  /// Blocks while enough jobs are waiting. Whoever holds back the next job until earlier faces have come never waits in
-  /// vain.
+  virtual ~FaceMaker() = default;  ///< finishes the jobs that were submitted
+  /// Blocks while enough jobs are waiting. A caller that holds back the next job until earlier faces have come never
+  /// waits in vain.
   virtual void submit(DrawJob job) = 0;
-  /// Returns when all is made and taken. Nothing may be submitted after it.
+  /// Returns when all faces are encoded and delivered. Nothing may be submitted after it.
   virtual void finish() = 0;
 };
 
 using Encode =
     std::function<base::Result<EncodedFace>(const base::Image& rgba, int quality, repository::Subsampling subsampling)>;
 
-/// With a DrawThread, and so many threads that encode.
-std::unique_ptr<FaceMaker> makeFacesHere(const FaceWork& work, unsigned threads, FaceMaker::Take take,
-                                         FaceMaker::Fail fail, Encode encode = encodeFace);
+/// A DrawThread draws, and `threads` threads encode.
+std::unique_ptr<FaceMaker> makeLocalFaceMaker(const FaceWork& work, unsigned threads, FaceMaker::OnFace on_face,
+                                              FaceMaker::OnError on_error, Encode encode = encodeFace);
 
 }  // namespace server

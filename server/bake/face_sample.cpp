@@ -25,7 +25,7 @@ std::vector<base::Camera> faceCameras(const SceneRenderer& renderer, const repos
 
 FaceOrder::FaceOrder(const repository::Grid& grid)
     : points_(repository::pointsInMortonOrder(grid)), count_(grid.faceCount()) {
-  // 0.618 of a whole turn: each next face falls into one of the largest gaps that are left.
+  // Steps of 0.618 of a whole turn fall into one of the largest gaps that are left.
   step_ = std::max<std::uint64_t>(
       1, static_cast<std::uint64_t>(std::llround(static_cast<double>(count_) / std::numbers::phi)));
   while (std::gcd(step_, count_) > 1) ++step_;

@@ -1,5 +1,5 @@
 #pragma once
-// A few faces that stand for all of a grid.
+// Renders a few faces that stand for all of a grid.
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -13,14 +13,13 @@
 
 namespace server {
 
-/// The cameras of faces of one grid point, as they are baked.
+/// The cameras with which these faces are baked.
 std::vector<base::Camera> faceCameras(const SceneRenderer& renderer, const repository::Grid& grid,
                                       const std::vector<repository::FaceKey>& keys);
 
-/// Every face of the grid once, in an order of which each beginning is spread evenly over the Morton order and the six
-/// directions: steps of the golden section of all faces (`step` faces on, modulo all of them; it has no divisor in
-/// common with their number). The n-th face is number n · step mod faceCount(), counted by point in Morton order, then
-/// by d.
+/// Lists every face of the grid once, so that each beginning of the list is spread evenly over the Morton order and the
+/// six directions. It steps by the golden section of all faces: the n-th face is number n · step mod faceCount(),
+/// counted by point in Morton order, then by d; step has no divisor in common with faceCount().
 class FaceOrder {
  public:
   explicit FaceOrder(const repository::Grid& grid);
@@ -33,8 +32,8 @@ class FaceOrder {
   std::uint64_t step_ = 1;
 };
 
-/// Faces that a sample looks at before it takes what it has: a scene that most faces miss is not searched to its end.
-inline constexpr std::uint64_t kMaxSampleTries = 4096;
+/// A sample renders so many faces at most: a scene that most faces miss is not searched to its end.
+inline constexpr std::uint64_t kMaxSampleTries = 4096;  // some 30 s of software GL
 
 /// Renders faces in FaceOrder until `wanted` of them show something (a pixel that is stored as model), or
 /// kMaxSampleTries were looked at. The same faces, and bytes, as a bake of these options draws. Images as

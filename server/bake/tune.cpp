@@ -18,22 +18,22 @@
 namespace server {
 namespace {
 
-constexpr std::size_t kSamplePixels = std::size_t{1} << 26;
-constexpr std::size_t kFewestFaces = 8;
+constexpr std::size_t kSamplePixels = std::size_t{1} << 26;  // 470 MB with their filled copies
+constexpr std::size_t kMinTuneFaces = 8;
 constexpr int kBestQuality = 100;
-// Of equally few bytes the first: more chroma.
+// The first of those with equally few bytes is taken, so more chroma comes first.
 constexpr std::array kSubsamplings = {repository::Subsampling::k444, repository::Subsampling::k422,
                                       repository::Subsampling::k420};
 
-/// A face, with what doesn't depend on quality.
+/// A face with its filled background, which does not depend on quality.
 struct PreparedFace {
   const base::Image* rgba = nullptr;
   base::Image filled;
 };
 
-struct Measured {
+struct FaceMeasurement {
   std::uint64_t jpeg_bytes = 0;
-  base::PictureError error;  ///< of whole numbers: threads may add in any order
+  base::PictureError error;  ///< sums of whole numbers, so threads may add in any order
 };
 
 std::vector<PreparedFace> prepare(const std::vector<base::Image>& faces, unsigned threads) {
@@ -45,24 +45,24 @@ std::vector<PreparedFace> prepare(const std::vector<base::Image>& faces, unsigne
   return prepared;
 }
 
-base::Result<Measured> measureFace(const PreparedFace& face, int quality, repository::Subsampling subsampling) {
+base::Result<FaceMeasurement> measureFace(const PreparedFace& face, int quality, repository::Subsampling subsampling) {
   LUMIGRID_ASSIGN_OR_RETURN(auto jpeg, repository::encodeJpeg(face.filled, quality, subsampling));
   LUMIGRID_ASSIGN_OR_RETURN(auto back, repository::decodeJpeg(jpeg));
-  return Measured{jpeg.size(), base::modelError(*face.rgba, back)};
+  return FaceMeasurement{jpeg.size(), base::modelError(*face.rgba, back)};
 }
 
-base::Result<TunePoint> measure(const std::vector<PreparedFace>& faces, int quality,
-                                repository::Subsampling subsampling, unsigned threads) {
-  std::vector<std::optional<base::Result<Measured>>> measured(faces.size());
+base::Result<QualityMeasurement> measure(const std::vector<PreparedFace>& faces, int quality,
+                                         repository::Subsampling subsampling, unsigned threads) {
+  std::vector<std::optional<base::Result<FaceMeasurement>>> measured(faces.size());
   base::parallelFor(faces.size(), threads,
                     [&](std::size_t i) { measured[i].emplace(measureFace(faces[i], quality, subsampling)); });
-  Measured sum;
+  FaceMeasurement sum;
   for (const auto& one : measured) {
     if (!*one) return one->error();
     sum.jpeg_bytes += (*one)->jpeg_bytes;
     sum.error.add((*one)->error);
   }
-  return TunePoint{sum.jpeg_bytes, sum.error.psnr()};
+  return QualityMeasurement{sum.jpeg_bytes, sum.error.psnr()};
 }
 
 /// The lowest quality that reaches `psnr_db`; psnr_db of the result is less when none does.
@@ -86,8 +86,8 @@ base::Result<TuneChoice> lowestQuality(const std::vector<PreparedFace>& faces, d
   return TuneChoice{reaches, subsampling, best->psnr_db, best->jpeg_bytes, faces.size()};
 }
 
-/// The sample as it was drawn and as it is encoded, the list of points that it is taken from, and what each thread
-/// encodes and decodes.
+/// The memory of the sample as it was drawn and as it is encoded, of the list of points that it is taken from, and of
+/// the picture that each thread encodes and decodes.
 std::uint64_t sampleBytes(const BakeOptions& options, std::size_t faces) {
   const std::uint64_t pixels = std::uint64_t{options.grid.face_size} * options.grid.face_size;
   return pixels * (7 * faces + 16 * std::uint64_t{threadsOf(options)}) + options.grid.pointCount() * sizeof(glm::uvec3);
@@ -105,11 +105,11 @@ base::Error outOfReach(double psnr_db, double best_db) {
 
 std::size_t tuneFacesOf(std::uint32_t face_size) {
   const std::size_t pixels = std::max<std::size_t>(1, std::size_t{face_size} * face_size);
-  return std::clamp(kSamplePixels / pixels, kFewestFaces, kTuneFaces);
+  return std::clamp(kSamplePixels / pixels, kMinTuneFaces, kTuneFaces);
 }
 
-base::Result<TunePoint> measureQuality(const std::vector<base::Image>& faces, int quality,
-                                       repository::Subsampling subsampling, unsigned threads) {
+base::Result<QualityMeasurement> measureQuality(const std::vector<base::Image>& faces, int quality,
+                                                repository::Subsampling subsampling, unsigned threads) {
   return measure(prepare(faces, threads), quality, subsampling, threads);
 }
 
@@ -134,13 +134,13 @@ base::Result<TuneChoice> tuneScene(const base::Scene& scene, const lod::patch::P
   const std::size_t wanted = tuneFacesOf(options.grid.face_size);
   LUMIGRID_ASSIGN_OR_RETURN(const auto budget,
                             limitSampling({patches.hierarchy(), options.grid.face_size, renderOptions(options)},
-                                          sampleBytes(options, wanted), options.memory_bytes));
+                                          sampleBytes(options, wanted), options.limits.resolved().memory_bytes));
   LUMIGRID_ASSIGN_OR_RETURN(auto renderer, SceneRenderer::create(scene, patches, budget));
   LUMIGRID_ASSIGN_OR_RETURN(auto faces, sampleFaces(*renderer, options.grid, renderOptions(options), wanted));
   if (faces.empty())
     return base::Error{base::ErrorCode::kInvalidInput,
                        "none of the faces looked at shows the model; build without --tune, or with another --grid"};
-  return tuneQuality(faces, psnr_db, options.threads);
+  return tuneQuality(faces, psnr_db, options.limits.threads);
 }
 
 }  // namespace server

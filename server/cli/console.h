@@ -1,5 +1,6 @@
 #pragma once
-// What every command of the program shares: errors, progress, sizes, signals. Only programs print; libraries do not.
+// Every command of the program prints errors, progress and sizes, and reacts to signals, by these functions. Only
+// programs print; libraries do not.
 #include <chrono>
 #include <cstdint>
 #include <string>
@@ -9,19 +10,19 @@
 
 namespace server::cli {
 
-/// Exit statuses (DESIGN section 1).
+/// Exit statuses.
 inline constexpr int kDone = 0, kFailed = 1, kWrongUsage = 2;
 
 /// Prints "lumigrid: message" to standard error; returns kFailed.
 int fail(const base::Error& error);
 
-/// Progress on standard error: a bar that is redrawn on a terminal, a plain line every few seconds otherwise. Shows
-/// rate, time left and this process's memory.
+/// Shows progress on standard error: a bar that is redrawn on a terminal, a plain line every few seconds otherwise,
+/// with the time left and this process's memory.
 class ProgressLine {
  public:
   explicit ProgressLine(bool quiet);
   ~ProgressLine();
-  /// `done` in 0..1; `detail` is put behind, e.g. "41.2 images/s".
+  /// `done` in 0..1; `detail` follows it, e.g. "41.2 images/s".
   void show(const std::string& stage, double done, const std::string& detail = "");
   void finish();  ///< ends the line
 

@@ -11,6 +11,7 @@
 #include "repository/verify.h"
 #include "server/cli/commands.h"
 #include "server/cli/console.h"
+#include "server/cli/method_digest.h"
 #include "server/cli/splat_info.h"
 #include "server/cli/tuned.h"
 #include "server/net/open_scene.h"
@@ -18,7 +19,7 @@
 namespace server::cli {
 namespace {
 
-constexpr std::size_t kMaxVisited = 10;
+constexpr std::size_t kMaxVisitedPoints = 10;  // listed of the access counts: a screenful
 
 struct InfoArguments {
   std::string scene;
@@ -27,17 +28,17 @@ struct InfoArguments {
   bool digest = false;
 };
 
-struct Level {
+struct LevelSummary {
   std::uint64_t triangles = 0, patches = 0;
   float max_error = 0.0F;
-  float max_color_error = 0.0F;  // 0 … 1
+  float max_color_error = 0.0F;  // share of black to white, 0 … 1
 };
 
-std::vector<Level> levelsOf(const lod::patch::Hierarchy& hierarchy) {
-  std::vector<Level> levels;
+std::vector<LevelSummary> levelsOf(const lod::patch::Hierarchy& hierarchy) {
+  std::vector<LevelSummary> levels;
   for (const lod::patch::Patch& patch : hierarchy.patches) {
     if (levels.size() <= patch.level) levels.resize(patch.level + 1);
-    Level& level = levels[patch.level];
+    LevelSummary& level = levels[patch.level];
     level.triangles += patch.triangles;
     ++level.patches;
     if (patch.producer == lod::patch::kNoGroup) continue;
@@ -56,7 +57,7 @@ nlohmann::json describeHierarchy(const OpenScene& open) {
                    {"lattice_step", h.lattice.step},
                    {"position_error", h.lattice.positionError()},
                    {"levels", nlohmann::json::array()}};
-  for (const Level& level : levelsOf(h))
+  for (const LevelSummary& level : levelsOf(h))
     j["levels"].push_back({{"triangles", level.triangles},
                            {"patches", level.patches},
                            {"max_error", level.max_error},
@@ -71,21 +72,11 @@ base::Result<repository::StoreContents> contentsOf(const repository::IndexRoot& 
 nlohmann::json describeImages(const OpenScene& open, const repository::StoreContents& contents) {
   const repository::Grid& grid = open.data.welcome.grid;
   const std::uint64_t points = open.points.count();
-  nlohmann::json growth = nlohmann::json::array();
-  for (const repository::TreeGrowth& g : open.growth)
-    growth.push_back({{"cell", g.cell},
-                      {"cells", g.cells},
-                      {"points", g.points},
-                      {"bytes", g.bytes},
-                      {"psnr_db", g.psnr_db},
-                      {"worst_psnr_db", g.worst_psnr_db},
-                      {"split", g.split}});
   return {{"images", contents.faces - contents.empty},
           {"empty", contents.empty},
           {"points", points},
           {"grid_points", grid.pointCount()},
           {"expected", 6 * points},
-          {"growth", growth},
           {"jpeg_bytes", contents.jpeg_bytes},
           {"coverage_bytes", contents.coverage_bytes},
           {"unreadable", contents.unreadable},
@@ -94,7 +85,8 @@ nlohmann::json describeImages(const OpenScene& open, const repository::StoreCont
           {"face_size", grid.face_size}};
 }
 
-/// Nothing when no server has counted. Counts that cannot be read are said to be so: they are no part of the scene.
+/// Nothing when no server has counted. Counts that cannot be read are told as such and no error: they are no part of
+/// the scene.
 nlohmann::json describeAccess(const OpenScene& open, const InfoArguments& a) {
   std::vector<std::string> files = a.access_files;
   if (files.empty()) files.push_back(repository::accessFileOf(a.scene));
@@ -111,7 +103,7 @@ nlohmann::json describeAccess(const OpenScene& open, const InfoArguments& a) {
                    {"until", counts->until},
                    {"points", nlohmann::json::array()}};
   const auto points = repository::rankPoints(*counts);
-  for (std::size_t i = 0; i < std::min(points.size(), kMaxVisited); ++i) {
+  for (std::size_t i = 0; i < std::min(points.size(), kMaxVisitedPoints); ++i) {
     const glm::uvec3 p = points[i].point;
     const glm::dvec3 at = open.scene.origin + glm::dvec3(open.data.welcome.grid.point(p.x, p.y, p.z));
     j["points"].push_back({{"point", {p.x, p.y, p.z}}, {"position", {at.x, at.y, at.z}}, {"sent", points[i].sent}});
@@ -119,7 +111,7 @@ nlohmann::json describeAccess(const OpenScene& open, const InfoArguments& a) {
   return j;
 }
 
-/// Nothing when the scene has none.
+/// Nothing when the scene has no annotations.
 nlohmann::json describeAnnotations(const OpenScene& open) {
   if (open.directory.empty())
     return open.annotations_json.empty() ? nlohmann::json() : nlohmann::json{{"bytes", open.annotations_json.size()}};
@@ -143,6 +135,10 @@ std::string dateOf(std::int64_t unix_seconds) {
   if (::gmtime_r(&time, &parts) == nullptr || std::strftime(text.data(), text.size(), "%F %T UTC", &parts) == 0)
     return "an unknown time";
   return text.data();
+}
+
+void printDigest(const nlohmann::json& part, const char* of) {
+  if (part.contains("sha256")) std::printf("  SHA-256 of %s %s\n", of, part["sha256"].get<std::string>().c_str());
 }
 
 void printAccess(const nlohmann::json& access) {
@@ -175,23 +171,17 @@ void printImages(const nlohmann::json& i, const std::string& tuned) {
           images == 0 ? 0 : (i["jpeg_bytes"].get<std::uint64_t>() + i["coverage_bytes"].get<std::uint64_t>()) / images)
           .c_str());
   if (!tuned.empty()) std::printf("  %s\n", tuned.c_str());
-  if (i.contains("sha256")) std::printf("  SHA-256 of all values %s\n", i["sha256"].get<std::string>().c_str());
+  printDigest(i, "all values");
   if (i["points"] != i["grid_points"])
     std::printf("  %s of the grid's %s points are sampled\n", formatCount(i["points"].get<std::uint64_t>()).c_str(),
                 formatCount(i["grid_points"].get<std::uint64_t>()).c_str());
-  for (const auto& g : i["growth"])
-    std::printf("  cells of %3u steps: %8s points, %9s; held-out views %.1f dB, the worst %.1f; %s of %s cells split\n",
-                g["cell"].get<unsigned>(), formatCount(g["points"].get<std::uint64_t>()).c_str(),
-                formatBytes(g["bytes"].get<std::uint64_t>()).c_str(), g["psnr_db"].get<double>(),
-                g["worst_psnr_db"].get<double>(), formatCount(g["split"].get<std::uint64_t>()).c_str(),
-                formatCount(g["cells"].get<std::uint64_t>()).c_str());
   if (images + i["empty"].get<std::uint64_t>() != expected)
     std::printf("  %s faces are missing; run the same `lumigrid build` again\n",
                 formatCount(expected - images - i["empty"].get<std::uint64_t>()).c_str());
 }
 
-// SHA-256 over every key (8 bytes, big-endian), length (8, little-endian) and value in the order of keys: equal exactly
-// when the repositories are, value by value, however they are divided into shards or packs.
+// The SHA-256 is taken over every key (8 bytes, big-endian), length (8, little-endian) and value in the order of keys:
+// it is equal exactly when the repositories are, value by value, however they are divided into shards or packs.
 base::Result<std::string> digestOf(const repository::Store& store) {
   base::Sha256 hash;
   LUMIGRID_TRY(store.forEach([&](const repository::FaceKey& key, base::ByteView value) {
@@ -205,7 +195,7 @@ base::Result<std::string> digestOf(const repository::Store& store) {
   return base::hexOf(hash.finish());
 }
 
-// A scene from points has splats only.
+// A scene that was made from points has splats only.
 void printScene(const InfoArguments& a, const nlohmann::json& j) {
   const auto& s = j["scene"];
   const auto triangles = s["triangles"].get<std::uint64_t>();
@@ -227,6 +217,7 @@ void printHierarchy(const nlohmann::json& h) {
               formatCount(h["patches"].get<std::uint64_t>()).c_str(),
               formatCount(h["groups"].get<std::uint64_t>()).c_str(),
               formatBytes(h["bytes"].get<std::uint64_t>()).c_str(), h["position_error"].get<double>());
+  printDigest(h, "content");
   int number = 0;
   for (const auto& level : h["levels"])
     std::printf("  level %2d: %12s triangles %8s patches, error up to %g\n", number++,
@@ -237,7 +228,10 @@ void printHierarchy(const nlohmann::json& h) {
 void print(const InfoArguments& a, const nlohmann::json& j, const std::string& tuned) {
   printScene(a, j);
   if (j.contains("hierarchy")) printHierarchy(j["hierarchy"]);
-  if (j.contains("qsplat")) std::printf("splats: %s\n", describeSplats(j["qsplat"]).c_str());
+  if (j.contains("qsplat")) {
+    std::printf("splats: %s\n", describeSplats(j["qsplat"]).c_str());
+    printDigest(j["qsplat"], "content");
+  }
   if (j.contains("images"))
     printImages(j["images"], tuned);
   else
@@ -246,66 +240,89 @@ void print(const InfoArguments& a, const nlohmann::json& j, const std::string& t
   if (j.contains("access")) printAccess(j["access"]);
 }
 
-/// Nothing when the scene has no tree of splats, or is not on this machine.
-base::Result<nlohmann::json> describeSplatFile(const std::string& directory, const base::Scene& scene) {
-  if (directory.empty() || !base::partFile(scene, "qsplat", ".lgq")) return nlohmann::json();
-  LUMIGRID_ASSIGN_OR_RETURN(const auto splats, lod::qsplat::SplatFile::open(base::splatPath(directory, scene)));
-  return splatsJson(splats.header());
+/// With the digest where it is asked for and the scene is on this machine.
+base::Result<nlohmann::json> describePatchFile(const InfoArguments& a, const OpenScene& open) {
+  nlohmann::json j = describeHierarchy(open);
+  if (!a.digest || open.directory.empty()) return j;
+  LUMIGRID_ASSIGN_OR_RETURN(j["sha256"], methodDigest(base::patchPath(open.directory, open.scene)));
+  return j;
 }
 
-int finish(const InfoArguments& a, const nlohmann::json& j, const std::string& tuned_line) {
-  if (a.json)
-    std::printf("%s\n", j.dump(2).c_str());
-  else
-    print(a, j, tuned_line);
-  return kDone;
+/// Nothing when the scene has no tree of splats, or is not on this machine.
+base::Result<nlohmann::json> describeSplatFile(const InfoArguments& a, const OpenScene& open) {
+  if (open.directory.empty() || !base::partFile(open.scene, "qsplat", ".lgq")) return nlohmann::json();
+  const std::string path = base::splatPath(open.directory, open.scene);
+  LUMIGRID_ASSIGN_OR_RETURN(const auto splats, lod::qsplat::SplatFile::open(path));
+  nlohmann::json j = splatsJson(splats.header());
+  if (a.digest) {
+    LUMIGRID_ASSIGN_OR_RETURN(j["sha256"], methodDigest(path));
+  }
+  return j;
+}
+
+/// With the digest where it is asked for, and the choice of --tune where there is one.
+base::Result<nlohmann::json> describeImageStore(const InfoArguments& a, const OpenScene& open) {
+  // A published repository counts what it holds, so that nothing need be fetched.
+  LUMIGRID_ASSIGN_OR_RETURN(const auto contents, open.packs != nullptr ? contentsOf(open.packs->root())
+                                                                       : repository::contentsOf(*open.images));
+  nlohmann::json j = describeImages(open, contents);
+  if (a.digest) {
+    LUMIGRID_ASSIGN_OR_RETURN(j["sha256"], digestOf(*open.images));
+  }
+  const auto tuned = storedChoice(open.scene.parameters);
+  if (!tuned) return base::within(a.scene + "/scene.json", tuned.error());
+  if (*tuned) j["tuned"] = tunedJson(**tuned);
+  return j;
+}
+
+base::Result<nlohmann::json> describe(const InfoArguments& a, const OpenScene& open) {
+  nlohmann::json j;
+  j["scene"] = nlohmann::json::parse(open.scene_json.begin(), open.scene_json.end());
+  j["triangles"] = open.scene.triangles;
+  if (open.data.patches != nullptr) {
+    LUMIGRID_ASSIGN_OR_RETURN(j["hierarchy"], describePatchFile(a, open));
+  }
+  LUMIGRID_ASSIGN_OR_RETURN(auto splats, describeSplatFile(a, open));
+  if (!splats.is_null()) j["qsplat"] = std::move(splats);
+  if (open.images) {
+    LUMIGRID_ASSIGN_OR_RETURN(j["images"], describeImageStore(a, open));
+  }
+  if (auto annotations = describeAnnotations(open); !annotations.is_null()) j["annotations"] = std::move(annotations);
+  if (auto access = describeAccess(open, a); !access.is_null()) j["access"] = std::move(access);
+  return j;
+}
+
+/// "tuned to 36 dB: quality 78, …", or empty.
+std::string describeTuning(const Parameters& parameters) {
+  const auto tuned = storedChoice(parameters);
+  if (!tuned || !*tuned) return "";
+  const auto asked = parameters.find("tune");
+  return "tuned to " + (asked == parameters.end() ? "?" : asked->second) + " dB: " + describeChoice(**tuned);
 }
 
 int run(const InfoArguments& a) {
-  auto open = openScene(a.scene);
+  const auto open = openScene(a.scene);
   if (!open) return fail(open.error());
-  nlohmann::json j;
-  std::string tuned_line;
-  j["scene"] = nlohmann::json::parse((*open)->scene_json.begin(), (*open)->scene_json.end());
-  j["triangles"] = (*open)->scene.triangles;
-  if ((*open)->data.patches != nullptr) j["hierarchy"] = describeHierarchy(**open);
-  auto splats = describeSplatFile((*open)->directory, (*open)->scene);
-  if (!splats) return fail(splats.error());
-  if (!splats->is_null()) j["qsplat"] = std::move(*splats);
-  if ((*open)->images) {
-    // A published repository counts what it holds, so that nothing need be fetched.
-    auto contents =
-        (*open)->packs != nullptr ? contentsOf((*open)->packs->root()) : repository::contentsOf(*(*open)->images);
-    if (!contents) return fail(contents.error());
-    j["images"] = describeImages(**open, *contents);
-    if (a.digest) {
-      auto digest = digestOf(*(*open)->images);
-      if (!digest) return fail(digest.error());
-      j["images"]["sha256"] = *digest;
-    }
-    const Parameters& parameters = (*open)->scene.parameters;
-    const auto tuned = storedChoice(parameters);
-    if (!tuned) return fail(base::within(a.scene + "/scene.json", tuned.error()));
-    if (*tuned) {
-      j["images"]["tuned"] = tunedJson(**tuned);
-      const auto asked = parameters.find("tune");
-      tuned_line = "tuned to " + (asked == parameters.end() ? "?" : asked->second) + " dB: " + describeChoice(**tuned);
-    }
-  }
-  if (auto annotations = describeAnnotations(**open); !annotations.is_null()) j["annotations"] = std::move(annotations);
-  if (auto access = describeAccess(**open, a); !access.is_null()) j["access"] = std::move(access);
-  return finish(a, j, tuned_line);
+  const auto j = describe(a, **open);
+  if (!j) return fail(j.error());
+  if (a.json)
+    std::printf("%s\n", j->dump(2).c_str());
+  else
+    print(a, *j, describeTuning((*open)->scene.parameters));
+  return kDone;
 }
 
 }  // namespace
 
-Run addInfo(CLI::App& command) {
+RunCommand addInfo(CLI::App& command) {
   auto a = std::make_shared<InfoArguments>();
   command.add_option("SCENE", a->scene, "scene directory")->required();
   command.add_option("--access-file", a->access_files,
                      "files of access counts to add up; default: access.lga in the scene, when it is there");
-  command.add_flag("--digest", a->digest,
-                   "also a SHA-256 over the keys and values of all images, the same however they are divided");
+  command.add_flag(
+      "--digest", a->digest,
+      "also SHA-256s: over the keys and values of all images, the same however they are divided; and, of a "
+      "scene on this machine, over patch.lgp and qsplat.lgq without the version of their format");
   command.add_flag("--json", a->json, "as JSON");
   return [a] { return run(*a); };
 }

@@ -1,4 +1,4 @@
-// lumigrid: build, look into, check, render and serve scenes (DESIGN section 1).
+// The program lumigrid builds, describes, checks, renders, publishes and serves scenes.
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
 #include <sys/resource.h>
@@ -11,8 +11,8 @@
 
 namespace {
 
-// Each shard of a repository takes three open files, each viewer one: the usual soft limit of 1024 is for programs that
-// use select().
+// Each shard of a repository takes three open files, each viewer one. The usual soft limit of 1024 files is there for
+// programs that use select(), which this one does not.
 void raiseFileLimit() {
   rlimit files{};
   if (::getrlimit(RLIMIT_NOFILE, &files) != 0 || files.rlim_cur == files.rlim_max) return;
@@ -37,10 +37,10 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
   struct Command {
     CLI::App* parser;
-    Run run;
+    RunCommand run;
   };
   std::vector<Command> commands;
-  auto add = [&](const char* name, const char* help, Run (*declare)(CLI::App&)) {
+  auto add = [&](const char* name, const char* help, RunCommand (*declare)(CLI::App&)) {
     CLI::App* parser = app.add_subcommand(name, help);
     commands.push_back({parser, declare(*parser)});
     return parser;

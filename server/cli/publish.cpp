@@ -1,5 +1,5 @@
-// lumigrid publish: a scene as objects that never change, and scene.json, which says which of them are the current
-// version, last (docs/formats/packs.md).
+// lumigrid publish writes a scene as objects that never change and, last, scene.json, which says which of them are the
+// current version (docs/formats/packs.md).
 #include "repository/packs/publish.h"
 
 #include <algorithm>
@@ -49,7 +49,7 @@ struct PublishReport {
 
 constexpr const char* kBinary = "application/octet-stream";
 
-// A scene that `lumigrid build` made is not overwritten: it has what it was built from, we would only add to it.
+// A directory in which `lumigrid build` made a scene is refused: objects of two kinds would lie side by side there.
 Result<void> refuseBuiltScene(repository::ObjectSink& sink) {
   for (const char* name : {"patch.lgp", "qsplat.lgq", base::kBuildingFile, "images/data.mdb"}) {
     LUMIGRID_ASSIGN_OR_RETURN(auto size, sink.size(name));
@@ -60,7 +60,7 @@ Result<void> refuseBuiltScene(repository::ObjectSink& sink) {
   return {};
 }
 
-// One file of the scene under a name that says its content.
+// Writes one file of the scene under a name that holds its content's hash.
 Result<base::ScenePart> publishPart(const PublishArguments& a, const base::ScenePart& part,
                                     repository::ObjectSink& sink, PublishReport& report) {
   const std::string path = a.scene + "/" + part.file;
@@ -103,15 +103,15 @@ Result<base::ScenePart> publishImages(const PublishArguments& a, const OpenScene
   return part;
 }
 
-// scene.json as others shall see it: where the meshes lay on this machine is not their business.
+// scene.json as others see it: the folders of the meshes on this machine are left out.
 base::Scene publicScene(base::Scene scene) {
   for (base::SceneSource& source : scene.sources) source.path = fs::path(source.path).filename().string();
   scene.parts.clear();
   return scene;
 }
 
-// A name that only a publisher gives, or what a killed one left of it.
-bool isOurs(const std::string& name) {
+// Whether only a publisher gives such a name; also that of a temporary file that a killed one left.
+bool isPublishersName(const std::string& name) {
   const std::size_t part = name.rfind(".part");
   const std::string whole =
       part != std::string::npos && base::isUnfinished(name, name.substr(0, part)) ? name.substr(0, part) : name;
@@ -121,21 +121,21 @@ bool isOurs(const std::string& name) {
          base::isPublishedName(whole);
 }
 
-// Removes what earlier versions had and this one has not.
+// Removes objects of earlier versions that this one does not have.
 Result<void> prune(const base::Scene& scene, repository::ObjectSink& sink, PublishReport& report) {
   std::set<std::string> current;
   for (const base::ScenePart& part : scene.parts) current.insert(part.file);
   if (report.images) current.insert(report.images->pack_names.begin(), report.images->pack_names.end());
   LUMIGRID_ASSIGN_OR_RETURN(auto names, sink.list(""));
   for (const std::string& name : names) {
-    if (!isOurs(name) || current.contains(name)) continue;
+    if (!isPublishersName(name) || current.contains(name)) continue;
     LUMIGRID_TRY(sink.remove(name));
     ++report.pruned;
   }
   return {};
 }
 
-// The page's files, if they are asked for or at least there.
+// The page's files where they are asked for, or not refused and there.
 Result<std::optional<PageFiles>> pageFiles(const PublishArguments& a) {
   if (a.viewer == "off") return std::optional<PageFiles>();
   const std::string directory = a.web.empty() ? installedPageFiles() : a.web;
@@ -148,7 +148,7 @@ Result<std::optional<PageFiles>> pageFiles(const PublishArguments& a) {
   return std::optional(std::move(pages));
 }
 
-// A place that has a page of somebody's own keeps it, unless ours was asked for.
+// A place keeps a page of somebody's own, unless --viewer on asks for ours, which is an error then.
 Result<void> publishPageTo(const PublishArguments& a, const PageFiles& pages, bool splats_only,
                            repository::ObjectSink& sink, PublishReport& report) {
   auto page = publishPage(pages, a.destination, sink, splats_only, a.prune);
@@ -163,7 +163,7 @@ Result<void> publishPageTo(const PublishArguments& a, const PageFiles& pages, bo
   return {};
 }
 
-// Annotations go along under their own name: they may change without the scene.
+// Annotations keep their name: they may change without the scene.
 Result<void> publishAnnotations(const PublishArguments& a, const std::optional<base::AnnotationsText>& annotations,
                                 repository::ObjectSink& sink, PublishReport& report) {
   if (!annotations || fs::path(a.scene).lexically_normal() == fs::path(a.destination).lexically_normal()) return {};
@@ -173,7 +173,7 @@ Result<void> publishAnnotations(const PublishArguments& a, const std::optional<b
                   "application/json");
 }
 
-// The scene as a server opens it, whose patches and images belong together.
+// Opens the scene as a server does, which checks that its patches and images belong together.
 Result<std::unique_ptr<OpenScene>> openWhole(const PublishArguments& a, const base::Scene& scene) {
   if (base::partFile(scene, "patch", ".lgp") || base::partFile(scene, "qsplat", ".lgq")) return openScene(a.scene);
   return Error{ErrorCode::kInvalidInput, a.scene + ": scene.json lists no patch.lgp; build the scene again"};
@@ -181,7 +181,7 @@ Result<std::unique_ptr<OpenScene>> openWhole(const PublishArguments& a, const ba
 
 Result<PublishReport> publish(const PublishArguments& a) {
   const auto start = std::chrono::steady_clock::now();
-  // What is wrong beside the scene is told before hours of copying.
+  // Errors beside the scene are told before hours of copying.
   LUMIGRID_ASSIGN_OR_RETURN(auto pages, pageFiles(a));
   LUMIGRID_ASSIGN_OR_RETURN(auto annotations, base::readAnnotations(a.scene));
   LUMIGRID_ASSIGN_OR_RETURN(const auto built, base::readScene(a.scene));
@@ -205,7 +205,7 @@ Result<PublishReport> publish(const PublishArguments& a) {
   }
 
   LUMIGRID_TRY(publishAnnotations(a, annotations, *sink, report));
-  // All that it names is there: now it may be seen.
+  // All objects that scene.json names are there, so it may be seen.
   const std::string text = base::formatScene(scene);
   LUMIGRID_TRY(
       sink->put("scene.json", {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}, "application/json"));
@@ -249,7 +249,7 @@ void print(const PublishArguments& a, const PublishReport& r) {
 
 }  // namespace
 
-Run addPublish(CLI::App& command) {
+RunCommand addPublish(CLI::App& command) {
   auto a = std::make_shared<PublishArguments>();
   command.add_option("SCENE", a->scene, "scene directory, built or published")->required();
   command

@@ -19,14 +19,14 @@ using base::Result;
 using nlohmann::json;
 
 constexpr const char* kRoot = "index.html";
-constexpr std::uint64_t kLongestList = 1 << 20;  // bytes
+constexpr std::uint64_t kMaxListBytes = 1 << 20;  // a list of the page's 40 files has some 5 kB
 
 struct Object {
   base::ByteView bytes;
   std::string type;
   std::string sha256;
 };
-/// By name; compressed forms stand beside their files, for servers that can send them.
+/// By name. Compressed forms stand beside their files, for servers that can send them.
 using Objects = std::map<std::string, Object>;
 using Hashes = std::map<std::string, std::string>;  // name → SHA-256 in hexadecimal digits
 
@@ -61,7 +61,7 @@ Result<void> setMeta(std::string& html, const std::string& name, const std::stri
   return {};
 }
 
-/// index.html that shows the scene beside it.
+/// The page's index.html, told to show the scene beside it.
 Result<base::Bytes> rootBesideScene(const base::Bytes& html, bool splats_only) {
   std::string text(html.begin(), html.end());
   LUMIGRID_TRY(setMeta(text, "lumigrid-scene", "scene.json"));
@@ -78,13 +78,13 @@ bool isScenes(const std::string& name) {
          name.ends_with(".lgp") || name.ends_with(".lgq");
 }
 
-/// What the last publisher wrote; nothing where there is no list.
+/// The files that the last publisher wrote; none where there is no list.
 Result<Hashes> readList(repository::ObjectSink& sink, const repository::ObjectSource& source) {
   LUMIGRID_ASSIGN_OR_RETURN(auto size, sink.size(kPageList));
   if (!size) return Hashes();
   const Error bad{ErrorCode::kInvalidInput, source.place() + "/" + kPageList +
                                                 ": cannot be read; remove the page's files there and publish again"};
-  if (*size > kLongestList) return bad;
+  if (*size > kMaxListBytes) return bad;
   LUMIGRID_ASSIGN_OR_RETURN(auto bytes, source.read(kPageList, 0, *size));
   const json list = json::parse(bytes.begin(), bytes.end(), nullptr, false);
   if (!list.is_object() || !list.contains("version") || list["version"] != 1 || !list.contains("files") ||
@@ -98,7 +98,8 @@ Result<Hashes> readList(repository::ObjectSink& sink, const repository::ObjectSo
   return hashes;
 }
 
-/// Names that must be written; what is there must be ours, as we left it, or what we would write.
+/// The names that must be written. A file that is there already must be as a publisher left it, or as it would be
+/// written.
 Result<std::set<std::string>> namesToWrite(const Objects& objects, const Hashes& before, repository::ObjectSink& sink,
                                            const repository::ObjectSource& source) {
   std::set<std::string> names;
@@ -123,7 +124,7 @@ Result<std::set<std::string>> namesToWrite(const Objects& objects, const Hashes&
   return names;
 }
 
-/// Whether it went: what somebody changed since is theirs.
+/// Returns whether the file was removed: one that somebody has changed since is theirs, and stays.
 Result<bool> removeIfOurs(const std::string& name, const std::string& hash, repository::ObjectSink& sink,
                           const repository::ObjectSource& source) {
   LUMIGRID_ASSIGN_OR_RETURN(auto size, sink.size(name));

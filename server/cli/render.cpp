@@ -5,7 +5,6 @@
 #include "base/egl/headless.h"
 #include "base/json/camera_file.h"
 #include "base/png/png.h"
-#include "lod/method.h"
 #include "server/cli/commands.h"
 #include "server/cli/console.h"
 #include "server/render/background.h"
@@ -15,11 +14,16 @@
 namespace server::cli {
 namespace {
 
+// The values of --method.
+constexpr const char* kFullMethod = "full";
+constexpr const char* kPatchMethod = "patches";
+constexpr const char* kSplatMethod = "qsplat";
+
 struct RenderArguments {
   std::string scene;
   std::string camera;
   std::string output;
-  std::string method = "full";
+  std::string method = kFullMethod;
   std::vector<int> size;
   double tolerance_px = 1.0;
   std::string splat = "circle";
@@ -29,8 +33,8 @@ struct RenderArguments {
   std::vector<int> background;
 };
 
-/// What was drawn, and how much of what: "1,234 triangles".
-struct Drawn {
+/// A picture, and how much it took to draw: "1,234 triangles".
+struct DrawnPicture {
   base::Image rgba;
   std::string amount;
 };
@@ -41,19 +45,20 @@ Rgb colorOf(const std::vector<int>& values) {
   return color;
 }
 
-base::Result<Drawn> drawPatches(const RenderArguments& a, const base::Scene& scene, const base::ViewCamera& view) {
+base::Result<DrawnPicture> drawPatches(const RenderArguments& a, const base::Scene& scene,
+                                       const base::ViewCamera& view) {
   LUMIGRID_ASSIGN_OR_RETURN(auto patches, lod::patch::PatchFile::open(base::patchPath(a.scene, scene)));
   LUMIGRID_ASSIGN_OR_RETURN(auto renderer, SceneRenderer::create(scene, patches));
   RenderOptions options;
-  options.tolerance_px =
-      lod::methodFromName(a.method) == lod::Method::kFull ? 0.0F : static_cast<float>(a.tolerance_px);
+  options.tolerance_px = a.method == kFullMethod ? 0.0F : static_cast<float>(a.tolerance_px);
   options.supersampling = a.supersampling;
   const base::Sphere bounds{renderer->sceneCenter(), renderer->sceneRadius()};
   LUMIGRID_ASSIGN_OR_RETURN(auto picture, renderer->render(base::cameraForScene(view, scene.origin, bounds), options));
-  return Drawn{std::move(picture.rgba), formatCount(picture.triangles) + " triangles"};
+  return DrawnPicture{std::move(picture.rgba), formatCount(picture.triangles) + " triangles"};
 }
 
-base::Result<Drawn> drawSplats(const RenderArguments& a, const base::Scene& scene, const base::ViewCamera& view) {
+base::Result<DrawnPicture> drawSplats(const RenderArguments& a, const base::Scene& scene,
+                                      const base::ViewCamera& view) {
   LUMIGRID_ASSIGN_OR_RETURN(auto file, openSplats(a.scene, scene));
   LUMIGRID_ASSIGN_OR_RETURN(auto renderer, SplatScene::create(scene, file));
   SplatOptions options;
@@ -63,8 +68,8 @@ base::Result<Drawn> drawSplats(const RenderArguments& a, const base::Scene& scen
   options.supersampling = a.supersampling;
   auto picture = renderer->render(base::cameraForScene(view, scene.origin, renderer->bounds()), options);
   if (!picture) return base::within(a.scene, picture.error());
-  return Drawn{std::move(picture->rgba),
-               formatCount(picture->splats) + " splats of " + formatCount(picture->nodes) + " nodes"};
+  return DrawnPicture{std::move(picture->rgba),
+                      formatCount(picture->splats) + " splats of " + formatCount(picture->nodes) + " nodes"};
 }
 
 int run(const RenderArguments& a) {
@@ -78,7 +83,7 @@ int run(const RenderArguments& a) {
   }
   auto context = base::HeadlessContext::create();
   if (!context) return fail(context.error());
-  const bool splats = lod::methodFromName(a.method) == lod::Method::kQsplat;
+  const bool splats = a.method == kSplatMethod;
   auto drawn = splats ? drawSplats(a, *scene, *view) : drawPatches(a, *scene, *view);
   if (!drawn) return fail(drawn.error());
   auto written = base::writePng(
@@ -90,7 +95,7 @@ int run(const RenderArguments& a) {
 
 }  // namespace
 
-Run addRender(CLI::App& command) {
+RunCommand addRender(CLI::App& command) {
   auto a = std::make_shared<RenderArguments>();
   command.add_option("SCENE", a->scene, "scene directory")->required();
   command.add_option("--camera", a->camera, "camera as JSON (docs/formats/camera.md)")->required();
@@ -102,7 +107,7 @@ Run addRender(CLI::App& command) {
       .add_option("--method", a->method,
                   "full: leaf geometry, the ground truth; patches: the hierarchy at --tolerance; qsplat: splats at "
                   "--cutoff")
-      ->check(CLI::IsMember({"full", "patches", "qsplat"}))
+      ->check(CLI::IsMember({kFullMethod, kPatchMethod, kSplatMethod}))
       ->capture_default_str();
   command.add_option("--tolerance", a->tolerance_px, "largest projected error of --method patches, pixels")
       ->check(CLI::Range(0.0, 1000.0))

@@ -39,7 +39,7 @@ int run(SampleArguments& a) {
 
 }  // namespace
 
-Run addSample(CLI::App& command) {
+RunCommand addSample(CLI::App& command) {
   auto a = std::make_shared<SampleArguments>();
   command.add_option("-o,--output", a->output, "PLY file to write")->required();
   command.add_option("--triangles", a->options.triangles, "triangle count, 10000 to 1000000000 (within 2 %)")

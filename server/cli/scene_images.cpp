@@ -9,7 +9,7 @@
 namespace server::cli {
 namespace {
 
-constexpr std::size_t kGapsTold = 10;  // on a terminal; JSON has all
+constexpr std::size_t kMaxPrintedGaps = 10;  // of each shard, for people; JSON has all
 
 std::string placeOf(const repository::FaceKey& key) {
   std::ostringstream name;
@@ -23,12 +23,6 @@ std::uint64_t facesOf(const MissingParts& missing) {
   return faces;
 }
 
-std::uint64_t cellsOf(const MissingParts& missing) {
-  std::uint64_t cells = 0;
-  for (const repository::ShardGaps& shard : missing.images) cells += shard.cells;
-  return cells;
-}
-
 nlohmann::json toJson(const repository::FaceKey& key) {
   return {key.x, key.y, key.z, key.d};
 }
@@ -40,10 +34,10 @@ void printJson(const std::string& scene, const MissingParts& missing) {
                    {"scene_json", missing.any() ? "missing" : "complete"},
                    {"shards", missing.shards},
                    {"missing_faces", facesOf(missing)},
-                   {"cells_to_judge", cellsOf(missing)},
                    {"missing_shards", missing.shards == 0 ? "" : arrayOf(missing.images)},
                    {"missing", nlohmann::json::array()}};
   if (missing.splats) j["qsplat"] = "missing";
+  if (missing.points) j["sampling_points"] = "missing";
   for (const repository::ShardGaps& shard : missing.images) {
     nlohmann::json gaps = nlohmann::json::array();
     for (const repository::Gap& gap : shard.gaps)
@@ -62,6 +56,8 @@ void printText(const std::string& scene, const MissingParts& missing) {
   if (missing.splats) std::printf("tree of splats: missing\n");
   if (missing.declaration)
     std::printf("scene.json: missing, though nothing else is; lumigrid build -o %s writes it\n", scene.c_str());
+  if (missing.points)
+    std::printf("sampling points: not selected yet; of all faces of the grid most will not be needed\n");
   for (const repository::ShardGaps& shard : missing.images) {
     if (missing.shards != 0) std::printf("shard %u of %u: ", shard.shard.index, shard.shard.count);
     if (shard.being_written) {
@@ -69,14 +65,11 @@ void printText(const std::string& scene, const MissingParts& missing) {
       continue;
     }
     std::printf("%s faces missing\n", formatCount(shard.faces).c_str());
-    for (std::size_t i = 0; i < shard.gaps.size() && i < kGapsTold; ++i)
+    for (std::size_t i = 0; i < shard.gaps.size() && i < kMaxPrintedGaps; ++i)
       std::printf("  %s to %s: %s faces\n", placeOf(shard.gaps[i].first).c_str(), placeOf(shard.gaps[i].last).c_str(),
                   formatCount(shard.gaps[i].faces).c_str());
-    if (shard.gaps.size() > kGapsTold)
-      std::printf("  and %zu more ranges (--json lists them)\n", shard.gaps.size() - kGapsTold);
-    if (shard.cells > 0)
-      std::printf("  %s cells still to be judged; those that are split need more images\n",
-                  formatCount(shard.cells).c_str());
+    if (shard.gaps.size() > kMaxPrintedGaps)
+      std::printf("  and %zu more ranges (--json lists them)\n", shard.gaps.size() - kMaxPrintedGaps);
   }
   // A line for scripts: it is what sbatch --array takes.
   if (missing.shards != 0 && !missing.images.empty()) std::printf("shards: %s\n", arrayOf(missing.images).c_str());

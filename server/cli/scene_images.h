@@ -1,5 +1,6 @@
 #pragma once
-// The images of a scene directory as the commands see them: how they are divided, what they lack, what does not belong.
+// The images of a scene directory as the commands see them: how they are divided, which are missing, and which stores
+// do not belong there.
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -15,25 +16,26 @@ inline constexpr const char* kShardsParameter = "shards";
 
 /// Its value, 0 when absent; an error for what is no number of shards.
 base::Result<std::uint32_t> shardsOf(const base::Scene& scene);
-/// Whether images are among what the scene was asked to hold.
+/// Whether the scene was asked to hold images.
 bool wantsImages(const base::Scene& scene);
 /// Stores below images/ that are of no or another division than `shards`, by their directories.
 base::Result<std::vector<std::string>> orphanStores(const std::string& images, std::uint32_t shards);
 
-/// What a scene lacks.
+/// The parts that a scene lacks.
 struct MissingParts {
   bool hierarchy = false;
   bool splats = false;
   std::uint32_t shards = 0;                   ///< the division; 0: none
+  bool points = false;                        ///< --views has not selected points yet: all of the grid count
   std::vector<repository::ShardGaps> images;  ///< shards that lack faces
-  /// All is there, but nobody has looked and written scene.json: any command that builds the scene does.
+  /// All is there, but nobody has checked that and written scene.json: any command that builds the scene does.
   bool declaration = false;
   bool files() const { return hierarchy || splats; }
   bool any() const { return files() || declaration || !images.empty(); }
 };
-/// Exit status of `build --missing` when something is.
+/// The exit status of `build --missing` when something is missing.
 inline constexpr int kMissing = 3;
-/// Prints it, for people or as JSON; returns the exit status.
+/// Prints what is missing, for people or as JSON; returns the exit status.
 int reportMissing(const std::string& scene, const MissingParts& missing, bool json);
 /// Indices of the shards as a Slurm array takes them: "0,2-5".
 std::string arrayOf(const std::vector<repository::ShardGaps>& shards);

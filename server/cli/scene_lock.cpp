@@ -18,7 +18,7 @@ namespace server::cli {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr auto kPollInterval = std::chrono::milliseconds(100);
+constexpr auto kPollInterval = std::chrono::milliseconds(100);  // nobody notices, and hundreds of tasks may wait
 
 std::string holderName() {
   std::array<char, 256> host{};
@@ -45,8 +45,8 @@ base::Result<bool> makeDirectory(const std::string& directory) {
 
 }  // namespace
 
-base::Result<SceneLock> SceneLock::take(const std::string& directory,
-                                        const std::function<void(const std::string& holder)>& on_wait) {
+base::Result<SceneLock> SceneLock::acquire(const std::string& directory,
+                                           const std::function<void(const std::string& holder)>& on_wait) {
   const std::string path = directory + "/" + kLockFile;
   SceneLock lock;
   lock.directory_ = directory;

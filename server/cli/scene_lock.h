@@ -1,6 +1,6 @@
 #pragma once
-// One process at a time decides about a scene as a whole: opens or makes it, builds its hierarchy, declares it
-// finished. Images are written outside of it, each shard under the lock of its own store.
+// One process at a time decides about a scene as a whole: it opens or makes the scene, builds its hierarchy, declares
+// it finished. Images are written outside of this lock, each shard under the lock of its own store.
 #include <functional>
 #include <string>
 
@@ -9,17 +9,17 @@
 
 namespace server::cli {
 
-/// SCENE/build.lock, held by flock: the system gives it back when its process dies. Gone when nobody holds it.
+/// Holds SCENE/build.lock by flock: the system releases it when the process dies. The file goes when nobody holds it.
 class SceneLock {
  public:
   /// Waits until nobody else holds it; makes the directory when it is not there. `on_wait` is called once with who has
   /// it ("pid 12 on node3"), when there is somebody to wait for. Errors: kCancelled after stopOnSignals(), kExists when
   /// the directory is a file, kIo.
-  static base::Result<SceneLock> take(const std::string& directory,
-                                      const std::function<void(const std::string& holder)>& on_wait);
+  static base::Result<SceneLock> acquire(const std::string& directory,
+                                         const std::function<void(const std::string& holder)>& on_wait);
   SceneLock(SceneLock&& other) noexcept;
   SceneLock& operator=(SceneLock&&) = delete;
-  /// Removes a directory that take() made and that is still empty.
+  /// Removes a directory that acquire() made and that is still empty.
   ~SceneLock();
 
  private:

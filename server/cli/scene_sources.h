@@ -1,5 +1,5 @@
 #pragma once
-// The meshes that a command names, with their hashes, which take as long as reading them.
+// The meshes that a command names, with their hashes: hashing takes as long as reading the files.
 #include <atomic>
 #include <future>
 #include <string>
@@ -10,18 +10,18 @@
 
 namespace server::cli {
 
-/// A thread works out the hashes from the constructor on, so that what needs none of them can go on meanwhile. Its
-/// destructor stops it.
+/// A thread works out the hashes from the constructor on, while work goes on that does not need them. The destructor
+/// stops it.
 class SceneSources {
  public:
   using List = std::vector<base::SceneSource>;
-  /// `hashed`: else all() has sizes only.
+  /// Without `hashed` all() has sizes only.
   SceneSources(std::vector<std::string> paths, bool hashed);
   ~SceneSources() { abandoned_ = true; }
   SceneSources(const SceneSources&) = delete;
   SceneSources& operator=(const SceneSources&) = delete;
 
-  /// Whether all of them are files that can be opened. Does not wait.
+  /// Checks that all of them are files that can be opened. Does not wait.
   base::Result<void> check() const;
   /// Waits for the hashes. Errors: kNotFound, kIo; kCancelled after stopOnSignals(). Safe from any thread.
   base::Result<List> all() const { return list_.get(); }

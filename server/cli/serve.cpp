@@ -20,14 +20,14 @@ struct ServeArguments {
   bool json = false;
 };
 
-void tellJson(const Server& server, const std::string& place) {
-  nlohmann::ordered_json told{{"port", server.port()}, {"url", "ws://" + place + "/"}};
+void printAddressesJson(const Server& server, const std::string& place) {
+  nlohmann::ordered_json j{{"port", server.port()}, {"url", "ws://" + place + "/"}};
   for (const std::string& name : server.names())
-    if (!name.empty()) told["scenes"].push_back({{"name", name}, {"url", "ws://" + place + "/" + name + "/"}});
-  std::printf("%s\n", told.dump().c_str());
+    if (!name.empty()) j["scenes"].push_back({{"name", name}, {"url", "ws://" + place + "/" + name + "/"}});
+  std::printf("%s\n", j.dump().c_str());
 }
 
-void tell(const ServeArguments& a, const Server& server, const std::string& place) {
+void printAddresses(const ServeArguments& a, const Server& server, const std::string& place) {
   const char* page = a.options.page_directory.empty() ? "" : " (open it in a browser)";
   if (a.scenes.size() == 1) {
     std::printf("serving %s at http://%s/%s\nlook at it with: lumigrid-view ws://%s/\n", a.scenes.front().c_str(),
@@ -49,9 +49,9 @@ int run(ServeArguments& a) {
   if (!server) return fail(server.error());
   const std::string place = a.options.address + ":" + std::to_string((*server)->port());
   if (a.json)
-    tellJson(**server, place);
+    printAddressesJson(**server, place);
   else
-    tell(a, **server, place);
+    printAddresses(a, **server, place);
   std::fflush(stdout);
   auto ended = (*server)->run(true);
   if (!ended) return fail(ended.error());
@@ -60,7 +60,7 @@ int run(ServeArguments& a) {
 
 }  // namespace
 
-Run addServe(CLI::App& command) {
+RunCommand addServe(CLI::App& command) {
   auto a = std::make_shared<ServeArguments>();
   command
       .add_option(

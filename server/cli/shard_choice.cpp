@@ -22,7 +22,7 @@ Result<std::optional<std::uint64_t>> numberFrom(const Environment& environment, 
   return std::optional(value);
 }
 
-// One of several, by the names of two variables; nothing unless both are set.
+// Reads a shard from two variables; nothing unless both are set.
 Result<std::optional<Shard>> placeFrom(const Environment& environment, const char* index_name, const char* count_name) {
   LUMIGRID_ASSIGN_OR_RETURN(auto index, numberFrom(environment, index_name));
   LUMIGRID_ASSIGN_OR_RETURN(auto count, numberFrom(environment, count_name));
@@ -42,7 +42,7 @@ Result<std::optional<Shard>> firstOf(const Environment& environment,
   return std::optional<Shard>();
 }
 
-// --array=4-10:2 is tasks 4, 6, 8, 10: places 0 to 3.
+// --array=4-10:2 starts tasks 4, 6, 8, 10, which take shards 0 to 3.
 Result<std::optional<Shard>> placeInArray(const Environment& environment) {
   std::uint64_t values[5] = {0, 0, 0, 0, 1};
   const char* names[5] = {"SLURM_ARRAY_TASK_ID", "SLURM_ARRAY_TASK_COUNT", "SLURM_ARRAY_TASK_MIN",

@@ -1,5 +1,5 @@
 #pragma once
-// What a tree of splats is like, for `build` and `info`.
+// Describes a tree of splats, for `build` and `info`.
 #include <nlohmann/json.hpp>
 #include <string>
 
@@ -7,9 +7,9 @@
 
 namespace server::cli {
 
-/// Counts, bytes per leaf, the pointers' share of the file, children per inner node.
+/// Counts, bytes per leaf, the pointers' share of the file, and children per inner node.
 nlohmann::json splatsJson(const lod::qsplat::Header& header);
-/// The same on one line.
+/// The same as one line of text.
 std::string describeSplats(const nlohmann::json& splats);
 
 }  // namespace server::cli

@@ -57,7 +57,7 @@ int run(const TourArguments& a) {
 
 }  // namespace
 
-Run addTour(CLI::App& command) {
+RunCommand addTour(CLI::App& command) {
   auto a = std::make_shared<TourArguments>();
   command.add_option("SCENE", a->scene, "scene directory")->required();
   command.add_option("-o,--output", a->output, "JSON file to write")->required();

@@ -12,7 +12,7 @@ namespace server::cli {
 namespace {
 
 constexpr const char* kPrefix = "tuned-";
-constexpr double kMaxDb = 99.0;
+constexpr double kMaxDb = 99.0;  // the PSNR of equal pictures (base::PictureError)
 
 template <class T>
 bool parseNumber(const std::string& text, T& number) {
@@ -20,16 +20,15 @@ bool parseNumber(const std::string& text, T& number) {
   return error == std::errc() && end == text.data() + text.size();
 }
 
-// Reads parameters by name; the first that is missing or no number in its range is remembered.
-class Reader {
+// Reads parameters by name, and remembers the first that is missing or no number in its range.
+class ChoiceReader {
  public:
-  explicit Reader(const Parameters& parameters) : parameters_(parameters) {}
+  explicit ChoiceReader(const Parameters& parameters) : parameters_(parameters) {}
   template <class T>
-  T number(const char* name, T least, T most) {
+  T number(const char* name, T min, T max) {
     T value{};
     const auto found = parameters_.find(kPrefix + std::string(name));
-    if (found == parameters_.end() || !parseNumber(found->second, value) || !(value >= least && value <= most))
-      fail(name);
+    if (found == parameters_.end() || !parseNumber(found->second, value) || !(value >= min && value <= max)) fail(name);
     return value;
   }
   repository::Subsampling subsampling() {
@@ -73,7 +72,7 @@ void storeChoice(const TuneChoice& choice, Parameters& parameters) {
 
 base::Result<std::optional<TuneChoice>> storedChoice(const Parameters& parameters) {
   if (withoutChoice(parameters).size() == parameters.size()) return std::optional<TuneChoice>();
-  Reader reader(parameters);
+  ChoiceReader reader(parameters);
   TuneChoice choice;
   choice.quality = reader.number("quality", 1, 100);
   choice.subsampling = reader.subsampling();

@@ -1,6 +1,6 @@
 #pragma once
-// What `build --tune` chose, as scene.json keeps it among the parameters: under names that begin with "tuned-", apart
-// from what was asked for (docs/formats/scene.md).
+// scene.json keeps the choice of `build --tune` among the parameters, under names that begin with "tuned-", apart from
+// the options that were given (docs/formats/scene.md).
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -13,9 +13,9 @@ namespace server::cli {
 
 using Parameters = std::map<std::string, std::string>;
 
-/// What was asked for, without what was chosen.
+/// The parameters without the choice.
 Parameters withoutChoice(Parameters parameters);
-/// Without all that says how images are encoded: tune, quality, subsampling, and the choice.
+/// The parameters without those of encoding images: tune, quality, subsampling, and the choice.
 Parameters withoutEncoding(Parameters parameters);
 
 void storeChoice(const TuneChoice& choice, Parameters& parameters);
@@ -29,7 +29,7 @@ std::string describeChoice(const TuneChoice& choice);
 /// The same for machines: quality, subsampling, psnr_db, faces, jpeg_bytes (of the sample).
 nlohmann::json tunedJson(const TuneChoice& choice);
 
-/// The value of --tune: decibels, or nothing for "off". False when it is neither, or not above 0 and below 99.
+/// Reads the value of --tune: decibels, or nothing for "off". False when it is neither, or not above 0 and below 99.
 bool parseTune(const std::string& text, std::optional<double>& psnr_db);
 
 }  // namespace server::cli

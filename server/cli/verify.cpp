@@ -10,6 +10,7 @@
 #include "repository/access.h"
 #include "repository/objects/open_objects.h"
 #include "repository/repository.h"
+#include "repository/sampling/expected_points.h"
 #include "repository/sampling/parameters.h"
 #include "repository/verify.h"
 #include "server/cli/commands.h"
@@ -32,7 +33,7 @@ struct VerifyArguments {
   std::uint64_t seed = 1;
 };
 
-// Every part that scene.json lists is there, with its size and hash.
+// Checks that every part that scene.json lists is there, with its size and hash.
 void verifyParts(const std::string& directory, const base::Scene& scene, Faults& faults) {
   for (const base::ScenePart& part : scene.parts) {
     if (!repository::isObjectName(part.file)) {
@@ -65,31 +66,34 @@ void verifyLocalPacks(const std::string& directory, const std::string& index, co
     verifyPacks(**packs, directory + "/" + index, progress, faults);
 }
 
-// One store: the parameters are those of all, and so are its values.
+// Checks one store, whose parameters must be those of all others.
 void verifyStore(const std::string& path, const repository::Shard& shard, const std::string& meta,
-                 const repository::Grid& grid, Faults& faults) {
-  if (!repository::isLmdbStore(path) && repository::pointsOf(shard, grid).size() == 0) return;
-  auto store = repository::openLmdbStore(path, repository::StoreMode::kRead);
-  if (!store) {
-    faults.push_back(store.error().message);
+                 const repository::SampledPoints& points, Faults& faults) {
+  const bool is_empty = repository::ExpectedPoints(points.grid, shard, points.treeOrNull()).size() == 0;
+  if (is_empty && !repository::isLmdbStore(path)) return;
+  const auto store = repository::openLmdbStore(path, repository::StoreMode::kRead);
+  const auto own = store ? (*store)->readMeta() : store.error();
+  if (!own) {
+    faults.push_back(own.error().message);
     return;
   }
-  const auto points = samplesOf(**store, path, faults);
-  if (!points) return;
-  const std::string own = (*store)->readMeta()->value_or("");
-  if (!repository::sameParameters(meta, own)) {
-    faults.push_back(path +
-                     ": was built with other parameters than other shards: " + repository::firstDifference(meta, own));
+  if (!own->has_value()) {
+    faults.push_back(path + ": does not say which grid it belongs to");
     return;
   }
-  auto found = repository::verifyShard(**store, grid, shard, points->treeOrNull());
+  if (*own != meta) {
+    faults.push_back(
+        path + ": was built with other parameters than other shards: " + repository::firstDifference(meta, **own));
+    return;
+  }
+  const auto found = repository::verifyShard(**store, points.grid, shard, points.treeOrNull());
   if (!found)
     faults.push_back(found.error().message);
   else
     for (const std::string& fault : *found) faults.push_back(path + ": " + fault);
 }
 
-// The parameters of the first store that can be read; why others cannot be is told where they are looked at.
+// The parameters of the first store that can be read. verifyStore says why others cannot be.
 std::optional<std::string> firstMeta(const std::string& images, std::uint32_t shards) {
   for (std::uint32_t i = 0; i < std::max(shards, 1U); ++i) {
     auto store = repository::openLmdbStore(repository::storeDirectory(images, shards, i), repository::StoreMode::kRead);
@@ -99,7 +103,7 @@ std::optional<std::string> firstMeta(const std::string& images, std::uint32_t sh
   return std::nullopt;
 }
 
-// Every store of the scene's division, and none besides.
+// Checks every store of the scene's division, and that there are no others.
 void verifyImages(const std::string& images, const base::Scene& scene, Faults& faults) {
   auto shards = shardsOf(scene);
   auto orphans = shards ? orphanStores(images, *shards) : shards.error();
@@ -114,17 +118,17 @@ void verifyImages(const std::string& images, const base::Scene& scene, Faults& f
     faults.push_back(images + ": no store here says which grid it belongs to");
     return;
   }
-  auto grid = repository::gridFromMeta(*meta, images);
-  if (!grid) {
-    faults.push_back(grid.error().message);
+  const auto points = repository::sampledPointsFromMeta(*meta, images);
+  if (!points) {
+    faults.push_back(points.error().message);
     return;
   }
   const std::uint32_t count = std::max(*shards, 1U);
   for (std::uint32_t i = 0; i < count; ++i)
-    verifyStore(repository::storeDirectory(images, *shards, i), {i, count}, *meta, *grid, faults);
+    verifyStore(repository::storeDirectory(images, *shards, i), {i, count}, *meta, *points, faults);
 }
 
-// Servers keep it; a scene has none until one was served.
+// Servers write the file: a scene has none until it was served.
 void verifyAccess(const std::string& path, Faults& faults) {
   if (!fs::exists(path)) return;
   auto bytes = base::readFile(path);
@@ -139,7 +143,7 @@ void verifyAnnotations(const std::string& directory, Faults& faults) {
   if (auto notes = base::readAnnotations(directory); !notes) faults.push_back(notes.error().message);
 }
 
-// What is wrong with a scene on the disk.
+// Lists the faults of a scene on the disk.
 base::Result<Faults> verifyHere(const std::string& directory, const VerifyProgress& progress, bool& is_published) {
   LUMIGRID_ASSIGN_OR_RETURN(auto scene, base::readScene(directory));
   Faults faults;
@@ -206,7 +210,7 @@ int run(const VerifyArguments& a) {
 
 }  // namespace
 
-Run addVerify(CLI::App& command) {
+RunCommand addVerify(CLI::App& command) {
   auto a = std::make_shared<VerifyArguments>();
   command
       .add_option("SCENE", a->scene,

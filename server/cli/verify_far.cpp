@@ -22,12 +22,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr unsigned kReads = 8;  // under way at a time
-constexpr std::uint64_t kRangeBytes = std::uint64_t{4} << 20;
+constexpr unsigned kReads = 8;                                 // under way at a time: hides a distant store's latency
+constexpr std::uint64_t kRangeBytes = std::uint64_t{4} << 20;  // eight of them are held at a time
 
 using Source = std::shared_ptr<const repository::ObjectSource>;
 
-/// A directory for temporary files that goes with the object.
+/// A directory for temporary files that the destructor removes.
 class WorkFolder {
  public:
   static base::Result<std::unique_ptr<WorkFolder>> make() {
@@ -49,7 +49,7 @@ class WorkFolder {
   const std::string path_;
 };
 
-// Its SHA-256 while it is read by ranges.
+// The SHA-256 of an object, which is read by ranges.
 base::Result<std::string> hashOf(const repository::ObjectSource& source, const std::string& name, std::uint64_t bytes) {
   base::Sha256 hash;
   std::optional<base::Error> failed;
@@ -68,7 +68,7 @@ base::Result<std::string> hashOf(const repository::ObjectSource& source, const s
   return base::hexOf(hash.finish());
 }
 
-// A part as scene.json lists it.
+// Checks that a part is as scene.json lists it.
 void verifyPart(const repository::ObjectSource& source, const base::ScenePart& part, Faults& faults) {
   const std::string object = source.place() + "/" + part.file;
   const auto bytes = source.size(part.file);
@@ -88,7 +88,8 @@ void verifyPart(const repository::ObjectSource& source, const base::ScenePart& p
 
 using VerifyFile = void (*)(const std::string& path, const base::Scene& scene, Faults& faults);
 
-// As a file, for it is looked at through a memory map; its length and SHA-256 are compared on the way.
+// Checks a method's file through a local copy, since it is read through a memory map; length and SHA-256 are compared
+// while it is copied.
 void verifyFarFile(const repository::ObjectSource& source, const base::ScenePart& part, const base::Scene& scene,
                    VerifyFile verify, const VerifyProgress& progress, Faults& faults) {
   const auto folder = WorkFolder::make();
@@ -106,7 +107,7 @@ void verifyFarFile(const repository::ObjectSource& source, const base::ScenePart
   Faults found;
   verify(*path, scene, found);
   for (std::string& fault : found) {
-    // It lies at the place, not where it was looked at.
+    // Messages name the object at the place, not the local copy.
     if (fault.starts_with(*path)) fault = source.place() + "/" + part.file + fault.substr(path->size());
     faults.push_back(std::move(fault));
   }
@@ -122,7 +123,7 @@ void verifyFarImages(const Source& source, const std::string& index, const Verif
     verifyPacks(**packs, source->place() + "/" + index, progress, faults);
 }
 
-// No part of the scene: there may be none.
+// Annotations are no part of the scene, so there may be none.
 void verifyFarAnnotations(const repository::ObjectSource& source, Faults& faults) {
   const auto size = source.size(base::kAnnotationsFile);
   if (!size && size.error().code == base::ErrorCode::kNotFound) return;

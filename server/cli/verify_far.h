@@ -1,5 +1,5 @@
 #pragma once
-// `lumigrid verify` of a published scene behind a network.
+// `lumigrid verify` for a published scene behind a network.
 #include <string>
 
 #include "base/error.h"

@@ -1,13 +1,34 @@
 #include "server/cli/verify_parts.h"
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 
 #include "lod/patch/format.h"
 #include "lod/qsplat/splat_file.h"
+#include "repository/sampling/parameters.h"
 #include "repository/verify.h"
 
 namespace server::cli {
+namespace {
+
+// The points that a store samples; nothing, and a fault, when it does not record them.
+std::optional<repository::SampledPoints> samplesOf(const repository::Store& store, const std::string& path,
+                                                   Faults& faults) {
+  auto meta = store.readMeta();
+  if (!meta || !meta->has_value()) {
+    faults.push_back(meta ? path + ": does not say which grid it belongs to" : meta.error().message);
+    return std::nullopt;
+  }
+  auto points = repository::sampledPointsFromMeta(**meta, path);
+  if (!points) {
+    faults.push_back(points.error().message);
+    return std::nullopt;
+  }
+  return std::move(*points);
+}
+
+}  // namespace
 
 void verifySplats(const std::string& path, const base::Scene& scene, Faults& faults) {
   const auto splats = lod::qsplat::SplatFile::open(path);
@@ -40,24 +61,6 @@ void verifyPatches(const std::string& path, const base::Scene& scene, Faults& fa
   for (std::size_t i = 0; i < h.patches.size(); ++i)
     if (h.patches[i].level == 0 && !(box.contains(h.patches[i].box.min) && box.contains(h.patches[i].box.max)))
       faults.push_back(path + ": leaf patch " + std::to_string(i) + " lies outside the scene's box");
-}
-
-std::optional<repository::SampledPoints> samplesOf(const repository::Store& store, const std::string& path,
-                                                   Faults& faults) {
-  auto meta = store.readMeta();
-  if (!meta || !meta->has_value()) {
-    faults.push_back(meta ? path + ": does not say which grid it belongs to" : meta.error().message);
-    return std::nullopt;
-  }
-  auto points = repository::sampledPointsFromMeta(**meta, path);
-  if (!points) {
-    faults.push_back(points.error().message);
-    return std::nullopt;
-  }
-  if (points->tree && !points->tree->openLeaves().empty())
-    faults.push_back(path + ": of its cells " + std::to_string(points->tree->openLeaves().size()) +
-                     " are still to be judged");
-  return std::move(*points);
 }
 
 void verifyPacks(const repository::PackStore& packs, const std::string& path, const VerifyProgress& progress,

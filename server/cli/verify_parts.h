@@ -1,34 +1,27 @@
 #pragma once
-// What `lumigrid verify` looks at in a scene on the disk and in a published one behind a network alike.
+// The checks of `lumigrid verify` that a scene on the disk and a published one behind a network share.
 #include <functional>
-#include <optional>
 #include <string>
 #include <vector>
 
 #include "base/json/scene_file.h"
 #include "repository/packs/pack_store.h"
-#include "repository/sampling/parameters.h"
-#include "repository/store.h"
 
 namespace server::cli {
 
 /// A line for each thing that is wrong.
 using Faults = std::vector<std::string>;
 
-/// Told how much of the images is read, 0..1; returns false to stop.
+/// Called with the share of the images that is read, 0..1; returns false to stop.
 using VerifyProgress = std::function<bool(double done)>;
 
-/// A patch hierarchy on the disk: all that PatchFile::verify finds, and what does not go with scene.json.
+/// Checks a patch hierarchy on the disk: all that PatchFile::verify finds, and that it agrees with scene.json.
 void verifyPatches(const std::string& path, const base::Scene& scene, Faults& faults);
 
-/// The same of splats.
+/// Checks a tree of splats on the disk in the same way.
 void verifySplats(const std::string& path, const base::Scene& scene, Faults& faults);
 
-/// The points that a store samples; nothing, and a fault, when it does not say. `path`: of the store, for messages.
-std::optional<repository::SampledPoints> samplesOf(const repository::Store& store, const std::string& path,
-                                                   Faults& faults);
-
-/// Published images. `path`: of their index, for messages.
+/// Checks published images. `path`: of their index, for messages.
 void verifyPacks(const repository::PackStore& packs, const std::string& path, const VerifyProgress& progress,
                  Faults& faults);
 

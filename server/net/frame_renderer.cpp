@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "base/egl/headless.h"
+#include "base/view_defaults.h"
 #include "repository/faces/jpeg.h"
 #include "server/bake/face_encoder.h"
 #include "server/render/scene_renderer.h"
@@ -18,7 +19,7 @@ namespace {
 
 constexpr int kFullColorQuality = 90;  // from this quality on chroma has full resolution, as its loss would be visible
 constexpr std::uint64_t kPatchBytes = std::uint64_t{2} << 30;  // of GPU memory, for the patches of all scenes together
-constexpr RenderOptions kExactFrame{.tolerance_px = 0.25F, .supersampling = 2};
+constexpr RenderOptions kExactFrame{.tolerance_px = base::ViewDefaults::kExactTolerance, .supersampling = 2};
 
 }  // namespace
 

@@ -28,7 +28,6 @@ base::Result<void> setImages(std::unique_ptr<repository::Store> store, const std
   if (!meta->has_value()) return {};  // a bake that was stopped before its first batch
   LUMIGRID_ASSIGN_OR_RETURN(auto points, repository::sampledPointsFromMeta(**meta, path));
   open.points = std::move(points);
-  open.growth = repository::growthFromText(**meta);
   open.data.tree = open.points.treeOrNull();
   open.images = std::move(store);
   open.data.images = open.images.get();

@@ -15,7 +15,6 @@
 #include "repository/packs/pack_store.h"
 #include "repository/sampling/grid.h"
 #include "repository/sampling/parameters.h"
-#include "repository/sampling/tree_text.h"
 #include "repository/store.h"
 #include "server/session/session.h"
 
@@ -37,7 +36,6 @@ struct OpenScene {
   std::unique_ptr<repository::Store> images;                ///< null: the scene has no repository
   repository::PackStore* packs = nullptr;                   ///< `images` of a published scene; null for a built one
   repository::SampledPoints points;                         ///< of the repository
-  std::vector<repository::TreeGrowth> growth;               ///< how the tree grew
   base::Bytes scene_json;                                   ///< the bytes of the file
   std::string directory;                                    ///< of a local scene; empty: remote
   std::string annotations_json;                             ///< of a remote scene, checked; empty: it has none

@@ -8,6 +8,7 @@
 #include "base/camera.h"
 #include "base/error.h"
 #include "base/json/scene_file.h"
+#include "base/view_defaults.h"
 #include "server/net/http_text.h"
 #include "server/render/background.h"
 #include "server/render/scene_renderer.h"
@@ -18,10 +19,11 @@ struct PictureRequest {
   enum class Format { kPng, kJpeg };
   base::ViewCamera camera;
   Format format = Format::kPng;
-  int quality = 90;               ///< of a JPEG, 1..100
-  int supersampling = 2;          ///< n × n samples a pixel, 1..4
-  std::optional<Rgb> background;  ///< none: transparent
-  float tolerance_px = 0.25F;     ///< projected error of the patches; invisible at the default, as in exact frames
+  int quality = 90;                                          ///< of a JPEG, 1..100
+  int supersampling = 2;                                     ///< n × n samples a pixel, 1..4
+  std::optional<Rgb> background;                             ///< none: transparent
+  float tolerance_px = base::ViewDefaults::kExactTolerance;  ///< projected error of the patches; invisible at the
+                                                             ///< default, as in exact frames
   std::optional<base::SectionPlane> section;
   bool resolution_colors = false;  ///< tinted by the patches' projected errors
 };

@@ -20,6 +20,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "base/view_defaults.h"
 #include "lod/patch/format.h"
 #include "lod/patch/proxy_sight.h"
 #include "plan/view_plan.h"
@@ -48,7 +49,7 @@ struct SceneData {
 struct FrameRequest {
   std::uint32_t sequence = 0;
   base::ViewCamera camera;
-  int quality = 85;
+  int quality = base::ViewDefaults::kQuality;
 };
 
 /// Faces to be fetched, the most useful first. They are of one view, hence of one neighbourhood in the store.

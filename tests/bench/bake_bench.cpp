@@ -66,9 +66,9 @@ double renderOnly(const bench::OpenScene& open, const server::BakeOptions& optio
   const auto fail = [](const base::Error& error) { bench::stop(error.message); };
   const double start = bench::seconds();
   const auto faces = in_processes
-                         ? server::makeFacesByProcesses(
+                         ? server::makeProcessFaceMaker(
                                work, self(kDrop), server::drawProcessesFor(server::threadsOf(options)), take, fail)
-                         : server::makeFacesHere(work, 1, take, fail, dropPicture);
+                         : server::makeLocalFaceMaker(work, 1, take, fail, dropPicture);
   std::uint64_t sequence = 0;
   for (const glm::uvec3& p : repository::pointsInMortonOrder(options.grid)) {
     server::DrawJob job{sequence, {}};
@@ -101,7 +101,7 @@ double encodeOnly(const std::vector<base::Image>& faces, const server::BakeOptio
   std::size_t count = 0;
   const double start = bench::seconds();
   while (bench::seconds() - start < kEncodeSeconds) {
-    base::parallelFor(faces.size(), options.threads, [&](std::size_t i) {
+    base::parallelFor(faces.size(), options.limits.threads, [&](std::size_t i) {
       if (!server::encodeFace(faces[i], options.quality, options.subsampling)) bench::stop("a face cannot be encoded");
     });
     count += faces.size();
@@ -146,7 +146,7 @@ server::BakeSummary bakeAll(const bench::OpenScene& open, const server::BakeOpti
       server::bake(open.scene, open.patches, *store, options, [](const server::BakeProgress&) { return true; }));
 }
 
-// Of several runs, in each of which the three take turns.
+// Medians of several runs, in each of which the three take turns.
 struct Rates {
   std::vector<double> render, encode, bake, of_slower, of_shared, busy, idle;
 
@@ -175,7 +175,7 @@ int main(int argc, char** argv) {
   const bench::OpenScene open = bench::openScene(a.faces.input, work);
   server::BakeOptions options;
   options.grid = repository::makeGrid(open.scene.localBox(), a.faces.grid, 0.5F, a.faces.face);
-  options.threads = a.threads;
+  options.limits.threads = a.threads;
   options.draw_command = self(kDraw);
   bool in_processes = false;
   std::vector<base::Image> kept;

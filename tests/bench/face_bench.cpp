@@ -1,10 +1,10 @@
-// What a stored face costs: bytes of the JPEG as it is stored (filler under the mask, Huffman tables of its own) beside
-// plain JPEGs of the whole picture on black and on white, at the same PSNR on the model's pixels, and of the mask.
+// Measures the bytes of a stored face: of its JPEG (filler under the mask, Huffman tables of its own) beside plain
+// JPEGs of the whole picture on black and on white, at the same PSNR on the model's pixels, and of its mask.
 //
 //   face_bench SCENE|MESH [--grid N] [--face PIXELS] [--quality Q] [--faces COUNT]
 //
-// The faces are the sample that `lumigrid build --tune` looks at. "standard" is with the JPEG standard's Huffman
-// tables. Bytes at the same PSNR are between those of the two qualities around it.
+// The faces are the sample that `lumigrid build --tune` measures. "standard" is with the JPEG standard's Huffman
+// tables. Bytes at the same PSNR are interpolated between the two qualities around it.
 #include <turbojpeg.h>
 
 #include <cmath>

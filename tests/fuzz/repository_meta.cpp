@@ -31,7 +31,7 @@ void divide(const repository::Grid& grid) {
 std::string treeOfFive() {
   repository::Grid grid;
   grid.count = glm::uvec3(5);
-  const std::string text = repository::withTree("\n}\n", repository::SampleTree(grid, 2), {});
+  const std::string text = repository::withTree("\n}\n", repository::SampleTree(grid, 2));
   const std::size_t begin = text.find(": \"") + 3;
   return text.substr(begin, text.find('"', begin) - begin);
 }
@@ -46,7 +46,7 @@ std::vector<base::Bytes> seeds() {
               "\"face_size\": 1}}"),
       bytesOf(
           "{\n\"grid\": {\"first\": [0, 0, 0], \"spacing\": 1, \"count\": [5, 5, 5], \"face_size\": 8},\n\"tree\": \"" +
-          treeOfFive() + "\",\n\"growth\": []\n}\n"),
+          treeOfFive() + "\"\n}\n"),
       bytesOf("shard-0003-of-0016"), bytesOf("3/16")};
 }
 
@@ -59,7 +59,6 @@ void fuzzOne(base::ByteView bytes) {
     LUMIGRID_CHECK_LT(shard->index, shard->count);
     LUMIGRID_CHECK(repository::shardOfDirectoryName(repository::directoryNameOf(*shard)) == *shard);
   }
-  (void)repository::growthFromText(text);
   (void)repository::firstDifference(text, "{\n\"quality\": 85\n}");
 }
 

@@ -1,4 +1,4 @@
-// Bad input: one line that names the file, the place and what to do; nothing half-written.
+// Bad input ends in one line that names the file, the place and what to do, and leaves nothing half-written.
 #include <sys/mount.h>
 #include <sys/socket.h>
 #include <unistd.h>

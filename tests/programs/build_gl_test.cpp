@@ -1,4 +1,4 @@
-// Whole builds: resumed, killed, damaged.
+// Builds with images are resumed, killed and repaired.
 #include <signal.h>
 #include <unistd.h>
 
@@ -64,7 +64,7 @@ TEST_F(Build, imagesThatDoNotFitTheMemoryAreRefusedWithWhatTheyNeed) {
   ASSERT_NE(at, std::string::npos) << refused.err;
   const std::string rest = refused.err.substr(at + advice.size());
 
-  // That much does, and the images do not depend on it.
+  // The memory that the error asks for suffices, and the images do not depend on it.
   const auto built = run("lumigrid", command(path("scene"), rest.substr(0, rest.find(' '))));
   ASSERT_EQ(built.status, 0) << built.err;
   ASSERT_EQ(run("lumigrid", command(path("free"), "64G")).status, 0);
@@ -82,7 +82,7 @@ TEST_F(Build, killedInTheMiddleItGoesOnAndEndsTheSame) {
   ASSERT_EQ(run("lumigrid", command(path("whole"))).status, 0);
   const auto whole = values(path("whole"));
 
-  // Kill as soon as some, but not all, images are there. Every run gets further; a few kills at different places.
+  // Each run is killed as soon as some, but not all, of its images are there, and gets further than the one before.
   int killed = 0;
   for (int round = 0; round < 3; ++round) {
     const std::size_t before =
@@ -133,7 +133,7 @@ TEST_F(Build, interruptedItStopsCleanlyAndGoesOn) {
   EXPECT_EQ(run("lumigrid", {"verify", path("scene")}).status, 0);
 }
 
-// A reader of another process that decodes all that it can see while the build runs.
+// Another process reads and decodes all that it can see while the build runs.
 TEST_F(Build, readersDuringTheBuildSeeOnlyWholeImages) {
   const std::string mesh = smallMesh();
   auto seen = [&] {
@@ -147,13 +147,13 @@ TEST_F(Build, readersDuringTheBuildSeeOnlyWholeImages) {
     const pid_t builder = programs::start(
         "lumigrid", {"build", mesh, "-o", path("scene"), "--grid", "6", "--face", "64", "--batch", "20", "--quiet"},
         path("build"));
-    // Until it has seen some of what is not all yet.
+    // The reader has seen some images, and not all of them.
     while (seen() == 0 && !std::filesystem::exists(path("scene/scene.json")))
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
     beside = !std::filesystem::exists(path("scene/scene.json"));
     EXPECT_EQ(programs::wait(builder), 0) << programs::readText(path("build.err"));
 
-    // It sees all in the end, and ends by itself only when something is broken.
+    // The reader sees all images in the end, and ends by itself only when one is broken.
     const std::size_t all = values(path("scene")).size();
     while (seen() < all && ::kill(reader, 0) == 0 && programs::readText(path("reader.err")).empty())
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
@@ -177,7 +177,7 @@ TEST_F(Build, verifyNamesWhatIsDamaged) {
   programs::writeText(scene + "/patch.lgp", patches);
   ASSERT_EQ(run("lumigrid", {"verify", scene}).status, 0);
 
-  // One bit of one image, and one image gone.
+  // One bit of one image is wrong, and one image is gone.
   {
     const auto all = values(scene);
     auto store = repository::openLmdbStore(scene + "/images", repository::StoreMode::kWrite);
@@ -203,7 +203,7 @@ class TunedBuild : public Build {
   std::vector<std::string> command(const std::string& db) {
     return {"build", mesh_, "-o", path("scene"), "--grid", "4", "--face", "64", "--tune", db, "--quiet", "--json"};
   }
-  // As if the build had been killed before its first image.
+  // The scene is left as if the build had been killed before its first image.
   void takeImagesAway() {
     std::filesystem::remove_all(path("scene/images"));
     std::filesystem::rename(path("scene/scene.json"), path("scene/building.json"));
@@ -228,7 +228,7 @@ TEST_F(TunedBuild, theChoiceIsToldKeptAndShown) {
       "tuned to 38.0 dB: quality " + tuned["quality"].dump() + ", " + tuned["subsampling"].get<std::string>();
   EXPECT_NE(run("lumigrid", {"info", path("scene")}).out.find(words), std::string::npos);
 
-  // Another number of threads, another run: the same choice and the same images.
+  // A run with another number of threads makes the same choice and the same images.
   const auto first = values(path("scene"));
   auto again = command("38");
   again.insert(again.end(), {"--force", "--threads", "3"});
@@ -268,7 +268,7 @@ TEST_F(TunedBuild, whatCannotBeReachedIsToldAndLessMayBeAskedWithoutStartingAfre
   ASSERT_EQ(lower.status, 0) << lower.err;
   EXPECT_FALSE(json::parse(lower.out).contains("hierarchy")) << "the hierarchy was built again";
 
-  // Once images are there they all must be of one quality.
+  // Once there are images, all must be of one quality.
   std::filesystem::rename(path("scene/scene.json"), path("scene/building.json"));
   programs::expectOneLineError(run("lumigrid", command("37")), 1, {"other meshes or options"});
 }

@@ -1,4 +1,4 @@
-// lumigrid publish as a user runs it: whole, killed, again, pruned, damaged.
+// lumigrid publish runs as a user runs it: to its end, killed, again, with --prune, over damage.
 #include <fcntl.h>
 #include <signal.h>
 #include <sys/file.h>
@@ -41,7 +41,7 @@ class PublishProgram : public programs::ProgramTest {
     EXPECT_TRUE(store) << store.error().message;
     return store ? valuesOf(**store) : Values();
   }
-  // What scene.json leads to.
+  // The objects that scene.json leads to.
   static Values publishedValues(const std::string& place) {
     auto scene = base::readScene(place);
     EXPECT_TRUE(scene) << scene.error().message;
@@ -52,7 +52,7 @@ class PublishProgram : public programs::ProgramTest {
     EXPECT_TRUE(packs) << packs.error().message;
     return packs ? valuesOf(**packs) : Values();
   }
-  // Images that are all large, so that publishing takes a while: 162 faces of 200 to 400 kB.
+  // Makes all images large, so that publishing takes a while: 162 faces of 200 to 400 kB.
   static void enlargeImages(const std::string& scene, std::uint8_t seed) {
     auto store = repository::openLmdbStore(scene + "/images", repository::StoreMode::kWrite);
     ASSERT_TRUE(store);
@@ -67,7 +67,7 @@ class PublishProgram : public programs::ProgramTest {
     std::error_code ignored;
     return static_cast<std::size_t>(std::distance(fs::directory_iterator(place, ignored), fs::directory_iterator()));
   }
-  // Whether it may be waited for, which is left to the caller.
+  // Leaves the status of an ended process to the caller's wait().
   static bool hasEnded(pid_t pid) {
     siginfo_t info{};
     return ::waitid(P_PID, static_cast<id_t>(pid), &info, WEXITED | WNOHANG | WNOWAIT) != 0 || info.si_pid != 0;
@@ -95,12 +95,12 @@ TEST_F(PublishProgram, aPublishedSceneHoldsTheSameAndIsReadByEveryCommand) {
   const auto verified = run("lumigrid", {"verify", path("out")});
   EXPECT_EQ(verified.status, 0) << verified.out << verified.err;
 
-  // A published scene can be published on, and comes out the same.
+  // A published scene can be published again from where it lies, and comes out the same.
   ASSERT_EQ(run("lumigrid", {"publish", path("out"), "file://" + path("copy")}).status, 0);
   EXPECT_EQ(readText(path("copy/scene.json")), readText(path("out/scene.json")));
   EXPECT_EQ(publishedValues(path("copy")), builtValues(scene));
 
-  // Again: nothing to write but scene.json.
+  // A second run writes nothing but scene.json.
   const json again = json::parse(run("lumigrid", {"publish", scene, path("out"), "--viewer", "off", "--json"}).out);
   EXPECT_EQ(again["bytes_written"], 0);
   EXPECT_EQ(filesIn(path("out")), 3U) << "scene.json, the patches, images";
@@ -130,7 +130,7 @@ TEST_F(PublishProgram, thePageGoesBesideTheSceneAndNeverOverSomebodyElses) {
   EXPECT_EQ(readText(path("out/style.css.gz")), "style as gzip");
   EXPECT_EQ(json::parse(publish({}).out)["bytes_written"], 0) << "nothing changed";
 
-  // A later page: the old program stays for who has the old page open, until --prune.
+  // When a later page is published, the old program stays for those who have the old page open, until --prune.
   programs::writeText(page + "/index.html", kForAnyScene + "second page");
   fs::rename(page + "/lumigrid-0123abcd.js", page + "/lumigrid-89abcdef.js");
   fs::remove(page + "/style.css.gz");
@@ -143,7 +143,7 @@ TEST_F(PublishProgram, thePageGoesBesideTheSceneAndNeverOverSomebodyElses) {
   EXPECT_TRUE(fs::exists(path("out/lumigrid-89abcdef.js")));
   EXPECT_EQ(run("lumigrid", {"verify", path("out")}).status, 0);
 
-  // Somebody wrote a page of their own: it is left, with a line, or an error when ours was asked for.
+  // A page of somebody's own is left, with a line; or an error when ours was asked for.
   programs::writeText(path("out/style.css"), "my own style");
   programs::writeText(page + "/index.html", kForAnyScene + "third page");
   const auto left = publish({});
@@ -210,7 +210,7 @@ TEST_F(PublishProgram, killedAtAnyMomentTheOldVersionStaysAndTheRerunFinishes) {
   EXPECT_NE(readText(out + "/scene.json"), old_json);
   EXPECT_EQ(publishedValues(out), new_values);
 
-  // Nothing of the killed ones or of the old version stays with --prune; what is not ours does.
+  // With --prune nothing of killed runs or of the old version stays; files of others do.
   programs::writeText(out + "/index.html", "mine");
   programs::writeText(out + "/images/pack-00000000000000000000000000000000.lgk.part77", "half");
   const json pruned =

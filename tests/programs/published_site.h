@@ -1,5 +1,5 @@
 #pragma once
-// A published scene in a web server's folder, servers of ours beside it, and tours of both with lumigrid-view.
+// Puts a published scene into a web server's folder, runs servers of ours beside it, and tours both with lumigrid-view.
 #include <signal.h>
 
 #include <chrono>
@@ -42,8 +42,8 @@ class PublishedSite : public ProgramTest {
     ProgramTest::TearDown();
   }
 
-  /// `lumigrid serve` until the test ends; --no-frames, so that pictures come from the repository alone. The n-th
-  /// server's words are in path("serve<n>.err").
+  /// Runs `lumigrid serve` until the test ends; --no-frames, so that pictures come from the repository alone. The n-th
+  /// server logs to path("serve<n>.err").
   Served serve(const std::string& what, const std::vector<std::string>& more = {}) {
     const std::string log = path("serve" + std::to_string(servers_.size()));
     std::vector<std::string> arguments{"serve", what, "--port", "0", "--json", "--no-frames"};
@@ -58,14 +58,15 @@ class PublishedSite : public ProgramTest {
     return {};
   }
 
-  /// path("tour.json"): so many views of the scene.
+  /// Writes path("tour.json") with so many views of the scene.
   void makeTour(int frames, int width, int height) {
     if (std::filesystem::exists(path("tour.json"))) return;
     const auto made = run("lumigrid", {"tour", scene_, "--frames", std::to_string(frames), "--size",
                                        std::to_string(width), std::to_string(height), "-o", path("tour.json")});
     EXPECT_EQ(made.status, 0) << made.err;
   }
-  /// The pictures of that tour, each of them complete and none broken; kept in path(name). `method`: empty: not said.
+  /// Makes that tour, and expects each picture complete and none broken; they stay in path(name). `method`: empty: the
+  /// default.
   Tour tour(const std::string& url, const std::string& name, const std::string& method = "lumigraph") {
     std::vector<std::string> arguments{url,      "--headless",      "--settle", "60",
                                        "--path", path("tour.json"), "--out",    path(name)};

@@ -1,6 +1,7 @@
 #include "tests/programs/run_program.h"
 
 #include <fcntl.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -36,9 +37,11 @@ pid_t start(const std::string& program, const std::vector<std::string>& argument
   ::_exit(127);
 }
 
-int wait(pid_t pid) {
+int wait(pid_t pid, std::uint64_t* peak_memory_bytes) {
   int status = 0;
-  ::waitpid(pid, &status, 0);
+  rusage usage{};
+  ::wait4(pid, &status, 0, &usage);
+  if (peak_memory_bytes != nullptr) *peak_memory_bytes = static_cast<std::uint64_t>(usage.ru_maxrss) * 1024;
   return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
 }
 
@@ -48,7 +51,7 @@ Outcome run(const std::string& program, const std::vector<std::string>& argument
                            ("lumigrid_run_" + std::to_string(::getpid()) + "_" + std::to_string(runs++)))
                               .string();
   Outcome outcome;
-  outcome.status = wait(start(program, arguments, log));
+  outcome.status = wait(start(program, arguments, log), &outcome.peak_memory_bytes);
   outcome.out = readText(log + ".out");
   outcome.err = readText(log + ".err");
   std::filesystem::remove(log + ".out");

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <sys/types.h>
 
+#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -12,28 +13,31 @@ namespace programs {
 struct Outcome {
   int status = 0;  ///< exit status; 128 + n when killed by signal n
   std::string out, err;
+  /// Most resident memory of the process, by the kernel's account (wait4). The test's own memory when it started the
+  /// process is a lower bound.
+  std::uint64_t peak_memory_bytes = 0;
 };
 
 /// Runs bin/<program> with arguments and waits.
 Outcome run(const std::string& program, const std::vector<std::string>& arguments);
 
-/// Starts it, standard output and error into files `<log>.out`, `<log>.err`; the caller waits.
+/// Starts the program with standard output and error into files `<log>.out`, `<log>.err`; the caller waits.
 pid_t start(const std::string& program, const std::vector<std::string>& arguments, const std::string& log);
-/// Waits; the status as in Outcome.
-int wait(pid_t pid);
+/// Waits; the status as in Outcome. `peak_memory_bytes`: where to put it, or null.
+int wait(pid_t pid, std::uint64_t* peak_memory_bytes = nullptr);
 
 std::string readText(const std::string& path);
 void writeText(const std::string& path, const std::string& text);
 
-/// A directory that lives as long as the test.
+/// Gives each test a directory that lives as long as it.
 class ProgramTest : public ::testing::Test {
  protected:
   void SetUp() override;
   void TearDown() override { std::filesystem::remove_all(directory_); }
   std::string path(const std::string& name) const { return (directory_ / name).string(); }
-  /// A small generated mesh (10,000 triangles).
+  /// Generates a small mesh (10,000 triangles); its path.
   std::string smallMesh();
-  /// A small finished scene of it: grid 3, faces of 64 pixels.
+  /// Builds a small scene of it (grid 3, faces of 64 pixels); its path.
   std::string smallScene();
   std::filesystem::path directory_;
 };

@@ -1,4 +1,4 @@
-// Server and viewer as processes: the tour that ./demo makes.
+// Server and viewer run as processes and make the tour that ./demo makes.
 #include <signal.h>
 
 #include <chrono>
@@ -122,8 +122,9 @@ TEST_F(Serve, renderDrawsSplatsOnceTheSceneHasThem) {
   EXPECT_EQ(render({"--method", "qsplat", "--cutoff", "-1"}).status, 2);
 }
 
-// The chain from a viewer to the next build: what was sent is counted, and cells are split where that was.
-TEST_F(Serve, aSceneIsRefinedWhereAViewerWas) {
+// A viewer leads to the next build: the server counts the faces that it sends, and points are selected for views from
+// there.
+TEST_F(Serve, aSceneIsSampledWhereAViewerWas) {
   const std::string scene = smallScene();
   std::string url;
   const pid_t server = serve(scene, url);
@@ -134,8 +135,7 @@ TEST_F(Serve, aSceneIsRefinedWhereAViewerWas) {
   ASSERT_EQ(programs::wait(server), 0) << programs::readText(path("serve.err"));
 
   const auto points = [&](const std::string& name, std::vector<std::string> more) {
-    std::vector<std::string> words{"build",    smallMesh(), "-o",     path(name), "--grid",         "9", "--face", "32",
-                                   "--target", "60",        "--gain", "0",        "--coarse-cells", "2", "--quiet"};
+    std::vector<std::string> words{"build", smallMesh(), "-o", path(name), "--grid", "9", "--face", "32", "--quiet"};
     words.insert(words.end(), more.begin(), more.end());
     const auto built = run("lumigrid", words);
     EXPECT_EQ(built.status, 0) << built.err;
@@ -143,19 +143,20 @@ TEST_F(Serve, aSceneIsRefinedWhereAViewerWas) {
     const json info = json::parse(run("lumigrid", {"info", path(name), "--json"}).out, nullptr, false);
     return info["images"]["points"].get<std::uint64_t>();
   };
-  const std::uint64_t everywhere = points("everywhere", {});
-  const std::uint64_t visited = points("visited", {"--refine-from", scene});
-  EXPECT_LT(visited, everywhere);
-  EXPECT_GT(visited, 27U);
-  EXPECT_LT(points("cheap", {"--budget", "1"}), visited);
-  // A finished scene is looked over without the scene that it was refined from.
+  // One viewer at one place needs fewer points than viewers anywhere.
+  const std::uint64_t anywhere = points("anywhere", {"--views", "100"});
+  const std::uint64_t visited = points("visited", {"--views", "100", "--views-from", scene});
+  EXPECT_LT(visited, anywhere);
+  EXPECT_GT(visited, 8U);
+  // A finished scene is looked over without the scene that its views were drawn from.
   std::filesystem::remove_all(scene);
   EXPECT_EQ(run("lumigrid", {"build", "-o", path("visited"), "--quiet"}).status, 0);
 
   programs::expectOneLineError(
-      run("lumigrid", {"build", smallMesh(), "-o", path("x"), "--target", "30", "--refine-from", scene, "--quiet"}), 1,
-      {"--refine-from", scene});
-  EXPECT_EQ(run("lumigrid", {"build", smallMesh(), "-o", path("y"), "--refine-from", scene}).status, 2);
+      run("lumigrid", {"build", smallMesh(), "-o", path("x"), "--views", "30", "--views-from", scene, "--quiet"}), 1,
+      {"--views-from", scene});
+  programs::expectOneLineError(run("lumigrid", {"build", smallMesh(), "-o", path("y"), "--views-from", scene}), 2,
+                               {"--views-from", "--views"});
 }
 
 }  // namespace

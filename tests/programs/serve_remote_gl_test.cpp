@@ -1,4 +1,4 @@
-// Published scenes served from behind a network: servers that keep nothing but a cache.
+// Servers of published scenes that lie behind a network keep nothing but a cache.
 #include <algorithm>
 #include <filesystem>
 #include <functional>
@@ -23,15 +23,15 @@ using programs::run;
 using programs::Served;
 using programs::Tour;
 
-// What a server says of a view.
-struct Told {
-  std::vector<base::Bytes> messages;  // up to its completion, in their order
-  std::size_t images = 0;             // of them
+// The messages of a server about one view.
+struct ViewMessages {
+  std::vector<base::Bytes> messages;  // up to the view's completion, in their order
+  std::size_t images = 0;             // number of them that are images
 };
 
-// The view is the first of its connection: whatever comes ahead of need comes after the completion.
-Told askFor(std::uint16_t port, const base::ViewCamera& camera) {
-  Told told;
+// The view is the first of its connection, so images ahead of need come after its completion.
+ViewMessages askFor(std::uint16_t port, const base::ViewCamera& camera) {
+  ViewMessages told;
   const auto client = server::LoopbackClient::connect(port);
   protocol::View view;
   view.sequence = 1;
@@ -68,8 +68,8 @@ class RemoteServe : public programs::PublishedSite {
     EXPECT_TRUE(frames && frames->size() == 3);
     return frames ? std::move(*frames) : std::vector<base::ViewCamera>();
   }
-  std::vector<Told> answers(const Served& served) {
-    std::vector<Told> all;
+  std::vector<ViewMessages> answers(const Served& served) {
+    std::vector<ViewMessages> all;
     for (const base::ViewCamera& camera : cameras()) all.push_back(askFor(served.port, camera));
     return all;
   }
@@ -81,18 +81,17 @@ class RemoteServe : public programs::PublishedSite {
   std::unique_ptr<support::Nginx> nginx_;
 };
 
-/// The fewest that were blended in a picture.
+/// The least number of images that were blended in any picture.
 int fewestImages(const Tour& tour) {
   int fewest = std::numeric_limits<int>::max();
   for (const auto& line : tour.lines) fewest = std::min(fewest, line["samples"].get<int>());
   return fewest;
 }
 
-// What is said is compared, byte by byte but for its order (groups go while far images are on their way), and not the
-// pictures: those also hold what happened to come ahead of need
-// before they were drawn, so that even two of the same server differ (by 0.6 levels in the mean, where leaving all
-// images out is 1.2).
-void expectTheSame(const std::vector<Told>& a, const std::vector<Told>& b) {
+// Messages are compared byte by byte but for their order (groups go while far images are on their way). Pictures are
+// not: they also show images that happened to come ahead of need, so that even two pictures of one server differ (by
+// 0.6 levels in the mean, where leaving all images out is 1.2).
+void expectTheSame(const std::vector<ViewMessages>& a, const std::vector<ViewMessages>& b) {
   ASSERT_EQ(a.size(), b.size());
   for (std::size_t view = 0; view < a.size(); ++view) {
     EXPECT_GE(a[view].images, 8U) << "view " << view;
@@ -134,7 +133,7 @@ TEST_F(RemoteServe, whatIsWrongWithAPlaceIsNamed) {
   programs::writeText(path("site/broken/scene.json"), "{\"version\": 1");
   expectOneLineError(serveOnce(place("broken")), 1, {place("broken") + "/scene.json"});
 
-  // Another hierarchy than scene.json names.
+  // The hierarchy is another than scene.json names.
   for (const auto& entry : fs::directory_iterator(path("site/tower")))
     if (entry.path().extension() == ".lgp") {
       std::string bytes = readText(entry.path());
@@ -150,7 +149,7 @@ TEST_F(RemoteServe, aLostPackIsMissedAndTheRestGoesOn) {
   for (const auto& entry : fs::directory_iterator(path("site/tower/images")))
     if (entry.path().extension() == ".lgk") fs::remove(entry.path());
   const Served served = serve(place("tower"), {"--cache", path("cache")});
-  for (const Told& told : answers(served)) {
+  for (const ViewMessages& told : answers(served)) {
     EXPECT_EQ(told.images, 0U);
     EXPECT_GE(told.messages.size(), 2U);  // Welcome, the hierarchy
   }
@@ -161,7 +160,7 @@ TEST_F(RemoteServe, aLostPackIsMissedAndTheRestGoesOn) {
   EXPECT_NE(readText(path("serve0.err")).find(".lgk"), std::string::npos);
 }
 
-// What `verify` says of a place.
+// The faults that `verify` lists of a place.
 class RemoteVerify : public RemoteServe {
  protected:
   static std::string onlyFile(const std::string& directory, const std::string& extension) {

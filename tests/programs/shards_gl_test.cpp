@@ -1,4 +1,4 @@
-// One scene, many processes: shards, what is missing, repair.
+// Many processes build one scene in shards, say what is missing, and repair it.
 #include <signal.h>
 #include <unistd.h>
 
@@ -11,7 +11,6 @@
 #include "repository/faces/face_value.h"
 #include "repository/repository.h"
 #include "repository/sampling/parameters.h"
-#include "repository/sampling/tree_text.h"
 #include "tests/programs/run_program.h"
 
 namespace {
@@ -29,6 +28,9 @@ bool waitFor(const Condition& condition) {
   for (int i = 0; i < 12000 && !condition(); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(5));
   return condition();
 }
+
+// Options for sampling by use, with few views so that it is quick.
+const Words kSelected{"--views", "60", "--worth", "0.8"};
 
 class Shards : public programs::ProgramTest {
  protected:
@@ -56,7 +58,7 @@ class Shards : public programs::ProgramTest {
     EXPECT_EQ(outcome.status, status) << outcome.err;
     return json::parse(outcome.out, nullptr, false);
   }
-  // One for all values; the same for every division of the same scene.
+  // The digest of all values, which is the same for every division of the same scene.
   std::string digest(const std::string& scene) {
     const Outcome outcome = run("lumigrid", {"info", path(scene), "--json", "--digest"});
     EXPECT_EQ(outcome.status, 0) << outcome.err;
@@ -219,7 +221,7 @@ TEST_F(Shards, whatIsMissingIsToldFromTheFirstMoment) {
   expectOneLineError(run("lumigrid", {"build", "--missing", "-o", smallMesh()}), 1, {"is a file"});
 }
 
-// Whoever rendered the last image was killed before he could declare the scene finished.
+// The process that rendered the last image was killed before it could declare the scene finished.
 TEST_F(Shards, aSceneThatLacksOnlyItsDeclarationGetsIt) {
   buildShards("scene", 2);
   const std::string finished = programs::readText(path("scene/scene.json"));
@@ -269,7 +271,7 @@ TEST_F(Shards, ranksOfMpiTakeTheirShards) {
   EXPECT_EQ(digest("scene"), digest("whole"));
 }
 
-// Flipped bytes, erased keys, orphans in a shard; a store of another division; a shard that is gone.
+// The scene has flipped bytes, erased keys and orphans in a shard, a store of another division, and lacks a shard.
 TEST_F(Shards, whatIsWrongWithAFinishedSceneIsRepairedAndNothingElse) {
   buildShards("scene", 3);
   const std::string before = digest("scene");
@@ -329,15 +331,13 @@ TEST_F(Shards, anUndividedSceneIsRepairedToo) {
   EXPECT_NE(again.out.find("nothing was to be done"), std::string::npos) << again.out;
 }
 
-// A finished adaptive scene: what is damaged or does not belong is put right, and its tree stays as it is.
-TEST_F(Shards, anAdaptiveSceneIsVerifiedAndRepairedAsItsTreeSays) {
-  const Words adaptive{"--target", "24", "--coarse-cells", "2"};
-  mustBuild("scene", adaptive, "9");
+// In a finished scene of selected points damaged images are rendered again, others removed, and its points stay.
+TEST_F(Shards, aSceneOfSelectedPointsIsVerifiedAndRepairedAsItsTreeSays) {
+  mustBuild("scene", kSelected, "9");
   const std::string before = digest("scene");
   const std::string scene_json = programs::readText(path("scene/scene.json"));
   EXPECT_EQ(run("lumigrid", {"verify", path("scene")}).status, 0);
   EXPECT_EQ(missing("scene", 0)["complete"], true);
-  EXPECT_EQ(missing("scene", 0)["cells_to_judge"], 0);
 
   std::string meta;
   FaceKey orphan{0, 0, 0, 0};
@@ -347,7 +347,7 @@ TEST_F(Shards, anAdaptiveSceneIsVerifiedAndRepairedAsItsTreeSays) {
     const auto points = repository::sampledPointsFromMeta(meta, "images");
     ASSERT_TRUE(points && points->tree);
     const auto sampled = points->tree->points();
-    ASSERT_LT(sampled.size(), points->grid.pointCount()) << "the target is too high for this test";
+    ASSERT_LT(sampled.size(), points->grid.pointCount()) << "all points of the grid are selected";
     for (const glm::uvec3& p : repository::pointsInMortonOrder(points->grid))
       if (!points->tree->hasPoint(p)) orphan = {p.x, p.y, p.z, 3};
     const FaceKey flipped{sampled[2].x, sampled[2].y, sampled[2].z, 1};
@@ -375,54 +375,68 @@ TEST_F(Shards, anAdaptiveSceneIsVerifiedAndRepairedAsItsTreeSays) {
   EXPECT_EQ(programs::readText(path("scene/scene.json")), scene_json);
 }
 
-TEST_F(Shards, whatAnAdaptiveSceneLacksIsToldBeforeItIsFinished) {
-  mustBuild("scene", {"--methods", "patch"}, "9");
-  const Words asked{"build",    "--missing", "--json",         "-o", path("scene"), "--methods", "patch,images",
-                    "--target", "24",        "--coarse-cells", "2"};
+TEST_F(Shards, takeOneSelectionOfPoints) {
+  mustBuild("whole", kSelected, "9");
+  std::vector<pid_t> pids;
+  smallMesh();
+  for (int i = 0; i < 4; ++i) {
+    Words more = kSelected;
+    more.insert(more.end(), {"--shard", std::to_string(i) + "/4"});
+    pids.push_back(programs::start("lumigrid", build("scene", more, "9"), path("log" + std::to_string(i))));
+  }
+  for (std::size_t i = 0; i < pids.size(); ++i)
+    EXPECT_EQ(programs::wait(pids[i]), 0) << programs::readText(path("log" + std::to_string(i) + ".err"));
+  EXPECT_EQ(missing("scene", 0)["complete"], true);
+  EXPECT_EQ(digest("scene"), digest("whole"));
+  EXPECT_EQ(run("lumigrid", {"verify", path("scene")}).status, 0);
+  EXPECT_EQ(summary({"info", path("scene")})["images"]["points"], summary({"info", path("whole")})["images"]["points"]);
+  ASSERT_EQ(run("lumigrid", {"publish", path("scene"), path("published"), "--quiet"}).status, 0);
+  EXPECT_EQ(digest("published"), digest("whole"));
+
+  // A lost shard is rendered again at the points that were selected.
+  fs::remove_all(images("scene") + "/shard-0001-of-0004");
+  fs::remove_all(images("scene") + "/shard-0002-of-0004");
+  EXPECT_GT(missing("scene", 3)["missing_faces"], 0);
+  EXPECT_EQ(summary({"build", "-o", path("scene"), "--quiet"})["complete"], true);
+  EXPECT_EQ(digest("scene"), digest("whole"));
+}
+
+TEST_F(Shards, killedWhileTheyRenderSelectedPointsEndWithTheSameImages) {
+  Words budget = kSelected;
+  budget.insert(budget.end(), {"--budget", "60k"});
+  mustBuild("whole", budget, "9");
+  budget.insert(budget.end(), {"--batch", "6"});
+  Words shard = budget;
+  shard.insert(shard.end(), {"--shard", "0/2"});
+  const std::string selection = images("scene") + "/points.json";
+  const pid_t pid = programs::start("lumigrid", build("scene", shard, "9"), path("killed"));
+  ASSERT_TRUE(waitFor([&] { return fs::exists(selection); })) << programs::readText(path("killed.err"));
+  ::kill(pid, SIGKILL);
+  programs::wait(pid);
+  const std::string selected = programs::readText(selection);
+  EXPECT_EQ(missing("scene", 3)["complete"], false);
+  for (const char* index : {"1/2", "0/2"}) {
+    Words more = budget;
+    more.insert(more.end(), {"--shard", index});
+    mustBuild("scene", more, "9");
+  }
+  EXPECT_EQ(programs::readText(selection), selected);
+  EXPECT_EQ(digest("scene"), digest("whole"));
+  const json info = summary({"info", path("scene")})["images"];
+  EXPECT_LE(info["jpeg_bytes"].get<int>() + info["coverage_bytes"].get<int>(), 60'000);
+}
+
+TEST_F(Shards, ofPointsThatAreNotSelectedYetAllAreMissing) {
+  mustBuild("scene", {"--methods", "patch", "--shards", "2"}, "9");
+  Words asked{"build", "--missing", "--json", "-o", path("scene"), "--methods", "patch,images", "--grid", "9"};
+  asked.insert(asked.end(), kSelected.begin(), kSelected.end());
   const Outcome before = run("lumigrid", asked);
   EXPECT_EQ(before.status, 3) << before.err;
-  EXPECT_GT(json::parse(before.out)["cells_to_judge"], 0);
-  const json built = summary(build("scene", {"--target", "24", "--coarse-cells", "2"}, "9"));
-  EXPECT_EQ(built["complete"], true);
-  EXPECT_EQ(run("lumigrid", asked).status, 0);
-
-  // As a killed build leaves it: all images of the tree as it was, but cells nobody has judged.
-  {
-    auto store = writable(images("scene"));
-    const std::string meta = store->readMeta()->value_or("");
-    const auto points = repository::sampledPointsFromMeta(meta, "images");
-    ASSERT_TRUE(points && points->tree);
-    const repository::SampleTree first(points->grid, 1U << 1);
-    std::vector<std::pair<FaceKey, base::Bytes>> values;
-    for (const glm::uvec3& p : first.points())
-      for (std::uint32_t d = 0; d < 6; ++d)
-        values.emplace_back(FaceKey{p.x, p.y, p.z, d}, repository::encodeFaceValue({}));
-    ASSERT_TRUE(store->putBatch(values));
-    ASSERT_TRUE(store->writeMeta(repository::withTree(repository::withoutTree(meta), first, {})));
-  }
-  const Outcome open = run("lumigrid", {"build", "--missing", "-o", path("scene")});
-  EXPECT_EQ(open.status, 3);
-  EXPECT_NE(open.out.find("cells still to be judged"), std::string::npos) << open.out;
-  EXPECT_NE(run("lumigrid", {"verify", path("scene")}).out.find("still to be judged"), std::string::npos);
+  EXPECT_EQ(json::parse(before.out)["sampling_points"], "missing");
+  EXPECT_EQ(json::parse(before.out)["missing_shards"], "0-1");
 }
 
-TEST_F(Shards, areNotForAdaptiveSampling) {
-  for (const Words& words : {Words{"--shard", "0/2"}, Words{"--shards", "2"}, Words{"--shard", "auto"}}) {
-    Words more{"--target", "24"};
-    more.insert(more.end(), words.begin(), words.end());
-    expectOneLineError(run("lumigrid", build("scene", more)), 2, {"--target", "--shard"});
-  }
-  ::setenv("OMPI_COMM_WORLD_RANK", "1", 1);
-  ::setenv("OMPI_COMM_WORLD_SIZE", "2", 1);
-  expectOneLineError(run("lumigrid", build("scene", {"--target", "24"})), 1, {"--target", "--shard"});
-  ::unsetenv("OMPI_COMM_WORLD_RANK");
-  ::unsetenv("OMPI_COMM_WORLD_SIZE");
-  EXPECT_FALSE(fs::exists(path("scene")));
-  mustBuild("divided", {"--methods", "patch", "--shards", "2"});
-  expectOneLineError(run("lumigrid", build("divided", {"--target", "24"})), 1, {"divided into shards", "--target"});
-}
-
-// Whoever comes first tunes, for all.
+// The first process tunes, for all.
 TEST_F(Shards, ofATunedSceneTakeOneChoice) {
   mustBuild("whole", {"--tune", "38"});
   std::vector<pid_t> pids;

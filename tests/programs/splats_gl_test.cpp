@@ -1,4 +1,4 @@
-// Splats streamed by lumigrid-view from nginx and from a server of ours, as a user has it.
+// lumigrid-view streams splats from nginx and from a server of ours, as a user has them.
 #include <cstdio>
 #include <filesystem>
 #include <regex>
@@ -50,7 +50,7 @@ class StreamedSplatsTest : public programs::PublishedSite {
       if (entry.path().extension() == ".lgq") return entry.path().string();
     return "";
   }
-  /// What `lumigrid render` makes of the built scene's file on this disk.
+  /// The picture that `lumigrid render` draws of the built scene on this disk.
   base::Image localPicture(std::size_t frame) {
     const json tour = json::parse(readText(path("tour.json")));
     json camera = tour["frames"][frame];
@@ -100,7 +100,7 @@ void StreamedSplatsTest::expectLocalPicturesFromNginx(std::uint64_t most_repeate
   EXPECT_EQ(streamed.lines.back()["splats"]["failures"], 0);
   EXPECT_GT(streamed.lines.back()["splats"]["drawn"].get<int>(), 1000);
 
-  // An hour later nothing has changed; the kernels are the server's, too.
+  // A second tour shows the same; the kernels are those of `lumigrid render`, too.
   const auto ellipses = view(nginx.url() + "/tower/", {"--splat", "ellipse", "--out", path("ellipses")});
   ASSERT_EQ(ellipses.status, 0) << ellipses.err;
   EXPECT_NE(readText(path("ellipses/frame_0000.png")), readText(path("streamed/frame_0000.png")));
@@ -115,7 +115,7 @@ class CodedSplatsTest : public StreamedSplatsTest {
   CodedSplatsTest() { form_ = {"--qsplat-coded"}; }
 };
 
-// What comes twice is the piece of a block at the end of the first answer.
+// The piece of a block at the end of the first answer comes twice.
 TEST_F(CodedSplatsTest, fullyStreamedPicturesEqualLocalOnesPixelForPixel) {
   expectLocalPicturesFromNginx(lod::qsplat::kMaxCodedBytes);
   const auto verified = run("lumigrid", {"verify", path("site/tower")});
@@ -132,7 +132,7 @@ TEST_F(StreamedSplatsTest, aServerOfOursStreamsThemToo) {
   expectLocalPictures(tour(serve(path("site/tower")).url, "served_published", "qsplat"));
 }
 
-// Servers that keep nothing but a cache.
+// A server of a far scene keeps nothing but a cache.
 TEST_F(StreamedSplatsTest, aServerOfOursPassesOnWhatLiesBehindANetwork) {
   const support::Nginx nginx(path("site"));
   const auto served = serve(nginx.url() + "/tower", {"--cache", path("cache")});
@@ -140,7 +140,7 @@ TEST_F(StreamedSplatsTest, aServerOfOursPassesOnWhatLiesBehindANetwork) {
   EXPECT_NE(nginx.accessLog().find(".lgq"), std::string::npos);
 }
 
-/// Splats and nothing else, built and published.
+/// A scene of splats only, built and published.
 class SplatsOnlyTest : public StreamedSplatsTest {
  protected:
   void SetUp() override {
@@ -151,7 +151,7 @@ class SplatsOnlyTest : public StreamedSplatsTest {
     ASSERT_EQ(built.status, 0) << built.err;
     ASSERT_EQ(run("lumigrid", {"publish", scene_, path("site/alone"), "--quiet"}).status, 0);
   }
-  /// Without a word about the method.
+  /// Asks for no method.
   Tour plainTour(const std::string& url, const std::string& name) { return tour(url, name, ""); }
 };
 
@@ -175,7 +175,7 @@ TEST_F(SplatsOnlyTest, whoAsksForAnotherMethodIsToldSo) {
 
 TEST_F(StreamedSplatsTest, connectionsThatAreDroppedNowAndThenChangeNoPicture) {
   const support::Nginx nginx(support::Nginx::Configuration{
-      // By nginx's count of connections, not by chance: every other one, so that who tries again is served.
+      // nginx refuses every other connection by its count, not by chance, so a client that tries again is served.
       "map $connection $dropped { default 0; ~[02468]$ 1; }\nserver {\nlisten 127.0.0.1:$PORT0;\nroot " + path("site") +
       ";\nkeepalive_requests 3;\nlocation ~ lgq$ { if ($dropped) { return 444; } }\n}\n"});
   const Tour streamed = tour(nginx.url() + "/tower/", "dropped", "qsplat");
@@ -191,7 +191,7 @@ TEST_F(StreamedSplatsTest, aHostThatCannotIsNamedWithWhatToDo) {
   expectOneLineError(view(nginx.url() + "/secret/"), 1, {"may not be read", "403"});
   expectOneLineError(view("http://127.0.0.1:1/tower/"), 1, {"no answer", "check the network"});
 
-  // Cut short; another file; lost; no splats at all.
+  // The file is cut short, another one, lost; the scene has no splats.
   const std::string file = splatFile();
   const std::string bytes = readText(file);
   writeText(file, bytes.substr(0, 1'000));
@@ -234,7 +234,7 @@ TEST_F(StreamedSplatsTest, aFileThatChangesMeanwhileIsNamedAndNothingOfItIsMixed
                                        {nginx.url() + "/tower/", "--headless", "--method", "qsplat", "--path",
                                         path("tour.json"), "--bandwidth", "100kbit", "--settle", "60"},
                                        path("viewer"));
-  // Once it has begun to read.
+  // The viewer has begun to read.
   for (int i = 0; i < 2000 && nginx.accessLog().find(".lgq") == std::string::npos; ++i)
     std::this_thread::sleep_for(std::chrono::milliseconds(5));
   const std::string file = splatFile();

@@ -1,4 +1,4 @@
-// A published scene in the thin client, with no server of ours: nginx alone.
+// The thin client reads a published scene from nginx, with no server of ours.
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -36,7 +36,7 @@ class StaticScene : public programs::PublishedSite {
   }
 };
 
-// Of lines "status bytes range uri".
+// Parsed from lines "status bytes range uri".
 support::ByteRanges rangesOf(const std::string& log) {
   support::ByteRanges ranges;
   const std::regex line("206 \\d+ bytes=(\\d+)-(\\d+) (\\S+)");
@@ -77,7 +77,7 @@ TEST_F(StaticScene, nginxAloneShowsWhatAServerShows) {
     EXPECT_EQ(alone.lines[i]["error_px"], with_server.lines[i]["error_px"]);
   }
 
-  // What it cost, by nginx's own words.
+  // The requests and bytes, by nginx's own log.
   const std::string log = readText(path("ranges.log"));
   EXPECT_EQ(support::bytesRepeated(rangesOf(log)), 0U) << log;
   std::istringstream lines(log);
@@ -97,12 +97,12 @@ TEST_F(StaticScene, nginxAloneShowsWhatAServerShows) {
     before = bytes;
   }
 
-  // scene.json's own address does too.
+  // The address of scene.json serves as well.
   expectAlike(tour(nginx.url() + "/tower/scene.json", "by_name"), alone);
 }
 
 TEST_F(StaticScene, aHostThatCannotIsNamedWithWhatToDo) {
-  // No ranges; no such folder; forbidden; compressed.
+  // The host knows no ranges, has no such folder, forbids it, or compresses.
   const support::Nginx nginx(path("site"),
                              "location /tower/ { }\n"
                              "location /whole/ { alias " +
@@ -115,7 +115,7 @@ TEST_F(StaticScene, aHostThatCannotIsNamedWithWhatToDo) {
   expectOneLineError(view("http://127.0.0.1:1/tower/"), 1, {"no answer", "check the network"});
   EXPECT_EQ(view("https://").status, 2);
 
-  // A built scene, and one that lost its hierarchy.
+  // The place holds a built scene, and one that lost its hierarchy.
   const std::string patches = objectOf(".lgp");
   fs::copy(scene_, path("site/tower/built"), fs::copy_options::recursive);
   expectOneLineError(view(nginx.url() + "/tower/built/"), 1, {"lumigrid publish"});
@@ -124,7 +124,7 @@ TEST_F(StaticScene, aHostThatCannotIsNamedWithWhatToDo) {
     if (entry.path().extension() == ".lgp") fs::remove(entry.path());
   expectOneLineError(view(nginx.url() + "/lost/"), 1, {".lgp", "is not there", "lumigrid publish"});
 
-  // Cut short and damaged.
+  // Files are cut short and damaged.
   const std::string bytes = readText(patches);
   programs::writeText(patches, bytes.substr(0, 1'000));
   expectOneLineError(view(nginx.url() + "/tower/"), 1, {".lgp", "publish the scene again"});

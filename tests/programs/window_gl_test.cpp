@@ -1,4 +1,4 @@
-// lumigrid-view in a window, on a display of the test's own (Xvfb), whose pixels lie in a file.
+// lumigrid-view runs in a window on a display of the test's own (Xvfb), whose pixels lie in a file.
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <spawn.h>
@@ -29,12 +29,12 @@ constexpr int kWidth = 640, kHeight = 360;
 constexpr const char* kXvfb = "/usr/bin/Xvfb";
 constexpr const char* kXdotool = "/usr/bin/xdotool";
 
-/// Xvfb on a display that was free. No pixel of it is known before a window is there.
+/// Runs Xvfb on a free display. Its pixels are undefined before a window is there.
 class Display {
  public:
   explicit Display(const std::string& directory) : directory_(directory) {
     std::filesystem::create_directories(directory);
-    // Whichever display is free; its number comes back in a file.
+    // Xvfb takes a free display, and writes its number into a file.
     const std::string screen = std::to_string(kWidth) + "x" + std::to_string(kHeight) + "x24";
     pid_ = spawn({"/bin/sh", "-c",
                   std::string("exec ") + kXvfb + " -displayfd 1 -nocursor -nolisten tcp -screen 0 " + screen +
@@ -52,7 +52,7 @@ class Display {
   Display(const Display&) = delete;
   Display& operator=(const Display&) = delete;
 
-  /// As an XWD file of version 7 has it: 25 numbers with the highest byte first, a name, colours, rows of BGRX.
+  /// Reads an XWD file of version 7: 25 numbers with the highest byte first, a name, colours, rows of BGRX.
   base::Image pixels() const {
     const std::string file = readText(directory_ + "/Xvfb_screen0");
     const auto word = [&](std::size_t i) {
@@ -126,7 +126,7 @@ class WindowTest : public programs::PublishedSite {
                                  {"height", kHeight}}}}};
     writeText(path("tour.json"), view.dump());
   }
-  /// A window on the whole display; its words are in path("window.err").
+  /// Opens a window on the whole display; it logs to path("window.err").
   void open(const std::string& url, const std::vector<std::string>& more) {
     std::vector<std::string> arguments{url, "--size", std::to_string(kWidth) + "x" + std::to_string(kHeight),
                                        "--background", "#203040"};
@@ -139,7 +139,7 @@ class WindowTest : public programs::PublishedSite {
     programs::wait(viewer_);
     viewer_ = -1;
   }
-  /// Headless, of the view that link_ names.
+  /// Renders the view of link_ headless.
   base::Image headless(const std::string& url, const std::vector<std::string>& more) {
     std::vector<std::string> arguments{url,  "--headless", "--background",    "#203040", "--settle",
                                        "60", "--path",     path("tour.json"), "--out",   path("headless")};
@@ -163,7 +163,7 @@ class WindowTest : public programs::PublishedSite {
   std::string link_;
 };
 
-/// Pixels that differ, in the rows where the window writes nothing: bars and toasts stand above and below.
+/// Counts pixels that differ in the rows where the window writes nothing: bars and toasts stand above and below.
 int differing(const base::Image& a, const base::Image& b) {
   int different = 0;
   for (std::size_t y = 60; y < kHeight - 80; ++y)
@@ -174,7 +174,7 @@ int differing(const base::Image& a, const base::Image& b) {
   return different;
 }
 
-/// A model before the background that open() asks for.
+/// Whether the picture shows a model before the background that open() asks for.
 bool showsModel(const base::Image& image) {
   base::Image empty = image;
   for (std::size_t i = 0; i < empty.pixels.size(); i += 4)
@@ -193,7 +193,7 @@ TEST_F(WindowTest, splatsAreThoseOfAHeadlessRunAndTheGlassIsDrawnOnThem) {
       << differing(display_->pixels(), expected) << " pixels differ; " << readText(path("window.err"));
 
   if (!std::filesystem::exists(kXdotool)) GTEST_SKIP() << "no " << kXdotool << ": tools/install_packages.sh";
-  // The rim, 0.18 of the view's height around its middle, and finer splats within.
+  // The glass has a rim, 0.18 of the view's height around its middle, and finer splats within.
   Display::press("l");
   EXPECT_TRUE(waitFor([&](const base::Image& shown) { return differing(shown, expected) > 200; }));
   Display::press("l");

@@ -215,46 +215,41 @@ TEST_F(ShardedTest, findMissingReportsEachShard) {
   EXPECT_TRUE(findMissing(images(), 3, grid_)->empty());
 }
 
-TEST_F(ShardedTest, findMissingExpectsTheTreesPointsAndCountsOpenCells) {
-  const auto gridMeta = [&](const SampleTree& tree) { return withTree(kMeta + "\n", tree, {}); };
-  const SampleTree first(grid_, 4);
-  const auto nothing = findMissing(images(), 0, grid_, &first);
-  ASSERT_TRUE(nothing);
-  ASSERT_EQ(nothing->size(), 1U);
-  EXPECT_EQ(nothing->front().faces, 6 * first.points().size());
-  EXPECT_EQ(nothing->front().cells, first.openLeaves().size());
-
-  // The tree is split, and all points but one are rendered.
+TEST_F(ShardedTest, ofSelectedPointsThoseOfTheTreeAreMissing) {
   SampleTree tree(grid_, 4);
   tree.split({{0, 0, 0}, 4});
-  auto store = std::move(*openLmdbStore(images(), StoreMode::kWrite));
-  ASSERT_TRUE(store->writeMeta(gridMeta(tree)));
+  tree.leaveOut({0, 0, 0});
   const auto points = tree.points();
-  ASSERT_GT(points.size(), first.points().size());
+  const auto nothing = findMissing(images(), 0, grid_, &tree);
+  ASSERT_TRUE(nothing);
+  ASSERT_EQ(nothing->size(), 1U);
+  EXPECT_EQ(nothing->front().faces, 6 * points.size());
+
+  // All but one point is rendered; the store's own tree counts.
+  auto store = std::move(*openLmdbStore(images(), StoreMode::kWrite));
+  ASSERT_TRUE(store->writeMeta(withTree(kMeta + "\n", tree)));
   std::vector<std::pair<FaceKey, base::Bytes>> values;
   for (std::size_t i = 1; i < points.size(); ++i)
     for (std::uint32_t d = 0; d < 6; ++d)
       values.emplace_back(FaceKey{points[i].x, points[i].y, points[i].z, d}, base::Bytes{1});
   ASSERT_TRUE(store->putBatch(values));
   store.reset();
-  const auto missing = findMissing(images(), 0, grid_, &first);
+  const auto missing = findMissing(images(), 0, grid_);
   ASSERT_TRUE(missing) << missing.error().message;
   ASSERT_EQ(missing->size(), 1U);
-  EXPECT_EQ(missing->front().gaps, (std::vector<Gap>{{{0, 0, 0, 0}, {0, 0, 0, 5}, 6}}));
-  EXPECT_EQ(missing->front().cells, tree.openLeaves().size());
+  const glm::uvec3 p = points.front();
+  EXPECT_EQ(missing->front().gaps, (std::vector<Gap>{{{p.x, p.y, p.z, 0}, {p.x, p.y, p.z, 5}, 6}}));
+}
 
-  // First only open cells are left, then nothing is.
-  store = std::move(*openLmdbStore(images(), StoreMode::kWrite));
-  for (std::uint32_t d = 0; d < 6; ++d) ASSERT_TRUE(store->putBatch({{{0, 0, 0, d}, base::Bytes{1}}}));
-  store.reset();
-  const auto open = findMissing(images(), 0, grid_, &first);
-  ASSERT_EQ(open->size(), 1U);
-  EXPECT_EQ(open->front().faces, 0U);
-  for (const SampleTree::Cell& cell : tree.openLeaves()) tree.close(cell);
-  store = std::move(*openLmdbStore(images(), StoreMode::kWrite));
-  ASSERT_TRUE(store->writeMeta(gridMeta(tree)));
-  store.reset();
-  EXPECT_TRUE(findMissing(images(), 0, grid_, &first)->empty());
+TEST_F(ShardedTest, aShardWithoutASelectedPointLacksNothing) {
+  SampleTree tree(grid_, 4);
+  for (const glm::uvec3& p : tree.points())
+    if (p != glm::uvec3(0)) tree.leaveOut(p);
+  const auto missing = findMissing(images(), 3, grid_, &tree);
+  ASSERT_TRUE(missing) << missing.error().message;
+  ASSERT_EQ(missing->size(), 1U);
+  EXPECT_EQ(missing->front().shard, (Shard{0, 3}));
+  EXPECT_EQ(missing->front().faces, 6U);
 }
 
 // The writer may run on another machine, whose LMDB does not know of our readers.

@@ -40,8 +40,7 @@ forbid repository/objects 'repository/(sampling|faces|packs|store|repository|ver
 forbid protocol '(mesh|lod|plan|server|client|compare|tests)/|repository/(faces|packs|objects|[a-z_]+[.]h)'
 forbid plan '(mesh|server|client|compare|tests)/|lod/ingest/|lod/[a-z]+/builder/'
 forbid plan 'repository/(faces|packs|objects|[a-z_]+[.]h)'
-forbid server '(compare|tests)/|client/(app|source|viewer|native|web)/'
-for room in cli net render session; do forbid server/$room 'client/'; done
+forbid server '(client|compare|tests)/'
 forbid server/session 'server/(net|render|bake|cli)/'
 for room in bake net render session; do forbid server/$room 'mesh/|lod/ingest/|lod/[a-z]+/builder/|server/cli/'; done
 forbid client '(mesh|server|compare|tests)/|lod/ingest/|lod/[a-z]+/builder/'

@@ -1,6 +1,5 @@
 #!/usr/bin/env bash
-# Builds a scene on a Slurm cluster: asks what is missing, submits that, waits, and asks again, until nothing is
-# missing.
+# Builds a scene on a Slurm cluster: asks what is missing, submits that, waits, and asks again until nothing is missing.
 set -euo pipefail
 
 usage() {
@@ -51,7 +50,7 @@ export LUMIGRID=$lumigrid LUMIGRID_SHARDS=$shards
 # Asks what is missing, into $missing; the status is that of --missing.
 ask() {
   local status=0
-  missing=$("$lumigrid" build "${meshes[@]}" -o "$scene" "${build_options[@]}" --shards "$shards" --missing) || \
+  missing=$("$lumigrid" build "${meshes[@]}" -o "$scene" "${build_options[@]}" --shards "$shards" --missing) ||
     status=$?
   return $status
 }

@@ -5,13 +5,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/egl/headless.h"
 #include "repository/faces/coverage.h"
 #include "repository/faces/face_value.h"
 #include "repository/verify.h"
-#include "server/bake/adaptive.h"
-#include "server/bake/cell_judge.h"
-#include "server/bake/demand.h"
+#include "server/bake/point_selection.h"
 #include "tests/server/bake/memory_store.h"
 #include "tests/server/bake/sphere.h"
 #include "tests/support/temporary_directory.h"
@@ -32,7 +29,7 @@ class BakeTest : public testing::Test {
     scene_.scene().parts = {{"patch.lgp", 1, "abc"}};
     options_.grid = repository::makeGrid(scene_.scene().localBox(), 3, 0.5F, 64);
     options_.batch_faces = 10;
-    options_.threads = 3;
+    options_.limits.threads = 3;
   }
   base::Result<BakeSummary> run(
       repository::Store& store,
@@ -68,8 +65,8 @@ TEST_F(BakeTest, everyFaceOfTheGridIsStoredAndVerifies) {
   EXPECT_EQ(contents.coverage_bytes, summary->coverage_bytes);
 }
 
-// The grid's corner (0, 0, 0) lies at (−2, −2, −2): the sphere is seen in +x, +y and +z, and nothing in the other
-// three.
+// The grid's corner (0, 0, 0) lies at (−2, −2, −2), so the sphere is seen in +x, +y and +z, and nothing in the other
+// three directions.
 TEST_F(BakeTest, facesThatLookAwayAreEmptyFlagsAndTheOthersShowTheModel) {
   MemoryStore store;
   ASSERT_TRUE(run(store));
@@ -78,8 +75,8 @@ TEST_F(BakeTest, facesThatLookAwayAreEmptyFlagsAndTheOthersShowTheModel) {
     ASSERT_TRUE(value);
     EXPECT_EQ(value->empty, d % 2 == 1) << d;
   }
-  // From (2, 0, 0) − the face towards the middle − the sphere is a disc around the centre of the picture: sin = 1/2, so
-  // its radius is tan 30° of the half side: 32 × 0.577 = 18.5 pixels.
+  // In the face at (2, 0, 0) towards the middle the sphere is a disc around the centre of the picture. The sine of its
+  // angle is 1/2, so its radius is tan 30° of the half side: 32 × 0.577 = 18.5 pixels.
   const auto value = repository::decodeFaceValue(store.values[FaceKey{2, 1, 1, 1}]);
   ASSERT_TRUE(value && !value->empty);
   const auto mask = repository::decodeCoverage(value->coverage, 64, 64);
@@ -159,7 +156,7 @@ TEST_F(BakeTest, aCancelledBakeGoesOnToTheSameBytesWithOtherThreads) {
   EXPECT_GT(before, 0U);
   EXPECT_LT(before, whole.values.size());
 
-  options_.threads = 1;
+  options_.limits.threads = 1;
   options_.batch_faces = 7;
   const auto summary = run(store);
   ASSERT_TRUE(summary);
@@ -255,7 +252,7 @@ TEST_F(BakeTest, progressCountsUpToTheWhole) {
 
 TEST_F(BakeTest, optionsThatMakeNoSenseAreErrors) {
   const BakeOptions good = options_;
-  std::vector<BakeOptions> bad(11, good);
+  std::vector<BakeOptions> bad(10, good);
   bad[0].quality = 0;
   bad[1].grid = {};
   bad[2].grid.face_size = 0;
@@ -263,14 +260,9 @@ TEST_F(BakeTest, optionsThatMakeNoSenseAreErrors) {
   bad[4].grid.count = glm::uvec3(1 << 12);
   bad[5].shard = {4, 4};
   bad[6].shard = {0, 0};
-  bad[7].shard = {0, 2};
-  bad[7].target_db = 30.0;
-  bad[8].demand_views = 10;
-  bad[8].target_db = 30.0;
-  bad[9].demand_views = 10;
-  bad[9].demand_worth = 0.0;
-  bad[10].demand_views = 10;
-  bad[10].shard = {0, 2};
+  bad[7].selection.views = 10;  // without points
+  bad[8].points.emplace(good.grid, 2);
+  bad[9].selection.worth = 0.0;
   for (const BakeOptions& options : bad) {
     options_ = options;
     MemoryStore store;
@@ -281,88 +273,22 @@ TEST_F(BakeTest, optionsThatMakeNoSenseAreErrors) {
   }
 }
 
-// A sphere with soft stripes on one half, whose coarse cut is grey and says that it is nearly exact: clients take it
-// for a proxy, and the stripes are in the images alone.
-constexpr double kMiddle = 26.0;
+// ---- selected points ----
 
-class AdaptiveBakeTest : public BakeTest {
+class SelectionTest : public BakeTest {
  protected:
-  AdaptiveBakeTest()
-      : scene_(striped(12, -1.0F, 1.0F, false), {striped(24, -1.0F, 0.0F, true), striped(24, 0.0F, 1.0F, true)},
-               1e-4F) {
-    scene_.scene().box_min = glm::dvec3(-1.0);
-    scene_.scene().box_max = glm::dvec3(1.0);
-    scene_.scene().parts = {{"patch.lgp", 1, "abc"}};
-    options_.grid = repository::makeGrid(scene_.scene().localBox(), 5, 0.5F, 96);
-    options_.tolerance_px = 0.0F;
-    options_.quality = 95;
-    options_.target_db = 30.0;
-    options_.coarse_cells = 2;
-  }
-  static std::vector<test::Triangle> striped(int rings, float from_z, float to_z, bool stripes) {
-    auto triangles = sphere(rings, from_z, to_z);
-    for (test::Triangle& t : triangles) {
-      const float x = (t.a.x + t.b.x + t.c.x) / 3.0F;
-      const float wave = stripes && x > 0.0F ? 60.0F * std::sin(5.0F * x) : 0.0F;
-      t.color =
-          glm::u8vec4(static_cast<std::uint8_t>(150.0F + wave), 150, static_cast<std::uint8_t>(150.0F - wave), 255);
-    }
-    return triangles;
-  }
-  base::Result<BakeSummary> run(
-      repository::Store& store,
-      const std::function<bool(const BakeProgress&)>& progress = [](const BakeProgress&) { return true; }) {
-    return bake(scene_.scene(), scene_.file(), store, options_, progress);
-  }
-  test::TwoLevelScene scene_;
-  repository::SampleTree treeOf(const MemoryStore& store) {
-    auto tree = repository::treeFromText(store.meta.value_or(""), options_.grid, "store");
-    EXPECT_TRUE(tree && *tree);
-    return tree && *tree ? std::move(**tree) : repository::SampleTree(options_.grid, 8);
-  }
-};
-
-TEST_F(AdaptiveBakeTest, theHigherTheTargetTheMorePointsAndAllOfThemAreStored) {
-  options_.grid = repository::makeGrid(scene_.scene().localBox(), 9, 0.5F, 48);
-  options_.least_gain_db = -99.0;
-  std::vector<std::uint64_t> points;
-  for (const double target : {5.0, kMiddle, 60.0}) {
-    options_.target_db = target;
-    MemoryStore store;
-    const auto summary = run(store);
-    ASSERT_TRUE(summary) << summary.error().message;
-    const repository::SampleTree tree = treeOf(store);
-    EXPECT_EQ(summary->points, tree.points().size());
-    EXPECT_EQ(store.values.size(), 6 * tree.points().size());
-    EXPECT_TRUE(repository::verify(store, options_.grid, &tree)->empty());
-    EXPECT_TRUE(tree.openLeaves().empty());
-    points.push_back(summary->points);
-    // Cells of four steps are judged, then those of two; those of one step cannot be split.
-    ASSERT_FALSE(summary->growth.empty());
-    EXPECT_EQ(summary->growth.front().cell, 4U);
-    EXPECT_EQ(summary->growth.front().cells, 8U);
-    if (summary->growth.size() > 1) {
-      EXPECT_GT(summary->growth[1].psnr_db, summary->growth[0].psnr_db);
-    }
-  }
-  EXPECT_EQ(points.front(), 26U);  // the middle of 27 lies within the sphere
-  EXPECT_LT(points[0], points[1]);
-  EXPECT_LT(points[1], points[2]);
-  // 60 dB is reached nowhere: the whole grid, but for what the sphere encloses.
-  std::uint64_t outside = 0;
-  for (const glm::uvec3& p : repository::pointsInMortonOrder(options_.grid))
-    outside += glm::length(options_.grid.point(p.x, p.y, p.z)) > 0.95F ? 1 : 0;
-  EXPECT_EQ(points[2], outside);
-}
-
-// ---- points in demand ----
-
-class DemandBakeTest : public AdaptiveBakeTest {
- protected:
-  DemandBakeTest() {
+  SelectionTest() {
     options_.grid = repository::makeGrid(scene_.scene().localBox(), 9, 0.5F, 48);
-    options_.target_db = 0.0;
-    options_.demand_views = 60;
+    options_.selection.views = 60;
+  }
+  base::Result<repository::SampleTree> select(
+      const ViewerPlaces* places = nullptr, const std::function<bool(double)>& progress = [](double) { return true; }) {
+    return selectPoints(scene_.scene(), scene_.file(), options_, places, progress);
+  }
+  void mustSelect() {
+    auto tree = select();
+    ASSERT_TRUE(tree) << tree.error().message;
+    options_.points = std::move(*tree);
   }
   std::uint64_t pointsOutside() const {
     std::uint64_t outside = 0;
@@ -372,11 +298,12 @@ class DemandBakeTest : public AdaptiveBakeTest {
   }
 };
 
-TEST_F(DemandBakeTest, onlyPointsThatViewsChooseAreStoredAndThoseWhole) {
+TEST_F(SelectionTest, onlyPointsThatViewsChooseAreStoredAndThoseWhole) {
+  mustSelect();
   MemoryStore store;
   const auto summary = run(store);
   ASSERT_TRUE(summary) << summary.error().message;
-  const repository::SampleTree tree = treeOf(store);
+  const repository::SampleTree& tree = *options_.points;
   EXPECT_EQ(summary->points, tree.points().size());
   EXPECT_GE(summary->points, 8U);
   EXPECT_LT(summary->points, pointsOutside() / 2);
@@ -386,7 +313,7 @@ TEST_F(DemandBakeTest, onlyPointsThatViewsChooseAreStoredAndThoseWhole) {
   for (const glm::uvec3& p : tree.points())
     EXPECT_GT(glm::length(options_.grid.point(p.x, p.y, p.z)), 0.95F) << "nobody looks from within";
 
-  // A second run has nothing to do; one that was killed goes on with the tree that it chose.
+  // A second run has nothing to do; one that was killed goes on.
   const auto again = run(store);
   ASSERT_TRUE(again);
   EXPECT_EQ(again->faces_rendered, 0U);
@@ -397,163 +324,139 @@ TEST_F(DemandBakeTest, onlyPointsThatViewsChooseAreStoredAndThoseWhole) {
   EXPECT_EQ(repaired->points, summary->points);
 }
 
-TEST_F(DemandBakeTest, theMoreIsToBeKeptTheMorePointsThereAre) {
+TEST_F(SelectionTest, shardsTogetherAreTheWholeValueByValue) {
+  mustSelect();
+  MemoryStore whole;
+  ASSERT_TRUE(run(whole));
+  std::map<FaceKey, base::Bytes> together;
+  for (std::uint32_t i = 0; i < 3; ++i) {
+    options_.shard = {i, 3};
+    MemoryStore store;
+    ASSERT_TRUE(run(store));
+    EXPECT_EQ(store.meta, whole.meta);
+    for (const auto& [key, value] : store.values) EXPECT_TRUE(together.emplace(key, value).second);
+  }
+  EXPECT_EQ(together, whole.values);
+}
+
+TEST_F(SelectionTest, otherPointsAndAPlainGridAreRefused) {
+  mustSelect();
+  MemoryStore store;
+  ASSERT_TRUE(run(store));
+  const BakeOptions good = options_;
+  options_.points->leaveOut(options_.points->points().front());
+  const auto other = run(store);
+  ASSERT_FALSE(other);
+  EXPECT_EQ(other.error().code, base::ErrorCode::kExists);
+  EXPECT_NE(other.error().message.find("other sampling points"), std::string::npos) << other.error().message;
+  options_ = good;
+  options_.points.reset();
+  options_.selection.views = 0;
+  const auto plain = run(store);
+  ASSERT_FALSE(plain);
+  EXPECT_NE(plain.error().message.find("demand views"), std::string::npos) << plain.error().message;
+}
+
+TEST_F(SelectionTest, theMoreIsToBeKeptTheMorePointsThereAre) {
   std::size_t before = 0;
   for (const double worth : {0.6, 0.9, 1.0}) {
-    const auto tree = treeInDemand(scene_.scene(), scene_.file(), options_.grid, {60, worth, 2});
+    options_.selection.worth = worth;
+    const auto tree = select();
     ASSERT_TRUE(tree) << tree.error().message;
     EXPECT_GT(tree->points().size(), before) << worth;
     before = tree->points().size();
   }
 }
 
-TEST_F(DemandBakeTest, theSameTreeWithAnyNumberOfThreads) {
-  const auto one = treeInDemand(scene_.scene(), scene_.file(), options_.grid, {40, 0.9, 1});
-  const auto many = treeInDemand(scene_.scene(), scene_.file(), options_.grid, {40, 0.9, 4});
+TEST_F(SelectionTest, theSameTreeWithAnyNumberOfThreads) {
+  options_.limits.threads = 1;
+  const auto one = select();
+  options_.limits.threads = 4;
+  const auto many = select();
   ASSERT_TRUE(one && many);
   EXPECT_EQ(one->encode(), many->encode());
 }
 
-TEST_F(DemandBakeTest, whoeverStopsItIsToldSo) {
-  const auto stopped =
-      treeInDemand(scene_.scene(), scene_.file(), options_.grid, {40, 0.5, 2}, [](double) { return false; });
-  ASSERT_FALSE(stopped);
-  EXPECT_EQ(stopped.error().code, base::ErrorCode::kCancelled);
-}
-
-TEST_F(DemandBakeTest, withoutAViewOfTheModelThereIsNothingToChoose) {
-  const auto none = treeInDemand(scene_.scene(), scene_.file(), options_.grid, {0, 0.9, 1});
-  ASSERT_FALSE(none);
-  EXPECT_EQ(none.error().code, base::ErrorCode::kInvalidInput);
-}
-
-TEST_F(AdaptiveBakeTest, noCellIsSplitWhereThatGainsNothing) {
-  options_.target_db = 60.0;
-  options_.least_gain_db = 50.0;
-  MemoryStore store;
-  const auto summary = run(store);
-  ASSERT_TRUE(summary);
-  EXPECT_EQ(summary->points, 26U);
-  EXPECT_EQ(summary->growth.back().split, 0U);
-}
-
-// Somebody has been at one corner of the viewing space.
-TEST_F(AdaptiveBakeTest, onlyWhereViewersComeAreCellsSplit) {
-  options_.target_db = 60.0;
-  options_.least_gain_db = -99.0;
-  const glm::vec3 corner = options_.grid.first;
-  options_.use = [&](const glm::vec3& low, const glm::vec3& high) {
-    return glm::all(glm::lessThanEqual(low, corner)) && glm::all(glm::greaterThanEqual(high, corner)) ? 1.0 : 0.0;
-  };
-  MemoryStore store;
-  const auto summary = run(store);
-  ASSERT_TRUE(summary);
-  const repository::SampleTree tree = treeOf(store);
-  EXPECT_EQ(summary->growth.back().split, 1U);
-  EXPECT_EQ(tree.leafOf({0, 0, 0}).size, 1U);
-  EXPECT_EQ(tree.leafOf({3, 3, 3}).size, 2U);
-  EXPECT_TRUE(tree.openLeaves().empty());
-}
-
-TEST_F(AdaptiveBakeTest, aBudgetEndsTheSplitting) {
-  options_.target_db = 60.0;
-  options_.least_gain_db = -99.0;
-  MemoryStore all;
-  const auto whole = run(all);
-  ASSERT_TRUE(whole);
-  const auto bytesOf = [](const MemoryStore& store) {
+TEST_F(SelectionTest, theImagesFitIntoTheBudget) {
+  const auto bytesOf = [&](std::uint64_t budget) {
+    options_.selection.budget_bytes = budget;
+    mustSelect();
+    MemoryStore store;
+    EXPECT_TRUE(run(store));
     std::uint64_t bytes = 0;
     for (const auto& [key, value] : store.values) bytes += value.size();
     return bytes;
   };
-  options_.budget_bytes = bytesOf(all) / 2;
-  MemoryStore half;
-  const auto some = run(half);
-  ASSERT_TRUE(some);
-  EXPECT_LT(some->points, whole->points);
-  EXPECT_GT(some->points, 26U);
-  // A cell is split while there is room, so that the last one may be too much by its own points.
-  EXPECT_LT(bytesOf(half), bytesOf(all) * 8 / 10);
-  options_.budget_bytes = 1;
-  MemoryStore none;
-  EXPECT_EQ(run(none)->points, 26U);
-}
-
-TEST_F(AdaptiveBakeTest, stoppedAtAnyMomentItEndsWithTheSameTreeAndBytes) {
-  options_.target_db = kMiddle;
-  MemoryStore whole;
-  int steps = 0;
-  ASSERT_TRUE(run(whole, [&](const BakeProgress&) { return ++steps, true; }));
-  for (const int stop : {1, 5, steps / 3, steps / 2, 3 * steps / 4, steps - 1}) {
-    MemoryStore store;
-    int calls = 0;
-    const auto stopped = run(store, [&](const BakeProgress&) { return ++calls < stop; });
-    if (!stopped) {
-      EXPECT_EQ(stopped.error().code, base::ErrorCode::kCancelled);
-    }
-    const auto summary = run(store);
-    ASSERT_TRUE(summary) << stop;
-    EXPECT_EQ(store.values, whole.values) << stop;
-    EXPECT_EQ(treeOf(store).encode(), treeOf(whole).encode()) << stop;
-    // Nothing is left to do.
-    const auto again = run(store);
-    ASSERT_TRUE(again);
-    EXPECT_EQ(again->faces_rendered, 0U);
-    EXPECT_EQ(again->points, summary->points);
-    EXPECT_EQ(again->growth.size(), summary->growth.size());
+  const std::uint64_t all = bytesOf(0);
+  std::uint64_t before = all;
+  for (const std::uint64_t budget : {all * 2, all * 3 / 4, all / 2, all / 8}) {
+    const std::uint64_t bytes = bytesOf(budget);
+    EXPECT_LE(bytes, std::min(budget, before));
+    EXPECT_GT(bytes, std::min(budget, all) / 2) << "no more is left out than must be";
+    before = bytes;
   }
 }
 
-TEST_F(AdaptiveBakeTest, anotherTargetAndAPlainGridAreRefused) {
-  MemoryStore store;
-  ASSERT_TRUE(run(store));
-  for (const double target : {0.0, 31.0}) {
-    options_.target_db = target;
-    const auto refused = run(store);
-    ASSERT_FALSE(refused);
-    EXPECT_EQ(refused.error().code, base::ErrorCode::kExists);
-    EXPECT_NE(refused.error().message.find("target"), std::string::npos) << refused.error().message;
-  }
+TEST_F(SelectionTest, aBudgetForNoPointIsAnError) {
+  options_.selection.budget_bytes = 100;
+  const auto none = select();
+  ASSERT_FALSE(none);
+  EXPECT_EQ(none.error().code, base::ErrorCode::kInvalidInput);
+  EXPECT_NE(none.error().message.find("--budget"), std::string::npos) << none.error().message;
 }
 
-TEST_F(AdaptiveBakeTest, aDamagedFaceIsRenderedAgain) {
-  MemoryStore store;
-  ASSERT_TRUE(run(store));
-  const auto whole = store.values;
-  store.values.begin()->second.back() ^= 1;
-  store.values.erase(std::prev(store.values.end())->first);
-  const auto summary = run(store);
-  ASSERT_TRUE(summary);
-  EXPECT_EQ(summary->faces_rendered, 2U);
-  EXPECT_EQ(store.values, whole);
-}
-
-// What the judge says of views is what it should be: good at a sampling point, worse half-way, worse without images.
-TEST_F(AdaptiveBakeTest, aViewFromASamplingPointIsNearlyTheTruth) {
-  options_.target_db = 5.0;
-  MemoryStore store;
-  ASSERT_TRUE(run(store));
-  auto context = base::HeadlessContext::create();
-  ASSERT_TRUE(context);
-  auto renderer = SceneRenderer::create(scene_.scene(), scene_.file());
-  ASSERT_TRUE(renderer);
-  JudgeOptions options;
-  options.truth.tolerance_px = options_.tolerance_px;
-  options.view_size = 96;
-  auto judge = CellJudge::create(scene_.scene(), scene_.file(), store, options_.grid, options);
-  ASSERT_TRUE(judge);
-  const std::vector<glm::uvec3> points = treeOf(store).points();
-  const auto psnr = [&](const glm::vec3& eye, std::span<const glm::uvec3> of) {
-    const auto error = (*judge)->judge(**renderer, eye, of);
-    EXPECT_TRUE(error) << error.error().message;
-    return error ? error->psnr() : 0.0;
+// Viewers were on the side of +x alone, and looked at the model.
+TEST_F(SelectionTest, pointsLieWhereViewersWere) {
+  repository::AccessFile file;
+  file.identity.grid = options_.grid;
+  for (const glm::uvec3& p : repository::pointsInMortonOrder(options_.grid))
+    if (p.x == options_.grid.count.x - 1) file.counts.faces.push_back({{p.x, p.y, p.z, 1}, 1});
+  const ViewerPlaces places(file);
+  options_.selection.by_viewers = true;
+  const auto there = select(&places);
+  const auto anywhere = select();
+  ASSERT_TRUE(there && anywhere);
+  const auto meanX = [&](const repository::SampleTree& tree) {
+    double sum = 0.0;
+    for (const glm::uvec3& p : tree.points()) sum += static_cast<double>(options_.grid.point(p.x, p.y, p.z).x);
+    return sum / static_cast<double>(tree.points().size());
   };
-  const glm::vec3 point = options_.grid.point(4, 2, 2);
-  const double at_point = psnr(point, points);
-  const double between = psnr(0.5F * (options_.grid.point(4, 2, 2) + options_.grid.point(4, 0, 2)), points);
-  EXPECT_GT(at_point, between + 1.0);
-  EXPECT_GT(psnr(point, points), psnr(point, {}));
-  EXPECT_EQ(psnr(glm::vec3(0.0F, 0.0F, 400.0F), {}), psnr(glm::vec3(0.0F, 0.0F, 400.0F), {}));
+  EXPECT_GT(meanX(*there), 0.8);
+  EXPECT_LT(std::abs(meanX(*anywhere)), 0.5);
+  EXPECT_EQ(there->encode(), select(&places)->encode());
+}
+
+TEST_F(SelectionTest, aSelectionIsKeptForTheParametersThatItWasMadeFor) {
+  const support::TemporaryDirectory directory;
+  const std::string path = directory / "points.json";
+  const auto none = readSelection(path, scene_.scene(), options_);
+  ASSERT_TRUE(none);
+  EXPECT_FALSE(*none);
+  mustSelect();
+  ASSERT_TRUE(writeSelection(path, scene_.scene(), options_));
+  BakeOptions asked = options_;
+  asked.points.reset();
+  asked.shard = {1, 4};
+  const auto same = readSelection(path, scene_.scene(), asked);
+  ASSERT_TRUE(same && *same);
+  EXPECT_EQ((*same)->encode(), options_.points->encode());
+  asked.selection.views = 61;
+  const auto other = readSelection(path, scene_.scene(), asked);
+  ASSERT_TRUE(other);
+  EXPECT_FALSE(*other);
+}
+
+TEST_F(SelectionTest, whoeverStopsItIsToldSo) {
+  const auto stopped = select(nullptr, [](double) { return false; });
+  ASSERT_FALSE(stopped);
+  EXPECT_EQ(stopped.error().code, base::ErrorCode::kCancelled);
+}
+
+TEST_F(SelectionTest, withoutAViewOfTheModelThereIsNothingToSelect) {
+  options_.selection.views = 0;
+  const auto none = select();
+  ASSERT_FALSE(none);
+  EXPECT_EQ(none.error().code, base::ErrorCode::kInvalidInput);
 }
 
 }  // namespace

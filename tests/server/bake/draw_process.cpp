@@ -1,4 +1,4 @@
-// A process that draws for draw_processes_test.
+// This process draws for draw_processes_test.
 //
 //   draw_process [MARK N]      ends by SIGKILL at its N-th face (0: the first) if it could make the file MARK; "-" as
 //                              MARK: every time

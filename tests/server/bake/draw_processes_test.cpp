@@ -26,18 +26,18 @@ class DrawProcessesTest : public testing::Test {
     work_.grid = repository::makeGrid(base::Aabb{{-1, -1, 0}, {1, 1, 0}}, 4, 0.5F, 32);
   }
 
-  struct Made {
+  struct ReceivedFaces {
     std::map<std::uint64_t, EncodedFace> faces;  // by sequence number
     std::vector<base::Error> errors;
   };
-  FaceMaker::Take takeInto(Made& made) {
+  FaceMaker::OnFace collectInto(ReceivedFaces& made) {
     return [this, &made](std::uint64_t sequence, const FaceKey& key, EncodedFace face) {
       const std::lock_guard lock(mutex_);
       EXPECT_EQ(key, keyOf(sequence));
       EXPECT_TRUE(made.faces.emplace(sequence, std::move(face)).second) << sequence << " came twice";
     };
   }
-  FaceMaker::Fail failInto(Made& made) {
+  FaceMaker::OnError errorInto(ReceivedFaces& made) {
     return [this, &made](const base::Error& error) {
       const std::lock_guard lock(mutex_);
       made.errors.push_back(error);
@@ -55,18 +55,19 @@ class DrawProcessesTest : public testing::Test {
     }
     maker.finish();
   }
-  Made makeHere() {
-    Made made;
-    submitAll(*makeFacesHere(work_, 2, takeInto(made), failInto(made)));
+  ReceivedFaces makeHere() {
+    ReceivedFaces made;
+    submitAll(*makeLocalFaceMaker(work_, 2, collectInto(made), errorInto(made)));
     return made;
   }
-  Made makeBy(unsigned processes, std::vector<std::string> arguments = {}, const std::string& program = DRAW_PROCESS) {
-    Made made;
+  ReceivedFaces makeBy(unsigned processes, std::vector<std::string> arguments = {},
+                       const std::string& program = DRAW_PROCESS) {
+    ReceivedFaces made;
     arguments.insert(arguments.begin(), program);
-    submitAll(*makeFacesByProcesses(work_, arguments, processes, takeInto(made), failInto(made)));
+    submitAll(*makeProcessFaceMaker(work_, arguments, processes, collectInto(made), errorInto(made)));
     return made;
   }
-  static void expectSame(const Made& made, const Made& wanted) {
+  static void expectSame(const ReceivedFaces& made, const ReceivedFaces& wanted) {
     EXPECT_TRUE(made.errors.empty()) << made.errors.front().message;
     ASSERT_EQ(made.faces.size(), wanted.faces.size());
     for (const auto& [sequence, face] : wanted.faces) {
@@ -85,13 +86,13 @@ class DrawProcessesTest : public testing::Test {
 };
 
 TEST_F(DrawProcessesTest, anyNumberOfProcessesMakesTheSameBytesAsOneThread) {
-  const Made here = makeHere();
+  const ReceivedFaces here = makeHere();
   ASSERT_EQ(here.faces.size(), work_.grid.faceCount());
   for (const unsigned processes : {1U, 2U, 3U}) expectSame(makeBy(processes), here);
 }
 
 TEST_F(DrawProcessesTest, whatADeadProcessLeftIsDoneByItsSuccessor) {
-  const Made here = makeHere();
+  const ReceivedFaces here = makeHere();
   for (const char* face : {"0", "8", "17"}) {
     const std::string mark = directory_ / ("died at " + std::string(face));
     expectSame(makeBy(2, {mark, face}), here);
@@ -100,14 +101,14 @@ TEST_F(DrawProcessesTest, whatADeadProcessLeftIsDoneByItsSuccessor) {
 }
 
 TEST_F(DrawProcessesTest, processesThatDieAgainAndAgainAreGivenUp) {
-  const Made made = makeBy(2, {"-", "0"});
+  const ReceivedFaces made = makeBy(2, {"-", "0"});
   ASSERT_EQ(made.errors.size(), 1U);
   EXPECT_NE(made.errors.front().message.find("signal 9"), std::string::npos) << made.errors.front().message;
   EXPECT_TRUE(made.faces.empty());
 }
 
 TEST_F(DrawProcessesTest, aProgramThatIsNotThereIsAnError) {
-  const Made made = makeBy(2, {}, "/nowhere/draw");
+  const ReceivedFaces made = makeBy(2, {}, "/nowhere/draw");
   ASSERT_EQ(made.errors.size(), 1U);
   EXPECT_EQ(made.errors.front().code, base::ErrorCode::kIo);
   EXPECT_NE(made.errors.front().message.find("/nowhere/draw"), std::string::npos) << made.errors.front().message;
@@ -115,13 +116,13 @@ TEST_F(DrawProcessesTest, aProgramThatIsNotThereIsAnError) {
 
 TEST_F(DrawProcessesTest, whatCannotBeDrawnIsToldWithItsReason) {
   work_.grid.face_size = 40000;  // more than a picture may have
-  const Made made = makeBy(2);
+  const ReceivedFaces made = makeBy(2);
   ASSERT_EQ(made.errors.size(), 1U);
   EXPECT_NE(made.errors.front().message.find("40000"), std::string::npos) << made.errors.front().message;
   EXPECT_TRUE(made.faces.empty());
 }
 
-// An order, a job, a face: cut at every length they are errors.
+// Orders, jobs and faces that are cut at any length are errors.
 TEST_F(DrawProcessesTest, messagesCutShortAreRefused) {
   const base::Bytes order = encodeOrder(work_);
   const base::Bytes job = encodeJob({7, {{1, 2, 3, 4}}});
@@ -136,7 +137,7 @@ TEST_F(DrawProcessesTest, messagesCutShortAreRefused) {
     EXPECT_FALSE(decodeJob(base::ByteView(job).first(length))) << length;
   for (std::size_t length = 0; length < error.size(); ++length)
     EXPECT_NE(decodeError(base::ByteView(error).first(length)).message, "why") << length;
-  EXPECT_FALSE(decodeMadeFace(base::Bytes(24)));
+  EXPECT_FALSE(decodeNumberedFace(base::Bytes(24)));
 }
 
 }  // namespace

@@ -34,7 +34,7 @@ class DrawThreadTest : public testing::Test {
     }
     return jobs;
   }
-  // Pictures by sequence number.
+  // The pictures that came, by sequence number.
   std::map<std::uint64_t, base::Image> drawAll() {
     std::map<std::uint64_t, base::Image> pictures;
     const std::vector<DrawJob> jobs = allJobs();
@@ -56,7 +56,7 @@ class DrawThreadTest : public testing::Test {
   std::mutex mutex_;
 };
 
-// One thread: several contexts that draw at a time can crash within llvmpipe (draw_thread.h).
+// One thread draws, since several contexts that draw at a time can crash within llvmpipe (draw_thread.h).
 TEST_F(DrawThreadTest, everyFaceComesOnceAndLooksTheSameEveryTime) {
   const auto one = drawAll();
   ASSERT_EQ(one.size(), grid_.faceCount());
@@ -65,7 +65,8 @@ TEST_F(DrawThreadTest, everyFaceComesOnceAndLooksTheSameEveryTime) {
   for (const auto& [sequence, picture] : one) EXPECT_EQ(again.at(sequence).pixels, picture.pixels) << sequence;
 }
 
-// The next job is held back until the one before has come whole: were pictures kept on their way, this would hang.
+// The next job is held back until all pictures of the one before have come: a thread that kept pictures would hang
+// here.
 TEST_F(DrawThreadTest, aThreadWithoutAJobDeliversWhatIsOnItsWay) {
   std::uint64_t taken = 0;
   std::condition_variable changed;

@@ -14,7 +14,7 @@ std::vector<test::Triangle> turnedInsideOut(std::vector<test::Triangle> triangle
   return triangles;
 }
 
-TEST(Enclosed, AClosedSurfaceEnclosesItsInside) {
+TEST(Enclosed, aClosedSurfaceEnclosesItsInside) {
   const test::TwoLevelScene scene(test::sphere(6, -1.0F, 1.0F),
                                   {test::sphere(16, -1.0F, 0.0F), test::sphere(16, 0.0F, 1.0F)}, 0.1F);
   const auto enclosure = Enclosure::create(scene.file());
@@ -25,8 +25,8 @@ TEST(Enclosed, AClosedSurfaceEnclosesItsInside) {
   EXPECT_EQ(enclosedPoints(*enclosure, points, 2), (std::vector<std::uint8_t>{1, 1, 0, 0, 1, 0}));
 }
 
-// The coarse cut's error is a tenth: within so much of it nobody knows.
-TEST(Enclosed, WithinTheErrorOfACoarseCutNothingIsEnclosed) {
+// The coarse cut's error is a tenth, so points within a tenth of it may be outside.
+TEST(Enclosed, withinTheErrorOfACoarseCutNothingIsEnclosed) {
   const test::TwoLevelScene scene(test::sphere(6, -1.0F, 1.0F),
                                   {test::sphere(16, -1.0F, 0.0F), test::sphere(16, 0.0F, 1.0F)}, 0.1F);
   const auto enclosure = Enclosure::create(scene.file(), 200);
@@ -35,14 +35,14 @@ TEST(Enclosed, WithinTheErrorOfACoarseCutNothingIsEnclosed) {
   EXPECT_FALSE(enclosure->encloses({0.0F, 0.0F, 0.95F}));
 }
 
-TEST(Enclosed, ARoomDoesNotEncloseWhoIsInIt) {
+TEST(Enclosed, aRoomDoesNotEncloseWhoIsInIt) {
   const auto room = turnedInsideOut(test::sphere(12, -1.0F, 1.0F));
   const test::TwoLevelScene inward(room, {room}, 0.1F);
   EXPECT_NEAR(Enclosure::create(inward.file())->windingNumber({0, 0, 0}), -1.0, 1e-3);
   EXPECT_FALSE(Enclosure::create(inward.file())->encloses({0, 0, 0}));
 }
 
-TEST(Enclosed, AnOpenBowlDoesNot) {
+TEST(Enclosed, anOpenBowlDoesNot) {
   const auto bowl = test::sphere(12, -1.0F, 0.0F);
   const test::TwoLevelScene scene(bowl, {bowl}, 0.1F);
   EXPECT_NEAR(Enclosure::create(scene.file())->windingNumber({0, 0, 0}), 0.5, 0.05);

@@ -14,7 +14,7 @@ void paint(base::Image& image, int x, int y, std::uint8_t r, std::uint8_t g, std
   pixel[0] = r, pixel[1] = g, pixel[2] = b, pixel[3] = a;
 }
 
-// A disc of a colour on nothing, half covered on its rim.
+// Draws a disc of one colour on nothing, half covered on its rim.
 base::Image disc(int side, int radius) {
   base::Image image(side, side, 4);
   for (int y = 0; y < side; ++y) {
@@ -97,7 +97,8 @@ TEST(FaceEncoder, fillerCostsAJpegLessThanBlackBackground) {
   EXPECT_LT(filled->jpeg_bytes * 10, repository::encodeJpeg(black, 85, repository::Subsampling::k420)->size() * 9);
 }
 
-// Model at both ends, hidden pixels between: each takes the mean of the smallest aligned square that holds model.
+// There is model at both ends: each hidden pixel between takes the mean of the smallest aligned square that holds
+// model.
 TEST(FaceEncoder, fillerIsTheMeanOfTheSmallestSquareThatHoldsModel) {
   base::Image image(32, 8, 4);
   paint(image, 0, 0, 10, 0, 0, 255);

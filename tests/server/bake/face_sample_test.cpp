@@ -36,7 +36,7 @@ TEST(FaceOrder, everyFaceComesOnce) {
   }
 }
 
-// The first 96 of 20 736 faces: each eighth of the Morton order has its 12, give or take a few, each direction its 16.
+// Each eighth of the Morton order has 12 of the first 96 of 20 736 faces, give or take a few, and each direction 16.
 TEST(FaceOrder, aBeginningIsSpreadOverTheOrderAndTheDirections) {
   const repository::Grid grid = gridOf({12, 24, 12});
   const FaceOrder order(grid);
@@ -53,7 +53,7 @@ TEST(FaceOrder, aBeginningIsSpreadOverTheOrderAndTheDirections) {
   for (const int count : directions) EXPECT_NEAR(count, 16, 8);
 }
 
-// A square in the plane z = 0 between −1 and 1.
+// The scene is a square in the plane z = 0 between −1 and 1.
 std::vector<test::Triangle> square() {
   const glm::u8vec4 color(200, 100, 50, 255);
   return {{{-1, -1, 0}, {1, -1, 0}, {1, 1, 0}, color}, {{-1, -1, 0}, {1, 1, 0}, {-1, 1, 0}, color}};

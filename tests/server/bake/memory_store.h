@@ -1,5 +1,5 @@
 #pragma once
-// A store in memory that remembers its batches and fails when told.
+// A store in memory, which remembers its batches and fails when told.
 #include <map>
 #include <mutex>
 

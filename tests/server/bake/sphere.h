@@ -1,5 +1,5 @@
 #pragma once
-// A sphere to be seen from around.
+// Makes a sphere of triangles.
 #include <cmath>
 #include <numbers>
 #include <vector>
@@ -8,7 +8,7 @@
 
 namespace server::test {
 
-/// The part from_z … to_z of a unit sphere, `rings` rings around z, in two colours; normals outward.
+/// The part of a unit sphere with z in from_z … to_z: `rings` rings around z, in two colours; normals outward.
 inline std::vector<Triangle> sphere(int rings, float from_z, float to_z) {
   const auto at = [&](int ring, int segment) {
     const float polar = std::acos(from_z + (to_z - from_z) * static_cast<float>(ring) / static_cast<float>(rings));

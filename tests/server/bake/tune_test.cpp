@@ -23,7 +23,7 @@ struct Look {
   double noise = 4.0;
 };
 
-// A disc of waves on nothing; `seed` decides where it lies, its waves and its noise.
+// Draws a disc of waves on nothing; `seed` decides where it lies, its waves and its noise.
 base::Image waves(unsigned seed, const Look& look) {
   constexpr int kSide = 64;
   std::mt19937 random(seed);
@@ -53,12 +53,12 @@ std::vector<base::Image> faces(const Look& look, unsigned count = 6) {
   return all;
 }
 
-// All 300 pairs: the one of fewest bytes that reaches the PSNR.
+// Tries all 300 pairs, and finds the one of fewest bytes that reaches the PSNR.
 std::optional<TuneChoice> byBruteForce(const std::vector<base::Image>& sample, double psnr_db) {
   std::optional<TuneChoice> best;
   for (const Subsampling subsampling : kAll) {
     for (int quality = 1; quality <= 100; ++quality) {
-      const TunePoint point = *measureQuality(sample, quality, subsampling, 1);
+      const QualityMeasurement point = *measureQuality(sample, quality, subsampling, 1);
       if (point.psnr_db < psnr_db || (best && best->jpeg_bytes <= point.jpeg_bytes)) continue;
       best = TuneChoice{quality, subsampling, point.psnr_db, point.jpeg_bytes, sample.size()};
     }
@@ -66,7 +66,7 @@ std::optional<TuneChoice> byBruteForce(const std::vector<base::Image>& sample, d
   return best;
 }
 
-// Differences of the decoded pixels, without the code that is tested.
+// Adds up differences of the decoded pixels, without the code that is tested.
 TEST(Tune, thePsnrIsThatOfAllModelPixelsTogether) {
   const auto sample = faces({}, 2);
   double squares = 0.0;
@@ -105,7 +105,7 @@ TEST(Tune, itFindsWhatBruteForceFinds) {
   }
 }
 
-// Grey has no chroma to lose; fine waves of red against blue need all of it.
+// Grey faces have no chroma to lose; fine waves of red against blue need all of it.
 TEST(Tune, chromaIsKeptWhereItIsNeeded) {
   EXPECT_EQ(tuneQuality(faces({40.0, 0.0, 2.0}), 36.0, 1)->subsampling, Subsampling::k420);
   EXPECT_EQ(tuneQuality(faces({5.0, 60.0, 1.0}), 36.0, 1)->subsampling, Subsampling::k444);

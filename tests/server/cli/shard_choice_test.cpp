@@ -55,7 +55,7 @@ TEST(ShardChoice, ranksOfEveryLauncherAreKnown) {
   expectAuto({{"PMI_RANK", "4"}, {"PMI_SIZE", "5"}}, {4, 5});
   expectAuto({{"SLURM_PROCID", "3"}, {"SLURM_NTASKS", "8"}}, {3, 8});
   expectAuto({{"SLURM_PROCID", "1"}, {"SLURM_STEP_NUM_TASKS", "2"}, {"SLURM_NTASKS", "8"}}, {1, 2});
-  // mpirun within a job: what started the process counts.
+  // Where mpirun runs within a job, mpirun counts, since it started the process.
   expectAuto(
       {{"OMPI_COMM_WORLD_RANK", "1"}, {"OMPI_COMM_WORLD_SIZE", "2"}, {"SLURM_PROCID", "0"}, {"SLURM_NTASKS", "2"}},
       {1, 2});

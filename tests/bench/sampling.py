@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
-"""Uniform grids against adaptive sampling: bytes and images against accuracy from held-out places.
+"""Uniform grids against sampling by use: bytes and images against accuracy from held-out places.
 
-  adaptive.py --bin DIR --work DIR --chart FILE.svg [--grid 17] [--face 512] [--uniform 5,9,17] [--targets 26,30]
-              [--worths 0.85,0.93] MESH
+  sampling.py --bin DIR --work DIR --chart FILE.svg [--grid 17] [--face 512] [--uniform 5,9,17]
+              [--worths 0.85,0.93] [--budgets 2M,5M] MESH
 
-Builds a scene of the mesh with `lumigrid build` for each (those in the work directory are taken as they are), looks at 16 views from random places that no cell used
-(`lumigrid tour --random`), as a client over a socket (`lumigrid-compare`, without exact frames), and prints a row each:
-points, images, bytes, mean and worst PSNR on foreground pixels. The chart has bytes on a logarithmic axis.
+Builds a scene of the mesh with `lumigrid build` for each (those in the work directory are taken as they are), looks at
+16 views from random places for which no points were selected (`lumigrid tour --random`), as a client over a socket
+(`lumigrid-compare`, without exact frames), and prints a row each: points, images, bytes, mean and worst PSNR on
+foreground pixels. The chart has bytes on a logarithmic axis.
 """
 import argparse
 import csv
@@ -70,20 +71,22 @@ def chart(rows, title, path):
                f'<text x="14" y="{height / 2}" transform="rotate(-90 14 {height / 2})" text-anchor="middle">'
                "mean PSNR of held-out views, dB</text>")
     kinds = (("uniform", "#1f77b4", "uniform grids: points along the longest side"),
-             ("adaptive", "#d62728", "cells split by --target"), ("by use", "#2ca02c", "points by use: --worth"))
+             ("by use", "#2ca02c", "points by use: --worth"), ("budget", "#d62728", "points by use: --budget"))
     for n, (kind, color, meaning) in enumerate(kinds):
         mine = sorted((r for r in rows if r["label"].startswith(kind)), key=lambda r: r["bytes"])
         if not mine:
             continue
-        out.append(f'<text x="{width - right - 10}" y="{height - bottom - 10 - 16 * n}" text-anchor="end" fill="{color}">'
+        out.append(f'<text x="{width - right - 10}" y="{height - bottom - 10 - 16 * n}" text-anchor="end" '
+                   f'fill="{color}">'
                    f"{meaning}</text>")
         points = " ".join(f"{px(math.log10(r['bytes'])):.1f},{py(r['mean']):.1f}" for r in mine)
         out.append(f'<polyline points="{points}" fill="none" stroke="{color}" stroke-width="2"/>')
         for before, r in zip([mine[0]] + mine, mine):
             x, y = px(math.log10(r["bytes"])), py(r["mean"])
-            beside = 18 if r["mean"] < before["mean"] or kind == "adaptive" else -8  # a point that falls: below it
+            beside = 18 if r["mean"] < before["mean"] else -8  # the label of a falling point stands below it
             out.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4" fill="{color}"/>'
-                       f'<text x="{x:.1f}" y="{y + beside:.1f}" text-anchor="middle">{r["label"][len(kind):].strip()}</text>')
+                       f'<text x="{x:.1f}" y="{y + beside:.1f}" text-anchor="middle">'
+                       f'{r["label"][len(kind):].strip()}</text>')
     open(path, "w").write("\n".join(out) + "\n</svg>\n")
 
 
@@ -93,19 +96,20 @@ def main():
     parser.add_argument("--bin", required=True, help="directory with lumigrid and lumigrid-compare")
     parser.add_argument("--work", required=True, help="directory for scenes and reports")
     parser.add_argument("--chart", required=True)
-    parser.add_argument("--grid", default="17", help="the finest grid of the adaptive ones")
+    parser.add_argument("--grid", default="17", help="the grid that points are selected from")
     parser.add_argument("--face", default="512")
     parser.add_argument("--uniform", default="5,9,17")
-    parser.add_argument("--targets", default="26,30", help="of cells split by judging, dB")
-    parser.add_argument("--worths", default="0.85,0.93", help="of points chosen for random views")
-    parser.add_argument("--views", default="1000", help="so many of them")
+    parser.add_argument("--worths", default="0.85,0.93", help="--worth of points selected for random views")
+    parser.add_argument("--budgets", default="", help="--budget of such points, e.g. 2M")
+    parser.add_argument("--views", default="1000", help="the number of these views")
     a = parser.parse_args()
     os.makedirs(a.work, exist_ok=True)
     rows = [measure(a, "uniform " + n, ["--grid", n]) for n in a.uniform.split(",") if n]
-    rows += [measure(a, f"adaptive {t} dB", ["--grid", a.grid, "--target", t]) for t in a.targets.split(",") if t]
     rows += [measure(a, f"by use {w}", ["--grid", a.grid, "--views", a.views, "--worth", w])
              for w in a.worths.split(",") if w]
-    chart(rows, f"{os.path.splitext(os.path.basename(a.mesh))[0]}: uniform grids, and adaptive ones of a finest "
+    rows += [measure(a, f"budget {b}", ["--grid", a.grid, "--views", a.views, "--budget", b])
+             for b in a.budgets.split(",") if b]
+    chart(rows, f"{os.path.splitext(os.path.basename(a.mesh))[0]}: uniform grids, and points selected from a "
                 f"grid of {a.grid}", a.chart)
 
 

@@ -1,0 +1,25 @@
+#pragma once
+// The defaults that clients, server, bake and comparison share, so that sampling points are selected for the views that
+// clients have, and pictures of different programs compare.
+#include <cstdint>
+
+namespace base {
+
+struct ViewDefaults {
+  /// Pixels: the largest projected error of the patches under the images. An orbit over a coloured drone scan showed
+  /// 27.9 dB with 4 px and 27.1 dB with 8 px (docs/lumigraph-tuning.md).
+  static constexpr float kPatchTolerance = 4.0F;
+  /// Patches are refined no further than this. The same scan has 245 000 triangles at 4 px.
+  static constexpr std::uint32_t kMaxTriangles = 300'000;
+  /// Sampling points whose images a view asks for: as many as the cell of a grid has corners.
+  static constexpr std::uint16_t kPoints = 8;
+  /// Images that are blended in a picture; 24 and 32 gain 0.3 and 0.4 dB there.
+  static constexpr int kImages = 16;
+  /// Pixels: the tolerance of stored images and exact frames, finer than a pixel because colours go sooner than shape:
+  /// the orbit loses 1.1 dB at 1 px.
+  static constexpr float kExactTolerance = 0.25F;
+  /// JPEG quality of stored images and exact frames, 1..100.
+  static constexpr int kQuality = 85;
+};
+
+}  // namespace base

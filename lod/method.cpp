@@ -1,1 +1,0 @@
-#include "lod/method.h"

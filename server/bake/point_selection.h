@@ -1,0 +1,39 @@
+#pragma once
+// Sampling by use (Okamoto 2011 names it as future work): only those points of a grid get images that a client would be
+// sent. Nobody's view chooses most of a grid's points: for views from anywhere the points between viewer and surface
+// are worth most, and one of two neighbours does. What a point is worth is known before anything is rendered: it is the
+// server's own choice (plan/point_choice.h), made for random views.
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "base/error.h"
+#include "base/json/scene_file.h"
+#include "lod/patch/format.h"
+#include "repository/sampling/sample_tree.h"
+#include "server/bake/bake.h"
+#include "server/bake/viewer_places.h"
+
+namespace server {
+
+/// The points for options.selection, as a tree whose leaves are single steps around them; all other points are left
+/// out. Points are dropped, least used first, as long as the choice for the views is worth at least selection.worth of
+/// what it is worth with the whole grid, and further until the images fit into selection.budget_bytes (image_bytes.h;
+/// GL draws with options' quality then). `places`: where viewers were, for selection.by_viewers, else null.
+///
+/// The same input gives the same tree on any number of threads; other processors may round otherwise, so processes that
+/// share a scene take one selection (readSelection). `progress` is told a share of 0..1, which may stand still, and
+/// returns false to stop (kCancelled). Errors: kInvalidInput where the model leaves no room for a view, no view sees
+/// it, or the budget does not hold the images of one point; those of reading patches and of drawing.
+base::Result<repository::SampleTree> selectPoints(const base::Scene& scene, const lod::patch::PatchFile& patches,
+                                                  const BakeOptions& options, const ViewerPlaces* places = nullptr,
+                                                  const std::function<bool(double done)>& progress = nullptr);
+
+/// Keeps options.points in a file, with the parameters that they were selected for.
+base::Result<void> writeSelection(const std::string& path, const base::Scene& scene, const BakeOptions& options);
+/// The points in such a file; nothing where it is not there or was written for other parameters. options.points does
+/// not matter.
+base::Result<std::optional<repository::SampleTree>> readSelection(const std::string& path, const base::Scene& scene,
+                                                                  const BakeOptions& options);
+
+}  // namespace server

@@ -1,0 +1,166 @@
+// lumigrid build makes a scene: hierarchy, tree of splats, images, one after the other, each resumable.
+//
+// Any number of processes may work on one scene. What concerns the scene as a whole is done under its lock (SceneLock):
+// making or opening it with its hierarchy, what is chosen once for all images, and declaring it finished. Between the
+// two each process renders its shards, each under the lock of the shard's store; who finds that nothing is missing
+// writes scene.json.
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <utility>
+
+#include "base/file.h"
+#include "base/memory.h"
+#include "server/bake/draw_processes.h"
+#include "server/cli/build_command/images.h"
+#include "server/cli/build_command/methods.h"
+#include "server/cli/build_command/missing.h"
+#include "server/cli/build_command/options.h"
+#include "server/cli/build_command/report.h"
+#include "server/cli/build_command/resume.h"
+#include "server/cli/commands.h"
+#include "server/cli/console.h"
+#include "server/cli/scene_images.h"
+#include "server/cli/scene_lock.h"
+#include "server/cli/scene_sources.h"
+
+namespace server::cli {
+namespace {
+
+namespace fs = std::filesystem;
+using base::Error;
+using base::ErrorCode;
+using base::Result;
+
+Result<SceneLock> lockScene(const BuildArguments& a) {
+  return SceneLock::acquire(a.output, [&](const std::string& holder) {
+    if (!a.quiet)
+      std::fprintf(stderr, "lumigrid: waiting for %s, which is preparing %s\n", holder.c_str(), a.output.c_str());
+  });
+}
+
+/// Finds or makes the scene with its hierarchies. Under the scene's lock.
+Result<BuildOutput> prepareScene(const BuildArguments& a, const SceneSources& sources, ShardSelection& selection,
+                                 BuildReport& report, ProgressLine& line) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto output, openOutput(a, sources));
+  if (a.force) {
+    LUMIGRID_TRY(needMeshes(a, "hierarchy"));
+    LUMIGRID_TRY(removeScene(a.output));
+  }
+  const auto lacks = [&](const FileMethod& method) {
+    return output.scene ? lacksFile(a, *output.scene, method) : wants(a, method.method);
+  };
+  if (lacks(kPatches)) {
+    LUMIGRID_TRY(buildPatches(a, sources, output.scene, report, line));
+    LUMIGRID_TRY(recordMethods(a, output));
+  }
+  if (lacks(kSplats)) {
+    LUMIGRID_TRY(buildSplats(a, sources, output.scene, report, line));
+    LUMIGRID_TRY(recordMethods(a, output));
+  }
+  LUMIGRID_TRY(settleDivision(a, output, selection));
+  return output;
+}
+
+/// Makes the choices that all images share, and writes building.json as it should be. Under the scene's lock.
+Result<ImageChoices> prepareImages(const BuildArguments& a, BuildOutput& output, const ShardSelection& selection,
+                                   BuildReport& report, ProgressLine& line) {
+  ImageChoices choices;
+  if (wants(a, "images")) {
+    LUMIGRID_TRY(removeOrphanStores(a, selection.shards));
+    LUMIGRID_ASSIGN_OR_RETURN(choices, makeImageChoices(a, output, line));
+    report.tuned = choices.tuned;
+  }
+  if (output.finished) return choices;
+  if (selection.shards != 0) output.scene->parameters[kShardsParameter] = std::to_string(selection.shards);
+  LUMIGRID_TRY(recordScene(a, output));
+  std::error_code ignored;
+  fs::remove(fs::path(a.output) / "scene.json", ignored);  // a scene that gets images is unfinished again
+  return choices;
+}
+
+/// Writes scene.json, if nothing is missing. Under the scene's lock.
+Result<void> declareFinished(const BuildArguments& a, BuildOutput& output, const ShardSelection& selection,
+                             BuildReport& report) {
+  base::Scene& scene = *output.scene;
+  if (wantsImages(scene) && !wants(a, "images")) return {};  // another command is at them
+  if (wantsImages(scene)) {
+    LUMIGRID_ASSIGN_OR_RETURN(auto missing, findMissingImages(a, scene, selection.shards));
+    report.missing = std::move(missing.shards);
+    if (!report.missing.empty()) return {};
+  }
+  if (!fs::exists(fs::path(a.output) / "scene.json")) {
+    if (wantsImages(scene) && !hasPart(scene, "images")) scene.parts.push_back({"images", 0, ""});
+    LUMIGRID_TRY(base::writeSceneFile(scene, a.output + "/scene.json"));
+  }
+  std::error_code ignored;
+  fs::remove(fs::path(a.output) / base::kBuildingFile, ignored);
+  // Runs that were killed while they wrote these files left pieces of them.
+  for (const char* name : kWholeFiles) base::removeUnfinished(a.output + "/" + name);
+  return {};
+}
+
+Result<void> build(const BuildArguments& a) {
+  base::keepFreedMemory();
+  LUMIGRID_ASSIGN_OR_RETURN(auto selection, shardSelectionOf(a));
+  if (a.force && selection.index)
+    return Error{ErrorCode::kInvalidInput,
+                 "--force would remove what other shards made; make the hierarchy anew first: --methods patch --force"};
+  const SceneSources sources(a.meshes, true);
+  LUMIGRID_TRY(sources.check());
+  ProgressLine line(a.quiet);
+  BuildReport report;
+  BuildOutput output;
+  ImageChoices choices;
+  {
+    LUMIGRID_ASSIGN_OR_RETURN(const auto lock, lockScene(a));
+    LUMIGRID_ASSIGN_OR_RETURN(output, prepareScene(a, sources, selection, report, line));
+    LUMIGRID_ASSIGN_OR_RETURN(choices, prepareImages(a, output, selection, report, line));
+  }
+  if (wants(a, "images")) LUMIGRID_TRY(buildImages(a, output, choices, selection, report, line));
+  {
+    LUMIGRID_ASSIGN_OR_RETURN(const auto lock, lockScene(a));
+    LUMIGRID_TRY(declareFinished(a, output, selection, report));
+  }
+  printReport(a, output, report);
+  return {};
+}
+
+}  // namespace
+
+RunCommand addBuild(CLI::App& command) {
+  auto a = std::make_shared<BuildArguments>();
+  declareBuildOptions(command, *a);
+  return [a, &command]() -> int {
+    if (a->meshes.empty()) {
+      auto completed = withRecordedOptions(command, *a);
+      if (!completed) return fail(completed.error());
+      *a = std::move(*completed);
+    }
+    if (const std::string wrong = usageError(command, *a); !wrong.empty()) {
+      std::fprintf(stderr, "lumigrid: %s\n", wrong.c_str());
+      return kWrongUsage;
+    }
+    if (a->missing) {
+      auto missing = findMissingParts(*a);
+      return missing ? reportMissing(a->output, *missing, a->json) : fail(missing.error());
+    }
+    stopOnSignals();
+    auto built = build(*a);
+    return built ? kDone : fail(built.error());
+  };
+}
+
+RunCommand addDraw(CLI::App&) {
+  return []() -> int {
+    struct stat input {};
+    if (::fstat(STDIN_FILENO, &input) != 0 || !S_ISSOCK(input.st_mode))
+      return fail({ErrorCode::kInvalidInput, std::string(kDrawCommand) + " is what `lumigrid build` starts; use that"});
+    return runDrawProcess(STDIN_FILENO);
+  };
+}
+
+}  // namespace server::cli

@@ -1,0 +1,253 @@
+#include "server/cli/build_command/images.h"
+
+#include <array>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <memory>
+#include <utility>
+
+#include "base/file.h"
+#include "lod/patch/format.h"
+#include "repository/sampling/grid.h"
+#include "repository/sampling/shard.h"
+#include "repository/store.h"
+#include "repository/verify.h"
+#include "server/bake/bake.h"
+#include "server/bake/point_selection.h"
+#include "server/bake/store_parameters.h"
+#include "server/bake/viewer_places.h"
+#include "server/cli/commands.h"
+#include "server/cli/scene_images.h"
+#include "server/cli/shard_choice.h"
+
+namespace server::cli {
+namespace {
+
+namespace fs = std::filesystem;
+using base::Error;
+using base::ErrorCode;
+using base::Result;
+
+std::string imagesOf(const BuildArguments& a) {
+  return a.output + "/images";
+}
+
+// The points that were selected for --views, for all shards (docs/formats/repository.md).
+std::string selectionFileOf(const BuildArguments& a) {
+  return imagesOf(a) + "/points.json";
+}
+
+repository::Grid gridFor(const BuildArguments& a, const base::Scene& scene) {
+  return repository::makeGrid(scene.localBox(), a.grid, static_cast<float>(a.margin), a.face);
+}
+
+repository::Subsampling subsamplingOf(const std::string& name) {
+  return name == "444"   ? repository::Subsampling::k444
+         : name == "422" ? repository::Subsampling::k422
+                         : repository::Subsampling::k420;
+}
+
+// This program, to draw in several processes.
+std::vector<std::string> drawCommand() {
+  std::error_code error;
+  const fs::path program = fs::read_symlink("/proc/self/exe", error);
+  if (error) return {};
+  return {program.string(), kDrawCommand};
+}
+
+// How all shards alike are drawn.
+BakeOptions bakeOptions(const BuildArguments& a, const base::Scene& scene, const ImageChoices& choices) {
+  BakeOptions options = a.bake;
+  options.grid = gridFor(a, scene);
+  options.subsampling = subsamplingOf(a.subsampling);
+  options.limits = a.limits;
+  options.draw_command = drawCommand();
+  options.selection.by_viewers = !a.views_from.empty();
+  options.points = choices.points;
+  if (choices.tuned) {
+    options.quality = choices.tuned->quality;
+    options.subsampling = choices.tuned->subsampling;
+  }
+  return options;
+}
+
+Result<lod::patch::PatchFile> openPatches(const BuildArguments& a) {
+  return lod::patch::PatchFile::open(a.output + "/" + kPatches.file);
+}
+
+Result<TuneChoice> chooseQuality(const BuildArguments& a, BuildOutput& output) {
+  base::Scene& scene = *output.scene;
+  auto stored = storedChoice(scene.parameters);
+  if (!stored)
+    return base::within(a.output + "/" + (output.finished ? "scene.json" : base::kBuildingFile), stored.error());
+  if (*stored) return **stored;
+  LUMIGRID_ASSIGN_OR_RETURN(const auto patches, openPatches(a));
+  auto tuned = tuneScene(scene, patches, bakeOptions(a, scene, {}), *a.tune_db);
+  if (!tuned) return base::within("--tune", tuned.error());
+  storeChoice(*tuned, scene.parameters);
+  return *tuned;
+}
+
+Result<repository::SampleTree> choosePoints(const BuildArguments& a, const base::Scene& scene,
+                                            const ImageChoices& choices, ProgressLine& line) {
+  BakeOptions options = bakeOptions(a, scene, choices);
+  LUMIGRID_ASSIGN_OR_RETURN(auto stored, readSelection(selectionFileOf(a), scene, options));
+  if (stored) return std::move(*stored);
+
+  std::optional<ViewerPlaces> places;
+  if (!a.views_from.empty()) {
+    auto read = ViewerPlaces::ofScene(a.views_from, scene.origin);
+    if (!read) return base::within("--views-from", read.error());
+    places = std::move(*read);
+  }
+  LUMIGRID_ASSIGN_OR_RETURN(const auto patches, openPatches(a));
+  auto selected = selectPoints(scene, patches, options, places ? &*places : nullptr, [&](double done) {
+    line.show("sampling points", done);
+    return !stopRequested();
+  });
+  line.finish();
+  if (!selected) return base::within("--views", selected.error());
+  options.points = std::move(*selected);
+  std::error_code error;
+  fs::create_directories(imagesOf(a), error);
+  if (error) return base::systemError(imagesOf(a), "make this directory", error.value());
+  LUMIGRID_TRY(writeSelection(selectionFileOf(a), scene, options));
+  return std::move(*options.points);
+}
+
+void add(const BakeSummary& one, std::optional<BakeSummary>& sum) {
+  if (!sum) sum.emplace();
+  sum->faces_rendered += one.faces_rendered;
+  sum->faces_skipped += one.faces_skipped;
+  sum->faces_empty += one.faces_empty;
+  sum->jpeg_bytes += one.jpeg_bytes;
+  sum->coverage_bytes += one.coverage_bytes;
+  sum->seconds += one.seconds;
+}
+
+std::function<bool(const BakeProgress&)> progressOn(ProgressLine& line, const repository::Shard& shard) {
+  const std::string stage =
+      shard.count > 1 ? "images " + std::to_string(shard.index) + "/" + std::to_string(shard.count) : "images";
+  return [&line, stage](const BakeProgress& p) {
+    std::array<char, 64> rate{};
+    std::snprintf(rate.data(), rate.size(), "%.1f images/s", p.faces_per_second);
+    const auto done = static_cast<double>(p.faces_done + p.faces_skipped);
+    line.show(stage, p.faces_total == 0 ? 1.0 : done / static_cast<double>(p.faces_total),
+              std::string(rate.data()) + ", " + formatBytes(p.stored_bytes));
+    return !stopRequested();
+  };
+}
+
+// Removes what verify would find wrong with a store that is thought to be whole, so that it is rendered again.
+Result<void> removeFaults(repository::Store& store, const base::Scene& scene, const BakeOptions& options,
+                          repository::RemovalCounts& removed) {
+  LUMIGRID_TRY(claimStore(store, storeParameters(scene, options)));  // before faces of other points go
+  LUMIGRID_ASSIGN_OR_RETURN(
+      const auto one, repository::removeFaulty(store, options.grid, options.shard,
+                                               options.points ? &*options.points : nullptr, options.limits.threads));
+  removed.damaged += one.damaged;
+  removed.orphans += one.orphans;
+  return {};
+}
+
+Result<void> buildStore(const BuildArguments& a, const BuildOutput& output, BakeOptions& options,
+                        const repository::Shard& shard, const std::string& directory, BuildReport& report,
+                        ProgressLine& line) {
+  LUMIGRID_ASSIGN_OR_RETURN(const auto patches, openPatches(a));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto store, repository::openLmdbStore(directory, repository::StoreMode::kWrite));
+  options.shard = shard;
+  if (output.finished) LUMIGRID_TRY(removeFaults(*store, *output.scene, options, report.removed));
+  const auto baked = bake(*output.scene, patches, *store, options, progressOn(line, shard));
+  line.finish();
+  if (!baked) return base::within(directory, baked.error());
+  add(*baked, report.bake);
+  return {};
+}
+
+}  // namespace
+
+Result<ShardSelection> shardSelectionOf(const BuildArguments& a) {
+  const Environment environment = [](const char* name) -> const char* { return std::getenv(name); };
+  std::optional<repository::Shard> shard;
+  if (a.shard.empty()) {
+    LUMIGRID_ASSIGN_OR_RETURN(shard, shardFromRanks(environment));
+  } else {
+    LUMIGRID_ASSIGN_OR_RETURN(shard,
+                              a.shard == "auto" ? shardFromLauncher(environment) : repository::parseShard(a.shard));
+  }
+  if (!shard) return ShardSelection{a.shards, std::nullopt};
+  if (a.shards != 0 && a.shards != shard->count)
+    return Error{ErrorCode::kInvalidInput, "--shards " + std::to_string(a.shards) + " and a shard of " +
+                                               std::to_string(shard->count) + " do not go together"};
+  return ShardSelection{shard->count, shard->index};
+}
+
+Result<void> settleDivision(const BuildArguments& a, const BuildOutput& output, ShardSelection& selection) {
+  LUMIGRID_ASSIGN_OR_RETURN(const auto recorded, shardsOf(*output.scene));
+  if (selection.shards == 0 || selection.shards == recorded) {
+    selection.shards = recorded;
+    return {};
+  }
+  LUMIGRID_ASSIGN_OR_RETURN(const auto layout, repository::layoutOf(imagesOf(a)));
+  if (!output.finished && !layout.undivided && layout.shards.empty()) return {};
+  const std::string is = recorded == 0 ? "undivided" : "divided into " + std::to_string(recorded) + " shards";
+  return Error{ErrorCode::kExists, a.output + ": its images are " + is + ", not into " +
+                                       std::to_string(selection.shards) +
+                                       "; keep to that, or make the scene anew with --force"};
+}
+
+Result<void> removeOrphanStores(const BuildArguments& a, std::uint32_t shards) {
+  LUMIGRID_ASSIGN_OR_RETURN(const auto orphans, orphanStores(imagesOf(a), shards));
+  for (const std::string& directory : orphans) {
+    LUMIGRID_TRY(repository::removeLmdbStore(directory));
+    std::fprintf(stderr, "lumigrid: removed %s, which is not of this scene's division\n", directory.c_str());
+  }
+  return {};
+}
+
+Result<ImageChoices> makeImageChoices(const BuildArguments& a, BuildOutput& output, ProgressLine& line) {
+  ImageChoices choices;
+  if (a.tune_db) {
+    LUMIGRID_ASSIGN_OR_RETURN(choices.tuned, chooseQuality(a, output));
+  }
+  if (a.bake.selection.views != 0) {
+    LUMIGRID_ASSIGN_OR_RETURN(choices.points, choosePoints(a, *output.scene, choices, line));
+  }
+  return choices;
+}
+
+Result<void> buildImages(const BuildArguments& a, const BuildOutput& output, const ImageChoices& choices,
+                         const ShardSelection& selection, BuildReport& report, ProgressLine& line) {
+  BakeOptions options = bakeOptions(a, *output.scene, choices);
+  const std::uint32_t count = std::max(selection.shards, 1U);
+  std::optional<Error> busy;
+  for (std::uint32_t i = selection.index.value_or(0); i < (selection.index ? *selection.index + 1 : count); ++i) {
+    const repository::Shard shard{i, count};
+    // Where there are more shards than points some are empty and need no store, unless one was asked for.
+    if (!selection.index && repository::pointsOf(shard, options.grid).size() == 0) continue;
+    const std::string directory = repository::storeDirectory(imagesOf(a), selection.shards, i);
+    const auto built = buildStore(a, output, options, shard, directory, report, line);
+    if (built) continue;
+    if (built.error().code != ErrorCode::kBusy) return built.error();
+    busy = built.error();
+  }
+  return busy ? Result<void>(*busy) : Result<void>();
+}
+
+Result<MissingImages> findMissingImages(const BuildArguments& a, const base::Scene& scene, std::uint32_t shards) {
+  MissingImages missing;
+  ImageChoices choices;
+  if (a.bake.selection.views != 0) {
+    if (a.tune_db) {
+      LUMIGRID_ASSIGN_OR_RETURN(choices.tuned, storedChoice(scene.parameters));
+    }
+    LUMIGRID_ASSIGN_OR_RETURN(choices.points, readSelection(selectionFileOf(a), scene, bakeOptions(a, scene, choices)));
+    missing.points_selected = choices.points.has_value();
+  }
+  LUMIGRID_ASSIGN_OR_RETURN(missing.shards, repository::findMissing(imagesOf(a), shards, gridFor(a, scene),
+                                                                    choices.points ? &*choices.points : nullptr));
+  return missing;
+}
+
+}  // namespace server::cli

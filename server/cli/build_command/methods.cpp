@@ -1,0 +1,184 @@
+#include "server/cli/build_command/methods.h"
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <filesystem>
+#include <future>
+#include <utility>
+
+#include "base/crc32c.h"
+
+namespace server::cli {
+namespace {
+
+namespace fs = std::filesystem;
+using base::Result;
+
+// A file that is built, as the scene lists it. A thread hashes it as soon as it is written.
+class PartFile {
+ public:
+  PartFile(const std::string& directory, const std::string& file) : path_(directory + "/" + file), file_(file) {}
+  const std::string& path() const { return path_; }
+  /// To be called once the file is there.
+  std::function<void()> startHashing() {
+    return [this] { hash_ = std::async(std::launch::async, [this] { return base::sha256OfFile(path_); }); };
+  }
+  /// Waits for the hash.
+  Result<void> addTo(base::Scene& scene) {
+    LUMIGRID_ASSIGN_OR_RETURN(auto hash, hash_.get());
+    std::erase_if(scene.parts, [&](const base::ScenePart& old) { return old.file == file_; });
+    scene.parts.push_back({file_, fs::file_size(path_), hash});
+    return {};
+  }
+
+ private:
+  std::string path_;
+  std::string file_;
+  std::future<Result<std::string>> hash_;
+};
+
+// Each output and method has a place of its own, so that several builds can share --tmpdir.
+std::string workDirectory(const BuildArguments& a, const FileMethod& method) {
+  if (a.tmpdir.empty()) return a.output + "/" + method.work_files;
+  const std::string output = fs::absolute(a.output).lexically_normal().string();
+  std::array<char, 16> name{};
+  std::snprintf(name.data(), name.size(), "%08x",
+                base::crc32c({reinterpret_cast<const std::uint8_t*>(output.data()), output.size()}));
+  const std::string suffix = method.file == std::string(kPatches.file) ? "" : std::string("-") + method.method;
+  return a.tmpdir + "/lumigrid-" + name.data() + suffix;
+}
+
+// The hashes of the sources decide the hierarchy besides its own options. `sources` must outlive the key.
+lod::ingest::ResumeKey resumeKey(const SceneSources& sources) {
+  return [&sources]() -> Result<std::string> {
+    LUMIGRID_ASSIGN_OR_RETURN(const auto list, sources.all());
+    std::string key;
+    for (const base::SceneSource& source : list) key += source.sha256 + " ";
+    return key;
+  };
+}
+
+void printPlan(const BuildArguments& a, ProgressLine& line, const lod::ingest::BuildPlan& plan) {
+  if (a.quiet) return;
+  line.finish();
+  const bool points = plan.triangles == 0;
+  std::fprintf(stderr, "%s %s: about %s in the scene, up to %s of work files, about %s\n",
+               formatCount(points ? plan.vertices : plan.triangles).c_str(), points ? "points" : "triangles",
+               formatBytes(plan.output_bytes).c_str(), formatBytes(plan.work_bytes).c_str(),
+               formatSeconds(plan.seconds).c_str());
+}
+
+lod::ingest::Progress progressOn(ProgressLine& line, const std::string& what) {
+  return [&line, what](const std::string& stage, double done) {
+    line.show(what + ": " + stage, done);
+    return !stopRequested();
+  };
+}
+
+void printWarnings(const lod::ingest::SourceSummary& summary) {
+  for (const std::string& warning : summary.warnings) std::fprintf(stderr, "lumigrid: warning: %s\n", warning.c_str());
+}
+
+// A flat open scan stands on its shortest axis, on the side that its surface faces. Anything else is taken for a model
+// with +y up, as glTF says and scanners of objects write.
+glm::dvec3 guessUp(const lod::ingest::SourceSummary& built, const BuildArguments& a) {
+  if (a.up != "auto") return {a.up == "x" ? 1 : 0, a.up == "y" ? 1 : 0, a.up == "z" ? 1 : 0};
+  const glm::dvec3 size = built.box_max - built.box_min;
+  const int flat = size.x <= size.y && size.x <= size.z ? 0 : size.y <= size.z ? 1 : 2;
+  const double second = std::min(size[(flat + 1) % 3], size[(flat + 2) % 3]);
+  if (size[flat] > 0.5 * second) return {0, 1, 0};
+  glm::dvec3 up(0.0);
+  up[flat] = built.facing[flat] < 0.0 ? -1.0 : 1.0;
+  return up;
+}
+
+base::Light chooseLight(const BuildArguments& a, bool has_colors, const glm::dvec3& up) {
+  base::Light light;
+  const bool unlit = a.light == "unlit" || (a.light == "auto" && has_colors);
+  light.mode = unlit ? base::LightMode::kUnlit : base::LightMode::kSoft;
+  // The light comes from above and a little from the side, whichever way up is.
+  const glm::vec3 z = glm::vec3(glm::normalize(up));
+  const glm::vec3 side = glm::normalize(glm::cross(z, std::abs(z.x) < 0.9F ? glm::vec3(1, 0, 0) : glm::vec3(0, 1, 0)));
+  light.direction = glm::normalize(0.8F * z + 0.45F * side + 0.35F * glm::cross(side, z));
+  return light;
+}
+
+Result<base::Scene> describeScene(const BuildArguments& a, const SceneSources& sources,
+                                  const lod::ingest::SourceSummary& built) {
+  base::Scene scene;
+  LUMIGRID_ASSIGN_OR_RETURN(scene.sources, sources.all());
+  scene.parameters = parametersOf(a);
+  scene.origin = built.origin;
+  scene.box_min = built.box_min;
+  scene.box_max = built.box_max;
+  scene.units = a.units;
+  scene.up = guessUp(built, a);
+  scene.has_colors = built.has_colors;
+  scene.light = chooseLight(a, scene.has_colors, scene.up);
+  scene.triangles = built.triangles;
+  scene.repairs = built.repairs.counts;
+  return scene;
+}
+
+}  // namespace
+
+Result<void> needMeshes(const BuildArguments& a, const std::string& what) {
+  if (!a.meshes.empty()) return {};
+  return base::Error{base::ErrorCode::kNotFound, a.output + ": holds no " + what + " yet; give the meshes too"};
+}
+
+Result<void> buildPatches(const BuildArguments& a, const SceneSources& sources, std::optional<base::Scene>& scene,
+                          BuildReport& report, ProgressLine& line) {
+  LUMIGRID_TRY(needMeshes(a, "hierarchy"));
+  PartFile part(a.output, kPatches.file);
+  lod::patch::builder::HierarchyOptions options = a.hierarchy;
+  options.limits = a.limits;
+  options.regroup = a.regroup == "on";
+  options.work_directory = workDirectory(a, kPatches);
+  options.resume_key = resumeKey(sources);
+  options.on_plan = [&](const lod::ingest::BuildPlan& plan) { printPlan(a, line, plan); };
+  options.on_written = part.startHashing();
+  auto summary =
+      lod::patch::builder::buildHierarchyFromFiles(a.meshes, options, part.path(), progressOn(line, "hierarchy"));
+  line.finish();
+  if (!summary) return summary.error();
+  printWarnings(*summary);
+
+  // The patches are the scene as it is looked at, so what they say of the source replaces what splats said.
+  LUMIGRID_ASSIGN_OR_RETURN(auto described, describeScene(a, sources, *summary));
+  if (scene) {
+    const Parameters wanted = std::move(described.parameters);
+    described.parameters = scene->parameters;  // with the division into shards
+    for (const char* name : kHierarchyParameters) described.parameters[name] = wanted.at(name);
+    described.parts = scene->parts;
+  }
+  scene = std::move(described);
+  report.hierarchy = std::move(*summary);
+  return part.addTo(*scene);
+}
+
+Result<void> buildSplats(const BuildArguments& a, const SceneSources& sources, std::optional<base::Scene>& scene,
+                         BuildReport& report, ProgressLine& line) {
+  LUMIGRID_TRY(needMeshes(a, "tree of splats"));
+  PartFile part(a.output, kSplats.file);
+  lod::qsplat::builder::BuildOptions options;
+  options.limits = a.limits;
+  options.dice = a.splats_dice;
+  options.work_directory = workDirectory(a, kSplats);
+  options.resume_key = resumeKey(sources);
+  options.coded = a.splats_coded;
+  options.on_plan = [&](const lod::ingest::BuildPlan& plan) { printPlan(a, line, plan); };
+  options.on_written = part.startHashing();
+  auto summary = lod::qsplat::builder::buildFromFiles(a.meshes, options, part.path(), progressOn(line, "splats"));
+  line.finish();
+  if (!summary) return summary.error();
+  if (!scene) {
+    printWarnings(*summary);
+    LUMIGRID_ASSIGN_OR_RETURN(scene, describeScene(a, sources, *summary));
+  }
+  report.splats = std::move(*summary);
+  return part.addTo(*scene);
+}
+
+}  // namespace server::cli

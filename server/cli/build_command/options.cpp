@@ -1,0 +1,282 @@
+#include "server/cli/build_command/options.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <iterator>
+#include <nlohmann/json.hpp>
+
+#include "base/json/scene_file.h"
+#include "repository/sampling/shard.h"
+#include "server/bake/tune.h"
+#include "server/cli/scene_images.h"
+
+namespace server::cli {
+namespace {
+
+namespace fs = std::filesystem;
+using base::Error;
+using base::ErrorCode;
+
+void declareMethodOptions(CLI::App& command, BuildArguments& a) {
+  command.add_option("MESH", a.meshes,
+                     "PLY, OBJ, STL, OFF or GLB files; several make one scene. May be left out once the scene has its "
+                     "hierarchy: then the options that are not given are those that the scene records");
+  command.add_option("-o,--output", a.output, "scene directory to make, or to go on with")->required();
+  command.add_flag("--force", a.force, "replace a scene that is there");
+  command
+      .add_option("--methods", a.methods,
+                  "what to build: patch (the hierarchy), images (the repository; needs patch), qsplat (a tree of "
+                  "splats; also from point clouds, PLY files without faces). A scene that is there gets what it lacks")
+      ->delimiter(',')
+      ->check(CLI::IsMember(std::vector<std::string>(std::begin(kMethods), std::end(kMethods))))
+      ->capture_default_str();
+  command.add_flag("--qsplat-coded", a.splats_coded,
+                   "write the tree of splats entropy-coded: about half of the bytes, on disk and over a link, for some "
+                   "of the viewer's time (default: plain)");
+}
+
+void declareSamplingOptions(CLI::App& command, BuildArguments& a) {
+  command.add_option("--grid", a.grid, "sampling points along the longest side of the viewing box")
+      ->check(CLI::Range(2, 1024))
+      ->capture_default_str();
+  command.add_option("--margin", a.margin, "viewing box beyond the model on every side, in longest sides of the model")
+      ->check(CLI::Range(0.0, 100.0))
+      ->capture_default_str();
+  PointSelection& selection = a.bake.selection;
+  command
+      .add_option("--views", selection.views,
+                  "sampling by use: of --grid only those points that a client would be sent in so many random views of "
+                  "the viewing box, e.g. 1000; 0: the whole grid")
+      ->check(CLI::Range(0, 1'000'000))
+      ->capture_default_str();
+  command
+      .add_option("--worth", selection.worth,
+                  "sampling by use: points are left out while what is left is worth this share of the whole grid to "
+                  "these views")
+      ->check(CLI::Range(0.01, 1.0))
+      ->capture_default_str();
+  command
+      .add_option("--budget", selection.budget_bytes,
+                  "sampling by use: and further until images and masks take at most about so many bytes, e.g. 200M; 0: "
+                  "no limit")
+      ->transform(CLI::AsSizeValue(false))
+      ->capture_default_str();
+  command.add_option("--views-from", a.views_from,
+                     "sampling by use: another scene of the same place that was served; the views are drawn where its "
+                     "access counts say that viewers were");
+}
+
+void declareImageOptions(CLI::App& command, BuildArguments& a) {
+  command.add_option("--face", a.face, "pixels along one side of an image")
+      ->check(CLI::Range(16, 4096))
+      ->capture_default_str();
+  command.add_option("--quality", a.bake.quality, "JPEG quality")->check(CLI::Range(1, 100))->capture_default_str();
+  command
+      .add_option("--subsampling", a.subsampling,
+                  "JPEG chroma subsampling; 420 halves the bytes, 444 keeps strong colours")
+      ->check(CLI::IsMember({"420", "422", "444"}))
+      ->capture_default_str();
+  command
+      .add_option(
+          "--tune", a.tune,
+          "off, or a PSNR in dB, e.g. 36: takes the quality and subsampling of fewest bytes that reach it on the "
+          "model's pixels of a sample of " +
+              std::to_string(kTuneFaces) + " images")
+      ->capture_default_str();
+  command.add_option("--tolerance", a.bake.tolerance_px, "largest projected error in the images, face pixels")
+      ->check(CLI::Range(0.0F, 100.0F))
+      ->capture_default_str();
+  command.add_option("--supersampling", a.bake.supersampling, "n x n samples per face pixel")
+      ->check(CLI::Range(1, 8))
+      ->capture_default_str();
+  command.add_option("--batch", a.bake.batch_faces, "images per commit: the most a killed build loses")
+      ->check(CLI::Range(1, 100000))
+      ->capture_default_str();
+  command
+      .add_option("--light", a.light,
+                  "unlit: colours as scanned; soft: a soft directional light; auto: unlit where the mesh has colours")
+      ->check(CLI::IsMember({"auto", "unlit", "soft"}))
+      ->capture_default_str();
+  command.add_option("--up", a.up, "axis that points up in the first view")
+      ->check(CLI::IsMember({"auto", "x", "y", "z"}))
+      ->capture_default_str();
+  command.add_option("--units", a.units, "unit of length of the mesh, e.g. m; kept in scene.json")
+      ->capture_default_str();
+}
+
+void declareHierarchyOptions(CLI::App& command, BuildArguments& a) {
+  command.add_option("--voxel-triangles", a.hierarchy.voxel_triangles, "Nv: most triangles in a voxel")
+      ->check(CLI::Range(1, 1'000'000))
+      ->capture_default_str();
+  command.add_option("--leaf-triangles", a.hierarchy.leaf_triangles, "Nl: most triangles in a leaf patch")
+      ->check(CLI::Range(16, 20'000))
+      ->capture_default_str();
+  command.add_option("--node-triangles", a.hierarchy.node_triangles, "Nn: most triangles in any other patch")
+      ->check(CLI::Range(16, 20'000))
+      ->capture_default_str();
+  command
+      .add_option("--position-bits", a.hierarchy.position_bits,
+                  "lattice steps along the longest side, as a power of two, 10 to 21; 0: chosen from the mean edge")
+      ->check(CLI::Range(0, 21))
+      ->capture_default_str();
+  command
+      .add_option("--qsplat-dice", a.splats_dice,
+                  "tree of splats from a mesh: edges longer than so many times what is usual around them are cut, so "
+                  "that large triangles make no large splats; adds up to as many splats again; 0: none are")
+      ->check(CLI::Range(0.0, 1e6))
+      ->capture_default_str();
+  command
+      .add_option("--regroup", a.regroup,
+                  "on: new groups of patches at each level; off: the paper's binary tree, whose locked borders pile up")
+      ->check(CLI::IsMember({"on", "off"}))
+      ->capture_default_str();
+}
+
+void declareRunOptions(CLI::App& command, BuildArguments& a) {
+  command.add_option("--threads", a.limits.threads, "0: all cores; the result does not depend on it")
+      ->capture_default_str();
+  command
+      .add_option("--memory", a.limits.memory_bytes,
+                  "most memory to use, e.g. 4G, at least 256M: of this process, and of those that draw images with it "
+                  "together; 0: 60 % of the machine's; the result does not depend on it")
+      ->transform(CLI::AsSizeValue(false))
+      ->capture_default_str();
+  command.add_option("--tmpdir", a.tmpdir,
+                     "directory for work files, about 60 bytes per triangle; default: within the scene");
+  command
+      .add_option("--shard", a.shard,
+                  "i/n: render only the i-th (0 to n-1) of n contiguous ranges of the grid, into a store of its own; "
+                  "any number of such commands may run at a time, on one scene. auto: i and n from a Slurm job array "
+                  "(times the rank within a task), an MPI launcher or srun. Default: all, or the rank where mpirun "
+                  "started several")
+      ->check([](const std::string& text) {
+        const auto shard = repository::parseShard(text);
+        return text == "auto" || shard ? std::string() : shard.error().message;
+      });
+  command
+      .add_option("--shards", a.shards,
+                  "divide the images into n stores and build all of them; 0: as the scene is divided, else one store")
+      ->check(CLI::Range(std::uint32_t{0}, repository::kMaxShards))
+      ->capture_default_str();
+  command.add_flag("--missing", a.missing,
+                   "build nothing; list what this command would still have to make. Status 0: nothing, 3: something, "
+                   "1: it cannot be told");
+  command.add_flag("--json", a.json, "summary as JSON");
+  command.add_flag("--quiet", a.quiet, "no progress");
+}
+
+bool isGiven(const CLI::App& command, const std::string& option) {
+  return command.get_option(option)->count() > 0;
+}
+
+// The recorded parameters but for those that the given options overrule: how images are encoded is either said or
+// tuned.
+Parameters recordedBeside(const CLI::App& given, const Parameters& parameters) {
+  Parameters recorded = withoutChoice(parameters);
+  if (recorded.contains("tune")) recorded.erase("subsampling");
+  if (isGiven(given, "--quality") || isGiven(given, "--subsampling")) recorded.erase("tune");
+  if (isGiven(given, "--tune") && given.get_option("--tune")->as<std::string>() != "off")
+    for (const char* name : {"quality", "subsampling"}) recorded.erase(name);
+  return recorded;
+}
+
+}  // namespace
+
+void declareBuildOptions(CLI::App& command, BuildArguments& a) {
+  declareMethodOptions(command, a);
+  declareSamplingOptions(command, a);
+  declareImageOptions(command, a);
+  declareHierarchyOptions(command, a);
+  declareRunOptions(command, a);
+}
+
+bool wants(const BuildArguments& a, const char* method) {
+  return std::find(a.methods.begin(), a.methods.end(), method) != a.methods.end();
+}
+
+bool hasMethod(const Parameters& parameters, const std::string& method) {
+  const auto it = parameters.find("methods");
+  if (it == parameters.end()) return false;
+  return ("," + it->second + ",").find("," + method + ",") != std::string::npos;
+}
+
+Parameters parametersOf(const BuildArguments& a) {
+  auto number = [](auto v) { return nlohmann::json(v).dump(); };
+  std::string methods;
+  for (const char* method : kMethods)
+    if (wants(a, method)) methods += (methods.empty() ? "" : ",") + std::string(method);
+  Parameters parameters{{"methods", methods},
+                        {"grid", number(a.grid)},
+                        {"face", number(a.face)},
+                        {"margin", number(a.margin)},
+                        {"light", a.light},
+                        {"up", a.up},
+                        {"units", a.units},
+                        {a.tune_db ? "tune" : "quality", a.tune_db ? number(*a.tune_db) : number(a.bake.quality)},
+                        {"subsampling", a.tune_db ? "tuned" : a.subsampling},
+                        {"tolerance", number(a.bake.tolerance_px)},
+                        {"supersampling", number(a.bake.supersampling)},
+                        {"voxel-triangles", number(a.hierarchy.voxel_triangles)},
+                        {"leaf-triangles", number(a.hierarchy.leaf_triangles)},
+                        {"node-triangles", number(a.hierarchy.node_triangles)},
+                        {"position-bits", number(a.hierarchy.position_bits)},
+                        {"regroup", a.regroup}};
+  const PointSelection& selection = a.bake.selection;
+  if (selection.views != 0) {
+    parameters["views"] = number(selection.views);
+    parameters["worth"] = number(selection.worth);
+  }
+  if (selection.budget_bytes != 0) parameters["budget"] = number(selection.budget_bytes);
+  if (!a.views_from.empty()) parameters["views-from"] = a.views_from;
+  if (wants(a, "qsplat")) parameters[kSplatsDice] = number(a.splats_dice);
+  if (a.splats_coded) parameters[kSplatsCoded] = "true";
+  return parameters;
+}
+
+std::string usageError(const CLI::App& command, BuildArguments& a) {
+  if (wants(a, "images") && !wants(a, "patch")) return "--methods images needs patch as well";
+  if (!parseTune(a.tune, a.tune_db))
+    return "--tune " + a.tune + ": give off, or a PSNR in dB above 0 and below 99, e.g. 36";
+  if (a.tune_db && !wants(a, "images"))
+    return "--tune chooses quality and subsampling of the images: leave out --tune, or build images";
+  if (a.tune_db && (isGiven(command, "--quality") || isGiven(command, "--subsampling")))
+    return "--tune chooses quality and subsampling of the images: leave out --quality and --subsampling, or --tune";
+  const bool selects = isGiven(command, "--worth") || a.bake.selection.budget_bytes != 0 || !a.views_from.empty();
+  if (a.bake.selection.views == 0 && selects)
+    return "--worth, --budget and --views-from are of sampling by use: give --views too";
+  if (isGiven(command, "--qsplat-coded") && !wants(a, "qsplat"))
+    return "--qsplat-coded is of the tree of splats: give --methods qsplat too";
+  return "";
+}
+
+base::Result<BuildArguments> withRecordedOptions(const CLI::App& given, const BuildArguments& a) {
+  const std::string finished = a.output + "/scene.json";
+  const std::string building = a.output + "/" + base::kBuildingFile;
+  const std::string file = fs::exists(finished) ? finished : building;
+  if (!fs::exists(file) && a.missing) return a;
+  if (!fs::exists(file))
+    return Error{ErrorCode::kNotFound, a.output + ": no scene is here to go on with; give the meshes too"};
+  LUMIGRID_ASSIGN_OR_RETURN(auto scene, base::readSceneFile(file));
+
+  BuildArguments completed;
+  CLI::App options;
+  declareBuildOptions(options, completed);
+  std::vector<std::string> words;
+  for (const CLI::Option* option : given.get_options())
+    for (const std::string& value : option->results())
+      if (!option->get_lnames().empty()) words.push_back("--" + option->get_lnames().front() + "=" + value);
+  for (const auto& [name, value] : recordedBeside(given, scene.parameters)) {
+    const CLI::Option* option = given.get_option_no_throw("--" + name);
+    if (name != kShardsParameter && option != nullptr && option->count() == 0)
+      words.push_back("--" + name + "=" + value);
+  }
+  try {
+    options.parse(words);
+  } catch (const CLI::ParseError& error) {
+    return Error{ErrorCode::kInvalidInput, file + ": records an option that this program does not take: " +
+                                               error.what() + "; build the scene again from its meshes"};
+  }
+  return completed;
+}
+
+}  // namespace server::cli

@@ -1,0 +1,73 @@
+#pragma once
+// The options of `lumigrid build`, which of them go together, and those that a scene records.
+#include <CLI/CLI.hpp>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/error.h"
+#include "base/resource_limits.h"
+#include "lod/patch/builder/hierarchy_build.h"
+#include "lod/qsplat/builder/build.h"
+#include "server/bake/bake.h"
+#include "server/cli/tuned.h"
+
+namespace server::cli {
+
+struct BuildArguments {
+  std::vector<std::string> meshes;
+  std::string output;
+  std::vector<std::string> methods{"patch", "images"};
+  bool force = false, json = false, quiet = false, missing = false, splats_coded = false;
+  std::string shard;         ///< i/n or auto, as given
+  std::uint32_t shards = 0;  ///< 0: as the scene records, or one store
+  std::string light = "auto", up = "auto", units = "unknown", subsampling = "420", tune = "off";
+  std::optional<double> tune_db;  ///< --tune in dB, nothing: off
+  std::uint32_t grid = 32, face = 512;
+  double margin = 0.5;
+  std::string tmpdir, regroup = "on";
+  std::string views_from;  ///< a scene; empty: views are drawn anywhere
+  base::ResourceLimits limits;
+  lod::patch::builder::HierarchyOptions hierarchy;  ///< without the limits, which all methods share
+  double splats_dice = lod::qsplat::builder::kDefaultDice;
+  BakeOptions bake;  ///< the same
+};
+
+/// A method of which the scene keeps one file. Its work files lie beside that, unless --tmpdir says otherwise.
+struct FileMethod {
+  const char* method;
+  const char* file;
+  const char* work_files;
+};
+inline constexpr FileMethod kPatches{"patch", "patch.lgp", "patch.lgp.work"};
+inline constexpr FileMethod kSplats{"qsplat", "qsplat.lgq", "qsplat.lgq.work"};
+inline constexpr FileMethod kFileMethods[] = {kPatches, kSplats};
+inline constexpr const char* kMethods[] = {"patch", "images", "qsplat"};
+
+/// Recorded options that decide what scene.json says of the source, and the patch hierarchy besides.
+inline constexpr const char* kSourceParameters[] = {"light", "up", "units"};
+inline constexpr const char* kHierarchyParameters[] = {"voxel-triangles", "leaf-triangles", "node-triangles",
+                                                       "position-bits", "regroup"};
+/// Recorded where the tree of splats is in the coded form.
+inline constexpr const char* kSplatsCoded = "qsplat-coded";
+/// Recorded where the scene has a tree of splats: how its triangles were diced.
+inline constexpr const char* kSplatsDice = "qsplat-dice";
+
+bool wants(const BuildArguments& a, const char* method);
+/// Whether recorded parameters name the method among --methods.
+bool hasMethod(const Parameters& parameters, const std::string& method);
+
+/// The options that decide what the scene holds, as scene.json keeps them. Threads, batches and messages are not among
+/// them.
+Parameters parametersOf(const BuildArguments& a);
+
+/// Declares the options, each with its default.
+void declareBuildOptions(CLI::App& command, BuildArguments& a);
+/// Why options do not go together that are right each by itself; empty when they do. Sets tune_db.
+std::string usageError(const CLI::App& command, BuildArguments& a);
+
+/// For a command without meshes: the options that it does not give are those that the scene in its output records.
+base::Result<BuildArguments> withRecordedOptions(const CLI::App& given, const BuildArguments& a);
+
+}  // namespace server::cli

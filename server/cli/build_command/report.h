@@ -1,0 +1,28 @@
+#pragma once
+// The summary that `lumigrid build` prints at its end.
+#include <optional>
+#include <vector>
+
+#include "lod/patch/builder/hierarchy_build.h"
+#include "lod/qsplat/builder/build.h"
+#include "repository/repository.h"
+#include "repository/verify.h"
+#include "server/bake/bake.h"
+#include "server/bake/tune.h"
+#include "server/cli/build_command/resume.h"
+
+namespace server::cli {
+
+struct BuildReport {
+  std::optional<lod::patch::builder::HierarchySummary> hierarchy;  ///< absent when a resumed build had it already
+  std::optional<lod::qsplat::builder::BuildSummary> splats;        ///< the same
+  std::optional<TuneChoice> tuned;
+  std::optional<BakeSummary> bake;             ///< over all shards that this process did
+  repository::RemovalCounts removed;           ///< from a finished scene: rendered again, or not ours
+  std::vector<repository::ShardGaps> missing;  ///< faces that other shards still lacked at the end
+};
+
+/// On standard output, for people or with --json.
+void printReport(const BuildArguments& a, const BuildOutput& output, const BuildReport& report);
+
+}  // namespace server::cli

@@ -1,0 +1,185 @@
+#include "server/cli/build_command/resume.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <iterator>
+
+#include "base/file.h"
+#include "repository/repository.h"
+#include "repository/store.h"
+#include "server/cli/scene_images.h"
+#include "server/cli/scene_lock.h"
+
+namespace server::cli {
+namespace {
+
+namespace fs = std::filesystem;
+using base::Error;
+using base::ErrorCode;
+using base::Result;
+
+/// How a scene that is there fits a command.
+enum class Fit {
+  kSame,  ///< it is what the command makes, or more, but for methods with a file, which are added to any scene
+  kMore,  ///< it has the hierarchy that images need; there are none yet, or none asked for, so they may differ
+  kOther
+};
+
+// A source whose hash was not worked out is known by its size.
+bool sameSources(const std::vector<base::SceneSource>& a, const std::vector<base::SceneSource>& b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const auto& x, const auto& y) {
+    return x.bytes == y.bytes && (x.sha256 == y.sha256 || x.sha256.empty() || y.sha256.empty());
+  });
+}
+
+bool sameHierarchies(const BuildArguments& a, Parameters recorded, const Parameters& wanted) {
+  for (const char* name : kSourceParameters)
+    if (recorded[name] != wanted.at(name)) return false;
+  if (wants(a, "patch") && hasMethod(recorded, "patch"))
+    for (const char* name : kHierarchyParameters)
+      if (recorded[name] != wanted.at(name)) return false;
+  if (!wants(a, "qsplat") || !hasMethod(recorded, "qsplat")) return true;
+  return recorded.contains(kSplatsCoded) == a.splats_coded && recorded[kSplatsDice] == wanted.at(kSplatsDice);
+}
+
+Fit fitOf(const BuildArguments& a, const std::vector<base::SceneSource>& sources, const base::Scene& scene,
+          bool has_images) {
+  if (!a.meshes.empty() && !sameSources(scene.sources, sources)) return Fit::kOther;
+  Parameters recorded = withoutChoice(scene.parameters);
+  recorded.erase(kShardsParameter);
+  Parameters wanted = parametersOf(a);
+  if (!sameHierarchies(a, recorded, wanted)) return Fit::kOther;
+  if (!wants(a, "images")) return Fit::kSame;
+  if (!wantsImages(scene)) return Fit::kMore;
+  for (const char* name : {"methods", kSplatsDice, kSplatsCoded}) {
+    recorded.erase(name);
+    wanted.erase(name);
+  }
+  if (recorded == wanted) return Fit::kSame;
+  return !has_images && withoutEncoding(recorded) == withoutEncoding(wanted) ? Fit::kMore : Fit::kOther;
+}
+
+// Adds the methods that a scene has to those that a command wants.
+void addMethods(const Parameters& recorded, Parameters& wanted) {
+  if (recorded.contains(kSplatsCoded)) wanted[kSplatsCoded] = recorded.at(kSplatsCoded);
+  std::string methods;
+  for (const char* method : kMethods)
+    if (hasMethod(recorded, method) || hasMethod(wanted, method))
+      methods += (methods.empty() ? "" : ",") + std::string(method);
+  wanted["methods"] = methods;
+  if (const auto it = recorded.find(kSplatsDice); it != recorded.end()) wanted.insert(*it);
+}
+
+// The command's options; the scene's methods and division stay.
+void adoptParameters(const BuildArguments& a, base::Scene& scene) {
+  Parameters parameters = parametersOf(a);
+  addMethods(scene.parameters, parameters);
+  if (const auto it = scene.parameters.find(kShardsParameter); it != scene.parameters.end()) parameters.insert(*it);
+  scene.parameters = std::move(parameters);
+}
+
+bool isPublished(const base::Scene& scene) {
+  return std::any_of(scene.parts.begin(), scene.parts.end(),
+                     [](const base::ScenePart& part) { return base::isPublishedName(part.file); });
+}
+
+Result<BuildOutput> goOnWith(const BuildArguments& a, const SceneSources& sources, base::Scene scene, bool finished) {
+  if (isPublished(scene))
+    return Error{ErrorCode::kExists, a.output +
+                                         ": is a published scene; build the one that it was published from, and "
+                                         "publish that again"};
+  LUMIGRID_ASSIGN_OR_RETURN(const auto layout, repository::layoutOf(a.output + "/images"));
+  const bool has_images = finished || layout.undivided || !layout.shards.empty();
+  LUMIGRID_ASSIGN_OR_RETURN(const auto list, sources.all());
+  const Fit fit = fitOf(a, list, scene, has_images);
+  if (fit == Fit::kOther && finished)
+    return Error{ErrorCode::kExists, a.output +
+                                         ": holds a finished scene of other meshes or options already; choose another "
+                                         "output, or say --force to build it again"};
+  if (fit == Fit::kOther)
+    return Error{
+        ErrorCode::kExists,
+        a.output +
+            ": holds an unfinished build of other meshes or options; repeat those, or say --force to start afresh"};
+  if (fit == Fit::kMore) adoptParameters(a, scene);
+  return BuildOutput{std::move(scene), finished && fit == Fit::kSame, ""};
+}
+
+// A build that was stopped on the way has left its work files, or a file that nothing lists yet.
+bool isLeftByBuild(const std::string& name) {
+  const bool of_method = std::any_of(std::begin(kFileMethods), std::end(kFileMethods), [&](const FileMethod& method) {
+    return name == method.file || name == method.work_files;
+  });
+  return of_method || name == kLockFile ||
+         std::any_of(std::begin(kWholeFiles), std::end(kWholeFiles),
+                     [&](const char* whole) { return base::isUnfinished(name, whole); });
+}
+
+std::string documentOf(const BuildArguments& a, bool finished) {
+  return a.output + "/" + (finished ? "scene.json" : base::kBuildingFile);
+}
+
+// Listed, and there with the size that is listed.
+bool hasFile(const BuildArguments& a, const base::Scene& scene, const FileMethod& method) {
+  return std::any_of(scene.parts.begin(), scene.parts.end(), [&](const base::ScenePart& part) {
+    std::error_code error;
+    return part.file == method.file && fs::file_size(fs::path(a.output) / part.file, error) == part.bytes;
+  });
+}
+
+}  // namespace
+
+Result<BuildOutput> openOutput(const BuildArguments& a, const SceneSources& sources) {
+  if (a.force || !fs::exists(a.output)) return BuildOutput();
+  if (!fs::is_directory(a.output))
+    return Error{ErrorCode::kExists, a.output + ": is a file, not a scene directory; choose another output"};
+  const bool finished = fs::exists(documentOf(a, true));
+  if (fs::exists(documentOf(a, finished))) {
+    LUMIGRID_ASSIGN_OR_RETURN(auto scene, base::readSceneFile(documentOf(a, finished)));
+    return goOnWith(a, sources, std::move(scene), finished);
+  }
+  for (const auto& entry : fs::directory_iterator(a.output))
+    if (!isLeftByBuild(entry.path().filename().string()))
+      return Error{ErrorCode::kExists,
+                   a.output + ": is not empty and not a scene; choose another output, or say --force"};
+  return BuildOutput();
+}
+
+Result<void> removeScene(const std::string& directory) {
+  const std::string images = directory + "/images";
+  LUMIGRID_ASSIGN_OR_RETURN(auto layout, repository::layoutOf(images));
+  for (const repository::Shard& shard : layout.shards)
+    LUMIGRID_TRY(repository::removeLmdbStore(repository::storeDirectory(images, shard.count, shard.index)));
+  if (layout.undivided) LUMIGRID_TRY(repository::removeLmdbStore(images));
+  for (const char* name : {"scene.json", base::kBuildingFile, kPatches.file, kPatches.work_files, kSplats.file,
+                           kSplats.work_files, "images", "access.lga", "access.lga.lock"}) {
+    std::error_code error;
+    fs::remove_all(fs::path(directory) / name, error);
+    if (error) return Error{ErrorCode::kIo, directory + "/" + name + ": cannot remove: " + error.message()};
+  }
+  return {};
+}
+
+Result<void> recordScene(const BuildArguments& a, BuildOutput& output) {
+  const std::string text = base::formatScene(*output.scene);
+  if (text == output.recorded) return {};
+  LUMIGRID_TRY(base::writeSceneFile(*output.scene, documentOf(a, output.finished)));
+  output.recorded = text;
+  return {};
+}
+
+Result<void> recordMethods(const BuildArguments& a, BuildOutput& output) {
+  addMethods(parametersOf(a), output.scene->parameters);
+  return recordScene(a, output);
+}
+
+bool hasPart(const base::Scene& scene, const std::string& file) {
+  return std::any_of(scene.parts.begin(), scene.parts.end(),
+                     [&](const base::ScenePart& part) { return part.file == file; });
+}
+
+bool lacksFile(const BuildArguments& a, const base::Scene& scene, const FileMethod& method) {
+  return wants(a, method.method) && !hasFile(a, scene, method);
+}
+
+}  // namespace server::cli
