@@ -13,7 +13,7 @@ namespace lod::patch {
 namespace {
 
 // The same cut by castRay, which goes about it in another way, is what a sight says.
-TEST(ProxySight, MeetsWhatARayMeetsInTheSameCut) {
+TEST(ProxySight, meetsWhatARayMeetsInTheSameCut) {
   const BuiltScene scene(support::torus(80, 60), "sight");
   const UniformCut cut = selectFinestUniformCut(scene.hierarchy(), 3000);
   ASSERT_LE(cut.cut.triangles, 3000U);
@@ -49,7 +49,7 @@ TEST(ProxySight, MeetsWhatARayMeetsInTheSameCut) {
   EXPECT_GT(hits, 500);
 }
 
-TEST(ProxySight, LeavesWhatIsNearTheEndsOutOfIt) {
+TEST(ProxySight, leavesWhatIsNearTheEndsOutOfIt) {
   const BuiltScene scene(support::openGrid(40, 0.0F), "clearance");
   const auto sight = ProxySight::ofFile(scene.file());
   ASSERT_TRUE(sight);
@@ -63,7 +63,7 @@ TEST(ProxySight, LeavesWhatIsNearTheEndsOutOfIt) {
   EXPECT_FALSE(sight->isBlocked(above + glm::vec3(1.0F, 0.0F, 0.0F), below + glm::vec3(1.0F, 0.0F, 0.0F), 0.0F));
 }
 
-TEST(ProxySight, NoClosedSurfaceLetsALineThrough) {
+TEST(ProxySight, noClosedSurfaceLetsALineThrough) {
   const BuiltScene scene(support::bumpySphere(40, 60), "closed");
   const auto sight = ProxySight::ofFile(scene.file(), 1000);
   ASSERT_TRUE(sight);
@@ -72,7 +72,7 @@ TEST(ProxySight, NoClosedSurfaceLetsALineThrough) {
     ASSERT_TRUE(sight->isBlocked(glm::vec3(0.2 * rays.unit()), glm::vec3(4.0 * rays.unit()), 0.0F)) << i;
 }
 
-TEST(ProxySight, OfNothingBlocksNothing) {
+TEST(ProxySight, ofNothingBlocksNothing) {
   const BuiltScene scene(support::torus(20, 20), "nothing");
   const auto none = ProxySight::ofPatches(scene.hierarchy(), {}, 0.0F,
                                           [&](std::uint32_t patch) { return scene.file().geometry(patch); });

@@ -121,7 +121,7 @@ std::vector<NamedMesh> meshes() {
 
 // ---- claims ----
 
-TEST(RayCast, FindsTheNearestOfAllTriangles) {
+TEST(RayCast, findsTheNearestOfAllTriangles) {
   for (const NamedMesh& named : meshes()) {
     SCOPED_TRACE(named.name);
     const BuiltScene scene(named.mesh, named.name);
@@ -147,7 +147,7 @@ TEST(RayCast, FindsTheNearestOfAllTriangles) {
   }
 }
 
-TEST(RayCast, MeetsWhatLiesWithinTheDistanceAlone) {
+TEST(RayCast, meetsWhatLiesWithinTheDistanceAlone) {
   const BuiltScene scene(support::torus(60, 40), "distance");
   const std::vector<Facet> facets = leafFacets(scene.file());
   RandomRays rays(scene.file());
@@ -162,7 +162,7 @@ TEST(RayCast, MeetsWhatLiesWithinTheDistanceAlone) {
   }
 }
 
-TEST(RayCast, SlipsThroughNoEdgeOrCornerOfAClosedSurface) {
+TEST(RayCast, slipsThroughNoEdgeOrCornerOfAClosedSurface) {
   const BuiltScene scene(support::bumpySphere(40, 60), "watertight");
   const std::vector<Facet> facets = leafFacets(scene.file());
   std::mt19937 random(5);
@@ -183,7 +183,7 @@ TEST(RayCast, SlipsThroughNoEdgeOrCornerOfAClosedSurface) {
   }
 }
 
-TEST(RayCast, KeepsToAxesThroughVertices) {
+TEST(RayCast, keepsToAxesThroughVertices) {
   // The vertices of a flat grid lie exactly below the rays, which run along an axis.
   const BuiltScene scene(support::openGrid(40, 0.0F), "axes");
   const Lattice& lattice = scene.hierarchy().lattice;
@@ -200,7 +200,7 @@ TEST(RayCast, KeepsToAxesThroughVertices) {
   }
 }
 
-TEST(RayCast, PassesAlongAPlaneWithoutMeetingIt) {
+TEST(RayCast, passesAlongAPlaneWithoutMeetingIt) {
   const BuiltScene scene(support::openGrid(40, 0.0F), "along");
   glm::dvec3 in_plane(scene.hierarchy().lattice.position(scene.file().geometry(0)->positions[0]));
   in_plane.x = -1.0;
@@ -208,7 +208,7 @@ TEST(RayCast, PassesAlongAPlaneWithoutMeetingIt) {
   EXPECT_FALSE(scene.cast({in_plane + glm::dvec3(0.0, 0.0, 1e-9), {1.0, 0.0, 0.0}}).hit);
 }
 
-TEST(RayCast, TellsWhichSideItMet) {
+TEST(RayCast, tellsWhichSideItMet) {
   const BuiltScene scene(support::bumpySphere(40, 60), "sides");
   const RayCast outside = scene.cast({{3.0, 0.1, 0.2}, {-1.0, 0.0, 0.0}});
   const RayCast inside = scene.cast({{0.0, 0.1, 0.2}, {1.0, 0.0, 0.0}});
@@ -218,7 +218,7 @@ TEST(RayCast, TellsWhichSideItMet) {
   EXPECT_GT(outside.hit->normal.x, 0.5);
 }
 
-TEST(RayCast, ReachesFromFarAwayAsExactlyAsDoublesDo) {
+TEST(RayCast, reachesFromFarAwayAsExactlyAsDoublesDo) {
   const BuiltScene scene(support::openGrid(40), "distant");
   const RayCast near = scene.cast({{0.371, 0.617, 1.0}, {0.0, 0.0, -1.0}});
   const RayCast far = scene.cast({{0.371, 0.617, 1e7}, {0.0, 0.0, -1.0}});
@@ -227,7 +227,7 @@ TEST(RayCast, ReachesFromFarAwayAsExactlyAsDoublesDo) {
   EXPECT_EQ(near.hit->triangle, far.hit->triangle);
 }
 
-TEST(RayCast, OfACoarseCutIsTheCutsOwnNearest) {
+TEST(RayCast, ofACoarseCutIsTheCutsOwnNearest) {
   const BuiltScene scene(support::torus(80, 60), "coarse");
   std::set<float> errors;
   for (const Group& group : scene.hierarchy().groups)
@@ -269,7 +269,7 @@ struct PartialBlocks {
   }
 };
 
-TEST(RayCast, AsksForTheBlocksThatItNeedsAndNoOthers) {
+TEST(RayCast, asksForTheBlocksThatItNeedsAndNoOthers) {
   const BuiltScene scene(support::torus(80, 60), "blocks");
   RandomRays rays(scene.file());
   std::size_t fetched = 0, casts = 0;
@@ -298,7 +298,7 @@ TEST(RayCast, AsksForTheBlocksThatItNeedsAndNoOthers) {
   EXPECT_LT(fetched, casts * with_leaves.size() / 2);
 }
 
-TEST(RayCast, OnAGrowingHierarchyNamesTheRecordsThatItNeeds) {
+TEST(RayCast, onAGrowingHierarchyNamesTheRecordsThatItNeeds) {
   const support::SyntheticHierarchy scene = support::syntheticHierarchy(8);
   const Hierarchy& whole = scene.hierarchy;
   std::vector<base::Bytes> blocks(whole.groups.size());
@@ -350,7 +350,7 @@ TEST(RayCast, OnAGrowingHierarchyNamesTheRecordsThatItNeeds) {
 
 // ---- errors ----
 
-TEST(RayCast, RefusesWhatIsNoRay) {
+TEST(RayCast, refusesWhatIsNoRay) {
   const BuiltScene scene(support::torus(20, 20), "refuse");
   const double nan = std::nan("");
   const std::vector<Ray> rays{{{nan, 0.0, 0.0}, {0.0, 0.0, 1.0}},
@@ -372,7 +372,7 @@ TEST(RayCast, RefusesWhatIsNoRay) {
   EXPECT_TRUE(castRay(scene.hierarchy(), {{1.0, 0.0, 3.0}, {0.0, 0.0, -1e-300}}, blocksOf(scene.file()))->hit);
 }
 
-TEST(RayCast, PassesErrorsOnAndNamesDamagedBlocks) {
+TEST(RayCast, passesErrorsOnAndNamesDamagedBlocks) {
   const BuiltScene scene(support::torus(60, 40), "damage");
   const Ray ray{{1.0, 0.0, 3.0}, {0.0, 0.0, -1.0}};
   const auto cut_short = [&](std::uint32_t group) -> base::Result<std::optional<base::ByteView>> {

@@ -24,14 +24,14 @@ std::int64_t cutOf(const Graph& graph, const std::vector<std::int32_t>& side) {
   return twice / 2;
 }
 
-TEST(Bisection, AGridIsCutAcrossItsShorterExtent) {
+TEST(Bisection, aGridIsCutAcrossItsShorterExtent) {
   const Graph graph = support::gridGraph(20, 6, 2);
   const auto side = bisect(graph, {600, 588, 612});
   EXPECT_EQ(weightOf(graph, side, 0), 600);
   EXPECT_EQ(cutOf(graph, side), 2 * 6);
 }
 
-TEST(Bisection, SidesHaveTheSharesAskedFor) {
+TEST(Bisection, sidesHaveTheSharesAskedFor) {
   const Graph graph = support::gridGraph(15, 10, 2);
   for (const std::int64_t target : {300, 500, 750}) {
     const auto side = bisect(graph, {target, target - 20, target + 20});
@@ -42,7 +42,7 @@ TEST(Bisection, SidesHaveTheSharesAskedFor) {
 }
 
 // Two cliques of eight with one edge between them, vertices numbered alternately.
-TEST(Bisection, TheOneBridgeIsFound) {
+TEST(Bisection, theOneBridgeIsFound) {
   std::vector<WeightedEdge> edges{{0, 1, 3}};
   for (std::uint32_t a = 0; a < 16; ++a)
     for (std::uint32_t b = a + 2; b < 16; b += 2) edges.push_back({a, b, 5});
@@ -51,7 +51,7 @@ TEST(Bisection, TheOneBridgeIsFound) {
   EXPECT_EQ(cutOf(graph, side), 3);
 }
 
-TEST(Bisection, BothSidesAreInUseWhateverTheGraph) {
+TEST(Bisection, bothSidesAreInUseWhateverTheGraph) {
   const Graph pair = graphFromEdges({7, 1}, {{0, 1, 1}});
   const Graph heavy = graphFromEdges({5000, 1, 1}, {{0, 1, 1}, {1, 2, 1}});
   const Graph loose = graphFromEdges(std::vector<std::int32_t>(9, 1), {});

@@ -108,7 +108,7 @@ class DirtyZoo : public testing::Test {
   HierarchyOptions options_;
 };
 
-TEST_F(DirtyZoo, VerticesThatAreNotFiniteAreNamed) {
+TEST_F(DirtyZoo, verticesThatAreNotFiniteAreNamed) {
   for (const double bad : {kNan, kInfinity, -kInfinity}) {
     for (const bool doubles : {false, true}) {
       PlyMesh mesh(support::torus(20, 20));
@@ -119,7 +119,7 @@ TEST_F(DirtyZoo, VerticesThatAreNotFiniteAreNamed) {
   }
 }
 
-TEST_F(DirtyZoo, IndicesOutOfRangeAreNamed) {
+TEST_F(DirtyZoo, indicesOutOfRangeAreNamed) {
   PlyMesh mesh(support::torus(20, 20));
   mesh.indices[3 * 33 + 1] = 400;
   expectRefused(mesh, {"mesh.ply", "face 33", "400", "out of range"});
@@ -127,7 +127,7 @@ TEST_F(DirtyZoo, IndicesOutOfRangeAreNamed) {
   expectRefused(mesh, {"mesh.ply", "face 33", "out of range"});
 }
 
-TEST_F(DirtyZoo, DuplicateFacesAreCountedAndGo) {
+TEST_F(DirtyZoo, duplicateFacesAreCountedAndGo) {
   const PlyMesh clean(support::torus(60, 40));
   PlyMesh mesh = clean;
   for (std::size_t t = 0; t < clean.triangles(); t += 3)  // turned, so that they don't begin with the same corner
@@ -138,7 +138,7 @@ TEST_F(DirtyZoo, DuplicateFacesAreCountedAndGo) {
   expectClosed(built);
 }
 
-TEST_F(DirtyZoo, FacesTwiceWithBothWindingsAddNoMoreThanTheirOwnBorders) {
+TEST_F(DirtyZoo, facesTwiceWithBothWindingsAddNoMoreThanTheirOwnBorders) {
   const PlyMesh clean(support::torus(60, 40));
   PlyMesh mesh = clean;
   for (std::size_t t = 0; t < clean.triangles(); t += 5)
@@ -151,7 +151,7 @@ TEST_F(DirtyZoo, FacesTwiceWithBothWindingsAddNoMoreThanTheirOwnBorders) {
     EXPECT_LE(support::openEdges(built, support::levelCut(built.hierarchy, l)), 3 * kept) << "level " << l;
 }
 
-TEST_F(DirtyZoo, AMeshWithEveryFaceTwiceInBothWindingsStaysClosed) {
+TEST_F(DirtyZoo, aMeshWithEveryFaceTwiceInBothWindingsStaysClosed) {
   PlyMesh mesh(support::openGrid(50));
   const std::size_t count = mesh.triangles();
   for (std::size_t t = 0; t < count; ++t)
@@ -161,7 +161,7 @@ TEST_F(DirtyZoo, AMeshWithEveryFaceTwiceInBothWindingsStaysClosed) {
   expectClosed(built);
 }
 
-TEST_F(DirtyZoo, FinsKeepTheirBorders) {
+TEST_F(DirtyZoo, finsKeepTheirBorders) {
   const Mesh torus = support::torus(60, 40);
   PlyMesh mesh(torus);
   std::size_t fins = 0;
@@ -177,7 +177,7 @@ TEST_F(DirtyZoo, FinsKeepTheirBorders) {
     EXPECT_LE(support::openEdges(built, support::levelCut(built.hierarchy, l)), 3 * fins) << "level " << l;
 }
 
-TEST_F(DirtyZoo, BowTiesStayClosed) {
+TEST_F(DirtyZoo, bowTiesStayClosed) {
   // A chain of spheres, each pole shared with the next one.
   const Mesh sphere = support::bumpySphere(24, 30, 0.0F);
   const auto last = static_cast<std::uint32_t>(sphere.positions.size() - 1);
@@ -198,7 +198,7 @@ TEST_F(DirtyZoo, BowTiesStayClosed) {
   expectClosed(built);
 }
 
-TEST_F(DirtyZoo, AMoebiusStripIsBuiltAndCounted) {
+TEST_F(DirtyZoo, aMoebiusStripIsBuiltAndCounted) {
   constexpr std::uint32_t kAlong = 240;
   constexpr std::uint32_t kAcross = 12;
   PlyMesh mesh;
@@ -222,7 +222,7 @@ TEST_F(DirtyZoo, AMoebiusStripIsBuiltAndCounted) {
   EXPECT_EQ(repaired(built, "non_orientable_parts"), 1U);
 }
 
-TEST_F(DirtyZoo, PartsInsideOutOnlyInPartAreTurned) {
+TEST_F(DirtyZoo, partsInsideOutOnlyInPartAreTurned) {
   PlyMesh mesh(support::torus(60, 40));
   std::size_t turned = 0;
   for (std::size_t t = 0; t < mesh.triangles(); t += 7, ++turned)
@@ -232,7 +232,7 @@ TEST_F(DirtyZoo, PartsInsideOutOnlyInPartAreTurned) {
   expectClosed(built);
 }
 
-TEST_F(DirtyZoo, TrianglesWithoutAreaAreCountedAndGo) {
+TEST_F(DirtyZoo, trianglesWithoutAreaAreCountedAndGo) {
   const PlyMesh clean(support::torus(60, 40));
   PlyMesh mesh = clean;
   for (std::uint32_t t = 0; t < 100; ++t) {
@@ -251,7 +251,7 @@ TEST_F(DirtyZoo, TrianglesWithoutAreaAreCountedAndGo) {
 
 // Triangles on few points of a line, alone in their group, may all be folded away. What simplification does to them
 // decides whether that happens; then it is said.
-TEST_F(DirtyZoo, ATangleOnALineIsBuiltOrRefused) {
+TEST_F(DirtyZoo, aTangleOnALineIsBuiltOrRefused) {
   struct Tangle {
     std::vector<int> points;  // on the x axis
     std::uint32_t voxel_triangles;
@@ -290,7 +290,7 @@ TEST_F(DirtyZoo, ATangleOnALineIsBuiltOrRefused) {
   }
 }
 
-TEST_F(DirtyZoo, SliversThatFillTJunctionsAreNoTrouble) {
+TEST_F(DirtyZoo, sliversThatFillTJunctionsAreNoTrouble) {
   // Every triangle's first edge gets a middle point that the neighbour does not know, and a flat triangle in the gap.
   const PlyMesh clean(support::torus(60, 40));
   PlyMesh mesh;
@@ -307,7 +307,7 @@ TEST_F(DirtyZoo, SliversThatFillTJunctionsAreNoTrouble) {
   mustBuild(mesh);
 }
 
-TEST_F(DirtyZoo, VastAndTinyScalesAreBuilt) {
+TEST_F(DirtyZoo, vastAndTinyScalesAreBuilt) {
   for (const double scale : {1e-15, 1e-9, 1e9, 1e17}) {
     const BuiltHierarchy built = mustBuild(PlyMesh(support::torus(40, 30), scale));
     ASSERT_FALSE(built.geometry.empty()) << "scale " << scale;
@@ -317,12 +317,12 @@ TEST_F(DirtyZoo, VastAndTinyScalesAreBuilt) {
   }
 }
 
-TEST_F(DirtyZoo, ScalesTooSmallForFloatAreNamed) {
+TEST_F(DirtyZoo, scalesTooSmallForFloatAreNamed) {
   for (const double scale : {1e-20, 1e-22, 1e-30, 1e-300})
     expectRefused(PlyMesh(support::torus(40, 30), scale), {"mesh.ply", "small"});
 }
 
-TEST_F(DirtyZoo, ScalesBeyondFloatAreNamed) {
+TEST_F(DirtyZoo, scalesBeyondFloatAreNamed) {
   for (const bool doubles : {false, true}) {
     PlyMesh huge(support::torus(40, 30), 1e30);
     huge.doubles = doubles;
@@ -331,7 +331,7 @@ TEST_F(DirtyZoo, ScalesBeyondFloatAreNamed) {
   expectRefused(PlyMesh(support::torus(40, 30), 1e300), {"mesh.ply", "vertex 0", "larger than 1e18"});
 }
 
-TEST_F(DirtyZoo, OneGiantTriangleAmongTinyOnesTakesNothingAway) {
+TEST_F(DirtyZoo, oneGiantTriangleAmongTinyOnesTakesNothingAway) {
   options_ = {};
   PlyMesh mesh(support::torus(250, 200));
   const std::uint32_t a = mesh.add({-300, -300, -2});
@@ -343,7 +343,7 @@ TEST_F(DirtyZoo, OneGiantTriangleAmongTinyOnesTakesNothingAway) {
   for (std::uint32_t l = 0; l < built.summary.levels.size(); ++l) expectOpenEdges(built, l, 3);
 }
 
-TEST_F(DirtyZoo, NothingThatHasAreaIsRefused) {
+TEST_F(DirtyZoo, nothingThatHasAreaIsRefused) {
   PlyMesh points(support::torus(20, 20));
   for (glm::dvec3& p : points.positions) p = {1.25, -3.5, 7.0};
   expectRefused(points, {"no triangle"});
@@ -353,7 +353,7 @@ TEST_F(DirtyZoo, NothingThatHasAreaIsRefused) {
   expectRefused(none, {"mesh.ply", "no faces"});
 }
 
-TEST_F(DirtyZoo, OneAndTwoTrianglesAreOnePatch) {
+TEST_F(DirtyZoo, oneAndTwoTrianglesAreOnePatch) {
   PlyMesh mesh;
   mesh.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 1, 0.5}};
   mesh.indices = {0, 1, 2};
@@ -368,14 +368,14 @@ TEST_F(DirtyZoo, OneAndTwoTrianglesAreOnePatch) {
   expectOpenEdges(built, 0, 4);
 }
 
-TEST_F(DirtyZoo, SoupWithoutSharedVerticesIsHalvedToo) {
+TEST_F(DirtyZoo, soupWithoutSharedVerticesIsHalvedToo) {
   const PlyMesh mesh(support::triangleSoup(30000));
   const BuiltHierarchy built = mustBuild(mesh);
   EXPECT_EQ(built.summary.triangles, mesh.triangles());
   expectOpenEdges(built, 0, 3 * mesh.triangles());
 }
 
-TEST_F(DirtyZoo, AClosedMeshWithoutSharedVerticesIsWelded) {
+TEST_F(DirtyZoo, aClosedMeshWithoutSharedVerticesIsWelded) {
   const PlyMesh clean(support::torus(60, 40));
   PlyMesh mesh;
   for (const std::uint32_t v : clean.indices) mesh.indices.push_back(mesh.add(clean.positions[v]));
@@ -385,14 +385,14 @@ TEST_F(DirtyZoo, AClosedMeshWithoutSharedVerticesIsWelded) {
   expectClosed(built);
 }
 
-TEST_F(DirtyZoo, ThreeThousandTinyComponentsStayClosed) {
+TEST_F(DirtyZoo, threeThousandTinyComponentsStayClosed) {
   const PlyMesh mesh(support::tinyComponents(3000));
   const BuiltHierarchy built = mustBuild(mesh);
   EXPECT_EQ(built.summary.triangles, 12000U);
   expectClosed(built);
 }
 
-TEST_F(DirtyZoo, SurveyCoordinatesKeepTheirMillimetres) {
+TEST_F(DirtyZoo, surveyCoordinatesKeepTheirMillimetres) {
   const glm::dvec3 at(500000.0, 4000000.0, 312.0);
   const PlyMesh mesh(support::torus(60, 40), 0.5, at);  // steps of 1 mm in the bumps, edges of 5 cm
   const BuiltHierarchy built = mustBuild(mesh);
@@ -410,7 +410,7 @@ TEST_F(DirtyZoo, SurveyCoordinatesKeepTheirMillimetres) {
   }
 }
 
-TEST_F(DirtyZoo, UnreferencedVerticesFarAwayChangeNothingButTheirCount) {
+TEST_F(DirtyZoo, unreferencedVerticesFarAwayChangeNothingButTheirCount) {
   PlyMesh mesh(support::torus(60, 40));
   const BuiltHierarchy clean = mustBuild(mesh);
   for (int i = 0; i < 50; ++i) mesh.add({1e9, -1e12 * i, 1e6});
@@ -423,7 +423,7 @@ TEST_F(DirtyZoo, UnreferencedVerticesFarAwayChangeNothingButTheirCount) {
   expectClosed(built);
 }
 
-TEST_F(DirtyZoo, AFileCutAnywhereIsRefused) {
+TEST_F(DirtyZoo, aFileCutAnywhereIsRefused) {
   writePly(path("whole.ply"), PlyMesh(support::torus(20, 20)));
   const auto size = fs::file_size(path("whole.ply"));
   for (const double share : {0.0, 0.001, 0.01, 0.3, 0.7, 0.9999}) {

@@ -92,7 +92,7 @@ Sampled sampled(const Rounds& rounds) {
           support::sampledDistance(rounds.result, to_source, 30000).max};
 }
 
-TEST(CarriedError, HoldsAndIsTightInOneRound) {
+TEST(CarriedError, holdsAndIsTightInOneRound) {
   for (const Mesh& mesh : {support::bumpySphere(40, 60), support::torus(50, 40), support::openGrid(45)})
     for (const double share : {0.5, 0.25, 0.1}) {
       const Rounds r = simplified(mesh, 800.0F, share, 1);
@@ -106,7 +106,7 @@ TEST(CarriedError, HoldsAndIsTightInOneRound) {
 // Samples are float points: so far off the triangles they are taken from.
 constexpr double kSampleRounding = 0.02;
 
-TEST(CarriedError, HoldsOverManyRounds) {
+TEST(CarriedError, holdsOverManyRounds) {
   for (const Mesh& mesh : {support::bumpySphere(60, 90), support::torus(80, 60), support::openGrid(70),
                            support::triangleSoup(2000), support::tinyComponents(500)})
     for (const float scale : {900.0F, 40000.0F}) {
@@ -120,7 +120,7 @@ TEST(CarriedError, HoldsOverManyRounds) {
 
 // On sheets of noise many edges find a poor way from facet to facet. What that adds stays small (in the mean 1.84 and
 // 2.93 times the largest sample when no triangle gets a second look, 1.72 and 2.73 as it is).
-TEST(CarriedError, OfNoiseIsAboutWhatVerticesNeed) {
+TEST(CarriedError, ofNoiseIsAboutWhatVerticesNeed) {
   constexpr unsigned kSheets = 4;
   for (const auto& [rounds, most] : {std::pair{2, 1.78}, std::pair{4, 2.83}}) {
     double sum = 0.0;
@@ -141,7 +141,7 @@ TEST(CarriedError, OfNoiseIsAboutWhatVerticesNeed) {
 
 // What is straight one way ends in slivers thousands of steps long. What rounding hides there is not added to the
 // bound.
-TEST(CarriedError, OfSliversIsNotWhatRoundingHides) {
+TEST(CarriedError, ofSliversIsNotWhatRoundingHides) {
   Mesh mesh = support::openGrid(100);
   for (glm::vec3& p : mesh.positions) p.z = 0.1F * std::sin(6.0F * p.x);
   const Rounds r = simplified(mesh, 8000.0F, 0.2, 1, 0.01F);
@@ -153,7 +153,7 @@ TEST(CarriedError, OfSliversIsNotWhatRoundingHides) {
 
 // Each triangle's own figures, not only the largest: its points lie within `from` of the source, and all source points
 // within the figures of triangles that are near enough to have them.
-TEST(CarriedError, HoldsTriangleByTriangle) {
+TEST(CarriedError, holdsTriangleByTriangle) {
   for (const Mesh& mesh : {support::bumpySphere(60, 90), support::openGrid(50), support::tinyComponents(300)}) {
     const Rounds r = simplified(mesh, 2000.0F, 0.5, 4, 0.5F);
     const support::NearestSurface to_source(r.source);
@@ -180,7 +180,7 @@ TEST(CarriedError, HoldsTriangleByTriangle) {
 
 // A spike as high as the sheet is wide goes in the first round; in the second nothing moves. Whoever forgets what was
 // carried says zero.
-TEST(CarriedError, KeepsWhatWasLostInEarlierRounds) {
+TEST(CarriedError, keepsWhatWasLostInEarlierRounds) {
   const auto& [points, spike, flat, first] = SpikeGone();
   const SurfaceError one = carried({points, spike}, {}, {points, flat}, first, 0.1F);
   EXPECT_GE(*std::max_element(one.toward.begin(), one.toward.end()), 80.0F);
@@ -195,7 +195,7 @@ TEST(CarriedError, KeepsWhatWasLostInEarlierRounds) {
 }
 
 // A tip 80 above what is left is off by that, and what was lost before: so are all triangles that have it.
-TEST(CarriedError, TellsWhichTrianglesAreOffTheMost) {
+TEST(CarriedError, tellsWhichTrianglesAreOffTheMost) {
   const auto& [points, spike, flat, history] = SpikeGone();
   const SurfaceError lost{{5.0F, 5.0F, 5.0F, 5.0F}, {5.0F, 5.0F, 5.0F, 5.0F}, {}};
   for (const float before : {0.0F, 5.0F}) {
@@ -209,7 +209,7 @@ TEST(CarriedError, TellsWhichTrianglesAreOffTheMost) {
 }
 
 // They are few, the farthest of them is as far off as anything, and a surface that keeps them is mostly not so far off.
-TEST(CarriedError, ComesOutLowerWhereOutliersStayAsTheyAre) {
+TEST(CarriedError, comesOutLowerWhereOutliersStayAsTheyAre) {
   int lower = 0;
   for (unsigned seed = 1; seed <= 4; ++seed) {
     std::mt19937 random(seed);
@@ -246,7 +246,7 @@ TEST(CarriedError, ComesOutLowerWhereOutliersStayAsTheyAre) {
 }
 
 // Two far corners of a strip lose 10 and 20: no triangle is said to have lost 30.
-TEST(CarriedError, OfDifferentPlacesNeverAddsUp) {
+TEST(CarriedError, ofDifferentPlacesNeverAddsUp) {
   std::vector<glm::vec3> points;
   for (int i = 0; i <= 8; ++i)
     for (int j = 0; j <= 2; ++j) points.push_back({100 * i, 100 * j, 0});
@@ -274,7 +274,7 @@ TEST(CarriedError, OfDifferentPlacesNeverAddsUp) {
 
 // On a flat sheet points do not move, so the colours at one place are what is compared. Smooth where x is small, random
 // elsewhere.
-TEST(CarriedError, BoundsTheColorsOfASheetTriangleByTriangle) {
+TEST(CarriedError, boundsTheColorsOfASheetTriangleByTriangle) {
   const Mesh mesh = support::openGrid(40, 0.0F);
   GroupMesh group = onLattice(mesh, 2000.0F);
   std::uint32_t seed = 1;
@@ -322,19 +322,19 @@ TEST(CarriedError, BoundsTheColorsOfASheetTriangleByTriangle) {
   EXPECT_GT(*std::max_element(error.color.begin(), error.color.end()), 100.0F);
 }
 
-TEST(CarriedError, OfAFlatSheetIsNearNothing) {
+TEST(CarriedError, ofAFlatSheetIsNearNothing) {
   const Rounds r = simplified(support::openGrid(40, 0.0F), 800.0F, 0.5, 3);
   EXPECT_LT(r.largest_toward, 0.2F);
   EXPECT_LT(r.largest_from, 0.2F);
 }
 
-TEST(CarriedError, IsZeroForNoChange) {
+TEST(CarriedError, isZeroForNoChange) {
   const Rounds r = simplified(support::bumpySphere(20, 20), 300.0F, 1.0, 2);
   EXPECT_EQ(r.largest_toward, 0.0F);
   EXPECT_EQ(r.largest_from, 0.0F);
 }
 
-TEST(ErrorCode, RoundsUpInSmallSteps) {
+TEST(ErrorCode, roundsUpInSmallSteps) {
   EXPECT_EQ(errorCode(0.0F), 0);
   EXPECT_EQ(errorOfCode(0), 0.0F);
   for (float e = 1e-6F; e <= static_cast<float>(1 << 20); e *= 1.0007F) {

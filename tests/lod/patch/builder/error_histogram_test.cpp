@@ -13,7 +13,7 @@ namespace {
 using lod::patch::builder::errorCode;
 using lod::patch::builder::ErrorHistogram;
 
-TEST(ErrorHistogram, QuantilesAreThoseOfTheAreasRoundedUp) {
+TEST(ErrorHistogram, quantilesAreThoseOfTheAreasRoundedUp) {
   std::mt19937 random(7);
   std::uniform_real_distribution<float> exponent(-3.0F, 20.0F), area(0.0F, 100.0F);
   std::vector<std::pair<float, float>> all;
@@ -38,7 +38,7 @@ TEST(ErrorHistogram, QuantilesAreThoseOfTheAreasRoundedUp) {
   }
 }
 
-TEST(ErrorHistogram, OfNothingIsZeroAndSmallErrorsCountAsTheLeast) {
+TEST(ErrorHistogram, ofNothingIsZeroAndSmallErrorsCountAsTheLeast) {
   ErrorHistogram errors;
   EXPECT_EQ(errors.quantile(0.9), 0.0F);
   errors.add(errorCode(0.0F), 3.0F);
@@ -48,7 +48,7 @@ TEST(ErrorHistogram, OfNothingIsZeroAndSmallErrorsCountAsTheLeast) {
   EXPECT_LE(errors.quantile(0.9), 1.07F * 4'194'304.0F);
 }
 
-TEST(ErrorHistogram, ReadsBackWhatItWroteAndRefusesWhatItDidNot) {
+TEST(ErrorHistogram, readsBackWhatItWroteAndRefusesWhatItDidNot) {
   ErrorHistogram errors;
   for (const float error : {0.5F, 3.0F, 3.0F, 900.0F}) errors.add(errorCode(error), error);
   base::ByteWriter out;

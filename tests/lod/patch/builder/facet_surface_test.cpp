@@ -34,7 +34,7 @@ struct Triangles {
   }
 };
 
-TEST(Facet, ItsDistanceIsThatOfTheClosestPoint) {
+TEST(Facet, itsDistanceIsThatOfTheClosestPoint) {
   Triangles of;
   std::mt19937 random(3);
   std::uniform_real_distribution<float> at(-2000.0F, 6000.0F);
@@ -78,7 +78,7 @@ TEST(Facet, ItsDistanceIsThatOfTheClosestPoint) {
   EXPECT_GT(over, 1000U);
 }
 
-TEST(Facet, DistancesToItsEdgesAreThoseToSegments) {
+TEST(Facet, distancesToItsEdgesAreThoseToSegments) {
   Triangles of;
   std::mt19937 random(4);
   std::uniform_real_distribution<float> at(-2000.0F, 6000.0F);
@@ -99,7 +99,7 @@ TEST(Facet, DistancesToItsEdgesAreThoseToSegments) {
   }
 }
 
-TEST(Facet, WallsAreTheLowestThreeBits) {
+TEST(Facet, wallsAreTheLowestThreeBits) {
   const Facet::Four some{-1.0F, 2.0F, -3.0F, -4.0F};
   EXPECT_EQ(Facet::wallsWhere(some < 0.0F), 5U);
   EXPECT_EQ(Facet::wallsWhere(some >= 0.0F), 2U);

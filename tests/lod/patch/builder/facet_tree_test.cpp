@@ -12,7 +12,7 @@ namespace {
 using namespace lod::patch::builder;
 using support::Mesh;
 
-TEST(FacetTree, FindsTheNearestOfAll) {
+TEST(FacetTree, findsTheNearestOfAll) {
   std::mt19937 random(5);
   for (const Mesh& mesh : {support::bumpySphere(20, 30), support::triangleSoup(700), support::tinyComponents(1)}) {
     std::vector<glm::vec3> positions;

@@ -1,4 +1,5 @@
-// What holds for every hierarchy: cuts for any view have no crack, counts do not depend on scale, bytes not on threads.
+// These properties hold for every hierarchy: cuts for any view have no crack, counts do not depend on the scale, and
+// bytes do not depend on threads.
 #include <gtest/gtest.h>
 
 #include <unistd.h>
@@ -46,7 +47,7 @@ lod::patch::CutRequest randomRequest(const lod::patch::Hierarchy& h, std::mt1993
   request.near_plane = static_cast<float>(1e-3 * radius);
   request.camera = base::cameraFromView(view, glm::dvec3(0.0), request.near_plane, 10.0F * bounds.radius);
   request.tolerance_px = static_cast<float>(std::pow(10.0, 3.0 * unit(random) - 0.3));
-  request.cull = false;  // what lies outside the view is missing on purpose
+  request.cull = false;  // culled patches would leave open edges
   return request;
 }
 
@@ -79,7 +80,7 @@ std::vector<NamedMesh> closedMeshes() {
           {"components", support::tinyComponents(2000)}};
 }
 
-TEST(HierarchyProperties, AnyViewOfAClosedMeshHasNoCrack) {
+TEST(HierarchyProperties, anyViewOfAClosedMeshHasNoCrack) {
   std::mt19937 random(42);
   int mixed = 0;
   for (const auto& [name, mesh] : closedMeshes()) {
@@ -98,7 +99,29 @@ TEST(HierarchyProperties, AnyViewOfAClosedMeshHasNoCrack) {
   EXPECT_GT(mixed, 100) << "too few views mix levels to say much";
 }
 
-TEST(HierarchyProperties, WhatIsNotLoadedYetMakesNoCrack) {
+// --regroup off builds the paper's binary tree: neighbours are merged in pairs, level by level.
+TEST(HierarchyProperties, theBinaryTreeHalvesItsPatchesAndAnyViewHasNoCrack) {
+  std::mt19937 random(46);
+  HierarchyOptions options = support::smallPatches();
+  options.regroup = false;
+  const BuiltHierarchy built = mustBuild(support::torus(150, 90), options);
+  const auto& levels = built.summary.levels;
+  ASSERT_GE(levels.size(), 6U);
+  for (std::size_t l = 1; l < levels.size(); ++l) {
+    EXPECT_EQ(levels[l].patches, (levels[l - 1].patches + 1) / 2) << "level " << l;
+    EXPECT_LT(levels[l].triangles, levels[l - 1].triangles) << "level " << l;
+    EXPECT_GE(levels[l].max_error, levels[l - 1].max_error) << "level " << l;
+    EXPECT_EQ(support::openEdges(built, support::levelCut(built.hierarchy, static_cast<std::uint32_t>(l))), 0U);
+  }
+  for (std::size_t g = 1; g < built.hierarchy.groups.size(); ++g) EXPECT_LE(built.hierarchy.groups[g].patch_count, 2U);
+  for (int view = 0; view < 50; ++view) {
+    const auto request = randomRequest(built.hierarchy, random);
+    const auto cut = lod::patch::selectCut(built.hierarchy, request).patches;
+    EXPECT_EQ(support::openEdges(built, cut), 0U) << "view " << view << ", " << request.tolerance_px << " px";
+  }
+}
+
+TEST(HierarchyProperties, whatIsNotLoadedYetMakesNoCrack) {
   std::mt19937 random(43);
   const BuiltHierarchy built = mustBuild(support::torus(150, 90));
   for (int view = 0; view < 50; ++view) {
@@ -113,7 +136,7 @@ TEST(HierarchyProperties, WhatIsNotLoadedYetMakesNoCrack) {
   }
 }
 
-TEST(HierarchyProperties, ABudgetOfTrianglesMakesNoCrack) {
+TEST(HierarchyProperties, aBudgetOfTrianglesMakesNoCrack) {
   std::mt19937 random(44);
   const BuiltHierarchy built = mustBuild(support::torus(150, 90));
   for (int view = 0; view < 50; ++view) {
@@ -133,7 +156,7 @@ glm::vec3 middle(const BuiltHierarchy& built, const LatticeEdge& e) {
 
 // The border of an open mesh may be simplified, but stays one: each open edge of a cut lies along the source's border,
 // and there are no more than in the source.
-TEST(HierarchyProperties, AnyViewOfAnOpenMeshHasOnlyTheSourcesBorder) {
+TEST(HierarchyProperties, anyViewOfAnOpenMeshHasOnlyTheSourcesBorder) {
   std::mt19937 random(45);
   const BuiltHierarchy built = mustBuild(support::openGrid(120));
   const float top = built.summary.levels.back().max_error;
@@ -153,7 +176,7 @@ TEST(HierarchyProperties, AnyViewOfAnOpenMeshHasOnlyTheSourcesBorder) {
   }
 }
 
-TEST(HierarchyProperties, AViewOfTheLeavesIsTheSource) {
+TEST(HierarchyProperties, aViewOfTheLeavesIsTheSource) {
   for (const Mesh& mesh : {support::torus(90, 60), support::openGrid(60)}) {
     const BuiltHierarchy built = mustBuild(mesh);
     lod::patch::CutRequest request;
@@ -197,7 +220,7 @@ void expectScaled(const HierarchySummary& plain, const HierarchySummary& scaled,
   }
 }
 
-TEST_F(WrittenProperties, APowerOfTwoScalesTheErrorsAndChangesNothingElse) {
+TEST_F(WrittenProperties, aPowerOfTwoScalesTheErrorsAndChangesNothingElse) {
   for (const Mesh& mesh : {support::torus(90, 60), support::bumpySphere(60, 90), support::openGrid(70)}) {
     const HierarchySummary plain = build(PlyMesh(mesh));
     for (const double scale : {std::ldexp(1.0, -20), std::ldexp(1.0, 20)})
@@ -214,14 +237,14 @@ PlyMesh turned(const Mesh& mesh, double scale) {
   return out;
 }
 
-TEST_F(WrittenProperties, AMillionthAndAMillionScaleTheErrorsAndChangeNothingElse) {
+TEST_F(WrittenProperties, aMillionthAndAMillionScaleTheErrorsAndChangeNothingElse) {
   for (const Mesh& mesh : {support::torus(90, 60), support::bumpySphere(60, 90), support::openGrid(70)}) {
     const HierarchySummary plain = build(turned(mesh, 1.0));
     for (const double scale : {1e-6, 1e6}) expectScaled(plain, build(turned(mesh, scale)), scale);
   }
 }
 
-TEST_F(WrittenProperties, BytesDoNotDependOnThreadsOrMemory) {
+TEST_F(WrittenProperties, bytesDoNotDependOnThreadsOrMemory) {
   HierarchyOptions options = support::smallPatches();
   std::vector<base::Bytes> files;
   const std::pair<unsigned, std::uint64_t> choices[] = {

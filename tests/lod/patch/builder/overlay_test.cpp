@@ -104,7 +104,7 @@ struct Laid {
   }
 };
 
-TEST(Overlay, OfASurfaceOnItselfCoversAllAtNoDistance) {
+TEST(Overlay, ofASurfaceOnItselfCoversAllAtNoDistance) {
   for (const Mesh& mesh : {support::bumpySphere(12, 16), support::torus(14, 10), support::openGrid(12)}) {
     Sheet one;
     for (const glm::vec3& p : mesh.positions) one.positions.push_back(glm::round((p + 2.0F) * 500.0F));
@@ -117,7 +117,7 @@ TEST(Overlay, OfASurfaceOnItselfCoversAllAtNoDistance) {
 }
 
 // The same square cut into other triangles: every facet is covered, in a plane at no distance.
-TEST(Overlay, OfTwoMeshesOfOneSheetCoversBoth) {
+TEST(Overlay, ofTwoMeshesOfOneSheetCoversBoth) {
   for (const auto& [fine, coarse] : {std::pair{12, 12}, {24, 12}, {36, 6}, {12, 1}}) {
     const Sheet upper = sheet(fine, 3600, fine == coarse ? 0 : 40);
     Sheet lower = sheet(coarse, 3600, coarse > 1 ? 60 : 0);
@@ -134,7 +134,7 @@ TEST(Overlay, OfTwoMeshesOfOneSheetCoversBoth) {
 }
 
 // Nothing above a hole, and nothing beyond a border: those facets must not pass as covered.
-TEST(Overlay, FindsWhatIsNotCovered) {
+TEST(Overlay, findsWhatIsNotCovered) {
   const Sheet whole = sheet(20, 4000, 50);
   for (const int size : {1, 3, 8}) {
     const auto is_hole = [&](int x, int y) { return x >= 6 && x < 6 + size && y >= 7 && y < 7 + size; };
@@ -158,7 +158,7 @@ TEST(Overlay, FindsWhatIsNotCovered) {
 }
 
 // A notch in the border above: the border below it has nothing over it, that beside it has.
-TEST(Overlay, CoversABorderOnlyAsFarAsThereIsABorderAbove) {
+TEST(Overlay, coversABorderOnlyAsFarAsThereIsABorderAbove) {
   const Sheet whole = sheet(20, 4000, 50);
   for (const int size : {1, 3, 8}) {
     const auto is_notch = [&](int x, int y) { return x >= 6 && x < 6 + size && y < size; };
@@ -180,7 +180,7 @@ TEST(Overlay, CoversABorderOnlyAsFarAsThereIsABorderAbove) {
 
 // Cells like the black fields of a chessboard meet at corners only: every vertex has two fans and two borders. On
 // itself all is covered; where one cell is missing above, that one is not, and those that it touches are.
-TEST(Overlay, TellsTheFansThatMeetAtAVertexApart) {
+TEST(Overlay, tellsTheFansThatMeetAtAVertexApart) {
   const auto is_black = [](int x, int y) { return (x + y) % 2 == 0; };
   const Sheet board = sheet(9, 3600, 30, is_black);
   Laid same(board, board);
@@ -198,7 +198,7 @@ TEST(Overlay, TellsTheFansThatMeetAtAVertexApart) {
 }
 
 // A vertex of six facets that stays while all around it moves: corners turn over its edges, once around in all.
-TEST(Overlay, CoversTheFacetsAroundAVertexThatStays) {
+TEST(Overlay, coversTheFacetsAroundAVertexThatStays) {
   const Sheet lower{
       {{0, 0, 0}, {900, 0, 0}, {450, 780, 0}, {-450, 780, 0}, {-900, 0, 0}, {-450, -780, 0}, {450, -780, 0}},
       {0, 1, 2, 0, 2, 3, 0, 3, 4, 0, 4, 5, 0, 5, 6, 0, 6, 1}};
@@ -217,7 +217,7 @@ TEST(Overlay, CoversTheFacetsAroundAVertexThatStays) {
 
 // A square below, a square without one corner above: what the lost corner is off must be among the pairs of its facet,
 // or nothing is said about that.
-TEST(Overlay, ForgetsNoCornerThatTheBorderTurnsAround) {
+TEST(Overlay, forgetsNoCornerThatTheBorderTurnsAround) {
   const Sheet square = sheet(1, 3600, 0);
   const Sheet chamfered{{{0, 0, 0}, {3300, 0, 0}, {3600, 300, 0}, {3600, 3600, 0}, {0, 3600, 0}},
                         {0, 1, 2, 0, 2, 3, 0, 3, 4}};
@@ -230,7 +230,7 @@ TEST(Overlay, ForgetsNoCornerThatTheBorderTurnsAround) {
 }
 
 // A second sheet over a part counts twice there: modulo 2 that proves nothing, and nothing is claimed.
-TEST(Overlay, DoesNotCountACoverTwice) {
+TEST(Overlay, doesNotCountACoverTwice) {
   const Sheet whole = sheet(10, 4000, 40);
   Sheet twice = whole;
   for (const std::uint32_t v : whole.indices)

@@ -18,14 +18,14 @@ std::vector<std::int64_t> weights(const Graph& graph, const std::vector<std::uin
   return sums;
 }
 
-TEST(Partition, GraphSumsEqualEdgesAndDropsLoops) {
+TEST(Partition, graphSumsEqualEdgesAndDropsLoops) {
   const Graph graph = graphFromEdges({1, 1, 1}, {{0, 1, 2}, {1, 0, 3}, {2, 2, 9}, {1, 2, 1}});
   EXPECT_EQ(graph.row, (std::vector<std::int32_t>{0, 1, 3, 4}));
   EXPECT_EQ(graph.neighbors, (std::vector<std::int32_t>{1, 0, 2, 1}));
   EXPECT_EQ(graph.edge_weights, (std::vector<std::int32_t>{5, 5, 1, 1}));
 }
 
-TEST(Partition, RecursivePartsStayUnderTheLimitAndAreNotTiny) {
+TEST(Partition, recursivePartsStayUnderTheLimitAndAreNotTiny) {
   const Graph graph = support::gridGraph(40, 30);
   const auto part = partitionRecursively(graph, 1000);
   const auto sums = weights(graph, part);
@@ -36,20 +36,20 @@ TEST(Partition, RecursivePartsStayUnderTheLimitAndAreNotTiny) {
   EXPECT_LE(sums.size(), 16U);
 }
 
-TEST(Partition, ASingleHeavyVertexStaysWhole) {
+TEST(Partition, aSingleHeavyVertexStaysWhole) {
   const Graph graph = graphFromEdges({5000, 1, 1}, {{0, 1, 1}, {1, 2, 1}});
   const auto part = partitionRecursively(graph, 100);
   EXPECT_NE(part[0], part[1]);
   EXPECT_EQ(weights(graph, part)[part[0]], 5000);
 }
 
-TEST(Partition, GraphWithoutEdgesIsSplitToo) {
+TEST(Partition, graphWithoutEdgesIsSplitToo) {
   const Graph graph = graphFromEdges(std::vector<std::int32_t>(100, 1), {});
   for (const std::int64_t sum : weights(graph, partitionRecursively(graph, 10))) EXPECT_LE(sum, 10);
 }
 
 // A large piece, and two small ones that lie beside each other far from it.
-TEST(Partition, SmallPiecesShareAPartOnlyWithWhatIsNear) {
+TEST(Partition, smallPiecesShareAPartOnlyWithWhatIsNear) {
   const auto extentAt = [](double x, double y) { return Extent{{x, y, 0.0}, {x + 1.0, y + 1.0, 0.0}}; };
   std::vector<WeightedEdge> edges;
   std::vector<Extent> extents;
@@ -69,7 +69,7 @@ TEST(Partition, SmallPiecesShareAPartOnlyWithWhatIsNear) {
   EXPECT_EQ(blind[400], blind[401]);
 }
 
-TEST(Partition, DustIsGatheredIntoPartsOfItsNeighborhood) {
+TEST(Partition, dustIsGatheredIntoPartsOfItsNeighborhood) {
   std::vector<Extent> extents;
   for (std::uint32_t i = 0; i < 1600; ++i) {
     const glm::dvec3 at(i % 40, i / 40, 0.0);
@@ -84,13 +84,13 @@ TEST(Partition, DustIsGatheredIntoPartsOfItsNeighborhood) {
   for (const Extent& box : boxes) EXPECT_LE(box.diagonal(), 2.0 * 40.0 * std::sqrt(2.0) / 4.0);
 }
 
-TEST(Partition, PartsAreNumberedWithoutGaps) {
+TEST(Partition, partsAreNumberedWithoutGaps) {
   const Graph graph = support::gridGraph(20, 20);
   const auto part = partitionIntoParts(graph, 50);
   for (const std::int64_t sum : weights(graph, part)) EXPECT_GT(sum, 0);
 }
 
-TEST(Partition, TiesMakeOneComponent) {
+TEST(Partition, tiesMakeOneComponent) {
   std::vector<WeightedEdge> edges{{0, 1, 4}, {2, 3, 4}};
   const std::vector<std::uint32_t> order{0, 1, 2, 3, 4};
   tieComponents(order, edges);
@@ -99,7 +99,7 @@ TEST(Partition, TiesMakeOneComponent) {
 }
 
 // METIS has one random state for the whole process; calls that run at once must not change each other's result.
-TEST(Partition, ResultsDoNotDependOnWhatRunsBesideThem) {
+TEST(Partition, resultsDoNotDependOnWhatRunsBesideThem) {
   const Graph graph = support::gridGraph(37, 23);
   const auto alone = partitionIntoParts(graph, 12);
   std::vector<std::thread> threads;

@@ -222,7 +222,7 @@ class ScanCuts : public testing::TestWithParam<Scan> {
   RawMesh raw_;
 };
 
-TEST_P(ScanCuts, AnyViewHasNoOpenEdgeButTheSources) {
+TEST_P(ScanCuts, anyViewHasNoOpenEdgeButTheSources) {
   if (!load()) return;
   expectLeavesAreTheSource(built_, raw_.onLattice(built_));
   const BorderedScan scan(built_);

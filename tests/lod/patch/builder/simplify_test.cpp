@@ -38,7 +38,7 @@ int unbalancedEdges(const std::vector<std::uint32_t>& indices) {
   return open;
 }
 
-TEST(Simplify, ClosedStaysClosedAndManifoldWhenHalved) {
+TEST(Simplify, closedStaysClosedAndManifoldWhenHalved) {
   GroupMesh group = groupOf(support::torus(60, 40), 500.0F);
   const CollapseHistory out = simplifyInPlace(group, 2400);
   EXPECT_LE(out.indices.size() / 3, 2400U);
@@ -51,7 +51,7 @@ TEST(Simplify, ClosedStaysClosedAndManifoldWhenHalved) {
   for (const auto& [edge, count] : uses) ASSERT_EQ(count, 2);
 }
 
-TEST(Simplify, LockedVerticesStayWhereTheyAre) {
+TEST(Simplify, lockedVerticesStayWhereTheyAre) {
   GroupMesh group = groupOf(support::openGrid(40), 1000.0F);
   for (std::uint32_t v = 0; v < group.positions.size(); ++v)
     group.locked[v] = v % 41 == 0 || v % 41 == 40 || v < 41 || v >= 41 * 40;
@@ -68,8 +68,8 @@ TEST(Simplify, LockedVerticesStayWhereTheyAre) {
   }
 }
 
-// What colours cost is scaled by the mean edge; edges that cannot collapse, however long, are none of it.
-TEST(Simplify, LockedTrianglesHaveNoSayInWhatTheOthersBecome) {
+// The cost of colours is scaled by the mean edge; edges that cannot collapse do not count, however long they are.
+TEST(Simplify, lockedTrianglesHaveNoSayInWhatTheOthersBecome) {
   GroupMesh alone = groupOf(support::torus(60, 40), 500.0F);
   alone.colors.clear();
   for (std::uint32_t v = 0; v < alone.positions.size(); ++v)
@@ -90,7 +90,7 @@ TEST(Simplify, LockedTrianglesHaveNoSayInWhatTheOthersBecome) {
   EXPECT_TRUE(std::equal(alone.positions.begin(), alone.positions.end(), beside.positions.begin()));
 }
 
-TEST(Simplify, AFlatOpenBorderKeepsItsOutline) {
+TEST(Simplify, aFlatOpenBorderKeepsItsOutline) {
   GroupMesh group = groupOf(support::openGrid(30, 0.0F), 900.0F);
   const CollapseHistory out = simplifyInPlace(group, 40);
   EXPECT_LE(out.indices.size() / 3, 40U);
@@ -112,9 +112,8 @@ double distanceTo(const GroupMesh& group, const CollapseHistory& result, const g
   return std::sqrt(nearest2);
 }
 
-// The sides of a needle all but hold its axis: the distances from their planes would let it go among any rough ground.
-// Where every collapse is for nothing, short edges go first: no fans of slivers.
-TEST(Simplify, AFlatSheetIsLeftInTrianglesOfAboutEqualSides) {
+// On a plane every collapse costs nothing, and short edges go first: no fans of slivers remain.
+TEST(Simplify, aFlatSheetIsLeftInTrianglesOfAboutEqualSides) {
   GroupMesh group = groupOf(support::openGrid(100), 4000.0F);
   for (glm::vec3& p : group.positions) p.z = 5.0F;
   const CollapseHistory out = simplifyInPlace(group, 2000);
@@ -130,7 +129,9 @@ TEST(Simplify, AFlatSheetIsLeftInTrianglesOfAboutEqualSides) {
   EXPECT_LE(slivers, 0U);
 }
 
-TEST(Simplify, NeedlesOutliveTheRoughGroundTheyStandOn) {
+// The planes of a needle's sides nearly contain its axis, so distances from them would let it vanish on any rough
+// ground.
+TEST(Simplify, needlesOutliveTheRoughGroundTheyStandOn) {
   constexpr std::uint32_t kRow = 41;
   GroupMesh group = groupOf(support::openGrid(40, 0.0F), 4000.0F);
   std::mt19937 random(3);
@@ -152,7 +153,7 @@ TEST(Simplify, NeedlesOutliveTheRoughGroundTheyStandOn) {
 }
 
 // By area times squared height the wide cone counts more than the small one, which is three times as high.
-TEST(Simplify, TheTipOfASmallFanOutlivesALowerOneOfAWide) {
+TEST(Simplify, theTipOfASmallFanOutlivesALowerOneOfAWide) {
   GroupMesh group;
   const auto addCone = [&](const glm::vec3& middle, float radius, float height) {
     const auto tip = static_cast<std::uint32_t>(group.positions.size());
@@ -175,22 +176,21 @@ TEST(Simplify, TheTipOfASmallFanOutlivesALowerOneOfAWide) {
   EXPECT_NE(out.survivor[wide], wide);
 }
 
-TEST(Simplify, StillHalvesSoupWhereNothingIsShared) {
+TEST(Simplify, stillHalvesSoupWhereNothingIsShared) {
   GroupMesh group = groupOf(support::triangleSoup(2000), 20000.0F);
   const CollapseHistory out = simplifyInPlace(group, 1000);
   EXPECT_EQ(out.indices.size() / 3, 1000U);
 }
 
-TEST(Simplify, NeverRemovesTheLastTriangle) {
+TEST(Simplify, neverRemovesTheLastTriangle) {
   GroupMesh group = groupOf(support::triangleSoup(3), 20000.0F);
   EXPECT_GE(simplifyInPlace(group, 1).indices.size(), 3U);
   GroupMesh tetrahedron = groupOf(support::tinyComponents(1), 20000.0F);
   EXPECT_GE(simplifyInPlace(tetrahedron, 1).indices.size(), 3U);
 }
 
-// Of two lone triangles the one that lies near others goes first: what is lost with a component is its distance to what
-// stays.
-TEST(Simplify, AFarComponentOutlivesANearOne) {
+// The lone triangle that lies near others vanishes first, since a component costs its distance to what remains.
+TEST(Simplify, aFarComponentOutlivesANearOne) {
   GroupMesh group;
   auto add = [&](const glm::vec3& at, float size) {
     for (const glm::vec3& d : {glm::vec3(0), glm::vec3(size, 0, 0), glm::vec3(0, size, 0)}) {
@@ -205,8 +205,8 @@ TEST(Simplify, AFarComponentOutlivesANearOne) {
   EXPECT_EQ(out.origin, (std::vector<std::uint32_t>{0, 2}));
 }
 
-// A component that went tells nothing about what stays: the one beside it is as far from the rest as it is.
-TEST(Simplify, TheLastOfAFarClusterOutlivesTheRest) {
+// Distances are measured to what remains, not to components that have vanished.
+TEST(Simplify, theLastOfAFarClusterOutlivesTheRest) {
   GroupMesh group = groupOf(support::bumpySphere(20, 30), 700.0F);
   const std::size_t sphere = group.indices.size() / 3;
   const auto far = static_cast<float>(1 << 20);
@@ -222,9 +222,9 @@ TEST(Simplify, TheLastOfAFarClusterOutlivesTheRest) {
   EXPECT_TRUE(std::any_of(out.origin.begin(), out.origin.end(), [&](std::uint32_t t) { return t >= sphere; }));
 }
 
-// Flaps (both sides of one upright triangle) on every second edge of a row: where a foot collapses, the flap is gone
-// with all it stood for, and no plane says so. The few tall ones are the last to go.
-TEST(Simplify, TallFlapsOutliveLowOnes) {
+// Flaps (both sides of one upright triangle) stand on every second edge of a row. Where a foot collapses the flap
+// vanishes, and no plane tells that. The few tall ones are the last to vanish.
+TEST(Simplify, tallFlapsOutliveLowOnes) {
   constexpr std::uint32_t kRow = 41;
   GroupMesh group = groupOf(support::openGrid(40, 0.0F), 4000.0F);
   std::vector<glm::vec3> tall;
@@ -245,7 +245,7 @@ TEST(Simplify, TallFlapsOutliveLowOnes) {
   for (const glm::vec3& top : tall) EXPECT_LT(distanceTo(group, out, top), 100.0);
 }
 
-TEST(Simplify, TheWorkIsRecorded) {
+TEST(Simplify, theWorkIsRecorded) {
   GroupMesh group = groupOf(support::bumpySphere(20, 30), 700.0F);
   const CollapseHistory out = simplifyInPlace(group, 500);
   ASSERT_EQ(out.origin.size(), out.indices.size() / 3);

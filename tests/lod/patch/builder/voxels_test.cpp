@@ -18,7 +18,7 @@ using support::makeSample;
 using support::Mesh;
 using namespace mesh::generate;
 
-TEST(Voxels, MortonCodesComeBack) {
+TEST(Voxels, mortonCodesComeBack) {
   for (const glm::ivec3& q : {glm::ivec3(0), glm::ivec3(1, 2, 3), glm::ivec3(2097151, 0, 1234567), glm::ivec3(2097151)})
     EXPECT_EQ(mortonPoint(mortonCode(q)), q);
   EXPECT_EQ(mortonCode({1, 0, 0}), 1U);
@@ -27,7 +27,7 @@ TEST(Voxels, MortonCodesComeBack) {
 }
 
 // At every depth, the cell of the median code holds at least as many of the three vertices as any other cell.
-TEST(Voxels, MedianCodeNamesTheCellWithMostVerticesAtEveryDepth) {
+TEST(Voxels, medianCodeNamesTheCellWithMostVerticesAtEveryDepth) {
   std::mt19937 random(1);
   for (int i = 0; i < 2000; ++i) {
     std::array<std::uint64_t, 3> codes;
@@ -46,7 +46,7 @@ TEST(Voxels, MedianCodeNamesTheCellWithMostVerticesAtEveryDepth) {
   }
 }
 
-TEST(Voxels, RadixSortIsStableAndSorted) {
+TEST(Voxels, radixSortIsStableAndSorted) {
   std::mt19937 random(2);
   std::vector<KeyedIndex> items;
   for (std::uint32_t i = 0; i < 5000; ++i) items.push_back({random() % 700, i});
@@ -59,7 +59,7 @@ TEST(Voxels, RadixSortIsStableAndSorted) {
   }
 }
 
-TEST(Voxels, AreSubdividedUntilTheyHoldFewEnough) {
+TEST(Voxels, areSubdividedUntilTheyHoldFewEnough) {
   std::mt19937 random(3);
   std::vector<KeyedIndex> sorted;
   for (std::uint32_t i = 0; i < 3000; ++i)
@@ -77,7 +77,7 @@ TEST(Voxels, AreSubdividedUntilTheyHoldFewEnough) {
   EXPECT_EQ(next, sorted.size());
 }
 
-TEST(Voxels, AStackOnOneLatticePointStaysOneVoxel) {
+TEST(Voxels, aStackOnOneLatticePointStaysOneVoxel) {
   std::vector<KeyedIndex> sorted;
   for (std::uint32_t i = 0; i < 900; ++i) sorted.push_back({77, i});
   const auto voxels = makeVoxels(sorted, 10, 500);
@@ -85,9 +85,54 @@ TEST(Voxels, AStackOnOneLatticePointStaysOneVoxel) {
   EXPECT_EQ(voxels[0].count, 900U);
 }
 
-// Two triangles far apart share nothing; the graph ties them all the same, so that METIS sees one piece.
-// What a bucket holds: a range of the Morton curve, which leaves and enters the surface here and there.
-TEST(Voxels, PartsOfABucketSpanNoPiecesFarApart) {
+// A floor and a wall of 16 × 48 squares that meet at a crease of 48: cutting across the crease is shorter, but
+// separates triangles of one plane, whose ties by normals weigh 16.
+CodedMesh foldedSheet() {
+  constexpr int kWidth = 16;
+  constexpr int kLength = 48;
+  CodedMesh mesh;
+  for (int y = 0; y <= kLength; ++y)
+    for (int i = 0; i <= 2 * kWidth; ++i) {
+      mesh.positions.emplace_back(std::min(i, kWidth), y, std::max(0, i - kWidth));
+      mesh.codes.push_back(mortonCode(mesh.positions.back()));
+    }
+  constexpr std::uint32_t kRow = 2 * kWidth + 1;
+  for (std::uint32_t y = 0; y < kLength; ++y)
+    for (std::uint32_t i = 0; i < 2 * kWidth; ++i) {
+      const std::uint32_t a = y * kRow + i;
+      mesh.indices.insert(mesh.indices.end(), {a, a + 1, a + kRow + 1, a, a + kRow + 1, a + kRow});
+    }
+  return mesh;
+}
+
+// The share of each part's triangles that lie in its main plane.
+std::vector<double> planarShares(TieWeight weight) {
+  constexpr std::uint32_t kBits = 6;
+  const CodedMesh mesh = foldedSheet();
+  const std::vector<KeyedIndex> sorted = sortedByVoxel(mesh, kBits);
+  std::vector<double> shares;
+  for (const auto& part : splitTriangles(mesh, sorted, kBits, 8, 1700, weight)) {
+    const auto floor = std::count_if(part.begin(), part.end(), [&](std::uint32_t t) {
+      const auto height = [&](std::size_t k) { return mesh.positions[mesh.indices[3 * std::size_t{t} + k]].z; };
+      return height(0) == 0 && height(1) == 0 && height(2) == 0;
+    });
+    const double share = static_cast<double>(floor) / static_cast<double>(part.size());
+    shares.push_back(std::max(share, 1.0 - share));
+  }
+  return shares;
+}
+
+TEST(Voxels, tiesByNormalsKeepPlanesTogetherWhereSharedVerticesCutThem) {
+  const std::vector<double> by_normals = planarShares(TieWeight::kNormals);
+  ASSERT_EQ(by_normals.size(), 2U);
+  for (const double share : by_normals) EXPECT_GT(share, 0.9);
+  const std::vector<double> by_vertices = planarShares(TieWeight::kSharedVertices);
+  ASSERT_EQ(by_vertices.size(), 2U);
+  for (const double share : by_vertices) EXPECT_LT(share, 0.7);
+}
+
+// A bucket is a range of the Morton curve, which leaves and enters the surface here and there.
+TEST(Voxels, partsOfABucketSpanNoPiecesFarApart) {
   constexpr std::uint32_t kBits = 12;
   mesh::generate::SampleOptions options;
   options.triangles = 100'000;
@@ -130,7 +175,7 @@ TEST(Voxels, PartsOfABucketSpanNoPiecesFarApart) {
     parts += split.size();
   }
   EXPECT_LE(parts, 500U);  // 334 full ones
-  // Parts of one piece may be longer than their share of the surface says.
+  // A part of one component may be longer than its share of the surface.
   std::vector<std::uint32_t> all(sorted.size());
   std::iota(all.begin(), all.end(), 0U);
   EXPECT_LE(widest, 5.0 * share * widthOf(all));
