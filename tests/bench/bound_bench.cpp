@@ -1,5 +1,5 @@
-// bound_bench MESH [ROUNDS]: what the error bound of a mesh costs beside simplifying it, round by round to half of its
-// triangles, in CPU seconds of one thread; and the largest bound in lattice steps (16 bits).
+// bound_bench MESH [ROUNDS] measures the time of the error bound beside that of simplification, round by round to half
+// of the triangles, in CPU seconds of one thread, and prints the largest bound in lattice steps (16 bits).
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>

@@ -1,6 +1,6 @@
-// codec_bench PATCH.LGP …: what a patch costs. Every patch of a built hierarchy (patch.lgp) is encoded and decoded
-// by our codec and by libmeshoptimizer's vertex and index codecs in the same run on one thread: bytes per stored
-// triangle by part, and millions of triangles a second of CPU time.
+// codec_bench PATCH.LGP … measures the size and speed of the codec. Every patch of a built hierarchy (patch.lgp) is
+// encoded and decoded by our codec and by libmeshoptimizer's vertex and index codecs in the same run on one thread:
+// bytes per stored triangle by part, and millions of triangles a second of CPU time.
 #include <meshoptimizer.h>
 
 #include <array>
@@ -20,7 +20,7 @@ using lod::patch::PatchGeometry;
 
 constexpr int kRuns = 5;
 
-// Least of some runs.
+// The least time of some runs.
 template <class F>
 double timed(F&& run) {
   double best = 1e30;
@@ -66,7 +66,7 @@ void addParts(base::ByteView bytes, Parts& parts) {
   }
 }
 
-// A vertex as meshoptimizer's vertex codec gets it: what codec version 1 stored.
+// A vertex as meshoptimizer's vertex codec gets it.
 struct PlainVertex {
   std::array<std::uint16_t, 3> position;
   std::array<std::int8_t, 2> normal;
@@ -158,7 +158,7 @@ int compareCodecs(const char* path) {
   });
   int faults = 0;
   std::size_t peer_bytes = 0;
-  // Only the streams: no checksum, no normals or positions made of them.
+  // This decodes the streams alone, without checksum, and makes no normals or positions of them.
   const double peer_decode = timed([&] {
     for (const Peer& peer : peers) {
       std::vector<std::uint8_t> out(peer.vertices.size() * peer.stride);

@@ -52,14 +52,14 @@ Run runProgram(const std::string& mesh, const std::string& scene, int threads, c
 
 using bench::simplifyByMeshopt;
 
-// Triangles of a scene's leaves: what the build was given, less what repairs took away.
+// The triangles of a scene's leaves: those of the source but for the ones that repairs removed.
 std::uint64_t leafTriangles(const std::string& scene) {
   const auto file = lod::patch::PatchFile::open(scene + "/patch.lgp");
   if (!file) std::exit((std::fprintf(stderr, "%s\n", file.error().message.c_str()), 1));
   return lod::patch::selectUniformCut(file->hierarchy(), 0.0F).triangles;
 }
 
-// `peer` is what meshopt_simplify gets, which may be another mesh than ours.
+// `peer`: the mesh that meshopt_simplify gets, which may be another one than ours.
 void compareSpeed(const std::string& path, const Mesh& peer, const std::string& scene, int runs) {
   std::vector<double> ours, theirs, one, two;
   double peak = 0.0;
@@ -168,7 +168,7 @@ std::vector<std::uint32_t> cutOf(const BuiltHierarchy& built, std::size_t triang
   return lod::patch::selectUniformCut(built.hierarchy, high).patches;
 }
 
-// What accuracy and bounds both need.
+// The meshes and hierarchies that both accuracy and bounds compare.
 struct Compared {
   explicit Compared(const Mesh& m)
       : mesh(m),

@@ -36,7 +36,7 @@ void openAndUse(base::ByteView bytes) {
   const auto file = lod::patch::PatchFile::open(scratchPath());
   std::remove(scratchPath().c_str());
   if (!file) return;
-  // What opened must hold everything that traversal relies on.
+  // A file that opens keeps everything that traversal relies on.
   static_cast<void>(file->verify());
   LUMIGRID_CHECK(!lod::patch::selectUniformCut(file->hierarchy(), 0.0F).patches.empty());
   lod::patch::CutRequest request;

@@ -537,7 +537,7 @@ float sum(float a, float b) {
   return a == 0.0F ? b : b == 0.0F ? a : (a + b) * (1.0F + kEpsilon);
 }
 
-// What triangle s carries; zero when nothing was carried.
+// The bound that triangle s carries; zero when none is carried.
 float carried(const std::vector<float>& error, std::uint32_t s) {
   return error.empty() ? 0.0F : error[s];
 }

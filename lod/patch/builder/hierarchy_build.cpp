@@ -40,13 +40,13 @@ base::Result<void> check(const HierarchyOptions& options) {
   return {};
 }
 
-// The hierarchy's numbers: groups from the top level down after the virtual group 0, patches by the group that consumes
+// Numbers the hierarchy: groups from the top level down after the virtual group 0, patches by the group that consumes
 // them.
 class Numbering {
  public:
   Numbering(const std::vector<WorkPatch>& patches, const std::vector<WorkGroup>& groups)
       : patches_(patches), groups_(groups) {
-    // Work groups were made level by level, bottom up.
+    // Work groups were built level by level, bottom up.
     for (std::uint32_t g = 0; g < groups.size(); ++g) group_order_.push_back(g);
     std::stable_sort(group_order_.begin(), group_order_.end(),
                      [&](std::uint32_t a, std::uint32_t b) { return groups[a].record.level > groups[b].record.level; });
@@ -65,7 +65,7 @@ class Numbering {
   const std::vector<std::uint32_t>& patchOrder() const { return patch_order_; }
 
  private:
-  // Expands always, consumes the last patch made; it contains all, as the top group does.
+  // Group 0 is always expanded and consumes the last patch built. Its sphere contains everything, as the top group's does.
   void addRoot(Hierarchy& hierarchy) const {
     lod::patch::Group root;
     const WorkPatch& top = patches_.back();
@@ -164,7 +164,7 @@ class HierarchyBuilder {
                                  });
     if (!store) return store.error();
     store_ = std::move(*store);
-    // What is still to come: about 7 bytes for each of twice the triangles, and the same again as patch.lgp.
+    // Still to come are about 7 bytes for each of twice the triangles, and the same again as patch.lgp.
     LUMIGRID_TRY(build_.directory().needSpace(
         std::max<std::uint64_t>(14 * buckets_.totals().triangles, store_->bytes()) - store_->bytes(), "the patches"));
     return ingest::needOutputSpace(build_.outputPath(), kOutputBytes * buckets_.totals().triangles);
@@ -192,7 +192,7 @@ class HierarchyBuilder {
         return build_.directory().damaged();
     }
 
-    // As many buckets at a time as memory holds.
+    // So many buckets are worked on at a time as memory holds.
     const std::vector<std::size_t> order = base::largestFirst(triangles);
     const std::uint64_t largest = order.empty() ? 1 : std::max<std::uint64_t>(1, triangles[order.front()]);
     const std::uint64_t at_once = std::max<std::uint64_t>(1, build_.workMemory() / (kBytesPerTriangle * largest));
@@ -237,8 +237,8 @@ class HierarchyBuilder {
 
   base::Result<void> makeLevels(std::vector<WorkPatch> leaves) {
     for (const WorkPatch& leaf : leaves) summary_.triangles += leaf.record.triangles;
-    // Groups keep two fifths, pairs of the binary tree a half: that often the leaves' in all. Some keep more, and some
-    // are made again.
+    // Groups keep two fifths of their triangles, pairs of the binary tree a half; `all` sums that over the levels. Some
+    // groups keep more, and some are rebuilt.
     constexpr double kNearlyDone = 0.99;
     const double all = static_cast<double>(summary_.triangles) * (options_.regroup ? 5.0 / 3.0 : 2.0);
     std::uint64_t finished = 0;
@@ -289,11 +289,11 @@ class HierarchyBuilder {
     summary_.bytes = std::filesystem::file_size(build_.outputPath(), ignored);
   }
 
-  // Per triangle of the source, measured on scans with colours.
+  // Bytes per triangle of the source, measured on scans with colours.
   static constexpr std::uint64_t kOutputBytes = 12;
   static constexpr std::uint64_t kWorkBytes = 70;
   static constexpr double kTrianglesPerCoreSecond = 0.3e6;
-  // What a bucket takes while leaves are made of it, bytes per triangle, measured.
+  // Memory of a bucket while leaves are built of it, bytes per triangle, measured.
   static constexpr std::uint64_t kBytesPerTriangle = 420;
 
   HierarchyOptions options_;

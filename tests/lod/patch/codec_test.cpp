@@ -20,7 +20,7 @@ bool sameBits(const glm::vec3& a, const glm::vec3& b) {
   return std::memcmp(&a, &b, sizeof(a)) == 0;
 }
 
-// Bytes with the checksum made right for whatever else they say.
+// The bytes with a right checksum.
 base::Bytes sealed(base::Bytes bytes) {
   const base::ByteView view(bytes);
   const std::uint32_t crc = base::crc32c(view.subspan(32), base::crc32c(view.first(28)));
@@ -39,7 +39,7 @@ base::Bytes smallPatch() {
   return encodePatch(drawPatch({40, 70, 3000, true}, random));
 }
 
-// side × side vertices on a plane.
+// A flat grid of side × side vertices.
 PatchGeometry gridPatch(int side) {
   PatchGeometry g;
   for (int y = 0; y < side; ++y)
@@ -57,7 +57,7 @@ std::string faultOf(base::ByteView bytes) {
   return decoded ? "" : decoded.error().message;
 }
 
-// Where the first plane starts.
+// The offset of the first plane of residuals.
 std::size_t firstPlane(base::ByteView bytes) {
   std::uint32_t steps = 0, escapes = 0;
   std::memcpy(&steps, &bytes[20], sizeof(steps));
@@ -76,7 +76,7 @@ TEST(PatchCodec, anySurfaceComesBack) {
   }
 }
 
-// All ways of decoding: bit for bit the same surface, and the same refusals of broken bytes.
+// All decoders give the same surface bit for bit, and refuse the same broken bytes.
 TEST(PatchCodec, everyMachineDecodesTheSame) {
   std::mt19937 random(5);
   std::size_t refused = 0, read = 0;
@@ -106,7 +106,7 @@ TEST(PatchCodec, everyMachineDecodesTheSame) {
       hurt[at] = static_cast<std::uint8_t>(hurt[at] ^ 1U << random() % 8);
       compare(sealed(std::move(hurt)));
     }
-    // A front that outgrows its ring.
+    // With fewer front bits the front outgrows its ring.
     for (std::uint8_t bits = 0; bits < bytes[7]; ++bits) compare(withField(bytes, 7, bits));
   }
   compare(encodePatch(gridPatch(60)));
@@ -121,7 +121,7 @@ TEST(PatchCodec, everyMachineDecodesTheSame) {
   EXPECT_GT(read, 100U);
 }
 
-// Unary bits have to fill their bytes, and a group has few of them.
+// Unary bits have to fill their bytes, and a group has at most 56 of them.
 TEST(PatchCodec, strayUnaryBytesAreRefused) {
   const base::Bytes bytes = smallPatch();
   std::uint16_t vertices = 0, unary_bytes = 0;
@@ -152,7 +152,7 @@ TEST(PatchCodec, strayUnaryBytesAreRefused) {
   const std::string refused = fault + "; " + fault + "; " + fault;
   EXPECT_EQ(faults(unary + unary_bytes, 0, 0), "; ; ");
   for (const std::uint8_t value : {0, 1, 255}) EXPECT_EQ(faults(unary + unary_bytes, 1, value), refused);
-  // 32 bytes are 256 bits, which a place in one byte does not see.
+  // 32 bytes are 256 bits, which a place of eight bits does not show.
   for (const std::size_t count : {6, 8, 31, 32, 33, 64, 8192}) EXPECT_EQ(faults(unary, count, 0), refused) << count;
 }
 
@@ -173,7 +173,7 @@ TEST(PatchCodec, widthsNearEachOtherTakeTwoBitsAndTheLeastIsChecked) {
     }
 }
 
-// On a surface of noise half a parallelogram foresees better than a whole one, on a grid a whole one is exact.
+// On a noisy surface half a parallelogram predicts better than a whole one; on a grid a whole one is exact.
 TEST(PatchCodec, roughSurfacesSaySo) {
   std::mt19937 random(4);
   PatchGeometry grid = gridPatch(40);
@@ -187,7 +187,7 @@ TEST(PatchCodec, roughSurfacesSaySo) {
 }
 
 TEST(PatchCodec, aFlatGridCostsLittle) {
-  // What makes the codec worth it: three new numbers for two triangles, all of them foreseen.
+  // A grid has one new vertex for two triangles, and all its numbers are predicted.
   const PatchGeometry grid = gridPatch(50);
   const base::Bytes bytes = encodePatch(grid);
   const auto decoded = decodePatch(bytes);
@@ -196,9 +196,9 @@ TEST(PatchCodec, aFlatGridCostsLittle) {
   EXPECT_LT(bytes.size(), grid.indices.size() / 3);
 }
 
-// A vertex y of three triangles on the front, edges b y and y v of it: the gate a b sees the third, a b v, first. It is
-// no split of the front when b y v is written before it, as a fold.
-TEST(PatchCodec, whatLiesBetweenIsFoldedAway) {
+// Vertex y has three triangles, and the front has the edges b y and y v. The gate a b meets the third, a b v, first. If
+// b y v is written before it, as a fold, the front is not split.
+TEST(PatchCodec, trianglesBeforeTheThirdCornerAreWrittenAsFolds) {
   PatchGeometry grid = gridPatch(30);
   // Every tenth triangle gets a vertex in its middle.
   std::vector<std::uint16_t> indices;
@@ -237,8 +237,9 @@ TEST(PatchCodec, anyAlphaComesBack) {
   EXPECT_GT(encodePatch(grid).size(), opaque);
 }
 
-TEST(PatchCodec, surfacesThatAreNoneComeBack) {
-  // Edges of three triangles, a triangle twice and turned over, corners that are one, a fan about one vertex, islands.
+TEST(PatchCodec, nonManifoldTrianglesComeBack) {
+  // The surface gets edges of three triangles, a triangle twice and turned over, triangles without area, a fan around
+  // one vertex, and islands.
   PatchGeometry odd = gridPatch(6);
   const std::vector<std::uint16_t> more{0, 1, 8, 0, 1, 9, 1, 0, 9, 0,  1,  9, 3, 3, 4,  5, 5,
                                         5, 7, 8, 7, 0, 8, 9, 9, 8, 30, 30, 8, 9, 2, 20, 35};
@@ -251,7 +252,7 @@ TEST(PatchCodec, surfacesThatAreNoneComeBack) {
 }
 
 TEST(PatchCodec, facetsBeyondWhatFloatsHoldComeBack) {
-  // Long edges and many triangles about one vertex: the sums of facet normals need a shift.
+  // With long edges and many triangles at one vertex the sums of facet normals need a shift.
   for (const int step : {3, 3000, 3'000'000, 20'000'000}) {
     PatchGeometry grid = gridPatch(40);
     for (glm::ivec3& q : grid.positions) q = (q - 20) * step;
@@ -284,7 +285,7 @@ TEST(PatchCodec, decodedNormalsAreTheQuantizedOnesBitForBit) {
 }
 
 TEST(PatchCodec, quantizingANormalTwiceChangesNothing) {
-  // Every code there is, reached through directions all over the sphere.
+  // Directions all over the sphere reach every code.
   int tried = 0;
   for (int u = -127; u <= 127; ++u) {
     for (int v = -127; v <= 127; ++v, ++tried) {
@@ -320,7 +321,7 @@ TEST(PatchCodec, manyNormalsAreQuantizedAsEachAlone) {
     EXPECT_TRUE(sameBits(quantized[v], quantizedNormal(normals[v]))) << v;
 }
 
-TEST(PatchCodec, aNormalThatIsNoneBecomesUp) {
+TEST(PatchCodec, aZeroOrInfiniteNormalBecomesUp) {
   const glm::vec3 up(0.0F, 0.0F, 1.0F);
   EXPECT_EQ(quantizedNormal(glm::vec3(0.0F)), up);
   EXPECT_EQ(quantizedNormal(glm::vec3(NAN, 1.0F, 0.0F)), up);
@@ -342,7 +343,7 @@ TEST(PatchCodec, quantizedColorIsNearAndQuantizingTwiceChangesNothing) {
 }
 
 TEST(PatchCodec, decodedColorsAreTheQuantizedOnes) {
-  // Corners of the cube and everything between.
+  // The colours are a grid of 16 levels a channel.
   PatchGeometry source;
   for (int c = 0; c < 4096; ++c) {
     source.positions.emplace_back(c, 0, 0);

@@ -51,7 +51,7 @@ T fieldAt(const base::Bytes& bytes, std::size_t offset) {
   return value;
 }
 
-// Both checksums made right for whatever header and tables say.
+// The bytes with both checksums right.
 base::Bytes sealed(base::Bytes bytes) {
   const auto blocks = static_cast<std::size_t>(fieldAt<std::uint64_t>(bytes, 24));
   const std::uint32_t tables = base::crc32c(base::ByteView(bytes).subspan(kHeader, blocks - kHeader));
@@ -204,7 +204,7 @@ TEST_F(PatchFormat, eachWrongNumberInTheHeaderIsNamed) {
   }
 }
 
-// Breaks one field of a sound file and says what open() must say of it.
+// Breaks one field of a sound file and expects open() to name the fault.
 struct Break {
   const char* what;
   std::size_t offset;

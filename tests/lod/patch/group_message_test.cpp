@@ -135,7 +135,8 @@ TEST(GroupMessage, aHalfGrownHierarchyIsCutLikeAWholeOneWithTheRestMissing) {
   }
 }
 
-// Groups that disagree: a patch of group 1 says that group g made it, but g names another parent, which isn't expanded.
+// The groups disagree: a patch of group 1 names group g as its producer, but g names another parent, which is not
+// expanded.
 TEST(GroupMessage, aGroupIsNotExpandedBehindAParentThatItDoesNotName) {
   Hierarchy growing = emptyOne();
   ASSERT_TRUE(add(message(0), growing));
@@ -143,7 +144,7 @@ TEST(GroupMessage, aGroupIsNotExpandedBehindAParentThatItDoesNotName) {
   const std::uint32_t child = groupTotal() - 1;
   std::memcpy(first.data() + kFirstPatchRow + 56, &child, 4);
   ASSERT_TRUE(add(first, growing));
-  // Of the child's parents only the first, which is not here.
+  // The child names its first parent only, which is not here.
   ASSERT_GT(scene().hierarchy.parentsOf(child)[0], 1U);
   base::Bytes orphan = message(child);
   orphan.resize(orphan.size() - 4 * (scene().hierarchy.groups[child].parent_count - 1));

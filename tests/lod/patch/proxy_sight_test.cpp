@@ -12,7 +12,7 @@
 namespace lod::patch {
 namespace {
 
-// The same cut by castRay, which goes about it in another way, is what a sight says.
+// castRay() intersects the same cut by another algorithm, and both must agree.
 TEST(ProxySight, meetsWhatARayMeetsInTheSameCut) {
   const BuiltScene scene(support::torus(80, 60), "sight");
   const UniformCut cut = selectFinestUniformCut(scene.hierarchy(), 3000);
@@ -39,7 +39,7 @@ TEST(ProxySight, meetsWhatARayMeetsInTheSameCut) {
     const auto distance = static_cast<float>(expected->hit->distance);
     EXPECT_NEAR(met->distance, distance, 1e-5F * (1.0F + distance));
 
-    // Between its ends a line is blocked from where it is met on, and not before.
+    // A line is blocked if it ends behind the intersection, and not if it ends before.
     const glm::vec3 before = origin + 0.99F * distance * direction;
     const glm::vec3 behind = origin + (1.01F * distance + 0.01F) * direction;
     EXPECT_FALSE(sight->isBlocked(origin, before, 0.0F));

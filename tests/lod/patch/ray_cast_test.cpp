@@ -41,9 +41,9 @@ std::vector<Facet> leafFacets(const PatchFile& file) {
   return facetsOf(file, support::levelCut(file.hierarchy(), 0));
 }
 
-// ---- the other way: every triangle, by Moeller and Trumbore 1997 ----
+// ---- the independent way: every triangle by Moeller and Trumbore 1997 ----
 
-/// How far the ray enters the triangle: the least of its three weights (negative: outside by so much), and where.
+/// The least of the three weights of the ray's intersection with the triangle (negative: outside), and its distance.
 struct Crossing {
   double least_weight = -1.0;
   double distance = kInfinity;
@@ -74,7 +74,7 @@ double nearest(const Ray& ray, const std::vector<Facet>& facets, double margin) 
   return distance;
 }
 
-/// The cast lies between what grown and shrunk triangles give; nearly always both agree, and so must the cast.
+/// The hit must lie between those of grown and shrunk triangles, which nearly always agree.
 void expectNearest(const Ray& ray, const RayCast& cast, const std::vector<Facet>& facets) {
   const double from = nearest(ray, facets, 1e-9);
   const double to = nearest(ray, facets, -1e-9);
@@ -89,7 +89,7 @@ void expectNearest(const Ray& ray, const RayCast& cast, const std::vector<Facet>
   EXPECT_EQ(cast.hit->front, glm::dot(cast.hit->normal, ray.direction) < 0.0);
 }
 
-/// The point that the hit's triangle and weights give is the hit's point.
+/// The hit's triangle and weights must give the hit's point.
 void expectTriangleNamed(const PatchFile& file, const RayHit& hit, double slack) {
   const auto geometry = file.geometry(hit.patch);
   ASSERT_TRUE(geometry);
@@ -256,7 +256,7 @@ TEST(RayCast, ofACoarseCutIsTheCutsOwnNearest) {
 
 // ---- blocks that are not here ----
 
-/// Blocks of a file as a client has them: only those that were fetched.
+/// A client has only those blocks of a file that were fetched.
 struct PartialBlocks {
   const PatchFile& file;
   std::set<std::uint32_t> here;
@@ -277,7 +277,7 @@ TEST(RayCast, asksForTheBlocksThatItNeedsAndNoOthers) {
     const Ray ray = rays.next();
     const RayCast whole = scene.cast(ray);
     PartialBlocks blocks{scene.file(), {}};
-    // One a time, nearest first.
+    // Blocks are fetched one at a time, nearest first.
     for (std::size_t round = 0; round <= scene.hierarchy().groups.size(); ++round) {
       const auto cast = castRay(scene.hierarchy(), ray, blocks.source());
       ASSERT_TRUE(cast);

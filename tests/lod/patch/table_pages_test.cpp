@@ -70,7 +70,7 @@ TEST(TablePages, recordsAreWhatAServerSends) {
   }
 }
 
-// Whatever comes first: what is named as missing leads to the record.
+// Whichever page comes first, fetching the pages named as missing leads to the record.
 TEST(TablePages, missingPagesLeadToTheRecord) {
   std::mt19937 random(3);
   for (std::uint32_t group = 0; group < file().counts.groups; group += 7) {
@@ -120,7 +120,7 @@ TEST(TablePages, damageIsNoticed) {
   tables.add(0, changed);
   EXPECT_FALSE(tables.checkWhole());
 
-  // A row that names what is not there, and one whose block is not in the file.
+  // One row names patches that are not there, the other a block outside the file.
   const auto rowFails = [](std::size_t at, std::uint32_t value) {
     base::Bytes bytes = file().bytes;
     std::memcpy(bytes.data() + 96 + 56 * 3 + at, &value, sizeof(value));

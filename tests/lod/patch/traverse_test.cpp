@@ -16,7 +16,7 @@ using support::SyntheticHierarchy;
 
 constexpr float kFovY = 0.9F;
 
-// Looks from `from` at the square's place `at`.
+// A view from `from` to the square's place `at`.
 CutRequest requestFrom(const glm::dvec3& from, const glm::dvec3& at) {
   base::ViewCamera view;
   view.position = from;
@@ -28,14 +28,14 @@ CutRequest requestFrom(const glm::dvec3& from, const glm::dvec3& at) {
   return request;
 }
 
-// Low over one corner: near groups many pixels, far ones few.
+// A view low over one corner, where near groups have large projected errors and far ones small.
 CutRequest cornerRequest() {
   CutRequest request = requestFrom({1.0, -6.0, 5.0}, {12.0, 16.0, 0.0});
   request.cull = false;
   return request;
 }
 
-// How often the cut covers each unit of the square.
+// How many patches of the cut cover each unit of the square.
 std::vector<int> coverage(const SyntheticHierarchy& scene, const std::vector<std::uint32_t>& patches) {
   std::vector<int> counts(static_cast<std::size_t>(scene.side * scene.side), 0);
   for (const std::uint32_t p : patches)
@@ -50,7 +50,7 @@ bool coversOnce(const SyntheticHierarchy& scene, const std::vector<std::uint32_t
   return std::all_of(counts.begin(), counts.end(), [](int count) { return count == 1; });
 }
 
-// Edges within the square that no other triangle runs along the other way.
+// Edges within the square that have no opposite.
 int openEdges(const SyntheticHierarchy& scene, const std::vector<std::uint32_t>& patches) {
   using Point = std::array<int, 3>;
   std::map<std::pair<Point, Point>, int> edges;
@@ -105,7 +105,7 @@ TEST(SyntheticHierarchy, isSoundAndADagWithSeveralParents) {
 }
 
 TEST(SyntheticHierarchy, mixingLevelsWithoutTheRuleOpensEdges) {
-  // Root's children with one leaf group's leaves in place of one coarse patch: covered or not, borders can't fit.
+  // The leaves of one group in place of one coarse child of the root leave borders that do not match.
   const Hierarchy& h = scene().hierarchy;
   Cut cut = selectUniformCut(h, h.groups[1].error * 0.99F);
   ASSERT_EQ(openEdges(scene(), cut.patches), 0);
@@ -228,7 +228,7 @@ TEST(SelectCut, budgetIsKeptAndSpentOnTheLargestErrors) {
     EXPECT_EQ(openEdges(scene(), cut.patches), 0);
     last = cut.triangles;
 
-    // Nothing that could have been expanded next is worse than what was.
+    // No group that could have been expanded has a larger error than those that were.
     const std::set<std::uint32_t> expanded(cut.expanded.begin(), cut.expanded.end());
     float least = std::numeric_limits<float>::max();
     for (const std::uint32_t g : cut.expanded) least = std::min(least, projected(h, g, request));

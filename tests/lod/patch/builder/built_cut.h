@@ -1,5 +1,5 @@
 #pragma once
-// A cut of a built hierarchy as one surface, and how closed it is.
+// A cut of a built hierarchy as one surface, and its open edges.
 #include <algorithm>
 #include <array>
 #include <utility>
@@ -64,7 +64,7 @@ inline std::vector<LatticeEdge> openEdgesOf(const BuiltHierarchy& built, const s
   return unopposed(std::move(edges));
 }
 
-/// How many there are.
+/// The number of directed edges without an opposite.
 inline std::size_t openEdges(const BuiltHierarchy& built, const std::vector<std::uint32_t>& patches) {
   return openEdgesOf(built, patches).size();
 }

@@ -1,5 +1,5 @@
-// Meshes as they should not be: each is built into a sound hierarchy with its repairs counted, or refused in one line,
-// and then nothing is left behind.
+// Damaged meshes: each is built into a sound hierarchy with its repairs counted, or refused in one line without files
+// left behind.
 #include <gtest/gtest.h>
 
 #include <unistd.h>
@@ -249,15 +249,14 @@ TEST_F(DirtyZoo, trianglesWithoutAreaAreCountedAndGo) {
   expectClosed(built);
 }
 
-// Triangles on few points of a line, alone in their group, may all be folded away. What simplification does to them
-// decides whether that happens; then it is said.
+// Triangles on a few points of a line, alone in their group, may all vanish in simplification. Then the error says so.
 TEST_F(DirtyZoo, aTangleOnALineIsBuiltOrRefused) {
   struct Tangle {
     std::vector<int> points;  // on the x axis
     std::uint32_t voxel_triangles;
     std::string corners;
   };
-  // Found by trying many: each was refused.
+  // These seeds were found by trials; each was refused.
   const Tangle tangles[] = {
       {{0, 2, 6, 8, 9, 10, 13}, 9, "153401210013640125061451602254503162513254065264130423156203"},
       {{2, 3, 4, 5, 6, 7}, 10, "241130340524405043410215154015435350135450103512123523543102"},

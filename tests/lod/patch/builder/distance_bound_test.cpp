@@ -42,7 +42,7 @@ float largest(const SurfaceError& error) {
                   *std::max_element(error.from.begin(), error.from.end()));
 }
 
-// The source, what several rounds of simplification left of it, and the error carried along.
+// A source, its simplification in several rounds, and the error that is carried along.
 struct Rounds {
   support::Surface source;
   support::Surface result;
@@ -72,7 +72,7 @@ Rounds simplified(const Mesh& mesh, float scale, double share, int rounds, float
   return out;
 }
 
-// A pyramid 80 high whose tip went into a corner of its base.
+// The tip of a pyramid 80 high was collapsed into a corner of its base.
 struct SpikeGone {
   std::vector<glm::vec3> points{{0, 0, 0}, {100, 0, 0}, {100, 100, 0}, {0, 100, 0}, {50, 50, 80}};
   std::vector<std::uint32_t> spike{0, 1, 4, 1, 2, 4, 2, 3, 4, 3, 0, 4};
@@ -103,7 +103,7 @@ TEST(CarriedError, holdsAndIsTightInOneRound) {
     }
 }
 
-// Samples are float points: so far off the triangles they are taken from.
+// Samples are rounded to floats, so they lie off their triangles by this much.
 constexpr double kSampleRounding = 0.02;
 
 TEST(CarriedError, holdsOverManyRounds) {
@@ -118,8 +118,8 @@ TEST(CarriedError, holdsOverManyRounds) {
     }
 }
 
-// On sheets of noise many edges find a poor way from facet to facet. What that adds stays small (in the mean 1.84 and
-// 2.93 times the largest sample when no triangle gets a second look, 1.72 and 2.73 as it is).
+// On sheets of noise many edges find a poor way from facet to facet. The bound stays near the largest sample: 1.72 and
+// 2.73 times in the mean, and 1.84 and 2.93 times without a second projection of triangles.
 TEST(CarriedError, ofNoiseIsAboutWhatVerticesNeed) {
   constexpr unsigned kSheets = 4;
   for (const auto& [rounds, most] : {std::pair{2, 1.78}, std::pair{4, 2.83}}) {
@@ -139,7 +139,7 @@ TEST(CarriedError, ofNoiseIsAboutWhatVerticesNeed) {
   }
 }
 
-// What is straight one way ends in slivers thousands of steps long. What rounding hides there is not added to the
+// Straight parts end in slivers thousands of steps long. The rounding error that slivers hide is not added to the
 // bound.
 TEST(CarriedError, ofSliversIsNotWhatRoundingHides) {
   Mesh mesh = support::openGrid(100);
@@ -151,8 +151,8 @@ TEST(CarriedError, ofSliversIsNotWhatRoundingHides) {
   EXPECT_LE(std::max(r.largest_toward, r.largest_from), 1.3 * std::max(s.toward, s.from) + 0.1);
 }
 
-// Each triangle's own figures, not only the largest: its points lie within `from` of the source, and all source points
-// within the figures of triangles that are near enough to have them.
+// The bounds hold for each triangle: its points lie within its `from` of the source, and every source point lies within
+// `toward` of some triangle.
 TEST(CarriedError, holdsTriangleByTriangle) {
   for (const Mesh& mesh : {support::bumpySphere(60, 90), support::openGrid(50), support::tinyComponents(300)}) {
     const Rounds r = simplified(mesh, 2000.0F, 0.5, 4, 0.5F);
@@ -178,8 +178,8 @@ TEST(CarriedError, holdsTriangleByTriangle) {
   }
 }
 
-// A spike as high as the sheet is wide goes in the first round; in the second nothing moves. Whoever forgets what was
-// carried says zero.
+// A spike as high as the sheet is wide vanishes in the first round, and nothing moves in the second. A bound that
+// forgets the carried error would be zero.
 TEST(CarriedError, keepsWhatWasLostInEarlierRounds) {
   const auto& [points, spike, flat, first] = SpikeGone();
   const SurfaceError one = carried({points, spike}, {}, {points, flat}, first, 0.1F);
@@ -194,7 +194,7 @@ TEST(CarriedError, keepsWhatWasLostInEarlierRounds) {
   EXPECT_EQ(two.from, one.from);
 }
 
-// A tip 80 above what is left is off by that, and what was lost before: so are all triangles that have it.
+// A tip 80 above the remaining surface has that error and the carried one, and so have all triangles at it.
 TEST(CarriedError, tellsWhichTrianglesAreOffTheMost) {
   const auto& [points, spike, flat, history] = SpikeGone();
   const SurfaceError lost{{5.0F, 5.0F, 5.0F, 5.0F}, {5.0F, 5.0F, 5.0F, 5.0F}, {}};
@@ -208,7 +208,7 @@ TEST(CarriedError, tellsWhichTrianglesAreOffTheMost) {
   }
 }
 
-// They are few, the farthest of them is as far off as anything, and a surface that keeps them is mostly not so far off.
+// Outliers are few, the largest of them has the largest error of all, and keeping them mostly lowers the error.
 TEST(CarriedError, comesOutLowerWhereOutliersStayAsTheyAre) {
   int lower = 0;
   for (unsigned seed = 1; seed <= 4; ++seed) {
@@ -245,7 +245,7 @@ TEST(CarriedError, comesOutLowerWhereOutliersStayAsTheyAre) {
   EXPECT_GE(lower, 3);
 }
 
-// Two far corners of a strip lose 10 and 20: no triangle is said to have lost 30.
+// Two far corners of a strip move by 10 and 20; no bound adds them up to 30.
 TEST(CarriedError, ofDifferentPlacesNeverAddsUp) {
   std::vector<glm::vec3> points;
   for (int i = 0; i <= 8; ++i)
@@ -272,7 +272,7 @@ TEST(CarriedError, ofDifferentPlacesNeverAddsUp) {
   EXPECT_EQ(error.toward.back(), 10.0F);
 }
 
-// On a flat sheet points do not move, so the colours at one place are what is compared. Smooth where x is small, random
+// On a flat sheet points do not move, so colours are compared at one place. They are smooth where x is small and random
 // elsewhere.
 TEST(CarriedError, boundsTheColorsOfASheetTriangleByTriangle) {
   const Mesh mesh = support::openGrid(40, 0.0F);
@@ -317,7 +317,7 @@ TEST(CarriedError, boundsTheColorsOfASheetTriangleByTriangle) {
     }
     for (const float c : error.color) smallest = std::min(smallest, c);
   }
-  // Where colours change evenly nothing is lost.
+  // Where colours change evenly the error is small.
   EXPECT_LT(smallest, 5.0F);
   EXPECT_GT(*std::max_element(error.color.begin(), error.color.end()), 100.0F);
 }

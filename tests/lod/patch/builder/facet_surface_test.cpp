@@ -12,7 +12,7 @@ namespace {
 
 using namespace lod::patch::builder;
 
-// Triangles with corners on a lattice, from well-shaped to needles and such without area, one after another.
+// Triangles with corners on a lattice, from well-shaped ones to needles and triangles without area.
 struct Triangles {
   std::vector<glm::vec3> positions;
   std::vector<std::uint32_t> indices;
@@ -49,11 +49,11 @@ TEST(Facet, itsDistanceIsThatOfTheClosestPoint) {
       const glm::dvec3 a(facet.corner(0));
       const glm::dvec3 b(facet.corner(1));
       const glm::dvec3 c(facet.corner(2));
-      // Half of them near the middle, or few would lie over the triangle.
+      // Half of the points lie near the middle; else few would lie over the triangle.
       const glm::vec3 any(at(random), at(random), at(random));
       const glm::vec3 p = i % 2 == 0 ? any : glm::vec3((a + b + c) / 3.0) + 0.05F * any;
       const double wanted = glm::distance(glm::dvec3(p), base::closestPointOnTriangle(glm::dvec3(p), a, b, c));
-      // Of a thin one it is that of its border: off by less than it is wide.
+      // The distance to a thin facet is that to its border, which is wrong by less than its width.
       const double slack = facet.thin ? 2.4e-3 * static_cast<double>(facet.longest) : 0.0;
       EXPECT_NEAR(std::sqrt(facet.distance2(p)), wanted, 2e-3 + 1e-5 * wanted + slack) << "triangle " << t;
       if (facet.flat) continue;

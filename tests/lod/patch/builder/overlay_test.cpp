@@ -44,7 +44,7 @@ Sheet sheet(int n, int size, int shift) {
   return sheet(n, size, shift, [](int, int) { return true; });
 }
 
-// One surface laid over another, every vertex over the nearest facet.
+// Lays one surface over another, with every vertex over the nearest facet.
 struct Laid {
   FacetSurface above;
   FacetSurface below;
@@ -79,7 +79,7 @@ struct Laid {
     }
     overlay.compute(above, below, facet, gap, twin, border);
   }
-  // The border edge below that p lies on, or nearly; then also how far off.
+  // The border edge below that p lies on, up to a small distance, and that distance.
   std::uint32_t nearestBorder(const glm::vec3& p, float& distance2) const {
     for (std::uint32_t e = 0; e < below.edges().size(); ++e) {
       if (below.edges()[e].triangles != 1) continue;
@@ -116,24 +116,24 @@ TEST(Overlay, ofASurfaceOnItselfCoversAllAtNoDistance) {
   }
 }
 
-// The same square cut into other triangles: every facet is covered, in a plane at no distance.
+// The same square is cut into other triangles: every facet is covered, at distance 0 in a plane.
 TEST(Overlay, ofTwoMeshesOfOneSheetCoversBoth) {
   for (const auto& [fine, coarse] : {std::pair{12, 12}, {24, 12}, {36, 6}, {12, 1}}) {
     const Sheet upper = sheet(fine, 3600, fine == coarse ? 0 : 40);
     Sheet lower = sheet(coarse, 3600, coarse > 1 ? 60 : 0);
-    // The border must be the same: both have one cell along it.
+    // With one cell along each side both borders are the same.
     Laid laid(upper, lower);
     EXPECT_EQ(laid.coveredAbove(), upper.indices.size() / 3) << fine << " over " << coarse;
     for (std::uint32_t s = 0; s < laid.above.triangleCount(); ++s)
       if (laid.overlay.coversAbove(s)) {
         EXPECT_LT(laid.overlay.distance(s), 0.1F);
       }
-    // Borders of other vertices too.
+    // Borders may have other vertices, too.
     EXPECT_EQ(laid.coveredBelow(), lower.indices.size() / 3) << fine << " over " << coarse;
   }
 }
 
-// Nothing above a hole, and nothing beyond a border: those facets must not pass as covered.
+// Facets below a hole and beyond a border must not count as covered.
 TEST(Overlay, findsWhatIsNotCovered) {
   const Sheet whole = sheet(20, 4000, 50);
   for (const int size : {1, 3, 8}) {
@@ -157,7 +157,7 @@ TEST(Overlay, findsWhatIsNotCovered) {
         EXPECT_FALSE(laid.overlay.coversBelow(static_cast<std::uint32_t>(2 * (20 * y + x) + k))) << x << ' ' << y;
 }
 
-// A notch in the border above: the border below it has nothing over it, that beside it has.
+// The border above has a notch: the border below the notch is uncovered, and that beside it is covered.
 TEST(Overlay, coversABorderOnlyAsFarAsThereIsABorderAbove) {
   const Sheet whole = sheet(20, 4000, 50);
   for (const int size : {1, 3, 8}) {
@@ -178,8 +178,9 @@ TEST(Overlay, coversABorderOnlyAsFarAsThereIsABorderAbove) {
   }
 }
 
-// Cells like the black fields of a chessboard meet at corners only: every vertex has two fans and two borders. On
-// itself all is covered; where one cell is missing above, that one is not, and those that it touches are.
+// Cells like the black fields of a chessboard meet at corners only, so every vertex has two fans and two borders. Laid
+// over itself the sheet is covered. If one cell is missing above, that one is uncovered, and those that it touches are
+// covered.
 TEST(Overlay, tellsTheFansThatMeetAtAVertexApart) {
   const auto is_black = [](int x, int y) { return (x + y) % 2 == 0; };
   const Sheet board = sheet(9, 3600, 30, is_black);
@@ -197,17 +198,18 @@ TEST(Overlay, tellsTheFansThatMeetAtAVertexApart) {
     }
 }
 
-// A vertex of six facets that stays while all around it moves: corners turn over its edges, once around in all.
+// A vertex of six facets stays while the others move: the corners at it turn once around over its edges.
 TEST(Overlay, coversTheFacetsAroundAVertexThatStays) {
   const Sheet lower{
       {{0, 0, 0}, {900, 0, 0}, {450, 780, 0}, {-450, 780, 0}, {-900, 0, 0}, {-450, -780, 0}, {450, -780, 0}},
       {0, 1, 2, 0, 2, 3, 0, 3, 4, 0, 4, 5, 0, 5, 6, 0, 6, 1}};
-  // Three triangles over six: each corner at the middle turns by two facets. The border keeps every other vertex.
+  // Three triangles lie over six, so each corner at the middle turns by two facets. The border keeps every other
+  // vertex.
   const Sheet upper{{{0, 0, 0}, {900, 0, 0}, {-450, 780, 0}, {-450, -780, 0}}, {0, 1, 2, 0, 2, 3, 0, 3, 1}};
   Laid laid(upper, lower);
   EXPECT_EQ(laid.coveredAbove(), 3U);
   EXPECT_EQ(laid.coveredBelow(), 6U);
-  // The corners of the hexagon that are lost are among the pairs.
+  // The removed corners of the hexagon are among the pairs.
   std::vector<float> largest(6, 0.0F);
   for (std::uint32_t e = 0; e < laid.above.edges().size(); ++e)
     laid.overlay.forEachPairOfEdge(
@@ -215,8 +217,8 @@ TEST(Overlay, coversTheFacetsAroundAVertexThatStays) {
   for (const float distance : largest) EXPECT_GE(distance, 389.0F);
 }
 
-// A square below, a square without one corner above: what the lost corner is off must be among the pairs of its facet,
-// or nothing is said about that.
+// The surface above is a square without one corner. The distance of that corner must be among the pairs of its facet,
+// or the facet must be uncovered.
 TEST(Overlay, forgetsNoCornerThatTheBorderTurnsAround) {
   const Sheet square = sheet(1, 3600, 0);
   const Sheet chamfered{{{0, 0, 0}, {3300, 0, 0}, {3600, 300, 0}, {3600, 3600, 0}, {0, 3600, 0}},
@@ -229,7 +231,7 @@ TEST(Overlay, forgetsNoCornerThatTheBorderTurnsAround) {
   EXPECT_TRUE(!laid.overlay.coversBelow(0) || largest[0] >= 212.0F);
 }
 
-// A second sheet over a part counts twice there: modulo 2 that proves nothing, and nothing is claimed.
+// Where a second sheet lies over a part, cells count twice: modulo 2 that proves nothing, so the part is uncovered.
 TEST(Overlay, doesNotCountACoverTwice) {
   const Sheet whole = sheet(10, 4000, 40);
   Sheet twice = whole;

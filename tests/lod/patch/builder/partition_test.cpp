@@ -48,7 +48,7 @@ TEST(Partition, graphWithoutEdgesIsSplitToo) {
   for (const std::int64_t sum : weights(graph, partitionRecursively(graph, 10))) EXPECT_LE(sum, 10);
 }
 
-// A large piece, and two small ones that lie beside each other far from it.
+// A large component, and far from it two small ones that lie beside each other.
 TEST(Partition, smallPiecesShareAPartOnlyWithWhatIsNear) {
   const auto extentAt = [](double x, double y) { return Extent{{x, y, 0.0}, {x + 1.0, y + 1.0, 0.0}}; };
   std::vector<WeightedEdge> edges;
@@ -64,7 +64,7 @@ TEST(Partition, smallPiecesShareAPartOnlyWithWhatIsNear) {
   EXPECT_EQ(part[401], part[402]);
   EXPECT_NE(part[400], part[401]);
   for (std::uint32_t i = 0; i < 400; ++i) EXPECT_TRUE(part[i] != part[400] && part[i] != part[401]) << i;
-  // Nobody knows where they lie: they share.
+  // Without extents the small components share a part.
   const auto blind = partitionRecursively(graph, 100);
   EXPECT_EQ(blind[400], blind[401]);
 }

@@ -1,5 +1,5 @@
-// Cuts of scans from the world, found through LUMIGRID_MESHES (a folder); without it these tests are skipped. 50 random
-// views of each: closed meshes have no open edge, open ones none but the source's border.
+// Cuts of real scans, which lie in the folder LUMIGRID_MESHES; without it these tests are skipped. Each scan is seen
+// from 50 random views: cuts of closed meshes have no open edge, those of open ones none beside the source's border.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -48,7 +48,7 @@ lod::patch::CutRequest randomRequest(const lod::patch::Hierarchy& h, const base:
   request.near_plane = 1e-3F * radius;
   request.camera = base::cameraFromView(view, glm::dvec3(0.0), request.near_plane, 10.0F * radius);
   request.tolerance_px = static_cast<float>(std::pow(10.0, 4.0 * unit(random) - 0.3));
-  request.cull = false;  // what lies outside the view is missing on purpose
+  request.cull = false;  // culled patches would leave open edges
   return request;
 }
 
@@ -62,7 +62,7 @@ Triple sorted(Triple t) {
   return t;
 }
 
-// A file's triangles as they stand there.
+// A file's triangles, unchanged.
 class RawMesh : public MeshSink {
  public:
   base::Result<void> vertices(const VertexBlock& block) override {
@@ -95,7 +95,7 @@ class RawMesh : public MeshSink {
   std::vector<std::uint64_t> corners;
 };
 
-// The leaves have every triangle of the source, none that it has not, and none twice in one winding.
+// The leaves have every triangle of the source, no others, and none twice in one winding.
 void expectLeavesAreTheSource(const BuiltHierarchy& built, const std::vector<Triple>& source) {
   std::vector<Triple> wanted, found, wound;
   for (const Triple& t : source) wanted.push_back(sorted(t));
@@ -155,7 +155,7 @@ class BorderedScan {
     return support::unopposed(std::move(edges));
   }
 
-  // What the hierarchy states, and a lattice step.
+  // Distances may reach the stated error and a lattice step.
   double error(std::uint32_t patch) const {
     const std::uint32_t producer = built_.hierarchy.patches[patch].producer;
     return built_.hierarchy.lattice.step +

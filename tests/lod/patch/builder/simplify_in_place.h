@@ -7,7 +7,7 @@
 
 namespace lod::patch::builder {
 
-/// The mesh's vertices are moved to where they are then; its indices stay.
+/// Moves the mesh's vertices as the collapses do; its indices stay.
 inline CollapseHistory simplifyInPlace(GroupMesh& mesh, std::size_t target_triangles) {
   FacetSurface surface;
   surface.reset({mesh.positions, mesh.indices});
