@@ -65,7 +65,8 @@ class Numbering {
   const std::vector<std::uint32_t>& patchOrder() const { return patch_order_; }
 
  private:
-  // Group 0 is always expanded and consumes the last patch built. Its sphere contains everything, as the top group's does.
+  // Group 0 is always expanded and consumes the last patch built. Its sphere contains everything, as the top group's
+  // does.
   void addRoot(Hierarchy& hierarchy) const {
     lod::patch::Group root;
     const WorkPatch& top = patches_.back();

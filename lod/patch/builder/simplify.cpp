@@ -10,6 +10,7 @@
 
 #include "base/geometry.h"
 #include "base/simd.h"
+#include "lod/patch/builder/edge_planner.h"
 #include "lod/patch/builder/edge_queue.h"
 #include "lod/patch/builder/point_grid.h"
 #include "lod/patch/builder/quadric.h"
@@ -26,10 +27,6 @@ namespace {
 // Planes upright on border edges weigh this much more than a triangle of the same edge length. Without that, seams
 // between the tiles of a scan erode and open as gaps.
 constexpr double kBorderWeight = 10.0;
-// On flat surfaces every collapse costs nothing. This share of the edge's length decides there: collapsing short edges
-// first leaves triangles of about equal sides. Elsewhere it does not matter: an edge of a thousand lattice steps costs
-// a tenth of a step.
-constexpr double kShortFirst = 1e-8;
 // Thin strips and beams have hardly any area, so their ends could slide at hardly any cost. A vertex whose triangles
 // cover less than kThinFan of their longest edge's square is tied to its place by a point quadric of this share of a
 // mean edge's square.
@@ -38,9 +35,8 @@ constexpr double kPointWeight = 5e-3;
 // Quadrics are weighted by area, so collapsing the tip of a small fan costs almost nothing, yet it can move the surface
 // far; such tips dominated the largest errors. Where both fans of an edge together cover less than kSmallFans mean
 // fans, costs are divided by the square root of the share that they do cover. Small fans are few, so the mean distance
-// hardly changes. kMinShare keeps the costs of fans without area finite.
+// hardly changes.
 constexpr double kSmallFans = 2.0;
-constexpr double kMinShare = 1e-4;
 // The planes of a spike's sides all contain its axis, so quadrics do not tell how far it sticks out. Where the vector
 // sum of a fan's areas is less than this share of their plain sum, distances are measured instead.
 constexpr double kFolded = 0.6;
@@ -50,26 +46,8 @@ constexpr double kColorLength = 0.25;
 constexpr double kNormalLength = 0.02;
 // The first two stages refuse a collapse that turns a triangle by more than the angle of this cosine.
 constexpr double kMinTurnCosine = 0.25;
-// A vertex that is placed more than this many edge lengths from the edge's middle comes from an ill-conditioned system.
-constexpr double kMaxPlacementReach = 2.0;
 // A stage ends when a round removes less than a fiftieth of the triangles.
 constexpr std::size_t kMinProgress = 50;
-
-enum class VertexKind : std::uint8_t { kInterior, kBorder, kLocked };
-
-// Which end of edge (a, b) a collapse keeps, by the kinds of its ends. A border edge has other than two triangles.
-enum class Keep : std::uint8_t { kNone, kA, kB, kBest };
-constexpr Keep kKeepOnInnerEdge[3][3] = {
-    // b: interior      border       locked
-    {Keep::kBest, Keep::kB, Keep::kB},     // a: interior
-    {Keep::kA, Keep::kNone, Keep::kNone},  // a: border
-    {Keep::kA, Keep::kNone, Keep::kNone},  // a: locked
-};
-constexpr Keep kKeepOnBorderEdge[3][3] = {
-    {Keep::kBest, Keep::kB, Keep::kB},
-    {Keep::kA, Keep::kBest, Keep::kB},
-    {Keep::kA, Keep::kA, Keep::kNone},
-};
 
 // The conditions that a stage puts on a collapse. It also ends when the next collapse would move the surface by more
 // than `max_move` (root mean square, in mean edges): from there on a collapse without the condition does less harm.
@@ -80,33 +58,6 @@ struct StageConditions {
 };
 constexpr std::array<StageConditions, 3> kStages{{{true, true, 0.5}, {false, true, 1.5}, {false, false, 1e30}}};
 
-// An edge and the collapse that is planned for it. The plan is of the time when `planned` collapses had been done.
-struct PlannedEdge {
-  std::uint32_t a = 0;
-  std::uint32_t b = 0;
-  std::uint32_t planned : 31 = 0;
-  std::uint32_t keeps_a : 1 = 0;  // else b
-  float cost = 0.0F;
-  glm::vec3 position{0.0F};
-  float along = 0.0F;  // 0 at the kept end, 1 at the gone one: where attributes are taken
-};
-
-// All that a plan reads of a vertex, in two cache lines, since plans take the vertices in random order.
-struct alignas(64) Vertex {
-  Quadric quadric;
-  glm::vec3 position{0.0F};
-  glm::vec3 normal{0.0F};
-  glm::vec3 color{0.0F};  // zero when the mesh has none
-  float paid = 0.0F;      // the quadric at the vertex's place: an error that is already there
-
-  // Always inlined: gcc drops calls of a function that only prefetches, as if it did nothing.
-  __attribute__((always_inline)) void prefetch() const {
-    __builtin_prefetch(&quadric);
-    __builtin_prefetch(&normal);
-  }
-};
-static_assert(sizeof(Vertex) == 128);
-
 // A collapse of an edge: vertex `gone` becomes one with vertex `kept`.
 struct Collapse {
   std::uint32_t gone = 0;
@@ -115,18 +66,6 @@ struct Collapse {
   float along = 0.0F;         // 0 at kept, 1 at gone: where attributes are taken
   float displacement = 0.0F;  // how far the surface leaves what it stood for; measured where it is folded or vanishes
 };
-
-// The nearest lattice coordinate, halves rounded up; so is what misses a half by less than the rounding of such linear
-// systems. A double near kNoFractions has no bits for fractions, so adding and subtracting that number rounds, halves
-// to even; the comparison corrects the halves.
-template <class Lanes>
-LUMIGRID_ALWAYS_INLINE Lanes rounded(const Lanes& value) {
-  constexpr double kAbove = 1 << 24;  // no coordinate is larger; sums with it keep 28 bits of fraction
-  constexpr double kNoFractions = 3.0 * (1LL << 51);
-  const Lanes raised = value + (kAbove + 0.5);
-  const Lanes near = (raised + kNoFractions) - kNoFractions;
-  return (near > raised ? near - 1.0 : near) - kAbove;
-}
 
 glm::dvec3 crossOf(const glm::vec3& a, const glm::vec3& b, const glm::vec3& c) {
   return glm::cross(glm::dvec3(b) - glm::dvec3(a), glm::dvec3(c) - glm::dvec3(a));
@@ -218,8 +157,6 @@ class Simplifier {
     const double mean =
         edges_.empty() ? 1.0 : length_sum / static_cast<double>(std::max<std::size_t>(1, edges_.size()));
     mean_edge_ = mean;
-    color_scale_ = kColorLength * mean / 255.0;
-    normal_scale_ = kNormalLength * mean;
   }
 
   // The vertices of higher numbers that share a triangle with v, each once.
@@ -336,7 +273,8 @@ class Simplifier {
       if (kinds_[v] != VertexKind::kLocked) sum += area, ++free;
     }
     mean_fan_ = sum / static_cast<double>(std::max<std::size_t>(1, free));
-    small_fans_ = mean_fan_ > 0.0 ? kSmallFans * mean_fan_ : 1.0;
+    planner_.setScales(mean_fan_ > 0.0 ? kSmallFans * mean_fan_ : 1.0, kNormalLength * mean_edge_,
+                       kColorLength * mean_edge_ / 255.0);
   }
 
   void tieThinFans(const std::vector<FanShape>& shapes) {
@@ -350,7 +288,7 @@ class Simplifier {
     constexpr std::size_t kRun = 512;  // so many edges are still in the nearest cache when they are pushed
     for (std::size_t first = 0; first < edges_.size(); first += kRun) {
       const std::span<PlannedEdge> run = std::span(edges_).subspan(first, std::min(kRun, edges_.size() - first));
-      planAll(run.size(), [&](std::size_t i) -> PlannedEdge& { return run[i]; });
+      planner_.planAll(run.size(), [&](std::size_t i) -> PlannedEdge& { return run[i]; });
       for (std::size_t i = 0; i < run.size(); ++i) queue_.push(run[i].cost, static_cast<std::uint32_t>(first + i));
     }
   }
@@ -387,7 +325,7 @@ class Simplifier {
       if (isStale(edge)) {
         PlannedEdge& other = edges_[next.edge];
         findEnds(other);
-        planTwo(edge, isStale(other) ? other : edge);
+        planner_.planTwo(edge, isStale(other) ? other : edge);
       }
       if (edge.cost > entry.cost && edge.cost > next.cost) {
         queue_.raiseTop(edge.cost);
@@ -397,7 +335,8 @@ class Simplifier {
       gatherNeighborhood(edge.a, edge.b);
       const std::size_t triangles = around_.on_edge.size();
       if (triangles == 0) continue;
-      if (keptEnd(edge.a, edge.b, triangles != 2 || !stage.keep_topology) == Keep::kNone) continue;
+      const bool as_border = triangles != 2 || !stage.keep_topology;
+      if (EdgePlanner::keptEndOf(kinds_[edge.a], kinds_[edge.b], as_border) == KeptEnd::kNone) continue;
       if (stage.keep_topology && around_.common != triangles) continue;
       Collapse collapse{edge.keeps_a != 0 ? edge.b : edge.a, edge.keeps_a != 0 ? edge.a : edge.b, edge.position,
                         edge.along};
@@ -428,10 +367,10 @@ class Simplifier {
   SimplifiedGroup result(bool rough) {
     GroupMesh vertices{std::move(positions_), {}, {}, {}, {}};
     vertices.normals.reserve(vertices_.size());
-    for (const Vertex& v : vertices_) vertices.normals.push_back(v.normal);
+    for (const QuadricVertex& v : vertices_) vertices.normals.push_back(v.normal);
     if (!mesh_.colors.empty()) {
       vertices.colors.reserve(vertices_.size());
-      for (const Vertex& v : vertices_) vertices.colors.push_back(v.color);
+      for (const QuadricVertex& v : vertices_) vertices.colors.push_back(v.color);
     }
     return {std::move(vertices), history(rough)};
   }
@@ -458,7 +397,7 @@ class Simplifier {
         }
       }
       opened_.resize(stale);
-      planAll(stale, [&](std::size_t i) -> PlannedEdge& { return edges_[opened_[i].edge]; });
+      planner_.planAll(stale, [&](std::size_t i) -> PlannedEdge& { return edges_[opened_[i].edge]; });
       for (const EdgeQueue::Entry& entry : opened_)
         queue_.push(std::max(entry.cost, edges_[entry.edge].cost), entry.edge);
     }
@@ -612,115 +551,6 @@ class Simplifier {
     grid_triangles_ = live_;
   }
 
-  Keep keptEnd(std::uint32_t a, std::uint32_t b, bool border_edge) const {
-    const auto row = static_cast<std::size_t>(kinds_[a]);
-    const auto column = static_cast<std::size_t>(kinds_[b]);
-    return border_edge ? kKeepOnBorderEdge[row][column] : kKeepOnInnerEdge[row][column];
-  }
-
-  // Plans edge(0) … edge(count - 1).
-  template <class EdgeAt>
-  void planAll(std::size_t count, EdgeAt&& edge) const {
-    std::size_t i = 0;
-#if defined(__x86_64__)
-    static const bool has_avx2 = __builtin_cpu_supports("avx2") != 0;
-    for (; has_avx2 && i + 4 <= count; i += 4) planFour(edge(i), edge(i + 1), edge(i + 2), edge(i + 3));
-#endif
-    for (; i < count; i += 2) planTwo(edge(i), edge(std::min(i + 1, count - 1)));
-  }
-  // Plans two edges, or one twice.
-  void planTwo(PlannedEdge& first, PlannedEdge& second) const {
-    planLanes<base::Double2>({&first, &second});
-  }
-#if defined(__x86_64__)
-  __attribute__((target("avx2"))) void planFour(PlannedEdge& first, PlannedEdge& second, PlannedEdge& third,
-                                                PlannedEdge& fourth) const {
-    planLanes<base::Double4>({&first, &second, &third, &fourth});
-  }
-#endif
-
-  // Plans which end stays, where, and at what cost. A plan does not look at the edge's triangles, so the kinds decide
-  // as on a border edge. No branch could predict which choice is the better one, so none is a branch.
-  template <class Lanes>
-  LUMIGRID_ALWAYS_INLINE void planLanes(const std::array<PlannedEdge*, kLaneCount<Lanes>>& edges) const {
-    constexpr std::size_t kLanes = kLaneCount<Lanes>;
-    MaskOf<Lanes> free{};
-    std::array<const Vertex*, kLanes> kept_end;
-    std::array<const Vertex*, kLanes> gone_end;
-    for (std::size_t i = 0; i < kLanes; ++i) {
-      PlannedEdge& edge = *edges[i];
-      const Keep keep = keptEnd(edge.a, edge.b, true);
-      edge.keeps_a = keep == Keep::kA ? 1 : 0;
-      free[i] = keep == Keep::kBest ? -1 : 0;
-      kept_end[i] = &vertices_[keep == Keep::kA ? edge.a : edge.b];
-      gone_end[i] = &vertices_[keep == Keep::kA ? edge.b : edge.a];
-    }
-    const auto place_of = [](const auto& ends) __attribute__((always_inline)) {
-      return PointLanes<Lanes>{lanesOf<Lanes>([&](std::size_t i) { return ends[i]->position.x; }),
-                               lanesOf<Lanes>([&](std::size_t i) { return ends[i]->position.y; }),
-                               lanesOf<Lanes>([&](std::size_t i) { return ends[i]->position.z; })};
-    };
-    const QuadricLanes<Lanes> q([&](std::size_t i) -> const Quadric& { return kept_end[i]->quadric; },
-                                [&](std::size_t i) -> const Quadric& { return gone_end[i]->quadric; });
-    const PointLanes<Lanes> kept = place_of(kept_end);
-    const PointLanes<Lanes> gone = place_of(gone_end);
-    const Lanes at_kept = q.at(kept);
-    const Lanes at_gone = q.at(gone);
-
-    // The lattice point nearest to that of least error; to the middle where the planes determine none.
-    const PointLanes<Lanes> middle{0.5 * (kept.x + gone.x), 0.5 * (kept.y + gone.y), 0.5 * (kept.z + gone.z)};
-    const PointLanes<Lanes> span = gone - kept;
-    const Lanes length2 = dot(span, span);
-    PointLanes<Lanes> best;
-    const MaskOf<Lanes> determined = q.minimum(best);
-    const PointLanes<Lanes> reach = best - middle;
-    const MaskOf<Lanes> solved = determined & (dot(reach, reach) <= kMaxPlacementReach * kMaxPlacementReach * length2);
-    best = either<Lanes>(solved, best, middle);
-    const Lanes along = dot(best - kept, span) / length2;
-    const PointLanes<Lanes> lattice{rounded(best.x), rounded(best.y), rounded(best.z)};
-    const Lanes at_best = q.at(lattice);
-
-    // The cheapest of these three places, or the kept end's where that must not move. The cost is what the collapse
-    // adds to the errors that both ends have already: that lowers the sum of all errors greedily, and vertices that
-    // have an error do not keep good collapses beside them waiting.
-    const Lanes one = Lanes{} + 1.0;
-    const MaskOf<Lanes> takes_best = free & (at_best < at_kept) & (at_best < at_gone);
-    const MaskOf<Lanes> takes_gone = free & (at_gone < at_kept);
-    const Lanes error = takes_best ? at_best : takes_gone ? at_gone : at_kept;
-    const PointLanes<Lanes> place = either<Lanes>(takes_best, lattice, either<Lanes>(takes_gone, gone, kept));
-    const Lanes share = along > one ? one : along > 0.0 ? along : Lanes{};
-    const Lanes taken_at = takes_best ? share : takes_gone ? one : Lanes{};
-    const Lanes paid = lanesOf<Lanes>([&](std::size_t i) { return kept_end[i]->paid; }) +
-                       lanesOf<Lanes>([&](std::size_t i) { return gone_end[i]->paid; });
-    const Lanes added = error > paid ? error - paid : Lanes{};
-
-    // Colours and normals that differ make an edge dearer, in proportion to the smaller of the areas that would change.
-    const Lanes kept_weight = lanesOf<Lanes>([&](std::size_t i) { return kept_end[i]->quadric.weight; });
-    const Lanes gone_weight = lanesOf<Lanes>([&](std::size_t i) { return gone_end[i]->quadric.weight; });
-    const Lanes smaller = gone_weight < kept_weight ? gone_weight : kept_weight;
-    const auto distance2 = [](const glm::vec3& d) { return glm::dot(d, d); };
-    const Lanes normals2 =
-        lanesOf<Lanes>([&](std::size_t i) { return distance2(kept_end[i]->normal - gone_end[i]->normal); });
-    const Lanes colors2 =
-        lanesOf<Lanes>([&](std::size_t i) { return distance2(kept_end[i]->color - gone_end[i]->color); });
-    const Lanes attributes =
-        smaller * (normal_scale_ * normal_scale_ * normals2 + color_scale_ * color_scale_ * colors2);
-    const Lanes weight = kept_weight + gone_weight;
-    const Lanes short_first = kShortFirst * length2 * weight;
-    const Lanes fans = weight / small_fans_;
-    const Lanes sized = fans < kMinShare ? Lanes{} + kMinShare : fans < one ? fans : one;
-    const Lanes cost =
-        (added + attributes + short_first) / lanesOf<Lanes>([&](std::size_t i) { return std::sqrt(sized[i]); });
-
-    for (std::size_t i = 0; i < kLanes; ++i) {
-      PlannedEdge& edge = *edges[i];
-      edge.planned = collapses_ & 0x7fffffffU;
-      edge.cost = static_cast<float>(cost[i]);
-      edge.position = {static_cast<float>(place.x[i]), static_cast<float>(place.y[i]), static_cast<float>(place.z[i])};
-      edge.along = static_cast<float>(taken_at[i]);
-    }
-  }
-
   // Whether a triangle would turn over or lose its area. Without `strict` only the loss of area counts. A triangle that
   // had no area may do anything.
   bool flips(const glm::vec3& to, bool strict) const {
@@ -745,9 +575,7 @@ class Simplifier {
     return false;
   }
 
-  bool isFolded(const Collapse& c) const {
-    return folded_[c.gone] != 0 || folded_[c.kept] != 0;
-  }
+  bool isFolded(const Collapse& c) const { return folded_[c.gone] != 0 || folded_[c.kept] != 0; }
 
   // Whether a triangle on the edge vanishes whose third corner no other triangle around the edge has: nothing takes its
   // place then.
@@ -867,8 +695,8 @@ class Simplifier {
 
   void moveAttributes(const Collapse& c) {
     if (kinds_[c.kept] == VertexKind::kLocked) return;
-    Vertex& kept = vertices_[c.kept];
-    const Vertex& gone = vertices_[c.gone];
+    QuadricVertex& kept = vertices_[c.kept];
+    const QuadricVertex& gone = vertices_[c.gone];
     kept.color = glm::mix(kept.color, gone.color, c.along);
     kept.normal = glm::mix(kept.normal, gone.normal, c.along);
     kept.position = positions_[c.kept] = c.position;
@@ -953,7 +781,8 @@ class Simplifier {
   std::vector<Triangle> triangles_;
   std::vector<std::uint32_t> survivor_;
   std::vector<VertexKind> kinds_;
-  std::vector<Vertex> vertices_;
+  std::vector<QuadricVertex> vertices_;
+  EdgePlanner planner_{vertices_, kinds_, collapses_};
   std::vector<std::uint32_t> changed_;  // per vertex: its last collapse; apart, since it is read most
   std::vector<PlannedEdge> edges_;
   EdgeQueue queue_;
@@ -970,10 +799,7 @@ class Simplifier {
   std::vector<std::uint8_t> folded_;  // per vertex
   std::vector<float> displacement_;   // per vertex: how far what it stood for may be from the surface, where folded
   double mean_fan_ = 0.0;             // mean area of the fans of vertices that are not locked
-  double small_fans_ = 1.0;           // kSmallFans of these
   double mean_edge_ = 1.0;
-  double color_scale_ = 0.0;
-  double normal_scale_ = 0.0;
 };
 
 }  // namespace
