@@ -105,13 +105,13 @@ void App::pointerCancel(int id) {
   impl_->gestures.cancel(id);
 }
 
-void App::wheel(double steps, double x, double y, double now) {
+void App::turnWheel(double steps, double x, double y, double now) {
   if (isNotFinite(steps) || isNotFinite(x) || isNotFinite(y) || isNotFinite(now)) return;
   impl_->now = std::max(impl_->now, now);
   impl_->zoom(std::clamp(steps, -20.0, 20.0), x, y);
 }
 
-bool App::key(Key key, bool down, Modifiers modifiers, double now) {
+bool App::handleKey(Key key, bool down, Modifiers modifiers, double now) {
   Impl& s = *impl_;
   if (!isNotFinite(now)) s.now = std::max(s.now, now);
   bool& held = s.held[static_cast<std::size_t>(key)];
@@ -181,7 +181,7 @@ bool App::wantsFrame() const {
   return stats.busy || stats.session.messages_received != s.drawn_messages;
 }
 
-base::Result<void> App::frame(double now) {
+base::Result<void> App::drawFrame(double now) {
   Impl& s = *impl_;
   s.advanceTo(now);
   if (!s.drawable()) return {};

@@ -6,7 +6,7 @@
 // A platform's loop, each turn (an animation frame, or when events came):
 //   hand events over (pointerDown … setHidden) and messages to session();
 //   app.advance(now);
-//   if (app.wantsFrame()) app.frame(now);             // into the framebuffer bound now; then show it
+//   if (app.wantsFrame()) app.drawFrame(now);             // into the framebuffer bound now; then show it
 //   for (Request& request : app.takeRequests()) …;   // carry out
 //   draw the overlay when overlayVersion() changed: labels(), toasts(), status(), progress(), help, open annotation;
 //   statistics about four times a second while view().statistics.
@@ -123,10 +123,10 @@ class App {
   void pointerUp(const PointerEvent& event);
   void pointerCancel(int id);  ///< the system took the pointer away; it does not count as a click
   /// Turns the mouse wheel by `steps`, positive to come nearer; touchpads send fractions.
-  void wheel(double steps, double x, double y, double now);
+  void turnWheel(double steps, double x, double y, double now);
   /// Presses or releases a key; repeated presses while it is held are ignored. Returns true when the key has an effect
   /// here, so that a page keeps the browser from acting on it.
-  bool key(Key key, bool down, Modifiers modifiers, double now);
+  bool handleKey(Key key, bool down, Modifiers modifiers, double now);
   void blur();                  ///< the view lost the keyboard: all keys and pointers count as released
   void setHidden(bool hidden);  ///< nothing is drawn or moved while hidden
   /// The GL context is lost: nothing is drawn until contextRestored(), which is called with a new one current.
@@ -141,7 +141,7 @@ class App {
   /// Whether another picture would differ from the last one drawn. False at rest.
   bool wantsFrame() const;
   /// Advances and draws. Errors come from the viewer: GL does not work.
-  base::Result<void> frame(double now);
+  base::Result<void> drawFrame(double now);
 
   // ---- requests and their answers ----
 
@@ -175,7 +175,7 @@ class App {
 
   /// Counts up whenever something below may have changed, statistics excepted.
   std::uint64_t overlayVersion() const;
-  const std::vector<Label>& labels() const;     ///< as of the last advance() or frame()
+  const std::vector<Label>& labels() const;     ///< as of the last advance() or drawFrame()
   const std::vector<LabelLine>& lines() const;  ///< likewise
   const std::vector<Toast>& toasts() const;     ///< oldest first, at most 3
   Status status() const;

@@ -308,7 +308,7 @@ void Window::onMove() {
 void Window::onWheel(double steps) {
   if (ImGui::GetIO().WantCaptureMouse) return;
   const glm::dvec2 at = cursor();
-  app_->wheel(steps, at.x, at.y, glfwGetTime());
+  app_->turnWheel(steps, at.x, at.y, glfwGetTime());
 }
 
 void Window::onKey(int key, int scancode, int action, int mods) {
@@ -317,7 +317,7 @@ void Window::onKey(int key, int scancode, int action, int mods) {
   if (action != GLFW_RELEASE && ImGui::GetIO().WantTextInput) return;
   const Key ours = keyOf(key, scancode, mods);
   if (ours == Key::kEscape && action == GLFW_PRESS && std::exchange(settings_open_, false)) return;
-  if (ours != Key::kNone) app_->key(ours, action != GLFW_RELEASE, modifiersOf(mods), glfwGetTime());
+  if (ours != Key::kNone) app_->handleKey(ours, action != GLFW_RELEASE, modifiersOf(mods), glfwGetTime());
 }
 
 // ---- requests and answers ----
@@ -470,7 +470,7 @@ base::Result<void> Window::drawScene(double now) {
     picture_ = std::move(made);
   }
   picture_.bind();
-  return app_->frame(now);
+  return app_->drawFrame(now);
 }
 
 /// Draws the picture and the overlay into the window.

@@ -37,7 +37,7 @@ class StreamedSplats final : public SplatView {
 
   const lod::qsplat::Stream& stream() const { return stream_; }
   /// The splats that are drawn now.
-  const lod::qsplat::Traversal& found() const { return found_; }
+  const lod::qsplat::Traversal& traversal() const { return found_; }
 
  private:
   void acceptAnswer(Session& session, FetchAnswer& answer, double now);

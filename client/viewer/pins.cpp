@@ -27,7 +27,7 @@ base::Result<PinProbe> PinProbe::create() {
 void PinProbe::setPoints(std::vector<glm::vec3> points) {
   points_ = std::move(points);
   visible_.assign(points_.size(), false);
-  for (InFlight& asked : in_flight_)
+  for (PendingQuery& asked : in_flight_)
     asked.point = points_.size();  // an index behind the last one marks an answer that belongs to no point
   invalidate();
 }
@@ -37,7 +37,7 @@ void PinProbe::invalidate() {
   if (next_ >= points_.size()) next_ = 0;
 }
 
-void PinProbe::ask(std::size_t point, const glm::vec4& clip) {
+void PinProbe::startQuery(std::size_t point, const glm::vec4& clip) {
   base::gl::Query query;
   if (spare_.empty()) {
     query = base::gl::Query::create();
@@ -70,7 +70,7 @@ void PinProbe::draw(const base::Camera& camera, const glm::vec4& section, float 
     if (cut_away || !(length > 0.0F))
       visible_[next_] = false;
     else
-      ask(next_, clip_from_scene * glm::vec4(point + to_viewer * (lift / length), 1.0F));
+      startQuery(next_, clip_from_scene * glm::vec4(point + to_viewer * (lift / length), 1.0F));
     next_ = (next_ + 1) % points_.size();
     --wanted_;
   }
@@ -84,7 +84,7 @@ void PinProbe::poll() {
   // Queries are answered in the order in which they were issued, so the first pending one ends the search.
   std::size_t answered = 0;
   for (; answered < in_flight_.size(); ++answered) {
-    InFlight& asked = in_flight_[answered];
+    PendingQuery& asked = in_flight_[answered];
     GLuint available = GL_FALSE;
     glGetQueryObjectuiv(asked.query.name(), GL_QUERY_RESULT_AVAILABLE, &available);
     if (available == GL_FALSE) break;

@@ -30,16 +30,16 @@ class PinProbe {
   bool pending() const { return wanted_ > 0 || !in_flight_.empty(); }
 
  private:
-  struct InFlight {
+  struct PendingQuery {
     std::size_t point;
     base::gl::Query query;
   };
-  void ask(std::size_t point, const glm::vec4& clip);
+  void startQuery(std::size_t point, const glm::vec4& clip);
 
   base::gl::Program program_;
   base::gl::VertexArray no_attributes_;
   std::vector<base::gl::Query> spare_;
-  std::vector<InFlight> in_flight_;
+  std::vector<PendingQuery> in_flight_;
   std::vector<glm::vec3> points_;
   std::vector<bool> visible_;
   std::size_t next_ = 0;    ///< the next point to test

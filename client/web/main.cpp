@@ -120,11 +120,11 @@ EMSCRIPTEN_KEEPALIVE void pointer(int what, int id, int kind, int button, int mo
 }
 
 EMSCRIPTEN_KEEPALIVE void wheel(double steps, double x, double y, double now) {
-  page.app->wheel(steps, x, y, now);
+  page.app->turnWheel(steps, x, y, now);
 }
 
 EMSCRIPTEN_KEEPALIVE int key(const char* code, const char* name, int down, int modifiers, double now) {
-  return page.app->key(client::keyFromNames(code, name), down != 0, modifiersOf(modifiers), now) ? 1 : 0;
+  return page.app->handleKey(client::keyFromNames(code, name), down != 0, modifiersOf(modifiers), now) ? 1 : 0;
 }
 
 EMSCRIPTEN_KEEPALIVE void blur() {
@@ -147,7 +147,7 @@ EMSCRIPTEN_KEEPALIVE int advance(double now) {
 
 EMSCRIPTEN_KEEPALIVE const char* frame(double now) {
   glBindFramebuffer(GL_FRAMEBUFFER, 0);
-  return handOutError(page.app->frame(now));
+  return handOutError(page.app->drawFrame(now));
 }
 
 // ---- requests ----

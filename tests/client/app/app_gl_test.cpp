@@ -39,7 +39,7 @@ class AppGl : public ::testing::Test {
       app->advance(now += 0.05);
       if (!app->wantsFrame()) continue;
       target.bind();
-      EXPECT_TRUE(bool(app->frame(now)));
+      EXPECT_TRUE(bool(app->drawFrame(now)));
       ++frames;
     }
     return frames;
@@ -54,8 +54,8 @@ class AppGl : public ::testing::Test {
     return count;
   }
   void press(Key key, Modifiers modifiers = {}) {
-    app->key(key, true, modifiers, now);
-    app->key(key, false, modifiers, now);
+    app->handleKey(key, true, modifiers, now);
+    app->handleKey(key, false, modifiers, now);
   }
 
   ScriptedServer server;
@@ -173,9 +173,9 @@ TEST_F(AppGl, theStatisticsAreThoseOfThePicture) {
 }
 
 TEST_F(AppGl, aLinkShowsTheSamePictureAgain) {
-  app->key(Key::kLeft, true, {false, true, false}, now);
+  app->handleKey(Key::kLeft, true, {false, true, false}, now);
   for (int i = 0; i < 10; ++i) app->advance(now += 0.05);
-  app->key(Key::kLeft, false, {}, now);
+  app->handleKey(Key::kLeft, false, {}, now);
   const base::Image there = picture();
   const std::string link = app->permalink();
   press(Key::kR);

@@ -83,15 +83,15 @@ class AppTest : public ::testing::Test {
     app->advance(now);
   }
   bool press(Key key, Modifiers modifiers = {}) {
-    const bool taken = app->key(key, true, modifiers, now);
-    app->key(key, false, modifiers, now);
+    const bool taken = app->handleKey(key, true, modifiers, now);
+    app->handleKey(key, false, modifiers, now);
     app->advance(now += 0.02);
     return taken;
   }
   void hold(Key key, double seconds, Modifiers modifiers = {}) {
-    app->key(key, true, modifiers, now);
+    app->handleKey(key, true, modifiers, now);
     pass(seconds);
-    app->key(key, false, modifiers, now);
+    app->handleKey(key, false, modifiers, now);
     app->advance(now);
   }
   std::vector<Request> requests(RequestKind kind) {
@@ -128,7 +128,7 @@ class AppTest : public ::testing::Test {
 
 TEST_F(AppTest, eventsBeforeTheSceneIsKnownAreHarmless) {
   drag(mouse(100, 100), 50, 50);
-  app->wheel(1.0, 10, 10, now);
+  app->turnWheel(1.0, 10, 10, now);
   for (int k = 0; k <= static_cast<int>(Key::k9); ++k) press(static_cast<Key>(k));
   EXPECT_TRUE(app->labels().empty());
   EXPECT_EQ(app->sceneName(), "");
@@ -150,7 +150,7 @@ TEST_F(AppTest, aWindowWithoutPixelsOrOutOfSightIsNotDrawn) {
   EXPECT_TRUE(app->wantsFrame());
   app->resize(0, 0, 1.0);
   EXPECT_FALSE(app->wantsFrame());
-  EXPECT_TRUE(bool(app->frame(now))) << "and asking for it all the same does nothing";
+  EXPECT_TRUE(bool(app->drawFrame(now))) << "and asking for it all the same does nothing";
 }
 
 // ---- mouse and fingers ----
@@ -182,10 +182,10 @@ TEST_F(AppTest, theWheelKeepsWhatIsUnderTheCursorAndAsksForItOnce) {
   welcome();
   const glm::dvec3 under = *plane(app->camera(), 500, 350);
   surface_asked = 0;
-  for (int i = 0; i < 5; ++i) app->wheel(1.0, 500, 350, now += 0.05);
+  for (int i = 0; i < 5; ++i) app->turnWheel(1.0, 500, 350, now += 0.05);
   EXPECT_EQ(surface_asked, 1);
   EXPECT_LT(glm::length(*plane(app->camera(), 500, 350) - under), 1e-6 * app->view().pivot_distance);
-  app->wheel(1.0, 100, 350, now += 0.05);
+  app->turnWheel(1.0, 100, 350, now += 0.05);
   EXPECT_EQ(surface_asked, 3) << "elsewhere, and once by this test";
 }
 
@@ -291,7 +291,7 @@ TEST_F(AppTest, shiftFliesFaster) {
 
 TEST_F(AppTest, keysThatAreHeldWhenTheWindowLosesThemStop) {
   welcome();
-  app->key(Key::kD, true, {}, now);
+  app->handleKey(Key::kD, true, {}, now);
   app->blur();
   const glm::dvec3 here = position();
   pass(0.5);
@@ -356,7 +356,7 @@ TEST_F(AppTest, lettersToggleTheirModes) {
 
 TEST_F(AppTest, aKeyThatRepeatsItselfTogglesOnce) {
   welcome();
-  for (int i = 0; i < 5; ++i) app->key(Key::kI, true, {}, now);
+  for (int i = 0; i < 5; ++i) app->handleKey(Key::kI, true, {}, now);
   EXPECT_TRUE(app->view().statistics);
 }
 
@@ -781,8 +781,8 @@ TEST_F(AppTest, eventsWithoutFiniteNumbersAreIgnored) {
   welcome();
   const ViewState before = app->view();
   const double nan = std::nan("");
-  app->wheel(nan, 1, 1, now);
-  app->wheel(1.0, nan, 1, now);
+  app->turnWheel(nan, 1, 1, now);
+  app->turnWheel(1.0, nan, 1, now);
   app->pointerDown(mouse(nan, 10));
   app->pointerMove(mouse(50, 10));
   app->pointerUp(mouse(50, 10));
