@@ -24,19 +24,6 @@ double PictureError::psnr() const {
   return std::min(kEqualDb, 10.0 * std::log10(255.0 * 255.0 * static_cast<double>(samples) / squared));
 }
 
-PictureError pictureError(const Image& truth, const Image& picture) {
-  LUMIGRID_CHECK(truth.width == picture.width && truth.height == picture.height);
-  LUMIGRID_CHECK(truth.channels == 4 && picture.channels == 4);
-  PictureError error;
-  for (std::size_t i = 0; i < truth.pixels.size(); i += 4) {
-    const std::uint8_t* a = &truth.pixels[i];
-    const std::uint8_t* b = &picture.pixels[i];
-    if (a[3] < kCoverageThreshold && b[3] < kCoverageThreshold) continue;
-    for (int c = 0; c < 3; ++c) error.add(static_cast<double>(overGrey(a, c) - overGrey(b, c)));
-  }
-  return error;
-}
-
 PictureError modelError(const Image& rgba, const Image& rgb) {
   LUMIGRID_CHECK(rgba.width == rgb.width && rgba.height == rgb.height);
   LUMIGRID_CHECK(rgba.channels == 4 && rgb.channels == 3);

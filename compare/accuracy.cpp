@@ -16,6 +16,9 @@ namespace {
 const cv::Size kWindow(11, 11);
 constexpr double kSigma = 1.5;
 constexpr double kC1 = 6.5025, kC2 = 58.5225;
+// The colour beneath pixels that are not wholly covered, and in holes: 18 % reflectance in sRGB, photography's grey
+// card.
+constexpr double kMidGrey = 118.0;
 
 /// OpenCV's view of an image, without a copy.
 cv::Mat viewOf(const base::Image& image) {
@@ -40,7 +43,7 @@ cv::Mat overGrey(const cv::Mat& rgba) {
   cv::cvtColor(coverage(rgba), alpha, cv::COLOR_GRAY2RGB);
   rgb.convertTo(rgb, CV_32F);
   alpha.convertTo(alpha, CV_32F);
-  const cv::Mat sum = alpha.mul(rgb - cv::Scalar::all(base::kMidGrey)) + cv::Scalar::all(255.0 * base::kMidGrey);
+  const cv::Mat sum = alpha.mul(rgb - cv::Scalar::all(kMidGrey)) + cv::Scalar::all(255.0 * kMidGrey);
   return sum / 255.0;
 }
 

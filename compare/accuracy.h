@@ -7,8 +7,8 @@
 
 namespace compare {
 
-/// A pixel is foreground when the truth or the picture covers at least half of it; what is not wholly covered is laid
-/// over the mid-grey of base/picture_error.h, which also shows in holes.
+/// A pixel is foreground when the truth or the picture covers at least half of it. Pixels that are not wholly covered
+/// are laid over mid-grey, which also shows in holes.
 struct Accuracy {
   double psnr_db = 0.0;  ///< over the foreground's RGB samples; 99 when equal
   double ssim = 0.0;     ///< mean over the foreground; luma, 11 × 11 Gaussian window of σ 1.5 (Wang et al. 2004)

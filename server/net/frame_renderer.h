@@ -1,7 +1,7 @@
 #pragma once
 // Renders exact frames of viewers' views, and between them pictures of any size that were requested over HTTP, on a
 // thread of its own with its own GL context. All scenes of a server share that thread, since Mesa's llvmpipe crashes
-// with several drawing contexts at once (docs/decisions/one-drawing-context.md).
+// with several drawing contexts at once (docs/decisions/software-gl-processes.md).
 #include <cstdint>
 #include <functional>
 #include <memory>

@@ -25,7 +25,7 @@ import zlib
 WIDTH, HEIGHT = 1280, 720
 TURN, PITCH, RADII = 2.1, 0.9, 1.2
 RATE = 2  # frames a second: a view asks for what it lacks when it is drawn
-GREY, COVERED = 118, 128  # as base/picture_error.h has them
+GREY, COVERED = 118, 128  # as in compare/accuracy.cpp and base/picture_error.h
 
 
 def rows_of(path):

@@ -21,7 +21,7 @@
 #include "base/egl/headless.h"
 #include "base/file.h"
 #include "base/gl/gl.h"
-#include "base/picture_error.h"
+#include "compare/accuracy.h"
 #include "compare/chart.h"
 #include "lod/draw/splats.h"
 #include "lod/qsplat/splat_file.h"
@@ -141,7 +141,8 @@ Run streamed(const SplatFile& file, const base::Camera& camera, const base::Imag
     const bool due = look == 0 ? run.first_picture > 0.0 : frame + 1e-9 >= kLooks[look];
     if (!due && !all_here) continue;
     const double at = all_here ? std::max(frame, look == 0 ? frame : kLooks[look]) : frame;
-    run.psnr.emplace_back(at, base::pictureError(truth, canvas.picture(found.splats, camera)).psnr());
+    const auto accuracy = compare::measureAccuracy(truth, canvas.picture(found.splats, camera));
+    run.psnr.emplace_back(at, accuracy ? accuracy->psnr_db : 0.0);
     ++look;
   }
   run.at_end = stream.stats();

@@ -11,7 +11,7 @@
 
 #include "base/egl/headless.h"
 #include "base/parallel.h"
-#include "base/picture_error.h"
+#include "compare/accuracy.h"
 #include "lod/draw/splats.h"
 #include "lod/qsplat/splat_file.h"
 #include "lod/qsplat/traverse.h"
@@ -113,7 +113,7 @@ void measureSaving(Blocks& blocks, Canvas& canvas, double radii, int width) {
           taken.push_back(walking + canvas.seconds(found, kernel, request.camera, reduction));
         }
         std::printf("  %5.0f %5.1f", 1e3 * bench::median(taken),
-                    base::pictureError(finest, canvas.target.read()).psnr());
+                    compare::measureAccuracy(finest, canvas.target.read()).value().psnr_db);
       }
     std::printf("\n");
   }

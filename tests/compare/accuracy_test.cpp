@@ -63,6 +63,28 @@ TEST(Accuracy, holesAndExcessAreCounted) {
   EXPECT_LT(a->psnr_db, 40.0);
 }
 
+TEST(Accuracy, onlyForegroundCountsAndGreyLiesBeneath) {
+  base::Image truth(3, 1, 4);
+  base::Image picture(3, 1, 4);
+  truth.pixels = {10, 20, 30, 255, 0, 0, 0, 0, 1, 2, 3, 0};
+  picture.pixels = {13, 20, 30, 255, 9, 9, 9, 0, 118, 118, 120, 255};
+  const auto a = compare::measureAccuracy(truth, picture);
+  ASSERT_TRUE(a);
+  EXPECT_EQ(a->foreground, 2U);  // the second pixel is background in both
+  // The first pixel is off by 3; the third is grey against 118, 118, 120.
+  EXPECT_NEAR(a->psnr_db, 10.0 * std::log10(255.0 * 255.0 * 6.0 / (9.0 + 4.0)), 1e-4);
+  EXPECT_NEAR(a->mean_abs, (3.0 + 2.0) / 6.0, 1e-5);
+}
+
+TEST(Accuracy, pixelsCoveredByHalfAreForeground) {
+  base::Image truth(2, 1, 4);
+  truth.pixels = {0, 0, 0, 127, 200, 200, 200, 128};
+  const auto a = compare::measureAccuracy(truth, base::Image(2, 1, 4));
+  ASSERT_TRUE(a);
+  EXPECT_EQ(a->foreground, 1U);
+  EXPECT_NEAR(a->mean_abs, 128.0 / 255.0 * (200.0 - 118.0), 1e-4);  // half of 200 over grey, against grey
+}
+
 TEST(Accuracy, silhouetteDistanceIsHowFarAnEdgeMoved) {
   // The model is a bar from x = 8 to `end`, over all rows.
   const auto bar = [](int end) {

@@ -7,8 +7,8 @@
 #include <sstream>
 #include <thread>
 
-#include "base/picture_error.h"
 #include "base/png/png.h"
+#include "compare/accuracy.h"
 #include "tests/programs/run_program.h"
 
 namespace {
@@ -114,7 +114,9 @@ TEST_F(Serve, renderDrawsSplatsOnceTheSceneHasThem) {
     EXPECT_NE(drawn.out.find("splats"), std::string::npos) << drawn.out;
     const auto picture = base::readPng(path("x.png"));
     ASSERT_TRUE(picture);
-    EXPECT_GT(base::pictureError(*truth, *picture).psnr(), 15.0) << kernel;
+    const auto accuracy = compare::measureAccuracy(*truth, *picture);
+    ASSERT_TRUE(accuracy) << accuracy.error().message;
+    EXPECT_GT(accuracy->psnr_db, 15.0) << kernel;
     pictures.insert(programs::readText(path("x.png")));
   }
   EXPECT_EQ(pictures.size(), 4U) << "each kernel has its own look";
