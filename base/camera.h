@@ -52,6 +52,12 @@ struct Camera {
   }
 };
 
+/// Whether two cameras make the same picture: equal matrices, equal size.
+inline bool sameCamera(const Camera& a, const Camera& b) {
+  return a.clip_from_eye == b.clip_from_eye && a.eye_from_scene == b.eye_from_scene && a.width == b.width &&
+         a.height == b.height;
+}
+
 /// Cuts away the points on the side that `normal` points to: those with dot(normal, p) > offset.
 struct SectionPlane {
   glm::dvec3 normal{0.0, 0.0, 1.0};  ///< unit, world

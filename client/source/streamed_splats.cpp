@@ -15,11 +15,6 @@ constexpr int kMaxTries = 4;
 // for both, and a frame of a million splats takes a second on some machines.
 constexpr double kRestPerDraw = 3.0;
 
-bool sameCamera(const base::Camera& a, const base::Camera& b) {
-  return a.clip_from_eye == b.clip_from_eye && a.eye_from_scene == b.eye_from_scene && a.width == b.width &&
-         a.height == b.height;
-}
-
 lod::qsplat::StreamOptions streamOptions(const SplatOptions& options) {
   lod::qsplat::StreamOptions stream;
   stream.memory_bytes = options.memory_bytes / 4;
@@ -123,14 +118,14 @@ bool StreamedSplats::moreIsComing() const {
 }
 
 void StreamedSplats::update(const base::Camera& camera, const SplatLook& look) {
-  const bool same_view = chosen_ && sameCamera(camera, camera_) && look.section == section_ && look.lens == lens_;
+  const bool same_view = chosen_ && base::sameCamera(camera, camera_) && look.section == section_ && look.lens == lens_;
   if (same_view && moreIsComing()) return;
   chooseSplats(camera, look);
 }
 
 void StreamedSplats::chooseSplats(const base::Camera& camera, const SplatLook& look) {
   if (stream_.header() == nullptr) return;
-  const bool same_view = chosen_ && sameCamera(camera, camera_) && look.section == section_;
+  const bool same_view = chosen_ && base::sameCamera(camera, camera_) && look.section == section_;
   if (!same_view) cutoff_factor_ = 1.0F;
   if (same_view && look.lens == lens_ && wantedCutoff() == cutoff_px_ && stream_.generation() == found_generation_)
     return;
@@ -164,7 +159,7 @@ void StreamedSplats::chooseSplats(const base::Camera& camera, const SplatLook& l
 /// Makes a frame of the same view finer than the one before.
 void StreamedSplats::setPace(const base::Camera& camera) {
   if (options_.frame_seconds <= 0.0) return;
-  if (drawn_from_ && sameCamera(*drawn_from_, camera))
+  if (drawn_from_ && base::sameCamera(*drawn_from_, camera))
     rate_.refineAtRest();
   else
     rate_.beginMotion();
@@ -173,7 +168,7 @@ void StreamedSplats::setPace(const base::Camera& camera) {
 // ---- drawing ----
 
 base::Result<void> StreamedSplats::draw(const base::Camera& camera, const SplatLook& look) {
-  const bool moved = !drawn_from_ || !sameCamera(*drawn_from_, camera);
+  const bool moved = !drawn_from_ || !base::sameCamera(*drawn_from_, camera);
   const double begin = now();
   setPace(camera);
   chooseSplats(camera, look);

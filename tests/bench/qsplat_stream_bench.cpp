@@ -1,14 +1,14 @@
-// What a slow link shows of splats, second by second, for each of the five orders of Rusinkiewicz and Levoy 2001,
-// section 4.2, and their figure 2 (after the start, 1, 10 and 60 seconds): PSNR against the fully streamed picture, and
-// what came and was never drawn.
+// Measures what splats a slow link shows, second by second, for each of the five orders of Rusinkiewicz and Levoy 2001,
+// section 4.2, as in their figure 2 (after the start, 1, 10 and 60 seconds): PSNR against the fully streamed picture,
+// and bytes that came and were never drawn.
 //
 //   qsplat_stream_bench SCENE/qsplat.lgq [CHART.svg]     (a file in either form)
 //   qsplat_stream_bench SCENE/qsplat.lgq --tours
 //
-// The latter: what came and was never drawn while the view moves, over slow and fast links.
+// With --tours: bytes that came and were never drawn while the view moves, over slow and fast links.
 //
-// The link is computed, not waited for: 384 kbit/s, 50 ms each way, a head of 300 bytes before each answer, requests
-// one after the other. So the figures are the same on every machine.
+// The link is simulated: 384 kbit/s, 50 ms each way, a head of 300 bytes before each answer, requests one after the
+// other. So the figures are the same on every machine.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -43,7 +43,7 @@ constexpr int kWidth = 1280, kHeight = 720;
 constexpr std::array<double, 14> kLooks{0.0, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0, 90.0, 120.0};
 constexpr double kLastLook = kLooks.back();
 
-/// Views of the whole and of a part.
+/// Returns views of the whole model and of parts.
 std::vector<base::Camera> viewsOf(const base::Sphere& root) {
   std::vector<base::Camera> views;
   for (const auto& [turn, pitch, radii] :
@@ -75,7 +75,7 @@ class Canvas {
   base::gl::RenderTarget target_ = bench::must(base::gl::RenderTarget::create(kWidth, kHeight));
 };
 
-/// Answers come one after the other, at the link's rate.
+/// Delivers answers one after the other, at the link's rate.
 class Link {
  public:
   explicit Link(base::ByteView file, const Rate& rate = {}) : file_(file), rate_(rate) {}
@@ -86,7 +86,7 @@ class Link {
       under_way_.push_back({range, free_ + rate_.one_way_seconds});
     }
   }
-  /// The next arrival no later than `until`; what it brings goes to the stream.
+  /// Hands the next answer that arrives until `until` to the stream, and returns its time.
   std::optional<double> arrive(Stream& stream, double until) {
     if (under_way_.empty() || under_way_.front().due > until) return std::nullopt;
     const Answer answer = under_way_.front();
@@ -195,19 +195,19 @@ base::Camera cameraAt(const Place& place, const base::Sphere& root) {
   return bench::orbitCamera(root, place.turn, place.pitch, place.radii, kWidth, place.look);
 }
 
-struct Toured {
+struct TourResult {
   StreamStats at_end;
   std::uint64_t wasted = 0;
   double lacking = 0.0;  ///< of the splats drawn, the share that stood in for finer ones, mean over the frames
 };
 
-Toured toured(const SplatFile& file, const MovingView& view, const Rate& rate, std::uint64_t idle_bytes) {
+TourResult runTour(const SplatFile& file, const MovingView& view, const Rate& rate, std::uint64_t idle_bytes) {
   StreamOptions options;
   options.idle_bytes = idle_bytes;
   options.memory_bytes = std::max(file.bytes().size(), std::size_t{1} << 20);
   Stream stream(file.bytes().size(), options);
   Link link(file.bytes(), rate);
-  Toured run;
+  TourResult run;
   Traversal found;
   std::optional<base::Camera> before;
   int frames = 0;
@@ -241,7 +241,7 @@ void printTours(const SplatFile& file) {
   for (const MovingView& view : kMovingViews)
     for (const Rate& rate : {Rate{}, Rate{"5 Mbit/s", 5e6 / 8.0, 0.02}, Rate{"20 Mbit/s", 2e7 / 8.0, 0.015}})
       for (const std::uint64_t idle : {std::uint64_t{0}, StreamOptions{}.idle_bytes}) {
-        const Toured run = toured(file, view, rate, idle);
+        const TourResult run = runTour(file, view, rate, idle);
         const auto received = static_cast<double>(run.at_end.bytes_received);
         const auto wasted = static_cast<double>(run.wasted);
         std::printf("%-50s %-12s %-10s | %8.0f %9.0f %6.1f%% %8.1f%% %9llu\n", view.name, rate.name,

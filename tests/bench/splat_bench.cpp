@@ -89,8 +89,8 @@ void measure(Blocks& blocks, Canvas& canvas, double radii, float cutoff_px, int 
   std::printf("\n");
 }
 
-/// What a frame costs, traversal on all cores included, and how near it is to the finest circles: coarser splats, fewer
-/// samples, and squares.
+/// Measures a frame's time, traversal on all cores included, and its PSNR against the finest circles, for coarser
+/// splats, fewer samples, and squares.
 void measureSaving(Blocks& blocks, Canvas& canvas, double radii, int width) {
   constexpr int kRuns = 3;
   TraverseRequest request;
@@ -119,7 +119,7 @@ void measureSaving(Blocks& blocks, Canvas& canvas, double radii, int width) {
   }
 }
 
-/// CPU seconds of one core: every block decoded, and every node of decoded blocks met by a traversal. In turn.
+/// Measures CPU seconds of one core for decoding every block, and for traversing all decoded nodes, in turn.
 void measureDecoding(const FileBlocks& opened, base::ByteView stored) {
   constexpr int kRuns = 5;
   const base::Bytes made = opened.header().coded() ? base::Bytes() : support::codedSplats(stored);

@@ -29,10 +29,10 @@ using lod::draw::SplatKernel;
 constexpr double kBand = 0.1;  // of the rate asked for
 constexpr int kMeanOf = 5;     // frames, when it is asked whether the rate is reached
 
-/// Answers everything at once.
-class HereAlready final : public client::RangeFetcher {
+/// A fetcher that answers at once from a local file.
+class LocalFetcher final : public client::RangeFetcher {
  public:
-  explicit HereAlready(base::ByteView file) : file_(file) {}
+  explicit LocalFetcher(base::ByteView file) : file_(file) {}
   void submit(std::uint64_t id, const std::string&, std::uint64_t offset, std::uint64_t length) override {
     const auto bytes = file_.subspan(static_cast<std::size_t>(offset), static_cast<std::size_t>(length));
     answers_.push_back({id, client::FetchOutcome::kBytes, {bytes.begin(), bytes.end()}, 206, ""});
@@ -45,7 +45,7 @@ class HereAlready final : public client::RangeFetcher {
   std::vector<client::FetchAnswer> answers_;
 };
 
-/// One load: how near the model is, in its radii from its middle, and how much of it is in view.
+/// A step of the path: the eye's distance from the model's middle, in radii.
 struct Step {
   const char* name;
   double radii;
@@ -82,8 +82,8 @@ class Viewer {
     options.idle_bytes = ~std::uint64_t{0};
     splats_ =
         std::make_unique<client::StreamedSplats>(client::SplatFilePlace{"here", "qsplat.lgq", file.size()},
-                                                 protocol::Welcome{}, std::make_unique<HereAlready>(file), options);
-    // A first look, then the file from its front.
+                                                 protocol::Welcome{}, std::make_unique<LocalFetcher>(file), options);
+    // Stream one view, then the rest of the file ahead.
     client::Session session({});
     for (double now = 0.0; splats_->stream().stats().present < splats_->stream().stats().blocks; now += 1.0) {
       splats_->pump(session, now);
@@ -105,7 +105,7 @@ class Viewer {
   std::unique_ptr<client::StreamedSplats> splats_;
 };
 
-/// Frames until the mean of the last few is within the band; all of them where it never was.
+/// Returns the number of frames until the mean of the last few is within the band; all frames if it never was.
 std::size_t settledAfter(const std::vector<Drawn>& frames, double asked) {
   for (std::size_t i = 0; i < frames.size(); ++i) {
     double sum = 0.0;

@@ -22,10 +22,8 @@ constexpr std::uint64_t kEvictedPart = 64;
 // The surroundings of a view have so many times its width and height.
 constexpr float kNearby = 1.5F;
 
-bool sameView(const TraverseRequest& a, const TraverseRequest& b) {
-  return a.camera.clip_from_eye == b.camera.clip_from_eye && a.camera.eye_from_scene == b.camera.eye_from_scene &&
-         a.camera.width == b.camera.width && a.camera.height == b.camera.height && a.cutoff_px == b.cutoff_px &&
-         a.section == b.section;
+bool sameTraversal(const TraverseRequest& a, const TraverseRequest& b) {
+  return base::sameCamera(a.camera, b.camera) && a.cutoff_px == b.cutoff_px && a.section == b.section;
 }
 
 // Returns a view that shows more of the scene at the same size, as a small turn would.
@@ -81,7 +79,7 @@ void Stream::traverse(const TraverseRequest& request, const std::optional<Lens>&
   in_use_.reset();
   queueWanted(result.wanted);
   limited_ = lacking_ > 0 && under_way_.empty() && blocksInUse() >= max_kept_;
-  if (frame_ > 1 && sameView(ordered, view_)) return;
+  if (frame_ > 1 && sameTraversal(ordered, view_)) return;
   view_ = std::move(ordered);
   nearby_arrivals_ = 0;
   front_to_back_ = 0;

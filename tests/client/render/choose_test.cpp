@@ -33,7 +33,7 @@ std::vector<std::size_t> choose(const Samples& samples, const base::Camera& view
   return client::chooseSamples(samples.pointers, std::span(&kBox, 1), view, limit, 1.0F, {});
 }
 
-TEST(ChooseSamples, TheNearestRayComesFirst) {
+TEST(ChooseSamples, theNearestRayComesFirst) {
   Samples samples;
   samples.add(cameraAt({0, 4, 0}, glm::vec3(0.0F), 256, 90));
   samples.add(cameraAt({4, 0.2F, 0}, glm::vec3(0.0F), 256, 90));
@@ -41,21 +41,21 @@ TEST(ChooseSamples, TheNearestRayComesFirst) {
   EXPECT_EQ(choose(samples, cameraAt({4, 0, 0}, glm::vec3(0.0F), 256, 90), 3), (std::vector<std::size_t>{1, 2, 0}));
 }
 
-TEST(ChooseSamples, SamplesThatLookElsewhereAreLeftOut) {
+TEST(ChooseSamples, samplesThatLookElsewhereAreLeftOut) {
   Samples samples;
   samples.add(cameraAt({4, 0, 0}, {8, 0, 0}, 256, 90));
   samples.add(cameraAt({0, 4, 0}, glm::vec3(0.0F), 256, 90));
   EXPECT_EQ(choose(samples, cameraAt({4, 0, 0}, glm::vec3(0.0F), 256, 90), 3), (std::vector<std::size_t>{1}));
 }
 
-TEST(ChooseSamples, AtTheSameAngleTheSharperOneComesFirst) {
+TEST(ChooseSamples, atTheSameAngleTheSharperOneComesFirst) {
   Samples samples;
   samples.add(cameraAt({4, 1, 0}, glm::vec3(0.0F), 64, 90));
   samples.add(cameraAt({4, -1, 0}, glm::vec3(0.0F), 256, 90));
   EXPECT_EQ(choose(samples, cameraAt({4, 0, 0}, glm::vec3(0.0F), 512, 60), 1), (std::vector<std::size_t>{1}));
 }
 
-TEST(BorderFloors, FacesOfACubeGoOnIntoEachOther) {
+TEST(BorderFloors, facesOfACubeGoOnIntoEachOther) {
   Samples samples;
   const glm::vec3 eye(1, 2, 3);
   for (const glm::vec3 d : {glm::vec3(1, 0, 0), glm::vec3(-1, 0, 0), glm::vec3(0, 1, 0), glm::vec3(0, -1, 0),
@@ -65,7 +65,7 @@ TEST(BorderFloors, FacesOfACubeGoOnIntoEachOther) {
   for (const glm::vec4& floor : client::borderFloors(samples.pointers, fades)) EXPECT_EQ(floor, glm::vec4(1.0F));
 }
 
-TEST(BorderFloors, OnlyTheSharedSideKeepsItsWeight) {
+TEST(BorderFloors, onlyTheSharedSideKeepsItsWeight) {
   // Looking along +x with +z up, +y is at the left.
   Samples samples;
   samples.add(cameraAt(glm::vec3(0.0F), {1, 0, 0}, 128, 90));
@@ -76,7 +76,7 @@ TEST(BorderFloors, OnlyTheSharedSideKeepsItsWeight) {
   EXPECT_EQ(floors[1], glm::vec4(0, 1, 0, 0));
 }
 
-TEST(BorderFloors, FacesOfAnotherPointAreNoNeighbours) {
+TEST(BorderFloors, facesOfAnotherPointAreNoNeighbours) {
   Samples samples;
   samples.add(cameraAt(glm::vec3(0.0F), {1, 0, 0}, 128, 90));
   samples.add(cameraAt({0, 0, 1}, {0, 1, 1}, 128, 90));

@@ -13,7 +13,7 @@
 
 namespace {
 
-using namespace testing_scene;  // NOLINT: the scenes of this test alone
+using namespace testing_scene;  // NOLINT: only these tests use it
 using client::LumigraphOptions;
 using client::LumigraphRenderer;
 using client::SampleId;
@@ -46,7 +46,7 @@ class Lumigraph : public ::testing::Test {
 
   void SetUp() override {
     options_.fade_seconds = 0.0F;
-    // The proxies here have colours unlike the images', so that it shows where each comes from: the images alone.
+    // The proxies have colours unlike the images', so that only images may show; tests that shade set the weight again.
     options_.tuning.shade_weight = 0.0F;
     shading_.unlit = true;
     renderer_ = make(kBudget);
@@ -110,7 +110,7 @@ class Lumigraph : public ::testing::Test {
 };
 std::unique_ptr<base::HeadlessContext> Lumigraph::context_;
 
-TEST_F(Lumigraph, AViewAtASamplingPointShowsItsFace) {
+TEST_F(Lumigraph, aViewAtASamplingPointShowsItsFace) {
   makeBall();
   addCube(kEye, 0);
   addCube(kEye + glm::vec3(1.0F, 0.3F, 0.0F), 10);
@@ -121,7 +121,7 @@ TEST_F(Lumigraph, AViewAtASamplingPointShowsItsFace) {
   EXPECT_GE(coverageOverlap(face, drawn), 0.99);
 }
 
-TEST_F(Lumigraph, NoSeamShowsWhereTheFacesOfAPointMeet) {
+TEST_F(Lumigraph, noSeamShowsWhereTheFacesOfAPointMeet) {
   // The edge between the faces +x and +y runs through the middle of the picture.
   makeBall();
   const glm::vec3 eye(-1.5F, -1.5F, 0.0F);
@@ -130,7 +130,7 @@ TEST_F(Lumigraph, NoSeamShowsWhereTheFacesOfAPointMeet) {
   EXPECT_GE(psnrOnCovered(castRays(scene_, camera), draw(camera)), 38.0);
 }
 
-TEST_F(Lumigraph, ViewsBetweenSamplingPointsAreBlended) {
+TEST_F(Lumigraph, viewsBetweenSamplingPointsAreBlended) {
   makeBall();
   addCube({-0.5F, -3.0F, 0.0F}, 0);
   addCube({0.7F, -2.8F, 0.2F}, 10);
@@ -142,7 +142,7 @@ TEST_F(Lumigraph, ViewsBetweenSamplingPointsAreBlended) {
   EXPECT_GE(psnrOnCovered(truth, draw(camera)), std::max(32.0, shaded + 3.0));
 }
 
-TEST_F(Lumigraph, OrthographicViewsAreBlendedFromTheSamePerspectiveImages) {
+TEST_F(Lumigraph, orthographicViewsAreBlendedFromTheSamePerspectiveImages) {
   makeBall();
   addCube({-0.5F, -3.0F, 0.0F}, 0);
   addCube({0.7F, -2.8F, 0.2F}, 10);
@@ -158,7 +158,7 @@ TEST_F(Lumigraph, OrthographicViewsAreBlendedFromTheSamePerspectiveImages) {
   }
 }
 
-TEST_F(Lumigraph, AnOrthographicFarViewLooksLikeAPerspectiveOneFromAfar) {
+TEST_F(Lumigraph, anOrthographicFarViewLooksLikeAPerspectiveOneFromAfar) {
   makeBall();
   addCube({-0.5F, -3.0F, 0.0F}, 0);
   addCube({0.7F, -2.8F, 0.2F}, 10);
@@ -175,7 +175,7 @@ TEST_F(Lumigraph, AnOrthographicFarViewLooksLikeAPerspectiveOneFromAfar) {
   EXPECT_GE(coverageOverlap(far, parallel), 0.98);
 }
 
-TEST_F(Lumigraph, ASectionShowsTheInsideOfWhatItCutsOpen) {
+TEST_F(Lumigraph, aSectionShowsTheInsideOfWhatItCutsOpen) {
   makeBall();
   addCube(kEye, 0);
   const base::Camera camera = lookAlong(kEye, glm::vec3(0.0F), 200, 200, 2.4F);
@@ -188,7 +188,7 @@ TEST_F(Lumigraph, ASectionShowsTheInsideOfWhatItCutsOpen) {
   EXPECT_NE(pixel(whole, 100, 100), opaque(lod::draw::kSectionColor));
 }
 
-TEST_F(Lumigraph, ASectionLeavesTheOtherSideAsItWas) {
+TEST_F(Lumigraph, aSectionLeavesTheOtherSideAsItWas) {
   makeBall();
   addCube(kEye, 0);
   const base::Camera camera = lookAlong(kEye, glm::vec3(0.0F), 200, 200, 2.4F);
@@ -206,7 +206,7 @@ TEST_F(Lumigraph, ASectionLeavesTheOtherSideAsItWas) {
   EXPECT_EQ(coverageOverlap(draw(camera), whole), 0.0) << "nothing is left";
 }
 
-TEST_F(Lumigraph, WhatASectionUncoversIsSeenByNoImage) {
+TEST_F(Lumigraph, whatASectionUncoversIsSeenByNoImage) {
   // Images show a red ball. In it, uncovered by the cut, is one whose proxy is white.
   scene_.balls = {{glm::vec3(0.0F), 1.0F, kRed}};
   addPatch(ballPatch(glm::vec3(0.0F), 1.0F, 60, kWhite));
@@ -220,7 +220,7 @@ TEST_F(Lumigraph, WhatASectionUncoversIsSeenByNoImage) {
   EXPECT_EQ(pixel(cut, 100, 130), opaque(lod::draw::kSectionColor)) << "the far wall, from within";
 }
 
-TEST_F(Lumigraph, ColoursByResolutionSayHowCoarseThePatchesAre) {
+TEST_F(Lumigraph, coloursByResolutionSayHowCoarseThePatchesAre) {
   // Three white rectangles side by side, whose patches are 0.5, 3 and 20 pixels off.
   for (int i = 0; i < 3; ++i)
     addPatch(rectanglePatch({glm::vec3(0.7F * static_cast<float>(i - 1), 0.0F, 0.0F),
@@ -238,7 +238,7 @@ TEST_F(Lumigraph, ColoursByResolutionSayHowCoarseThePatchesAre) {
   EXPECT_EQ(pixel(image, 190, 40), opaque(lod::draw::kResolutionLegend[4].color));
 }
 
-TEST_F(Lumigraph, ColoursByResolutionSayHowCoarseTheImagesAre) {
+TEST_F(Lumigraph, coloursByResolutionSayHowCoarseTheImagesAre) {
   // A white wall seen straight on, by an image from where the viewer stands: of the view's size, and of a tenth of it.
   scene_.rectangles = {
       {glm::vec3(0.0F), glm::vec3(1.0F, 0.0F, 0.0F), glm::vec3(0.0F, 0.0F, 1.0F), constant(glm::vec3(1.0F)), {}}};
@@ -256,7 +256,7 @@ TEST_F(Lumigraph, ColoursByResolutionSayHowCoarseTheImagesAre) {
   EXPECT_EQ(pixel(draw(camera), 80, 80), opaque(lod::draw::kResolutionLegend[2].color)) << "3.2 pixels";
 }
 
-TEST_F(Lumigraph, ImagesCoarserThanTheProxyDoNotBlurIt) {
+TEST_F(Lumigraph, imagesCoarserThanTheProxyDoNotBlurIt) {
   // The only image has 40 × 40 pixels and is four times as far away as the eye; the ball's proxy (white) has triangles
   // of a few pixels.
   makeBall();
@@ -270,7 +270,7 @@ TEST_F(Lumigraph, ImagesCoarserThanTheProxyDoNotBlurIt) {
   EXPECT_GE(psnrOnCovered(shaded, draw(camera)), std::max(30.0, images_alone + 10.0));
 }
 
-TEST_F(Lumigraph, AnExactFrameAtItsOwnViewIsReproduced) {
+TEST_F(Lumigraph, anExactFrameAtItsOwnViewIsReproduced) {
   makeBall();
   addCube({-0.5F, -3.0F, 0.0F}, 0);
   addCube({0.7F, -2.8F, 0.2F}, 10);
@@ -308,22 +308,22 @@ class Occluder : public Lumigraph {
   base::Camera camera_;
 };
 
-TEST_F(Occluder, ItsColourDoesNotLeakOnWhatLiesBehind) {
+TEST_F(Occluder, itsColourDoesNotLeakOnWhatLiesBehind) {
   EXPECT_EQ(redOnGreen(draw(camera_)), 0);
 }
 
-TEST_F(Occluder, WithoutItInTheDepthMapItsColourWouldLeak) {
+TEST_F(Occluder, withoutItInTheDepthMapItsColourWouldLeak) {
   occluders_ = {0};
   EXPECT_GT(redOnGreen(draw(camera_)), 300);
 }
 
-TEST_F(Occluder, OutsideTheDrawnCutStillHidesWhenNamedAsOccluder) {
+TEST_F(Occluder, outsideTheDrawnCutStillHidesWhenNamedAsOccluder) {
   occluders_ = {0, 1};
   cut_ = {0};
   EXPECT_EQ(redOnGreen(draw(camera_)), 0);
 }
 
-TEST_F(Lumigraph, TheOtherSideOfAThinSheetDoesNotColourThisOne) {
+TEST_F(Lumigraph, theOtherSideOfAThinSheetDoesNotColourThisOne) {
   const Rectangle sheet{{0, 0, 0}, {1, 0, 0}, {0, 0, 1}, kRed, kGreen};
   scene_.rectangles = {sheet};
   addPatch(rectanglePatch(sheet, 20, kWhite));
@@ -333,7 +333,7 @@ TEST_F(Lumigraph, TheOtherSideOfAThinSheetDoesNotColourThisOne) {
   EXPECT_GE(psnrOnCovered(castRays(scene_, camera), draw(camera)), 40.0);
 }
 
-TEST_F(Lumigraph, CarvingGivesACoarseProxyTheSilhouetteOfTheImages) {
+TEST_F(Lumigraph, carvingGivesACoarseProxyTheSilhouetteOfTheImages) {
   makeBall(1.05F, 12);
   for (int i = 0; i < 6; ++i)
     addImage(static_cast<SampleId>(i), lookAt({-0.75F + 0.3F * static_cast<float>(i), -3.0F, i % 2 == 0 ? 0.3F : -0.3F},
@@ -349,7 +349,7 @@ TEST_F(Lumigraph, CarvingGivesACoarseProxyTheSilhouetteOfTheImages) {
   EXPECT_GE(carved, 0.95);
 }
 
-TEST_F(Lumigraph, PushingWidensAProxyThatIsTooSmall) {
+TEST_F(Lumigraph, pushingWidensAProxyThatIsTooSmall) {
   makeBall(0.97F, 30);
   for (int i = 0; i < 3; ++i)
     addCube({-0.5F + 0.5F * static_cast<float>(i), -3.0F, 0.2F}, static_cast<SampleId>(10 * i));
@@ -363,7 +363,7 @@ TEST_F(Lumigraph, PushingWidensAProxyThatIsTooSmall) {
   EXPECT_GT(coverageOverlap(truth, draw(camera, 0.0, error_px)), without + 0.02);
 }
 
-TEST_F(Lumigraph, WhatNoImageSeesIsShadedOrLeftAsBackground) {
+TEST_F(Lumigraph, whatNoImageSeesIsShadedOrLeftAsBackground) {
   scene_.balls = {{glm::vec3(0.0F), 1.0F, kRed}};
   addPatch(ballPatch(glm::vec3(0.0F), 1.0F, 60, {40, 80, 160, 255}));
   addCube(kEye, 0);
@@ -376,7 +376,7 @@ TEST_F(Lumigraph, WhatNoImageSeesIsShadedOrLeftAsBackground) {
   EXPECT_EQ(draw(behind).at(32, 32)[1], 255);
 }
 
-TEST_F(Lumigraph, WithoutImagesTheSurfaceIsShadedAsElsewhere) {
+TEST_F(Lumigraph, withoutImagesTheSurfaceIsShadedAsElsewhere) {
   makeBall();
   shading_.unlit = false;
   const base::Camera camera = lookAt(kEye, glm::vec3(0.0F), 120, 120, 50.0F);
@@ -390,7 +390,7 @@ TEST_F(Lumigraph, WithoutImagesTheSurfaceIsShadedAsElsewhere) {
   EXPECT_NEAR(none.at(60, 60)[0], 255.0F * (0.15F + 0.85F * half * half), 4.0F);
 }
 
-TEST_F(Lumigraph, RemovingASampleEqualsNeverHavingAddedIt) {
+TEST_F(Lumigraph, removingASampleEqualsNeverHavingAddedIt) {
   makeBall();
   const base::Camera camera = lookAt(kEye, glm::vec3(0.0F), 120, 120, 50.0F);
   addCube({-0.5F, -3.0F, 0.0F}, 0);
@@ -402,7 +402,7 @@ TEST_F(Lumigraph, RemovingASampleEqualsNeverHavingAddedIt) {
   EXPECT_EQ(draw(camera).pixels, before.pixels);
 }
 
-TEST_F(Lumigraph, LayersSurviveTheGrowthOfTheirArray) {
+TEST_F(Lumigraph, layersSurviveTheGrowthOfTheirArray) {
   // The first allocation has room for four.
   makeBall();
   const base::Camera camera = lookAt(kEye, glm::vec3(0.0F), 120, 120, 50.0F);
@@ -414,7 +414,7 @@ TEST_F(Lumigraph, LayersSurviveTheGrowthOfTheirArray) {
   EXPECT_EQ(renderer_->stats().depth_maps_drawn, 0U) << "the depth map has moved with its layer";
 }
 
-TEST_F(Lumigraph, LayersBeyondTheBudgetAreRefused) {
+TEST_F(Lumigraph, layersBeyondTheBudgetAreRefused) {
   makeBall();
   std::uint64_t layer = 4ULL * kFace * kFace;  // depth
   for (int side = kFace; side >= 1; side /= 2)
@@ -434,7 +434,7 @@ TEST_F(Lumigraph, LayersBeyondTheBudgetAreRefused) {
   EXPECT_EQ(renderer_->stats().gpu_bytes, 2 * layer + 32 * 128 + 8);
 }
 
-TEST_F(Lumigraph, WhatIsHeldIsWhatTheGlCountsAndStaysBelowTheBudgetWhileArraysGrow) {
+TEST_F(Lumigraph, whatIsHeldIsWhatTheGlCountsAndStaysBelowTheBudgetWhileArraysGrow) {
   const base::Camera camera = cubeCameras(kEye, kFace)[0];
   std::uint64_t layer = 4ULL * kFace * kFace;
   for (int side = kFace; side >= 1; side /= 2)
@@ -453,7 +453,7 @@ TEST_F(Lumigraph, WhatIsHeldIsWhatTheGlCountsAndStaysBelowTheBudgetWhileArraysGr
   }
 }
 
-TEST_F(Lumigraph, FacesLeaveOtherSizesTheirShare) {
+TEST_F(Lumigraph, facesLeaveOtherSizesTheirShare) {
   const base::Camera camera = cubeCameras(kEye, kFace)[0];
   std::uint64_t layer = 4ULL * kFace * kFace;
   for (int side = kFace; side >= 1; side /= 2)
@@ -467,7 +467,7 @@ TEST_F(Lumigraph, FacesLeaveOtherSizesTheirShare) {
   EXPECT_TRUE(renderer_->addSample(100, camera, base::Image(kFace - 2, kFace - 2, 4), 0.0));
 }
 
-TEST_F(Lumigraph, ThreeImageSizesFitAndAFourthIsRefusedUntilOneIsEmpty) {
+TEST_F(Lumigraph, threeImageSizesFitAndAFourthIsRefusedUntilOneIsEmpty) {
   const base::Camera camera = cubeCameras(kEye, kFace)[0];
   EXPECT_TRUE(renderer_->addSample(0, camera, base::Image(kFace, kFace, 4), 0.0));
   EXPECT_TRUE(renderer_->addSample(1, camera, base::Image(64, 36, 4), 0.0));
@@ -478,7 +478,7 @@ TEST_F(Lumigraph, ThreeImageSizesFitAndAFourthIsRefusedUntilOneIsEmpty) {
   EXPECT_FALSE(renderer_->addSample(4, camera, base::Image(96, 54, 3), 0.0)) << "coverage is missing";
 }
 
-TEST_F(Lumigraph, DepthMapsAreRedrawnOnlyWhenTheirOwnPatchesChange) {
+TEST_F(Lumigraph, depthMapsAreRedrawnOnlyWhenTheirOwnPatchesChange) {
   makeBall();
   addPatch(ballPatch({0, -6, 0}, 0.5F, 20, kWhite));
   scene_.balls.push_back({{0, -6, 0}, 0.5F, kRed});
@@ -498,7 +498,7 @@ TEST_F(Lumigraph, DepthMapsAreRedrawnOnlyWhenTheirOwnPatchesChange) {
   EXPECT_EQ(renderer_->stats().depth_maps_drawn, 0U);
 }
 
-TEST_F(Lumigraph, PicturesSettleAndThenEqualTheFinalOne) {
+TEST_F(Lumigraph, picturesSettleAndThenEqualTheFinalOne) {
   makeBall();
   addCube({-0.5F, -3.0F, 0.0F}, 0);
   addCube({0.7F, -2.8F, 0.2F}, 10);
@@ -562,13 +562,13 @@ class Continuity : public Lumigraph {
   }
 };
 
-TEST_F(Continuity, SmallStepsAcrossBordersChangePixelsALittle) {
+TEST_F(Continuity, smallStepsAcrossBordersChangePixelsALittle) {
   const auto [step, total] = walk(-1.2F, 16, 0.0F);
   EXPECT_GE(total, 100);
   EXPECT_LE(step, 24);
 }
 
-TEST_F(Continuity, FadesHideThatOtherSamplesAreChosen) {
+TEST_F(Continuity, fadesHideThatOtherSamplesAreChosen) {
   const auto [step, total] = walk(-0.2F, 3, 0.25F);
   EXPECT_GE(total, 100);
   const int faded = step;

@@ -6,7 +6,7 @@ namespace {
 
 using client::premultipliedPyramid;
 
-TEST(Pyramid, LevelsHalveDownToOnePixelAndTheirBytesAreCounted) {
+TEST(Pyramid, levelsHalveDownToOnePixelAndTheirBytesAreCounted) {
   const base::Image image(5, 3, 4);
   const auto levels = premultipliedPyramid(image);
   ASSERT_EQ(levels.size(), 3U);
@@ -18,7 +18,7 @@ TEST(Pyramid, LevelsHalveDownToOnePixelAndTheirBytesAreCounted) {
 }
 
 // 2 × 2: one covered red pixel, three uncovered green ones. The mean over covered pixels is red.
-TEST(Pyramid, BackgroundDoesNotBleedIntoCoarseLevels) {
+TEST(Pyramid, backgroundDoesNotBleedIntoCoarseLevels) {
   base::Image image(2, 2, 4);
   for (int i = 0; i < 4; ++i) image.pixels[static_cast<std::size_t>(4 * i + 1)] = 255;
   image.at(0, 0)[0] = 200, image.at(0, 0)[1] = 0, image.at(0, 0)[3] = 255;
@@ -29,7 +29,7 @@ TEST(Pyramid, BackgroundDoesNotBleedIntoCoarseLevels) {
   EXPECT_NEAR(255.0 * top[0] / top[3], 200.0, 2.0);
 }
 
-TEST(Pyramid, TheFirstLevelIsTheImageBottomUp) {
+TEST(Pyramid, theFirstLevelIsTheImageBottomUp) {
   base::Image image(1, 2, 4);
   image.at(0, 0)[0] = 10, image.at(0, 0)[3] = 255;
   image.at(0, 1)[0] = 20, image.at(0, 1)[3] = 255;
@@ -38,7 +38,7 @@ TEST(Pyramid, TheFirstLevelIsTheImageBottomUp) {
   EXPECT_EQ(levels[0].at(0, 1)[0], 10);
 }
 
-TEST(Pyramid, AnOddRowIsNotLost) {
+TEST(Pyramid, anOddRowIsNotLost) {
   base::Image image(1, 3, 4);
   for (int y = 0; y < 3; ++y) image.at(0, y)[3] = 255;
   image.at(0, 0)[0] = 90;  // the last row in GL's order

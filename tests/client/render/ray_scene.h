@@ -1,6 +1,6 @@
 #pragma once
-// Scenes of spheres and rectangles: pictures of them by casting rays, and proxies of them as patches. Two independent
-// ways to the same picture, without files.
+// Scenes of spheres and rectangles, with two independent ways to a picture: casting rays, and proxies of them as
+// patches.
 #include <functional>
 #include <glm/glm.hpp>
 #include <vector>
@@ -31,8 +31,7 @@ struct Scene {
   std::vector<Rectangle> rectangles;
 };
 
-/// What the camera sees: colour and coverage (0 or 255) by the majority of n × n rays a pixel, colours averaged over
-/// covered rays.
+/// Casts rays: coverage (0 or 255) is the majority of n × n rays a pixel, the colour is the mean of covered rays.
 base::Image castRays(const Scene& scene, const base::Camera& camera, int rays = 2);
 
 inline const lod::Lattice kLattice{glm::dvec3(-8.0), 1.0 / 65536.0};

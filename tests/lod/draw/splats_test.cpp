@@ -101,7 +101,7 @@ class SplatsTest : public testing::Test {
     glBindVertexArray(0);
     index_count_ = static_cast<GLsizei>(mesh.indices.size());
   }
-  /// Where the mesh itself is seen.
+  /// Draws the mesh itself.
   base::Image silhouette(const base::Camera& camera) {
     clear();
     mesh_program_.use();
@@ -115,9 +115,9 @@ class SplatsTest : public testing::Test {
     return target_.read();
   }
 
-  /// Draws a closed mesh from so many views with random cut-offs; background inside the silhouette is a failure.
-  /// `from_near`: a third of the views is from within half a unit of the surface, where splats are large and the eye
-  /// may be in their spheres; for meshes that are outside of themselves there.
+  /// Draws a closed mesh from `views_count` views with random cut-offs; background inside of the silhouette is a
+  /// failure. `from_near`: a third of the views is from within half a unit of the surface, where splats are large and
+  /// the eye may be in their spheres. Only for meshes whose outside is there.
   void expectNoHoles(const support::Mesh& mesh, unsigned seed, int views_count, bool from_near);
   void expectNoHolesIn(const base::Bytes& file, const support::Mesh& mesh, unsigned seed, int views_count,
                        bool from_near);
@@ -148,7 +148,7 @@ qsplat::Splat splatAt(const glm::vec3& center, float radius, const glm::vec3& no
   return {center, radius, static_cast<std::uint16_t>(qsplat::encodeNormal(normal)), color};
 }
 
-// Looks from the origin along −z.
+// Returns a camera at the origin that looks along −z.
 base::Camera cameraOf(double fov_y_degrees, int size = kSize) {
   base::ViewCamera view;
   view.position = {0, 0, 0};
@@ -206,7 +206,7 @@ TEST_F(SplatsTest, aSquareHoldsTheCircleAndNotMuchMore) {
 TEST_F(SplatsTest, aSplatLargerThanAnyPointFillsThePicture) {
   for (const SplatKernel kernel : {SplatKernel::kSquare, SplatKernel::kCircle, SplatKernel::kFuzzy}) {
     EXPECT_EQ(covered(unlit(std::array{splatAt({0, 0, -20}, 18.0F)}, kernel, cameraOf(90.0))), kSize * kSize);
-    // … and from within it.
+    // The eye is inside of the splat.
     EXPECT_EQ(covered(unlit(std::array{splatAt({0, 0, -20}, 30.0F)}, kernel, cameraOf(90.0))), kSize * kSize);
     EXPECT_EQ(covered(unlit(std::array{splatAt({0, 0, 5}, 6.0F)}, kernel, cameraOf(90.0))), kSize * kSize);
   }
@@ -415,7 +415,7 @@ TEST_F(SplatsTest, oneRendererDrawsManyAndFewAndNone) {
 
 // ---- Fewer samples than pixels
 
-// A surface across the view, in colours that change little by little, at the same depth everywhere.
+// A surface across the view, at one depth, whose colours change gradually.
 std::vector<qsplat::Splat> tiles(float half_width) {
   constexpr int kTiles = 24;
   std::vector<qsplat::Splat> splats;
@@ -438,7 +438,7 @@ TEST_F(SplatsTest, drawnWithFewerSamplesAPictureIsTheSameButForDetail) {
     const base::Image full = picture(splats, kernel, view);
     for (const float reduction : {1.3F, 2.0F, 3.7F, 8.0F}) {
       const base::Image reduced = picture(splats, kernel, view, reduction);
-      // Within a sample of the full picture's outline either may be there; all else is.
+      // Pixels within a sample of the full picture's outline may differ; all others must not.
       const int reach = static_cast<int>(std::ceil(reduction)) + 1;
       const auto sameAround = [&](int x, int y) {
         for (int v = std::max(y - reach, 0); v <= std::min(y + reach, kSize - 1); ++v)
@@ -503,7 +503,7 @@ TEST_F(SplatsTest, fewerSamplesLieBehindAndBeforeWhatIsThereAsAllDo) {
 
 // ---- Closed surfaces have no holes
 
-/// LUMIGRID_HOLE_VIEWS: how many views in place of a test's own number.
+/// The number of views: LUMIGRID_HOLE_VIEWS, or the test's own number.
 int viewsOr(int own) {
   const char* asked = std::getenv("LUMIGRID_HOLE_VIEWS");
   return asked != nullptr ? std::max(1, std::atoi(asked)) : own;
@@ -556,7 +556,7 @@ void SplatsTest::expectNoHolesIn(const base::Bytes& file, const support::Mesh& m
   EXPECT_GT(seen, std::int64_t{views_count} * kSize * kSize / 10);
 }
 
-// The builder's own file, over triangles that lie on its lattice as they are.
+// Uses the builder's file. The mesh is on the builder's lattice, so that triangles are drawn where splats were made.
 void SplatsTest::expectNoHolesWhenDiced(const support::Mesh& mesh, double dice, std::uint64_t least_added,
                                         unsigned seed, bool from_near) {
   const support::Mesh on_lattice = support::splatsOf(mesh).sorted;
@@ -616,7 +616,7 @@ TEST_F(SplatsTest, aDicedStatueHasNoHoles) {
   expectNoHolesWhenDiced(support::makeSample(options), 1.0, 3000, 10, false);
 }
 
-// Codes round spheres up, which hides small faults. These just reach the middles of a flat sheet's squares.
+// Codes round radii up, which hides small faults. These spheres just reach the middles of a flat sheet's squares.
 TEST_F(SplatsTest, spheresThatJustTouchLeaveNoHoles) {
   for (const support::Mesh& mesh : {support::openGrid(6, 0.0F), support::openGrid(15, 0.0F)}) {
     std::vector<qsplat::Splat> splats;
@@ -680,7 +680,7 @@ TEST_F(SplatsTest, whatIsMissingIsFilledByItsParents) {
   }
 }
 
-// The paper promises less of these: "in practice, we do occasionally see holes".
+// The paper promises less of ellipses: "in practice, we do occasionally see holes".
 TEST_F(SplatsTest, ellipsesLeaveFewHolesAndFitTheSilhouetteBest) {
   const support::Mesh mesh = support::bumpySphere(120, 240, 0.05F);
   const base::Bytes file = support::splatFile(mesh);

@@ -24,7 +24,7 @@ void main() {
   gl_Position = vec4(position, 1.0);
 }
 )";
-// Seen from +z, as if from far away.
+// The eye looks from +z, as if from far away.
 constexpr const char* kFragment = R"(
 in vec3 v_normal;
 in vec3 v_color;
@@ -32,7 +32,7 @@ layout(location = 0) out vec4 out_color;
 void main() { out_color = vec4(shadeSurface(v_color, v_normal, vec3(0.0, 0.0, 1.0)), 1.0); }
 )";
 
-// A square over the left half of clip space (or the right one), through a lattice with step 1/4 from −1: q = 0..8.
+// A lattice of step 1/4 from −1 on: coordinates 0..8 cover clip space.
 lod::Lattice clipLattice() {
   return {glm::dvec3(-1.0), 0.25};
 }

@@ -1,4 +1,4 @@
-// The coded form: each block comes back as it was, by itself; and what is not as it was written is found.
+// The coded form: each block is restored to the byte, by itself, and any damage is found.
 #include <gtest/gtest.h>
 
 #include <random>
@@ -16,7 +16,7 @@ namespace {
 
 using namespace lod::qsplat;
 
-/// Codes with no meaning, and surfaces.
+/// Files of random codes and of surfaces.
 std::vector<base::Bytes> plainFiles() {
   const support::TemporaryDirectory directory;
   std::vector<base::Bytes> files;
@@ -35,7 +35,7 @@ base::Bytes surface() {
   return support::splatFile(support::bumpySphere(60, 120, 0.1F));
 }
 
-TEST(QsplatCoded, EveryBlockComesBackAsItWas) {
+TEST(QsplatCoded, everyBlockComesBackAsItWas) {
   for (const base::Bytes& plain : plainFiles()) {
     const base::Bytes coded = support::codedSplats(plain);
     const auto header = readHeader(coded);
@@ -55,18 +55,18 @@ TEST(QsplatCoded, EveryBlockComesBackAsItWas) {
   }
 }
 
-TEST(QsplatCoded, SurfacesTakeAboutHalfTheBytes) {
+TEST(QsplatCoded, surfacesTakeAboutHalfTheBytes) {
   const base::Bytes plain = surface();
   EXPECT_LT(support::codedSplats(plain).size(), plain.size() * 7 / 10);
 }
 
-TEST(QsplatCoded, ThreadsDoNotChangeTheBytes) {
+TEST(QsplatCoded, threadsDoNotChangeTheBytes) {
   const base::Bytes plain = support::splatFile(support::bumpySphere(120, 240, 0.1F));
   const base::Bytes first = support::codedSplats(plain, 1);
   EXPECT_TRUE(support::codedSplats(plain, 3) == first);
 }
 
-TEST(QsplatCoded, ABlockIsFoundOnceItsParentsWereAndDecodedWithoutOthers) {
+TEST(QsplatCoded, aBlockIsFoundOnceItsParentsWereAndDecodedWithoutOthers) {
   const base::Bytes plain = surface();
   const base::Bytes coded = support::codedSplats(plain);
   const Header header = *readHeader(coded);
@@ -75,7 +75,7 @@ TEST(QsplatCoded, ABlockIsFoundOnceItsParentsWereAndDecodedWithoutOthers) {
   EXPECT_EQ(blocks.find(last), nullptr) << "nobody has told where it is";
   EXPECT_EQ(blocks.damagedBlock(), 0U);
 
-  // Only what leads to it is looked into.
+  // Look up only the blocks on the way to it.
   std::vector<std::uint64_t> chain{last};
   const BlockCoder coder = *BlockCoder::fromHeader(coded, header);
   std::vector<CodedPlace> places(header.blocks());
@@ -96,7 +96,7 @@ TEST(QsplatCoded, ABlockIsFoundOnceItsParentsWereAndDecodedWithoutOthers) {
   EXPECT_EQ(std::memcmp(blocks.find(last), &plain[last * kBlockBytes], kBlockBytes), 0);
 }
 
-TEST(QsplatCoded, MemoryIsGivenBackAndWhatWasDroppedComesAgain) {
+TEST(QsplatCoded, memoryIsGivenBackAndWhatWasDroppedComesAgain) {
   const base::Bytes plain = surface();
   const base::Bytes coded = support::codedSplats(plain);
   const Header header = *readHeader(coded);
@@ -112,7 +112,7 @@ TEST(QsplatCoded, MemoryIsGivenBackAndWhatWasDroppedComesAgain) {
     ASSERT_EQ(std::memcmp(blocks.find(b), &plain[b * kBlockBytes], kBlockBytes), 0) << b;
 }
 
-TEST(QsplatCoded, EveryTurnedBitIsFound) {
+TEST(QsplatCoded, everyTurnedBitIsFound) {
   const base::Bytes good = support::codedSplats(surface());
   for (std::size_t i = 0; i < good.size(); i += 41) {
     base::Bytes bad = good;
@@ -123,8 +123,8 @@ TEST(QsplatCoded, EveryTurnedBitIsFound) {
     EXPECT_FALSE(checkTree(base::ByteView(good).first(length)).empty()) << "cut to " << length;
 }
 
-// Places of children among them: who asks again for what was damaged on its way must ask for the right block.
-TEST(QsplatCoded, ABlockFindsEveryTurnedBitOfItsOwn) {
+// The places of children are covered, too: whoever requests damaged blocks again must request the right ones.
+TEST(QsplatCoded, aBlockFindsEveryTurnedBitOfItsOwn) {
   const base::Bytes coded = support::codedSplats(surface());
   const Header header = *readHeader(coded);
   const BlockCoder coder = *BlockCoder::fromHeader(coded, header);
@@ -139,8 +139,8 @@ TEST(QsplatCoded, ABlockFindsEveryTurnedBitOfItsOwn) {
   }
 }
 
-// What no checksum of the header finds.
-TEST(QsplatCoded, HeadersThatCannotBeAreRefused) {
+// These headers have a right checksum.
+TEST(QsplatCoded, headersThatCannotBeAreRefused) {
   const base::Bytes good = support::codedSplats(surface());
   const auto refused = [&](std::size_t offset, std::uint64_t value, std::size_t bytes) {
     base::Bytes bad = good;
@@ -165,10 +165,10 @@ TEST(QsplatCoded, HeadersThatCannotBeAreRefused) {
   EXPECT_EQ(read.error().code, base::ErrorCode::kVersion);
 }
 
-TEST(QsplatCoded, TablesThatAreNoneAreRefused) {
+TEST(QsplatCoded, tablesThatAreNoneAreRefused) {
   const base::Bytes good = support::codedSplats(surface());
   const Header header = *readHeader(good);
-  // All ones: every level climbs, past the highest.
+  // With these bits every level rises beyond the highest.
   base::Bytes bad = good;
   std::fill(bad.begin() + 92, bad.begin() + header.header_bytes - 4, std::uint8_t{0x55});
   bad = support::sealedHeader(bad);
@@ -177,7 +177,7 @@ TEST(QsplatCoded, TablesThatAreNoneAreRefused) {
   EXPECT_FALSE(openBlocks(bad, *readHeader(bad)));
 }
 
-TEST(QsplatCoded, BlocksOfAnyBytesAreDecodedWithoutHarm) {
+TEST(QsplatCoded, blocksOfAnyBytesAreDecodedWithoutHarm) {
   const base::Bytes coded = support::codedSplats(surface());
   const Header header = *readHeader(coded);
   const BlockCoder coder = *BlockCoder::fromHeader(coded, header);
@@ -195,7 +195,7 @@ TEST(QsplatCoded, BlocksOfAnyBytesAreDecodedWithoutHarm) {
   EXPECT_FALSE(coder.decode(2, first, plain.data(), children)) << "another's place";
 }
 
-TEST(QsplatCoded, LevelsComeBackAndFrequenciesAddUp) {
+TEST(QsplatCoded, levelsComeBackAndFrequenciesAddUp) {
   std::mt19937 random(3);
   for (const bool colors : {false, true}) {
     SymbolCounts counts;
@@ -231,7 +231,7 @@ TEST(QsplatCoded, LevelsComeBackAndFrequenciesAddUp) {
   }
 }
 
-TEST(QsplatCoded, TablesThatAreTooLongAreFlattenedFromTheRarestOn) {
+TEST(QsplatCoded, tablesThatAreTooLongAreFlattenedFromTheRarestOn) {
   std::mt19937 random(5);
   SymbolCounts counts;
   for (auto& context : counts) context.fill(0);
@@ -257,7 +257,7 @@ TEST(QsplatCoded, TablesThatAreTooLongAreFlattenedFromTheRarestOn) {
   }
 }
 
-TEST(QsplatCoded, SymbolsComeOutAsTheyWentIn) {
+TEST(QsplatCoded, symbolsComeOutAsTheyWentIn) {
   SymbolCounts counts;
   for (auto& context : counts) context.fill(0);
   for (std::uint32_t s = 0; s < 8; ++s) counts[0][s] = s < 6 ? std::uint64_t{1} << 3 * s : 0;

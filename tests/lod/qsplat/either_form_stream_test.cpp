@@ -1,4 +1,4 @@
-// What holds of a file over a link in the plain and in the coded form alike.
+// Claims that hold for streaming a file of either form.
 #include <gtest/gtest.h>
 
 #include <random>
@@ -32,7 +32,7 @@ class StreamOfEitherForm : public testing::TestWithParam<bool> {
     request.cutoff_px = cutoff_px;
     return request;
   }
-  /// Of the file as it lies on a disk; the plain form's are the same.
+  /// Returns the splats of the local file, and checks that the plain form has the same.
   static std::vector<Splat> localSplats(const TraverseRequest& request) {
     const auto blocks = openBlocks(file(), *readHeader(file()));
     MappedBlocks plain(plainFile(), *readHeader(plainFile()));
@@ -56,7 +56,7 @@ TEST_P(StreamOfEitherForm, theFullyStreamedCutEqualsTheLocalOne) {
     ASSERT_EQ(stream.problem(), "");
     EXPECT_EQ(found.splats, localSplats(request)) << "view " << i;
   }
-  // No byte came twice; coded, the piece of a block at the first answer's end did.
+  // No byte came twice; of a coded file, the part of a block at the end of the first answer did.
   EXPECT_LE(host.sent, file().size() + (coded() ? kMaxCodedBytes : 0));
   EXPECT_EQ(stream.stats().bytes_received, host.sent);
   if (!coded()) {

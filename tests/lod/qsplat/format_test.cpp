@@ -1,4 +1,4 @@
-// qsplat.lgq as bytes: what is written is read back, and what is not as it was written is found.
+// The format of qsplat.lgq: what is written is read back, and damage is found.
 #include "lod/qsplat/format.h"
 
 #include <gtest/gtest.h>
@@ -26,7 +26,7 @@ Header smallHeader() {
   return header;
 }
 
-// Checksums made right again, so that what they would find is found by others.
+// Returns the file with right checksums, so that damage must be found by other checks.
 base::Bytes sealed(base::Bytes bytes) {
   const std::uint32_t crc = base::crc32c(base::ByteView(bytes).first(kPayloadBytes));
   std::memcpy(bytes.data() + kPayloadBytes, &crc, sizeof(crc));
@@ -43,7 +43,7 @@ class QsplatFormat : public ::testing::Test {
   support::TemporaryDirectory directory_;
 };
 
-TEST_F(QsplatFormat, HeadersComeBack) {
+TEST_F(QsplatFormat, headersComeBack) {
   const Header written = smallHeader();
   const auto read = readHeader(headerBytes(written));
   ASSERT_TRUE(read) << read.error().message;
@@ -61,7 +61,7 @@ TEST_F(QsplatFormat, HeadersComeBack) {
   EXPECT_EQ(read->pointerBytes(), 8U);
 }
 
-TEST_F(QsplatFormat, AHeaderWithOneBitTurnedOrCutIsRefused) {
+TEST_F(QsplatFormat, aHeaderWithOneBitTurnedOrCutIsRefused) {
   const base::Bytes good = headerBytes(smallHeader());
   for (std::size_t i = 0; i < good.size(); ++i) {
     base::Bytes bad = good;
@@ -71,7 +71,7 @@ TEST_F(QsplatFormat, AHeaderWithOneBitTurnedOrCutIsRefused) {
   }
 }
 
-TEST_F(QsplatFormat, HeadersThatCannotBeAreRefused) {
+TEST_F(QsplatFormat, headersThatCannotBeAreRefused) {
   const auto refused = [](auto change) {
     Header header = smallHeader();
     change(header);
@@ -94,7 +94,7 @@ TEST_F(QsplatFormat, HeadersThatCannotBeAreRefused) {
   EXPECT_TRUE(refused([](Header& h) { h.root.center.y = INFINITY; }));
 }
 
-TEST_F(QsplatFormat, AnotherVersionIsNamed) {
+TEST_F(QsplatFormat, anotherVersionIsNamed) {
   for (const std::uint8_t version : {0, 3, 255}) {
     base::Bytes bytes = headerBytes(smallHeader());
     bytes[8] = version;
@@ -105,7 +105,7 @@ TEST_F(QsplatFormat, AnotherVersionIsNamed) {
   }
 }
 
-TEST_F(QsplatFormat, GroupsNeverSpanTwoBlocks) {
+TEST_F(QsplatFormat, groupsNeverSpanTwoBlocks) {
   for (std::uint64_t end = kBlockBytes; end < 3 * kBlockBytes; end += 2)
     for (const std::uint32_t bytes : {4U, 8U, 12U, 16U, 20U, 24U, 28U, 32U}) {
       if (end % kBlockBytes > kPayloadBytes) continue;
@@ -117,7 +117,7 @@ TEST_F(QsplatFormat, GroupsNeverSpanTwoBlocks) {
     }
 }
 
-TEST_F(QsplatFormat, BlocksKnowTheirPlace) {
+TEST_F(QsplatFormat, blocksKnowTheirPlace) {
   base::Bytes block(kBlockBytes, 7);
   sealBlock(block.data(), 5);
   EXPECT_TRUE(isIntactBlock(block, 5));
@@ -127,7 +127,7 @@ TEST_F(QsplatFormat, BlocksKnowTheirPlace) {
   EXPECT_FALSE(isIntactBlock(base::ByteView(block).first(1000), 5));
 }
 
-TEST_F(QsplatFormat, WholeTreesAreFoundWhole) {
+TEST_F(QsplatFormat, wholeTreesAreFoundWhole) {
   for (const bool colors : {false, true})
     for (const bool wide : {false, true})
       for (unsigned seed = 0; seed < 20; ++seed) {
@@ -140,7 +140,7 @@ TEST_F(QsplatFormat, WholeTreesAreFoundWhole) {
   EXPECT_EQ(readHeader(single)->nodes, 1U);
 }
 
-TEST_F(QsplatFormat, EveryTurnedBitIsFoundByAChecksum) {
+TEST_F(QsplatFormat, everyTurnedBitIsFoundByAChecksum) {
   const base::Bytes good = tree(true, false);
   for (std::size_t i = 0; i < good.size(); i += 7) {
     base::Bytes bad = good;
@@ -149,8 +149,9 @@ TEST_F(QsplatFormat, EveryTurnedBitIsFoundByAChecksum) {
   }
 }
 
-TEST_F(QsplatFormat, StructureIsCheckedBehindChecksums) {
-  // Of a bit turned and sealed, only codes and colours may stay: what they should be nobody knows.
+TEST_F(QsplatFormat, structureIsCheckedBehindChecksums) {
+  // A flipped bit behind a right checksum may go unnoticed only in codes and colours, whose values nothing else
+  // determines.
   for (const bool colors : {false, true}) {
     const base::Bytes good = tree(colors, false);
     const GroupLayout layout(colors, false);
@@ -177,7 +178,7 @@ TEST_F(QsplatFormat, StructureIsCheckedBehindChecksums) {
   }
 }
 
-TEST_F(QsplatFormat, CutAndGrownFilesAreFound) {
+TEST_F(QsplatFormat, cutAndGrownFilesAreFound) {
   const base::Bytes good = tree(false, false);
   for (std::size_t size = 0; size < good.size(); size += 111)
     EXPECT_FALSE(checkTree(base::ByteView(good).first(size)).empty());
@@ -189,7 +190,7 @@ TEST_F(QsplatFormat, CutAndGrownFilesAreFound) {
   EXPECT_FALSE(checkTree(sealed(longer)).empty());
 }
 
-TEST_F(QsplatFormat, OpeningNamesTheFile) {
+TEST_F(QsplatFormat, openingNamesTheFile) {
   const std::string path = directory_ / "tree.lgq";
   EXPECT_EQ(SplatFile::open(path).error().code, base::ErrorCode::kNotFound);
   const Header header = support::writeRandomSplats(path, 5, true, false);

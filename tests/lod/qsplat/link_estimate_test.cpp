@@ -11,8 +11,8 @@ struct Link {
   double bytes_per_second, delay;  // delay: both ways together, seconds
 };
 
-/// Asks for all that there is room for, at most so many requests at a time, until `end`. The most that was under way in
-/// the second half.
+/// Requests as much as the estimate allows, at most six requests at a time, until `end`. Returns the most bytes that
+/// were under way in the second half.
 std::uint64_t keepBusy(LinkEstimate& estimate, const Link& link, double& now, double end) {
   struct Request {
     std::uint64_t bytes;

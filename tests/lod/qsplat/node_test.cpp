@@ -1,4 +1,4 @@
-// Codes of spheres, normals, cones and colours: what they promise, by drawing many.
+// Properties of the codes of spheres, normals, cones and colours, tested on many random values.
 #include "lod/qsplat/node.h"
 
 #include <gtest/gtest.h>
@@ -17,13 +17,13 @@ class Draw {
  public:
   float unit() { return unit_(random_); }
   glm::vec3 direction() { return glm::normalize(glm::vec3(normal_(random_), normal_(random_), normal_(random_))); }
-  // Within `parent`, touching it now and then, of any size.
+  // Returns a random sphere of any size within `parent`, which sometimes touches it.
   base::Sphere within(const base::Sphere& parent) {
     const double radius = parent.radius * (unit() < 0.2F ? std::pow(10.0, -6.0 * unit()) : static_cast<double>(unit()));
     const double away = (parent.radius - radius) * (unit() < 0.2F ? 1.0 : std::cbrt(static_cast<double>(unit())));
     base::Sphere child{glm::vec3(glm::dvec3(parent.center) + away * glm::dvec3(direction())),
                        static_cast<float>(radius)};
-    // Rounding may have pushed it out; far from the origin it cannot be small at the rim.
+    // Rounding may have moved it outside; far from the origin it cannot be small at the rim.
     child.radius = std::min(child.radius, parent.radius);
     while (!encloses(parent, child)) child.center = 0.5F * (child.center + parent.center);
     return child;
@@ -35,8 +35,8 @@ class Draw {
   std::normal_distribution<float> normal_;
 };
 
-TEST(SphereCodes, ThereAreAsManyAsThePaperSays) {
-  // Counted in another way: in floating point, from the document's words.
+TEST(SphereCodes, thereAreAsManyAsThePaperSays) {
+  // Counted in a second way: in floating point, as the format document describes it.
   int count = 0;
   for (int s = 1; s <= 13; ++s)
     for (int x = 0; x + s <= 13; ++x)
@@ -49,7 +49,7 @@ TEST(SphereCodes, ThereAreAsManyAsThePaperSays) {
   EXPECT_EQ(kSphereCodes, 7621U);
 }
 
-TEST(SphereCodes, AreAllDifferentAndTheLastIsTheParent) {
+TEST(SphereCodes, areAllDifferentAndTheLastIsTheParent) {
   std::set<std::tuple<float, float, float, float>> seen;
   for (std::uint32_t code = 0; code < kSphereCodes; ++code) {
     const RelativeSphere& step = sphereTable()[code];
@@ -65,7 +65,7 @@ TEST(SphereCodes, AreAllDifferentAndTheLastIsTheParent) {
   EXPECT_EQ(same.radius, parent.radius);
 }
 
-TEST(SphereCodes, EverySphereWithinAParentHasOneThatEnclosesIt) {
+TEST(SphereCodes, everySphereWithinAParentHasOneThatEnclosesIt) {
   Draw draw;
   for (const float scale : {1e-12F, 1e-3F, 1.0F, 1e3F, 1e12F})
     for (const float offset : {0.0F, 1.0F, 1000.0F})
@@ -78,7 +78,7 @@ TEST(SphereCodes, EverySphereWithinAParentHasOneThatEnclosesIt) {
       }
 }
 
-TEST(SphereCodes, NoneOfFewerThirteenthsEncloses) {
+TEST(SphereCodes, noneOfFewerThirteenthsEncloses) {
   Draw draw;
   const base::Sphere parent{glm::vec3(0.0F), 1.0F};
   for (int i = 0; i < 300; ++i) {
@@ -89,7 +89,7 @@ TEST(SphereCodes, NoneOfFewerThirteenthsEncloses) {
   }
 }
 
-TEST(SphereCodes, EncloseDownLongChains) {
+TEST(SphereCodes, encloseDownLongChains) {
   Draw draw;
   for (int chain = 0; chain < 50; ++chain) {
     base::Sphere truth{100.0F * draw.direction(), 50.0F};
@@ -104,7 +104,7 @@ TEST(SphereCodes, EncloseDownLongChains) {
   }
 }
 
-TEST(SphereCodes, WhatIsNotWithinTheParentIsTheWholeParent) {
+TEST(SphereCodes, whatIsNotWithinTheParentIsTheWholeParent) {
   const float inf = std::numeric_limits<float>::infinity();
   const base::Sphere parent{glm::vec3(0.0F), 1.0F};
   for (const base::Sphere& child : {base::Sphere{{0.0F, 0.0F, 0.0F}, 2.0F}, base::Sphere{{5.0F, 0.0F, 0.0F}, 0.5F},
@@ -114,7 +114,7 @@ TEST(SphereCodes, WhatIsNotWithinTheParentIsTheWholeParent) {
   EXPECT_EQ(encodeSphere({glm::vec3(0.0F), 0.0F}, {glm::vec3(0.0F), 0.0F}), kWholeParent);
 }
 
-TEST(NormalCodes, AreAHundredthOfARadianOffInTheMean) {
+TEST(NormalCodes, areAHundredthOfARadianOffInTheMean) {
   Draw draw;
   double sum = 0.0;
   double worst = 0.0;
@@ -132,7 +132,7 @@ TEST(NormalCodes, AreAHundredthOfARadianOffInTheMean) {
   EXPECT_LT(worst, 0.025);  // half the diagonal of a cell of 90/52 degrees, drawn out towards the corners
 }
 
-TEST(NormalCodes, DecodeAndEncodeToThemselves) {
+TEST(NormalCodes, decodeAndEncodeToThemselves) {
   for (std::uint32_t code = 0; code < kNormalCodes; ++code) {
     ASSERT_NEAR(glm::length(normalTable()[code]), 1.0F, 1e-6F);
     ASSERT_EQ(encodeNormal(normalTable()[code]), code);
@@ -140,7 +140,7 @@ TEST(NormalCodes, DecodeAndEncodeToThemselves) {
   }
 }
 
-TEST(NormalCodes, WhatIsNoDirectionPointsUp) {
+TEST(NormalCodes, whatIsNoDirectionPointsUp) {
   const std::uint32_t up = encodeNormal({0.0F, 0.0F, 1.0F});
   const float inf = std::numeric_limits<float>::infinity();
   for (const glm::vec3& n : {glm::vec3(0.0F), glm::vec3(NAN), glm::vec3(inf, 0.0F, 0.0F), glm::vec3(1.0F, NAN, 0.0F)})
@@ -148,7 +148,7 @@ TEST(NormalCodes, WhatIsNoDirectionPointsUp) {
   EXPECT_GT(normalTable()[up].z, 0.999F);
 }
 
-TEST(ConeCodes, AreTheNarrowestThatHold) {
+TEST(ConeCodes, areTheNarrowestThatHold) {
   for (const bool leaves : {false, true}) {
     const auto encode = leaves ? encodeLeafCone : encodeCone;
     const ConeSines& sines = coneSines(!leaves);
@@ -176,7 +176,7 @@ TEST(ConeCodes, AreTheNarrowestThatHold) {
   }
 }
 
-TEST(ConeCodes, AreReadFromTheBitsOfTheirGroup) {
+TEST(ConeCodes, areReadFromTheBitsOfTheirGroup) {
   for (std::uint32_t code = 0; code < kLeafConeCodes; ++code) {
     const Node leaf{packLeaf(7000, 16000, code), 0};
     EXPECT_EQ(leaf.sphereCode(), 7000U);
@@ -193,7 +193,7 @@ TEST(ConeCodes, AreReadFromTheBitsOfTheirGroup) {
   }
 }
 
-TEST(ColorCodes, KeepTheirValueAndTakeTheNearest) {
+TEST(ColorCodes, keepTheirValueAndTakeTheNearest) {
   for (std::uint32_t code = 0; code < 65536; ++code)
     ASSERT_EQ(encodeColor(decodeColor(static_cast<std::uint16_t>(code))), code);
   for (int v = 0; v < 256; ++v) {
@@ -204,7 +204,7 @@ TEST(ColorCodes, KeepTheirValueAndTakeTheNearest) {
   }
 }
 
-TEST(NodeBits, HoldEveryField) {
+TEST(NodeBits, holdEveryField) {
   for (const std::uint32_t children : {0U, 2U, 3U, 4U}) {
     const Node node{packNode(7000, 16000, 2, children, children != 0), 0};
     EXPECT_EQ(node.sphereCode(), 7000U);

@@ -1,5 +1,5 @@
-// Rate control, judged by what a viewer would see: frame times of a simulated renderer that refines a scene splat by
-// splat. The control knows nothing of how that scene's splats and covered samples depend on the cut-off.
+// Tests rate control by what a viewer would see: frame times of a simulated renderer that refines a scene splat by
+// splat. The control does not know how that scene's splats and covered samples depend on the cut-off.
 #include "lod/qsplat/rate_control.h"
 
 #include <gtest/gtest.h>
@@ -218,7 +218,7 @@ TEST(RateControlTest, steadyLoadIsDrawnWithASteadyReduction) {
     const float before = control.reduction();
     rateOver(control, renderer, 1);
     EXPECT_NEAR(control.reduction(), before, 0.05F * before) << sample_seconds << " s a sample";
-    // And nearly so where times are not to be trusted.
+    // With noisy times the reduction stays nearly the same.
     renderer.noise = 0.15;
     float least = before, largest = before;
     for (int i = 0; i < 60; ++i) {
@@ -264,7 +264,7 @@ TEST(RateControlTest, fastSceneIsDrawnAtItsFinest) {
   renderer.in_view = 400;
   rateOver(control, renderer, 30);
   EXPECT_EQ(control.cutoffPx(), 1.0F);
-  // And comes back at once when it is not any more.
+  // The control recovers when the scene is not fast any more.
   renderer.in_view = 30'000;
   rateOver(control, renderer, 6);
   EXPECT_NEAR(rateOver(control, renderer, 20), 10.0, 1.0);

@@ -1,5 +1,5 @@
 #pragma once
-// The other end of a stream's link, for its tests.
+// The host at the other end of a stream's link, for tests.
 #include <gtest/gtest.h>
 
 #include <deque>
@@ -12,17 +12,17 @@
 
 namespace lod::qsplat {
 
-/// A host of a file's bytes that looks at what it is asked for.
+/// A host that serves a file's bytes and checks the requests.
 class Host {
  public:
   Host(Stream& stream, base::Bytes bytes) : stream_(stream), bytes_(std::move(bytes)) {}
 
-  /// What of an answer comes; the bytes may be changed, nullopt: it failed.
+  /// Changes an answer's bytes; nullopt: the request fails.
   std::function<std::optional<base::Bytes>(const ByteRange&, base::Bytes)> spoil;
   std::vector<ByteRange> asked;
   std::uint64_t sent = 0;
 
-  /// Takes new requests. No byte may be under way already.
+  /// Accepts new requests. No byte of them may be under way already.
   void ask(double now) {
     for (const ByteRange& range : stream_.nextRequests(now)) {
       ASSERT_GT(range.length, 0U);
@@ -59,7 +59,7 @@ inline StreamOptions withoutIdling() {
   return options;
 }
 
-/// One view until nothing more comes for it; the picture at last.
+/// Streams one view until it is complete, and returns the final splats.
 inline Traversal fetchAll(Stream& stream, Host& host, const TraverseRequest& request, double& now,
                           const std::function<void(const Traversal&)>& each = {}) {
   Traversal found;

@@ -65,7 +65,7 @@ TEST(StreamTest, refinementIsMonotone) {
   EXPECT_EQ(coarsest, 0.0F);
 }
 
-// Every order brings the same in the end; what came first differs.
+// All orders fetch the same blocks in the end; only the sequence differs.
 TEST(StreamTest, eachOrderBringsAllAndBySizeTheLargestFirst) {
   const TraverseRequest request = requestFor(cameraFrom({0.2, 0.5, -1.0}, 1.6, 512));
   const std::vector<Splat> local = localSplats(request);
@@ -147,7 +147,7 @@ TEST(StreamTest, theBudgetHoldsTheRootStaysAndNoDrawnBlockGoes) {
     const Traversal found = fetchAll(stream, host, request, now, [&](const Traversal& picture) {
       EXPECT_GE(picture.nodes, nodes) << "a block of the drawn cut was dropped";
       nodes = picture.nodes;
-      // Of the present ones the header is not kept as a block.
+      // The header counts as present, but is not kept as a block.
       ASSERT_LE(stream.stats().present * kBlockBytes, options.memory_bytes + kBlockBytes);
     });
     ASSERT_TRUE(stream.complete()) << i;
@@ -169,7 +169,7 @@ TEST(StreamTest, atRestTheSurroundingsComeAndThenTheWholeFile) {
   const std::uint64_t of_view = stream.stats().present;
   const std::uint64_t generation = stream.generation();
 
-  // A small turn needs nothing more, long before all is here.
+  // Blocks of the surroundings must not cause another traversal.
   while (stream.stats().present < (of_view + header().blocks()) / 2) {
     host.ask(now += 0.01);
     ASSERT_GT(host.underWay(), 0U);
@@ -269,7 +269,7 @@ TEST(StreamTest, aHostThatIsAwayIsAskedLessAndLess) {
   EXPECT_EQ(stream.problem(), "");
 }
 
-// All that is under way is lost with one connection: that is one trouble, and the first pause is for it.
+// When a connection breaks, all requests under way fail together: only the first one starts a pause.
 TEST(StreamTest, requestsThatFailTogetherArePausedForOnce) {
   StreamOptions options = withoutIdling();
   options.max_request_blocks = 3;
@@ -319,7 +319,7 @@ TEST(StreamTest, filesThatCannotBeAreNamed) {
 }
 
 TEST(StreamTest, aFileThatContradictsItselfIsNamedWhateverItsChecksumsSay) {
-  // The root's group points at itself.
+  // Make the root's group point to itself.
   base::Bytes loop = file();
   const std::uint32_t half = kBlockBytes / 2;
   std::memcpy(&loop[kBlockBytes + header().nodeBytes()], &half, sizeof(half));
@@ -341,7 +341,7 @@ TEST(StreamTest, wastedBytesAreThoseThatNoFrameLookedInto) {
   const std::uint64_t of_front = stream.bytesWasted();
   EXPECT_LE(of_front, 8U * kBlockBytes);  // the first request is made blindly
 
-  // A view that is left before its blocks come.
+  // The view is left before its blocks arrive.
   Traversal found;
   stream.traverse(requestFor(cameraFrom({0.0, 0.0, 1.0}), 0.3F), std::nullopt, found);
   host.ask(now);

@@ -34,7 +34,7 @@ const Model& ring() {
   return made;
 }
 
-/// Points of the surface with the normals of their facets.
+/// A point of the surface with the normal of its facet.
 struct Sample {
   glm::vec3 at;
   glm::vec3 normal;
@@ -70,7 +70,7 @@ bool isCovered(const glm::vec3& point, const std::vector<Splat>& splats) {
   });
 }
 
-// How many seen points of the surface no splat holds.
+// Returns how many visible points of the surface no splat contains.
 int missing(const std::vector<Sample>& samples, const base::Camera& camera, const std::vector<Splat>& splats) {
   return static_cast<int>(std::count_if(samples.begin(), samples.end(), [&](const Sample& sample) {
     return isSeen(sample, camera) && !isCovered(sample.at, splats);
@@ -103,7 +103,7 @@ TEST(TraverseTest, splatsHaveTheLooksOfTheirNodes) {
   MappedBlocks blocks(ring().file, ring().header);
   TraverseRequest request = requestFor(support::RandomViews(1, ring().header.root, 64).next(), 0.0F);
   request.cull = request.cull_back_faces = false;
-  // Vertices by place: leaves' spheres hold them near their middles.
+  // Vertices are found by position: a leaf's sphere has its vertex near its middle.
   for (const Splat& splat : traverse(blocks, request).splats) {
     float nearest = 1e9F;
     std::size_t vertex = 0;
@@ -140,8 +140,8 @@ TEST(TraverseTest, splatsHoldAllOfTheSurfaceThatIsSeenAtAnyCutOff) {
   }
 }
 
-/// Every node by itself, as the text of the algorithm has it: no short cuts, nothing handed down but the sphere, in
-/// double where something is left out.
+/// A plain traversal as the papers describe it: it tests every node by itself, without short cuts, in double precision
+/// where nodes are culled.
 class PlainTraversal {
  public:
   PlainTraversal(const Model& model, const TraverseRequest& request)
@@ -160,7 +160,7 @@ class PlainTraversal {
     });
   }
 
-  // Each direction of the cone against each ray to the sphere: by angles.
+  // Compares each direction of the cone with each ray to the sphere, by angles.
   bool isTurnedAway(const base::Sphere& s, const Node& node, bool has_pointer) const {
     const double sine = static_cast<double>(coneSines(has_pointer)[node.coneField()]);
     if (sine > 1.0) return false;
@@ -209,12 +209,12 @@ TEST(TraverseTest, cullingWithShortCutsDropsNothingThatEachNodeByItselfWouldKeep
     const std::vector<Splat> plain = PlainTraversal(ball(), request).run();
     int dropped = 0;
     for (const Splat& splat : plain) dropped += drawn.count(key(splat)) == 0 ? 1 : 0;
-    // The exact cone drops a little more than ours, and a node whose size is the cut-off may fall to either side.
+    // The exact cone culls slightly more, and a node whose size equals the cut-off may fall on either side.
     EXPECT_LE(dropped, static_cast<int>(plain.size() / 500)) << "view " << i;
     plain_total += plain.size();
     total += splats.size();
   }
-  // And keeps little more.
+  // The short cuts keep few nodes more.
   EXPECT_LE(static_cast<double>(total), 1.1 * static_cast<double>(plain_total));
 }
 
@@ -243,7 +243,7 @@ TEST(TraverseTest, aFinerCutOffMeetsAllNodesThatACoarserOneMet) {
   }
 }
 
-// Through the lens a third of the size, and outside of it the splats that would be drawn without one.
+// Seen through the lens, splats have at most a third of the size; outside of it nothing changes.
 TEST(TraverseTest, aLensRefinesWhatIsSeenThroughItAndNothingElse) {
   MappedBlocks blocks(ball().file, ball().header);
   support::RandomViews views(31, ball().header.root, 512);
@@ -253,7 +253,7 @@ TEST(TraverseTest, aLensRefinesWhatIsSeenThroughItAndNothingElse) {
     TraverseRequest request = requestFor(views.next(), cutoff_px);
     const Traversal without = traverse(blocks, request);
     if (without.splats.empty()) continue;
-    // Around the splat that is seen nearest to the middle.
+    // Centre the lens on the splat nearest to the picture's middle.
     const auto seenAt = [&](const Splat& splat) {
       const glm::vec4 clip = request.camera.clipFromScene() * glm::vec4(splat.center, 1.0F);
       return 256.0F * glm::vec2(1.0F + clip.x / clip.w, 1.0F - clip.y / clip.w);
@@ -285,7 +285,7 @@ TEST(TraverseTest, aLensRefinesWhatIsSeenThroughItAndNothingElse) {
     }
     for (const auto& splat : refined) came += plain.contains(splat) ? 0 : 1;
   }
-  // Up to the square of three for each of them, but for leaves and what turns its back.
+  // A splat is replaced by up to nine, fewer where leaves are reached or children face away.
   EXPECT_GT(replaced, 100U);
   EXPECT_GT(came, 3 * replaced);
 }
@@ -337,7 +337,7 @@ TEST(TraverseTest, memoryOfAFrameBeforeIsUsedAgainAndLeavesNothingBehind) {
 
 // ---- What is not here
 
-/// Blocks that come one after the other.
+/// A model whose blocks arrive one by one.
 struct Arriving {
   const Model& model;
   GrowingBlocks blocks;
@@ -360,7 +360,7 @@ TEST(TraverseTest, whateverIsMissingParentsAreDrawnAndTheWantedBlocksCompleteThe
   for (int i = 0; i < 20; ++i) {
     const TraverseRequest request = requestFor(views.next(), 1.5F);
     Arriving arriving(ball());
-    // Some blocks at random: children without parents too.
+    // Random blocks are present, some without the blocks of their parents.
     for (std::uint64_t b = 2; b < ball().header.blocks(); ++b)
       if (views.number(0.0, 1.0) < 0.3) arriving.put(b);
     arriving.put(1);
@@ -373,7 +373,7 @@ TEST(TraverseTest, whateverIsMissingParentsAreDrawnAndTheWantedBlocksCompleteThe
       EXPECT_TRUE(stands_in);
       for (std::size_t w = 1; w < found.wanted.size(); ++w)
         ASSERT_GE(found.wanted[w - 1].priority, found.wanted[w].priority);
-      // The most urgent ones come.
+      // The most urgent blocks arrive.
       for (std::size_t w = 0; w < std::min<std::size_t>(found.wanted.size(), 5); ++w) {
         ASSERT_TRUE(asked.insert(found.wanted[w].block).second) << "wanted though it is here";
         arriving.put(found.wanted[w].block);
@@ -501,7 +501,7 @@ TEST(TraverseTest, aDamagedBlockIsNotUsed) {
   EXPECT_EQ(missing(samplesOf(ball().mesh, 300), request.camera, found.splats), 0);
 }
 
-// Both children of every node are the same group one level on: 2^100 ways down.
+// Both children of every node lead to the same group one level on: there are 2^100 paths down.
 TEST(TraverseTest, aFileWhoseWaysMeetAgainAndAgainEndsAtItsNumberOfNodes) {
   constexpr std::uint32_t kLevels = 101;
   Header header;
@@ -522,7 +522,7 @@ TEST(TraverseTest, aFileWhoseWaysMeetAgainAndAgainEndsAtItsNumberOfNodes) {
   header.pointers = header.groups - 1;
   base::Bytes file = headerBytes(header);
   file.resize(header.file_bytes, 0);
-  // Each group points to the next two, which then overlap with the next one's.
+  // Each group points to the next two, which overlap those of the next group.
   for (std::size_t g = 0; g + 2 < places.size(); ++g) {
     const std::uint32_t nodes = g == 0 ? 1 : 2;
     const std::uint32_t bits = packNode(kWholeParent, 0, kAnyDirection, 2, false);

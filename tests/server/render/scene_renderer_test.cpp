@@ -20,10 +20,10 @@ namespace {
 using test::Triangle;
 using test::TwoLevelScene;
 
-// As patches store it.
+// The colour as patches store it.
 const glm::u8vec4 kOrange = lod::patch::quantizedColor({200, 100, 50, 255});
 
-// Looks from (0, 0, distance) along −z with 90°: the plane z = 0 shows [−distance, distance].
+// Returns a camera at (0, 0, distance) that looks along −z with 90°: the plane z = 0 shows [−distance, distance].
 base::Camera cameraAt(float distance, int size) {
   base::ViewCamera view;
   view.position = {0, 0, distance};
@@ -33,7 +33,7 @@ base::Camera cameraAt(float distance, int size) {
   return base::cameraFromView(view, glm::dvec3(0.0), 0.25F, 100.0F);
 }
 
-// The six 90° faces seen from a point.
+// Returns the six 90° cameras around a point.
 std::vector<base::Camera> facesAt(const glm::dvec3& eye, int size) {
   const glm::dvec3 axes[] = {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}};
   std::vector<base::Camera> cameras;
@@ -50,7 +50,7 @@ std::vector<base::Camera> facesAt(const glm::dvec3& eye, int size) {
   return cameras;
 }
 
-// Small triangles all over a box of ±4, the same ones each time; `count` of them in each of `leaves` leaves.
+// Returns random small triangles all over a box of ±4, the same each time: `count` in each of `leaves` leaves.
 std::vector<std::vector<Triangle>> confetti(int leaves, int count) {
   std::mt19937 random(7);
   const auto number = [&](float low, float high) {
@@ -110,7 +110,7 @@ bool insideKnown(double x, double y) {
   return side(kKnown.a, kKnown.b) > 0 && side(kKnown.b, kKnown.c) > 0 && side(kKnown.c, kKnown.a) > 0;
 }
 
-// Samples of the pixel that lie in the triangle; pixel rows from the top.
+// Counts the pixel's samples that lie in the triangle; pixel rows count from the top.
 int samplesInside(int px, int py, int n) {
   int inside = 0;
   for (int sy = 0; sy < n; ++sy)

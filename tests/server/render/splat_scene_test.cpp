@@ -27,7 +27,7 @@ class SplatSceneTest : public testing::Test {
     EXPECT_EQ(base::gl::takeError(), "");
   }
 
-  /// Of the file as it is now.
+  /// Creates a renderer for the file as it is now.
   SplatScene& renderer() {
     std::ofstream(directory_ / "qsplat.lgq", std::ios::binary)
         .write(reinterpret_cast<const char*>(bytes_.data()), static_cast<std::streamsize>(bytes_.size()));
