@@ -18,8 +18,8 @@ base::Result<Grid> gridFromMeta(const std::string& meta, const std::string& name
 /// The grid together with the tree that the text may hold (tree_text.h).
 base::Result<SampledPoints> sampledPointsFromMeta(const std::string& meta, const std::string& name);
 
-/// In what two meta texts differ, by the first line that does: "quality": 85, now "quality": 90. Texts that differ in
-/// their trees alone differ in "other sampling points".
+/// The first line in which two meta texts differ: "quality": 85, now "quality": 90. For texts that differ only in their
+/// trees it is "other sampling points".
 std::string firstDifference(const std::string& stored, const std::string& wanted);
 
 }  // namespace repository

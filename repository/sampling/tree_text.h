@@ -1,5 +1,6 @@
 #pragma once
-// The tree of sampling points beside the parameters in a store's meta text (docs/formats/repository.md).
+// Writes and reads the tree of sampling points in a store's meta text, beside the parameters
+// (docs/formats/repository.md, "Tree of sampling points").
 #include <optional>
 #include <string>
 
@@ -8,11 +9,11 @@
 
 namespace repository {
 
-/// `parameters` (a JSON object, one parameter a line) with the tree as one more line.
+/// Adds the tree as one more line to `parameters`, a JSON object with one parameter a line.
 std::string withTree(const std::string& parameters, const SampleTree& tree);
-/// The text without that line.
+/// Removes that line.
 std::string withoutTree(const std::string& text);
-/// The tree that the text holds, or nothing where the whole grid is sampled. `name` is the store's, for the error.
+/// The tree that the text holds; nothing where the whole grid is sampled. Errors name the store by `name`.
 base::Result<std::optional<SampleTree>> treeFromText(const std::string& text, const Grid& grid,
                                                      const std::string& name);
 

@@ -333,7 +333,7 @@ TEST(PointChoice, aPatchWithoutMeanNormalIsHitHalfWay) {
   EXPECT_EQ(samples[0].normal, glm::vec3(0.0F));
 }
 
-// ---- adaptive sampling ----
+// ---- trees of sampling points ----
 
 TEST(PointChoice, aTreeOfSingleStepsChoosesAsTheGridDoes) {
   PointQuery query = wallQuery({1.3F, -2.2F, 6.1F});
