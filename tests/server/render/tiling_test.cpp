@@ -54,7 +54,7 @@ TEST(Tiling, onePixelIsTheSmallestTileEvenBeyondTheLimit) {
   EXPECT_EQ(plan.tiles.size(), 6U);
 }
 
-// What lands on pixel (X, Y) of the picture lands on (X − x, Y − y) of the tile, and depth is the same.
+// A point that lands on pixel (X, Y) of the picture lands on (X − x, Y − y) of the tile, at the same depth.
 TEST(Tiling, tileCameraSeesItsPartOfThePicture) {
   base::Camera camera;
   camera.width = 100;
