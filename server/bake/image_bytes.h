@@ -15,8 +15,7 @@
 
 namespace server {
 
-/// Points that an estimate draws: 384 faces. Sizes of points differ by about their mean (0.6 to 0.9 of it on scans), so
-/// the mean of 64 is within some 10 %.
+/// Points that an estimate draws at most: 384 faces, which take some seconds with software GL.
 inline constexpr std::size_t kEstimatePoints = 64;
 
 /// Draws with a GL context of its own on the thread that calls; nothing else may use that thread's context meanwhile.
